@@ -1,0 +1,218 @@
+//! Joining an instance, opening its channels with stated sizes, and clearing up after killed processes.
+
+use crate::message::Message;
+use crate::{InstanceName, IpcError, ReadOptions, Reader, Writer};
+use core::time::Duration;
+use iceoryx2::config::Config;
+use iceoryx2::node::{NodeState, NodeView};
+use iceoryx2::prelude::{
+    AttributeVerifier, CallbackProgression, FileName, MessagingPattern, Node, NodeBuilder, NodeName, Path as IoxPath,
+    SemanticString, Service as _, ServiceName, SignalHandlingMode, ipc,
+};
+use iceoryx2::service::attribute::{AttributeKey, AttributeValue};
+use iceoryx2::service::port_factory::{event, publish_subscribe};
+
+pub(crate) type Shm = ipc::Service;
+pub(crate) type DataService<M> = publish_subscribe::PortFactory<Shm, M, ()>;
+pub(crate) type EventService = event::PortFactory<Shm>;
+
+/// Readers a channel can have at once: the next stage, estimator, recorder, console, lab, and room for a user's own tools.
+pub(crate) const MAX_READERS: usize = 8;
+/// Samples that a reader's buffer can hold: 2 s at 1 kHz, so that a recorder may sleep through a slow disk.
+pub(crate) const MAX_BUFFER: usize = 2048;
+/// Samples that a late reader gets from before it joined: the newest one, so that it knows the state at once.
+pub(crate) const HISTORY: usize = 1;
+/// Samples that a reader may hold at the same time.
+const MAX_BORROWED: usize = 2;
+/// Processes that may use a channel at once.
+const MAX_NODES: usize = 16;
+/// Attribute that carries the payload's version.
+const VERSION_KEY: &str = "krait.payload.version";
+/// How long to wait for another process that is clearing up the same dead process.
+const CLEANUP_PATIENCE: Duration = Duration::from_secs(2);
+
+/// A process's membership in an instance.
+#[derive(Debug)]
+pub struct Bus {
+    instance: InstanceName,
+    node: Node<Shm>,
+}
+
+/// What was left behind by processes that died without a farewell, and what became of it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CleanupReport {
+    /// Dead processes whose resources were removed.
+    pub n_removed: u64,
+    /// Dead processes whose resources could not be removed (for want of permission).
+    pub n_failed: u64,
+}
+
+impl Bus {
+    /// Joins an instance under a process name, and removes what killed processes of that instance left behind.
+    ///
+    /// # Errors
+    /// [`IpcError::InstanceName`] or [`IpcError::Node`].
+    pub fn open(instance: &str, process: &str) -> Result<Self, IpcError> {
+        let instance = InstanceName::new(instance)?;
+        let failed = |source_text: String| IpcError::Node {
+            instance: instance.as_str().to_owned(),
+            process: process.to_owned(),
+            source_text,
+        };
+        let config = config_for(&instance).map_err(&failed)?;
+        let name = NodeName::new(process).map_err(|e| failed(format!("{e:?}")))?;
+        let node = NodeBuilder::new()
+            .config(&config)
+            .name(&name)
+            .signal_handling_mode(SignalHandlingMode::Disabled)
+            .create::<Shm>()
+            .map_err(|e| failed(format!("{e:?}")))?;
+        Ok(Self { instance, node })
+    }
+
+    /// The instance's name.
+    pub fn instance(&self) -> &InstanceName {
+        &self.instance
+    }
+
+    /// Removes what processes that were killed left behind.
+    pub fn clean_up_after_the_dead(&self) -> CleanupReport {
+        let state = self.node.blocking_cleanup_dead_nodes(CLEANUP_PATIENCE);
+        CleanupReport { n_removed: state.cleanups, n_failed: state.failed_cleanups }
+    }
+
+    /// Names and process ids of the living members of the instance, this one included.
+    pub fn members(&self) -> Vec<(String, u32)> {
+        let mut members = Vec::new();
+        let listed = Node::<Shm>::list(self.node.config(), |state| {
+            if let NodeState::Alive(view) = state
+                && let Some(details) = view.details()
+            {
+                let pid = u32::try_from(details.process_id().value()).unwrap_or(0);
+                members.push((details.name().as_str().to_owned(), pid));
+            }
+            CallbackProgression::Continue
+        });
+        if let Err(error) = listed {
+            tracing::warn!(?error, "the instance's members could not all be listed");
+        }
+        members
+    }
+
+    /// Becomes the one writer of a message's own channel.
+    ///
+    /// # Errors
+    /// [`IpcError::SecondWriter`], [`IpcError::Version`] or [`IpcError::Channel`].
+    pub fn writer<M: Message>(&self) -> Result<Writer<M>, IpcError> {
+        self.writer_on(M::CHANNEL)
+    }
+
+    /// Becomes the one writer of a named channel.
+    ///
+    /// # Errors
+    /// [`IpcError::SecondWriter`], [`IpcError::Version`] or [`IpcError::Channel`].
+    pub fn writer_on<M: Message>(&self, channel: &str) -> Result<Writer<M>, IpcError> {
+        Writer::open(self.address(channel), &self.data_service::<M>(channel)?, &self.event_service(channel)?)
+    }
+
+    /// Becomes a reader of a message's own channel.
+    ///
+    /// # Errors
+    /// [`IpcError::TooManyReaders`], [`IpcError::Version`] or [`IpcError::Channel`].
+    pub fn reader<M: Message>(&self, options: ReadOptions) -> Result<Reader<M>, IpcError> {
+        self.reader_on(M::CHANNEL, options)
+    }
+
+    /// Becomes a reader of a named channel.
+    ///
+    /// # Errors
+    /// [`IpcError::TooManyReaders`], [`IpcError::Version`] or [`IpcError::Channel`].
+    pub fn reader_on<M: Message>(&self, channel: &str, options: ReadOptions) -> Result<Reader<M>, IpcError> {
+        Reader::open(self.address(channel), &self.data_service::<M>(channel)?, &self.event_service(channel)?, options)
+    }
+
+    fn address(&self, channel: &str) -> Address {
+        Address { instance: self.instance.as_str().to_owned(), channel: channel.to_owned() }
+    }
+
+    /// Opens the channel's data service, or makes it; a version that differs is an error that names both.
+    fn data_service<M: Message>(&self, channel: &str) -> Result<DataService<M>, IpcError> {
+        let address = self.address(channel);
+        let name = address.service_name()?;
+        let verifier = version_requirement(M::VERSION).map_err(|e| address.failed("describing its payload", e))?;
+        self.node
+            .service_builder(&name)
+            .publish_subscribe::<M>()
+            .max_publishers(1)
+            .max_subscribers(MAX_READERS)
+            .subscriber_max_buffer_size(MAX_BUFFER)
+            .subscriber_max_borrowed_samples(MAX_BORROWED)
+            .history_size(HISTORY)
+            .enable_safe_overflow(true)
+            .max_nodes(MAX_NODES)
+            .open_or_create_with_attributes(&verifier)
+            .map_err(|error| match self.version_in_use(&name) {
+                Some(found) if found != M::VERSION.to_string() => address.version(M::VERSION, found),
+                _ => address.failed("opening its data", format!("{error:?}")),
+            })
+    }
+
+    fn event_service(&self, channel: &str) -> Result<EventService, IpcError> {
+        let address = self.address(channel);
+        self.node
+            .service_builder(&address.service_name()?)
+            .event()
+            .max_notifiers(1)
+            .max_listeners(MAX_READERS)
+            .max_nodes(MAX_NODES)
+            .disable_deadline()
+            .open_or_create()
+            .map_err(|e| address.failed("opening its event", format!("{e:?}")))
+    }
+
+    fn version_in_use(&self, name: &ServiceName) -> Option<String> {
+        let details = Shm::details(name, self.node.config(), MessagingPattern::PublishSubscribe).ok()??;
+        let key = AttributeKey::new(VERSION_KEY.as_bytes()).ok()?;
+        details.static_details.attributes().key_value(&key, 0).map(|value| value.to_string())
+    }
+}
+
+/// Where a channel is, for error sentences.
+#[derive(Clone, Debug)]
+pub(crate) struct Address {
+    pub(crate) instance: String,
+    pub(crate) channel: String,
+}
+
+impl Address {
+    pub(crate) fn failed(&self, doing: &'static str, source_text: String) -> IpcError {
+        IpcError::Channel { instance: self.instance.clone(), channel: self.channel.clone(), doing, source_text }
+    }
+
+    fn version(&self, expected: u32, found: String) -> IpcError {
+        IpcError::Version { instance: self.instance.clone(), channel: self.channel.clone(), expected, found }
+    }
+
+    fn service_name(&self) -> Result<ServiceName, IpcError> {
+        ServiceName::new(&format!("krait/{}", self.channel))
+            .map_err(|e| self.failed("naming its service", format!("{e:?}")))
+    }
+}
+
+fn version_requirement(version: u32) -> Result<AttributeVerifier, String> {
+    let key = AttributeKey::new(VERSION_KEY.as_bytes()).map_err(|e| format!("{e:?}"))?;
+    let value = AttributeValue::new(version.to_string().as_bytes()).map_err(|e| format!("{e:?}"))?;
+    AttributeVerifier::new().require(&key, &value).map_err(|e| format!("{e:?}"))
+}
+
+/// iceoryx2's settings for one instance: own folder and own prefix, so that instances never see each other, and never a
+/// configuration file from the working directory.
+fn config_for(instance: &InstanceName) -> Result<Config, String> {
+    let mut config = Config::default();
+    let root = instance.root();
+    std::fs::create_dir_all(&root).map_err(|e| format!("{} cannot be made: {e}", root.display()))?;
+    let root = IoxPath::new(root.as_os_str().as_encoded_bytes()).map_err(|e| format!("{e:?}"))?;
+    config.global.set_root_path(&root);
+    config.global.prefix = FileName::new(instance.prefix().as_bytes()).map_err(|e| format!("{e:?}"))?;
+    Ok(config)
+}

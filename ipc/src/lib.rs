@@ -1,0 +1,39 @@
+//! krait-ipc: the messages of krait and the typed zero-copy channels that carry them.
+//!
+//! Purpose: every process opens its channels here, so that sizes, history, single writers, versions and names are decided
+//! once. This is the only crate that touches iceoryx2.
+//!
+//! Terms: an *instance* is one chain on a machine; a *channel* is a publish-subscribe service with an event beside it; a
+//! *writer* is its one publisher; a *reader* sleeps on the event or polls.
+//!
+//! Frames and units: see `docs/NOTATION.md`; every field of a message carries its unit in its name.
+//!
+//! ```no_run
+//! use krait_ipc::{Bus, ReadOptions, message::OperatorInput};
+//! use core::time::Duration;
+//! let bus = Bus::open("main", "resolve")?;
+//! let mut inputs = bus.reader::<OperatorInput>(ReadOptions::waking())?;
+//! inputs.wait(Duration::from_millis(50))?;
+//! while let Some(input) = inputs.take()? {
+//!     let _velocity = input.tip_vel_in_view_m_per_s;
+//! }
+//! # Ok::<(), krait_ipc::IpcError>(())
+//! ```
+
+mod bus;
+pub mod clock;
+mod error;
+mod health_reporter;
+mod instance;
+pub mod message;
+mod reader;
+mod reasons;
+mod writer;
+
+pub use bus::{Bus, CleanupReport};
+pub use error::IpcError;
+pub use health_reporter::{HealthReporter, ReadCounts, health_channel};
+pub use instance::{InstanceName, resources_of};
+pub use reader::{ReadOptions, Reader, Received, WaitMode};
+pub use reasons::{Reason, Reasons};
+pub use writer::Writer;

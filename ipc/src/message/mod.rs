@@ -1,0 +1,61 @@
+//! The messages that travel between krait's processes: fixed size, `repr(C)`, versioned, with the unit in each field's name.
+//!
+//! Purpose: one definition of every payload, so that two processes either agree byte for byte or refuse to connect.
+//!
+//! Terms: a message's `sequence` counts from 1 on its channel without gaps; `sample_ns` is the instant that the content is
+//! about (CLOCK_MONOTONIC) and the only time that a control step may integrate with; [`HopStamps`] say when each stage
+//! touched the sample and never influence a command.
+//!
+//! Invalid floats are NaN, never 0 or -1. Flags and enumerations travel as `u32`, because a foreign process could put any
+//! bit pattern there; the typed view is checked.
+
+mod command;
+mod health;
+mod model_update;
+mod operator_input;
+mod setpoint;
+mod shape;
+mod slave_state;
+mod stamps;
+mod state_command;
+
+pub use command::{Command, Compensation};
+pub use health::{Health, N_REASONS_MAX, ReasonRecord};
+pub use model_update::ModelUpdate;
+pub use operator_input::{DeviceState, OperatorInput};
+pub use setpoint::{Phase, Setpoint};
+pub use shape::Shape;
+pub use slave_state::{OperatingState, SlaveState};
+pub use stamps::HopStamps;
+pub use state_command::{StateCommand, Transition};
+
+use iceoryx2::prelude::ZeroCopySend;
+
+/// A payload that may travel on a channel.
+pub trait Message: ZeroCopySend + Copy + core::fmt::Debug + Send + Sync + 'static {
+    /// The channel that carries this message, unless a channel is named explicitly (health has one per process).
+    const CHANNEL: &'static str;
+    /// Counted up whenever a field's meaning, place or unit changes; checked at connect.
+    const VERSION: u32;
+    /// Position of this message on its channel: 1, 2, 3, ... without gaps.
+    fn sequence(&self) -> u64;
+    /// The instant that the content is about, CLOCK_MONOTONIC, nanoseconds.
+    fn sample_ns(&self) -> i64;
+}
+
+/// Implements [`Message`] for a payload with the usual `sequence` and `sample_ns` fields.
+macro_rules! message {
+    ($type:ty, $channel:literal, $version:literal) => {
+        impl $crate::message::Message for $type {
+            const CHANNEL: &'static str = $channel;
+            const VERSION: u32 = $version;
+            fn sequence(&self) -> u64 {
+                self.sequence
+            }
+            fn sample_ns(&self) -> i64 {
+                self.sample_ns
+            }
+        }
+    };
+}
+pub(crate) use message;

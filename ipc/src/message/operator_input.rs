@@ -1,0 +1,84 @@
+//! What the operator's hand asks for: published by `master`, read by `resolve`.
+
+use super::{HopStamps, message};
+use iceoryx2::prelude::ZeroCopySend;
+
+/// The operator's motion after axis map, dead zone, response curve and scale.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
+#[type_name("krait.OperatorInput")]
+pub struct OperatorInput {
+    /// Position on the channel, from 1.
+    pub sequence: u64,
+    /// Instant of the input, CLOCK_MONOTONIC, nanoseconds.
+    pub sample_ns: i64,
+    /// When each stage touched the sample.
+    pub stamps: HopStamps,
+    /// Wanted linear velocity of the tip, in the `view` frame (x right, y up, z away from the viewer), m/s; finite.
+    pub tip_vel_in_view_m_per_s: [f64; 3],
+    /// Wanted angular velocity of the tip, in the `view` frame, rad/s; finite. Zero where the machine has no such motion.
+    pub tip_angular_vel_in_view_rad_per_s: [f64; 3],
+    /// The device's own six axes of the newest report, in its counts (x, y, z, rx, ry, rz).
+    pub raw_axes: [i16; 6],
+    /// Bits of [`OperatorInput::OPERATOR_PRESENT`] and [`OperatorInput::CLUTCH`].
+    pub flags: u32,
+    /// The device's buttons, bit n = button n.
+    pub buttons: u32,
+    /// See [`DeviceState`].
+    pub device_state: u32,
+    /// Padding, zero.
+    pub reserved: u32,
+    /// Reports decoded since start.
+    pub n_reports: u64,
+    /// Reports since start that a newer one had already replaced when they were read.
+    pub n_drained: u64,
+    /// Reports since start that were refused (wrong length, unknown id, out of range).
+    pub n_refused: u64,
+}
+
+message!(OperatorInput, "input", 1);
+
+impl OperatorInput {
+    /// Flag: the operator is present (dead-man held or toggled on). Nothing moves without it.
+    pub const OPERATOR_PRESENT: u32 = 1;
+    /// Flag: the clutch is pressed; the hand moves, the snake does not.
+    pub const CLUTCH: u32 = 2;
+
+    /// Whether the operator is present.
+    pub fn operator_present(&self) -> bool {
+        self.flags & Self::OPERATOR_PRESENT != 0
+    }
+
+    /// Whether the clutch is pressed.
+    pub fn clutch_pressed(&self) -> bool {
+        self.flags & Self::CLUTCH != 0
+    }
+
+    /// The typed device state, or `None` for a value that no version of krait sends.
+    pub fn device(&self) -> Option<DeviceState> {
+        DeviceState::from_u32(self.device_state)
+    }
+}
+
+/// What is known of the operator's device. A device at rest falls silent; so does an unplugged one: they are told apart.
+#[repr(u32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DeviceState {
+    /// No report has arrived yet.
+    Waiting = 0,
+    /// Reports arrive.
+    Live = 1,
+    /// The last reports were zero and the device fell silent, as it does when nobody touches it.
+    AtRest = 2,
+    /// The device fell silent while deflected, or was unplugged: its last word must not be trusted.
+    Lost = 3,
+    /// The recording or script has been played to its end.
+    Ended = 4,
+}
+
+impl DeviceState {
+    /// The state for a value received from another process.
+    pub fn from_u32(value: u32) -> Option<Self> {
+        [Self::Waiting, Self::Live, Self::AtRest, Self::Lost, Self::Ended].into_iter().find(|s| *s as u32 == value)
+    }
+}

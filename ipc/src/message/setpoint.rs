@@ -1,0 +1,56 @@
+//! Where the snake shall be: published by `resolve`, read by `compensate`.
+
+use super::{HopStamps, message};
+use iceoryx2::prelude::ZeroCopySend;
+
+/// The bend-vector setpoint and what follows from it without compensation.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
+#[type_name("krait.Setpoint")]
+pub struct Setpoint {
+    /// Position on the channel, from 1.
+    pub sequence: u64,
+    /// Instant of the operator input that led here, CLOCK_MONOTONIC, nanoseconds.
+    pub sample_ns: i64,
+    /// When each stage touched the sample.
+    pub stamps: HopStamps,
+    /// Sequence number of the operator input.
+    pub input_sequence: u64,
+    /// Sequence number of the newest slave state that this step had seen (0: none).
+    pub state_sequence: u64,
+    /// Bend vector b (cos delta, sin delta), rad.
+    pub bend_rad: [f64; 2],
+    /// Its rate, rad/s.
+    pub bend_vel_rad_per_s: [f64; 2],
+    /// Actuator rates that J~ = (I + J alpha)^-1 J asks for: q~_dot = (J_q_b + alpha_b) b_dot, m/s.
+    pub q_tilde_vel_m_per_s: [f64; 3],
+    /// End-disk centre in the base frame for this bend, m.
+    pub tip_pos_in_base_m: [f64; 3],
+    /// The common factor by which limits shortened the operator's motion, 0..=1.
+    pub motion_scale: f64,
+    /// See [`Phase`].
+    pub phase: u32,
+    /// Padding, zero.
+    pub reserved: u32,
+    /// The set of reasons ([`crate::Reasons`]) that hold at this sample.
+    pub reasons: u64,
+}
+
+message!(Setpoint, "setpoint", 1);
+
+impl Setpoint {
+    /// The typed phase, or `None` for a value that no version of krait sends.
+    pub fn phase(&self) -> Option<Phase> {
+        [Phase::Holding, Phase::Following].into_iter().find(|p| *p as u32 == self.phase)
+    }
+}
+
+/// Whether the setpoint follows the operator.
+#[repr(u32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Phase {
+    /// The setpoint stands still, for the reasons given.
+    Holding = 0,
+    /// The setpoint follows the operator's motion.
+    Following = 1,
+}

@@ -1,0 +1,89 @@
+//! What the actuators do and measure: published by `slave`, read by everyone.
+
+use super::{HopStamps, message};
+use iceoryx2::prelude::ZeroCopySend;
+
+/// CRTK operating state, joint setpoints and encoder measurements of the actuators.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
+#[type_name("krait.SlaveState")]
+pub struct SlaveState {
+    /// Position on the channel, from 1.
+    pub sequence: u64,
+    /// Instant of the measurement, CLOCK_MONOTONIC, nanoseconds.
+    pub sample_ns: i64,
+    /// Stamps of the newest command that was written to the drives.
+    pub stamps: HopStamps,
+    /// Sequence number of that command (0: none yet).
+    pub command_sequence: u64,
+    /// See [`OperatingState`].
+    pub operating_state: u32,
+    /// Bits of [`SlaveState::IS_HOMED`], [`SlaveState::IS_BUSY`], [`SlaveState::FOLLOWING`].
+    pub flags: u32,
+    /// `setpoint_js`: what the drives were last told, m, push positive.
+    pub setpoint_q_m: [f64; 3],
+    /// `setpoint` in configuration space: the bend vector that the last accepted command was for, rad.
+    pub setpoint_bend_rad: [f64; 2],
+    /// `measured_js` position: the encoders, m, push positive.
+    pub measured_q_m: [f64; 3],
+    /// `measured_js` effort: load of each line at its actuator, N, push positive; NaN where not measured.
+    pub measured_tau_n: [f64; 3],
+    /// The set of reasons ([`crate::Reasons`]) that hold now.
+    pub reasons: u64,
+    /// Commands taken from the channel since start.
+    pub n_commands: u64,
+    /// Commands refused since start (not finite, out of range, out of order, stale, too large a step).
+    pub n_refused: u64,
+}
+
+message!(SlaveState, "state", 1);
+
+impl SlaveState {
+    /// Flag: the drives know their zero.
+    pub const IS_HOMED: u32 = 1;
+    /// Flag: a homing move is under way.
+    pub const IS_BUSY: u32 = 2;
+    /// Flag: the newest command was written to the drives as it came.
+    pub const FOLLOWING: u32 = 4;
+
+    /// The typed operating state, or `None` for a value that no version of krait sends.
+    pub fn operating(&self) -> Option<OperatingState> {
+        OperatingState::from_u32(self.operating_state)
+    }
+
+    /// CRTK `is_ready`: Enabled and homed.
+    pub fn is_ready(&self) -> bool {
+        self.operating() == Some(OperatingState::Enabled) && self.flags & Self::IS_HOMED != 0
+    }
+}
+
+/// CRTK meta-states; exactly one holds.
+#[repr(u32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OperatingState {
+    /// Drive power off, no fault.
+    Disabled = 0,
+    /// Power on, may move.
+    Enabled = 1,
+    /// Power on, may not move.
+    Paused = 2,
+    /// A fault removed power; stays until it clears and `disable` or `enable` is sent.
+    Fault = 3,
+}
+
+impl OperatingState {
+    /// The state for a value received from another process.
+    pub fn from_u32(value: u32) -> Option<Self> {
+        [Self::Disabled, Self::Enabled, Self::Paused, Self::Fault].into_iter().find(|s| *s as u32 == value)
+    }
+
+    /// CRTK's word for it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Disabled => "DISABLED",
+            Self::Enabled => "ENABLED",
+            Self::Paused => "PAUSED",
+            Self::Fault => "FAULT",
+        }
+    }
+}

@@ -1,0 +1,63 @@
+//! A wish to change the slave's operating state: published by the supervisor, read by `slave`.
+
+use super::message;
+use iceoryx2::prelude::ZeroCopySend;
+
+/// CRTK `state_command`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
+#[type_name("krait.StateCommand")]
+pub struct StateCommand {
+    /// Position on the channel, from 1.
+    pub sequence: u64,
+    /// When it was asked for, CLOCK_MONOTONIC, nanoseconds.
+    pub sample_ns: i64,
+    /// See [`Transition`].
+    pub transition: u32,
+    /// Process id of the sender.
+    pub sender_pid: u32,
+}
+
+message!(StateCommand, "state_command", 1);
+
+impl StateCommand {
+    /// The typed transition, or `None` for a value that no version of krait sends.
+    pub fn transition(&self) -> Option<Transition> {
+        Transition::ALL.into_iter().find(|t| *t as u32 == self.transition)
+    }
+}
+
+/// CRTK's commands on the operating state.
+#[repr(u32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Transition {
+    /// Disabled or Fault -> Enabled.
+    Enable = 0,
+    /// Any -> Disabled.
+    Disable = 1,
+    /// Enabled -> Paused.
+    Pause = 2,
+    /// Paused -> Enabled.
+    Resume = 3,
+    /// Find the drives' zero.
+    Home = 4,
+    /// Forget the drives' zero.
+    Unhome = 5,
+}
+
+impl Transition {
+    /// Every command.
+    pub const ALL: [Self; 6] = [Self::Enable, Self::Disable, Self::Pause, Self::Resume, Self::Home, Self::Unhome];
+
+    /// CRTK's word for it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Enable => "enable",
+            Self::Disable => "disable",
+            Self::Pause => "pause",
+            Self::Resume => "resume",
+            Self::Home => "home",
+            Self::Unhome => "unhome",
+        }
+    }
+}

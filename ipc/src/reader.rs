@@ -1,0 +1,217 @@
+//! A reader of a channel: takes every message in order, counts what is missing, sleeps or polls.
+
+use crate::bus::{Address, DataService, EventService, MAX_BUFFER, MAX_READERS, Shm};
+use crate::message::Message;
+use crate::{IpcError, clock};
+use core::ops::Deref;
+use core::time::Duration;
+use iceoryx2::port::listener::Listener;
+use iceoryx2::port::subscriber::{Subscriber, SubscriberCreateError};
+use iceoryx2::prelude::FileDescriptorBased;
+use iceoryx2::sample::Sample;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use std::os::fd::BorrowedFd;
+
+/// How a reader waits for the next message.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum WaitMode {
+    /// Sleep until the writer wakes this process: the default, and right wherever cores are shared.
+    #[default]
+    Blocking,
+    /// Look again and again without sleeping: for a core that this process has to itself.
+    Polling,
+}
+
+/// What a reader wants of its channel.
+#[derive(Clone, Copy, Debug)]
+pub struct ReadOptions {
+    wakes: bool,
+    buffer: usize,
+    mode: WaitMode,
+}
+
+impl ReadOptions {
+    /// Room for 64 ms at 1 kHz: enough for a stage that is held up by another process, small enough to stay in cache.
+    const STAGE_BUFFER: usize = 64;
+
+    /// A stage that is woken by every message.
+    pub fn waking() -> Self {
+        Self { wakes: true, buffer: Self::STAGE_BUFFER, mode: WaitMode::Blocking }
+    }
+
+    /// A stage that looks at the channel when something else has woken it. Costs the writer nothing.
+    pub fn glancing() -> Self {
+        Self { wakes: false, buffer: Self::STAGE_BUFFER, mode: WaitMode::Blocking }
+    }
+
+    /// An observer that must miss nothing: the largest buffer, never woken, so that it slows nobody.
+    pub fn observing() -> Self {
+        Self { wakes: false, buffer: MAX_BUFFER, mode: WaitMode::Blocking }
+    }
+
+    /// The same, waiting in another way.
+    pub fn with_mode(self, mode: WaitMode) -> Self {
+        Self { wakes: self.wakes && mode == WaitMode::Blocking, mode, ..self }
+    }
+}
+
+/// Takes messages of a channel in order.
+#[derive(Debug)]
+pub struct Reader<M: Message> {
+    address: Address,
+    subscriber: Subscriber<Shm, M, ()>,
+    listener: Option<Listener<Shm>>,
+    mode: WaitMode,
+    last_sequence: u64,
+    n_received: u64,
+    n_lost: u64,
+    n_out_of_order: u64,
+}
+
+/// A message in shared memory, read where the writer put it.
+#[derive(Debug)]
+pub struct Received<M: Message>(Sample<Shm, M, ()>);
+
+impl<M: Message> Deref for Received<M> {
+    type Target = M;
+    fn deref(&self) -> &M {
+        self.0.payload()
+    }
+}
+
+impl<M: Message> Reader<M> {
+    pub(crate) fn open(
+        address: Address,
+        data: &DataService<M>,
+        event: &EventService,
+        options: ReadOptions,
+    ) -> Result<Self, IpcError> {
+        // The event comes first: a message between the two is then announced and found, never found too late.
+        let listener = if options.wakes {
+            Some(event.listener_builder().create().map_err(|e| address.failed("listening to it", format!("{e:?}")))?)
+        } else {
+            None
+        };
+        let subscriber =
+            data.subscriber_builder().buffer_size(options.buffer).create().map_err(|error| match error {
+                SubscriberCreateError::ExceedsMaxSupportedSubscribers => IpcError::TooManyReaders {
+                    instance: address.instance.clone(),
+                    channel: address.channel.clone(),
+                    limit: MAX_READERS,
+                },
+                other => address.failed("becoming its reader", format!("{other:?}")),
+            })?;
+        let mode = options.mode;
+        Ok(Self { address, subscriber, listener, mode, last_sequence: 0, n_received: 0, n_lost: 0, n_out_of_order: 0 })
+    }
+
+    /// Takes the next message, or `None` when there is none. A message that does not follow its predecessor upwards is
+    /// counted and skipped; a gap is counted as lost.
+    ///
+    /// # Errors
+    /// [`IpcError::Channel`] when the connection to the writer is broken.
+    ///
+    /// # Real-time
+    /// No allocation, no blocking, no system call once connected.
+    pub fn take(&mut self) -> Result<Option<Received<M>>, IpcError> {
+        loop {
+            let Some(sample) = self.subscriber.receive().map_err(|e| self.failed("taking from it", &e))? else {
+                return Ok(None);
+            };
+            let sequence = sample.payload().sequence();
+            // 1 after something else is a writer that started anew, not a sample out of order.
+            if sequence <= self.last_sequence && sequence != 1 {
+                self.n_out_of_order += 1;
+                continue;
+            }
+            if self.last_sequence != 0 && sequence > self.last_sequence {
+                self.n_lost += sequence - self.last_sequence - 1;
+            }
+            self.last_sequence = sequence;
+            self.n_received += 1;
+            return Ok(Some(Received(sample)));
+        }
+    }
+
+    /// Takes everything there is and keeps the newest.
+    ///
+    /// # Errors
+    /// As [`Reader::take`].
+    pub fn take_newest(&mut self) -> Result<Option<Received<M>>, IpcError> {
+        let mut newest = None;
+        while let Some(message) = self.take()? {
+            newest = Some(message);
+        }
+        Ok(newest)
+    }
+
+    /// Sleeps (or polls) until there may be a message, a signal came or the time is up. Returns whether it was woken by
+    /// its channel.
+    ///
+    /// # Errors
+    /// [`IpcError::Channel`] when the event is broken, or this reader was opened without one and does not poll.
+    pub fn wait(&mut self, timeout: Duration) -> Result<bool, IpcError> {
+        match (self.mode, &self.listener) {
+            (WaitMode::Polling, _) => self.spin(timeout),
+            (WaitMode::Blocking, Some(listener)) => self.sleep(listener, timeout),
+            (WaitMode::Blocking, None) => {
+                Err(self.address.failed("waiting for it", "this reader was opened to look, not to wait".to_owned()))
+            }
+        }
+    }
+
+    /// Messages taken so far.
+    pub fn n_received(&self) -> u64 {
+        self.n_received
+    }
+
+    /// Messages that never arrived, by the gaps in the sequence numbers.
+    pub fn n_lost(&self) -> u64 {
+        self.n_lost
+    }
+
+    /// Messages that came twice or too late and were skipped.
+    pub fn n_out_of_order(&self) -> u64 {
+        self.n_out_of_order
+    }
+
+    fn spin(&self, timeout: Duration) -> Result<bool, IpcError> {
+        let deadline_ns = clock::monotonic_ns().saturating_add(i64::try_from(timeout.as_nanos()).unwrap_or(i64::MAX));
+        loop {
+            if self.subscriber.has_samples().map_err(|e| self.failed("polling it", &e))? {
+                return Ok(true);
+            }
+            if clock::monotonic_ns() >= deadline_ns {
+                return Ok(false);
+            }
+            core::hint::spin_loop();
+        }
+    }
+
+    /// One `ppoll` and the draining of the event: half the system calls of iceoryx2's own `timed_wait`, and a timeout,
+    /// which `blocking_wait` lacks and a watchdog needs.
+    fn sleep(&self, listener: &Listener<Shm>, timeout: Duration) -> Result<bool, IpcError> {
+        #[allow(unsafe_code)]
+        // SAFETY: the listener owns the descriptor and is borrowed for the whole of this function.
+        let fd = unsafe { BorrowedFd::borrow_raw(listener.file_descriptor().native_handle()) };
+        let timeout = Timespec {
+            tv_sec: i64::try_from(timeout.as_secs()).unwrap_or(i64::MAX),
+            tv_nsec: i64::from(timeout.subsec_nanos()),
+        };
+        match poll(&mut [PollFd::from_borrowed_fd(fd, PollFlags::IN)], Some(&timeout)) {
+            Ok(0) => Ok(false),
+            Ok(_) => {
+                listener.try_wait(|_| {}).map_err(|e| self.failed("hearing its event", &e))?;
+                Ok(true)
+            }
+            Err(rustix::io::Errno::INTR) => Ok(false),
+            Err(error) => Err(self.failed("waiting for it", &error)),
+        }
+    }
+
+    #[cold]
+    fn failed(&self, doing: &'static str, error: &dyn core::fmt::Debug) -> IpcError {
+        self.address.failed(doing, format!("{error:?}"))
+    }
+}
