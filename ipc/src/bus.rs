@@ -1,5 +1,6 @@
 //! Joining an instance, opening its channels with stated sizes, and clearing up after killed processes.
 
+use crate::membership::Membership;
 use crate::message::Message;
 use crate::{InstanceName, IpcError, ReadOptions, Reader, Writer};
 use core::time::Duration;
@@ -11,6 +12,7 @@ use iceoryx2::prelude::{
 };
 use iceoryx2::service::attribute::{AttributeKey, AttributeValue};
 use iceoryx2::service::port_factory::{event, publish_subscribe};
+use std::sync::Arc;
 
 pub(crate) type Shm = ipc::Service;
 pub(crate) type DataService<M> = publish_subscribe::PortFactory<Shm, M, ()>;
@@ -36,6 +38,8 @@ const CLEANUP_PATIENCE: Duration = Duration::from_secs(2);
 pub struct Bus {
     instance: InstanceName,
     node: Node<Shm>,
+    // Dropped last, here and in every port: whoever lets go last clears up.
+    membership: Arc<Membership>,
 }
 
 /// What was left behind by processes that died without a farewell, and what became of it.
@@ -59,6 +63,7 @@ impl Bus {
             process: process.to_owned(),
             source_text,
         };
+        let membership = Membership::join(&instance).map_err(|e| failed(e.to_string()))?;
         let config = config_for(&instance).map_err(&failed)?;
         let name = NodeName::new(process).map_err(|e| failed(format!("{e:?}")))?;
         let node = NodeBuilder::new()
@@ -67,7 +72,7 @@ impl Bus {
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create::<Shm>()
             .map_err(|e| failed(format!("{e:?}")))?;
-        Ok(Self { instance, node })
+        Ok(Self { instance, node, membership: Arc::new(membership) })
     }
 
     /// The instance's name.
@@ -132,7 +137,11 @@ impl Bus {
     }
 
     fn address(&self, channel: &str) -> Address {
-        Address { instance: self.instance.as_str().to_owned(), channel: channel.to_owned() }
+        Address {
+            instance: self.instance.as_str().to_owned(),
+            channel: channel.to_owned(),
+            _membership: Arc::clone(&self.membership),
+        }
     }
 
     /// Opens the channel's data service, or makes it; a version that differs is an error that names both.
@@ -177,11 +186,12 @@ impl Bus {
     }
 }
 
-/// Where a channel is, for error sentences.
+/// Where a channel is, for error sentences; keeps its port's process a member of the instance.
 #[derive(Clone, Debug)]
 pub(crate) struct Address {
     pub(crate) instance: String,
     pub(crate) channel: String,
+    _membership: Arc<Membership>,
 }
 
 impl Address {
@@ -210,7 +220,6 @@ fn version_requirement(version: u32) -> Result<AttributeVerifier, String> {
 fn config_for(instance: &InstanceName) -> Result<Config, String> {
     let mut config = Config::default();
     let root = instance.root();
-    std::fs::create_dir_all(&root).map_err(|e| format!("{} cannot be made: {e}", root.display()))?;
     let root = IoxPath::new(root.as_os_str().as_encoded_bytes()).map_err(|e| format!("{e:?}"))?;
     config.global.set_root_path(&root);
     config.global.prefix = FileName::new(instance.prefix().as_bytes()).map_err(|e| format!("{e:?}"))?;

@@ -59,7 +59,7 @@ pub enum IpcError {
     },
     /// Any other failure of the channel.
     #[error(
-        "channel {channel:?} of instance {instance:?} failed while {doing}: {source_text}; run `krait clean --instance {instance}` if a killed chain left its files behind"
+        "channel {channel:?} of instance {instance:?} failed while {doing}: {source_text}; stop every process of that instance and start again: the next start removes what a killed one left behind"
     )]
     Channel {
         /// The instance.

@@ -25,6 +25,7 @@ pub mod clock;
 mod error;
 mod health_reporter;
 mod instance;
+mod membership;
 pub mod message;
 mod reader;
 mod reasons;

@@ -59,7 +59,6 @@ impl ReadOptions {
 /// Takes messages of a channel in order.
 #[derive(Debug)]
 pub struct Reader<M: Message> {
-    address: Address,
     subscriber: Subscriber<Shm, M, ()>,
     listener: Option<Listener<Shm>>,
     mode: WaitMode,
@@ -67,6 +66,7 @@ pub struct Reader<M: Message> {
     n_received: u64,
     n_lost: u64,
     n_out_of_order: u64,
+    address: Address,
 }
 
 /// A message in shared memory, read where the writer put it.
@@ -103,7 +103,7 @@ impl<M: Message> Reader<M> {
                 other => address.failed("becoming its reader", format!("{other:?}")),
             })?;
         let mode = options.mode;
-        Ok(Self { address, subscriber, listener, mode, last_sequence: 0, n_received: 0, n_lost: 0, n_out_of_order: 0 })
+        Ok(Self { subscriber, listener, mode, last_sequence: 0, n_received: 0, n_lost: 0, n_out_of_order: 0, address })
     }
 
     /// Takes the next message, or `None` when there is none. A message that does not follow its predecessor upwards is

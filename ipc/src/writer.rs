@@ -9,10 +9,10 @@ use iceoryx2::port::publisher::{Publisher, PublisherCreateError};
 /// Publishes messages and wakes the readers that sleep. There is at most one per channel.
 #[derive(Debug)]
 pub struct Writer<M: Message> {
-    address: Address,
     publisher: Publisher<Shm, M, ()>,
     notifier: Notifier<Shm>,
     n_sent: u64,
+    address: Address,
 }
 
 impl<M: Message> Writer<M> {
@@ -25,7 +25,7 @@ impl<M: Message> Writer<M> {
         })?;
         let notifier =
             event.notifier_builder().create().map_err(|e| address.failed("becoming its notifier", format!("{e:?}")))?;
-        Ok(Self { address, publisher, notifier, n_sent: 0 })
+        Ok(Self { publisher, notifier, n_sent: 0, address })
     }
 
     /// Messages sent so far.
