@@ -1,1 +1,52 @@
-//! Placeholder until its first commit.
+//! krait-model: the mathematics of a multi-backbone snake and of the long elastic lines that actuate it.
+//!
+//! Purpose: kinematics, statics, friction, line extension, corrected Jacobians, compensation and estimation of its
+//! parameters, after K. Xu and N. Simaan, "Actuation Compensation for Flexible Surgical Snake-like Robots with Redundant
+//! Remote Actuation", ICRA 2006. Equation numbers in this crate are that paper's.
+//!
+//! Terms: *bend* b is the angle of the end disk from straight; the *bend vector* is b (cos delta, sin delta); *psi* is
+//! (theta_L, delta) with theta_L = pi/2 - b; a *line* is a secondary backbone together with its long part behind the snake;
+//! the *extension* eps is what a line gives under load; the *sign of motion* of a line is +1 while it is pushed towards the
+//! snake, -1 while it is drawn back.
+//!
+//! Frames and units: SI and radians; `base` is the base disk, `tip` the end disk; push is positive. See `docs/NOTATION.md`.
+//!
+//! Nothing here does input or output, reads a clock, logs, or allocates.
+//!
+//! ```
+//! use krait_model::{CompensationMode, Compensator, CompensatorParameters, MachineParameters, Snake};
+//! use nalgebra::Vector2;
+//!
+//! let snake = Snake::new(&MachineParameters::default())?;
+//! let parameters = CompensatorParameters { mode: CompensationMode::Naive, ..CompensatorParameters::default() };
+//! let mut compensator = Compensator::new(snake, parameters)?;
+//! let command = compensator.step(Vector2::new(0.5, 0.1));
+//! assert!((command.q_tilde_m - command.q_m - command.eps_m).norm() < 1e-15);
+//! # Ok::<(), krait_model::ParameterError>(())
+//! ```
+#![forbid(unsafe_code)]
+
+mod compensator;
+mod direction;
+mod equilibrium;
+mod extension;
+mod friction;
+mod friction_fit;
+mod jacobian;
+mod kinematics;
+mod parameters;
+mod series;
+mod snake;
+mod statics;
+mod tip;
+
+pub use compensator::{Compensated, CompensationMode, Compensator, CompensatorParameters};
+pub use direction::SignMemory;
+pub use equilibrium::{Equilibrium, EquilibriumStatus};
+pub use extension::Extension;
+pub use friction::ConeLoad;
+pub use friction_fit::{ConeFrictionFit, fit_cone_friction};
+pub use kinematics::Psi;
+pub use parameters::{MachineParameters, ParameterError};
+pub use snake::Snake;
+pub use tip::DampedRate;
