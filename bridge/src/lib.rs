@@ -1,1 +1,25 @@
-//! Placeholder until its first commit.
+//! krait-bridge: between the operator and the actuators.
+//!
+//! Purpose: `resolve` (tip velocity in the view frame -> bend-vector setpoint), `compensate` (setpoint -> actuator
+//! positions q~ = q + eps) and `estimate` (measured shape -> eta, lambda). Each has a core that is a pure function of the
+//! samples it is given, and a loop that feeds it from shared memory.
+//!
+//! Terms: *following* = the setpoint moves with the operator; *holding* = it stands still, for reasons that are named;
+//! *easing in* = a difference to the slave's own setpoint is let go slowly, so that nothing ever jumps.
+//!
+//! Frames and units: see `docs/NOTATION.md`. The bend vector is `b (cos delta, sin delta)` in rad.
+//!
+//! Invariant: a core never reads a clock. It integrates with the stamps of its samples, and every other thing that it
+//! depends on is named in its output by sequence number, so that recorded input gives byte-identical commands.
+
+mod compensate;
+mod config;
+mod estimate;
+mod resolve;
+mod stage;
+
+pub use compensate::{CompensateCore, run_compensate};
+pub use config::{CompensateConfig, ConfigError, EstimateConfig, ResolveConfig};
+pub use estimate::{EstimateCore, run_estimate};
+pub use resolve::{ResolveCore, run_resolve};
+pub use stage::{BridgeError, Refused};

@@ -219,7 +219,7 @@ fn version_requirement(version: u32) -> Result<AttributeVerifier, String> {
 /// configuration file from the working directory.
 fn config_for(instance: &InstanceName) -> Result<Config, String> {
     let mut config = Config::default();
-    let root = instance.root();
+    let root = instance.folder();
     let root = IoxPath::new(root.as_os_str().as_encoded_bytes()).map_err(|e| format!("{e:?}"))?;
     config.global.set_root_path(&root);
     config.global.prefix = FileName::new(instance.prefix().as_bytes()).map_err(|e| format!("{e:?}"))?;

@@ -33,7 +33,8 @@ impl InstanceName {
         format!("krait.{}.", self.0)
     }
 
-    pub(crate) fn root(&self) -> PathBuf {
+    /// The folder of this instance; it exists while the instance has members and goes with the last.
+    pub fn folder(&self) -> PathBuf {
         Path::new(ROOT).join(&self.0)
     }
 }
@@ -47,7 +48,7 @@ pub fn resources_of(instance: &InstanceName) -> Vec<PathBuf> {
             found.push(p.to_owned());
         }
     });
-    collect(&instance.root(), true, &mut |p| found.push(p.to_owned()));
+    collect(&instance.folder(), true, &mut |p| found.push(p.to_owned()));
     found.sort();
     found
 }

@@ -29,7 +29,7 @@ impl Membership {
                 break lock;
             }
         };
-        fs::create_dir_all(instance.root())?;
+        fs::create_dir_all(instance.folder())?;
         Ok(Self { instance: instance.clone(), lock })
     }
 }
@@ -48,7 +48,7 @@ impl Drop for Membership {
 }
 
 fn lock_path(instance: &InstanceName) -> PathBuf {
-    instance.root().with_extension("lock")
+    instance.folder().with_extension("lock")
 }
 
 fn open_lock(instance: &InstanceName) -> io::Result<File> {
@@ -72,10 +72,10 @@ fn remove_files_of(instance: &InstanceName) {
     for path in resources_of(instance) {
         remove(&path);
     }
-    if let Err(error) = fs::remove_dir_all(instance.root())
+    if let Err(error) = fs::remove_dir_all(instance.folder())
         && error.kind() != io::ErrorKind::NotFound
     {
-        tracing::warn!(folder = %instance.root().display(), %error, "an instance's folder could not be removed");
+        tracing::warn!(folder = %instance.folder().display(), %error, "an instance's folder could not be removed");
     }
 }
 

@@ -7,6 +7,7 @@ use core::ops::Deref;
 use core::time::Duration;
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::subscriber::{Subscriber, SubscriberCreateError};
+use iceoryx2::identifiers::UniquePublisherId;
 use iceoryx2::prelude::FileDescriptorBased;
 use iceoryx2::sample::Sample;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -32,8 +33,8 @@ pub struct ReadOptions {
 }
 
 impl ReadOptions {
-    /// Room for 64 ms at 1 kHz: enough for a stage that is held up by another process, small enough to stay in cache.
-    const STAGE_BUFFER: usize = 64;
+    /// Room for a quarter of a second at 1 kHz: a stage that is held up for longer has stale samples, not a small buffer.
+    const STAGE_BUFFER: usize = 256;
 
     /// A stage that is woken by every message.
     pub fn waking() -> Self {
@@ -62,7 +63,7 @@ pub struct Reader<M: Message> {
     subscriber: Subscriber<Shm, M, ()>,
     listener: Option<Listener<Shm>>,
     mode: WaitMode,
-    last_sequence: u64,
+    last: Option<(UniquePublisherId, u64)>,
     n_received: u64,
     n_lost: u64,
     n_out_of_order: u64,
@@ -103,7 +104,7 @@ impl<M: Message> Reader<M> {
                 other => address.failed("becoming its reader", format!("{other:?}")),
             })?;
         let mode = options.mode;
-        Ok(Self { subscriber, listener, mode, last_sequence: 0, n_received: 0, n_lost: 0, n_out_of_order: 0, address })
+        Ok(Self { subscriber, listener, mode, last: None, n_received: 0, n_lost: 0, n_out_of_order: 0, address })
     }
 
     /// Takes the next message, or `None` when there is none. A message that does not follow its predecessor upwards is
@@ -119,16 +120,19 @@ impl<M: Message> Reader<M> {
             let Some(sample) = self.subscriber.receive().map_err(|e| self.failed("taking from it", &e))? else {
                 return Ok(None);
             };
-            let sequence = sample.payload().sequence();
-            // 1 after something else is a writer that started anew, not a sample out of order.
-            if sequence <= self.last_sequence && sequence != 1 {
+            let (writer, sequence) = (sample.header().publisher_id(), sample.payload().sequence());
+            // A new writer counts from 1. What the very first one sent before this reader joined is not lost.
+            let before = match self.last {
+                Some((last_writer, last_sequence)) if last_writer == writer => last_sequence,
+                Some(_) => 0,
+                None => sequence.saturating_sub(1),
+            };
+            if sequence <= before {
                 self.n_out_of_order += 1;
                 continue;
             }
-            if self.last_sequence != 0 && sequence > self.last_sequence {
-                self.n_lost += sequence - self.last_sequence - 1;
-            }
-            self.last_sequence = sequence;
+            self.n_lost += sequence - before - 1;
+            self.last = Some((writer, sequence));
             self.n_received += 1;
             return Ok(Some(Received(sample)));
         }

@@ -45,12 +45,12 @@ fn a_reader_that_falls_behind_loses_the_oldest_and_counts_them() {
     let mut reader = bus.reader::<Shape>(ReadOptions::glancing()).expect("reader");
     writer.send(&shape(1)).expect("send");
     assert_eq!(reader.take().expect("take").expect("first").sequence, 1);
-    for sequence in 2..=200 {
+    for sequence in 2..=600 {
         writer.send(&shape(sequence)).expect("a slow reader never stops a writer");
     }
     let newest = reader.take_newest().expect("take").expect("newest").sequence;
-    assert_eq!(newest, 200);
-    assert_eq!(reader.n_received() + reader.n_lost(), 200, "every message is either taken or counted as lost");
+    assert_eq!(newest, 600);
+    assert_eq!(reader.n_received() + reader.n_lost(), 600, "every message is either taken or counted as lost");
     assert!(reader.n_lost() > 100, "lost {}", reader.n_lost());
 }
 
@@ -96,6 +96,20 @@ fn a_repeated_or_older_message_is_skipped_and_counted() {
         taken.push(message.sequence);
     }
     assert_eq!((taken, reader.n_out_of_order()), (vec![5, 6, 7], 2));
+}
+
+#[test]
+fn a_writer_that_starts_anew_counts_from_one_and_what_is_missing_is_counted() {
+    let bus = Bus::open(&instance("anew"), "test").expect("bus");
+    let mut reader = bus.reader::<Shape>(ReadOptions::glancing()).expect("reader");
+    for first in [1, 3] {
+        let mut writer = bus.writer::<Shape>().expect("writer");
+        for sequence in first..=5 {
+            writer.send(&shape(sequence)).expect("send");
+        }
+        while reader.take().expect("take").is_some() {}
+    }
+    assert_eq!((reader.n_received(), reader.n_lost(), reader.n_out_of_order()), (8, 2, 0));
 }
 
 #[test]

@@ -1,1 +1,48 @@
-fn main() {}
+//! The `krait` command: one binary, one file per subcommand; each process of the chain is a subcommand too.
+
+mod cli;
+mod commands;
+mod config;
+mod report;
+mod signals;
+mod supervisor;
+mod table;
+
+use clap::Parser;
+use cli::{Cli, Verb};
+use std::process::ExitCode;
+
+/// Exit code for work that could not be done; 1 is for work that was done and found a failure.
+const COULD_NOT_RUN: u8 = 2;
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    start_logging();
+    let done = match cli.verb.unwrap_or_default() {
+        Verb::Demo(args) => commands::demo::run(&cli.common, &args),
+        Verb::Run(args) => commands::run::run(&cli.common, &args),
+        Verb::Devices(args) => commands::devices::run(&args),
+        Verb::Config => commands::config::run(&cli.common),
+        Verb::Process(process) => commands::process::run(&cli.common, &process),
+    };
+    match done {
+        Ok(code) => code,
+        Err(error) => {
+            complain(&error);
+            ExitCode::from(COULD_NOT_RUN)
+        }
+    }
+}
+
+/// One sentence on standard error, the causes behind colons.
+#[allow(clippy::print_stderr)]
+fn complain(error: &anyhow::Error) {
+    eprintln!("krait: {error:#}");
+}
+
+/// Logs go to standard error: warnings unless KRAIT_LOG says otherwise (the syntax of tracing's filters).
+fn start_logging() {
+    let filter = tracing_subscriber::EnvFilter::try_from_env("KRAIT_LOG")
+        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn,iceoryx2=error"));
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+}

@@ -1,1 +1,69 @@
-//! Placeholder until its first commit.
+//! krait-master: from the operator's hand to `OperatorInput`.
+//!
+//! Purpose: read a hand controller and say, a thousand times a second and at once when it reports, what motion of the tip
+//! the operator asks for, whether the operator is present, and whether the device can be trusted.
+//!
+//! Terms: a *report* is one HID input report as the device sent it; a *recording* is a file of reports with stamps; a
+//! *source* is where reports come from; *counts* are the device's own numbers, -350..=350 for a full deflection.
+//!
+//! Frames and units: the device's axes are +X right, +Y towards the user, +Z down. The `view` frame of the message is x
+//! right, y up, z away from the viewer. Velocities are m/s. Time is CLOCK_MONOTONIC in nanoseconds and always an argument,
+//! except in the process loop and in the thread that reads the device.
+//!
+//! ```no_run
+//! use krait_ipc::Bus;
+//! use krait_master::{MasterConfig, Recording, SourceChoice, run};
+//! use std::sync::atomic::AtomicBool;
+//! let bus = Bus::open("main", "master")?;
+//! let source = SourceChoice::Recording { recording: Recording::shipped()?, looping: false };
+//! run(&bus, &MasterConfig::default(), source, &AtomicBool::new(false))?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+#![forbid(unsafe_code)]
+
+pub mod arc;
+mod axis_map;
+mod config;
+mod core;
+mod decode;
+mod device_state;
+mod devices;
+mod error;
+pub mod generate;
+mod hid;
+mod hid_source;
+mod operator;
+mod plan;
+mod presence;
+mod process;
+mod raw_report;
+mod recording;
+mod recording_source;
+mod recording_writer;
+mod report_log;
+mod response;
+mod script;
+mod script_source;
+mod source;
+mod ticker;
+
+pub use crate::core::MasterCore;
+pub use axis_map::{AxisMap, SignedAxis};
+pub use config::MasterConfig;
+pub use decode::{AXIS_LIMIT_COUNTS, AXIS_MARGIN_COUNTS, Decoder, Layout, Refusal, Report, ReportCounts, led_report};
+pub use device_state::DeviceMonitor;
+pub use devices::{DeviceChoice, DeviceInfo, KNOWN_DEVICES, KnownDevice, list_devices};
+pub use error::MasterError;
+pub use hid_source::HidSource;
+pub use operator::{Hand, Operator, OperatorMotion};
+pub use presence::{Clutch, Presence};
+pub use process::run;
+pub use raw_report::RawReport;
+pub use recording::{Recording, RecordingHeader};
+pub use recording_source::RecordingSource;
+pub use recording_writer::RecordingWriter;
+pub use response::Response;
+pub use script::{Script, ScriptSample};
+pub use script_source::ScriptSource;
+pub use source::{ReportSource, SourceChoice, SourceEvent};

@@ -1,0 +1,283 @@
+//! Actuation compensation: the setpoint's q becomes the actuators' q~ = q + eps, within the limits, and never with a jump.
+//!
+//! Problem: q~ = q + eps(b; eta, lambda, signs of motion), Eqs. (15)-(18); with every change of the model, every
+//! engagement and every restart spread over time.
+//!
+//! where: `offset` is the difference between the slave's own setpoint and the raw q~. While the slave does not follow, the
+//! offset is taken anew at every sample, so that the command equals the slave's setpoint; once it follows, the offset is
+//! let go at `ease_m_per_s`.
+//!
+//! Failure: stale or foreign samples. The command then repeats the last one, with the reasons named.
+
+use crate::config::CompensateConfig;
+use crate::stage::{self, BridgeError, Refused, Stage, check_order_and_numbers, seconds_between, stamps_begun, step_s};
+use core::sync::atomic::AtomicBool;
+use krait_ipc::message::{Command, Compensation, ModelUpdate, Phase, Setpoint, SlaveState};
+use krait_ipc::{Bus, IpcError, ReadCounts, ReadOptions, Reader, Reason, Reasons};
+use krait_model::{CompensationMode, Compensator, CompensatorParameters, MachineParameters, Snake};
+use nalgebra::{Vector2, Vector3};
+
+/// Largest bend that a setpoint may ask for, rad: the model holds to 90 deg and a little.
+const MAX_BEND_RAD: f64 = 1.65;
+/// Bounds within which an update is taken.
+const ETA_BOUNDS: core::ops::RangeInclusive<f64> = 0.5..=2.5;
+const LAMBDA_BOUNDS_M: core::ops::RangeInclusive<f64> = 0.0..=0.3e-3;
+/// An offset smaller than this has been eased out, m.
+const EASED_M: f64 = 1e-9;
+
+/// The pure step of `compensate`.
+#[derive(Clone, Debug)]
+pub struct CompensateCore {
+    lines: Compensator,
+    config: CompensateConfig,
+    state: Option<SlaveState>,
+    update: Option<ModelUpdate>,
+    model_version: u64,
+    offset_m: Vector3<f64>,
+    command_m: Option<Vector3<f64>>,
+    load_n: f64,
+    sequence: u64,
+    before_ns: Option<i64>,
+}
+
+/// The model's mode for a mode of the messages.
+fn model_mode(mode: Compensation) -> CompensationMode {
+    match mode {
+        Compensation::Off => CompensationMode::Off,
+        Compensation::Naive => CompensationMode::Naive,
+        Compensation::Estimated => CompensationMode::Estimated,
+    }
+}
+
+impl CompensateConfig {
+    /// The model's parameters for this configuration.
+    pub fn lines(&self) -> CompensatorParameters {
+        CompensatorParameters {
+            mode: model_mode(self.mode),
+            eta: self.eta,
+            lambda_m: self.lambda_m,
+            transition_m: self.transition_m,
+        }
+    }
+}
+
+impl CompensateCore {
+    /// A compensator in the straight pose, with the configured model.
+    ///
+    /// # Errors
+    /// [`BridgeError::Config`] or [`BridgeError::Model`] for values out of range.
+    pub fn new(machine: &MachineParameters, config: CompensateConfig) -> Result<Self, BridgeError> {
+        config.check()?;
+        let lines = Compensator::new(Snake::new(machine)?, config.lines());
+        Ok(Self {
+            lines,
+            config,
+            state: None,
+            update: None,
+            model_version: 0,
+            offset_m: Vector3::zeros(),
+            command_m: None,
+            load_n: 0.0,
+            sequence: 0,
+            before_ns: None,
+        })
+    }
+
+    /// Notes the newest slave state; it counts from the next step on, and that step names it.
+    pub fn note_state(&mut self, state: &SlaveState) {
+        self.state = Some(*state);
+    }
+
+    /// Notes a model update; it is blended in from the next step on, and every step names the newest.
+    ///
+    /// # Errors
+    /// [`Refused`] for parameters that are not finite or out of bounds; the update before stays in force.
+    pub fn note_update(&mut self, update: &ModelUpdate) -> Result<(), Refused> {
+        let refused = |found: f64, limit: f64| Err(Refused { reason: Reason::ModelUpdateRefused, found, limit });
+        if !ETA_BOUNDS.contains(&update.eta) {
+            return refused(update.eta, *ETA_BOUNDS.end());
+        }
+        if !LAMBDA_BOUNDS_M.contains(&update.lambda_m) {
+            return refused(update.lambda_m, *LAMBDA_BOUNDS_M.end());
+        }
+        self.update = Some(*update);
+        Ok(())
+    }
+
+    /// One step for one setpoint.
+    ///
+    /// # Errors
+    /// [`Refused`] for numbers that are not finite or out of range, and for a stamp that does not follow the one before.
+    ///
+    /// # Real-time
+    /// No allocation, no clock (`begun_ns` is an argument), no loop longer than the three lines.
+    pub fn step(&mut self, setpoint: &Setpoint, begun_ns: i64) -> Result<Command, Refused> {
+        check_order_and_numbers(self.before_ns, setpoint.sample_ns, &setpoint.bend_rad)?;
+        let bend = Vector2::from(setpoint.bend_rad);
+        if bend.norm() > MAX_BEND_RAD {
+            return Err(Refused { reason: Reason::OutOfRange, found: bend.norm(), limit: MAX_BEND_RAD });
+        }
+        let step_s = step_s(self.before_ns, setpoint.sample_ns);
+        self.before_ns = Some(setpoint.sample_ns);
+
+        let mut reasons = Reasons::from_bits(setpoint.reasons);
+        self.blend_model(step_s, &mut reasons);
+        let fresh = self.check_age(setpoint, begun_ns, &mut reasons);
+        let lines = self.lines.step(bend);
+        let wanted_m = lines.q_tilde_m + self.offset_for(&lines.q_tilde_m, step_s, &mut reasons);
+        let load_n = lines.tau_n.amax();
+        let q_tilde_m = if fresh { self.limited(wanted_m, load_n, step_s, &mut reasons) } else { self.held(wanted_m) };
+        self.command_m = Some(q_tilde_m);
+        self.load_n = load_n;
+        self.sequence += 1;
+        let parameters = self.lines.parameters();
+        Ok(Command {
+            sequence: self.sequence,
+            sample_ns: setpoint.sample_ns,
+            stamps: stamps_begun(&setpoint.stamps, |s| s.compensate_begun_ns = begun_ns),
+            setpoint_sequence: setpoint.sequence,
+            state_sequence: self.state.map_or(0, |s| s.sequence),
+            model_update_sequence: self.update.map_or(0, |u| u.sequence),
+            bend_rad: setpoint.bend_rad,
+            q_uncompensated_m: lines.q_m.into(),
+            q_tilde_m: q_tilde_m.into(),
+            eta: parameters.eta,
+            lambda_m: parameters.lambda_m,
+            model_version: self.model_version,
+            compensation: self.config.mode as u32,
+            phase: if fresh { setpoint.phase } else { Phase::Holding as u32 },
+            reasons: reasons.bits(),
+        })
+    }
+
+    /// Moves the model's parameters towards the newest update, no faster than allowed.
+    fn blend_model(&mut self, step_s: f64, reasons: &mut Reasons) {
+        let (Some(update), Compensation::Estimated) = (&self.update, self.config.mode) else { return };
+        let now = self.lines.parameters();
+        let eta = towards(now.eta, update.eta, self.config.eta_rate_per_s * step_s);
+        let lambda_m = towards(now.lambda_m, update.lambda_m, self.config.lambda_rate_m_per_s * step_s);
+        if eta != now.eta || lambda_m != now.lambda_m {
+            self.lines.set_parameters(eta, lambda_m);
+            self.model_version += 1;
+            reasons.insert(Reason::ModelBlending);
+        }
+    }
+
+    /// Whether the setpoint is young enough to be followed; also names a slave state that is too old.
+    fn check_age(&self, setpoint: &Setpoint, begun_ns: i64, reasons: &mut Reasons) -> bool {
+        let setpoint_age_ms = seconds_between(setpoint.sample_ns, begun_ns) * 1e3;
+        let stale = setpoint_age_ms > self.config.setpoint_stale_ms;
+        reasons.insert_if(Reason::SetpointStale, stale);
+        let state_stale = self
+            .state
+            .is_none_or(|state| seconds_between(state.sample_ns, begun_ns) * 1e3 > self.config.state_stale_ms);
+        reasons.insert_if(Reason::StateStale, state_stale);
+        !stale && !state_stale
+    }
+
+    /// The offset that makes the first command equal the slave's setpoint, and then fades.
+    fn offset_for(&mut self, raw_m: &Vector3<f64>, step_s: f64, reasons: &mut Reasons) -> Vector3<f64> {
+        let Some(state) = &self.state else { return self.offset_m };
+        if state.flags & SlaveState::FOLLOWING == 0 {
+            self.offset_m = Vector3::from(state.setpoint_q_m) - raw_m;
+            self.command_m = None;
+        } else {
+            let distance_m = self.offset_m.norm();
+            let left_m = (distance_m - self.config.ease_m_per_s * step_s).max(0.0);
+            self.offset_m = if distance_m > EASED_M { self.offset_m * (left_m / distance_m) } else { Vector3::zeros() };
+        }
+        reasons.insert_if(Reason::EasingIn, self.offset_m.norm() > EASED_M);
+        self.offset_m
+    }
+
+    /// The command within stroke, rate and load; one common scale keeps the direction of the step.
+    fn limited(&self, wanted_m: Vector3<f64>, load_n: f64, step_s: f64, reasons: &mut Reasons) -> Vector3<f64> {
+        let Some(before_m) = self.command_m else { return wanted_m };
+        let mut step_m = wanted_m - before_m;
+        let largest_m = self.config.max_rate_m_per_s * step_s;
+        if step_m.amax() > largest_m {
+            step_m *= largest_m / step_m.amax();
+            reasons.insert(Reason::ActuatorRateLimit);
+        }
+        if load_n > self.config.max_load_n && load_n > self.load_n {
+            reasons.insert(Reason::ForceLimit);
+            return before_m;
+        }
+        let next_m = before_m + step_m;
+        if next_m.amax() > self.config.max_stroke_m && next_m.amax() > before_m.amax() {
+            reasons.insert(Reason::StrokeLimit);
+            return before_m;
+        }
+        next_m
+    }
+
+    fn held(&self, otherwise_m: Vector3<f64>) -> Vector3<f64> {
+        self.command_m.unwrap_or(otherwise_m)
+    }
+}
+
+fn towards(from: f64, to: f64, largest: f64) -> f64 {
+    from + (to - from).clamp(-largest, largest)
+}
+
+struct CompensateStage {
+    core: CompensateCore,
+    states: Reader<SlaveState>,
+    updates: Reader<ModelUpdate>,
+    n_updates_refused: u64,
+}
+
+impl Stage for CompensateStage {
+    type In = Setpoint;
+    type Out = Command;
+
+    fn glance(&mut self) -> Result<(), IpcError> {
+        if let Some(state) = self.states.take_newest()? {
+            self.core.note_state(&state);
+        }
+        while let Some(update) = self.updates.take()? {
+            self.n_updates_refused += u64::from(self.core.note_update(&update).is_err());
+        }
+        Ok(())
+    }
+
+    fn step(&mut self, setpoint: &Setpoint, begun_ns: i64) -> Result<Command, Refused> {
+        self.core.step(setpoint, begun_ns)
+    }
+
+    fn sent_stamp(out: &mut Command) -> &mut i64 {
+        &mut out.stamps.command_sent_ns
+    }
+
+    fn reasons(out: &Command) -> Reasons {
+        Reasons::from_bits(out.reasons)
+    }
+
+    fn counts(&self) -> ReadCounts {
+        let (states, updates) = (self.states.counts(), self.updates.counts());
+        ReadCounts { n_received: states.n_received + updates.n_received, n_lost: states.n_lost + updates.n_lost }
+    }
+}
+
+/// The process `krait compensate`: runs until told to stop.
+///
+/// # Errors
+/// [`BridgeError`] when a channel fails or the configuration is out of range.
+pub fn run_compensate(
+    bus: &Bus,
+    machine: &MachineParameters,
+    config: CompensateConfig,
+    stop: &AtomicBool,
+) -> Result<(), BridgeError> {
+    let mut stage = CompensateStage {
+        core: CompensateCore::new(machine, config)?,
+        states: bus.reader(ReadOptions::glancing())?,
+        updates: bus.reader(ReadOptions::glancing())?,
+        n_updates_refused: 0,
+    };
+    stage::run(bus, "compensate", config.wait, &mut stage, stop)?;
+    if stage.n_updates_refused > 0 {
+        tracing::warn!(n = stage.n_updates_refused, "{}", Reason::ModelUpdateRefused.sentence());
+    }
+    Ok(())
+}

@@ -1,0 +1,234 @@
+//! What can be set about the bridge: every value with its unit, default, range and reason.
+
+use core::ops::RangeInclusive;
+use krait_ipc::WaitMode;
+use krait_ipc::message::Compensation;
+use serde::{Deserialize, Serialize};
+
+/// A value is outside its range.
+#[derive(Debug, thiserror::Error, PartialEq)]
+#[error("[{section}] {key} = {found}: expected {low} to {high}; {why}")]
+pub struct ConfigError {
+    /// Table of the configuration file.
+    pub section: &'static str,
+    /// Key in that table.
+    pub key: &'static str,
+    /// What was given.
+    pub found: f64,
+    /// Smallest value that is allowed.
+    pub low: f64,
+    /// Largest value that is allowed.
+    pub high: f64,
+    /// Why the range is what it is.
+    pub why: &'static str,
+}
+
+/// One check of one key.
+type Check = (&'static str, f64, RangeInclusive<f64>, &'static str);
+
+fn check_all(section: &'static str, checks: &[Check]) -> Result<(), ConfigError> {
+    for (key, found, range, why) in checks {
+        if !range.contains(found) {
+            let (low, high) = (*range.start(), *range.end());
+            return Err(ConfigError { section, key, found: *found, low, high, why });
+        }
+    }
+    Ok(())
+}
+
+/// `resolve`: limits of the operator's motion.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ResolveConfig {
+    /// Largest bend, rad. 1.31 rad (75 deg) keeps the outer fibre of the tubes below 1.7 % strain.
+    pub max_bend_rad: f64,
+    /// The outward part of the motion fades out over this much bend before the limit, rad.
+    pub bend_margin_rad: f64,
+    /// Fastest bending, rad/s.
+    pub max_bend_vel_rad_per_s: f64,
+    /// Largest change of the bending rate, rad/s^2; every stop and start is at most this sharp.
+    pub max_bend_accel_rad_per_s2: f64,
+    /// Damping of the least-squares inverse of the tip Jacobian, m/rad.
+    pub damping_m_per_rad: f64,
+    /// Roll of the camera's view about the snake's straight axis, rad: `base_from_view` = Rz(view_roll_rad).
+    pub view_roll_rad: f64,
+    /// An operator input older than this when it is taken is not followed, ms.
+    pub input_stale_ms: f64,
+    /// A slave state older than this is not trusted, ms.
+    pub state_stale_ms: f64,
+    /// How the process waits for operator input.
+    pub wait: WaitMode,
+}
+
+impl Default for ResolveConfig {
+    fn default() -> Self {
+        Self {
+            max_bend_rad: 75f64.to_radians(),
+            bend_margin_rad: 4f64.to_radians(),
+            max_bend_vel_rad_per_s: 2.0,
+            max_bend_accel_rad_per_s2: 40.0,
+            damping_m_per_rad: 0.5e-3,
+            view_roll_rad: 0.0,
+            input_stale_ms: 50.0,
+            state_stale_ms: 100.0,
+            wait: WaitMode::Blocking,
+        }
+    }
+}
+
+impl ResolveConfig {
+    /// Checks every range.
+    ///
+    /// # Errors
+    /// [`ConfigError`] names the first key that is outside its range.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        check_all(
+            "resolve",
+            &[
+                ("max_bend_rad", self.max_bend_rad, 0.05..=1.6, "the model holds up to 90 deg of bend"),
+                ("bend_margin_rad", self.bend_margin_rad, 0.001..=0.5, "the motion must fade out over some bend"),
+                ("max_bend_vel_rad_per_s", self.max_bend_vel_rad_per_s, 0.01..=10.0, "a snake bends at most this fast"),
+                ("max_bend_accel_rad_per_s2", self.max_bend_accel_rad_per_s2, 0.1..=1000.0, "a stop takes some time"),
+                ("damping_m_per_rad", self.damping_m_per_rad, 0.0..=0.02, "more damping than L moves nothing"),
+                ("view_roll_rad", self.view_roll_rad, -3.2..=3.2, "an angle in radians"),
+                ("input_stale_ms", self.input_stale_ms, 1.0..=1000.0, "older input is not the operator's wish"),
+                ("state_stale_ms", self.state_stale_ms, 1.0..=1000.0, "older state says nothing about now"),
+            ],
+        )
+    }
+}
+
+/// `compensate`: the mode, and the limits of the actuator command.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct CompensateConfig {
+    /// How q becomes q~.
+    pub mode: Compensation,
+    /// Load scale eta at the start, 1.
+    pub eta: f64,
+    /// Backlash half-width lambda at the start, m.
+    pub lambda_m: f64,
+    /// Travel over which a line's sign of motion turns around, m.
+    pub transition_m: f64,
+    /// Fastest change of eta while an update is blended in, 1/s.
+    pub eta_rate_per_s: f64,
+    /// Fastest change of lambda while an update is blended in, m/s.
+    pub lambda_rate_m_per_s: f64,
+    /// Speed at which a difference to the slave's setpoint is eased out at engagement, m/s.
+    pub ease_m_per_s: f64,
+    /// Actuator stroke, m: |q~| at most.
+    pub max_stroke_m: f64,
+    /// Actuator rate, m/s.
+    pub max_rate_m_per_s: f64,
+    /// Load of a line by the model, N: |tau| at most.
+    pub max_load_n: f64,
+    /// A setpoint older than this when it is taken is not followed, ms.
+    pub setpoint_stale_ms: f64,
+    /// A slave state older than this is not trusted, ms.
+    pub state_stale_ms: f64,
+    /// How the process waits for setpoints.
+    pub wait: WaitMode,
+}
+
+impl Default for CompensateConfig {
+    fn default() -> Self {
+        Self {
+            mode: Compensation::Estimated,
+            eta: 1.0,
+            lambda_m: 0.0,
+            transition_m: 20e-6,
+            eta_rate_per_s: 0.2,
+            lambda_rate_m_per_s: 0.05e-3,
+            ease_m_per_s: 1e-3,
+            max_stroke_m: 4e-3,
+            max_rate_m_per_s: 20e-3,
+            max_load_n: 45.0,
+            setpoint_stale_ms: 50.0,
+            state_stale_ms: 100.0,
+            wait: WaitMode::Blocking,
+        }
+    }
+}
+
+impl CompensateConfig {
+    /// Checks every range.
+    ///
+    /// # Errors
+    /// [`ConfigError`] names the first key that is outside its range.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        check_all(
+            "compensate",
+            &[
+                ("eta", self.eta, 0.5..=2.5, "a load scale far from 1 is another machine"),
+                ("lambda_m", self.lambda_m, 0.0..=0.3e-3, "the measured backlash is 0.15 to 0.20 mm in total"),
+                ("transition_m", self.transition_m, 1e-6..=1e-3, "a sign turns around over some travel"),
+                ("eta_rate_per_s", self.eta_rate_per_s, 1e-3..=2.0, "a model changes smoothly"),
+                ("lambda_rate_m_per_s", self.lambda_rate_m_per_s, 1e-6..=1e-3, "a model changes smoothly"),
+                ("ease_m_per_s", self.ease_m_per_s, 1e-5..=20e-3, "an engagement is eased in"),
+                ("max_stroke_m", self.max_stroke_m, 0.1e-3..=20e-3, "the actuators' stroke"),
+                ("max_rate_m_per_s", self.max_rate_m_per_s, 0.1e-3..=0.2, "the actuators' rate"),
+                ("max_load_n", self.max_load_n, 1.0..=200.0, "a line buckles or yields beyond it"),
+                ("setpoint_stale_ms", self.setpoint_stale_ms, 1.0..=1000.0, "older setpoints are not followed"),
+                ("state_stale_ms", self.state_stale_ms, 1.0..=1000.0, "older state says nothing about now"),
+            ],
+        )
+    }
+}
+
+/// `estimate`: what it assumes and how long it remembers.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct EstimateConfig {
+    /// Standard deviation of each axis of the measured bend vector, rad, where the camera states none.
+    pub sigma_bend_rad: f64,
+    /// Time constant of the fading memory, s.
+    pub memory_s: f64,
+    /// Largest distance of a measurement from its prediction, standard deviations.
+    pub outlier_sigmas: f64,
+    /// A shape whose encoders are further away in time than this is left out, ms.
+    pub max_state_gap_ms: f64,
+}
+
+impl Default for EstimateConfig {
+    fn default() -> Self {
+        Self { sigma_bend_rad: 0.3f64.to_radians(), memory_s: 60.0, outlier_sigmas: 6.0, max_state_gap_ms: 5.0 }
+    }
+}
+
+impl EstimateConfig {
+    /// Checks every range.
+    ///
+    /// # Errors
+    /// [`ConfigError`] names the first key that is outside its range.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        check_all(
+            "estimate",
+            &[
+                ("sigma_bend_rad", self.sigma_bend_rad, 1e-5..=0.2, "a camera sees a bend to 0.001 to 10 deg"),
+                ("memory_s", self.memory_s, 1.0..=3600.0, "shorter forgets what it needs, longer never follows wear"),
+                ("outlier_sigmas", self.outlier_sigmas, 2.0..=100.0, "fewer would refuse good measurements"),
+                ("max_state_gap_ms", self.max_state_gap_ms, 0.1..=100.0, "encoders and camera must be of one instant"),
+            ],
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn defaults_are_in_range() {
+        ResolveConfig::default().check().expect("resolve");
+        CompensateConfig::default().check().expect("compensate");
+        EstimateConfig::default().check().expect("estimate");
+    }
+
+    #[test]
+    fn a_value_out_of_range_is_named_with_its_range() {
+        let error = ResolveConfig { max_bend_rad: 60.0, ..ResolveConfig::default() }.check().expect_err("60 rad");
+        assert!(error.to_string().starts_with("[resolve] max_bend_rad = 60: expected 0.05 to 1.6;"), "{error}");
+        let error = CompensateConfig { eta: f64::NAN, ..CompensateConfig::default() }.check().expect_err("NaN");
+        assert_eq!(error.key, "eta");
+    }
+}

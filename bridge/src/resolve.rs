@@ -1,0 +1,245 @@
+//! Resolved-rate motion: the operator's tip velocity becomes a bend-vector setpoint, smooth through the straight pose.
+//!
+//! Problem: find b_dot with J_v(b) b_dot = v, where v is the tip velocity in the base frame, 3x1, and J_v the linear rows of
+//! the tip's Jacobian in the bend vector, 3x2; integrate to b; give the actuator rates q~_dot = (J_q_b + alpha_b) b_dot,
+//! which is the right inverse of J~ = (I + J alpha)^-1 J, Eq. (26).
+//!
+//! Intuition: in the bend vector nothing is singular at the straight pose; far out, where the tip moves mostly along
+//! itself, damping keeps the rates small. What the snake cannot do (twist, advance) is left out, not approximated.
+//!
+//! Failure: no operator, no slave, stale samples. The setpoint then comes to rest within the acceleration limit and holds.
+
+use crate::config::ResolveConfig;
+use crate::stage::{self, BridgeError, Refused, Stage, check_order_and_numbers, seconds_between, stamps_begun, step_s};
+use core::sync::atomic::AtomicBool;
+use krait_ipc::message::{DeviceState, OperatorInput, Phase, Setpoint, SlaveState};
+use krait_ipc::{Bus, IpcError, ReadCounts, ReadOptions, Reader, Reason, Reasons};
+use krait_model::{Compensator, CompensatorParameters, MachineParameters, Snake};
+use nalgebra::{Rotation3, Vector2, Vector3};
+
+/// The setpoint takes over the slave's own when they are further apart than this, rad (0.1 deg).
+const RESEED_RAD: f64 = 1.7e-3;
+/// A setpoint that moves slower than this has come to rest, rad/s.
+const REST_RAD_PER_S: f64 = 1e-6;
+/// Fastest tip velocity that a message may ask for, m/s; anything beyond is not a hand.
+const MAX_TIP_VEL_M_PER_S: f64 = 1.0;
+
+/// The pure step of `resolve`.
+#[derive(Clone, Debug)]
+pub struct ResolveCore {
+    snake: Snake,
+    lines: Compensator,
+    config: ResolveConfig,
+    base_from_view: Rotation3<f64>,
+    state: Option<SlaveState>,
+    bend: Vector2<f64>,
+    bend_vel: Vector2<f64>,
+    phase: Phase,
+    sequence: u64,
+    before_ns: Option<i64>,
+}
+
+impl ResolveCore {
+    /// A setpoint at rest in the straight pose. `lines` says how the actuator rates are computed (for the velocity
+    /// forecast only; positions are `compensate`'s).
+    ///
+    /// # Errors
+    /// [`BridgeError::Config`] or [`BridgeError::Model`] for values out of range.
+    pub fn new(
+        machine: &MachineParameters,
+        lines: CompensatorParameters,
+        config: ResolveConfig,
+    ) -> Result<Self, BridgeError> {
+        config.check()?;
+        let snake = Snake::new(machine)?;
+        Ok(Self {
+            snake,
+            lines: Compensator::new(snake, lines),
+            config,
+            base_from_view: Rotation3::from_axis_angle(&Vector3::z_axis(), config.view_roll_rad),
+            state: None,
+            bend: Vector2::zeros(),
+            bend_vel: Vector2::zeros(),
+            phase: Phase::Holding,
+            sequence: 0,
+            before_ns: None,
+        })
+    }
+
+    /// Notes the newest slave state; it counts from the next step on, and that step names it.
+    pub fn note_state(&mut self, state: &SlaveState) {
+        self.state = Some(*state);
+    }
+
+    /// One step for one operator input.
+    ///
+    /// # Errors
+    /// [`Refused`] for numbers that are not finite or out of range, and for a stamp that does not follow the one before.
+    ///
+    /// # Real-time
+    /// No allocation, no clock (`begun_ns` is an argument), no loop longer than three lines of a snake.
+    pub fn step(&mut self, input: &OperatorInput, begun_ns: i64) -> Result<Setpoint, Refused> {
+        let velocity = Vector3::from(input.tip_vel_in_view_m_per_s);
+        check_order_and_numbers(self.before_ns, input.sample_ns, velocity.as_slice())?;
+        if velocity.amax() > MAX_TIP_VEL_M_PER_S {
+            return Err(Refused { reason: Reason::OutOfRange, found: velocity.amax(), limit: MAX_TIP_VEL_M_PER_S });
+        }
+        let step_s = step_s(self.before_ns, input.sample_ns);
+        self.before_ns = Some(input.sample_ns);
+
+        let mut reasons = self.reasons_to_hold(input, begun_ns);
+        self.phase = if reasons.is_empty() { Phase::Following } else { Phase::Holding };
+        self.reseed_at_rest();
+        let (wanted, motion_scale) = match self.phase {
+            Phase::Following => self.limited(self.base_from_view * velocity, &mut reasons),
+            Phase::Holding => (Vector2::zeros(), 0.0),
+        };
+        self.advance(wanted, step_s);
+        Ok(self.setpoint(input, begun_ns, motion_scale, reasons))
+    }
+
+    fn reasons_to_hold(&self, input: &OperatorInput, begun_ns: i64) -> Reasons {
+        let mut reasons = Reasons::NONE;
+        reasons.insert_if(Reason::OperatorAbsent, !input.operator_present());
+        reasons.insert_if(Reason::Clutched, input.clutch_pressed());
+        let device = input.device();
+        reasons.insert_if(Reason::DeviceLost, matches!(device, Some(DeviceState::Lost) | None));
+        reasons.insert_if(Reason::InputEnded, device == Some(DeviceState::Ended));
+        let input_age_ms = seconds_between(input.sample_ns, begun_ns) * 1e3;
+        reasons.insert_if(Reason::InputStale, input_age_ms > self.config.input_stale_ms);
+        match &self.state {
+            None => reasons.insert(Reason::StateStale),
+            Some(state) => {
+                let state_age_ms = seconds_between(state.sample_ns, begun_ns) * 1e3;
+                reasons.insert_if(Reason::StateStale, state_age_ms > self.config.state_stale_ms);
+                reasons.insert_if(Reason::SlaveNotHomed, state.flags & SlaveState::IS_HOMED == 0);
+                reasons.insert_if(
+                    Reason::SlaveNotEnabled,
+                    state.operating() != Some(krait_ipc::message::OperatingState::Enabled),
+                );
+            }
+        }
+        reasons
+    }
+
+    /// At rest, the setpoint is the slave's own: after a restart, a fault or a stop that the slave made by itself, the first
+    /// motion starts from where the actuators were told to be.
+    fn reseed_at_rest(&mut self) {
+        let Some(state) = &self.state else { return };
+        let slave_bend = Vector2::from(state.setpoint_bend_rad);
+        let at_rest = self.bend_vel.norm() < REST_RAD_PER_S;
+        let not_ours = state.flags & SlaveState::FOLLOWING == 0;
+        if at_rest && not_ours && slave_bend.norm() <= self.config.max_bend_rad && (slave_bend - self.bend).norm() > RESEED_RAD {
+            self.bend = slave_bend;
+        }
+    }
+
+    /// The bend rate for a tip velocity, within the limits; the second value is the common scale that they asked for.
+    fn limited(&self, tip_vel_in_base: Vector3<f64>, reasons: &mut Reasons) -> (Vector2<f64>, f64) {
+        let rate =
+            self.snake.bend_rate_for_tip_velocity(self.bend, tip_vel_in_base, self.config.damping_m_per_rad);
+        reasons.insert_if(Reason::NearSingular, rate.smallest_singular_value < 4.0 * self.config.damping_m_per_rad);
+        let mut bend_vel = rate.bend_vel;
+        let mut scale = 1.0;
+        let speed = bend_vel.norm();
+        if speed > self.config.max_bend_vel_rad_per_s {
+            scale = self.config.max_bend_vel_rad_per_s / speed;
+            bend_vel *= scale;
+            reasons.insert(Reason::BendRateLimit);
+        }
+        (self.slide_along_bend_limit(bend_vel, reasons), scale)
+    }
+
+    /// Fades out the outward part of the motion near the bend limit; turning the plane and coming back stay free.
+    fn slide_along_bend_limit(&self, bend_vel: Vector2<f64>, reasons: &mut Reasons) -> Vector2<f64> {
+        let Some(outward) = self.bend.try_normalize(1e-9) else { return bend_vel };
+        let outward_vel = bend_vel.dot(&outward);
+        let room = ((self.config.max_bend_rad - self.bend.norm()) / self.config.bend_margin_rad).clamp(0.0, 1.0);
+        if outward_vel <= 0.0 || room >= 1.0 {
+            return bend_vel;
+        }
+        reasons.insert(Reason::BendLimit);
+        bend_vel - outward * (outward_vel * (1.0 - room))
+    }
+
+    fn advance(&mut self, wanted: Vector2<f64>, step_s: f64) {
+        let change = wanted - self.bend_vel;
+        let largest = self.config.max_bend_accel_rad_per_s2 * step_s;
+        self.bend_vel += if change.norm() > largest { change * (largest / change.norm()) } else { change };
+        self.bend += self.bend_vel * step_s;
+        let bend_rad = self.bend.norm();
+        if bend_rad > self.config.max_bend_rad {
+            self.bend *= self.config.max_bend_rad / bend_rad;
+        }
+    }
+
+    fn setpoint(&mut self, input: &OperatorInput, begun_ns: i64, motion_scale: f64, reasons: Reasons) -> Setpoint {
+        self.sequence += 1;
+        let lines = self.lines.step(self.bend);
+        let q_tilde_vel = (self.snake.j_q_bend() + lines.alpha_m_per_rad) * self.bend_vel;
+        Setpoint {
+            sequence: self.sequence,
+            sample_ns: input.sample_ns,
+            stamps: stamps_begun(&input.stamps, |s| s.resolve_begun_ns = begun_ns),
+            input_sequence: input.sequence,
+            state_sequence: self.state.map_or(0, |s| s.sequence),
+            bend_rad: self.bend.into(),
+            bend_vel_rad_per_s: self.bend_vel.into(),
+            q_tilde_vel_m_per_s: q_tilde_vel.into(),
+            tip_pos_in_base_m: self.snake.tip_pos_in_base_m(self.bend).into(),
+            motion_scale,
+            phase: self.phase as u32,
+            reserved: 0,
+            reasons: reasons.bits(),
+        }
+    }
+}
+
+struct ResolveStage {
+    core: ResolveCore,
+    states: Reader<SlaveState>,
+}
+
+impl Stage for ResolveStage {
+    type In = OperatorInput;
+    type Out = Setpoint;
+
+    fn glance(&mut self) -> Result<(), IpcError> {
+        if let Some(state) = self.states.take_newest()? {
+            self.core.note_state(&state);
+        }
+        Ok(())
+    }
+
+    fn step(&mut self, input: &OperatorInput, begun_ns: i64) -> Result<Setpoint, Refused> {
+        self.core.step(input, begun_ns)
+    }
+
+    fn sent_stamp(out: &mut Setpoint) -> &mut i64 {
+        &mut out.stamps.setpoint_sent_ns
+    }
+
+    fn reasons(out: &Setpoint) -> Reasons {
+        Reasons::from_bits(out.reasons)
+    }
+
+    fn counts(&self) -> ReadCounts {
+        self.states.counts()
+    }
+}
+
+/// The process `krait resolve`: runs until told to stop.
+///
+/// # Errors
+/// [`BridgeError`] when a channel fails or the configuration is out of range.
+pub fn run_resolve(
+    bus: &Bus,
+    machine: &MachineParameters,
+    lines: CompensatorParameters,
+    config: ResolveConfig,
+    stop: &AtomicBool,
+) -> Result<(), BridgeError> {
+    let core = ResolveCore::new(machine, lines, config)?;
+    let states = bus.reader::<SlaveState>(ReadOptions::glancing())?;
+    stage::run(bus, "resolve", config.wait, &mut ResolveStage { core, states }, stop)
+}

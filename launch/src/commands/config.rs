@@ -1,0 +1,12 @@
+//! `krait config`: prints the configuration that is in force.
+
+use crate::cli::Common;
+use crate::config::Config;
+use std::process::ExitCode;
+
+/// Prints every key with its value.
+#[allow(clippy::print_stdout)]
+pub fn run(common: &Common) -> anyhow::Result<ExitCode> {
+    print!("{}", Config::load(common.config.as_deref())?.to_toml()?);
+    Ok(ExitCode::SUCCESS)
+}

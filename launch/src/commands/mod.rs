@@ -1,0 +1,7 @@
+//! One file per subcommand.
+
+pub mod config;
+pub mod demo;
+pub mod devices;
+pub mod process;
+pub mod run;

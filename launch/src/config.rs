@@ -1,0 +1,112 @@
+//! The configuration file: one table per process, every key optional, unknown keys and values out of range refused.
+
+use anyhow::{Context, bail};
+use krait_bridge::{CompensateConfig, EstimateConfig, ResolveConfig};
+use krait_master::MasterConfig;
+use krait_model::{MachineParameters, Snake};
+use krait_record::RecordConfig;
+use krait_slave::SlaveConfig;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Everything that can be set about a chain.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Config {
+    /// The snake and its lines.
+    pub machine: MachineParameters,
+    /// The operator's device.
+    pub master: MasterConfig,
+    /// The operator's motion to the setpoint.
+    pub resolve: ResolveConfig,
+    /// The setpoint to the actuators.
+    pub compensate: CompensateConfig,
+    /// Learning the model.
+    pub estimate: EstimateConfig,
+    /// The drives.
+    pub slave: SlaveConfig,
+    /// The recording.
+    pub record: RecordConfig,
+}
+
+impl Config {
+    /// Reads a configuration, or gives the defaults where no file is named.
+    ///
+    /// # Errors
+    /// One sentence with file, line and key.
+    pub fn load(path: Option<&Path>) -> anyhow::Result<Self> {
+        let Some(path) = path else { return Ok(Self::default()) };
+        let text = std::fs::read_to_string(path)
+            .with_context(|| format!("the configuration {} could not be read", path.display()))?;
+        let config = Self::parse(&text).with_context(|| format!("configuration {}", path.display()))?;
+        config.check().with_context(|| format!("configuration {}", path.display()))?;
+        Ok(config)
+    }
+
+    /// The configuration as TOML with every key.
+    ///
+    /// # Errors
+    /// A value that TOML cannot hold.
+    pub fn to_toml(&self) -> anyhow::Result<String> {
+        toml::to_string(self).context("the configuration could not be written as TOML")
+    }
+
+    fn parse(text: &str) -> anyhow::Result<Self> {
+        toml::from_str(text).map_err(|error| {
+            let line = error.span().map_or(0, |span| text[..span.start.min(text.len())].matches('\n').count() + 1);
+            anyhow::anyhow!("line {line}: {}{}", error.message(), nearest(error.message()))
+        })
+    }
+
+    /// Checks every range.
+    ///
+    /// # Errors
+    /// The first value that is out of range, with table, key, range and reason.
+    pub fn check(&self) -> anyhow::Result<()> {
+        Snake::new(&self.machine)?;
+        self.master.check()?;
+        self.resolve.check()?;
+        self.compensate.check()?;
+        self.estimate.check()?;
+        self.slave.check()?;
+        self.record.check()?;
+        if self.resolve.max_bend_rad > core::f64::consts::FRAC_PI_2 {
+            bail!("[resolve] max_bend_rad = {}: expected at most pi/2", self.resolve.max_bend_rad);
+        }
+        Ok(())
+    }
+}
+
+/// For an unknown key: the known one that looks most like it.
+fn nearest(message: &str) -> String {
+    let mut words = message.split('`').skip(1).step_by(2);
+    let Some(unknown) = words.next().filter(|_| message.starts_with("unknown")) else { return String::new() };
+    let closest = words.max_by(|a, b| strsim::jaro_winkler(unknown, a).total_cmp(&strsim::jaro_winkler(unknown, b)));
+    closest.map_or_else(String::new, |known| format!("; did you mean `{known}`?"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_defaults_are_in_range_and_survive_a_round_trip_through_toml() {
+        let config = Config::default();
+        config.check().expect("in range");
+        let text = config.to_toml().expect("toml");
+        assert_eq!(Config::parse(&text).expect("parses"), config);
+    }
+
+    #[test]
+    fn an_unknown_key_is_named_with_its_line_and_the_nearest_known_one() {
+        let error = Config::parse("[resolve]\n\nmax_bent_rad = 1.0\n").expect_err("unknown").to_string();
+        assert!(error.starts_with("line 3: unknown field `max_bent_rad`"), "{error}");
+        assert!(error.ends_with("did you mean `max_bend_rad`?"), "{error}");
+    }
+
+    #[test]
+    fn a_value_of_the_wrong_kind_is_named_with_its_line() {
+        let error = Config::parse("[machine]\nr_m = \"thick\"\n").expect_err("a word").to_string();
+        assert!(error.starts_with("line 2: invalid type"), "{error}");
+    }
+}

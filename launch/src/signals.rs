@@ -1,0 +1,28 @@
+//! Ctrl-C, SIGTERM and SIGHUP as one flag, and the promise that a child does not outlive its supervisor.
+
+use anyhow::Context;
+use rustix::process::{Signal, getppid, set_parent_process_death_signal};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+/// The flag that a stop signal sets. A second signal of the same kind does nothing more: the end is already under way.
+pub fn stop_flag() -> anyhow::Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM, SIGHUP] {
+        signal_hook::flag::register(signal, Arc::clone(&stop))
+            .with_context(|| format!("signal {signal} could not be caught"))?;
+    }
+    Ok(stop)
+}
+
+/// Asks the kernel to end this process (SIGTERM) when its supervisor dies, however that comes about.
+pub fn end_with(supervisor_pid: u32) -> anyhow::Result<()> {
+    set_parent_process_death_signal(Some(Signal::TERM)).context("the supervisor's death could not be subscribed to")?;
+    let parent = getppid().map(|pid| pid.as_raw_nonzero().get().unsigned_abs());
+    anyhow::ensure!(
+        parent == Some(supervisor_pid),
+        "the supervisor (process {supervisor_pid}) has already ended, so this process ends too"
+    );
+    Ok(())
+}

@@ -1,0 +1,283 @@
+//! Starts the chain's processes, watches them, and ends them in order: nothing stays behind, whatever happens.
+//!
+//! Invariant: a chain is whole or it ends. When one process dies, the slave stops by itself, and the others are ended in an
+//! order that lets the recorder write the last message of every other process.
+
+use crate::cli::MasterKind;
+use crate::config::Config;
+use anyhow::{Context, bail};
+use core::time::Duration;
+use krait_ipc::message::{Health, SlaveState, StateCommand, Transition};
+use krait_ipc::{Bus, ReadOptions, Reader, Writer, clock, health_channel};
+use rustix::process::{Pid, Signal, kill_process};
+use std::ffi::OsString;
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Environment variable that tells a process who its supervisor is.
+pub const SUPERVISOR_PID: &str = "KRAIT_SUPERVISOR_PID";
+/// Start order after the recorder: the operator last, so that everything listens before anything moves.
+const START_ORDER: [&str; 5] = ["slave", "estimate", "compensate", "resolve", "master"];
+/// End order: the operator first, so that the chain runs dry. The recorder ends after all of them and hears every farewell.
+const END_ORDER: [&str; 5] = ["master", "resolve", "compensate", "slave", "estimate"];
+const RECORDER: &str = "record";
+/// A process that is not ready by then will not be: opening shared memory takes milliseconds, a busy machine seconds.
+const READY_PATIENCE: Duration = Duration::from_secs(15);
+/// A process that has not ended by then is killed; a recorder may have seconds of samples to write.
+const END_PATIENCE: Duration = Duration::from_secs(5);
+/// How often children and channels are looked at while nothing else happens.
+const LOOK_EVERY: Duration = Duration::from_millis(5);
+
+/// One instance's processes: a recorder that stays, and the chain, which may be started several times in a row.
+pub struct Supervisor {
+    instance: String,
+    children: Vec<Running>,
+    healths: Vec<(&'static str, Reader<Health>, Option<Health>)>,
+    states: Reader<SlaveState>,
+    newest_state: Option<SlaveState>,
+    state_commands: Writer<StateCommand>,
+    n_state_commands: u64,
+    // Last: the instance's files go when its last member goes.
+    bus: Bus,
+}
+
+struct Running {
+    name: &'static str,
+    child: Child,
+    ended: bool,
+}
+
+/// What the chain shall run with.
+#[derive(Clone, Debug)]
+pub struct ChainOptions {
+    /// The configuration, complete.
+    pub config: Config,
+    /// Where the operator's motion comes from.
+    pub master: MasterKind,
+    /// Recording or script to play; nothing means the shipped recording.
+    pub input: Option<PathBuf>,
+    /// Whether the input begins anew when it ends.
+    pub looped: bool,
+}
+
+impl Supervisor {
+    /// Joins an instance that nobody else runs.
+    ///
+    /// # Errors
+    /// One sentence when the instance is taken or shared memory cannot be used.
+    pub fn new(instance: &str) -> anyhow::Result<Self> {
+        let bus = Bus::open(instance, "launch")?;
+        if let Some((name, pid)) = bus.members().into_iter().find(|(_, pid)| *pid != std::process::id()) {
+            bail!(
+                "instance {instance:?} is already running (its process `{name}` has pid {pid}); \
+                 stop that chain or choose another name with --instance"
+            );
+        }
+        let mut healths = Vec::new();
+        for name in START_ORDER.into_iter().chain([RECORDER]) {
+            healths.push((name, bus.reader_on(&health_channel(name), ReadOptions::glancing())?, None));
+        }
+        Ok(Self {
+            instance: instance.to_owned(),
+            children: Vec::new(),
+            healths,
+            states: bus.reader(ReadOptions::observing())?,
+            newest_state: None,
+            state_commands: bus.writer()?,
+            n_state_commands: 0,
+            bus,
+        })
+    }
+
+    /// Starts the recorder and waits until it hears every channel.
+    ///
+    /// # Errors
+    /// One sentence: it ended (it has said why), or a stop was asked for.
+    pub fn start_recorder(&mut self, config: &Config, stop: &AtomicBool) -> anyhow::Result<()> {
+        let config_path = self.write_config(config)?;
+        self.spawn(RECORDER, &config_path, &[])?;
+        self.wait_until("the recorder is ready", stop, |s| s.is_ready(RECORDER))
+    }
+
+    /// Starts the chain, waits until each process is ready, then homes and enables the slave.
+    ///
+    /// # Errors
+    /// One sentence: a process ended (it has said why) or did not become ready, or a stop was asked for.
+    pub fn start_chain(&mut self, options: &ChainOptions, stop: &AtomicBool) -> anyhow::Result<()> {
+        let config_path = self.write_config(&options.config)?;
+        self.children.retain(|running| !running.ended);
+        self.newest_state = None;
+        for name in START_ORDER {
+            let arguments = if name == "master" { master_arguments(options) } else { Vec::new() };
+            self.spawn(name, &config_path, &arguments)?;
+        }
+        self.wait_until("every process is ready", stop, |s| s.children.iter().all(|running| s.is_ready(running.name)))?;
+        self.command(Transition::Home)?;
+        self.wait_until("the slave is homed", stop, |s| {
+            s.newest_state.is_some_and(|state| state.flags & SlaveState::IS_HOMED != 0)
+        })?;
+        self.command(Transition::Enable)?;
+        self.wait_until("the slave is enabled", stop, |s| s.newest_state.is_some_and(|state| state.is_ready()))
+    }
+
+    /// The bus of the instance, to look at its channels.
+    pub fn bus(&self) -> &Bus {
+        &self.bus
+    }
+
+    /// Names and process ids of what runs now.
+    pub fn processes(&self) -> Vec<(&'static str, u32)> {
+        self.children.iter().filter(|running| !running.ended).map(|running| (running.name, running.child.id())).collect()
+    }
+
+    /// The newest health of a process, if it has said anything.
+    pub fn health(&self, process: &str) -> Option<&Health> {
+        self.healths.iter().find(|(name, ..)| *name == process).and_then(|(_, _, health)| health.as_ref())
+    }
+
+    /// Looks at every channel and every process once.
+    ///
+    /// # Errors
+    /// One sentence that names the process that died.
+    pub fn look(&mut self) -> anyhow::Result<()> {
+        self.take_messages()?;
+        for running in self.children.iter_mut().filter(|running| !running.ended) {
+            if let Some(status) = running.child.try_wait().context("a process could not be watched")? {
+                running.ended = true;
+                bail!("the chain was ended because its process `{}` (pid {}) ended: {status}", running.name, running.child.id());
+            }
+        }
+        Ok(())
+    }
+
+    /// Ends the chain, the recorder excepted; what does not end in time is killed. Returns whether all ended by themselves.
+    pub fn end_chain(&mut self) -> bool {
+        END_ORDER.into_iter().map(|name| self.end_one(name)).fold(true, |all, clean| all && clean)
+    }
+
+    /// Ends everything. Returns whether all ended by themselves.
+    pub fn end(&mut self) -> bool {
+        let chain = self.end_chain();
+        self.end_one(RECORDER) && chain
+    }
+
+    fn spawn(&mut self, name: &'static str, config_path: &Path, arguments: &[OsString]) -> anyhow::Result<()> {
+        let program = std::env::current_exe().context("the krait program could not find itself")?;
+        let mut command = Command::new(program);
+        command.arg(name).arg("--config").arg(config_path).args(["--instance", &self.instance]).args(arguments);
+        // A group of its own: Ctrl-C reaches the supervisor alone, which then ends the processes in order.
+        command.process_group(0).env(SUPERVISOR_PID, std::process::id().to_string());
+        command.stdin(Stdio::null()).stdout(Stdio::null());
+        let child = command.spawn().with_context(|| format!("process `{name}` could not be started"))?;
+        tracing::info!(process = name, pid = child.id(), "started");
+        self.children.push(Running { name, child, ended: false });
+        Ok(())
+    }
+
+    fn is_ready(&self, name: &str) -> bool {
+        let running = self.children.iter().find(|running| running.name == name && !running.ended);
+        running.is_some_and(|running| self.health(name).is_some_and(|health| health.pid == running.child.id()))
+    }
+
+    fn wait_until(&mut self, what: &str, stop: &AtomicBool, done: impl Fn(&Self) -> bool) -> anyhow::Result<()> {
+        let deadline_ns = clock::monotonic_ns() + READY_PATIENCE.as_nanos() as i64;
+        while !done(self) {
+            self.look()?;
+            if stop.load(Ordering::Relaxed) {
+                bail!("stopped before {what}");
+            }
+            if clock::monotonic_ns() > deadline_ns {
+                let late = self.children.iter().filter(|running| !self.is_ready(running.name));
+                let names = late.map(|running| running.name).collect::<Vec<_>>().join(", ");
+                bail!("not within {} s: {what}; processes that are not ready: {names}", READY_PATIENCE.as_secs());
+            }
+            std::thread::sleep(LOOK_EVERY);
+        }
+        Ok(())
+    }
+
+    fn take_messages(&mut self) -> anyhow::Result<()> {
+        if let Some(state) = self.states.take_newest()? {
+            self.newest_state = Some(*state);
+        }
+        for (_, reader, newest) in &mut self.healths {
+            if let Some(health) = reader.take_newest()? {
+                *newest = Some(*health);
+            }
+        }
+        Ok(())
+    }
+
+    fn command(&mut self, transition: Transition) -> anyhow::Result<()> {
+        self.n_state_commands += 1;
+        let command = StateCommand {
+            sequence: self.n_state_commands,
+            sample_ns: clock::monotonic_ns(),
+            transition: transition as u32,
+            sender_pid: std::process::id(),
+        };
+        Ok(self.state_commands.send(&command)?)
+    }
+
+    fn end_one(&mut self, name: &str) -> bool {
+        let Some(position) = self.children.iter().position(|running| running.name == name && !running.ended) else {
+            return true;
+        };
+        let running = &mut self.children[position];
+        running.ended = true;
+        let asked = Pid::from_raw(running.child.id().cast_signed()).map(|pid| kill_process(pid, Signal::TERM));
+        if let Some(Err(error)) = asked {
+            tracing::warn!(process = running.name, %error, "could not be asked to end");
+        }
+        let deadline_ns = clock::monotonic_ns() + END_PATIENCE.as_nanos() as i64;
+        loop {
+            if let Err(error) = self.take_messages() {
+                tracing::warn!(%error, "a farewell was missed");
+            }
+            match self.children[position].child.try_wait() {
+                Ok(Some(status)) => return status.success(),
+                Ok(None) if clock::monotonic_ns() < deadline_ns => std::thread::sleep(LOOK_EVERY),
+                Ok(None) | Err(_) => return self.children[position].kill(),
+            }
+        }
+    }
+
+    /// The complete configuration, for the children; it lies in the instance's folder and goes with it.
+    fn write_config(&self, config: &Config) -> anyhow::Result<PathBuf> {
+        let path = self.bus.instance().folder().join("config.toml");
+        std::fs::write(&path, config.to_toml()?).with_context(|| format!("{} could not be written", path.display()))?;
+        Ok(path)
+    }
+}
+
+impl Running {
+    fn kill(&mut self) -> bool {
+        tracing::error!(process = self.name, "did not end in time and was killed");
+        if let Err(error) = self.child.kill().and_then(|()| self.child.wait()) {
+            tracing::error!(process = self.name, %error, "could not be killed");
+        }
+        false
+    }
+}
+
+impl Drop for Supervisor {
+    fn drop(&mut self) {
+        self.end();
+    }
+}
+
+fn master_arguments(options: &ChainOptions) -> Vec<OsString> {
+    let source = match options.master {
+        MasterKind::Hid => "hid",
+        MasterKind::Replay => "replay",
+        MasterKind::Script => "script",
+    };
+    let mut arguments: Vec<OsString> = vec!["--source".into(), source.into()];
+    if let Some(path) = &options.input {
+        arguments.extend(["--input".into(), path.clone().into_os_string()]);
+    }
+    arguments.extend(options.looped.then(|| "--loop".into()));
+    arguments
+}

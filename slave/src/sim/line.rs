@@ -1,0 +1,200 @@
+//! One actuation line: from the actuator through the cone and the holder to the end disk, with play and friction that
+//! remember.
+//!
+//! Problem: given the position p where the drive's play ends, the position y of the line's end at the disk, and the place
+//! s where the line stood in the cone before, find the load τ that the line pushes the disk with.
+//!
+//! ```text
+//! actuator q~ --play h-- p ==cone, compliance c_c, load τ~== s ==holder, compliance c_d, load τ== y
+//!
+//! play      p  = clamp(p_before, q~ - h, q~ + h)
+//! holder    s  = y + c_d τ
+//! cone      p  = s + c_c τ~
+//! friction  lo(τ) <= τ~ <= hi(τ);  s moves in push direction only at hi, in pull direction only at lo
+//!           hi(τ) = max(g x, x / g), x = τ + f_s;   lo(τ) = -hi(-τ);   g = e^(2 μ φ)
+//! ```
+//!
+//! where: the capstan factor g enlarges a load that the actuator works against and shrinks one that pushes the actuator
+//! back (physics.md section 4, item 1); f_s is the rubbing of the bent-in wire, which also holds an unloaded line. Both
+//! oppose the motion, in push and in pull; the sign that decides between g and 1/g is that of the force that really
+//! travels round the bend, τ ± f_s, which keeps the band free of jumps at τ = 0.
+//!
+//! Solution: while the line slips in push direction, p - y = c_d τ + c_c hi(τ) is a rising broken line in τ with three
+//! pieces, inverted in closed form: τ_push. In pull direction its mirror image: τ_pull >= τ_push. While it sticks, s stays:
+//! τ_stick = (s - y) / c_d. Whichever branch it is on, τ = clamp(τ_stick, τ_push, τ_pull). This is continuous and falls
+//! with y, so that the equilibrium of the snake on its lines is a convex problem (see `plant`).
+
+/// Compliance of a piece of line, m/N, by the sign of its load.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Compliance {
+    pub(crate) pushed_m_per_n: f64,
+    pub(crate) pulled_m_per_n: f64,
+}
+
+impl Compliance {
+    fn at(self, load_or_length: f64) -> f64 {
+        if load_or_length < 0.0 { self.pulled_m_per_n } else { self.pushed_m_per_n }
+    }
+
+    fn mirrored(self) -> Self {
+        Self { pushed_m_per_n: self.pulled_m_per_n, pulled_m_per_n: self.pushed_m_per_n }
+    }
+}
+
+/// The constants of a line.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Line {
+    pub(crate) half_play_m: f64,
+    pub(crate) holder: Compliance,
+    pub(crate) cone: Compliance,
+    /// g = e^(2 μ φ) >= 1.
+    pub(crate) capstan: f64,
+    /// f_s >= 0.
+    pub(crate) static_friction_n: f64,
+}
+
+/// What a line remembers.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Memory {
+    /// p: where the play ended last.
+    pub(crate) play_m: f64,
+    /// s: where the line stood in the cone last.
+    pub(crate) slip_m: f64,
+}
+
+/// The load of a line for a position of its end at the disk.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Load {
+    /// τ: pushes the disk.
+    pub(crate) disk_n: f64,
+    /// τ~: pushes against the actuator.
+    pub(crate) actuator_n: f64,
+    /// -dτ/dy > 0.
+    pub(crate) stiffness_n_per_m: f64,
+    /// s of this state.
+    pub(crate) slip_m: f64,
+}
+
+impl Line {
+    /// The play operator.
+    pub(crate) fn play(&self, before_m: f64, q_tilde_m: f64) -> f64 {
+        before_m.max(q_tilde_m - self.half_play_m).min(q_tilde_m + self.half_play_m)
+    }
+
+    /// The load with which the line pushes the disk when its end there is at `end_m`.
+    pub(crate) fn load(&self, memory: Memory, end_m: f64) -> Load {
+        let squeeze = memory.play_m - end_m;
+        let stick = (memory.slip_m - end_m) / self.holder.at(memory.slip_m - end_m);
+        let (push, push_slope) = slip(squeeze, self.holder, self.cone, self.capstan, self.static_friction_n);
+        if stick < push {
+            return self.slipped(push, push_slope, self.friction_high(push), end_m);
+        }
+        let (mirrored, pull_slope) =
+            slip(-squeeze, self.holder.mirrored(), self.cone.mirrored(), self.capstan, self.static_friction_n);
+        if stick > -mirrored {
+            return self.slipped(-mirrored, pull_slope, -self.friction_high(mirrored), end_m);
+        }
+        let cone_m = memory.play_m - memory.slip_m;
+        Load {
+            disk_n: stick,
+            actuator_n: cone_m / self.cone.at(cone_m),
+            stiffness_n_per_m: 1.0 / self.holder.at(memory.slip_m - end_m),
+            slip_m: memory.slip_m,
+        }
+    }
+
+    fn slipped(&self, disk_n: f64, slope_m_per_n: f64, actuator_n: f64, end_m: f64) -> Load {
+        let slip_m = end_m + self.holder.at(disk_n) * disk_n;
+        Load { disk_n, actuator_n, stiffness_n_per_m: 1.0 / slope_m_per_n, slip_m }
+    }
+
+    /// hi(τ).
+    fn friction_high(&self, disk_n: f64) -> f64 {
+        let x = disk_n + self.static_friction_n;
+        (x * self.capstan).max(x / self.capstan)
+    }
+}
+
+/// Solves `squeeze = c_d τ + c_c hi(τ)` for τ; returns τ and the slope of the right side there, m/N.
+fn slip(squeeze_m: f64, holder: Compliance, cone: Compliance, capstan: f64, friction_n: f64) -> (f64, f64) {
+    let at_no_cone_load_m = -holder.pulled_m_per_n * friction_n;
+    let at_no_disk_load_m = cone.pushed_m_per_n * capstan * friction_n;
+    if squeeze_m <= at_no_cone_load_m {
+        let slope = holder.pulled_m_per_n + cone.pulled_m_per_n / capstan;
+        (-friction_n + (squeeze_m - at_no_cone_load_m) / slope, slope)
+    } else if squeeze_m <= at_no_disk_load_m {
+        let slope = holder.pulled_m_per_n + cone.pushed_m_per_n * capstan;
+        ((squeeze_m - at_no_disk_load_m) / slope, slope)
+    } else {
+        let slope = holder.pushed_m_per_n + cone.pushed_m_per_n * capstan;
+        ((squeeze_m - at_no_disk_load_m) / slope, slope)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line() -> Line {
+        let holder = Compliance { pushed_m_per_n: 5e-5, pulled_m_per_n: 6e-5 };
+        let cone = Compliance { pushed_m_per_n: 7e-6, pulled_m_per_n: 8e-6 };
+        Line { half_play_m: 1e-4, holder, cone, capstan: 1.28, static_friction_n: 2.0 }
+    }
+
+    #[test]
+    fn slipping_loads_satisfy_the_equations_of_the_line_on_every_piece() {
+        let line = line();
+        let mut pieces = std::collections::BTreeSet::new();
+        for k in -400..=400_i32 {
+            let squeeze = f64::from(k) * 1e-6;
+            let (tau, slope) = slip(squeeze, line.holder, line.cone, line.capstan, line.static_friction_n);
+            let cone = line.friction_high(tau);
+            let back = line.holder.at(tau) * tau + line.cone.at(cone) * cone;
+            assert!((back - squeeze).abs() < 1e-15, "{squeeze} m comes back as {back} m");
+            pieces.insert((slope * 1e9) as i64);
+        }
+        assert_eq!(pieces.len(), 3, "the sweep meets all three pieces");
+    }
+
+    #[test]
+    fn the_actuator_load_stays_within_the_friction_band_and_a_sticking_line_stays_put() {
+        let line = line();
+        let memory = Memory { play_m: 1.2e-3, slip_m: 1.0e-3 };
+        let mut n_stuck = 0;
+        for k in -2000..=2000_i32 {
+            let load = line.load(memory, f64::from(k) * 1e-6);
+            let (high, low) = (line.friction_high(load.disk_n), -line.friction_high(-load.disk_n));
+            assert!(load.actuator_n <= high + 1e-9 && load.actuator_n >= low - 1e-9);
+            if load.actuator_n < high - 1e-9 && load.actuator_n > low + 1e-9 {
+                assert_eq!(load.slip_m, memory.slip_m);
+                n_stuck += 1;
+            }
+        }
+        assert!(n_stuck > 10, "the sweep passes through sticking");
+    }
+
+    #[test]
+    fn the_load_falls_with_the_position_of_the_disk_as_its_stiffness_says() {
+        let line = line();
+        let memory = Memory { play_m: 0.3e-3, slip_m: 0.25e-3 };
+        for k in -100..=100_i32 {
+            let (y, dy) = (f64::from(k) * 1.01e-5, 1e-9);
+            let (here, there) = (line.load(memory, y), line.load(memory, y + dy));
+            let secant = (here.disk_n - there.disk_n) / dy;
+            let (low, high) = (
+                here.stiffness_n_per_m.min(there.stiffness_n_per_m),
+                here.stiffness_n_per_m.max(there.stiffness_n_per_m),
+            );
+            assert!(secant > low * (1.0 - 1e-4) && secant < high * (1.0 + 1e-4), "{low} {secant} {high}");
+        }
+    }
+
+    #[test]
+    fn play_swallows_its_full_width_after_a_reversal() {
+        let line = line();
+        let forward = line.play(0.0, 1e-3);
+        assert_eq!(forward, 1e-3 - 1e-4);
+        assert_eq!(line.play(forward, 1e-3 - 1.9e-4), forward, "still inside the gap");
+        assert!(line.play(forward, 1e-3 - 2.1e-4) < forward, "through the gap");
+    }
+}
