@@ -68,7 +68,7 @@ impl CompensateCore {
     /// [`BridgeError::Config`] or [`BridgeError::Model`] for values out of range.
     pub fn new(machine: &MachineParameters, config: CompensateConfig) -> Result<Self, BridgeError> {
         config.check()?;
-        let lines = Compensator::new(Snake::new(machine)?, config.lines());
+        let lines = Compensator::new(Snake::new(machine)?, config.lines())?;
         Ok(Self {
             lines,
             config,
@@ -156,10 +156,16 @@ impl CompensateCore {
         let now = self.lines.parameters();
         let eta = towards(now.eta, update.eta, self.config.eta_rate_per_s * step_s);
         let lambda_m = towards(now.lambda_m, update.lambda_m, self.config.lambda_rate_m_per_s * step_s);
-        if eta != now.eta || lambda_m != now.lambda_m {
-            self.lines.set_parameters(eta, lambda_m);
-            self.model_version += 1;
-            reasons.insert(Reason::ModelBlending);
+        if eta == now.eta && lambda_m == now.lambda_m {
+            return;
+        }
+        match self.lines.set_parameters(eta, lambda_m) {
+            Ok(()) => {
+                self.model_version += 1;
+                reasons.insert(Reason::ModelBlending);
+            }
+            // The old model stays in force; an update is checked when it is noted, so this is a second line of defence.
+            Err(_) => reasons.insert(Reason::ModelUpdateRefused),
         }
     }
 

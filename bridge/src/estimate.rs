@@ -47,15 +47,15 @@ impl EstimateCore {
     ) -> Result<Self, BridgeError> {
         config.check()?;
         let parameters = EstimatorParameters {
-            eta0: eta,
-            lambda0_m: lambda_m,
+            eta,
+            lambda_m,
             sigma_bend_rad: config.sigma_bend_rad,
             memory_s: config.memory_s,
             outlier_sigmas: config.outlier_sigmas,
             ..EstimatorParameters::default()
         };
         Ok(Self {
-            estimator: Estimator::new(Snake::new(machine)?, parameters),
+            estimator: Estimator::new(Snake::new(machine)?, parameters)?,
             config,
             encoders: [(i64::MIN, Vector3::zeros()); N_ENCODERS],
             n_encoders: 0,

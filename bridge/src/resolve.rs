@@ -54,7 +54,7 @@ impl ResolveCore {
         let snake = Snake::new(machine)?;
         Ok(Self {
             snake,
-            lines: Compensator::new(snake, lines),
+            lines: Compensator::new(snake, lines)?,
             config,
             base_from_view: Rotation3::from_axis_angle(&Vector3::z_axis(), config.view_roll_rad),
             state: None,
@@ -129,17 +129,23 @@ impl ResolveCore {
         let slave_bend = Vector2::from(state.setpoint_bend_rad);
         let at_rest = self.bend_vel.norm() < REST_RAD_PER_S;
         let not_ours = state.flags & SlaveState::FOLLOWING == 0;
-        if at_rest && not_ours && slave_bend.norm() <= self.config.max_bend_rad && (slave_bend - self.bend).norm() > RESEED_RAD {
+        if at_rest
+            && not_ours
+            && slave_bend.norm() <= self.config.max_bend_rad
+            && (slave_bend - self.bend).norm() > RESEED_RAD
+        {
             self.bend = slave_bend;
         }
     }
 
     /// The bend rate for a tip velocity, within the limits; the second value is the common scale that they asked for.
     fn limited(&self, tip_vel_in_base: Vector3<f64>, reasons: &mut Reasons) -> (Vector2<f64>, f64) {
-        let rate =
-            self.snake.bend_rate_for_tip_velocity(self.bend, tip_vel_in_base, self.config.damping_m_per_rad);
-        reasons.insert_if(Reason::NearSingular, rate.smallest_singular_value < 4.0 * self.config.damping_m_per_rad);
-        let mut bend_vel = rate.bend_vel;
+        let rate = self.snake.bend_rate_for_tip_velocity(self.bend, tip_vel_in_base, self.config.damping_m_per_rad);
+        reasons.insert_if(
+            Reason::NearSingular,
+            rate.smallest_singular_value_m_per_rad < 4.0 * self.config.damping_m_per_rad,
+        );
+        let mut bend_vel = rate.bend_vel_rad_per_s;
         let mut scale = 1.0;
         let speed = bend_vel.norm();
         if speed > self.config.max_bend_vel_rad_per_s {
@@ -176,7 +182,7 @@ impl ResolveCore {
     fn setpoint(&mut self, input: &OperatorInput, begun_ns: i64, motion_scale: f64, reasons: Reasons) -> Setpoint {
         self.sequence += 1;
         let lines = self.lines.step(self.bend);
-        let q_tilde_vel = (self.snake.j_q_bend() + lines.alpha_m_per_rad) * self.bend_vel;
+        let q_tilde_vel: Vector3<f64> = (self.snake.j_q_bend() + lines.alpha_m_per_rad) * self.bend_vel;
         Setpoint {
             sequence: self.sequence,
             sample_ns: input.sample_ns,

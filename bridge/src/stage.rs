@@ -112,11 +112,9 @@ pub(crate) fn check_order_and_numbers(before_ns: Option<i64>, sample_ns: i64, nu
         return Err(Refused { reason: Reason::NotFinite, found, limit: f64::MAX });
     }
     match before_ns {
-        Some(before_ns) if sample_ns <= before_ns => Err(Refused {
-            reason: Reason::OutOfOrder,
-            found: seconds_between(before_ns, sample_ns),
-            limit: 0.0,
-        }),
+        Some(before_ns) if sample_ns <= before_ns => {
+            Err(Refused { reason: Reason::OutOfOrder, found: seconds_between(before_ns, sample_ns), limit: 0.0 })
+        }
         _ => Ok(()),
     }
 }

@@ -1,0 +1,80 @@
+//! No control step allocates: counted by the allocator itself, with every reason, update and refusal on the way.
+
+#![allow(clippy::expect_used, reason = "a panic is how a test fails")]
+
+mod common;
+
+use common::{T0_NS, TICK_NS, compensate, input, ready_state, resolve};
+use core::sync::atomic::{AtomicU64, Ordering};
+use krait_bridge::{CompensateConfig, EstimateConfig, EstimateCore, ResolveConfig};
+use krait_ipc::message::{ModelUpdate, Shape, SlaveState};
+use krait_model::MachineParameters;
+use std::alloc::{GlobalAlloc, Layout, System};
+
+struct Counting;
+
+static N_ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
+
+#[allow(unsafe_code)]
+// SAFETY: every call is handed to the system's allocator unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        N_ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+fn allocations_of(mut work: impl FnMut()) -> u64 {
+    let before = N_ALLOCATIONS.load(Ordering::Relaxed);
+    work();
+    N_ALLOCATIONS.load(Ordering::Relaxed) - before
+}
+
+fn shape(sequence: u64, bend_rad: [f64; 2]) -> Shape {
+    Shape {
+        sequence,
+        sample_ns: T0_NS + sequence as i64 * TICK_NS,
+        available_ns: 0,
+        bend_rad,
+        theta_l_rad: 1.5,
+        delta_rad: 0.0,
+        sigma_bend_rad: 0.005,
+        q_tilde_m: [f64::NAN; 3],
+    }
+}
+
+/// One test, because the counter is the whole program's.
+#[test]
+fn resolve_compensate_and_estimate_never_allocate() {
+    assert!(allocations_of(|| drop(std::hint::black_box(vec![1u8; 100]))) > 0, "the counter counts");
+
+    let mut resolve = resolve(ResolveConfig { max_bend_rad: 0.7, ..ResolveConfig::default() });
+    let mut compensate = compensate(CompensateConfig::default());
+    let mut estimate =
+        EstimateCore::new(&MachineParameters::default(), 1.0, 0.0, EstimateConfig::default()).expect("defaults");
+    let mut n_followed = 0;
+    let n_allocations = allocations_of(|| {
+        for n in 1..=20_000u64 {
+            let phase = n as f64 * 1e-3;
+            let velocity = [0.03 * phase.sin(), 0.03 * (1.3 * phase).cos(), if n % 1000 == 0 { f64::NAN } else { 0.0 }];
+            let state = ready_state(n);
+            resolve.note_state(&state);
+            let Ok(setpoint) = resolve.step(&input(n, velocity), T0_NS + n as i64 * TICK_NS) else { continue };
+            compensate.note_state(&state);
+            let Ok(command) = compensate.step(&setpoint, setpoint.sample_ns) else { continue };
+            estimate.note_state(&SlaveState { measured_q_m: command.q_tilde_m, ..state });
+            if n % 17 == 0 {
+                let update: ModelUpdate = estimate.step(&shape(n, command.bend_rad));
+                n_followed += u64::from(compensate.note_update(&update).is_ok());
+            }
+        }
+    });
+    assert!(n_followed > 500, "the loop really ran: {n_followed}");
+    assert_eq!(n_allocations, 0);
+}

@@ -1,0 +1,89 @@
+//! Samples as the other processes would send them.
+
+#![allow(dead_code, reason = "each test file uses its own part")]
+
+use krait_bridge::{CompensateConfig, CompensateCore, ResolveConfig, ResolveCore};
+use krait_ipc::message::{DeviceState, HopStamps, OperatingState, OperatorInput, Phase, Setpoint, SlaveState};
+use krait_model::MachineParameters;
+
+/// One sample at 1 kHz, ns.
+pub const TICK_NS: i64 = 1_000_000;
+/// An instant from which tests count, ns.
+pub const T0_NS: i64 = 5_000_000_000;
+
+/// The operator's input number `sequence` (from 1), one per millisecond, with a tip velocity in the view frame.
+pub fn input(sequence: u64, tip_vel_in_view_m_per_s: [f64; 3]) -> OperatorInput {
+    OperatorInput {
+        sequence,
+        sample_ns: T0_NS + sequence as i64 * TICK_NS,
+        stamps: HopStamps::default(),
+        tip_vel_in_view_m_per_s,
+        tip_angular_vel_in_view_rad_per_s: [0.0; 3],
+        raw_axes: [0; 6],
+        flags: OperatorInput::OPERATOR_PRESENT,
+        buttons: 0,
+        device_state: DeviceState::Live as u32,
+        reserved: 0,
+        n_reports: sequence,
+        n_drained: 0,
+        n_refused: 0,
+    }
+}
+
+/// A setpoint as `resolve` would send it.
+pub fn setpoint(sequence: u64, bend_rad: [f64; 2]) -> Setpoint {
+    Setpoint {
+        sequence,
+        sample_ns: T0_NS + sequence as i64 * TICK_NS,
+        stamps: HopStamps::default(),
+        input_sequence: sequence,
+        state_sequence: sequence,
+        bend_rad,
+        bend_vel_rad_per_s: [0.0; 2],
+        q_tilde_vel_m_per_s: [0.0; 3],
+        tip_pos_in_base_m: [0.0, 0.0, 0.026],
+        motion_scale: 1.0,
+        phase: Phase::Following as u32,
+        reserved: 0,
+        reasons: 0,
+    }
+}
+
+/// A slave that is enabled, homed and follows, in the straight pose.
+pub fn ready_state(sequence: u64) -> SlaveState {
+    SlaveState {
+        sequence,
+        sample_ns: T0_NS + sequence as i64 * TICK_NS,
+        stamps: HopStamps::default(),
+        command_sequence: sequence,
+        operating_state: OperatingState::Enabled as u32,
+        flags: SlaveState::IS_HOMED | SlaveState::FOLLOWING,
+        setpoint_q_m: [0.0; 3],
+        setpoint_bend_rad: [0.0; 2],
+        measured_q_m: [0.0; 3],
+        measured_tau_n: [0.0; 3],
+        reasons: 0,
+        n_commands: 0,
+        n_refused: 0,
+    }
+}
+
+/// A slave that is ready but follows nothing, with a setpoint of its own.
+pub fn waiting_state(sequence: u64, setpoint_q_m: [f64; 3], setpoint_bend_rad: [f64; 2]) -> SlaveState {
+    SlaveState { flags: SlaveState::IS_HOMED, setpoint_q_m, setpoint_bend_rad, ..ready_state(sequence) }
+}
+
+/// `resolve` with the default machine.
+pub fn resolve(config: ResolveConfig) -> ResolveCore {
+    ResolveCore::new(&MachineParameters::default(), CompensateConfig::default().lines(), config).expect("defaults")
+}
+
+/// `compensate` with the default machine.
+pub fn compensate(config: CompensateConfig) -> CompensateCore {
+    CompensateCore::new(&MachineParameters::default(), config).expect("defaults")
+}
+
+/// Length of a bend vector.
+pub fn length(bend: [f64; 2]) -> f64 {
+    bend[0].hypot(bend[1])
+}
