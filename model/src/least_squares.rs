@@ -160,7 +160,7 @@ mod tests {
             let least = steps.map(|u| fit.distance_to(low + u.component_mul(&(high - low)))).fold(f64::MAX, f64::min);
             assert!(found <= least, "{z}: {found:e} {least:e}");
             let inside = (0..2).all(|i| (low[i]..=high[i]).contains(&fit.x[i]));
-            assert_eq!(inside, [60.0, 70.0].contains(&z), "{z} {}", fit.x);
+            assert_eq!(inside, [60.0, 70.0, 120.0].contains(&z), "{z} {}", fit.x);
         }
     }
 
