@@ -32,8 +32,7 @@ pub trait Drive {
     fn set_power(&mut self, stamp_ns: i64, on: bool) -> Result<(), DriveError>;
 
     /// The next measured shape that has become available, if this drive has a camera on the snake.
-    fn shape(&mut self, stamp_ns: i64) -> Option<ShapeReading> {
-        let _ = stamp_ns;
+    fn shape(&mut self, _stamp_ns: i64) -> Option<ShapeReading> {
         None
     }
 }
@@ -76,7 +75,9 @@ pub enum DriveError {
     #[error("the drives were told to move while their power is off; send `enable` first")]
     NotPowered,
     /// A position was NaN or infinite.
-    #[error("actuator {actuator} was told to go to {found_m} m, expected a finite position; the command was not executed")]
+    #[error(
+        "actuator {actuator} was told to go to {found_m} m, expected a finite position; the command was not executed"
+    )]
     NotFinite {
         /// Which, from 1.
         actuator: usize,

@@ -1,0 +1,155 @@
+//! The slave's configuration, checked before anything moves.
+
+use crate::{Limits, TruthError};
+use krait_ipc::WaitMode;
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// Everything that can be chosen about the slave. A key that is left out keeps its default.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SlaveConfig {
+    /// Truth file of the simulated snake; none: the built-in default snake (`slave/truth/default.toml`).
+    pub truth: Option<PathBuf>,
+    /// How the slave waits for commands. Default blocking: cores are shared.
+    pub wait: WaitMode,
+    /// Whether the first `enable` also begins the search for zero. Default true.
+    pub home_on_start: bool,
+    /// Time without an acceptable command after which the slave is held, ms; 5 to 1000. Default 50 ms: longer than a
+    /// scheduling hiccup, shorter than a surgeon's reaction.
+    pub watchdog_ms: f64,
+    /// How hard the slave brakes when it stops by itself, m/s2; 0.05 to 20. Default 1 m/s2: the largest speed is gone
+    /// after 30 ms and 0.45 mm, a hand's usual 3 mm/s after 3 ms and 5 um.
+    pub deceleration_m_per_s2: f64,
+    /// Limits of the machine.
+    pub limits: Limits,
+}
+
+impl Default for SlaveConfig {
+    fn default() -> Self {
+        Self {
+            truth: None,
+            wait: WaitMode::Blocking,
+            home_on_start: true,
+            watchdog_ms: 50.0,
+            deceleration_m_per_s2: 1.0,
+            limits: Limits::default(),
+        }
+    }
+}
+
+/// The configuration was refused.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ConfigError {
+    /// A value outside its range.
+    #[error(
+        "slave configuration: {key} is {found}, expected {low} to {high}; correct it, or delete it to use the default"
+    )]
+    OutOfRange {
+        /// The key.
+        key: &'static str,
+        /// Smallest allowed value.
+        low: f64,
+        /// Largest allowed value.
+        high: f64,
+        /// The value found.
+        found: f64,
+    },
+    /// A stop would outlast the watchdog.
+    #[error(
+        "slave configuration: stopping from limits.rate_m_per_s {rate_m_per_s} at deceleration_m_per_s2 {deceleration_m_per_s2} takes {stop_ms:.1} ms, expected less than watchdog_ms {watchdog_ms} less 2 ms; raise the deceleration or the watchdog"
+    )]
+    StopTooLong {
+        /// Largest speed, m/s.
+        rate_m_per_s: f64,
+        /// Deceleration, m/s2.
+        deceleration_m_per_s2: f64,
+        /// How long the stop takes, ms.
+        stop_ms: f64,
+        /// The watchdog's limit, ms.
+        watchdog_ms: f64,
+    },
+    /// The limiter would allow what the simulated drives cannot do.
+    #[error(
+        "slave configuration: limits.stroke_m is {stroke_m}, expected at most the travel {travel_m} m of the simulated drives; lower it, or raise drive.travel_m in the truth file"
+    )]
+    StrokeBeyondTravel {
+        /// The limit, m.
+        stroke_m: f64,
+        /// Distance of the hard stops, m.
+        travel_m: f64,
+    },
+    /// The truth file was refused.
+    #[error(transparent)]
+    Truth(#[from] TruthError),
+}
+
+impl SlaveConfig {
+    /// Checks every value and that the values fit each other.
+    ///
+    /// # Errors
+    /// [`ConfigError::OutOfRange`] or [`ConfigError::StopTooLong`].
+    pub fn check(&self) -> Result<(), ConfigError> {
+        let l = &self.limits;
+        let ranges = [
+            ("watchdog_ms", self.watchdog_ms, 5.0, 1000.0),
+            ("deceleration_m_per_s2", self.deceleration_m_per_s2, 0.05, 20.0),
+            ("limits.stroke_m", l.stroke_m, 1e-4, 0.02),
+            ("limits.rate_m_per_s", l.rate_m_per_s, 1e-4, 0.5),
+            ("limits.load_n", l.load_n, 1.0, 500.0),
+            ("limits.step_m", l.step_m, 1e-5, 5e-3),
+            ("limits.engage_m", l.engage_m, 1e-6, l.step_m),
+            ("limits.command_age_ms", l.command_age_ms, 1.0, 1000.0),
+            ("limits.following_error_m", l.following_error_m, 1e-5, 5e-3),
+        ];
+        for (key, found, low, high) in ranges {
+            // Written so that NaN is out of range.
+            if !(low..=high).contains(&found) {
+                return Err(ConfigError::OutOfRange { key, low, high, found });
+            }
+        }
+        let stop_ms = 1e3 * l.rate_m_per_s / self.deceleration_m_per_s2;
+        if stop_ms + 2.0 > self.watchdog_ms {
+            return Err(ConfigError::StopTooLong {
+                rate_m_per_s: l.rate_m_per_s,
+                deceleration_m_per_s2: self.deceleration_m_per_s2,
+                stop_ms,
+                watchdog_ms: self.watchdog_ms,
+            });
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_default_configuration_is_in_range_and_an_empty_text_gives_it() {
+        SlaveConfig::default().check().unwrap();
+        assert_eq!(toml::from_str::<SlaveConfig>("").unwrap(), SlaveConfig::default());
+    }
+
+    #[test]
+    fn unknown_keys_and_values_out_of_range_are_refused_by_name() {
+        let sentence = toml::from_str::<SlaveConfig>("watchdog = 3").unwrap_err().to_string();
+        assert!(sentence.contains("watchdog_ms"), "{sentence}");
+        for (text, key) in [
+            ("watchdog_ms = 0.0", "watchdog_ms"),
+            ("watchdog_ms = nan", "watchdog_ms"),
+            ("[limits]\nload_n = -1.0", "limits.load_n"),
+            ("[limits]\nengage_m = 0.001", "limits.engage_m"),
+        ] {
+            let config: SlaveConfig = toml::from_str(text).unwrap();
+            let sentence = config.check().unwrap_err().to_string();
+            assert!(sentence.contains(key), "{sentence}");
+        }
+    }
+
+    #[test]
+    fn a_stop_that_outlasts_the_watchdog_is_refused() {
+        let config = SlaveConfig { watchdog_ms: 20.0, ..SlaveConfig::default() };
+        assert!(matches!(config.check(), Err(ConfigError::StopTooLong { .. })));
+    }
+}

@@ -1,0 +1,72 @@
+//! What the slave says of itself after each step: encoders, setpoint, state, and the reasons that hold.
+
+use crate::{Drive, DriveError, Findings, SlaveCore};
+use krait_ipc::message::{OperatingState, SlaveState};
+
+impl<D: Drive> SlaveCore<D> {
+    /// Reads the drives and sums up the slave at `now_ns`. If the newest command has just been executed, `now_ns` is when
+    /// its drive write was finished.
+    ///
+    /// # Real-time
+    /// No allocation, no blocking, no clock.
+    pub fn report(&mut self, now_ns: i64) -> SlaveState {
+        if self.is_unstamped {
+            self.stamps.drive_written_ns = now_ns;
+            self.is_unstamped = false;
+        }
+        self.read(now_ns);
+        self.check_following(now_ns);
+        self.sequence += 1;
+        SlaveState {
+            sequence: self.sequence,
+            sample_ns: now_ns,
+            stamps: self.stamps,
+            command_sequence: self.command_sequence,
+            operating_state: self.machine.state() as u32,
+            flags: self.flags(),
+            setpoint_q_m: self.setpoint_q_m,
+            setpoint_bend_rad: self.setpoint_bend_rad,
+            measured_q_m: self.reading.q_tilde_m,
+            measured_tau_n: self.reading.tau_n,
+            reasons: self.findings(now_ns).reasons().bits(),
+            n_commands: self.n_commands,
+            n_refused: self.n_refused,
+        }
+    }
+
+    /// The reasons that hold at `now_ns`, with their worst values: those of the newest command and the standing ones.
+    pub fn findings(&self, now_ns: i64) -> Findings {
+        let mut standing = Findings::default();
+        self.insert_standing_reasons(now_ns, &mut standing);
+        // What was wrong with a command of long ago does not hold any more; that there is none since then does.
+        let since_ms = now_ns.saturating_sub(self.last_command_ns) as f64 * 1e-6;
+        if since_ms > self.watchdog.limit_ms() { standing } else { standing.merged(&self.command_findings) }
+    }
+
+    /// The drive's failure that led to FAULT, if that is the state.
+    pub fn drive_error(&self) -> Option<DriveError> {
+        self.drive_error
+    }
+
+    /// Drives that hold power but are not where they were told to be have lost their way.
+    fn check_following(&mut self, now_ns: i64) {
+        let powered = matches!(self.machine.state(), OperatingState::Enabled | OperatingState::Paused);
+        if powered && self.following_error_m() > self.following_error_limit_m() {
+            self.fault(DriveError::Failed { what: "the encoders are not where the drives were told to be" }, now_ns);
+        }
+    }
+
+    fn flags(&self) -> u32 {
+        let mut flags = 0;
+        if self.machine.is_homed() {
+            flags |= SlaveState::IS_HOMED;
+        }
+        if self.machine.is_busy() {
+            flags |= SlaveState::IS_BUSY;
+        }
+        if self.is_whole {
+            flags |= SlaveState::FOLLOWING;
+        }
+        flags
+    }
+}

@@ -1,0 +1,201 @@
+//! CRTK's operating state: which of the four meta-states holds, and which commands are valid in it.
+//!
+//! | state \ command | enable | disable | pause | resume | home | unhome |
+//! |---|---|---|---|---|---|---|
+//! | DISABLED | ENABLED | DISABLED | refused | refused | refused: needs power | DISABLED |
+//! | ENABLED | ENABLED | DISABLED | PAUSED | refused | ENABLED, busy | ENABLED |
+//! | PAUSED | refused | DISABLED | PAUSED | ENABLED | refused: may not move | PAUSED |
+//! | FAULT | ENABLED (retry) | DISABLED (retry) | refused | refused | refused | refused |
+//!
+//! A command that leaves ENABLED, and `unhome`, end a search for zero that is under way, without a zero. A fault forgets
+//! the zero: what a faulted drive says about it is not trusted. No command enters FAULT.
+
+use krait_ipc::message::{OperatingState, Transition};
+
+/// The operating state with CRTK's modes `is_homed` and `is_busy`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct OperatingMachine {
+    state: OperatingState,
+    homed: bool,
+    busy: bool,
+}
+
+/// A command that is not valid in the present state; nothing has changed.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum TransitionRefused {
+    /// CRTK's table has no such transition.
+    #[error("`{}` is not valid in {}, so nothing changed; {advice}", .transition.name(), .state.name())]
+    Invalid {
+        /// What was asked for.
+        transition: Transition,
+        /// The state that stays.
+        state: OperatingState,
+        /// What to do.
+        advice: &'static str,
+    },
+    /// The number names no command.
+    #[error("state command number {found} is unknown, expected 0 to 5, so nothing changed; check the sender's version")]
+    Unknown {
+        /// The number found.
+        found: u32,
+    },
+    /// The drives refused what the transition needs.
+    #[error("the transition failed and the slave is in FAULT: {0}")]
+    Drive(#[from] crate::DriveError),
+}
+
+impl Default for OperatingMachine {
+    fn default() -> Self {
+        Self { state: OperatingState::Disabled, homed: false, busy: false }
+    }
+}
+
+impl OperatingMachine {
+    /// The meta-state.
+    pub fn state(&self) -> OperatingState {
+        self.state
+    }
+
+    /// Whether the drives know their zero.
+    pub fn is_homed(&self) -> bool {
+        self.homed
+    }
+
+    /// Whether a search for zero is under way.
+    pub fn is_busy(&self) -> bool {
+        self.busy
+    }
+
+    /// Whether commands may be executed: Enabled, homed and not busy.
+    pub fn is_ready(&self) -> bool {
+        self.state == OperatingState::Enabled && self.homed && !self.busy
+    }
+
+    /// Executes a command, or says why not and changes nothing.
+    ///
+    /// # Errors
+    /// [`TransitionRefused::Invalid`].
+    pub fn apply(&mut self, transition: Transition) -> Result<(), TransitionRefused> {
+        use OperatingState::{Disabled, Enabled, Fault, Paused};
+        let next = match (self.state, transition) {
+            (Disabled | Enabled | Fault, Transition::Enable) => Enabled,
+            (_, Transition::Disable) => Disabled,
+            (Enabled | Paused, Transition::Pause) => Paused,
+            (Paused, Transition::Resume) => Enabled,
+            (Enabled, Transition::Home) if !self.busy => Enabled,
+            (Disabled | Enabled | Paused, Transition::Unhome) => self.state,
+            (state, transition) => {
+                return Err(TransitionRefused::Invalid { transition, state, advice: advice(state) });
+            }
+        };
+        match transition {
+            Transition::Home => (self.busy, self.homed) = (true, false),
+            Transition::Unhome => (self.busy, self.homed) = (false, false),
+            _ => {}
+        }
+        self.busy &= next == Enabled;
+        self.state = next;
+        Ok(())
+    }
+
+    /// The search for zero has succeeded.
+    pub fn homing_done(&mut self) {
+        if self.busy {
+            (self.busy, self.homed) = (false, true);
+        }
+    }
+
+    /// The drives failed: power is gone until `enable` or `disable` is sent.
+    pub fn fault(&mut self) {
+        *self = Self { state: OperatingState::Fault, homed: false, busy: false };
+    }
+}
+
+fn advice(state: OperatingState) -> &'static str {
+    match state {
+        OperatingState::Disabled => "send `enable` first",
+        OperatingState::Enabled => "the drives are enabled already, or busy homing",
+        OperatingState::Paused => "send `resume` or `disable` first",
+        OperatingState::Fault => "mend the drives, then send `enable` or `disable`",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use OperatingState::{Disabled, Enabled, Fault, Paused};
+    use Transition::{Disable, Enable, Home, Pause, Resume, Unhome};
+
+    fn machine(state: OperatingState) -> OperatingMachine {
+        OperatingMachine { state, homed: true, busy: false }
+    }
+
+    #[test]
+    fn the_transition_table_of_crtk_holds_in_every_cell() {
+        let table = [
+            (Disabled, [Some(Enabled), Some(Disabled), None, None]),
+            (Enabled, [Some(Enabled), Some(Disabled), Some(Paused), None]),
+            (Paused, [None, Some(Disabled), Some(Paused), Some(Enabled)]),
+            (Fault, [Some(Enabled), Some(Disabled), None, None]),
+        ];
+        for (state, row) in table {
+            for (transition, expected) in [Enable, Disable, Pause, Resume].into_iter().zip(row) {
+                let mut m = machine(state);
+                let result = m.apply(transition);
+                assert_eq!(result.is_ok(), expected.is_some(), "{state:?} {transition:?}");
+                assert_eq!(m, machine(expected.unwrap_or(state)), "{state:?} {transition:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn an_invalid_transition_is_answered_by_a_sentence_and_changes_nothing() {
+        for state in [Disabled, Enabled, Paused, Fault] {
+            for transition in Transition::ALL {
+                let mut m = machine(state);
+                if let Err(refused) = m.apply(transition) {
+                    assert_eq!(m, machine(state));
+                    let sentence = refused.to_string();
+                    assert!(sentence.contains(transition.name()) && sentence.contains(state.name()), "{sentence}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn homing_needs_power_makes_busy_and_ends_homed() {
+        assert!(machine(Disabled).apply(Home).is_err());
+        assert!(machine(Paused).apply(Home).is_err());
+        let mut m = OperatingMachine::default();
+        m.apply(Enable).unwrap();
+        assert!(!m.is_ready());
+        m.apply(Home).unwrap();
+        assert!(m.is_busy() && !m.is_homed() && !m.is_ready());
+        assert!(m.apply(Home).is_err(), "one search at a time");
+        m.homing_done();
+        assert!(m.is_ready() && !m.is_busy());
+        m.apply(Unhome).unwrap();
+        assert!(!m.is_homed() && !m.is_ready());
+    }
+
+    #[test]
+    fn what_leaves_enabled_ends_a_search_without_a_zero() {
+        for transition in [Disable, Pause, Unhome] {
+            let mut m = machine(Enabled);
+            m.apply(Home).unwrap();
+            m.apply(transition).unwrap();
+            m.homing_done();
+            assert!(!m.is_busy() && !m.is_homed(), "{transition:?}");
+        }
+    }
+
+    #[test]
+    fn a_fault_forgets_the_zero_and_is_left_by_retry_only() {
+        let mut m = machine(Enabled);
+        m.fault();
+        assert!(!m.is_homed());
+        assert!(m.apply(Pause).is_err() && m.apply(Resume).is_err() && m.apply(Home).is_err());
+        m.apply(Enable).unwrap();
+        assert_eq!(m.state(), Enabled);
+    }
+}

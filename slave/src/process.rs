@@ -1,0 +1,225 @@
+//! The slave as a process: a thin loop that takes commands from shared memory, writes the drives first and reports after.
+
+use crate::slave_core::GAP_NS;
+use crate::{ConfigError, Drive, SimulatedSnake, SlaveConfig, SlaveCore, Truth};
+use core::f64::consts::FRAC_PI_2;
+use core::sync::atomic::{AtomicBool, Ordering};
+use core::time::Duration;
+use krait_ipc::clock::monotonic_ns;
+use krait_ipc::message::{Command, OperatingState, Shape, SlaveState, StateCommand, Transition};
+use krait_ipc::{Bus, HealthReporter, IpcError, ReadOptions, Reader, Writer};
+
+/// Housekeeping, and reports while no commands come: 1 kHz.
+const TICK_NS: i64 = 1_000_000;
+/// A stop is over within the watchdog's time; a little more, and the power goes off whatever moves.
+const STOP_PATIENCE_NS: i64 = 1_000_000_000;
+/// Refusals come a thousand a second; the log gets one a second.
+const REFUSAL_LOG_NS: i64 = 1_000_000_000;
+
+/// The slave could not start or go on. It has stopped the drives and taken their power away.
+#[derive(Debug, thiserror::Error)]
+pub enum SlaveError {
+    /// The configuration or the truth file was refused.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// A channel failed.
+    #[error(transparent)]
+    Ipc(#[from] IpcError),
+}
+
+/// Runs the slave on the simulated snake until `stop`: publishes `SlaveState` at 1 kHz or with every command, `Shape` at the
+/// rate of the camera, and health ten times a second, the first of which says that it is ready.
+///
+/// # Errors
+/// [`SlaveError`]; whatever happens the drives are stopped smoothly and disabled first.
+pub fn run(bus: &Bus, config: &SlaveConfig, stop: &AtomicBool) -> Result<(), SlaveError> {
+    let truth = match &config.truth {
+        Some(path) => Truth::load(path).map_err(ConfigError::from)?,
+        None => Truth::default(),
+    };
+    let (stroke_m, travel_m) = (config.limits.stroke_m, truth.drive.travel_m);
+    if stroke_m > travel_m {
+        return Err(ConfigError::StrokeBeyondTravel { stroke_m, travel_m }.into());
+    }
+    run_with_drive(bus, config, SimulatedSnake::new(&truth), stop)
+}
+
+/// The same on any drive.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_with_drive<D: Drive>(
+    bus: &Bus,
+    config: &SlaveConfig,
+    drive: D,
+    stop: &AtomicBool,
+) -> Result<(), SlaveError> {
+    config.check()?;
+    let mut process = Process::open(bus, config, drive)?;
+    process.health.publish(monotonic_ns())?;
+    tracing::info!("the slave is ready");
+    let served = process.serve(stop);
+    let ended = process.end();
+    served.and(ended)?;
+    Ok(())
+}
+
+struct Process<D> {
+    core: SlaveCore<D>,
+    commands: Reader<Command>,
+    state_commands: Reader<StateCommand>,
+    states: Writer<SlaveState>,
+    shapes: Writer<Shape>,
+    health: HealthReporter,
+    n_shapes: u64,
+    tick_due_ns: i64,
+    report_due_ns: i64,
+    log: TransitionLog,
+}
+
+impl<D: Drive> Process<D> {
+    fn open(bus: &Bus, config: &SlaveConfig, drive: D) -> Result<Self, IpcError> {
+        Ok(Self {
+            core: SlaveCore::new(drive, config),
+            commands: bus.reader(ReadOptions::waking().with_mode(config.wait))?,
+            state_commands: bus.reader(ReadOptions::glancing())?,
+            states: bus.writer()?,
+            shapes: bus.writer()?,
+            health: HealthReporter::open(bus, "slave")?,
+            n_shapes: 0,
+            tick_due_ns: 0,
+            report_due_ns: 0,
+            log: TransitionLog::default(),
+        })
+    }
+
+    fn serve(&mut self, stop: &AtomicBool) -> Result<(), IpcError> {
+        while !stop.load(Ordering::Relaxed) {
+            let until_due_ns = self.tick_due_ns.min(self.report_due_ns).saturating_sub(monotonic_ns()).max(0);
+            self.commands.wait(Duration::from_nanos(until_due_ns.unsigned_abs()))?;
+            while let Some(command) = self.commands.take()? {
+                // The drives come first: everything else in this loop can wait.
+                self.core.on_command(&command, monotonic_ns());
+                drop(command);
+                self.report(GAP_NS)?;
+            }
+            self.take_state_commands()?;
+            self.keep_house(monotonic_ns())?;
+        }
+        Ok(())
+    }
+
+    fn take_state_commands(&mut self) -> Result<(), IpcError> {
+        while let Some(command) = self.state_commands.take()? {
+            let result = self.core.on_state_command(&command, monotonic_ns());
+            if let Err(refused) = result {
+                tracing::warn!(sender_pid = command.sender_pid, "{refused}");
+            }
+            drop(command);
+            self.report(TICK_NS)?;
+        }
+        Ok(())
+    }
+
+    /// What happens with commands or without.
+    fn keep_house(&mut self, now_ns: i64) -> Result<(), IpcError> {
+        if now_ns >= self.tick_due_ns {
+            self.core.on_tick(now_ns);
+            self.tick_due_ns = now_ns + TICK_NS;
+        }
+        if now_ns >= self.report_due_ns {
+            self.report(TICK_NS)?;
+        }
+        if let Some(shape) = self.core.drive_mut().shape(now_ns) {
+            self.n_shapes += 1;
+            let [x, y] = shape.bend_rad;
+            self.shapes.send(&Shape {
+                sequence: self.n_shapes,
+                sample_ns: shape.exposure_ns,
+                available_ns: now_ns,
+                bend_rad: shape.bend_rad,
+                theta_l_rad: FRAC_PI_2 - x.hypot(y),
+                delta_rad: y.atan2(x),
+                sigma_bend_rad: shape.sigma_bend_rad,
+                q_tilde_m: shape.q_tilde_m,
+            })?;
+        }
+        self.count();
+        self.health.publish_if_due(now_ns)
+    }
+
+    /// Publishes the slave's state; the next report without a command is due after `quiet_ns`.
+    fn report(&mut self, quiet_ns: i64) -> Result<(), IpcError> {
+        let now_ns = monotonic_ns();
+        let state = self.core.report(now_ns);
+        self.states.send(&state)?;
+        self.core.findings(now_ns).tell(self.health.health_mut());
+        self.report_due_ns = now_ns + quiet_ns;
+        self.log.look(&self.core, &state);
+        Ok(())
+    }
+
+    fn count(&mut self) {
+        self.health.count_readers(&[self.commands.counts(), self.state_commands.counts()]);
+        let health = self.health.health_mut();
+        health.n_sent = self.states.n_sent() + self.shapes.n_sent();
+        health.n_refused = self.core.n_refused + self.commands.n_out_of_order();
+    }
+
+    /// Brings the motion to rest, removes power, says farewell. Goes on where a channel fails: the drives matter more.
+    fn end(&mut self) -> Result<(), IpcError> {
+        self.core.hold();
+        let mut result = Ok(());
+        let give_up_ns = monotonic_ns() + STOP_PATIENCE_NS;
+        while !self.core.is_still() && monotonic_ns() < give_up_ns {
+            std::thread::sleep(Duration::from_millis(1));
+            self.core.on_tick(monotonic_ns());
+            result = result.and(self.report(TICK_NS));
+        }
+        if let Err(refused) = self.core.transition(Transition::Disable, monotonic_ns()) {
+            tracing::error!("{refused}");
+        }
+        result = result.and(self.report(TICK_NS));
+        self.count();
+        tracing::info!("the slave has stopped and is disabled");
+        result.and(self.health.publish(monotonic_ns()))
+    }
+}
+
+/// Remembers what was logged last, so that the log gets transitions and not samples.
+#[derive(Default)]
+struct TransitionLog {
+    state: Option<OperatingState>,
+    homed: bool,
+    following: bool,
+    n_refused: u64,
+    refusal_due_ns: i64,
+}
+
+impl TransitionLog {
+    fn look<D: Drive>(&mut self, core: &SlaveCore<D>, report: &SlaveState) {
+        let state = core.machine.state();
+        if self.state.replace(state) != Some(state) {
+            match core.drive_error() {
+                Some(error) if state == OperatingState::Fault => tracing::error!("the slave is in FAULT: {error}"),
+                _ => tracing::info!("the slave is {}", state.name()),
+            }
+        }
+        let homed = core.machine.is_homed();
+        if core::mem::replace(&mut self.homed, homed) != homed {
+            tracing::info!("the drives {}", if homed { "found their zero" } else { "forgot their zero" });
+        }
+        let following = core.is_following();
+        if core::mem::replace(&mut self.following, following) != following {
+            tracing::info!("the slave {}", if following { "follows" } else { "holds" });
+        }
+        if core.n_refused > self.n_refused && report.sample_ns >= self.refusal_due_ns {
+            let findings = core.findings(report.sample_ns);
+            for reason in findings.reasons().iter() {
+                tracing::warn!(note = ?findings.note_of(reason), "{}", reason.sentence());
+            }
+            self.n_refused = core.n_refused;
+            self.refusal_due_ns = report.sample_ns + REFUSAL_LOG_NS;
+        }
+    }
+}

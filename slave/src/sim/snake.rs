@@ -1,0 +1,196 @@
+//! The simulated snake as a drive: plant, encoders, line loads and camera behind the trait that hardware implements.
+
+use super::camera::Camera;
+use super::noise::Noise;
+use super::plant::Plant;
+use super::truth::Truth;
+use crate::drive::{Drive, DriveError, DriveReading, Homing, ShapeReading};
+
+/// Longest time that one step of the search for zero accounts for: a search that was not continued does not jump.
+const MAX_HOME_STEP_NS: i64 = 5_000_000;
+
+/// A snake that exists only in numbers. It starts straight, unloaded, without power.
+#[derive(Clone, Debug)]
+pub struct SimulatedSnake {
+    plant: Plant,
+    camera: Camera,
+    encoder_noise: Noise,
+    encoder_resolution_m: f64,
+    encoder_noise_m: f64,
+    travel_m: f64,
+    home_speed_m_per_s: f64,
+    powered: bool,
+    stamp_ns: i64,
+}
+
+impl SimulatedSnake {
+    /// The straight snake of a truth that has been checked ([`Truth::check`]).
+    pub fn new(truth: &Truth) -> Self {
+        Self {
+            plant: Plant::new(truth),
+            camera: Camera::new(&truth.camera),
+            encoder_noise: Noise::new(truth.camera.seed, 2),
+            encoder_resolution_m: truth.drive.encoder_resolution_m,
+            encoder_noise_m: truth.drive.encoder_noise_m,
+            travel_m: truth.drive.travel_m,
+            home_speed_m_per_s: truth.drive.home_speed_m_per_s,
+            powered: false,
+            stamp_ns: i64::MIN,
+        }
+    }
+
+    /// The true bend vector, rad: what no sensor tells exactly.
+    pub fn bend_rad(&self) -> [f64; 2] {
+        self.plant.bend_rad()
+    }
+
+    /// The true actuator positions q~, m.
+    pub fn q_tilde_m(&self) -> [f64; 3] {
+        self.plant.q_tilde_m()
+    }
+
+    /// The true line loads at the actuators, N, push positive.
+    pub fn actuator_loads_n(&self) -> [f64; 3] {
+        self.plant.actuator_loads_n()
+    }
+
+    /// Equilibria that did not converge; 0 unless the truth is extreme.
+    pub fn n_unsolved(&self) -> u64 {
+        self.plant.n_unsolved()
+    }
+
+    fn check(&self, q_tilde_m: [f64; 3]) -> Result<(), DriveError> {
+        if !self.powered {
+            return Err(DriveError::NotPowered);
+        }
+        for (idx, found_m) in q_tilde_m.into_iter().enumerate() {
+            let actuator = idx + 1;
+            if !found_m.is_finite() {
+                return Err(DriveError::NotFinite { actuator, found_m });
+            }
+            if found_m.abs() > self.travel_m {
+                return Err(DriveError::OutOfTravel { actuator, found_m, limit_m: self.travel_m });
+            }
+        }
+        Ok(())
+    }
+
+    fn quantised(&self, position_m: f64) -> f64 {
+        if self.encoder_resolution_m > 0.0 {
+            (position_m / self.encoder_resolution_m).round() * self.encoder_resolution_m
+        } else {
+            position_m
+        }
+    }
+
+    /// The camera sees the snake as it stood until now.
+    fn observe(&mut self, stamp_ns: i64) {
+        self.stamp_ns = self.stamp_ns.max(stamp_ns);
+        let q_tilde_m = self.plant.q_tilde_m().map(|q| self.quantised(q));
+        self.camera.observe(self.stamp_ns, self.plant.bend_rad(), q_tilde_m);
+    }
+}
+
+impl Drive for SimulatedSnake {
+    fn write(&mut self, stamp_ns: i64, q_tilde_m: [f64; 3]) -> Result<(), DriveError> {
+        self.check(q_tilde_m)?;
+        self.observe(stamp_ns);
+        self.plant.move_to(q_tilde_m);
+        Ok(())
+    }
+
+    fn read(&mut self, _stamp_ns: i64) -> Result<DriveReading, DriveError> {
+        let mut q_tilde_m = self.plant.q_tilde_m();
+        if self.encoder_noise_m > 0.0 {
+            let ([a, b], [c, _]) = (self.encoder_noise.pair(), self.encoder_noise.pair());
+            for (q, noise) in q_tilde_m.iter_mut().zip([a, b, c]) {
+                *q += self.encoder_noise_m * noise;
+            }
+        }
+        Ok(DriveReading { q_tilde_m: q_tilde_m.map(|q| self.quantised(q)), tau_n: self.plant.actuator_loads_n() })
+    }
+
+    fn home(&mut self, stamp_ns: i64) -> Result<Homing, DriveError> {
+        let from = self.plant.q_tilde_m();
+        self.check(from)?;
+        let elapsed_ns = stamp_ns.saturating_sub(self.stamp_ns).clamp(0, MAX_HOME_STEP_NS);
+        self.observe(stamp_ns);
+        let farthest_m = from.iter().fold(0.0_f64, |m, q| m.max(q.abs()));
+        let step_m = self.home_speed_m_per_s * elapsed_ns as f64 * 1e-9;
+        if farthest_m <= step_m {
+            self.plant.move_to([0.0; 3]);
+            return Ok(Homing::Done);
+        }
+        // One factor for all three: the snake straightens in its plane.
+        self.plant.move_to(from.map(|q| q * (1.0 - step_m / farthest_m)));
+        Ok(Homing::Busy)
+    }
+
+    fn set_power(&mut self, _stamp_ns: i64, on: bool) -> Result<(), DriveError> {
+        self.powered = on;
+        Ok(())
+    }
+
+    fn shape(&mut self, stamp_ns: i64) -> Option<ShapeReading> {
+        self.observe(stamp_ns);
+        self.camera.take(stamp_ns)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn powered() -> SimulatedSnake {
+        let mut snake = SimulatedSnake::new(&Truth::default());
+        snake.set_power(0, true).unwrap();
+        snake
+    }
+
+    #[test]
+    fn a_write_without_power_is_refused_and_moves_nothing() {
+        let mut snake = SimulatedSnake::new(&Truth::default());
+        let before = snake.read(0).unwrap();
+        assert_eq!(snake.write(0, [1e-3, -5e-4, -5e-4]), Err(DriveError::NotPowered));
+        assert_eq!(snake.read(0).unwrap(), before);
+    }
+
+    #[test]
+    fn a_write_beyond_the_hard_stops_or_not_finite_is_refused_and_moves_nothing() {
+        let mut snake = powered();
+        let error = snake.write(0, [0.0, 9e-3, 0.0]).unwrap_err();
+        assert_eq!(error, DriveError::OutOfTravel { actuator: 2, found_m: 9e-3, limit_m: 8e-3 });
+        assert!(matches!(snake.write(0, [0.0, 0.0, f64::NAN]), Err(DriveError::NotFinite { actuator: 3, .. })));
+        assert_eq!(snake.q_tilde_m(), [0.0; 3]);
+    }
+
+    #[test]
+    fn encoders_are_quantised_and_noisy_as_the_truth_says() {
+        let mut truth = Truth::default();
+        truth.drive.encoder_noise_m = 5e-6;
+        let mut snake = SimulatedSnake::new(&truth);
+        let readings: Vec<f64> = (0..1000).map(|k| snake.read(k).unwrap().q_tilde_m[0]).collect();
+        let sd = (readings.iter().map(|q| q * q).sum::<f64>() / 1000.0).sqrt();
+        assert!((sd / 5e-6 - 1.0).abs() < 0.1, "sd {sd}");
+        for q in readings {
+            assert!((q * 1e6 - (q * 1e6).round()).abs() < 1e-6, "{q} is no whole micrometre");
+        }
+    }
+
+    #[test]
+    fn homing_brings_a_bent_snake_to_its_zero_at_the_homing_speed() {
+        let mut snake = powered();
+        snake.write(0, [1e-3, -5e-4, -5e-4]).unwrap();
+        let mut stamp_ns = 0;
+        let mut n_busy = 0;
+        loop {
+            stamp_ns += 1_000_000;
+            if snake.home(stamp_ns).unwrap() == Homing::Done {
+                break;
+            }
+            n_busy += 1;
+        }
+        assert_eq!(snake.q_tilde_m(), [0.0; 3]);
+        assert!((198..=200).contains(&n_busy), "1 mm at 5 mm/s in steps of 1 ms: {n_busy}");
+    }
+}

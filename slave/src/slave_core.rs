@@ -1,0 +1,319 @@
+//! The slave without its process: commands, state commands and ticks in, motion of the drives and reports out.
+//!
+//! Every method is a pure step on this state and the drive behind it; time is an argument. Rules that hold throughout:
+//! - The drives move only when Enabled, homed and not busy, for a command that the limiter accepts and that follows the
+//!   operator; and while a motion is being brought to rest.
+//! - After every hold (start, enable, pause, home, stale commands, a command that asks to stand still) the first command
+//!   that is executed begins at the setpoint.
+//! - When commands stop coming in motion, the slave begins to brake at once, long before the watchdog declares them stale:
+//!   so it is at rest within the watchdog's time.
+//! - The setpoint is seeded from the encoders when power comes on and when homing ends, because nothing else knows where
+//!   the actuators are; after a pause and after stale commands it stays what was commanded, because the drives still hold
+//!   that against their load.
+
+use crate::limiter::largest;
+use crate::{
+    Drive, DriveError, DriveReading, Findings, Homing, Limiter, OperatingMachine, Situation, SlaveConfig, SmoothStop,
+    TransitionRefused, Verdict, Watchdog,
+};
+use krait_ipc::Reason;
+use krait_ipc::message::{Command, HopStamps, OperatingState, StateCommand, Transition};
+
+/// Commands come every millisecond; half a period more without one and the slave begins to brake, ns.
+pub(crate) const GAP_NS: i64 = 1_500_000;
+/// Longest time that one step of braking accounts for, ns: a slave that was itself held up must not leap.
+const MAX_BRAKE_STEP_NS: i64 = 5_000_000;
+
+/// The slave's state and the drive it owns.
+#[derive(Debug)]
+pub struct SlaveCore<D> {
+    pub(crate) drive: D,
+    pub(crate) machine: OperatingMachine,
+    limiter: Limiter,
+    pub(crate) watchdog: Watchdog,
+    stop: SmoothStop,
+    home_on_start: bool,
+    motion: Motion,
+    pub(crate) setpoint_q_m: [f64; 3],
+    pub(crate) setpoint_bend_rad: [f64; 2],
+    pub(crate) reading: DriveReading,
+    last_write_ns: i64,
+    pub(crate) stamps: HopStamps,
+    pub(crate) is_unstamped: bool,
+    pub(crate) command_sequence: u64,
+    pub(crate) is_whole: bool,
+    /// What the newest command met.
+    pub(crate) command_findings: Findings,
+    pub(crate) drive_error: Option<DriveError>,
+    pub(crate) sequence: u64,
+    pub(crate) n_commands: u64,
+    pub(crate) n_refused: u64,
+    pub(crate) last_command_ns: i64,
+}
+
+/// Whether commands are executed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Motion {
+    /// Standing at the setpoint, or braking towards one: the next executed command must begin there.
+    Held,
+    /// Executing commands as they come.
+    Following,
+}
+
+impl<D: Drive> SlaveCore<D> {
+    /// A slave that is Disabled and does not know its zero. The configuration must have been checked.
+    pub fn new(drive: D, config: &SlaveConfig) -> Self {
+        Self {
+            drive,
+            machine: OperatingMachine::default(),
+            limiter: Limiter::new(config.limits.clone()),
+            watchdog: Watchdog::new(config.watchdog_ms),
+            stop: SmoothStop::new(config.deceleration_m_per_s2),
+            home_on_start: config.home_on_start,
+            motion: Motion::Held,
+            setpoint_q_m: [0.0; 3],
+            setpoint_bend_rad: [0.0; 2],
+            reading: DriveReading { q_tilde_m: [f64::NAN; 3], tau_n: [f64::NAN; 3] },
+            last_write_ns: 0,
+            stamps: HopStamps::default(),
+            is_unstamped: false,
+            command_sequence: 0,
+            is_whole: false,
+            command_findings: Findings::default(),
+            drive_error: None,
+            sequence: 0,
+            n_commands: 0,
+            n_refused: 0,
+            last_command_ns: 0,
+        }
+    }
+
+    /// The drive.
+    pub fn drive(&self) -> &D {
+        &self.drive
+    }
+
+    /// The drive, for its camera.
+    pub fn drive_mut(&mut self) -> &mut D {
+        &mut self.drive
+    }
+
+    /// Whether commands are being executed.
+    pub fn is_following(&self) -> bool {
+        self.motion == Motion::Following
+    }
+
+    /// Whether the drives stand still as far as the slave is concerned.
+    pub fn is_still(&self) -> bool {
+        self.stop.is_still()
+    }
+
+    /// Takes a command that was in hand at `now_ns`, and writes the drives if it is to be executed.
+    ///
+    /// # Real-time
+    /// No allocation, no blocking, no clock.
+    pub fn on_command(&mut self, command: &Command, now_ns: i64) {
+        self.n_commands += 1;
+        self.last_command_ns = now_ns;
+        self.hold_if_stale(now_ns);
+        let situation = Situation {
+            now_ns,
+            setpoint_q_m: self.setpoint_q_m,
+            tau_n: self.reading.tau_n,
+            ready: self.machine.is_ready(),
+            following: self.is_following(),
+        };
+        let mut findings = Findings::default();
+        let verdict = self.limiter.judge(command, &situation, &mut findings);
+        self.command_findings = findings;
+        self.is_whole = false;
+        match verdict {
+            Verdict::Refuse => {
+                self.n_refused += 1;
+                self.brake(now_ns);
+            }
+            Verdict::Hold => {
+                self.watchdog.feed(now_ns);
+                self.motion = Motion::Held;
+                self.brake(now_ns);
+            }
+            Verdict::Move { q_m, scale, credit_s } => {
+                self.watchdog.feed(now_ns);
+                let before_m = self.setpoint_q_m;
+                if self.write(q_m, now_ns) {
+                    self.stop.set_velocity(core::array::from_fn(|i| (q_m[i] - before_m[i]) / credit_s));
+                    self.motion = Motion::Following;
+                    self.is_whole = scale >= 1.0;
+                    self.setpoint_bend_rad = command.bend_rad;
+                    self.command_sequence = command.sequence;
+                    self.stamps = HopStamps { slave_begun_ns: now_ns, drive_written_ns: 0, ..command.stamps };
+                    self.is_unstamped = true;
+                }
+            }
+        }
+    }
+
+    /// Executes a change of the operating state.
+    ///
+    /// # Errors
+    /// [`TransitionRefused`]: the state is unchanged, or FAULT if the drives failed.
+    pub fn on_state_command(&mut self, command: &StateCommand, now_ns: i64) -> Result<(), TransitionRefused> {
+        let transition = command.transition().ok_or(TransitionRefused::Unknown { found: command.transition })?;
+        self.transition(transition, now_ns)
+    }
+
+    /// The same for a transition that the process itself wants.
+    ///
+    /// # Errors
+    /// As [`SlaveCore::on_state_command`].
+    pub fn transition(&mut self, transition: Transition, now_ns: i64) -> Result<(), TransitionRefused> {
+        let before = self.machine.state();
+        let mut next = self.machine;
+        next.apply(transition)?;
+        let powers_up = transition == Transition::Enable && before != OperatingState::Enabled;
+        if powers_up || transition == Transition::Disable {
+            if let Err(error) = self.drive.set_power(now_ns, powers_up) {
+                self.fault(error, now_ns);
+                return Err(error.into());
+            }
+            self.stop.set_velocity([0.0; 3]);
+            self.drive_error = None;
+        }
+        self.machine = next;
+        if transition != Transition::Enable || powers_up {
+            self.hold();
+        }
+        if powers_up {
+            self.read(now_ns);
+            if let Some(error) = self.drive_error {
+                return Err(error.into());
+            }
+            self.setpoint_q_m = self.reading.q_tilde_m;
+            if self.home_on_start && !self.machine.is_homed() {
+                self.machine.apply(Transition::Home)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Once a millisecond, commands or not: homing, watchdog, braking.
+    ///
+    /// # Real-time
+    /// No allocation, no blocking, no clock.
+    pub fn on_tick(&mut self, now_ns: i64) {
+        self.hold_if_stale(now_ns);
+        if self.machine.is_busy() && self.is_still() {
+            self.continue_homing(now_ns);
+        } else if !self.is_following() || self.watchdog.age_ns(now_ns).is_none_or(|age| age >= GAP_NS) {
+            self.brake(now_ns);
+        }
+    }
+
+    /// From now on no command is executed; a motion under way is braked by [`SlaveCore::on_tick`].
+    pub fn hold(&mut self) {
+        self.motion = Motion::Held;
+        self.is_whole = false;
+    }
+
+    /// Reads encoders and loads. A drive that does not answer, answers nonsense or is not where it was told to be is a
+    /// fault.
+    pub(crate) fn read(&mut self, now_ns: i64) {
+        match self.drive.read(now_ns) {
+            Ok(reading) if reading.q_tilde_m.into_iter().all(f64::is_finite) => self.reading = reading,
+            Ok(_) => self.fault(DriveError::Failed { what: "an encoder gave no finite position" }, now_ns),
+            Err(error) => self.fault(error, now_ns),
+        }
+    }
+
+    /// Distance of the encoders from the setpoint, m.
+    pub(crate) fn following_error_m(&self) -> f64 {
+        largest(core::array::from_fn(|i| self.reading.q_tilde_m[i] - self.setpoint_q_m[i]))
+    }
+
+    /// The largest such distance that is no fault, m.
+    pub(crate) fn following_error_limit_m(&self) -> f64 {
+        self.limiter.limits().following_error_m
+    }
+
+    /// Takes power away and waits to be told to try again.
+    pub(crate) fn fault(&mut self, error: DriveError, now_ns: i64) {
+        self.hold();
+        self.stop.set_velocity([0.0; 3]);
+        if self.machine.state() != OperatingState::Fault {
+            self.machine.fault();
+            let is_off = self.drive.set_power(now_ns, false).is_ok();
+            // That power could not be removed is worse news than why it should have been.
+            self.drive_error = Some(if is_off {
+                error
+            } else {
+                DriveError::Failed { what: "power could not be removed after a fault" }
+            });
+        }
+    }
+
+    fn hold_if_stale(&mut self, now_ns: i64) {
+        if self.is_following() && self.watchdog.is_stale(now_ns) {
+            self.hold();
+        }
+    }
+
+    fn continue_homing(&mut self, now_ns: i64) {
+        match self.drive.home(now_ns) {
+            Ok(Homing::Busy) => {}
+            Ok(Homing::Done) => {
+                self.machine.homing_done();
+                self.setpoint_bend_rad = [0.0; 2];
+            }
+            Err(error) => return self.fault(error, now_ns),
+        }
+        self.read(now_ns);
+        self.setpoint_q_m = self.reading.q_tilde_m;
+    }
+
+    /// Continues a motion that nobody commands any more, slower and slower.
+    fn brake(&mut self, now_ns: i64) {
+        if self.stop.is_still() {
+            return;
+        }
+        let elapsed_ns = now_ns.saturating_sub(self.last_write_ns).clamp(0, MAX_BRAKE_STEP_NS);
+        let way_m = self.stop.slow_down(elapsed_ns as f64 * 1e-9);
+        let stroke_m = self.limiter.limits().stroke_m;
+        let q_m = core::array::from_fn(|i| {
+            let (from, to) = (self.setpoint_q_m[i], self.setpoint_q_m[i] + way_m[i]);
+            if to.abs() > stroke_m.max(from.abs()) { from } else { to }
+        });
+        self.write(q_m, now_ns);
+    }
+
+    fn write(&mut self, q_m: [f64; 3], now_ns: i64) -> bool {
+        match self.drive.write(now_ns, q_m) {
+            Ok(()) => {
+                self.setpoint_q_m = q_m;
+                self.last_write_ns = now_ns;
+                true
+            }
+            Err(error) => {
+                self.fault(error, now_ns);
+                false
+            }
+        }
+    }
+
+    pub(crate) fn insert_standing_reasons(&self, now_ns: i64, findings: &mut Findings) {
+        if self.machine.state() != OperatingState::Enabled {
+            findings.insert(Reason::SlaveNotEnabled);
+        }
+        if !self.machine.is_homed() {
+            findings.insert(Reason::SlaveNotHomed);
+        }
+        if self.watchdog.is_stale(now_ns) {
+            match self.watchdog.age_ns(now_ns) {
+                Some(age) => findings.note(Reason::CommandStale, age as f64 * 1e-6, self.watchdog.limit_ms()),
+                None => findings.insert(Reason::CommandStale),
+            }
+        }
+        if self.machine.state() == OperatingState::Fault {
+            findings.note(Reason::FollowingError, self.following_error_m(), self.following_error_limit_m());
+        }
+    }
+}
