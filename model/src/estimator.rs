@@ -250,6 +250,6 @@ impl Lines {
     /// +1 or -1 for each line that moves in a known direction, `None` for one in its reversal.
     fn settled_signs(&self) -> [Option<f64>; 3] {
         let signs = self.signs.signs();
-        [0, 1, 2].map(|i| (self.signs.is_known(i) && signs[i].abs() >= SETTLED).then(|| signs[i].signum()))
+        [0, 1, 2].map(|i| (signs[i].abs() >= SETTLED).then(|| signs[i].signum()))
     }
 }

@@ -107,3 +107,20 @@ fn whitened(plain: &[ScaledRow; 2], noise_m: &[Vector2<f64>; 2], n: usize) -> Op
 fn finite(rows: [ScaledRow; 2]) -> Option<[ScaledRow; 2]> {
     rows.iter().all(|row| row.z.is_finite() && row.h.iter().all(|h| h.is_finite())).then_some(rows)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scaled_rows_have_independent_noise_of_variance_one() {
+        let noise_m = [Vector2::new(3e-5, 1e-5), Vector2::new(2e-5, -4e-5)];
+        let row = |z| ScaledRow { h: Vector2::new(z, -z), z };
+        // Each of the two sources of noise as a left side: what comes out is a column of the scaled noise.
+        let by_source = [0, 1].map(|k| whitened(&noise_m.map(|n| row(n[k])), &noise_m, 2).unwrap());
+        let [x, y] = [0, 1].map(|i| Vector2::new(by_source[0][i].z, by_source[1][i].z));
+        assert!((x.norm() - 1.0).abs() < 1e-12 && (y.norm() - 1.0).abs() < 1e-12 && x.dot(&y).abs() < 1e-12);
+        assert!(by_source.iter().flatten().all(|row| row.h == Vector2::new(row.z, -row.z)));
+        assert!(whitened(&[row(1.0), row(1.0)], &[Vector2::zeros(); 2], 2).is_none());
+    }
+}

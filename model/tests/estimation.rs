@@ -200,6 +200,18 @@ fn a_machine_that_has_changed_is_learnt_anew() {
 }
 
 #[test]
+fn fading_memory_follows_a_small_change_that_a_full_memory_averages() {
+    let [fading, full] = [2.0, f64::INFINITY].map(|memory_s| {
+        let mut chain = Loop::new(EstimatorParameters { memory_s, ..EstimatorParameters::default() }, 0.3, 10);
+        chain.run_to(10);
+        chain.plant = Plant::new(Truth { load_scale: 1.25, ..Truth::default() });
+        chain.run_to(20);
+        (chain.estimator.estimate().eta - 1.25).abs()
+    });
+    assert!(fading < 0.01 && full > 1.5 * fading, "{fading} {full}");
+}
+
+#[test]
 fn estimate_stays_within_its_bounds() {
     let parameters = EstimatorParameters { eta_max: 1.1, lambda_max_m: 0.05e-3, ..EstimatorParameters::default() };
     let mut chain = Loop::new(parameters, 0.3, 9);
