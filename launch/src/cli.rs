@@ -9,7 +9,9 @@ use std::path::PathBuf;
 /// Without a subcommand it shows the whole chain at work: `krait demo`.
 #[derive(Debug, Parser)]
 #[command(name = "krait", version, propagate_version = true, subcommand_required = false)]
-#[command(after_help = "Examples:\n  krait                                   the demo, under a minute\n  krait run --master hid                  drive the simulated snake with a SpaceMouse\n  krait run --compensation off            feel what the lines do to the motion\n  krait devices                           which hand controllers are there")]
+#[command(
+    after_help = "Examples:\n  krait                                   the demo, under a minute\n  krait run --master hid                  drive the simulated snake with a SpaceMouse\n  krait run --compensation off            feel what the lines do to the motion\n  krait devices                           which hand controllers are there"
+)]
 pub struct Cli {
     /// Options of every subcommand.
     #[command(flatten)]
@@ -34,10 +36,14 @@ pub struct Common {
 #[derive(Debug, Subcommand)]
 pub enum Verb {
     /// The main job on the simulated snake: the same recorded input three times (off, naive, estimated), and what it showed.
-    #[command(after_help = "Examples:\n  krait demo\n  krait demo --json > demo.json\n  krait demo --seconds 24 --recording runs/today.mcap")]
+    #[command(
+        after_help = "Examples:\n  krait demo\n  krait demo --json > demo.json\n  krait demo --seconds 24 --recording runs/today.mcap"
+    )]
     Demo(DemoArgs),
     /// The chain until Ctrl-C: operator, bridge, actuators, recorder, each a process of its own.
-    #[command(after_help = "Examples:\n  krait run\n  krait run --master hid --compensation estimated\n  krait run --master script --input path.csv --seconds 30\n  krait run --truth stiff.toml --recording runs/stiff.mcap")]
+    #[command(
+        after_help = "Examples:\n  krait run\n  krait run --master hid --compensation estimated\n  krait run --master script --input path.csv --seconds 30\n  krait run --truth stiff.toml --recording runs/stiff.mcap"
+    )]
     Run(RunArgs),
     /// The hand controllers on this machine, and what is missing to use them.
     #[command(after_help = "Example:\n  krait devices --json")]

@@ -69,7 +69,7 @@ impl Config {
         self.compensate.check()?;
         self.estimate.check()?;
         self.slave.check()?;
-        self.record.check()?;
+        self.record.validate()?;
         if self.resolve.max_bend_rad > core::f64::consts::FRAC_PI_2 {
             bail!("[resolve] max_bend_rad = {}: expected at most pi/2", self.resolve.max_bend_rad);
         }

@@ -3,13 +3,19 @@
 mod cli;
 mod commands;
 mod config;
+mod evidence;
+mod print;
+mod progress;
 mod report;
 mod signals;
 mod supervisor;
 mod table;
 
+use anyhow::Context;
 use clap::Parser;
 use cli::{Cli, Verb};
+use krait_ipc::clock;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Exit code for work that could not be done; 1 is for work that was done and found a failure.
@@ -38,6 +44,15 @@ fn main() -> ExitCode {
 #[allow(clippy::print_stderr)]
 fn complain(error: &anyhow::Error) {
     eprintln!("krait: {error:#}");
+}
+
+/// The path of a recording: as given, or by date in `recordings/`; absolute, because the recorder is another process.
+fn recording_path(given: Option<&Path>, what: &str) -> anyhow::Result<PathBuf> {
+    let path = match given {
+        Some(path) => path.to_owned(),
+        None => Path::new("recordings").join(format!("{}-{what}.mcap", krait_record::utc_text(clock::wall_ns()))),
+    };
+    std::path::absolute(&path).with_context(|| format!("recording {}", path.display()))
 }
 
 /// Logs go to standard error: warnings unless KRAIT_LOG says otherwise (the syntax of tracing's filters).

@@ -7,7 +7,7 @@ use crate::cli::MasterKind;
 use crate::config::Config;
 use anyhow::{Context, bail};
 use core::time::Duration;
-use krait_ipc::message::{Health, SlaveState, StateCommand, Transition};
+use krait_ipc::message::{Health, OperatingState, SlaveState, StateCommand, Transition};
 use krait_ipc::{Bus, ReadOptions, Reader, Writer, clock, health_channel};
 use rustix::process::{Pid, Signal, kill_process};
 use std::ffi::OsString;
@@ -112,14 +112,15 @@ impl Supervisor {
         for name in START_ORDER {
             let arguments = if name == "master" { master_arguments(options) } else { Vec::new() };
             self.spawn(name, &config_path, &arguments)?;
+            // One after the other: whoever speaks is heard by everyone from its first word.
+            self.wait_until(&format!("process `{name}` is ready"), stop, |s| s.is_ready(name))?;
         }
-        self.wait_until("every process is ready", stop, |s| s.children.iter().all(|running| s.is_ready(running.name)))?;
-        self.command(Transition::Home)?;
-        self.wait_until("the slave is homed", stop, |s| {
-            s.newest_state.is_some_and(|state| state.flags & SlaveState::IS_HOMED != 0)
-        })?;
         self.command(Transition::Enable)?;
-        self.wait_until("the slave is enabled", stop, |s| s.newest_state.is_some_and(|state| state.is_ready()))
+        self.wait_until("the slave is enabled", stop, |s| {
+            s.newest_state.is_some_and(|state| state.operating() == Some(OperatingState::Enabled))
+        })?;
+        self.command(Transition::Home)?;
+        self.wait_until("the slave is homed", stop, |s| s.newest_state.is_some_and(|state| state.is_ready()))
     }
 
     /// The bus of the instance, to look at its channels.
@@ -129,12 +130,21 @@ impl Supervisor {
 
     /// Names and process ids of what runs now.
     pub fn processes(&self) -> Vec<(&'static str, u32)> {
-        self.children.iter().filter(|running| !running.ended).map(|running| (running.name, running.child.id())).collect()
+        self.children
+            .iter()
+            .filter(|running| !running.ended)
+            .map(|running| (running.name, running.child.id()))
+            .collect()
     }
 
     /// The newest health of a process, if it has said anything.
     pub fn health(&self, process: &str) -> Option<&Health> {
         self.healths.iter().find(|(name, ..)| *name == process).and_then(|(_, _, health)| health.as_ref())
+    }
+
+    /// The newest slave state of the chain that runs or has just ended.
+    pub fn newest_state(&self) -> Option<&SlaveState> {
+        self.newest_state.as_ref()
     }
 
     /// Looks at every channel and every process once.
@@ -146,7 +156,11 @@ impl Supervisor {
         for running in self.children.iter_mut().filter(|running| !running.ended) {
             if let Some(status) = running.child.try_wait().context("a process could not be watched")? {
                 running.ended = true;
-                bail!("the chain was ended because its process `{}` (pid {}) ended: {status}", running.name, running.child.id());
+                bail!(
+                    "the chain was ended because its process `{}` (pid {}) ended: {status}",
+                    running.name,
+                    running.child.id()
+                );
             }
         }
         Ok(())
@@ -189,9 +203,10 @@ impl Supervisor {
                 bail!("stopped before {what}");
             }
             if clock::monotonic_ns() > deadline_ns {
-                let late = self.children.iter().filter(|running| !self.is_ready(running.name));
-                let names = late.map(|running| running.name).collect::<Vec<_>>().join(", ");
-                bail!("not within {} s: {what}; processes that are not ready: {names}", READY_PATIENCE.as_secs());
+                bail!(
+                    "{what}: that did not come about within {} s; KRAIT_LOG=info shows why",
+                    READY_PATIENCE.as_secs()
+                );
             }
             std::thread::sleep(LOOK_EVERY);
         }

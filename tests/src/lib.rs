@@ -1,1 +1,11 @@
-//! Placeholder until its first commit.
+//! What every end-to-end test needs: the krait program, names of its own, and a look at what a run left behind.
+//!
+//! Purpose: a test starts the real program as a user would, under an instance name that no other test has.
+
+#![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
+
+mod program;
+mod world;
+
+pub use program::{Ended, Krait, krait_program};
+pub use world::{TempFolder, instance_name, processes_of, wait_until};

@@ -3,9 +3,10 @@
 use crate::cli::{Common, MasterArgs, MasterKind, Process};
 use crate::config::Config;
 use crate::{signals, supervisor};
-use anyhow::Context;
+use anyhow::{Context, bail};
 use krait_ipc::Bus;
-use krait_master::{RecordingSource, ReportRecording, ScriptSource, SourceChoice};
+use krait_master::{MasterConfig, Recording, Script, SourceChoice};
+use krait_record::{Attachment, RecordConfig};
 use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
 
@@ -47,8 +48,36 @@ fn run_named(common: &Common, process: &Process, name: &str) -> anyhow::Result<(
         }
         Process::Slave => krait_slave::run(&bus, &config.slave, &stop)?,
         Process::Record => {
-            krait_record::run(&bus, &config.record, &stop)?;
+            let report = krait_record::run(&bus, &with_attachments(&config)?, &stop)?;
+            tracing::info!(?report, "recorded");
         }
     }
     Ok(())
+}
+
+fn run_master(bus: &Bus, config: &Config, args: &MasterArgs, stop: &AtomicBool) -> anyhow::Result<()> {
+    let (input, looping) = (args.input.as_deref(), args.looped);
+    let source = match (args.kind, input) {
+        (MasterKind::Hid, None) => SourceChoice::Hid,
+        (MasterKind::Hid, Some(path)) => bail!("--input {}: a live device has no input file", path.display()),
+        (MasterKind::Replay, None) => SourceChoice::Recording { recording: Recording::shipped()?, looping },
+        (MasterKind::Replay, Some(path)) => SourceChoice::Recording { recording: Recording::load(path)?, looping },
+        (MasterKind::Script, Some(path)) => SourceChoice::Script { script: Script::load(path)?, looping },
+        (MasterKind::Script, None) => bail!("a script is missing: name it with --input FILE"),
+    };
+    let record_reports = args.record_reports.clone().or_else(|| config.master.record_reports.clone());
+    let config = MasterConfig { record_reports, ..config.master.clone() };
+    Ok(krait_master::run(bus, &config, source, stop)?)
+}
+
+/// The recording holds what a reader needs to repeat the run: the whole configuration and the truth file, if there is one.
+fn with_attachments(config: &Config) -> anyhow::Result<RecordConfig> {
+    let toml = |name: &str, data| Attachment { name: name.to_owned(), media_type: "application/toml".to_owned(), data };
+    let mut record = config.record.clone();
+    record.attachments.push(toml("krait.toml", config.to_toml()?.into_bytes()));
+    if let Some(path) = &config.slave.truth {
+        let truth = std::fs::read(path).with_context(|| format!("truth file {}", path.display()))?;
+        record.attachments.push(toml("truth.toml", truth));
+    }
+    Ok(record)
 }

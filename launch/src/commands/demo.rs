@@ -1,0 +1,81 @@
+//! `krait demo`: the same recorded hand three times through the whole chain, and what compensation does about it.
+
+use crate::cli::{Common, DemoArgs, MasterKind};
+use crate::config::Config;
+use crate::evidence::Evidence;
+use crate::progress::Progress;
+use crate::report::next_thing_to_try;
+use crate::supervisor::{ChainOptions, Supervisor};
+use crate::{print, signals};
+use anyhow::bail;
+use krait_ipc::clock;
+use krait_ipc::message::Compensation;
+use std::path::Path;
+use std::process::ExitCode;
+use std::sync::atomic::AtomicBool;
+
+/// A pass shorter than this leaves nothing to score.
+const SHORTEST_PASS_S: f64 = crate::report::SCORED_FROM_S + 2.0;
+
+/// Runs the three passes, reads the recording back and prints what it shows.
+pub fn run(common: &Common, args: &DemoArgs) -> anyhow::Result<ExitCode> {
+    if !(SHORTEST_PASS_S..=3600.0).contains(&args.seconds) {
+        bail!(
+            "--seconds {}: expected {SHORTEST_PASS_S} to 3600, because the score counts from second 10 on",
+            args.seconds
+        );
+    }
+    let stop = signals::stop_flag()?;
+    let mut config = Config::load(common.config.as_deref())?;
+    if let Some(truth) = &args.truth {
+        config.slave.truth = Some(std::path::absolute(truth)?);
+    }
+    config.record.path = Some(crate::recording_path(args.recording.as_deref(), "demo")?);
+    config.record.metadata.insert("run".to_owned(), "demo".to_owned());
+    config.check()?;
+
+    let mut evidence = Evidence::default();
+    record_passes(common, args, &config, &mut evidence, &stop)?;
+    let path = config.record.path.as_deref().unwrap_or(Path::new(""));
+    let figures = evidence.figures(path)?;
+    if args.json {
+        print::json(&figures)?;
+    } else {
+        let next = next_thing_to_try(&path.display().to_string());
+        print::figures(&figures, &next)?;
+    }
+    Ok(if figures.samples.lost == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+fn record_passes(
+    common: &Common,
+    args: &DemoArgs,
+    config: &Config,
+    evidence: &mut Evidence,
+    stop: &AtomicBool,
+) -> anyhow::Result<()> {
+    let mut supervisor = Supervisor::new(&common.instance)?;
+    supervisor.start_recorder(config, stop)?;
+    evidence.processes("recorder", &supervisor.processes());
+    for mode in Compensation::ALL {
+        let mut pass_config = config.clone();
+        pass_config.compensate.mode = mode;
+        let options = ChainOptions { config: pass_config, master: MasterKind::Replay, input: None, looped: false };
+        let start_ns = clock::monotonic_ns();
+        supervisor.start_chain(&options, stop)?;
+        evidence.processes(mode.name(), &supervisor.processes());
+        let label = format!("pass {} of {}, compensation {}", mode as u32 + 1, Compensation::ALL.len(), mode.name());
+        let finished = Progress::new(&label, supervisor.bus(), Some(args.seconds))?.show(&mut supervisor, stop)?;
+        supervisor.end_chain();
+        evidence.pass(mode, start_ns..clock::monotonic_ns(), &supervisor);
+        if !finished {
+            supervisor.end();
+            bail!(
+                "the demo was stopped before its end; what was recorded is kept in {}",
+                config.record.path.as_deref().unwrap_or(Path::new("")).display()
+            );
+        }
+    }
+    supervisor.end();
+    Ok(())
+}

@@ -1,0 +1,116 @@
+//! What a run leaves behind to be judged: the recording, the processes, and each process's own counts at its end.
+
+use crate::report::{LatencyLog, LatencyReport, PassLog, PassReport};
+use crate::supervisor::Supervisor;
+use anyhow::Context;
+use core::ops::Range;
+use krait_ipc::message::Compensation;
+use krait_record::{Recording, Sample};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+/// The figures of a run, in the shape of `--json`.
+#[derive(Debug, Serialize)]
+pub struct Figures {
+    /// Every process that took part.
+    pub processes: Vec<ProcessFigure>,
+    /// One entry per pass.
+    pub passes: Vec<PassReport>,
+    /// Latency over all passes, microseconds.
+    pub latency_us: LatencyReport,
+    /// Samples over all passes.
+    pub samples: SampleFigures,
+    /// The recording.
+    pub recording: PathBuf,
+}
+
+/// A process that took part.
+#[derive(Clone, Debug, Serialize)]
+pub struct ProcessFigure {
+    /// master, resolve, compensate, estimate, slave or record.
+    pub name: &'static str,
+    /// Process id.
+    pub pid: u32,
+    /// The pass it was part of.
+    pub pass: String,
+}
+
+/// Samples on their way from the operator to the drives.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct SampleFigures {
+    /// Operator inputs sent by the master.
+    pub sent: u64,
+    /// Commands that reached the drives' process.
+    pub received: u64,
+    /// Messages missing anywhere: between any two processes, or in the recording.
+    pub lost: u64,
+}
+
+/// Collected while a run goes on.
+#[derive(Debug, Default)]
+pub struct Evidence {
+    processes: Vec<ProcessFigure>,
+    passes: Vec<(Compensation, Range<i64>)>,
+    samples: SampleFigures,
+}
+
+impl Evidence {
+    /// Notes who takes part in a pass; who was there before is not noted again.
+    pub fn processes(&mut self, pass: &str, processes: &[(&'static str, u32)]) {
+        for (name, pid) in processes {
+            if !self.processes.iter().any(|known| known.pid == *pid) {
+                self.processes.push(ProcessFigure { name, pid: *pid, pass: pass.to_owned() });
+            }
+        }
+    }
+
+    /// Notes a pass that has ended, with its window of CLOCK_MONOTONIC and the counts of its processes.
+    pub fn pass(&mut self, mode: Compensation, window_ns: Range<i64>, supervisor: &Supervisor) {
+        self.passes.push((mode, window_ns));
+        let sent = supervisor.health("master").map_or(0, |health| health.n_sent);
+        let received = supervisor.newest_state().map_or(0, |state| state.n_commands);
+        let gaps: u64 = ["resolve", "compensate", "estimate", "slave"]
+            .into_iter()
+            .filter_map(|name| supervisor.health(name))
+            .map(|health| health.n_lost)
+            .sum();
+        self.samples.sent += sent;
+        self.samples.received += received;
+        self.samples.lost += gaps.max(sent.saturating_sub(received));
+    }
+
+    /// Reads the recording back and computes everything from it.
+    ///
+    /// # Errors
+    /// One sentence when the recording cannot be read.
+    pub fn figures(&self, path: &Path) -> anyhow::Result<Figures> {
+        let recording = Recording::open(path)?;
+        let mut logs: Vec<PassLog> = self.passes.iter().map(|_| PassLog::default()).collect();
+        let mut latency = LatencyLog::new()?;
+        let mut n_missing_in_recording = 0;
+        for recorded in recording.samples()? {
+            let sample = recorded.with_context(|| format!("recording {}", path.display()))?.sample;
+            if let Sample::Recorder(status) = &sample {
+                n_missing_in_recording = status.total().n_dropped + status.total().n_lost;
+            }
+            let pass = self.passes.iter().position(|(_, window_ns)| window_ns.contains(&sample.sample_ns()));
+            let Some(log) = pass.and_then(|idx| logs.get_mut(idx)) else { continue };
+            match &sample {
+                Sample::Setpoint(setpoint) => log.setpoint(setpoint),
+                Sample::Command(command) => log.command(command),
+                Sample::Shape(shape) => log.shape(shape),
+                Sample::State(state) => latency.state(state),
+                _ => {}
+            }
+        }
+        let passes = logs.iter().zip(&self.passes).map(|(log, (mode, _))| log.report(*mode)).collect();
+        let samples = SampleFigures { lost: self.samples.lost + n_missing_in_recording, ..self.samples };
+        Ok(Figures {
+            processes: self.processes.clone(),
+            passes,
+            latency_us: latency.report(),
+            samples,
+            recording: path.to_owned(),
+        })
+    }
+}

@@ -1,0 +1,115 @@
+//! The krait program under test: built once, started as a user starts it, watched from outside.
+
+use crate::world::wait_until;
+use core::time::Duration;
+use rustix::process::{Pid, Signal, kill_process};
+use std::ffi::OsStr;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::OnceLock;
+
+/// The `krait` program of this build, made up to date once per test program.
+pub fn krait_program() -> &'static Path {
+    static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
+    PROGRAM.get_or_init(|| {
+        let test_program = std::env::current_exe().expect("a test program has a path");
+        // target/<profile>/deps/<test> -> target/<profile>
+        let folder =
+            test_program.parent().and_then(Path::parent).expect("a test program lies in target/<profile>/deps");
+        let mut build = Command::new(env!("CARGO"));
+        build.args(["build", "--quiet", "--package", "krait-launch", "--manifest-path"]);
+        build.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("../Cargo.toml"));
+        build.arg("--target-dir").arg(folder.parent().expect("target"));
+        if folder.ends_with("release") {
+            build.arg("--release");
+        }
+        assert!(build.status().expect("cargo can be started").success(), "krait could not be built");
+        folder.join("krait")
+    })
+}
+
+/// A krait program that runs.
+pub struct Krait {
+    child: Child,
+}
+
+/// How a krait program ended and what it said.
+#[derive(Debug)]
+pub struct Ended {
+    /// Exit code; `None` when a signal ended it.
+    pub code: Option<i32>,
+    /// Standard output.
+    pub stdout: String,
+    /// Standard error.
+    pub stderr: String,
+}
+
+impl Krait {
+    /// Starts `krait` with arguments.
+    pub fn start(arguments: &[impl AsRef<OsStr>]) -> Self {
+        let mut command = Command::new(krait_program());
+        command.args(arguments).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        Self { child: command.spawn().expect("krait can be started") }
+    }
+
+    /// Process id.
+    pub fn pid(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// Sends a signal.
+    pub fn signal(&self, signal: Signal) {
+        send(self.pid(), signal);
+    }
+
+    /// Waits for the end; a program that does not end within the patience is killed and fails the test.
+    pub fn end(mut self, patience: Duration) -> Ended {
+        let mut stdout = self.child.stdout.take().expect("piped");
+        let mut stderr = self.child.stderr.take().expect("piped");
+        let out = std::thread::spawn(move || read_all(&mut stdout));
+        let err = std::thread::spawn(move || read_all(&mut stderr));
+        let ended = wait_until(patience, || self.child.try_wait().expect("a child can be watched").is_some());
+        if !ended {
+            send(self.pid(), Signal::KILL);
+        }
+        let status = self.child.wait().expect("a child can be waited for");
+        let (stdout, stderr) = (out.join().expect("read"), err.join().expect("read"));
+        assert!(ended, "krait did not end within {patience:?}; it said:\n{stderr}");
+        Ended { code: status.code(), stdout, stderr }
+    }
+}
+
+/// Starts krait, waits for its end.
+impl Ended {
+    /// Runs `krait` with arguments to its end.
+    pub fn of(arguments: &[impl AsRef<OsStr>], patience: Duration) -> Self {
+        Krait::start(arguments).end(patience)
+    }
+
+    /// The JSON object on standard output.
+    pub fn json(&self) -> serde_json::Value {
+        serde_json::from_str(&self.stdout).unwrap_or_else(|e| panic!("{e}: {}\n{}", self.stdout, self.stderr))
+    }
+
+    /// The one sentence on standard error that begins with `krait: `, after checking that it is one line.
+    pub fn sentence(&self) -> &str {
+        let mut sentences = self.stderr.lines().filter(|line| line.starts_with("krait: "));
+        let first = sentences.next().unwrap_or_else(|| panic!("no sentence in:\n{}", self.stderr));
+        assert_eq!(sentences.next(), None, "more than one sentence:\n{}", self.stderr);
+        first
+    }
+}
+
+/// Sends a signal to a process; one that has ended is no error.
+pub(crate) fn send(pid: u32, signal: Signal) {
+    if let Some(pid) = Pid::from_raw(pid.cast_signed()) {
+        let _gone_is_fine = kill_process(pid, signal);
+    }
+}
+
+fn read_all(stream: &mut impl Read) -> String {
+    let mut bytes = Vec::new();
+    stream.read_to_end(&mut bytes).expect("a pipe can be read");
+    String::from_utf8_lossy(&bytes).into_owned()
+}

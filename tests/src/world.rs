@@ -1,0 +1,70 @@
+//! The machine around a test: names, folders, processes, patience.
+
+use core::sync::atomic::{AtomicU32, Ordering};
+use core::time::Duration;
+use krait_ipc::clock;
+use std::path::{Path, PathBuf};
+
+/// An instance name that no other test and no other run has.
+pub fn instance_name(what: &str) -> String {
+    static N_NAMES: AtomicU32 = AtomicU32::new(0);
+    format!("{what}-{}-{}", std::process::id(), N_NAMES.fetch_add(1, Ordering::Relaxed))
+}
+
+/// A folder that goes with the test.
+pub struct TempFolder(PathBuf);
+
+impl TempFolder {
+    /// A new, empty folder.
+    pub fn new(what: &str) -> Self {
+        let path = std::env::temp_dir().join(format!("krait-test-{}", instance_name(what)));
+        std::fs::create_dir_all(&path).expect("a folder can be made");
+        Self(path)
+    }
+
+    /// The path of a file in it.
+    pub fn file(&self, name: &str) -> String {
+        self.0.join(name).display().to_string()
+    }
+
+    /// Its own path.
+    pub fn path(&self) -> &Path {
+        &self.0
+    }
+}
+
+impl Drop for TempFolder {
+    fn drop(&mut self) {
+        let _kept_if_it_cannot_be_removed = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+/// Name of the subcommand and process id of every living process that was started for an instance.
+pub fn processes_of(instance: &str) -> Vec<(String, u32)> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir("/proc").expect("/proc").flatten() {
+        let Some(pid) = entry.file_name().to_str().and_then(|name| name.parse().ok()) else { continue };
+        let Ok(line) = std::fs::read(entry.path().join("cmdline")) else { continue };
+        let words: Vec<String> = line.split(|b| *b == 0).map(|w| String::from_utf8_lossy(w).into_owned()).collect();
+        let ours = words.windows(2).any(|pair| pair[0] == "--instance" && pair[1] == instance);
+        if ours && words[0].ends_with("krait") {
+            found.push((words[1].clone(), pid));
+        }
+    }
+    found.sort();
+    found
+}
+
+/// Looks every 10 ms whether something has become true.
+pub fn wait_until(patience: Duration, mut done: impl FnMut() -> bool) -> bool {
+    let deadline_ns = clock::monotonic_ns() + patience.as_nanos() as i64;
+    loop {
+        if done() {
+            return true;
+        }
+        if clock::monotonic_ns() > deadline_ns {
+            return false;
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}

@@ -1,0 +1,156 @@
+//! A process killed at any point, a signal at any point: one sentence, a defined state, nothing left behind, nothing lost.
+
+use core::time::Duration;
+use krait_ipc::{InstanceName, resources_of};
+use krait_record::{Recording, Sample};
+use krait_tests::{Krait, TempFolder, instance_name, processes_of, wait_until};
+use rustix::process::{Pid, Signal, kill_process};
+use std::path::Path;
+
+const PATIENCE: Duration = Duration::from_secs(40);
+
+fn start(instance: &str, recording: &str) -> Krait {
+    Krait::start(&["run", "--instance", instance, "--recording", recording])
+}
+
+/// Waits until the whole chain runs and the recording holds commands.
+fn wait_for_motion(instance: &str, recording: &str) {
+    let all = wait_until(PATIENCE, || processes_of(instance).len() == 7);
+    assert!(all, "six processes and their supervisor: {:?}", processes_of(instance));
+    let grown = wait_until(PATIENCE, || std::fs::metadata(recording).is_ok_and(|file| file.len() > 200_000));
+    assert!(grown, "the recording grows");
+}
+
+fn kill(pid: u32, signal: Signal) {
+    kill_process(Pid::from_raw(pid.cast_signed()).expect("a process id"), signal).expect("the process lives");
+}
+
+fn assert_nothing_is_left(instance: &str) {
+    let gone = wait_until(PATIENCE, || processes_of(instance).is_empty());
+    assert!(gone, "processes are left: {:?}", processes_of(instance));
+    let name = InstanceName::new(instance).expect("a name");
+    assert_eq!(resources_of(&name), Vec::<std::path::PathBuf>::new(), "shared memory or files are left");
+}
+
+/// The commands that a recording holds, and whether their sequence numbers have no gap.
+fn commands_in(recording: &str) -> (u64, bool) {
+    let recording = Recording::open(Path::new(recording)).expect("readable");
+    let (mut n_commands, mut whole, mut before) = (0, true, None);
+    for recorded in recording.samples().expect("samples") {
+        if let Sample::Command(command) = recorded.expect("readable").sample {
+            whole &= before.is_none_or(|before| command.sequence == before + 1);
+            before = Some(command.sequence);
+            n_commands += 1;
+        }
+    }
+    (n_commands, whole)
+}
+
+#[test]
+fn ctrl_c_and_sigterm_end_the_chain_cleanly_and_the_recording_is_whole() {
+    for signal in [Signal::INT, Signal::TERM] {
+        let (instance, folder) = (instance_name("stop"), TempFolder::new("stop"));
+        let recording = folder.file("run.mcap");
+        let krait = start(&instance, &recording);
+        wait_for_motion(&instance, &recording);
+        krait.signal(signal);
+        let ended = krait.end(PATIENCE);
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        assert!(ended.stdout.contains(" 0 lost") && ended.stdout.contains(&recording), "{}", ended.stdout);
+        assert_nothing_is_left(&instance);
+        let (n_commands, whole) = commands_in(&recording);
+        assert!(n_commands > 500 && whole, "{n_commands} commands, without a gap: {whole}");
+        let contents = Recording::open(Path::new(&recording)).expect("readable");
+        assert!(contents.contents().is_indexed && contents.contents().missing.is_empty());
+    }
+}
+
+#[test]
+fn a_chain_that_is_stopped_while_it_starts_leaves_nothing_behind() {
+    for delay_ms in [0, 30, 60, 120, 250, 500] {
+        let (instance, folder) = (instance_name("early"), TempFolder::new("early"));
+        let krait = start(&instance, &folder.file("run.mcap"));
+        std::thread::sleep(Duration::from_millis(delay_ms));
+        krait.signal(Signal::TERM);
+        let ended = krait.end(PATIENCE);
+        assert!(matches!(ended.code, Some(0 | 2) | None), "{ended:?}");
+        assert_nothing_is_left(&instance);
+    }
+}
+
+#[test]
+fn when_a_process_is_killed_the_chain_ends_names_it_and_keeps_what_was_recorded() {
+    for victim in ["master", "resolve", "compensate", "estimate", "slave", "record"] {
+        let (instance, folder) = (instance_name("kill"), TempFolder::new("kill"));
+        let recording = folder.file("run.mcap");
+        let krait = start(&instance, &recording);
+        wait_for_motion(&instance, &recording);
+        let (before, _) = commands_in(&recording);
+        let pid = processes_of(&instance).into_iter().find(|(name, _)| name == victim).expect("it runs").1;
+        kill(pid, Signal::KILL);
+        let ended = krait.end(PATIENCE);
+        assert_eq!(ended.code, Some(2), "{victim}: {}", ended.stderr);
+        let sentence = ended.sentence();
+        assert!(sentence.contains(&format!("`{victim}`")) && sentence.contains(&pid.to_string()), "{sentence}");
+        assert_nothing_is_left(&instance);
+        let (after, whole) = commands_in(&recording);
+        assert!(
+            after >= before && after > 300 && whole,
+            "{victim}: {before} then {after} commands, without a gap: {whole}"
+        );
+    }
+}
+
+#[test]
+fn a_killed_supervisor_takes_the_chain_with_it_and_the_next_start_works() {
+    let (instance, folder) = (instance_name("orphan"), TempFolder::new("orphan"));
+    let first = folder.file("first.mcap");
+    let krait = start(&instance, &first);
+    wait_for_motion(&instance, &first);
+    krait.signal(Signal::KILL);
+    assert_eq!(krait.end(PATIENCE).code, None);
+    assert!(wait_until(PATIENCE, || processes_of(&instance).is_empty()), "{:?}", processes_of(&instance));
+    assert!(commands_in(&first).0 > 300);
+
+    let second = folder.file("second.mcap");
+    let krait = start(&instance, &second);
+    wait_for_motion(&instance, &second);
+    krait.signal(Signal::INT);
+    assert_eq!(krait.end(PATIENCE).code, Some(0));
+    assert_nothing_is_left(&instance);
+}
+
+#[test]
+fn the_slave_stops_by_itself_when_the_operators_side_freezes() {
+    let (instance, folder) = (instance_name("freeze"), TempFolder::new("freeze"));
+    let recording = folder.file("run.mcap");
+    let krait = start(&instance, &recording);
+    wait_for_motion(&instance, &recording);
+    let pid = processes_of(&instance).into_iter().find(|(name, _)| name == "resolve").expect("it runs").1;
+    kill(pid, Signal::STOP);
+    std::thread::sleep(Duration::from_millis(700));
+    kill(pid, Signal::CONT);
+    std::thread::sleep(Duration::from_millis(1500));
+    krait.signal(Signal::INT);
+    let ended = krait.end(PATIENCE);
+    assert!(matches!(ended.code, Some(0 | 1)), "{}", ended.stderr);
+    assert_nothing_is_left(&instance);
+
+    let mut largest_step_m: f64 = 0.0;
+    let (mut n_stale, mut n_after, mut before) = (0, 0, None);
+    for recorded in Recording::open(Path::new(&recording)).expect("readable").samples().expect("samples") {
+        let Sample::State(state) = recorded.expect("readable").sample else { continue };
+        let reasons = krait_ipc::Reasons::from_bits(state.reasons);
+        n_stale += u32::from(reasons.contains(krait_ipc::Reason::CommandStale));
+        n_after += u32::from(n_stale > 0 && state.flags & krait_ipc::message::SlaveState::FOLLOWING != 0);
+        if let Some((ns, q_m)) = before {
+            let step_m = (0..3).map(|i| f64::abs(state.setpoint_q_m[i] - <[f64; 3]>::from(q_m)[i])).fold(0.0, f64::max);
+            let allowed = (state.sample_ns - ns) as f64 * 1e-9;
+            largest_step_m = largest_step_m.max(step_m / allowed.max(1e-3));
+        }
+        before = Some((state.sample_ns, state.setpoint_q_m));
+    }
+    assert!(n_stale > 100, "the slave named its reason in {n_stale} states");
+    assert!(n_after > 100, "and followed again in {n_after} states");
+    assert!(largest_step_m < 0.05, "no step faster than 50 mm/s: {largest_step_m} m/s");
+}
