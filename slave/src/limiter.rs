@@ -19,14 +19,14 @@ const FIRST_CREDIT_NS: i64 = 1_000_000;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Limits {
-    /// Stroke of each actuator from zero, m; 1e-4 to 0.02. Default 5.5 mm: the default snake needs 4.9 mm to reach the
+    /// Stroke of each actuator from zero, m; 1e-4 to 0.02. Default 5.5 mm: the default snake needs 5.0 mm to reach the
     /// paper's 80 deg (2.3 mm of joint travel, the rest is stretch, friction and play).
     pub stroke_m: f64,
     /// Speed of each actuator, m/s; 1e-4 to 0.5. Default 30 mm/s: about 8 rad/s of bend with the stretch taken off, above
     /// any hand's wish and below what shakes the lines.
     pub rate_m_per_s: f64,
     /// Measured load of each line at its actuator beyond which it is not increased further, N; 1 to 500. Default 60 N: the
-    /// default snake needs 47 N at the paper's 80 deg, and 60 N are 412 MPa in a tube, where NiTi begins to soften.
+    /// default snake needs 48 N at the paper's 80 deg, and 60 N are 412 MPa in a tube, where NiTi begins to soften.
     pub load_n: f64,
     /// Largest distance of a command from the setpoint while following, m; 1e-5 to 5e-3. Default 0.5 mm: 17 periods at the
     /// largest speed, so that a late burst passes and a leap does not.

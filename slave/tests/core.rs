@@ -1,0 +1,352 @@
+//! The slave without its process: what it executes, refuses, shortens, and how it stops by itself.
+#![allow(clippy::unwrap_used, clippy::panic)] // Helpers of tests fail as tests do.
+
+use krait_ipc::message::{Command, HopStamps, OperatingState, Phase, SlaveState, StateCommand, Transition};
+use krait_ipc::{Reason, Reasons};
+use krait_slave::{
+    Drive, DriveError, DriveReading, Homing, SimulatedSnake, SlaveConfig, SlaveCore, TransitionRefused, Truth,
+};
+
+const MS: i64 = 1_000_000;
+const DIRECTION: [f64; 3] = [-1.0, 0.5, 0.5];
+
+/// A drive whose encoders and loads can be set, and which can fail.
+#[derive(Default)]
+struct Mock {
+    q_m: [f64; 3],
+    tau_n: [f64; 3],
+    is_frozen: bool,
+    is_dead: bool,
+    powered: bool,
+}
+
+impl Drive for Mock {
+    fn write(&mut self, _stamp_ns: i64, q_tilde_m: [f64; 3]) -> Result<(), DriveError> {
+        if self.is_dead {
+            return Err(DriveError::Failed { what: "cable pulled" });
+        }
+        if !self.is_frozen {
+            self.q_m = q_tilde_m;
+        }
+        Ok(())
+    }
+    fn read(&mut self, _stamp_ns: i64) -> Result<DriveReading, DriveError> {
+        Ok(DriveReading { q_tilde_m: self.q_m, tau_n: self.tau_n })
+    }
+    fn home(&mut self, _stamp_ns: i64) -> Result<Homing, DriveError> {
+        Ok(Homing::Done)
+    }
+    fn set_power(&mut self, _stamp_ns: i64, on: bool) -> Result<(), DriveError> {
+        self.powered = on;
+        Ok(())
+    }
+}
+
+/// A slave with its clock and the numbers of its commands.
+struct Bench {
+    core: SlaveCore<Mock>,
+    now_ns: i64,
+    sequence: u64,
+}
+
+impl Bench {
+    fn ready() -> Self {
+        let mut bench =
+            Self { core: SlaveCore::new(Mock::default(), &SlaveConfig::default()), now_ns: MS, sequence: 0 };
+        bench.core.transition(Transition::Enable, bench.now_ns).unwrap();
+        bench.tick();
+        bench
+    }
+
+    fn tick(&mut self) -> SlaveState {
+        self.now_ns += MS;
+        self.core.on_tick(self.now_ns);
+        self.core.report(self.now_ns)
+    }
+
+    fn command(&mut self, q_tilde_m: [f64; 3]) -> Command {
+        self.sequence += 1;
+        Command {
+            sequence: self.sequence,
+            sample_ns: self.now_ns,
+            stamps: HopStamps::default(),
+            setpoint_sequence: 0,
+            state_sequence: 0,
+            model_update_sequence: 0,
+            bend_rad: [0.1, 0.2],
+            q_uncompensated_m: q_tilde_m,
+            q_tilde_m,
+            eta: 1.0,
+            lambda_m: 0.0,
+            model_version: 0,
+            compensation: 0,
+            phase: Phase::Following as u32,
+            reasons: 0,
+        }
+    }
+
+    fn take(&mut self, command: &Command) -> SlaveState {
+        self.core.on_command(command, self.now_ns);
+        self.core.report(self.now_ns)
+    }
+
+    /// A command one millisecond later.
+    fn go(&mut self, way_m: f64) -> SlaveState {
+        self.now_ns += MS;
+        let command = self.command(DIRECTION.map(|d| d * way_m));
+        self.take(&command)
+    }
+
+    /// Up to a place at a speed that no limit minds.
+    fn ramp(&mut self, from_m: f64, to_m: f64) -> SlaveState {
+        let n = ((to_m - from_m).abs() / 10e-6).ceil() as i32;
+        let mut state = self.go(from_m);
+        for k in 1..=n {
+            state = self.go(from_m + (to_m - from_m) * f64::from(k) / f64::from(n));
+        }
+        state
+    }
+}
+
+fn has(state: &SlaveState, reason: Reason) -> bool {
+    Reasons::from_bits(state.reasons).contains(reason)
+}
+
+fn follows(state: &SlaveState) -> bool {
+    state.flags & SlaveState::FOLLOWING != 0
+}
+
+#[test]
+fn a_ramp_is_followed_exactly_and_echoed_with_its_stamps() {
+    let mut bench = Bench::ready();
+    let state = bench.ramp(0.0, 1e-3);
+    assert_eq!(state.setpoint_q_m, DIRECTION.map(|d| d * 1e-3));
+    assert_eq!(state.measured_q_m, state.setpoint_q_m);
+    assert_eq!((state.setpoint_bend_rad, state.command_sequence), ([0.1, 0.2], bench.sequence));
+    assert_eq!((state.stamps.slave_begun_ns, state.stamps.drive_written_ns), (bench.now_ns, bench.now_ns));
+    assert!(follows(&state) && state.reasons == 0 && state.n_refused == 0);
+}
+
+#[test]
+fn nothing_moves_unless_enabled_homed_and_following() {
+    let mut bench = Bench { core: SlaveCore::new(Mock::default(), &SlaveConfig::default()), now_ns: MS, sequence: 0 };
+    let state = bench.go(20e-6);
+    assert!(has(&state, Reason::SlaveNotEnabled) && has(&state, Reason::SlaveNotHomed));
+    assert_eq!(state.setpoint_q_m, [0.0; 3]);
+
+    let config = SlaveConfig { home_on_start: false, ..SlaveConfig::default() };
+    let mut bench = Bench { core: SlaveCore::new(Mock::default(), &config), now_ns: MS, sequence: 0 };
+    bench.core.transition(Transition::Enable, MS).unwrap();
+    let state = bench.go(20e-6);
+    assert!(has(&state, Reason::SlaveNotHomed) && state.setpoint_q_m == [0.0; 3]);
+
+    let mut bench = Bench::ready();
+    let mut command = bench.command(DIRECTION.map(|d| d * 20e-6));
+    command.phase = Phase::Holding as u32;
+    let state = bench.take(&command);
+    assert!(!follows(&state) && state.setpoint_q_m == [0.0; 3] && state.n_refused == 0);
+    bench.core.transition(Transition::Pause, bench.now_ns).unwrap();
+    let state = bench.go(20e-6);
+    assert!(has(&state, Reason::SlaveNotEnabled) && state.setpoint_q_m == [0.0; 3]);
+}
+
+#[test]
+fn commands_that_are_wrong_are_refused_counted_and_named() {
+    type Spoil = fn(&mut Command);
+    let cases: [(Spoil, Reason); 9] = [
+        (|c| c.q_tilde_m[1] = f64::NAN, Reason::NotFinite),
+        (|c| c.q_tilde_m[2] = f64::NEG_INFINITY, Reason::NotFinite),
+        (|c| c.bend_rad[0] = f64::INFINITY, Reason::NotFinite),
+        (|c| c.phase = 7, Reason::OutOfRange),
+        (|c| c.reasons = 1 << 63, Reason::OutOfRange),
+        (|c| c.sample_ns -= 51 * MS, Reason::CommandStale),
+        (|c| c.sample_ns += 51 * MS, Reason::OutOfRange),
+        (|c| c.sequence -= 1, Reason::OutOfOrder),
+        (|c| c.sample_ns -= 2 * MS, Reason::OutOfOrder),
+    ];
+    for (spoil, reason) in cases {
+        let mut bench = Bench::ready();
+        let before = bench.ramp(0.0, 30e-6);
+        bench.now_ns += MS;
+        let mut command = bench.command(before.setpoint_q_m);
+        spoil(&mut command);
+        let state = bench.take(&command);
+        assert!(has(&state, reason), "{reason:?}: {state:?}");
+        assert!(!follows(&state));
+        assert_eq!((state.n_refused, state.n_commands, state.command_sequence), (1, 5, 4), "{reason:?}");
+        let state = bench.go(30e-6);
+        assert!(follows(&state) && state.reasons == 0, "the next good one is followed: {state:?}");
+    }
+}
+
+#[test]
+fn the_first_command_after_every_kind_of_hold_must_begin_at_the_setpoint() {
+    let holds: [fn(&mut Bench); 4] = [
+        |b| {
+            for _ in 0..60 {
+                b.tick();
+            }
+        },
+        |b| {
+            b.core.transition(Transition::Pause, b.now_ns).unwrap();
+            b.tick();
+            b.core.transition(Transition::Resume, b.now_ns).unwrap();
+        },
+        |b| {
+            b.core.transition(Transition::Disable, b.now_ns).unwrap();
+            b.core.transition(Transition::Enable, b.now_ns).unwrap();
+        },
+        |b| {
+            let mut command = b.command([0.0; 3]);
+            command.phase = Phase::Holding as u32;
+            b.take(&command);
+        },
+    ];
+    for hold in holds {
+        let mut bench = Bench::ready();
+        bench.ramp(0.0, 1e-3);
+        hold(&mut bench);
+        let at_rest = (0..20).map(|_| bench.tick()).last().unwrap();
+        let state = bench.go(1.3e-3);
+        assert!(has(&state, Reason::StepLimit), "a start 0.3 mm away is refused");
+        assert_eq!(state.setpoint_q_m, at_rest.setpoint_q_m);
+        let state = bench.go(-at_rest.setpoint_q_m[0]);
+        assert!(follows(&state), "a start at the setpoint is followed: {state:?}");
+    }
+}
+
+#[test]
+fn a_jump_while_following_is_refused_and_a_fast_motion_is_shortened_in_its_direction() {
+    let mut bench = Bench::ready();
+    let before = bench.ramp(0.0, 0.5e-3);
+    let state = bench.go(1.1e-3);
+    assert!(has(&state, Reason::StepLimit) && !follows(&state));
+    assert_eq!(bench.core.findings(bench.now_ns).note_of(Reason::StepLimit).unwrap().limit, 0.5e-3);
+    // What the slave still does is brake from 10 mm/s.
+    assert!((state.setpoint_q_m[0] - before.setpoint_q_m[0]).abs() < 10.1e-6);
+    let mut bench = Bench::ready();
+    bench.ramp(0.0, 0.5e-3);
+    let state = bench.go(0.6e-3);
+    assert!(has(&state, Reason::ActuatorRateLimit) && !follows(&state));
+    let moved: Vec<f64> = (0..3).map(|i| state.setpoint_q_m[i] - DIRECTION[i] * 0.5e-3).collect();
+    assert!((moved[0] + 30e-6).abs() < 1e-12, "30 mm/s for 1 ms, moved {moved:?}");
+    assert!((moved[1] + 0.5 * moved[0]).abs() < 1e-12 && (moved[2] + 0.5 * moved[0]).abs() < 1e-12);
+}
+
+#[test]
+fn the_end_of_the_stroke_stops_all_lines_and_the_way_back_is_free() {
+    let mut bench = Bench::ready();
+    let state = bench.ramp(0.0, 5.6e-3);
+    assert!(has(&state, Reason::StrokeLimit));
+    let expected = DIRECTION.map(|d| d * 5.5e-3);
+    for (found, expected) in state.setpoint_q_m.into_iter().zip(expected) {
+        assert!((found - expected).abs() < 1e-12, "{:?}", state.setpoint_q_m);
+    }
+    let state = bench.go(5.49e-3);
+    assert!(follows(&state) && state.reasons == 0);
+}
+
+#[test]
+fn a_load_beyond_its_limit_forbids_more_of_it_and_allows_less() {
+    let mut bench = Bench::ready();
+    bench.ramp(0.0, 1e-3);
+    bench.core.drive_mut().tau_n = [-61.0, 20.0, 20.0];
+    bench.tick();
+    bench.go(1e-3);
+    let before = bench.go(1e-3);
+    let state = bench.go(1.01e-3);
+    assert!(has(&state, Reason::ForceLimit) && state.setpoint_q_m == before.setpoint_q_m);
+    let state = bench.go(0.99e-3);
+    assert!(follows(&state) && !has(&state, Reason::ForceLimit));
+}
+
+#[test]
+fn when_commands_stop_the_slave_brakes_steadily_rests_within_its_time_and_says_stale() {
+    let mut bench = Bench::ready();
+    let mut before = bench.ramp(0.0, 1e-3);
+    let mut speed = 10e-3;
+    let mut rested_after = 0;
+    for ms in 1..=60 {
+        let state = bench.tick();
+        let new_speed = (state.setpoint_q_m[0] - before.setpoint_q_m[0]).abs() / 1e-3;
+        // The first tick comes within the grace of a late command and moves nothing; the next one makes up for it.
+        if ms > 3 {
+            assert!(new_speed <= speed + 1e-9, "{ms} ms: it never speeds up");
+            assert!(speed - new_speed <= 1.05e-3, "{ms} ms: at most 1 m/s2, {speed} to {new_speed}");
+        }
+        if new_speed > 0.0 {
+            rested_after = ms;
+        }
+        assert_eq!(has(&state, Reason::CommandStale), ms > 50, "{ms} ms");
+        (speed, before) = (new_speed, state);
+    }
+    assert!(rested_after > 5 && rested_after < 15, "rest after {rested_after} ms");
+    let state = bench.go(-before.setpoint_q_m[0]);
+    assert!(follows(&state) && !has(&state, Reason::CommandStale), "it resumes from the setpoint");
+}
+
+#[test]
+fn commands_that_are_all_refused_count_as_none_and_end_in_the_same_rest() {
+    let mut bench = Bench::ready();
+    bench.ramp(0.0, 1e-3);
+    let mut states = Vec::new();
+    for _ in 0..60 {
+        states.push(bench.go(f64::NAN));
+    }
+    let last = states.last().unwrap();
+    assert!(has(last, Reason::CommandStale) && has(last, Reason::NotFinite));
+    assert!(states.windows(2).skip(15).all(|pair| pair[0].setpoint_q_m == pair[1].setpoint_q_m), "at rest");
+    assert!(!bench.core.is_following());
+}
+
+#[test]
+fn drives_that_fail_or_do_not_follow_are_a_fault_that_only_a_retry_leaves() {
+    let mut bench = Bench::ready();
+    bench.ramp(0.0, 0.1e-3);
+    bench.core.drive_mut().is_dead = true;
+    let state = bench.go(0.11e-3);
+    assert_eq!(state.operating(), Some(OperatingState::Fault));
+    assert!(has(&state, Reason::FollowingError) && !bench.core.drive().powered);
+    assert_eq!(bench.core.drive_error(), Some(DriveError::Failed { what: "cable pulled" }));
+    bench.core.drive_mut().is_dead = false;
+    assert_eq!(bench.tick().operating(), Some(OperatingState::Fault), "it does not come back by itself");
+    bench.core.transition(Transition::Enable, bench.now_ns).unwrap();
+    assert!(bench.tick().is_ready());
+
+    bench.core.drive_mut().is_frozen = true;
+    let state = bench.ramp(0.1e-3, 0.5e-3);
+    assert_eq!(state.operating(), Some(OperatingState::Fault));
+    assert!(bench.core.findings(bench.now_ns).note_of(Reason::FollowingError).unwrap().value > 0.3e-3);
+}
+
+#[test]
+fn an_unknown_state_command_is_answered_and_changes_nothing() {
+    let mut bench = Bench::ready();
+    let command = StateCommand { sequence: 1, sample_ns: 0, transition: 99, sender_pid: 1 };
+    let before = bench.core.report(bench.now_ns);
+    let refused = bench.core.on_state_command(&command, bench.now_ns).unwrap_err();
+    assert_eq!(refused, TransitionRefused::Unknown { found: 99 });
+    assert_eq!(bench.core.report(bench.now_ns), SlaveState { sequence: before.sequence + 1, ..before });
+}
+
+#[test]
+fn homing_a_bent_snake_is_busy_moves_nothing_else_and_ends_at_zero() {
+    let mut core = SlaveCore::new(SimulatedSnake::new(&Truth::default()), &SlaveConfig::default());
+    let mut now_ns = MS;
+    core.transition(Transition::Enable, now_ns).unwrap();
+    core.drive_mut().write(now_ns, [0.2e-3, -0.1e-3, -0.1e-3]).unwrap();
+    let mut n_busy = 0;
+    loop {
+        now_ns += MS;
+        core.on_tick(now_ns);
+        let state = core.report(now_ns);
+        if state.is_ready() {
+            break;
+        }
+        assert_eq!(state.flags & SlaveState::IS_BUSY, SlaveState::IS_BUSY);
+        n_busy += 1;
+        assert!(n_busy < 100, "it ends");
+    }
+    assert!(n_busy > 30, "0.2 mm at 5 mm/s, {n_busy} ms");
+    assert_eq!(core.report(now_ns).setpoint_q_m, [0.0; 3]);
+}

@@ -1,0 +1,99 @@
+//! The control steps of the slave and of the simulated snake must not touch the heap: a counting allocator watches them.
+#![allow(clippy::unwrap_used, clippy::panic)] // Helpers of tests fail as tests do.
+#![allow(unsafe_code)] // An allocator can only be watched by being one.
+
+use core::cell::Cell;
+use krait_ipc::message::{Command, HopStamps, Phase, Transition};
+use krait_slave::{Drive, SimulatedSnake, SlaveConfig, SlaveCore, Truth};
+use std::alloc::{GlobalAlloc, Layout, System};
+
+struct Counting;
+
+thread_local! {
+    // Const and without a destructor: reading it never allocates. Per thread, so that the test harness is not counted.
+    static N_ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
+}
+
+// SAFETY: every call is handed to the system's allocator unchanged; counting touches no memory that it manages.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        N_ALLOCATIONS.set(N_ALLOCATIONS.get() + 1);
+        // SAFETY: the caller's promise about `layout` is passed on.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: `pointer` came from `System` through `alloc` above.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+fn allocations_of(step: impl FnOnce()) -> u64 {
+    let before = N_ALLOCATIONS.get();
+    step();
+    N_ALLOCATIONS.get() - before
+}
+
+#[test]
+fn the_counter_counts() {
+    assert_eq!(allocations_of(|| drop(std::hint::black_box(Box::new(7)))), 1);
+}
+
+#[test]
+fn writing_reading_and_looking_at_the_simulated_snake_allocates_nothing() {
+    let mut snake = SimulatedSnake::new(&Truth::default());
+    snake.set_power(0, true).unwrap();
+    let mut n_frames = 0;
+    let n = allocations_of(|| {
+        for k in 0..2000_i64 {
+            let q = 2e-3 * (k as f64 * 5e-3).sin();
+            snake.write(k * 1_000_000, [q, -0.5 * q, -0.5 * q]).unwrap();
+            snake.read(k * 1_000_000).unwrap();
+            n_frames += u64::from(snake.shape(k * 1_000_000).is_some());
+        }
+    });
+    assert_eq!((n, n_frames), (0, 119));
+}
+
+#[test]
+fn commands_refusals_ticks_and_reports_of_the_slave_allocate_nothing() {
+    let mut core = SlaveCore::new(SimulatedSnake::new(&Truth::default()), &SlaveConfig::default());
+    let n = allocations_of(|| {
+        core.transition(Transition::Enable, 0).unwrap();
+        for k in 1..2000_i64 {
+            let now_ns = k * 1_000_000;
+            let q = if k % 100 == 0 { f64::NAN } else { 1e-3 * (k as f64 * 5e-3).sin() };
+            if k % 500 < 400 {
+                core.on_command(&command(k as u64, now_ns, [q, -0.5 * q, -0.5 * q]), now_ns);
+            }
+            core.on_tick(now_ns);
+            core.report(now_ns);
+        }
+    });
+    assert_eq!(n, 0);
+    let state = core.report(2_000_000_000);
+    assert!(state.n_refused > 10 && state.command_sequence > 100, "both paths were taken: {state:?}");
+}
+
+fn command(sequence: u64, sample_ns: i64, q_tilde_m: [f64; 3]) -> Command {
+    Command {
+        sequence,
+        sample_ns,
+        stamps: HopStamps::default(),
+        setpoint_sequence: sequence,
+        state_sequence: 0,
+        model_update_sequence: 0,
+        bend_rad: [0.0; 2],
+        q_uncompensated_m: q_tilde_m,
+        q_tilde_m,
+        eta: 1.0,
+        lambda_m: 0.0,
+        model_version: 0,
+        compensation: 0,
+        phase: Phase::Following as u32,
+        reasons: 0,
+    }
+}
