@@ -1,0 +1,8 @@
+//! Writes the shipped recording anew; a test compares the file with what this would write.
+
+use std::path::Path;
+
+fn main() -> std::io::Result<()> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("recordings/default.krr");
+    std::fs::write(path, krait_master::generate::shipped_recording_text()?)
+}

@@ -1,0 +1,250 @@
+//! The master without its process: reports and instants in, `OperatorInput` out. Pure, so that a replay gives the same bytes.
+
+use crate::operator::flags;
+use crate::{Decoder, DeviceMonitor, Hand, MasterConfig, MasterError, Operator, OperatorMotion, Refusal, Report};
+use crate::{ReportCounts, ScriptSample};
+use krait_ipc::message::{DeviceState, HopStamps, OperatorInput};
+
+/// Everything that the master knows between two inputs.
+#[derive(Clone, Copy, Debug)]
+pub struct MasterCore {
+    decoder: Decoder,
+    monitor: DeviceMonitor,
+    operator: Operator,
+    script: Option<ScriptSample>,
+    is_ended: bool,
+    sequence: u64,
+    n_drained: u64,
+    // Kinds of motion report (translation, rotation, both) that no input has carried yet.
+    is_unpublished: [bool; 3],
+}
+
+impl MasterCore {
+    /// A master that has heard nothing yet.
+    ///
+    /// # Errors
+    /// [`MasterError::Config`] for a setting out of range.
+    pub fn new(config: &MasterConfig) -> Result<Self, MasterError> {
+        config.check()?;
+        Ok(Self {
+            decoder: Decoder::default(),
+            monitor: DeviceMonitor::new(config.silence_limit_ns()),
+            operator: Operator::new(config),
+            script: None,
+            is_ended: false,
+            sequence: 0,
+            n_drained: 0,
+            is_unpublished: [false; 3],
+        })
+    }
+
+    /// Takes one raw report in that was in hand at `stamp_ns`. A motion report that replaces one of its kind before any input has carried it makes that one
+    /// drained; button reports are never drained, each is acted upon.
+    ///
+    /// # Errors
+    /// [`Refusal`], which is also counted; the state is then as before.
+    ///
+    /// # Real-time
+    /// No allocation, no blocking.
+    pub fn on_report(&mut self, bytes: &[u8], stamp_ns: i64) -> Result<Report, Refusal> {
+        self.watch(stamp_ns);
+        let report = self.decoder.on_report(bytes)?;
+        match report {
+            Report::Translation(_) => self.on_motion(0, stamp_ns),
+            Report::Rotation(_) => self.on_motion(1, stamp_ns),
+            Report::Motion(_) => self.on_motion(2, stamp_ns),
+            Report::Buttons(buttons) => {
+                self.operator.on_buttons(buttons);
+                self.monitor.on_other(stamp_ns);
+            }
+            Report::Battery { .. } => self.monitor.on_other(stamp_ns),
+        }
+        Ok(report)
+    }
+
+    /// Counts reports that were thrown away unread because newer ones pressed on. A press may have been among them, so
+    /// presence is dropped.
+    pub fn on_drained(&mut self, n_reports: u64) {
+        self.n_drained += n_reports;
+        self.lose();
+    }
+
+    /// The device is gone.
+    pub fn on_unplugged(&mut self) {
+        self.monitor.on_unplugged();
+        self.lose();
+    }
+
+    /// A device is there again: nothing is known of its axes and buttons.
+    pub fn on_plugged(&mut self) {
+        self.monitor.on_plugged();
+        self.decoder.forget_device();
+        self.operator.on_loss();
+    }
+
+    /// A script says directly what the operator asks for; its limits were checked when it was read.
+    pub fn on_script(&mut self, sample: ScriptSample) {
+        self.script = Some(sample);
+    }
+
+    /// The recording or script is at its end: from now on no motion and no presence.
+    pub fn on_ended(&mut self) {
+        self.is_ended = true;
+    }
+
+    /// The recording or script begins again.
+    pub fn on_restarted(&mut self) {
+        self.is_ended = false;
+        self.on_plugged();
+    }
+
+    /// What the operator asks for at an instant, as the next message; its hop stamps still hold only `device_ns`.
+    ///
+    /// # Real-time
+    /// No allocation, no blocking.
+    pub fn on_tick(&mut self, now_ns: i64) -> OperatorInput {
+        self.watch(now_ns);
+        self.is_unpublished = [false; 3];
+        self.sequence += 1;
+        let device = self.device_state(now_ns);
+        let motion = self.motion(device);
+        OperatorInput {
+            sequence: self.sequence,
+            sample_ns: now_ns,
+            stamps: HopStamps { device_ns: now_ns, ..HopStamps::default() },
+            tip_vel_in_view_m_per_s: motion.tip_vel_in_view_m_per_s,
+            // The snake has two degrees of freedom: it cannot turn its tip about its own axis.
+            tip_angular_vel_in_view_rad_per_s: [0.0; 3],
+            raw_axes: self.decoder.axes(),
+            flags: motion.flags,
+            buttons: self.decoder.buttons(),
+            device_state: device as u32,
+            reserved: 0,
+            n_reports: self.decoder.counts().n_decoded,
+            n_drained: self.n_drained,
+            n_refused: self.decoder.counts().n_refused(),
+        }
+    }
+
+    /// What was decoded and refused so far.
+    pub fn counts(&self) -> &ReportCounts {
+        self.decoder.counts()
+    }
+
+    fn on_motion(&mut self, kind_idx: usize, now_ns: i64) {
+        self.n_drained += u64::from(self.is_unpublished[kind_idx]);
+        self.is_unpublished[kind_idx] = true;
+        self.monitor.on_motion(self.decoder.axes() != [0; 6], now_ns);
+    }
+
+    /// Notes a loss before anything else happens at this instant, even if the process slept while the device was silent.
+    fn watch(&mut self, now_ns: i64) {
+        if self.monitor.state(now_ns) == DeviceState::Lost {
+            self.lose();
+        }
+    }
+
+    fn lose(&mut self) {
+        self.decoder.forget_buttons();
+        self.operator.on_loss();
+    }
+
+    fn device_state(&self, now_ns: i64) -> DeviceState {
+        match self.script {
+            _ if self.is_ended => DeviceState::Ended,
+            Some(_) => DeviceState::Live,
+            None => self.monitor.state(now_ns),
+        }
+    }
+
+    fn motion(&mut self, device: DeviceState) -> OperatorMotion {
+        match self.script {
+            Some(sample) if !self.is_ended => OperatorMotion {
+                tip_vel_in_view_m_per_s: sample.effective_vel_m_per_s(),
+                flags: flags(sample.is_present, sample.is_clutched),
+            },
+            _ => self.operator.step(&Hand { axes: self.decoder.axes(), buttons: self.decoder.buttons(), device }),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: i64 = 1_000_000;
+
+    fn core() -> MasterCore {
+        MasterCore::new(&MasterConfig::default()).expect("default configuration")
+    }
+
+    fn push(core: &mut MasterCore, x_counts: i16, now_ns: i64) {
+        core.on_report(Report::Translation([x_counts, 0, 0]).encode().as_bytes(), now_ns).expect("report");
+    }
+
+    fn press(core: &mut MasterCore, buttons: u32, now_ns: i64) {
+        core.on_report(Report::Buttons(buttons).encode().as_bytes(), now_ns).expect("report");
+    }
+
+    #[test]
+    fn only_reports_replaced_before_an_input_carried_them_are_drained() {
+        let mut core = core();
+        push(&mut core, 1, 0);
+        core.on_report(Report::Rotation([1, 0, 0]).encode().as_bytes(), 0).expect("the other half");
+        assert_eq!(core.on_tick(0).n_drained, 0, "the halves do not replace each other");
+        for x in 0..5 {
+            push(&mut core, x, MS);
+        }
+        press(&mut core, 1, MS);
+        press(&mut core, 0, MS);
+        let input = core.on_tick(MS);
+        assert_eq!((input.n_drained, input.raw_axes[0], input.n_reports), (4, 4, 9), "the newest wins");
+        assert!(input.operator_present(), "a press between two inputs is not missed");
+    }
+
+    #[test]
+    fn silence_while_deflected_stops_motion_and_drops_presence_for_good() {
+        let mut core = core();
+        press(&mut core, 1, 0);
+        push(&mut core, 300, 0);
+        assert!(core.on_tick(MS).tip_vel_in_view_m_per_s[0] > 0.0);
+        let lost = core.on_tick(101 * MS);
+        assert_eq!((lost.device(), lost.flags, lost.buttons), (Some(DeviceState::Lost), 0, 0));
+        assert_eq!(lost.tip_vel_in_view_m_per_s, [0.0; 3]);
+        push(&mut core, 300, 110 * MS);
+        let back = core.on_tick(110 * MS);
+        assert_eq!((back.device(), back.operator_present()), (Some(DeviceState::Live), false));
+    }
+
+    #[test]
+    fn a_loss_that_the_process_slept_through_still_drops_presence() {
+        let mut core = core();
+        press(&mut core, 1, 0);
+        push(&mut core, 300, 0);
+        push(&mut core, 300, 900 * MS);
+        assert!(!core.on_tick(900 * MS).operator_present());
+    }
+
+    #[test]
+    fn an_ended_recording_means_no_motion_and_no_presence_even_while_deflected() {
+        let mut core = core();
+        press(&mut core, 1, 0);
+        push(&mut core, 300, 0);
+        core.on_ended();
+        let input = core.on_tick(MS);
+        assert_eq!((input.device(), input.flags), (Some(DeviceState::Ended), 0));
+        assert_eq!(input.tip_vel_in_view_m_per_s, [0.0; 3]);
+    }
+
+    #[test]
+    fn inputs_are_numbered_without_gaps_whatever_happens_between_them() {
+        let mut core = core();
+        for k in 1..=50_u64 {
+            assert!(core.on_report(&[7, 7], 0).is_err());
+            core.on_unplugged();
+            core.on_plugged();
+            let input = core.on_tick(k as i64 * MS);
+            assert_eq!((input.sequence, input.n_refused), (k, k));
+        }
+    }
+}

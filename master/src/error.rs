@@ -1,0 +1,112 @@
+//! What can go wrong on the operator's side, each in one sentence: what, where, expected, found, what to do.
+
+use krait_ipc::IpcError;
+use std::path::PathBuf;
+
+/// The master could not start, or could not go on.
+#[derive(Debug, thiserror::Error)]
+pub enum MasterError {
+    /// A channel failed.
+    #[error(transparent)]
+    Ipc(#[from] IpcError),
+    /// A setting is out of its range.
+    #[error("master setting {field} is {found}, expected {expected}; correct it in the configuration")]
+    Config {
+        /// The setting.
+        field: &'static str,
+        /// What was given.
+        found: String,
+        /// What is allowed.
+        expected: &'static str,
+    },
+    /// A file could not be read or written.
+    #[error("{} could not be {doing}: {source}; check that the path, its permissions and the disk are right", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// `read` or `written`.
+        doing: &'static str,
+        /// What the kernel said.
+        source: std::io::Error,
+    },
+    /// A file is larger than krait reads into memory.
+    #[error("{file} has more than {limit_bytes} bytes, the most that is read; give a shorter one")]
+    TooLarge {
+        /// The file.
+        file: String,
+        /// The limit, bytes.
+        limit_bytes: u64,
+    },
+    /// A report recording is truncated, foreign or damaged.
+    #[error("report recording {file}, line {line}: expected {expected}, found {found}; {remedy}")]
+    Recording {
+        /// The file.
+        file: String,
+        /// Line, from 1.
+        line: usize,
+        /// What should stand there.
+        expected: String,
+        /// What stands there.
+        found: String,
+        /// What to do.
+        remedy: &'static str,
+    },
+    /// A script is wrong somewhere.
+    #[error("script {file}, line {line}, column {column}: expected {expected}, found {found}; correct that field")]
+    Script {
+        /// The file.
+        file: String,
+        /// Line, from 1.
+        line: usize,
+        /// Column of the table, from 1.
+        column: usize,
+        /// What should stand there.
+        expected: String,
+        /// What stands there.
+        found: String,
+    },
+    /// No such device is plugged in.
+    #[error(
+        "no hand controller was found: looked for {looked_for}, the HID devices here are {present}; plug it in, or name yours in the setting `device` as \"vid:pid\""
+    )]
+    NoDevice {
+        /// What was looked for.
+        looked_for: String,
+        /// What is there.
+        present: String,
+    },
+    /// The device is there but may not be opened.
+    #[error(
+        "hand controller {name} at {path} may not be opened ({source}); put the line `{rule}` into {rules_file}, run `sudo udevadm control --reload && sudo udevadm trigger`, and plug it in again"
+    )]
+    Unreadable {
+        /// Its name.
+        name: String,
+        /// Its node.
+        path: String,
+        /// What the kernel said.
+        source: std::io::Error,
+        /// The udev rule that allows it.
+        rule: String,
+        /// The file for that rule.
+        rules_file: &'static str,
+    },
+    /// Any other failure of the HID system.
+    #[error(
+        "HID failed while {doing}: {source_text}; check that /sys and /dev are mounted, and plug the device in again"
+    )]
+    Hid {
+        /// What was being done.
+        doing: &'static str,
+        /// What hidapi said.
+        source_text: String,
+    },
+    /// A thread could not be started.
+    #[error("the thread {name} could not be started: {source}; check the limit on processes (`ulimit -u`)")]
+    Thread {
+        /// The thread.
+        name: &'static str,
+        /// What the kernel said.
+        source: std::io::Error,
+    },
+}

@@ -1,0 +1,212 @@
+//! The only file that touches hidapi: lists and opens devices, and says in plain words what stands in the way.
+
+use crate::devices::{DeviceChoice, DeviceInfo, KNOWN_DEVICES, known_device};
+use crate::{MasterError, RawReport};
+use hidapi::{HidApi, HidDevice, HidError};
+use std::ffi::CString;
+use std::fs::OpenOptions;
+use std::io;
+use std::time::Duration;
+
+/// Where the udev rule belongs: before 73-seat-late.rules, which acts upon the `uaccess` tag.
+const RULES_FILE: &str = "/etc/udev/rules.d/70-krait.rules";
+
+/// Why a read brought no report.
+#[derive(Debug)]
+pub(crate) enum ReadFailure {
+    /// A signal came; read again.
+    Interrupted,
+    /// The device is gone, in the words of hidapi.
+    Gone(String),
+}
+
+/// An open device, real or a test's.
+pub(crate) trait HidPort: Send {
+    /// Waits for a report and returns its length; 0 when the time is up.
+    fn read(&mut self, buffer: &mut [u8; RawReport::MAX_BYTES], timeout: Duration) -> Result<usize, ReadFailure>;
+
+    /// Switches the light. A device without one stays dark; that is no failure.
+    fn set_light(&mut self, is_on: bool);
+}
+
+/// Where ports come from, real or a test's.
+pub(crate) trait HidHost: Send {
+    /// Opens the device that a choice names.
+    fn open(&mut self, choice: &DeviceChoice) -> Result<OpenPort, MasterError>;
+}
+
+/// A port and whose it is.
+pub(crate) struct OpenPort {
+    pub(crate) port: Box<dyn HidPort>,
+    pub(crate) vid_pid: (u16, u16),
+}
+
+/// The HID system of this machine.
+pub(crate) struct SystemHost;
+
+impl HidHost for SystemHost {
+    fn open(&mut self, choice: &DeviceChoice) -> Result<OpenPort, MasterError> {
+        let api = HidApi::new().map_err(|e| failed("listing the devices", e))?;
+        let devices = devices_of(&api);
+        let wanted = devices.iter().find(|d| choice.admits(d.vendor_id, d.product_id, &d.serial));
+        let device = wanted.ok_or_else(|| no_device(choice, &devices))?;
+        may_open(&device.path).map_err(|source| unreadable(device, source))?;
+        let path = CString::new(device.path.as_str()).map_err(|e| failed("naming a device", e))?;
+        let port = api.open_path(&path).map_err(|e| failed("opening a device", e))?;
+        // The node may have been given to another device since it was listed; while it is open it keeps its name.
+        let (vendor_id, product_id, serial) = identity_of(&device.path)?;
+        if !choice.admits(vendor_id, product_id, &serial) {
+            return Err(no_device(choice, &list_hid()?));
+        }
+        Ok(OpenPort { port: Box::new(SystemPort(port)), vid_pid: (vendor_id, product_id) })
+    }
+}
+
+struct SystemPort(HidDevice);
+
+impl HidPort for SystemPort {
+    fn read(&mut self, buffer: &mut [u8; RawReport::MAX_BYTES], timeout: Duration) -> Result<usize, ReadFailure> {
+        let timeout_ms = i32::try_from(timeout.as_millis()).unwrap_or(i32::MAX);
+        self.0.read_timeout(buffer, timeout_ms).map_err(|error| match error {
+            HidError::IoError { error } if error.kind() == io::ErrorKind::Interrupted => ReadFailure::Interrupted,
+            other => ReadFailure::Gone(other.to_string()),
+        })
+    }
+
+    fn set_light(&mut self, is_on: bool) {
+        if let Err(error) = self.0.write(&crate::led_report(is_on)) {
+            tracing::debug!(%error, "the device did not take its light's report");
+        }
+    }
+}
+
+/// Every HID device, each once (hidapi lists a node once per usage), known hand controllers first. `may_open` is not asked.
+pub(crate) fn list_hid() -> Result<Vec<DeviceInfo>, MasterError> {
+    HidApi::new().map(|api| devices_of(&api)).map_err(|e| failed("listing the devices", e))
+}
+
+/// Whether a node may be opened, with the kernel's own answer, which hidapi hides in a text.
+pub(crate) fn may_open(path: &str) -> io::Result<()> {
+    OpenOptions::new().read(true).write(true).open(path).map(drop)
+}
+
+fn devices_of(api: &HidApi) -> Vec<DeviceInfo> {
+    let mut devices: Vec<DeviceInfo> = Vec::new();
+    for found in api.device_list() {
+        let path = found.path().to_string_lossy().into_owned();
+        if devices.iter().any(|d| d.path == path) {
+            continue;
+        }
+        devices.push(DeviceInfo {
+            path,
+            vendor_id: found.vendor_id(),
+            product_id: found.product_id(),
+            serial: found.serial_number().unwrap_or_default().to_owned(),
+            manufacturer: found.manufacturer_string().unwrap_or_default().to_owned(),
+            product: found.product_string().unwrap_or_default().to_owned(),
+            known: known_device(found.vendor_id(), found.product_id()),
+            may_open: false,
+        });
+    }
+    devices.sort_by(|a, b| (a.known.is_none(), &a.path).cmp(&(b.known.is_none(), &b.path)));
+    devices
+}
+
+/// Vendor, product and serial number of the device that has a node now, from the kernel.
+fn identity_of(path: &str) -> Result<(u16, u16, String), MasterError> {
+    let node = path.rsplit('/').next().unwrap_or(path);
+    let text = std::fs::read_to_string(format!("/sys/class/hidraw/{node}/device/uevent"))
+        .map_err(|e| failed("asking which device was opened", e))?;
+    parse_uevent(&text).ok_or_else(|| failed("asking which device was opened", format!("{node} has no HID_ID")))
+}
+
+/// `HID_ID=0003:0000046D:0000C626` and `HID_UNIQ=serial`.
+fn parse_uevent(text: &str) -> Option<(u16, u16, String)> {
+    let value = |key: &str| text.lines().find_map(|line| line.strip_prefix(key)?.strip_prefix('='));
+    let mut ids = value("HID_ID")?.split(':').skip(1).map(|hex| u16::from_str_radix(hex, 16).ok());
+    Some((ids.next()??, ids.next()??, value("HID_UNIQ").unwrap_or_default().to_owned()))
+}
+
+fn no_device(choice: &DeviceChoice, devices: &[DeviceInfo]) -> MasterError {
+    let looked_for = match choice {
+        DeviceChoice::Any => {
+            KNOWN_DEVICES.map(|d| format!("{:04x}:{:04x} ({})", d.vendor_id, d.product_id, d.name)).join(", ")
+        }
+        one => one.to_string(),
+    };
+    let present = match devices {
+        [] => "none".to_owned(),
+        some => some.iter().map(DeviceInfo::to_string).collect::<Vec<_>>().join(", "),
+    };
+    MasterError::NoDevice { looked_for, present }
+}
+
+fn unreadable(device: &DeviceInfo, source: io::Error) -> MasterError {
+    if source.kind() != io::ErrorKind::PermissionDenied {
+        return failed("opening a device", format!("{}: {source}", device.path));
+    }
+    MasterError::Unreadable {
+        name: format!("{:04x}:{:04x} {:?}", device.vendor_id, device.product_id, device.product),
+        path: device.path.clone(),
+        source,
+        rule: udev_rule(device.vendor_id),
+        rules_file: RULES_FILE,
+    }
+}
+
+fn udev_rule(vendor_id: u16) -> String {
+    format!("KERNEL==\"hidraw*\", ATTRS{{idVendor}}==\"{vendor_id:04x}\", MODE=\"0660\", TAG+=\"uaccess\"")
+}
+
+fn failed(doing: &'static str, source: impl ToString) -> MasterError {
+    MasterError::Hid { doing, source_text: source.to_string() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn device(path: &str) -> DeviceInfo {
+        DeviceInfo {
+            path: path.to_owned(),
+            vendor_id: 0x046d,
+            product_id: 0xc626,
+            serial: String::new(),
+            manufacturer: "3Dconnexion".to_owned(),
+            product: "SpaceNavigator".to_owned(),
+            known: known_device(0x046d, 0xc626),
+            may_open: false,
+        }
+    }
+
+    #[test]
+    fn a_missing_device_is_told_with_what_was_looked_for_and_what_is_there() {
+        let error = no_device(&DeviceChoice::Any, &[device("/dev/hidraw3")]).to_string();
+        for part in ["256f:c652 (Universal Receiver)", "046d:c626 \"SpaceNavigator\" at /dev/hidraw3", "vid:pid"] {
+            assert!(error.contains(part), "{error}");
+        }
+        let exact = DeviceChoice::try_from("1234:5678:SN".to_owned()).expect("choice");
+        assert!(no_device(&exact, &[]).to_string().contains("looked for 1234:5678:SN, the HID devices here are none"));
+    }
+
+    #[test]
+    fn an_unreadable_device_is_told_with_the_rule_to_add() {
+        let error = unreadable(&device("/dev/hidraw3"), io::Error::from(io::ErrorKind::PermissionDenied));
+        let rule = udev_rule(0x046d);
+        assert_eq!(rule, r#"KERNEL=="hidraw*", ATTRS{idVendor}=="046d", MODE="0660", TAG+="uaccess""#);
+        let text = error.to_string();
+        for part in ["/dev/hidraw3", "permission denied", "70-krait.rules", "udevadm control --reload", &rule] {
+            assert!(text.contains(part), "{text}");
+        }
+        let vanished = unreadable(&device("/dev/hidraw3"), io::Error::from(io::ErrorKind::NotFound)).to_string();
+        assert!(vanished.contains("/dev/hidraw3") && !vanished.contains("udevadm"), "{vanished}");
+    }
+
+    #[test]
+    fn the_kernels_own_words_say_whose_node_it_is() {
+        let text = "DRIVER=hid-generic\nHID_ID=0003:0000256F:0000C652\nHID_NAME=x\nHID_UNIQ=SN-A\n";
+        assert_eq!(parse_uevent(text), Some((0x256f, 0xc652, "SN-A".to_owned())));
+        assert_eq!(parse_uevent("HID_ID=0003:zz:1\n"), None);
+        assert_eq!(parse_uevent(""), None);
+    }
+}

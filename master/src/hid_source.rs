@@ -1,0 +1,185 @@
+//! The live device: a thread of its own sleeps on the device and hands every report on at once, so that the kernel's ring,
+//! which keeps the oldest and drops the newest, never fills.
+
+use crate::hid::{HidHost, HidPort, OpenPort, ReadFailure, SystemHost};
+use crate::source::sleep_until;
+use crate::{DeviceChoice, MasterError, RawReport, ReportSource, SourceEvent};
+use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, TrySendError, bounded};
+use krait_ipc::clock;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// Events that may wait for the process loop: two seconds of the fastest SpaceMouse.
+const QUEUE: usize = 256;
+/// How long the thread sleeps on a silent device before it looks whether it shall end.
+const READ_TIMEOUT: Duration = Duration::from_millis(50);
+/// Pause between two searches for a device that was unplugged. A search takes 13 to 260 ms of one core.
+const SEARCH_PAUSE: Duration = Duration::from_millis(500);
+
+/// Reads a live device.
+#[derive(Debug)]
+pub struct HidSource {
+    events: Receiver<SourceEvent>,
+    early: Option<SourceEvent>,
+    shared: Arc<Shared>,
+    thread: Option<JoinHandle<()>>,
+    vid_pid: (u16, u16),
+}
+
+/// What the process loop and the reading thread share besides the queue.
+#[derive(Debug, Default)]
+struct Shared {
+    stop: AtomicBool,
+    n_drained: AtomicU64,
+    // An unplugging or plugging in went with the oldest events.
+    missed_plug: AtomicBool,
+}
+
+impl HidSource {
+    /// Finds and opens the device and starts the thread that reads it. When the device is unplugged later, that thread looks
+    /// for it (by the same choice) until it is there and may be opened again.
+    ///
+    /// # Errors
+    /// [`MasterError::NoDevice`], [`MasterError::Unreadable`], [`MasterError::Hid`] or [`MasterError::Thread`].
+    pub fn open(choice: &DeviceChoice) -> Result<Self, MasterError> {
+        Self::open_on(Box::new(SystemHost), choice, SEARCH_PAUSE)
+    }
+
+    fn open_on(mut host: Box<dyn HidHost>, choice: &DeviceChoice, pause: Duration) -> Result<Self, MasterError> {
+        let opened = host.open(choice)?;
+        let (sender, events) = bounded(QUEUE);
+        let shared = Arc::new(Shared::default());
+        let vid_pid = opened.vid_pid;
+        let choice = choice.clone();
+        let reader =
+            Reader { events: sender, oldest: events.clone(), shared: Arc::clone(&shared), host, choice, pause };
+        let thread = std::thread::Builder::new()
+            .name("krait-hid".to_owned())
+            .spawn(move || reader.run(opened))
+            .map_err(|source| MasterError::Thread { name: "krait-hid", source })?;
+        Ok(Self { events, early: None, shared, thread: Some(thread), vid_pid })
+    }
+}
+
+impl ReportSource for HidSource {
+    fn start(&mut self, _now_ns: i64) {}
+
+    fn wait_until(&mut self, deadline_ns: i64) {
+        let left_ns = deadline_ns.saturating_sub(clock::monotonic_ns());
+        if self.early.is_some() || left_ns <= 0 {
+            return;
+        }
+        match self.events.recv_timeout(Duration::from_nanos(left_ns.unsigned_abs())) {
+            Ok(event) => self.early = Some(event),
+            Err(RecvTimeoutError::Timeout) => {}
+            // The thread is gone and can wake nobody any more.
+            Err(RecvTimeoutError::Disconnected) => sleep_until(deadline_ns),
+        }
+    }
+
+    fn next_event(&mut self, _now_ns: i64) -> Option<SourceEvent> {
+        if self.shared.missed_plug.swap(false, Ordering::Relaxed) {
+            return Some(SourceEvent::Plugged);
+        }
+        match self.shared.n_drained.swap(0, Ordering::Relaxed) {
+            0 => self.early.take().or_else(|| self.events.try_recv().ok()),
+            n_drained => Some(SourceEvent::Drained(n_drained)),
+        }
+    }
+
+    fn vid_pid(&self) -> Option<(u16, u16)> {
+        Some(self.vid_pid)
+    }
+}
+
+impl Drop for HidSource {
+    fn drop(&mut self) {
+        self.shared.stop.store(true, Ordering::Relaxed);
+        if let Some(Err(_)) = self.thread.take().map(JoinHandle::join) {
+            tracing::error!("the thread that reads the hand controller died");
+        }
+    }
+}
+
+struct Reader {
+    events: Sender<SourceEvent>,
+    // The same queue from the other end: where it is full, the oldest makes room for the newest.
+    oldest: Receiver<SourceEvent>,
+    shared: Arc<Shared>,
+    host: Box<dyn HidHost>,
+    choice: DeviceChoice,
+    pause: Duration,
+}
+
+impl Reader {
+    fn run(mut self, mut opened: OpenPort) {
+        loop {
+            self.read_until_gone(opened.port.as_mut());
+            if self.is_stopped() {
+                opened.port.set_light(false);
+                return;
+            }
+            self.push(SourceEvent::Unplugged);
+            drop(opened);
+            match self.search() {
+                Some(found) => opened = found,
+                None => return,
+            }
+            self.push(SourceEvent::Plugged);
+        }
+    }
+
+    fn read_until_gone(&self, port: &mut dyn HidPort) {
+        port.set_light(true);
+        let mut buffer = [0_u8; RawReport::MAX_BYTES];
+        while !self.is_stopped() {
+            match port.read(&mut buffer, READ_TIMEOUT) {
+                Ok(0) | Err(ReadFailure::Interrupted) => {}
+                Ok(n_bytes) => {
+                    let report = RawReport::clipped(&buffer[..n_bytes.min(RawReport::MAX_BYTES)]);
+                    self.push(SourceEvent::Report { stamp_ns: clock::monotonic_ns(), report });
+                }
+                Err(ReadFailure::Gone(source_text)) => {
+                    tracing::warn!(%source_text, "the hand controller was lost; looking for it");
+                    return;
+                }
+            }
+        }
+    }
+
+    /// Looks for the device again and again. There is no device to be read meanwhile, so its slowness delays nothing. A
+    /// refusal for want of permission is tried again too: udev sets permissions a little after the node appears.
+    fn search(&mut self) -> Option<OpenPort> {
+        while !self.is_stopped() {
+            match self.host.open(&self.choice) {
+                Ok(opened) => return Some(opened),
+                Err(error) => tracing::debug!(%error, "the hand controller is not there yet"),
+            }
+            std::thread::park_timeout(self.pause);
+        }
+        None
+    }
+
+    /// Hands an event on without ever waiting for the process loop: where there is no room, the oldest event goes.
+    fn push(&self, mut event: SourceEvent) {
+        while let Err(TrySendError::Full(refused)) = self.events.try_send(event) {
+            event = refused;
+            match self.oldest.try_recv() {
+                Ok(SourceEvent::Report { .. }) => {
+                    self.shared.n_drained.fetch_add(1, Ordering::Relaxed);
+                }
+                Ok(_) => self.shared.missed_plug.store(true, Ordering::Relaxed),
+                Err(_) => {}
+            }
+        }
+    }
+
+    fn is_stopped(&self) -> bool {
+        self.shared.stop.load(Ordering::Relaxed)
+    }
+}
+
+#[cfg(test)]
+mod tests;

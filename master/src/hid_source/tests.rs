@@ -1,0 +1,130 @@
+//! The live device's thread against devices that signal, vanish, come back and flood.
+
+use super::*;
+use std::sync::mpsc;
+
+/// What a test's device does at its next read.
+enum Act {
+    Report(Vec<u8>),
+    Signal,
+    Vanish,
+}
+
+struct FakePort(Arc<std::sync::Mutex<mpsc::Receiver<Act>>>, Arc<AtomicU64>);
+
+impl HidPort for FakePort {
+    fn read(&mut self, buffer: &mut [u8; RawReport::MAX_BYTES], _: Duration) -> Result<usize, ReadFailure> {
+        match self.0.lock().expect("acts").recv_timeout(Duration::from_millis(1)) {
+            Ok(Act::Report(bytes)) => {
+                buffer[..bytes.len()].copy_from_slice(&bytes);
+                Ok(bytes.len())
+            }
+            Ok(Act::Signal) => Err(ReadFailure::Interrupted),
+            Ok(Act::Vanish) => Err(ReadFailure::Gone("unexpected poll error (device disconnected)".to_owned())),
+            Err(_) => Ok(0),
+        }
+    }
+
+    fn set_light(&mut self, is_on: bool) {
+        self.1.store(u64::from(is_on), Ordering::SeqCst);
+    }
+}
+
+struct FakeHost {
+    acts: Arc<std::sync::Mutex<mpsc::Receiver<Act>>>,
+    light: Arc<AtomicU64>,
+    // How many searches fail before the device is there again.
+    n_absent: u32,
+    n_opened: u32,
+}
+
+impl HidHost for FakeHost {
+    fn open(&mut self, choice: &DeviceChoice) -> Result<OpenPort, MasterError> {
+        if self.n_opened > 0 && self.n_absent > 0 {
+            self.n_absent -= 1;
+            return Err(MasterError::NoDevice { looked_for: choice.to_string(), present: "none".to_owned() });
+        }
+        self.n_opened += 1;
+        let port = Box::new(FakePort(Arc::clone(&self.acts), Arc::clone(&self.light)));
+        Ok(OpenPort { port, vid_pid: (0x046d, 0xc626) })
+    }
+}
+
+fn device(n_absent: u32) -> (mpsc::Sender<Act>, Arc<AtomicU64>, HidSource) {
+    let (acts, taken) = mpsc::channel();
+    let light = Arc::new(AtomicU64::new(0));
+    let acts_taken = Arc::new(std::sync::Mutex::new(taken));
+    let host = FakeHost { acts: acts_taken, light: Arc::clone(&light), n_absent, n_opened: 0 };
+    let source = HidSource::open_on(Box::new(host), &DeviceChoice::Any, Duration::from_millis(1)).expect("open");
+    (acts, light, source)
+}
+
+/// The next event, waiting as the process loop does.
+fn wait_for_event(source: &mut HidSource) -> SourceEvent {
+    for _ in 0..10_000 {
+        source.wait_until(clock::monotonic_ns() + 1_000_000);
+        if let Some(event) = source.next_event(clock::monotonic_ns()) {
+            return event;
+        }
+    }
+    panic!("no event came");
+}
+
+#[test]
+fn reports_arrive_in_order_and_signals_are_not_noticed() {
+    let (acts, light, mut source) = device(0);
+    for k in 0..100_u8 {
+        acts.send(Act::Signal).expect("signal");
+        acts.send(Act::Report(vec![3, k])).expect("report");
+    }
+    for k in 0..100_u8 {
+        let SourceEvent::Report { report, .. } = wait_for_event(&mut source) else { panic!("a report") };
+        assert_eq!(report.as_bytes(), [3, k]);
+    }
+    assert_eq!(light.load(Ordering::SeqCst), 1);
+    drop(source);
+    assert_eq!(light.load(Ordering::SeqCst), 0, "the light goes out at the end");
+}
+
+#[test]
+fn an_unplugged_device_is_told_and_found_again_after_failed_searches() {
+    let (acts, _, mut source) = device(5);
+    acts.send(Act::Vanish).expect("vanish");
+    assert!(matches!(wait_for_event(&mut source), SourceEvent::Unplugged));
+    assert!(matches!(wait_for_event(&mut source), SourceEvent::Plugged));
+    acts.send(Act::Report(vec![3, 1])).expect("report");
+    assert!(matches!(wait_for_event(&mut source), SourceEvent::Report { .. }));
+}
+
+#[test]
+fn the_newest_report_survives_a_stalled_loop_and_the_dropped_ones_are_counted() {
+    let (acts, _, mut source) = device(0);
+    let n_sent = 1000_u64;
+    for k in 0..n_sent {
+        acts.send(Act::Report((k as u16).to_le_bytes().to_vec())).expect("report");
+    }
+    let (mut n_got, mut n_drained, mut newest) = (0, 0, 0);
+    while u64::from(newest) != n_sent - 1 {
+        std::thread::sleep(Duration::from_millis(20));
+        match wait_for_event(&mut source) {
+            SourceEvent::Drained(n) => n_drained += n,
+            SourceEvent::Report { report, .. } => {
+                n_got += 1;
+                newest = u16::from_le_bytes([report.as_bytes()[0], report.as_bytes()[1]]);
+            }
+            other => panic!("{other:?}"),
+        }
+        // From here on as fast as the loop can.
+        while let Some(event) = source.next_event(0) {
+            match event {
+                SourceEvent::Drained(n) => n_drained += n,
+                SourceEvent::Report { report, .. } => {
+                    n_got += 1;
+                    newest = u16::from_le_bytes([report.as_bytes()[0], report.as_bytes()[1]]);
+                }
+                other => panic!("{other:?}"),
+            }
+        }
+    }
+    assert_eq!(n_got + n_drained, n_sent);
+}

@@ -1,0 +1,169 @@
+//! What the operator wants: velocity, presence and clutch from the state of the hand controller. Pure, allocates nothing.
+
+use crate::presence::is_down;
+use crate::{Clutch, MasterConfig, Presence, Response};
+use krait_ipc::message::{DeviceState, OperatorInput};
+
+/// The hand controller at one instant.
+#[derive(Clone, Copy, Debug)]
+pub struct Hand {
+    /// x, y, z, rx, ry, rz, counts.
+    pub axes: [i16; 6],
+    /// Buttons, bit n = button n.
+    pub buttons: u32,
+    /// Whether the device can be trusted.
+    pub device: DeviceState,
+}
+
+/// What the operator asks for at one instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OperatorMotion {
+    /// Velocity of the tip in the view frame, m/s; zero without presence, with the clutch pressed, or at rest.
+    pub tip_vel_in_view_m_per_s: [f64; 3],
+    /// Bits as in [`OperatorInput::flags`].
+    pub flags: u32,
+}
+
+/// Follows presence and clutch, and maps deflection to velocity.
+///
+/// The loss of the device drops presence. It comes back only by a deliberate act: a toggle must be pressed again; with
+/// `hold` and `always` the cap must have been still once, so that a device which comes back deflected moves nothing.
+#[derive(Clone, Copy, Debug)]
+pub struct Operator {
+    response: Response,
+    presence: Presence,
+    clutch: Clutch,
+    buttons: u32,
+    is_toggled_on: bool,
+    must_rest_first: bool,
+}
+
+impl Operator {
+    /// The operator of a configuration that has passed its check; not present yet.
+    pub fn new(config: &MasterConfig) -> Self {
+        Self {
+            response: Response::new(config),
+            presence: config.presence,
+            clutch: config.clutch,
+            buttons: 0,
+            is_toggled_on: false,
+            must_rest_first: false,
+        }
+    }
+
+    /// Notes a button report. Each one counts, even when a newer one is already waiting: a press must not be missed.
+    pub fn on_buttons(&mut self, buttons: u32) {
+        if let Presence::Toggle(button) = self.presence
+            && is_down(buttons, button)
+            && !is_down(self.buttons, button)
+        {
+            self.is_toggled_on = !self.is_toggled_on;
+        }
+        self.buttons = buttons;
+    }
+
+    /// Drops presence because the device was lost. Buttons count as released: nobody saw what became of them.
+    pub fn on_loss(&mut self) {
+        self.is_toggled_on = false;
+        self.buttons = 0;
+        self.must_rest_first = true;
+    }
+
+    /// What the operator asks for now.
+    ///
+    /// # Real-time
+    /// No allocation, no blocking.
+    pub fn step(&mut self, hand: &Hand) -> OperatorMotion {
+        let is_trusted = matches!(hand.device, DeviceState::Live | DeviceState::AtRest);
+        let vel = self.response.tip_vel_in_view_m_per_s(hand.axes);
+        if is_trusted && vel == [0.0; 3] {
+            self.must_rest_first = false;
+        }
+        let is_present = is_trusted
+            && match self.presence {
+                Presence::Always => !self.must_rest_first,
+                Presence::Hold(button) => !self.must_rest_first && is_down(hand.buttons, button),
+                Presence::Toggle(_) => self.is_toggled_on,
+            };
+        let is_clutched = matches!(self.clutch, Clutch::Hold(button) if is_down(hand.buttons, button));
+        OperatorMotion {
+            tip_vel_in_view_m_per_s: if is_present && !is_clutched { vel } else { [0.0; 3] },
+            flags: flags(is_present, is_clutched),
+        }
+    }
+}
+
+/// The bits of [`OperatorInput::flags`].
+pub(crate) fn flags(is_present: bool, is_clutched: bool) -> u32 {
+    let present = if is_present { OperatorInput::OPERATOR_PRESENT } else { 0 };
+    let clutched = if is_clutched { OperatorInput::CLUTCH } else { 0 };
+    present | clutched
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PUSHED: [i16; 6] = [200, 0, 0, 0, 0, 0];
+
+    fn operator(presence: Presence) -> Operator {
+        Operator::new(&MasterConfig { presence, ..MasterConfig::default() })
+    }
+
+    fn is_moving(operator: &mut Operator, axes: [i16; 6], buttons: u32, device: DeviceState) -> bool {
+        let motion = operator.step(&Hand { axes, buttons, device });
+        let is_moving = motion.tip_vel_in_view_m_per_s != [0.0; 3];
+        assert!(!is_moving || motion.flags == OperatorInput::OPERATOR_PRESENT, "motion needs presence and no clutch");
+        is_moving
+    }
+
+    #[test]
+    fn nothing_moves_before_the_toggle_is_pressed_nor_after_it_is_pressed_again() {
+        let mut op = operator(Presence::Toggle(0));
+        assert!(!is_moving(&mut op, PUSHED, 0, DeviceState::Live));
+        op.on_buttons(1);
+        op.on_buttons(0);
+        assert!(is_moving(&mut op, PUSHED, 0, DeviceState::Live));
+        op.on_buttons(1);
+        assert!(!is_moving(&mut op, PUSHED, 1, DeviceState::Live));
+    }
+
+    #[test]
+    fn the_clutch_stops_the_snake_but_keeps_presence() {
+        let mut op = operator(Presence::Toggle(0));
+        op.on_buttons(1);
+        let motion = op.step(&Hand { axes: PUSHED, buttons: 2, device: DeviceState::Live });
+        assert_eq!(motion.tip_vel_in_view_m_per_s, [0.0; 3]);
+        assert_eq!(motion.flags, OperatorInput::OPERATOR_PRESENT | OperatorInput::CLUTCH);
+    }
+
+    #[test]
+    fn a_lost_device_drops_presence_until_the_toggle_is_pressed_again() {
+        let mut op = operator(Presence::Toggle(0));
+        op.on_buttons(1);
+        op.on_loss();
+        assert!(!is_moving(&mut op, PUSHED, 1, DeviceState::Lost));
+        assert!(!is_moving(&mut op, PUSHED, 1, DeviceState::Live), "coming back is not enough");
+        op.on_buttons(1);
+        assert!(is_moving(&mut op, PUSHED, 1, DeviceState::Live));
+    }
+
+    #[test]
+    fn a_device_that_comes_back_deflected_moves_nothing_until_it_was_still() {
+        for (presence, buttons) in [(Presence::Always, 0), (Presence::Hold(3), 8)] {
+            let mut op = operator(presence);
+            assert!(is_moving(&mut op, PUSHED, buttons, DeviceState::Live));
+            op.on_loss();
+            assert!(!is_moving(&mut op, PUSHED, buttons, DeviceState::Live));
+            assert!(!is_moving(&mut op, [0; 6], buttons, DeviceState::AtRest));
+            assert!(is_moving(&mut op, PUSHED, buttons, DeviceState::Live));
+        }
+    }
+
+    #[test]
+    fn an_untrusted_device_never_means_presence() {
+        for device in [DeviceState::Waiting, DeviceState::Lost, DeviceState::Ended] {
+            assert!(!is_moving(&mut operator(Presence::Always), PUSHED, 0, device));
+        }
+    }
+}

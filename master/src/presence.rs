@@ -1,0 +1,83 @@
+//! How an operator says "I am here" and "hold still": the dead-man and the clutch, as a configuration names them.
+
+use serde::{Deserialize, Serialize};
+
+/// Buttons that a message can carry.
+const N_BUTTONS: u8 = 32;
+
+/// What counts as the operator's presence; without it nothing moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(try_from = "String", into = "String")]
+pub enum Presence {
+    /// Whenever the device can be trusted: for demonstrations without buttons.
+    Always,
+    /// While this button is held: `hold:<button>`.
+    Hold(u8),
+    /// Switched on and off by pressing this button: `toggle:<button>`.
+    Toggle(u8),
+}
+
+/// What counts as the clutch; while it is pressed the hand moves and the snake does not.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(try_from = "String", into = "String")]
+pub enum Clutch {
+    /// There is no clutch.
+    None,
+    /// While this button is held: `hold:<button>`.
+    Hold(u8),
+}
+
+impl TryFrom<String> for Presence {
+    type Error = String;
+    fn try_from(text: String) -> Result<Self, String> {
+        match (text.as_str(), text.split_once(':')) {
+            ("always", _) => Some(Self::Always),
+            (_, Some(("hold", button))) => button_of(button).map(Self::Hold),
+            (_, Some(("toggle", button))) => button_of(button).map(Self::Toggle),
+            _ => None,
+        }
+        .ok_or_else(|| {
+            format!("{text:?} is no way to be present, expected \"always\", \"hold:<0..31>\" or \"toggle:<0..31>\"")
+        })
+    }
+}
+
+impl From<Presence> for String {
+    fn from(presence: Presence) -> Self {
+        match presence {
+            Presence::Always => "always".to_owned(),
+            Presence::Hold(button) => format!("hold:{button}"),
+            Presence::Toggle(button) => format!("toggle:{button}"),
+        }
+    }
+}
+
+impl TryFrom<String> for Clutch {
+    type Error = String;
+    fn try_from(text: String) -> Result<Self, String> {
+        match (text.as_str(), text.split_once(':')) {
+            ("none", _) => Some(Self::None),
+            (_, Some(("hold", button))) => button_of(button).map(Self::Hold),
+            _ => None,
+        }
+        .ok_or_else(|| format!("{text:?} is no clutch, expected \"none\" or \"hold:<0..31>\""))
+    }
+}
+
+impl From<Clutch> for String {
+    fn from(clutch: Clutch) -> Self {
+        match clutch {
+            Clutch::None => "none".to_owned(),
+            Clutch::Hold(button) => format!("hold:{button}"),
+        }
+    }
+}
+
+/// Whether a button of a message's bits is down.
+pub(crate) fn is_down(buttons: u32, button: u8) -> bool {
+    buttons & (1 << (button % N_BUTTONS)) != 0
+}
+
+fn button_of(text: &str) -> Option<u8> {
+    text.parse().ok().filter(|button| *button < N_BUTTONS)
+}

@@ -1,0 +1,128 @@
+//! The master's loop: wait, ask the source, publish at the tick and at once after a report. It decides nothing.
+
+use crate::report_log::ReportLog;
+use crate::ticker::Ticker;
+use crate::{MasterConfig, MasterCore, MasterError, ReportSource, SourceChoice, SourceEvent};
+use krait_ipc::message::{DeviceState, OperatorInput, SlaveState};
+use krait_ipc::{Bus, HealthReporter, ReadOptions, Reader, Reason, Reasons, Writer, clock};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Reads a source and publishes [`OperatorInput`] on its channel until `stop` is set.
+///
+/// A report is published at once, at most one between two ticks; the tick comes at `rate_hz` besides. A recording or script
+/// begins when the slave is ready (or at once, see [`MasterConfig::start_when_ready`]); before that the inputs carry no
+/// motion. After its end, and while a device is lost, inputs go on without motion.
+///
+/// # Errors
+/// [`MasterError`] when a setting is out of range, the source cannot be opened, or a channel fails. A device that is unplugged
+/// later is a state, not an error.
+pub fn run(bus: &Bus, config: &MasterConfig, source: SourceChoice, stop: &AtomicBool) -> Result<(), MasterError> {
+    let core = MasterCore::new(config)?;
+    let waits_for_slave = config.start_when_ready && source.has_beginning();
+    let slave = if waits_for_slave { Some(bus.reader(ReadOptions::glancing())?) } else { None };
+    let source = source.open(config)?;
+    let log = match &config.record_reports {
+        Some(path) => Some(ReportLog::create(path, source.vid_pid().unwrap_or_default())?),
+        None => None,
+    };
+    let (inputs, health) = (bus.writer()?, HealthReporter::open(bus, "master")?);
+    let mut master = Master { core, source, log, slave, inputs, health, device_ns: None, has_log_dropped: false };
+    master.run(config.period_ns(), stop)
+}
+
+struct Master {
+    core: MasterCore,
+    source: Box<dyn ReportSource>,
+    log: Option<ReportLog>,
+    // Present until the slave was ready and the source began.
+    slave: Option<Reader<SlaveState>>,
+    inputs: Writer<OperatorInput>,
+    health: HealthReporter,
+    // When the newest report that no input has carried yet was in hand.
+    device_ns: Option<i64>,
+    // Whether the log had no room for a report since the last input.
+    has_log_dropped: bool,
+}
+
+impl Master {
+    fn run(&mut self, period_ns: i64, stop: &AtomicBool) -> Result<(), MasterError> {
+        let begun_ns = clock::monotonic_ns();
+        if self.slave.is_none() {
+            self.source.start(begun_ns);
+        }
+        let mut ticker = Ticker::new(begun_ns, period_ns);
+        self.health.publish(begun_ns)?;
+        while !stop.load(Ordering::Relaxed) {
+            self.source.wait_until(ticker.due_ns());
+            let now_ns = clock::monotonic_ns();
+            self.begin_when_ready(now_ns)?;
+            self.take_events(now_ns);
+            if ticker.is_due(now_ns, self.device_ns.is_some()) {
+                self.publish(now_ns)?;
+                self.health.publish_if_due(now_ns)?;
+            }
+        }
+        let (n_sent, counts) = (self.inputs.n_sent(), *self.core.counts());
+        tracing::info!(n_sent, n_ticks_skipped = ticker.n_skipped(), ?counts, "the master ends");
+        self.health.publish(clock::monotonic_ns())?;
+        Ok(())
+    }
+
+    fn begin_when_ready(&mut self, now_ns: i64) -> Result<(), MasterError> {
+        if let Some(slave) = &mut self.slave {
+            let is_ready = slave.take_newest()?.is_some_and(|state| state.is_ready());
+            if is_ready {
+                self.slave = None;
+                self.source.start(now_ns);
+            }
+        }
+        Ok(())
+    }
+
+    fn take_events(&mut self, now_ns: i64) {
+        while let Some(event) = self.source.next_event(now_ns) {
+            match event {
+                SourceEvent::Report { stamp_ns, report } => {
+                    if let Some(log) = &self.log {
+                        self.has_log_dropped |= !log.push(stamp_ns, report);
+                    }
+                    // A refusal is counted by the core and travels in every input; there is no more to do about it here.
+                    if self.core.on_report(report.as_bytes(), stamp_ns).is_ok() {
+                        self.device_ns = Some(stamp_ns);
+                    }
+                }
+                SourceEvent::Script(sample) => self.core.on_script(sample),
+                SourceEvent::Drained(n_reports) => self.core.on_drained(n_reports),
+                SourceEvent::Unplugged => self.core.on_unplugged(),
+                SourceEvent::Plugged => self.core.on_plugged(),
+                SourceEvent::Restarted => self.core.on_restarted(),
+                SourceEvent::Ended => self.core.on_ended(),
+            }
+        }
+    }
+
+    fn publish(&mut self, now_ns: i64) -> Result<(), MasterError> {
+        let mut input = self.core.on_tick(now_ns);
+        if let Some(device_ns) = self.device_ns.take() {
+            input.stamps.device_ns = device_ns;
+        }
+        let mut reasons = reasons(&input);
+        reasons.insert_if(Reason::RecordingDropped, std::mem::take(&mut self.has_log_dropped));
+        self.health.set_now(reasons);
+        let health = self.health.health_mut();
+        (health.n_sent, health.n_refused) = (input.sequence, input.n_refused);
+        input.stamps.input_sent_ns = clock::monotonic_ns();
+        self.inputs.send(&input)?;
+        Ok(())
+    }
+}
+
+/// Why the operator's hand moves nothing, as far as the master knows.
+fn reasons(input: &OperatorInput) -> Reasons {
+    let mut reasons = Reasons::NONE;
+    reasons.insert_if(Reason::OperatorAbsent, !input.operator_present());
+    reasons.insert_if(Reason::Clutched, input.clutch_pressed());
+    reasons.insert_if(Reason::DeviceLost, input.device() == Some(DeviceState::Lost));
+    reasons.insert_if(Reason::InputEnded, input.device() == Some(DeviceState::Ended));
+    reasons
+}

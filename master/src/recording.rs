@@ -1,0 +1,177 @@
+//! Report recordings: raw reports with stamps, as text that a person can read, compare and cut.
+//!
+//! ```text
+//! krait-report-recording 1
+//! device 046d:c626
+//! layout split
+//! note anything that a reader should know; any number of note lines, here or between reports
+//! reports
+//! 0 01000000000000
+//! 8003150 02000000000000
+//! end 2
+//! ```
+//!
+//! A report line is `stamp_ns hexbytes`: nanoseconds since the first report, one space, the report's 1 to 64 bytes in
+//! lower-case hexadecimal with its id first. The first stamp is 0, stamps never run backwards. `layout` is `split`,
+//! `combined` or `unknown`; it informs a person, the decoder tells the layout by each report. `end` carries the number of
+//! reports, so that a truncated file is noticed. Lines end with a line feed and hold at most 200 bytes; a file holds at most
+//! 64 MB and is read into memory at load. Reports are not decoded here: a recording of a faulty device is a good recording.
+
+use crate::recording_lines::{DAMAGED, Lines, note};
+use crate::{Layout, MasterError, RawReport};
+use std::io::Read;
+use std::path::Path;
+
+pub(crate) const MAGIC: &str = "krait-report-recording 1";
+const MAX_BYTES: u64 = 64 * 1024 * 1024;
+
+/// The lines before the first report.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RecordingHeader {
+    /// USB vendor id.
+    pub vendor_id: u16,
+    /// USB product id.
+    pub product_id: u16,
+    /// How the device lays out its reports; `None` when that was not known.
+    pub layout: Option<Layout>,
+    /// What a reader should know, one line each; notes between reports are gathered here too.
+    pub notes: Vec<String>,
+}
+
+/// A recording in memory.
+#[derive(Clone, Debug)]
+pub struct Recording {
+    header: RecordingHeader,
+    reports: Vec<StampedReport>,
+}
+
+/// A report and when it came, nanoseconds since the first.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct StampedReport {
+    pub(crate) stamp_ns: i64,
+    pub(crate) report: RawReport,
+}
+
+impl Recording {
+    /// The recording that is built into the binary: 31 s of a synthetic operator (see its notes).
+    ///
+    /// # Errors
+    /// [`MasterError::Recording`], never for a binary that passed its tests.
+    pub fn shipped() -> Result<Self, MasterError> {
+        Self::parse("recordings/default.krr (built in)", crate::generate::SHIPPED_TEXT.as_bytes())
+    }
+
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// [`MasterError::File`], [`MasterError::TooLarge`] or [`MasterError::Recording`].
+    pub fn load(path: &Path) -> Result<Self, MasterError> {
+        Self::parse(&path.display().to_string(), &read_bounded(path, MAX_BYTES)?)
+    }
+
+    /// Reads a recording from memory; `file` names it in error sentences.
+    ///
+    /// # Errors
+    /// [`MasterError::Recording`] for the first line that is wrong.
+    pub fn parse(file: &str, bytes: &[u8]) -> Result<Self, MasterError> {
+        let mut lines = Lines::new(file, bytes);
+        lines.magic()?;
+        let (vendor_id, product_id) = lines.device()?;
+        let layout = lines.layout()?;
+        let mut recording =
+            Self { header: RecordingHeader { vendor_id, product_id, layout, notes: Vec::new() }, reports: Vec::new() };
+        recording.read_notes(&mut lines)?;
+        recording.read_reports(&mut lines)?;
+        Ok(recording)
+    }
+
+    /// The header.
+    pub fn header(&self) -> &RecordingHeader {
+        &self.header
+    }
+
+    /// Number of reports.
+    pub fn n_reports(&self) -> usize {
+        self.reports.len()
+    }
+
+    /// Time from the first report to the last, ns.
+    pub fn duration_ns(&self) -> i64 {
+        self.reports.last().map_or(0, |r| r.stamp_ns)
+    }
+
+    /// The reports with their stamps, nanoseconds since the first.
+    pub fn reports(&self) -> impl ExactSizeIterator<Item = (i64, &[u8])> {
+        self.reports.iter().map(|r| (r.stamp_ns, r.report.as_bytes()))
+    }
+
+    /// The part up to a time (s) after the first report.
+    pub fn first_s(mut self, duration_s: f64) -> Self {
+        self.reports.retain(|r| r.stamp_ns as f64 <= duration_s * 1e9);
+        self
+    }
+
+    pub(crate) fn stamped(&self, report_idx: usize) -> Option<StampedReport> {
+        self.reports.get(report_idx).copied()
+    }
+
+    fn read_notes(&mut self, lines: &mut Lines<'_>) -> Result<(), MasterError> {
+        loop {
+            match lines.next()? {
+                b"reports" => return Ok(()),
+                line if line.starts_with(b"note ") => self.header.notes.push(note(line)),
+                line => return Err(lines.refuse("`note ...` or `reports`", shown(line), DAMAGED)),
+            }
+        }
+    }
+
+    fn read_reports(&mut self, lines: &mut Lines<'_>) -> Result<(), MasterError> {
+        loop {
+            let line = lines.next()?;
+            if line.starts_with(b"note ") {
+                self.header.notes.push(note(line));
+            } else if let Some(count) = line.strip_prefix(b"end ") {
+                return self.finish(lines, count);
+            } else {
+                let stamped = lines.report(line, self.reports.last().map(|r| r.stamp_ns))?;
+                self.reports.push(stamped);
+            }
+        }
+    }
+
+    fn finish(&self, lines: &Lines<'_>, count: &[u8]) -> Result<(), MasterError> {
+        let n_reports = self.reports.len();
+        if count != n_reports.to_string().as_bytes() {
+            return Err(lines.refuse(
+                &format!("`end {n_reports}`, the number of reports above"),
+                shown(count),
+                DAMAGED,
+            ));
+        }
+        if n_reports == 0 {
+            return Err(lines.refuse("at least one report", "none".to_owned(), DAMAGED));
+        }
+        if !lines.rest().is_empty() {
+            return Err(lines.refuse("nothing after `end`", format!("{} more bytes", lines.rest().len()), DAMAGED));
+        }
+        Ok(())
+    }
+}
+
+/// Reads a file of at most `limit_bytes`; never more, whatever the file claims to be.
+pub(crate) fn read_bounded(path: &Path, limit_bytes: u64) -> Result<Vec<u8>, MasterError> {
+    let failed = |source| MasterError::File { path: path.to_owned(), doing: "read", source };
+    let mut bytes = Vec::new();
+    std::fs::File::open(path).map_err(failed)?.take(limit_bytes + 1).read_to_end(&mut bytes).map_err(failed)?;
+    if bytes.len() as u64 > limit_bytes {
+        return Err(MasterError::TooLarge { file: path.display().to_string(), limit_bytes });
+    }
+    Ok(bytes)
+}
+
+/// Text of a foreign file, made harmless and short enough for a sentence.
+pub(crate) fn shown(bytes: &[u8]) -> String {
+    const MAX_SHOWN: usize = 40;
+    let head = bytes[..bytes.len().min(MAX_SHOWN)].escape_ascii();
+    if bytes.len() > MAX_SHOWN { format!("\"{head}...\" ({} bytes)", bytes.len()) } else { format!("\"{head}\"") }
+}

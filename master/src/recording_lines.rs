@@ -1,0 +1,138 @@
+//! Takes a report recording apart line by line and says which line is wrong, because the file comes from outside.
+
+use crate::recording::{MAGIC, StampedReport, shown};
+use crate::{Layout, MasterError, RawReport};
+
+const MAGIC_STEM: &[u8] = b"krait-report-recording ";
+const MAX_LINE_BYTES: usize = 200;
+
+const CUT: &str = "the file was cut short: copy it again, or end its last whole line with a line feed and add the missing `end` line to use what there is";
+const FOREIGN: &str = "give a file that `krait master --record-reports` wrote";
+pub(crate) const DAMAGED: &str = "correct that line or record again";
+
+/// The lines of a recording and where one stands.
+pub(crate) struct Lines<'a> {
+    file: &'a str,
+    rest: &'a [u8],
+    line: usize,
+}
+
+impl<'a> Lines<'a> {
+    pub(crate) fn new(file: &'a str, bytes: &'a [u8]) -> Self {
+        Self { file, rest: bytes, line: 0 }
+    }
+
+    /// What was not read yet.
+    pub(crate) fn rest(&self) -> &'a [u8] {
+        self.rest
+    }
+
+    /// The next line without its line feed.
+    pub(crate) fn next(&mut self) -> Result<&'a [u8], MasterError> {
+        self.line += 1;
+        let Some(n_bytes) = self.rest.iter().take(MAX_LINE_BYTES + 1).position(|b| *b == b'\n') else {
+            return Err(if self.rest.len() > MAX_LINE_BYTES {
+                self.refuse("a line of at most 200 bytes", shown(self.rest), DAMAGED)
+            } else {
+                let found = if self.rest.is_empty() { "the end of the file".to_owned() } else { shown(self.rest) };
+                self.refuse("a whole line, up to the line `end <number of reports>`", found, CUT)
+            });
+        };
+        let line = &self.rest[..n_bytes];
+        self.rest = &self.rest[n_bytes + 1..];
+        Ok(line)
+    }
+
+    /// The first line, looked at without assuming that the file has lines at all.
+    pub(crate) fn magic(&mut self) -> Result<(), MasterError> {
+        self.line = 1;
+        let n_bytes = self.rest.iter().position(|b| *b == b'\n').unwrap_or(self.rest.len());
+        let line = &self.rest[..n_bytes];
+        if line == MAGIC.as_bytes() {
+            self.rest = self.rest.get(n_bytes + 1..).unwrap_or_default();
+            return Ok(());
+        }
+        let remedy = if line.starts_with(MAGIC_STEM) { "read it with the krait that wrote it" } else { FOREIGN };
+        Err(self.refuse(&format!("`{MAGIC}`"), shown(line), remedy))
+    }
+
+    pub(crate) fn device(&mut self) -> Result<(u16, u16), MasterError> {
+        let line = self.next()?;
+        text_after(line, "device ")
+            .and_then(parse_vid_pid)
+            .ok_or_else(|| self.refuse("`device <vid>:<pid>` in hexadecimal", shown(line), DAMAGED))
+    }
+
+    pub(crate) fn layout(&mut self) -> Result<Option<Layout>, MasterError> {
+        match self.next()? {
+            b"layout split" => Ok(Some(Layout::Split)),
+            b"layout combined" => Ok(Some(Layout::Combined)),
+            b"layout unknown" => Ok(None),
+            line => Err(self.refuse("`layout split`, `layout combined` or `layout unknown`", shown(line), DAMAGED)),
+        }
+    }
+
+    pub(crate) fn report(&self, line: &[u8], last_ns: Option<i64>) -> Result<StampedReport, MasterError> {
+        let parsed = std::str::from_utf8(line).ok().and_then(|text| text.split_once(' ')).and_then(|(stamp, hex)| {
+            let is_digits = stamp.bytes().all(|b| b.is_ascii_digit());
+            Some((stamp.parse::<i64>().ok().filter(|_| is_digits)?, unhex(hex)?))
+        });
+        let Some((stamp_ns, report)) = parsed else {
+            return Err(self.refuse("`stamp_ns hexbytes`, `note ...` or `end <number>`", shown(line), DAMAGED));
+        };
+        match last_ns {
+            None if stamp_ns != 0 => Err(self.refuse("0 as the first stamp", format!("{stamp_ns} ns"), DAMAGED)),
+            Some(last_ns) if stamp_ns < last_ns => {
+                let expected = format!("a stamp of at least {last_ns} ns, as time never runs backwards");
+                Err(self.refuse(&expected, format!("{stamp_ns} ns"), DAMAGED))
+            }
+            _ => Ok(StampedReport { stamp_ns, report }),
+        }
+    }
+
+    pub(crate) fn refuse(&self, expected: &str, found: String, remedy: &'static str) -> MasterError {
+        MasterError::Recording {
+            file: self.file.to_owned(),
+            line: self.line,
+            expected: expected.to_owned(),
+            found,
+            remedy,
+        }
+    }
+}
+
+/// `046d:c626` to its two numbers.
+pub(crate) fn parse_vid_pid(text: &str) -> Option<(u16, u16)> {
+    let (vid, pid) = text.split_once(':')?;
+    let number = |hex: &str| (hex.len() == 4).then(|| u16::from_str_radix(hex, 16).ok()).flatten();
+    Some((number(vid)?, number(pid)?))
+}
+
+fn text_after<'a>(line: &'a [u8], prefix: &str) -> Option<&'a str> {
+    std::str::from_utf8(line).ok()?.strip_prefix(prefix)
+}
+
+/// The text of a note line.
+pub(crate) fn note(line: &[u8]) -> String {
+    String::from_utf8_lossy(&line[b"note ".len()..]).into_owned()
+}
+
+fn unhex(hex: &str) -> Option<RawReport> {
+    let n_bytes = hex.len() / 2;
+    if !hex.len().is_multiple_of(2) || n_bytes == 0 || n_bytes > RawReport::MAX_BYTES {
+        return None;
+    }
+    let mut bytes = [0_u8; RawReport::MAX_BYTES];
+    for (byte, pair) in bytes.iter_mut().zip(hex.as_bytes().chunks_exact(2)) {
+        *byte = (digit(pair[0])? << 4) | digit(pair[1])?;
+    }
+    Some(RawReport::clipped(&bytes[..n_bytes]))
+}
+
+fn digit(hex: u8) -> Option<u8> {
+    match hex {
+        b'0'..=b'9' => Some(hex - b'0'),
+        b'a'..=b'f' => Some(hex - b'a' + 10),
+        _ => None,
+    }
+}

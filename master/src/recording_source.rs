@@ -1,0 +1,108 @@
+//! Plays a recording by its stamps, so that the chain meets the very bytes at the very pace of a device.
+
+use crate::source::sleep_until;
+use crate::{Recording, ReportSource, SourceEvent};
+
+/// Pause between the end of a looping recording and its new beginning, ns: long enough to count as rest.
+const LOOP_PAUSE_NS: i64 = 500_000_000;
+
+/// Plays a recording from an instant on, once or again and again.
+#[derive(Debug)]
+pub struct RecordingSource {
+    recording: Recording,
+    looping: bool,
+    start_ns: Option<i64>,
+    next_idx: usize,
+    is_end_told: bool,
+}
+
+impl RecordingSource {
+    /// A player that waits for its start.
+    pub fn new(recording: Recording, looping: bool) -> Self {
+        Self { recording, looping, start_ns: None, next_idx: 0, is_end_told: false }
+    }
+
+    /// When the next report is due, CLOCK_MONOTONIC, ns; `None` before the start and after the end.
+    fn due_ns(&self) -> Option<i64> {
+        let stamped = self.recording.stamped(self.next_idx)?;
+        Some(self.start_ns?.saturating_add(stamped.stamp_ns))
+    }
+
+    fn at_end(&mut self, now_ns: i64) -> Option<SourceEvent> {
+        let start_ns = self.start_ns?;
+        if !self.is_end_told {
+            self.is_end_told = true;
+            return Some(SourceEvent::Ended);
+        }
+        let again_ns = start_ns.saturating_add(self.recording.duration_ns()).saturating_add(LOOP_PAUSE_NS);
+        if !self.looping || now_ns < again_ns {
+            return None;
+        }
+        (self.start_ns, self.next_idx, self.is_end_told) = (Some(again_ns), 0, false);
+        Some(SourceEvent::Restarted)
+    }
+}
+
+impl ReportSource for RecordingSource {
+    fn start(&mut self, now_ns: i64) {
+        self.start_ns = Some(now_ns);
+    }
+
+    fn wait_until(&mut self, deadline_ns: i64) {
+        sleep_until(self.due_ns().map_or(deadline_ns, |due_ns| due_ns.min(deadline_ns)));
+    }
+
+    fn next_event(&mut self, now_ns: i64) -> Option<SourceEvent> {
+        match self.recording.stamped(self.next_idx) {
+            None => self.at_end(now_ns),
+            Some(_) if self.due_ns()? > now_ns => None,
+            Some(stamped) => {
+                self.next_idx += 1;
+                Some(SourceEvent::Report { stamp_ns: now_ns, report: stamped.report })
+            }
+        }
+    }
+
+    fn vid_pid(&self) -> Option<(u16, u16)> {
+        Some((self.recording.header().vendor_id, self.recording.header().product_id))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn source(looping: bool) -> RecordingSource {
+        let text = "krait-report-recording 1\ndevice 046d:c626\nlayout split\nreports\n0 0301\n8 0300\n8 0302\nend 3\n";
+        RecordingSource::new(Recording::parse("test", text.as_bytes()).expect("recording"), looping)
+    }
+
+    fn told(source: &mut RecordingSource, now_ns: i64) -> Vec<String> {
+        std::iter::from_fn(|| source.next_event(now_ns))
+            .map(|event| match event {
+                SourceEvent::Report { report, .. } => format!("{:02x}", report.as_bytes()[1]),
+                other => format!("{other:?}"),
+            })
+            .collect()
+    }
+
+    #[test]
+    fn reports_come_at_their_stamps_after_the_start_and_then_the_end() {
+        let mut source = source(false);
+        assert!(told(&mut source, 1_000).is_empty(), "not started");
+        source.start(2_000);
+        assert_eq!(told(&mut source, 2_000), ["01"]);
+        assert!(told(&mut source, 2_007).is_empty());
+        assert_eq!(told(&mut source, 2_008), ["00", "02", "Ended"]);
+        assert!(told(&mut source, i64::MAX).is_empty(), "the end is told once");
+    }
+
+    #[test]
+    fn a_looping_recording_rests_and_begins_again() {
+        let mut source = source(true);
+        source.start(0);
+        assert_eq!(told(&mut source, 8).last().map(String::as_str), Some("Ended"));
+        assert!(told(&mut source, 8 + LOOP_PAUSE_NS - 1).is_empty());
+        assert_eq!(told(&mut source, 8 + LOOP_PAUSE_NS), ["Restarted", "01"]);
+    }
+}

@@ -1,0 +1,87 @@
+//! Records raw reports beside the running master: a bounded queue and a thread of its own, so that a slow or full disk never
+//! delays the operator's input.
+
+use crate::{MasterError, RawReport, RecordingHeader, RecordingWriter};
+use crossbeam_channel::{Receiver, Sender, TrySendError, bounded};
+use std::fs::File;
+use std::io::{self, BufWriter};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::thread::JoinHandle;
+
+/// Reports that may wait for the disk: 8 s of the fastest SpaceMouse.
+const QUEUE: usize = 1024;
+
+/// Hands reports to the writing thread; dropping it ends the file.
+#[derive(Debug)]
+pub(crate) struct ReportLog {
+    // Both are `Some` until the log is dropped.
+    queue: Option<Sender<(i64, RawReport)>>,
+    thread: Option<JoinHandle<()>>,
+    n_dropped: Arc<AtomicU64>,
+}
+
+impl ReportLog {
+    /// Creates the file, never over an existing one, and starts the thread.
+    pub(crate) fn create(path: &Path, vid_pid: (u16, u16)) -> Result<Self, MasterError> {
+        let failed = |source| MasterError::File { path: path.to_owned(), doing: "written", source };
+        let (vendor_id, product_id) = vid_pid;
+        let layout = crate::devices::layout_of(vendor_id, product_id);
+        let notes = vec!["recorded by krait master".to_owned()];
+        let file = BufWriter::new(File::create_new(path).map_err(failed)?);
+        let header = RecordingHeader { vendor_id, product_id, layout, notes };
+        let writer = RecordingWriter::new(file, &header).map_err(failed)?;
+        let (queue, reports) = bounded(QUEUE);
+        let n_dropped = Arc::new(AtomicU64::new(0));
+        let (counter, shown_path) = (Arc::clone(&n_dropped), path.to_owned());
+        let work = move || {
+            if let Err(error) = write_all(writer, &reports, &counter) {
+                tracing::error!(path = %shown_path.display(), %error, "the report recording stopped; free the disk and record again");
+            }
+        };
+        let thread = std::thread::Builder::new()
+            .name("krait-reports".to_owned())
+            .spawn(work)
+            .map_err(|source| MasterError::Thread { name: "krait-reports", source })?;
+        Ok(Self { queue: Some(queue), thread: Some(thread), n_dropped })
+    }
+
+    /// Takes a report without waiting; returns whether the writer still lives and had room.
+    pub(crate) fn push(&self, stamp_ns: i64, report: RawReport) -> bool {
+        match self.queue.as_ref().map(|queue| queue.try_send((stamp_ns, report))) {
+            Some(Ok(())) => true,
+            Some(Err(TrySendError::Full(_) | TrySendError::Disconnected(_))) | None => {
+                self.n_dropped.fetch_add(1, Ordering::Relaxed);
+                false
+            }
+        }
+    }
+}
+
+impl Drop for ReportLog {
+    fn drop(&mut self) {
+        self.queue = None;
+        if let Some(Err(_)) = self.thread.take().map(JoinHandle::join) {
+            tracing::error!("the thread that records reports died; its file has no `end` line");
+        }
+    }
+}
+
+fn write_all(
+    mut writer: RecordingWriter<BufWriter<File>>,
+    reports: &Receiver<(i64, RawReport)>,
+    n_dropped: &AtomicU64,
+) -> io::Result<()> {
+    while let Ok((stamp_ns, report)) = reports.recv() {
+        let n_gone = n_dropped.swap(0, Ordering::Relaxed);
+        if n_gone > 0 {
+            writer.note(&format!("{n_gone} reports near here were dropped because the disk was too slow"))?;
+        }
+        writer.push(stamp_ns, report.as_bytes())?;
+        if reports.is_empty() {
+            writer.flush()?;
+        }
+    }
+    writer.finish().map(drop)
+}

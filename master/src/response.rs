@@ -1,0 +1,124 @@
+//! From counts to the tip's velocity and back: axis map, dead zone, response curve and scale as one pure function.
+//!
+//! v = v_full ((|a| - d) / (1 - d))^p a / |a|,   |a| limited to 1,   0 for |a| <= d
+//!
+//! where: a: deflection in the view frame as a part of the full one; d: dead zone; p: exponent; v_full: speed at full
+//! deflection, m/s. Dead zone and curve act on the length of the vector, so that the direction of motion is always the
+//! direction of the hand and there is no jump at the dead zone's edge.
+
+use crate::{AXIS_LIMIT_COUNTS, AxisMap, MasterConfig};
+
+/// The mapping of one checked configuration.
+#[derive(Clone, Copy, Debug)]
+pub struct Response {
+    axis_map: AxisMap,
+    dead_zone_ratio: f64,
+    exponent: f64,
+    full_speed_m_per_s: f64,
+}
+
+impl Response {
+    /// The mapping of a configuration that has passed its check.
+    pub fn new(config: &MasterConfig) -> Self {
+        Self {
+            axis_map: config.axis_map,
+            dead_zone_ratio: config.dead_zone_ratio,
+            exponent: config.response_exponent,
+            full_speed_m_per_s: config.full_speed_m_per_s,
+        }
+    }
+
+    /// Velocity of the tip in the view frame, m/s, for the device's axes (x, y, z, rx, ry, rz, counts). Always finite, and
+    /// never faster than the full speed.
+    ///
+    /// # Real-time
+    /// No allocation, no blocking.
+    pub fn tip_vel_in_view_m_per_s(&self, axes: [i16; 6]) -> [f64; 3] {
+        let deflection = self.axis_map.axes().map(|axis| axis.sign() * ratio(axes[axis.axis_idx()]));
+        let length = norm(deflection);
+        if length <= self.dead_zone_ratio || length == 0.0 {
+            return [0.0; 3];
+        }
+        let beyond = (length.min(1.0) - self.dead_zone_ratio) / (1.0 - self.dead_zone_ratio);
+        let gain = self.full_speed_m_per_s * beyond.powf(self.exponent) / length;
+        deflection.map(|d| gain * d)
+    }
+
+    /// The whole counts that come nearest to asking for a velocity (m/s, view frame); the inverse of
+    /// [`Response::tip_vel_in_view_m_per_s`] up to rounding. Faster than full speed is a full deflection.
+    pub fn axes_for(&self, tip_vel_in_view_m_per_s: [f64; 3]) -> [i16; 6] {
+        let mut axes = [0_i16; 6];
+        let speed_m_per_s = norm(tip_vel_in_view_m_per_s);
+        if speed_m_per_s == 0.0 {
+            return axes;
+        }
+        let beyond = (speed_m_per_s / self.full_speed_m_per_s).min(1.0).powf(1.0 / self.exponent);
+        let length = self.dead_zone_ratio + (1.0 - self.dead_zone_ratio) * beyond;
+        for (axis, vel) in self.axis_map.axes().into_iter().zip(tip_vel_in_view_m_per_s) {
+            let counts = axis.sign() * length * vel / speed_m_per_s * f64::from(AXIS_LIMIT_COUNTS);
+            axes[axis.axis_idx()] = counts.round() as i16;
+        }
+        axes
+    }
+}
+
+/// Part of a full deflection, -1..=1; what a device overshoots is a full deflection.
+fn ratio(counts: i16) -> f64 {
+    (f64::from(counts) / f64::from(AXIS_LIMIT_COUNTS)).clamp(-1.0, 1.0)
+}
+
+fn norm(v: [f64; 3]) -> f64 {
+    v.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn response() -> Response {
+        Response::new(&MasterConfig::default())
+    }
+
+    #[test]
+    fn the_tip_goes_where_the_cap_is_pushed() {
+        // Raw +X is right, +Y towards the user, +Z down (view: x right, y up, z away).
+        let full = MasterConfig::default().full_speed_m_per_s;
+        assert_eq!(response().tip_vel_in_view_m_per_s([350, 0, 0, 0, 0, 0]), [full, 0.0, 0.0]);
+        let [x, y, z] = response().tip_vel_in_view_m_per_s([0, 0, -200, 0, 0, 0]);
+        assert!(x == 0.0 && y > 0.0 && z == 0.0, "pulled up is up: {x} {y} {z}");
+        let [x, y, z] = response().tip_vel_in_view_m_per_s([0, -200, 0, 0, 0, 0]);
+        assert!(x == 0.0 && y == 0.0 && z > 0.0, "pushed forward is away: {x} {y} {z}");
+        assert_eq!(response().tip_vel_in_view_m_per_s([0, 0, 0, 350, 350, 350]), [0.0; 3], "turning is not mapped");
+    }
+
+    #[test]
+    fn the_dead_zone_is_still_inside_and_has_no_jump_at_its_edge() {
+        let edge_counts = 10; // 0.03 * 350 = 10.5
+        assert_eq!(response().tip_vel_in_view_m_per_s([edge_counts, 0, 0, 0, 0, 0]), [0.0; 3]);
+        let mut last = 0.0;
+        for counts in edge_counts..=AXIS_LIMIT_COUNTS {
+            let vel = response().tip_vel_in_view_m_per_s([counts, 0, 0, 0, 0, 0])[0];
+            assert!(vel >= last && vel - last < 0.005 * 0.025, "one count is a small step: {counts}");
+            last = vel;
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn no_counts_ask_for_more_than_full_speed_or_another_direction(axes in prop::array::uniform6(any::<i16>())) {
+            let [x, y, z] = response().tip_vel_in_view_m_per_s(axes);
+            prop_assert!(norm([x, y, z]) <= 0.025 * (1.0 + 1e-12));
+            prop_assert!(x * f64::from(axes[0]) >= 0.0 && y * f64::from(axes[2]) <= 0.0 && z * f64::from(axes[1]) <= 0.0);
+        }
+
+        #[test]
+        fn the_inverse_gives_back_the_counts(axes in prop::array::uniform3(-200_i16..=200)) {
+            let axes = [axes[0], axes[1], axes[2], 0, 0, 0];
+            let vel = response().tip_vel_in_view_m_per_s(axes);
+            if vel != [0.0; 3] {
+                prop_assert_eq!(response().axes_for(vel), axes);
+            }
+        }
+    }
+}

@@ -1,0 +1,174 @@
+//! Scripts: wanted motion of the tip as a table, for experiments that no hand could repeat.
+//!
+//! ```text
+//! # comments and empty lines are skipped
+//! time_s,tip_vx_m_per_s,tip_vy_m_per_s,tip_vz_m_per_s,operator_present,clutch
+//! 0,    0,     0, 0, 1, 0
+//! 1.5,  0.010, 0, 0, 1, 0
+//! 3,    0,     0, 0, 1, 0
+//! ```
+//!
+//! Velocities are in the view frame (x right, y up, z away), at most 0.1 m/s each, and are interpolated linearly between
+//! rows; a step is two rows a little apart. The last two columns may be absent (present, not clutched); they hold from
+//! their row to the next. Time starts at 0 or later and increases; before the first row nothing moves, after the last the
+//! script has ended. A script bypasses axis map, dead zone, curve and presence button: it says what they would have said.
+
+use crate::MasterError;
+use crate::recording::{read_bounded, shown};
+use std::path::Path;
+
+const MAX_BYTES: u64 = 64 * 1024 * 1024;
+const MAX_VEL_M_PER_S: f64 = 0.1;
+/// Longest script, s: a day.
+const MAX_TIME_S: f64 = 86_400.0;
+const COLUMNS: [&str; 6] =
+    ["time_s", "tip_vx_m_per_s", "tip_vy_m_per_s", "tip_vz_m_per_s", "operator_present", "clutch"];
+
+/// What a script asks for at one instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ScriptSample {
+    /// Velocity of the tip in the view frame, m/s; finite.
+    pub tip_vel_in_view_m_per_s: [f64; 3],
+    /// Whether the operator is present.
+    pub is_present: bool,
+    /// Whether the clutch is pressed.
+    pub is_clutched: bool,
+}
+
+impl ScriptSample {
+    /// The velocity that may reach the snake, m/s: zero without presence or with the clutch pressed.
+    pub(crate) fn effective_vel_m_per_s(&self) -> [f64; 3] {
+        if self.is_present && !self.is_clutched { self.tip_vel_in_view_m_per_s } else { [0.0; 3] }
+    }
+}
+
+/// A script in memory.
+#[derive(Clone, Debug)]
+pub struct Script {
+    // Time since the start, ns, and what is asked for then; never empty, times increase.
+    rows: Vec<(i64, ScriptSample)>,
+}
+
+impl Script {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// [`MasterError::File`], [`MasterError::TooLarge`] or [`MasterError::Script`].
+    pub fn load(path: &Path) -> Result<Self, MasterError> {
+        Self::parse(&path.display().to_string(), &read_bounded(path, MAX_BYTES)?)
+    }
+
+    /// Reads a script from memory; `file` names it in error sentences.
+    ///
+    /// # Errors
+    /// [`MasterError::Script`] for the first field that is wrong.
+    pub fn parse(file: &str, bytes: &[u8]) -> Result<Self, MasterError> {
+        let (mut n_columns, mut rows) = (None, Vec::new());
+        for (line_idx, line) in bytes.split(|b| *b == b'\n').enumerate() {
+            let line = line.trim_ascii();
+            if line.is_empty() || line.starts_with(b"#") {
+                continue;
+            }
+            let row = Row { file, line: line_idx + 1, bytes: line };
+            match n_columns {
+                None => n_columns = Some(row.header()?),
+                Some(n_columns) => rows.push(row.sample(n_columns, rows.last().map(|(time_ns, _)| *time_ns))?),
+            }
+        }
+        if rows.is_empty() {
+            let row = Row { file, line: bytes.split(|b| *b == b'\n').count(), bytes: b"" };
+            return Err(row.refuse(1, "a header and at least one row", "the end of the file".to_owned()));
+        }
+        Ok(Self { rows })
+    }
+
+    /// Time of the last row, ns since the start.
+    pub fn duration_ns(&self) -> i64 {
+        self.rows.last().map_or(0, |(time_ns, _)| *time_ns)
+    }
+
+    /// What is asked for at a time (ns since the start); `None` after the last row.
+    pub fn at(&self, time_ns: i64) -> Option<ScriptSample> {
+        let n_begun = self.rows.partition_point(|(row_ns, _)| *row_ns <= time_ns);
+        let Some((from_ns, from)) = n_begun.checked_sub(1).map(|idx| self.rows[idx]) else {
+            return Some(ScriptSample { tip_vel_in_view_m_per_s: [0.0; 3], is_present: false, is_clutched: false });
+        };
+        let Some((to_ns, to)) = self.rows.get(n_begun) else {
+            return (time_ns == from_ns).then_some(from);
+        };
+        let part = (time_ns - from_ns) as f64 / (to_ns - from_ns) as f64;
+        let [a, b] = [from.tip_vel_in_view_m_per_s, to.tip_vel_in_view_m_per_s];
+        Some(ScriptSample { tip_vel_in_view_m_per_s: std::array::from_fn(|k| a[k] + part * (b[k] - a[k])), ..from })
+    }
+}
+
+struct Row<'a> {
+    file: &'a str,
+    line: usize,
+    bytes: &'a [u8],
+}
+
+impl<'a> Row<'a> {
+    fn fields(&self) -> impl Iterator<Item = &'a [u8]> + use<'a> {
+        self.bytes.split(|b| *b == b',').map(<[u8]>::trim_ascii)
+    }
+
+    fn header(&self) -> Result<usize, MasterError> {
+        let n_columns = self.fields().count();
+        for (idx, field) in self.fields().enumerate() {
+            match COLUMNS.get(idx) {
+                Some(name) if field == name.as_bytes() => {}
+                Some(name) => return Err(self.refuse(idx + 1, &format!("the heading {name}"), shown(field))),
+                None => return Err(self.refuse(idx + 1, "no further heading", shown(field))),
+            }
+        }
+        if n_columns < 4 {
+            return Err(self.refuse(
+                n_columns + 1,
+                &format!("the heading {}", COLUMNS[n_columns]),
+                "nothing".to_owned(),
+            ));
+        }
+        Ok(n_columns)
+    }
+
+    fn sample(&self, n_columns: usize, last_ns: Option<i64>) -> Result<(i64, ScriptSample), MasterError> {
+        let n_found = self.fields().count();
+        if n_found != n_columns {
+            let expected = format!("{n_columns} fields as in the heading");
+            return Err(self.refuse(n_found.min(n_columns), &expected, format!("{n_found}")));
+        }
+        let mut numbers = [0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+        for (idx, field) in self.fields().enumerate() {
+            numbers[idx] = self.number(idx, field)?;
+        }
+        let [time_s, x, y, z, present, clutch] = numbers;
+        let time_ns = (time_s * 1e9).round() as i64;
+        if let Some(last_ns) = last_ns.filter(|last_ns| time_ns <= *last_ns) {
+            return Err(self.refuse(1, &format!("a time after {} s", last_ns as f64 * 1e-9), format!("{time_s} s")));
+        }
+        let sample =
+            ScriptSample { tip_vel_in_view_m_per_s: [x, y, z], is_present: present != 0.0, is_clutched: clutch != 0.0 };
+        Ok((time_ns, sample))
+    }
+
+    fn number(&self, column_idx: usize, field: &[u8]) -> Result<f64, MasterError> {
+        let value: Option<f64> = std::str::from_utf8(field).ok().and_then(|text| text.parse().ok());
+        let (is_allowed, expected): (fn(f64) -> bool, &str) = match column_idx {
+            0 => (|v| (0.0..=MAX_TIME_S).contains(&v), "a time from 0 to 86400 s"),
+            1..=3 => (|v| v.abs() <= MAX_VEL_M_PER_S, "a velocity from -0.1 to 0.1 m/s"),
+            _ => (|v| v == 0.0 || v == 1.0, "0 or 1"),
+        };
+        value.filter(|v| is_allowed(*v)).ok_or_else(|| self.refuse(column_idx + 1, expected, shown(field)))
+    }
+
+    fn refuse(&self, column: usize, expected: &str, found: String) -> MasterError {
+        MasterError::Script {
+            file: self.file.to_owned(),
+            line: self.line,
+            column,
+            expected: expected.to_owned(),
+            found,
+        }
+    }
+}

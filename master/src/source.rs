@@ -1,0 +1,101 @@
+//! Where reports come from: one small trait for the live device, a recording and a script, so that the process loop knows
+//! none of them.
+
+use crate::{
+    HidSource, MasterConfig, MasterError, RawReport, Recording, RecordingSource, Script, ScriptSample, ScriptSource,
+};
+use krait_ipc::clock;
+use rustix::thread::{ClockId, clock_nanosleep_absolute};
+use rustix::time::Timespec;
+
+/// What a source has to say.
+#[derive(Clone, Copy, Debug)]
+pub enum SourceEvent {
+    /// A report, and when it was in hand, CLOCK_MONOTONIC, ns.
+    Report {
+        /// When it was in hand.
+        stamp_ns: i64,
+        /// Its bytes.
+        report: RawReport,
+    },
+    /// What a script asks for at this instant.
+    Script(ScriptSample),
+    /// Reports were thrown away unread because newer ones pressed on.
+    Drained(u64),
+    /// The device is gone.
+    Unplugged,
+    /// A device is there again.
+    Plugged,
+    /// The recording or script begins again.
+    Restarted,
+    /// The recording or script is at its end.
+    Ended,
+}
+
+/// A source of reports. All instants are CLOCK_MONOTONIC, ns.
+pub trait ReportSource {
+    /// Begins to play. A live device needs no beginning and ignores it.
+    fn start(&mut self, now_ns: i64);
+
+    /// Sleeps until the deadline, or until there is something to tell, or until a signal comes.
+    fn wait_until(&mut self, deadline_ns: i64);
+
+    /// The next event that is due, or `None` when there is no more at this instant.
+    fn next_event(&mut self, now_ns: i64) -> Option<SourceEvent>;
+
+    /// Vendor and product of the device whose reports these are; `None` for a script.
+    fn vid_pid(&self) -> Option<(u16, u16)>;
+}
+
+/// Which source the master shall read.
+#[derive(Clone, Debug)]
+pub enum SourceChoice {
+    /// The live device that the configuration names.
+    Hid,
+    /// A recording of reports.
+    Recording {
+        /// The reports.
+        recording: Recording,
+        /// Whether it begins again after its end.
+        looping: bool,
+    },
+    /// A script of wanted motion.
+    Script {
+        /// The script.
+        script: Script,
+        /// Whether it begins again after its end.
+        looping: bool,
+    },
+}
+
+impl SourceChoice {
+    /// Opens the source.
+    ///
+    /// # Errors
+    /// For a live device as [`HidSource::open`]; the others cannot fail any more.
+    pub fn open(self, config: &MasterConfig) -> Result<Box<dyn ReportSource>, MasterError> {
+        Ok(match self {
+            Self::Hid => Box::new(HidSource::open(&config.device)?),
+            Self::Recording { recording, looping } => Box::new(RecordingSource::new(recording, looping)),
+            Self::Script { script, looping } => Box::new(ScriptSource::new(script, looping)),
+        })
+    }
+
+    /// Whether this source waits for a start; a live device does not.
+    pub(crate) fn has_beginning(&self) -> bool {
+        !matches!(self, Self::Hid)
+    }
+}
+
+/// Sleeps until an instant or until a signal comes. Absolute, so that lateness of one sleep never adds to the next.
+pub(crate) fn sleep_until(deadline_ns: i64) {
+    let request =
+        Timespec { tv_sec: deadline_ns.div_euclid(1_000_000_000), tv_nsec: deadline_ns.rem_euclid(1_000_000_000) };
+    if let Err(error) = clock_nanosleep_absolute(ClockId::Monotonic, &request)
+        && error != rustix::io::Errno::INTR
+    {
+        // No clock to sleep on: give the core away, the loop asks the time again.
+        tracing::trace!(%error, now_ns = clock::monotonic_ns(), "clock_nanosleep failed");
+        std::thread::yield_now();
+    }
+}

@@ -1,0 +1,106 @@
+//! Recordings: written and read the same, and every broken file refused in one sentence that names file, line and remedy.
+
+#![allow(clippy::expect_used, clippy::panic, reason = "the helpers of a test fail as the test does")]
+
+use krait_master::{Layout, MasterError, Recording, RecordingHeader, RecordingWriter};
+
+const GOOD: &str = "krait-report-recording 1\ndevice 046d:c626\nlayout split\nnote a\nreports\n0 01000000000000\nnote b\n8000000 0301\nend 2\n";
+
+fn refused(text: &str) -> String {
+    let error = Recording::parse("x.krr", text.as_bytes()).expect_err("refused");
+    assert!(matches!(error, MasterError::Recording { .. }));
+    let sentence = error.to_string();
+    assert!(sentence.starts_with("report recording x.krr, line ") && !sentence.contains('\n'), "{sentence}");
+    sentence
+}
+
+#[test]
+fn what_is_written_is_read_the_same_with_stamps_from_the_first_report() {
+    let header = RecordingHeader {
+        vendor_id: 0x256f,
+        product_id: 0xc652,
+        layout: Some(Layout::Combined),
+        notes: vec!["n".into()],
+    };
+    let mut writer = RecordingWriter::new(Vec::new(), &header).expect("header");
+    for (stamp_ns, bytes) in [(5_000, &[1_u8, 2, 3][..]), (5_016, &[0xff; 64]), (5_010, &[3, 0]), (5_020, &[])] {
+        writer.push(stamp_ns, bytes).expect("report");
+    }
+    writer.note(&"long\nnote ".repeat(60)).expect("note");
+    let text = writer.finish().expect("end");
+    let recording = Recording::parse("x", &text).expect("read");
+    assert_eq!((recording.header().vendor_id, recording.header().layout), (0x256f, Some(Layout::Combined)));
+    let reports: Vec<_> = recording.reports().collect();
+    assert_eq!(reports, [(0, &[1_u8, 2, 3][..]), (16, &[0xff; 64]), (16, &[3, 0])], "a clock that steps back is held");
+    assert_eq!((recording.n_reports(), recording.duration_ns()), (3, 16));
+}
+
+#[test]
+fn notes_may_stand_between_reports_and_a_part_can_be_cut_off() {
+    let recording = Recording::parse("x", GOOD.as_bytes()).expect("read");
+    assert_eq!((recording.header().notes.join(","), recording.n_reports()), ("a,b".to_owned(), 2));
+    assert_eq!(recording.first_s(0.005).n_reports(), 1);
+}
+
+#[test]
+fn a_recording_cut_at_any_byte_is_refused_as_cut() {
+    for n_bytes in GOOD.find("note a").expect("note")..GOOD.len() {
+        let sentence = refused(&GOOD[..n_bytes]);
+        assert!(sentence.contains("cut short"), "{n_bytes}: {sentence}");
+    }
+    for n_bytes in 0..GOOD.len() {
+        refused(&GOOD[..n_bytes]);
+    }
+}
+
+#[test]
+fn foreign_and_other_versions_are_told_apart() {
+    let foreign = refused("\u{7f}ELF\u{1}\u{0}stuff");
+    assert!(
+        foreign.contains("line 1: expected `krait-report-recording 1`, found \"\\x7fELF\\x01\\x00stuff\""),
+        "{foreign}"
+    );
+    assert!(foreign.contains("--record-reports"), "{foreign}");
+    let newer = refused(&GOOD.replacen("recording 1", "recording 2", 1));
+    assert!(newer.contains("read it with the krait that wrote it"), "{newer}");
+}
+
+#[test]
+fn each_damage_is_named_with_its_line_what_was_expected_and_what_was_found() {
+    let long = format!("0 {}", "00".repeat(200));
+    for (from, to, named) in [
+        ("046d:c626", "46d:c626", "line 2: expected `device <vid>:<pid>` in hexadecimal, found \"device 46d:c626\""),
+        ("layout split", "layout odd", "line 3: expected `layout split`"),
+        ("note a", "nota", "line 4: expected `note ...` or `reports`"),
+        ("0 0100", "1 0100", "line 6: expected 0 as the first stamp, found 1 ns"),
+        ("0 0100", "+0 0100", "line 6: expected `stamp_ns hexbytes`"),
+        ("8000000 0301", "-5 0301", "line 8: expected `stamp_ns hexbytes`"),
+        ("8000000 0301", "8000000 030", "line 8: expected `stamp_ns hexbytes`"),
+        ("8000000 0301", "8000000 03G1", "line 8: expected `stamp_ns hexbytes`"),
+        ("8000000 0301", "99999999999999999999 0301", "line 8: expected `stamp_ns hexbytes`"),
+        ("note b", "7000000 0301\n6000000 0301", "line 8: expected a stamp of at least 7000000 ns"),
+        ("0 01000000000000", &long, "line 6: expected a line of at most 200 bytes"),
+        ("end 2", "end 3", "line 9: expected `end 2`, the number of reports above, found \"3\""),
+        ("end 2\n", "end 2\n0 01\n", "line 9: expected nothing after `end`, found 5 more bytes"),
+    ] {
+        let sentence = refused(&GOOD.replacen(from, to, 1));
+        assert!(sentence.contains(named), "{sentence}\nshould contain {named}");
+    }
+    assert!(
+        refused("krait-report-recording 1\ndevice 046d:c626\nlayout split\nreports\nend 0\n").contains("at least one")
+    );
+}
+
+#[test]
+fn a_missing_file_and_a_folder_are_refused_by_path() {
+    for path in ["/nonexistent/x.krr", "/"] {
+        let sentence = Recording::load(path.as_ref()).expect_err("refused").to_string();
+        assert!(sentence.starts_with(&format!("{path} could not be read: ")), "{sentence}");
+    }
+}
+
+#[test]
+fn an_endless_file_is_refused_before_it_fills_the_memory() {
+    let error = Recording::load("/dev/zero".as_ref()).expect_err("refused");
+    assert!(error.to_string().contains("more than 67108864 bytes"), "{error}");
+}

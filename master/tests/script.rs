@@ -1,0 +1,62 @@
+//! Scripts: interpolated as documented, and every wrong field refused by line and column.
+
+#![allow(clippy::expect_used, clippy::panic, reason = "the helpers of a test fail as the test does")]
+
+use krait_master::Script;
+
+const HEAD: &str = "time_s,tip_vx_m_per_s,tip_vy_m_per_s,tip_vz_m_per_s,operator_present,clutch\n";
+
+fn script(rows: &str) -> Script {
+    Script::parse("s.csv", format!("{HEAD}{rows}").as_bytes()).expect("script")
+}
+
+fn refused(text: &str) -> String {
+    Script::parse("s.csv", text.as_bytes()).expect_err("refused").to_string()
+}
+
+#[test]
+fn velocity_is_interpolated_and_flags_hold() {
+    let script = script("# comment\n\n1, 0, 0, 0, 1, 0\r\n2, 0.02, -0.04, 0, 1, 1\n3,0,0,0,0,0\n");
+    let before = script.at(999_999_999).expect("before the first row");
+    assert!(before.tip_vel_in_view_m_per_s == [0.0; 3] && !before.is_present, "nothing moves before the first row");
+    let half = script.at(1_500_000_000).expect("between rows");
+    assert_eq!(half.tip_vel_in_view_m_per_s, [0.01, -0.02, 0.0]);
+    assert!(half.is_present && !half.is_clutched, "flags hold from their row");
+    assert!(script.at(2_999_999_999).expect("just before the last").is_clutched);
+    assert!(!script.at(3_000_000_000).expect("the last row itself").is_present);
+    assert!(script.at(3_000_000_001).is_none(), "ended");
+    assert_eq!(script.duration_ns(), 3_000_000_000);
+}
+
+#[test]
+fn the_flag_columns_may_be_absent() {
+    let text = b"time_s,tip_vx_m_per_s,tip_vy_m_per_s,tip_vz_m_per_s\n0,0.01,0,0\n";
+    let sample = Script::parse("s.csv", text).expect("script").at(0).expect("row");
+    assert!(sample.is_present && !sample.is_clutched);
+}
+
+#[test]
+fn a_wrong_field_is_named_by_line_and_column() {
+    for (rows, named) in [
+        (
+            "0,0,0,0,1,0\n1,x,0,0,1,0\n",
+            "script s.csv, line 3, column 2: expected a velocity from -0.1 to 0.1 m/s, found \"x\"",
+        ),
+        ("0,0,0,NaN,1,0\n", "line 2, column 4: expected a velocity"),
+        ("0,0,inf,0,1,0\n", "line 2, column 3: expected a velocity"),
+        ("0,0.11,0,0,1,0\n", "line 2, column 2: expected a velocity"),
+        ("-1,0,0,0,1,0\n", "line 2, column 1: expected a time from 0"),
+        ("0,0,0,0,2,0\n", "line 2, column 5: expected 0 or 1, found \"2\""),
+        ("0,0,0,0,1,\n", "line 2, column 6: expected 0 or 1, found \"\""),
+        ("1,0,0,0,1,0\n1,0,0,0,1,0\n", "line 3, column 1: expected a time after 1 s, found 1 s"),
+        ("0,0,0,0\n", "line 2, column 4: expected 6 fields as in the heading, found 4"),
+        ("0,0,0,0,1,0,9\n", "line 2, column 6: expected 6 fields as in the heading, found 7"),
+        ("", "line 2, column 1: expected a header and at least one row"),
+    ] {
+        let sentence = refused(&format!("{HEAD}{rows}"));
+        assert!(sentence.contains(named), "{sentence}\nshould contain {named}");
+    }
+    assert!(refused("time_s,vx\n").contains("line 1, column 2: expected the heading tip_vx_m_per_s, found \"vx\""));
+    assert!(refused("time_s,tip_vx_m_per_s\n").contains("line 1, column 3: expected the heading tip_vy_m_per_s"));
+    assert!(refused("\u{7f}ELF\u{0}").contains("line 1, column 1: expected the heading time_s"));
+}
