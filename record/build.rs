@@ -1,7 +1,11 @@
 //! Turns the `.proto` files into Rust types and into one embedded descriptor set per message, without needing `protoc`.
 
+#![allow(clippy::print_stdout, reason = "cargo is told through standard output")]
+
 use prost_build::Config;
 use protox::prost::Message as _;
+use protox::prost_reflect::prost_types::FileDescriptorSet;
+use protox::prost_reflect::prost_types::field_descriptor_proto::{Label, Type};
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -13,7 +17,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo:rerun-if-changed={ROOT}");
     let out = PathBuf::from(std::env::var("OUT_DIR")?);
     let files = proto_files()?;
-    Config::new().compile_fds(protox::compile(&files, [ROOT])?)?;
+    Config::new().compile_fds(with_explicit_doubles(protox::compile(&files, [ROOT])?))?;
     for file in &files {
         // A viewer gets the file of its message and what that imports, with the comments, and nothing else.
         let descriptors = protox::compile([file], [ROOT])?;
@@ -22,6 +26,17 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     println!("cargo:rustc-env=KRAIT_GIT_REVISION={}", git_revision().unwrap_or_else(|| "unknown".to_owned()));
     Ok(())
+}
+
+/// Has prost write every double, also one that equals zero: it leaves out -0.0 otherwise, and a recording must give back
+/// the bits that were sent. The bytes are valid for the `.proto` files as they stand, and those are what is embedded.
+fn with_explicit_doubles(mut descriptors: FileDescriptorSet) -> FileDescriptorSet {
+    for message in descriptors.file.iter_mut().flat_map(|file| &mut file.message_type) {
+        for field in message.field.iter_mut().filter(|field| field.r#type() == Type::Double) {
+            field.set_label(Label::Required);
+        }
+    }
+    descriptors
 }
 
 fn proto_files() -> Result<Vec<PathBuf>, Box<dyn Error>> {
@@ -35,11 +50,15 @@ fn proto_files() -> Result<Vec<PathBuf>, Box<dyn Error>> {
 
 /// The commit that is being built, or `None` outside a git checkout.
 fn git_revision() -> Option<String> {
-    // Grows with every commit and checkout, so that the revision is never one of the past.
-    let log = Path::new("../.git/logs/HEAD");
-    if log.exists() {
-        println!("cargo:rerun-if-changed={}", log.display());
+    // The log grows with every commit and checkout, so that the revision is never one of the past.
+    let log = git(&["rev-parse", "--git-path", "logs/HEAD"])?;
+    if Path::new(&log).exists() {
+        println!("cargo:rerun-if-changed={log}");
     }
-    let output = Command::new("git").args(["rev-parse", "HEAD"]).output().ok().filter(|o| o.status.success())?;
+    git(&["rev-parse", "HEAD"])
+}
+
+fn git(arguments: &[&str]) -> Option<String> {
+    let output = Command::new("git").args(arguments).output().ok().filter(|o| o.status.success())?;
     Some(String::from_utf8(output.stdout).ok()?.trim().to_owned())
 }

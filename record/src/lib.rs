@@ -1,1 +1,68 @@
-//! Placeholder until its first commit.
+//! krait-record: every channel of krait in one MCAP file, and back.
+//!
+//! Purpose: a recording holds everything that a replay, a comparison or a post-mortem needs, opens in the public viewers
+//! without an extension, and is made without ever waking or slowing a writer.
+//!
+//! Terms: a *sample* is one message of one channel; *dropped* samples were taken from shared memory and not written; *lost*
+//! ones never reached the recorder; a *chunk* is what is compressed, indexed and handed to the file at once.
+//!
+//! Frames and units: those of `krait_ipc::message`; every field carries its unit in its name, also in the file. Log times
+//! are wall-clock nanoseconds since 1970; stamps inside the messages stay CLOCK_MONOTONIC, and the metadata record `krait`
+//! holds the offset between the two.
+//!
+//! Layout of a file: header (profile `krait`); metadata `krait` (who, where, with what); attachments (the configuration);
+//! chunks with their message indexes; metadata `krait.end` (totals, why it ended); summary with all indexes. The file is
+//! written append-only under its final name, so that what a killed recorder leaves behind is a prefix of a good file.
+//!
+//! ```no_run
+//! use krait_record::{Recording, Sample};
+//! let recording = Recording::open("recordings/demo.mcap".as_ref())?;
+//! for gap in &recording.contents().missing {
+//!     eprintln!("{gap}");
+//! }
+//! for recorded in recording.samples()? {
+//!     if let Sample::Command(command) = recorded?.sample {
+//!         let _positions = command.q_tilde_m;
+//!     }
+//! }
+//! # Ok::<(), krait_record::ReadError>(())
+//! ```
+
+#![forbid(unsafe_code)]
+
+mod about;
+mod channel;
+mod chunk;
+mod codec;
+mod config;
+mod contents;
+mod convert;
+mod disk;
+mod drain;
+mod error;
+mod framing;
+#[allow(missing_docs, reason = "generated from proto/krait, where every field is documented")]
+mod proto {
+    include!(concat!(env!("OUT_DIR"), "/krait.rs"));
+}
+mod reader;
+mod recorder;
+mod sample;
+mod sink;
+mod status;
+mod wall_clock;
+mod writer;
+
+pub use about::{About, Attachment};
+pub use channel::{Channel, Process, Schema};
+pub use codec::{decode, encode};
+pub use config::RecordConfig;
+pub use contents::{ChannelContents, Contents, Missing};
+pub use error::{ReadError, RecordError};
+pub use reader::{Recorded, Recording, Samples};
+pub use recorder::{RecordReport, run};
+pub use sample::Sample;
+pub use sink::RecordingSink;
+pub use status::{ChannelCounts, RecorderStatus};
+pub use wall_clock::{WallClock, utc_text};
+pub use writer::RecordingWriter;

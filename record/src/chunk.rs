@@ -1,0 +1,112 @@
+//! What is inside a chunk: checked as a whole, so that a damaged chunk yields nothing rather than half a truth.
+
+use crate::framing::MAX_RECORD_BYTES;
+use mcap::records::{self, MessageHeader, Record, op};
+use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use std::ops::Range;
+
+/// Definitions and messages of one chunk, or of one record outside any chunk.
+#[derive(Default)]
+pub(crate) struct ChunkRecords {
+    pub(crate) schemas: Vec<records::SchemaHeader>,
+    pub(crate) channels: Vec<records::Channel>,
+    pub(crate) messages: Vec<(MessageHeader, Range<usize>)>,
+    bytes: Vec<u8>,
+}
+
+impl ChunkRecords {
+    /// A message's payload.
+    pub(crate) fn payload(&self, range: &Range<usize>) -> &[u8] {
+        self.bytes.get(range.clone()).unwrap_or_default()
+    }
+
+    /// Replaces what is held by what a record of the file holds. Anything but a chunk, schema, channel or message leaves
+    /// nothing.
+    ///
+    /// # Errors
+    /// What is damaged, in words.
+    pub(crate) fn read(&mut self, opcode: u8, body: &[u8]) -> Result<(), String> {
+        self.clear();
+        let result = if opcode == op::CHUNK { self.unpack(body) } else { self.add(opcode, body) };
+        result.inspect_err(|_| self.clear())
+    }
+
+    /// Forgets what is held.
+    pub(crate) fn clear(&mut self) {
+        self.schemas.clear();
+        self.channels.clear();
+        self.messages.clear();
+        self.bytes.clear();
+    }
+
+    fn unpack(&mut self, body: &[u8]) -> Result<(), String> {
+        check_chunk_lengths(body)?;
+        let mut length = [0; 9];
+        length[0] = op::CHUNK;
+        length[1..].copy_from_slice(&(body.len() as u64).to_le_bytes());
+        let mut reader = LinearReader::new_with_options(
+            LinearReaderOptions::default()
+                .with_skip_start_magic(true)
+                .with_skip_end_magic(true)
+                .with_prevalidate_chunk_crcs(true)
+                .with_record_length_limit(usize::try_from(MAX_RECORD_BYTES).unwrap_or(usize::MAX)),
+        );
+        let mut rest = std::io::Read::chain(&length[..], body);
+        while let Some(event) = reader.next_event() {
+            match event.map_err(|error| error.to_string())? {
+                LinearReadEvent::ReadRequest(n_wanted) => {
+                    let n_room = n_wanted.min(length.len() + body.len());
+                    let n_read = std::io::Read::read(&mut rest, reader.insert(n_room)).map_err(|e| e.to_string())?;
+                    reader.notify_read(n_read);
+                }
+                LinearReadEvent::Record { opcode, data } => self.add(opcode, data)?,
+            }
+        }
+        Ok(())
+    }
+
+    fn add(&mut self, opcode: u8, body: &[u8]) -> Result<(), String> {
+        if !matches!(opcode, op::SCHEMA | op::CHANNEL | op::MESSAGE) {
+            return Ok(());
+        }
+        match mcap::parse_record(opcode, body).map_err(|error| error.to_string())? {
+            Record::Schema { header, .. } => self.schemas.push(header),
+            Record::Channel(channel) => self.channels.push(channel),
+            Record::Message { header, data } => {
+                let begin = self.bytes.len();
+                self.bytes.extend_from_slice(&data);
+                self.messages.push((header, begin..self.bytes.len()));
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+/// Every length in a chunk's header must add up to the length of its record; `mcap` trusts them further than a damaged
+/// file deserves.
+fn check_chunk_lengths(body: &[u8]) -> Result<(), String> {
+    let n_name = u32_at(body, 28).ok_or("its header is cut")?;
+    let n_header = 40 + u64::from(n_name);
+    let n_compressed = usize::try_from(n_header - 8).ok().and_then(|at| u64_at(body, at)).ok_or("its header is cut")?;
+    if n_header.checked_add(n_compressed) != Some(body.len() as u64) {
+        return Err("its lengths contradict each other".to_owned());
+    }
+    Ok(())
+}
+
+/// Whether an attachment record is long enough for what its header says; `mcap` assumes so.
+pub(crate) fn attachment_lengths_add_up(body: &[u8]) -> bool {
+    let after_text = |at: usize| at.checked_add(4)?.checked_add(usize::try_from(u32_at(body, at)?).ok()?);
+    let data_at = after_text(16).and_then(after_text);
+    let n_rest = data_at.and_then(|at| u64_at(body, at)).and_then(|n_data| n_data.checked_add(12));
+    data_at.zip(n_rest).and_then(|(at, n)| n.checked_add(at as u64)) == Some(body.len() as u64)
+}
+
+fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
+    bytes.get(at..at.checked_add(4)?)?.try_into().ok().map(u32::from_le_bytes)
+}
+
+fn u64_at(bytes: &[u8], at: usize) -> Option<u64> {
+    bytes.get(at..at.checked_add(8)?)?.try_into().ok().map(u64::from_le_bytes)
+}

@@ -1,0 +1,307 @@
+//! Mirrors of the messages that make up the chain. The structs are written out in full on both sides, so that a field that
+//! is added and forgotten here does not compile.
+
+use super::{Mirrored, bend, from_bend, from_lines, from_vector3, lines, vector3};
+use crate::proto;
+use krait_ipc::message::{Command, HopStamps, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState, StateCommand};
+
+impl Mirrored for OperatorInput {
+    type Mirror = proto::OperatorInput;
+
+    fn mirror(&self) -> proto::OperatorInput {
+        let [x, y, z, rx, ry, rz] = self.raw_axes.map(i32::from);
+        proto::OperatorInput {
+            sequence: self.sequence,
+            sample_ns: self.sample_ns,
+            stamps: stamps(self.stamps),
+            tip_vel_in_view_m_per_s: vector3(self.tip_vel_in_view_m_per_s),
+            tip_angular_vel_in_view_rad_per_s: vector3(self.tip_angular_vel_in_view_rad_per_s),
+            raw_axes: Some(proto::RawAxes { x, y, z, rx, ry, rz }),
+            flags: self.flags,
+            buttons: self.buttons,
+            device_state: self.device_state.cast_signed(),
+            reserved: self.reserved,
+            n_reports: self.n_reports,
+            n_drained: self.n_drained,
+            n_refused: self.n_refused,
+        }
+    }
+
+    fn restore(mirror: &proto::OperatorInput) -> Result<Self, String> {
+        Ok(Self {
+            sequence: mirror.sequence,
+            sample_ns: mirror.sample_ns,
+            stamps: from_stamps(mirror.stamps),
+            tip_vel_in_view_m_per_s: from_vector3(mirror.tip_vel_in_view_m_per_s),
+            tip_angular_vel_in_view_rad_per_s: from_vector3(mirror.tip_angular_vel_in_view_rad_per_s),
+            raw_axes: from_raw_axes(mirror.raw_axes)?,
+            flags: mirror.flags,
+            buttons: mirror.buttons,
+            device_state: mirror.device_state.cast_unsigned(),
+            reserved: mirror.reserved,
+            n_reports: mirror.n_reports,
+            n_drained: mirror.n_drained,
+            n_refused: mirror.n_refused,
+        })
+    }
+}
+
+impl Mirrored for Setpoint {
+    type Mirror = proto::Setpoint;
+
+    fn mirror(&self) -> proto::Setpoint {
+        proto::Setpoint {
+            sequence: self.sequence,
+            sample_ns: self.sample_ns,
+            stamps: stamps(self.stamps),
+            input_sequence: self.input_sequence,
+            state_sequence: self.state_sequence,
+            bend_rad: bend(self.bend_rad),
+            bend_vel_rad_per_s: bend(self.bend_vel_rad_per_s),
+            q_tilde_vel_m_per_s: lines(self.q_tilde_vel_m_per_s),
+            tip_pos_in_base_m: vector3(self.tip_pos_in_base_m),
+            motion_scale: self.motion_scale,
+            phase: self.phase.cast_signed(),
+            reserved: self.reserved,
+            reasons: self.reasons,
+        }
+    }
+
+    fn restore(mirror: &proto::Setpoint) -> Result<Self, String> {
+        Ok(Self {
+            sequence: mirror.sequence,
+            sample_ns: mirror.sample_ns,
+            stamps: from_stamps(mirror.stamps),
+            input_sequence: mirror.input_sequence,
+            state_sequence: mirror.state_sequence,
+            bend_rad: from_bend(mirror.bend_rad),
+            bend_vel_rad_per_s: from_bend(mirror.bend_vel_rad_per_s),
+            q_tilde_vel_m_per_s: from_lines(mirror.q_tilde_vel_m_per_s),
+            tip_pos_in_base_m: from_vector3(mirror.tip_pos_in_base_m),
+            motion_scale: mirror.motion_scale,
+            phase: mirror.phase.cast_unsigned(),
+            reserved: mirror.reserved,
+            reasons: mirror.reasons,
+        })
+    }
+}
+
+impl Mirrored for Command {
+    type Mirror = proto::Command;
+
+    fn mirror(&self) -> proto::Command {
+        proto::Command {
+            sequence: self.sequence,
+            sample_ns: self.sample_ns,
+            stamps: stamps(self.stamps),
+            setpoint_sequence: self.setpoint_sequence,
+            state_sequence: self.state_sequence,
+            model_update_sequence: self.model_update_sequence,
+            bend_rad: bend(self.bend_rad),
+            q_uncompensated_m: lines(self.q_uncompensated_m),
+            q_tilde_m: lines(self.q_tilde_m),
+            eta: self.eta,
+            lambda_m: self.lambda_m,
+            model_version: self.model_version,
+            compensation: self.compensation.cast_signed(),
+            phase: self.phase.cast_signed(),
+            reasons: self.reasons,
+        }
+    }
+
+    fn restore(mirror: &proto::Command) -> Result<Self, String> {
+        Ok(Self {
+            sequence: mirror.sequence,
+            sample_ns: mirror.sample_ns,
+            stamps: from_stamps(mirror.stamps),
+            setpoint_sequence: mirror.setpoint_sequence,
+            state_sequence: mirror.state_sequence,
+            model_update_sequence: mirror.model_update_sequence,
+            bend_rad: from_bend(mirror.bend_rad),
+            q_uncompensated_m: from_lines(mirror.q_uncompensated_m),
+            q_tilde_m: from_lines(mirror.q_tilde_m),
+            eta: mirror.eta,
+            lambda_m: mirror.lambda_m,
+            model_version: mirror.model_version,
+            compensation: mirror.compensation.cast_unsigned(),
+            phase: mirror.phase.cast_unsigned(),
+            reasons: mirror.reasons,
+        })
+    }
+}
+
+impl Mirrored for SlaveState {
+    type Mirror = proto::SlaveState;
+
+    fn mirror(&self) -> proto::SlaveState {
+        proto::SlaveState {
+            sequence: self.sequence,
+            sample_ns: self.sample_ns,
+            stamps: stamps(self.stamps),
+            command_sequence: self.command_sequence,
+            operating_state: self.operating_state.cast_signed(),
+            flags: self.flags,
+            setpoint_q_m: lines(self.setpoint_q_m),
+            setpoint_bend_rad: bend(self.setpoint_bend_rad),
+            measured_q_m: lines(self.measured_q_m),
+            measured_tau_n: lines(self.measured_tau_n),
+            reasons: self.reasons,
+            n_commands: self.n_commands,
+            n_refused: self.n_refused,
+        }
+    }
+
+    fn restore(mirror: &proto::SlaveState) -> Result<Self, String> {
+        Ok(Self {
+            sequence: mirror.sequence,
+            sample_ns: mirror.sample_ns,
+            stamps: from_stamps(mirror.stamps),
+            command_sequence: mirror.command_sequence,
+            operating_state: mirror.operating_state.cast_unsigned(),
+            flags: mirror.flags,
+            setpoint_q_m: from_lines(mirror.setpoint_q_m),
+            setpoint_bend_rad: from_bend(mirror.setpoint_bend_rad),
+            measured_q_m: from_lines(mirror.measured_q_m),
+            measured_tau_n: from_lines(mirror.measured_tau_n),
+            reasons: mirror.reasons,
+            n_commands: mirror.n_commands,
+            n_refused: mirror.n_refused,
+        })
+    }
+}
+
+impl Mirrored for StateCommand {
+    type Mirror = proto::StateCommand;
+
+    fn mirror(&self) -> proto::StateCommand {
+        proto::StateCommand {
+            sequence: self.sequence,
+            sample_ns: self.sample_ns,
+            transition: self.transition.cast_signed(),
+            sender_pid: self.sender_pid,
+        }
+    }
+
+    fn restore(mirror: &proto::StateCommand) -> Result<Self, String> {
+        Ok(Self {
+            sequence: mirror.sequence,
+            sample_ns: mirror.sample_ns,
+            transition: mirror.transition.cast_unsigned(),
+            sender_pid: mirror.sender_pid,
+        })
+    }
+}
+
+impl Mirrored for Shape {
+    type Mirror = proto::Shape;
+
+    fn mirror(&self) -> proto::Shape {
+        proto::Shape {
+            sequence: self.sequence,
+            sample_ns: self.sample_ns,
+            available_ns: self.available_ns,
+            bend_rad: bend(self.bend_rad),
+            theta_l_rad: self.theta_l_rad,
+            delta_rad: self.delta_rad,
+            sigma_bend_rad: self.sigma_bend_rad,
+            q_tilde_m: lines(self.q_tilde_m),
+        }
+    }
+
+    fn restore(mirror: &proto::Shape) -> Result<Self, String> {
+        Ok(Self {
+            sequence: mirror.sequence,
+            sample_ns: mirror.sample_ns,
+            available_ns: mirror.available_ns,
+            bend_rad: from_bend(mirror.bend_rad),
+            theta_l_rad: mirror.theta_l_rad,
+            delta_rad: mirror.delta_rad,
+            sigma_bend_rad: mirror.sigma_bend_rad,
+            q_tilde_m: from_lines(mirror.q_tilde_m),
+        })
+    }
+}
+
+impl Mirrored for ModelUpdate {
+    type Mirror = proto::ModelUpdate;
+
+    fn mirror(&self) -> proto::ModelUpdate {
+        proto::ModelUpdate {
+            sequence: self.sequence,
+            sample_ns: self.sample_ns,
+            shape_sequence: self.shape_sequence,
+            eta: self.eta,
+            lambda_m: self.lambda_m,
+            eta_sd: self.eta_sd,
+            lambda_sd_m: self.lambda_sd_m,
+            innovation_rms_m: self.innovation_rms_m,
+            n_used: self.n_used,
+            n_left_out: self.n_left_out,
+        }
+    }
+
+    fn restore(mirror: &proto::ModelUpdate) -> Result<Self, String> {
+        Ok(Self {
+            sequence: mirror.sequence,
+            sample_ns: mirror.sample_ns,
+            shape_sequence: mirror.shape_sequence,
+            eta: mirror.eta,
+            lambda_m: mirror.lambda_m,
+            eta_sd: mirror.eta_sd,
+            lambda_sd_m: mirror.lambda_sd_m,
+            innovation_rms_m: mirror.innovation_rms_m,
+            n_used: mirror.n_used,
+            n_left_out: mirror.n_left_out,
+        })
+    }
+}
+
+fn stamps(stamps: HopStamps) -> Option<proto::HopStamps> {
+    Some(proto::HopStamps {
+        device_ns: stamps.device_ns,
+        input_sent_ns: stamps.input_sent_ns,
+        resolve_begun_ns: stamps.resolve_begun_ns,
+        setpoint_sent_ns: stamps.setpoint_sent_ns,
+        compensate_begun_ns: stamps.compensate_begun_ns,
+        command_sent_ns: stamps.command_sent_ns,
+        slave_begun_ns: stamps.slave_begun_ns,
+        drive_written_ns: stamps.drive_written_ns,
+    })
+}
+
+fn from_stamps(stamps: Option<proto::HopStamps>) -> HopStamps {
+    let stamps = stamps.unwrap_or_default();
+    HopStamps {
+        device_ns: stamps.device_ns,
+        input_sent_ns: stamps.input_sent_ns,
+        resolve_begun_ns: stamps.resolve_begun_ns,
+        setpoint_sent_ns: stamps.setpoint_sent_ns,
+        compensate_begun_ns: stamps.compensate_begun_ns,
+        command_sent_ns: stamps.command_sent_ns,
+        slave_begun_ns: stamps.slave_begun_ns,
+        drive_written_ns: stamps.drive_written_ns,
+    }
+}
+
+fn from_raw_axes(axes: Option<proto::RawAxes>) -> Result<[i16; 6], String> {
+    let axes = axes.unwrap_or_default();
+    let mut raw = [0; 6];
+    for (to, from) in raw.iter_mut().zip([axes.x, axes.y, axes.z, axes.rx, axes.ry, axes.rz]) {
+        *to =
+            i16::try_from(from).map_err(|error| format!("raw_axes holds {from}, expected -32768 to 32767: {error}"))?;
+    }
+    Ok(raw)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_raw_axis_beyond_16_bits_is_refused_with_its_value() {
+        let raw_axes = Some(proto::RawAxes { ry: 40_000, ..proto::RawAxes::default() });
+        let mirror = proto::OperatorInput { raw_axes, ..proto::OperatorInput::default() };
+        let error = OperatorInput::restore(&mirror).expect_err("too large for i16");
+        assert!(error.contains("40000"), "{error}");
+    }
+}

@@ -1,0 +1,160 @@
+//! Takes every message of every channel out of shared memory into a bounded queue, waking and slowing nobody.
+
+use crate::channel::{Channel, Process};
+use crate::sample::Sample;
+use crate::status::Tally;
+use core::time::Duration;
+use crossbeam_channel::{Sender, TrySendError};
+use krait_ipc::message::{
+    Command, Health, Message, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState, StateCommand,
+};
+use krait_ipc::{Bus, IpcError, ReadCounts, ReadOptions, Reader, clock, health_channel};
+
+/// How long the last samples may wait for room in the queue: then nobody is slowed by it, and a disk may be slow.
+const LAST_PATIENCE: Duration = Duration::from_secs(5);
+
+/// A sample and when it was taken from shared memory, CLOCK_MONOTONIC, nanoseconds.
+pub(crate) type Taken = (Sample, i64);
+
+/// What happens to a sample that finds the queue full.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum WhenFull {
+    /// It is dropped and counted: the chain runs, and shared memory must be kept empty.
+    Drop,
+    /// It waits for a while: the chain has ended.
+    Wait,
+}
+
+/// Readers of all channels, and the queue that they fill.
+pub(crate) struct Drain<'a> {
+    sources: Vec<Box<dyn Source>>,
+    queue: Sender<Taken>,
+    tally: &'a Tally,
+}
+
+impl<'a> Drain<'a> {
+    /// Opens a reader on every channel.
+    pub(crate) fn open(bus: &Bus, queue: Sender<Taken>, tally: &'a Tally) -> Result<Self, IpcError> {
+        let mut sources = vec![
+            source::<OperatorInput>(bus, |m| Sample::Input(*m))?,
+            source::<Setpoint>(bus, |m| Sample::Setpoint(*m))?,
+            source::<Command>(bus, |m| Sample::Command(*m))?,
+            source::<SlaveState>(bus, |m| Sample::State(*m))?,
+            source::<StateCommand>(bus, |m| Sample::StateCommand(*m))?,
+            source::<Shape>(bus, |m| Sample::Shape(*m))?,
+            source::<ModelUpdate>(bus, |m| Sample::ModelUpdate(*m))?,
+        ];
+        for process in Process::ALL {
+            let name = health_channel(process.name());
+            let wrap = move |health: &Health| Sample::Health(process, Box::new(*health));
+            sources.push(source_on(bus, &name, wrap)?);
+        }
+        Ok(Self { sources, queue, tally })
+    }
+
+    /// Takes what there is. Returns how many messages that were.
+    pub(crate) fn take_all(&mut self, when_full: WhenFull) -> Result<u64, IpcError> {
+        let mut n_taken = 0;
+        for (source, channel) in self.sources.iter_mut().zip(Channel::ALL) {
+            let now_ns = clock::monotonic_ns();
+            n_taken += source.take_all(&mut |sample| enqueue(&self.queue, self.tally, (sample, now_ns), when_full))?;
+            let (counts, n_out_of_order) = source.counts();
+            self.tally.set_missed(channel, counts.n_lost, n_out_of_order);
+        }
+        Ok(n_taken)
+    }
+
+    /// What the readers have counted.
+    pub(crate) fn read_counts(&self) -> Vec<ReadCounts> {
+        self.sources.iter().map(|source| source.counts().0).collect()
+    }
+}
+
+/// A reader of some message type.
+trait Source {
+    fn take_all(&mut self, into: &mut dyn FnMut(Sample)) -> Result<u64, IpcError>;
+    /// What was received and lost, and what came out of order.
+    fn counts(&self) -> (ReadCounts, u64);
+}
+
+struct TypedSource<M: Message, F> {
+    reader: Reader<M>,
+    wrap: F,
+}
+
+impl<M: Message, F: Fn(&M) -> Sample> Source for TypedSource<M, F> {
+    fn take_all(&mut self, into: &mut dyn FnMut(Sample)) -> Result<u64, IpcError> {
+        let mut n_taken = 0;
+        while let Some(message) = self.reader.take()? {
+            into((self.wrap)(&message));
+            n_taken += 1;
+        }
+        Ok(n_taken)
+    }
+
+    fn counts(&self) -> (ReadCounts, u64) {
+        (self.reader.counts(), self.reader.n_out_of_order())
+    }
+}
+
+fn source<M: Message>(bus: &Bus, wrap: impl Fn(&M) -> Sample + 'static) -> Result<Box<dyn Source>, IpcError> {
+    source_on(bus, M::CHANNEL, wrap)
+}
+
+fn source_on<M: Message>(
+    bus: &Bus,
+    channel: &str,
+    wrap: impl Fn(&M) -> Sample + 'static,
+) -> Result<Box<dyn Source>, IpcError> {
+    let reader = bus.reader_on::<M>(channel, ReadOptions::observing())?;
+    Ok(Box::new(TypedSource { reader, wrap }))
+}
+
+fn enqueue(queue: &Sender<Taken>, tally: &Tally, taken: Taken, when_full: WhenFull) {
+    let channel = taken.0.channel();
+    let refused = match queue.try_send(taken) {
+        Err(TrySendError::Full(taken)) if when_full == WhenFull::Wait => {
+            queue.send_timeout(taken, LAST_PATIENCE).is_err()
+        }
+        result => result.is_err(),
+    };
+    if refused {
+        tally.add_dropped(channel);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_full_queue_drops_the_newest_sample_and_counts_it_on_its_channel() {
+        let (queue, receiver) = crossbeam_channel::bounded(1);
+        let tally = Tally::default();
+        for transition in 0..3 {
+            let command = StateCommand { sequence: 1, sample_ns: 0, transition, sender_pid: 1 };
+            enqueue(&queue, &tally, (Sample::StateCommand(command), 0), WhenFull::Drop);
+        }
+        let status = tally.status(1, 0);
+        assert_eq!(status.of(Channel::StateCommand).map(|counts| counts.n_dropped), Some(2));
+        assert_eq!(status.total().n_dropped, 2);
+        let (first, _) = receiver.try_recv().expect("the first one");
+        assert!(matches!(first, Sample::StateCommand(command) if command.transition == 0));
+    }
+
+    #[test]
+    fn a_sample_of_the_end_waits_for_room() {
+        let (queue, receiver) = crossbeam_channel::bounded(1);
+        let tally = Tally::default();
+        std::thread::scope(|scope| {
+            let taker = scope.spawn(move || receiver.iter().count());
+            for sequence in 1..=100 {
+                let command = StateCommand { sequence, sample_ns: 0, transition: 0, sender_pid: 1 };
+                enqueue(&queue, &tally, (Sample::StateCommand(command), 0), WhenFull::Wait);
+            }
+            drop(queue);
+            assert_eq!(taker.join().expect("no panic"), 100);
+        });
+        assert_eq!(tally.status(1, 0).total().n_dropped, 0);
+    }
+}

@@ -1,0 +1,127 @@
+//! The recorder process: one thread empties shared memory, one writes, and a bounded queue stands between them.
+
+use crate::about::{About, default_file_name};
+use crate::config::RecordConfig;
+use crate::disk::{Shared, write_all};
+use crate::drain::{Drain, WhenFull};
+use crate::error::RecordError;
+use crate::status::RecorderStatus;
+use crate::writer::RecordingWriter;
+use core::sync::atomic::{AtomicBool, Ordering};
+use core::time::Duration;
+use krait_ipc::{Bus, HealthReporter, IpcError, Reason, Reasons, clock};
+use std::path::{Path, PathBuf};
+use std::thread;
+
+/// How often shared memory is emptied: 5 messages of a 1 kHz channel, of the 2048 that a channel can hold.
+const POLL_PERIOD: Duration = Duration::from_millis(5);
+/// As long as health is published, ten times a second, ns.
+const HEALTH_PERIOD_NS: i64 = 100_000_000;
+
+/// What a recording came to.
+#[derive(Debug)]
+pub struct RecordReport {
+    /// The file.
+    pub path: PathBuf,
+    /// Its length in bytes, or why the recording stopped early.
+    pub outcome: Result<u64, RecordError>,
+    /// What became of the messages of each channel.
+    pub status: RecorderStatus,
+}
+
+/// Records every channel of an instance until `stop`, then everything that is still in shared memory.
+///
+/// The first health message says that every channel is read and the file is open. A disk that is full or gone stops the
+/// recording and nothing else: the health says so ([`Reason::RecordingStopped`]), what comes is counted as dropped, and the
+/// report has the sentence. Stop it after every writer, so that the last messages are in the file. A writer that opens its
+/// channel and is gone again before the recorder's next look (5 ms) goes unseen: iceoryx2 takes its messages with it.
+///
+/// # Errors
+/// [`RecordError`] when the recording could not be begun, or a channel failed; what had been recorded is kept.
+pub fn run(bus: &Bus, config: &RecordConfig, stop: &AtomicBool) -> Result<RecordReport, RecordError> {
+    config.validate()?;
+    let instance = bus.instance().as_str();
+    let path = config.path.clone().unwrap_or_else(|| Path::new("recordings").join(default_file_name(instance)));
+    let shared = Shared::default();
+    let (sender, receiver) = crossbeam_channel::bounded(config.queue_length);
+    let drain = Drain::open(bus, sender, &shared.tally)?;
+    let health = HealthReporter::open(bus, "record")?;
+    let about = About::run(instance, &config.metadata, config.attachments.clone());
+    let writer = RecordingWriter::create(&path, config.chunk_bytes, &about)?;
+    let died = |what: String| RecordError::Thread { path: path.clone(), what };
+    thread::scope(|scope| {
+        let write = || write_all(writer, &receiver, &shared, config.flush_period());
+        let thread = thread::Builder::new().name("record-write".to_owned()).spawn_scoped(scope, write);
+        let thread = thread.map_err(|error| died(format!("could not be started: {error}")))?;
+        let mut feed = Feed { drain: Some(drain), health, shared: &shared, due_ns: i64::MIN };
+        let fed = feed.until(stop);
+        // The end of the queue is what ends the thread.
+        feed.drain = None;
+        let outcome = thread.join().map_err(|panic| died(format!("died: {panic:?}")))?;
+        let status = shared.tally.status(0, clock::monotonic_ns());
+        fed?;
+        // The last word: whether the file was ended well.
+        feed.report(clock::monotonic_ns())?;
+        Ok(RecordReport { path: path.clone(), outcome, status })
+    })
+}
+
+/// The thread that reads shared memory.
+struct Feed<'a> {
+    drain: Option<Drain<'a>>,
+    health: HealthReporter,
+    shared: &'a Shared,
+    due_ns: i64,
+}
+
+impl Feed<'_> {
+    fn until(&mut self, stop: &AtomicBool) -> Result<(), IpcError> {
+        while !stop.load(Ordering::Relaxed) {
+            self.take_all(WhenFull::Drop)?;
+            self.publish_if_due()?;
+            thread::sleep(POLL_PERIOD);
+        }
+        // Published before the last look, so that the file has it.
+        self.publish(clock::monotonic_ns())?;
+        while self.take_all(WhenFull::Wait)? > 0 {}
+        Ok(())
+    }
+
+    fn take_all(&mut self, when_full: WhenFull) -> Result<u64, IpcError> {
+        self.drain.as_mut().map_or(Ok(0), |drain| drain.take_all(when_full))
+    }
+
+    fn publish_if_due(&mut self) -> Result<(), IpcError> {
+        let now_ns = clock::monotonic_ns();
+        if now_ns < self.due_ns {
+            return Ok(());
+        }
+        self.due_ns = now_ns + HEALTH_PERIOD_NS;
+        self.publish(now_ns)
+    }
+
+    fn publish(&mut self, now_ns: i64) -> Result<(), IpcError> {
+        if let Some(drain) = &self.drain {
+            self.health.count_readers(&drain.read_counts());
+        }
+        self.report(now_ns)
+    }
+
+    fn report(&mut self, now_ns: i64) -> Result<(), IpcError> {
+        let total = self.shared.tally.status(0, now_ns).total();
+        let mut reasons = Reasons::NONE;
+        reasons.insert_if(Reason::RecordingStopped, self.shared.has_stopped.load(Ordering::Relaxed));
+        reasons.insert_if(Reason::RecordingDropped, total.n_dropped > 0);
+        reasons.insert_if(Reason::SamplesLost, total.n_lost > 0);
+        self.health.set_now(reasons);
+        let health = self.health.health_mut();
+        health.n_sent += 1;
+        if total.n_dropped > 0 {
+            health.note(Reason::RecordingDropped, total.n_dropped as f64, 0.0);
+        }
+        if total.n_lost > 0 {
+            health.note(Reason::SamplesLost, total.n_lost as f64, 0.0);
+        }
+        self.health.publish(now_ns)
+    }
+}

@@ -1,0 +1,236 @@
+//! What several tests need: every message as the bits of its fields, messages with meaning, and places for files.
+#![allow(dead_code, clippy::expect_used, reason = "each test uses its own part; a panic is how a test fails")]
+
+use krait_ipc::message::{
+    Command, Health, HopStamps, ModelUpdate, N_REASONS_MAX, OperatorInput, ReasonRecord, Setpoint, Shape, SlaveState,
+    StateCommand,
+};
+use krait_record::{Channel, ChannelCounts, Process, RecorderStatus, Sample};
+use std::ops::Deref;
+use std::path::{Path, PathBuf};
+
+/// A value as 64-bit words, so that two messages can be compared bit for bit, NaN and -0.0 included.
+pub trait Words: Sized {
+    fn take(words: &mut dyn Iterator<Item = u64>) -> Self;
+    fn put(&self, words: &mut Vec<u64>);
+}
+
+macro_rules! number {
+    ($($type:ty: $from:expr, $into:expr;)*) => {$(
+        impl Words for $type {
+            fn take(words: &mut dyn Iterator<Item = u64>) -> Self {
+                ($from)(words.next().expect("enough words"))
+            }
+            fn put(&self, words: &mut Vec<u64>) {
+                words.push(($into)(*self));
+            }
+        }
+    )*};
+}
+
+number! {
+    u64: |w| w, |x| x;
+    i64: |w: u64| w as i64, |x: i64| x as u64;
+    u32: |w: u64| w as u32, u64::from;
+    i16: |w: u64| w as i16, |x: i16| x as u64;
+    f64: f64::from_bits, f64::to_bits;
+}
+
+impl<T: Words, const N: usize> Words for [T; N] {
+    fn take(words: &mut dyn Iterator<Item = u64>) -> Self {
+        std::array::from_fn(|_| T::take(words))
+    }
+    fn put(&self, words: &mut Vec<u64>) {
+        self.iter().for_each(|x| x.put(words));
+    }
+}
+
+/// Names every field of a struct: one that is missing here does not compile.
+macro_rules! fields {
+    ($($type:ident { $($field:ident),* })*) => {$(
+        impl Words for $type {
+            fn take(words: &mut dyn Iterator<Item = u64>) -> Self {
+                Self { $($field: Words::take(words)),* }
+            }
+            fn put(&self, words: &mut Vec<u64>) {
+                let Self { $($field),* } = self;
+                $($field.put(words);)*
+            }
+        }
+    )*};
+}
+
+fields! {
+    HopStamps {
+        device_ns, input_sent_ns, resolve_begun_ns, setpoint_sent_ns, compensate_begun_ns, command_sent_ns,
+        slave_begun_ns, drive_written_ns
+    }
+    OperatorInput {
+        sequence, sample_ns, stamps, tip_vel_in_view_m_per_s, tip_angular_vel_in_view_rad_per_s, raw_axes, flags,
+        buttons, device_state, reserved, n_reports, n_drained, n_refused
+    }
+    Setpoint {
+        sequence, sample_ns, stamps, input_sequence, state_sequence, bend_rad, bend_vel_rad_per_s, q_tilde_vel_m_per_s,
+        tip_pos_in_base_m, motion_scale, phase, reserved, reasons
+    }
+    Command {
+        sequence, sample_ns, stamps, setpoint_sequence, state_sequence, model_update_sequence, bend_rad,
+        q_uncompensated_m, q_tilde_m, eta, lambda_m, model_version, compensation, phase, reasons
+    }
+    SlaveState {
+        sequence, sample_ns, stamps, command_sequence, operating_state, flags, setpoint_q_m, setpoint_bend_rad,
+        measured_q_m, measured_tau_n, reasons, n_commands, n_refused
+    }
+    StateCommand { sequence, sample_ns, transition, sender_pid }
+    Shape { sequence, sample_ns, available_ns, bend_rad, theta_l_rad, delta_rad, sigma_bend_rad, q_tilde_m }
+    ModelUpdate {
+        sequence, sample_ns, shape_sequence, eta, lambda_m, eta_sd, lambda_sd_m, innovation_rms_m, n_used, n_left_out
+    }
+    ReasonRecord { count, worst, limit }
+    Health {
+        sequence, sample_ns, pid, reserved, n_received, n_sent, n_lost, n_refused, reasons_now, reasons_ever, records
+    }
+    ChannelCounts { n_written, n_dropped, n_lost, n_out_of_order }
+    RecorderStatus { sequence, sample_ns, channels }
+}
+
+/// Words that the largest message needs.
+pub const MAX_WORDS: usize = 16 + 3 * N_REASONS_MAX;
+
+/// The message of a channel that has these words as the bits of its fields, in order.
+pub fn sample_of(channel: Channel, words: &[u64]) -> Sample {
+    let words = &mut words.iter().copied();
+    match channel {
+        Channel::Input => Sample::Input(Words::take(words)),
+        Channel::Setpoint => Sample::Setpoint(Words::take(words)),
+        Channel::Command => Sample::Command(Words::take(words)),
+        Channel::State => Sample::State(Words::take(words)),
+        Channel::StateCommand => Sample::StateCommand(Words::take(words)),
+        Channel::Shape => Sample::Shape(Words::take(words)),
+        Channel::ModelUpdate => Sample::ModelUpdate(Words::take(words)),
+        Channel::Health(process) => Sample::Health(process, Box::new(Words::take(words))),
+        Channel::Recorder => Sample::Recorder(Box::new(Words::take(words))),
+    }
+}
+
+/// The bits of every field of a sample, in order.
+pub fn words_of(sample: &Sample) -> Vec<u64> {
+    let mut words = Vec::new();
+    match sample {
+        Sample::Input(message) => message.put(&mut words),
+        Sample::Setpoint(message) => message.put(&mut words),
+        Sample::Command(message) => message.put(&mut words),
+        Sample::State(message) => message.put(&mut words),
+        Sample::StateCommand(message) => message.put(&mut words),
+        Sample::Shape(message) => message.put(&mut words),
+        Sample::ModelUpdate(message) => message.put(&mut words),
+        Sample::Health(_, message) => message.put(&mut words),
+        Sample::Recorder(status) => status.put(&mut words),
+    }
+    words
+}
+
+/// The `sequence`-th message of a channel in a plausible chain: numbers that differ from sample to sample, NaN among them.
+pub fn plausible(channel: Channel, sequence: u64, sample_ns: i64) -> Sample {
+    let phase = sequence as f64 * 1e-3;
+    let mut words: Vec<u64> = (0..MAX_WORDS).map(|idx| (phase + idx as f64).sin().to_bits()).collect();
+    words[0] = sequence;
+    words[1] = sample_ns as u64;
+    let mut sample = sample_of(channel, &words);
+    let stamps =
+        HopStamps { device_ns: sample_ns, input_sent_ns: sample_ns.saturating_add(2_000), ..HopStamps::default() };
+    match &mut sample {
+        Sample::Input(input) => {
+            *input = OperatorInput { stamps, raw_axes: [350, -350, 0, 1, -1, 7], flags: 1, ..*input };
+            (input.buttons, input.device_state, input.reserved) = (0, 1, 0);
+            (input.n_reports, input.n_drained, input.n_refused) = (sequence / 16, 3, 0);
+        }
+        Sample::Setpoint(setpoint) => {
+            (setpoint.stamps, setpoint.input_sequence, setpoint.state_sequence) = (stamps, sequence, sequence - 1);
+            (setpoint.phase, setpoint.reserved, setpoint.reasons) = (1, 0, 1 << 14);
+        }
+        Sample::Command(command) => {
+            *command = Command { stamps, setpoint_sequence: sequence, state_sequence: sequence - 1, ..*command };
+            (command.model_update_sequence, command.model_version) = (sequence / 60, 1);
+            (command.compensation, command.phase, command.reasons) = (2, 1, 0);
+        }
+        Sample::State(state) => {
+            *state = SlaveState { stamps, command_sequence: sequence - 1, operating_state: 1, flags: 5, ..*state };
+            (state.reasons, state.n_commands, state.n_refused) = (0, sequence, 0);
+        }
+        Sample::StateCommand(command) => (command.transition, command.sender_pid) = (4, 4711),
+        Sample::Shape(shape) => {
+            (shape.available_ns, shape.q_tilde_m) = (sample_ns.saturating_add(40_000_000), [f64::NAN; 3])
+        }
+        Sample::ModelUpdate(update) => {
+            (update.shape_sequence, update.n_used, update.n_left_out) = (sequence, sequence, 2);
+        }
+        Sample::Health(_, health) => {
+            **health = Health { sequence, sample_ns, pid: 4711, n_received: sequence * 400, ..Health::default() };
+        }
+        Sample::Recorder(status) => **status = RecorderStatus { sequence, sample_ns, ..RecorderStatus::default() },
+    }
+    sample
+}
+
+/// What a chain at 1 kHz publishes in `n_ms` milliseconds, in the order of time: input, setpoint, command and state every
+/// millisecond, shape and model update 60 times a second, six healths ten times a second. Stamps begin at `begin_ns`.
+pub fn chain(n_ms: u64, begin_ns: i64) -> impl Iterator<Item = Sample> {
+    (0..n_ms).flat_map(move |ms| {
+        let now_ns = begin_ns + ms as i64 * 1_000_000;
+        let mut samples = Vec::with_capacity(12);
+        for channel in [Channel::Input, Channel::Setpoint, Channel::Command, Channel::State] {
+            samples.push(plausible(channel, ms + 1, now_ns));
+        }
+        let n_shapes = |ms: u64| ms * 60 / 1000;
+        if n_shapes(ms + 1) > n_shapes(ms) {
+            samples.push(plausible(Channel::Shape, n_shapes(ms + 1), now_ns - 40_000_000));
+            samples.push(plausible(Channel::ModelUpdate, n_shapes(ms + 1), now_ns));
+        }
+        if ms % 100 == 0 {
+            for process in Process::ALL {
+                samples.push(plausible(Channel::Health(process), ms / 100 + 1, now_ns));
+            }
+        }
+        samples
+    })
+}
+
+/// A path of its own for each test, with nothing there; what the test puts there is removed with it.
+#[derive(Debug)]
+pub struct TestPath(PathBuf);
+
+pub fn fresh_path(name: &str) -> TestPath {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("record-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).expect("folder for tests");
+    let path = TestPath(folder.join(name));
+    path.clear();
+    path
+}
+
+impl TestPath {
+    /// What is not there, or not empty yet, stays: the last test to end removes the folder.
+    fn clear(&self) {
+        std::fs::remove_file(&self.0).ok();
+    }
+}
+
+impl Drop for TestPath {
+    fn drop(&mut self) {
+        self.clear();
+        self.0.parent().map(std::fs::remove_dir);
+    }
+}
+
+impl Deref for TestPath {
+    type Target = Path;
+    fn deref(&self) -> &Path {
+        &self.0
+    }
+}
+
+impl AsRef<Path> for TestPath {
+    fn as_ref(&self) -> &Path {
+        self
+    }
+}

@@ -1,0 +1,56 @@
+//! A Python with the public `mcap` reader in it, made once per target folder, and the script that reads a recording.
+//!
+//! Other crates' tests take this file in with `#[path]`; it needs nothing but `std` and `serde_json`.
+
+#![allow(
+    clippy::expect_used,
+    clippy::print_stdout,
+    reason = "a panic is how a test fails; what is skipped is said aloud"
+)]
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Everything that is installed, pinned: a new release of a reader must not turn a build red.
+const PACKAGES: [&str; 5] =
+    ["mcap==1.6.0", "mcap-protobuf-support==0.6.0", "protobuf==7.36.2", "zstandard==0.25.0", "lz4==4.4.5"];
+
+/// What `read_with_python.py` says of a recording, or `None` where Python or the package index is out of reach: that is
+/// said aloud, and is a failure where `CI` is set.
+pub fn read_with_python(target_tmp: &Path, script: &Path, recording: &Path) -> Option<serde_json::Value> {
+    let python = match python_with_mcap(target_tmp) {
+        Ok(python) => python,
+        Err(why) => {
+            assert!(std::env::var_os("CI").is_none(), "the Python reader must be tested in CI, but {why}");
+            println!("SKIPPED: the public Python reader was not tested, because {why}");
+            return None;
+        }
+    };
+    let output = Command::new(python).arg(script).arg(recording).output().expect("Python runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    Some(serde_json::from_slice(&output.stdout).expect("one line of JSON"))
+}
+
+fn python_with_mcap(target_tmp: &Path) -> Result<PathBuf, String> {
+    let home = target_tmp.join("python-mcap-1.6.0");
+    let python = home.join("bin/python");
+    let is_complete = || run(Command::new(&python).args(["-c", "import mcap.reader, mcap_protobuf.decoder"])).is_ok();
+    if is_complete() {
+        return Ok(python);
+    }
+    // Made aside and moved into place whole, because other tests may be looking for it at the same time.
+    let aside = target_tmp.join(format!("python-mcap-{}", std::process::id()));
+    run(Command::new("python3").args(["-m", "venv"]).arg(&aside))?;
+    let pip = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"];
+    run(Command::new(aside.join("bin/python")).args(pip).args(PACKAGES))?;
+    let moved = std::fs::rename(&aside, &home);
+    if is_complete() { Ok(python) } else { Err(format!("{} could not be set up: {moved:?}", home.display())) }
+}
+
+fn run(command: &mut Command) -> Result<(), String> {
+    let output = command.output().map_err(|error| format!("{command:?} did not run: {error}"))?;
+    if output.status.success() {
+        return Ok(());
+    }
+    Err(format!("{command:?} failed: {}", String::from_utf8_lossy(&output.stderr).trim()))
+}
