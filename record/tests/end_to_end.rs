@@ -243,6 +243,54 @@ fn recorder_on_a_disk_that_fills_up() {
     assert!(Reasons::from_bits(last.reasons_now).contains(Reason::RecordingDropped));
 }
 
+/// Name of the variable that gives the recorder to be killed its instance.
+const KILLED_INSTANCE: &str = "KRAIT_TEST_KILLED_INSTANCE";
+/// Name of the variable that gives it its path.
+const KILLED_PATH: &str = "KRAIT_TEST_KILLED_PATH";
+
+#[test]
+fn a_recorder_that_is_killed_leaves_everything_up_to_its_last_chunk() {
+    let path = fresh_path("killed.mcap");
+    let name = instance("killed");
+    let bus = Bus::open(&name, "test").expect("bus");
+    let mut health = bus.reader_on::<Health>(&health_channel("record"), ReadOptions::waking()).expect("reader");
+    let mut recorder = std::process::Command::new(std::env::current_exe().expect("this test"))
+        .args(["--exact", "recorder_that_is_killed", "--ignored"])
+        .env(KILLED_INSTANCE, &name)
+        .env(KILLED_PATH, path.as_os_str())
+        .stdout(std::process::Stdio::null())
+        .spawn()
+        .expect("started");
+    assert!((0..100).any(|_| health.wait(Duration::from_millis(100)).expect("wait")), "it becomes ready");
+    let mut chain = Chain::open(&bus);
+    for sequence in 1..=1000 {
+        chain.send(&plausible(Channel::Command, sequence, clock::monotonic_ns()));
+        thread::sleep(Duration::from_millis(1));
+    }
+    recorder.kill().expect("killed");
+    recorder.wait().expect("gone");
+    bus.clean_up_after_the_dead();
+
+    let recording = Recording::open(&path).expect("opened");
+    assert!(matches!(recording.contents().missing[..], [Missing::End { .. } | Missing::Cut { .. }]));
+    let commands =
+        recording.samples().expect("there").filter_map(|recorded| match recorded.expect("readable").sample {
+            Sample::Command(command) => Some(command.sequence),
+            _ => None,
+        });
+    let commands: Vec<_> = commands.collect();
+    assert!(!commands.is_empty() && commands.iter().copied().eq(1..=commands.len() as u64), "{commands:?}");
+    assert_eq!(recording.contents().metadata["krait"]["instance"], name);
+}
+
+#[test]
+#[ignore = "the child of a_recorder_that_is_killed_leaves_everything_up_to_its_last_chunk"]
+fn recorder_that_is_killed() {
+    let (Some(path), Ok(name)) = (std::env::var_os(KILLED_PATH), std::env::var(KILLED_INSTANCE)) else { return };
+    let config = RecordConfig { path: Some(path.into()), ..RecordConfig::default() };
+    run(&Bus::open(&name, "record").expect("bus"), &config, &AtomicBool::new(false)).expect("killed before it ends");
+}
+
 #[test]
 fn a_recording_that_cannot_begin_says_why_and_is_never_ready() {
     let path = fresh_path("there.mcap");
