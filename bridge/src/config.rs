@@ -48,6 +48,9 @@ pub struct ResolveConfig {
     pub max_bend_vel_rad_per_s: f64,
     /// Largest change of the bending rate, rad/s^2; every stop and start is at most this sharp.
     pub max_bend_accel_rad_per_s2: f64,
+    /// How much the axial component of the wanted tip velocity counts beside the lateral ones, 0..=1. 0: a hand that pushes
+    /// sideways gets exactly that, and the tip sinks as its arc makes it; 1: least squares over all three components.
+    pub axial_weight: f64,
     /// Damping of the least-squares inverse of the tip Jacobian, m/rad.
     pub damping_m_per_rad: f64,
     /// Roll of the camera's view about the snake's straight axis, rad: `base_from_view` = Rz(view_roll_rad).
@@ -67,6 +70,7 @@ impl Default for ResolveConfig {
             bend_margin_rad: 4f64.to_radians(),
             max_bend_vel_rad_per_s: 2.0,
             max_bend_accel_rad_per_s2: 40.0,
+            axial_weight: 0.0,
             damping_m_per_rad: 0.5e-3,
             view_roll_rad: 0.0,
             input_stale_ms: 50.0,
@@ -89,6 +93,7 @@ impl ResolveConfig {
                 ("bend_margin_rad", self.bend_margin_rad, 0.001..=0.5, "the motion must fade out over some bend"),
                 ("max_bend_vel_rad_per_s", self.max_bend_vel_rad_per_s, 0.01..=10.0, "a snake bends at most this fast"),
                 ("max_bend_accel_rad_per_s2", self.max_bend_accel_rad_per_s2, 0.1..=1000.0, "a stop takes some time"),
+                ("axial_weight", self.axial_weight, 0.0..=1.0, "1 counts like a lateral component"),
                 ("damping_m_per_rad", self.damping_m_per_rad, 0.0..=0.02, "more damping than L moves nothing"),
                 ("view_roll_rad", self.view_roll_rad, -3.2..=3.2, "an angle in radians"),
                 ("input_stale_ms", self.input_stale_ms, 1.0..=1000.0, "older input is not the operator's wish"),
@@ -116,11 +121,11 @@ pub struct CompensateConfig {
     pub lambda_rate_m_per_s: f64,
     /// Speed at which a difference to the slave's setpoint is eased out at engagement, m/s.
     pub ease_m_per_s: f64,
-    /// Actuator stroke, m: |q~| at most.
+    /// Actuator stroke, m: |q~| at most. A bend of 80 deg needs 4.98 mm on the default machine.
     pub max_stroke_m: f64,
     /// Actuator rate, m/s.
     pub max_rate_m_per_s: f64,
-    /// Load of a line by the model, N: |tau| at most.
+    /// Load of a line by the model, N: |tau| at most. A bend of 80 deg needs 48 N on the default machine.
     pub max_load_n: f64,
     /// A setpoint older than this when it is taken is not followed, ms.
     pub setpoint_stale_ms: f64,
@@ -140,9 +145,9 @@ impl Default for CompensateConfig {
             eta_rate_per_s: 0.2,
             lambda_rate_m_per_s: 0.05e-3,
             ease_m_per_s: 1e-3,
-            max_stroke_m: 4e-3,
+            max_stroke_m: 5.2e-3,
             max_rate_m_per_s: 20e-3,
-            max_load_n: 45.0,
+            max_load_n: 55.0,
             setpoint_stale_ms: 50.0,
             state_stale_ms: 100.0,
             wait: WaitMode::Blocking,

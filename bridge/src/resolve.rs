@@ -1,7 +1,7 @@
 //! Resolved-rate motion: the operator's tip velocity becomes a bend-vector setpoint, smooth through the straight pose.
 //!
 //! Problem: find b_dot with J_v(b) b_dot = v, where v is the tip velocity in the base frame, 3x1, and J_v the linear rows of
-//! the tip's Jacobian in the bend vector, 3x2; integrate to b; give the actuator rates q~_dot = (J_q_b + alpha_b) b_dot,
+//! the tip's Jacobian in the bend vector, 3x2, in the least-squares sense of the configured weights; integrate to b; give the actuator rates q~_dot = (J_q_b + alpha_b) b_dot,
 //! which is the right inverse of J~ = (I + J alpha)^-1 J, Eq. (26).
 //!
 //! Intuition: in the bend vector nothing is singular at the straight pose; far out, where the tip moves mostly along
@@ -140,7 +140,12 @@ impl ResolveCore {
 
     /// The bend rate for a tip velocity, within the limits; the second value is the common scale that they asked for.
     fn limited(&self, tip_vel_in_base: Vector3<f64>, reasons: &mut Reasons) -> (Vector2<f64>, f64) {
-        let rate = self.snake.bend_rate_for_tip_velocity(self.bend, tip_vel_in_base, self.config.damping_m_per_rad);
+        let rate = self.snake.bend_rate_for_tip_velocity(
+            self.bend,
+            tip_vel_in_base,
+            self.config.axial_weight,
+            self.config.damping_m_per_rad,
+        );
         reasons.insert_if(
             Reason::NearSingular,
             rate.smallest_singular_value_m_per_rad < 4.0 * self.config.damping_m_per_rad,

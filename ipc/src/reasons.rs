@@ -60,11 +60,13 @@ pub enum Reason {
     InputEnded = 26,
     /// The measured shape is missing or too old, ms.
     ShapeStale = 27,
+    /// A drive reported a failure.
+    DriveFault = 28,
 }
 
 impl Reason {
     /// Every reason, in the order of its bit.
-    pub const ALL: [Self; 28] = [
+    pub const ALL: [Self; 29] = [
         Self::OperatorAbsent,
         Self::Clutched,
         Self::DeviceLost,
@@ -93,6 +95,7 @@ impl Reason {
         Self::RecordingDropped,
         Self::InputEnded,
         Self::ShapeStale,
+        Self::DriveFault,
     ];
 
     /// The reason in words that a surgeon understands.
@@ -126,6 +129,7 @@ impl Reason {
             Self::RecordingDropped => "the recorder dropped messages; the motion is not affected",
             Self::InputEnded => "the input has come to its end",
             Self::ShapeStale => "the measured shape is missing or too old",
+            Self::DriveFault => "a drive reported a failure and its power was removed",
         }
     }
 }

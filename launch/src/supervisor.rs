@@ -119,7 +119,10 @@ impl Supervisor {
         self.wait_until("the slave is enabled", stop, |s| {
             s.newest_state.is_some_and(|state| state.operating() == Some(OperatingState::Enabled))
         })?;
-        self.command(Transition::Home)?;
+        // With `home_on_start` the slave homes by itself when it is first enabled.
+        if !options.config.slave.home_on_start {
+            self.command(Transition::Home)?;
+        }
         self.wait_until("the slave is homed", stop, |s| s.newest_state.is_some_and(|state| state.is_ready()))
     }
 

@@ -55,16 +55,16 @@ impl fmt::Display for SignedAxis {
     }
 }
 
-/// The device axis behind each axis of the view frame (x right, y up, z away from the viewer).
+/// The device axis behind each axis of the view frame (x right, y down, z away from the viewer).
 ///
 /// The default takes the cap's translation as it is. The device counts +X to the right, +Y towards the user and +Z down,
-/// so right = +x, up = -z, away = -y: the tip goes where the cap is pushed, for an operator who looks along view z.
+/// so right = +x, down = +z, away = -y: the tip goes where the cap is pushed, for an operator who looks along view z.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct AxisMap {
     /// Drives view x, to the right.
     pub view_x: SignedAxis,
-    /// Drives view y, up.
+    /// Drives view y, down.
     pub view_y: SignedAxis,
     /// Drives view z, away from the viewer.
     pub view_z: SignedAxis,
@@ -74,7 +74,7 @@ impl Default for AxisMap {
     fn default() -> Self {
         Self {
             view_x: SignedAxis { axis_idx: 0, is_negated: false },
-            view_y: SignedAxis { axis_idx: 2, is_negated: true },
+            view_y: SignedAxis { axis_idx: 2, is_negated: false },
             view_z: SignedAxis { axis_idx: 1, is_negated: true },
         }
     }

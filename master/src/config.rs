@@ -122,7 +122,7 @@ mod tests {
         assert!(refused(|c| c.rate_hz = 99).contains("rate_hz is 99, expected a whole number from 100 to 8000 Hz"));
         assert!(refused(|c| c.dead_zone_ratio = f64::NAN).contains("dead_zone_ratio is NaN"));
         assert!(refused(|c| c.full_speed_m_per_s = 1.0).contains("full_speed_m_per_s is 1, expected"));
-        assert!(refused(|c| c.axis_map.view_x = c.axis_map.view_y).contains("axis_map is -z, -z, -y"));
+        assert!(refused(|c| c.axis_map.view_x = c.axis_map.view_y).contains("axis_map is +z, +z, -y"));
         assert!(refused(|c| c.clutch = Clutch::Hold(0)).contains("another button"));
     }
 

@@ -7,7 +7,7 @@
 //! *source* is where reports come from; *counts* are the device's own numbers, -350..=350 for a full deflection.
 //!
 //! Frames and units: the device's axes are +X right, +Y towards the user, +Z down. The `view` frame of the message is x
-//! right, y up, z away from the viewer. Velocities are m/s. Time is CLOCK_MONOTONIC in nanoseconds and always an argument,
+//! right, y down, z away from the viewer. Velocities are m/s. Time is CLOCK_MONOTONIC in nanoseconds and always an argument,
 //! except in the process loop and in the thread that reads the device.
 //!
 //! ```no_run

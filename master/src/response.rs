@@ -82,11 +82,11 @@ mod tests {
 
     #[test]
     fn the_tip_goes_where_the_cap_is_pushed() {
-        // Raw +X is right, +Y towards the user, +Z down (view: x right, y up, z away).
+        // Raw +X is right, +Y towards the user, +Z down (view: x right, y down, z away).
         let full = MasterConfig::default().full_speed_m_per_s;
         assert_eq!(response().tip_vel_in_view_m_per_s([350, 0, 0, 0, 0, 0]), [full, 0.0, 0.0]);
         let [x, y, z] = response().tip_vel_in_view_m_per_s([0, 0, -200, 0, 0, 0]);
-        assert!(x == 0.0 && y > 0.0 && z == 0.0, "pulled up is up: {x} {y} {z}");
+        assert!(x == 0.0 && y < 0.0 && z == 0.0, "pulled up is up: {x} {y} {z}");
         let [x, y, z] = response().tip_vel_in_view_m_per_s([0, -200, 0, 0, 0, 0]);
         assert!(x == 0.0 && y == 0.0 && z > 0.0, "pushed forward is away: {x} {y} {z}");
         assert_eq!(response().tip_vel_in_view_m_per_s([0, 0, 0, 350, 350, 350]), [0.0; 3], "turning is not mapped");

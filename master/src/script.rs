@@ -8,7 +8,7 @@
 //! 3,    0,     0, 0, 1, 0
 //! ```
 //!
-//! Velocities are in the view frame (x right, y up, z away), at most 0.1 m/s each, and are interpolated linearly between
+//! Velocities are in the view frame (x right, y down, z away), at most 0.1 m/s each, and are interpolated linearly between
 //! rows; a step is two rows a little apart. The last two columns may be absent (present, not clutched); they hold from
 //! their row to the next. Time starts at 0 or later and increases; before the first row nothing moves, after the last the
 //! script has ended. A script bypasses axis map, dead zone, curve and presence button: it says what they would have said.

@@ -12,7 +12,7 @@ use nalgebra::{Isometry3, Matrix2, Matrix3, Matrix3x2, Matrix6x2, Rotation3, Uni
 pub struct DampedRate {
     /// Rate of the bend vector, rad/s.
     pub bend_vel_rad_per_s: Vector2<f64>,
-    /// Smallest singular value of the linear Jacobian at this bend, m/rad.
+    /// Smallest singular value of the weighted linear Jacobian at this bend, m/rad.
     pub smallest_singular_value_m_per_rad: f64,
     /// Magnitude of the part of the wanted velocity that the snake does not follow, m/s.
     pub residual_m_per_s: f64,
@@ -58,9 +58,11 @@ impl Snake {
 
     /// Bend rate that moves the end disk's centre as wanted: least squares on the linear rows of the Jacobian.
     ///
-    /// minimise |J_v b_dot - v|^2 + k^2 |b_dot|^2, where k grows from 0 to `damping_m_per_rad` as the smallest singular value
-    /// falls from `damping_m_per_rad` to 0. A constant-curvature snake keeps that value above 0.4 L up to a bend of 90 deg; the
-    /// damping bounds the rate beyond.
+    /// minimise |W (J_v b_dot - v)|^2 + k^2 |b_dot|^2 with W = diag(1, 1, `axial_weight`), where k grows from 0 to
+    /// `damping_m_per_rad` as the smallest singular value of W J_v falls from `damping_m_per_rad` to 0. With `axial_weight` 1
+    /// all three components count and that value stays above 0.4 L up to a bend of 90 deg; with 0 the lateral ones are met
+    /// exactly and the axial one follows as it must, which is what a hand that pushes sideways means: two degrees of freedom
+    /// cannot choose three components. The lateral rows alone become singular at a bend of 133 deg.
     ///
     /// # Real-time
     /// Closed form, no loop, no allocation. Arguments that are not finite give a result that is not finite.
@@ -68,14 +70,16 @@ impl Snake {
         &self,
         bend_rad: Vector2<f64>,
         tip_vel_in_base_m_per_s: Vector3<f64>,
+        axial_weight: f64,
         damping_m_per_rad: f64,
     ) -> DampedRate {
         let j_v = self.j_v_bend(bend_rad, &Arc::of_square(bend_rad.norm_squared()));
-        let normal = j_v.transpose() * j_v;
+        let weights = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, axial_weight * axial_weight));
+        let normal = j_v.transpose() * weights * j_v;
         let smallest = smallest_eigenvalue(&normal).max(0.0).sqrt();
         let nearness = if smallest < damping_m_per_rad { 1.0 - (smallest / damping_m_per_rad).powi(2) } else { 0.0 };
         let damped = normal + Matrix2::identity() * (damping_m_per_rad * damping_m_per_rad * nearness);
-        let wanted = j_v.transpose() * tip_vel_in_base_m_per_s;
+        let wanted = j_v.transpose() * weights * tip_vel_in_base_m_per_s;
         // Without damping at a singular pose no rate is the right one; standing still is the safe one.
         let bend_vel_rad_per_s = damped.try_inverse().map_or_else(Vector2::zeros, |inverse| inverse * wanted);
         DampedRate {

@@ -156,7 +156,7 @@ proptest! {
         let m = snake();
         let rate = Vector2::from(rate);
         let velocity = m.j_x_bend(b).fixed_rows::<3>(0) * rate;
-        let found = m.bend_rate_for_tip_velocity(b, velocity, 2e-3);
+        let found = m.bend_rate_for_tip_velocity(b, velocity, 1.0, 2e-3);
         prop_assert!((found.bend_vel_rad_per_s - rate).norm() < 1e-10 && found.residual_m_per_s < 1e-12);
         prop_assert!(found.smallest_singular_value_m_per_rad > 0.39 * m.l_m());
     }
@@ -215,13 +215,13 @@ fn bend_rate_is_damped_where_the_jacobian_is_singular() {
     // At a bend of 2 pi the arc closes to a circle: turning its plane does not move the tip.
     let b = Vector2::new(2.0 * PI, 0.0);
     let sideways = Vector3::new(0.0, 0.05, 0.0);
-    let found = m.bend_rate_for_tip_velocity(b, sideways, 2e-3);
+    let found = m.bend_rate_for_tip_velocity(b, sideways, 1.0, 2e-3);
     assert!(found.smallest_singular_value_m_per_rad < 1e-12 && found.bend_vel_rad_per_s.norm() < 1e-6);
     assert!((found.residual_m_per_s - 0.05).abs() < 1e-9);
-    assert!(m.bend_rate_for_tip_velocity(b, sideways, 0.0).bend_vel_rad_per_s.iter().all(|v| v.is_finite()));
+    assert!(m.bend_rate_for_tip_velocity(b, sideways, 1.0, 0.0).bend_vel_rad_per_s.iter().all(|v| v.is_finite()));
     let (free, damped) = (
-        m.bend_rate_for_tip_velocity(Vector2::zeros(), sideways, 2e-3),
-        m.bend_rate_for_tip_velocity(Vector2::zeros(), sideways, 20e-3),
+        m.bend_rate_for_tip_velocity(Vector2::zeros(), sideways, 1.0, 2e-3),
+        m.bend_rate_for_tip_velocity(Vector2::zeros(), sideways, 1.0, 20e-3),
     );
     assert!(damped.bend_vel_rad_per_s.norm() < 0.7 * free.bend_vel_rad_per_s.norm() && damped.residual_m_per_s > 0.01);
 }

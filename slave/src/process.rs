@@ -71,6 +71,7 @@ struct Process<D> {
     states: Writer<SlaveState>,
     shapes: Writer<Shape>,
     health: HealthReporter,
+    started_ns: i64,
     n_shapes: u64,
     tick_due_ns: i64,
     report_due_ns: i64,
@@ -86,6 +87,7 @@ impl<D: Drive> Process<D> {
             states: bus.writer()?,
             shapes: bus.writer()?,
             health: HealthReporter::open(bus, "slave")?,
+            started_ns: monotonic_ns(),
             n_shapes: 0,
             tick_due_ns: 0,
             report_due_ns: 0,
@@ -111,6 +113,10 @@ impl<D: Drive> Process<D> {
 
     fn take_state_commands(&mut self) -> Result<(), IpcError> {
         while let Some(command) = self.state_commands.take()? {
+            // A late reader is handed the newest message from before it joined; that wish was for the slave before this one.
+            if command.sample_ns < self.started_ns {
+                continue;
+            }
             let result = self.core.on_state_command(&command, monotonic_ns());
             if let Err(refused) = result {
                 tracing::warn!(sender_pid = command.sender_pid, "{refused}");

@@ -313,6 +313,7 @@ impl<D: Drive> SlaveCore<D> {
             }
         }
         if self.machine.state() == OperatingState::Fault {
+            findings.insert(Reason::DriveFault);
             findings.note(Reason::FollowingError, self.following_error_m(), self.following_error_limit_m());
         }
     }

@@ -1,5 +1,7 @@
 //! A process killed at any point, a signal at any point: one sentence, a defined state, nothing left behind, nothing lost.
 
+#![allow(clippy::expect_used, reason = "a panic is how a test fails")]
+
 use core::time::Duration;
 use krait_ipc::{InstanceName, resources_of};
 use krait_record::{Recording, Sample};

@@ -14,7 +14,7 @@ pub struct OperatorInput {
     pub sample_ns: i64,
     /// When each stage touched the sample.
     pub stamps: HopStamps,
-    /// Wanted linear velocity of the tip, in the `view` frame (x right, y up, z away from the viewer), m/s; finite.
+    /// Wanted linear velocity of the tip, in the `view` frame (x right, y down, z away from the viewer), m/s; finite.
     pub tip_vel_in_view_m_per_s: [f64; 3],
     /// Wanted angular velocity of the tip, in the `view` frame, rad/s; finite. Zero where the machine has no such motion.
     pub tip_angular_vel_in_view_rad_per_s: [f64; 3],

@@ -1,0 +1,212 @@
+//! The demo as a user runs it: its figures, its recording, and the bytes that a replay of its input gives.
+
+#![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
+
+#[path = "../../record/tests/common/python.rs"]
+mod python;
+
+use core::time::Duration;
+use krait_bridge::{CompensateConfig, CompensateCore, ResolveConfig, ResolveCore};
+use krait_ipc::message::{Command, Compensation, HopStamps, ModelUpdate, OperatorInput, Setpoint, SlaveState};
+use krait_ipc::{InstanceName, resources_of};
+use krait_model::MachineParameters;
+use krait_record::{Recording, Sample};
+use krait_tests::{Ended, TempFolder, instance_name, processes_of};
+use serde_json::Value;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+/// One demo serves every check: it takes most of a minute.
+#[test]
+fn the_demo_shows_what_compensation_does_and_its_recording_proves_it() {
+    let (instance, folder) = (instance_name("demo"), TempFolder::new("demo"));
+    let recording = folder.file("demo.mcap");
+    let ended = Ended::of(
+        &["demo", "--json", "--instance", &instance, "--recording", &recording],
+        Duration::from_secs(150),
+    );
+    assert_eq!(ended.code, Some(0), "{}\n{}", ended.stderr, ended.stdout);
+    let figures = ended.json();
+    check_errors(&figures);
+    check_processes(&figures);
+    check_latency_and_samples(&figures);
+    assert_eq!(figures["recording"], recording.as_str());
+    assert_eq!(processes_of(&instance), [], "no process is left");
+    let name = InstanceName::new(&instance).expect("a name");
+    assert_eq!(resources_of(&name), Vec::<std::path::PathBuf>::new(), "no shared memory is left");
+
+    let channels = read_channels(Path::new(&recording));
+    check_rates(&channels);
+    check_replay(&channels);
+    check_with_python(&recording, &channels);
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
+}
+
+fn check_errors(figures: &Value) {
+    let passes = figures["passes"].as_array().expect("passes");
+    let names: Vec<&str> = passes.iter().filter_map(|p| p["compensation"].as_str()).collect();
+    assert_eq!(names, ["off", "naive", "estimated"]);
+    let rms: Vec<f64> = passes.iter().map(|p| number(&p["error_deg"]["rms"])).collect();
+    assert!(rms[1] > 1.0, "naive compensation misses one degree: {rms:?}");
+    assert!(rms[2] < 1.0, "estimated compensation reaches it: {rms:?}");
+    assert!(rms[0] > 2.0 * rms[1] && rms[1] > 2.0 * rms[2], "{rms:?}");
+    for pass in passes {
+        let error = &pass["error_deg"];
+        assert!(number(&error["rms"]) <= number(&error["max"]) && number(&error["p95"]) <= number(&error["max"]));
+        assert!(number(&pass["scored_shapes"]) > 200.0, "{pass}");
+    }
+    let peak = &passes[0]["peak_bend_deg"];
+    let reached = number(&peak["reached"]) / number(&peak["commanded"]);
+    assert!((0.40..0.60).contains(&reached), "without compensation the snake reaches about half: {reached}");
+    let peak = &passes[2]["peak_bend_deg"];
+    let reached = number(&peak["reached"]) / number(&peak["commanded"]);
+    assert!((0.95..1.05).contains(&reached), "with estimates it arrives: {reached}");
+    assert!((number(&passes[2]["eta"]) - 1.22).abs() < 0.02, "{}", passes[2]);
+}
+
+fn check_processes(figures: &Value) {
+    let processes = figures["processes"].as_array().expect("processes");
+    let pids: BTreeSet<u64> = processes.iter().filter_map(|p| p["pid"].as_u64()).collect();
+    assert_eq!(pids.len(), processes.len(), "each is an operating-system process of its own");
+    assert_eq!(pids.len(), 1 + 3 * 5, "one recorder, and five processes in each pass");
+    let names: BTreeSet<&str> = processes.iter().filter_map(|p| p["name"].as_str()).collect();
+    assert_eq!(names, ["compensate", "estimate", "master", "record", "resolve", "slave"].into());
+}
+
+fn check_latency_and_samples(figures: &Value) {
+    let latency = &figures["latency_us"];
+    for quantiles in latency["hops"].as_array().expect("hops").iter().chain([&latency["end_to_end"]]) {
+        let values = ["p50", "p99", "p999", "max"].map(|q| number(&quantiles[q]));
+        assert!(values[0] > 0.0 && values.is_sorted(), "{quantiles}");
+    }
+    let hops = latency["hops"].as_array().expect("hops");
+    let chain: Vec<&str> = hops.iter().filter_map(|h| h["to"].as_str()).collect();
+    assert_eq!(chain, ["master", "resolve", "compensate", "slave"]);
+    let samples = &figures["samples"];
+    assert_eq!(samples["lost"], 0, "{samples}");
+    assert_eq!(samples["sent"], samples["received"], "{samples}");
+    assert!(number(&samples["sent"]) > 45_000.0, "three passes of 17 s at 1 kHz: {samples}");
+}
+
+/// What a replay needs, in the order of the recording.
+#[derive(Default)]
+struct Channels {
+    inputs: Vec<OperatorInput>,
+    setpoints: Vec<Setpoint>,
+    commands: Vec<Command>,
+    states: Vec<SlaveState>,
+    updates: Vec<ModelUpdate>,
+    n_shapes: usize,
+}
+
+fn read_channels(path: &Path) -> Channels {
+    let recording = Recording::open(path).expect("the recording is readable");
+    let contents = recording.contents();
+    assert!(contents.is_indexed && contents.missing.is_empty(), "{contents:?}");
+    assert!(contents.attachments.iter().any(|a| a.name == "krait.toml"), "the configuration is embedded");
+    let mut channels = Channels::default();
+    for recorded in recording.samples().expect("samples") {
+        match recorded.expect("every sample is readable").sample {
+            Sample::Input(input) => channels.inputs.push(input),
+            Sample::Setpoint(setpoint) => channels.setpoints.push(setpoint),
+            Sample::Command(command) => channels.commands.push(command),
+            Sample::State(state) => channels.states.push(state),
+            Sample::ModelUpdate(update) => channels.updates.push(update),
+            Sample::Shape(_) => channels.n_shapes += 1,
+            _ => {}
+        }
+    }
+    channels
+}
+
+fn check_rates(channels: &Channels) {
+    let seconds = channels.setpoints.len() as f64 / 1000.0;
+    let shapes_hz = channels.n_shapes as f64 / seconds;
+    assert!((55.0..65.0).contains(&shapes_hz), "the camera gives 60 shapes a second: {shapes_hz}");
+    assert!(channels.states.len() >= channels.commands.len(), "encoders come with every command");
+    let drained: u64 = channels.inputs.iter().map(|i| i.n_reports).max().unwrap_or(0);
+    assert!(drained > 500, "the input is made of HID reports: {drained}");
+    assert!(channels.inputs.iter().any(|i| i.clutch_pressed()), "the operator used the clutch");
+    let at_rest = krait_ipc::message::DeviceState::AtRest;
+    assert!(channels.inputs.iter().filter(|i| i.device() == Some(at_rest)).count() > 600, "and rested");
+}
+
+/// Messages of one pass, by sequence number; a sequence that starts anew at 1 begins the next pass.
+fn passes_of<M: Copy>(messages: &[M], sequence: fn(&M) -> u64) -> Vec<BTreeMap<u64, M>> {
+    let mut passes: Vec<BTreeMap<u64, M>> = Vec::new();
+    for message in messages {
+        if sequence(message) == 1 || passes.is_empty() {
+            passes.push(BTreeMap::new());
+        }
+        passes.last_mut().expect("just pushed").insert(sequence(message), *message);
+    }
+    passes
+}
+
+/// The same cores, fed with the recorded samples and the dependencies that each output names, give the same bytes.
+fn check_replay(channels: &Channels) {
+    let inputs = passes_of(&channels.inputs, |m| m.sequence);
+    let setpoints = passes_of(&channels.setpoints, |m| m.sequence);
+    let commands = passes_of(&channels.commands, |m| m.sequence);
+    let states = passes_of(&channels.states, |m| m.sequence);
+    let updates = passes_of(&channels.updates, |m| m.sequence);
+    assert_eq!((inputs.len(), setpoints.len(), commands.len(), states.len()), (3, 3, 3, 3));
+    for (pass, mode) in Compensation::ALL.into_iter().enumerate() {
+        let config = CompensateConfig { mode, ..CompensateConfig::default() };
+        let machine = MachineParameters::default();
+        let mut resolve = ResolveCore::new(&machine, config.lines(), ResolveConfig::default()).expect("defaults");
+        for recorded in setpoints[pass].values() {
+            if let Some(state) = states[pass].get(&recorded.state_sequence) {
+                resolve.note_state(state);
+            }
+            let input = inputs[pass][&recorded.input_sequence];
+            let replayed = resolve.step(&input, recorded.stamps.resolve_begun_ns).expect("it was accepted then");
+            assert_eq!(bytes_of_setpoint(&replayed), bytes_of_setpoint(recorded), "{mode:?} setpoint {}", recorded.sequence);
+        }
+        let mut compensate = CompensateCore::new(&machine, config).expect("defaults");
+        let mut newest_update = 0;
+        for recorded in commands[pass].values() {
+            if let Some(state) = states[pass].get(&recorded.state_sequence) {
+                compensate.note_state(state);
+            }
+            for sequence in newest_update + 1..=recorded.model_update_sequence {
+                compensate.note_update(&updates[pass][&sequence]).expect("it was accepted then");
+            }
+            newest_update = recorded.model_update_sequence;
+            let setpoint = setpoints[pass][&recorded.setpoint_sequence];
+            let replayed = compensate.step(&setpoint, recorded.stamps.compensate_begun_ns).expect("it was accepted then");
+            assert_eq!(bytes_of_command(&replayed), bytes_of_command(recorded), "{mode:?} command {}", recorded.sequence);
+        }
+    }
+}
+
+/// Everything but the stamps, which say when and not what. The derived format prints every bit of a float that matters.
+fn bytes_of_setpoint(setpoint: &Setpoint) -> String {
+    format!("{:?}", Setpoint { stamps: HopStamps::default(), ..*setpoint })
+}
+
+fn bytes_of_command(command: &Command) -> String {
+    format!("{:?}", Command { stamps: HopStamps::default(), ..*command })
+}
+
+/// The public Python reader decodes every channel, and counts what Rust counted.
+fn check_with_python(recording: &str, channels: &Channels) {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../record/tests/read_with_python.py");
+    let target_tmp = Path::new(env!("CARGO_TARGET_TMPDIR"));
+    let Some(seen) = python::read_with_python(target_tmp, &script, Path::new(recording)) else { return };
+    assert_eq!(seen["indexed"], true);
+    let topics = seen["channels"].as_object().expect("channels");
+    for (topic, channel) in topics {
+        assert_eq!(channel["messages"], channel["decoded"], "{topic}");
+        assert!(number(&channel["decoded"]) > 0.0, "{topic} holds something");
+    }
+    let decoded = |topic: &str| topics[topic]["decoded"].as_u64().expect("a count") as usize;
+    assert_eq!(decoded("/krait/input"), channels.inputs.len());
+    assert_eq!(decoded("/krait/setpoint"), channels.setpoints.len());
+    assert_eq!(decoded("/krait/command"), channels.commands.len());
+    assert_eq!(decoded("/krait/state"), channels.states.len());
+    assert_eq!(decoded("/krait/shape"), channels.n_shapes);
+}
