@@ -109,7 +109,7 @@ mod tests {
         fn no_counts_ask_for_more_than_full_speed_or_another_direction(axes in prop::array::uniform6(any::<i16>())) {
             let [x, y, z] = response().tip_vel_in_view_m_per_s(axes);
             prop_assert!(norm([x, y, z]) <= 0.025 * (1.0 + 1e-12));
-            prop_assert!(x * f64::from(axes[0]) >= 0.0 && y * f64::from(axes[2]) <= 0.0 && z * f64::from(axes[1]) <= 0.0);
+            prop_assert!(x * f64::from(axes[0]) >= 0.0 && y * f64::from(axes[2]) >= 0.0 && z * f64::from(axes[1]) <= 0.0);
         }
 
         #[test]
