@@ -13,6 +13,9 @@ pub struct Snake {
     pub(crate) bending_stiffness_nm2: f64,
     area_m2: f64,
     inertia_m4: f64,
+    axial_stiffness_n: f64,
+    /// Outer radius of every backbone.
+    pub(crate) outer_radius_m: f64,
     k_d_n_per_m: f64,
     k_c_n_per_m: f64,
     /// 1/K_d.
@@ -47,6 +50,8 @@ impl Snake {
             bending_stiffness_nm2: e_pa * inertia_m4,
             area_m2,
             inertia_m4,
+            axial_stiffness_n,
+            outer_radius_m: 0.5 * d_outer_m,
             k_d_n_per_m: axial_stiffness_n / l_d_m,
             k_c_n_per_m: axial_stiffness_n / l_c_m,
             c_d_m_per_n: l_d_m / axial_stiffness_n,
@@ -76,6 +81,11 @@ impl Snake {
     /// Second moment of area I of a backbone, m4.
     pub fn inertia_m4(&self) -> f64 {
         self.inertia_m4
+    }
+
+    /// Axial stiffness E A of a backbone, N.
+    pub fn axial_stiffness_n(&self) -> f64 {
+        self.axial_stiffness_n
     }
 
     /// Stiffness K_d = E A / L_d of a line in the holder, N/m.
