@@ -51,7 +51,9 @@ pub enum Missing {
         offset: u64,
     },
     /// The file ends after a whole record, but not as a file ends.
-    #[error("the recording breaks off at byte {offset}; the recorder was killed and its last chunk is missing")]
+    #[error(
+        "the recording breaks off at byte {offset}; the recorder was killed or its disk was full, and what came after is missing"
+    )]
     End {
         /// Length of the file.
         offset: u64,

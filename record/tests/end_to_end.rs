@@ -198,7 +198,11 @@ fn a_disk_that_fills_up_stops_the_recording_and_nothing_else() {
     let said = String::from_utf8_lossy(&output.stdout);
     assert!(output.status.success() && said.contains("1 passed"), "{said}{}", String::from_utf8_lossy(&output.stderr));
     let recording = Recording::open(&path).expect("opened");
-    assert_eq!(recording.contents().missing, [Missing::Rest]);
+    // Ended in order, but where the last chunk left less than the 50 bytes that an end needs.
+    let is_ended = recording.contents().missing == [Missing::Rest];
+    let is_at_the_brim =
+        matches!(recording.contents().missing[..], [Missing::End { offset }] if offset + 50 > FULL_DISK_BYTES);
+    assert!(is_ended || is_at_the_brim, "{:?}", recording.contents().missing);
     assert!(std::fs::metadata(&path).expect("there").len() <= FULL_DISK_BYTES);
     let commands =
         recording.samples().expect("there").filter_map(|recorded| match recorded.expect("readable").sample {
