@@ -48,6 +48,11 @@ pub enum Verb {
     /// The hand controllers on this machine, and what is missing to use them.
     #[command(after_help = "Example:\n  krait devices --json")]
     Devices(DevicesArgs),
+    /// The paper's tables and figures again, beside the printed values, and its errors with the numbers that show them.
+    #[command(
+        after_help = "Examples:\n  krait paper\n  krait paper --out /tmp/paper\n  krait paper --json | jq .verdict"
+    )]
+    Paper(PaperArgs),
     /// Prints the configuration that is in force, as TOML with every key.
     #[command(after_help = "Example:\n  krait config > krait.toml")]
     Config,
@@ -144,6 +149,17 @@ pub enum SlaveKind {
 #[derive(Clone, Debug, Args)]
 pub struct DevicesArgs {
     /// Print the devices as JSON on standard output.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Options of `krait paper`.
+#[derive(Clone, Debug, Args)]
+pub struct PaperArgs {
+    /// Folder for the pictures (SVG) and the page (index.html); made if it is missing.
+    #[arg(long, value_name = "DIR", default_value = "paper")]
+    pub out: PathBuf,
+    /// Print the figures as JSON on standard output.
     #[arg(long)]
     pub json: bool,
 }

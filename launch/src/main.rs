@@ -4,6 +4,7 @@ mod cli;
 mod commands;
 mod config;
 mod evidence;
+mod paper;
 mod print;
 mod progress;
 mod report;
@@ -28,6 +29,7 @@ fn main() -> ExitCode {
         Verb::Demo(args) => commands::demo::run(&cli.common, &args),
         Verb::Run(args) => commands::run::run(&cli.common, &args),
         Verb::Devices(args) => commands::devices::run(&args),
+        Verb::Paper(args) => commands::paper::run(&args),
         Verb::Config => commands::config::run(&cli.common),
         Verb::Process(process) => commands::process::run(&cli.common, &process),
     };

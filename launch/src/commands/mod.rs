@@ -3,5 +3,6 @@
 pub mod config;
 pub mod demo;
 pub mod devices;
+pub mod paper;
 pub mod process;
 pub mod run;

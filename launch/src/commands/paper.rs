@@ -1,0 +1,18 @@
+//! `krait paper`: the paper's tables and figures again, beside the printed values, as text, pictures and one page.
+
+use crate::cli::PaperArgs;
+use crate::paper::{Paper, terminal};
+use crate::print;
+use std::process::ExitCode;
+
+/// Computes everything, writes the pictures and the page, prints the tables; fails if the paper's claim does not come out.
+pub fn run(args: &PaperArgs) -> anyhow::Result<ExitCode> {
+    let paper = Paper::compute()?;
+    paper.write(&args.out)?;
+    if args.json {
+        print::json(&paper)?;
+    } else {
+        print::out(&terminal(&paper, &args.out))?;
+    }
+    Ok(if paper.verdict.holds { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}

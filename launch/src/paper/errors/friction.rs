@@ -1,0 +1,135 @@
+//! Eqs. (11) to (18): loads, friction, and terms that are the same on every line.
+
+use super::{Finding, number};
+use crate::paper::bench::{follow, one_way_ramp, there_and_back};
+use crate::paper::table2::Table2;
+use krait_model::Snake;
+use krait_slave::Truth;
+use nalgebra::{Vector2, Vector3, Vector6};
+
+/// Eq. (11)'s wrench is one that the snake exerts.
+pub fn sign_of_the_wrench(snake: &Snake, truth: &Truth) -> anyhow::Result<Finding> {
+    let (bend, force_n) = (Vector2::new(45_f64.to_radians(), 0.0), 0.5);
+    let helping = Vector6::new(force_n, 0.0, 0.0, 0.0, 0.0, 0.0);
+    let mut pushed_truth = truth.clone();
+    pushed_truth.effects = krait_slave::EffectsTruth::none();
+    let free_truth = pushed_truth.clone();
+    pushed_truth.effects.tip_force_in_base_n = [force_n, 0.0];
+    // Each bench reaches 45 deg by itself: its command is that of the frictionless snake under the same force.
+    let load_of = |truth: &Truth, tau_n: Vector3<f64>| -> anyhow::Result<f64> {
+        let q_tilde_m = snake.q(bend) + tau_n * snake.frictionless_compliance_m_per_n();
+        let poses = follow(truth, &[bend], |_| q_tilde_m)?;
+        Ok(poses.first().map_or(f64::NAN, |p| p.tau_tilde_n.x))
+    };
+    let with_force = snake.tau_with_wrench_n(bend, &helping);
+    Ok(Finding {
+        place: "Eq. (11)",
+        printed: "grad E + J_x^T w",
+        correct: "grad E - J_x^T w for a wrench w on the snake; the printed sign is that of the wrench the snake exerts",
+        numbers: vec![
+            number("line 1 at 45 deg without force, model", snake.tau_n(bend).x, "N"),
+            number("the same, bench", load_of(&free_truth, snake.tau_n(bend))?, "N"),
+            number("0.5 N on the tip that helps to bend, model", with_force.x, "N"),
+            number("the same, bench", load_of(&pushed_truth, with_force)?, "N"),
+            number("the same, sign as printed", snake.tau_with_wrench_n(bend, &-helping).x, "N"),
+        ],
+    })
+}
+
+/// f_s was computed with g = 10 m/s2.
+pub fn gravity(table: &Table2) -> Finding {
+    Finding {
+        place: "Table II, f_s",
+        printed: "1.959 N",
+        correct: "1.921 N: the printed value comes out with g = 10 m/s2",
+        numbers: vec![
+            number("with g = 9.80665 m/s2", table.f_s_n, "N"),
+            number("with g = 10 m/s2", table.f_s_n_with_g_10, "N"),
+        ],
+    }
+}
+
+/// Eq. (14) is ten times larger than printed.
+pub fn error_of_f_s(table: &Table2) -> Finding {
+    Finding {
+        place: "Table II, Eq. (14)",
+        printed: "+-25 g, df_s = 0.020 N",
+        correct: "ten times as much from one weight alone, and errors add, they do not subtract",
+        numbers: vec![
+            number("residual rms", table.residual_g.rms, "g"),
+            number("residual max", table.residual_g.max, "g"),
+            number("e^(-2 mu phi) dtau~ for 25 g", table.df_s_of_one_weight_n, "N"),
+            number("the same for the residual rms", table.df_s_of_residual_n, "N"),
+            number("25 g in both weights, added", table.df_s_of_both_weights_n, "N"),
+        ],
+    }
+}
+
+/// The loading branch is used on the way back, too.
+pub fn loading_branch(snake: &Snake, truth: &Truth) -> anyhow::Result<Finding> {
+    let mut without_play = truth.clone();
+    without_play.effects.play_m = 0.0;
+    let eta = truth.effects.load_scale;
+    let poses =
+        follow(&without_play, &there_and_back(), |b| snake.q(b) + snake.extension_as_printed(b, eta, 0.0).eps_m)?;
+    let n_there = one_way_ramp().len();
+    let largest =
+        |poses: &[_]| poses.iter().map(super::super::bench::bend_error_deg).fold(0.0_f64, |m, e| m.max(e.abs()));
+    let (there, back) = poses.split_at(n_there.min(poses.len()));
+    Ok(Finding {
+        place: "Eq. (13)",
+        printed: "tau~ = e^(2 mu phi) (tau + f_s) whatever the line does",
+        correct: "f_s and the exponent take the sign of the line's motion",
+        numbers: vec![
+            number("largest error of the bend while bending, bench without play, eta known", largest(there), "deg"),
+            number("largest error on the way back", largest(back), "deg"),
+        ],
+    })
+}
+
+/// A uniform lambda cannot bend the snake.
+pub fn uniform_lambda(snake: &Snake, truth: &Truth) -> anyhow::Result<Finding> {
+    let (eta, lambda_m) = (truth.effects.load_scale, truth.effects.play_m);
+    let reached = |lambda_m| -> anyhow::Result<f64> {
+        let path = one_way_ramp();
+        let poses = follow(truth, &path, |b| snake.q(b) + snake.extension_as_printed(b, eta, lambda_m).eps_m)?;
+        Ok(poses.last().map_or(f64::NAN, |p| p.reached_rad.x.to_degrees()))
+    };
+    let rest = |lambda_m| {
+        let bend = Vector2::new(80_f64.to_radians(), 0.0);
+        let q_tilde_m = snake.q(bend) + snake.extension_as_printed(bend, eta, lambda_m).eps_m;
+        snake.equilibrium(q_tilde_m, snake.loading_compliance_m_per_n(), eta)
+    };
+    let (without, with) = (rest(0.0), rest(lambda_m));
+    Ok(Finding {
+        place: "Eq. (18), lambda",
+        printed: "the same lambda on all three lines",
+        correct: "it preloads the lines and cannot bend the snake: sum cos delta_i = sum sin delta_i = 0; play acts with the sign of each line's motion",
+        numbers: vec![
+            number(
+                "bend gained by lambda = 0.178 mm at 80 deg, model",
+                (with.bend_rad - without.bend_rad).norm().to_degrees(),
+                "deg",
+            ),
+            number("bend gained on the bench", reached(lambda_m)? - reached(0.0)?, "deg"),
+            number("preload gained, model", with.tau_common_n - without.tau_common_n, "N"),
+        ],
+    })
+}
+
+/// A uniform f_s does not act on psi either.
+pub fn uniform_f_s(snake: &Snake) -> Finding {
+    let bend = Vector2::new(45_f64.to_radians(), 0.0);
+    let eps_m = snake.extension_naive(bend).eps_m;
+    let elastic_m = snake.tau_n(bend) * snake.loading_compliance_m_per_n();
+    let by_f_s_m = eps_m - elastic_m;
+    Finding {
+        place: "Eqs. (13), (16), f_s",
+        printed: "+f_s on pulled and pushed lines alike",
+        correct: "common to all lines, no effect on psi; with the sign of motion it has one",
+        numbers: vec![
+            number("extension by f_s, every line", by_f_s_m.mean() * 1e3, "mm"),
+            number("bend that it makes", snake.bend_from_q(by_f_s_m).norm().to_degrees(), "deg"),
+        ],
+    }
+}

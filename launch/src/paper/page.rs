@@ -1,0 +1,92 @@
+//! The page: one self-contained XHTML document with every table and picture.
+
+use super::errors::Finding;
+use super::{Paper, text};
+use crate::table::Table;
+
+/// The style of the page; no font or script is loaded from anywhere.
+const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;color:#222;max-width:62rem;margin:2rem auto;padding:0 1rem}\
+h1{font-size:1.6rem}h2{font-size:1.2rem;margin-top:2.2rem;border-bottom:1px solid #ddd}\
+table{border-collapse:collapse;margin:.8rem 0;font-variant-numeric:tabular-nums}\
+th,td{padding:.25rem .8rem;border-bottom:1px solid #e4e4e4;text-align:right;vertical-align:top}\
+th:first-child,td:first-child{text-align:left}th{font-weight:600;color:#555}\
+.words td{text-align:left}figure{margin:1.4rem 0}svg{max-width:100%;height:auto}\
+figcaption,.note{color:#555;font-size:.92rem;max-width:48rem}\
+.verdict{padding:.7rem 1rem;border-left:.4rem solid #009e73;background:#eef8f4}\
+.verdict.fails{border-color:#d55e00;background:#fcf1ea}";
+
+/// The page with the pictures in the order of the figures.
+pub fn html(paper: &Paper, pictures: &[String]) -> String {
+    let class = if paper.verdict.holds { "verdict" } else { "verdict fails" };
+    let mut page = format!(
+        "<!DOCTYPE html>\n<html xmlns=\"http://www.w3.org/1999/xhtml\" lang=\"en\">\n<head><meta charset=\"utf-8\"/>\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\
+         <title>krait paper</title><style>{STYLE}</style></head>\n<body>\n"
+    );
+    page += "<h1>Actuation compensation for a snake-like robot, regenerated</h1>\n";
+    page += &note(
+        "K. Xu and N. Simaan, \"Actuation Compensation for Flexible Surgical Snake-like Robots with Redundant Remote \
+         Actuation\", ICRA 2006, doi 10.1109/ROBOT.2006.1642340. The paper's raw data are not available, nor are the points of \
+         its figures: every curve here is ours, from the paper's equations and from a simulated bench whose plant shares no \
+         code with the model that compensates it. Only what is called printed is the paper's.",
+    );
+    page += &format!("<p class=\"{class}\">{}</p>\n", escaped(&text::sentence(&paper.verdict)));
+    page += &section("Table II: friction of the cone", &table(&text::table_2(&paper.table_2)));
+    page += &section(
+        "Table III's kind of run: ten recursive estimates",
+        &(table(&text::table_3(&paper.table_3)) + &note(&text::after_table_3(&paper.table_3))),
+    );
+    page += "<h2>Figures</h2>\n";
+    for (figure, picture) in paper.figures.iter().zip(pictures) {
+        page += &format!("<figure>{picture}<figcaption>{}</figcaption></figure>\n", escaped(&figure.caption));
+    }
+    page += &section("Error of the bend on the one-way ramp, deg", &table(&text::ramp(&paper.verdict)));
+    page += &section(
+        "Where lines reverse and the plane turns, deg",
+        &(table(&text::motions(paper))
+            + &note(
+                "Distance of the reached and the commanded bend vector; the bench's own eta and play are known to each.",
+            )),
+    );
+    page += &section("Errors of the paper", &errors(&paper.errors));
+    page += "</body>\n</html>\n";
+    page
+}
+
+fn section(title: &str, body: &str) -> String {
+    format!("<h2>{}</h2>\n{body}", escaped(title))
+}
+
+fn note(text: &str) -> String {
+    format!("<p class=\"note\">{}</p>\n", escaped(text))
+}
+
+fn table(table: &Table) -> String {
+    let mut html = String::from("<table>\n");
+    for (k, row) in table.rows().iter().enumerate() {
+        let tag = if k == 0 { "th" } else { "td" };
+        let cells: String = row.iter().map(|cell| format!("<{tag}>{}</{tag}>", escaped(cell))).collect();
+        html += &format!("<tr>{cells}</tr>\n");
+    }
+    html + "</table>\n"
+}
+
+fn errors(findings: &[Finding]) -> String {
+    let mut html = String::from(
+        "<table class=\"words\">\n<tr><th>where</th><th>printed</th><th>correct</th><th>numbers</th></tr>\n",
+    );
+    for f in findings {
+        let numbers: String = f
+            .numbers
+            .iter()
+            .map(|n| format!("{}: <b>{}</b><br/>", escaped(n.what), escaped(&text::value(n))))
+            .collect();
+        let [place, printed, correct] = [f.place, f.printed, f.correct].map(escaped);
+        html += &format!("<tr><td>{place}</td><td>{printed}</td><td>{correct}</td><td>{numbers}</td></tr>\n");
+    }
+    html + "</table>\n"
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
