@@ -5,6 +5,7 @@ use crate::supervisor::Supervisor;
 use anyhow::Context;
 use core::ops::Range;
 use krait_ipc::message::Compensation;
+use krait_ipc::{Reason, Reasons};
 use krait_record::{Recording, Sample};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -22,6 +23,8 @@ pub struct Figures {
     pub samples: SampleFigures,
     /// The recording.
     pub recording: PathBuf,
+    /// Whether the recording holds the run to its end; it does not if the disk was full.
+    pub recording_is_whole: bool,
 }
 
 /// A process that took part.
@@ -52,6 +55,7 @@ pub struct Evidence {
     processes: Vec<ProcessFigure>,
     passes: Vec<(Compensation, Range<i64>)>,
     samples: SampleFigures,
+    recording_stopped: bool,
 }
 
 impl Evidence {
@@ -77,6 +81,12 @@ impl Evidence {
         self.samples.sent += sent;
         self.samples.received += received;
         self.samples.lost += gaps.max(sent.saturating_sub(received));
+    }
+
+    /// Notes how the recorder fared, after it has ended.
+    pub fn recorder(&mut self, supervisor: &Supervisor) {
+        let ever = supervisor.health("record").map_or(Reasons::NONE, |health| Reasons::from_bits(health.reasons_ever));
+        self.recording_stopped = ever.contains(Reason::RecordingStopped);
     }
 
     /// Reads the recording back and computes everything from it.
@@ -111,6 +121,7 @@ impl Evidence {
             latency_us: latency.report(),
             samples,
             recording: path.to_owned(),
+            recording_is_whole: !self.recording_stopped && recording.contents().missing.is_empty(),
         })
     }
 }

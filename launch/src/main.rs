@@ -36,23 +36,35 @@ fn main() -> ExitCode {
     match done {
         Ok(code) => code,
         Err(error) => {
-            complain(&error);
+            if !error.is::<supervisor::AlreadyTold>() {
+                complain(&error);
+            }
             ExitCode::from(COULD_NOT_RUN)
         }
     }
 }
 
-/// One sentence on standard error, the causes behind colons.
+/// One sentence on standard error: what was being done, then each cause that it does not name already.
 #[allow(clippy::print_stderr)]
 fn complain(error: &anyhow::Error) {
-    eprintln!("krait: {error:#}");
+    let mut sentence = String::new();
+    for cause in error.chain().map(ToString::to_string) {
+        if !sentence.contains(&cause) {
+            sentence += if sentence.is_empty() { "" } else { ": " };
+            sentence += &cause;
+        }
+    }
+    eprintln!("krait: {sentence}");
 }
 
 /// The path of a recording: as given, or by date in `recordings/`; absolute, because the recorder is another process.
 fn recording_path(given: Option<&Path>, what: &str) -> anyhow::Result<PathBuf> {
     let path = match given {
         Some(path) => path.to_owned(),
-        None => Path::new("recordings").join(format!("{}-{what}.mcap", krait_record::utc_text(clock::wall_ns()))),
+        None => {
+            let (now, pid) = (krait_record::utc_text(clock::wall_ns()), std::process::id());
+            Path::new("recordings").join(format!("{now}-{what}-{pid}.mcap"))
+        }
     };
     std::path::absolute(&path).with_context(|| format!("recording {}", path.display()))
 }

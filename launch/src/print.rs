@@ -29,7 +29,9 @@ pub fn figures(figures: &Figures, next: &str) -> anyhow::Result<()> {
     text += &latency(figures).to_string();
     let samples = &figures.samples;
     text += &format!("\nSamples: {} sent, {} received, {} lost\n", samples.sent, samples.received, samples.lost);
-    text += &format!("Recording: {}\nNext: {next}\n", figures.recording.display());
+    let whole =
+        if figures.recording_is_whole { "" } else { " (it stops before the run's end; what it holds is readable)" };
+    text += &format!("Recording: {}{whole}\nNext: {next}\n", figures.recording.display());
     out(&text)
 }
 

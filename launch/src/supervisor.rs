@@ -43,6 +43,11 @@ pub struct Supervisor {
     bus: Bus,
 }
 
+/// A process of the chain ended and has said why in its own sentence; there is nothing to add.
+#[derive(Debug, thiserror::Error)]
+#[error("a process of the chain has said why it ended")]
+pub struct AlreadyTold;
+
 struct Running {
     name: &'static str,
     child: Child,
@@ -159,6 +164,9 @@ impl Supervisor {
         for running in self.children.iter_mut().filter(|running| !running.ended) {
             if let Some(status) = running.child.try_wait().context("a process could not be watched")? {
                 running.ended = true;
+                if status.code() == Some(i32::from(crate::COULD_NOT_RUN)) {
+                    return Err(AlreadyTold.into());
+                }
                 bail!(
                     "the chain was ended because its process `{}` (pid {}) ended: {status}",
                     running.name,

@@ -21,10 +21,8 @@ use std::path::Path;
 fn the_demo_shows_what_compensation_does_and_its_recording_proves_it() {
     let (instance, folder) = (instance_name("demo"), TempFolder::new("demo"));
     let recording = folder.file("demo.mcap");
-    let ended = Ended::of(
-        &["demo", "--json", "--instance", &instance, "--recording", &recording],
-        Duration::from_secs(150),
-    );
+    let ended =
+        Ended::of(&["demo", "--json", "--instance", &instance, "--recording", &recording], Duration::from_secs(150));
     assert_eq!(ended.code, Some(0), "{}\n{}", ended.stderr, ended.stdout);
     let figures = ended.json();
     check_errors(&figures);
@@ -164,7 +162,12 @@ fn check_replay(channels: &Channels) {
             }
             let input = inputs[pass][&recorded.input_sequence];
             let replayed = resolve.step(&input, recorded.stamps.resolve_begun_ns).expect("it was accepted then");
-            assert_eq!(bytes_of_setpoint(&replayed), bytes_of_setpoint(recorded), "{mode:?} setpoint {}", recorded.sequence);
+            assert_eq!(
+                bytes_of_setpoint(&replayed),
+                bytes_of_setpoint(recorded),
+                "{mode:?} setpoint {}",
+                recorded.sequence
+            );
         }
         let mut compensate = CompensateCore::new(&machine, config).expect("defaults");
         let mut newest_update = 0;
@@ -177,8 +180,14 @@ fn check_replay(channels: &Channels) {
             }
             newest_update = recorded.model_update_sequence;
             let setpoint = setpoints[pass][&recorded.setpoint_sequence];
-            let replayed = compensate.step(&setpoint, recorded.stamps.compensate_begun_ns).expect("it was accepted then");
-            assert_eq!(bytes_of_command(&replayed), bytes_of_command(recorded), "{mode:?} command {}", recorded.sequence);
+            let replayed =
+                compensate.step(&setpoint, recorded.stamps.compensate_begun_ns).expect("it was accepted then");
+            assert_eq!(
+                bytes_of_command(&replayed),
+                bytes_of_command(recorded),
+                "{mode:?} command {}",
+                recorded.sequence
+            );
         }
     }
 }

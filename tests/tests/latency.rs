@@ -9,7 +9,9 @@
 use core::time::Duration;
 use hdrhistogram::Histogram;
 use iceoryx2::config::Config;
-use iceoryx2::prelude::{FileName, Node, NodeBuilder, NodeName, SemanticString, ServiceName, SignalHandlingMode, ZeroCopySend, ipc};
+use iceoryx2::prelude::{
+    FileName, Node, NodeBuilder, NodeName, SemanticString, ServiceName, SignalHandlingMode, ZeroCopySend, ipc,
+};
 use krait_ipc::clock;
 use krait_ipc::message::Command as CommandMessage;
 use krait_tests::{Ended, TempFolder, instance_name};
@@ -84,7 +86,11 @@ fn relay_p50_us() -> f64 {
         .into_iter()
         .map(|role| {
             let child = Command::new(std::env::current_exe().expect("this program"))
-                .args(["--exact", "the_chain_takes_at_most_one_and_a_half_times_as_long_as_a_bare_relay", "--nocapture"])
+                .args([
+                    "--exact",
+                    "the_chain_takes_at_most_one_and_a_half_times_as_long_as_a_bare_relay",
+                    "--nocapture",
+                ])
                 .env(ROLE, role)
                 .env(PREFIX, &prefix)
                 .stdout(Stdio::piped())
@@ -98,9 +104,19 @@ fn relay_p50_us() -> f64 {
     for mut child in children {
         child.wait().expect("a relay ends");
     }
+    remove_remains(&prefix);
     let said = String::from_utf8_lossy(&sink.stdout).into_owned();
     let p50 = said.lines().find_map(|line| line.strip_prefix("p50_us ")).expect("the sink says its median");
     p50.parse().expect("a number")
+}
+
+/// iceoryx2 keeps one small file per prefix for ever; krait's own instances remove theirs.
+fn remove_remains(prefix: &str) {
+    for entry in std::fs::read_dir("/dev/shm").expect("/dev/shm").flatten() {
+        if entry.file_name().to_string_lossy().starts_with(prefix) {
+            std::fs::remove_file(entry.path()).expect("a file of this test");
+        }
+    }
 }
 
 fn play(role: &str) {
@@ -123,16 +139,21 @@ fn play(role: &str) {
 
 type Ports<P> = (P, iceoryx2::service::port_factory::event::PortFactory<ipc::Service>);
 
-fn service(node: &Node<ipc::Service>, hop: &str) -> Ports<iceoryx2::service::port_factory::publish_subscribe::PortFactory<ipc::Service, Payload, ()>> {
+fn service(
+    node: &Node<ipc::Service>,
+    hop: &str,
+) -> Ports<iceoryx2::service::port_factory::publish_subscribe::PortFactory<ipc::Service, Payload, ()>> {
     let name = ServiceName::new(hop).expect("a name");
-    let data = node.service_builder(&name).publish_subscribe::<Payload>().subscriber_max_buffer_size(64).open_or_create();
+    let data =
+        node.service_builder(&name).publish_subscribe::<Payload>().subscriber_max_buffer_size(64).open_or_create();
     let event = node.service_builder(&name).event().open_or_create();
     (data.expect("data"), event.expect("event"))
 }
 
 fn source(node: &Node<ipc::Service>) {
     let (data, event) = service(node, "hop-1");
-    let (publisher, notifier) = (data.publisher_builder().create().expect("publisher"), event.notifier_builder().create().expect("notifier"));
+    let (publisher, notifier) =
+        (data.publisher_builder().create().expect("publisher"), event.notifier_builder().create().expect("notifier"));
     let mut due_ns = clock::monotonic_ns();
     for sequence in 1..=N_SAMPLES {
         due_ns += 1_000_000;

@@ -44,7 +44,7 @@ pub fn run(common: &Common, args: &DemoArgs) -> anyhow::Result<ExitCode> {
         let next = next_thing_to_try(&path.display().to_string());
         print::figures(&figures, &next)?;
     }
-    Ok(if figures.samples.lost == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    Ok(if figures.samples.lost == 0 && figures.recording_is_whole { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
 fn record_passes(
@@ -77,5 +77,6 @@ fn record_passes(
         }
     }
     supervisor.end();
+    evidence.recorder(&supervisor);
     Ok(())
 }

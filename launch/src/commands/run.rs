@@ -26,7 +26,11 @@ pub fn run(common: &Common, args: &RunArgs) -> anyhow::Result<ExitCode> {
         supervisor.start_recorder(&options.config, &stop)?;
     }
     let start_ns = clock::monotonic_ns();
-    supervisor.start_chain(&options, &stop)?;
+    if let Err(error) = supervisor.start_chain(&options, &stop) {
+        supervisor.end();
+        discard_empty_recording(&options.config, args);
+        return Err(error);
+    }
     let mode = options.config.compensate.mode;
     evidence.processes(mode.name(), &supervisor.processes());
     let label = format!("running, compensation {}; Ctrl-C ends it", mode.name());
@@ -34,6 +38,7 @@ pub fn run(common: &Common, args: &RunArgs) -> anyhow::Result<ExitCode> {
     supervisor.end_chain();
     evidence.pass(mode, start_ns..clock::monotonic_ns(), &supervisor);
     let clean = supervisor.end();
+    evidence.recorder(&supervisor);
     let Some(path) = options.config.record.path.as_deref().filter(|_| !args.no_recording) else {
         return Ok(if clean { ExitCode::SUCCESS } else { ExitCode::FAILURE });
     };
@@ -44,7 +49,19 @@ pub fn run(common: &Common, args: &RunArgs) -> anyhow::Result<ExitCode> {
         let next = format!("open {} in Foxglove, Lichtblick, PlotJuggler or Rerun", path.display());
         print::figures(&figures, &next)?;
     }
-    Ok(if clean && figures.samples.lost == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    Ok(if clean && figures.samples.lost == 0 && figures.recording_is_whole {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::FAILURE
+    })
+}
+
+/// A chain that never came up has recorded nothing but its own start.
+fn discard_empty_recording(config: &Config, args: &RunArgs) {
+    let Some(path) = config.record.path.as_deref().filter(|_| !args.no_recording) else { return };
+    if let Err(error) = std::fs::remove_file(path) {
+        tracing::debug!(path = %path.display(), %error, "there was no recording to discard");
+    }
 }
 
 fn configure(common: &Common, args: &RunArgs) -> anyhow::Result<Config> {

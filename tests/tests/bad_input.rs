@@ -1,0 +1,155 @@
+//! What comes from outside is refused with one sentence that says what, where and what to do; nothing is left behind.
+
+#![allow(clippy::expect_used, reason = "a panic is how a test fails")]
+
+use core::time::Duration;
+use krait_ipc::{InstanceName, resources_of};
+use krait_record::Recording;
+use krait_tests::{Ended, TempFolder, instance_name, processes_of};
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+const PATIENCE: Duration = Duration::from_secs(40);
+
+/// Runs `krait run` with arguments that cannot work and gives its one sentence.
+fn refused(arguments: &[&str]) -> String {
+    let (instance, folder) = (instance_name("bad"), TempFolder::new("bad"));
+    let recording = folder.file("run.mcap");
+    let mut all = vec!["run", "--instance", &instance];
+    if !arguments.contains(&"--recording") {
+        all.extend(["--recording", &recording]);
+    }
+    all.extend(arguments);
+    let ended = Ended::of(&all, PATIENCE);
+    assert_eq!(ended.code, Some(2), "{}", ended.stderr);
+    assert_eq!(processes_of(&instance), [], "no process is left");
+    let name = InstanceName::new(&instance).expect("a name");
+    assert_eq!(resources_of(&name), Vec::<std::path::PathBuf>::new(), "no shared memory is left");
+    assert!(!Path::new(&recording).exists(), "a chain that never ran leaves no recording");
+    ended.sentence().to_owned()
+}
+
+fn assert_says(sentence: &str, words: &[&str]) {
+    for word in words {
+        assert!(sentence.contains(word), "{word:?} is not in: {sentence}");
+    }
+}
+
+#[test]
+fn a_missing_hand_controller_is_named_with_what_was_looked_for() {
+    if fs::read_dir("/dev").expect("/dev").flatten().any(|e| e.file_name().to_string_lossy().starts_with("hidraw")) {
+        println!("SKIPPED: this machine has HID devices, so none can be missing");
+        return;
+    }
+    assert_says(
+        &refused(&["--master", "hid"]),
+        &["`master`", "hand controller", "046d:c626 (SpaceNavigator)", "device"],
+    );
+}
+
+#[test]
+fn a_report_recording_that_is_foreign_truncated_or_damaged_is_refused() {
+    let folder = TempFolder::new("krr");
+    let shipped =
+        fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../master/recordings/default.krr")).expect("shipped");
+    let cases: [(&str, Vec<u8>, &[&str]); 4] = [
+        ("foreign.krr", b"\x7fELF and so on".to_vec(), &["foreign.krr"]),
+        ("empty.krr", Vec::new(), &["empty.krr"]),
+        ("cut.krr", shipped[..shipped.len() / 2].to_vec(), &["cut.krr", "line"]),
+        ("odd.krr", [&shipped[..], b"nonsense\n"].concat(), &["odd.krr", "line"]),
+    ];
+    for (name, bytes, words) in cases {
+        let path = folder.file(name);
+        fs::write(&path, bytes).expect("written");
+        assert_says(&refused(&["--input", &path]), words);
+    }
+    assert_says(&refused(&["--input", &folder.file("nowhere.krr")]), &["nowhere.krr"]);
+}
+
+#[test]
+fn a_script_is_refused_by_line_and_column() {
+    let folder = TempFolder::new("script");
+    let path = folder.file("path.csv");
+    fs::write(&path, "time_s,tip_vx_m_per_s,tip_vy_m_per_s,tip_vz_m_per_s\n0,0,0,0\n1,zero,0,0\n").expect("written");
+    assert_says(&refused(&["--master", "script", "--input", &path]), &["path.csv", "line 3, column 2", "zero"]);
+    assert_says(&refused(&["--master", "script"]), &["--input"]);
+}
+
+#[test]
+fn a_configuration_is_refused_by_file_line_key_and_range() {
+    let folder = TempFolder::new("config");
+    let path = folder.file("krait.toml");
+    let cases: [(&str, &[&str]); 7] = [
+        ("[resolve]\nmax_bent_rad = 1.0\n", &["krait.toml", "line 2", "`max_bent_rad`", "did you mean `max_bend_rad`"]),
+        ("[resolv]\n", &["krait.toml", "`resolv`", "did you mean `resolve`"]),
+        ("[resolve]\nmax_bend_rad = 60.0\n", &["krait.toml", "max_bend_rad = 60", "0.05 to"]),
+        ("[machine]\nr_m = 0.0\n", &["krait.toml", "r_m"]),
+        ("[machine]\ne_pa = nan\n", &["krait.toml", "e_pa"]),
+        ("[compensate]\nmode = \"perfect\"\n", &["krait.toml", "line 2", "`perfect`", "`estimated`"]),
+        ("[slave]\nwatchdog_ms = -1.0\n", &["krait.toml", "watchdog_ms"]),
+    ];
+    for (text, words) in cases {
+        fs::write(&path, text).expect("written");
+        assert_says(&refused(&["--config", &path]), words);
+    }
+    assert_says(&refused(&["--config", &folder.file("nowhere.toml")]), &["nowhere.toml", "could not be read"]);
+}
+
+#[test]
+fn a_truth_file_is_refused_by_key() {
+    let folder = TempFolder::new("truth");
+    let path = folder.file("truth.toml");
+    fs::write(&path, "[effects]\nplay_mm = 0.2\n").expect("written");
+    assert_says(&refused(&["--truth", &path]), &["truth.toml", "play_mm", "play_m"]);
+    fs::write(&path, "[effects]\nload_scale = -3.0\n").expect("written");
+    assert_says(&refused(&["--truth", &path]), &["truth.toml", "load_scale", "-3"]);
+}
+
+#[test]
+fn a_recording_is_never_overwritten_and_a_bad_place_is_named() {
+    let folder = TempFolder::new("place");
+    let path = folder.file("precious.mcap");
+    fs::write(&path, "precious").expect("written");
+    let instance = instance_name("bad");
+    let ended = Ended::of(&["run", "--instance", &instance, "--recording", &path], PATIENCE);
+    assert_eq!(ended.code, Some(2));
+    assert_says(ended.sentence(), &["precious.mcap", "exists already"]);
+    assert_eq!(fs::read(&path).expect("still there"), b"precious");
+    assert_says(&refused(&["--recording", "/proc/krait/run.mcap"]), &["/proc/krait/run.mcap"]);
+}
+
+#[test]
+fn an_instance_name_that_is_no_name_is_refused() {
+    let ended = Ended::of(&["run", "--instance", "Left Arm"], PATIENCE);
+    assert_eq!(ended.code, Some(2));
+    assert_says(ended.sentence(), &["Left Arm", "--instance"]);
+}
+
+#[test]
+fn a_full_disk_stops_the_recording_and_never_the_motion() {
+    let folder = TempFolder::new("full");
+    let mounted = Command::new("mount").args(["-t", "tmpfs", "-o", "size=600k", "tmpfs"]).arg(folder.path()).output();
+    if !mounted.as_ref().is_ok_and(|output| output.status.success()) {
+        println!("SKIPPED: a small disk could not be mounted here, so it cannot be filled: {mounted:?}");
+        return;
+    }
+    let (instance, path) = (instance_name("full"), folder.file("run.mcap"));
+    let ended =
+        Ended::of(&["run", "--json", "--instance", &instance, "--recording", &path, "--seconds", "6"], PATIENCE);
+    let opened = Recording::open(Path::new(&path));
+    let unmounted = Command::new("umount").arg(folder.path()).status().expect("umount runs");
+    assert!(unmounted.success());
+    assert_eq!(ended.code, Some(1), "{}", ended.stderr);
+    assert!(
+        ended.stderr.contains("No space left") && ended.stderr.contains("motion is not affected"),
+        "{}",
+        ended.stderr
+    );
+    let figures = ended.json();
+    assert_eq!(figures["recording_is_whole"], false);
+    assert!(figures["samples"]["received"].as_u64().is_some_and(|n| n > 5000), "the motion went on: {figures}");
+    let contents = opened.expect("what was recorded is readable");
+    let n_commands = contents.contents().channels[&krait_record::Channel::Command].n_messages;
+    assert!(n_commands > 500, "{n_commands} commands were kept");
+}
