@@ -11,7 +11,7 @@
 //!
 //! Frames and units: SI and radians; `base` is the base disk, `tip` the end disk; push is positive. See `docs/NOTATION.md`.
 //!
-//! Nothing here does input or output, reads a clock, logs, or allocates.
+//! Nothing here does input or output, reads a clock or logs, and no step allocates; building a chain or reading a model file does.
 //!
 //! ```
 //! use krait_model::{CompensationMode, Compensator, CompensatorParameters, MachineParameters, Snake};
@@ -26,8 +26,10 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod chain;
 mod compensator;
 mod direction;
+pub mod effects;
 mod equilibrium;
 mod estimator;
 mod estimator_parameters;
@@ -45,6 +47,10 @@ mod snake;
 mod statics;
 mod tip;
 
+pub use chain::{
+    Chain, ChainCompensator, ChainError, ChainSettings, ChainStatus, Circumstances, Columns, Command, CommandTangents,
+    EffectSetting, Prediction, PredictionTangents, Predictor, PredictorTangents,
+};
 pub use compensator::{Compensated, CompensationMode, Compensator, CompensatorParameters};
 pub use direction::SignMemory;
 pub use equilibrium::{Equilibrium, EquilibriumStatus};

@@ -1,0 +1,224 @@
+//! What a chain is made of, checked: effects with parameter values, settings, columns; and what can be wrong with it.
+
+use crate::ParameterError;
+use crate::effects::{EffectKind, FormulaError, FormulaText, MAX_PARAMETERS};
+
+/// One effect with its parameter values.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EffectSetting {
+    kind: EffectKind,
+    values: [f64; MAX_PARAMETERS],
+    formula: Option<FormulaText>,
+}
+
+impl EffectSetting {
+    /// An effect with the default of every parameter. A formula is made with [`EffectSetting::formula`].
+    pub fn new(kind: EffectKind) -> Self {
+        let mut values = [0.0; MAX_PARAMETERS];
+        for (value, parameter) in values.iter_mut().zip(kind.definition().parameters) {
+            *value = parameter.default;
+        }
+        Self { kind, values, formula: None }
+    }
+
+    /// The user's own effect.
+    pub fn formula(formula: FormulaText) -> Self {
+        let mut values = [0.0; MAX_PARAMETERS];
+        for (value, parameter) in values.iter_mut().zip(&formula.parameters) {
+            *value = parameter.value;
+        }
+        Self { kind: EffectKind::Formula, values, formula: Some(formula) }
+    }
+
+    /// The same effect with another value of one parameter.
+    ///
+    /// # Errors
+    /// [`ChainError::UnknownParameter`] and [`ChainError::OutOfBounds`].
+    pub fn with(mut self, name: &str, value: f64) -> Result<Self, ChainError> {
+        let index = self.index(name).ok_or_else(|| self.unknown(name))?;
+        if let Some(parameter) = self.kind.definition().parameters.get(index) {
+            if !(parameter.low..=parameter.high).contains(&value) {
+                return Err(ChainError::OutOfBounds {
+                    effect: self.kind.name(),
+                    key: parameter.name,
+                    found: value,
+                    low: parameter.low,
+                    high: parameter.high,
+                    unit: parameter.unit,
+                });
+            }
+        } else if !value.is_finite() {
+            return Err(ChainError::NotFinite { name: self.label().to_owned(), key: name.to_owned(), found: value });
+        }
+        self.values[index] = value;
+        Ok(self)
+    }
+
+    /// Which effect it is.
+    pub fn kind(&self) -> EffectKind {
+        self.kind
+    }
+
+    /// Its name, or the formula's.
+    pub fn label(&self) -> &str {
+        self.formula.as_ref().map_or(self.kind.name(), |formula| formula.name.as_str())
+    }
+
+    /// The formula, if it is one.
+    pub fn formula_text(&self) -> Option<&FormulaText> {
+        self.formula.as_ref()
+    }
+
+    /// Names of its parameters, in order.
+    pub fn parameter_names(&self) -> impl Iterator<Item = &str> {
+        let own = self.formula.iter().flat_map(|formula| formula.parameters.iter().map(|p| p.name.as_str()));
+        self.kind.definition().parameters.iter().map(|p| p.name).chain(own)
+    }
+
+    /// The value of a parameter.
+    pub fn value(&self, name: &str) -> Option<f64> {
+        self.values.get(self.index(name)?).copied()
+    }
+
+    /// All values, in the order of the parameters.
+    pub(crate) fn values(&self) -> &[f64; MAX_PARAMETERS] {
+        &self.values
+    }
+
+    /// Place of a parameter.
+    pub(crate) fn index(&self, name: &str) -> Option<usize> {
+        self.parameter_names().position(|own| own == name)
+    }
+
+    pub(crate) fn unknown(&self, name: &str) -> ChainError {
+        let nearest = self
+            .parameter_names()
+            .max_by(|a, b| strsim::jaro_winkler(name, a).total_cmp(&strsim::jaro_winkler(name, b)))
+            .unwrap_or("no parameter at all");
+        ChainError::UnknownParameter {
+            effect: self.label().to_owned(),
+            name: name.to_owned(),
+            nearest: nearest.to_owned(),
+        }
+    }
+}
+
+/// Settings of a chain that are no physics.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ChainSettings {
+    /// Largest strain of a backbone's outer fibre, 1, 0.001 to 0.08; default 0.04. Bends beyond it are limited, with a status.
+    ///
+    /// Superelastic NiTi recovers 6 to 8 %; half of that is kept in reserve. The strain of an arc is (d_outer/2) b / L.
+    pub strain_limit: f64,
+    /// Travel of a line's displacement over which its sign of motion turns in the inverse, m, 1e-9 to 0.001; default 20 um.
+    pub transition_m: f64,
+}
+
+impl Default for ChainSettings {
+    fn default() -> Self {
+        Self { strain_limit: 0.04, transition_m: 20e-6 }
+    }
+}
+
+/// Which columns, besides the encoders, whoever uses a chain can give at every step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Columns {
+    /// Time stamps.
+    pub time: bool,
+    /// Angle of the flexible stem.
+    pub stem_angle: bool,
+    /// Temperature.
+    pub temperature: bool,
+}
+
+impl Default for Columns {
+    fn default() -> Self {
+        Self { time: true, stem_angle: false, temperature: false }
+    }
+}
+
+/// A chain cannot be built, or not be used for this.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ChainError {
+    /// The machine.
+    #[error(transparent)]
+    Machine(#[from] ParameterError),
+    /// A formula.
+    #[error(transparent)]
+    Formula(#[from] FormulaError),
+    /// A parameter lies outside its bounds or is not a number.
+    #[error("effect {effect}: {key} is {found}, expected {low} to {high} {unit}; correct it")]
+    OutOfBounds {
+        /// The effect.
+        effect: &'static str,
+        /// The parameter.
+        key: &'static str,
+        /// What was given.
+        found: f64,
+        /// Smallest value.
+        low: f64,
+        /// Largest value.
+        high: f64,
+        /// Unit of the three numbers.
+        unit: &'static str,
+    },
+    /// A formula's parameter is not a number.
+    #[error("formula {name:?}: parameter {key} is {found}, expected a finite number; correct it")]
+    NotFinite {
+        /// The formula.
+        name: String,
+        /// The parameter.
+        key: String,
+        /// What was given.
+        found: f64,
+    },
+    /// An effect has no such parameter.
+    #[error("effect {effect} has no parameter {name:?}; did you mean {nearest}?")]
+    UnknownParameter {
+        /// The effect.
+        effect: String,
+        /// What was given.
+        name: String,
+        /// The parameter that looks most like it.
+        nearest: String,
+    },
+    /// An effect stands in the chain twice.
+    #[error(
+        "effect {name} stands in the chain twice, at places {first} and {second}; it adds nothing to itself, remove one"
+    )]
+    Twice {
+        /// The effect or the formula.
+        name: String,
+        /// Its first place, counted from 1.
+        first: usize,
+        /// Its second place.
+        second: usize,
+    },
+    /// More effects than a chain has places for.
+    #[error("the chain has {found} effects, expected at most {limit}; remove some")]
+    TooMany {
+        /// How many.
+        found: usize,
+        /// How many are possible.
+        limit: usize,
+    },
+    /// An effect needs a column that is not there.
+    #[error("effect {name} needs the column {column}, which is not given; provide it or remove the effect")]
+    MissingColumn {
+        /// The effect or the formula.
+        name: String,
+        /// The column.
+        column: &'static str,
+    },
+    /// A compensator cannot undo an effect.
+    #[error("effect {name} cannot be compensated: {reason}; remove it from the model that the compensator uses")]
+    NoInverse {
+        /// The effect.
+        name: &'static str,
+        /// Why.
+        reason: &'static str,
+    },
+    /// Two effects together leave no lines to bend the snake with.
+    #[error("the lines' displacements do not determine the bend with these geometric effects; correct unequal-lines")]
+    Geometry,
+}

@@ -1,0 +1,111 @@
+//! Derivatives of predictions and commands with respect to parameters, carried along with the history.
+//!
+//! Forward: where F(y; parameters, memory, readings) = 0, dy = -(dF/dy)^-1 dF at constant y; memory then takes the tangents.
+//! The derivative is one-sided where a line changes between sticking and sliding.
+
+use super::circumstances::Circumstances;
+use super::circumstances::Clock;
+use super::delay::DelayLine;
+use super::forward::{Prediction, Predictor, actuators, middle, residual};
+use super::inverse::{ChainCompensator, Command, InverseCore};
+use super::model::{ChainModel, Memory};
+use crate::effects::prepared::Now;
+use crate::effects::{Dual, Real};
+use nalgebra::{SMatrix, Vector2, Vector3};
+
+/// A prediction and its derivatives.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PredictionTangents<const K: usize> {
+    /// The prediction.
+    pub prediction: Prediction,
+    /// d observed bend / d parameters, rad per unit of each.
+    pub by_parameter: SMatrix<f64, 2, K>,
+}
+
+/// A [`Predictor`] that carries derivatives along.
+#[derive(Clone, Debug)]
+pub struct PredictorTangents<const K: usize> {
+    plain: Predictor,
+    model: ChainModel<Dual<K>>,
+    memory: Memory<Dual<K>>,
+    p_m: [Dual<K>; 3],
+    seat_m: [Dual<K>; 3],
+    delay: DelayLine<Dual<K>>,
+    clock: Clock,
+}
+
+impl<const K: usize> PredictorTangents<K> {
+    pub(super) fn new(chain: &super::Chain, model: ChainModel<Dual<K>>) -> Self {
+        let mut memory = Memory::straight();
+        let now = Clock::default().now(&Circumstances::at(0.0));
+        let lines = model.lines(&mut memory, [Dual::constant(0.0); 2], model.preload, &now);
+        Self {
+            plain: chain.predictor(),
+            p_m: middle(&lines),
+            seat_m: lines.seat,
+            model,
+            memory,
+            delay: DelayLine::new(),
+            clock: Clock::default(),
+        }
+    }
+
+    /// The shape for the next readings of the encoders, m, and its derivatives.
+    pub fn step(&mut self, reading_m: Vector3<f64>, at: &Circumstances) -> PredictionTangents<K> {
+        let prediction = self.plain.step(reading_m, at);
+        if !reading_m.norm().is_finite() {
+            return PredictionTangents { prediction, by_parameter: SMatrix::zeros() };
+        }
+        let now = self.clock.now(at);
+        self.clock.tick(&now);
+        let reading = [0, 1, 2].map(|i| Dual::constant(reading_m[i]));
+        self.p_m = actuators(&self.model, &mut self.memory, reading, &self.p_m, &now);
+        let y = self.solution(&now);
+        let now = Now { commit: true, ..now };
+        self.seat_m = self.model.lines(&mut self.memory, [y[0], y[1]], y[2], &now).seat;
+        let shape = self.model.observe(&mut self.memory, [y[0], y[1]], &now);
+        let seen = match self.model.delay {
+            Some(delay) => self.delay.pass(now.time_s, shape, delay),
+            None => shape,
+        };
+        PredictionTangents { prediction, by_parameter: SMatrix::from_fn(|i, k| seen[i].tangent[k]) }
+    }
+
+    /// The plain solution with its tangents.
+    fn solution(&mut self, now: &Now) -> [Dual<K>; 3] {
+        let y = self.plain.solution().map(Dual::<K>::constant);
+        let lines = self.model.lines(&mut self.memory, [y[0], y[1]], y[2], now);
+        let f = residual(&self.model, &lines, &self.seat_m, &self.p_m);
+        let by_parameter = SMatrix::<f64, 3, K>::from_fn(|i, k| -f[i].tangent[k]);
+        let dy = self.plain.slope.lu().solve(&by_parameter).unwrap_or_else(SMatrix::zeros);
+        [0, 1, 2].map(|i| Dual { value: y[i].value, tangent: core::array::from_fn(|k| dy[(i, k)]) })
+    }
+}
+
+/// A [`ChainCompensator`] that carries derivatives along.
+#[derive(Clone, Debug)]
+pub struct CommandTangents<const K: usize> {
+    plain: ChainCompensator,
+    core: InverseCore<Dual<K>>,
+    clock: Clock,
+}
+
+impl<const K: usize> CommandTangents<K> {
+    pub(super) fn new(plain: ChainCompensator, model: ChainModel<Dual<K>>) -> Self {
+        let core = plain.core_with(model);
+        Self { plain, core, clock: Clock::default() }
+    }
+
+    /// The command for the next setpoint, rad, and d q~ / d parameters, m per unit of each, at constant signs of motion.
+    pub fn step(&mut self, bend_rad: Vector2<f64>, at: &Circumstances) -> (Command, SMatrix<f64, 3, K>) {
+        let command = self.plain.step(bend_rad, at);
+        if command.status != super::ChainStatus::Good {
+            return (command, SMatrix::zeros());
+        }
+        let now = Now { commit: true, ..self.clock.now(at) };
+        self.clock.tick(&now);
+        let b = self.core.model.unobserve([Dual::constant(bend_rad.x), Dual::constant(bend_rad.y)]);
+        let (_, told) = self.core.step(b, &now);
+        (command, SMatrix::from_fn(|i, k| told[i].tangent[k]))
+    }
+}

@@ -1,0 +1,331 @@
+//! Effects that a user writes: a formula of shape, loads and columns that adds to a hook.
+//!
+//! Text is parsed by the library exmex over numbers with twelve tangents, one for each name that the formula uses, so that one
+//! evaluation gives the value and its derivative with respect to each of them. Only the operators listed here exist: a formula
+//! can do nothing but arithmetic. Evaluation works on the stack as long as the formula is not longer than what is accepted.
+
+use super::definition::{Class, Definition, Hook, effect};
+use super::formula_error::FormulaError;
+use super::operators::play;
+use super::prepared::{MAX_PARAMETERS, Now, Prepared};
+use super::real::{Dual, Real, Scalar};
+use exmex::prelude::*;
+use exmex::{BinOp, MakeOperators, Operator};
+
+pub(super) static FORMULA: Definition = Definition {
+    repeatable: true,
+    n_states: 3,
+    ..effect("formula", Hook::Eps, Class::User, "adds the formula's value at its hook")
+};
+
+/// The most names, variables and parameters together, that one formula can use.
+pub const MAX_FORMULA_NAMES: usize = 12;
+/// The most numbers and names, counted as often as they stand there: what evaluates without the heap.
+const MAX_WORDS: usize = 32;
+/// Travel of q over which the variable `direction` turns, m.
+const DIRECTION_TRAVEL_M: f64 = 20e-6;
+
+type Lanes = Dual<MAX_FORMULA_NAMES>;
+
+/// A formula as it stands in a model file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FormulaText {
+    /// Its name.
+    pub name: String,
+    /// Where its value is added.
+    pub hook: Hook,
+    /// The expression.
+    pub text: String,
+    /// Its parameters.
+    pub parameters: Vec<FormulaParameter>,
+}
+
+/// One parameter of a formula.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FormulaParameter {
+    /// Name in the expression.
+    pub name: String,
+    /// Its value.
+    pub value: f64,
+    /// Its unit, for reports.
+    pub unit: String,
+}
+
+/// A variable that a formula can use.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FormulaVariable {
+    /// Name.
+    pub name: &'static str,
+    /// Unit and meaning.
+    pub meaning: &'static str,
+    /// At which hooks it is known.
+    pub hooks: &'static [Hook],
+}
+
+const LINE: &[Hook] = &[Hook::Eps, Hook::Tau, Hook::Geo];
+const SHAPE: &[Hook] = &[Hook::Eps, Hook::Tau, Hook::Geo, Hook::Meas];
+const ALL: &[Hook] = &[Hook::Eps, Hook::Tau, Hook::Geo, Hook::Meas, Hook::Enc];
+
+const fn variable(name: &'static str, meaning: &'static str, hooks: &'static [Hook]) -> FormulaVariable {
+    FormulaVariable { name, meaning, hooks }
+}
+
+/// Every variable, in the order of [`Values`].
+pub const FORMULA_VARIABLES: [FormulaVariable; 16] = [
+    variable("bend", "rad: bend from straight", SHAPE),
+    variable("delta", "rad: plane of bending, 0 at the straight pose", SHAPE),
+    variable("bend_x", "rad: first component of the bend vector", SHAPE),
+    variable("bend_y", "rad: second component of the bend vector", SHAPE),
+    variable("q1", "m: displacement of line 1 at the snake", LINE),
+    variable("q2", "m: displacement of line 2 at the snake", LINE),
+    variable("q3", "m: displacement of line 3 at the snake", LINE),
+    variable("q_i", "m: displacement of this line at the snake", LINE),
+    variable("tau_i", "N: load of this line at the snake, push positive", LINE),
+    variable("direction", "-1 to 1: sign of motion of this line, turning over 20 um of q_i", LINE),
+    variable("q_tilde_i", "m: position of this line's actuator", &[Hook::Enc]),
+    variable("axis", "0 for bend_x, 1 for bend_y: what the value is added to", &[Hook::Meas]),
+    variable("line", "1, 2 or 3", &[Hook::Eps, Hook::Tau, Hook::Geo, Hook::Enc]),
+    variable("time_s", "s", ALL),
+    variable("stem_angle_rad", "rad: needs the column", ALL),
+    variable("temperature_c", "deg C: needs the column", ALL),
+];
+
+const TIME: usize = 13;
+const STEM_ANGLE: usize = 14;
+const TEMPERATURE: usize = 15;
+
+/// The variables' values.
+pub(crate) type Values<S> = [S; FORMULA_VARIABLES.len()];
+
+/// What a name in the expression stands for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Meaning {
+    Variable(usize),
+    Parameter(usize),
+}
+
+/// A parsed formula.
+#[derive(Clone, Debug)]
+pub(crate) struct Formula {
+    pub hook: Hook,
+    expression: FlatEx<Lanes, Arithmetic>,
+    names: Vec<Meaning>,
+}
+
+impl Formula {
+    /// Parses and checks: known names only, not too long, finite over the machine's workspace.
+    pub(crate) fn new(formula: &FormulaText) -> Result<Self, FormulaError> {
+        let name = || formula.name.clone();
+        if !ALL.contains(&formula.hook) {
+            return Err(FormulaError::Hook { formula: name(), hook: formula.hook.word() });
+        }
+        let words =
+            formula.text.split(|c: char| !(c.is_alphanumeric() || c == '_' || c == '.')).filter(|w| !w.is_empty());
+        let n_words = words.count();
+        if n_words > MAX_WORDS {
+            return Err(FormulaError::TooLong { formula: name(), found: n_words, limit: MAX_WORDS });
+        }
+        if formula.parameters.len() > MAX_PARAMETERS {
+            return Err(FormulaError::TooManyParameters {
+                formula: name(),
+                found: formula.parameters.len(),
+                limit: MAX_PARAMETERS,
+            });
+        }
+        // The library panics on an empty text, and reads "- x ^ 2" as (-x)^2; both are refused rather than guessed.
+        if n_words == 0 || formula.text.contains(['{', '}']) {
+            return Err(FormulaError::Syntax { formula: name(), reason: "it is empty or holds braces".to_owned() });
+        }
+        let expression = FlatEx::<Lanes, Arithmetic>::parse(&formula.text)
+            .map_err(|e| FormulaError::Syntax { formula: name(), reason: e.msg().to_owned() })?;
+        let names: Vec<Meaning> =
+            expression.var_names().iter().map(|word| meaning(formula, word)).collect::<Result<_, _>>()?;
+        if names.len() > MAX_FORMULA_NAMES {
+            return Err(FormulaError::TooManyNames { formula: name(), found: names.len(), limit: MAX_FORMULA_NAMES });
+        }
+        let parsed = Self { hook: formula.hook, expression, names };
+        parsed.check_finite(formula)?;
+        Ok(parsed)
+    }
+
+    pub(crate) fn uses_time(&self) -> bool {
+        self.names.contains(&Meaning::Variable(TIME))
+    }
+
+    pub(crate) fn uses_stem_angle(&self) -> bool {
+        self.names.contains(&Meaning::Variable(STEM_ANGLE))
+    }
+
+    pub(crate) fn uses_temperature(&self) -> bool {
+        self.names.contains(&Meaning::Variable(TEMPERATURE))
+    }
+
+    /// Value with tangents; `None` where it is not finite.
+    pub(crate) fn evaluate<P: Real, S: Scalar<P>>(&self, values: &Values<S>, parameters: &[P]) -> Option<S> {
+        let mut lanes = [Lanes::default(); MAX_FORMULA_NAMES];
+        let own = |name: &Meaning| match *name {
+            Meaning::Variable(k) => values[k],
+            Meaning::Parameter(k) => S::lift(parameters[k]),
+        };
+        for (k, (lane, name)) in lanes.iter_mut().zip(&self.names).enumerate() {
+            *lane = Lanes::seed(own(name).value(), k);
+        }
+        let found = self.expression.eval(lanes.get(..self.names.len())?).ok()?;
+        if !(found.value.is_finite() && found.tangent.iter().all(|t| t.is_finite())) {
+            return None;
+        }
+        let mut sum = S::constant(found.value);
+        for (name, slope) in self.names.iter().zip(found.tangent) {
+            let own = own(name);
+            sum += (own - S::constant(own.value())) * S::constant(slope);
+        }
+        Some(sum)
+    }
+
+    /// Evaluates on a grid of the workspace.
+    fn check_finite(&self, formula: &FormulaText) -> Result<(), FormulaError> {
+        let mut parameters = [0.0; MAX_PARAMETERS];
+        for (own, given) in parameters.iter_mut().zip(&formula.parameters) {
+            *own = given.value;
+        }
+        for bend in [0.0, 1e-9, 0.1, 0.5, 1.0, 1.57] {
+            for delta in [-2.6, -1.1, 0.0, 0.8, 2.1_f64] {
+                for sign in [-1.0, 0.0, 1.0] {
+                    let (x, y) = (bend * delta.cos(), bend * delta.sin());
+                    let (q, tau) = (sign * 1.684e-3 * bend, sign * 20.0 * bend);
+                    let values =
+                        [bend, delta, x, y, q, q, q, q, tau, sign, q, 0.0, 1.0 + sign.abs(), 10.0 * bend, sign, 25.0];
+                    if self.evaluate(&values, &parameters).is_none() {
+                        let (formula, text) = (formula.name.clone(), formula.text.clone());
+                        return Err(FormulaError::NotFinite { formula, text, bend_rad: bend, delta_rad: delta });
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The variables at a line, from shape, displacements and loads; `direction` keeps its memory in the effect's state.
+pub(crate) fn line_values<P: Real, S: Scalar<P>>(
+    e: &Prepared<P>,
+    state: &mut [P],
+    b: [S; 2],
+    q: [S; 3],
+    tau: S,
+    i: usize,
+    now: &Now,
+) -> Values<S> {
+    let half = P::constant(0.5 * DIRECTION_TRAVEL_M);
+    let p = play(state[e.state + i], q[i], half, now.fresh);
+    if now.commit {
+        state[e.state + i] = p.settle();
+    }
+    let direction = (q[i] - p) * (P::constant(1.0) / half);
+    let mut values = shape_values(b, now);
+    values[4..8].copy_from_slice(&[q[0], q[1], q[2], q[i]]);
+    (values[8], values[9]) = (tau, direction);
+    values[12] = S::constant([1.0, 2.0, 3.0][i]);
+    values
+}
+
+/// The variables that a shape has.
+pub(crate) fn shape_values<S: Real>(b: [S; 2], now: &Now) -> Values<S> {
+    let mut values = [S::constant(0.0); FORMULA_VARIABLES.len()];
+    let square = b[0] * b[0] + b[1] * b[1];
+    values[0] = square.sqrt();
+    values[1] = plane(b, square.value());
+    (values[2], values[3]) = (b[0], b[1]);
+    values[TIME] = S::constant(now.time_s);
+    values[STEM_ANGLE] = S::constant(now.stem_angle_rad);
+    values[TEMPERATURE] = S::constant(now.temperature_c);
+    values
+}
+
+/// The variables at an encoder.
+pub(crate) fn encoder_values<S: Real>(q_tilde: S, i: usize, now: &Now) -> Values<S> {
+    let mut values = shape_values([S::constant(0.0); 2], now);
+    values[10] = q_tilde;
+    values[12] = S::constant([1.0, 2.0, 3.0][i]);
+    values
+}
+
+/// Sets which component of the bend vector is asked for.
+pub(crate) fn set_axis<S: Real>(values: &mut Values<S>, axis: f64) {
+    values[11] = S::constant(axis);
+}
+
+/// delta with its tangents, which count as zero where delta has no meaning.
+fn plane<S: Real>(b: [S; 2], square: f64) -> S {
+    let delta = b[1].value().atan2(b[0].value());
+    if square < 1e-18 {
+        return S::constant(if square > 0.0 { delta } else { 0.0 });
+    }
+    let (by_x, by_y) = (-b[1].value() / square, b[0].value() / square);
+    let turned =
+        (b[0] - S::constant(b[0].value())) * S::constant(by_x) + (b[1] - S::constant(b[1].value())) * S::constant(by_y);
+    turned + S::constant(delta)
+}
+
+fn meaning(formula: &FormulaText, word: &str) -> Result<Meaning, FormulaError> {
+    if let Some(k) = formula.parameters.iter().position(|p| p.name == word) {
+        return Ok(Meaning::Parameter(k));
+    }
+    match FORMULA_VARIABLES.iter().position(|v| v.name == word) {
+        Some(k) if FORMULA_VARIABLES[k].hooks.contains(&formula.hook) => Ok(Meaning::Variable(k)),
+        Some(_) => {
+            let (formula, hook) = (formula.name.clone(), formula.hook.word());
+            Err(FormulaError::NotAtHook { formula, name: word.to_owned(), hook })
+        }
+        None => Err(FormulaError::unknown_name(formula, word)),
+    }
+}
+
+/// The operators of formulas.
+#[derive(Clone, Debug)]
+struct Arithmetic;
+
+impl MakeOperators<Lanes> for Arithmetic {
+    fn make<'a>() -> Vec<Operator<'a, Lanes>> {
+        let bin = |apply, prio, is_commutative| BinOp { apply, prio, is_commutative };
+        vec![
+            Operator::make_bin_unary("+", bin(|a, b| a + b, 0, true), |a| a),
+            Operator::make_bin_unary("-", bin(|a, b| a - b, 1, false), |a| -a),
+            Operator::make_bin("*", bin(|a, b| a * b, 2, true)),
+            Operator::make_bin("/", bin(|a, b| a / b, 3, false)),
+            Operator::make_bin("^", bin(power, 4, false)),
+            Operator::make_bin("min", bin(|a, b| if b.value < a.value { b } else { a }, 5, true)),
+            Operator::make_bin("max", bin(|a, b| if b.value > a.value { b } else { a }, 5, true)),
+            Operator::make_unary("abs", Lanes::abs),
+            Operator::make_unary("sign", |a| Lanes::constant(if a.value == 0.0 { 0.0 } else { a.value.signum() })),
+            Operator::make_unary("sqrt", Lanes::sqrt),
+            Operator::make_unary("exp", Lanes::exp),
+            Operator::make_unary("ln", |a| a.chain(a.value.ln(), 1.0 / a.value)),
+            Operator::make_unary("sin", Lanes::sin),
+            Operator::make_unary("cos", Lanes::cos),
+            Operator::make_unary("tan", |a| a.chain(a.value.tan(), 1.0 + a.value.tan().powi(2))),
+            Operator::make_unary("atan", |a| a.chain(a.value.atan(), 1.0 / (1.0 + a.value * a.value))),
+            Operator::make_unary("tanh", |a| a.chain(a.value.tanh(), 1.0 - a.value.tanh().powi(2))),
+            Operator::make_constant("pi", Lanes::constant(core::f64::consts::PI)),
+        ]
+    }
+}
+
+/// The words that are operators, for messages.
+pub(super) const FORMULA_FUNCTIONS: [&str; 12] =
+    ["min", "max", "abs", "sign", "sqrt", "exp", "ln", "sin", "cos", "tan", "atan", "tanh"];
+
+fn power(a: Lanes, b: Lanes) -> Lanes {
+    let value = a.value.powf(b.value);
+    let by_a = if b.value == 0.0 { 0.0 } else { b.value * a.value.powf(b.value - 1.0) };
+    let by_b = if a.value > 0.0 { value * a.value.ln() } else { 0.0 };
+    a.chain(value, by_a) + b.chain(0.0, by_b)
+}
+
+impl core::str::FromStr for Lanes {
+    type Err = core::num::ParseFloatError;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        text.parse().map(Self::constant)
+    }
+}

@@ -1,0 +1,29 @@
+//! The effects that make a real machine leave the model: each defined once, for values, derivatives, forward and inverse.
+//!
+//! An effect is an [`EffectKind`] with a [`Definition`] and its equation as code in the module of its kind: `moment` (what
+//! bends the snake), `friction` (a line's load on its way to the actuator), `extension`, `geometry`, `encoder`, `shape`,
+//! `formula`. Memory is a function of the present input and of the memory before; the chain decides when it is kept.
+//! `docs/physics/effects.md` has each equation, its source and its range.
+
+pub(crate) mod arc;
+mod definition;
+pub(crate) mod encoder;
+pub(crate) mod extension;
+pub(crate) mod formula;
+mod formula_error;
+pub(crate) mod friction;
+pub(crate) mod geometry;
+mod kind;
+pub(crate) mod moment;
+mod operators;
+pub(crate) mod prepared;
+mod real;
+pub(crate) mod shape;
+
+pub use definition::{Class, Definition, Hook, Inverse, Needs, ParameterSpec};
+pub use formula::{FORMULA_VARIABLES, FormulaParameter, FormulaText, FormulaVariable, MAX_FORMULA_NAMES};
+pub use formula_error::FormulaError;
+pub use kind::EffectKind;
+pub(crate) use operators::play;
+pub use prepared::MAX_PARAMETERS;
+pub use real::{Dual, Real, Scalar};

@@ -1,0 +1,78 @@
+//! What every effect's step is given: its constants, the machine's constants, and the circumstances of the step.
+
+use super::EffectKind;
+use super::real::Real;
+
+/// The largest number of parameters of one effect.
+pub const MAX_PARAMETERS: usize = 10;
+
+/// One effect of a chain, ready to run.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Prepared<P> {
+    pub kind: EffectKind,
+    /// Parameters in the order of the definition, some replaced by constants that follow from them.
+    pub c: [P; MAX_PARAMETERS],
+    /// Where its memory begins.
+    pub state: usize,
+    /// Which formula it is, for formulas.
+    pub formula: usize,
+}
+
+/// Constants of the machine that effects use, SI.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Constants {
+    pub l_m: f64,
+    pub r_m: f64,
+    pub bending_stiffness_nm2: f64,
+    pub c_d_m_per_n: f64,
+    pub c_c_m_per_n: f64,
+    /// 3 L / (E A).
+    pub axial_m_per_n: f64,
+    pub l_d_m: f64,
+    pub phi_rad: f64,
+    pub d_outer_m: f64,
+}
+
+/// Circumstances of one step.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Now {
+    pub time_s: f64,
+    /// Time since the step before, s, never negative.
+    pub dt_s: f64,
+    /// NaN where the column is missing.
+    pub stem_angle_rad: f64,
+    /// NaN where the column is missing.
+    pub temperature_c: f64,
+    /// Whether memory is updated.
+    pub commit: bool,
+    /// Whether memory starts anew here: every play centred, everything slow settled.
+    pub fresh: bool,
+}
+
+impl<P: Real> Prepared<P> {
+    /// Turns parameters into constants where that saves work in the steps.
+    pub(crate) fn new(
+        kind: EffectKind,
+        parameters: &[P; MAX_PARAMETERS],
+        machine: &Constants,
+        state: usize,
+        formula: usize,
+    ) -> Self {
+        let mut c = *parameters;
+        match kind {
+            EffectKind::ConeFriction => {
+                c[0] = (parameters[0] * P::constant(2.0 * machine.phi_rad)).exp();
+                c[1] = P::constant(1.0) / c[0];
+            }
+            EffectKind::LineBuckling => {
+                let k = machine.l_d_m / (4.0 * machine.bending_stiffness_nm2);
+                c[0] = parameters[0] * parameters[0] * P::constant(k);
+            }
+            EffectKind::SuperelasticSoftening => {
+                c[0] = parameters[0] * P::constant(2.0 * machine.l_m / machine.d_outer_m);
+            }
+            _ => {}
+        }
+        Self { kind, c, state, formula }
+    }
+}
