@@ -159,6 +159,9 @@ pub struct PaperArgs {
     /// Folder for the pictures (SVG) and the page (index.html); made if it is missing.
     #[arg(long, value_name = "DIR", default_value = "paper")]
     pub out: PathBuf,
+    /// Truth of the simulated bench (TOML); by default that of the shipped snake under a camera of 1 deg.
+    #[arg(long, value_name = "FILE")]
+    pub truth: Option<PathBuf>,
     /// Print the figures as JSON on standard output.
     #[arg(long)]
     pub json: bool,

@@ -1,13 +1,17 @@
 //! `krait paper`: the paper's tables and figures again, beside the printed values, as text, pictures and one page.
 
 use crate::cli::PaperArgs;
-use crate::paper::{Paper, terminal};
+use crate::paper::{self, Paper, terminal};
 use crate::print;
+use krait_slave::Truth;
 use std::process::ExitCode;
 
 /// Computes everything, writes the pictures and the page, prints the tables; fails if the paper's claim does not come out.
 pub fn run(args: &PaperArgs) -> anyhow::Result<ExitCode> {
-    let paper = Paper::compute()?;
+    let paper = Paper::compute(&match &args.truth {
+        Some(file) => Truth::load(file)?,
+        None => paper::default_truth(),
+    })?;
     paper.write(&args.out)?;
     if args.json {
         print::json(&paper)?;

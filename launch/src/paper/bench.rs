@@ -12,7 +12,7 @@ pub const RAMP_END_DEG: f64 = 80.0;
 const RAMP_STEP_DEG: f64 = 0.2;
 
 /// The default snake under a camera whose standard deviation is the paper's sigma, 1 deg.
-pub fn truth() -> Truth {
+pub fn default_truth() -> Truth {
     let mut truth = Truth::default();
     truth.camera.noise_rad = PI / 180.0;
     truth

@@ -26,6 +26,7 @@ use std::path::Path;
 use table2::Table2;
 use table3::Table3;
 
+pub use bench::default_truth;
 pub use text::terminal;
 
 /// The accuracy that the paper asks of compensation, deg.
@@ -70,21 +71,20 @@ pub struct Verdict {
 }
 
 impl Paper {
-    /// Computes everything; takes a fraction of a second.
+    /// Computes everything on a bench of this truth; takes a fraction of a second.
     ///
     /// # Errors
     /// A bench that refuses a command.
-    pub fn compute() -> anyhow::Result<Self> {
+    pub fn compute(truth: &Truth) -> anyhow::Result<Self> {
         let snake = Snake::new(&MachineParameters::default())?;
-        let truth = bench::truth();
         let table_2 = table2::fit(&MachineParameters::default()).context("Table II")?;
-        let table_3 = table3::run(&snake, &truth).context("Table III")?;
-        let ramps = figures::Ramps::run(&snake, &truth, &table_3)?;
-        let verdict = verdict(&snake, &truth, &ramps)?;
+        let table_3 = table3::run(&snake, truth).context("Table III")?;
+        let ramps = figures::Ramps::run(&snake, truth, &table_3)?;
+        let verdict = verdict(&snake, truth, &ramps)?;
         Ok(Self {
             figures: figures::all(&snake, &table_3, &ramps),
-            motions: motions::compare(&snake, &truth)?,
-            errors: errors::all(&snake, &truth, &table_2, &table_3)?,
+            motions: motions::compare(&snake, truth)?,
+            errors: errors::all(&snake, truth, &table_2, &table_3)?,
             table_2,
             table_3,
             verdict,
