@@ -25,6 +25,7 @@ pub fn figures(figures: &Figures, next: &str) -> anyhow::Result<()> {
         "Tracking error, degrees (measured shape against setpoint, from {SCORED_FROM_S:.0} s after the first motion on)\n"
     );
     text += &passes(&figures.passes).to_string();
+    text += &learnt(&figures.passes);
     text += "\nLatency, microseconds (each hop ends when the next stage has published)\n";
     text += &latency(figures).to_string();
     let samples = &figures.samples;
@@ -49,36 +50,43 @@ pub fn out(text: &str) -> anyhow::Result<()> {
     }
 }
 
+/// Error of the bend angle, of the bending plane, and of both together.
 fn passes(passes: &[PassReport]) -> Table {
     let mut table = Table::new(&[
         "compensation",
-        "rms",
+        "bend rms",
         "p95",
         "max",
-        "bend rms",
         "plane rms",
-        "plane max",
+        "p95",
+        "max",
+        "both rms",
+        "p95",
+        "max",
         "peak commanded",
         "reached",
-        "eta",
-        "lambda mm",
     ]);
     for pass in passes {
         let mut cells = vec![pass.compensation.to_owned()];
-        let values = [
-            pass.error_deg.rms,
-            pass.error_deg.p95,
-            pass.error_deg.max,
-            pass.bend_error_deg.rms,
-            pass.plane_error_deg.rms,
-            pass.plane_error_deg.max,
-        ];
-        cells.extend(values.map(|value| format!("{value:.2}")));
+        for spread in [pass.bend_error_deg, pass.plane_error_deg, pass.error_deg] {
+            cells.extend([spread.rms, spread.p95, spread.max].map(|value| format!("{value:.2}")));
+        }
         cells.extend([pass.peak_bend_deg.commanded, pass.peak_bend_deg.reached].map(|value| format!("{value:.1}")));
-        cells.extend([format!("{:.3}", pass.eta), format!("{:.4}", pass.lambda_mm)]);
         table.row(cells);
     }
     table
+}
+
+/// What the estimator has learnt, where one pass used it.
+fn learnt(passes: &[PassReport]) -> String {
+    let estimated = passes.iter().filter(|pass| pass.compensation == "estimated");
+    let sentence = |pass: &PassReport| {
+        format!(
+            "  Learnt while moving: load scale eta {:.3}, backlash half-width lambda {:.4} mm\n",
+            pass.eta, pass.lambda_mm
+        )
+    };
+    estimated.map(sentence).collect()
 }
 
 fn latency(figures: &Figures) -> Table {

@@ -190,7 +190,7 @@ const FULL_DISK_BYTES: u64 = 60_000;
 fn a_disk_that_fills_up_stops_the_recording_and_nothing_else() {
     let path = fresh_path("full_disk.mcap");
     let output = std::process::Command::new("sh")
-        .args(["-c", "trap '' XFSZ; exec \"$0\" --exact recorder_on_a_disk_that_fills_up --ignored --nocapture"])
+        .args(["-c", "trap '' XFSZ; exec \"$0\" --exact recorder_on_a_disk_that_fills_up --nocapture"])
         .arg(std::env::current_exe().expect("this test"))
         .env(FULL_DISK_PATH, path.as_os_str())
         .output()
@@ -213,8 +213,8 @@ fn a_disk_that_fills_up_stops_the_recording_and_nothing_else() {
     assert!(!commands.is_empty() && commands.iter().copied().eq(1..=commands.len() as u64), "{commands:?}");
 }
 
+/// Not a test: the child of `a_disk_that_fills_up_stops_the_recording_and_nothing_else`.
 #[test]
-#[ignore = "the child of a_disk_that_fills_up_stops_the_recording_and_nothing_else"]
 fn recorder_on_a_disk_that_fills_up() {
     let Some(path) = std::env::var_os(FULL_DISK_PATH) else { return };
     let config = RecordConfig { path: Some(path.into()), flush_ms: 20, ..RecordConfig::default() };
@@ -259,7 +259,7 @@ fn a_recorder_that_is_killed_leaves_everything_up_to_its_last_chunk() {
     let bus = Bus::open(&name, "test").expect("bus");
     let mut health = bus.reader_on::<Health>(&health_channel("record"), ReadOptions::waking()).expect("reader");
     let mut recorder = std::process::Command::new(std::env::current_exe().expect("this test"))
-        .args(["--exact", "recorder_that_is_killed", "--ignored"])
+        .args(["--exact", "recorder_that_is_killed"])
         .env(KILLED_INSTANCE, &name)
         .env(KILLED_PATH, path.as_os_str())
         .stdout(std::process::Stdio::null())
@@ -287,8 +287,8 @@ fn a_recorder_that_is_killed_leaves_everything_up_to_its_last_chunk() {
     assert_eq!(recording.contents().metadata["krait"]["instance"], name);
 }
 
+/// Not a test: the child of `a_recorder_that_is_killed_leaves_everything_up_to_its_last_chunk`.
 #[test]
-#[ignore = "the child of a_recorder_that_is_killed_leaves_everything_up_to_its_last_chunk"]
 fn recorder_that_is_killed() {
     let (Some(path), Ok(name)) = (std::env::var_os(KILLED_PATH), std::env::var(KILLED_INSTANCE)) else { return };
     let config = RecordConfig { path: Some(path.into()), ..RecordConfig::default() };

@@ -68,6 +68,44 @@ fn a_report_recording_that_is_foreign_truncated_or_damaged_is_refused() {
 }
 
 #[test]
+fn malformed_reports_from_a_device_are_counted_and_move_nothing() {
+    let folder = TempFolder::new("malformed");
+    let shipped = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../master/recordings/default.krr"));
+    let shipped = shipped.expect("shipped");
+    // A short, a long, an unknown, an empty-bodied and a far too large report behind every tenth good one.
+    let bad = ["01ff", "010100000000000000000000000000000000", "7fffffffffffff", "02", "01ff7fff7fff7f"];
+    let (mut text, mut n_bad, mut n_good) = (String::new(), 0_u64, 0);
+    for line in shipped.lines() {
+        text += &format!("{line}\n");
+        let stamp = line.split(' ').next().filter(|word| !word.is_empty() && word.chars().all(|c| c.is_ascii_digit()));
+        let Some(stamp) = stamp else { continue };
+        n_good += 1;
+        if n_good % 10 == 0 {
+            text += &format!("{stamp} {}\n", bad[n_bad as usize % bad.len()]);
+            n_bad += 1;
+        }
+    }
+    // The file's last line counts its reports.
+    let text = text.replace(&format!("end {n_good}\n"), &format!("end {}\n", n_good + n_bad));
+    let (path, recording) = (folder.file("malformed.krr"), folder.file("run.mcap"));
+    fs::write(&path, text).expect("written");
+    let instance = instance_name("malformed");
+    let arguments =
+        ["run", "--json", "--instance", &instance, "--input", &path, "--recording", &recording, "--seconds", "8"];
+    let ended = Ended::of(&arguments, PATIENCE);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let (mut n_refused, mut n_reports, mut fastest_m_per_s) = (0, 0, 0.0_f64);
+    for recorded in Recording::open(Path::new(&recording)).expect("readable").samples().expect("samples") {
+        if let krait_record::Sample::Input(input) = recorded.expect("readable").sample {
+            (n_refused, n_reports) = (input.n_refused, input.n_reports);
+            fastest_m_per_s = input.tip_vel_in_view_m_per_s.iter().fold(fastest_m_per_s, |most, v| most.max(v.abs()));
+        }
+    }
+    assert!(n_refused > 60 && n_reports > 9 * n_refused, "{n_refused} refused beside {n_reports}");
+    assert!(fastest_m_per_s < 0.02, "no malformed report moved anything: {fastest_m_per_s} m/s");
+}
+
+#[test]
 fn a_script_is_refused_by_line_and_column() {
     let folder = TempFolder::new("script");
     let path = folder.file("path.csv");

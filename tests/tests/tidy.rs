@@ -107,6 +107,7 @@ fn metadata() -> serde_json::Value {
         .current_dir(root())
         .output()
         .expect("cargo knows the packages");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     serde_json::from_slice(&output.stdout).expect("JSON")
 }
 

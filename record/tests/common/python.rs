@@ -10,6 +10,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::{Mutex, PoisonError};
 
 /// Everything that is installed, pinned: a new release of a reader must not turn a build red.
 const PACKAGES: [&str; 5] =
@@ -32,13 +33,16 @@ pub fn read_with_python(target_tmp: &Path, script: &Path, recording: &Path) -> O
 }
 
 fn python_with_mcap(target_tmp: &Path) -> Result<PathBuf, String> {
+    // Tests of one program are threads of one process; only the first sets it up.
+    static SET_UP: Mutex<()> = Mutex::new(());
+    let _guard = SET_UP.lock().unwrap_or_else(PoisonError::into_inner);
     let home = target_tmp.join("python-mcap-1.6.0");
     let python = home.join("bin/python");
     let is_complete = || run(Command::new(&python).args(["-c", "import mcap.reader, mcap_protobuf.decoder"])).is_ok();
     if is_complete() {
         return Ok(python);
     }
-    // Made aside and moved into place whole, because other tests may be looking for it at the same time.
+    // Made aside and moved into place whole, because other test programs may be looking for it at the same time.
     let aside = target_tmp.join(format!("python-mcap-{}", std::process::id()));
     run(Command::new("python3").args(["-m", "venv"]).arg(&aside))?;
     let pip = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"];

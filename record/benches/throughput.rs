@@ -1,5 +1,8 @@
-//! What recording costs: `cargo test --release -p krait-record --test throughput -- --ignored --nocapture`.
+//! What recording costs on this machine: `cargo bench -p krait-record`.
 
+#![allow(clippy::expect_used, clippy::print_stdout, reason = "a measurement prints, and a panic ends it")]
+
+#[path = "../tests/common/mod.rs"]
 mod common;
 
 use common::{chain, fresh_path};
@@ -9,9 +12,7 @@ use std::collections::BTreeMap;
 /// Length of the recording that is written, s.
 const CHAIN_S: u64 = 60;
 
-#[test]
-#[ignore = "a measurement, not a check; prints what this machine sustains"]
-fn messages_per_second_and_bytes_per_second_of_a_chain_at_1_khz() {
+fn main() {
     let path = fresh_path("throughput.mcap");
     let samples: Vec<Sample> = chain(CHAIN_S * 1000, krait_ipc::clock::monotonic_ns()).collect();
     let about = About::run("bench", &BTreeMap::new(), Vec::new());
