@@ -10,7 +10,7 @@ h1{font-size:1.6rem}h2{font-size:1.2rem;margin-top:2.2rem;border-bottom:1px soli
 table{border-collapse:collapse;margin:.8rem 0;font-variant-numeric:tabular-nums}\
 th,td{padding:.25rem .8rem;border-bottom:1px solid #e4e4e4;text-align:right;vertical-align:top}\
 th:first-child,td:first-child{text-align:left}th{font-weight:600;color:#555}\
-.words td{text-align:left}figure{margin:1.4rem 0}svg{max-width:100%;height:auto}\
+.words td,.words th{text-align:left}.words td:last-child{min-width:24rem}figure{margin:1.4rem 0}svg{max-width:100%;height:auto}\
 figcaption,.note{color:#555;font-size:.92rem;max-width:48rem}\
 .verdict{padding:.7rem 1rem;border-left:.4rem solid #009e73;background:#eef8f4}\
 .verdict.fails{border-color:#d55e00;background:#fcf1ea}";
