@@ -41,6 +41,7 @@ mod kinematics;
 mod least_squares;
 mod loads;
 mod measurement;
+pub mod model_file;
 mod parameters;
 mod series;
 mod snake;

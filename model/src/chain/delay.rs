@@ -28,7 +28,6 @@ impl<P: Real> DelayLine<P> {
             let sample = sample.map(S::lift);
             if at_s <= then.value() {
                 if after_s <= at_s {
-                    after = sample;
                     break;
                 }
                 let part = (then - S::constant(at_s)) * S::constant(1.0 / (after_s - at_s));

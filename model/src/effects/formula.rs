@@ -10,7 +10,7 @@ use super::operators::play;
 use super::prepared::{MAX_PARAMETERS, Now, Prepared};
 use super::real::{Dual, Real, Scalar};
 use exmex::prelude::*;
-use exmex::{BinOp, MakeOperators, Operator};
+use exmex::{BinOp, MakeOperators, MatchLiteral, Operator};
 
 pub(super) static FORMULA: Definition = Definition {
     repeatable: true,
@@ -22,6 +22,8 @@ pub(super) static FORMULA: Definition = Definition {
 pub const MAX_FORMULA_NAMES: usize = 12;
 /// The most numbers and names, counted as often as they stand there: what evaluates without the heap.
 const MAX_WORDS: usize = 32;
+/// Bounds how deeply parentheses can be nested.
+const MAX_BYTES: usize = 400;
 /// Travel of q over which the variable `direction` turns, m.
 const DIRECTION_TRAVEL_M: f64 = 20e-6;
 
@@ -108,7 +110,7 @@ enum Meaning {
 #[derive(Clone, Debug)]
 pub(crate) struct Formula {
     pub hook: Hook,
-    expression: FlatEx<Lanes, Arithmetic>,
+    expression: FlatEx<Lanes, Arithmetic, Numbers>,
     names: Vec<Meaning>,
 }
 
@@ -119,9 +121,7 @@ impl Formula {
         if !ALL.contains(&formula.hook) {
             return Err(FormulaError::Hook { formula: name(), hook: formula.hook.word() });
         }
-        let words =
-            formula.text.split(|c: char| !(c.is_alphanumeric() || c == '_' || c == '.')).filter(|w| !w.is_empty());
-        let n_words = words.count();
+        let n_words = words(&formula.text).count();
         if n_words > MAX_WORDS {
             return Err(FormulaError::TooLong { formula: name(), found: n_words, limit: MAX_WORDS });
         }
@@ -132,11 +132,16 @@ impl Formula {
                 limit: MAX_PARAMETERS,
             });
         }
-        // The library panics on an empty text, and reads "- x ^ 2" as (-x)^2; both are refused rather than guessed.
-        if n_words == 0 || formula.text.contains(['{', '}']) {
-            return Err(FormulaError::Syntax { formula: name(), reason: "it is empty or holds braces".to_owned() });
+        if let Some(bad) = formula.parameters.iter().find(|p| !is_free_word(&p.name)) {
+            return Err(FormulaError::ParameterName { formula: name(), name: bad.name.clone() });
         }
-        let expression = FlatEx::<Lanes, Arithmetic>::parse(&formula.text)
+        if let Some(word) = words(&formula.text).find(|word| is_name(word) && !is_known(formula, word)) {
+            return Err(FormulaError::unknown_name(formula, word));
+        }
+        if let Some(reason) = refused_text(&formula.text) {
+            return Err(FormulaError::Syntax { formula: name(), reason: reason.to_owned() });
+        }
+        let expression = FlatEx::<Lanes, Arithmetic, Numbers>::parse(&formula.text)
             .map_err(|e| FormulaError::Syntax { formula: name(), reason: e.msg().to_owned() })?;
         let names: Vec<Meaning> =
             expression.var_names().iter().map(|word| meaning(formula, word)).collect::<Result<_, _>>()?;
@@ -267,6 +272,59 @@ fn plane<S: Real>(b: [S; 2], square: f64) -> S {
     turned + S::constant(delta)
 }
 
+/// Numbers and names of a formula; a number with an exponent may count as two.
+fn words(text: &str) -> impl Iterator<Item = &str> {
+    text.split(|c: char| !(c.is_alphanumeric() || c == '_' || c == '.')).filter(|word| !word.is_empty())
+}
+
+fn is_name(word: &str) -> bool {
+    !word.starts_with(|c: char| c.is_ascii_digit() || c == '.')
+}
+
+fn is_known(formula: &FormulaText, word: &str) -> bool {
+    word == "pi"
+        || FORMULA_FUNCTIONS.contains(&word)
+        || FORMULA_VARIABLES.iter().any(|v| v.name == word)
+        || formula.parameters.iter().any(|p| p.name == word)
+}
+
+/// What the library would read in another way than its writer may have meant, or should not be given.
+fn refused_text(text: &str) -> Option<&'static str> {
+    if text.trim().is_empty() {
+        return Some("it is empty");
+    }
+    if text.len() > MAX_BYTES || text.contains(['{', '}']) {
+        return Some("it has braces or more than 400 bytes");
+    }
+    // The library reads -x^2 as (-x)^2.
+    let compact: Vec<char> = text.chars().filter(|c| !c.is_whitespace()).collect();
+    let unary = |k: usize| compact[k] == '-' && (k == 0 || "(,+-*/^".contains(compact[k - 1]));
+    let ambiguous = (0..compact.len()).any(|k| unary(k) && compact.get(operand_end(&compact, k + 1)) == Some(&'^'));
+    ambiguous.then_some("a minus stands before a power, which could mean (-x)^2 or -(x^2); use parentheses")
+}
+
+/// Where an operand that begins at `k` ends: a word, parentheses, or a word with parentheses.
+fn operand_end(text: &[char], mut k: usize) -> usize {
+    while text.get(k).is_some_and(|c| c.is_alphanumeric() || *c == '_' || *c == '.') {
+        k += 1;
+    }
+    let mut depth = 0;
+    while let Some(c) = text.get(k).filter(|c| depth > 0 || **c == '(') {
+        depth += i32::from(*c == '(') - i32::from(*c == ')');
+        k += 1;
+        if depth == 0 {
+            break;
+        }
+    }
+    k
+}
+
+fn is_free_word(name: &str) -> bool {
+    let word = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
+    let starts = name.starts_with(|c: char| c.is_ascii_alphabetic());
+    word && starts && name != "pi" && !FORMULA_FUNCTIONS.contains(&name) && FORMULA_VARIABLES.iter().all(|v| v.name != name)
+}
+
 fn meaning(formula: &FormulaText, word: &str) -> Result<Meaning, FormulaError> {
     if let Some(k) = formula.parameters.iter().position(|p| p.name == word) {
         return Ok(Meaning::Parameter(k));
@@ -322,10 +380,109 @@ fn power(a: Lanes, b: Lanes) -> Lanes {
     a.chain(value, by_a) + b.chain(0.0, by_b)
 }
 
+/// Decimal numbers with an optional exponent; the library's own do not know exponents.
+#[derive(Clone, Debug)]
+struct Numbers;
+
+impl MatchLiteral for Numbers {
+    fn is_literal(text: &str) -> Option<&str> {
+        let digits = |from: usize| text[from..].find(|c: char| !c.is_ascii_digit()).unwrap_or(text.len() - from) + from;
+        let whole = digits(0);
+        let mantissa = if text[whole..].starts_with('.') { digits(whole + 1) } else { whole };
+        if mantissa == 0 || mantissa == 1 && whole == 0 {
+            return None;
+        }
+        let Some(exponent) = text[mantissa..].strip_prefix(['e', 'E']) else { return Some(&text[..mantissa]) };
+        let from = mantissa + 1 + usize::from(exponent.starts_with(['+', '-']));
+        let end = digits(from);
+        Some(&text[..if end > from { end } else { mantissa }])
+    }
+}
+
 impl core::str::FromStr for Lanes {
     type Err = core::num::ParseFloatError;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         text.parse().map(Self::constant)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use proptest::test_runner::RngSeed;
+
+    fn formula(text: &str) -> FormulaText {
+        let parameters = vec![FormulaParameter { name: "a".to_owned(), value: 0.7, unit: "1".to_owned() }];
+        FormulaText { name: "f".to_owned(), hook: Hook::Eps, text: text.to_owned(), parameters }
+    }
+
+    /// Value and tangents by (bend_x, a) at bend_x 0.5 and a 0.7.
+    fn at_half(text: &str) -> Dual<2> {
+        let mut values = [Dual::constant(0.2); FORMULA_VARIABLES.len()];
+        values[2] = Dual::seed(0.5, 0);
+        // Not a formula of the chain: the square root below has no slope at the straight pose.
+        let expression = FlatEx::<Lanes, Arithmetic, Numbers>::parse(text).unwrap();
+        let names = expression.var_names().iter().map(|word| meaning(&formula(text), word).unwrap()).collect();
+        Formula { hook: Hook::Eps, expression, names }.evaluate(&values, &[Dual::seed(0.7, 1)]).unwrap()
+    }
+
+    #[test]
+    fn operators_have_their_values_their_order_and_their_slopes() {
+        let x = 0.5_f64;
+        let cases: [(&str, f64, f64); 16] = [
+            ("2 + 3 * bend_x ^ 2 / 4 - 1", 1.0 + 0.75 * x * x, 1.5 * x),
+            ("1 / 2 / 2 * bend_x", 0.25 * x, 0.25),
+            ("10 - 3 - bend_x", 7.0 - x, -1.0),
+            ("(1 + bend_x) * (1 - bend_x)", 1.0 - x * x, -2.0 * x),
+            ("0 - bend_x ^ 2", -x * x, -2.0 * x),
+            ("2 * -bend_x", -2.0 * x, -2.0),
+            ("1.5e-1 * bend_x", 0.15 * x, 0.15),
+            ("min(bend_x, 0.3) + max(bend_x, 0.3)", 0.3 + x, 1.0),
+            ("abs(0 - bend_x) + sign(bend_x)", x + 1.0, 1.0),
+            ("sqrt(bend_x)", x.sqrt(), 0.5 / x.sqrt()),
+            ("exp(bend_x) + ln(1 + bend_x)", x.exp() + (1.0 + x).ln(), x.exp() + 1.0 / 1.5),
+            ("sin(bend_x) * cos(bend_x)", x.sin() * x.cos(), (2.0 * x).cos()),
+            ("tan(bend_x)", x.tan(), 1.0 / x.cos().powi(2)),
+            ("atan(bend_x)", x.atan(), 1.0 / (1.0 + x * x)),
+            ("tanh(bend_x)", x.tanh(), 1.0 / x.cosh().powi(2)),
+            ("cos(pi * bend_x)", (core::f64::consts::PI * x).cos(), -core::f64::consts::PI),
+        ];
+        for (text, value, slope) in cases {
+            let found = at_half(text);
+            assert!((found.value - value).abs() < 1e-14, "{text}: {} {value}", found.value);
+            assert!((found.tangent[0] - slope).abs() < 1e-14, "{text}: {} {slope}", found.tangent[0]);
+        }
+    }
+
+    #[test]
+    fn parameters_have_slopes_too() {
+        let found = at_half("a ^ 2 * bend_x");
+        assert!((found.value - 0.245).abs() < 1e-15);
+        assert!((found.tangent[1] - 0.7).abs() < 1e-15 && (found.tangent[0] - 0.49).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_minus_before_a_power_is_refused_because_it_could_mean_two_things() {
+        for text in ["-bend_x ^ 2", "3 * -bend_x^2", "-(bend_x + 1) ^ 2", "a * -sin(bend) ^ 2"] {
+            let error = Formula::new(&formula(text)).unwrap_err().to_string();
+            assert!(error.contains("parentheses"), "{text}: {error}");
+        }
+        for text in ["-(bend_x ^ 2)", "a - bend_x ^ 2", "(-bend_x) ^ 2", "-bend_x * a ^ 2"] {
+            assert!(Formula::new(&formula(text)).is_ok(), "{text}");
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 4000, rng_seed: RngSeed::Fixed(3), failure_persistence: None, ..ProptestConfig::default() })]
+
+        #[test]
+        fn no_text_makes_the_parser_panic(
+            text in "[abeqx0-9.+*/^(), _{}-]{0,40}|(bend|a|sin|min|1e3|[(]|[)]|,|[-+*/^]| ){0,20}|.{0,30}"
+        ) {
+            let parsed = Formula::new(&formula(&text));
+            prop_assert!(parsed.is_ok() || !parsed.unwrap_err().to_string().is_empty());
+        }
     }
 }

@@ -25,6 +25,14 @@ pub enum FormulaError {
         /// The known name that looks most like it.
         nearest: String,
     },
+    /// A parameter's name is no word, or that of a variable or function.
+    #[error("formula {formula:?} has a parameter {name:?}, expected a word of letters, digits and _ that is no variable or function; rename it")]
+    ParameterName {
+        /// Its name.
+        formula: String,
+        /// The parameter.
+        name: String,
+    },
     /// A variable has no value at this hook.
     #[error("formula {formula:?} uses {name:?}, which is not known at hook {hook}; use another hook or variable")]
     NotAtHook {

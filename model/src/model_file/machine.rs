@@ -1,0 +1,131 @@
+//! The two kinds of machine that a model file describes.
+
+use crate::effects::EffectKind;
+use crate::{ChainSettings, MachineParameters};
+
+/// What the effects are added to.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Machine {
+    /// A snake on three elastic lines.
+    Snake(SnakeMachine),
+    /// Any cable-driven joints.
+    Joints(Joints),
+}
+
+/// A snake on three elastic lines. Friction of the cone is an effect here, not a property of the machine.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SnakeMachine {
+    /// Geometry and material.
+    pub parameters: MachineParameters,
+    /// Settings that are no physics.
+    pub settings: ChainSettings,
+}
+
+/// Joints: y = G u + c, u commanded, y measured.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Joints {
+    /// Number of joints, 1 to 16.
+    pub n: usize,
+    /// G, n rows of n, in units of y per unit of u; diagonal unless the file asks otherwise.
+    pub gain: Vec<Vec<f64>>,
+    /// c, in units of y.
+    pub offset: Vec<f64>,
+    /// Unit of u.
+    pub u_unit: String,
+    /// Unit of y.
+    pub y_unit: String,
+}
+
+/// The largest number of joints.
+pub(super) const MAX_JOINTS: usize = 16;
+
+/// The effects that make sense for a joint, each on every joint by itself.
+pub const JOINT_EFFECTS: [EffectKind; 15] = [
+    EffectKind::StiffnessScale,
+    EffectKind::EncoderZero,
+    EffectKind::Backlash,
+    EffectKind::BoucWen,
+    EffectKind::PrandtlIshlinskii,
+    EffectKind::ConeFriction,
+    EffectKind::Creep,
+    EffectKind::Latency,
+    EffectKind::NonConstantCurvature,
+    EffectKind::LeadScrewError,
+    EffectKind::CrossCoupling,
+    EffectKind::ThermalDrift,
+    EffectKind::Saturation,
+    EffectKind::ViscousFriction,
+    EffectKind::Formula,
+];
+
+/// One key of a snake's machine.
+pub(super) struct MachineKey {
+    pub name: &'static str,
+    pub doc: &'static str,
+    pub get: fn(&SnakeMachine) -> f64,
+    pub set: fn(&mut SnakeMachine, f64),
+}
+
+/// The keys of a snake's machine; ranges are in [`MachineParameters::check`] and [`ChainSettings`].
+pub(super) const SNAKE_KEYS: [MachineKey; 10] = [
+    MachineKey {
+        name: "l_m",
+        doc: "m, 0.005 to 0.5: primary backbone, base disk to end disk",
+        get: |m| m.parameters.l_m,
+        set: |m, v| m.parameters.l_m = v,
+    },
+    MachineKey {
+        name: "r_m",
+        doc: "m, 0.0003 to 0.02: pitch radius of the lines",
+        get: |m| m.parameters.r_m,
+        set: |m, v| m.parameters.r_m = v,
+    },
+    MachineKey {
+        name: "e_pa",
+        doc: "Pa, 1e9 to 4e11: Young's modulus",
+        get: |m| m.parameters.e_pa,
+        set: |m, v| m.parameters.e_pa = v,
+    },
+    MachineKey {
+        name: "d_outer_m",
+        doc: "m, 0.00005 to 0.005: outer diameter of a backbone",
+        get: |m| m.parameters.d_outer_m,
+        set: |m, v| m.parameters.d_outer_m = v,
+    },
+    MachineKey {
+        name: "d_inner_m",
+        doc: "m, 0 to less than d_outer_m: inner diameter",
+        get: |m| m.parameters.d_inner_m,
+        set: |m, v| m.parameters.d_inner_m = v,
+    },
+    MachineKey {
+        name: "l_d_m",
+        doc: "m, 0.001 to 10: length of a line in the holder",
+        get: |m| m.parameters.l_d_m,
+        set: |m, v| m.parameters.l_d_m = v,
+    },
+    MachineKey {
+        name: "l_c_m",
+        doc: "m, 0.001 to 10: length of a line in the cone",
+        get: |m| m.parameters.l_c_m,
+        set: |m, v| m.parameters.l_c_m = v,
+    },
+    MachineKey {
+        name: "phi_rad",
+        doc: "rad, 0 to pi: angle of each of the cone's two arcs",
+        get: |m| m.parameters.phi_rad,
+        set: |m, v| m.parameters.phi_rad = v,
+    },
+    MachineKey {
+        name: "strain_limit",
+        doc: "1, 0.001 to 0.08: strain of the outer fibre (d_outer/2) b / L beyond which no shape is planned",
+        get: |m| m.settings.strain_limit,
+        set: |m, v| m.settings.strain_limit = v,
+    },
+    MachineKey {
+        name: "transition_m",
+        doc: "m, 1e-9 to 0.001: travel over which a line's sign of motion turns in the compensator",
+        get: |m| m.settings.transition_m,
+        set: |m, v| m.settings.transition_m = v,
+    },
+];

@@ -1,0 +1,156 @@
+//! Model files: a machine, its effects in order, and how they came to be; text in, checked model out, and back.
+//!
+//! TOML, described in `docs/physics/effects.md`. Everything in a file is untrusted: an unknown key, a value out of bounds, a formula
+//! that is not finite is refused with its line. Reading and writing the file itself is the caller's.
+//!
+//! ```
+//! use krait_model::model_file::ModelFile;
+//! let file = ModelFile::parse("format = 1\n[machine]\nkind = \"snake\"\n[[effect]]\nkind = \"backlash\"\n")?;
+//! assert_eq!(file.effects()[0].setting().value("half_width_m"), Some(8.9e-5));
+//! assert_eq!(ModelFile::parse(&file.to_toml())?, file);
+//! # Ok::<(), krait_model::model_file::ModelFileError>(())
+//! ```
+
+mod error;
+mod history;
+mod machine;
+mod read;
+mod read_effect;
+mod write;
+
+pub use error::ModelFileError;
+pub use history::{HeldOutRms, HistoryEntry};
+pub use machine::{JOINT_EFFECTS, Joints, Machine, SnakeMachine};
+pub use write::documented_defaults;
+
+use crate::{Chain, ChainError, Columns, EffectSetting, Snake};
+
+/// The only format there is.
+pub const MODEL_FILE_FORMAT: i64 = 1;
+
+/// A checked model file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ModelFile {
+    machine: Machine,
+    effects: Vec<FileEffect>,
+    history: Vec<HistoryEntry>,
+}
+
+/// One effect and where its values come from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FileEffect {
+    setting: EffectSetting,
+    origins: Vec<Origin>,
+}
+
+/// Where a fitted value comes from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Origin {
+    /// The parameter.
+    pub parameter: String,
+    /// Standard error, in the parameter's unit.
+    pub se: Option<f64>,
+    /// The data it was fitted to.
+    pub from: Option<String>,
+    /// The day of the fit, YYYY-MM-DD.
+    pub date: Option<String>,
+}
+
+impl FileEffect {
+    /// An effect whose values nobody fitted.
+    pub fn new(setting: EffectSetting) -> Self {
+        Self { setting, origins: Vec::new() }
+    }
+
+    /// The same effect with the origin of one value, which replaces an older one.
+    ///
+    /// # Errors
+    /// [`ChainError::UnknownParameter`]; [`ChainError::NotFinite`] for a standard error that is not finite or negative.
+    pub fn with_origin(mut self, origin: Origin) -> Result<Self, ChainError> {
+        if self.setting.index(&origin.parameter).is_none() {
+            return Err(self.setting.unknown(&origin.parameter));
+        }
+        if let Some(found) = origin.se.filter(|se| !(se.is_finite() && *se >= 0.0)) {
+            let (name, key) = (self.setting.label().to_owned(), format!("{} (standard error)", origin.parameter));
+            return Err(ChainError::NotFinite { name, key, found });
+        }
+        self.origins.retain(|own| own.parameter != origin.parameter);
+        self.origins.push(origin);
+        Ok(self)
+    }
+
+    /// The effect with its values.
+    pub fn setting(&self) -> &EffectSetting {
+        &self.setting
+    }
+
+    /// Where a parameter's value comes from, if it was fitted.
+    pub fn origin(&self, parameter: &str) -> Option<&Origin> {
+        self.origins.iter().find(|origin| origin.parameter == parameter)
+    }
+}
+
+impl ModelFile {
+    /// A model from its parts.
+    ///
+    /// # Errors
+    /// [`ChainError`] for anything that a file would be refused for.
+    pub fn new(machine: Machine, effects: Vec<FileEffect>, history: Vec<HistoryEntry>) -> Result<Self, ChainError> {
+        let file = Self { machine, effects, history };
+        file.check()?;
+        Ok(file)
+    }
+
+    /// Reads and checks a file's text.
+    ///
+    /// # Errors
+    /// [`ModelFileError`], one sentence with line and key.
+    pub fn parse(text: &str) -> Result<Self, ModelFileError> {
+        read::parse(text)
+    }
+
+    /// The machine.
+    pub fn machine(&self) -> &Machine {
+        &self.machine
+    }
+
+    /// The effects, in the order of the chain.
+    pub fn effects(&self) -> &[FileEffect] {
+        &self.effects
+    }
+
+    /// How the model came to be.
+    pub fn history(&self) -> &[HistoryEntry] {
+        &self.history
+    }
+
+    /// The chain of a snake's model; `None` for joints.
+    ///
+    /// # Errors
+    /// [`ChainError::MissingColumn`] where an effect needs a column that is not there.
+    pub fn chain(&self, columns: Columns) -> Result<Option<Chain>, ChainError> {
+        let Machine::Snake(snake) = &self.machine else { return Ok(None) };
+        let effects: Vec<EffectSetting> = self.effects.iter().map(|e| e.setting.clone()).collect();
+        Chain::new(&snake.parameters, snake.settings, &effects, columns).map(Some)
+    }
+
+    /// The file's text, with every value of every effect.
+    pub fn to_toml(&self) -> String {
+        write::to_toml(self, false)
+    }
+
+    /// The same with what each key means, its unit, bounds, default and source beside it.
+    pub fn to_documented_toml(&self) -> String {
+        write::to_toml(self, true)
+    }
+
+    fn check(&self) -> Result<(), ChainError> {
+        if let Machine::Snake(snake) = &self.machine {
+            Snake::new(&snake.parameters)?;
+        }
+        self.chain(EVERY_COLUMN).map(|_| ())
+    }
+}
+
+/// A file may need any column; whoever uses it says which ones there are.
+const EVERY_COLUMN: Columns = Columns { time: true, stem_angle: true, temperature: true };

@@ -1,0 +1,277 @@
+//! From text to a checked model: every key is known, every value has its kind and its range, every refusal names its line.
+
+use super::error::nearest;
+use super::history::{HeldOutRms, HistoryEntry};
+use super::machine::{Joints, MAX_JOINTS, Machine, SNAKE_KEYS, SnakeMachine};
+use super::{FileEffect, MODEL_FILE_FORMAT, ModelFile, ModelFileError, read_effect};
+use crate::parameters::in_range;
+use crate::{ChainError, ParameterError, Snake};
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+/// Reads a file's text.
+pub(super) fn parse(text: &str) -> Result<ModelFile, ModelFileError> {
+    let root = DeTable::parse(text).map_err(|error| ModelFileError::Syntax {
+        line: error.span().map_or(1, |span| line_of(text, span.start)),
+        reason: error.message().replace('\n', ", "),
+    })?;
+    let root = Section { text, place: "the file".to_owned(), line: 1, table: root.get_ref() };
+    root.only(&["format", "machine", "effect", "history"])?;
+    let format = root.number("format")?.ok_or_else(|| root.missing("format", "format = 1"))?;
+    if format.value != MODEL_FILE_FORMAT as f64 {
+        return Err(ModelFileError::OutOfRange {
+            line: format.line,
+            key: "format".to_owned(),
+            found: format.value,
+            low: MODEL_FILE_FORMAT as f64,
+            high: MODEL_FILE_FORMAT as f64,
+            unit: "(the only format there is)",
+        });
+    }
+    let machine = machine(&root.section("machine")?.ok_or_else(|| root.missing("machine", "a table [machine]"))?)?;
+    let effects = effects(&root, &machine)?;
+    let history = root.sections("history")?.iter().map(history_entry).collect::<Result<_, _>>()?;
+    Ok(ModelFile { machine, effects, history })
+}
+
+fn machine(section: &Section) -> Result<Machine, ModelFileError> {
+    let kind = section.text("kind")?.ok_or_else(|| section.missing("kind", "\"snake\" or \"joints\""))?;
+    match kind.value.as_str() {
+        "snake" => snake(section).map(Machine::Snake),
+        "joints" => joints(section).map(Machine::Joints),
+        _ => Err(kind.unknown("kind", ["snake", "joints"])),
+    }
+}
+
+fn snake(section: &Section) -> Result<SnakeMachine, ModelFileError> {
+    let mut known = vec!["kind"];
+    known.extend(SNAKE_KEYS.iter().map(|key| key.name));
+    section.only(&known)?;
+    let mut machine = SnakeMachine::default();
+    for key in &SNAKE_KEYS {
+        if let Some(given) = section.number(key.name)? {
+            (key.set)(&mut machine, given.value);
+        }
+    }
+    let checked = Snake::new(&machine.parameters)
+        .map(|_| ())
+        .and_then(|()| in_range("strain_limit", machine.settings.strain_limit, 0.001, 0.08, "(no unit)"))
+        .and_then(|()| in_range("transition_m", machine.settings.transition_m, 1e-9, 1e-3, "m"));
+    checked.map_err(|source| {
+        let (ParameterError::OutOfRange { key, .. } | ParameterError::Contradiction { key, .. }) = &source;
+        ModelFileError::Chain { line: section.line_of_key(key), source: ChainError::Machine(source) }
+    })?;
+    Ok(machine)
+}
+
+fn joints(section: &Section) -> Result<Joints, ModelFileError> {
+    section.only(&["kind", "n", "gain", "offset", "u_unit", "y_unit"])?;
+    let n = section.number("n")?.ok_or_else(|| section.missing("n", "the number of joints"))?;
+    if !(n.value.fract() == 0.0 && (1.0..=MAX_JOINTS as f64).contains(&n.value)) {
+        return Err(n.out_of_range("n", 1.0, MAX_JOINTS as f64, "(a whole number)"));
+    }
+    let n = n.value as usize;
+    let word = |key| Ok(section.text(key)?.map_or_else(|| "rad".to_owned(), |unit| unit.value));
+    Ok(Joints { n, gain: gain(section, n)?, offset: offset(section, n)?, u_unit: word("u_unit")?, y_unit: word("y_unit")? })
+}
+
+/// n numbers are a diagonal, n rows of n numbers a full matrix, nothing is one.
+fn gain(section: &Section, n: usize) -> Result<Vec<Vec<f64>>, ModelFileError> {
+    let diagonal = |d: &[f64]| (0..n).map(|i| (0..n).map(|k| if i == k { d[i] } else { 0.0 }).collect()).collect();
+    let Some(value) = section.get("gain") else { return Ok(diagonal(&vec![1.0; n])) };
+    let line = section.line_at(value);
+    let rows = value.get_ref().as_array().ok_or_else(|| section.wrong("gain", value, "an array of numbers or rows"))?;
+    if rows.iter().all(|row| row.get_ref().is_array()) {
+        count(line, "gain", rows.len(), n)?;
+        return rows.iter().map(|row| section.numbers("gain", row, n)).collect();
+    }
+    Ok(diagonal(&section.numbers("gain", value, n)?))
+}
+
+fn offset(section: &Section, n: usize) -> Result<Vec<f64>, ModelFileError> {
+    match section.get("offset") {
+        Some(value) => section.numbers("offset", value, n),
+        None => Ok(vec![0.0; n]),
+    }
+}
+
+fn effects(root: &Section, machine: &Machine) -> Result<Vec<FileEffect>, ModelFileError> {
+    let sections = root.sections("effect")?;
+    let mut effects = Vec::with_capacity(sections.len());
+    for section in &sections {
+        effects.push(read_effect::effect(section, machine)?);
+        // The whole list so far: what is wrong with it is wrong with its last effect.
+        let so_far = ModelFile { machine: machine.clone(), effects, history: Vec::new() };
+        so_far.check().map_err(|source| ModelFileError::Chain { line: section.line, source })?;
+        effects = so_far.effects;
+    }
+    Ok(effects)
+}
+
+fn history_entry(section: &Section) -> Result<HistoryEntry, ModelFileError> {
+    section.only(&["effect", "data", "data_sha256", "date", "heldout_rms_deg"])?;
+    let word = |key: &'static str, expected| {
+        section.text(key)?.map(|text| text.value).ok_or_else(|| section.missing(key, expected))
+    };
+    let rms = section
+        .section("heldout_rms_deg")?
+        .ok_or_else(|| section.missing("heldout_rms_deg", "{ before = ..., after = ..., noise_floor = ... }"))?;
+    rms.only(&["before", "after", "noise_floor"])?;
+    let degrees = |key: &'static str| -> Result<Option<f64>, ModelFileError> {
+        match rms.number(key)? {
+            Some(given) if !(0.0..=360.0).contains(&given.value) => Err(given.out_of_range(key, 0.0, 360.0, "deg")),
+            given => Ok(given.map(|g| g.value)),
+        }
+    };
+    Ok(HistoryEntry {
+        effect: word("effect", "the name of an effect")?,
+        data: word("data", "the name of the data")?,
+        data_sha256: word("data_sha256", "64 hexadecimal digits")?,
+        date: section.text("date")?.map(|date| date.value),
+        heldout_rms_deg: HeldOutRms {
+            before: degrees("before")?.ok_or_else(|| rms.missing("before", "degrees"))?,
+            after: degrees("after")?.ok_or_else(|| rms.missing("after", "degrees"))?,
+            noise_floor: degrees("noise_floor")?,
+        },
+    })
+}
+
+/// One table of the file.
+pub(super) struct Section<'a> {
+    text: &'a str,
+    pub place: String,
+    pub line: usize,
+    table: &'a DeTable<'a>,
+}
+
+/// A value and where it stands.
+pub(super) struct Given<T> {
+    pub value: T,
+    pub line: usize,
+}
+
+impl Given<String> {
+    pub(super) fn unknown<'a>(&self, key: &str, known: impl IntoIterator<Item = &'a str>) -> ModelFileError {
+        ModelFileError::UnknownWord {
+            line: self.line,
+            key: key.to_owned(),
+            found: self.value.clone(),
+            nearest: nearest(&self.value, known),
+        }
+    }
+}
+
+impl Given<f64> {
+    fn out_of_range(&self, key: &str, low: f64, high: f64, unit: &'static str) -> ModelFileError {
+        ModelFileError::OutOfRange { line: self.line, key: key.to_owned(), found: self.value, low, high, unit }
+    }
+}
+
+impl<'a> Section<'a> {
+    /// Refuses every key that is not in the list.
+    pub(super) fn only(&self, known: &[&str]) -> Result<(), ModelFileError> {
+        match self.table.keys().find(|key| !known.contains(&key.get_ref().as_ref())) {
+            Some(key) => Err(ModelFileError::UnknownKey {
+                line: line_of(self.text, key.span().start),
+                key: key.get_ref().to_string(),
+                place: self.place.clone(),
+                nearest: nearest(key.get_ref(), known.iter().copied()),
+            }),
+            None => Ok(()),
+        }
+    }
+
+    pub(super) fn keys(&self) -> impl Iterator<Item = &str> {
+        self.table.keys().map(|key| key.get_ref().as_ref())
+    }
+
+    pub(super) fn get(&self, key: &str) -> Option<&'a Spanned<DeValue<'a>>> {
+        self.table.get(key)
+    }
+
+    /// The line of a key's value, or of the table where the key is missing.
+    pub(super) fn line_of_key(&self, key: &str) -> usize {
+        self.get(key).map_or(self.line, |value| self.line_at(value))
+    }
+
+    pub(super) fn line_at(&self, value: &Spanned<DeValue>) -> usize {
+        line_of(self.text, value.span().start)
+    }
+
+    pub(super) fn number(&self, key: &str) -> Result<Option<Given<f64>>, ModelFileError> {
+        let Some(value) = self.get(key) else { return Ok(None) };
+        let number = as_number(value.get_ref()).ok_or_else(|| self.wrong(key, value, "a number"))?;
+        Ok(Some(Given { value: number, line: self.line_at(value) }))
+    }
+
+    pub(super) fn text(&self, key: &str) -> Result<Option<Given<String>>, ModelFileError> {
+        let Some(value) = self.get(key) else { return Ok(None) };
+        let text = value.get_ref().as_str().ok_or_else(|| self.wrong(key, value, "text in quotes"))?;
+        Ok(Some(Given { value: text.to_owned(), line: self.line_at(value) }))
+    }
+
+    /// A table within this one.
+    pub(super) fn section(&self, key: &str) -> Result<Option<Section<'a>>, ModelFileError> {
+        let Some(value) = self.get(key) else { return Ok(None) };
+        let table = value.get_ref().as_table().ok_or_else(|| self.wrong(key, value, "a table"))?;
+        Ok(Some(self.inner(format!("[{key}]"), value, table)))
+    }
+
+    /// An array of tables within this one.
+    fn sections(&self, key: &str) -> Result<Vec<Section<'a>>, ModelFileError> {
+        let Some(value) = self.get(key) else { return Ok(Vec::new()) };
+        let wrong = |value| self.wrong(key, value, "tables, each under a line [[...]]");
+        let items = value.get_ref().as_array().ok_or_else(|| wrong(value))?;
+        let one = |(k, item): (usize, &'a Spanned<DeValue<'a>>)| {
+            let table = item.get_ref().as_table().ok_or_else(|| wrong(item))?;
+            Ok(self.inner(format!("[[{key}]] number {}", k + 1), item, table))
+        };
+        items.iter().enumerate().map(one).collect()
+    }
+
+    fn inner(&self, place: String, value: &Spanned<DeValue>, table: &'a DeTable<'a>) -> Section<'a> {
+        Section { text: self.text, place, line: self.line_at(value), table }
+    }
+
+    fn numbers(&self, key: &str, value: &Spanned<DeValue>, n: usize) -> Result<Vec<f64>, ModelFileError> {
+        let line = self.line_at(value);
+        let items = value.get_ref().as_array().ok_or_else(|| self.wrong(key, value, "an array of numbers"))?;
+        count(line, key, items.len(), n)?;
+        let number = |item: &Spanned<DeValue>| match as_number(item.get_ref()) {
+            Some(number) if number.is_finite() => Ok(number),
+            _ => Err(self.wrong(key, item, "a finite number")),
+        };
+        items.iter().map(number).collect()
+    }
+
+    pub(super) fn missing(&self, key: &'static str, expected: &'static str) -> ModelFileError {
+        ModelFileError::MissingKey { line: self.line, key, place: self.place.clone(), expected }
+    }
+
+    pub(super) fn wrong(&self, key: &str, value: &Spanned<DeValue>, expected: &'static str) -> ModelFileError {
+        let found = match value.get_ref() {
+            DeValue::Float(x) => x.as_str().to_owned(),
+            other => format!("of kind {}", other.type_str()),
+        };
+        ModelFileError::WrongKind { line: self.line_at(value), key: key.to_owned(), found, expected }
+    }
+}
+
+fn count(line: usize, key: &str, found: usize, expected: usize) -> Result<(), ModelFileError> {
+    if found == expected {
+        return Ok(());
+    }
+    Err(ModelFileError::Count { line, key: key.to_owned(), found, expected })
+}
+
+fn as_number(value: &DeValue) -> Option<f64> {
+    match value {
+        DeValue::Float(x) => x.as_str().parse().ok(),
+        DeValue::Integer(x) => i64::from_str_radix(x.as_str(), x.radix()).ok().map(|n| n as f64),
+        _ => None,
+    }
+}
+
+fn line_of(text: &str, at: usize) -> usize {
+    text.as_bytes().iter().take(at).filter(|&&byte| byte == b'\n').count() + 1
+}

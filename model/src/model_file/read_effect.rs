@@ -1,0 +1,108 @@
+//! One `[[effect]]` of a model file: its parameters with their origins, or a formula.
+
+use super::machine::{JOINT_EFFECTS, Machine};
+use super::read::Section;
+use super::{FileEffect, ModelFileError, Origin};
+use crate::effects::{EffectKind, FormulaParameter, FormulaText, Hook};
+use crate::{ChainError, EffectSetting};
+
+/// Reads one effect.
+pub(super) fn effect(section: &Section, machine: &Machine) -> Result<FileEffect, ModelFileError> {
+    let kind = section.text("kind")?.ok_or_else(|| section.missing("kind", "the name of an effect"))?;
+    let Some(known) = EffectKind::from_name(&kind.value) else {
+        return Err(kind.unknown("kind", EffectKind::ALL.map(EffectKind::name)));
+    };
+    if matches!(machine, Machine::Joints(_)) && !JOINT_EFFECTS.contains(&known) {
+        let allowed = JOINT_EFFECTS.map(EffectKind::name).join(", ");
+        return Err(ModelFileError::NotForJoints { line: kind.line, effect: known.name(), allowed });
+    }
+    match known {
+        EffectKind::Formula => formula(section),
+        known => named(section, known),
+    }
+}
+
+fn named(section: &Section, kind: EffectKind) -> Result<FileEffect, ModelFileError> {
+    let parameters = kind.definition().parameters;
+    let mut known = vec!["kind"];
+    known.extend(parameters.iter().map(|p| p.name));
+    section.only(&known)?;
+    let mut setting = EffectSetting::new(kind);
+    let mut origins = Vec::new();
+    for parameter in parameters {
+        let Some((value, origin)) = value(section, parameter.name, None)? else { continue };
+        setting = setting.with(parameter.name, value).map_err(|source| chain(section, parameter.name, source))?;
+        origins.extend(origin);
+    }
+    with_origins(section, setting, origins)
+}
+
+fn formula(section: &Section) -> Result<FileEffect, ModelFileError> {
+    section.only(&["kind", "name", "hook", "formula", "params"])?;
+    let text = |key: &'static str, expected| section.text(key)?.ok_or_else(|| section.missing(key, expected));
+    let name = text("name", "a name for the formula")?.value;
+    let hook = text("hook", "eps, tau, geo, meas or enc")?;
+    let expression = text("formula", "an expression")?.value;
+    let Some(hook) = Hook::from_word(&hook.value) else {
+        return Err(hook.unknown("hook", ["eps", "tau", "geo", "meas", "enc"]));
+    };
+    let (mut parameters, mut origins) = (Vec::new(), Vec::new());
+    if let Some(params) = section.section("params")? {
+        for key in params.keys() {
+            let mut unit = "1".to_owned();
+            let Some((value, origin)) = value(&params, key, Some(&mut unit))? else { continue };
+            if !value.is_finite() {
+                let source = ChainError::NotFinite { name: name.clone(), key: key.to_owned(), found: value };
+                return Err(chain(&params, key, source));
+            }
+            parameters.push(FormulaParameter { name: key.to_owned(), value, unit });
+            origins.extend(origin);
+        }
+    }
+    let setting = EffectSetting::formula(FormulaText { name, hook, text: expression, parameters });
+    with_origins(section, setting, origins)
+}
+
+fn with_origins(section: &Section, setting: EffectSetting, origins: Vec<Origin>) -> Result<FileEffect, ModelFileError> {
+    let mut effect = FileEffect::new(setting);
+    for origin in origins {
+        let key = origin.parameter.clone();
+        effect = effect.with_origin(origin).map_err(|source| chain(section, &key, source))?;
+    }
+    Ok(effect)
+}
+
+/// A parameter: a number, or a table with its value, where it comes from and, for formulas, its unit.
+fn value(
+    section: &Section,
+    key: &str,
+    unit: Option<&mut String>,
+) -> Result<Option<(f64, Option<Origin>)>, ModelFileError> {
+    let Some(given) = section.get(key) else { return Ok(None) };
+    if !given.get_ref().is_table() {
+        return Ok(section.number(key)?.map(|number| (number.value, None)));
+    }
+    let Some(table) = section.section(key)? else { return Ok(None) };
+    match unit {
+        Some(unit) => {
+            table.only(&["value", "unit", "se", "from", "date"])?;
+            if let Some(given) = table.text("unit")? {
+                *unit = given.value;
+            }
+        }
+        None => table.only(&["value", "se", "from", "date"])?,
+    }
+    let number = table.number("value")?.ok_or_else(|| table.missing("value", "a number"))?;
+    let origin = Origin {
+        parameter: key.to_owned(),
+        se: table.number("se")?.map(|se| se.value),
+        from: table.text("from")?.map(|from| from.value),
+        date: table.text("date")?.map(|date| date.value),
+    };
+    let fitted = origin.se.is_some() || origin.from.is_some() || origin.date.is_some();
+    Ok(Some((number.value, fitted.then_some(origin))))
+}
+
+fn chain(section: &Section, key: &str, source: ChainError) -> ModelFileError {
+    ModelFileError::Chain { line: section.line_of_key(key), source }
+}

@@ -1,0 +1,178 @@
+//! From a model to text that reads back as the same model, with or without what each key means.
+
+use super::machine::{Joints, Machine, SNAKE_KEYS, SnakeMachine};
+use super::{FileEffect, HistoryEntry, MODEL_FILE_FORMAT, ModelFile, Origin};
+use crate::EffectSetting;
+use crate::effects::{Definition, EffectKind, FORMULA_VARIABLES, Inverse};
+
+/// The text of a model file.
+pub(super) fn to_toml(file: &ModelFile, documented: bool) -> String {
+    let mut out = Out { text: String::new(), documented };
+    out.line(&format!("format = {MODEL_FILE_FORMAT}"), "the only format there is");
+    out.line("\n[machine]", "");
+    match &file.machine {
+        Machine::Snake(snake) => out.snake(snake),
+        Machine::Joints(joints) => out.joints(joints),
+    }
+    file.effects.iter().for_each(|effect| out.effect(effect));
+    file.history.iter().for_each(|entry| out.entry(entry));
+    out.text
+}
+
+/// A snake's model file with every effect that has a name, each with its defaults and what they mean, and a formula.
+///
+/// It is there to be read and copied from; as a whole it is no model of anything.
+pub fn documented_defaults() -> String {
+    let mut out = Out { text: String::new(), documented: true };
+    out.line(&format!("format = {MODEL_FILE_FORMAT}"), "the only format there is");
+    out.line("\n[machine]", "");
+    out.snake(&SnakeMachine::default());
+    for kind in EffectKind::ALL.into_iter().filter(|kind| *kind != EffectKind::Formula) {
+        out.effect(&FileEffect::new(EffectSetting::new(kind)));
+    }
+    out.comment("\n[[effect]]: formula, the user's own; variables:");
+    for variable in FORMULA_VARIABLES {
+        let hooks: Vec<_> = variable.hooks.iter().map(|hook| hook.word()).collect();
+        out.comment(&format!("  {} [{}], at {}", variable.name, variable.meaning, hooks.join(", ")));
+    }
+    out.text
+}
+
+struct Out {
+    text: String,
+    documented: bool,
+}
+
+impl Out {
+    fn line(&mut self, text: &str, doc: &str) {
+        self.text.push_str(text);
+        if self.documented && !doc.is_empty() {
+            self.text.push_str("  # ");
+            self.text.push_str(doc);
+        }
+        self.text.push('\n');
+    }
+
+    fn comment(&mut self, text: &str) {
+        if self.documented {
+            let (breaks, text) = text.strip_prefix('\n').map_or(("", text), |rest| ("\n", rest));
+            self.text.push_str(breaks);
+            self.text.push_str("# ");
+            self.text.push_str(text);
+            self.text.push('\n');
+        }
+    }
+
+    fn snake(&mut self, snake: &SnakeMachine) {
+        self.line("kind = \"snake\"", "or \"joints\"");
+        for key in &SNAKE_KEYS {
+            let default = number((key.get)(&SnakeMachine::default()));
+            self.line(
+                &format!("{} = {}", key.name, number((key.get)(snake))),
+                &format!("{}; default {default}", key.doc),
+            );
+        }
+    }
+
+    fn joints(&mut self, joints: &Joints) {
+        self.line("kind = \"joints\"", "y = gain u + offset");
+        self.line(&format!("n = {}", joints.n), "number of joints");
+        let rows: Vec<String> = joints.gain.iter().map(|row| numbers(row)).collect();
+        self.line(&format!("gain = [{}]", rows.join(", ")), "rows of G, or its diagonal; default 1");
+        self.line(&format!("offset = {}", numbers(&joints.offset)), "c; default 0");
+        self.line(&format!("u_unit = {}", text(&joints.u_unit)), "unit of the commands; default rad");
+        self.line(&format!("y_unit = {}", text(&joints.y_unit)), "unit of the measurements; default rad");
+    }
+
+    fn effect(&mut self, effect: &FileEffect) {
+        let setting = effect.setting();
+        let definition = setting.kind().definition();
+        self.line("\n[[effect]]", &about(definition));
+        self.line(&format!("kind = {}", text(definition.name)), definition.equation);
+        if let Some(formula) = setting.formula_text() {
+            self.line(&format!("name = {}", text(&formula.name)), "");
+            self.line(&format!("hook = {}", text(formula.hook.word())), "");
+            self.line(&format!("formula = {}", text(&formula.text)), "");
+            let parameters: Vec<String> = formula
+                .parameters
+                .iter()
+                .map(|p| format!("{} = {}", p.name, table(p.value, Some(&p.unit), effect.origin(&p.name))))
+                .collect();
+            self.line(&format!("params = {{ {} }}", parameters.join(", ")), "");
+            return;
+        }
+        for parameter in definition.parameters {
+            let value = setting.value(parameter.name).unwrap_or(parameter.default);
+            let shown = match effect.origin(parameter.name) {
+                Some(origin) => table(value, None, Some(origin)),
+                None => number(value),
+            };
+            let doc = format!(
+                "{}, {} to {}, default {}: {}",
+                parameter.unit,
+                number(parameter.low),
+                number(parameter.high),
+                number(parameter.default),
+                parameter.source
+            );
+            self.line(&format!("{} = {shown}", parameter.name), &doc);
+        }
+    }
+
+    fn entry(&mut self, entry: &HistoryEntry) {
+        self.line("\n[[history]]", "");
+        self.line(&format!("effect = {}", text(&entry.effect)), "");
+        self.line(&format!("data = {}", text(&entry.data)), "");
+        self.line(&format!("data_sha256 = {}", text(&entry.data_sha256)), "");
+        if let Some(date) = &entry.date {
+            self.line(&format!("date = {}", text(date)), "");
+        }
+        let rms = &entry.heldout_rms_deg;
+        let mut shown = format!("before = {}, after = {}", number(rms.before), number(rms.after));
+        if let Some(floor) = rms.noise_floor {
+            shown += &format!(", noise_floor = {}", number(floor));
+        }
+        self.line(&format!("heldout_rms_deg = {{ {shown} }}"), "degrees, on data that it was not fitted to");
+    }
+}
+
+fn about(definition: &Definition) -> String {
+    let inverse = match definition.inverse {
+        Inverse::NotNeeded(reason) | Inverse::None(reason) => format!("{}, {reason}", definition.inverse.word()),
+        _ => definition.inverse.word().to_owned(),
+    };
+    format!("hook {}, {}; inverse: {inverse}", definition.hook.word(), definition.class.label())
+}
+
+fn table(value: f64, unit: Option<&str>, origin: Option<&Origin>) -> String {
+    let mut shown = format!("{{ value = {}", number(value));
+    if let Some(unit) = unit {
+        shown += &format!(", unit = {}", text(unit));
+    }
+    if let Some(origin) = origin {
+        if let Some(se) = origin.se {
+            shown += &format!(", se = {}", number(se));
+        }
+        for (key, word) in [("from", &origin.from), ("date", &origin.date)] {
+            if let Some(word) = word {
+                shown += &format!(", {key} = {}", text(word));
+            }
+        }
+    }
+    shown + " }"
+}
+
+fn numbers(values: &[f64]) -> String {
+    let shown: Vec<String> = values.iter().map(|&value| number(value)).collect();
+    format!("[{}]", shown.join(", "))
+}
+
+/// The shortest text that reads back as the same number, and that TOML takes for a float.
+fn number(value: f64) -> String {
+    format!("{value:?}")
+}
+
+/// Text in TOML's quotes.
+fn text(value: &str) -> String {
+    toml::Value::String(value.to_owned()).to_string()
+}

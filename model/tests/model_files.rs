@@ -1,0 +1,181 @@
+//! Model files: what is read is what was written, and every kind of bad input is refused with line and key.
+
+#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
+
+use krait_model::effects::EffectKind;
+use krait_model::model_file::{FileEffect, Machine, ModelFile, Origin, documented_defaults};
+use krait_model::{ChainSettings, ChainStatus, Circumstances, Columns, EffectSetting};
+use nalgebra::Vector2;
+
+const FULL: &str = r#"format = 1
+[machine]
+kind = "snake"
+r_m = 0.0016
+
+[[effect]]
+kind = "cone-friction"
+mu = { value = 0.18, se = 0.01, from = "run.csv", date = "2026-05-01" }
+
+[[effect]]
+kind = "formula"
+name = "shelf"
+hook = "eps"
+formula = "a * tanh(bend / b) * cos(delta - d0)"
+params = { a = { value = 1e-4, unit = "m", se = 2e-5 }, b = { value = 0.2, unit = "rad" }, d0 = 0.0 }
+
+[[history]]
+effect = "cone-friction"
+data = "run.csv"
+data_sha256 = "00"
+heldout_rms_deg = { before = 2.31, after = 0.64, noise_floor = 0.31 }
+"#;
+
+fn refused(text: &str) -> String {
+    ModelFile::parse(text).unwrap_err().to_string()
+}
+
+/// A snake with one effect whose lines begin at line 5.
+fn with_effect(lines: &str) -> String {
+    format!("format = 1\n[machine]\nkind = \"snake\"\n[[effect]]\n{lines}\n")
+}
+
+#[test]
+fn a_file_keeps_its_values_origins_and_history() {
+    let file = ModelFile::parse(FULL).unwrap();
+    let Machine::Snake(snake) = file.machine() else { panic!("a snake") };
+    assert_eq!((snake.parameters.r_m, snake.parameters.l_m), (0.0016, 0.026));
+    let [cone, shelf] = file.effects() else { panic!("two effects") };
+    assert_eq!(cone.setting().value("mu"), Some(0.18));
+    let origin = cone.origin("mu").unwrap();
+    assert_eq!((origin.se, origin.from.as_deref(), origin.date.as_deref()), (Some(0.01), Some("run.csv"), Some("2026-05-01")));
+    assert_eq!((shelf.setting().value("b"), shelf.setting().value("d0")), (Some(0.2), Some(0.0)));
+    assert_eq!(shelf.origin("a").unwrap().se, Some(2e-5));
+    assert_eq!(file.history()[0].heldout_rms_deg.noise_floor, Some(0.31));
+}
+
+#[test]
+fn what_is_written_reads_back_as_the_same_with_and_without_documentation() {
+    let mut texts = vec![FULL.to_owned(), "format = 1\n[machine]\nkind = \"joints\"\nn = 2\ngain = [[1, 0.1], [0, 2]]\noffset = [0.0, 0.5]\n".to_owned()];
+    for kind in EffectKind::ALL.into_iter().filter(|kind| *kind != EffectKind::Formula) {
+        texts.push(with_effect(&format!("kind = \"{}\"", kind.name())));
+    }
+    for text in texts {
+        let file = ModelFile::parse(&text).unwrap();
+        assert_eq!(ModelFile::parse(&file.to_toml()).unwrap(), file, "{}", file.to_toml());
+        assert_eq!(ModelFile::parse(&file.to_documented_toml()).unwrap(), file);
+    }
+}
+
+#[test]
+fn the_documented_defaults_name_every_effect_and_every_parameter() {
+    let text = documented_defaults();
+    for kind in EffectKind::ALL {
+        assert!(text.contains(kind.name()), "{}", kind.name());
+        for parameter in kind.definition().parameters {
+            assert!(text.contains(&format!("\n{} = {:?}", parameter.name, parameter.default)), "{}", parameter.name);
+        }
+    }
+    // All of them at once fit into no chain, and the refusal says so.
+    assert!(refused(&text).contains("at most 16"), "{}", refused(&text));
+}
+
+#[test]
+fn unknown_keys_and_words_name_their_line_and_the_nearest_known_one() {
+    let cases = [
+        (with_effect("kind = \"cone-friction\"\nmuu = 0.2"), "line 6: unknown key `muu` in [[effect]] number 1; did you mean `mu`?"),
+        (with_effect("kind = \"cone-fricton\""), "line 5: `kind` is \"cone-fricton\", which is not known; did you mean \"cone-friction\"?"),
+        ("format = 1\n[machine]\nkind = \"snake\"\nradius_m = 1.0\n".to_owned(), "line 4: unknown key `radius_m` in [machine]"),
+        ("format = 1\n[machin]\nkind = \"snake\"\n".to_owned(), "line 2: unknown key `machin` in the file; did you mean `machine`?"),
+        ("format = 1\n[machine]\nkind = \"snak\"\n".to_owned(), "line 3: `kind` is \"snak\", which is not known; did you mean \"snake\"?"),
+    ];
+    for (text, expected) in cases {
+        assert!(refused(&text).starts_with(expected), "{}", refused(&text));
+    }
+}
+
+#[test]
+fn values_that_cannot_be_are_refused_with_line_key_and_range() {
+    let machine = |line: &str| format!("format = 1\n[machine]\nkind = \"snake\"\n{line}\n");
+    let cases = [
+        (machine("r_m = 0.0"), ["line 4", "r_m is 0"]),
+        (machine("e_pa = -54e9"), ["line 4", "e_pa is -54000000000"]),
+        (machine("l_m = nan"), ["line 4", "l_m is NaN"]),
+        (machine("strain_limit = 0.5"), ["line 4", "strain_limit is 0.5"]),
+        (machine("d_inner_m = 0.001"), ["line 4", "d_inner_m"]),
+        (machine("l_m = \"long\""), ["line 4", "expected a number"]),
+        (with_effect("kind = \"backlash\"\nhalf_width_m = 0.5"), ["line 6", "half_width_m is 0.5, expected 0 to 0.002 m"]),
+        (with_effect("kind = \"stiffness-scale\"\neta = -1"), ["line 6", "eta is -1"]),
+        (with_effect("kind = \"stiffness-scale\"\neta = nan"), ["line 6", "eta is NaN"]),
+        (with_effect("kind = \"backlash\"\nhalf_width_m = { value = 1e-4, se = -1.0 }"), ["line 6", "standard error"]),
+        (with_effect("kind = \"backlash\"\n[[effect]]\nkind = \"backlash\""), ["line 6", "stands in the chain twice, at places 1 and 2"]),
+        ("format = 2\n".to_owned(), ["line 1", "`format` is 2"]),
+        ("format = 1\n".to_owned(), ["line 1", "`machine` is missing"]),
+        ("format = 1\n[machine]\nkind = \"joints\"\nn = 0\n".to_owned(), ["line 4", "1 to 16"]),
+        ("format = 1\n[machine]\nkind = \"joints\"\nn = 2\ngain = [1.0]\n".to_owned(), ["line 5", "has 1 values, expected 2"]),
+        ("format = 1\n[machine]\nkind = \"joints\"\nn = 1\n[[effect]]\nkind = \"twist\"\n".to_owned(), ["line 6", "makes no sense"]),
+        ("format = 1\n[machine\n".to_owned(), ["line 2", "correct the TOML"]),
+    ];
+    for (text, expected) in cases {
+        let error = refused(&text);
+        assert!(expected.iter().all(|part| error.contains(part)), "{error}\nfor {text}");
+        assert!(!error.contains('\n'), "{error}");
+    }
+}
+
+#[test]
+fn formulas_that_cannot_be_are_refused_with_line_and_name() {
+    let formula = |hook: &str, text: &str| {
+        with_effect(&format!("kind = \"formula\"\nname = \"f\"\nhook = \"{hook}\"\nformula = \"{text}\"\nparams = {{ a = 1.0 }}"))
+    };
+    let long = (0..40).map(|k| k.to_string()).collect::<Vec<_>>().join(" + ");
+    let cases = [
+        (formula("eps", "a * bnd"), "uses \"bnd\""),
+        (formula("eps", "a / bend"), "not finite at bend 0"),
+        (formula("eps", "a * ln(bend)"), "not finite"),
+        (formula("eps", "a * (bend"), "cannot be read"),
+        (formula("eps", ""), "cannot be read"),
+        (formula("eps", "system(1)"), "uses \"system\""),
+        (formula("cmd", "a"), "hook cmd"),
+        (formula("nowhere", "a"), "not known"),
+        (formula("meas", "a * tau_i"), "not known at hook meas"),
+        (formula("eps", &long), "at most 32"),
+        (with_effect("kind = \"formula\"\nname = \"f\"\nhook = \"eps\"\nformula = \"bend\"\nparams = { bend = 1.0 }"), "rename it"),
+    ];
+    for (text, expected) in cases {
+        let error = refused(&text);
+        assert!(error.starts_with("line ") && error.contains(expected), "{error}");
+    }
+}
+
+#[test]
+fn a_file_may_need_a_column_and_whoever_runs_it_without_is_told() {
+    let file = ModelFile::parse(&with_effect("kind = \"stem-coupling\"")).unwrap();
+    let error = file.chain(Columns::default()).unwrap_err().to_string();
+    assert!(error.contains("stem-coupling") && error.contains("stem_angle_rad"), "{error}");
+    assert!(file.chain(Columns { stem_angle: true, ..Columns::default() }).unwrap().is_some());
+}
+
+#[test]
+fn a_bend_beyond_the_strain_of_the_material_is_limited_and_said() {
+    let text = "format = 1\n[machine]\nkind = \"snake\"\nstrain_limit = 0.01\n";
+    let chain = ModelFile::parse(text).unwrap().chain(Columns::default()).unwrap().unwrap();
+    // (0.33 mm / 26 mm) b is 1 % at 45.14 degrees.
+    assert!((chain.max_bend_rad().to_degrees() - 45.14).abs() < 0.01);
+    let command = chain.compensator().unwrap().step(Vector2::new(1.0, 0.5), &Circumstances::at(0.0));
+    let ChainStatus::BeyondStrain { strain, limit } = command.status else { panic!("{:?}", command.status) };
+    assert!((strain - 0.33 / 26.0 * 1.25_f64.sqrt()).abs() < 1e-12 && limit == 0.01);
+    let limited = chain.compensator().unwrap().step(Vector2::new(1.0, 0.5) * (chain.max_bend_rad() / 1.25_f64.sqrt()), &Circumstances::at(0.0));
+    assert!((limited.q_tilde_m - command.q_tilde_m).norm() < 1e-15);
+}
+
+#[test]
+fn fitted_values_are_kept_with_their_origin() {
+    let origin = Origin { parameter: "eta".into(), se: Some(0.02), from: Some("a.csv".into()), date: Some("2026-06-01".into()) };
+    let setting = EffectSetting::new(EffectKind::StiffnessScale).with("eta", 1.3).unwrap();
+    let effect = FileEffect::new(setting).with_origin(origin).unwrap();
+    let file = ModelFile::new(Machine::Snake(Default::default()), vec![effect], vec![]).unwrap();
+    let text = file.to_toml();
+    assert!(text.contains(r#"eta = { value = 1.3, se = 0.02, from = "a.csv", date = "2026-06-01" }"#), "{text}");
+    assert_eq!(ModelFile::parse(&text).unwrap(), file);
+    assert_eq!(ChainSettings::default().transition_m, 20e-6);
+}
