@@ -53,6 +53,9 @@ pub enum Verb {
         after_help = "Examples:\n  krait paper\n  krait paper --out /tmp/paper\n  krait paper --json | jq .verdict"
     )]
     Paper(PaperArgs),
+    /// Repeats every step of a recording: are setpoints and commands the same, bit for bit?
+    #[command(after_help = "Example:\n  krait verify recordings/demo.mcap")]
+    Verify(VerifyArgs),
     /// Prints the configuration that is in force, as TOML with every key.
     #[command(after_help = "Example:\n  krait config > krait.toml")]
     Config,
@@ -163,6 +166,17 @@ pub struct PaperArgs {
     #[arg(long, value_name = "FILE")]
     pub truth: Option<PathBuf>,
     /// Print the figures as JSON on standard output.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Options of `krait verify`.
+#[derive(Clone, Debug, Args)]
+pub struct VerifyArgs {
+    /// The recording.
+    #[arg(value_name = "FILE")]
+    pub recording: PathBuf,
+    /// Print the verdict as JSON on standard output.
     #[arg(long)]
     pub json: bool,
 }

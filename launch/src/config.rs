@@ -51,7 +51,11 @@ impl Config {
         toml::to_string(self).context("the configuration could not be written as TOML")
     }
 
-    fn parse(text: &str) -> anyhow::Result<Self> {
+    /// Reads a configuration from its text; ranges are not checked yet.
+    ///
+    /// # Errors
+    /// One sentence with line and key.
+    pub fn parse(text: &str) -> anyhow::Result<Self> {
         toml::from_str(text).map_err(|error| {
             let line = error.span().map_or(0, |span| text[..span.start.min(text.len())].matches('\n').count() + 1);
             anyhow::anyhow!("line {line}: {}{}", error.message(), nearest(error.message()))

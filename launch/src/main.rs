@@ -11,6 +11,7 @@ mod report;
 mod signals;
 mod supervisor;
 mod table;
+mod verify;
 
 use anyhow::Context;
 use clap::Parser;
@@ -30,6 +31,7 @@ fn main() -> ExitCode {
         Verb::Run(args) => commands::run::run(&cli.common, &args),
         Verb::Devices(args) => commands::devices::run(&args),
         Verb::Paper(args) => commands::paper::run(&args),
+        Verb::Verify(args) => commands::verify::run(&args),
         Verb::Config => commands::config::run(&cli.common),
         Verb::Process(process) => commands::process::run(&cli.common, &process),
     };

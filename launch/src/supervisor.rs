@@ -179,7 +179,11 @@ impl Supervisor {
 
     /// Ends the chain, the recorder excepted; what does not end in time is killed. Returns whether all ended by themselves.
     pub fn end_chain(&mut self) -> bool {
-        END_ORDER.into_iter().map(|name| self.end_one(name)).fold(true, |all, clean| all && clean)
+        let mut all_clean = true;
+        for name in END_ORDER {
+            all_clean &= self.end_one(name);
+        }
+        all_clean
     }
 
     /// Ends everything. Returns whether all ended by themselves.

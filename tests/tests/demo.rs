@@ -6,10 +6,8 @@
 mod python;
 
 use core::time::Duration;
-use krait_bridge::{CompensateConfig, CompensateCore, ResolveConfig, ResolveCore};
-use krait_ipc::message::{Command, Compensation, HopStamps, ModelUpdate, OperatorInput, Setpoint, SlaveState};
+use krait_ipc::message::{Command, OperatorInput, Setpoint, SlaveState};
 use krait_ipc::{InstanceName, resources_of};
-use krait_model::MachineParameters;
 use krait_record::{Recording, Sample};
 use krait_tests::{Ended, TempFolder, instance_name, processes_of};
 use serde_json::Value;
@@ -35,7 +33,7 @@ fn the_demo_shows_what_compensation_does_and_its_recording_proves_it() {
 
     let channels = read_channels(Path::new(&recording));
     check_rates(&channels);
-    check_replay(&channels);
+    check_replay(&recording, &channels);
     check_with_python(&recording, &channels);
 }
 
@@ -96,7 +94,6 @@ struct Channels {
     setpoints: Vec<Setpoint>,
     commands: Vec<Command>,
     states: Vec<SlaveState>,
-    updates: Vec<ModelUpdate>,
     n_shapes: usize,
 }
 
@@ -112,7 +109,6 @@ fn read_channels(path: &Path) -> Channels {
             Sample::Setpoint(setpoint) => channels.setpoints.push(setpoint),
             Sample::Command(command) => channels.commands.push(command),
             Sample::State(state) => channels.states.push(state),
-            Sample::ModelUpdate(update) => channels.updates.push(update),
             Sample::Shape(_) => channels.n_shapes += 1,
             _ => {}
         }
@@ -132,73 +128,43 @@ fn check_rates(channels: &Channels) {
     assert!(channels.inputs.iter().filter(|i| i.device() == Some(at_rest)).count() > 600, "and rested");
 }
 
-/// Messages of one pass, by sequence number; a sequence that starts anew at 1 begins the next pass.
-fn passes_of<M: Copy>(messages: &[M], sequence: fn(&M) -> u64) -> Vec<BTreeMap<u64, M>> {
-    let mut passes: Vec<BTreeMap<u64, M>> = Vec::new();
-    for message in messages {
-        if sequence(message) == 1 || passes.is_empty() {
-            passes.push(BTreeMap::new());
+/// Recorded input gives the same setpoints and commands, bit for bit; a recording that was tampered with does not.
+fn check_replay(recording: &str, channels: &Channels) {
+    let ended = Ended::of(&["verify", "--json", recording], Duration::from_secs(60));
+    let verdict = ended.json();
+    assert_eq!((ended.code, &verdict["first_difference"]), (Some(0), &Value::Null), "{verdict}");
+    assert_eq!(verdict["passes"], 3);
+    assert_eq!(verdict["setpoints_identical"], channels.setpoints.len());
+    assert_eq!(verdict["commands_identical"], channels.commands.len());
+
+    let tampered = format!("{recording}.tampered.mcap");
+    let at = tamper(recording, &tampered, channels.commands.len() / 2);
+    let ended = Ended::of(&["verify", "--json", &tampered], Duration::from_secs(60));
+    let difference = &ended.json()["first_difference"];
+    assert_eq!(ended.code, Some(1), "{difference}");
+    assert_eq!((&difference["process"], &difference["sequence"]), (&"compensate".into(), &at.into()), "{difference}");
+    assert_eq!(difference["field"], "q_tilde_m", "{difference}");
+}
+
+/// Writes the recording anew with one bit of one command changed; gives the command's sequence number.
+fn tamper(from: &str, to: &str, n_th: usize) -> u64 {
+    let recording = Recording::open(Path::new(from)).expect("readable");
+    let about = krait_record::About::run("tampered", &BTreeMap::new(), recording.contents().attachments.clone());
+    let mut writer = krait_record::RecordingWriter::create(Path::new(to), 1 << 18, &about).expect("created");
+    let (mut n_commands, mut at) = (0, 0);
+    for recorded in recording.samples().expect("samples") {
+        let mut sample = recorded.expect("readable").sample;
+        if let Sample::Command(command) = &mut sample {
+            n_commands += 1;
+            if n_commands == n_th {
+                command.q_tilde_m[1] = f64::from_bits(command.q_tilde_m[1].to_bits() ^ 1);
+                at = command.sequence;
+            }
         }
-        passes.last_mut().expect("just pushed").insert(sequence(message), *message);
+        writer.write(&sample, sample.sample_ns()).expect("written");
     }
-    passes
-}
-
-/// The same cores, fed with the recorded samples and the dependencies that each output names, give the same bytes.
-fn check_replay(channels: &Channels) {
-    let inputs = passes_of(&channels.inputs, |m| m.sequence);
-    let setpoints = passes_of(&channels.setpoints, |m| m.sequence);
-    let commands = passes_of(&channels.commands, |m| m.sequence);
-    let states = passes_of(&channels.states, |m| m.sequence);
-    let updates = passes_of(&channels.updates, |m| m.sequence);
-    assert_eq!((inputs.len(), setpoints.len(), commands.len(), states.len()), (3, 3, 3, 3));
-    for (pass, mode) in Compensation::ALL.into_iter().enumerate() {
-        let config = CompensateConfig { mode, ..CompensateConfig::default() };
-        let machine = MachineParameters::default();
-        let mut resolve = ResolveCore::new(&machine, config.lines(), ResolveConfig::default()).expect("defaults");
-        for recorded in setpoints[pass].values() {
-            if let Some(state) = states[pass].get(&recorded.state_sequence) {
-                resolve.note_state(state);
-            }
-            let input = inputs[pass][&recorded.input_sequence];
-            let replayed = resolve.step(&input, recorded.stamps.resolve_begun_ns).expect("it was accepted then");
-            assert_eq!(
-                bytes_of_setpoint(&replayed),
-                bytes_of_setpoint(recorded),
-                "{mode:?} setpoint {}",
-                recorded.sequence
-            );
-        }
-        let mut compensate = CompensateCore::new(&machine, config).expect("defaults");
-        let mut newest_update = 0;
-        for recorded in commands[pass].values() {
-            if let Some(state) = states[pass].get(&recorded.state_sequence) {
-                compensate.note_state(state);
-            }
-            for sequence in newest_update + 1..=recorded.model_update_sequence {
-                compensate.note_update(&updates[pass][&sequence]).expect("it was accepted then");
-            }
-            newest_update = recorded.model_update_sequence;
-            let setpoint = setpoints[pass][&recorded.setpoint_sequence];
-            let replayed =
-                compensate.step(&setpoint, recorded.stamps.compensate_begun_ns).expect("it was accepted then");
-            assert_eq!(
-                bytes_of_command(&replayed),
-                bytes_of_command(recorded),
-                "{mode:?} command {}",
-                recorded.sequence
-            );
-        }
-    }
-}
-
-/// Everything but the stamps, which say when and not what. The derived format prints every bit of a float that matters.
-fn bytes_of_setpoint(setpoint: &Setpoint) -> String {
-    format!("{:?}", Setpoint { stamps: HopStamps::default(), ..*setpoint })
-}
-
-fn bytes_of_command(command: &Command) -> String {
-    format!("{:?}", Command { stamps: HopStamps::default(), ..*command })
+    writer.finish(&BTreeMap::new()).expect("finished");
+    at
 }
 
 /// The public Python reader decodes every channel, and counts what Rust counted.

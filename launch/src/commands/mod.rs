@@ -6,3 +6,4 @@ pub mod devices;
 pub mod paper;
 pub mod process;
 pub mod run;
+pub mod verify;
