@@ -47,7 +47,10 @@ fn a_file_keeps_its_values_origins_and_history() {
     let [cone, shelf] = file.effects() else { panic!("two effects") };
     assert_eq!(cone.setting().value("mu"), Some(0.18));
     let origin = cone.origin("mu").unwrap();
-    assert_eq!((origin.se, origin.from.as_deref(), origin.date.as_deref()), (Some(0.01), Some("run.csv"), Some("2026-05-01")));
+    assert_eq!(
+        (origin.se, origin.from.as_deref(), origin.date.as_deref()),
+        (Some(0.01), Some("run.csv"), Some("2026-05-01"))
+    );
     assert_eq!((shelf.setting().value("b"), shelf.setting().value("d0")), (Some(0.2), Some(0.0)));
     assert_eq!(shelf.origin("a").unwrap().se, Some(2e-5));
     assert_eq!(file.history()[0].heldout_rms_deg.noise_floor, Some(0.31));
@@ -55,7 +58,10 @@ fn a_file_keeps_its_values_origins_and_history() {
 
 #[test]
 fn what_is_written_reads_back_as_the_same_with_and_without_documentation() {
-    let mut texts = vec![FULL.to_owned(), "format = 1\n[machine]\nkind = \"joints\"\nn = 2\ngain = [[1, 0.1], [0, 2]]\noffset = [0.0, 0.5]\n".to_owned()];
+    let mut texts = vec![
+        FULL.to_owned(),
+        "format = 1\n[machine]\nkind = \"joints\"\nn = 2\ngain = [[1, 0.1], [0, 2]]\noffset = [0.0, 0.5]\n".to_owned(),
+    ];
     for kind in EffectKind::ALL.into_iter().filter(|kind| *kind != EffectKind::Formula) {
         texts.push(with_effect(&format!("kind = \"{}\"", kind.name())));
     }
@@ -82,11 +88,26 @@ fn the_documented_defaults_name_every_effect_and_every_parameter() {
 #[test]
 fn unknown_keys_and_words_name_their_line_and_the_nearest_known_one() {
     let cases = [
-        (with_effect("kind = \"cone-friction\"\nmuu = 0.2"), "line 6: unknown key `muu` in [[effect]] number 1; did you mean `mu`?"),
-        (with_effect("kind = \"cone-fricton\""), "line 5: `kind` is \"cone-fricton\", which is not known; did you mean \"cone-friction\"?"),
-        ("format = 1\n[machine]\nkind = \"snake\"\nradius_m = 1.0\n".to_owned(), "line 4: unknown key `radius_m` in [machine]"),
-        ("format = 1\n[machin]\nkind = \"snake\"\n".to_owned(), "line 2: unknown key `machin` in the file; did you mean `machine`?"),
-        ("format = 1\n[machine]\nkind = \"snak\"\n".to_owned(), "line 3: `kind` is \"snak\", which is not known; did you mean \"snake\"?"),
+        (
+            with_effect("kind = \"cone-friction\"\nmuu = 0.2"),
+            "line 6: unknown key `muu` in [[effect]] number 1; did you mean `mu`?",
+        ),
+        (
+            with_effect("kind = \"cone-fricton\""),
+            "line 5: `kind` is \"cone-fricton\", which is not known; did you mean \"cone-friction\"?",
+        ),
+        (
+            "format = 1\n[machine]\nkind = \"snake\"\nradius_m = 1.0\n".to_owned(),
+            "line 4: unknown key `radius_m` in [machine]",
+        ),
+        (
+            "format = 1\n[machin]\nkind = \"snake\"\n".to_owned(),
+            "line 2: unknown key `machin` in the file; did you mean `machine`?",
+        ),
+        (
+            "format = 1\n[machine]\nkind = \"snak\"\n".to_owned(),
+            "line 3: `kind` is \"snak\", which is not known; did you mean \"snake\"?",
+        ),
     ];
     for (text, expected) in cases {
         assert!(refused(&text).starts_with(expected), "{}", refused(&text));
@@ -103,16 +124,28 @@ fn values_that_cannot_be_are_refused_with_line_key_and_range() {
         (machine("strain_limit = 0.5"), ["line 4", "strain_limit is 0.5"]),
         (machine("d_inner_m = 0.001"), ["line 4", "d_inner_m"]),
         (machine("l_m = \"long\""), ["line 4", "expected a number"]),
-        (with_effect("kind = \"backlash\"\nhalf_width_m = 0.5"), ["line 6", "half_width_m is 0.5, expected 0 to 0.002 m"]),
+        (
+            with_effect("kind = \"backlash\"\nhalf_width_m = 0.5"),
+            ["line 6", "half_width_m is 0.5, expected 0 to 0.002 m"],
+        ),
         (with_effect("kind = \"stiffness-scale\"\neta = -1"), ["line 6", "eta is -1"]),
         (with_effect("kind = \"stiffness-scale\"\neta = nan"), ["line 6", "eta is NaN"]),
         (with_effect("kind = \"backlash\"\nhalf_width_m = { value = 1e-4, se = -1.0 }"), ["line 6", "standard error"]),
-        (with_effect("kind = \"backlash\"\n[[effect]]\nkind = \"backlash\""), ["line 6", "stands in the chain twice, at places 1 and 2"]),
+        (
+            with_effect("kind = \"backlash\"\n[[effect]]\nkind = \"backlash\""),
+            ["line 6", "stands in the chain twice, at places 1 and 2"],
+        ),
         ("format = 2\n".to_owned(), ["line 1", "`format` is 2"]),
         ("format = 1\n".to_owned(), ["line 1", "`machine` is missing"]),
         ("format = 1\n[machine]\nkind = \"joints\"\nn = 0\n".to_owned(), ["line 4", "1 to 16"]),
-        ("format = 1\n[machine]\nkind = \"joints\"\nn = 2\ngain = [1.0]\n".to_owned(), ["line 5", "has 1 values, expected 2"]),
-        ("format = 1\n[machine]\nkind = \"joints\"\nn = 1\n[[effect]]\nkind = \"twist\"\n".to_owned(), ["line 6", "makes no sense"]),
+        (
+            "format = 1\n[machine]\nkind = \"joints\"\nn = 2\ngain = [1.0]\n".to_owned(),
+            ["line 5", "has 1 values, expected 2"],
+        ),
+        (
+            "format = 1\n[machine]\nkind = \"joints\"\nn = 1\n[[effect]]\nkind = \"twist\"\n".to_owned(),
+            ["line 6", "makes no sense"],
+        ),
         ("format = 1\n[machine\n".to_owned(), ["line 2", "correct the TOML"]),
     ];
     for (text, expected) in cases {
@@ -125,7 +158,9 @@ fn values_that_cannot_be_are_refused_with_line_key_and_range() {
 #[test]
 fn formulas_that_cannot_be_are_refused_with_line_and_name() {
     let formula = |hook: &str, text: &str| {
-        with_effect(&format!("kind = \"formula\"\nname = \"f\"\nhook = \"{hook}\"\nformula = \"{text}\"\nparams = {{ a = 1.0 }}"))
+        with_effect(&format!(
+            "kind = \"formula\"\nname = \"f\"\nhook = \"{hook}\"\nformula = \"{text}\"\nparams = {{ a = 1.0 }}"
+        ))
     };
     let long = (0..40).map(|k| k.to_string()).collect::<Vec<_>>().join(" + ");
     let cases = [
@@ -139,7 +174,12 @@ fn formulas_that_cannot_be_are_refused_with_line_and_name() {
         (formula("nowhere", "a"), "not known"),
         (formula("meas", "a * tau_i"), "not known at hook meas"),
         (formula("eps", &long), "at most 32"),
-        (with_effect("kind = \"formula\"\nname = \"f\"\nhook = \"eps\"\nformula = \"bend\"\nparams = { bend = 1.0 }"), "rename it"),
+        (
+            with_effect(
+                "kind = \"formula\"\nname = \"f\"\nhook = \"eps\"\nformula = \"bend\"\nparams = { bend = 1.0 }",
+            ),
+            "rename it",
+        ),
     ];
     for (text, expected) in cases {
         let error = refused(&text);
@@ -164,13 +204,17 @@ fn a_bend_beyond_the_strain_of_the_material_is_limited_and_said() {
     let command = chain.compensator().unwrap().step(Vector2::new(1.0, 0.5), &Circumstances::at(0.0));
     let ChainStatus::BeyondStrain { strain, limit } = command.status else { panic!("{:?}", command.status) };
     assert!((strain - 0.33 / 26.0 * 1.25_f64.sqrt()).abs() < 1e-12 && limit == 0.01);
-    let limited = chain.compensator().unwrap().step(Vector2::new(1.0, 0.5) * (chain.max_bend_rad() / 1.25_f64.sqrt()), &Circumstances::at(0.0));
+    let limited = chain
+        .compensator()
+        .unwrap()
+        .step(Vector2::new(1.0, 0.5) * (chain.max_bend_rad() / 1.25_f64.sqrt()), &Circumstances::at(0.0));
     assert!((limited.q_tilde_m - command.q_tilde_m).norm() < 1e-15);
 }
 
 #[test]
 fn fitted_values_are_kept_with_their_origin() {
-    let origin = Origin { parameter: "eta".into(), se: Some(0.02), from: Some("a.csv".into()), date: Some("2026-06-01".into()) };
+    let origin =
+        Origin { parameter: "eta".into(), se: Some(0.02), from: Some("a.csv".into()), date: Some("2026-06-01".into()) };
     let setting = EffectSetting::new(EffectKind::StiffnessScale).with("eta", 1.3).unwrap();
     let effect = FileEffect::new(setting).with_origin(origin).unwrap();
     let file = ModelFile::new(Machine::Snake(Default::default()), vec![effect], vec![]).unwrap();

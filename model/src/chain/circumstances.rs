@@ -1,15 +1,16 @@
 //! What a step is told besides its input, and what it says about itself.
 
 use crate::effects::prepared::Now;
+use core::f64::consts::PI;
 
 /// Columns beside the encoders or the setpoint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Circumstances {
     /// Time of the sample, s, on any clock that does not run backwards.
     pub time_s: f64,
-    /// Angle of the flexible stem, rad; NaN where it is not measured.
+    /// Angle of the flexible stem, rad, limited to a turn either way; NaN where it is not measured.
     pub stem_angle_rad: f64,
-    /// Temperature, degrees Celsius; NaN where it is not measured.
+    /// Temperature, degrees Celsius, limited to -100 to 400; NaN where it is not measured.
     pub temperature_c: f64,
 }
 
@@ -40,6 +41,9 @@ pub enum ChainStatus {
     Stuck,
 }
 
+/// A shorter step is no step: no speed can be told from it.
+const SHORTEST_STEP_S: f64 = 1e-9;
+
 /// The clock of a runner: time between steps, never negative.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Clock {
@@ -51,11 +55,13 @@ impl Clock {
     pub(crate) fn now(&self, at: &Circumstances) -> Now {
         let last_s = self.last_s.unwrap_or(if at.time_s.is_finite() { at.time_s } else { 0.0 });
         let time_s = if at.time_s > last_s { at.time_s.min(f64::MAX) } else { last_s };
+        let dt_s = (time_s - last_s).min(f64::MAX);
         Now {
             time_s,
-            dt_s: (time_s - last_s).min(f64::MAX),
-            stem_angle_rad: at.stem_angle_rad,
-            temperature_c: at.temperature_c,
+            dt_s: if dt_s < SHORTEST_STEP_S { 0.0 } else { dt_s },
+            // A NaN stays one: the column is missing.
+            stem_angle_rad: at.stem_angle_rad.clamp(-2.0 * PI, 2.0 * PI),
+            temperature_c: at.temperature_c.clamp(-100.0, 400.0),
             commit: false,
             fresh: false,
         }

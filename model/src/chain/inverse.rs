@@ -18,6 +18,8 @@ pub struct Command {
     pub q_tilde_m: Vector3<f64>,
     /// Planned loads of the lines at the snake, N, push positive.
     pub tau_n: Vector3<f64>,
+    /// Planned loads of the actuators, N, push positive: within the limits of friction, by the signs of motion.
+    pub tau_tilde_n: Vector3<f64>,
     /// d eps / d bend at constant memory and signs of motion, 3x2, m/rad.
     pub alpha_m_per_rad: Matrix3x2<f64>,
     /// J~ = (I + J alpha)^-1 J, 2x3, rad/m; zero where it does not exist, which no chain within bounds reaches.
@@ -50,6 +52,7 @@ impl ChainCompensator {
             eps_m: Vector3::zeros(),
             q_tilde_m: Vector3::zeros(),
             tau_n: Vector3::zeros(),
+            tau_tilde_n: Vector3::zeros(),
             alpha_m_per_rad: Matrix3x2::zeros(),
             j_tilde_rad_per_m: Matrix2x3::zeros(),
             signs: Vector3::zeros(),
@@ -138,6 +141,10 @@ impl ChainCompensator {
             eps_m: q_tilde_m - q_m,
             q_tilde_m,
             tau_n: Vector3::from_fn(|i, _| lines.tau[i].value),
+            tau_tilde_n: Vector3::from_fn(|i, _| {
+                let (low, high) = (lines.load[i].low.value, lines.load[i].high.value);
+                0.5 * ((high + low) + self.core.friction.signs[i] * (high - low))
+            }),
             alpha_m_per_rad: alpha,
             j_tilde_rad_per_m: j_tilde,
             signs: Vector3::from(self.core.friction.signs),

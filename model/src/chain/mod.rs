@@ -99,7 +99,7 @@ impl Chain {
     /// [`ChainError::NoInverse`] for the first effect that no command undoes.
     pub fn compensator(&self) -> Result<ChainCompensator, ChainError> {
         for effect in &self.effects {
-            if let Inverse::None(reason) = effect.kind().definition().inverse {
+            if let Inverse::None(reason) = effect.inverse() {
                 return Err(ChainError::NoInverse { name: effect.kind().name(), reason });
             }
         }

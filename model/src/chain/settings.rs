@@ -1,7 +1,7 @@
 //! What a chain is made of, checked: effects with parameter values, settings, columns; and what can be wrong with it.
 
 use crate::ParameterError;
-use crate::effects::{EffectKind, FormulaError, FormulaText, MAX_PARAMETERS};
+use crate::effects::{EffectKind, FormulaError, FormulaText, Hook, Inverse, MAX_PARAMETERS};
 
 /// One effect with its parameter values.
 #[derive(Clone, Debug, PartialEq)]
@@ -73,6 +73,14 @@ impl EffectSetting {
     pub fn parameter_names(&self) -> impl Iterator<Item = &str> {
         let own = self.formula.iter().flat_map(|formula| formula.parameters.iter().map(|p| p.name.as_str()));
         self.kind.definition().parameters.iter().map(|p| p.name).chain(own)
+    }
+
+    /// Whether a compensator can undo it. A formula at hook meas counts as the sensor's.
+    pub fn inverse(&self) -> Inverse {
+        match &self.formula {
+            Some(formula) if formula.hook == Hook::Meas => Inverse::NotNeeded("a formula at hook meas is the sensor's"),
+            _ => self.kind.definition().inverse,
+        }
     }
 
     /// The value of a parameter.

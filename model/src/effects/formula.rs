@@ -322,7 +322,10 @@ fn operand_end(text: &[char], mut k: usize) -> usize {
 fn is_free_word(name: &str) -> bool {
     let word = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
     let starts = name.starts_with(|c: char| c.is_ascii_alphabetic());
-    word && starts && name != "pi" && !FORMULA_FUNCTIONS.contains(&name) && FORMULA_VARIABLES.iter().all(|v| v.name != name)
+    word && starts
+        && name != "pi"
+        && !FORMULA_FUNCTIONS.contains(&name)
+        && FORMULA_VARIABLES.iter().all(|v| v.name != name)
 }
 
 fn meaning(formula: &FormulaText, word: &str) -> Result<Meaning, FormulaError> {

@@ -26,7 +26,9 @@ pub enum FormulaError {
         nearest: String,
     },
     /// A parameter's name is no word, or that of a variable or function.
-    #[error("formula {formula:?} has a parameter {name:?}, expected a word of letters, digits and _ that is no variable or function; rename it")]
+    #[error(
+        "formula {formula:?} has a parameter {name:?}, expected a word of letters, digits and _ that is no variable or function; rename it"
+    )]
     ParameterName {
         /// Its name.
         formula: String,

@@ -90,7 +90,9 @@ pub enum ModelFileError {
         expected: usize,
     },
     /// An effect makes no sense for a joint.
-    #[error("line {line}: effect {effect} makes no sense for a machine of kind joints, expected one of {allowed}; remove it")]
+    #[error(
+        "line {line}: effect {effect} makes no sense for a machine of kind joints, expected one of {allowed}; remove it"
+    )]
     NotForJoints {
         /// Where.
         line: usize,

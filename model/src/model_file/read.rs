@@ -72,7 +72,13 @@ fn joints(section: &Section) -> Result<Joints, ModelFileError> {
     }
     let n = n.value as usize;
     let word = |key| Ok(section.text(key)?.map_or_else(|| "rad".to_owned(), |unit| unit.value));
-    Ok(Joints { n, gain: gain(section, n)?, offset: offset(section, n)?, u_unit: word("u_unit")?, y_unit: word("y_unit")? })
+    Ok(Joints {
+        n,
+        gain: gain(section, n)?,
+        offset: offset(section, n)?,
+        u_unit: word("u_unit")?,
+        y_unit: word("y_unit")?,
+    })
 }
 
 /// n numbers are a diagonal, n rows of n numbers a full matrix, nothing is one.
