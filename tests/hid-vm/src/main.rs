@@ -1,0 +1,65 @@
+//! krait-hid-vm: runs inside the virtual machine, plays a hand controller through /dev/uhid and judges krait by what it does.
+
+#![forbid(unsafe_code)]
+#![allow(clippy::print_stdout, reason = "the serial console is where the verdict is read")]
+
+mod chain;
+mod parts;
+mod spacemouse;
+mod uhid;
+mod verdict;
+
+use anyhow::bail;
+use spacemouse::Fault;
+use std::process::ExitCode;
+use verdict::Verdict;
+
+fn main() -> ExitCode {
+    let all = match fault() {
+        Ok(fault) => run_parts(fault),
+        Err(error) => {
+            println!("HID-VM arguments FAIL {error:#}");
+            false
+        }
+    };
+    println!("HID-VM verdict {}", if all { "PASS" } else { "FAIL" });
+    if all { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}
+
+/// One part's name and what it does.
+type Part = (&'static str, Box<dyn Fn() -> anyhow::Result<Verdict>>);
+
+fn run_parts(fault: Fault) -> bool {
+    let parts: [Part; 6] = [
+        ("devices", Box::new(parts::devices)),
+        ("chain", Box::new(move || parts::chain(fault))),
+        ("control", Box::new(parts::control)),
+        ("unplug", Box::new(parts::unplug)),
+        ("unreadable", Box::new(parts::unreadable)),
+        ("malformed", Box::new(parts::malformed)),
+    ];
+    let mut all = true;
+    for (name, part) in parts {
+        match part() {
+            Ok(verdict) => {
+                all &= verdict.passed();
+                println!("HID-VM {name} {verdict}");
+            }
+            Err(error) => {
+                all = false;
+                println!("HID-VM {name} FAIL {}", format!("{error:#}").replace('\n', " / "));
+            }
+        }
+    }
+    all
+}
+
+/// How `KRAIT_HID_VM_FAULT` spoils the device of the part `chain`.
+fn fault() -> anyhow::Result<Fault> {
+    match std::env::var("KRAIT_HID_VM_FAULT").as_deref() {
+        Err(_) | Ok("") => Ok(Fault::None),
+        Ok("silent") => Ok(Fault::Silent),
+        Ok("drop") => Ok(Fault::Drop),
+        Ok(other) => bail!("KRAIT_HID_VM_FAULT is {other:?}, expected \"silent\", \"drop\" or nothing"),
+    }
+}

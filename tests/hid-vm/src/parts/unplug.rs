@@ -1,0 +1,104 @@
+//! Pulling the plug while the cap is held, and plugging it in again.
+
+use crate::chain::{Chain, Ended, Journal};
+use crate::spacemouse::SpaceMouse;
+use crate::verdict::Verdict;
+use anyhow::Context;
+use krait_ipc::message::DeviceState;
+use krait_ipc::{Reason, Reasons, clock};
+use std::thread::sleep;
+use std::time::Duration;
+
+/// The master's silence limit: a loss that is told sooner was told by the kernel, not by silence, ns.
+const SILENCE_LIMIT_NS: i64 = 100_000_000;
+/// How long the snake may take to brake after the loss, ns.
+const BRAKING_NS: i64 = 100_000_000;
+/// A chain that goes on leaves no larger gap between two setpoints, ns: half of what its readers call stale.
+const LARGEST_GAP_NS: i64 = 25_000_000;
+const MOVED_DEG: f64 = 5.0;
+
+/// When things happened to the device, CLOCK_MONOTONIC, ns.
+struct Instants {
+    held: i64,
+    unplugged: i64,
+    plugged: i64,
+    pressed: i64,
+    released: i64,
+}
+
+/// The snake comes to rest, the loss is named, the chain goes on; the device comes back and moves it after a press only.
+pub fn unplug() -> anyhow::Result<Verdict> {
+    let mouse = SpaceMouse::plug(3)?;
+    let chain = Chain::start("unplug", 5.0)?;
+    mouse.wait_until_read()?;
+    let (instants, mouse) = play(mouse)?;
+    let (ended, journal) = chain.end()?;
+    mouse.unplug()?;
+    let mut verdict = Verdict::default();
+    judge_loss(&mut verdict, &ended, &journal, &instants)?;
+    judge_return(&mut verdict, &ended, &journal, &instants)?;
+    Ok(verdict)
+}
+
+/// The device that it gives back is the second one, still plugged in.
+fn play(mut mouse: SpaceMouse) -> anyhow::Result<(Instants, SpaceMouse)> {
+    let held = clock::monotonic_ns();
+    mouse.press(0)?;
+    mouse.hold(250, 400)?;
+    let unplugged = clock::monotonic_ns();
+    mouse.unplug()?;
+    sleep(Duration::from_millis(700));
+    let mut mouse = SpaceMouse::plug(3)?;
+    mouse.wait_until_read()?;
+    let plugged = clock::monotonic_ns();
+    mouse.hold(-250, 200)?;
+    mouse.release()?;
+    let pressed = clock::monotonic_ns();
+    mouse.press(0)?;
+    mouse.hold(-250, 300)?;
+    mouse.release()?;
+    let released = clock::monotonic_ns();
+    Ok((Instants { held, unplugged, plugged, pressed, released }, mouse))
+}
+
+fn judge_loss(verdict: &mut Verdict, ended: &Ended, journal: &Journal, at: &Instants) -> anyhow::Result<()> {
+    let moved_deg = journal.moved_deg(at.held, at.unplugged);
+    verdict.check("moved_deg", moved_deg > MOVED_DEG, format!("{moved_deg:.1}"));
+    let lost = journal.inputs.iter().find(|i| i.sample_ns > at.unplugged && i.device() == Some(DeviceState::Lost));
+    let told_ns = lost.context("the loss is in no input")?.sample_ns - at.unplugged;
+    verdict.check("told_virtual_ms", told_ns < SILENCE_LIMIT_NS, format!("{:.1}", told_ns as f64 * 1e-6));
+    let resting_ns = at.unplugged + told_ns + BRAKING_NS;
+    let rest_deg = journal.moved_deg(resting_ns, at.plugged);
+    verdict.check("rest_moved_deg", rest_deg == 0.0, rest_deg);
+    let drives = journal.states.iter().filter(|state| (resting_ns..at.plugged).contains(&state.sample_ns));
+    let mut positions: Vec<[f64; 3]> = drives.map(|state| state.setpoint_q_m).collect();
+    let n_states = positions.len();
+    positions.dedup();
+    verdict.check("drives_at_rest", n_states > 100 && positions.len() == 1, format!("{}/{n_states}", positions.len()));
+    let (mut n_named, mut n_rest, mut last_ns, mut gap_ns) = (0, 0, None, 0);
+    for setpoint in journal.setpoints_within(at.unplugged, at.released) {
+        gap_ns = gap_ns.max(setpoint.sample_ns - last_ns.replace(setpoint.sample_ns).unwrap_or(setpoint.sample_ns));
+        if (resting_ns..at.plugged - SILENCE_LIMIT_NS).contains(&setpoint.sample_ns) {
+            n_rest += 1;
+            n_named += u32::from(Reasons::from_bits(setpoint.reasons).contains(Reason::DeviceLost));
+        }
+    }
+    verdict.check("named_in_setpoints", n_rest > 100 && n_named == n_rest, format!("{n_named}/{n_rest}"));
+    verdict.check("named_in_health", journal.master_reasons().contains(Reason::DeviceLost), "DeviceLost");
+    verdict.check("named_in_log", ended.stderr.contains("the hand controller was lost"), "lost");
+    verdict.check("largest_gap_ms", gap_ns < LARGEST_GAP_NS, format!("{:.1}", gap_ns as f64 * 1e-6));
+    Ok(())
+}
+
+fn judge_return(verdict: &mut Verdict, ended: &Ended, journal: &Journal, at: &Instants) -> anyhow::Result<()> {
+    let live = journal.input_at(at.pressed).context("no input before the press")?;
+    verdict.check("live_again", live.device() == Some(DeviceState::Live), format!("{:?}", live.device()));
+    let unpressed_deg = journal.moved_deg(at.plugged, at.pressed);
+    verdict.check("unpressed_moved_deg", unpressed_deg == 0.0, unpressed_deg);
+    let pressed_deg = journal.moved_deg(at.pressed, at.released);
+    verdict.check("pressed_moved_deg", pressed_deg > MOVED_DEG, format!("{pressed_deg:.1}"));
+    let n_lost = ended.json()?.pointer("/samples/lost").and_then(serde_json::Value::as_u64);
+    verdict.check("lost", n_lost == Some(0), format!("{n_lost:?}"));
+    verdict.check("exit_code", ended.code == Some(0), format!("{:?}", ended.code));
+    Ok(())
+}

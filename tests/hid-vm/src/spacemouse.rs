@@ -1,0 +1,322 @@
+//! A virtual SpaceMouse Compact: what the kernel sees of it, and a hand that moves its cap.
+
+use crate::uhid::{Identity, Told, Uhid};
+use anyhow::{Context, bail};
+use krait_ipc::clock;
+use krait_master::{Recording, Report, led_report};
+use std::fs;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// A SpaceMouse Compact. Its reports are split, as those of the shipped recording are. The SpaceNavigator's own 046d:c626 would
+/// be claimed by hid-logitech on a full kernel, which refuses a uhid device.
+pub const VENDOR_ID: u16 = 0x256f;
+/// See [`VENDOR_ID`].
+pub const PRODUCT_ID: u16 = 0xc635;
+/// Id of the report that the device declares and krait does not know.
+pub const VENDOR_REPORT_ID: u8 = 0x42;
+/// A device sends this often while its cap is held.
+pub const SLOT_NS: i64 = 8_000_000;
+
+const NAME: &str = "SpaceMouse Compact";
+const SERIAL: &str = "KRAIT-VM-1";
+/// Longest wait for anything that must come about; the machine's own time.
+const PATIENCE_NS: i64 = 10_000_000_000;
+
+/// How the device spoils what it plays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// Not at all.
+    None,
+    /// It sends nothing.
+    Silent,
+    /// It leaves out one report in the middle.
+    Drop,
+}
+
+/// The device, plugged in until it is dropped or unplugged.
+pub struct SpaceMouse {
+    uhid: Uhid,
+    lights: Arc<Lights>,
+    listener: Option<JoinHandle<()>>,
+    /// Reports sent so far.
+    pub n_sent: u64,
+}
+
+/// The output reports that reached the device.
+#[derive(Debug, Default)]
+struct Lights {
+    n_on: AtomicU64,
+    n_off: AtomicU64,
+    n_other: AtomicU64,
+}
+
+impl SpaceMouse {
+    /// Plugs a device in and waits for its node. `declared_axes` (1..=3) is how many axes its descriptor gives to the
+    /// translation report: the kernel drops what is shorter than declared, so a device that declares less gets less through.
+    ///
+    /// # Errors
+    /// The kernel makes no device or no node.
+    pub fn plug(declared_axes: u8) -> anyhow::Result<Self> {
+        let identity = Identity { name: NAME, serial: SERIAL, vendor_id: VENDOR_ID, product_id: PRODUCT_ID };
+        let uhid = Uhid::create(identity, &descriptor(declared_axes))?;
+        let lights = Arc::new(Lights::default());
+        let (mut heard, counted) = (uhid.handle()?, Arc::clone(&lights));
+        let listener =
+            std::thread::Builder::new().name("uhid".to_owned()).spawn(move || listen(&mut heard, &counted))?;
+        let mouse = Self { uhid, lights, listener: Some(listener), n_sent: 0 };
+        wait_for("the node of the virtual device", || node().is_some())?;
+        Ok(mouse)
+    }
+
+    /// The node of the device, from the kernel's own books.
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn node(&self) -> anyhow::Result<String> {
+        node().context("the virtual device has no node")
+    }
+
+    /// Waits until krait has switched the light on: from then on it reads.
+    ///
+    /// # Errors
+    /// It does not come about.
+    pub fn wait_until_read(&self) -> anyhow::Result<()> {
+        wait_for("the light that says that krait reads", || self.lights.n_on.load(Ordering::SeqCst) > 0)
+    }
+
+    /// Output reports received: light on, light off, anything else.
+    pub fn lights(&self) -> [u64; 3] {
+        let Lights { n_on, n_off, n_other } = &*self.lights;
+        [n_on, n_off, n_other].map(|n| n.load(Ordering::SeqCst))
+    }
+
+    /// Sends raw bytes.
+    ///
+    /// # Errors
+    /// The device is gone.
+    pub fn send(&mut self, bytes: &[u8]) -> anyhow::Result<()> {
+        self.n_sent += 1;
+        self.uhid.input(bytes)
+    }
+
+    /// Plays the first seconds of the recording that krait ships, lets the cap go, and gives the number of reports that
+    /// were due, spoiled or not.
+    ///
+    /// # Errors
+    /// The device is gone.
+    pub fn play(&mut self, duration_s: f64, fault: Fault) -> anyhow::Result<u64> {
+        let recording = Recording::shipped()?.first_s(duration_s);
+        let zeros = [Report::Translation([0; 3]), Report::Rotation([0; 3])].map(Report::encode);
+        let end_ns = recording.duration_ns();
+        let last = zeros.iter().zip(1..).map(|(report, k)| (end_ns + k * SLOT_NS, report.as_bytes()));
+        let reports: Vec<(i64, &[u8])> = recording.reports().chain(last).collect();
+        let (begin_ns, n_due) = (clock::monotonic_ns(), reports.len());
+        for (idx, (stamp_ns, bytes)) in reports.into_iter().enumerate() {
+            sleep_until(begin_ns + stamp_ns);
+            let is_spoiled = fault == Fault::Silent || (fault == Fault::Drop && idx == n_due / 2);
+            if !is_spoiled {
+                self.send(bytes)?;
+            }
+        }
+        Ok(n_due as u64)
+    }
+
+    /// Presses and releases a button.
+    ///
+    /// # Errors
+    /// The device is gone.
+    pub fn press(&mut self, button: u32) -> anyhow::Result<()> {
+        for buttons in [1 << button, 0] {
+            self.send(Report::Buttons(buttons).encode().as_bytes())?;
+            std::thread::sleep(Duration::from_nanos(SLOT_NS.unsigned_abs()));
+        }
+        Ok(())
+    }
+
+    /// Holds the cap to the right (negative: left) for a while, counts; it is still held at the end.
+    ///
+    /// # Errors
+    /// The device is gone.
+    pub fn hold(&mut self, x_counts: i16, duration_ms: i64) -> anyhow::Result<()> {
+        let begin_ns = clock::monotonic_ns();
+        for slot in 0..duration_ms * 1_000_000 / SLOT_NS {
+            let half = if slot % 2 == 0 { Report::Translation([x_counts, 0, 0]) } else { Report::Rotation([0; 3]) };
+            self.send(half.encode().as_bytes())?;
+            sleep_until(begin_ns + (slot + 1) * SLOT_NS);
+        }
+        Ok(())
+    }
+
+    /// Lets the cap go: two pairs of zeros.
+    ///
+    /// # Errors
+    /// The device is gone.
+    pub fn release(&mut self) -> anyhow::Result<()> {
+        self.hold(0, 4 * SLOT_NS / 1_000_000)
+    }
+
+    /// Pulls the plug and waits until the kernel has let go of the device.
+    ///
+    /// # Errors
+    /// It was gone already, or the thread that listens to the kernel died.
+    pub fn unplug(mut self) -> anyhow::Result<()> {
+        self.uhid.destroy()?;
+        match self.listener.take().map(JoinHandle::join) {
+            Some(Err(_)) => bail!("the thread that listens to the kernel died"),
+            _ => wait_for("the end of the node", || node().is_none()),
+        }
+    }
+}
+
+/// A part that ends early leaves no device behind for the next.
+impl Drop for SpaceMouse {
+    fn drop(&mut self) {
+        if let Some(listener) = self.listener.take()
+            && self.uhid.destroy().is_ok()
+        {
+            let _it_only_counted = listener.join();
+        }
+    }
+}
+
+/// Waits for something by the machine's own time.
+///
+/// # Errors
+/// It has not come about within ten seconds.
+pub fn wait_for(what: &str, mut done: impl FnMut() -> bool) -> anyhow::Result<()> {
+    let deadline_ns = clock::monotonic_ns() + PATIENCE_NS;
+    while !done() {
+        if clock::monotonic_ns() > deadline_ns {
+            bail!("{what}: it did not come within {} s", PATIENCE_NS / 1_000_000_000);
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    Ok(())
+}
+
+/// Ends when the device does.
+fn listen(uhid: &mut Uhid, lights: &Lights) {
+    loop {
+        let counter = match uhid.next() {
+            Ok(Told::Output(bytes)) if bytes == led_report(true) => &lights.n_on,
+            Ok(Told::Output(bytes)) if bytes == led_report(false) => &lights.n_off,
+            Ok(Told::Output(_)) => &lights.n_other,
+            Ok(Told::Other) => continue,
+            Ok(Told::Stop) | Err(_) => return,
+        };
+        counter.fetch_add(1, Ordering::SeqCst);
+    }
+}
+
+fn node() -> Option<String> {
+    let nodes = fs::read_dir("/sys/class/hidraw").ok()?.flatten();
+    let names = nodes.filter_map(|entry| entry.file_name().into_string().ok());
+    names.into_iter().find_map(|name| {
+        let text = fs::read_to_string(format!("/sys/class/hidraw/{name}/device/uevent")).ok()?;
+        let path = format!("/dev/{name}");
+        (text.lines().any(|line| line == format!("HID_UNIQ={SERIAL}")) && fs::exists(&path).is_ok_and(|is| is))
+            .then_some(path)
+    })
+}
+
+fn sleep_until(instant_ns: i64) {
+    let left_ns = instant_ns - clock::monotonic_ns();
+    if left_ns > 0 {
+        std::thread::sleep(Duration::from_nanos(left_ns.unsigned_abs()));
+    }
+}
+
+/// A six-axis controller as the HID tables write it: 1 translation, 2 rotation, 3 sixteen buttons, 4 the light, and a report
+/// of the vendor's own.
+fn descriptor(declared_axes: u8) -> Vec<u8> {
+    const LOGICAL_350_PHYSICAL_1400: [u8; 12] =
+        [0x16, 0xa2, 0xfe, 0x26, 0x5e, 0x01, 0x36, 0x88, 0xfa, 0x46, 0x78, 0x05];
+    let axes = |id: u8, first_usage: u8, n_axes: u8| {
+        let mut bytes = vec![0xa1, 0x00, 0x85, id];
+        bytes.extend_from_slice(&LOGICAL_350_PHYSICAL_1400);
+        bytes.extend((0..n_axes).flat_map(|k| [0x09, first_usage + k]));
+        bytes.extend_from_slice(&[0x75, 0x10, 0x95, n_axes, 0x81, 0x06, 0xc0]);
+        bytes
+    };
+    let mut bytes = vec![0x05, 0x01, 0x09, 0x08, 0xa1, 0x01];
+    bytes.extend(axes(1, 0x30, declared_axes));
+    bytes.extend(axes(2, 0x33, 3));
+    bytes.extend_from_slice(&[
+        0xa1,
+        0x02,
+        0x85,
+        0x03,
+        0x05,
+        0x09,
+        0x19,
+        0x01,
+        0x29,
+        0x10,
+        0x15,
+        0x00,
+        0x25,
+        0x01,
+        0x35,
+        0x00,
+        0x45,
+        0x01, //
+        0x75,
+        0x01,
+        0x95,
+        0x10,
+        0x81,
+        0x02,
+        0xc0, //
+        0xa1,
+        0x02,
+        0x85,
+        0x04,
+        0x05,
+        0x08,
+        0x09,
+        0x4b,
+        0x15,
+        0x00,
+        0x25,
+        0x01,
+        0x95,
+        0x01,
+        0x75,
+        0x01,
+        0x91,
+        0x02, //
+        0x95,
+        0x07,
+        0x91,
+        0x03,
+        0xc0,
+        0xc0, //
+        0x06,
+        0x00,
+        0xff,
+        0x09,
+        0x01,
+        0xa1,
+        0x01,
+        0x15,
+        0x00,
+        0x26,
+        0xff,
+        0x00,
+        0x75,
+        0x08, //
+        0x85,
+        VENDOR_REPORT_ID,
+        0x09,
+        0x20,
+        0x95,
+        0x07,
+        0x81,
+        0x02,
+        0xc0,
+    ]);
+    bytes
+}
