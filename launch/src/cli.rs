@@ -56,6 +56,9 @@ pub enum Verb {
     /// Repeats every step of a recording: are setpoints and commands the same, bit for bit?
     #[command(after_help = "Example:\n  krait verify recordings/demo.mcap")]
     Verify(VerifyArgs),
+    /// Prints or checks a model file.
+    #[command(subcommand)]
+    Model(ModelVerb),
     /// Prints the configuration that is in force, as TOML with every key.
     #[command(after_help = "Example:\n  krait config > krait.toml")]
     Config,
@@ -146,6 +149,42 @@ pub enum MasterKind {
 pub enum SlaveKind {
     /// The simulated snake.
     Sim,
+}
+
+/// What to do with a model file.
+#[derive(Clone, Debug, Subcommand)]
+pub enum ModelVerb {
+    /// Prints a model file with every value, its unit, range, default and source.
+    #[command(
+        after_help = "Examples:\n  krait model show better.toml\n  krait model show --defaults > every-effect.toml"
+    )]
+    Show(ModelShowArgs),
+    /// Checks a model file; exit code 1 and one sentence with line and key where it is refused.
+    #[command(after_help = "Examples:\n  krait model check better.toml\n  krait model check better.toml --json")]
+    Check(ModelFileArgs),
+}
+
+/// Options of `krait model show`.
+#[derive(Clone, Debug, Args)]
+pub struct ModelShowArgs {
+    /// The model file (TOML).
+    pub file: Option<PathBuf>,
+    /// Print every effect that there is with its defaults instead.
+    #[arg(long, conflicts_with_all = ["file", "json"])]
+    pub defaults: bool,
+    /// Print the model as JSON on standard output.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Options of `krait model check`.
+#[derive(Clone, Debug, Args)]
+pub struct ModelFileArgs {
+    /// The model file (TOML).
+    pub file: PathBuf,
+    /// Print the outcome as JSON on standard output.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// Options of `krait devices`.

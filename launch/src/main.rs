@@ -32,6 +32,7 @@ fn main() -> ExitCode {
         Verb::Devices(args) => commands::devices::run(&args),
         Verb::Paper(args) => commands::paper::run(&args),
         Verb::Verify(args) => commands::verify::run(&args),
+        Verb::Model(verb) => commands::model::run(&verb),
         Verb::Config => commands::config::run(&cli.common),
         Verb::Process(process) => commands::process::run(&cli.common, &process),
     };

@@ -3,6 +3,7 @@
 pub mod config;
 pub mod demo;
 pub mod devices;
+pub mod model;
 pub mod paper;
 pub mod process;
 pub mod run;
