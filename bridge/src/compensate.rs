@@ -10,11 +10,12 @@
 //! Failure: stale or foreign samples. The command then repeats the last one, with the reasons named.
 
 use crate::config::CompensateConfig;
+use crate::lines::Lines;
 use crate::stage::{self, BridgeError, Refused, Stage, check_order_and_numbers, seconds_between, stamps_begun, step_s};
 use core::sync::atomic::AtomicBool;
 use krait_ipc::message::{Command, Compensation, ModelUpdate, Phase, Setpoint, SlaveState};
 use krait_ipc::{Bus, IpcError, ReadCounts, ReadOptions, Reader, Reason, Reasons};
-use krait_model::{CompensationMode, Compensator, CompensatorParameters, MachineParameters, Snake};
+use krait_model::{Chain, MachineParameters};
 use nalgebra::{Vector2, Vector3};
 
 /// Largest bend that a setpoint may ask for, rad: the model holds to 90 deg and a little.
@@ -28,7 +29,7 @@ const EASED_M: f64 = 1e-9;
 /// The pure step of `compensate`.
 #[derive(Clone, Debug)]
 pub struct CompensateCore {
-    lines: Compensator,
+    lines: Lines,
     config: CompensateConfig,
     state: Option<SlaveState>,
     update: Option<ModelUpdate>,
@@ -37,40 +38,24 @@ pub struct CompensateCore {
     command_m: Option<Vector3<f64>>,
     load_n: f64,
     sequence: u64,
+    first_ns: Option<i64>,
     before_ns: Option<i64>,
 }
 
-/// The model's mode for a mode of the messages.
-fn model_mode(mode: Compensation) -> CompensationMode {
-    match mode {
-        Compensation::Off => CompensationMode::Off,
-        Compensation::Naive => CompensationMode::Naive,
-        Compensation::Estimated => CompensationMode::Estimated,
-    }
-}
-
-impl CompensateConfig {
-    /// The model's parameters for this configuration.
-    pub fn lines(&self) -> CompensatorParameters {
-        CompensatorParameters {
-            mode: model_mode(self.mode),
-            eta: self.eta,
-            lambda_m: self.lambda_m,
-            transition_m: self.transition_m,
-        }
-    }
-}
-
 impl CompensateCore {
-    /// A compensator in the straight pose, with the configured model.
+    /// A compensator in the straight pose, with the configured model; the mode `model` needs a chain.
     ///
     /// # Errors
-    /// [`BridgeError::Config`] or [`BridgeError::Model`] for values out of range.
-    pub fn new(machine: &MachineParameters, config: CompensateConfig) -> Result<Self, BridgeError> {
+    /// [`BridgeError::Config`] or [`BridgeError::Model`] for values out of range, [`BridgeError::NoModelFile`] or
+    /// [`BridgeError::Chain`] for a chain that is missing or cannot be inverted.
+    pub fn new(
+        machine: &MachineParameters,
+        config: CompensateConfig,
+        chain: Option<&Chain>,
+    ) -> Result<Self, BridgeError> {
         config.check()?;
-        let lines = Compensator::new(Snake::new(machine)?, config.lines())?;
         Ok(Self {
-            lines,
+            lines: Lines::new(machine, &config, chain)?,
             config,
             state: None,
             update: None,
@@ -79,6 +64,7 @@ impl CompensateCore {
             command_m: None,
             load_n: 0.0,
             sequence: 0,
+            first_ns: None,
             before_ns: None,
         })
     }
@@ -123,14 +109,18 @@ impl CompensateCore {
         let mut reasons = Reasons::from_bits(setpoint.reasons);
         self.blend_model(step_s, &mut reasons);
         let fresh = self.check_age(setpoint, begun_ns, &mut reasons);
-        let lines = self.lines.step(bend);
+        let first_ns = *self.first_ns.get_or_insert(setpoint.sample_ns);
+        let lines = self.lines.step(bend, seconds_between(first_ns, setpoint.sample_ns));
         let wanted_m = lines.q_tilde_m + self.offset_for(&lines.q_tilde_m, step_s, &mut reasons);
         let load_n = lines.tau_n.amax();
         let q_tilde_m = if fresh { self.limited(wanted_m, load_n, step_s, &mut reasons) } else { self.held(wanted_m) };
         self.command_m = Some(q_tilde_m);
         self.load_n = load_n;
         self.sequence += 1;
-        let parameters = self.lines.parameters();
+        let (eta, lambda_m) = match &self.lines {
+            Lines::Paper(lines) => (lines.parameters().eta, lines.parameters().lambda_m),
+            Lines::Chain(_) => (f64::NAN, f64::NAN),
+        };
         Ok(Command {
             sequence: self.sequence,
             sample_ns: setpoint.sample_ns,
@@ -141,8 +131,8 @@ impl CompensateCore {
             bend_rad: setpoint.bend_rad,
             q_uncompensated_m: lines.q_m.into(),
             q_tilde_m: q_tilde_m.into(),
-            eta: parameters.eta,
-            lambda_m: parameters.lambda_m,
+            eta,
+            lambda_m,
             model_version: self.model_version,
             compensation: self.config.mode as u32,
             phase: if fresh { setpoint.phase } else { Phase::Holding as u32 },
@@ -153,13 +143,14 @@ impl CompensateCore {
     /// Moves the model's parameters towards the newest update, no faster than allowed.
     fn blend_model(&mut self, step_s: f64, reasons: &mut Reasons) {
         let (Some(update), Compensation::Estimated) = (&self.update, self.config.mode) else { return };
-        let now = self.lines.parameters();
+        let Lines::Paper(lines) = &mut self.lines else { return };
+        let now = lines.parameters();
         let eta = towards(now.eta, update.eta, self.config.eta_rate_per_s * step_s);
         let lambda_m = towards(now.lambda_m, update.lambda_m, self.config.lambda_rate_m_per_s * step_s);
         if eta == now.eta && lambda_m == now.lambda_m {
             return;
         }
-        match self.lines.set_parameters(eta, lambda_m) {
+        match lines.set_parameters(eta, lambda_m) {
             Ok(()) => {
                 self.model_version += 1;
                 reasons.insert(Reason::ModelBlending);
@@ -273,10 +264,11 @@ pub fn run_compensate(
     bus: &Bus,
     machine: &MachineParameters,
     config: CompensateConfig,
+    chain: Option<&Chain>,
     stop: &AtomicBool,
 ) -> Result<(), BridgeError> {
     let mut stage = CompensateStage {
-        core: CompensateCore::new(machine, config)?,
+        core: CompensateCore::new(machine, config, chain)?,
         states: bus.reader(ReadOptions::glancing())?,
         updates: bus.reader(ReadOptions::glancing())?,
         n_updates_refused: 0,

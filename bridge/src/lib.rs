@@ -15,6 +15,7 @@
 mod compensate;
 mod config;
 mod estimate;
+mod lines;
 mod resolve;
 mod stage;
 

@@ -17,6 +17,12 @@ pub enum BridgeError {
     /// The machine's parameters make no snake.
     #[error(transparent)]
     Model(#[from] krait_model::ParameterError),
+    /// The chain of a model file cannot be built or inverted.
+    #[error(transparent)]
+    Chain(#[from] krait_model::ChainError),
+    /// The mode `model` without a model file.
+    #[error("compensation \"model\" needs a model file: name it with --model FILE or with the setting `model`")]
+    NoModelFile,
     /// A value of the configuration is out of range.
     #[error(transparent)]
     Config(#[from] crate::ConfigError),

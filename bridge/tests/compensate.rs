@@ -8,7 +8,8 @@ use common::{TICK_NS, compensate, ready_state, setpoint, waiting_state};
 use krait_bridge::{CompensateConfig, CompensateCore};
 use krait_ipc::message::{Command, Compensation, ModelUpdate, Setpoint};
 use krait_ipc::{Reason, Reasons};
-use krait_model::{MachineParameters, Snake};
+use krait_model::model_file::ModelFile;
+use krait_model::{Columns, MachineParameters, Snake};
 
 fn with_mode(mode: Compensation) -> CompensateConfig {
     CompensateConfig { mode, ..CompensateConfig::default() }
@@ -64,7 +65,7 @@ fn naive_adds_nearly_as_much_as_the_snake_needs_itself() {
 
 #[test]
 fn while_the_slave_does_not_follow_the_command_equals_its_setpoint() {
-    for mode in Compensation::ALL {
+    for mode in [Compensation::Off, Compensation::Naive, Compensation::Estimated] {
         let mut core = compensate(with_mode(mode));
         let own_m = [0.4e-3, -0.3e-3, 0.1e-3];
         for n in 1..=5 {
@@ -115,6 +116,32 @@ fn the_other_modes_ignore_model_updates() {
         let last = (1..=100).map(|n| follow(&mut core, setpoint(n, [0.3, 0.0]))).last().expect("steps");
         assert_eq!((last.eta, last.lambda_m, last.model_version), (1.0, 0.0, 0));
     }
+}
+
+#[test]
+fn the_chain_of_a_model_file_compensates_like_the_estimated_mode_with_the_same_numbers() {
+    let effects = "[[effect]]\nkind = \"stiffness-scale\"\neta = 1.22\n[[effect]]\nkind = \"cone-friction\"\n\
+                   [[effect]]\nkind = \"static-friction\"\n[[effect]]\nkind = \"backlash\"\nhalf_width_m = 0.089e-3\n";
+    let text = format!("format = 1\n[machine]\nkind = \"snake\"\n{effects}");
+    let file = ModelFile::parse(&text).expect("a model file");
+    let chain = file.chain(Columns::default()).expect("a chain").expect("of a snake");
+    let machine = MachineParameters::default();
+    let config = with_mode(Compensation::Model);
+    let mut by_chain = CompensateCore::new(&machine, config, Some(&chain)).expect("invertible");
+    let estimated = CompensateConfig { eta: 1.22, lambda_m: 0.089e-3, ..with_mode(Compensation::Estimated) };
+    let mut by_paper = compensate(estimated);
+    let mut largest_m: f64 = 0.0;
+    for n in 1..=6000 {
+        let phase = n as f64 * 1e-3;
+        let bend_rad = [0.7 * phase.sin(), 0.5 * (0.7 * phase).sin()];
+        let (a, b) = (follow(&mut by_chain, setpoint(n, bend_rad)), follow(&mut by_paper, setpoint(n, bend_rad)));
+        assert!(a.eta.is_nan() && a.lambda_m.is_nan() && a.compensation == Compensation::Model as u32);
+        largest_m = largest_m.max(largest_step(&a, &b));
+    }
+    // 20 um are 0.7 deg of bend that is not there: the two turn a line's sign of motion within the same travel.
+    assert!(largest_m < 20e-6, "{largest_m}");
+    let error = CompensateCore::new(&machine, config, None).expect_err("no model file").to_string();
+    assert!(error.contains("--model"), "{error}");
 }
 
 #[test]

@@ -42,7 +42,7 @@ pub enum Verb {
     Demo(DemoArgs),
     /// The chain until Ctrl-C: operator, bridge, actuators, recorder, each a process of its own.
     #[command(
-        after_help = "Examples:\n  krait run\n  krait run --master hid --compensation estimated\n  krait run --master script --input path.csv --seconds 30\n  krait run --truth stiff.toml --recording runs/stiff.mcap"
+        after_help = "Examples:\n  krait run\n  krait run --master hid --compensation estimated\n  krait run --master script --input path.csv --seconds 30\n  krait run --truth stiff.toml --recording runs/stiff.mcap\n  krait run --model better.toml"
     )]
     Run(RunArgs),
     /// The hand controllers on this machine, and what is missing to use them.
@@ -117,8 +117,11 @@ pub struct RunArgs {
     #[arg(long, value_name = "FILE")]
     pub truth: Option<PathBuf>,
     /// How q becomes q~.
-    #[arg(long, value_parser = parse_compensation, value_name = "off|naive|estimated")]
+    #[arg(long, value_parser = parse_compensation, value_name = "off|naive|estimated|model")]
     pub compensation: Option<Compensation>,
+    /// Model file (TOML) whose chain of effects compensates; implies --compensation model.
+    #[arg(long, value_name = "FILE")]
+    pub model: Option<PathBuf>,
     /// Where to write the recording; by default recordings/<date>-run.mcap.
     #[arg(long, value_name = "FILE", conflicts_with = "no_recording")]
     pub recording: Option<PathBuf>,
@@ -259,5 +262,5 @@ fn parse_compensation(word: &str) -> Result<Compensation, String> {
     Compensation::ALL
         .into_iter()
         .find(|c| c.name() == word)
-        .ok_or_else(|| format!("{word:?} is no compensation: expected off, naive or estimated"))
+        .ok_or_else(|| format!("{word:?} is no compensation: expected off, naive, estimated or model"))
 }

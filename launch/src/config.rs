@@ -2,17 +2,21 @@
 
 use anyhow::{Context, bail};
 use krait_bridge::{CompensateConfig, EstimateConfig, ResolveConfig};
+use krait_ipc::message::Compensation;
 use krait_master::MasterConfig;
-use krait_model::{MachineParameters, Snake};
+use krait_model::model_file::ModelFile;
+use krait_model::{Chain, Columns, MachineParameters, Snake};
 use krait_record::RecordConfig;
 use krait_slave::SlaveConfig;
 use serde::{Deserialize, Serialize};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Everything that can be set about a chain.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Config {
+    /// Model file whose chain of effects compensates when [compensate] mode is "model".
+    pub model: Option<PathBuf>,
     /// The snake and its lines.
     pub machine: MachineParameters,
     /// The operator's device.
@@ -62,6 +66,27 @@ impl Config {
         })
     }
 
+    /// The chain of the model file, if the mode asks for it.
+    ///
+    /// # Errors
+    /// One sentence with file, line and key; also for a model of joints, and for an effect that needs a column that a
+    /// running chain does not have.
+    pub fn chain(&self) -> anyhow::Result<Option<Chain>> {
+        match (self.compensate.mode, &self.model) {
+            (Compensation::Model, Some(path)) => {
+                let text = std::fs::read_to_string(path)
+                    .with_context(|| format!("the model file {} could not be read", path.display()))?;
+                chain_of(&text).with_context(|| format!("model file {}", path.display())).map(Some)
+            }
+            (Compensation::Model, None) => {
+                bail!(
+                    "compensation \"model\" needs a model file: name it with --model FILE or with the setting `model`"
+                )
+            }
+            _ => Ok(None),
+        }
+    }
+
     /// Checks every range.
     ///
     /// # Errors
@@ -74,11 +99,22 @@ impl Config {
         self.estimate.check()?;
         self.slave.check()?;
         self.record.validate()?;
+        if let Some(chain) = self.chain()? {
+            chain.compensator()?;
+        }
         if self.resolve.max_bend_rad > core::f64::consts::FRAC_PI_2 {
             bail!("[resolve] max_bend_rad = {}: expected at most pi/2", self.resolve.max_bend_rad);
         }
         Ok(())
     }
+}
+
+/// The chain of a model file's text, for a machine that gives time stamps and nothing else besides.
+///
+/// # Errors
+/// One sentence with line and key.
+pub fn chain_of(text: &str) -> anyhow::Result<Chain> {
+    ModelFile::parse(text)?.chain(Columns::default())?.context("it describes joints, and only a snake can be driven")
 }
 
 /// For an unknown key: the known one that looks most like it.

@@ -3,10 +3,12 @@
 //! Every output names what its step depended on by sequence number, and its stamps say which instant it took for now. So the
 //! steps can be repeated from the recording alone; the stamps themselves say when, not what, and are not compared.
 
-use crate::config::Config;
+use crate::commands::process::MODEL_ATTACHMENT;
+use crate::config::{Config, chain_of};
 use anyhow::Context;
 use krait_bridge::{CompensateCore, Refused, ResolveCore};
 use krait_ipc::message::{Command, HopStamps, ModelUpdate, OperatorInput, Setpoint, SlaveState};
+use krait_model::Chain;
 use krait_record::{Recording, Sample};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -71,9 +73,10 @@ pub fn verify(path: &Path) -> anyhow::Result<Verdict> {
         verified_with: env!("CARGO_PKG_VERSION").to_owned(),
         ..Verdict::default()
     };
+    let chain = chain_of_recording(&recording).with_context(|| format!("recording {}", path.display()))?;
     for (idx, pass) in passes_of(&recording)?.iter().enumerate() {
         verdict.passes += 1;
-        let found = pass.repeat(&config, idx + 1, &mut verdict);
+        let found = pass.repeat(&config, chain.as_ref(), idx + 1, &mut verdict);
         verdict.first_difference = found.with_context(|| format!("recording {}", path.display()))?;
         if verdict.first_difference.is_some() {
             break;
@@ -83,10 +86,19 @@ pub fn verify(path: &Path) -> anyhow::Result<Verdict> {
 }
 
 fn config_of(recording: &Recording) -> anyhow::Result<Config> {
-    let attachment = recording.contents().attachments.iter().find(|a| a.name == "krait.toml");
-    let attachment = attachment.context("it holds no attachment krait.toml, so the steps cannot be repeated")?;
-    let text = String::from_utf8(attachment.data.clone()).context("its attachment krait.toml is no text")?;
-    Config::parse(&text).context("its attachment krait.toml is of another version")
+    let text = attachment(recording, "krait.toml")?;
+    let text = text.context("it holds no attachment krait.toml, so the steps cannot be repeated")?;
+    Config::parse(text).context("its attachment krait.toml is of another version")
+}
+
+fn chain_of_recording(recording: &Recording) -> anyhow::Result<Option<Chain>> {
+    attachment(recording, MODEL_ATTACHMENT)?.map(chain_of).transpose().context("its attachment model.toml")
+}
+
+fn attachment<'a>(recording: &'a Recording, name: &str) -> anyhow::Result<Option<&'a str>> {
+    let found = recording.contents().attachments.iter().find(|attachment| attachment.name == name);
+    let text = found.map(|attachment| std::str::from_utf8(&attachment.data)).transpose();
+    text.with_context(|| format!("its attachment {name} is no text"))
 }
 
 /// A channel whose sequence numbers begin anew at 1 begins its next pass.
@@ -128,7 +140,13 @@ impl Passes {
 }
 
 impl Pass {
-    fn repeat(&self, config: &Config, number: usize, verdict: &mut Verdict) -> anyhow::Result<Option<Difference>> {
+    fn repeat(
+        &self,
+        config: &Config,
+        chain: Option<&Chain>,
+        number: usize,
+        verdict: &mut Verdict,
+    ) -> anyhow::Result<Option<Difference>> {
         let mut config = config.clone();
         // A demo changes the mode from pass to pass; the commands say which it was.
         if let Some(mode) = self.commands.values().next().and_then(Command::compensation) {
@@ -143,7 +161,7 @@ impl Pass {
             }
             verdict.setpoints_identical += 1;
         }
-        let mut compensate = CompensateCore::new(&config.machine, config.compensate)?;
+        let mut compensate = CompensateCore::new(&config.machine, config.compensate, chain)?;
         let mut newest_update = 0;
         for recorded in self.commands.values() {
             let again = self.command_again(&mut compensate, recorded, &mut newest_update)?;

@@ -80,7 +80,7 @@ pub fn resolve(config: ResolveConfig) -> ResolveCore {
 
 /// `compensate` with the default machine.
 pub fn compensate(config: CompensateConfig) -> CompensateCore {
-    CompensateCore::new(&MachineParameters::default(), config).expect("defaults")
+    CompensateCore::new(&MachineParameters::default(), config, None).expect("defaults")
 }
 
 /// Length of a bend vector.

@@ -26,9 +26,9 @@ pub struct Command {
     pub q_uncompensated_m: [f64; 3],
     /// q~ = q + eps: what the actuators are told, m, push positive.
     pub q_tilde_m: [f64; 3],
-    /// Load scale eta in use, 1.
+    /// Load scale eta in use, 1; NaN where a model file's chain compensates.
     pub eta: f64,
-    /// Backlash lambda (half-width, with the sign of motion) in use, m.
+    /// Backlash lambda (half-width, with the sign of motion) in use, m; NaN where a model file's chain compensates.
     pub lambda_m: f64,
     /// Counts model changes since start; 0 is the model as configured.
     pub model_version: u64,
@@ -40,7 +40,7 @@ pub struct Command {
     pub reasons: u64,
 }
 
-message!(Command, "command", 1);
+message!(Command, "command", 2);
 
 impl Command {
     /// The typed compensation mode, or `None` for a value that no version of krait sends.
@@ -60,11 +60,13 @@ pub enum Compensation {
     Naive = 1,
     /// Eqs. (18)-(23): load scale and backlash estimated, signs of motion where the physics has them.
     Estimated = 2,
+    /// The inverse of a model file's chain of effects.
+    Model = 3,
 }
 
 impl Compensation {
-    /// Every mode, in the order in which the demo shows them.
-    pub const ALL: [Self; 3] = [Self::Off, Self::Naive, Self::Estimated];
+    /// Every mode.
+    pub const ALL: [Self; 4] = [Self::Off, Self::Naive, Self::Estimated, Self::Model];
 
     /// The word used in configuration, tables and JSON.
     pub fn name(self) -> &'static str {
@@ -72,6 +74,7 @@ impl Compensation {
             Self::Off => "off",
             Self::Naive => "naive",
             Self::Estimated => "estimated",
+            Self::Model => "model",
         }
     }
 }

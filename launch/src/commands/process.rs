@@ -10,6 +10,9 @@ use krait_record::{Attachment, RecordConfig};
 use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
 
+/// Name under which a recording embeds the model file.
+pub const MODEL_ATTACHMENT: &str = "model.toml";
+
 /// Joins the instance and runs the process until it is told to stop.
 pub fn run(common: &Common, process: &Process) -> anyhow::Result<ExitCode> {
     let name = name_of(process);
@@ -41,7 +44,10 @@ fn run_named(common: &Common, process: &Process, name: &str) -> anyhow::Result<(
         Process::Resolve => {
             krait_bridge::run_resolve(&bus, &config.machine, config.compensate.lines(), config.resolve, &stop)?;
         }
-        Process::Compensate => krait_bridge::run_compensate(&bus, &config.machine, config.compensate, &stop)?,
+        Process::Compensate => {
+            let chain = config.chain()?;
+            krait_bridge::run_compensate(&bus, &config.machine, config.compensate, chain.as_ref(), &stop)?;
+        }
         Process::Estimate => {
             let (eta, lambda_m) = (config.compensate.eta, config.compensate.lambda_m);
             krait_bridge::run_estimate(&bus, &config.machine, eta, lambda_m, config.estimate, &stop)?;
@@ -70,14 +76,17 @@ fn run_master(bus: &Bus, config: &Config, args: &MasterArgs, stop: &AtomicBool) 
     Ok(krait_master::run(bus, &config, source, stop)?)
 }
 
-/// The recording holds what a reader needs to repeat the run: the whole configuration and the truth file, if there is one.
+/// The recording holds what a reader needs to repeat the run: the whole configuration, and the truth and model
+/// files, if there are any.
 fn with_attachments(config: &Config) -> anyhow::Result<RecordConfig> {
     let toml = |name: &str, data| Attachment { name: name.to_owned(), media_type: "application/toml".to_owned(), data };
     let mut record = config.record.clone();
     record.attachments.push(toml("krait.toml", config.to_toml()?.into_bytes()));
-    if let Some(path) = &config.slave.truth {
-        let truth = std::fs::read(path).with_context(|| format!("truth file {}", path.display()))?;
-        record.attachments.push(toml("truth.toml", truth));
+    for (name, path) in [("truth.toml", &config.slave.truth), (MODEL_ATTACHMENT, &config.model)] {
+        if let Some(path) = path {
+            let text = std::fs::read(path).with_context(|| format!("{name} from {}", path.display()))?;
+            record.attachments.push(toml(name, text));
+        }
     }
     Ok(record)
 }

@@ -7,6 +7,7 @@ use crate::progress::Progress;
 use crate::supervisor::{ChainOptions, Supervisor};
 use crate::{print, signals};
 use krait_ipc::clock;
+use krait_ipc::message::Compensation;
 use std::path::absolute;
 use std::process::ExitCode;
 
@@ -73,6 +74,10 @@ fn configure(common: &Common, args: &RunArgs) -> anyhow::Result<Config> {
                 config.slave.truth = Some(absolute(truth)?);
             }
         }
+    }
+    if let Some(model) = &args.model {
+        config.model = Some(absolute(model)?);
+        config.compensate.mode = Compensation::Model;
     }
     if let Some(mode) = args.compensation {
         config.compensate.mode = mode;
