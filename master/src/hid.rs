@@ -1,6 +1,7 @@
 //! The only file that touches hidapi: lists and opens devices, and says in plain words what stands in the way.
 
 use crate::devices::{DeviceChoice, DeviceInfo, KNOWN_DEVICES, known_device};
+use crate::hid_nodes::HidNodes;
 use crate::{MasterError, RawReport};
 use hidapi::{HidApi, HidDevice, HidError};
 use std::ffi::CString;
@@ -10,6 +11,11 @@ use std::time::Duration;
 
 /// Where the udev rule belongs: before 73-seat-late.rules, which acts upon the `uaccess` tag.
 const RULES_FILE: &str = "/etc/udev/rules.d/70-krait.rules";
+
+/// Usage page and usage of a multi-axis controller.
+const MULTI_AXIS: (u16, u16) = (1, 8);
+/// Usage page and usage of a pointer, a mouse, a keyboard and a keypad.
+const MOUSE_OR_KEYBOARD: [(u16, u16); 4] = [(1, 1), (1, 2), (1, 6), (1, 7)];
 
 /// Why a read brought no report.
 #[derive(Debug)]
@@ -48,17 +54,16 @@ impl HidHost for SystemHost {
     fn open(&mut self, choice: &DeviceChoice) -> Result<OpenPort, MasterError> {
         let api = HidApi::new().map_err(|e| failed("listing the devices", e))?;
         let devices = devices_of(&api);
-        let wanted = devices.iter().find(|d| choice.admits(d.vendor_id, d.product_id, &d.serial));
+        let mut admitted = devices.iter().filter(|d| choice.admits(d.vendor_id, d.product_id, &d.serial));
+        // A mouse is taken only where nothing else is admitted: somebody has asked for it by name.
+        let wanted = admitted.clone().find(|d| may_be_hand(&api, &d.path)).or_else(|| admitted.next());
         let device = wanted.ok_or_else(|| no_device(choice, &devices))?;
-        may_open(&device.path).map_err(|source| unreadable(device, source))?;
-        let path = CString::new(device.path.as_str()).map_err(|e| failed("naming a device", e))?;
-        let port = api.open_path(&path).map_err(|e| failed("opening a device", e))?;
-        // The node may have been given to another device since it was listed; while it is open it keeps its name.
-        let (vendor_id, product_id, serial) = identity_of(&device.path)?;
-        if !choice.admits(vendor_id, product_id, &serial) {
-            return Err(no_device(choice, &list_hid()?));
-        }
-        Ok(OpenPort { port: Box::new(SystemPort(port)), vid_pid: (vendor_id, product_id) })
+        let nodes = devices
+            .iter()
+            .filter(|d| is_same_device(d, device) && (d.path == device.path || may_be_hand(&api, &d.path)));
+        let ports = nodes.map(|node| open_node(&api, choice, node)).collect::<Result<_, _>>()?;
+        let port = Box::new(HidNodes::new(ports));
+        Ok(OpenPort { port, vid_pid: (device.vendor_id, device.product_id) })
     }
 }
 
@@ -78,6 +83,31 @@ impl HidPort for SystemPort {
             tracing::debug!(%error, "the device did not take its light's report");
         }
     }
+}
+
+fn open_node(api: &HidApi, choice: &DeviceChoice, node: &DeviceInfo) -> Result<Box<dyn HidPort>, MasterError> {
+    may_open(&node.path).map_err(|source| unreadable(node, source))?;
+    let path = CString::new(node.path.as_str()).map_err(|e| failed("naming a device", e))?;
+    let port = api.open_path(&path).map_err(|e| failed("opening a device", e))?;
+    // The node may have been given to another device since it was listed; while it is open it keeps its name.
+    let (vendor_id, product_id, serial) = identity_of(&node.path)?;
+    if !choice.admits(vendor_id, product_id, &serial) {
+        return Err(no_device(choice, &list_hid()?));
+    }
+    Ok(Box::new(SystemPort(port)))
+}
+
+/// Whether two nodes cannot be told apart by vendor, product and serial number.
+fn is_same_device(a: &DeviceInfo, b: &DeviceInfo) -> bool {
+    (a.vendor_id, a.product_id, &a.serial) == (b.vendor_id, b.product_id, &b.serial)
+}
+
+/// Whether a node may belong to a hand controller: a receiver may serve a mouse and a keyboard too, and their reports could
+/// be taken for pushes of the cap.
+fn may_be_hand(api: &HidApi, path: &str) -> bool {
+    let usages = api.device_list().filter(|found| found.path().to_bytes() == path.as_bytes());
+    let usages: Vec<(u16, u16)> = usages.map(|found| (found.usage_page(), found.usage())).collect();
+    usages.contains(&MULTI_AXIS) || !usages.iter().any(|usage| MOUSE_OR_KEYBOARD.contains(usage))
 }
 
 /// Every HID device, each once (hidapi lists a node once per usage), known hand controllers first. `may_open` is not asked.

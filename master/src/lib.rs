@@ -33,6 +33,7 @@ mod devices;
 mod error;
 pub mod generate;
 mod hid;
+mod hid_nodes;
 mod hid_source;
 mod operator;
 pub mod plan;

@@ -70,12 +70,12 @@ impl Chain {
     ///
     /// # Errors
     /// It ended or did not come up.
-    pub fn start(name: &str, seconds: f64) -> anyhow::Result<Self> {
+    pub fn start(name: &str, user: User, seconds: f64) -> anyhow::Result<Self> {
         let recording = PathBuf::from(format!("/tmp/{name}.mcap"));
         let (path, seconds) = (recording.display().to_string(), seconds.to_string());
         let arguments =
             ["run", "--master", "hid", "--json", "--seconds", &seconds, "--recording", &path, "--instance", name];
-        let mut child = command(User::Root, &arguments)
+        let mut child = command(user, &arguments)
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())

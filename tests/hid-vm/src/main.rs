@@ -4,6 +4,7 @@
 #![allow(clippy::print_stdout, reason = "the serial console is where the verdict is read")]
 
 mod chain;
+mod model;
 mod parts;
 mod spacemouse;
 mod uhid;
@@ -30,11 +31,12 @@ fn main() -> ExitCode {
 type Part = (&'static str, Box<dyn Fn() -> anyhow::Result<Verdict>>);
 
 fn run_parts(fault: Fault) -> bool {
-    let parts: [Part; 6] = [
+    let parts: [Part; 7] = [
         ("devices", Box::new(parts::devices)),
         ("chain", Box::new(move || parts::chain(fault))),
         ("control", Box::new(parts::control)),
         ("unplug", Box::new(parts::unplug)),
+        ("receiver", Box::new(parts::receiver)),
         ("unreadable", Box::new(parts::unreadable)),
         ("malformed", Box::new(parts::malformed)),
     ];

@@ -1,27 +1,20 @@
-//! A virtual SpaceMouse Compact: what the kernel sees of it, and a hand that moves its cap.
+//! A virtual SpaceMouse in the kernel, and a hand that moves its cap.
 
+use crate::model::{Model, SERIAL, VENDOR_ID};
 use crate::uhid::{Identity, Told, Uhid};
 use anyhow::{Context, bail};
 use krait_ipc::clock;
 use krait_master::{Recording, Report, led_report};
-use std::fs;
+use std::fs::{self, Permissions};
+use std::os::unix::fs::PermissionsExt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// A SpaceMouse Compact. Its reports are split, as those of the shipped recording are. The SpaceNavigator's own 046d:c626 would
-/// be claimed by hid-logitech on a full kernel, which refuses a uhid device.
-pub const VENDOR_ID: u16 = 0x256f;
-/// See [`VENDOR_ID`].
-pub const PRODUCT_ID: u16 = 0xc635;
-/// Id of the report that the device declares and krait does not know.
-pub const VENDOR_REPORT_ID: u8 = 0x42;
 /// A device sends this often while its cap is held.
 pub const SLOT_NS: i64 = 8_000_000;
 
-const NAME: &str = "SpaceMouse Compact";
-const SERIAL: &str = "KRAIT-VM-1";
 /// Longest wait for anything that must come about; the machine's own time.
 const PATIENCE_NS: i64 = 10_000_000_000;
 
@@ -38,7 +31,9 @@ pub enum Fault {
 
 /// The device, plugged in until it is dropped or unplugged.
 pub struct SpaceMouse {
+    model: Model,
     uhid: Uhid,
+    place: String,
     lights: Arc<Lights>,
     listener: Option<JoinHandle<()>>,
     /// Reports sent so far.
@@ -54,20 +49,27 @@ struct Lights {
 }
 
 impl SpaceMouse {
-    /// Plugs a device in and waits for its node. `declared_axes` (1..=3) is how many axes its descriptor gives to the
-    /// translation report: the kernel drops what is shorter than declared, so a device that declares less gets less through.
+    /// Plugs a device in and waits for its node.
     ///
     /// # Errors
     /// The kernel makes no device or no node.
-    pub fn plug(declared_axes: u8) -> anyhow::Result<Self> {
-        let identity = Identity { name: NAME, serial: SERIAL, vendor_id: VENDOR_ID, product_id: PRODUCT_ID };
-        let uhid = Uhid::create(identity, &descriptor(declared_axes))?;
+    pub fn plug(model: Model) -> anyhow::Result<Self> {
+        static N_PLUGGED: AtomicU64 = AtomicU64::new(0);
+        let place = format!("krait-vm/{}", N_PLUGGED.fetch_add(1, Ordering::SeqCst));
+        let identity = Identity {
+            name: model.name(),
+            serial: SERIAL,
+            place: &place,
+            vendor_id: VENDOR_ID,
+            product_id: model.product_id(),
+        };
+        let uhid = Uhid::create(identity, &model.descriptor())?;
         let lights = Arc::new(Lights::default());
         let (mut heard, counted) = (uhid.handle()?, Arc::clone(&lights));
         let listener =
             std::thread::Builder::new().name("uhid".to_owned()).spawn(move || listen(&mut heard, &counted))?;
-        let mouse = Self { uhid, lights, listener: Some(listener), n_sent: 0 };
-        wait_for("the node of the virtual device", || node().is_some())?;
+        let mouse = Self { model, uhid, place, lights, listener: Some(listener), n_sent: 0 };
+        wait_for("the node of the virtual device", || node_at(&mouse.place).is_some())?;
         Ok(mouse)
     }
 
@@ -76,7 +78,15 @@ impl SpaceMouse {
     /// # Errors
     /// There is none.
     pub fn node(&self) -> anyhow::Result<String> {
-        node().context("the virtual device has no node")
+        node_at(&self.place).context("the virtual device has no node")
+    }
+
+    /// Changes who may open the node; a new node is root's alone.
+    ///
+    /// # Errors
+    /// The node is gone.
+    pub fn permit(&self, mode: u32) -> anyhow::Result<()> {
+        fs::set_permissions(self.node()?, Permissions::from_mode(mode)).context("permissions of a node")
     }
 
     /// Waits until krait has switched the light on: from then on it reads.
@@ -143,8 +153,12 @@ impl SpaceMouse {
     pub fn hold(&mut self, x_counts: i16, duration_ms: i64) -> anyhow::Result<()> {
         let begin_ns = clock::monotonic_ns();
         for slot in 0..duration_ms * 1_000_000 / SLOT_NS {
-            let half = if slot % 2 == 0 { Report::Translation([x_counts, 0, 0]) } else { Report::Rotation([0; 3]) };
-            self.send(half.encode().as_bytes())?;
+            let report = match slot % 2 {
+                _ if self.model.is_combined() => Report::Motion([x_counts, 0, 0, 0, 0, 0]),
+                0 => Report::Translation([x_counts, 0, 0]),
+                _ => Report::Rotation([0; 3]),
+            };
+            self.send(report.encode().as_bytes())?;
             sleep_until(begin_ns + (slot + 1) * SLOT_NS);
         }
         Ok(())
@@ -166,7 +180,7 @@ impl SpaceMouse {
         self.uhid.destroy()?;
         match self.listener.take().map(JoinHandle::join) {
             Some(Err(_)) => bail!("the thread that listens to the kernel died"),
-            _ => wait_for("the end of the node", || node().is_none()),
+            _ => wait_for("the end of the node", || node_at(&self.place).is_none()),
         }
     }
 }
@@ -211,13 +225,13 @@ fn listen(uhid: &mut Uhid, lights: &Lights) {
     }
 }
 
-fn node() -> Option<String> {
+fn node_at(place: &str) -> Option<String> {
     let nodes = fs::read_dir("/sys/class/hidraw").ok()?.flatten();
     let names = nodes.filter_map(|entry| entry.file_name().into_string().ok());
     names.into_iter().find_map(|name| {
         let text = fs::read_to_string(format!("/sys/class/hidraw/{name}/device/uevent")).ok()?;
         let path = format!("/dev/{name}");
-        (text.lines().any(|line| line == format!("HID_UNIQ={SERIAL}")) && fs::exists(&path).is_ok_and(|is| is))
+        (text.lines().any(|line| line == format!("HID_PHYS={place}")) && fs::exists(&path).is_ok_and(|is| is))
             .then_some(path)
     })
 }
@@ -227,96 +241,4 @@ fn sleep_until(instant_ns: i64) {
     if left_ns > 0 {
         std::thread::sleep(Duration::from_nanos(left_ns.unsigned_abs()));
     }
-}
-
-/// A six-axis controller as the HID tables write it: 1 translation, 2 rotation, 3 sixteen buttons, 4 the light, and a report
-/// of the vendor's own.
-fn descriptor(declared_axes: u8) -> Vec<u8> {
-    const LOGICAL_350_PHYSICAL_1400: [u8; 12] =
-        [0x16, 0xa2, 0xfe, 0x26, 0x5e, 0x01, 0x36, 0x88, 0xfa, 0x46, 0x78, 0x05];
-    let axes = |id: u8, first_usage: u8, n_axes: u8| {
-        let mut bytes = vec![0xa1, 0x00, 0x85, id];
-        bytes.extend_from_slice(&LOGICAL_350_PHYSICAL_1400);
-        bytes.extend((0..n_axes).flat_map(|k| [0x09, first_usage + k]));
-        bytes.extend_from_slice(&[0x75, 0x10, 0x95, n_axes, 0x81, 0x06, 0xc0]);
-        bytes
-    };
-    let mut bytes = vec![0x05, 0x01, 0x09, 0x08, 0xa1, 0x01];
-    bytes.extend(axes(1, 0x30, declared_axes));
-    bytes.extend(axes(2, 0x33, 3));
-    bytes.extend_from_slice(&[
-        0xa1,
-        0x02,
-        0x85,
-        0x03,
-        0x05,
-        0x09,
-        0x19,
-        0x01,
-        0x29,
-        0x10,
-        0x15,
-        0x00,
-        0x25,
-        0x01,
-        0x35,
-        0x00,
-        0x45,
-        0x01, //
-        0x75,
-        0x01,
-        0x95,
-        0x10,
-        0x81,
-        0x02,
-        0xc0, //
-        0xa1,
-        0x02,
-        0x85,
-        0x04,
-        0x05,
-        0x08,
-        0x09,
-        0x4b,
-        0x15,
-        0x00,
-        0x25,
-        0x01,
-        0x95,
-        0x01,
-        0x75,
-        0x01,
-        0x91,
-        0x02, //
-        0x95,
-        0x07,
-        0x91,
-        0x03,
-        0xc0,
-        0xc0, //
-        0x06,
-        0x00,
-        0xff,
-        0x09,
-        0x01,
-        0xa1,
-        0x01,
-        0x15,
-        0x00,
-        0x26,
-        0xff,
-        0x00,
-        0x75,
-        0x08, //
-        0x85,
-        VENDOR_REPORT_ID,
-        0x09,
-        0x20,
-        0x95,
-        0x07,
-        0x81,
-        0x02,
-        0xc0,
-    ]);
-    bytes
 }

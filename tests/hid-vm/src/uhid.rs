@@ -27,6 +27,8 @@ pub struct Identity<'a> {
     pub name: &'a str,
     /// Serial number, under 64 bytes.
     pub serial: &'a str,
+    /// Where it is plugged in, under 64 bytes.
+    pub place: &'a str,
     /// USB vendor id.
     pub vendor_id: u16,
     /// USB product id.
@@ -54,11 +56,16 @@ impl Uhid {
     /// # Errors
     /// The kernel has no uhid, or this process may not use it, or the texts or the descriptor are too long.
     pub fn create(identity: Identity, descriptor: &[u8]) -> anyhow::Result<Self> {
-        ensure!(identity.name.len() < 128 && identity.serial.len() < 64 && descriptor.len() <= 4096, "too long");
+        let longest = identity.serial.len().max(identity.place.len());
+        ensure!(
+            identity.name.len() < 128 && longest < 64 && descriptor.len() <= 4096,
+            "a text of a device is too long"
+        );
         let mut event = vec![0_u8; DESCRIPTOR_AT + descriptor.len()];
         let mut put = |at: usize, bytes: &[u8]| event[at..at + bytes.len()].copy_from_slice(bytes);
         put(0, &CREATE2.to_le_bytes());
         put(4, identity.name.as_bytes());
+        put(132, identity.place.as_bytes());
         put(196, identity.serial.as_bytes());
         put(260, &(descriptor.len() as u16).to_le_bytes());
         put(262, &BUS_USB.to_le_bytes());

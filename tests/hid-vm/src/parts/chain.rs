@@ -1,6 +1,7 @@
 //! The whole chain on the live device, and the proof that a spoiled device would have been noticed.
 
-use crate::chain::Chain;
+use crate::chain::{Chain, User};
+use crate::model::Model;
 use crate::spacemouse::{Fault, SpaceMouse};
 use crate::verdict::Verdict;
 use anyhow::Context;
@@ -17,8 +18,8 @@ const LEAST_REACHED_DEG: f64 = 35.0;
 
 /// The shipped recording through the kernel: every report counted, nothing lost, the snake bends.
 pub fn chain(fault: Fault) -> anyhow::Result<Verdict> {
-    let mut mouse = SpaceMouse::plug(3)?;
-    let chain = Chain::start("chain", PLAY_S + MORE_S)?;
+    let mut mouse = SpaceMouse::plug(Model::Compact)?;
+    let chain = Chain::start("chain", User::Root, PLAY_S + MORE_S)?;
     mouse.wait_until_read()?;
     let n_due = mouse.play(PLAY_S, fault)?;
     let (ended, journal) = chain.end()?;

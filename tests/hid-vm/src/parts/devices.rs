@@ -1,26 +1,29 @@
 //! Finding a hand controller, and saying why it may not be opened.
 
 use crate::chain::{Ended, User};
-use crate::spacemouse::{PRODUCT_ID, SpaceMouse, VENDOR_ID};
+use crate::model::{Model, SERIAL, VENDOR_ID};
+use crate::spacemouse::SpaceMouse;
 use crate::verdict::Verdict;
 use anyhow::Context;
-use std::fs::{Permissions, set_permissions};
-use std::os::unix::fs::PermissionsExt;
 
 /// `krait devices --json` lists the device once, by name, and only while it is plugged in.
 pub fn devices() -> anyhow::Result<Verdict> {
     let mut verdict = Verdict::default();
     let before = listed(User::Root)?;
-    let mouse = SpaceMouse::plug(3)?;
+    let mouse = SpaceMouse::plug(Model::Compact)?;
     let found = listed(User::Root)?;
     verdict.check("before", before.is_empty(), before.len());
     verdict.check("listed", found.len() == 1, found.len());
     let device = found.first().context("no device is listed")?;
     let ids = (device["vendor_id"].as_u64(), device["product_id"].as_u64());
-    verdict.check("ids", ids == (Some(VENDOR_ID.into()), Some(PRODUCT_ID.into())), format!("{ids:04x?}"));
-    verdict.check("known_as", device["known_as"] == "SpaceMouse Compact", &device["known_as"]);
-    verdict.check("product", device["product"] == "SpaceMouse Compact", &device["product"]);
-    verdict.check("serial", device["serial"] == "KRAIT-VM-1", &device["serial"]);
+    verdict.check(
+        "ids",
+        ids == (Some(VENDOR_ID.into()), Some(Model::Compact.product_id().into())),
+        format!("{ids:04x?}"),
+    );
+    verdict.check("known_as", device["known_as"] == Model::Compact.name(), &device["known_as"]);
+    verdict.check("product", device["product"] == Model::Compact.name(), &device["product"]);
+    verdict.check("serial", device["serial"] == SERIAL, &device["serial"]);
     verdict.check("path", device["path"] == mouse.node()?, &device["path"]);
     verdict.check("may_open", device["may_open"] == true, &device["may_open"]);
     mouse.unplug()?;
@@ -32,9 +35,9 @@ pub fn devices() -> anyhow::Result<Verdict> {
 /// A user who may only read the node is told the path, why, and the udev rule, in one sentence with exit code 2.
 pub fn unreadable() -> anyhow::Result<Verdict> {
     let mut verdict = Verdict::default();
-    let mouse = SpaceMouse::plug(3)?;
+    let mouse = SpaceMouse::plug(Model::Compact)?;
     let node = mouse.node()?;
-    set_permissions(&node, Permissions::from_mode(0o444)).context("chmod")?;
+    mouse.permit(0o444)?;
     verdict.check("may_open_0444", may_open()? == Some(false), "no");
     let ended = Ended::of(User::Nobody, &["run", "--master", "hid", "--no-recording", "--instance", "unreadable"])?;
     verdict.check("exit_code", ended.code == Some(2), format!("{:?}", ended.code));
@@ -45,7 +48,7 @@ pub fn unreadable() -> anyhow::Result<Verdict> {
     verdict.check("names_why", sentence.contains("Permission denied"), "permission");
     let rule = format!(r#"KERNEL=="hidraw*", ATTRS{{idVendor}}=="{VENDOR_ID:04x}""#);
     verdict.check("names_rule", sentence.contains(&rule) && sentence.contains("/etc/udev/rules.d/"), "udev");
-    set_permissions(&node, Permissions::from_mode(0o666)).context("chmod")?;
+    mouse.permit(0o666)?;
     verdict.check("may_open_0666", may_open()? == Some(true), "yes");
     if !verdict.passed() {
         verdict.check("said", false, format!("{:?}", ended.stderr));

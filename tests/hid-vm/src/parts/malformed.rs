@@ -1,7 +1,8 @@
 //! A device that talks nonsense: counted, refused, without effect.
 
-use crate::chain::Chain;
-use crate::spacemouse::{SpaceMouse, VENDOR_REPORT_ID};
+use crate::chain::{Chain, User};
+use crate::model::{Model, VENDOR_REPORT_ID};
+use crate::spacemouse::SpaceMouse;
 use crate::verdict::Verdict;
 use anyhow::Context;
 use krait_ipc::clock;
@@ -17,8 +18,8 @@ const MOVED_DEG: f64 = 5.0;
 /// Short, long, unknown and out-of-range reports change nothing but a count; a good one after them moves the snake.
 pub fn malformed() -> anyhow::Result<Verdict> {
     // It declares one axis, so that the kernel hands reports on which krait must find too short.
-    let mut mouse = SpaceMouse::plug(1)?;
-    let chain = Chain::start("malformed", 2.5)?;
+    let mut mouse = SpaceMouse::plug(Model::ShortCompact)?;
+    let chain = Chain::start("malformed", User::Root, 2.5)?;
     mouse.wait_until_read()?;
     let (delivered, droppable) = (delivered(), droppable());
     mouse.press(0)?;

@@ -1,6 +1,7 @@
-//! Pulling the plug while the cap is held, and plugging it in again.
+//! Pulling the plug while the cap is held, and plugging it in again, for an ordinary user whom udev lets in a little later.
 
-use crate::chain::{Chain, Ended, Journal};
+use crate::chain::{Chain, Ended, Journal, User};
+use crate::model::Model;
 use crate::spacemouse::SpaceMouse;
 use crate::verdict::Verdict;
 use anyhow::Context;
@@ -16,6 +17,8 @@ const BRAKING_NS: i64 = 100_000_000;
 /// A chain that goes on leaves no larger gap between two setpoints, ns: half of what its readers call stale.
 const LARGEST_GAP_NS: i64 = 25_000_000;
 const MOVED_DEG: f64 = 5.0;
+/// How long the new node stays closed to the user: longer than the master's pause between two searches.
+const UDEV_DELAY: Duration = Duration::from_millis(600);
 
 /// When things happened to the device, CLOCK_MONOTONIC, ns.
 struct Instants {
@@ -24,12 +27,15 @@ struct Instants {
     plugged: i64,
     pressed: i64,
     released: i64,
+    /// How often krait had lit the second device before it was allowed to open it.
+    n_lit_too_early: u64,
 }
 
 /// The snake comes to rest, the loss is named, the chain goes on; the device comes back and moves it after a press only.
 pub fn unplug() -> anyhow::Result<Verdict> {
-    let mouse = SpaceMouse::plug(3)?;
-    let chain = Chain::start("unplug", 5.0)?;
+    let mouse = SpaceMouse::plug(Model::Compact)?;
+    mouse.permit(0o666)?;
+    let chain = Chain::start("unplug", User::Nobody, 5.5)?;
     mouse.wait_until_read()?;
     let (instants, mouse) = play(mouse)?;
     let (ended, journal) = chain.end()?;
@@ -48,7 +54,10 @@ fn play(mut mouse: SpaceMouse) -> anyhow::Result<(Instants, SpaceMouse)> {
     let unplugged = clock::monotonic_ns();
     mouse.unplug()?;
     sleep(Duration::from_millis(700));
-    let mut mouse = SpaceMouse::plug(3)?;
+    let mut mouse = SpaceMouse::plug(Model::Compact)?;
+    sleep(UDEV_DELAY);
+    let n_lit_too_early = mouse.lights()[0];
+    mouse.permit(0o666)?;
     mouse.wait_until_read()?;
     let plugged = clock::monotonic_ns();
     mouse.hold(-250, 200)?;
@@ -58,7 +67,7 @@ fn play(mut mouse: SpaceMouse) -> anyhow::Result<(Instants, SpaceMouse)> {
     mouse.hold(-250, 300)?;
     mouse.release()?;
     let released = clock::monotonic_ns();
-    Ok((Instants { held, unplugged, plugged, pressed, released }, mouse))
+    Ok((Instants { held, unplugged, plugged, pressed, released, n_lit_too_early }, mouse))
 }
 
 fn judge_loss(verdict: &mut Verdict, ended: &Ended, journal: &Journal, at: &Instants) -> anyhow::Result<()> {
@@ -93,6 +102,7 @@ fn judge_loss(verdict: &mut Verdict, ended: &Ended, journal: &Journal, at: &Inst
 fn judge_return(verdict: &mut Verdict, ended: &Ended, journal: &Journal, at: &Instants) -> anyhow::Result<()> {
     let live = journal.input_at(at.pressed).context("no input before the press")?;
     verdict.check("live_again", live.device() == Some(DeviceState::Live), format!("{:?}", live.device()));
+    verdict.check("lit_too_early", at.n_lit_too_early == 0, at.n_lit_too_early);
     let unpressed_deg = journal.moved_deg(at.plugged, at.pressed);
     verdict.check("unpressed_moved_deg", unpressed_deg == 0.0, unpressed_deg);
     let pressed_deg = journal.moved_deg(at.pressed, at.released);
