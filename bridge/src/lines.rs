@@ -21,6 +21,7 @@ pub(crate) struct LineStep {
 }
 
 /// The lines' compensation, with its memory.
+#[allow(clippy::large_enum_variant, reason = "there is one per process, and the usual mode shall not follow a pointer")]
 #[derive(Clone, Debug)]
 pub(crate) enum Lines {
     /// The paper's equations.

@@ -79,7 +79,7 @@ pub struct DemoArgs {
     /// Length of each of the three passes, s; the score counts from second 10 on.
     #[arg(long, default_value_t = DemoArgs::SECONDS)]
     pub seconds: f64,
-    /// Where to write the recording; by default recordings/<date>-demo.mcap.
+    /// Where to write the recording; by default recordings/DATE-demo.mcap.
     #[arg(long, value_name = "FILE")]
     pub recording: Option<PathBuf>,
     /// Print the figures as JSON on standard output.
@@ -122,7 +122,7 @@ pub struct RunArgs {
     /// Model file (TOML) whose chain of effects compensates; implies --compensation model.
     #[arg(long, value_name = "FILE")]
     pub model: Option<PathBuf>,
-    /// Where to write the recording; by default recordings/<date>-run.mcap.
+    /// Where to write the recording; by default recordings/DATE-run.mcap.
     #[arg(long, value_name = "FILE", conflicts_with = "no_recording")]
     pub recording: Option<PathBuf>,
     /// Do not record.

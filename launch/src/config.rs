@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Config {
-    /// Model file whose chain of effects compensates when [compensate] mode is "model".
+    /// Model file whose chain of effects compensates when the mode of the table `compensate` is "model".
     pub model: Option<PathBuf>,
     /// The snake and its lines.
     pub machine: MachineParameters,

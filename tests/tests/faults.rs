@@ -139,14 +139,15 @@ fn the_slave_stops_by_itself_when_the_operators_side_freezes() {
     assert_nothing_is_left(&instance);
 
     let mut largest_step_m: f64 = 0.0;
-    let (mut n_stale, mut n_after, mut before) = (0, 0, None);
+    let (mut n_stale, mut n_after) = (0, 0);
+    let mut before: Option<(i64, [f64; 3])> = None;
     for recorded in Recording::open(Path::new(&recording)).expect("readable").samples().expect("samples") {
         let Sample::State(state) = recorded.expect("readable").sample else { continue };
         let reasons = krait_ipc::Reasons::from_bits(state.reasons);
         n_stale += u32::from(reasons.contains(krait_ipc::Reason::CommandStale));
         n_after += u32::from(n_stale > 0 && state.flags & krait_ipc::message::SlaveState::FOLLOWING != 0);
         if let Some((ns, q_m)) = before {
-            let step_m = (0..3).map(|i| f64::abs(state.setpoint_q_m[i] - <[f64; 3]>::from(q_m)[i])).fold(0.0, f64::max);
+            let step_m = (0..3).map(|i| (state.setpoint_q_m[i] - q_m[i]).abs()).fold(0.0, f64::max);
             let allowed = (state.sample_ns - ns) as f64 * 1e-9;
             largest_step_m = largest_step_m.max(step_m / allowed.max(1e-3));
         }
