@@ -72,7 +72,7 @@ const fn variable(name: &'static str, meaning: &'static str, hooks: &'static [Ho
     FormulaVariable { name, meaning, hooks }
 }
 
-/// Every variable, in the order of [`Values`].
+/// Every variable, in the order of their values.
 pub const FORMULA_VARIABLES: [FormulaVariable; 16] = [
     variable("bend", "rad: bend from straight", SHAPE),
     variable("delta", "rad: plane of bending, 0 at the straight pose", SHAPE),
