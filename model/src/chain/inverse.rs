@@ -2,9 +2,10 @@
 
 use super::circumstances::{ChainStatus, Circumstances, Clock};
 use super::model::{ChainModel, Lines, Memory};
+use super::stages::Stage;
 use super::{Chain, outer_strain};
 use crate::effects::prepared::Now;
-use crate::effects::{Dual, Real, Scalar};
+use crate::effects::{Dual, Real, Scalar, three};
 use nalgebra::{Matrix2, Matrix2x3, Matrix3x2, Vector2, Vector3};
 
 /// One step's result.
@@ -87,8 +88,9 @@ impl ChainCompensator {
         let now = Now { commit: true, ..self.clock.now(at) };
         self.clock.tick(&now);
         let (lines, told) = self.core.step(b, &now);
-        self.last = self.command(b, &lines, &told, status);
-        self.last
+        let command = self.command(b, &lines, &told, status);
+        self.last = command;
+        command
     }
 
     /// How often a formula was not finite since the start, and counted as zero.
@@ -108,31 +110,39 @@ impl ChainCompensator {
     }
 
     /// The setpoint as the shape that the arc shall take, with tangents by the setpoint; `None` where it is not finite.
+    #[inline(always)]
     fn limited(&self, bend_rad: Vector2<f64>) -> Option<([Dual<2>; 2], ChainStatus)> {
-        if !bend_rad.norm().is_finite() {
+        if !(bend_rad.x.is_finite() && bend_rad.y.is_finite()) {
             return None;
         }
-        let seed = |v: Vector2<f64>| self.core.model.unobserve([Dual::seed(v.x, 0), Dual::seed(v.y, 1)]);
-        let b = seed(bend_rad);
-        let norm = b[0].value.hypot(b[1].value);
-        if norm <= self.max_bend_rad {
+        let mut b = [Dual { value: bend_rad.x, tangent: [1.0, 0.0] }, Dual { value: bend_rad.y, tangent: [0.0, 1.0] }];
+        if self.core.model.stages.has_any(Stage::Shape) {
+            b = self.core.model.unobserve(b);
+        }
+        if b[0].value * b[0].value + b[1].value * b[1].value <= self.max_bend_rad * self.max_bend_rad {
             return Some((b, ChainStatus::Good));
         }
-        // The direction that was asked for, at the largest bend.
-        let direction = if norm.is_finite() { Vector2::new(b[0].value, b[1].value) } else { bend_rad };
-        let held = direction * (self.max_bend_rad / direction.norm());
-        let asked = if norm.is_finite() { norm } else { bend_rad.norm() };
-        let strain = outer_strain(&self.core.model.constants, asked);
-        let status = ChainStatus::BeyondStrain { strain, limit: self.strain_limit };
-        Some(([Dual::seed(held.x, 0), Dual::seed(held.y, 1)], status))
+        Some(self.held(bend_rad, Vector2::new(b[0].value, b[1].value)))
     }
 
-    #[inline]
+    /// The largest bend in the direction that was asked for.
+    #[cold]
+    fn held(&self, bend_rad: Vector2<f64>, b: Vector2<f64>) -> ([Dual<2>; 2], ChainStatus) {
+        // A shape that has left the range of its equations says less than the setpoint does.
+        let asked = if b.x.is_finite() && b.y.is_finite() { b } else { bend_rad };
+        let norm = asked.x.hypot(asked.y).min(f64::MAX);
+        let held = asked / norm;
+        let held = held * (self.max_bend_rad / held.norm());
+        let strain = outer_strain(&self.core.model.constants, norm);
+        let status = ChainStatus::BeyondStrain { strain, limit: self.strain_limit };
+        ([Dual::seed(held.x, 0), Dual::seed(held.y, 1)], status)
+    }
+
+    #[inline(always)]
     fn command(&self, b: [Dual<2>; 2], lines: &Lines<Dual<2>>, told: &[Dual<2>; 3], status: ChainStatus) -> Command {
         let j_q = &self.core.model.j;
-        let q: [Dual<2>; 3] = j_q.map(|row| b[0] * row[0] + b[1] * row[1]);
         let alpha = Matrix3x2::from_fn(|i, k| told[i].tangent[k] - j_q[i][k]);
-        let q_m = Vector3::from_fn(|i, _| q[i].value);
+        let q_m = Vector3::from_fn(|i, _| b[0].value * j_q[i][0] + b[1].value * j_q[i][1]);
         let q_tilde_m = Vector3::from_fn(|i, _| told[i].value);
         let gain = Matrix2::identity() + self.j * alpha;
         let j_tilde = gain.try_inverse().map_or_else(Matrix2x3::zeros, |inverse| inverse * self.j);
@@ -169,7 +179,7 @@ impl Direction {
         Self { travel_m: [0, 1, 2].map(|i| transition_m * slope(i).max(0.1)), signs: [0.0; 3] }
     }
 
-    #[inline]
+    #[inline(always)]
     fn advance(&mut self, travelled_m: [f64; 3]) {
         for ((sign, travelled_m), travel_m) in self.signs.iter_mut().zip(travelled_m).zip(self.travel_m) {
             *sign = (*sign + 2.0 * travelled_m / travel_m).clamp(-1.0, 1.0);
@@ -194,19 +204,17 @@ impl<P: Real> InverseCore<P> {
     /// Starts again at a shape.
     fn restart<S: Scalar<P>>(&mut self, b: [S; 2], signs: Vector3<f64>, now: &Now) {
         let now = Now { commit: true, ..*now };
-        let preload = S::lift(self.model.preload);
-        self.before = Track::of(&self.model.lines(&mut self.memory, b, preload, &now));
+        self.before = Track::of(&self.model.lines(&mut self.memory, b, self.model.preload, &now));
         (self.friction.signs, self.play.signs) = (signs.into(), signs.into());
     }
 
     /// The lines at a shape and what the actuators shall be told, m.
-    #[inline]
+    #[inline(always)]
     pub(super) fn step<S: Scalar<P>>(&mut self, b: [S; 2], now: &Now) -> (Lines<S>, [S; 3]) {
-        let preload = S::lift(self.model.preload);
-        let lines = self.model.lines(&mut self.memory, b, preload, now);
+        let lines = self.model.lines(&mut self.memory, b, self.model.preload, now);
         self.turn(Track::of(&lines));
         let preload_m = self.model.preload_m();
-        let told = core::array::from_fn(|i| {
+        let told = three(|i| {
             let sign = self.friction.signs[i];
             let (pushed, drawn) = (P::constant(0.5 * (1.0 + sign)), P::constant(0.5 * (1.0 - sign)));
             let position = lines.position[i].high * pushed + lines.position[i].low * drawn;
@@ -217,12 +225,12 @@ impl<P: Real> InverseCore<P> {
 
     /// Advances the signs: friction's first, and then the play's in the direction in which the line's end really moves. Its passage
     /// from one limit of friction to the other is fast and crosses no gap: only what the limits travel counts.
-    #[inline]
+    #[inline(always)]
     fn turn(&mut self, now: Track) {
         let before = core::mem::replace(&mut self.before, now);
         let signs_before = self.friction.signs;
-        self.friction.advance([0, 1, 2].map(|i| now.seat_m[i] - before.seat_m[i]));
-        self.play.advance([0, 1, 2].map(|i| {
+        self.friction.advance(three(|i| now.seat_m[i] - before.seat_m[i]));
+        self.play.advance(three(|i| {
             let s = self.friction.signs[i];
             let limits = now.at(i, s) - before.at(i, s);
             limits.abs().copysign(now.at(i, s) - before.at(i, signs_before[i]))
@@ -241,14 +249,14 @@ struct Track {
 impl Track {
     fn of<S: Real>(lines: &Lines<S>) -> Self {
         Self {
-            seat_m: lines.seat.map(Real::value),
-            low_m: lines.position.map(|p| p.low.value()),
-            high_m: lines.position.map(|p| p.high.value()),
+            seat_m: three(|i| lines.seat[i].value()),
+            low_m: three(|i| lines.position[i].low.value()),
+            high_m: three(|i| lines.position[i].high.value()),
         }
     }
 
     /// The line's end at a sign of friction, m.
-    #[inline]
+    #[inline(always)]
     fn at(&self, i: usize, sign: f64) -> f64 {
         0.5 * ((self.high_m[i] + self.low_m[i]) + sign * (self.high_m[i] - self.low_m[i]))
     }

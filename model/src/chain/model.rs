@@ -6,7 +6,8 @@ use super::settings::{ChainError, EffectSetting};
 use super::stages::{Stage, Stages};
 use crate::effects::friction::Limits;
 use crate::effects::prepared::{Constants, Now, Prepared};
-use crate::effects::{EffectKind, Real, Scalar, encoder, extension, formula, friction, geometry, moment, shape};
+use crate::effects::{EffectKind, Real, Scalar, encoder, extension, formula, friction, geometry, moment, shape, three};
+use core::ops::{Add, Mul};
 use std::sync::Arc;
 
 /// Numbers of memory that a chain can have: enough for every list of effects that is accepted (at most 24 + 9 + 14 times 6).
@@ -50,7 +51,9 @@ pub(crate) struct ChainModel<P> {
     pub j: [[P; 2]; 3],
     /// Its pseudo-inverse's transpose: loads for a moment.
     pub divide: [[P; 2]; 3],
-    compliance: [P; 3],
+    /// Compliances of each line in the holder and in the cone, m/N.
+    c_d: [P; 3],
+    c_c: [P; 3],
     friction_at_snake: bool,
     /// Half-width of the play, m.
     pub half_width: P,
@@ -81,7 +84,8 @@ impl<P: Real> ChainModel<P> {
         Ok(Self {
             divide: pseudo_inverse_transposed(&j).ok_or(ChainError::Geometry)?,
             j,
-            compliance,
+            c_d: compliance.map(|c| c * P::constant(constants.c_d_m_per_n)),
+            c_c: compliance.map(|c| c * P::constant(constants.c_c_m_per_n)),
             friction_at_snake: effects.iter().any(|e| e.kind() == EffectKind::DiskFriction),
             half_width: first(EffectKind::Backlash).unwrap_or(zero),
             preload: first(EffectKind::Preload).unwrap_or(zero),
@@ -93,32 +97,42 @@ impl<P: Real> ChainModel<P> {
         })
     }
 
-    /// The lines at a bend (rad) with an internal load (N) that all three share.
-    #[inline]
-    pub(crate) fn lines<S: Scalar<P>>(&self, memory: &mut Memory<P>, b: [S; 2], tau_common: S, now: &Now) -> Lines<S> {
-        let mut q = self.j.map(|row| b[0] * row[0] + b[1] * row[1]);
+    /// The lines at a bend (rad) with an internal load (N) that all three share, which is a variable or a parameter.
+    #[inline(always)]
+    pub(crate) fn lines<S, T>(&self, memory: &mut Memory<P>, b: [S; 2], tau_common: T, now: &Now) -> Lines<S>
+    where
+        S: Scalar<P> + Add<T, Output = S>,
+        T: Copy + Mul<P, Output = T>,
+    {
+        let mut q = three(|i| b[0] * self.j[i][0] + b[1] * self.j[i][1]);
         let mut m = self.elastic_moment(b, &q);
         for e in self.stages.of(Stage::Moment) {
             m = moment::apply(e, &mut memory.states, &self.constants, b, now, m, |m| self.loads(m));
         }
-        let tau = self.loads(m).map(|load| load + tau_common);
+        let tau = self.loads(m);
+        let tau = three(|i| tau[i] + tau_common);
         for e in self.stages.of(Stage::Geometry) {
             geometry::apply(e, &mut memory.states, self.constants.r_m, tau, now, &mut q);
             self.add_formula(e, memory, b, q, tau, now, |i, value| q[i] += value);
         }
-        let mut holder = tau.map(|load| Limits { low: load, high: load });
+        let mut load = three(|i| Limits { low: tau[i], high: tau[i] });
         for e in self.stages.of(Stage::Snake) {
-            friction::apply_at_snake(e, &mut memory.states, b, q, now, &mut holder);
-            self.add_formula(e, memory, b, q, tau, now, |i, value| friction::add(&mut holder[i], value));
+            friction::apply_at_snake(e, &mut memory.states, b, q, now, &mut load);
+            self.add_formula(e, memory, b, q, tau, now, |i, value| friction::add(&mut load[i], value));
         }
-        let mut load = holder;
+        let axial = tau_common * P::constant(self.constants.axial_m_per_n);
+        let (seat, mut position) = self.stretch_holder(three(|i| q[i] + axial), &load);
+        // Few effects look at the loads in the holder again.
+        let holder = self.stages.has_any(Stage::Extension).then_some(load);
         for e in self.stages.of(Stage::Cone) {
             friction::apply_in_cone(e, now, &mut load);
         }
-        let axial = tau_common * P::constant(self.constants.axial_m_per_n);
-        let (seat, mut position) = self.stretch(&q, axial, &holder, &load);
+        for i in 0..3 {
+            position[i].low += load[i].low * self.c_c[i];
+            position[i].high += load[i].high * self.c_c[i];
+        }
         for e in self.stages.of(Stage::Extension) {
-            let lines = extension::Lines { q, tau, holder: &holder, actuator: &load };
+            let lines = extension::Lines { q, tau, holder: holder.as_ref().unwrap_or(&load), actuator: &load };
             extension::apply(e, &mut memory.states, &self.constants, &lines, now, &mut position);
             self.add_formula(e, memory, b, q, tau, now, |i, value| friction::add(&mut position[i], value));
         }
@@ -173,48 +187,33 @@ impl<P: Real> ChainModel<P> {
     }
 
     /// d E / d bend, E = (E I b^2/2) (1/L + sum 1/L_i), L_i = L + q_i.
-    #[inline]
+    #[inline(always)]
     fn elastic_moment<S: Scalar<P>>(&self, b: [S; 2], q: &[S; 3]) -> [S; 2] {
-        let one = S::constant(1.0);
-        let inverse = q.map(|q| one / (q + P::constant(self.constants.l_m)));
+        let inverse = three(|i| (q[i] + P::constant(self.constants.l_m)).recip());
         let sum = inverse[0] + inverse[1] + inverse[2] + P::constant(1.0 / self.constants.l_m);
-        let half_square = (b[0] * b[0] + b[1] * b[1]) * P::constant(-0.5);
-        let squares = inverse.map(|x| x * x);
+        let half_square = (b[0].square() + b[1].square()) * P::constant(-0.5);
+        let squares = three(|i| inverse[i].square());
         let stiffness = P::constant(self.constants.bending_stiffness_nm2);
-        core::array::from_fn(|k| {
+        let component = |k: usize| {
             let slope = squares[0] * self.j[0][k] + squares[1] * self.j[1][k] + squares[2] * self.j[2][k];
             (b[k] * sum + slope * half_square) * stiffness
-        })
+        };
+        [component(0), component(1)]
     }
 
-    #[inline]
+    #[inline(always)]
     fn loads<S: Scalar<P>>(&self, m: [S; 2]) -> [S; 3] {
-        self.divide.map(|row| m[0] * row[0] + m[1] * row[1])
+        three(|i| m[0] * self.divide[i][0] + m[1] * self.divide[i][1])
     }
 
-    /// Where friction begins, and the elastic lines' ends at either limit.
-    #[inline]
-    fn stretch<S: Scalar<P>>(
-        &self,
-        q: &[S; 3],
-        axial: S,
-        holder: &[Limits<S>; 3],
-        load: &[Limits<S>; 3],
-    ) -> ([S; 3], [Limits<S>; 3]) {
-        let (c_d, c_c) = (P::constant(self.constants.c_d_m_per_n), P::constant(self.constants.c_c_m_per_n));
-        let mut seat = q.map(|q| q + axial);
-        let position = core::array::from_fn(|i| {
-            let (c_d, c_c) = (c_d * self.compliance[i], c_c * self.compliance[i]);
-            let base = seat[i];
-            if !self.friction_at_snake {
-                seat[i] += holder[i].low * c_d;
-            }
-            Limits {
-                low: base + holder[i].low * c_d + load[i].low * c_c,
-                high: base + holder[i].high * c_d + load[i].high * c_c,
-            }
-        });
-        (seat, position)
+    /// Where friction begins, and the ends of the lines in the holder at either limit; `base` is their beginning.
+    #[inline(always)]
+    fn stretch_holder<S: Scalar<P>>(&self, base: [S; 3], load: &[Limits<S>; 3]) -> ([S; 3], [Limits<S>; 3]) {
+        let low = three(|i| base[i] + load[i].low * self.c_d[i]);
+        // Without friction before the holder the two limits are one, and friction begins behind it.
+        let (seat, high) =
+            if self.friction_at_snake { (base, three(|i| base[i] + load[i].high * self.c_d[i])) } else { (low, low) };
+        (seat, three(|i| Limits { low: low[i], high: high[i] }))
     }
 
     #[inline]

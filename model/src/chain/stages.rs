@@ -69,6 +69,8 @@ pub(crate) struct Stages<P> {
     entries: [Prepared<P>; MAX_ENTRIES],
     /// Where each stage begins, and where the last one ends.
     bounds: [usize; Stage::ALL.len() + 1],
+    /// A bit for each stage that has effects: most have none, and one look at it is all that they cost.
+    present: u32,
 }
 
 impl<P: Real> Stages<P> {
@@ -106,12 +108,22 @@ impl<P: Real> Stages<P> {
             }
         }
         bounds[Stage::ALL.len()] = n;
-        Ok(Self { entries, bounds })
+        let present = (0..Stage::ALL.len()).filter(|&s| bounds[s + 1] > bounds[s]).map(|s| 1 << s).sum();
+        Ok(Self { entries, bounds, present })
+    }
+
+    /// Whether a stage has effects.
+    #[inline(always)]
+    pub(crate) fn has_any(&self, stage: Stage) -> bool {
+        self.present & (1 << stage as usize) != 0
     }
 
     /// The effects of one stage.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn of(&self, stage: Stage) -> &[Prepared<P>] {
+        if !self.has_any(stage) {
+            return &[];
+        }
         let s = stage as usize;
         self.entries.get(self.bounds[s]..self.bounds[s + 1]).unwrap_or_default()
     }

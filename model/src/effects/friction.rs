@@ -7,6 +7,7 @@ use super::EffectKind;
 use super::definition::{Class, Definition, Hook, Inverse, Needs, effect, parameter};
 use super::prepared::{Now, Prepared};
 use super::real::{Real, Scalar};
+use core::ops::Mul;
 
 /// Limits of a line's load, N, push positive.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -111,7 +112,7 @@ pub(crate) fn apply_at_snake<P: Real, S: Scalar<P>>(
         EffectKind::DiskFriction => {
             let g = ((b[0] * b[0] + b[1] * b[1]).sqrt() * e.c[0]).exp();
             let inverse = S::constant(1.0) / g;
-            limits.iter_mut().for_each(|line| widen(line, |x| x * g, |x| x * inverse));
+            limits.iter_mut().for_each(|line| widen(line, g, inverse));
         }
         EffectKind::ViscousFriction => {
             for i in 0..3 {
@@ -140,10 +141,10 @@ pub(crate) fn apply_at_snake<P: Real, S: Scalar<P>>(
 }
 
 /// Limits after an effect that acts in the cone or behind it.
-#[inline]
+#[inline(always)]
 pub(crate) fn apply_in_cone<P: Real, S: Scalar<P>>(e: &Prepared<P>, now: &Now, limits: &mut [Limits<S>; 3]) {
     match e.kind {
-        EffectKind::ConeFriction => limits.iter_mut().for_each(|line| widen(line, |x| x * e.c[0], |x| x * e.c[1])),
+        EffectKind::ConeFriction => limits.iter_mut().for_each(|line| widen(line, e.c[0], e.c[1])),
         EffectKind::StaticFriction => {
             for line in limits {
                 line.low = line.low - e.c[0];
@@ -153,17 +154,17 @@ pub(crate) fn apply_in_cone<P: Real, S: Scalar<P>>(e: &Prepared<P>, now: &Now, l
         EffectKind::StemCoupling if now.stem_angle_rad.is_finite() => {
             let exponent = e.c[0] * P::constant(now.stem_angle_rad.abs());
             let (g, inverse) = (exponent.exp(), (-exponent).exp());
-            limits.iter_mut().for_each(|line| widen(line, |x| x * g, |x| x * inverse));
+            limits.iter_mut().for_each(|line| widen(line, g, inverse));
         }
         _ => {}
     }
 }
 
 /// A capstan: what moves against its load needs more, what moves with it keeps less.
-#[inline]
-fn widen<S: Real>(line: &mut Limits<S>, more: impl Fn(S) -> S, less: impl Fn(S) -> S) {
-    line.high = if line.high.value() >= 0.0 { more(line.high) } else { less(line.high) };
-    line.low = if line.low.value() <= 0.0 { more(line.low) } else { less(line.low) };
+#[inline(always)]
+fn widen<S: Real + Mul<F, Output = S>, F: Copy>(line: &mut Limits<S>, more: F, less: F) {
+    line.high = line.high * if line.high.value() >= 0.0 { more } else { less };
+    line.low = line.low * if line.low.value() <= 0.0 { more } else { less };
 }
 
 pub(crate) fn add<S: Real>(line: &mut Limits<S>, load: S) {

@@ -26,4 +26,5 @@ pub use formula_error::FormulaError;
 pub use kind::EffectKind;
 pub(crate) use operators::play;
 pub use prepared::MAX_PARAMETERS;
+pub(crate) use real::three;
 pub use real::{Dual, Real, Scalar};

@@ -70,7 +70,7 @@ pub(super) static LATERAL_TIP_FORCE: Definition = Definition {
 };
 
 /// The moment after an effect; `loads` gives the lines' loads for a moment.
-#[inline]
+#[inline(always)]
 pub(crate) fn apply<P: Real, S: Scalar<P>>(
     e: &Prepared<P>,
     state: &mut [P],
@@ -81,7 +81,7 @@ pub(crate) fn apply<P: Real, S: Scalar<P>>(
     loads: impl Fn([S; 2]) -> [S; 3],
 ) -> [S; 2] {
     match e.kind {
-        EffectKind::StiffnessScale => m.map(|m| m * e.c[0]),
+        EffectKind::StiffnessScale => [m[0] * e.c[0], m[1] * e.c[0]],
         EffectKind::SuperelasticSoftening => soften(e, state, b, now, m),
         EffectKind::BendFriction => rub(e, state, machine, b, now, m, loads(m)),
         EffectKind::AxialTipForce => {

@@ -7,6 +7,12 @@
 use core::fmt::Debug;
 use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
+/// An array of three from its places, without the machinery of `core::array::from_fn`, which is not inlined.
+#[inline(always)]
+pub(crate) fn three<T>(mut f: impl FnMut(usize) -> T) -> [T; 3] {
+    [f(0), f(1), f(2)]
+}
+
 /// A number that elementary functions can be applied to.
 pub trait Real:
     Copy
@@ -30,6 +36,18 @@ pub trait Real:
     fn sqrt(self) -> Self {
         let root = self.value().sqrt();
         self.chain(root, if root > 0.0 { 0.5 / root } else { 0.0 })
+    }
+    /// Its square.
+    #[inline(always)]
+    fn square(self) -> Self {
+        let x = self.value();
+        self.chain(x * x, 2.0 * x)
+    }
+    /// One divided by it.
+    #[inline(always)]
+    fn recip(self) -> Self {
+        let inverse = 1.0 / self.value();
+        self.chain(inverse, -inverse * inverse)
     }
     /// e to this power.
     fn exp(self) -> Self {
@@ -100,7 +118,7 @@ impl<const K: usize> Dual<K> {
         Self { value, tangent }
     }
 
-    #[inline]
+    #[inline(always)]
     fn combine(self, other: Self, value: f64, by_self: f64, by_other: f64) -> Self {
         let mut tangent = self.tangent;
         for (own, others) in tangent.iter_mut().zip(other.tangent) {
@@ -117,22 +135,30 @@ impl<const K: usize> Default for Dual<K> {
 }
 
 impl<const K: usize> Real for Dual<K> {
+    #[inline(always)]
     fn constant(value: f64) -> Self {
         Self { value, tangent: [0.0; K] }
     }
+    #[inline(always)]
     fn value(self) -> f64 {
         self.value
     }
-    #[inline]
+    #[inline(always)]
     fn chain(self, value: f64, slope: f64) -> Self {
-        Self { value, tangent: self.tangent.map(|t| t * slope) }
+        let mut tangent = self.tangent;
+        for own in &mut tangent {
+            *own *= slope;
+        }
+        Self { value, tangent }
     }
 }
 
 impl<const K: usize> Scalar<f64> for Dual<K> {
+    #[inline(always)]
     fn lift(parameter: f64) -> Self {
         Self::constant(parameter)
     }
+    #[inline(always)]
     fn settle(self) -> f64 {
         self.value
     }
@@ -149,7 +175,7 @@ impl<const K: usize> Scalar<Dual<K>> for Dual<K> {
 
 impl<const K: usize> Add for Dual<K> {
     type Output = Self;
-    #[inline]
+    #[inline(always)]
     fn add(self, other: Self) -> Self {
         self.combine(other, self.value + other.value, 1.0, 1.0)
     }
@@ -157,7 +183,7 @@ impl<const K: usize> Add for Dual<K> {
 
 impl<const K: usize> Sub for Dual<K> {
     type Output = Self;
-    #[inline]
+    #[inline(always)]
     fn sub(self, other: Self) -> Self {
         self.combine(other, self.value - other.value, 1.0, -1.0)
     }
@@ -165,7 +191,7 @@ impl<const K: usize> Sub for Dual<K> {
 
 impl<const K: usize> Mul for Dual<K> {
     type Output = Self;
-    #[inline]
+    #[inline(always)]
     fn mul(self, other: Self) -> Self {
         self.combine(other, self.value * other.value, other.value, self.value)
     }
@@ -173,7 +199,7 @@ impl<const K: usize> Mul for Dual<K> {
 
 impl<const K: usize> Div for Dual<K> {
     type Output = Self;
-    #[inline]
+    #[inline(always)]
     fn div(self, other: Self) -> Self {
         let inverse = 1.0 / other.value;
         let value = self.value * inverse;
@@ -183,14 +209,14 @@ impl<const K: usize> Div for Dual<K> {
 
 impl<const K: usize> Neg for Dual<K> {
     type Output = Self;
-    #[inline]
+    #[inline(always)]
     fn neg(self) -> Self {
         self.chain(-self.value, -1.0)
     }
 }
 
 impl<const K: usize> AddAssign for Dual<K> {
-    #[inline]
+    #[inline(always)]
     fn add_assign(&mut self, other: Self) {
         *self = *self + other;
     }
@@ -198,7 +224,7 @@ impl<const K: usize> AddAssign for Dual<K> {
 
 impl<const K: usize> Add<f64> for Dual<K> {
     type Output = Self;
-    #[inline]
+    #[inline(always)]
     fn add(self, other: f64) -> Self {
         Self { value: self.value + other, ..self }
     }
@@ -206,7 +232,7 @@ impl<const K: usize> Add<f64> for Dual<K> {
 
 impl<const K: usize> Sub<f64> for Dual<K> {
     type Output = Self;
-    #[inline]
+    #[inline(always)]
     fn sub(self, other: f64) -> Self {
         Self { value: self.value - other, ..self }
     }
@@ -214,7 +240,7 @@ impl<const K: usize> Sub<f64> for Dual<K> {
 
 impl<const K: usize> Mul<f64> for Dual<K> {
     type Output = Self;
-    #[inline]
+    #[inline(always)]
     fn mul(self, other: f64) -> Self {
         self.chain(self.value * other, other)
     }
