@@ -223,3 +223,19 @@ fn fitted_values_are_kept_with_their_origin() {
     assert_eq!(ModelFile::parse(&text).unwrap(), file);
     assert_eq!(ChainSettings::default().transition_m, 20e-6);
 }
+
+#[test]
+fn the_guide_holds_every_effect_with_its_equation_and_parameters() {
+    let guide = include_str!("../../docs/physics/effects.md");
+    for kind in EffectKind::ALL {
+        assert!(guide.contains(&format!("### `{}`", kind.name())), "{}", kind.name());
+        if kind != EffectKind::Formula {
+            assert!(guide.contains(kind.definition().equation), "{}", kind.name());
+        }
+        for p in kind.definition().parameters {
+            let row =
+                format!("| `{}` | {} | {:?} to {:?} | {:?} | {} |", p.name, p.unit, p.low, p.high, p.default, p.source);
+            assert!(guide.contains(&row), "{}: {row}", kind.name());
+        }
+    }
+}

@@ -14,7 +14,7 @@ pub(super) static BACKLASH: Definition = Definition {
         "m",
         [0.0, 2e-3],
         8.9e-5,
-        "half of the 0.15 to 0.20 mm that the paper measured",
+        "half of 0.178 mm, Eq. (22); the paper measured 0.15 to 0.20 mm in all",
     )],
     ..effect(
         "backlash",
