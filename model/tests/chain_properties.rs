@@ -283,6 +283,20 @@ fn commands_are_continuous_through_the_straight_pose() {
     }
 }
 
+#[test]
+fn a_restart_begins_with_the_given_directions_and_forgets_the_command_before() {
+    let chain = defaults(&[strong(EffectKind::Backlash), strong(EffectKind::ConeFriction)]);
+    let mut through = chain.compensator().unwrap();
+    let last = bends().take(700).enumerate().map(|(k, b)| (through.step(b, &circumstances(k)), b)).last().unwrap();
+    let mut restarted = chain.compensator().unwrap();
+    restarted.restart(last.1, last.0.signs, &circumstances(0));
+    let here = restarted.step(last.1, &circumstances(1));
+    assert!((here.q_tilde_m - last.0.q_tilde_m).norm() < 1e-15 && here.signs == last.0.signs);
+    through.restart(Vector2::zeros(), Vector3::zeros(), &circumstances(0));
+    let held = through.step(Vector2::new(f64::NAN, 0.0), &circumstances(1));
+    assert!(held.q_tilde_m.norm() < 1e-15, "the command before the restart must not come back");
+}
+
 fn config() -> ProptestConfig {
     ProptestConfig { cases: 40, rng_seed: RngSeed::Fixed(7), failure_persistence: None, ..ProptestConfig::default() }
 }

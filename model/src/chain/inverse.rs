@@ -66,12 +66,14 @@ impl ChainCompensator {
     }
 
     /// Starts again at a bend (rad) at rest, with known signs of motion, each in -1..=1; 0 is the middle of the play.
+    ///
+    /// A bend that is not finite changes nothing. The command at the start is what the next step at this bend gives.
     pub fn restart(&mut self, bend_rad: Vector2<f64>, signs: Vector3<f64>, at: &Circumstances) {
+        let Some((b, _)) = self.limited(bend_rad) else { return };
         self.clock = Clock::default();
         let now = Now { fresh: true, ..self.clock.now(at) };
-        if let Some((b, _)) = self.limited(bend_rad) {
-            self.core.restart(b, signs.map(|s| if s.is_finite() { s.clamp(-1.0, 1.0) } else { 0.0 }), &now);
-        }
+        self.core.restart(b, signs.map(|s| if s.is_finite() { s.clamp(-1.0, 1.0) } else { 0.0 }), &now);
+        self.step(bend_rad, at);
     }
 
     /// What the actuators shall be told for the next bend setpoint, rad.

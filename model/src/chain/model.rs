@@ -6,7 +6,9 @@ use super::settings::{ChainError, EffectSetting};
 use super::stages::{Stage, Stages};
 use crate::effects::friction::Limits;
 use crate::effects::prepared::{Constants, Now, Prepared};
-use crate::effects::{EffectKind, Real, Scalar, encoder, extension, formula, friction, geometry, moment, shape, three};
+use crate::effects::{
+    EffectKind, Real, Scalar, encoder, extension, formula, formula_variables, friction, geometry, moment, shape, three,
+};
 use core::ops::{Add, Mul};
 use std::sync::Arc;
 
@@ -153,7 +155,9 @@ impl<P: Real> ChainModel<P> {
     /// One encoder effect.
     pub(crate) fn encode<S: Scalar<P>>(&self, e: &Prepared<P>, memory: &mut Memory<P>, i: usize, x: S, now: &Now) -> S {
         match self.formula_of(e) {
-            Some(formula) => x + finite(memory, now, formula.evaluate(&formula::encoder_values(x, i, now), &e.c)),
+            Some(formula) => {
+                x + finite(memory, now, formula.evaluate(&formula_variables::encoder_values(x, i, now), &e.c))
+            }
             None => encoder::reading(e, i, x),
         }
     }
@@ -235,7 +239,7 @@ impl<P: Real> ChainModel<P> {
     ) {
         let Some(formula) = self.formula_of(e) else { return };
         for (i, tau) in tau.into_iter().enumerate() {
-            let values = formula::line_values(e, &mut memory.states, b, q, tau, i, now);
+            let values = formula_variables::line_values(e, &mut memory.states, b, q, tau, i, now);
             let value = formula.evaluate(&values, &e.c);
             add(i, finite(memory, now, value));
         }
@@ -249,9 +253,9 @@ fn seen_by_formula<P: Real, S: Scalar<P>>(
     b: [S; 2],
     now: &Now,
 ) -> [S; 2] {
-    let mut values = formula::shape_values(b, now);
+    let mut values = formula_variables::shape_values(b, now);
     [0, 1].map(|k| {
-        formula::set_axis(&mut values, [0.0, 1.0][k]);
+        formula_variables::set_axis(&mut values, [0.0, 1.0][k]);
         b[k] + finite(memory, now, formula.evaluate(&values, &e.c))
     })
 }

@@ -6,11 +6,11 @@
 
 use super::definition::{Class, Definition, Hook, effect};
 use super::formula_error::FormulaError;
-use super::operators::play;
-use super::prepared::{MAX_PARAMETERS, Now, Prepared};
-use super::real::{Dual, Real, Scalar};
+use super::formula_operators::{Arithmetic, FORMULA_FUNCTIONS, Lanes, Numbers};
+use super::formula_variables::{ALL_HOOKS, FORMULA_VARIABLES, STEM_ANGLE, TEMPERATURE, TIME, Values};
+use super::prepared::MAX_PARAMETERS;
+use super::real::{Real, Scalar};
 use exmex::prelude::*;
-use exmex::{BinOp, MakeOperators, MatchLiteral, Operator};
 
 pub(super) static FORMULA: Definition = Definition {
     repeatable: true,
@@ -24,10 +24,6 @@ pub const MAX_FORMULA_NAMES: usize = 12;
 const MAX_WORDS: usize = 32;
 /// Bounds how deeply parentheses can be nested.
 const MAX_BYTES: usize = 400;
-/// Travel of q over which the variable `direction` turns, m.
-const DIRECTION_TRAVEL_M: f64 = 20e-6;
-
-type Lanes = Dual<MAX_FORMULA_NAMES>;
 
 /// A formula as it stands in a model file.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,52 +49,6 @@ pub struct FormulaParameter {
     pub unit: String,
 }
 
-/// A variable that a formula can use.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FormulaVariable {
-    /// Name.
-    pub name: &'static str,
-    /// Unit and meaning.
-    pub meaning: &'static str,
-    /// At which hooks it is known.
-    pub hooks: &'static [Hook],
-}
-
-const LINE: &[Hook] = &[Hook::Eps, Hook::Tau, Hook::Geo];
-const SHAPE: &[Hook] = &[Hook::Eps, Hook::Tau, Hook::Geo, Hook::Meas];
-const ALL: &[Hook] = &[Hook::Eps, Hook::Tau, Hook::Geo, Hook::Meas, Hook::Enc];
-
-const fn variable(name: &'static str, meaning: &'static str, hooks: &'static [Hook]) -> FormulaVariable {
-    FormulaVariable { name, meaning, hooks }
-}
-
-/// Every variable, in the order of their values.
-pub const FORMULA_VARIABLES: [FormulaVariable; 16] = [
-    variable("bend", "rad: bend from straight", SHAPE),
-    variable("delta", "rad: plane of bending, 0 at the straight pose", SHAPE),
-    variable("bend_x", "rad: first component of the bend vector", SHAPE),
-    variable("bend_y", "rad: second component of the bend vector", SHAPE),
-    variable("q1", "m: displacement of line 1 at the snake", LINE),
-    variable("q2", "m: displacement of line 2 at the snake", LINE),
-    variable("q3", "m: displacement of line 3 at the snake", LINE),
-    variable("q_i", "m: displacement of this line at the snake", LINE),
-    variable("tau_i", "N: load of this line at the snake, push positive", LINE),
-    variable("direction", "-1 to 1: sign of motion of this line, turning over 20 um of q_i", LINE),
-    variable("q_tilde_i", "m: position of this line's actuator", &[Hook::Enc]),
-    variable("axis", "0 for bend_x, 1 for bend_y: what the value is added to", &[Hook::Meas]),
-    variable("line", "1, 2 or 3", &[Hook::Eps, Hook::Tau, Hook::Geo, Hook::Enc]),
-    variable("time_s", "s", ALL),
-    variable("stem_angle_rad", "rad: needs the column", ALL),
-    variable("temperature_c", "deg C: needs the column", ALL),
-];
-
-const TIME: usize = 13;
-const STEM_ANGLE: usize = 14;
-const TEMPERATURE: usize = 15;
-
-/// The variables' values.
-pub(crate) type Values<S> = [S; FORMULA_VARIABLES.len()];
-
 /// What a name in the expression stands for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Meaning {
@@ -118,7 +68,7 @@ impl Formula {
     /// Parses and checks: known names only, not too long, finite over the machine's workspace.
     pub(crate) fn new(formula: &FormulaText) -> Result<Self, FormulaError> {
         let name = || formula.name.clone();
-        if !ALL.contains(&formula.hook) {
+        if !ALL_HOOKS.contains(&formula.hook) {
             return Err(FormulaError::Hook { formula: name(), hook: formula.hook.word() });
         }
         let n_words = words(&formula.text).count();
@@ -211,65 +161,18 @@ impl Formula {
     }
 }
 
-/// The variables at a line, from shape, displacements and loads; `direction` keeps its memory in the effect's state.
-pub(crate) fn line_values<P: Real, S: Scalar<P>>(
-    e: &Prepared<P>,
-    state: &mut [P],
-    b: [S; 2],
-    q: [S; 3],
-    tau: S,
-    i: usize,
-    now: &Now,
-) -> Values<S> {
-    let half = P::constant(0.5 * DIRECTION_TRAVEL_M);
-    let p = play(state[e.state + i], q[i], half, now.fresh);
-    if now.commit {
-        state[e.state + i] = p.settle();
+fn meaning(formula: &FormulaText, word: &str) -> Result<Meaning, FormulaError> {
+    if let Some(k) = formula.parameters.iter().position(|p| p.name == word) {
+        return Ok(Meaning::Parameter(k));
     }
-    let direction = (q[i] - p) * (P::constant(1.0) / half);
-    let mut values = shape_values(b, now);
-    values[4..8].copy_from_slice(&[q[0], q[1], q[2], q[i]]);
-    (values[8], values[9]) = (tau, direction);
-    values[12] = S::constant([1.0, 2.0, 3.0][i]);
-    values
-}
-
-/// The variables that a shape has.
-pub(crate) fn shape_values<S: Real>(b: [S; 2], now: &Now) -> Values<S> {
-    let mut values = [S::constant(0.0); FORMULA_VARIABLES.len()];
-    let square = b[0] * b[0] + b[1] * b[1];
-    values[0] = square.sqrt();
-    values[1] = plane(b, square.value());
-    (values[2], values[3]) = (b[0], b[1]);
-    values[TIME] = S::constant(now.time_s);
-    values[STEM_ANGLE] = S::constant(now.stem_angle_rad);
-    values[TEMPERATURE] = S::constant(now.temperature_c);
-    values
-}
-
-/// The variables at an encoder.
-pub(crate) fn encoder_values<S: Real>(q_tilde: S, i: usize, now: &Now) -> Values<S> {
-    let mut values = shape_values([S::constant(0.0); 2], now);
-    values[10] = q_tilde;
-    values[12] = S::constant([1.0, 2.0, 3.0][i]);
-    values
-}
-
-/// Sets which component of the bend vector is asked for.
-pub(crate) fn set_axis<S: Real>(values: &mut Values<S>, axis: f64) {
-    values[11] = S::constant(axis);
-}
-
-/// delta with its tangents, which count as zero where delta has no meaning.
-fn plane<S: Real>(b: [S; 2], square: f64) -> S {
-    let delta = b[1].value().atan2(b[0].value());
-    if square < 1e-18 {
-        return S::constant(if square > 0.0 { delta } else { 0.0 });
+    match FORMULA_VARIABLES.iter().position(|v| v.name == word) {
+        Some(k) if FORMULA_VARIABLES[k].hooks.contains(&formula.hook) => Ok(Meaning::Variable(k)),
+        Some(_) => {
+            let (formula, hook) = (formula.name.clone(), formula.hook.word());
+            Err(FormulaError::NotAtHook { formula, name: word.to_owned(), hook })
+        }
+        None => Err(FormulaError::unknown_name(formula, word)),
     }
-    let (by_x, by_y) = (-b[1].value() / square, b[0].value() / square);
-    let turned =
-        (b[0] - S::constant(b[0].value())) * S::constant(by_x) + (b[1] - S::constant(b[1].value())) * S::constant(by_y);
-    turned + S::constant(delta)
 }
 
 /// Numbers and names of a formula; a number with an exponent may count as two.
@@ -328,90 +231,9 @@ fn is_free_word(name: &str) -> bool {
         && FORMULA_VARIABLES.iter().all(|v| v.name != name)
 }
 
-fn meaning(formula: &FormulaText, word: &str) -> Result<Meaning, FormulaError> {
-    if let Some(k) = formula.parameters.iter().position(|p| p.name == word) {
-        return Ok(Meaning::Parameter(k));
-    }
-    match FORMULA_VARIABLES.iter().position(|v| v.name == word) {
-        Some(k) if FORMULA_VARIABLES[k].hooks.contains(&formula.hook) => Ok(Meaning::Variable(k)),
-        Some(_) => {
-            let (formula, hook) = (formula.name.clone(), formula.hook.word());
-            Err(FormulaError::NotAtHook { formula, name: word.to_owned(), hook })
-        }
-        None => Err(FormulaError::unknown_name(formula, word)),
-    }
-}
-
-/// The operators of formulas.
-#[derive(Clone, Debug)]
-struct Arithmetic;
-
-impl MakeOperators<Lanes> for Arithmetic {
-    fn make<'a>() -> Vec<Operator<'a, Lanes>> {
-        let bin = |apply, prio, is_commutative| BinOp { apply, prio, is_commutative };
-        vec![
-            Operator::make_bin_unary("+", bin(|a, b| a + b, 0, true), |a| a),
-            Operator::make_bin_unary("-", bin(|a, b| a - b, 1, false), |a| -a),
-            Operator::make_bin("*", bin(|a, b| a * b, 2, true)),
-            Operator::make_bin("/", bin(|a, b| a / b, 3, false)),
-            Operator::make_bin("^", bin(power, 4, false)),
-            Operator::make_bin("min", bin(|a, b| if b.value < a.value { b } else { a }, 5, true)),
-            Operator::make_bin("max", bin(|a, b| if b.value > a.value { b } else { a }, 5, true)),
-            Operator::make_unary("abs", Lanes::abs),
-            Operator::make_unary("sign", |a| Lanes::constant(if a.value == 0.0 { 0.0 } else { a.value.signum() })),
-            Operator::make_unary("sqrt", Lanes::sqrt),
-            Operator::make_unary("exp", Lanes::exp),
-            Operator::make_unary("ln", |a| a.chain(a.value.ln(), 1.0 / a.value)),
-            Operator::make_unary("sin", Lanes::sin),
-            Operator::make_unary("cos", Lanes::cos),
-            Operator::make_unary("tan", |a| a.chain(a.value.tan(), 1.0 + a.value.tan().powi(2))),
-            Operator::make_unary("atan", |a| a.chain(a.value.atan(), 1.0 / (1.0 + a.value * a.value))),
-            Operator::make_unary("tanh", |a| a.chain(a.value.tanh(), 1.0 - a.value.tanh().powi(2))),
-            Operator::make_constant("pi", Lanes::constant(core::f64::consts::PI)),
-        ]
-    }
-}
-
-/// The words that are operators, for messages.
-pub(super) const FORMULA_FUNCTIONS: [&str; 12] =
-    ["min", "max", "abs", "sign", "sqrt", "exp", "ln", "sin", "cos", "tan", "atan", "tanh"];
-
-fn power(a: Lanes, b: Lanes) -> Lanes {
-    let value = a.value.powf(b.value);
-    let by_a = if b.value == 0.0 { 0.0 } else { b.value * a.value.powf(b.value - 1.0) };
-    let by_b = if a.value > 0.0 { value * a.value.ln() } else { 0.0 };
-    a.chain(value, by_a) + b.chain(0.0, by_b)
-}
-
-/// Decimal numbers with an optional exponent; the library's own do not know exponents.
-#[derive(Clone, Debug)]
-struct Numbers;
-
-impl MatchLiteral for Numbers {
-    fn is_literal(text: &str) -> Option<&str> {
-        let digits = |from: usize| text[from..].find(|c: char| !c.is_ascii_digit()).unwrap_or(text.len() - from) + from;
-        let whole = digits(0);
-        let mantissa = if text[whole..].starts_with('.') { digits(whole + 1) } else { whole };
-        if mantissa == 0 || mantissa == 1 && whole == 0 {
-            return None;
-        }
-        let Some(exponent) = text[mantissa..].strip_prefix(['e', 'E']) else { return Some(&text[..mantissa]) };
-        let from = mantissa + 1 + usize::from(exponent.starts_with(['+', '-']));
-        let end = digits(from);
-        Some(&text[..if end > from { end } else { mantissa }])
-    }
-}
-
-impl core::str::FromStr for Lanes {
-    type Err = core::num::ParseFloatError;
-
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        text.parse().map(Self::constant)
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::real::Dual;
     use super::*;
     use proptest::prelude::*;
     use proptest::test_runner::RngSeed;

@@ -1,6 +1,8 @@
 //! What can be wrong with a formula, each as one sentence.
 
-use super::formula::{FORMULA_FUNCTIONS, FORMULA_VARIABLES, FormulaText};
+use super::formula::FormulaText;
+use super::formula_operators::FORMULA_FUNCTIONS;
+use super::formula_variables::FORMULA_VARIABLES;
 
 /// A formula cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

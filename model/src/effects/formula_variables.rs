@@ -1,0 +1,116 @@
+//! What a formula can look at: its variables, where each is known, and their values at a step.
+
+use super::Hook;
+use super::operators::play;
+use super::prepared::{Now, Prepared};
+use super::real::{Real, Scalar};
+
+/// Travel of q over which the variable `direction` turns, m.
+const DIRECTION_TRAVEL_M: f64 = 20e-6;
+
+/// A variable that a formula can use.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FormulaVariable {
+    /// Name.
+    pub name: &'static str,
+    /// Unit and meaning.
+    pub meaning: &'static str,
+    /// At which hooks it is known.
+    pub hooks: &'static [Hook],
+}
+
+const LINE: &[Hook] = &[Hook::Eps, Hook::Tau, Hook::Geo];
+const SHAPE: &[Hook] = &[Hook::Eps, Hook::Tau, Hook::Geo, Hook::Meas];
+pub(super) const ALL_HOOKS: &[Hook] = &[Hook::Eps, Hook::Tau, Hook::Geo, Hook::Meas, Hook::Enc];
+
+const fn variable(name: &'static str, meaning: &'static str, hooks: &'static [Hook]) -> FormulaVariable {
+    FormulaVariable { name, meaning, hooks }
+}
+
+/// Every variable, in the order of their values.
+pub const FORMULA_VARIABLES: [FormulaVariable; 16] = [
+    variable("bend", "rad: bend from straight", SHAPE),
+    variable("delta", "rad: plane of bending, 0 at the straight pose", SHAPE),
+    variable("bend_x", "rad: first component of the bend vector", SHAPE),
+    variable("bend_y", "rad: second component of the bend vector", SHAPE),
+    variable("q1", "m: displacement of line 1 at the snake", LINE),
+    variable("q2", "m: displacement of line 2 at the snake", LINE),
+    variable("q3", "m: displacement of line 3 at the snake", LINE),
+    variable("q_i", "m: displacement of this line at the snake", LINE),
+    variable("tau_i", "N: load of this line at the snake, push positive", LINE),
+    variable("direction", "-1 to 1: sign of motion of this line, turning over 20 um of q_i", LINE),
+    variable("q_tilde_i", "m: position of this line's actuator", &[Hook::Enc]),
+    variable("axis", "0 for bend_x, 1 for bend_y: what the value is added to", &[Hook::Meas]),
+    variable("line", "1, 2 or 3", &[Hook::Eps, Hook::Tau, Hook::Geo, Hook::Enc]),
+    variable("time_s", "s", ALL_HOOKS),
+    variable("stem_angle_rad", "rad: needs the column", ALL_HOOKS),
+    variable("temperature_c", "deg C: needs the column", ALL_HOOKS),
+];
+
+pub(super) const TIME: usize = 13;
+pub(super) const STEM_ANGLE: usize = 14;
+pub(super) const TEMPERATURE: usize = 15;
+
+/// The variables' values.
+pub(crate) type Values<S> = [S; FORMULA_VARIABLES.len()];
+
+/// The variables at a line, from shape, displacements and loads; `direction` keeps its memory in the effect's state.
+pub(crate) fn line_values<P: Real, S: Scalar<P>>(
+    e: &Prepared<P>,
+    state: &mut [P],
+    b: [S; 2],
+    q: [S; 3],
+    tau: S,
+    i: usize,
+    now: &Now,
+) -> Values<S> {
+    let half = P::constant(0.5 * DIRECTION_TRAVEL_M);
+    let p = play(state[e.state + i], q[i], half, now.fresh);
+    if now.commit {
+        state[e.state + i] = p.settle();
+    }
+    let direction = (q[i] - p) * (P::constant(1.0) / half);
+    let mut values = shape_values(b, now);
+    values[4..8].copy_from_slice(&[q[0], q[1], q[2], q[i]]);
+    (values[8], values[9]) = (tau, direction);
+    values[12] = S::constant([1.0, 2.0, 3.0][i]);
+    values
+}
+
+/// The variables that a shape has.
+pub(crate) fn shape_values<S: Real>(b: [S; 2], now: &Now) -> Values<S> {
+    let mut values = [S::constant(0.0); FORMULA_VARIABLES.len()];
+    let square = b[0] * b[0] + b[1] * b[1];
+    values[0] = square.sqrt();
+    values[1] = plane(b, square.value());
+    (values[2], values[3]) = (b[0], b[1]);
+    values[TIME] = S::constant(now.time_s);
+    values[STEM_ANGLE] = S::constant(now.stem_angle_rad);
+    values[TEMPERATURE] = S::constant(now.temperature_c);
+    values
+}
+
+/// The variables at an encoder.
+pub(crate) fn encoder_values<S: Real>(q_tilde: S, i: usize, now: &Now) -> Values<S> {
+    let mut values = shape_values([S::constant(0.0); 2], now);
+    values[10] = q_tilde;
+    values[12] = S::constant([1.0, 2.0, 3.0][i]);
+    values
+}
+
+/// Sets which component of the bend vector is asked for.
+pub(crate) fn set_axis<S: Real>(values: &mut Values<S>, axis: f64) {
+    values[11] = S::constant(axis);
+}
+
+/// delta with its tangents, which count as zero where delta has no meaning.
+fn plane<S: Real>(b: [S; 2], square: f64) -> S {
+    let delta = b[1].value().atan2(b[0].value());
+    if square < 1e-18 {
+        return S::constant(if square > 0.0 { delta } else { 0.0 });
+    }
+    let (by_x, by_y) = (-b[1].value() / square, b[0].value() / square);
+    let turned =
+        (b[0] - S::constant(b[0].value())) * S::constant(by_x) + (b[1] - S::constant(b[1].value())) * S::constant(by_y);
+    turned + S::constant(delta)
+}
