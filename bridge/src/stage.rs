@@ -73,7 +73,6 @@ pub(crate) fn run<S: Stage>(
     tracing::info!(process, "ready");
     while !stop.load(Ordering::Relaxed) {
         inputs.wait(PATIENCE)?;
-        stage.glance()?;
         while let Some(input) = inputs.take()? {
             let begun_ns = clock::monotonic_ns();
             stage.glance()?;
@@ -89,6 +88,8 @@ pub(crate) fn run<S: Stage>(
                 }
             }
         }
+        // Behind the samples, not before them: it keeps the other channels from overflowing while no input comes.
+        stage.glance()?;
         health.count_readers(&[inputs.counts(), stage.counts()]);
         health.health_mut().n_sent = outputs.n_sent();
         health.publish_if_due(clock::monotonic_ns())?;
