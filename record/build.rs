@@ -17,7 +17,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo:rerun-if-changed={ROOT}");
     let out = PathBuf::from(std::env::var("OUT_DIR")?);
     let files = proto_files()?;
-    Config::new().compile_fds(with_explicit_doubles(protox::compile(&files, [ROOT])?))?;
+    Config::new().compile_well_known_types().compile_fds(with_explicit_doubles(protox::compile(&files, [ROOT])?))?;
     for file in &files {
         // A viewer gets the file of its message and what that imports, with the comments, and nothing else.
         let descriptors = protox::compile([file], [ROOT])?;
@@ -31,7 +31,8 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// Has prost write every double, also one that equals zero: it leaves out -0.0 otherwise, and a recording must give back
 /// the bits that were sent. The bytes are valid for the `.proto` files as they stand, and those are what is embedded.
 fn with_explicit_doubles(mut descriptors: FileDescriptorSet) -> FileDescriptorSet {
-    for message in descriptors.file.iter_mut().flat_map(|file| &mut file.message_type) {
+    let own = descriptors.file.iter_mut().filter(|file| file.package() == "krait");
+    for message in own.flat_map(|file| &mut file.message_type) {
         for field in message.field.iter_mut().filter(|field| field.r#type() == Type::Double) {
             field.set_label(Label::Required);
         }
@@ -41,8 +42,10 @@ fn with_explicit_doubles(mut descriptors: FileDescriptorSet) -> FileDescriptorSe
 
 fn proto_files() -> Result<Vec<PathBuf>, Box<dyn Error>> {
     let mut files = Vec::new();
-    for entry in std::fs::read_dir(Path::new(ROOT).join("krait"))? {
-        files.push(entry?.path());
+    for package in ["krait", "foxglove"] {
+        for entry in std::fs::read_dir(Path::new(ROOT).join(package))? {
+            files.push(entry?.path());
+        }
     }
     files.sort();
     Ok(files)

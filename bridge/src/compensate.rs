@@ -10,10 +10,11 @@
 //! Failure: stale or foreign samples. The command then repeats the last one, with the reasons named.
 
 use crate::config::CompensateConfig;
+use crate::cued::{self, CuedStage, Moment, UpTo};
 use crate::lines::Lines;
 use crate::stage::{self, BridgeError, Refused, Stage, check_order_and_numbers, seconds_between, stamps_begun, step_s};
 use core::sync::atomic::AtomicBool;
-use krait_ipc::message::{Command, Compensation, ModelUpdate, Phase, Setpoint, SlaveState};
+use krait_ipc::message::{Command, Compensation, Cue, ModelUpdate, Phase, Setpoint, SlaveState};
 use krait_ipc::{Bus, IpcError, ReadCounts, ReadOptions, Reader, Reason, Reasons};
 use krait_model::{Chain, MachineParameters};
 use nalgebra::{Vector2, Vector3};
@@ -274,8 +275,98 @@ pub fn run_compensate(
         n_updates_refused: 0,
     };
     stage::run(bus, "compensate", config.wait, &mut stage, stop)?;
-    if stage.n_updates_refused > 0 {
-        tracing::warn!(n = stage.n_updates_refused, "{}", Reason::ModelUpdateRefused.sentence());
+    warn_of_refused(stage.n_updates_refused);
+    Ok(())
+}
+
+fn warn_of_refused(n_updates: u64) {
+    if n_updates > 0 {
+        tracing::warn!(n_updates, "{}", Reason::ModelUpdateRefused.sentence());
     }
+}
+
+/// `compensate` in a replay.
+struct CuedCompensate {
+    core: CompensateCore,
+    states: UpTo<SlaveState>,
+    updates: UpTo<ModelUpdate>,
+    n_updates_refused: u64,
+}
+
+impl Stage for CuedCompensate {
+    type In = Setpoint;
+    type Out = Command;
+
+    fn glance(&mut self) -> Result<(), IpcError> {
+        Ok(())
+    }
+
+    fn step(&mut self, setpoint: &Setpoint, begun_ns: i64) -> Result<Command, Refused> {
+        self.core.step(setpoint, begun_ns)
+    }
+
+    fn sent_stamp(out: &mut Command) -> &mut i64 {
+        CompensateStage::sent_stamp(out)
+    }
+
+    fn reasons(out: &Command) -> Reasons {
+        CompensateStage::reasons(out)
+    }
+
+    fn counts(&self) -> ReadCounts {
+        let (states, updates) = (self.states.counts(), self.updates.counts());
+        ReadCounts { n_received: states.n_received + updates.n_received, n_lost: states.n_lost + updates.n_lost }
+    }
+}
+
+impl CuedStage for CuedCompensate {
+    fn input_sequence(setpoint: &Setpoint) -> u64 {
+        setpoint.input_sequence
+    }
+
+    fn moment(cue: &Cue) -> Moment {
+        Moment {
+            begun_ns: cue.compensate_begun_ns,
+            sent_ns: cue.command_sent_ns,
+            state_sequence: cue.compensate_state_sequence,
+            update_sequence: cue.model_update_sequence,
+        }
+    }
+
+    fn glance_until(&mut self, moment: &Moment) -> Result<bool, BridgeError> {
+        let core = &mut self.core;
+        let states = self.states.take(moment.state_sequence, |state| core.note_state(state))?;
+        let mut n_refused = 0;
+        let updates = self
+            .updates
+            .take(moment.update_sequence, |update| n_refused += u64::from(core.note_update(update).is_err()))?;
+        self.n_updates_refused += n_refused;
+        Ok(states && updates)
+    }
+
+    fn wait(&mut self, moment: &Moment) -> Result<(), IpcError> {
+        if self.states.is_behind(moment.state_sequence) { self.states.wait() } else { self.updates.wait() }
+    }
+}
+
+/// The process `krait compensate` in a replay.
+///
+/// # Errors
+/// As [`run_compensate`], and [`BridgeError::NoCue`] or [`BridgeError::NotThere`] when the replay contradicts itself.
+pub fn run_compensate_cued(
+    bus: &Bus,
+    machine: &MachineParameters,
+    config: CompensateConfig,
+    chain: Option<&Chain>,
+    stop: &AtomicBool,
+) -> Result<(), BridgeError> {
+    let mut stage = CuedCompensate {
+        core: CompensateCore::new(machine, config, chain)?,
+        states: UpTo::new(bus.reader(ReadOptions::waking())?),
+        updates: UpTo::new(bus.reader(ReadOptions::waking())?),
+        n_updates_refused: 0,
+    };
+    cued::run(bus, "compensate", &mut stage, stop)?;
+    warn_of_refused(stage.n_updates_refused);
     Ok(())
 }

@@ -61,6 +61,8 @@ pub struct ResolveConfig {
     pub state_stale_ms: f64,
     /// How the process waits for operator input.
     pub wait: WaitMode,
+    /// A fault to inject, us: every setpoint is held back this long before it is published, to see that budgets notice.
+    pub late_us: f64,
 }
 
 impl Default for ResolveConfig {
@@ -76,6 +78,7 @@ impl Default for ResolveConfig {
             input_stale_ms: 50.0,
             state_stale_ms: 100.0,
             wait: WaitMode::Blocking,
+            late_us: 0.0,
         }
     }
 }
@@ -98,6 +101,7 @@ impl ResolveConfig {
                 ("view_roll_rad", self.view_roll_rad, -3.2..=3.2, "an angle in radians"),
                 ("input_stale_ms", self.input_stale_ms, 1.0..=1000.0, "older input is not the operator's wish"),
                 ("state_stale_ms", self.state_stale_ms, 1.0..=1000.0, "older state says nothing about now"),
+                ("late_us", self.late_us, 0.0..=100_000.0, "a fault longer than a tenth of a second is a stop"),
             ],
         )
     }

@@ -14,13 +14,15 @@
 
 mod compensate;
 mod config;
+mod cued;
 mod estimate;
 mod lines;
 mod resolve;
 mod stage;
 
-pub use compensate::{CompensateCore, run_compensate};
+pub use compensate::{CompensateCore, run_compensate, run_compensate_cued};
 pub use config::{CompensateConfig, ConfigError, EstimateConfig, ResolveConfig};
+pub use cued::run_estimate_cued;
 pub use estimate::{EstimateCore, run_estimate};
-pub use resolve::{ResolveCore, run_resolve};
+pub use resolve::{ResolveCore, run_resolve, run_resolve_cued};
 pub use stage::{BridgeError, Refused};

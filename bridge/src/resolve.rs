@@ -10,9 +10,10 @@
 //! Failure: no operator, no slave, stale samples. The setpoint then comes to rest within the acceleration limit and holds.
 
 use crate::config::ResolveConfig;
+use crate::cued::{self, CuedStage, Moment, UpTo};
 use crate::stage::{self, BridgeError, Refused, Stage, check_order_and_numbers, seconds_between, stamps_begun, step_s};
 use core::sync::atomic::AtomicBool;
-use krait_ipc::message::{DeviceState, OperatorInput, Phase, Setpoint, SlaveState};
+use krait_ipc::message::{Cue, DeviceState, OperatorInput, Phase, Setpoint, SlaveState};
 use krait_ipc::{Bus, IpcError, ReadCounts, ReadOptions, Reader, Reason, Reasons};
 use krait_model::{Compensator, CompensatorParameters, MachineParameters, Snake};
 use nalgebra::{Rotation3, Vector2, Vector3};
@@ -209,6 +210,7 @@ impl ResolveCore {
 struct ResolveStage {
     core: ResolveCore,
     states: Reader<SlaveState>,
+    late_ns: i64,
 }
 
 impl Stage for ResolveStage {
@@ -234,6 +236,10 @@ impl Stage for ResolveStage {
         Reasons::from_bits(out.reasons)
     }
 
+    fn late_ns(&self) -> i64 {
+        self.late_ns
+    }
+
     fn counts(&self) -> ReadCounts {
         self.states.counts()
     }
@@ -252,5 +258,76 @@ pub fn run_resolve(
 ) -> Result<(), BridgeError> {
     let core = ResolveCore::new(machine, lines, config)?;
     let states = bus.reader::<SlaveState>(ReadOptions::glancing())?;
-    stage::run(bus, "resolve", config.wait, &mut ResolveStage { core, states }, stop)
+    let late_ns = (config.late_us * 1e3) as i64;
+    stage::run(bus, "resolve", config.wait, &mut ResolveStage { core, states, late_ns }, stop)
+}
+
+/// `resolve` in a replay.
+struct CuedResolve {
+    core: ResolveCore,
+    states: UpTo<SlaveState>,
+}
+
+impl Stage for CuedResolve {
+    type In = OperatorInput;
+    type Out = Setpoint;
+
+    fn glance(&mut self) -> Result<(), IpcError> {
+        Ok(())
+    }
+
+    fn step(&mut self, input: &OperatorInput, begun_ns: i64) -> Result<Setpoint, Refused> {
+        self.core.step(input, begun_ns)
+    }
+
+    fn sent_stamp(out: &mut Setpoint) -> &mut i64 {
+        ResolveStage::sent_stamp(out)
+    }
+
+    fn reasons(out: &Setpoint) -> Reasons {
+        ResolveStage::reasons(out)
+    }
+
+    fn counts(&self) -> ReadCounts {
+        self.states.counts()
+    }
+}
+
+impl CuedStage for CuedResolve {
+    fn input_sequence(input: &OperatorInput) -> u64 {
+        input.sequence
+    }
+
+    fn moment(cue: &Cue) -> Moment {
+        Moment {
+            begun_ns: cue.resolve_begun_ns,
+            sent_ns: cue.setpoint_sent_ns,
+            state_sequence: cue.resolve_state_sequence,
+            update_sequence: 0,
+        }
+    }
+
+    fn glance_until(&mut self, moment: &Moment) -> Result<bool, BridgeError> {
+        self.states.take(moment.state_sequence, |state| self.core.note_state(state))
+    }
+
+    fn wait(&mut self, _moment: &Moment) -> Result<(), IpcError> {
+        self.states.wait()
+    }
+}
+
+/// The process `krait resolve` in a replay.
+///
+/// # Errors
+/// As [`run_resolve`], and [`BridgeError::NoCue`] or [`BridgeError::NotThere`] when the replay contradicts itself.
+pub fn run_resolve_cued(
+    bus: &Bus,
+    machine: &MachineParameters,
+    lines: CompensatorParameters,
+    config: ResolveConfig,
+    stop: &AtomicBool,
+) -> Result<(), BridgeError> {
+    let core = ResolveCore::new(machine, lines, config)?;
+    let states = UpTo::new(bus.reader(ReadOptions::waking())?);
+    cued::run(bus, "resolve", &mut CuedResolve { core, states }, stop)
 }

@@ -23,6 +23,26 @@ pub enum BridgeError {
     /// The mode `model` without a model file.
     #[error("compensation \"model\" needs a model file: name it with --model FILE or with the setting `model`")]
     NoModelFile,
+    /// A replay sent a sample and not what its steps depend on.
+    #[error(
+        "input {input_sequence} came without a cue, expected one before it; the replay that sends them has failed, so start it again"
+    )]
+    NoCue {
+        /// The sample.
+        input_sequence: u64,
+    },
+    /// A cue names a message that was never published.
+    #[error(
+        "a cue names message {sequence} of channel {channel:?}, found {found} there; the replay that sends them has failed, so start it again"
+    )]
+    NotThere {
+        /// The channel.
+        channel: &'static str,
+        /// What is named.
+        sequence: u64,
+        /// What came in its place.
+        found: u64,
+    },
     /// A value of the configuration is out of range.
     #[error(transparent)]
     Config(#[from] crate::ConfigError),
@@ -54,6 +74,10 @@ pub(crate) trait Stage {
     fn sent_stamp(out: &mut Self::Out) -> &mut i64;
     /// The reasons that an output carries.
     fn reasons(out: &Self::Out) -> Reasons;
+    /// How long an output is held back, ns: a fault to inject, none by default.
+    fn late_ns(&self) -> i64 {
+        0
+    }
     /// What the readers of `glance` have counted.
     fn counts(&self) -> ReadCounts;
 }
@@ -78,6 +102,7 @@ pub(crate) fn run<S: Stage>(
             stage.glance()?;
             match stage.step(&input, begun_ns) {
                 Ok(mut out) => {
+                    hold_back(begun_ns, stage.late_ns());
                     *S::sent_stamp(&mut out) = clock::monotonic_ns();
                     outputs.send(&out)?;
                     health.set_now(S::reasons(&out));
@@ -97,6 +122,13 @@ pub(crate) fn run<S: Stage>(
     health.publish(clock::monotonic_ns())?;
     tracing::info!(process, n_sent = outputs.n_sent(), n_lost = inputs.n_lost(), "stopped");
     Ok(())
+}
+
+/// Spends time as a stage that computes too long would: awake.
+fn hold_back(begun_ns: i64, late_ns: i64) {
+    while late_ns > 0 && clock::monotonic_ns() - begun_ns < late_ns {
+        core::hint::spin_loop();
+    }
 }
 
 /// Time since the sample before, s, by the samples' own stamps: at most [`MAX_STEP_S`], so that a gap never becomes a jump.

@@ -1,5 +1,6 @@
 //! Joining an instance, opening its channels with stated sizes, and clearing up after killed processes.
 
+use crate::bell::Bell;
 use crate::membership::Membership;
 use crate::message::Message;
 use crate::{InstanceName, IpcError, ReadOptions, Reader, Writer};
@@ -11,15 +12,14 @@ use iceoryx2::prelude::{
     SemanticString, Service as _, ServiceName, SignalHandlingMode, ipc,
 };
 use iceoryx2::service::attribute::{AttributeKey, AttributeValue};
-use iceoryx2::service::port_factory::{event, publish_subscribe};
+use iceoryx2::service::port_factory::publish_subscribe;
 use std::sync::Arc;
 
 pub(crate) type Shm = ipc::Service;
 pub(crate) type DataService<M> = publish_subscribe::PortFactory<Shm, M, ()>;
-pub(crate) type EventService = event::PortFactory<Shm>;
 
 /// Readers a channel can have at once: the next stage, estimator, recorder, console, lab, and room for a user's own tools.
-pub(crate) const MAX_READERS: usize = 8;
+pub(crate) const MAX_READERS: usize = 20;
 /// Samples that a reader's buffer can hold: 2 s at 1 kHz, so that a recorder may sleep through a slow disk.
 pub(crate) const MAX_BUFFER: usize = 2048;
 /// Samples that a late reader gets from before it joined: the newest one, so that it knows the state at once.
@@ -27,7 +27,7 @@ pub(crate) const HISTORY: usize = 1;
 /// Samples that a reader may hold at the same time.
 const MAX_BORROWED: usize = 2;
 /// Processes that may use a channel at once.
-const MAX_NODES: usize = 16;
+const MAX_NODES: usize = 32;
 /// Attribute that carries the payload's version.
 const VERSION_KEY: &str = "krait.payload.version";
 /// How long to wait for another process that is clearing up the same dead process.
@@ -117,7 +117,7 @@ impl Bus {
     /// # Errors
     /// [`IpcError::SecondWriter`], [`IpcError::Version`] or [`IpcError::Channel`].
     pub fn writer_on<M: Message>(&self, channel: &str) -> Result<Writer<M>, IpcError> {
-        Writer::open(self.address(channel), &self.data_service::<M>(channel)?, &self.event_service(channel)?)
+        Writer::open(self.address(channel), &self.data_service::<M>(channel)?, self.bell(channel)?)
     }
 
     /// Becomes a reader of a message's own channel.
@@ -133,7 +133,8 @@ impl Bus {
     /// # Errors
     /// [`IpcError::TooManyReaders`], [`IpcError::Version`] or [`IpcError::Channel`].
     pub fn reader_on<M: Message>(&self, channel: &str, options: ReadOptions) -> Result<Reader<M>, IpcError> {
-        Reader::open(self.address(channel), &self.data_service::<M>(channel)?, &self.event_service(channel)?, options)
+        let bell = if options.wakes() { Some(self.bell(channel)?) } else { None };
+        Reader::open(self.address(channel), &self.data_service::<M>(channel)?, bell, options)
     }
 
     fn address(&self, channel: &str) -> Address {
@@ -166,17 +167,9 @@ impl Bus {
             })
     }
 
-    fn event_service(&self, channel: &str) -> Result<EventService, IpcError> {
-        let address = self.address(channel);
-        self.node
-            .service_builder(&address.service_name()?)
-            .event()
-            .max_notifiers(1)
-            .max_listeners(MAX_READERS)
-            .max_nodes(MAX_NODES)
-            .disable_deadline()
-            .open_or_create()
-            .map_err(|e| address.failed("opening its event", format!("{e:?}")))
+    fn bell(&self, channel: &str) -> Result<Bell, IpcError> {
+        Bell::open(&self.instance.bell_path(channel))
+            .map_err(|e| self.address(channel).failed("opening its bell in /dev/shm", e.to_string()))
     }
 
     fn version_in_use(&self, name: &ServiceName) -> Option<String> {

@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 
 /// Where iceoryx2 keeps the small files of every krait instance (its shared memory is in /dev/shm).
 const ROOT: &str = "/tmp/krait";
+/// Where shared memory is.
+const SHARED_MEMORY: &str = "/dev/shm";
 
 /// A checked instance name: 1 to 32 of a-z, 0-9, '-' and '_'.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -33,6 +35,11 @@ impl InstanceName {
         format!("krait.{}.", self.0)
     }
 
+    /// The bell of a channel: a file of this instance like those of iceoryx2, and removed with them.
+    pub(crate) fn bell_path(&self, channel: &str) -> PathBuf {
+        Path::new(SHARED_MEMORY).join(format!("{}{}.bell", self.prefix(), channel.replace('/', ".")))
+    }
+
     /// The folder of this instance; it exists while the instance has members and goes with the last.
     pub fn folder(&self) -> PathBuf {
         Path::new(ROOT).join(&self.0)
@@ -43,7 +50,7 @@ impl InstanceName {
 pub fn resources_of(instance: &InstanceName) -> Vec<PathBuf> {
     let prefix = instance.prefix();
     let mut found = Vec::new();
-    collect(Path::new("/dev/shm"), false, &mut |p| {
+    collect(Path::new(SHARED_MEMORY), false, &mut |p| {
         if p.file_name().is_some_and(|n| n.to_string_lossy().starts_with(&prefix)) {
             found.push(p.to_owned());
         }

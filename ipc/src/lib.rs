@@ -3,8 +3,8 @@
 //! Purpose: every process opens its channels here, so that sizes, history, single writers, versions and names are decided
 //! once. This is the only crate that touches iceoryx2.
 //!
-//! Terms: an *instance* is one chain on a machine; a *channel* is a publish-subscribe service with an event beside it; a
-//! *writer* is its one publisher; a *reader* sleeps on the event or polls.
+//! Terms: an *instance* is one chain on a machine; a *channel* is a publish-subscribe service with a *bell* beside it,
+//! a futex word in shared memory; a *writer* is its one publisher; a *reader* sleeps until the bell rings, or polls.
 //!
 //! Frames and units: see `docs/NOTATION.md`; every field of a message carries its unit in its name.
 //!
@@ -20,6 +20,7 @@
 //! # Ok::<(), krait_ipc::IpcError>(())
 //! ```
 
+mod bell;
 mod bus;
 pub mod clock;
 mod error;
@@ -28,13 +29,19 @@ mod instance;
 mod membership;
 pub mod message;
 mod reader;
+mod realtime;
 mod reasons;
+mod shared_words;
 mod writer;
 
+pub use bell::Bell;
 pub use bus::{Bus, CleanupReport};
 pub use error::IpcError;
 pub use health_reporter::{HealthReporter, ReadCounts, health_channel};
 pub use instance::{InstanceName, resources_of};
+pub use message::LatencyLimits;
 pub use reader::{ReadOptions, Reader, Received, WaitMode};
+pub use realtime::{Realtime, RealtimeError, may_lock_all};
 pub use reasons::{Reason, Reasons};
+pub use shared_words::SharedWords;
 pub use writer::Writer;

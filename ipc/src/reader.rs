@@ -1,17 +1,14 @@
 //! A reader of a channel: takes every message in order, counts what is missing, sleeps or polls.
 
-use crate::bus::{Address, DataService, EventService, MAX_BUFFER, MAX_READERS, Shm};
+use crate::bell::Bell;
+use crate::bus::{Address, DataService, MAX_BUFFER, MAX_READERS, Shm};
 use crate::message::Message;
 use crate::{IpcError, clock};
 use core::ops::Deref;
 use core::time::Duration;
 use iceoryx2::identifiers::UniquePublisherId;
-use iceoryx2::port::listener::Listener;
 use iceoryx2::port::subscriber::{Subscriber, SubscriberCreateError};
-use iceoryx2::prelude::FileDescriptorBased;
 use iceoryx2::sample::Sample;
-use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use std::os::fd::BorrowedFd;
 
 /// How a reader waits for the next message.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -51,9 +48,18 @@ impl ReadOptions {
         Self { wakes: false, buffer: MAX_BUFFER, mode: WaitMode::Blocking }
     }
 
+    /// A follower that must miss nothing and sleeps until there is something: a replay, whose pace is that of its readers.
+    pub fn following() -> Self {
+        Self { wakes: true, buffer: MAX_BUFFER, mode: WaitMode::Blocking }
+    }
+
     /// The same, waiting in another way.
     pub fn with_mode(self, mode: WaitMode) -> Self {
         Self { wakes: self.wakes && mode == WaitMode::Blocking, mode, ..self }
+    }
+
+    pub(crate) fn wakes(&self) -> bool {
+        self.wakes
     }
 }
 
@@ -61,7 +67,7 @@ impl ReadOptions {
 #[derive(Debug)]
 pub struct Reader<M: Message> {
     subscriber: Subscriber<Shm, M, ()>,
-    listener: Option<Listener<Shm>>,
+    bell: Option<Bell>,
     mode: WaitMode,
     last: Option<(UniquePublisherId, u64)>,
     n_received: u64,
@@ -85,15 +91,9 @@ impl<M: Message> Reader<M> {
     pub(crate) fn open(
         address: Address,
         data: &DataService<M>,
-        event: &EventService,
+        bell: Option<Bell>,
         options: ReadOptions,
     ) -> Result<Self, IpcError> {
-        // The event comes first: a message between the two is then announced and found, never found too late.
-        let listener = if options.wakes {
-            Some(event.listener_builder().create().map_err(|e| address.failed("listening to it", format!("{e:?}")))?)
-        } else {
-            None
-        };
         let subscriber =
             data.subscriber_builder().buffer_size(options.buffer).create().map_err(|error| match error {
                 SubscriberCreateError::ExceedsMaxSupportedSubscribers => IpcError::TooManyReaders {
@@ -104,7 +104,7 @@ impl<M: Message> Reader<M> {
                 other => address.failed("becoming its reader", format!("{other:?}")),
             })?;
         let mode = options.mode;
-        Ok(Self { subscriber, listener, mode, last: None, n_received: 0, n_lost: 0, n_out_of_order: 0, address })
+        Ok(Self { subscriber, bell, mode, last: None, n_received: 0, n_lost: 0, n_out_of_order: 0, address })
     }
 
     /// Takes the next message, or `None` when there is none. A message that does not follow its predecessor upwards is
@@ -150,15 +150,17 @@ impl<M: Message> Reader<M> {
         Ok(newest)
     }
 
-    /// Sleeps (or polls) until there may be a message, a signal came or the time is up. Returns whether it was woken by
-    /// its channel.
+    /// Sleeps (or polls) until there may be a message, a signal came or the time is up. Returns whether there may be one.
     ///
     /// # Errors
-    /// [`IpcError::Channel`] when the event is broken, or this reader was opened without one and does not poll.
+    /// [`IpcError::Channel`] when the channel is broken, or this reader was opened to look and does not poll.
+    ///
+    /// # Real-time
+    /// No allocation; one system call where there is no message yet, none where there is.
     pub fn wait(&mut self, timeout: Duration) -> Result<bool, IpcError> {
-        match (self.mode, &self.listener) {
+        match (self.mode, &self.bell) {
             (WaitMode::Polling, _) => self.spin(timeout),
-            (WaitMode::Blocking, Some(listener)) => self.sleep(listener, timeout),
+            (WaitMode::Blocking, Some(bell)) => self.sleep(bell, timeout),
             (WaitMode::Blocking, None) => {
                 Err(self.address.failed("waiting for it", "this reader was opened to look, not to wait".to_owned()))
             }
@@ -183,7 +185,7 @@ impl<M: Message> Reader<M> {
     fn spin(&self, timeout: Duration) -> Result<bool, IpcError> {
         let deadline_ns = clock::monotonic_ns().saturating_add(i64::try_from(timeout.as_nanos()).unwrap_or(i64::MAX));
         loop {
-            if self.subscriber.has_samples().map_err(|e| self.failed("polling it", &e))? {
+            if self.has_messages()? {
                 return Ok(true);
             }
             if clock::monotonic_ns() >= deadline_ns {
@@ -193,25 +195,17 @@ impl<M: Message> Reader<M> {
         }
     }
 
-    /// One `ppoll` and the draining of the event: half the system calls of iceoryx2's own `timed_wait`, and a timeout,
-    /// which `blocking_wait` lacks and a watchdog needs.
-    fn sleep(&self, listener: &Listener<Shm>, timeout: Duration) -> Result<bool, IpcError> {
-        #[allow(unsafe_code)]
-        // SAFETY: the listener owns the descriptor and is borrowed for the whole of this function.
-        let fd = unsafe { BorrowedFd::borrow_raw(listener.file_descriptor().native_handle()) };
-        let timeout = Timespec {
-            tv_sec: i64::try_from(timeout.as_secs()).unwrap_or(i64::MAX),
-            tv_nsec: i64::from(timeout.subsec_nanos()),
-        };
-        match poll(&mut [PollFd::from_borrowed_fd(fd, PollFlags::IN)], Some(&timeout)) {
-            Ok(0) => Ok(false),
-            Ok(_) => {
-                listener.try_wait(|_| {}).map_err(|e| self.failed("hearing its event", &e))?;
-                Ok(true)
-            }
-            Err(rustix::io::Errno::INTR) => Ok(false),
-            Err(error) => Err(self.failed("waiting for it", &error)),
+    /// The count of rings is taken before the look: a message that comes between the look and the sleep has rung since.
+    fn sleep(&self, bell: &Bell, timeout: Duration) -> Result<bool, IpcError> {
+        let heard = bell.rings();
+        if self.has_messages()? {
+            return Ok(true);
         }
+        bell.sleep(heard, timeout).map_err(|e| self.failed("waiting for it", &e))
+    }
+
+    fn has_messages(&self) -> Result<bool, IpcError> {
+        self.subscriber.has_samples().map_err(|e| self.failed("looking at it", &e))
     }
 
     #[cold]

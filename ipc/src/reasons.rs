@@ -62,11 +62,13 @@ pub enum Reason {
     ShapeStale = 27,
     /// A drive reported a failure.
     DriveFault = 28,
+    /// A command took longer than its latency budget allows, us.
+    LatencyBudget = 29,
 }
 
 impl Reason {
     /// Every reason, in the order of its bit.
-    pub const ALL: [Self; 29] = [
+    pub const ALL: [Self; 30] = [
         Self::OperatorAbsent,
         Self::Clutched,
         Self::DeviceLost,
@@ -96,6 +98,7 @@ impl Reason {
         Self::InputEnded,
         Self::ShapeStale,
         Self::DriveFault,
+        Self::LatencyBudget,
     ];
 
     /// The reason in words that a surgeon understands.
@@ -130,6 +133,7 @@ impl Reason {
             Self::InputEnded => "the input has come to its end",
             Self::ShapeStale => "the measured shape is missing or too old",
             Self::DriveFault => "a drive reported a failure and its power was removed",
+            Self::LatencyBudget => "a command took longer from the hand to the actuators than its budget allows",
         }
     }
 }
@@ -155,6 +159,12 @@ impl Reasons {
     /// Adds a reason.
     pub fn insert(&mut self, reason: Reason) {
         self.0 |= 1 << reason as u32;
+    }
+
+    /// The set with one reason more.
+    pub fn with(mut self, reason: Reason) -> Self {
+        self.insert(reason);
+        self
     }
 
     /// Adds a reason if a condition holds.

@@ -1,31 +1,29 @@
 //! The one writer of a channel.
 
 use crate::IpcError;
-use crate::bus::{Address, DataService, EventService, Shm};
+use crate::bell::Bell;
+use crate::bus::{Address, DataService, Shm};
 use crate::message::Message;
-use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::{Publisher, PublisherCreateError};
 
 /// Publishes messages and wakes the readers that sleep. There is at most one per channel.
 #[derive(Debug)]
 pub struct Writer<M: Message> {
     publisher: Publisher<Shm, M, ()>,
-    notifier: Notifier<Shm>,
+    bell: Bell,
     n_sent: u64,
     address: Address,
 }
 
 impl<M: Message> Writer<M> {
-    pub(crate) fn open(address: Address, data: &DataService<M>, event: &EventService) -> Result<Self, IpcError> {
+    pub(crate) fn open(address: Address, data: &DataService<M>, bell: Bell) -> Result<Self, IpcError> {
         let publisher = data.publisher_builder().max_loaned_samples(1).create().map_err(|error| match error {
             PublisherCreateError::ExceedsMaxSupportedPublishers => {
                 IpcError::SecondWriter { instance: address.instance.clone(), channel: address.channel.clone() }
             }
             other => address.failed("becoming its writer", format!("{other:?}")),
         })?;
-        let notifier =
-            event.notifier_builder().create().map_err(|e| address.failed("becoming its notifier", format!("{e:?}")))?;
-        Ok(Self { publisher, notifier, n_sent: 0, address })
+        Ok(Self { publisher, bell, n_sent: 0, address })
     }
 
     /// Messages sent so far.
@@ -42,13 +40,29 @@ impl<M: Message> Writer<M> {
     /// is no error: its oldest sample is dropped and counted there.
     ///
     /// # Real-time
-    /// No allocation and no blocking; one system call per sleeping reader.
+    /// No blocking; one system call if any reader sleeps; one small allocation, which iceoryx2 0.10 makes for each message.
     pub fn send(&mut self, message: &M) -> Result<(), IpcError> {
+        self.put(message)?;
+        self.wake()
+    }
+
+    /// Publishes a message without waking anybody: for bursts, which end with one [`Writer::wake`].
+    ///
+    /// # Errors
+    /// As [`Writer::send`].
+    pub fn put(&mut self, message: &M) -> Result<(), IpcError> {
         let sample = self.publisher.loan_uninit().map_err(|e| self.failed("borrowing shared memory", &e))?;
         sample.write_payload(*message).send().map_err(|e| self.failed("publishing", &e))?;
         self.n_sent += 1;
-        self.notifier.notify().map_err(|e| self.failed("waking its readers", &e))?;
         Ok(())
+    }
+
+    /// Wakes the readers that sleep.
+    ///
+    /// # Errors
+    /// As [`Writer::send`].
+    pub fn wake(&mut self) -> Result<(), IpcError> {
+        self.bell.ring().map_err(|e| self.failed("waking its readers", &e))
     }
 
     #[cold]

@@ -1,5 +1,7 @@
 //! The command line: subcommands, their options and their examples.
 
+use crate::cli_lab::LabVerb;
+use crate::cli_replay::{CompareArgs, ReplayArgs};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use krait_ipc::message::Compensation;
 use std::path::PathBuf;
@@ -42,7 +44,7 @@ pub enum Verb {
     Demo(DemoArgs),
     /// The chain until Ctrl-C: operator, bridge, actuators, recorder, each a process of its own.
     #[command(
-        after_help = "Examples:\n  krait run\n  krait run --master hid --compensation estimated\n  krait run --master script --input path.csv --seconds 30\n  krait run --truth stiff.toml --recording runs/stiff.mcap\n  krait run --model better.toml"
+        after_help = "Examples:\n  krait run\n  krait run --master hid --compensation estimated\n  krait run --master script --input path.csv --seconds 30\n  krait run --truth stiff.toml --recording runs/stiff.mcap\n  krait run --model better.toml\n  krait run --rotate-mb 500 --rotate-s 3600"
     )]
     Run(RunArgs),
     /// The hand controllers on this machine, and what is missing to use them.
@@ -53,12 +55,59 @@ pub enum Verb {
         after_help = "Examples:\n  krait paper\n  krait paper --out /tmp/paper\n  krait paper --json | jq .verdict"
     )]
     Paper(PaperArgs),
-    /// Repeats every step of a recording: are setpoints and commands the same, bit for bit?
-    #[command(after_help = "Example:\n  krait verify recordings/demo.mcap")]
+    /// Sends a recording's input through freshly started processes: are setpoints and commands the same, bit for bit?
+    ///
+    /// Exit code 0: identical; 1: the first difference is shown with sample, field, both values, process and versions;
+    /// 2: the recording cannot be repeated.
+    #[command(
+        after_help = "Examples:\n  krait verify recordings/demo.mcap\n  krait verify recordings/demo.mcap --json"
+    )]
     Verify(VerifyArgs),
+    /// Plays a recording, or a trajectory from a table, through the real processes to the simulated snake or a drive.
+    ///
+    /// Into the simulated snake the recording's own time passes, at any speed, and the result is the same at every speed.
+    /// With --real-time the machine's clock counts, as it does for every drive that is not simulated: approach to the start,
+    /// ease-in, and all of the slave's own limits. Lines on standard input: `pause`, `resume`, `stop`; with --step an empty
+    /// line is the next sample. Ctrl-C comes to rest and ends.
+    #[command(
+        after_help = "Examples:\n  krait replay recordings/demo.mcap --pass 3 --speed max\n  krait replay run.mcap --replace compensate --model better.toml --speed max\n  krait replay run.mcap --from 5 --to 12 --loops 3 --speed 4\n  krait replay run.mcap --step\n  krait replay circle.csv --real-time --speed 0.5"
+    )]
+    Replay(ReplayArgs),
+    /// Lays two recordings side by side: tracking error, latency of each hop, states and faults.
+    #[command(
+        after_help = "Examples:\n  krait compare before.mcap after.mcap\n  krait compare demo.mcap demo.mcap --pass-a 1 --pass-b 3 --out compare\n  krait compare run.mcap replay.mcap --json"
+    )]
+    Compare(CompareArgs),
+    /// Sets a mark in the recording of a chain that runs: a word about this instant.
+    #[command(after_help = "Examples:\n  krait mark vessel touched\n  krait mark \"2nd try\" --instance left-arm")]
+    Mark(MarkArgs),
+    /// Makes a whole recording of what a killed recorder or a damaged disk has left, and says what was saved.
+    #[command(
+        after_help = "Examples:\n  krait recover recordings/run.mcap\n  krait recover broken.mcap --out saved.mcap --json"
+    )]
+    Recover(RecoverArgs),
+    /// A recording's measurements as a table: encoders, loads and the camera's shape, a row per encoder sample.
+    #[command(
+        after_help = "Examples:\n  krait export recordings/demo.mcap --out demo.csv\n  krait export recordings/demo.mcap --format parquet --out demo.parquet --json"
+    )]
+    Export(ExportArgs),
+    /// The model lab: compares a model with measurements, names the missing effect, adds it.
+    #[command(subcommand)]
+    Lab(LabVerb),
     /// Prints or checks a model file.
     #[command(subcommand)]
     Model(ModelVerb),
+    /// Latency of the chain beside the floor of this machine and beside other ways to pass a message, in one run.
+    #[command(
+        after_help = "Examples:\n  krait bench\n  krait bench --seconds 60 --rounds 20 --out runs/quiet\n  krait bench --chains floor-futex,krait --rate 8000 --json\n  krait bench --priority 80 --cores 2,3 --wait polling"
+    )]
+    Bench(BenchArgs),
+    /// What this machine lacks for a punctual chain, what that means, how to mend it, and how late it wakes a process.
+    #[command(after_help = "Examples:\n  krait doctor\n  krait doctor --seconds 60\n  krait doctor --seconds 0 --json")]
+    Doctor(DoctorArgs),
+    /// Parts of `krait bench` that are processes of their own.
+    #[command(subcommand, hide = true)]
+    Yardstick(YardstickVerb),
     /// Prints the configuration that is in force, as TOML with every key.
     #[command(after_help = "Example:\n  krait config > krait.toml")]
     Config,
@@ -125,12 +174,21 @@ pub struct RunArgs {
     /// Where to write the recording; by default recordings/DATE-run.mcap.
     #[arg(long, value_name = "FILE", conflicts_with = "no_recording")]
     pub recording: Option<PathBuf>,
+    /// Begin a new file of the recording whenever one has this many megabytes.
+    #[arg(long, value_name = "MB", conflicts_with = "no_recording")]
+    pub rotate_mb: Option<u64>,
+    /// Begin a new file of the recording whenever one is this old, s.
+    #[arg(long, value_name = "SECONDS", conflicts_with = "no_recording")]
+    pub rotate_s: Option<u64>,
     /// Do not record.
     #[arg(long)]
     pub no_recording: bool,
     /// End after this time, s; without it the chain runs until Ctrl-C.
     #[arg(long)]
     pub seconds: Option<f64>,
+    /// Exit code 1 if the latency budget was not kept.
+    #[arg(long)]
+    pub check_budget: bool,
     /// Print the figures as JSON on standard output at the end.
     #[arg(long)]
     pub json: bool,
@@ -198,6 +256,95 @@ pub struct DevicesArgs {
     pub json: bool,
 }
 
+/// Options of `krait bench`.
+#[derive(Clone, Debug, Args)]
+pub struct BenchArgs {
+    /// Samples a second, 100 to 8000.
+    #[arg(long, value_name = "HZ", default_value_t = 1000)]
+    pub rate: u32,
+    /// Measured time per chain over all rounds, s.
+    #[arg(long, default_value_t = 10.0)]
+    pub seconds: f64,
+    /// Rounds; in each every chain has its turn, so that drift of the machine hits all alike.
+    #[arg(long, default_value_t = 5)]
+    pub rounds: u32,
+    /// Bytes in a message of the relays; krait's own messages have their own sizes.
+    #[arg(long, value_name = "BYTES", default_value_t = 176)]
+    pub payload: usize,
+    /// How every process waits for the next message: polling is for a core of its own per process.
+    #[arg(long, value_enum, default_value_t = WaitKind::Blocking)]
+    pub wait: WaitKind,
+    /// Cores for the four processes of each chain, in turn; by default the kernel chooses.
+    #[arg(long, value_delimiter = ',', value_name = "CORE,...")]
+    pub cores: Vec<usize>,
+    /// SCHED_FIFO priority of the four processes, 1 to 99; 0: time sharing.
+    #[arg(long, default_value_t = 0)]
+    pub priority: u8,
+    /// Keep every core busy with other work meanwhile.
+    #[arg(long)]
+    pub load: bool,
+    /// The chains to measure, in this order; by default the eight standard ones.
+    #[arg(long, value_delimiter = ',', value_parser = krait_bench::Kind::from_name, value_name = "NAME,...")]
+    pub chains: Vec<krait_bench::Kind>,
+    /// Check krait's latency against the multiples of the floor in the budget; exit code 1 if it is not kept.
+    #[arg(long)]
+    pub check: bool,
+    /// Folder for raw samples, figures and picture; by default measurements/DATE.
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Print the figures as JSON on standard output.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Options of `krait doctor`.
+#[derive(Clone, Debug, Args)]
+pub struct DoctorArgs {
+    /// How long to measure the lateness of wake-ups, s; 0: not at all.
+    #[arg(long, default_value_t = 10.0)]
+    pub seconds: f64,
+    /// Print the findings as JSON on standard output.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// How a process waits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum WaitKind {
+    /// Sleep until woken.
+    Blocking,
+    /// Look again and again without sleeping.
+    Polling,
+}
+
+/// Processes that `krait bench` starts.
+#[derive(Clone, Debug, Subcommand)]
+pub enum YardstickVerb {
+    /// One process of a relay.
+    Stage(YardstickArgs),
+    /// Reads every channel of an instance as a console does.
+    Observe,
+    /// Keeps a core busy.
+    Burn,
+}
+
+/// Options of one process of a relay.
+#[derive(Clone, Debug, Args)]
+pub struct YardstickArgs {
+    /// What messages travel over.
+    #[arg(long, value_parser = krait_bench::Kind::from_name)]
+    pub chain: krait_bench::Kind,
+    /// Which of the four.
+    #[arg(long, value_parser = krait_bench::Role::from_name)]
+    pub role: krait_bench::Role,
+    /// Folder of the round.
+    #[arg(long)]
+    pub folder: PathBuf,
+    /// How the round's files in /dev/shm begin.
+    #[arg(long)]
+    pub prefix: String,
+}
+
 /// Options of `krait paper`.
 #[derive(Clone, Debug, Args)]
 pub struct PaperArgs {
@@ -223,6 +370,54 @@ pub struct VerifyArgs {
     pub json: bool,
 }
 
+/// Options of `krait mark`.
+#[derive(Clone, Debug, Args)]
+pub struct MarkArgs {
+    /// The words, 1 to 240 bytes.
+    #[arg(value_name = "TEXT", required = true)]
+    pub text: Vec<String>,
+}
+
+/// Options of `krait recover`.
+#[derive(Clone, Debug, Args)]
+pub struct RecoverArgs {
+    /// The recording; it is only read.
+    #[arg(value_name = "FILE")]
+    pub recording: PathBuf,
+    /// The new file; by default FILE with the ending `.recovered.mcap`. An existing file is never overwritten.
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+    /// Print what was saved as JSON on standard output.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Options of `krait export`.
+#[derive(Clone, Debug, Args)]
+pub struct ExportArgs {
+    /// The recording.
+    #[arg(value_name = "FILE")]
+    pub recording: PathBuf,
+    /// How the table is written.
+    #[arg(long, value_enum, default_value_t = ExportFormat::Csv)]
+    pub format: ExportFormat,
+    /// The table; an existing file is never overwritten.
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Print what was exported as JSON on standard output.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// How a table is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ExportFormat {
+    /// Comma-separated values with a header.
+    Csv,
+    /// Apache Parquet, for data tools.
+    Parquet,
+}
+
 /// The processes of the chain.
 #[derive(Clone, Debug, Subcommand)]
 pub enum Process {
@@ -230,15 +425,31 @@ pub enum Process {
     #[command(after_help = "Example:\n  krait master --source hid --record-reports hand.krr")]
     Master(MasterArgs),
     /// Turns operator input into a setpoint.
-    Resolve,
+    Resolve(StageArgs),
     /// Turns the setpoint into actuator positions.
-    Compensate,
+    Compensate(StageArgs),
     /// Learns the model's parameters from measured shape.
-    Estimate,
+    Estimate(StageArgs),
     /// Writes the drives, reads the encoders.
-    Slave,
+    Slave(SlaveArgs),
     /// Writes every channel to an MCAP file.
     Record,
+}
+
+/// Options of a stage of the bridge.
+#[derive(Clone, Copy, Debug, Args)]
+pub struct StageArgs {
+    /// Take time, states and model updates from the cues of a replay, never from the clock; only for the simulated snake.
+    #[arg(long, hide = true)]
+    pub cued: bool,
+}
+
+/// Options of `krait slave`.
+#[derive(Clone, Copy, Debug, Args)]
+pub struct SlaveArgs {
+    /// Simulate in a replay's own time, which begins here, ns.
+    #[arg(long, hide = true)]
+    pub recorded_time_ns: Option<i64>,
 }
 
 /// Options of `krait master`.
@@ -258,7 +469,7 @@ pub struct MasterArgs {
     pub record_reports: Option<PathBuf>,
 }
 
-fn parse_compensation(word: &str) -> Result<Compensation, String> {
+pub(crate) fn parse_compensation(word: &str) -> Result<Compensation, String> {
     Compensation::ALL
         .into_iter()
         .find(|c| c.name() == word)

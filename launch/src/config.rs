@@ -1,7 +1,9 @@
 //! The configuration file: one table per process, every key optional, unknown keys and values out of range refused.
 
+use crate::budget::Budget;
 use anyhow::{Context, bail};
 use krait_bridge::{CompensateConfig, EstimateConfig, ResolveConfig};
+use krait_ipc::Realtime;
 use krait_ipc::message::Compensation;
 use krait_master::MasterConfig;
 use krait_model::model_file::ModelFile;
@@ -31,6 +33,10 @@ pub struct Config {
     pub slave: SlaveConfig,
     /// The recording.
     pub record: RecordConfig,
+    /// What a sample may take.
+    pub budget: Budget,
+    /// What the processes between the hand and the drives ask of the kernel.
+    pub realtime: Realtime,
 }
 
 impl Config {
@@ -99,6 +105,8 @@ impl Config {
         self.estimate.check()?;
         self.slave.check()?;
         self.record.validate()?;
+        self.realtime.check()?;
+        self.budget.check()?;
         if let Some(chain) = self.chain()? {
             chain.compensator()?;
         }

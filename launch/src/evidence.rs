@@ -1,5 +1,6 @@
 //! What a run leaves behind to be judged: the recording, the processes, and each process's own counts at its end.
 
+use crate::budget::{BudgetReport, BudgetWatch};
 use crate::report::{LatencyLog, LatencyReport, PassLog, PassReport};
 use crate::supervisor::Supervisor;
 use anyhow::Context;
@@ -19,6 +20,8 @@ pub struct Figures {
     pub passes: Vec<PassReport>,
     /// Latency over all passes, microseconds.
     pub latency_us: LatencyReport,
+    /// Latency against the budget, as watched while the chain ran.
+    pub budget: Option<BudgetReport>,
     /// Samples over all passes.
     pub samples: SampleFigures,
     /// The recording.
@@ -49,12 +52,27 @@ pub struct SampleFigures {
     pub lost: u64,
 }
 
+impl SampleFigures {
+    /// The counts of a chain that has ended, by its processes' farewells.
+    pub fn of(supervisor: &Supervisor) -> Self {
+        let sent = supervisor.health("master").map_or(0, |health| health.n_sent);
+        let received = supervisor.newest_state().map_or(0, |state| state.n_commands);
+        let gaps: u64 = ["resolve", "compensate", "estimate", "slave"]
+            .into_iter()
+            .filter_map(|name| supervisor.health(name))
+            .map(|health| health.n_lost)
+            .sum();
+        Self { sent, received, lost: gaps.max(sent.saturating_sub(received)) }
+    }
+}
+
 /// Collected while a run goes on.
 #[derive(Debug, Default)]
 pub struct Evidence {
     processes: Vec<ProcessFigure>,
     passes: Vec<(Compensation, Range<i64>)>,
     samples: SampleFigures,
+    budget: Option<BudgetReport>,
     recording_stopped: bool,
 }
 
@@ -71,16 +89,16 @@ impl Evidence {
     /// Notes a pass that has ended, with its window of CLOCK_MONOTONIC and the counts of its processes.
     pub fn pass(&mut self, mode: Compensation, window_ns: Range<i64>, supervisor: &Supervisor) {
         self.passes.push((mode, window_ns));
-        let sent = supervisor.health("master").map_or(0, |health| health.n_sent);
-        let received = supervisor.newest_state().map_or(0, |state| state.n_commands);
-        let gaps: u64 = ["resolve", "compensate", "estimate", "slave"]
-            .into_iter()
-            .filter_map(|name| supervisor.health(name))
-            .map(|health| health.n_lost)
-            .sum();
-        self.samples.sent += sent;
-        self.samples.received += received;
-        self.samples.lost += gaps.max(sent.saturating_sub(received));
+        let counts = SampleFigures::of(supervisor);
+        self.samples.sent += counts.sent;
+        self.samples.received += counts.received;
+        self.samples.lost += counts.lost;
+        self.budget = supervisor.budget().map(BudgetWatch::report);
+    }
+
+    /// Latency against the budget.
+    pub fn budget(&self) -> Option<&BudgetReport> {
+        self.budget.as_ref()
     }
 
     /// Notes how the recorder fared, after it has ended.
@@ -94,11 +112,12 @@ impl Evidence {
     /// # Errors
     /// One sentence when the recording cannot be read.
     pub fn figures(&self, path: &Path) -> anyhow::Result<Figures> {
-        let recording = Recording::open(path)?;
+        let parts = Recording::open_parts(path)?;
+        let recorded: Vec<_> = parts.iter().map(Recording::samples).collect::<Result<_, _>>()?;
         let mut logs: Vec<PassLog> = self.passes.iter().map(|_| PassLog::default()).collect();
         let mut latency = LatencyLog::new()?;
         let mut n_missing_in_recording = 0;
-        for recorded in recording.samples()? {
+        for recorded in recorded.into_iter().flatten() {
             let sample = recorded.with_context(|| format!("recording {}", path.display()))?.sample;
             if let Sample::Recorder(status) = &sample {
                 n_missing_in_recording = status.total().n_dropped + status.total().n_lost;
@@ -109,7 +128,9 @@ impl Evidence {
                 Sample::Setpoint(setpoint) => log.setpoint(setpoint),
                 Sample::Command(command) => log.command(command),
                 Sample::Shape(shape) => log.shape(shape),
-                Sample::State(state) => latency.state(state),
+                Sample::State(state) => {
+                    latency.state(state);
+                }
                 _ => {}
             }
         }
@@ -119,9 +140,10 @@ impl Evidence {
             processes: self.processes.clone(),
             passes,
             latency_us: latency.report(),
+            budget: self.budget.clone(),
             samples,
             recording: path.to_owned(),
-            recording_is_whole: !self.recording_stopped && recording.contents().missing.is_empty(),
+            recording_is_whole: !self.recording_stopped && parts.iter().all(|part| part.contents().missing.is_empty()),
         })
     }
 }

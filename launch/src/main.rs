@@ -1,17 +1,25 @@
 //! The `krait` command: one binary, one file per subcommand; each process of the chain is a subcommand too.
 
+mod budget;
+mod chain_round;
 mod cli;
+mod cli_lab;
+mod cli_lab_data;
+mod cli_replay;
 mod commands;
 mod config;
+mod doctor;
 mod evidence;
 mod paper;
 mod print;
 mod progress;
+mod recorded;
+mod replay_orders;
+mod replay_setup;
 mod report;
 mod signals;
 mod supervisor;
 mod table;
-mod verify;
 
 use anyhow::Context;
 use clap::Parser;
@@ -31,8 +39,17 @@ fn main() -> ExitCode {
         Verb::Run(args) => commands::run::run(&cli.common, &args),
         Verb::Devices(args) => commands::devices::run(&args),
         Verb::Paper(args) => commands::paper::run(&args),
-        Verb::Verify(args) => commands::verify::run(&args),
+        Verb::Verify(args) => commands::verify::run(&cli.common, &args),
+        Verb::Mark(args) => commands::mark::run(&cli.common, &args),
+        Verb::Recover(args) => commands::recover::run(&args),
+        Verb::Export(args) => commands::export::run(&args),
+        Verb::Lab(verb) => commands::lab::run(&verb),
+        Verb::Compare(args) => commands::compare::run(&args),
+        Verb::Replay(args) => commands::replay::run(&cli.common, &args),
         Verb::Model(verb) => commands::model::run(&verb),
+        Verb::Doctor(args) => commands::doctor::run(&args),
+        Verb::Bench(args) => commands::bench::run(&cli.common, &args),
+        Verb::Yardstick(part) => commands::yardstick::run(&cli.common, &part),
         Verb::Config => commands::config::run(&cli.common),
         Verb::Process(process) => commands::process::run(&cli.common, &process),
     };

@@ -1,5 +1,6 @@
 //! Figures on standard output: as tables for people, as JSON for programs.
 
+use crate::budget::BudgetReport;
 use crate::evidence::Figures;
 use crate::report::{PassReport, Quantiles, SCORED_FROM_S};
 use crate::table::Table;
@@ -28,6 +29,7 @@ pub fn figures(figures: &Figures, next: &str) -> anyhow::Result<()> {
     text += &learnt(&figures.passes);
     text += "\nLatency, microseconds (each hop ends when the next stage has published)\n";
     text += &latency(figures).to_string();
+    text += &figures.budget.as_ref().map(BudgetReport::text).unwrap_or_default();
     let samples = &figures.samples;
     text += &format!("\nSamples: {} sent, {} received, {} lost\n", samples.sent, samples.received, samples.lost);
     let whole =

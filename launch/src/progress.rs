@@ -1,5 +1,6 @@
 //! Progress on standard error while a chain runs: one line that is rewritten on a terminal, one line a few seconds elsewhere.
 
+use crate::budget::BudgetWatch;
 use crate::supervisor::Supervisor;
 use core::time::Duration;
 use krait_ipc::message::{Setpoint, Shape};
@@ -58,7 +59,7 @@ impl Progress {
             let elapsed_s = (now_ns - start_ns) as f64 * 1e-9;
             if now_ns >= self.due_ns {
                 self.due_ns = now_ns + if self.is_terminal { TERMINAL_PERIOD_NS } else { FILE_PERIOD_NS };
-                self.write_line(elapsed_s);
+                self.write_line(elapsed_s, supervisor.budget().map_or(0, BudgetWatch::n_late));
             }
             if self.seconds.is_some_and(|seconds| elapsed_s >= seconds) {
                 break true;
@@ -74,7 +75,7 @@ impl Progress {
         Ok(finished)
     }
 
-    fn write_line(&self, elapsed_s: f64) {
+    fn write_line(&self, elapsed_s: f64, n_late: u64) {
         let time = match self.seconds {
             Some(seconds) => format!("{elapsed_s:5.1} of {seconds:.0} s"),
             None => format!("{elapsed_s:6.1} s"),
@@ -86,6 +87,9 @@ impl Progress {
         let commanded = bend(self.setpoint.map(|s| s.bend_rad));
         let reached = bend(self.shape.map(|s| s.bend_rad));
         let mut line = format!("{}: {time}  bend {commanded} deg commanded, {reached} reached", self.label);
+        if n_late > 0 {
+            line = format!("{line}, {n_late} late");
+        }
         if let Some(reason) = self.setpoint.and_then(|s| most_telling(Reasons::from_bits(s.reasons))) {
             line = format!("{line}  ({})", reason.sentence());
         }

@@ -188,17 +188,6 @@ fn length(bend: [f64; 2]) -> f64 {
     bend[0].hypot(bend[1])
 }
 
-/// From, to, and the stamps at both ends.
-type Hop = (&'static str, &'static str, fn(&HopStamps) -> (i64, i64));
-
-/// A hop ends when the next stage has published: its wake-up, its transport and its work.
-const HOPS: [Hop; 4] = [
-    ("device", "master", |s| (s.device_ns, s.input_sent_ns)),
-    ("master", "resolve", |s| (s.input_sent_ns, s.setpoint_sent_ns)),
-    ("resolve", "compensate", |s| (s.setpoint_sent_ns, s.command_sent_ns)),
-    ("compensate", "slave", |s| (s.command_sent_ns, s.drive_written_ns)),
-];
-
 /// Histograms of every hop, filled from the slave's states.
 pub struct LatencyLog {
     end_to_end: Histogram<u64>,
@@ -213,27 +202,32 @@ impl LatencyLog {
     /// Never with these bounds; the histogram library checks them.
     pub fn new() -> anyhow::Result<Self> {
         let empty = || Histogram::new_with_bounds(1, LONGEST_NS, 3);
-        let hops = HOPS.iter().map(|_| empty()).collect::<Result<_, _>>()?;
+        let hops = HopStamps::HOPS.iter().map(|_| empty()).collect::<Result<_, _>>()?;
         Ok(Self { end_to_end: empty()?, hops, last_command: 0 })
     }
 
-    /// Takes a slave state; each command counts once.
-    pub fn state(&mut self, state: &SlaveState) {
+    /// Takes a slave state; each command counts once. Returns whether this one counted.
+    pub fn state(&mut self, state: &SlaveState) -> bool {
         let stamps = &state.stamps;
         if state.command_sequence == self.last_command || stamps.drive_written_ns == 0 || stamps.device_ns == 0 {
-            return;
+            return false;
         }
         self.last_command = state.command_sequence;
-        enter(&mut self.end_to_end, stamps.device_ns, stamps.drive_written_ns);
-        for (histogram, (.., ends)) in self.hops.iter_mut().zip(HOPS) {
-            let (from_ns, to_ns) = ends(stamps);
-            enter(histogram, from_ns, to_ns);
+        enter(&mut self.end_to_end, stamps.end_to_end_ns());
+        for (hop, histogram) in self.hops.iter_mut().enumerate() {
+            enter(histogram, stamps.hop_ns(hop));
         }
+        true
+    }
+
+    /// Commands that have counted.
+    pub fn n_samples(&self) -> u64 {
+        self.end_to_end.len()
     }
 
     /// The quantiles.
     pub fn report(&self) -> LatencyReport {
-        let hops = self.hops.iter().zip(HOPS).map(|(histogram, (from, to, _))| HopReport {
+        let hops = self.hops.iter().zip(HopStamps::HOPS).map(|(histogram, (from, to))| HopReport {
             from,
             to,
             quantiles: quantiles(histogram),
@@ -242,8 +236,8 @@ impl LatencyLog {
     }
 }
 
-fn enter(histogram: &mut Histogram<u64>, from_ns: i64, to_ns: i64) {
-    histogram.saturating_record(u64::try_from(to_ns - from_ns).unwrap_or(0).clamp(1, LONGEST_NS));
+fn enter(histogram: &mut Histogram<u64>, latency_ns: i64) {
+    histogram.saturating_record(u64::try_from(latency_ns).unwrap_or(0).clamp(1, LONGEST_NS));
 }
 
 fn quantiles(histogram: &Histogram<u64>) -> Quantiles {

@@ -3,6 +3,7 @@
 //! Invariant: a chain is whole or it ends. When one process dies, the slave stops by itself, and the others are ended in an
 //! order that lets the recorder write the last message of every other process.
 
+use crate::budget::BudgetWatch;
 use crate::cli::MasterKind;
 use crate::config::Config;
 use anyhow::{Context, bail};
@@ -37,6 +38,7 @@ pub struct Supervisor {
     healths: Vec<(&'static str, Reader<Health>, Option<Health>)>,
     states: Reader<SlaveState>,
     newest_state: Option<SlaveState>,
+    budget: Option<BudgetWatch>,
     state_commands: Writer<StateCommand>,
     n_state_commands: u64,
     // Last: the instance's files go when its last member goes.
@@ -65,6 +67,24 @@ pub struct ChainOptions {
     pub input: Option<PathBuf>,
     /// Whether the input begins anew when it ends.
     pub looped: bool,
+    /// Which processes take part, and whose time they keep.
+    pub cast: Cast,
+}
+
+/// The processes of a chain besides the recorder, and the time that they keep.
+#[derive(Clone, Debug)]
+pub struct Cast {
+    /// Who takes part.
+    pub processes: Vec<&'static str>,
+    /// A replay's own time, ns: where it begins. Without it the processes keep the machine's clock.
+    pub recorded_time_ns: Option<i64>,
+}
+
+impl Cast {
+    /// Every process of a live chain, on the machine's clock.
+    pub fn live() -> Self {
+        Self { processes: START_ORDER.to_vec(), recorded_time_ns: None }
+    }
 }
 
 impl Supervisor {
@@ -90,6 +110,7 @@ impl Supervisor {
             healths,
             states: bus.reader(ReadOptions::observing())?,
             newest_state: None,
+            budget: None,
             state_commands: bus.writer()?,
             n_state_commands: 0,
             bus,
@@ -114,11 +135,17 @@ impl Supervisor {
         let config_path = self.write_config(&options.config)?;
         self.children.retain(|running| !running.ended);
         self.newest_state = None;
-        for name in START_ORDER {
-            let arguments = if name == "master" { master_arguments(options) } else { Vec::new() };
+        if self.budget.is_none() {
+            self.budget = Some(BudgetWatch::new(options.config.budget)?);
+        }
+        for name in START_ORDER.into_iter().filter(|name| options.cast.processes.contains(name)) {
+            let arguments = arguments_of(name, options);
             self.spawn(name, &config_path, &arguments)?;
             // One after the other: whoever speaks is heard by everyone from its first word.
             self.wait_until(&format!("process `{name}` is ready"), stop, |s| s.is_ready(name))?;
+        }
+        if !options.cast.processes.contains(&"slave") {
+            return Ok(());
         }
         self.command(Transition::Enable)?;
         self.wait_until("the slave is enabled", stop, |s| {
@@ -153,6 +180,11 @@ impl Supervisor {
     /// The newest slave state of the chain that runs or has just ended.
     pub fn newest_state(&self) -> Option<&SlaveState> {
         self.newest_state.as_ref()
+    }
+
+    /// Latency against the budget, over every chain that this supervisor has started.
+    pub fn budget(&self) -> Option<&BudgetWatch> {
+        self.budget.as_ref()
     }
 
     /// Looks at every channel and every process once.
@@ -229,7 +261,10 @@ impl Supervisor {
     }
 
     fn take_messages(&mut self) -> anyhow::Result<()> {
-        if let Some(state) = self.states.take_newest()? {
+        while let Some(state) = self.states.take()? {
+            if let Some(budget) = &mut self.budget {
+                budget.state(&state);
+            }
             self.newest_state = Some(*state);
         }
         for (_, reader, newest) in &mut self.healths {
@@ -295,6 +330,15 @@ impl Running {
 impl Drop for Supervisor {
     fn drop(&mut self) {
         self.end();
+    }
+}
+
+fn arguments_of(name: &str, options: &ChainOptions) -> Vec<OsString> {
+    match (name, options.cast.recorded_time_ns) {
+        ("master", _) => master_arguments(options),
+        (_, None) => Vec::new(),
+        ("slave", Some(start_ns)) => vec!["--recorded-time-ns".into(), start_ns.to_string().into()],
+        (_, Some(_)) => vec!["--cued".into()],
     }
 }
 

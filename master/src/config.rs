@@ -1,6 +1,6 @@
 //! The master's settings: one documented struct, checked once at load, so that no step meets a value out of range.
 
-use crate::{AxisMap, Clutch, DeviceChoice, MasterError, Presence};
+use crate::{AxisMap, Clutch, DeviceChoice, MarkButton, MasterError, Presence};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -22,6 +22,8 @@ pub struct MasterConfig {
     pub presence: Presence,
     /// What counts as the clutch: `none` or `hold:<button>`.
     pub clutch: Clutch,
+    /// What sets a mark in the recording: `none` or `press:<button>`. `press:2`: the first button that steers nothing.
+    pub mark: MarkButton,
     /// Silence after which a deflected device is lost, 0.02..=1, s. 0.1: six missed reports of the slowest device.
     pub silence_limit_s: f64,
     /// Which live device to read: `any`, `vid:pid` or `vid:pid:serial`.
@@ -42,6 +44,7 @@ impl Default for MasterConfig {
             full_speed_m_per_s: 0.025,
             presence: Presence::Toggle(0),
             clutch: Clutch::Hold(1),
+            mark: MarkButton::Press(2),
             silence_limit_s: 0.1,
             device: DeviceChoice::default(),
             start_when_ready: true,
@@ -71,8 +74,19 @@ impl MasterConfig {
             (Presence::Hold(a) | Presence::Toggle(a), Clutch::Hold(b)) if a == b => {
                 Err(refusal("clutch", String::from(self.clutch), "another button than the one for presence"))
             }
-            _ => Ok(()),
+            _ => self.check_mark(),
         }
+    }
+
+    /// A press that steers shall not mark besides.
+    fn check_mark(&self) -> Result<(), MasterError> {
+        let MarkButton::Press(mark) = self.mark else { return Ok(()) };
+        let steers = matches!(self.presence, Presence::Hold(button) | Presence::Toggle(button) if button == mark)
+            || self.clutch == Clutch::Hold(mark);
+        if steers {
+            return Err(refusal("mark", String::from(self.mark), "another button than those for presence and clutch"));
+        }
+        Ok(())
     }
 
     /// Time between two ticks, ns. For a checked configuration.

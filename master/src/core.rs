@@ -62,6 +62,11 @@ impl MasterCore {
         Ok(report)
     }
 
+    /// The button that has set a mark since the last call, if one has.
+    pub fn take_mark(&mut self) -> Option<u8> {
+        self.operator.take_mark()
+    }
+
     /// Counts reports that were thrown away unread because newer ones pressed on. A press may have been among them, so
     /// presence is dropped.
     pub fn on_drained(&mut self, n_reports: u64) {

@@ -61,7 +61,7 @@ pub use devices::{DeviceChoice, DeviceInfo, KNOWN_DEVICES, KnownDevice, list_dev
 pub use error::MasterError;
 pub use hid_source::HidSource;
 pub use operator::{Hand, Operator, OperatorMotion};
-pub use presence::{Clutch, Presence};
+pub use presence::{Clutch, MarkButton, Presence};
 pub use process::run;
 pub use raw_report::RawReport;
 pub use recording::{Recording, RecordingHeader};

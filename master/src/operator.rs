@@ -1,7 +1,7 @@
 //! What the operator wants: velocity, presence and clutch from the state of the hand controller. Pure, allocates nothing.
 
 use crate::presence::is_down;
-use crate::{Clutch, MasterConfig, Presence, Response};
+use crate::{Clutch, MarkButton, MasterConfig, Presence, Response};
 use krait_ipc::message::{DeviceState, OperatorInput};
 
 /// The hand controller at one instant.
@@ -33,6 +33,8 @@ pub struct Operator {
     response: Response,
     presence: Presence,
     clutch: Clutch,
+    mark: MarkButton,
+    is_marked: bool,
     buttons: u32,
     is_toggled_on: bool,
     must_rest_first: bool,
@@ -45,6 +47,8 @@ impl Operator {
             response: Response::new(config),
             presence: config.presence,
             clutch: config.clutch,
+            mark: config.mark,
+            is_marked: false,
             buttons: 0,
             is_toggled_on: false,
             must_rest_first: false,
@@ -59,7 +63,21 @@ impl Operator {
         {
             self.is_toggled_on = !self.is_toggled_on;
         }
+        if let MarkButton::Press(button) = self.mark
+            && is_down(buttons, button)
+            && !is_down(self.buttons, button)
+        {
+            self.is_marked = true;
+        }
         self.buttons = buttons;
+    }
+
+    /// The button that has set a mark since the last call, if one has.
+    pub fn take_mark(&mut self) -> Option<u8> {
+        match self.mark {
+            MarkButton::Press(button) if core::mem::take(&mut self.is_marked) => Some(button),
+            _ => None,
+        }
     }
 
     /// Drops presence because the device was lost. Buttons count as released: nobody saw what became of them.
@@ -158,6 +176,23 @@ mod tests {
             assert!(!is_moving(&mut op, [0; 6], buttons, DeviceState::AtRest));
             assert!(is_moving(&mut op, PUSHED, buttons, DeviceState::Live));
         }
+    }
+
+    #[test]
+    fn each_press_of_the_mark_button_is_one_mark_and_moves_nothing() {
+        let mut op = Operator::new(&MasterConfig { mark: MarkButton::Press(5), ..MasterConfig::default() });
+        assert_eq!(op.take_mark(), None);
+        for _ in 0..2 {
+            op.on_buttons(1 << 5);
+            op.on_buttons(1 << 5);
+            assert_eq!((op.take_mark(), op.take_mark()), (Some(5), None), "held is not pressed again");
+            op.on_buttons(0);
+            assert_eq!(op.take_mark(), None);
+        }
+        assert!(!is_moving(&mut op, PUSHED, 0, DeviceState::Live));
+        let mut without = Operator::new(&MasterConfig { mark: MarkButton::None, ..MasterConfig::default() });
+        without.on_buttons(u32::MAX);
+        assert_eq!(without.take_mark(), None);
     }
 
     #[test]

@@ -27,6 +27,37 @@ pub enum Clutch {
     Hold(u8),
 }
 
+/// What sets a mark in the recording.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(try_from = "String", into = "String")]
+pub enum MarkButton {
+    /// No button does.
+    None,
+    /// Each press of this button: `press:<button>`.
+    Press(u8),
+}
+
+impl TryFrom<String> for MarkButton {
+    type Error = String;
+    fn try_from(text: String) -> Result<Self, String> {
+        match (text.as_str(), text.split_once(':')) {
+            ("none", _) => Some(Self::None),
+            (_, Some(("press", button))) => button_of(button).map(Self::Press),
+            _ => None,
+        }
+        .ok_or_else(|| format!("{text:?} sets no mark, expected \"none\" or \"press:<0..31>\""))
+    }
+}
+
+impl From<MarkButton> for String {
+    fn from(mark: MarkButton) -> Self {
+        match mark {
+            MarkButton::None => "none".to_owned(),
+            MarkButton::Press(button) => format!("press:{button}"),
+        }
+    }
+}
+
 impl TryFrom<String> for Presence {
     type Error = String;
     fn try_from(text: String) -> Result<Self, String> {

@@ -3,7 +3,7 @@
 use crate::report_log::ReportLog;
 use crate::ticker::Ticker;
 use crate::{MasterConfig, MasterCore, MasterError, ReportSource, SourceChoice, SourceEvent};
-use krait_ipc::message::{DeviceState, OperatorInput, SlaveState};
+use krait_ipc::message::{DeviceState, Marker, OperatorInput, SlaveState};
 use krait_ipc::{Bus, HealthReporter, ReadOptions, Reader, Reason, Reasons, Writer, clock};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -26,7 +26,9 @@ pub fn run(bus: &Bus, config: &MasterConfig, source: SourceChoice, stop: &Atomic
         None => None,
     };
     let (inputs, health) = (bus.writer()?, HealthReporter::open(bus, "master")?);
-    let mut master = Master { core, source, log, slave, inputs, health, device_ns: None, has_log_dropped: false };
+    let marks = bus.writer_on(Marker::DEVICE_CHANNEL)?;
+    let mut master =
+        Master { core, source, log, slave, inputs, marks, health, device_ns: None, has_log_dropped: false };
     master.run(config.period_ns(), stop)
 }
 
@@ -37,6 +39,7 @@ struct Master {
     // Present until the slave was ready and the source began.
     slave: Option<Reader<SlaveState>>,
     inputs: Writer<OperatorInput>,
+    marks: Writer<Marker>,
     health: HealthReporter,
     // When the newest report that no input has carried yet was in hand.
     device_ns: Option<i64>,
@@ -56,7 +59,7 @@ impl Master {
             self.source.wait_until(ticker.due_ns());
             let now_ns = clock::monotonic_ns();
             self.begin_when_ready(now_ns)?;
-            self.take_events(now_ns);
+            self.take_events(now_ns)?;
             if ticker.is_due(now_ns, self.device_ns.is_some()) {
                 self.publish(now_ns)?;
                 self.health.publish_if_due(now_ns)?;
@@ -79,7 +82,7 @@ impl Master {
         Ok(())
     }
 
-    fn take_events(&mut self, now_ns: i64) {
+    fn take_events(&mut self, now_ns: i64) -> Result<(), MasterError> {
         while let Some(event) = self.source.next_event(now_ns) {
             match event {
                 SourceEvent::Report { stamp_ns, report } => {
@@ -89,6 +92,7 @@ impl Master {
                     // A refusal is counted by the core and travels in every input; there is no more to do about it here.
                     if self.core.on_report(report.as_bytes(), stamp_ns).is_ok() {
                         self.device_ns = Some(stamp_ns);
+                        self.mark(stamp_ns)?;
                     }
                 }
                 SourceEvent::Script(sample) => self.core.on_script(sample),
@@ -99,6 +103,16 @@ impl Master {
                 SourceEvent::Ended => self.core.on_ended(),
             }
         }
+        Ok(())
+    }
+
+    /// Publishes the mark that a report has set, if it has.
+    fn mark(&mut self, stamp_ns: i64) -> Result<(), MasterError> {
+        let Some(button) = self.core.take_mark() else { return Ok(()) };
+        if let Ok(mark) = Marker::new(self.marks.n_sent() + 1, stamp_ns, &format!("button {button}")) {
+            self.marks.send(&mark)?;
+        }
+        Ok(())
     }
 
     fn publish(&mut self, now_ns: i64) -> Result<(), MasterError> {

@@ -37,6 +37,7 @@ mod extension;
 mod friction;
 mod friction_fit;
 mod jacobian;
+pub mod joints;
 mod kinematics;
 mod least_squares;
 mod loads;

@@ -168,6 +168,38 @@ fn formulas_close_the_round_trip_at_every_hook() {
     }
 }
 
+/// An effect outside the cone makes a chain take the full form of the step; where it does nothing, both forms say the same.
+#[test]
+fn effects_without_strength_change_nothing() {
+    use EffectKind as K;
+    let four = [K::StiffnessScale, K::Backlash, K::StaticFriction, K::ConeFriction].map(strong).to_vec();
+    let nothing = [
+        effect(K::AxialTipForce, &[("force_n", 0.0)]),
+        effect(K::HoleClearance, &[("clearance_m", 0.0)]),
+        effect(K::ViscousFriction, &[("coefficient_n_s_per_m", 0.0)]),
+        EffectSetting::new(K::CrossCoupling),
+        EffectSetting::new(K::EncoderZero),
+        EffectSetting::new(K::PlaneOffset),
+    ];
+    let plain = defaults(&four);
+    let expected = commands(&plain, bends());
+    for own in nothing {
+        let label = own.label().to_owned();
+        let other = defaults(&[vec![own], four.clone()].concat());
+        let (mut here, mut there) = (plain.predictor(), other.predictor());
+        for (k, (a, b)) in expected.iter().zip(commands(&other, bends())).enumerate() {
+            assert!(
+                (a.q_tilde_m - b.q_tilde_m).norm() < 1e-15 && (a.signs - b.signs).norm() < 1e-11,
+                "{label} {k}: {a:?} {b:?}"
+            );
+            assert!((a.alpha_m_per_rad - b.alpha_m_per_rad).norm() < 1e-15, "{label} {k}: {a:?} {b:?}");
+            assert!((a.tau_tilde_n - b.tau_tilde_n).norm() < 1e-11, "{label} {k}: {a:?} {b:?}");
+            let [a, b] = [&mut here, &mut there].map(|p| p.step(a.q_tilde_m, &circumstances(k)));
+            assert!((a.bend_rad - b.bend_rad).norm() < 1e-11, "{label} {k}: {a:?} {b:?}");
+        }
+    }
+}
+
 /// Effects without a preferred direction in space.
 fn symmetric() -> Vec<EffectSetting> {
     use EffectKind as K;

@@ -79,7 +79,7 @@ fn chains_of_four_close_when_directions_are_followed_at_once() {
         let names: Vec<_> = effects.iter().map(EffectSetting::label).collect();
         let (largest, rms) = round_trip(&chain(&effects, exact_settings()));
         println!("{names:?} max {largest:.1e} rms {rms:.1e}");
-        assert!(largest < 2e-6, "{names:?}: {largest:e}");
+        assert!(largest < 3e-6, "{names:?}: {largest:e}");
     }
 }
 
@@ -89,8 +89,10 @@ fn with_the_transition_the_error_stays_below_its_travel() {
         let names: Vec<_> = effects.iter().map(EffectSetting::label).collect();
         let (largest, rms) = round_trip(&chain(&effects, ChainSettings::default()));
         println!("{names:?} max {largest:.1e} rms {rms:.1e}");
-        // 20 micrometres of one line are 12 mrad of bend in its direction; two lines can turn at a time.
-        assert!(largest < 2.0 * 20e-6 / 1.684e-3, "{names:?}: {largest:e}");
+        // 20 micrometres of one line are 12 mrad of bend in its direction; two lines can turn at a time. A bend that sticks
+        // keeps the error until the lines have built up the moment that frees it.
+        let stick = if effects.iter().any(|effect| effect.kind() == EffectKind::BendFriction) { 2.0 } else { 1.0 };
+        assert!(largest < stick * 2.0 * 20e-6 / 1.684e-3, "{names:?}: {largest:e}");
     }
 }
 

@@ -1,4 +1,4 @@
-//! What recording costs on this machine: `cargo bench -p krait-record`.
+//! What writing and reading cost on this machine: `cargo bench -p krait-record --bench throughput -- 3600` for an hour.
 
 #![allow(clippy::expect_used, clippy::print_stdout, reason = "a measurement prints, and a panic ends it")]
 
@@ -6,41 +6,83 @@
 mod common;
 
 use common::{chain, fresh_path};
-use krait_record::{About, Recording, RecordingWriter, Sample};
+use krait_ipc::clock::monotonic_ns;
+use krait_model::MachineParameters;
+use krait_record::columns::Columns;
+use krait_record::{About, Recording, RecordingWriter, Views, samples_between};
 use std::collections::BTreeMap;
 
-/// Length of the recording that is written, s.
-const CHAIN_S: u64 = 60;
+/// Length of the recording that is written without an argument, s.
+const DEFAULT_S: u64 = 60;
+const MINUTE_NS: u64 = 60_000_000_000;
 
 fn main() {
+    let given = std::env::args().skip(1).find_map(|argument| argument.parse().ok());
+    let length_s = given.unwrap_or(DEFAULT_S);
     let path = fresh_path("throughput.mcap");
-    let samples: Vec<Sample> = chain(CHAIN_S * 1000, krait_ipc::clock::monotonic_ns()).collect();
+    let (n_written, n_bytes) = write(&path, length_s);
+    read(&path, n_written, length_s);
+    access(&path);
+    println!("{} bytes, {} bytes per second of motion", n_bytes, n_bytes / length_s);
+}
+
+fn write(path: &std::path::Path, length_s: u64) -> (usize, u64) {
     let about = About::run("bench", &BTreeMap::new(), Vec::new());
-    let mut writer = RecordingWriter::create(&path, 256 * 1024, &about).expect("created");
-    let begun_ns = krait_ipc::clock::monotonic_ns();
-    for (idx, sample) in samples.iter().enumerate() {
-        writer.write(sample, sample.sample_ns()).expect("written");
-        // As often as the recorder does at 1 kHz.
-        if idx % 418 == 417 {
-            writer.flush().expect("flushed");
+    let views = Views::new(&MachineParameters::default(), 30).expect("the default machine");
+    let mut writer = RecordingWriter::create(path, 256 * 1024, &about).expect("created").with_views(Some(views));
+    let (mut n_written, mut making_ns) = (0, 0);
+    let begun_ns = monotonic_ns();
+    let mut samples = chain(length_s * 1000, begun_ns);
+    loop {
+        let making_since_ns = monotonic_ns();
+        let batch: Vec<_> = samples.by_ref().take(100_000).collect();
+        making_ns += monotonic_ns() - making_since_ns;
+        if batch.is_empty() {
+            break;
+        }
+        for sample in &batch {
+            writer.write(sample, sample.sample_ns()).expect("written");
+            n_written += 1;
+            // As often as the recorder does at 1 kHz.
+            if n_written % 209 == 0 {
+                writer.flush().expect("flushed");
+            }
         }
     }
-    let written_ns = krait_ipc::clock::monotonic_ns();
     let n_bytes = writer.finish(&BTreeMap::new()).expect("finished");
-    let open_ns = krait_ipc::clock::monotonic_ns();
-    let recording = Recording::open(&path).expect("opened");
-    let opened_ns = krait_ipc::clock::monotonic_ns();
+    rate("written", n_written, monotonic_ns() - begun_ns - making_ns, length_s);
+    (n_written, n_bytes)
+}
+
+fn read(path: &std::path::Path, n_written: usize, length_s: u64) {
+    let begun_ns = monotonic_ns();
+    let recording = Recording::open(path).expect("opened");
+    rate("opened and checked", n_written, monotonic_ns() - begun_ns, length_s);
+    let begun_ns = monotonic_ns();
     let n_read = recording.samples().expect("there").filter(Result::is_ok).count();
-    let read_ns = krait_ipc::clock::monotonic_ns();
-    std::fs::remove_file(&path).expect("removed");
-    assert_eq!(n_read, samples.len());
-    let per_s = |n: usize, ns: i64| n as f64 / (ns as f64 * 1e-9);
+    rate("read", n_read, monotonic_ns() - begun_ns, length_s);
+    assert_eq!(n_read, n_written);
+    let begun_ns = monotonic_ns();
+    let n_rows = Columns::of(&recording).expect("readable").rows.len();
+    rate("read into columns (rows)", n_rows, monotonic_ns() - begun_ns, length_s);
+}
+
+/// A minute in the middle, or what there is of one.
+fn access(path: &std::path::Path) {
+    let contents = Recording::open(path).expect("opened").contents().clone();
+    let span = contents.channels.values().map(|c| (c.first_log_ns, c.last_log_ns));
+    let (first, last) = span.fold((u64::MAX, 0), |(first, last), (a, b)| (first.min(a), last.max(b)));
+    let from = first + (last - first) / 2;
+    let begun_ns = monotonic_ns();
+    let n_found = samples_between(path, from..from + MINUTE_NS).expect("read").len();
+    println!("a minute in the middle: {n_found} messages in {:.3} s", (monotonic_ns() - begun_ns) as f64 * 1e-9);
+}
+
+fn rate(what: &str, n: usize, took_ns: i64, length_s: u64) {
+    let took_s = took_ns as f64 * 1e-9;
     println!(
-        "{} messages of {CHAIN_S} s: written at {:.0}/s, opened at {:.0}/s, read at {:.0}/s; {} bytes/s in the file",
-        samples.len(),
-        per_s(samples.len(), written_ns - begun_ns),
-        per_s(samples.len(), opened_ns - open_ns),
-        per_s(samples.len(), read_ns - opened_ns),
-        n_bytes / CHAIN_S,
+        "{what}: {n} in {took_s:.1} s, {:.0} per s, {:.0} times real time",
+        n as f64 / took_s,
+        length_s as f64 / took_s
     );
 }

@@ -1,7 +1,7 @@
 //! The one table of what is recorded: channel, topic, protobuf type and its descriptors, payload version.
 
 use krait_ipc::message::{
-    Command, Health, Message, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState, StateCommand,
+    Command, Health, Marker, Message, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState, StateCommand,
 };
 
 /// A process whose health is recorded.
@@ -58,13 +58,17 @@ pub enum Channel {
     ModelUpdate,
     /// [`Health`] of one process.
     Health(Process),
+    /// [`Marker`]s of `krait mark`.
+    Marker,
+    /// [`Marker`]s of a button of the operator's device.
+    DeviceMarker,
     /// [`crate::RecorderStatus`]: exists in recordings only.
     Recorder,
 }
 
 impl Channel {
     /// Channels that are read from shared memory: the first ones of [`Channel::ALL`].
-    pub const N_SHARED: usize = 13;
+    pub const N_SHARED: usize = 15;
 
     /// Every channel, in the order of [`Channel::index`].
     pub const ALL: [Self; Self::N_SHARED + 1] = [
@@ -81,6 +85,8 @@ impl Channel {
         Self::Health(Process::Estimate),
         Self::Health(Process::Slave),
         Self::Health(Process::Record),
+        Self::Marker,
+        Self::DeviceMarker,
         Self::Recorder,
     ];
 
@@ -95,6 +101,8 @@ impl Channel {
             Self::Shape => 5,
             Self::ModelUpdate => 6,
             Self::Health(process) => 7 + process as usize,
+            Self::Marker => 13,
+            Self::DeviceMarker => 14,
             Self::Recorder => Self::N_SHARED,
         }
     }
@@ -115,6 +123,8 @@ impl Channel {
             Self::Health(Process::Estimate) => "/krait/health/estimate",
             Self::Health(Process::Slave) => "/krait/health/slave",
             Self::Health(Process::Record) => "/krait/health/record",
+            Self::Marker => "/krait/marker",
+            Self::DeviceMarker => "/krait/marker/device",
             Self::Recorder => "/krait/recorder",
         }
     }
@@ -144,6 +154,7 @@ impl Channel {
             Self::Shape => schema!("Shape", "shape", Shape::VERSION),
             Self::ModelUpdate => schema!("ModelUpdate", "model_update", ModelUpdate::VERSION),
             Self::Health(_) => schema!("Health", "health", Health::VERSION),
+            Self::Marker | Self::DeviceMarker => schema!("Marker", "marker", Marker::VERSION),
             Self::Recorder => schema!("RecorderStatus", "recorder_status", crate::RecorderStatus::VERSION),
         }
     }

@@ -8,7 +8,7 @@ use std::ops::Range;
 /// Definitions and messages of one chunk, or of one record outside any chunk.
 #[derive(Default)]
 pub(crate) struct ChunkRecords {
-    pub(crate) schemas: Vec<records::SchemaHeader>,
+    pub(crate) schemas: Vec<(records::SchemaHeader, Vec<u8>)>,
     pub(crate) channels: Vec<records::Channel>,
     pub(crate) messages: Vec<(MessageHeader, Range<usize>)>,
     bytes: Vec<u8>,
@@ -70,7 +70,7 @@ impl ChunkRecords {
             return Ok(());
         }
         match mcap::parse_record(opcode, body).map_err(|error| error.to_string())? {
-            Record::Schema { header, .. } => self.schemas.push(header),
+            Record::Schema { header, data } => self.schemas.push((header, data.into_owned())),
             Record::Channel(channel) => self.channels.push(channel),
             Record::Message { header, data } => {
                 let begin = self.bytes.len();

@@ -20,6 +20,7 @@ pub fn encode(sample: &Sample, buffer: &mut Vec<u8>) -> Result<(), prost::Encode
         Sample::Shape(message) => message.mirror().encode(buffer),
         Sample::ModelUpdate(message) => message.mirror().encode(buffer),
         Sample::Health(_, message) => message.mirror().encode(buffer),
+        Sample::Marker(message) | Sample::DeviceMarker(message) => message.mirror().encode(buffer),
         Sample::Recorder(status) => status.mirror().encode(buffer),
     }
 }
@@ -38,6 +39,8 @@ pub fn decode(channel: Channel, bytes: &[u8]) -> Result<Sample, String> {
         Channel::Shape => Sample::Shape(restored(bytes)?),
         Channel::ModelUpdate => Sample::ModelUpdate(restored(bytes)?),
         Channel::Health(process) => Sample::Health(process, Box::new(restored(bytes)?)),
+        Channel::Marker => Sample::Marker(Box::new(restored(bytes)?)),
+        Channel::DeviceMarker => Sample::DeviceMarker(Box::new(restored(bytes)?)),
         Channel::Recorder => Sample::Recorder(Box::new(restored(bytes)?)),
     })
 }

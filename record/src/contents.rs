@@ -5,9 +5,11 @@ use crate::channel::Channel;
 use crate::chunk::{ChunkRecords, attachment_lengths_add_up};
 use crate::error::ReadError;
 use crate::framing::{Framing, Step};
-use crate::writer::{METADATA_END, VERSION_KEY};
+use crate::recover::DROPPED_KEY;
+use crate::views::View;
+use crate::writer::{METADATA_END, METADATA_RECOVERED, VERSION_KEY};
 use mcap::records::{self, Record, op};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::Read;
 use std::path::Path;
 
@@ -22,6 +24,8 @@ pub struct Contents {
     pub attachments: Vec<Attachment>,
     /// Channels that hold at least one sample.
     pub channels: BTreeMap<Channel, ChannelContents>,
+    /// Messages derived for viewers, see [`View`].
+    pub n_views: u64,
     /// Messages on topics of other programs.
     pub n_foreign: u64,
     /// Whether the file ends with indexes, so that viewers can jump in it.
@@ -61,6 +65,12 @@ pub enum Missing {
     /// The file ends in order, but the recorder gave up before the chain did.
     #[error("the recorder stopped early, as it does on a full disk; later samples are missing")]
     Rest,
+    /// The file was made of a damaged one.
+    #[error("it was recovered from a damaged file, {n_bytes} bytes of which could not be read")]
+    Recovered {
+        /// How many.
+        n_bytes: u64,
+    },
     /// A record is damaged.
     #[error("the record at byte {offset} is damaged: {what}; what it held is missing")]
     Record {
@@ -114,6 +124,7 @@ struct Scan<'a> {
     has_header: bool,
     schemas: BTreeMap<u16, (String, String)>,
     directory: Directory,
+    views: BTreeSet<u16>,
     counts: BTreeMap<u16, ChannelContents>,
     chunk: ChunkRecords,
 }
@@ -126,6 +137,7 @@ impl<'a> Scan<'a> {
             has_header: false,
             schemas: BTreeMap::new(),
             directory: BTreeMap::new(),
+            views: BTreeSet::new(),
             counts: BTreeMap::new(),
             chunk: ChunkRecords::default(),
         }
@@ -176,12 +188,15 @@ impl<'a> Scan<'a> {
         if let Err(what) = self.chunk.read(opcode, body) {
             self.damaged(offset, what);
         }
-        for schema in self.chunk.schemas.drain(..) {
+        for (schema, _) in self.chunk.schemas.drain(..) {
             self.schemas.insert(schema.id, (schema.name, schema.encoding));
         }
         for channel in self.chunk.channels.drain(..) {
             let known = known_channel(self.path, offset, &channel, self.schemas.get(&channel.schema_id))?;
             self.directory.insert(channel.id, known);
+            if View::from_topic(&channel.topic).is_some() {
+                self.views.insert(channel.id);
+            }
         }
         for (header, _) in &self.chunk.messages {
             let time = header.log_time;
@@ -211,6 +226,7 @@ impl<'a> Scan<'a> {
                 Some(Some(channel)) => {
                     self.contents.channels.insert(*channel, *counts);
                 }
+                Some(None) if self.views.contains(id) => self.contents.n_views += counts.n_messages,
                 Some(None) => self.contents.n_foreign += counts.n_messages,
                 None => self.contents.missing.push(Missing::Definition { n_messages: counts.n_messages }),
             }
@@ -224,6 +240,11 @@ impl<'a> Scan<'a> {
             _ => None,
         };
         self.contents.is_indexed &= matches!(ending, Step::End);
+        if let Some(recovered) = self.contents.metadata.get(METADATA_RECOVERED) {
+            let n_bytes = recovered.get(DROPPED_KEY).and_then(|n| n.parse().ok()).unwrap_or(0);
+            self.contents.missing.push(Missing::Recovered { n_bytes });
+        }
+        let end = self.contents.metadata.get(METADATA_END);
         let counted = |key| end.and_then(|end| end.get(key)).and_then(|n| n.parse().ok()).unwrap_or(0);
         let (n_dropped, n_lost) = (counted("n_dropped"), counted("n_lost"));
         self.contents.missing.extend(missing);
@@ -235,7 +256,7 @@ impl<'a> Scan<'a> {
 }
 
 /// The channel that a definition stands for, or `None` for a topic of another program.
-fn known_channel(
+pub(crate) fn known_channel(
     path: &Path,
     offset: u64,
     found: &records::Channel,

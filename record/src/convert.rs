@@ -5,6 +5,7 @@
 
 mod chain;
 mod health;
+mod marker;
 mod recorder;
 
 use crate::proto;

@@ -3,10 +3,9 @@
 use crate::channel::Channel;
 use crate::drain::Taken;
 use crate::error::RecordError;
+use crate::parts::Parts;
 use crate::sample::Sample;
-use crate::sink::RecordingSink;
-use crate::status::Tally;
-use crate::writer::RecordingWriter;
+use crate::status::{ChannelCounts, RecorderStatus, Tally};
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use crossbeam_channel::{Receiver, RecvTimeoutError};
@@ -24,14 +23,21 @@ pub(crate) struct Shared {
     pub(crate) has_stopped: AtomicBool,
 }
 
-/// Writes what comes through the queue until its other end is gone. Returns the length of the file, or why it stopped.
-pub(crate) fn write_all<S: RecordingSink>(
-    writer: RecordingWriter<S>,
+/// What the files came to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Written {
+    pub(crate) n_bytes: u64,
+    pub(crate) n_parts: u32,
+}
+
+/// Writes what comes through the queue until its other end is gone. Returns what was written, or why it stopped.
+pub(crate) fn write_all(
+    parts: Parts<'_>,
     queue: &Receiver<Taken>,
     shared: &Shared,
     flush_period: Duration,
-) -> Result<u64, RecordError> {
-    let mut disk = Disk { writer, shared, n_statuses: 0 };
+) -> Result<Written, RecordError> {
+    let mut disk = Disk { parts, shared, n_statuses: 0, at_begin: RecorderStatus::default() };
     let mut result = Ok(());
     let mut flush = Timer::new(flush_period);
     let mut status = Timer::new(STATUS_PERIOD);
@@ -49,7 +55,7 @@ pub(crate) fn write_all<S: RecordingSink>(
             result = disk.store_status();
         }
         if result.is_ok() && flush.is_due(now_ns) {
-            result = disk.writer.flush();
+            result = disk.flush(now_ns);
         }
         if let Err(error) = &result
             && !shared.has_stopped.swap(true, Ordering::Relaxed)
@@ -60,16 +66,18 @@ pub(crate) fn write_all<S: RecordingSink>(
     result.and_then(|()| disk.finish()).inspect_err(|_| shared.has_stopped.store(true, Ordering::Relaxed))
 }
 
-struct Disk<'a, S: RecordingSink> {
-    writer: RecordingWriter<S>,
+struct Disk<'a> {
+    parts: Parts<'a>,
     shared: &'a Shared,
     n_statuses: u64,
+    // Counts when the part began.
+    at_begin: RecorderStatus,
 }
 
-impl<S: RecordingSink> Disk<'_, S> {
+impl Disk<'_> {
     fn store(&mut self, (sample, taken_ns): &Taken) -> Result<(), RecordError> {
         let channel = sample.channel();
-        let written = self.writer.write(sample, *taken_ns);
+        let written = self.parts.writer().write(sample, *taken_ns);
         match written {
             Ok(()) => self.shared.tally.add_written(channel),
             Err(_) => self.shared.tally.add_dropped(channel),
@@ -81,13 +89,32 @@ impl<S: RecordingSink> Disk<'_, S> {
         self.n_statuses += 1;
         let now_ns = clock::monotonic_ns();
         let status = self.shared.tally.status(self.n_statuses, now_ns);
-        self.writer.write(&Sample::Recorder(Box::new(status)), now_ns)
+        self.parts.writer().write(&Sample::Recorder(Box::new(status)), now_ns)
     }
 
-    fn finish(mut self) -> Result<u64, RecordError> {
+    /// Closes the chunk, and with it the part if that is full.
+    fn flush(&mut self, now_ns: i64) -> Result<(), RecordError> {
+        self.parts.flush()?;
+        if !self.parts.is_full(now_ns) {
+            return Ok(());
+        }
+        self.store_status()?;
+        let status = self.shared.tally.status(self.n_statuses, now_ns);
+        self.parts.rotate(self.end(&status), now_ns)?;
+        self.at_begin = status;
+        Ok(())
+    }
+
+    fn finish(mut self) -> Result<Written, RecordError> {
         self.store_status()?;
         let status = self.shared.tally.status(self.n_statuses, clock::monotonic_ns());
-        let total = status.total();
+        let (end, n_parts) = (self.end(&status), self.parts.n_parts());
+        Ok(Written { n_bytes: self.parts.finish(&end)?, n_parts })
+    }
+
+    /// The metadata record `krait.end`: what became of the messages while this part was written.
+    fn end(&self, status: &RecorderStatus) -> BTreeMap<String, String> {
+        let total = since(status.total(), self.at_begin.total());
         let mut end = BTreeMap::from([
             ("end_wall_ns".to_owned(), clock::wall_ns().to_string()),
             ("n_written".to_owned(), total.n_written.to_string()),
@@ -95,14 +122,26 @@ impl<S: RecordingSink> Disk<'_, S> {
             ("n_lost".to_owned(), total.n_lost.to_string()),
             ("n_out_of_order".to_owned(), total.n_out_of_order.to_string()),
         ]);
-        for (channel, counts) in Channel::ALL.into_iter().zip(status.channels) {
+        for (channel, (now, before)) in
+            Channel::ALL.into_iter().zip(status.channels.iter().zip(&self.at_begin.channels))
+        {
+            let counts = since(*now, *before);
             let text = format!(
                 "n_written={} n_dropped={} n_lost={} n_out_of_order={}",
                 counts.n_written, counts.n_dropped, counts.n_lost, counts.n_out_of_order
             );
             end.insert(channel.topic().to_owned(), text);
         }
-        self.writer.finish(&end)
+        end
+    }
+}
+
+fn since(now: ChannelCounts, before: ChannelCounts) -> ChannelCounts {
+    ChannelCounts {
+        n_written: now.n_written.saturating_sub(before.n_written),
+        n_dropped: now.n_dropped.saturating_sub(before.n_dropped),
+        n_lost: now.n_lost.saturating_sub(before.n_lost),
+        n_out_of_order: now.n_out_of_order.saturating_sub(before.n_out_of_order),
     }
 }
 

@@ -1,14 +1,16 @@
 //! Takes every message of every channel out of shared memory into a bounded queue, waking and slowing nobody.
 
 use crate::channel::{Channel, Process};
+use crate::disk::Shared;
 use crate::sample::Sample;
 use crate::status::Tally;
+use core::sync::atomic::Ordering;
 use core::time::Duration;
 use crossbeam_channel::{Sender, TrySendError};
 use krait_ipc::message::{
-    Command, Health, Message, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState, StateCommand,
+    Command, Health, Marker, Message, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState, StateCommand,
 };
-use krait_ipc::{Bus, IpcError, ReadCounts, ReadOptions, Reader, clock, health_channel};
+use krait_ipc::{Bus, IpcError, ReadCounts, ReadOptions, Reader, Writer, clock, health_channel};
 
 /// How long the last samples may wait for room in the queue: then nobody is slowed by it, and a disk may be slow.
 const LAST_PATIENCE: Duration = Duration::from_secs(5);
@@ -29,12 +31,13 @@ pub(crate) enum WhenFull {
 pub(crate) struct Drain<'a> {
     sources: Vec<Box<dyn Source>>,
     queue: Sender<Taken>,
-    tally: &'a Tally,
+    shared: &'a Shared,
+    confirmations: Writer<Marker>,
 }
 
 impl<'a> Drain<'a> {
     /// Opens a reader on every channel.
-    pub(crate) fn open(bus: &Bus, queue: Sender<Taken>, tally: &'a Tally) -> Result<Self, IpcError> {
+    pub(crate) fn open(bus: &Bus, queue: Sender<Taken>, shared: &'a Shared) -> Result<Self, IpcError> {
         let mut sources = vec![
             source::<OperatorInput>(bus, |m| Sample::Input(*m))?,
             source::<Setpoint>(bus, |m| Sample::Setpoint(*m))?,
@@ -49,19 +52,43 @@ impl<'a> Drain<'a> {
             let wrap = move |health: &Health| Sample::Health(process, Box::new(*health));
             sources.push(source_on(bus, &name, wrap)?);
         }
-        Ok(Self { sources, queue, tally })
+        sources.push(source::<Marker>(bus, |m| Sample::Marker(Box::new(*m)))?);
+        sources.push(source_on::<Marker>(bus, Marker::DEVICE_CHANNEL, |m| Sample::DeviceMarker(Box::new(*m)))?);
+        Ok(Self { sources, queue, shared, confirmations: bus.writer_on(Marker::RECORDED_CHANNEL)? })
     }
 
     /// Takes what there is. Returns how many messages that were.
     pub(crate) fn take_all(&mut self, when_full: WhenFull) -> Result<u64, IpcError> {
         let mut n_taken = 0;
+        let mut marks = Vec::new();
+        let tally = &self.shared.tally;
         for (source, channel) in self.sources.iter_mut().zip(Channel::ALL) {
             let now_ns = clock::monotonic_ns();
-            n_taken += source.take_all(&mut |sample| enqueue(&self.queue, self.tally, (sample, now_ns), when_full))?;
+            n_taken += source.take_all(&mut |sample| {
+                let mark = match &sample {
+                    Sample::Marker(marker) | Sample::DeviceMarker(marker) => Some(**marker),
+                    _ => None,
+                };
+                if enqueue(&self.queue, tally, (sample, now_ns), when_full) {
+                    marks.extend(mark);
+                }
+            })?;
             let (counts, n_out_of_order) = source.counts();
-            self.tally.set_missed(channel, counts.n_lost, n_out_of_order);
+            tally.set_missed(channel, counts.n_lost, n_out_of_order);
         }
+        self.confirm(&marks)?;
         Ok(n_taken)
+    }
+
+    /// Tells the senders of marks that they were taken; a recorder that has stopped has nothing to tell.
+    fn confirm(&mut self, marks: &[Marker]) -> Result<(), IpcError> {
+        if self.shared.has_stopped.load(Ordering::Relaxed) {
+            return Ok(());
+        }
+        for mark in marks {
+            self.confirmations.send(&Marker { sequence: self.confirmations.n_sent() + 1, ..*mark })?;
+        }
+        Ok(())
     }
 
     /// What the readers have counted.
@@ -110,7 +137,8 @@ fn source_on<M: Message>(
     Ok(Box::new(TypedSource { reader, wrap }))
 }
 
-fn enqueue(queue: &Sender<Taken>, tally: &Tally, taken: Taken, when_full: WhenFull) {
+/// Whether the queue had room.
+fn enqueue(queue: &Sender<Taken>, tally: &Tally, taken: Taken, when_full: WhenFull) -> bool {
     let channel = taken.0.channel();
     let refused = match queue.try_send(taken) {
         Err(TrySendError::Full(taken)) if when_full == WhenFull::Wait => {
@@ -121,6 +149,7 @@ fn enqueue(queue: &Sender<Taken>, tally: &Tally, taken: Taken, when_full: WhenFu
     if refused {
         tally.add_dropped(channel);
     }
+    !refused
 }
 
 #[cfg(test)]

@@ -9,6 +9,9 @@ pub enum RecordError {
     /// A channel failed.
     #[error(transparent)]
     Ipc(#[from] krait_ipc::IpcError),
+    /// The machine to be drawn cannot be.
+    #[error(transparent)]
+    Machine(#[from] krait_model::ParameterError),
     /// A setting is out of its range.
     #[error("record.{field} is {found}, expected {expected}; change it in the configuration")]
     Config {
@@ -76,6 +79,16 @@ pub enum ReadError {
         path: PathBuf,
         /// Its first bytes.
         found: Vec<u8>,
+    },
+    /// The file is an MCAP file of another major version.
+    #[error("{} at byte {offset}: MCAP version {:?}, this program reads version '0'; give a file that `krait` recorded", path.display(), char::from(*found))]
+    McapVersion {
+        /// The file.
+        path: PathBuf,
+        /// Where the version stands.
+        offset: u64,
+        /// The version.
+        found: u8,
     },
     /// The file ends before its header does.
     #[error("{} is cut at byte {offset}, inside the file header, so nothing can be read; give another copy", path.display())]

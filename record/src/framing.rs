@@ -10,6 +10,9 @@ use std::io::{self, Read};
 /// No record of krait is longer; a longer one is skipped.
 pub(crate) const MAX_RECORD_BYTES: u64 = 64 << 20;
 
+/// Bytes of a record's opcode and length.
+pub(crate) const RECORD_HEAD: u64 = 9;
+
 /// What the next step through a file found.
 pub(crate) enum Step {
     /// A record; its body is in [`Framing::body`].
@@ -37,7 +40,12 @@ pub(crate) struct Framing<R> {
 impl<R: Read> Framing<R> {
     /// Starts behind the magic, which the caller has read.
     pub(crate) fn after_magic(source: R) -> Self {
-        Self { source, offset: MAGIC.len() as u64, body: Vec::new(), is_after_footer: false }
+        Self::at(MAGIC.len() as u64, source)
+    }
+
+    /// Starts at a record in the middle of a file.
+    pub(crate) fn at(offset: u64, source: R) -> Self {
+        Self { source, offset, body: Vec::new(), is_after_footer: false }
     }
 
     /// Body of the record that the last step found.

@@ -1,17 +1,20 @@
 //! Reads a recording back, also one that was cut or damaged, as the messages that were recorded.
 
-use crate::channel::Channel;
+use crate::between::recorded;
 use crate::chunk::ChunkRecords;
-use crate::codec;
 use crate::contents::{Contents, Directory, scan};
 use crate::error::ReadError;
 use crate::framing::{Framing, Step};
+use crate::parts::NEXT_PART_KEY;
 use crate::sample::Sample;
+use crate::writer::{METADATA, METADATA_END};
 use mcap::MAGIC;
-use mcap::records::MessageHeader;
 use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::{Path, PathBuf};
+
+/// Place of the version in an MCAP file's magic.
+const VERSION_AT: usize = 5;
 
 /// A recording whose contents are known. It is streamed, never loaded whole.
 #[derive(Debug)]
@@ -39,8 +42,43 @@ impl Recording {
     /// [`ReadError`] for a file that cannot be read or is no recording of this version. A cut or damaged recording is no
     /// error: see [`Contents::missing`].
     pub fn open(path: &Path) -> Result<Self, ReadError> {
-        let (contents, directory) = scan(path, open_behind_magic(path)?)?;
+        let (contents, directory) = scan(path, behind_magic(path)?)?;
         Ok(Self { path: path.to_owned(), contents, directory })
+    }
+
+    /// Opens a recording and the parts that follow it, where it was rotated. A last part that is not there is missing
+    /// without a word, as after a crash; a file of another run is none of its parts.
+    ///
+    /// # Errors
+    /// As [`Recording::open`].
+    pub fn open_parts(path: &Path) -> Result<Vec<Self>, ReadError> {
+        let mut parts = vec![Self::open(path)?];
+        while let Some(next) = parts.last().and_then(Self::next_part) {
+            if !next.exists() || parts.iter().any(|part| part.path == next) {
+                break;
+            }
+            let next = Self::open(&next)?;
+            if next.run_id() != parts[0].run_id() {
+                break;
+            }
+            parts.push(next);
+        }
+        Ok(parts)
+    }
+
+    fn run_id(&self) -> Option<&String> {
+        self.contents.metadata.get(METADATA)?.get("run_id")
+    }
+
+    /// A name in a file is nobody's path: only its last component counts.
+    fn next_part(&self) -> Option<PathBuf> {
+        let named = Path::new(self.contents.metadata.get(METADATA_END)?.get(NEXT_PART_KEY)?);
+        Some(self.path.with_file_name(named.file_name()?))
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        &self.path
     }
 
     /// What is in it and what is missing from it.
@@ -56,7 +94,7 @@ impl Recording {
         Ok(Samples {
             path: self.path.clone(),
             directory: self.directory.clone(),
-            framing: Framing::after_magic(open_behind_magic(&self.path)?),
+            framing: Framing::after_magic(behind_magic(&self.path)?),
             chunk: ChunkRecords::default(),
             chunk_offset: 0,
             next_idx: 0,
@@ -84,7 +122,8 @@ impl Iterator for Samples {
             while let Some((header, range)) = self.chunk.messages.get(self.next_idx) {
                 self.next_idx += 1;
                 if let Some(Some(channel)) = self.directory.get(&header.channel_id) {
-                    return Some(self.recorded(*channel, header, self.chunk.payload(range)));
+                    let payload = self.chunk.payload(range);
+                    return Some(recorded(&self.path, self.chunk_offset, *channel, header, payload));
                 }
             }
             if self.is_over {
@@ -114,20 +153,9 @@ impl Samples {
         }
         Ok(())
     }
-
-    fn recorded(&self, channel: Channel, header: &MessageHeader, payload: &[u8]) -> Result<Recorded, ReadError> {
-        let sample = codec::decode(channel, payload).map_err(|reason| ReadError::Payload {
-            path: self.path.clone(),
-            offset: self.chunk_offset,
-            topic: channel.topic(),
-            sequence: header.sequence,
-            reason,
-        })?;
-        Ok(Recorded { sample, log_ns: header.log_time, publish_ns: header.publish_time })
-    }
 }
 
-fn open_behind_magic(path: &Path) -> Result<BufReader<File>, ReadError> {
+pub(crate) fn behind_magic(path: &Path) -> Result<BufReader<File>, ReadError> {
     let failed = |source| ReadError::Io { path: path.to_owned(), offset: 0, source };
     let mut file = BufReader::new(File::open(path).map_err(failed)?);
     let mut found = Vec::new();
@@ -136,6 +164,8 @@ fn open_behind_magic(path: &Path) -> Result<BufReader<File>, ReadError> {
         Ok(file)
     } else if !found.is_empty() && MAGIC.starts_with(&found) {
         Err(ReadError::NoHeader { path: path.to_owned(), offset: found.len() as u64 })
+    } else if found.len() > VERSION_AT && MAGIC.starts_with(&found[..VERSION_AT]) {
+        Err(ReadError::McapVersion { path: path.to_owned(), offset: VERSION_AT as u64, found: found[VERSION_AT] })
     } else {
         Err(ReadError::NotMcap { path: path.to_owned(), found })
     }

@@ -2,11 +2,12 @@
 
 use crate::about::{About, default_file_name};
 use crate::config::RecordConfig;
-use crate::disk::{Shared, write_all};
+use crate::disk::{Shared, Written, write_all};
 use crate::drain::{Drain, WhenFull};
 use crate::error::RecordError;
+use crate::parts::Parts;
 use crate::status::RecorderStatus;
-use crate::writer::RecordingWriter;
+use crate::syncer::{Failure, Syncer, sync_all};
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use krait_ipc::{Bus, HealthReporter, IpcError, Reason, Reasons, clock};
@@ -23,7 +24,9 @@ const HEALTH_PERIOD_NS: i64 = 100_000_000;
 pub struct RecordReport {
     /// The file.
     pub path: PathBuf,
-    /// Its length in bytes, or why the recording stopped early.
+    /// Files that it consists of; more than one where it was rotated.
+    pub n_parts: u32,
+    /// The length of all in bytes, or why the recording stopped early.
     pub outcome: Result<u64, RecordError>,
     /// What became of the messages of each channel.
     pub status: RecorderStatus,
@@ -44,13 +47,18 @@ pub fn run(bus: &Bus, config: &RecordConfig, stop: &AtomicBool) -> Result<Record
     let path = config.path.clone().unwrap_or_else(|| Path::new("recordings").join(default_file_name(instance)));
     let shared = Shared::default();
     let (sender, receiver) = crossbeam_channel::bounded(config.queue_length);
-    let drain = Drain::open(bus, sender, &shared.tally)?;
+    let drain = Drain::open(bus, sender, &shared)?;
     let health = HealthReporter::open(bus, "record")?;
     let about = About::run(instance, &config.metadata, config.attachments.clone());
-    let writer = RecordingWriter::create(&path, config.chunk_bytes, &about)?;
+    let failure = Failure::default();
+    let (syncer, jobs) = Syncer::pair(&failure);
+    let parts = Parts::create(&path, config, about, syncer, clock::monotonic_ns())?;
     let died = |what: String| RecordError::Thread { path: path.clone(), what };
     thread::scope(|scope| {
-        let write = || write_all(writer, &receiver, &shared, config.flush_period());
+        let sync = || sync_all(&jobs, config.sync_period(), &failure);
+        let thread = thread::Builder::new().name("record-sync".to_owned()).spawn_scoped(scope, sync);
+        thread.map_err(|error| died(format!("could not be started: {error}")))?;
+        let write = || write_all(parts, &receiver, &shared, config.flush_period());
         let thread = thread::Builder::new().name("record-write".to_owned()).spawn_scoped(scope, write);
         let thread = thread.map_err(|error| died(format!("could not be started: {error}")))?;
         let mut feed = Feed { drain: Some(drain), health, shared: &shared, due_ns: i64::MIN };
@@ -62,7 +70,9 @@ pub fn run(bus: &Bus, config: &RecordConfig, stop: &AtomicBool) -> Result<Record
         fed?;
         // The last word: whether the file was ended well.
         feed.report(clock::monotonic_ns())?;
-        Ok(RecordReport { path: path.clone(), outcome, status })
+        let n_parts = outcome.as_ref().map_or(1, |written| written.n_parts);
+        let outcome = outcome.map(|Written { n_bytes, .. }| n_bytes);
+        Ok(RecordReport { path: path.clone(), n_parts, outcome, status })
     })
 }
 

@@ -3,10 +3,10 @@
 use crate::channel::{Channel, Process};
 use crate::status::RecorderStatus;
 use krait_ipc::message::{
-    Command, Health, Message, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState, StateCommand,
+    Command, Health, Marker, Message, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState, StateCommand,
 };
 
-/// A message of any recorded channel. The two large and rare ones are boxed, so that a queue of samples stays small.
+/// A message of any recorded channel. The large and rare ones are boxed, so that a queue of samples stays small.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Sample {
     /// What the operator's hand asks for.
@@ -25,6 +25,10 @@ pub enum Sample {
     ModelUpdate(ModelUpdate),
     /// How a process fares.
     Health(Process, Box<Health>),
+    /// A word of the operator's, by `krait mark`.
+    Marker(Box<Marker>),
+    /// A mark by a button of the operator's device.
+    DeviceMarker(Box<Marker>),
     /// What the recorder has written and could not.
     Recorder(Box<RecorderStatus>),
 }
@@ -41,6 +45,8 @@ impl Sample {
             Self::Shape(_) => Channel::Shape,
             Self::ModelUpdate(_) => Channel::ModelUpdate,
             Self::Health(process, _) => Channel::Health(*process),
+            Self::Marker(_) => Channel::Marker,
+            Self::DeviceMarker(_) => Channel::DeviceMarker,
             Self::Recorder(_) => Channel::Recorder,
         }
     }
@@ -68,6 +74,7 @@ impl Sample {
             Self::Shape(message) => of(message),
             Self::ModelUpdate(message) => of(message),
             Self::Health(_, message) => of(&**message),
+            Self::Marker(message) | Self::DeviceMarker(message) => of(&**message),
             Self::Recorder(status) => (status.sequence, status.sample_ns),
         }
     }

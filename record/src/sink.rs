@@ -1,7 +1,9 @@
 //! Where a recording goes, byte by byte, so that what is there is always a readable prefix of a good file.
 
+use core::sync::atomic::{AtomicU64, Ordering};
 use std::fs::File;
 use std::io::{self, Seek, SeekFrom, Write};
+use std::sync::Arc;
 
 /// A file, or something that can take its place in a test.
 pub trait RecordingSink: Write + Seek {
@@ -35,32 +37,38 @@ impl RecordingSink for File {
 pub(crate) struct Appender<S> {
     sink: S,
     pending: Vec<u8>,
-    n_committed: u64,
+    // Shared, because the MCAP writer does not let go of its sink.
+    n_committed: Arc<AtomicU64>,
 }
 
 impl<S: RecordingSink> Appender<S> {
     pub(crate) fn new(sink: S) -> Self {
-        Self { sink, pending: Vec::new(), n_committed: 0 }
+        Self { sink, pending: Vec::new(), n_committed: Arc::default() }
     }
 
     /// Bytes that the sink has taken.
     pub(crate) fn n_committed(&self) -> u64 {
-        self.n_committed
+        self.n_committed.load(Ordering::Relaxed)
     }
 
-    pub(crate) fn sync(&mut self) -> io::Result<()> {
-        self.sink.sync()
+    /// The same for whoever cannot ask.
+    pub(crate) fn counter(&self) -> Arc<AtomicU64> {
+        Arc::clone(&self.n_committed)
+    }
+
+    pub(crate) fn into_sink(self) -> S {
+        self.sink
     }
 
     /// After a failed write: cuts the half-written rest away and ends the file as an MCAP file without an index, which
     /// needs 50 bytes of the room that the cut has made. Where even that fails, the file stays readable up to its last
     /// chunk. Returns the length that is kept.
     pub(crate) fn give_up(mut self) -> u64 {
-        let ended = self.sink.truncate_to(self.n_committed).and_then(|()| self.sink.write_all(&END_WITHOUT_INDEX));
-        if ended.is_err() && self.sink.truncate_to(self.n_committed).is_err() {
+        let ended = self.sink.truncate_to(self.n_committed()).and_then(|()| self.sink.write_all(&END_WITHOUT_INDEX));
+        if ended.is_err() && self.sink.truncate_to(self.n_committed()).is_err() {
             tracing::warn!("the recording's half-written last chunk could not be cut away; readers skip it");
         }
-        self.n_committed
+        self.n_committed()
     }
 }
 
@@ -87,7 +95,7 @@ impl<S: RecordingSink> Write for Appender<S> {
 
     fn flush(&mut self) -> io::Result<()> {
         self.sink.write_all(&self.pending)?;
-        self.n_committed += self.pending.len() as u64;
+        self.n_committed.fetch_add(self.pending.len() as u64, Ordering::Relaxed);
         self.pending.clear();
         self.sink.flush()
     }
@@ -96,7 +104,7 @@ impl<S: RecordingSink> Write for Appender<S> {
 impl<S: RecordingSink> Seek for Appender<S> {
     /// Tells the position; a recording is written from front to back.
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
-        let position = self.n_committed + self.pending.len() as u64;
+        let position = self.n_committed() + self.pending.len() as u64;
         match to {
             SeekFrom::Current(0) | SeekFrom::End(0) => Ok(position),
             _ => Err(io::Error::new(io::ErrorKind::Unsupported, "a recording is only ever appended to")),

@@ -6,18 +6,23 @@ use crate::codec;
 use crate::error::RecordError;
 use crate::sample::Sample;
 use crate::sink::{Appender, RecordingSink};
+use crate::views::{View, Views};
 use crate::wall_clock::WallClock;
+use core::sync::atomic::{AtomicU64, Ordering};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Compression, McapError, WriteOptions};
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Name of the metadata record at the beginning of a file.
 pub(crate) const METADATA: &str = "krait";
 /// Name of the metadata record at the end of a file; a file without it was not ended in order.
 pub(crate) const METADATA_END: &str = "krait.end";
+/// Name of the metadata record of a file that was made of a damaged one.
+pub(crate) const METADATA_RECOVERED: &str = "krait.recovered";
 /// Profile in the file header.
 pub(crate) const PROFILE: &str = "krait";
 /// Key of the payload version in a channel's metadata.
@@ -36,10 +41,13 @@ pub struct RecordingWriter<S: RecordingSink> {
     chunk_bytes: usize,
     /// `None` once a write has failed.
     mcap: Option<mcap::Writer<Appender<S>>>,
-    channel_ids: Option<[u16; Channel::ALL.len()]>,
+    channel_ids: Option<Ids>,
+    views: Option<Views>,
+    n_derived: u32,
     buffer: Vec<u8>,
     n_in_chunk: usize,
     n_kept: u64,
+    n_committed: Arc<AtomicU64>,
 }
 
 impl RecordingWriter<File> {
@@ -49,14 +57,7 @@ impl RecordingWriter<File> {
     /// [`RecordError::Exists`], [`RecordError::Create`], or [`RecordError::Write`] where there is no room for the
     /// beginning, in which case no file is left.
     pub fn create(path: &Path, chunk_bytes: usize, about: &About) -> Result<Self, RecordError> {
-        let failed = |source: io::Error| match source.kind() {
-            io::ErrorKind::AlreadyExists => RecordError::Exists { path: path.to_owned() },
-            _ => RecordError::Create { path: path.to_owned(), source },
-        };
-        if let Some(folder) = path.parent() {
-            fs::create_dir_all(folder).map_err(|source| RecordError::Create { path: path.to_owned(), source })?;
-        }
-        let file = File::options().write(true).create_new(true).open(path).map_err(failed)?;
+        let file = create_file(path)?;
         Self::begin(file, path, chunk_bytes, about).inspect_err(|_| {
             if let Err(error) = fs::remove_file(path) {
                 tracing::warn!(%error, path = %path.display(), "an empty recording could not be removed");
@@ -72,7 +73,9 @@ impl<S: RecordingSink> RecordingWriter<S> {
     /// [`RecordError::Write`].
     pub fn begin(sink: S, path: &Path, chunk_bytes: usize, about: &About) -> Result<Self, RecordError> {
         let failed = |error| RecordError::Write { path: path.to_owned(), offset: 0, source: io_error(error) };
-        let mut mcap = options().create(Appender::new(sink)).map_err(failed)?;
+        let appender = Appender::new(sink);
+        let n_committed = appender.counter();
+        let mut mcap = options().create(appender).map_err(failed)?;
         begin_file(&mut mcap, about).map_err(failed)?;
         Ok(Self {
             path: path.to_owned(),
@@ -80,10 +83,19 @@ impl<S: RecordingSink> RecordingWriter<S> {
             chunk_bytes,
             mcap: Some(mcap),
             channel_ids: None,
+            views: None,
+            n_derived: 0,
             buffer: Vec::new(),
             n_in_chunk: 0,
             n_kept: 0,
+            n_committed,
         })
+    }
+
+    /// Also writes what viewers draw, derived from the samples.
+    #[must_use]
+    pub fn with_views(self, views: Option<Views>) -> Self {
+        Self { views, ..self }
     }
 
     /// Adds a sample that was taken from shared memory at `taken_ns` (CLOCK_MONOTONIC). Publish time is the sample's own
@@ -111,7 +123,15 @@ impl<S: RecordingSink> RecordingWriter<S> {
     ///
     /// # Errors
     /// As [`RecordingWriter::write`]; the samples up to the last chunk are kept, without the indexes.
-    pub fn finish(mut self, end: &BTreeMap<String, String>) -> Result<u64, RecordError> {
+    pub fn finish(self, end: &BTreeMap<String, String>) -> Result<u64, RecordError> {
+        let path = self.path.clone();
+        let (offset, mut sink) = self.close(end)?;
+        sink.sync().map_err(|source| RecordError::Write { path, offset, source })?;
+        Ok(offset)
+    }
+
+    /// Ends the file as [`RecordingWriter::finish`] does, without waiting for the disk. Returns its length and itself.
+    pub(crate) fn close(mut self, end: &BTreeMap<String, String>) -> Result<(u64, S), RecordError> {
         self.flush()?;
         let metadata = Metadata { name: METADATA_END.to_owned(), metadata: end.clone() };
         let ended = self.live().and_then(|mcap| {
@@ -125,8 +145,22 @@ impl<S: RecordingSink> RecordingWriter<S> {
             return Err(RecordError::Write { path: self.path, offset: appender.give_up(), source });
         }
         let offset = appender.n_committed();
-        appender.sync().map_err(|source| RecordError::Write { path: self.path, offset, source })?;
-        Ok(offset)
+        Ok((offset, appender.into_sink()))
+    }
+
+    /// Bytes that the file has taken so far.
+    pub(crate) fn n_committed(&self) -> u64 {
+        self.n_committed.load(Ordering::Relaxed)
+    }
+
+    /// What draws for viewers, for the next part.
+    pub(crate) fn take_views(&mut self) -> Option<Views> {
+        self.views.take()
+    }
+
+    /// Ends the file because of what the disk said later.
+    pub(crate) fn stop_because(&mut self, source: io::Error) -> RecordError {
+        self.stop(McapError::Io(source))
     }
 
     fn add(&mut self, sample: &Sample, taken_ns: i64) -> Result<(), McapError> {
@@ -134,19 +168,34 @@ impl<S: RecordingSink> RecordingWriter<S> {
         let channel_ids = match self.channel_ids {
             Some(ids) => ids,
             // With the first sample, because a chunk without samples would have its time range begin in 1970.
-            None => *self.channel_ids.insert(declare_channels(self.mcap.as_mut().ok_or_else(stopped)?)?),
+            None => {
+                let mcap = self.mcap.as_mut().ok_or_else(stopped)?;
+                *self.channel_ids.insert(Ids::declare(mcap, self.views.is_some())?)
+            }
         };
         let publish_time = self.clock.wall_ns(sample.sample_ns());
         let plausible = sample.sample_ns().abs_diff(taken_ns) <= STAMP_PATIENCE_NS;
         let header = MessageHeader {
-            channel_id: channel_ids[sample.channel().index()],
+            channel_id: channel_ids.channels[sample.channel().index()],
             // The format has room for 32 bits; the payload holds all 64.
             sequence: (sample.sequence() & u64::from(u32::MAX)) as u32,
             log_time: if plausible { publish_time } else { self.clock.wall_ns(taken_ns) },
             publish_time,
         };
         self.n_in_chunk += MESSAGE_OVERHEAD + self.buffer.len();
-        self.mcap.as_mut().ok_or_else(stopped)?.write_to_known_channel(&header, &self.buffer)
+        self.mcap.as_mut().ok_or_else(stopped)?.write_to_known_channel(&header, &self.buffer)?;
+        self.add_views(sample, &header, &channel_ids)
+    }
+
+    fn add_views(&mut self, sample: &Sample, of: &MessageHeader, ids: &Ids) -> Result<(), McapError> {
+        let Some(views) = &mut self.views else { return Ok(()) };
+        for (view, bytes) in views.of(sample, self.clock) {
+            self.n_derived = self.n_derived.wrapping_add(1);
+            let header = MessageHeader { channel_id: ids.views[view.index()], sequence: self.n_derived, ..*of };
+            self.n_in_chunk += MESSAGE_OVERHEAD + bytes.len();
+            self.mcap.as_mut().ok_or_else(stopped)?.write_to_known_channel(&header, &bytes)?;
+        }
+        Ok(())
     }
 
     fn live(&mut self) -> Result<&mut mcap::Writer<Appender<S>>, McapError> {
@@ -162,7 +211,19 @@ impl<S: RecordingSink> RecordingWriter<S> {
     }
 }
 
-fn options() -> WriteOptions {
+/// A new file, and its folder where that is missing.
+pub(crate) fn create_file(path: &Path) -> Result<File, RecordError> {
+    let failed = |source: io::Error| match source.kind() {
+        io::ErrorKind::AlreadyExists => RecordError::Exists { path: path.to_owned() },
+        _ => RecordError::Create { path: path.to_owned(), source },
+    };
+    if let Some(folder) = path.parent() {
+        fs::create_dir_all(folder).map_err(|source| RecordError::Create { path: path.to_owned(), source })?;
+    }
+    File::options().write(true).create_new(true).open(path).map_err(failed)
+}
+
+pub(crate) fn options() -> WriteOptions {
     WriteOptions::new()
         .profile(PROFILE)
         .library(concat!("krait ", env!("CARGO_PKG_VERSION")))
@@ -191,24 +252,36 @@ fn begin_file<S: RecordingSink>(mcap: &mut mcap::Writer<Appender<S>>, about: &Ab
     mcap.flush()
 }
 
-fn declare_channels<S: RecordingSink>(
-    mcap: &mut mcap::Writer<Appender<S>>,
-) -> Result<[u16; Channel::ALL.len()], McapError> {
-    let mut ids = [0; Channel::ALL.len()];
-    for channel in Channel::ALL {
-        let schema = channel.schema();
-        let schema_id = mcap.add_schema(schema.name, "protobuf", schema.descriptors)?;
-        let metadata = BTreeMap::from([(VERSION_KEY.to_owned(), schema.version.to_string())]);
-        ids[channel.index()] = mcap.add_channel(schema_id, channel.topic(), "protobuf", &metadata)?;
+/// Ids of the channels in a file.
+#[derive(Clone, Copy)]
+struct Ids {
+    channels: [u16; Channel::ALL.len()],
+    views: [u16; View::ALL.len()],
+}
+
+impl Ids {
+    fn declare<S: RecordingSink>(mcap: &mut mcap::Writer<Appender<S>>, with_views: bool) -> Result<Self, McapError> {
+        let mut ids = Self { channels: [0; Channel::ALL.len()], views: [0; View::ALL.len()] };
+        for channel in Channel::ALL {
+            let schema = channel.schema();
+            let schema_id = mcap.add_schema(schema.name, "protobuf", schema.descriptors)?;
+            let metadata = BTreeMap::from([(VERSION_KEY.to_owned(), schema.version.to_string())]);
+            ids.channels[channel.index()] = mcap.add_channel(schema_id, channel.topic(), "protobuf", &metadata)?;
+        }
+        for view in View::ALL.into_iter().filter(|_| with_views) {
+            let schema = view.schema();
+            let schema_id = mcap.add_schema(schema.name, "protobuf", schema.descriptors)?;
+            ids.views[view.index()] = mcap.add_channel(schema_id, view.topic(), "protobuf", &BTreeMap::new())?;
+        }
+        Ok(ids)
     }
-    Ok(ids)
 }
 
 fn stopped() -> McapError {
     McapError::AttemptedWriteAfterFailure
 }
 
-fn io_error(error: McapError) -> io::Error {
+pub(crate) fn io_error(error: McapError) -> io::Error {
     match error {
         McapError::Io(source) => source,
         other => io::Error::other(other),

@@ -8,7 +8,7 @@ use common::{chain, fresh_path, plausible, words_of};
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use krait_ipc::message::{
-    Command, Health, Message, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState, StateCommand,
+    Command, Health, Marker, Message, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState, StateCommand,
 };
 use krait_ipc::{Bus, ReadOptions, Reason, Reasons, Received, Writer, clock, health_channel};
 use krait_record::{Channel, Missing, Process, RecordConfig, RecordError, RecordReport, Recording, Sample, run};
@@ -29,6 +29,8 @@ struct Chain {
     state_command: Writer<StateCommand>,
     shape: Writer<Shape>,
     model_update: Writer<ModelUpdate>,
+    markers: Writer<Marker>,
+    device_markers: Writer<Marker>,
     healths: BTreeMap<Process, Writer<Health>>,
 }
 
@@ -43,6 +45,8 @@ impl Chain {
             state_command: writer(bus),
             shape: writer(bus),
             model_update: writer(bus),
+            markers: writer(bus),
+            device_markers: bus.writer_on(Marker::DEVICE_CHANNEL).expect("writer"),
             healths: Process::ALL.into_iter().filter(|p| *p != Process::Record).map(health).collect(),
         }
     }
@@ -57,6 +61,8 @@ impl Chain {
             Sample::Shape(message) => self.shape.send(message),
             Sample::ModelUpdate(message) => self.model_update.send(message),
             Sample::Health(process, message) => self.healths.get_mut(process).expect("a writer").send(message),
+            Sample::Marker(message) => self.markers.send(message),
+            Sample::DeviceMarker(message) => self.device_markers.send(message),
             Sample::Recorder(_) => Ok(()),
         }
         .expect("sent");
@@ -97,7 +103,9 @@ fn everything_that_a_chain_publishes_is_in_the_file_bit_for_bit() {
     let config = RecordConfig { path: Some(path.to_path_buf()), ..RecordConfig::default() };
     let begin_ns = clock::monotonic_ns();
     let mut sent: Vec<Sample> = chain(3000, begin_ns).filter(is_from_the_test).collect();
-    sent.push(plausible(Channel::StateCommand, 1, begin_ns));
+    for channel in [Channel::StateCommand, Channel::Marker, Channel::DeviceMarker] {
+        sent.push(plausible(channel, 1, begin_ns));
+    }
     let report = beside_a_recorder(&instance("all"), &config, |bus| {
         let mut chain = Chain::open(bus);
         for (idx, sample) in sent.iter().enumerate() {
@@ -177,6 +185,74 @@ fn what_is_lost_or_out_of_order_is_counted_and_in_the_file() {
             _ => None,
         });
     assert_eq!(last.last().expect("a status").of(Channel::Shape).expect("counted"), shape);
+}
+
+/// Rotates while 2500 commands are sent; returns how many parts there are.
+fn rotated(name: &str, config: RecordConfig) -> usize {
+    let path = fresh_path(&format!("{name}.mcap"));
+    let config = RecordConfig { path: Some(path.to_path_buf()), flush_ms: 10, ..config };
+    let report = beside_a_recorder(&instance(name), &config, |bus| {
+        let mut chain = Chain::open(bus);
+        for sequence in 1..=2500 {
+            chain.send(&plausible(Channel::Command, sequence, clock::monotonic_ns()));
+            thread::sleep(Duration::from_millis(1));
+        }
+        chain
+    })
+    .expect("recorded");
+    let parts = Recording::open_parts(&path).expect("opened");
+    assert_eq!(parts.len(), report.n_parts as usize);
+    let mut commands = Vec::new();
+    let (mut n_bytes, mut n_written) = (0, 0);
+    for (idx, part) in parts.iter().enumerate() {
+        let contents = part.contents();
+        assert_eq!(contents.missing, [], "part {idx} is whole");
+        assert!(contents.is_indexed && contents.metadata["krait"]["part"] == (idx + 1).to_string());
+        assert_eq!(contents.metadata["krait"]["run_id"], parts[0].contents().metadata["krait"]["run_id"]);
+        n_bytes += std::fs::metadata(part.path()).expect("there").len();
+        n_written += contents.metadata["krait.end"]["n_written"].parse::<u64>().expect("a number");
+        for recorded in part.samples().expect("there") {
+            if let Sample::Command(command) = recorded.expect("readable").sample {
+                commands.push(command.sequence);
+            }
+        }
+        if idx > 0 {
+            std::fs::remove_file(part.path()).expect("removed");
+        }
+    }
+    assert!(commands.iter().copied().eq(1..=2500), "nothing is lost or doubled between parts");
+    assert_eq!(report.outcome.expect("ended in order"), n_bytes);
+    assert_eq!(report.status.total().n_written, n_written);
+    parts.len()
+}
+
+#[test]
+fn a_recording_that_is_rotated_by_size_or_time_loses_nothing_and_each_part_is_whole() {
+    assert!(rotated("by_size", RecordConfig { rotate_bytes: 65_536, ..RecordConfig::default() }) >= 3);
+    assert!((2..=4).contains(&rotated("by_time", RecordConfig { rotate_s: 1, ..RecordConfig::default() })));
+}
+
+#[test]
+fn a_mark_is_recorded_told_in_the_log_and_confirmed_to_its_sender() {
+    let path = fresh_path("marked.mcap");
+    let config = RecordConfig { path: Some(path.to_path_buf()), ..RecordConfig::default() };
+    let mark = Marker::new(1, clock::monotonic_ns(), "vessel touched").expect("a text");
+    beside_a_recorder(&instance("marked"), &config, |bus| {
+        let mut confirmed = bus.reader_on::<Marker>(Marker::RECORDED_CHANNEL, ReadOptions::waking()).expect("reader");
+        let mut writer = writer::<Marker>(bus);
+        writer.send(&mark).expect("sent");
+        assert!((0..100).any(|_| confirmed.wait(Duration::from_millis(100)).expect("wait")), "the recorder confirms");
+        assert_eq!(confirmed.take().expect("take").map(|seen| *seen), Some(mark));
+        writer
+    })
+    .expect("recorded");
+    let recording = Recording::open(&path).expect("opened");
+    let marks = recording.samples().expect("there").filter_map(|recorded| match recorded.expect("readable").sample {
+        Sample::Marker(marker) => marker.text().map(str::to_owned),
+        _ => None,
+    });
+    assert_eq!(marks.collect::<Vec<_>>(), ["vessel touched"]);
+    assert!(recording.contents().n_views >= 1, "viewers see it in the log");
 }
 
 /// Name of the variable that gives the child its path.

@@ -197,6 +197,7 @@ fn files_of_others_are_refused_with_one_sentence() {
     refuse(b"time,theta\n0,1\n", "is not an MCAP file");
     refuse(&mcap::MAGIC[..5], "cut at byte 5");
     refuse(mcap::MAGIC, "cut at byte 8");
+    refuse(b"\x89MCAP7\r\n", "at byte 5: MCAP version '7'");
     refuse(&mcap_with("ros2", "/krait/input", "krait.OperatorInput", "1"), "profile \"ros2\"");
     refuse(&mcap_with("krait", "/krait/input", "krait.Setpoint", "1"), "expected krait.OperatorInput");
     refuse(&mcap_with("krait", "/krait/new", "krait.New", "1"), "\"/krait/new\"");
@@ -208,7 +209,7 @@ fn files_of_others_are_refused_with_one_sentence() {
 #[test]
 fn topics_of_others_in_a_recording_are_counted_and_passed_over() {
     let path = fresh_path("mixed.mcap");
-    fs::write(&path, mcap_with("krait", "/tf", "foxglove.FrameTransforms", "")).expect("written");
+    fs::write(&path, mcap_with("krait", "/imu", "sensor.Imu", "")).expect("written");
     let recording = Recording::open(&path).expect("opened");
     assert_eq!((recording.contents().n_foreign, read(&recording).len()), (1, 0));
 }

@@ -7,7 +7,8 @@ mod common;
 mod python;
 
 use common::{chain, fresh_path, plausible};
-use krait_record::{About, Attachment, Channel, RecordingWriter, Sample};
+use krait_model::MachineParameters;
+use krait_record::{About, Attachment, Channel, RecordingWriter, Sample, View, Views};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fs;
@@ -30,7 +31,9 @@ fn record(name: &str) -> (common::TestPath, Vec<Sample>) {
     let mut writer = RecordingWriter::create(&path, 64 * 1024, &about).expect("created");
     let begin_ns = krait_ipc::clock::monotonic_ns();
     let mut samples: Vec<_> = chain(1000, begin_ns).collect();
-    samples.push(plausible(Channel::StateCommand, 1, begin_ns));
+    for channel in [Channel::StateCommand, Channel::Marker, Channel::DeviceMarker] {
+        samples.push(plausible(channel, 1, begin_ns));
+    }
     samples.push(plausible(Channel::Recorder, 1, begin_ns));
     for sample in &samples {
         writer.write(sample, sample.sample_ns()).expect("written");
@@ -68,6 +71,37 @@ fn python_decodes_every_message_of_every_channel_to_the_same_values() {
     assert_eq!(last["stamps"]["input_sent_ns"], command.stamps.input_sent_ns);
     assert_eq!(last["compensation"], 2);
     assert_eq!(found["channels"]["/krait/shape"]["last"]["q_tilde_m"]["line_1"], "NaN");
+}
+
+#[test]
+fn a_careful_reader_finds_no_fault_and_everything_that_the_layout_and_the_views_name() {
+    let path = fresh_path("views.mcap");
+    let about = About::run("python", &BTreeMap::new(), Vec::new());
+    let views = Views::new(&MachineParameters::default(), 30).expect("the default machine");
+    let mut writer = RecordingWriter::create(&path, 64 * 1024, &about).expect("created").with_views(Some(views));
+    let begin_ns = krait_ipc::clock::monotonic_ns();
+    for sample in chain(2000, begin_ns).chain([plausible(Channel::Marker, 1, begin_ns)]) {
+        writer.write(&sample, sample.sample_ns()).expect("written");
+    }
+    writer.finish(&BTreeMap::new()).expect("finished");
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let (script, layout) = (root.join("tests/check_with_python.py"), root.join("../docs/krait.layout.json"));
+    let found = python::run_with_python(Path::new(env!("CARGO_TARGET_TMPDIR")), &script, &[&path, &layout]);
+    let Some(found) = found else { return };
+    assert_eq!(found["doctor"], serde_json::json!([]));
+    assert_eq!(found["layout"], serde_json::json!([]));
+    assert!(found["layout_paths"].as_u64().is_some_and(|n| n > 25), "{found}");
+    for view in View::ALL {
+        assert_eq!(found["views"][view.topic()]["schema"], view.schema().name, "{view:?}");
+    }
+    // Two seconds touch 60 periods of 1/30 s, or 61.
+    let n_drawn = |view: View| found["views"][view.topic()]["messages"].as_u64().expect("some");
+    for view in [View::MeasuredCp, View::SetpointCp, View::MeasuredJs] {
+        assert!((60..=61).contains(&n_drawn(view)), "{view:?}: {}", n_drawn(view));
+    }
+    assert_eq!(found["views"]["/snake/scene"]["lines"], serde_json::json!({"snake": 8, "setpoint": 1}));
+    assert_eq!(found["views"]["/tf"]["frames"], serde_json::json!({"tip": true, "tip_setpoint": true}));
+    assert!(found["views"]["/log"]["texts"].as_array().expect("lines").contains(&"MARK mark 1".into()), "{found}");
 }
 
 #[test]

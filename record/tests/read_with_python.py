@@ -26,6 +26,8 @@ def plain(message):
             fields[field.name] = plain(value)
         elif isinstance(value, float) and not math.isfinite(value):
             fields[field.name] = "NaN" if math.isnan(value) else str(value)
+        elif isinstance(value, bytes):
+            fields[field.name] = value.hex()
         else:
             fields[field.name] = value
     return fields

@@ -1,7 +1,7 @@
 //! The slave's configuration, checked before anything moves.
 
 use crate::{Limits, TruthError};
-use krait_ipc::WaitMode;
+use krait_ipc::{LatencyLimits, WaitMode};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -23,6 +23,9 @@ pub struct SlaveConfig {
     pub deceleration_m_per_s2: f64,
     /// Limits of the machine.
     pub limits: Limits,
+    /// A command that took longer is counted and named. Given by the program from its budget, not by this table.
+    #[serde(skip)]
+    pub latency_limits: LatencyLimits,
 }
 
 impl Default for SlaveConfig {
@@ -34,6 +37,7 @@ impl Default for SlaveConfig {
             watchdog_ms: 50.0,
             deceleration_m_per_s2: 1.0,
             limits: Limits::default(),
+            latency_limits: LatencyLimits::default(),
         }
     }
 }

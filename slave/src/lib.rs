@@ -23,9 +23,11 @@ mod config;
 mod core_report;
 mod drive;
 mod findings;
+mod latency;
 mod limiter;
 mod operating_state;
 mod process;
+mod recorded_time;
 mod sim;
 mod slave_core;
 mod watchdog;
@@ -36,6 +38,10 @@ pub use findings::{Findings, Note};
 pub use limiter::{Limiter, Limits, Situation, Verdict};
 pub use operating_state::{OperatingMachine, TransitionRefused};
 pub use process::{SlaveError, run, run_with_drive};
-pub use sim::{CameraTruth, DriveTruth, EffectsTruth, MachineTruth, SimulatedSnake, Truth, TruthError};
+pub use recorded_time::run_in_recorded_time;
+pub use sim::{
+    BendingTruth, CameraTruth, DriveTruth, EffectsTruth, EncodersTruth, LinesTruth, MachineTruth, SightTruth,
+    SimulatedSnake, SlowTruth, Truth, TruthError,
+};
 pub use slave_core::SlaveCore;
 pub use watchdog::{SmoothStop, Watchdog};

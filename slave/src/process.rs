@@ -1,7 +1,8 @@
 //! The slave as a process: a thin loop that takes commands from shared memory, writes the drives first and reports after.
 
+use crate::latency::LatencyWatch;
 use crate::slave_core::GAP_NS;
-use crate::{ConfigError, Drive, SimulatedSnake, SlaveConfig, SlaveCore, Truth};
+use crate::{ConfigError, Drive, ShapeReading, SimulatedSnake, SlaveConfig, SlaveCore, Truth};
 use core::f64::consts::FRAC_PI_2;
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
@@ -33,15 +34,36 @@ pub enum SlaveError {
 /// # Errors
 /// [`SlaveError`]; whatever happens the drives are stopped smoothly and disabled first.
 pub fn run(bus: &Bus, config: &SlaveConfig, stop: &AtomicBool) -> Result<(), SlaveError> {
+    run_with_drive(bus, config, simulated(config)?, stop)
+}
+
+/// The simulated snake that a configuration asks for.
+pub(crate) fn simulated(config: &SlaveConfig) -> Result<SimulatedSnake, ConfigError> {
+    config.check()?;
     let truth = match &config.truth {
-        Some(path) => Truth::load(path).map_err(ConfigError::from)?,
+        Some(path) => Truth::load(path)?,
         None => Truth::default(),
     };
     let (stroke_m, travel_m) = (config.limits.stroke_m, truth.drive.travel_m);
     if stroke_m > travel_m {
-        return Err(ConfigError::StrokeBeyondTravel { stroke_m, travel_m }.into());
+        return Err(ConfigError::StrokeBeyondTravel { stroke_m, travel_m });
     }
-    run_with_drive(bus, config, SimulatedSnake::new(&truth), stop)
+    Ok(SimulatedSnake::new(&truth))
+}
+
+/// A measured shape as a message.
+pub(crate) fn shape_message(sequence: u64, now_ns: i64, shape: &ShapeReading) -> Shape {
+    let [x, y] = shape.bend_rad;
+    Shape {
+        sequence,
+        sample_ns: shape.exposure_ns,
+        available_ns: now_ns,
+        bend_rad: shape.bend_rad,
+        theta_l_rad: FRAC_PI_2 - x.hypot(y),
+        delta_rad: y.atan2(x),
+        sigma_bend_rad: shape.sigma_bend_rad,
+        q_tilde_m: shape.q_tilde_m,
+    }
 }
 
 /// The same on any drive.
@@ -75,6 +97,7 @@ struct Process<D> {
     n_shapes: u64,
     tick_due_ns: i64,
     report_due_ns: i64,
+    latency: LatencyWatch,
     log: TransitionLog,
 }
 
@@ -91,6 +114,7 @@ impl<D: Drive> Process<D> {
             n_shapes: 0,
             tick_due_ns: 0,
             report_due_ns: 0,
+            latency: LatencyWatch::new(config.latency_limits),
             log: TransitionLog::default(),
         })
     }
@@ -104,6 +128,10 @@ impl<D: Drive> Process<D> {
                 self.core.on_command(&command, monotonic_ns());
                 drop(command);
                 self.report(GAP_NS)?;
+                // A slave that follows has nothing to do until a command is missing: braking begins exactly then.
+                if self.core.is_following() {
+                    self.tick_due_ns = self.report_due_ns;
+                }
             }
             self.take_state_commands()?;
             self.keep_house(monotonic_ns())?;
@@ -138,17 +166,7 @@ impl<D: Drive> Process<D> {
         }
         if let Some(shape) = self.core.drive_mut().shape(now_ns) {
             self.n_shapes += 1;
-            let [x, y] = shape.bend_rad;
-            self.shapes.send(&Shape {
-                sequence: self.n_shapes,
-                sample_ns: shape.exposure_ns,
-                available_ns: now_ns,
-                bend_rad: shape.bend_rad,
-                theta_l_rad: FRAC_PI_2 - x.hypot(y),
-                delta_rad: y.atan2(x),
-                sigma_bend_rad: shape.sigma_bend_rad,
-                q_tilde_m: shape.q_tilde_m,
-            })?;
+            self.shapes.send(&shape_message(self.n_shapes, now_ns, &shape))?;
         }
         self.count();
         self.health.publish_if_due(now_ns)
@@ -159,7 +177,9 @@ impl<D: Drive> Process<D> {
         let now_ns = monotonic_ns();
         let state = self.core.report(now_ns);
         self.states.send(&state)?;
-        self.core.findings(now_ns).tell(self.health.health_mut());
+        let mut findings = self.core.findings(now_ns);
+        self.latency.look(&state, &mut findings);
+        findings.tell(self.health.health_mut());
         self.report_due_ns = now_ns + quiet_ns;
         self.log.look(&self.core, &state);
         Ok(())

@@ -44,18 +44,24 @@ fn the_counter_counts() {
 
 #[test]
 fn writing_reading_and_looking_at_the_simulated_snake_allocates_nothing() {
-    let mut snake = SimulatedSnake::new(&Truth::default());
-    snake.set_power(0, true).unwrap();
-    let mut n_frames = 0;
-    let n = allocations_of(|| {
-        for k in 0..2000_i64 {
-            let q = 2e-3 * (k as f64 * 5e-3).sin();
-            snake.write(k * 1_000_000, [q, -0.5 * q, -0.5 * q]).unwrap();
-            snake.read(k * 1_000_000).unwrap();
-            n_frames += u64::from(snake.shape(k * 1_000_000).is_some());
-        }
-    });
-    assert_eq!((n, n_frames), (0, 119));
+    let mut hidden = Truth::default();
+    (hidden.lines.rub_n, hidden.lines.creep_part, hidden.lines.drag_n_s_per_m) = (1.0, 0.1, 100.0);
+    (hidden.bending.friction_n_m, hidden.bending.softening) = (5e-4, 0.3);
+    (hidden.encoders.screw_m, hidden.sight.clock_error_s, hidden.sight.plane_slip_per_rad) = (1e-5, 0.3, 0.1);
+    for truth in [Truth::default(), hidden] {
+        let mut snake = SimulatedSnake::new(&truth);
+        snake.set_power(0, true).unwrap();
+        let mut n_frames = 0;
+        let n = allocations_of(|| {
+            for k in 0..2000_i64 {
+                let q = 2e-3 * (k as f64 * 5e-3).sin();
+                snake.write(k * 1_000_000, [q, -0.5 * q, -0.5 * q]).unwrap();
+                snake.read(k * 1_000_000).unwrap();
+                n_frames += u64::from(snake.shape(k * 1_000_000).is_some());
+            }
+        });
+        assert_eq!((n, n_frames), (0, 119));
+    }
 }
 
 #[test]

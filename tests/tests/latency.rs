@@ -1,203 +1,174 @@
-//! krait's chain against a bare three-hop iceoryx2 relay of the same payload, both measured in this run, turn by turn.
+//! Latency against the floor of the machine, measured in the same run and turn by turn; no absolute time is asserted.
 //!
-//! The relay is what a programmer gets from iceoryx2 as it comes: `ipc::Service`, one event per hop, `blocking_wait`, the
-//! same number of processes, the same rate and the same number of bytes, and nothing to compute. The chain does all its
-//! work, is recorded while it runs, and may take at most 1.5 times as long in the median.
+//! A round that other work on the machine has spoilt may be repeated; every attempt is printed. A chain that is slowed on
+//! purpose must fail the same checks.
 
-#![allow(clippy::expect_used, clippy::print_stdout, reason = "a panic is how a test fails; a measurement is printed")]
+#![allow(
+    clippy::expect_used,
+    clippy::panic,
+    clippy::print_stdout,
+    reason = "a panic is how a test fails; a measurement is printed"
+)]
 
 use core::time::Duration;
-use hdrhistogram::Histogram;
-use iceoryx2::config::Config;
-use iceoryx2::prelude::{
-    FileName, Node, NodeBuilder, NodeName, SemanticString, ServiceName, SignalHandlingMode, ZeroCopySend, ipc,
-};
-use krait_ipc::clock;
-use krait_ipc::message::Command as CommandMessage;
+use krait_ipc::{Reason, Reasons};
+use krait_record::{Process, Recording, Sample};
 use krait_tests::{Ended, TempFolder, instance_name};
-use std::process::{Child, Command, Stdio};
+use serde_json::Value;
+use std::path::Path;
 
-/// Tells a copy of this test program which part of the relay it is.
-const ROLE: &str = "KRAIT_BARE_RELAY_ROLE";
-const PREFIX: &str = "KRAIT_BARE_RELAY_PREFIX";
-/// Samples of one relay run, at 1 kHz.
-const N_SAMPLES: u64 = 4000;
-/// Samples at the beginning that do not count: connections are made, caches filled.
-const N_WARM_UP: u64 = 500;
-const ROUNDS: usize = 3;
-/// The chain's median may be this many times the relay's.
-const MOST: f64 = 1.5;
-/// A round that other work on the machine has spoilt may be repeated; it is reported.
-const MOST_ATTEMPTS: usize = 3;
+const PATIENCE: Duration = Duration::from_secs(120);
+/// A measurement that other work on the machine has spoilt may be repeated.
+const MOST_ATTEMPTS: usize = 4;
 
-/// As many bytes as a command of krait.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, ZeroCopySend)]
-#[type_name("krait.test.BarePayload")]
-struct Payload {
-    source_ns: i64,
-    sequence: u64,
-    rest: [u64; N_REST],
+/// Runs `krait bench`; `None` in a debug build, which it refuses.
+fn bench(arguments: &[&str]) -> Option<(Ended, Value)> {
+    let folder = TempFolder::new("bench");
+    let out = folder.file("out");
+    let mut all = vec!["bench", "--json", "--out", &out];
+    all.extend(arguments);
+    let ended = Ended::of(&all, PATIENCE);
+    if cfg!(debug_assertions) {
+        assert_eq!(ended.code, Some(2), "{}", ended.stderr);
+        assert!(ended.sentence().contains("debug build"), "{}", ended.stderr);
+        println!("SKIPPED ALOUD: latency is measured in release builds only");
+        return None;
+    }
+    assert!(matches!(ended.code, Some(0 | 1)), "{}", ended.stderr);
+    for file in ["samples.csv", "latency.svg", "figures.json", "table.txt"] {
+        assert!(std::fs::metadata(Path::new(&out).join(file)).is_ok_and(|file| file.len() > 500), "{file} is kept");
+    }
+    let figures = ended.json();
+    Some((ended, figures))
 }
 
-const N_REST: usize = size_of::<CommandMessage>() / 8 - 2;
-const _: () = assert!(size_of::<Payload>() == size_of::<CommandMessage>());
+fn chain<'a>(figures: &'a Value, name: &str) -> &'a Value {
+    let chains = figures["chains"].as_array().expect("chains");
+    chains.iter().find(|chain| chain["name"] == name).unwrap_or_else(|| panic!("{name} in {figures}"))
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("a number, found {value}"))
+}
+
+/// The median over the rounds of one chain's median over another's.
+fn ratio_of_rounds(figures: &Value, one: &str, other: &str) -> f64 {
+    let rounds = |name| chain(figures, name)["p50_of_rounds"].as_array().expect("rounds").iter().map(number);
+    let mut ratios: Vec<f64> = rounds(one).zip(rounds(other)).map(|(one, other)| one / other).collect();
+    ratios.sort_by(f64::total_cmp);
+    ratios[ratios.len() / 2]
+}
+
+/// What is found wrong with one measurement, and the figures in a line.
+fn complaints(figures: &Value) -> (Vec<String>, String) {
+    let to_floor = number(&chain(figures, "krait")["ratio_to_floor"]);
+    let to_relay = ratio_of_rounds(figures, "iceoryx2-default", "krait");
+    let recorded = ratio_of_rounds(figures, "krait-recorded", "krait");
+    let p99 = number(&chain(figures, "krait")["p99"]) / number(&chain(figures, "iceoryx2-default")["p99"]);
+    let work = number(&chain(figures, "krait")["own_work"]["p50"]) / number(&chain(figures, "floor-futex")["p50"]);
+    let line = format!(
+        "krait / floor {to_floor:.2}, bare relay / krait {to_relay:.2}, recorded / not {recorded:.2}, p99 krait / bare relay {p99:.2}, own work / floor {work:.2}"
+    );
+    let checks = [
+        (to_floor <= 2.0, "the median is more than twice the floor's"),
+        (to_relay >= 1.0, "the chain with all its work is slower than the bare relay without any"),
+        (recorded <= 1.25, "recording and reading change the median"),
+        (p99 <= 3.0, "the 99th percentile is more than three times the bare relay's"),
+        (work <= 0.5, "the chain's own work is more than half of the floor"),
+    ];
+    (checks.into_iter().filter(|(kept, _)| !kept).map(|(_, what)| what.to_owned()).collect(), line)
+}
 
 #[test]
-fn the_chain_takes_at_most_one_and_a_half_times_as_long_as_a_bare_relay() {
-    if let Ok(role) = std::env::var(ROLE) {
-        return play(&role);
-    }
-    let mut best = f64::MAX;
+fn the_chain_stays_near_the_floor_of_the_machine_and_loses_nothing() {
+    let mut found = Vec::new();
     for attempt in 1..=MOST_ATTEMPTS {
-        let (mut relays, mut chains) = (Vec::new(), Vec::new());
-        for _ in 0..ROUNDS {
-            relays.push(relay_p50_us());
-            chains.push(chain_p50_us());
+        let chains = "floor-futex,iceoryx2-default,krait,krait-recorded";
+        let Some((_, figures)) = bench(&["--chains", chains, "--seconds", "2.5", "--rounds", "5"]) else { return };
+        for name in chains.split(',') {
+            let chain = chain(&figures, name);
+            assert_eq!((&chain["hops"], &chain["lost"]), (&Value::from(3), &Value::from(0)), "{chain}");
+            assert!(number(&chain["measured"]) > 1500.0, "{chain}");
+            assert!(number(&chain["p50"]) <= number(&chain["p99"]) && number(&chain["p99"]) <= number(&chain["max"]));
         }
-        let ratio = median(&mut chains) / median(&mut relays);
-        println!("attempt {attempt}: relay p50 {relays:.1?} us, chain p50 {chains:.1?} us, ratio {ratio:.2}");
-        best = best.min(ratio);
-        if best <= MOST {
+        let (complaints, line) = complaints(&figures);
+        println!("attempt {attempt}: {line}");
+        if complaints.is_empty() {
             return;
         }
+        found.push(format!("attempt {attempt}: {}; {line}", complaints.join("; ")));
     }
-    panic!("the chain's median is {best:.2} times the bare relay's, at most {MOST} are allowed");
+    panic!("{}", found.join("\n"));
 }
 
-fn median(values: &mut [f64]) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
-}
-
-/// End to end, from the report in hand to the drive written, while everything is recorded.
-fn chain_p50_us() -> f64 {
-    let (instance, folder) = (instance_name("latency"), TempFolder::new("latency"));
-    let recording = folder.file("run.mcap");
-    let arguments = ["run", "--json", "--instance", &instance, "--recording", &recording, "--seconds", "5"];
-    let ended = Ended::of(&arguments, Duration::from_secs(60));
-    ended.json()["latency_us"]["end_to_end"]["p50"].as_f64().expect("a median")
-}
-
-/// Source stamp to receipt in the last of four processes.
-fn relay_p50_us() -> f64 {
-    let prefix = format!("krait.bare.{}.", instance_name("relay"));
-    let mut children: Vec<Child> = ["sink", "relay-2", "relay-1", "source"]
-        .into_iter()
-        .map(|role| {
-            let child = Command::new(std::env::current_exe().expect("this program"))
-                .args([
-                    "--exact",
-                    "the_chain_takes_at_most_one_and_a_half_times_as_long_as_a_bare_relay",
-                    "--nocapture",
-                ])
-                .env(ROLE, role)
-                .env(PREFIX, &prefix)
-                .stdout(Stdio::piped())
-                .spawn()
-                .expect("a copy of this program");
-            std::thread::sleep(Duration::from_millis(150));
-            child
-        })
-        .collect();
-    let sink = children.remove(0).wait_with_output().expect("the sink ends");
-    for mut child in children {
-        child.wait().expect("a relay ends");
+#[test]
+fn a_chain_that_is_slowed_fails_the_check_against_the_floor() {
+    let folder = TempFolder::new("slow");
+    let config = folder.file("slow.toml");
+    std::fs::write(&config, "[resolve]\nlate_us = 500.0\n").expect("written");
+    let arguments =
+        ["--check", "--chains", "floor-futex,krait", "--seconds", "1", "--rounds", "2", "--config", &config];
+    let Some((ended, figures)) = bench(&arguments) else { return };
+    let (slow, floor) = (number(&chain(&figures, "krait")["p50"]), number(&chain(&figures, "floor-futex")["p50"]));
+    println!("slowed by 500 us: p50 {slow:.0} us, floor {floor:.0} us");
+    assert!(slow > 500.0, "the fault was injected: {slow}");
+    assert_eq!(ended.code, Some(1), "{figures}");
+    let broken = figures["budget_broken"].as_array().expect("limits");
+    for what in ["krait end to end", "krait hop 1"] {
+        assert!(broken.iter().any(|limit| limit["what"] == what && limit["quantile"] == "p50"), "{broken:?}");
     }
-    remove_remains(&prefix);
-    let said = String::from_utf8_lossy(&sink.stdout).into_owned();
-    let p50 = said.lines().find_map(|line| line.strip_prefix("p50_us ")).expect("the sink says its median");
-    p50.parse().expect("a number")
 }
 
-/// iceoryx2 keeps one small file per prefix for ever; krait's own instances remove theirs.
-fn remove_remains(prefix: &str) {
-    for entry in std::fs::read_dir("/dev/shm").expect("/dev/shm").flatten() {
-        if entry.file_name().to_string_lossy().starts_with(prefix) {
-            std::fs::remove_file(entry.path()).expect("a file of this test");
+/// 8 ms late at every sample, 4 ms allowed: no machine is so noisy that it matters.
+#[test]
+fn a_running_chain_counts_late_samples_names_them_and_records_them() {
+    let (instance, folder) = (instance_name("late"), TempFolder::new("late"));
+    let (config, recording) = (folder.file("late.toml"), folder.file("late.mcap"));
+    let allowance = "p50_us = 4000\np99_us = 4000\nworst_us = 4000\np50_floors = 1\np99_floors = 1\nworst_floors = 1\n";
+    let text = format!("[master]\nrate_hz = 100\n[resolve]\nlate_us = 8000.0\n[budget.master_to_resolve]\n{allowance}");
+    std::fs::write(&config, text).expect("written");
+    let script = folder.file("still.csv");
+    std::fs::write(&script, "time_s,tip_vx_m_per_s,tip_vy_m_per_s,tip_vz_m_per_s\n0,0.001,0,0\n60,0.001,0,0\n")
+        .expect("written");
+    let arguments = ["run", "--json", "--check-budget", "--seconds", "3", "--master", "script", "--input", &script];
+    let more = ["--instance", &instance, "--recording", &recording, "--config", &config];
+    let ended = Ended::of(&[&arguments[..], &more[..]].concat(), PATIENCE);
+    assert_eq!(ended.code, Some(1), "{}", ended.stderr);
+    let budget = &ended.json()["budget"];
+    let hop = &budget["hops"][1];
+    assert_eq!(
+        (&budget["is_kept"], &hop["to"], &hop["is_kept"]),
+        (&Value::from(false), &"resolve".into(), &false.into())
+    );
+    let (n_late, n_samples) = (number(&hop["n_late"]), number(&budget["n_samples"]));
+    assert!(n_samples > 100.0 && n_late == n_samples, "{n_late} of {n_samples}");
+
+    let mut newest = None;
+    for recorded in Recording::open(Path::new(&recording)).expect("readable").samples().expect("samples") {
+        if let Sample::Health(Process::Slave, health) = recorded.expect("readable").sample {
+            newest = Some(health);
         }
     }
+    let health = newest.expect("the slave's health is recorded");
+    let record = health.records[Reason::LatencyBudget as usize];
+    assert!(Reasons::from_bits(health.reasons_ever).contains(Reason::LatencyBudget));
+    assert!(record.count as f64 >= n_samples && record.limit == 4000.0 && record.worst > 8000.0, "{record:?}");
 }
 
-fn play(role: &str) {
-    let prefix = std::env::var(PREFIX).expect("a prefix");
-    let mut config = Config::default();
-    config.global.prefix = FileName::new(prefix.as_bytes()).expect("a prefix");
-    let node = NodeBuilder::new()
-        .config(&config)
-        .name(&NodeName::new(role).expect("a name"))
-        .signal_handling_mode(SignalHandlingMode::Disabled)
-        .create::<ipc::Service>()
-        .expect("a node");
-    match role {
-        "source" => source(&node),
-        "relay-1" => relay(&node, "hop-1", "hop-2"),
-        "relay-2" => relay(&node, "hop-2", "hop-3"),
-        _ => sink(&node),
+#[test]
+fn settings_that_cannot_be_measured_are_refused_in_one_sentence() {
+    if cfg!(debug_assertions) {
+        println!("SKIPPED ALOUD: a debug build refuses every measurement");
+        return;
     }
-}
-
-type Ports<P> = (P, iceoryx2::service::port_factory::event::PortFactory<ipc::Service>);
-
-fn service(
-    node: &Node<ipc::Service>,
-    hop: &str,
-) -> Ports<iceoryx2::service::port_factory::publish_subscribe::PortFactory<ipc::Service, Payload, ()>> {
-    let name = ServiceName::new(hop).expect("a name");
-    let data =
-        node.service_builder(&name).publish_subscribe::<Payload>().subscriber_max_buffer_size(64).open_or_create();
-    let event = node.service_builder(&name).event().open_or_create();
-    (data.expect("data"), event.expect("event"))
-}
-
-fn source(node: &Node<ipc::Service>) {
-    let (data, event) = service(node, "hop-1");
-    let (publisher, notifier) =
-        (data.publisher_builder().create().expect("publisher"), event.notifier_builder().create().expect("notifier"));
-    let mut due_ns = clock::monotonic_ns();
-    for sequence in 1..=N_SAMPLES {
-        due_ns += 1_000_000;
-        let left_ns = u64::try_from(due_ns - clock::monotonic_ns()).unwrap_or(0);
-        std::thread::sleep(Duration::from_nanos(left_ns));
-        let payload = Payload { source_ns: clock::monotonic_ns(), sequence, rest: [sequence; N_REST] };
-        publisher.send_copy(payload).expect("send");
-        notifier.notify().expect("notify");
-    }
-}
-
-fn relay(node: &Node<ipc::Service>, from: &str, to: &str) {
-    let ((data_in, event_in), (data_out, event_out)) = (service(node, from), service(node, to));
-    let listener = event_in.listener_builder().create().expect("listener");
-    let subscriber = data_in.subscriber_builder().create().expect("subscriber");
-    let publisher = data_out.publisher_builder().create().expect("publisher");
-    let notifier = event_out.notifier_builder().create().expect("notifier");
-    loop {
-        listener.blocking_wait(|_| {}).expect("wait");
-        while let Some(sample) = subscriber.receive().expect("receive") {
-            publisher.send_copy(*sample).expect("send");
-            notifier.notify().expect("notify");
-            if sample.sequence == N_SAMPLES {
-                return;
-            }
-        }
-    }
-}
-
-fn sink(node: &Node<ipc::Service>) {
-    let (data, event) = service(node, "hop-3");
-    let listener = event.listener_builder().create().expect("listener");
-    let subscriber = data.subscriber_builder().create().expect("subscriber");
-    let mut histogram = Histogram::<u64>::new_with_bounds(1, 10_000_000_000, 3).expect("a histogram");
-    loop {
-        listener.blocking_wait(|_| {}).expect("wait");
-        while let Some(sample) = subscriber.receive().expect("receive") {
-            if sample.sequence > N_WARM_UP {
-                histogram.saturating_record(u64::try_from(clock::monotonic_ns() - sample.source_ns).unwrap_or(0));
-            }
-            if sample.sequence == N_SAMPLES {
-                println!("\np50_us {}", histogram.value_at_quantile(0.5) as f64 * 1e-3);
-                return;
-            }
-        }
+    for (arguments, named) in [
+        (["bench", "--rate", "5"], "--rate is 5: expected 100 to 8000 Hz"),
+        (["bench", "--payload", "8"], "--payload is 8"),
+        (["bench", "--seconds", "nan"], "--seconds is NaN"),
+        (["bench", "--priority", "100"], "priority = 100: expected 0 to 99"),
+    ] {
+        let ended = Ended::of(&arguments, PATIENCE);
+        assert_eq!(ended.code, Some(2), "{}", ended.stderr);
+        assert!(ended.sentence().contains(named), "{}", ended.sentence());
     }
 }

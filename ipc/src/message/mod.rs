@@ -10,7 +10,9 @@
 //! bit pattern there; the typed view is checked.
 
 mod command;
+mod cue;
 mod health;
+mod marker;
 mod model_update;
 mod operator_input;
 mod setpoint;
@@ -20,13 +22,15 @@ mod stamps;
 mod state_command;
 
 pub use command::{Command, Compensation};
+pub use cue::Cue;
 pub use health::{Health, N_REASONS_MAX, ReasonRecord};
+pub use marker::{MARKER_TEXT_MAX, Marker, MarkerTextError};
 pub use model_update::ModelUpdate;
 pub use operator_input::{DeviceState, OperatorInput};
 pub use setpoint::{Phase, Setpoint};
 pub use shape::Shape;
 pub use slave_state::{OperatingState, SlaveState};
-pub use stamps::HopStamps;
+pub use stamps::{HopStamps, LatencyLimits, N_HOPS};
 pub use state_command::{StateCommand, Transition};
 
 use iceoryx2::prelude::ZeroCopySend;

@@ -5,7 +5,7 @@ use crate::config::Config;
 use crate::evidence::Evidence;
 use crate::progress::Progress;
 use crate::report::next_thing_to_try;
-use crate::supervisor::{ChainOptions, Supervisor};
+use crate::supervisor::{Cast, ChainOptions, Supervisor};
 use crate::{print, signals};
 use anyhow::bail;
 use krait_ipc::clock;
@@ -62,7 +62,8 @@ fn record_passes(
     for mode in PASSES {
         let mut pass_config = config.clone();
         pass_config.compensate.mode = mode;
-        let options = ChainOptions { config: pass_config, master: MasterKind::Replay, input: None, looped: false };
+        let (master, cast) = (MasterKind::Replay, Cast::live());
+        let options = ChainOptions { config: pass_config, master, input: None, looped: false, cast };
         let start_ns = clock::monotonic_ns();
         supervisor.start_chain(&options, stop)?;
         evidence.processes(mode.name(), &supervisor.processes());

@@ -7,9 +7,14 @@ use anyhow::{Context, bail};
 use krait_ipc::Bus;
 use krait_master::{MasterConfig, Recording, Script, SourceChoice};
 use krait_record::{Attachment, RecordConfig};
+use krait_slave::SlaveConfig;
 use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
 
+/// Name under which a recording embeds the configuration.
+pub const CONFIG_ATTACHMENT: &str = "krait.toml";
+/// Name under which a recording embeds the simulated snake.
+pub const TRUTH_ATTACHMENT: &str = "truth.toml";
 /// Name under which a recording embeds the model file.
 pub const MODEL_ATTACHMENT: &str = "model.toml";
 
@@ -23,10 +28,10 @@ pub fn run(common: &Common, process: &Process) -> anyhow::Result<ExitCode> {
 fn name_of(process: &Process) -> &'static str {
     match process {
         Process::Master(_) => "master",
-        Process::Resolve => "resolve",
-        Process::Compensate => "compensate",
-        Process::Estimate => "estimate",
-        Process::Slave => "slave",
+        Process::Resolve(_) => "resolve",
+        Process::Compensate(_) => "compensate",
+        Process::Estimate(_) => "estimate",
+        Process::Slave(_) => "slave",
         Process::Record => "record",
     }
 }
@@ -38,27 +43,52 @@ fn run_named(common: &Common, process: &Process, name: &str) -> anyhow::Result<(
     }
     let config = Config::load(common.config.as_deref())?;
     config.check()?;
+    apply_realtime(&config, process);
     let bus = Bus::open(&common.instance, name)?;
     match process {
         Process::Master(args) => run_master(&bus, &config, args, &stop)?,
-        Process::Resolve => {
-            krait_bridge::run_resolve(&bus, &config.machine, config.compensate.lines(), config.resolve, &stop)?;
+        Process::Resolve(args) => {
+            let run = if args.cued { krait_bridge::run_resolve_cued } else { krait_bridge::run_resolve };
+            run(&bus, &config.machine, config.compensate.lines(), config.resolve, &stop)?;
         }
-        Process::Compensate => {
+        Process::Compensate(args) => {
             let chain = config.chain()?;
-            krait_bridge::run_compensate(&bus, &config.machine, config.compensate, chain.as_ref(), &stop)?;
+            let run = if args.cued { krait_bridge::run_compensate_cued } else { krait_bridge::run_compensate };
+            run(&bus, &config.machine, config.compensate, chain.as_ref(), &stop)?;
         }
-        Process::Estimate => {
+        Process::Estimate(args) => {
             let (eta, lambda_m) = (config.compensate.eta, config.compensate.lambda_m);
-            krait_bridge::run_estimate(&bus, &config.machine, eta, lambda_m, config.estimate, &stop)?;
+            let run = if args.cued { krait_bridge::run_estimate_cued } else { krait_bridge::run_estimate };
+            run(&bus, &config.machine, eta, lambda_m, config.estimate, &stop)?;
         }
-        Process::Slave => krait_slave::run(&bus, &config.slave, &stop)?,
+        Process::Slave(args) => match args.recorded_time_ns {
+            Some(start_ns) => krait_slave::run_in_recorded_time(&bus, &config.slave, start_ns, &stop)?,
+            None => {
+                let latency_limits = config.budget.latency_limits();
+                krait_slave::run(&bus, &SlaveConfig { latency_limits, ..config.slave.clone() }, &stop)?;
+            }
+        },
         Process::Record => {
             let report = krait_record::run(&bus, &with_attachments(&config)?, &stop)?;
             tracing::info!(?report, "recorded");
         }
     }
     Ok(())
+}
+
+/// Before anything is opened, so that whatever is mapped later is locked as well. What the kernel refuses is told, and the
+/// process goes on without it.
+fn apply_realtime(config: &Config, process: &Process) {
+    let idx = match process {
+        Process::Master(_) => 0,
+        Process::Resolve(_) => 1,
+        Process::Compensate(_) => 2,
+        Process::Slave(_) => 3,
+        Process::Estimate(_) | Process::Record => return,
+    };
+    for refused in config.realtime.apply(idx) {
+        tracing::warn!(process = name_of(process), "{refused}");
+    }
 }
 
 fn run_master(bus: &Bus, config: &Config, args: &MasterArgs, stop: &AtomicBool) -> anyhow::Result<()> {
@@ -78,11 +108,12 @@ fn run_master(bus: &Bus, config: &Config, args: &MasterArgs, stop: &AtomicBool) 
 
 /// The recording holds what a reader needs to repeat the run: the whole configuration, and the truth and model
 /// files, if there are any.
-fn with_attachments(config: &Config) -> anyhow::Result<RecordConfig> {
+pub fn with_attachments(config: &Config) -> anyhow::Result<RecordConfig> {
     let toml = |name: &str, data| Attachment { name: name.to_owned(), media_type: "application/toml".to_owned(), data };
     let mut record = config.record.clone();
-    record.attachments.push(toml("krait.toml", config.to_toml()?.into_bytes()));
-    for (name, path) in [("truth.toml", &config.slave.truth), (MODEL_ATTACHMENT, &config.model)] {
+    record.machine = config.machine;
+    record.attachments.push(toml(CONFIG_ATTACHMENT, config.to_toml()?.into_bytes()));
+    for (name, path) in [(TRUTH_ATTACHMENT, &config.slave.truth), (MODEL_ATTACHMENT, &config.model)] {
         if let Some(path) = path {
             let text = std::fs::read(path).with_context(|| format!("{name} from {}", path.display()))?;
             record.attachments.push(toml(name, text));

@@ -4,7 +4,7 @@ use crate::cli::{Common, MasterKind, RunArgs, SlaveKind};
 use crate::config::Config;
 use crate::evidence::Evidence;
 use crate::progress::Progress;
-use crate::supervisor::{ChainOptions, Supervisor};
+use crate::supervisor::{Cast, ChainOptions, Supervisor};
 use crate::{print, signals};
 use krait_ipc::clock;
 use krait_ipc::message::Compensation;
@@ -20,6 +20,7 @@ pub fn run(common: &Common, args: &RunArgs) -> anyhow::Result<ExitCode> {
         master: args.master,
         input: args.input.as_deref().map(absolute).transpose()?,
         looped: args.master == MasterKind::Replay,
+        cast: Cast::live(),
     };
     let mut evidence = Evidence::default();
     let mut supervisor = Supervisor::new(&common.instance)?;
@@ -41,7 +42,7 @@ pub fn run(common: &Common, args: &RunArgs) -> anyhow::Result<ExitCode> {
     let clean = supervisor.end();
     evidence.recorder(&supervisor);
     let Some(path) = options.config.record.path.as_deref().filter(|_| !args.no_recording) else {
-        return Ok(if clean { ExitCode::SUCCESS } else { ExitCode::FAILURE });
+        return without_recording(&evidence, args, clean);
     };
     let figures = evidence.figures(path)?;
     if args.json {
@@ -50,11 +51,22 @@ pub fn run(common: &Common, args: &RunArgs) -> anyhow::Result<ExitCode> {
         let next = format!("open {} in Foxglove, Lichtblick, PlotJuggler or Rerun", path.display());
         print::figures(&figures, &next)?;
     }
-    Ok(if clean && figures.samples.lost == 0 && figures.recording_is_whole {
-        ExitCode::SUCCESS
-    } else {
-        ExitCode::FAILURE
-    })
+    let is_whole = clean && figures.samples.lost == 0 && figures.recording_is_whole;
+    Ok(if is_whole && keeps_budget(&evidence, args) { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// Without a recording there is only what was watched while the chain ran.
+fn without_recording(evidence: &Evidence, args: &RunArgs, clean: bool) -> anyhow::Result<ExitCode> {
+    match evidence.budget() {
+        Some(budget) if args.json => print::json(&serde_json::json!({ "budget": budget }))?,
+        Some(budget) => print::out(&budget.text())?,
+        None => {}
+    }
+    Ok(if clean && keeps_budget(evidence, args) { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+fn keeps_budget(evidence: &Evidence, args: &RunArgs) -> bool {
+    !args.check_budget || evidence.budget().is_some_and(|budget| budget.is_kept)
 }
 
 /// A chain that never came up has recorded nothing but its own start.
@@ -85,6 +97,12 @@ fn configure(common: &Common, args: &RunArgs) -> anyhow::Result<Config> {
     let wanted = args.recording.clone().or_else(|| config.record.path.clone());
     if !args.no_recording {
         config.record.path = Some(crate::recording_path(wanted.as_deref(), "run")?);
+    }
+    if let Some(megabytes) = args.rotate_mb {
+        config.record.rotate_bytes = megabytes.saturating_mul(1_000_000);
+    }
+    if let Some(age_s) = args.rotate_s {
+        config.record.rotate_s = age_s;
     }
     config.record.metadata.insert("run".to_owned(), "run".to_owned());
     config.record.metadata.insert("compensation".to_owned(), config.compensate.mode.name().to_owned());

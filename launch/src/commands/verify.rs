@@ -1,13 +1,72 @@
 //! `krait verify FILE`: does recorded input still give the same setpoints and commands, bit for bit?
 
-use crate::cli::VerifyArgs;
-use crate::print;
-use crate::verify::{Verdict, verify};
+use crate::cli::{Common, MasterKind, VerifyArgs};
+use crate::config::Config;
+use crate::supervisor::{Cast, ChainOptions, Supervisor};
+use crate::{print, recorded, signals};
+use anyhow::Context;
+use krait_ipc::clock;
+use krait_record::Recording;
+use krait_replay::{Difference, Pass, Turn, Verifier, passes_of};
+use serde::Serialize;
 use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Repeats every step of a recording and says whether all came out the same, or shows the first that did not.
-pub fn run(args: &VerifyArgs) -> anyhow::Result<ExitCode> {
-    let verdict = verify(&args.recording)?;
+/// How often the processes are looked at while samples flow, ns.
+const LOOK_EVERY_NS: i64 = 50_000_000;
+
+/// What a verification found.
+#[derive(Debug, Default, Serialize)]
+struct Verdict {
+    /// Chains that ran one after the other in the recording.
+    passes: usize,
+    /// Setpoints that came out the same.
+    setpoints_identical: usize,
+    /// Commands that came out the same.
+    commands_identical: usize,
+    /// Bytes of all these.
+    bytes_identical: u64,
+    /// Setpoints at the end of a pass that no command answers; they are not repeated.
+    setpoints_unanswered: usize,
+    /// Length of what was repeated, s.
+    recorded_s: f64,
+    /// Time that the samples took through the processes, s.
+    took_s: f64,
+    /// Version and git revision that made the recording.
+    recorded_with: String,
+    /// Version and git revision of this program.
+    verified_with: String,
+    /// The first output that differs, if any does.
+    first_difference: Option<Difference>,
+}
+
+/// Repeats every step of a recording in freshly started processes and says whether all came out the same, or shows the
+/// first that did not.
+pub fn run(common: &Common, args: &VerifyArgs) -> anyhow::Result<ExitCode> {
+    let stop = signals::stop_flag()?;
+    let of_recording = || format!("recording {}", args.recording.display());
+    let recording = Recording::open(&args.recording)?;
+    let passes = passes_of(&recording)?;
+    let mut verdict = Verdict {
+        recorded_with: recorded::made_with(&recording),
+        verified_with: recorded::this_program(),
+        ..Verdict::default()
+    };
+    let mut supervisor = Supervisor::new(&recorded::instance_of(&common.instance, "verify"))?;
+    let folder = supervisor.bus().instance().folder();
+    let config = recorded::config_of(&recording, &folder).with_context(of_recording)?;
+    let passes: Vec<&Pass> = passes.iter().filter(|pass| !pass.setpoints.is_empty()).collect();
+    anyhow::ensure!(!passes.is_empty(), "{}: it holds no setpoint, so there is nothing to repeat", of_recording());
+    for pass in passes {
+        verdict.passes += 1;
+        let config = recorded::config_of_pass(&config, pass);
+        verify_pass(&mut supervisor, config, pass, &mut verdict, &stop).with_context(of_recording)?;
+        supervisor.end_chain();
+        if verdict.first_difference.is_some() {
+            break;
+        }
+    }
+    supervisor.end();
     if args.json {
         print::json(&verdict)?;
     } else {
@@ -16,16 +75,65 @@ pub fn run(args: &VerifyArgs) -> anyhow::Result<ExitCode> {
     Ok(if verdict.first_difference.is_none() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
+fn verify_pass(
+    supervisor: &mut Supervisor,
+    config: Config,
+    pass: &Pass,
+    verdict: &mut Verdict,
+    stop: &AtomicBool,
+) -> anyhow::Result<()> {
+    let mut verifier = Verifier::open(supervisor.bus(), pass, verdict.passes)?;
+    let mut processes = vec!["compensate"];
+    processes.extend(verifier.has_inputs().then_some("resolve"));
+    let cast = Cast { processes, recorded_time_ns: Some(0) };
+    let options = ChainOptions { config, master: MasterKind::Replay, input: None, looped: false, cast };
+    supervisor.start_chain(&options, stop)?;
+    let start_ns = clock::monotonic_ns();
+    let mut look_ns = start_ns;
+    while verifier.turn()? == Turn::Going {
+        let now_ns = clock::monotonic_ns();
+        if now_ns >= look_ns {
+            look_ns = now_ns + LOOK_EVERY_NS;
+            supervisor.look()?;
+            anyhow::ensure!(!stop.load(Ordering::Relaxed), "stopped before the end of the recording");
+        }
+    }
+    verdict.took_s += (clock::monotonic_ns() - start_ns) as f64 * 1e-9;
+    verdict.recorded_s += length_s(pass);
+    verdict.setpoints_identical += verifier.n_setpoints;
+    verdict.commands_identical += verifier.n_commands;
+    verdict.bytes_identical += verifier.n_bytes();
+    verdict.setpoints_unanswered += verifier.n_unanswered();
+    verdict.first_difference = verifier.difference().cloned();
+    Ok(())
+}
+
+fn length_s(pass: &Pass) -> f64 {
+    let ends = pass.setpoints.first().zip(pass.setpoints.last());
+    ends.map_or(0.0, |(first, last)| last.sample_ns.saturating_sub(first.sample_ns) as f64 * 1e-9)
+}
+
 fn sentence(verdict: &Verdict) -> String {
-    let Verdict { passes, setpoints_identical, commands_identical, recorded_with, verified_with, first_difference } =
-        verdict;
-    let counts = format!("{setpoints_identical} setpoints and {commands_identical} commands in {passes} passes");
-    match first_difference {
-        None => format!("identical: {counts} came out bit for bit as they were recorded\n"),
+    let Verdict { passes, setpoints_identical, commands_identical, bytes_identical, recorded_s, took_s, .. } = verdict;
+    let counts = format!(
+        "{setpoints_identical} setpoints and {commands_identical} commands ({bytes_identical} bytes) in {passes} passes"
+    );
+    match &verdict.first_difference {
+        None => format!(
+            "identical: {counts} came out of freshly started processes byte for byte as they were recorded; \
+             {recorded_s:.1} s in {took_s:.2} s\n"
+        ),
         Some(d) => format!(
             "different: after {counts}, `{}` gives another {} in its output {} of pass {}: recorded {}, now {} \
-             (recorded with krait {recorded_with}, verified with krait {verified_with})\n",
-            d.process, d.field, d.sequence, d.pass, d.recorded, d.repeated
+             (recorded with krait {}, verified with krait {})\n",
+            d.process,
+            d.field,
+            d.sequence,
+            d.pass,
+            d.recorded,
+            d.repeated,
+            verdict.recorded_with,
+            verdict.verified_with
         ),
     }
 }

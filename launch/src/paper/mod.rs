@@ -6,10 +6,10 @@
 
 mod bench;
 mod errors;
-mod figures;
+pub(crate) mod figures;
 mod motions;
 mod page;
-mod plot;
+pub(crate) mod plot;
 mod table2;
 mod table3;
 mod text;

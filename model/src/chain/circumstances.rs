@@ -1,7 +1,6 @@
 //! What a step is told besides its input, and what it says about itself.
 
 use crate::effects::prepared::Now;
-use core::f64::consts::PI;
 
 /// Columns beside the encoders or the setpoint.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,29 +44,49 @@ pub enum ChainStatus {
 const SHORTEST_STEP_S: f64 = 1e-9;
 
 /// The clock of a runner: time between steps, never negative.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Clock {
-    last_s: Option<f64>,
+    /// NaN before the first step.
+    last_s: f64,
+}
+
+impl Default for Clock {
+    fn default() -> Self {
+        Self { last_s: f64::NAN }
+    }
 }
 
 impl Clock {
-    /// Circumstances of a step at this time. A time that is not finite or runs backwards counts as the time before.
+    /// Circumstances of a step at this time. A time that is not finite, runs backwards or has hardly moved on counts as the
+    /// time before.
+    #[inline(always)]
     pub(crate) fn now(&self, at: &Circumstances) -> Now {
-        let last_s = self.last_s.unwrap_or(if at.time_s.is_finite() { at.time_s } else { 0.0 });
-        let time_s = if at.time_s > last_s { at.time_s.min(f64::MAX) } else { last_s };
-        let dt_s = (time_s - last_s).min(f64::MAX);
+        let dt_s = at.time_s - self.last_s;
+        let moves_on = (SHORTEST_STEP_S..=f64::MAX).contains(&dt_s);
+        let (time_s, dt_s) = if moves_on { (at.time_s, dt_s) } else { self.exceptional(at.time_s) };
         Now {
             time_s,
-            dt_s: if dt_s < SHORTEST_STEP_S { 0.0 } else { dt_s },
-            // A NaN stays one: the column is missing.
-            stem_angle_rad: at.stem_angle_rad.clamp(-2.0 * PI, 2.0 * PI),
-            temperature_c: at.temperature_c.clamp(-100.0, 400.0),
+            dt_s,
+            stem_column_rad: at.stem_angle_rad,
+            temperature_column_c: at.temperature_c,
             commit: false,
             fresh: false,
         }
     }
 
+    #[inline(always)]
     pub(crate) fn tick(&mut self, now: &Now) {
-        self.last_s = Some(now.time_s);
+        self.last_s = now.time_s;
+    }
+
+    #[cold]
+    fn exceptional(&self, time_s: f64) -> (f64, f64) {
+        match (time_s.is_finite(), self.last_s.is_finite()) {
+            (true, false) => (time_s, 0.0),
+            (false, false) => (0.0, 0.0),
+            // Two finite times may be infinitely far apart.
+            (true, true) if time_s - self.last_s > f64::MAX => (time_s, f64::MAX),
+            (_, true) => (self.last_s, 0.0),
+        }
     }
 }

@@ -2,11 +2,11 @@
 
 use super::circumstances::{ChainStatus, Circumstances, Clock};
 use super::delay::DelayLine;
-use super::model::{ChainModel, Lines, Memory};
-use super::stages::Stage;
+use super::equations::{Case, Ends, actuators};
+use super::model::{ChainModel, Memory};
 use super::{Chain, outer_strain};
 use crate::effects::prepared::Now;
-use crate::effects::{Dual, Real, Scalar, play};
+use crate::effects::{Dual, Real, three};
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 /// One step's result.
@@ -44,14 +44,18 @@ pub struct Predictor {
     last: Prediction,
     strain_limit: f64,
     max_bend_rad: f64,
-    /// d residual / d y at the last solution.
+    /// The lines at y.
+    ends: Ends<Dual<3>>,
+    /// What decided about each line at the last solution.
+    pub(super) cases: [Case; 3],
+    /// d residual / d y there.
     pub(super) slope: Matrix3<f64>,
 }
 
 /// Newton converges in 4 to 8 steps; more than this means that it does not.
 const MAX_ITERATIONS: u32 = 40;
-/// Rounding level of positions of a millimetre.
-const TOLERANCE_M: f64 = 2e-18;
+/// A few roundings of positions of a millimetre: what is below cannot be told from noise, and a snake at rest stays at rest.
+const TOLERANCE_M: f64 = 1e-17;
 /// Rounding may stop the search short of that; up to here it has converged.
 const CONVERGED_M: f64 = 1e-14;
 const MAX_HALVINGS: u32 = 10;
@@ -61,23 +65,23 @@ const MAX_RISES: u32 = 6;
 impl Predictor {
     pub(super) fn new(chain: &Chain) -> Self {
         let model = chain.model.clone();
-        let preload = model.preload;
         let mut memory = Memory::straight();
         let now = Clock::default().now(&Circumstances::at(0.0));
-        let lines = model.lines(&mut memory, [0.0; 2], preload, &now);
+        let y = [0.0, 0.0, model.preload];
+        let ends = Ends::<Dual<3>>::of::<true, f64>(&model, &mut memory, three(|k| Dual::seed(y[k], k)), &now);
         let last = Prediction {
             observed_bend_rad: Vector2::zeros(),
             bend_rad: Vector2::zeros(),
-            tau_n: Vector3::from(lines.tau),
-            tau_common_n: preload,
+            tau_n: ends.tau_n.into(),
+            tau_common_n: model.preload,
             status: ChainStatus::Good,
             n_iterations: 0,
             residual_m: 0.0,
         };
         Self {
-            p_m: middle(&lines),
-            seat_m: lines.seat,
-            y: [0.0, 0.0, preload],
+            p_m: ends.middle().map(Dual::value),
+            seat_m: ends.seat.map(Dual::value),
+            y,
             model,
             memory,
             delay: DelayLine::new(),
@@ -85,6 +89,8 @@ impl Predictor {
             last,
             strain_limit: chain.settings.strain_limit,
             max_bend_rad: chain.max_bend_rad,
+            ends,
+            cases: [Case::Rests; 3],
             slope: Matrix3::identity(),
         }
     }
@@ -96,6 +102,11 @@ impl Predictor {
     /// # Real-time
     /// No allocation; at most 40 Newton steps with 10 halvings each.
     pub fn step(&mut self, reading_m: Vector3<f64>, at: &Circumstances) -> Prediction {
+        if self.model.short { self.advance::<false>(reading_m, at) } else { self.advance::<true>(reading_m, at) }
+    }
+
+    #[inline(always)]
+    fn advance<const FULL: bool>(&mut self, reading_m: Vector3<f64>, at: &Circumstances) -> Prediction {
         if !reading_m.norm().is_finite() {
             self.last.status = ChainStatus::NotFinite;
             return self.last;
@@ -103,24 +114,28 @@ impl Predictor {
         let now = self.clock.now(at);
         self.clock.tick(&now);
         let p_m = actuators(&self.model, &mut self.memory, reading_m.into(), &self.p_m, &now);
-        let found = self.solve(p_m, &now);
-        let in_range = found.y[0].hypot(found.y[1]) <= self.max_bend_rad && found.y.iter().all(|y| y.is_finite());
-        if in_range {
-            (self.y, self.p_m) = (found.y, p_m);
+        if FULL {
+            // Time and memory have moved on; without them the ends depend on the shape alone.
+            self.ends = self.ends_at::<true>(self.y, &now);
         }
-        let now = Now { commit: true, ..now };
-        let [b_x, b_y, tau_common] = self.y;
-        self.slope = slope(&self.model, &mut self.memory, &self.y, &self.seat_m, &self.p_m, &now);
-        let lines = self.model.lines(&mut self.memory, [b_x, b_y], tau_common, &now);
-        self.seat_m = lines.seat;
+        let found = self.solve::<FULL>(&p_m, &now);
+        let in_range = found.y[0].hypot(found.y[1]) <= self.max_bend_rad && found.y.iter().all(|y| y.is_finite());
+        (self.cases, self.slope) = if in_range {
+            (self.y, self.p_m, self.ends) = (found.y, p_m, found.ends);
+            (found.cases, found.slope)
+        } else {
+            let stays = Found::new(self.y, self.ends, &self.seat_m, &self.p_m);
+            (stays.cases, stays.slope)
+        };
+        let tau_n = self.settle::<FULL>(&Now { commit: true, ..now });
         self.last = Prediction {
             observed_bend_rad: self.observe(&now),
-            bend_rad: Vector2::new(b_x, b_y),
-            tau_n: Vector3::from(lines.tau),
-            tau_common_n: tau_common,
+            bend_rad: Vector2::new(self.y[0], self.y[1]),
+            tau_n: tau_n.into(),
+            tau_common_n: self.y[2],
             status: self.status(&found, in_range),
             n_iterations: found.n_iterations,
-            residual_m: found.residual.amax(),
+            residual_m: found.largest(),
         };
         self.last
     }
@@ -136,7 +151,7 @@ impl Predictor {
 
     fn status(&self, found: &Found, in_range: bool) -> ChainStatus {
         let bend_rad = found.y[0].hypot(found.y[1]);
-        match (in_range, found.residual.amax() <= CONVERGED_M) {
+        match (in_range, found.largest() <= CONVERGED_M) {
             (false, true) if bend_rad.is_finite() => {
                 let strain = outer_strain(&self.model.constants, bend_rad);
                 ChainStatus::BeyondStrain { strain, limit: self.strain_limit }
@@ -155,143 +170,118 @@ impl Predictor {
         }
     }
 
+    /// Lets friction begin where the lines are now, and the effects remember it; gives the loads, N.
+    #[inline(always)]
+    fn settle<const FULL: bool>(&mut self, now: &Now) -> [f64; 3] {
+        if FULL {
+            let ends = Ends::of::<true, f64>(&self.model, &mut self.memory, self.y, now);
+            self.seat_m = ends.seat;
+            return ends.tau_n;
+        }
+        self.seat_m = self.ends.seat.map(Dual::value);
+        self.ends.tau_n
+    }
+
     /// Newton's method with halved steps from the shape of the step before.
-    fn solve(&mut self, p_m: [f64; 3], now: &Now) -> Found {
-        let mut found = self.at(self.y, &p_m, now);
-        let mut best = found;
+    #[inline(always)]
+    fn solve<const FULL: bool>(&mut self, p_m: &[f64; 3], now: &Now) -> Found {
+        let mut found = Found::new(self.y, self.ends, &self.seat_m, p_m);
+        let mut best = None::<Found>;
         let mut n_rises = 0;
         for n_iterations in 1..=MAX_ITERATIONS {
-            if best.residual.amax() <= TOLERANCE_M {
+            if found.largest() <= TOLERANCE_M {
                 break;
             }
-            let slope = slope(&self.model, &mut self.memory, &found.y, &self.seat_m, &p_m, now);
-            let Some(step) = slope.lu().solve(&found.residual) else { break };
-            let (next, helped) = self.search(&found, step, &p_m, now);
-            if !helped {
+            let Some(step) = found.newton_step() else { break };
+            let next = Found { n_iterations, ..self.search::<FULL>(&found, step, p_m, now) };
+            if next.largest() >= found.largest() || !next.largest().is_finite() {
                 n_rises += 1;
-            }
-            if n_rises > MAX_RISES
-                || !next.residual.amax().is_finite()
-                || (!helped && found.residual.amax() < CONVERGED_M)
-            {
-                break;
+                if n_rises > MAX_RISES || !next.largest().is_finite() || found.largest() < CONVERGED_M {
+                    break;
+                }
+                best = Some(found.better(best));
             }
             found = next;
-            if found.residual.amax() < best.residual.amax() {
-                best = Found { n_iterations, ..found };
-            }
         }
-        best
+        found.better(best)
     }
 
     /// The first halving that reduces the residual, or else the full step.
-    fn search(&mut self, from: &Found, step: Vector3<f64>, p_m: &[f64; 3], now: &Now) -> (Found, bool) {
-        let mut scale = 1.0;
-        let mut full = *from;
-        for k in 0..MAX_HALVINGS {
-            let y = core::array::from_fn(|i| from.y[i] - scale * step[i]);
-            let trial = self.at(y, p_m, now);
-            if trial.residual.amax() < from.residual.amax() {
-                return (trial, true);
-            }
-            if k == 0 {
-                full = trial;
-            }
-            scale *= 0.5;
+    #[inline(always)]
+    fn search<const FULL: bool>(&mut self, from: &Found, step: Vector3<f64>, p_m: &[f64; 3], now: &Now) -> Found {
+        let full = self.try_step::<FULL>(from, step, p_m, now);
+        if full.largest() < from.largest() {
+            return full;
         }
-        (full, false)
+        let mut scale = 1.0;
+        for _ in 1..MAX_HALVINGS {
+            scale *= 0.5;
+            let trial = self.try_step::<FULL>(from, step * scale, p_m, now);
+            if trial.largest() < from.largest() {
+                return trial;
+            }
+        }
+        full
     }
 
-    fn at(&mut self, y: [f64; 3], p_m: &[f64; 3], now: &Now) -> Found {
-        let lines = self.model.lines(&mut self.memory, [y[0], y[1]], y[2], now);
-        let residual = Vector3::from(residual(&self.model, &lines, &self.seat_m, p_m));
-        Found { y, residual, n_iterations: 0 }
+    #[inline]
+    fn try_step<const FULL: bool>(&mut self, from: &Found, step: Vector3<f64>, p_m: &[f64; 3], now: &Now) -> Found {
+        let y = three(|k| from.y[k] - step[k]);
+        Found::new(y, self.ends_at::<FULL>(y, now), &self.seat_m, p_m)
+    }
+
+    #[inline(always)]
+    fn ends_at<const FULL: bool>(&mut self, y: [f64; 3], now: &Now) -> Ends<Dual<3>> {
+        Ends::of::<FULL, f64>(&self.model, &mut self.memory, three(|k| Dual::seed(y[k], k)), now)
     }
 }
 
+/// A trial (b_x, b_y, tau_m).
 #[derive(Clone, Copy, Debug)]
 struct Found {
     y: [f64; 3],
+    ends: Ends<Dual<3>>,
+    cases: [Case; 3],
     residual: Vector3<f64>,
+    /// d residual / d y.
+    slope: Matrix3<f64>,
     n_iterations: u32,
 }
 
-/// clamp(x - x', A- - p, A+ - p) for each line, m; with stalling actuators, between the limits of their force as well.
-pub(super) fn residual<P: Real, S: Scalar<P>>(
-    model: &ChainModel<P>,
-    lines: &Lines<S>,
-    seat: &[P; 3],
-    p: &[P; 3],
-) -> [S; 3] {
-    core::array::from_fn(|i| {
-        let position = &lines.position[i];
-        let free = clamp(lines.seat[i] - seat[i], position.low - p[i], position.high - p[i]);
-        let Some(stall) = model.stall else { return free };
-        let c = P::constant(model.constants.c_d_m_per_n);
-        let (pushed, drawn) = ((lines.load[i].high - stall) * c, (lines.load[i].low + stall) * c);
-        clamp(free, pushed, drawn)
-    })
-}
-
-/// Half-way between the limits of friction: where the lines' ends are at the start.
-pub(super) fn middle<P: Real>(lines: &Lines<P>) -> [P; 3] {
-    [0, 1, 2].map(|i| (lines.position[i].low + lines.position[i].high) * P::constant(0.5))
-}
-
-/// Positions behind the plays for readings of the encoders, m.
-pub(super) fn actuators<P: Scalar<P>>(
-    model: &ChainModel<P>,
-    memory: &mut Memory<P>,
-    reading: [P; 3],
-    p: &[P; 3],
-    now: &Now,
-) -> [P; 3] {
-    let q_tilde = decode(model, memory, reading, now);
-    core::array::from_fn(|i| play(p[i], q_tilde[i] + model.preload_m(), model.half_width, now.fresh))
-}
-
-/// True positions from readings: each encoder effect inverted, last first, by Newton's method on a monotone function.
-fn decode<P: Scalar<P>>(model: &ChainModel<P>, memory: &mut Memory<P>, reading: [P; 3], now: &Now) -> [P; 3] {
-    let mut x = reading;
-    for e in model.stages.of(Stage::Encoder).iter().rev() {
-        for (i, own) in x.iter_mut().enumerate() {
-            let target = *own;
-            for _ in 0..DECODE_STEPS {
-                let h = 1e-9;
-                let here = model.encode(e, memory, i, *own, now);
-                let above = model.encode(e, memory, i, *own + P::constant(h), now);
-                let slope = ((above.value() - here.value()) / h).clamp(0.1, 10.0);
-                *own = *own - (here - target) * P::constant(1.0 / slope);
-            }
+impl Found {
+    #[inline(always)]
+    fn new(y: [f64; 3], ends: Ends<Dual<3>>, seat: &[f64; 3], p: &[f64; 3]) -> Self {
+        let cases = ends.cases(seat, p);
+        let residual = ends.residual(&cases, seat, p);
+        Self {
+            y,
+            ends,
+            cases,
+            residual: residual.map(Dual::value).into(),
+            slope: Matrix3::from_fn(|i, k| residual[i].tangent[k]),
+            n_iterations: 0,
         }
     }
-    x
-}
 
-/// The slope's difference quotient costs convergence a digit or so a step, and the last one is below rounding.
-const DECODE_STEPS: u32 = 12;
-
-fn clamp<S: Real>(x: S, low: S, high: S) -> S {
-    if x.value() < low.value() {
-        low
-    } else if x.value() > high.value() {
-        high
-    } else {
-        x
+    #[inline(always)]
+    fn largest(&self) -> f64 {
+        self.residual.amax()
     }
-}
 
-fn slope(
-    model: &ChainModel<f64>,
-    memory: &mut Memory<f64>,
-    y: &[f64; 3],
-    seat: &[f64; 3],
-    p: &[f64; 3],
-    now: &Now,
-) -> Matrix3<f64> {
-    let now = Now { commit: false, ..*now };
-    let [b_x, b_y, tau_common] = [0, 1, 2].map(|k| Dual::<3>::seed(y[k], k));
-    let lines = model.lines(memory, [b_x, b_y], tau_common, &now);
-    let f = residual(model, &lines, seat, p);
-    Matrix3::from_fn(|i, k| f[i].tangent[k])
+    fn better(self, other: Option<Self>) -> Self {
+        match other {
+            Some(other) if other.largest() <= self.largest() => other,
+            _ => self,
+        }
+    }
+
+    /// slope^-1 residual by Cramer's rule; nothing where the slope is singular.
+    #[inline(always)]
+    fn newton_step(&self) -> Option<Vector3<f64>> {
+        let [a, b, c] = [0, 1, 2].map(|k| self.slope.column(k));
+        let (b_c, r) = (b.cross(&c), &self.residual);
+        let determinant = a.dot(&b_c);
+        let step = Vector3::new(r.dot(&b_c), a.dot(&r.cross(&c)), a.dot(&b.cross(r))) / determinant;
+        step.iter().all(|part| part.is_finite()).then_some(step)
+    }
 }

@@ -1,9 +1,11 @@
 //! The inverse of a chain: the actuator positions at which the machine, with all its effects, takes the wanted shape.
 
 use super::circumstances::{ChainStatus, Circumstances, Clock};
-use super::model::{ChainModel, Lines, Memory};
+use super::lines::Lines;
+use super::model::{ChainModel, Memory};
 use super::stages::Stage;
 use super::{Chain, outer_strain};
+use crate::effects::cone::Span;
 use crate::effects::prepared::Now;
 use crate::effects::{Dual, Real, Scalar, three};
 use nalgebra::{Matrix2, Matrix2x3, Matrix3x2, Vector2, Vector3};
@@ -69,10 +71,10 @@ impl ChainCompensator {
     ///
     /// A bend that is not finite changes nothing. The command at the start is what the next step at this bend gives.
     pub fn restart(&mut self, bend_rad: Vector2<f64>, signs: Vector3<f64>, at: &Circumstances) {
-        let Some((b, _)) = self.limited(bend_rad) else { return };
+        let Some(wanted) = self.wanted::<true>(bend_rad) else { return };
         self.clock = Clock::default();
         let now = Now { fresh: true, ..self.clock.now(at) };
-        self.core.restart(b, signs.map(|s| if s.is_finite() { s.clamp(-1.0, 1.0) } else { 0.0 }), &now);
+        self.core.restart(seeded(wanted.b), signs.map(|s| if s.is_finite() { s.clamp(-1.0, 1.0) } else { 0.0 }), &now);
         self.step(bend_rad, at);
     }
 
@@ -83,14 +85,19 @@ impl ChainCompensator {
     /// # Real-time
     /// No allocation, no lock; loops over the effects and the three lines.
     pub fn step(&mut self, bend_rad: Vector2<f64>, at: &Circumstances) -> Command {
-        let Some((b, status)) = self.limited(bend_rad) else {
+        if self.core.model.short { self.advance::<false>(bend_rad, at) } else { self.advance::<true>(bend_rad, at) }
+    }
+
+    #[inline(always)]
+    fn advance<const FULL: bool>(&mut self, bend_rad: Vector2<f64>, at: &Circumstances) -> Command {
+        let Some(wanted) = self.wanted::<FULL>(bend_rad) else {
             self.last.status = ChainStatus::NotFinite;
             return self.last;
         };
         let now = Now { commit: true, ..self.clock.now(at) };
         self.clock.tick(&now);
-        let (lines, told) = self.core.step(b, &now);
-        let command = self.command(b, &lines, &told, status);
+        let plan = self.core.step::<FULL, _>(seeded(wanted.b), &now);
+        let command = self.command::<FULL>(&wanted, &plan);
         self.last = command;
         command
     }
@@ -111,25 +118,33 @@ impl ChainCompensator {
         }
     }
 
-    /// The setpoint as the shape that the arc shall take, with tangents by the setpoint; `None` where it is not finite.
+    /// The setpoint as the shape that the arc shall take; `None` where it is not finite.
     #[inline(always)]
-    fn limited(&self, bend_rad: Vector2<f64>) -> Option<([Dual<2>; 2], ChainStatus)> {
+    fn wanted<const FULL: bool>(&self, bend_rad: Vector2<f64>) -> Option<Wanted> {
         if !(bend_rad.x.is_finite() && bend_rad.y.is_finite()) {
             return None;
         }
-        let mut b = [Dual { value: bend_rad.x, tangent: [1.0, 0.0] }, Dual { value: bend_rad.y, tangent: [0.0, 1.0] }];
-        if self.core.model.stages.has_any(Stage::Shape) {
-            b = self.core.model.unobserve(b);
+        let mut wanted = Wanted { b: bend_rad.into(), by_setpoint: Matrix2::identity(), status: ChainStatus::Good };
+        if FULL && self.core.model.stages.has_any(Stage::Shape) {
+            wanted = self.unobserved(bend_rad);
         }
-        if b[0].value * b[0].value + b[1].value * b[1].value <= self.max_bend_rad * self.max_bend_rad {
-            return Some((b, ChainStatus::Good));
+        let [x, y] = wanted.b;
+        if x * x + y * y <= self.max_bend_rad * self.max_bend_rad {
+            return Some(wanted);
         }
-        Some(self.held(bend_rad, Vector2::new(b[0].value, b[1].value)))
+        Some(self.held(bend_rad, Vector2::new(x, y)))
+    }
+
+    #[inline(never)]
+    fn unobserved(&self, bend_rad: Vector2<f64>) -> Wanted {
+        let b = self.core.model.unobserve([Dual::<2>::seed(bend_rad.x, 0), Dual::seed(bend_rad.y, 1)]);
+        let by_setpoint = Matrix2::from_fn(|i, k| b[i].tangent[k]);
+        Wanted { b: b.map(Dual::value), by_setpoint, status: ChainStatus::Good }
     }
 
     /// The largest bend in the direction that was asked for.
     #[cold]
-    fn held(&self, bend_rad: Vector2<f64>, b: Vector2<f64>) -> ([Dual<2>; 2], ChainStatus) {
+    fn held(&self, bend_rad: Vector2<f64>, b: Vector2<f64>) -> Wanted {
         // A shape that has left the range of its equations says less than the setpoint does.
         let asked = if b.x.is_finite() && b.y.is_finite() { b } else { bend_rad };
         let norm = asked.x.hypot(asked.y).min(f64::MAX);
@@ -137,32 +152,47 @@ impl ChainCompensator {
         let held = held * (self.max_bend_rad / held.norm());
         let strain = outer_strain(&self.core.model.constants, norm);
         let status = ChainStatus::BeyondStrain { strain, limit: self.strain_limit };
-        ([Dual::seed(held.x, 0), Dual::seed(held.y, 1)], status)
+        Wanted { b: held.into(), by_setpoint: Matrix2::identity(), status }
     }
 
     #[inline(always)]
-    fn command(&self, b: [Dual<2>; 2], lines: &Lines<Dual<2>>, told: &[Dual<2>; 3], status: ChainStatus) -> Command {
-        let j_q = &self.core.model.j;
-        let alpha = Matrix3x2::from_fn(|i, k| told[i].tangent[k] - j_q[i][k]);
-        let q_m = Vector3::from_fn(|i, _| b[0].value * j_q[i][0] + b[1].value * j_q[i][1]);
-        let q_tilde_m = Vector3::from_fn(|i, _| told[i].value);
+    fn command<const FULL: bool>(&self, wanted: &Wanted, plan: &Plan<Dual<2>>) -> Command {
+        let model = &self.core.model;
+        let mut alpha = Matrix3x2::from_fn(|i, k| plan.eps[i].tangent[k]);
+        if FULL && model.stages.has_any(Stage::Shape) {
+            let j = Matrix3x2::from_fn(|i, k| model.backbones.j[i][k]);
+            alpha = (j + alpha) * wanted.by_setpoint - j;
+        }
         let gain = Matrix2::identity() + self.j * alpha;
         let j_tilde = gain.try_inverse().map_or_else(Matrix2x3::zeros, |inverse| inverse * self.j);
+        let (q, eps) = (plan.q.map(Dual::value), plan.eps.map(Dual::value));
         Command {
-            q_m,
-            eps_m: q_tilde_m - q_m,
-            q_tilde_m,
-            tau_n: Vector3::from_fn(|i, _| lines.tau[i].value),
-            tau_tilde_n: Vector3::from_fn(|i, _| {
-                let (low, high) = (lines.load[i].low.value, lines.load[i].high.value);
-                0.5 * ((high + low) + self.core.friction.signs[i] * (high - low))
-            }),
+            q_m: q.into(),
+            eps_m: eps.into(),
+            q_tilde_m: three(|i| q[i] + eps[i]).into(),
+            tau_n: plan.tau_n.into(),
+            tau_tilde_n: plan.tau_tilde_n.into(),
             alpha_m_per_rad: alpha,
             j_tilde_rad_per_m: j_tilde,
-            signs: Vector3::from(self.core.friction.signs),
-            status,
+            signs: self.core.friction.signs.into(),
+            status: wanted.status,
         }
     }
+}
+
+/// The shape that the arc shall take.
+#[derive(Clone, Copy, Debug)]
+struct Wanted {
+    b: [f64; 2],
+    /// d b / d setpoint.
+    by_setpoint: Matrix2<f64>,
+    status: ChainStatus,
+}
+
+/// A shape with tangents by itself.
+#[inline(always)]
+fn seeded([x, y]: [f64; 2]) -> [Dual<2>; 2] {
+    [Dual { value: x, tangent: [1.0, 0.0] }, Dual { value: y, tangent: [0.0, 1.0] }]
 }
 
 /// The direction of three lines by a stop operator.
@@ -206,74 +236,99 @@ impl<P: Real> InverseCore<P> {
     /// Starts again at a shape.
     fn restart<S: Scalar<P>>(&mut self, b: [S; 2], signs: Vector3<f64>, now: &Now) {
         let now = Now { commit: true, ..*now };
-        self.before = Track::of(&self.model.lines(&mut self.memory, b, self.model.preload, &now));
+        let lines = self.model.lines::<true, _, _>(&mut self.memory, b, self.model.preload, &now);
+        let extensions = three(|i| self.model.extension::<true, S>(&lines, i));
+        self.before = Track::of::<true, _, _>(&self.model, &lines, &extensions);
         (self.friction.signs, self.play.signs) = (signs.into(), signs.into());
     }
 
-    /// The lines at a shape and what the actuators shall be told, m.
+    /// What is planned for the lines at a shape.
     #[inline(always)]
-    pub(super) fn step<S: Scalar<P>>(&mut self, b: [S; 2], now: &Now) -> (Lines<S>, [S; 3]) {
-        let lines = self.model.lines(&mut self.memory, b, self.model.preload, now);
-        self.turn(Track::of(&lines));
-        let preload_m = self.model.preload_m();
-        let told = three(|i| {
-            let sign = self.friction.signs[i];
-            let (pushed, drawn) = (P::constant(0.5 * (1.0 + sign)), P::constant(0.5 * (1.0 - sign)));
-            let position = lines.position[i].high * pushed + lines.position[i].low * drawn;
-            position + self.model.half_width * P::constant(self.play.signs[i]) - preload_m
+    pub(super) fn step<const FULL: bool, S: Scalar<P>>(&mut self, b: [S; 2], now: &Now) -> Plan<S> {
+        let model = &self.model;
+        let lines = model.lines::<FULL, _, _>(&mut self.memory, b, model.preload, now);
+        let extensions = three(|i| model.extension::<FULL, S>(&lines, i));
+        let track = Track::of::<FULL, _, _>(model, &lines, &extensions);
+        let before = core::mem::replace(&mut self.before, track);
+        turn(&mut self.friction, &mut self.play, &before, &track);
+        let signs = self.friction.signs;
+        let mut eps = three(|i| {
+            let at_sign = if FULL { extensions[i].at(signs[i]) } else { model.short_extension_at(&lines, i, signs[i]) };
+            at_sign + (model.half_width * P::constant(self.play.signs[i]) - model.preload_m)
         });
-        (lines, self.model.reading(&mut self.memory, told, now))
+        if FULL && model.stages.has_any(Stage::Encoder) {
+            let told = model.reading(&mut self.memory, three(|i| lines.q[i] + eps[i]), now);
+            eps = three(|i| told[i] - lines.q[i]);
+        }
+        let tau_tilde_n = three(|i| model.load::<FULL, S>(&lines, i).at(signs[i]).value());
+        Plan { q: lines.q, tau_n: lines.tau.map(S::value), tau_tilde_n, eps }
     }
+}
 
-    /// Advances the signs: friction's first, and then the play's in the direction in which the line's end really moves. Its passage
-    /// from one limit of friction to the other is fast and crosses no gap: only what the limits travel counts.
-    #[inline(always)]
-    fn turn(&mut self, now: Track) {
-        let before = core::mem::replace(&mut self.before, now);
-        let signs_before = self.friction.signs;
-        self.friction.advance(three(|i| now.seat_m[i] - before.seat_m[i]));
-        self.play.advance(three(|i| {
-            let s = self.friction.signs[i];
-            let limits = now.at(i, s) - before.at(i, s);
-            limits.abs().copysign(now.at(i, s) - before.at(i, signs_before[i]))
-        }));
-    }
+/// What is planned for the lines.
+pub(super) struct Plan<S> {
+    /// Displacements at the snake, m.
+    pub q: [S; 3],
+    tau_n: [f64; 3],
+    tau_tilde_n: [f64; 3],
+    /// What the actuators shall be told minus q, m.
+    pub eps: [S; 3],
+}
+
+/// Advances the signs: friction's first, and then the play's in the direction in which the line's end really moves. Its passage
+/// from one limit of friction to the other is fast and crosses no gap: only what the limits travel counts.
+#[inline(always)]
+fn turn(friction: &mut Direction, play: &mut Direction, before: &Track, now: &Track) {
+    let signs_before = friction.signs;
+    friction.advance(three(|i| now.seat_m[i] - before.seat_m[i]));
+    play.advance(three(|i| {
+        let s = friction.signs[i];
+        let here = now.end_m[i].at(s);
+        let limits = here - before.end_m[i].at(s);
+        limits.abs().copysign(here - before.end_m[i].at(signs_before[i]))
+    }));
 }
 
 /// Where the lines are.
 #[derive(Clone, Copy, Debug)]
 struct Track {
     seat_m: [f64; 3],
-    low_m: [f64; 3],
-    high_m: [f64; 3],
+    /// Ends of the lines between the limits of friction.
+    end_m: [Span<f64>; 3],
 }
 
 impl Track {
-    fn of<S: Real>(lines: &Lines<S>) -> Self {
-        Self {
-            seat_m: three(|i| lines.seat[i].value()),
-            low_m: three(|i| lines.position[i].low.value()),
-            high_m: three(|i| lines.position[i].high.value()),
-        }
-    }
-
-    /// The line's end at a sign of friction, m.
     #[inline(always)]
-    fn at(&self, i: usize, sign: f64) -> f64 {
-        0.5 * ((self.high_m[i] + self.low_m[i]) + sign * (self.high_m[i] - self.low_m[i]))
+    fn of<const FULL: bool, P: Real, S: Scalar<P>>(
+        model: &ChainModel<P>,
+        lines: &Lines<P, S>,
+        extensions: &[Span<S>; 3],
+    ) -> Self {
+        let end = |i: usize| Span {
+            middle: lines.q[i].value() + extensions[i].middle.value(),
+            half: extensions[i].half.value(),
+        };
+        Self { seat_m: three(|i| model.seat::<FULL, S>(lines, i).value()), end_m: three(end) }
     }
 }
 
 impl InverseCore<f64> {
     fn new(model: &ChainModel<f64>, transition_m: f64) -> Self {
         let now = Clock::default().now(&Circumstances::at(0.0));
-        let b = [Dual::<2>::seed(0.0, 0), Dual::seed(0.0, 1)];
         let memory = Memory::straight();
-        let lines = model.lines(&mut { memory }, b, Dual::constant(model.preload), &now);
-        let row_norms = model.j.map(|row| row[0].hypot(row[1]));
-        let friction = Direction::new(lines.seat, row_norms, transition_m);
-        let middle = lines.position.map(|p| (p.low + p.high) * 0.5);
-        let play = Direction::new(middle, row_norms, transition_m);
-        Self { model: model.clone(), memory, friction, play, before: Track::of(&lines) }
+        let lines = model.lines::<true, _, _>(&mut { memory }, seeded([0.0; 2]), Dual::constant(model.preload), &now);
+        let row_norms = model.backbones.j.map(|row| row[0].hypot(row[1]));
+        let seats = three(|i| model.seat::<true, _>(&lines, i));
+        let extensions = three(|i| model.extension::<true, _>(&lines, i));
+        let ends = three(|i| lines.q[i] + extensions[i].middle);
+        let friction = Direction::new(seats, row_norms, transition_m);
+        let play = Direction::new(ends, row_norms, transition_m);
+        Self {
+            model: model.clone(),
+            memory,
+            friction,
+            play,
+            before: Track::of::<true, _, _>(model, &lines, &extensions),
+        }
     }
 }

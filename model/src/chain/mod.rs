@@ -31,14 +31,18 @@
 
 mod circumstances;
 mod delay;
+mod elastic;
+mod equations;
 mod forward;
 mod inverse;
+mod lines;
 mod model;
 mod settings;
 mod stages;
 mod tangents;
 
 pub use circumstances::{ChainStatus, Circumstances};
+pub(crate) use delay::DelayLine;
 pub use forward::{Prediction, Predictor};
 pub use inverse::{ChainCompensator, Command};
 pub use settings::{ChainError, ChainSettings, Columns, EffectSetting};
@@ -202,12 +206,16 @@ fn outer_strain(constants: &Constants, bend_rad: f64) -> f64 {
 
 /// Strain, half a turn, and no backbone shorter than a tenth of its length, whichever comes first.
 fn max_bend_rad(model: &ChainModel<f64>, strain_limit: f64) -> f64 {
-    let longest = model.j.iter().map(|row| row[0].hypot(row[1])).fold(0.0, f64::max);
+    let longest = model.backbones.j.iter().map(|row| row[0].hypot(row[1])).fold(0.0, f64::max);
     (strain_limit / outer_strain(&model.constants, 1.0)).min(0.999 * PI).min(0.9 * model.constants.l_m / longest)
 }
 
+/// Every effect is a snake's, and none stands there twice that may not.
 fn check_repeats(effects: &[EffectSetting]) -> Result<(), ChainError> {
     for (second, effect) in effects.iter().enumerate() {
+        if let EffectKind::Joint(own) = effect.kind() {
+            return Err(ChainError::OtherMachine { name: own.name(), expected: "snake" });
+        }
         // Two formulas of one name could not be told apart in a report.
         let same = |other: &EffectSetting| {
             other.label() == effect.label()

@@ -1,15 +1,13 @@
-//! The lines of a chain at one shape: displacement, loads, and the actuator positions between which each line sticks.
+//! A chain's constants, and the effects between actuators and encoders and between the arc and what is seen of it.
 //!
 //! Immutable after it is built; memory is passed in. One code for values, shape derivatives and parameter derivatives.
 
+use super::elastic::Backbones;
 use super::settings::{ChainError, EffectSetting};
 use super::stages::{Stage, Stages};
-use crate::effects::friction::Limits;
+use crate::effects::cone::{self, Rub};
 use crate::effects::prepared::{Constants, Now, Prepared};
-use crate::effects::{
-    EffectKind, Real, Scalar, encoder, extension, formula, formula_variables, friction, geometry, moment, shape, three,
-};
-use core::ops::{Add, Mul};
+use crate::effects::{EffectKind, Real, Scalar, encoder, formula, formula_variables, geometry, shape};
 use std::sync::Arc;
 
 /// Numbers of memory that a chain can have: enough for every list of effects that is accepted (at most 24 + 9 + 14 times 6).
@@ -30,37 +28,29 @@ impl<P: Real> Memory<P> {
     }
 }
 
-/// The three lines at one shape.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Lines<S> {
-    /// Loads at the snake, N.
-    pub tau: [S; 3],
-    /// Loads at the actuator, N: about to be drawn back, about to be pushed.
-    pub load: [Limits<S>; 3],
-    /// Positions of the lines where friction begins, m: what stays where it is while a line sticks.
-    pub seat: [S; 3],
-    /// Positions behind the play that draw a line back and push it, m.
-    pub position: [Limits<S>; 3],
-}
-
 /// A chain's constants.
 #[derive(Clone, Debug)]
 pub(crate) struct ChainModel<P> {
     pub constants: Constants,
     pub stages: Stages<P>,
+    /// Whether steps with `FULL` false are enough: no effect acts anywhere but in the cone.
+    pub short: bool,
     formulas: Arc<Vec<formula::Formula>>,
-    /// d q / d bend, rows: lines.
-    pub j: [[P; 2]; 3],
-    /// Its pseudo-inverse's transpose: loads for a moment.
+    pub backbones: Backbones<P>,
+    /// Pseudo-inverse of J_q, transposed: loads for a moment.
     pub divide: [[P; 2]; 3],
     /// Compliances of each line in the holder and in the cone, m/N.
-    c_d: [P; 3],
-    c_c: [P; 3],
-    friction_at_snake: bool,
+    pub c_d: [P; 3],
+    pub c_c: [P; 3],
+    pub friction_at_snake: bool,
+    /// Friction behind the holder.
+    pub cone: Vec<Rub<P>>,
     /// Half-width of the play, m.
     pub half_width: P,
     /// Internal load at encoder zero, N.
     pub preload: P,
+    /// What that adds to every actuator's position, m.
+    pub preload_m: P,
     /// Force at which an actuator stalls, N.
     pub stall: Option<P>,
     /// Delay of the camera, s.
@@ -74,9 +64,11 @@ impl<P: Real> ChainModel<P> {
         formulas: Arc<Vec<formula::Formula>>,
         parameter: impl Fn(usize, usize) -> P,
     ) -> Result<Self, ChainError> {
-        let stages = Stages::new(effects, &formulas, &constants, &parameter)?;
+        let mut stages = Stages::new(effects, &formulas, &constants, &parameter)?;
+        let stiffness_nm2 = stages.take_scale() * P::constant(constants.bending_stiffness_nm2);
         let first = |kind| effects.iter().position(|e| e.kind() == kind).map(|k| parameter(k, 0));
         let zero = P::constant(0.0);
+        let preload = first(EffectKind::Preload).unwrap_or(zero);
         let mut j = nominal_jacobian(constants.r_m);
         let mut compliance = [P::constant(1.0); 3];
         for (k, effect) in effects.iter().enumerate() {
@@ -85,60 +77,22 @@ impl<P: Real> ChainModel<P> {
         }
         Ok(Self {
             divide: pseudo_inverse_transposed(&j).ok_or(ChainError::Geometry)?,
-            j,
+            // Load scales that come first are part of the stiffness.
+            backbones: Backbones::new(j, constants.l_m, stiffness_nm2),
             c_d: compliance.map(|c| c * P::constant(constants.c_d_m_per_n)),
             c_c: compliance.map(|c| c * P::constant(constants.c_c_m_per_n)),
             friction_at_snake: effects.iter().any(|e| e.kind() == EffectKind::DiskFriction),
             half_width: first(EffectKind::Backlash).unwrap_or(zero),
-            preload: first(EffectKind::Preload).unwrap_or(zero),
+            preload,
+            preload_m: preload * P::constant(constants.c_d_m_per_n + constants.c_c_m_per_n + constants.axial_m_per_n),
             stall: first(EffectKind::Saturation),
             delay: first(EffectKind::Latency),
             constants,
+            short: stages.is_short(),
+            cone: cone::program(stages.of(Stage::Cone)),
             stages,
             formulas,
         })
-    }
-
-    /// The lines at a bend (rad) with an internal load (N) that all three share, which is a variable or a parameter.
-    #[inline(always)]
-    pub(crate) fn lines<S, T>(&self, memory: &mut Memory<P>, b: [S; 2], tau_common: T, now: &Now) -> Lines<S>
-    where
-        S: Scalar<P> + Add<T, Output = S>,
-        T: Copy + Mul<P, Output = T>,
-    {
-        let mut q = three(|i| b[0] * self.j[i][0] + b[1] * self.j[i][1]);
-        let mut m = self.elastic_moment(b, &q);
-        for e in self.stages.of(Stage::Moment) {
-            m = moment::apply(e, &mut memory.states, &self.constants, b, now, m, |m| self.loads(m));
-        }
-        let tau = self.loads(m);
-        let tau = three(|i| tau[i] + tau_common);
-        for e in self.stages.of(Stage::Geometry) {
-            geometry::apply(e, &mut memory.states, self.constants.r_m, tau, now, &mut q);
-            self.add_formula(e, memory, b, q, tau, now, |i, value| q[i] += value);
-        }
-        let mut load = three(|i| Limits { low: tau[i], high: tau[i] });
-        for e in self.stages.of(Stage::Snake) {
-            friction::apply_at_snake(e, &mut memory.states, b, q, now, &mut load);
-            self.add_formula(e, memory, b, q, tau, now, |i, value| friction::add(&mut load[i], value));
-        }
-        let axial = tau_common * P::constant(self.constants.axial_m_per_n);
-        let (seat, mut position) = self.stretch_holder(three(|i| q[i] + axial), &load);
-        // Few effects look at the loads in the holder again.
-        let holder = self.stages.has_any(Stage::Extension).then_some(load);
-        for e in self.stages.of(Stage::Cone) {
-            friction::apply_in_cone(e, now, &mut load);
-        }
-        for i in 0..3 {
-            position[i].low += load[i].low * self.c_c[i];
-            position[i].high += load[i].high * self.c_c[i];
-        }
-        for e in self.stages.of(Stage::Extension) {
-            let lines = extension::Lines { q, tau, holder: holder.as_ref().unwrap_or(&load), actuator: &load };
-            extension::apply(e, &mut memory.states, &self.constants, &lines, now, &mut position);
-            self.add_formula(e, memory, b, q, tau, now, |i, value| friction::add(&mut position[i], value));
-        }
-        Lines { tau, load, seat, position }
     }
 
     /// What the encoders read at true actuator positions, m.
@@ -184,42 +138,6 @@ impl<P: Real> ChainModel<P> {
         b
     }
 
-    /// What a preload adds to every actuator's position, m.
-    pub(crate) fn preload_m(&self) -> P {
-        let c = &self.constants;
-        self.preload * P::constant(c.c_d_m_per_n + c.c_c_m_per_n + c.axial_m_per_n)
-    }
-
-    /// d E / d bend, E = (E I b^2/2) (1/L + sum 1/L_i), L_i = L + q_i.
-    #[inline(always)]
-    fn elastic_moment<S: Scalar<P>>(&self, b: [S; 2], q: &[S; 3]) -> [S; 2] {
-        let inverse = three(|i| (q[i] + P::constant(self.constants.l_m)).recip());
-        let sum = inverse[0] + inverse[1] + inverse[2] + P::constant(1.0 / self.constants.l_m);
-        let half_square = (b[0].square() + b[1].square()) * P::constant(-0.5);
-        let squares = three(|i| inverse[i].square());
-        let stiffness = P::constant(self.constants.bending_stiffness_nm2);
-        let component = |k: usize| {
-            let slope = squares[0] * self.j[0][k] + squares[1] * self.j[1][k] + squares[2] * self.j[2][k];
-            (b[k] * sum + slope * half_square) * stiffness
-        };
-        [component(0), component(1)]
-    }
-
-    #[inline(always)]
-    fn loads<S: Scalar<P>>(&self, m: [S; 2]) -> [S; 3] {
-        three(|i| m[0] * self.divide[i][0] + m[1] * self.divide[i][1])
-    }
-
-    /// Where friction begins, and the ends of the lines in the holder at either limit; `base` is their beginning.
-    #[inline(always)]
-    fn stretch_holder<S: Scalar<P>>(&self, base: [S; 3], load: &[Limits<S>; 3]) -> ([S; 3], [Limits<S>; 3]) {
-        let low = three(|i| base[i] + load[i].low * self.c_d[i]);
-        // Without friction before the holder the two limits are one, and friction begins behind it.
-        let (seat, high) =
-            if self.friction_at_snake { (base, three(|i| base[i] + load[i].high * self.c_d[i])) } else { (low, low) };
-        (seat, three(|i| Limits { low: low[i], high: high[i] }))
-    }
-
     #[inline]
     fn formula_of(&self, e: &Prepared<P>) -> Option<&formula::Formula> {
         if e.kind == EffectKind::Formula { self.formulas.get(e.formula) } else { None }
@@ -227,7 +145,7 @@ impl<P: Real> ChainModel<P> {
 
     #[expect(clippy::too_many_arguments, reason = "everything that a formula may name")]
     #[inline]
-    fn add_formula<S: Scalar<P>>(
+    pub(super) fn add_formula<S: Scalar<P>>(
         &self,
         e: &Prepared<P>,
         memory: &mut Memory<P>,

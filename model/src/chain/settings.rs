@@ -218,6 +218,14 @@ pub enum ChainError {
         /// The column.
         column: &'static str,
     },
+    /// An effect of another kind of machine.
+    #[error("effect {name} makes no sense for a machine of kind {expected}; remove it")]
+    OtherMachine {
+        /// The effect.
+        name: &'static str,
+        /// The machine's kind.
+        expected: &'static str,
+    },
     /// A compensator cannot undo an effect.
     #[error("effect {name} cannot be compensated: {reason}; remove it from the model that the compensator uses")]
     NoInverse {

@@ -3,12 +3,10 @@
 use super::settings::{ChainError, EffectSetting};
 use crate::effects::formula::Formula;
 use crate::effects::prepared::{Constants, Prepared};
-use crate::effects::{EffectKind, Hook, MAX_PARAMETERS, Real};
+use crate::effects::{EffectKind, Hook, Real};
 
 /// The most effects in a chain.
 pub(crate) const MAX_EFFECTS: usize = 16;
-/// Stem coupling acts in two places.
-const MAX_ENTRIES: usize = MAX_EFFECTS + 1;
 
 /// Where an effect acts, in the order of the inverse.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,13 +62,9 @@ impl Stage {
 }
 
 /// The effects, by stage.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Stages<P> {
-    entries: [Prepared<P>; MAX_ENTRIES],
-    /// Where each stage begins, and where the last one ends.
-    bounds: [usize; Stage::ALL.len() + 1],
-    /// A bit for each stage that has effects: most have none, and one look at it is all that they cost.
-    present: u32,
+    by_stage: [Vec<Prepared<P>>; Stage::ALL.len()],
 }
 
 impl<P: Real> Stages<P> {
@@ -84,47 +78,46 @@ impl<P: Real> Stages<P> {
         if effects.len() > MAX_EFFECTS {
             return Err(ChainError::TooMany { found: effects.len(), limit: MAX_EFFECTS });
         }
-        let zero = [P::constant(0.0); MAX_PARAMETERS];
-        let mut entries = [Prepared { kind: EffectKind::Formula, c: zero, state: 0, formula: 0 }; MAX_ENTRIES];
-        let mut bounds = [0; Stage::ALL.len() + 1];
-        let mut n = 0;
-        let mut prepared = [entries[0]; MAX_EFFECTS];
+        let mut by_stage = Stage::ALL.map(|_| Vec::new());
         let (mut n_states, mut n_formulas) = (0, 0);
-        for (k, (effect, own)) in effects.iter().zip(&mut prepared).enumerate() {
+        for (k, effect) in effects.iter().enumerate() {
             let values = core::array::from_fn(|j| parameter(k, j));
-            *own = Prepared::new(effect.kind(), &values, constants, n_states, n_formulas);
-            n_states += effect.kind().definition().n_states;
-            n_formulas += usize::from(effect.kind() == EffectKind::Formula);
-        }
-        for (s, stage) in Stage::ALL.into_iter().enumerate() {
-            bounds[s] = n;
-            for own in prepared.iter().take(effects.len()) {
-                let hook =
-                    (own.kind == EffectKind::Formula).then(|| formulas.get(own.formula).map(|f| f.hook)).flatten();
-                if stage.has(own.kind, hook) {
-                    entries[n] = *own;
-                    n += 1;
+            let prepared = Prepared::new(effect.kind(), &values, constants, n_states, n_formulas);
+            let is_formula = effect.kind() == EffectKind::Formula;
+            let hook = is_formula.then(|| formulas.get(n_formulas).map(|formula| formula.hook)).flatten();
+            for (own, stage) in by_stage.iter_mut().zip(Stage::ALL) {
+                // Stem coupling acts in two places.
+                if stage.has(effect.kind(), hook) {
+                    own.push(prepared);
                 }
             }
+            n_states += effect.kind().definition().n_states;
+            n_formulas += usize::from(is_formula);
         }
-        bounds[Stage::ALL.len()] = n;
-        let present = (0..Stage::ALL.len()).filter(|&s| bounds[s + 1] > bounds[s]).map(|s| 1 << s).sum();
-        Ok(Self { entries, bounds, present })
+        Ok(Self { by_stage })
+    }
+
+    /// Whether no effect acts anywhere but in the cone.
+    pub(crate) fn is_short(&self) -> bool {
+        Stage::ALL.into_iter().all(|stage| stage == Stage::Cone || self.by_stage[stage as usize].is_empty())
     }
 
     /// Whether a stage has effects.
     #[inline(always)]
     pub(crate) fn has_any(&self, stage: Stage) -> bool {
-        self.present & (1 << stage as usize) != 0
+        !self.of(stage).is_empty()
     }
 
     /// The effects of one stage.
     #[inline(always)]
     pub(crate) fn of(&self, stage: Stage) -> &[Prepared<P>] {
-        if !self.has_any(stage) {
-            return &[];
-        }
-        let s = stage as usize;
-        self.entries.get(self.bounds[s]..self.bounds[s + 1]).unwrap_or_default()
+        &self.by_stage[stage as usize]
+    }
+
+    /// Takes the load scales out that come before all other effects on the moment, as one factor.
+    pub(crate) fn take_scale(&mut self) -> P {
+        let moment = &mut self.by_stage[Stage::Moment as usize];
+        let n = moment.iter().take_while(|e| e.kind == EffectKind::StiffnessScale).count();
+        moment.drain(..n).fold(P::constant(1.0), |product, e| product * e.c[0])
     }
 }

@@ -6,11 +6,12 @@
 use super::circumstances::Circumstances;
 use super::circumstances::Clock;
 use super::delay::DelayLine;
-use super::forward::{Prediction, Predictor, actuators, middle, residual};
+use super::equations::{Ends, actuators};
+use super::forward::{Prediction, Predictor};
 use super::inverse::{ChainCompensator, Command, InverseCore};
 use super::model::{ChainModel, Memory};
 use crate::effects::prepared::Now;
-use crate::effects::{Dual, Real};
+use crate::effects::{Dual, Real, three};
 use nalgebra::{SMatrix, Vector2, Vector3};
 
 /// A prediction and its derivatives.
@@ -38,11 +39,12 @@ impl<const K: usize> PredictorTangents<K> {
     pub(super) fn new(chain: &super::Chain, model: ChainModel<Dual<K>>) -> Self {
         let mut memory = Memory::straight();
         let now = Clock::default().now(&Circumstances::at(0.0));
-        let lines = model.lines(&mut memory, [Dual::constant(0.0); 2], model.preload, &now);
+        let y = [Dual::constant(0.0), Dual::constant(0.0), model.preload];
+        let ends = Ends::of::<true, Dual<K>>(&model, &mut memory, y, &now);
         Self {
             plain: chain.predictor(),
-            p_m: middle(&lines),
-            seat_m: lines.seat,
+            p_m: ends.middle(),
+            seat_m: ends.seat,
             model,
             memory,
             delay: DelayLine::new(),
@@ -62,7 +64,7 @@ impl<const K: usize> PredictorTangents<K> {
         self.p_m = actuators(&self.model, &mut self.memory, reading, &self.p_m, &now);
         let y = self.solution(&now);
         let now = Now { commit: true, ..now };
-        self.seat_m = self.model.lines(&mut self.memory, [y[0], y[1]], y[2], &now).seat;
+        self.seat_m = Ends::of::<true, Dual<K>>(&self.model, &mut self.memory, y, &now).seat;
         let shape = self.model.observe(&mut self.memory, [y[0], y[1]], &now);
         let seen = match self.model.delay {
             Some(delay) => self.delay.pass(now.time_s, shape, delay),
@@ -74,11 +76,12 @@ impl<const K: usize> PredictorTangents<K> {
     /// The plain solution with its tangents.
     fn solution(&mut self, now: &Now) -> [Dual<K>; 3] {
         let y = self.plain.solution().map(Dual::<K>::constant);
-        let lines = self.model.lines(&mut self.memory, [y[0], y[1]], y[2], now);
-        let f = residual(&self.model, &lines, &self.seat_m, &self.p_m);
+        let ends = Ends::of::<true, Dual<K>>(&self.model, &mut self.memory, y, now);
+        // In the cases of the plain solution: rounding must not decide otherwise here than there.
+        let f = ends.residual(&self.plain.cases, &self.seat_m, &self.p_m);
         let by_parameter = SMatrix::<f64, 3, K>::from_fn(|i, k| -f[i].tangent[k]);
         let dy = self.plain.slope.lu().solve(&by_parameter).unwrap_or_else(SMatrix::zeros);
-        [0, 1, 2].map(|i| Dual { value: y[i].value, tangent: core::array::from_fn(|k| dy[(i, k)]) })
+        three(|i| Dual { value: y[i].value, tangent: core::array::from_fn(|k| dy[(i, k)]) })
     }
 }
 
@@ -105,7 +108,7 @@ impl<const K: usize> CommandTangents<K> {
         let now = Now { commit: true, ..self.clock.now(at) };
         self.clock.tick(&now);
         let b = self.core.model.unobserve([Dual::constant(bend_rad.x), Dual::constant(bend_rad.y)]);
-        let (_, told) = self.core.step(b, &now);
-        (command, SMatrix::from_fn(|i, k| told[i].tangent[k]))
+        let plan = self.core.step::<true, _>(b, &now);
+        (command, SMatrix::from_fn(|i, k| (plan.q[i] + plan.eps[i]).tangent[k]))
     }
 }

@@ -15,6 +15,8 @@ pub enum Hook {
     Enc,
     /// The command on its way to the actuator.
     Cmd,
+    /// The measured position of a joint.
+    Joint,
 }
 
 impl Hook {
@@ -27,12 +29,15 @@ impl Hook {
             Self::Meas => "meas",
             Self::Enc => "enc",
             Self::Cmd => "cmd",
+            Self::Joint => "joint",
         }
     }
 
     /// The hook of a word.
     pub fn from_word(word: &str) -> Option<Self> {
-        [Self::Eps, Self::Tau, Self::Geo, Self::Meas, Self::Enc, Self::Cmd].into_iter().find(|hook| hook.word() == word)
+        [Self::Eps, Self::Tau, Self::Geo, Self::Meas, Self::Enc, Self::Cmd, Self::Joint]
+            .into_iter()
+            .find(|hook| hook.word() == word)
     }
 }
 
@@ -75,6 +80,10 @@ pub enum Class {
     Preload,
     /// Moves what should rest.
     Coupling,
+    /// The same everywhere.
+    Constant,
+    /// Nothing moves near zero.
+    DeadZone,
     /// Whatever the user wrote.
     User,
 }
@@ -101,6 +110,8 @@ impl Class {
             Self::Clipped => "clipped",
             Self::Preload => "no bend by itself",
             Self::Coupling => "coupling",
+            Self::Constant => "constant",
+            Self::DeadZone => "dead zone",
             Self::User => "the user's own",
         }
     }
@@ -182,7 +193,7 @@ pub struct Definition {
     pub parameters: &'static [ParameterSpec],
 }
 
-pub(super) const fn parameter(
+pub(crate) const fn parameter(
     name: &'static str,
     unit: &'static str,
     bounds: [f64; 2],
@@ -192,7 +203,7 @@ pub(super) const fn parameter(
     ParameterSpec { name, unit, low: bounds[0], high: bounds[1], default, source }
 }
 
-pub(super) const fn effect(name: &'static str, hook: Hook, class: Class, equation: &'static str) -> Definition {
+pub(crate) const fn effect(name: &'static str, hook: Hook, class: Class, equation: &'static str) -> Definition {
     Definition {
         name,
         hook,

@@ -173,9 +173,11 @@ pub(crate) fn apply<P: Real, S: Scalar<P>>(
                 let (j, k) = [(1, 2), (0, 2), (0, 1)][i];
                 add(&mut eps[i], lines.q[j] * e.c[2 * i] + lines.q[k] * e.c[2 * i + 1]);
             }
-            EffectKind::StemCoupling if now.stem_angle_rad.is_finite() => {
+            EffectKind::StemCoupling => {
                 let azimuth = e.c[2] + P::constant([0.0, 2.0, 4.0][i] * PI / 3.0);
-                add(&mut eps[i], S::lift(e.c[1] * azimuth.cos() * P::constant(now.stem_angle_rad)));
+                // Without an angle nothing is known of the stem.
+                let angle_rad = now.stem_angle_rad().unwrap_or(0.0);
+                add(&mut eps[i], S::lift(e.c[1] * azimuth.cos() * P::constant(angle_rad)));
             }
             _ => {}
         }
@@ -221,8 +223,8 @@ fn crept<P: Real, S: Scalar<P>>(e: &Prepared<P>, state: &mut [P], i: usize, stre
 }
 
 fn temperature_rise<P: Real>(e: &Prepared<P>, now: &Now) -> P {
-    if now.temperature_c.is_finite() {
-        return P::constant(now.temperature_c) - e.c[4];
+    if let Some(temperature_c) = now.temperature_c() {
+        return P::constant(temperature_c) - e.c[4];
     }
     e.c[5] * (P::constant(1.0) - (P::constant(-now.time_s) / e.c[6]).exp())
 }

@@ -7,7 +7,7 @@
 use super::definition::{Class, Definition, Hook, effect};
 use super::formula_error::FormulaError;
 use super::formula_operators::{Arithmetic, FORMULA_FUNCTIONS, Lanes, Numbers};
-use super::formula_variables::{ALL_HOOKS, FORMULA_VARIABLES, STEM_ANGLE, TEMPERATURE, TIME, Values};
+use super::formula_variables::{ALL_HOOKS, FORMULA_VARIABLES, JOINT, STEM_ANGLE, TEMPERATURE, TIME, Values};
 use super::prepared::MAX_PARAMETERS;
 use super::real::{Real, Scalar};
 use exmex::prelude::*;
@@ -65,10 +65,19 @@ pub(crate) struct Formula {
 }
 
 impl Formula {
-    /// Parses and checks: known names only, not too long, finite over the machine's workspace.
+    /// Parses and checks a snake's: known names only, not too long, finite over the machine's workspace.
     pub(crate) fn new(formula: &FormulaText) -> Result<Self, FormulaError> {
+        Self::at(formula, ALL_HOOKS)
+    }
+
+    /// The same for joints.
+    pub(crate) fn for_joints(formula: &FormulaText) -> Result<Self, FormulaError> {
+        Self::at(formula, JOINT)
+    }
+
+    fn at(formula: &FormulaText, hooks: &[Hook]) -> Result<Self, FormulaError> {
         let name = || formula.name.clone();
-        if !ALL_HOOKS.contains(&formula.hook) {
+        if !hooks.contains(&formula.hook) {
             return Err(FormulaError::Hook { formula: name(), hook: formula.hook.word() });
         }
         let n_words = words(&formula.text).count();
@@ -148,8 +157,28 @@ impl Formula {
                 for sign in [-1.0, 0.0, 1.0] {
                     let (x, y) = (bend * delta.cos(), bend * delta.sin());
                     let (q, tau) = (sign * 1.684e-3 * bend, sign * 20.0 * bend);
-                    let values =
-                        [bend, delta, x, y, q, q, q, q, tau, sign, q, 0.0, 1.0 + sign.abs(), 10.0 * bend, sign, 25.0];
+                    let values = [
+                        bend,
+                        delta,
+                        x,
+                        y,
+                        q,
+                        q,
+                        q,
+                        q,
+                        tau,
+                        sign,
+                        q,
+                        0.0,
+                        1.0 + sign.abs(),
+                        10.0 * bend,
+                        sign,
+                        25.0,
+                        x,
+                        y,
+                        sign,
+                        1.0,
+                    ];
                     if self.evaluate(&values, &parameters).is_none() {
                         let (formula, text) = (formula.name.clone(), formula.text.clone());
                         return Err(FormulaError::NotFinite { formula, text, bend_rad: bend, delta_rad: delta });

@@ -4,6 +4,7 @@ use super::Hook;
 use super::operators::play;
 use super::prepared::{Now, Prepared};
 use super::real::{Real, Scalar};
+use crate::Circumstances;
 
 /// Travel of q over which the variable `direction` turns, m.
 const DIRECTION_TRAVEL_M: f64 = 20e-6;
@@ -23,12 +24,15 @@ const LINE: &[Hook] = &[Hook::Eps, Hook::Tau, Hook::Geo];
 const SHAPE: &[Hook] = &[Hook::Eps, Hook::Tau, Hook::Geo, Hook::Meas];
 pub(super) const ALL_HOOKS: &[Hook] = &[Hook::Eps, Hook::Tau, Hook::Geo, Hook::Meas, Hook::Enc];
 
+pub(super) const JOINT: &[Hook] = &[Hook::Joint];
+const EVERYWHERE: &[Hook] = &[Hook::Eps, Hook::Tau, Hook::Geo, Hook::Meas, Hook::Enc, Hook::Joint];
+
 const fn variable(name: &'static str, meaning: &'static str, hooks: &'static [Hook]) -> FormulaVariable {
     FormulaVariable { name, meaning, hooks }
 }
 
 /// Every variable, in the order of their values.
-pub const FORMULA_VARIABLES: [FormulaVariable; 16] = [
+pub const FORMULA_VARIABLES: [FormulaVariable; 20] = [
     variable("bend", "rad: bend from straight", SHAPE),
     variable("delta", "rad: plane of bending, 0 at the straight pose", SHAPE),
     variable("bend_x", "rad: first component of the bend vector", SHAPE),
@@ -42,9 +46,13 @@ pub const FORMULA_VARIABLES: [FormulaVariable; 16] = [
     variable("q_tilde_i", "m: position of this line's actuator", &[Hook::Enc]),
     variable("axis", "0 for bend_x, 1 for bend_y: what the value is added to", &[Hook::Meas]),
     variable("line", "1, 2 or 3", &[Hook::Eps, Hook::Tau, Hook::Geo, Hook::Enc]),
-    variable("time_s", "s", ALL_HOOKS),
+    variable("time_s", "s", EVERYWHERE),
     variable("stem_angle_rad", "rad: needs the column", ALL_HOOKS),
-    variable("temperature_c", "deg C: needs the column", ALL_HOOKS),
+    variable("temperature_c", "deg C: needs the column", EVERYWHERE),
+    variable("u_i", "the command of this joint, in its unit", JOINT),
+    variable("y_i", "the position of this joint without the formula, in its unit", JOINT),
+    variable("motion_i", "-1, 0 or 1: sign of the last change of u_i", JOINT),
+    variable("joint", "number of this joint, from 1", JOINT),
 ];
 
 pub(super) const TIME: usize = 13;
@@ -85,8 +93,16 @@ pub(crate) fn shape_values<S: Real>(b: [S; 2], now: &Now) -> Values<S> {
     values[1] = plane(b, square.value());
     (values[2], values[3]) = (b[0], b[1]);
     values[TIME] = S::constant(now.time_s);
-    values[STEM_ANGLE] = S::constant(now.stem_angle_rad);
-    values[TEMPERATURE] = S::constant(now.temperature_c);
+    values[STEM_ANGLE] = S::constant(now.stem_angle_rad().unwrap_or(f64::NAN));
+    values[TEMPERATURE] = S::constant(now.temperature_c().unwrap_or(f64::NAN));
+    values
+}
+
+/// The variables at a joint.
+pub(crate) fn joint_values(u: f64, y: f64, motion: f64, joint: usize, at: &Circumstances) -> Values<f64> {
+    let mut values = [0.0; FORMULA_VARIABLES.len()];
+    (values[TIME], values[TEMPERATURE]) = (at.time_s, at.temperature_c);
+    values[TEMPERATURE + 1..].copy_from_slice(&[u, y, motion, joint as f64 + 1.0]);
     values
 }
 

@@ -140,26 +140,6 @@ pub(crate) fn apply_at_snake<P: Real, S: Scalar<P>>(
     }
 }
 
-/// Limits after an effect that acts in the cone or behind it.
-#[inline(always)]
-pub(crate) fn apply_in_cone<P: Real, S: Scalar<P>>(e: &Prepared<P>, now: &Now, limits: &mut [Limits<S>; 3]) {
-    match e.kind {
-        EffectKind::ConeFriction => limits.iter_mut().for_each(|line| widen(line, e.c[0], e.c[1])),
-        EffectKind::StaticFriction => {
-            for line in limits {
-                line.low = line.low - e.c[0];
-                line.high = line.high + e.c[0];
-            }
-        }
-        EffectKind::StemCoupling if now.stem_angle_rad.is_finite() => {
-            let exponent = e.c[0] * P::constant(now.stem_angle_rad.abs());
-            let (g, inverse) = (exponent.exp(), (-exponent).exp());
-            limits.iter_mut().for_each(|line| widen(line, g, inverse));
-        }
-        _ => {}
-    }
-}
-
 /// A capstan: what moves against its load needs more, what moves with it keeps less.
 #[inline(always)]
 fn widen<S: Real + Mul<F, Output = S>, F: Copy>(line: &mut Limits<S>, more: F, less: F) {

@@ -1,6 +1,7 @@
 //! The names of all effects, and where each one's definition is.
 
 use super::{Definition, encoder, extension, formula, friction, geometry, moment, shape};
+use crate::joints::JointEffect;
 
 /// One effect of `docs/physics/effects.md`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -75,10 +76,12 @@ pub enum EffectKind {
     CrossCoupling,
     /// `formula`.
     Formula,
+    /// An effect of joints, which no snake has.
+    Joint(JointEffect),
 }
 
 impl EffectKind {
-    /// All of them, in the order of the documentation's table.
+    /// All that a snake can have, in the order of the documentation's table.
     pub const ALL: [Self; 35] = [
         Self::StiffnessScale,
         Self::ActuatorCompliance,
@@ -155,6 +158,7 @@ impl EffectKind {
             Self::Preload => &encoder::PRELOAD,
             Self::CrossCoupling => &extension::CROSS_COUPLING,
             Self::Formula => &formula::FORMULA,
+            Self::Joint(effect) => effect.definition(),
         }
     }
 
@@ -163,7 +167,7 @@ impl EffectKind {
         self.definition().name
     }
 
-    /// The effect of a name.
+    /// The snake's effect of a name; those of joints are [`JointEffect::from_name`]'s.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.name() == name)
     }

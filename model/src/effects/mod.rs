@@ -6,6 +6,7 @@
 //! `docs/physics/effects.md` has each equation, its source and its range.
 
 pub(crate) mod arc;
+pub(crate) mod cone;
 mod definition;
 pub(crate) mod encoder;
 pub(crate) mod extension;
@@ -23,11 +24,12 @@ mod real;
 pub(crate) mod shape;
 
 pub use definition::{Class, Definition, Hook, Inverse, Needs, ParameterSpec};
+pub(crate) use definition::{effect, parameter};
 pub use formula::{FormulaParameter, FormulaText, MAX_FORMULA_NAMES};
 pub use formula_error::FormulaError;
 pub use formula_variables::{FORMULA_VARIABLES, FormulaVariable};
 pub use kind::EffectKind;
-pub(crate) use operators::play;
+pub(crate) use operators::{bouc_wen, play, relax};
 pub use prepared::MAX_PARAMETERS;
 pub(crate) use real::three;
 pub use real::{Dual, Real, Scalar};

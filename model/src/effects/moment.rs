@@ -46,7 +46,7 @@ pub(super) static BEND_FRICTION: Definition = Definition {
         "bend-friction",
         Hook::Tau,
         Class::BendHysteresis,
-        "m <- m + (4 E I/L) (b - b_p), |b - b_p| <= (moment + per_load sum|tau_i|) L/(4 E I): a play in the plane",
+        "m <- m + k (b - b_p), k = 20 (4 E I/L), |b - b_p| <= (moment + per_load sum|tau_i|)/k: a stop in the plane, all but rigid",
     )
 };
 
@@ -84,15 +84,13 @@ pub(crate) fn apply<P: Real, S: Scalar<P>>(
         EffectKind::StiffnessScale => [m[0] * e.c[0], m[1] * e.c[0]],
         EffectKind::SuperelasticSoftening => soften(e, state, b, now, m),
         EffectKind::BendFriction => rub(e, state, machine, b, now, m, loads(m)),
-        EffectKind::AxialTipForce => {
-            let slope = arc::sinc_slope(b[0] * b[0] + b[1] * b[1]) * (e.c[0] * P::constant(machine.l_m));
-            [m[0] - b[0] * slope, m[1] - b[1] * slope]
-        }
+        EffectKind::AxialTipForce => push_along(e, machine, b, m),
         EffectKind::LateralTipForce => push_aside(e, machine, b, m),
         _ => m,
     }
 }
 
+#[inline(never)]
 fn soften<P: Real, S: Scalar<P>>(e: &Prepared<P>, state: &mut [P], b: [S; 2], now: &Now, m: [S; 2]) -> [S; 2] {
     let [b_t, a, flag, turn] = [e.c[0], e.c[1], e.c[2], e.c[3]];
     let bend = (b[0] * b[0] + b[1] * b[1]).sqrt();
@@ -122,6 +120,11 @@ fn softened<S: Real>(a: S, u: S) -> S {
     (one - a * top * top) * (one - u) / (one - top)
 }
 
+/// A Coulomb moment holds the bend until it is exceeded; before that the bend gives way elastically, this many times as stiff as
+/// the snake itself: all but rigid, and a moment that is a function of the bend for the inverse.
+const PRESLIDING: f64 = 20.0;
+
+#[inline(never)]
 fn rub<P: Real, S: Scalar<P>>(
     e: &Prepared<P>,
     state: &mut [P],
@@ -131,7 +134,7 @@ fn rub<P: Real, S: Scalar<P>>(
     m: [S; 2],
     loads: [S; 3],
 ) -> [S; 2] {
-    let stiffness = P::constant(4.0 * machine.bending_stiffness_nm2 / machine.l_m);
+    let stiffness = P::constant(PRESLIDING * 4.0 * machine.bending_stiffness_nm2 / machine.l_m);
     let sum = loads[0].abs() + loads[1].abs() + loads[2].abs();
     let radius = (sum * e.c[1] + e.c[0]) * (P::constant(1.0) / stiffness);
     let p = planar_play([state[e.state], state[e.state + 1]], b, radius, now.fresh);
@@ -142,7 +145,14 @@ fn rub<P: Real, S: Scalar<P>>(
     [m[0] + (b[0] - p[0]) * stiffness, m[1] + (b[1] - p[1]) * stiffness]
 }
 
+#[inline(never)]
+fn push_along<P: Real, S: Scalar<P>>(e: &Prepared<P>, machine: &Constants, b: [S; 2], m: [S; 2]) -> [S; 2] {
+    let slope = arc::sinc_slope(b[0] * b[0] + b[1] * b[1]) * (e.c[0] * P::constant(machine.l_m));
+    [m[0] - b[0] * slope, m[1] - b[1] * slope]
+}
+
 /// The tip lies at L cosc(b) (b_x, -b_y) beside the axis.
+#[inline(never)]
 fn push_aside<P: Real, S: Scalar<P>>(e: &Prepared<P>, machine: &Constants, b: [S; 2], m: [S; 2]) -> [S; 2] {
     let [f_x, f_y] = [e.c[0] * P::constant(machine.l_m), e.c[1] * P::constant(machine.l_m)];
     let square = b[0] * b[0] + b[1] * b[1];

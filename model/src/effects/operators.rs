@@ -36,7 +36,7 @@ pub(super) fn planar_play<P: Real, S: Scalar<P>>(p: [P; 2], b: [S; 2], radius: S
 }
 
 /// Relaxation towards `target` over a time, with the target held during the step: x <- x + (1 - e^(-dt/T)) (target - x).
-pub(super) fn relax<P: Real, S: Scalar<P>>(x: P, target: S, time: P, dt_s: f64, fresh: bool) -> S {
+pub(crate) fn relax<P: Real, S: Scalar<P>>(x: P, target: S, time: P, dt_s: f64, fresh: bool) -> S {
     if fresh {
         return target;
     }
@@ -46,7 +46,7 @@ pub(super) fn relax<P: Real, S: Scalar<P>>(x: P, target: S, time: P, dt_s: f64, 
 
 /// Bouc-Wen's z with exponent one over a travel du, solved exactly: dz = (1 - beta |z| sgn(z du) - gamma |z|) du / w with
 /// beta + gamma = 1, so that |z| never exceeds one.
-pub(super) fn bouc_wen<P: Real, S: Scalar<P>>(z: P, du: S, w: P, gamma: P) -> S {
+pub(crate) fn bouc_wen<P: Real, S: Scalar<P>>(z: P, du: S, w: P, gamma: P) -> S {
     let one = P::constant(1.0);
     let beta = one - gamma;
     let sign = if du.value() < 0.0 { -1.0 } else { 1.0 };

@@ -2,6 +2,7 @@
 
 use super::EffectKind;
 use super::real::Real;
+use core::f64::consts::PI;
 
 /// The largest number of parameters of one effect.
 pub const MAX_PARAMETERS: usize = 10;
@@ -39,14 +40,26 @@ pub(crate) struct Now {
     pub time_s: f64,
     /// Time since the step before, s, never negative.
     pub dt_s: f64,
-    /// NaN where the column is missing.
-    pub stem_angle_rad: f64,
-    /// NaN where the column is missing.
-    pub temperature_c: f64,
+    /// As given, NaN where the column is missing; see [`Now::stem_angle_rad`].
+    pub stem_column_rad: f64,
+    /// As given, NaN where the column is missing; see [`Now::temperature_c`].
+    pub temperature_column_c: f64,
     /// Whether memory is updated.
     pub commit: bool,
     /// Whether memory starts anew here: every play centred, everything slow settled.
     pub fresh: bool,
+}
+
+impl Now {
+    /// Angle of the flexible stem, limited to a turn either way.
+    pub(crate) fn stem_angle_rad(&self) -> Option<f64> {
+        (!self.stem_column_rad.is_nan()).then(|| self.stem_column_rad.clamp(-2.0 * PI, 2.0 * PI))
+    }
+
+    /// Temperature, limited to -100 to 400 degrees Celsius.
+    pub(crate) fn temperature_c(&self) -> Option<f64> {
+        (!self.temperature_column_c.is_nan()).then(|| self.temperature_column_c.clamp(-100.0, 400.0))
+    }
 }
 
 impl<P: Real> Prepared<P> {

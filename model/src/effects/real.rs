@@ -25,12 +25,16 @@ pub trait Real:
     + Neg<Output = Self>
     + AddAssign
 {
+    /// Whether numbers of this type can have tangents.
+    const HAS_TANGENTS: bool;
     /// A number without tangents.
     fn constant(value: f64) -> Self;
     /// The number without its tangents.
     fn value(self) -> f64;
     /// f(self), given the value of f and its derivative here.
     fn chain(self, value: f64, slope: f64) -> Self;
+    /// f(x, y), given the value of f and its derivatives by x and y here.
+    fn chain_of_two(x: Self, y: Self, value: f64, slope: [f64; 2]) -> Self;
 
     /// Square root; the slope at zero counts as zero.
     fn sqrt(self) -> Self {
@@ -79,6 +83,7 @@ pub trait Scalar<P: Real>: Real + Add<P, Output = Self> + Sub<P, Output = Self> 
 }
 
 impl Real for f64 {
+    const HAS_TANGENTS: bool = false;
     fn constant(value: f64) -> Self {
         value
     }
@@ -86,6 +91,10 @@ impl Real for f64 {
         self
     }
     fn chain(self, value: f64, _slope: f64) -> Self {
+        value
+    }
+    #[inline(always)]
+    fn chain_of_two(_x: Self, _y: Self, value: f64, _slope: [f64; 2]) -> Self {
         value
     }
 }
@@ -135,6 +144,7 @@ impl<const K: usize> Default for Dual<K> {
 }
 
 impl<const K: usize> Real for Dual<K> {
+    const HAS_TANGENTS: bool = true;
     #[inline(always)]
     fn constant(value: f64) -> Self {
         Self { value, tangent: [0.0; K] }
@@ -142,6 +152,10 @@ impl<const K: usize> Real for Dual<K> {
     #[inline(always)]
     fn value(self) -> f64 {
         self.value
+    }
+    #[inline(always)]
+    fn chain_of_two(x: Self, y: Self, value: f64, slope: [f64; 2]) -> Self {
+        x.combine(y, value, slope[0], slope[1])
     }
     #[inline(always)]
     fn chain(self, value: f64, slope: f64) -> Self {

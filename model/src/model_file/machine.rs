@@ -1,6 +1,5 @@
 //! The two kinds of machine that a model file describes.
 
-use crate::effects::EffectKind;
 use crate::{ChainSettings, MachineParameters};
 
 /// What the effects are added to.
@@ -35,28 +34,6 @@ pub struct Joints {
     /// Unit of y.
     pub y_unit: String,
 }
-
-/// The largest number of joints.
-pub(super) const MAX_JOINTS: usize = 16;
-
-/// The effects that make sense for a joint, each on every joint by itself.
-pub const JOINT_EFFECTS: [EffectKind; 15] = [
-    EffectKind::StiffnessScale,
-    EffectKind::EncoderZero,
-    EffectKind::Backlash,
-    EffectKind::BoucWen,
-    EffectKind::PrandtlIshlinskii,
-    EffectKind::ConeFriction,
-    EffectKind::Creep,
-    EffectKind::Latency,
-    EffectKind::NonConstantCurvature,
-    EffectKind::LeadScrewError,
-    EffectKind::CrossCoupling,
-    EffectKind::ThermalDrift,
-    EffectKind::Saturation,
-    EffectKind::ViscousFriction,
-    EffectKind::Formula,
-];
 
 /// One key of a snake's machine.
 pub(super) struct MachineKey {

@@ -20,9 +20,10 @@ mod write;
 
 pub use error::ModelFileError;
 pub use history::{HeldOutRms, HistoryEntry};
-pub use machine::{JOINT_EFFECTS, Joints, Machine, SnakeMachine};
+pub use machine::{Joints, Machine, SnakeMachine};
 pub use write::documented_defaults;
 
+use crate::joints::JointChain;
 use crate::{Chain, ChainError, Columns, EffectSetting, Snake};
 
 /// The only format there is.
@@ -134,6 +135,16 @@ impl ModelFile {
         Chain::new(&snake.parameters, snake.settings, &effects, columns).map(Some)
     }
 
+    /// The chain of joints; `None` for a snake.
+    ///
+    /// # Errors
+    /// [`ChainError::MissingColumn`] where a formula needs a column that is not there.
+    pub fn joint_chain(&self, columns: Columns) -> Result<Option<JointChain>, ChainError> {
+        let Machine::Joints(joints) = &self.machine else { return Ok(None) };
+        let effects: Vec<EffectSetting> = self.effects.iter().map(|e| e.setting.clone()).collect();
+        JointChain::new(joints, &effects, columns).map(Some)
+    }
+
     /// The file's text, with every value of every effect.
     pub fn to_toml(&self) -> String {
         write::to_toml(self, false)
@@ -145,10 +156,13 @@ impl ModelFile {
     }
 
     fn check(&self) -> Result<(), ChainError> {
-        if let Machine::Snake(snake) = &self.machine {
-            Snake::new(&snake.parameters)?;
+        match &self.machine {
+            Machine::Snake(snake) => {
+                Snake::new(&snake.parameters)?;
+                self.chain(EVERY_COLUMN).map(|_| ())
+            }
+            Machine::Joints(_) => self.joint_chain(EVERY_COLUMN).map(|_| ()),
         }
-        self.chain(EVERY_COLUMN).map(|_| ())
     }
 }
 

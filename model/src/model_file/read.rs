@@ -2,8 +2,9 @@
 
 use super::error::nearest;
 use super::history::{HeldOutRms, HistoryEntry};
-use super::machine::{Joints, MAX_JOINTS, Machine, SNAKE_KEYS, SnakeMachine};
+use super::machine::{Joints, Machine, SNAKE_KEYS, SnakeMachine};
 use super::{FileEffect, MODEL_FILE_FORMAT, ModelFile, ModelFileError, read_effect};
+use crate::joints::MAX_JOINTS;
 use crate::parameters::in_range;
 use crate::{ChainError, ParameterError, Snake};
 use toml::Spanned;

@@ -1,25 +1,40 @@
 //! One `[[effect]]` of a model file: its parameters with their origins, or a formula.
 
-use super::machine::{JOINT_EFFECTS, Machine};
+use super::machine::Machine;
 use super::read::Section;
 use super::{FileEffect, ModelFileError, Origin};
 use crate::effects::{EffectKind, FormulaParameter, FormulaText, Hook};
+use crate::joints::JointEffect;
 use crate::{ChainError, EffectSetting};
 
 /// Reads one effect.
 pub(super) fn effect(section: &Section, machine: &Machine) -> Result<FileEffect, ModelFileError> {
     let kind = section.text("kind")?.ok_or_else(|| section.missing("kind", "the name of an effect"))?;
-    let Some(known) = EffectKind::from_name(&kind.value) else {
-        return Err(kind.unknown("kind", EffectKind::ALL.map(EffectKind::name)));
+    let of_snake = EffectKind::from_name(&kind.value);
+    let known = match machine {
+        Machine::Snake(_) => of_snake.ok_or_else(|| kind.unknown("kind", EffectKind::ALL.map(EffectKind::name))),
+        Machine::Joints(_) => match (JointEffect::from_name(&kind.value), of_snake) {
+            (Some(effect), _) => Ok(EffectKind::Joint(effect)),
+            (None, Some(EffectKind::Formula)) => Ok(EffectKind::Formula),
+            (None, Some(other)) => {
+                let allowed = joint_names().collect::<Vec<_>>().join(", ");
+                Err(ModelFileError::NotForJoints { line: kind.line, effect: other.name(), allowed })
+            }
+            (None, None) => Err(kind.unknown("kind", joint_names())),
+        },
+    }?;
+    let hooks: &[&str] = match machine {
+        Machine::Snake(_) => &["eps", "tau", "geo", "meas", "enc"],
+        Machine::Joints(_) => &["joint"],
     };
-    if matches!(machine, Machine::Joints(_)) && !JOINT_EFFECTS.contains(&known) {
-        let allowed = JOINT_EFFECTS.map(EffectKind::name).join(", ");
-        return Err(ModelFileError::NotForJoints { line: kind.line, effect: known.name(), allowed });
-    }
     match known {
-        EffectKind::Formula => formula(section),
+        EffectKind::Formula => formula(section, hooks),
         known => named(section, known),
     }
+}
+
+fn joint_names() -> impl Iterator<Item = &'static str> {
+    JointEffect::ALL.into_iter().map(JointEffect::name).chain(["formula"])
 }
 
 fn named(section: &Section, kind: EffectKind) -> Result<FileEffect, ModelFileError> {
@@ -37,14 +52,14 @@ fn named(section: &Section, kind: EffectKind) -> Result<FileEffect, ModelFileErr
     with_origins(section, setting, origins)
 }
 
-fn formula(section: &Section) -> Result<FileEffect, ModelFileError> {
+fn formula(section: &Section, hooks: &[&str]) -> Result<FileEffect, ModelFileError> {
     section.only(&["kind", "name", "hook", "formula", "params"])?;
     let text = |key: &'static str, expected| section.text(key)?.ok_or_else(|| section.missing(key, expected));
     let name = text("name", "a name for the formula")?.value;
-    let hook = text("hook", "eps, tau, geo, meas or enc")?;
+    let hook = text("hook", "eps, tau, geo, meas or enc, or joint for joints")?;
     let expression = text("formula", "an expression")?.value;
     let Some(hook) = Hook::from_word(&hook.value) else {
-        return Err(hook.unknown("hook", ["eps", "tau", "geo", "meas", "enc"]));
+        return Err(hook.unknown("hook", hooks.iter().copied()));
     };
     let (mut parameters, mut origins) = (Vec::new(), Vec::new());
     if let Some(params) = section.section("params")? {

@@ -27,8 +27,8 @@ pub struct StraightLine {
     friction_signs: Vector3<f64>,
     play_signs: Vector3<f64>,
     seat_m: Vector3<f64>,
-    low_m: Vector3<f64>,
-    high_m: Vector3<f64>,
+    middle_m: Vector3<f64>,
+    half_m: Vector3<f64>,
     time_s: f64,
     last: Command,
 }
@@ -62,8 +62,8 @@ impl StraightLine {
             friction_signs: Vector3::zeros(),
             play_signs: Vector3::zeros(),
             seat_m: Vector3::zeros(),
-            low_m: Vector3::repeat(-g * f_s_n * c_c),
-            high_m: Vector3::repeat(g * f_s_n * c_c),
+            middle_m: Vector3::zeros(),
+            half_m: Vector3::repeat(g * f_s_n * c_c),
             time_s: 0.0,
             last: four().compensator().unwrap().step(Vector2::zeros(), &Circumstances::at(0.0)),
         }
@@ -87,11 +87,19 @@ impl StraightLine {
         let moment = (b * sum + slope * (0.5 * b.norm_squared())) * (self.stiffness_nm2 * self.eta);
         let tau_n = self.j.transpose() * moment;
 
-        let weighted = Matrix3x2::from_fn(|i, k| 2.0 * inverse[i].powi(3) * self.j_q[(i, k)]);
-        let mixed = b * slope.transpose();
-        let curvature = self.j_q.transpose() * weighted * (0.5 * b.norm_squared());
-        let hessian =
-            (Matrix2::identity() * sum + mixed + mixed.transpose() + curvature) * (self.stiffness_nm2 * self.eta);
+        let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+        for i in 0..3 {
+            let (cube, x, y) = (inverse[i] * inverse[i] * inverse[i], self.j_q[(i, 0)], self.j_q[(i, 1)]);
+            (xx, xy, yy) = (xx + cube * x * x, xy + cube * x * y, yy + cube * y * y);
+        }
+        let square = b.norm_squared();
+        let mixed = b.x * slope.y + b.y * slope.x + square * xy;
+        let hessian = Matrix2::new(
+            sum + 2.0 * b.x * slope.x + square * xx,
+            mixed,
+            mixed,
+            sum + 2.0 * b.y * slope.y + square * yy,
+        ) * (self.stiffness_nm2 * self.eta);
         let j_tau = self.j.transpose() * hessian;
 
         let (mut q_tilde_m, mut tau_tilde_n, mut alpha) = (q_m, tau_n, j_tau);
@@ -99,21 +107,22 @@ impl StraightLine {
             let (x_high, x_low) = (tau_n[i] + self.f_s_n, tau_n[i] - self.f_s_n);
             let slope_high = if x_high >= 0.0 { self.g } else { 1.0 / self.g };
             let slope_low = if x_low <= 0.0 { self.g } else { 1.0 / self.g };
+            let (load, load_half) = middle_and_half(slope_low * x_low, slope_high * x_high);
+            let (slope, slope_half) = middle_and_half(slope_low, slope_high);
             let seat = q_m[i] + tau_n[i] * self.c_d;
-            let (high, low) = (seat + slope_high * x_high * self.c_c, seat + slope_low * x_low * self.c_c);
+            let (middle, half) = (seat + load * self.c_c, load_half * self.c_c);
 
             let before = self.friction_signs[i];
             let s = (before + 2.0 * (seat - self.seat_m[i]) / self.friction_travel_m).clamp(-1.0, 1.0);
-            let end = |low: f64, high: f64, s: f64| 0.5 * ((high + low) + s * (high - low));
-            let (now, limits) = (end(low, high, s), end(low, high, s) - end(self.low_m[i], self.high_m[i], s));
-            let travelled = limits.abs().copysign(now - end(self.low_m[i], self.high_m[i], before));
+            let (now, limits) = (middle + s * half, middle + s * half - (self.middle_m[i] + s * self.half_m[i]));
+            let travelled = limits.abs().copysign(now - (self.middle_m[i] + before * self.half_m[i]));
             let p = (self.play_signs[i] + 2.0 * travelled / self.play_travel_m).clamp(-1.0, 1.0);
-            (self.seat_m[i], self.low_m[i], self.high_m[i]) = (seat, low, high);
+            (self.seat_m[i], self.middle_m[i], self.half_m[i]) = (seat, middle, half);
             (self.friction_signs[i], self.play_signs[i]) = (s, p);
 
             q_tilde_m[i] = now + self.half_width_m * p;
-            tau_tilde_n[i] = end(slope_low * x_low, slope_high * x_high, s);
-            alpha.row_mut(i).scale_mut(self.c_d + self.c_c * end(slope_low, slope_high, s));
+            tau_tilde_n[i] = load + s * load_half;
+            alpha.row_mut(i).scale_mut(self.c_d + self.c_c * (slope + s * slope_half));
         }
         let gain = Matrix2::identity() + self.j * alpha;
         let j_tilde_rad_per_m = gain.try_inverse().map_or_else(Matrix2x3::zeros, |inverse| inverse * self.j);
@@ -130,6 +139,10 @@ impl StraightLine {
         };
         self.last
     }
+}
+
+fn middle_and_half(low: f64, high: f64) -> (f64, f64) {
+    (0.5 * (high + low), 0.5 * (high - low))
 }
 
 /// A smooth motion with reversals and plane rotations, rad.

@@ -30,6 +30,8 @@ impl Mirrored for RecorderStatus {
             health_estimate: counts(Channel::Health(Process::Estimate)),
             health_slave: counts(Channel::Health(Process::Slave)),
             health_record: counts(Channel::Health(Process::Record)),
+            marker: counts(Channel::Marker),
+            marker_device: counts(Channel::DeviceMarker),
         }
     }
 
@@ -48,6 +50,8 @@ impl Mirrored for RecorderStatus {
             mirror.health_estimate,
             mirror.health_slave,
             mirror.health_record,
+            mirror.marker,
+            mirror.marker_device,
         ];
         let channels = channels.map(|counts| counts_of(counts.unwrap_or_default()));
         Ok(Self { sequence: mirror.sequence, sample_ns: mirror.sample_ns, channels })

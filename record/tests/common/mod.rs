@@ -2,8 +2,8 @@
 #![allow(dead_code, clippy::expect_used, reason = "each test uses its own part; a panic is how a test fails")]
 
 use krait_ipc::message::{
-    Command, Health, HopStamps, ModelUpdate, N_REASONS_MAX, OperatorInput, ReasonRecord, Setpoint, Shape, SlaveState,
-    StateCommand,
+    Command, Health, HopStamps, MARKER_TEXT_MAX, Marker, ModelUpdate, N_REASONS_MAX, OperatorInput, ReasonRecord,
+    Setpoint, Shape, SlaveState, StateCommand,
 };
 use krait_record::{Channel, ChannelCounts, Process, RecorderStatus, Sample};
 use std::ops::Deref;
@@ -33,6 +33,7 @@ number! {
     i64: |w: u64| w as i64, |x: i64| x as u64;
     u32: |w: u64| w as u32, u64::from;
     i16: |w: u64| w as i16, |x: i16| x as u64;
+    u8: |w: u64| w as u8, u64::from;
     f64: f64::from_bits, f64::to_bits;
 }
 
@@ -90,12 +91,14 @@ fields! {
     Health {
         sequence, sample_ns, pid, reserved, n_received, n_sent, n_lost, n_refused, reasons_now, reasons_ever, records
     }
+    Marker { sequence, sample_ns, sender_pid, n_text, text }
     ChannelCounts { n_written, n_dropped, n_lost, n_out_of_order }
     RecorderStatus { sequence, sample_ns, channels }
 }
 
 /// Words that the largest message needs.
-pub const MAX_WORDS: usize = 16 + 3 * N_REASONS_MAX;
+pub const MAX_WORDS: usize = 16 + MARKER_TEXT_MAX;
+const _: () = assert!(MARKER_TEXT_MAX >= 3 * N_REASONS_MAX);
 
 /// The message of a channel that has these words as the bits of its fields, in order.
 pub fn sample_of(channel: Channel, words: &[u64]) -> Sample {
@@ -109,6 +112,8 @@ pub fn sample_of(channel: Channel, words: &[u64]) -> Sample {
         Channel::Shape => Sample::Shape(Words::take(words)),
         Channel::ModelUpdate => Sample::ModelUpdate(Words::take(words)),
         Channel::Health(process) => Sample::Health(process, Box::new(Words::take(words))),
+        Channel::Marker => Sample::Marker(Box::new(Words::take(words))),
+        Channel::DeviceMarker => Sample::DeviceMarker(Box::new(Words::take(words))),
         Channel::Recorder => Sample::Recorder(Box::new(Words::take(words))),
     }
 }
@@ -125,6 +130,7 @@ pub fn words_of(sample: &Sample) -> Vec<u64> {
         Sample::Shape(message) => message.put(&mut words),
         Sample::ModelUpdate(message) => message.put(&mut words),
         Sample::Health(_, message) => message.put(&mut words),
+        Sample::Marker(message) | Sample::DeviceMarker(message) => message.put(&mut words),
         Sample::Recorder(status) => status.put(&mut words),
     }
     words
@@ -167,6 +173,9 @@ pub fn plausible(channel: Channel, sequence: u64, sample_ns: i64) -> Sample {
         }
         Sample::Health(_, health) => {
             **health = Health { sequence, sample_ns, pid: 4711, n_received: sequence * 400, ..Health::default() };
+        }
+        Sample::Marker(marker) | Sample::DeviceMarker(marker) => {
+            **marker = Marker::new(sequence, sample_ns, &format!("mark {sequence}")).expect("a text");
         }
         Sample::Recorder(status) => **status = RecorderStatus { sequence, sample_ns, ..RecorderStatus::default() },
     }

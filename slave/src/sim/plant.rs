@@ -3,29 +3,33 @@
 //! Problem: for positions p_i behind the play, find z = (r b_x, r b_y, u), m, that minimises
 //!
 //! ```text
-//! Φ(z) = U(b) + (EA / 2L) u²  +  Σ_i ∫ -τ_i(y) dy  -  F · x_tip(b)
-//! U(b) = η (E I |b|² / 2) (1/L + Σ_i 1/(L + q_i)),   q_i = m_i · z,   m_i = (-cos γ_i, sin γ_i),   γ_i = (i - 1) 120°
-//! y_i  = q_i + u
+//! Φ(z) = U(b) + (EA / 2L) u²  +  Σ_i ∫ -τ_i(y) dy
+//! y_i  = n_i · z + u,   n_i = m_i = (-cos γ_i, sin γ_i),   γ_i = (i - 1) 120°, unless holes are displaced or lines coupled
 //! ```
 //!
-//! where: U is the bending energy of the primary backbone and of the three secondary ones, each bent by b over its own
-//! length; u is how far the primary backbone is stretched by the sum of the lines' loads (the internal preload, which never
-//! bends the snake); τ_i(y) is the load of a line whose end is at y, with everything that the line remembers (see `line`);
-//! F is a force on the tip. η scales the elastic load beyond that of Table I.
+//! where: U is the bending energy of the backbones and the work of forces on the tip (see `bending`); u is how far the primary
+//! backbone is stretched by the sum of the lines' loads (the internal preload, which never bends the snake); τ_i(y) is the
+//! load of a line whose end is at y, with everything that the line and its end remember (see `line` and `ends`).
 //!
 //! Intuition: each term is convex (|b|² over a positive affine function is; each τ_i falls with y), so there is exactly
 //! one equilibrium and Newton's method with a broken-line tangent finds it in a few steps. The path from one command to
 //! the next is walked in steps of at most [`MAX_STEP_M`]; after each the lines' memory is brought up to date.
 //!
 //! Failure cases: a tip force makes Φ slightly less convex and its curvature is left out of the tangent, which costs
-//! iterations, not accuracy. If [`MAX_ITERATIONS`] do not suffice the last iterate is kept and counted.
+//! iterations, not accuracy; so do strong detents. If [`MAX_ITERATIONS`] do not suffice the last iterate is kept and counted.
 
+use super::bending::Bending;
+use super::ends::Ends;
 use super::line::{Compliance, Line, Load, Memory};
 use super::truth::Truth;
 use core::f64::consts::{FRAC_PI_3, PI};
 
 /// Longest step along a path: a quarter of the smallest play worth simulating; finer steps change nothing measurable.
 const MAX_STEP_M: f64 = 25e-6;
+/// Longest step in time where something depends on it.
+const MAX_STEP_S: f64 = 5e-3;
+/// Steps in time at most for one motion: a wait of hours need not be walked in milliseconds.
+const MAX_TIME_STEPS: f64 = 400.0;
 /// Newton's iterations in one step; 3 to 5 are usual.
 const MAX_ITERATIONS: usize = 40;
 /// Halvings of one Newton step.
@@ -38,19 +42,19 @@ type Vec3 = [f64; 3];
 /// The mechanical state and its constants.
 #[derive(Clone, Debug)]
 pub(crate) struct Plant {
-    line: Line,
-    /// L, m.
-    length_m: f64,
+    lines: [Line; 3],
+    ends: Ends,
+    bending: Bending,
     /// r, m.
     radius_m: f64,
-    /// η E I / r², N m: energy of bending in terms of z.
-    bend_modulus_n_m: f64,
     /// EA / L, N/m.
     axial_n_per_m: f64,
-    /// F in the base frame, N.
-    tip_force_in_base_n: [f64; 2],
-    /// m_i.
+    /// n_i.
     directions: [[f64; 2]; 3],
+    /// g without disks.
+    capstan: f64,
+    /// Friction at the disks, 1/rad of bend.
+    disk_mu: f64,
     q_tilde_m: Vec3,
     memory: [Memory; 3],
     z_m: Vec3,
@@ -61,54 +65,52 @@ impl Plant {
     /// The straight, unloaded snake.
     pub(crate) fn new(truth: &Truth) -> Self {
         let m = &truth.machine;
-        let area_m2 = PI / 4.0 * (m.d_outer_m.powi(2) - m.d_inner_m.powi(2));
-        let inertia_m4 = PI / 64.0 * (m.d_outer_m.powi(4) - m.d_inner_m.powi(4));
-        let axial_n = m.e_pa * area_m2;
-        let asymmetry = truth.effects.asymmetry;
-        let compliance = |length_m: f64| Compliance {
-            pushed_m_per_n: length_m / axial_n * (1.0 - asymmetry),
-            pulled_m_per_n: length_m / axial_n * (1.0 + asymmetry),
-        };
+        let axial_n = m.e_pa * PI / 4.0 * (m.d_outer_m.powi(2) - m.d_inner_m.powi(2));
+        let holes = core::array::from_fn(|i| {
+            let (sin, cos) = (2.0 * FRAC_PI_3 * i as f64 + truth.lines.angle_rad[i]).sin_cos();
+            [-cos, sin].map(|x: f64| x * (1.0 + truth.lines.radius[i]))
+        });
         let mut plant = Self {
-            line: Line {
-                half_play_m: truth.effects.play_m / 2.0,
-                holder: compliance(m.l_d_m),
-                cone: compliance(m.l_c_m),
-                capstan: (2.0 * truth.effects.mu * m.phi_rad).exp(),
-                static_friction_n: truth.effects.f_s_n,
-            },
-            length_m: m.l_m,
+            lines: core::array::from_fn(|i| line(truth, axial_n, i)),
+            ends: Ends::new(&truth.lines, &truth.slow, (m.l_d_m + m.l_c_m) / axial_n),
+            bending: Bending::new(truth, holes),
             radius_m: m.r_m,
-            bend_modulus_n_m: truth.effects.load_scale * m.e_pa * inertia_m4 / m.r_m.powi(2),
             axial_n_per_m: axial_n / m.l_m,
-            tip_force_in_base_n: truth.effects.tip_force_in_base_n,
-            directions: core::array::from_fn(|i| {
-                let (sin, cos) = (2.0 * FRAC_PI_3 * i as f64).sin_cos();
-                [-cos, sin]
-            }),
+            directions: coupled(holes, &truth.lines.coupling),
+            capstan: (2.0 * truth.effects.mu * m.phi_rad).exp(),
+            disk_mu: truth.lines.disk_mu,
             q_tilde_m: [0.0; 3],
             memory: [Memory::default(); 3],
             z_m: [0.0; 3],
             n_unsolved: 0,
         };
-        plant.settle();
+        plant.settle(0.0);
         plant
     }
 
-    /// Moves the actuators in a straight line to a finite place.
+    /// Moves the actuators in a straight line to a finite place, within a time.
     ///
     /// # Real-time
-    /// No allocation. At most |change| / [`MAX_STEP_M`] equilibria of at most [`MAX_ITERATIONS`] iterations each.
-    pub(crate) fn move_to(&mut self, target_m: Vec3) {
+    /// No allocation. At most |change| / [`MAX_STEP_M`] equilibria of at most [`MAX_ITERATIONS`] iterations each, or
+    /// [`MAX_TIME_STEPS`] where something depends on time.
+    pub(crate) fn move_to(&mut self, target_m: Vec3, elapsed_s: f64) {
         let start = self.q_tilde_m;
         let farthest = (0..3).map(|i| (target_m[i] - start[i]).abs()).fold(0.0, f64::max);
-        let n_steps = (farthest / MAX_STEP_M).ceil().max(1.0);
+        let mut n_steps = (farthest / MAX_STEP_M).ceil().max(1.0);
+        if self.depends_on_time() {
+            n_steps = n_steps.max((elapsed_s / MAX_STEP_S).ceil().min(MAX_TIME_STEPS));
+        }
         for k in 1..=n_steps as u32 {
             // The last step lands on the target itself, not beside it by a rounding error.
             let part = f64::from(k) / n_steps;
             self.q_tilde_m = core::array::from_fn(|i| start[i] * (1.0 - part) + target_m[i] * part);
-            self.settle();
+            self.settle(elapsed_s / n_steps);
         }
+    }
+
+    /// Whether anything changes while the actuators stand still.
+    pub(crate) fn depends_on_time(&self) -> bool {
+        self.ends.depend_on_time()
     }
 
     /// The true bend vector, rad.
@@ -123,7 +125,7 @@ impl Plant {
 
     /// τ~: what the lines push the actuators back with, N.
     pub(crate) fn actuator_loads_n(&self) -> Vec3 {
-        self.loads(&self.z_m).map(|load| load.actuator_n)
+        core::array::from_fn(|i| self.line_load(&self.z_m, i).actuator_n)
     }
 
     /// Equilibria that did not converge within the iterations allowed.
@@ -132,17 +134,27 @@ impl Plant {
     }
 
     /// Finds the equilibrium for the present actuator positions and brings the memory up to date.
-    fn settle(&mut self) {
-        for (memory, q_tilde_m) in self.memory.iter_mut().zip(self.q_tilde_m) {
-            memory.play_m = self.line.play(memory.play_m, q_tilde_m);
+    fn settle(&mut self, step_s: f64) {
+        self.ends.begin(step_s);
+        if self.disk_mu > 0.0 {
+            let [x, y] = self.bend_rad();
+            let capstan = self.capstan * (self.disk_mu * x.hypot(y)).exp();
+            self.lines.iter_mut().for_each(|line| line.capstan = capstan);
+        }
+        for i in 0..3 {
+            self.memory[i].play_m = self.lines[i].play(self.memory[i].play_m, self.q_tilde_m[i]);
         }
         if !self.solve() {
             self.n_unsolved += 1;
         }
-        let loads = self.loads(&self.z_m);
-        for (memory, load) in self.memory.iter_mut().zip(loads) {
-            memory.slip_m = load.slip_m;
+        let mut sum_of_loads = 0.0;
+        for i in 0..3 {
+            let load = self.line_load(&self.z_m, i);
+            self.memory[i].slip_m = load.slip_m;
+            self.ends.end(i, self.end_m(&self.z_m, i), load.disk_n);
+            sum_of_loads += load.disk_n.abs();
         }
+        self.bending.end([self.z_m[0], self.z_m[1]], sum_of_loads);
     }
 
     /// Newton's method on ∇Φ = 0; says whether it converged.
@@ -175,97 +187,83 @@ impl Plant {
         core::array::from_fn(|k| self.z_m[k] + part * step[k])
     }
 
-    fn loads(&self, z: &Vec3) -> [Load; 3] {
-        core::array::from_fn(|i| self.line.load(self.memory[i], self.joint_m(z, i) + z[2]))
+    /// What pushes each end of a line at the disk: force, N, and its fall with the position, N/m.
+    fn loads(&self, z: &Vec3) -> [(f64, f64); 3] {
+        core::array::from_fn(|i| {
+            let load = self.line_load(z, i);
+            let (resistance_n, slope) = self.ends.resistance(i, self.end_m(z, i));
+            (load.disk_n - resistance_n, load.stiffness_n_per_m + slope)
+        })
     }
 
-    /// q_i, m.
-    fn joint_m(&self, z: &Vec3, i: usize) -> f64 {
-        self.directions[i][0] * z[0] + self.directions[i][1] * z[1]
+    fn line_load(&self, z: &Vec3, i: usize) -> Load {
+        self.lines[i].load(self.memory[i], self.end_m(z, i) + self.ends.stretch_m(i))
+    }
+
+    /// y_i, m.
+    fn end_m(&self, z: &Vec3, i: usize) -> f64 {
+        self.directions[i][0] * z[0] + self.directions[i][1] * z[1] + z[2]
     }
 
     /// ∇Φ, N.
-    fn gradient(&self, z: &Vec3, loads: &[Load; 3]) -> Vec3 {
-        let bending = self.bending(z);
-        let tip = self.tip_force_gradient(z);
-        let square = z[0] * z[0] + z[1] * z[1];
-        let mut gradient = [0.0, 0.0, self.axial_n_per_m * z[2]];
-        for k in 0..2 {
-            gradient[k] =
-                self.bend_modulus_n_m * (z[k] * bending.sum + 0.5 * square * bending.sum_gradient[k]) + tip[k];
-        }
-        for (load, direction) in loads.iter().zip(self.directions) {
-            gradient[0] -= load.disk_n * direction[0];
-            gradient[1] -= load.disk_n * direction[1];
-            gradient[2] -= load.disk_n;
+    fn gradient(&self, z: &Vec3, loads: &[(f64, f64); 3]) -> Vec3 {
+        let [x, y] = self.bending.gradient([z[0], z[1]], self.ends.stiffness());
+        let mut gradient = [x, y, self.axial_n_per_m * z[2]];
+        for ((force, _), direction) in loads.iter().zip(self.directions) {
+            gradient[0] -= force * direction[0];
+            gradient[1] -= force * direction[1];
+            gradient[2] -= force;
         }
         gradient
     }
 
-    /// ∇²Φ without the tip force, N/m.
-    fn hessian(&self, z: &Vec3, loads: &[Load; 3]) -> [Vec3; 3] {
-        let bending = self.bending(z);
-        let square = z[0] * z[0] + z[1] * z[1];
-        let mut hessian = [[0.0; 3]; 3];
+    /// ∇²Φ, N/m, without what `bending` leaves out.
+    fn hessian(&self, z: &Vec3, loads: &[(f64, f64); 3]) -> [Vec3; 3] {
+        let bending = self.bending.hessian([z[0], z[1]], self.ends.stiffness());
+        let mut hessian = [[bending[0][0], bending[0][1], 0.0], [bending[1][0], bending[1][1], 0.0], [0.0; 3]];
         hessian[2][2] = self.axial_n_per_m;
-        for k in 0..2 {
-            for l in 0..2 {
-                let identity = if k == l { bending.sum } else { 0.0 };
-                hessian[k][l] = self.bend_modulus_n_m
-                    * (identity
-                        + z[k] * bending.sum_gradient[l]
-                        + z[l] * bending.sum_gradient[k]
-                        + 0.5 * square * bending.sum_hessian[k][l]);
-            }
-        }
-        for (load, direction) in loads.iter().zip(self.directions) {
+        for ((_, stiffness), direction) in loads.iter().zip(self.directions) {
             let n = [direction[0], direction[1], 1.0];
             for k in 0..3 {
                 for l in 0..3 {
-                    hessian[k][l] += load.stiffness_n_per_m * n[k] * n[l];
+                    hessian[k][l] += stiffness * n[k] * n[l];
                 }
             }
         }
         hessian
     }
+}
 
-    /// S = 1/L + Σ 1/(L + q_i) and its derivatives with respect to (r b_x, r b_y).
-    fn bending(&self, z: &Vec3) -> LengthSum {
-        let mut s = LengthSum { sum: 1.0 / self.length_m, sum_gradient: [0.0; 2], sum_hessian: [[0.0; 2]; 2] };
-        for (i, direction) in self.directions.iter().enumerate() {
-            let inverse = 1.0 / (self.length_m + self.joint_m(z, i));
-            s.sum += inverse;
-            for k in 0..2 {
-                s.sum_gradient[k] -= direction[k] * inverse * inverse;
-                for l in 0..2 {
-                    s.sum_hessian[k][l] += 2.0 * direction[k] * direction[l] * inverse.powi(3);
-                }
-            }
-        }
-        s
+/// The constants of line i. Where disks rub, all friction acts there, at the end of the line's last piece.
+fn line(truth: &Truth, axial_n: f64, i: usize) -> Line {
+    let (m, lines) = (&truth.machine, &truth.lines);
+    let asymmetry = truth.effects.asymmetry;
+    let soft = 1.0 + lines.softness[i];
+    let (mut holder_m, mut cone_m) = (m.l_d_m, m.l_c_m);
+    if lines.disk_mu > 0.0 {
+        let behind_m = m.l_m.min(0.5 * holder_m);
+        (holder_m, cone_m) = (behind_m, cone_m + holder_m - behind_m);
     }
-
-    /// -∂(F · x_tip)/∂z, N, with the tip of a circular arc at x_tip = L f(|b|) (b_x, -b_y), f(b) = (1 - cos b) / b².
-    fn tip_force_gradient(&self, z: &Vec3) -> [f64; 2] {
-        let force = [self.tip_force_in_base_n[0], -self.tip_force_in_base_n[1]];
-        let bend = [z[0] / self.radius_m, z[1] / self.radius_m];
-        let square = bend[0] * bend[0] + bend[1] * bend[1];
-        // f and f'(b)/b; both quotients lose their digits near the straight pose, where their series are exact.
-        let (f, slope) = if square < 1e-2 {
-            (0.5 - square / 24.0 + square * square / 720.0, -1.0 / 12.0 + square / 180.0 - square * square / 6720.0)
-        } else {
-            let b = square.sqrt();
-            ((1.0 - b.cos()) / square, (b * b.sin() - 2.0 * (1.0 - b.cos())) / (square * square))
-        };
-        let along = bend[0] * force[0] + bend[1] * force[1];
-        core::array::from_fn(|k| -self.length_m / self.radius_m * (f * force[k] + along * slope * bend[k]))
+    let compliance = |length_m: f64, actuator_m_per_n: f64| Compliance {
+        pushed_m_per_n: length_m / axial_n * (1.0 - asymmetry) * soft + actuator_m_per_n,
+        pulled_m_per_n: length_m / axial_n * (1.0 + asymmetry) * soft + actuator_m_per_n,
+    };
+    Line {
+        half_play_m: truth.effects.play_m / 2.0,
+        holder: compliance(holder_m, 0.0),
+        cone: compliance(cone_m, lines.actuator_m_per_n),
+        capstan: (2.0 * truth.effects.mu * m.phi_rad).exp(),
+        static_friction_n: truth.effects.f_s_n,
     }
 }
 
-struct LengthSum {
-    sum: f64,
-    sum_gradient: [f64; 2],
-    sum_hessian: [[f64; 2]; 2],
+/// Line i's end moves with a part of what line j moves.
+fn coupled(holes: [[f64; 2]; 3], coupling: &[f64; 6]) -> [[f64; 2]; 3] {
+    let [k12, k13, k21, k23, k31, k32] = *coupling;
+    let by_line = [[0.0, k12, k13], [k21, 0.0, k23], [k31, k32, 0.0]];
+    core::array::from_fn(|i| {
+        core::array::from_fn(|k| holes[i][k] + (0..3).map(|j| by_line[i][j] * holes[j][k]).sum::<f64>())
+    })
 }
 
 fn dot(a: &Vec3, b: &Vec3) -> f64 {

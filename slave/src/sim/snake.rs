@@ -1,18 +1,26 @@
 //! The simulated snake as a drive: plant, encoders, line loads and camera behind the trait that hardware implements.
 
 use super::camera::Camera;
+use super::encoders::Encoders;
 use super::noise::Noise;
 use super::plant::Plant;
+use super::sight::Sight;
 use super::truth::Truth;
 use crate::drive::{Drive, DriveError, DriveReading, Homing, ShapeReading};
 
 /// Longest time that one step of the search for zero accounts for: a search that was not continued does not jump.
 const MAX_HOME_STEP_NS: i64 = 5_000_000;
 
+/// While commands come faster than this, the time between them belongs to their motions; slower, and a snake that is looked
+/// at waits.
+const WAIT_NS: i64 = 5_000_000;
+
 /// A snake that exists only in numbers. It starts straight, unloaded, without power.
 #[derive(Clone, Debug)]
 pub struct SimulatedSnake {
     plant: Plant,
+    sight: Sight,
+    encoders: Encoders,
     camera: Camera,
     encoder_noise: Noise,
     encoder_resolution_m: f64,
@@ -21,6 +29,11 @@ pub struct SimulatedSnake {
     home_speed_m_per_s: f64,
     powered: bool,
     stamp_ns: i64,
+    /// When the plant was last stepped.
+    moved_ns: i64,
+    /// Where the actuators were told to go: a drive returns when it has been told, and the snake is moved when it is next
+    /// looked at, so that solving its equilibrium is no part of a command's latency.
+    target_m: Option<[f64; 3]>,
 }
 
 impl SimulatedSnake {
@@ -28,7 +41,9 @@ impl SimulatedSnake {
     pub fn new(truth: &Truth) -> Self {
         Self {
             plant: Plant::new(truth),
-            camera: Camera::new(&truth.camera),
+            sight: Sight::new(&truth.sight),
+            encoders: Encoders::new(&truth.encoders),
+            camera: Camera::new(&truth.camera, truth.sight.clock_error_s),
             encoder_noise: Noise::new(truth.camera.seed, 2),
             encoder_resolution_m: truth.drive.encoder_resolution_m,
             encoder_noise_m: truth.drive.encoder_noise_m,
@@ -36,27 +51,60 @@ impl SimulatedSnake {
             home_speed_m_per_s: truth.drive.home_speed_m_per_s,
             powered: false,
             stamp_ns: i64::MIN,
+            moved_ns: i64::MIN,
+            target_m: None,
         }
     }
 
     /// The true bend vector, rad: what no sensor tells exactly.
     pub fn bend_rad(&self) -> [f64; 2] {
-        self.plant.bend_rad()
+        self.settled(|snake| snake.plant.bend_rad())
+    }
+
+    /// What a camera without noise would stamp with this instant, rad, the snake standing there as it does now.
+    ///
+    /// Instants must not fall.
+    pub fn seen_rad(&mut self, stamp_ns: i64) -> [f64; 2] {
+        self.settle();
+        let seen_rad = self.sight.seen_rad(stamp_ns, self.plant.bend_rad());
+        self.camera.look(stamp_ns, seen_rad)
+    }
+
+    /// What the encoders would read without noise and steps, m.
+    pub fn reading_m(&self) -> [f64; 3] {
+        self.settled(|snake| snake.encoders.reading_m(snake.plant.q_tilde_m()))
     }
 
     /// The true actuator positions q~, m.
     pub fn q_tilde_m(&self) -> [f64; 3] {
-        self.plant.q_tilde_m()
+        self.settled(|snake| snake.plant.q_tilde_m())
     }
 
     /// The true line loads at the actuators, N, push positive.
     pub fn actuator_loads_n(&self) -> [f64; 3] {
-        self.plant.actuator_loads_n()
+        self.settled(|snake| snake.plant.actuator_loads_n())
     }
 
     /// Equilibria that did not converge; 0 unless the truth is extreme.
     pub fn n_unsolved(&self) -> u64 {
-        self.plant.n_unsolved()
+        self.settled(|snake| snake.plant.n_unsolved())
+    }
+
+    /// A value of the snake where the actuators were told to go.
+    fn settled<T>(&self, value: impl Fn(&Self) -> T) -> T {
+        if self.target_m.is_none() {
+            return value(self);
+        }
+        let mut snake = self.clone();
+        snake.settle();
+        value(&snake)
+    }
+
+    /// Moves the snake where the actuators were told to go.
+    fn settle(&mut self) {
+        if let Some(place_m) = self.target_m.take() {
+            self.move_to(place_m);
+        }
     }
 
     fn check(&self, q_tilde_m: [f64; 3]) -> Result<(), DriveError> {
@@ -85,9 +133,29 @@ impl SimulatedSnake {
 
     /// The camera sees the snake as it stood until now.
     fn observe(&mut self, stamp_ns: i64) {
+        self.settle();
         self.stamp_ns = self.stamp_ns.max(stamp_ns);
-        let q_tilde_m = self.plant.q_tilde_m().map(|q| self.quantised(q));
-        self.camera.observe(self.stamp_ns, self.plant.bend_rad(), q_tilde_m);
+        let q_tilde_m = self.reading_m().map(|q| self.quantised(q));
+        let seen_rad = self.sight.seen_rad(self.stamp_ns, self.plant.bend_rad());
+        self.camera.observe(self.stamp_ns, seen_rad, q_tilde_m);
+    }
+
+    /// Lets time pass where nobody commands.
+    fn wait(&mut self, stamp_ns: i64) {
+        self.settle();
+        let idle_ns = stamp_ns.saturating_sub(self.moved_ns);
+        if self.moved_ns != i64::MIN && idle_ns >= WAIT_NS && self.plant.depends_on_time() {
+            self.stamp_ns = self.stamp_ns.max(stamp_ns);
+            self.move_to(self.plant.q_tilde_m());
+        }
+    }
+
+    /// Moves the actuators from where they were at the last motion to a place now.
+    fn move_to(&mut self, place_m: [f64; 3]) {
+        let elapsed_ns = if self.moved_ns == i64::MIN { 0 } else { self.stamp_ns - self.moved_ns };
+        self.moved_ns = self.stamp_ns;
+        self.plant.move_to(place_m, elapsed_ns as f64 * 1e-9);
+        self.sight.follow(self.plant.bend_rad());
     }
 }
 
@@ -95,12 +163,13 @@ impl Drive for SimulatedSnake {
     fn write(&mut self, stamp_ns: i64, q_tilde_m: [f64; 3]) -> Result<(), DriveError> {
         self.check(q_tilde_m)?;
         self.observe(stamp_ns);
-        self.plant.move_to(q_tilde_m);
+        self.target_m = Some(self.encoders.place_m(q_tilde_m));
         Ok(())
     }
 
     fn read(&mut self, _stamp_ns: i64) -> Result<DriveReading, DriveError> {
-        let mut q_tilde_m = self.plant.q_tilde_m();
+        self.settle();
+        let mut q_tilde_m = self.reading_m();
         if self.encoder_noise_m > 0.0 {
             let ([a, b], [c, _]) = (self.encoder_noise.pair(), self.encoder_noise.pair());
             for (q, noise) in q_tilde_m.iter_mut().zip([a, b, c]) {
@@ -111,18 +180,19 @@ impl Drive for SimulatedSnake {
     }
 
     fn home(&mut self, stamp_ns: i64) -> Result<Homing, DriveError> {
-        let from = self.plant.q_tilde_m();
+        self.settle();
+        let from = self.reading_m();
         self.check(from)?;
         let elapsed_ns = stamp_ns.saturating_sub(self.stamp_ns).clamp(0, MAX_HOME_STEP_NS);
         self.observe(stamp_ns);
         let farthest_m = from.iter().fold(0.0_f64, |m, q| m.max(q.abs()));
         let step_m = self.home_speed_m_per_s * elapsed_ns as f64 * 1e-9;
         if farthest_m <= step_m {
-            self.plant.move_to([0.0; 3]);
+            self.move_to(self.encoders.place_m([0.0; 3]));
             return Ok(Homing::Done);
         }
         // One factor for all three: the snake straightens in its plane.
-        self.plant.move_to(from.map(|q| q * (1.0 - step_m / farthest_m)));
+        self.move_to(self.encoders.place_m(from.map(|q| q * (1.0 - step_m / farthest_m))));
         Ok(Homing::Busy)
     }
 
@@ -132,6 +202,7 @@ impl Drive for SimulatedSnake {
     }
 
     fn shape(&mut self, stamp_ns: i64) -> Option<ShapeReading> {
+        self.wait(stamp_ns);
         self.observe(stamp_ns);
         self.camera.take(stamp_ns)
     }

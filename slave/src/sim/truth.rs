@@ -1,5 +1,6 @@
 //! The truth file: what the simulated snake really is, including effects that the model may lack.
 
+use super::hidden::{BendingTruth, EncodersTruth, LinesTruth, Range, SightTruth, SlowTruth};
 use super::truth_error::{self, TruthError};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -10,8 +11,18 @@ use std::path::Path;
 pub struct Truth {
     /// Dimensions and material.
     pub machine: MachineTruth,
-    /// What makes it leave the ideal.
+    /// What makes it leave the ideal: friction, play, loads.
     pub effects: EffectsTruth,
+    /// What else its lines do; nothing by default.
+    pub lines: LinesTruth,
+    /// What else the bent snake does; nothing by default.
+    pub bending: BendingTruth,
+    /// What encoders read of the actuators; just that by default.
+    pub encoders: EncodersTruth,
+    /// What a camera sees of the arc; just that by default.
+    pub sight: SightTruth,
+    /// What changes with time; nothing by default.
+    pub slow: SlowTruth,
     /// Actuators and encoders.
     pub drive: DriveTruth,
     /// The camera that measures its shape.
@@ -184,9 +195,9 @@ impl Truth {
         Ok(())
     }
 
-    fn ranges(&self) -> [(&'static str, f64, f64, f64); 23] {
+    fn ranges(&self) -> Vec<Range> {
         let (m, e, d, c) = (&self.machine, &self.effects, &self.drive, &self.camera);
-        [
+        let mut ranges = vec![
             ("machine.l_m", m.l_m, 5e-3, 0.2),
             // The lines inside a bend must keep a length at every bend that the travel of the actuators allows.
             ("machine.r_m", m.r_m, 5e-4, 5e-3_f64.min(m.l_m / 8.0)),
@@ -212,7 +223,13 @@ impl Truth {
             ("camera.latency_s", c.latency_s, 0.0, 0.2),
             ("camera.noise_rad", c.noise_rad, 0.0, 0.2),
             ("camera.plane_offset_rad", c.plane_offset_rad, -3.2, 3.2),
-        ]
+        ];
+        ranges.extend(self.lines.ranges());
+        ranges.extend(self.bending.ranges());
+        ranges.extend(self.encoders.ranges());
+        ranges.extend(self.sight.ranges());
+        ranges.extend(self.slow.ranges());
+        ranges
     }
 }
 
@@ -255,6 +272,11 @@ mod tests {
             ("[camera]\nrate_hz = inf", "camera.rate_hz"),
             ("[machine]\nd_inner_m = 0.00066", "machine.d_inner_m"),
             ("[effects]\ntip_force_in_base_n = [0.0, -7.0]", "effects.tip_force_in_base_n"),
+            ("[lines]\ncreep_part = 0.7", "lines.creep_part"),
+            ("[bending]\nsoft_strain = 0.0", "bending.soft_strain"),
+            ("[encoders]\nzero_m = [0.0, nan, 0.0]", "encoders.zero_m"),
+            ("[sight]\nclock_error_s = -0.1", "sight.clock_error_s"),
+            ("[slow]\ntime_s = 0.0", "slow.time_s"),
         ] {
             let sentence = Truth::parse(text, "t.toml").unwrap_err().to_string();
             assert!(sentence.contains("t.toml") && sentence.contains(key) && sentence.contains(" to "), "{sentence}");

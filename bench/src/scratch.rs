@@ -1,0 +1,51 @@
+//! Files of one measurement that go with it, however it ends: a folder, and everything in /dev/shm under its name.
+
+use crate::BenchError;
+use core::sync::atomic::{AtomicU32, Ordering};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Where shared memory is.
+const SHARED_MEMORY: &str = "/dev/shm";
+
+/// A folder, and a prefix for files in /dev/shm; both are removed when it is dropped.
+#[derive(Debug)]
+pub struct Scratch {
+    folder: PathBuf,
+    prefix: String,
+}
+
+impl Scratch {
+    /// A new, empty folder under a name that nobody else has.
+    ///
+    /// # Errors
+    /// [`BenchError::File`].
+    pub fn new() -> Result<Self, BenchError> {
+        static N_MADE: AtomicU32 = AtomicU32::new(0);
+        let prefix = format!("krait-bench-{}-{}.", std::process::id(), N_MADE.fetch_add(1, Ordering::Relaxed));
+        let folder = std::env::temp_dir().join(prefix.trim_end_matches('.'));
+        fs::create_dir_all(&folder).map_err(BenchError::file("made", &folder))?;
+        Ok(Self { folder, prefix })
+    }
+
+    /// The folder.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// How the names of this measurement's files in /dev/shm begin.
+    pub fn prefix(&self) -> &str {
+        &self.prefix
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        for entry in fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten() {
+            if entry.file_name().to_string_lossy().starts_with(&self.prefix) {
+                let _kept_if_it_cannot_be_removed = fs::remove_file(entry.path());
+            }
+        }
+        let _kept_if_it_cannot_be_removed = fs::remove_dir_all(&self.folder);
+    }
+}

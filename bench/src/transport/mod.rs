@@ -1,0 +1,62 @@
+//! The ways to pass a message from one process to the next, each behind [`Inlet`] and [`Outlet`].
+
+mod fd;
+mod futex;
+mod iox;
+mod semaphore_service;
+
+use crate::relay::{Inlet, Outlet};
+use crate::{BenchError, Kind, Plan};
+use core::time::Duration;
+use std::path::Path;
+use std::process::Stdio;
+
+pub(crate) use fd::Pipework;
+
+/// A relay that hears nothing for this long ends: its source has ended, or died.
+pub(crate) const PATIENCE: Duration = Duration::from_secs(1);
+
+/// Where one relay meets the others.
+pub(crate) struct Place<'a> {
+    /// What it passes messages over.
+    pub kind: Kind,
+    /// Rate, size, way to wait.
+    pub plan: &'a Plan,
+    /// Folder of the round.
+    pub folder: &'a Path,
+    /// How the round's files in /dev/shm begin.
+    pub prefix: &'a str,
+}
+
+/// The way in from the hop before; `hop` counts from 0.
+pub(crate) fn inlet(place: &Place, hop: usize) -> Result<Box<dyn Inlet>, BenchError> {
+    match place.kind {
+        Kind::FloorFutex => Ok(Box::new(futex::Ring::open(place, hop)?)),
+        Kind::UnixDatagram | Kind::Pipe => Ok(Box::new(fd::Fd::inlet(place)?)),
+        _ => iox::inlet(place, hop),
+    }
+}
+
+/// The way out to the next hop.
+pub(crate) fn outlet(place: &Place, hop: usize) -> Result<Box<dyn Outlet>, BenchError> {
+    match place.kind {
+        Kind::FloorFutex => Ok(Box::new(futex::Ring::open(place, hop)?)),
+        Kind::UnixDatagram | Kind::Pipe => Ok(Box::new(fd::Fd::outlet(place)?)),
+        _ => iox::outlet(place, hop),
+    }
+}
+
+/// Standard input and output for the process between hop `idx - 1` and hop `idx`, where messages travel over those.
+pub(crate) fn standard_streams(pipework: &mut Option<Pipework>, idx: usize) -> (Stdio, Stdio) {
+    pipework.as_mut().map_or_else(|| (Stdio::null(), Stdio::null()), |pipework| pipework.streams_of(idx))
+}
+
+/// Why there is no relay over Cyclone DDS.
+pub(crate) fn cyclonedds_missing() -> Option<&'static str> {
+    Some("this build of krait has no relay over it")
+}
+
+/// Why there is no relay over Zenoh.
+pub(crate) fn zenoh_missing() -> Option<&'static str> {
+    Some("this build of krait has no relay over it")
+}

@@ -1,0 +1,213 @@
+//! The bridge's processes in a replay: the same steps as ever, but what they depend on besides their input is told by cues.
+//!
+//! A live stage reads the clock and takes the newest state. A replay cannot leave either to chance: the clock would judge
+//! recorded samples to be stale, and which state is the newest depends on who is scheduled first. So a cue says both, and
+//! the stage waits for what it names. Nothing here may ever drive hardware: a stage without a clock cannot notice that its
+//! samples are late, and only the simulated snake in recorded time listens to it.
+
+use crate::config::EstimateConfig;
+use crate::estimate::EstimateCore;
+use crate::stage::{BridgeError, Stage};
+use core::sync::atomic::{AtomicBool, Ordering};
+use core::time::Duration;
+use krait_ipc::message::{Cue, Message, ModelUpdate, Shape, SlaveState};
+use krait_ipc::{Bus, HealthReporter, IpcError, ReadCounts, ReadOptions, Reader, Writer, clock};
+use krait_model::MachineParameters;
+
+/// How long a stage sleeps at most before it looks whether it shall stop.
+const PATIENCE: Duration = Duration::from_millis(20);
+
+/// What a cue says to one stage.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Moment {
+    /// What counts as now, ns; 0: the sample is left out.
+    pub begun_ns: i64,
+    /// What counts as the instant of publishing, ns.
+    pub sent_ns: i64,
+    /// The newest slave state to know; 0: none.
+    pub state_sequence: u64,
+    /// The newest model update to know; 0: none.
+    pub update_sequence: u64,
+}
+
+/// A stage that can be told by cues what its steps depend on.
+pub(crate) trait CuedStage: Stage {
+    /// The operator input that a sample rests on, by which its cue is found.
+    fn input_sequence(input: &Self::In) -> u64;
+    /// What a cue says to this stage.
+    fn moment(cue: &Cue) -> Moment;
+    /// Takes note of the states and updates up to those named, as far as they are there. Returns whether all are.
+    fn glance_until(&mut self, moment: &Moment) -> Result<bool, BridgeError>;
+    /// Sleeps until there may be more to take note of.
+    fn wait(&mut self, moment: &Moment) -> Result<(), IpcError>;
+}
+
+/// Runs a stage by its cues until it is told to stop: every sample in order, as fast as samples and states come.
+pub(crate) fn run<S: CuedStage>(bus: &Bus, process: &str, stage: &mut S, stop: &AtomicBool) -> Result<(), BridgeError> {
+    let mut inputs = bus.reader::<S::In>(ReadOptions::waking())?;
+    let mut cues = Cues::open(bus)?;
+    let mut outputs = bus.writer::<S::Out>()?;
+    let mut health = HealthReporter::open(bus, process)?;
+    health.publish(clock::monotonic_ns())?;
+    tracing::info!(process, "ready for a replay");
+    while !stop.load(Ordering::Relaxed) {
+        inputs.wait(PATIENCE)?;
+        while let Some(input) = inputs.take()? {
+            let moment = S::moment(&cues.of(S::input_sequence(&input))?);
+            if moment.begun_ns == 0 {
+                continue;
+            }
+            if !glance(stage, &moment, &mut outputs, stop)? {
+                break;
+            }
+            match stage.step(&input, moment.begun_ns) {
+                Ok(mut out) => {
+                    *S::sent_stamp(&mut out) = moment.sent_ns;
+                    outputs.put(&out)?;
+                    health.set_now(S::reasons(&out));
+                }
+                Err(refused) => {
+                    health.health_mut().n_refused += 1;
+                    health.health_mut().note(refused.reason, refused.found, refused.limit);
+                    health.set_now(krait_ipc::Reasons::NONE.with(refused.reason));
+                    // At once: the replay waits for an output that will not come.
+                    health.publish(clock::monotonic_ns())?;
+                }
+            }
+        }
+        outputs.wake()?;
+        health.count_readers(&[inputs.counts(), stage.counts()]);
+        health.health_mut().n_sent = outputs.n_sent();
+        health.publish_if_due(clock::monotonic_ns())?;
+    }
+    health.publish(clock::monotonic_ns())?;
+    tracing::info!(process, n_sent = outputs.n_sent(), n_lost = inputs.n_lost(), "stopped");
+    Ok(())
+}
+
+/// Waits for what a step rests on. Before it sleeps, the stages behind are woken: what they make of the samples so far may
+/// be just what this stage waits for. Returns whether all is there; it is not when a stop was asked for.
+fn glance<S: CuedStage>(
+    stage: &mut S,
+    moment: &Moment,
+    outputs: &mut Writer<S::Out>,
+    stop: &AtomicBool,
+) -> Result<bool, BridgeError> {
+    while !stage.glance_until(moment)? {
+        if stop.load(Ordering::Relaxed) {
+            return Ok(false);
+        }
+        outputs.wake()?;
+        stage.wait(moment)?;
+    }
+    Ok(true)
+}
+
+/// The cues, found by the input that they are for.
+struct Cues {
+    reader: Reader<Cue>,
+    newest: Cue,
+}
+
+impl Cues {
+    fn open(bus: &Bus) -> Result<Self, IpcError> {
+        Ok(Self { reader: bus.reader(ReadOptions::glancing())?, newest: Cue::default() })
+    }
+
+    fn of(&mut self, input_sequence: u64) -> Result<Cue, BridgeError> {
+        while self.newest.input_sequence < input_sequence {
+            let Some(cue) = self.reader.take()? else { return Err(BridgeError::NoCue { input_sequence }) };
+            self.newest = *cue;
+        }
+        if self.newest.input_sequence == input_sequence {
+            Ok(self.newest)
+        } else {
+            Err(BridgeError::NoCue { input_sequence })
+        }
+    }
+}
+
+/// Messages of a channel that are taken one by one, up to a named one.
+pub(crate) struct UpTo<M: Message> {
+    reader: Reader<M>,
+    next: Option<M>,
+    newest: u64,
+}
+
+impl<M: Message> UpTo<M> {
+    pub(crate) fn new(reader: Reader<M>) -> Self {
+        Self { reader, next: None, newest: 0 }
+    }
+
+    /// Hands over every message up to a sequence number. Returns whether that one has come.
+    pub(crate) fn take(&mut self, sequence: u64, mut into: impl FnMut(&M)) -> Result<bool, BridgeError> {
+        while self.newest < sequence {
+            if self.next.is_none() {
+                self.next = self.reader.take()?.map(|message| *message);
+            }
+            let Some(message) = self.next else { return Ok(false) };
+            if message.sequence() > sequence {
+                return Err(BridgeError::NotThere { channel: M::CHANNEL, sequence, found: message.sequence() });
+            }
+            into(&message);
+            self.newest = message.sequence();
+            self.next = None;
+        }
+        Ok(true)
+    }
+
+    pub(crate) fn is_behind(&self, sequence: u64) -> bool {
+        self.newest < sequence
+    }
+
+    pub(crate) fn wait(&mut self) -> Result<(), IpcError> {
+        self.reader.wait(PATIENCE).map(|_| ())
+    }
+
+    pub(crate) fn counts(&self) -> ReadCounts {
+        self.reader.counts()
+    }
+}
+
+/// The process `krait estimate` in a replay: each shape counts after the state of the instant at which it became available,
+/// and before the next state.
+///
+/// # Errors
+/// [`BridgeError`] when a channel fails or the configuration is out of range.
+pub fn run_estimate_cued(
+    bus: &Bus,
+    machine: &MachineParameters,
+    eta: f64,
+    lambda_m: f64,
+    config: EstimateConfig,
+    stop: &AtomicBool,
+) -> Result<(), BridgeError> {
+    let mut core = EstimateCore::new(machine, eta, lambda_m, config)?;
+    let mut states = bus.reader::<SlaveState>(ReadOptions::following())?;
+    let mut shapes = bus.reader::<Shape>(ReadOptions::glancing())?;
+    let mut updates = bus.writer::<ModelUpdate>()?;
+    let mut health = HealthReporter::open(bus, "estimate")?;
+    health.publish(clock::monotonic_ns())?;
+    let mut next: Option<Shape> = None;
+    while !stop.load(Ordering::Relaxed) {
+        states.wait(PATIENCE)?;
+        while let Some(state) = states.take()? {
+            core.note_state(&state);
+            // The slave publishes a shape before the state of the same instant, so it is here already.
+            loop {
+                next = match next {
+                    Some(shape) => Some(shape),
+                    None => shapes.take()?.map(|shape| *shape),
+                };
+                let Some(shape) = next.filter(|shape| shape.available_ns <= state.sample_ns) else { break };
+                updates.send(&core.step(&shape))?;
+                next = None;
+            }
+        }
+        health.count_readers(&[states.counts(), shapes.counts()]);
+        health.health_mut().n_sent = updates.n_sent();
+        health.publish_if_due(clock::monotonic_ns())?;
+    }
+    health.publish(clock::monotonic_ns())?;
+    Ok(())
+}

@@ -1,0 +1,77 @@
+//! A few atomic words that several processes share: the raw material of a wake-up without a socket.
+
+use core::ptr::NonNull;
+use core::sync::atomic::AtomicU32;
+use rustix::fs::{Mode, OFlags, fstat, ftruncate, open};
+use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
+use rustix::process::geteuid;
+use std::io;
+use std::path::Path;
+
+/// Words of shared memory, zero at first, the same for every process that opens the same file.
+///
+/// The file is not removed here: within an instance the last member does that, elsewhere whoever made it.
+#[derive(Debug)]
+pub struct SharedWords {
+    first: NonNull<AtomicU32>,
+    n_words: usize,
+}
+
+// SAFETY: the mapping belongs to this value alone until it is dropped, and atomic words may be used from any thread.
+#[allow(unsafe_code)]
+unsafe impl Send for SharedWords {}
+// SAFETY: as above; a shared reference gives nothing but shared references to atomic words.
+#[allow(unsafe_code)]
+unsafe impl Sync for SharedWords {}
+
+impl SharedWords {
+    /// Opens a file on a memory file system (/dev/shm), made and filled with zeros where it is missing.
+    ///
+    /// # Errors
+    /// The file cannot be made or opened, belongs to another user (who could cut it off under this process), or memory is
+    /// exhausted.
+    pub fn open(path: &Path, n_words: usize) -> io::Result<Self> {
+        let flags = OFlags::CREATE | OFlags::RDWR | OFlags::CLOEXEC | OFlags::NOFOLLOW;
+        let file = open(path, flags, Mode::RUSR | Mode::WUSR)?;
+        let (stat, bytes) = (fstat(&file)?, Self::bytes(n_words));
+        if stat.st_uid != geteuid().as_raw() {
+            return Err(io::Error::new(io::ErrorKind::PermissionDenied, "the file belongs to another user"));
+        }
+        if u64::try_from(stat.st_size).unwrap_or(0) < bytes as u64 {
+            ftruncate(&file, bytes as u64)?;
+        }
+        #[allow(unsafe_code)]
+        // SAFETY: a fresh mapping at an address of the kernel's choice touches nothing that exists; the file is large enough.
+        let start = unsafe {
+            let access = ProtFlags::READ | ProtFlags::WRITE;
+            mmap(core::ptr::null_mut(), bytes, access, MapFlags::SHARED | MapFlags::POPULATE, &file, 0)?
+        };
+        let first = NonNull::new(start.cast()).ok_or(io::ErrorKind::OutOfMemory)?;
+        Ok(Self { first, n_words })
+    }
+
+    /// The words.
+    pub fn words(&self) -> &[AtomicU32] {
+        #[allow(unsafe_code)]
+        // SAFETY: the mapping is page-aligned, holds at least `n_words` words, lives as long as `self`, and every process
+        // touches it through atomics only.
+        unsafe {
+            core::slice::from_raw_parts(self.first.as_ptr(), self.n_words)
+        }
+    }
+
+    fn bytes(n_words: usize) -> usize {
+        n_words * size_of::<AtomicU32>()
+    }
+}
+
+impl Drop for SharedWords {
+    fn drop(&mut self) {
+        #[allow(unsafe_code)]
+        // SAFETY: this is the mapping that `open` made, and nothing borrows from it any more.
+        let unmapped = unsafe { munmap(self.first.as_ptr().cast(), Self::bytes(self.n_words)) };
+        if let Err(error) = unmapped {
+            tracing::warn!(%error, "shared words could not be unmapped");
+        }
+    }
+}

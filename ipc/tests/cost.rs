@@ -1,0 +1,88 @@
+//! What a message costs: one copy and one allocation (iceoryx2's own) at its writer, neither at its readers.
+
+#![allow(clippy::expect_used, reason = "a panic is how a test fails")]
+
+use core::sync::atomic::{AtomicU64, Ordering};
+use core::time::Duration;
+use krait_ipc::message::Shape;
+use krait_ipc::{Bus, ReadOptions};
+use std::alloc::{GlobalAlloc, Layout, System};
+
+struct Counting;
+
+static N_ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
+
+#[allow(unsafe_code)]
+// SAFETY: every call is handed to the system's allocator unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        N_ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+fn shape(sequence: u64) -> Shape {
+    Shape {
+        sequence,
+        sample_ns: 1,
+        available_ns: 2,
+        bend_rad: [0.25, -0.5],
+        theta_l_rad: 1.0,
+        delta_rad: 0.5,
+        sigma_bend_rad: 0.005,
+        q_tilde_m: [0.0; 3],
+    }
+}
+
+/// Where /dev/shm is mapped into this process.
+fn is_in_shared_memory(address: usize) -> bool {
+    let maps = std::fs::read_to_string("/proc/self/maps").expect("maps");
+    maps.lines().filter(|line| line.contains("/dev/shm/")).any(|line| {
+        let range = line.split(' ').next().expect("a range");
+        let (from, to) = range.split_once('-').expect("two ends");
+        let number = |hex: &str| usize::from_str_radix(hex, 16).expect("hexadecimal");
+        (number(from)..number(to)).contains(&address)
+    })
+}
+
+/// One test, because the count of allocations belongs to the whole process.
+#[test]
+fn readers_neither_allocate_nor_copy_and_a_writer_allocates_at_most_once() {
+    let bus = Bus::open(&format!("t-cost-{}", std::process::id()), "test").expect("bus");
+    let mut writer = bus.writer::<Shape>().expect("writer");
+    let mut readers: Vec<_> = (0..3).map(|_| bus.reader::<Shape>(ReadOptions::waking()).expect("reader")).collect();
+    let n_allocations = || N_ALLOCATIONS.load(Ordering::Relaxed);
+    let mut pass = |from: u64, to: u64| {
+        let (mut n_writing, mut n_reading) = (0, 0);
+        for sequence in from..to {
+            let before = n_allocations();
+            writer.send(&shape(sequence)).expect("send");
+            n_writing += n_allocations() - before;
+            let before = n_allocations();
+            for reader in &mut readers {
+                assert!(reader.wait(Duration::from_secs(5)).expect("wait"));
+                assert_eq!(reader.take().expect("take").expect("a message").sequence, sequence);
+            }
+            n_reading += n_allocations() - before;
+        }
+        (n_writing, n_reading)
+    };
+    // Connections are made with the first messages.
+    pass(1, 10);
+    let (n_writing, n_reading) = pass(10, 2010);
+    assert_eq!(n_reading, 0, "2000 messages at three readers");
+    assert!(n_writing <= 2000, "{n_writing} allocations for 2000 messages at their writer");
+
+    writer.send(&shape(2010)).expect("send");
+    let taken: Vec<_> = readers.iter_mut().map(|reader| reader.take().expect("take").expect("a message")).collect();
+    let addresses: Vec<usize> = taken.iter().map(|message| core::ptr::from_ref::<Shape>(message).addr()).collect();
+    assert!(addresses.iter().all(|address| is_in_shared_memory(*address)), "{addresses:x?}");
+    let on_stack = shape(1);
+    assert!(!is_in_shared_memory(core::ptr::from_ref(&on_stack).addr()), "the case can tell memory apart");
+}

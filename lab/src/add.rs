@@ -1,0 +1,152 @@
+//! Adding an effect to a model, or fitting those that it has: values, standard errors, and the error on data not fitted to.
+
+use crate::diagnose::search::{Search, Trial};
+use crate::fit::{Fit, Uncertainty, Variable, fit, held_out_block_squares, uncertainty};
+use crate::machine::{Candidate, Machine, nearest};
+use crate::noise::NoiseFloor;
+use crate::prepare::{Prepared, prepare};
+use crate::{LabError, Measurements, Parameter, Problem, Term};
+
+/// What to add, and how.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AddOptions {
+    /// The effect with its starting values.
+    pub term: Term,
+    /// Whether the starting values are the user's: no other start is tried.
+    pub from_given: bool,
+    /// Names of its parameters that the fit frees; empty: those that the catalogue frees, for a formula all.
+    pub free: Vec<String>,
+}
+
+/// A model with a further or refitted effect.
+#[derive(Clone, Debug)]
+pub struct Added {
+    /// All effects of the model.
+    pub terms: Vec<Term>,
+    /// What was free.
+    pub variables: Vec<Variable>,
+    /// Standard errors of the free parameters.
+    pub uncertainty: Uncertainty,
+    /// Error of the model before, in the machine's unit for errors, root mean square.
+    pub before: f64,
+    /// Error on blocks that the fit did not see.
+    pub after: f64,
+    /// The measurement's own noise, if the data tell.
+    pub noise_floor: Option<f64>,
+}
+
+const FOLDS: usize = 6;
+const ITERATIONS: u32 = 30;
+const TOLERANCE: f64 = 1e-6;
+
+/// Adds an effect behind the model's own and fits it.
+///
+/// # Errors
+/// [`LabError`] for an effect or a parameter that the machine does not have, and where it makes no chain.
+pub fn add(machine: &dyn Machine, data: &Measurements, options: &AddOptions) -> Result<Added, LabError> {
+    let bench = Bench::new(machine, data)?;
+    let parameters = machine.parameters(&options.term)?;
+    let known = machine.candidates(data).into_iter().find(|candidate| candidate.name == options.term.name);
+    if let Some(reason) = known.as_ref().and_then(|candidate| candidate.cannot.clone()) {
+        return Err(LabError::CannotShow { effect: options.term.label().to_owned(), reason });
+    }
+    let free = places(&options.term, &parameters, &options.free, known.as_ref())?;
+    let fitted = match known.filter(|_| !options.from_given && options.free.is_empty()) {
+        Some(candidate) => bench.on_grid(&candidate)?,
+        None => bench.near_values(&options.term, &parameters, &free)?,
+    };
+    Ok(bench.report(fitted))
+}
+
+/// Fits parameters of the model's own effects: effect's label and parameter's name.
+///
+/// # Errors
+/// [`LabError`] for names that are not there.
+pub fn refit(machine: &dyn Machine, data: &Measurements, free: &[(String, String)]) -> Result<Added, LabError> {
+    let bench = Bench::new(machine, data)?;
+    let variables = crate::diagnose::free_variables(machine, free)?;
+    let fitted = fit(&bench.problem, machine.effects(), &variables, ITERATIONS, TOLERANCE)?;
+    Ok(bench.report(fitted))
+}
+
+/// The measurements ready for a fit.
+struct Bench<'a> {
+    machine: &'a dyn Machine,
+    problem: Problem<'a>,
+    floors: NoiseFloor,
+    before: f64,
+}
+
+impl<'a> Bench<'a> {
+    fn new(machine: &'a dyn Machine, data: &Measurements) -> Result<Self, LabError> {
+        let Prepared { problem, floors, .. } = prepare(machine, data)?;
+        let own = problem.residual(machine.effects())?;
+        let before = problem.rms(own.iter().map(|r| r * r).sum());
+        Ok(Self { machine, problem, floors, before })
+    }
+
+    /// The best of the fits from every cell of the catalogue's grid.
+    fn on_grid(&self, candidate: &Candidate) -> Result<Fit, LabError> {
+        let candidates = [candidate.clone()];
+        let search = Search {
+            problem: &self.problem,
+            candidates: &candidates,
+            base: self.machine.effects(),
+            base_variables: &[],
+            seed: 1,
+        };
+        let best: Option<Trial> = search.every_start(&search.start()?).into_iter().next();
+        let best = best.ok_or_else(|| LabError::CannotShow {
+            effect: candidate.name.to_owned(),
+            reason: "makes no chain with the model's own effects".to_owned(),
+        })?;
+        fit(&self.problem, &best.fit.effects, &best.fit.variables, ITERATIONS, TOLERANCE)
+    }
+
+    fn near_values(&self, term: &Term, parameters: &[Parameter], free: &[usize]) -> Result<Fit, LabError> {
+        let mut effects = self.machine.effects().to_vec();
+        effects.push(term.clone());
+        let place = effects.len() - 1;
+        let variable = |&k: &usize| {
+            let width = (parameters[k].high - parameters[k].low).min(100.0);
+            let size = if term.values[k] == 0.0 { 0.01 * width } else { term.values[k].abs() };
+            Variable::new(self.machine, &effects, place, k, size)
+        };
+        let variables: Vec<Variable> = free.iter().map(variable).collect::<Result<_, _>>()?;
+        fit(&self.problem, &effects, &variables, ITERATIONS, TOLERANCE)
+    }
+
+    fn report(&self, fitted: Fit) -> Added {
+        let (_, scale) = self.machine.error_unit();
+        let width = self.problem.data.n_outputs as f64;
+        let held_out: f64 = held_out_block_squares(&self.problem, &fitted, FOLDS).iter().sum();
+        Added {
+            uncertainty: uncertainty(&self.problem, &fitted),
+            before: self.before * scale,
+            after: self.problem.rms(held_out) * scale,
+            noise_floor: self.floors.sigma().map(|(sigma, _)| sigma * width.sqrt() * scale),
+            terms: fitted.effects,
+            variables: fitted.variables,
+        }
+    }
+}
+
+/// Places of the free parameters.
+fn places(
+    term: &Term,
+    parameters: &[Parameter],
+    free: &[String],
+    known: Option<&Candidate>,
+) -> Result<Vec<usize>, LabError> {
+    if free.is_empty() {
+        return Ok(known.map_or((0..parameters.len()).collect(), |candidate| candidate.free.clone()));
+    }
+    let place = |name: &String| {
+        parameters.iter().position(|own| own.name == *name).ok_or_else(|| LabError::UnknownParameter {
+            effect: term.label().to_owned(),
+            name: name.clone(),
+            nearest: nearest(name, parameters.iter().map(|own| own.name.as_str())),
+        })
+    };
+    free.iter().map(place).collect()
+}

@@ -1,0 +1,135 @@
+//! The grid of a benchmark: every kind, several sizes, noises and motions, each cell a recipe that follows from one seed.
+
+use crate::generate::{KINDS, Kind, Motion, Noise, Recipe, pick};
+
+/// What a cell asks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Group {
+    /// Nothing is hidden: is an effect claimed?
+    None,
+    /// One known effect: is it named?
+    Single,
+    /// Two known effects: are both named, and no third?
+    Pair,
+    /// An effect that no known one explains: is one claimed?
+    Outside,
+    /// A one-way ramp, which tells nearly nothing: is the truth among the look-alikes?
+    Poor,
+}
+
+impl Group {
+    /// Every group.
+    pub const ALL: [Self; 5] = [Self::None, Self::Single, Self::Pair, Self::Outside, Self::Poor];
+
+    /// Its word.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Single => "single",
+            Self::Pair => "pair",
+            Self::Outside => "outside",
+            Self::Poor => "poor",
+        }
+    }
+}
+
+/// One cell.
+#[derive(Clone, Debug)]
+pub struct Cell {
+    /// Its name, the same on every run: which cells are finished is known by it.
+    pub id: String,
+    /// What it asks.
+    pub group: Group,
+    /// How its data are made.
+    pub recipe: Recipe,
+}
+
+/// Sizes of single effects, in units of the noise's length.
+const SIZES: [f64; 3] = [1.0, 2.0, 4.0];
+const NOISES: [Noise; 8] = [
+    Noise::White,
+    Noise::Coloured(0.2),
+    Noise::Coloured(1.0),
+    Noise::Coloured(3.0),
+    Noise::Quantised,
+    Noise::Outliers,
+    Noise::Heteroscedastic,
+    Noise::Drift,
+];
+/// Pairs in each round.
+const N_PAIRS: usize = 16;
+/// Kinds under a one-way ramp.
+const POOR: [&str; 4] = ["backlash", "cone", "delay", "encoder-zero"];
+
+/// The cells of `n_rounds` rounds. More rounds only add cells.
+pub fn grid(seed: u64, n_rounds: usize, seconds: f64) -> Vec<Cell> {
+    let mut cells = Vec::new();
+    for round in 0..n_rounds {
+        let mut cells_of_round = Vec::new();
+        let mut add = |group: Group, hidden: Vec<(&'static Kind, f64)>, motion: Motion, noise: Noise| {
+            let own_seed = mixed(seed, round as u64, cells_of_round.len() as u64);
+            let recipe = Recipe { hidden, motion, noise, seed: own_seed, seconds, ..Recipe::default() };
+            cells_of_round.push(Cell { id: id(group, &recipe), group, recipe });
+        };
+        for (k, noise) in NOISES.into_iter().enumerate() {
+            for motion in [Motion::Rich, Motion::Teleop] {
+                add(Group::None, Vec::new(), motion, noise);
+            }
+            let outside: Vec<&Kind> = KINDS.iter().filter(|kind| !kind.is_known()).collect();
+            if let Some(&kind) = outside.get(k) {
+                add(Group::Outside, vec![(kind, 2.0)], Motion::Rich, Noise::White);
+                add(Group::Outside, vec![(kind, 2.0)], Motion::Teleop, Noise::White);
+            }
+        }
+        for (k, kind) in KINDS.iter().filter(|kind| kind.is_known()).enumerate() {
+            for (j, size) in SIZES.into_iter().enumerate() {
+                let motion = if (k + j + round) % 2 == 0 { Motion::Rich } else { Motion::Teleop };
+                let noise = if (k + round) % 3 == 2 { Noise::Coloured(0.5) } else { Noise::White };
+                add(Group::Single, vec![(kind, size.min(kind.most_size))], motion, noise);
+            }
+        }
+        for k in 0..N_PAIRS {
+            let hidden = pick(mixed(seed ^ 0x5eed, round as u64, k as u64), true);
+            let sizes: [f64; 2] = [2.5, 1.5];
+            let hidden = hidden.into_iter().zip(sizes).map(|(kind, size)| (kind, size.min(kind.most_size))).collect();
+            add(Group::Pair, hidden, if k % 2 == 0 { Motion::Rich } else { Motion::Teleop }, Noise::White);
+        }
+        for kind in POOR.iter().filter_map(|name| Kind::from_name(name)) {
+            add(Group::Poor, vec![(kind, 2.0)], Motion::Ramp, Noise::White);
+        }
+        cells.append(&mut cells_of_round);
+    }
+    cells
+}
+
+fn id(group: Group, recipe: &Recipe) -> String {
+    let hidden: Vec<String> = recipe.hidden.iter().map(|(kind, size)| format!("{}={size}", kind.name)).collect();
+    let noise = recipe.noise.name();
+    format!("{}/{}/{}/{noise}/{:016x}", group.word(), hidden.join("+"), recipe.motion.name(), recipe.seed)
+}
+
+/// Spreads three numbers over all seeds (the finaliser of SplitMix64).
+fn mixed(seed: u64, round: u64, k: u64) -> u64 {
+    let mut x = seed ^ round.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ k.wrapping_mul(0xd1b5_4a32_d192_ed03);
+    x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^ (x >> 31)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn more_rounds_only_add_cells_and_every_cell_has_its_own_name_and_seed() {
+        let (one, three) = (grid(7, 1, 200.0), grid(7, 3, 200.0));
+        assert!(one.iter().zip(&three).all(|(a, b)| a.id == b.id));
+        let ids: BTreeSet<&String> = three.iter().map(|cell| &cell.id).collect();
+        assert_eq!(ids.len(), three.len());
+        assert!(grid(8, 1, 200.0).iter().zip(&one).all(|(a, b)| a.id != b.id));
+        for group in Group::ALL {
+            assert!(one.iter().any(|cell| cell.group == group), "{group:?}");
+        }
+    }
+}

@@ -1,0 +1,152 @@
+//! What came of one cell: the diagnosis beside the truth, as one line of the results.
+
+use super::baseline::{self, Baselines};
+use super::{Cell, Group};
+use crate::diagnose::{DiagnoseOptions, Diagnosis, FoundEffect, Verdict, diagnose};
+use crate::generate::{Answer, generate};
+use crate::machine::Machine;
+use serde::{Deserialize, Serialize};
+
+/// One finished cell.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Outcome {
+    /// The cell's name.
+    pub id: String,
+    /// Its group's word.
+    pub group: String,
+    /// Why there is no result, if there is none: data of such a recipe cannot be made, or not be diagnosed.
+    pub refused: Option<String>,
+    /// What was hidden.
+    pub truth: Option<Answer>,
+    /// What the lab said.
+    pub said: Option<Said>,
+    /// What the baselines said.
+    pub baselines: Option<Baselines>,
+}
+
+/// A diagnosis in short.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Said {
+    /// none, missing or unknown.
+    pub verdict: String,
+    /// Effects named, or that help without explaining, first first.
+    pub named: Vec<String>,
+    /// Look-alikes of each.
+    pub classes: Vec<Vec<String>>,
+    /// The three best candidates by themselves.
+    pub best: Vec<String>,
+    /// Error with the effects on data left out, degrees.
+    pub final_deg: f64,
+    /// The noise floor as found, degrees.
+    pub floor_deg: Option<f64>,
+    /// Whether structure remains.
+    pub structured: bool,
+    /// The next experiment.
+    pub next: Option<String>,
+    /// Parameters whose truth is known: name, truth, value, standard error.
+    pub known: Vec<(String, f64, f64, f64)>,
+}
+
+impl Outcome {
+    /// Works a cell out.
+    pub fn of(cell: &Cell, machine: &dyn Machine, with_baselines: bool) -> Self {
+        let mut outcome = Self {
+            id: cell.id.clone(),
+            group: cell.group.word().to_owned(),
+            refused: None,
+            truth: None,
+            said: None,
+            baselines: None,
+        };
+        if let Err(reason) = outcome.fill(cell, machine, with_baselines) {
+            outcome.refused = Some(reason);
+        }
+        outcome
+    }
+
+    fn fill(&mut self, cell: &Cell, machine: &dyn Machine, with_baselines: bool) -> Result<(), String> {
+        let made = generate(&cell.recipe).map_err(|e| e.to_string())?;
+        let data = &made.measurements;
+        let truth = self.truth.insert(made.answer);
+        let options = DiagnoseOptions { seed: cell.recipe.seed % 1_000_003, ..DiagnoseOptions::default() };
+        let diagnosis = diagnose(machine, data, &options).map_err(|e| e.to_string())?;
+        self.said = Some(said(&diagnosis, truth));
+        if with_baselines {
+            let single = truth.right.first().and_then(|names| names.first()).filter(|_| cell.group == Group::Single);
+            let asked = baseline::ask(machine, data, single.map(String::as_str));
+            self.baselines = Some(asked.map_err(|e| e.to_string())?);
+        }
+        Ok(())
+    }
+
+    /// Whether the first name is right.
+    pub fn is_top_1(&self) -> bool {
+        self.is_right_first(|said| said.named.iter().take(1).collect())
+    }
+
+    /// Whether one of the first effect's look-alikes is right.
+    pub fn is_in_class(&self) -> bool {
+        self.is_right_first(|said| said.classes.iter().take(1).flatten().collect())
+    }
+
+    /// Whether one of the three best candidates is right.
+    pub fn is_top_3(&self) -> bool {
+        self.is_right_first(|said| said.named.iter().take(1).chain(&said.best).collect())
+    }
+
+    /// Whether effects were claimed, not only found helpful.
+    pub fn is_claimed(&self) -> bool {
+        self.said.as_ref().is_some_and(|said| said.verdict == Verdict::Missing.word())
+    }
+
+    /// Whether the names are those of the truth, each once and no others.
+    pub fn is_exact(&self) -> bool {
+        let (Some(truth), Some(said)) = (&self.truth, &self.said) else { return false };
+        is_exact(&truth.right, &said.named) && self.is_claimed()
+    }
+
+    /// Held-out error in units of the noise that was really added.
+    pub fn over_floor(&self) -> Option<f64> {
+        let (truth, said) = (self.truth.as_ref()?, self.said.as_ref()?);
+        Some(said.final_deg / truth.noise_rms_deg)
+    }
+
+    fn is_right_first<'a>(&'a self, names: impl Fn(&'a Said) -> Vec<&'a String>) -> bool {
+        let (Some(truth), Some(said)) = (&self.truth, &self.said) else { return false };
+        names(said).into_iter().any(|name| truth.right.first().is_some_and(|right| right.contains(name)))
+    }
+}
+
+/// Whether each truth has a name of its own and no name is left over.
+pub(super) fn is_exact(right: &[Vec<String>], named: &[String]) -> bool {
+    let fits = |order: &[usize]| order.iter().zip(named).all(|(&k, name)| right[k].contains(name));
+    match (right.len(), named.len()) {
+        (1, 1) => fits(&[0]),
+        (2, 2) => fits(&[0, 1]) || fits(&[1, 0]),
+        _ => false,
+    }
+}
+
+fn said(diagnosis: &Diagnosis, truth: &Answer) -> Said {
+    let found = if diagnosis.effects.is_empty() { &diagnosis.partial } else { &diagnosis.effects };
+    Said {
+        verdict: diagnosis.verdict.word().to_owned(),
+        named: found.iter().map(|effect| effect.name.clone()).collect(),
+        classes: found.iter().map(|effect| effect.class.clone()).collect(),
+        best: diagnosis.candidates.iter().take(3).map(|candidate| candidate.name.to_owned()).collect(),
+        final_deg: diagnosis.final_heldout_rms,
+        floor_deg: diagnosis.noise_floor,
+        structured: diagnosis.remaining.structured,
+        next: diagnosis.next_experiment.as_ref().map(|next| next.instruction.clone()),
+        known: found.iter().flat_map(|effect| known(effect, truth)).collect(),
+    }
+}
+
+fn known(effect: &FoundEffect, truth: &Answer) -> Vec<(String, f64, f64, f64)> {
+    let Some(values) = truth.known.get(&effect.name) else { return Vec::new() };
+    let row = |own: &crate::diagnose::FoundParameter| {
+        let truth = *values.get(&own.name)?;
+        own.is_free.then(|| (format!("{}.{}", effect.name, own.name), truth, own.value, own.se))
+    };
+    effect.parameters.iter().filter_map(row).collect()
+}

@@ -1,0 +1,136 @@
+//! How far model and measurement are apart, in what parts, and where: a forward prediction from the history of the inputs.
+//!
+//! The error of a row is the length of the difference between the measured and the predicted output, a snake's bend vector. Its
+//! part along the measured bend is the bend error (in-plane), the part across it the plane error (out-of-plane).
+
+mod bins;
+mod circumstances;
+mod common_mode;
+mod json;
+pub(crate) mod motion;
+mod parts;
+mod spread;
+mod worst;
+
+pub use bins::Bin;
+pub use common_mode::CommonMode;
+pub use parts::Parts;
+pub use spread::Spread;
+
+use crate::machine::Machine;
+use crate::noise::NoiseFloor;
+use crate::{LabError, Measurements, Problem};
+use serde::Serialize;
+
+/// How far model and measurement are apart. Errors are in the machine's unit for errors (degrees for angles).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Comparison {
+    /// The measurements' file.
+    pub source: String,
+    /// SHA-256 of that file.
+    pub sha256: String,
+    /// Unit of errors.
+    pub unit: String,
+    /// Rows of the file.
+    pub n_rows: usize,
+    /// Rows with a measurement.
+    pub n_scored: usize,
+    /// Length of the error.
+    pub error: Spread,
+    /// Bend and plane apart; `None` for joints.
+    pub parts: Option<Parts>,
+    /// Error of each output, root mean square.
+    pub output_rms: Vec<f64>,
+    /// Distance between the measured and the predicted position, root mean square, m; `None` where outputs are no positions.
+    pub position_rms_m: Option<f64>,
+    /// What three lines share and no shape shows; `None` for joints.
+    pub common_mode: Option<CommonMode>,
+    /// Length of the error that the measurement's own noise gives, root mean square; `None` if the data do not tell.
+    pub noise_floor: Option<f64>,
+    /// How the floor was found.
+    pub noise_source: &'static str,
+    /// The noise of one output, found in three ways.
+    pub noise: Noise,
+    /// Where the error is how large; the largest first.
+    pub bins: Vec<Bin>,
+    /// Where it is worst.
+    pub worst: String,
+}
+
+/// Standard deviation of one output's noise, found in three ways, in the unit of errors; `None` where the data do not tell.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Noise {
+    /// From differences of neighbouring rows: the fast part alone.
+    pub by_differences: Option<f64>,
+    /// From rests: fast and slow.
+    pub at_rest: Option<f64>,
+    /// Time at rest that this is made of, s.
+    pub rest_time_s: f64,
+    /// From visits to the same place in the same direction: also what does not repeat, hysteresis of another history included.
+    pub on_visits: Option<f64>,
+    /// Pairs of visits.
+    pub n_visits: usize,
+}
+
+/// Compares a machine with its own effects to measurements.
+///
+/// # Errors
+/// [`LabError::Chain`] where the model's effects make no chain for these columns.
+pub fn compare(machine: &dyn Machine, data: &Measurements) -> Result<Comparison, LabError> {
+    let predicted = machine.predict(machine.effects(), data)?;
+    Ok(compare_prediction(machine, data, &predicted))
+}
+
+/// The same for outputs that are already predicted.
+pub fn compare_prediction(machine: &dyn Machine, data: &Measurements, predicted: &[f64]) -> Comparison {
+    let (unit, scale) = machine.error_unit();
+    let floor = noise_floor(machine, data, predicted);
+    let sigma = floor.sigma();
+    let scored: Vec<usize> = (0..data.n_rows()).filter(|&row| data.is_scored(row)).collect();
+    let errors = parts::errors(data, predicted, &scored, scale);
+    let lengths: Vec<f64> = errors.iter().map(|error| error.length).collect();
+    let error = Spread::of(lengths);
+    let bins = bins::all(machine, data, predicted, &scored, &errors);
+    let position_rms_m =
+        position_rms_m(machine, data, predicted, &scored).or_else(|| (unit == "m").then_some(error.rms));
+    Comparison {
+        source: data.source.clone(),
+        sha256: data.sha256.clone(),
+        unit: unit.to_owned(),
+        n_rows: data.n_rows(),
+        n_scored: scored.len(),
+        parts: parts::Parts::of(data, predicted, &scored, &errors, scale),
+        output_rms: parts::output_rms(data, predicted, &scored, scale),
+        position_rms_m,
+        common_mode: CommonMode::of(data),
+        noise_floor: sigma.map(|(sigma, _)| scale * sigma * (data.n_outputs as f64).sqrt()),
+        noise_source: sigma.map_or("the data do not tell", |(_, source)| source.label()),
+        noise: Noise {
+            by_differences: floor.differences.map(|sigma| scale * sigma),
+            at_rest: floor.rest.map(|sigma| scale * sigma),
+            rest_time_s: floor.rest_time_s,
+            on_visits: floor.visits.map(|sigma| scale * sigma),
+            n_visits: floor.n_visits,
+        },
+        worst: worst::sentence(&bins, error.rms, unit),
+        bins,
+        error,
+    }
+}
+
+/// The noise, from what the model leaves: it follows the motion closely enough to take it out.
+fn noise_floor(machine: &dyn Machine, data: &Measurements, predicted: &[f64]) -> NoiseFloor {
+    let problem = Problem::new(machine, data.clone(), &[], f64::INFINITY);
+    let residual = problem.weigh(predicted);
+    NoiseFloor::new(&problem, &residual)
+}
+
+fn position_rms_m(machine: &dyn Machine, data: &Measurements, predicted: &[f64], scored: &[usize]) -> Option<f64> {
+    let mut sum = 0.0;
+    for &row in scored {
+        let measured = machine.tip_pos_m(data.output(row))?;
+        let own = machine.tip_pos_m(predicted.get(row * data.n_outputs..)?)?;
+        sum += measured.iter().zip(own).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+    }
+    Some((sum / scored.len().max(1) as f64).sqrt())
+}

@@ -1,0 +1,72 @@
+//! Does one more effect deserve to be added? Significance, cross-validation and a contribution that matters.
+
+use super::search::Trial;
+use crate::Problem;
+use crate::fit::held_out_block_squares;
+
+/// Folds of the cross-validation.
+pub(super) const FOLDS: usize = 6;
+/// Family-wise level of the first effect, whose absence is the verdict "none".
+const LEVEL_OF_FIRST: f64 = 0.03;
+/// The same, and the gain in standard errors, where noise is slow: blocks are then not quite independent.
+const LEVEL_IN_SLOW_NOISE: f64 = 0.01;
+const ERRORS_IN_SLOW_NOISE: f64 = 2.0;
+/// Level of each further effect: a wrong one costs more than a missed one.
+const LEVEL_OF_NEXT: f64 = 0.01;
+/// A further effect must take away at least this share of what the model as given left above the floor ...
+const SMALLEST_SHARE: f64 = 0.001;
+/// ... and this much of the floor's own variance.
+const SMALLEST_OF_FLOOR: f64 = 0.03;
+
+/// Errors on left-out blocks of two trials, and what noise there is.
+pub(super) struct Comparison<'a> {
+    pub problem: &'a Problem<'a>,
+    /// Mean square of the floor in the units of `Problem::rms`, if known.
+    pub floor: Option<f64>,
+    /// Whether noise is white, as far as the data tell.
+    pub is_white: bool,
+    /// Error of the model as given.
+    pub base_rms: f64,
+}
+
+impl Comparison<'_> {
+    /// Whether a trial leaves anything to explain.
+    pub fn leaves_something(&self, trial: &Trial) -> bool {
+        let rms = self.problem.rms(trial.fit.sum_of_squares);
+        self.floor.is_none_or(|floor| rms > NOTHING_LEFT * floor)
+    }
+
+    /// Whether `with` is better than `without` beyond chance (p-value of its search) and by an amount that matters.
+    pub fn deserves(&self, without: &Trial, with: &Trial, p_value: f64) -> bool {
+        let first = without.found.is_empty();
+        let (level, errors) = match (first, self.is_white) {
+            (_, false) => (LEVEL_IN_SLOW_NOISE, ERRORS_IN_SLOW_NOISE),
+            (true, true) => (LEVEL_OF_FIRST, 1.0),
+            (false, true) => (LEVEL_OF_NEXT, 1.0),
+        };
+        if p_value > level {
+            return false;
+        }
+        let before = held_out_block_squares(self.problem, &without.fit, FOLDS);
+        let after = held_out_block_squares(self.problem, &with.fit, FOLDS);
+        let (gain, error) = mean_and_error(before.iter().zip(&after).map(|(b, a)| b - a));
+        let square = |sums: &[f64]| self.problem.rms(sums.iter().sum()).powi(2);
+        let share = square(&before) - square(&after);
+        let floor = self.floor.unwrap_or(0.0).powi(2);
+        let explainable = (self.base_rms.powi(2) - floor).max(0.0);
+        let matters = first || (share >= SMALLEST_SHARE * explainable && share >= SMALLEST_OF_FLOOR * floor);
+        gain > errors * error && matters
+    }
+}
+
+/// Errors up to this ratio of the floor leave nothing for a further effect.
+const NOTHING_LEFT: f64 = 1.02;
+
+/// Mean of block differences and its standard error.
+pub(super) fn mean_and_error(differences: impl Iterator<Item = f64>) -> (f64, f64) {
+    let all: Vec<f64> = differences.collect();
+    let n = all.len().max(2) as f64;
+    let mean = all.iter().sum::<f64>() / n;
+    let variance = all.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    (mean, (variance / n).sqrt())
+}

@@ -1,0 +1,83 @@
+//! Which effects these data cannot tell apart, and how often each would come out best on resampled data.
+
+use super::accept::{FOLDS, mean_and_error};
+use super::search::Trial;
+use crate::Problem;
+use crate::fit::held_out_block_squares;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+
+/// Trials of as many effects, with their errors block by block.
+pub(super) struct Alternatives {
+    pub trials: Vec<Trial>,
+    /// Held-out squares of each trial's blocks.
+    pub squares: Vec<Vec<f64>>,
+    /// Share of resamples in which each trial is best.
+    pub frequency: Vec<f64>,
+}
+
+/// Errors up to this ratio are the same for a user.
+const SAME: f64 = 1.02;
+const RESAMPLES: usize = 500;
+/// One-sided 5 % of Student's t for the usual number of blocks.
+const T_ONE_SIDED: f64 = 1.69;
+
+impl Alternatives {
+    /// Compares trials, best first.
+    pub fn new(problem: &Problem, trials: Vec<Trial>, seed: u64) -> Self {
+        let squares: Vec<Vec<f64>> =
+            trials.iter().map(|trial| held_out_block_squares(problem, &trial.fit, FOLDS)).collect();
+        let frequency = frequency(problem, &trials, &squares, seed);
+        Self { trials, squares, frequency }
+    }
+
+    /// Candidates that may stand in place `slot` of the best trial, itself first: the other places are the same.
+    pub fn class(&self, slot: usize) -> Vec<usize> {
+        let Some(best) = self.trials.first() else { return Vec::new() };
+        let mut class = vec![best.found[slot]];
+        for (trial, squares) in self.trials.iter().zip(&self.squares).skip(1) {
+            let Some(other) = stand_in(&best.found, &trial.found, slot) else { continue };
+            let (sum, best_sum): (f64, f64) = (squares.iter().sum(), self.squares[0].iter().sum());
+            let (mean, error) = mean_and_error(squares.iter().zip(&self.squares[0]).map(|(j, b)| j - b));
+            let same = sum <= SAME * SAME * best_sum || mean < T_ONE_SIDED * error;
+            if same && !class.contains(&other) {
+                class.push(other);
+            }
+        }
+        class
+    }
+
+    /// How often a trial is best that holds, for this place of the best trial, one of its class.
+    pub fn probability(&self, class: &[usize]) -> f64 {
+        let holds = |trial: &Trial| trial.found.iter().any(|k| class.contains(k));
+        let sum: f64 = self.trials.iter().zip(&self.frequency).filter(|(trial, _)| holds(trial)).map(|(_, f)| f).sum();
+        // The sum of nothing is minus zero.
+        sum + 0.0
+    }
+}
+
+/// The candidate that stands in a place of `best` if the rest of `other` is the same.
+fn stand_in(best: &[usize], other: &[usize], slot: usize) -> Option<usize> {
+    let rest: Vec<usize> = best.iter().enumerate().filter(|(k, _)| *k != slot).map(|(_, own)| *own).collect();
+    if other.len() != best.len() || !rest.iter().all(|own| other.contains(own)) {
+        return None;
+    }
+    other.iter().copied().find(|own| !rest.contains(own))
+}
+
+fn frequency(problem: &Problem, trials: &[Trial], squares: &[Vec<f64>], seed: u64) -> Vec<f64> {
+    let n_blocks = problem.n_blocks;
+    let n = problem.n_scored as f64;
+    let price: Vec<f64> = trials.iter().map(|t| (t.fit.variables.len() as f64 * n.ln() / n).exp()).collect();
+    let mut random = ChaCha8Rng::seed_from_u64(seed ^ 0x005e_ed0f_b007);
+    let mut wins = vec![0.0; trials.len()];
+    for _ in 0..RESAMPLES {
+        let picks: Vec<usize> = (0..n_blocks).map(|_| random.next_u32() as usize % n_blocks).collect();
+        let cost = |k: usize| picks.iter().map(|&b| squares[k][b]).sum::<f64>() * price[k];
+        let best = (0..trials.len()).min_by(|&a, &b| cost(a).total_cmp(&cost(b)));
+        if let Some(own) = best.and_then(|k| wins.get_mut(k)) {
+            *own += 1.0 / RESAMPLES as f64;
+        }
+    }
+    wins
+}

@@ -1,0 +1,96 @@
+//! What to do next: the motion that would separate effects that these data cannot tell apart.
+
+use crate::experiment::Separation;
+
+/// The next experiment.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NextExperiment {
+    /// What it separates.
+    pub separates: Vec<String>,
+    /// What to do, a sentence or two.
+    pub instruction: String,
+    /// What the scripted experiment is expected to decide, where that was computed.
+    pub expected_separation: Option<Separation>,
+}
+
+/// Families of effects, and the experiments that tell members from each other and from other families.
+const FAMILIES: [(&[&str], &str); 9] = [
+    (
+        &["stiffness-scale", "actuator-compliance", "radius-error", "camera-scale"],
+        "Hang known weights on the tip at a fixed pose (a load changes the bend through stiffness only), put a dial \
+         indicator behind the drive (compliance of the actuators), and turn a target by known angles before the camera \
+         (its scale)",
+    ),
+    (
+        &["backlash", "static-friction", "bouc-wen", "prandtl-ishlinskii", "stribeck-friction", "bend-friction"],
+        "Run nested loops of decreasing amplitude down to 2 deg at three speeds, and record the loads of the lines: crossing a \
+         play moves nothing and changes no load, friction makes the load jump, micro-slip moves a little from the start",
+    ),
+    (
+        &["cone-friction", "disk-friction", "hole-clearance"],
+        "Run loops of three amplitudes in one plane: the width of the loop grows with the bend for friction in the cone and \
+         with its square for friction at the disks; bend the stem to change the cone's angle",
+    ),
+    (
+        &["superelastic-softening", "non-constant-curvature", "axial-tip-force"],
+        "Measure the tip's position and its tangent at 30, 60 and 90 deg going up and down: curvature moves one against the \
+         other, softening opens a loop at large bends only",
+    ),
+    (
+        &["tension-compression-asymmetry", "line-buckling"],
+        "Rotate the plane at 45 deg with the lines preloaded, drawn and pushed: buckling leaves the slope of drawn lines alone",
+    ),
+    (
+        &["viscous-friction", "latency"],
+        "Run the same path at one, four and sixteen times the speed with the lines' loads recorded: latency shifts the camera, \
+         not the loads; or light a lamp in the camera's view with the command",
+    ),
+    (
+        &["plane-offset", "twist"],
+        "Rotate the plane through a whole turn at 20, 40 and 80 deg: a twist grows with the bend",
+    ),
+    (
+        &["lateral-tip-force", "encoder-zero", "camera-offset"],
+        "Repeat one path after homing again (encoder zeros change), with the camera turned by 180 deg (its offset turns), and \
+         with the base rolled by 180 deg (a weight's force turns)",
+    ),
+    (
+        &["creep", "thermal-drift"],
+        "Step to 60 deg and hold for five minutes, three times with ten minutes between: creep starts again at each step, drift \
+         goes on",
+    ),
+];
+
+/// The experiment for effects that look alike; `None` where there is nothing to separate.
+pub(super) fn separate(class: &[String], n_reversals: usize) -> Option<NextExperiment> {
+    if class.len() < 2 {
+        return None;
+    }
+    let home = FAMILIES.iter().find(|(names, _)| names.contains(&class[0].as_str()));
+    let shared =
+        home.filter(|(names, _)| class.iter().any(|other| *other != class[0] && names.contains(&other.as_str())));
+    let outside = class.iter().any(|other| home.is_some_and(|(names, _)| !names.contains(&other.as_str())));
+    let rich = "Go up and down in three planes, rotate the plane both ways at 45 deg, in nested loops and at three speeds, with \
+                holds of 3 s: reversals separate hysteresis from everything that has none";
+    let instruction = match shared {
+        _ if n_reversals < 8 => rich.to_owned(),
+        Some((_, instruction)) if outside => format!("{instruction}. {rich}"),
+        Some((_, instruction)) => (*instruction).to_owned(),
+        None => rich.to_owned(),
+    };
+    Some(NextExperiment { separates: class.to_vec(), instruction, expected_separation: None })
+}
+
+/// What helps where nothing known explains the rest.
+pub(super) fn explore(looks_like: Option<&str>) -> NextExperiment {
+    let about =
+        looks_like.map_or(String::new(), |what| format!(" The rest depends on {what}: vary that and keep all else."));
+    NextExperiment {
+        separates: Vec::new(),
+        expected_separation: None,
+        instruction: format!(
+            "Repeat the same path twice without touching anything: what repeats is the machine, the rest is noise.{about} Then \
+             write the rest down as a formula (krait lab add formula --help)."
+        ),
+    }
+}

@@ -1,0 +1,54 @@
+//! What the data themselves cannot show, said before anything is fitted.
+
+use crate::{FEWEST_BLOCKS, Measurements, Problem, scored_time_s};
+
+/// Sentences about what these data lack.
+pub(super) fn cautions(problem: &Problem, n_outliers: usize) -> Vec<String> {
+    let data = &problem.data;
+    let mut said = Vec::new();
+    if problem.n_blocks < FEWEST_BLOCKS {
+        said.push(format!(
+            "{:.0} s of data make {} independent blocks, and a calibrated test needs {FEWEST_BLOCKS}: record at least a minute",
+            scored_time_s(data),
+            problem.n_blocks
+        ));
+    }
+    let reversals = reversals(data);
+    if reversals < 8 {
+        said.push(format!(
+            "the inputs reverse {reversals} times, and hysteresis shows only at reversals (8 or more): it cannot be told from \
+             stiffness, offsets or latency here"
+        ));
+    }
+    if n_outliers > 0 {
+        said.push(format!("{n_outliers} rows stand out from their neighbours and were left out"));
+    }
+    said
+}
+
+/// Changes of direction of all inputs together, small ones left out.
+pub(super) fn reversals(data: &Measurements) -> usize {
+    let threshold = 0.02 * crate::noise::largest_range(data);
+    let mut count = 0;
+    for k in 0..data.n_inputs {
+        let mut extreme = f64::NAN;
+        let mut direction = 0.0;
+        for row in 0..data.n_rows() {
+            let own = data.input(row)[k];
+            if data.starts_trial(row) || extreme.is_nan() {
+                (extreme, direction) = (own, 0.0);
+                continue;
+            }
+            let moved = own - extreme;
+            if direction == 0.0 && moved.abs() > threshold {
+                (extreme, direction) = (own, moved.signum());
+            } else if moved * direction > 0.0 {
+                extreme = own;
+            } else if -moved * direction > threshold {
+                count += 1;
+                (extreme, direction) = (own, -direction);
+            }
+        }
+    }
+    count
+}

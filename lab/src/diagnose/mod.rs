@@ -1,0 +1,25 @@
+//! Diagnosis: which effect is missing, how sure that is, and what these data cannot tell.
+//!
+//! 1. The noise floor and outliers, without any model of what is missing (`noise`).
+//! 2. Screening of every candidate to first order, and one p-value for the whole search (`screen`, `sign_flip`).
+//! 3. Singles and pairs refined by whole simulations, ranked by what they leave and by their number of parameters (`search`).
+//! 4. Acceptance: the sign-flip test, blocked cross-validation, and a contribution that matters (`accept`).
+//! 5. Look-alikes and their probabilities by resampling blocks (`alternatives`); what is left (`structure`); the verdict.
+
+mod accept;
+mod alternatives;
+mod answer;
+mod experiment;
+mod gate;
+mod json;
+pub mod screen;
+pub mod search;
+pub mod sign_flip;
+pub(crate) mod structure;
+mod verdict;
+
+pub use answer::{CandidateAnswer, Diagnosis, FoundEffect, FoundParameter, Remaining, Verdict};
+pub use experiment::NextExperiment;
+pub use structure::{GroupShare, Structure};
+pub(crate) use verdict::free_variables;
+pub use verdict::{DiagnoseOptions, diagnose};

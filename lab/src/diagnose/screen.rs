@@ -1,0 +1,131 @@
+//! Screening: what each candidate would do to the residual, to first order, one simulation for each cell of its grid.
+
+use crate::fit::{Fit, dot, inverse};
+use crate::machine::Candidate;
+use crate::{Problem, Term};
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+/// One candidate at one place of its grid.
+pub struct Cell {
+    /// Place of the candidate.
+    pub candidate: usize,
+    /// Place in its grid.
+    pub start: usize,
+    /// What each amplitude does to the prediction, orthogonal to what the fit can do already.
+    pub columns: Vec<Vec<f64>>,
+    /// Scores of each block, and Gram matrices.
+    pub blocks: Vec<(DVector<f64>, DMatrix<f64>)>,
+    /// Factors on the columns that fit best.
+    pub factors: DVector<f64>,
+    /// Amplitudes that cannot change their sign.
+    pub one_sided: bool,
+    /// Sum of squares that is left, to first order.
+    pub sum_of_squares: f64,
+    /// Share of the columns' norm that the fit cannot already make.
+    pub visible: f64,
+}
+
+/// All cells of the candidates that `fit` does not hold yet.
+pub fn screen(problem: &Problem, fit: &Fit, candidates: &[Candidate]) -> Vec<Cell> {
+    let known = |c: &Candidate| fit.effects.iter().any(|term| term.name == c.name);
+    let jobs: Vec<(usize, usize)> = candidates
+        .iter()
+        .enumerate()
+        .filter(|(_, c)| c.cannot.is_none() && !known(c))
+        .flat_map(|(k, c)| (0..c.starts.len()).map(move |start| (k, start)))
+        .collect();
+    let basis = orthonormal(&fit.slopes);
+    jobs.into_par_iter()
+        .filter_map(|(candidate, start)| cell(problem, fit, &basis, &candidates[candidate], candidate, start))
+        .collect()
+}
+
+fn cell(
+    problem: &Problem,
+    fit: &Fit,
+    basis: &[Vec<f64>],
+    c: &Candidate,
+    candidate: usize,
+    start: usize,
+) -> Option<Cell> {
+    let mut columns = Vec::with_capacity(c.amplitudes.len());
+    for &amplitude in &c.amplitudes {
+        let mut values = c.starts[start].clone();
+        c.amplitudes.iter().filter(|other| **other != amplitude).for_each(|&other| values[other] = c.neutral[other]);
+        let mut effects = fit.effects.clone();
+        effects.push(Term { name: c.name.to_owned(), values, formula: None });
+        let there = problem.residual(&effects).ok()?;
+        columns.push(fit.residual.iter().zip(&there).map(|(a, b)| a - b).collect::<Vec<f64>>());
+    }
+    let whole: f64 = columns.iter().map(|column| dot(column, column)).sum();
+    columns.iter_mut().for_each(|column| remove(basis, column));
+    let rest: f64 = columns.iter().map(|column| dot(column, column)).sum();
+    let blocks = block_moments(problem, &columns, &fit.residual);
+    let (score, gram) = total(&blocks);
+    let factors = inverse(&gram) * &score;
+    let one_sided = c.amplitudes.len() == 1 && c.one_sided;
+    let gain = if one_sided && factors[0] <= 0.0 { 0.0 } else { score.dot(&factors) };
+    Some(Cell {
+        candidate,
+        start,
+        columns,
+        factors,
+        one_sided,
+        sum_of_squares: fit.sum_of_squares - gain,
+        blocks,
+        visible: if whole > 0.0 { (rest / whole).sqrt() } else { 0.0 },
+    })
+}
+
+/// Sums over all blocks.
+pub fn total(blocks: &[(DVector<f64>, DMatrix<f64>)]) -> (DVector<f64>, DMatrix<f64>) {
+    let n = blocks.first().map_or(0, |(score, _)| score.len());
+    blocks.iter().fold((DVector::zeros(n), DMatrix::zeros(n, n)), |(s, g), (score, gram)| (s + score, g + gram))
+}
+
+/// Score and Gram matrix of columns in each block.
+pub fn block_moments(problem: &Problem, columns: &[Vec<f64>], residual: &[f64]) -> Vec<(DVector<f64>, DMatrix<f64>)> {
+    let bounds = problem.block_bounds();
+    let n = columns.len();
+    let range = |b: usize| bounds[b]..bounds[b + 1];
+    (0..problem.n_blocks)
+        .map(|b| {
+            let score = DVector::from_fn(n, |i, _| dot(&columns[i][range(b)], &residual[range(b)]));
+            let mut gram = DMatrix::zeros(n, n);
+            for i in 0..n {
+                for j in 0..=i {
+                    gram[(i, j)] = dot(&columns[i][range(b)], &columns[j][range(b)]);
+                    gram[(j, i)] = gram[(i, j)];
+                }
+            }
+            (score, gram)
+        })
+        .collect()
+}
+
+/// An orthonormal basis of what slopes span; directions that are nearly there already are left out.
+pub fn orthonormal(slopes: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let mut basis: Vec<Vec<f64>> = Vec::new();
+    for slope in slopes {
+        let whole = dot(slope, slope).sqrt();
+        let mut own = slope.clone();
+        // Twice, because once leaves rounding of the size of what was removed.
+        remove(&basis, &mut own);
+        remove(&basis, &mut own);
+        let norm = dot(&own, &own).sqrt();
+        if norm > 1e-6 * whole && norm > 0.0 {
+            own.iter_mut().for_each(|x| *x /= norm);
+            basis.push(own);
+        }
+    }
+    basis
+}
+
+/// Takes out of a column what a basis spans.
+pub fn remove(basis: &[Vec<f64>], column: &mut [f64]) {
+    for direction in basis {
+        let along = dot(direction, column);
+        column.iter_mut().zip(direction).for_each(|(x, d)| *x -= along * d);
+    }
+}

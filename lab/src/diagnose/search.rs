@@ -1,0 +1,246 @@
+//! The search: single effects, then pairs, each refined by whole simulations and ranked by what it leaves.
+
+use super::screen::{Cell, screen};
+use super::sign_flip::{SignFlip, sign_flip};
+use crate::fit::{Fit, Variable, dot, fit};
+use crate::machine::Candidate;
+use crate::{LabError, Problem, Term};
+use rayon::prelude::*;
+
+/// A list of missing effects with its fit.
+#[derive(Clone, Debug)]
+pub struct Trial {
+    /// Places of the candidates, in the order of the fit's effects behind the model's own.
+    pub found: Vec<usize>,
+    /// Its fit.
+    pub fit: Fit,
+}
+
+/// What a search works on.
+pub struct Search<'a> {
+    /// The measurements.
+    pub problem: &'a Problem<'a>,
+    /// What may be missing.
+    pub candidates: &'a [Candidate],
+    /// The model's own effects, held.
+    pub base: &'a [Term],
+    /// Parameters of the model's own effects that are free nevertheless.
+    pub base_variables: &'a [Variable],
+    /// Seed of everything random.
+    pub seed: u64,
+}
+
+/// Singles that are refined.
+const N_SINGLES: usize = 8;
+/// More singles are refined while their sum of squares, to first order, is within this factor of the best one's ...
+const CLOSE: f64 = 1.2;
+/// ... but not more than this.
+const MOST_SINGLES: usize = 14;
+/// Of one class so many come first: its members explain the same, and others deserve a place in the short list.
+const MOST_OF_A_CLASS: usize = 3;
+/// Seconds that are refined beside the best single.
+const N_SECONDS: usize = 5;
+/// Pairs that are refined because they are good together to first order.
+const N_PAIRS: usize = 5;
+const ITERATIONS: u32 = 10;
+/// A smaller relative gain ends a fit: differences between candidates that matter are larger.
+const TOLERANCE: f64 = 1e-4;
+
+impl Search<'_> {
+    /// The fit without any further effect.
+    ///
+    /// # Errors
+    /// [`LabError::Chain`].
+    pub fn start(&self) -> Result<Trial, LabError> {
+        Ok(Trial { found: Vec::new(), fit: fit(self.problem, self.base, self.base_variables, ITERATIONS, TOLERANCE)? })
+    }
+
+    /// Every cell at a trial, and whether any of them is more than chance.
+    pub fn look(&self, trial: &Trial) -> (Vec<Cell>, SignFlip) {
+        let cells = screen(self.problem, &trial.fit, self.candidates);
+        let test = sign_flip(&cells, self.seed + trial.found.len() as u64);
+        (cells, test)
+    }
+
+    /// The best single effects, refined, best first.
+    pub fn singles(&self, start: &Trial, cells: &[Cell]) -> Vec<Trial> {
+        let best = self.best_cells(cells);
+        let close = |cell: &Cell| cell.sum_of_squares <= CLOSE * best[0].sum_of_squares;
+        let n = best.iter().take_while(|cell| close(cell)).count().clamp(N_SINGLES, MOST_SINGLES);
+        let jobs: Vec<_> = best.iter().take(n).map(|cell| self.with(start, &[cell])).collect();
+        self.refine(jobs)
+    }
+
+    /// Singles to look for a second effect from: the best, and the best that looks different.
+    pub fn different(&self, singles: &[Trial]) -> Vec<Trial> {
+        let class = |trial: &Trial| trial.found.first().map(|&k| self.candidates[k].class);
+        let other = singles.iter().find(|trial| class(trial) != singles.first().and_then(class));
+        singles.first().into_iter().chain(other).cloned().collect()
+    }
+
+    /// Cells in order, but those of a class that has come up often enough behind all others.
+    fn varied<'c>(&self, cells: Vec<&'c Cell>) -> Vec<&'c Cell> {
+        let class = |cell: &Cell| self.candidates[cell.candidate].class;
+        let early: Vec<bool> = (0..cells.len())
+            .map(|k| cells[..k].iter().filter(|own| class(own) == class(cells[k])).count() < MOST_OF_A_CLASS)
+            .collect();
+        let pick =
+            |wanted: bool| cells.iter().zip(&early).filter(move |(_, own)| **own == wanted).map(|(cell, _)| *cell);
+        pick(true).chain(pick(false)).collect()
+    }
+
+    /// The candidates from every cell of their grids, refined, best first.
+    pub fn every_start(&self, start: &Trial) -> Vec<Trial> {
+        let cells = screen(self.problem, &start.fit, self.candidates);
+        self.refine(cells.iter().map(|cell| self.with(start, &[cell])).collect())
+    }
+
+    /// The best stand-ins for each effect of a trial, with the trial itself; best first.
+    pub fn swaps(&self, trial: &Trial) -> Vec<Trial> {
+        let mut jobs = vec![(trial.found.clone(), trial.fit.effects.clone())];
+        for slot in 0..trial.found.len() {
+            let (mut found, mut effects) = (trial.found.clone(), trial.fit.effects.clone());
+            found.remove(slot);
+            effects.remove(self.base.len() + slot);
+            let Ok(rest) = self.fitted(found, &effects) else { continue };
+            let cells = screen(self.problem, &rest.fit, self.candidates);
+            let best = self.varied(self.best_cells(&cells));
+            let others = best.into_iter().filter(|cell| cell.candidate != trial.found[slot]);
+            jobs.extend(others.take(N_SECONDS).map(|cell| self.with(&rest, &[cell])));
+        }
+        self.refine(jobs)
+    }
+
+    /// Pairs: the best seconds beside the best singles, and the best pairs to first order; refined, best first.
+    pub fn pairs(&self, start: &Trial, cells: &[Cell], singles: &[Trial], second_cells: &[Vec<Cell>]) -> Vec<Trial> {
+        let mut jobs = Vec::new();
+        for (k, (single, cells)) in singles.iter().zip(second_cells).enumerate() {
+            let n = if k == 0 { N_SECONDS } else { N_SECONDS / 2 };
+            jobs.extend(self.varied(self.best_cells(cells)).into_iter().take(n).map(|cell| self.with(single, &[cell])));
+        }
+        jobs.extend(best_pairs(cells).into_iter().take(N_PAIRS).map(|(a, b)| self.with(start, &[a, b])));
+        let mut seen: Vec<Vec<usize>> = Vec::new();
+        jobs.retain(|(found, _)| {
+            let mut sorted = found.clone();
+            sorted.sort_unstable();
+            let fresh = !seen.contains(&sorted);
+            seen.push(sorted);
+            fresh
+        });
+        self.refine(jobs)
+    }
+
+    /// A trial with further effects in place of its own ones, from the values that screening suggests.
+    fn with(&self, from: &Trial, cells: &[&Cell]) -> (Vec<usize>, Vec<Term>) {
+        let mut found = from.found.clone();
+        let mut effects = from.fit.effects.clone();
+        for cell in cells {
+            let candidate = &self.candidates[cell.candidate];
+            let mut values = candidate.starts[cell.start].clone();
+            for (&k, factor) in candidate.amplitudes.iter().zip(cell.factors.iter()) {
+                let factor = if candidate.one_sided { factor.clamp(0.1, 10.0) } else { factor.clamp(-30.0, 30.0) };
+                values[k] = candidate.neutral[k] + factor * (values[k] - candidate.neutral[k]);
+            }
+            effects.push(Term { name: candidate.name.to_owned(), values, formula: None });
+            found.push(cell.candidate);
+        }
+        (found, effects)
+    }
+
+    /// Fits lists of effects; those that make no chain are left out.
+    fn refine(&self, jobs: Vec<(Vec<usize>, Vec<Term>)>) -> Vec<Trial> {
+        let mut trials: Vec<Trial> =
+            jobs.into_par_iter().filter_map(|(found, effects)| self.fitted(found, &effects).ok()).collect();
+        trials.sort_by(|a, b| self.badness(a).total_cmp(&self.badness(b)));
+        trials
+    }
+
+    /// A list of effects fitted to this problem from these values, which stand behind the model's own.
+    ///
+    /// # Errors
+    /// [`LabError::Chain`] where they make no chain.
+    pub fn fitted(&self, found: Vec<usize>, effects: &[Term]) -> Result<Trial, LabError> {
+        let mut effects = effects.to_vec();
+        let mut variables = self.base_variables.to_vec();
+        for (n, &k) in found.iter().enumerate() {
+            variables.extend(self.variables(&effects, self.base.len() + n, k)?);
+        }
+        // A start outside a bound is moved onto it.
+        for variable in &variables {
+            let value = variable.value(&effects);
+            variable.set(&mut effects, value);
+        }
+        Ok(Trial { found, fit: fit(self.problem, &effects, &variables, ITERATIONS, TOLERANCE)? })
+    }
+
+    fn variables(&self, effects: &[Term], place: usize, candidate: usize) -> Result<Vec<Variable>, LabError> {
+        let candidate = &self.candidates[candidate];
+        let first = &candidate.starts[0];
+        let size =
+            |k: usize| if candidate.amplitudes.contains(&k) { first[k] - candidate.neutral[k] } else { first[k] };
+        let variable = |&k: &usize| Variable::new(self.problem.machine, effects, place, k, size(k).abs().max(1e-9));
+        candidate.free.iter().map(variable).collect()
+    }
+
+    /// ln RSS + p ln(N)/N: what is left, and a price for each parameter.
+    pub fn badness(&self, trial: &Trial) -> f64 {
+        let n = self.problem.n_scored as f64;
+        trial.fit.sum_of_squares.ln() + trial.fit.variables.len() as f64 * n.ln() / n
+    }
+
+    /// The best cell of each candidate, best first.
+    fn best_cells<'c>(&self, cells: &'c [Cell]) -> Vec<&'c Cell> {
+        let n = self.problem.n_scored as f64;
+        let price = |cell: &Cell| cell.sum_of_squares.max(1e-300).ln() + cell.columns.len() as f64 * n.ln() / n;
+        let mut best: Vec<&Cell> = Vec::new();
+        for cell in cells {
+            match best.iter_mut().find(|own| own.candidate == cell.candidate) {
+                Some(own) if price(cell) < price(own) => *own = cell,
+                Some(_) => {}
+                None => best.push(cell),
+            }
+        }
+        best.sort_by(|a, b| price(a).total_cmp(&price(b)));
+        best
+    }
+}
+
+/// Pairs of cells of different candidates, best together first, one pair of cells for each pair of candidates.
+fn best_pairs(cells: &[Cell]) -> Vec<(&Cell, &Cell)> {
+    let pairs: Vec<(usize, usize)> = (0..cells.len()).flat_map(|a| (a + 1..cells.len()).map(move |b| (a, b))).collect();
+    let mut scored: Vec<(f64, usize, usize)> = pairs
+        .into_par_iter()
+        .filter(|&(a, b)| cells[a].candidate != cells[b].candidate)
+        .map(|(a, b)| (joint_gain(&cells[a], &cells[b]), a, b))
+        .collect();
+    scored.sort_by(|x, y| y.0.total_cmp(&x.0).then(x.1.cmp(&y.1)).then(x.2.cmp(&y.2)));
+    let mut best: Vec<(&Cell, &Cell)> = Vec::new();
+    for (_, a, b) in scored {
+        let (a, b) = (&cells[a], &cells[b]);
+        let known = |(x, y): &(&Cell, &Cell)| (x.candidate, y.candidate) == (a.candidate, b.candidate);
+        if !best.iter().any(known) {
+            best.push((a, b));
+        }
+        if best.len() >= 40 {
+            break;
+        }
+    }
+    best
+}
+
+/// How much of the sum of squares two cells take away together, to first order.
+fn joint_gain(a: &Cell, b: &Cell) -> f64 {
+    let columns: Vec<&Vec<f64>> = a.columns.iter().chain(&b.columns).collect();
+    let (score_a, gram_a) = super::screen::total(&a.blocks);
+    let (score_b, gram_b) = super::screen::total(&b.blocks);
+    let (n_a, n) = (score_a.len(), columns.len());
+    let score = nalgebra::DVector::from_fn(n, |k, _| if k < n_a { score_a[k] } else { score_b[k - n_a] });
+    let gram = nalgebra::DMatrix::from_fn(n, n, |i, j| match (i < n_a, j < n_a) {
+        (true, true) => gram_a[(i, j)],
+        (false, false) => gram_b[(i - n_a, j - n_a)],
+        _ => dot(columns[i], columns[j]),
+    });
+    let factors = crate::fit::inverse(&gram) * &score;
+    let wrong_sign = (a.one_sided && factors[0] <= 0.0) || (b.one_sided && factors[n_a] <= 0.0);
+    if wrong_sign { 0.0 } else { score.dot(&factors) - 1e-4 * n as f64 * score.dot(&factors).abs() }
+}

@@ -1,0 +1,398 @@
+//! The diagnosis from beginning to end.
+
+use super::accept::{Comparison, FOLDS};
+use super::alternatives::Alternatives;
+use super::answer::{CandidateAnswer, Diagnosis, FoundEffect, FoundParameter, Remaining, Verdict};
+use super::screen::{Cell, orthonormal};
+use super::search::{Search, Trial};
+use super::sign_flip::SignFlip;
+use super::{experiment, gate, structure};
+use crate::fit::{Variable, held_out_block_squares, uncertainty};
+use crate::machine::{Candidate, Machine};
+use crate::noise::{FloorSource, NoiseFloor};
+use crate::prepare::{Prepared, prepare};
+use crate::{LabError, Measurements, Problem};
+
+/// How to diagnose.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DiagnoseOptions {
+    /// Seed of all random numbers; the same seed gives the same bytes, whatever the number of threads.
+    pub seed: u64,
+    /// At most so many effects are added together, 1 or 2.
+    pub max_effects: usize,
+    /// Parameters of the model's own effects that are free: effect's name and parameter's name.
+    pub free: Vec<(String, String)>,
+}
+
+impl Default for DiagnoseOptions {
+    fn default() -> Self {
+        Self { seed: 1, max_effects: 2, free: Vec::new() }
+    }
+}
+
+/// Rows that the search works on: all of few, a tenth of many.
+const WORKING_ROWS: usize = 3000;
+/// Effects with more free parameters than this may be two simple ones in disguise.
+const FEW_PARAMETERS: usize = 2;
+/// Of a pair, neither effect may have more look-alikes than this.
+const MOST_LOOK_ALIKES: usize = 7;
+/// Final error up to this ratio of the floor is the floor.
+const AT_FLOOR: f64 = 1.04;
+/// A rest of structure below this level is no chance.
+const LEVEL_OF_REST: f64 = 0.02;
+/// White noise cannot make an error of this ratio of the floor, whatever the test of structure sees.
+const BEYOND_DOUBT: f64 = 1.1;
+/// Less than this share of what was explainable is left to the imperfection of known effects' equations.
+const SMALL_REST: f64 = 0.02;
+
+/// Says which effect is missing from a machine's model, or none, or that it cannot be said.
+///
+/// # Errors
+/// [`LabError`] where the model as given cannot be computed, or a free parameter does not exist.
+pub fn diagnose(machine: &dyn Machine, data: &Measurements, options: &DiagnoseOptions) -> Result<Diagnosis, LabError> {
+    let Prepared { problem: full, floors, excluded, shortest_block_s } = prepare(machine, data)?;
+    let rows = working_rows(data, &excluded);
+    let work = Problem::new(machine, data.select(&rows), &[], shortest_block_s);
+    let candidates = machine.candidates(data);
+    let base_variables = free_variables(machine, &options.free)?;
+    let search = |problem| Search {
+        problem,
+        candidates: &candidates,
+        base: machine.effects(),
+        base_variables: &base_variables,
+        seed: options.seed,
+    };
+    let found = run(&search(&work), &floors, options.max_effects)?;
+    Case { full: &search(&full), work: &search(&work), floors, found, n_outliers: excluded.len() }.conclude()
+}
+
+/// What the search on the working rows found.
+struct Findings {
+    cells: Vec<Cell>,
+    test: SignFlip,
+    singles: Vec<Trial>,
+    chosen: Trial,
+    alternatives: Alternatives,
+}
+
+fn run(search: &Search, floors: &NoiseFloor, max_effects: usize) -> Result<Findings, LabError> {
+    let start = search.start()?;
+    let (cells, test) = search.look(&start);
+    let singles = search.singles(&start, &cells);
+    let rms = |trial: &Trial| search.problem.rms(trial.fit.sum_of_squares);
+    let comparison = Comparison {
+        problem: search.problem,
+        floor: floors.sigma().map(|(sigma, _)| sigma * (search.problem.data.n_outputs as f64).sqrt()),
+        is_white: matches!(floors.sigma(), Some((_, FloorSource::White))),
+        base_rms: rms(&start),
+    };
+    let Some(single) = singles.first().filter(|single| comparison.deserves(&start, single, test.p_value)) else {
+        let alternatives = Alternatives::new(search.problem, vec![start.clone()], search.seed);
+        return Ok(Findings { chosen: start.clone(), cells, test, singles, alternatives });
+    };
+    // Many parameters in one effect may be two simple effects in disguise.
+    let many = single.fit.variables.len() > search.base_variables.len() + FEW_PARAMETERS;
+    if max_effects > 1 && (many || comparison.leaves_something(single)) {
+        let firsts = search.different(&singles);
+        let looks: Vec<(Vec<Cell>, SignFlip)> = firsts.iter().map(|first| search.look(first)).collect();
+        let p_value = looks.first().map_or(1.0, |(_, test)| test.p_value);
+        if many || p_value < 0.05 {
+            let second_cells: Vec<Vec<Cell>> = looks.into_iter().map(|(cells, _)| cells).collect();
+            let mut pairs = search.pairs(&start, &cells, &firsts, &second_cells);
+            if let Some(best) = pairs.first().cloned() {
+                pairs.extend(search.swaps(&best));
+            }
+            let pairs = distinct(search, pairs);
+            let simpler = |pair: &Trial| {
+                2 * pair.fit.variables.len() <= single.fit.variables.len()
+                    && search.badness(pair) < search.badness(single)
+            };
+            let deserves = |pair: &&Trial| comparison.deserves(single, pair, p_value) || simpler(pair);
+            if let Some(pair) = pairs.first().filter(deserves).cloned() {
+                let alternatives = Alternatives::new(search.problem, pairs, search.seed);
+                // A second effect that almost anything could stand in for is the imperfection of the first one's equation.
+                if (0..pair.found.len()).all(|slot| alternatives.class(slot).len() <= MOST_LOOK_ALIKES) {
+                    return Ok(Findings { chosen: pair, cells, test, singles, alternatives });
+                }
+            }
+        }
+    }
+    let alternatives = Alternatives::new(search.problem, singles.clone(), search.seed);
+    Ok(Findings { chosen: single.clone(), cells, test, singles, alternatives })
+}
+
+/// Best first, each set of candidates once.
+fn distinct(search: &Search, mut trials: Vec<Trial>) -> Vec<Trial> {
+    trials.sort_by(|a, b| search.badness(a).total_cmp(&search.badness(b)));
+    let mut seen: Vec<Vec<usize>> = Vec::new();
+    trials.retain(|trial| {
+        let mut sorted = trial.found.clone();
+        sorted.sort_unstable();
+        let fresh = !seen.contains(&sorted);
+        seen.push(sorted);
+        fresh
+    });
+    trials
+}
+
+/// Everything that a conclusion needs.
+struct Case<'a> {
+    full: &'a Search<'a>,
+    work: &'a Search<'a>,
+    floors: NoiseFloor,
+    found: Findings,
+    n_outliers: usize,
+}
+
+impl Case<'_> {
+    fn conclude(self) -> Result<Diagnosis, LabError> {
+        let search = self.full;
+        let problem = search.problem;
+        let (unit, scale) = problem.machine.error_unit();
+        let start = search.start()?;
+        let mut chosen = search.fitted(self.found.chosen.found.clone(), &self.found.chosen.fit.effects)?;
+        self.order(&mut chosen)?;
+        let held_out =
+            |trial: &Trial| problem.rms(held_out_block_squares(problem, &trial.fit, FOLDS).iter().sum()) * scale;
+        let (before, after) = (held_out(&start), held_out(&chosen));
+        let sigma = self.floors.sigma();
+        let floor = sigma.map(|(sigma, _)| sigma * (problem.data.n_outputs as f64).sqrt() * scale);
+        let remaining = self.remaining(&chosen, before, after, floor)?;
+        let effects = self.effects(&chosen, before)?;
+        let verdict = match (remaining.structured, effects.is_empty()) {
+            (true, _) => Verdict::Unknown,
+            (false, true) => Verdict::None,
+            (false, false) => Verdict::Missing,
+        };
+        let n_reversals = gate::reversals(&problem.data);
+        let next_experiment = match verdict {
+            Verdict::None => None,
+            Verdict::Missing => effects.iter().find_map(|effect| experiment::separate(&effect.class, n_reversals)),
+            Verdict::Unknown => Some(experiment::explore(remaining.looks_like)),
+        };
+        let candidates = self.candidates(&effects, scale);
+        let (effects, partial) =
+            if verdict == Verdict::Unknown { (Vec::new(), effects) } else { (effects, Vec::new()) };
+        Ok(Diagnosis {
+            sentence: sentence(verdict, &effects, &remaining, after, floor, unit),
+            verdict,
+            cautions: gate::cautions(problem, self.n_outliers),
+            noise_floor: floor,
+            floor_source: sigma.map_or("the data do not tell", |(_, source): (f64, FloorSource)| source.label()),
+            base_heldout_rms: before,
+            final_heldout_rms: after,
+            effects,
+            partial,
+            candidates,
+            remaining,
+            next_experiment,
+            terms: chosen.fit.effects,
+            rows: [problem.data.n_rows(), problem.n_scored / problem.data.n_outputs, self.n_outliers, problem.n_blocks],
+            floors: self.floors,
+            seed: search.seed,
+        })
+    }
+
+    /// Puts the effect that brings more by itself first.
+    fn order(&self, chosen: &mut Trial) -> Result<(), LabError> {
+        if chosen.found.len() < 2 {
+            return Ok(());
+        }
+        let alone = |slot: usize| -> Result<f64, LabError> { Ok(self.alone(chosen, slot)?.fit.sum_of_squares) };
+        if alone(1)? < alone(0)? {
+            let base = self.full.base.len();
+            chosen.found.swap(0, 1);
+            let mut effects = chosen.fit.effects.clone();
+            effects.swap(base, base + 1);
+            *chosen = self.full.fitted(chosen.found.clone(), &effects)?;
+        }
+        Ok(())
+    }
+
+    /// One effect of a trial without the others, on the working rows.
+    fn alone(&self, chosen: &Trial, slot: usize) -> Result<Trial, LabError> {
+        let base = self.full.base.len();
+        let mut effects = chosen.fit.effects[..base].to_vec();
+        effects.push(chosen.fit.effects[base + slot].clone());
+        self.work.fitted(vec![chosen.found[slot]], &effects)
+    }
+
+    fn effects(&self, chosen: &Trial, base_rms: f64) -> Result<Vec<FoundEffect>, LabError> {
+        let problem = self.full.problem;
+        let (_, scale) = problem.machine.error_unit();
+        let held_out =
+            |trial: &Trial| problem.rms(held_out_block_squares(problem, &trial.fit, FOLDS).iter().sum()) * scale;
+        let mut errors = vec![base_rms];
+        if chosen.found.len() == 2 {
+            let first = self.alone(chosen, 0)?;
+            let work = self.work.problem;
+            errors.push(work.rms(held_out_block_squares(work, &first.fit, FOLDS).iter().sum()) * scale);
+        }
+        errors.push(held_out(chosen));
+        (0..chosen.found.len())
+            .map(|slot| {
+                let place = self.found.chosen.found.iter().position(|k| *k == chosen.found[slot]).unwrap_or(slot);
+                let class = self.found.alternatives.class(place);
+                Ok(FoundEffect {
+                    name: self.full.candidates[chosen.found[slot]].name.to_owned(),
+                    probability: self.found.alternatives.probability(&class),
+                    class: class.into_iter().map(|k| self.full.candidates[k].name.to_owned()).collect(),
+                    before: errors[slot],
+                    after: errors[slot + 1],
+                    parameters: self.parameters(chosen, slot)?,
+                })
+            })
+            .collect()
+    }
+
+    fn parameters(&self, chosen: &Trial, slot: usize) -> Result<Vec<FoundParameter>, LabError> {
+        let place = self.full.base.len() + slot;
+        let known = uncertainty(self.full.problem, &chosen.fit);
+        let term = &chosen.fit.effects[place];
+        let own = self.full.problem.machine.parameters(term)?;
+        let parameter = |(k, parameter): (usize, crate::Parameter)| {
+            let free = chosen.fit.variables.iter().position(|v| v.effect == place && v.parameter == k);
+            FoundParameter {
+                name: parameter.name,
+                unit: parameter.unit,
+                value: term.values[k],
+                se: free.map_or(0.0, |n| known.robust[n]),
+                se_naive: free.map_or(0.0, |n| known.naive[n]),
+                is_free: free.is_some(),
+                on_bound: free.is_some_and(|n| chosen.fit.variables[n].bound(&chosen.fit.effects).is_some()),
+            }
+        };
+        Ok(own.into_iter().enumerate().map(parameter).collect())
+    }
+
+    fn remaining(&self, chosen: &Trial, before: f64, after: f64, floor: Option<f64>) -> Result<Remaining, LabError> {
+        let problem = self.work.problem;
+        let predicted = problem.machine.predict(&chosen.fit.effects, &problem.data)?;
+        let residual = problem.weigh(&predicted);
+        let basis = orthonormal(&self.found.chosen.fit.slopes);
+        let structure = structure::structure(problem, &residual, &basis, &predicted, self.full.seed);
+        let above = |rms: f64| (rms.powi(2) - floor.unwrap_or(0.0).powi(2)).max(0.0);
+        let unexplained = if above(before) > 0.0 { (above(after) / above(before)).min(1.0) } else { 0.0 };
+        let at_floor = floor.is_some_and(|floor| after <= AT_FLOOR * floor);
+        let small = !chosen.found.is_empty() && unexplained <= SMALL_REST;
+        let white = matches!(self.floors.sigma(), Some((_, FloorSource::White)));
+        let beyond_doubt = white && floor.is_some_and(|floor| after > BEYOND_DOUBT * floor);
+        let foreseeable = structure.groups.first().is_some_and(|group| group.share > if white { 0.03 } else { 0.1 });
+        let structured = !at_floor && !small && (structure.p_value < LEVEL_OF_REST || beyond_doubt || foreseeable);
+        Ok(Remaining {
+            structured,
+            p_value: structure.p_value,
+            looks_like: structure.groups.first().filter(|_| structured).map(|group| group.name),
+            unexplained,
+            structure,
+        })
+    }
+
+    fn candidates(&self, effects: &[FoundEffect], scale: f64) -> Vec<CandidateAnswer> {
+        let answer = |(k, candidate): (usize, &Candidate)| {
+            let cells = || self.found.cells.iter().zip(&self.found.test.p_of_cell).filter(|(c, _)| c.candidate == k);
+            let p_value = cells().map(|(_, p)| *p).fold(1.0, f64::min);
+            let visible = cells().map(|(cell, _)| cell.visible).fold(0.0, f64::max);
+            let refined = self.found.singles.iter().find(|trial| trial.found == [k]);
+            let squares = match refined {
+                Some(trial) => Some(held_out_block_squares(self.work.problem, &trial.fit, FOLDS).iter().sum()),
+                None => cells().map(|(cell, _)| cell.sum_of_squares).reduce(f64::min),
+            };
+            CandidateAnswer {
+                name: candidate.name,
+                class: candidate.class,
+                heldout_rms: squares.map(|squares: f64| self.work.problem.rms(squares) * scale),
+                probability: if effects.is_empty() { 0.0 } else { self.found.alternatives.probability(&[k]) },
+                p_value,
+                state: state(candidate, effects, refined.is_some(), visible, p_value),
+            }
+        };
+        let mut all: Vec<CandidateAnswer> = self.full.candidates.iter().enumerate().map(answer).collect();
+        all.sort_by(|a, b| a.heldout_rms.unwrap_or(f64::INFINITY).total_cmp(&b.heldout_rms.unwrap_or(f64::INFINITY)));
+        all
+    }
+}
+
+fn state(candidate: &Candidate, effects: &[FoundEffect], refined: bool, visible: f64, p_value: f64) -> String {
+    if let Some(reason) = &candidate.cannot {
+        return reason.clone();
+    }
+    if let Some(n) = effects.iter().position(|effect| effect.name == candidate.name) {
+        return format!("chosen, number {}", n + 1);
+    }
+    if let Some(effect) = effects.iter().find(|effect| effect.class.iter().any(|name| name == candidate.name)) {
+        return format!("cannot be told from {}", effect.name);
+    }
+    match (refined, visible) {
+        (_, visible) if visible < 0.05 => "cannot be seen in these data".to_owned(),
+        (true, _) => "refined, explains less".to_owned(),
+        (false, _) if p_value >= 0.05 => "no sign of it".to_owned(),
+        (false, _) => "screened, explains less".to_owned(),
+    }
+}
+
+fn sentence(
+    verdict: Verdict,
+    effects: &[FoundEffect],
+    remaining: &Remaining,
+    after: f64,
+    floor: Option<f64>,
+    unit: &str,
+) -> String {
+    let floor =
+        floor.map_or("an unknown noise floor".to_owned(), |floor| format!("a noise floor of {floor:.3} {unit}"));
+    let names = |effect: &FoundEffect| match effect.class.len() {
+        1 => effect.name.clone(),
+        _ => format!("one of {{{}}}", effect.class.join(", ")),
+    };
+    match verdict {
+        Verdict::None => {
+            format!("nothing is missing: an error of {after:.3} {unit} beside {floor} is the measurement's own")
+        }
+        Verdict::Missing => format!(
+            "missing: {}; with it the error on data it was not fitted to is {after:.3} {unit}, beside {floor}",
+            effects.iter().map(names).collect::<Vec<_>>().join(" and ")
+        ),
+        Verdict::Unknown => format!(
+            "something is missing that no known effect, nor two together, explains: {after:.3} {unit} remain beside {floor}, \
+             {:.0} % of what there was to explain{}",
+            100.0 * remaining.unexplained,
+            remaining.looks_like.map_or(String::new(), |what| format!("; it depends on {what}"))
+        ),
+    }
+}
+
+fn working_rows(data: &Measurements, excluded: &[usize]) -> Vec<usize> {
+    let n = data.n_rows();
+    let stride = n.div_ceil(WORKING_ROWS + n / 10).max(1);
+    (0..n)
+        .filter(|row| row % stride == 0 || data.starts_trial(*row))
+        .filter(|row| excluded.binary_search(row).is_err())
+        .collect()
+}
+
+/// The variables of parameters named by effect's label and parameter's name.
+pub(crate) fn free_variables(machine: &dyn Machine, free: &[(String, String)]) -> Result<Vec<Variable>, LabError> {
+    let effects = machine.effects();
+    let unknown = |name: &str, nearest: String| LabError::UnknownEffect {
+        name: name.to_owned(),
+        machine: machine.kind(),
+        nearest,
+    };
+    free.iter()
+        .map(|(effect, parameter)| {
+            let names = || effects.iter().map(|term| term.label());
+            let place = names()
+                .position(|own| own == effect)
+                .ok_or_else(|| unknown(effect, crate::machine::nearest(effect, names())))?;
+            let own = machine.parameters(&effects[place])?;
+            let k = own.iter().position(|p| p.name == *parameter).ok_or_else(|| LabError::UnknownParameter {
+                effect: effect.clone(),
+                name: parameter.clone(),
+                nearest: crate::machine::nearest(parameter, own.iter().map(|p| p.name.as_str())),
+            })?;
+            let size = (0.1 * effects[place].values[k]).abs().max(1e-3 * (own[k].high - own[k].low).min(1e3));
+            Variable::new(machine, effects, place, k, size)
+        })
+        .collect()
+}

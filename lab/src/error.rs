@@ -1,0 +1,51 @@
+//! What the lab refuses, each in one sentence.
+
+use krait_model::ChainError;
+
+/// Work that the lab cannot do with what it was given.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum LabError {
+    /// A model cannot be built.
+    #[error(transparent)]
+    Chain(#[from] ChainError),
+    /// An effect's name is not known for this kind of machine.
+    #[error("effect {name:?} is not one that a machine of kind {machine} can have; did you mean {nearest}?")]
+    UnknownEffect {
+        /// What was given.
+        name: String,
+        /// The machine's kind.
+        machine: &'static str,
+        /// The nearest name.
+        nearest: String,
+    },
+    /// A parameter's name is not known.
+    #[error("effect {effect} has no parameter {name:?}; did you mean {nearest}?")]
+    UnknownParameter {
+        /// The effect.
+        effect: String,
+        /// What was given.
+        name: String,
+        /// The nearest name.
+        nearest: String,
+    },
+    /// The data cannot show an effect.
+    #[error("effect {effect} cannot be fitted to these data: it {reason}; choose another effect or other data")]
+    CannotShow {
+        /// The effect.
+        effect: String,
+        /// Why, a verb first.
+        reason: String,
+    },
+    /// Model and data are of different machines.
+    #[error(
+        "{data}: the data are of a machine of kind {found}, the model is of kind {expected}; use a model of that kind"
+    )]
+    OtherMachine {
+        /// The data's file.
+        data: String,
+        /// The model's kind.
+        expected: &'static str,
+        /// The data's kind.
+        found: &'static str,
+    },
+}

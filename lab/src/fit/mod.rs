@@ -1,0 +1,11 @@
+//! Fits: the parameters of effects that bring predictions closest to measurements, and how well the data know them.
+
+mod levenberg_marquardt;
+mod uncertainty;
+mod variable;
+
+pub(crate) use levenberg_marquardt::dot;
+pub use levenberg_marquardt::{Fit, fit};
+pub(crate) use uncertainty::inverse;
+pub use uncertainty::{Uncertainty, held_out_block_squares, uncertainty};
+pub use variable::Variable;

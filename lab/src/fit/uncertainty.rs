@@ -1,0 +1,88 @@
+//! How well data know fitted parameters: robust standard errors by blocks, and the error on blocks that a fit did not see.
+
+use super::Fit;
+use super::levenberg_marquardt::{dot, normal_equations};
+use crate::Problem;
+use nalgebra::{DMatrix, DVector};
+
+/// Standard errors of a fit's variables, in the parameters' units.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Uncertainty {
+    /// Robust: A^-1 B A^-1 with B from the scores of blocks, so that coloured noise counts as what it is.
+    pub robust: Vec<f64>,
+    /// As if all residuals were independent; what most tools print.
+    pub naive: Vec<f64>,
+}
+
+/// Standard errors by the sandwich over blocks, with the factor n/(n - p) for few blocks.
+pub fn uncertainty(problem: &Problem, fit: &Fit) -> Uncertainty {
+    let n = fit.variables.len();
+    let (gram, _) = normal_equations(&fit.slopes, &fit.residual);
+    let inverse = inverse(&gram);
+    let scores = block_scores(problem, fit);
+    let n_blocks = scores.len();
+    let mean = scores.iter().fold(DVector::zeros(n), |sum, s| sum + s) / n_blocks.max(1) as f64;
+    let spread = scores.iter().fold(DMatrix::zeros(n, n), |sum, s| {
+        let off = s - &mean;
+        sum + &off * off.transpose()
+    }) * (n_blocks as f64 / n_blocks.saturating_sub(n).max(1) as f64);
+    let sandwich = &inverse * spread * &inverse;
+    let variance = fit.sum_of_squares / problem.n_scored.saturating_sub(n).max(1) as f64;
+    let unit = |k: usize| fit.variables[k].unit_step(&fit.effects).abs();
+    Uncertainty {
+        robust: (0..n).map(|k| sandwich[(k, k)].max(0.0).sqrt() * unit(k)).collect(),
+        naive: (0..n).map(|k| (inverse[(k, k)] * variance).max(0.0).sqrt() * unit(k)).collect(),
+    }
+}
+
+/// Sum of squares of each block under parameters that did not see its fold: one Gauss-Newton step from the fit of all data.
+///
+/// Hysteresis keeps its memory through left-out rows; only their error is left out.
+pub fn held_out_block_squares(problem: &Problem, fit: &Fit, n_folds: usize) -> Vec<f64> {
+    let bounds = problem.block_bounds();
+    let n = fit.variables.len();
+    let pieces: Vec<(DMatrix<f64>, DVector<f64>)> = (0..problem.n_blocks)
+        .map(|b| {
+            let slopes: Vec<Vec<f64>> = fit.slopes.iter().map(|s| s[bounds[b]..bounds[b + 1]].to_vec()).collect();
+            normal_equations(&slopes, &fit.residual[bounds[b]..bounds[b + 1]])
+        })
+        .collect();
+    let mut squares = vec![0.0; problem.n_blocks];
+    for fold in 0..n_folds {
+        let seen = pieces.iter().enumerate().filter(|(b, _)| b % n_folds != fold).map(|(_, piece)| piece);
+        let (gram, gradient) = seen.fold((DMatrix::zeros(n, n), DVector::zeros(n)), |(gram, gradient), piece| {
+            (gram + &piece.0, gradient + &piece.1)
+        });
+        let step = -inverse(&gram) * gradient;
+        for b in (fold..problem.n_blocks).step_by(n_folds) {
+            let own = &fit.residual[bounds[b]..bounds[b + 1]];
+            let (gram, gradient) = &pieces[b];
+            squares[b] = dot(own, own) + 2.0 * gradient.dot(&step) + step.dot(&(gram * &step));
+        }
+    }
+    squares
+}
+
+fn block_scores(problem: &Problem, fit: &Fit) -> Vec<DVector<f64>> {
+    let bounds = problem.block_bounds();
+    let score =
+        |b: usize, slope: &[f64]| dot(&slope[bounds[b]..bounds[b + 1]], &fit.residual[bounds[b]..bounds[b + 1]]);
+    (0..problem.n_blocks)
+        .map(|b| DVector::from_iterator(fit.slopes.len(), fit.slopes.iter().map(|slope| score(b, slope))))
+        .collect()
+}
+
+/// Inverse of a Gram matrix; directions that the data do not know count as known to be zero.
+pub(crate) fn inverse(gram: &DMatrix<f64>) -> DMatrix<f64> {
+    let n = gram.nrows();
+    if n == 0 {
+        return DMatrix::zeros(0, 0);
+    }
+    if n == 1 {
+        return DMatrix::from_element(1, 1, if gram[0] > 0.0 { gram[0].recip() } else { 0.0 });
+    }
+    let scale = DVector::from_fn(n, |k, _| if gram[(k, k)] > 0.0 { gram[(k, k)].sqrt().recip() } else { 0.0 });
+    let scaled = DMatrix::from_fn(n, n, |i, j| gram[(i, j)] * scale[i] * scale[j]);
+    let pseudo = scaled.pseudo_inverse(1e-10).unwrap_or_else(|_| DMatrix::zeros(n, n));
+    DMatrix::from_fn(n, n, |i, j| pseudo[(i, j)] * scale[i] * scale[j])
+}

@@ -1,0 +1,254 @@
+//! Data with a hidden effect, from the simulated snake: for teaching, and to find out how good the lab is.
+//!
+//! The plant is that of `krait-slave`, which shares no physics with `krait-model`, and it is stepped four times as finely as
+//! the rows. A recipe says what is hidden, how large (root mean square of what the effect changes in the picture, in units
+//! of the noise's length sqrt(2) sigma), under which motion and noise; the answer says all of it again, and which names count as
+//! right. Equal recipes make equal bytes.
+
+mod answer;
+mod kind;
+mod motion;
+mod noise;
+mod plant;
+mod random;
+mod seal;
+
+pub use answer::Answer;
+pub use kind::{KINDS, Kind};
+pub use motion::Motion;
+pub use noise::Noise;
+pub use seal::{SealError, Sealed, base_model};
+
+use crate::{Measurements, Quantity};
+use core::f64::consts::SQRT_2;
+use kind::Draw;
+use krait_model::{ChainError, MachineParameters};
+use krait_slave::{DriveError, EffectsTruth, Truth, TruthError};
+use random::{Purpose, Random};
+
+/// Rounds of the search for an amplitude; each comes about ten times nearer.
+const ROUNDS: usize = 5;
+/// Where the search ends, relative.
+const NEAR: f64 = 0.02;
+
+/// What to make.
+#[derive(Clone, Debug)]
+pub struct Recipe {
+    /// What is hidden, and how large; empty for nothing.
+    pub hidden: Vec<(&'static Kind, f64)>,
+    /// The motion.
+    pub motion: Motion,
+    /// The camera's noise.
+    pub noise: Noise,
+    /// Its standard deviation in each component, rad.
+    pub sigma_rad: f64,
+    /// Length, s.
+    pub seconds: f64,
+    /// Rows per second, Hz.
+    pub rate_hz: f64,
+    /// Everything that is drawn follows from it.
+    pub seed: u64,
+    /// The plant's dimensions and modulus differ from the base model's by up to this part, 1.
+    pub perturbation: f64,
+}
+
+impl Default for Recipe {
+    fn default() -> Self {
+        Self {
+            hidden: Vec::new(),
+            motion: Motion::Rich,
+            noise: Noise::White,
+            sigma_rad: 0.3 * core::f64::consts::PI / 180.0,
+            seconds: 200.0,
+            rate_hz: 50.0,
+            seed: 0,
+            perturbation: 0.0,
+        }
+    }
+}
+
+/// What came out.
+#[derive(Clone, Debug)]
+pub struct Generated {
+    /// What the lab may see.
+    pub measurements: Measurements,
+    /// What it may not.
+    pub answer: Answer,
+    /// The plant that made it: a truth file for `krait run --truth`.
+    pub truth: Truth,
+}
+
+/// Why nothing was made.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum GenerateError {
+    /// A number of the recipe is out of range.
+    #[error("{what} is {found}, expected {low} to {high}; choose a value in this range")]
+    OutOfRange {
+        /// Which.
+        what: &'static str,
+        /// Smallest.
+        low: f64,
+        /// Largest.
+        high: f64,
+        /// The value found.
+        found: f64,
+    },
+    /// The plant cannot have such an effect.
+    #[error(transparent)]
+    Truth(TruthError),
+    /// The motion leaves the actuators' travel.
+    #[error(transparent)]
+    Drive(DriveError),
+    /// The base model makes no path.
+    #[error(transparent)]
+    Chain(#[from] ChainError),
+    /// The plant found no equilibrium.
+    #[error("the simulated snake found no equilibrium at {n} steps with this effect; choose a smaller size")]
+    Unsolved {
+        /// How often.
+        n: u64,
+    },
+    /// The effect cannot be made that large.
+    #[error(
+        "{kind} at its largest changes the picture by {found} of the noise's length, expected {wanted}; choose a smaller size or noise"
+    )]
+    TooLarge {
+        /// Which.
+        kind: &'static str,
+        /// The size asked for.
+        wanted: f64,
+        /// The size reached.
+        found: f64,
+    },
+}
+
+/// Picks one kind, or two with `pair`, from a seed; the same ones every time.
+pub fn pick(seed: u64, pair: bool) -> Vec<&'static Kind> {
+    let mut random = Random::new(seed, Purpose::Kind);
+    let known: Vec<&Kind> = KINDS.iter().filter(|kind| kind.is_known() || !pair).collect();
+    let first = known[random.below(known.len())];
+    if !pair {
+        return vec![first];
+    }
+    // Look-alikes could not be told apart by anybody.
+    let others: Vec<&Kind> =
+        known.into_iter().filter(|kind| !kind.right.iter().any(|name| first.right.contains(name))).collect();
+    vec![first, others[random.below(others.len())]]
+}
+
+/// Makes data.
+///
+/// # Errors
+/// [`GenerateError`]: a recipe out of range, or one that the plant cannot follow.
+pub fn generate(recipe: &Recipe) -> Result<Generated, GenerateError> {
+    check(recipe)?;
+    let period_s = 1.0 / recipe.rate_hz;
+    let n = (recipe.seconds * recipe.rate_hz).round() as usize;
+    let path_rad = recipe.motion.path_rad(n, period_s, recipe.seed);
+    let readings_m = plant::planned_m(&MachineParameters::default(), &path_rad, period_s)?;
+    let bare = bare(recipe);
+    let truth = hide(recipe, &bare, &readings_m, period_s)?;
+    let elastic = Truth { effects: EffectsTruth::none(), ..Truth::default() };
+    let base_rad = plant::seen_rad(&elastic, &readings_m, period_s, plant::FINE)?;
+    let clean_rad = plant::seen_rad(&truth, &readings_m, period_s, plant::FINE)?;
+    let mut noisy_rad = clean_rad.clone();
+    recipe.noise.add_to(&mut noisy_rad, recipe.sigma_rad, period_s, recipe.seed);
+    let apart = [(&noisy_rad, &base_rad), (&clean_rad, &base_rad), (&noisy_rad, &clean_rad)];
+    let answer = Answer::new(recipe, &truth, apart.map(|(a, b)| plant::apart_rad(a, b)), n);
+    Ok(Generated { measurements: measurements(recipe, &readings_m, &noisy_rad), answer, truth })
+}
+
+/// The plant without what is hidden.
+fn bare(recipe: &Recipe) -> Truth {
+    let mut truth = Truth { effects: EffectsTruth::none(), ..Truth::default() };
+    let mut random = Random::new(recipe.seed, Purpose::Machine);
+    let machine = &mut truth.machine;
+    for value in [&mut machine.l_m, &mut machine.r_m, &mut machine.e_pa, &mut machine.l_d_m, &mut machine.l_c_m] {
+        *value *= 1.0 + recipe.perturbation * random.between(-1.0, 1.0);
+    }
+    truth
+}
+
+/// Hides every effect at its size, each sought by itself.
+fn hide(recipe: &Recipe, bare: &Truth, readings_m: &[[f64; 3]], period_s: f64) -> Result<Truth, GenerateError> {
+    let mut random = Random::new(recipe.seed, Purpose::Effect);
+    let mut truth = bare.clone();
+    if recipe.hidden.is_empty() {
+        return Ok(truth);
+    }
+    let without = plant::seen_rad(bare, readings_m, period_s, plant::COARSE)?;
+    for &(kind, size) in &recipe.hidden {
+        let draw = Draw::new(&mut random, recipe.seconds);
+        let size_of = |amplitude: f64| {
+            let mut alone = bare.clone();
+            kind.hide(&mut alone, amplitude, &draw);
+            let seen = plant::seen_rad(&alone, readings_m, period_s, plant::COARSE)?;
+            Ok(plant::apart_rad(&seen, &without) / (SQRT_2 * recipe.sigma_rad))
+        };
+        kind.hide(&mut truth, amplitude(kind, size, size_of)?, &draw);
+    }
+    Ok(truth)
+}
+
+/// The amplitude at which an effect has the wanted size: it is nearly proportional, so a few secants do.
+fn amplitude(
+    kind: &Kind,
+    wanted: f64,
+    size_of: impl Fn(f64) -> Result<f64, GenerateError>,
+) -> Result<f64, GenerateError> {
+    let mut amplitude = kind.typical;
+    let mut found = size_of(amplitude)?;
+    for _ in 0..ROUNDS {
+        if (found / wanted - 1.0).abs() < NEAR {
+            return Ok(amplitude);
+        }
+        let next = (amplitude * wanted / found.max(1e-12)).min(kind.most);
+        if next == amplitude {
+            break;
+        }
+        amplitude = next;
+        found = size_of(amplitude)?;
+    }
+    // What cannot be hit within a fifth would make the answer's size a lie.
+    if (found / wanted - 1.0).abs() < 0.2 {
+        return Ok(amplitude);
+    }
+    Err(GenerateError::TooLarge { kind: kind.name, wanted, found })
+}
+
+fn check(recipe: &Recipe) -> Result<(), GenerateError> {
+    let ranges = [
+        ("the noise's standard deviation in rad", recipe.sigma_rad, 1e-6, 0.2),
+        ("the length in seconds", recipe.seconds, 1.0, 100_000.0),
+        ("the rate in Hz", recipe.rate_hz, 5.0, 1000.0),
+        ("the rows", recipe.seconds * recipe.rate_hz, 10.0, 1e7),
+        ("the perturbation", recipe.perturbation, 0.0, 0.1),
+    ];
+    let sizes = recipe.hidden.iter().map(|&(_, size)| ("a size", size, 0.01, 100.0));
+    for (what, found, low, high) in ranges.into_iter().chain(sizes) {
+        // Written so that NaN is out of range.
+        if !(low..=high).contains(&found) {
+            return Err(GenerateError::OutOfRange { what, low, high, found });
+        }
+    }
+    Ok(())
+}
+
+fn measurements(recipe: &Recipe, readings_m: &[[f64; 3]], seen_rad: &[[f64; 2]]) -> Measurements {
+    Measurements {
+        source: format!("generated from seed {}", recipe.seed),
+        sha256: String::new(),
+        quantity: Quantity::Snake,
+        time_s: (0..readings_m.len()).map(|k| k as f64 / recipe.rate_hz).collect(),
+        inputs: readings_m.concat(),
+        n_inputs: 3,
+        outputs: seen_rad.concat(),
+        n_outputs: 2,
+        trial: vec![0; readings_m.len()],
+        loads_n: None,
+        stem_angle_rad: None,
+        temperature_c: None,
+        sigma: None,
+        extra: Vec::new(),
+    }
+}

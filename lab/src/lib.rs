@@ -1,0 +1,32 @@
+//! The model lab: how far model and measurement are apart, where, which effect is missing, and what adding it brings.
+//!
+//! Measurements (`measurements`), read from files (`read`), are predicted by a machine (`machine`) with a list of effects (`term`); statistics stand above
+//! the machine and know only inputs, outputs and parameters.
+#![forbid(unsafe_code)]
+
+mod add;
+pub mod benchmark;
+pub mod compare;
+pub mod diagnose;
+mod error;
+pub mod experiment;
+pub mod fit;
+pub mod generate;
+pub mod machine;
+mod measurements;
+pub mod noise;
+mod prepare;
+mod problem;
+pub mod read;
+pub mod report;
+mod save;
+mod session;
+mod term;
+
+pub use add::{AddOptions, Added, add, refit};
+pub use error::LabError;
+pub use measurements::{Measurements, Quantity};
+pub use problem::{FEWEST_BLOCKS, Problem, scored_time_s};
+pub use save::save;
+pub use session::{Session, SessionError, open_model};
+pub use term::{Parameter, Term};

@@ -1,0 +1,91 @@
+//! Joints under the lab: the forward model of `krait_model::joints`, row by row.
+
+use super::{Candidate, Machine, joint_candidates, snake};
+use crate::{LabError, Measurements, Parameter, Term};
+use krait_model::Columns;
+use krait_model::effects::EffectKind;
+use krait_model::joints::{JointChain, JointEffect};
+use krait_model::model_file::{Joints, ModelFile};
+
+/// Joints with their model.
+#[derive(Clone, Debug)]
+pub struct JointsLab {
+    joints: Joints,
+    effects: Vec<Term>,
+}
+
+impl JointsLab {
+    /// The machine of a model file; `None` if it is of another kind.
+    pub fn new(file: &ModelFile) -> Option<Self> {
+        let krait_model::model_file::Machine::Joints(joints) = file.machine() else { return None };
+        let effects = file.effects().iter().map(|effect| snake::term(effect.setting())).collect();
+        Some(Self { joints: joints.clone(), effects })
+    }
+
+    /// Units of the definitions are those of u and y; a model file says which these are.
+    fn unit(&self, unit: &str) -> String {
+        match unit {
+            "u" => self.joints.u_unit.clone(),
+            "y" => self.joints.y_unit.clone(),
+            "1/u^2" => format!("1/{}^2", self.joints.u_unit),
+            other => other.to_owned(),
+        }
+    }
+}
+
+impl Machine for JointsLab {
+    fn kind(&self) -> &'static str {
+        "joints"
+    }
+
+    fn error_unit(&self) -> (&str, f64) {
+        match self.joints.y_unit.as_str() {
+            "rad" => ("deg", 180.0 / core::f64::consts::PI),
+            own => (own, 1.0),
+        }
+    }
+
+    fn input_unit(&self) -> &str {
+        &self.joints.u_unit
+    }
+
+    fn effects(&self) -> &[Term] {
+        &self.effects
+    }
+
+    fn parameters(&self, term: &Term) -> Result<Vec<Parameter>, LabError> {
+        if let Some(formula) = &term.formula {
+            return Ok(formula.parameters.iter().map(snake::formula_parameter).collect());
+        }
+        let own = kind(&term.name)?.definition().parameters.iter().map(snake::own_parameter);
+        Ok(own.map(|parameter| Parameter { unit: self.unit(&parameter.unit), ..parameter }).collect())
+    }
+
+    fn candidates(&self, data: &Measurements) -> Vec<Candidate> {
+        joint_candidates::all(data)
+    }
+
+    fn predict(&self, effects: &[Term], data: &Measurements) -> Result<Vec<f64>, LabError> {
+        let settings = effects.iter().map(|term| snake::setting(term, kind)).collect::<Result<Vec<_>, _>>()?;
+        let columns = Columns { time: true, stem_angle: false, temperature: data.temperature_c.is_some() };
+        let chain = JointChain::new(&self.joints, &settings, columns)?;
+        let mut predictor = chain.predictor();
+        let mut outputs = Vec::with_capacity(data.n_outputs * data.n_rows());
+        for row in 0..data.n_rows() {
+            if row > 0 && data.starts_trial(row) {
+                predictor = chain.predictor();
+            }
+            outputs.extend_from_slice(predictor.step(data.input(row), &snake::circumstances(data, row)));
+        }
+        Ok(outputs)
+    }
+}
+
+/// The effect of joints that a name stands for.
+pub(super) fn kind(name: &str) -> Result<EffectKind, LabError> {
+    JointEffect::from_name(name).map(EffectKind::Joint).ok_or_else(|| LabError::UnknownEffect {
+        name: name.to_owned(),
+        machine: "joints",
+        nearest: super::nearest(name, JointEffect::ALL.iter().map(|effect| effect.name())),
+    })
+}

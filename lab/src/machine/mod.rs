@@ -1,0 +1,93 @@
+//! What a machine must be able to say about itself so that the lab can compare, diagnose and fit it.
+
+mod joint_candidates;
+mod joints;
+mod snake;
+mod snake_candidates;
+
+pub use joints::JointsLab;
+pub use snake::SnakeLab;
+pub(crate) use snake::nearest;
+
+use crate::{LabError, Measurements, Parameter, Term};
+
+use krait_model::EffectSetting;
+use krait_model::model_file::{self, ModelFile};
+
+/// The machine of a model file; `None` only for a snake whose parameters its own file would refuse.
+pub fn machine_of(file: &ModelFile) -> Option<Box<dyn Machine>> {
+    match file.machine() {
+        model_file::Machine::Snake(_) => SnakeLab::new(file).map(|snake| Box::new(snake) as Box<dyn Machine>),
+        model_file::Machine::Joints(_) => JointsLab::new(file).map(|joints| Box::new(joints) as Box<dyn Machine>),
+    }
+}
+
+/// A term as an effect of a model file of this machine.
+pub(crate) fn setting(machine: &model_file::Machine, term: &Term) -> Result<EffectSetting, LabError> {
+    match machine {
+        model_file::Machine::Snake(_) => snake::setting(term, snake::kind),
+        model_file::Machine::Joints(_) => snake::setting(term, joints::kind),
+    }
+}
+
+/// An effect that may be missing, and how to look for it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Candidate {
+    /// The effect's name.
+    pub name: &'static str,
+    /// What it looks like, for a table.
+    pub class: &'static str,
+    /// Why these data cannot show it, if they cannot by their columns alone.
+    pub cannot: Option<String>,
+    /// Values of all parameters at which nothing happens.
+    pub neutral: Vec<f64>,
+    /// Places of the parameters that a fit frees.
+    pub free: Vec<usize>,
+    /// Places of those free parameters that scale the effect; away from neutral in every start.
+    pub amplitudes: Vec<usize>,
+    /// Whether there is one amplitude and its neutral value is a bound, so that it has only one sign.
+    pub one_sided: bool,
+    /// Values of all parameters at which to look first: one for each cell of a grid over what is no amplitude.
+    pub starts: Vec<Vec<f64>>,
+}
+
+/// A kind of machine with a model: predicts outputs from the history of inputs.
+pub trait Machine: Sync {
+    /// Word in model files.
+    fn kind(&self) -> &'static str;
+
+    /// Unit of reported errors, and how many there are to one unit of the outputs.
+    fn error_unit(&self) -> (&str, f64) {
+        ("deg", 180.0 / core::f64::consts::PI)
+    }
+
+    /// Unit of the inputs.
+    fn input_unit(&self) -> &str {
+        "m"
+    }
+
+    /// Where outputs put the machine's tip, m; `None` for a machine without one.
+    fn tip_pos_m(&self, _output: &[f64]) -> Option<[f64; 3]> {
+        None
+    }
+
+    /// The effects of its model, in order.
+    fn effects(&self) -> &[Term];
+
+    /// The parameters of an effect, in order.
+    ///
+    /// # Errors
+    /// [`LabError::UnknownEffect`].
+    fn parameters(&self, term: &Term) -> Result<Vec<Parameter>, LabError>;
+
+    /// Every effect that may be missing, with those that these data cannot show.
+    fn candidates(&self, data: &Measurements) -> Vec<Candidate>;
+
+    /// Outputs of every row, row after row, for the history of inputs with these effects instead of the model's own.
+    ///
+    /// The machine starts afresh at each trial's first row.
+    ///
+    /// # Errors
+    /// [`LabError::Chain`] where the effects make no chain.
+    fn predict(&self, effects: &[Term], data: &Measurements) -> Result<Vec<f64>, LabError>;
+}

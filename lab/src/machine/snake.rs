@@ -1,0 +1,148 @@
+//! A snake under the lab: the chain's forward model, row by row.
+
+use super::{Candidate, Machine, snake_candidates};
+use crate::{LabError, Measurements, Parameter, Term};
+use krait_model::effects::{EffectKind, FormulaText};
+use krait_model::model_file::{ModelFile, SnakeMachine};
+use krait_model::{Chain, Circumstances, Columns, EffectSetting, Snake};
+use nalgebra::{Vector2, Vector3};
+
+/// A snake with its model.
+#[derive(Clone, Debug)]
+pub struct SnakeLab {
+    machine: SnakeMachine,
+    snake: Snake,
+    effects: Vec<Term>,
+}
+
+impl SnakeLab {
+    /// The machine of a model file; `None` if it is of another kind.
+    pub fn new(file: &ModelFile) -> Option<Self> {
+        let krait_model::model_file::Machine::Snake(machine) = file.machine() else { return None };
+        let snake = Snake::new(&machine.parameters).ok()?;
+        let effects = file.effects().iter().map(|effect| term(effect.setting())).collect();
+        Some(Self { machine: *machine, snake, effects })
+    }
+
+    /// The effects as the model has them.
+    ///
+    /// # Errors
+    /// [`LabError::UnknownEffect`] or [`LabError::Chain`] for values out of bounds.
+    pub fn settings(&self, effects: &[Term]) -> Result<Vec<EffectSetting>, LabError> {
+        effects.iter().map(|term| setting(term, kind)).collect()
+    }
+}
+
+impl Machine for SnakeLab {
+    fn kind(&self) -> &'static str {
+        "snake"
+    }
+
+    fn tip_pos_m(&self, output: &[f64]) -> Option<[f64; 3]> {
+        let &[x, y] = output.first_chunk::<2>()?;
+        Some(self.snake.tip_pos_in_base_m(Vector2::new(x, y)).into())
+    }
+
+    fn effects(&self) -> &[Term] {
+        &self.effects
+    }
+
+    fn parameters(&self, term: &Term) -> Result<Vec<Parameter>, LabError> {
+        if let Some(formula) = &term.formula {
+            return Ok(formula.parameters.iter().map(formula_parameter).collect());
+        }
+        Ok(kind(&term.name)?.definition().parameters.iter().map(own_parameter).collect())
+    }
+
+    fn candidates(&self, data: &Measurements) -> Vec<Candidate> {
+        snake_candidates::all(data)
+    }
+
+    fn predict(&self, effects: &[Term], data: &Measurements) -> Result<Vec<f64>, LabError> {
+        let columns = Columns {
+            time: true,
+            stem_angle: data.stem_angle_rad.is_some(),
+            temperature: data.temperature_c.is_some(),
+        };
+        let chain = Chain::new(&self.machine.parameters, self.machine.settings, &self.settings(effects)?, columns)?;
+        let mut predictor = chain.predictor();
+        let mut outputs = Vec::with_capacity(2 * data.n_rows());
+        for row in 0..data.n_rows() {
+            if row > 0 && data.starts_trial(row) {
+                predictor = chain.predictor();
+            }
+            let reading_m = Vector3::from_column_slice(data.input(row));
+            let shape = predictor.step(reading_m, &circumstances(data, row)).observed_bend_rad;
+            outputs.extend_from_slice(shape.as_slice());
+        }
+        Ok(outputs)
+    }
+}
+
+pub(super) fn circumstances(data: &Measurements, row: usize) -> Circumstances {
+    let column = |values: &Option<Vec<f64>>| values.as_ref().and_then(|v| v.get(row)).copied().unwrap_or(f64::NAN);
+    Circumstances {
+        time_s: data.time_s.get(row).copied().unwrap_or(f64::NAN),
+        stem_angle_rad: column(&data.stem_angle_rad),
+        temperature_c: column(&data.temperature_c),
+    }
+}
+
+pub(super) fn kind(name: &str) -> Result<EffectKind, LabError> {
+    EffectKind::from_name(name).ok_or_else(|| LabError::UnknownEffect {
+        name: name.to_owned(),
+        machine: "snake",
+        nearest: nearest(name, EffectKind::ALL.iter().map(|kind| kind.name())),
+    })
+}
+
+/// The name that looks most like what was given.
+pub(crate) fn nearest<'a>(given: &str, names: impl Iterator<Item = &'a str>) -> String {
+    names
+        .max_by(|a, b| strsim::jaro_winkler(given, a).total_cmp(&strsim::jaro_winkler(given, b)))
+        .unwrap_or("nothing")
+        .to_owned()
+}
+
+/// A term as an effect of a model file.
+pub(crate) fn setting(
+    term: &Term,
+    kind: impl Fn(&str) -> Result<EffectKind, LabError>,
+) -> Result<EffectSetting, LabError> {
+    let bare = match &term.formula {
+        Some(formula) => EffectSetting::formula(FormulaText::clone(formula)),
+        None => EffectSetting::new(kind(&term.name)?),
+    };
+    let names: Vec<String> = bare.parameter_names().map(str::to_owned).collect();
+    let with = |setting: EffectSetting, (name, &value): (&String, &f64)| setting.with(name, value);
+    Ok(names.iter().zip(&term.values).try_fold(bare, with)?)
+}
+
+/// An effect of a model file as the lab sees it.
+pub(crate) fn term(setting: &EffectSetting) -> Term {
+    Term {
+        name: setting.kind().name().to_owned(),
+        values: setting.parameter_names().map(|name| setting.value(name).unwrap_or(0.0)).collect(),
+        formula: setting.formula_text().cloned(),
+    }
+}
+
+pub(super) fn own_parameter(spec: &krait_model::effects::ParameterSpec) -> Parameter {
+    Parameter {
+        name: spec.name.to_owned(),
+        unit: spec.unit.to_owned(),
+        low: spec.low,
+        high: spec.high,
+        default: spec.default,
+    }
+}
+
+pub(super) fn formula_parameter(parameter: &krait_model::effects::FormulaParameter) -> Parameter {
+    Parameter {
+        name: parameter.name.clone(),
+        unit: parameter.unit.clone(),
+        low: f64::NEG_INFINITY,
+        high: f64::INFINITY,
+        default: parameter.value,
+    }
+}

@@ -1,0 +1,94 @@
+//! Measurements in memory: inputs, outputs and circumstances, row by row, in SI units and radians.
+
+/// What inputs and outputs are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quantity {
+    /// A snake: encoder positions q~ of three lines in m, push positive; the bend vector in rad.
+    Snake,
+    /// Joints: commanded and measured positions, in the units that the file names.
+    Joints,
+}
+
+/// A table of measurements. Rows are in order of time within each trial.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Measurements {
+    /// Where they come from, for sentences: a file's name.
+    pub source: String,
+    /// SHA-256 of the file, 64 hexadecimal digits.
+    pub sha256: String,
+    /// What inputs and outputs are.
+    pub quantity: Quantity,
+    /// Time of each row, s.
+    pub time_s: Vec<f64>,
+    /// Inputs of each row (3 for a snake, n for joints), row after row: encoder positions, m, or commanded positions.
+    pub inputs: Vec<f64>,
+    /// Columns of `inputs`.
+    pub n_inputs: usize,
+    /// Outputs of each row (2 for a snake: bend vector, rad), row after row; NaN where nothing was measured.
+    pub outputs: Vec<f64>,
+    /// Columns of `outputs`.
+    pub n_outputs: usize,
+    /// Number of each row's trial, from 0, never falling; a new one starts the machine afresh.
+    pub trial: Vec<u32>,
+    /// Loads at the actuators, N, push positive, row after row of 3.
+    pub loads_n: Option<Vec<f64>>,
+    /// Angle of the flexible stem, rad.
+    pub stem_angle_rad: Option<Vec<f64>>,
+    /// Temperature, degrees Celsius.
+    pub temperature_c: Option<Vec<f64>>,
+    /// Standard deviation of each row's outputs, in their unit.
+    pub sigma: Option<Vec<f64>>,
+    /// Other columns by name, kept for formulas and reports.
+    pub extra: Vec<(String, Vec<f64>)>,
+}
+
+impl Measurements {
+    /// Rows.
+    pub fn n_rows(&self) -> usize {
+        self.time_s.len()
+    }
+
+    /// Inputs of a row.
+    pub fn input(&self, row: usize) -> &[f64] {
+        self.inputs.get(row * self.n_inputs..(row + 1) * self.n_inputs).unwrap_or(&[])
+    }
+
+    /// Outputs of a row.
+    pub fn output(&self, row: usize) -> &[f64] {
+        self.outputs.get(row * self.n_outputs..(row + 1) * self.n_outputs).unwrap_or(&[])
+    }
+
+    /// Whether a row's outputs were measured, all of them.
+    pub fn is_scored(&self, row: usize) -> bool {
+        self.output(row).iter().all(|value| value.is_finite())
+    }
+
+    /// Whether a row is the first of its trial.
+    pub fn starts_trial(&self, row: usize) -> bool {
+        row == 0 || self.trial.get(row) != self.trial.get(row - 1)
+    }
+
+    /// The rows of these numbers, in their order.
+    pub fn select(&self, rows: &[usize]) -> Self {
+        let pick = |values: &[f64], width: usize| -> Vec<f64> {
+            rows.iter().flat_map(|&row| values.iter().skip(row * width).take(width).copied()).collect()
+        };
+        let pick_option = |values: &Option<Vec<f64>>, width: usize| values.as_ref().map(|values| pick(values, width));
+        Self {
+            source: self.source.clone(),
+            sha256: self.sha256.clone(),
+            quantity: self.quantity,
+            time_s: pick(&self.time_s, 1),
+            inputs: pick(&self.inputs, self.n_inputs),
+            n_inputs: self.n_inputs,
+            outputs: pick(&self.outputs, self.n_outputs),
+            n_outputs: self.n_outputs,
+            trial: rows.iter().filter_map(|&row| self.trial.get(row).copied()).collect(),
+            loads_n: pick_option(&self.loads_n, 3),
+            stem_angle_rad: pick_option(&self.stem_angle_rad, 1),
+            temperature_c: pick_option(&self.temperature_c, 1),
+            sigma: pick_option(&self.sigma, 1),
+            extra: self.extra.iter().map(|(name, values)| (name.clone(), pick(values, 1))).collect(),
+        }
+    }
+}

@@ -1,0 +1,208 @@
+//! The measurement's own noise: what no model could explain, estimated without any.
+//!
+//! Three numbers, because none is right alone: differences between neighbouring rows see only what changes from row to row; rest
+//! of the machine shows slow noise as well, as far as rests are long; visits to the same place show everything that does not
+//! repeat, which includes hysteresis with another history.
+
+use crate::{Measurements, Problem};
+
+/// Standard deviations of one output's noise, in the outputs' unit.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct NoiseFloor {
+    /// From third differences: the white part.
+    pub differences: Option<f64>,
+    /// From pairs of rows a second or more apart while the machine rests.
+    pub rest: Option<f64>,
+    /// Time at rest that `rest` is made of, s.
+    pub rest_time_s: f64,
+    /// From visits to the same inputs in the same direction at other times: an upper bound.
+    pub visits: Option<f64>,
+    /// Pairs of visits.
+    pub n_visits: usize,
+}
+
+/// How a floor was found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FloorSource {
+    /// Rests and differences agree: white noise.
+    White,
+    /// Rests are noisier than differences: slow noise.
+    Rest,
+    /// Differences only; slow noise would be missed.
+    Differences,
+}
+
+impl FloorSource {
+    /// A few words for tables.
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::White => "white: rests and differences agree",
+            Self::Rest => "slow noise, from rests",
+            Self::Differences => "optimistic: from differences only, no rests",
+        }
+    }
+}
+
+/// Rests shorter than this tell nothing about slow noise.
+const SHORTEST_REST_S: f64 = 1.5;
+/// Pairs of rows in a rest are at least this far apart.
+const PAIR_GAP_S: f64 = 1.0;
+/// Rests and differences agree up to this ratio.
+const AGREE: f64 = 1.06;
+
+impl NoiseFloor {
+    /// Estimates from residuals of any model that follows the motion roughly (weighted, row after row).
+    pub fn new(problem: &Problem, residual: &[f64]) -> Self {
+        let (rest, rest_time_s) = at_rest(problem, residual);
+        let (visits, n_visits) = on_visits(problem, residual);
+        Self { differences: by_differences(problem, residual), rest, rest_time_s, visits, n_visits }
+    }
+
+    /// One output's standard deviation, and where it comes from; `None` if the data do not tell.
+    pub fn sigma(&self) -> Option<(f64, FloorSource)> {
+        match (self.differences, self.rest) {
+            (Some(fast), Some(rest)) if rest > AGREE * fast => Some((rest, FloorSource::Rest)),
+            (Some(fast), Some(_)) => Some((fast, FloorSource::White)),
+            (Some(fast), None) => Some((fast, FloorSource::Differences)),
+            (None, rest) => rest.map(|rest| (rest, FloorSource::Rest)),
+        }
+    }
+}
+
+/// Rows whose outputs stand out from both neighbours by more than six standard deviations of the differences.
+pub fn outliers(problem: &Problem, residual: &[f64]) -> Vec<usize> {
+    let width = problem.data.n_outputs;
+    let Some(sigma) = by_differences(problem, residual) else { return Vec::new() };
+    let rows: Vec<usize> = (0..problem.data.n_rows()).filter(|row| problem.weight[row * width] > 0.0).collect();
+    let stands_out = |w: &[usize]| {
+        let near = problem.data.trial[w[0]] == problem.data.trial[w[4]];
+        near && (0..width).any(|k| {
+            let mut others = [0, 1, 3, 4].map(|i: usize| residual[w[i] * width + k]);
+            others.sort_by(f64::total_cmp);
+            let middle = 0.5 * (others[1] + others[2]);
+            let spread = others[3] - others[0];
+            (residual[w[2] * width + k] - middle).abs() > 6.0 * sigma + spread
+        })
+    };
+    rows.windows(5).filter(|w| stands_out(w)).map(|w| w[2]).collect()
+}
+
+/// Third differences of neighbouring rows, largest values left out: sigma^2 = mean (D^3 r)^2 / 20.
+fn by_differences(problem: &Problem, residual: &[f64]) -> Option<f64> {
+    let data = &problem.data;
+    let width = data.n_outputs;
+    let rows: Vec<usize> = (0..data.n_rows()).filter(|row| problem.weight[row * width] > 0.0).collect();
+    let step_s = median(rows.windows(2).map(|w| data.time_s[w[1]] - data.time_s[w[0]]).collect())?;
+    let mut squares = Vec::new();
+    for w in rows.windows(4) {
+        let gap_s = data.time_s[w[3]] - data.time_s[w[0]];
+        if data.trial[w[0]] != data.trial[w[3]] || gap_s > 4.5 * step_s {
+            continue;
+        }
+        for k in 0..width {
+            let r = |i: usize| residual[w[i] * width + k];
+            squares.push((r(3) - 3.0 * r(2) + 3.0 * r(1) - r(0)).powi(2) / 20.0);
+        }
+    }
+    // Squares of a normal variable beyond 30 times their median do not come from noise but from corners of the motion.
+    let middle = median(squares.clone())?;
+    squares.retain(|s| *s <= 30.0 * middle.max(f64::MIN_POSITIVE));
+    if squares.len() < 100 {
+        return None;
+    }
+    Some((squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
+}
+
+/// Half the mean square of differences a second or more apart in rests; and the time at rest.
+fn at_rest(problem: &Problem, residual: &[f64]) -> (Option<f64>, f64) {
+    let data = &problem.data;
+    let width = data.n_outputs;
+    let mut sum = 0.0;
+    let mut n_pairs = 0usize;
+    let mut total_s = 0.0;
+    for (first, end) in rests(data, SHORTEST_REST_S) {
+        let rows: Vec<usize> = (first..end).filter(|row| problem.weight[row * width] > 0.0).collect();
+        total_s += data.time_s[end - 1] - data.time_s[first];
+        let mut later = 0;
+        for (i, &row) in rows.iter().enumerate() {
+            later = later.max(i);
+            while later < rows.len() && data.time_s[rows[later]] - data.time_s[row] < PAIR_GAP_S {
+                later += 1;
+            }
+            let Some(&other) = rows.get(later) else { break };
+            for k in 0..width {
+                sum += 0.5 * (residual[other * width + k] - residual[row * width + k]).powi(2);
+                n_pairs += 1;
+            }
+        }
+    }
+    ((n_pairs >= 200).then(|| (sum / n_pairs as f64).sqrt()), total_s)
+}
+
+/// First row and end of each stretch in which no input moves.
+pub fn rests(data: &Measurements, shortest_s: f64) -> Vec<(usize, usize)> {
+    let still = 1e-3 * largest_range(data);
+    let mut found = Vec::new();
+    let mut first = 0;
+    for row in 1..=data.n_rows() {
+        let goes_on = row < data.n_rows()
+            && !data.starts_trial(row)
+            && data.input(row).iter().zip(data.input(first)).all(|(a, b)| (a - b).abs() <= still);
+        if !goes_on {
+            if data.time_s[row - 1] - data.time_s[first] >= shortest_s {
+                found.push((first, row));
+            }
+            first = row;
+        }
+    }
+    found
+}
+
+/// Largest range of any input.
+pub fn largest_range(data: &Measurements) -> f64 {
+    let range = |k: usize| {
+        let column = data.inputs.iter().skip(k).step_by(data.n_inputs.max(1));
+        let (low, high) = column.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
+        high - low
+    };
+    (0..data.n_inputs).map(range).fold(0.0, f64::max)
+}
+
+/// Half the mean square of residual differences between visits of the same inputs in the same direction, 10 s or more apart.
+fn on_visits(problem: &Problem, residual: &[f64]) -> (Option<f64>, usize) {
+    let data = &problem.data;
+    let width = data.n_outputs;
+    let near = 0.01 * largest_range(data);
+    let scored: Vec<usize> = (1..data.n_rows()).filter(|row| problem.weight[row * width] > 0.0).collect();
+    let stride = scored.len().div_ceil(MOST_VISITS).max(1);
+    let mut rows: Vec<usize> = scored.into_iter().step_by(stride).collect();
+    rows.sort_by(|a, b| data.input(*a)[0].total_cmp(&data.input(*b)[0]));
+    let direction = |row: usize| -> Vec<i8> {
+        let step = data.input(row).iter().zip(data.input(row - 1)).map(|(a, b)| a - b);
+        step.map(|d| if d.abs() < 1e-4 * near { 0 } else { d.signum() as i8 }).collect()
+    };
+    let (mut sum, mut n_pairs) = (0.0, 0usize);
+    for (i, &a) in rows.iter().enumerate() {
+        for &b in rows[i + 1..].iter().take_while(|&&b| data.input(b)[0] - data.input(a)[0] <= near).take(200) {
+            let same = data.input(a).iter().zip(data.input(b)).all(|(x, y)| (x - y).abs() <= near);
+            if same && (data.time_s[a] - data.time_s[b]).abs() > 10.0 && direction(a) == direction(b) {
+                n_pairs += 1;
+                sum +=
+                    (0..width).map(|k| 0.5 * (residual[a * width + k] - residual[b * width + k]).powi(2)).sum::<f64>();
+            }
+        }
+    }
+    let sigma = (sum / (n_pairs * width).max(1) as f64).sqrt();
+    ((n_pairs >= 30).then_some(sigma), n_pairs)
+}
+
+const MOST_VISITS: usize = 4000;
+
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    let middle = values.len() / 2;
+    if values.is_empty() {
+        return None;
+    }
+    let (_, own, _) = values.select_nth_unstable_by(middle, f64::total_cmp);
+    Some(*own)
+}

@@ -1,0 +1,41 @@
+//! What stands before every fit: outliers found, the noise floor estimated without them, blocks as long as the noise needs.
+
+use crate::machine::Machine;
+use crate::noise::{FloorSource, NoiseFloor, outliers};
+use crate::{LabError, Measurements, Problem, scored_time_s};
+
+/// Measurements ready for a fit.
+pub(crate) struct Prepared<'a> {
+    /// The measurements without outliers, in blocks.
+    pub problem: Problem<'a>,
+    /// Their noise.
+    pub floors: NoiseFloor,
+    /// Rows that stand out from their neighbours.
+    pub excluded: Vec<usize>,
+    /// Length of the shortest block, s.
+    pub shortest_block_s: f64,
+}
+
+/// Blocks while nothing is known about the noise yet, s.
+const FIRST_BLOCK_S: f64 = 4.0;
+
+/// Prepares measurements with the residuals of the machine's model as given.
+///
+/// # Errors
+/// [`LabError`] where the model cannot be computed.
+pub(crate) fn prepare<'a>(machine: &'a dyn Machine, data: &Measurements) -> Result<Prepared<'a>, LabError> {
+    let raw = Problem::new(machine, data.clone(), &[], FIRST_BLOCK_S);
+    let residual = raw.residual(machine.effects())?;
+    let excluded = outliers(&raw, &residual);
+    let floors = NoiseFloor::new(&Problem::new(machine, raw.data, &excluded, FIRST_BLOCK_S), &residual);
+    let shortest_block_s = block_s(&floors, scored_time_s(data));
+    let problem = Problem::new(machine, data.clone(), &excluded, shortest_block_s);
+    Ok(Prepared { problem, floors, excluded, shortest_block_s })
+}
+
+/// Blocks are long enough for the noise's memory, and enough for a test where time allows.
+fn block_s(floors: &NoiseFloor, total_s: f64) -> f64 {
+    let white = matches!(floors.sigma(), Some((_, FloorSource::White)));
+    let wanted = if white { 4.0 } else { 10.0 };
+    f64::min(wanted, (total_s / 16.0).max(2.0))
+}

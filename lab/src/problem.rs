@@ -1,0 +1,115 @@
+//! Measurements made ready for statistics: which rows count, how much, and the blocks of time that resampling keeps together.
+
+use crate::machine::Machine;
+use crate::{LabError, Measurements, Term};
+use rayon::prelude::*;
+
+/// A machine, its measurements, and what of them is scored.
+pub struct Problem<'a> {
+    /// The machine.
+    pub machine: &'a dyn Machine,
+    /// The measurements.
+    pub data: Measurements,
+    /// Weight of each output, row after row: 0 where nothing is scored, 1 where all rows are alike.
+    pub weight: Vec<f64>,
+    /// Block of each row, from 0, never falling.
+    pub block: Vec<usize>,
+    /// How many blocks there are.
+    pub n_blocks: usize,
+    /// Outputs with a weight.
+    pub n_scored: usize,
+}
+
+/// Signs of fewer blocks than this cannot reach a small p-value.
+pub const FEWEST_BLOCKS: usize = 12;
+/// Blocks are as many as this where time allows.
+const MOST_BLOCKS: usize = 40;
+
+impl<'a> Problem<'a> {
+    /// Blocks of equally many scored rows, none shorter than `shortest_block_s`; outputs in `excluded` (row numbers) do not count.
+    pub fn new(machine: &'a dyn Machine, data: Measurements, excluded: &[usize], shortest_block_s: f64) -> Self {
+        let width = data.n_outputs;
+        let mut weight = vec![0.0; data.n_rows() * width];
+        let typical = typical_sigma(&data);
+        for row in (0..data.n_rows()).filter(|&row| data.is_scored(row)) {
+            let own = data.sigma.as_ref().and_then(|sigma| sigma.get(row)).map_or(1.0, |sigma| typical / sigma);
+            weight[row * width..(row + 1) * width].fill(own);
+        }
+        for &row in excluded {
+            weight[row * width..(row + 1) * width].fill(0.0);
+        }
+        let n_scored = weight.iter().filter(|w| **w > 0.0).count();
+        let (block, n_blocks) = blocks(&data, &weight, n_scored / width.max(1), shortest_block_s);
+        Self { machine, data, weight, block, n_blocks, n_scored }
+    }
+
+    /// Weighted residuals, measured minus predicted, row after row; zero where nothing is scored.
+    ///
+    /// # Errors
+    /// [`LabError::Chain`] where the effects make no chain.
+    pub fn residual(&self, effects: &[Term]) -> Result<Vec<f64>, LabError> {
+        let predicted = self.machine.predict(effects, &self.data)?;
+        Ok(self.weigh(&predicted))
+    }
+
+    /// Weighted residuals of predictions.
+    pub fn weigh(&self, predicted: &[f64]) -> Vec<f64> {
+        let entry = |((y, f), w): ((&f64, &f64), &f64)| if *w > 0.0 { (y - f) * w } else { 0.0 };
+        self.data.outputs.iter().zip(predicted).zip(&self.weight).map(entry).collect()
+    }
+
+    /// Predictions for several lists of effects, in parallel; `None` where a list makes no chain.
+    pub fn residuals(&self, lists: &[Vec<Term>]) -> Vec<Option<Vec<f64>>> {
+        lists.par_iter().map(|effects| self.residual(effects).ok()).collect()
+    }
+
+    /// Length of the error, root mean square over scored rows, in the outputs' unit.
+    pub fn rms(&self, sum_of_squares: f64) -> f64 {
+        (sum_of_squares * self.data.n_outputs as f64 / self.n_scored.max(1) as f64).sqrt()
+    }
+
+    /// Sums over the rows of each block.
+    pub fn block_sums(&self, entry: impl Fn(usize) -> f64) -> Vec<f64> {
+        let mut sums = vec![0.0; self.n_blocks];
+        let width = self.data.n_outputs;
+        for (row, &block) in self.block.iter().enumerate() {
+            for k in row * width..(row + 1) * width {
+                sums[block] += entry(k);
+            }
+        }
+        sums
+    }
+
+    /// First entry of each block and the end of the last: entries of block b are `[b]..[b + 1]`.
+    pub fn block_bounds(&self) -> Vec<usize> {
+        let width = self.data.n_outputs;
+        let mut bounds: Vec<usize> =
+            (0..self.n_blocks).map(|b| self.block.partition_point(|&own| own < b) * width).collect();
+        bounds.push(self.block.len() * width);
+        bounds
+    }
+}
+
+fn typical_sigma(data: &Measurements) -> f64 {
+    let Some(sigma) = &data.sigma else { return 1.0 };
+    let mut sorted: Vec<f64> = sigma.iter().copied().filter(|s| *s > 0.0).collect();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() / 2).copied().unwrap_or(1.0)
+}
+
+fn blocks(data: &Measurements, weight: &[f64], n_rows: usize, shortest_s: f64) -> (Vec<usize>, usize) {
+    let scored_s = scored_time_s(data);
+    let n_blocks = ((scored_s / shortest_s) as usize).clamp(1, MOST_BLOCKS).min(n_rows.max(1));
+    let mut n_before = 0;
+    let mut block = Vec::with_capacity(data.n_rows());
+    for row in 0..data.n_rows() {
+        block.push((n_before * n_blocks / n_rows.max(1)).min(n_blocks - 1));
+        n_before += usize::from(weight.get(row * data.n_outputs).is_some_and(|w| *w > 0.0));
+    }
+    (block, n_blocks)
+}
+
+/// Time covered by all trials together, s.
+pub fn scored_time_s(data: &Measurements) -> f64 {
+    (1..data.n_rows()).filter(|&row| !data.starts_trial(row)).map(|row| data.time_s[row] - data.time_s[row - 1]).sum()
+}

@@ -1,0 +1,67 @@
+//! Whether measurements as a whole hold enough to compare anything with.
+
+use super::ReadError;
+use crate::Measurements;
+use std::path::Path;
+
+/// Rows with a measured shape below which no rms means anything.
+const MIN_SCORED: usize = 10;
+
+/// Blocks of noise are judged in pieces of two seconds; below that there is not one.
+const MIN_DURATION_S: f64 = 2.0;
+
+/// Movement of an input, relative to its magnitude, that is rounding and not motion.
+const STILL: f64 = 1e-9;
+
+/// Where measurements stand in their file, for sentences.
+pub(super) struct Place<'a> {
+    pub path: &'a Path,
+    /// `lines 2 to 61`.
+    pub rows: String,
+    /// Names of columns.
+    pub time: String,
+    pub inputs: String,
+    pub outputs: String,
+}
+
+/// Refuses a file with too few measurements, of too short a time, of a machine that never moves, or of a sensor that is stuck.
+pub(super) fn enough(place: &Place, data: &Measurements) -> Result<(), ReadError> {
+    let little = |what: String, expected, advice| {
+        let (path, rows) = (place.path.to_owned(), place.rows.clone());
+        Err(ReadError::TooLittle { path, rows, what, expected, advice })
+    };
+    let Place { time, inputs, outputs, .. } = place;
+    let duration_s = duration_s(data);
+    if duration_s < MIN_DURATION_S {
+        let what = format!("the trials in {time} last {duration_s:.3} s together");
+        return little(what, "2 s or more", "record a longer run");
+    }
+    let is_still = |(low, high): (f64, f64)| high - low <= STILL * high.abs().max(low.abs());
+    if ranges(&data.inputs, data.n_inputs).all(is_still) {
+        let what = format!("{inputs} hold one single pose");
+        return little(what, "a machine that moves", "record a motion with reversals");
+    }
+    let n_scored = (0..data.n_rows()).filter(|&row| data.is_scored(row)).count();
+    if n_scored < MIN_SCORED {
+        let what = format!("{outputs} are filled in {n_scored} rows");
+        return little(what, "10 rows or more", "record a longer run, or check the camera");
+    }
+    if ranges(&data.outputs, data.n_outputs).all(|(low, high)| low == high) {
+        let what = format!("{outputs} never change, although the machine moves");
+        return little(what, "measurements that follow the motion", "check the camera");
+    }
+    Ok(())
+}
+
+/// Least and largest measured value of each column.
+fn ranges(values: &[f64], width: usize) -> impl Iterator<Item = (f64, f64)> {
+    let fold = |(low, high): (f64, f64), &v: &f64| (low.min(v), high.max(v));
+    let column = move |k| values.iter().skip(k).step_by(width).filter(|v| v.is_finite());
+    (0..width).map(move |k| column(k).fold((f64::INFINITY, f64::NEG_INFINITY), fold))
+}
+
+/// Time of all trials together, s.
+fn duration_s(data: &Measurements) -> f64 {
+    let pairs = data.time_s.windows(2).zip(data.trial.windows(2));
+    pairs.filter(|(_, trial)| trial[0] == trial[1]).map(|(time_s, _)| time_s[1] - time_s[0]).sum()
+}

@@ -1,0 +1,68 @@
+//! `--map bend_x_rad=cam.x:deg`: which column of a file stands for which of the lab's, and in which unit.
+
+use super::ReadError;
+use super::unit::Unit;
+use std::str::FromStr;
+
+/// One mapping: a column of the lab, the file's name for it, and the unit that the file has it in.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mapping {
+    pub(super) target: String,
+    pub(super) source: String,
+    pub(super) unit: Option<Unit>,
+}
+
+/// Mappings of columns; none by default.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ColumnMap {
+    pub(super) mappings: Vec<Mapping>,
+}
+
+impl FromStr for Mapping {
+    type Err = ReadError;
+
+    /// `LAB_COLUMN=FILE_COLUMN` or `LAB_COLUMN=FILE_COLUMN:UNIT`; without a unit the lab column's own counts.
+    fn from_str(text: &str) -> Result<Self, ReadError> {
+        let syntax = || ReadError::MapSyntax { found: text.to_owned() };
+        let (target, source) = text.split_once('=').ok_or_else(syntax)?;
+        let (source, unit) = match source.rsplit_once(':') {
+            Some((source, suffix)) => {
+                let unit = Unit::from_suffix(suffix)
+                    .ok_or_else(|| ReadError::MapUnit { found: text.to_owned(), unit: suffix.to_owned() })?;
+                (source, Some(unit))
+            }
+            None => (source, None),
+        };
+        if target.is_empty() || source.is_empty() {
+            return Err(syntax());
+        }
+        Ok(Self { target: target.to_owned(), source: source.to_owned(), unit })
+    }
+}
+
+impl FromIterator<Mapping> for ColumnMap {
+    fn from_iter<T: IntoIterator<Item = Mapping>>(mappings: T) -> Self {
+        Self { mappings: mappings.into_iter().collect() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mapping_has_a_target_a_source_and_perhaps_a_unit() {
+        let mapping: Mapping = "bend_x_rad=cam.x:deg".parse().expect("well formed");
+        assert_eq!((mapping.target.as_str(), mapping.source.as_str()), ("bend_x_rad", "cam.x"));
+        assert_eq!(mapping.unit.map(|unit| unit.suffix), Some("deg"));
+        assert_eq!("q1_m=motor 1".parse::<Mapping>().expect("well formed").unit, None);
+    }
+
+    #[test]
+    fn what_is_no_mapping_is_refused_with_the_form_expected() {
+        for text in ["", "q1_m", "=x", "q1_m=", "q1_m=a:furlong"] {
+            let error = text.parse::<Mapping>().expect_err(text).to_string();
+            assert!(error.contains("--map"), "{error}");
+        }
+    }
+}

@@ -1,0 +1,268 @@
+//! From a file's first line to a plan: which of its columns stands for what, and how its values become SI units.
+
+use super::role::{Role, Wanted};
+use super::unit::{Dimension, Unit};
+use super::{ColumnMap, Expected, ReadError};
+use crate::machine::nearest;
+use std::path::Path;
+
+/// A column of the file that is read.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Column {
+    /// Place in a row.
+    pub field: usize,
+    /// The file's name for it.
+    pub name: String,
+    pub role: Role,
+    pub factor: f64,
+    pub shift: f64,
+    /// Largest magnitude, what a larger one is, and what to do about it.
+    pub limit: Option<(f64, &'static str, String)>,
+}
+
+/// Every column that is read, in the order of a row.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Plan {
+    pub columns: Vec<Column>,
+    pub n_inputs: usize,
+    pub n_outputs: usize,
+}
+
+impl Plan {
+    /// The place of a role among the columns.
+    pub(super) fn place(&self, role: Role) -> Option<usize> {
+        self.columns.iter().position(|column| column.role == role)
+    }
+
+    /// The names of columns, for a sentence.
+    pub(super) fn names(&self, is_one: impl Fn(Role) -> bool) -> String {
+        let names: Vec<&str> = self.columns.iter().filter(|c| is_one(c.role)).map(|c| c.name.as_str()).collect();
+        names.join(", ")
+    }
+}
+
+/// Finds the columns of an expected machine among a file's names.
+pub(super) fn plan(path: &Path, names: &[String], map: &ColumnMap, expected: Expected) -> Result<Plan, ReadError> {
+    let header = Header { path, names };
+    header.no_name_twice()?;
+    let wanted = expected.wanted();
+    targets_exist(map, &wanted)?;
+    header.same_machine(map, expected)?;
+    let mut columns = Vec::with_capacity(names.len());
+    for one in &wanted {
+        columns.extend(header.find(one, map)?);
+    }
+    let has = |columns: &[Column], role| columns.iter().any(|c| c.role == role);
+    let is_polar =
+        has(&columns, Role::ThetaL) && has(&columns, Role::Delta) && !(0..2).all(|k| has(&columns, Role::Output(k)));
+    let unused = |role| match role {
+        Role::Output(_) => is_polar,
+        Role::ThetaL | Role::Delta => !is_polar,
+        _ => false,
+    };
+    columns.retain(|column| !unused(column.role));
+    for one in &wanted {
+        let is_needed = match one.role {
+            Role::Time | Role::Input(_) => true,
+            Role::Output(_) => !is_polar,
+            _ => false,
+        };
+        if is_needed && !has(&columns, one.role) {
+            return Err(header.missing(one));
+        }
+    }
+    header.one_uncertainty(&columns)?;
+    for (field, name) in names.iter().enumerate() {
+        if !name.is_empty() && !columns.iter().any(|column| column.field == field) {
+            let name = name.clone();
+            columns.push(Column { field, name, role: Role::Extra, factor: 1.0, shift: 0.0, limit: None });
+        }
+    }
+    columns.sort_by_key(|column| column.field);
+    let (n_inputs, n_outputs) = expected.widths();
+    Ok(Plan { columns, n_inputs, n_outputs })
+}
+
+struct Header<'a> {
+    path: &'a Path,
+    names: &'a [String],
+}
+
+impl Header<'_> {
+    fn no_name_twice(&self) -> Result<(), ReadError> {
+        for (k, name) in self.names.iter().enumerate().filter(|(_, name)| !name.is_empty()) {
+            if let Some(first) = self.names.iter().take(k).position(|earlier| earlier == name) {
+                return Err(self.duplicate(name.clone(), first, k));
+            }
+        }
+        Ok(())
+    }
+
+    fn duplicate(&self, quantity: String, first: usize, second: usize) -> ReadError {
+        let place = |k: usize| format!("{} ({:?})", k + 1, self.names.get(k).map_or("", String::as_str));
+        ReadError::DuplicateColumn { path: self.path.to_owned(), quantity, first: place(first), second: place(second) }
+    }
+
+    fn find(&self, wanted: &Wanted, map: &ColumnMap) -> Result<Option<Column>, ReadError> {
+        if let Some((mapping, target_unit)) =
+            map.mappings.iter().find_map(|m| target_unit(wanted, &m.target).map(|unit| (m, unit)))
+        {
+            let field = self.names.iter().position(|name| *name == mapping.source).ok_or_else(|| {
+                let column = mapping.source.clone();
+                ReadError::MapSource { path: self.path.to_owned(), nearest: self.nearest(&column), column }
+            })?;
+            let unit = mapping.unit.map_or(target_unit, |unit| unit.suffix.to_owned());
+            let hint = format!("map it with --map {}={}:", mapping.target, mapping.source);
+            return self.column(wanted, field, &unit, &hint).map(Some);
+        }
+        let mut found = None;
+        let mut unknown = None;
+        for (field, name) in self.names.iter().enumerate() {
+            let Some(suffix) = suffix(wanted, name) else { continue };
+            if conversion(wanted, suffix).is_none() {
+                unknown = unknown.or(Some((name, suffix)));
+            } else if let Some(first) = found.replace(field) {
+                return Err(self.duplicate(wanted.name(), first, field));
+            }
+        }
+        match (found, unknown) {
+            (Some(field), _) => {
+                let name = self.names.get(field).map_or("", String::as_str);
+                let hint = format!("call the column {}_", wanted.base);
+                self.column(wanted, field, suffix(wanted, name).unwrap_or(""), &hint).map(Some)
+            }
+            (None, Some((name, suffix))) => Err(unknown_unit(self.path, wanted, name, suffix)),
+            (None, None) => Ok(None),
+        }
+    }
+
+    fn column(&self, wanted: &Wanted, field: usize, suffix: &str, hint: &str) -> Result<Column, ReadError> {
+        let name = self.names.get(field).cloned().unwrap_or_default();
+        let (factor, shift) =
+            conversion(wanted, suffix).ok_or_else(|| unknown_unit(self.path, wanted, &name, suffix))?;
+        let limit = wanted.limit.map(|(limit, what)| {
+            let advice = match wanted.suggestion().filter(|_| factor == 1.0) {
+                Some(unit) => format!("{hint}{unit} if that is what it is in"),
+                None => "check the unit in its name".to_owned(),
+            };
+            (limit, what, advice)
+        });
+        Ok(Column { field, name, role: wanted.role, factor, shift, limit })
+    }
+
+    fn missing(&self, wanted: &Wanted) -> ReadError {
+        let column = wanted.name();
+        ReadError::MissingColumn { path: self.path.to_owned(), nearest: self.nearest(&column), column }
+    }
+
+    fn nearest(&self, given: &str) -> String {
+        nearest(given, self.names.iter().map(String::as_str))
+    }
+
+    fn one_uncertainty(&self, columns: &[Column]) -> Result<(), ReadError> {
+        let field = |role| columns.iter().find(|column| column.role == role).map(|column| column.field);
+        match (field(Role::Sigma), field(Role::Weight)) {
+            (Some(sigma), Some(weight)) => Err(self.duplicate("the uncertainty of a row".to_owned(), sigma, weight)),
+            _ => Ok(()),
+        }
+    }
+
+    /// Whether the names are those of the expected machine, as far as names tell.
+    fn same_machine(&self, map: &ColumnMap, expected: Expected) -> Result<(), ReadError> {
+        if !map.mappings.is_empty() {
+            return Ok(());
+        }
+        let other = |found: String, expected: String| {
+            Err(ReadError::OtherMachine { path: self.path.to_owned(), found, expected })
+        };
+        let count = |letter| (1..=99).take_while(|k| self.has_base(&format!("{letter}{k}"))).count();
+        let (commanded, measured) = (count('u'), count('y'));
+        match expected {
+            Expected::Snake if count('q') == 0 && commanded > 0 => other(
+                format!("the columns u1..u{commanded} and y1..y{measured} are those of joints"),
+                "a snake".to_owned(),
+            ),
+            Expected::Joints(_) if commanded == 0 && self.has_base("q1") => {
+                other("the columns q1..q3 are those of a snake".to_owned(), "joints".to_owned())
+            }
+            Expected::Joints(joints) if commanded > joints.n || measured > joints.n => other(
+                format!("there are columns for {} joints", commanded.max(measured)),
+                format!("{} joint{}", joints.n, if joints.n == 1 { "" } else { "s" }),
+            ),
+            _ => Ok(()),
+        }
+    }
+
+    fn has_base(&self, base: &str) -> bool {
+        self.names
+            .iter()
+            .any(|name| name.strip_prefix(base).is_some_and(|rest| rest.is_empty() || rest.starts_with('_')))
+    }
+}
+
+/// Every mapping is to a column that the lab knows, in a unit that it can have, and none is there twice.
+fn targets_exist(map: &ColumnMap, wanted: &[Wanted]) -> Result<(), ReadError> {
+    let known = || wanted.iter().map(Wanted::name).collect::<Vec<_>>().join(", ");
+    let wrong = |target: &str, reason: &str| {
+        Err(ReadError::MapTarget { target: target.to_owned(), reason: reason.to_owned(), known: known() })
+    };
+    let mut seen: Vec<Role> = Vec::new();
+    for mapping in &map.mappings {
+        let Some(one) = wanted.iter().find(|one| target_unit(one, &mapping.target).is_some()) else {
+            return wrong(&mapping.target, "the lab has no such column");
+        };
+        if mapping.unit.is_some_and(|unit| conversion(one, unit.suffix).is_none()) {
+            return wrong(&mapping.target, "it cannot have this unit");
+        }
+        if seen.contains(&one.role) {
+            return wrong(&mapping.target, "it is mapped twice");
+        }
+        seen.push(one.role);
+    }
+    Ok(())
+}
+
+/// The unit in a mapping's target, if the target is this column.
+fn target_unit(wanted: &Wanted, target: &str) -> Option<String> {
+    if target == wanted.base {
+        return Some(wanted.unit.clone());
+    }
+    suffix(wanted, target).filter(|unit| conversion(wanted, unit).is_some()).map(str::to_owned)
+}
+
+/// What stands where this column's unit stands, if a name is this column's.
+fn suffix<'a>(wanted: &Wanted, name: &'a str) -> Option<&'a str> {
+    let rest = name.strip_prefix(wanted.base.as_str())?;
+    if wanted.dimension.is_none() {
+        return rest.is_empty().then_some("");
+    }
+    let suffix = if rest.is_empty() { "" } else { rest.strip_prefix('_')? };
+    (!suffix.contains('_')).then_some(suffix)
+}
+
+/// Factor and shift from a unit to the column's own.
+fn conversion(wanted: &Wanted, suffix: &str) -> Option<(f64, f64)> {
+    let Some(dimension) = wanted.dimension else { return suffix.is_empty().then_some((1.0, 0.0)) };
+    if suffix.eq_ignore_ascii_case(&wanted.unit) {
+        return Some((1.0, 0.0));
+    }
+    let own = Unit::from_suffix(&wanted.unit)?;
+    let unit = Unit::from_suffix(suffix).filter(|unit| unit.dimension == dimension)?;
+    Some((unit.factor / own.factor, (unit.shift - own.shift) / own.factor))
+}
+
+fn unknown_unit(path: &Path, wanted: &Wanted, name: &str, suffix: &str) -> ReadError {
+    let units = match wanted.dimension {
+        Some(Dimension::Number) | None => wanted.unit.clone(),
+        Some(dimension) => dimension.suffixes(),
+    };
+    ReadError::UnknownUnit {
+        path: path.to_owned(),
+        found: match suffix {
+            "" => format!("{name:?} has no unit"),
+            _ => format!("{name:?} has the unknown unit {suffix:?}"),
+        },
+        expected: wanted.name(),
+        units,
+    }
+}

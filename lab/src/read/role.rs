@@ -1,0 +1,138 @@
+//! What a column can stand for: its name without a unit, its quantity, and the values that it can have.
+
+use super::unit::Dimension;
+use std::f64::consts::PI;
+
+/// What a column stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Role {
+    Time,
+    Trial,
+    Input(usize),
+    Output(usize),
+    ThetaL,
+    Delta,
+    Load(usize),
+    StemAngle,
+    Temperature,
+    Sigma,
+    Weight,
+    Extra,
+}
+
+/// A column of the lab before it is found in a file.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Wanted {
+    pub role: Role,
+    /// Name without its unit.
+    pub base: String,
+    /// `None`: the name has no unit.
+    pub dimension: Option<Dimension>,
+    /// The unit that sentences name.
+    pub unit: String,
+    /// Largest magnitude that it can have, in SI units, and what anything larger is.
+    pub limit: Option<(f64, &'static str)>,
+}
+
+impl Wanted {
+    /// The column's name with the unit that sentences name.
+    pub(super) fn name(&self) -> String {
+        if self.dimension.is_none() { self.base.clone() } else { format!("{}_{}", self.base, self.unit) }
+    }
+
+    /// A smaller unit of the same quantity: what values beyond the limit are probably in.
+    pub(super) fn suggestion(&self) -> Option<&'static str> {
+        match self.dimension {
+            Some(Dimension::Angle) => Some("deg"),
+            Some(Dimension::Length) => Some("mm"),
+            Some(Dimension::Force) => Some("mn"),
+            _ => None,
+        }
+    }
+}
+
+/// Lines of a snake.
+pub(super) const N_LINES: usize = 3;
+
+/// The columns of a snake.
+pub(super) fn snake() -> Vec<Wanted> {
+    let mut wanted = vec![time(), trial()];
+    for i in 0..N_LINES {
+        let limit = (0.1, "no travel that a line of a snake can make in metres");
+        wanted.push(length(Role::Input(i), format!("q{}", i + 1), limit));
+    }
+    let bend = Some((2.0 * PI, "no angle of a snake in radians: more than a whole turn"));
+    wanted.push(angle(Role::Output(0), "bend_x", bend));
+    wanted.push(angle(Role::Output(1), "bend_y", bend));
+    wanted.push(angle(Role::ThetaL, "theta_l", bend));
+    // Azimuths may be unwrapped over a few turns.
+    wanted.push(angle(Role::Delta, "delta", Some((10.0 * PI, "no azimuth in radians: more than five turns"))));
+    for i in 0..N_LINES {
+        let limit = Some((1e4, "no load that a line can bear in newtons"));
+        let dimension = Some(Dimension::Force);
+        wanted.push(Wanted {
+            role: Role::Load(i),
+            base: format!("tau{}", i + 1),
+            dimension,
+            unit: "n".to_owned(),
+            limit,
+        });
+    }
+    wanted.extend(circumstances());
+    wanted.push(angle(Role::Sigma, "sigma_bend", Some((PI, "no standard deviation of a bend in radians"))));
+    wanted
+}
+
+/// The columns of `n` joints in these units.
+pub(super) fn joints(n: usize, u_unit: &str, y_unit: &str) -> Vec<Wanted> {
+    let column = |role, base: String, unit: &str, limit| Wanted {
+        role,
+        base,
+        dimension: super::unit::Unit::from_suffix(unit).map(|u| u.dimension).or(Some(Dimension::Number)),
+        unit: unit.to_ascii_lowercase(),
+        limit,
+    };
+    // Two turns: an instrument's roll makes more than one.
+    let y_limit = match y_unit {
+        "rad" => Some((4.0 * PI, "no angle of a joint in radians: more than two turns")),
+        "m" => Some((2.0, "no travel of a joint in metres")),
+        _ => None,
+    };
+    let mut wanted = vec![time(), trial()];
+    wanted.extend((0..n).map(|i| column(Role::Input(i), format!("u{}", i + 1), u_unit, None)));
+    wanted.extend((0..n).map(|i| column(Role::Output(i), format!("y{}", i + 1), y_unit, y_limit)));
+    wanted.extend(circumstances());
+    wanted.push(column(Role::Sigma, "sigma_y".to_owned(), y_unit, None));
+    wanted
+}
+
+fn time() -> Wanted {
+    let (base, unit) = ("time".to_owned(), "s".to_owned());
+    Wanted { role: Role::Time, base, dimension: Some(Dimension::Time), unit, limit: None }
+}
+
+fn trial() -> Wanted {
+    plain(Role::Trial, "trial")
+}
+
+fn circumstances() -> [Wanted; 3] {
+    let dimension = Some(Dimension::Temperature);
+    let limit = Some((273.15, "no temperature of a machine in degrees Celsius"));
+    [
+        angle(Role::StemAngle, "stem_angle", Some((4.0 * PI, "no angle of a stem in radians: more than two turns"))),
+        Wanted { role: Role::Temperature, base: "temperature".to_owned(), dimension, unit: "c".to_owned(), limit },
+        plain(Role::Weight, "weight"),
+    ]
+}
+
+fn plain(role: Role, base: &str) -> Wanted {
+    Wanted { role, base: base.to_owned(), dimension: None, unit: String::new(), limit: None }
+}
+
+fn angle(role: Role, base: &str, limit: Option<(f64, &'static str)>) -> Wanted {
+    Wanted { role, base: base.to_owned(), dimension: Some(Dimension::Angle), unit: "rad".to_owned(), limit }
+}
+
+fn length(role: Role, base: String, limit: (f64, &'static str)) -> Wanted {
+    Wanted { role, base, dimension: Some(Dimension::Length), unit: "m".to_owned(), limit: Some(limit) }
+}

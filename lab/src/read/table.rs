@@ -1,0 +1,86 @@
+//! From a file's columns to measurements: rows interleaved, polar shapes as bend vectors, weights as standard deviations.
+
+use super::Expected;
+use super::check::Place;
+use super::csv::Table;
+use super::role::Role;
+use crate::{Measurements, Quantity};
+use std::f64::consts::FRAC_PI_2;
+use std::path::Path;
+
+/// The measurements that a table holds.
+pub(super) fn measurements(path: &Path, mut table: Table, expected: Expected, sha256: String) -> Measurements {
+    let (n_inputs, n_outputs) = (table.plan.n_inputs, table.plan.n_outputs);
+    let weight = take(&mut table, Role::Weight);
+    let mut outputs = outputs(&mut table, n_outputs);
+    if let Some(weight) = &weight {
+        let unscored = weight.iter().enumerate().filter(|(_, w)| **w == 0.0).map(|(row, _)| row);
+        unscored.for_each(|row| outputs[row * n_outputs..(row + 1) * n_outputs].fill(f64::NAN));
+    }
+    Measurements {
+        source: super::source(path),
+        sha256,
+        quantity: match expected {
+            Expected::Snake => Quantity::Snake,
+            Expected::Joints(_) => Quantity::Joints,
+        },
+        time_s: take(&mut table, Role::Time).unwrap_or_default(),
+        inputs: interleave(&mut table, n_inputs, Role::Input).unwrap_or_default(),
+        n_inputs,
+        outputs,
+        n_outputs,
+        loads_n: interleave(&mut table, super::role::N_LINES, Role::Load),
+        stem_angle_rad: take(&mut table, Role::StemAngle),
+        temperature_c: take(&mut table, Role::Temperature),
+        sigma: take(&mut table, Role::Sigma).or_else(|| weight.map(|w| w.iter().map(|w| w.sqrt().recip()).collect())),
+        extra: extra(&mut table),
+        trial: table.trial,
+    }
+}
+
+/// Where a table's measurements stand in their file.
+pub(super) fn place<'a>(path: &'a Path, table: &Table) -> Place<'a> {
+    let names = |is_one: fn(Role) -> bool| format!("columns {}", table.plan.names(is_one));
+    Place {
+        path,
+        rows: format!("lines 2 to {}", table.last_line),
+        time: table.plan.names(|role| role == Role::Time),
+        inputs: names(|role| matches!(role, Role::Input(_))),
+        outputs: names(|role| matches!(role, Role::Output(_) | Role::ThetaL | Role::Delta)),
+    }
+}
+
+fn take(table: &mut Table, role: Role) -> Option<Vec<f64>> {
+    let place = table.plan.place(role)?;
+    table.columns.get_mut(place).map(std::mem::take)
+}
+
+/// Columns 0 to n-1 of a kind, row after row; `None` unless all are there.
+fn interleave(table: &mut Table, n: usize, role: impl Fn(usize) -> Role) -> Option<Vec<f64>> {
+    let columns = (0..n).map(|k| take(table, role(k))).collect::<Option<Vec<_>>>()?;
+    let n_rows = table.trial.len();
+    let mut rows = Vec::with_capacity(n * n_rows);
+    for row in 0..n_rows {
+        rows.extend(columns.iter().map(|column| column.get(row).copied().unwrap_or(f64::NAN)));
+    }
+    Some(rows)
+}
+
+fn outputs(table: &mut Table, n_outputs: usize) -> Vec<f64> {
+    if let Some(rows) = interleave(table, n_outputs, Role::Output) {
+        return rows;
+    }
+    let theta_l_rad = take(table, Role::ThetaL).unwrap_or_default();
+    let delta_rad = take(table, Role::Delta).unwrap_or_default();
+    let bend = |(theta_l, delta): (&f64, &f64)| {
+        let bend = FRAC_PI_2 - theta_l;
+        [bend * delta.cos(), bend * delta.sin()]
+    };
+    theta_l_rad.iter().zip(&delta_rad).flat_map(bend).collect()
+}
+
+fn extra(table: &mut Table) -> Vec<(String, Vec<f64>)> {
+    let of_kind = table.plan.columns.iter().zip(&mut table.columns).filter(|(column, _)| column.role == Role::Extra);
+    let named = of_kind.map(|(column, values)| (column.name.clone(), std::mem::take(values)));
+    named.filter(|(_, values)| values.iter().any(|v| v.is_finite())).collect()
+}

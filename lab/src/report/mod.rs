@@ -1,0 +1,143 @@
+//! One HTML page that shows what the lab found: it works without a network, and equal inputs give equal bytes.
+//!
+//! The pictures' script is embedded, everything that comes from outside is escaped, and nothing on a page depends on the time of
+//! day or on the number of threads. Curves of many rows are thinned to [`MOST_POINTS`] points.
+
+mod correlation;
+mod direction;
+mod html;
+mod memory;
+mod overlay;
+mod page;
+mod picture;
+mod places;
+mod rows;
+mod tables;
+mod waterfall;
+
+use crate::compare::Comparison;
+use crate::diagnose::Diagnosis;
+use crate::machine::Machine;
+use crate::{Added, LabError, Measurements};
+use html::escape;
+use krait_model::model_file::ModelFile;
+use page::Page;
+use picture::Picture;
+use rows::Rows;
+use waterfall::Step;
+
+/// A curve has at most this many points.
+pub const MOST_POINTS: usize = 5000;
+
+/// What the foot of a page says about its origin.
+#[derive(Clone, Copy, Debug)]
+pub struct Origin<'a> {
+    /// The command line.
+    pub command: &'a str,
+    /// The program's version.
+    pub version: &'a str,
+}
+
+/// The page of a diagnosis.
+///
+/// # Errors
+/// [`LabError::Chain`] where the effects make no chain for these columns.
+pub fn diagnosis_page(
+    machine: &dyn Machine,
+    data: &Measurements,
+    diagnosis: &Diagnosis,
+    origin: Origin,
+) -> Result<String, LabError> {
+    let mut models = vec![("model as given".to_owned(), machine.predict(machine.effects(), data)?)];
+    let found = if diagnosis.effects.is_empty() { &diagnosis.partial } else { &diagnosis.effects };
+    if !found.is_empty() {
+        let names: Vec<&str> = found.iter().map(|effect| effect.name.as_str()).collect();
+        models.push((format!("with {}", names.join(" and ")), machine.predict(&diagnosis.terms, data)?));
+    }
+    let rows = Rows::new(machine, data, models);
+    let mut page = Page::new(&format!("Diagnosis of {}", data.source), origin, data, Some(diagnosis.seed));
+    page.push(tables::summary(diagnosis, machine.error_unit().0));
+    page.section("Error after each effect", waterfall::of_diagnosis(machine, data, diagnosis)?);
+    page.push(tables::found(found, machine.error_unit().0, diagnosis.effects.is_empty()));
+    page.push(tables::look_alikes(found));
+    pictures(&mut page, &rows);
+    page.push(tables::candidates(diagnosis, machine.error_unit().0));
+    page.push(tables::remaining(diagnosis));
+    Ok(page.finish())
+}
+
+/// The page of a comparison.
+///
+/// # Errors
+/// [`LabError::Chain`] where the model's effects make no chain for these columns.
+pub fn comparison_page(
+    machine: &dyn Machine,
+    data: &Measurements,
+    comparison: &Comparison,
+    origin: Origin,
+) -> Result<String, LabError> {
+    let rows = Rows::new(machine, data, vec![("model".to_owned(), machine.predict(machine.effects(), data)?)]);
+    let mut page = Page::new(&format!("Model and measurement: {}", data.source), origin, data, None);
+    page.push(tables::comparison(comparison));
+    pictures(&mut page, &rows);
+    page.push(tables::places(comparison));
+    Ok(page.finish())
+}
+
+/// The page of an effect that was added, or of parameters that were fitted; `what` names it.
+///
+/// # Errors
+/// [`LabError::Chain`] where the effects make no chain for these columns.
+pub fn added_page(
+    machine: &dyn Machine,
+    data: &Measurements,
+    added: &Added,
+    what: &str,
+    origin: Origin,
+) -> Result<String, LabError> {
+    let unit = machine.error_unit().0;
+    let models = vec![
+        ("model before".to_owned(), machine.predict(machine.effects(), data)?),
+        (format!("with {what}"), machine.predict(&added.terms, data)?),
+    ];
+    let mut page = Page::new(&format!("{what} added, on {}", data.source), origin, data, None);
+    page.push(tables::added(added, what, unit));
+    let step = |name: String, rms: f64| Step { name, rms, half_width: None };
+    let steps = [step("model before".to_owned(), added.before), step(format!("+ {what}"), added.after)];
+    page.section("Error before and after", vec![waterfall::picture(&steps, added.noise_floor, unit)]);
+    pictures(&mut page, &Rows::new(machine, data, models));
+    Ok(page.finish())
+}
+
+/// The page of a model's history; `model` is the file's name.
+pub fn history_page(file: &ModelFile, model: &str, origin: Origin) -> String {
+    let foot = [["command", origin.command], ["version", origin.version], ["model", model]];
+    let foot: Vec<Vec<String>> = foot.iter().map(|row| row.map(str::to_owned).to_vec()).collect();
+    let mut page = Page::with_foot(&format!("History of {model}"), &foot);
+    let history = file.history();
+    if let (Some(first), Some(last)) = (history.first(), history.last()) {
+        let step = |name: String, rms: f64| Step { name, rms, half_width: None };
+        let mut steps = vec![step("model at first".to_owned(), first.heldout_rms_deg.before)];
+        steps.extend(history.iter().map(|own| step(format!("+ {}", own.effect), own.heldout_rms_deg.after)));
+        let picture = waterfall::picture(&steps, last.heldout_rms_deg.noise_floor, "deg");
+        page.section("Error after each effect", vec![picture]);
+        page.push(tables::history(history));
+    } else {
+        page.push(paragraph("No effect was added yet; krait lab add does."));
+    }
+    page.finish()
+}
+
+/// What the pages show of rows.
+fn pictures(page: &mut Page, rows: &Rows) {
+    page.section("Measured and predicted", vec![overlay::whole(rows), overlay::worst(rows)]);
+    page.section("Where it fails", vec![places::map(rows), places::speed(rows)]);
+    page.section("Direction of motion", vec![direction::split(rows), direction::loops(rows)]);
+    page.section("Memory", vec![memory::travel(rows), memory::holds(rows)]);
+    page.section("Autocorrelation of the residual", vec![correlation::picture(rows)]);
+}
+
+/// A paragraph of escaped text.
+fn paragraph(text: &str) -> String {
+    format!("<p>{}</p>\n", escape(text))
+}

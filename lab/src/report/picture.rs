@@ -1,0 +1,101 @@
+//! One picture: a plot, its heading, and a sentence that says what to see in it.
+
+use super::html::escape;
+use plotly::common::{Line, Mode};
+use plotly::layout::{Axis, Legend};
+use plotly::{Configuration, Layout, Plot, Scatter, Trace};
+
+/// Colours that also the colour-blind tell apart: measurement, model as given, model with effects, others.
+pub(super) const COLOURS: [&str; 6] = ["#444444", "#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00"];
+
+/// A picture, or the sentence that says why there is none.
+pub(super) struct Picture {
+    title: String,
+    sentence: String,
+    plot: Option<Plot>,
+}
+
+impl Picture {
+    /// A picture of these traces over named axes.
+    pub(super) fn new(title: &str, sentence: &str, x: &str, y: &str, traces: Vec<Box<dyn Trace>>) -> Self {
+        Self::with_layout(title, sentence, layout(x, y), traces)
+    }
+
+    /// A picture with its own layout.
+    pub(super) fn with_layout(title: &str, sentence: &str, layout: Layout, traces: Vec<Box<dyn Trace>>) -> Self {
+        let mut plot = Plot::new();
+        plot.add_traces(traces);
+        plot.set_layout(layout);
+        plot.set_configuration(Configuration::new().responsive(true).display_logo(false));
+        Self { title: title.to_owned(), sentence: sentence.to_owned(), plot: Some(plot) }
+    }
+
+    /// No picture, and why.
+    pub(super) fn none(title: &str, why: &str) -> Self {
+        Self { title: title.to_owned(), sentence: why.to_owned(), plot: None }
+    }
+
+    /// Its markup; `number` makes its name on the page.
+    pub(super) fn markup(&self, number: usize) -> String {
+        let head =
+            format!("<figure>\n<figcaption><b>{}.</b> {}</figcaption>\n", escape(&self.title), escape(&self.sentence));
+        let Some(plot) = &self.plot else { return head + "</figure>\n" };
+        // Inside a script only "<" can end it: names from outside must not.
+        let json = plot.to_json().replace('<', "\\u003c").replace('\u{2028}', "\\u2028").replace('\u{2029}', "\\u2029");
+        format!(
+            "{head}<div id=\"picture-{number}\" class=\"picture\"></div>\n\
+             <script>Plotly.newPlot(\"picture-{number}\", {json});</script>\n</figure>\n"
+        )
+    }
+}
+
+/// Named axes, the legend above.
+pub(super) fn layout(x: &str, y: &str) -> Layout {
+    let legend = Legend::new().y(1.02).y_anchor(plotly::common::Anchor::Bottom);
+    let legend = legend.orientation(plotly::common::Orientation::Horizontal);
+    Layout::new()
+        .x_axis(axis(x))
+        .y_axis(axis(y))
+        .legend(legend)
+        .show_legend(true)
+        .margin(plotly::layout::Margin::new().top(40).left(70).right(20).bottom(50))
+}
+
+/// A named axis.
+pub(super) fn axis(title: &str) -> Axis {
+    Axis::new().title(plain(title))
+}
+
+/// A curve.
+pub(super) fn line(name: &str, colour: usize, x: Vec<f64>, y: Vec<f64>) -> Box<Scatter<f64, f64>> {
+    let own = Line::new().color(COLOURS[colour % COLOURS.len()]).width(1.5);
+    Scatter::new(thin(x), thin(y)).mode(Mode::Lines).name(plain(name)).line(own)
+}
+
+/// A name in which the plotting script finds no markup of its own.
+pub(super) fn plain(name: &str) -> String {
+    escape(name)
+}
+
+/// Five digits are more than any screen shows, and a third of the bytes.
+pub(super) fn short(value: f64) -> f64 {
+    if value.is_finite() { format!("{value:.4e}").parse().unwrap_or(value) } else { f64::NAN }
+}
+
+fn thin(values: Vec<f64>) -> Vec<f64> {
+    values.into_iter().map(short).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_from_outside_ends_no_script_and_makes_no_markup() {
+        let trace = line("</script><img src=x>", 0, vec![0.0, 1.0], vec![f64::NAN, 2.0 / 3.0]);
+        let markup = Picture::new("a <b>", "see", "x", "</script>", vec![trace]).markup(1);
+        assert_eq!(markup.matches("</script>").count(), 1, "the page's own: {markup}");
+        assert!(!markup.contains("<img") && !markup.contains("a <b>"));
+        assert!(markup.contains("[null,0.66667]"), "gaps are null, numbers short: {markup}");
+    }
+}

@@ -1,0 +1,130 @@
+//! The error after each effect, down to the noise floor, with intervals.
+
+use super::picture::{COLOURS, Picture, layout, plain, short};
+use crate::diagnose::{Diagnosis, FoundEffect};
+use crate::fit::{Variable, fit, held_out_block_squares};
+use crate::machine::Machine;
+use crate::prepare::prepare;
+use crate::{LabError, Measurements, Problem, Term};
+use plotly::Bar;
+use plotly::common::{ErrorData, ErrorType, Marker, TextPosition};
+
+/// Folds of the held-out error, as in the diagnosis.
+const FOLDS: usize = 6;
+/// Two-sided 95 % of a normal variable.
+const Z: f64 = 1.96;
+const ITERATIONS: u32 = 10;
+
+/// One bar: its name, the error, and half its 95 % interval where it is known.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Step {
+    pub name: String,
+    pub rms: f64,
+    pub half_width: Option<f64>,
+}
+
+/// The waterfall of a diagnosis.
+pub(super) fn of_diagnosis(
+    machine: &dyn Machine,
+    data: &Measurements,
+    diagnosis: &Diagnosis,
+) -> Result<Vec<Picture>, LabError> {
+    let found = if diagnosis.effects.is_empty() { &diagnosis.partial } else { &diagnosis.effects };
+    let problem = prepare(machine, data)?.problem;
+    let mut steps = vec![Step {
+        name: "model as given".to_owned(),
+        rms: diagnosis.base_heldout_rms,
+        half_width: half_width(&problem, diagnosis, found, 0)?,
+    }];
+    for (k, effect) in found.iter().enumerate() {
+        steps.push(Step {
+            name: format!("+ {}", effect.name),
+            rms: effect.after,
+            half_width: half_width(&problem, diagnosis, found, k + 1)?,
+        });
+    }
+    Ok(vec![picture(&steps, diagnosis.noise_floor, machine.error_unit().0)])
+}
+
+/// Half the interval of the held-out error with the first effects, from how much it differs between blocks of time.
+fn half_width(
+    problem: &Problem,
+    diagnosis: &Diagnosis,
+    found: &[FoundEffect],
+    n_effects: usize,
+) -> Result<Option<f64>, LabError> {
+    let base = problem.machine.effects().len();
+    let effects: Vec<Term> = diagnosis.terms.iter().take(base + n_effects).cloned().collect();
+    let mut variables = Vec::new();
+    for (slot, effect) in found.iter().take(n_effects).enumerate() {
+        for (k, parameter) in effect.parameters.iter().enumerate().filter(|(_, parameter)| parameter.is_free) {
+            let size = if parameter.value == 0.0 { 1e-6 } else { parameter.value };
+            variables.push(Variable::new(problem.machine, &effects, base + slot, k, size)?);
+        }
+    }
+    // Effects before the last one have to find their values without those that follow.
+    let iterations = if n_effects == found.len() { 0 } else { ITERATIONS };
+    let squares = held_out_block_squares(problem, &fit(problem, &effects, &variables, iterations, 1e-5)?, FOLDS);
+    let n = squares.len() as f64;
+    if squares.len() < 3 {
+        return Ok(None);
+    }
+    let mean = squares.iter().sum::<f64>() / n;
+    let variance = squares.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    let rms = problem.rms(squares.iter().sum()) * problem.machine.error_unit().1;
+    // d rms = rms / 2 * d (mean square) / (mean square).
+    Ok((mean > 0.0).then(|| Z * 0.5 * rms * (variance / n).sqrt() / mean))
+}
+
+/// Share of what the first step leaves above the floor that a later one explains.
+pub(super) fn explained(first: f64, rms: f64, floor: Option<f64>) -> Option<f64> {
+    let floor = floor?;
+    let explainable = first * first - floor * floor;
+    (explainable > 0.0).then(|| (first * first - rms * rms) / explainable)
+}
+
+/// Bars of steps, and of the floor.
+pub(super) fn picture(steps: &[Step], floor: Option<f64>, unit: &str) -> Picture {
+    let first = steps.first().map_or(0.0, |step| step.rms);
+    let text = |step: &Step| match explained(first, step.rms, floor) {
+        Some(share) => format!("{:.3} {}, {:.0} % explained", step.rms, plain(unit), 100.0 * share),
+        None => format!("{:.3} {}", step.rms, plain(unit)),
+    };
+    let mut names: Vec<String> = Vec::new();
+    for (k, step) in steps.iter().enumerate() {
+        // Bars of one name would lie on each other.
+        let number = if names.contains(&plain(&step.name)) { format!(" ({})", k + 1) } else { String::new() };
+        names.push(plain(&format!("{}{number}", step.name)));
+    }
+    let mut texts: Vec<String> = steps.iter().map(text).collect();
+    let mut values: Vec<f64> = steps.iter().map(|step| short(step.rms)).collect();
+    let mut whiskers: Vec<f64> = steps.iter().map(|step| short(step.half_width.unwrap_or(0.0))).collect();
+    if let Some(floor) = floor {
+        names.push("noise floor".to_owned());
+        texts.push(format!("{floor:.3} {}", plain(unit)));
+        values.push(short(floor));
+        whiskers.push(0.0);
+    }
+    let bars = Bar::new(names, values)
+        .name("error, rms; whiskers: 95 % interval")
+        .text_array(texts)
+        .text_position(TextPosition::Outside)
+        .marker(Marker::new().color(COLOURS[2]))
+        .error_y(ErrorData::new(ErrorType::Data).array(whiskers));
+    let sentence = "The fall of each bar is what its effect brings on data that it was not fitted to; where the last bar meets \
+                    the noise floor, nothing explainable is left (100 %).";
+    Picture::with_layout("Waterfall", sentence, layout("", &format!("error, rms ({unit})")), vec![bars])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::explained;
+
+    #[test]
+    fn all_that_is_above_the_floor_is_what_can_be_explained() {
+        assert_eq!(explained(2.0, 1.0, Some(1.0)), Some(1.0));
+        assert_eq!(explained(2.0, 2.0, Some(1.0)), Some(0.0));
+        assert_eq!(explained(1.0, 1.0, Some(1.0)), None);
+        assert_eq!(explained(2.0, 1.0, None), None);
+    }
+}

@@ -1,0 +1,47 @@
+//! A model file with what a fit found: values with their standard errors and origin, and one more line of history.
+
+use crate::machine::setting;
+use crate::{Added, LabError, Measurements};
+use krait_model::model_file::{FileEffect, HeldOutRms, HistoryEntry, ModelFile, Origin};
+
+/// The file with the effects of a fit. `what` names the effect for the history; `date` is the day, YYYY-MM-DD.
+///
+/// # Errors
+/// [`LabError::Chain`] for values that the file's format refuses.
+pub fn save(
+    file: &ModelFile,
+    added: &Added,
+    what: &str,
+    data: &Measurements,
+    date: &str,
+) -> Result<ModelFile, LabError> {
+    let mut effects = Vec::with_capacity(added.terms.len());
+    for (place, term) in added.terms.iter().enumerate() {
+        let mut effect = FileEffect::new(setting(file.machine(), term)?);
+        for parameter in effect.setting().parameter_names().map(str::to_owned).collect::<Vec<_>>() {
+            let fitted = added.variables.iter().position(|v| v.effect == place && v.name == parameter);
+            let origin = match fitted {
+                Some(n) => Some(Origin {
+                    parameter,
+                    se: added.uncertainty.robust.get(n).copied().filter(|se| se.is_finite()),
+                    from: Some(data.source.clone()),
+                    date: Some(date.to_owned()),
+                }),
+                None => file.effects().get(place).and_then(|old| old.origin(&parameter)).cloned(),
+            };
+            if let Some(origin) = origin {
+                effect = effect.with_origin(origin)?;
+            }
+        }
+        effects.push(effect);
+    }
+    let mut history = file.history().to_vec();
+    history.push(HistoryEntry {
+        effect: what.to_owned(),
+        data: data.source.clone(),
+        data_sha256: data.sha256.clone(),
+        date: Some(date.to_owned()),
+        heldout_rms_deg: HeldOutRms { before: added.before, after: added.after, noise_floor: added.noise_floor },
+    });
+    Ok(ModelFile::new(file.machine().clone(), effects, history)?)
+}

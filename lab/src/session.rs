@@ -1,0 +1,74 @@
+//! A model file and measurements of its machine, read and checked together.
+
+use crate::machine::{Machine, machine_of};
+use crate::read::{ColumnMap, ReadError, read};
+use crate::{LabError, Measurements};
+use krait_model::model_file::{ModelFile, ModelFileError};
+use std::path::{Path, PathBuf};
+
+/// A model, its machine under the lab, and what was measured.
+pub struct Session {
+    /// The model file's content.
+    pub file: ModelFile,
+    /// The machine.
+    pub machine: Box<dyn Machine>,
+    /// The measurements.
+    pub data: Measurements,
+}
+
+/// A model or its measurements cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum SessionError {
+    /// The model file cannot be read.
+    #[error("model file {path}: {source}; check the path and its permissions", path = path.display())]
+    Unreadable {
+        /// The path.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The model file is refused.
+    #[error("model file {path}: {source}", path = path.display())]
+    Model {
+        /// The path.
+        path: PathBuf,
+        /// Why.
+        source: ModelFileError,
+    },
+    /// The measurements are refused.
+    #[error(transparent)]
+    Data(#[from] ReadError),
+    /// Model and measurements do not fit each other.
+    #[error(transparent)]
+    Lab(#[from] LabError),
+}
+
+impl Session {
+    /// Reads a model and measurements.
+    ///
+    /// # Errors
+    /// [`SessionError`], one sentence.
+    pub fn open(model: &Path, data: &Path, map: &ColumnMap) -> Result<Self, SessionError> {
+        let file = open_model(model)?;
+        let machine = machine(&file)?;
+        let data = read(data, map, file.machine().into())?;
+        // Refused now, before anything is computed: an effect of the model may need a column that is not there.
+        machine.predict(machine.effects(), &data.select(&[0]))?;
+        Ok(Self { file, machine, data })
+    }
+}
+
+/// Reads and checks a model file.
+///
+/// # Errors
+/// [`SessionError::Unreadable`] and [`SessionError::Model`].
+pub fn open_model(path: &Path) -> Result<ModelFile, SessionError> {
+    let text =
+        std::fs::read_to_string(path).map_err(|source| SessionError::Unreadable { path: path.to_owned(), source })?;
+    ModelFile::parse(&text).map_err(|source| SessionError::Model { path: path.to_owned(), source })
+}
+
+fn machine(file: &ModelFile) -> Result<Box<dyn Machine>, LabError> {
+    let found = "a machine of neither kind";
+    machine_of(file).ok_or(LabError::OtherMachine { data: "the model".to_owned(), expected: "snake or joints", found })
+}

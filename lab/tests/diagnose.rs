@@ -1,0 +1,137 @@
+//! A diagnosis on small sets made here: what is hidden is found, nothing is found in noise, and the bytes are always the same.
+
+#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
+
+use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, Verdict, diagnose};
+use krait_lab::machine::{Machine, SnakeLab};
+use krait_lab::{AddOptions, Measurements, Quantity, Term, add};
+use krait_model::model_file::ModelFile;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+
+const NOISE_RAD: f64 = 0.005;
+const ROWS: usize = 2400;
+
+fn lab() -> SnakeLab {
+    SnakeLab::new(&ModelFile::parse("format = 1\n[machine]\nkind = \"snake\"\n").unwrap()).unwrap()
+}
+
+fn term(name: &str, values: &[f64]) -> Term {
+    Term { name: name.to_owned(), values: values.to_vec(), formula: None }
+}
+
+/// Loops in planes that turn, with rests; 20 rows a second.
+fn motion() -> Measurements {
+    let mut inputs = Vec::new();
+    for k in 0..ROWS {
+        let t = k as f64 / 20.0;
+        // A rest of three seconds in every twelve.
+        let moving = t - 3.0 * (t / 12.0).floor() - (t % 12.0 - 9.0).max(0.0);
+        let bend = 0.5 + 0.45 * (0.9 * moving).sin();
+        let plane = 0.9 * (0.23 * moving).sin() * 3.0;
+        for line in 0..3 {
+            let angle = plane + f64::from(line) * 2.0 * core::f64::consts::PI / 3.0;
+            inputs.push(-0.003 * bend * angle.cos());
+        }
+    }
+    Measurements {
+        source: "made".to_owned(),
+        sha256: String::new(),
+        quantity: Quantity::Snake,
+        time_s: (0..ROWS).map(|k| k as f64 / 20.0).collect(),
+        inputs,
+        n_inputs: 3,
+        outputs: Vec::new(),
+        n_outputs: 2,
+        trial: vec![0; ROWS],
+        loads_n: None,
+        stem_angle_rad: None,
+        temperature_c: None,
+        sigma: None,
+        extra: Vec::new(),
+    }
+}
+
+/// Measurements with hidden effects and white noise.
+fn made(hidden: &[Term], seed: u64) -> Measurements {
+    let mut data = motion();
+    data.outputs = vec![0.0; 2 * ROWS];
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut uniform = || f64::from(random.next_u32()) / f64::from(u32::MAX);
+    data.outputs = lab().predict(hidden, &data).unwrap();
+    // Twelve uniform numbers make a normal one, near enough for a test.
+    data.outputs.iter_mut().for_each(|y| *y += NOISE_RAD * ((0..12).map(|_| uniform()).sum::<f64>() - 6.0));
+    data
+}
+
+fn diagnosed(data: &Measurements) -> Diagnosis {
+    diagnose(&lab(), data, &DiagnoseOptions::default()).unwrap()
+}
+
+#[test]
+fn what_is_hidden_is_named_or_stands_in_the_class_that_is_named() {
+    let hidden = [
+        term("backlash", &[6e-5]),
+        term("twist", &[0.04]),
+        term("lateral-tip-force", &[0.08, -0.06]),
+        term("stiffness-scale", &[1.1]),
+        term("latency", &[0.08]),
+    ];
+    for (seed, hidden) in hidden.iter().enumerate() {
+        let found = diagnosed(&made(core::slice::from_ref(hidden), seed as u64));
+        assert_eq!(found.verdict, Verdict::Missing, "{hidden:?}: {}", found.sentence);
+        assert!(found.effects[0].class.contains(&hidden.name), "{hidden:?}: {}", found.sentence);
+        let floor = found.noise_floor.unwrap();
+        assert!(found.final_heldout_rms < 1.04 * floor, "{hidden:?}: {} {floor}", found.final_heldout_rms);
+    }
+}
+
+#[test]
+fn nothing_is_missing_where_only_noise_is_left() {
+    let alarms = (100..112).filter(|&seed| diagnosed(&made(&[], seed)).verdict != Verdict::None).count();
+    // At a true rate of 5 % three or more in twelve come up in 2 % of all cases.
+    assert!(alarms <= 2, "{alarms} of 12");
+}
+
+#[test]
+fn two_effects_are_found_together() {
+    let found = diagnosed(&made(&[term("backlash", &[8e-5]), term("twist", &[0.06])], 7));
+    let names: Vec<&str> = found.effects.iter().map(|effect| effect.name.as_str()).collect();
+    assert_eq!(names.len(), 2, "{}", found.sentence);
+    assert!(names.contains(&"twist"), "{}", found.sentence);
+}
+
+#[test]
+fn the_number_of_threads_does_not_change_a_byte_of_the_answer() {
+    let data = made(&[term("creep", &[0.1, 10.0, 0.0, 100.0, 0.0, 1000.0])], 3);
+    let answer = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| diagnosed(&data).to_json().to_string())
+    };
+    assert_eq!(answer(1), answer(3));
+}
+
+#[test]
+fn an_added_effect_has_its_value_within_its_standard_errors_and_reaches_the_floor() {
+    let mut within = 0;
+    for seed in 0..10 {
+        let data = made(&[term("backlash", &[7e-5])], 200 + seed);
+        let options = AddOptions { term: term("backlash", &[8.9e-5]), from_given: false, free: Vec::new() };
+        let added = add(&lab(), &data, &options).unwrap();
+        let (value, se) = (added.terms[0].values[0], added.uncertainty.robust[0]);
+        within += usize::from((value - 7e-5).abs() < 2.0 * se);
+        assert!(added.after < 0.8 * added.before && added.after < 1.04 * added.noise_floor.unwrap(), "{}", added.after);
+    }
+    assert!(within >= 8, "{within} of 10 within two standard errors");
+}
+
+#[test]
+fn outliers_are_left_out_and_change_nothing() {
+    let mut data = made(&[term("twist", &[0.04])], 11);
+    for row in (50..ROWS).step_by(97) {
+        data.outputs[2 * row] += 0.3;
+    }
+    let found = diagnosed(&data);
+    assert_eq!(found.effects[0].name, "twist", "{}", found.sentence);
+    assert!(found.rows[2] >= 20, "{} rows left out", found.rows[2]);
+}

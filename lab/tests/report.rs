@@ -1,0 +1,152 @@
+//! Pages of the lab: whole, alone, the same bytes each time, and safe against names from outside.
+#![allow(clippy::expect_used, clippy::panic, reason = "the helpers of a test fail as the test does")]
+
+use krait_lab::compare::compare;
+use krait_lab::diagnose::{DiagnoseOptions, diagnose};
+use krait_lab::generate::{Kind, Recipe, generate};
+use krait_lab::machine::{Machine, SnakeLab};
+use krait_lab::report::{Origin, added_page, comparison_page, diagnosis_page, history_page};
+use krait_lab::{AddOptions, Measurements, Term, add};
+use krait_model::model_file::ModelFile;
+
+const HOSTILE: &str = "</script><script>alert(1)</script><img src=x onerror=\"alert('2')\">&.csv";
+
+fn snake() -> SnakeLab {
+    let file = ModelFile::parse("format = 1\n[machine]\nkind = \"snake\"\n").expect("a model");
+    SnakeLab::new(&file).expect("a snake")
+}
+
+/// A minute of a snake with hidden backlash, under a name that wants to be markup.
+fn data() -> Measurements {
+    let hidden = vec![(Kind::from_name("backlash").expect("a kind"), 3.0)];
+    let recipe = Recipe { hidden, seconds: 60.0, seed: 7, ..Recipe::default() };
+    let mut data = generate(&recipe).expect("data").measurements;
+    data.source = HOSTILE.to_owned();
+    data.sha256 = "00ff".repeat(16);
+    data
+}
+
+fn origin() -> Origin<'static> {
+    Origin { command: "krait lab diagnose --data '</script><b>'", version: "1.2.3" }
+}
+
+/// The page without the embedded script, which is not ours and contains any string.
+fn own(page: &str) -> String {
+    let start = page.find("<script").expect("the embedded script");
+    let end = start + page[start..].find("</script>").expect("its end") + "</script>".len();
+    assert!(end - start > 1_000_000, "the script that draws is on the page");
+    format!("{}{}", &page[..start], &page[end..])
+}
+
+/// Every element that is opened is closed, in order.
+fn assert_well_formed(markup: &str) {
+    let mut open: Vec<String> = Vec::new();
+    let mut rest = markup;
+    while let Some(at) = rest.find('<') {
+        let end = at + rest[at..].find('>').expect("a tag ends");
+        let tag = &rest[at + 1..end];
+        rest = &rest[end + 1..];
+        let name: String = tag.trim_start_matches('/').chars().take_while(|c| c.is_ascii_alphanumeric()).collect();
+        assert!(!name.is_empty() || tag.starts_with('!'), "a tag has a name: {tag}");
+        assert!(!tag.contains("src=") && !tag.contains("href="), "the page fetches nothing: {tag}");
+        if tag.starts_with('/') {
+            assert_eq!(open.pop().as_deref(), Some(name.as_str()), "closed in order: {tag}");
+        } else if !tag.starts_with('!') && name != "meta" {
+            open.push(name.clone());
+        }
+        if name == "script" && !tag.starts_with('/') {
+            rest = &rest[rest.find("</script>").expect("a script ends")..];
+        }
+    }
+    assert!(open.is_empty(), "all closed: {open:?}");
+}
+
+fn assert_alone_and_safe(page: &str) {
+    let own = own(page);
+    assert_well_formed(&own);
+    for outside in ["http:", "https:", "@import", "url("] {
+        assert!(!own.contains(outside), "the page fetches nothing: {outside}");
+    }
+    assert!(!own.contains("<img") && !own.contains("</script><b>"), "names from outside are text");
+    assert!(own.contains("&lt;img src=x"), "and still to be read");
+    assert!(page.len() < 8_000_000, "{} bytes", page.len());
+}
+
+#[test]
+fn a_page_of_a_diagnosis_is_whole_alone_safe_and_the_same_each_time() {
+    let (machine, data) = (snake(), data());
+    let page = || {
+        let found = diagnose(&machine, &data, &DiagnoseOptions::default()).expect("a diagnosis");
+        diagnosis_page(&machine, &data, &found, origin()).expect("a page")
+    };
+    let first = page();
+    assert_alone_and_safe(&first);
+    for section in [
+        "Next experiment",
+        "Error after each effect",
+        "Missing effects",
+        "What cannot be told apart",
+        "Whole record",
+        "Worst seconds",
+        "Map.",
+        "Speed.",
+        "Direction split",
+        "Loops",
+        "Travel since the last reversal",
+        "Time at rest",
+        "Autocorrelation.",
+        "All candidates",
+        "What is left",
+        "SHA-256",
+        "1.2.3",
+        "seed",
+        "noise floor",
+    ] {
+        assert!(first.contains(section), "{section}");
+    }
+    let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool").install(page);
+    assert!(first == one_thread, "the same bytes again, and with one thread");
+}
+
+#[test]
+fn a_page_of_a_comparison_shows_the_error_and_where_it_is() {
+    let (machine, data) = (snake(), data());
+    let found = compare(&machine, &data).expect("a comparison");
+    let page = comparison_page(&machine, &data, &found, origin()).expect("a page");
+    assert!(page.contains(&format!("{:.4}", found.error.rms)), "the figure of the terminal");
+    assert!(page.contains("Where, in numbers") && page.contains("Whole record"));
+}
+
+#[test]
+fn a_long_record_is_thinned() {
+    let (machine, mut data) = (snake(), data());
+    let found = compare(&machine, &data).expect("a comparison");
+    let short = comparison_page(&machine, &data, &found, origin()).expect("a page").len();
+    let rows: Vec<usize> = (0..data.n_rows()).cycle().take(20 * data.n_rows()).collect();
+    data = data.select(&rows);
+    data.time_s = (0..rows.len()).map(|k| k as f64 * 0.02).collect();
+    let long = comparison_page(&machine, &data, &found, origin()).expect("a page").len();
+    assert!(long < short + 1_000_000, "{short} bytes became {long}");
+}
+
+#[test]
+fn a_page_of_a_history_takes_no_markup_from_the_file() {
+    let entry = "[[history]]\neffect = \"</script><b>x\"\ndata = \"<img src=x>\"\ndata_sha256 = \"00\"\n\
+                 heldout_rms_deg = { before = 2.0, after = 0.5, noise_floor = 0.4 }\n";
+    let file = ModelFile::parse(&format!("format = 1\n[machine]\nkind = \"snake\"\n{entry}")).expect("a model");
+    let page = history_page(&file, HOSTILE, origin());
+    assert_alone_and_safe(&page);
+    // (2^2 - 0.5^2) / (2^2 - 0.4^2)
+    assert!(page.contains("98 % explained"), "the waterfall says how much of what there was");
+}
+
+#[test]
+fn a_page_of_an_added_effect_shows_it_before_and_after() {
+    let (machine, data) = (snake(), data());
+    let mut term = Term { name: "backlash".to_owned(), values: Vec::new(), formula: None };
+    term.values = machine.parameters(&term).expect("known").iter().map(|own| own.default).collect();
+    let added = add(&machine, &data, &AddOptions { term, from_given: false, free: Vec::new() }).expect("added");
+    let page = added_page(&machine, &data, &added, "backlash", origin()).expect("a page");
+    assert_alone_and_safe(&page);
+    assert!(page.contains("half_width_m") && page.contains("Error before and after"));
+}

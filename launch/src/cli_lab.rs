@@ -1,0 +1,195 @@
+//! The command line of the model lab: `krait lab ...`.
+
+use crate::cli_lab_data::{BenchmarkArgs, GenerateArgs};
+use clap::{Args, Subcommand};
+use krait_lab::read::{ColumnMap, Mapping};
+use std::path::PathBuf;
+
+/// The lab's subcommands.
+#[derive(Debug, Subcommand)]
+pub enum LabVerb {
+    /// How far are model and measurements apart, in which part, and where is it worst?
+    #[command(
+        after_help = "Examples:\n  krait lab compare --model base.toml --data run.csv\n  krait lab compare --model base.toml --data recordings/run.mcap --json | jq .error_deg\n  krait lab compare --model base.toml --data theirs.csv --map time_s=t --map bend_x_rad=cam.x:deg --map bend_y_rad=cam.y:deg"
+    )]
+    Compare(CompareArgs),
+    /// Which physical effect is missing from the model? Ranks all of them, or says that none is, or that none explains it.
+    #[command(
+        after_help = "Examples:\n  krait lab diagnose --model base.toml --data run.csv --report why.html\n  krait lab diagnose --model base.toml --data recordings/run.mcap --json | jq .verdict"
+    )]
+    Diagnose(DiagnoseArgs),
+    /// Adds an effect to a model, fits it, and shows the error before and after on data that it was not fitted to.
+    #[command(
+        after_help = "Examples:\n  krait lab add backlash --model base.toml --data run.csv --out better.toml\n  krait lab add creep --free a1,t1_s,a2 --set t2_s=90 --model base.toml --data run.csv --out better.toml\n  krait lab add formula --name shelf --hook eps --formula \"a * tanh(bend / b) * cos(delta - d0)\" --param a=0:m --param b=0.2:rad --param d0=0:rad --model base.toml --data run.csv --out better.toml\n\nA formula may use +, -, *, /, ^, parentheses, sin, cos, tan, exp, ln, sqrt, abs, tanh, and the variables that `krait model show --defaults` lists for each hook; it can do nothing but arithmetic."
+    )]
+    Add(AddArgs),
+    /// Fits parameters of the effects that a model already has.
+    #[command(
+        after_help = "Example:\n  krait lab fit --free stiffness-scale.eta --model better.toml --data run.csv --out best.toml"
+    )]
+    Fit(FitArgs),
+    /// The error after each effect that was added to a model.
+    #[command(after_help = "Example:\n  krait lab history better.toml")]
+    History(HistoryArgs),
+    /// Makes data with a hidden effect from the simulated snake, and the answer in a file of its own.
+    #[command(
+        after_help = "Examples:\n  krait lab generate --kind backlash --size 2 --out data.csv\n  krait lab generate --kind stiffness+creep --size 2,1.5 --trajectory teleop --noise ou:0.5 --out data.csv\n  krait lab generate --seed 4711 --out riddle.csv      the seed picks what is hidden\n  krait lab generate --list\n\nThen: krait lab diagnose --model base.toml --data data.csv"
+    )]
+    Generate(GenerateArgs),
+    /// How good is the lab? Diagnoses a grid of generated data and scores the answers; goes on where it was ended.
+    #[command(
+        after_help = "Examples:\n  krait lab benchmark --out benchmark\n  krait lab benchmark --rounds 20 --seed 7 --out benchmark-7 --json > figures.json"
+    )]
+    Benchmark(BenchmarkArgs),
+}
+
+/// A model and measurements.
+#[derive(Clone, Debug, Args)]
+pub struct LabFiles {
+    /// Model file (TOML).
+    #[arg(long, value_name = "FILE")]
+    pub model: PathBuf,
+    /// Measurements: CSV, or a recording of krait (MCAP).
+    #[arg(long, value_name = "FILE")]
+    pub data: PathBuf,
+    /// The file's own name and unit for a column of the lab, again for each: bend_x_rad=cam.x:deg.
+    #[arg(long = "map", value_name = "COLUMN=NAME[:UNIT]")]
+    pub map: Vec<Mapping>,
+}
+
+impl LabFiles {
+    /// The mappings together.
+    pub fn column_map(&self) -> ColumnMap {
+        self.map.iter().cloned().collect()
+    }
+}
+
+/// Options of `krait lab compare`.
+#[derive(Clone, Debug, Args)]
+pub struct CompareArgs {
+    /// Model and data.
+    #[command(flatten)]
+    pub files: LabFiles,
+    /// Write a page with pictures (HTML, one file, works without a network).
+    #[arg(long, value_name = "FILE.html")]
+    pub report: Option<PathBuf>,
+    /// Print the answer as JSON on standard output.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Options of `krait lab diagnose`.
+#[derive(Clone, Debug, Args)]
+pub struct DiagnoseArgs {
+    /// Model and data.
+    #[command(flatten)]
+    pub files: LabFiles,
+    /// A parameter of the model's own effects that is not held: EFFECT.PARAMETER, again for each.
+    #[arg(long, value_name = "EFFECT.PARAMETER", value_parser = effect_parameter)]
+    pub free: Vec<(String, String)>,
+    /// At most so many effects are sought together.
+    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u8).range(1..=2))]
+    pub max_effects: u8,
+    /// Seed of all random numbers.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Write a page with pictures (HTML, one file, works without a network).
+    #[arg(long, value_name = "FILE.html")]
+    pub report: Option<PathBuf>,
+    /// Write the next experiment as a script for `krait run --master script --input FILE.csv`, and say what it would decide.
+    #[arg(long, value_name = "FILE.csv")]
+    pub experiment: Option<PathBuf>,
+    /// Print the answer as JSON on standard output.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Options of `krait lab add`.
+#[derive(Clone, Debug, Args)]
+pub struct AddArgs {
+    /// The effect's name, or `formula`.
+    pub effect: String,
+    /// Model and data.
+    #[command(flatten)]
+    pub files: LabFiles,
+    /// Where to write the model with the effect.
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Parameters that the fit frees, by commas; by default those that the catalogue frees, for a formula all.
+    #[arg(long, value_delimiter = ',', value_name = "NAME")]
+    pub free: Vec<String>,
+    /// A parameter's value where the fit starts, and where it stays unless it is free: NAME=VALUE, again for each.
+    #[arg(long, value_name = "NAME=VALUE", value_parser = name_value)]
+    pub set: Vec<(String, f64)>,
+    /// A formula's name.
+    #[arg(long, default_value = "formula")]
+    pub name: String,
+    /// Where a formula's value is added: eps, tau, geo, meas or enc.
+    #[arg(long, value_name = "HOOK")]
+    pub hook: Option<String>,
+    /// The formula.
+    #[arg(long, value_name = "EXPRESSION")]
+    pub formula: Option<String>,
+    /// A formula's parameter: NAME=VALUE:UNIT, again for each.
+    #[arg(long, value_name = "NAME=VALUE[:UNIT]", value_parser = formula_parameter)]
+    pub param: Vec<(String, f64, String)>,
+    /// Write a page with pictures (HTML, one file, works without a network).
+    #[arg(long, value_name = "FILE.html")]
+    pub report: Option<PathBuf>,
+    /// Print the answer as JSON on standard output.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Options of `krait lab fit`.
+#[derive(Clone, Debug, Args)]
+pub struct FitArgs {
+    /// Model and data.
+    #[command(flatten)]
+    pub files: LabFiles,
+    /// Where to write the model with the fitted values.
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// What is fitted: EFFECT.PARAMETER, again for each.
+    #[arg(long, required = true, value_name = "EFFECT.PARAMETER", value_parser = effect_parameter)]
+    pub free: Vec<(String, String)>,
+    /// Write a page with pictures (HTML, one file, works without a network).
+    #[arg(long, value_name = "FILE.html")]
+    pub report: Option<PathBuf>,
+    /// Print the answer as JSON on standard output.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Options of `krait lab history`.
+#[derive(Clone, Debug, Args)]
+pub struct HistoryArgs {
+    /// Model file (TOML).
+    pub model: PathBuf,
+    /// Write a page with pictures (HTML, one file, works without a network).
+    #[arg(long, value_name = "FILE.html")]
+    pub report: Option<PathBuf>,
+    /// Print the history as JSON on standard output.
+    #[arg(long)]
+    pub json: bool,
+}
+
+fn effect_parameter(text: &str) -> Result<(String, String), String> {
+    let (effect, parameter) = text
+        .rsplit_once('.')
+        .ok_or_else(|| format!("{text:?} is not EFFECT.PARAMETER, such as stiffness-scale.eta"))?;
+    Ok((effect.to_owned(), parameter.to_owned()))
+}
+
+fn name_value(text: &str) -> Result<(String, f64), String> {
+    let wrong = || format!("{text:?} is not NAME=VALUE, such as half_width_m=1e-4");
+    let (name, value) = text.split_once('=').ok_or_else(wrong)?;
+    let value: f64 = value.parse().map_err(|_e| wrong())?;
+    if value.is_finite() { Ok((name.to_owned(), value)) } else { Err(wrong()) }
+}
+
+fn formula_parameter(text: &str) -> Result<(String, f64, String), String> {
+    let (left, unit) = text.split_once(':').unwrap_or((text, "1"));
+    let (name, value) = name_value(left)?;
+    Ok((name, value, unit.to_owned()))
+}

@@ -1,0 +1,86 @@
+//! The command line of generated data: `krait lab generate` and `krait lab benchmark`.
+
+use clap::Args;
+use krait_lab::generate::{Motion, Noise};
+use std::path::PathBuf;
+
+/// Options of `krait lab generate`.
+#[derive(Clone, Debug, Args)]
+pub struct GenerateArgs {
+    /// What is hidden: a kind, two joined by `+`, or none; without it the seed picks one. --list shows all.
+    #[arg(long, value_name = "NAME[+NAME]")]
+    pub kind: Option<String>,
+    /// How large: root mean square of what the effect changes in the picture, in units of the noise's length sqrt(2) sigma;
+    /// one for all, or one for each by commas.
+    #[arg(long, value_delimiter = ',', default_value = "2", value_name = "X[,X]")]
+    pub size: Vec<f64>,
+    /// white, ou:T (half white, half with a correlation time of T s), quantised, outliers, heteroscedastic or drift.
+    #[arg(long, default_value = "white", value_parser = noise)]
+    pub noise: Noise,
+    /// Standard deviation of each component of the bend vector, degrees.
+    #[arg(long, default_value_t = 0.3, value_name = "DEG")]
+    pub sigma_deg: f64,
+    /// rich, teleop, ramp, triangle, multisine or staircase.
+    #[arg(long, default_value = "rich", value_parser = motion)]
+    pub trajectory: Motion,
+    /// Length, s.
+    #[arg(long, default_value_t = 200.0)]
+    pub seconds: f64,
+    /// Rows per second, Hz.
+    #[arg(long, default_value_t = 50.0, value_name = "HZ")]
+    pub rate: f64,
+    /// Everything that is drawn follows from it; without it, from the clock, and the answer tells it.
+    #[arg(long)]
+    pub seed: Option<u64>,
+    /// The plant's dimensions and modulus are off by up to this part, 0 to 0.1.
+    #[arg(long, default_value_t = 0.0, value_name = "PART")]
+    pub perturb: f64,
+    /// Where to write the data (CSV); base.toml and the hashes go beside it.
+    #[arg(long, value_name = "FILE", required_unless_present = "list")]
+    pub out: Option<PathBuf>,
+    /// Where to write the sealed answer (JSON); by default beside the data as NAME.answer.json.
+    #[arg(long, value_name = "FILE")]
+    pub answer: Option<PathBuf>,
+    /// Also write the plant that made the data, for `krait run --truth`; it gives the answer away.
+    #[arg(long, value_name = "FILE")]
+    pub truth: Option<PathBuf>,
+    /// Print every kind that can be hidden, and make nothing.
+    #[arg(long)]
+    pub list: bool,
+    /// Print what was written as JSON on standard output.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Options of `krait lab benchmark`.
+#[derive(Clone, Debug, Args)]
+pub struct BenchmarkArgs {
+    /// Where results.jsonl and report.html go; results that are there already are kept and not computed again.
+    #[arg(long, value_name = "DIR", default_value = "benchmark")]
+    pub out: PathBuf,
+    /// Rounds of the grid, 132 sets of data each.
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    pub rounds: u16,
+    /// Everything that is drawn follows from it.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Length of each set of data, s.
+    #[arg(long, default_value_t = 200.0)]
+    pub seconds: f64,
+    /// Leave the baselines out; they take about as long as the diagnoses.
+    #[arg(long)]
+    pub no_baselines: bool,
+    /// Print the figures as JSON on standard output.
+    #[arg(long)]
+    pub json: bool,
+}
+
+fn noise(text: &str) -> Result<Noise, String> {
+    Noise::from_name(text)
+        .ok_or_else(|| format!("{text:?} is none of white, ou:T, quantised, outliers, heteroscedastic, drift"))
+}
+
+fn motion(text: &str) -> Result<Motion, String> {
+    let names = Motion::ALL.map(Motion::name).join(", ");
+    Motion::ALL.into_iter().find(|motion| motion.name() == text).ok_or_else(|| format!("{text:?} is none of {names}"))
+}

@@ -1,0 +1,112 @@
+//! The command line of `krait replay` and `krait compare`.
+
+use crate::cli::{SlaveKind, parse_compensation};
+use clap::{Args, ValueEnum};
+use krait_ipc::message::Compensation;
+use std::path::PathBuf;
+
+/// Options of `krait replay`.
+#[derive(Clone, Debug, Args)]
+pub struct ReplayArgs {
+    /// A recording (.mcap), or a trajectory (.csv: time_s and bend_x_rad,bend_y_rad | theta_l_rad,delta_rad | tip_x_m,tip_y_m).
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
+    /// Which of the chains that ran in the recording, from 1.
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
+    pub pass: u64,
+    /// How many times as fast as it was recorded, or `max`: as fast as the processes go.
+    #[arg(long, default_value = "1", value_parser = parse_speed, value_name = "N|max")]
+    pub speed: Speed,
+    /// One sample for each line on standard input.
+    #[arg(long, conflicts_with = "speed")]
+    pub step: bool,
+    /// Begin here, s after the first sample.
+    #[arg(long, value_name = "S", default_value_t = 0.0)]
+    pub from: f64,
+    /// End here, s after the first sample.
+    #[arg(long, value_name = "S")]
+    pub to: Option<f64>,
+    /// Play it so often.
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
+    pub loops: u64,
+    /// Run this stage with other settings than the recording's: those of --config, --model, --compensation or --truth.
+    #[arg(long, value_enum, value_name = "STAGE")]
+    pub replace: Vec<Stage>,
+    /// Model file (TOML) for the replaced `compensate`.
+    #[arg(long, value_name = "FILE")]
+    pub model: Option<PathBuf>,
+    /// Mode of the replaced `compensate`.
+    #[arg(long, value_parser = parse_compensation, value_name = "off|naive|estimated|model")]
+    pub compensation: Option<Compensation>,
+    /// Truth of the simulated snake (TOML) for the replaced `slave`.
+    #[arg(long, value_name = "FILE")]
+    pub truth: Option<PathBuf>,
+    /// The drives.
+    #[arg(long, value_enum, default_value_t = SlaveKind::Sim)]
+    pub slave: SlaveKind,
+    /// On the machine's clock, as for real drives, and not in the recording's own time.
+    #[arg(long, conflicts_with = "step")]
+    pub real_time: bool,
+    /// Where to write the new recording; by default recordings/DATE-replay.mcap.
+    #[arg(long, value_name = "FILE", conflicts_with = "no_recording")]
+    pub recording: Option<PathBuf>,
+    /// Do not record.
+    #[arg(long)]
+    pub no_recording: bool,
+    /// Print the figures as JSON on standard output.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Options of `krait compare`.
+#[derive(Clone, Debug, Args)]
+pub struct CompareArgs {
+    /// One recording.
+    #[arg(value_name = "A")]
+    pub a: PathBuf,
+    /// The other.
+    #[arg(value_name = "B")]
+    pub b: PathBuf,
+    /// Which of the chains that ran in A, from 1.
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
+    pub pass_a: u64,
+    /// Which of the chains that ran in B, from 1.
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
+    pub pass_b: u64,
+    /// Folder for the pictures (SVG); made if it is missing.
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Print the comparison as JSON on standard output.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// How fast a replay goes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Speed {
+    /// So many times as fast as it was recorded.
+    Times(f64),
+    /// As fast as the processes go.
+    Max,
+}
+
+/// A stage that a replay can run with other settings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Stage {
+    /// The operator's motion to the setpoint.
+    Resolve,
+    /// The setpoint to the actuators.
+    Compensate,
+    /// Learning the model.
+    Estimate,
+    /// The drives, or the simulated snake.
+    Slave,
+}
+
+fn parse_speed(word: &str) -> Result<Speed, String> {
+    if word == "max" {
+        return Ok(Speed::Max);
+    }
+    let times = word.parse().ok().filter(|times| (0.01..=1000.0).contains(times));
+    times.map(Speed::Times).ok_or_else(|| format!("{word:?} is no speed: expected 0.01 to 1000, or max"))
+}

@@ -1,0 +1,87 @@
+//! `krait export FILE`: a recording's measurements as a table that the model lab, and any other program, reads.
+
+use crate::cli::{ExportArgs, ExportFormat};
+use crate::print;
+use anyhow::{Context, bail};
+use krait_record::Recording;
+use krait_record::columns::{Columns, write_csv, write_parquet};
+use serde::Serialize;
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// What was exported, in the shape of `--json`.
+#[derive(Debug, Serialize)]
+struct Exported {
+    out: PathBuf,
+    rows: usize,
+    rows_with_shape: u64,
+    shapes_left_out: u64,
+    states_left_out: u64,
+    trials: u32,
+    /// What the recording lacks, a sentence each.
+    missing: Vec<String>,
+}
+
+/// Writes the table; exit code 1 if the recording lacks something.
+pub fn run(args: &ExportArgs) -> anyhow::Result<ExitCode> {
+    let parts = Recording::open_parts(&args.recording)?;
+    let columns = Columns::of_parts(&parts)?;
+    if columns.rows.is_empty() {
+        bail!(
+            "{} holds no measurement: a row needs a slave that is homed, and this recording has none; record a run that moves",
+            args.recording.display()
+        );
+    }
+    write(args.format, &columns, &args.out)?;
+    let exported = Exported {
+        out: args.out.clone(),
+        rows: columns.rows.len(),
+        rows_with_shape: columns.n_shapes,
+        shapes_left_out: columns.n_shapes_left_out,
+        states_left_out: columns.n_states_left_out,
+        trials: columns.rows.last().map_or(0, |row| row.trial),
+        missing: parts.iter().flat_map(|part| &part.contents().missing).map(ToString::to_string).collect(),
+    };
+    if args.json {
+        print::json(&exported)?
+    } else {
+        print::out(&exported.text())?
+    }
+    Ok(if exported.missing.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+impl Exported {
+    fn text(&self) -> String {
+        let mut text = format!(
+            "{}: {} rows in {} trials, {} of them with a shape; {} shapes and {} states left out\n",
+            self.out.display(),
+            self.rows,
+            self.trials,
+            self.rows_with_shape,
+            self.shapes_left_out,
+            self.states_left_out
+        );
+        for sentence in &self.missing {
+            text += &format!("  incomplete: {sentence}\n");
+        }
+        text
+    }
+}
+
+fn write(format: ExportFormat, columns: &Columns, path: &Path) -> anyhow::Result<()> {
+    let could_not =
+        || format!("{} could not be written; choose a new file in a folder that can be written", path.display());
+    let file = File::create_new(path).with_context(could_not)?;
+    let mut out = BufWriter::new(file);
+    let written = match format {
+        ExportFormat::Csv => write_csv(columns, &mut out).with_context(could_not),
+        ExportFormat::Parquet => write_parquet(columns, &mut out).with_context(could_not),
+    };
+    written.inspect_err(|_| {
+        if let Err(error) = std::fs::remove_file(path) {
+            tracing::warn!(%error, path = %path.display(), "a half-written table could not be removed");
+        }
+    })
+}

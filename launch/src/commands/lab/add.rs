@@ -1,0 +1,151 @@
+//! `krait lab add` and `krait lab fit`: values with standard errors, the error before and after, and the better model file.
+
+use super::page;
+use crate::cli_lab::{AddArgs, FitArgs, LabFiles};
+use crate::print;
+use crate::table::Table;
+use anyhow::{Context, bail};
+use krait_ipc::clock;
+use krait_lab::machine::Machine;
+use krait_lab::report::added_page;
+use krait_lab::{AddOptions, Added, Session, Term, add, refit as fit_again, save};
+use krait_model::effects::{FormulaParameter, FormulaText, Hook};
+use serde_json::{Value, json};
+use std::path::Path;
+use std::process::ExitCode;
+
+/// Adds an effect.
+pub fn run(args: &AddArgs) -> anyhow::Result<ExitCode> {
+    let session = open(&args.files)?;
+    let term = term(args, session.machine.as_ref())?;
+    let label = term.label().to_owned();
+    let from_given = !args.set.is_empty() || term.formula.is_some();
+    let options = AddOptions { term, from_given, free: args.free.clone() };
+    let added = add(session.machine.as_ref(), &session.data, &options)?;
+    write_page(args.report.as_deref(), &session, &added, &label)?;
+    finish(&session, &added, &label, &args.out, args.json)
+}
+
+/// Fits what a model has.
+pub fn refit(args: &FitArgs) -> anyhow::Result<ExitCode> {
+    let session = open(&args.files)?;
+    let added = fit_again(session.machine.as_ref(), &session.data, &args.free)?;
+    let what: Vec<String> = args.free.iter().map(|(effect, parameter)| format!("{effect}.{parameter}")).collect();
+    let what = format!("fit of {}", what.join(", "));
+    write_page(args.report.as_deref(), &session, &added, &what)?;
+    finish(&session, &added, &what, &args.out, args.json)
+}
+
+fn write_page(path: Option<&Path>, session: &Session, added: &Added, what: &str) -> anyhow::Result<()> {
+    let Some(path) = path else { return Ok(()) };
+    page::write(path, |origin| added_page(session.machine.as_ref(), &session.data, added, what, origin))
+}
+
+fn open(files: &LabFiles) -> anyhow::Result<Session> {
+    Ok(Session::open(&files.model, &files.data, &files.column_map())?)
+}
+
+/// The effect with its starting values.
+fn term(args: &AddArgs, machine: &dyn Machine) -> anyhow::Result<Term> {
+    let formula = if args.effect == "formula" { Some(formula(args)?) } else { None };
+    if formula.is_none() && (args.formula.is_some() || args.hook.is_some() || !args.param.is_empty()) {
+        bail!(
+            "--formula, --hook and --param belong to the effect formula, and {} was asked for; leave them out",
+            args.effect
+        );
+    }
+    let mut term = Term { name: args.effect.clone(), values: Vec::new(), formula };
+    let parameters = machine.parameters(&term)?;
+    term.values = parameters.iter().map(|own| own.default).collect();
+    for (name, value) in &args.set {
+        let Some(k) = parameters.iter().position(|own| own.name == *name) else {
+            let names: Vec<&str> = parameters.iter().map(|own| own.name.as_str()).collect();
+            bail!("--set {name}: {} has no such parameter; it has {}", args.effect, names.join(", "));
+        };
+        if !(parameters[k].low..=parameters[k].high).contains(value) {
+            bail!(
+                "--set {name}={value}: expected {} to {} {}",
+                parameters[k].low,
+                parameters[k].high,
+                parameters[k].unit
+            );
+        }
+        term.values[k] = *value;
+    }
+    Ok(term)
+}
+
+fn formula(args: &AddArgs) -> anyhow::Result<FormulaText> {
+    let (Some(hook), Some(text)) = (&args.hook, &args.formula) else {
+        bail!("a formula needs --hook and --formula; see krait lab add --help")
+    };
+    let Some(hook) = Hook::from_word(hook) else { bail!("--hook {hook}: expected eps, tau, geo, meas or enc") };
+    let parameter = |(name, value, unit): &(String, f64, String)| FormulaParameter {
+        name: name.clone(),
+        value: *value,
+        unit: unit.clone(),
+    };
+    Ok(FormulaText {
+        name: args.name.clone(),
+        hook,
+        text: text.clone(),
+        parameters: args.param.iter().map(parameter).collect(),
+    })
+}
+
+fn finish(session: &Session, added: &Added, what: &str, out: &Path, as_json: bool) -> anyhow::Result<ExitCode> {
+    let now = krait_record::utc_text(clock::wall_ns());
+    let date: String = now.chars().take(10).collect();
+    let file = save(&session.file, added, what, &session.data, &date)?;
+    std::fs::write(out, file.to_toml())
+        .with_context(|| format!("the model file {} could not be written", out.display()))?;
+    if as_json {
+        print::json(&answer(added, what, out))?;
+    } else {
+        print::out(&text(added, what, out, session.machine.error_unit().0))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn answer(added: &Added, what: &str, out: &Path) -> Value {
+    let params: serde_json::Map<String, Value> = added
+        .variables
+        .iter()
+        .enumerate()
+        .map(|(k, variable)| {
+            let value = json!({
+                "value": variable.value(&added.terms), "se": added.uncertainty.robust.get(k),
+                "se_if_independent": added.uncertainty.naive.get(k), "unit": variable.unit,
+                "on_bound": variable.bound(&added.terms).is_some(),
+            });
+            (variable.name.clone(), value)
+        })
+        .collect();
+    json!({
+        "effect": what, "model": out, "params": params,
+        "heldout_rms_deg": { "before": added.before, "after": added.after },
+        "noise_floor_deg": added.noise_floor,
+    })
+}
+
+fn text(added: &Added, what: &str, out: &Path, unit: &str) -> String {
+    let mut table = Table::new(&["parameter", "value", "standard error", "unit", ""]);
+    for (k, variable) in added.variables.iter().enumerate() {
+        table.row(vec![
+            variable.name.clone(),
+            format!("{:.5e}", variable.value(&added.terms)),
+            format!("{:.1e}", added.uncertainty.robust.get(k).copied().unwrap_or(f64::NAN)),
+            variable.unit.clone(),
+            if variable.bound(&added.terms).is_some() { "on its bound".to_owned() } else { String::new() },
+        ]);
+    }
+    let floor = added.noise_floor.map_or(String::new(), |floor| format!(", noise floor {floor:.4} {unit}"));
+    format!(
+        "{what}: error {:.4} {unit} before, {:.4} {unit} after on data that it was not fitted to{floor}\n{table}\
+         Written: {} (krait run --model {} compensates with it)\n",
+        added.before,
+        added.after,
+        out.display(),
+        out.display()
+    )
+}

@@ -1,0 +1,86 @@
+//! `krait lab benchmark`: the lab on a grid of generated data, with a table, a page and every result as a line.
+
+use crate::cli_lab_data::BenchmarkArgs;
+use crate::print;
+use crate::table::Table;
+use anyhow::Context;
+use krait_lab::benchmark::{Options, Outcome, Rate, Summary, grid, page, run as work};
+use std::process::ExitCode;
+
+/// Works, prints, writes the page.
+pub fn run(args: &BenchmarkArgs) -> anyhow::Result<ExitCode> {
+    let options = Options { seed: args.seed, seconds: args.seconds, with_baselines: !args.no_baselines };
+    let cells = grid(args.seed, usize::from(args.rounds), args.seconds);
+    let outcomes = work(&options, &cells, &args.out.join("results.jsonl"), progress)?;
+    let summary = Summary::new(&outcomes);
+    let about = format!(
+        "{} sets of {} s, seed {}, krait {}.",
+        summary.n_cells,
+        args.seconds,
+        args.seed,
+        env!("CARGO_PKG_VERSION")
+    );
+    let report = args.out.join("report.html");
+    std::fs::write(&report, page(&summary, &outcomes, &about))
+        .with_context(|| format!("the report {} could not be written", report.display()))?;
+    if args.json {
+        print::json(&summary)?;
+    } else {
+        print::out(&format!("{}\nReport: {}\n", text(&summary), report.display()))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+#[allow(clippy::print_stderr)]
+fn progress(n_done: usize, n_cells: usize, outcome: &Outcome) {
+    let said = match (&outcome.said, &outcome.refused) {
+        (Some(said), _) => format!("{} {}", said.verdict, said.named.join(" + ")),
+        (None, reason) => reason.clone().unwrap_or_default(),
+    };
+    eprintln!("{n_done}/{n_cells} {}: {said}", outcome.id);
+}
+
+fn text(summary: &Summary) -> String {
+    let mut table = Table::new(&["what", "share", "95 % interval", "cells"]);
+    let alarms = summary.false_alarms.get("all").copied().unwrap_or_else(|| Rate::new(0, 0));
+    let rows = [
+        ("nothing hidden: an effect claimed", alarms),
+        ("one effect: first name right", summary.top_1),
+        ("one effect: a look-alike of it right", summary.in_class),
+        ("one effect: one of the three best right", summary.top_3),
+        ("one effect: claimed and right", summary.claimed_right),
+        ("one effect: claimed and wrong", summary.claimed_wrong),
+        ("one effect: a second one added", summary.extras),
+        ("two effects: exactly these", summary.pairs_exact),
+        ("outside the library: an effect claimed", summary.outside_claimed),
+        ("one-way ramp: honest", summary.poor_honest),
+        ("intervals that hold the truth", summary.coverage),
+    ];
+    for (what, rate) in rows {
+        table.row(vec![
+            what.to_owned(),
+            format!("{:.1} %", 100.0 * rate.rate),
+            format!("{:.1} to {:.1} %", 100.0 * rate.low, 100.0 * rate.high),
+            format!("{} of {}", rate.n, rate.of),
+        ]);
+    }
+    let mut text = table.to_string();
+    text += &format!(
+        "  held-out error over the noise: median {:.3}, 90th percentile {:.3}; true effect fitted {:.3}; without names {:.3}\n",
+        summary.over_floor_median,
+        summary.over_floor_p90,
+        summary.oracle_over_floor_median,
+        summary.generic_over_floor_median
+    );
+    let mut table = Table::new(&["baseline", "false alarms", "first name right", "pairs exact"]);
+    for (name, rates) in &summary.baselines {
+        let mut cells = vec![name.clone()];
+        cells.extend(rates.iter().map(|rate| format!("{:.1} %", 100.0 * rate.rate)));
+        table.row(cells);
+    }
+    text += &format!("\n{table}");
+    for (id, reason) in &summary.refused {
+        text += &format!("  no result: {id}: {reason}\n");
+    }
+    text
+}

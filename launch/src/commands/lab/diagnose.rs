@@ -1,0 +1,139 @@
+//! `krait lab diagnose`: which effect is missing, in a table or as JSON.
+
+use super::page;
+use crate::cli_lab::DiagnoseArgs;
+use crate::print;
+use crate::table::Table;
+use anyhow::{Context, bail};
+use krait_lab::Session;
+use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, FoundEffect, diagnose};
+use krait_lab::experiment::{Separation, script, separation};
+use krait_lab::report::diagnosis_page;
+use krait_model::Snake;
+use krait_model::model_file::Machine;
+use std::path::Path;
+use std::process::ExitCode;
+
+/// Candidates that the table shows.
+const SHOWN: usize = 12;
+
+/// Diagnoses; finding that something is missing is no failure.
+pub fn run(args: &DiagnoseArgs) -> anyhow::Result<ExitCode> {
+    let session = Session::open(&args.files.model, &args.files.data, &args.files.column_map())?;
+    let options =
+        DiagnoseOptions { seed: args.seed, max_effects: usize::from(args.max_effects), free: args.free.clone() };
+    let mut diagnosis = diagnose(session.machine.as_ref(), &session.data, &options)?;
+    if let Some(path) = &args.experiment {
+        write_experiment(path, &session, &mut diagnosis)?;
+    }
+    if let Some(path) = &args.report {
+        page::write(path, |origin| diagnosis_page(session.machine.as_ref(), &session.data, &diagnosis, origin))?;
+    }
+    if args.json {
+        print::json(&diagnosis.to_json())?;
+    } else {
+        print::out(&text(&diagnosis, session.machine.error_unit().0))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Writes the script, and tells the diagnosis what playing it would decide.
+fn write_experiment(path: &Path, session: &Session, diagnosis: &mut Diagnosis) -> anyhow::Result<()> {
+    let Machine::Snake(machine) = session.file.machine() else {
+        bail!("--experiment {}: scripts move snakes, and the model is of another kind; leave it out", path.display())
+    };
+    let snake = Snake::new(&machine.parameters)?;
+    let expected = separation(session.machine.as_ref(), machine, &session.data, diagnosis)?;
+    if let Some(next) = &mut diagnosis.next_experiment {
+        next.expected_separation = expected;
+    }
+    std::fs::write(path, script(&snake)).with_context(|| {
+        format!("the experiment {} could not be written; check that its directory exists", path.display())
+    })
+}
+
+fn expected(separation: &Separation) -> String {
+    let mut table = Table::new(&["if it is", "against", "lambda now", "after the script"]);
+    for pair in &separation.pairs {
+        let number = |value: f64| format!("{value:.1}");
+        table.row(vec![pair.truth.clone(), pair.other.clone(), number(pair.lambda_now), number(pair.lambda_then)]);
+    }
+    format!(
+        "Expected from the script of {:.0} s (lambda: likelihood ratio against the wrong one; {:.0} and more tells them apart)\n{table}",
+        separation.seconds,
+        Separation::ENOUGH
+    )
+}
+
+fn text(diagnosis: &Diagnosis, unit: &str) -> String {
+    let mut text = format!("{}\n", capital(&diagnosis.sentence));
+    diagnosis.cautions.iter().for_each(|caution| text += &format!("  Caution: {caution}.\n"));
+    let floor = diagnosis.noise_floor.map_or("unknown".to_owned(), |floor| format!("{floor:.4} {unit}"));
+    text += &format!(
+        "\nError, root mean square of its length: {:.4} {unit} with the model as given, {:.4} {unit} with the effects; \
+         noise floor {floor} ({})\n",
+        diagnosis.base_heldout_rms, diagnosis.final_heldout_rms, diagnosis.floor_source
+    );
+    let found = if diagnosis.effects.is_empty() { &diagnosis.partial } else { &diagnosis.effects };
+    if !found.is_empty() {
+        text += if diagnosis.effects.is_empty() { "\nWhat helps, but does not explain:\n" } else { "\nMissing:\n" };
+        text += &effects(found, unit).to_string();
+        text += &parameters(found).to_string();
+    }
+    text += &format!("\nCandidates, each added alone ({SHOWN} best)\n{}", candidates(diagnosis, unit));
+    if let Some(next) = &diagnosis.next_experiment {
+        text += &format!("\nNext experiment: {}\n", next.instruction);
+        text += &next.expected_separation.as_ref().map_or(String::new(), expected);
+    }
+    text
+}
+
+fn effects(found: &[FoundEffect], unit: &str) -> Table {
+    let mut table = Table::new(&["effect", &format!("before ({unit})"), "after", "probability", "cannot be told from"]);
+    for effect in found {
+        table.row(vec![
+            effect.name.clone(),
+            format!("{:.4}", effect.before),
+            format!("{:.4}", effect.after),
+            format!("{:.2}", effect.probability),
+            effect.class.iter().skip(1).cloned().collect::<Vec<_>>().join(", "),
+        ]);
+    }
+    table
+}
+
+fn parameters(found: &[FoundEffect]) -> Table {
+    let mut table = Table::new(&["parameter", "value", "standard error", "(if independent)", "unit", ""]);
+    for effect in found {
+        for own in effect.parameters.iter().filter(|own| own.is_free) {
+            table.row(vec![
+                format!("{}.{}", effect.name, own.name),
+                format!("{:.5e}", own.value),
+                format!("{:.1e}", own.se),
+                format!("{:.1e}", own.se_naive),
+                own.unit.clone(),
+                if own.on_bound { "on its bound".to_owned() } else { String::new() },
+            ]);
+        }
+    }
+    table
+}
+
+fn candidates(diagnosis: &Diagnosis, unit: &str) -> Table {
+    let mut table = Table::new(&["effect", &format!("error ({unit})"), "probability", "p", "state"]);
+    for own in diagnosis.candidates.iter().take(SHOWN) {
+        table.row(vec![
+            own.name.to_owned(),
+            own.heldout_rms.map_or("-".to_owned(), |rms| format!("{rms:.4}")),
+            format!("{:.2}", own.probability),
+            format!("{:.3}", own.p_value),
+            own.state.clone(),
+        ]);
+    }
+    table
+}
+
+fn capital(sentence: &str) -> String {
+    let mut letters = sentence.chars();
+    letters.next().map_or(String::new(), |first| format!("{}{}.", first.to_uppercase(), letters.as_str()))
+}

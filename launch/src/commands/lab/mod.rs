@@ -1,0 +1,25 @@
+//! `krait lab`: one file for each verb.
+
+mod add;
+mod benchmark;
+mod compare;
+mod diagnose;
+mod generate;
+mod history;
+mod page;
+
+use crate::cli_lab::LabVerb;
+use std::process::ExitCode;
+
+/// Runs a verb of the lab.
+pub fn run(verb: &LabVerb) -> anyhow::Result<ExitCode> {
+    match verb {
+        LabVerb::Compare(args) => compare::run(args),
+        LabVerb::Diagnose(args) => diagnose::run(args),
+        LabVerb::Add(args) => add::run(args),
+        LabVerb::Fit(args) => add::refit(args),
+        LabVerb::History(args) => history::run(args),
+        LabVerb::Generate(args) => generate::run(args),
+        LabVerb::Benchmark(args) => benchmark::run(args),
+    }
+}

@@ -1,0 +1,38 @@
+//! Writes the lab's pages, with the command line that made them at their foot.
+
+use anyhow::Context;
+use krait_lab::LabError;
+use krait_lab::report::Origin;
+use std::path::Path;
+
+/// Makes a page and writes it.
+pub(super) fn write(path: &Path, page: impl FnOnce(Origin) -> Result<String, LabError>) -> anyhow::Result<()> {
+    let command = command(std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned()));
+    let text = page(Origin { command: &command, version: env!("CARGO_PKG_VERSION") })?;
+    std::fs::write(path, text).with_context(|| {
+        format!(
+            "the report {} could not be written; check that its directory exists and may be written",
+            path.display()
+        )
+    })
+}
+
+/// The words as a shell takes them, whatever path the program was started by.
+fn command(words: impl Iterator<Item = String>) -> String {
+    let is_plain = |letter: char| letter.is_ascii_alphanumeric() || "-_./=,:+".contains(letter);
+    let quoted = |word: String| {
+        if !word.is_empty() && word.chars().all(is_plain) { word } else { format!("'{}'", word.replace('\'', "'\\''")) }
+    };
+    core::iter::once("krait".to_owned()).chain(words.map(quoted)).collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::command;
+
+    #[test]
+    fn the_command_can_be_pasted_into_a_shell() {
+        let words = ["lab", "compare", "--data", "it's mine.csv", ""].map(str::to_owned);
+        assert_eq!(command(words.into_iter()), "krait lab compare --data 'it'\\''s mine.csv' ''");
+    }
+}

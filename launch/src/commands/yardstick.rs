@@ -1,0 +1,111 @@
+//! The processes that `krait bench` starts beside krait's own: relays, an observer, and processes that keep a core busy.
+
+use crate::cli::{Common, YardstickArgs, YardstickVerb};
+use crate::{signals, supervisor};
+use anyhow::Context;
+use core::time::Duration;
+use krait_bench::{BenchError, Kind, Role, Scratch, StageOptions};
+use krait_ipc::message::{
+    Command as CommandMessage, Health, Message, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState, StateCommand,
+};
+use krait_ipc::{Bus, IpcError, ReadOptions, Reader, health_channel};
+use std::os::unix::process::CommandExt;
+use std::process::{Child, Command, ExitCode, Stdio};
+
+/// A screen is drawn this often.
+const FRAME: Duration = Duration::from_millis(16);
+
+/// Becomes one of the processes.
+pub fn run(common: &Common, part: &YardstickVerb) -> anyhow::Result<ExitCode> {
+    if let Ok(pid) = std::env::var(supervisor::SUPERVISOR_PID) {
+        signals::end_with(pid.parse().with_context(|| format!("{} is {pid:?}", supervisor::SUPERVISOR_PID))?)?;
+    }
+    match part {
+        YardstickVerb::Stage(args) => stage(args),
+        YardstickVerb::Observe => observe(&common.instance),
+        YardstickVerb::Burn => krait_bench::burn(),
+    }
+}
+
+/// The command that becomes one process of a relay.
+///
+/// # Errors
+/// [`BenchError`] when the krait program cannot find itself.
+pub fn stage_command(kind: Kind, role: Role, scratch: &Scratch) -> Result<Command, BenchError> {
+    let mut command = own_command("stage")?;
+    command.args(["--chain", kind.name(), "--role", role.name(), "--prefix", scratch.prefix()]);
+    command.arg("--folder").arg(scratch.folder());
+    Ok(command)
+}
+
+/// The command that becomes a process that keeps a core busy.
+///
+/// # Errors
+/// As [`stage_command`].
+pub fn burn_command() -> Result<Command, BenchError> {
+    own_command("burn")
+}
+
+/// Starts the observer of an instance.
+///
+/// # Errors
+/// One sentence when it cannot be started.
+pub fn observer(instance: &str) -> anyhow::Result<Child> {
+    let mut command = own_command("observe")?;
+    command.args(["--instance", instance]).stdin(Stdio::null()).stdout(Stdio::null());
+    command.spawn().context("the observer could not be started")
+}
+
+fn own_command(part: &str) -> Result<Command, BenchError> {
+    let program = std::env::current_exe().map_err(|source| BenchError::File {
+        doing: "found",
+        path: "/proc/self/exe".into(),
+        source,
+    })?;
+    let mut command = Command::new(program);
+    command.args(["yardstick", part]);
+    // A group of its own: Ctrl-C reaches the process that measures alone, which then ends the others.
+    command.process_group(0).env(supervisor::SUPERVISOR_PID, std::process::id().to_string());
+    Ok(command)
+}
+
+fn stage(args: &YardstickArgs) -> anyhow::Result<ExitCode> {
+    let (kind, role) = (args.chain, args.role);
+    let options = StageOptions { kind, role, folder: args.folder.clone(), prefix: args.prefix.clone() };
+    for refused in krait_bench::run_stage(&options)? {
+        tracing::warn!(chain = kind.name(), process = role.name(), "{refused}");
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Reads every channel for as long as it is let: once a frame, all that has come since.
+fn observe(instance: &str) -> anyhow::Result<ExitCode> {
+    let bus = Bus::open(instance, "observe")?;
+    let mut channels: Vec<Box<dyn FnMut() -> Result<(), IpcError>>> = vec![
+        drain::<OperatorInput>(bus.reader(ReadOptions::observing())?),
+        drain::<Setpoint>(bus.reader(ReadOptions::observing())?),
+        drain::<CommandMessage>(bus.reader(ReadOptions::observing())?),
+        drain::<SlaveState>(bus.reader(ReadOptions::observing())?),
+        drain::<Shape>(bus.reader(ReadOptions::observing())?),
+        drain::<ModelUpdate>(bus.reader(ReadOptions::observing())?),
+        drain::<StateCommand>(bus.reader(ReadOptions::observing())?),
+    ];
+    for process in krait_record::Process::ALL {
+        channels.push(drain::<Health>(bus.reader_on(&health_channel(process.name()), ReadOptions::observing())?));
+    }
+    loop {
+        for channel in &mut channels {
+            channel()?;
+        }
+        std::thread::sleep(FRAME);
+    }
+}
+
+fn drain<M: Message>(mut reader: Reader<M>) -> Box<dyn FnMut() -> Result<(), IpcError>> {
+    Box::new(move || {
+        while let Some(message) = reader.take()? {
+            core::hint::black_box(*message);
+        }
+        Ok(())
+    })
+}

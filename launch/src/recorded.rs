@@ -1,0 +1,66 @@
+//! A recording as the settings of a chain: the configuration, the simulated snake and the model file that it embeds.
+
+use crate::commands::process::{CONFIG_ATTACHMENT, MODEL_ATTACHMENT, TRUTH_ATTACHMENT};
+use crate::config::Config;
+use anyhow::Context;
+use krait_ipc::message::Command;
+use krait_record::Recording;
+use krait_replay::{Pass, attachment};
+use std::path::{Path, PathBuf};
+
+/// The name that most chains have, so that none of it means a name of one's own.
+const USUAL_INSTANCE: &str = "main";
+
+/// The instance of a replay: as given, or one of its own, so that it never meets a chain that runs.
+pub fn instance_of(given: &str, what: &str) -> String {
+    if given == USUAL_INSTANCE { format!("{what}-{}", std::process::id()) } else { given.to_owned() }
+}
+
+/// The configuration that a recording was made with. The files that it names are written into `folder`.
+///
+/// # Errors
+/// One sentence: the recording embeds no configuration, or one of another version, or a file cannot be written.
+pub fn config_of(recording: &Recording, folder: &Path) -> anyhow::Result<Config> {
+    let text = attachment(recording, CONFIG_ATTACHMENT)
+        .context("it holds no attachment krait.toml, so nobody knows with what settings its steps were made")?;
+    let mut config = Config::parse(text).context("its attachment krait.toml is of another version")?;
+    config.slave.truth = unpacked(recording, TRUTH_ATTACHMENT, folder, config.slave.truth.is_some())?;
+    config.model = unpacked(recording, MODEL_ATTACHMENT, folder, config.model.is_some())?;
+    config.record = krait_record::RecordConfig::default();
+    config.check().context("its attachment krait.toml")?;
+    Ok(config)
+}
+
+/// The same for one pass: a demo changes the mode from pass to pass, and the commands say which it was.
+pub fn config_of_pass(config: &Config, pass: &Pass) -> Config {
+    let mut config = config.clone();
+    if let Some(mode) = pass.commands.first().and_then(Command::compensation) {
+        config.compensate.mode = mode;
+    }
+    config
+}
+
+/// Version and git revision that made a recording.
+pub fn made_with(recording: &Recording) -> String {
+    let about = recording.contents().metadata.get("krait");
+    let word = |key: &str| about.and_then(|a| a.get(key)).map_or("unknown", String::as_str);
+    format!("{} ({})", word("krait_version"), word("git_revision"))
+}
+
+/// Version and git revision of this program.
+pub fn this_program() -> String {
+    let about = krait_record::About::run("none", &std::collections::BTreeMap::new(), Vec::new());
+    let word = |key: &str| about.metadata.get(key).map_or("unknown", String::as_str);
+    format!("{} ({})", word("krait_version"), word("git_revision"))
+}
+
+fn unpacked(recording: &Recording, name: &str, folder: &Path, is_named: bool) -> anyhow::Result<Option<PathBuf>> {
+    if !is_named {
+        return Ok(None);
+    }
+    let text = attachment(recording, name)
+        .with_context(|| format!("its configuration names a file that it should embed as {name} and does not"))?;
+    let path = folder.join(name);
+    std::fs::write(&path, text).with_context(|| format!("{} could not be written", path.display()))?;
+    Ok(Some(path))
+}

@@ -1,0 +1,179 @@
+//! What a replay plays and with which settings: a recording's own, but for the stages that are replaced.
+
+use crate::cli::{Common, SlaveKind};
+use crate::cli_replay::{ReplayArgs, Stage};
+use crate::config::Config;
+use crate::recorded;
+use anyhow::{Context, bail, ensure};
+use krait_ipc::message::{Compensation, OperatorInput};
+use krait_model::Snake;
+use krait_record::Recording;
+use krait_replay::{Pass, Program, Score, Trajectory, TrajectoryLimits, passes_of};
+use std::path::{Path, absolute};
+
+/// Where a trajectory's own time begins, ns: after zero, so that nothing comes out negative.
+const TRAJECTORY_START_NS: i64 = 1_000_000_000;
+
+/// A replay before it begins.
+#[derive(Debug)]
+pub struct Setup {
+    /// What is sent.
+    pub program: Program,
+    /// The settings of the processes.
+    pub config: Config,
+    /// Where the replay's own time begins, ns.
+    pub start_ns: i64,
+    /// Samples of one loop.
+    pub n_samples: u64,
+    /// Length of one loop, s.
+    pub length_s: f64,
+    /// Recorded samples that `resolve` would refuse; they are left out.
+    pub n_refused: usize,
+}
+
+impl Setup {
+    /// Reads the file and the settings; files that a recording embeds are written into `folder`.
+    ///
+    /// # Errors
+    /// One sentence that names the file, the option or the key.
+    pub fn of(common: &Common, args: &ReplayArgs, folder: &Path) -> anyhow::Result<Self> {
+        let to_s = args.to.unwrap_or(f64::INFINITY);
+        if !(args.from >= 0.0 && args.from < to_s) {
+            bail!("--from {} --to {to_s}: expected 0 or later, and an end after the beginning", args.from);
+        }
+        let is_table = args.file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv"));
+        if is_table { Self::of_table(common, args, to_s) } else { Self::of_recording(common, args, to_s, folder) }
+    }
+
+    fn of_recording(common: &Common, args: &ReplayArgs, to_s: f64, folder: &Path) -> anyhow::Result<Self> {
+        let named = || format!("recording {}", args.file.display());
+        let recording = Recording::open(&args.file)?;
+        let passes = passes_of(&recording)?;
+        let Some(pass) = usize::try_from(args.pass - 1).ok().and_then(|idx| passes.get(idx)) else {
+            bail!("{}: --pass {}: it holds {}", named(), args.pass, n_passes(passes.len()));
+        };
+        let config = recorded::config_of(&recording, folder).with_context(named)?;
+        let config = replaced(common, args, recorded::config_of_pass(&config, pass))?;
+        let (score, n_refused) = Score::of_inputs(&pass.inputs);
+        let Score::Inputs(inputs) = score else { bail!("{}: it holds no operator input", named()) };
+        ensure!(
+            !inputs.is_empty(),
+            "{}: pass {} holds no operator input, so there is nothing to play",
+            named(),
+            args.pass
+        );
+        let inputs = between(inputs, args.from, to_s);
+        let Some(first) = inputs.first().copied() else {
+            bail!("{}: no operator input lies between --from {} and --to {to_s}", named(), args.from);
+        };
+        let start_bend_rad = start_bend(pass, &first);
+        Self::new(config, Score::Inputs(inputs), start_bend_rad, first.sample_ns, args.loops)
+            .map(|setup| Self { n_refused, ..setup })
+    }
+
+    fn of_table(common: &Common, args: &ReplayArgs, to_s: f64) -> anyhow::Result<Self> {
+        let config = Config::load(common.config.as_deref())?;
+        let config = with_options(args, config)?;
+        let snake = Snake::new(&config.machine)?;
+        let limits = TrajectoryLimits {
+            max_bend_rad: config.resolve.max_bend_rad,
+            max_bend_vel_rad_per_s: config.resolve.max_bend_vel_rad_per_s,
+        };
+        let trajectory = Trajectory::load(&args.file, &snake, &limits)?;
+        let Some(trajectory) = trajectory.between(args.from, to_s) else {
+            bail!(
+                "trajectory {}: nothing of it lies between --from {} and --to {to_s}",
+                args.file.display(),
+                args.from
+            );
+        };
+        let start_bend_rad = trajectory.start_bend_rad();
+        Self::new(config, Score::Trajectory(trajectory), start_bend_rad, TRAJECTORY_START_NS, args.loops)
+    }
+
+    fn new(
+        config: Config,
+        score: Score,
+        start_bend_rad: [f64; 2],
+        start_ns: i64,
+        n_loops: u64,
+    ) -> anyhow::Result<Self> {
+        let snake = Snake::new(&config.machine)?;
+        let (n_samples, length_s) = (score.n_samples(), score.length_s());
+        let program = Program::new(score, start_bend_rad, n_loops, snake, config.resolve.view_roll_rad);
+        Ok(Self { program, config, start_ns, n_samples, length_s, n_refused: 0 })
+    }
+}
+
+/// The inputs between two times after the first one.
+fn between(inputs: Vec<OperatorInput>, from_s: f64, to_s: f64) -> Vec<OperatorInput> {
+    let Some(first_ns) = inputs.first().map(|input| input.sample_ns) else { return inputs };
+    let is_within = |input: &OperatorInput| {
+        let time_s = input.sample_ns.saturating_sub(first_ns) as f64 * 1e-9;
+        (from_s..to_s).contains(&time_s)
+    };
+    inputs.into_iter().filter(is_within).collect()
+}
+
+/// Where the setpoint was when an input came.
+fn start_bend(pass: &Pass, first: &OperatorInput) -> [f64; 2] {
+    let before = pass.setpoints.iter().rev().find(|setpoint| setpoint.input_sequence < first.sequence);
+    before.or(pass.setpoints.first()).map_or([0.0; 2], |setpoint| setpoint.bend_rad)
+}
+
+/// The recording's settings, with those of the replaced stages from the command line.
+fn replaced(common: &Common, args: &ReplayArgs, recorded: Config) -> anyhow::Result<Config> {
+    let wants = |stage| args.replace.contains(&stage);
+    let needs = |given: bool, stage, option: &str, word: &str| {
+        ensure!(!given || wants(stage), "{option} changes {word}: say so with --replace {word}");
+        Ok(())
+    };
+    needs(args.model.is_some(), Stage::Compensate, "--model", "compensate")?;
+    needs(args.compensation.is_some(), Stage::Compensate, "--compensation", "compensate")?;
+    needs(args.truth.is_some(), Stage::Slave, "--truth", "slave")?;
+    let Some(path) = common.config.as_deref() else { return with_options(args, recorded) };
+    ensure!(
+        !args.replace.is_empty(),
+        "--config {}: a recording brings its own settings; name the stage that shall have these with --replace STAGE",
+        path.display()
+    );
+    let other = Config::load(Some(path))?;
+    let mut config = recorded;
+    if wants(Stage::Resolve) {
+        config.resolve = other.resolve;
+    }
+    if wants(Stage::Compensate) {
+        (config.compensate, config.model) = (other.compensate, other.model.clone());
+    }
+    if wants(Stage::Estimate) {
+        config.estimate = other.estimate;
+    }
+    if wants(Stage::Slave) {
+        config.slave = other.slave.clone();
+    }
+    with_options(args, config)
+}
+
+fn with_options(args: &ReplayArgs, mut config: Config) -> anyhow::Result<Config> {
+    // The simulated snake is the only drive so far; the match makes the next one a compile error here, not a surprise.
+    match args.slave {
+        SlaveKind::Sim => {
+            if let Some(truth) = &args.truth {
+                config.slave.truth = Some(absolute(truth)?);
+            }
+        }
+    }
+    if let Some(model) = &args.model {
+        config.model = Some(absolute(model)?);
+        config.compensate.mode = Compensation::Model;
+    }
+    if let Some(mode) = args.compensation {
+        config.compensate.mode = mode;
+    }
+    config.check()?;
+    Ok(config)
+}
+
+fn n_passes(n: usize) -> String {
+    format!("{n} {}", if n == 1 { "pass" } else { "passes" })
+}

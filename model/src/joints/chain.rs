@@ -1,0 +1,189 @@
+//! The model of joints, checked, and its predictor: one step for each row of commands.
+
+use super::{JointEffect, MAX_JOINTS, N_STATES, Now, hysteresis, position, rate};
+use crate::chain::DelayLine;
+use crate::effects::formula::Formula;
+use crate::effects::formula_variables::joint_values;
+use crate::effects::{EffectKind, Hook, MAX_PARAMETERS};
+use crate::model_file::Joints;
+use crate::{ChainError, Circumstances, Columns, EffectSetting};
+
+/// Joints with their effects, checked.
+#[derive(Clone, Debug)]
+pub struct JointChain {
+    joints: Joints,
+    stages: Vec<Stage>,
+}
+
+/// One effect, ready to run.
+#[derive(Clone, Debug)]
+struct Stage {
+    what: What,
+    /// The joint, from 0; `None`: every joint.
+    joint: Option<usize>,
+    /// Parameters behind `joint`.
+    c: [f64; MAX_PARAMETERS],
+}
+
+#[derive(Clone, Debug)]
+enum What {
+    Effect(JointEffect),
+    Formula(Box<Formula>),
+}
+
+/// Predicts measured positions step by step; owns the memory of every effect.
+#[derive(Clone, Debug)]
+pub struct JointPredictor {
+    chain: JointChain,
+    states: Vec<[[f64; N_STATES]; MAX_JOINTS]>,
+    /// One for each latency and joint, in the order of the effects.
+    delays: Vec<DelayLine<f64>>,
+    first_s: Option<f64>,
+    last_s: f64,
+    u: [f64; MAX_JOINTS],
+    y: [f64; MAX_JOINTS],
+    /// Sign of each command's last change.
+    motion: [f64; MAX_JOINTS],
+}
+
+/// More effects than this are refused.
+const MAX_EFFECTS: usize = 32;
+
+impl JointChain {
+    /// Checks joints and effects.
+    ///
+    /// # Errors
+    /// [`ChainError`] for an effect that is not a joint's, a joint that there is not, too many effects, a formula, or a column
+    /// that is not there.
+    pub fn new(joints: &Joints, effects: &[EffectSetting], columns: Columns) -> Result<Self, ChainError> {
+        if effects.len() > MAX_EFFECTS {
+            return Err(ChainError::TooMany { found: effects.len(), limit: MAX_EFFECTS });
+        }
+        let stages = effects.iter().map(|effect| stage(effect, joints.n, columns)).collect::<Result<_, _>>()?;
+        Ok(Self { joints: joints.clone(), stages })
+    }
+
+    /// A predictor whose memory is fresh.
+    pub fn predictor(&self) -> JointPredictor {
+        let is_latency = |stage: &&Stage| matches!(stage.what, What::Effect(JointEffect::Latency));
+        let n_delays = self.joints.n * self.stages.iter().filter(is_latency).count();
+        JointPredictor {
+            states: vec![[[0.0; N_STATES]; MAX_JOINTS]; self.stages.len()],
+            delays: vec![DelayLine::new(); n_delays],
+            first_s: None,
+            last_s: 0.0,
+            u: [0.0; MAX_JOINTS],
+            y: [0.0; MAX_JOINTS],
+            motion: [0.0; MAX_JOINTS],
+            chain: self.clone(),
+        }
+    }
+}
+
+fn stage(effect: &EffectSetting, n: usize, columns: Columns) -> Result<Stage, ChainError> {
+    let values = effect.values();
+    let kind = match effect.kind() {
+        EffectKind::Joint(kind) => kind,
+        EffectKind::Formula => return formula(effect, columns),
+        other => return Err(ChainError::OtherMachine { name: other.name(), expected: "joints" }),
+    };
+    let joint = values[0].round();
+    if joint > n as f64 {
+        let (effect, high) = (effect.kind().name(), n as f64);
+        return Err(ChainError::OutOfBounds { effect, key: "joint", found: joint, low: 0.0, high, unit: "(joints)" });
+    }
+    let mut c = [0.0; MAX_PARAMETERS];
+    c.iter_mut().zip(&values[1..]).for_each(|(own, value)| *own = *value);
+    Ok(Stage { what: What::Effect(kind), joint: (joint as usize).checked_sub(1), c })
+}
+
+fn formula(effect: &EffectSetting, columns: Columns) -> Result<Stage, ChainError> {
+    let Some(text) = effect.formula_text() else {
+        return Err(ChainError::OtherMachine { name: "formula", expected: "joints" });
+    };
+    let formula = Formula::for_joints(text)?;
+    let missing = |column| ChainError::MissingColumn { name: text.name.clone(), column };
+    if formula.uses_temperature() && !columns.temperature {
+        return Err(missing("temperature_c"));
+    }
+    if formula.uses_time() && !columns.time {
+        return Err(missing("time_s"));
+    }
+    Ok(Stage { what: What::Formula(Box::new(formula)), joint: None, c: *effect.values() })
+}
+
+impl Stage {
+    /// Whether it changes what the sensors show, not what the transmission does.
+    fn is_behind(&self) -> bool {
+        match &self.what {
+            What::Effect(kind) => kind.definition().hook == Hook::Meas,
+            What::Formula(_) => true,
+        }
+    }
+}
+
+impl JointPredictor {
+    /// The measured positions for the next commands, in the machine's units; commands that are not finite repeat the last ones.
+    ///
+    /// # Real-time
+    /// No allocation, no loop longer than joints times effects.
+    pub fn step(&mut self, u: &[f64], at: &Circumstances) -> &[f64] {
+        let n = self.chain.joints.n;
+        if u.len() != n || !u.iter().all(|u| u.is_finite()) {
+            return self.y.get(..n).unwrap_or(&[]);
+        }
+        let fresh = self.first_s.is_none();
+        let first_s = *self.first_s.get_or_insert(at.time_s);
+        let dt_s = if fresh { 0.0 } else { (at.time_s - self.last_s).max(0.0) };
+        let now = Now { elapsed_s: (at.time_s - first_s).max(0.0), dt_s, fresh };
+        self.last_s = at.time_s;
+        for ((motion, last), u) in self.motion.iter_mut().zip(&mut self.u).zip(u) {
+            *motion = if fresh {
+                0.0
+            } else if u == last {
+                *motion
+            } else {
+                (u - *last).signum()
+            };
+            *last = *u;
+        }
+        let mut x = self.u;
+        self.run(false, &mut x, at, &now);
+        let mut y = [0.0; MAX_JOINTS];
+        let rows = self.chain.joints.gain.iter().zip(&self.chain.joints.offset);
+        for (y, (row, offset)) in y.iter_mut().zip(rows) {
+            *y = offset + row.iter().zip(&x).map(|(g, x)| g * x).sum::<f64>();
+        }
+        self.run(true, &mut y, at, &now);
+        self.y = y;
+        self.y.get(..n).unwrap_or(&[])
+    }
+
+    /// Runs the effects before G, or those behind it, over positions.
+    fn run(&mut self, is_behind: bool, z: &mut [f64; MAX_JOINTS], at: &Circumstances, now: &Now) {
+        let n = self.chain.joints.n;
+        let mut delays = self.delays.chunks_exact_mut(n);
+        for (stage, states) in self.chain.stages.iter().zip(&mut self.states) {
+            let is_latency = matches!(stage.what, What::Effect(JointEffect::Latency));
+            let mut own_delays = if is_latency && !is_behind { delays.next() } else { None };
+            if stage.is_behind() != is_behind {
+                continue;
+            }
+            let before = *z;
+            for joint in (0..n).filter(|joint| stage.joint.is_none_or(|own| own == *joint)) {
+                z[joint] = match (&stage.what, own_delays.as_mut().and_then(|delays| delays.get_mut(joint))) {
+                    (What::Effect(_), Some(delay)) => delay.pass(now.elapsed_s, [before[joint], 0.0], stage.c[0])[0],
+                    (What::Effect(kind), None) => {
+                        let x = position::change(*kind, &stage.c, before[joint], &before, joint);
+                        let x = hysteresis::change(*kind, &stage.c, x, &mut states[joint], now);
+                        rate::change(*kind, &stage.c, x, &mut states[joint], now)
+                    }
+                    (What::Formula(formula), _) => {
+                        let values = joint_values(self.u[joint], before[joint], self.motion[joint], joint, at);
+                        before[joint] + formula.evaluate(&values, &stage.c).unwrap_or(0.0)
+                    }
+                };
+            }
+        }
+    }
+}

@@ -1,0 +1,137 @@
+//! Joints: every effect does nothing at its neutral value, and is a known closed form on a small input.
+#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
+
+use krait_model::joints::JointEffect;
+use krait_model::model_file::ModelFile;
+use krait_model::{Circumstances, Columns};
+
+const COLUMNS: Columns = Columns { time: true, stem_angle: false, temperature: true };
+
+/// Positions of joint 1 for commands of it, a second apart; joint 2 stays at 2.
+fn run(effects: &str, u: &[f64]) -> Vec<f64> {
+    run_both(effects, &u.iter().map(|&u| [u, 2.0]).collect::<Vec<_>>()).iter().map(|y| y[0]).collect()
+}
+
+fn run_both(effects: &str, u: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let text = format!("format = 1\n[machine]\nkind = \"joints\"\nn = 2\n{effects}");
+    let file = ModelFile::parse(&text).unwrap();
+    assert_eq!(ModelFile::parse(&file.to_toml()).unwrap(), file, "a model of joints reads back as it was written");
+    assert_eq!(ModelFile::parse(&file.to_documented_toml()).unwrap(), file);
+    let mut predictor = file.joint_chain(COLUMNS).unwrap().unwrap().predictor();
+    let step = |(k, u): (usize, &[f64; 2])| {
+        let at = Circumstances { temperature_c: 20.0, ..Circumstances::at(k as f64) };
+        let y = predictor.step(u, &at);
+        [y[0], y[1]]
+    };
+    u.iter().enumerate().map(step).collect()
+}
+
+fn effect(kind: &str, parameters: &str) -> String {
+    format!("[[effect]]\nkind = \"{kind}\"\n{parameters}\n")
+}
+
+fn near(found: &[f64], expected: &[f64]) {
+    assert_eq!(found.len(), expected.len());
+    for (a, b) in found.iter().zip(expected) {
+        assert!((a - b).abs() < 1e-12, "{found:?} instead of {expected:?}");
+    }
+}
+
+#[test]
+fn every_effect_at_its_defaults_changes_nothing() {
+    let u = [0.0, 0.3, 1.0, 0.8, -2.0, -2.0, 5.0];
+    for kind in JointEffect::ALL {
+        near(&run(&effect(kind.name(), ""), &u), &u);
+        assert_eq!(JointEffect::from_name(kind.name()), Some(kind));
+    }
+}
+
+#[test]
+fn effects_without_memory_are_their_formulas() {
+    let u = [0.0, 0.5, -2.0];
+    near(&run(&effect("scale", "scale = 0.1"), &u), &[0.0, 0.55, -2.2]);
+    near(&run(&effect("offset", "offset = -0.25"), &u), &[-0.25, 0.25, -2.25]);
+    near(&run(&effect("cubic", "cubic = 0.5"), &u), &[0.0, 0.5625, -6.0]);
+    near(&run(&effect("dead-zone", "half_width = 0.2"), &u), &[0.0, 0.3, -1.8]);
+    near(&run(&effect("saturation", "limit = 1.5"), &u), &[0.0, 0.5, -1.5]);
+    let screw = "amplitude = 0.1\nperiod = 2.0\nphase_rad = 0.0";
+    near(&run(&effect("periodic-error", screw), &u), &[0.0, 0.6, -2.0]);
+    near(&run(&effect("cross-coupling", "from = 2\nk = 0.25"), &u), &[0.5, 1.0, -1.5]);
+    let formula = "name = \"own\"\nhook = \"joint\"\nformula = \"a * u_i^2 + motion_i * joint\"\nparams = { a = 0.5 }";
+    near(&run(&effect("formula", formula), &u), &[0.0, 0.5 + 0.125 + 1.0, -2.0 + 2.0 - 1.0]);
+}
+
+#[test]
+fn one_joint_alone_can_have_an_effect() {
+    let both = [[1.0, 1.0]];
+    assert_eq!(run_both(&effect("scale", "scale = 0.5"), &both), [[1.5, 1.5]]);
+    assert_eq!(run_both(&effect("scale", "joint = 2\nscale = 0.5"), &both), [[1.0, 1.5]]);
+    let each = effect("scale", "joint = 1\nscale = 0.5") + &effect("scale", "joint = 2\nscale = -0.5");
+    assert_eq!(run_both(&each, &both), [[1.5, 0.5]]);
+}
+
+#[test]
+fn hysteresis_follows_its_operators() {
+    let u = [0.0, 1.0, 0.9, 0.5, 0.9];
+    near(&run(&effect("backlash", "half_width = 0.1"), &u), &[0.0, 0.9, 0.9, 0.6, 0.8]);
+    let plays = "weight1 = 0.5\nhalf_width1 = 0.1\nweight2 = 0.25\nhalf_width2 = 0.2";
+    // p1: 0, 0.9, 0.9, 0.6, 0.8; p2: 0, 0.8, 0.8, 0.7, 0.7.
+    let expected = [0.0, 1.0 - 0.05 - 0.05, 0.9 - 0.0 - 0.025, 0.5 + 0.05 + 0.05, 0.9 - 0.05 - 0.05];
+    near(&run(&effect("prandtl-ishlinskii", plays), &u), &expected);
+    let h = 0.2_f64;
+    // Loading it lags by e^-h, unloading it holds until x e^h is below it.
+    let expected = [0.0, (-h).exp(), (-h).exp(), 0.5 * h.exp(), 0.9 * (-h).exp()];
+    near(&run(&effect("cone-friction", "friction = 0.2"), &u), &expected);
+    // From rest z = 1 - e^(-travel); back with gamma = 0.5 it falls by the travel until it is zero.
+    let z = 1.0 - (-1.0_f64).exp();
+    let found = run(&effect("bouc-wen", "amplitude = 0.3\ntravel = 1.0\ngamma = 0.5"), &u[..3]);
+    near(&found, &[0.0, 1.0 - 0.3 * z, 0.9 - 0.3 * (z - 0.1)]);
+}
+
+#[test]
+fn time_acts_as_it_is_said_to() {
+    let step = [0.0, 1.0, 1.0, 1.0];
+    let decay = |t: f64| 1.0 - (-t).exp();
+    near(&run(&effect("first-order-lag", "time_s = 1.0"), &step), &[0.0, decay(1.0), decay(2.0), decay(3.0)]);
+    let crept = "a1 = 0.2\nt1_s = 2.0";
+    let expected: Vec<f64> = (0..4).map(|k| step[k] - 0.2 * decay(0.5 * k as f64)).collect();
+    near(&run(&effect("creep", crept), &step), &expected);
+    near(&run(&effect("latency", "delay_s = 1.5"), &[0.0, 1.0, 2.0, 4.0]), &[0.0, 0.0, 0.5, 1.5]);
+    let expected: Vec<f64> = (0..4).map(|k| 1.0 + 0.5 * decay(k as f64 / 10.0)).collect();
+    near(&run(&effect("drift", "size = 0.5\nrise_time_s = 10.0"), &[1.0; 4]), &expected);
+}
+
+#[test]
+fn gain_and_offset_stand_between_transmission_and_sensor() {
+    let machine = "gain = [[2.0, 1.0], [0.0, 1.0]]\noffset = [0.5, 0.0]\n";
+    let both =
+        machine.to_owned() + &effect("scale", "joint = 1\nscale = 1.0") + &effect("offset", "joint = 1\noffset = 1.0");
+    assert_eq!(run_both(&both, &[[1.0, 1.0]]), [[2.0 * 2.0 + 1.0 + 0.5 + 1.0, 1.0]]);
+}
+
+#[test]
+fn what_is_no_joint_is_refused_with_its_line() {
+    let refused = |effects: &str| {
+        let text = format!("format = 1\n[machine]\nkind = \"joints\"\nn = 2\n{effects}");
+        ModelFile::parse(&text).unwrap_err().to_string()
+    };
+    let sentence = refused(&effect("scale", "joint = 3"));
+    assert!(
+        sentence.contains("line 5") && sentence.contains("joint is 3") && sentence.contains("0 to 2"),
+        "{sentence}"
+    );
+    let sentence = refused(&effect("twist", ""));
+    assert!(sentence.contains("twist") && sentence.contains("cross-coupling"), "{sentence}");
+    let sentence = refused(&effect("backlasch", ""));
+    assert!(sentence.contains("backlash"), "{sentence}");
+    let formula = "name = \"a\"\nhook = \"eps\"\nformula = \"1\"";
+    assert!(refused(&effect("formula", formula)).contains("eps"));
+    let text = "format = 1\n[machine]\nkind = \"snake\"\n[[effect]]\nkind = \"dead-zone\"\n";
+    assert!(ModelFile::parse(text).unwrap_err().to_string().contains("dead-zone"));
+}
+
+#[test]
+fn commands_that_are_not_finite_repeat_the_last_position() {
+    let found = run(&effect("backlash", "half_width = 0.1"), &[1.0, f64::NAN, 2.0]);
+    near(&found, &[1.0, 1.0, 1.9]);
+}

@@ -1,0 +1,149 @@
+//! Tests of the measurements: which states are rows, which shape stands where, what the CSV says.
+
+use super::*;
+use krait_ipc::message::HopStamps;
+
+const MS: i64 = 1_000_000;
+
+fn state(sequence: u64, sample_ns: i64, flags: u32) -> Sample {
+    let x = sequence as f64;
+    Sample::State(SlaveState {
+        sequence,
+        sample_ns,
+        stamps: HopStamps::default(),
+        command_sequence: 0,
+        operating_state: 1,
+        flags,
+        setpoint_q_m: [0.0; 3],
+        setpoint_bend_rad: [0.0; 2],
+        measured_q_m: [x * 1e-6, -x * 1e-6, 0.1 + 0.2],
+        measured_tau_n: [f64::NAN; 3],
+        reasons: 0,
+        n_commands: 0,
+        n_refused: 0,
+    })
+}
+
+fn shape(sample_ns: i64, bend_x_rad: f64) -> Sample {
+    Sample::Shape(Shape {
+        sequence: 1,
+        sample_ns,
+        available_ns: sample_ns + 40 * MS,
+        bend_rad: [bend_x_rad, 0.25],
+        theta_l_rad: 0.0,
+        delta_rad: 0.0,
+        sigma_bend_rad: 0.007,
+        q_tilde_m: [f64::NAN; 3],
+    })
+}
+
+fn columns(samples: &[Sample]) -> Columns {
+    let mut builder = Builder::default();
+    samples.iter().for_each(|sample| builder.add(sample));
+    builder.finish()
+}
+
+fn homed(n: i64) -> Vec<Sample> {
+    (0..n).map(|i| state(i as u64 + 1, i * MS, SlaveState::IS_HOMED)).collect()
+}
+
+#[test]
+fn a_shape_stands_in_the_row_nearest_to_its_exposure_and_every_row_stays() {
+    let mut samples = homed(100);
+    // Earlier in the file than its row, and later than it.
+    samples.insert(0, shape(70 * MS + 400_000, 0.7));
+    samples.push(shape(30 * MS - 400_000, 0.3));
+    let found = columns(&samples);
+    assert_eq!((found.rows.len(), found.n_shapes, found.n_shapes_left_out), (100, 2, 0));
+    let with_shape: Vec<_> =
+        found.rows.iter().filter(|row| row.has_shape()).map(|r| (r.time_s, r.bend_rad[0])).collect();
+    assert_eq!(with_shape, [(0.03, 0.3), (0.07, 0.7)]);
+}
+
+#[test]
+fn a_shape_that_saw_nothing_or_is_far_from_every_row_or_not_the_nearest_is_left_out_and_counted() {
+    let mut samples = homed(10);
+    samples.push(shape(5 * MS, f64::NAN));
+    samples.push(shape(9 * MS + PAIRING_LIMIT_NS + 1, 1.0));
+    samples.push(shape(4 * MS + 300_000, 2.0));
+    samples.push(shape(4 * MS + 100_000, 3.0));
+    samples.push(shape(4 * MS + 200_000, 4.0));
+    let found = columns(&samples);
+    assert_eq!((found.n_shapes, found.n_shapes_left_out), (1, 4));
+    assert_eq!(found.rows[4].bend_rad, [3.0, 0.25]);
+    assert_eq!(columns(&[shape(0, 1.0)]).n_shapes_left_out, 1, "without rows there is no place");
+}
+
+#[test]
+fn rows_begin_when_the_drives_know_their_zero_and_each_homing_or_new_slave_is_a_new_trial() {
+    let (homed, busy) = (SlaveState::IS_HOMED, SlaveState::IS_HOMED | SlaveState::IS_BUSY);
+    let samples = [
+        state(1, 0, 0),
+        state(2, MS, homed),
+        state(3, 2 * MS, homed),
+        state(4, 3 * MS, busy),
+        state(5, 4 * MS, homed),
+        state(1, 5 * MS, homed),
+        state(2, 6 * MS, homed),
+        state(3, 6 * MS, homed),
+    ];
+    let found = columns(&samples);
+    let seen: Vec<_> = found.rows.iter().map(|row| (row.time_s, row.trial)).collect();
+    assert_eq!(seen, [(0.0, 1), (0.001, 1), (0.003, 2), (0.004, 3), (0.005, 3)]);
+    assert_eq!(found.n_states_left_out, 3);
+}
+
+#[test]
+fn parquet_gives_back_every_number_and_a_null_where_nothing_was_measured() {
+    use ::parquet::file::reader::{FileReader, SerializedFileReader};
+    use ::parquet::record::Field;
+    let mut samples = homed(50);
+    samples.push(shape(7 * MS, 0.1 + 0.7));
+    let mut found = columns(&samples);
+    found.rows[3].tau_n = [1.5, f64::NAN, -2.5];
+    let path = std::env::temp_dir().join(format!("krait-columns-{}.parquet", std::process::id()));
+    write_parquet(&found, std::fs::File::create(&path).expect("made")).expect("written");
+    let reader = SerializedFileReader::new(std::fs::File::open(&path).expect("there")).expect("opened");
+    std::fs::remove_file(&path).expect("removed");
+    let rows: Vec<_> = reader.get_row_iter(None).expect("rows").map(|row| row.expect("readable")).collect();
+    assert_eq!(rows.len(), found.rows.len());
+    for (row, expected) in rows.iter().zip(&found.rows) {
+        let Row { time_s, q_m: [q1, q2, q3], bend_rad: [bx, by], sigma_bend_rad, tau_n: [t1, t2, t3], trial } =
+            *expected;
+        let names: Vec<_> = row.get_column_iter().map(|(name, _)| name.as_str()).collect();
+        let header = "time_s,q1_m,q2_m,q3_m,bend_x_rad,bend_y_rad,sigma_bend_rad,tau1_n,tau2_n,tau3_n,trial";
+        assert_eq!(names.join(","), header, "as in the CSV");
+        let doubles = [time_s, q1, q2, q3, bx, by, sigma_bend_rad, t1, t2, t3];
+        for ((name, field), expected) in row.get_column_iter().zip(doubles) {
+            match field {
+                Field::Double(value) => assert_eq!(value.to_bits(), expected.to_bits(), "{name}"),
+                Field::Null => assert!(expected.is_nan(), "{name}"),
+                other => panic!("{name} is {other:?}"),
+            }
+        }
+        assert!(matches!(row.get_column_iter().last(), Some((_, Field::Int(found))) if *found == trial.cast_signed()));
+    }
+}
+
+#[test]
+fn the_csv_has_a_unit_in_each_header_empty_cells_and_numbers_that_come_back_bit_for_bit() {
+    let mut samples = homed(2);
+    samples.push(shape(MS, 0.1 + 0.7));
+    let mut found = columns(&samples);
+    let text = |columns: &Columns| {
+        let mut bytes = Vec::new();
+        write_csv(columns, &mut bytes).expect("a Vec grows");
+        String::from_utf8(bytes).expect("text")
+    };
+    let lines: Vec<_> = text(&found).lines().map(str::to_owned).collect();
+    assert_eq!(lines[0], "time_s,q1_m,q2_m,q3_m,bend_x_rad,bend_y_rad,sigma_bend_rad,trial");
+    assert_eq!(lines[1], "0,0.000001,-0.000001,0.30000000000000004,,,,1");
+    let cells: Vec<_> = lines[2].split(',').collect();
+    assert_eq!(cells[4].parse::<f64>().expect("a number").to_bits(), (0.1_f64 + 0.7).to_bits());
+    found.rows[0].tau_n = [1.0, 2.0, f64::NAN];
+    assert!(
+        text(&found)
+            .starts_with("time_s,q1_m,q2_m,q3_m,bend_x_rad,bend_y_rad,sigma_bend_rad,tau1_n,tau2_n,tau3_n,trial\n")
+    );
+    assert!(text(&found).contains(",,,,1,2,,1\n"), "{}", text(&found));
+}

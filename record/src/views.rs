@@ -1,0 +1,217 @@
+//! What viewers draw without an extension: public Foxglove messages, derived from krait's own while they are written.
+//!
+//! Made by the recorder's writing thread, never in the chain, and at most `view_hz` times a second for each kind, so that
+//! their cost stays small beside the channels themselves. They hold nothing that the krait channels do not hold; readers of
+//! krait pass over them. Frames and names are those of `docs/NOTATION.md` and of CRTK.
+
+mod log;
+mod scene;
+
+use crate::channel::Schema;
+use crate::generated::foxglove;
+use crate::generated::google::protobuf::Timestamp;
+use crate::sample::Sample;
+use crate::wall_clock::WallClock;
+use krait_ipc::message::{Setpoint, Shape, SlaveState};
+use krait_model::{MachineParameters, ParameterError, Snake};
+use nalgebra::Vector2;
+use prost::Message;
+
+/// The frame that everything is drawn in.
+const BASE: &str = "base";
+
+/// A derived channel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum View {
+    /// Measured and wanted pose of the tip as frames `tip` and `tip_setpoint` in `base`.
+    Transforms,
+    /// CRTK `measured_cp`: the tip's pose by the camera.
+    MeasuredCp,
+    /// CRTK `setpoint_cp`: the tip's pose that is asked for.
+    SetpointCp,
+    /// CRTK `measured_js` of the actuators: encoders and loads.
+    MeasuredJs,
+    /// CRTK `setpoint_js` of the actuators: what the drives were told.
+    SetpointJs,
+    /// Backbones and disks as lines.
+    Scene,
+    /// Reasons, operating states and marks as sentences.
+    Log,
+}
+
+impl View {
+    /// Every derived channel, in the order of [`View::index`].
+    pub const ALL: [Self; 7] = [
+        Self::Transforms,
+        Self::MeasuredCp,
+        Self::SetpointCp,
+        Self::MeasuredJs,
+        Self::SetpointJs,
+        Self::Scene,
+        Self::Log,
+    ];
+
+    /// Place in [`View::ALL`].
+    pub fn index(self) -> usize {
+        self as usize
+    }
+
+    /// Name in the file.
+    pub fn topic(self) -> &'static str {
+        match self {
+            Self::Transforms => "/tf",
+            Self::MeasuredCp => "/snake/measured_cp",
+            Self::SetpointCp => "/snake/setpoint_cp",
+            Self::MeasuredJs => "/snake/actuators/measured_js",
+            Self::SetpointJs => "/snake/actuators/setpoint_js",
+            Self::Scene => "/snake/scene",
+            Self::Log => "/log",
+        }
+    }
+
+    /// The view with a topic, or `None`.
+    pub fn from_topic(topic: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|view| view.topic() == topic)
+    }
+
+    /// Its protobuf type.
+    pub fn schema(self) -> Schema {
+        macro_rules! schema {
+            ($name:literal, $file:literal) => {
+                Schema {
+                    name: concat!("foxglove.", $name),
+                    descriptors: include_bytes!(concat!(env!("OUT_DIR"), "/", $file, ".fds")),
+                    version: 1,
+                }
+            };
+        }
+        match self {
+            Self::Transforms => schema!("FrameTransforms", "frame_transforms"),
+            Self::MeasuredCp | Self::SetpointCp => schema!("PoseInFrame", "pose_in_frame"),
+            Self::MeasuredJs | Self::SetpointJs => schema!("JointStates", "joint_states"),
+            Self::Scene => schema!("SceneUpdate", "scene_update"),
+            Self::Log => schema!("Log", "log"),
+        }
+    }
+}
+
+/// Derives what viewers draw.
+#[derive(Debug)]
+pub struct Views {
+    snake: Snake,
+    period_ns: i64,
+    // The period in which a shape, a setpoint and a state were last drawn.
+    shape_period: Option<i64>,
+    setpoint_period: Option<i64>,
+    state_period: Option<i64>,
+    log: log::Log,
+}
+
+/// A derived message and its channel.
+pub(crate) type Derived = (View, Vec<u8>);
+
+impl Views {
+    /// Draws a machine at most `rate_hz` times a second (at least 1); sentences come as they happen.
+    ///
+    /// # Errors
+    /// [`ParameterError`] for a machine that cannot be.
+    pub fn new(machine: &MachineParameters, rate_hz: u32) -> Result<Self, ParameterError> {
+        Ok(Self {
+            snake: Snake::new(machine)?,
+            period_ns: 1_000_000_000 / i64::from(rate_hz.max(1)),
+            shape_period: None,
+            setpoint_period: None,
+            state_period: None,
+            log: log::Log::default(),
+        })
+    }
+
+    /// What there is to draw because of a sample; mostly nothing, and then nothing is allocated.
+    pub(crate) fn of(&mut self, sample: &Sample, clock: WallClock) -> Vec<Derived> {
+        let stamp = timestamp(clock.wall_ns(sample.sample_ns()));
+        let mut derived = Vec::new();
+        match sample {
+            Sample::Shape(shape) if is_due(&mut self.shape_period, shape.sample_ns, self.period_ns) => {
+                self.shape(shape, stamp, &mut derived);
+            }
+            Sample::Setpoint(setpoint) if is_due(&mut self.setpoint_period, setpoint.sample_ns, self.period_ns) => {
+                self.setpoint(setpoint, stamp, &mut derived);
+            }
+            Sample::State(state) if is_due(&mut self.state_period, state.sample_ns, self.period_ns) => {
+                joints(state, stamp, &mut derived);
+            }
+            _ => {}
+        }
+        for line in self.log.lines(sample) {
+            derived.push((View::Log, foxglove::Log { timestamp: Some(stamp), ..line }.encode_to_vec()));
+        }
+        derived
+    }
+
+    fn shape(&self, shape: &Shape, stamp: Timestamp, derived: &mut Vec<Derived>) {
+        let bend_rad = Vector2::from(shape.bend_rad);
+        if !bend_rad.iter().all(|b| b.is_finite()) {
+            return;
+        }
+        self.tip(View::MeasuredCp, "tip", bend_rad, stamp, derived);
+        derived.push((View::Scene, scene::measured(&self.snake, bend_rad, stamp).encode_to_vec()));
+    }
+
+    fn setpoint(&self, setpoint: &Setpoint, stamp: Timestamp, derived: &mut Vec<Derived>) {
+        let bend_rad = Vector2::from(setpoint.bend_rad);
+        if !bend_rad.iter().all(|b| b.is_finite()) {
+            return;
+        }
+        self.tip(View::SetpointCp, "tip_setpoint", bend_rad, stamp, derived);
+        derived.push((View::Scene, scene::wanted(&self.snake, bend_rad, stamp).encode_to_vec()));
+    }
+
+    fn tip(&self, view: View, frame: &str, bend_rad: Vector2<f64>, stamp: Timestamp, derived: &mut Vec<Derived>) {
+        let base_from_tip = self.snake.base_from_tip(bend_rad);
+        let (at, turn) = (base_from_tip.translation.vector, base_from_tip.rotation.coords);
+        let position = foxglove::Vector3 { x: at.x, y: at.y, z: at.z };
+        let rotation = foxglove::Quaternion { x: turn.x, y: turn.y, z: turn.z, w: turn.w };
+        let transform = foxglove::FrameTransform {
+            timestamp: Some(stamp),
+            parent_frame_id: BASE.to_owned(),
+            child_frame_id: frame.to_owned(),
+            translation: Some(position),
+            rotation: Some(rotation),
+        };
+        let transforms = foxglove::FrameTransforms { transforms: vec![transform] };
+        let pose = foxglove::Pose { position: Some(position), orientation: Some(rotation) };
+        let pose = foxglove::PoseInFrame { timestamp: Some(stamp), frame_id: BASE.to_owned(), pose: Some(pose) };
+        derived.push((View::Transforms, transforms.encode_to_vec()));
+        derived.push((view, pose.encode_to_vec()));
+    }
+}
+
+fn joints(state: &SlaveState, stamp: Timestamp, derived: &mut Vec<Derived>) {
+    let mut add = |view, positions_m: [f64; 3], efforts_n: Option<[f64; 3]>| {
+        let joint = |idx: usize| foxglove::JointState {
+            name: format!("line_{}", idx + 1),
+            position: Some(positions_m[idx]),
+            effort: efforts_n.map(|tau_n| tau_n[idx]).filter(|tau_n| !tau_n.is_nan()),
+            ..foxglove::JointState::default()
+        };
+        let joints = foxglove::JointStates { timestamp: Some(stamp), joints: (0..3).map(joint).collect() };
+        derived.push((view, joints.encode_to_vec()));
+    };
+    add(View::MeasuredJs, state.measured_q_m, Some(state.measured_tau_n));
+    add(View::SetpointJs, state.setpoint_q_m, None);
+}
+
+/// Whether an instant is the first of its period. By numbered periods, not by the time since the last one, so that every
+/// second frame of a camera at twice the rate is drawn although its period wavers.
+fn is_due(last_period: &mut Option<i64>, now_ns: i64, period_ns: i64) -> bool {
+    let period = Some(now_ns.div_euclid(period_ns));
+    core::mem::replace(last_period, period) != period
+}
+
+fn timestamp(wall_ns: u64) -> Timestamp {
+    const PER_S: u64 = 1_000_000_000;
+    Timestamp { seconds: (wall_ns / PER_S).cast_signed(), nanos: (wall_ns % PER_S) as i32 }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,80 @@
+//! What happened, as lines of a log: a reason that begins or ends to hold, a new operating state, a wish for one.
+
+use crate::channel::Process;
+use crate::generated::foxglove::Log as Line;
+use crate::generated::foxglove::log::Level;
+use crate::sample::Sample;
+use krait_ipc::message::{Health, Marker, OperatingState, StateCommand};
+use krait_ipc::{Reason, Reasons};
+
+/// What was last known, so that only changes are told.
+#[derive(Debug, Default)]
+pub(super) struct Log {
+    reasons: [Reasons; Process::ALL.len()],
+    operating_state: Option<u32>,
+}
+
+impl Log {
+    /// The lines that a sample gives rise to, without their stamp; mostly none.
+    pub(super) fn lines(&mut self, sample: &Sample) -> Vec<Line> {
+        match sample {
+            Sample::Health(process, health) => self.health(*process, health),
+            Sample::State(state) => self.state(state.operating_state),
+            Sample::StateCommand(command) => vec![asked(command)],
+            Sample::Marker(marker) => vec![marked("mark", marker)],
+            Sample::DeviceMarker(marker) => vec![marked("master", marker)],
+            _ => Vec::new(),
+        }
+    }
+
+    fn health(&mut self, process: Process, health: &Health) -> Vec<Line> {
+        let now = Reasons::from_bits(health.reasons_now);
+        let before = core::mem::replace(&mut self.reasons[process as usize], now);
+        let begun = now.iter().filter(|reason| !before.contains(*reason));
+        let over = before.iter().filter(|reason| !now.contains(*reason));
+        let begun = begun.map(|reason| line(process.name(), level(reason), reason.sentence().to_owned()));
+        let over = over.map(|r| line(process.name(), Level::Debug, format!("no longer: {}", r.sentence())));
+        begun.chain(over).collect()
+    }
+
+    fn state(&mut self, found: u32) -> Vec<Line> {
+        if self.operating_state.replace(found) == Some(found) {
+            return Vec::new();
+        }
+        let (level, word) = match OperatingState::from_u32(found) {
+            Some(OperatingState::Fault) => (Level::Error, OperatingState::Fault.name().to_owned()),
+            Some(state) => (Level::Info, state.name().to_owned()),
+            None => (Level::Warning, format!("an operating state {found} that this version does not know")),
+        };
+        vec![line(Process::Slave.name(), level, format!("operating state: {word}"))]
+    }
+}
+
+fn asked(command: &StateCommand) -> Line {
+    let word =
+        command.transition().map_or_else(|| format!("transition {}", command.transition), |t| t.name().to_owned());
+    line("launch", Level::Info, format!("asked for: {word}"))
+}
+
+fn marked(name: &str, marker: &Marker) -> Line {
+    line(name, Level::Info, format!("MARK {}", marker.text().unwrap_or("(no text)")))
+}
+
+/// What a surgeon does on purpose is worth a note; what limits or refuses, a warning; what ends something, an error.
+fn level(reason: Reason) -> Level {
+    match reason {
+        Reason::OperatorAbsent
+        | Reason::Clutched
+        | Reason::EasingIn
+        | Reason::ModelBlending
+        | Reason::InputEnded
+        | Reason::SlaveNotEnabled
+        | Reason::SlaveNotHomed => Level::Info,
+        Reason::RecordingStopped | Reason::DriveFault | Reason::DeviceLost => Level::Error,
+        _ => Level::Warning,
+    }
+}
+
+fn line(name: &str, level: Level, message: String) -> Line {
+    Line { level: level as i32, message, name: name.to_owned(), ..Line::default() }
+}

@@ -1,0 +1,253 @@
+//! Two recordings side by side: how well the snake followed, how long samples were under way, what states and faults there were.
+//!
+//! Both are laid on top of each other at the first setpoint that follows the operator; a recording without one at its first
+//! setpoint. Samples that are nearest in time are compared.
+
+use crate::tracking::{Spread, Tracking};
+use crate::{Pass, ReplayError};
+use krait_ipc::message::{OperatingState, SlaveState};
+use krait_ipc::{Reason, Reasons};
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// One hop: where a sample leaves, where it arrives, and the stamps at both ends.
+type Hop = (&'static str, fn(&SlaveState) -> (i64, i64));
+
+/// A hop ends when the next stage has published; the last row is the whole way.
+const HOPS: [Hop; 5] = [
+    ("device -> master", |s| (s.stamps.device_ns, s.stamps.input_sent_ns)),
+    ("master -> resolve", |s| (s.stamps.input_sent_ns, s.stamps.setpoint_sent_ns)),
+    ("resolve -> compensate", |s| (s.stamps.setpoint_sent_ns, s.stamps.command_sent_ns)),
+    ("compensate -> slave", |s| (s.stamps.command_sent_ns, s.stamps.drive_written_ns)),
+    ("device -> drive", |s| (s.stamps.device_ns, s.stamps.drive_written_ns)),
+];
+
+/// What one pass of a recording shows.
+#[derive(Clone, Debug, Serialize)]
+pub struct Side {
+    /// Samples of each channel.
+    pub samples: BTreeMap<&'static str, usize>,
+    /// From the first setpoint to the last, s.
+    pub length_s: f64,
+    /// Measured shape against setpoint since the first motion, deg.
+    pub tracking_error_deg: Spread,
+    /// Latency of each hop, microseconds; none where the replay's own time passed, in which nothing takes any.
+    pub latency_us: BTreeMap<&'static str, Quantiles>,
+    /// Time in each operating state, s.
+    pub operating_s: BTreeMap<&'static str, f64>,
+    /// Time in which the slave followed, s.
+    pub following_s: f64,
+    /// How often the slave fell into FAULT.
+    pub n_faults: u64,
+    /// Commands that the slave refused.
+    pub n_refused: u64,
+    /// Slave states that named each reason, in the reason's own words.
+    pub reasons: BTreeMap<&'static str, u64>,
+    /// For pictures, each over the time since the first motion, s.
+    #[serde(skip)]
+    pub series: Series,
+}
+
+/// Quantiles of a latency, microseconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Quantiles {
+    /// Median.
+    pub p50: f64,
+    /// 99th percentile.
+    pub p99: f64,
+    /// Largest.
+    pub max: f64,
+}
+
+/// Curves over time since the first motion, s.
+#[derive(Clone, Debug, Default)]
+pub struct Series {
+    /// Tracking error, deg.
+    pub error_deg: Vec<(f64, f64)>,
+    /// Bend of the setpoint, deg.
+    pub bend_deg: Vec<(f64, f64)>,
+    /// Device to drive, microseconds.
+    pub latency_us: Vec<(f64, f64)>,
+    setpoints: Vec<(f64, [f64; 2])>,
+    commands: Vec<(f64, [f64; 3])>,
+}
+
+/// How far two recordings are apart at the same time since the first motion.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Apart {
+    /// Bend vectors of the setpoints, deg.
+    pub setpoint_deg: Spread,
+    /// Actuator commands, the largest of the three, mm.
+    pub command_mm: Spread,
+}
+
+impl Side {
+    /// Sums up a pass.
+    ///
+    /// # Errors
+    /// [`ReplayError::Empty`] when it holds no setpoint.
+    pub fn of(pass: &Pass) -> Result<Self, ReplayError> {
+        let ends = pass.setpoints.first().zip(pass.setpoints.last());
+        let Some((first, last)) = ends else { return Err(ReplayError::Empty { what: "setpoint" }) };
+        let tracking = tracking_of(pass);
+        let zero_ns = tracking.first_motion_ns().unwrap_or(first.sample_ns);
+        let state = StateSums::of(&pass.states);
+        Ok(Self {
+            samples: BTreeMap::from([
+                ("input", pass.inputs.len()),
+                ("setpoint", pass.setpoints.len()),
+                ("command", pass.commands.len()),
+                ("state", pass.states.len()),
+                ("shape", pass.shapes.len()),
+                ("model_update", pass.updates.len()),
+            ]),
+            length_s: seconds(first.sample_ns, last.sample_ns),
+            tracking_error_deg: tracking.error_deg(0.0),
+            latency_us: latencies(&pass.states),
+            operating_s: state.operating_s,
+            following_s: state.following_s,
+            n_faults: state.n_faults,
+            n_refused: pass.states.last().map_or(0, |state| state.n_refused),
+            reasons: state.reasons,
+            series: Series::of(pass, &tracking, zero_ns),
+        })
+    }
+}
+
+impl Apart {
+    /// Lays two sides on top of each other; instants that only one of them has do not count.
+    pub fn of(a: &Side, b: &Side) -> Self {
+        let deg = |x: &[f64; 2], y: &[f64; 2]| (x[0] - y[0]).hypot(x[1] - y[1]).to_degrees();
+        let mm = |x: &[f64; 3], y: &[f64; 3]| (0..3).map(|k| (x[k] - y[k]).abs() * 1e3).fold(0.0, f64::max);
+        Self {
+            setpoint_deg: Spread::of(apart(&a.series.setpoints, &b.series.setpoints, deg).into_iter()),
+            command_mm: Spread::of(apart(&a.series.commands, &b.series.commands, mm).into_iter()),
+        }
+    }
+}
+
+impl Series {
+    fn of(pass: &Pass, tracking: &Tracking, zero_ns: i64) -> Self {
+        let at = |ns: i64| seconds(zero_ns, ns);
+        let (mut latency_us, mut newest) = (Vec::new(), 0);
+        for state in &pass.states {
+            let (from_ns, to_ns) = (state.stamps.device_ns, state.stamps.drive_written_ns);
+            if state.command_sequence > newest && from_ns > 0 && to_ns > from_ns {
+                newest = state.command_sequence;
+                latency_us.push((at(to_ns), seconds(from_ns, to_ns) * 1e6));
+            }
+        }
+        Self {
+            error_deg: tracking.errors().iter().map(|(ns, rad)| (at(*ns), rad.to_degrees())).collect(),
+            bend_deg: pass
+                .setpoints
+                .iter()
+                .map(|s| (at(s.sample_ns), s.bend_rad[0].hypot(s.bend_rad[1]).to_degrees()))
+                .collect(),
+            latency_us,
+            setpoints: pass.setpoints.iter().map(|s| (at(s.sample_ns), s.bend_rad)).collect(),
+            commands: pass.commands.iter().map(|c| (at(c.sample_ns), c.q_tilde_m)).collect(),
+        }
+    }
+}
+
+/// Setpoints and shapes in the order of their instants.
+fn tracking_of(pass: &Pass) -> Tracking {
+    let mut tracking = Tracking::default();
+    let mut setpoints = pass.setpoints.iter().peekable();
+    for shape in &pass.shapes {
+        while let Some(setpoint) = setpoints.next_if(|setpoint| setpoint.sample_ns <= shape.sample_ns) {
+            tracking.setpoint(setpoint);
+        }
+        tracking.shape(shape);
+    }
+    for setpoint in setpoints {
+        tracking.setpoint(setpoint);
+    }
+    tracking
+}
+
+fn latencies(states: &[SlaveState]) -> BTreeMap<&'static str, Quantiles> {
+    let mut found = BTreeMap::new();
+    for (name, ends) in HOPS {
+        let (mut values_us, mut newest) = (Vec::new(), 0);
+        for state in states.iter().filter(|state| state.stamps.drive_written_ns > 0) {
+            let (from_ns, to_ns) = ends(state);
+            if state.command_sequence > newest && from_ns > 0 {
+                newest = state.command_sequence;
+                values_us.push(seconds(from_ns, to_ns) * 1e6);
+            }
+        }
+        values_us.sort_by(f64::total_cmp);
+        // In a replay's own time every stamp of a sample is the same.
+        let Some(max) = values_us.last().copied().filter(|max| *max > 0.0) else { continue };
+        let at = |percent: usize| values_us[(values_us.len() - 1) * percent / 100];
+        found.insert(name, Quantiles { p50: at(50), p99: at(99), max });
+    }
+    found
+}
+
+#[derive(Default)]
+struct StateSums {
+    operating_s: BTreeMap<&'static str, f64>,
+    following_s: f64,
+    n_faults: u64,
+    reasons: BTreeMap<&'static str, u64>,
+}
+
+impl StateSums {
+    fn of(states: &[SlaveState]) -> Self {
+        let mut sums = Self::default();
+        for pair in states.windows(2) {
+            let time_s = seconds(pair[0].sample_ns, pair[1].sample_ns).max(0.0);
+            let name = pair[0].operating().map_or("unknown", OperatingState::name);
+            *sums.operating_s.entry(name).or_default() += time_s;
+            if pair[0].flags & SlaveState::FOLLOWING != 0 {
+                sums.following_s += time_s;
+            }
+            let is_fault = |state: &SlaveState| state.operating() == Some(OperatingState::Fault);
+            sums.n_faults += u64::from(is_fault(&pair[1]) && !is_fault(&pair[0]));
+        }
+        for state in states {
+            for reason in Reasons::from_bits(state.reasons).iter() {
+                *sums.reasons.entry(Reason::sentence(reason)).or_default() += 1;
+            }
+        }
+        sums
+    }
+}
+
+/// The distance of each sample of `a` from the sample of `b` that is nearest in time, where both have one.
+fn apart<T>(a: &[(f64, T)], b: &[(f64, T)], distance: impl Fn(&T, &T) -> f64) -> Vec<f64> {
+    let Some((first_s, last_s)) = b.first().zip(b.last()).map(|((first, _), (last, _))| (*first, *last)) else {
+        return Vec::new();
+    };
+    // Half a period of patience: two clocks never tick at the same instant.
+    let both_s = first_s - 0.5e-3..=last_s + 0.5e-3;
+    let mut found = Vec::with_capacity(a.len());
+    for (time_s, value) in a.iter().filter(|(time_s, _)| both_s.contains(time_s)) {
+        let after = b.partition_point(|(s, _)| s < time_s);
+        let candidates = &b[after.saturating_sub(1)..(after + 1).min(b.len())];
+        let nearest = candidates.iter().min_by(|(x, _), (y, _)| (x - time_s).abs().total_cmp(&(y - time_s).abs()));
+        found.extend(nearest.map(|(_, other)| distance(value, other)));
+    }
+    found
+}
+
+fn seconds(from_ns: i64, to_ns: i64) -> f64 {
+    to_ns.saturating_sub(from_ns) as f64 * 1e-9
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_instants_that_both_have_are_compared() {
+        let a: Vec<(f64, f64)> = (0..10).map(|k| (f64::from(k) * 1e-3, 1.0)).collect();
+        let b: Vec<(f64, f64)> = (5..20).map(|k| (f64::from(k) * 1e-3 + 1e-4, 3.0)).collect();
+        let found = apart(&a, &b, |x, y| (x - y).abs());
+        assert_eq!(found, vec![2.0; 5]);
+        assert!(apart(&a, &[], |x: &f64, y| x - y).is_empty());
+    }
+}

@@ -1,0 +1,91 @@
+//! Why a recording or trajectory cannot be played, each in one sentence.
+
+use krait_ipc::IpcError;
+use krait_record::{ReadError, RecordError};
+
+/// A replay could not begin or go on.
+#[derive(Debug, thiserror::Error)]
+pub enum ReplayError {
+    /// A channel failed.
+    #[error(transparent)]
+    Ipc(#[from] IpcError),
+    /// The recording cannot be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// The new recording cannot be written.
+    #[error(transparent)]
+    Record(#[from] RecordError),
+    /// A message that a step depended on is missing.
+    #[error(
+        "message {sequence} of channel {channel:?} is not in the recording, so what depended on it cannot be repeated; \
+         verify a recording that ended in order"
+    )]
+    Missing {
+        /// Its sequence number.
+        sequence: u64,
+        /// Its channel.
+        channel: &'static str,
+    },
+    /// A channel's messages do not follow one another.
+    #[error(
+        "the recording holds message {found} of channel {channel:?} where {expected} was expected, so the steps from there \
+         on cannot be repeated; verify a recording that lost nothing"
+    )]
+    Gap {
+        /// The channel.
+        channel: &'static str,
+        /// The sequence number expected.
+        expected: u64,
+        /// The sequence number found.
+        found: u64,
+    },
+    /// There is nothing to play.
+    #[error("the recording holds no {what}, so there is nothing to play; record a chain with `krait run`")]
+    Empty {
+        /// What it lacks.
+        what: &'static str,
+    },
+    /// The chain does not answer.
+    #[error(
+        "sample {sample} was sent {patience_s} s ago and {n_waiting} samples wait for an answer of the chain; \
+         KRAIT_LOG=info shows what its processes do"
+    )]
+    Stalled {
+        /// The newest sample sent.
+        sample: u64,
+        /// Samples without an answer.
+        n_waiting: u64,
+        /// How long the replay has waited, s.
+        patience_s: u64,
+    },
+    /// The thread that writes the new recording cannot go on.
+    #[error("the thread that writes the new recording cannot go on: {what}; is the disk full?")]
+    Thread {
+        /// Why.
+        what: String,
+    },
+    /// The slave cannot move.
+    #[error(
+        "the slave is not enabled and homed, expected that before a replay moves it: {reasons}; the replay has ended"
+    )]
+    NotReady {
+        /// The slave's reasons.
+        reasons: String,
+    },
+    /// The snake does not stand where the recording begins.
+    #[error(
+        "the slave stands at a bend vector of {found_deg:.2?} deg, expected {expected_deg:.2?} deg within {limit_deg:.2} deg \
+         before the recorded samples begin; nothing recorded was sent"
+    )]
+    StartPose {
+        /// Where it stands, deg.
+        found_deg: [f64; 2],
+        /// Where the recording begins, deg.
+        expected_deg: [f64; 2],
+        /// How far it may be away, deg.
+        limit_deg: f64,
+    },
+    /// A trajectory was refused.
+    #[error(transparent)]
+    Trajectory(#[from] crate::TrajectoryError),
+}

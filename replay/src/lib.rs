@@ -1,0 +1,39 @@
+//! krait-replay: recorded input through the real processes again.
+//!
+//! Purpose: say whether the same input still gives the same bytes ([`Verifier`]), play recordings and trajectories to the
+//! simulated snake in their own time ([`Player`]) or to any slave on the machine's clock, and lay two recordings side by
+//! side.
+//!
+//! Terms: a *pass* is one run of a chain within a recording; a *cue* says what a step depends on besides its input
+//! ([`krait_ipc::message::Cue`]); samples *under way* have been published and their last output has not come back yet.
+//!
+//! Frames and units: see `docs/NOTATION.md`. SI and radians; times are nanoseconds, CLOCK_MONOTONIC of the machine that
+//! recorded, unless a name says otherwise.
+
+#![forbid(unsafe_code)]
+
+mod compare;
+mod difference;
+mod error;
+mod keeper;
+mod live;
+mod pass;
+mod player;
+mod program;
+mod steps;
+mod tracking;
+mod trajectory;
+mod verifier;
+
+pub use compare::{Apart, Quantiles, Series, Side};
+pub use difference::Difference;
+pub use error::ReplayError;
+pub use keeper::Keeper;
+pub use live::LivePlayer;
+pub use pass::{Pass, attachment, passes_of};
+pub use player::{Newest, PlayCounts, Player, UNDER_WAY};
+pub use program::{Next, Part, Planned, Program, Score, What};
+pub use steps::{Step, Steps};
+pub use tracking::{Spread, Tracking};
+pub use trajectory::{Trajectory, TrajectoryError, TrajectoryLimits};
+pub use verifier::{Turn, Verifier};

@@ -1,0 +1,294 @@
+//! Plays a program to any slave on the machine's clock: approach, ease-in, pause, and a safe end.
+//!
+//! The slave and its limits, watchdog and operating states are as in every live chain; so are the stages. Only the
+//! operator's place is taken: at rate s the recorded time passes s times as fast and every velocity is s times as large, so
+//! the path stays the same. The rate rises and falls smoothly, which is the ease-in, the pause and the stop.
+
+use crate::player::{Newest, PlayCounts};
+use crate::program::{Next, PERIOD_NS, Part, Planned, Program, What};
+use crate::tracking::Tracking;
+use crate::{ReplayError, Turn};
+use krait_ipc::message::{HopStamps, OperatorInput, Setpoint, Shape, SlaveState};
+use krait_ipc::{Bus, ReadOptions, Reader, Reason, Reasons, Writer};
+
+/// A step this much longer than the period is not cut in two, ns.
+const LONGEST_STEP_NS: f64 = 1.5e6;
+/// A gap in a recording stands for at most this, as it does for `resolve`, ns.
+const LONGEST_GAP_NS: i64 = 10_000_000;
+/// How fast the rate changes, 1/s: from standing to 1 in half a second.
+const RATE_PER_S: f64 = 2.0;
+/// Where the snake must stand before the recorded samples begin, rad (0.3 deg).
+const START_RAD: f64 = 5e-3;
+/// Later than this, the samples that were missed are not made up for: the replay continues from now, ns.
+const LATE_NS: i64 = 20_000_000;
+
+/// A replay on the machine's clock.
+pub struct LivePlayer {
+    program: Program,
+    inputs: Option<Writer<OperatorInput>>,
+    sent_setpoints: Option<Writer<Setpoint>>,
+    setpoints: Option<Reader<Setpoint>>,
+    states: Reader<SlaveState>,
+    shapes: Reader<Shape>,
+    /// The sample on the way to which the replay is, and how much of that way is left, ns of recorded time.
+    under_way: Option<(Planned, f64)>,
+    rate: f64,
+    wanted_rate: f64,
+    counts: PlayCounts,
+    n_sent: u64,
+    n_late: u64,
+    due_ns: i64,
+    newest: Newest,
+    ready: Option<Ready>,
+    last_setpoint: Option<Setpoint>,
+    tracking: Tracking,
+    has_begun: bool,
+}
+
+/// A message that waits until it is due.
+#[derive(Clone, Copy, Debug)]
+struct Ready {
+    what: What,
+    /// What its velocity is multiplied with.
+    rate: f64,
+    /// How far it is on the way from the sample before, 0 to 1.
+    part: f64,
+    /// The part of the program that it belongs to, if it is a sample of its own and not on the way to one.
+    arrives_at: Option<Part>,
+}
+
+impl LivePlayer {
+    /// Opens the channels, before the chain is started.
+    ///
+    /// # Errors
+    /// [`ReplayError::Ipc`] when a channel cannot be had.
+    pub fn open(bus: &Bus, program: Program, rate: f64) -> Result<Self, ReplayError> {
+        let has_inputs = program.sends_inputs();
+        Ok(Self {
+            program,
+            inputs: if has_inputs { Some(bus.writer()?) } else { None },
+            sent_setpoints: if has_inputs { None } else { Some(bus.writer()?) },
+            setpoints: if has_inputs { Some(bus.reader(ReadOptions::observing())?) } else { None },
+            states: bus.reader(ReadOptions::observing())?,
+            shapes: bus.reader(ReadOptions::observing())?,
+            under_way: None,
+            rate: 0.0,
+            wanted_rate: rate,
+            counts: PlayCounts::default(),
+            n_sent: 0,
+            n_late: 0,
+            due_ns: 0,
+            newest: Newest::default(),
+            ready: None,
+            last_setpoint: None,
+            tracking: Tracking::default(),
+            has_begun: false,
+        })
+    }
+
+    /// What was sent; `answered` are the samples that the slave has taken.
+    pub fn counts(&self) -> PlayCounts {
+        let lost = self.states.n_lost() + self.shapes.n_lost() + self.setpoints.as_ref().map_or(0, Reader::n_lost);
+        PlayCounts { answered: self.newest.state.map_or(0, |state| state.n_commands), lost, ..self.counts }
+    }
+
+    /// Messages sent to the chain: with the approach, pauses, and samples between recorded ones.
+    pub fn n_sent(&self) -> u64 {
+        self.n_sent
+    }
+
+    /// How often the machine held the replay up for longer than it can make up for.
+    pub fn n_late(&self) -> u64 {
+        self.n_late
+    }
+
+    /// How well the snake followed.
+    pub fn tracking(&self) -> &Tracking {
+        &self.tracking
+    }
+
+    /// When the next sample is due, ns.
+    pub fn due_ns(&self) -> i64 {
+        self.due_ns
+    }
+
+    /// The rate that is wanted from now on; 0 is a pause.
+    pub fn set_rate(&mut self, rate: f64) {
+        self.wanted_rate = rate;
+    }
+
+    /// Comes to rest and ends.
+    pub fn stop(&mut self) {
+        self.wanted_rate = 0.0;
+        if self.rate == 0.0 || !self.has_begun {
+            (self.under_way, self.ready) = (None, None);
+            self.program.stop();
+        }
+    }
+
+    /// Whether the replay stands still.
+    pub fn stands(&self) -> bool {
+        self.rate == 0.0
+    }
+
+    /// Sends what is due at `now_ns` (CLOCK_MONOTONIC).
+    ///
+    /// # Errors
+    /// [`ReplayError::NotReady`] when the slave is not enabled and homed, [`ReplayError::StartPose`] when the approach did
+    /// not reach the start, or a channel failed.
+    pub fn turn(&mut self, now_ns: i64) -> Result<Turn, ReplayError> {
+        self.take()?;
+        self.check_ready()?;
+        if self.due_ns == 0 || now_ns - self.due_ns > LATE_NS {
+            self.n_late += u64::from(self.due_ns != 0);
+            self.due_ns = now_ns;
+        }
+        loop {
+            let ready = match self.ready.take() {
+                Some(ready) => ready,
+                None => match self.plan()? {
+                    Some(ready) => ready,
+                    None => return Ok(Turn::Done),
+                },
+            };
+            if self.due_ns > now_ns {
+                self.ready = Some(ready);
+                return Ok(Turn::Going);
+            }
+            self.send(&ready)?;
+        }
+    }
+
+    fn take(&mut self) -> Result<(), ReplayError> {
+        while let Some(state) = self.states.take()?.map(|state| *state) {
+            self.newest.state = Some(state);
+        }
+        while let Some(reader) = &mut self.setpoints
+            && let Some(setpoint) = reader.take()?.map(|setpoint| *setpoint)
+        {
+            self.newest.setpoint = Some(setpoint);
+            self.tracking.setpoint(&setpoint);
+        }
+        while let Some(shape) = self.shapes.take()?.map(|shape| *shape) {
+            self.tracking.shape(&shape);
+        }
+        Ok(())
+    }
+
+    fn check_ready(&self) -> Result<(), ReplayError> {
+        match self.newest.state {
+            Some(state) if state.is_ready() => Ok(()),
+            Some(state) => {
+                let reasons = Reasons::from_bits(state.reasons).iter().map(Reason::sentence).collect::<Vec<_>>();
+                Err(ReplayError::NotReady { reasons: reasons.join("; ") })
+            }
+            None => Err(ReplayError::NotReady { reasons: "it has not said anything yet".to_owned() }),
+        }
+    }
+
+    /// The sample that the replay is on the way to, and how much of the way is left, ns of recorded time.
+    fn goal(&mut self) -> Result<Option<(Planned, f64)>, ReplayError> {
+        if self.under_way.is_some() {
+            return Ok(self.under_way);
+        }
+        // Each sample waits for the one before by the clock; the setpoint that came back last is near enough to steer by.
+        let Next::Sample(planned) = self.program.next(self.bend_rad(), true) else { return Ok(None) };
+        if planned.part == Part::Recorded && !self.has_begun {
+            self.check_start()?;
+            self.rate = 0.0;
+        }
+        self.has_begun = planned.part == Part::Recorded;
+        Ok(Some((planned, planned.dt_ns.min(LONGEST_GAP_NS) as f64)))
+    }
+
+    fn bend_rad(&self) -> [f64; 2] {
+        let slave = self.newest.state.map(|state| state.setpoint_bend_rad);
+        self.newest.setpoint.map(|setpoint| setpoint.bend_rad).or(slave).unwrap_or_default()
+    }
+
+    /// The slave itself must stand where the recorded samples begin.
+    fn check_start(&self) -> Result<(), ReplayError> {
+        let (start, slave) = (self.program.start_bend_rad(), self.newest.state.map(|state| state.setpoint_bend_rad));
+        let found = slave.unwrap_or([f64::NAN; 2]);
+        let distance_rad = (found[0] - start[0]).hypot(found[1] - start[1]);
+        if distance_rad <= START_RAD {
+            return Ok(());
+        }
+        Err(ReplayError::StartPose {
+            found_deg: found.map(f64::to_degrees),
+            expected_deg: start.map(f64::to_degrees),
+            limit_deg: START_RAD.to_degrees(),
+        })
+    }
+
+    /// The next message to the chain, at most a period after the one before; sets when it is due. `None` at the end.
+    fn plan(&mut self) -> Result<Option<Ready>, ReplayError> {
+        let Some((planned, left_ns)) = self.goal()? else { return Ok(None) };
+        let ready = |rate: f64, part: f64, arrives: bool| {
+            let arrives_at = arrives.then_some(planned.part);
+            Ok(Some(Ready { what: planned.what, rate, part, arrives_at }))
+        };
+        if planned.part != Part::Recorded {
+            self.due_ns += planned.dt_ns;
+            return ready(1.0, 1.0, true);
+        }
+        self.change_rate();
+        if self.rate == 0.0 {
+            // A pause: the operator is still there and asks for no motion.
+            self.due_ns += PERIOD_NS;
+            self.under_way = Some((planned, left_ns));
+            return ready(0.0, 0.0, false);
+        }
+        let step_ns = if left_ns / self.rate <= LONGEST_STEP_NS { left_ns / self.rate } else { PERIOD_NS as f64 };
+        self.due_ns += step_ns as i64;
+        let way_ns = step_ns * self.rate;
+        let is_there = way_ns >= left_ns - 0.5;
+        self.under_way = (!is_there).then_some((planned, left_ns - way_ns));
+        ready(self.rate, if is_there { 1.0 } else { way_ns / left_ns }, is_there)
+    }
+
+    fn change_rate(&mut self) {
+        let change = RATE_PER_S * PERIOD_NS as f64 * 1e-9;
+        self.rate += (self.wanted_rate - self.rate).clamp(-change, change);
+        if (self.rate - self.wanted_rate).abs() < change {
+            self.rate = self.wanted_rate;
+        }
+    }
+
+    /// Sends a sample with its velocity times the rate; a setpoint some part of the way from the one before.
+    fn send(&mut self, ready: &Ready) -> Result<(), ReplayError> {
+        let Ready { what, rate, part, arrives_at } = *ready;
+        if let Some(part) = arrives_at {
+            self.counts.count(part);
+        }
+        self.n_sent += 1;
+        let (sequence, now_ns) = (self.n_sent, self.due_ns);
+        let stamps = HopStamps { device_ns: now_ns, input_sent_ns: now_ns, ..HopStamps::default() };
+        match what {
+            What::Input(input) => {
+                let tip_vel_in_view_m_per_s = input.tip_vel_in_view_m_per_s.map(|v| v * rate);
+                let input = OperatorInput { sequence, sample_ns: now_ns, stamps, tip_vel_in_view_m_per_s, ..input };
+                if let Some(inputs) = &mut self.inputs {
+                    inputs.send(&input)?;
+                }
+            }
+            What::Setpoint(setpoint) => {
+                let stamps = HopStamps { resolve_begun_ns: now_ns, setpoint_sent_ns: now_ns, ..stamps };
+                let from = self.last_setpoint.map_or(setpoint.bend_rad, |last| last.bend_rad);
+                let mix = |k: usize| from[k] + (setpoint.bend_rad[k] - from[k]) * part;
+                let bend_rad = if part >= 1.0 { setpoint.bend_rad } else { [mix(0), mix(1)] };
+                let bend_vel_rad_per_s = setpoint.bend_vel_rad_per_s.map(|v| v * rate);
+                let (sample_ns, input_sequence) = (now_ns, sequence);
+                let setpoint =
+                    Setpoint { sequence, sample_ns, input_sequence, stamps, bend_rad, bend_vel_rad_per_s, ..setpoint };
+                self.last_setpoint = Some(setpoint);
+                self.newest.setpoint = Some(setpoint);
+                self.tracking.setpoint(&setpoint);
+                if let Some(setpoints) = &mut self.sent_setpoints {
+                    setpoints.send(&setpoint)?;
+                }
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,95 @@
+//! A recording taken apart: the messages of each chain that ran in it, channel by channel.
+
+use crate::ReplayError;
+use krait_ipc::message::{Command, Message, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState};
+use krait_record::{Recording, Sample};
+
+/// The messages of one chain, each channel in the order of its sequence numbers.
+#[derive(Clone, Debug, Default)]
+pub struct Pass {
+    /// What the operator asked for.
+    pub inputs: Vec<OperatorInput>,
+    /// Where the snake was to be.
+    pub setpoints: Vec<Setpoint>,
+    /// What the actuators were told.
+    pub commands: Vec<Command>,
+    /// What the actuators did.
+    pub states: Vec<SlaveState>,
+    /// What the estimator had learnt.
+    pub updates: Vec<ModelUpdate>,
+    /// What the camera saw.
+    pub shapes: Vec<Shape>,
+}
+
+/// Takes a recording apart. A channel whose sequence numbers begin anew at 1 begins its next pass.
+///
+/// # Errors
+/// [`ReplayError::Read`] when the recording cannot be read.
+pub fn passes_of(recording: &Recording) -> Result<Vec<Pass>, ReplayError> {
+    let mut passes = Passes::default();
+    for recorded in recording.samples()? {
+        match recorded?.sample {
+            Sample::Input(m) => passes.of(0, m.sequence).inputs.push(m),
+            Sample::Setpoint(m) => passes.of(1, m.sequence).setpoints.push(m),
+            Sample::Command(m) => passes.of(2, m.sequence).commands.push(m),
+            Sample::State(m) => passes.of(3, m.sequence).states.push(m),
+            Sample::ModelUpdate(m) => passes.of(4, m.sequence).updates.push(m),
+            Sample::Shape(m) => passes.of(5, m.sequence).shapes.push(m),
+            _ => {}
+        }
+    }
+    for pass in &mut passes.all {
+        pass.sort();
+    }
+    Ok(passes.all)
+}
+
+/// The text of a file that a recording embeds; `None` when it has none of that name or it is no text.
+pub fn attachment<'a>(recording: &'a Recording, name: &str) -> Option<&'a str> {
+    let found = recording.contents().attachments.iter().find(|attachment| attachment.name == name)?;
+    std::str::from_utf8(&found.data).ok()
+}
+
+impl Pass {
+    /// The message of a channel with a sequence number.
+    pub(crate) fn find<M: Message>(messages: &[M], sequence: u64) -> Option<&M> {
+        let idx = messages.binary_search_by_key(&sequence, Message::sequence).ok()?;
+        messages.get(idx)
+    }
+
+    /// A file may hold anything in any order; what is looked up must be sorted, each number once.
+    fn sort(&mut self) {
+        fn sort<M: Message>(messages: &mut Vec<M>) {
+            messages.sort_by_key(Message::sequence);
+            messages.dedup_by_key(|message| message.sequence());
+        }
+        sort(&mut self.inputs);
+        sort(&mut self.setpoints);
+        sort(&mut self.commands);
+        sort(&mut self.states);
+        sort(&mut self.updates);
+        sort(&mut self.shapes);
+    }
+}
+
+/// Passes under construction. Each channel counts its own, because the recorder takes the channels in turn.
+#[derive(Default)]
+struct Passes {
+    all: Vec<Pass>,
+    n_of_channel: [usize; 6],
+}
+
+impl Passes {
+    /// The pass that a message belongs to.
+    fn of(&mut self, channel: usize, sequence: u64) -> &mut Pass {
+        let n = &mut self.n_of_channel[channel];
+        if sequence == 1 || *n == 0 {
+            *n += 1;
+        }
+        let idx = *n - 1;
+        if self.all.len() <= idx {
+            self.all.resize_with(idx + 1, Pass::default);
+        }
+        &mut self.all[idx]
+    }
+}

@@ -1,0 +1,340 @@
+//! Plays a program to the simulated snake in the program's own time, as fast as the processes go or slower.
+//!
+//! The loop is closed: every stage sees the slave's state. Which state that is must not depend on who is scheduled first,
+//! or no two replays would be alike; so the step for sample n rests on the state after sample n - [`UNDER_WAY`], and on the
+//! model updates that the shapes up to then have led to. The same number bounds how many samples are under way, so a queue
+//! of 256 never overflows, and a replay gives the same bytes at every speed.
+
+use crate::keeper::Keeper;
+use crate::program::{Next, Part, Planned, Program, What};
+use crate::tracking::Tracking;
+use crate::{ReplayError, Turn};
+use core::time::Duration;
+use krait_ipc::message::{Command, Cue, HopStamps, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState};
+use krait_ipc::{Bus, ReadOptions, Reader, Writer, clock};
+use krait_record::Sample;
+use std::collections::VecDeque;
+
+/// Samples under way at most, and the age of the state that a step rests on, in samples: 16 ms at 1 kHz, well within what
+/// the stages take for fresh.
+pub const UNDER_WAY: u64 = 16;
+/// A chain that answers nothing for so long will not answer any more, ns.
+const STALL_NS: i64 = 20_000_000_000;
+
+/// What was sent and what came back.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct PlayCounts {
+    /// Samples of the recording or trajectory that were sent.
+    pub recorded: u64,
+    /// Samples sent on the way to the start.
+    pub approach: u64,
+    /// Samples sent while coming to rest.
+    pub rest: u64,
+    /// Samples that the slave has answered.
+    pub answered: u64,
+    /// Messages missing between the processes and the replay.
+    pub lost: u64,
+}
+
+impl PlayCounts {
+    /// Samples sent.
+    pub fn sent(&self) -> u64 {
+        self.recorded + self.approach + self.rest
+    }
+
+    pub(crate) fn count(&mut self, part: Part) {
+        match part {
+            Part::Approach => self.approach += 1,
+            Part::Recorded => self.recorded += 1,
+            Part::Rest => self.rest += 1,
+        }
+    }
+}
+
+/// What came out last, for a person who steps through a replay.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Newest {
+    /// The setpoint.
+    pub setpoint: Option<Setpoint>,
+    /// The command.
+    pub command: Option<Command>,
+    /// The slave's state.
+    pub state: Option<SlaveState>,
+}
+
+/// A replay in its own time.
+pub struct Player {
+    program: Program,
+    pending: Option<Planned>,
+    inputs: Option<Writer<OperatorInput>>,
+    sent_setpoints: Option<Writer<Setpoint>>,
+    cues: Writer<Cue>,
+    setpoints: Option<Reader<Setpoint>>,
+    commands: Reader<Command>,
+    states: Reader<SlaveState>,
+    shapes: Reader<Shape>,
+    updates: Reader<ModelUpdate>,
+    keeper: Option<Keeper>,
+    counts: PlayCounts,
+    newest: Newest,
+    tracking: Tracking,
+    /// The state before the first sample: its sequence number and its instant.
+    base: Option<(u64, i64)>,
+    /// Instants of the newest samples, the oldest first.
+    instants_ns: VecDeque<i64>,
+    /// When each shape that no step rests on yet became available.
+    shapes_ns: VecDeque<i64>,
+    n_updates_due: u64,
+    now_ns: i64,
+    progress_ns: i64,
+}
+
+impl Player {
+    /// Opens the channels. The chain must be started after this, in recorded time.
+    ///
+    /// # Errors
+    /// [`ReplayError::Ipc`] when a channel cannot be had.
+    pub fn open(bus: &Bus, program: Program, keeper: Option<Keeper>) -> Result<Self, ReplayError> {
+        let has_inputs = program.sends_inputs();
+        Ok(Self {
+            program,
+            pending: None,
+            inputs: if has_inputs { Some(bus.writer()?) } else { None },
+            sent_setpoints: if has_inputs { None } else { Some(bus.writer()?) },
+            cues: bus.writer()?,
+            setpoints: if has_inputs { Some(bus.reader(ReadOptions::observing())?) } else { None },
+            commands: bus.reader(ReadOptions::observing())?,
+            states: bus.reader(ReadOptions::following())?,
+            shapes: bus.reader(ReadOptions::observing())?,
+            updates: bus.reader(ReadOptions::observing())?,
+            keeper,
+            counts: PlayCounts::default(),
+            newest: Newest::default(),
+            tracking: Tracking::default(),
+            base: None,
+            instants_ns: VecDeque::with_capacity(UNDER_WAY as usize + 1),
+            shapes_ns: VecDeque::new(),
+            n_updates_due: 0,
+            now_ns: 0,
+            progress_ns: clock::monotonic_ns(),
+        })
+    }
+
+    /// Begins behind the newest state: the slave must be ready.
+    ///
+    /// # Errors
+    /// [`ReplayError::Stalled`] when no state has come.
+    pub fn begin(&mut self) -> Result<(), ReplayError> {
+        self.take()?;
+        let state = self.newest.state.ok_or(ReplayError::Stalled { sample: 0, n_waiting: 0, patience_s: 0 })?;
+        self.base = Some((state.sequence, state.sample_ns));
+        self.now_ns = state.sample_ns;
+        self.progress_ns = clock::monotonic_ns();
+        Ok(())
+    }
+
+    /// What was sent and what came back so far.
+    pub fn counts(&self) -> PlayCounts {
+        let readers = self.setpoints.as_ref().map_or(0, Reader::n_lost)
+            + self.commands.n_lost()
+            + self.states.n_lost()
+            + self.shapes.n_lost()
+            + self.updates.n_lost();
+        PlayCounts { lost: readers, ..self.counts }
+    }
+
+    /// What came out last.
+    pub fn newest(&self) -> &Newest {
+        &self.newest
+    }
+
+    /// How well the snake followed.
+    pub fn tracking(&self) -> &Tracking {
+        &self.tracking
+    }
+
+    /// The replay's time of the newest sample, ns.
+    pub fn now_ns(&self) -> i64 {
+        self.now_ns
+    }
+
+    /// Leaves out the rest of the score, comes to rest and ends.
+    pub fn stop(&mut self) {
+        self.pending = None;
+        self.program.stop();
+    }
+
+    /// Takes what came back, sends what is due before `until_ns` (the replay's time) but at most `n_most` recorded samples,
+    /// and sleeps for at most `patience` if neither was possible. Returns how many recorded samples were sent.
+    ///
+    /// # Errors
+    /// [`ReplayError::Stalled`] when the chain does not answer, or a channel or the recording failed.
+    pub fn turn(&mut self, until_ns: i64, n_most: u64, patience: Duration) -> Result<(Turn, u64), ReplayError> {
+        let n_taken = self.take()?;
+        let before = self.counts;
+        let ended = self.feed(until_ns, n_most)?;
+        let n_recorded = self.counts.recorded - before.recorded;
+        if ended && self.is_idle() {
+            return Ok((Turn::Done, n_recorded));
+        }
+        let now_ns = clock::monotonic_ns();
+        if n_taken > 0 || self.counts.sent() > before.sent() || self.is_idle() {
+            self.progress_ns = now_ns;
+        }
+        if n_taken == 0 && self.counts.sent() == before.sent() {
+            self.states.wait(patience)?;
+        }
+        if now_ns - self.progress_ns > STALL_NS {
+            return Err(ReplayError::Stalled {
+                sample: self.counts.sent(),
+                n_waiting: self.counts.sent() - self.counts.answered,
+                patience_s: STALL_NS.unsigned_abs() / 1_000_000_000,
+            });
+        }
+        Ok((Turn::Going, n_recorded))
+    }
+
+    /// Ends the recording. Returns how many samples it holds.
+    ///
+    /// # Errors
+    /// [`ReplayError::Record`] when it could not be written to its end.
+    pub fn finish(mut self) -> Result<Option<u64>, ReplayError> {
+        self.take()?;
+        self.keeper.map(Keeper::finish).transpose()
+    }
+
+    /// Whether every sample sent has been answered.
+    pub fn is_idle(&self) -> bool {
+        self.counts.answered == self.counts.sent()
+    }
+
+    /// States first: whatever led to a state was published before it and is found afterwards.
+    fn take(&mut self) -> Result<u64, ReplayError> {
+        let mut n_taken = 0;
+        while let Some(state) = self.states.take()?.map(|state| *state) {
+            n_taken += 1;
+            self.counts.answered = self.base.map_or(0, |(sequence, _)| state.sequence.saturating_sub(sequence));
+            self.newest.state = Some(state);
+            keep(&mut self.keeper, Sample::State(state))?;
+        }
+        while let Some(reader) = &mut self.setpoints
+            && let Some(setpoint) = reader.take()?.map(|setpoint| *setpoint)
+        {
+            self.newest.setpoint = Some(setpoint);
+            self.tracking.setpoint(&setpoint);
+            keep(&mut self.keeper, Sample::Setpoint(setpoint))?;
+        }
+        while let Some(command) = self.commands.take()?.map(|command| *command) {
+            self.newest.command = Some(command);
+            keep(&mut self.keeper, Sample::Command(command))?;
+        }
+        while let Some(shape) = self.shapes.take()?.map(|shape| *shape) {
+            self.shapes_ns.push_back(shape.available_ns);
+            self.tracking.shape(&shape);
+            keep(&mut self.keeper, Sample::Shape(shape))?;
+        }
+        while let Some(update) = self.updates.take()?.map(|update| *update) {
+            keep(&mut self.keeper, Sample::ModelUpdate(update))?;
+        }
+        Ok(n_taken)
+    }
+
+    /// Sends what may be sent now. Returns whether there is nothing more to send at all.
+    fn feed(&mut self, until_ns: i64, n_most: u64) -> Result<bool, ReplayError> {
+        let last = self.counts.recorded.saturating_add(n_most);
+        let mut n_sent = 0;
+        let mut ended = false;
+        while self.counts.sent() - self.counts.answered < UNDER_WAY {
+            let planned = match self.pending.take() {
+                Some(planned) => planned,
+                None => match self.program.next(self.bend_rad(), self.is_idle()) {
+                    Next::Sample(planned) => planned,
+                    Next::Wait => break,
+                    Next::End => {
+                        ended = true;
+                        break;
+                    }
+                },
+            };
+            let is_due = self.now_ns.saturating_add(planned.dt_ns) <= until_ns;
+            if !is_due || (planned.part == Part::Recorded && self.counts.recorded >= last) {
+                self.pending = Some(planned);
+                break;
+            }
+            self.send(&planned)?;
+            n_sent += 1;
+        }
+        if n_sent > 0 {
+            if let Some(inputs) = &mut self.inputs {
+                inputs.wake()?;
+            }
+            if let Some(setpoints) = &mut self.sent_setpoints {
+                setpoints.wake()?;
+            }
+        }
+        Ok(ended)
+    }
+
+    /// The newest setpoint's bend, or the slave's before there is one.
+    fn bend_rad(&self) -> [f64; 2] {
+        let slave = self.newest.state.map(|state| state.setpoint_bend_rad);
+        self.newest.setpoint.map(|setpoint| setpoint.bend_rad).or(slave).unwrap_or_default()
+    }
+
+    fn send(&mut self, planned: &Planned) -> Result<(), ReplayError> {
+        self.now_ns += planned.dt_ns;
+        let now_ns = self.now_ns;
+        let sequence = self.counts.sent() + 1;
+        let (base_sequence, base_ns) = self.base.unwrap_or_default();
+        self.instants_ns.push_back(now_ns);
+        let before = if self.instants_ns.len() > UNDER_WAY as usize { self.instants_ns.pop_front() } else { None };
+        self.note_updates_due(before.unwrap_or(base_ns));
+        let state_sequence = base_sequence + sequence.saturating_sub(UNDER_WAY);
+        self.cues.put(&Cue {
+            sequence,
+            sample_ns: now_ns,
+            input_sequence: sequence,
+            resolve_begun_ns: now_ns,
+            setpoint_sent_ns: now_ns,
+            compensate_begun_ns: now_ns,
+            command_sent_ns: now_ns,
+            resolve_state_sequence: state_sequence,
+            compensate_state_sequence: state_sequence,
+            model_update_sequence: self.n_updates_due,
+        })?;
+        let stamps = HopStamps { device_ns: now_ns, input_sent_ns: now_ns, ..HopStamps::default() };
+        match planned.what {
+            What::Input(input) => {
+                let input = OperatorInput { sequence, sample_ns: now_ns, stamps, ..input };
+                if let Some(inputs) = &mut self.inputs {
+                    inputs.put(&input)?;
+                }
+                keep(&mut self.keeper, Sample::Input(input))?;
+            }
+            What::Setpoint(setpoint) => {
+                let stamps = HopStamps { resolve_begun_ns: now_ns, setpoint_sent_ns: now_ns, ..stamps };
+                let setpoint = Setpoint { sequence, sample_ns: now_ns, input_sequence: sequence, stamps, ..setpoint };
+                if let Some(setpoints) = &mut self.sent_setpoints {
+                    setpoints.put(&setpoint)?;
+                }
+                self.newest.setpoint = Some(setpoint);
+                self.tracking.setpoint(&setpoint);
+                keep(&mut self.keeper, Sample::Setpoint(setpoint))?;
+            }
+        }
+        self.counts.count(planned.part);
+        Ok(())
+    }
+
+    /// Each shape gives one model update; those that had become available by an instant are due.
+    fn note_updates_due(&mut self, instant_ns: i64) {
+        while self.shapes_ns.front().is_some_and(|available_ns| *available_ns <= instant_ns) {
+            self.shapes_ns.pop_front();
+            self.n_updates_due += 1;
+        }
+    }
+}
+
+fn keep(keeper: &mut Option<Keeper>, sample: Sample) -> Result<(), ReplayError> {
+    keeper.as_mut().map_or(Ok(()), |keeper| keeper.keep(sample))
+}

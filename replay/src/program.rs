@@ -1,0 +1,305 @@
+//! What a replay sends, sample by sample: an approach to the start, the recorded samples, and a rest; once or several times.
+//!
+//! The approach steers the snake to where the recording or trajectory begins, slowly, and without knowing anything but the
+//! setpoint that came out last. The rest says that no operator is present, so that the setpoint comes to rest and the
+//! slave holds before anything ends.
+
+use crate::Trajectory;
+use krait_ipc::message::{DeviceState, OperatorInput, Phase, Setpoint};
+use krait_ipc::{Reason, Reasons};
+use krait_model::Snake;
+use nalgebra::{Rotation3, Vector2, Vector3};
+
+/// Time between two samples that the program makes by itself, ns.
+pub(crate) const PERIOD_NS: i64 = 1_000_000;
+/// Samples of a rest: within 0.3 s every setpoint that the limits allow has come to rest and the slave holds.
+const N_REST: u64 = 300;
+/// Fastest approach, rad/s: 17 deg/s, far below what an operator may ask for.
+const APPROACH_RAD_PER_S: f64 = 0.3;
+/// How much faster the approach may get from sample to sample, rad/s: full speed after 0.1 s.
+const APPROACH_GAIN_RAD_PER_S: f64 = 3e-3;
+/// Rate at which the rest of the way is covered near the end of an approach, 1/s.
+const APPROACH_RATE_PER_S: f64 = 8.0;
+/// Nearer to the start than this, the approach has arrived, rad (0.006 deg).
+const ARRIVED_RAD: f64 = 1e-4;
+/// Samples that an approach may take: the largest bend at a tenth of its speed.
+const MOST_APPROACH: u64 = 100_000;
+/// Fastest tip velocity that `resolve` takes for a hand's, m/s.
+const MAX_TIP_VEL_M_PER_S: f64 = 1.0;
+/// Longest gap between two samples that is still one recording, ns: an hour.
+const MAX_GAP_NS: i64 = 3_600_000_000_000;
+/// Latest instant that a recording may begin at, ns: 146 years, so that no sum overflows.
+const MAX_START_NS: i64 = i64::MAX / 2;
+
+/// A sample to be sent; the player numbers and stamps it.
+#[derive(Clone, Copy, Debug)]
+pub struct Planned {
+    /// The sample.
+    pub what: What,
+    /// Time since the sample before, ns; > 0.
+    pub dt_ns: i64,
+    /// What it belongs to.
+    pub part: Part,
+}
+
+/// A sample for `resolve`, or one that takes the place of `resolve`'s.
+#[derive(Clone, Copy, Debug)]
+pub enum What {
+    /// What an operator asks for.
+    Input(OperatorInput),
+    /// Where the snake shall be.
+    Setpoint(Setpoint),
+}
+
+/// The parts of a program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// On the way to the start.
+    Approach,
+    /// What was recorded, or stands in the table.
+    Recorded,
+    /// Coming to rest.
+    Rest,
+}
+
+/// What is to be sent next.
+#[allow(clippy::large_enum_variant, reason = "nearly all are samples, and a sample shall not be on the heap")]
+#[derive(Clone, Copy, Debug)]
+pub enum Next {
+    /// This sample.
+    Sample(Planned),
+    /// Nothing until every sample under way has come through.
+    Wait,
+    /// Nothing more.
+    End,
+}
+
+/// What is played.
+#[derive(Clone, Debug)]
+pub enum Score {
+    /// Operator input, in order, each acceptable to `resolve`.
+    Inputs(Vec<OperatorInput>),
+    /// A trajectory of the bend vector.
+    Trajectory(Trajectory),
+}
+
+/// A score, where it begins, and how often it is played.
+#[derive(Clone, Debug)]
+pub struct Program {
+    score: Score,
+    start_bend_rad: [f64; 2],
+    n_loops_left: u64,
+    snake: Snake,
+    view_from_base: Rotation3<f64>,
+    part: Part,
+    n_in_part: u64,
+    approach_from_rad: Option<Vector2<f64>>,
+    last_bend_rad: Vector2<f64>,
+}
+
+impl Score {
+    /// The inputs of a recording that `resolve` would take: finite, no faster than a hand, each after the one before
+    /// and within an hour of it. Also
+    /// says how many it would refuse; those are left out.
+    pub fn of_inputs(inputs: &[OperatorInput]) -> (Self, usize) {
+        let mut taken: Vec<OperatorInput> = Vec::with_capacity(inputs.len());
+        for input in inputs {
+            let is_hand = input.tip_vel_in_view_m_per_s.iter().all(|v| v.abs() <= MAX_TIP_VEL_M_PER_S);
+            let follows = match taken.last() {
+                Some(before) => (1..=MAX_GAP_NS).contains(&input.sample_ns.saturating_sub(before.sample_ns)),
+                None => (0..=MAX_START_NS).contains(&input.sample_ns),
+            };
+            if is_hand && follows {
+                taken.push(*input);
+            }
+        }
+        let n_refused = inputs.len() - taken.len();
+        (Self::Inputs(taken), n_refused)
+    }
+
+    /// Samples that it holds.
+    pub fn n_samples(&self) -> u64 {
+        match self {
+            Self::Inputs(inputs) => inputs.len() as u64,
+            Self::Trajectory(trajectory) => trajectory.n_samples(),
+        }
+    }
+
+    /// Its length, s.
+    pub fn length_s(&self) -> f64 {
+        match self {
+            Self::Inputs(inputs) => {
+                let ends = inputs.first().zip(inputs.last());
+                ends.map_or(0.0, |(first, last)| last.sample_ns.saturating_sub(first.sample_ns) as f64 * 1e-9)
+            }
+            Self::Trajectory(trajectory) => trajectory.length_s(),
+        }
+    }
+}
+
+impl Program {
+    /// A program that begins at a bend. `view_roll_rad` is that of `resolve`.
+    pub fn new(score: Score, start_bend_rad: [f64; 2], n_loops: u64, snake: Snake, view_roll_rad: f64) -> Self {
+        Self {
+            score,
+            start_bend_rad,
+            n_loops_left: n_loops,
+            snake,
+            view_from_base: Rotation3::from_axis_angle(&Vector3::z_axis(), view_roll_rad).inverse(),
+            part: Part::Approach,
+            n_in_part: 0,
+            approach_from_rad: None,
+            last_bend_rad: Vector2::zeros(),
+        }
+    }
+
+    /// Whether operator input is sent; otherwise setpoints are, and `resolve` has no part in it.
+    pub fn sends_inputs(&self) -> bool {
+        matches!(self.score, Score::Inputs(_))
+    }
+
+    /// Where the score begins, rad.
+    pub fn start_bend_rad(&self) -> [f64; 2] {
+        self.start_bend_rad
+    }
+
+    /// Leaves out the rest of the score: comes to rest and ends.
+    pub fn stop(&mut self) {
+        self.n_loops_left = 1;
+        if self.part != Part::Rest {
+            self.enter(Part::Rest);
+        }
+    }
+
+    /// The next sample. `bend_rad` is the newest setpoint that has come out; `is_idle` says that no sample is under way.
+    pub fn next(&mut self, bend_rad: [f64; 2], is_idle: bool) -> Next {
+        loop {
+            let sample = match self.part {
+                Part::Approach if !is_idle && (self.sends_inputs() || self.approach_from_rad.is_none()) => {
+                    return Next::Wait;
+                }
+                Part::Approach => self.approach(bend_rad.into()),
+                Part::Recorded => self.recorded(),
+                Part::Rest if self.n_in_part < N_REST => Some(self.rest()),
+                Part::Rest => None,
+            };
+            if let Some(sample) = sample {
+                self.n_in_part += 1;
+                return Next::Sample(sample);
+            }
+            match self.part {
+                Part::Approach => self.enter(Part::Recorded),
+                Part::Recorded => self.enter(Part::Rest),
+                Part::Rest if self.n_loops_left > 1 => {
+                    self.n_loops_left -= 1;
+                    self.enter(Part::Approach);
+                }
+                Part::Rest => return Next::End,
+            }
+        }
+    }
+
+    fn enter(&mut self, part: Part) {
+        (self.part, self.n_in_part, self.approach_from_rad) = (part, 0, None);
+    }
+
+    fn approach(&mut self, bend_rad: Vector2<f64>) -> Option<Planned> {
+        let target = Vector2::from(self.start_bend_rad);
+        if self.n_in_part >= MOST_APPROACH {
+            return None;
+        }
+        if !self.sends_inputs() {
+            return self.glide(bend_rad, target);
+        }
+        let way = target - bend_rad;
+        if way.norm() <= ARRIVED_RAD {
+            return None;
+        }
+        let fastest = APPROACH_RAD_PER_S.min(APPROACH_GAIN_RAD_PER_S * (self.n_in_part + 1) as f64);
+        let bend_vel = way * (fastest / way.norm()).min(APPROACH_RATE_PER_S);
+        let linear_rows = self.snake.j_x_bend(bend_rad).fixed_rows::<3>(0).into_owned();
+        let tip_vel_in_view = self.view_from_base * (linear_rows * bend_vel);
+        let input = operator_input(tip_vel_in_view.into(), OperatorInput::OPERATOR_PRESENT, DeviceState::Live);
+        Some(Planned { what: What::Input(input), dt_ns: PERIOD_NS, part: Part::Approach })
+    }
+
+    /// From where the slave stands to the start with the least jerk: s = 10 u^3 - 15 u^4 + 6 u^5, fastest 1.875 in the middle.
+    fn glide(&mut self, bend_rad: Vector2<f64>, target: Vector2<f64>) -> Option<Planned> {
+        let from = *self.approach_from_rad.get_or_insert(bend_rad);
+        let way = target - from;
+        let time_s = 1.875 * way.norm() / APPROACH_RAD_PER_S;
+        let u = (self.n_in_part + 1) as f64 * PERIOD_NS as f64 * 1e-9 / time_s;
+        if way.norm() <= ARRIVED_RAD || u >= 1.0 {
+            return None;
+        }
+        let part = u * u * u * (10.0 + u * (6.0 * u - 15.0));
+        let rate_per_s = 30.0 * (u * (1.0 - u)).powi(2) / time_s;
+        self.last_bend_rad = from + way * part;
+        let what = self.setpoint(self.last_bend_rad, way * rate_per_s, Phase::Following);
+        Some(Planned { what, dt_ns: PERIOD_NS, part: Part::Approach })
+    }
+
+    fn recorded(&mut self) -> Option<Planned> {
+        let idx = self.n_in_part as usize;
+        let (what, dt_ns) = match &self.score {
+            Score::Inputs(inputs) => {
+                let input = *inputs.get(idx)?;
+                let before = idx.checked_sub(1).and_then(|before| inputs.get(before));
+                (What::Input(input), before.map_or(PERIOD_NS, |before| input.sample_ns - before.sample_ns))
+            }
+            Score::Trajectory(trajectory) => {
+                let (bend_rad, bend_vel_rad_per_s) = trajectory.sample(self.n_in_part)?;
+                self.last_bend_rad = bend_rad;
+                (self.setpoint(bend_rad, bend_vel_rad_per_s, Phase::Following), PERIOD_NS)
+            }
+        };
+        Some(Planned { what, dt_ns, part: Part::Recorded })
+    }
+
+    fn rest(&self) -> Planned {
+        let what = if self.sends_inputs() {
+            What::Input(operator_input([0.0; 3], 0, DeviceState::Ended))
+        } else {
+            self.setpoint(self.last_bend_rad, Vector2::zeros(), Phase::Holding)
+        };
+        Planned { what, dt_ns: PERIOD_NS, part: Part::Rest }
+    }
+
+    fn setpoint(&self, bend_rad: Vector2<f64>, bend_vel_rad_per_s: Vector2<f64>, phase: Phase) -> What {
+        let reasons = if phase == Phase::Following { Reasons::NONE } else { Reasons::NONE.with(Reason::InputEnded) };
+        What::Setpoint(Setpoint {
+            sequence: 0,
+            sample_ns: 0,
+            stamps: krait_ipc::message::HopStamps::default(),
+            input_sequence: 0,
+            state_sequence: 0,
+            bend_rad: bend_rad.into(),
+            bend_vel_rad_per_s: bend_vel_rad_per_s.into(),
+            // A forecast that only `resolve` makes.
+            q_tilde_vel_m_per_s: [f64::NAN; 3],
+            tip_pos_in_base_m: self.snake.tip_pos_in_base_m(bend_rad).into(),
+            motion_scale: 1.0,
+            phase: phase as u32,
+            reserved: 0,
+            reasons: reasons.bits(),
+        })
+    }
+}
+
+fn operator_input(tip_vel_in_view_m_per_s: [f64; 3], flags: u32, device: DeviceState) -> OperatorInput {
+    OperatorInput {
+        sequence: 0,
+        sample_ns: 0,
+        stamps: krait_ipc::message::HopStamps::default(),
+        tip_vel_in_view_m_per_s,
+        tip_angular_vel_in_view_rad_per_s: [0.0; 3],
+        raw_axes: [0; 6],
+        flags,
+        buttons: 0,
+        device_state: device as u32,
+        reserved: 0,
+        n_reports: 0,
+        n_drained: 0,
+        n_refused: 0,
+    }
+}

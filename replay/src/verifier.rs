@@ -1,0 +1,288 @@
+//! One pass through freshly started stages again, several samples under way at once, every output compared byte by byte.
+//!
+//! Back-pressure: what comes out says how far the stages are, and never are more samples under way than [`WINDOW`]. So no
+//! queue overflows however the stages are scheduled, and every sample is accounted for.
+
+use crate::difference::{Bytes, Difference, first_field};
+use crate::steps::{Step, Steps};
+use crate::{Pass, ReplayError};
+use core::time::Duration;
+use krait_ipc::message::{Command, Cue, Health, ModelUpdate, OperatorInput, Setpoint, SlaveState};
+use krait_ipc::{Bus, ReadOptions, Reader, Reason, Reasons, Writer, clock, health_channel};
+use krait_record::Sample;
+
+/// Samples under way at most. A stage's queue holds 256; a sample rests on up to two states.
+const WINDOW: usize = 96;
+/// How long the replay sleeps at most before it looks at the world again.
+const PATIENCE: Duration = Duration::from_millis(20);
+/// A chain that answers nothing for so long will not answer any more: a busy machine takes a second, ns.
+const STALL_NS: i64 = 20_000_000_000;
+
+/// Whether there is more to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Turn {
+    /// More samples are to be sent or awaited.
+    Going,
+    /// All is done, or a difference was found.
+    Done,
+}
+
+/// Sends a pass and compares what comes back.
+pub struct Verifier<'a> {
+    pass: &'a Pass,
+    number: usize,
+    steps: Steps,
+    channels: Channels,
+    n_fed: usize,
+    /// Commands that the samples fed so far must give.
+    n_due: usize,
+    /// Setpoints that came out the same.
+    pub n_setpoints: usize,
+    /// Commands that came out the same.
+    pub n_commands: usize,
+    bytes: Bytes,
+    difference: Option<Difference>,
+    progress_ns: i64,
+}
+
+/// Where samples are sent, and where their outputs come back.
+struct Channels {
+    inputs: Option<Writer<OperatorInput>>,
+    // Without operator input, the setpoints are what is sent.
+    sent_setpoints: Option<Writer<Setpoint>>,
+    cues: Writer<Cue>,
+    states: Writer<SlaveState>,
+    updates: Writer<ModelUpdate>,
+    setpoints: Option<Reader<Setpoint>>,
+    commands: Reader<Command>,
+    healths: Vec<(&'static str, Reader<Health>)>,
+}
+
+impl<'a> Verifier<'a> {
+    /// Opens the channels. The stages must be started after this and be ready before the first turn.
+    ///
+    /// # Errors
+    /// [`ReplayError`] when the recording lacks what a step depended on, or a channel cannot be had.
+    pub fn open(bus: &Bus, pass: &'a Pass, number: usize) -> Result<Self, ReplayError> {
+        let steps = Steps::of(pass)?;
+        let has_inputs = steps.has_inputs;
+        let channels = Channels {
+            inputs: if has_inputs { Some(bus.writer()?) } else { None },
+            sent_setpoints: if has_inputs { None } else { Some(bus.writer()?) },
+            cues: bus.writer()?,
+            states: bus.writer()?,
+            updates: bus.writer()?,
+            setpoints: if has_inputs { Some(bus.reader(ReadOptions::observing())?) } else { None },
+            commands: bus.reader(ReadOptions::following())?,
+            healths: ["resolve", "compensate"]
+                .into_iter()
+                .map(|name| Ok((name, bus.reader_on(&health_channel(name), ReadOptions::glancing())?)))
+                .collect::<Result<_, ReplayError>>()?,
+        };
+        Ok(Self {
+            pass,
+            number,
+            steps,
+            channels,
+            n_fed: 0,
+            n_due: 0,
+            n_setpoints: 0,
+            n_commands: 0,
+            bytes: Bytes::default(),
+            difference: None,
+            progress_ns: clock::monotonic_ns(),
+        })
+    }
+
+    /// Whether operator input is sent; otherwise `resolve` is not needed.
+    pub fn has_inputs(&self) -> bool {
+        self.steps.has_inputs
+    }
+
+    /// Setpoints at the end of the recording that no command answers; they are not repeated.
+    pub fn n_unanswered(&self) -> usize {
+        self.steps.n_unanswered
+    }
+
+    /// Bytes compared so far.
+    pub fn n_bytes(&self) -> u64 {
+        self.bytes.n_compared
+    }
+
+    /// The first difference, if there is one.
+    pub fn difference(&self) -> Option<&Difference> {
+        self.difference.as_ref()
+    }
+
+    /// Takes what came back, sends what there is room for, and sleeps a little if neither was possible.
+    ///
+    /// # Errors
+    /// [`ReplayError::Stalled`] when nothing comes back any more, or a channel failed.
+    pub fn turn(&mut self) -> Result<Turn, ReplayError> {
+        let n_taken = self.take_setpoints()? + self.take_commands()?;
+        let is_answered = self.n_commands == self.n_due && (!self.has_inputs() || self.n_setpoints == self.n_fed);
+        if self.difference.is_some() || (is_answered && self.n_fed == self.steps.all.len()) {
+            return Ok(Turn::Done);
+        }
+        let n_sent = self.feed()?;
+        let now_ns = clock::monotonic_ns();
+        if n_taken + n_sent > 0 {
+            self.progress_ns = now_ns;
+            return Ok(Turn::Going);
+        }
+        self.channels.commands.wait(PATIENCE)?;
+        self.look_for_refusals()?;
+        if now_ns - self.progress_ns > STALL_NS {
+            let n_waiting = (self.n_due - self.n_commands) as u64;
+            return Err(ReplayError::Stalled {
+                sample: self.n_fed as u64,
+                n_waiting,
+                patience_s: STALL_NS.unsigned_abs() / 1_000_000_000,
+            });
+        }
+        Ok(Turn::Going)
+    }
+
+    fn feed(&mut self) -> Result<usize, ReplayError> {
+        let before = self.n_fed;
+        while let Some(step) = self.steps.all.get(self.n_fed).copied() {
+            let n_at_resolve = if self.has_inputs() { self.n_fed - self.n_setpoints } else { 0 };
+            if n_at_resolve >= WINDOW || self.n_due - self.n_commands >= WINDOW {
+                break;
+            }
+            self.send(&step)?;
+            self.n_fed += 1;
+            self.n_due += usize::from(step.command_idx.is_some());
+        }
+        if self.n_fed > before {
+            self.channels.wake()?;
+        }
+        Ok(self.n_fed - before)
+    }
+
+    /// First what the step depends on, then the cue, then the sample: whoever has the sample has all of it.
+    fn send(&mut self, step: &Step) -> Result<(), ReplayError> {
+        let cue = &step.cue;
+        let newest_state = cue.resolve_state_sequence.max(cue.compensate_state_sequence);
+        while let Some(sequence) = self.steps.state_sequences.first().copied().filter(|s| *s <= newest_state) {
+            self.steps.state_sequences.pop_first();
+            if let Some(state) = Pass::find(&self.pass.states, sequence) {
+                self.channels.states.put(state)?;
+            }
+        }
+        let newest_update = cue.model_update_sequence;
+        while let Some(sequence) = self.steps.update_sequences.first().copied().filter(|s| *s <= newest_update) {
+            self.steps.update_sequences.pop_first();
+            if let Some(update) = Pass::find(&self.pass.updates, sequence) {
+                self.channels.updates.put(update)?;
+            }
+        }
+        self.channels.cues.put(&Cue { sequence: self.n_fed as u64 + 1, ..*cue })?;
+        if let Some(inputs) = &mut self.channels.inputs
+            && let Some(input) = Pass::find(&self.pass.inputs, cue.input_sequence)
+        {
+            inputs.put(input)?;
+        }
+        if let Some(setpoints) = &mut self.channels.sent_setpoints
+            && let Some(setpoint) = self.pass.setpoints.get(step.setpoint_idx)
+        {
+            setpoints.put(setpoint)?;
+        }
+        Ok(())
+    }
+
+    fn take_setpoints(&mut self) -> Result<usize, ReplayError> {
+        let mut n_taken = 0;
+        while let Some(reader) = &mut self.channels.setpoints
+            && self.difference.is_none()
+            && let Some(repeated) = reader.take()?.map(|setpoint| *setpoint)
+        {
+            n_taken += 1;
+            let recorded = self.pass.setpoints.get(self.n_setpoints).copied();
+            let was_refused = |recorded: &Setpoint| recorded.input_sequence != repeated.input_sequence;
+            let refused = recorded.is_some_and(|recorded| was_refused(&recorded));
+            self.compare("resolve", recorded, repeated, refused, |s| (s.sequence, Sample::Setpoint(*s)));
+            self.n_setpoints += usize::from(self.difference.is_none());
+        }
+        Ok(n_taken)
+    }
+
+    fn take_commands(&mut self) -> Result<usize, ReplayError> {
+        let mut n_taken = 0;
+        while self.difference.as_ref().is_none_or(|found| found.process == "resolve")
+            && let Some(repeated) = self.channels.commands.take()?.map(|command| *command)
+        {
+            n_taken += 1;
+            let recorded = self.pass.commands.get(self.n_commands).copied();
+            // What rests on a setpoint that differs need not be looked at: the setpoint is the first difference.
+            let limit = self.difference.as_ref().map_or(u64::MAX, |found| found.sequence);
+            if repeated.setpoint_sequence >= limit {
+                break;
+            }
+            let refused = recorded.is_some_and(|recorded| recorded.setpoint_sequence != repeated.setpoint_sequence);
+            let before = self.difference.take();
+            self.compare("compensate", recorded, repeated, refused, |c| (c.sequence, Sample::Command(*c)));
+            self.n_commands += usize::from(self.difference.is_none());
+            self.difference = self.difference.take().or(before);
+        }
+        Ok(n_taken)
+    }
+
+    fn compare<M: core::fmt::Debug>(
+        &mut self,
+        process: &'static str,
+        recorded: Option<M>,
+        repeated: M,
+        refused: bool,
+        of: impl Fn(&M) -> (u64, Sample),
+    ) {
+        let (sequence, repeated_sample) = of(&repeated);
+        let Some(recorded) = recorded else {
+            self.differ(process, sequence, ("(output)".to_owned(), "none".to_owned(), "one".to_owned()));
+            return;
+        };
+        let (sequence, recorded_sample) = of(&recorded);
+        if refused {
+            self.differ(process, sequence, ("(output)".to_owned(), "one".to_owned(), "none".to_owned()));
+        } else if !self.bytes.same(&recorded_sample, &repeated_sample) {
+            self.differ(process, sequence, first_field(&recorded, &repeated));
+        }
+    }
+
+    fn differ(&mut self, process: &'static str, sequence: u64, (field, recorded, repeated): (String, String, String)) {
+        self.difference = Some(Difference { process, pass: self.number, sequence, field, recorded, repeated });
+    }
+
+    /// A sample that is refused gives no output; the stage says so in its health.
+    fn look_for_refusals(&mut self) -> Result<(), ReplayError> {
+        let mut refused = None;
+        for (name, reader) in &mut self.channels.healths {
+            if let Some(health) = reader.take_newest()?
+                && health.n_refused > 0
+                && refused.is_none()
+            {
+                let why = Reasons::from_bits(health.reasons_now).iter().next().map_or("refused", Reason::sentence);
+                refused = Some((*name, why));
+            }
+        }
+        if let Some((process, why)) = refused {
+            let sequence = 1 + if process == "resolve" { self.n_setpoints } else { self.n_commands } as u64;
+            self.differ(process, sequence, ("(output)".to_owned(), "one".to_owned(), format!("none: {why}")));
+        }
+        Ok(())
+    }
+}
+
+impl Channels {
+    fn wake(&mut self) -> Result<(), ReplayError> {
+        self.states.wake()?;
+        self.updates.wake()?;
+        if let Some(inputs) = &mut self.inputs {
+            inputs.wake()?;
+        }
+        if let Some(setpoints) = &mut self.sent_setpoints {
+            setpoints.wake()?;
+        }
+        Ok(())
+    }
+}
