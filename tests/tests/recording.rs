@@ -5,6 +5,7 @@
 use core::time::Duration;
 use krait_record::{Recording, Sample};
 use krait_tests::{Ended, Krait, TempFolder, instance_name, wait_until};
+use rustix::process::Signal;
 use std::fs;
 use std::path::Path;
 
@@ -26,14 +27,20 @@ fn a_run_is_marked_rotated_exported_broken_and_recovered() {
         "--recording",
         &path,
         "--seconds",
-        "10",
+        "300",
         "--rotate-s",
         "2",
     ]);
-    let mark = || krait(&["mark", "vessel", "touched", "--instance", &instance]);
-    let marked = wait_until(PATIENCE, || mark().code == Some(0));
-    assert!(marked, "a mark is taken while the chain runs");
+    let mut refused = String::new();
+    let marked = wait_until(PATIENCE, || {
+        let mark = krait(&["mark", "vessel", "touched", "--instance", &instance]);
+        refused = mark.stderr;
+        mark.code == Some(0)
+    });
+    let long_enough = marked && wait_until(PATIENCE, || n_parts(&folder) >= 5);
+    run.signal(Signal::INT);
     let ended = run.end(PATIENCE);
+    assert!(marked && long_enough, "a mark is taken while the chain runs: {refused}the chain said: {}", ended.stderr);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     assert_eq!((&ended.json()["recording_is_whole"], &ended.json()["samples"]["lost"]), (&true.into(), &0.into()));
 
@@ -49,6 +56,15 @@ fn a_run_is_marked_rotated_exported_broken_and_recovered() {
     check_export(&folder, &path);
     // The last but one is two whole seconds of a chain that runs, however long its start took.
     check_recover(&folder, &parts[parts.len() - 2].path().display().to_string());
+}
+
+/// Recordings so far: each part is a file.
+fn n_parts(folder: &TempFolder) -> usize {
+    fs::read_dir(folder.path()).map_or(0, |files| files.flatten().filter(|f| is_recording(&f.path())).count())
+}
+
+fn is_recording(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension == "mcap")
 }
 
 fn check_export(folder: &TempFolder, path: &str) {
