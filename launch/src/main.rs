@@ -8,6 +8,7 @@ mod cli_lab_data;
 mod cli_replay;
 mod commands;
 mod config;
+mod device;
 mod doctor;
 mod evidence;
 mod paper;

@@ -2,10 +2,12 @@
 
 use crate::commands::process::{CONFIG_ATTACHMENT, MODEL_ATTACHMENT, TRUTH_ATTACHMENT};
 use crate::config::Config;
+use crate::device::{DEVICE_KEY, SERIAL_KEY};
 use anyhow::Context;
 use krait_ipc::message::Command;
 use krait_record::Recording;
 use krait_replay::{Pass, attachment};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// The name that most chains have, so that none of it means a name of one's own.
@@ -42,9 +44,30 @@ pub fn config_of_pass(config: &Config, pass: &Pass) -> Config {
 
 /// Version and git revision that made a recording.
 pub fn made_with(recording: &Recording) -> String {
+    format!("{} ({})", word(recording, "krait_version"), word(recording, "git_revision"))
+}
+
+/// What a recording says about its run and the operator's device.
+pub fn about(recording: &Recording) -> BTreeMap<&'static str, String> {
+    let said = |key| (key, word(recording, key).to_owned());
+    BTreeMap::from([
+        said("run_id"),
+        said("host"),
+        said(DEVICE_KEY),
+        said(SERIAL_KEY),
+        ("recorded_with", made_with(recording)),
+    ])
+}
+
+/// The operator's device and its serial number.
+pub fn device_of(recording: &Recording) -> [String; 2] {
+    [DEVICE_KEY, SERIAL_KEY].map(|key| word(recording, key).to_owned())
+}
+
+/// A value of the metadata record `krait`; `unknown` where it has none.
+fn word<'a>(recording: &'a Recording, key: &str) -> &'a str {
     let about = recording.contents().metadata.get("krait");
-    let word = |key: &str| about.and_then(|a| a.get(key)).map_or("unknown", String::as_str);
-    format!("{} ({})", word("krait_version"), word("git_revision"))
+    about.and_then(|about| about.get(key)).map_or("unknown", String::as_str)
 }
 
 /// Version and git revision of this program.

@@ -29,6 +29,8 @@ pub struct Setup {
     pub length_s: f64,
     /// Recorded samples that `resolve` would refuse; they are left out.
     pub n_refused: usize,
+    /// Device and serial number of the hand that is replayed, as the recording names them.
+    pub device: [String; 2],
 }
 
 impl Setup {
@@ -47,12 +49,13 @@ impl Setup {
 
     fn of_recording(common: &Common, args: &ReplayArgs, to_s: f64, folder: &Path) -> anyhow::Result<Self> {
         let named = || format!("recording {}", args.file.display());
-        let recording = Recording::open(&args.file)?;
-        let passes = passes_of(&recording)?;
+        let parts = Recording::open_parts(&args.file)?;
+        let recording = &parts[0];
+        let passes = passes_of(&parts)?;
         let Some(pass) = usize::try_from(args.pass - 1).ok().and_then(|idx| passes.get(idx)) else {
             bail!("{}: --pass {}: it holds {}", named(), args.pass, n_passes(passes.len()));
         };
-        let config = recorded::config_of(&recording, folder).with_context(named)?;
+        let config = recorded::config_of(recording, folder).with_context(named)?;
         let config = replaced(common, args, recorded::config_of_pass(&config, pass))?;
         let (score, n_refused) = Score::of_inputs(&pass.inputs);
         let Score::Inputs(inputs) = score else { bail!("{}: it holds no operator input", named()) };
@@ -67,8 +70,11 @@ impl Setup {
             bail!("{}: no operator input lies between --from {} and --to {to_s}", named(), args.from);
         };
         let start_bend_rad = start_bend(pass, &first);
-        Self::new(config, Score::Inputs(inputs), start_bend_rad, first.sample_ns, args.loops)
-            .map(|setup| Self { n_refused, ..setup })
+        Self::new(config, Score::Inputs(inputs), start_bend_rad, first.sample_ns, args.loops).map(|setup| Self {
+            n_refused,
+            device: recorded::device_of(recording),
+            ..setup
+        })
     }
 
     fn of_table(common: &Common, args: &ReplayArgs, to_s: f64) -> anyhow::Result<Self> {
@@ -101,7 +107,8 @@ impl Setup {
         let snake = Snake::new(&config.machine)?;
         let (n_samples, length_s) = (score.n_samples(), score.length_s());
         let program = Program::new(score, start_bend_rad, n_loops, snake, config.resolve.view_roll_rad);
-        Ok(Self { program, config, start_ns, n_samples, length_s, n_refused: 0 })
+        let device = ["trajectory".to_owned(), "none (trajectory)".to_owned()];
+        Ok(Self { program, config, start_ns, n_samples, length_s, n_refused: 0, device })
     }
 }
 

@@ -138,11 +138,19 @@ impl Supervisor {
         if self.budget.is_none() {
             self.budget = Some(BudgetWatch::new(options.config.budget)?);
         }
-        for name in START_ORDER.into_iter().filter(|name| options.cast.processes.contains(name)) {
+        let is_live = options.cast.recorded_time_ns.is_none();
+        let names = || START_ORDER.into_iter().filter(|name| options.cast.processes.contains(name));
+        for name in names() {
             let arguments = arguments_of(name, options);
             self.spawn(name, &config_path, &arguments)?;
-            // One after the other: whoever speaks is heard by everyone from its first word.
-            self.wait_until(&format!("process `{name}` is ready"), stop, |s| s.is_ready(name))?;
+            // One after the other: whoever speaks is heard by everyone from its first word. In a replay all are silent
+            // until the last is ready.
+            if is_live {
+                self.wait_until_ready(name, stop)?;
+            }
+        }
+        for name in names().filter(|_| !is_live) {
+            self.wait_until_ready(name, stop)?;
         }
         if !options.cast.processes.contains(&"slave") {
             return Ok(());
@@ -240,6 +248,10 @@ impl Supervisor {
     fn is_ready(&self, name: &str) -> bool {
         let running = self.children.iter().find(|running| running.name == name && !running.ended);
         running.is_some_and(|running| self.health(name).is_some_and(|health| health.pid == running.child.id()))
+    }
+
+    fn wait_until_ready(&mut self, name: &'static str, stop: &AtomicBool) -> anyhow::Result<()> {
+        self.wait_until(&format!("process `{name}` is ready"), stop, |s| s.is_ready(name))
     }
 
     fn wait_until(&mut self, what: &str, stop: &AtomicBool, done: impl Fn(&Self) -> bool) -> anyhow::Result<()> {

@@ -54,10 +54,7 @@ impl HidHost for SystemHost {
     fn open(&mut self, choice: &DeviceChoice) -> Result<OpenPort, MasterError> {
         let api = HidApi::new().map_err(|e| failed("listing the devices", e))?;
         let devices = devices_of(&api);
-        let mut admitted = devices.iter().filter(|d| choice.admits(d.vendor_id, d.product_id, &d.serial));
-        // A mouse is taken only where nothing else is admitted: somebody has asked for it by name.
-        let wanted = admitted.clone().find(|d| may_be_hand(&api, &d.path)).or_else(|| admitted.next());
-        let device = wanted.ok_or_else(|| no_device(choice, &devices))?;
+        let device = chosen(&api, choice, &devices)?;
         let nodes = devices
             .iter()
             .filter(|d| is_same_device(d, device) && (d.path == device.path || may_be_hand(&api, &d.path)));
@@ -65,6 +62,22 @@ impl HidHost for SystemHost {
         let port = Box::new(HidNodes::new(ports));
         Ok(OpenPort { port, vid_pid: (device.vendor_id, device.product_id) })
     }
+}
+
+/// The device that a choice names, as [`crate::HidSource`] would open it now. Slow, and nothing is opened.
+///
+/// # Errors
+/// [`MasterError::NoDevice`] when there is none, [`MasterError::Hid`] when the HID system cannot be asked.
+pub fn chosen_device(choice: &DeviceChoice) -> Result<DeviceInfo, MasterError> {
+    let api = HidApi::new().map_err(|e| failed("listing the devices", e))?;
+    chosen(&api, choice, &devices_of(&api)).cloned()
+}
+
+fn chosen<'a>(api: &HidApi, choice: &DeviceChoice, devices: &'a [DeviceInfo]) -> Result<&'a DeviceInfo, MasterError> {
+    let mut admitted = devices.iter().filter(|d| choice.admits(d.vendor_id, d.product_id, &d.serial));
+    // A mouse is taken only where nothing else is admitted: somebody has asked for it by name.
+    let wanted = admitted.clone().find(|d| may_be_hand(api, &d.path)).or_else(|| admitted.next());
+    wanted.ok_or_else(|| no_device(choice, devices))
 }
 
 struct SystemPort(HidDevice);

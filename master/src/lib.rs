@@ -59,6 +59,7 @@ pub use decoder::{Decoder, ReportCounts};
 pub use device_state::DeviceMonitor;
 pub use devices::{DeviceChoice, DeviceInfo, KNOWN_DEVICES, KnownDevice, list_devices};
 pub use error::MasterError;
+pub use hid::chosen_device;
 pub use hid_source::HidSource;
 pub use operator::{Hand, Operator, OperatorMotion};
 pub use presence::{Clutch, MarkButton, Presence};

@@ -117,10 +117,11 @@ impl LivePlayer {
         self.wanted_rate = rate;
     }
 
-    /// Comes to rest and ends.
+    /// Comes to rest and ends; to be said again until the end, because the rate falls first.
     pub fn stop(&mut self) {
         self.wanted_rate = 0.0;
-        if self.rate == 0.0 || !self.has_begun {
+        // The samples of a rest that has begun are waited for and sent like any other.
+        if (self.rate == 0.0 || !self.has_begun) && !self.program.is_at_last_rest() {
             (self.under_way, self.ready) = (None, None);
             self.program.stop();
         }

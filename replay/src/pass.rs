@@ -21,13 +21,15 @@ pub struct Pass {
     pub shapes: Vec<Shape>,
 }
 
-/// Takes a recording apart. A channel whose sequence numbers begin anew at 1 begins its next pass.
+/// Takes the parts of a recording apart, in their order. A channel whose sequence numbers begin anew at 1 begins its next
+/// pass; a new part begins none.
 ///
 /// # Errors
 /// [`ReplayError::Read`] when the recording cannot be read.
-pub fn passes_of(recording: &Recording) -> Result<Vec<Pass>, ReplayError> {
+pub fn passes_of(parts: &[Recording]) -> Result<Vec<Pass>, ReplayError> {
     let mut passes = Passes::default();
-    for recorded in recording.samples()? {
+    let parts = parts.iter().map(Recording::samples).collect::<Result<Vec<_>, _>>()?;
+    for recorded in parts.into_iter().flatten() {
         match recorded?.sample {
             Sample::Input(m) => passes.of(0, m.sequence).inputs.push(m),
             Sample::Setpoint(m) => passes.of(1, m.sequence).setpoints.push(m),

@@ -171,6 +171,11 @@ impl Program {
         }
     }
 
+    /// Whether only the rest at the very end is left.
+    pub(crate) fn is_at_last_rest(&self) -> bool {
+        self.part == Part::Rest && self.n_loops_left == 1
+    }
+
     /// The next sample. `bend_rad` is the newest setpoint that has come out; `is_idle` says that no sample is under way.
     pub fn next(&mut self, bend_rad: [f64; 2], is_idle: bool) -> Next {
         loop {

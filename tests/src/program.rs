@@ -6,7 +6,7 @@ use rustix::process::{Pid, Signal, kill_process};
 use std::ffi::OsStr;
 use std::io::Read;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::OnceLock;
 
 /// The `krait` program of this build, made up to date once per test program.
@@ -51,6 +51,15 @@ impl Krait {
         let mut command = Command::new(krait_program());
         command.args(arguments).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         Self { child: command.spawn().expect("krait can be started") }
+    }
+
+    /// Starts `krait` with arguments and with a standard input to write to.
+    pub fn start_with_input(arguments: &[impl AsRef<OsStr>]) -> (Self, ChildStdin) {
+        let mut command = Command::new(krait_program());
+        command.args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().expect("krait can be started");
+        let input = child.stdin.take().expect("piped");
+        (Self { child }, input)
     }
 
     /// Process id.

@@ -3,7 +3,7 @@
 #![allow(clippy::expect_used, reason = "a panic is how a test fails")]
 
 use core::time::Duration;
-use krait_record::{Recording, Sample};
+use krait_record::{Channel, Recording, Sample};
 use krait_tests::{Ended, Krait, TempFolder, instance_name, wait_until};
 use rustix::process::Signal;
 use std::fs;
@@ -46,6 +46,11 @@ fn a_run_is_marked_rotated_exported_broken_and_recovered() {
 
     let parts = Recording::open_parts(Path::new(&path)).expect("opened");
     assert!(parts.len() >= 3, "{} parts", parts.len());
+    for part in &parts {
+        let about = &part.contents().metadata["krait"];
+        assert_eq!(about["device"], "recorded reports of 046d:c626 (the shipped ones)");
+        assert_eq!(about["device_serial"], "none (recorded reports)");
+    }
     let samples = parts.iter().flat_map(|part| part.samples().expect("there"));
     let marks = samples.filter_map(|recorded| match recorded.expect("readable").sample {
         Sample::Marker(marker) => marker.text().map(str::to_owned),
@@ -53,9 +58,27 @@ fn a_run_is_marked_rotated_exported_broken_and_recovered() {
     });
     assert!(marks.into_iter().any(|text| text == "vessel touched"), "the mark is in the recording");
 
+    check_every_part_is_verified(&parts, &path);
     check_export(&folder, &path);
     // The last but one is two whole seconds of a chain that runs, however long its start took.
     check_recover(&folder, &parts[parts.len() - 2].path().display().to_string());
+}
+
+fn check_every_part_is_verified(parts: &[Recording], path: &str) {
+    let n_in_all = |channel| {
+        let counts = parts.iter().filter_map(|part| part.contents().channels.get(&channel));
+        counts.map(|counts| counts.n_messages).sum::<u64>()
+    };
+    let verified = krait(&["verify", "--json", path]);
+    assert_eq!(verified.code, Some(0), "{}{}", verified.stdout, verified.stderr);
+    let verdict = verified.json();
+    assert_eq!((&verdict["parts"], &verdict["passes"]), (&parts.len().into(), &1.into()), "{verdict}");
+    let n_unanswered = verdict["setpoints_unanswered"].as_u64().expect("a number");
+    assert_eq!(verdict["setpoints_identical"].as_u64(), Some(n_in_all(Channel::Setpoint) - n_unanswered), "{verdict}");
+    assert_eq!(verdict["commands_identical"], n_in_all(Channel::Command), "{verdict}");
+    let replayed = krait(&["replay", "--json", "--speed", "max", "--no-recording", path]);
+    assert_eq!(replayed.code, Some(0), "{}{}", replayed.stdout, replayed.stderr);
+    assert_eq!(replayed.json()["samples"]["recorded"], n_in_all(Channel::Input), "{}", replayed.stdout);
 }
 
 /// Recordings so far: each part is a file.

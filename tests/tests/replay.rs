@@ -124,6 +124,28 @@ fn a_recording_that_was_tampered_with_is_found_out_at_the_sample_and_the_field()
     assert_eq!(difference["field"], "reasons", "{difference}");
 }
 
+/// The sign of a zero is a bit like any other.
+#[test]
+fn a_zero_of_the_other_sign_is_a_difference() {
+    let folder = TempFolder::new("zero");
+    let path = folder.file("zero.mcap");
+    let mut changed = None;
+    rewrite(&shipped(), &path, |sample| match sample {
+        Sample::Setpoint(setpoint) if changed.is_none() && setpoint.bend_vel_rad_per_s[0] == 0.0 => {
+            setpoint.bend_vel_rad_per_s[0] = -setpoint.bend_vel_rad_per_s[0];
+            changed = Some(setpoint.sequence);
+        }
+        _ => {}
+    });
+    let sequence = changed.expect("the snake stands at first");
+    let (code, verdict) = verify(&path);
+    let difference = &verdict["first_difference"];
+    assert_eq!((code, &difference["process"], &difference["sequence"]), (Some(1), &"resolve".into(), &sequence.into()));
+    assert_eq!(difference["field"], "bend_vel_rad_per_s", "{difference}");
+    let values = [&difference["recorded"], &difference["repeated"]].map(|value| value.as_str().expect("a value"));
+    assert!(values.contains(&"0.0") && values.contains(&"-0.0"), "{difference}");
+}
+
 #[test]
 fn an_input_that_is_refused_now_is_a_difference_and_a_missing_one_cannot_be_verified() {
     let folder = TempFolder::new("refused");
@@ -295,6 +317,8 @@ fn two_recordings_are_compared_as_a_table_and_as_pictures() {
     assert_eq!(figures["b"]["latency_us"], serde_json::json!({}), "in its own time a replay has no latency");
     assert!(number(&figures["apart"]["command_mm"]["max"]) > 0.1, "{figures}");
     assert!(number(&figures["a"]["following_s"]) > 0.3 && figures["a"]["n_faults"] == 0, "{figures}");
+    // A recording from before devices were named.
+    assert_eq!(figures["a"]["about"]["device_serial"], "unknown", "{figures}");
     let pictures = figures["pictures"].as_array().expect("pictures");
     assert_eq!(pictures.len(), 3);
     for picture in pictures {

@@ -3,12 +3,13 @@
 use crate::cli_replay::CompareArgs;
 use crate::paper::figures::{Curve, Figure, Stroke};
 use crate::paper::plot;
-use crate::print;
 use crate::table::Table;
+use crate::{print, recorded};
 use anyhow::{Context, bail};
 use krait_record::Recording;
 use krait_replay::{Apart, Side, passes_of};
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -30,6 +31,8 @@ struct Comparison {
 struct Named {
     recording: PathBuf,
     pass: usize,
+    /// Who recorded it, with what and on which device.
+    about: BTreeMap<&'static str, String>,
     #[serde(flatten)]
     side: Side,
 }
@@ -52,20 +55,20 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
 }
 
 fn named(path: &Path, number: u64) -> anyhow::Result<Named> {
-    let recording = Recording::open(path)?;
-    let passes = passes_of(&recording)?;
+    let parts = Recording::open_parts(path)?;
+    let passes = passes_of(&parts)?;
     let idx = usize::try_from(number - 1).unwrap_or(usize::MAX);
     let Some(pass) = passes.get(idx) else {
         bail!("recording {}: pass {number} was asked for and it holds {}", path.display(), passes.len());
     };
     let side = Side::of(pass).with_context(|| format!("recording {}", path.display()))?;
-    Ok(Named { recording: path.to_owned(), pass: idx + 1, side })
+    Ok(Named { recording: path.to_owned(), pass: idx + 1, about: recorded::about(&parts[0]), side })
 }
 
 fn text(comparison: &Comparison) -> String {
     let Comparison { a, b, apart, pictures } = comparison;
     let name = |side: &Named| format!("{} (pass {})", side.recording.display(), side.pass);
-    let mut text = format!("A: {}\nB: {}\n{}", name(a), name(b), table(&a.side, &b.side));
+    let mut text = format!("A: {}\nB: {}\n{}", name(a), name(b), table(a, b));
     text += &format!(
         "At the same time since the first motion: setpoints {:.3} deg rms ({:.3} max), commands {:.4} mm rms ({:.4} max)\n",
         apart.setpoint_deg.rms, apart.setpoint_deg.max, apart.command_mm.rms, apart.command_mm.max
@@ -76,9 +79,13 @@ fn text(comparison: &Comparison) -> String {
     text
 }
 
-fn table(a: &Side, b: &Side) -> Table {
+fn table(a: &Named, b: &Named) -> Table {
     let mut table = Table::new(&["", "A", "B"]);
     let mut row = |name: String, a: String, b: String| table.row(vec![name, a, b]);
+    for ((key, a), b) in a.about.iter().zip(b.about.values()) {
+        row(key.replace('_', " "), a.clone(), b.clone());
+    }
+    let (a, b) = (&a.side, &b.side);
     row("length, s".to_owned(), format!("{:.2}", a.length_s), format!("{:.2}", b.length_s));
     for (channel, n) in &a.samples {
         row(format!("{channel} samples"), n.to_string(), b.samples.get(channel).copied().unwrap_or(0).to_string());

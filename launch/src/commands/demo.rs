@@ -6,7 +6,7 @@ use crate::evidence::Evidence;
 use crate::progress::Progress;
 use crate::report::next_thing_to_try;
 use crate::supervisor::{Cast, ChainOptions, Supervisor};
-use crate::{print, signals};
+use crate::{device, print, signals};
 use anyhow::bail;
 use krait_ipc::clock;
 use krait_ipc::message::Compensation;
@@ -34,6 +34,7 @@ pub fn run(common: &Common, args: &DemoArgs) -> anyhow::Result<ExitCode> {
     }
     config.record.path = Some(crate::recording_path(args.recording.as_deref(), "demo")?);
     config.record.metadata.insert("run".to_owned(), "demo".to_owned());
+    device::enter(&mut config.record.metadata, &config.master, MasterKind::Replay, None);
     config.check()?;
 
     let mut evidence = Evidence::default();

@@ -3,6 +3,7 @@
 use crate::cli::{Common, MasterKind};
 use crate::cli_replay::{ReplayArgs, Speed};
 use crate::commands::process::with_attachments;
+use crate::device::{DEVICE_KEY, SERIAL_KEY};
 use crate::replay_orders::{Order, Orders};
 use crate::replay_setup::Setup;
 use crate::supervisor::{Cast, ChainOptions, Supervisor};
@@ -99,6 +100,7 @@ fn describe(setup: &mut Setup, args: &ReplayArgs, recording: Option<&Path>) {
         Speed::Times(times) => times.to_string(),
     };
     let compensation = setup.config.compensate.mode.name().to_owned();
+    let [device, serial] = setup.device.clone();
     let record = &mut setup.config.record;
     record.path = recording.map(Path::to_owned);
     for (key, value) in [
@@ -107,6 +109,8 @@ fn describe(setup: &mut Setup, args: &ReplayArgs, recording: Option<&Path>) {
         ("replay_speed", speed),
         ("replay_time", time_of(args).to_owned()),
         ("compensation", compensation),
+        (DEVICE_KEY, device),
+        (SERIAL_KEY, serial),
     ] {
         record.metadata.insert(key.to_owned(), value);
     }

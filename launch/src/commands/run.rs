@@ -5,7 +5,7 @@ use crate::config::Config;
 use crate::evidence::Evidence;
 use crate::progress::Progress;
 use crate::supervisor::{Cast, ChainOptions, Supervisor};
-use crate::{print, signals};
+use crate::{device, print, signals};
 use krait_ipc::clock;
 use krait_ipc::message::Compensation;
 use std::path::absolute;
@@ -105,6 +105,7 @@ fn configure(common: &Common, args: &RunArgs) -> anyhow::Result<Config> {
         config.record.rotate_s = age_s;
     }
     config.record.metadata.insert("run".to_owned(), "run".to_owned());
+    device::enter(&mut config.record.metadata, &config.master, args.master, args.input.as_deref());
     config.record.metadata.insert("compensation".to_owned(), config.compensate.mode.name().to_owned());
     config.check()?;
     Ok(config)

@@ -18,6 +18,8 @@ const LOOK_EVERY_NS: i64 = 50_000_000;
 /// What a verification found.
 #[derive(Debug, Default, Serialize)]
 struct Verdict {
+    /// Files that the recording consists of.
+    parts: usize,
     /// Chains that ran one after the other in the recording.
     passes: usize,
     /// Setpoints that came out the same.
@@ -45,16 +47,18 @@ struct Verdict {
 pub fn run(common: &Common, args: &VerifyArgs) -> anyhow::Result<ExitCode> {
     let stop = signals::stop_flag()?;
     let of_recording = || format!("recording {}", args.recording.display());
-    let recording = Recording::open(&args.recording)?;
-    let passes = passes_of(&recording)?;
+    let parts = Recording::open_parts(&args.recording)?;
+    let recording = &parts[0];
+    let passes = passes_of(&parts)?;
     let mut verdict = Verdict {
-        recorded_with: recorded::made_with(&recording),
+        parts: parts.len(),
+        recorded_with: recorded::made_with(recording),
         verified_with: recorded::this_program(),
         ..Verdict::default()
     };
     let mut supervisor = Supervisor::new(&recorded::instance_of(&common.instance, "verify"))?;
     let folder = supervisor.bus().instance().folder();
-    let config = recorded::config_of(&recording, &folder).with_context(of_recording)?;
+    let config = recorded::config_of(recording, &folder).with_context(of_recording)?;
     let passes: Vec<&Pass> = passes.iter().filter(|pass| !pass.setpoints.is_empty()).collect();
     anyhow::ensure!(!passes.is_empty(), "{}: it holds no setpoint, so there is nothing to repeat", of_recording());
     for pass in passes {

@@ -1,0 +1,93 @@
+//! Whose reports a recording rests on: the operator's device and its serial number, for the recording's metadata.
+
+use crate::cli::MasterKind;
+use krait_master::{DeviceInfo, MasterConfig, Recording};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Key of the device in the metadata record `krait`.
+pub const DEVICE_KEY: &str = "device";
+/// Key of its serial number.
+pub const SERIAL_KEY: &str = "device_serial";
+
+/// Enters the device and its serial number as they are when a run begins. Where no device takes part, what takes its place
+/// is named as that, and the serial number says that there is none.
+pub fn enter(metadata: &mut BTreeMap<String, String>, config: &MasterConfig, master: MasterKind, input: Option<&Path>) {
+    let (device, serial) = match (master, input) {
+        (MasterKind::Hid, _) => live(krait_master::chosen_device(&config.device)),
+        (MasterKind::Replay, path) => (reports(path), "none (recorded reports)".to_owned()),
+        (MasterKind::Script, path) => {
+            let name = path.map_or_else(|| "unnamed".to_owned(), |path| path.display().to_string());
+            (format!("script {name}"), "none (script)".to_owned())
+        }
+    };
+    metadata.insert(DEVICE_KEY.to_owned(), device);
+    metadata.insert(SERIAL_KEY.to_owned(), serial);
+}
+
+/// A device that cannot be had is no reason to say nothing: the master says so too and ends the chain.
+fn live(found: Result<DeviceInfo, krait_master::MasterError>) -> (String, String) {
+    match found {
+        Ok(info) => {
+            let serial = if info.serial.is_empty() { "none (it tells none)".to_owned() } else { info.serial };
+            let name = info.known.map_or(info.product, |known| known.name.to_owned());
+            (format!("{:04x}:{:04x} {name}", info.vendor_id, info.product_id), serial)
+        }
+        Err(error) => {
+            tracing::debug!(%error, "no device to name");
+            ("none at the start".to_owned(), "none at the start".to_owned())
+        }
+    }
+}
+
+fn reports(path: Option<&Path>) -> String {
+    let (recording, name) = match path {
+        Some(path) => (Recording::load(path), path.display().to_string()),
+        None => (Recording::shipped(), "the shipped ones".to_owned()),
+    };
+    match recording.as_ref().map(Recording::header) {
+        Ok(header) => {
+            format!("recorded reports of {:04x}:{:04x} ({name})", header.vendor_id, header.product_id)
+        }
+        // The master refuses them with a sentence of its own.
+        Err(_) => format!("recorded reports ({name})"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn entered(master: MasterKind, input: Option<&Path>) -> (String, String) {
+        let mut metadata = BTreeMap::new();
+        enter(&mut metadata, &MasterConfig::default(), master, input);
+        (metadata[DEVICE_KEY].clone(), metadata[SERIAL_KEY].clone())
+    }
+
+    #[test]
+    fn what_takes_a_devices_place_is_named_as_that() {
+        let (device, serial) = entered(MasterKind::Replay, None);
+        assert_eq!(device, "recorded reports of 046d:c626 (the shipped ones)");
+        assert_eq!(serial, "none (recorded reports)");
+        let (device, serial) = entered(MasterKind::Script, Some(Path::new("flick.csv")));
+        assert_eq!((device.as_str(), serial.as_str()), ("script flick.csv", "none (script)"));
+    }
+
+    #[test]
+    fn a_live_device_is_named_with_its_serial_number_or_with_what_is_wrong() {
+        let device = |serial: &str| DeviceInfo {
+            path: "/dev/hidraw0".to_owned(),
+            vendor_id: 0x1209,
+            product_id: 1,
+            serial: serial.to_owned(),
+            manufacturer: String::new(),
+            product: "Cap".to_owned(),
+            known: None,
+            may_open: true,
+        };
+        assert_eq!(live(Ok(device("SN-7"))), ("1209:0001 Cap".to_owned(), "SN-7".to_owned()));
+        assert_eq!(live(Ok(device(""))).1, "none (it tells none)");
+        let gone = krait_master::MasterError::NoDevice { looked_for: "any".to_owned(), present: "none".to_owned() };
+        assert_eq!(live(Err(gone)).1, "none at the start");
+    }
+}
