@@ -27,7 +27,7 @@ pub struct Plan {
     pub payload_bytes: usize,
     /// How a process waits for the next message.
     pub wait: WaitMode,
-    /// What each process asks of the kernel.
+    /// What each process of a relay asks of the kernel; krait's chain asks for what its configuration says.
     pub realtime: Realtime,
 }
 
@@ -83,7 +83,7 @@ mod tests {
             n_rounds: 5,
             payload_bytes: 176,
             wait: WaitMode::Blocking,
-            realtime: Realtime::default(),
+            realtime: Realtime::ORDINARY,
         }
     }
 

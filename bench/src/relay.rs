@@ -173,7 +173,7 @@ mod tests {
             n_rounds: 1,
             payload_bytes: 64,
             wait: WaitMode::Blocking,
-            realtime: Realtime::default(),
+            realtime: Realtime::ORDINARY,
         };
         let ((a_out, a_in), (b_out, b_in), (c_out, c_in)) = (channel(), channel(), channel());
         let (sent, samples) = std::thread::scope(|scope| {

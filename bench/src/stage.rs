@@ -68,7 +68,7 @@ pub fn run_stage(options: &StageOptions) -> Result<Vec<String>, BenchError> {
     let hop = role as usize;
     let mut way_in = if role == Role::Source { None } else { Some(inlet(&place, hop - 1)?) };
     let mut way_out = if role == Role::Sink { None } else { Some(outlet(&place, hop)?) };
-    let refused = plan.realtime.apply(hop);
+    let refused = plan.realtime.apply(hop, &options.prefix);
     write(&ready_path(folder, role), b"ready")?;
     let counted = match (&mut way_in, &mut way_out) {
         (None, Some(way_out)) => relay::source(&plan, way_out.as_mut())?,

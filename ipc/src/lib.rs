@@ -41,7 +41,7 @@ pub use health_reporter::{HealthReporter, ReadCounts, health_channel};
 pub use instance::{InstanceName, resources_of};
 pub use message::LatencyLimits;
 pub use reader::{ReadOptions, Reader, Received, WaitMode};
-pub use realtime::{Realtime, RealtimeError, may_lock_all};
+pub use realtime::{Cores, Realtime, RealtimeError, may_lock_all};
 pub use reasons::{Reason, Reasons};
 pub use shared_words::SharedWords;
 pub use writer::Writer;

@@ -2,31 +2,111 @@
 //! or refused by itself; what is refused is told in a sentence that says how to mend it.
 
 use rustix::mm::{MlockAllFlags, mlockall};
-use rustix::process::{Resource, getrlimit};
-use rustix::thread::{CpuSet, sched_setaffinity};
+use rustix::process::{Resource, getpriority_process, getrlimit};
+use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 use serde::{Deserialize, Serialize};
 
 /// Stack that is touched before the loop begins, bytes; the loops of krait use a few tens of kilobytes.
 const PREFAULTED_BYTES: usize = 256 * 1024;
 /// Highest SCHED_FIFO priority on Linux.
 const HIGHEST_PRIORITY: u8 = 99;
+/// Longest and shortest time slice that the kernel takes, us.
+const SLICES_US: core::ops::RangeInclusive<u32> = 100..=100_000;
 /// Cores that a set can name.
 const MOST_CORES: usize = 1024;
 /// Bit of CAP_IPC_LOCK in a process's capabilities.
 const CAP_IPC_LOCK: u64 = 1 << 14;
 
-/// What the four processes between the hand and the drives ask of the kernel. Nothing by default: on shared cores a high
-/// priority makes waker and woken compete.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+/// What the four processes between the hand and the drives ask of the kernel. No priority by default: on shared cores a high
+/// one makes waker and woken compete.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Realtime {
     /// SCHED_FIFO priority, 1 to 99; 0: time sharing as every other process. Default 0.
     pub priority: u8,
     /// Whether all memory is kept in RAM and the stack is touched beforehand. Default false.
     pub lock_memory: bool,
-    /// Cores for master, resolve, compensate and slave, in turn: [2, 3] gives 2 to master and compensate, 3 to the others.
-    /// Default none: the kernel chooses.
-    pub cores: Vec<usize>,
+    /// Where the processes run. Default "one".
+    pub cores: Cores,
+    /// Time slice under time sharing, us, 100 to 100,000; a process with a short slice is let in before others that have
+    /// longer ones (Linux 6.12 and newer, no right needed). 0: the kernel's own. Default 100.
+    pub slice_us: u32,
+}
+
+impl Default for Realtime {
+    fn default() -> Self {
+        Self { priority: 0, lock_memory: false, cores: Cores::One, slice_us: *SLICES_US.start() }
+    }
+}
+
+/// Where master, resolve, compensate and slave run.
+///
+/// They work one after the other, never at once: on one core each hands over to the next without waking a second core, which
+/// costs more than everything the chain computes.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "WrittenCores", into = "WrittenCores")]
+pub enum Cores {
+    /// "one": all on one core, which the instance's name chooses, so that chains called `arm-1` and `arm-2` get different ones.
+    #[default]
+    One,
+    /// "any": wherever the kernel likes.
+    Any,
+    /// In turn: [2, 3] gives 2 to master and compensate, 3 to the others.
+    Named(Vec<usize>),
+}
+
+/// [`Cores`] as it stands in a file.
+#[derive(Serialize, Deserialize)]
+#[serde(untagged, expecting = "expected \"one\", \"any\" or a list of cores such as [2, 3]")]
+enum WrittenCores {
+    Word(String),
+    List(Vec<usize>),
+}
+
+impl TryFrom<WrittenCores> for Cores {
+    type Error = String;
+    fn try_from(written: WrittenCores) -> Result<Self, String> {
+        match written {
+            WrittenCores::Word(word) => word.parse(),
+            WrittenCores::List(list) => Ok(Self::Named(list)),
+        }
+    }
+}
+
+impl From<Cores> for WrittenCores {
+    fn from(cores: Cores) -> Self {
+        match cores {
+            Cores::Named(list) => Self::List(list),
+            word => Self::Word(word.to_string()),
+        }
+    }
+}
+
+impl core::str::FromStr for Cores {
+    type Err = String;
+    /// Reads what a command line says: `one`, `any` or numbers with commas between.
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "one" => Ok(Self::One),
+            "any" => Ok(Self::Any),
+            list => list
+                .split(',')
+                .map(str::parse)
+                .collect::<Result<_, _>>()
+                .map(Self::Named)
+                .map_err(|_| format!("cores {text:?}: expected \"one\", \"any\" or a list of cores such as [2, 3]")),
+        }
+    }
+}
+
+impl core::fmt::Display for Cores {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::One => f.write_str("one"),
+            Self::Any => f.write_str("any"),
+            Self::Named(list) => f.write_str(&list.iter().map(usize::to_string).collect::<Vec<_>>().join(",")),
+        }
+    }
 }
 
 /// A setting that no machine can follow.
@@ -39,6 +119,9 @@ pub struct RealtimeError {
 }
 
 impl Realtime {
+    /// Asks for nothing: a process like every other.
+    pub const ORDINARY: Self = Self { priority: 0, lock_memory: false, cores: Cores::Any, slice_us: 0 };
+
     /// Checks every range.
     ///
     /// # Errors
@@ -47,18 +130,30 @@ impl Realtime {
         if self.priority > HIGHEST_PRIORITY {
             return Err(RealtimeError { key: "priority", found: self.priority.to_string(), expected: "0 to 99" });
         }
-        match self.cores.iter().find(|core| **core >= MOST_CORES) {
-            Some(core) => Err(RealtimeError { key: "cores", found: core.to_string(), expected: "cores 0 to 1023" }),
-            None => Ok(()),
+        if self.slice_us != 0 && !SLICES_US.contains(&self.slice_us) {
+            let expected = "0 (the kernel's own) or 100 to 100000 us";
+            return Err(RealtimeError { key: "slice_us", found: self.slice_us.to_string(), expected });
         }
+        let Cores::Named(cores) = &self.cores else { return Ok(()) };
+        let expected = "one or more cores of 0 to 1023, or \"one\" or \"any\"";
+        if cores.is_empty() || cores.iter().any(|core| *core >= MOST_CORES) {
+            return Err(RealtimeError { key: "cores", found: format!("{cores:?}"), expected });
+        }
+        Ok(())
     }
 
-    /// Applies the wishes to the calling thread of the process that is the `idx`-th of the chain. Gives one sentence for each
-    /// wish that was refused; the process can go on without.
-    pub fn apply(&self, idx: usize) -> Vec<String> {
+    /// Applies the wishes to the calling thread of the process that is the `idx`-th of the chain of an instance. Gives one
+    /// sentence for each wish that was refused; the process can go on without.
+    pub fn apply(&self, idx: usize, instance: &str) -> Vec<String> {
         let mut refused = Vec::new();
-        if let Some(core) = self.cores.get(idx % self.cores.len().max(1)) {
-            refused.extend(pin_to(*core).err());
+        let core = match &self.cores {
+            Cores::Any => None,
+            Cores::One => core_of(instance),
+            Cores::Named(cores) => cores.get(idx % cores.len().max(1)).copied(),
+        };
+        refused.extend(core.and_then(|core| pin_to(core).err()));
+        if self.slice_us > 0 && self.priority == 0 {
+            refused.extend(set_slice(self.slice_us).err());
         }
         if self.lock_memory {
             refused.extend(lock_memory().err());
@@ -69,6 +164,14 @@ impl Realtime {
         }
         refused
     }
+}
+
+/// The core of an instance among those that this process may use: names that end in consecutive numbers take turns.
+fn core_of(instance: &str) -> Option<usize> {
+    let allowed = sched_getaffinity(None).ok()?;
+    let allowed: Vec<usize> = (0..MOST_CORES).filter(|core| allowed.is_set(*core)).collect();
+    let sum: usize = instance.bytes().map(usize::from).sum();
+    allowed.get(sum % allowed.len().max(1)).copied()
 }
 
 fn pin_to(core: usize) -> Result<(), String> {
@@ -125,34 +228,91 @@ fn set_fifo(priority: u8) -> Result<(), String> {
     ))
 }
 
+/// A short slice for the calling thread. Kernels that know no slices take the call and change nothing.
+fn set_slice(slice_us: u32) -> Result<(), String> {
+    #[allow(unsafe_code)]
+    // SAFETY: the structure is made of numbers, for which zero is a value.
+    let mut wanted: libc::sched_attr = unsafe { core::mem::zeroed() };
+    wanted.size = size_of::<libc::sched_attr>() as u32;
+    // The call sets everything; what this process has been given by `nice` shall stay.
+    wanted.sched_nice = getpriority_process(None).unwrap_or_default();
+    wanted.sched_runtime = u64::from(slice_us) * 1000;
+    #[allow(unsafe_code)]
+    // SAFETY: the call reads the structure that it is given, whose size it is told, and changes nothing but the scheduling of
+    // this thread.
+    let result = unsafe { libc::syscall(libc::SYS_sched_setattr, 0, &raw const wanted, 0) };
+    if result == 0 {
+        return Ok(());
+    }
+    Err(format!("a time slice of {slice_us} us was refused: {}; set `slice_us = 0`", std::io::Error::last_os_error()))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn settings_out_of_range_are_named() {
-        let error = Realtime { priority: 100, ..Realtime::default() }.check().expect_err("too high").to_string();
-        assert_eq!(error, "[realtime] priority = 100: expected 0 to 99");
-        let error = Realtime { cores: vec![0, 4096], ..Realtime::default() }.check().expect_err("no such core");
-        assert!(error.to_string().contains("4096"), "{error}");
+        let error = |wish: Realtime| wish.check().expect_err("out of range").to_string();
+        let too_high = error(Realtime { priority: 100, ..Realtime::default() });
+        assert_eq!(too_high, "[realtime] priority = 100: expected 0 to 99");
+        let no_core = error(Realtime { cores: Cores::Named(vec![0, 4096]), ..Realtime::default() });
+        assert!(no_core.contains("[0, 4096]"), "{no_core}");
+        assert!(error(Realtime { slice_us: 99, ..Realtime::default() }).contains("slice_us = 99"));
+        assert!(error(Realtime { cores: Cores::Named(vec![]), ..Realtime::default() }).contains("cores = []"));
         assert_eq!(Realtime::default().check(), Ok(()));
+        assert_eq!(Realtime::ORDINARY.check(), Ok(()));
+    }
+
+    #[test]
+    fn cores_are_read_as_a_user_writes_them() {
+        for (text, cores) in [("one", Cores::One), ("any", Cores::Any), ("2,3", Cores::Named(vec![2, 3]))] {
+            assert_eq!(text.parse(), Ok(cores.clone()));
+            assert_eq!(cores.to_string(), text);
+        }
+        assert!("all".parse::<Cores>().expect_err("no such word").contains("\"one\""));
     }
 
     #[test]
     fn a_core_that_does_not_exist_is_refused_in_a_sentence_and_the_process_goes_on() {
-        let refused = Realtime { cores: vec![1023], ..Realtime::default() }.apply(5);
+        let refused = Realtime { cores: Cores::Named(vec![1023]), ..Realtime::ORDINARY }.apply(5, "main");
         assert!(refused.len() == 1 && refused[0].starts_with("core 1023 could not be had"), "{refused:?}");
-        assert_eq!(Realtime::default().apply(0), Vec::<String>::new(), "no wish, no refusal");
+        assert_eq!(Realtime::ORDINARY.apply(0, "main"), Vec::<String>::new(), "no wish, no refusal");
+    }
+
+    /// In a thread of its own, because its core and its slice stay set.
+    fn in_a_thread<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+        std::thread::scope(|scope| scope.spawn(work).join().expect("no panic"))
     }
 
     #[test]
     fn processes_take_the_cores_in_turn() {
-        let both = Realtime { cores: vec![0, 1023], ..Realtime::default() };
-        std::thread::spawn(move || {
-            assert_eq!(both.apply(2), Vec::<String>::new(), "the third process gets the first core again");
-            assert_eq!(both.apply(3).len(), 1);
-        })
-        .join()
-        .expect("a thread of its own, because its core stays set");
+        let both = Realtime { cores: Cores::Named(vec![0, 1023]), ..Realtime::ORDINARY };
+        in_a_thread(|| {
+            assert_eq!(both.apply(2, "main"), Vec::<String>::new(), "the third process gets the first core again");
+            assert_eq!(both.apply(3, "main").len(), 1);
+        });
+    }
+
+    #[test]
+    fn the_processes_of_an_instance_share_one_core_and_numbered_instances_take_turns() {
+        let n_allowed = std::thread::available_parallelism().expect("known").get();
+        let cores: Vec<_> = (0..n_allowed).map(|n| core_of(&format!("arm-{n}")).expect("known")).collect();
+        let different: std::collections::BTreeSet<_> = cores.iter().collect();
+        assert_eq!(different.len(), n_allowed.min(10), "{cores:?}");
+        in_a_thread(|| {
+            assert_eq!(Realtime::default().apply(1, "arm-0"), Vec::<String>::new());
+            let now = sched_getaffinity(None).expect("known");
+            assert!(now.count() == 1 && now.is_set(cores[0]));
+        });
+    }
+
+    #[test]
+    fn a_slice_is_taken_and_leaves_what_nice_has_given() {
+        in_a_thread(|| {
+            let before = getpriority_process(None).expect("known");
+            assert_eq!(set_slice(100), Ok(()));
+            assert_eq!(getpriority_process(None).expect("known"), before);
+        });
     }
 }

@@ -3,6 +3,7 @@
 use crate::cli_lab::LabVerb;
 use crate::cli_replay::{CompareArgs, ReplayArgs};
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use krait_ipc::Cores;
 use krait_ipc::message::Compensation;
 use std::path::PathBuf;
 
@@ -274,9 +275,10 @@ pub struct BenchArgs {
     /// How every process waits for the next message: polling is for a core of its own per process.
     #[arg(long, value_enum, default_value_t = WaitKind::Blocking)]
     pub wait: WaitKind,
-    /// Cores for the four processes of each chain, in turn; by default the kernel chooses.
-    #[arg(long, value_delimiter = ',', value_name = "CORE,...")]
-    pub cores: Vec<usize>,
+    /// Cores for the four processes of every chain, in turn, or `one` or `any`; by default `any` for the relays, and for
+    /// krait's chain what the configuration says.
+    #[arg(long, value_name = "CORE,...")]
+    pub cores: Option<Cores>,
     /// SCHED_FIFO priority of the four processes, 1 to 99; 0: time sharing.
     #[arg(long, default_value_t = 0)]
     pub priority: u8,

@@ -1,7 +1,7 @@
 //! Latency against the floor of the machine, measured in the same run and turn by turn; no absolute time is asserted.
 //!
-//! A round that other work on the machine has spoilt may be repeated; every attempt is printed. A chain that is slowed on
-//! purpose must fail the same checks.
+//! A limit is broken if no attempt keeps it: what other work on the machine has spoilt may be repeated, and every attempt is
+//! printed. A chain that is slowed on purpose must fail the same kind of check.
 
 #![allow(
     clippy::expect_used,
@@ -19,7 +19,7 @@ use std::path::Path;
 
 const PATIENCE: Duration = Duration::from_secs(120);
 /// A measurement that other work on the machine has spoilt may be repeated.
-const MOST_ATTEMPTS: usize = 4;
+const MOST_ATTEMPTS: usize = 6;
 
 /// Runs `krait bench`; `None` in a debug build, which it refuses.
 fn bench(arguments: &[&str]) -> Option<(Ended, Value)> {
@@ -59,46 +59,54 @@ fn ratio_of_rounds(figures: &Value, one: &str, other: &str) -> f64 {
     ratios[ratios.len() / 2]
 }
 
-/// What is found wrong with one measurement, and the figures in a line.
-fn complaints(figures: &Value) -> (Vec<String>, String) {
-    let to_floor = number(&chain(figures, "krait")["ratio_to_floor"]);
-    let to_relay = ratio_of_rounds(figures, "iceoryx2-default", "krait");
-    let recorded = ratio_of_rounds(figures, "krait-recorded", "krait");
-    let p99 = number(&chain(figures, "krait")["p99"]) / number(&chain(figures, "iceoryx2-default")["p99"]);
-    let work = number(&chain(figures, "krait")["own_work"]["p50"]) / number(&chain(figures, "floor-futex")["p50"]);
-    let line = format!(
-        "krait / floor {to_floor:.2}, bare relay / krait {to_relay:.2}, recorded / not {recorded:.2}, p99 krait / bare relay {p99:.2}, own work / floor {work:.2}"
-    );
-    let checks = [
-        (to_floor <= 2.0, "the median is more than twice the floor's"),
-        (to_relay >= 1.0, "the chain with all its work is slower than the bare relay without any"),
-        (recorded <= 1.25, "recording and reading change the median"),
-        (p99 <= 3.0, "the 99th percentile is more than three times the bare relay's"),
-        (work <= 0.5, "the chain's own work is more than half of the floor"),
-    ];
-    (checks.into_iter().filter(|(kept, _)| !kept).map(|(_, what)| what.to_owned()).collect(), line)
+/// A figure of one measurement that must not exceed a limit.
+struct Check {
+    what: &'static str,
+    found: f64,
+    limit: f64,
+}
+
+/// Ratios, so that a slow machine is no excuse; the relay that computes nothing waits as iceoryx2 does by itself.
+fn checks(figures: &Value) -> [Check; 5] {
+    let (krait, relay) = (chain(figures, "krait"), chain(figures, "iceoryx2-default"));
+    let floor = chain(figures, "floor-futex");
+    let work = number(&krait["own_work"]["p50"]) / number(&floor["p50"]);
+    [
+        Check { what: "p50 over the floor's", found: number(&krait["ratio_to_floor"]), limit: 2.0 },
+        Check {
+            what: "p50 over the bare relay's",
+            found: ratio_of_rounds(figures, "krait", "iceoryx2-default"),
+            limit: 0.8,
+        },
+        Check { what: "p99 over the bare relay's", found: number(&krait["p99"]) / number(&relay["p99"]), limit: 1.3 },
+        Check { what: "p50 recorded over not", found: ratio_of_rounds(figures, "krait-recorded", "krait"), limit: 1.1 },
+        Check { what: "own work over the floor", found: work, limit: 0.25 },
+    ]
 }
 
 #[test]
 fn the_chain_stays_near_the_floor_of_the_machine_and_loses_nothing() {
-    let mut found = Vec::new();
+    let mut best = [f64::INFINITY; 5];
     for attempt in 1..=MOST_ATTEMPTS {
         let chains = "floor-futex,iceoryx2-default,krait,krait-recorded";
         let Some((_, figures)) = bench(&["--chains", chains, "--seconds", "2.5", "--rounds", "5"]) else { return };
         for name in chains.split(',') {
             let chain = chain(&figures, name);
             assert_eq!((&chain["hops"], &chain["lost"]), (&Value::from(3), &Value::from(0)), "{chain}");
-            assert!(number(&chain["measured"]) > 1500.0, "{chain}");
+            assert!(number(&chain["measured"]) > 1000.0, "{chain}");
             assert!(number(&chain["p50"]) <= number(&chain["p99"]) && number(&chain["p99"]) <= number(&chain["max"]));
         }
-        let (complaints, line) = complaints(&figures);
-        println!("attempt {attempt}: {line}");
-        if complaints.is_empty() {
+        let checks = checks(&figures);
+        for (check, best) in checks.iter().zip(&mut best) {
+            println!("attempt {attempt}: {} {:.2}, {} allowed", check.what, check.found, check.limit);
+            *best = best.min(check.found);
+        }
+        let broken: Vec<_> = checks.iter().zip(best).filter(|(check, best)| *best > check.limit).collect();
+        if broken.is_empty() {
             return;
         }
-        found.push(format!("attempt {attempt}: {}; {line}", complaints.join("; ")));
+        assert!(attempt < MOST_ATTEMPTS, "{} in the best of {attempt} attempts: {:.2}", broken[0].0.what, broken[0].1);
     }
-    panic!("{}", found.join("\n"));
 }
 
 #[test]

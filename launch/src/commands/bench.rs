@@ -18,6 +18,8 @@ use std::process::ExitCode;
 struct Report {
     host: Host,
     plan: Plan,
+    /// What krait's own processes ask of the kernel.
+    krait_realtime: Realtime,
     load: bool,
     chains: Vec<ChainFigures>,
     skipped: Vec<Skipped>,
@@ -41,9 +43,10 @@ pub fn run(common: &Common, args: &BenchArgs) -> anyhow::Result<ExitCode> {
         );
     }
     let stop = signals::stop_flag()?;
-    let config = Config::load(common.config.as_deref())?;
-    let plan = plan(args);
+    let mut config = Config::load(common.config.as_deref())?;
+    let plan = Plan { realtime: asked(args, &Realtime::ORDINARY), ..plan(args) };
     plan.check()?;
+    config.realtime = asked(args, &config.realtime);
     let (kinds, skipped) = chains(args);
     let mut host = Host::look(krait_record::utc_text(clock::wall_ns()));
     let _load = args.load.then(|| Load::start(&mut burn_command)).transpose()?;
@@ -58,7 +61,9 @@ pub fn run(common: &Common, args: &BenchArgs) -> anyhow::Result<ExitCode> {
         );
     }
     let folder = folder(args, &host)?;
-    let report = Report { host, plan, load: args.load, chains: figures, skipped, budget_broken, folder };
+    let krait_realtime = config.realtime;
+    let report =
+        Report { host, plan, krait_realtime, load: args.load, chains: figures, skipped, budget_broken, folder };
     keep(&report, &rounds)?;
     if args.json {
         print::json(&report)?
@@ -101,8 +106,20 @@ fn plan(args: &BenchArgs) -> Plan {
             WaitKind::Blocking => WaitMode::Blocking,
             WaitKind::Polling => WaitMode::Polling,
         },
-        realtime: Realtime { priority: args.priority, lock_memory: args.priority > 0, cores: args.cores.clone() },
+        realtime: Realtime::ORDINARY,
     }
+}
+
+/// What the processes of a chain ask of the kernel when nothing else is asked for on the command line.
+fn asked(args: &BenchArgs, otherwise: &Realtime) -> Realtime {
+    let mut realtime = otherwise.clone();
+    if args.priority > 0 {
+        (realtime.priority, realtime.lock_memory) = (args.priority, true);
+    }
+    if let Some(cores) = &args.cores {
+        realtime.cores = cores.clone();
+    }
+    realtime
 }
 
 /// The chains to measure, and those that cannot be, which are named aloud.
@@ -173,15 +190,15 @@ fn write(path: &Path, text: &str) -> anyhow::Result<()> {
 fn text(report: &Report) -> String {
     let plan = &report.plan;
     let mut text = format!(
-        "Latency of three hops through four processes, microseconds; {} Hz, payload {} B, {} s in {} rounds, {} waits, priority {}, cores {:?}{}\n",
+        "Latency of three hops through four processes, microseconds; {} Hz, payload {} B, {} s in {} rounds, {} waits{}\n  priority, cores and slice of the relays: {}; of krait: {}\n",
         plan.rate_hz,
         plan.payload_bytes,
         plan.seconds,
         plan.n_rounds,
         if plan.wait == WaitMode::Polling { "polling" } else { "blocking" },
-        plan.realtime.priority,
-        plan.realtime.cores,
         if report.load { ", every core loaded" } else { "" },
+        wishes(&plan.realtime),
+        wishes(&report.krait_realtime),
     );
     text += &table(&report.chains).to_string();
     for skipped in &report.skipped {
@@ -200,6 +217,10 @@ fn text(report: &Report) -> String {
     text += &format!("Host: {}\n", report.host.line());
     text += &format!("Raw samples, figures and picture: {}\n", report.folder.display());
     text
+}
+
+fn wishes(realtime: &Realtime) -> String {
+    format!("{}, {}, {} us", realtime.priority, realtime.cores, realtime.slice_us)
 }
 
 fn table(chains: &[ChainFigures]) -> Table {

@@ -43,7 +43,7 @@ fn run_named(common: &Common, process: &Process, name: &str) -> anyhow::Result<(
     }
     let config = Config::load(common.config.as_deref())?;
     config.check()?;
-    apply_realtime(&config, process);
+    apply_realtime(&config, &common.instance, process);
     let bus = Bus::open(&common.instance, name)?;
     match process {
         Process::Master(args) => run_master(&bus, &config, args, &stop)?,
@@ -78,7 +78,7 @@ fn run_named(common: &Common, process: &Process, name: &str) -> anyhow::Result<(
 
 /// Before anything is opened, so that whatever is mapped later is locked as well. What the kernel refuses is told, and the
 /// process goes on without it.
-fn apply_realtime(config: &Config, process: &Process) {
+fn apply_realtime(config: &Config, instance: &str, process: &Process) {
     let idx = match process {
         Process::Master(_) => 0,
         Process::Resolve(_) => 1,
@@ -86,8 +86,22 @@ fn apply_realtime(config: &Config, process: &Process) {
         Process::Slave(_) => 3,
         Process::Estimate(_) | Process::Record => return,
     };
-    for refused in config.realtime.apply(idx) {
+    // A replay as fast as possible is not about one sample's latency: its stages work at once, on as many cores as there are.
+    if is_cued(process) {
+        return;
+    }
+    for refused in config.realtime.apply(idx, instance) {
         tracing::warn!(process = name_of(process), "{refused}");
+    }
+}
+
+fn is_cued(process: &Process) -> bool {
+    match process {
+        Process::Resolve(args) => args.cued,
+        Process::Compensate(args) => args.cued,
+        Process::Estimate(args) => args.cued,
+        Process::Slave(args) => args.recorded_time_ns.is_some(),
+        Process::Master(_) | Process::Record => false,
     }
 }
 

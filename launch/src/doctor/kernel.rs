@@ -2,8 +2,8 @@
 
 use super::{Finding, read};
 
-/// Fewer cores than this and the four processes of a chain wait for each other.
-const CORES_OF_A_CHAIN: usize = 4;
+/// A chain's four processes share one; with fewer than this everything else shares it too.
+const CORES_OF_A_CHAIN: usize = 2;
 
 /// How the kernel lets one process interrupt another.
 pub fn preemption() -> Finding {
@@ -68,12 +68,16 @@ pub fn cores() -> Finding {
         Some(list) => format!("{n_cores}; isolated: {list}"),
         None => format!("{n_cores}; none isolated"),
     };
-    if n_cores >= CORES_OF_A_CHAIN || isolated.is_some() {
-        return Finding::good(NAME, found, "the four processes of a chain need not wait for each other's cores");
+    if isolated.is_some() {
+        let meaning = "a chain that `[realtime] cores` puts on an isolated core shares it with nothing";
+        return Finding::good(NAME, found, meaning);
     }
-    let mend = "use a machine of four cores or more; on it isolate some with `isolcpus=` at boot, and name them in `[realtime] cores`";
-    let meaning = "the processes of a chain share cores with each other and with everything else";
-    Finding::advice(NAME, found, meaning, mend.to_owned())
+    if n_cores >= CORES_OF_A_CHAIN {
+        let meaning = "a chain has one core, and recorder, camera and console have the others";
+        return Finding::good(NAME, found, meaning);
+    }
+    let mend = "use a machine of two cores or more; on it isolate one with `isolcpus=` at boot, and name it in `[realtime] cores`";
+    Finding::advice(NAME, found, "a chain shares its one core with everything else", mend.to_owned())
 }
 
 #[cfg(test)]

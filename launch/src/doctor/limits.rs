@@ -10,8 +10,8 @@ const WANTED_PRIORITY: u8 = 80;
 /// Whether SCHED_FIFO can be had: tried on a thread that ends at once.
 pub fn rtprio() -> Finding {
     const NAME: &str = "real-time priority";
-    let wish = Realtime { priority: WANTED_PRIORITY, ..Realtime::default() };
-    let refused = std::thread::scope(|scope| scope.spawn(|| wish.apply(0)).join());
+    let wish = Realtime { priority: WANTED_PRIORITY, ..Realtime::ORDINARY };
+    let refused = std::thread::scope(|scope| scope.spawn(|| wish.apply(0, "")).join());
     let limit = getrlimit(Resource::Rtprio).current.map_or_else(|| "unlimited".to_owned(), |limit| limit.to_string());
     if refused.is_ok_and(|refused| refused.is_empty()) {
         let found = format!("SCHED_FIFO {WANTED_PRIORITY} is granted (limit `rtprio` {limit})");

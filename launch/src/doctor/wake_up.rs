@@ -4,7 +4,7 @@
 use crate::report::Quantiles;
 use core::sync::atomic::{AtomicBool, Ordering};
 use hdrhistogram::Histogram;
-use krait_ipc::{Realtime, clock};
+use krait_ipc::{Cores, Realtime, clock};
 use rustix::thread::{ClockId, clock_nanosleep_absolute, sched_getaffinity};
 use rustix::time::Timespec;
 use serde::Serialize;
@@ -41,10 +41,10 @@ pub fn measure(seconds: f64, priority: u8, stop: &AtomicBool) -> Vec<WakeUp> {
 }
 
 fn on_core(core: usize, seconds: f64, priority: u8, stop: &AtomicBool) -> Option<WakeUp> {
-    if !(Realtime { cores: vec![core], ..Realtime::default() }).apply(0).is_empty() {
+    if !(Realtime { cores: Cores::Named(vec![core]), ..Realtime::ORDINARY }).apply(0, "").is_empty() {
         return None;
     }
-    let is_granted = Realtime { priority, ..Realtime::default() }.apply(0).is_empty();
+    let is_granted = Realtime { priority, ..Realtime::ORDINARY }.apply(0, "").is_empty();
     let mut histogram = Histogram::<u64>::new_with_bounds(1, LONGEST_NS, 3).ok()?;
     let mut due_ns = clock::monotonic_ns();
     let end_ns = due_ns + (seconds * 1e9) as i64;
