@@ -89,12 +89,9 @@ impl core::str::FromStr for Cores {
         match text {
             "one" => Ok(Self::One),
             "any" => Ok(Self::Any),
-            list => list
-                .split(',')
-                .map(str::parse)
-                .collect::<Result<_, _>>()
-                .map(Self::Named)
-                .map_err(|_| format!("cores {text:?}: expected \"one\", \"any\" or a list of cores such as [2, 3]")),
+            list => list.split(',').map(str::parse).collect::<Result<_, _>>().map(Self::Named).map_err(|error| {
+                format!("cores {text:?}: expected \"one\", \"any\" or a list of cores such as [2, 3] ({error})")
+            }),
         }
     }
 }
