@@ -4,6 +4,7 @@
 //! of the machine shows slow noise as well, as far as rests are long; visits to the same place show everything that does not
 //! repeat, which includes hysteresis with another history.
 
+use crate::fit::dot;
 use crate::{Measurements, Problem};
 
 /// Standard deviations of one output's noise, in the outputs' unit.
@@ -198,6 +199,25 @@ fn on_visits(problem: &Problem, residual: &[f64]) -> (Option<f64>, usize) {
 
 const MOST_VISITS: usize = 4000;
 
+/// 1 + 2 sum rho over lags in rows, up to the first negative pair (Geyer's initial positive sequence): how many rows of a
+/// residual tell as much as one row of white noise, 1 or more.
+pub fn autocorrelation_time(residual: &[f64], width: usize) -> f64 {
+    let width = width.max(1);
+    let at = |lag: usize| dot(residual, residual.get(lag * width..).unwrap_or(&[]));
+    let whole = at(0).max(f64::MIN_POSITIVE);
+    let mut time = 1.0;
+    for lag in (1..(residual.len() / width / 4).min(MOST_LAGS)).step_by(2) {
+        let pair = (at(lag) + at(lag + 1)) / whole;
+        if pair <= 0.0 {
+            break;
+        }
+        time += 2.0 * pair;
+    }
+    time.max(1.0)
+}
+
+const MOST_LAGS: usize = 2000;
+
 fn median(mut values: Vec<f64>) -> Option<f64> {
     let middle = values.len() / 2;
     if values.is_empty() {
@@ -205,4 +225,29 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
     }
     let (_, own, _) = values.select_nth_unstable_by(middle, f64::total_cmp);
     Some(*own)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_autocorrelation_time_of_white_noise_is_one_and_that_of_a_slow_walk_is_its_own() {
+        let mut state = 1_u64;
+        let mut uniform = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+        };
+        let white: Vec<f64> = (0..20_000).map(|_| uniform()).collect();
+        assert!((autocorrelation_time(&white, 1) - 1.0).abs() < 0.3);
+        let mut last = 0.0;
+        let slow: Vec<f64> = (0..20_000)
+            .map(|_| {
+                last = 0.9 * last + uniform();
+                last
+            })
+            .collect();
+        // (1 + 0.9) / (1 - 0.9) = 19.
+        assert!((autocorrelation_time(&slow, 1) / 19.0 - 1.0).abs() < 0.4, "{}", autocorrelation_time(&slow, 1));
+    }
 }

@@ -76,6 +76,7 @@ fn what_is_hidden_is_named_or_stands_in_the_class_that_is_named() {
         term("lateral-tip-force", &[0.08, -0.06]),
         term("stiffness-scale", &[1.1]),
         term("latency", &[0.08]),
+        term("lead-screw-error", &[2e-5, 1.2e-3, 0.4, -2.0, 3.0]),
     ];
     for (seed, hidden) in hidden.iter().enumerate() {
         let found = diagnosed(&made(core::slice::from_ref(hidden), seed as u64));
@@ -91,6 +92,17 @@ fn nothing_is_missing_where_only_noise_is_left() {
     let alarms = (100..112).filter(|&seed| diagnosed(&made(&[], seed)).verdict != Verdict::None).count();
     // At a true rate of 5 % three or more in twelve come up in 2 % of all cases.
     assert!(alarms <= 2, "{alarms} of 12");
+}
+
+#[test]
+fn a_sway_that_the_motion_does_not_have_is_not_taken_for_noise() {
+    let mut data = made(&[], 31);
+    for row in 0..ROWS {
+        data.outputs[2 * row] += 0.01 * (2.0 * core::f64::consts::PI * 0.27 * data.time_s[row]).sin();
+    }
+    let found = diagnosed(&data);
+    assert_eq!(found.verdict, Verdict::Unknown, "{}", found.sentence);
+    assert!(found.remaining.looks_like.unwrap().contains("rhythm"), "{}", found.sentence);
 }
 
 #[test]

@@ -9,6 +9,7 @@
 use crate::diagnose::search::{Search, Trial};
 use crate::diagnose::structure::structure;
 use crate::machine::{Candidate, Machine};
+use crate::noise::autocorrelation_time;
 use crate::{AddOptions, LabError, Measurements, Problem, Term, add};
 use serde::{Deserialize, Serialize};
 
@@ -82,49 +83,8 @@ fn criterion(sum_of_squares: f64, p: usize, n: f64) -> f64 {
     n * sum_of_squares.max(f64::MIN_POSITIVE).ln() + p as f64 * n.ln()
 }
 
-/// 1 + 2 Σ rho up to the first negative pair (Geyer), of residuals row after row.
-fn autocorrelation_time(residual: &[f64], width: usize) -> f64 {
-    let n = residual.len();
-    let at = |lag: usize| residual.iter().zip(residual.iter().skip(lag * width)).map(|(a, b)| a * b).sum::<f64>();
-    let whole = at(0).max(f64::MIN_POSITIVE);
-    let mut time = 1.0;
-    for lag in (1..(n / width.max(1) / 4).min(2000)).step_by(2) {
-        let pair = (at(lag) + at(lag + 1)) / whole;
-        if pair <= 0.0 {
-            break;
-        }
-        time += 2.0 * pair;
-    }
-    time
-}
-
 fn oracle(machine: &dyn Machine, data: &Measurements, name: &str) -> Result<f64, LabError> {
     let mut term = Term { name: name.to_owned(), values: Vec::new(), formula: None };
     term.values = machine.parameters(&term)?.iter().map(|parameter| parameter.default).collect();
     Ok(add(machine, data, &AddOptions { term, from_given: false, free: Vec::new() })?.after)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_autocorrelation_time_of_white_noise_is_one_and_that_of_a_slow_walk_is_its_own() {
-        let mut state = 1_u64;
-        let mut uniform = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
-        };
-        let white: Vec<f64> = (0..20_000).map(|_| uniform()).collect();
-        assert!((autocorrelation_time(&white, 1) - 1.0).abs() < 0.3);
-        let mut last = 0.0;
-        let slow: Vec<f64> = (0..20_000)
-            .map(|_| {
-                last = 0.9 * last + uniform();
-                last
-            })
-            .collect();
-        // (1 + 0.9) / (1 - 0.9) = 19.
-        assert!((autocorrelation_time(&slow, 1) / 19.0 - 1.0).abs() < 0.4, "{}", autocorrelation_time(&slow, 1));
-    }
 }

@@ -1,7 +1,7 @@
 //! Which effects these data cannot tell apart, and how often each would come out best on resampled data.
 
 use super::accept::{FOLDS, mean_and_error};
-use super::search::Trial;
+use super::search::{Trial, memory, price};
 use crate::Problem;
 use crate::fit::held_out_block_squares;
 use rand_chacha::ChaCha8Rng;
@@ -47,6 +47,24 @@ impl Alternatives {
         class
     }
 
+    /// How many of a place's class have no more parameters than the best trial: a more flexible effect imitates any other.
+    pub fn n_as_simple(&self, slot: usize) -> usize {
+        let Some(best) = self.trials.first() else { return 0 };
+        let simple = |candidate: &usize| {
+            let own = self.trials.iter().find(|own| stand_in(&best.found, &own.found, slot) == Some(*candidate));
+            own.is_none_or(|own| own.fit.variables.len() <= best.fit.variables.len())
+        };
+        self.class(slot).iter().filter(|candidate| simple(candidate)).count()
+    }
+
+    /// Makes the trial of this place the best one; the others stay in their order.
+    pub fn prefer(&mut self, place: usize) {
+        let Some(trials) = self.trials.get_mut(..=place) else { return };
+        trials.rotate_right(1);
+        self.squares[..=place].rotate_right(1);
+        self.frequency[..=place].rotate_right(1);
+    }
+
     /// How often a trial is best that holds, for this place of the best trial, one of its class.
     pub fn probability(&self, class: &[usize]) -> f64 {
         let holds = |trial: &Trial| trial.found.iter().any(|k| class.contains(k));
@@ -67,8 +85,8 @@ fn stand_in(best: &[usize], other: &[usize], slot: usize) -> Option<usize> {
 
 fn frequency(problem: &Problem, trials: &[Trial], squares: &[Vec<f64>], seed: u64) -> Vec<f64> {
     let n_blocks = problem.n_blocks;
-    let n = problem.n_scored as f64;
-    let price: Vec<f64> = trials.iter().map(|t| (t.fit.variables.len() as f64 * n.ln() / n).exp()).collect();
+    let own = price(problem, memory(problem, trials));
+    let price: Vec<f64> = trials.iter().map(|t| (t.fit.variables.len() as f64 * own).exp()).collect();
     let mut random = ChaCha8Rng::seed_from_u64(seed ^ 0x005e_ed0f_b007);
     let mut wins = vec![0.0; trials.len()];
     for _ in 0..RESAMPLES {

@@ -12,6 +12,8 @@ mod answer;
 mod experiment;
 mod gate;
 mod json;
+mod periodic;
+mod rhythm;
 pub mod screen;
 pub mod search;
 pub mod sign_flip;

@@ -12,7 +12,8 @@ pub struct Cell {
     pub candidate: usize,
     /// Place in its grid.
     pub start: usize,
-    /// What each amplitude does to the prediction, orthogonal to what the fit can do already.
+    /// What each amplitude does to the prediction, orthogonal to what the fit can do already; for a periodic candidate a sine
+    /// and a cosine for each input, and none where they are not among its best.
     pub columns: Vec<Vec<f64>>,
     /// Scores of each block, and Gram matrices.
     pub blocks: Vec<(DVector<f64>, DMatrix<f64>)>,
@@ -32,13 +33,17 @@ pub fn screen(problem: &Problem, fit: &Fit, candidates: &[Candidate]) -> Vec<Cel
     let jobs: Vec<(usize, usize)> = candidates
         .iter()
         .enumerate()
-        .filter(|(_, c)| c.cannot.is_none() && !known(c))
+        .filter(|(_, c)| c.cannot.is_none() && c.periodic.is_none() && !known(c))
         .flat_map(|(k, c)| (0..c.starts.len()).map(move |start| (k, start)))
         .collect();
     let basis = orthonormal(&fit.slopes);
-    jobs.into_par_iter()
+    let mut cells: Vec<Cell> = jobs
+        .into_par_iter()
         .filter_map(|(candidate, start)| cell(problem, fit, &basis, &candidates[candidate], candidate, start))
-        .collect()
+        .collect();
+    let periodic = candidates.iter().enumerate().filter(|(_, c)| c.periodic.is_some() && !known(c));
+    cells.extend(periodic.flat_map(|(k, c)| super::periodic::cells(problem, fit, &basis, c, k)));
+    cells
 }
 
 fn cell(
@@ -58,15 +63,32 @@ fn cell(
         let there = problem.residual(&effects).ok()?;
         columns.push(fit.residual.iter().zip(&there).map(|(a, b)| a - b).collect::<Vec<f64>>());
     }
+    let one_sided = c.amplitudes.len() == 1 && c.one_sided;
+    Some(of_columns(problem, fit, basis, columns, Place { candidate, start, one_sided }))
+}
+
+/// Where a cell stands.
+#[derive(Clone, Copy)]
+pub struct Place {
+    /// Place of the candidate.
+    pub candidate: usize,
+    /// Place in its grid.
+    pub start: usize,
+    /// Whether its one amplitude cannot change its sign.
+    pub one_sided: bool,
+}
+
+/// The cell of columns that say what each amplitude does to the prediction.
+pub fn of_columns(problem: &Problem, fit: &Fit, basis: &[Vec<f64>], mut columns: Vec<Vec<f64>>, place: Place) -> Cell {
+    let Place { candidate, start, one_sided } = place;
     let whole: f64 = columns.iter().map(|column| dot(column, column)).sum();
     columns.iter_mut().for_each(|column| remove(basis, column));
     let rest: f64 = columns.iter().map(|column| dot(column, column)).sum();
     let blocks = block_moments(problem, &columns, &fit.residual);
     let (score, gram) = total(&blocks);
     let factors = inverse(&gram) * &score;
-    let one_sided = c.amplitudes.len() == 1 && c.one_sided;
     let gain = if one_sided && factors[0] <= 0.0 { 0.0 } else { score.dot(&factors) };
-    Some(Cell {
+    Cell {
         candidate,
         start,
         columns,
@@ -75,7 +97,7 @@ fn cell(
         sum_of_squares: fit.sum_of_squares - gain,
         blocks,
         visible: if whole > 0.0 { (rest / whole).sqrt() } else { 0.0 },
-    })
+    }
 }
 
 /// Sums over all blocks.

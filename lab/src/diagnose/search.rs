@@ -1,10 +1,13 @@
 //! The search: single effects, then pairs, each refined by whole simulations and ranked by what it leaves.
 
+use super::periodic;
 use super::screen::{Cell, screen};
 use super::sign_flip::{SignFlip, sign_flip};
 use crate::fit::{Fit, Variable, dot, fit};
 use crate::machine::Candidate;
+use crate::noise::autocorrelation_time;
 use crate::{LabError, Problem, Term};
+use krait_model::effects::Class;
 use rayon::prelude::*;
 
 /// A list of missing effects with its fit.
@@ -92,7 +95,7 @@ impl Search<'_> {
     /// The candidates from every cell of their grids, refined, best first.
     pub fn every_start(&self, start: &Trial) -> Vec<Trial> {
         let cells = screen(self.problem, &start.fit, self.candidates);
-        self.refine(cells.iter().map(|cell| self.with(start, &[cell])).collect())
+        self.refine(periodic::without_hopeless(&cells).map(|cell| self.with(start, &[cell])).collect())
     }
 
     /// The best stand-ins for each effect of a trial, with the trial itself; best first.
@@ -137,9 +140,13 @@ impl Search<'_> {
         for cell in cells {
             let candidate = &self.candidates[cell.candidate];
             let mut values = candidate.starts[cell.start].clone();
-            for (&k, factor) in candidate.amplitudes.iter().zip(cell.factors.iter()) {
-                let factor = if candidate.one_sided { factor.clamp(0.1, 10.0) } else { factor.clamp(-30.0, 30.0) };
-                values[k] = candidate.neutral[k] + factor * (values[k] - candidate.neutral[k]);
+            if let Some(periodic) = &candidate.periodic {
+                periodic::start(periodic, cell, &mut values);
+            } else {
+                for (&k, factor) in candidate.amplitudes.iter().zip(cell.factors.iter()) {
+                    let factor = if candidate.one_sided { factor.clamp(0.1, 10.0) } else { factor.clamp(-30.0, 30.0) };
+                    values[k] = candidate.neutral[k] + factor * (values[k] - candidate.neutral[k]);
+                }
             }
             effects.push(Term { name: candidate.name.to_owned(), values, formula: None });
             found.push(cell.candidate);
@@ -151,8 +158,27 @@ impl Search<'_> {
     fn refine(&self, jobs: Vec<(Vec<usize>, Vec<Term>)>) -> Vec<Trial> {
         let mut trials: Vec<Trial> =
             jobs.into_par_iter().filter_map(|(found, effects)| self.fitted(found, &effects).ok()).collect();
-        trials.sort_by(|a, b| self.badness(a).total_cmp(&self.badness(b)));
+        self.rank(&mut trials);
         trials
+    }
+
+    /// Whether a shape (no amplitude) ended at the edge of what is physical: the effect imitates something else. A drift whose
+    /// rise has no end in these data is one nevertheless.
+    pub fn imitates(&self, trial: &Trial) -> bool {
+        trial.fit.variables.iter().any(|variable| {
+            let own = variable.effect.checked_sub(self.base.len()).and_then(|slot| trial.found.get(slot));
+            own.map(|&k| &self.candidates[k]).is_some_and(|candidate| {
+                candidate.class != Class::Drift.label()
+                    && !candidate.amplitudes.contains(&variable.parameter)
+                    && variable.bound(&trial.fit.effects).is_some()
+            })
+        })
+    }
+
+    /// Puts the best first.
+    pub fn rank(&self, trials: &mut [Trial]) {
+        let time = memory(self.problem, trials);
+        trials.sort_by(|a, b| self.badness(a, time).total_cmp(&self.badness(b, time)));
     }
 
     /// A list of effects fitted to this problem from these values, which stand behind the model's own.
@@ -182,16 +208,16 @@ impl Search<'_> {
         candidate.free.iter().map(variable).collect()
     }
 
-    /// ln RSS + p ln(N)/N: what is left, and a price for each parameter.
-    pub fn badness(&self, trial: &Trial) -> f64 {
-        let n = self.problem.n_scored as f64;
-        trial.fit.sum_of_squares.ln() + trial.fit.variables.len() as f64 * n.ln() / n
+    /// ln RSS + p ln(N)/N: what is left, and a price for each parameter; N counts rows that tell something of their own, of which
+    /// noise with a memory (`time` rows long) leaves few.
+    pub fn badness(&self, trial: &Trial, time: f64) -> f64 {
+        trial.fit.sum_of_squares.ln() + trial.fit.variables.len() as f64 * price(self.problem, time)
     }
 
     /// The best cell of each candidate, best first.
     fn best_cells<'c>(&self, cells: &'c [Cell]) -> Vec<&'c Cell> {
         let n = self.problem.n_scored as f64;
-        let price = |cell: &Cell| cell.sum_of_squares.max(1e-300).ln() + cell.columns.len() as f64 * n.ln() / n;
+        let price = |cell: &Cell| cell.sum_of_squares.max(1e-300).ln() + cell.factors.len() as f64 * n.ln() / n;
         let mut best: Vec<&Cell> = Vec::new();
         for cell in cells {
             match best.iter_mut().find(|own| own.candidate == cell.candidate) {
@@ -205,12 +231,28 @@ impl Search<'_> {
     }
 }
 
+/// ln(N)/N with N rows that tell something of their own, for noise that is `time` rows long.
+pub(super) fn price(problem: &Problem, time: f64) -> f64 {
+    let n = (problem.n_scored as f64 / time).max(FEWEST_ROWS);
+    n.ln() / n
+}
+
+/// Fewer rows that tell something would make ln(N)/N fall again.
+const FEWEST_ROWS: f64 = 8.0;
+
+/// How long the memory of what is left is, in rows: what the trial leaves that explains most.
+pub(super) fn memory(problem: &Problem, trials: &[Trial]) -> f64 {
+    let best = trials.iter().min_by(|a, b| a.fit.sum_of_squares.total_cmp(&b.fit.sum_of_squares));
+    best.map_or(1.0, |best| autocorrelation_time(&best.fit.residual, problem.data.n_outputs))
+}
+
 /// Pairs of cells of different candidates, best together first, one pair of cells for each pair of candidates.
 fn best_pairs(cells: &[Cell]) -> Vec<(&Cell, &Cell)> {
     let pairs: Vec<(usize, usize)> = (0..cells.len()).flat_map(|a| (a + 1..cells.len()).map(move |b| (a, b))).collect();
     let mut scored: Vec<(f64, usize, usize)> = pairs
         .into_par_iter()
         .filter(|&(a, b)| cells[a].candidate != cells[b].candidate)
+        .filter(|&(a, b)| !cells[a].columns.is_empty() && !cells[b].columns.is_empty())
         .map(|(a, b)| (joint_gain(&cells[a], &cells[b]), a, b))
         .collect();
     scored.sort_by(|x, y| y.0.total_cmp(&x.0).then(x.1.cmp(&y.1)).then(x.2.cmp(&y.2)));

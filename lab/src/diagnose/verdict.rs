@@ -3,10 +3,11 @@
 use super::accept::{Comparison, FOLDS};
 use super::alternatives::Alternatives;
 use super::answer::{CandidateAnswer, Diagnosis, FoundEffect, FoundParameter, Remaining, Verdict};
+use super::rhythm::{Rhythm, rhythm};
 use super::screen::{Cell, orthonormal};
-use super::search::{Search, Trial};
+use super::search::{Search, Trial, memory};
 use super::sign_flip::SignFlip;
-use super::{experiment, gate, structure};
+use super::{GroupShare, experiment, gate, structure};
 use crate::fit::{Variable, held_out_block_squares, uncertainty};
 use crate::machine::{Candidate, Machine};
 use crate::noise::{FloorSource, NoiseFloor};
@@ -34,7 +35,7 @@ impl Default for DiagnoseOptions {
 const WORKING_ROWS: usize = 3000;
 /// Effects with more free parameters than this may be two simple ones in disguise.
 const FEW_PARAMETERS: usize = 2;
-/// Of a pair, neither effect may have more look-alikes than this.
+/// Of a pair, neither effect may have more look-alikes than this that are as simple.
 const MOST_LOOK_ALIKES: usize = 7;
 /// Final error up to this ratio of the floor is the floor.
 const AT_FLOOR: f64 = 1.04;
@@ -62,7 +63,8 @@ pub fn diagnose(machine: &dyn Machine, data: &Measurements, options: &DiagnoseOp
         base_variables: &base_variables,
         seed: options.seed,
     };
-    let found = run(&search(&work), &floors, options.max_effects)?;
+    let mut found = run(&search(&work), &floors, options.max_effects)?;
+    found.decide(&search(&work), &search(&full));
     Case { full: &search(&full), work: &search(&work), floors, found, n_outliers: excluded.len() }.conclude()
 }
 
@@ -73,6 +75,38 @@ struct Findings {
     singles: Vec<Trial>,
     chosen: Trial,
     alternatives: Alternatives,
+    /// Whether effects at the edge of what is physical would explain clearly more: the chosen ones are not the truth then.
+    is_beaten: bool,
+}
+
+/// The best trials are compared on all rows where there are up to this many times as many.
+const MORE_ROWS: usize = 4;
+/// So many are compared ...
+const CLOSEST: usize = 4;
+/// ... while they are within this of the best on the working rows, in units of -2 ln likelihood.
+const CLOSE_CONTEST: f64 = 40.0;
+
+impl Findings {
+    /// Chooses among the closest trials with all rows, of which the working rows are a part.
+    fn decide(&mut self, work: &Search, full: &Search) {
+        let (n, n_all) = (work.problem.n_scored, full.problem.n_scored);
+        if self.chosen.found.is_empty() || n_all <= n || n_all > MORE_ROWS * n {
+            return;
+        }
+        let trials = &self.alternatives.trials;
+        let time = memory(work.problem, trials);
+        let badness = |trial: &Trial| work.badness(trial, time);
+        let Some(best) = trials.first().map(badness) else { return };
+        let close = |trial: &&Trial| (badness(trial) - best) * n as f64 / time < CLOSE_CONTEST;
+        let refit = |trial: &Trial| full.fitted(trial.found.clone(), &trial.fit.effects).ok();
+        let mut again: Vec<Trial> = trials.iter().take_while(close).take(CLOSEST).filter_map(refit).collect();
+        full.rank(&mut again);
+        let place = again.first().and_then(|best| trials.iter().position(|own| own.found == best.found));
+        if let Some(place) = place.filter(|place| *place > 0) {
+            self.alternatives.prefer(place);
+            self.chosen = self.alternatives.trials[0].clone();
+        }
+    }
 }
 
 fn run(search: &Search, floors: &NoiseFloor, max_effects: usize) -> Result<Findings, LabError> {
@@ -88,10 +122,11 @@ fn run(search: &Search, floors: &NoiseFloor, max_effects: usize) -> Result<Findi
     };
     let Some(single) = singles.first().filter(|single| comparison.deserves(&start, single, test.p_value)) else {
         let alternatives = Alternatives::new(search.problem, vec![start.clone()], search.seed);
-        return Ok(Findings { chosen: start.clone(), cells, test, singles, alternatives });
+        return Ok(Findings { chosen: start.clone(), cells, test, singles, alternatives, is_beaten: false });
     };
-    // Many parameters in one effect may be two simple effects in disguise.
-    let many = single.fit.variables.len() > search.base_variables.len() + FEW_PARAMETERS;
+    // Many parameters in one effect may be two simple effects in disguise, but nothing else is periodic in the inputs.
+    let periodic = single.found.iter().any(|&k| search.candidates[k].periodic.is_some());
+    let many = !periodic && single.fit.variables.len() > search.base_variables.len() + FEW_PARAMETERS;
     if max_effects > 1 && (many || comparison.leaves_something(single)) {
         let firsts = search.different(&singles);
         let looks: Vec<(Vec<Cell>, SignFlip)> = firsts.iter().map(|first| search.look(first)).collect();
@@ -102,28 +137,33 @@ fn run(search: &Search, floors: &NoiseFloor, max_effects: usize) -> Result<Findi
             if let Some(best) = pairs.first().cloned() {
                 pairs.extend(search.swaps(&best));
             }
-            let pairs = distinct(search, pairs);
+            let (imitations, pairs) = distinct(search, pairs).into_iter().partition(|pair| search.imitates(pair));
+            let (imitations, pairs): (Vec<Trial>, Vec<Trial>) = (imitations, pairs);
+            let time = memory(search.problem, &pairs);
             let simpler = |pair: &Trial| {
                 2 * pair.fit.variables.len() <= single.fit.variables.len()
-                    && search.badness(pair) < search.badness(single)
+                    && search.badness(pair, time) < search.badness(single, time)
             };
             let deserves = |pair: &&Trial| comparison.deserves(single, pair, p_value) || simpler(pair);
             if let Some(pair) = pairs.first().filter(deserves).cloned() {
                 let alternatives = Alternatives::new(search.problem, pairs, search.seed);
                 // A second effect that almost anything could stand in for is the imperfection of the first one's equation.
-                if (0..pair.found.len()).all(|slot| alternatives.class(slot).len() <= MOST_LOOK_ALIKES) {
-                    return Ok(Findings { chosen: pair, cells, test, singles, alternatives });
+                if (0..pair.found.len()).all(|slot| alternatives.n_as_simple(slot) <= MOST_LOOK_ALIKES) {
+                    let better = |own: &Trial| search.badness(&pair, time) - search.badness(own, time);
+                    let n = search.problem.n_scored as f64 / time;
+                    let is_beaten = imitations.iter().any(|own| better(own) * n > CLOSE_CONTEST);
+                    return Ok(Findings { chosen: pair, cells, test, singles, alternatives, is_beaten });
                 }
             }
         }
     }
     let alternatives = Alternatives::new(search.problem, singles.clone(), search.seed);
-    Ok(Findings { chosen: single.clone(), cells, test, singles, alternatives })
+    Ok(Findings { chosen: single.clone(), cells, test, singles, alternatives, is_beaten: false })
 }
 
 /// Best first, each set of candidates once.
 fn distinct(search: &Search, mut trials: Vec<Trial>) -> Vec<Trial> {
-    trials.sort_by(|a, b| search.badness(a).total_cmp(&search.badness(b)));
+    search.rank(&mut trials);
     let mut seen: Vec<Vec<usize>> = Vec::new();
     trials.retain(|trial| {
         let mut sorted = trial.found.clone();
@@ -270,7 +310,15 @@ impl Case<'_> {
         let predicted = problem.machine.predict(&chosen.fit.effects, &problem.data)?;
         let residual = problem.weigh(&predicted);
         let basis = orthonormal(&self.found.chosen.fit.slopes);
-        let structure = structure::structure(problem, &residual, &basis, &predicted, self.full.seed);
+        let mut structure = structure::structure(problem, &residual, &basis, &predicted, self.full.seed);
+        // The floor contains a rhythm, so that an error at the floor says nothing about one.
+        let rhythm = rhythm(problem, &residual);
+        if let Some(Rhythm { share, p_value }) = rhythm {
+            structure
+                .groups
+                .insert(0, GroupShare { name: "a rhythm in time that the motion does not have", share, p_value });
+            structure.p_value = structure.p_value.min(p_value);
+        }
         let above = |rms: f64| (rms.powi(2) - floor.unwrap_or(0.0).powi(2)).max(0.0);
         let unexplained = if above(before) > 0.0 { (above(after) / above(before)).min(1.0) } else { 0.0 };
         let at_floor = floor.is_some_and(|floor| after <= AT_FLOOR * floor);
@@ -278,7 +326,9 @@ impl Case<'_> {
         let white = matches!(self.floors.sigma(), Some((_, FloorSource::White)));
         let beyond_doubt = white && floor.is_some_and(|floor| after > BEYOND_DOUBT * floor);
         let foreseeable = structure.groups.first().is_some_and(|group| group.share > if white { 0.03 } else { 0.1 });
-        let structured = !at_floor && !small && (structure.p_value < LEVEL_OF_REST || beyond_doubt || foreseeable);
+        let structured = rhythm.is_some()
+            || self.found.is_beaten
+            || !at_floor && !small && (structure.p_value < LEVEL_OF_REST || beyond_doubt || foreseeable);
         Ok(Remaining {
             structured,
             p_value: structure.p_value,

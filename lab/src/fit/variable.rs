@@ -2,6 +2,7 @@
 
 use crate::machine::Machine;
 use crate::{LabError, Term};
+use core::f64::consts::{PI, TAU};
 
 /// A free parameter: which, its bounds, and whether it is stepped by ratio or by difference.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,6 +21,8 @@ pub struct Variable {
     pub high: f64,
     /// Size of a unit step; `None`: the parameter is positive and its logarithm is stepped.
     scale: Option<f64>,
+    /// Whether all angles are within its bounds: it has no bounds then.
+    is_angle: bool,
 }
 
 impl Variable {
@@ -51,6 +54,7 @@ impl Variable {
             low: spec.low,
             high: spec.high,
             scale: if by_ratio { None } else { Some(size.abs().max(1e-12)) },
+            is_angle: spec.unit == "rad" && spec.low <= -PI && spec.high >= PI,
         })
     }
 
@@ -72,7 +76,7 @@ impl Variable {
     /// Sets it, within bounds.
     pub(crate) fn set(&self, effects: &mut [Term], value: f64) {
         if let Some(own) = effects.get_mut(self.effect).and_then(|term| term.values.get_mut(self.parameter)) {
-            *own = value.clamp(self.low, self.high);
+            *own = if self.is_angle { turned(value) } else { value.clamp(self.low, self.high) };
         }
     }
 
@@ -83,7 +87,15 @@ impl Variable {
 
     /// Whether it lies on a bound, and which.
     pub fn bound(&self, effects: &[Term]) -> Option<f64> {
+        if self.is_angle {
+            return None;
+        }
         let value = self.value(effects);
         [self.low, self.high].into_iter().find(|bound| (value - bound).abs() <= 1e-9 * bound.abs().max(1e-12))
     }
+}
+
+/// The same angle from -pi to pi, rad.
+fn turned(angle: f64) -> f64 {
+    angle - TAU * (angle / TAU).round()
 }

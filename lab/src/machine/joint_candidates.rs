@@ -122,6 +122,7 @@ fn candidate(effect: JointEffect, search: Search, n: usize) -> Candidate {
         amplitudes,
         neutral,
         starts,
+        periodic: None,
     }
 }
 

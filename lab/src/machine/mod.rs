@@ -49,6 +49,19 @@ pub struct Candidate {
     pub one_sided: bool,
     /// Values of all parameters at which to look first: one for each cell of a grid over what is no amplitude.
     pub starts: Vec<Vec<f64>>,
+    /// How it is periodic in the inputs, if it is: its columns then follow from what a shift of each input does.
+    pub periodic: Option<Periodic>,
+}
+
+/// An error of the inputs' readings that is periodic in the inputs themselves, with the same period for all and a phase for each.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Periodic {
+    /// Place of its amplitude, in the inputs' unit, among the parameters.
+    pub amplitude: usize,
+    /// Place of the period, in the inputs' unit.
+    pub period: usize,
+    /// Place of each input's phase, rad: reading = position + amplitude sin(2 pi position/period + phase).
+    pub phases: Vec<usize>,
 }
 
 /// A kind of machine with a model: predicts outputs from the history of inputs.

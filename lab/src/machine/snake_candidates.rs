@@ -1,7 +1,8 @@
 //! Where to look for each effect of a snake: what is free in a fit, and the grid that screening tries.
 
-use super::Candidate;
+use super::{Candidate, Periodic};
 use crate::Measurements;
+use crate::noise::largest_range;
 use krait_model::effects::{Definition, EffectKind, Needs};
 
 /// Every effect that may be missing from a snake's model, in the catalogue's order.
@@ -44,7 +45,7 @@ fn search(kind: EffectKind) -> Option<Search> {
         EffectKind::LineBuckling => Search { cells: &[&[("clearance_m", 1e-4)]], ..plain(&[("clearance_m", 0.0, 1e-4)]) },
         EffectKind::ViscousFriction => Search { cells: &[&[("coefficient_n_s_per_m", 300.0)], &[("coefficient_n_s_per_m", 3000.0)]], ..plain(&[("coefficient_n_s_per_m", 0.0, 300.0)]) },
         EffectKind::Latency => Search { cells: &[&[("delay_s", 0.02)], &[("delay_s", 0.1)], &[("delay_s", 0.3)]], ..plain(&[("delay_s", 0.0, 0.05)]) },
-        EffectKind::StribeckFriction => Search { shapes: &["presliding_m"], cells: &[&[("breakaway", 1.0), ("presliding_m", 3e-5)], &[("presliding_m", 3e-5)], &[("presliding_m", 1.5e-4)]], ..plain(&[("f_c_n", 0.0, 1.0)]) },
+        EffectKind::StribeckFriction => Search { shapes: &["breakaway", "presliding_m", "v_s_m_per_s"], cells: &[&[("presliding_m", 3e-5)], &[("presliding_m", 1.5e-4)]], ..plain(&[("f_c_n", 0.0, 1.0)]) },
         EffectKind::PlaneOffset => plain(&[("angle_rad", 0.0, 0.03)]),
         EffectKind::Twist => plain(&[("rad_per_rad", 0.0, 0.03)]),
         EffectKind::LateralTipForce => plain(&[("force_x_n", 0.0, 0.05), ("force_y_n", 0.0, 0.05)]),
@@ -52,7 +53,7 @@ fn search(kind: EffectKind) -> Option<Search> {
         EffectKind::CameraOffset => plain(&[("offset_x_rad", 0.0, 0.01), ("offset_y_rad", 0.0, 0.01)]),
         EffectKind::EncoderScale => plain(&[("scale1", 0.0, 0.005), ("scale2", 0.0, 0.005), ("scale3", 0.0, 0.005)]),
         EffectKind::UnequalLines => plain(&[("angle2_rad", 0.0, 0.02), ("angle3_rad", 0.0, 0.02), ("radius2", 0.0, 0.02), ("radius3", 0.0, 0.02)]),
-        EffectKind::LeadScrewError => Search { shapes: &["pitch_m"], cells: &[&[("pitch_m", 5.5e-4)], &[("pitch_m", 7.5e-4)], &[("pitch_m", 1e-3)], &[("pitch_m", 1.5e-3)], &[("pitch_m", 2e-3)]], ..plain(&[("amplitude_m", 0.0, 1e-5)]) },
+        EffectKind::LeadScrewError => Search { shapes: &["pitch_m", "phase1_rad", "phase2_rad", "phase3_rad"], ..plain(&[("amplitude_m", 0.0, 1e-5)]) },
         EffectKind::Creep => Search { shapes: &["t1_s"], cells: &[&[("t1_s", 2.0)], &[("t1_s", 7.0)], &[("t1_s", 25.0)], &[("t1_s", 90.0)]], ..plain(&[("a1", 0.0, 0.05)]) },
         EffectKind::ThermalDrift => Search { shapes: &["rise_time_s"], cells: &[&[("rise_time_s", 30.0)], &[("rise_time_s", 300.0)]], ..plain(&[("modulus_per_k", 0.0, 0.001), ("line1_m_per_k", 0.0, 1e-6), ("line2_m_per_k", 0.0, 1e-6)]) },
         EffectKind::StemCoupling => Search { shapes: &["azimuth_rad"], cells: &[&[("azimuth_rad", 0.0)], &[("azimuth_rad", 1.57)], &[("azimuth_rad", -1.57)], &[("azimuth_rad", 3.1)]], ..plain(&[("mu", 0.0, 0.1), ("radius_m", 0.0, 5e-4)]) },
@@ -80,23 +81,52 @@ fn candidate(kind: EffectKind, search: &Search, data: &Measurements) -> Candidat
         neutral[place(name)] = nothing;
         away[place(name)] = size;
     }
-    let starts = search.cells.iter().map(|cell| {
+    let start = |cell: &[(&str, f64)]| {
         let mut start = away.clone();
         cell.iter().for_each(|&(name, value)| start[place(name)] = value);
         start
+    };
+    let periodic = (kind == EffectKind::LeadScrewError).then(|| Periodic {
+        amplitude: place("amplitude_m"),
+        period: place("pitch_m"),
+        phases: ["phase1_rad", "phase2_rad", "phase3_rad"].map(place).to_vec(),
     });
+    let starts = match &periodic {
+        // One radian in each phase: the scale on which a fit moves it.
+        Some(_) => pitches_m(data)
+            .into_iter()
+            .map(|pitch| start(&[("pitch_m", pitch), ("phase1_rad", 1.0), ("phase2_rad", 1.0), ("phase3_rad", 1.0)]))
+            .collect(),
+        None => search.cells.iter().map(|cell| start(cell)).collect(),
+    };
     let on_bound = |k: usize| definition.parameters.get(k).is_some_and(|p| neutral[k] <= p.low || neutral[k] >= p.high);
     Candidate {
         name: definition.name,
         one_sided: amplitudes.len() == 1 && amplitudes.iter().all(|&k| on_bound(k)),
         class: definition.class.label(),
         cannot: cannot(definition, data),
-        starts: starts.collect(),
+        starts,
+        periodic,
         free: amplitudes.iter().copied().chain(search.shapes.iter().map(|name| place(name))).collect(),
         amplitudes,
         neutral,
     }
 }
+
+/// Pitches from half a millimetre on, so close that neighbours are half a turn apart over the whole travel; at least
+/// two turns fit into it.
+fn pitches_m(data: &Measurements) -> Vec<f64> {
+    const FINEST_M: f64 = 5e-4;
+    let travel_m = largest_range(data);
+    let turns = (2.0, (travel_m / FINEST_M).clamp(2.0, MOST_TURNS));
+    let n = ((turns.1 - turns.0) / TURNS_APART).ceil() as usize;
+    (0..=n).map(|k| travel_m / (turns.1 - k as f64 * TURNS_APART).max(turns.0)).filter(|p| *p > 0.0).collect()
+}
+
+/// More turns of a screw than this in the whole travel are not looked for.
+const MOST_TURNS: f64 = 40.0;
+/// Turns in the whole travel by which neighbouring pitches differ.
+const TURNS_APART: f64 = 0.5;
 
 /// Amplitudes that a fit does not free start at zero, not at the catalogue's typical size.
 fn silence(kind: EffectKind, values: &mut [f64]) {
