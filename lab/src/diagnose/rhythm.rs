@@ -2,7 +2,7 @@
 //!
 //! A machine that rests on something that sways looks noisy at rest, so that the floor contains the sway and nothing seems to be
 //! left. Noise, whatever its colour, has a smooth spectrum; a rhythm is a line in it: power at one frequency beside the median
-//! of its neighbours, which for Gaussian noise is a Gamma variable. Frequencies that the inputs have as lines do not count.
+//! of its neighbours, which for Gaussian noise is a Gamma variable. Frequencies of the motion do not count.
 
 use crate::Problem;
 use core::f64::consts::TAU;
@@ -26,6 +26,8 @@ const MOST_STRETCHES: usize = 8;
 const NEAR: f64 = 1.5;
 /// A line of a smaller share matters to nobody.
 const SMALLEST_SHARE: f64 = 0.05;
+/// A frequency with more than this share of the inputs' variance is the motion's own.
+const LARGEST_OF_MOTION: f64 = 0.01;
 const LEVEL: f64 = 1e-4;
 
 /// The strongest rhythm of a residual, if there is one that the inputs do not have.
@@ -53,17 +55,24 @@ pub(super) fn rhythm(problem: &Problem, residual: &[f64]) -> Option<Rhythm> {
     };
     let best = (0..n).max_by(|&a, &b| left[a].total_cmp(&left[b]))?;
     let p_value = chance(&left, best, terms).min(1.0);
-    let rows: usize = stretches.iter().map(|(first, end)| end - first).sum();
-    let used: f64 =
-        stretches.iter().flat_map(|&(a, b)| &residual[a * data.n_outputs..b * data.n_outputs]).map(|r| r * r).sum();
-    let share = 2.0 * left[best] / (rows as f64 / stretches.len() as f64 * used.max(f64::MIN_POSITIVE));
+    let share = |power: f64, values: &[f64], width: usize| -> f64 {
+        let all = |&(first, end): &(usize, usize)| {
+            let column = |k: usize| values[first * width..end * width].iter().skip(k).step_by(width);
+            let n = (end - first) as f64;
+            let square = |k: usize| {
+                let mean = column(k).sum::<f64>() / n;
+                column(k).map(|v| (v - mean).powi(2)).sum::<f64>()
+            };
+            0.5 * n * (0..width).map(square).sum::<f64>()
+        };
+        power / stretches.iter().map(all).sum::<f64>().max(f64::MIN_POSITIVE)
+    };
+    let own = share(left[best], residual, data.n_outputs);
     let moves = || {
         let inputs = power(&data.inputs, data.n_inputs);
-        let range =
-            (best.saturating_sub(2)..n.min(best + 3)).map(|k| chance(&inputs, k, stretches.len() * data.n_inputs));
-        range.fold(1.0, f64::min) < LEVEL
+        share(inputs[best], &data.inputs, data.n_inputs) > LARGEST_OF_MOTION
     };
-    (p_value < LEVEL && share > SMALLEST_SHARE && !moves()).then_some(Rhythm { share, p_value })
+    (p_value < LEVEL && own > SMALLEST_SHARE && !moves()).then_some(Rhythm { share: own, p_value })
 }
 
 /// First row and end of stretches within trials, the same number of rows each.

@@ -311,8 +311,9 @@ impl Case<'_> {
         let residual = problem.weigh(&predicted);
         let basis = orthonormal(&self.found.chosen.fit.slopes);
         let mut structure = structure::structure(problem, &residual, &basis, &predicted, self.full.seed);
-        // The floor contains a rhythm, so that an error at the floor says nothing about one.
-        let rhythm = rhythm(problem, &residual);
+        // A floor of slow noise contains a rhythm, so that an error at the floor says nothing about one.
+        let white = matches!(self.floors.sigma(), Some((_, FloorSource::White)));
+        let rhythm = if white { None } else { rhythm(problem, &residual) };
         if let Some(Rhythm { share, p_value }) = rhythm {
             structure
                 .groups
@@ -323,7 +324,6 @@ impl Case<'_> {
         let unexplained = if above(before) > 0.0 { (above(after) / above(before)).min(1.0) } else { 0.0 };
         let at_floor = floor.is_some_and(|floor| after <= AT_FLOOR * floor);
         let small = !chosen.found.is_empty() && unexplained <= SMALL_REST;
-        let white = matches!(self.floors.sigma(), Some((_, FloorSource::White)));
         let beyond_doubt = white && floor.is_some_and(|floor| after > BEYOND_DOUBT * floor);
         let foreseeable = structure.groups.first().is_some_and(|group| group.share > if white { 0.03 } else { 0.1 });
         let structured = rhythm.is_some()
