@@ -20,8 +20,6 @@ pub(crate) type DataService<M> = publish_subscribe::PortFactory<Shm, M, ()>;
 
 /// Readers a channel can have at once: the next stage, estimator, recorder, console, lab, and room for a user's own tools.
 pub(crate) const MAX_READERS: usize = 20;
-/// Samples that a reader's buffer can hold: 2 s at 1 kHz, so that a recorder may sleep through a slow disk.
-pub(crate) const MAX_BUFFER: usize = 2048;
 /// Samples that a late reader gets from before it joined: the newest one, so that it knows the state at once.
 pub(crate) const HISTORY: usize = 1;
 /// Samples that a reader may hold at the same time.
@@ -155,7 +153,7 @@ impl Bus {
             .publish_subscribe::<M>()
             .max_publishers(1)
             .max_subscribers(MAX_READERS)
-            .subscriber_max_buffer_size(MAX_BUFFER)
+            .subscriber_max_buffer_size(M::DEPTH)
             .subscriber_max_borrowed_samples(MAX_BORROWED)
             .history_size(HISTORY)
             .enable_safe_overflow(true)

@@ -1,7 +1,7 @@
 //! A reader of a channel: takes every message in order, counts what is missing, sleeps or polls.
 
 use crate::bell::Bell;
-use crate::bus::{Address, DataService, MAX_BUFFER, MAX_READERS, Shm};
+use crate::bus::{Address, DataService, MAX_READERS, Shm};
 use crate::message::Message;
 use crate::{IpcError, clock};
 use core::ops::Deref;
@@ -45,12 +45,12 @@ impl ReadOptions {
 
     /// An observer that must miss nothing: the largest buffer, never woken, so that it slows nobody.
     pub fn observing() -> Self {
-        Self { wakes: false, buffer: MAX_BUFFER, mode: WaitMode::Blocking }
+        Self { wakes: false, buffer: usize::MAX, mode: WaitMode::Blocking }
     }
 
     /// A follower that must miss nothing and sleeps until there is something: a replay, whose pace is that of its readers.
     pub fn following() -> Self {
-        Self { wakes: true, buffer: MAX_BUFFER, mode: WaitMode::Blocking }
+        Self { wakes: true, buffer: usize::MAX, mode: WaitMode::Blocking }
     }
 
     /// The same, waiting in another way.
@@ -94,15 +94,16 @@ impl<M: Message> Reader<M> {
         bell: Option<Bell>,
         options: ReadOptions,
     ) -> Result<Self, IpcError> {
-        let subscriber =
-            data.subscriber_builder().buffer_size(options.buffer).create().map_err(|error| match error {
+        let subscriber = data.subscriber_builder().buffer_size(options.buffer.min(M::DEPTH)).create().map_err(
+            |error| match error {
                 SubscriberCreateError::ExceedsMaxSupportedSubscribers => IpcError::TooManyReaders {
                     instance: address.instance.clone(),
                     channel: address.channel.clone(),
                     limit: MAX_READERS,
                 },
                 other => address.failed("becoming its reader", format!("{other:?}")),
-            })?;
+            },
+        )?;
         let mode = options.mode;
         Ok(Self { subscriber, bell, mode, last: None, n_received: 0, n_lost: 0, n_out_of_order: 0, address })
     }

@@ -13,7 +13,7 @@ use krait_ipc::message::{HopStamps, SlaveState};
 use krait_ipc::{ReadOptions, Reader, clock};
 use std::process::Child;
 
-/// How often the slave's states are read; the reader's buffer holds 2048.
+/// How often the slave's states are read; the reader's buffer holds 8192.
 const LOOK_EVERY: Duration = Duration::from_millis(10);
 /// Length of the script that moves the operator's hand, over and over, s.
 const SCRIPT_S: f64 = 2.0;

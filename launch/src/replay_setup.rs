@@ -5,10 +5,10 @@ use crate::cli_replay::{ReplayArgs, Stage};
 use crate::config::Config;
 use crate::recorded;
 use anyhow::{Context, bail, ensure};
-use krait_ipc::message::{Compensation, OperatorInput};
+use krait_ipc::message::Compensation;
 use krait_model::Snake;
 use krait_record::Recording;
-use krait_replay::{Pass, Program, Score, Trajectory, TrajectoryLimits, passes_of};
+use krait_replay::{Beginning, InputChoice, InputTrack, Program, Score, Trajectory, TrajectoryLimits};
 use std::path::{Path, absolute};
 
 /// Where a trajectory's own time begins, ns: after zero, so that nothing comes out negative.
@@ -23,12 +23,6 @@ pub struct Setup {
     pub config: Config,
     /// Where the replay's own time begins, ns.
     pub start_ns: i64,
-    /// Samples of one loop.
-    pub n_samples: u64,
-    /// Length of one loop, s.
-    pub length_s: f64,
-    /// Recorded samples that `resolve` would refuse; they are left out.
-    pub n_refused: usize,
     /// Device and serial number of the hand that is replayed, as the recording names them.
     pub device: [String; 2],
 }
@@ -49,32 +43,15 @@ impl Setup {
 
     fn of_recording(common: &Common, args: &ReplayArgs, to_s: f64, folder: &Path) -> anyhow::Result<Self> {
         let named = || format!("recording {}", args.file.display());
-        let parts = Recording::open_parts(&args.file)?;
-        let recording = &parts[0];
-        let passes = passes_of(&parts)?;
-        let Some(pass) = usize::try_from(args.pass - 1).ok().and_then(|idx| passes.get(idx)) else {
-            bail!("{}: --pass {}: it holds {}", named(), args.pass, n_passes(passes.len()));
-        };
-        let config = recorded::config_of(recording, folder).with_context(named)?;
-        let config = replaced(common, args, recorded::config_of_pass(&config, pass))?;
-        let (score, n_refused) = Score::of_inputs(&pass.inputs);
-        let Score::Inputs(inputs) = score else { bail!("{}: it holds no operator input", named()) };
-        ensure!(
-            !inputs.is_empty(),
-            "{}: pass {} holds no operator input, so there is nothing to play",
-            named(),
-            args.pass
-        );
-        let inputs = between(inputs, args.from, to_s);
-        let Some(first) = inputs.first().copied() else {
-            bail!("{}: no operator input lies between --from {} and --to {to_s}", named(), args.from);
-        };
-        let start_bend_rad = start_bend(pass, &first);
-        Self::new(config, Score::Inputs(inputs), start_bend_rad, first.sample_ns, args.loops).map(|setup| Self {
-            n_refused,
-            device: recorded::device_of(recording),
-            ..setup
-        })
+        let recording = Recording::open_beginning(&args.file)?;
+        let choice = InputChoice { path: args.file.clone(), pass: args.pass, range_s: args.from..to_s };
+        let beginning = Beginning::read(&choice).with_context(named)?;
+        let mut config = recorded::config_of(&recording, folder).with_context(named)?;
+        config.compensate.mode = beginning.compensation.unwrap_or(config.compensate.mode);
+        let config = replaced(common, args, config)?;
+        let score = Score::Inputs(InputTrack::new(choice));
+        Self::new(config, score, beginning.start_bend_rad, beginning.first.sample_ns, args.loops)
+            .map(|setup| Self { device: recorded::device_of(&recording), ..setup })
     }
 
     fn of_table(common: &Common, args: &ReplayArgs, to_s: f64) -> anyhow::Result<Self> {
@@ -105,27 +82,10 @@ impl Setup {
         n_loops: u64,
     ) -> anyhow::Result<Self> {
         let snake = Snake::new(&config.machine)?;
-        let (n_samples, length_s) = (score.n_samples(), score.length_s());
         let program = Program::new(score, start_bend_rad, n_loops, snake, config.resolve.view_roll_rad);
         let device = ["trajectory".to_owned(), "none (trajectory)".to_owned()];
-        Ok(Self { program, config, start_ns, n_samples, length_s, n_refused: 0, device })
+        Ok(Self { program, config, start_ns, device })
     }
-}
-
-/// The inputs between two times after the first one.
-fn between(inputs: Vec<OperatorInput>, from_s: f64, to_s: f64) -> Vec<OperatorInput> {
-    let Some(first_ns) = inputs.first().map(|input| input.sample_ns) else { return inputs };
-    let is_within = |input: &OperatorInput| {
-        let time_s = input.sample_ns.saturating_sub(first_ns) as f64 * 1e-9;
-        (from_s..to_s).contains(&time_s)
-    };
-    inputs.into_iter().filter(is_within).collect()
-}
-
-/// Where the setpoint was when an input came.
-fn start_bend(pass: &Pass, first: &OperatorInput) -> [f64; 2] {
-    let before = pass.setpoints.iter().rev().find(|setpoint| setpoint.input_sequence < first.sequence);
-    before.or(pass.setpoints.first()).map_or([0.0; 2], |setpoint| setpoint.bend_rad)
 }
 
 /// The recording's settings, with those of the replaced stages from the command line.
@@ -179,8 +139,4 @@ fn with_options(args: &ReplayArgs, mut config: Config) -> anyhow::Result<Config>
     }
     config.check()?;
     Ok(config)
-}
-
-fn n_passes(n: usize) -> String {
-    format!("{n} {}", if n == 1 { "pass" } else { "passes" })
 }

@@ -1,4 +1,5 @@
-//! What writing and reading cost on this machine: `cargo bench -p krait-record --bench throughput -- 3600` for an hour.
+//! What writing and reading cost on this machine: `cargo bench -p krait-record --bench throughput -- 3600` for an hour,
+//! `... -- FILE.mcap` for reading a recording that is there already.
 
 #![allow(clippy::expect_used, clippy::print_stdout, reason = "a measurement prints, and a panic ends it")]
 
@@ -9,7 +10,7 @@ use common::{chain, fresh_path};
 use krait_ipc::clock::monotonic_ns;
 use krait_model::MachineParameters;
 use krait_record::columns::Columns;
-use krait_record::{About, Recording, RecordingWriter, Views, samples_between};
+use krait_record::{About, Contents, Recording, RecordingWriter, Views, samples_between};
 use std::collections::BTreeMap;
 
 /// Length of the recording that is written without an argument, s.
@@ -17,11 +18,17 @@ const DEFAULT_S: u64 = 60;
 const MINUTE_NS: u64 = 60_000_000_000;
 
 fn main() {
+    if let Some(path) = std::env::args().skip(1).find(|argument| argument.ends_with(".mcap")) {
+        let path = std::path::Path::new(&path);
+        read(path, None);
+        access(path);
+        return;
+    }
     let given = std::env::args().skip(1).find_map(|argument| argument.parse().ok());
     let length_s = given.unwrap_or(DEFAULT_S);
     let path = fresh_path("throughput.mcap");
     let (n_written, n_bytes) = write(&path, length_s);
-    read(&path, n_written, length_s);
+    read(&path, Some(n_written));
     access(&path);
     println!("{} bytes, {} bytes per second of motion", n_bytes, n_bytes / length_s);
 }
@@ -54,14 +61,20 @@ fn write(path: &std::path::Path, length_s: u64) -> (usize, u64) {
     (n_written, n_bytes)
 }
 
-fn read(path: &std::path::Path, n_written: usize, length_s: u64) {
+fn read(path: &std::path::Path, n_written: Option<usize>) {
     let begun_ns = monotonic_ns();
     let recording = Recording::open(path).expect("opened");
-    rate("opened and checked", n_written, monotonic_ns() - begun_ns, length_s);
+    let took_ns = monotonic_ns() - begun_ns;
+    let (first, last) = span(recording.contents());
+    let length_s = (last - first) / 1_000_000_000;
+    let n_held = recording.contents().channels.values().map(|channel| channel.n_messages as usize).sum();
+    let n_bytes = std::fs::metadata(path).expect("there").len();
+    println!("{n_bytes} bytes, {length_s} s, {} bytes per second", n_bytes / length_s.max(1));
+    rate("opened and checked", n_held, took_ns, length_s);
     let begun_ns = monotonic_ns();
     let n_read = recording.samples().expect("there").filter(Result::is_ok).count();
     rate("read", n_read, monotonic_ns() - begun_ns, length_s);
-    assert_eq!(n_read, n_written);
+    assert_eq!(n_read, n_written.unwrap_or(n_held));
     let begun_ns = monotonic_ns();
     let n_rows = Columns::of(&recording).expect("readable").rows.len();
     rate("read into columns (rows)", n_rows, monotonic_ns() - begun_ns, length_s);
@@ -69,13 +82,17 @@ fn read(path: &std::path::Path, n_written: usize, length_s: u64) {
 
 /// A minute in the middle, or what there is of one.
 fn access(path: &std::path::Path) {
-    let contents = Recording::open(path).expect("opened").contents().clone();
-    let span = contents.channels.values().map(|c| (c.first_log_ns, c.last_log_ns));
-    let (first, last) = span.fold((u64::MAX, 0), |(first, last), (a, b)| (first.min(a), last.max(b)));
+    let (first, last) = span(Recording::open(path).expect("opened").contents());
     let from = first + (last - first) / 2;
     let begun_ns = monotonic_ns();
     let n_found = samples_between(path, from..from + MINUTE_NS).expect("read").len();
     println!("a minute in the middle: {n_found} messages in {:.3} s", (monotonic_ns() - begun_ns) as f64 * 1e-9);
+}
+
+/// First and last log time.
+fn span(contents: &Contents) -> (u64, u64) {
+    let spans = contents.channels.values().map(|c| (c.first_log_ns, c.last_log_ns));
+    spans.fold((u64::MAX, 0), |(first, last), (a, b)| (first.min(a), last.max(b)))
 }
 
 fn rate(what: &str, n: usize, took_ns: i64, length_s: u64) {

@@ -27,9 +27,10 @@ pub struct RecordConfig {
     /// How often the disk is asked to keep what was handed to it, ms, 100 to 60000. Default 1000: what a machine that loses
     /// its power may lose. A thread of its own waits for the disk.
     pub sync_ms: u64,
-    /// Length from which on a file is ended and the next one begun, bytes: 0 (never) or 65536 to 1099511627776. Default 0.
+    /// Length from which on a file is ended and the next one begun, bytes: 0 (never) or 65536 to 1099511627776. Default
+    /// 1000000000: a file's index is kept in memory until its end, and this bounds it.
     pub rotate_bytes: u64,
-    /// Age from which on a file is ended and the next one begun, s: 0 (never) to 86400. Default 0.
+    /// Age from which on a file is ended and the next one begun, s: 0 (never) to 86400. Default 3600, for the same reason.
     pub rotate_s: u64,
     /// How often the snake is drawn for viewers, Hz, 0 (never) to 60. Default 30: smooth to the eye, a few percent of the
     /// recording.
@@ -52,8 +53,8 @@ impl Default for RecordConfig {
             chunk_bytes: 256 * 1024,
             flush_ms: 50,
             sync_ms: 1000,
-            rotate_bytes: 0,
-            rotate_s: 0,
+            rotate_bytes: 1_000_000_000,
+            rotate_s: 3600,
             view_hz: 30,
             metadata: BTreeMap::new(),
             attachments: Vec::new(),

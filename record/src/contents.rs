@@ -118,6 +118,23 @@ pub(crate) fn scan(path: &Path, source: impl Read) -> Result<(Contents, Director
     }
 }
 
+/// Walks through a file behind its magic as far as its first sample: metadata and attachments stand before it.
+pub(crate) fn scan_beginning(path: &Path, source: impl Read) -> Result<Contents, ReadError> {
+    let mut framing = Framing::after_magic(source);
+    let mut scan = Scan::new(path);
+    loop {
+        let step = framing.step();
+        match step.map_err(|source| ReadError::Io { path: path.to_owned(), offset: framing.offset(), source })? {
+            Step::Record { opcode: op::CHUNK | op::MESSAGE | op::DATA_END, .. } if scan.has_header => {
+                return Ok(scan.contents);
+            }
+            Step::Record { opcode, offset } => scan.record(opcode, offset, framing.body())?,
+            Step::TooLong { offset, length } => scan.damaged(offset, format!("it claims to hold {length} bytes")),
+            ending => return scan.end(&ending).map(|(contents, _)| contents),
+        }
+    }
+}
+
 struct Scan<'a> {
     path: &'a Path,
     contents: Contents,

@@ -1,16 +1,19 @@
 //! Reads a recording back, also one that was cut or damaged, as the messages that were recorded.
 
 use crate::between::recorded;
+use crate::channel::Channel;
 use crate::chunk::ChunkRecords;
-use crate::contents::{Contents, Directory, scan};
+use crate::contents::{Contents, Directory, known_channel, scan, scan_beginning};
 use crate::error::ReadError;
 use crate::framing::{Framing, Step};
 use crate::parts::NEXT_PART_KEY;
 use crate::sample::Sample;
 use crate::writer::{METADATA, METADATA_END};
 use mcap::MAGIC;
+use mcap::records::{Record, op};
+use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{self, BufReader, Read};
+use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
 /// Place of the version in an MCAP file's magic.
@@ -46,6 +49,16 @@ impl Recording {
         Ok(Self { path: path.to_owned(), contents, directory })
     }
 
+    /// Opens a recording and reads only what stands before its first sample: metadata and attachments. Of its samples, and
+    /// of what is missing, its [`Contents`] say nothing.
+    ///
+    /// # Errors
+    /// As [`Recording::open`].
+    pub fn open_beginning(path: &Path) -> Result<Self, ReadError> {
+        let contents = scan_beginning(path, behind_magic(path)?)?;
+        Ok(Self { path: path.to_owned(), contents, directory: Directory::new() })
+    }
+
     /// Opens a recording and the parts that follow it, where it was rotated. A last part that is not there is missing
     /// without a word, as after a crash; a file of another run is none of its parts.
     ///
@@ -66,14 +79,12 @@ impl Recording {
         Ok(parts)
     }
 
-    fn run_id(&self) -> Option<&String> {
+    pub(crate) fn run_id(&self) -> Option<&String> {
         self.contents.metadata.get(METADATA)?.get("run_id")
     }
 
-    /// A name in a file is nobody's path: only its last component counts.
     fn next_part(&self) -> Option<PathBuf> {
-        let named = Path::new(self.contents.metadata.get(METADATA_END)?.get(NEXT_PART_KEY)?);
-        Some(self.path.with_file_name(named.file_name()?))
+        part_named(&self.path, self.contents.metadata.get(METADATA_END)?)
     }
 
     /// Where it is.
@@ -94,6 +105,9 @@ impl Recording {
         Ok(Samples {
             path: self.path.clone(),
             directory: self.directory.clone(),
+            schemas: BTreeMap::new(),
+            wanted: None,
+            next_part: None,
             framing: Framing::after_magic(behind_magic(&self.path)?),
             chunk: ChunkRecords::default(),
             chunk_offset: 0,
@@ -107,6 +121,12 @@ impl Recording {
 pub struct Samples {
     path: PathBuf,
     directory: Directory,
+    /// Name and encoding of the schemas met so far.
+    schemas: BTreeMap<u16, (String, String)>,
+    /// The channels that are decoded; none means all.
+    wanted: Option<Vec<Channel>>,
+    /// The part that follows, once its name has been met.
+    next_part: Option<PathBuf>,
     framing: Framing<BufReader<File>>,
     chunk: ChunkRecords,
     chunk_offset: u64,
@@ -121,7 +141,9 @@ impl Iterator for Samples {
         loop {
             while let Some((header, range)) = self.chunk.messages.get(self.next_idx) {
                 self.next_idx += 1;
-                if let Some(Some(channel)) = self.directory.get(&header.channel_id) {
+                if let Some(Some(channel)) = self.directory.get(&header.channel_id)
+                    && self.wanted.as_ref().is_none_or(|wanted| wanted.contains(channel))
+                {
                     let payload = self.chunk.payload(range);
                     return Some(recorded(&self.path, self.chunk_offset, *channel, header, payload));
                 }
@@ -129,30 +151,66 @@ impl Iterator for Samples {
             if self.is_over {
                 return None;
             }
-            if let Err(source) = self.next_chunk() {
+            if let Err(error) = self.next_chunk() {
                 self.is_over = true;
-                return Some(Err(ReadError::Io { path: self.path.clone(), offset: self.framing.offset(), source }));
+                return Some(Err(error));
             }
         }
     }
 }
 
 impl Samples {
-    fn next_chunk(&mut self) -> io::Result<()> {
+    /// Decodes samples of these channels only.
+    pub(crate) fn only(self, channels: &[Channel]) -> Self {
+        Self { wanted: Some(channels.to_vec()), ..self }
+    }
+
+    /// The part that follows; known once all samples have been taken.
+    pub(crate) fn next_part(&self) -> Option<&Path> {
+        self.next_part.as_deref()
+    }
+
+    fn next_chunk(&mut self) -> Result<(), ReadError> {
         self.next_idx = 0;
         self.chunk.clear();
-        match self.framing.step()? {
+        let step = self.framing.step();
+        match step.map_err(|source| ReadError::Io { path: self.path.clone(), offset: self.framing.offset(), source })? {
+            Step::Record { opcode: op::METADATA, .. } => {
+                if let Ok(Record::Metadata(metadata)) = mcap::parse_record(op::METADATA, self.framing.body())
+                    && metadata.name == METADATA_END
+                {
+                    self.next_part = part_named(&self.path, &metadata.metadata);
+                }
+            }
             Step::Record { opcode, offset } => {
                 self.chunk_offset = offset;
                 if let Err(what) = self.chunk.read(opcode, self.framing.body()) {
                     tracing::debug!(offset, what, "a damaged record was skipped");
                 }
+                self.learn_channels(offset)?;
             }
             Step::TooLong { .. } => {}
             _ => self.is_over = true,
         }
         Ok(())
     }
+
+    /// A file that was opened by its beginning is known no further than it has been read.
+    fn learn_channels(&mut self, offset: u64) -> Result<(), ReadError> {
+        for (schema, _) in self.chunk.schemas.drain(..) {
+            self.schemas.insert(schema.id, (schema.name, schema.encoding));
+        }
+        for channel in self.chunk.channels.drain(..) {
+            let known = known_channel(&self.path, offset, &channel, self.schemas.get(&channel.schema_id))?;
+            self.directory.insert(channel.id, known);
+        }
+        Ok(())
+    }
+}
+
+/// A name in a file is nobody's path: only its last component counts.
+fn part_named(path: &Path, end: &BTreeMap<String, String>) -> Option<PathBuf> {
+    Some(path.with_file_name(Path::new(end.get(NEXT_PART_KEY)?).file_name()?))
 }
 
 pub(crate) fn behind_magic(path: &Path) -> Result<BufReader<File>, ReadError> {

@@ -14,7 +14,8 @@ use krait_ipc::{Bus, HealthReporter, IpcError, Reason, Reasons, clock};
 use std::path::{Path, PathBuf};
 use std::thread;
 
-/// How often shared memory is emptied: 5 messages of a 1 kHz channel, of the 2048 that a channel can hold.
+/// How often shared memory is emptied: 5 messages of a 1 kHz channel, 40 of an 8 kHz one, of the 8192 that
+/// a channel of samples can hold.
 const POLL_PERIOD: Duration = Duration::from_millis(5);
 /// As long as health is published, ten times a second, ns.
 const HEALTH_PERIOD_NS: i64 = 100_000_000;

@@ -58,11 +58,29 @@ pub enum ReplayError {
         /// How long the replay has waited, s.
         patience_s: u64,
     },
-    /// The thread that writes the new recording cannot go on.
-    #[error("the thread that writes the new recording cannot go on: {what}; is the disk full?")]
+    /// A thread cannot go on.
+    #[error("the thread that {doing} cannot go on: {what}; is the disk full, or the machine's memory?")]
     Thread {
+        /// What it does.
+        doing: &'static str,
         /// Why.
         what: String,
+    },
+    /// There is no such pass.
+    #[error("--pass {pass}: it holds {n_passes} {}", if *n_passes == 1 { "pass" } else { "passes" })]
+    NoPass {
+        /// The pass asked for, from 1.
+        pass: u64,
+        /// How many there are.
+        n_passes: u64,
+    },
+    /// Nothing was recorded in the time asked for.
+    #[error("no operator input lies between --from {from_s} and --to {to_s}")]
+    EmptyRange {
+        /// Where it begins, s after the first input.
+        from_s: f64,
+        /// Where it ends.
+        to_s: f64,
     },
     /// The slave cannot move.
     #[error(

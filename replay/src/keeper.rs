@@ -13,6 +13,9 @@ const QUEUE_LENGTH: usize = 8192;
 /// Uncompressed bytes of a chunk: the recorder's default.
 const CHUNK_BYTES: usize = 256 * 1024;
 
+/// What the thread does, for error sentences.
+const DOING: &str = "writes the new recording";
+
 /// A recording in the making.
 #[derive(Debug)]
 pub struct Keeper {
@@ -33,7 +36,7 @@ impl Keeper {
         let thread = std::thread::Builder::new()
             .name("replay-write".to_owned())
             .spawn(move || write_all(writer, &samples))
-            .map_err(|error| ReplayError::Thread { what: error.to_string() })?;
+            .map_err(|error| ReplayError::Thread { doing: DOING, what: error.to_string() })?;
         Ok(Self { path: path.to_owned(), queue, thread, n_kept: 0 })
     }
 
@@ -44,6 +47,7 @@ impl Keeper {
     pub fn keep(&mut self, sample: Sample) -> Result<(), ReplayError> {
         self.n_kept += 1;
         self.queue.send(sample).map_err(|_ended| ReplayError::Thread {
+            doing: DOING,
             what: format!("{} cannot be written any more", self.path.display()),
         })
     }
@@ -55,7 +59,8 @@ impl Keeper {
     pub fn finish(self) -> Result<u64, ReplayError> {
         let Self { queue, thread, n_kept, .. } = self;
         drop(queue);
-        let ended = thread.join().map_err(|panic| ReplayError::Thread { what: format!("it died: {panic:?}") })?;
+        let ended =
+            thread.join().map_err(|panic| ReplayError::Thread { doing: DOING, what: format!("it died: {panic:?}") })?;
         ended?;
         Ok(n_kept)
     }

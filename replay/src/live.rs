@@ -102,6 +102,11 @@ impl LivePlayer {
         self.n_late
     }
 
+    /// What is played, and how much of it has been.
+    pub fn program(&self) -> &Program {
+        &self.program
+    }
+
     /// How well the snake followed.
     pub fn tracking(&self) -> &Tracking {
         &self.tracking
@@ -193,7 +198,7 @@ impl LivePlayer {
             return Ok(self.under_way);
         }
         // Each sample waits for the one before by the clock; the setpoint that came back last is near enough to steer by.
-        let Next::Sample(planned) = self.program.next(self.bend_rad(), true) else { return Ok(None) };
+        let Next::Sample(planned) = self.program.next(self.bend_rad(), true)? else { return Ok(None) };
         if planned.part == Part::Recorded && !self.has_begun {
             self.check_start()?;
             self.rate = 0.0;

@@ -15,9 +15,9 @@ use krait_ipc::{Bus, ReadOptions, Reader, Writer, clock};
 use krait_record::Sample;
 use std::collections::VecDeque;
 
-/// Samples under way at most, and the age of the state that a step rests on, in samples: 16 ms at 1 kHz, well within what
-/// the stages take for fresh.
-pub const UNDER_WAY: u64 = 16;
+/// Samples under way at most, and the age of the state that a step rests on, in samples: 32 ms at 1 kHz, a third of what
+/// the stages take for fresh. Every stage has that many to work on each time it is woken.
+pub const UNDER_WAY: u64 = 32;
 /// A chain that answers nothing for so long will not answer any more, ns.
 const STALL_NS: i64 = 20_000_000_000;
 
@@ -148,6 +148,11 @@ impl Player {
         &self.newest
     }
 
+    /// What is played, and how much of it has been.
+    pub fn program(&self) -> &Program {
+        &self.program
+    }
+
     /// How well the snake followed.
     pub fn tracking(&self) -> &Tracking {
         &self.tracking
@@ -247,7 +252,7 @@ impl Player {
         while self.counts.sent() - self.counts.answered < UNDER_WAY {
             let planned = match self.pending.take() {
                 Some(planned) => planned,
-                None => match self.program.next(self.bend_rad(), self.is_idle()) {
+                None => match self.program.next(self.bend_rad(), self.is_idle())? {
                     Next::Sample(planned) => planned,
                     Next::Wait => break,
                     Next::End => {

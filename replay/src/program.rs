@@ -4,7 +4,7 @@
 //! setpoint that came out last. The rest says that no operator is present, so that the setpoint comes to rest and the
 //! slave holds before anything ends.
 
-use crate::Trajectory;
+use crate::{InputTrack, ReplayError, Trajectory};
 use krait_ipc::message::{DeviceState, OperatorInput, Phase, Setpoint};
 use krait_ipc::{Reason, Reasons};
 use krait_model::Snake;
@@ -24,12 +24,6 @@ const APPROACH_RATE_PER_S: f64 = 8.0;
 const ARRIVED_RAD: f64 = 1e-4;
 /// Samples that an approach may take: the largest bend at a tenth of its speed.
 const MOST_APPROACH: u64 = 100_000;
-/// Fastest tip velocity that `resolve` takes for a hand's, m/s.
-const MAX_TIP_VEL_M_PER_S: f64 = 1.0;
-/// Longest gap between two samples that is still one recording, ns: an hour.
-const MAX_GAP_NS: i64 = 3_600_000_000_000;
-/// Latest instant that a recording may begin at, ns: 146 years, so that no sum overflows.
-const MAX_START_NS: i64 = i64::MAX / 2;
 
 /// A sample to be sent; the player numbers and stamps it.
 #[derive(Clone, Copy, Debug)]
@@ -75,16 +69,16 @@ pub enum Next {
 }
 
 /// What is played.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub enum Score {
     /// Operator input, in order, each acceptable to `resolve`.
-    Inputs(Vec<OperatorInput>),
+    Inputs(InputTrack),
     /// A trajectory of the bend vector.
     Trajectory(Trajectory),
 }
 
 /// A score, where it begins, and how often it is played.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Program {
     score: Score,
     start_bend_rad: [f64; 2],
@@ -95,46 +89,19 @@ pub struct Program {
     n_in_part: u64,
     approach_from_rad: Option<Vector2<f64>>,
     last_bend_rad: Vector2<f64>,
+    last_input_ns: Option<i64>,
+    tally: Tally,
 }
 
-impl Score {
-    /// The inputs of a recording that `resolve` would take: finite, no faster than a hand, each after the one before
-    /// and within an hour of it. Also
-    /// says how many it would refuse; those are left out.
-    pub fn of_inputs(inputs: &[OperatorInput]) -> (Self, usize) {
-        let mut taken: Vec<OperatorInput> = Vec::with_capacity(inputs.len());
-        for input in inputs {
-            let is_hand = input.tip_vel_in_view_m_per_s.iter().all(|v| v.abs() <= MAX_TIP_VEL_M_PER_S);
-            let follows = match taken.last() {
-                Some(before) => (1..=MAX_GAP_NS).contains(&input.sample_ns.saturating_sub(before.sample_ns)),
-                None => (0..=MAX_START_NS).contains(&input.sample_ns),
-            };
-            if is_hand && follows {
-                taken.push(*input);
-            }
-        }
-        let n_refused = inputs.len() - taken.len();
-        (Self::Inputs(taken), n_refused)
-    }
-
-    /// Samples that it holds.
-    pub fn n_samples(&self) -> u64 {
-        match self {
-            Self::Inputs(inputs) => inputs.len() as u64,
-            Self::Trajectory(trajectory) => trajectory.n_samples(),
-        }
-    }
-
-    /// Its length, s.
-    pub fn length_s(&self) -> f64 {
-        match self {
-            Self::Inputs(inputs) => {
-                let ends = inputs.first().zip(inputs.last());
-                ends.map_or(0.0, |(first, last)| last.sample_ns.saturating_sub(first.sample_ns) as f64 * 1e-9)
-            }
-            Self::Trajectory(trajectory) => trajectory.length_s(),
-        }
-    }
+/// How much of the score has been played.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Tally {
+    /// Samples of the longest loop so far.
+    pub n_in_loop: u64,
+    /// Loops that were played to their end.
+    pub n_loops: u64,
+    /// Recorded time over all loops, ns.
+    pub played_ns: i64,
 }
 
 impl Program {
@@ -150,6 +117,8 @@ impl Program {
             n_in_part: 0,
             approach_from_rad: None,
             last_bend_rad: Vector2::zeros(),
+            last_input_ns: None,
+            tally: Tally::default(),
         }
     }
 
@@ -161,6 +130,19 @@ impl Program {
     /// Where the score begins, rad.
     pub fn start_bend_rad(&self) -> [f64; 2] {
         self.start_bend_rad
+    }
+
+    /// How much of the score has been played.
+    pub fn tally(&self) -> Tally {
+        self.tally
+    }
+
+    /// What was read of a recording's input; `None` for a trajectory.
+    pub fn track_counts(&self) -> Option<crate::TrackCounts> {
+        match &self.score {
+            Score::Inputs(track) => Some(track.counts()),
+            Score::Trajectory(_) => None,
+        }
     }
 
     /// Leaves out the rest of the score: comes to rest and ends.
@@ -177,35 +159,44 @@ impl Program {
     }
 
     /// The next sample. `bend_rad` is the newest setpoint that has come out; `is_idle` says that no sample is under way.
-    pub fn next(&mut self, bend_rad: [f64; 2], is_idle: bool) -> Next {
+    ///
+    /// # Errors
+    /// [`ReplayError::Read`] when the recording cannot be read any further.
+    pub fn next(&mut self, bend_rad: [f64; 2], is_idle: bool) -> Result<Next, ReplayError> {
         loop {
             let sample = match self.part {
                 Part::Approach if !is_idle && (self.sends_inputs() || self.approach_from_rad.is_none()) => {
-                    return Next::Wait;
+                    return Ok(Next::Wait);
                 }
                 Part::Approach => self.approach(bend_rad.into()),
-                Part::Recorded => self.recorded(),
+                Part::Recorded => self.recorded()?,
                 Part::Rest if self.n_in_part < N_REST => Some(self.rest()),
                 Part::Rest => None,
             };
             if let Some(sample) = sample {
                 self.n_in_part += 1;
-                return Next::Sample(sample);
+                return Ok(Next::Sample(sample));
             }
             match self.part {
                 Part::Approach => self.enter(Part::Recorded),
-                Part::Recorded => self.enter(Part::Rest),
+                Part::Recorded => {
+                    self.tally.n_loops += 1;
+                    self.enter(Part::Rest);
+                }
                 Part::Rest if self.n_loops_left > 1 => {
                     self.n_loops_left -= 1;
                     self.enter(Part::Approach);
                 }
-                Part::Rest => return Next::End,
+                Part::Rest => return Ok(Next::End),
             }
         }
     }
 
     fn enter(&mut self, part: Part) {
-        (self.part, self.n_in_part, self.approach_from_rad) = (part, 0, None);
+        (self.part, self.n_in_part, self.approach_from_rad, self.last_input_ns) = (part, 0, None, None);
+        if let (Part::Recorded, Score::Inputs(track)) = (part, &mut self.score) {
+            track.rewind();
+        }
     }
 
     fn approach(&mut self, bend_rad: Vector2<f64>) -> Option<Planned> {
@@ -244,21 +235,24 @@ impl Program {
         Some(Planned { what, dt_ns: PERIOD_NS, part: Part::Approach })
     }
 
-    fn recorded(&mut self) -> Option<Planned> {
-        let idx = self.n_in_part as usize;
-        let (what, dt_ns) = match &self.score {
-            Score::Inputs(inputs) => {
-                let input = *inputs.get(idx)?;
-                let before = idx.checked_sub(1).and_then(|before| inputs.get(before));
-                (What::Input(input), before.map_or(PERIOD_NS, |before| input.sample_ns - before.sample_ns))
+    fn recorded(&mut self) -> Result<Option<Planned>, ReplayError> {
+        let (what, dt_ns) = match &mut self.score {
+            Score::Inputs(track) => {
+                let Some(input) = track.next()? else { return Ok(None) };
+                let before_ns = self.last_input_ns.replace(input.sample_ns);
+                (What::Input(input), before_ns.map_or(PERIOD_NS, |before_ns| input.sample_ns - before_ns))
             }
             Score::Trajectory(trajectory) => {
-                let (bend_rad, bend_vel_rad_per_s) = trajectory.sample(self.n_in_part)?;
+                let Some((bend_rad, bend_vel_rad_per_s)) = trajectory.sample(self.n_in_part) else { return Ok(None) };
                 self.last_bend_rad = bend_rad;
                 (self.setpoint(bend_rad, bend_vel_rad_per_s, Phase::Following), PERIOD_NS)
             }
         };
-        Some(Planned { what, dt_ns, part: Part::Recorded })
+        if self.n_in_part > 0 {
+            self.tally.played_ns = self.tally.played_ns.saturating_add(dt_ns);
+        }
+        self.tally.n_in_loop = self.tally.n_in_loop.max(self.n_in_part + 1);
+        Ok(Some(Planned { what, dt_ns, part: Part::Recorded }))
     }
 
     fn rest(&self) -> Planned {

@@ -6,7 +6,7 @@ use core::time::Duration;
 use krait_ipc::message::{Command, ModelUpdate, OperatorInput, Phase, Setpoint, Shape, SlaveState};
 use krait_ipc::{InstanceName, resources_of};
 use krait_record::{About, Recording, RecordingWriter, Sample};
-use krait_tests::{Ended, TempFolder, instance_name, krait_program, processes_of};
+use krait_tests::{Ended, Krait, TempFolder, instance_name, krait_program, processes_of};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -192,6 +192,42 @@ fn a_replay_gives_the_same_bytes_at_every_speed_and_counts_every_sample() {
     }
     let (code, verdict) = verify(&folder.file("a.mcap"));
     assert_eq!((code, &verdict["first_difference"]), (Some(0), &Value::Null), "{verdict}");
+}
+
+/// A replay reads as it plays: how much memory it takes does not depend on how long the recording is.
+#[test]
+fn a_long_recording_takes_no_more_memory_than_a_short_one() {
+    let folder = TempFolder::new("long");
+    let long = folder.file("long.mcap");
+    replay(&[&shipped(), "--speed", "max", "--loops", "60", "--recording", &long]);
+    let n_bytes_in = |path: &str| {
+        let channels = read(path);
+        size_of_val(&*channels.inputs)
+            + size_of_val(&*channels.setpoints)
+            + size_of_val(&*channels.commands)
+            + size_of_val(&*channels.states)
+    };
+    let more_to_play = n_bytes_in(&long) - n_bytes_in(&shipped());
+    let more_held = peak_bytes(&long).saturating_sub(peak_bytes(&shipped()));
+    assert!(more_to_play > 30 << 20, "{more_to_play} bytes");
+    assert!(more_held < more_to_play / 4, "{more_held} bytes more memory for {more_to_play} bytes more to play");
+}
+
+/// Most memory that a replay at full speed has held, as far as it was seen.
+fn peak_bytes(path: &str) -> usize {
+    let krait = Krait::start(&["replay", "--speed", "max", "--no-recording", path]);
+    let status = format!("/proc/{}/status", krait.pid());
+    let mut peak_kb = 0;
+    // A program that has ended has no memory.
+    while let Ok(text) = std::fs::read_to_string(&status)
+        && let Some(line) = text.lines().find(|line| line.starts_with("VmHWM:"))
+    {
+        peak_kb = line.split_whitespace().nth(1).and_then(|kb| kb.parse().ok()).expect("kB");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    let ended = krait.end(PATIENCE);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    peak_kb * 1024
 }
 
 #[test]

@@ -40,7 +40,7 @@ pub struct Command {
     pub reasons: u64,
 }
 
-message!(Command, "command", 2);
+message!(Command, "command", 2, super::EVERY_SAMPLE);
 
 impl Command {
     /// The typed compensation mode, or `None` for a value that no version of krait sends.

@@ -36,7 +36,7 @@ pub struct Health {
     pub records: [ReasonRecord; N_REASONS_MAX],
 }
 
-message!(Health, "health", 1);
+message!(Health, "health", 1, super::RARE);
 
 /// How often a reason held, and its worst value beside its limit, in the reason's own unit.
 #[repr(C)]

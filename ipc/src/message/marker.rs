@@ -24,7 +24,7 @@ pub struct Marker {
     pub text: [u8; MARKER_TEXT_MAX],
 }
 
-message!(Marker, "marker", 1);
+message!(Marker, "marker", 1, super::RARE);
 
 /// A text that no mark can carry.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

@@ -36,7 +36,7 @@ pub struct OperatorInput {
     pub n_refused: u64,
 }
 
-message!(OperatorInput, "input", 1);
+message!(OperatorInput, "input", 1, super::EVERY_SAMPLE);
 
 impl OperatorInput {
     /// Flag: the operator is present (dead-man held or toggled on). Nothing moves without it.

@@ -36,7 +36,7 @@ pub struct Setpoint {
     pub reasons: u64,
 }
 
-message!(Setpoint, "setpoint", 1);
+message!(Setpoint, "setpoint", 1, super::EVERY_SAMPLE);
 
 impl Setpoint {
     /// The typed phase, or `None` for a value that no version of krait sends.

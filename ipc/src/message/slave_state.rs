@@ -36,7 +36,7 @@ pub struct SlaveState {
     pub n_refused: u64,
 }
 
-message!(SlaveState, "state", 1);
+message!(SlaveState, "state", 1, super::EVERY_SAMPLE);
 
 impl SlaveState {
     /// Flag: the drives know their zero.

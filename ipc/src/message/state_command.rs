@@ -18,7 +18,7 @@ pub struct StateCommand {
     pub sender_pid: u32,
 }
 
-message!(StateCommand, "state_command", 1);
+message!(StateCommand, "state_command", 1, super::RARE);
 
 impl StateCommand {
     /// The typed transition, or `None` for a value that no version of krait sends.

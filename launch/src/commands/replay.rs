@@ -11,7 +11,7 @@ use crate::{print, recorded, signals};
 use core::time::Duration;
 use krait_ipc::clock;
 use krait_record::{About, WallClock};
-use krait_replay::{Keeper, LivePlayer, PlayCounts, Player, Spread, Tracking, Turn};
+use krait_replay::{Keeper, LivePlayer, PlayCounts, Player, Program, Spread, Tracking, Turn};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -31,12 +31,16 @@ struct Figures {
     played: PathBuf,
     /// Whose time passed: the recording's own, or the machine's clock.
     time: &'static str,
-    /// Samples of one loop.
+    /// Samples of one loop, as far as it was played.
     samples_in_loop: u64,
     /// Loops asked for.
     loops: u64,
-    /// Recorded samples that were left out because `resolve` would refuse them.
-    samples_refused: usize,
+    /// Loops played to their end.
+    loops_played: u64,
+    /// Samples read from the file, over all loops.
+    samples_read: u64,
+    /// Recorded samples that were left out, over all loops, because `resolve` would refuse them.
+    samples_refused: u64,
     /// What was sent and what came back.
     samples: PlayCounts,
     /// Messages sent to the chain; on the machine's clock there may be several on the way to one sample.
@@ -63,16 +67,16 @@ struct Figures {
 pub fn run(common: &Common, args: &ReplayArgs) -> anyhow::Result<ExitCode> {
     let stop = signals::stop_flag()?;
     let mut supervisor = Supervisor::new(&recorded::instance_of(&common.instance, "replay"))?;
-    let mut setup = Setup::of(common, args, &supervisor.bus().instance().folder())?;
+    let setup = Setup::of(common, args, &supervisor.bus().instance().folder())?;
     let recording = match args.no_recording {
         true => None,
         false => Some(crate::recording_path(args.recording.as_deref(), "replay")?),
     };
-    describe(&mut setup, args, recording.as_deref());
+    let setup = described(setup, args, recording.as_deref());
     let played = if args.real_time {
-        play_live(&mut supervisor, &setup, args, &stop)
+        play_live(&mut supervisor, setup, args, &stop)
     } else {
-        play(&mut supervisor, &setup, args, &stop)
+        play(&mut supervisor, setup, args, &stop)
     };
     supervisor.end_chain();
     supervisor.end();
@@ -93,7 +97,7 @@ pub fn run(common: &Common, args: &ReplayArgs) -> anyhow::Result<ExitCode> {
 }
 
 /// What the new recording says about itself.
-fn describe(setup: &mut Setup, args: &ReplayArgs, recording: Option<&Path>) {
+fn described(mut setup: Setup, args: &ReplayArgs, recording: Option<&Path>) -> Setup {
     let speed = match args.speed {
         _ if args.step => "step".to_owned(),
         Speed::Max => "max".to_owned(),
@@ -114,6 +118,7 @@ fn describe(setup: &mut Setup, args: &ReplayArgs, recording: Option<&Path>) {
     ] {
         record.metadata.insert(key.to_owned(), value);
     }
+    setup
 }
 
 fn time_of(args: &ReplayArgs) -> &'static str {
@@ -128,14 +133,15 @@ fn options(setup: &Setup, recorded_time_ns: Option<i64>) -> ChainOptions {
 }
 
 /// In the recording's own time, to the simulated snake.
-fn play(supervisor: &mut Supervisor, setup: &Setup, args: &ReplayArgs, stop: &AtomicBool) -> anyhow::Result<Figures> {
-    let keeper = setup.config.record.path.as_deref().map(|path| keeper(setup, supervisor, path)).transpose()?;
-    let mut player = Player::open(supervisor.bus(), setup.program.clone(), keeper)?;
-    supervisor.start_chain(&options(setup, Some(setup.start_ns)), stop)?;
+fn play(supervisor: &mut Supervisor, setup: Setup, args: &ReplayArgs, stop: &AtomicBool) -> anyhow::Result<Figures> {
+    let keeper = setup.config.record.path.as_deref().map(|path| keeper(&setup, supervisor, path)).transpose()?;
+    let options = options(&setup, Some(setup.start_ns));
+    let mut player = Player::open(supervisor.bus(), setup.program, keeper)?;
+    supervisor.start_chain(&options, stop)?;
     player.begin()?;
     let begun_ns = clock::monotonic_ns();
     let stopped = Pace::new(args, player.now_ns()).drive(&mut player, supervisor, stop)?;
-    let mut figures = figures(args, setup, player.tracking(), player.counts(), stopped);
+    let mut figures = figures(args, &options, player.program(), player.tracking(), player.counts(), stopped);
     figures.commands_refused = player.newest().state.map_or(0, |state| state.n_refused);
     figures.messages_sent = figures.samples.sent();
     player.finish()?;
@@ -239,7 +245,7 @@ fn step_line(player: &Player) -> String {
 /// On the machine's clock, to any slave.
 fn play_live(
     supervisor: &mut Supervisor,
-    setup: &Setup,
+    setup: Setup,
     args: &ReplayArgs,
     stop: &AtomicBool,
 ) -> anyhow::Result<Figures> {
@@ -249,12 +255,13 @@ fn play_live(
     if setup.config.record.path.is_some() {
         supervisor.start_recorder(&setup.config, stop)?;
     }
-    let mut player = LivePlayer::open(supervisor.bus(), setup.program.clone(), rate)?;
-    supervisor.start_chain(&options(setup, None), stop)?;
+    let options = options(&setup, None);
+    let mut player = LivePlayer::open(supervisor.bus(), setup.program, rate)?;
+    supervisor.start_chain(&options, stop)?;
     let begun_ns = clock::monotonic_ns();
     let stopped = drive_live(&mut player, supervisor, rate, stop)?;
     supervisor.end_chain();
-    let mut figures = figures(args, setup, player.tracking(), player.counts(), stopped);
+    let mut figures = figures(args, &options, player.program(), player.tracking(), player.counts(), stopped);
     let state = supervisor.newest_state();
     figures.samples.answered = state.map_or(0, |state| state.n_commands);
     figures.commands_refused = state.map_or(0, |state| state.n_refused);
@@ -298,23 +305,33 @@ fn drive_live(
     }
 }
 
-fn figures(args: &ReplayArgs, setup: &Setup, tracking: &Tracking, samples: PlayCounts, stopped: bool) -> Figures {
+fn figures(
+    args: &ReplayArgs,
+    options: &ChainOptions,
+    program: &Program,
+    tracking: &Tracking,
+    samples: PlayCounts,
+    stopped: bool,
+) -> Figures {
+    let (tally, read) = (program.tally(), program.track_counts());
     Figures {
         played: args.file.clone(),
         time: time_of(args),
-        samples_in_loop: setup.n_samples,
+        samples_in_loop: tally.n_in_loop,
         loops: args.loops,
-        samples_refused: setup.n_refused,
+        loops_played: tally.n_loops,
+        samples_read: read.map_or(tally.n_in_loop * tally.n_loops, |read| read.n_read),
+        samples_refused: read.map_or(0, |read| read.n_refused),
         samples,
         messages_sent: 0,
         commands_refused: 0,
         times_late: 0,
-        played_s: setup.length_s * samples.recorded as f64 / setup.n_samples.max(1) as f64,
+        played_s: tally.played_ns as f64 * 1e-9,
         took_s: 0.0,
         times_real_time: 0.0,
         tracking_error_deg: tracking.error_deg(0.0),
         stopped,
-        recording: setup.config.record.path.clone(),
+        recording: options.config.record.path.clone(),
     }
 }
 
@@ -328,7 +345,7 @@ impl Figures {
 /// Every sample was sent, every message was answered, and nothing was lost.
 fn is_whole(figures: &Figures) -> bool {
     let samples = &figures.samples;
-    let all = figures.stopped || samples.recorded == figures.samples_in_loop * figures.loops;
+    let all = figures.stopped || (figures.loops_played == figures.loops && samples.recorded == figures.samples_read);
     all && samples.lost == 0 && samples.answered == figures.messages_sent
 }
 
