@@ -199,21 +199,25 @@ fn on_visits(problem: &Problem, residual: &[f64]) -> (Option<f64>, usize) {
 
 const MOST_VISITS: usize = 4000;
 
-/// 1 + 2 sum rho over lags in rows, up to the first negative pair (Geyer's initial positive sequence): how many rows of a
-/// residual tell as much as one row of white noise, 1 or more.
+/// 1 + 2 sum rho over lags in rows: how many rows of a residual tell as much as one row of white noise, 1 or more.
 pub fn autocorrelation_time(residual: &[f64], width: usize) -> f64 {
+    1.0 + 2.0 * autocorrelation(residual, width).iter().skip(1).sum::<f64>()
+}
+
+/// rho at lags 0, 1, 2 ... in rows, up to the first pair of lags whose sum is not positive (Geyer's initial positive sequence).
+pub fn autocorrelation(residual: &[f64], width: usize) -> Vec<f64> {
     let width = width.max(1);
     let at = |lag: usize| dot(residual, residual.get(lag * width..).unwrap_or(&[]));
     let whole = at(0).max(f64::MIN_POSITIVE);
-    let mut time = 1.0;
+    let mut rho = vec![1.0];
     for lag in (1..(residual.len() / width / 4).min(MOST_LAGS)).step_by(2) {
-        let pair = (at(lag) + at(lag + 1)) / whole;
-        if pair <= 0.0 {
+        let pair = [at(lag) / whole, at(lag + 1) / whole];
+        if pair[0] + pair[1] <= 0.0 {
             break;
         }
-        time += 2.0 * pair;
+        rho.extend(pair);
     }
-    time.max(1.0)
+    rho
 }
 
 const MOST_LAGS: usize = 2000;

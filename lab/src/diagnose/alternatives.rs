@@ -47,6 +47,29 @@ impl Alternatives {
         class
     }
 
+    /// How far a parameter of the effect in a place of `found` moves, at most, where an effect that these data cannot tell from
+    /// another one's stands in for that: 0 for single effects.
+    pub fn spread(&self, found: &[usize], slot: usize, parameter: usize) -> f64 {
+        let Some(best) = self.trials.first() else { return 0.0 };
+        let value = |trial: &Trial| {
+            let place = trial.found.iter().position(|own| Some(own) == found.get(slot))?;
+            let base = trial.fit.effects.len() - trial.found.len();
+            trial.fit.effects.get(base + place)?.values.get(parameter).copied()
+        };
+        let Some(own) = value(best) else { return 0.0 };
+        let no_worse = |squares: &[f64]| {
+            let (mean, error) = mean_and_error(squares.iter().zip(&self.squares[0]).map(|(j, b)| j - b));
+            mean < T_ONE_SIDED * error
+        };
+        let as_good = self
+            .trials
+            .iter()
+            .zip(&self.squares)
+            .skip(1)
+            .filter(|(own, squares)| own.found.len() == best.found.len() && no_worse(squares));
+        as_good.filter_map(|(trial, _)| value(trial)).map(|other| (other - own).abs()).fold(0.0, f64::max)
+    }
+
     /// How many of a place's class have no more parameters than the best trial: a more flexible effect imitates any other.
     pub fn n_as_simple(&self, slot: usize) -> usize {
         let Some(best) = self.trials.first() else { return 0 };

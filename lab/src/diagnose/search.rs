@@ -163,14 +163,14 @@ impl Search<'_> {
     }
 
     /// Whether a shape (no amplitude) ended at the edge of what is physical: the effect imitates something else. A drift whose
-    /// rise has no end in these data is one nevertheless.
+    /// rise has no end in these data is one nevertheless; one that has risen at once is none.
     pub fn imitates(&self, trial: &Trial) -> bool {
         trial.fit.variables.iter().any(|variable| {
             let own = variable.effect.checked_sub(self.base.len()).and_then(|slot| trial.found.get(slot));
             own.map(|&k| &self.candidates[k]).is_some_and(|candidate| {
-                candidate.class != Class::Drift.label()
-                    && !candidate.amplitudes.contains(&variable.parameter)
-                    && variable.bound(&trial.fit.effects).is_some()
+                let endless = candidate.class == Class::Drift.label();
+                !candidate.amplitudes.contains(&variable.parameter)
+                    && variable.bound(&trial.fit.effects).is_some_and(|bound| !endless || bound == variable.low)
             })
         })
     }

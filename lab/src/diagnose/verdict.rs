@@ -140,9 +140,11 @@ fn run(search: &Search, floors: &NoiseFloor, max_effects: usize) -> Result<Findi
             let (imitations, pairs) = distinct(search, pairs).into_iter().partition(|pair| search.imitates(pair));
             let (imitations, pairs): (Vec<Trial>, Vec<Trial>) = (imitations, pairs);
             let time = memory(search.problem, &pairs);
+            let n = search.problem.n_scored as f64 / time;
             let simpler = |pair: &Trial| {
-                2 * pair.fit.variables.len() <= single.fit.variables.len()
-                    && search.badness(pair, time) < search.badness(single, time)
+                let better = (search.badness(single, time) - search.badness(pair, time)) * n;
+                let (own, many) = (pair.fit.variables.len(), single.fit.variables.len());
+                better > 0.0 && 2 * own <= many || better > CLOSE_CONTEST && own <= many
             };
             let deserves = |pair: &&Trial| comparison.deserves(single, pair, p_value) || simpler(pair);
             if let Some(pair) = pairs.first().filter(deserves).cloned() {
@@ -150,7 +152,6 @@ fn run(search: &Search, floors: &NoiseFloor, max_effects: usize) -> Result<Findi
                 // A second effect that almost anything could stand in for is the imperfection of the first one's equation.
                 if (0..pair.found.len()).all(|slot| alternatives.n_as_simple(slot) <= MOST_LOOK_ALIKES) {
                     let better = |own: &Trial| search.badness(&pair, time) - search.badness(own, time);
-                    let n = search.problem.n_scored as f64 / time;
                     let is_beaten = imitations.iter().any(|own| better(own) * n > CLOSE_CONTEST);
                     return Ok(Findings { chosen: pair, cells, test, singles, alternatives, is_beaten });
                 }
@@ -296,7 +297,9 @@ impl Case<'_> {
                 name: parameter.name,
                 unit: parameter.unit,
                 value: term.values[k],
-                se: free.map_or(0.0, |n| known.robust[n]),
+                se: free.map_or(0.0, |n| {
+                    known.robust[n].hypot(0.5 * self.found.alternatives.spread(&chosen.found, slot, k))
+                }),
                 se_naive: free.map_or(0.0, |n| known.naive[n]),
                 is_free: free.is_some(),
                 on_bound: free.is_some_and(|n| chosen.fit.variables[n].bound(&chosen.fit.effects).is_some()),

@@ -3,20 +3,21 @@
 use super::Fit;
 use super::levenberg_marquardt::{dot, normal_equations};
 use crate::Problem;
+use crate::noise::autocorrelation;
 use nalgebra::{DMatrix, DVector};
 
 /// Standard errors of a fit's variables, in the parameters' units.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Uncertainty {
-    /// Robust: A^-1 B A^-1 with B from the scores of blocks, so that coloured noise counts as what it is; never below `naive`,
-    /// which few blocks may miss by chance, and widened for few blocks so that two of them to each side hold the truth in
-    /// 95 of 100 cases.
+    /// The largest of three: A^-1 B A^-1 with B from the scores of blocks, widened for few blocks (noise that is larger at some
+    /// places than at others); the same with B from the residual's own autocovariance (noise with a memory, of which few
+    /// blocks know little); and `naive`.
     pub robust: Vec<f64>,
     /// As if all residuals were independent; what most tools print.
     pub naive: Vec<f64>,
 }
 
-/// Standard errors by the sandwich over blocks, with the factor n/(n - p) for few blocks.
+/// Standard errors; the sandwich over blocks has the factor n/(n - p) for few blocks.
 pub fn uncertainty(problem: &Problem, fit: &Fit) -> Uncertainty {
     let n = fit.variables.len();
     let (gram, _) = normal_equations(&fit.slopes, &fit.residual);
@@ -30,11 +31,42 @@ pub fn uncertainty(problem: &Problem, fit: &Fit) -> Uncertainty {
     }) * (n_blocks as f64 / n_blocks.saturating_sub(n).max(1) as f64);
     let sandwich = &inverse * spread * &inverse;
     let variance = fit.sum_of_squares / problem.n_scored.saturating_sub(n).max(1) as f64;
+    let remembered = &inverse * with_memory(problem, fit) * &inverse * variance;
     let unit = |k: usize| fit.variables[k].unit_step(&fit.effects).abs();
     let naive: Vec<f64> = (0..n).map(|k| (inverse[(k, k)] * variance).max(0.0).sqrt() * unit(k)).collect();
     let widened = student_over_normal(n_blocks.saturating_sub(n).max(2));
-    let robust = (0..n).map(|k| widened * (sandwich[(k, k)].max(0.0).sqrt() * unit(k)).max(naive[k])).collect();
+    let error = |matrix: &DMatrix<f64>, k: usize| matrix[(k, k)].max(0.0).sqrt() * unit(k);
+    let robust = (0..n).map(|k| (widened * error(&sandwich, k)).max(error(&remembered, k)).max(naive[k])).collect();
     Uncertainty { robust, naive }
+}
+
+/// Rows from which the sum over lags starts: of more, every so many stand for all.
+const MOST_STARTS: usize = 20_000;
+
+/// Sum over rows t and s of rho(t - s) x_t x_s', with rho the residual's autocorrelation: what J'J is for white noise.
+fn with_memory(problem: &Problem, fit: &Fit) -> DMatrix<f64> {
+    let (data, width) = (&problem.data, problem.data.n_outputs);
+    let (n_rows, n) = (data.n_rows(), fit.slopes.len());
+    let rho = autocorrelation(&fit.residual, width);
+    let stride = n_rows.div_ceil(MOST_STARTS).max(1);
+    let mut sum = DMatrix::zeros(n, n);
+    // Products of slopes from `stride` rows on to the next; they reach back `rho.len()` rows within a trial.
+    for row in (0..n_rows).step_by(stride) {
+        for (lag, rho) in rho.iter().enumerate() {
+            let Some(other) = row.checked_sub(lag).filter(|&other| data.trial[other] == data.trial[row]) else { break };
+            // Each pair stands for itself and its mirror image.
+            let twice = if lag == 0 { 1.0 } else { 2.0 } * rho * stride as f64;
+            for i in 0..n {
+                for j in 0..=i {
+                    let (a, b) = (&fit.slopes[i], &fit.slopes[j]);
+                    let product = |a: &[f64], b: &[f64]| dot(&a[row * width..][..width], &b[other * width..][..width]);
+                    sum[(i, j)] += 0.5 * twice * (product(a, b) + product(b, a));
+                }
+            }
+        }
+    }
+    sum.fill_upper_triangle_with_lower_triangle();
+    sum
 }
 
 /// Two-sided 95 % quantile of Student's t over that of a normal variable (the first terms of Cornish and Fisher's expansion).
