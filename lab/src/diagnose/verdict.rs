@@ -144,7 +144,8 @@ fn run(search: &Search, floors: &NoiseFloor, max_effects: usize) -> Result<Findi
             let simpler = |pair: &Trial| {
                 let better = (search.badness(single, time) - search.badness(pair, time)) * n;
                 let (own, many) = (pair.fit.variables.len(), single.fit.variables.len());
-                better > 0.0 && 2 * own <= many || better > CLOSE_CONTEST && own <= many
+                let doubtful = 2 * own <= many || search.imitates(single);
+                better > if doubtful { 0.0 } else { CLOSE_CONTEST } && own <= many
             };
             let deserves = |pair: &&Trial| comparison.deserves(single, pair, p_value) || simpler(pair);
             if let Some(pair) = pairs.first().filter(deserves).cloned() {
@@ -331,11 +332,16 @@ impl Case<'_> {
         let foreseeable = structure.groups.first().is_some_and(|group| group.share > if white { 0.03 } else { 0.1 });
         let structured = rhythm.is_some()
             || self.found.is_beaten
+            || chosen.found.len() > 1 && self.full.imitates(chosen)
             || !at_floor && !small && (structure.p_value < LEVEL_OF_REST || beyond_doubt || foreseeable);
         Ok(Remaining {
             structured,
             p_value: structure.p_value,
-            looks_like: structure.groups.first().filter(|_| structured).map(|group| group.name),
+            looks_like: structure
+                .groups
+                .first()
+                .filter(|group| structured && group.share > 0.0)
+                .map(|group| group.name),
             unexplained,
             structure,
         })
@@ -406,6 +412,11 @@ fn sentence(
             "missing: {}; with it the error on data it was not fitted to is {after:.3} {unit}, beside {floor}",
             effects.iter().map(names).collect::<Vec<_>>().join(" and ")
         ),
+        Verdict::Unknown if remaining.looks_like.is_none() && remaining.unexplained <= SMALL_REST => {
+            "something is missing that no known effect explains: some imitate it, but only with values at the edge of what is \
+             physical"
+                .to_owned()
+        }
         Verdict::Unknown => format!(
             "something is missing that no known effect, nor two together, explains: {after:.3} {unit} remain beside {floor}, \
              {:.0} % of what there was to explain{}",

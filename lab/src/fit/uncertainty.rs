@@ -40,17 +40,16 @@ pub fn uncertainty(problem: &Problem, fit: &Fit) -> Uncertainty {
     Uncertainty { robust, naive }
 }
 
-/// Rows from which the sum over lags starts: of more, every so many stand for all.
-const MOST_STARTS: usize = 20_000;
+/// Pairs of rows in the sum over lags: of more, every so many rows stand for all.
+const MOST_PAIRS: usize = 4_000_000;
 
 /// Sum over rows t and s of rho(t - s) x_t x_s', with rho the residual's autocorrelation: what J'J is for white noise.
 fn with_memory(problem: &Problem, fit: &Fit) -> DMatrix<f64> {
     let (data, width) = (&problem.data, problem.data.n_outputs);
     let (n_rows, n) = (data.n_rows(), fit.slopes.len());
     let rho = autocorrelation(&fit.residual, width);
-    let stride = n_rows.div_ceil(MOST_STARTS).max(1);
+    let stride = (n_rows * rho.len()).div_ceil(MOST_PAIRS).max(1);
     let mut sum = DMatrix::zeros(n, n);
-    // Products of slopes from `stride` rows on to the next; they reach back `rho.len()` rows within a trial.
     for row in (0..n_rows).step_by(stride) {
         for (lag, rho) in rho.iter().enumerate() {
             let Some(other) = row.checked_sub(lag).filter(|&other| data.trial[other] == data.trial[row]) else { break };
