@@ -10,7 +10,7 @@ use crate::status::RecorderStatus;
 use crate::syncer::{Failure, Syncer, sync_all};
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
-use krait_ipc::{Bus, HealthReporter, IpcError, Reason, Reasons, clock};
+use krait_ipc::{Bus, HealthReporter, IpcError, Realtime, Reason, Reasons, clock};
 use std::path::{Path, PathBuf};
 use std::thread;
 
@@ -19,6 +19,10 @@ use std::thread;
 const POLL_PERIOD: Duration = Duration::from_millis(5);
 /// As long as health is published, ten times a second, ns.
 const HEALTH_PERIOD_NS: i64 = 100_000_000;
+
+/// Time slice of the two threads, us: on a busy machine they are let in before programs that compute for longer, and after
+/// the control processes, whose slice is 100.
+const SLICE_US: u32 = 500;
 
 /// What a recording came to.
 #[derive(Debug)]
@@ -59,9 +63,13 @@ pub fn run(bus: &Bus, config: &RecordConfig, stop: &AtomicBool) -> Result<Record
         let sync = || sync_all(&jobs, config.sync_period(), &failure);
         let thread = thread::Builder::new().name("record-sync".to_owned()).spawn_scoped(scope, sync);
         thread.map_err(|error| died(format!("could not be started: {error}")))?;
-        let write = || write_all(parts, &receiver, &shared, config.flush_period());
+        let write = || {
+            be_punctual(instance);
+            write_all(parts, &receiver, &shared, config.flush_period())
+        };
         let thread = thread::Builder::new().name("record-write".to_owned()).spawn_scoped(scope, write);
         let thread = thread.map_err(|error| died(format!("could not be started: {error}")))?;
+        be_punctual(instance);
         let mut feed = Feed { drain: Some(drain), health, shared: &shared, due_ns: i64::MIN };
         let fed = feed.until(stop);
         // The end of the queue is what ends the thread.
@@ -75,6 +83,13 @@ pub fn run(bus: &Bus, config: &RecordConfig, stop: &AtomicBool) -> Result<Record
         let outcome = outcome.map(|Written { n_bytes, .. }| n_bytes);
         Ok(RecordReport { path: path.clone(), n_parts, outcome, status })
     })
+}
+
+/// Asks for a short slice; a kernel that refuses it makes the recorder less punctual on a busy machine, and nothing else.
+fn be_punctual(instance: &str) {
+    for refused in (Realtime { slice_us: SLICE_US, ..Realtime::ORDINARY }).apply(0, instance) {
+        tracing::debug!(refused);
+    }
 }
 
 /// The thread that reads shared memory.
