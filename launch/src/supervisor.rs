@@ -5,6 +5,7 @@
 
 use crate::budget::BudgetWatch;
 use crate::cli::MasterKind;
+use crate::commands::mark;
 use crate::config::Config;
 use anyhow::{Context, bail};
 use core::time::Duration;
@@ -94,7 +95,8 @@ impl Supervisor {
     /// One sentence when the instance is taken or shared memory cannot be used.
     pub fn new(instance: &str) -> anyhow::Result<Self> {
         let bus = Bus::open(instance, "launch")?;
-        if let Some((name, pid)) = bus.members().into_iter().find(|(_, pid)| *pid != std::process::id()) {
+        let is_of_a_chain = |(name, pid): &(String, u32)| *pid != std::process::id() && name != mark::NAME;
+        if let Some((name, pid)) = bus.members().into_iter().find(is_of_a_chain) {
             bail!(
                 "instance {instance:?} is already running (its process `{name}` has pid {pid}); \
                  stop that chain or choose another name with --instance"

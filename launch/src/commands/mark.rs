@@ -9,6 +9,8 @@ use krait_ipc::{Bus, IpcError, ReadOptions, Reader, Writer, clock};
 use krait_record::utc_text;
 use std::process::ExitCode;
 
+/// Its name among the members of an instance; it is no part of a chain, and a chain may start beside it.
+pub const NAME: &str = "mark";
 /// A recorder looks every 5 ms; one that has not answered by then cannot.
 const PATIENCE_NS: i64 = 3_000_000_000;
 const LOOK_EVERY: Duration = Duration::from_millis(20);
@@ -17,7 +19,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(20);
 pub fn run(common: &Common, args: &MarkArgs) -> anyhow::Result<ExitCode> {
     let now_ns = clock::monotonic_ns();
     let mark = Marker::new(1, now_ns, &args.text.join(" "))?;
-    let bus = Bus::open(&common.instance, "mark")?;
+    let bus = Bus::open(&common.instance, NAME)?;
     refuse_without_recorder(&bus)?;
     let deadline_ns = now_ns + PATIENCE_NS;
     let mut recorded = bus.reader_on::<Marker>(Marker::RECORDED_CHANNEL, ReadOptions::waking())?;
