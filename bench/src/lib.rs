@@ -12,6 +12,7 @@
 
 mod error;
 mod figures;
+mod growth;
 mod host;
 mod kind;
 mod load;
@@ -28,6 +29,7 @@ mod verdict;
 
 pub use error::BenchError;
 pub use figures::{ChainFigures, ChainRounds, Quantiles};
+pub use growth::{Growth, growth_svg};
 pub use host::Host;
 pub use kind::Kind;
 pub use load::{Load, burn};

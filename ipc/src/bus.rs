@@ -19,7 +19,7 @@ pub(crate) type Shm = ipc::Service;
 pub(crate) type DataService<M> = publish_subscribe::PortFactory<Shm, M, ()>;
 
 /// Readers a channel can have at once: the next stage, estimator, recorder, console, lab, and room for a user's own tools.
-pub(crate) const MAX_READERS: usize = 20;
+pub(crate) const MAX_READERS: usize = 24;
 /// Samples that a late reader gets from before it joined: the newest one, so that it knows the state at once.
 pub(crate) const HISTORY: usize = 1;
 /// Samples that a reader may hold at the same time.

@@ -20,23 +20,32 @@ const SCRIPT_S: f64 = 2.0;
 /// Speed of the tip in the script, m/s: bends the snake to about 20 deg and back.
 const SCRIPT_M_PER_S: f64 = 0.01;
 
-/// Measures krait's chain once; with `recorded`, a recorder writes every channel to a file and an observer reads them all.
+/// Who listens to a chain beside its own processes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Listeners {
+    /// Whether a recorder writes every channel to a file.
+    pub recorder: bool,
+    /// Processes that read every channel as a console does.
+    pub n_observers: usize,
+}
+
+/// Measures krait's chain once.
 ///
 /// # Errors
 /// One sentence when the chain could not be started, ended early, or a stop was asked for.
-pub fn run(config: &Config, plan: &Plan, recorded: bool, stop: &AtomicBool) -> anyhow::Result<Round> {
+pub fn run(config: &Config, plan: &Plan, listeners: Listeners, stop: &AtomicBool) -> anyhow::Result<Round> {
     let scratch = Scratch::new()?;
     let instance = scratch.prefix().trim_start_matches("krait-").trim_end_matches('.').to_owned();
     let options = chain_options(config, plan, &scratch)?;
     let mut supervisor = Supervisor::new(&instance)?;
-    let mut observer = None;
-    if recorded {
+    if listeners.recorder {
         supervisor.start_recorder(&options.config, stop)?;
-        observer = Some(Observer(super::commands::yardstick::observer(&instance)?));
     }
+    let observers = (0..listeners.n_observers).map(|_| super::commands::yardstick::observer(&instance).map(Observer));
+    let observers: Vec<Observer> = observers.collect::<Result<_, _>>()?;
     supervisor.start_chain(&options, stop)?;
     let mut pids: Vec<u32> = supervisor.processes().into_iter().map(|(_, pid)| pid).collect();
-    pids.extend(observer.iter().map(|observer| observer.0.id()));
+    pids.extend(observers.iter().map(|observer| observer.0.id()));
     let mut watch = Watch { states: supervisor.bus().reader(ReadOptions::observing())?, round: Round::default() };
     watch.run(&mut supervisor, plan.warm_up_s(), stop)?;
     let before = usage_of(&pids);
@@ -44,7 +53,7 @@ pub fn run(config: &Config, plan: &Plan, recorded: bool, stop: &AtomicBool) -> a
     watch.run(&mut supervisor, plan.round_s(), stop)?;
     let mut round = watch.round;
     round.usage = usage_of(&pids) - before;
-    drop((observer, watch.states));
+    drop((observers, watch.states));
     supervisor.end_chain();
     let counts = SampleFigures::of(&supervisor);
     (round.n_sent, round.n_lost) = (counts.sent, counts.lost);

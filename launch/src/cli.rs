@@ -100,7 +100,7 @@ pub enum Verb {
     Model(ModelVerb),
     /// Latency of the chain beside the floor of this machine and beside other ways to pass a message, in one run.
     #[command(
-        after_help = "Examples:\n  krait bench\n  krait bench --seconds 60 --rounds 20 --out runs/quiet\n  krait bench --chains floor-futex,krait --rate 8000 --json\n  krait bench --priority 80 --cores 2,3 --wait polling"
+        after_help = "Examples:\n  krait bench\n  krait bench --seconds 60 --rounds 20 --out runs/quiet\n  krait bench --chains floor-futex,krait --rate 8000 --json\n  krait bench --growth --rounds 3\n  krait bench --priority 80 --cores 2,3 --wait polling"
     )]
     Bench(BenchArgs),
     /// What this machine lacks for a punctual chain, what that means, how to mend it, and how late it wakes a process.
@@ -288,6 +288,10 @@ pub struct BenchArgs {
     /// The chains to measure, in this order; by default the eight standard ones.
     #[arg(long, value_delimiter = ',', value_parser = krait_bench::Kind::from_name, value_name = "NAME,...")]
     pub chains: Vec<krait_bench::Kind>,
+    /// Measure instead how the latency of krait's chain grows with the number of chains on this machine (1 to 8), with the
+    /// rate (250 to 8000 Hz) and with the readers of every channel (1 to 16).
+    #[arg(long, conflicts_with_all = ["chains", "check", "rate", "payload"])]
+    pub growth: bool,
     /// Check krait's latency against the multiples of the floor in the budget; exit code 1 if it is not kept.
     #[arg(long)]
     pub check: bool,

@@ -1,10 +1,12 @@
 //! `krait bench`: krait's chain beside the floor of the machine and beside other ways to pass a message, turn by turn.
 
+use crate::chain_round::{self, Listeners};
 use crate::cli::{BenchArgs, Common, WaitKind};
+use crate::commands::bench_growth;
 use crate::commands::yardstick::{burn_command, stage_command};
 use crate::config::Config;
 use crate::table::Table;
-use crate::{chain_round, print, signals};
+use crate::{print, signals};
 use anyhow::{Context, bail};
 use core::sync::atomic::AtomicBool;
 use krait_bench::{Broken, ChainFigures, ChainRounds, Host, Kind, Load, Plan};
@@ -47,6 +49,9 @@ pub fn run(common: &Common, args: &BenchArgs) -> anyhow::Result<ExitCode> {
     let plan = Plan { realtime: asked(args, &Realtime::ORDINARY), ..plan(args) };
     plan.check()?;
     config.realtime = asked(args, &config.realtime);
+    if args.growth {
+        return bench_growth::run(&config, &plan, args, &stop);
+    }
     let (kinds, skipped) = chains(args);
     let mut host = Host::look(krait_record::utc_text(clock::wall_ns()));
     let _load = args.load.then(|| Load::start(&mut burn_command)).transpose()?;
@@ -145,8 +150,10 @@ fn measure(config: &Config, plan: &Plan, kinds: &[Kind], stop: &AtomicBool) -> a
     for round in 1..=plan.n_rounds {
         for (kind, chain) in kinds.iter().zip(&mut chains) {
             let measured = match kind {
-                Kind::Krait => chain_round::run(config, plan, false, stop),
-                Kind::KraitRecorded => chain_round::run(config, plan, true, stop),
+                Kind::Krait => chain_round::run(config, plan, Listeners::default(), stop),
+                Kind::KraitRecorded => {
+                    chain_round::run(config, plan, Listeners { recorder: true, n_observers: 1 }, stop)
+                }
                 relay => krait_bench::run_relay_round(*relay, plan, stop, &mut stage_command).map_err(Into::into),
             };
             chain.rounds.push(measured.with_context(|| format!("chain {} in round {round}", kind.name()))?);
@@ -160,7 +167,7 @@ fn measure(config: &Config, plan: &Plan, kinds: &[Kind], stop: &AtomicBool) -> a
     Ok(chains)
 }
 
-fn folder(args: &BenchArgs, host: &Host) -> anyhow::Result<PathBuf> {
+pub(super) fn folder(args: &BenchArgs, host: &Host) -> anyhow::Result<PathBuf> {
     let by_date = || Path::new("measurements").join(format!("{}-{}", host.date, std::process::id()));
     let folder = args.out.clone().unwrap_or_else(by_date);
     std::fs::create_dir_all(&folder).with_context(|| format!("{} could not be made", folder.display()))?;
@@ -183,7 +190,7 @@ fn keep(report: &Report, rounds: &[ChainRounds]) -> anyhow::Result<()> {
     write(&report.folder.join("table.txt"), &text(report))
 }
 
-fn write(path: &Path, text: &str) -> anyhow::Result<()> {
+pub(super) fn write(path: &Path, text: &str) -> anyhow::Result<()> {
     std::fs::write(path, text).with_context(|| format!("{} could not be written", path.display()))
 }
 
@@ -243,6 +250,6 @@ fn table(chains: &[ChainFigures]) -> Table {
 
 /// Progress and what was left out, on standard error: standard output belongs to the figures.
 #[allow(clippy::print_stderr)]
-fn say(sentence: &str) {
+pub(super) fn say(sentence: &str) {
     eprintln!("krait bench: {sentence}");
 }

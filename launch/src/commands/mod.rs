@@ -1,6 +1,7 @@
 //! One file per subcommand.
 
 pub mod bench;
+mod bench_growth;
 pub mod compare;
 pub mod config;
 pub mod demo;
