@@ -58,7 +58,7 @@ impl BenchError {
     }
 
     /// For `map_err`: a transport that failed.
-    pub(crate) fn transport<E: core::fmt::Debug>(chain: &'static str, doing: &'static str) -> impl FnOnce(E) -> Self {
+    pub fn transport<E: core::fmt::Debug>(chain: &'static str, doing: &'static str) -> impl FnOnce(E) -> Self {
         move |error| Self::Transport { chain, doing, what: format!("{error:?}") }
     }
 }

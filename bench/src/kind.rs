@@ -1,5 +1,7 @@
 //! The chains by name: what each passes its messages over.
 
+use crate::peer::Peer;
+
 /// A chain that can be measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
@@ -87,12 +89,15 @@ impl Kind {
     }
 
     /// Why this chain cannot be measured by this program on this machine, and what to install; `None` where it can.
-    pub fn missing(self) -> Option<&'static str> {
-        match self {
-            Self::CycloneDds => crate::transport::cyclonedds_missing(),
-            Self::Zenoh => crate::transport::zenoh_missing(),
-            _ => None,
-        }
+    pub fn missing(self) -> Option<String> {
+        let peer = Peer::of(self)?;
+        peer.find().is_none().then(|| peer.missing())
+    }
+
+    /// Whether its processes are programs of their own, over a library that is no part of krait: one that fails says nothing
+    /// against the other chains.
+    pub fn is_peer(self) -> bool {
+        Peer::of(self).is_some()
     }
 }
 

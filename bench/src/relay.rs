@@ -15,14 +15,21 @@ const LAST: u64 = 1 << 63;
 const MEASURED: u64 = 1 << 62;
 
 /// Where messages come from.
-pub(crate) trait Inlet {
-    /// Waits for the next message and takes it; false when none came for a second, or none will come any more.
+pub trait Inlet {
+    /// Waits for the next message and takes it into `message`, which has the plan's size; false when none came for
+    /// [`crate::PATIENCE`], or none will come any more.
+    ///
+    /// # Errors
+    /// [`BenchError::Transport`].
     fn receive(&mut self, message: &mut [u8]) -> Result<bool, BenchError>;
 }
 
 /// Where messages go to.
-pub(crate) trait Outlet {
-    /// Sends a message.
+pub trait Outlet {
+    /// Sends a message of the plan's size.
+    ///
+    /// # Errors
+    /// [`BenchError::Transport`].
     fn send(&mut self, message: &[u8]) -> Result<(), BenchError>;
 }
 

@@ -1,12 +1,13 @@
 //! One round of a relay: four processes are started from the end of the chain to its beginning, and what they leave is read.
 
 use crate::samples::read_samples;
-use crate::stage::{Role, read_counted, ready_path, samples_path, write_plan};
+use crate::stage::{Role, read_counted, ready_path, samples_path, words_path, write_plan};
 use crate::transport::{Pipework, standard_streams};
 use crate::{BenchError, Kind, N_HOPS, Plan, Round, Scratch, Usage};
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use krait_ipc::clock::monotonic_ns;
+use std::path::Path;
 use std::process::{Child, Command};
 
 /// A process that is not ready by then will not be.
@@ -15,9 +16,13 @@ const READY_PATIENCE: Duration = Duration::from_secs(15);
 const END_PATIENCE: Duration = Duration::from_secs(10);
 const LOOK_EVERY: Duration = Duration::from_millis(2);
 
+/// Of a process's last line on standard error, what a sentence can hold, characters.
+const MOST_WORDS: usize = 300;
+
 /// The processes of a round; they do not outlive it.
-struct Relays {
+struct Relays<'a> {
     chain: &'static str,
+    scratch: &'a Scratch,
     children: Vec<(Role, Child)>,
 }
 
@@ -36,7 +41,7 @@ pub fn run_relay_round(
     write_plan(scratch.folder(), plan)?;
     let mut pipework =
         Pipework::new(kind, N_HOPS).map_err(BenchError::transport(kind.name(), "making its file descriptors"))?;
-    let mut relays = Relays { chain: kind.name(), children: Vec::new() };
+    let mut relays = Relays { chain: kind.name(), scratch: &scratch, children: Vec::new() };
     for role in Role::ALL.into_iter().rev() {
         let (input, output) = standard_streams(&mut pipework, role as usize);
         let mut command = command(kind, role, &scratch)?;
@@ -44,7 +49,7 @@ pub fn run_relay_round(
         relays
             .children
             .push((role, child.map_err(|error| relays.failed(role, format!("could not be started: {error}")))?));
-        relays.wait_until_ready(role, &scratch)?;
+        relays.wait_until_ready(role)?;
     }
     relays.wait_for_the_end(plan, stop)?;
     collect(&scratch)
@@ -61,14 +66,17 @@ fn collect(scratch: &Scratch) -> Result<Round, BenchError> {
     Ok(Round { samples, n_sent, n_lost: n_sent.saturating_sub(n_arrived), usage, own_work_ns: Vec::new() })
 }
 
-impl Relays {
-    fn failed(&self, role: Role, what: String) -> BenchError {
+impl Relays<'_> {
+    fn failed(&self, role: Role, mut what: String) -> BenchError {
+        if let Some(words) = last_words(&words_path(self.scratch.folder(), role)) {
+            what += &format!(" and said: {words}");
+        }
         BenchError::Process { chain: self.chain, role: role.name(), what }
     }
 
-    fn wait_until_ready(&mut self, role: Role, scratch: &Scratch) -> Result<(), BenchError> {
+    fn wait_until_ready(&mut self, role: Role) -> Result<(), BenchError> {
         let deadline_ns = monotonic_ns() + READY_PATIENCE.as_nanos() as i64;
-        while !ready_path(scratch.folder(), role).exists() {
+        while !ready_path(self.scratch.folder(), role).exists() {
             self.look(role)?;
             if monotonic_ns() > deadline_ns {
                 return Err(self.failed(role, format!("was not ready within {} s", READY_PATIENCE.as_secs())));
@@ -107,11 +115,19 @@ impl Relays {
     }
 }
 
-impl Drop for Relays {
+impl Drop for Relays<'_> {
     fn drop(&mut self) {
         for (_, child) in &mut self.children {
             let _ended_is_fine = child.kill();
             let _ended_is_fine = child.wait();
         }
     }
+}
+
+/// The last line that a program of its own has written, if it has written any.
+fn last_words(path: &Path) -> Option<String> {
+    let text = std::fs::read(path).ok()?;
+    let text = String::from_utf8_lossy(&text);
+    let line = text.lines().map(str::trim).rfind(|line| !line.is_empty())?;
+    Some(line.chars().take(MOST_WORDS).collect())
 }

@@ -13,9 +13,11 @@
 use core::time::Duration;
 use krait_ipc::{Reason, Reasons};
 use krait_record::{Process, Recording, Sample};
-use krait_tests::{Ended, TempFolder, instance_name};
+use krait_tests::{Ended, TempFolder, instance_name, krait_program};
 use serde_json::Value;
+use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
+use std::process::Command;
 
 const PATIENCE: Duration = Duration::from_secs(120);
 /// A measurement that other work on the machine has spoilt may be repeated.
@@ -126,6 +128,57 @@ fn a_chain_that_is_slowed_fails_the_check_against_the_floor() {
     for what in ["krait end to end", "krait hop 1"] {
         assert!(broken.iter().any(|limit| limit["what"] == what && limit["quantile"] == "p50"), "{broken:?}");
     }
+}
+
+/// Cyclone DDS and Zenoh are not part of krait: where they are not installed, the others are measured without them.
+#[test]
+fn peers_are_measured_where_they_are_installed_and_skipped_with_the_way_to_have_them_where_not() {
+    let Some((ended, figures)) =
+        bench(&["--chains", "floor-futex,cyclonedds,zenoh", "--seconds", "1", "--rounds", "1"])
+    else {
+        return;
+    };
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let skipped = figures["skipped"].as_array().expect("skipped");
+    for name in ["floor-futex", "cyclonedds", "zenoh"] {
+        if let Some(skipped) = skipped.iter().find(|skipped| skipped["name"] == name) {
+            let reason = skipped["reason"].as_str().expect("a sentence");
+            println!("SKIPPED ALOUD: {name}: {reason}");
+            assert!(reason.contains(&format!("krait-relay-{name}")) && reason.contains("bench/peers/"), "{reason}");
+            assert!(ended.stderr.contains(reason), "{}", ended.stderr);
+            continue;
+        }
+        let chain = chain(&figures, name);
+        let (p50, measured, sent) = (number(&chain["p50"]), number(&chain["measured"]), number(&chain["sent"]));
+        println!("{name}: p50 {p50} us, {sent} sent, {} lost", chain["lost"]);
+        assert!(p50 > 0.0 && p50 <= number(&chain["p99"]) && measured > 100.0 && sent > measured, "{chain}");
+    }
+}
+
+#[test]
+fn a_peer_that_dies_is_skipped_with_its_last_words_and_the_others_are_measured() {
+    if cfg!(debug_assertions) {
+        println!("SKIPPED ALOUD: a debug build refuses every measurement");
+        return;
+    }
+    let folder = TempFolder::new("broken-peer");
+    let program = folder.file("krait-relay-zenoh");
+    std::fs::write(&program, "#!/bin/sh\necho no such library >&2\nexit 3\n").expect("written");
+    std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).expect("allowed");
+    let parts = [Path::new(&program).parent().expect("a folder").to_owned(), "/usr/bin".into(), "/bin".into()];
+    let path = std::env::join_paths(parts).expect("a path");
+    let mut command = Command::new(krait_program());
+    command.args(["bench", "--json", "--chains", "zenoh,floor-futex", "--seconds", "0.5", "--rounds", "2"]);
+    let output = command.arg("--out").arg(folder.file("out")).env("PATH", path).output().expect("krait runs");
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{stderr}");
+    let figures: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let skipped = figures["skipped"].as_array().expect("skipped");
+    assert_eq!(skipped.len(), 1, "once, not in every round: {skipped:?}");
+    let reason = skipped[0]["reason"].as_str().expect("a sentence");
+    assert!(reason.contains("process sink of chain zenoh") && reason.contains("no such library"), "{reason}");
+    assert!(stderr.contains(reason), "{stderr}");
+    assert_eq!(chain(&figures, "floor-futex")["p50_of_rounds"].as_array().map(Vec::len), Some(2));
 }
 
 /// 8 ms late at every sample, 4 ms allowed: no machine is so noisy that it matters.

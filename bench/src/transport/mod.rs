@@ -14,7 +14,7 @@ use std::process::Stdio;
 pub(crate) use fd::Pipework;
 
 /// A relay that hears nothing for this long ends: its source has ended, or died.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(1);
+pub const PATIENCE: Duration = Duration::from_secs(1);
 
 /// Where one relay meets the others.
 pub(crate) struct Place<'a> {
@@ -49,14 +49,4 @@ pub(crate) fn outlet(place: &Place, hop: usize) -> Result<Box<dyn Outlet>, Bench
 /// Standard input and output for the process between hop `idx - 1` and hop `idx`, where messages travel over those.
 pub(crate) fn standard_streams(pipework: &mut Option<Pipework>, idx: usize) -> (Stdio, Stdio) {
     pipework.as_mut().map_or_else(|| (Stdio::null(), Stdio::null()), |pipework| pipework.streams_of(idx))
-}
-
-/// Why there is no relay over Cyclone DDS.
-pub(crate) fn cyclonedds_missing() -> Option<&'static str> {
-    Some("this build of krait has no relay over it")
-}
-
-/// Why there is no relay over Zenoh.
-pub(crate) fn zenoh_missing() -> Option<&'static str> {
-    Some("this build of krait has no relay over it")
 }

@@ -8,7 +8,7 @@ use crate::config::Config;
 use crate::table::Table;
 use crate::{print, signals};
 use anyhow::{Context, bail};
-use core::sync::atomic::AtomicBool;
+use core::sync::atomic::{AtomicBool, Ordering};
 use krait_bench::{Broken, ChainFigures, ChainRounds, Host, Kind, Load, Plan};
 use krait_ipc::{Realtime, WaitMode, clock};
 use serde::Serialize;
@@ -34,7 +34,14 @@ struct Report {
 #[derive(Serialize)]
 struct Skipped {
     name: &'static str,
-    reason: &'static str,
+    reason: String,
+}
+
+impl Skipped {
+    fn aloud(kind: Kind, reason: String) -> Self {
+        say(&format!("skipped: {} ({reason})", kind.name()));
+        Self { name: kind.name(), reason }
+    }
 }
 
 /// Measures the chains in rounds, keeps raw samples, figures and picture, and prints the figures.
@@ -52,10 +59,10 @@ pub fn run(common: &Common, args: &BenchArgs) -> anyhow::Result<ExitCode> {
     if args.growth {
         return bench_growth::run(&config, &plan, args, &stop);
     }
-    let (kinds, skipped) = chains(args);
+    let (kinds, mut skipped) = chains(args);
     let mut host = Host::look(krait_record::utc_text(clock::wall_ns()));
     let _load = args.load.then(|| Load::start(&mut burn_command)).transpose()?;
-    let rounds = measure(&config, &plan, &kinds, &stop)?;
+    let rounds = measure(&config, &plan, &kinds, &mut skipped, &stop)?;
     host.note_end();
     let floor = rounds.iter().find(|chain| chain.name == Kind::FloorFutex.name());
     let figures: Vec<ChainFigures> = rounds.iter().map(|chain| chain.figures(floor)).collect();
@@ -133,22 +140,26 @@ fn chains(args: &BenchArgs) -> (Vec<Kind>, Vec<Skipped>) {
     let (mut kinds, mut skipped) = (Vec::new(), Vec::new());
     for kind in wanted {
         match kind.missing() {
-            Some(reason) => {
-                say(&format!("skipped: {} ({reason})", kind.name()));
-                skipped.push(Skipped { name: kind.name(), reason });
-            }
+            Some(reason) => skipped.push(Skipped::aloud(*kind, reason)),
             None => kinds.push(*kind),
         }
     }
     (kinds, skipped)
 }
 
-/// Every chain has its turn in every round.
-fn measure(config: &Config, plan: &Plan, kinds: &[Kind], stop: &AtomicBool) -> anyhow::Result<Vec<ChainRounds>> {
+/// Every chain has its turn in every round; a peer that fails is skipped from then on, as if it were not installed.
+fn measure(
+    config: &Config,
+    plan: &Plan,
+    kinds: &[Kind],
+    skipped: &mut Vec<Skipped>,
+    stop: &AtomicBool,
+) -> anyhow::Result<Vec<ChainRounds>> {
     let mut chains: Vec<ChainRounds> =
         kinds.iter().map(|kind| ChainRounds { name: kind.name(), rounds: Vec::new() }).collect();
     for round in 1..=plan.n_rounds {
-        for (kind, chain) in kinds.iter().zip(&mut chains) {
+        for kind in kinds {
+            let Some(chain) = chains.iter_mut().find(|chain| chain.name == kind.name()) else { continue };
             let measured = match kind {
                 Kind::Krait => chain_round::run(config, plan, Listeners::default(), stop),
                 Kind::KraitRecorded => {
@@ -156,7 +167,13 @@ fn measure(config: &Config, plan: &Plan, kinds: &[Kind], stop: &AtomicBool) -> a
                 }
                 relay => krait_bench::run_relay_round(*relay, plan, stop, &mut stage_command).map_err(Into::into),
             };
-            chain.rounds.push(measured.with_context(|| format!("chain {} in round {round}", kind.name()))?);
+            match measured.with_context(|| format!("chain {} in round {round}", kind.name())) {
+                Err(error) if kind.is_peer() && !stop.load(Ordering::Relaxed) => {
+                    skipped.push(Skipped::aloud(*kind, format!("{error:#}")));
+                    chains.retain(|chain| chain.name != kind.name());
+                }
+                measured => chain.rounds.push(measured?),
+            }
         }
         let medians = chains
             .iter()

@@ -72,9 +72,8 @@ fn own_command(part: &str) -> Result<Command, BenchError> {
 fn stage(args: &YardstickArgs) -> anyhow::Result<ExitCode> {
     let (kind, role) = (args.chain, args.role);
     let options = StageOptions { kind, role, folder: args.folder.clone(), prefix: args.prefix.clone() };
-    for refused in krait_bench::run_stage(&options)? {
-        tracing::warn!(chain = kind.name(), process = role.name(), "{refused}");
-    }
+    let mut tell = |refused: &str| tracing::warn!(chain = kind.name(), process = role.name(), "{refused}");
+    krait_bench::run_stage(&options, &mut tell)?;
     Ok(ExitCode::SUCCESS)
 }
 
