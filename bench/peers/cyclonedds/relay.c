@@ -44,18 +44,12 @@ struct options {
 
 struct usage { uint64_t cpu_ns, n_switches, wall_ns; };
 
-/* Messages so far, and the process's usage at the end of the warm-up. */
-struct watch {
-  uint64_t n_messages;
-  bool has_before;
-  struct usage before;
-};
-
 struct relay {
   struct options options;
   dds_entity_t reader, wait_set, writer;
-  uint64_t *message;
-  struct watch watch;
+  uint64_t *message, n_messages;
+  /* At the end of the warm-up; zero until then. */
+  struct usage before;
 };
 
 static void die(const char *format, ...) {
@@ -90,14 +84,11 @@ static struct usage usage_now(void) {
                         .wall_ns = (uint64_t)monotonic_ns()};
 }
 
-/* Counts a message; whether it was the last one. */
-static bool is_last(struct watch *watch, uint64_t sequence) {
-  watch->n_messages += 1;
-  if ((sequence & MEASURED) && !watch->has_before) {
-    watch->has_before = true;
-    watch->before = usage_now();
-  }
-  return (sequence & LAST) != 0;
+/* Counts the message; whether it was the last one. */
+static bool is_last(struct relay *relay) {
+  relay->n_messages += 1;
+  if ((relay->message[0] & MEASURED) && relay->before.wall_ns == 0) relay->before = usage_now();
+  return (relay->message[0] & LAST) != 0;
 }
 
 /* Leaves a file in the folder of the round. */
@@ -148,10 +139,10 @@ static void run_source(struct relay *relay) {
     const struct timespec due = {.tv_sec = due_ns / 1000000000LL, .tv_nsec = due_ns % 1000000000LL};
     clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, NULL);
     const uint64_t flags = (due_ns >= measured_ns ? MEASURED : 0) | (due_ns >= end_ns ? LAST : 0);
-    relay->message[0] = (relay->watch.n_messages + 1) | flags;
+    relay->message[0] = (relay->n_messages + 1) | flags;
     relay->message[1] = (uint64_t)monotonic_ns();
     send_on(relay);
-    is_last(&relay->watch, relay->message[0]);
+    is_last(relay);
   }
 }
 
@@ -159,7 +150,7 @@ static void run_relay(struct relay *relay) {
   while (receive(relay)) {
     relay->message[1 + relay->options.role] = (uint64_t)monotonic_ns();
     send_on(relay);
-    if (is_last(&relay->watch, relay->message[0])) return;
+    if (is_last(relay)) return;
   }
 }
 
@@ -175,7 +166,7 @@ static void run_sink(struct relay *relay) {
       memcpy(samples[n_samples], relay->message, sizeof *samples);
       samples[n_samples++][0] &= ~(LAST | MEASURED);
     }
-    if (is_last(&relay->watch, relay->message[0])) break;
+    if (is_last(relay)) break;
   }
   leave(options, "samples", ".bin", samples, n_samples * sizeof *samples);
 }
@@ -256,11 +247,11 @@ int main(int n_arguments, char **arguments) {
   if (options->role == 0) run_source(&relay);
   else if (options->role < N_HOPS) run_relay(&relay);
   else run_sink(&relay);
-  const struct usage now = usage_now(), before = relay.watch.has_before ? relay.watch.before : now;
+  const struct usage now = usage_now(), before = relay.before.wall_ns ? relay.before : now;
   char text[256];
   const int n_letters =
       snprintf(text, sizeof text, "{\"n_messages\":%ju,\"usage\":{\"cpu_ns\":%ju,\"n_switches\":%ju,\"wall_ns\":%ju}}",
-               (uintmax_t)relay.watch.n_messages, (uintmax_t)(now.cpu_ns - before.cpu_ns),
+               (uintmax_t)relay.n_messages, (uintmax_t)(now.cpu_ns - before.cpu_ns),
                (uintmax_t)(now.n_switches - before.n_switches), (uintmax_t)(now.wall_ns - before.wall_ns));
   leave(options, role, ".json", text, (size_t)n_letters);
   return 0;
