@@ -196,11 +196,22 @@ pub struct EstimateConfig {
     pub outlier_sigmas: f64,
     /// A shape whose encoders are further away in time than this is left out, ms.
     pub max_state_gap_ms: f64,
+    /// How often "something has changed" may be said per hour of motion though nothing has, 1/h.
+    pub false_alarms_per_hour: f64,
+    /// Motion from which is learnt how well the model explains the camera before a change can be seen, s.
+    pub learn_s: f64,
 }
 
 impl Default for EstimateConfig {
     fn default() -> Self {
-        Self { sigma_bend_rad: 0.3f64.to_radians(), memory_s: 60.0, outlier_sigmas: 6.0, max_state_gap_ms: 5.0 }
+        Self {
+            sigma_bend_rad: 0.3f64.to_radians(),
+            memory_s: 60.0,
+            outlier_sigmas: 6.0,
+            max_state_gap_ms: 5.0,
+            false_alarms_per_hour: 1.0,
+            learn_s: 30.0,
+        }
     }
 }
 
@@ -217,6 +228,13 @@ impl EstimateConfig {
                 ("memory_s", self.memory_s, 1.0..=3600.0, "shorter forgets what it needs, longer never follows wear"),
                 ("outlier_sigmas", self.outlier_sigmas, 2.0..=100.0, "fewer would refuse good measurements"),
                 ("max_state_gap_ms", self.max_state_gap_ms, 0.1..=100.0, "encoders and camera must be of one instant"),
+                (
+                    "false_alarms_per_hour",
+                    self.false_alarms_per_hour,
+                    1e-4..=1e3,
+                    "rarer means later, never means never",
+                ),
+                ("learn_s", self.learn_s, 2.0..=600.0, "what is normal takes some motion to learn"),
             ],
         )
     }

@@ -12,7 +12,7 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use krait_ipc::message::{Cue, Message, ModelUpdate, Shape, SlaveState};
 use krait_ipc::{Bus, HealthReporter, IpcError, ReadCounts, ReadOptions, Reader, Writer, clock};
-use krait_model::MachineParameters;
+use krait_model::{Chain, MachineParameters};
 
 /// How long a stage sleeps at most before it looks whether it shall stop.
 const PATIENCE: Duration = Duration::from_millis(20);
@@ -180,9 +180,10 @@ pub fn run_estimate_cued(
     eta: f64,
     lambda_m: f64,
     config: EstimateConfig,
+    chain: Option<&Chain>,
     stop: &AtomicBool,
 ) -> Result<(), BridgeError> {
-    let mut core = EstimateCore::new(machine, eta, lambda_m, config)?;
+    let mut core = EstimateCore::new(machine, eta, lambda_m, config, chain)?;
     let mut states = bus.reader::<SlaveState>(ReadOptions::following())?;
     let mut shapes = bus.reader::<Shape>(ReadOptions::glancing())?;
     let mut updates = bus.writer::<ModelUpdate>()?;

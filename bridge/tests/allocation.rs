@@ -8,7 +8,7 @@ use common::{T0_NS, TICK_NS, compensate, input, ready_state, resolve};
 use core::sync::atomic::{AtomicU64, Ordering};
 use krait_bridge::{CompensateConfig, EstimateConfig, EstimateCore, ResolveConfig};
 use krait_ipc::message::{ModelUpdate, Shape, SlaveState};
-use krait_model::MachineParameters;
+use krait_model::{Chain, ChainSettings, Columns, MachineParameters};
 use std::alloc::{GlobalAlloc, Layout, System};
 
 struct Counting;
@@ -57,7 +57,12 @@ fn resolve_compensate_and_estimate_never_allocate() {
     let mut resolve = resolve(ResolveConfig { max_bend_rad: 0.7, ..ResolveConfig::default() });
     let mut compensate = compensate(CompensateConfig::default());
     let mut estimate =
-        EstimateCore::new(&MachineParameters::default(), 1.0, 0.0, EstimateConfig::default()).expect("defaults");
+        EstimateCore::new(&MachineParameters::default(), 1.0, 0.0, EstimateConfig::default(), None).expect("defaults");
+    let machine = MachineParameters::default();
+    let chain = Chain::new(&machine, ChainSettings::default(), &[], Columns::default()).expect("elastic lines");
+    let quick = EstimateConfig { learn_s: 2.0, ..EstimateConfig::default() };
+    let mut watching = EstimateCore::new(&machine, 1.0, 0.0, quick, Some(&chain)).expect("defaults");
+    let mut n_changes = 0;
     let mut n_followed = 0;
     let n_allocations = allocations_of(|| {
         for n in 1..=20_000u64 {
@@ -68,13 +73,18 @@ fn resolve_compensate_and_estimate_never_allocate() {
             let Ok(setpoint) = resolve.step(&input(n, velocity), T0_NS + n as i64 * TICK_NS) else { continue };
             compensate.note_state(&state);
             let Ok(command) = compensate.step(&setpoint, setpoint.sample_ns) else { continue };
-            estimate.note_state(&SlaveState { measured_q_m: command.q_tilde_m, ..state });
+            let measured = SlaveState { measured_q_m: command.q_tilde_m, ..state };
+            estimate.note_state(&measured);
+            watching.note_state(&measured);
             if n % 17 == 0 {
+                let glance_rad = (n as f64 * 7.3).sin() * 0.007 + if n > 12_000 { 0.05 } else { 0.0 };
+                n_changes = watching.step(&shape(n, command.bend_rad.map(|b| b + glance_rad))).n_changes;
                 let update: ModelUpdate = estimate.step(&shape(n, command.bend_rad));
                 n_followed += u64::from(compensate.note_update(&update).is_ok());
             }
         }
     });
+    assert!(n_changes > 0, "a change was seen on the way");
     assert!(n_followed > 500, "the loop really ran: {n_followed}");
     assert_eq!(n_allocations, 0);
 }

@@ -36,6 +36,10 @@ fn update(sequence: u64, eta: f64, lambda_m: f64) -> ModelUpdate {
         innovation_rms_m: 1e-5,
         n_used: 100,
         n_left_out: 0,
+        n_changes: 0,
+        changed_ns: 0,
+        change_kind: 0,
+        is_watching: 0,
     }
 }
 

@@ -64,11 +64,13 @@ pub enum Reason {
     DriveFault = 28,
     /// A command took longer than its latency budget allows, us.
     LatencyBudget = 29,
+    /// The model no longer explains the measured shape as it did: a sum of innovations passed its limit.
+    ModelChanged = 30,
 }
 
 impl Reason {
     /// Every reason, in the order of its bit.
-    pub const ALL: [Self; 30] = [
+    pub const ALL: [Self; 31] = [
         Self::OperatorAbsent,
         Self::Clutched,
         Self::DeviceLost,
@@ -99,6 +101,7 @@ impl Reason {
         Self::ShapeStale,
         Self::DriveFault,
         Self::LatencyBudget,
+        Self::ModelChanged,
     ];
 
     /// The reason in words that a surgeon understands.
@@ -134,6 +137,7 @@ impl Reason {
             Self::ShapeStale => "the measured shape is missing or too old",
             Self::DriveFault => "a drive reported a failure and its power was removed",
             Self::LatencyBudget => "a command took longer from the hand to the actuators than its budget allows",
+            Self::ModelChanged => "something about the snake has changed, and the model no longer explains its shape",
         }
     }
 }

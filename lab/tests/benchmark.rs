@@ -68,7 +68,13 @@ fn the_figures_are_those_of_the_lines(outcomes: &[Outcome]) {
     assert!((baselines.oracle_deg.unwrap() / noise - 1.0).abs() < 0.1, "the true effect leaves the noise");
     assert!(baselines.generic_deg < outcomes[1].truth.as_ref().unwrap().base_rms_deg);
     let html = page(&summary, outcomes, "three < four");
-    assert!(html.contains("three &lt; four") && !html.contains("http"), "a page of its own");
+    let script = html.find("<script").unwrap()..html.find("</script>").unwrap();
+    let own = format!("{}{}", &html[..script.start], &html[script.end..]);
+    assert!(own.contains("three &lt; four") && !own.contains("http"), "a page of its own");
+    for picture in ["By size", "By motion", "Rules"] {
+        assert!(own.contains(&format!("<b>{picture}.</b>")), "{picture}");
+    }
+    assert!(own.matches("Plotly.newPlot").count() == 3 && html.len() < 6_000_000, "{} bytes", html.len());
     for outcome in outcomes {
         assert!(html.contains(outcome.truth.as_ref().unwrap().kind.as_str()));
     }

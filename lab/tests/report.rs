@@ -4,7 +4,8 @@
 use krait_lab::compare::compare;
 use krait_lab::diagnose::{DiagnoseOptions, diagnose};
 use krait_lab::generate::{Kind, Recipe, generate};
-use krait_lab::machine::{Machine, SnakeLab};
+use krait_lab::machine::{JointsLab, Machine, SnakeLab};
+use krait_lab::read::{ColumnMap, read};
 use krait_lab::report::{Origin, added_page, comparison_page, diagnosis_page, history_page};
 use krait_lab::{AddOptions, Measurements, Term, add};
 use krait_model::model_file::ModelFile;
@@ -149,4 +150,66 @@ fn a_page_of_an_added_effect_shows_it_before_and_after() {
     let page = added_page(&machine, &data, &added, "backlash", origin()).expect("a page");
     assert_alone_and_safe(&page);
     assert!(page.contains("half_width_m") && page.contains("Error before and after"));
+}
+
+/// Two joints, the first with play, in radians.
+fn joints(what: &str) -> (JointsLab, Measurements) {
+    let file = ModelFile::parse("format = 1\n[machine]\nkind = \"joints\"\nn = 2\n").expect("a model");
+    let mut text = String::from("time_s,u1_rad,u2_rad,y1_rad,y2_rad\n");
+    let mut held = 0.0_f64;
+    for k in 0..3000_u32 {
+        let t = f64::from(k) * 0.02;
+        let (a, b) = (0.6 * (0.7 * t).sin() + 0.25 * (1.9 * t).sin(), 0.5 * (0.5 * t + 1.0).sin());
+        held = held.clamp(a - 0.03, a + 0.03);
+        // Far from smooth, and the same each time.
+        let noise = |k: f64| 0.004 * ((k * 12.9898).sin() * 43_758.547).fract();
+        let (first, second) = (held + noise(f64::from(k)), b + noise(f64::from(k) + 0.5));
+        text += &format!("{t:.2},{a:.6},{b:.6},{first:.6},{second:.6}\n");
+    }
+    let path = std::env::temp_dir().join(format!("krait-lab-report-{}-{what}.csv", std::process::id()));
+    std::fs::write(&path, text).expect("a file");
+    let data = read(&path, &ColumnMap::default(), file.machine().into()).expect("measurements");
+    std::fs::remove_file(&path).expect("the file goes");
+    (JointsLab::new(&file).expect("joints"), data)
+}
+
+#[test]
+fn pages_of_joints_show_each_output_and_no_bend() {
+    let (machine, data) = joints("pages");
+    let found = diagnose(&machine, &data, &DiagnoseOptions::default()).expect("a diagnosis");
+    let compared = compare(&machine, &data).expect("a comparison");
+    let mut term = Term { name: "backlash".to_owned(), values: Vec::new(), formula: None };
+    term.values = machine.parameters(&term).expect("known").iter().map(|own| own.default).collect();
+    let added = add(&machine, &data, &AddOptions { term, from_given: false, free: Vec::new() }).expect("added");
+    for page in [
+        diagnosis_page(&machine, &data, &found, origin()).expect("a page"),
+        comparison_page(&machine, &data, &compared, origin()).expect("a page"),
+        added_page(&machine, &data, &added, "backlash", origin()).expect("a page"),
+    ] {
+        let own = own(&page);
+        assert_well_formed(&own);
+        for words in ["y1, measured", "y2, measured", "commanded position", "rising", "each joint", "Autocorrelation."]
+        {
+            assert!(own.contains(words), "{words}");
+        }
+        assert!(!own.contains("bend x") && !own.contains("plane delta"), "what only a snake has");
+        assert!(own.contains("\"dash\""), "the second output's curves differ from the first one's");
+    }
+}
+
+#[test]
+fn the_bars_of_an_added_effect_have_whiskers() {
+    let (machine, data) = joints("whiskers");
+    let mut term = Term { name: "backlash".to_owned(), values: Vec::new(), formula: None };
+    term.values = machine.parameters(&term).expect("known").iter().map(|own| own.default).collect();
+    let added = add(&machine, &data, &AddOptions { term, from_given: false, free: Vec::new() }).expect("added");
+    let page = added_page(&machine, &data, &added, "backlash", origin()).expect("a page");
+    let bars = own(&page);
+    let bars = &bars[bars.find("Waterfall.").expect("the waterfall")..];
+    let whiskers = &bars[bars.find("error_y").expect("whiskers")..];
+    let array = &whiskers[whiskers.find("\"array\":[").expect("their lengths") + 9..];
+    let lengths: Vec<f64> =
+        array[..array.find(']').expect("an end")].split(',').filter_map(|x| x.parse().ok()).collect();
+    assert!(lengths.len() == 2 && lengths.iter().all(|half| *half > 0.0 && *half < 0.5 * added.before), "{lengths:?}");
+    assert!(array.contains("null"), "the floor has none");
 }

@@ -122,7 +122,9 @@ impl Config {
 /// # Errors
 /// One sentence with line and key.
 pub fn chain_of(text: &str) -> anyhow::Result<Chain> {
-    ModelFile::parse(text)?.chain(Columns::default())?.context("it describes joints, and only a snake can be driven")
+    ModelFile::parse(text)?
+        .chain(Columns::default())?
+        .context("it describes joints, and the live compensator drives snakes only; `krait lab` takes it")
 }
 
 /// For an unknown key: the known one that looks most like it.

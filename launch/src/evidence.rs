@@ -128,6 +128,7 @@ impl Evidence {
                 Sample::Setpoint(setpoint) => log.setpoint(setpoint),
                 Sample::Command(command) => log.command(command),
                 Sample::Shape(shape) => log.shape(shape),
+                Sample::ModelUpdate(update) => log.update(update),
                 Sample::State(state) => {
                     latency.state(state);
                 }

@@ -27,6 +27,7 @@ pub fn figures(figures: &Figures, next: &str) -> anyhow::Result<()> {
     );
     text += &passes(&figures.passes).to_string();
     text += &learnt(&figures.passes);
+    text += &changes(figures);
     text += "\nLatency, microseconds (each hop ends when the next stage has published)\n";
     text += &latency(figures).to_string();
     text += &figures.budget.as_ref().map(BudgetReport::text).unwrap_or_default();
@@ -89,6 +90,24 @@ fn learnt(passes: &[PassReport]) -> String {
         )
     };
     estimated.map(sentence).collect()
+}
+
+/// What the estimator's watch saw; it proposes to look, and adds nothing to any model.
+fn changes(figures: &Figures) -> String {
+    let mut text = String::new();
+    for pass in &figures.passes {
+        let Some(first) = pass.changes.first() else { continue };
+        let more = match pass.changes.len() {
+            1 => String::new(),
+            n => format!(" (and {} more)", n - 1),
+        };
+        text += &format!(
+            "  Something changed at t = {:.1} s{more}: {}, and the model no longer explains the camera as it did.\n  \
+             Nothing was added to the model; record 60 s of motion and run `krait lab diagnose --model MODEL --data FILE`\n",
+            first.at_s, first.looks_like
+        );
+    }
+    text
 }
 
 fn latency(figures: &Figures) -> Table {

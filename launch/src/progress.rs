@@ -59,7 +59,7 @@ impl Progress {
             let elapsed_s = (now_ns - start_ns) as f64 * 1e-9;
             if now_ns >= self.due_ns {
                 self.due_ns = now_ns + if self.is_terminal { TERMINAL_PERIOD_NS } else { FILE_PERIOD_NS };
-                self.write_line(elapsed_s, supervisor.budget().map_or(0, BudgetWatch::n_late));
+                self.write_line(elapsed_s, supervisor.budget().map_or(0, BudgetWatch::n_late), has_changed(supervisor));
             }
             if self.seconds.is_some_and(|seconds| elapsed_s >= seconds) {
                 break true;
@@ -75,7 +75,7 @@ impl Progress {
         Ok(finished)
     }
 
-    fn write_line(&self, elapsed_s: f64, n_late: u64) {
+    fn write_line(&self, elapsed_s: f64, n_late: u64, has_changed: bool) {
         let time = match self.seconds {
             Some(seconds) => format!("{elapsed_s:5.1} of {seconds:.0} s"),
             None => format!("{elapsed_s:6.1} s"),
@@ -90,11 +90,19 @@ impl Progress {
         if n_late > 0 {
             line = format!("{line}, {n_late} late");
         }
+        if has_changed {
+            line = format!("{line}  ({})", Reason::ModelChanged.sentence());
+        }
         if let Some(reason) = self.setpoint.and_then(|s| most_telling(Reasons::from_bits(s.reasons))) {
             line = format!("{line}  ({})", reason.sentence());
         }
         write_out(&if self.is_terminal { format!("\r\x1b[K{line}") } else { format!("{line}\n") });
     }
+}
+
+fn has_changed(supervisor: &Supervisor) -> bool {
+    let estimate = supervisor.health("estimate");
+    estimate.is_some_and(|health| Reasons::from_bits(health.reasons_now).contains(Reason::ModelChanged))
 }
 
 fn most_telling(reasons: Reasons) -> Option<Reason> {

@@ -3,7 +3,8 @@
 //! Everything here is computed from the recording alone, so that anyone with the file gets the same figures.
 
 use hdrhistogram::Histogram;
-use krait_ipc::message::{Command, Compensation, HopStamps, Phase, Setpoint, Shape, SlaveState};
+use krait_ipc::message::{Command, Compensation, HopStamps, ModelUpdate, Phase, Setpoint, Shape, SlaveState};
+use krait_model::ChangeKind;
 use serde::Serialize;
 
 /// The score counts from this long after the operator's first motion: the estimator has seen a few reversals by then.
@@ -65,6 +66,19 @@ pub struct PassReport {
     pub eta: f64,
     /// Backlash half-width at the end of the pass, mm.
     pub lambda_mm: f64,
+    /// Whether the watch for changes had learnt what is normal before the pass ended.
+    pub watched_for_changes: bool,
+    /// Changes of the machine that were seen.
+    pub changes: Vec<ChangeReport>,
+}
+
+/// A change that the estimator saw: the model no longer explained the measured shape as it did.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ChangeReport {
+    /// Exposure of the shape that showed it, after the pass's first setpoint, s.
+    pub at_s: f64,
+    /// What it looks like.
+    pub looks_like: &'static str,
 }
 
 /// Quantiles of a latency, microseconds.
@@ -107,6 +121,8 @@ pub struct PassLog {
     setpoints: Vec<(i64, [f64; 2], bool)>,
     shapes: Vec<(i64, [f64; 2])>,
     last_command: Option<Command>,
+    changes: Vec<(i64, u32)>,
+    watched: bool,
 }
 
 impl PassLog {
@@ -126,6 +142,26 @@ impl PassLog {
     /// Takes a command.
     pub fn command(&mut self, command: &Command) {
         self.last_command = Some(*command);
+    }
+
+    /// Takes a model update.
+    pub fn update(&mut self, update: &ModelUpdate) {
+        self.watched |= update.is_watching == 1;
+        if update.changed_ns != 0 && self.changes.last().is_none_or(|(ns, _)| *ns != update.changed_ns) {
+            self.changes.push((update.changed_ns, update.change_kind));
+        }
+    }
+
+    fn change_reports(&self) -> Vec<ChangeReport> {
+        let start_ns = self.setpoints.first().map_or(0, |(ns, ..)| *ns);
+        let report = |&(ns, kind): &(i64, u32)| ChangeReport {
+            at_s: (ns - start_ns) as f64 * 1e-9,
+            looks_like: (kind as usize)
+                .checked_sub(1)
+                .and_then(|place| ChangeKind::ALL.get(place))
+                .map_or("of a kind that this program does not know", |kind| kind.sentence()),
+        };
+        self.changes.iter().map(report).collect()
     }
 
     /// What the pass showed.
@@ -148,6 +184,8 @@ impl PassLog {
             scored_from_s: SCORED_FROM_S,
             eta: self.last_command.map_or(f64::NAN, |c| c.eta),
             lambda_mm: self.last_command.map_or(f64::NAN, |c| c.lambda_m * 1e3),
+            watched_for_changes: self.watched,
+            changes: self.change_reports(),
         }
     }
 

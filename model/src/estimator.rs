@@ -73,6 +73,7 @@ pub struct Estimator {
     fit: LeastSquares,
     lines: Option<Lines>,
     innovation_mean_square_m2: Option<f64>,
+    innovation: Option<Vector2<f64>>,
     n_outliers_in_a_row: u32,
     n_used: u64,
     n_left_out: u64,
@@ -112,6 +113,7 @@ impl Estimator {
             fit: LeastSquares::new(Vector2::new(eta, lambda_m), Vector2::new(eta_sd, lambda_sd_m)),
             lines: None,
             innovation_mean_square_m2: None,
+            innovation: None,
             n_outliers_in_a_row: 0,
             n_used: 0,
             n_left_out: 0,
@@ -157,6 +159,12 @@ impl Estimator {
         }
     }
 
+    /// What the estimate before it did not explain of the newest shape, in standard deviations along the axes of the base
+    /// frame (second one without what it shares with the first), outliers too; `None` where the shape could not be compared, or not in both.
+    pub fn innovation(&self) -> Option<Vector2<f64>> {
+        self.innovation
+    }
+
     /// The estimate as it stands.
     pub fn estimate(&self) -> Estimate {
         let [eta, lambda_m] = self.bounded().into();
@@ -173,6 +181,7 @@ impl Estimator {
     }
 
     fn try_shape(&mut self, bend_rad: Vector2<f64>, q_tilde_m: Vector3<f64>, dt_s: f64) -> Result<(), LeftOutReason> {
+        self.innovation = None;
         let finite = bend_rad.norm() < PI && q_tilde_m.iter().all(|q| q.is_finite()) && dt_s >= 0.0 && dt_s.is_finite();
         if !finite {
             return Err(LeftOutReason::NotFinite);
@@ -204,7 +213,9 @@ impl Estimator {
     fn take(&mut self, rows: &Rows, dt_s: f64) -> Result<(), LeftOutReason> {
         let used = rows.scaled();
         let limit = self.parameters.outlier_sigmas.powi(2);
-        if self.fit.squared_distance(used) > limit {
+        let innovation = self.fit.innovations(used);
+        self.innovation = (used.len() == 2).then_some(innovation);
+        if innovation.norm_squared() > limit {
             self.n_outliers_in_a_row += 1;
             if self.n_outliers_in_a_row >= OUTLIERS_THAT_REOPEN {
                 self.n_outliers_in_a_row = 0;

@@ -26,17 +26,17 @@ impl LeastSquares {
         Self { x, p, p_start: p }
     }
 
-    /// Squared distance of rows from their prediction, in units of its variance.
-    pub(crate) fn squared_distance(&self, rows: &[ScaledRow]) -> f64 {
+    /// What the estimate does not explain of at most two rows, each in standard deviations: taken one after the other they
+    /// are independent. Zero for a row that is not there.
+    pub(crate) fn innovations(&self, rows: &[ScaledRow]) -> Vector2<f64> {
         let mut trial = *self;
-        let mut sum = 0.0;
-        for row in rows {
-            // Innovations taken one after the other are independent, so that their squares add.
+        let mut innovations = Vector2::zeros();
+        for (innovation, row) in innovations.iter_mut().zip(rows) {
             let variance = 1.0 + row.h.dot(&(trial.p * row.h));
-            sum += (row.z - row.h.dot(&trial.x)).powi(2) / variance;
+            *innovation = (row.z - row.h.dot(&trial.x)) / variance.sqrt();
             trial.take(row);
         }
-        sum
+        innovations
     }
 
     /// Grows P by 1/`keep`, 0 < keep <= 1, within its value at the start.
@@ -172,6 +172,6 @@ mod tests {
         let innovation = Vector2::new(pair[0].z, pair[1].z) - h * fit.x;
         let joint = (Matrix2::identity() + h * fit.p * h.transpose()).try_inverse().unwrap();
         let expected = innovation.dot(&(joint * innovation));
-        assert!((fit.squared_distance(&pair) / expected - 1.0).abs() < 1e-12);
+        assert!((fit.innovations(&pair).norm_squared() / expected - 1.0).abs() < 1e-12);
     }
 }

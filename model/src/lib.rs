@@ -27,6 +27,7 @@
 #![forbid(unsafe_code)]
 
 mod chain;
+mod change;
 mod compensator;
 mod direction;
 pub mod effects;
@@ -53,6 +54,7 @@ pub use chain::{
     Chain, ChainCompensator, ChainError, ChainSettings, ChainStatus, Circumstances, Columns, Command, CommandTangents,
     EffectSetting, Prediction, PredictionTangents, Predictor, PredictorTangents,
 };
+pub use change::{Change, ChangeKind, ChangeParameters, ChangeWatch, Innovation};
 pub use compensator::{Compensated, CompensationMode, Compensator, CompensatorParameters};
 pub use direction::SignMemory;
 pub use equilibrium::{Equilibrium, EquilibriumStatus};

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
 
 use krait_model::effects::EffectKind;
+use krait_model::joints::JointEffect;
 use krait_model::model_file::{FileEffect, Machine, ModelFile, Origin, documented_defaults};
 use krait_model::{ChainSettings, ChainStatus, Circumstances, Columns, EffectSetting};
 use nalgebra::Vector2;
@@ -79,6 +80,12 @@ fn the_documented_defaults_name_every_effect_and_every_parameter() {
         assert!(text.contains(kind.name()), "{}", kind.name());
         for parameter in kind.definition().parameters {
             assert!(text.contains(&format!("\n{} = {:?}", parameter.name, parameter.default)), "{}", parameter.name);
+        }
+    }
+    for effect in JointEffect::ALL {
+        assert!(text.contains(&format!("\n# kind = \"{}\"", effect.name())), "{}", effect.name());
+        for parameter in effect.definition().parameters {
+            assert!(text.contains(&format!("\n# {} = {:?}", parameter.name, parameter.default)), "{}", parameter.name);
         }
     }
     // All of them at once fit into no chain, and the refusal says so.

@@ -90,6 +90,8 @@ fn every_hidden_effect_shows_and_solves_and_repeats() {
         ("stiffness drift", slow(SlowTruth { stiffness: 0.1, time_s: 10.0, ..d() })),
         ("line drift", slow(SlowTruth { line_m: [1e-4, 0.0, 0.0], time_s: 10.0, ..d() })),
         ("collision", slow(SlowTruth { collision_m: [1e-4, 0.0, 0.0], collision_time_s: 12.0, ..d() })),
+        ("play that appears", slow(SlowTruth { change_play_m: 2e-4, change_time_s: 12.0, ..d() })),
+        ("stiffness that appears", slow(SlowTruth { change_stiffness: 0.2, change_time_s: 12.0, ..d() })),
     ];
     for (name, truth) in hidden {
         let with = seen(&truth);

@@ -28,6 +28,14 @@ pub struct ModelUpdate {
     pub n_used: u64,
     /// Measurements left out since start (rest, no direction, outlier).
     pub n_left_out: u64,
+    /// Changes of the machine seen since start: the model no longer explained the camera.
+    pub n_changes: u64,
+    /// Exposure of the shape that showed the newest of them, CLOCK_MONOTONIC, nanoseconds; 0 before the first.
+    pub changed_ns: i64,
+    /// What it looks like: 1 along x, 2 along y, 3 in the bending plane, 4 out of it, 5 with the motion, 6 scatter; 0 before the first.
+    pub change_kind: u32,
+    /// 1 while the watch for changes has learnt what is normal, else 0.
+    pub is_watching: u32,
 }
 
-message!(ModelUpdate, "model_update", 1);
+message!(ModelUpdate, "model_update", 2);

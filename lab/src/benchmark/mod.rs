@@ -8,6 +8,7 @@ mod baseline;
 mod grid;
 mod outcome;
 mod page;
+mod pictures;
 mod summary;
 
 pub use baseline::Baselines;

@@ -1,22 +1,23 @@
-//! The report of a benchmark as one page without anything outside of it.
+//! The report of a benchmark as one page without anything outside of it: rates, pictures, confusions, every failure.
 
-use super::{Outcome, Rate, Summary};
+use super::{Outcome, Rate, Summary, pictures};
+use crate::report::html::escape;
+use crate::report::page::Page;
 use core::fmt::Display;
 use std::collections::BTreeSet;
 
 /// The page; `about` says in a sentence what was run.
 pub fn page(summary: &Summary, outcomes: &[Outcome], about: &str) -> String {
-    let mut html = String::from(HEAD);
-    html += &format!("<h1>How good is the model lab</h1>\n<p>{}</p>\n", escaped(about));
-    html += &rates(summary);
-    html += &baselines(summary);
-    html += &confusion(summary);
-    html += &failures(outcomes);
-    html += "</body></html>\n";
-    html
+    let mut page = Page::with_foot("How good is the model lab", &[vec!["run".to_owned(), about.to_owned()]]);
+    page.push(format!("<p>{}</p>\n", escape(about)));
+    page.push(rates(summary));
+    page.section("First name right", pictures::first_names(summary));
+    page.push(baselines(summary));
+    page.section("Beside simpler rules", vec![pictures::baselines(summary)]);
+    page.push(confusion(summary));
+    page.push(failures(outcomes));
+    page.finish()
 }
-
-const HEAD: &str = "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>krait lab benchmark</title>\n<style>\nbody{font:15px/1.5 system-ui,sans-serif;max-width:70em;margin:2em auto;padding:0 1em;color:#222}\ntable{border-collapse:collapse;margin:1em 0}td,th{border:1px solid #ccc;padding:.2em .5em;text-align:right}\ntd:first-child,th:first-child{text-align:left}th{background:#f3f3f3}\n.turned th{writing-mode:vertical-rl;transform:rotate(180deg);font-weight:normal}.turned th:first-child{writing-mode:initial;transform:none}\n</style></head><body>\n";
 
 fn rates(summary: &Summary) -> String {
     let mut rows = vec![
@@ -44,7 +45,7 @@ fn rates(summary: &Summary) -> String {
     rows.extend(split("First name right, motion", &summary.top_1_by_motion));
     let mut html = "<h2>Rates</h2>\n<p>Each with its 95 % interval after Wilson.</p>\n<table><tr><th>what</th><th>share</th><th>interval</th><th>cells</th></tr>\n".to_owned();
     for (what, rate) in rows {
-        html += &row(&[&escaped(&what), &percent(rate.rate), &interval(rate), &format!("{} of {}", rate.n, rate.of)]);
+        html += &row(&[&escape(&what), &percent(rate.rate), &interval(rate), &format!("{} of {}", rate.n, rate.of)]);
     }
     html += "</table>\n<p>Held-out error over the noise that was added: median ";
     html += &format!(
@@ -71,11 +72,11 @@ fn baselines(summary: &Summary) -> String {
 fn confusion(summary: &Summary) -> String {
     let names: BTreeSet<&String> = summary.confusion.values().flat_map(|row| row.keys()).collect();
     let mut html = "<h2>What was taken for what</h2>\n<p>Rows: what was hidden. Columns: the first effect that was claimed, or the verdict where none was.</p>\n<table class=\"turned\"><tr><th>hidden</th>".to_owned();
-    names.iter().for_each(|name| html += &format!("<th>{}</th>", escaped(name)));
+    names.iter().for_each(|name| html += &format!("<th>{}</th>", escape(name)));
     html += "</tr>\n";
     for (kind, counts) in &summary.confusion {
         let total: usize = counts.values().sum();
-        html += &format!("<tr><td>{}</td>", escaped(kind));
+        html += &format!("<tr><td>{}</td>", escape(kind));
         for name in &names {
             let n = counts.get(*name).copied().unwrap_or(0);
             let shade = 255 - 150 * n / total.max(1);
@@ -102,12 +103,12 @@ fn failures(outcomes: &[Outcome]) -> String {
         if is_wrong {
             let size = truth.effect_rms_deg / (2.0_f64.sqrt() * truth.sigma_deg);
             let cells: [&dyn Display; 7] = [
-                &escaped(&truth.kind),
+                &escape(&truth.kind),
                 &format!("{size:.2}"),
                 &truth.traj,
                 &truth.noise,
                 &said.verdict,
-                &escaped(&said.named.join(", ")),
+                &escape(&said.named.join(", ")),
                 &truth.seed,
             ];
             html += &row(&cells);
@@ -131,8 +132,4 @@ fn percent(rate: f64) -> String {
 
 fn interval(rate: Rate) -> String {
     format!("{:.1} to {:.1} %", 100.0 * rate.low, 100.0 * rate.high)
-}
-
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }

@@ -95,10 +95,10 @@ pub(super) fn loops(rows: &Rows) -> Picture {
         let x = || found.iter().map(|&row| input(rows, row, k)).collect::<Vec<f64>>();
         let output = if rows.is_snake() { "bend x".to_owned() } else { format!("y{}", k + 1) };
         let measured = found.iter().map(|&row| rows.measured(row, k)).collect();
-        traces.push(line(&format!("{output}, measured"), 0, x(), measured));
+        traces.push(output_line(&format!("{output}, measured"), 0, k, x(), measured));
         for (m, (model, _)) in rows.models.iter().enumerate() {
             let predicted = found.iter().map(|&row| rows.predicted(m, row, k)).collect();
-            traces.push(line(&format!("{output}, {model}"), m + 1, x(), predicted));
+            traces.push(output_line(&format!("{output}, {model}"), m + 1, k, x(), predicted));
         }
     }
     let what = if rows.is_snake() { "encoder of line 1, without what all lines share" } else { "commanded position" };

@@ -5,11 +5,11 @@
 
 mod correlation;
 mod direction;
-mod html;
+pub(crate) mod html;
 mod memory;
 mod overlay;
-mod page;
-mod picture;
+pub(crate) mod page;
+pub(crate) mod picture;
 mod places;
 mod rows;
 mod tables;
@@ -102,9 +102,7 @@ pub fn added_page(
     ];
     let mut page = Page::new(&format!("{what} added, on {}", data.source), origin, data, None);
     page.push(tables::added(added, what, unit));
-    let step = |name: String, rms: f64| Step { name, rms, half_width: None };
-    let steps = [step("model before".to_owned(), added.before), step(format!("+ {what}"), added.after)];
-    page.section("Error before and after", vec![waterfall::picture(&steps, added.noise_floor, unit)]);
+    page.section("Error before and after", vec![waterfall::of_added(machine, data, added, what)?]);
     pictures(&mut page, &Rows::new(machine, data, models));
     Ok(page.finish())
 }

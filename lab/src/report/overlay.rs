@@ -1,6 +1,6 @@
 //! Measurement and prediction over time, whole and at the worst seconds.
 
-use super::picture::{Picture, line};
+use super::picture::{Picture, output_line};
 use super::rows::Rows;
 
 /// The worst stretch is this long, s.
@@ -40,10 +40,10 @@ fn draw(rows: &Rows, title: &str, sentence: &str, shown: &[usize]) -> Picture {
     let mut traces: Vec<Box<dyn plotly::Trace>> = Vec::new();
     for (k, output) in rows.outputs().iter().enumerate() {
         let measured = shown.iter().map(|&row| rows.measured(row, k)).collect();
-        traces.push(line(&format!("{output}, measured"), 0, time_s(), measured));
+        traces.push(output_line(&format!("{output}, measured"), 0, k, time_s(), measured));
         for (m, (model, _)) in rows.models.iter().enumerate() {
             let predicted = shown.iter().map(|&row| rows.predicted(m, row, k)).collect();
-            traces.push(line(&format!("{output}, {model}"), m + 1, time_s(), predicted));
+            traces.push(output_line(&format!("{output}, {model}"), m + 1, k, time_s(), predicted));
         }
     }
     Picture::new(title, sentence, "time (s)", &format!("output ({})", rows.unit), traces)

@@ -6,7 +6,7 @@ use crate::Measurements;
 use plotly::Plot;
 
 /// A page that grows section by section.
-pub(super) struct Page {
+pub(crate) struct Page {
     text: String,
     foot: String,
     n_pictures: usize,
@@ -17,11 +17,13 @@ background:#fff}h1{font-size:1.5rem}h2{font-size:1.2rem;margin-top:2.2rem;border
 table{border-collapse:collapse;margin:.8rem 0;font-variant-numeric:tabular-nums}\
 th,td{text-align:left;padding:.2rem .7rem;border-bottom:1px solid #e3e3e3}\
 .verdict{font-size:1.2rem;font-weight:600}.caution{color:#8a4b00}figure{margin:1rem 0}.picture{height:26rem}\
+.turned th{writing-mode:vertical-rl;transform:rotate(180deg);font-weight:normal}\
+.turned th:first-child{writing-mode:initial;transform:none}td{overflow-wrap:anywhere}\
 footer{margin-top:3rem;color:#555;font-size:.85rem;overflow-wrap:anywhere}";
 
 impl Page {
     /// A page without sections; the foot tells the data's name and hash where there are any.
-    pub(super) fn new(title: &str, origin: Origin, data: &Measurements, seed: Option<u64>) -> Self {
+    pub(crate) fn new(title: &str, origin: Origin, data: &Measurements, seed: Option<u64>) -> Self {
         let mut rows = vec![
             vec!["command".to_owned(), origin.command.to_owned()],
             vec!["version".to_owned(), origin.version.to_owned()],
@@ -33,7 +35,7 @@ impl Page {
     }
 
     /// A page with these rows at its foot.
-    pub(super) fn with_foot(title: &str, rows: &[Vec<String>]) -> Self {
+    pub(crate) fn with_foot(title: &str, rows: &[Vec<String>]) -> Self {
         let title = escape(title);
         let text = format!(
             "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>{title}</title>\n\
@@ -44,12 +46,12 @@ impl Page {
     }
 
     /// Adds markup that is escaped already.
-    pub(super) fn push(&mut self, markup: String) {
+    pub(crate) fn push(&mut self, markup: String) {
         self.text += &markup;
     }
 
     /// Adds a heading and pictures.
-    pub(super) fn section(&mut self, heading: &str, pictures: Vec<Picture>) {
+    pub(crate) fn section(&mut self, heading: &str, pictures: Vec<Picture>) {
         self.text += &format!("<h2>{}</h2>\n", escape(heading));
         for picture in pictures {
             self.n_pictures += 1;
@@ -58,7 +60,7 @@ impl Page {
     }
 
     /// The whole page.
-    pub(super) fn finish(self) -> String {
+    pub(crate) fn finish(self) -> String {
         format!("{}<footer>\n{}</footer>\n</body>\n</html>\n", self.text, self.foot)
     }
 }

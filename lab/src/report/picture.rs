@@ -1,15 +1,15 @@
 //! One picture: a plot, its heading, and a sentence that says what to see in it.
 
 use super::html::escape;
-use plotly::common::{Line, Mode};
+use plotly::common::{DashType, Line, Mode};
 use plotly::layout::{Axis, Legend};
 use plotly::{Configuration, Layout, Plot, Scatter, Trace};
 
 /// Colours that also the colour-blind tell apart: measurement, model as given, model with effects, others.
-pub(super) const COLOURS: [&str; 6] = ["#444444", "#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00"];
+pub(crate) const COLOURS: [&str; 6] = ["#444444", "#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00"];
 
 /// A picture, or the sentence that says why there is none.
-pub(super) struct Picture {
+pub(crate) struct Picture {
     title: String,
     sentence: String,
     plot: Option<Plot>,
@@ -17,12 +17,12 @@ pub(super) struct Picture {
 
 impl Picture {
     /// A picture of these traces over named axes.
-    pub(super) fn new(title: &str, sentence: &str, x: &str, y: &str, traces: Vec<Box<dyn Trace>>) -> Self {
+    pub(crate) fn new(title: &str, sentence: &str, x: &str, y: &str, traces: Vec<Box<dyn Trace>>) -> Self {
         Self::with_layout(title, sentence, layout(x, y), traces)
     }
 
     /// A picture with its own layout.
-    pub(super) fn with_layout(title: &str, sentence: &str, layout: Layout, traces: Vec<Box<dyn Trace>>) -> Self {
+    pub(crate) fn with_layout(title: &str, sentence: &str, layout: Layout, traces: Vec<Box<dyn Trace>>) -> Self {
         let mut plot = Plot::new();
         plot.add_traces(traces);
         plot.set_layout(layout);
@@ -31,12 +31,12 @@ impl Picture {
     }
 
     /// No picture, and why.
-    pub(super) fn none(title: &str, why: &str) -> Self {
+    pub(crate) fn none(title: &str, why: &str) -> Self {
         Self { title: title.to_owned(), sentence: why.to_owned(), plot: None }
     }
 
     /// Its markup; `number` makes its name on the page.
-    pub(super) fn markup(&self, number: usize) -> String {
+    pub(crate) fn markup(&self, number: usize) -> String {
         let head =
             format!("<figure>\n<figcaption><b>{}.</b> {}</figcaption>\n", escape(&self.title), escape(&self.sentence));
         let Some(plot) = &self.plot else { return head + "</figure>\n" };
@@ -50,7 +50,7 @@ impl Picture {
 }
 
 /// Named axes, the legend above.
-pub(super) fn layout(x: &str, y: &str) -> Layout {
+pub(crate) fn layout(x: &str, y: &str) -> Layout {
     let legend = Legend::new().y(1.02).y_anchor(plotly::common::Anchor::Bottom);
     let legend = legend.orientation(plotly::common::Orientation::Horizontal);
     Layout::new()
@@ -58,27 +58,40 @@ pub(super) fn layout(x: &str, y: &str) -> Layout {
         .y_axis(axis(y))
         .legend(legend)
         .show_legend(true)
-        .margin(plotly::layout::Margin::new().top(40).left(70).right(20).bottom(50))
+        .margin(plotly::layout::Margin::new().top(70).left(70).right(20).bottom(50))
 }
 
 /// A named axis.
-pub(super) fn axis(title: &str) -> Axis {
+pub(crate) fn axis(title: &str) -> Axis {
     Axis::new().title(plain(title))
 }
 
 /// A curve.
-pub(super) fn line(name: &str, colour: usize, x: Vec<f64>, y: Vec<f64>) -> Box<Scatter<f64, f64>> {
+pub(crate) fn line(name: &str, colour: usize, x: Vec<f64>, y: Vec<f64>) -> Box<Scatter<f64, f64>> {
     let own = Line::new().color(COLOURS[colour % COLOURS.len()]).width(1.5);
     Scatter::new(thin(x), thin(y)).mode(Mode::Lines).name(plain(name)).line(own)
 }
 
+/// A curve of the machine's output of this number: the first one is drawn through, others are dashed.
+pub(crate) fn output_line(
+    name: &str,
+    colour: usize,
+    output: usize,
+    x: Vec<f64>,
+    y: Vec<f64>,
+) -> Box<Scatter<f64, f64>> {
+    const DASHES: [DashType; 4] = [DashType::Solid, DashType::Dash, DashType::Dot, DashType::DashDot];
+    let own = Line::new().color(COLOURS[colour % COLOURS.len()]).width(1.5).dash(DASHES[output % DASHES.len()].clone());
+    line(name, colour, x, y).line(own)
+}
+
 /// A name in which the plotting script finds no markup of its own.
-pub(super) fn plain(name: &str) -> String {
+pub(crate) fn plain(name: &str) -> String {
     escape(name)
 }
 
 /// Five digits are more than any screen shows, and a third of the bytes.
-pub(super) fn short(value: f64) -> f64 {
+pub(crate) fn short(value: f64) -> f64 {
     if value.is_finite() { format!("{value:.4e}").parse().unwrap_or(value) } else { f64::NAN }
 }
 

@@ -1,9 +1,9 @@
 //! Where the model fails: the error over bend and plane, and over speed.
 
-use super::picture::{Picture, layout, line, short};
+use super::picture::{Picture, axis, layout, line, short};
 use super::rows::Rows;
 use plotly::HeatMap;
-use plotly::common::ColorBar;
+use plotly::common::{ColorBar, ColorScale, ColorScalePalette};
 
 /// Cells along the bend or the position.
 const N_PLACES: usize = 9;
@@ -40,7 +40,7 @@ fn snake(rows: &Rows, model: usize, name: &str) -> Picture {
     draw(
         rows,
         &format!(
-            "Error {name} by bend and plane: an even colour means that no pose is special, a bright row that large (or \
+            "Error ({name}) by bend and plane: an even colour means that no pose is special, a bright row that large (or \
              small) bends are, a bright column that one plane is; empty cells were not visited."
         ),
         ("plane delta (deg)", "predicted bend (deg)"),
@@ -63,7 +63,7 @@ fn joints(rows: &Rows, model: usize, name: &str) -> Picture {
     draw(
         rows,
         &format!(
-            "Error {name} by each joint's own position, from the low end of its range (0 %) to the high end (100 %): a \
+            "Error ({name}) by each joint's own position, from the low end of its range (0 %) to the high end (100 %): a \
              bright cell is a place where this joint fails."
         ),
         ("position (% of the range)", "output"),
@@ -83,8 +83,13 @@ fn draw(
     let z: Vec<Vec<f64>> = sums.iter().map(|row| row.iter().map(rms).collect()).collect();
     let round = |values: Vec<f64>| values.into_iter().map(short).collect::<Vec<f64>>();
     let bar = ColorBar::new().title(format!("rms ({})", super::html::escape(&rows.unit)));
-    let trace = HeatMap::new(round(at.0), round(at.1), z).color_bar(bar).name("rms");
-    Picture::with_layout("Map", sentence, layout(axes.0, axes.1), vec![trace])
+    let trace = HeatMap::new(round(at.0), round(at.1), z)
+        .color_bar(bar)
+        .color_scale(ColorScale::Palette(ColorScalePalette::Viridis))
+        .name("rms");
+    let layout =
+        if rows.is_snake() { layout(axes.0, axes.1) } else { layout(axes.0, axes.1).y_axis(axis(axes.1).d_tick(1.0)) };
+    Picture::with_layout("Map", sentence, layout, vec![trace])
 }
 
 fn cell(value: f64, low: f64, high: f64) -> usize {

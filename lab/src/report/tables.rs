@@ -43,12 +43,10 @@ pub(super) fn summary(diagnosis: &Diagnosis, unit: &str) -> String {
             format!("noise floor ({})", diagnosis.floor_source),
             diagnosis.noise_floor.map_or("unknown".to_owned(), |floor| format!("{floor:.4} {unit}")),
         ),
-        (
-            "rows, with a measurement, left out as outliers, blocks".to_owned(),
-            diagnosis.rows.map(|n| n.to_string()).join(", "),
-        ),
     ];
-    let rows: Vec<Vec<String>> = rows.into_iter().map(|(name, value)| vec![name, value]).collect();
+    let counts = ["rows", "rows with a measurement", "rows left out as outliers", "blocks of time"];
+    let counts = counts.into_iter().zip(&diagnosis.rows).map(|(name, n)| (name.to_owned(), n.to_string()));
+    let rows: Vec<Vec<String>> = rows.into_iter().chain(counts).map(|(name, value)| vec![name, value]).collect();
     text += &table(&["what", "value"], &rows);
     text += "<h2>Next experiment</h2>\n";
     let next = diagnosis.next_experiment.as_ref();
@@ -226,10 +224,21 @@ pub(super) fn history(history: &[HistoryEntry]) -> String {
             format!("{:.4}", rms.after),
             optional(rms.noise_floor, 4),
             own.data.clone(),
-            own.data_sha256.clone(),
+            own.data_sha256.chars().take(16).collect(),
             own.date.clone().unwrap_or_default(),
         ]
     };
     let rows: Vec<Vec<String>> = history.iter().map(row).collect();
-    table(&["effect", "error before (deg)", "after", "noise floor", "data", "SHA-256 of the data", "day"], &rows)
+    table(
+        &[
+            "effect",
+            "error before (deg)",
+            "after",
+            "noise floor",
+            "data",
+            "SHA-256 of the data, first 16 digits",
+            "day",
+        ],
+        &rows,
+    )
 }

@@ -2,12 +2,12 @@
 
 use super::picture::{COLOURS, Picture, layout, plain, short};
 use crate::diagnose::{Diagnosis, FoundEffect};
-use crate::fit::{Variable, fit, held_out_block_squares};
+use crate::fit::{Fit, Variable, fit, held_out_block_squares};
 use crate::machine::Machine;
 use crate::prepare::prepare;
-use crate::{LabError, Measurements, Problem, Term};
+use crate::{Added, LabError, Measurements, Problem, Term};
 use plotly::Bar;
-use plotly::common::{ErrorData, ErrorType, Marker, TextPosition};
+use plotly::common::{ErrorData, ErrorType, Marker};
 
 /// Folds of the held-out error, as in the diagnosis.
 const FOLDS: usize = 6;
@@ -46,7 +46,25 @@ pub(super) fn of_diagnosis(
     Ok(vec![picture(&steps, diagnosis.noise_floor, machine.error_unit().0)])
 }
 
-/// Half the interval of the held-out error with the first effects, from how much it differs between blocks of time.
+/// The waterfall of a model before and after, with intervals.
+pub(super) fn of_added(
+    machine: &dyn Machine,
+    data: &Measurements,
+    added: &Added,
+    what: &str,
+) -> Result<Picture, LabError> {
+    let problem = prepare(machine, data)?.problem;
+    let interval = |terms: &[Term], variables: &[Variable]| {
+        Ok::<_, LabError>(interval(&problem, &fit(&problem, terms, variables, 0, 1e-5)?))
+    };
+    let steps = [
+        Step { name: "model before".to_owned(), rms: added.before, half_width: interval(machine.effects(), &[])? },
+        Step { name: format!("+ {what}"), rms: added.after, half_width: interval(&added.terms, &added.variables)? },
+    ];
+    Ok(picture(&steps, added.noise_floor, machine.error_unit().0))
+}
+
+/// Half the interval of the held-out error with the first effects.
 fn half_width(
     problem: &Problem,
     diagnosis: &Diagnosis,
@@ -64,16 +82,21 @@ fn half_width(
     }
     // Effects before the last one have to find their values without those that follow.
     let iterations = if n_effects == found.len() { 0 } else { ITERATIONS };
-    let squares = held_out_block_squares(problem, &fit(problem, &effects, &variables, iterations, 1e-5)?, FOLDS);
+    Ok(interval(problem, &fit(problem, &effects, &variables, iterations, 1e-5)?))
+}
+
+/// Half the 95 % interval of a fit's held-out error, from how much it differs between blocks of time.
+fn interval(problem: &Problem, fitted: &Fit) -> Option<f64> {
+    let squares = held_out_block_squares(problem, fitted, FOLDS);
     let n = squares.len() as f64;
     if squares.len() < 3 {
-        return Ok(None);
+        return None;
     }
     let mean = squares.iter().sum::<f64>() / n;
     let variance = squares.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / (n - 1.0);
     let rms = problem.rms(squares.iter().sum()) * problem.machine.error_unit().1;
     // d rms = rms / 2 * d (mean square) / (mean square).
-    Ok((mean > 0.0).then(|| Z * 0.5 * rms * (variance / n).sqrt() / mean))
+    (mean > 0.0).then(|| Z * 0.5 * rms * (variance / n).sqrt() / mean)
 }
 
 /// Share of what the first step leaves above the floor that a later one explains.
@@ -96,19 +119,20 @@ pub(super) fn picture(steps: &[Step], floor: Option<f64>, unit: &str) -> Picture
         let number = if names.contains(&plain(&step.name)) { format!(" ({})", k + 1) } else { String::new() };
         names.push(plain(&format!("{}{number}", step.name)));
     }
-    let mut texts: Vec<String> = steps.iter().map(text).collect();
-    let mut values: Vec<f64> = steps.iter().map(|step| short(step.rms)).collect();
-    let mut whiskers: Vec<f64> = steps.iter().map(|step| short(step.half_width.unwrap_or(0.0))).collect();
-    if let Some(floor) = floor {
-        names.push("noise floor".to_owned());
-        texts.push(format!("{floor:.3} {}", plain(unit)));
-        values.push(short(floor));
-        whiskers.push(0.0);
+    // Below the bars, where no whisker crosses it.
+    for (name, step) in names.iter_mut().zip(steps) {
+        *name = format!("{name}<br>{}", text(step));
     }
+    let mut values: Vec<f64> = steps.iter().map(|step| short(step.rms)).collect();
+    let mut whiskers: Vec<f64> = steps.iter().map(|step| short(step.half_width.unwrap_or(f64::NAN))).collect();
+    if let Some(floor) = floor {
+        names.push(format!("noise floor<br>{floor:.3} {}", plain(unit)));
+        values.push(short(floor));
+        whiskers.push(f64::NAN);
+    }
+    let has_whiskers = whiskers.iter().any(|half| half.is_finite());
     let bars = Bar::new(names, values)
-        .name("error, rms; whiskers: 95 % interval")
-        .text_array(texts)
-        .text_position(TextPosition::Outside)
+        .name(if has_whiskers { "error, rms; whiskers: 95 % interval" } else { "error, rms" })
         .marker(Marker::new().color(COLOURS[2]))
         .error_y(ErrorData::new(ErrorType::Data).array(whiskers));
     let sentence = "The fall of each bar is what its effect brings on data that it was not fitted to; where the last bar meets \

@@ -59,7 +59,8 @@ fn run_named(common: &Common, process: &Process, name: &str) -> anyhow::Result<(
         Process::Estimate(args) => {
             let (eta, lambda_m) = (config.compensate.eta, config.compensate.lambda_m);
             let run = if args.cued { krait_bridge::run_estimate_cued } else { krait_bridge::run_estimate };
-            run(&bus, &config.machine, eta, lambda_m, config.estimate, &stop)?;
+            let chain = config.chain()?;
+            run(&bus, &config.machine, eta, lambda_m, config.estimate, chain.as_ref(), &stop)?;
         }
         Process::Slave(args) => match args.recorded_time_ns {
             Some(start_ns) => krait_slave::run_in_recorded_time(&bus, &config.slave, start_ns, &stop)?,

@@ -4,6 +4,7 @@ use super::machine::{Joints, Machine, SNAKE_KEYS, SnakeMachine};
 use super::{FileEffect, HistoryEntry, MODEL_FILE_FORMAT, ModelFile, Origin};
 use crate::EffectSetting;
 use crate::effects::{Definition, EffectKind, FORMULA_VARIABLES, Inverse};
+use crate::joints::JointEffect;
 
 /// The text of a model file.
 pub(super) fn to_toml(file: &ModelFile, documented: bool) -> String {
@@ -19,7 +20,8 @@ pub(super) fn to_toml(file: &ModelFile, documented: bool) -> String {
     out.text
 }
 
-/// A snake's model file with every effect that has a name, each with its defaults and what they mean, and a formula.
+/// A snake's model file with every effect that has a name, each with its defaults and what they mean, and a formula; behind
+/// it the same for joints, as comments, because a file describes one machine.
 ///
 /// It is there to be read and copied from; as a whole it is no model of anything.
 pub fn documented_defaults() -> String {
@@ -34,6 +36,23 @@ pub fn documented_defaults() -> String {
     for variable in FORMULA_VARIABLES {
         let hooks: Vec<_> = variable.hooks.iter().map(|hook| hook.word()).collect();
         out.comment(&format!("  {} [{}], at {}", variable.name, variable.meaning, hooks.join(", ")));
+    }
+    out.comment("\nThe other kind of machine, any cable-driven joint or instrument: for the lab; no live compensator drives it.");
+    for line in documented_joints().lines() {
+        out.comment(line);
+    }
+    out.text
+}
+
+/// The same for one joint.
+fn documented_joints() -> String {
+    let mut out = Out { text: String::new(), documented: true };
+    out.line("[machine]", "");
+    let unit = "rad".to_owned();
+    let (gain, offset) = (vec![vec![1.0]], vec![0.0]);
+    out.joints(&Joints { n: 1, gain, offset, u_unit: unit.clone(), y_unit: unit });
+    for effect in JointEffect::ALL {
+        out.effect(&FileEffect::new(EffectSetting::new(EffectKind::Joint(effect))));
     }
     out.text
 }

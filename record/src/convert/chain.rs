@@ -237,6 +237,10 @@ impl Mirrored for ModelUpdate {
             innovation_rms_m: self.innovation_rms_m,
             n_used: self.n_used,
             n_left_out: self.n_left_out,
+            n_changes: self.n_changes,
+            changed_ns: self.changed_ns,
+            change_kind: self.change_kind,
+            is_watching: self.is_watching,
         }
     }
 
@@ -252,6 +256,10 @@ impl Mirrored for ModelUpdate {
             innovation_rms_m: mirror.innovation_rms_m,
             n_used: mirror.n_used,
             n_left_out: mirror.n_left_out,
+            n_changes: mirror.n_changes,
+            changed_ns: mirror.changed_ns,
+            change_kind: mirror.change_kind,
+            is_watching: mirror.is_watching,
         })
     }
 }

@@ -85,7 +85,8 @@ fields! {
     StateCommand { sequence, sample_ns, transition, sender_pid }
     Shape { sequence, sample_ns, available_ns, bend_rad, theta_l_rad, delta_rad, sigma_bend_rad, q_tilde_m }
     ModelUpdate {
-        sequence, sample_ns, shape_sequence, eta, lambda_m, eta_sd, lambda_sd_m, innovation_rms_m, n_used, n_left_out
+        sequence, sample_ns, shape_sequence, eta, lambda_m, eta_sd, lambda_sd_m, innovation_rms_m, n_used, n_left_out,
+        n_changes, changed_ns, change_kind, is_watching
     }
     ReasonRecord { count, worst, limit }
     Health {

@@ -5,7 +5,7 @@
 //!   At rest f is larger by the breakaway part, which falls with the speed as e^(-(v/v_s)²).
 //! - Drag: c v with v the speed of the line's end over the step.
 //! - Creep (standard linear solid): a slow stretch x, dx/dt = (a C τ - x) / T, solved exactly for a load held over the step.
-//! - Slow: a shift that grows as 1 - e^(-t/T), and another that comes at once at a time.
+//! - Slow: a shift that grows as 1 - e^(-t/T), and others that come at once at a time.
 
 use super::hidden::{LinesTruth, SlowTruth};
 
@@ -73,7 +73,16 @@ impl Ends {
 
     /// The factor on the snake's stiffness.
     pub(crate) fn stiffness(&self) -> f64 {
-        1.0 + self.slow.stiffness * self.risen
+        1.0 + self.slow.stiffness * self.risen + if self.has_changed() { self.slow.change_stiffness } else { 0.0 }
+    }
+
+    /// Half of the play that came at an instant, m.
+    pub(crate) fn more_half_play_m(&self) -> f64 {
+        if self.has_changed() { 0.5 * self.slow.change_play_m } else { 0.0 }
+    }
+
+    fn has_changed(&self) -> bool {
+        self.time_s >= self.slow.change_time_s
     }
 
     /// The force against the motion of line i's end when it stands at `end_m`, N, and its slope, N/m.
@@ -179,5 +188,15 @@ mod tests {
         assert_eq!(ends.stretch_m(0), 1e-4);
         ends.begin(1000.0);
         assert!((ends.stiffness() - 1.1).abs() < 1e-9);
+    }
+
+    #[test]
+    fn play_and_stiffness_appear_at_their_instant() {
+        let slow = SlowTruth { change_play_m: 2e-4, change_stiffness: 0.3, change_time_s: 5.0, ..SlowTruth::default() };
+        let mut ends = Ends::new(&LinesTruth::default(), &slow, 7e-5);
+        ends.begin(4.99);
+        assert_eq!((ends.stiffness(), ends.more_half_play_m()), (1.0, 0.0));
+        ends.begin(0.02);
+        assert_eq!((ends.stiffness(), ends.more_half_play_m()), (1.3, 1e-4));
     }
 }

@@ -117,6 +117,12 @@ pub struct SlowTruth {
     pub collision_m: [f64; 3],
     /// When it happens, s; 0 to 1e6.
     pub collision_time_s: f64,
+    /// Play that each actuator has more from an instant on, m; 0 to 0.002; neutral 0.
+    pub change_play_m: f64,
+    /// The snake is stiffer by this part from that instant on, 1; -0.5 to 2; neutral 0.
+    pub change_stiffness: f64,
+    /// That instant, s; 0 to 1e6.
+    pub change_time_s: f64,
 }
 
 impl Default for LinesTruth {
@@ -179,7 +185,16 @@ impl Default for SightTruth {
 
 impl Default for SlowTruth {
     fn default() -> Self {
-        Self { stiffness: 0.0, line_m: [0.0; 3], time_s: 600.0, collision_m: [0.0; 3], collision_time_s: 60.0 }
+        Self {
+            stiffness: 0.0,
+            line_m: [0.0; 3],
+            time_s: 600.0,
+            collision_m: [0.0; 3],
+            collision_time_s: 60.0,
+            change_play_m: 0.0,
+            change_stiffness: 0.0,
+            change_time_s: 60.0,
+        }
     }
 }
 
@@ -256,6 +271,9 @@ impl SlowTruth {
             ("slow.stiffness", self.stiffness, -0.5, 0.5),
             ("slow.time_s", self.time_s, 1.0, 1e5),
             ("slow.collision_time_s", self.collision_time_s, 0.0, 1e6),
+            ("slow.change_play_m", self.change_play_m, 0.0, 2e-3),
+            ("slow.change_stiffness", self.change_stiffness, -0.5, 2.0),
+            ("slow.change_time_s", self.change_time_s, 0.0, 1e6),
         ];
         each(&mut ranges, "slow.line_m", &self.line_m, 2e-3);
         each(&mut ranges, "slow.collision_m", &self.collision_m, 2e-3);

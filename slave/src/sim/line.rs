@@ -76,9 +76,10 @@ pub(crate) struct Load {
 }
 
 impl Line {
-    /// The play operator.
-    pub(crate) fn play(&self, before_m: f64, q_tilde_m: f64) -> f64 {
-        before_m.max(q_tilde_m - self.half_play_m).min(q_tilde_m + self.half_play_m)
+    /// The play operator, wider by `more_m` on each side.
+    pub(crate) fn play(&self, before_m: f64, q_tilde_m: f64, more_m: f64) -> f64 {
+        let half_m = self.half_play_m + more_m;
+        before_m.max(q_tilde_m - half_m).min(q_tilde_m + half_m)
     }
 
     /// The load with which the line pushes the disk when its end there is at `end_m`.
@@ -192,9 +193,10 @@ mod tests {
     #[test]
     fn play_swallows_its_full_width_after_a_reversal() {
         let line = line();
-        let forward = line.play(0.0, 1e-3);
+        let forward = line.play(0.0, 1e-3, 0.0);
         assert_eq!(forward, 1e-3 - 1e-4);
-        assert_eq!(line.play(forward, 1e-3 - 1.9e-4), forward, "still inside the gap");
-        assert!(line.play(forward, 1e-3 - 2.1e-4) < forward, "through the gap");
+        assert_eq!(line.play(forward, 1e-3 - 1.9e-4, 0.0), forward, "still inside the gap");
+        assert!(line.play(forward, 1e-3 - 2.1e-4, 0.0) < forward, "through the gap");
+        assert_eq!(line.play(forward, 1e-3 - 2.1e-4, 0.5e-4), forward, "a wider gap");
     }
 }

@@ -141,8 +141,9 @@ impl Plant {
             let capstan = self.capstan * (self.disk_mu * x.hypot(y)).exp();
             self.lines.iter_mut().for_each(|line| line.capstan = capstan);
         }
+        let more_m = self.ends.more_half_play_m();
         for i in 0..3 {
-            self.memory[i].play_m = self.lines[i].play(self.memory[i].play_m, self.q_tilde_m[i]);
+            self.memory[i].play_m = self.lines[i].play(self.memory[i].play_m, self.q_tilde_m[i], more_m);
         }
         if !self.solve() {
             self.n_unsolved += 1;

@@ -9,7 +9,8 @@ use krait_ipc::clock;
 use krait_lab::machine::Machine;
 use krait_lab::report::added_page;
 use krait_lab::{AddOptions, Added, Session, Term, add, refit as fit_again, save};
-use krait_model::effects::{FormulaParameter, FormulaText, Hook};
+use krait_model::effects::{FormulaParameter, FormulaText, Hook, Inverse};
+use krait_model::model_file::{FileEffect, Machine as FileMachine, ModelFile};
 use serde_json::{Value, json};
 use std::path::Path;
 use std::process::ExitCode;
@@ -100,14 +101,32 @@ fn finish(session: &Session, added: &Added, what: &str, out: &Path, as_json: boo
     std::fs::write(out, file.to_toml())
         .with_context(|| format!("the model file {} could not be written", out.display()))?;
     if as_json {
-        print::json(&answer(added, what, out))?;
+        print::json(&answer(added, what, out, &not_compensated(&file)))?;
     } else {
-        print::out(&text(added, what, out, session.machine.error_unit().0))?;
+        print::out(&text(added, what, out, session.machine.error_unit().0, &not_compensated(&file)))?;
     }
     Ok(ExitCode::SUCCESS)
 }
 
-fn answer(added: &Added, what: &str, out: &Path) -> Value {
+/// What a running chain does not do with a model, a sentence each.
+fn not_compensated(file: &ModelFile) -> Vec<String> {
+    if matches!(file.machine(), FileMachine::Joints(_)) {
+        return vec!["the live compensator drives snakes only; a model of joints stays in the lab".to_owned()];
+    }
+    let sentence = |effect: &FileEffect| {
+        let (name, inverse) = (effect.setting().label(), effect.setting().inverse());
+        match inverse {
+            Inverse::Exact | Inverse::Smoothed => None,
+            Inverse::NotNeeded(reason) => Some(format!(
+                "{name}: {reason}; no command follows it, so that what the camera shows of it stays while the chain runs"
+            )),
+            Inverse::None(reason) => Some(format!("{name}: {reason}; `krait run` refuses this model")),
+        }
+    };
+    file.effects().iter().filter_map(sentence).collect()
+}
+
+fn answer(added: &Added, what: &str, out: &Path, not_compensated: &[String]) -> Value {
     let params: serde_json::Map<String, Value> = added
         .variables
         .iter()
@@ -124,11 +143,11 @@ fn answer(added: &Added, what: &str, out: &Path) -> Value {
     json!({
         "effect": what, "model": out, "params": params,
         "heldout_rms_deg": { "before": added.before, "after": added.after },
-        "noise_floor_deg": added.noise_floor,
+        "noise_floor_deg": added.noise_floor, "not_compensated": not_compensated,
     })
 }
 
-fn text(added: &Added, what: &str, out: &Path, unit: &str) -> String {
+fn text(added: &Added, what: &str, out: &Path, unit: &str, not_compensated: &[String]) -> String {
     let mut table = Table::new(&["parameter", "value", "standard error", "unit", ""]);
     for (k, variable) in added.variables.iter().enumerate() {
         table.row(vec![
@@ -140,12 +159,15 @@ fn text(added: &Added, what: &str, out: &Path, unit: &str) -> String {
         ]);
     }
     let floor = added.noise_floor.map_or(String::new(), |floor| format!(", noise floor {floor:.4} {unit}"));
+    let live = match not_compensated {
+        [] => format!(" (krait run --model {} compensates with it)", out.display()),
+        sentences => format!("\n  {}", sentences.join("\n  ")),
+    };
     format!(
         "{what}: error {:.4} {unit} before, {:.4} {unit} after on data that it was not fitted to{floor}\n{table}\
-         Written: {} (krait run --model {} compensates with it)\n",
+         Written: {}{live}\n",
         added.before,
         added.after,
         out.display(),
-        out.display()
     )
 }
