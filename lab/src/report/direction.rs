@@ -1,6 +1,6 @@
 //! What the direction of motion does: mean residuals out and back, and loops.
 
-use super::picture::{COLOURS, Picture, line, plain, short};
+use super::picture::{COLOURS, Picture, output_line, plain, short};
 use super::rows::Rows;
 use plotly::Scatter;
 use plotly::common::{ErrorData, ErrorType, Line, LineShape, Mode};

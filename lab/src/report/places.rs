@@ -88,7 +88,7 @@ fn draw(
         .color_scale(ColorScale::Palette(ColorScalePalette::Viridis))
         .name("rms");
     let layout =
-        if rows.is_snake() { layout(axes.0, axes.1) } else { layout(axes.0, axes.1).y_axis(axis(axes.1).d_tick(1.0)) };
+        if rows.is_snake() { layout(axes.0, axes.1) } else { layout(axes.0, axes.1).y_axis(axis(axes.1).dtick(1.0)) };
     Picture::with_layout("Map", sentence, layout, vec![trace])
 }
 
