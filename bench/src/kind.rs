@@ -25,6 +25,8 @@ pub enum Kind {
     Iceoryx2Blocking,
     /// iceoryx2 with `ppoll` on the event's socket, drained with `try_wait`.
     Iceoryx2Ppoll,
+    /// iceoryx2 with `epoll` on the event's socket, drained with `try_wait`.
+    Iceoryx2Epoll,
     /// iceoryx2 with a `WaitSet` and a deadline on the event.
     Iceoryx2WaitSet,
     /// iceoryx2 with a semaphore in shared memory as its event, `blocking_wait`.
@@ -37,7 +39,7 @@ pub enum Kind {
 
 impl Kind {
     /// Every chain: first those that are measured unless others are asked for, then other ways to wait.
-    pub const ALL: [Self; 14] = [
+    pub const ALL: [Self; 15] = [
         Self::FloorFutex,
         Self::Iceoryx2Default,
         Self::Krait,
@@ -48,6 +50,7 @@ impl Kind {
         Self::Zenoh,
         Self::Iceoryx2Blocking,
         Self::Iceoryx2Ppoll,
+        Self::Iceoryx2Epoll,
         Self::Iceoryx2WaitSet,
         Self::Iceoryx2Semaphore,
         Self::Iceoryx2Futex,
@@ -69,6 +72,7 @@ impl Kind {
             Self::Zenoh => "zenoh",
             Self::Iceoryx2Blocking => "iceoryx2-blocking",
             Self::Iceoryx2Ppoll => "iceoryx2-ppoll",
+            Self::Iceoryx2Epoll => "iceoryx2-epoll",
             Self::Iceoryx2WaitSet => "iceoryx2-waitset",
             Self::Iceoryx2Semaphore => "iceoryx2-semaphore",
             Self::Iceoryx2Futex => "iceoryx2-futex",

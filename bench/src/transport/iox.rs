@@ -17,7 +17,7 @@ use iceoryx2::service::Service;
 use iceoryx2::service::port_factory::{event, publish_subscribe};
 use krait_ipc::clock::monotonic_ns;
 use krait_ipc::{Bell, WaitMode};
-use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::event::{PollFd, PollFlags, Timespec, epoll, poll};
 use std::os::fd::BorrowedFd;
 use std::path::Path;
 
@@ -39,6 +39,7 @@ pub(crate) fn inlet(place: &Place, hop: usize) -> Result<Box<dyn Inlet>, BenchEr
         (WaitMode::Polling, _) => polling,
         (_, Kind::Iceoryx2Blocking) => blocking_wait::<ipc::Service>,
         (_, Kind::Iceoryx2Ppoll) => ppoll,
+        (_, Kind::Iceoryx2Epoll) => epolled,
         (_, Kind::Iceoryx2WaitSet) => wait_set,
         (_, Kind::Iceoryx2Futex | Kind::Iceoryx2FutexSpin) => bell,
         _ => timed_wait,
@@ -226,6 +227,28 @@ fn ppoll(place: &Place, _hop: usize, event: event::PortFactory<ipc::Service>) ->
         let fd = unsafe { BorrowedFd::borrow_raw(listener.file_descriptor().native_handle()) };
         let n_ready = poll(&mut [PollFd::from_borrowed_fd(fd, PollFlags::IN)], Some(&timeout))
             .map_err(BenchError::transport(chain, "polling"))?;
+        if n_ready > 0 {
+            listener.try_wait(|_| {}).map_err(BenchError::transport(chain, "draining"))?;
+        }
+        Ok(n_ready > 0)
+    }))
+}
+
+fn epolled(place: &Place, _hop: usize, event: event::PortFactory<ipc::Service>) -> Result<Wait, BenchError> {
+    let (listener, chain) = (listener(place, &event)?, place.kind.name());
+    let timeout = Timespec { tv_sec: PATIENCE.as_secs().cast_signed(), tv_nsec: 0 };
+    let interest =
+        epoll::create(epoll::CreateFlags::CLOEXEC).map_err(BenchError::transport(chain, "making an epoll"))?;
+    #[allow(unsafe_code)]
+    // SAFETY: the listener owns the descriptor and moves into the closure, which outlives every use of it.
+    let fd = unsafe { BorrowedFd::borrow_raw(listener.file_descriptor().native_handle()) };
+    epoll::add(&interest, fd, epoll::EventData::new_u64(0), epoll::EventFlags::IN)
+        .map_err(BenchError::transport(chain, "watching its event"))?;
+    let none = epoll::Event { flags: epoll::EventFlags::empty(), data: epoll::EventData::new_u64(0) };
+    Ok(Box::new(move || {
+        let mut ready = [none];
+        let n_ready =
+            epoll::wait(&interest, &mut ready, Some(&timeout)).map_err(BenchError::transport(chain, "waiting"))?;
         if n_ready > 0 {
             listener.try_wait(|_| {}).map_err(BenchError::transport(chain, "draining"))?;
         }
