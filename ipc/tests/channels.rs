@@ -171,7 +171,7 @@ impl Message for NewerShape {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, ZeroCopySend)]
 #[type_name("krait.ModelUpdate")]
-struct SameSizeOtherMeaning([u64; 10]);
+struct SameSizeOtherMeaning([u64; 13]);
 
 impl Message for SameSizeOtherMeaning {
     const CHANNEL: &'static str = ModelUpdate::CHANNEL;
