@@ -2,39 +2,15 @@
 
 #![allow(clippy::expect_used, reason = "a panic is how a test fails")]
 
+#[path = "../../tests/support/allocations.rs"]
+mod allocations;
 mod common;
 
+use allocations::allocations_of;
 use common::{T0_NS, TICK_NS, compensate, input, ready_state, resolve};
-use core::sync::atomic::{AtomicU64, Ordering};
 use krait_bridge::{CompensateConfig, EstimateConfig, EstimateCore, ResolveConfig};
 use krait_ipc::message::{ModelUpdate, Shape, SlaveState};
 use krait_model::{Chain, ChainSettings, Columns, MachineParameters};
-use std::alloc::{GlobalAlloc, Layout, System};
-
-struct Counting;
-
-static N_ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
-
-#[allow(unsafe_code)]
-// SAFETY: every call is handed to the system's allocator unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        N_ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-fn allocations_of(mut work: impl FnMut()) -> u64 {
-    let before = N_ALLOCATIONS.load(Ordering::Relaxed);
-    work();
-    N_ALLOCATIONS.load(Ordering::Relaxed) - before
-}
 
 fn shape(sequence: u64, bend_rad: [f64; 2]) -> Shape {
     Shape {
@@ -49,11 +25,8 @@ fn shape(sequence: u64, bend_rad: [f64; 2]) -> Shape {
     }
 }
 
-/// One test, because the counter is the whole program's.
 #[test]
 fn resolve_compensate_and_estimate_never_allocate() {
-    assert!(allocations_of(|| drop(std::hint::black_box(vec![1u8; 100]))) > 0, "the counter counts");
-
     let mut resolve = resolve(ResolveConfig { max_bend_rad: 0.7, ..ResolveConfig::default() });
     let mut compensate = compensate(CompensateConfig::default());
     let mut estimate =

@@ -2,30 +2,13 @@
 
 #![allow(clippy::expect_used, reason = "a panic is how a test fails")]
 
-use core::sync::atomic::{AtomicU64, Ordering};
+#[path = "../../tests/support/allocations.rs"]
+mod allocations;
+
+use allocations::allocations_of;
 use core::time::Duration;
 use krait_ipc::message::Shape;
 use krait_ipc::{Bus, ReadOptions};
-use std::alloc::{GlobalAlloc, Layout, System};
-
-struct Counting;
-
-static N_ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
-
-#[allow(unsafe_code)]
-// SAFETY: every call is handed to the system's allocator unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        N_ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
 
 fn shape(sequence: u64) -> Shape {
     Shape {
@@ -51,25 +34,21 @@ fn is_in_shared_memory(address: usize) -> bool {
     })
 }
 
-/// One test, because the count of allocations belongs to the whole process.
 #[test]
 fn readers_neither_allocate_nor_copy_and_a_writer_allocates_at_most_once() {
     let bus = Bus::open(&format!("t-cost-{}", std::process::id()), "test").expect("bus");
     let mut writer = bus.writer::<Shape>().expect("writer");
     let mut readers: Vec<_> = (0..3).map(|_| bus.reader::<Shape>(ReadOptions::waking()).expect("reader")).collect();
-    let n_allocations = || N_ALLOCATIONS.load(Ordering::Relaxed);
     let mut pass = |from: u64, to: u64| {
         let (mut n_writing, mut n_reading) = (0, 0);
         for sequence in from..to {
-            let before = n_allocations();
-            writer.send(&shape(sequence)).expect("send");
-            n_writing += n_allocations() - before;
-            let before = n_allocations();
-            for reader in &mut readers {
-                assert!(reader.wait(Duration::from_secs(5)).expect("wait"));
-                assert_eq!(reader.take().expect("take").expect("a message").sequence, sequence);
-            }
-            n_reading += n_allocations() - before;
+            n_writing += allocations_of(|| writer.send(&shape(sequence)).expect("send"));
+            n_reading += allocations_of(|| {
+                for reader in &mut readers {
+                    assert!(reader.wait(Duration::from_secs(5)).expect("wait"));
+                    assert_eq!(reader.take().expect("take").expect("a message").sequence, sequence);
+                }
+            });
         }
         (n_writing, n_reading)
     };

@@ -2,46 +2,18 @@
 
 #![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
 
+#[path = "../../tests/support/allocations.rs"]
+mod allocations;
 mod chains;
 
+use allocations::allocations_of;
 use chains::{bends, chain, circumstances, formula, strong};
-use core::cell::Cell;
 use krait_model::ChainSettings;
 use krait_model::effects::{EffectKind, Hook, Inverse};
 use nalgebra::Vector2;
-use std::alloc::{GlobalAlloc, Layout, System};
-
-struct Counting;
-
-thread_local! {
-    /// Of this thread: the test harness has a thread of its own, which allocates when it likes.
-    static N_ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
-}
-
-#[allow(unsafe_code)]
-// SAFETY: every call is handed to the system's allocator unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        N_ALLOCATIONS.set(N_ALLOCATIONS.get() + 1);
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-fn allocations_of(mut work: impl FnMut()) -> u64 {
-    let before = N_ALLOCATIONS.get();
-    work();
-    N_ALLOCATIONS.get() - before
-}
 
 #[test]
 fn no_step_of_any_effect_allocates() {
-    assert!(allocations_of(|| drop(std::hint::black_box(vec![1u8; 100]))) > 0, "the counter counts");
     // As long as a formula may be: every word counts.
     let sum = (0..30).map(|k| format!("bend_x * {k}")).collect::<Vec<_>>().join(" + ");
     let longest = formula(Hook::Eps, &format!("a * ({})", &sum[..sum.match_indices(" + ").nth(14).unwrap().0]), 1e-6);

@@ -1,46 +1,12 @@
 //! The control steps of the slave and of the simulated snake must not touch the heap: a counting allocator watches them.
 #![allow(clippy::unwrap_used, clippy::panic)] // Helpers of tests fail as tests do.
-#![allow(unsafe_code)] // An allocator can only be watched by being one.
 
-use core::cell::Cell;
+#[path = "../../tests/support/allocations.rs"]
+mod allocations;
+
+use allocations::allocations_of;
 use krait_ipc::message::{Command, HopStamps, Phase, Transition};
 use krait_slave::{Drive, SimulatedSnake, SlaveConfig, SlaveCore, Truth};
-use std::alloc::{GlobalAlloc, Layout, System};
-
-struct Counting;
-
-thread_local! {
-    // Const and without a destructor: reading it never allocates. Per thread, so that the test harness is not counted.
-    static N_ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
-}
-
-// SAFETY: every call is handed to the system's allocator unchanged; counting touches no memory that it manages.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        N_ALLOCATIONS.set(N_ALLOCATIONS.get() + 1);
-        // SAFETY: the caller's promise about `layout` is passed on.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: `pointer` came from `System` through `alloc` above.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-fn allocations_of(step: impl FnOnce()) -> u64 {
-    let before = N_ALLOCATIONS.get();
-    step();
-    N_ALLOCATIONS.get() - before
-}
-
-#[test]
-fn the_counter_counts() {
-    assert_eq!(allocations_of(|| drop(std::hint::black_box(Box::new(7)))), 1);
-}
 
 #[test]
 fn writing_reading_and_looking_at_the_simulated_snake_allocates_nothing() {
