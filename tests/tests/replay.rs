@@ -353,8 +353,7 @@ fn two_recordings_are_compared_as_a_table_and_as_pictures() {
     assert_eq!(figures["b"]["latency_us"], serde_json::json!({}), "in its own time a replay has no latency");
     assert!(number(&figures["apart"]["command_mm"]["max"]) > 0.1, "{figures}");
     assert!(number(&figures["a"]["following_s"]) > 0.3 && figures["a"]["n_faults"] == 0, "{figures}");
-    // A recording from before devices were named.
-    assert_eq!(figures["a"]["about"]["device_serial"], "unknown", "{figures}");
+    assert_eq!(figures["a"]["about"]["device_serial"], "none (script)", "{figures}");
     let pictures = figures["pictures"].as_array().expect("pictures");
     assert_eq!(pictures.len(), 3);
     for picture in pictures {
