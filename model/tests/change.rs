@@ -107,7 +107,7 @@ fn seen_after(share: f64, added: impl Fn(Vector2<f64>, Vector2<f64>) -> Vector2<
 
 #[test]
 fn a_change_of_the_size_of_the_noise_is_seen_within_seconds_and_named_by_its_direction() {
-    let unit = |v: Vector2<f64>| v.normalize();
+    let unit = |v: Vector2<f64>| v.try_normalize(0.0).expect("a direction");
     let seen = [
         (seen_after(0.0, |_, _| Vector2::new(1.2, 0.0)), ChangeKind::AlongX),
         (seen_after(0.0, |_, _| Vector2::new(0.0, -1.2)), ChangeKind::AlongY),
