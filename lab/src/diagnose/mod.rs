@@ -19,6 +19,7 @@ pub mod search;
 pub mod sign_flip;
 pub(crate) mod structure;
 mod verdict;
+mod working;
 
 pub use answer::{CandidateAnswer, Diagnosis, FoundEffect, FoundParameter, Remaining, Verdict};
 pub use experiment::NextExperiment;

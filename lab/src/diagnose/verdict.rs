@@ -7,6 +7,7 @@ use super::rhythm::{Rhythm, rhythm};
 use super::screen::{Cell, orthonormal};
 use super::search::{Search, Trial, memory};
 use super::sign_flip::SignFlip;
+use super::working::working_rows;
 use super::{GroupShare, experiment, gate, structure};
 use crate::fit::{Variable, held_out_block_squares, uncertainty};
 use crate::machine::{Candidate, Machine};
@@ -31,8 +32,6 @@ impl Default for DiagnoseOptions {
     }
 }
 
-/// Rows that the search works on: all of few, a tenth of many.
-const WORKING_ROWS: usize = 3000;
 /// Effects with more free parameters than this may be two simple ones in disguise.
 const FEW_PARAMETERS: usize = 2;
 /// Of a pair, neither effect may have more look-alikes than this that are as simple.
@@ -424,15 +423,6 @@ fn sentence(
             remaining.looks_like.map_or(String::new(), |what| format!("; it depends on {what}"))
         ),
     }
-}
-
-fn working_rows(data: &Measurements, excluded: &[usize]) -> Vec<usize> {
-    let n = data.n_rows();
-    let stride = n.div_ceil(WORKING_ROWS + n / 10).max(1);
-    (0..n)
-        .filter(|row| row % stride == 0 || data.starts_trial(*row))
-        .filter(|row| excluded.binary_search(row).is_err())
-        .collect()
 }
 
 /// The variables of parameters named by effect's label and parameter's name.
