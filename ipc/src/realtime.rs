@@ -31,11 +31,14 @@ pub struct Realtime {
     /// Time slice under time sharing, us, 100 to 100,000; a process with a short slice is let in before others that have
     /// longer ones (Linux 6.12 and newer, no right needed). 0: the kernel's own. Default 100.
     pub slice_us: u32,
+    /// Whether a thread that works only when nothing else will keeps the chain's cores from sleeping: a core that slept wakes
+    /// late and has forgotten what it knew. It makes the core fully busy and warm. Default false.
+    pub keep_awake: bool,
 }
 
 impl Default for Realtime {
     fn default() -> Self {
-        Self { priority: 0, lock_memory: false, cores: Cores::One, slice_us: *SLICES_US.start() }
+        Self { priority: 0, lock_memory: false, cores: Cores::One, slice_us: *SLICES_US.start(), keep_awake: false }
     }
 }
 
@@ -117,7 +120,8 @@ pub struct RealtimeError {
 
 impl Realtime {
     /// Asks for nothing: a process like every other.
-    pub const ORDINARY: Self = Self { priority: 0, lock_memory: false, cores: Cores::Any, slice_us: 0 };
+    pub const ORDINARY: Self =
+        Self { priority: 0, lock_memory: false, cores: Cores::Any, slice_us: 0, keep_awake: false };
 
     /// Checks every range.
     ///
@@ -149,6 +153,10 @@ impl Realtime {
             Cores::Named(cores) => cores.get(idx % cores.len().max(1)).copied(),
         };
         refused.extend(core.and_then(|core| pin_to(core).err()));
+        // One for each core that the chain uses, by the first process that runs there.
+        if self.keep_awake && idx < self.n_cores() {
+            refused.extend(keep_awake().err());
+        }
         if self.slice_us > 0 && self.priority == 0 {
             refused.extend(set_slice(self.slice_us).err());
         }
@@ -160,6 +168,10 @@ impl Realtime {
             refused.extend(set_fifo(self.priority).err());
         }
         refused
+    }
+
+    fn n_cores(&self) -> usize {
+        if let Cores::Named(cores) = &self.cores { cores.len() } else { 1 }
     }
 }
 
@@ -244,6 +256,31 @@ fn set_slice(slice_us: u32) -> Result<(), String> {
     Err(format!("a time slice of {slice_us} us was refused: {}; set `slice_us = 0`", std::io::Error::last_os_error()))
 }
 
+/// Starts a thread that spins on the calling thread's cores for as long as the process lives, and only while they would
+/// otherwise sleep (SCHED_IDLE): everything else runs before it.
+fn keep_awake() -> Result<(), String> {
+    let refused = |error: std::io::Error| format!("the core is not kept awake: {error}; set `keep_awake = false`");
+    let (answer, answered) = std::sync::mpsc::sync_channel(1);
+    let spin = move || {
+        let wanted = libc::sched_param { sched_priority: 0 };
+        #[allow(unsafe_code)]
+        // SAFETY: the call reads the structure that it is given and changes nothing but the scheduling of this thread.
+        let result = unsafe { libc::sched_setscheduler(0, libc::SCHED_IDLE, &raw const wanted) };
+        let is_idle = if result == 0 { Ok(()) } else { Err(std::io::Error::last_os_error()) };
+        let goes_on = is_idle.is_ok();
+        if answer.send(is_idle).is_err() || !goes_on {
+            return;
+        }
+        // No pause instruction: under a hypervisor it may hand the core back.
+        let mut x = 1_u64;
+        loop {
+            x = core::hint::black_box(x.wrapping_add(1));
+        }
+    };
+    std::thread::Builder::new().name("keep-awake".to_owned()).spawn(spin).map_err(refused)?;
+    answered.recv().unwrap_or_else(|gone| Err(std::io::Error::other(gone))).map_err(refused)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -301,6 +338,25 @@ mod tests {
             assert_eq!(Realtime::default().apply(1, "arm-0"), Vec::<String>::new());
             let now = sched_getaffinity(None).expect("known");
             assert!(now.count() == 1 && now.is_set(cores[0]));
+        });
+    }
+
+    #[test]
+    fn a_core_that_is_kept_awake_is_one_that_only_idle_work_keeps_busy() {
+        let policies = || -> Vec<String> {
+            let threads = std::fs::read_dir("/proc/self/task").expect("threads");
+            let stats = threads.filter_map(|t| std::fs::read_to_string(t.ok()?.path().join("stat")).ok());
+            let keepers = stats.filter(|stat| stat.contains("(keep-awake)"));
+            // Field 41, policy; the second one, the name, ends with the last parenthesis.
+            let policy = |stat: &str| stat.rsplit(')').next()?.split_whitespace().nth(38).map(str::to_owned);
+            keepers.filter_map(|stat| policy(&stat)).collect()
+        };
+        in_a_thread(|| {
+            let wish = Realtime { keep_awake: true, ..Realtime::default() };
+            assert_eq!(wish.apply(1, "main"), Vec::<String>::new());
+            assert_eq!(policies(), Vec::<String>::new(), "one thread for a core, not one for each process");
+            assert_eq!(wish.apply(0, "main"), Vec::<String>::new());
+            assert_eq!(policies(), [libc::SCHED_IDLE.to_string()]);
         });
     }
 

@@ -288,6 +288,9 @@ pub struct BenchArgs {
     /// The chains to measure, in this order; by default the eight standard ones.
     #[arg(long, value_delimiter = ',', value_parser = krait_bench::Kind::from_name, value_name = "NAME,...")]
     pub chains: Vec<krait_bench::Kind>,
+    /// Keep the cores of relays and krait's chain from sleeping, as `[realtime] keep_awake = true` does for the chain.
+    #[arg(long)]
+    pub keep_awake: bool,
     /// Measure instead how the latency of krait's chain grows with the number of chains on this machine (1 to 8), with the
     /// rate (250 to 8000 Hz) and with the readers of every channel (1 to 16).
     #[arg(long, conflicts_with_all = ["chains", "check", "rate", "payload"])]

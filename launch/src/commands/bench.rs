@@ -131,6 +131,7 @@ fn asked(args: &BenchArgs, otherwise: &Realtime) -> Realtime {
     if let Some(cores) = &args.cores {
         realtime.cores = cores.clone();
     }
+    realtime.keep_awake |= args.keep_awake;
     realtime
 }
 
@@ -244,7 +245,8 @@ fn text(report: &Report) -> String {
 }
 
 fn wishes(realtime: &Realtime) -> String {
-    format!("{}, {}, {} us", realtime.priority, realtime.cores, realtime.slice_us)
+    let awake = if realtime.keep_awake { ", kept awake" } else { "" };
+    format!("{}, {}, {} us{awake}", realtime.priority, realtime.cores, realtime.slice_us)
 }
 
 fn table(chains: &[ChainFigures]) -> Table {
