@@ -2,6 +2,7 @@
 
 use crate::BenchError;
 use crate::figures::Quantiles;
+use crate::picture::said;
 use plotters::prelude::*;
 
 /// What one panel shows.
@@ -24,15 +25,15 @@ const COLORS: [(&str, RGBColor); 2] = [("p50", RGBColor(0, 114, 178)), ("p99", R
 /// [`BenchError::Picture`].
 pub fn growth_svg(title: &str, panels: &[Growth]) -> Result<String, BenchError> {
     let mut text = String::new();
-    draw(&mut text, title, panels).map_err(|error| BenchError::Picture(error.to_string()))?;
+    draw(&mut text, title, panels).map_err(BenchError::Picture)?;
     Ok(text)
 }
 
-fn draw(text: &mut String, title: &str, panels: &[Growth]) -> Result<(), Box<dyn core::error::Error>> {
-    let size = (PANEL.0 * u32::try_from(panels.len().max(1))?, PANEL.1);
+fn draw(text: &mut String, title: &str, panels: &[Growth]) -> Result<(), String> {
+    let size = (PANEL.0 * u32::try_from(panels.len().max(1)).map_err(said)?, PANEL.1);
     let root = SVGBackend::with_string(text, size).into_drawing_area();
-    root.fill(&WHITE).map_err(owned)?;
-    let root = root.titled(title, ("sans-serif", 18)).map_err(owned)?;
+    root.fill(&WHITE).map_err(said)?;
+    let root = root.titled(title, ("sans-serif", 18)).map_err(said)?;
     for (area, panel) in root.split_evenly((1, panels.len().max(1))).iter().zip(panels) {
         let first = panel.points.first().map_or(1.0, |point| point.0);
         let last = panel.points.last().map_or(1.0, |point| point.0);
@@ -41,7 +42,7 @@ fn draw(text: &mut String, title: &str, panels: &[Growth]) -> Result<(), Box<dyn
             .x_label_area_size(44)
             .y_label_area_size(60)
             .build_cartesian_2d((first * 0.9..last * 1.1).log_scale(), AXIS_US.log_scale())
-            .map_err(owned)?;
+            .map_err(said)?;
         chart
             .configure_mesh()
             .x_desc(panel.title)
@@ -50,13 +51,13 @@ fn draw(text: &mut String, title: &str, panels: &[Growth]) -> Result<(), Box<dyn
             .y_label_formatter(&|us| format!("{us:.0}"))
             .light_line_style(RGBColor(240, 240, 240))
             .draw()
-            .map_err(owned)?;
+            .map_err(said)?;
         for ((name, color), of) in COLORS.into_iter().zip([|q: &Quantiles| q.p50, |q: &Quantiles| q.p99]) {
             let line: Vec<_> = panel.points.iter().map(|(value, q)| (*value, of(q).max(AXIS_US.start))).collect();
-            chart.draw_series(line.iter().map(|at| Circle::new(*at, 3, color.filled()))).map_err(owned)?;
+            chart.draw_series(line.iter().map(|at| Circle::new(*at, 3, color.filled()))).map_err(said)?;
             chart
                 .draw_series(LineSeries::new(line, color.stroke_width(2)))
-                .map_err(owned)?
+                .map_err(said)?
                 .label(name)
                 .legend(move |(x, y)| PathElement::new(vec![(x, y), (x + 18, y)], color.stroke_width(2)));
         }
@@ -66,15 +67,9 @@ fn draw(text: &mut String, title: &str, panels: &[Growth]) -> Result<(), Box<dyn
             .background_style(WHITE.mix(0.85))
             .border_style(RGBColor(200, 200, 200))
             .draw()
-            .map_err(owned)?;
+            .map_err(said)?;
     }
-    root.present().map_err(owned)?;
-    Ok(())
-}
-
-/// The drawing library's errors borrow the text that is drawn into.
-fn owned(error: impl core::fmt::Display) -> String {
-    error.to_string()
+    root.present().map_err(said)
 }
 
 #[cfg(test)]

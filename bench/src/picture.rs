@@ -93,7 +93,8 @@ fn curve(chain: &ChainRounds) -> Vec<(f64, f64)> {
     bins.iter().enumerate().map(|(bin, count)| (middle(bin), part(*count))).collect()
 }
 
-fn said<E: core::fmt::Display>(error: E) -> String {
+/// The drawing library's errors borrow the text that is drawn into.
+pub(crate) fn said<E: core::fmt::Display>(error: E) -> String {
     error.to_string()
 }
 

@@ -15,8 +15,8 @@ use core::time::Duration;
 use krait_ipc::message::{Message, ModelUpdate, Shape, SlaveState};
 use krait_ipc::{Bus, HealthReporter, ReadOptions, Reason, Reasons, clock};
 use krait_model::{
-    Chain, Change, ChangeKind, ChangeParameters, ChangeWatch, Circumstances, Estimator, EstimatorParameters,
-    Innovation, MachineParameters, Predictor, Snake,
+    Chain, Change, ChangeParameters, ChangeWatch, Circumstances, Estimator, EstimatorParameters, Innovation,
+    MachineParameters, Predictor, Snake,
 };
 use nalgebra::{Vector2, Vector3};
 
@@ -149,7 +149,7 @@ impl EstimateCore {
             n_left_out: estimate.n_left_out + self.n_unpaired,
             n_changes: self.n_changes,
             changed_ns: self.changed_ns,
-            change_kind: self.change.map_or(0, |change| number_of(change.kind)),
+            change_kind: self.change.map_or(0, |change| change.kind.number()),
             is_watching: u32::from(self.watch.is_watching()),
         }
     }
@@ -200,11 +200,6 @@ impl EstimateCore {
         let gap_ms = seconds_between(nearest.stamp_ns, sample_ns).abs() * 1e3;
         (gap_ms <= self.config.max_state_gap_ms).then_some(*nearest)
     }
-}
-
-/// The number that messages carry for a kind of change.
-fn number_of(kind: ChangeKind) -> u32 {
-    ChangeKind::ALL.into_iter().position(|other| other == kind).map_or(0, |place| place as u32 + 1)
 }
 
 /// The process `krait estimate`: runs until told to stop.

@@ -222,19 +222,21 @@ fn prefault_stack() {
 
 /// SCHED_FIFO for the calling thread; threads that it starts later are not given it.
 fn set_fifo(priority: u8) -> Result<(), String> {
+    set_policy(libc::SCHED_FIFO | libc::SCHED_RESET_ON_FORK, priority).map_err(|error| {
+        format!(
+            "priority {priority} (SCHED_FIFO) was refused: {error}; give the user `rtprio {priority}` in \
+             /etc/security/limits.d and log in again"
+        )
+    })
+}
+
+/// The scheduling policy and priority of the calling thread.
+fn set_policy(policy: libc::c_int, priority: u8) -> std::io::Result<()> {
     let wanted = libc::sched_param { sched_priority: libc::c_int::from(priority) };
     #[allow(unsafe_code)]
     // SAFETY: the call reads the structure that it is given and changes nothing but the scheduling of this thread.
-    let result =
-        unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO | libc::SCHED_RESET_ON_FORK, &raw const wanted) };
-    if result == 0 {
-        return Ok(());
-    }
-    let error = std::io::Error::last_os_error();
-    Err(format!(
-        "priority {priority} (SCHED_FIFO) was refused: {error}; give the user `rtprio {priority}` in /etc/security/limits.d \
-         and log in again"
-    ))
+    let result = unsafe { libc::sched_setscheduler(0, policy, &raw const wanted) };
+    if result == 0 { Ok(()) } else { Err(std::io::Error::last_os_error()) }
 }
 
 /// A short slice for the calling thread. Kernels that know no slices take the call and change nothing.
@@ -262,11 +264,7 @@ fn keep_awake() -> Result<(), String> {
     let refused = |error: std::io::Error| format!("the core is not kept awake: {error}; set `keep_awake = false`");
     let (answer, answered) = std::sync::mpsc::sync_channel(1);
     let spin = move || {
-        let wanted = libc::sched_param { sched_priority: 0 };
-        #[allow(unsafe_code)]
-        // SAFETY: the call reads the structure that it is given and changes nothing but the scheduling of this thread.
-        let result = unsafe { libc::sched_setscheduler(0, libc::SCHED_IDLE, &raw const wanted) };
-        let is_idle = if result == 0 { Ok(()) } else { Err(std::io::Error::last_os_error()) };
+        let is_idle = set_policy(libc::SCHED_IDLE, 0);
         let goes_on = is_idle.is_ok();
         if answer.send(is_idle).is_err() || !goes_on {
             return;

@@ -156,10 +156,8 @@ impl PassLog {
         let start_ns = self.setpoints.first().map_or(0, |(ns, ..)| *ns);
         let report = |&(ns, kind): &(i64, u32)| ChangeReport {
             at_s: (ns - start_ns) as f64 * 1e-9,
-            looks_like: (kind as usize)
-                .checked_sub(1)
-                .and_then(|place| ChangeKind::ALL.get(place))
-                .map_or("of a kind that this program does not know", |kind| kind.sentence()),
+            looks_like: ChangeKind::from_number(kind)
+                .map_or("of a kind that this program does not know", ChangeKind::sentence),
         };
         self.changes.iter().map(report).collect()
     }

@@ -2,6 +2,7 @@
 //! takes no more memory than a minute.
 
 use crate::ReplayError;
+use crate::pass::PassCounter;
 use core::ops::Range;
 use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use crossbeam_channel::{Receiver, Sender, bounded};
@@ -224,21 +225,6 @@ const N_SETPOINTS: usize = 2048;
 fn forget_old(setpoints: &mut Vec<Setpoint>, first_input: Option<u64>) {
     if first_input.is_none() && setpoints.len() > 2 * N_SETPOINTS {
         setpoints.drain(..N_SETPOINTS);
-    }
-}
-
-/// Counts the passes of a channel: sequence numbers that begin anew at 1 begin the next.
-#[derive(Clone, Copy, Debug, Default)]
-struct PassCounter {
-    newest: u64,
-}
-
-impl PassCounter {
-    fn of(&mut self, sequence: u64) -> u64 {
-        if sequence == 1 || self.newest == 0 {
-            self.newest += 1;
-        }
-        self.newest
     }
 }
 

@@ -78,17 +78,30 @@ impl Pass {
 #[derive(Default)]
 struct Passes {
     all: Vec<Pass>,
-    n_of_channel: [usize; 6],
+    counters: [PassCounter; 6],
+}
+
+/// Counts the passes of a channel: sequence numbers that begin anew at 1 begin the next.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct PassCounter {
+    /// The pass of the newest message, from 1; 0 before the first.
+    pub(crate) newest: u64,
+}
+
+impl PassCounter {
+    /// The pass, from 1, that the message with this sequence number belongs to.
+    pub(crate) fn of(&mut self, sequence: u64) -> u64 {
+        if sequence == 1 || self.newest == 0 {
+            self.newest += 1;
+        }
+        self.newest
+    }
 }
 
 impl Passes {
     /// The pass that a message belongs to.
     fn of(&mut self, channel: usize, sequence: u64) -> &mut Pass {
-        let n = &mut self.n_of_channel[channel];
-        if sequence == 1 || *n == 0 {
-            *n += 1;
-        }
-        let idx = *n - 1;
+        let idx = self.counters[channel].of(sequence) as usize - 1;
         if self.all.len() <= idx {
             self.all.resize_with(idx + 1, Pass::default);
         }

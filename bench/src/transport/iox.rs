@@ -26,6 +26,9 @@ const SPIN_NS: i64 = 50_000;
 /// Samples in a subscriber's buffer, as krait's stages have.
 const BUFFER: usize = 256;
 
+/// [`PATIENCE`] as the kernel takes it.
+const TIMEOUT: Timespec = Timespec { tv_sec: PATIENCE.as_secs().cast_signed(), tv_nsec: 0 };
+
 /// Sleeps until there may be a message; false when the patience is over.
 type Wait = Box<dyn FnMut() -> Result<bool, BenchError>>;
 /// Tells the next process that there is a message.
@@ -220,12 +223,11 @@ where
 
 fn ppoll(place: &Place, _hop: usize, event: event::PortFactory<ipc::Service>) -> Result<Wait, BenchError> {
     let (listener, chain) = (listener(place, &event)?, place.kind.name());
-    let timeout = Timespec { tv_sec: PATIENCE.as_secs().cast_signed(), tv_nsec: 0 };
     Ok(Box::new(move || {
         #[allow(unsafe_code)]
         // SAFETY: the listener owns the descriptor and lives as long as this closure.
         let fd = unsafe { BorrowedFd::borrow_raw(listener.file_descriptor().native_handle()) };
-        let n_ready = poll(&mut [PollFd::from_borrowed_fd(fd, PollFlags::IN)], Some(&timeout))
+        let n_ready = poll(&mut [PollFd::from_borrowed_fd(fd, PollFlags::IN)], Some(&TIMEOUT))
             .map_err(BenchError::transport(chain, "polling"))?;
         if n_ready > 0 {
             listener.try_wait(|_| {}).map_err(BenchError::transport(chain, "draining"))?;
@@ -236,7 +238,6 @@ fn ppoll(place: &Place, _hop: usize, event: event::PortFactory<ipc::Service>) ->
 
 fn epolled(place: &Place, _hop: usize, event: event::PortFactory<ipc::Service>) -> Result<Wait, BenchError> {
     let (listener, chain) = (listener(place, &event)?, place.kind.name());
-    let timeout = Timespec { tv_sec: PATIENCE.as_secs().cast_signed(), tv_nsec: 0 };
     let interest =
         epoll::create(epoll::CreateFlags::CLOEXEC).map_err(BenchError::transport(chain, "making an epoll"))?;
     #[allow(unsafe_code)]
@@ -248,7 +249,7 @@ fn epolled(place: &Place, _hop: usize, event: event::PortFactory<ipc::Service>) 
     Ok(Box::new(move || {
         let mut ready = [none];
         let n_ready =
-            epoll::wait(&interest, &mut ready, Some(&timeout)).map_err(BenchError::transport(chain, "waiting"))?;
+            epoll::wait(&interest, &mut ready, Some(&TIMEOUT)).map_err(BenchError::transport(chain, "waiting"))?;
         if n_ready > 0 {
             listener.try_wait(|_| {}).map_err(BenchError::transport(chain, "draining"))?;
         }

@@ -43,13 +43,15 @@ pub trait Message: ZeroCopySend + Copy + core::fmt::Debug + Send + Sync + 'stati
     const VERSION: u32;
     /// Samples that a reader's queue can hold: 2 s at 1 kHz, so that a recorder may sleep through a slow disk. Shared
     /// memory has room for that many for each possible reader.
-    const DEPTH: usize = 2048;
+    const DEPTH: usize = USUAL;
     /// Position of this message on its channel: 1, 2, 3, ... without gaps.
     fn sequence(&self) -> u64;
     /// The instant that the content is about, CLOCK_MONOTONIC, nanoseconds.
     fn sample_ns(&self) -> i64;
 }
 
+/// Depth of most channels: 2 s at 1 kHz.
+const USUAL: usize = 2048;
 /// Depth of the channels that carry every sample: 1 s at 8 kHz.
 const EVERY_SAMPLE: usize = 8192;
 /// Depth of channels that carry ten messages a second, or few at all.
@@ -58,7 +60,7 @@ const RARE: usize = 128;
 /// Implements [`Message`] for a payload with the usual `sequence` and `sample_ns` fields.
 macro_rules! message {
     ($type:ty, $channel:literal, $version:literal) => {
-        $crate::message::message!($type, $channel, $version, 2048);
+        $crate::message::message!($type, $channel, $version, $crate::message::USUAL);
     };
     ($type:ty, $channel:literal, $version:literal, $depth:expr) => {
         impl $crate::message::Message for $type {

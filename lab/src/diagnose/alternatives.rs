@@ -38,13 +38,18 @@ impl Alternatives {
         for (trial, squares) in self.trials.iter().zip(&self.squares).skip(1) {
             let Some(other) = stand_in(&best.found, &trial.found, slot) else { continue };
             let (sum, best_sum): (f64, f64) = (squares.iter().sum(), self.squares[0].iter().sum());
-            let (mean, error) = mean_and_error(squares.iter().zip(&self.squares[0]).map(|(j, b)| j - b));
-            let same = sum <= SAME * SAME * best_sum || mean < T_ONE_SIDED * error;
+            let same = sum <= SAME * SAME * best_sum || self.is_no_worse(squares);
             if same && !class.contains(&other) {
                 class.push(other);
             }
         }
         class
+    }
+
+    /// Whether a trial's held-out squares are those of the best one, as far as the blocks tell.
+    fn is_no_worse(&self, squares: &[f64]) -> bool {
+        let (mean, error) = mean_and_error(squares.iter().zip(&self.squares[0]).map(|(j, b)| j - b));
+        mean < T_ONE_SIDED * error
     }
 
     /// How far a parameter of the effect in a place of `found` moves, at most, where an effect that these data cannot tell from
@@ -57,16 +62,12 @@ impl Alternatives {
             trial.fit.effects.get(base + place)?.values.get(parameter).copied()
         };
         let Some(own) = value(best) else { return 0.0 };
-        let no_worse = |squares: &[f64]| {
-            let (mean, error) = mean_and_error(squares.iter().zip(&self.squares[0]).map(|(j, b)| j - b));
-            mean < T_ONE_SIDED * error
-        };
         let as_good = self
             .trials
             .iter()
             .zip(&self.squares)
             .skip(1)
-            .filter(|(own, squares)| own.found.len() == best.found.len() && no_worse(squares));
+            .filter(|(own, squares)| own.found.len() == best.found.len() && self.is_no_worse(squares));
         as_good.filter_map(|(trial, _)| value(trial)).map(|other| (other - own).abs()).fold(0.0, f64::max)
     }
 

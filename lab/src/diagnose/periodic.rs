@@ -12,8 +12,6 @@ use crate::machine::{Candidate, Periodic};
 use core::f64::consts::TAU;
 use rayon::prelude::*;
 
-/// How far an input is shifted for a difference quotient, in units of the amplitude looked for.
-const REACH: f64 = 1.0;
 /// Cells that keep their columns, and may be refined: the best periods.
 const BEST: usize = 3;
 
@@ -38,10 +36,10 @@ pub(super) fn cells(problem: &Problem, fit: &Fit, basis: &[Vec<f64>], c: &Candid
 /// What an amplitude of the reading's error does to the weighted prediction where the sine is one, entry by entry.
 fn response(problem: &Problem, fit: &Fit, input: usize, amplitude: f64) -> Option<Vec<f64>> {
     let mut shifted = problem.data.clone();
-    shifted.inputs.iter_mut().skip(input).step_by(problem.data.n_inputs).for_each(|u| *u -= REACH * amplitude);
+    shifted.inputs.iter_mut().skip(input).step_by(problem.data.n_inputs).for_each(|u| *u -= amplitude);
     let there = problem.weigh(&problem.machine.predict(&fit.effects, &shifted).ok()?);
     // Both are measured minus predicted.
-    Some(fit.residual.iter().zip(&there).map(|(a, b)| (a - b) / REACH).collect())
+    Some(fit.residual.iter().zip(&there).map(|(a, b)| a - b).collect())
 }
 
 fn columns(problem: &Problem, responses: &[Vec<f64>], period: f64) -> Vec<Vec<f64>> {

@@ -238,7 +238,17 @@ impl ChangeKind {
         }
     }
 
-    /// All kinds; a kind's number in messages is its place here plus one.
+    /// The number that messages carry for it, from 1; 0 is no change.
+    pub fn number(self) -> u32 {
+        Self::ALL.into_iter().position(|other| other == self).map_or(0, |place| place as u32 + 1)
+    }
+
+    /// The kind with a number; `None` for 0 and for one that this version does not know.
+    pub fn from_number(number: u32) -> Option<Self> {
+        Self::ALL.get((number as usize).checked_sub(1)?).copied()
+    }
+
+    /// All kinds, in the order of their numbers.
     pub const ALL: [Self; N_DIRECTIONS + 1] =
         [Self::AlongX, Self::AlongY, Self::InPlane, Self::OutOfPlane, Self::WithMotion, Self::Scatter];
 }
@@ -246,6 +256,14 @@ impl ChangeKind {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn every_kind_is_found_by_its_number_and_others_are_none() {
+        for kind in ChangeKind::ALL {
+            assert_eq!(ChangeKind::from_number(kind.number()), Some(kind));
+        }
+        assert_eq!((ChangeKind::from_number(0), ChangeKind::from_number(7)), (None, None));
+    }
 
     #[test]
     fn the_limit_gives_the_run_length_of_siegmund_s_formula() {
