@@ -85,6 +85,9 @@ pub struct Player {
     /// When each shape that no step rests on yet became available.
     shapes_ns: VecDeque<i64>,
     n_updates_due: u64,
+    /// The newest shape, and the newest that `estimate` has made an update of.
+    shape_sequence: u64,
+    updated_sequence: u64,
     now_ns: i64,
     progress_ns: i64,
 }
@@ -115,6 +118,8 @@ impl Player {
             instants_ns: VecDeque::with_capacity(UNDER_WAY as usize + 1),
             shapes_ns: VecDeque::new(),
             n_updates_due: 0,
+            shape_sequence: 0,
+            updated_sequence: 0,
             now_ns: 0,
             progress_ns: clock::monotonic_ns(),
         })
@@ -179,11 +184,11 @@ impl Player {
         let before = self.counts;
         let ended = self.feed(until_ns, n_most)?;
         let n_recorded = self.counts.recorded - before.recorded;
-        if ended && self.is_idle() {
+        if ended && self.is_whole() {
             return Ok((Turn::Done, n_recorded));
         }
         let now_ns = clock::monotonic_ns();
-        if n_taken > 0 || self.counts.sent() > before.sent() || self.is_idle() {
+        if n_taken > 0 || self.counts.sent() > before.sent() || self.is_whole() {
             self.progress_ns = now_ns;
         }
         if n_taken == 0 && self.counts.sent() == before.sent() {
@@ -213,6 +218,11 @@ impl Player {
         self.counts.answered == self.counts.sent()
     }
 
+    /// Whether, besides, every shape has led to its model update: nobody waits for the last one's, so it may come late.
+    fn is_whole(&self) -> bool {
+        self.is_idle() && self.updated_sequence >= self.shape_sequence
+    }
+
     /// States first: whatever led to a state was published before it and is found afterwards.
     fn take(&mut self) -> Result<u64, ReplayError> {
         let mut n_taken = 0;
@@ -235,10 +245,12 @@ impl Player {
         }
         while let Some(shape) = self.shapes.take()?.map(|shape| *shape) {
             self.shapes_ns.push_back(shape.available_ns);
+            self.shape_sequence = shape.sequence;
             self.tracking.shape(&shape);
             keep(&mut self.keeper, Sample::Shape(shape))?;
         }
         while let Some(update) = self.updates.take()?.map(|update| *update) {
+            self.updated_sequence = update.shape_sequence;
             keep(&mut self.keeper, Sample::ModelUpdate(update))?;
         }
         Ok(n_taken)
