@@ -34,6 +34,12 @@ pub struct CompensateCore {
     config: CompensateConfig,
     state: Option<SlaveState>,
     update: Option<ModelUpdate>,
+    memory: Memory,
+}
+
+/// What one step leaves to the next, beside the lines' own memory.
+#[derive(Clone, Copy, Debug, Default)]
+struct Memory {
     model_version: u64,
     offset_m: Vector3<f64>,
     command_m: Option<Vector3<f64>>,
@@ -60,13 +66,7 @@ impl CompensateCore {
             config,
             state: None,
             update: None,
-            model_version: 0,
-            offset_m: Vector3::zeros(),
-            command_m: None,
-            load_n: 0.0,
-            sequence: 0,
-            first_ns: None,
-            before_ns: None,
+            memory: Memory::default(),
         })
     }
 
@@ -99,31 +99,31 @@ impl CompensateCore {
     /// # Real-time
     /// No allocation, no clock (`begun_ns` is an argument), no loop longer than the three lines.
     pub fn step(&mut self, setpoint: &Setpoint, begun_ns: i64) -> Result<Command, Refused> {
-        check_order_and_numbers(self.before_ns, setpoint.sample_ns, &setpoint.bend_rad)?;
+        check_order_and_numbers(self.memory.before_ns, setpoint.sample_ns, &setpoint.bend_rad)?;
         let bend = Vector2::from(setpoint.bend_rad);
         if bend.norm() > MAX_BEND_RAD {
             return Err(Refused { reason: Reason::OutOfRange, found: bend.norm(), limit: MAX_BEND_RAD });
         }
-        let step_s = step_s(self.before_ns, setpoint.sample_ns);
-        self.before_ns = Some(setpoint.sample_ns);
+        let step_s = step_s(self.memory.before_ns, setpoint.sample_ns);
+        self.memory.before_ns = Some(setpoint.sample_ns);
 
         let mut reasons = Reasons::from_bits(setpoint.reasons);
         self.blend_model(step_s, &mut reasons);
         let fresh = self.check_age(setpoint, begun_ns, &mut reasons);
-        let first_ns = *self.first_ns.get_or_insert(setpoint.sample_ns);
+        let first_ns = *self.memory.first_ns.get_or_insert(setpoint.sample_ns);
         let lines = self.lines.step(bend, seconds_between(first_ns, setpoint.sample_ns));
         let wanted_m = lines.q_tilde_m + self.offset_for(&lines.q_tilde_m, step_s, &mut reasons);
         let load_n = lines.tau_n.amax();
         let q_tilde_m = if fresh { self.limited(wanted_m, load_n, step_s, &mut reasons) } else { self.held(wanted_m) };
-        self.command_m = Some(q_tilde_m);
-        self.load_n = load_n;
-        self.sequence += 1;
+        self.memory.command_m = Some(q_tilde_m);
+        self.memory.load_n = load_n;
+        self.memory.sequence += 1;
         let (eta, lambda_m) = match &self.lines {
             Lines::Paper(lines) => (lines.parameters().eta, lines.parameters().lambda_m),
             Lines::Chain(_) => (f64::NAN, f64::NAN),
         };
         Ok(Command {
-            sequence: self.sequence,
+            sequence: self.memory.sequence,
             sample_ns: setpoint.sample_ns,
             stamps: stamps_begun(&setpoint.stamps, |s| s.compensate_begun_ns = begun_ns),
             setpoint_sequence: setpoint.sequence,
@@ -134,11 +134,20 @@ impl CompensateCore {
             q_tilde_m: q_tilde_m.into(),
             eta,
             lambda_m,
-            model_version: self.model_version,
+            model_version: self.memory.model_version,
             compensation: self.config.mode as u32,
             phase: if fresh { setpoint.phase } else { Phase::Holding as u32 },
             reasons: reasons.bits(),
         })
+    }
+
+    /// Does what [`CompensateCore::step`] does and forgets it, so that the processor has at hand what the next step needs.
+    /// No step comes out differently for it.
+    pub fn rehearse(&mut self, setpoint: &Setpoint, begun_ns: i64) {
+        let (memory, lines) = (self.memory, self.lines.memory());
+        let _forgotten = core::hint::black_box(self.step(setpoint, begun_ns));
+        self.memory = memory;
+        self.lines.restore(&lines);
     }
 
     /// Moves the model's parameters towards the newest update, no faster than allowed.
@@ -153,7 +162,7 @@ impl CompensateCore {
         }
         match lines.set_parameters(eta, lambda_m) {
             Ok(()) => {
-                self.model_version += 1;
+                self.memory.model_version += 1;
                 reasons.insert(Reason::ModelBlending);
             }
             // The old model stays in force; an update is checked when it is noted, so this is a second line of defence.
@@ -175,29 +184,30 @@ impl CompensateCore {
 
     /// The offset that makes the first command equal the slave's setpoint, and then fades.
     fn offset_for(&mut self, raw_m: &Vector3<f64>, step_s: f64, reasons: &mut Reasons) -> Vector3<f64> {
-        let Some(state) = &self.state else { return self.offset_m };
+        let Some(state) = &self.state else { return self.memory.offset_m };
         if state.flags & SlaveState::FOLLOWING == 0 {
-            self.offset_m = Vector3::from(state.setpoint_q_m) - raw_m;
-            self.command_m = None;
+            self.memory.offset_m = Vector3::from(state.setpoint_q_m) - raw_m;
+            self.memory.command_m = None;
         } else {
-            let distance_m = self.offset_m.norm();
+            let distance_m = self.memory.offset_m.norm();
             let left_m = (distance_m - self.config.ease_m_per_s * step_s).max(0.0);
-            self.offset_m = if distance_m > EASED_M { self.offset_m * (left_m / distance_m) } else { Vector3::zeros() };
+            self.memory.offset_m =
+                if distance_m > EASED_M { self.memory.offset_m * (left_m / distance_m) } else { Vector3::zeros() };
         }
-        reasons.insert_if(Reason::EasingIn, self.offset_m.norm() > EASED_M);
-        self.offset_m
+        reasons.insert_if(Reason::EasingIn, self.memory.offset_m.norm() > EASED_M);
+        self.memory.offset_m
     }
 
     /// The command within stroke, rate and load; one common scale keeps the direction of the step.
     fn limited(&self, wanted_m: Vector3<f64>, load_n: f64, step_s: f64, reasons: &mut Reasons) -> Vector3<f64> {
-        let Some(before_m) = self.command_m else { return wanted_m };
+        let Some(before_m) = self.memory.command_m else { return wanted_m };
         let mut step_m = wanted_m - before_m;
         let largest_m = self.config.max_rate_m_per_s * step_s;
         if step_m.amax() > largest_m {
             step_m *= largest_m / step_m.amax();
             reasons.insert(Reason::ActuatorRateLimit);
         }
-        if load_n > self.config.max_load_n && load_n > self.load_n {
+        if load_n > self.config.max_load_n && load_n > self.memory.load_n {
             reasons.insert(Reason::ForceLimit);
             return before_m;
         }
@@ -210,7 +220,7 @@ impl CompensateCore {
     }
 
     fn held(&self, otherwise_m: Vector3<f64>) -> Vector3<f64> {
-        self.command_m.unwrap_or(otherwise_m)
+        self.memory.command_m.unwrap_or(otherwise_m)
     }
 }
 
@@ -241,6 +251,10 @@ impl Stage for CompensateStage {
 
     fn step(&mut self, setpoint: &Setpoint, begun_ns: i64) -> Result<Command, Refused> {
         self.core.step(setpoint, begun_ns)
+    }
+
+    fn rehearse(&mut self, setpoint: &Setpoint, now_ns: i64) {
+        self.core.rehearse(&Setpoint { sample_ns: now_ns, ..*setpoint }, now_ns);
     }
 
     fn sent_stamp(out: &mut Command) -> &mut i64 {

@@ -77,7 +77,7 @@ impl Default for ResolveConfig {
             view_roll_rad: 0.0,
             input_stale_ms: 50.0,
             state_stale_ms: 100.0,
-            wait: WaitMode::Blocking,
+            wait: WaitMode::Ahead,
             late_us: 0.0,
         }
     }
@@ -154,7 +154,7 @@ impl Default for CompensateConfig {
             max_load_n: 55.0,
             setpoint_stale_ms: 50.0,
             state_stale_ms: 100.0,
-            wait: WaitMode::Blocking,
+            wait: WaitMode::Ahead,
         }
     }
 }

@@ -4,8 +4,8 @@ use crate::config::CompensateConfig;
 use crate::stage::BridgeError;
 use krait_ipc::message::Compensation;
 use krait_model::{
-    Chain, ChainCompensator, Circumstances, CompensationMode, Compensator, CompensatorParameters, MachineParameters,
-    Snake,
+    Chain, ChainCompensator, ChainMemory, Circumstances, CompensationMode, Compensator, CompensatorParameters,
+    MachineParameters, Snake,
 };
 use nalgebra::{Vector2, Vector3};
 
@@ -28,6 +28,14 @@ pub(crate) enum Lines {
     Paper(Compensator),
     /// A model file's chain; its memory and its formulas make it large.
     Chain(Box<ChainCompensator>),
+}
+
+/// What the lines' compensation remembers.
+#[derive(Clone, Copy, Debug)]
+#[allow(clippy::large_enum_variant, reason = "it lives on the stack for the time of a step")]
+pub(crate) enum LineMemory {
+    Paper(Compensator),
+    Chain(ChainMemory),
 }
 
 impl CompensateConfig {
@@ -53,6 +61,24 @@ impl Lines {
             (Compensation::Model, Some(chain)) => Ok(Self::Chain(Box::new(chain.compensator()?))),
             (Compensation::Model, None) => Err(BridgeError::NoModelFile),
             _ => Ok(Self::Paper(Compensator::new(Snake::new(machine)?, config.lines())?)),
+        }
+    }
+
+    pub(crate) fn memory(&self) -> LineMemory {
+        match self {
+            Self::Paper(lines) => LineMemory::Paper(*lines),
+            Self::Chain(lines) => LineMemory::Chain(lines.memory()),
+        }
+    }
+
+    /// Forgets every step since this was the memory.
+    pub(crate) fn restore(&mut self, memory: &LineMemory) {
+        match (self, memory) {
+            (Self::Paper(lines), LineMemory::Paper(before)) => *lines = *before,
+            (Self::Chain(lines), LineMemory::Chain(before)) => lines.restore(before),
+            (Self::Paper(_), LineMemory::Chain(_)) | (Self::Chain(_), LineMemory::Paper(_)) => {
+                debug_assert!(false, "a memory of other lines");
+            }
         }
     }
 

@@ -99,6 +99,11 @@ impl ResolveCore {
         Ok(self.setpoint(input, begun_ns, motion_scale, reasons))
     }
 
+    /// Does what [`ResolveCore::step`] does and forgets it, so that the processor has at hand what the next step needs.
+    pub fn rehearse(&self, input: &OperatorInput, begun_ns: i64) {
+        let _forgotten = core::hint::black_box(self.clone().step(input, begun_ns));
+    }
+
     fn reasons_to_hold(&self, input: &OperatorInput, begun_ns: i64) -> Reasons {
         let mut reasons = Reasons::NONE;
         reasons.insert_if(Reason::OperatorAbsent, !input.operator_present());
@@ -226,6 +231,10 @@ impl Stage for ResolveStage {
 
     fn step(&mut self, input: &OperatorInput, begun_ns: i64) -> Result<Setpoint, Refused> {
         self.core.step(input, begun_ns)
+    }
+
+    fn rehearse(&mut self, input: &OperatorInput, now_ns: i64) {
+        self.core.rehearse(&OperatorInput { sample_ns: now_ns, ..*input }, now_ns);
     }
 
     fn sent_stamp(out: &mut Setpoint) -> &mut i64 {

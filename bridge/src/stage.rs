@@ -70,6 +70,9 @@ pub(crate) trait Stage {
     fn glance(&mut self) -> Result<(), IpcError>;
     /// One step. Allocates nothing, reads no clock.
     fn step(&mut self, input: &Self::In, begun_ns: i64) -> Result<Self::Out, Refused>;
+    /// Does what a step would do now if this input came again, and forgets it: the next step then finds at hand what it
+    /// needs. Changes nothing, allocates nothing. A replay has no time to be ahead of, and does not.
+    fn rehearse(&mut self, _input: &Self::In, _now_ns: i64) {}
     /// The stamps of an output, so that the loop can enter when it was sent.
     fn sent_stamp(out: &mut Self::Out) -> &mut i64;
     /// The reasons that an output carries.
@@ -95,8 +98,14 @@ pub(crate) fn run<S: Stage>(
     let mut health = HealthReporter::open(bus, process)?;
     health.publish(clock::monotonic_ns())?;
     tracing::info!(process, "ready");
+    let mut last = None;
     while !stop.load(Ordering::Relaxed) {
-        inputs.wait(PATIENCE)?;
+        if !inputs.wait(PATIENCE)?
+            && let Some(last) = &last
+        {
+            stage.glance()?;
+            stage.rehearse(last, clock::monotonic_ns());
+        }
         while let Some(input) = inputs.take()? {
             let begun_ns = clock::monotonic_ns();
             stage.glance()?;
@@ -112,6 +121,7 @@ pub(crate) fn run<S: Stage>(
                     health.health_mut().note(refused.reason, refused.found, refused.limit);
                 }
             }
+            last = Some(*input);
         }
         // Behind the samples, not before them: it keeps the other channels from overflowing while no input comes.
         stage.glance()?;

@@ -8,8 +8,8 @@ mod common;
 
 use allocations::allocations_of;
 use common::{T0_NS, TICK_NS, compensate, input, ready_state, resolve};
-use krait_bridge::{CompensateConfig, EstimateConfig, EstimateCore, ResolveConfig};
-use krait_ipc::message::{ModelUpdate, Shape, SlaveState};
+use krait_bridge::{CompensateConfig, CompensateCore, EstimateConfig, EstimateCore, ResolveConfig};
+use krait_ipc::message::{Compensation, ModelUpdate, Shape, SlaveState};
 use krait_model::{Chain, ChainSettings, Columns, MachineParameters};
 
 fn shape(sequence: u64, bend_rad: [f64; 2]) -> Shape {
@@ -35,6 +35,8 @@ fn resolve_compensate_and_estimate_never_allocate() {
     let chain = Chain::new(&machine, ChainSettings::default(), &[], Columns::default()).expect("elastic lines");
     let quick = EstimateConfig { learn_s: 2.0, ..EstimateConfig::default() };
     let mut watching = EstimateCore::new(&machine, 1.0, 0.0, quick, Some(&chain)).expect("defaults");
+    let config = CompensateConfig { mode: Compensation::Model, ..CompensateConfig::default() };
+    let mut by_chain = CompensateCore::new(&machine, config, Some(&chain)).expect("it can be inverted");
     let mut n_changes = 0;
     let mut n_followed = 0;
     let n_allocations = allocations_of(|| {
@@ -43,8 +45,11 @@ fn resolve_compensate_and_estimate_never_allocate() {
             let velocity = [0.03 * phase.sin(), 0.03 * (1.3 * phase).cos(), if n % 1000 == 0 { f64::NAN } else { 0.0 }];
             let state = ready_state(n);
             resolve.note_state(&state);
+            resolve.rehearse(&input(n, velocity), T0_NS + n as i64 * TICK_NS);
             let Ok(setpoint) = resolve.step(&input(n, velocity), T0_NS + n as i64 * TICK_NS) else { continue };
             compensate.note_state(&state);
+            compensate.rehearse(&setpoint, setpoint.sample_ns);
+            by_chain.rehearse(&setpoint, setpoint.sample_ns);
             let Ok(command) = compensate.step(&setpoint, setpoint.sample_ns) else { continue };
             let measured = SlaveState { measured_q_m: command.q_tilde_m, ..state };
             estimate.note_state(&measured);

@@ -20,6 +20,7 @@
 //! # Ok::<(), krait_ipc::IpcError>(())
 //! ```
 
+mod ahead;
 mod bell;
 mod bus;
 pub mod clock;

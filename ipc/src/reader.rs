@@ -1,5 +1,6 @@
 //! A reader of a channel: takes every message in order, counts what is missing, sleeps or polls.
 
+use crate::ahead::Ahead;
 use crate::bell::Bell;
 use crate::bus::{Address, DataService, MAX_READERS, Shm};
 use crate::message::Message;
@@ -14,11 +15,25 @@ use iceoryx2::sample::Sample;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum WaitMode {
-    /// Sleep until the writer wakes this process: the default, and right wherever cores are shared.
+    /// Sleep until the writer wakes this process.
     #[default]
     Blocking,
+    /// Sleep, but wake once shortly before a message that comes at a steady rate is due: [`Reader::wait`] then ends without
+    /// one, and the stage can rehearse. The default of the stages, and right wherever cores are shared.
+    Ahead,
     /// Look again and again without sleeping: for a core that this process has to itself.
     Polling,
+}
+
+impl WaitMode {
+    /// The word of the configuration.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Blocking => "blocking",
+            Self::Ahead => "ahead",
+            Self::Polling => "polling",
+        }
+    }
 }
 
 /// What a reader wants of its channel.
@@ -55,7 +70,7 @@ impl ReadOptions {
 
     /// The same, waiting in another way.
     pub fn with_mode(self, mode: WaitMode) -> Self {
-        Self { wakes: self.wakes && mode == WaitMode::Blocking, mode, ..self }
+        Self { wakes: self.wakes && mode != WaitMode::Polling, mode, ..self }
     }
 
     pub(crate) fn wakes(&self) -> bool {
@@ -69,6 +84,7 @@ pub struct Reader<M: Message> {
     subscriber: Subscriber<Shm, M, ()>,
     bell: Option<Bell>,
     mode: WaitMode,
+    ahead: Ahead,
     last: Option<(UniquePublisherId, u64)>,
     n_received: u64,
     n_lost: u64,
@@ -105,7 +121,8 @@ impl<M: Message> Reader<M> {
             },
         )?;
         let mode = options.mode;
-        Ok(Self { subscriber, bell, mode, last: None, n_received: 0, n_lost: 0, n_out_of_order: 0, address })
+        let ahead = Ahead::default();
+        Ok(Self { subscriber, bell, mode, ahead, last: None, n_received: 0, n_lost: 0, n_out_of_order: 0, address })
     }
 
     /// Takes the next message, or `None` when there is none. A message that does not follow its predecessor upwards is
@@ -151,7 +168,8 @@ impl<M: Message> Reader<M> {
         Ok(newest)
     }
 
-    /// Sleeps (or polls) until there may be a message, a signal came or the time is up. Returns whether there may be one.
+    /// Sleeps (or polls) until there may be a message, a signal came, the time is up, or the process shall be awake for the
+    /// next message ([`WaitMode::Ahead`]). Returns whether there may be one.
     ///
     /// # Errors
     /// [`IpcError::Channel`] when the channel is broken, or this reader was opened to look and does not poll.
@@ -162,7 +180,16 @@ impl<M: Message> Reader<M> {
         match (self.mode, &self.bell) {
             (WaitMode::Polling, _) => self.spin(timeout),
             (WaitMode::Blocking, Some(bell)) => self.sleep(bell, timeout),
-            (WaitMode::Blocking, None) => {
+            (WaitMode::Ahead, Some(bell)) => {
+                let now_ns = clock::monotonic_ns();
+                let until_rise = |rise_ns: i64| Duration::from_nanos((rise_ns - now_ns).unsigned_abs());
+                let may_have = self.sleep(bell, self.ahead.rise_ns(now_ns).map_or(timeout, until_rise).min(timeout))?;
+                if may_have {
+                    self.ahead.arrived(clock::monotonic_ns());
+                }
+                Ok(may_have)
+            }
+            (WaitMode::Blocking | WaitMode::Ahead, None) => {
                 Err(self.address.failed("waiting for it", "this reader was opened to look, not to wait".to_owned()))
             }
         }

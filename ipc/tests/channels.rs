@@ -5,6 +5,7 @@ use iceoryx2::prelude::ZeroCopySend;
 use krait_ipc::message::{HopStamps, Message, ModelUpdate, Shape};
 use krait_ipc::{Bus, InstanceName, IpcError, ReadOptions, WaitMode, clock, resources_of};
 use std::process::{Command, Stdio};
+use std::time::Instant;
 
 fn instance(test: &str) -> String {
     format!("t-{test}-{}", std::process::id())
@@ -120,6 +121,33 @@ fn a_polling_reader_finds_messages_without_an_event() {
     assert!(!reader.wait(Duration::from_millis(1)).expect("wait"), "nothing was sent");
     writer.send(&shape(1)).expect("send");
     assert!(reader.wait(Duration::from_secs(5)).expect("wait"));
+}
+
+/// One that sleeps at a steady rate is woken early, once, without a message, and then sleeps until there is one.
+#[test]
+fn a_reader_that_wakes_ahead_does_so_once_for_each_message() {
+    const PERIOD: Duration = Duration::from_millis(20);
+    const PATIENCE: Duration = Duration::from_secs(2);
+    let bus = Bus::open(&instance("ahead"), "test").expect("bus");
+    let mut writer = bus.writer::<Shape>().expect("writer");
+    let mut reader = bus.reader::<Shape>(ReadOptions::waking().with_mode(WaitMode::Ahead)).expect("reader");
+    // On a busy machine one of the sleeps may take so long that no rate is seen.
+    let was_early = (0..10u64).any(|attempt| {
+        for n in 1..=4 {
+            std::thread::sleep(PERIOD);
+            writer.send(&shape(4 * attempt + n)).expect("send");
+            assert!(reader.wait(PATIENCE).expect("wait"), "it is there");
+            assert!(reader.take().expect("take").is_some());
+        }
+        let begun = Instant::now();
+        assert!(!reader.wait(PATIENCE).expect("wait"), "nothing was sent");
+        begun.elapsed() < PATIENCE / 2
+    });
+    assert!(was_early);
+    let begun = Instant::now();
+    assert!(!reader.wait(Duration::from_millis(100)).expect("wait"), "nothing was sent");
+    assert!(begun.elapsed() >= Duration::from_millis(100), "the second sleep is not cut short");
+    assert_eq!(reader.n_lost(), 0);
 }
 
 #[test]

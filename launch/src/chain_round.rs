@@ -64,7 +64,6 @@ pub fn run(config: &Config, plan: &Plan, listeners: Listeners, stop: &AtomicBool
 fn chain_options(config: &Config, plan: &Plan, scratch: &Scratch) -> anyhow::Result<ChainOptions> {
     let mut config = config.clone();
     config.master.rate_hz = plan.rate_hz;
-    (config.resolve.wait, config.compensate.wait, config.slave.wait) = (plan.wait, plan.wait, plan.wait);
     config.record.path = Some(scratch.folder().join("run.mcap"));
     let script = scratch.folder().join("circle.csv");
     std::fs::write(&script, circle()).with_context(|| format!("{} could not be written", script.display()))?;

@@ -272,9 +272,10 @@ pub struct BenchArgs {
     /// Bytes in a message of the relays; krait's own messages have their own sizes.
     #[arg(long, value_name = "BYTES", default_value_t = 176)]
     pub payload: usize,
-    /// How every process waits for the next message: polling is for a core of its own per process.
-    #[arg(long, value_enum, default_value_t = WaitKind::Blocking)]
-    pub wait: WaitKind,
+    /// How every process waits for the next message, polling only with a core of its own per process; by default the relays
+    /// are blocking, and krait's chain is what the configuration says.
+    #[arg(long, value_enum)]
+    pub wait: Option<WaitKind>,
     /// Cores for the four processes of every chain, in turn, or `one` or `any`; by default `any` for the relays, and for
     /// krait's chain what the configuration says.
     #[arg(long, value_name = "CORE,...")]
@@ -322,6 +323,8 @@ pub struct DoctorArgs {
 pub enum WaitKind {
     /// Sleep until woken.
     Blocking,
+    /// Sleep, but wake once shortly before the next message is due; relays, which cannot, are blocking.
+    Ahead,
     /// Look again and again without sleeping.
     Polling,
 }

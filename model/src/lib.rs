@@ -51,8 +51,8 @@ mod statics;
 mod tip;
 
 pub use chain::{
-    Chain, ChainCompensator, ChainError, ChainSettings, ChainStatus, Circumstances, Columns, Command, CommandTangents,
-    EffectSetting, Prediction, PredictionTangents, Predictor, PredictorTangents,
+    Chain, ChainCompensator, ChainError, ChainMemory, ChainSettings, ChainStatus, Circumstances, Columns, Command,
+    CommandTangents, EffectSetting, Prediction, PredictionTangents, Predictor, PredictorTangents,
 };
 pub use change::{Change, ChangeKind, ChangeParameters, ChangeWatch, Innovation};
 pub use compensator::{Compensated, CompensationMode, Compensator, CompensatorParameters};

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 pub struct SlaveConfig {
     /// Truth file of the simulated snake; none: the built-in default snake (`slave/truth/default.toml`).
     pub truth: Option<PathBuf>,
-    /// How the slave waits for commands. Default blocking: cores are shared.
+    /// How the slave waits for commands. Default ahead: cores are shared, and commands come at a steady rate.
     pub wait: WaitMode,
     /// Whether the first `enable` also begins the search for zero. Default true.
     pub home_on_start: bool,
@@ -32,7 +32,7 @@ impl Default for SlaveConfig {
     fn default() -> Self {
         Self {
             truth: None,
-            wait: WaitMode::Blocking,
+            wait: WaitMode::Ahead,
             home_on_start: true,
             watchdog_ms: 50.0,
             deceleration_m_per_s2: 1.0,

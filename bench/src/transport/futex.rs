@@ -51,12 +51,13 @@ impl Ring {
             match self.mode {
                 WaitMode::Polling if monotonic_ns() > deadline_ns => return Ok(false),
                 WaitMode::Polling => core::hint::spin_loop(),
-                WaitMode::Blocking => match futex::wait(self.sent(), futex::Flags::empty(), self.count, Some(&timeout))
-                {
-                    Ok(()) | Err(Errno::AGAIN | Errno::INTR) => {}
-                    Err(Errno::TIMEDOUT) => return Ok(false),
-                    Err(error) => return Err(BenchError::transport("floor-futex", "waiting")(error)),
-                },
+                WaitMode::Blocking | WaitMode::Ahead => {
+                    match futex::wait(self.sent(), futex::Flags::empty(), self.count, Some(&timeout)) {
+                        Ok(()) | Err(Errno::AGAIN | Errno::INTR) => {}
+                        Err(Errno::TIMEDOUT) => return Ok(false),
+                        Err(error) => return Err(BenchError::transport("floor-futex", "waiting")(error)),
+                    }
+                }
             }
         }
         Ok(true)
@@ -90,7 +91,7 @@ impl Outlet for Ring {
         }
         self.count = self.count.wrapping_add(1);
         self.sent().store(self.count, Ordering::Release);
-        if self.mode == WaitMode::Blocking {
+        if self.mode != WaitMode::Polling {
             futex::wake(self.sent(), futex::Flags::empty(), 1)
                 .map_err(BenchError::transport("floor-futex", "waking"))?;
         }

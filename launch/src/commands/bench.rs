@@ -22,6 +22,8 @@ struct Report {
     plan: Plan,
     /// What krait's own processes ask of the kernel.
     krait_realtime: Realtime,
+    /// How krait's own processes wait: `resolve`, `compensate` and the slave.
+    krait_wait: [WaitMode; 3],
     load: bool,
     chains: Vec<ChainFigures>,
     skipped: Vec<Skipped>,
@@ -56,6 +58,9 @@ pub fn run(common: &Common, args: &BenchArgs) -> anyhow::Result<ExitCode> {
     let plan = Plan { realtime: asked(args, &Realtime::ORDINARY), ..plan(args) };
     plan.check()?;
     config.realtime = asked(args, &config.realtime);
+    if let Some(wait) = args.wait.map(mode) {
+        (config.resolve.wait, config.compensate.wait, config.slave.wait) = (wait, wait, wait);
+    }
     if args.growth {
         return bench_growth::run(&config, &plan, args, &stop);
     }
@@ -73,9 +78,17 @@ pub fn run(common: &Common, args: &BenchArgs) -> anyhow::Result<ExitCode> {
         );
     }
     let folder = folder(args, &host)?;
-    let krait_realtime = config.realtime;
-    let report =
-        Report { host, plan, krait_realtime, load: args.load, chains: figures, skipped, budget_broken, folder };
+    let report = Report {
+        host,
+        plan,
+        krait_wait: [config.resolve.wait, config.compensate.wait, config.slave.wait],
+        krait_realtime: config.realtime,
+        load: args.load,
+        chains: figures,
+        skipped,
+        budget_broken,
+        folder,
+    };
     keep(&report, &rounds)?;
     if args.json {
         print::json(&report)?
@@ -114,11 +127,16 @@ fn plan(args: &BenchArgs) -> Plan {
         seconds: args.seconds,
         n_rounds: args.rounds,
         payload_bytes: args.payload,
-        wait: match args.wait {
-            WaitKind::Blocking => WaitMode::Blocking,
-            WaitKind::Polling => WaitMode::Polling,
-        },
+        wait: args.wait.map_or(WaitMode::Blocking, mode),
         realtime: Realtime::ORDINARY,
+    }
+}
+
+fn mode(wait: WaitKind) -> WaitMode {
+    match wait {
+        WaitKind::Blocking => WaitMode::Blocking,
+        WaitKind::Ahead => WaitMode::Ahead,
+        WaitKind::Polling => WaitMode::Polling,
     }
 }
 
@@ -215,13 +233,14 @@ pub(super) fn write(path: &Path, text: &str) -> anyhow::Result<()> {
 fn text(report: &Report) -> String {
     let plan = &report.plan;
     let mut text = format!(
-        "Latency of three hops through four processes, microseconds; {} Hz, payload {} B, {} s in {} rounds, {} waits{}\n  priority, cores and slice of the relays: {}; of krait: {}\n",
+        "Latency of three hops through four processes, microseconds; {} Hz, payload {} B, {} s in {} rounds{}\n  waits of the relays: {}; of krait: {}\n  priority, cores and slice of the relays: {}; of krait: {}\n",
         plan.rate_hz,
         plan.payload_bytes,
         plan.seconds,
         plan.n_rounds,
-        if plan.wait == WaitMode::Polling { "polling" } else { "blocking" },
         if report.load { ", every core loaded" } else { "" },
+        plan.wait.name(),
+        report.krait_wait.map(WaitMode::name).join(", "),
         wishes(&plan.realtime),
         wishes(&report.krait_realtime),
     );

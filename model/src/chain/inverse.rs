@@ -33,6 +33,17 @@ pub struct Command {
     pub status: ChainStatus,
 }
 
+/// Everything that a [`ChainCompensator`] remembers from one step to the next.
+#[derive(Clone, Copy, Debug)]
+pub struct ChainMemory {
+    effects: Memory<f64>,
+    friction: Direction,
+    play: Direction,
+    before: Track,
+    clock: Clock,
+    last: Command,
+}
+
 /// Inverts a chain step by step; owns the memory of every effect and of each line's direction.
 #[derive(Clone, Debug)]
 pub struct ChainCompensator {
@@ -100,6 +111,19 @@ impl ChainCompensator {
         let command = self.command::<FULL>(&wanted, &plan);
         self.last = command;
         command
+    }
+
+    /// What it remembers, for [`ChainCompensator::restore`]. Allocates nothing.
+    pub fn memory(&self) -> ChainMemory {
+        let InverseCore { memory: effects, friction, play, before, .. } = self.core;
+        ChainMemory { effects, friction, play, before, clock: self.clock, last: self.last }
+    }
+
+    /// Forgets every step since this was its memory.
+    pub fn restore(&mut self, memory: &ChainMemory) {
+        let ChainMemory { effects, friction, play, before, clock, last } = *memory;
+        (self.core.memory, self.core.friction, self.core.play, self.core.before) = (effects, friction, play, before);
+        (self.clock, self.last) = (clock, last);
     }
 
     /// How often a formula was not finite since the start, and counted as zero.

@@ -44,7 +44,7 @@ mod tangents;
 pub use circumstances::{ChainStatus, Circumstances};
 pub(crate) use delay::DelayLine;
 pub use forward::{Prediction, Predictor};
-pub use inverse::{ChainCompensator, Command};
+pub use inverse::{ChainCompensator, ChainMemory, Command};
 pub use settings::{ChainError, ChainSettings, Columns, EffectSetting};
 pub use tangents::{CommandTangents, PredictionTangents, PredictorTangents};
 

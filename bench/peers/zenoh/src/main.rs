@@ -99,7 +99,7 @@ fn outlet(session: &Session, hop: usize) -> Result<Box<dyn Outlet>, BenchError> 
 impl Inlet for In {
     fn receive(&mut self, message: &mut [u8]) -> Result<bool, BenchError> {
         let sample = match self.mode {
-            WaitMode::Blocking => self.subscriber.recv_timeout(PATIENCE).map_err(failed("receiving"))?,
+            WaitMode::Blocking | WaitMode::Ahead => self.subscriber.recv_timeout(PATIENCE).map_err(failed("receiving"))?,
             WaitMode::Polling => self.poll()?,
         };
         let Some(sample) = sample else { return Ok(false) };

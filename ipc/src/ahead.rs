@@ -1,0 +1,94 @@
+//! When to wake ahead of a message that comes at a steady rate.
+//!
+//! Problem: a core that has slept for most of a millisecond is slow to wake and has forgotten its caches; the message pays.
+//! Intuition: wake a little early, do what the message will ask for once in vain, and sleep again. The second sleep is so
+//! short that the core (or the host beneath it) does not sleep deeply, and the message finds everything at hand. It costs
+//! one wake-up more per message, whenever the guess was right or wrong.
+//!
+//! where: `period` is the mean distance of the messages, so bursts that catch up do not disturb it.
+//!
+//! Failure: messages at no steady rate. They come before the early wake-up and are taken at once, or after it and find a
+//! core that has gone back to sleep: then nothing was gained, and nothing else lost.
+
+/// How early: longer than the kernel's timers are late (50 us), short enough that the core stays awake (docs/bench has the
+/// trial), ns.
+const LEAD_NS: i64 = 200_000;
+/// A period shorter than this many leads lets no core sleep deeply.
+const LEADS: i64 = 4;
+/// A longer gap is a pause and says nothing about the rate, ns.
+const PAUSE_NS: i64 = 100_000_000;
+/// What a new distance counts for beside those before.
+const SHARE: i64 = 16;
+
+/// Learns the rate of a channel's messages.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Ahead {
+    last_ns: i64,
+    /// 0 as long as it is not known.
+    period_ns: i64,
+}
+
+impl Ahead {
+    /// A message has come.
+    pub fn arrived(&mut self, now_ns: i64) {
+        let gap_ns = now_ns - self.last_ns;
+        self.period_ns = match (gap_ns > PAUSE_NS, self.period_ns) {
+            (true, _) => 0,
+            (false, 0) => gap_ns,
+            (false, period_ns) => period_ns + (gap_ns - period_ns) / SHARE,
+        };
+        self.last_ns = now_ns;
+    }
+
+    /// When to wake ahead of the next message; `None` when that would be in the past, or of no use.
+    pub fn rise_ns(&self, now_ns: i64) -> Option<i64> {
+        let rise_ns = self.last_ns + self.period_ns - LEAD_NS;
+        (self.period_ns >= LEADS * LEAD_NS && rise_ns > now_ns).then_some(rise_ns)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PERIOD_NS: i64 = 1_000_000;
+
+    fn after(gaps_ns: impl IntoIterator<Item = i64>) -> (Ahead, i64) {
+        let (mut ahead, mut now_ns) = (Ahead::default(), 5_000_000_000);
+        ahead.arrived(now_ns);
+        for gap_ns in gaps_ns {
+            now_ns += gap_ns;
+            ahead.arrived(now_ns);
+        }
+        (ahead, now_ns)
+    }
+
+    #[test]
+    fn a_steady_rate_is_risen_to_once_and_early() {
+        let (ahead, now_ns) = after([PERIOD_NS; 3]);
+        assert_eq!(ahead.rise_ns(now_ns), Some(now_ns + PERIOD_NS - LEAD_NS));
+        assert_eq!(ahead.rise_ns(now_ns + PERIOD_NS - LEAD_NS), None, "it has risen already");
+    }
+
+    #[test]
+    fn the_first_message_and_one_after_a_pause_say_nothing() {
+        let (ahead, now_ns) = after([]);
+        assert_eq!(ahead.rise_ns(now_ns), None);
+        let (ahead, now_ns) = after([PERIOD_NS, PERIOD_NS, PAUSE_NS + 1]);
+        assert_eq!(ahead.rise_ns(now_ns), None);
+    }
+
+    #[test]
+    fn a_rate_at_which_no_core_sleeps_deeply_is_left_alone() {
+        let (ahead, now_ns) = after([125_000; 8]);
+        assert_eq!(ahead.rise_ns(now_ns), None);
+    }
+
+    #[test]
+    fn what_was_held_up_and_came_in_a_burst_leaves_the_rate_as_it_was() {
+        let burst = [vec![PERIOD_NS; 50], vec![9 * PERIOD_NS + 900_000], vec![10_000; 9], vec![PERIOD_NS; 50]];
+        let (ahead, now_ns) = after(burst.concat());
+        let period_ns = ahead.rise_ns(now_ns).expect("steady") + LEAD_NS - now_ns;
+        assert!((period_ns - PERIOD_NS).abs() < PERIOD_NS / 50, "{period_ns} ns");
+    }
+}
