@@ -131,8 +131,7 @@ pub fn chain_of(text: &str) -> anyhow::Result<Chain> {
 fn nearest(message: &str) -> String {
     let mut words = message.split('`').skip(1).step_by(2);
     let Some(unknown) = words.next().filter(|_| message.starts_with("unknown")) else { return String::new() };
-    let closest = words.max_by(|a, b| strsim::jaro_winkler(unknown, a).total_cmp(&strsim::jaro_winkler(unknown, b)));
-    closest.map_or_else(String::new, |known| format!("; did you mean `{known}`?"))
+    krait_model::nearest_name(unknown, words).map_or_else(String::new, |known| format!("; did you mean `{known}`?"))
 }
 
 #[cfg(test)]

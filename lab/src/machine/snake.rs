@@ -98,10 +98,7 @@ pub(super) fn kind(name: &str) -> Result<EffectKind, LabError> {
 
 /// The name that looks most like what was given.
 pub(crate) fn nearest<'a>(given: &str, names: impl Iterator<Item = &'a str>) -> String {
-    names
-        .max_by(|a, b| strsim::jaro_winkler(given, a).total_cmp(&strsim::jaro_winkler(given, b)))
-        .unwrap_or("nothing")
-        .to_owned()
+    krait_model::nearest_name(given, names).unwrap_or("nothing").to_owned()
 }
 
 /// A term as an effect of a model file.

@@ -1,7 +1,7 @@
 //! What a chain is made of, checked: effects with parameter values, settings, columns; and what can be wrong with it.
 
-use crate::ParameterError;
 use crate::effects::{EffectKind, FormulaError, FormulaText, Hook, Inverse, MAX_PARAMETERS};
+use crate::{ParameterError, nearest_name};
 
 /// One effect with its parameter values.
 #[derive(Clone, Debug, PartialEq)]
@@ -99,10 +99,7 @@ impl EffectSetting {
     }
 
     pub(crate) fn unknown(&self, name: &str) -> ChainError {
-        let nearest = self
-            .parameter_names()
-            .max_by(|a, b| strsim::jaro_winkler(name, a).total_cmp(&strsim::jaro_winkler(name, b)))
-            .unwrap_or("no parameter at all");
+        let nearest = nearest_name(name, self.parameter_names()).unwrap_or("no parameter at all");
         ChainError::UnknownParameter {
             effect: self.label().to_owned(),
             name: name.to_owned(),

@@ -3,6 +3,7 @@
 use super::formula::FormulaText;
 use super::formula_operators::FORMULA_FUNCTIONS;
 use super::formula_variables::FORMULA_VARIABLES;
+use crate::nearest_name;
 
 /// A formula cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -108,9 +109,7 @@ impl FormulaError {
             .map(|v| v.name)
             .chain(FORMULA_FUNCTIONS)
             .chain(formula.parameters.iter().map(|p| p.name.as_str()));
-        let nearest = known
-            .max_by(|a, b| strsim::jaro_winkler(word, a).total_cmp(&strsim::jaro_winkler(word, b)))
-            .unwrap_or_default();
+        let nearest = nearest_name(word, known).unwrap_or_default();
         Self::UnknownName { formula: formula.name.clone(), name: word.to_owned(), nearest: nearest.to_owned() }
     }
 }

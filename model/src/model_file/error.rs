@@ -1,6 +1,6 @@
 //! What can be wrong with a model file: one sentence each, with line and key.
 
-use crate::ChainError;
+use crate::{ChainError, nearest_name};
 
 /// A model file cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -113,7 +113,5 @@ pub enum ModelFileError {
 
 /// The known word that looks most like one.
 pub(super) fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> String {
-    let closest =
-        known.into_iter().max_by(|a, b| strsim::jaro_winkler(word, a).total_cmp(&strsim::jaro_winkler(word, b)));
-    closest.unwrap_or("nothing at all").to_owned()
+    nearest_name(word, known).unwrap_or("nothing at all").to_owned()
 }

@@ -78,8 +78,7 @@ fn kind(name: &str) -> anyhow::Result<&'static Kind> {
     if let Some(kind) = Kind::from_name(name) {
         return Ok(kind);
     }
-    let near = |kind: &&Kind| (1e6 * strsim::jaro_winkler(kind.name, name)) as u64;
-    let nearest = KINDS.iter().max_by_key(near).map_or("", |kind| kind.name);
+    let nearest = krait_model::nearest_name(name, KINDS.iter().map(|kind| kind.name)).unwrap_or_default();
     bail!("--kind {name:?} is not one of those that can be hidden; did you mean {nearest}? (--list shows all)")
 }
 
