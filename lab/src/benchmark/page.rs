@@ -9,7 +9,6 @@ use std::collections::BTreeSet;
 /// The page; `about` says in a sentence what was run.
 pub fn page(summary: &Summary, outcomes: &[Outcome], about: &str) -> String {
     let mut page = Page::with_foot("How good is the model lab", &[vec!["run".to_owned(), about.to_owned()]]);
-    page.push(format!("<p>{}</p>\n", escape(about)));
     page.push(rates(summary));
     page.section("First name right", pictures::first_names(summary));
     page.push(baselines(summary));
