@@ -4,9 +4,9 @@ use crate::commands::process::{CONFIG_ATTACHMENT, MODEL_ATTACHMENT, TRUTH_ATTACH
 use crate::config::Config;
 use crate::device::{DEVICE_KEY, SERIAL_KEY};
 use anyhow::Context;
-use krait_ipc::message::Command;
+use krait_ipc::message::Compensation;
 use krait_record::Recording;
-use krait_replay::{Pass, attachment};
+use krait_replay::attachment;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -34,9 +34,9 @@ pub fn config_of(recording: &Recording, folder: &Path) -> anyhow::Result<Config>
 }
 
 /// The same for one pass: a demo changes the mode from pass to pass, and the commands say which it was.
-pub fn config_of_pass(config: &Config, pass: &Pass) -> Config {
+pub fn config_of_pass(config: &Config, compensation: Option<Compensation>) -> Config {
     let mut config = config.clone();
-    if let Some(mode) = pass.commands.first().and_then(Command::compensation) {
+    if let Some(mode) = compensation {
         config.compensate.mode = mode;
     }
     config

@@ -10,7 +10,7 @@ pub struct Difference {
     /// The process whose output differs.
     pub process: &'static str,
     /// The pass, from 1.
-    pub pass: usize,
+    pub pass: u64,
     /// Sequence number of the output.
     pub sequence: u64,
     /// The field.

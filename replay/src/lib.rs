@@ -25,6 +25,7 @@ mod steps;
 mod tracking;
 mod trajectory;
 mod verifier;
+mod window;
 
 pub use compare::{Apart, Quantiles, Series, Side};
 pub use difference::Difference;
@@ -35,7 +36,7 @@ pub use live::LivePlayer;
 pub use pass::{Pass, attachment, passes_of};
 pub use player::{Newest, PlayCounts, Player, UNDER_WAY};
 pub use program::{Next, Part, Planned, Program, Score, Tally, What};
-pub use steps::{Step, Steps};
 pub use tracking::{Spread, Tracking};
 pub use trajectory::{Trajectory, TrajectoryError, TrajectoryLimits};
 pub use verifier::{Turn, Verifier};
+pub use window::Window;

@@ -53,12 +53,6 @@ pub fn attachment<'a>(recording: &'a Recording, name: &str) -> Option<&'a str> {
 }
 
 impl Pass {
-    /// The message of a channel with a sequence number.
-    pub(crate) fn find<M: Message>(messages: &[M], sequence: u64) -> Option<&M> {
-        let idx = messages.binary_search_by_key(&sequence, Message::sequence).ok()?;
-        messages.get(idx)
-    }
-
     /// A file may hold anything in any order; what is looked up must be sorted, each number once.
     fn sort(&mut self) {
         fn sort<M: Message>(messages: &mut Vec<M>) {

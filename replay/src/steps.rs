@@ -1,73 +1,142 @@
-//! What each recorded step rested on, as cues: the plan by which a pass is repeated.
+//! What each recorded step rested on, as cues: the plan by which a pass is repeated, made a little ahead of its use.
 
-use crate::{Pass, ReplayError};
-use krait_ipc::message::{Command, Cue, Message, Setpoint};
-use std::collections::BTreeSet;
+use crate::ReplayError;
+use crate::window::Window;
+use krait_ipc::message::{Command, Compensation, Cue, Message, ModelUpdate, OperatorInput, Setpoint, SlaveState};
+use std::collections::{BTreeMap, VecDeque};
 
 /// One sample's way through the stages, as it was recorded.
 #[derive(Clone, Copy, Debug)]
-pub struct Step {
+pub(crate) struct Step {
     /// What its steps depended on besides the input.
     pub cue: Cue,
-    /// Which of the pass's setpoints it gave.
-    pub setpoint_idx: usize,
-    /// Which of the pass's commands it gave; none if `compensate` refused the setpoint then.
-    pub command_idx: Option<usize>,
+    /// The operator's input; none where setpoints are what is sent.
+    pub input: Option<OperatorInput>,
+    /// The setpoint that it gave.
+    pub setpoint: Setpoint,
+    /// The command that it gave; none if `compensate` refused the setpoint then.
+    pub command: Option<Command>,
 }
 
-/// All steps of a pass, and the messages that they name.
-#[derive(Clone, Debug, Default)]
-pub struct Steps {
-    /// In the order of the setpoints.
-    pub all: Vec<Step>,
-    /// Whether the recording holds operator input; without it, setpoints are what is sent.
-    pub has_inputs: bool,
-    /// Sequence numbers of the slave states that steps rest on.
-    pub state_sequences: BTreeSet<u64>,
-    /// Sequence numbers of the model updates that steps rest on.
-    pub update_sequences: BTreeSet<u64>,
-    /// Setpoints at the end that no command answers, because the recording ended first.
-    pub n_unanswered: usize,
+/// The steps of a pass, in the order of the setpoints, and the messages that they name.
+pub(crate) struct Steps<'a> {
+    window: &'a mut Window,
+    pass: u64,
+    has_inputs: bool,
+    planned: VecDeque<Step>,
+    /// Slave states that the planned steps rest on.
+    pub states: Named<SlaveState>,
+    /// Model updates that they rest on.
+    pub updates: Named<ModelUpdate>,
+    /// The command that belongs to the next setpoint or to one behind it.
+    command: Option<Command>,
+    n_setpoints: u64,
+    n_commands: u64,
+    /// Setpoints without a command since the newest command.
+    n_skipped: usize,
+    is_whole: bool,
+    /// Stamps of the first and the newest setpoint, ns.
+    pub ends_ns: Option<(i64, i64)>,
+}
+
+/// Messages of a channel that steps rest on, each handed out once and in order.
+pub(crate) struct Named<M> {
+    waiting: BTreeMap<u64, M>,
+    newest: u64,
+}
+
+impl<M: Message> Named<M> {
+    fn none() -> Self {
+        Self { waiting: BTreeMap::new(), newest: 0 }
+    }
+
+    fn note(&mut self, message: M) {
+        if message.sequence() > self.newest {
+            self.waiting.insert(message.sequence(), message);
+        }
+    }
+
+    /// Takes the next one up to a sequence number.
+    pub(crate) fn next_up_to(&mut self, sequence: u64) -> Option<M> {
+        let first = self.waiting.first_entry().filter(|first| *first.key() <= sequence)?;
+        self.newest = *first.key();
+        Some(first.remove())
+    }
 }
 
 /// Longest run of setpoints without a command that can be repeated: nobody tells how far `compensate` is meanwhile.
 const MOST_SKIPPED: usize = 64;
+/// Steps that are planned ahead. `compensate` may lag behind `resolve` by a queue, 256, and have known newer states than
+/// the steps behind it name; so all that are named must be known when a state is sent.
+const N_AHEAD: usize = 512;
 
-impl Steps {
-    /// Plans the repetition of a pass.
+impl<'a> Steps<'a> {
+    /// The steps of a pass, from 1; `None` when the recording holds no such pass.
     ///
     /// # Errors
-    /// [`ReplayError::Gap`] or [`ReplayError::Missing`] when the recording lacks what a step depended on.
-    pub fn of(pass: &Pass) -> Result<Self, ReplayError> {
-        check_whole(&pass.setpoints)?;
-        check_whole(&pass.commands)?;
-        let mut steps = Self { has_inputs: !pass.inputs.is_empty(), ..Self::default() };
-        let mut commands = pass.commands.iter().enumerate().peekable();
-        let mut n_skipped = 0;
-        for (setpoint_idx, setpoint) in pass.setpoints.iter().enumerate() {
-            let command = commands.next_if(|(_, command)| command.setpoint_sequence == setpoint.sequence);
-            n_skipped = if command.is_some() { 0 } else { n_skipped + 1 };
-            steps.n_unanswered = n_skipped;
-            steps.push(pass, setpoint_idx, setpoint, command)?;
-        }
-        if let Some((_, orphan)) = commands.next() {
-            return Err(ReplayError::Missing { sequence: orphan.setpoint_sequence, channel: Setpoint::CHANNEL });
-        }
-        steps.all.truncate(steps.all.len() - steps.n_unanswered);
-        steps.check_skipped(pass)?;
-        Ok(steps)
+    /// [`ReplayError::Gap`] or [`ReplayError::Missing`] when the recording lacks what a step depended on, here and whenever
+    /// more steps are planned.
+    pub(crate) fn of(window: &'a mut Window, pass: u64, has_inputs: bool) -> Result<Option<Self>, ReplayError> {
+        window.begin(pass);
+        let mut steps = Self {
+            window,
+            pass,
+            has_inputs,
+            planned: VecDeque::new(),
+            states: Named::none(),
+            updates: Named::none(),
+            command: None,
+            n_setpoints: 0,
+            n_commands: 0,
+            n_skipped: 0,
+            is_whole: false,
+            ends_ns: None,
+        };
+        steps.plan()?;
+        Ok((steps.n_setpoints > 0).then_some(steps))
     }
 
-    fn push(
-        &mut self,
-        pass: &Pass,
-        setpoint_idx: usize,
-        setpoint: &Setpoint,
-        command: Option<(usize, &Command)>,
-    ) -> Result<(), ReplayError> {
-        if self.has_inputs && Pass::find(&pass.inputs, setpoint.input_sequence).is_none() {
-            return Err(ReplayError::Missing { sequence: setpoint.input_sequence, channel: "input" });
+    /// How the first command was compensated.
+    pub(crate) fn compensation(&self) -> Option<Compensation> {
+        self.planned.iter().find_map(|step| step.command).as_ref().and_then(Command::compensation)
+    }
+
+    /// Setpoints at the end that no command answers, because the recording ended first; known at the end.
+    pub(crate) fn n_unanswered(&self) -> usize {
+        self.n_skipped
+    }
+
+    /// The next step; it stays the next until [`Steps::pop`].
+    pub(crate) fn peek(&self) -> Option<&Step> {
+        // Whether those at the end are answered is not known yet, or known not to be.
+        self.planned.front().filter(|_| self.planned.len() > self.n_skipped.min(MOST_SKIPPED))
+    }
+
+    /// Goes on to the step after.
+    pub(crate) fn pop(&mut self) -> Result<(), ReplayError> {
+        self.planned.pop_front();
+        self.plan()
+    }
+
+    fn plan(&mut self) -> Result<(), ReplayError> {
+        while !self.is_whole && self.planned.len() < N_AHEAD + self.n_skipped.min(MOST_SKIPPED) {
+            match self.window.next(|w| &mut w.setpoints, self.pass)? {
+                Some(setpoint) => self.push(setpoint)?,
+                None => self.end()?,
+            }
         }
+        Ok(())
+    }
+
+    fn push(&mut self, setpoint: Setpoint) -> Result<(), ReplayError> {
+        check_next(&setpoint, &mut self.n_setpoints)?;
+        let first_ns = self.ends_ns.map_or(setpoint.sample_ns, |(first_ns, _)| first_ns);
+        self.ends_ns = Some((first_ns, setpoint.sample_ns));
+        let command = self.command_of(&setpoint)?;
+        if command.is_some() && self.n_skipped > MOST_SKIPPED {
+            return Err(ReplayError::Missing { sequence: setpoint.sequence - 1, channel: Command::CHANNEL });
+        }
+        self.n_skipped = if command.is_some() { 0 } else { self.n_skipped + 1 };
         let mut cue = Cue {
             sample_ns: setpoint.sample_ns,
             input_sequence: setpoint.input_sequence,
@@ -76,44 +145,85 @@ impl Steps {
             resolve_state_sequence: if self.has_inputs { setpoint.state_sequence } else { 0 },
             ..Cue::default()
         };
-        if let Some((_, command)) = command {
+        if let Some(command) = &command {
             cue.compensate_begun_ns = command.stamps.compensate_begun_ns;
             cue.command_sent_ns = command.stamps.command_sent_ns;
             cue.compensate_state_sequence = command.state_sequence;
             cue.model_update_sequence = command.model_update_sequence;
         }
-        for sequence in [cue.resolve_state_sequence, cue.compensate_state_sequence] {
-            if sequence > 0 && self.state_sequences.insert(sequence) && Pass::find(&pass.states, sequence).is_none() {
-                return Err(ReplayError::Missing { sequence, channel: "state" });
-            }
+        if self.n_skipped > MOST_SKIPPED {
+            // Either the recording ends so, or a command will come that cannot be repeated.
+            return Ok(());
         }
-        let sequence = cue.model_update_sequence;
-        if sequence > 0 && self.update_sequences.insert(sequence) && Pass::find(&pass.updates, sequence).is_none() {
-            return Err(ReplayError::Missing { sequence, channel: "model_update" });
-        }
-        self.all.push(Step { cue, setpoint_idx, command_idx: command.map(|(idx, _)| idx) });
+        let input = self.note_named(&cue)?;
+        self.planned.push_back(Step { cue, input, setpoint, command });
         Ok(())
     }
 
-    fn check_skipped(&self, pass: &Pass) -> Result<(), ReplayError> {
-        let mut n_skipped = 0;
-        for step in &self.all {
-            n_skipped = if step.command_idx.is_some() { 0 } else { n_skipped + 1 };
-            if n_skipped > MOST_SKIPPED {
-                let sequence = pass.setpoints.get(step.setpoint_idx).map_or(0, |setpoint| setpoint.sequence);
-                return Err(ReplayError::Missing { sequence, channel: "command" });
-            }
+    /// Keeps what a step rests on until it is sent. Returns the input.
+    fn note_named(&mut self, cue: &Cue) -> Result<Option<OperatorInput>, ReplayError> {
+        let (pass, sequence) = (self.pass, cue.input_sequence);
+        let mut input = None;
+        if self.has_inputs {
+            let found = self.window.find(|w| &mut w.inputs, pass, sequence)?;
+            input = Some(found.ok_or(ReplayError::Missing { sequence, channel: OperatorInput::CHANNEL })?);
+            self.window.inputs.forget_before(pass, sequence);
         }
-        Ok(())
+        let named = [cue.resolve_state_sequence, cue.compensate_state_sequence];
+        for sequence in named.into_iter().filter(|sequence| *sequence > 0) {
+            let state = self.window.find(|w| &mut w.states, pass, sequence)?;
+            self.states.note(state.ok_or(ReplayError::Missing { sequence, channel: SlaveState::CHANNEL })?);
+        }
+        // A stage never goes back to an older state; of one that names none, nothing is known.
+        let oldest = if self.has_inputs { named[0] } else { named[1] };
+        self.window.states.forget_before(pass, oldest);
+        let sequence = cue.model_update_sequence;
+        if sequence > 0 {
+            let update = self.window.find(|w| &mut w.updates, pass, sequence)?;
+            let missing = ReplayError::Missing { sequence, channel: ModelUpdate::CHANNEL };
+            self.updates.note(update.ok_or(missing)?);
+            self.window.updates.forget_before(pass, sequence);
+        }
+        Ok(input)
     }
+
+    fn command_of(&mut self, setpoint: &Setpoint) -> Result<Option<Command>, ReplayError> {
+        if self.command.is_none()
+            && let Some(command) = self.window.next(|w| &mut w.commands, self.pass)?
+        {
+            check_next(&command, &mut self.n_commands)?;
+            self.command = Some(command);
+        }
+        match &self.command {
+            Some(command) if command.setpoint_sequence < setpoint.sequence => Err(orphan(command)),
+            Some(command) if command.setpoint_sequence == setpoint.sequence => Ok(self.command.take()),
+            _ => Ok(None),
+        }
+    }
+
+    fn end(&mut self) -> Result<(), ReplayError> {
+        self.is_whole = true;
+        let rest = self.window.next(|w| &mut w.commands, self.pass)?;
+        match self.command.or(rest) {
+            Some(command) => Err(orphan(&command)),
+            None => Ok(()),
+        }
+    }
+}
+
+/// A command whose setpoint is not there.
+fn orphan(command: &Command) -> ReplayError {
+    ReplayError::Missing { sequence: command.setpoint_sequence, channel: Setpoint::CHANNEL }
 }
 
 /// A stage that starts anew counts from 1, and so must what it is compared with.
-fn check_whole<M: Message>(messages: &[M]) -> Result<(), ReplayError> {
-    for (message, expected) in messages.iter().zip(1..) {
-        if message.sequence() != expected {
-            return Err(ReplayError::Gap { channel: M::CHANNEL, expected, found: message.sequence() });
-        }
+fn check_next<M: Message>(message: &M, newest: &mut u64) -> Result<(), ReplayError> {
+    *newest += 1;
+    if message.sequence() == *newest {
+        return Ok(());
     }
-    Ok(())
+    Err(ReplayError::Gap { channel: M::CHANNEL, expected: *newest, found: message.sequence() })
 }
+
+#[cfg(test)]
+mod tests;

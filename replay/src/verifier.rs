@@ -3,13 +3,15 @@
 //! Back-pressure: what comes out says how far the stages are, and never are more samples under way than [`WINDOW`]. So no
 //! queue overflows however the stages are scheduled, and every sample is accounted for.
 
+use crate::ReplayError;
 use crate::difference::{Bytes, Difference, first_field};
 use crate::steps::{Step, Steps};
-use crate::{Pass, ReplayError};
+use crate::window::Window;
 use core::time::Duration;
-use krait_ipc::message::{Command, Cue, Health, ModelUpdate, OperatorInput, Setpoint, SlaveState};
+use krait_ipc::message::{Command, Compensation, Cue, Health, ModelUpdate, OperatorInput, Setpoint, SlaveState};
 use krait_ipc::{Bus, ReadOptions, Reader, Reason, Reasons, Writer, clock, health_channel};
 use krait_record::Sample;
+use std::collections::VecDeque;
 
 /// Samples under way at most. A stage's queue holds 256; a sample rests on up to two states.
 const WINDOW: usize = 96;
@@ -29,17 +31,17 @@ pub enum Turn {
 
 /// Sends a pass and compares what comes back.
 pub struct Verifier<'a> {
-    pass: &'a Pass,
-    number: usize,
-    steps: Steps,
+    pass: u64,
+    steps: Steps<'a>,
     channels: Channels,
-    n_fed: usize,
-    /// Commands that the samples fed so far must give.
-    n_due: usize,
+    n_fed: u64,
+    /// What the samples fed so far must give.
+    setpoints_due: VecDeque<Setpoint>,
+    commands_due: VecDeque<Command>,
     /// Setpoints that came out the same.
-    pub n_setpoints: usize,
+    pub n_setpoints: u64,
     /// Commands that came out the same.
-    pub n_commands: usize,
+    pub n_commands: u64,
     bytes: Bytes,
     difference: Option<Difference>,
     progress_ns: i64,
@@ -59,13 +61,13 @@ struct Channels {
 }
 
 impl<'a> Verifier<'a> {
-    /// Opens the channels. The stages must be started after this and be ready before the first turn.
+    /// Opens the channels for a pass, from 1; `None` when there is no such pass. The stages must be started after this and be
+    /// ready before the first turn. Without operator input (`has_inputs`), setpoints are what is sent.
     ///
     /// # Errors
     /// [`ReplayError`] when the recording lacks what a step depended on, or a channel cannot be had.
-    pub fn open(bus: &Bus, pass: &'a Pass, number: usize) -> Result<Self, ReplayError> {
-        let steps = Steps::of(pass)?;
-        let has_inputs = steps.has_inputs;
+    pub fn open(bus: &Bus, window: &'a mut Window, pass: u64, has_inputs: bool) -> Result<Option<Self>, ReplayError> {
+        let Some(steps) = Steps::of(window, pass, has_inputs)? else { return Ok(None) };
         let channels = Channels {
             inputs: if has_inputs { Some(bus.writer()?) } else { None },
             sent_setpoints: if has_inputs { None } else { Some(bus.writer()?) },
@@ -79,29 +81,34 @@ impl<'a> Verifier<'a> {
                 .map(|name| Ok((name, bus.reader_on(&health_channel(name), ReadOptions::glancing())?)))
                 .collect::<Result<_, ReplayError>>()?,
         };
-        Ok(Self {
+        Ok(Some(Self {
             pass,
-            number,
             steps,
             channels,
             n_fed: 0,
-            n_due: 0,
+            setpoints_due: VecDeque::new(),
+            commands_due: VecDeque::new(),
             n_setpoints: 0,
             n_commands: 0,
             bytes: Bytes::default(),
             difference: None,
             progress_ns: clock::monotonic_ns(),
-        })
+        }))
     }
 
-    /// Whether operator input is sent; otherwise `resolve` is not needed.
-    pub fn has_inputs(&self) -> bool {
-        self.steps.has_inputs
+    /// How the pass was compensated, if it holds a command.
+    pub fn compensation(&self) -> Option<Compensation> {
+        self.steps.compensation()
     }
 
-    /// Setpoints at the end of the recording that no command answers; they are not repeated.
+    /// Setpoints at the end of the pass that no command answers; they are not repeated. Known at the end.
     pub fn n_unanswered(&self) -> usize {
-        self.steps.n_unanswered
+        self.steps.n_unanswered()
+    }
+
+    /// How long it took when it was recorded, s. Known at the end.
+    pub fn recorded_s(&self) -> f64 {
+        self.steps.ends_ns.map_or(0.0, |(first_ns, last_ns)| last_ns.saturating_sub(first_ns) as f64 * 1e-9)
     }
 
     /// Bytes compared so far.
@@ -120,8 +127,8 @@ impl<'a> Verifier<'a> {
     /// [`ReplayError::Stalled`] when nothing comes back any more, or a channel failed.
     pub fn turn(&mut self) -> Result<Turn, ReplayError> {
         let n_taken = self.take_setpoints()? + self.take_commands()?;
-        let is_answered = self.n_commands == self.n_due && (!self.has_inputs() || self.n_setpoints == self.n_fed);
-        if self.difference.is_some() || (is_answered && self.n_fed == self.steps.all.len()) {
+        let is_answered = self.commands_due.is_empty() && self.setpoints_due.is_empty();
+        if self.difference.is_some() || (is_answered && self.steps.peek().is_none()) {
             return Ok(Turn::Done);
         }
         let n_sent = self.feed()?;
@@ -133,26 +140,26 @@ impl<'a> Verifier<'a> {
         self.channels.commands.wait(PATIENCE)?;
         self.look_for_refusals()?;
         if now_ns - self.progress_ns > STALL_NS {
-            let n_waiting = (self.n_due - self.n_commands) as u64;
             return Err(ReplayError::Stalled {
-                sample: self.n_fed as u64,
-                n_waiting,
+                sample: self.n_fed,
+                n_waiting: self.commands_due.len() as u64,
                 patience_s: STALL_NS.unsigned_abs() / 1_000_000_000,
             });
         }
         Ok(Turn::Going)
     }
 
-    fn feed(&mut self) -> Result<usize, ReplayError> {
+    fn feed(&mut self) -> Result<u64, ReplayError> {
         let before = self.n_fed;
-        while let Some(step) = self.steps.all.get(self.n_fed).copied() {
-            let n_at_resolve = if self.has_inputs() { self.n_fed - self.n_setpoints } else { 0 };
-            if n_at_resolve >= WINDOW || self.n_due - self.n_commands >= WINDOW {
-                break;
-            }
-            self.send(&step)?;
+        while self.setpoints_due.len() < WINDOW
+            && self.commands_due.len() < WINDOW
+            && let Some(step) = self.steps.peek().copied()
+        {
             self.n_fed += 1;
-            self.n_due += usize::from(step.command_idx.is_some());
+            self.send(&step)?;
+            self.steps.pop()?;
+            self.setpoints_due.extend(step.input.map(|_| step.setpoint));
+            self.commands_due.extend(step.command);
         }
         if self.n_fed > before {
             self.channels.wake()?;
@@ -164,65 +171,54 @@ impl<'a> Verifier<'a> {
     fn send(&mut self, step: &Step) -> Result<(), ReplayError> {
         let cue = &step.cue;
         let newest_state = cue.resolve_state_sequence.max(cue.compensate_state_sequence);
-        while let Some(sequence) = self.steps.state_sequences.first().copied().filter(|s| *s <= newest_state) {
-            self.steps.state_sequences.pop_first();
-            if let Some(state) = Pass::find(&self.pass.states, sequence) {
-                self.channels.states.put(state)?;
-            }
+        while let Some(state) = self.steps.states.next_up_to(newest_state) {
+            self.channels.states.put(&state)?;
         }
-        let newest_update = cue.model_update_sequence;
-        while let Some(sequence) = self.steps.update_sequences.first().copied().filter(|s| *s <= newest_update) {
-            self.steps.update_sequences.pop_first();
-            if let Some(update) = Pass::find(&self.pass.updates, sequence) {
-                self.channels.updates.put(update)?;
-            }
+        while let Some(update) = self.steps.updates.next_up_to(cue.model_update_sequence) {
+            self.channels.updates.put(&update)?;
         }
-        self.channels.cues.put(&Cue { sequence: self.n_fed as u64 + 1, ..*cue })?;
-        if let Some(inputs) = &mut self.channels.inputs
-            && let Some(input) = Pass::find(&self.pass.inputs, cue.input_sequence)
-        {
+        self.channels.cues.put(&Cue { sequence: self.n_fed, ..*cue })?;
+        if let (Some(inputs), Some(input)) = (&mut self.channels.inputs, &step.input) {
             inputs.put(input)?;
         }
-        if let Some(setpoints) = &mut self.channels.sent_setpoints
-            && let Some(setpoint) = self.pass.setpoints.get(step.setpoint_idx)
-        {
-            setpoints.put(setpoint)?;
+        if let Some(setpoints) = &mut self.channels.sent_setpoints {
+            setpoints.put(&step.setpoint)?;
         }
         Ok(())
     }
 
-    fn take_setpoints(&mut self) -> Result<usize, ReplayError> {
+    fn take_setpoints(&mut self) -> Result<u64, ReplayError> {
         let mut n_taken = 0;
         while let Some(reader) = &mut self.channels.setpoints
             && self.difference.is_none()
             && let Some(repeated) = reader.take()?.map(|setpoint| *setpoint)
         {
             n_taken += 1;
-            let recorded = self.pass.setpoints.get(self.n_setpoints).copied();
+            let recorded = self.setpoints_due.pop_front();
             let was_refused = |recorded: &Setpoint| recorded.input_sequence != repeated.input_sequence;
             let refused = recorded.is_some_and(|recorded| was_refused(&recorded));
             self.compare("resolve", recorded, repeated, refused, |s| (s.sequence, Sample::Setpoint(*s)));
-            self.n_setpoints += usize::from(self.difference.is_none());
+            self.n_setpoints += u64::from(self.difference.is_none());
         }
         Ok(n_taken)
     }
 
-    fn take_commands(&mut self) -> Result<usize, ReplayError> {
+    fn take_commands(&mut self) -> Result<u64, ReplayError> {
         let mut n_taken = 0;
         while self.difference.as_ref().is_none_or(|found| found.process == "resolve")
             && let Some(repeated) = self.channels.commands.take()?.map(|command| *command)
         {
             n_taken += 1;
-            let recorded = self.pass.commands.get(self.n_commands).copied();
             // What rests on a setpoint that differs need not be looked at: the setpoint is the first difference.
             let limit = self.difference.as_ref().map_or(u64::MAX, |found| found.sequence);
             if repeated.setpoint_sequence >= limit {
                 break;
             }
+            let recorded = self.commands_due.pop_front();
             let refused = recorded.is_some_and(|recorded| recorded.setpoint_sequence != repeated.setpoint_sequence);
             let before = self.difference.take();
             self.compare("compensate", recorded, repeated, refused, |c| (c.sequence, Sample::Command(*c)));
-            self.n_commands += usize::from(self.difference.is_none());
+            self.n_commands += u64::from(self.difference.is_none());
             self.difference = self.difference.take().or(before);
         }
         Ok(n_taken)
@@ -250,7 +246,7 @@ impl<'a> Verifier<'a> {
     }
 
     fn differ(&mut self, process: &'static str, sequence: u64, (field, recorded, repeated): (String, String, String)) {
-        self.difference = Some(Difference { process, pass: self.number, sequence, field, recorded, repeated });
+        self.difference = Some(Difference { process, pass: self.pass, sequence, field, recorded, repeated });
     }
 
     /// A sample that is refused gives no output; the stage says so in its health.
@@ -266,7 +262,7 @@ impl<'a> Verifier<'a> {
             }
         }
         if let Some((process, why)) = refused {
-            let sequence = 1 + if process == "resolve" { self.n_setpoints } else { self.n_commands } as u64;
+            let sequence = 1 + if process == "resolve" { self.n_setpoints } else { self.n_commands };
             self.differ(process, sequence, ("(output)".to_owned(), "one".to_owned(), format!("none: {why}")));
         }
         Ok(())

@@ -6,8 +6,8 @@ use crate::supervisor::{Cast, ChainOptions, Supervisor};
 use crate::{print, recorded, signals};
 use anyhow::Context;
 use krait_ipc::clock;
-use krait_record::Recording;
-use krait_replay::{Difference, Pass, Turn, Verifier, passes_of};
+use krait_record::{Channel, Recording};
+use krait_replay::{Difference, Turn, Verifier, Window};
 use serde::Serialize;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -21,11 +21,11 @@ struct Verdict {
     /// Files that the recording consists of.
     parts: usize,
     /// Chains that ran one after the other in the recording.
-    passes: usize,
+    passes: u64,
     /// Setpoints that came out the same.
-    setpoints_identical: usize,
+    setpoints_identical: u64,
     /// Commands that came out the same.
-    commands_identical: usize,
+    commands_identical: u64,
     /// Bytes of all these.
     bytes_identical: u64,
     /// Setpoints at the end of a pass that no command answers; they are not repeated.
@@ -49,7 +49,6 @@ pub fn run(common: &Common, args: &VerifyArgs) -> anyhow::Result<ExitCode> {
     let of_recording = || format!("recording {}", args.recording.display());
     let parts = Recording::open_parts(&args.recording)?;
     let recording = &parts[0];
-    let passes = passes_of(&parts)?;
     let mut verdict = Verdict {
         parts: parts.len(),
         recorded_with: recorded::made_with(recording),
@@ -59,17 +58,20 @@ pub fn run(common: &Common, args: &VerifyArgs) -> anyhow::Result<ExitCode> {
     let mut supervisor = Supervisor::new(&recorded::instance_of(&common.instance, "verify"))?;
     let folder = supervisor.bus().instance().folder();
     let config = recorded::config_of(recording, &folder).with_context(of_recording)?;
-    let passes: Vec<&Pass> = passes.iter().filter(|pass| !pass.setpoints.is_empty()).collect();
-    anyhow::ensure!(!passes.is_empty(), "{}: it holds no setpoint, so there is nothing to repeat", of_recording());
-    for pass in passes {
-        verdict.passes += 1;
-        let config = recorded::config_of_pass(&config, pass);
-        verify_pass(&mut supervisor, config, pass, &mut verdict, &stop).with_context(of_recording)?;
+    let has_inputs = parts.iter().any(|part| part.contents().channels.contains_key(&Channel::Input));
+    let mut window = Window::open(&args.recording)?;
+    for pass in 1.. {
+        let verifier = Verifier::open(supervisor.bus(), &mut window, pass, has_inputs).with_context(of_recording)?;
+        let Some(verifier) = verifier else { break };
+        verdict.passes = pass;
+        let options = options(recorded::config_of_pass(&config, verifier.compensation()), has_inputs);
+        verify_pass(&mut supervisor, &options, verifier, &mut verdict, &stop).with_context(of_recording)?;
         supervisor.end_chain();
         if verdict.first_difference.is_some() {
             break;
         }
     }
+    anyhow::ensure!(verdict.passes > 0, "{}: it holds no setpoint, so there is nothing to repeat", of_recording());
     supervisor.end();
     if args.json {
         print::json(&verdict)?;
@@ -79,19 +81,21 @@ pub fn run(common: &Common, args: &VerifyArgs) -> anyhow::Result<ExitCode> {
     Ok(if verdict.first_difference.is_none() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
+fn options(config: Config, has_inputs: bool) -> ChainOptions {
+    let mut processes = vec!["compensate"];
+    processes.extend(has_inputs.then_some("resolve"));
+    let cast = Cast { processes, recorded_time_ns: Some(0) };
+    ChainOptions { config, master: MasterKind::Replay, input: None, looped: false, cast }
+}
+
 fn verify_pass(
     supervisor: &mut Supervisor,
-    config: Config,
-    pass: &Pass,
+    options: &ChainOptions,
+    mut verifier: Verifier<'_>,
     verdict: &mut Verdict,
     stop: &AtomicBool,
 ) -> anyhow::Result<()> {
-    let mut verifier = Verifier::open(supervisor.bus(), pass, verdict.passes)?;
-    let mut processes = vec!["compensate"];
-    processes.extend(verifier.has_inputs().then_some("resolve"));
-    let cast = Cast { processes, recorded_time_ns: Some(0) };
-    let options = ChainOptions { config, master: MasterKind::Replay, input: None, looped: false, cast };
-    supervisor.start_chain(&options, stop)?;
+    supervisor.start_chain(options, stop)?;
     let start_ns = clock::monotonic_ns();
     let mut look_ns = start_ns;
     while verifier.turn()? == Turn::Going {
@@ -103,18 +107,13 @@ fn verify_pass(
         }
     }
     verdict.took_s += (clock::monotonic_ns() - start_ns) as f64 * 1e-9;
-    verdict.recorded_s += length_s(pass);
+    verdict.recorded_s += verifier.recorded_s();
     verdict.setpoints_identical += verifier.n_setpoints;
     verdict.commands_identical += verifier.n_commands;
     verdict.bytes_identical += verifier.n_bytes();
     verdict.setpoints_unanswered += verifier.n_unanswered();
     verdict.first_difference = verifier.difference().cloned();
     Ok(())
-}
-
-fn length_s(pass: &Pass) -> f64 {
-    let ends = pass.setpoints.first().zip(pass.setpoints.last());
-    ends.map_or(0.0, |(first, last)| last.sample_ns.saturating_sub(first.sample_ns) as f64 * 1e-9)
 }
 
 fn sentence(verdict: &Verdict) -> String {
