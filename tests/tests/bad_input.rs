@@ -10,7 +10,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-const PATIENCE: Duration = Duration::from_secs(40);
+const PATIENCE: Duration = Duration::from_secs(240);
 
 /// Runs `krait run` with arguments that cannot work and gives its one sentence.
 fn refused(arguments: &[&str]) -> String {

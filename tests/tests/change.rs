@@ -7,7 +7,7 @@ use krait_record::{Recording, Sample};
 use krait_tests::{Ended, TempFolder, instance_name};
 use std::path::Path;
 
-const PATIENCE: Duration = Duration::from_secs(120);
+const PATIENCE: Duration = Duration::from_secs(240);
 /// When the play appears, s after the first command.
 const APPEARS_S: f64 = 14.0;
 /// How often a run is repeated in which the machine was too busy for commands to come in time.

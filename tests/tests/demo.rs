@@ -20,7 +20,7 @@ fn the_demo_shows_what_compensation_does_and_its_recording_proves_it() {
     let (instance, folder) = (instance_name("demo"), TempFolder::new("demo"));
     let recording = folder.file("demo.mcap");
     let ended =
-        Ended::of(&["demo", "--json", "--instance", &instance, "--recording", &recording], Duration::from_secs(150));
+        Ended::of(&["demo", "--json", "--instance", &instance, "--recording", &recording], Duration::from_secs(240));
     assert_eq!(ended.code, Some(0), "{}\n{}", ended.stderr, ended.stdout);
     let figures = ended.json();
     check_errors(&figures);
@@ -132,7 +132,7 @@ fn check_rates(channels: &Channels) {
 
 /// Recorded input gives the same setpoints and commands, bit for bit; a recording that was tampered with does not.
 fn check_replay(recording: &str, channels: &Channels) {
-    let ended = Ended::of(&["verify", "--json", recording], Duration::from_secs(60));
+    let ended = Ended::of(&["verify", "--json", recording], Duration::from_secs(240));
     let verdict = ended.json();
     assert_eq!((ended.code, &verdict["first_difference"]), (Some(0), &Value::Null), "{verdict}");
     assert_eq!(verdict["passes"], 3);
@@ -141,7 +141,7 @@ fn check_replay(recording: &str, channels: &Channels) {
 
     let tampered = format!("{recording}.tampered.mcap");
     let at = tamper(recording, &tampered, channels.commands.len() / 2);
-    let ended = Ended::of(&["verify", "--json", &tampered], Duration::from_secs(60));
+    let ended = Ended::of(&["verify", "--json", &tampered], Duration::from_secs(240));
     let difference = &ended.json()["first_difference"];
     assert_eq!(ended.code, Some(1), "{difference}");
     assert_eq!((&difference["process"], &difference["sequence"]), (&"compensate".into(), &at.into()), "{difference}");

@@ -9,7 +9,7 @@ use krait_tests::{Krait, TempFolder, instance_name, processes_of, wait_until};
 use rustix::process::{Pid, Signal, kill_process};
 use std::path::Path;
 
-const PATIENCE: Duration = Duration::from_secs(40);
+const PATIENCE: Duration = Duration::from_secs(240);
 
 fn start(instance: &str, recording: &str) -> Krait {
     Krait::start(&["run", "--instance", instance, "--recording", recording])

@@ -19,7 +19,7 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::Command;
 
-const PATIENCE: Duration = Duration::from_secs(120);
+const PATIENCE: Duration = Duration::from_secs(240);
 /// A measurement that other work on the machine has spoilt may be repeated.
 const MOST_ATTEMPTS: usize = 8;
 const N_CHECKS: usize = 6;

@@ -9,7 +9,7 @@ use rustix::process::Signal;
 use std::fs;
 use std::path::Path;
 
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_secs(240);
 
 fn krait(arguments: &[&str]) -> Ended {
     Ended::of(arguments, PATIENCE)

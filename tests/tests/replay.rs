@@ -13,7 +13,7 @@ use std::io::Write;
 use std::path::Path;
 use std::process::Stdio;
 
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_secs(240);
 
 fn shipped() -> String {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("recordings/flick.mcap").display().to_string()

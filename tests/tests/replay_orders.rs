@@ -14,7 +14,7 @@ use std::path::Path;
 use std::process::ChildStdin;
 use std::thread;
 
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_secs(240);
 /// What flows at 1 kHz is seen within this, whatever else the machine does for most of it.
 const WHILE: Duration = Duration::from_millis(300);
 

@@ -8,7 +8,7 @@ use krait_tests::{Krait, TempFolder, instance_name, processes_of, wait_until};
 use rustix::process::Signal;
 use std::process::Command;
 
-const PATIENCE: Duration = Duration::from_secs(40);
+const PATIENCE: Duration = Duration::from_secs(240);
 /// Calls that a hop may make for each sample.
 const MOST: f64 = 4.0;
 /// How long each process is watched, s.

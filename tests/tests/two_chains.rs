@@ -6,7 +6,7 @@ use core::time::Duration;
 use krait_tests::{Ended, Krait, TempFolder, instance_name, processes_of, wait_until};
 use rustix::process::Signal;
 
-const PATIENCE: Duration = Duration::from_secs(40);
+const PATIENCE: Duration = Duration::from_secs(240);
 
 #[test]
 fn two_instances_run_side_by_side() {
