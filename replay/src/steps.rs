@@ -103,7 +103,7 @@ impl<'a> Steps<'a> {
 
     /// Setpoints at the end that no command answers, because the recording ended first; known at the end.
     pub(crate) fn n_unanswered(&self) -> usize {
-        self.n_skipped
+        if self.is_whole { self.n_skipped } else { 0 }
     }
 
     /// The next step; it stays the next until [`Steps::pop`].
