@@ -25,7 +25,7 @@ pub struct Plan {
     pub n_rounds: u32,
     /// Bytes in a message of a relay; krait's own messages have their own sizes.
     pub payload_bytes: usize,
-    /// How a process of a relay waits for the next message; to be woken ahead is krait's alone, a relay then sleeps.
+    /// How a process of a relay waits for the next message; krait's chain waits as its configuration says.
     pub wait: WaitMode,
     /// What each process of a relay asks of the kernel; krait's chain asks for what its configuration says.
     pub realtime: Realtime,

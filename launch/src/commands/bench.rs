@@ -127,7 +127,8 @@ fn plan(args: &BenchArgs) -> Plan {
         seconds: args.seconds,
         n_rounds: args.rounds,
         payload_bytes: args.payload,
-        wait: args.wait.map_or(WaitMode::Blocking, mode),
+        // To be awake ahead is krait's own; a relay then sleeps.
+        wait: if args.wait == Some(WaitKind::Polling) { WaitMode::Polling } else { WaitMode::Blocking },
         realtime: Realtime::ORDINARY,
     }
 }
