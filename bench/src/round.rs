@@ -11,7 +11,7 @@ use std::path::Path;
 use std::process::{Child, Command};
 
 /// A process that is not ready by then will not be.
-const READY_PATIENCE: Duration = Duration::from_secs(15);
+const READY_PATIENCE: Duration = Duration::from_secs(60);
 /// Time beyond the round's own after which its processes are killed.
 const END_PATIENCE: Duration = Duration::from_secs(10);
 const LOOK_EVERY: Duration = Duration::from_millis(2);

@@ -25,10 +25,11 @@ const START_ORDER: [&str; 5] = ["slave", "estimate", "compensate", "resolve", "m
 /// End order: the operator first, so that the chain runs dry. The recorder ends after all of them and hears every farewell.
 const END_ORDER: [&str; 5] = ["master", "resolve", "compensate", "slave", "estimate"];
 const RECORDER: &str = "record";
-/// A process that is not ready by then will not be: opening shared memory takes milliseconds, a busy machine seconds.
-const READY_PATIENCE: Duration = Duration::from_secs(15);
+/// A process that is not ready by then will not be: opening shared memory takes milliseconds, a busy machine seconds, and a
+/// program that a busy disk has yet to read longer. One that ends is noticed at once.
+const READY_PATIENCE: Duration = Duration::from_secs(60);
 /// A process that has not ended by then is killed; a recorder may have seconds of samples to write.
-const END_PATIENCE: Duration = Duration::from_secs(5);
+const END_PATIENCE: Duration = Duration::from_secs(10);
 /// How often children and channels are looked at while nothing else happens.
 const LOOK_EVERY: Duration = Duration::from_millis(5);
 
