@@ -174,8 +174,9 @@ impl<'a> Steps<'a> {
             let state = self.window.find(|w| &mut w.states, pass, sequence)?;
             self.states.note(state.ok_or(ReplayError::Missing { sequence, channel: SlaveState::CHANNEL })?);
         }
-        // A stage never goes back to an older state; of one that names none, nothing is known.
-        let oldest = if self.has_inputs { named[0] } else { named[1] };
+        // A stage never goes back to an older state, but one may hear of it before the other; of one that names none, nothing
+        // is known.
+        let oldest = if self.has_inputs { named[0].min(named[1]) } else { named[1] };
         self.window.states.forget_before(pass, oldest);
         let sequence = cue.model_update_sequence;
         if sequence > 0 {

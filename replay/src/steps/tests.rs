@@ -106,6 +106,18 @@ fn a_state_that_compensate_knew_before_resolve_is_sent_once_and_in_order() {
 }
 
 #[test]
+fn a_state_that_resolve_knew_before_compensate_is_kept_for_it() {
+    let samples = shipped().into_iter().map(|sample| match sample {
+        Sample::Command(command) => {
+            Sample::Command(Command { state_sequence: command.state_sequence.saturating_sub(3), ..command })
+        }
+        other => other,
+    });
+    let (_, states, _) = first_pass("late", samples).expect("whole");
+    assert!(states.is_sorted_by(|a, b| a < b), "each once, upwards");
+}
+
+#[test]
 fn setpoints_that_compensate_refused_are_steps_without_a_command() {
     let (all, _, n_unanswered) = first_pass("refused", refusing(|n| (300..304).contains(&n))).expect("whole");
     let without: Vec<u64> =
