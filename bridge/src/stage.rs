@@ -100,12 +100,7 @@ pub(crate) fn run<S: Stage>(
     tracing::info!(process, "ready");
     let mut last = None;
     while !stop.load(Ordering::Relaxed) {
-        if !inputs.wait(PATIENCE)?
-            && let Some(last) = &last
-        {
-            stage.glance()?;
-            stage.rehearse(last, clock::monotonic_ns());
-        }
+        let may_have = inputs.wait(PATIENCE)?;
         while let Some(input) = inputs.take()? {
             let begun_ns = clock::monotonic_ns();
             stage.glance()?;
@@ -125,6 +120,9 @@ pub(crate) fn run<S: Stage>(
         }
         // Behind the samples, not before them: it keeps the other channels from overflowing while no input comes.
         stage.glance()?;
+        if let (false, Some(last)) = (may_have, &last) {
+            stage.rehearse(last, clock::monotonic_ns());
+        }
         health.count_readers(&[inputs.counts(), stage.counts()]);
         health.health_mut().n_sent = outputs.n_sent();
         health.publish_if_due(clock::monotonic_ns())?;

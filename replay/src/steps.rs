@@ -108,8 +108,7 @@ impl<'a> Steps<'a> {
 
     /// The next step; it stays the next until [`Steps::pop`].
     pub(crate) fn peek(&self) -> Option<&Step> {
-        // Whether those at the end are answered is not known yet, or known not to be.
-        self.planned.front().filter(|_| self.planned.len() > self.n_skipped.min(MOST_SKIPPED))
+        self.planned.front().filter(|_| self.planned.len() > self.n_undecided())
     }
 
     /// Goes on to the step after.
@@ -118,8 +117,13 @@ impl<'a> Steps<'a> {
         self.plan()
     }
 
+    /// Planned steps at the end of which it is not known yet whether they are answered, or known that they are not.
+    fn n_undecided(&self) -> usize {
+        self.n_skipped.min(MOST_SKIPPED)
+    }
+
     fn plan(&mut self) -> Result<(), ReplayError> {
-        while !self.is_whole && self.planned.len() < N_AHEAD + self.n_skipped.min(MOST_SKIPPED) {
+        while !self.is_whole && self.planned.len() < N_AHEAD + self.n_undecided() {
             match self.window.next(|w| &mut w.setpoints, self.pass)? {
                 Some(setpoint) => self.push(setpoint)?,
                 None => self.end()?,
@@ -137,6 +141,10 @@ impl<'a> Steps<'a> {
             return Err(ReplayError::Missing { sequence: setpoint.sequence - 1, channel: Command::CHANNEL });
         }
         self.n_skipped = if command.is_some() { 0 } else { self.n_skipped + 1 };
+        if self.n_skipped > MOST_SKIPPED {
+            // Either the recording ends so, or a command will come that cannot be repeated.
+            return Ok(());
+        }
         let mut cue = Cue {
             sample_ns: setpoint.sample_ns,
             input_sequence: setpoint.input_sequence,
@@ -150,10 +158,6 @@ impl<'a> Steps<'a> {
             cue.command_sent_ns = command.stamps.command_sent_ns;
             cue.compensate_state_sequence = command.state_sequence;
             cue.model_update_sequence = command.model_update_sequence;
-        }
-        if self.n_skipped > MOST_SKIPPED {
-            // Either the recording ends so, or a command will come that cannot be repeated.
-            return Ok(());
         }
         let input = self.note_named(&cue)?;
         self.planned.push_back(Step { cue, input, setpoint, command });
