@@ -2,10 +2,10 @@
 //!
 //! The microseconds are watched while a chain runs; the multiples are checked by `krait bench`, which measures the floor.
 
-use crate::report::{LatencyLog, Quantiles};
 use krait_bench::Limits;
 use krait_ipc::LatencyLimits;
 use krait_ipc::message::{HopStamps, N_HOPS, SlaveState};
+use krait_report::{LatencyLog, Quantiles};
 use serde::{Deserialize, Serialize};
 
 /// Longest latency that a budget can name, us (10 s).

@@ -1,13 +1,13 @@
 //! What a run leaves behind to be judged: the recording, the processes, and each process's own counts at its end.
 
 use crate::budget::{BudgetReport, BudgetWatch};
-use crate::report::{LatencyLog, LatencyReport, PassLog, PassReport};
 use crate::supervisor::Supervisor;
 use anyhow::Context;
 use core::ops::Range;
 use krait_ipc::message::Compensation;
 use krait_ipc::{Reason, Reasons};
 use krait_record::{Recording, Sample};
+use krait_report::{LatencyLog, LatencyReport, PassLog, PassReport};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 

@@ -11,16 +11,13 @@ mod config;
 mod device;
 mod doctor;
 mod evidence;
-mod paper;
 mod print;
 mod progress;
 mod recorded;
 mod replay_orders;
 mod replay_setup;
-mod report;
 mod signals;
 mod supervisor;
-mod table;
 
 use anyhow::Context;
 use clap::Parser;

@@ -2,9 +2,8 @@
 
 use crate::budget::BudgetReport;
 use crate::evidence::Figures;
-use crate::report::{PassReport, Quantiles, SCORED_FROM_S};
-use crate::table::Table;
 use anyhow::Context;
+use krait_report::{PassReport, Quantiles, SCORED_FROM_S, Table};
 use std::io::{Write, stdout};
 
 /// Prints figures as one JSON object.

@@ -1,13 +1,11 @@
 //! `krait compare A B`: two recordings side by side, as a table and as pictures.
 
 use crate::cli_replay::CompareArgs;
-use crate::paper::figures::{Curve, Figure, Stroke};
-use crate::paper::plot;
-use crate::table::Table;
 use crate::{print, recorded};
 use anyhow::{Context, bail};
 use krait_record::Recording;
 use krait_replay::{Apart, Side, passes_of};
+use krait_report::{Curve, Figure, Stroke, Table, svg};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -146,7 +144,7 @@ fn write_pictures(folder: &Path, a: &Named, b: &Named) -> anyhow::Result<Vec<Pat
             caption: String::new(),
         };
         let path = folder.join(file);
-        std::fs::write(&path, plot::svg(&figure)?).with_context(|| format!("picture {}", path.display()))?;
+        std::fs::write(&path, svg(&figure)?).with_context(|| format!("picture {}", path.display()))?;
         written.push(path);
     }
     Ok(written)

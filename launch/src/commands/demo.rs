@@ -4,7 +4,6 @@ use crate::cli::{Common, DemoArgs, MasterKind};
 use crate::config::Config;
 use crate::evidence::Evidence;
 use crate::progress::Progress;
-use crate::report::next_thing_to_try;
 use crate::supervisor::{Cast, ChainOptions, Supervisor};
 use crate::{device, print, signals};
 use anyhow::bail;
@@ -17,7 +16,7 @@ use std::sync::atomic::AtomicBool;
 /// The passes, in the order in which they are shown.
 const PASSES: [Compensation; 3] = [Compensation::Off, Compensation::Naive, Compensation::Estimated];
 /// A pass shorter than this leaves nothing to score.
-const SHORTEST_PASS_S: f64 = crate::report::SCORED_FROM_S + 2.0;
+const SHORTEST_PASS_S: f64 = krait_report::SCORED_FROM_S + 2.0;
 
 /// Runs the three passes, reads the recording back and prints what it shows.
 pub fn run(common: &Common, args: &DemoArgs) -> anyhow::Result<ExitCode> {
@@ -83,4 +82,12 @@ fn record_passes(
     supervisor.end();
     evidence.recorder(&supervisor);
     Ok(())
+}
+
+/// What to try next, for somebody who has just seen the demo.
+fn next_thing_to_try(recording: &str) -> String {
+    format!(
+        "drive it yourself with `krait run --master hid` (without a device: `krait run`), feel the lines with \
+         `krait run --compensation off`, or open {recording} in Foxglove, Lichtblick, PlotJuggler or Rerun"
+    )
 }

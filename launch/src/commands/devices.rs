@@ -2,8 +2,8 @@
 
 use crate::cli::DevicesArgs;
 use crate::print;
-use crate::table::Table;
 use krait_master::DeviceInfo;
+use krait_report::Table;
 use serde::Serialize;
 use std::process::ExitCode;
 

@@ -2,9 +2,9 @@
 
 use crate::cli::DoctorArgs;
 use crate::doctor::{self, Finding, Verdict, WakeUp};
-use crate::table::Table;
 use crate::{print, signals};
 use anyhow::bail;
+use krait_report::Table;
 use serde::Serialize;
 use std::process::ExitCode;
 

@@ -1,8 +1,8 @@
 //! `krait paper`: the paper's tables and figures again, beside the printed values, as text, pictures and one page.
 
 use crate::cli::PaperArgs;
-use crate::paper::{self, Paper, terminal};
 use crate::print;
+use krait_paper::{Paper, default_truth, terminal};
 use krait_slave::Truth;
 use std::process::ExitCode;
 
@@ -10,7 +10,7 @@ use std::process::ExitCode;
 pub fn run(args: &PaperArgs) -> anyhow::Result<ExitCode> {
     let paper = Paper::compute(&match &args.truth {
         Some(file) => Truth::load(file)?,
-        None => paper::default_truth(),
+        None => default_truth(),
     })?;
     paper.write(&args.out)?;
     if args.json {

@@ -1,10 +1,10 @@
 //! How late this machine wakes a process: on each core a thread sleeps to an instant, again and again, and looks how much
 //! later it is.
 
-use crate::report::Quantiles;
 use core::sync::atomic::{AtomicBool, Ordering};
 use hdrhistogram::Histogram;
 use krait_ipc::{Cores, Realtime, clock};
+use krait_report::Quantiles;
 use rustix::thread::{ClockId, clock_nanosleep_absolute, sched_getaffinity};
 use rustix::time::Timespec;
 use serde::Serialize;

@@ -3,7 +3,6 @@
 use super::page;
 use crate::cli_lab::{AddArgs, FitArgs, LabFiles};
 use crate::print;
-use crate::table::Table;
 use anyhow::{Context, bail};
 use krait_ipc::clock;
 use krait_lab::machine::Machine;
@@ -11,6 +10,7 @@ use krait_lab::report::added_page;
 use krait_lab::{AddOptions, Added, Session, Term, add, refit as fit_again, save};
 use krait_model::effects::{FormulaParameter, FormulaText, Hook, Inverse};
 use krait_model::model_file::{FileEffect, Machine as FileMachine, ModelFile};
+use krait_report::Table;
 use serde_json::{Value, json};
 use std::path::Path;
 use std::process::ExitCode;

@@ -2,9 +2,9 @@
 
 use crate::cli_lab_data::BenchmarkArgs;
 use crate::print;
-use crate::table::Table;
 use anyhow::Context;
 use krait_lab::benchmark::{Options, Outcome, Rate, Summary, grid, page, run as work};
+use krait_report::Table;
 use std::process::ExitCode;
 
 /// Works, prints, writes the page.

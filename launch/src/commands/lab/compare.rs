@@ -3,10 +3,10 @@
 use super::page;
 use crate::cli_lab::CompareArgs;
 use crate::print;
-use crate::table::Table;
 use krait_lab::Session;
 use krait_lab::compare::{Bin, Comparison, compare};
 use krait_lab::report::comparison_page;
+use krait_report::Table;
 use std::process::ExitCode;
 
 /// Places that the table shows.

@@ -3,7 +3,6 @@
 use super::page;
 use crate::cli_lab::DiagnoseArgs;
 use crate::print;
-use crate::table::Table;
 use anyhow::{Context, bail};
 use krait_lab::Session;
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, FoundEffect, diagnose};
@@ -11,6 +10,7 @@ use krait_lab::experiment::{Separation, script, separation};
 use krait_lab::report::diagnosis_page;
 use krait_model::Snake;
 use krait_model::model_file::Machine;
+use krait_report::Table;
 use std::path::Path;
 use std::process::ExitCode;
 

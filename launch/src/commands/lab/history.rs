@@ -3,10 +3,10 @@
 use super::page;
 use crate::cli_lab::HistoryArgs;
 use crate::print;
-use crate::table::Table;
 use krait_lab::open_model;
 use krait_lab::report::history_page;
 use krait_model::model_file::HistoryEntry;
+use krait_report::Table;
 use serde_json::{Value, json};
 use std::process::ExitCode;
 

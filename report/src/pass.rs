@@ -1,9 +1,9 @@
-//! What a recording shows: tracking error of each pass, latency of each hop, samples lost.
+//! What one pass of a recording shows: tracking error, largest bend, what was learnt, what changed.
 //!
 //! Everything here is computed from the recording alone, so that anyone with the file gets the same figures.
 
-use hdrhistogram::Histogram;
-use krait_ipc::message::{Command, Compensation, HopStamps, ModelUpdate, Phase, Setpoint, Shape, SlaveState};
+use crate::Spread;
+use krait_ipc::message::{Command, Compensation, ModelUpdate, Phase, Setpoint, Shape};
 use krait_model::ChangeKind;
 use serde::Serialize;
 
@@ -11,30 +11,6 @@ use serde::Serialize;
 pub const SCORED_FROM_S: f64 = 10.0;
 /// Below this bend the bending plane is too ill-defined for its error to mean anything, rad.
 const PLANE_FROM_BEND_RAD: f64 = 15.0 * core::f64::consts::PI / 180.0;
-/// Longest latency that the histograms hold, ns (10 s).
-const LONGEST_NS: u64 = 10_000_000_000;
-
-/// Root mean square, 95th percentile and largest value.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Spread {
-    /// Root mean square.
-    pub rms: f64,
-    /// 95th percentile of the absolute values.
-    pub p95: f64,
-    /// Largest absolute value.
-    pub max: f64,
-}
-
-impl Spread {
-    /// The spread of some values; zero for none.
-    pub fn of(values: &[f64]) -> Self {
-        let mut sizes: Vec<f64> = values.iter().map(|v| v.abs()).collect();
-        sizes.sort_by(f64::total_cmp);
-        let Some(max) = sizes.last().copied() else { return Self::default() };
-        let rms = (sizes.iter().map(|s| s * s).sum::<f64>() / sizes.len() as f64).sqrt();
-        Self { rms, p95: sizes[(sizes.len() - 1) * 95 / 100], max }
-    }
-}
 
 /// Largest bend commanded and reached.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -79,40 +55,6 @@ pub struct ChangeReport {
     pub at_s: f64,
     /// What it looks like.
     pub looks_like: &'static str,
-}
-
-/// Quantiles of a latency, microseconds.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Quantiles {
-    /// Median.
-    pub p50: f64,
-    /// 99th percentile.
-    pub p99: f64,
-    /// 99.9th percentile.
-    pub p999: f64,
-    /// Largest.
-    pub max: f64,
-}
-
-/// Latency of one hop.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct HopReport {
-    /// Where the sample left.
-    pub from: &'static str,
-    /// Where it arrived.
-    pub to: &'static str,
-    /// Quantiles, microseconds.
-    #[serde(flatten)]
-    pub quantiles: Quantiles,
-}
-
-/// Latency of the whole chain.
-#[derive(Clone, Debug, Serialize)]
-pub struct LatencyReport {
-    /// Device stamp to drive written.
-    pub end_to_end: Quantiles,
-    /// Each hop: from the moment that one stage had published to the moment that the next had.
-    pub hops: Vec<HopReport>,
 }
 
 /// One stretch of a recording in which one chain ran.
@@ -224,71 +166,6 @@ fn length(bend: [f64; 2]) -> f64 {
     bend[0].hypot(bend[1])
 }
 
-/// Histograms of every hop, filled from the slave's states.
-pub struct LatencyLog {
-    end_to_end: Histogram<u64>,
-    hops: Vec<Histogram<u64>>,
-    last_command: u64,
-}
-
-impl LatencyLog {
-    /// Empty histograms.
-    ///
-    /// # Errors
-    /// Never with these bounds; the histogram library checks them.
-    pub fn new() -> anyhow::Result<Self> {
-        let empty = || Histogram::new_with_bounds(1, LONGEST_NS, 3);
-        let hops = HopStamps::HOPS.iter().map(|_| empty()).collect::<Result<_, _>>()?;
-        Ok(Self { end_to_end: empty()?, hops, last_command: 0 })
-    }
-
-    /// Takes a slave state; each command counts once. Returns whether this one counted.
-    pub fn state(&mut self, state: &SlaveState) -> bool {
-        let stamps = &state.stamps;
-        if state.command_sequence == self.last_command || stamps.drive_written_ns == 0 || stamps.device_ns == 0 {
-            return false;
-        }
-        self.last_command = state.command_sequence;
-        enter(&mut self.end_to_end, stamps.end_to_end_ns());
-        for (hop, histogram) in self.hops.iter_mut().enumerate() {
-            enter(histogram, stamps.hop_ns(hop));
-        }
-        true
-    }
-
-    /// Commands that have counted.
-    pub fn n_samples(&self) -> u64 {
-        self.end_to_end.len()
-    }
-
-    /// The quantiles.
-    pub fn report(&self) -> LatencyReport {
-        let hops = self.hops.iter().zip(HopStamps::HOPS).map(|(histogram, (from, to))| HopReport {
-            from,
-            to,
-            quantiles: quantiles(histogram),
-        });
-        LatencyReport { end_to_end: quantiles(&self.end_to_end), hops: hops.collect() }
-    }
-}
-
-fn enter(histogram: &mut Histogram<u64>, latency_ns: i64) {
-    histogram.saturating_record(u64::try_from(latency_ns).unwrap_or(0).clamp(1, LONGEST_NS));
-}
-
-fn quantiles(histogram: &Histogram<u64>) -> Quantiles {
-    let at = |q: f64| histogram.value_at_quantile(q) as f64 * 1e-3;
-    Quantiles { p50: at(0.5), p99: at(0.99), p999: at(0.999), max: histogram.max() as f64 * 1e-3 }
-}
-
-/// What to try next, for somebody who has just seen the demo.
-pub fn next_thing_to_try(recording: &str) -> String {
-    format!(
-        "drive it yourself with `krait run --master hid` (without a device: `krait run`), feel the lines with \
-         `krait run --compensation off`, or open {recording} in Foxglove, Lichtblick, PlotJuggler or Rerun"
-    )
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -300,39 +177,5 @@ mod tests {
         assert_eq!(error.bend_rad, 0.0);
         assert!((error.plane_rad.expect("far from straight") - core::f64::consts::FRAC_PI_2).abs() < 1e-15);
         assert!(ShapeError::between([0.1, 0.0], [0.1, 0.1]).plane_rad.is_none(), "too straight to have a plane");
-    }
-
-    #[test]
-    fn a_spread_knows_its_rms_its_95_percent_and_its_maximum() {
-        let values: Vec<f64> = (1..=100).map(|n| -f64::from(n)).collect();
-        let spread = Spread::of(&values);
-        assert_eq!((spread.p95, spread.max), (95.0, 100.0));
-        assert!((spread.rms - 58.17).abs() < 0.01, "{}", spread.rms);
-    }
-
-    #[test]
-    fn a_command_counts_once_however_many_states_repeat_it() {
-        let mut log = LatencyLog::new().expect("histograms");
-        let mut state = SlaveState {
-            sequence: 1,
-            sample_ns: 0,
-            stamps: HopStamps { device_ns: 1000, drive_written_ns: 251_000, ..HopStamps::default() },
-            command_sequence: 7,
-            operating_state: 1,
-            flags: 7,
-            setpoint_q_m: [0.0; 3],
-            setpoint_bend_rad: [0.0; 2],
-            measured_q_m: [0.0; 3],
-            measured_tau_n: [0.0; 3],
-            reasons: 0,
-            n_commands: 0,
-            n_refused: 0,
-        };
-        log.state(&state);
-        log.state(&state);
-        state.command_sequence = 8;
-        log.state(&state);
-        assert_eq!(log.end_to_end.len(), 2);
-        assert!((log.report().end_to_end.p50 - 250.0).abs() < 1.0);
     }
 }

@@ -1,11 +1,10 @@
 //! The paper on a terminal: tables beside the printed values, then where the pictures are.
 
-use super::errors::Number;
-use super::table2::Table2;
-use super::table3::Table3;
-use super::{Paper, Verdict};
-use crate::report::Spread;
-use crate::table::Table;
+use crate::errors::Number;
+use crate::table2::Table2;
+use crate::table3::Table3;
+use crate::{Claim, Paper};
+use krait_report::{Spread, Table};
 use std::path::Path;
 
 /// Everything as text.
@@ -76,7 +75,7 @@ pub fn after_table_3(t: &Table3) -> String {
 }
 
 /// Errors on the ramp.
-pub fn ramp(v: &Verdict) -> Table {
+pub fn ramp(v: &Claim) -> Table {
     let rows = [("off", v.off_deg), ("naive", v.naive_deg), ("estimated", v.estimated_deg)];
     spreads(rows.into_iter())
 }
@@ -87,7 +86,7 @@ pub fn motions(paper: &Paper) -> Table {
 }
 
 /// The verdict in one sentence.
-pub fn sentence(v: &Verdict) -> String {
+pub fn sentence(v: &Claim) -> String {
     let (word, rest) =
         if v.holds { ("holds", "") } else { ("DOES NOT HOLD", " (expected: estimated within, naive beyond)") };
     format!(

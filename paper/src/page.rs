@@ -1,8 +1,8 @@
 //! The page: one self-contained XHTML document with every table and picture.
 
-use super::errors::Finding;
-use super::{Paper, text};
-use crate::table::Table;
+use crate::errors::Finding;
+use crate::{Paper, text};
+use krait_report::Table;
 
 /// The style of the page; no font or script is loaded from anywhere.
 const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;color:#222;max-width:62rem;margin:2rem auto;padding:0 1rem}\

@@ -1,9 +1,9 @@
 //! What each kind of compensation reaches where lines reverse and the plane turns, which the paper's ramp never shows.
 
-use super::bench::{Pose, follow, follow_compensated, vector_errors_deg};
-use crate::report::Spread;
+use crate::bench::{Pose, follow, follow_compensated, vector_errors_deg};
 use core::f64::consts::PI;
 use krait_model::{CompensationMode, CompensatorParameters, Snake};
+use krait_report::Spread;
 use krait_slave::Truth;
 use nalgebra::Vector2;
 use serde::Serialize;

@@ -1,8 +1,8 @@
 //! Table II: friction of the cone from ten pairs of weights, and what its errors really are.
 
-use crate::report::Spread;
 use anyhow::Context;
 use krait_model::{MachineParameters, fit_cone_friction};
+use krait_report::Spread;
 use serde::Serialize;
 
 /// The paper's Table II: weight at the snake's end, g, and at the actuator's end, g.

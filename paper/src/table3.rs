@@ -1,6 +1,6 @@
 //! Table III's kind of run: ten poses of a one-way ramp, photographed, and an estimate of eta and lambda after each.
 
-use super::bench::{Bench, RAMP_END_DEG, one_way_ramp};
+use crate::bench::{Bench, RAMP_END_DEG, one_way_ramp};
 use anyhow::{Context, ensure};
 use core::f64::consts::PI;
 use krait_model::{CompensationMode, Compensator, CompensatorParameters};

@@ -1,56 +1,12 @@
 //! The curves of Figs. 8 to 11, and of one more figure that the paper lacks: the way back.
 
-use super::GOAL_DEG;
-use super::bench::{Pose, RAMP_END_DEG, bend_error_deg, follow_compensated, one_way_ramp, there_and_back};
-use super::table3::Table3;
+use crate::GOAL_DEG;
+use crate::bench::{Pose, RAMP_END_DEG, bend_error_deg, follow_compensated, one_way_ramp, there_and_back};
+use crate::table3::Table3;
 use krait_model::{CompensationMode, CompensatorParameters, Snake};
+use krait_report::{Curve, Figure, Stroke};
 use krait_slave::Truth;
 use nalgebra::Vector2;
-use serde::Serialize;
-
-/// How a curve is drawn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Stroke {
-    /// A line.
-    Solid,
-    /// A dashed line.
-    Dashed,
-    /// Points without a line.
-    Dots,
-}
-
-/// One curve.
-#[derive(Clone, Debug, Serialize)]
-pub struct Curve {
-    /// What the legend says.
-    pub label: String,
-    /// Which colour, from 0; curves that belong together share one.
-    pub color_idx: usize,
-    /// How it is drawn.
-    pub stroke: Stroke,
-    /// (x, y) in the units of the axes.
-    pub points: Vec<(f64, f64)>,
-}
-
-/// One picture.
-#[derive(Clone, Debug, Serialize)]
-pub struct Figure {
-    /// Name of the picture's file.
-    pub file: String,
-    /// What it shows.
-    pub title: String,
-    /// Label of the x axis, with its unit.
-    pub x_label: String,
-    /// Label of the y axis, with its unit.
-    pub y_label: String,
-    /// Half-width of a shaded band around zero, in the unit of y.
-    pub band: Option<f64>,
-    /// The curves.
-    pub curves: Vec<Curve>,
-    /// What is ours in it, and what is known of the paper's.
-    pub caption: String,
-}
 
 /// The one-way ramp with each compensation, and the way back with two of them.
 pub struct Ramps {
@@ -76,7 +32,7 @@ impl Ramps {
             off: ramp(CompensationMode::Off)?,
             naive: ramp(CompensationMode::Naive)?,
             estimated: estimated_ramp(snake, truth, table)?,
-            back_as_printed: super::bench::follow(truth, &there_and_back(), printed)?,
+            back_as_printed: crate::bench::follow(truth, &there_and_back(), printed)?,
             back_with_signs: follow_compensated(snake, truth, &there_and_back(), estimated(table))?,
         })
     }

@@ -4,8 +4,8 @@ mod friction;
 mod kinematics;
 mod recursion;
 
-use super::table2::Table2;
-use super::table3::Table3;
+use crate::table2::Table2;
+use crate::table3::Table3;
 use krait_model::Snake;
 use krait_slave::Truth;
 use serde::Serialize;

@@ -3,8 +3,7 @@
 //! The drawing library places everything on whole pixels. It is given a canvas several times as large as the picture, which
 //! is then declared in the picture's size, so that lines are smooth.
 
-use super::figures::{Curve, Figure, Stroke};
-use anyhow::anyhow;
+use crate::{Curve, Figure, Stroke};
 use core::fmt::Display;
 use core::ops::Range;
 use plotters::coord::Shift;
@@ -41,13 +40,23 @@ const MARGIN: f64 = 0.06;
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
+/// A picture that cannot be drawn.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{file} cannot be drawn: {what}")]
+pub struct PlotError {
+    /// Name of the picture's file.
+    pub file: String,
+    /// What the drawing library says.
+    pub what: String,
+}
+
 /// The figure as the text of an SVG file.
 ///
 /// # Errors
-/// A drawing that cannot be made, which names the figure.
-pub fn svg(figure: &Figure) -> anyhow::Result<String> {
+/// [`PlotError`].
+pub fn svg(figure: &Figure) -> Result<String, PlotError> {
     let mut text = String::new();
-    draw(figure, &mut text).map_err(|what| anyhow!("{} cannot be drawn: {what}", figure.file))?;
+    draw(figure, &mut text).map_err(|what| PlotError { file: figure.file.clone(), what })?;
     let (width, height) = (WIDTH, height(figure));
     let declared = |w: i32, h: i32| format!("width=\"{w}\" height=\"{h}\"");
     Ok(text.replacen(&declared(width * UNITS, height * UNITS), &declared(width, height), 1))

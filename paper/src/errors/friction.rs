@@ -1,8 +1,8 @@
 //! Eqs. (11) to (18): loads, friction, and terms that are the same on every line.
 
 use super::{Finding, number};
-use crate::paper::bench::{follow, one_way_ramp, there_and_back};
-use crate::paper::table2::Table2;
+use crate::bench::{follow, one_way_ramp, there_and_back};
+use crate::table2::Table2;
 use krait_model::Snake;
 use krait_slave::Truth;
 use nalgebra::{Vector2, Vector3, Vector6};
@@ -73,8 +73,7 @@ pub fn loading_branch(snake: &Snake, truth: &Truth) -> anyhow::Result<Finding> {
     let poses =
         follow(&without_play, &there_and_back(), |b| snake.q(b) + snake.extension_as_printed(b, eta, 0.0).eps_m)?;
     let n_there = one_way_ramp().len();
-    let largest =
-        |poses: &[_]| poses.iter().map(super::super::bench::bend_error_deg).fold(0.0_f64, |m, e| m.max(e.abs()));
+    let largest = |poses: &[_]| poses.iter().map(crate::bench::bend_error_deg).fold(0.0_f64, |m, e| m.max(e.abs()));
     let (there, back) = poses.split_at(n_there.min(poses.len()));
     Ok(Finding {
         place: "Eq. (13)",

@@ -1,24 +1,24 @@
-//! The paper again, from its equations and a simulated bench: tables, figures and errors, each computed when asked for.
+//! krait-paper: the paper again, from its equations and a simulated bench: tables, figures and errors, each computed when asked for.
 //!
 //! The bench is the slave's simulated snake, whose plant shares no code with the model that compensates it. The paper's raw
 //! data are not available; of its figures we know what they show, not their points. Printed values are constants here
 //! and marked as such; every other number is computed.
 
+#![forbid(unsafe_code)]
+
 mod bench;
 mod errors;
-pub(crate) mod figures;
+mod figures;
 mod motions;
 mod page;
-pub(crate) mod plot;
 mod table2;
 mod table3;
 mod text;
 
-use crate::report::Spread;
 use anyhow::Context;
 use errors::Finding;
-use figures::Figure;
 use krait_model::{MachineParameters, Snake};
+use krait_report::{Figure, Spread, svg};
 use krait_slave::Truth;
 use motions::Row as MotionRow;
 use serde::Serialize;
@@ -46,12 +46,12 @@ pub struct Paper {
     /// The paper's errors.
     pub errors: Vec<Finding>,
     /// The line that has to hold.
-    pub verdict: Verdict,
+    pub verdict: Claim,
 }
 
 /// Error of the bend over the paper's one-way ramp, deg, and whether the paper's claim comes out.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct Verdict {
+pub struct Claim {
     /// The accuracy asked for, deg.
     pub goal_deg: f64,
     /// Without compensation.
@@ -103,7 +103,7 @@ impl Paper {
         };
         let mut pictures = Vec::new();
         for figure in &self.figures {
-            let svg = plot::svg(figure)?;
+            let svg = svg(figure)?;
             write(&figure.file, &svg)?;
             pictures.push(svg);
         }
@@ -114,7 +114,7 @@ impl Paper {
 /// The same estimation and ramp on benches whose cameras err differently.
 const N_SEEDS: u64 = 100;
 
-fn verdict(snake: &Snake, truth: &Truth, ramps: &figures::Ramps) -> anyhow::Result<Verdict> {
+fn verdict(snake: &Snake, truth: &Truth, ramps: &figures::Ramps) -> anyhow::Result<Claim> {
     let (mut n_within, mut worst_rms_of_seeds_deg) = (0_u32, 0.0_f64);
     for seed in 1..=N_SEEDS {
         let mut other = truth.clone();
@@ -127,7 +127,7 @@ fn verdict(snake: &Snake, truth: &Truth, ramps: &figures::Ramps) -> anyhow::Resu
     }
     let [off_deg, naive_deg, estimated_deg] =
         [&ramps.off, &ramps.naive, &ramps.estimated].map(|ramp| bench::bend_errors_deg(ramp));
-    Ok(Verdict {
+    Ok(Claim {
         goal_deg: GOAL_DEG,
         off_deg,
         naive_deg,

@@ -1,7 +1,7 @@
 //! Eqs. (19) to (22): the recursion as printed, on the ten photographs of our Table III run.
 
 use super::{Finding, number};
-use crate::paper::table3::Table3;
+use crate::table3::Table3;
 use krait_model::Snake;
 use nalgebra::{Matrix2, Matrix3x2, Vector2, Vector3};
 

@@ -1,8 +1,8 @@
 //! The simulated bench: the slave's snake under a camera, commanded pose by pose.
 
-use crate::report::Spread;
 use core::f64::consts::PI;
 use krait_model::{Compensator, CompensatorParameters, Snake};
+use krait_report::Spread;
 use krait_slave::{Drive, ShapeReading, SimulatedSnake, Truth};
 use nalgebra::{Vector2, Vector3};
 

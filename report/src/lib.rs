@@ -1,0 +1,23 @@
+//! krait-report: the figures of a recording or of a running chain, and how they are shown.
+//!
+//! Purpose: every command and page that states a figure takes it from here, so that the same file gives the same number.
+//!
+//! Terms: a *pass* is one run of a chain within a recording; a *spread* is root mean square, 95th percentile and largest
+//! value; a *hop* goes from the moment that one stage has published to the moment that the next has.
+//!
+//! Frames and units: see `docs/NOTATION.md`. Angles are degrees here, latencies microseconds, and every name says so.
+#![forbid(unsafe_code)]
+
+mod figure;
+mod latency;
+mod pass;
+mod plot;
+mod spread;
+mod table;
+
+pub use figure::{Curve, Figure, Stroke};
+pub use latency::{HopReport, LatencyLog, LatencyReport, Quantiles};
+pub use pass::{ChangeReport, PassLog, PassReport, PeakBend, SCORED_FROM_S};
+pub use plot::{PlotError, svg};
+pub use spread::Spread;
+pub use table::Table;
