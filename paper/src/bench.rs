@@ -3,7 +3,8 @@
 use core::f64::consts::PI;
 use krait_model::{Compensator, CompensatorParameters, Snake};
 use krait_report::Spread;
-use krait_slave::{Drive, ShapeReading, SimulatedSnake, Truth};
+use krait_sim::{SimulatedSnake, Truth};
+use krait_slave::{Drive, ShapeReading};
 use nalgebra::{Vector2, Vector3};
 
 /// Bend at the end of the paper's kind of ramp, deg.

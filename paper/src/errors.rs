@@ -7,7 +7,7 @@ mod recursion;
 use crate::table2::Table2;
 use crate::table3::Table3;
 use krait_model::Snake;
-use krait_slave::Truth;
+use krait_sim::Truth;
 use serde::Serialize;
 
 /// One error.

@@ -5,7 +5,7 @@ use crate::bench::{Pose, RAMP_END_DEG, bend_error_deg, follow_compensated, one_w
 use crate::table3::Table3;
 use krait_model::{CompensationMode, CompensatorParameters, Snake};
 use krait_report::{Curve, Figure, Stroke};
-use krait_slave::Truth;
+use krait_sim::Truth;
 use nalgebra::Vector2;
 
 /// The one-way ramp with each compensation, and the way back with two of them.

@@ -19,7 +19,7 @@ use anyhow::Context;
 use errors::Finding;
 use krait_model::{MachineParameters, Snake};
 use krait_report::{Figure, Spread, svg};
-use krait_slave::Truth;
+use krait_sim::Truth;
 use motions::Row as MotionRow;
 use serde::Serialize;
 use std::path::Path;

@@ -4,7 +4,7 @@ use crate::bench::{Pose, follow, follow_compensated, vector_errors_deg};
 use core::f64::consts::PI;
 use krait_model::{CompensationMode, CompensatorParameters, Snake};
 use krait_report::Spread;
-use krait_slave::Truth;
+use krait_sim::Truth;
 use nalgebra::Vector2;
 use serde::Serialize;
 

@@ -5,7 +5,7 @@ use anyhow::{Context, ensure};
 use core::f64::consts::PI;
 use krait_model::{CompensationMode, Compensator, CompensatorParameters};
 use krait_model::{EstimateOutcome, Estimator, EstimatorParameters, Snake};
-use krait_slave::Truth;
+use krait_sim::Truth;
 use nalgebra::{Vector2, Vector3};
 use serde::Serialize;
 

@@ -1,6 +1,6 @@
 //! The slave's configuration, checked before anything moves.
 
-use crate::{Limits, TruthError};
+use crate::Limits;
 use krait_ipc::{LatencyLimits, WaitMode};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -9,7 +9,7 @@ use std::path::PathBuf;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SlaveConfig {
-    /// Truth file of the simulated snake; none: the built-in default snake (`slave/truth/default.toml`).
+    /// Truth file of the simulated snake; none: the built-in default snake (`sim/truth/default.toml`).
     pub truth: Option<PathBuf>,
     /// How the slave waits for commands. Default ahead: cores are shared, and commands come at a steady rate.
     pub wait: WaitMode,
@@ -73,19 +73,6 @@ pub enum ConfigError {
         /// The watchdog's limit, ms.
         watchdog_ms: f64,
     },
-    /// The limiter would allow what the simulated drives cannot do.
-    #[error(
-        "slave configuration: limits.stroke_m is {stroke_m}, expected at most the travel {travel_m} m of the simulated drives; lower it, or raise drive.travel_m in the truth file"
-    )]
-    StrokeBeyondTravel {
-        /// The limit, m.
-        stroke_m: f64,
-        /// Distance of the hard stops, m.
-        travel_m: f64,
-    },
-    /// The truth file was refused.
-    #[error(transparent)]
-    Truth(#[from] TruthError),
 }
 
 impl SlaveConfig {

@@ -2,7 +2,7 @@
 
 use crate::latency::LatencyWatch;
 use crate::slave_core::GAP_NS;
-use crate::{ConfigError, Drive, ShapeReading, SimulatedSnake, SlaveConfig, SlaveCore, Truth};
+use crate::{ConfigError, Drive, ShapeReading, SlaveConfig, SlaveCore};
 use core::f64::consts::FRAC_PI_2;
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
@@ -20,7 +20,7 @@ const REFUSAL_LOG_NS: i64 = 1_000_000_000;
 /// The slave could not start or go on. It has stopped the drives and taken their power away.
 #[derive(Debug, thiserror::Error)]
 pub enum SlaveError {
-    /// The configuration or the truth file was refused.
+    /// The configuration was refused.
     #[error(transparent)]
     Config(#[from] ConfigError),
     /// A channel failed.
@@ -28,31 +28,8 @@ pub enum SlaveError {
     Ipc(#[from] IpcError),
 }
 
-/// Runs the slave on the simulated snake until `stop`: publishes `SlaveState` at 1 kHz or with every command, `Shape` at the
-/// rate of the camera, and health ten times a second, the first of which says that it is ready.
-///
-/// # Errors
-/// [`SlaveError`]; whatever happens the drives are stopped smoothly and disabled first.
-pub fn run(bus: &Bus, config: &SlaveConfig, stop: &AtomicBool) -> Result<(), SlaveError> {
-    run_with_drive(bus, config, simulated(config)?, stop)
-}
-
-/// The simulated snake that a configuration asks for.
-pub(crate) fn simulated(config: &SlaveConfig) -> Result<SimulatedSnake, ConfigError> {
-    config.check()?;
-    let truth = match &config.truth {
-        Some(path) => Truth::load(path)?,
-        None => Truth::default(),
-    };
-    let (stroke_m, travel_m) = (config.limits.stroke_m, truth.drive.travel_m);
-    if stroke_m > travel_m {
-        return Err(ConfigError::StrokeBeyondTravel { stroke_m, travel_m });
-    }
-    Ok(SimulatedSnake::new(&truth))
-}
-
 /// A measured shape as a message.
-pub(crate) fn shape_message(sequence: u64, now_ns: i64, shape: &ShapeReading) -> Shape {
+pub fn shape_message(sequence: u64, now_ns: i64, shape: &ShapeReading) -> Shape {
     let [x, y] = shape.bend_rad;
     Shape {
         sequence,
@@ -66,10 +43,11 @@ pub(crate) fn shape_message(sequence: u64, now_ns: i64, shape: &ShapeReading) ->
     }
 }
 
-/// The same on any drive.
+/// Runs the slave on a drive until `stop`: publishes `SlaveState` at 1 kHz or with every command, `Shape` at the rate of the
+/// drive's camera, and health ten times a second, the first of which says that it is ready.
 ///
 /// # Errors
-/// As [`run`].
+/// [`SlaveError`]; whatever happens the drives are stopped smoothly and disabled first.
 pub fn run_with_drive<D: Drive>(
     bus: &Bus,
     config: &SlaveConfig,

@@ -98,6 +98,16 @@ impl<D: Drive> SlaveCore<D> {
         &mut self.drive
     }
 
+    /// Whether a search for zero is under way.
+    pub fn is_busy(&self) -> bool {
+        self.machine.is_busy()
+    }
+
+    /// Commands that were refused.
+    pub fn n_refused(&self) -> u64 {
+        self.n_refused
+    }
+
     /// Whether commands are being executed.
     pub fn is_following(&self) -> bool {
         self.motion == Motion::Following

@@ -3,9 +3,8 @@
 
 use krait_ipc::message::{Command, HopStamps, OperatingState, Phase, SlaveState, StateCommand, Transition};
 use krait_ipc::{Reason, Reasons};
-use krait_slave::{
-    Drive, DriveError, DriveReading, Homing, SimulatedSnake, SlaveConfig, SlaveCore, TransitionRefused, Truth,
-};
+use krait_sim::{SimulatedSnake, Truth};
+use krait_slave::{Drive, DriveError, DriveReading, Homing, SlaveConfig, SlaveCore, TransitionRefused};
 
 const MS: i64 = 1_000_000;
 const DIRECTION: [f64; 3] = [-1.0, 0.5, 0.5];

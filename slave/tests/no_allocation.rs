@@ -6,7 +6,8 @@ mod allocations;
 
 use allocations::allocations_of;
 use krait_ipc::message::{Command, HopStamps, Phase, Transition};
-use krait_slave::{Drive, SimulatedSnake, SlaveConfig, SlaveCore, Truth};
+use krait_sim::{SimulatedSnake, Truth};
+use krait_slave::{Drive, SlaveConfig, SlaveCore};
 
 #[test]
 fn writing_reading_and_looking_at_the_simulated_snake_allocates_nothing() {

@@ -8,7 +8,8 @@ use krait_ipc::message::{
     Command, Health, HopStamps, OperatingState, Phase, Shape, SlaveState, StateCommand, Transition,
 };
 use krait_ipc::{Bus, ReadOptions, Reader, Reason, Reasons, Writer, health_channel};
-use krait_slave::{SlaveConfig, SlaveError, run};
+use krait_sim::{SimError, run};
+use krait_slave::SlaveConfig;
 use std::thread;
 
 const DIRECTION: [f64; 3] = [-1.0, 0.5, 0.5];
@@ -118,7 +119,7 @@ impl Drop for Stops<'_> {
     }
 }
 
-fn with_slave(test: &str, config: &SlaveConfig, talk: impl FnOnce(&mut Others)) -> (Others, Result<(), SlaveError>) {
+fn with_slave(test: &str, config: &SlaveConfig, talk: impl FnOnce(&mut Others)) -> (Others, Result<(), SimError>) {
     let instance = format!("t-slave-{test}-{}", std::process::id());
     let stop = AtomicBool::new(false);
     let bus = Bus::open(&instance, "test").unwrap();

@@ -1,7 +1,7 @@
 //! The sealed answer of generated data, and the data as CSV.
 
 use super::{Generated, Kind, Recipe};
-use krait_slave::Truth;
+use krait_sim::Truth;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -98,7 +98,7 @@ fn significant(value: f64) -> f64 {
 
 /// Every value of a truth that differs from the plant without effects.
 fn differences(truth: &Truth) -> BTreeMap<String, serde_json::Value> {
-    let neutral = Truth { effects: krait_slave::EffectsTruth::none(), ..Truth::default() };
+    let neutral = Truth { effects: krait_sim::EffectsTruth::none(), ..Truth::default() };
     let values = |truth: &Truth| serde_json::to_value(truth).unwrap_or_default();
     let (found, neutral) = (values(truth), values(&neutral));
     let mut different = BTreeMap::new();

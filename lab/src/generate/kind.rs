@@ -2,7 +2,7 @@
 
 use super::random::Random;
 use core::f64::consts::TAU;
-use krait_slave::Truth;
+use krait_sim::Truth;
 
 const K1: &[&str] = &["stiffness-scale", "radius-error", "camera-scale", "actuator-compliance"];
 const K2: &[&str] = &["backlash", "static-friction", "bouc-wen", "prandtl-ishlinskii"];

@@ -23,7 +23,8 @@ use crate::{Measurements, Quantity};
 use core::f64::consts::SQRT_2;
 use kind::Draw;
 use krait_model::{ChainError, MachineParameters};
-use krait_slave::{DriveError, EffectsTruth, Truth, TruthError};
+use krait_sim::{EffectsTruth, Truth, TruthError};
+use krait_slave::DriveError;
 use random::{Purpose, Random};
 
 /// Rounds of the search for an amplitude; each comes about ten times nearer.

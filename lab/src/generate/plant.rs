@@ -2,7 +2,8 @@
 
 use super::GenerateError;
 use krait_model::{Chain, ChainSettings, Circumstances, Columns, MachineParameters};
-use krait_slave::{Drive, SimulatedSnake, Truth};
+use krait_sim::{SimulatedSnake, Truth};
+use krait_slave::Drive;
 use nalgebra::Vector2;
 
 /// The plant's steps between two rows: finer than what a model sees.

@@ -3,7 +3,7 @@
 use crate::cli::PaperArgs;
 use crate::print;
 use krait_paper::{Paper, default_truth, terminal};
-use krait_slave::Truth;
+use krait_sim::Truth;
 use std::process::ExitCode;
 
 /// Computes everything, writes the pictures and the page, prints the tables; fails if the paper's claim does not come out.

@@ -63,10 +63,10 @@ fn run_named(common: &Common, process: &Process, name: &str) -> anyhow::Result<(
             run(&bus, &config.machine, eta, lambda_m, config.estimate, chain.as_ref(), &stop)?;
         }
         Process::Slave(args) => match args.recorded_time_ns {
-            Some(start_ns) => krait_slave::run_in_recorded_time(&bus, &config.slave, start_ns, &stop)?,
+            Some(start_ns) => krait_sim::run_in_recorded_time(&bus, &config.slave, start_ns, &stop)?,
             None => {
                 let latency_limits = config.budget.latency_limits();
-                krait_slave::run(&bus, &SlaveConfig { latency_limits, ..config.slave.clone() }, &stop)?;
+                krait_sim::run(&bus, &SlaveConfig { latency_limits, ..config.slave.clone() }, &stop)?;
             }
         },
         Process::Record => {

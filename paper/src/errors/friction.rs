@@ -4,7 +4,7 @@ use super::{Finding, number};
 use crate::bench::{follow, one_way_ramp, there_and_back};
 use crate::table2::Table2;
 use krait_model::Snake;
-use krait_slave::Truth;
+use krait_sim::Truth;
 use nalgebra::{Vector2, Vector3, Vector6};
 
 /// Eq. (11)'s wrench is one that the snake exerts.
@@ -12,7 +12,7 @@ pub fn sign_of_the_wrench(snake: &Snake, truth: &Truth) -> anyhow::Result<Findin
     let (bend, force_n) = (Vector2::new(45_f64.to_radians(), 0.0), 0.5);
     let helping = Vector6::new(force_n, 0.0, 0.0, 0.0, 0.0, 0.0);
     let mut pushed_truth = truth.clone();
-    pushed_truth.effects = krait_slave::EffectsTruth::none();
+    pushed_truth.effects = krait_sim::EffectsTruth::none();
     let free_truth = pushed_truth.clone();
     pushed_truth.effects.tip_force_in_base_n = [force_n, 0.0];
     // Each bench reaches 45 deg by itself: its command is that of the frictionless snake under the same force.

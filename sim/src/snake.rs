@@ -1,12 +1,12 @@
 //! The simulated snake as a drive: plant, encoders, line loads and camera behind the trait that hardware implements.
 
-use super::camera::Camera;
-use super::encoders::Encoders;
-use super::noise::Noise;
-use super::plant::Plant;
-use super::sight::Sight;
-use super::truth::Truth;
-use crate::drive::{Drive, DriveError, DriveReading, Homing, ShapeReading};
+use crate::camera::Camera;
+use crate::encoders::Encoders;
+use crate::noise::Noise;
+use crate::plant::Plant;
+use crate::sight::Sight;
+use crate::truth::Truth;
+use krait_slave::{Drive, DriveError, DriveReading, Homing, ShapeReading};
 
 /// Longest time that one step of the search for zero accounts for: a search that was not continued does not jump.
 const MAX_HOME_STEP_NS: i64 = 5_000_000;

@@ -14,7 +14,7 @@ pub enum TruthError {
         source_text: String,
     },
     /// The text is no TOML, or a value is of the wrong kind.
-    #[error("truth file {file}, line {line} cannot be understood: {message}; compare with slave/truth/default.toml")]
+    #[error("truth file {file}, line {line} cannot be understood: {message}; compare with sim/truth/default.toml")]
     NotToml {
         /// Its path.
         file: String,

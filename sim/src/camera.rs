@@ -2,9 +2,9 @@
 //!
 //! A camera whose clock is wrong stamps a frame that shows the past; it remembers what it needs of it.
 
-use super::noise::Noise;
-use super::truth::CameraTruth;
-use crate::drive::ShapeReading;
+use crate::noise::Noise;
+use crate::truth::CameraTruth;
+use krait_slave::ShapeReading;
 use std::collections::VecDeque;
 
 /// Frames that may be under way at once: more than the longest latency times the highest rate.

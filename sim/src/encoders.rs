@@ -1,6 +1,6 @@
 //! What encoders read of where the actuators are: zero, scale, the screws' periodic error, and back.
 
-use super::hidden::EncodersTruth;
+use crate::hidden::EncodersTruth;
 use core::f64::consts::TAU;
 
 /// Rounds of the inverse of the screws' error; each gains a factor of at least 1.6 and with usual screws 16.

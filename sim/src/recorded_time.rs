@@ -3,12 +3,13 @@
 //! Only the simulation can be had here: a real drive's watchdog, limits and brakes stay on the machine's clock.
 //! Everything else is the slave as ever: the same core, limiter, watchdog and braking, told another time.
 
-use crate::process::{SlaveError, shape_message, simulated};
-use crate::{Drive, SimulatedSnake, SlaveConfig, SlaveCore};
+use crate::SimulatedSnake;
+use crate::process::{SimError, simulated};
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use krait_ipc::message::{Command, Shape, SlaveState, StateCommand, Transition};
 use krait_ipc::{Bus, HealthReporter, IpcError, ReadOptions, Reader, Writer, clock};
+use krait_slave::{Drive, SlaveConfig, SlaveCore, shape_message};
 
 /// One tick of the slave's time, ns.
 const TICK_NS: i64 = 1_000_000;
@@ -23,13 +24,8 @@ const MOST_HOMING_TICKS: i64 = 100_000;
 /// exactly one state for each command, after the shapes of the same instant.
 ///
 /// # Errors
-/// [`SlaveError`] when the configuration is refused or a channel fails.
-pub fn run_in_recorded_time(
-    bus: &Bus,
-    config: &SlaveConfig,
-    start_ns: i64,
-    stop: &AtomicBool,
-) -> Result<(), SlaveError> {
+/// [`SimError`] when the configuration is refused or a channel fails.
+pub fn run_in_recorded_time(bus: &Bus, config: &SlaveConfig, start_ns: i64, stop: &AtomicBool) -> Result<(), SimError> {
     let drive = simulated(config)?;
     let mut slave = Slave {
         core: SlaveCore::new(drive, config),
@@ -100,7 +96,7 @@ impl Slave {
                 tracing::warn!(sender_pid = command.sender_pid, "{refused}");
             }
             let mut n_ticks = 0;
-            while self.core.machine.is_busy() && n_ticks < MOST_HOMING_TICKS {
+            while self.core.is_busy() && n_ticks < MOST_HOMING_TICKS {
                 self.now_ns += TICK_NS;
                 self.core.on_tick(self.now_ns);
                 n_ticks += 1;
@@ -127,7 +123,7 @@ impl Slave {
         self.health.count_readers(&[self.commands.counts(), self.state_commands.counts()]);
         let health = self.health.health_mut();
         health.n_sent = self.states.n_sent() + self.shapes.n_sent();
-        health.n_refused = self.core.n_refused + self.commands.n_out_of_order();
+        health.n_refused = self.core.n_refused() + self.commands.n_out_of_order();
     }
 
     fn end(&mut self) -> Result<(), IpcError> {

@@ -4,7 +4,7 @@
 //! the angle is read off the place of a tip whose curvature may grow along the snake; cross-talk of the components; the
 //! camera's own scale and tilt, and a sway of the whole snake. A plane that slips remembers: dφ = k (b_x db_y - b_y db_x), and φ shrinks with the bend.
 
-use super::hidden::SightTruth;
+use crate::hidden::SightTruth;
 use core::f64::consts::TAU;
 
 /// Gauss-Legendre nodes and weights on (0, 1), four points: exact to 1e-9 for curvatures that grow linearly.

@@ -18,10 +18,10 @@
 //! Failure cases: a tip force makes Φ slightly less convex and its curvature is left out of the tangent, which costs
 //! iterations, not accuracy; so do strong detents. If [`MAX_ITERATIONS`] do not suffice the last iterate is kept and counted.
 
-use super::bending::Bending;
-use super::ends::Ends;
-use super::line::{Compliance, Line, Load, Memory};
-use super::truth::Truth;
+use crate::bending::Bending;
+use crate::ends::Ends;
+use crate::line::{Compliance, Line, Load, Memory};
+use crate::truth::Truth;
 use core::f64::consts::{FRAC_PI_3, PI};
 
 /// Longest step along a path: a quarter of the smallest play worth simulating; finer steps change nothing measurable.

@@ -13,7 +13,7 @@
 //!
 //! Failure cases: the lateral force and the detents are left out of the tangent, which costs iterations, not accuracy.
 
-use super::truth::Truth;
+use crate::truth::Truth;
 use core::f64::consts::PI;
 
 /// Stiffness of the spring of bend friction in units of the snake's own: stiff enough to stick visibly.
@@ -231,7 +231,7 @@ struct LengthSum {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::hidden::BendingTruth;
+    use crate::hidden::BendingTruth;
 
     fn bending(bending: BendingTruth) -> Bending {
         let directions = core::array::from_fn(|i| {

@@ -1,7 +1,7 @@
 //! The truth file: what the simulated snake really is, including effects that the model may lack.
 
-use super::hidden::{BendingTruth, EncodersTruth, LinesTruth, Range, SightTruth, SlowTruth};
-use super::truth_error::{self, TruthError};
+use crate::hidden::{BendingTruth, EncodersTruth, LinesTruth, Range, SightTruth, SlowTruth};
+use crate::truth_error::{self, TruthError};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -239,7 +239,7 @@ mod tests {
 
     #[test]
     fn the_shipped_truth_file_equals_the_defaults_and_names_every_key() {
-        let text = include_str!("../../truth/default.toml");
+        let text = include_str!("../truth/default.toml");
         assert_eq!(Truth::parse(text, "default.toml").unwrap(), Truth::default());
         let shipped: toml::Table = text.parse().unwrap();
         let known = toml::Table::try_from(Truth::default()).unwrap();

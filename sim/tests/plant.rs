@@ -2,7 +2,8 @@
 #![allow(clippy::unwrap_used, clippy::panic)] // Helpers of tests fail as tests do.
 
 use core::f64::consts::PI;
-use krait_slave::{Drive, EffectsTruth, SimulatedSnake, Truth};
+use krait_sim::{EffectsTruth, SimulatedSnake, Truth};
+use krait_slave::Drive;
 use proptest::prelude::*;
 
 const R_M: f64 = 1.684e-3;

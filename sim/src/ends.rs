@@ -7,7 +7,7 @@
 //! - Creep (standard linear solid): a slow stretch x, dx/dt = (a C τ - x) / T, solved exactly for a load held over the step.
 //! - Slow: a shift that grows as 1 - e^(-t/T), and others that come at once at a time.
 
-use super::hidden::{LinesTruth, SlowTruth};
+use crate::hidden::{LinesTruth, SlowTruth};
 
 /// Sliders of one line: enough that their corners are finer than any camera sees.
 const N_SLIDERS: usize = 24;

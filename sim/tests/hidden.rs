@@ -2,9 +2,8 @@
 #![allow(clippy::unwrap_used, clippy::panic)] // Helpers of tests fail as tests do.
 
 use core::f64::consts::PI;
-use krait_slave::{
-    BendingTruth, Drive, EffectsTruth, EncodersTruth, LinesTruth, SightTruth, SimulatedSnake, SlowTruth, Truth,
-};
+use krait_sim::{BendingTruth, EffectsTruth, EncodersTruth, LinesTruth, SightTruth, SimulatedSnake, SlowTruth, Truth};
+use krait_slave::Drive;
 
 const MS: i64 = 1_000_000;
 const DEG: f64 = PI / 180.0;
