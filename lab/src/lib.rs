@@ -5,13 +5,11 @@
 #![forbid(unsafe_code)]
 
 mod add;
-pub mod benchmark;
 pub mod compare;
 pub mod diagnose;
 mod error;
 pub mod experiment;
 pub mod fit;
-pub mod generate;
 pub mod machine;
 mod measurements;
 pub mod noise;

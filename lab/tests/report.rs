@@ -3,11 +3,11 @@
 
 use krait_lab::compare::compare;
 use krait_lab::diagnose::{DiagnoseOptions, diagnose};
-use krait_lab::generate::{Kind, Recipe, generate};
 use krait_lab::machine::{JointsLab, Machine, SnakeLab};
 use krait_lab::read::{ColumnMap, read};
 use krait_lab::report::{Origin, added_page, comparison_page, diagnosis_page, history_page};
 use krait_lab::{AddOptions, Measurements, Term, add};
+use krait_lab_benchmark::generate::{Kind, Recipe, generate};
 use krait_model::model_file::ModelFile;
 
 const HOSTILE: &str = "</script><script>alert(1)</script><img src=x onerror=\"alert('2')\">&.csv";

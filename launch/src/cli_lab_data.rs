@@ -1,7 +1,7 @@
 //! The command line of generated data: `krait lab generate` and `krait lab benchmark`.
 
 use clap::Args;
-use krait_lab::generate::{Motion, Noise};
+use krait_lab_benchmark::generate::{Motion, Noise};
 use std::path::PathBuf;
 
 /// Options of `krait lab generate`.

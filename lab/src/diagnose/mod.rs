@@ -17,7 +17,7 @@ mod rhythm;
 pub mod screen;
 pub mod search;
 pub mod sign_flip;
-pub(crate) mod structure;
+pub mod structure;
 mod verdict;
 mod working;
 

@@ -1,7 +1,7 @@
 //! HTML by hand: escaping of everything that comes from outside, and tables.
 
 /// Text that no browser takes for markup, in content and in quoted attributes.
-pub(crate) fn escape(text: &str) -> String {
+pub fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for letter in text.chars() {
         match letter {
@@ -19,7 +19,7 @@ pub(crate) fn escape(text: &str) -> String {
 }
 
 /// A table of escaped cells.
-pub(crate) fn table(head: &[&str], rows: &[Vec<String>]) -> String {
+pub fn table(head: &[&str], rows: &[Vec<String>]) -> String {
     let cells = |tag: &str, row: &mut dyn Iterator<Item = &str>| -> String {
         row.map(|cell| format!("<{tag}>{}</{tag}>", escape(cell))).collect()
     };

@@ -5,11 +5,11 @@
 
 mod correlation;
 mod direction;
-pub(crate) mod html;
+pub mod html;
 mod memory;
 mod overlay;
-pub(crate) mod page;
-pub(crate) mod picture;
+pub mod page;
+pub mod picture;
 mod places;
 mod rows;
 mod tables;

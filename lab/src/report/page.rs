@@ -6,7 +6,7 @@ use crate::Measurements;
 use plotly::Plot;
 
 /// A page that grows section by section.
-pub(crate) struct Page {
+pub struct Page {
     text: String,
     foot: String,
     n_pictures: usize,
@@ -23,7 +23,7 @@ footer{margin-top:3rem;color:#555;font-size:.85rem;overflow-wrap:anywhere}";
 
 impl Page {
     /// A page without sections; the foot tells the data's name and hash where there are any.
-    pub(crate) fn new(title: &str, origin: Origin, data: &Measurements, seed: Option<u64>) -> Self {
+    pub fn new(title: &str, origin: Origin, data: &Measurements, seed: Option<u64>) -> Self {
         let mut rows = vec![
             vec!["command".to_owned(), origin.command.to_owned()],
             vec!["version".to_owned(), origin.version.to_owned()],
@@ -35,7 +35,7 @@ impl Page {
     }
 
     /// A page with these rows at its foot.
-    pub(crate) fn with_foot(title: &str, rows: &[Vec<String>]) -> Self {
+    pub fn with_foot(title: &str, rows: &[Vec<String>]) -> Self {
         let title = escape(title);
         let text = format!(
             "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>{title}</title>\n\
@@ -46,12 +46,12 @@ impl Page {
     }
 
     /// Adds markup that is escaped already.
-    pub(crate) fn push(&mut self, markup: String) {
+    pub fn push(&mut self, markup: String) {
         self.text += &markup;
     }
 
     /// Adds a heading and pictures.
-    pub(crate) fn section(&mut self, heading: &str, pictures: Vec<Picture>) {
+    pub fn section(&mut self, heading: &str, pictures: Vec<Picture>) {
         self.text += &format!("<h2>{}</h2>\n", escape(heading));
         for picture in pictures {
             self.n_pictures += 1;
@@ -60,7 +60,7 @@ impl Page {
     }
 
     /// The whole page.
-    pub(crate) fn finish(self) -> String {
+    pub fn finish(self) -> String {
         format!("{}<footer>\n{}</footer>\n</body>\n</html>\n", self.text, self.foot)
     }
 }

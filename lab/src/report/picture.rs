@@ -6,10 +6,10 @@ use plotly::layout::{Axis, Legend};
 use plotly::{Configuration, Layout, Plot, Scatter, Trace};
 
 /// Colours that also the colour-blind tell apart: measurement, model as given, model with effects, others.
-pub(crate) const COLOURS: [&str; 6] = ["#444444", "#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00"];
+pub const COLOURS: [&str; 6] = ["#444444", "#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00"];
 
 /// A picture, or the sentence that says why there is none.
-pub(crate) struct Picture {
+pub struct Picture {
     title: String,
     sentence: String,
     plot: Option<Plot>,
@@ -17,12 +17,12 @@ pub(crate) struct Picture {
 
 impl Picture {
     /// A picture of these traces over named axes.
-    pub(crate) fn new(title: &str, sentence: &str, x: &str, y: &str, traces: Vec<Box<dyn Trace>>) -> Self {
+    pub fn new(title: &str, sentence: &str, x: &str, y: &str, traces: Vec<Box<dyn Trace>>) -> Self {
         Self::with_layout(title, sentence, layout(x, y), traces)
     }
 
     /// A picture with its own layout.
-    pub(crate) fn with_layout(title: &str, sentence: &str, layout: Layout, traces: Vec<Box<dyn Trace>>) -> Self {
+    pub fn with_layout(title: &str, sentence: &str, layout: Layout, traces: Vec<Box<dyn Trace>>) -> Self {
         let mut plot = Plot::new();
         plot.add_traces(traces);
         plot.set_layout(layout);
@@ -31,12 +31,12 @@ impl Picture {
     }
 
     /// No picture, and why.
-    pub(crate) fn none(title: &str, why: &str) -> Self {
+    pub fn none(title: &str, why: &str) -> Self {
         Self { title: title.to_owned(), sentence: why.to_owned(), plot: None }
     }
 
     /// Its markup; `number` makes its name on the page.
-    pub(crate) fn markup(&self, number: usize) -> String {
+    pub fn markup(&self, number: usize) -> String {
         let head =
             format!("<figure>\n<figcaption><b>{}.</b> {}</figcaption>\n", escape(&self.title), escape(&self.sentence));
         let Some(plot) = &self.plot else { return head + "</figure>\n" };
@@ -50,7 +50,7 @@ impl Picture {
 }
 
 /// Named axes, the legend above.
-pub(crate) fn layout(x: &str, y: &str) -> Layout {
+pub fn layout(x: &str, y: &str) -> Layout {
     let legend = Legend::new().y(1.02).y_anchor(plotly::common::Anchor::Bottom);
     let legend = legend.orientation(plotly::common::Orientation::Horizontal);
     Layout::new()
@@ -62,36 +62,30 @@ pub(crate) fn layout(x: &str, y: &str) -> Layout {
 }
 
 /// A named axis.
-pub(crate) fn axis(title: &str) -> Axis {
+pub fn axis(title: &str) -> Axis {
     Axis::new().title(plain(title))
 }
 
 /// A curve.
-pub(crate) fn line(name: &str, colour: usize, x: Vec<f64>, y: Vec<f64>) -> Box<Scatter<f64, f64>> {
+pub fn line(name: &str, colour: usize, x: Vec<f64>, y: Vec<f64>) -> Box<Scatter<f64, f64>> {
     let own = Line::new().color(COLOURS[colour % COLOURS.len()]).width(1.5);
     Scatter::new(thin(x), thin(y)).mode(Mode::Lines).name(plain(name)).line(own)
 }
 
 /// A curve of the machine's output of this number: the first one is drawn through, others are dashed.
-pub(crate) fn output_line(
-    name: &str,
-    colour: usize,
-    output: usize,
-    x: Vec<f64>,
-    y: Vec<f64>,
-) -> Box<Scatter<f64, f64>> {
+pub fn output_line(name: &str, colour: usize, output: usize, x: Vec<f64>, y: Vec<f64>) -> Box<Scatter<f64, f64>> {
     const DASHES: [DashType; 4] = [DashType::Solid, DashType::Dash, DashType::Dot, DashType::DashDot];
     let own = Line::new().color(COLOURS[colour % COLOURS.len()]).width(1.5).dash(DASHES[output % DASHES.len()].clone());
     line(name, colour, x, y).line(own)
 }
 
 /// A name in which the plotting script finds no markup of its own.
-pub(crate) fn plain(name: &str) -> String {
+pub fn plain(name: &str) -> String {
     escape(name)
 }
 
 /// Five digits are more than any screen shows, and a third of the bytes.
-pub(crate) fn short(value: f64) -> f64 {
+pub fn short(value: f64) -> f64 {
     if value.is_finite() { format!("{value:.4e}").parse().unwrap_or(value) } else { f64::NAN }
 }
 

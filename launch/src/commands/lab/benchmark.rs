@@ -3,7 +3,7 @@
 use crate::cli_lab_data::BenchmarkArgs;
 use crate::print;
 use anyhow::Context;
-use krait_lab::benchmark::{Options, Outcome, Rate, Summary, grid, page, run as work};
+use krait_lab_benchmark::benchmark::{Options, Outcome, Rate, Summary, grid, page, run as work};
 use krait_report::Table;
 use std::process::ExitCode;
 

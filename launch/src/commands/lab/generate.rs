@@ -4,7 +4,7 @@ use crate::cli_lab_data::GenerateArgs;
 use crate::print;
 use anyhow::{Context, bail};
 use krait_ipc::clock;
-use krait_lab::generate::{KINDS, Kind, Recipe, Sealed, generate, pick};
+use krait_lab_benchmark::generate::{KINDS, Kind, Recipe, Sealed, generate, pick};
 use serde_json::json;
 use std::process::ExitCode;
 

@@ -1,7 +1,7 @@
 //! Pictures of a benchmark: the rate of right first names by size and motion, and the lab beside simpler rules.
 
 use super::{Rate, Summary};
-use crate::report::picture::{COLOURS, Picture, layout, plain, short};
+use krait_lab::report::picture::{COLOURS, Picture, layout, plain, short};
 use plotly::common::{ErrorData, ErrorType, Marker, Mode};
 use plotly::{Bar, Scatter, Trace};
 use std::collections::BTreeMap;

@@ -1,8 +1,10 @@
 //! Data with a hidden effect: sizes as asked for, answers that name effects of the catalogue, files that prove themselves.
 #![allow(clippy::unwrap_used, clippy::panic)] // Helpers of tests fail as tests do.
 
-use krait_lab::generate::{Answer, GenerateError, KINDS, Kind, Motion, Noise, Recipe, base_model, generate, pick};
 use krait_lab::machine::{Machine, SnakeLab};
+use krait_lab_benchmark::generate::{
+    Answer, GenerateError, KINDS, Kind, Motion, Noise, Recipe, base_model, generate, pick,
+};
 use krait_model::effects::EffectKind;
 use krait_model::model_file::ModelFile;
 use std::collections::BTreeSet;

@@ -2,9 +2,9 @@
 
 use super::baseline::{self, Baselines};
 use super::{Cell, Group};
-use crate::diagnose::{DiagnoseOptions, Diagnosis, FoundEffect, Verdict, diagnose};
 use crate::generate::{Answer, generate};
-use crate::machine::Machine;
+use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, FoundEffect, Verdict, diagnose};
+use krait_lab::machine::Machine;
 use serde::{Deserialize, Serialize};
 
 /// One finished cell.
@@ -144,7 +144,7 @@ fn said(diagnosis: &Diagnosis, truth: &Answer) -> Said {
 
 fn known(effect: &FoundEffect, truth: &Answer) -> Vec<(String, f64, f64, f64)> {
     let Some(values) = truth.known.get(&effect.name) else { return Vec::new() };
-    let row = |own: &crate::diagnose::FoundParameter| {
+    let row = |own: &krait_lab::diagnose::FoundParameter| {
         let truth = *values.get(&own.name)?;
         own.is_free.then(|| (format!("{}.{}", effect.name, own.name), truth, own.value, own.se))
     };

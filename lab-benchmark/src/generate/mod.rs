@@ -19,9 +19,9 @@ pub use motion::Motion;
 pub use noise::Noise;
 pub use seal::{SealError, Sealed, base_model};
 
-use crate::{Measurements, Quantity};
 use core::f64::consts::SQRT_2;
 use kind::Draw;
+use krait_lab::{Measurements, Quantity};
 use krait_model::{ChainError, MachineParameters};
 use krait_sim::{EffectsTruth, Truth, TruthError};
 use krait_slave::DriveError;

@@ -18,7 +18,7 @@ pub use page::page;
 pub use summary::{Rate, Summary};
 
 use crate::generate::base_model;
-use crate::machine::SnakeLab;
+use krait_lab::machine::SnakeLab;
 use krait_model::model_file::ModelFile;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};

@@ -1,7 +1,7 @@
 //! A benchmark that is ended goes on where it was, and what it says is counted from what it wrote.
 #![allow(clippy::unwrap_used, clippy::panic)] // Helpers of tests fail as tests do.
 
-use krait_lab::benchmark::{Cell, Group, Options, Outcome, Summary, grid, page, run};
+use krait_lab_benchmark::benchmark::{Cell, Group, Options, Outcome, Summary, grid, page, run};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 

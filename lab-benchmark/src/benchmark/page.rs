@@ -1,9 +1,9 @@
 //! The report of a benchmark as one page without anything outside of it: rates, pictures, confusions, every failure.
 
 use super::{Outcome, Rate, Summary, pictures};
-use crate::report::html::escape;
-use crate::report::page::Page;
 use core::fmt::Display;
+use krait_lab::report::html::escape;
+use krait_lab::report::page::Page;
 use std::collections::BTreeSet;
 
 /// The page; `about` says in a sentence what was run.

@@ -6,11 +6,11 @@
 //! - Generic ceiling: what a dictionary of shapes without names explains on data left out.
 //! - Oracle: the true effect, fitted.
 
-use crate::diagnose::search::{Search, Trial};
-use crate::diagnose::structure::structure;
-use crate::machine::{Candidate, Machine};
-use crate::noise::autocorrelation_time;
-use crate::{AddOptions, LabError, Measurements, Problem, Term, add};
+use krait_lab::diagnose::search::{Search, Trial};
+use krait_lab::diagnose::structure::structure;
+use krait_lab::machine::{Candidate, Machine};
+use krait_lab::noise::autocorrelation_time;
+use krait_lab::{AddOptions, LabError, Measurements, Problem, Term, add};
 use serde::{Deserialize, Serialize};
 
 /// What they say.
