@@ -361,7 +361,7 @@ pub struct YardstickArgs {
 #[derive(Clone, Debug, Args)]
 pub struct PaperArgs {
     /// Folder for the pictures (SVG) and the page (index.html); made if it is missing.
-    #[arg(long, value_name = "DIR", default_value = "paper")]
+    #[arg(long, value_name = "DIR", default_value = "paper-pages")]
     pub out: PathBuf,
     /// Truth of the simulated bench (TOML); by default that of the shipped snake under a camera of 1 deg.
     #[arg(long, value_name = "FILE")]
