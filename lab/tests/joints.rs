@@ -69,7 +69,7 @@ fn every_candidate_of_joints_is_a_model_that_its_neutral_values_do_not_change() 
     (data.n_inputs, data.n_outputs) = (2, 2);
     let bare = two.predict(&[], &data).expect("no effects");
     let candidates = two.candidates(&data);
-    assert_eq!(candidates.len(), 15);
+    assert_eq!(candidates.len(), 21);
     for candidate in candidates {
         let predict = |values: &Vec<f64>| {
             let term = Term { name: candidate.name.to_owned(), values: values.clone(), formula: None };

@@ -135,3 +135,78 @@ fn commands_that_are_not_finite_repeat_the_last_position() {
     let found = run(&effect("backlash", "half_width = 0.1"), &[1.0, f64::NAN, 2.0]);
     near(&found, &[1.0, 1.0, 1.9]);
 }
+
+#[test]
+fn a_curve_and_a_gap_may_be_centred_and_drifts_and_rates_are_what_they_say() {
+    let u = [0.0, 1.0, -2.0];
+    near(&run(&effect("quadratic", "quadratic = 0.5\ncentre = 1.0"), &u), &[0.5, 1.0, 2.5]);
+    near(&run(&effect("cubic", "cubic = 0.5\ncentre = 1.0"), &u), &[-0.5, 1.0, -15.5]);
+    near(&run(&effect("dead-zone", "half_width = 0.5\ncentre = 1.0"), &u), &[0.5, 1.0, -1.5]);
+    near(&run(&effect("linear-drift", "rate = 0.25"), &u), &[0.0, 1.25, -1.5]);
+    near(&run(&effect("rate-limit", "rate = 0.75"), &u), &[0.0, 0.75, 0.0]);
+    near(&run(&effect("load-friction", "share = 0.5\nfriction = 0.2"), &[0.0, 1.0, 0.9]), &[0.0, 0.9, 0.85]);
+}
+
+#[test]
+fn a_second_order_lag_is_the_solution_of_its_equation() {
+    let step = [0.0, 1.0, 1.0, 1.0];
+    let of =
+        |damping: f64| run(&effect("second-order", &format!("frequency_rad_per_s = 2.0\ndamping = {damping}")), &step);
+    let (rate, decay) = (2.0 * 0.75_f64.sqrt(), |t: f64| (-t).exp());
+    let expected = |t: f64| 1.0 - decay(t) * ((rate * t).cos() + (rate * t).sin() / rate);
+    near(&of(0.5), &[0.0, expected(1.0), expected(2.0), expected(3.0)]);
+    let critical = |t: f64| 1.0 - (1.0 + 2.0 * t) * (-2.0 * t).exp();
+    near(&of(1.0), &[0.0, critical(1.0), critical(2.0), critical(3.0)]);
+    let (fast, slow) = (2.0 * (2.0 + 3.0_f64.sqrt()), 2.0 * (2.0 - 3.0_f64.sqrt()));
+    let over = |t: f64| 1.0 - (fast * (-slow * t).exp() - slow * (-fast * t).exp()) / (fast - slow);
+    near(&of(2.0), &[0.0, over(1.0), over(2.0), over(3.0)]);
+}
+
+#[test]
+fn plays_of_a_warped_position_are_wider_on_one_side() {
+    let shape = "reach = 0.4\nbend = 0.5\nweight2 = 1.0";
+    // w = x + x^2 / 2, one play of 0.1.
+    let (w, x) = (|x: f64| x + 0.5 * x * x, [0.0, 1.0, 0.9]);
+    let p = [0.0, w(1.0) - 0.1, w(0.9) + 0.1_f64.min(w(1.0) - 0.1 - w(0.9))];
+    let expected: Vec<f64> = (0..3).map(|k| x[k] - (w(x[k]) - p[k])).collect();
+    near(&run(&effect("generalised-prandtl-ishlinskii", shape), &x), &expected);
+}
+
+#[test]
+fn what_adds_goes_around_what_stands_behind_it() {
+    let list = effect("periodic-error", "amplitude = 0.1\nperiod = 2.0") + &effect("backlash", "half_width = 0.5");
+    let u = [0.0, 0.5, 1.5];
+    near(&run(&list, &u), &[0.0, 0.1, 1.0 - 0.1]);
+}
+
+#[test]
+fn what_is_not_known_of_gain_and_offset_is_read_and_written_as_such() {
+    use krait_model::model_file::{Known, Machine};
+    let parse = |keys: &str| ModelFile::parse(&format!("format = 1\n[machine]\nkind = \"joints\"\nn = 2\n{keys}"));
+    let joints = |keys: &str| {
+        let file = parse(keys).unwrap();
+        assert_eq!(ModelFile::parse(&file.to_toml()).unwrap(), file, "{}", file.to_toml());
+        let Machine::Joints(joints) = file.machine().clone() else { panic!("joints") };
+        (joints, file.to_toml())
+    };
+    let (absent, text) = joints("");
+    assert!(absent.gain_known.iter().all(|known| *known == Known::Absent) && !text.contains("gain"), "{text}");
+    assert!(joints("gain = \"free\"").0.gain_known.iter().all(Known::is_open));
+    let (mixed, _) = joints("gain = [-0.9, { value = 1.1, se = 0.02, from = \"a.csv\" }]\noffset = [\"free\", 2.0]");
+    assert_eq!((mixed.gain[0][0], mixed.gain[1][1]), (-0.9, 1.1));
+    assert!(
+        matches!(&mixed.gain_known[1], Known::Fitted { se, from: Some(from), .. } if *se == 0.02 && from == "a.csv")
+    );
+    assert_eq!((&mixed.offset_known[0], &mixed.offset_known[1]), (&Known::Free, &Known::Held));
+    for (keys, word) in [
+        ("gain = [1.0]", "2"),
+        ("gain = \"fee\"", "array"),
+        ("gain = [1.0, \"fee\"]", "free"),
+        ("offset = [0.0, { value = 1.0 }]", "se"),
+        ("offset = [0.0, { value = 1.0, se = 0.0 }]", "se"),
+        ("offset = [0.0, { value = nan, se = 1.0 }]", "value"),
+    ] {
+        let sentence = parse(keys).unwrap_err().to_string();
+        assert!(sentence.contains("line 5") && sentence.contains(word), "{keys}: {sentence}");
+    }
+}

@@ -1,7 +1,9 @@
 //! Which rows the search works on, so that very long measurements take little longer than long ones.
 //!
-//! Every row of few. Of many every second to tenth: still often enough for effects with a memory, whose reversals a lower rate
-//! would lose. Of very many the beginning of each trial at that rate: where a trial begins its history is known.
+//! Chosen among rows with a measurement, never by row number: a camera may be slower than the encoders, and its frames may fall
+//! between any stride. Every frame of few; of many every second to tenth, still often enough for effects with a memory. Rows
+//! without a measurement are history: as many of them are kept as reversals need. Of very many rows the beginning of each trial
+//! is taken: where a trial begins its history is known.
 
 use crate::Measurements;
 
@@ -15,15 +17,33 @@ const MOST: usize = 30_000;
 /// The working rows of these measurements without the excluded ones, which are in rising order.
 pub(super) fn working_rows(data: &Measurements, excluded: &[usize]) -> Vec<usize> {
     let n = data.n_rows();
-    let stride = n.div_ceil(FEW + n / PART).max(1);
-    let share = (MOST as f64 * stride as f64 / n as f64).min(1.0);
+    let is_frame: Vec<bool> = (0..n).map(|row| data.is_scored(row)).collect();
+    let n_frames = is_frame.iter().filter(|own| **own).count();
+    let (frame_stride, history_stride) = (stride(n_frames), stride(n - n_frames));
+    let expected = n_frames / frame_stride + (n - n_frames) / history_stride;
+    let share = (MOST as f64 / expected.max(1) as f64).min(1.0);
     let starts: Vec<usize> = (0..n).filter(|row| data.starts_trial(*row)).collect();
-    let ends = starts.iter().skip(1).copied().chain([n]);
-    let of_trial = |(&start, end): (&usize, usize)| {
-        let n_kept = ((end - start) as f64 * share).ceil() as usize;
-        (start..start + n_kept).filter(move |row| row % stride == 0 || *row == start)
-    };
-    starts.iter().zip(ends).flat_map(of_trial).filter(|row| excluded.binary_search(row).is_err()).collect()
+    let mut kept = Vec::with_capacity(expected.min(MOST) + starts.len());
+    for (k, &start) in starts.iter().enumerate() {
+        let end = starts.get(k + 1).copied().unwrap_or(n);
+        let last = start + ((end - start) as f64 * share).ceil() as usize;
+        let (mut n_frames, mut n_others) = (0, 0);
+        for row in start..last.min(end) {
+            let (count, stride) =
+                if is_frame[row] { (&mut n_frames, frame_stride) } else { (&mut n_others, history_stride) };
+            if *count % stride == 0 || row == start {
+                kept.push(row);
+            }
+            *count += 1;
+        }
+    }
+    kept.retain(|row| excluded.binary_search(row).is_err());
+    kept
+}
+
+/// Every how many of so many rows.
+fn stride(n: usize) -> usize {
+    n.div_ceil(FEW + n / PART).max(1)
 }
 
 #[cfg(test)]
@@ -77,5 +97,32 @@ mod tests {
             assert!(own.windows(2).all(|two| two[1] - two[0] <= 10) && own.len() > length / 40);
             start += length;
         }
+    }
+
+    /// Encoders in every row, a camera in every so many, from an odd row on.
+    fn slow_camera(n: usize, every: usize) -> Measurements {
+        let mut data = trials(&[n]);
+        (0..n).filter(|row| row % every != 1).for_each(|row| data.outputs[row] = f64::NAN);
+        data
+    }
+
+    #[test]
+    fn no_frame_of_a_camera_slower_than_the_encoders_is_lost() {
+        // 120 s: encoders at 100 Hz, camera at 20 Hz.
+        let data = slow_camera(12_000, 5);
+        let frames = working_rows(&data, &[]).into_iter().filter(|row| data.is_scored(*row)).count();
+        assert_eq!(frames, 2400, "every frame of few");
+    }
+
+    #[test]
+    fn of_a_recording_at_a_kilohertz_as_many_frames_are_taken_as_of_the_camera_alone() {
+        // 200 s: encoders at 1 kHz, camera at 62.5 Hz beside any stride.
+        let data = slow_camera(200_000, 16);
+        let rows = working_rows(&data, &[]);
+        let frames: Vec<usize> = rows.iter().copied().filter(|row| data.is_scored(*row)).collect();
+        let alone = working_rows(&trials(&[12_500]), &[]);
+        assert_eq!(frames.len(), alone.len());
+        assert!(*frames.last().expect("a frame") > 199_900 && rows.len() <= MOST + 10);
+        assert!(rows.windows(2).all(|two| two[1] - two[0] <= 10), "history between frames is kept");
     }
 }

@@ -86,6 +86,25 @@ fn search(effect: JointEffect, ranges: &Ranges) -> Search {
         }
         JointEffect::CrossCoupling => one("k", 0.0, 0.02),
         JointEffect::Drift => with(&["rise_time_s"], each("rise_time_s", [30.0, 300.0]), one("size", 0.0, 0.02 * y)),
+        JointEffect::SecondOrder => {
+            let pair = |frequency: f64| [0.4, 1.0].map(|z| vec![("frequency_rad_per_s", frequency), ("damping", z)]);
+            let cells = [3.0, 10.0, 30.0].into_iter().flat_map(pair).collect();
+            with(&["damping"], cells, one("frequency_rad_per_s", 0.0, 10.0))
+        }
+        JointEffect::RateLimit => with(&[], each("rate", [0.1, 0.3, 1.0].map(|share| share * u)), one("rate", 1e9, u)),
+        JointEffect::LoadFriction => with(&["friction"], each("friction", [0.05, 0.2]), one("share", 0.0, 0.3)),
+        JointEffect::GeneralisedPrandtlIshlinskii => Search {
+            amplitudes: vec![
+                ("weight1", 0.0, 0.2),
+                ("weight2", 0.0, 0.2),
+                ("weight3", 0.0, 0.2),
+                ("weight4", 0.0, 0.2),
+            ],
+            shapes: vec!["reach"],
+            cells: each("reach", [0.05, 0.2].map(|share| share * u)),
+        },
+        JointEffect::Quadratic => one("quadratic", 0.0, 0.1 / u),
+        JointEffect::LinearDrift => one("rate", 0.0, 1e-4 * y),
         JointEffect::Saturation => {
             let cells = each("limit", [0.6, 0.8, 0.95].map(|share| share * ranges.u_max));
             with(&[], cells, one("limit", 1e9, 0.8 * ranges.u_max))

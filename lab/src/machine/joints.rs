@@ -27,6 +27,9 @@ impl JointsLab {
         match unit {
             "u" => self.joints.u_unit.clone(),
             "y" => self.joints.y_unit.clone(),
+            "1/u" => format!("1/{}", self.joints.u_unit),
+            "u/s" => format!("{}/s", self.joints.u_unit),
+            "y/s" => format!("{}/s", self.joints.y_unit),
             "1/u^2" => format!("1/{}^2", self.joints.u_unit),
             other => other.to_owned(),
         }

@@ -162,6 +162,7 @@ impl JointPredictor {
     /// Runs the effects before G, or those behind it, over positions.
     fn run(&mut self, is_behind: bool, z: &mut [f64; MAX_JOINTS], at: &Circumstances, now: &Now) {
         let n = self.chain.joints.n;
+        let mut added = [0.0; MAX_JOINTS];
         let mut delays = self.delays.chunks_exact_mut(n);
         for (stage, states) in self.chain.stages.iter().zip(&mut self.states) {
             let is_latency = matches!(stage.what, What::Effect(JointEffect::Latency));
@@ -171,7 +172,7 @@ impl JointPredictor {
             }
             let before = *z;
             for joint in (0..n).filter(|joint| stage.joint.is_none_or(|own| own == *joint)) {
-                z[joint] = match (&stage.what, own_delays.as_mut().and_then(|delays| delays.get_mut(joint))) {
+                let changed = match (&stage.what, own_delays.as_mut().and_then(|delays| delays.get_mut(joint))) {
                     (What::Effect(_), Some(delay)) => delay.pass(now.elapsed_s, [before[joint], 0.0], stage.c[0])[0],
                     (What::Effect(kind), None) => {
                         let x = position::change(*kind, &stage.c, before[joint], &before, joint);
@@ -183,7 +184,12 @@ impl JointPredictor {
                         before[joint] + formula.evaluate(&values, &stage.c).unwrap_or(0.0)
                     }
                 };
+                match &stage.what {
+                    What::Effect(kind) if kind.adds() => added[joint] += changed - before[joint],
+                    _ => z[joint] = changed,
+                }
             }
         }
+        z.iter_mut().zip(added).for_each(|(z, added)| *z += added);
     }
 }

@@ -36,11 +36,23 @@ pub enum JointEffect {
     Drift,
     /// `saturation`.
     Saturation,
+    /// `second-order`.
+    SecondOrder,
+    /// `rate-limit`.
+    RateLimit,
+    /// `load-friction`.
+    LoadFriction,
+    /// `generalised-prandtl-ishlinskii`.
+    GeneralisedPrandtlIshlinskii,
+    /// `quadratic`.
+    Quadratic,
+    /// `linear-drift`.
+    LinearDrift,
 }
 
 impl JointEffect {
     /// All of them, in the order of the documentation's table.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 21] = [
         Self::Scale,
         Self::Offset,
         Self::Backlash,
@@ -56,6 +68,12 @@ impl JointEffect {
         Self::CrossCoupling,
         Self::Drift,
         Self::Saturation,
+        Self::SecondOrder,
+        Self::RateLimit,
+        Self::LoadFriction,
+        Self::GeneralisedPrandtlIshlinskii,
+        Self::Quadratic,
+        Self::LinearDrift,
     ];
 
     /// What is known about it. Units `u` and `y` are those of the machine.
@@ -76,12 +94,35 @@ impl JointEffect {
             Self::CrossCoupling => &position::CROSS_COUPLING,
             Self::Drift => &rate::DRIFT,
             Self::Saturation => &position::SATURATION,
+            Self::SecondOrder => &rate::SECOND_ORDER,
+            Self::RateLimit => &rate::RATE_LIMIT,
+            Self::LoadFriction => &hysteresis::LOAD_FRICTION,
+            Self::GeneralisedPrandtlIshlinskii => &hysteresis::GENERALISED_PRANDTL_ISHLINSKII,
+            Self::Quadratic => &position::QUADRATIC,
+            Self::LinearDrift => &rate::LINEAR_DRIFT,
         }
     }
 
     /// Its name in model files.
     pub fn name(self) -> &'static str {
         self.definition().name
+    }
+
+    /// Whether its contribution goes around the effects behind it: it is computed from the position as those before it pass it
+    /// on, and added to what leaves the transmission.
+    pub fn adds(self) -> bool {
+        matches!(
+            self,
+            Self::BoucWen
+                | Self::PrandtlIshlinskii
+                | Self::LoadFriction
+                | Self::GeneralisedPrandtlIshlinskii
+                | Self::Creep
+                | Self::Quadratic
+                | Self::Cubic
+                | Self::PeriodicError
+                | Self::CrossCoupling
+        )
     }
 
     /// The effect of a name.

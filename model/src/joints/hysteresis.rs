@@ -75,6 +75,48 @@ pub(super) static CONE_FRICTION: Definition = Definition {
     )
 };
 
+pub(super) static LOAD_FRICTION: Definition = Definition {
+    repeatable: true,
+    inverse: Inverse::Smoothed,
+    n_states: 1,
+    parameters: &[
+        JOINT,
+        parameter("share", "1", [-10.0, 10.0], 0.0, "share of the motion that feels the friction; 0: none"),
+        parameter("friction", "1", [0.0, 2.0], 0.1, "half-width of the play as a share of x"),
+    ],
+    ..effect(
+        "load-friction",
+        Hook::Cmd,
+        Class::LoadHysteresis,
+        "x <- x - share (x - p), p = clamp(p_before, x - friction |x|, x + friction |x|)",
+    )
+};
+
+/// Ratios of the four half-widths of a generalised Prandtl-Ishlinskii model to its reach.
+pub const REACHES: [f64; 4] = [0.1, 0.25, 0.5, 1.0];
+
+pub(super) static GENERALISED_PRANDTL_ISHLINSKII: Definition = Definition {
+    repeatable: true,
+    inverse: Inverse::None("its loops are not symmetric; fit backlash or prandtl-ishlinskii for a live machine"),
+    n_states: N_STATES,
+    parameters: &[
+        JOINT,
+        parameter("reach", "u", TRAVEL, 1.0, "half-width of the widest play"),
+        parameter("bend", "1/u", [-1e6, 1e6], 0.0, "how much wider the loops are on one side"),
+        parameter("centre", "u", [-1e6, 1e6], 0.0, "where the loops are as wide as without a bend"),
+        parameter("weight1", "1", SHARE, 0.0, "share of the play of 0.1 reach; 0: none"),
+        parameter("weight2", "1", SHARE, 0.0, "share of the play of 0.25 reach; 0: none"),
+        parameter("weight3", "1", SHARE, 0.0, "share of the play of 0.5 reach; 0: none"),
+        parameter("weight4", "1", SHARE, 0.0, "share of the widest play; 0: none"),
+    ],
+    ..effect(
+        "generalised-prandtl-ishlinskii",
+        Hook::Cmd,
+        Class::ConstantHysteresis,
+        "x <- x - sum_k weight_k (w - p_k), w = x + bend (x - centre)^2, p_k the play of w of 0.1, 0.25, 0.5, 1 reach",
+    )
+};
+
 /// The position behind the hysteresis, and its memory of this step.
 pub(super) fn change(kind: JointEffect, c: &[f64], x: f64, state: &mut [f64; N_STATES], now: &Now) -> f64 {
     match (kind, c) {
@@ -100,6 +142,26 @@ pub(super) fn change(kind: JointEffect, c: &[f64], x: f64, state: &mut [f64; N_S
             state[0] = if now.fresh { x } else { state[0].clamp(a.min(b), a.max(b)) };
             state[0]
         }
+        (JointEffect::LoadFriction, [share, friction, ..]) => {
+            state[0] = if now.fresh { x } else { load_play(state[0], x, *friction) };
+            x - share * (x - state[0])
+        }
+        (JointEffect::GeneralisedPrandtlIshlinskii, [reach, bend, centre, weights @ ..]) => {
+            let warped = x + bend * (x - centre).powi(2);
+            let mut changed = x;
+            for ((p, ratio), weight) in state.iter_mut().zip(REACHES).zip(weights) {
+                *p = play(*p, warped, ratio * reach, now.fresh);
+                changed -= weight * (warped - *p);
+            }
+            changed
+        }
         _ => x,
     }
+}
+
+/// Play whose half-width is a share of the position: the friction grows with the load, and the load with the position.
+#[inline]
+pub fn load_play(p: f64, x: f64, friction: f64) -> f64 {
+    let half_width = friction * x.abs();
+    p.clamp(x - half_width, x + half_width)
 }

@@ -2,7 +2,9 @@
 //!
 //! Problem: predict the measured positions y of n joints for the history of their commands u.
 //!
-//! Effects at hook cmd change x, in the order of the model, before G; effects at hook meas, and formulas, change y after it. Each
+//! Effects at hook cmd change x, in the order of the model, before G; effects at hook meas, and formulas, change y after it. An
+//! effect that adds (Bouc-Wen, plays with a weight, creep, curves, periodic errors, couplings) is computed from x as the effects
+//! before it pass it on, and its part goes around those behind it, so that amplitudes are linear whatever stands behind them. Each
 //! acts on every joint by itself, or on the one that its parameter `joint` names. Memory starts afresh at the first step: plays
 //! in their middle, everything slow settled.
 
@@ -14,6 +16,20 @@ mod rate;
 
 pub use chain::{JointChain, JointPredictor};
 pub use effect::JointEffect;
+pub use hysteresis::{REACHES, load_play};
+pub use rate::second_order_step;
+
+/// Play of half-width r: p follows x at a distance of at most r.
+#[inline]
+pub fn play(p: f64, x: f64, half_width: f64) -> f64 {
+    p.clamp(x - half_width, x + half_width)
+}
+
+/// Bouc-Wen's z after a change dx of x; gamma as in the effect.
+#[inline]
+pub fn bouc_wen(z: f64, dx: f64, travel: f64, gamma: f64) -> f64 {
+    crate::effects::bouc_wen(z, dx, travel, gamma)
+}
 
 use crate::effects::ParameterSpec;
 
@@ -42,4 +58,4 @@ struct Now {
 }
 
 /// Numbers that an effect remembers for one joint.
-const N_STATES: usize = 3;
+const N_STATES: usize = 4;

@@ -1,4 +1,4 @@
-//! Effects without memory: scale, offset, cubic, dead zone, periodic error, cross-coupling, saturation.
+//! Effects without memory: scale, offset, quadratic, cubic, dead zone, periodic error, cross-coupling, saturation.
 
 use super::{JOINT, JointEffect};
 use crate::effects::{Class, Definition, Hook, Inverse, effect, parameter};
@@ -29,14 +29,29 @@ pub(super) static CUBIC: Definition = Definition {
     parameters: &[
         JOINT,
         parameter("cubic", "1/u^2", SIZE, 0.0, "relative change of the gain with the square of x; 0: none"),
+        parameter("centre", "u", SIZE, 0.0, "where the curve has its turning point"),
     ],
-    ..effect("cubic", Hook::Cmd, Class::Cubic, "x <- x + cubic x^3")
+    ..effect("cubic", Hook::Cmd, Class::Cubic, "x <- x + cubic (x - centre)^3")
+};
+
+pub(super) static QUADRATIC: Definition = Definition {
+    repeatable: true,
+    parameters: &[
+        JOINT,
+        parameter("quadratic", "1/u", SIZE, 0.0, "relative change of the gain with x; 0: none"),
+        parameter("centre", "u", SIZE, 0.0, "where the curve touches a line"),
+    ],
+    ..effect("quadratic", Hook::Cmd, Class::Cubic, "x <- x + quadratic (x - centre)^2")
 };
 
 pub(super) static DEAD_ZONE: Definition = Definition {
     repeatable: true,
-    parameters: &[JOINT, parameter("half_width", "u", LENGTH, 0.0, "how far from zero nothing moves; 0: none")],
-    ..effect("dead-zone", Hook::Cmd, Class::DeadZone, "x <- x - clamp(x, -half_width, half_width)")
+    parameters: &[
+        JOINT,
+        parameter("half_width", "u", LENGTH, 0.0, "how far from the centre nothing moves; 0: none"),
+        parameter("centre", "u", SIZE, 0.0, "where it is"),
+    ],
+    ..effect("dead-zone", Hook::Cmd, Class::DeadZone, "x <- x - clamp(x - centre, -half_width, half_width)")
 };
 
 pub(super) static PERIODIC_ERROR: Definition = Definition {
@@ -80,8 +95,9 @@ pub(super) fn change(kind: JointEffect, c: &[f64], own: f64, all: &[f64], joint:
     match (kind, c) {
         (JointEffect::Scale, [scale, ..]) => own + scale * own,
         (JointEffect::Offset, [offset, ..]) => own + offset,
-        (JointEffect::Cubic, [cubic, ..]) => own + cubic * own.powi(3),
-        (JointEffect::DeadZone, [half_width, ..]) => own - own.clamp(-half_width, *half_width),
+        (JointEffect::Cubic, [cubic, centre, ..]) => own + cubic * (own - centre).powi(3),
+        (JointEffect::Quadratic, [quadratic, centre, ..]) => own + quadratic * (own - centre).powi(2),
+        (JointEffect::DeadZone, [half_width, centre, ..]) => own - (own - centre).clamp(-half_width, *half_width),
         (JointEffect::PeriodicError, [amplitude, period, phase, ..]) => {
             own + amplitude * (TAU * own / period + phase).sin()
         }

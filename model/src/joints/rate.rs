@@ -1,4 +1,4 @@
-//! Effects that know the time: creep, latency, first-order lag, drift.
+//! Effects that know the time: creep, latency, lags of first and second order, rate limit, drifts.
 
 use super::{JOINT, JointEffect, N_STATES, Now};
 use crate::effects::{Class, Definition, Hook, Inverse, Needs, effect, parameter, relax};
@@ -48,6 +48,64 @@ pub(super) static DRIFT: Definition = Definition {
     ..effect("drift", Hook::Meas, Class::Drift, "y <- y + size (1 - e^(-t / rise_time)), t since the trial began")
 };
 
+pub(super) static SECOND_ORDER: Definition = Definition {
+    repeatable: true,
+    needs: Needs::Time,
+    inverse: Inverse::None("the acceleration of the command would be needed"),
+    n_states: 2,
+    parameters: &[
+        JOINT,
+        parameter("frequency_rad_per_s", "rad/s", [0.0, 1e5], 0.0, "natural frequency of the drive's loop; 0: none"),
+        parameter("damping", "1", [0.01, 100.0], 1.0, "damping ratio; 1: no overshoot"),
+    ],
+    ..effect(
+        "second-order",
+        Hook::Cmd,
+        Class::Rate,
+        "x <- l, d2l/dt2 = frequency^2 (x - l) - 2 damping frequency dl/dt",
+    )
+};
+
+pub(super) static RATE_LIMIT: Definition = Definition {
+    repeatable: true,
+    needs: Needs::Time,
+    inverse: Inverse::None("no command moves a drive faster than it can"),
+    n_states: 1,
+    parameters: &[JOINT, parameter("rate", "u/s", [0.0, NO_LIMIT], NO_LIMIT, "largest speed; 1e9: none")],
+    ..effect("rate-limit", Hook::Cmd, Class::Rate, "x <- l, l goes towards x by at most rate dt")
+};
+
+/// A speed beyond every command's.
+const NO_LIMIT: f64 = 1e9;
+
+pub(super) static LINEAR_DRIFT: Definition = Definition {
+    repeatable: true,
+    needs: Needs::Time,
+    parameters: &[JOINT, parameter("rate", "y/s", [-1e6, 1e6], 0.0, "0: none")],
+    ..effect("linear-drift", Hook::Meas, Class::Drift, "y <- y + rate t, t since the trial began")
+};
+
+/// How a second-order system goes from (l - x, dl/dt) over a step in which x is held: a matrix, row after row.
+pub fn second_order_step(frequency: f64, damping: f64, dt_s: f64) -> [f64; 4] {
+    let (w, z) = (frequency, damping);
+    let decay = (-z * w * dt_s).exp();
+    let discriminant = z * z - 1.0;
+    // cosine and sine(t)/rate of the damped motion, or what they become without oscillation.
+    let (c, s) = if discriminant.abs() < 1e-8 {
+        (1.0, dt_s)
+    } else if discriminant < 0.0 {
+        let rate = w * (-discriminant).sqrt();
+        ((rate * dt_s).cos(), (rate * dt_s).sin() / rate)
+    } else {
+        let rate = w * discriminant.sqrt();
+        // cosh and sinh overflow where the decay has long vanished.
+        let (up, down) = (((rate - z * w) * dt_s).exp(), ((-rate - z * w) * dt_s).exp());
+        let (c, s) = (0.5 * (up + down), 0.5 * (up - down) / rate);
+        return [c + z * w * s, s, -w * w * s, c - z * w * s];
+    };
+    [decay * (c + z * w * s), decay * s, -decay * w * w * s, decay * (c - z * w * s)]
+}
+
 /// The position behind the effect, and its memory of this step. Latency is the chain's, which keeps the past.
 pub(super) fn change(kind: JointEffect, c: &[f64], x: f64, state: &mut [f64; N_STATES], now: &Now) -> f64 {
     match (kind, c) {
@@ -60,6 +118,22 @@ pub(super) fn change(kind: JointEffect, c: &[f64], x: f64, state: &mut [f64; N_S
             state[0] = if *time > 0.0 { relax(state[0], x, *time, now.dt_s, now.fresh) } else { x };
             state[0]
         }
+        (JointEffect::SecondOrder, [frequency, damping, ..]) => {
+            if now.fresh || *frequency <= 0.0 {
+                (state[0], state[1]) = (x, 0.0);
+            } else {
+                let [a, b, c, d] = second_order_step(*frequency, *damping, now.dt_s);
+                let (off, speed) = (state[0] - x, state[1]);
+                (state[0], state[1]) = (x + a * off + b * speed, c * off + d * speed);
+            }
+            state[0]
+        }
+        (JointEffect::RateLimit, [rate, ..]) => {
+            let most = rate * now.dt_s;
+            state[0] = if now.fresh { x } else { state[0] + (x - state[0]).clamp(-most, most) };
+            state[0]
+        }
+        (JointEffect::LinearDrift, [rate, ..]) => x + rate * now.elapsed_s,
         (JointEffect::Drift, [size, rise, ..]) => x + size * (1.0 - (-now.elapsed_s / rise).exp()),
         _ => x,
     }

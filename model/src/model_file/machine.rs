@@ -25,14 +25,45 @@ pub struct SnakeMachine {
 pub struct Joints {
     /// Number of joints, 1 to 16.
     pub n: usize,
-    /// G, n rows of n, in units of y per unit of u; diagonal unless the file asks otherwise.
+    /// G, n rows of n, in units of y per unit of u; diagonal unless the file asks otherwise. 1 where it is not known.
     pub gain: Vec<Vec<f64>>,
-    /// c, in units of y.
+    /// What is known of each joint's own gain.
+    pub gain_known: Vec<Known>,
+    /// c, in units of y. 0 where it is not known.
     pub offset: Vec<f64>,
+    /// What is known of each offset.
+    pub offset_known: Vec<Known>,
     /// Unit of u.
     pub u_unit: String,
     /// Unit of y.
     pub y_unit: String,
+}
+
+/// What a model file knows of a number of its machine.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Known {
+    /// The file leaves it out: every fit finds it anew.
+    Absent,
+    /// The file says "free": the same.
+    Free,
+    /// A bare number, held.
+    Held,
+    /// A fitted value: every further fit is drawn to it by its standard error.
+    Fitted {
+        /// Standard error, in the number's unit.
+        se: f64,
+        /// The data it was fitted to.
+        from: Option<String>,
+        /// The day of the fit, YYYY-MM-DD.
+        date: Option<String>,
+    },
+}
+
+impl Known {
+    /// Whether nothing is known: a machine with such a number is not calibrated.
+    pub fn is_open(&self) -> bool {
+        matches!(self, Self::Absent | Self::Free)
+    }
 }
 
 /// One key of a snake's machine.

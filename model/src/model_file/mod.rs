@@ -20,7 +20,7 @@ mod write;
 
 pub use error::ModelFileError;
 pub use history::{HeldOutRms, HistoryEntry};
-pub use machine::{Joints, Machine, SnakeMachine};
+pub use machine::{Joints, Known, Machine, SnakeMachine};
 pub use write::documented_defaults;
 
 use crate::joints::JointChain;

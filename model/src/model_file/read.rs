@@ -2,7 +2,7 @@
 
 use super::error::nearest;
 use super::history::{HeldOutRms, HistoryEntry};
-use super::machine::{Joints, Machine, SNAKE_KEYS, SnakeMachine};
+use super::machine::{Joints, Known, Machine, SNAKE_KEYS, SnakeMachine};
 use super::{FileEffect, MODEL_FILE_FORMAT, ModelFile, ModelFileError, read_effect};
 use crate::joints::MAX_JOINTS;
 use crate::parameters::in_range;
@@ -73,33 +73,74 @@ fn joints(section: &Section) -> Result<Joints, ModelFileError> {
     }
     let n = n.value as usize;
     let word = |key| Ok(section.text(key)?.map_or_else(|| "rad".to_owned(), |unit| unit.value));
-    Ok(Joints {
-        n,
-        gain: gain(section, n)?,
-        offset: offset(section, n)?,
-        u_unit: word("u_unit")?,
-        y_unit: word("y_unit")?,
-    })
+    let (gain, gain_known) = gain(section, n)?;
+    let (offset, offset_known) = numbers_or_free(section, "offset", n, 0.0)?;
+    Ok(Joints { n, gain, gain_known, offset, offset_known, u_unit: word("u_unit")?, y_unit: word("y_unit")? })
 }
 
-/// n numbers are a diagonal, n rows of n numbers a full matrix, nothing is one.
-fn gain(section: &Section, n: usize) -> Result<Vec<Vec<f64>>, ModelFileError> {
-    let diagonal = |d: &[f64]| (0..n).map(|i| (0..n).map(|k| if i == k { d[i] } else { 0.0 }).collect()).collect();
-    let Some(value) = section.get("gain") else { return Ok(diagonal(&vec![1.0; n])) };
-    let line = section.line_at(value);
-    let rows = value.get_ref().as_array().ok_or_else(|| section.wrong("gain", value, "an array of numbers or rows"))?;
-    if rows.iter().all(|row| row.get_ref().is_array()) {
-        count(line, "gain", rows.len(), n)?;
-        return rows.iter().map(|row| section.numbers("gain", row, n)).collect();
+/// n rows of n numbers are a full matrix, anything else is a diagonal.
+fn gain(section: &Section, n: usize) -> Result<(Vec<Vec<f64>>, Vec<Known>), ModelFileError> {
+    let rows = section.get("gain").and_then(|value| value.get_ref().as_array().map(|rows| (value, rows)));
+    if let Some((value, rows)) = rows.filter(|(_, rows)| rows.iter().all(|row| row.get_ref().is_array())) {
+        count(section.line_at(value), "gain", rows.len(), n)?;
+        let rows = rows.iter().map(|row| section.numbers("gain", row, n)).collect::<Result<_, _>>()?;
+        return Ok((rows, vec![Known::Held; n]));
     }
-    Ok(diagonal(&section.numbers("gain", value, n)?))
+    let (own, known) = numbers_or_free(section, "gain", n, 1.0)?;
+    let row = |i: usize| (0..n).map(|k| if i == k { own[i] } else { 0.0 }).collect();
+    Ok(((0..n).map(row).collect(), known))
 }
 
-fn offset(section: &Section, n: usize) -> Result<Vec<f64>, ModelFileError> {
-    match section.get("offset") {
-        Some(value) => section.numbers("offset", value, n),
-        None => Ok(vec![0.0; n]),
+/// One for each joint: a number, "free", or a table with value and standard error. Nothing at all is free as well; one joint needs
+/// no brackets.
+fn numbers_or_free(
+    section: &Section,
+    key: &'static str,
+    n: usize,
+    open: f64,
+) -> Result<(Vec<f64>, Vec<Known>), ModelFileError> {
+    let Some(value) = section.get(key) else { return Ok((vec![open; n], vec![Known::Absent; n])) };
+    if value.get_ref().as_str() == Some("free") {
+        return Ok((vec![open; n], vec![Known::Free; n]));
     }
+    let items: Vec<&Spanned<DeValue>> = match value.get_ref().as_array() {
+        Some(items) => items.iter().collect(),
+        None if n == 1 => vec![value],
+        None => return Err(section.wrong(key, value, "an array of numbers")),
+    };
+    count(section.line_at(value), key, items.len(), n)?;
+    let one = |item| number_or_free(section, key, item, open);
+    Ok(items.into_iter().map(one).collect::<Result<Vec<_>, _>>()?.into_iter().unzip())
+}
+
+fn number_or_free<'a>(
+    section: &Section<'a>,
+    key: &'static str,
+    item: &'a Spanned<DeValue<'a>>,
+    open: f64,
+) -> Result<(f64, Known), ModelFileError> {
+    const EXPECTED: &str = "a finite number, \"free\", or { value, se, from, date }";
+    if item.get_ref().as_str() == Some("free") {
+        return Ok((open, Known::Free));
+    }
+    let Some(table) = item.get_ref().as_table() else {
+        return match as_number(item.get_ref()) {
+            Some(number) if number.is_finite() => Ok((number, Known::Held)),
+            _ => Err(section.wrong(key, item, EXPECTED)),
+        };
+    };
+    let table = section.inner(format!("[machine] {key}"), item, table);
+    table.only(&["value", "se", "from", "date"])?;
+    let value = table.number("value")?.ok_or_else(|| table.missing("value", "a number"))?;
+    let se = table.number("se")?.ok_or_else(|| table.missing("se", "the value's standard error, or a bare number"))?;
+    if !value.value.is_finite() {
+        return Err(value.out_of_range("value", -f64::MAX, f64::MAX, "(a finite number)"));
+    }
+    if !(se.value.is_finite() && se.value > 0.0) {
+        return Err(se.out_of_range("se", f64::MIN_POSITIVE, f64::MAX, "(above zero; a bare number is held)"));
+    }
+    let word = |key| Ok(table.text(key)?.map(|text| text.value));
+    Ok((value.value, Known::Fitted { se: se.value, from: word("from")?, date: word("date")? }))
 }
 
 fn effects(root: &Section, machine: &Machine) -> Result<Vec<FileEffect>, ModelFileError> {

@@ -1,6 +1,6 @@
 //! From a model to text that reads back as the same model, with or without what each key means.
 
-use super::machine::{Joints, Machine, SNAKE_KEYS, SnakeMachine};
+use super::machine::{Joints, Known, Machine, SNAKE_KEYS, SnakeMachine};
 use super::{FileEffect, HistoryEntry, MODEL_FILE_FORMAT, ModelFile, Origin};
 use crate::EffectSetting;
 use crate::effects::{Definition, EffectKind, FORMULA_VARIABLES, Inverse};
@@ -50,7 +50,8 @@ fn documented_joints() -> String {
     out.line("[machine]", "");
     let unit = "rad".to_owned();
     let (gain, offset) = (vec![vec![1.0]], vec![0.0]);
-    out.joints(&Joints { n: 1, gain, offset, u_unit: unit.clone(), y_unit: unit });
+    let (gain_known, offset_known) = (vec![Known::Held], vec![Known::Held]);
+    out.joints(&Joints { n: 1, gain, gain_known, offset, offset_known, u_unit: unit.clone(), y_unit: unit });
     for effect in JointEffect::ALL {
         out.effect(&FileEffect::new(EffectSetting::new(EffectKind::Joint(effect))));
     }
@@ -96,9 +97,23 @@ impl Out {
     fn joints(&mut self, joints: &Joints) {
         self.line("kind = \"joints\"", "y = gain u + offset");
         self.line(&format!("n = {}", joints.n), "number of joints");
-        let rows: Vec<String> = joints.gain.iter().map(|row| numbers(row)).collect();
-        self.line(&format!("gain = [{}]", rows.join(", ")), "rows of G, or its diagonal; default 1");
-        self.line(&format!("offset = {}", numbers(&joints.offset)), "c; default 0");
+        let own: Vec<f64> = joints.gain.iter().enumerate().map(|(k, row)| row[k]).collect();
+        let held = joints.gain_known.iter().all(|known| *known == Known::Held);
+        let gain = if held {
+            let rows: Vec<String> = joints.gain.iter().map(|row| numbers(row)).collect();
+            Some(format!("[{}]", rows.join(", ")))
+        } else {
+            known(&own, &joints.gain_known)
+        };
+        if let Some(gain) = gain {
+            self.line(
+                &format!("gain = {gain}"),
+                "rows of G, or its diagonal; left out or \"free\": every fit finds it",
+            );
+        }
+        if let Some(offset) = known(&joints.offset, &joints.offset_known) {
+            self.line(&format!("offset = {offset}"), "c; left out or \"free\": every fit finds it");
+        }
         self.line(&format!("u_unit = {}", text(&joints.u_unit)), "unit of the commands; default rad");
         self.line(&format!("y_unit = {}", text(&joints.y_unit)), "unit of the measurements; default rad");
     }
@@ -179,6 +194,27 @@ fn table(value: f64, unit: Option<&str>, origin: Option<&Origin>) -> String {
         }
     }
     shown + " }"
+}
+
+/// Numbers of the machine with what is known of them; `None` where the file left them out.
+fn known(values: &[f64], known: &[Known]) -> Option<String> {
+    if known.iter().all(|own| *own == Known::Absent) {
+        return None;
+    }
+    if known.iter().all(|own| *own == Known::Free) {
+        return Some("\"free\"".to_owned());
+    }
+    let one = |(value, known): (&f64, &Known)| match known {
+        Known::Held => number(*value),
+        // A part of an array cannot be left out.
+        Known::Absent | Known::Free => "\"free\"".to_owned(),
+        Known::Fitted { se, from, date } => {
+            let origin = Origin { parameter: String::new(), se: Some(*se), from: from.clone(), date: date.clone() };
+            table(*value, None, Some(&origin))
+        }
+    };
+    let all: Vec<String> = values.iter().zip(known).map(one).collect();
+    Some(format!("[{}]", all.join(", ")))
 }
 
 fn numbers(values: &[f64]) -> String {
