@@ -28,9 +28,9 @@ pub(super) fn working_rows(data: &Measurements, excluded: &[usize]) -> Vec<usize
         let end = starts.get(k + 1).copied().unwrap_or(n);
         let last = start + ((end - start) as f64 * share).ceil() as usize;
         let (mut n_frames, mut n_others) = (0, 0);
-        for row in start..last.min(end) {
+        for (row, &is_frame) in is_frame.iter().enumerate().take(last.min(end)).skip(start) {
             let (count, stride) =
-                if is_frame[row] { (&mut n_frames, frame_stride) } else { (&mut n_others, history_stride) };
+                if is_frame { (&mut n_frames, frame_stride) } else { (&mut n_others, history_stride) };
             if *count % stride == 0 || row == start {
                 kept.push(row);
             }
