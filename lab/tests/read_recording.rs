@@ -6,7 +6,8 @@ use krait_lab::read::{ColumnMap, Expected, Mapping, read};
 use krait_lab::{Measurements, Quantity};
 use krait_model::model_file::ModelFile;
 use krait_record::columns::{Columns, write_csv};
-use krait_record::{About, RecordingWriter, Sample};
+use krait_record::{About, RecordingWriter};
+use krait_schema::Sample;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 

@@ -6,8 +6,9 @@ use anyhow::Context;
 use core::ops::Range;
 use krait_ipc::message::Compensation;
 use krait_ipc::{Reason, Reasons};
-use krait_record::{Recording, Sample};
+use krait_record::Recording;
 use krait_report::{LatencyLog, LatencyReport, PassLog, PassReport};
+use krait_schema::Sample;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 

@@ -1,13 +1,12 @@
 //! The samples of a stretch of time, found through the file's index: a minute of an hour without reading the hour.
 
-use crate::channel::Channel;
 use crate::chunk::ChunkRecords;
-use crate::codec;
 use crate::contents::{Directory, known_channel};
 use crate::error::ReadError;
 use crate::framing::{Framing, MAX_RECORD_BYTES, RECORD_HEAD, Step};
 use crate::reader::{Recorded, Recording, behind_magic};
 use core::ops::Range;
+use krait_schema::{Channel, decode};
 use mcap::MAGIC;
 use mcap::records::{ChunkIndex, MessageHeader, Record, op};
 use std::collections::BTreeMap;
@@ -117,7 +116,7 @@ pub(crate) fn recorded(
     header: &MessageHeader,
     payload: &[u8],
 ) -> Result<Recorded, ReadError> {
-    let sample = codec::decode(channel, payload).map_err(|reason| ReadError::Payload {
+    let sample = decode(channel, payload).map_err(|reason| ReadError::Payload {
         path: path.to_owned(),
         offset,
         topic: channel.topic(),

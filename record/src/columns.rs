@@ -13,8 +13,8 @@ mod parquet;
 
 use crate::error::ReadError;
 use crate::reader::Recording;
-use crate::sample::Sample;
 use krait_ipc::message::{Shape, SlaveState};
+use krait_schema::Sample;
 use std::path::Path;
 
 pub use self::parquet::write_parquet;

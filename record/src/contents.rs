@@ -1,13 +1,12 @@
 //! What is in a recording and what is missing from it: found by one walk through the whole file, trusting nothing in it.
 
 use crate::about::Attachment;
-use crate::channel::Channel;
 use crate::chunk::{ChunkRecords, attachment_lengths_add_up};
 use crate::error::ReadError;
 use crate::framing::{Framing, Step};
 use crate::recover::DROPPED_KEY;
-use crate::views::View;
 use crate::writer::{METADATA_END, METADATA_RECOVERED, VERSION_KEY};
+use krait_schema::{Channel, View};
 use mcap::records::{self, Record, op};
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Read;

@@ -1,15 +1,14 @@
 //! The thread that compresses and writes: whatever the disk does, it keeps the queue moving.
 
-use crate::channel::Channel;
 use crate::drain::Taken;
 use crate::error::RecordError;
 use crate::parts::Parts;
-use crate::sample::Sample;
-use crate::status::{ChannelCounts, RecorderStatus, Tally};
+use crate::tally::Tally;
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use crossbeam_channel::{Receiver, RecvTimeoutError};
 use krait_ipc::clock;
+use krait_schema::{Channel, ChannelCounts, RecorderStatus, Sample};
 use std::collections::BTreeMap;
 
 /// How often the counts are written to `/krait/recorder`.

@@ -1,16 +1,15 @@
 //! Takes every message of every channel out of shared memory into a bounded queue, waking and slowing nobody.
 
-use crate::channel::{Channel, Process};
 use crate::disk::Shared;
-use crate::sample::Sample;
-use crate::status::Tally;
+use crate::tally::Tally;
 use core::sync::atomic::Ordering;
 use core::time::Duration;
 use crossbeam_channel::{Sender, TrySendError};
 use krait_ipc::message::{
     Command, Health, Marker, Message, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState, StateCommand,
 };
-use krait_ipc::{Bus, IpcError, ReadCounts, ReadOptions, Reader, Writer, clock, health_channel};
+use krait_ipc::{Bus, IpcError, Process, ReadCounts, ReadOptions, Reader, Writer, clock, health_channel};
+use krait_schema::{Channel, Sample};
 
 /// How long the last samples may wait for room in the queue: then nobody is slowed by it, and a disk may be slow.
 const LAST_PATIENCE: Duration = Duration::from_secs(5);

@@ -15,7 +15,8 @@
 //! written append-only under its final name, so that what a killed recorder leaves behind is a prefix of a good file.
 //!
 //! ```no_run
-//! use krait_record::{Recording, Sample};
+//! use krait_record::Recording;
+//! use krait_schema::Sample;
 //! let recording = Recording::open("recordings/demo.mcap".as_ref())?;
 //! for gap in &recording.contents().missing {
 //!     eprintln!("{gap}");
@@ -32,61 +33,36 @@
 
 mod about;
 mod between;
-mod channel;
 mod chunk;
-mod codec;
 pub mod columns;
 mod config;
 mod contents;
-mod convert;
 mod disk;
 mod drain;
 mod error;
 mod framing;
-#[allow(missing_docs, clippy::all, reason = "generated from proto/, where every message is documented")]
-mod generated {
-    pub(crate) mod krait {
-        include!(concat!(env!("OUT_DIR"), "/krait.rs"));
-    }
-    pub(crate) mod foxglove {
-        include!(concat!(env!("OUT_DIR"), "/foxglove.rs"));
-    }
-    pub(crate) mod google {
-        pub(crate) mod protobuf {
-            include!(concat!(env!("OUT_DIR"), "/google.protobuf.rs"));
-        }
-    }
-}
 mod parts;
-mod proto {
-    pub(crate) use crate::generated::krait::*;
-}
 mod reader;
 mod recorder;
 mod recover;
-mod sample;
 mod sink;
-mod status;
 mod stream;
 mod syncer;
+mod tally;
 mod views;
 mod wall_clock;
 mod writer;
 
 pub use about::{About, Attachment};
 pub use between::samples_between;
-pub use channel::{Channel, Process, Schema};
-pub use codec::{decode, encode};
 pub use config::RecordConfig;
 pub use contents::{ChannelContents, Contents, Missing};
 pub use error::{ReadError, RecordError};
 pub use reader::{Recorded, Recording, Samples};
 pub use recorder::{RecordReport, run};
 pub use recover::{RecoverError, Recovered, recover};
-pub use sample::Sample;
 pub use sink::RecordingSink;
-pub use status::{ChannelCounts, RecorderStatus};
 pub use stream::Stream;
-pub use views::{View, Views};
+pub use views::Views;
 pub use wall_clock::{WallClock, utc_text};
 pub use writer::RecordingWriter;

@@ -1,14 +1,13 @@
 //! Reads a recording back, also one that was cut or damaged, as the messages that were recorded.
 
 use crate::between::recorded;
-use crate::channel::Channel;
 use crate::chunk::ChunkRecords;
 use crate::contents::{Contents, Directory, known_channel, scan, scan_beginning};
 use crate::error::ReadError;
 use crate::framing::{Framing, Step};
 use crate::parts::NEXT_PART_KEY;
-use crate::sample::Sample;
 use crate::writer::{METADATA, METADATA_END};
+use krait_schema::{Channel, Sample};
 use mcap::MAGIC;
 use mcap::records::{Record, op};
 use std::collections::BTreeMap;

@@ -6,11 +6,11 @@ use crate::disk::{Shared, Written, write_all};
 use crate::drain::{Drain, WhenFull};
 use crate::error::RecordError;
 use crate::parts::Parts;
-use crate::status::RecorderStatus;
 use crate::syncer::{Failure, Syncer, sync_all};
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use krait_ipc::{Bus, HealthReporter, IpcError, Realtime, Reason, Reasons, clock};
+use krait_schema::RecorderStatus;
 use std::path::{Path, PathBuf};
 use std::thread;
 

@@ -1,8 +1,8 @@
 //! The samples of some channels of a recording and of all its parts, read as they are asked for: an hour in little memory.
 
-use crate::channel::Channel;
 use crate::error::ReadError;
 use crate::reader::{Recorded, Recording, Samples};
+use krait_schema::Channel;
 use std::path::{Path, PathBuf};
 
 /// Samples in the order of the files. Damaged records are skipped, and so is what other channels hold.

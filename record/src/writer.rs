@@ -1,14 +1,12 @@
 //! Writes samples to an MCAP file: zstd chunks, every index and CRC, and a defined end also where the disk is full.
 
 use crate::about::About;
-use crate::channel::Channel;
-use crate::codec;
 use crate::error::RecordError;
-use crate::sample::Sample;
 use crate::sink::{Appender, RecordingSink};
-use crate::views::{View, Views};
+use crate::views::Views;
 use crate::wall_clock::WallClock;
 use core::sync::atomic::{AtomicU64, Ordering};
+use krait_schema::{Channel, Sample, View, encode};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Compression, McapError, WriteOptions};
 use std::collections::BTreeMap;
@@ -164,7 +162,7 @@ impl<S: RecordingSink> RecordingWriter<S> {
     }
 
     fn add(&mut self, sample: &Sample, taken_ns: i64) -> Result<(), McapError> {
-        codec::encode(sample, &mut self.buffer).map_err(io::Error::other)?;
+        encode(sample, &mut self.buffer).map_err(io::Error::other)?;
         let channel_ids = match self.channel_ids {
             Some(ids) => ids,
             // With the first sample, because a chunk without samples would have its time range begin in 1970.

@@ -10,8 +10,9 @@ use core::time::Duration;
 use krait_ipc::message::{
     Command, Health, Marker, Message, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState, StateCommand,
 };
-use krait_ipc::{Bus, ReadOptions, Reason, Reasons, Received, Writer, clock, health_channel};
-use krait_record::{Channel, Missing, Process, RecordConfig, RecordError, RecordReport, Recording, Sample, run};
+use krait_ipc::{Bus, Process, ReadOptions, Reason, Reasons, Received, Writer, clock, health_channel};
+use krait_record::{Missing, RecordConfig, RecordError, RecordReport, Recording, run};
+use krait_schema::{Channel, Sample};
 use rustix::process::{Resource, Rlimit, setrlimit};
 use std::collections::BTreeMap;
 use std::thread;

@@ -6,9 +6,9 @@ mod common;
 
 use common::{chain, fresh_path, plausible, words_of};
 use krait_record::{
-    About, Attachment, Channel, Missing, ReadError, RecordError, Recorded, Recording, RecordingSink, RecordingWriter,
-    Sample,
+    About, Attachment, Missing, ReadError, RecordError, Recorded, Recording, RecordingSink, RecordingWriter,
 };
+use krait_schema::{Channel, Sample};
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{self, Cursor, Seek, SeekFrom, Write};

@@ -7,7 +7,8 @@ mod common;
 use common::{chain, fresh_path};
 use core::cell::Cell;
 use krait_model::MachineParameters;
-use krait_record::{About, RecordConfig, RecordingWriter, Sample, Views};
+use krait_record::{About, RecordConfig, RecordingWriter, Views};
+use krait_schema::Sample;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::collections::BTreeMap;
 

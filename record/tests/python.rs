@@ -8,7 +8,8 @@ mod python;
 
 use common::{chain, fresh_path, plausible};
 use krait_model::MachineParameters;
-use krait_record::{About, Attachment, Channel, RecordingWriter, Sample, View, Views};
+use krait_record::{About, Attachment, RecordingWriter, Views};
+use krait_schema::{Channel, Sample, View};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fs;

@@ -7,9 +7,10 @@ mod common;
 use common::{TestPath, chain, fresh_path, words_of};
 use krait_model::MachineParameters;
 use krait_record::{
-    About, Attachment, Channel, Missing, RecordError, Recorded, Recording, RecordingWriter, RecoverError, Views,
-    recover, samples_between,
+    About, Attachment, Missing, RecordError, Recorded, Recording, RecordingWriter, RecoverError, Views, recover,
+    samples_between,
 };
+use krait_schema::Channel;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;

@@ -3,7 +3,7 @@
 mod common;
 
 use common::{MAX_WORDS, sample_of, words_of};
-use krait_record::{Channel, decode, encode};
+use krait_schema::{Channel, decode, encode};
 use proptest::prelude::*;
 
 /// Bits of any kind, with those that are easily lost made likely: zeros of both signs, NaNs with a payload, extremes.

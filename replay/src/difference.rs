@@ -1,7 +1,7 @@
 //! Where a recording and its repetition part: byte by byte first, and field by field once a byte differs.
 
 use core::fmt::Debug;
-use krait_record::Sample;
+use krait_schema::Sample;
 use serde::Serialize;
 
 /// The first place at which a recording and its repetition part.
@@ -33,8 +33,8 @@ pub(crate) struct Bytes {
 impl Bytes {
     /// Whether two samples have the same bytes. A sample that cannot be encoded is like none.
     pub(crate) fn same(&mut self, recorded: &Sample, repeated: &Sample) -> bool {
-        let encoded = krait_record::encode(recorded, &mut self.recorded)
-            .and_then(|()| krait_record::encode(repeated, &mut self.repeated));
+        let encoded = krait_schema::encode(recorded, &mut self.recorded)
+            .and_then(|()| krait_schema::encode(repeated, &mut self.repeated));
         self.n_compared += self.recorded.len() as u64;
         encoded.is_ok() && self.recorded == self.repeated
     }

@@ -7,7 +7,8 @@ use core::ops::Range;
 use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use crossbeam_channel::{Receiver, Sender, bounded};
 use krait_ipc::message::{Command, Compensation, OperatorInput, Setpoint};
-use krait_record::{Channel, Sample, Stream};
+use krait_record::Stream;
+use krait_schema::{Channel, Sample};
 use std::path::PathBuf;
 use std::sync::Arc;
 

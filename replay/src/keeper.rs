@@ -3,7 +3,8 @@
 
 use crate::ReplayError;
 use crossbeam_channel::{Receiver, Sender, bounded};
-use krait_record::{About, RecordError, RecordingWriter, Sample};
+use krait_record::{About, RecordError, RecordingWriter};
+use krait_schema::Sample;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::thread::JoinHandle;

@@ -2,7 +2,8 @@
 
 use crate::ReplayError;
 use krait_ipc::message::{Command, Message, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState};
-use krait_record::{Recording, Sample};
+use krait_record::Recording;
+use krait_schema::Sample;
 
 /// The messages of one chain, each channel in the order of its sequence numbers.
 #[derive(Clone, Debug, Default)]

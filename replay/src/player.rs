@@ -12,7 +12,7 @@ use crate::{ReplayError, Turn};
 use core::time::Duration;
 use krait_ipc::message::{Command, Cue, HopStamps, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState};
 use krait_ipc::{Bus, ReadOptions, Reader, Writer, clock};
-use krait_record::Sample;
+use krait_schema::Sample;
 use std::collections::VecDeque;
 
 /// Samples under way at most, and the age of the state that a step rests on, in samples: 32 ms at 1 kHz, a third of what

@@ -10,7 +10,7 @@ use crate::window::Window;
 use core::time::Duration;
 use krait_ipc::message::{Command, Compensation, Cue, Health, ModelUpdate, OperatorInput, Setpoint, SlaveState};
 use krait_ipc::{Bus, ReadOptions, Reader, Reason, Reasons, Writer, clock, health_channel};
-use krait_record::Sample;
+use krait_schema::Sample;
 use std::collections::VecDeque;
 
 /// Samples under way at most. A stage's queue holds 256; a sample rests on up to two states.

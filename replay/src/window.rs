@@ -4,7 +4,8 @@
 use crate::ReplayError;
 use crate::pass::PassCounter;
 use krait_ipc::message::{Command, Message, ModelUpdate, OperatorInput, Setpoint, SlaveState};
-use krait_record::{Channel, Sample, Stream};
+use krait_record::Stream;
+use krait_schema::{Channel, Sample};
 use std::collections::VecDeque;
 use std::path::Path;
 

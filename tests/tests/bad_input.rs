@@ -96,7 +96,7 @@ fn malformed_reports_from_a_device_are_counted_and_move_nothing() {
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     let (mut n_refused, mut n_reports, mut fastest_m_per_s) = (0, 0, 0.0_f64);
     for recorded in Recording::open(Path::new(&recording)).expect("readable").samples().expect("samples") {
-        if let krait_record::Sample::Input(input) = recorded.expect("readable").sample {
+        if let krait_schema::Sample::Input(input) = recorded.expect("readable").sample {
             (n_refused, n_reports) = (input.n_refused, input.n_reports);
             fastest_m_per_s = input.tip_vel_in_view_m_per_s.iter().fold(fastest_m_per_s, |most, v| most.max(v.abs()));
         }
@@ -188,6 +188,6 @@ fn a_full_disk_stops_the_recording_and_never_the_motion() {
     assert_eq!(figures["recording_is_whole"], false);
     assert!(figures["samples"]["received"].as_u64().is_some_and(|n| n > 5000), "the motion went on: {figures}");
     let contents = opened.expect("what was recorded is readable");
-    let n_commands = contents.contents().channels[&krait_record::Channel::Command].n_messages;
+    let n_commands = contents.contents().channels[&krait_schema::Channel::Command].n_messages;
     assert!(n_commands > 500, "{n_commands} commands were kept");
 }

@@ -3,7 +3,8 @@
 #![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
 
 use core::time::Duration;
-use krait_record::{Recording, Sample};
+use krait_record::Recording;
+use krait_schema::Sample;
 use krait_tests::{Ended, TempFolder, instance_name};
 use std::path::Path;
 

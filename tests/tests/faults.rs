@@ -4,7 +4,8 @@
 
 use core::time::Duration;
 use krait_ipc::{InstanceName, resources_of};
-use krait_record::{Recording, Sample};
+use krait_record::Recording;
+use krait_schema::Sample;
 use krait_tests::{Krait, TempFolder, instance_name, processes_of, wait_until};
 use rustix::process::{Pid, Signal, kill_process};
 use std::path::Path;

@@ -11,8 +11,9 @@
 )]
 
 use core::time::Duration;
-use krait_ipc::{Reason, Reasons};
-use krait_record::{Process, Recording, Sample};
+use krait_ipc::{Process, Reason, Reasons};
+use krait_record::Recording;
+use krait_schema::Sample;
 use krait_tests::{Ended, TempFolder, instance_name, krait_program};
 use serde_json::Value;
 use std::os::unix::fs::PermissionsExt;

@@ -3,7 +3,8 @@
 #![allow(clippy::expect_used, reason = "a panic is how a test fails")]
 
 use core::time::Duration;
-use krait_record::{Channel, Recording, Sample};
+use krait_record::Recording;
+use krait_schema::{Channel, Sample};
 use krait_tests::{Ended, Krait, TempFolder, instance_name, wait_until};
 use rustix::process::Signal;
 use std::fs;
@@ -119,7 +120,7 @@ fn check_recover(folder: &TempFolder, path: &str) {
     let said = recovered.json();
     let n_commands = said["messages"]["/krait/command"].as_u64().expect("commands");
     let contents = Recording::open(Path::new(&saved)).expect("opened").contents().clone();
-    assert_eq!(contents.channels[&krait_record::Channel::Command].n_messages, n_commands);
+    assert_eq!(contents.channels[&krait_schema::Channel::Command].n_messages, n_commands);
     assert!(contents.is_indexed && n_commands > 500, "{said}");
     assert!(said["bytes_dropped"].as_u64().is_some_and(|n| n < 200_000), "{said}");
     assert!(said["missing"].as_array().is_some_and(|m| !m.is_empty()), "{said}");

@@ -5,7 +5,8 @@
 use core::time::Duration;
 use krait_ipc::message::{Command, ModelUpdate, OperatorInput, Phase, Setpoint, Shape, SlaveState};
 use krait_ipc::{InstanceName, resources_of};
-use krait_record::{About, Recording, RecordingWriter, Sample};
+use krait_record::{About, Recording, RecordingWriter};
+use krait_schema::Sample;
 use krait_tests::{Ended, Krait, TempFolder, instance_name, krait_program, processes_of};
 use serde_json::Value;
 use std::collections::BTreeMap;

@@ -5,7 +5,8 @@
 use core::time::Duration;
 use krait_ipc::message::{Phase, Setpoint, SlaveState};
 use krait_ipc::{Bus, ReadOptions, Reader};
-use krait_record::{Recording, Sample};
+use krait_record::Recording;
+use krait_schema::Sample;
 use krait_tests::{Ended, Krait, TempFolder, instance_name, processes_of, wait_until};
 use rustix::process::Signal;
 use serde_json::Value;

@@ -89,7 +89,7 @@ fn observe(instance: &str) -> anyhow::Result<ExitCode> {
         drain::<ModelUpdate>(bus.reader(ReadOptions::observing())?),
         drain::<StateCommand>(bus.reader(ReadOptions::observing())?),
     ];
-    for process in krait_record::Process::ALL {
+    for process in krait_ipc::Process::ALL {
         channels.push(drain::<Health>(bus.reader_on(&health_channel(process.name()), ReadOptions::observing())?));
     }
     loop {

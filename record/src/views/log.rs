@@ -1,11 +1,10 @@
 //! What happened, as lines of a log: a reason that begins or ends to hold, a new operating state, a wish for one.
 
-use crate::channel::Process;
-use crate::generated::foxglove::Log as Line;
-use crate::generated::foxglove::log::Level;
-use crate::sample::Sample;
 use krait_ipc::message::{Health, Marker, OperatingState, StateCommand};
-use krait_ipc::{Reason, Reasons};
+use krait_ipc::{Process, Reason, Reasons};
+use krait_schema::Sample;
+use krait_schema::generated::foxglove::Log as Line;
+use krait_schema::generated::foxglove::log::Level;
 
 /// What was last known, so that only changes are told.
 #[derive(Debug, Default)]

@@ -1,11 +1,11 @@
 //! The snake as lines: primary and secondary backbones as arcs, disks as circles, in the base frame.
 
 use super::BASE;
-use crate::generated::foxglove::line_primitive::Type;
-use crate::generated::foxglove::{Color, LinePrimitive, Point3, SceneEntity, SceneUpdate};
-use crate::generated::google::protobuf::Timestamp;
 use core::f64::consts::TAU;
 use krait_model::Snake;
+use krait_schema::generated::foxglove::line_primitive::Type;
+use krait_schema::generated::foxglove::{Color, LinePrimitive, Point3, SceneEntity, SceneUpdate};
+use krait_schema::generated::google::protobuf::Timestamp;
 use nalgebra::{Vector2, Vector3};
 
 /// Points along a backbone: an arc of 90 degrees in steps of 11, which looks round.

@@ -1,10 +1,9 @@
 //! Tests of what viewers draw: the geometry agrees with the model, the rate is kept, only changes are told.
 
 use super::*;
-use crate::channel::Process;
-use crate::generated::foxglove::{FrameTransforms, JointStates, Log, SceneUpdate};
 use krait_ipc::message::{Health, HopStamps};
-use krait_ipc::{Reason, Reasons};
+use krait_ipc::{Process, Reason, Reasons};
+use krait_schema::generated::foxglove::{FrameTransforms, JointStates, Log, SceneUpdate};
 use nalgebra::Vector3;
 
 const MS: i64 = 1_000_000;

@@ -1,11 +1,12 @@
 //! What several tests need: every message as the bits of its fields, messages with meaning, and places for files.
 #![allow(dead_code, clippy::expect_used, reason = "each test uses its own part; a panic is how a test fails")]
 
+use krait_ipc::Process;
 use krait_ipc::message::{
     Command, Health, HopStamps, MARKER_TEXT_MAX, Marker, ModelUpdate, N_REASONS_MAX, OperatorInput, ReasonRecord,
     Setpoint, Shape, SlaveState, StateCommand,
 };
-use krait_record::{Channel, ChannelCounts, Process, RecorderStatus, Sample};
+use krait_schema::{Channel, ChannelCounts, RecorderStatus, Sample};
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
 

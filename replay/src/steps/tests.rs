@@ -3,7 +3,8 @@
 #![allow(clippy::expect_used, reason = "a panic is how a test fails")]
 
 use super::*;
-use krait_record::{About, Recording, RecordingWriter, Sample};
+use krait_record::{About, Recording, RecordingWriter};
+use krait_schema::Sample;
 use std::path::{Path, PathBuf};
 
 /// A recording in the temporary folder, removed at the end.

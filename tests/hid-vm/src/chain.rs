@@ -2,9 +2,10 @@
 
 use crate::spacemouse::wait_for;
 use anyhow::{Context, ensure};
-use krait_ipc::Reasons;
 use krait_ipc::message::{Health, OperatorInput, Setpoint, SlaveState};
-use krait_record::{Process, Recording, Sample};
+use krait_ipc::{Process, Reasons};
+use krait_record::Recording;
+use krait_schema::Sample;
 use std::io::{BufRead, BufReader, Read};
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};

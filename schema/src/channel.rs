@@ -1,43 +1,9 @@
 //! The one table of what is recorded: channel, topic, protobuf type and its descriptors, payload version.
 
+use krait_ipc::Process;
 use krait_ipc::message::{
     Command, Health, Marker, Message, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState, StateCommand,
 };
-
-/// A process whose health is recorded.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Process {
-    /// Reads the operator's device.
-    Master,
-    /// Turns the operator's motion into motion of the snake.
-    Resolve,
-    /// Turns the setpoint into actuator positions.
-    Compensate,
-    /// Updates parameters from the measured shape.
-    Estimate,
-    /// Writes to the drives.
-    Slave,
-    /// This recorder.
-    Record,
-}
-
-impl Process {
-    /// Every process, in the order of the chain.
-    pub const ALL: [Self; 6] =
-        [Self::Master, Self::Resolve, Self::Compensate, Self::Estimate, Self::Slave, Self::Record];
-
-    /// The name under which the process publishes its health.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Master => "master",
-            Self::Resolve => "resolve",
-            Self::Compensate => "compensate",
-            Self::Estimate => "estimate",
-            Self::Slave => "slave",
-            Self::Record => "record",
-        }
-    }
-}
 
 /// A channel of a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

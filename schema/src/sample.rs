@@ -1,7 +1,8 @@
 //! One recorded message, whichever channel it came from.
 
-use crate::channel::{Channel, Process};
+use crate::channel::Channel;
 use crate::status::RecorderStatus;
+use krait_ipc::Process;
 use krait_ipc::message::{
     Command, Health, Marker, Message, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState, StateCommand,
 };

@@ -1,9 +1,10 @@
 //! Mirror of the recorder's own counts: one named field per channel, so that a viewer can plot each.
 
 use super::Mirrored;
-use crate::channel::{Channel, Process};
+use crate::channel::Channel;
 use crate::proto;
 use crate::status::{ChannelCounts, RecorderStatus};
+use krait_ipc::Process;
 
 impl Mirrored for RecorderStatus {
     type Mirror = proto::RecorderStatus;
