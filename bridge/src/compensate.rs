@@ -15,7 +15,7 @@ use crate::lines::Lines;
 use crate::stage::{self, BridgeError, Refused, Stage, check_order_and_numbers, seconds_between, stamps_begun, step_s};
 use core::sync::atomic::AtomicBool;
 use krait_ipc::message::{Command, Compensation, Cue, ModelUpdate, Phase, Setpoint, SlaveState};
-use krait_ipc::{Bus, IpcError, ReadCounts, ReadOptions, Reader, Reason, Reasons};
+use krait_ipc::{Bus, IpcError, Process, ReadCounts, ReadOptions, Reader, Reason, Reasons};
 use krait_model::{Chain, MachineParameters};
 use nalgebra::{Vector2, Vector3};
 
@@ -288,7 +288,7 @@ pub fn run_compensate(
         updates: bus.reader(ReadOptions::glancing())?,
         n_updates_refused: 0,
     };
-    stage::run(bus, "compensate", config.wait, &mut stage, stop)?;
+    stage::run(bus, Process::Compensate, config.wait, &mut stage, stop)?;
     warn_of_refused(stage.n_updates_refused);
     Ok(())
 }
@@ -380,7 +380,7 @@ pub fn run_compensate_cued(
         updates: UpTo::new(bus.reader(ReadOptions::waking())?),
         n_updates_refused: 0,
     };
-    cued::run(bus, "compensate", &mut stage, stop)?;
+    cued::run(bus, Process::Compensate, &mut stage, stop)?;
     warn_of_refused(stage.n_updates_refused);
     Ok(())
 }

@@ -11,7 +11,7 @@ use crate::stage::{BridgeError, Stage};
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use krait_ipc::message::{Cue, Message, ModelUpdate, Shape, SlaveState};
-use krait_ipc::{Bus, HealthReporter, IpcError, ReadCounts, ReadOptions, Reader, Writer, clock};
+use krait_ipc::{Bus, HealthReporter, IpcError, Process, ReadCounts, ReadOptions, Reader, Writer, clock};
 use krait_model::{Chain, MachineParameters};
 
 /// How long a stage sleeps at most before it looks whether it shall stop.
@@ -43,13 +43,18 @@ pub(crate) trait CuedStage: Stage {
 }
 
 /// Runs a stage by its cues until it is told to stop: every sample in order, as fast as samples and states come.
-pub(crate) fn run<S: CuedStage>(bus: &Bus, process: &str, stage: &mut S, stop: &AtomicBool) -> Result<(), BridgeError> {
+pub(crate) fn run<S: CuedStage>(
+    bus: &Bus,
+    process: Process,
+    stage: &mut S,
+    stop: &AtomicBool,
+) -> Result<(), BridgeError> {
     let mut inputs = bus.reader::<S::In>(ReadOptions::waking())?;
     let mut cues = Cues::open(bus)?;
     let mut outputs = bus.writer::<S::Out>()?;
     let mut health = HealthReporter::open(bus, process)?;
     health.publish(clock::monotonic_ns())?;
-    tracing::info!(process, "ready for a replay");
+    tracing::info!(process = process.name(), "ready for a replay");
     while !stop.load(Ordering::Relaxed) {
         inputs.wait(PATIENCE)?;
         while let Some(input) = inputs.take()? {
@@ -81,7 +86,7 @@ pub(crate) fn run<S: CuedStage>(bus: &Bus, process: &str, stage: &mut S, stop: &
         health.publish_if_due(clock::monotonic_ns())?;
     }
     health.publish(clock::monotonic_ns())?;
-    tracing::info!(process, n_sent = outputs.n_sent(), n_lost = inputs.n_lost(), "stopped");
+    tracing::info!(process = process.name(), n_sent = outputs.n_sent(), n_lost = inputs.n_lost(), "stopped");
     Ok(())
 }
 
@@ -187,7 +192,7 @@ pub fn run_estimate_cued(
     let mut states = bus.reader::<SlaveState>(ReadOptions::following())?;
     let mut shapes = bus.reader::<Shape>(ReadOptions::glancing())?;
     let mut updates = bus.writer::<ModelUpdate>()?;
-    let mut health = HealthReporter::open(bus, "estimate")?;
+    let mut health = HealthReporter::open(bus, Process::Estimate)?;
     health.publish(clock::monotonic_ns())?;
     let mut next: Option<Shape> = None;
     while !stop.load(Ordering::Relaxed) {

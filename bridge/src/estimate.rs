@@ -13,7 +13,7 @@ use crate::stage::{BridgeError, seconds_between};
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use krait_ipc::message::{Message, ModelUpdate, Shape, SlaveState};
-use krait_ipc::{Bus, HealthReporter, ReadOptions, Reason, Reasons, clock};
+use krait_ipc::{Bus, HealthReporter, Process, ReadOptions, Reason, Reasons, clock};
 use krait_model::{
     Chain, Change, ChangeParameters, ChangeWatch, Circumstances, Estimator, EstimatorParameters, Innovation,
     MachineParameters, Predictor, Snake,
@@ -219,7 +219,7 @@ pub fn run_estimate(
     let mut states = bus.reader::<SlaveState>(ReadOptions::observing())?;
     let mut shapes = bus.reader::<Shape>(ReadOptions::waking())?;
     let mut updates = bus.writer::<ModelUpdate>()?;
-    let mut health = HealthReporter::open(bus, "estimate")?;
+    let mut health = HealthReporter::open(bus, Process::Estimate)?;
     health.publish(clock::monotonic_ns())?;
     tracing::info!(process = "estimate", "ready");
     while !stop.load(Ordering::Relaxed) {

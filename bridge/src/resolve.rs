@@ -14,7 +14,7 @@ use crate::cued::{self, CuedStage, Moment, UpTo};
 use crate::stage::{self, BridgeError, Refused, Stage, check_order_and_numbers, seconds_between, stamps_begun, step_s};
 use core::sync::atomic::AtomicBool;
 use krait_ipc::message::{Cue, DeviceState, OperatorInput, Phase, Setpoint, SlaveState};
-use krait_ipc::{Bus, IpcError, ReadCounts, ReadOptions, Reader, Reason, Reasons};
+use krait_ipc::{Bus, IpcError, Process, ReadCounts, ReadOptions, Reader, Reason, Reasons};
 use krait_model::{Compensator, CompensatorParameters, MachineParameters, Snake};
 use nalgebra::{Rotation3, Vector2, Vector3};
 
@@ -268,7 +268,7 @@ pub fn run_resolve(
     let core = ResolveCore::new(machine, lines, config)?;
     let states = bus.reader::<SlaveState>(ReadOptions::glancing())?;
     let late_ns = (config.late_us * 1e3) as i64;
-    stage::run(bus, "resolve", config.wait, &mut ResolveStage { core, states, late_ns }, stop)
+    stage::run(bus, Process::Resolve, config.wait, &mut ResolveStage { core, states, late_ns }, stop)
 }
 
 /// `resolve` in a replay.
@@ -338,5 +338,5 @@ pub fn run_resolve_cued(
 ) -> Result<(), BridgeError> {
     let core = ResolveCore::new(machine, lines, config)?;
     let states = UpTo::new(bus.reader(ReadOptions::waking())?);
-    cued::run(bus, "resolve", &mut CuedResolve { core, states }, stop)
+    cued::run(bus, Process::Resolve, &mut CuedResolve { core, states }, stop)
 }

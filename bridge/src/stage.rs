@@ -3,7 +3,7 @@
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use krait_ipc::message::{HopStamps, Message};
-use krait_ipc::{Bus, HealthReporter, IpcError, ReadCounts, ReadOptions, Reason, Reasons, WaitMode, clock};
+use krait_ipc::{Bus, HealthReporter, IpcError, Process, ReadCounts, ReadOptions, Reason, Reasons, WaitMode, clock};
 
 /// How long a stage sleeps at most before it looks whether it shall stop.
 const PATIENCE: Duration = Duration::from_millis(20);
@@ -88,7 +88,7 @@ pub(crate) trait Stage {
 /// Runs a stage until it is told to stop: every sample in order, published at once, health ten times a second.
 pub(crate) fn run<S: Stage>(
     bus: &Bus,
-    process: &str,
+    process: Process,
     wait: WaitMode,
     stage: &mut S,
     stop: &AtomicBool,
@@ -97,7 +97,7 @@ pub(crate) fn run<S: Stage>(
     let mut outputs = bus.writer::<S::Out>()?;
     let mut health = HealthReporter::open(bus, process)?;
     health.publish(clock::monotonic_ns())?;
-    tracing::info!(process, "ready");
+    tracing::info!(process = process.name(), "ready");
     let mut last = None;
     while !stop.load(Ordering::Relaxed) {
         let may_have = inputs.wait(PATIENCE)?;
@@ -128,7 +128,7 @@ pub(crate) fn run<S: Stage>(
         health.publish_if_due(clock::monotonic_ns())?;
     }
     health.publish(clock::monotonic_ns())?;
-    tracing::info!(process, n_sent = outputs.n_sent(), n_lost = inputs.n_lost(), "stopped");
+    tracing::info!(process = process.name(), n_sent = outputs.n_sent(), n_lost = inputs.n_lost(), "stopped");
     Ok(())
 }
 

@@ -1,13 +1,13 @@
 //! Publishes a process's health ten times a second; its first message says that the process is ready.
 
 use crate::message::{Health, Message};
-use crate::{Bus, IpcError, Reader, Reasons, Writer};
+use crate::{Bus, IpcError, Process, Reader, Reasons, Writer};
 
 /// Ten times a second: often enough for a person, rare enough to cost nothing.
 const PERIOD_NS: i64 = 100_000_000;
 
 /// Name of the channel that carries a process's health.
-pub fn health_channel(process: &str) -> String {
+pub fn health_channel(process: Process) -> String {
     format!("health/{process}")
 }
 
@@ -24,7 +24,7 @@ impl HealthReporter {
     ///
     /// # Errors
     /// As [`Bus::writer_on`].
-    pub fn open(bus: &Bus, process: &str) -> Result<Self, IpcError> {
+    pub fn open(bus: &Bus, process: Process) -> Result<Self, IpcError> {
         let writer = bus.writer_on(&health_channel(process))?;
         Ok(Self { writer, health: Health { pid: std::process::id(), ..Health::default() }, due_ns: i64::MIN })
     }

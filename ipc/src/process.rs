@@ -1,4 +1,6 @@
-//! The processes of a chain.
+//! The one table of the processes of a chain: name, order of start and end, turn at the cores.
+
+use serde::{Serialize, Serializer};
 
 /// A process of a chain; each publishes its health.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -17,20 +19,80 @@ pub enum Process {
     Record,
 }
 
+/// What is fixed about a process.
+struct Row {
+    process: Process,
+    name: &'static str,
+    /// Its turn when the cores are given out; none: it is no part of the chain's latency and keeps out of the way.
+    core_turn: Option<usize>,
+}
+
+/// In the order of the chain, which is that of the enumeration.
+const TABLE: [Row; 6] = [
+    Row { process: Process::Master, name: "master", core_turn: Some(0) },
+    Row { process: Process::Resolve, name: "resolve", core_turn: Some(1) },
+    Row { process: Process::Compensate, name: "compensate", core_turn: Some(2) },
+    Row { process: Process::Estimate, name: "estimate", core_turn: None },
+    Row { process: Process::Slave, name: "slave", core_turn: Some(3) },
+    Row { process: Process::Record, name: "record", core_turn: None },
+];
+
 impl Process {
     /// Every process, in the order of the chain.
     pub const ALL: [Self; 6] =
         [Self::Master, Self::Resolve, Self::Compensate, Self::Estimate, Self::Slave, Self::Record];
 
-    /// The name under which the process publishes its health.
+    /// Start order: the recorder first, the operator last, so that everything listens before anything moves.
+    pub const START_ORDER: [Self; 6] =
+        [Self::Record, Self::Slave, Self::Estimate, Self::Compensate, Self::Resolve, Self::Master];
+
+    /// End order: the operator first, so that the chain runs dry; the recorder last, so that it hears every farewell.
+    pub const END_ORDER: [Self; 6] =
+        [Self::Master, Self::Resolve, Self::Compensate, Self::Slave, Self::Estimate, Self::Record];
+
+    /// The subcommand that runs the process, and the name under which it joins an instance and publishes its health.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Master => "master",
-            Self::Resolve => "resolve",
-            Self::Compensate => "compensate",
-            Self::Estimate => "estimate",
-            Self::Slave => "slave",
-            Self::Record => "record",
+        self.row().name
+    }
+
+    /// The process of this name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        TABLE.iter().find(|row| row.name == name).map(|row| row.process)
+    }
+
+    /// Its turn when the cores are given out ([`crate::Realtime::apply`]); `None` for a process that no sample waits for.
+    pub fn core_turn(self) -> Option<usize> {
+        self.row().core_turn
+    }
+
+    fn row(self) -> &'static Row {
+        &TABLE[self as usize]
+    }
+}
+
+impl core::fmt::Display for Process {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl Serialize for Process {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.name())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_table_is_in_the_order_of_the_enumeration_and_every_order_has_every_process() {
+        for (process, row) in Process::ALL.into_iter().zip(&TABLE) {
+            assert_eq!(row.process, process);
+            assert_eq!(Process::from_name(process.name()), Some(process));
+            assert!(Process::START_ORDER.contains(&process) && Process::END_ORDER.contains(&process));
         }
+        assert_eq!(Process::from_name("launch"), None);
     }
 }

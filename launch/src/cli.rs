@@ -3,8 +3,8 @@
 use crate::cli_lab::LabVerb;
 use crate::cli_replay::{CompareArgs, ReplayArgs};
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use krait_ipc::Cores;
 use krait_ipc::message::Compensation;
+use krait_ipc::{Cores, Process};
 use std::path::PathBuf;
 
 /// krait: a teleoperation bridge for snake-like surgical robots.
@@ -114,7 +114,7 @@ pub enum Verb {
     Config,
     /// One process of the chain (the supervisor starts these).
     #[command(flatten)]
-    Process(Process),
+    Process(ProcessVerb),
 }
 
 impl Default for Verb {
@@ -432,7 +432,7 @@ pub enum ExportFormat {
 
 /// The processes of the chain.
 #[derive(Clone, Debug, Subcommand)]
-pub enum Process {
+pub enum ProcessVerb {
     /// Reads the operator's device and publishes operator input.
     #[command(after_help = "Example:\n  krait master --source hid --record-reports hand.krr")]
     Master(MasterArgs),
@@ -446,6 +446,20 @@ pub enum Process {
     Slave(SlaveArgs),
     /// Writes every channel to an MCAP file.
     Record,
+}
+
+impl ProcessVerb {
+    /// Which process it runs.
+    pub fn process(&self) -> Process {
+        match self {
+            Self::Master(_) => Process::Master,
+            Self::Resolve(_) => Process::Resolve,
+            Self::Compensate(_) => Process::Compensate,
+            Self::Estimate(_) => Process::Estimate,
+            Self::Slave(_) => Process::Slave,
+            Self::Record => Process::Record,
+        }
+    }
 }
 
 /// Options of a stage of the bridge.

@@ -1,7 +1,8 @@
 //! The command line of `krait replay` and `krait compare`.
 
 use crate::cli::{SlaveKind, parse_compensation};
-use clap::{Args, ValueEnum};
+use clap::Args;
+use krait_ipc::Process;
 use krait_ipc::message::Compensation;
 use std::path::PathBuf;
 
@@ -30,8 +31,8 @@ pub struct ReplayArgs {
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
     pub loops: u64,
     /// Run this stage with other settings than the recording's: those of --config, --model, --compensation or --truth.
-    #[arg(long, value_enum, value_name = "STAGE")]
-    pub replace: Vec<Stage>,
+    #[arg(long, value_parser = parse_replaced, value_name = "resolve|compensate|estimate|slave")]
+    pub replace: Vec<Process>,
     /// Model file (TOML) for the replaced `compensate`.
     #[arg(long, value_name = "FILE")]
     pub model: Option<PathBuf>,
@@ -90,17 +91,10 @@ pub enum Speed {
     Max,
 }
 
-/// A stage that a replay can run with other settings.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Stage {
-    /// The operator's motion to the setpoint.
-    Resolve,
-    /// The setpoint to the actuators.
-    Compensate,
-    /// Learning the model.
-    Estimate,
-    /// The drives, or the simulated snake.
-    Slave,
+fn parse_replaced(word: &str) -> Result<Process, String> {
+    let processes = [Process::Resolve, Process::Compensate, Process::Estimate, Process::Slave];
+    let named = processes.into_iter().find(|process| process.name() == word);
+    named.ok_or_else(|| format!("{word:?} cannot be replaced: expected resolve, compensate, estimate or slave"))
 }
 
 fn parse_speed(word: &str) -> Result<Speed, String> {

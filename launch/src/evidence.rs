@@ -5,7 +5,7 @@ use crate::supervisor::Supervisor;
 use anyhow::Context;
 use core::ops::Range;
 use krait_ipc::message::Compensation;
-use krait_ipc::{Reason, Reasons};
+use krait_ipc::{Process, Reason, Reasons};
 use krait_record::Recording;
 use krait_report::{LatencyLog, LatencyReport, PassLog, PassReport};
 use krait_schema::Sample;
@@ -34,8 +34,8 @@ pub struct Figures {
 /// A process that took part.
 #[derive(Clone, Debug, Serialize)]
 pub struct ProcessFigure {
-    /// master, resolve, compensate, estimate, slave or record.
-    pub name: &'static str,
+    /// Which.
+    pub name: Process,
     /// Process id.
     pub pid: u32,
     /// The pass it was part of.
@@ -56,11 +56,11 @@ pub struct SampleFigures {
 impl SampleFigures {
     /// The counts of a chain that has ended, by its processes' farewells.
     pub fn of(supervisor: &Supervisor) -> Self {
-        let sent = supervisor.health("master").map_or(0, |health| health.n_sent);
+        let sent = supervisor.health(Process::Master).map_or(0, |health| health.n_sent);
         let received = supervisor.newest_state().map_or(0, |state| state.n_commands);
-        let gaps: u64 = ["resolve", "compensate", "estimate", "slave"]
+        let gaps: u64 = [Process::Resolve, Process::Compensate, Process::Estimate, Process::Slave]
             .into_iter()
-            .filter_map(|name| supervisor.health(name))
+            .filter_map(|process| supervisor.health(process))
             .map(|health| health.n_lost)
             .sum();
         Self { sent, received, lost: gaps.max(sent.saturating_sub(received)) }
@@ -79,10 +79,10 @@ pub struct Evidence {
 
 impl Evidence {
     /// Notes who takes part in a pass; who was there before is not noted again.
-    pub fn processes(&mut self, pass: &str, processes: &[(&'static str, u32)]) {
+    pub fn processes(&mut self, pass: &str, processes: &[(Process, u32)]) {
         for (name, pid) in processes {
             if !self.processes.iter().any(|known| known.pid == *pid) {
-                self.processes.push(ProcessFigure { name, pid: *pid, pass: pass.to_owned() });
+                self.processes.push(ProcessFigure { name: *name, pid: *pid, pass: pass.to_owned() });
             }
         }
     }
@@ -104,7 +104,8 @@ impl Evidence {
 
     /// Notes how the recorder fared, after it has ended.
     pub fn recorder(&mut self, supervisor: &Supervisor) {
-        let ever = supervisor.health("record").map_or(Reasons::NONE, |health| Reasons::from_bits(health.reasons_ever));
+        let ever =
+            supervisor.health(Process::Record).map_or(Reasons::NONE, |health| Reasons::from_bits(health.reasons_ever));
         self.recording_stopped = ever.contains(Reason::RecordingStopped);
     }
 

@@ -4,7 +4,7 @@ use crate::budget::BudgetWatch;
 use crate::supervisor::Supervisor;
 use core::time::Duration;
 use krait_ipc::message::{Setpoint, Shape};
-use krait_ipc::{Bus, ReadOptions, Reader, Reason, Reasons, clock};
+use krait_ipc::{Bus, Process, ReadOptions, Reader, Reason, Reasons, clock};
 use std::io::{IsTerminal, Write, stderr};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -101,7 +101,7 @@ impl Progress {
 }
 
 fn has_changed(supervisor: &Supervisor) -> bool {
-    let estimate = supervisor.health("estimate");
+    let estimate = supervisor.health(Process::Estimate);
     estimate.is_some_and(|health| Reasons::from_bits(health.reasons_now).contains(Reason::ModelChanged))
 }
 

@@ -1,10 +1,11 @@
 //! What a replay plays and with which settings: a recording's own, but for the stages that are replaced.
 
 use crate::cli::{Common, SlaveKind};
-use crate::cli_replay::{ReplayArgs, Stage};
+use crate::cli_replay::ReplayArgs;
 use crate::config::Config;
 use crate::recorded;
 use anyhow::{Context, bail, ensure};
+use krait_ipc::Process;
 use krait_ipc::message::Compensation;
 use krait_model::Snake;
 use krait_record::Recording;
@@ -91,13 +92,13 @@ impl Setup {
 /// The recording's settings, with those of the replaced stages from the command line.
 fn replaced(common: &Common, args: &ReplayArgs, recorded: Config) -> anyhow::Result<Config> {
     let wants = |stage| args.replace.contains(&stage);
-    let needs = |given: bool, stage, option: &str, word: &str| {
-        ensure!(!given || wants(stage), "{option} changes {word}: say so with --replace {word}");
+    let needs = |given: bool, stage: Process, option: &str| {
+        ensure!(!given || wants(stage), "{option} changes {stage}: say so with --replace {stage}");
         Ok(())
     };
-    needs(args.model.is_some(), Stage::Compensate, "--model", "compensate")?;
-    needs(args.compensation.is_some(), Stage::Compensate, "--compensation", "compensate")?;
-    needs(args.truth.is_some(), Stage::Slave, "--truth", "slave")?;
+    needs(args.model.is_some(), Process::Compensate, "--model")?;
+    needs(args.compensation.is_some(), Process::Compensate, "--compensation")?;
+    needs(args.truth.is_some(), Process::Slave, "--truth")?;
     let Some(path) = common.config.as_deref() else { return with_options(args, recorded) };
     ensure!(
         !args.replace.is_empty(),
@@ -106,16 +107,16 @@ fn replaced(common: &Common, args: &ReplayArgs, recorded: Config) -> anyhow::Res
     );
     let other = Config::load(Some(path))?;
     let mut config = recorded;
-    if wants(Stage::Resolve) {
+    if wants(Process::Resolve) {
         config.resolve = other.resolve;
     }
-    if wants(Stage::Compensate) {
+    if wants(Process::Compensate) {
         (config.compensate, config.model) = (other.compensate, other.model.clone());
     }
-    if wants(Stage::Estimate) {
+    if wants(Process::Estimate) {
         config.estimate = other.estimate;
     }
-    if wants(Stage::Slave) {
+    if wants(Process::Slave) {
         config.slave = other.slave.clone();
     }
     with_options(args, config)

@@ -10,7 +10,7 @@ use crate::config::Config;
 use anyhow::{Context, bail};
 use core::time::Duration;
 use krait_ipc::message::{Health, OperatingState, SlaveState, StateCommand, Transition};
-use krait_ipc::{Bus, ReadOptions, Reader, Writer, clock, health_channel};
+use krait_ipc::{Bus, Process, ReadOptions, Reader, Writer, clock, health_channel};
 use rustix::process::{Pid, Signal, kill_process};
 use std::ffi::OsString;
 use std::os::unix::process::CommandExt;
@@ -20,11 +20,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Environment variable that tells a process who its supervisor is.
 pub const SUPERVISOR_PID: &str = "KRAIT_SUPERVISOR_PID";
-/// Start order after the recorder: the operator last, so that everything listens before anything moves.
-const START_ORDER: [&str; 5] = ["slave", "estimate", "compensate", "resolve", "master"];
-/// End order: the operator first, so that the chain runs dry. The recorder ends after all of them and hears every farewell.
-const END_ORDER: [&str; 5] = ["master", "resolve", "compensate", "slave", "estimate"];
-const RECORDER: &str = "record";
 /// A process that is not ready by then will not be: opening shared memory takes milliseconds, a busy machine seconds, and a
 /// program that a busy disk has yet to read longer. One that ends is noticed at once.
 const READY_PATIENCE: Duration = Duration::from_secs(60);
@@ -37,7 +32,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(5);
 pub struct Supervisor {
     instance: String,
     children: Vec<Running>,
-    healths: Vec<(&'static str, Reader<Health>, Option<Health>)>,
+    healths: Vec<(Process, Reader<Health>, Option<Health>)>,
     states: Reader<SlaveState>,
     newest_state: Option<SlaveState>,
     budget: Option<BudgetWatch>,
@@ -53,7 +48,7 @@ pub struct Supervisor {
 pub struct AlreadyTold;
 
 struct Running {
-    name: &'static str,
+    process: Process,
     child: Child,
     ended: bool,
 }
@@ -77,7 +72,7 @@ pub struct ChainOptions {
 #[derive(Clone, Debug)]
 pub struct Cast {
     /// Who takes part.
-    pub processes: Vec<&'static str>,
+    pub processes: Vec<Process>,
     /// A replay's own time, ns: where it begins. Without it the processes keep the machine's clock.
     pub recorded_time_ns: Option<i64>,
 }
@@ -85,7 +80,10 @@ pub struct Cast {
 impl Cast {
     /// Every process of a live chain, on the machine's clock.
     pub fn live() -> Self {
-        Self { processes: START_ORDER.to_vec(), recorded_time_ns: None }
+        Self {
+            processes: Process::ALL.into_iter().filter(|process| *process != Process::Record).collect(),
+            recorded_time_ns: None,
+        }
     }
 }
 
@@ -104,8 +102,8 @@ impl Supervisor {
             );
         }
         let mut healths = Vec::new();
-        for name in START_ORDER.into_iter().chain([RECORDER]) {
-            healths.push((name, bus.reader_on(&health_channel(name), ReadOptions::glancing())?, None));
+        for process in Process::ALL {
+            healths.push((process, bus.reader_on(&health_channel(process), ReadOptions::glancing())?, None));
         }
         Ok(Self {
             instance: instance.to_owned(),
@@ -126,8 +124,8 @@ impl Supervisor {
     /// One sentence: it ended (it has said why), or a stop was asked for.
     pub fn start_recorder(&mut self, config: &Config, stop: &AtomicBool) -> anyhow::Result<()> {
         let config_path = self.write_config(config)?;
-        self.spawn(RECORDER, &config_path, &[])?;
-        self.wait_until("the recorder is ready", stop, |s| s.is_ready(RECORDER))
+        self.spawn(Process::Record, &config_path, &[])?;
+        self.wait_until("the recorder is ready", stop, |s| s.is_ready(Process::Record))
     }
 
     /// Starts the chain, waits until each process is ready, then homes and enables the slave.
@@ -142,20 +140,20 @@ impl Supervisor {
             self.budget = Some(BudgetWatch::new(options.config.budget)?);
         }
         let is_live = options.cast.recorded_time_ns.is_none();
-        let names = || START_ORDER.into_iter().filter(|name| options.cast.processes.contains(name));
-        for name in names() {
-            let arguments = arguments_of(name, options);
-            self.spawn(name, &config_path, &arguments)?;
+        let cast = || Process::START_ORDER.into_iter().filter(|process| options.cast.processes.contains(process));
+        for process in cast() {
+            let arguments = arguments_of(process, options);
+            self.spawn(process, &config_path, &arguments)?;
             // One after the other: whoever speaks is heard by everyone from its first word. In a replay all are silent
             // until the last is ready.
             if is_live {
-                self.wait_until_ready(name, stop)?;
+                self.wait_until_ready(process, stop)?;
             }
         }
-        for name in names().filter(|_| !is_live) {
-            self.wait_until_ready(name, stop)?;
+        for process in cast().filter(|_| !is_live) {
+            self.wait_until_ready(process, stop)?;
         }
-        if !options.cast.processes.contains(&"slave") {
+        if !options.cast.processes.contains(&Process::Slave) {
             return Ok(());
         }
         self.command(Transition::Enable)?;
@@ -174,18 +172,18 @@ impl Supervisor {
         &self.bus
     }
 
-    /// Names and process ids of what runs now.
-    pub fn processes(&self) -> Vec<(&'static str, u32)> {
+    /// What runs now, with process ids.
+    pub fn processes(&self) -> Vec<(Process, u32)> {
         self.children
             .iter()
             .filter(|running| !running.ended)
-            .map(|running| (running.name, running.child.id()))
+            .map(|running| (running.process, running.child.id()))
             .collect()
     }
 
     /// The newest health of a process, if it has said anything.
-    pub fn health(&self, process: &str) -> Option<&Health> {
-        self.healths.iter().find(|(name, ..)| *name == process).and_then(|(_, _, health)| health.as_ref())
+    pub fn health(&self, process: Process) -> Option<&Health> {
+        self.healths.iter().find(|(known, ..)| *known == process).and_then(|(_, _, health)| health.as_ref())
     }
 
     /// The newest slave state of the chain that runs or has just ended.
@@ -212,7 +210,7 @@ impl Supervisor {
                 }
                 bail!(
                     "the chain was ended because its process `{}` (pid {}) ended: {status}",
-                    running.name,
+                    running.process,
                     running.child.id()
                 );
             }
@@ -223,8 +221,8 @@ impl Supervisor {
     /// Ends the chain, the recorder excepted; what does not end in time is killed. Returns whether all ended by themselves.
     pub fn end_chain(&mut self) -> bool {
         let mut all_clean = true;
-        for name in END_ORDER {
-            all_clean &= self.end_one(name);
+        for process in Process::END_ORDER.into_iter().filter(|process| *process != Process::Record) {
+            all_clean &= self.end_one(process);
         }
         all_clean
     }
@@ -232,29 +230,34 @@ impl Supervisor {
     /// Ends everything. Returns whether all ended by themselves.
     pub fn end(&mut self) -> bool {
         let chain = self.end_chain();
-        self.end_one(RECORDER) && chain
+        self.end_one(Process::Record) && chain
     }
 
-    fn spawn(&mut self, name: &'static str, config_path: &Path, arguments: &[OsString]) -> anyhow::Result<()> {
+    fn spawn(&mut self, process: Process, config_path: &Path, arguments: &[OsString]) -> anyhow::Result<()> {
         let program = std::env::current_exe().context("the krait program could not find itself")?;
         let mut command = Command::new(program);
-        command.arg(name).arg("--config").arg(config_path).args(["--instance", &self.instance]).args(arguments);
+        command
+            .arg(process.name())
+            .arg("--config")
+            .arg(config_path)
+            .args(["--instance", &self.instance])
+            .args(arguments);
         // A group of its own: Ctrl-C reaches the supervisor alone, which then ends the processes in order.
         command.process_group(0).env(SUPERVISOR_PID, std::process::id().to_string());
         command.stdin(Stdio::null()).stdout(Stdio::null());
-        let child = command.spawn().with_context(|| format!("process `{name}` could not be started"))?;
-        tracing::info!(process = name, pid = child.id(), "started");
-        self.children.push(Running { name, child, ended: false });
+        let child = command.spawn().with_context(|| format!("process `{process}` could not be started"))?;
+        tracing::info!(process = process.name(), pid = child.id(), "started");
+        self.children.push(Running { process, child, ended: false });
         Ok(())
     }
 
-    fn is_ready(&self, name: &str) -> bool {
-        let running = self.children.iter().find(|running| running.name == name && !running.ended);
-        running.is_some_and(|running| self.health(name).is_some_and(|health| health.pid == running.child.id()))
+    fn is_ready(&self, process: Process) -> bool {
+        let running = self.children.iter().find(|running| running.process == process && !running.ended);
+        running.is_some_and(|running| self.health(process).is_some_and(|health| health.pid == running.child.id()))
     }
 
-    fn wait_until_ready(&mut self, name: &'static str, stop: &AtomicBool) -> anyhow::Result<()> {
-        self.wait_until(&format!("process `{name}` is ready"), stop, |s| s.is_ready(name))
+    fn wait_until_ready(&mut self, process: Process, stop: &AtomicBool) -> anyhow::Result<()> {
+        self.wait_until(&format!("process `{process}` is ready"), stop, |s| s.is_ready(process))
     }
 
     fn wait_until(&mut self, what: &str, stop: &AtomicBool, done: impl Fn(&Self) -> bool) -> anyhow::Result<()> {
@@ -301,15 +304,16 @@ impl Supervisor {
         Ok(self.state_commands.send(&command)?)
     }
 
-    fn end_one(&mut self, name: &str) -> bool {
-        let Some(position) = self.children.iter().position(|running| running.name == name && !running.ended) else {
+    fn end_one(&mut self, process: Process) -> bool {
+        let Some(position) = self.children.iter().position(|running| running.process == process && !running.ended)
+        else {
             return true;
         };
         let running = &mut self.children[position];
         running.ended = true;
         let asked = Pid::from_raw(running.child.id().cast_signed()).map(|pid| kill_process(pid, Signal::TERM));
         if let Some(Err(error)) = asked {
-            tracing::warn!(process = running.name, %error, "could not be asked to end");
+            tracing::warn!(process = process.name(), %error, "could not be asked to end");
         }
         let deadline_ns = clock::monotonic_ns() + END_PATIENCE.as_nanos() as i64;
         loop {
@@ -334,9 +338,9 @@ impl Supervisor {
 
 impl Running {
     fn kill(&mut self) -> bool {
-        tracing::error!(process = self.name, "did not end in time and was killed");
+        tracing::error!(process = self.process.name(), "did not end in time and was killed");
         if let Err(error) = self.child.kill().and_then(|()| self.child.wait()) {
-            tracing::error!(process = self.name, %error, "could not be killed");
+            tracing::error!(process = self.process.name(), %error, "could not be killed");
         }
         false
     }
@@ -348,11 +352,11 @@ impl Drop for Supervisor {
     }
 }
 
-fn arguments_of(name: &str, options: &ChainOptions) -> Vec<OsString> {
-    match (name, options.cast.recorded_time_ns) {
-        ("master", _) => master_arguments(options),
+fn arguments_of(process: Process, options: &ChainOptions) -> Vec<OsString> {
+    match (process, options.cast.recorded_time_ns) {
+        (Process::Master, _) => master_arguments(options),
         (_, None) => Vec::new(),
-        ("slave", Some(start_ns)) => vec!["--recorded-time-ns".into(), start_ns.to_string().into()],
+        (Process::Slave, Some(start_ns)) => vec!["--recorded-time-ns".into(), start_ns.to_string().into()],
         (_, Some(_)) => vec!["--cued".into()],
     }
 }

@@ -4,7 +4,7 @@ use crate::report_log::ReportLog;
 use crate::ticker::Ticker;
 use crate::{MasterConfig, MasterCore, MasterError, ReportSource, SourceChoice, SourceEvent};
 use krait_ipc::message::{DeviceState, Marker, OperatorInput, SlaveState};
-use krait_ipc::{Bus, HealthReporter, ReadOptions, Reader, Reason, Reasons, Writer, clock};
+use krait_ipc::{Bus, HealthReporter, Process, ReadOptions, Reader, Reason, Reasons, Writer, clock};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Reads a source and publishes [`OperatorInput`] on its channel until `stop` is set.
@@ -25,7 +25,7 @@ pub fn run(bus: &Bus, config: &MasterConfig, source: SourceChoice, stop: &Atomic
         Some(path) => Some(ReportLog::create(path, source.vid_pid().unwrap_or_default())?),
         None => None,
     };
-    let (inputs, health) = (bus.writer()?, HealthReporter::open(bus, "master")?);
+    let (inputs, health) = (bus.writer()?, HealthReporter::open(bus, Process::Master)?);
     let marks = bus.writer_on(Marker::DEVICE_CHANNEL)?;
     let mut master =
         Master { core, source, log, slave, inputs, marks, health, device_ns: None, has_log_dropped: false };

@@ -3,7 +3,7 @@
 #![allow(clippy::expect_used, clippy::panic, reason = "the helpers of a test fail as the test does")]
 
 use krait_ipc::message::{DeviceState, Health, HopStamps, Message, OperatingState, OperatorInput, SlaveState};
-use krait_ipc::{Bus, ReadOptions, Reader, Reason, Reasons, clock, health_channel};
+use krait_ipc::{Bus, Process, ReadOptions, Reader, Reason, Reasons, clock, health_channel};
 use krait_master::{MasterConfig, MasterError, Recording, Script, SourceChoice, run};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -125,7 +125,7 @@ fn the_recording_waits_for_the_slave_while_inputs_without_motion_go_on() {
 fn health_says_ready_counts_and_names_why_nothing_moves() {
     let bus = Bus::open(&instance("health"), "watcher").expect("bus");
     let mut healths: Reader<Health> =
-        bus.reader_on(&health_channel("master"), ReadOptions::observing()).expect("health");
+        bus.reader_on(&health_channel(Process::Master), ReadOptions::observing()).expect("health");
     let mut chain = Chain::start("health", at_once(), shipped(0.1));
     let inputs = chain.until(ended);
     let first = *healths.take().expect("take").expect("the first word");

@@ -10,7 +10,7 @@ mod common;
 use common::{fresh_path, plausible};
 use core::time::Duration;
 use krait_ipc::message::{Command, Health, Message, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState};
-use krait_ipc::{Bus, ReadOptions, Writer, clock, health_channel};
+use krait_ipc::{Bus, Process, ReadOptions, Writer, clock, health_channel};
 use krait_record::{RecordConfig, Recording, run};
 use krait_schema::{Channel, Sample};
 use rustix::process::{Pid, Signal, kill_process};
@@ -61,7 +61,7 @@ fn chain(rate_hz: u64, length_s: u64) {
     let path = fresh_path("rate.mcap");
     let instance = format!("rate-{}", std::process::id());
     let bus = Bus::open(&instance, "bench").expect("bus");
-    let mut health = bus.reader_on::<Health>(&health_channel("record"), ReadOptions::waking()).expect("reader");
+    let mut health = bus.reader_on::<Health>(&health_channel(Process::Record), ReadOptions::waking()).expect("reader");
     let recorder = Program::new(std::env::current_exe().expect("this bench"))
         .args([RECORDER, &instance, &path.display().to_string()])
         .stdout(Stdio::piped())

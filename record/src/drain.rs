@@ -47,7 +47,7 @@ impl<'a> Drain<'a> {
             source::<ModelUpdate>(bus, |m| Sample::ModelUpdate(*m))?,
         ];
         for process in Process::ALL {
-            let name = health_channel(process.name());
+            let name = health_channel(process);
             let wrap = move |health: &Health| Sample::Health(process, Box::new(*health));
             sources.push(source_on(bus, &name, wrap)?);
         }

@@ -9,7 +9,7 @@ use crate::parts::Parts;
 use crate::syncer::{Failure, Syncer, sync_all};
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
-use krait_ipc::{Bus, HealthReporter, IpcError, Realtime, Reason, Reasons, clock};
+use krait_ipc::{Bus, HealthReporter, IpcError, Process, Realtime, Reason, Reasons, clock};
 use krait_schema::RecorderStatus;
 use std::path::{Path, PathBuf};
 use std::thread;
@@ -53,7 +53,7 @@ pub fn run(bus: &Bus, config: &RecordConfig, stop: &AtomicBool) -> Result<Record
     let shared = Shared::default();
     let (sender, receiver) = crossbeam_channel::bounded(config.queue_length);
     let drain = Drain::open(bus, sender, &shared)?;
-    let health = HealthReporter::open(bus, "record")?;
+    let health = HealthReporter::open(bus, Process::Record)?;
     let about = About::run(instance, &config.metadata, config.attachments.clone());
     let failure = Failure::default();
     let (syncer, jobs) = Syncer::pair(&failure);

@@ -37,7 +37,7 @@ struct Chain {
 
 impl Chain {
     fn open(bus: &Bus) -> Self {
-        let health = |process: Process| (process, bus.writer_on(&health_channel(process.name())).expect("health"));
+        let health = |process: Process| (process, bus.writer_on(&health_channel(process)).expect("health"));
         Self {
             input: writer(bus),
             setpoint: writer(bus),
@@ -82,7 +82,7 @@ fn beside_a_recorder<T>(
     act: impl FnOnce(&Bus) -> T,
 ) -> Result<RecordReport, RecordError> {
     let bus = Bus::open(instance, "test").expect("bus");
-    let mut health = bus.reader_on::<Health>(&health_channel("record"), ReadOptions::waking()).expect("reader");
+    let mut health = bus.reader_on::<Health>(&health_channel(Process::Record), ReadOptions::waking()).expect("reader");
     let stop = AtomicBool::new(false);
     thread::scope(|scope| {
         let recorder = scope.spawn(|| run(&Bus::open(instance, "record").expect("bus"), config, &stop));
@@ -297,7 +297,8 @@ fn recorder_on_a_disk_that_fills_up() {
     let config = RecordConfig { path: Some(path.into()), flush_ms: 20, ..RecordConfig::default() };
     let name = instance("full");
     let bus = Bus::open(&name, "observer").expect("bus");
-    let mut health = bus.reader_on::<Health>(&health_channel("record"), ReadOptions::observing()).expect("reader");
+    let mut health =
+        bus.reader_on::<Health>(&health_channel(Process::Record), ReadOptions::observing()).expect("reader");
     let mut n_sent = 0;
     let report = beside_a_recorder(&name, &config, |bus| {
         let mut chain = Chain::open(bus);
@@ -334,7 +335,7 @@ fn a_recorder_that_is_killed_leaves_everything_up_to_its_last_chunk() {
     let path = fresh_path("killed.mcap");
     let name = instance("killed");
     let bus = Bus::open(&name, "test").expect("bus");
-    let mut health = bus.reader_on::<Health>(&health_channel("record"), ReadOptions::waking()).expect("reader");
+    let mut health = bus.reader_on::<Health>(&health_channel(Process::Record), ReadOptions::waking()).expect("reader");
     let mut recorder = std::process::Command::new(std::env::current_exe().expect("this test"))
         .args(["--exact", "recorder_that_is_killed"])
         .env(KILLED_INSTANCE, &name)
@@ -378,7 +379,8 @@ fn a_recording_that_cannot_begin_says_why_and_is_never_ready() {
     std::fs::write(&path, b"precious").expect("written");
     let config = RecordConfig { path: Some(path.to_path_buf()), ..RecordConfig::default() };
     let bus = Bus::open(&instance("exists"), "record").expect("bus");
-    let mut health = bus.reader_on::<Health>(&health_channel("record"), ReadOptions::glancing()).expect("reader");
+    let mut health =
+        bus.reader_on::<Health>(&health_channel(Process::Record), ReadOptions::glancing()).expect("reader");
     let error = run(&bus, &config, &AtomicBool::new(true)).expect_err("refused");
     assert!(error.to_string().contains("there.mcap exists already"), "{error}");
     assert!(health.take().expect("take").is_none());
@@ -391,7 +393,8 @@ fn the_last_health_of_a_good_recording_has_no_reason() {
     let config = RecordConfig { path: Some(path.to_path_buf()), ..RecordConfig::default() };
     let name = instance("health");
     let bus = Bus::open(&name, "observer").expect("bus");
-    let mut health = bus.reader_on::<Health>(&health_channel("record"), ReadOptions::observing()).expect("reader");
+    let mut health =
+        bus.reader_on::<Health>(&health_channel(Process::Record), ReadOptions::observing()).expect("reader");
     beside_a_recorder(&name, &config, |bus| {
         let mut chain = Chain::open(bus);
         chain.send(&plausible(Channel::Input, 1, clock::monotonic_ns()));

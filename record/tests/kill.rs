@@ -15,7 +15,7 @@ mod common;
 use common::{fresh_path, plausible};
 use core::time::Duration;
 use krait_ipc::message::{Command, Health};
-use krait_ipc::{Bus, ReadOptions, Writer, clock, health_channel};
+use krait_ipc::{Bus, Process, ReadOptions, Writer, clock, health_channel};
 use krait_record::{Missing, RecordConfig, Recording, run};
 use krait_schema::{Channel, Sample};
 use std::process::Stdio;
@@ -52,7 +52,7 @@ fn kill_one(idx: u64) -> f64 {
     let path = fresh_path(&format!("kill_{idx}.mcap"));
     let name = format!("kill-{}-{idx}", std::process::id());
     let bus = Bus::open(&name, "test").expect("bus");
-    let mut health = bus.reader_on::<Health>(&health_channel("record"), ReadOptions::waking()).expect("reader");
+    let mut health = bus.reader_on::<Health>(&health_channel(Process::Record), ReadOptions::waking()).expect("reader");
     let mut recorder = std::process::Command::new(std::env::current_exe().expect("this test"))
         .args(["--exact", "recorder_to_be_killed"])
         .env(INSTANCE, &name)

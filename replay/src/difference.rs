@@ -1,6 +1,7 @@
 //! Where a recording and its repetition part: byte by byte first, and field by field once a byte differs.
 
 use core::fmt::Debug;
+use krait_ipc::Process;
 use krait_schema::Sample;
 use serde::Serialize;
 
@@ -8,7 +9,7 @@ use serde::Serialize;
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Difference {
     /// The process whose output differs.
-    pub process: &'static str,
+    pub process: Process,
     /// The pass, from 1.
     pub pass: u64,
     /// Sequence number of the output.

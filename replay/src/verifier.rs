@@ -9,7 +9,7 @@ use crate::steps::{Step, Steps};
 use crate::window::Window;
 use core::time::Duration;
 use krait_ipc::message::{Command, Compensation, Cue, Health, ModelUpdate, OperatorInput, Setpoint, SlaveState};
-use krait_ipc::{Bus, ReadOptions, Reader, Reason, Reasons, Writer, clock, health_channel};
+use krait_ipc::{Bus, Process, ReadOptions, Reader, Reason, Reasons, Writer, clock, health_channel};
 use krait_schema::Sample;
 use std::collections::VecDeque;
 
@@ -57,7 +57,7 @@ struct Channels {
     updates: Writer<ModelUpdate>,
     setpoints: Option<Reader<Setpoint>>,
     commands: Reader<Command>,
-    healths: Vec<(&'static str, Reader<Health>)>,
+    healths: Vec<(Process, Reader<Health>)>,
 }
 
 impl<'a> Verifier<'a> {
@@ -76,9 +76,9 @@ impl<'a> Verifier<'a> {
             updates: bus.writer()?,
             setpoints: if has_inputs { Some(bus.reader(ReadOptions::observing())?) } else { None },
             commands: bus.reader(ReadOptions::following())?,
-            healths: ["resolve", "compensate"]
+            healths: [Process::Resolve, Process::Compensate]
                 .into_iter()
-                .map(|name| Ok((name, bus.reader_on(&health_channel(name), ReadOptions::glancing())?)))
+                .map(|process| Ok((process, bus.reader_on(&health_channel(process), ReadOptions::glancing())?)))
                 .collect::<Result<_, ReplayError>>()?,
         };
         Ok(Some(Self {
@@ -197,7 +197,7 @@ impl<'a> Verifier<'a> {
             let recorded = self.setpoints_due.pop_front();
             let was_refused = |recorded: &Setpoint| recorded.input_sequence != repeated.input_sequence;
             let refused = recorded.is_some_and(|recorded| was_refused(&recorded));
-            self.compare("resolve", recorded, repeated, refused, |s| (s.sequence, Sample::Setpoint(*s)));
+            self.compare(Process::Resolve, recorded, repeated, refused, |s| (s.sequence, Sample::Setpoint(*s)));
             self.n_setpoints += u64::from(self.difference.is_none());
         }
         Ok(n_taken)
@@ -205,7 +205,7 @@ impl<'a> Verifier<'a> {
 
     fn take_commands(&mut self) -> Result<u64, ReplayError> {
         let mut n_taken = 0;
-        while self.difference.as_ref().is_none_or(|found| found.process == "resolve")
+        while self.difference.as_ref().is_none_or(|found| found.process == Process::Resolve)
             && let Some(repeated) = self.channels.commands.take()?.map(|command| *command)
         {
             n_taken += 1;
@@ -217,7 +217,7 @@ impl<'a> Verifier<'a> {
             let recorded = self.commands_due.pop_front();
             let refused = recorded.is_some_and(|recorded| recorded.setpoint_sequence != repeated.setpoint_sequence);
             let before = self.difference.take();
-            self.compare("compensate", recorded, repeated, refused, |c| (c.sequence, Sample::Command(*c)));
+            self.compare(Process::Compensate, recorded, repeated, refused, |c| (c.sequence, Sample::Command(*c)));
             self.n_commands += u64::from(self.difference.is_none());
             self.difference = self.difference.take().or(before);
         }
@@ -226,7 +226,7 @@ impl<'a> Verifier<'a> {
 
     fn compare<M: core::fmt::Debug>(
         &mut self,
-        process: &'static str,
+        process: Process,
         recorded: Option<M>,
         repeated: M,
         refused: bool,
@@ -245,24 +245,24 @@ impl<'a> Verifier<'a> {
         }
     }
 
-    fn differ(&mut self, process: &'static str, sequence: u64, (field, recorded, repeated): (String, String, String)) {
+    fn differ(&mut self, process: Process, sequence: u64, (field, recorded, repeated): (String, String, String)) {
         self.difference = Some(Difference { process, pass: self.pass, sequence, field, recorded, repeated });
     }
 
     /// A sample that is refused gives no output; the stage says so in its health.
     fn look_for_refusals(&mut self) -> Result<(), ReplayError> {
         let mut refused = None;
-        for (name, reader) in &mut self.channels.healths {
+        for (process, reader) in &mut self.channels.healths {
             if let Some(health) = reader.take_newest()?
                 && health.n_refused > 0
                 && refused.is_none()
             {
                 let why = Reasons::from_bits(health.reasons_now).iter().next().map_or("refused", Reason::sentence);
-                refused = Some((*name, why));
+                refused = Some((*process, why));
             }
         }
         if let Some((process, why)) = refused {
-            let sequence = 1 + if process == "resolve" { self.n_setpoints } else { self.n_commands };
+            let sequence = 1 + if process == Process::Resolve { self.n_setpoints } else { self.n_commands };
             self.differ(process, sequence, ("(output)".to_owned(), "one".to_owned(), format!("none: {why}")));
         }
         Ok(())

@@ -147,7 +147,7 @@ mod tests {
             assert_eq!(channel.index(), idx);
             assert_eq!(Channel::from_topic(channel.topic()), Some(channel));
             if let Channel::Health(process) = channel {
-                assert!(channel.topic().ends_with(&krait_ipc::health_channel(process.name())));
+                assert!(channel.topic().ends_with(&krait_ipc::health_channel(process)));
             }
         }
         assert_eq!(Channel::from_topic("/krait/unknown"), None);

@@ -8,7 +8,7 @@ use crate::process::{SimError, simulated};
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use krait_ipc::message::{Command, Shape, SlaveState, StateCommand, Transition};
-use krait_ipc::{Bus, HealthReporter, IpcError, ReadOptions, Reader, Writer, clock};
+use krait_ipc::{Bus, HealthReporter, IpcError, Process, ReadOptions, Reader, Writer, clock};
 use krait_slave::{Drive, SlaveConfig, SlaveCore, shape_message};
 
 /// One tick of the slave's time, ns.
@@ -33,7 +33,7 @@ pub fn run_in_recorded_time(bus: &Bus, config: &SlaveConfig, start_ns: i64, stop
         state_commands: bus.reader(ReadOptions::glancing())?,
         states: bus.writer()?,
         shapes: bus.writer()?,
-        health: HealthReporter::open(bus, "slave")?,
+        health: HealthReporter::open(bus, Process::Slave)?,
         started_ns: clock::monotonic_ns(),
         now_ns: start_ns,
         n_shapes: 0,

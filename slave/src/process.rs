@@ -87,7 +87,7 @@ impl<D: Drive> Process<D> {
             state_commands: bus.reader(ReadOptions::glancing())?,
             states: bus.writer()?,
             shapes: bus.writer()?,
-            health: HealthReporter::open(bus, "slave")?,
+            health: HealthReporter::open(bus, krait_ipc::Process::Slave)?,
             started_ns: monotonic_ns(),
             n_shapes: 0,
             tick_due_ns: 0,

@@ -7,7 +7,7 @@ use krait_ipc::clock::monotonic_ns;
 use krait_ipc::message::{
     Command, Health, HopStamps, OperatingState, Phase, Shape, SlaveState, StateCommand, Transition,
 };
-use krait_ipc::{Bus, ReadOptions, Reader, Reason, Reasons, Writer, health_channel};
+use krait_ipc::{Bus, Process, ReadOptions, Reader, Reason, Reasons, Writer, health_channel};
 use krait_sim::{SimError, run};
 use krait_slave::SlaveConfig;
 use std::thread;
@@ -33,7 +33,7 @@ impl Others {
             state_commands: bus.writer().unwrap(),
             states: bus.reader(ReadOptions::observing()).unwrap(),
             shapes: bus.reader(ReadOptions::observing()).unwrap(),
-            health: bus.reader_on(&health_channel("slave"), ReadOptions::waking()).unwrap(),
+            health: bus.reader_on(&health_channel(Process::Slave), ReadOptions::waking()).unwrap(),
             sequence: 0,
             n_state_commands: 0,
             seen_shapes: Vec::new(),

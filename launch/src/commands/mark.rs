@@ -5,7 +5,7 @@ use crate::print;
 use anyhow::bail;
 use core::time::Duration;
 use krait_ipc::message::Marker;
-use krait_ipc::{Bus, IpcError, ReadOptions, Reader, Writer, clock};
+use krait_ipc::{Bus, IpcError, Process, ReadOptions, Reader, Writer, clock};
 use krait_record::utc_text;
 use std::process::ExitCode;
 
@@ -37,7 +37,7 @@ pub fn run(common: &Common, args: &MarkArgs) -> anyhow::Result<ExitCode> {
 fn refuse_without_recorder(bus: &Bus) -> anyhow::Result<()> {
     let instance = bus.instance().as_str();
     let members = bus.members();
-    if members.iter().any(|(name, _)| name == "record") {
+    if members.iter().any(|(name, _)| name == Process::Record.name()) {
         return Ok(());
     }
     if members.iter().any(|(_, pid)| *pid != std::process::id()) {

@@ -1,6 +1,6 @@
 //! `krait master | resolve | compensate | estimate | slave | record`: one process of the chain.
 
-use crate::cli::{Common, MasterArgs, MasterKind, Process};
+use crate::cli::{Common, MasterArgs, MasterKind, ProcessVerb};
 use crate::config::Config;
 use crate::{signals, supervisor};
 use anyhow::{Context, bail};
@@ -19,24 +19,12 @@ pub const TRUTH_ATTACHMENT: &str = "truth.toml";
 pub const MODEL_ATTACHMENT: &str = "model.toml";
 
 /// Joins the instance and runs the process until it is told to stop.
-pub fn run(common: &Common, process: &Process) -> anyhow::Result<ExitCode> {
-    let name = name_of(process);
-    run_named(common, process, name).with_context(|| format!("process `{name}`"))?;
+pub fn run(common: &Common, process: &ProcessVerb) -> anyhow::Result<ExitCode> {
+    run_named(common, process).with_context(|| format!("process `{}`", process.process()))?;
     Ok(ExitCode::SUCCESS)
 }
 
-fn name_of(process: &Process) -> &'static str {
-    match process {
-        Process::Master(_) => "master",
-        Process::Resolve(_) => "resolve",
-        Process::Compensate(_) => "compensate",
-        Process::Estimate(_) => "estimate",
-        Process::Slave(_) => "slave",
-        Process::Record => "record",
-    }
-}
-
-fn run_named(common: &Common, process: &Process, name: &str) -> anyhow::Result<()> {
+fn run_named(common: &Common, process: &ProcessVerb) -> anyhow::Result<()> {
     let stop = signals::stop_flag()?;
     if let Ok(pid) = std::env::var(supervisor::SUPERVISOR_PID) {
         signals::end_with(pid.parse().with_context(|| format!("{} is {pid:?}", supervisor::SUPERVISOR_PID))?)?;
@@ -44,32 +32,32 @@ fn run_named(common: &Common, process: &Process, name: &str) -> anyhow::Result<(
     let config = Config::load(common.config.as_deref())?;
     config.check()?;
     apply_realtime(&config, &common.instance, process);
-    let bus = Bus::open(&common.instance, name)?;
+    let bus = Bus::open(&common.instance, process.process().name())?;
     match process {
-        Process::Master(args) => run_master(&bus, &config, args, &stop)?,
-        Process::Resolve(args) => {
+        ProcessVerb::Master(args) => run_master(&bus, &config, args, &stop)?,
+        ProcessVerb::Resolve(args) => {
             let run = if args.cued { krait_bridge::run_resolve_cued } else { krait_bridge::run_resolve };
             run(&bus, &config.machine, config.compensate.lines(), config.resolve, &stop)?;
         }
-        Process::Compensate(args) => {
+        ProcessVerb::Compensate(args) => {
             let chain = config.chain()?;
             let run = if args.cued { krait_bridge::run_compensate_cued } else { krait_bridge::run_compensate };
             run(&bus, &config.machine, config.compensate, chain.as_ref(), &stop)?;
         }
-        Process::Estimate(args) => {
+        ProcessVerb::Estimate(args) => {
             let (eta, lambda_m) = (config.compensate.eta, config.compensate.lambda_m);
             let run = if args.cued { krait_bridge::run_estimate_cued } else { krait_bridge::run_estimate };
             let chain = config.chain()?;
             run(&bus, &config.machine, eta, lambda_m, config.estimate, chain.as_ref(), &stop)?;
         }
-        Process::Slave(args) => match args.recorded_time_ns {
+        ProcessVerb::Slave(args) => match args.recorded_time_ns {
             Some(start_ns) => krait_sim::run_in_recorded_time(&bus, &config.slave, start_ns, &stop)?,
             None => {
                 let latency_limits = config.budget.latency_limits();
                 krait_sim::run(&bus, &SlaveConfig { latency_limits, ..config.slave.clone() }, &stop)?;
             }
         },
-        Process::Record => {
+        ProcessVerb::Record => {
             let report = krait_record::run(&bus, &with_attachments(&config)?, &stop)?;
             tracing::info!(?report, "recorded");
         }
@@ -79,30 +67,24 @@ fn run_named(common: &Common, process: &Process, name: &str) -> anyhow::Result<(
 
 /// Before anything is opened, so that whatever is mapped later is locked as well. What the kernel refuses is told, and the
 /// process goes on without it.
-fn apply_realtime(config: &Config, instance: &str, process: &Process) {
-    let idx = match process {
-        Process::Master(_) => 0,
-        Process::Resolve(_) => 1,
-        Process::Compensate(_) => 2,
-        Process::Slave(_) => 3,
-        Process::Estimate(_) | Process::Record => return,
-    };
+fn apply_realtime(config: &Config, instance: &str, process: &ProcessVerb) {
+    let Some(core_turn) = process.process().core_turn() else { return };
     // A replay as fast as possible is not about one sample's latency: its stages work at once, on as many cores as there are.
     if is_cued(process) {
         return;
     }
-    for refused in config.realtime.apply(idx, instance) {
-        tracing::warn!(process = name_of(process), "{refused}");
+    for refused in config.realtime.apply(core_turn, instance) {
+        tracing::warn!(process = process.process().name(), "{refused}");
     }
 }
 
-fn is_cued(process: &Process) -> bool {
+fn is_cued(process: &ProcessVerb) -> bool {
     match process {
-        Process::Resolve(args) => args.cued,
-        Process::Compensate(args) => args.cued,
-        Process::Estimate(args) => args.cued,
-        Process::Slave(args) => args.recorded_time_ns.is_some(),
-        Process::Master(_) | Process::Record => false,
+        ProcessVerb::Resolve(args) => args.cued,
+        ProcessVerb::Compensate(args) => args.cued,
+        ProcessVerb::Estimate(args) => args.cued,
+        ProcessVerb::Slave(args) => args.recorded_time_ns.is_some(),
+        ProcessVerb::Master(_) | ProcessVerb::Record => false,
     }
 }
 

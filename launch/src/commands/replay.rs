@@ -9,7 +9,7 @@ use crate::replay_setup::Setup;
 use crate::supervisor::{Cast, ChainOptions, Supervisor};
 use crate::{print, recorded, signals};
 use core::time::Duration;
-use krait_ipc::clock;
+use krait_ipc::{Process, clock};
 use krait_record::{About, WallClock};
 use krait_replay::{Keeper, LivePlayer, PlayCounts, Player, Program, Spread, Tracking, Turn};
 use serde::Serialize;
@@ -126,8 +126,8 @@ fn time_of(args: &ReplayArgs) -> &'static str {
 }
 
 fn options(setup: &Setup, recorded_time_ns: Option<i64>) -> ChainOptions {
-    let mut processes = vec!["slave", "estimate", "compensate"];
-    processes.extend(setup.program.sends_inputs().then_some("resolve"));
+    let mut processes = vec![Process::Slave, Process::Estimate, Process::Compensate];
+    processes.extend(setup.program.sends_inputs().then_some(Process::Resolve));
     let cast = Cast { processes, recorded_time_ns };
     ChainOptions { config: setup.config.clone(), master: MasterKind::Replay, input: None, looped: false, cast }
 }

@@ -5,7 +5,7 @@ use crate::config::Config;
 use crate::supervisor::{Cast, ChainOptions, Supervisor};
 use crate::{print, recorded, signals};
 use anyhow::Context;
-use krait_ipc::clock;
+use krait_ipc::{Process, clock};
 use krait_record::Recording;
 use krait_replay::{Difference, Turn, Verifier, Window};
 use krait_schema::Channel;
@@ -83,8 +83,8 @@ pub fn run(common: &Common, args: &VerifyArgs) -> anyhow::Result<ExitCode> {
 }
 
 fn options(config: Config, has_inputs: bool) -> ChainOptions {
-    let mut processes = vec!["compensate"];
-    processes.extend(has_inputs.then_some("resolve"));
+    let mut processes = vec![Process::Compensate];
+    processes.extend(has_inputs.then_some(Process::Resolve));
     let cast = Cast { processes, recorded_time_ns: Some(0) };
     ChainOptions { config, master: MasterKind::Replay, input: None, looped: false, cast }
 }

@@ -8,7 +8,7 @@ use krait_bench::{BenchError, Kind, Role, Scratch, StageOptions};
 use krait_ipc::message::{
     Command as CommandMessage, Health, Message, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState, StateCommand,
 };
-use krait_ipc::{Bus, IpcError, ReadOptions, Reader, health_channel};
+use krait_ipc::{Bus, IpcError, Process, ReadOptions, Reader, health_channel};
 use std::os::unix::process::CommandExt;
 use std::process::{Child, Command, ExitCode, Stdio};
 
@@ -89,8 +89,8 @@ fn observe(instance: &str) -> anyhow::Result<ExitCode> {
         drain::<ModelUpdate>(bus.reader(ReadOptions::observing())?),
         drain::<StateCommand>(bus.reader(ReadOptions::observing())?),
     ];
-    for process in krait_ipc::Process::ALL {
-        channels.push(drain::<Health>(bus.reader_on(&health_channel(process.name()), ReadOptions::observing())?));
+    for process in Process::ALL {
+        channels.push(drain::<Health>(bus.reader_on(&health_channel(process), ReadOptions::observing())?));
     }
     loop {
         for channel in &mut channels {
