@@ -3,7 +3,7 @@
 use crate::bell::Bell;
 use crate::membership::Membership;
 use crate::message::Message;
-use crate::{InstanceName, IpcError, ReadOptions, Reader, Writer};
+use crate::{InstanceName, IpcError, ReadOptions, Reader, StopSwitch, Writer};
 use core::time::Duration;
 use iceoryx2::config::Config;
 use iceoryx2::node::{NodeState, NodeView};
@@ -12,7 +12,7 @@ use iceoryx2::prelude::{
     SemanticString, Service as _, ServiceName, SignalHandlingMode, ipc,
 };
 use iceoryx2::service::attribute::{AttributeKey, AttributeValue};
-use iceoryx2::service::port_factory::publish_subscribe;
+use iceoryx2::service::port_factory::{PortFactory as _, publish_subscribe};
 use std::sync::Arc;
 
 pub(crate) type Shm = ipc::Service;
@@ -148,10 +148,11 @@ impl Bus {
         let address = self.address(channel);
         let name = address.service_name()?;
         let verifier = version_requirement(M::VERSION).map_err(|e| address.failed("describing its payload", e))?;
-        self.node
+        let service = self
+            .node
             .service_builder(&name)
             .publish_subscribe::<M>()
-            .max_publishers(1)
+            .max_publishers(M::MAX_WRITERS)
             .max_subscribers(MAX_READERS)
             .subscriber_max_buffer_size(M::DEPTH)
             .subscriber_max_borrowed_samples(MAX_BORROWED)
@@ -162,7 +163,26 @@ impl Bus {
             .map_err(|error| match self.version_in_use(&name) {
                 Some(found) if found != M::VERSION.to_string() => address.version(M::VERSION, found),
                 _ => address.failed("opening its data", format!("{error:?}")),
-            })
+            })?;
+        // Whoever comes first decides; a channel that lets in more writers than it should is not krait's.
+        match service.static_config().max_publishers() {
+            found if found == M::MAX_WRITERS => Ok(service),
+            found => Err(IpcError::Writers {
+                instance: address.instance,
+                channel: address.channel,
+                expected: M::MAX_WRITERS,
+                found,
+            }),
+        }
+    }
+
+    /// Opens the stop of this instance: to ask for one, or, as the slave, to obey.
+    ///
+    /// # Errors
+    /// [`IpcError::Channel`] when shared memory cannot be had.
+    pub fn stop_switch(&self) -> Result<StopSwitch, IpcError> {
+        StopSwitch::open(&self.instance.bell_path("stop"))
+            .map_err(|e| self.address("stop").failed("opening it in /dev/shm", e.to_string()))
     }
 
     fn bell(&self, channel: &str) -> Result<Bell, IpcError> {

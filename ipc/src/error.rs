@@ -47,6 +47,20 @@ pub enum IpcError {
         /// The channel.
         channel: String,
     },
+    /// The channel was made by a program that lets in more writers, or fewer.
+    #[error(
+        "channel {channel:?} of instance {instance:?} was made for {found} writers, expected {expected}, so another program than krait has made it; stop that program, or choose another name with --instance"
+    )]
+    Writers {
+        /// The instance.
+        instance: String,
+        /// The channel.
+        channel: String,
+        /// Writers that krait allows.
+        expected: usize,
+        /// Writers that the channel allows.
+        found: usize,
+    },
     /// All places for readers are taken.
     #[error("channel {channel:?} of instance {instance:?} already has its {limit} readers; stop one of them")]
     TooManyReaders {

@@ -34,6 +34,7 @@ mod reader;
 mod realtime;
 mod reasons;
 mod shared_words;
+mod stop;
 mod writer;
 
 pub use bell::Bell;
@@ -47,4 +48,5 @@ pub use reader::{ReadOptions, Reader, Received, WaitMode};
 pub use realtime::{Cores, Realtime, RealtimeError, may_lock_all};
 pub use reasons::{Reason, Reasons};
 pub use shared_words::SharedWords;
+pub use stop::StopSwitch;
 pub use writer::Writer;

@@ -86,6 +86,7 @@ pub struct Reader<M: Message> {
     mode: WaitMode,
     ahead: Ahead,
     last: Option<(UniquePublisherId, u64)>,
+    n_writers: u64,
     n_received: u64,
     n_lost: u64,
     n_out_of_order: u64,
@@ -122,7 +123,18 @@ impl<M: Message> Reader<M> {
         )?;
         let mode = options.mode;
         let ahead = Ahead::default();
-        Ok(Self { subscriber, bell, mode, ahead, last: None, n_received: 0, n_lost: 0, n_out_of_order: 0, address })
+        Ok(Self {
+            subscriber,
+            bell,
+            mode,
+            ahead,
+            last: None,
+            n_writers: 0,
+            n_received: 0,
+            n_lost: 0,
+            n_out_of_order: 0,
+            address,
+        })
     }
 
     /// Takes the next message, or `None` when there is none. A message that does not follow its predecessor upwards is
@@ -149,7 +161,9 @@ impl<M: Message> Reader<M> {
                 self.n_out_of_order += 1;
                 continue;
             }
-            self.n_lost += sequence - before - 1;
+            self.n_writers += u64::from(self.last.is_none_or(|(last_writer, _)| last_writer != writer));
+            // Several writers take turns, each with numbers of its own: a gap says nothing there.
+            self.n_lost += if M::MAX_WRITERS == 1 { sequence - before - 1 } else { 0 };
             self.last = Some((writer, sequence));
             self.n_received += 1;
             return Ok(Some(Received(sample)));
@@ -193,6 +207,11 @@ impl<M: Message> Reader<M> {
                 Err(self.address.failed("waiting for it", "this reader was opened to look, not to wait".to_owned()))
             }
         }
+    }
+
+    /// How often messages have begun to come from another writer than before, the first one included.
+    pub fn n_writers(&self) -> u64 {
+        self.n_writers
     }
 
     /// Messages taken so far.

@@ -66,11 +66,29 @@ pub enum Reason {
     LatencyBudget = 29,
     /// The model no longer explains the measured shape as it did: a sum of innovations passed its limit.
     ModelChanged = 30,
+    /// The operator has not engaged since the last event that ended an engagement.
+    NotEngaged = 31,
+    /// No acceptable command came for longer than the limit, ms; that ended the engagement.
+    ChainStalled = 32,
+    /// A process of the chain began anew or was replaced; that ended the engagement.
+    StageRestarted = 33,
+    /// The model was exchanged for another; that ended the engagement.
+    ModelExchanged = 34,
+    /// A stop was asked for; that ended the engagement.
+    StopAsked = 35,
+    /// A limit of the lines' load is set, and the load of a line is not measured.
+    LoadUnknown = 36,
+    /// A command came later than the limit after the operator's input, ms, and was not executed.
+    CommandLate = 37,
+    /// An actuator's acceleration would pass its limit, m/s^2.
+    ActuatorAccelerationLimit = 38,
+    /// An actuator's jerk would pass its limit, m/s^3.
+    ActuatorJerkLimit = 39,
 }
 
 impl Reason {
     /// Every reason, in the order of its bit.
-    pub const ALL: [Self; 31] = [
+    pub const ALL: [Self; 40] = [
         Self::OperatorAbsent,
         Self::Clutched,
         Self::DeviceLost,
@@ -102,6 +120,15 @@ impl Reason {
         Self::DriveFault,
         Self::LatencyBudget,
         Self::ModelChanged,
+        Self::NotEngaged,
+        Self::ChainStalled,
+        Self::StageRestarted,
+        Self::ModelExchanged,
+        Self::StopAsked,
+        Self::LoadUnknown,
+        Self::CommandLate,
+        Self::ActuatorAccelerationLimit,
+        Self::ActuatorJerkLimit,
     ];
 
     /// The reason in words that a surgeon understands.
@@ -138,6 +165,15 @@ impl Reason {
             Self::DriveFault => "a drive reported a failure and its power was removed",
             Self::LatencyBudget => "a command took longer from the hand to the actuators than its budget allows",
             Self::ModelChanged => "something about the snake has changed, and the model no longer explains its shape",
+            Self::NotEngaged => "the snake holds still until the operator lets go and takes hold anew",
+            Self::ChainStalled => "the way from the hand to the actuators stood still for too long",
+            Self::StageRestarted => "a process between the hand and the actuators began anew",
+            Self::ModelExchanged => "the model was exchanged for another",
+            Self::StopAsked => "a stop was asked for",
+            Self::LoadUnknown => "the load of a line is not measured although it is limited",
+            Self::CommandLate => "an actuator command came too late after the hand's motion and was not executed",
+            Self::ActuatorAccelerationLimit => "the motion was softened to an actuator's largest acceleration",
+            Self::ActuatorJerkLimit => "the motion was softened to an actuator's largest jerk",
         }
     }
 }

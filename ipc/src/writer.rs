@@ -1,4 +1,4 @@
-//! The one writer of a channel.
+//! A writer of a channel; nearly every channel has but one.
 
 use crate::IpcError;
 use crate::bell::Bell;
@@ -6,7 +6,7 @@ use crate::bus::{Address, DataService, Shm};
 use crate::message::Message;
 use iceoryx2::port::publisher::{Publisher, PublisherCreateError};
 
-/// Publishes messages and wakes the readers that sleep. There is at most one per channel.
+/// Publishes messages and wakes the readers that sleep. There are at most [`Message::MAX_WRITERS`] per channel.
 #[derive(Debug)]
 pub struct Writer<M: Message> {
     publisher: Publisher<Shm, M, ()>,

@@ -29,6 +29,7 @@ fn state(k: i64, flags: u32) -> Sample {
         reasons: 0,
         n_commands: 0,
         n_refused: 0,
+        ..SlaveState::default()
     })
 }
 

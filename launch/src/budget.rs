@@ -266,6 +266,7 @@ mod tests {
             reasons: 0,
             n_commands: 0,
             n_refused: 0,
+            ..SlaveState::default()
         }
     }
 

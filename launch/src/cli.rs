@@ -79,6 +79,16 @@ pub enum Verb {
         after_help = "Examples:\n  krait compare before.mcap after.mcap\n  krait compare demo.mcap demo.mcap --pass-a 1 --pass-b 3 --out compare\n  krait compare run.mcap replay.mcap --json"
     )]
     Compare(CompareArgs),
+    /// Stops the snake of a chain that runs, at once and from anywhere; it stays paused until it is told to go on.
+    ///
+    /// Exit code 0: the actuators stand still; 1: nobody has acknowledged the stop; 2: no chain runs.
+    #[command(after_help = "Examples:\n  krait stop\n  krait stop --instance left-arm")]
+    Stop,
+    /// Shows the operating state of a chain that runs and what keeps the snake from moving, or asks for another state.
+    #[command(
+        after_help = "Examples:\n  krait state\n  krait state --json\n  krait state pause\n  krait state resume\n  krait state home --instance left-arm"
+    )]
+    State(StateArgs),
     /// Sets a mark in the recording of a chain that runs: a word about this instant.
     #[command(after_help = "Examples:\n  krait mark vessel touched\n  krait mark \"2nd try\" --instance left-arm")]
     Mark(MarkArgs),
@@ -380,6 +390,36 @@ pub struct VerifyArgs {
     /// Print the verdict as JSON on standard output.
     #[arg(long)]
     pub json: bool,
+}
+
+/// Options of `krait state`.
+#[derive(Clone, Debug, Args)]
+pub struct StateArgs {
+    /// What to ask the chain's supervisor for; nothing: only show the state.
+    #[arg(value_enum)]
+    pub ask: Option<Ask>,
+    /// Print the state as JSON on standard output.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// What can be asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Ask {
+    /// Power on: DISABLED or FAULT to ENABLED.
+    Enable,
+    /// Power off.
+    Disable,
+    /// Power on, no motion: ENABLED to PAUSED.
+    Pause,
+    /// PAUSED to ENABLED; the operator must engage anew.
+    Resume,
+    /// Let the actuators find their zero.
+    Home,
+    /// Let them forget their zero.
+    Unhome,
+    /// FAULT to DISABLED, once the drives answer again.
+    ClearFault,
 }
 
 /// Options of `krait mark`.

@@ -1,5 +1,6 @@
 //! The `krait` command: one binary, one file per subcommand; each process of the chain is a subcommand too.
 
+mod authority;
 mod budget;
 mod chain_round;
 mod cli;
@@ -38,6 +39,8 @@ fn main() -> ExitCode {
         Verb::Devices(args) => commands::devices::run(&args),
         Verb::Paper(args) => commands::paper::run(&args),
         Verb::Verify(args) => commands::verify::run(&cli.common, &args),
+        Verb::State(args) => commands::state::run(&cli.common, &args),
+        Verb::Stop => commands::stop::run(&cli.common),
         Verb::Mark(args) => commands::mark::run(&cli.common, &args),
         Verb::Recover(args) => commands::recover::run(&args),
         Verb::Export(args) => commands::export::run(&args),

@@ -3,14 +3,15 @@
 //! Invariant: a chain is whole or it ends. When one process dies, the slave stops by itself, and the others are ended in an
 //! order that lets the recorder write the last message of every other process.
 
+use crate::authority::Authority;
 use crate::budget::BudgetWatch;
 use crate::cli::MasterKind;
-use crate::commands::mark;
+use crate::commands;
 use crate::config::Config;
 use anyhow::{Context, bail};
 use core::time::Duration;
-use krait_ipc::message::{Health, OperatingState, SlaveState, StateCommand, Transition};
-use krait_ipc::{Bus, Process, ReadOptions, Reader, Writer, clock, health_channel};
+use krait_ipc::message::{Health, OperatingState, SlaveState, Transition};
+use krait_ipc::{Bus, Process, ReadOptions, Reader, clock, health_channel};
 use rustix::process::{Pid, Signal, kill_process};
 use std::ffi::OsString;
 use std::os::unix::process::CommandExt;
@@ -36,8 +37,7 @@ pub struct Supervisor {
     states: Reader<SlaveState>,
     newest_state: Option<SlaveState>,
     budget: Option<BudgetWatch>,
-    state_commands: Writer<StateCommand>,
-    n_state_commands: u64,
+    authority: Authority,
     // Last: the instance's files go when its last member goes.
     bus: Bus,
 }
@@ -94,7 +94,8 @@ impl Supervisor {
     /// One sentence when the instance is taken or shared memory cannot be used.
     pub fn new(instance: &str) -> anyhow::Result<Self> {
         let bus = Bus::open(instance, "launch")?;
-        let is_of_a_chain = |(name, pid): &(String, u32)| *pid != std::process::id() && name != mark::NAME;
+        let is_of_a_chain =
+            |(name, pid): &(String, u32)| *pid != std::process::id() && !commands::TOOLS.contains(&name.as_str());
         if let Some((name, pid)) = bus.members().into_iter().find(is_of_a_chain) {
             bail!(
                 "instance {instance:?} is already running (its process `{name}` has pid {pid}); \
@@ -112,8 +113,7 @@ impl Supervisor {
             states: bus.reader(ReadOptions::observing())?,
             newest_state: None,
             budget: None,
-            state_commands: bus.writer()?,
-            n_state_commands: 0,
+            authority: Authority::open(&bus)?,
             bus,
         })
     }
@@ -156,13 +156,13 @@ impl Supervisor {
         if !options.cast.processes.contains(&Process::Slave) {
             return Ok(());
         }
-        self.command(Transition::Enable)?;
+        self.authority.command(Transition::Enable)?;
         self.wait_until("the slave is enabled", stop, |s| {
             s.newest_state.is_some_and(|state| state.operating() == Some(OperatingState::Enabled))
         })?;
         // With `home_on_start` the slave homes by itself when it is first enabled.
         if !options.config.slave.home_on_start {
-            self.command(Transition::Home)?;
+            self.authority.command(Transition::Home)?;
         }
         self.wait_until("the slave is homed", stop, |s| s.newest_state.is_some_and(|state| state.is_ready()))
     }
@@ -202,6 +202,7 @@ impl Supervisor {
     /// One sentence that names the process that died.
     pub fn look(&mut self) -> anyhow::Result<()> {
         self.take_messages()?;
+        self.authority.serve(self.newest_state.as_ref())?;
         for running in self.children.iter_mut().filter(|running| !running.ended) {
             if let Some(status) = running.child.try_wait().context("a process could not be watched")? {
                 running.ended = true;
@@ -291,17 +292,6 @@ impl Supervisor {
             }
         }
         Ok(())
-    }
-
-    fn command(&mut self, transition: Transition) -> anyhow::Result<()> {
-        self.n_state_commands += 1;
-        let command = StateCommand {
-            sequence: self.n_state_commands,
-            sample_ns: clock::monotonic_ns(),
-            transition: transition as u32,
-            sender_pid: std::process::id(),
-        };
-        Ok(self.state_commands.send(&command)?)
     }
 
     fn end_one(&mut self, process: Process) -> bool {

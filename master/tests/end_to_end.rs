@@ -76,6 +76,7 @@ fn slave_state(sequence: u64, operating: OperatingState) -> SlaveState {
         reasons: 0,
         n_commands: 0,
         n_refused: 0,
+        ..SlaveState::default()
     }
 }
 

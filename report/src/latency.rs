@@ -119,6 +119,7 @@ mod tests {
             reasons: 0,
             n_commands: 0,
             n_refused: 0,
+            ..SlaveState::default()
         };
         log.state(&state);
         log.state(&state);

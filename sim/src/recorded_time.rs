@@ -9,7 +9,7 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use krait_ipc::message::{Command, Shape, SlaveState, StateCommand, Transition};
 use krait_ipc::{Bus, HealthReporter, IpcError, Process, ReadOptions, Reader, Writer, clock};
-use krait_slave::{Drive, SlaveConfig, SlaveCore, shape_message};
+use krait_slave::{Drive, SlaveConfig, SlaveCore, Stops, shape_message};
 
 /// One tick of the slave's time, ns.
 const TICK_NS: i64 = 1_000_000;
@@ -31,6 +31,7 @@ pub fn run_in_recorded_time(bus: &Bus, config: &SlaveConfig, start_ns: i64, stop
         core: SlaveCore::new(drive, config),
         commands: bus.reader(ReadOptions::waking())?,
         state_commands: bus.reader(ReadOptions::glancing())?,
+        stops: Stops::new(bus.stop_switch()?),
         states: bus.writer()?,
         shapes: bus.writer()?,
         health: HealthReporter::open(bus, Process::Slave)?,
@@ -43,6 +44,7 @@ pub fn run_in_recorded_time(bus: &Bus, config: &SlaveConfig, start_ns: i64, stop
         slave.commands.wait(PATIENCE)?;
         slave.take_commands()?;
         slave.take_state_commands()?;
+        slave.take_stops();
         slave.count();
         slave.health.publish_if_due(clock::monotonic_ns())?;
     }
@@ -53,6 +55,7 @@ struct Slave {
     core: SlaveCore<SimulatedSnake>,
     commands: Reader<Command>,
     state_commands: Reader<StateCommand>,
+    stops: Stops,
     states: Writer<SlaveState>,
     shapes: Writer<Shape>,
     health: HealthReporter,
@@ -85,6 +88,14 @@ impl Slave {
             self.core.on_tick(self.now_ns);
         }
         self.now_ns = due_ns;
+    }
+
+    fn take_stops(&mut self) {
+        if self.stops.look() {
+            self.core.stop(clock::monotonic_ns());
+        }
+        // The replay's time passes with the samples, so nothing moves before the next one.
+        self.stops.obey();
     }
 
     fn take_state_commands(&mut self) -> Result<(), IpcError> {

@@ -24,6 +24,10 @@ impl<D: Drive> SlaveCore<D> {
             command_sequence: self.command_sequence,
             operating_state: self.machine.state() as u32,
             flags: self.flags(),
+            desired_state: self.machine.desired() as u32,
+            n_stops: self.n_stops,
+            state_command_sequence: self.state_command_sequence,
+            setpoint_ns: self.last_write_ns,
             setpoint_q_m: self.setpoint_q_m,
             setpoint_bend_rad: self.setpoint_bend_rad,
             measured_q_m: self.reading.q_tilde_m,
@@ -66,6 +70,9 @@ impl<D: Drive> SlaveCore<D> {
         }
         if self.is_whole {
             flags |= SlaveState::FOLLOWING;
+        }
+        if self.is_state_command_refused {
+            flags |= SlaveState::COMMAND_REFUSED;
         }
         flags
     }

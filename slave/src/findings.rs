@@ -13,10 +13,16 @@ pub struct Note {
 }
 
 /// Reasons that hold, with their notes.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Findings {
     reasons: Reasons,
     notes: [Option<Note>; N_REASONS_MAX],
+}
+
+impl Default for Findings {
+    fn default() -> Self {
+        Self { reasons: Reasons::NONE, notes: [None; N_REASONS_MAX] }
+    }
 }
 
 impl Findings {

@@ -64,6 +64,7 @@ mod tests {
             reasons: 0,
             n_commands: 0,
             n_refused: 0,
+            ..SlaveState::default()
         }
     }
 

@@ -18,6 +18,7 @@ mod limiter;
 mod operating_state;
 mod process;
 mod slave_core;
+mod stops;
 mod watchdog;
 
 pub use config::{ConfigError, SlaveConfig};
@@ -27,4 +28,5 @@ pub use limiter::{Limiter, Limits, Situation, Verdict};
 pub use operating_state::{OperatingMachine, TransitionRefused};
 pub use process::{SlaveError, run_with_drive, shape_message};
 pub use slave_core::SlaveCore;
+pub use stops::Stops;
 pub use watchdog::{SmoothStop, Watchdog};

@@ -1,11 +1,11 @@
 //! CRTK's operating state: which of the four meta-states holds, and which commands are valid in it.
 //!
-//! | state \ command | enable | disable | pause | resume | home | unhome |
-//! |---|---|---|---|---|---|---|
-//! | DISABLED | ENABLED | DISABLED | refused | refused | refused: needs power | DISABLED |
-//! | ENABLED | ENABLED | DISABLED | PAUSED | refused | ENABLED, busy | ENABLED |
-//! | PAUSED | refused | DISABLED | PAUSED | ENABLED | refused: may not move | PAUSED |
-//! | FAULT | ENABLED (retry) | DISABLED (retry) | refused | refused | refused | refused |
+//! | state \ command | enable | disable | pause | resume | home | unhome | clear-fault |
+//! |---|---|---|---|---|---|---|---|
+//! | DISABLED | ENABLED | DISABLED | refused | refused | refused: needs power | DISABLED | refused |
+//! | ENABLED | ENABLED | DISABLED | PAUSED | refused | ENABLED, busy | ENABLED | refused |
+//! | PAUSED | refused | DISABLED | PAUSED | ENABLED | refused: may not move | PAUSED | refused |
+//! | FAULT | ENABLED (retry) | DISABLED (retry) | refused | refused | refused | refused | DISABLED |
 //!
 //! A command that leaves ENABLED, and `unhome`, end a search for zero that is under way, without a zero. A fault forgets
 //! the zero: what a faulted drive says about it is not trusted. No command enters FAULT.
@@ -16,6 +16,7 @@ use krait_ipc::message::{OperatingState, Transition};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct OperatingMachine {
     state: OperatingState,
+    desired: OperatingState,
     homed: bool,
     busy: bool,
 }
@@ -34,10 +35,16 @@ pub enum TransitionRefused {
         advice: &'static str,
     },
     /// The number names no command.
-    #[error("state command number {found} is unknown, expected 0 to 5, so nothing changed; check the sender's version")]
+    #[error("state command number {found} is unknown, expected 0 to 6, so nothing changed; check the sender's version")]
     Unknown {
         /// The number found.
         found: u32,
+    },
+    /// A stop came after the command had been asked for.
+    #[error("`{}` was asked for before the stop, so nothing changed; send it again", .transition.name())]
+    BeforeStop {
+        /// What was asked for.
+        transition: Transition,
     },
     /// The drives refused what the transition needs.
     #[error("the transition failed and the slave is in FAULT: {0}")]
@@ -46,14 +53,24 @@ pub enum TransitionRefused {
 
 impl Default for OperatingMachine {
     fn default() -> Self {
-        Self { state: OperatingState::Disabled, homed: false, busy: false }
+        Self { state: OperatingState::Disabled, desired: OperatingState::Disabled, homed: false, busy: false }
     }
 }
 
 impl OperatingMachine {
+    /// A machine in a state that another process reports, to ask what would be valid there.
+    pub fn in_state(state: OperatingState, is_busy: bool) -> Self {
+        Self { state, desired: state, homed: false, busy: is_busy }
+    }
+
     /// The meta-state.
     pub fn state(&self) -> OperatingState {
         self.state
+    }
+
+    /// The meta-state that was asked for last; after a fault the two differ.
+    pub fn desired(&self) -> OperatingState {
+        self.desired
     }
 
     /// Whether the drives know their zero.
@@ -79,7 +96,7 @@ impl OperatingMachine {
         use OperatingState::{Disabled, Enabled, Fault, Paused};
         let next = match (self.state, transition) {
             (Disabled | Enabled | Fault, Transition::Enable) => Enabled,
-            (_, Transition::Disable) => Disabled,
+            (_, Transition::Disable) | (Fault, Transition::ClearFault) => Disabled,
             (Enabled | Paused, Transition::Pause) => Paused,
             (Paused, Transition::Resume) => Enabled,
             (Enabled, Transition::Home) if !self.busy => Enabled,
@@ -94,7 +111,7 @@ impl OperatingMachine {
             _ => {}
         }
         self.busy &= next == Enabled;
-        self.state = next;
+        (self.state, self.desired) = (next, next);
         Ok(())
     }
 
@@ -107,7 +124,7 @@ impl OperatingMachine {
 
     /// The drives failed: power is gone until `enable` or `disable` is sent.
     pub fn fault(&mut self) {
-        *self = Self { state: OperatingState::Fault, homed: false, busy: false };
+        *self = Self { state: OperatingState::Fault, desired: self.desired, homed: false, busy: false };
     }
 }
 
@@ -116,7 +133,7 @@ fn advice(state: OperatingState) -> &'static str {
         OperatingState::Disabled => "send `enable` first",
         OperatingState::Enabled => "the drives are enabled already, or busy homing",
         OperatingState::Paused => "send `resume` or `disable` first",
-        OperatingState::Fault => "mend the drives, then send `enable` or `disable`",
+        OperatingState::Fault => "mend the drives, then send `enable`, `disable` or `clear-fault`",
     }
 }
 
@@ -124,22 +141,22 @@ fn advice(state: OperatingState) -> &'static str {
 mod tests {
     use super::*;
     use OperatingState::{Disabled, Enabled, Fault, Paused};
-    use Transition::{Disable, Enable, Home, Pause, Resume, Unhome};
+    use Transition::{ClearFault, Disable, Enable, Home, Pause, Resume, Unhome};
 
     fn machine(state: OperatingState) -> OperatingMachine {
-        OperatingMachine { state, homed: true, busy: false }
+        OperatingMachine { state, desired: state, homed: true, busy: false }
     }
 
     #[test]
     fn the_transition_table_of_crtk_holds_in_every_cell() {
         let table = [
-            (Disabled, [Some(Enabled), Some(Disabled), None, None]),
-            (Enabled, [Some(Enabled), Some(Disabled), Some(Paused), None]),
-            (Paused, [None, Some(Disabled), Some(Paused), Some(Enabled)]),
-            (Fault, [Some(Enabled), Some(Disabled), None, None]),
+            (Disabled, [Some(Enabled), Some(Disabled), None, None, None]),
+            (Enabled, [Some(Enabled), Some(Disabled), Some(Paused), None, None]),
+            (Paused, [None, Some(Disabled), Some(Paused), Some(Enabled), None]),
+            (Fault, [Some(Enabled), Some(Disabled), None, None, Some(Disabled)]),
         ];
         for (state, row) in table {
-            for (transition, expected) in [Enable, Disable, Pause, Resume].into_iter().zip(row) {
+            for (transition, expected) in [Enable, Disable, Pause, Resume, ClearFault].into_iter().zip(row) {
                 let mut m = machine(state);
                 let result = m.apply(transition);
                 assert_eq!(result.is_ok(), expected.is_some(), "{state:?} {transition:?}");
@@ -194,6 +211,7 @@ mod tests {
         let mut m = machine(Enabled);
         m.fault();
         assert!(!m.is_homed());
+        assert_eq!((m.state(), m.desired()), (Fault, Enabled), "what was asked for stays known");
         assert!(m.apply(Pause).is_err() && m.apply(Resume).is_err() && m.apply(Home).is_err());
         m.apply(Enable).unwrap();
         assert_eq!(m.state(), Enabled);

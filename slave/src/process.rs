@@ -2,7 +2,7 @@
 
 use crate::latency::LatencyWatch;
 use crate::slave_core::GAP_NS;
-use crate::{ConfigError, Drive, ShapeReading, SlaveConfig, SlaveCore};
+use crate::{ConfigError, Drive, ShapeReading, SlaveConfig, SlaveCore, Stops};
 use core::f64::consts::FRAC_PI_2;
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
@@ -68,6 +68,7 @@ struct Process<D> {
     core: SlaveCore<D>,
     commands: Reader<Command>,
     state_commands: Reader<StateCommand>,
+    stops: Stops,
     states: Writer<SlaveState>,
     shapes: Writer<Shape>,
     health: HealthReporter,
@@ -85,6 +86,7 @@ impl<D: Drive> Process<D> {
             core: SlaveCore::new(drive, config),
             commands: bus.reader(ReadOptions::waking().with_mode(config.wait))?,
             state_commands: bus.reader(ReadOptions::glancing())?,
+            stops: Stops::new(bus.stop_switch()?),
             states: bus.writer()?,
             shapes: bus.writer()?,
             health: HealthReporter::open(bus, krait_ipc::Process::Slave)?,
@@ -102,6 +104,7 @@ impl<D: Drive> Process<D> {
             let until_due_ns = self.tick_due_ns.min(self.report_due_ns).saturating_sub(monotonic_ns()).max(0);
             self.commands.wait(Duration::from_nanos(until_due_ns.unsigned_abs()))?;
             while let Some(command) = self.commands.take()? {
+                self.take_stops();
                 // The drives come first: everything else in this loop can wait.
                 self.core.on_command(&command, monotonic_ns());
                 drop(command);
@@ -112,9 +115,22 @@ impl<D: Drive> Process<D> {
                 }
             }
             self.take_state_commands()?;
+            self.take_stops();
             self.keep_house(monotonic_ns())?;
         }
         Ok(())
+    }
+
+    /// Behind the state commands: a stop wins over whatever was asked for at the same time.
+    fn take_stops(&mut self) {
+        if self.stops.look() {
+            self.core.stop(monotonic_ns());
+            tracing::warn!("a stop was asked for");
+            self.report_due_ns = 0;
+        }
+        if self.core.is_still() {
+            self.stops.obey();
+        }
     }
 
     fn take_state_commands(&mut self) -> Result<(), IpcError> {

@@ -37,7 +37,7 @@ pub struct SlaveCore<D> {
     pub(crate) setpoint_q_m: [f64; 3],
     pub(crate) setpoint_bend_rad: [f64; 2],
     pub(crate) reading: DriveReading,
-    last_write_ns: i64,
+    pub(crate) last_write_ns: i64,
     pub(crate) stamps: HopStamps,
     pub(crate) is_unstamped: bool,
     pub(crate) command_sequence: u64,
@@ -49,6 +49,11 @@ pub struct SlaveCore<D> {
     pub(crate) n_commands: u64,
     pub(crate) n_refused: u64,
     pub(crate) last_command_ns: i64,
+    pub(crate) n_stops: u32,
+    /// When the newest stop was asked for; what was asked for before it does not count any more.
+    stop_ns: i64,
+    pub(crate) state_command_sequence: u64,
+    pub(crate) is_state_command_refused: bool,
 }
 
 /// Whether commands are executed.
@@ -85,6 +90,10 @@ impl<D: Drive> SlaveCore<D> {
             n_commands: 0,
             n_refused: 0,
             last_command_ns: 0,
+            n_stops: 0,
+            stop_ns: i64::MIN,
+            state_command_sequence: 0,
+            is_state_command_refused: false,
         }
     }
 
@@ -168,8 +177,30 @@ impl<D: Drive> SlaveCore<D> {
     /// # Errors
     /// [`TransitionRefused`]: the state is unchanged, or FAULT if the drives failed.
     pub fn on_state_command(&mut self, command: &StateCommand, now_ns: i64) -> Result<(), TransitionRefused> {
-        let transition = command.transition().ok_or(TransitionRefused::Unknown { found: command.transition })?;
-        self.transition(transition, now_ns)
+        let result = match command.transition() {
+            None => Err(TransitionRefused::Unknown { found: command.transition }),
+            Some(transition) if command.sample_ns <= self.stop_ns && !ends_motion(transition) => {
+                Err(TransitionRefused::BeforeStop { transition })
+            }
+            Some(transition) => self.transition(transition, now_ns),
+        };
+        (self.state_command_sequence, self.is_state_command_refused) = (command.sequence, result.is_err());
+        result
+    }
+
+    /// Stops, whoever asked and in whatever state: the motion is braked by [`SlaveCore::on_tick`], and Enabled becomes
+    /// Paused. `asked_ns` is on the clock of the state commands.
+    ///
+    /// # Real-time
+    /// No allocation, no blocking, no clock.
+    pub fn stop(&mut self, asked_ns: i64) {
+        self.n_stops = self.n_stops.wrapping_add(1);
+        self.stop_ns = asked_ns;
+        self.hold();
+        if self.machine.state() == OperatingState::Enabled {
+            let paused = self.machine.apply(Transition::Pause);
+            debug_assert!(paused.is_ok(), "Enabled may always be paused");
+        }
     }
 
     /// The same for a transition that the process itself wants.
@@ -181,7 +212,7 @@ impl<D: Drive> SlaveCore<D> {
         let mut next = self.machine;
         next.apply(transition)?;
         let powers_up = transition == Transition::Enable && before != OperatingState::Enabled;
-        if powers_up || transition == Transition::Disable {
+        if powers_up || matches!(transition, Transition::Disable | Transition::ClearFault) {
             if let Err(error) = self.drive.set_power(now_ns, powers_up) {
                 self.fault(error, now_ns);
                 return Err(error.into());
@@ -327,4 +358,9 @@ impl<D: Drive> SlaveCore<D> {
             findings.note(Reason::FollowingError, self.following_error_m(), self.following_error_limit_m());
         }
     }
+}
+
+/// Whether a transition can only take motion away.
+fn ends_motion(transition: Transition) -> bool {
+    matches!(transition, Transition::Disable | Transition::Pause)
 }

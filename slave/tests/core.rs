@@ -81,6 +81,7 @@ impl Bench {
             compensation: 0,
             phase: Phase::Following as u32,
             reasons: 0,
+            ..Command::default()
         }
     }
 

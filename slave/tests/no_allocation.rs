@@ -68,5 +68,6 @@ fn command(sequence: u64, sample_ns: i64, q_tilde_m: [f64; 3]) -> Command {
         compensation: 0,
         phase: Phase::Following as u32,
         reasons: 0,
+        ..Command::default()
     }
 }

@@ -74,6 +74,7 @@ impl Others {
                 compensation: 0,
                 phase: Phase::Following as u32,
                 reasons: 0,
+                ..Command::default()
             })
             .unwrap();
         thread::sleep(Duration::from_millis(1));

@@ -65,6 +65,7 @@ pub fn ready_state(sequence: u64) -> SlaveState {
         reasons: 0,
         n_commands: 0,
         n_refused: 0,
+        ..SlaveState::default()
     }
 }
 

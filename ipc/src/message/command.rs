@@ -5,7 +5,7 @@ use iceoryx2::prelude::ZeroCopySend;
 
 /// Actuator positions, uncompensated and compensated side by side.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, ZeroCopySend)]
 #[type_name("krait.Command")]
 pub struct Command {
     /// Position on the channel, from 1.
@@ -16,6 +16,8 @@ pub struct Command {
     pub stamps: HopStamps,
     /// Sequence number of the setpoint.
     pub setpoint_sequence: u64,
+    /// Sequence number of the operator input that led here; one that falls back is a master that began anew.
+    pub input_sequence: u64,
     /// Sequence number of the newest slave state that this step had seen (0: none).
     pub state_sequence: u64,
     /// Sequence number of the newest model update that this step had seen (0: none).
@@ -26,6 +28,8 @@ pub struct Command {
     pub q_uncompensated_m: [f64; 3],
     /// q~ = q + eps: what the actuators are told, m, push positive.
     pub q_tilde_m: [f64; 3],
+    /// Actuator rates that J~ asks for, m/s; copied from the setpoint, NaN where nobody has computed them.
+    pub q_tilde_vel_m_per_s: [f64; 3],
     /// Load scale eta in use, 1; NaN where a model file's chain compensates.
     pub eta: f64,
     /// Backlash lambda (half-width, with the sign of motion) in use, m; NaN where a model file's chain compensates.
@@ -40,7 +44,7 @@ pub struct Command {
     pub reasons: u64,
 }
 
-message!(Command, "command", 2, super::EVERY_SAMPLE);
+message!(Command, "command", 3, super::EVERY_SAMPLE);
 
 impl Command {
     /// The typed compensation mode, or `None` for a value that no version of krait sends.

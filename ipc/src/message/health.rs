@@ -5,7 +5,7 @@ use crate::reasons::{Reason, Reasons};
 use iceoryx2::prelude::ZeroCopySend;
 
 /// Room for reasons in one health message.
-pub const N_REASONS_MAX: usize = 32;
+pub const N_REASONS_MAX: usize = 48;
 
 /// Counters of one process since its start.
 #[repr(C)]
@@ -36,7 +36,7 @@ pub struct Health {
     pub records: [ReasonRecord; N_REASONS_MAX],
 }
 
-message!(Health, "health", 1, super::RARE);
+message!(Health, "health", 2, super::RARE);
 
 /// How often a reason held, and its worst value beside its limit, in the reason's own unit.
 #[repr(C)]
@@ -47,6 +47,8 @@ pub struct ReasonRecord {
     pub count: u64,
     /// The value furthest beyond the limit.
     pub worst: f64,
+    /// The newest value.
+    pub newest: f64,
     /// The limit.
     pub limit: f64,
 }
@@ -85,6 +87,7 @@ impl Health {
         if record.limit == 0.0 || (value - limit).abs() > (record.worst - record.limit).abs() {
             record.worst = value;
         }
+        record.newest = value;
         record.limit = limit;
     }
 }

@@ -20,6 +20,7 @@ mod shape;
 mod slave_state;
 mod stamps;
 mod state_command;
+mod state_request;
 
 pub use command::{Command, Compensation};
 pub use cue::Cue;
@@ -32,6 +33,7 @@ pub use shape::Shape;
 pub use slave_state::{OperatingState, SlaveState};
 pub use stamps::{HopStamps, LatencyLimits, N_HOPS};
 pub use state_command::{StateCommand, Transition};
+pub use state_request::{RequestOutcome, StateAnswer, StateRequest};
 
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -44,6 +46,8 @@ pub trait Message: ZeroCopySend + Copy + core::fmt::Debug + Send + Sync + 'stati
     /// Samples that a reader's queue can hold: 2 s at 1 kHz, so that a recorder may sleep through a slow disk. Shared
     /// memory has room for that many for each possible reader.
     const DEPTH: usize = USUAL;
+    /// Processes that may write on the channel at once: one, except where anybody may ask.
+    const MAX_WRITERS: usize = 1;
     /// Position of this message on its channel: 1, 2, 3, ... without gaps.
     fn sequence(&self) -> u64;
     /// The instant that the content is about, CLOCK_MONOTONIC, nanoseconds.
@@ -63,10 +67,14 @@ macro_rules! message {
         $crate::message::message!($type, $channel, $version, $crate::message::USUAL);
     };
     ($type:ty, $channel:literal, $version:literal, $depth:expr) => {
+        $crate::message::message!($type, $channel, $version, $depth, 1);
+    };
+    ($type:ty, $channel:literal, $version:literal, $depth:expr, $writers:expr) => {
         impl $crate::message::Message for $type {
             const CHANNEL: &'static str = $channel;
             const VERSION: u32 = $version;
             const DEPTH: usize = $depth;
+            const MAX_WRITERS: usize = $writers;
             fn sequence(&self) -> u64 {
                 self.sequence
             }

@@ -5,7 +5,7 @@ use iceoryx2::prelude::ZeroCopySend;
 
 /// CRTK operating state, joint setpoints and encoder measurements of the actuators.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, ZeroCopySend)]
 #[type_name("krait.SlaveState")]
 pub struct SlaveState {
     /// Position on the channel, from 1.
@@ -18,8 +18,17 @@ pub struct SlaveState {
     pub command_sequence: u64,
     /// See [`OperatingState`].
     pub operating_state: u32,
-    /// Bits of [`SlaveState::IS_HOMED`], [`SlaveState::IS_BUSY`], [`SlaveState::FOLLOWING`].
+    /// Bits of [`SlaveState::IS_HOMED`], [`SlaveState::IS_BUSY`], [`SlaveState::FOLLOWING`], [`SlaveState::ENGAGED`],
+    /// [`SlaveState::COMMAND_REFUSED`].
     pub flags: u32,
+    /// The operating state that was asked for last, see [`OperatingState`]; after a fault the two differ.
+    pub desired_state: u32,
+    /// Stops obeyed since start ([`crate::StopSwitch`]).
+    pub n_stops: u32,
+    /// Sequence number of the newest state command that was heard (0: none).
+    pub state_command_sequence: u64,
+    /// When the drives were last written, CLOCK_MONOTONIC, nanoseconds (0: never).
+    pub setpoint_ns: i64,
     /// `setpoint_js`: what the drives were last told, m, push positive.
     pub setpoint_q_m: [f64; 3],
     /// `setpoint` in configuration space: the bend vector that the last accepted command was for, rad.
@@ -36,7 +45,7 @@ pub struct SlaveState {
     pub n_refused: u64,
 }
 
-message!(SlaveState, "state", 1, super::EVERY_SAMPLE);
+message!(SlaveState, "state", 2, super::EVERY_SAMPLE);
 
 impl SlaveState {
     /// Flag: the drives know their zero.
@@ -45,10 +54,24 @@ impl SlaveState {
     pub const IS_BUSY: u32 = 2;
     /// Flag: the newest command was written to the drives as it came.
     pub const FOLLOWING: u32 = 4;
+    /// Flag: the operator has engaged, and nothing has ended that since. Without it no command is executed.
+    pub const ENGAGED: u32 = 8;
+    /// Flag: the newest state command was not valid and changed nothing.
+    pub const COMMAND_REFUSED: u32 = 16;
 
     /// The typed operating state, or `None` for a value that no version of krait sends.
     pub fn operating(&self) -> Option<OperatingState> {
         OperatingState::from_u32(self.operating_state)
+    }
+
+    /// The typed desired state, or `None` for a value that no version of krait sends.
+    pub fn desired(&self) -> Option<OperatingState> {
+        OperatingState::from_u32(self.desired_state)
+    }
+
+    /// Whether the operator has engaged.
+    pub fn is_engaged(&self) -> bool {
+        self.flags & Self::ENGAGED != 0
     }
 
     /// CRTK `is_ready`: Enabled and homed.

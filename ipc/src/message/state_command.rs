@@ -43,11 +43,14 @@ pub enum Transition {
     Home = 4,
     /// Forget the drives' zero.
     Unhome = 5,
+    /// Fault -> Disabled, once the drives answer again.
+    ClearFault = 6,
 }
 
 impl Transition {
     /// Every command.
-    pub const ALL: [Self; 6] = [Self::Enable, Self::Disable, Self::Pause, Self::Resume, Self::Home, Self::Unhome];
+    pub const ALL: [Self; 7] =
+        [Self::Enable, Self::Disable, Self::Pause, Self::Resume, Self::Home, Self::Unhome, Self::ClearFault];
 
     /// CRTK's word for it.
     pub fn name(self) -> &'static str {
@@ -58,6 +61,7 @@ impl Transition {
             Self::Resume => "resume",
             Self::Home => "home",
             Self::Unhome => "unhome",
+            Self::ClearFault => "clear-fault",
         }
     }
 }

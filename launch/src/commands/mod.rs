@@ -16,5 +16,33 @@ pub mod process;
 pub mod recover;
 pub mod replay;
 pub mod run;
+pub mod state;
+pub mod stop;
 pub mod verify;
 pub mod yardstick;
+
+use anyhow::bail;
+use krait_ipc::Bus;
+
+/// Members of an instance that are no part of a chain: a chain may start beside them.
+pub const TOOLS: [&str; 3] = [mark::NAME, state::NAME, stop::NAME];
+
+/// Refuses a command that needs a process of a chain where that does not run.
+///
+/// # Errors
+/// One sentence that says what to do.
+pub fn refuse_without(bus: &Bus, process: &str, command: &str) -> anyhow::Result<()> {
+    let members = bus.members();
+    if members.iter().any(|(name, _)| name == process) {
+        return Ok(());
+    }
+    let instance = bus.instance().as_str();
+    if members.iter().any(|(name, _)| !TOOLS.contains(&name.as_str())) {
+        bail!(
+            "instance {instance:?} has no process `{process}`, which `krait {command}` asks; start a whole chain with `krait run`"
+        )
+    }
+    bail!(
+        "no chain runs in instance {instance:?}, so `krait {command}` has nobody to ask; start one with `krait run`, or name another with --instance"
+    )
+}

@@ -21,6 +21,7 @@ fn state(sequence: u64, sample_ns: i64, flags: u32) -> Sample {
         reasons: 0,
         n_commands: 0,
         n_refused: 0,
+        ..SlaveState::default()
     })
 }
 

@@ -68,7 +68,9 @@ fn level(reason: Reason) -> Level {
         | Reason::ModelBlending
         | Reason::InputEnded
         | Reason::SlaveNotEnabled
-        | Reason::SlaveNotHomed => Level::Info,
+        | Reason::SlaveNotHomed
+        | Reason::NotEngaged
+        | Reason::StopAsked => Level::Info,
         Reason::RecordingStopped | Reason::DriveFault | Reason::DeviceLost => Level::Error,
         _ => Level::Warning,
     }

@@ -41,6 +41,7 @@ fn state(sample_ns: i64, operating_state: u32) -> Sample {
         reasons: 0,
         n_commands: 0,
         n_refused: 0,
+        ..SlaveState::default()
     })
 }
 

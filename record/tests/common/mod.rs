@@ -76,12 +76,12 @@ fields! {
         tip_pos_in_base_m, motion_scale, phase, reserved, reasons
     }
     Command {
-        sequence, sample_ns, stamps, setpoint_sequence, state_sequence, model_update_sequence, bend_rad,
-        q_uncompensated_m, q_tilde_m, eta, lambda_m, model_version, compensation, phase, reasons
+        sequence, sample_ns, stamps, setpoint_sequence, input_sequence, state_sequence, model_update_sequence, bend_rad,
+        q_uncompensated_m, q_tilde_m, q_tilde_vel_m_per_s, eta, lambda_m, model_version, compensation, phase, reasons
     }
     SlaveState {
-        sequence, sample_ns, stamps, command_sequence, operating_state, flags, setpoint_q_m, setpoint_bend_rad,
-        measured_q_m, measured_tau_n, reasons, n_commands, n_refused
+        sequence, sample_ns, stamps, command_sequence, operating_state, flags, desired_state, n_stops,
+        state_command_sequence, setpoint_ns, setpoint_q_m, setpoint_bend_rad, measured_q_m, measured_tau_n, reasons, n_commands, n_refused
     }
     StateCommand { sequence, sample_ns, transition, sender_pid }
     Shape { sequence, sample_ns, available_ns, bend_rad, theta_l_rad, delta_rad, sigma_bend_rad, q_tilde_m }
@@ -89,7 +89,7 @@ fields! {
         sequence, sample_ns, shape_sequence, eta, lambda_m, eta_sd, lambda_sd_m, innovation_rms_m, n_used, n_left_out,
         n_changes, changed_ns, change_kind, is_watching
     }
-    ReasonRecord { count, worst, limit }
+    ReasonRecord { count, worst, newest, limit }
     Health {
         sequence, sample_ns, pid, reserved, n_received, n_sent, n_lost, n_refused, reasons_now, reasons_ever, records
     }
@@ -100,7 +100,7 @@ fields! {
 
 /// Words that the largest message needs.
 pub const MAX_WORDS: usize = 16 + MARKER_TEXT_MAX;
-const _: () = assert!(MARKER_TEXT_MAX >= 3 * N_REASONS_MAX);
+const _: () = assert!(MARKER_TEXT_MAX >= 4 * N_REASONS_MAX);
 
 /// The message of a channel that has these words as the bits of its fields, in order.
 pub fn sample_of(channel: Channel, words: &[u64]) -> Sample {

@@ -31,7 +31,8 @@ impl Mirrored for Health {
             let place = usize::try_from(record.reason).ok().and_then(|idx| records.get_mut(idx)).ok_or_else(|| {
                 format!("records holds reason {}, expected 0 to {}", record.reason, N_REASONS_MAX - 1)
             })?;
-            *place = ReasonRecord { count: record.count, worst: record.worst, limit: record.limit };
+            *place =
+                ReasonRecord { count: record.count, worst: record.worst, newest: record.newest, limit: record.limit };
         }
         Ok(Self {
             sequence: mirror.sequence,
@@ -51,11 +52,11 @@ impl Mirrored for Health {
 
 /// Compares bits, because -0.0 equals 0.0 and is a trace all the same.
 fn has_trace(record: &ReasonRecord) -> bool {
-    record.count != 0 || record.worst.to_bits() != 0 || record.limit.to_bits() != 0
+    record.count != 0 || record.worst.to_bits() != 0 || record.newest.to_bits() != 0 || record.limit.to_bits() != 0
 }
 
 fn mirror_of(reason: i32, record: &ReasonRecord) -> proto::ReasonRecord {
-    proto::ReasonRecord { reason, count: record.count, worst: record.worst, limit: record.limit }
+    proto::ReasonRecord { reason, count: record.count, worst: record.worst, limit: record.limit, newest: record.newest }
 }
 
 fn text_of(reasons: Reasons) -> String {
@@ -100,7 +101,7 @@ mod tests {
 
     #[test]
     fn a_reason_beyond_the_last_is_refused_with_its_number() {
-        for reason in [-1, 32, i32::MAX] {
+        for reason in [-1, N_REASONS_MAX as i32, i32::MAX] {
             let records = vec![proto::ReasonRecord { reason, ..proto::ReasonRecord::default() }];
             let error = Health::restore(&proto::Health { records, ..proto::Health::default() }).expect_err("no place");
             assert!(error.contains(&reason.to_string()), "{error}");

@@ -1,0 +1,224 @@
+//! `krait state`: the operating state of a chain that runs, what keeps the snake from moving, and requests for another state.
+
+use crate::cli::{Ask, Common, StateArgs};
+use crate::{commands, print};
+use anyhow::{Context, bail};
+use core::time::Duration;
+use krait_ipc::message::{Health, OperatingState, RequestOutcome, SlaveState, StateAnswer, StateRequest, Transition};
+use krait_ipc::{Bus, IpcError, Process, ReadOptions, Reader, Reason, Reasons, clock, health_channel};
+use krait_slave::OperatingMachine;
+use serde::Serialize;
+use std::process::ExitCode;
+
+/// Its name among the members of an instance.
+pub const NAME: &str = "state";
+/// The supervisor looks every 20 ms, and gives the slave a second.
+const PATIENCE_NS: i64 = 5_000_000_000;
+/// Homing takes seconds: the largest travel at the slowest speed, and some.
+const HOMING_PATIENCE_NS: i64 = 120_000_000_000;
+const LOOK_EVERY: Duration = Duration::from_millis(5);
+
+/// Shows the state, or asks for another one and shows what became of that.
+pub fn run(common: &Common, args: &StateArgs) -> anyhow::Result<ExitCode> {
+    let bus = Bus::open(&common.instance, NAME)?;
+    commands::refuse_without(&bus, "slave", "state")?;
+    let mut view = View::open(&bus)?;
+    if let Some(ask) = args.ask {
+        view.ask(&bus, transition_of(ask))?;
+    }
+    let shown = view.show()?;
+    if args.json {
+        print::json(&shown)?;
+    } else {
+        print::out(&shown.text())?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn transition_of(ask: Ask) -> Transition {
+    match ask {
+        Ask::Enable => Transition::Enable,
+        Ask::Disable => Transition::Disable,
+        Ask::Pause => Transition::Pause,
+        Ask::Resume => Transition::Resume,
+        Ask::Home => Transition::Home,
+        Ask::Unhome => Transition::Unhome,
+        Ask::ClearFault => Transition::ClearFault,
+    }
+}
+
+/// What the slave and its supervisor say.
+struct View {
+    states: Reader<SlaveState>,
+    healths: Reader<Health>,
+    answers: Reader<StateAnswer>,
+}
+
+/// The state as it is printed.
+#[derive(Debug, Serialize)]
+struct Shown {
+    /// CRTK's meta-state.
+    state: &'static str,
+    /// The one that was asked for last.
+    desired: &'static str,
+    is_homed: bool,
+    is_busy: bool,
+    /// Whether the operator has engaged.
+    is_engaged: bool,
+    /// Whether commands are executed.
+    is_following: bool,
+    /// Stops obeyed since the slave's start.
+    n_stops: u32,
+    /// Why nothing moves, or why motion is limited.
+    reasons: Vec<Held>,
+}
+
+/// A reason that holds.
+#[derive(Debug, Serialize)]
+struct Held {
+    reason: String,
+    sentence: &'static str,
+    /// The value that is beyond its limit, in the reason's unit, where there is one.
+    value: Option<f64>,
+    limit: Option<f64>,
+}
+
+impl View {
+    fn open(bus: &Bus) -> Result<Self, IpcError> {
+        Ok(Self {
+            states: bus.reader(ReadOptions::observing())?,
+            healths: bus.reader_on(&health_channel(Process::Slave), ReadOptions::observing())?,
+            answers: bus.reader(ReadOptions::waking())?,
+        })
+    }
+
+    /// Asks the supervisor and waits for its answer; after `home`, for the end of the search.
+    fn ask(&mut self, bus: &Bus, transition: Transition) -> anyhow::Result<()> {
+        commands::refuse_without(bus, "launch", "state")?;
+        let request = StateRequest::new(1, clock::monotonic_ns(), transition);
+        let deadline_ns = request.sample_ns + PATIENCE_NS;
+        // What a writer says goes with the writer: it stays until the answer is there.
+        let mut writer = loop {
+            match bus.writer::<StateRequest>() {
+                Err(IpcError::SecondWriter { .. }) if clock::monotonic_ns() < deadline_ns => {
+                    std::thread::sleep(LOOK_EVERY);
+                }
+                result => break result?,
+            }
+        };
+        writer.send(&request)?;
+        let answer = self.answer_to(&request, deadline_ns)?;
+        match answer.outcome() {
+            Some(RequestOutcome::Done) => {}
+            Some(RequestOutcome::NoSlave) => bail!("the slave did not answer its supervisor, so nothing changed"),
+            Some(RequestOutcome::Refused) | None => bail!("{}", refusal(transition, &answer)?),
+        }
+        if transition == Transition::Home || transition == Transition::Enable {
+            self.wait_for_homing()?;
+        }
+        Ok(())
+    }
+
+    fn answer_to(&mut self, request: &StateRequest, deadline_ns: i64) -> anyhow::Result<StateAnswer> {
+        while clock::monotonic_ns() < deadline_ns {
+            self.answers.wait(LOOK_EVERY)?;
+            while let Some(answer) = self.answers.take()? {
+                if answer.is_to(request) {
+                    return Ok(*answer);
+                }
+            }
+        }
+        bail!(
+            "the supervisor did not answer within {} s; it is stopped, or the machine is too busy",
+            PATIENCE_NS / 1_000_000_000
+        )
+    }
+
+    fn wait_for_homing(&mut self) -> anyhow::Result<()> {
+        let deadline_ns = clock::monotonic_ns() + HOMING_PATIENCE_NS;
+        while clock::monotonic_ns() < deadline_ns {
+            if self.newest()?.flags & SlaveState::IS_BUSY == 0 {
+                return Ok(());
+            }
+            std::thread::sleep(LOOK_EVERY);
+        }
+        bail!("the actuators have not found their zero within {} s", HOMING_PATIENCE_NS / 1_000_000_000)
+    }
+
+    fn newest(&mut self) -> anyhow::Result<SlaveState> {
+        let deadline_ns = clock::monotonic_ns() + PATIENCE_NS;
+        loop {
+            if let Some(state) = self.states.take_newest()? {
+                return Ok(*state);
+            }
+            if clock::monotonic_ns() > deadline_ns {
+                bail!("the slave has said nothing for {} s; it is stopped", PATIENCE_NS / 1_000_000_000);
+            }
+            std::thread::sleep(LOOK_EVERY);
+        }
+    }
+
+    fn show(&mut self) -> anyhow::Result<Shown> {
+        let state = self.newest()?;
+        let health = self.healths.take_newest()?.map(|health| *health);
+        let name = |state: Option<OperatingState>| state.map_or("unknown", OperatingState::name);
+        let has = |flag: u32| state.flags & flag != 0;
+        let held = |reason: Reason| {
+            let record = health.map(|health| health.records[reason as usize]).filter(|record| record.limit != 0.0);
+            Held {
+                reason: format!("{reason:?}"),
+                sentence: reason.sentence(),
+                value: record.map(|record| record.newest),
+                limit: record.map(|record| record.limit),
+            }
+        };
+        Ok(Shown {
+            state: name(state.operating()),
+            desired: name(state.desired()),
+            is_homed: has(SlaveState::IS_HOMED),
+            is_busy: has(SlaveState::IS_BUSY),
+            is_engaged: state.is_engaged(),
+            is_following: has(SlaveState::FOLLOWING),
+            n_stops: state.n_stops,
+            reasons: Reasons::from_bits(state.reasons).iter().map(held).collect(),
+        })
+    }
+}
+
+impl Shown {
+    fn text(&self) -> String {
+        let word = |is: bool, yes: &'static str, no: &'static str| if is { yes } else { no };
+        let mut text = format!(
+            "{}{}, {}{}, {}, {}\n",
+            self.state,
+            if self.desired == self.state { String::new() } else { format!(" ({} was asked for)", self.desired) },
+            word(self.is_homed, "homed", "not homed"),
+            word(self.is_busy, ", busy", ""),
+            word(self.is_engaged, "engaged", "not engaged"),
+            word(self.is_following, "following", "holding"),
+        );
+        for held in &self.reasons {
+            text += &format!("  {}", held.sentence);
+            if let (Some(value), Some(limit)) = (held.value, held.limit) {
+                text += &format!(" ({value:.6} beside the limit {limit:.6})");
+            }
+            text.push('\n');
+        }
+        text
+    }
+}
+
+/// The slave's own words for its refusal: the same table, asked again here.
+fn refusal(transition: Transition, answer: &StateAnswer) -> anyhow::Result<String> {
+    let state = OperatingState::from_u32(answer.operating_state).context("the slave's state is unknown")?;
+    let refused = OperatingMachine::in_state(state, answer.flags & SlaveState::IS_BUSY != 0).apply(transition).err();
+    Ok(refused.map_or_else(
+        || {
+            format!(
+                "`{}` was refused: a stop came behind it, or the drives failed; `krait state` shows",
+                transition.name()
+            )
+        },
+        |refused| refused.to_string(),
+    ))
+}
