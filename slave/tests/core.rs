@@ -326,7 +326,8 @@ fn an_unknown_state_command_is_answered_and_changes_nothing() {
     let before = bench.core.report(bench.now_ns);
     let refused = bench.core.on_state_command(&command, bench.now_ns).unwrap_err();
     assert_eq!(refused, TransitionRefused::Unknown { found: 99 });
-    assert_eq!(bench.core.report(bench.now_ns), SlaveState { sequence: before.sequence + 1, ..before });
+    let heard = SlaveState { state_command_sequence: 1, flags: before.flags | SlaveState::COMMAND_REFUSED, ..before };
+    assert_eq!(bench.core.report(bench.now_ns), SlaveState { sequence: before.sequence + 1, ..heard });
 }
 
 #[test]
