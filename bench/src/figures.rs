@@ -30,6 +30,11 @@ impl Quantiles {
         for value in values {
             histogram.saturating_record(u64::try_from(value).unwrap_or(0).clamp(1, LONGEST_NS));
         }
+        Self::of(&histogram)
+    }
+
+    /// The quantiles of a histogram of latencies in ns; all zero for an empty one.
+    pub fn of(histogram: &Histogram<u64>) -> Self {
         if histogram.is_empty() {
             return Self::default();
         }

@@ -3,7 +3,7 @@
 use crate::budget::BudgetReport;
 use crate::evidence::Figures;
 use anyhow::Context;
-use krait_report::{PassReport, Quantiles, SCORED_FROM_S, Table};
+use krait_report::{PassReport, Quantiles, SCORED_FROM_S, TOO_SHORT, Table};
 use std::io::{Write, stdout};
 
 /// Prints figures as one JSON object.
@@ -25,6 +25,9 @@ pub fn figures(figures: &Figures, next: &str) -> anyhow::Result<()> {
         "Tracking error, degrees (measured shape against setpoint, from {SCORED_FROM_S:.0} s after the first motion on)\n"
     );
     text += &passes(&figures.passes).to_string();
+    if figures.passes.iter().any(|pass| pass.tracking.error_deg.is_none()) {
+        text += &format!("  No tracking error where there is a dash: {TOO_SHORT} after the first motion\n");
+    }
     text += &learnt(&figures.passes);
     text += &changes(figures);
     text += "\nLatency, microseconds (each hop ends when the next stage has published)\n";
@@ -70,8 +73,12 @@ fn passes(passes: &[PassReport]) -> Table {
     ]);
     for pass in passes {
         let mut cells = vec![pass.compensation.to_owned()];
-        for spread in [pass.bend_error_deg, pass.plane_error_deg, pass.error_deg] {
-            cells.extend([spread.rms, spread.p95, spread.max].map(|value| format!("{value:.2}")));
+        let score = &pass.tracking;
+        for spread in [score.bend_error_deg, score.plane_error_deg, score.error_deg] {
+            cells.extend(match spread {
+                Some(spread) => [spread.rms, spread.p95, spread.max].map(|value| format!("{value:.2}")),
+                None => ["-"; 3].map(str::to_owned),
+            });
         }
         cells.extend([pass.peak_bend_deg.commanded, pass.peak_bend_deg.reached].map(|value| format!("{value:.1}")));
         table.row(cells);

@@ -5,8 +5,7 @@ use crate::config::Config;
 use crate::device::{DEVICE_KEY, SERIAL_KEY};
 use anyhow::Context;
 use krait_ipc::message::Compensation;
-use krait_record::Recording;
-use krait_replay::attachment;
+use krait_record::{Recording, attachment};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 

@@ -2,11 +2,11 @@
 //! takes no more memory than a minute.
 
 use crate::ReplayError;
-use crate::pass::PassCounter;
 use core::ops::Range;
 use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use crossbeam_channel::{Receiver, Sender, bounded};
 use krait_ipc::message::{Command, Compensation, OperatorInput, Setpoint};
+use krait_record::PassCounter;
 use krait_record::Stream;
 use krait_schema::{Channel, Sample};
 use std::path::PathBuf;

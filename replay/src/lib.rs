@@ -12,31 +12,25 @@
 
 #![forbid(unsafe_code)]
 
-mod compare;
 mod difference;
 mod error;
 mod input_track;
 mod keeper;
 mod live;
-mod pass;
 mod player;
 mod program;
 mod steps;
-mod tracking;
 mod trajectory;
 mod verifier;
 mod window;
 
-pub use compare::{Apart, Quantiles, Series, Side};
 pub use difference::Difference;
 pub use error::ReplayError;
 pub use input_track::{Beginning, InputChoice, InputTrack, TrackCounts};
 pub use keeper::Keeper;
 pub use live::LivePlayer;
-pub use pass::{Pass, attachment, passes_of};
 pub use player::{Newest, PlayCounts, Player, UNDER_WAY};
 pub use program::{Next, Part, Planned, Program, Score, Tally, What};
-pub use tracking::{Spread, Tracking};
 pub use trajectory::{Trajectory, TrajectoryError, TrajectoryLimits};
 pub use verifier::{Turn, Verifier};
 pub use window::Window;

@@ -6,10 +6,10 @@
 
 use crate::player::{Newest, PlayCounts};
 use crate::program::{Next, PERIOD_NS, Part, Planned, Program, What};
-use crate::tracking::Tracking;
 use crate::{ReplayError, Turn};
 use krait_ipc::message::{HopStamps, OperatorInput, Setpoint, Shape, SlaveState};
 use krait_ipc::{Bus, ReadOptions, Reader, Reason, Reasons, Writer};
+use krait_report::Tracking;
 
 /// A step this much longer than the period is not cut in two, ns.
 const LONGEST_STEP_NS: f64 = 1.5e6;

@@ -7,11 +7,11 @@
 
 use crate::keeper::Keeper;
 use crate::program::{Next, Part, Planned, Program, What};
-use crate::tracking::Tracking;
 use crate::{ReplayError, Turn};
 use core::time::Duration;
 use krait_ipc::message::{Command, Cue, HopStamps, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState};
 use krait_ipc::{Bus, ReadOptions, Reader, Writer, clock};
+use krait_report::Tracking;
 use krait_schema::Sample;
 use std::collections::VecDeque;
 

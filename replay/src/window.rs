@@ -2,8 +2,8 @@
 //! that an hour takes no more memory than a minute.
 
 use crate::ReplayError;
-use crate::pass::PassCounter;
 use krait_ipc::message::{Command, Message, ModelUpdate, OperatorInput, Setpoint, SlaveState};
+use krait_record::PassCounter;
 use krait_record::Stream;
 use krait_schema::{Channel, Sample};
 use std::collections::VecDeque;

@@ -1,24 +1,12 @@
 //! Latency of each hop and of the whole chain, from the stamps in the slave's states.
 
 use hdrhistogram::{CreationError, Histogram};
+use krait_bench::Quantiles;
 use krait_ipc::message::{HopStamps, SlaveState};
 use serde::Serialize;
 
 /// Longest latency that the histograms hold, ns (10 s).
-const LONGEST_NS: u64 = 10_000_000_000;
-
-/// Quantiles of a latency, microseconds.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Quantiles {
-    /// Median.
-    pub p50: f64,
-    /// 99th percentile.
-    pub p99: f64,
-    /// 99.9th percentile.
-    pub p999: f64,
-    /// Largest.
-    pub max: f64,
-}
+const LONGEST_NS: i64 = 10_000_000_000;
 
 /// Latency of one hop.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -54,15 +42,17 @@ impl LatencyLog {
     /// # Errors
     /// Never with these bounds; the histogram library checks them.
     pub fn new() -> Result<Self, CreationError> {
-        let empty = || Histogram::new_with_bounds(1, LONGEST_NS, 3);
+        let empty = || Histogram::new_with_bounds(1, LONGEST_NS.unsigned_abs(), 3);
         let hops = HopStamps::HOPS.iter().map(|_| empty()).collect::<Result<_, _>>()?;
         Ok(Self { end_to_end: empty()?, hops, last_command: 0 })
     }
 
-    /// Takes a slave state; each command counts once. Returns whether this one counted.
+    /// Takes a slave state; each command counts once, and none in a replay's own time, in which nothing takes any. Returns
+    /// whether this one counted.
     pub fn state(&mut self, state: &SlaveState) -> bool {
         let stamps = &state.stamps;
-        if state.command_sequence == self.last_command || stamps.drive_written_ns == 0 || stamps.device_ns == 0 {
+        let is_live = stamps.device_ns != 0 && stamps.drive_written_ns > stamps.device_ns;
+        if state.command_sequence == self.last_command || !is_live {
             return false;
         }
         self.last_command = state.command_sequence;
@@ -83,19 +73,14 @@ impl LatencyLog {
         let hops = self.hops.iter().zip(HopStamps::HOPS).map(|(histogram, (from, to))| HopReport {
             from,
             to,
-            quantiles: quantiles(histogram),
+            quantiles: Quantiles::of(histogram),
         });
-        LatencyReport { end_to_end: quantiles(&self.end_to_end), hops: hops.collect() }
+        LatencyReport { end_to_end: Quantiles::of(&self.end_to_end), hops: hops.collect() }
     }
 }
 
 fn enter(histogram: &mut Histogram<u64>, latency_ns: i64) {
-    histogram.saturating_record(u64::try_from(latency_ns).unwrap_or(0).clamp(1, LONGEST_NS));
-}
-
-fn quantiles(histogram: &Histogram<u64>) -> Quantiles {
-    let at = |q: f64| histogram.value_at_quantile(q) as f64 * 1e-3;
-    Quantiles { p50: at(0.5), p99: at(0.99), p999: at(0.999), max: histogram.max() as f64 * 1e-3 }
+    histogram.saturating_record(latency_ns.clamp(1, LONGEST_NS).unsigned_abs());
 }
 
 #[cfg(test)]

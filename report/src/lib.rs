@@ -8,16 +8,21 @@
 //! Frames and units: see `docs/NOTATION.md`. Angles are degrees here, latencies microseconds, and every name says so.
 #![forbid(unsafe_code)]
 
+mod compare;
 mod figure;
 mod latency;
-mod pass;
+mod pass_report;
 mod plot;
 mod spread;
 mod table;
+mod tracking;
 
+pub use compare::{Apart, Series, Side, SideError};
 pub use figure::{Curve, Figure, Stroke};
-pub use latency::{HopReport, LatencyLog, LatencyReport, Quantiles};
-pub use pass::{ChangeReport, PassLog, PassReport, PeakBend, SCORED_FROM_S};
+pub use krait_bench::Quantiles;
+pub use latency::{HopReport, LatencyLog, LatencyReport};
+pub use pass_report::{ChangeReport, PassLog, PassReport, PeakBend};
 pub use plot::{PlotError, svg};
 pub use spread::Spread;
 pub use table::Table;
+pub use tracking::{SCORED_FROM_S, TOO_SHORT, Tracking, TrackingScore};

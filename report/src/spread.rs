@@ -1,10 +1,13 @@
 //! Root mean square, 95th percentile and largest value of errors.
 
+use core::borrow::Borrow;
 use serde::Serialize;
 
-/// Root mean square, 95th percentile and largest value.
+/// Root mean square, 95th percentile and largest of a set of magnitudes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Spread {
+    /// How many.
+    pub n: usize,
     /// Root mean square.
     pub rms: f64,
     /// 95th percentile of the absolute values.
@@ -14,13 +17,19 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// The spread of some values; zero for none.
-    pub fn of(values: &[f64]) -> Self {
-        let mut sizes: Vec<f64> = values.iter().map(|v| v.abs()).collect();
+    /// The spread of some values' magnitudes; all zero, `n` included, for none.
+    pub fn of(values: impl IntoIterator<Item: Borrow<f64>>) -> Self {
+        let mut sizes: Vec<f64> = values.into_iter().map(|value| value.borrow().abs()).collect();
         sizes.sort_by(f64::total_cmp);
+        let n = sizes.len();
         let Some(max) = sizes.last().copied() else { return Self::default() };
-        let rms = (sizes.iter().map(|s| s * s).sum::<f64>() / sizes.len() as f64).sqrt();
-        Self { rms, p95: sizes[(sizes.len() - 1) * 95 / 100], max }
+        let rms = (sizes.iter().map(|size| size * size).sum::<f64>() / n as f64).sqrt();
+        Self { n, rms, p95: sizes[(n - 1) * 95 / 100], max }
+    }
+
+    /// The same, or nothing for no values.
+    pub fn of_any(values: impl IntoIterator<Item: Borrow<f64>>) -> Option<Self> {
+        Some(Self::of(values)).filter(|spread| spread.n > 0)
     }
 }
 
@@ -30,9 +39,9 @@ mod tests {
 
     #[test]
     fn a_spread_knows_its_rms_its_95_percent_and_its_maximum() {
-        let values: Vec<f64> = (1..=100).map(|n| -f64::from(n)).collect();
-        let spread = Spread::of(&values);
-        assert_eq!((spread.p95, spread.max), (95.0, 100.0));
+        let spread = Spread::of((1..=100).map(|n| -f64::from(n)));
+        assert_eq!((spread.n, spread.p95, spread.max), (100, 95.0, 100.0));
         assert!((spread.rms - 58.17).abs() < 0.01, "{}", spread.rms);
+        assert_eq!(Spread::of_any(&[]), None);
     }
 }

@@ -3,9 +3,8 @@
 use crate::cli_replay::CompareArgs;
 use crate::{print, recorded};
 use anyhow::{Context, bail};
-use krait_record::Recording;
-use krait_replay::{Apart, Side, passes_of};
-use krait_report::{Curve, Figure, Stroke, Table, svg};
+use krait_record::{Recording, passes_of};
+use krait_report::{Apart, Curve, Figure, Side, Spread, Stroke, TOO_SHORT, Table, svg};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -88,13 +87,16 @@ fn table(a: &Named, b: &Named) -> Table {
     for (channel, n) in &a.samples {
         row(format!("{channel} samples"), n.to_string(), b.samples.get(channel).copied().unwrap_or(0).to_string());
     }
-    let (ea, eb) = (&a.tracking_error_deg, &b.tracking_error_deg);
-    for (word, x, y) in [("rms", ea.rms, eb.rms), ("p95", ea.p95, eb.p95), ("max", ea.max, eb.max)] {
-        row(format!("tracking error {word}, deg"), format!("{x:.3}"), format!("{y:.3}"));
+    let figures: [(&str, fn(&Spread) -> f64); 3] = [("rms", |e| e.rms), ("p95", |e| e.p95), ("max", |e| e.max)];
+    for (word, figure) in figures {
+        let cell = |side: &Side| {
+            side.tracking_error_deg.as_ref().map_or(TOO_SHORT.to_owned(), |error| format!("{:.3}", figure(error)))
+        };
+        row(format!("tracking error from {:.0} s on, {word}, deg", a.scored_from_s), cell(a), cell(b));
     }
     let hops: std::collections::BTreeSet<_> = a.latency_us.keys().chain(b.latency_us.keys()).collect();
     for hop in hops {
-        let cell = |side: &Side| match side.latency_us.get(*hop) {
+        let cell = |side: &Side| match side.latency_us.get(hop.as_str()) {
             Some(q) => format!("{:.0} / {:.0} / {:.0}", q.p50, q.p99, q.max),
             None => "-".to_owned(),
         };

@@ -11,7 +11,8 @@ use crate::{print, recorded, signals};
 use core::time::Duration;
 use krait_ipc::{Process, clock};
 use krait_record::{About, WallClock};
-use krait_replay::{Keeper, LivePlayer, PlayCounts, Player, Program, Spread, Tracking, Turn};
+use krait_replay::{Keeper, LivePlayer, PlayCounts, Player, Program, Turn};
+use krait_report::{SCORED_FROM_S, Spread, TOO_SHORT, Tracking};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -55,8 +56,10 @@ struct Figures {
     took_s: f64,
     /// The one by the other.
     times_real_time: f64,
-    /// Measured shape against setpoint since the first motion, deg.
-    tracking_error_deg: Spread,
+    /// Measured shape against setpoint, from `scored_from_s` after the first motion on, deg; null for a shorter motion.
+    tracking_error_deg: Option<Spread>,
+    /// See above, s.
+    scored_from_s: f64,
     /// Whether it was stopped before its end.
     stopped: bool,
     /// The new recording.
@@ -329,7 +332,8 @@ fn figures(
         played_s: tally.played_ns as f64 * 1e-9,
         took_s: 0.0,
         times_real_time: 0.0,
-        tracking_error_deg: tracking.error_deg(0.0),
+        tracking_error_deg: tracking.score().error_deg,
+        scored_from_s: SCORED_FROM_S,
         stopped,
         recording: options.config.record.path.clone(),
     }
@@ -359,10 +363,11 @@ fn sentence(figures: &Figures) -> String {
     if figures.samples_refused > 0 {
         text += &format!("Left out: {} recorded samples that resolve would refuse\n", figures.samples_refused);
     }
-    text += &format!(
-        "Tracking error since the first motion: {:.2} deg rms, {:.2} p95, {:.2} max over {} shapes\n",
-        error.rms, error.p95, error.max, error.n
-    );
+    text += &format!("Tracking error from {SCORED_FROM_S:.0} s after the first motion on: ");
+    text += &match error {
+        Some(Spread { n, rms, p95, max }) => format!("{rms:.2} deg rms, {p95:.2} p95, {max:.2} max over {n} shapes\n"),
+        None => format!("{TOO_SHORT}\n"),
+    };
     if figures.stopped {
         text += "It was stopped before its end.\n";
     }

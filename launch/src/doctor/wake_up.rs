@@ -59,8 +59,7 @@ fn on_core(core: usize, seconds: f64, priority: u8, stop: &AtomicBool) -> Option
         // Instants that have passed meanwhile are not slept to.
         due_ns = due_ns.max(now_ns - PERIOD_NS);
     }
-    let at = |q: f64| histogram.value_at_quantile(q) as f64 * 1e-3;
-    let late_us = Quantiles { p50: at(0.5), p99: at(0.99), p999: at(0.999), max: histogram.max() as f64 * 1e-3 };
+    let late_us = Quantiles::of(&histogram);
     Some(WakeUp { core, priority: if is_granted { priority } else { 0 }, n_samples: histogram.len(), late_us })
 }
 

@@ -3,24 +3,24 @@
 //! Both are laid on top of each other at the first setpoint that follows the operator; a recording without one at its first
 //! setpoint. Samples that are nearest in time are compared.
 
-use crate::tracking::{Spread, Tracking};
-use crate::{Pass, ReplayError};
+use crate::tracking::{self, Tracking, TrackingScore};
+use crate::{LatencyLog, Quantiles, Spread};
 use krait_ipc::message::{OperatingState, SlaveState};
 use krait_ipc::{Reason, Reasons};
+use krait_record::Pass;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// One hop: where a sample leaves, where it arrives, and the stamps at both ends.
-type Hop = (&'static str, fn(&SlaveState) -> (i64, i64));
-
-/// A hop ends when the next stage has published; the last row is the whole way.
-const HOPS: [Hop; 5] = [
-    ("device -> master", |s| (s.stamps.device_ns, s.stamps.input_sent_ns)),
-    ("master -> resolve", |s| (s.stamps.input_sent_ns, s.stamps.setpoint_sent_ns)),
-    ("resolve -> compensate", |s| (s.stamps.setpoint_sent_ns, s.stamps.command_sent_ns)),
-    ("compensate -> slave", |s| (s.stamps.command_sent_ns, s.stamps.drive_written_ns)),
-    ("device -> drive", |s| (s.stamps.device_ns, s.stamps.drive_written_ns)),
-];
+/// Why a pass cannot be summed up.
+#[derive(Debug, thiserror::Error)]
+pub enum SideError {
+    /// It holds no setpoint.
+    #[error("it holds no setpoint, so there is nothing to compare; choose another pass or recording")]
+    NoSetpoint,
+    /// The histogram library refused its bounds, which are constants.
+    #[error(transparent)]
+    Histogram(#[from] hdrhistogram::CreationError),
+}
 
 /// What one pass of a recording shows.
 #[derive(Clone, Debug, Serialize)]
@@ -29,10 +29,12 @@ pub struct Side {
     pub samples: BTreeMap<&'static str, usize>,
     /// From the first setpoint to the last, s.
     pub length_s: f64,
-    /// Measured shape against setpoint since the first motion, deg.
-    pub tracking_error_deg: Spread,
+    /// Length of the difference between the measured and the commanded bend vector, deg; the window of [`TrackingScore`].
+    pub tracking_error_deg: Option<Spread>,
+    /// The score counts from this long after the operator's first motion, s.
+    pub scored_from_s: f64,
     /// Latency of each hop, microseconds; none where the replay's own time passed, in which nothing takes any.
-    pub latency_us: BTreeMap<&'static str, Quantiles>,
+    pub latency_us: BTreeMap<String, Quantiles>,
     /// Time in each operating state, s.
     pub operating_s: BTreeMap<&'static str, f64>,
     /// Time in which the slave followed, s.
@@ -46,17 +48,6 @@ pub struct Side {
     /// For pictures, each over the time since the first motion, s.
     #[serde(skip)]
     pub series: Series,
-}
-
-/// Quantiles of a latency, microseconds.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Quantiles {
-    /// Median.
-    pub p50: f64,
-    /// 99th percentile.
-    pub p99: f64,
-    /// Largest.
-    pub max: f64,
 }
 
 /// Curves over time since the first motion, s.
@@ -85,12 +76,13 @@ impl Side {
     /// Sums up a pass.
     ///
     /// # Errors
-    /// [`ReplayError::Empty`] when it holds no setpoint.
-    pub fn of(pass: &Pass) -> Result<Self, ReplayError> {
+    /// [`SideError`].
+    pub fn of(pass: &Pass) -> Result<Self, SideError> {
         let ends = pass.setpoints.first().zip(pass.setpoints.last());
-        let Some((first, last)) = ends else { return Err(ReplayError::Empty { what: "setpoint" }) };
+        let Some((first, last)) = ends else { return Err(SideError::NoSetpoint) };
         let tracking = tracking_of(pass);
         let zero_ns = tracking.first_motion_ns().unwrap_or(first.sample_ns);
+        let score: TrackingScore = tracking.score();
         let state = StateSums::of(&pass.states);
         Ok(Self {
             samples: BTreeMap::from([
@@ -102,8 +94,9 @@ impl Side {
                 ("model_update", pass.updates.len()),
             ]),
             length_s: seconds(first.sample_ns, last.sample_ns),
-            tracking_error_deg: tracking.error_deg(0.0),
-            latency_us: latencies(&pass.states),
+            tracking_error_deg: score.error_deg,
+            scored_from_s: score.scored_from_s,
+            latency_us: latencies(&pass.states)?,
             operating_s: state.operating_s,
             following_s: state.following_s,
             n_faults: state.n_faults,
@@ -120,8 +113,8 @@ impl Apart {
         let deg = |x: &[f64; 2], y: &[f64; 2]| (x[0] - y[0]).hypot(x[1] - y[1]).to_degrees();
         let mm = |x: &[f64; 3], y: &[f64; 3]| (0..3).map(|k| (x[k] - y[k]).abs() * 1e3).fold(0.0, f64::max);
         Self {
-            setpoint_deg: Spread::of(apart(&a.series.setpoints, &b.series.setpoints, deg).into_iter()),
-            command_mm: Spread::of(apart(&a.series.commands, &b.series.commands, mm).into_iter()),
+            setpoint_deg: Spread::of(apart(&a.series.setpoints, &b.series.setpoints, deg)),
+            command_mm: Spread::of(apart(&a.series.commands, &b.series.commands, mm)),
         }
     }
 }
@@ -138,7 +131,7 @@ impl Series {
             }
         }
         Self {
-            error_deg: tracking.errors().iter().map(|(ns, rad)| (at(*ns), rad.to_degrees())).collect(),
+            error_deg: tracking.errors().map(|(ns, rad)| (at(ns), rad.to_degrees())).collect(),
             bend_deg: pass
                 .setpoints
                 .iter()
@@ -153,38 +146,21 @@ impl Series {
 
 /// Setpoints and shapes in the order of their instants.
 fn tracking_of(pass: &Pass) -> Tracking {
-    let mut tracking = Tracking::default();
-    let mut setpoints = pass.setpoints.iter().peekable();
-    for shape in &pass.shapes {
-        while let Some(setpoint) = setpoints.next_if(|setpoint| setpoint.sample_ns <= shape.sample_ns) {
-            tracking.setpoint(setpoint);
-        }
-        tracking.shape(shape);
-    }
-    for setpoint in setpoints {
-        tracking.setpoint(setpoint);
-    }
-    tracking
+    let shapes = pass.shapes.iter().map(|shape| (shape.sample_ns, shape.bend_rad));
+    Tracking::of(pass.setpoints.iter().map(tracking::wanted), shapes)
 }
 
-fn latencies(states: &[SlaveState]) -> BTreeMap<&'static str, Quantiles> {
-    let mut found = BTreeMap::new();
-    for (name, ends) in HOPS {
-        let (mut values_us, mut newest) = (Vec::new(), 0);
-        for state in states.iter().filter(|state| state.stamps.drive_written_ns > 0) {
-            let (from_ns, to_ns) = ends(state);
-            if state.command_sequence > newest && from_ns > 0 {
-                newest = state.command_sequence;
-                values_us.push(seconds(from_ns, to_ns) * 1e6);
-            }
-        }
-        values_us.sort_by(f64::total_cmp);
-        // In a replay's own time every stamp of a sample is the same.
-        let Some(max) = values_us.last().copied().filter(|max| *max > 0.0) else { continue };
-        let at = |percent: usize| values_us[(values_us.len() - 1) * percent / 100];
-        found.insert(name, Quantiles { p50: at(50), p99: at(99), max });
+fn latencies(states: &[SlaveState]) -> Result<BTreeMap<String, Quantiles>, SideError> {
+    let mut log = LatencyLog::new()?;
+    for state in states {
+        log.state(state);
     }
-    found
+    if log.n_samples() == 0 {
+        return Ok(BTreeMap::new());
+    }
+    let report = log.report();
+    let hops = report.hops.iter().map(|hop| (format!("{} -> {}", hop.from, hop.to), hop.quantiles));
+    Ok(hops.chain([("device -> drive".to_owned(), report.end_to_end)]).collect())
 }
 
 #[derive(Default)]

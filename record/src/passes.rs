@@ -1,8 +1,7 @@
 //! A recording taken apart: the messages of each chain that ran in it, channel by channel.
 
-use crate::ReplayError;
+use crate::{ReadError, Recording};
 use krait_ipc::message::{Command, Message, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState};
-use krait_record::Recording;
 use krait_schema::Sample;
 
 /// The messages of one chain, each channel in the order of its sequence numbers.
@@ -26,8 +25,8 @@ pub struct Pass {
 /// pass; a new part begins none.
 ///
 /// # Errors
-/// [`ReplayError::Read`] when the recording cannot be read.
-pub fn passes_of(parts: &[Recording]) -> Result<Vec<Pass>, ReplayError> {
+/// [`ReadError`] when the recording cannot be read.
+pub fn passes_of(parts: &[Recording]) -> Result<Vec<Pass>, ReadError> {
     let mut passes = Passes::default();
     let parts = parts.iter().map(Recording::samples).collect::<Result<Vec<_>, _>>()?;
     for recorded in parts.into_iter().flatten() {
@@ -78,14 +77,14 @@ struct Passes {
 
 /// Counts the passes of a channel: sequence numbers that begin anew at 1 begin the next.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct PassCounter {
+pub struct PassCounter {
     /// The pass of the newest message, from 1; 0 before the first.
-    pub(crate) newest: u64,
+    pub newest: u64,
 }
 
 impl PassCounter {
     /// The pass, from 1, that the message with this sequence number belongs to.
-    pub(crate) fn of(&mut self, sequence: u64) -> u64 {
+    pub fn of(&mut self, sequence: u64) -> u64 {
         if sequence == 1 || self.newest == 0 {
             self.newest += 1;
         }
