@@ -110,10 +110,10 @@ pub fn bend_error_deg(pose: &Pose) -> f64 {
 
 /// Spread of the error of the bend over a motion in the plane delta = 0, deg.
 pub fn bend_errors_deg(poses: &[Pose]) -> Spread {
-    Spread::of(&poses.iter().map(bend_error_deg).collect::<Vec<_>>())
+    Spread::of(poses.iter().map(bend_error_deg))
 }
 
 /// Spread of the distance of the bend vectors over any motion, deg.
 pub fn vector_errors_deg(poses: &[Pose]) -> Spread {
-    Spread::of(&poses.iter().map(|p| (p.reached_rad - p.wanted_rad).norm().to_degrees()).collect::<Vec<_>>())
+    Spread::of(poses.iter().map(|p| (p.reached_rad - p.wanted_rad).norm().to_degrees()))
 }
