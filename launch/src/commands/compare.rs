@@ -87,13 +87,16 @@ fn table(a: &Named, b: &Named) -> Table {
     for (channel, n) in &a.samples {
         row(format!("{channel} samples"), n.to_string(), b.samples.get(channel).copied().unwrap_or(0).to_string());
     }
-    let figures: [(&str, fn(&Spread) -> f64); 3] = [("rms", |e| e.rms), ("p95", |e| e.p95), ("max", |e| e.max)];
-    for (word, figure) in figures {
+    let from = |word: &str| format!("tracking error from {:.0} s on, {word}, deg", a.scored_from_s);
+    let mut error = |word: &str, figure: fn(&Spread) -> f64| {
         let cell = |side: &Side| {
             side.tracking_error_deg.as_ref().map_or(TOO_SHORT.to_owned(), |error| format!("{:.3}", figure(error)))
         };
-        row(format!("tracking error from {:.0} s on, {word}, deg", a.scored_from_s), cell(a), cell(b));
-    }
+        row(from(word), cell(a), cell(b));
+    };
+    error("rms", |error| error.rms);
+    error("p95", |error| error.p95);
+    error("max", |error| error.max);
     let hops: std::collections::BTreeSet<_> = a.latency_us.keys().chain(b.latency_us.keys()).collect();
     for hop in hops {
         let cell = |side: &Side| match side.latency_us.get(hop.as_str()) {
