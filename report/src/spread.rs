@@ -42,6 +42,6 @@ mod tests {
         let spread = Spread::of((1..=100).map(|n| -f64::from(n)));
         assert_eq!((spread.n, spread.p95, spread.max), (100, 95.0, 100.0));
         assert!((spread.rms - 58.17).abs() < 0.01, "{}", spread.rms);
-        assert_eq!(Spread::of_any(&[]), None);
+        assert_eq!(Spread::of_any([0.0; 0]), None);
     }
 }
