@@ -1,5 +1,6 @@
 //! The command line: subcommands, their options and their examples.
 
+use crate::cli_console::ConsoleArgs;
 use crate::cli_lab::LabVerb;
 use crate::cli_replay::{CompareArgs, ReplayArgs};
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -89,6 +90,11 @@ pub enum Verb {
         after_help = "Examples:\n  krait state\n  krait state --json\n  krait state pause\n  krait state resume\n  krait state home --instance left-arm"
     )]
     State(StateArgs),
+    /// The page of a chain that runs: the snake, its latency, the lab; in a browser on this machine.
+    #[command(
+        after_help = "Examples:\n  krait console\n  krait console --instance left-arm --port 8080\n\nOpen the address that it prints. It listens on this machine only; from elsewhere an SSH tunnel of its port is the way."
+    )]
+    Console(ConsoleArgs),
     /// Sets a mark in the recording of a chain that runs: a word about this instant.
     #[command(after_help = "Examples:\n  krait mark vessel touched\n  krait mark \"2nd try\" --instance left-arm")]
     Mark(MarkArgs),
@@ -200,6 +206,9 @@ pub struct RunArgs {
     /// Exit code 1 if the latency budget was not kept.
     #[arg(long)]
     pub check_budget: bool,
+    /// Serve the page of this chain too, and print its address.
+    #[arg(long)]
+    pub console: bool,
     /// Print the figures as JSON on standard output at the end.
     #[arg(long)]
     pub json: bool,

@@ -4,6 +4,7 @@ mod authority;
 mod budget;
 mod chain_round;
 mod cli;
+mod cli_console;
 mod cli_lab;
 mod cli_lab_data;
 mod cli_replay;
@@ -51,6 +52,7 @@ fn main() -> ExitCode {
         Verb::Doctor(args) => commands::doctor::run(&args),
         Verb::Bench(args) => commands::bench::run(&cli.common, &args),
         Verb::Yardstick(part) => commands::yardstick::run(&cli.common, &part),
+        Verb::Console(args) => commands::console::run(&cli.common, &args),
         Verb::Config => commands::config::run(&cli.common),
         Verb::Process(process) => commands::process::run(&cli.common, &process),
     };

@@ -4,6 +4,7 @@ pub mod bench;
 mod bench_growth;
 pub mod compare;
 pub mod config;
+pub mod console;
 pub mod demo;
 pub mod devices;
 pub mod doctor;
@@ -25,7 +26,7 @@ use anyhow::bail;
 use krait_ipc::Bus;
 
 /// Members of an instance that are no part of a chain: a chain may start beside them.
-pub const TOOLS: [&str; 3] = [mark::NAME, state::NAME, stop::NAME];
+pub const TOOLS: [&str; 4] = [console::NAME, mark::NAME, state::NAME, stop::NAME];
 
 /// Refuses a command that needs a process of a chain where that does not run.
 ///

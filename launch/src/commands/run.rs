@@ -1,6 +1,7 @@
 //! `krait run`: the chain until Ctrl-C.
 
 use crate::cli::{Common, MasterKind, RunArgs, SlaveKind};
+use crate::commands::console::Companion;
 use crate::config::Config;
 use crate::evidence::Evidence;
 use crate::progress::Progress;
@@ -35,9 +36,11 @@ pub fn run(common: &Common, args: &RunArgs) -> anyhow::Result<ExitCode> {
     }
     let mode = options.config.compensate.mode;
     evidence.processes(mode.name(), &supervisor.processes());
+    let console = args.console.then(|| Companion::start(&common.instance)).transpose()?;
     let label = format!("running, compensation {}; Ctrl-C ends it", mode.name());
     Progress::new(&label, supervisor.bus(), args.seconds)?.show(&mut supervisor, &stop)?;
     supervisor.end_chain();
+    drop(console);
     evidence.pass(mode, start_ns..clock::monotonic_ns(), &supervisor);
     let clean = supervisor.end();
     evidence.recorder(&supervisor);

@@ -1,0 +1,43 @@
+//! What a page is told once about the chain it looks at: machine, limits, budgets, names.
+
+use serde::Serialize;
+
+/// Facts of one chain; the program that starts the console takes them from the chain's configuration.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Facts {
+    /// Name of the instance.
+    pub instance: String,
+    /// Whether the drives are simulated.
+    pub is_simulated: bool,
+    /// Length of the primary backbone, m.
+    pub l_m: f64,
+    /// Pitch radius of the secondary backbones, m.
+    pub r_m: f64,
+    /// Largest bend, rad.
+    pub max_bend_rad: f64,
+    /// Largest distance of an actuator from its zero, m.
+    pub max_stroke_m: f64,
+    /// Largest load of a line, N.
+    pub max_load_n: f64,
+    /// Roll of the camera's view about the straight snake, rad.
+    pub view_roll_rad: f64,
+    /// Name of the compensation.
+    pub compensation: String,
+    /// What the operator does to be present, as in "Press button 1 to follow."
+    pub presence_hint: String,
+    /// The recording, if one is made.
+    pub recording: Option<String>,
+    /// What a sample may take, of each hop and then end to end.
+    pub budgets: Vec<Allowance>,
+}
+
+/// What a stretch of the way may take, us.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Allowance {
+    /// Median, us.
+    pub p50_us: f64,
+    /// 99th percentile, us.
+    pub p99_us: f64,
+    /// Every single sample, us.
+    pub worst_us: f64,
+}

@@ -1,0 +1,34 @@
+//! krait-console: the page of a running chain, and the server that gives it to a browser on this machine.
+//!
+//! Purpose: a surgeon sees the robot, an engineer the latency, a modeller the error. The console is a process of its own;
+//! it reads channels as the recorder does, wakes no writer, and publishes nothing but the operator's wishes.
+//!
+//! Terms: a *page* is one open connection; a *frame* is what changes for every picture, made once for all pages; a *slot*
+//! holds the newest frame only. Frames, signs and units are those of `docs/NOTATION.md`.
+
+mod accept;
+mod assets;
+mod error;
+mod facts;
+mod guard;
+mod latency;
+mod live;
+mod processes;
+mod server;
+mod snapshot;
+mod tracking;
+mod watch;
+mod words;
+
+pub use error::ConsoleError;
+pub use facts::{Allowance, Facts};
+pub use server::{Address, Settings, run};
+
+use std::sync::atomic::{AtomicU64, AtomicUsize};
+
+/// Pages that are open, and frames that slow ones skipped.
+#[derive(Debug, Default)]
+pub(crate) struct PageCounts {
+    pub(crate) open: AtomicUsize,
+    pub(crate) skipped: AtomicU64,
+}

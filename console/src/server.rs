@@ -1,0 +1,166 @@
+//! The server: binds this machine's own address only, gives out the page, and runs beside the thread that reads channels.
+
+use crate::facts::Facts;
+use crate::guard::{Origin, Token, cookie, page_headers};
+use crate::watch::{Slots, Watch};
+use crate::{ConsoleError, PageCounts, accept, assets, live};
+use axum::Router;
+use axum::body::Bytes;
+use axum::extract::{DefaultBodyLimit, Request, State};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::middleware::{Next, from_fn_with_state};
+use axum::response::{IntoResponse, Response};
+use axum::routing::{get, post};
+use core::net::Ipv4Addr;
+use core::time::Duration;
+use krait_ipc::Bus;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use tokio::net::TcpListener;
+use tokio::sync::watch;
+
+/// Bytes that a posted command or token may have.
+const MOST_BODY_BYTES: usize = 4096;
+/// How often the server looks whether it shall end.
+const LOOK_EVERY: Duration = Duration::from_millis(100);
+
+/// How a console shall run.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Settings {
+    /// Port of the page on 127.0.0.1; 0: any that is free.
+    pub port: u16,
+}
+
+/// Where a console is.
+#[derive(Clone, Debug)]
+pub struct Address {
+    /// The page, with the token that opens it.
+    pub page: String,
+}
+
+/// What every handler knows.
+pub(crate) struct Shared {
+    pub(crate) origin: Origin,
+    stop_origin: Origin,
+    token: Token,
+    cookie_name: String,
+    pub(crate) session: Token,
+    pub(crate) frames: watch::Receiver<(u64, Arc<str>)>,
+    pub(crate) slow: watch::Receiver<Arc<str>>,
+    pub(crate) facts: watch::Receiver<Arc<Facts>>,
+    pub(crate) pages: Arc<PageCounts>,
+}
+
+impl Shared {
+    /// Whether a request carries the token, as the cookie that the token was exchanged for.
+    pub(crate) fn is_known(&self, headers: &HeaderMap) -> bool {
+        cookie(headers, &self.cookie_name).is_some_and(|value| self.token.is(value))
+    }
+}
+
+/// Serves the page until it is told to stop; `facts` says what is known of the chain, and is asked again twice a second.
+///
+/// # Errors
+/// [`ConsoleError`] in one sentence.
+pub fn run(
+    bus: Bus,
+    settings: Settings,
+    mut facts: impl FnMut() -> Facts + Send + 'static,
+    announce: impl FnOnce(&Address),
+    stop: &AtomicBool,
+) -> Result<(), ConsoleError> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(ConsoleError::Start)?;
+    let instance = bus.instance().as_str().to_owned();
+    let known = Arc::new(facts());
+    let (frame_slot, frames) = watch::channel((0, Arc::from("")));
+    let (slow_slot, slow) = watch::channel(Arc::from(""));
+    let (facts_slot, known) = watch::channel(known);
+    let slots = Slots { frame: frame_slot, slow: slow_slot, facts: facts_slot };
+    let pages = Arc::new(PageCounts::default());
+    let listener = runtime.block_on(listen(settings.port))?;
+    let port = listener.local_addr().map_err(ConsoleError::Start)?.port();
+    let shared = Arc::new(Shared {
+        origin: Origin::new("127.0.0.1", port),
+        stop_origin: Origin::new("localhost", port),
+        token: Token::new()?,
+        cookie_name: format!("krait-{instance}-{port}"),
+        session: Token::new()?,
+        frames,
+        slow,
+        facts: known,
+        pages: Arc::clone(&pages),
+    });
+    let router = router(Arc::clone(&shared));
+    announce(&Address { page: format!("{}/#{}", shared.origin.url(), shared.token.digits()) });
+    std::thread::scope(|scope| {
+        let watching = std::thread::Builder::new().name("watch".to_owned()).spawn_scoped(scope, || {
+            let outcome = Watch::open(bus).and_then(|watch| watch.run(&slots, &pages, facts, stop));
+            stop.store(true, Ordering::Relaxed);
+            outcome
+        });
+        let watching = watching.map_err(ConsoleError::Start)?;
+        runtime.block_on(async {
+            tokio::select! {
+                () = accept::serve(listener, router) => {}
+                () = until(stop) => {}
+            }
+        });
+        runtime.shutdown_timeout(LOOK_EVERY);
+        watching.join().unwrap_or_else(|cause| std::panic::resume_unwind(cause))
+    })
+}
+
+async fn until(stop: &AtomicBool) {
+    while !stop.load(Ordering::Relaxed) {
+        tokio::time::sleep(LOOK_EVERY).await;
+    }
+}
+
+async fn listen(port: u16) -> Result<TcpListener, ConsoleError> {
+    TcpListener::bind((Ipv4Addr::LOCALHOST, port)).await.map_err(|source| ConsoleError::Listen { port, source })
+}
+
+fn router(shared: Arc<Shared>) -> Router {
+    let mut router = Router::new().route("/token", post(exchange_token)).route("/live", get(live::upgrade));
+    for asset in assets::PAGE {
+        let answer = || async { ([(header::CONTENT_TYPE, asset.media_type)], asset.body) };
+        router = router.route(asset.path, get(answer));
+    }
+    router
+        .layer(DefaultBodyLimit::max(MOST_BODY_BYTES))
+        .layer(from_fn_with_state(Arc::clone(&shared), guard))
+        .with_state(shared)
+}
+
+/// Every request names this host, whatever changes something names this origin, and every answer has its headers.
+async fn guard(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
+    let headers = request.headers();
+    let is_read = request.method().is_safe() && !headers.contains_key(header::UPGRADE);
+    let mut answer = if !shared.origin.is_host_of(headers) {
+        refuse("this console answers under its own address only; open the address that it printed")
+    } else if !is_read && !shared.origin.is_origin_of(headers) {
+        refuse("only the console's own page may ask for this; open the address that it printed")
+    } else {
+        next.run(request).await
+    };
+    for (name, value) in page_headers(&shared.origin, &shared.stop_origin) {
+        answer.headers_mut().entry(name).or_insert(value);
+    }
+    answer
+}
+
+/// The token from the address bar becomes a cookie that no script can read.
+async fn exchange_token(State(shared): State<Arc<Shared>>, body: Bytes) -> Response {
+    if !core::str::from_utf8(&body).is_ok_and(|text| shared.token.is(text)) {
+        return refuse("this is not the token of the console that runs now; open the address that it printed");
+    }
+    let cookie = format!("{}={}; HttpOnly; SameSite=Strict; Path=/", shared.cookie_name, shared.token.digits());
+    match HeaderValue::from_str(&cookie) {
+        Ok(cookie) => (StatusCode::NO_CONTENT, [(header::SET_COOKIE, cookie)]).into_response(),
+        Err(_) => refuse("the instance's name cannot be a cookie's"),
+    }
+}
+
+pub(crate) fn refuse(sentence: &'static str) -> Response {
+    (StatusCode::FORBIDDEN, sentence).into_response()
+}

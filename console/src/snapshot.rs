@@ -1,0 +1,281 @@
+//! The page's view of the chain as JSON: the only place that knows both krait's messages and the page's fields.
+//!
+//! A *frame* goes out for every picture; *slow* facts twice a second; *hello* once. Angles are radians, positions metres,
+//! instants milliseconds on the server's monotonic clock.
+
+use crate::facts::Facts;
+use crate::latency::{LatencyReport, stretch_names};
+use crate::processes::Usage;
+use crate::words::{Circumstances, Shown, Words, words_of};
+use krait_ipc::message::{Command, DeviceState, Health, ModelUpdate, OperatorInput, Phase, Setpoint, Shape, SlaveState};
+use krait_ipc::{Reason, Reasons};
+use serde::Serialize;
+
+/// A state older than this is no picture, ns.
+pub const STALE_NS: i64 = 500_000_000;
+/// A shape older than this is missing, ns: thirty pictures of a camera.
+const SHAPE_STALE_NS: i64 = 500_000_000;
+
+/// The newest message of each channel.
+#[derive(Clone, Debug, Default)]
+pub struct Newest {
+    /// Operator.
+    pub input: Option<OperatorInput>,
+    /// Where the snake shall be.
+    pub setpoint: Option<Setpoint>,
+    /// What the actuators are told.
+    pub command: Option<Command>,
+    /// What the actuators do.
+    pub state: Option<SlaveState>,
+    /// What the camera saw.
+    pub shape: Option<Shape>,
+    /// What the estimator learnt.
+    pub model_update: Option<ModelUpdate>,
+    /// The processes.
+    pub healths: Vec<(&'static str, Option<Health>)>,
+}
+
+/// What goes into a frame besides messages.
+#[derive(Clone, Copy, Debug)]
+pub struct Moment {
+    /// Number of the frame.
+    pub n: u64,
+    /// Now, ns.
+    pub now_ns: i64,
+    /// Reasons that hold or held so shortly that nobody could have read them.
+    pub reasons: Reasons,
+    /// Tracking error over a second, rad.
+    pub error_rms_rad: Option<f64>,
+    /// Newest tracking error, rad.
+    pub error_rad: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct Frame<'a> {
+    k: &'static str,
+    n: u64,
+    t_ms: f64,
+    shown: Shown,
+    age_ms: Option<f64>,
+    state: Option<State<'a>>,
+    operator: Option<Operator>,
+    bend: Option<[f64; 2]>,
+    sigma: Option<f64>,
+    setpoint: Option<[f64; 2]>,
+    follows: bool,
+    motion_scale: Option<f64>,
+    q_tilde_m: Option<[f64; 3]>,
+    err: Option<f64>,
+    err_rms: Option<f64>,
+    reasons: Vec<Shortly>,
+}
+
+#[derive(Serialize)]
+struct State<'a> {
+    operating: &'a str,
+    homed: bool,
+    busy: bool,
+    q_m: [f64; 3],
+    // A load that is not measured is null, never zero.
+    tau_n: [f64; 3],
+    n_refused: u64,
+}
+
+#[derive(Serialize)]
+struct Operator {
+    device: &'static str,
+    present: bool,
+    clutch: bool,
+}
+
+/// A reason of the frame: its number, and value and limit where both are known.
+#[derive(Serialize)]
+struct Shortly {
+    id: u32,
+    value: Option<String>,
+}
+
+/// One frame.
+///
+/// # Errors
+/// Never: every field is a number, a text or null.
+pub fn frame(newest: &Newest, moment: &Moment, facts: &Facts) -> serde_json::Result<String> {
+    let fresh = newest.state.as_ref().filter(|state| moment.now_ns - state.sample_ns < STALE_NS);
+    let shape = newest.shape.as_ref().filter(|shape| moment.now_ns - shape.sample_ns < SHAPE_STALE_NS);
+    let circumstances = Circumstances {
+        state: fresh,
+        device: newest.input.and_then(|input| input.device()),
+        is_present: newest.input.is_some_and(|input| input.operator_present()),
+        is_clutched: newest.input.is_some_and(|input| input.clutch_pressed()),
+        phase: newest.setpoint.and_then(|setpoint| setpoint.phase()),
+        reasons: moment.reasons,
+    };
+    let shown = circumstances.shown();
+    let mut reasons: Vec<Reason> = moment.reasons.iter().collect();
+    reasons.sort_by_key(|reason| words_of(*reason).level);
+    let frame = Frame {
+        k: "frame",
+        n: moment.n,
+        t_ms: moment.now_ns as f64 * 1e-6,
+        shown,
+        age_ms: newest.state.map(|state| (moment.now_ns - state.sample_ns) as f64 * 1e-6),
+        state: fresh.map(|state| State {
+            operating: state.operating().map_or("UNKNOWN", |operating| operating.name()),
+            homed: state.flags & SlaveState::IS_HOMED != 0,
+            busy: state.flags & SlaveState::IS_BUSY != 0,
+            q_m: state.measured_q_m,
+            tau_n: state.measured_tau_n,
+            n_refused: state.n_refused,
+        }),
+        operator: newest.input.map(|input| Operator {
+            device: input.device().map_or("unknown", device_word),
+            present: input.operator_present(),
+            clutch: input.clutch_pressed(),
+        }),
+        bend: shape.map(|shape| shape.bend_rad).filter(|bend| bend.iter().all(|b| b.is_finite())),
+        sigma: shape.map(|shape| shape.sigma_bend_rad),
+        setpoint: newest.setpoint.map(|setpoint| setpoint.bend_rad),
+        follows: newest.setpoint.and_then(|setpoint| setpoint.phase()) == Some(Phase::Following),
+        motion_scale: newest.setpoint.map(|setpoint| setpoint.motion_scale),
+        q_tilde_m: newest.command.map(|command| command.q_tilde_m),
+        err: moment.error_rad,
+        err_rms: moment.error_rms_rad,
+        reasons: reasons.into_iter().map(|reason| Shortly { id: reason as u32, value: value_of(reason, newest, facts) }).collect(),
+    };
+    serde_json::to_string(&frame)
+}
+
+/// Value and limit of a reason, from the messages themselves: what a process's health keeps is the worst ever.
+fn value_of(reason: Reason, newest: &Newest, facts: &Facts) -> Option<String> {
+    let largest = |values: [f64; 3]| {
+        let sizes = values.into_iter().enumerate().map(|(line, value)| (line + 1, value.abs()));
+        sizes.filter(|(_, size)| size.is_finite()).max_by(|(_, a), (_, b)| a.total_cmp(b))
+    };
+    match reason {
+        Reason::BendLimit => {
+            let [x, y] = newest.setpoint?.bend_rad;
+            Some(format!("{:.0}\u{b0} of {:.0}\u{b0}.", x.hypot(y).to_degrees(), facts.max_bend_rad.to_degrees()))
+        }
+        Reason::StrokeLimit => {
+            let (line, q_m) = largest(newest.command?.q_tilde_m)?;
+            Some(format!("Line {line}: {:.2} of {:.2} mm.", q_m * 1e3, facts.max_stroke_m * 1e3))
+        }
+        Reason::ForceLimit => {
+            let (line, tau_n) = largest(newest.state?.measured_tau_n)?;
+            Some(format!("Line {line}: {tau_n:.0} of {:.0} N.", facts.max_load_n))
+        }
+        Reason::OperatorAbsent => Some(facts.presence_hint.clone()),
+        _ => None,
+    }
+}
+
+fn device_word(device: DeviceState) -> &'static str {
+    match device {
+        DeviceState::Waiting => "waiting",
+        DeviceState::Live => "live",
+        DeviceState::AtRest => "at rest",
+        DeviceState::Lost => "lost",
+        DeviceState::Ended => "ended",
+    }
+}
+
+/// What changes slowly.
+#[derive(Clone, Debug, Serialize)]
+pub struct Slow {
+    /// Names this kind of message.
+    pub k: &'static str,
+    /// Latency since the console began.
+    pub latency: LatencyReport,
+    /// The processes of the instance.
+    pub processes: Vec<Process>,
+    /// Messages that this console has lost of all channels that it reads.
+    pub n_lost_here: u64,
+    /// Pages that are open.
+    pub n_pages: usize,
+    /// Frames that pages skipped because they were slow.
+    pub n_skipped: u64,
+    /// Name of the compensation in use.
+    pub compensation: Option<&'static str>,
+    /// Counts model changes since the chain began.
+    pub model_version: Option<u64>,
+    /// Whether the watch for changes says that the model no longer explains the snake.
+    pub has_changed: bool,
+    /// Seconds that the recorder has been at work; null where there is none.
+    pub recording_s: Option<f64>,
+}
+
+/// A process with what it says of itself.
+#[derive(Clone, Debug, Serialize)]
+pub struct Process {
+    /// What the kernel says.
+    #[serde(flatten)]
+    pub usage: Usage,
+    /// Messages lost, by its own count.
+    pub n_lost: Option<u64>,
+    /// Messages refused, by its own count.
+    pub n_refused: Option<u64>,
+    /// How its worst reason of now is put; null where nothing holds.
+    pub says: Option<&'static str>,
+    /// The level of that reason.
+    pub level: Option<crate::words::Level>,
+    /// Whether its last word is older than a second.
+    pub is_silent: bool,
+}
+
+/// Joins what the kernel and the processes themselves say.
+pub fn processes(usages: Vec<Usage>, newest: &Newest, now_ns: i64) -> Vec<Process> {
+    let health_of = |usage: &Usage| {
+        let mut all = newest.healths.iter();
+        all.find(|(name, _)| *name == usage.name).and_then(|(_, health)| *health).filter(|h| h.pid == usage.pid)
+    };
+    let process = |usage: Usage| {
+        let health = health_of(&usage);
+        let reasons = health.map(|health| Reasons::from_bits(health.reasons_now));
+        // What holds the motion still is no fault of a process.
+        let worst = reasons.and_then(|reasons| reasons.iter().map(words_of).min_by_key(|words| words.level));
+        let told = worst.filter(|words| words.level <= crate::words::Level::Warn);
+        Process {
+            n_lost: health.map(|health| health.n_lost),
+            n_refused: health.map(|health| health.n_refused),
+            says: told.map(|words| words.say),
+            level: told.map(|words| words.level),
+            is_silent: health.is_some_and(|health| now_ns - health.sample_ns > 1_000_000_000),
+            usage,
+        }
+    };
+    usages.into_iter().map(process).collect()
+}
+
+/// What a page is told first.
+#[derive(Serialize)]
+struct Hello<'a> {
+    k: &'static str,
+    version: &'static str,
+    session: &'a str,
+    facts: &'a Facts,
+    stretches: Vec<String>,
+    reasons: Vec<Named>,
+}
+
+#[derive(Serialize)]
+struct Named {
+    name: String,
+    #[serde(flatten)]
+    words: Words,
+}
+
+/// The first message to a page.
+///
+/// # Errors
+/// Never: every field is a number or a text.
+pub fn hello(facts: &Facts, session: &str) -> serde_json::Result<String> {
+    let named = |reason: Reason| Named { name: format!("{reason:?}"), words: words_of(reason) };
+    serde_json::to_string(&Hello {
+        k: "hello",
+        version: env!("CARGO_PKG_VERSION"),
+        session,
+        facts,
+        stretches: stretch_names(),
+        reasons: Reason::ALL.into_iter().map(named).collect(),
+    })
+}

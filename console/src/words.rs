@@ -1,0 +1,194 @@
+//! The page's words: the state that is shown, and what holds the motion back, worst first.
+
+use krait_ipc::message::{DeviceState, OperatingState, Phase, SlaveState};
+use krait_ipc::{Reason, Reasons};
+use serde::Serialize;
+
+/// How much a reason matters; the order is that of the list on the page.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Level {
+    /// Something failed.
+    Fault,
+    /// Something needs attention.
+    Warn,
+    /// It holds still because it shall.
+    Hold,
+    /// Good to know.
+    Info,
+}
+
+/// A reason in the page's words.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Words {
+    /// How much it matters.
+    pub level: Level,
+    /// One short sentence.
+    pub say: &'static str,
+    /// What to do about it; empty where there is nothing to do.
+    pub todo: &'static str,
+    /// The banner's sentence while this limits the motion; at most 48 characters.
+    pub banner: &'static str,
+}
+
+/// What the page says about a reason.
+pub fn words_of(reason: Reason) -> Words {
+    use Level::{Fault, Hold, Info, Warn};
+    let words = |level, say, todo, banner| Words { level, say, todo, banner };
+    match reason {
+        Reason::OperatorAbsent => words(Hold, "No operator is present.", "", ""),
+        Reason::Clutched => words(Hold, "The clutch is pressed.", "Release it to go on from here.", ""),
+        Reason::SlaveNotEnabled => words(Hold, "The drives may not move.", "Enable or resume when the field is clear.", ""),
+        Reason::SlaveNotHomed => words(Hold, "The drives have not found their zero.", "Home them, or wait until they have.", ""),
+        Reason::InputEnded => words(Hold, "The input has come to its end.", "Start another one, or end the run.", ""),
+        Reason::EasingIn => words(Info, "Easing in from where the drives are.", "", ""),
+        Reason::ModelBlending => words(Info, "The model is being changed smoothly.", "", ""),
+        Reason::BendLimit => {
+            words(Warn, "Largest bend reached.", "Steer back to go on.", "Largest bend reached \u{2013} steer back.")
+        }
+        Reason::BendRateLimit => {
+            words(Warn, "Fastest bending reached.", "The snake follows more slowly.", "Faster than the snake may bend.")
+        }
+        Reason::StrokeLimit => {
+            words(Warn, "An actuator is at its end.", "Steer back to go on.", "End of an actuator\u{2019}s stroke \u{2013} steer back.")
+        }
+        Reason::ActuatorRateLimit => words(
+            Warn,
+            "An actuator is at its fastest.",
+            "The snake follows more slowly.",
+            "Faster than an actuator may move.",
+        ),
+        Reason::ForceLimit => words(
+            Warn,
+            "A line carries the largest load.",
+            "Steer back to unload it.",
+            "Largest load of a line \u{2013} steer back.",
+        ),
+        Reason::NearSingular => words(
+            Warn,
+            "It can hardly move that way.",
+            "Steer in another direction.",
+            "It can hardly move in that direction.",
+        ),
+        Reason::DeviceLost => words(Warn, "The hand controller is lost.", "Check its plug.", ""),
+        Reason::ShapeStale => {
+            words(Warn, "The camera\u{2019}s shape is missing.", "Only the command is drawn.", "The measured shape is missing.")
+        }
+        Reason::LatencyBudget => words(Warn, "A command came late.", "See Latency.", ""),
+        Reason::SamplesLost => words(Warn, "Messages were lost.", "See Latency.", ""),
+        Reason::ModelChanged => words(
+            Warn,
+            "The snake has changed.",
+            "The model no longer explains it; diagnose a recording.",
+            "",
+        ),
+        Reason::ModelUpdateRefused => words(Warn, "A model update was refused.", "It was out of bounds.", ""),
+        Reason::RecordingStopped => words(Warn, "The recording stopped.", "The motion is not affected.", ""),
+        Reason::RecordingDropped => words(Warn, "The recording has gaps.", "The motion is not affected.", ""),
+        Reason::DriveFault => words(Fault, "A drive failed; its power is off.", "Clear the fault, then enable.", ""),
+        Reason::FollowingError => words(Fault, "The drives do not follow.", "Check the actuators.", ""),
+        Reason::CommandStale => words(Fault, "Commands stopped coming.", "The drives hold by themselves.", ""),
+        Reason::StateStale => words(Fault, "The drives do not report.", "Look at the robot.", ""),
+        Reason::InputStale => words(Fault, "The operator\u{2019}s input is too old.", "See Latency.", ""),
+        Reason::SetpointStale => words(Fault, "The setpoint is too old.", "See Latency.", ""),
+        Reason::StepLimit => words(Fault, "A command leapt and was refused.", "", ""),
+        Reason::NotFinite => words(Fault, "A number that is none was refused.", "", ""),
+        Reason::OutOfRange => words(Fault, "A value out of range was refused.", "", ""),
+        Reason::OutOfOrder => words(Fault, "A message out of order was refused.", "", ""),
+    }
+}
+
+/// The state that the banner shows: the first that holds, from top to bottom.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Shown {
+    /// Nothing arrives from the robot.
+    Stale,
+    /// A fault removed power.
+    Fault,
+    /// Drive power is off.
+    Disabled,
+    /// The drives are finding their zero.
+    Homing,
+    /// Held still, power on.
+    Paused,
+    /// The hand controller is lost.
+    Lost,
+    /// The clutch is pressed.
+    Clutched,
+    /// Enabled; no operator.
+    Ready,
+    /// Enabled and an operator present, and yet held.
+    Holding,
+    /// Follows, shortened by a limit.
+    Limited,
+    /// Follows.
+    Following,
+}
+
+/// What the state to be shown depends on.
+#[derive(Clone, Copy, Debug)]
+pub struct Circumstances<'a> {
+    /// The newest state that is fresh enough.
+    pub state: Option<&'a SlaveState>,
+    /// What is known of the hand controller.
+    pub device: Option<DeviceState>,
+    /// Whether an operator is present.
+    pub is_present: bool,
+    /// Whether the clutch is pressed.
+    pub is_clutched: bool,
+    /// Whether the setpoint follows.
+    pub phase: Option<Phase>,
+    /// Everything that holds.
+    pub reasons: Reasons,
+}
+
+impl Circumstances<'_> {
+    /// The state to be shown.
+    pub fn shown(&self) -> Shown {
+        let Some(state) = self.state else { return Shown::Stale };
+        match state.operating() {
+            None | Some(OperatingState::Fault) => return Shown::Fault,
+            Some(OperatingState::Disabled) => return Shown::Disabled,
+            _ if state.flags & SlaveState::IS_BUSY != 0 => return Shown::Homing,
+            Some(OperatingState::Paused) => return Shown::Paused,
+            Some(OperatingState::Enabled) => {}
+        }
+        let limits = || self.reasons.iter().any(|reason| !words_of(reason).banner.is_empty());
+        match self.phase {
+            _ if self.device == Some(DeviceState::Lost) => Shown::Lost,
+            _ if self.is_clutched => Shown::Clutched,
+            _ if !self.is_present => Shown::Ready,
+            Some(Phase::Following) if limits() => Shown::Limited,
+            Some(Phase::Following) => Shown::Following,
+            Some(Phase::Holding) | None => Shown::Holding,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_banner_sentence_fits_at_every_width_and_every_reason_has_words() {
+        for reason in Reason::ALL {
+            let words = words_of(reason);
+            assert!(words.banner.chars().count() <= 48, "{reason:?}");
+            assert!(!words.say.is_empty() && words.say.chars().count() <= 40, "{reason:?}: {}", words.say);
+        }
+    }
+
+    #[test]
+    fn silence_is_never_shown_as_good_news() {
+        let nothing = Circumstances {
+            state: None,
+            device: None,
+            is_present: true,
+            is_clutched: false,
+            phase: Some(Phase::Following),
+            reasons: Reasons::NONE,
+        };
+        assert_eq!(nothing.shown(), Shown::Stale);
+    }
+}
