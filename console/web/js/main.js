@@ -1,0 +1,24 @@
+// The beginning: the token from the address becomes a cookie and leaves the address bar; then the pages are set up.
+import { lend, on, post } from './link.js';
+import { start } from './shell.js';
+import './operate.js';
+import './latency.js';
+
+async function enter() {
+  const token = location.hash.slice(1);
+  if (!token) return;
+  history.replaceState(null, '', '/');
+  const answer = await fetch('/token', { method: 'POST', body: token });
+  if (!answer.ok) {
+    document.getElementById('blank-title').textContent = 'This address is of another console';
+    document.getElementById('blank-text').textContent = await answer.text();
+    throw new Error('the token was refused');
+  }
+}
+
+on('reload', () => location.reload());
+start();
+lend('scene', document.getElementById('scene'));
+lend('strip', document.getElementById('strip'));
+await enter();
+post('connect');

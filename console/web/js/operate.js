@@ -1,0 +1,198 @@
+// Operate: the banner, what holds the motion back, the dial, the lines; numbers ten times a second, positions with each picture.
+import { clock, drawing, make, signed, write } from './format.js';
+import { degrees } from './snake.js';
+import { MARKS, STATES, TONES } from './states.js';
+import { on } from './link.js';
+import { play } from './shell.js';
+
+const $ = id => document.getElementById(id);
+const TEXT_EVERY_MS = 100, OLD_MS = 150;
+let hello = null, facts = null, shown = '', textDue = 0, lastReasons = '', staleSince = null, bars = [], dial = null;
+
+on('hello', message => {
+  hello = message.hello;
+  facts = hello.facts;
+  write($('fact-drives').lastElementChild, facts.is_simulated ? 'Simulated snake' : 'Real drives');
+  write($('edge-name'), `limit ${degrees(facts.max_bend_rad).toFixed(0)}°`);
+  makeDial();
+  makeBars();
+});
+
+on('frame', ({ frame, age, glass }) => {
+  if (!facts) return;
+  const now = performance.now();
+  staleSince = null;
+  move(frame);
+  show(frame.shown);
+  if (now < textDue) return;
+  textDue = now + TEXT_EVERY_MS;
+  numbers(frame);
+  sentence(frame);
+  needs(frame);
+  reasons(frame);
+  live(age > OLD_MS ? 'old' : '', age > OLD_MS ? `${(age / 1000).toFixed(1)} s old` : 'Live', glass === null || glass === undefined || age > OLD_MS ? '' : `${glass.toFixed(0)} ms`);
+});
+
+on('stale', ({ hasConnection }) => {
+  const now = performance.now();
+  staleSince ??= { at: new Date(Date.now() - 500), from: now - 500, isFirst: !shown };
+  show('stale');
+  if (now < textDue) return;
+  textDue = now + TEXT_EVERY_MS;
+  const seconds = ((now - staleSince.from) / 1000).toFixed(1);
+  write($('blank-title'), staleSince.isFirst ? 'No picture yet' : `No picture since ${staleSince.at.toTimeString().slice(0, 8)}`);
+  write($('blank-text'), hasConnection
+    ? `The drives have not reported for ${seconds} s. What the robot does now is not known here: look at the robot.`
+    : `Nothing has arrived for ${seconds} s. What the robot does now is not known here: look at the robot. Connecting again …`);
+  for (const id of ['bend-now', 'plane-now', 'off-now']) write($(id), '–');
+  write($('error-now'), '');
+  for (const bar of bars) { write(bar.mm, '–'); write(bar.newton, '–'); }
+  for (const id of ['need-drives', 'need-operator', 'need-clutch']) need(id, 'unknown', 'unknown', 'unknown');
+  write($('need-scale').querySelector('dd span'), '–');
+  list([{ level: 'info', say: 'Not known.', todo: 'What was shown is too old.' }], 'stale');
+  write($('sentence'), STATES.stale.say);
+  live('gone', hasConnection ? 'No state' : 'No connection', '');
+});
+
+on('slow', ({ message }) => {
+  const recording = $('fact-recording');
+  recording.hidden = message.recording_s === null;
+  if (message.recording_s !== null) write(recording.querySelector('b'), clock(message.recording_s));
+});
+
+function live(className, word, number) {
+  const fact = $('fact-live');
+  if (fact.className !== `fact ${className}`) fact.className = `fact ${className}`;
+  write(fact.querySelector('span'), word);
+  write(fact.querySelector('b'), number);
+}
+
+function show(state) {
+  if (state === shown) return;
+  shown = state;
+  document.documentElement.dataset.shown = state;
+  const { word, shape } = STATES[state];
+  $('glyph').replaceChildren(drawing('0 0 96 96', shape));
+  write($('word'), word);
+  document.title = `${word} – krait`;
+  $('blank').hidden = state !== 'stale';
+  play(TONES[state] ?? []);
+}
+
+function sentence(frame) {
+  const worst = frame.reasons.map(reason => hello.reasons[reason.id]);
+  const limit = worst.find(reason => reason.banner);
+  const failed = worst.find(reason => reason.level === 'fault');
+  const text = frame.shown === 'limited' && limit ? limit.banner : frame.shown === 'fault' && failed ? failed.say : frame.shown === 'ready' ? `Holding still. ${facts.presence_hint}` : STATES[frame.shown].say;
+  write($('sentence'), text);
+}
+
+function need(id, className, mark, word) {
+  const element = $(id), key = className + mark + word;
+  if (element.dataset.key === key) return;
+  element.dataset.key = key;
+  element.className = className;
+  element.querySelector('i').replaceChildren(drawing(MARKS[mark].box, MARKS[mark].inner));
+  write(element.querySelector('dd span'), word);
+}
+
+function needs({ state, operator, motion_scale }) {
+  const operating = state.operating;
+  const isMoving = operating === 'ENABLED' && state.homed;
+  if (operating === 'FAULT') need('need-drives', 'bad', 'fault', 'fault');
+  else need('need-drives', '', isMoving ? 'yes' : 'no', state.busy ? 'homing' : operating === 'ENABLED' && !state.homed ? 'not homed' : operating.toLowerCase());
+  if (!operator) need('need-operator', 'unknown', 'unknown', 'unknown');
+  else if (operator.device === 'lost') need('need-operator', 'odd', 'warn', 'lost');
+  else need('need-operator', '', operator.present ? 'yes' : 'no', operator.present ? 'present' : 'absent');
+  if (operator) need('need-clutch', '', operator.clutch ? 'no' : 'yes', operator.clutch ? 'pressed' : 'released');
+  else need('need-clutch', 'unknown', 'unknown', 'unknown');
+  write($('need-scale').querySelector('dd span'), motion_scale === null ? '–' : `${(100 * motion_scale).toFixed(0)} %`);
+}
+
+function reasons(frame) {
+  const items = frame.reasons.slice(0, 4).map(reason => {
+    const words = hello.reasons[reason.id];
+    return { level: words.level, say: words.say, todo: [reason.value, words.todo].filter(Boolean).join(' ') };
+  });
+  if (items.length) return list(items, '');
+  // Silence is no good news: only while it follows does nothing hold it back.
+  if (frame.shown === 'following') return list([{ level: 'ok', say: 'Nothing.', todo: 'All of your motion passes.' }], '');
+  return list([{ level: 'hold', say: `${STATES[frame.shown].word}.`, todo: STATES[frame.shown].say }], '');
+}
+
+function list(items, state) {
+  const key = state + JSON.stringify(items);
+  if (key === lastReasons) return;
+  lastReasons = key;
+  $('reasons').replaceChildren(...items.map(({ level, say, todo }) => {
+    const icon = make('i', '', drawing(MARKS[level].box, MARKS[level].inner));
+    return make('li', level, icon, make('span', '', say), make('small', '', todo));
+  }));
+}
+
+function makeDial() {
+  const most = degrees(facts.max_bend_rad), ring = part => `<circle class="rings" r="${100 * part}"/>`;
+  const name = part => `<text y="${-100 * part - 4}">${(most * part).toFixed(0)}°</text>`;
+  const holder = drawing('0 0 1 1', `<path class="cross" d="M-100 0H100M0-100V100"/>${ring(1 / 3)}${ring(2 / 3)}<circle class="limit" r="100"/>${name(1 / 3)}${name(2 / 3)}${name(1)}
+    <line class="ray live" x1="0" y1="0"/><circle class="wanted live" r="11"/><circle class="seen live" r="6.500"/>`);
+  $('dial').replaceChildren(...holder.childNodes);
+  dial = { ray: $('dial').querySelector('.ray'), wanted: $('dial').querySelector('.wanted'), seen: $('dial').querySelector('.seen') };
+}
+
+function makeBars() {
+  bars = [1, 2, 3].map(n => {
+    const [fill, told, load] = [make('div', 'fill'), make('div', 'told'), make('div', 'fill')];
+    const [mm, newton] = [make('span', 'mm num'), make('span', 'newton num')];
+    const track = make('div', 'track', fill, make('div', 'zero'), told);
+    const bar = make('div', 'bar', make('span', 'id', String(n)), track, mm, make('div', 'track load', load), newton);
+    return { bar, fill, told, load, mm, newton, track };
+  });
+  $('bars').replaceChildren(...bars.map(({ bar }) => bar));
+}
+
+/// From the bend vector to the dial, as the camera sees it: x right, y down, turned by the view's roll.
+export function onDial([bx, by]) {
+  const [x, y] = [bx, -by], [c, s] = [Math.cos(facts.view_roll_rad), Math.sin(facts.view_roll_rad)];
+  return [x * c + y * s, -x * s + y * c];
+}
+
+function move(frame) {
+  const scale = 100 / facts.max_bend_rad, place = bend => onDial(bend).map(v => v * scale);
+  const at = (element, bend) => {
+    element.toggleAttribute('hidden', !bend);
+    element.style.display = bend ? '' : 'none';
+    if (bend) { const [x, y] = place(bend); element.setAttribute('transform', `translate(${x.toFixed(2)} ${y.toFixed(2)})`); }
+  };
+  at(dial.seen, frame.bend);
+  at(dial.wanted, frame.setpoint);
+  const [x, y] = frame.bend ? place(frame.bend) : [0, 0];
+  dial.ray.setAttribute('x2', x.toFixed(2));
+  dial.ray.setAttribute('y2', y.toFixed(2));
+  if (!frame.state) return;
+  bars.forEach(({ fill, told, load, track }, i) => {
+    const part = Math.max(-1, Math.min(1, frame.state.q_m[i] / facts.max_stroke_m));
+    fill.style.transform = `translateX(${part < 0 ? 50 + 50 * part : 50}%) scaleX(${Math.abs(part) / 2})`;
+    const wanted = frame.q_tilde_m ? Math.max(-1, Math.min(1, frame.q_tilde_m[i] / facts.max_stroke_m)) : null;
+    told.style.display = wanted === null ? 'none' : '';
+    if (wanted !== null) told.style.transform = `translateX(${(0.5 + 0.5 * wanted) * track.clientWidth}px)`;
+    const tau = frame.state.tau_n[i];
+    load.style.transform = `scaleX(${tau === null ? 0 : Math.min(1, Math.abs(tau) / facts.max_load_n)})`;
+  });
+}
+
+function numbers(frame) {
+  const { bend, state } = frame;
+  const size = bend ? degrees(Math.hypot(...bend)) : null;
+  write($('bend-now'), size === null ? '–' : `${size.toFixed(1)}°`);
+  // The plane counts anticlockwise from the camera's right; of a straight snake there is none.
+  const [x, y] = bend ? onDial(bend) : [0, 0];
+  write($('plane-now'), size === null ? '–' : size < 2 ? 'any' : `${((degrees(Math.atan2(-y, x)) + 359.5) % 360).toFixed(0)}°`);
+  write($('off-now'), frame.err_rms === null ? '–' : `${degrees(frame.err_rms).toFixed(1)}°`);
+  write($('error-now'), frame.err_rms === null ? '' : `${degrees(frame.err_rms).toFixed(2)}°`);
+  bars.forEach(({ mm, newton }, i) => {
+    write(mm, state ? signed(state.q_m[i] * 1e3, 2) : '–');
+    write(newton, state && state.tau_n[i] !== null ? `${signed(state.tau_n[i], 1)} N` : 'not measured');
+  });
+  const text = size === null ? 'The camera sees nothing.' : `The snake bends ${size.toFixed(0)} degrees; it is off by ${frame.err_rms === null ? 'an unknown angle' : `${degrees(frame.err_rms).toFixed(1)} degrees`}.`;
+  if (textDue % 1000 < TEXT_EVERY_MS) $('scene').setAttribute('aria-label', `${text} Arrow keys turn the view, plus and minus zoom.`);
+}

@@ -1,0 +1,100 @@
+// The worker: keeps the live connection, paints the pictures, and blanks them when nothing new arrives, even if the page hangs.
+import { Curve } from './curve.js';
+import { Scene } from './scene.js';
+import { degrees } from './snake.js';
+
+const STALE_MS = 500, PATIENCE_MS = [0, 500, 1000, 2000, 5000], PING_EVERY_MS = 1000;
+const canvases = {};
+let scene = null, strip = null, socket = null, colours = null, facts = null, frame = null;
+let arrived = -Infinity, attempt = 0, isShown = true, isBlank = true, session = null, offset = null, bestTrip = Infinity, lastShape = null;
+
+const tell = (k, rest) => postMessage({ k, ...rest });
+
+function connect() {
+  const url = `ws://${self.location.host}/live`;
+  socket = new WebSocket(url);
+  socket.onopen = () => { attempt = 0; ping(); };
+  socket.onmessage = event => take(JSON.parse(event.data));
+  socket.onclose = () => {
+    offset = null;
+    bestTrip = Infinity;
+    setTimeout(connect, PATIENCE_MS[Math.min(attempt++, PATIENCE_MS.length - 1)]);
+  };
+}
+
+function take(message) {
+  switch (message.k) {
+    case 'frame': return takeFrame(message);
+    case 'hello':
+      if (session !== null && session !== message.session) return tell('reload', {});
+      session = message.session;
+      facts = message.facts;
+      return tell('hello', { hello: message });
+    case 'pong': {
+      // The shortest trip knows the other clock best.
+      const now = performance.now(), trip = now - message.t;
+      if (trip <= bestTrip * 1.5) { bestTrip = Math.min(bestTrip, trip); offset = message.now_ms - (now - trip / 2); }
+      return undefined;
+    }
+    default: return tell(message.k, { message });
+  }
+}
+
+function takeFrame(message) {
+  frame = message;
+  arrived = performance.now();
+  if (!facts) return;
+  if (frame.bend && frame.shown !== 'stale') scene?.remember(frame.bend, facts.l_m * 1e3);
+  strip?.add(frame.t_ms, frame.err_rms === null ? null : degrees(frame.err_rms));
+}
+
+function ping() {
+  if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ k: 'ping', t: performance.now() }));
+}
+
+function blank() {
+  scene?.clear();
+  strip?.clear();
+  isBlank = true;
+}
+
+function paint() {
+  requestAnimationFrame(paint);
+  const now = performance.now(), since = now - arrived;
+  const age = frame?.age_ms === null || !frame ? Infinity : frame.age_ms + since;
+  const isStale = since > STALE_MS || !frame || frame.shown === 'stale';
+  if (isStale) {
+    if (!isBlank) blank();
+    tell('stale', { age, hasConnection: socket?.readyState === WebSocket.OPEN && since < STALE_MS });
+    return;
+  }
+  if (frame === lastShape && !scene?.goal) return tell('frame', { frame, age });
+  lastShape = frame;
+  isBlank = false;
+  if (isShown && colours && facts) {
+    const machine = { length: facts.l_m * 1e3, pitch: facts.r_m * 1e3, maxBend: facts.max_bend_rad };
+    scene?.draw({ bend: frame.bend, setpoint: frame.setpoint, machine, colours, isLimited: frame.shown === 'limited' });
+    strip?.draw(frame.t_ms, frame.sigma ? Math.SQRT2 * degrees(frame.sigma) : 0, colours);
+  }
+  // Glass latency: from the stamp of the state in shared memory to here, where its picture is painted.
+  const glass = offset === null || frame.age_ms === null ? null : performance.now() + offset - (frame.t_ms - frame.age_ms);
+  tell('frame', { frame, age, glass });
+}
+
+onmessage = ({ data }) => {
+  switch (data.k) {
+    case 'canvas':
+      canvases[data.name] = data.canvas;
+      if (data.name === 'scene') scene = new Scene(data.canvas);
+      if (data.name === 'strip') strip = new Curve(data.canvas, 20);
+      break;
+    case 'size': ({ scene, strip })[data.name]?.resize(data.width, data.height, data.ratio); lastShape = null; break;
+    case 'colours': colours = data.colours; lastShape = null; break;
+    case 'turn': scene?.turn(data.azimuth, data.elevation); lastShape = null; break;
+    case 'zoom': scene?.zoom(data.factor); lastShape = null; break;
+    case 'view': scene?.preset(data.name); lastShape = null; break;
+    case 'shown': isShown = data.isShown; lastShape = null; break;
+    case 'send': if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(data.message)); break;
+    case 'connect': connect(); setInterval(ping, PING_EVERY_MS); requestAnimationFrame(paint); break;
+  }
+};
