@@ -21,7 +21,9 @@ impl Token {
     /// [`ConsoleError::Random`].
     pub fn new() -> Result<Self, ConsoleError> {
         let mut bytes = [0u8; 16];
-        std::fs::File::open("/dev/urandom").and_then(|mut file| file.read_exact(&mut bytes)).map_err(ConsoleError::Random)?;
+        std::fs::File::open("/dev/urandom")
+            .and_then(|mut file| file.read_exact(&mut bytes))
+            .map_err(ConsoleError::Random)?;
         Ok(Self(bytes.iter().map(|byte| format!("{byte:02x}")).collect()))
     }
 
@@ -90,7 +92,8 @@ pub fn page_headers(origin: &Origin, frames: &Origin) -> Vec<(header::HeaderName
     );
     let mut headers = common_headers(&policy);
     headers.push((header::REFERRER_POLICY, HeaderValue::from_static("no-referrer")));
-    headers.push((header::HeaderName::from_static("cross-origin-opener-policy"), HeaderValue::from_static("same-origin")));
+    headers
+        .push((header::HeaderName::from_static("cross-origin-opener-policy"), HeaderValue::from_static("same-origin")));
     headers
 }
 

@@ -43,7 +43,11 @@ struct Pong {
 }
 
 /// Lets a page in that has the token and comes from here, if there is room.
-pub(crate) async fn upgrade(State(shared): State<Arc<Shared>>, headers: HeaderMap, upgrade: WebSocketUpgrade) -> Response {
+pub(crate) async fn upgrade(
+    State(shared): State<Arc<Shared>>,
+    headers: HeaderMap,
+    upgrade: WebSocketUpgrade,
+) -> Response {
     if !shared.is_known(&headers) {
         return refuse("this page has no token; open the address that the console printed");
     }

@@ -7,7 +7,9 @@ use crate::facts::Facts;
 use crate::latency::{LatencyReport, stretch_names};
 use crate::processes::Usage;
 use crate::words::{Circumstances, Shown, Words, words_of};
-use krait_ipc::message::{Command, DeviceState, Health, ModelUpdate, OperatorInput, Phase, Setpoint, Shape, SlaveState};
+use krait_ipc::message::{
+    Command, DeviceState, Health, ModelUpdate, OperatorInput, Phase, Setpoint, Shape, SlaveState,
+};
 use krait_ipc::{Reason, Reasons};
 use serde::Serialize;
 
@@ -140,7 +142,10 @@ pub fn frame(newest: &Newest, moment: &Moment, facts: &Facts) -> serde_json::Res
         q_tilde_m: newest.command.map(|command| command.q_tilde_m),
         err: moment.error_rad,
         err_rms: moment.error_rms_rad,
-        reasons: reasons.into_iter().map(|reason| Shortly { id: reason as u32, value: value_of(reason, newest, facts) }).collect(),
+        reasons: reasons
+            .into_iter()
+            .map(|reason| Shortly { id: reason as u32, value: value_of(reason, newest, facts) })
+            .collect(),
     };
     serde_json::to_string(&frame)
 }

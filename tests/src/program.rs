@@ -62,6 +62,17 @@ impl Krait {
         (Self { child }, input)
     }
 
+    /// The next line of standard output, waited for.
+    pub fn line(&mut self) -> String {
+        let stdout = self.child.stdout.as_mut().expect("piped");
+        let mut line = Vec::new();
+        let mut byte = [0];
+        while stdout.read(&mut byte).expect("a pipe can be read") == 1 && byte[0] != b'\n' {
+            line.push(byte[0]);
+        }
+        String::from_utf8_lossy(&line).into_owned()
+    }
+
     /// Process id.
     pub fn pid(&self) -> u32 {
         self.child.id()

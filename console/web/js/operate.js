@@ -114,9 +114,9 @@ function reasons(frame) {
     const words = hello.reasons[reason.id];
     return { level: words.level, say: words.say, todo: [reason.value, words.todo].filter(Boolean).join(' ') };
   });
-  if (items.length) return list(items, '');
   // Silence is no good news: only while it follows does nothing hold it back.
-  if (frame.shown === 'following') return list([{ level: 'ok', say: 'Nothing.', todo: 'All of your motion passes.' }], '');
+  if (frame.shown === 'following' && items.every(({ level }) => level === 'info')) items.unshift({ level: 'ok', say: 'Nothing.', todo: 'All of your motion passes.' });
+  if (items.length) return list(items, '');
   return list([{ level: 'hold', say: `${STATES[frame.shown].word}.`, todo: STATES[frame.shown].say }], '');
 }
 

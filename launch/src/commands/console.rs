@@ -9,6 +9,7 @@ use krait_console::{Allowance, Facts, Settings};
 use krait_ipc::Bus;
 use krait_master::Presence;
 use rustix::process::{Pid, Signal, kill_process};
+
 use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{Child, Command, ExitCode, Stdio};
@@ -80,7 +81,9 @@ impl ChainConfig {
             self.seen = changed;
             match Config::load(Some(&self.path)) {
                 Ok(config) => self.config = config,
-                Err(error) => tracing::warn!(%error, "the chain's configuration could not be read; the page keeps the one before"),
+                Err(error) => {
+                    tracing::warn!(%error, "the chain's configuration could not be read; the page keeps the one before")
+                }
             }
         }
         facts_of(&self.instance, &self.config)
@@ -88,7 +91,8 @@ impl ChainConfig {
 }
 
 fn facts_of(instance: &str, config: &Config) -> Facts {
-    let allowance = |a: crate::budget::Allowance| Allowance { p50_us: a.p50_us, p99_us: a.p99_us, worst_us: a.worst_us };
+    let allowance =
+        |a: crate::budget::Allowance| Allowance { p50_us: a.p50_us, p99_us: a.p99_us, worst_us: a.worst_us };
     let budget = &config.budget;
     Facts {
         instance: instance.to_owned(),

@@ -1,0 +1,152 @@
+//! A headless Chromium and the handful of its DevTools calls that the tests need; no driver between.
+
+use crate::TempFolder;
+use core::time::Duration;
+use serde_json::{Value, json};
+use std::io::{BufRead, BufReader};
+use std::net::TcpStream;
+use std::process::{Child, Command, Stdio};
+use tungstenite::{Message, WebSocket};
+
+/// Names under which distributions install it.
+const PROGRAMS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
+/// A page on a busy machine takes its time.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// A browser that runs.
+pub struct Browser {
+    child: Child,
+    debugger: String,
+    _profile: TempFolder,
+}
+
+impl Browser {
+    /// Starts a browser; `None`, said aloud, where there is none.
+    pub fn start() -> Option<Self> {
+        let profile = TempFolder::new("chromium");
+        for program in PROGRAMS {
+            let mut command = Command::new(program);
+            command.args(["--headless=new", "--disable-gpu", "--no-sandbox", "--remote-debugging-port=0"]);
+            command.args(["--no-first-run", "--hide-scrollbars", "--disable-extensions"]);
+            command.arg(format!("--user-data-dir={}", profile.path().display())).arg("about:blank");
+            let Ok(mut child) = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn() else { continue };
+            let mut lines = BufReader::new(child.stderr.take().expect("piped")).lines();
+            let said = lines.find_map(|line| Some(line.ok()?.split_once("listening on ")?.1.to_owned()));
+            // It goes on talking; nobody listening would make it stop.
+            std::thread::spawn(move || lines.for_each(drop));
+            match said {
+                Some(debugger) => return Some(Self { child, debugger, _profile: profile }),
+                None => {
+                    let _ended_is_fine = child.kill();
+                    let _reaped = child.wait();
+                }
+            }
+        }
+        eprintln!("SKIPPED ALOUD: no Chromium on this machine (Debian: apt-get install chromium)");
+        None
+    }
+
+    /// Opens a page of a size.
+    pub fn page(&self, url: &str, width: u32, height: u32) -> Page {
+        let address = self.debugger.trim_start_matches("ws://").split('/').next().expect("host and port");
+        let stream = TcpStream::connect(address).expect("the browser listens");
+        stream.set_read_timeout(Some(PATIENCE)).expect("a timeout");
+        let (socket, _) = tungstenite::client(self.debugger.as_str(), stream).expect("DevTools");
+        let mut page = Page { socket, session: None, n_calls: 0, complaints: Vec::new() };
+        let target = page.call("Target.createTarget", &json!({ "url": "about:blank" }));
+        let attached = page.call("Target.attachToTarget", &json!({ "targetId": target["targetId"], "flatten": true }));
+        page.session = attached["sessionId"].as_str().map(str::to_owned);
+        for domain in ["Page.enable", "Runtime.enable", "Log.enable"] {
+            page.call(domain, &json!({}));
+        }
+        page.resize(width, height);
+        page.call("Page.navigate", &json!({ "url": url }));
+        page
+    }
+}
+
+impl Drop for Browser {
+    fn drop(&mut self) {
+        let _ended_is_fine = self.child.kill();
+        let _reaped = self.child.wait();
+    }
+}
+
+/// One page of a browser.
+pub struct Page {
+    socket: WebSocket<TcpStream>,
+    session: Option<String>,
+    n_calls: u64,
+    /// What the page's scripts and the browser itself complained of.
+    pub complaints: Vec<String>,
+}
+
+impl Page {
+    /// One DevTools call.
+    pub fn call(&mut self, method: &str, params: &Value) -> Value {
+        self.n_calls += 1;
+        let mut message = json!({ "id": self.n_calls, "method": method, "params": params });
+        if let Some(session) = &self.session {
+            message["sessionId"] = json!(session);
+        }
+        self.socket.send(Message::text(message.to_string())).expect("the browser lives");
+        loop {
+            let answer: Value = match self.socket.read().expect("the browser answers") {
+                Message::Text(text) => serde_json::from_str(&text).expect("JSON"),
+                _ => continue,
+            };
+            match answer["method"].as_str() {
+                Some("Runtime.exceptionThrown" | "Log.entryAdded") => {
+                    self.complaints.push(answer["params"].to_string())
+                }
+                _ => {}
+            }
+            if answer["id"] == self.n_calls {
+                assert!(answer["error"].is_null(), "{method}: {}", answer["error"]);
+                return answer["result"].clone();
+            }
+        }
+    }
+
+    /// The value of a script, awaited.
+    pub fn value(&mut self, script: &str) -> Value {
+        let params = json!({ "expression": script, "awaitPromise": true, "returnByValue": true });
+        let result = self.call("Runtime.evaluate", &params);
+        assert!(result["exceptionDetails"].is_null(), "{script}: {}", result["exceptionDetails"]);
+        result["result"]["value"].clone()
+    }
+
+    /// The text of an element.
+    pub fn text(&mut self, selector: &str) -> String {
+        let value = self.value(&format!("document.querySelector({})?.textContent ?? ''", json!(selector)));
+        value.as_str().expect("text").to_owned()
+    }
+
+    /// Waits until a script says true.
+    pub fn wait_for(&mut self, what: &str, script: &str) {
+        let deadline = std::time::Instant::now() + PATIENCE;
+        while self.value(script) != json!(true) {
+            assert!(std::time::Instant::now() < deadline, "{what}: did not come about; {:?}", self.complaints);
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    /// The window's size.
+    pub fn resize(&mut self, width: u32, height: u32) {
+        let params = json!({ "width": width, "height": height, "deviceScaleFactor": 1, "mobile": false });
+        self.call("Emulation.setDeviceMetricsOverride", &params);
+    }
+
+    /// Presses and lets go of a key.
+    pub fn key(&mut self, key: &str, code: u32) {
+        for kind in ["keyDown", "keyUp"] {
+            let params = json!({ "type": kind, "key": key, "windowsVirtualKeyCode": code });
+            self.call("Input.dispatchKeyEvent", &params);
+        }
+    }
+
+    /// The picture as base64 of a PNG.
+    pub fn picture(&mut self) -> String {
+        self.call("Page.captureScreenshot", &json!({ "format": "png" }))["data"].as_str().expect("a picture").to_owned()
+    }
+}

@@ -1,0 +1,133 @@
+//! A browser's requests by hand, right and wrong ones: what an attacker on the same machine could send to the console.
+
+use crate::Krait;
+use std::io::{Read, Write};
+use std::net::TcpStream;
+use tungstenite::{Message, WebSocket};
+
+/// A live connection to a console.
+pub type Live = WebSocket<TcpStream>;
+
+/// What a server answered.
+#[derive(Debug)]
+pub struct Answer {
+    /// The status; 0 where the connection was closed without one.
+    pub status: u16,
+    /// The headers as they came.
+    pub headers: String,
+    /// The body.
+    pub body: String,
+}
+
+impl Answer {
+    /// The value of a header.
+    pub fn header(&self, name: &str) -> Option<&str> {
+        let mut pairs = self.headers.lines().filter_map(|line| line.split_once(": "));
+        pairs.find(|(key, _)| key.eq_ignore_ascii_case(name)).map(|(_, value)| value)
+    }
+}
+
+/// Where a console is, taken from the line that it prints.
+#[derive(Clone, Debug)]
+pub struct Console {
+    /// Its whole address.
+    pub address: String,
+    /// Its port.
+    pub port: u16,
+    /// Its token.
+    pub token: String,
+}
+
+impl Console {
+    /// Waits until a console says where it is.
+    pub fn of(krait: &mut Krait) -> Self {
+        let line = krait.line();
+        let address = line.strip_prefix("Console: ").unwrap_or_else(|| panic!("no address in {line:?}")).to_owned();
+        let (start, token) = address.split_once("/#").expect("an address with a token");
+        let port = start.rsplit_once(':').and_then(|(_, port)| port.parse().ok()).expect("a port");
+        Self { port, token: token.to_owned(), address }
+    }
+
+    /// The console's own origin.
+    pub fn origin(&self) -> String {
+        format!("http://127.0.0.1:{}", self.port)
+    }
+
+    /// Sends bytes as they are and reads the answer.
+    pub fn send(&self, text: &str) -> Answer {
+        let mut stream = TcpStream::connect(("127.0.0.1", self.port)).expect("it listens");
+        let _refused_early_is_fine = stream.write_all(text.as_bytes());
+        let mut bytes = Vec::new();
+        let _closed_is_fine = stream.read_to_end(&mut bytes);
+        let text = String::from_utf8_lossy(&bytes).into_owned();
+        let (head, body) = text.split_once("\r\n\r\n").unwrap_or((&text, ""));
+        let status = head.split(' ').nth(1).and_then(|status| status.parse().ok()).unwrap_or(0);
+        Answer { status, headers: head.to_owned(), body: body.to_owned() }
+    }
+
+    /// A request with headers, closed after its answer.
+    pub fn request(&self, method: &str, path: &str, headers: &[(&str, &str)], body: &str) -> Answer {
+        let host = format!("127.0.0.1:{}", self.port);
+        let mut text = format!("{method} {path} HTTP/1.1\r\nConnection: close\r\nContent-Length: {}\r\n", body.len());
+        if !headers.iter().any(|(name, _)| *name == "Host") {
+            text += &format!("Host: {host}\r\n");
+        }
+        for (name, value) in headers {
+            text += &format!("{name}: {value}\r\n");
+        }
+        self.send(&format!("{text}\r\n{body}"))
+    }
+
+    /// Exchanges the token for the cookie.
+    pub fn cookie(&self) -> String {
+        let answer = self.request("POST", "/token", &[("Origin", &self.origin())], &self.token);
+        assert_eq!(answer.status, 204, "{answer:?}");
+        let cookie = answer.header("set-cookie").expect("a cookie");
+        assert!(cookie.contains("HttpOnly") && cookie.contains("SameSite=Strict"), "{cookie}");
+        cookie.split(';').next().expect("a pair").to_owned()
+    }
+
+    /// Opens the live connection with chosen headers; the status where it is refused.
+    ///
+    /// # Errors
+    /// The status of the refusal.
+    pub fn live(&self, origin: Option<&str>, cookie: Option<&str>) -> Result<Live, u16> {
+        let stream = TcpStream::connect(("127.0.0.1", self.port)).expect("it listens");
+        let mut request = tungstenite::http::Request::builder()
+            .uri(format!("ws://127.0.0.1:{}/live", self.port))
+            .header("Host", format!("127.0.0.1:{}", self.port))
+            .header("Connection", "Upgrade")
+            .header("Upgrade", "websocket")
+            .header("Sec-WebSocket-Version", "13")
+            .header("Sec-WebSocket-Key", tungstenite::handshake::client::generate_key());
+        for (name, value) in [("Origin", origin), ("Cookie", cookie)] {
+            if let Some(value) = value {
+                request = request.header(name, value);
+            }
+        }
+        match tungstenite::client(request.body(()).expect("a request"), stream) {
+            Ok((live, _)) => Ok(live),
+            Err(tungstenite::HandshakeError::Failure(tungstenite::Error::Http(answer))) => {
+                Err(answer.status().as_u16())
+            }
+            Err(other) => panic!("{other}"),
+        }
+    }
+
+    /// Opens the live connection as the page does.
+    pub fn page(&self) -> Live {
+        self.live(Some(&self.origin()), Some(&self.cookie())).expect("the page's own connection")
+    }
+}
+
+/// The next message of a kind.
+pub fn next_of_kind(live: &mut Live, kind: &str) -> serde_json::Value {
+    loop {
+        if let Message::Text(text) = live.read().expect("the connection lives") {
+            let message: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+            if message["k"] == kind {
+                return message;
+            }
+        }
+    }
+}
