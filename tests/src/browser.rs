@@ -1,6 +1,6 @@
 //! A headless Chromium and the handful of its DevTools calls that the tests need; no driver between.
 
-use crate::TempFolder;
+use crate::{TempFolder, wait_until};
 use core::time::Duration;
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader};
@@ -22,6 +22,7 @@ pub struct Browser {
 
 impl Browser {
     /// Starts a browser; `None`, said aloud, where there is none.
+    #[allow(clippy::print_stderr, reason = "what is skipped is said aloud")]
     pub fn start() -> Option<Self> {
         let profile = TempFolder::new("chromium");
         for program in PROGRAMS {
@@ -95,11 +96,8 @@ impl Page {
                 Message::Text(text) => serde_json::from_str(&text).expect("JSON"),
                 _ => continue,
             };
-            match answer["method"].as_str() {
-                Some("Runtime.exceptionThrown" | "Log.entryAdded") => {
-                    self.complaints.push(answer["params"].to_string())
-                }
-                _ => {}
+            if matches!(answer["method"].as_str(), Some("Runtime.exceptionThrown" | "Log.entryAdded")) {
+                self.complaints.push(answer["params"].to_string());
             }
             if answer["id"] == self.n_calls {
                 assert!(answer["error"].is_null(), "{method}: {}", answer["error"]);
@@ -124,11 +122,8 @@ impl Page {
 
     /// Waits until a script says true.
     pub fn wait_for(&mut self, what: &str, script: &str) {
-        let deadline = std::time::Instant::now() + PATIENCE;
-        while self.value(script) != json!(true) {
-            assert!(std::time::Instant::now() < deadline, "{what}: did not come about; {:?}", self.complaints);
-            std::thread::sleep(Duration::from_millis(50));
-        }
+        let done = wait_until(PATIENCE, || self.value(script) == json!(true));
+        assert!(done, "{what}: did not come about; {:?}", self.complaints);
     }
 
     /// The window's size.
