@@ -1,5 +1,6 @@
 //! What the kernel says about the processes of an instance: processor time and memory.
 
+use krait_ipc::Process;
 use serde::Serialize;
 use std::collections::HashMap;
 use std::fs;
@@ -58,8 +59,8 @@ impl Processes {
 
 /// The way of a sample, then those beside it.
 fn order(name: &str) -> usize {
-    const ORDER: [&str; 8] = ["master", "resolve", "compensate", "slave", "estimate", "record", "launch", "console"];
-    ORDER.iter().position(|known| *known == name).unwrap_or(ORDER.len())
+    let of_the_chain = Process::from_name(name).map(|process| process as usize);
+    of_the_chain.unwrap_or(if name == "launch" { Process::ALL.len() } else { Process::ALL.len() + 1 })
 }
 
 /// Processor time of all threads; the file of the process itself counts its main thread alone.

@@ -34,7 +34,7 @@ pub struct Newest {
     /// What the estimator learnt.
     pub model_update: Option<ModelUpdate>,
     /// The processes.
-    pub healths: Vec<(&'static str, Option<Health>)>,
+    pub healths: Vec<(krait_ipc::Process, Option<Health>)>,
 }
 
 /// What goes into a frame besides messages.
@@ -231,7 +231,9 @@ pub struct Process {
 pub fn processes(usages: Vec<Usage>, newest: &Newest, now_ns: i64) -> Vec<Process> {
     let health_of = |usage: &Usage| {
         let mut all = newest.healths.iter();
-        all.find(|(name, _)| *name == usage.name).and_then(|(_, health)| *health).filter(|h| h.pid == usage.pid)
+        all.find(|(process, _)| process.name() == usage.name)
+            .and_then(|(_, health)| *health)
+            .filter(|h| h.pid == usage.pid)
     };
     let process = |usage: Usage| {
         let health = health_of(&usage);

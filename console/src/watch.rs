@@ -8,7 +8,7 @@ use crate::tracking::Tracking;
 use crate::{ConsoleError, PageCounts};
 use core::time::Duration;
 use krait_ipc::message::{Command, Health, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState};
-use krait_ipc::{Bus, IpcError, ReadOptions, Reader, Reason, Reasons, clock, health_channel};
+use krait_ipc::{Bus, IpcError, Process, ReadOptions, Reader, Reason, Reasons, clock, health_channel};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use tokio::sync::watch::Sender;
@@ -20,8 +20,6 @@ const PERIOD_NS: i64 = 1_000_000_000 / RATE_HZ;
 const SLOW_EVERY: u64 = 30;
 /// A reason that held more shortly than this is shown for this long, so that it can be read.
 const READABLE_NS: i64 = 600_000_000;
-/// The processes whose health is read.
-const PROCESSES: [&str; 6] = ["master", "resolve", "compensate", "slave", "estimate", "record"];
 
 /// What the thread gives to the pages: each slot holds the newest only, so that a slow page loses frames, not freshness.
 #[derive(Debug)]
@@ -60,7 +58,7 @@ impl Watch {
     /// [`ConsoleError`] where a channel cannot be read.
     pub fn open(bus: Bus) -> Result<Self, ConsoleError> {
         let options = ReadOptions::observing();
-        let health = |name: &&str| bus.reader_on(&health_channel(name), options);
+        let health = |process: Process| bus.reader_on(&health_channel(process), options);
         Ok(Self {
             inputs: bus.reader(options)?,
             setpoints: bus.reader(options)?,
@@ -68,8 +66,8 @@ impl Watch {
             states: bus.reader(options)?,
             shapes: bus.reader(options)?,
             model_updates: bus.reader(options)?,
-            healths: PROCESSES.iter().map(health).collect::<Result<_, _>>()?,
-            newest: Newest { healths: PROCESSES.map(|name| (name, None)).to_vec(), ..Newest::default() },
+            healths: Process::ALL.into_iter().map(health).collect::<Result<_, _>>()?,
+            newest: Newest { healths: Process::ALL.map(|process| (process, None)).to_vec(), ..Newest::default() },
             tracking: Tracking::default(),
             latency: LatencyLog::new()?,
             processes: Processes::default(),
@@ -164,10 +162,10 @@ impl Watch {
             }
         }
         let now_ns = clock::monotonic_ns();
-        let beside_the_chain = ["estimate", "record"];
-        for (name, health) in &self.newest.healths {
+        let beside_the_chain = [Process::Estimate, Process::Record];
+        for (process, health) in &self.newest.healths {
             let fresh = health.filter(|health| now_ns - health.sample_ns < snapshot::STALE_NS);
-            if let Some(health) = fresh.filter(|_| beside_the_chain.contains(name)) {
+            if let Some(health) = fresh.filter(|_| beside_the_chain.contains(process)) {
                 reasons = reasons.union(Reasons::from_bits(health.reasons_now));
             }
         }
@@ -177,7 +175,7 @@ impl Watch {
 
     fn slow(&mut self, now_ns: i64, pages: &PageCounts) -> Slow {
         let usages = self.processes.look(self.bus.members(), now_ns);
-        let recorder = usages.iter().find(|usage| usage.name == "record").map(|usage| usage.pid);
+        let recorder = usages.iter().find(|usage| usage.name == Process::Record.name()).map(|usage| usage.pid);
         self.recording_since_ns = match (recorder, self.recording_since_ns) {
             (Some(pid), Some((known, since_ns))) if pid == known => Some((pid, since_ns)),
             (Some(pid), _) => Some((pid, now_ns - age_of_process_ns(pid).unwrap_or_default())),

@@ -99,6 +99,16 @@ pub fn words_of(reason: Reason) -> Words {
         Reason::InputStale => words(Fault, "The operator\u{2019}s input is too old.", "See Latency.", ""),
         Reason::SetpointStale => words(Fault, "The setpoint is too old.", "See Latency.", ""),
         Reason::StepLimit => words(Fault, "A command leapt and was refused.", "", ""),
+        Reason::NotEngaged => words(Hold, "Let go, then take hold anew.", "Nothing moves before that.", ""),
+        Reason::ChainStalled => words(Warn, "The way to the drives stood still.", "Let go, then take hold anew.", ""),
+        Reason::StageRestarted => words(Warn, "A process began anew.", "Let go, then take hold anew.", ""),
+        Reason::ModelExchanged => words(Info, "The model was exchanged.", "Let go, then take hold anew.", ""),
+        Reason::StopAsked => words(Hold, "A stop was asked for.", "Resume when the field is clear.", ""),
+        Reason::LoadUnknown => words(Warn, "A line\u{2019}s load is not measured.", "Its limit cannot be kept.", ""),
+        Reason::CommandLate => words(Warn, "A command came too late.", "It was not executed; see Latency.", ""),
+        Reason::ActuatorAccelerationLimit | Reason::ActuatorJerkLimit => {
+            words(Info, "The motion was softened.", "An actuator starts no faster.", "")
+        }
         // What has no words of its own is a refusal, and the chain's sentence says of what.
         _ => words(Fault, reason.sentence(), "", ""),
     }

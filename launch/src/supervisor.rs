@@ -94,14 +94,8 @@ impl Supervisor {
     /// One sentence when the instance is taken or shared memory cannot be used.
     pub fn new(instance: &str) -> anyhow::Result<Self> {
         let bus = Bus::open(instance, "launch")?;
-<<<<<<< HEAD
         let is_of_a_chain =
             |(name, pid): &(String, u32)| *pid != std::process::id() && !commands::TOOLS.contains(&name.as_str());
-=======
-        let is_of_a_chain = |(name, pid): &(String, u32)| {
-            *pid != std::process::id() && ![mark::NAME, console::NAME].contains(&name.as_str())
-        };
->>>>>>> 7c94da9 (console: strangers at its door are tested, and a hundred stalled connections beside a running chain)
         if let Some((name, pid)) = bus.members().into_iter().find(is_of_a_chain) {
             bail!(
                 "instance {instance:?} is already running (its process `{name}` has pid {pid}); \
