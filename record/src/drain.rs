@@ -5,11 +5,9 @@ use crate::tally::Tally;
 use core::sync::atomic::Ordering;
 use core::time::Duration;
 use crossbeam_channel::{Sender, TrySendError};
-use krait_ipc::message::{
-    Command, Health, Marker, Message, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState, StateCommand,
-};
-use krait_ipc::{Bus, IpcError, Process, ReadCounts, ReadOptions, Reader, Writer, clock, health_channel};
-use krait_schema::{Channel, Sample};
+use krait_ipc::message::Marker;
+use krait_ipc::{Bus, IpcError, ReadCounts, ReadOptions, Writer, clock};
+use krait_schema::{Channel, Sample, SampleSource};
 
 /// How long the last samples may wait for room in the queue: then nobody is slowed by it, and a disk may be slow.
 const LAST_PATIENCE: Duration = Duration::from_secs(5);
@@ -28,7 +26,7 @@ pub(crate) enum WhenFull {
 
 /// Readers of all channels, and the queue that they fill.
 pub(crate) struct Drain<'a> {
-    sources: Vec<Box<dyn Source>>,
+    sources: Vec<(Channel, Box<dyn SampleSource>)>,
     queue: Sender<Taken>,
     shared: &'a Shared,
     confirmations: Writer<Marker>,
@@ -37,22 +35,10 @@ pub(crate) struct Drain<'a> {
 impl<'a> Drain<'a> {
     /// Opens a reader on every channel.
     pub(crate) fn open(bus: &Bus, queue: Sender<Taken>, shared: &'a Shared) -> Result<Self, IpcError> {
-        let mut sources = vec![
-            source::<OperatorInput>(bus, |m| Sample::Input(*m))?,
-            source::<Setpoint>(bus, |m| Sample::Setpoint(*m))?,
-            source::<Command>(bus, |m| Sample::Command(*m))?,
-            source::<SlaveState>(bus, |m| Sample::State(*m))?,
-            source::<StateCommand>(bus, |m| Sample::StateCommand(*m))?,
-            source::<Shape>(bus, |m| Sample::Shape(*m))?,
-            source::<ModelUpdate>(bus, |m| Sample::ModelUpdate(*m))?,
-        ];
-        for process in Process::ALL {
-            let name = health_channel(process);
-            let wrap = move |health: &Health| Sample::Health(process, Box::new(*health));
-            sources.push(source_on(bus, &name, wrap)?);
+        let mut sources = Vec::new();
+        for channel in Channel::ALL {
+            sources.extend(channel.source(bus, ReadOptions::observing())?.map(|source| (channel, source)));
         }
-        sources.push(source::<Marker>(bus, |m| Sample::Marker(Box::new(*m)))?);
-        sources.push(source_on::<Marker>(bus, Marker::DEVICE_CHANNEL, |m| Sample::DeviceMarker(Box::new(*m)))?);
         Ok(Self { sources, queue, shared, confirmations: bus.writer_on(Marker::RECORDED_CHANNEL)? })
     }
 
@@ -61,9 +47,10 @@ impl<'a> Drain<'a> {
         let mut n_taken = 0;
         let mut marks = Vec::new();
         let tally = &self.shared.tally;
-        for (source, channel) in self.sources.iter_mut().zip(Channel::ALL) {
+        for (channel, source) in &mut self.sources {
             let now_ns = clock::monotonic_ns();
-            n_taken += source.take_all(&mut |sample| {
+            while let Some(sample) = source.take()? {
+                n_taken += 1;
                 let mark = match &sample {
                     Sample::Marker(marker) | Sample::DeviceMarker(marker) => Some(**marker),
                     _ => None,
@@ -71,9 +58,9 @@ impl<'a> Drain<'a> {
                 if enqueue(&self.queue, tally, (sample, now_ns), when_full) {
                     marks.extend(mark);
                 }
-            })?;
+            }
             let (counts, n_out_of_order) = source.counts();
-            tally.set_missed(channel, counts.n_lost, n_out_of_order);
+            tally.set_missed(*channel, counts.n_lost, n_out_of_order);
         }
         self.confirm(&marks)?;
         Ok(n_taken)
@@ -92,48 +79,8 @@ impl<'a> Drain<'a> {
 
     /// What the readers have counted.
     pub(crate) fn read_counts(&self) -> Vec<ReadCounts> {
-        self.sources.iter().map(|source| source.counts().0).collect()
+        self.sources.iter().map(|(_, source)| source.counts().0).collect()
     }
-}
-
-/// A reader of some message type.
-trait Source {
-    fn take_all(&mut self, into: &mut dyn FnMut(Sample)) -> Result<u64, IpcError>;
-    /// What was received and lost, and what came out of order.
-    fn counts(&self) -> (ReadCounts, u64);
-}
-
-struct TypedSource<M: Message, F> {
-    reader: Reader<M>,
-    wrap: F,
-}
-
-impl<M: Message, F: Fn(&M) -> Sample> Source for TypedSource<M, F> {
-    fn take_all(&mut self, into: &mut dyn FnMut(Sample)) -> Result<u64, IpcError> {
-        let mut n_taken = 0;
-        while let Some(message) = self.reader.take()? {
-            into((self.wrap)(&message));
-            n_taken += 1;
-        }
-        Ok(n_taken)
-    }
-
-    fn counts(&self) -> (ReadCounts, u64) {
-        (self.reader.counts(), self.reader.n_out_of_order())
-    }
-}
-
-fn source<M: Message>(bus: &Bus, wrap: impl Fn(&M) -> Sample + 'static) -> Result<Box<dyn Source>, IpcError> {
-    source_on(bus, M::CHANNEL, wrap)
-}
-
-fn source_on<M: Message>(
-    bus: &Bus,
-    channel: &str,
-    wrap: impl Fn(&M) -> Sample + 'static,
-) -> Result<Box<dyn Source>, IpcError> {
-    let reader = bus.reader_on::<M>(channel, ReadOptions::observing())?;
-    Ok(Box::new(TypedSource { reader, wrap }))
 }
 
 /// Whether the queue had room.
@@ -154,6 +101,7 @@ fn enqueue(queue: &Sender<Taken>, tally: &Tally, taken: Taken, when_full: WhenFu
 #[cfg(test)]
 mod tests {
     use super::*;
+    use krait_ipc::message::StateCommand;
 
     #[test]
     fn a_full_queue_drops_the_newest_sample_and_counts_it_on_its_channel() {

@@ -9,7 +9,6 @@
 #![forbid(unsafe_code)]
 
 mod channel;
-mod codec;
 mod convert;
 /// Types generated from `proto/`, where every message is documented.
 #[allow(missing_docs, clippy::all, reason = "generated from proto/, where every message is documented")]
@@ -29,12 +28,11 @@ pub mod generated {
 mod proto {
     pub(crate) use crate::generated::krait::*;
 }
-mod sample;
+mod source;
 mod status;
 mod view;
 
-pub use channel::{Channel, Schema};
-pub use codec::{decode, encode};
-pub use sample::Sample;
+pub use channel::{Channel, Sample, Schema, decode, encode};
+pub use source::SampleSource;
 pub use status::{ChannelCounts, RecorderStatus};
 pub use view::View;

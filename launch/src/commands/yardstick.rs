@@ -5,10 +5,8 @@ use crate::{signals, supervisor};
 use anyhow::Context;
 use core::time::Duration;
 use krait_bench::{BenchError, Kind, Role, Scratch, StageOptions};
-use krait_ipc::message::{
-    Command as CommandMessage, Health, Message, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState, StateCommand,
-};
-use krait_ipc::{Bus, IpcError, Process, ReadOptions, Reader, health_channel};
+use krait_ipc::{Bus, ReadOptions};
+use krait_schema::Channel;
 use std::os::unix::process::CommandExt;
 use std::process::{Child, Command, ExitCode, Stdio};
 
@@ -80,31 +78,16 @@ fn stage(args: &YardstickArgs) -> anyhow::Result<ExitCode> {
 /// Reads every channel for as long as it is let: once a frame, all that has come since.
 fn observe(instance: &str) -> anyhow::Result<ExitCode> {
     let bus = Bus::open(instance, "observe")?;
-    let mut channels: Vec<Box<dyn FnMut() -> Result<(), IpcError>>> = vec![
-        drain::<OperatorInput>(bus.reader(ReadOptions::observing())?),
-        drain::<Setpoint>(bus.reader(ReadOptions::observing())?),
-        drain::<CommandMessage>(bus.reader(ReadOptions::observing())?),
-        drain::<SlaveState>(bus.reader(ReadOptions::observing())?),
-        drain::<Shape>(bus.reader(ReadOptions::observing())?),
-        drain::<ModelUpdate>(bus.reader(ReadOptions::observing())?),
-        drain::<StateCommand>(bus.reader(ReadOptions::observing())?),
-    ];
-    for process in Process::ALL {
-        channels.push(drain::<Health>(bus.reader_on(&health_channel(process), ReadOptions::observing())?));
+    let mut sources = Vec::new();
+    for channel in Channel::ALL {
+        sources.extend(channel.source(&bus, ReadOptions::observing())?);
     }
     loop {
-        for channel in &mut channels {
-            channel()?;
+        for source in &mut sources {
+            while let Some(sample) = source.take()? {
+                core::hint::black_box(sample);
+            }
         }
         std::thread::sleep(FRAME);
     }
-}
-
-fn drain<M: Message>(mut reader: Reader<M>) -> Box<dyn FnMut() -> Result<(), IpcError>> {
-    Box::new(move || {
-        while let Some(message) = reader.take()? {
-            core::hint::black_box(*message);
-        }
-        Ok(())
-    })
 }

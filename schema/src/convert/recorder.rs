@@ -6,57 +6,51 @@ use crate::proto;
 use crate::status::{ChannelCounts, RecorderStatus};
 use krait_ipc::Process;
 
-impl Mirrored for RecorderStatus {
-    type Mirror = proto::RecorderStatus;
+/// Pairs each field with its channel.
+macro_rules! fields {
+    ($($field:ident: $channel:expr;)*) => {
+        impl Mirrored for RecorderStatus {
+            type Mirror = proto::RecorderStatus;
 
-    fn mirror(&self) -> proto::RecorderStatus {
-        let counts = |channel: Channel| self.of(channel).map(mirror_of);
-        let total = self.total();
-        proto::RecorderStatus {
-            sequence: self.sequence,
-            sample_ns: self.sample_ns,
-            n_written: total.n_written,
-            n_dropped: total.n_dropped,
-            n_lost: total.n_lost,
-            input: counts(Channel::Input),
-            setpoint: counts(Channel::Setpoint),
-            command: counts(Channel::Command),
-            state: counts(Channel::State),
-            state_command: counts(Channel::StateCommand),
-            shape: counts(Channel::Shape),
-            model_update: counts(Channel::ModelUpdate),
-            health_master: counts(Channel::Health(Process::Master)),
-            health_resolve: counts(Channel::Health(Process::Resolve)),
-            health_compensate: counts(Channel::Health(Process::Compensate)),
-            health_estimate: counts(Channel::Health(Process::Estimate)),
-            health_slave: counts(Channel::Health(Process::Slave)),
-            health_record: counts(Channel::Health(Process::Record)),
-            marker: counts(Channel::Marker),
-            marker_device: counts(Channel::DeviceMarker),
+            fn mirror(&self) -> proto::RecorderStatus {
+                let counts = |channel: Channel| self.of(channel).map(mirror_of);
+                let total = self.total();
+                proto::RecorderStatus {
+                    sequence: self.sequence,
+                    sample_ns: self.sample_ns,
+                    n_written: total.n_written,
+                    n_dropped: total.n_dropped,
+                    n_lost: total.n_lost,
+                    $($field: counts($channel),)*
+                }
+            }
+
+            fn restore(mirror: &proto::RecorderStatus) -> Result<Self, String> {
+                let mut channels = [ChannelCounts::default(); Channel::N_SHARED];
+                // A recording of before a channel was there has no counts of it: none were written.
+                $(channels[$channel.index()] = mirror.$field.map_or_else(ChannelCounts::default, counts_of);)*
+                Ok(Self { sequence: mirror.sequence, sample_ns: mirror.sample_ns, channels })
+            }
         }
-    }
+    };
+}
 
-    fn restore(mirror: &proto::RecorderStatus) -> Result<Self, String> {
-        let channels = [
-            mirror.input,
-            mirror.setpoint,
-            mirror.command,
-            mirror.state,
-            mirror.state_command,
-            mirror.shape,
-            mirror.model_update,
-            mirror.health_master,
-            mirror.health_resolve,
-            mirror.health_compensate,
-            mirror.health_estimate,
-            mirror.health_slave,
-            mirror.health_record,
-            mirror.marker,
-            mirror.marker_device,
-        ];
-        let channels = channels.map(|counts| counts_of(counts.unwrap_or_default()));
-        Ok(Self { sequence: mirror.sequence, sample_ns: mirror.sample_ns, channels })
-    }
+fields! {
+    input: Channel::Input;
+    setpoint: Channel::Setpoint;
+    command: Channel::Command;
+    state: Channel::State;
+    state_command: Channel::StateCommand;
+    shape: Channel::Shape;
+    model_update: Channel::ModelUpdate;
+    health_master: Channel::Health(Process::Master);
+    health_resolve: Channel::Health(Process::Resolve);
+    health_compensate: Channel::Health(Process::Compensate);
+    health_estimate: Channel::Health(Process::Estimate);
+    health_slave: Channel::Health(Process::Slave);
+    health_record: Channel::Health(Process::Record);
+    marker: Channel::Marker;
+    marker_device: Channel::DeviceMarker;
 }
 
 fn mirror_of(counts: ChannelCounts) -> proto::ChannelCounts {
