@@ -1,5 +1,6 @@
 //! Adding an effect to a model, or fitting those that it has: values, standard errors, and the error on data not fitted to.
 
+use crate::diagnose::Calibration;
 use crate::diagnose::search::{Search, Trial};
 use crate::fit::{Fit, Uncertainty, Variable, fit, held_out_block_squares, uncertainty};
 use crate::machine::{Candidate, Machine, nearest};
@@ -33,6 +34,8 @@ pub struct Added {
     pub after: f64,
     /// The measurement's own noise, if the data tell.
     pub noise_floor: Option<f64>,
+    /// Gain and offset that were fitted with it; empty for a machine without such numbers.
+    pub calibration: Vec<Calibration>,
 }
 
 const FOLDS: usize = 6;
@@ -44,8 +47,15 @@ const TOLERANCE: f64 = 1e-6;
 /// # Errors
 /// [`LabError`] for an effect or a parameter that the machine does not have, and where it makes no chain.
 pub fn add(machine: &dyn Machine, data: &Measurements, options: &AddOptions) -> Result<Added, LabError> {
-    let bench = Bench::new(machine, data)?;
     let parameters = machine.parameters(&options.term)?;
+    if let Some(joints) = machine.as_joints().filter(|_| !options.from_given && options.free.is_empty()) {
+        if let Some(added) = crate::joint::add(joints, data, &options.term)? {
+            return Ok(added);
+        }
+    }
+    let calibrated = machine.as_joints().map(|joints| crate::joint::calibrated(joints, data)).transpose()?;
+    let machine = calibrated.as_ref().map_or(machine, |joints| joints as &dyn Machine);
+    let bench = Bench::new(machine, data)?;
     let known = machine.candidates(data).into_iter().find(|candidate| candidate.name == options.term.name);
     if let Some(reason) = known.as_ref().and_then(|candidate| candidate.cannot.clone()) {
         return Err(LabError::CannotShow { effect: options.term.label().to_owned(), reason });
@@ -63,6 +73,8 @@ pub fn add(machine: &dyn Machine, data: &Measurements, options: &AddOptions) -> 
 /// # Errors
 /// [`LabError`] for names that are not there.
 pub fn refit(machine: &dyn Machine, data: &Measurements, free: &[(String, String)]) -> Result<Added, LabError> {
+    let calibrated = machine.as_joints().map(|joints| crate::joint::calibrated(joints, data)).transpose()?;
+    let machine = calibrated.as_ref().map_or(machine, |joints| joints as &dyn Machine);
     let bench = Bench::new(machine, data)?;
     let variables = crate::diagnose::free_variables(machine, free)?;
     let fitted = fit(&bench.problem, machine.effects(), &variables, ITERATIONS, TOLERANCE)?;
@@ -127,6 +139,7 @@ impl<'a> Bench<'a> {
             noise_floor: self.floors.sigma().map(|(sigma, _)| sigma * width.sqrt() * scale),
             terms: fitted.effects,
             variables: fitted.variables,
+            calibration: Vec::new(),
         }
     }
 }

@@ -10,6 +10,7 @@ pub mod diagnose;
 mod error;
 pub mod experiment;
 pub mod fit;
+mod joint;
 pub mod machine;
 mod measurements;
 pub mod noise;

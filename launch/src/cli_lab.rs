@@ -88,7 +88,7 @@ pub struct DiagnoseArgs {
     #[arg(long, value_name = "EFFECT.PARAMETER", value_parser = effect_parameter)]
     pub free: Vec<(String, String)>,
     /// At most so many effects are sought together.
-    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u8).range(1..=2))]
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u8).range(1..=5))]
     pub max_effects: u8,
     /// Seed of all random numbers.
     #[arg(long, default_value_t = 1)]

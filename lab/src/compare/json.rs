@@ -10,6 +10,7 @@ impl Comparison {
         let deg = |value: f64| is_deg.then_some(value);
         let bends = self.parts.as_ref();
         json!({
+            "format": 2,
             "rows": self.n_rows,
             "scored_rows": self.n_scored,
             "error_deg": is_deg.then(|| json!({
@@ -26,6 +27,9 @@ impl Comparison {
                 "plane_mean": bends.map(|p| p.plane_mean),
                 "azimuth_rms": bends.map(|p| p.azimuth_rms),
             })),
+            "as_given_rms": self.as_given_rms,
+            "as_given_rms_deg": deg(self.as_given_rms),
+            "calibration": self.calibration,
             "error_m": {"rms": self.position_rms_m},
             "noise_floor_deg": self.noise_floor.and_then(deg),
             "noise_floor_source": self.noise_source,

@@ -17,9 +17,10 @@ pub use common_mode::CommonMode;
 pub use parts::Parts;
 pub use spread::Spread;
 
-use crate::machine::Machine;
+use crate::machine::{JointsLab, Machine};
 use crate::noise::NoiseFloor;
 use crate::{LabError, Measurements, Problem};
+use krait_model::model_file::Known;
 use serde::Serialize;
 
 /// How far model and measurement are apart. Errors are in the machine's unit for errors (degrees for angles).
@@ -35,8 +36,12 @@ pub struct Comparison {
     pub n_rows: usize,
     /// Rows with a measurement.
     pub n_scored: usize,
-    /// Length of the error.
+    /// Length of the error, after calibration of what the model leaves out.
     pub error: Spread,
+    /// The same root mean square with what the model leaves out at its default.
+    pub as_given_rms: f64,
+    /// Gain and offset of each joint as used; empty for a machine without such numbers.
+    pub calibration: Vec<Calibrated>,
     /// Bend and plane apart; `None` for joints.
     pub parts: Option<Parts>,
     /// Error of each output, root mean square.
@@ -55,6 +60,21 @@ pub struct Comparison {
     pub bins: Vec<Bin>,
     /// Where it is worst.
     pub worst: String,
+}
+
+/// A number of the machine as the comparison used it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Calibrated {
+    /// gain or offset.
+    pub name: &'static str,
+    /// The joint, from 1.
+    pub joint: usize,
+    /// Value.
+    pub value: f64,
+    /// Its unit.
+    pub unit: String,
+    /// Whether the model file holds it.
+    pub held: bool,
 }
 
 /// Standard deviation of one output's noise, found in three ways, in the unit of errors; `None` where the data do not tell.
@@ -78,7 +98,36 @@ pub struct Noise {
 /// [`LabError::Chain`] where the model's effects make no chain for these columns.
 pub fn compare(machine: &dyn Machine, data: &Measurements) -> Result<Comparison, LabError> {
     let predicted = machine.predict(machine.effects(), data)?;
-    Ok(compare_prediction(machine, data, &predicted))
+    let given = compare_prediction(machine, data, &predicted);
+    let Some(joints) = machine.as_joints() else { return Ok(given) };
+    let calibrated = crate::joint::calibrated(joints, data)?;
+    let predicted = calibrated.predict(machine.effects(), data)?;
+    let calibration = calibration(joints, &calibrated);
+    let as_given_rms = given.error.rms;
+    Ok(Comparison { as_given_rms, calibration, ..compare_prediction(&calibrated, data, &predicted) })
+}
+
+fn calibration(given: &JointsLab, calibrated: &JointsLab) -> Vec<Calibrated> {
+    let own = calibrated.joints();
+    let gain_unit = format!("{}/{}", own.y_unit, own.u_unit);
+    let (unit, scale) = given.error_unit();
+    let one = |k: usize| {
+        let held = |known: &Known| *known == Known::Held;
+        let joint = k + 1;
+        let gain = own.gain[k][k];
+        let offset = own.offset[k] * scale;
+        [
+            Calibrated { name: "gain", joint, value: gain, unit: gain_unit.clone(), held: held(&own.gain_known[k]) },
+            Calibrated {
+                name: "offset",
+                joint,
+                value: offset,
+                unit: unit.to_owned(),
+                held: held(&own.offset_known[k]),
+            },
+        ]
+    };
+    (0..own.n).flat_map(one).collect()
 }
 
 /// The same for outputs that are already predicted.
@@ -112,6 +161,8 @@ pub fn compare_prediction(machine: &dyn Machine, data: &Measurements, predicted:
             on_visits: floor.visits.map(|sigma| scale * sigma),
             n_visits: floor.n_visits,
         },
+        as_given_rms: error.rms,
+        calibration: Vec::new(),
         worst: worst::sentence(&bins, error.rms, unit),
         bins,
         error,

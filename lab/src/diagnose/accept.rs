@@ -63,7 +63,7 @@ impl Comparison<'_> {
 const NOTHING_LEFT: f64 = 1.02;
 
 /// Mean of block differences and its standard error.
-pub(super) fn mean_and_error(differences: impl Iterator<Item = f64>) -> (f64, f64) {
+pub(crate) fn mean_and_error(differences: impl Iterator<Item = f64>) -> (f64, f64) {
     let all: Vec<f64> = differences.collect();
     let n = all.len().max(2) as f64;
     let mean = all.iter().sum::<f64>() / n;

@@ -2,17 +2,22 @@
 
 use super::{NextExperiment, Structure};
 use crate::Term;
+use crate::machine::JointsLab;
 use crate::noise::NoiseFloor;
 
-/// The three answers.
+/// The answers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
     /// Nothing is missing: the error is the measurement's noise.
     None,
     /// The named effects are missing.
     Missing,
+    /// The named effects are missing, and a rest remains that they do not explain.
+    Partly,
     /// Something is missing that no known effect explains, nor two together; or the data do not suffice to say.
     Unknown,
+    /// The noise remembers too long for so few data.
+    TooShort,
 }
 
 impl Verdict {
@@ -21,7 +26,9 @@ impl Verdict {
         match self {
             Self::None => "none",
             Self::Missing => "missing",
+            Self::Partly => "partly",
             Self::Unknown => "unknown",
+            Self::TooShort => "too-short",
         }
     }
 }
@@ -35,19 +42,29 @@ pub struct Diagnosis {
     pub sentence: String,
     /// What cannot be said with these data, each a sentence.
     pub cautions: Vec<String>,
+    /// Unit of every error.
+    pub unit: String,
     /// The measurement's own noise; `None` where the data do not tell.
     pub noise_floor: Option<f64>,
     /// How the floor was found.
     pub floor_source: &'static str,
+    /// Its relative standard error.
+    pub floor_relative_error: f64,
     /// Its estimates, one output's standard deviation in the outputs' unit.
     pub floors: NoiseFloor,
-    /// Error of the model as given.
+    /// Error of the model as given, with what it leaves out at its default.
+    pub as_given_rms: f64,
+    /// Error of the model after calibration, on blocks that the fit did not see.
     pub base_heldout_rms: f64,
     /// Error with the effects of the verdict, on blocks that the fit did not see.
     pub final_heldout_rms: f64,
-    /// The missing effects in the order found; empty unless the verdict says so.
+    /// Share of what there was to explain that the effects explain, 0 to 1; `None` without effects or a known floor.
+    pub explained_share: Option<f64>,
+    /// What every fit found beside the effects: gains, offsets, delays.
+    pub calibration: Vec<Calibration>,
+    /// The missing effects, the one that brings most first; empty unless the verdict says missing or partly.
     pub effects: Vec<FoundEffect>,
-    /// Effects that help, but do not explain: only where the verdict is unknown.
+    /// Hypotheses: effects that help, but do not explain; where the verdict is unknown or too short.
     pub partial: Vec<FoundEffect>,
     /// Every candidate.
     pub candidates: Vec<CandidateAnswer>,
@@ -57,10 +74,33 @@ pub struct Diagnosis {
     pub next_experiment: Option<NextExperiment>,
     /// The model's effects and the missing ones, with fitted values.
     pub terms: Vec<Term>,
+    /// The machine with what the calibration found, for pictures; `None` where nothing was calibrated.
+    pub calibrated: Option<JointsLab>,
     /// Rows, scored rows, rows left out as outliers, blocks.
     pub rows: [usize; 4],
     /// Seed of all random numbers.
     pub seed: u64,
+}
+
+/// A number of the machine that is no effect.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Calibration {
+    /// Its name: gain, offset, delay.
+    pub name: &'static str,
+    /// The joint, from 1.
+    pub joint: usize,
+    /// The recording whose own it is, where there are several.
+    pub recording: Option<String>,
+    /// Value.
+    pub value: f64,
+    /// Standard error; 0 where it is held.
+    pub se: f64,
+    /// Unit of both.
+    pub unit: String,
+    /// The fitted value, with its standard error, that the model file draws it to.
+    pub prior: Option<(f64, f64)>,
+    /// Whether the model file holds it.
+    pub is_held: bool,
 }
 
 /// One missing effect.
@@ -78,6 +118,8 @@ pub struct FoundEffect {
     pub probability: f64,
     /// Its parameters.
     pub parameters: Vec<FoundParameter>,
+    /// The joint that has it, from 1; `None` for a machine that is one.
+    pub joint: Option<usize>,
 }
 
 /// A fitted parameter.

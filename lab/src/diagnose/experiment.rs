@@ -62,7 +62,7 @@ const FAMILIES: [(&[&str], &str); 9] = [
 ];
 
 /// The experiment for effects that look alike; `None` where there is nothing to separate.
-pub(super) fn separate(class: &[String], n_reversals: usize) -> Option<NextExperiment> {
+pub(crate) fn separate(class: &[String], n_reversals: usize) -> Option<NextExperiment> {
     if class.len() < 2 {
         return None;
     }
@@ -82,7 +82,7 @@ pub(super) fn separate(class: &[String], n_reversals: usize) -> Option<NextExper
 }
 
 /// What helps where nothing known explains the rest.
-pub(super) fn explore(looks_like: Option<&str>) -> NextExperiment {
+pub(crate) fn explore(looks_like: Option<&str>) -> NextExperiment {
     let about =
         looks_like.map_or(String::new(), |what| format!(" The rest depends on {what}: vary that and keep all else."));
     NextExperiment {

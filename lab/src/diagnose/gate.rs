@@ -2,11 +2,11 @@
 
 use crate::{FEWEST_BLOCKS, Measurements, Problem, scored_time_s};
 
-/// Sentences about what these data lack.
-pub(super) fn cautions(problem: &Problem, n_outliers: usize) -> Vec<String> {
+/// Sentences about what these data lack; `in_blocks`: also that the problem has few blocks.
+pub(crate) fn cautions(problem: &Problem, n_outliers: usize, in_blocks: bool) -> Vec<String> {
     let data = &problem.data;
     let mut said = Vec::new();
-    if problem.n_blocks < FEWEST_BLOCKS {
+    if in_blocks && problem.n_blocks < FEWEST_BLOCKS {
         said.push(format!(
             "{:.0} s of data make {} independent blocks, and a calibrated test needs {FEWEST_BLOCKS}: record at least a minute",
             scored_time_s(data),
@@ -27,7 +27,7 @@ pub(super) fn cautions(problem: &Problem, n_outliers: usize) -> Vec<String> {
 }
 
 /// Changes of direction of all inputs together, small ones left out.
-pub(super) fn reversals(data: &Measurements) -> usize {
+pub(crate) fn reversals(data: &Measurements) -> usize {
     let threshold = 0.02 * crate::noise::largest_range(data);
     let mut count = 0;
     for k in 0..data.n_inputs {

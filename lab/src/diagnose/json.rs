@@ -1,26 +1,39 @@
 //! The machine-readable answer of a diagnosis: its names and nesting are a contract with other programs.
 
-use super::{Diagnosis, FoundEffect};
+use super::{Calibration, Diagnosis, FoundEffect};
 use crate::experiment::Separation;
 use serde_json::{Map, Value, json};
 
 impl Diagnosis {
-    /// The answer as JSON.
+    /// The answer as JSON. Every error stands under a name without a unit, beside `unit`; where that is degrees, also under the
+    /// name with `_deg`, which holds null in another unit.
     pub fn to_json(&self) -> Value {
+        let deg = |value: Option<f64>| value.filter(|_| self.unit == "deg");
         json!({
+            "format": 2,
             "verdict": self.verdict.word(),
             "sentence": self.sentence,
             "cautions": self.cautions,
-            "noise_floor_deg": self.noise_floor,
+            "unit": self.unit,
+            "noise_floor": self.noise_floor,
+            "noise_floor_deg": deg(self.noise_floor),
             "noise_floor_source": self.floor_source,
-            "base_heldout_rms_deg": self.base_heldout_rms,
-            "final_heldout_rms_deg": self.final_heldout_rms,
-            "effects": self.effects.iter().map(effect).collect::<Vec<_>>(),
-            "partial": self.partial.iter().map(effect).collect::<Vec<_>>(),
+            "noise_floor_relative_se": self.floor_relative_error,
+            "as_given_rms": self.as_given_rms,
+            "as_given_rms_deg": deg(Some(self.as_given_rms)),
+            "base_heldout_rms": self.base_heldout_rms,
+            "base_heldout_rms_deg": deg(Some(self.base_heldout_rms)),
+            "final_heldout_rms": self.final_heldout_rms,
+            "final_heldout_rms_deg": deg(Some(self.final_heldout_rms)),
+            "explained_share": self.explained_share,
+            "calibration": self.calibration.iter().map(Calibration::to_json).collect::<Vec<_>>(),
+            "effects": self.effects.iter().map(|own| effect(own, &self.unit)).collect::<Vec<_>>(),
+            "partial": self.partial.iter().map(|own| effect(own, &self.unit)).collect::<Vec<_>>(),
             "candidates": self.candidates.iter().map(|candidate| json!({
                 "effect": candidate.name,
                 "looks": candidate.class,
-                "heldout_rms_deg": candidate.heldout_rms,
+                "heldout_rms": candidate.heldout_rms,
+                "heldout_rms_deg": deg(candidate.heldout_rms),
                 "probability": candidate.probability,
                 "p_value": candidate.p_value,
                 "state": candidate.state,
@@ -47,7 +60,25 @@ impl Diagnosis {
     }
 }
 
-fn effect(found: &FoundEffect) -> Value {
+impl Calibration {
+    /// The number as JSON.
+    pub fn to_json(&self) -> Value {
+        json!({
+            "name": self.name,
+            "joint": self.joint,
+            "recording": self.recording,
+            "value": self.value,
+            "se": self.se,
+            "unit": self.unit,
+            "held": self.is_held,
+            "prior": self.prior.map(|(value, se)| json!({
+                "value": value, "se": se, "pull_in_se": (self.value - value) / se,
+            })),
+        })
+    }
+}
+
+fn effect(found: &FoundEffect, unit: &str) -> Value {
     let parameters: Map<String, Value> = found
         .parameters
         .iter()
@@ -59,10 +90,14 @@ fn effect(found: &FoundEffect) -> Value {
             (own.name.clone(), value)
         })
         .collect();
+    let errors = json!({ "before": found.before, "after": found.after });
     json!({
         "effect": found.name,
+        "joint": found.joint,
         "class": found.class,
-        "heldout_rms_deg": { "before": found.before, "after": found.after },
+        "heldout_rms": errors,
+        "heldout_rms_deg": (unit == "deg").then_some(&errors),
+        "unit": unit,
         "probability": found.probability,
         "params": parameters,
     })

@@ -21,8 +21,14 @@ pub mod structure;
 mod verdict;
 mod working;
 
-pub use answer::{CandidateAnswer, Diagnosis, FoundEffect, FoundParameter, Remaining, Verdict};
+pub(crate) use accept::mean_and_error;
+pub use answer::{Calibration, CandidateAnswer, Diagnosis, FoundEffect, FoundParameter, Remaining, Verdict};
 pub use experiment::NextExperiment;
+pub(crate) use experiment::{explore, separate};
+pub(crate) use gate::{cautions, reversals};
+pub(crate) use rhythm::rhythm;
+pub(crate) use structure::structure;
 pub use structure::{GroupShare, Structure};
 pub(crate) use verdict::free_variables;
 pub use verdict::{DiagnoseOptions, diagnose};
+pub(crate) use working::working_rows;

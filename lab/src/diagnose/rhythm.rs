@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 /// A line in the spectrum.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Rhythm {
+pub(crate) struct Rhythm {
     /// Share of the residual's variance.
     pub share: f64,
     /// Probability of such a line by chance, over all frequencies.
@@ -31,7 +31,7 @@ const LARGEST_OF_MOTION: f64 = 0.01;
 const LEVEL: f64 = 1e-4;
 
 /// The strongest rhythm of a residual, if there is one that the inputs do not have.
-pub(super) fn rhythm(problem: &Problem, residual: &[f64]) -> Option<Rhythm> {
+pub(crate) fn rhythm(problem: &Problem, residual: &[f64]) -> Option<Rhythm> {
     let data = &problem.data;
     let stretches = stretches(problem);
     let seconds = stretches.iter().map(|&(first, end)| data.time_s[end - 1] - data.time_s[first]).fold(0.0, f64::max);

@@ -20,15 +20,24 @@ use crate::{LabError, Measurements, Problem};
 pub struct DiagnoseOptions {
     /// Seed of all random numbers; the same seed gives the same bytes, whatever the number of threads.
     pub seed: u64,
-    /// At most so many effects are added together, 1 or 2.
+    /// At most so many effects of a joint, or of a snake, are sought together, 1 to 5.
     pub max_effects: usize,
+    /// Where several recordings are diagnosed together: name and first trial of each.
+    pub recordings: Vec<(String, usize)>,
     /// Parameters of the model's own effects that are free: effect's name and parameter's name.
     pub free: Vec<(String, String)>,
 }
 
 impl Default for DiagnoseOptions {
     fn default() -> Self {
-        Self { seed: 1, max_effects: 2, free: Vec::new() }
+        Self { seed: 1, max_effects: 5, recordings: Vec::new(), free: Vec::new() }
+    }
+}
+
+impl DiagnoseOptions {
+    /// First trial of each recording.
+    pub(crate) fn first_trials(&self) -> Vec<usize> {
+        if self.recordings.is_empty() { vec![0] } else { self.recordings.iter().map(|(_, first)| *first).collect() }
     }
 }
 
@@ -50,6 +59,9 @@ const SMALL_REST: f64 = 0.02;
 /// # Errors
 /// [`LabError`] where the model as given cannot be computed, or a free parameter does not exist.
 pub fn diagnose(machine: &dyn Machine, data: &Measurements, options: &DiagnoseOptions) -> Result<Diagnosis, LabError> {
+    if let Some(joints) = machine.as_joints() {
+        return crate::joint::diagnose(joints, data, options);
+    }
     let Prepared { problem: full, floors, excluded, shortest_block_s } = prepare(machine, data)?;
     let rows = working_rows(data, &excluded);
     let work = Problem::new(machine, data.select(&rows), &[], shortest_block_s);
@@ -209,7 +221,7 @@ impl Case<'_> {
         let next_experiment = match verdict {
             Verdict::None => None,
             Verdict::Missing => effects.iter().find_map(|effect| experiment::separate(&effect.class, n_reversals)),
-            Verdict::Unknown => Some(experiment::explore(remaining.looks_like)),
+            _ => Some(experiment::explore(remaining.looks_like)),
         };
         let candidates = self.candidates(&effects, scale);
         let (effects, partial) =
@@ -217,7 +229,13 @@ impl Case<'_> {
         Ok(Diagnosis {
             sentence: sentence(verdict, &effects, &remaining, after, floor, unit),
             verdict,
-            cautions: gate::cautions(problem, self.n_outliers),
+            cautions: gate::cautions(problem, self.n_outliers, true),
+            unit: unit.to_owned(),
+            floor_relative_error: 0.0,
+            as_given_rms: problem.rms(start.fit.sum_of_squares) * scale,
+            explained_share: (!effects.is_empty()).then_some(1.0 - remaining.unexplained),
+            calibration: Vec::new(),
+            calibrated: None,
             noise_floor: floor,
             floor_source: sigma.map_or("the data do not tell", |(_, source): (f64, FloorSource)| source.label()),
             base_heldout_rms: before,
@@ -281,6 +299,7 @@ impl Case<'_> {
                     before: errors[slot],
                     after: errors[slot + 1],
                     parameters: self.parameters(chosen, slot)?,
+                    joint: None,
                 })
             })
             .collect()
@@ -416,7 +435,7 @@ fn sentence(
              physical"
                 .to_owned()
         }
-        Verdict::Unknown => format!(
+        _ => format!(
             "something is missing that no known effect, nor two together, explains: {after:.3} {unit} remain beside {floor}, \
              {:.0} % of what there was to explain{}",
             100.0 * remaining.unexplained,

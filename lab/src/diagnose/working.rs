@@ -15,7 +15,7 @@ const PART: usize = 10;
 const MOST: usize = 30_000;
 
 /// The working rows of these measurements without the excluded ones, which are in rising order.
-pub(super) fn working_rows(data: &Measurements, excluded: &[usize]) -> Vec<usize> {
+pub(crate) fn working_rows(data: &Measurements, excluded: &[usize]) -> Vec<usize> {
     let n = data.n_rows();
     let is_frame: Vec<bool> = (0..n).map(|row| data.is_scored(row)).collect();
     let n_frames = is_frame.iter().filter(|own| **own).count();

@@ -6,6 +6,6 @@ mod variable;
 
 pub(crate) use levenberg_marquardt::dot;
 pub use levenberg_marquardt::{Fit, fit};
-pub(crate) use uncertainty::inverse;
 pub use uncertainty::{Uncertainty, held_out_block_squares, uncertainty};
+pub(crate) use uncertainty::{inverse, standard_errors};
 pub use variable::Variable;

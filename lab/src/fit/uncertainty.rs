@@ -17,12 +17,23 @@ pub struct Uncertainty {
     pub naive: Vec<f64>,
 }
 
-/// Standard errors; the sandwich over blocks has the factor n/(n - p) for few blocks.
+/// Standard errors of a fit's variables.
 pub fn uncertainty(problem: &Problem, fit: &Fit) -> Uncertainty {
-    let n = fit.variables.len();
-    let (gram, _) = normal_equations(&fit.slopes, &fit.residual);
+    let (mut robust, mut naive) = standard_errors(problem, &fit.slopes, &fit.residual);
+    for (k, variable) in fit.variables.iter().enumerate() {
+        let unit = variable.unit_step(&fit.effects).abs();
+        robust[k] *= unit;
+        naive[k] *= unit;
+    }
+    Uncertainty { robust, naive }
+}
+
+/// Standard errors, robust and naive, of what has these slopes; the sandwich over blocks has the factor n/(n - p) for few blocks.
+pub(crate) fn standard_errors(problem: &Problem, slopes: &[Vec<f64>], residual: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let n = slopes.len();
+    let (gram, _) = normal_equations(slopes, residual);
     let inverse = inverse(&gram);
-    let scores = block_scores(problem, fit);
+    let scores = block_scores(problem, slopes, residual);
     let n_blocks = scores.len();
     let mean = scores.iter().fold(DVector::zeros(n), |sum, s| sum + s) / n_blocks.max(1) as f64;
     let spread = scores.iter().fold(DMatrix::zeros(n, n), |sum, s| {
@@ -30,24 +41,23 @@ pub fn uncertainty(problem: &Problem, fit: &Fit) -> Uncertainty {
         sum + &off * off.transpose()
     }) * (n_blocks as f64 / n_blocks.saturating_sub(n).max(1) as f64);
     let sandwich = &inverse * spread * &inverse;
-    let variance = fit.sum_of_squares / problem.n_scored.saturating_sub(n).max(1) as f64;
-    let remembered = &inverse * with_memory(problem, fit) * &inverse * variance;
-    let unit = |k: usize| fit.variables[k].unit_step(&fit.effects).abs();
-    let naive: Vec<f64> = (0..n).map(|k| (inverse[(k, k)] * variance).max(0.0).sqrt() * unit(k)).collect();
+    let variance = dot(residual, residual) / problem.n_scored.saturating_sub(n).max(1) as f64;
+    let remembered = &inverse * with_memory(problem, slopes, residual) * &inverse * variance;
+    let naive: Vec<f64> = (0..n).map(|k| (inverse[(k, k)] * variance).max(0.0).sqrt()).collect();
     let widened = student_over_normal(n_blocks.saturating_sub(n).max(2));
-    let error = |matrix: &DMatrix<f64>, k: usize| matrix[(k, k)].max(0.0).sqrt() * unit(k);
+    let error = |matrix: &DMatrix<f64>, k: usize| matrix[(k, k)].max(0.0).sqrt();
     let robust = (0..n).map(|k| (widened * error(&sandwich, k)).max(error(&remembered, k)).max(naive[k])).collect();
-    Uncertainty { robust, naive }
+    (robust, naive)
 }
 
 /// Pairs of rows in the sum over lags: of more, every so many rows stand for all.
 const MOST_PAIRS: usize = 4_000_000;
 
 /// Sum over rows t and s of rho(t - s) x_t x_s', with rho the residual's autocorrelation: what J'J is for white noise.
-fn with_memory(problem: &Problem, fit: &Fit) -> DMatrix<f64> {
+fn with_memory(problem: &Problem, slopes: &[Vec<f64>], residual: &[f64]) -> DMatrix<f64> {
     let (data, width) = (&problem.data, problem.data.n_outputs);
-    let (n_rows, n) = (data.n_rows(), fit.slopes.len());
-    let rho = autocorrelation(&fit.residual, width);
+    let (n_rows, n) = (data.n_rows(), slopes.len());
+    let rho = autocorrelation(residual, width);
     let stride = (n_rows * rho.len()).div_ceil(MOST_PAIRS).max(1);
     let mut sum = DMatrix::zeros(n, n);
     for row in (0..n_rows).step_by(stride) {
@@ -57,7 +67,7 @@ fn with_memory(problem: &Problem, fit: &Fit) -> DMatrix<f64> {
             let twice = if lag == 0 { 1.0 } else { 2.0 } * rho * stride as f64;
             for i in 0..n {
                 for j in 0..=i {
-                    let (a, b) = (&fit.slopes[i], &fit.slopes[j]);
+                    let (a, b) = (&slopes[i], &slopes[j]);
                     let product = |a: &[f64], b: &[f64]| dot(&a[row * width..][..width], &b[other * width..][..width]);
                     sum[(i, j)] += 0.5 * twice * (product(a, b) + product(b, a));
                 }
@@ -103,12 +113,11 @@ pub fn held_out_block_squares(problem: &Problem, fit: &Fit, n_folds: usize) -> V
     squares
 }
 
-fn block_scores(problem: &Problem, fit: &Fit) -> Vec<DVector<f64>> {
+fn block_scores(problem: &Problem, slopes: &[Vec<f64>], residual: &[f64]) -> Vec<DVector<f64>> {
     let bounds = problem.block_bounds();
-    let score =
-        |b: usize, slope: &[f64]| dot(&slope[bounds[b]..bounds[b + 1]], &fit.residual[bounds[b]..bounds[b + 1]]);
+    let score = |b: usize, slope: &[f64]| dot(&slope[bounds[b]..bounds[b + 1]], &residual[bounds[b]..bounds[b + 1]]);
     (0..problem.n_blocks)
-        .map(|b| DVector::from_iterator(fit.slopes.len(), fit.slopes.iter().map(|slope| score(b, slope))))
+        .map(|b| DVector::from_iterator(slopes.len(), slopes.iter().map(|slope| score(b, slope))))
         .collect()
 }
 

@@ -1,11 +1,12 @@
 //! Joints under the lab: the forward model of `krait_model::joints`, row by row.
 
 use super::{Candidate, Machine, joint_candidates, snake};
+use crate::joint::Number;
 use crate::{LabError, Measurements, Parameter, Term};
 use krait_model::Columns;
 use krait_model::effects::EffectKind;
-use krait_model::joints::{JointChain, JointEffect};
-use krait_model::model_file::{Joints, ModelFile};
+use krait_model::joints::{JointChain, JointEffect, JointPredictor};
+use krait_model::model_file::{Joints, Known, ModelFile};
 
 /// Joints with their model.
 #[derive(Clone, Debug)]
@@ -22,8 +23,70 @@ impl JointsLab {
         Some(Self { joints: joints.clone(), effects })
     }
 
+    /// The same with these gains and offsets.
+    pub fn calibrated(&self, gains: &[f64], offsets: &[f64]) -> Self {
+        let mut own = self.clone();
+        for (k, (gain, offset)) in gains.iter().zip(offsets).enumerate() {
+            own.joints.gain[k][k] = *gain;
+            own.joints.offset[k] = *offset;
+        }
+        own
+    }
+
+    /// The machine of the model file.
+    pub fn joints(&self) -> &Joints {
+        &self.joints
+    }
+
+    /// What is known of a joint's own gain.
+    pub(crate) fn gain_known(&self, joint: usize) -> Number {
+        number(self.joints.gain[joint][joint], &self.joints.gain_known[joint])
+    }
+
+    /// What is known of a joint's offset.
+    pub(crate) fn offset_known(&self, joint: usize) -> Number {
+        number(self.joints.offset[joint], &self.joints.offset_known[joint])
+    }
+
+    /// Commands behind the model's own effects, row after row: passed on, added, and added at the sensor.
+    ///
+    /// # Errors
+    /// [`LabError::Chain`] where the effects make no chain.
+    pub(crate) fn parts(&self, data: &Measurements) -> Result<[Vec<f64>; 3], LabError> {
+        let n = self.joints.n;
+        let mut parts = [(); 3].map(|()| Vec::with_capacity(data.n_rows() * n));
+        self.walk(&self.effects, data, |predictor, _| {
+            let own = predictor.parts();
+            for (all, own) in parts.iter_mut().zip([&own.passed, &own.added, &own.behind]) {
+                all.extend_from_slice(&own[..n]);
+            }
+        })?;
+        Ok(parts)
+    }
+
+    fn walk(
+        &self,
+        effects: &[Term],
+        data: &Measurements,
+        mut each: impl FnMut(&JointPredictor, &[f64]),
+    ) -> Result<(), LabError> {
+        let settings = effects.iter().map(|term| snake::setting(term, kind)).collect::<Result<Vec<_>, _>>()?;
+        let columns = Columns { time: true, stem_angle: false, temperature: data.temperature_c.is_some() };
+        let chain = JointChain::new(&self.joints, &settings, columns)?;
+        let mut predictor = chain.predictor();
+        let mut y = vec![0.0; self.joints.n];
+        for row in 0..data.n_rows() {
+            if row > 0 && data.starts_trial(row) {
+                predictor = chain.predictor();
+            }
+            y.copy_from_slice(predictor.step(data.input(row), &snake::circumstances(data, row)));
+            each(&predictor, &y);
+        }
+        Ok(())
+    }
+
     /// Units of the definitions are those of u and y; a model file says which these are.
-    fn unit(&self, unit: &str) -> String {
+    pub(crate) fn unit(&self, unit: &str) -> String {
         match unit {
             "u" => self.joints.u_unit.clone(),
             "y" => self.joints.y_unit.clone(),
@@ -52,6 +115,10 @@ impl Machine for JointsLab {
         &self.joints.u_unit
     }
 
+    fn as_joints(&self) -> Option<&JointsLab> {
+        Some(self)
+    }
+
     fn effects(&self) -> &[Term] {
         &self.effects
     }
@@ -69,18 +136,17 @@ impl Machine for JointsLab {
     }
 
     fn predict(&self, effects: &[Term], data: &Measurements) -> Result<Vec<f64>, LabError> {
-        let settings = effects.iter().map(|term| snake::setting(term, kind)).collect::<Result<Vec<_>, _>>()?;
-        let columns = Columns { time: true, stem_angle: false, temperature: data.temperature_c.is_some() };
-        let chain = JointChain::new(&self.joints, &settings, columns)?;
-        let mut predictor = chain.predictor();
         let mut outputs = Vec::with_capacity(data.n_outputs * data.n_rows());
-        for row in 0..data.n_rows() {
-            if row > 0 && data.starts_trial(row) {
-                predictor = chain.predictor();
-            }
-            outputs.extend_from_slice(predictor.step(data.input(row), &snake::circumstances(data, row)));
-        }
+        self.walk(effects, data, |_, y| outputs.extend_from_slice(y))?;
         Ok(outputs)
+    }
+}
+
+fn number(value: f64, known: &Known) -> Number {
+    match known {
+        Known::Absent | Known::Free => Number::Free,
+        Known::Held => Number::Held(value),
+        Known::Fitted { se, .. } => Number::Near(value, *se),
     }
 }
 

@@ -84,6 +84,11 @@ pub trait Machine: Sync {
         None
     }
 
+    /// This machine, if it is one of joints.
+    fn as_joints(&self) -> Option<&JointsLab> {
+        None
+    }
+
     /// The effects of its model, in order.
     fn effects(&self) -> &[Term];
 

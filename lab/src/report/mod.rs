@@ -48,11 +48,13 @@ pub fn diagnosis_page(
     diagnosis: &Diagnosis,
     origin: Origin,
 ) -> Result<String, LabError> {
-    let mut models = vec![("model as given".to_owned(), machine.predict(machine.effects(), data)?)];
+    let calibrated = diagnosis.calibrated.as_ref().map_or(machine, |joints| joints as &dyn Machine);
+    let given = if diagnosis.calibrated.is_some() { "model after calibration" } else { "model as given" };
+    let mut models = vec![(given.to_owned(), calibrated.predict(machine.effects(), data)?)];
     let found = if diagnosis.effects.is_empty() { &diagnosis.partial } else { &diagnosis.effects };
     if !found.is_empty() {
         let names: Vec<&str> = found.iter().map(|effect| effect.name.as_str()).collect();
-        models.push((format!("with {}", names.join(" and ")), machine.predict(&diagnosis.terms, data)?));
+        models.push((format!("with {}", names.join(" and ")), calibrated.predict(&diagnosis.terms, data)?));
     }
     let rows = Rows::new(machine, data, models);
     let mut page = Page::new(&format!("Diagnosis of {}", data.source), origin, data, Some(diagnosis.seed));
@@ -76,6 +78,8 @@ pub fn comparison_page(
     comparison: &Comparison,
     origin: Origin,
 ) -> Result<String, LabError> {
+    let calibrated = machine.as_joints().map(|joints| crate::joint::calibrated(joints, data)).transpose()?;
+    let machine = calibrated.as_ref().map_or(machine, |joints| joints as &dyn Machine);
     let rows = Rows::new(machine, data, vec![("model".to_owned(), machine.predict(machine.effects(), data)?)]);
     let mut page = Page::new(&format!("Model and measurement: {}", data.source), origin, data, None);
     page.push(tables::comparison(comparison));
@@ -95,6 +99,8 @@ pub fn added_page(
     what: &str,
     origin: Origin,
 ) -> Result<String, LabError> {
+    let calibrated = machine.as_joints().map(|joints| crate::joint::calibrated(joints, data)).transpose()?;
+    let machine = calibrated.as_ref().map_or(machine, |joints| joints as &dyn Machine);
     let unit = machine.error_unit().0;
     let models = vec![
         ("model before".to_owned(), machine.predict(machine.effects(), data)?),

@@ -71,6 +71,10 @@ fn half_width(
     found: &[FoundEffect],
     n_effects: usize,
 ) -> Result<Option<f64>, LabError> {
+    // Joints are fitted with their calibration and start states, which a list of effects does not hold.
+    if diagnosis.calibrated.is_some() {
+        return Ok(None);
+    }
     let base = problem.machine.effects().len();
     let effects: Vec<Term> = diagnosis.terms.iter().take(base + n_effects).cloned().collect();
     let mut variables = Vec::new();

@@ -44,6 +44,18 @@ pub struct JointPredictor {
     y: [f64; MAX_JOINTS],
     /// Sign of each command's last change.
     motion: [f64; MAX_JOINTS],
+    parts: JointParts,
+}
+
+/// What a step was made of: y = G (passed + added) + c + behind, joint by joint.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct JointParts {
+    /// The commands as the effects that pass them on leave them.
+    pub passed: [f64; MAX_JOINTS],
+    /// What the effects that add have added.
+    pub added: [f64; MAX_JOINTS],
+    /// What the effects at the sensor and formulas have added.
+    pub behind: [f64; MAX_JOINTS],
 }
 
 /// More effects than this are refused.
@@ -75,6 +87,7 @@ impl JointChain {
             u: [0.0; MAX_JOINTS],
             y: [0.0; MAX_JOINTS],
             motion: [0.0; MAX_JOINTS],
+            parts: JointParts::default(),
             chain: self.clone(),
         }
     }
@@ -147,20 +160,29 @@ impl JointPredictor {
             };
             *last = *u;
         }
-        let mut x = self.u;
-        self.run(false, &mut x, at, &now);
+        let mut passed = self.u;
+        let added = self.run(false, &mut passed, at, &now);
+        let x: [f64; MAX_JOINTS] = core::array::from_fn(|k| passed[k] + added[k]);
         let mut y = [0.0; MAX_JOINTS];
         let rows = self.chain.joints.gain.iter().zip(&self.chain.joints.offset);
         for (y, (row, offset)) in y.iter_mut().zip(rows) {
             *y = offset + row.iter().zip(&x).map(|(g, x)| g * x).sum::<f64>();
         }
+        let transmitted = y;
         self.run(true, &mut y, at, &now);
+        let behind = core::array::from_fn(|k| y[k] - transmitted[k]);
+        self.parts = JointParts { passed, added, behind };
         self.y = y;
         self.y.get(..n).unwrap_or(&[])
     }
 
-    /// Runs the effects before G, or those behind it, over positions.
-    fn run(&mut self, is_behind: bool, z: &mut [f64; MAX_JOINTS], at: &Circumstances, now: &Now) {
+    /// What the last step was made of.
+    pub fn parts(&self) -> &JointParts {
+        &self.parts
+    }
+
+    /// Runs the effects before G, or those behind it, over positions, and gives what is to be added to them.
+    fn run(&mut self, is_behind: bool, z: &mut [f64; MAX_JOINTS], at: &Circumstances, now: &Now) -> [f64; MAX_JOINTS] {
         let n = self.chain.joints.n;
         let mut added = [0.0; MAX_JOINTS];
         let mut delays = self.delays.chunks_exact_mut(n);
@@ -190,6 +212,6 @@ impl JointPredictor {
                 }
             }
         }
-        z.iter_mut().zip(added).for_each(|(z, added)| *z += added);
+        added
     }
 }

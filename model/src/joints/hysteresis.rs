@@ -5,7 +5,7 @@ use crate::effects::{Class, Definition, Hook, Inverse, bouc_wen, effect, paramet
 
 const LENGTH: [f64; 2] = [0.0, 1e6];
 const TRAVEL: [f64; 2] = [1e-9, 1e6];
-const SHARE: [f64; 2] = [-1.0, 1.0];
+const SHARE: [f64; 2] = [-10.0, 10.0];
 
 pub(super) static BACKLASH: Definition = Definition {
     repeatable: true,

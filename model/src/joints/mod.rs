@@ -14,7 +14,7 @@ mod hysteresis;
 mod position;
 mod rate;
 
-pub use chain::{JointChain, JointPredictor};
+pub use chain::{JointChain, JointParts, JointPredictor};
 pub use effect::JointEffect;
 pub use hysteresis::{REACHES, load_play};
 pub use rate::second_order_step;

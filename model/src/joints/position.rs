@@ -13,7 +13,7 @@ const PERIOD: [f64; 2] = [1e-9, 1e6];
 
 pub(super) static SCALE: Definition = Definition {
     repeatable: true,
-    parameters: &[JOINT, parameter("scale", "1", [-0.9, 9.0], 0.0, "relative error of the gain; 0: none")],
+    parameters: &[JOINT, parameter("scale", "1", [-10.0, 10.0], 0.0, "relative error of the gain; 0: none")],
     ..effect("scale", Hook::Cmd, Class::Proportional, "x <- (1 + scale) x")
 };
 

@@ -20,7 +20,9 @@ pub fn run(args: &AddArgs) -> anyhow::Result<ExitCode> {
     let session = open(&args.files)?;
     let term = term(args, session.machine.as_ref())?;
     let label = term.label().to_owned();
-    let from_given = !args.set.is_empty() || term.formula.is_some();
+    // Which joint it is on, and which one it feels, is no value to start from.
+    let is_start = |name: &str| name != "joint" && name != "from";
+    let from_given = args.set.iter().any(|(name, _)| is_start(name)) || term.formula.is_some();
     let options = AddOptions { term, from_given, free: args.free.clone() };
     let added = add(session.machine.as_ref(), &session.data, &options)?;
     write_page(args.report.as_deref(), &session, &added, &label)?;
@@ -101,7 +103,7 @@ fn finish(session: &Session, added: &Added, what: &str, out: &Path, as_json: boo
     std::fs::write(out, file.to_toml())
         .with_context(|| format!("the model file {} could not be written", out.display()))?;
     if as_json {
-        print::json(&answer(added, what, out, &not_compensated(&file)))?;
+        print::json(&answer(added, what, out, session.machine.error_unit().0, &not_compensated(&file)))?;
     } else {
         print::out(&text(added, what, out, session.machine.error_unit().0, &not_compensated(&file)))?;
     }
@@ -126,7 +128,8 @@ fn not_compensated(file: &ModelFile) -> Vec<String> {
     file.effects().iter().filter_map(sentence).collect()
 }
 
-fn answer(added: &Added, what: &str, out: &Path, not_compensated: &[String]) -> Value {
+fn answer(added: &Added, what: &str, out: &Path, unit: &str, not_compensated: &[String]) -> Value {
+    let errors = json!({ "before": added.before, "after": added.after });
     let params: serde_json::Map<String, Value> = added
         .variables
         .iter()
@@ -142,8 +145,11 @@ fn answer(added: &Added, what: &str, out: &Path, not_compensated: &[String]) -> 
         .collect();
     json!({
         "effect": what, "model": out, "params": params,
-        "heldout_rms_deg": { "before": added.before, "after": added.after },
-        "noise_floor_deg": added.noise_floor, "not_compensated": not_compensated,
+        "format": 2, "unit": unit,
+        "heldout_rms": errors, "heldout_rms_deg": (unit == "deg").then_some(&errors),
+        "noise_floor": added.noise_floor, "noise_floor_deg": added.noise_floor.filter(|_| unit == "deg"),
+        "calibration": added.calibration.iter().map(krait_lab::diagnose::Calibration::to_json).collect::<Vec<_>>(),
+        "not_compensated": not_compensated,
     })
 }
 

@@ -33,6 +33,14 @@ fn text(found: &Comparison) -> String {
         "Error of the model on {}: {:.3} {unit} rms, {:.3} {unit} p95, {:.3} {unit} max in {} rows with a measurement of {}\n",
         found.source, found.error.rms, found.error.p95, found.error.max, found.n_scored, found.n_rows
     );
+    let open: Vec<_> = found.calibration.iter().filter(|own| !own.held).collect();
+    if !open.is_empty() {
+        let numbers: Vec<String> = open
+            .iter()
+            .map(|own| format!("{} of joint {}: {:.5} {}", own.name, own.joint, own.value, own.unit))
+            .collect();
+        text += &format!("after calibration ({}); {:.3} {unit} rms without\n", numbers.join(", "), found.as_given_rms);
+    }
     let floor = found.noise_floor.map_or("unknown".to_owned(), |floor| format!("{floor:.3} {unit}"));
     text += &format!("Noise of the measurement: {floor} rms ({})\n", found.noise_source);
     if let Some(position_m) = found.position_rms_m {

@@ -20,8 +20,12 @@ const SHOWN: usize = 12;
 /// Diagnoses; finding that something is missing is no failure.
 pub fn run(args: &DiagnoseArgs) -> anyhow::Result<ExitCode> {
     let session = Session::open(&args.files.model, &args.files.data, &args.files.column_map())?;
-    let options =
-        DiagnoseOptions { seed: args.seed, max_effects: usize::from(args.max_effects), free: args.free.clone() };
+    let options = DiagnoseOptions {
+        seed: args.seed,
+        max_effects: usize::from(args.max_effects),
+        free: args.free.clone(),
+        ..DiagnoseOptions::default()
+    };
     let mut diagnosis = diagnose(session.machine.as_ref(), &session.data, &options)?;
     if let Some(path) = &args.experiment {
         write_experiment(path, &session, &mut diagnosis)?;
@@ -69,16 +73,34 @@ fn text(diagnosis: &Diagnosis, unit: &str) -> String {
     let mut text = format!("{}\n", capital(&diagnosis.sentence));
     diagnosis.cautions.iter().for_each(|caution| text += &format!("  Caution: {caution}.\n"));
     let floor = diagnosis.noise_floor.map_or("unknown".to_owned(), |floor| format!("{floor:.4} {unit}"));
+    let is_open = diagnosis.calibration.iter().any(|own| !own.is_held);
+    let given = if is_open { "after calibration" } else { "with the model as given" };
     text += &format!(
-        "\nError, root mean square of its length: {:.4} {unit} with the model as given, {:.4} {unit} with the effects; \
-         noise floor {floor} ({})\n",
+        "\nError, root mean square of its length: {:.4} {unit} {given}, {:.4} {unit} with the effects; noise floor {floor} ({})\n",
         diagnosis.base_heldout_rms, diagnosis.final_heldout_rms, diagnosis.floor_source
     );
+    if is_open {
+        text += &format!("  before calibration {:.4} {unit}\n", diagnosis.as_given_rms);
+    }
+    if let Some(share) = diagnosis.explained_share.filter(|_| is_open) {
+        text += &format!("  the effects explain {:.0} % of what there was to explain\n", 100.0 * share);
+    }
+    if is_open {
+        text += &format!("\nCalibration\n{}", calibration(diagnosis));
+    }
     let found = if diagnosis.effects.is_empty() { &diagnosis.partial } else { &diagnosis.effects };
     if !found.is_empty() {
-        text += if diagnosis.effects.is_empty() { "\nWhat helps, but does not explain:\n" } else { "\nMissing:\n" };
+        text += if diagnosis.effects.is_empty() {
+            "\nHypotheses: these help, but do not explain:\n"
+        } else {
+            "\nMissing:\n"
+        };
         text += &effects(found, unit).to_string();
         text += &parameters(found).to_string();
+        if let Some(first) = diagnosis.effects.first() {
+            let set = first.joint.map_or(String::new(), |joint| format!(" --set joint={joint}"));
+            text += &format!("Next: krait lab add {}{set} --model MODEL --data DATA --out BETTER\n", first.name);
+        }
     }
     text += &format!("\nCandidates, each added alone ({SHOWN} best)\n{}", candidates(diagnosis, unit));
     if let Some(next) = &diagnosis.next_experiment {
@@ -88,11 +110,34 @@ fn text(diagnosis: &Diagnosis, unit: &str) -> String {
     text
 }
 
+/// What every fit found beside the effects.
+fn calibration(diagnosis: &Diagnosis) -> Table {
+    let mut table = Table::new(&["number", "joint", "value", "standard error", "unit", ""]);
+    for own in diagnosis.calibration.iter().filter(|own| !own.is_held) {
+        let drawn = own.prior.map_or(String::new(), |(value, se)| {
+            format!("{:+.1} standard errors from the model file's {value:.5}", (own.value - value) / se)
+        });
+        table.row(vec![
+            own.recording.as_ref().map_or(own.name.to_owned(), |recording| format!("{} of {recording}", own.name)),
+            own.joint.to_string(),
+            format!("{:.5}", own.value),
+            format!("{:.1e}", own.se),
+            own.unit.clone(),
+            drawn,
+        ]);
+    }
+    table
+}
+
+fn label(effect: &FoundEffect) -> String {
+    effect.joint.map_or(effect.name.clone(), |joint| format!("{}, joint {joint}", effect.name))
+}
+
 fn effects(found: &[FoundEffect], unit: &str) -> Table {
     let mut table = Table::new(&["effect", &format!("before ({unit})"), "after", "probability", "cannot be told from"]);
     for effect in found {
         table.row(vec![
-            effect.name.clone(),
+            label(effect),
             format!("{:.4}", effect.before),
             format!("{:.4}", effect.after),
             format!("{:.2}", effect.probability),
@@ -107,7 +152,7 @@ fn parameters(found: &[FoundEffect]) -> Table {
     for effect in found {
         for own in effect.parameters.iter().filter(|own| own.is_free) {
             table.row(vec![
-                format!("{}.{}", effect.name, own.name),
+                format!("{}.{}", label(effect), own.name),
                 format!("{:.5e}", own.value),
                 format!("{:.1e}", own.se),
                 format!("{:.1e}", own.se_naive),

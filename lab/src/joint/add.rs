@@ -1,0 +1,102 @@
+//! Adding an effect to joints: with gain, offset and every fitted value of the model refitted together.
+
+use super::answer;
+use super::decide::{candidates, excluded, fast_noise, problem};
+use super::floor::floor;
+use super::gate::{Blocks, held_out};
+use super::kind::Kind;
+use super::refine::{Fit, Loss};
+use super::search::Search;
+use super::signal::Signal;
+use super::terms::{self, Value, term};
+use crate::add::Added;
+use crate::fit::{Uncertainty, Variable};
+use crate::machine::{JointsLab, Machine};
+use crate::{LabError, Measurements, Term};
+
+/// Rows of the loss.
+const MOST_ROWS: usize = 10_000;
+
+/// The effect on the joint that it names, or on every joint; `None` for an effect that is not searched for by itself.
+///
+/// # Errors
+/// [`LabError`] where the model's own effects make no chain.
+pub(crate) fn add(machine: &JointsLab, data: &Measurements, wanted: &Term) -> Result<Option<Added>, LabError> {
+    let excluded = excluded(machine, data)?;
+    let only = wanted.values.first().map_or(0, |joint| joint.round() as usize);
+    let mut terms = machine.effects().to_vec();
+    let (mut variables, mut robust, mut naive) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut before, mut after, mut noise) = (0.0, 0.0, Some(0.0));
+    let mut calibration = Vec::new();
+    let mut is_known = false;
+    for joint in 0..data.n_outputs {
+        let signal = Signal::new(machine, data, joint, &excluded, MOST_ROWS, &[0])?;
+        let weight = vec![1.0; signal.rows.len()];
+        let loss = Loss { weight: &weight, noise: fast_noise(&signal) };
+        let own = candidates(&signal).into_iter().filter(|kind| is_wanted(*kind, wanted)).collect();
+        let search = Search::new(&signal, loss, own);
+        let is_in_scope = only == 0 || only == joint + 1;
+        let fitted: Option<Fit> = search
+            .candidates
+            .iter()
+            .filter(|_| is_in_scope)
+            .filter_map(|kind| search.extend(search.base(), *kind))
+            .map(|fit| search.deepen(&fit))
+            .min_by(|a, b| a.square().total_cmp(&b.square()));
+        is_known |= fitted.is_some();
+        let fit = fitted.unwrap_or_else(|| search.base().clone());
+        let times = super::search::n_effective(&signal, &fit);
+        let blocks = Blocks::new(&signal, times);
+        let errors = [search.base(), &fit].map(|fit| held_out(&signal, fit, loss, &blocks, 3).mean_square);
+        (before, after) = (before + errors[0], after + errors[1]);
+        let problem = problem(machine, data, &signal, times);
+        let own_floor = floor(&signal, &problem, &fit, errors[1].min(errors[0]).sqrt());
+        noise = noise.zip(own_floor.sigma).map(|(sum, sigma)| sum + sigma * sigma);
+        let values = terms::values(&signal, &fit, &problem);
+        for (member, values) in fit.members.iter().zip(&values.members) {
+            let name = terms::name(member.kind, values);
+            terms.push(term(name, joint, values));
+            for (variable, value) in fitted_variables(machine, &terms, values)? {
+                variables.push(variable);
+                robust.push(value.se);
+                naive.push(value.se_naive);
+            }
+        }
+        calibration.extend(answer::of_machine(machine, joint, &values, &[]));
+    }
+    let (_, scale) = machine.error_unit();
+    Ok(is_known.then(|| Added {
+        terms,
+        variables,
+        uncertainty: Uncertainty { robust, naive },
+        before: before.sqrt() * scale,
+        after: after.sqrt() * scale,
+        noise_floor: noise.map(|square: f64| square.sqrt() * scale),
+        calibration,
+    }))
+}
+
+fn is_wanted(kind: Kind, wanted: &Term) -> bool {
+    let from = || wanted.values.get(1).map_or(0, |from| from.round() as usize);
+    match kind {
+        Kind::Coupling(k) => wanted.name == kind.name() && (from() == k + 1 || from() == 0),
+        Kind::Curve => false,
+        _ => wanted.name == kind.name(),
+    }
+}
+
+/// The variables of the last effect's fitted values.
+fn fitted_variables<'v>(
+    machine: &JointsLab,
+    terms: &[Term],
+    values: &'v [Value],
+) -> Result<Vec<(Variable, &'v Value)>, LabError> {
+    let place = terms.len() - 1;
+    let parameters = machine.parameters(&terms[place])?;
+    let fitted = values.iter().filter(|value| value.se > 0.0);
+    let one = |value: &'v Value| {
+        let k = parameters.iter().position(|own| own.name == value.name)?;
+        Some(Variable::new(machine, terms, place, k, value.value).map(|variable| (variable, value)))
+    };
+    fitted.filter_map(one).collect()
+}

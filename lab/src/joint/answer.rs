@@ -1,0 +1,405 @@
+//! What was found of all joints, in the words of a diagnosis.
+
+use super::decide::Found;
+use super::gate::HeldOut;
+use super::kind::Kind;
+use super::signal::Number;
+use super::terms::{Values, name, term};
+use crate::diagnose::{
+    Calibration, CandidateAnswer, DiagnoseOptions, Diagnosis, FoundEffect, FoundParameter, GroupShare, NextExperiment,
+    Remaining, Structure, Verdict, cautions, explore, reversals, separate,
+};
+use crate::machine::{JointsLab, Machine};
+use crate::{LabError, Measurements, Problem, Term};
+use krait_model::joints::JointEffect;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+
+/// Everything that a diagnosis says.
+pub(super) struct Answer<'a> {
+    pub machine: &'a JointsLab,
+    pub data: &'a Measurements,
+    pub options: &'a DiagnoseOptions,
+    pub found: Vec<Found>,
+    pub hints: Vec<String>,
+    pub n_outliers: usize,
+}
+
+/// How often, on resampled blocks, the list or one with a kind of the class in its place comes out best.
+pub(super) fn frequency(
+    best: &HeldOut,
+    others: &[(Kind, HeldOut)],
+    class: &[Kind],
+    resamples: usize,
+    seed: u64,
+) -> f64 {
+    let n_blocks = best.blocks.len();
+    let mut random = ChaCha8Rng::seed_from_u64(seed ^ 0x005e_ed0f_b007);
+    let mut n = 0;
+    for _ in 0..resamples {
+        let picks: Vec<usize> = (0..n_blocks).map(|_| random.next_u32() as usize % n_blocks).collect();
+        let cost = |held: &HeldOut| picks.iter().map(|&b| held.blocks[b]).sum::<f64>();
+        let own = cost(best);
+        let winner = others.iter().map(|(kind, held)| (*kind, cost(held))).min_by(|a, b| a.1.total_cmp(&b.1));
+        n += usize::from(winner.is_none_or(|(kind, cost)| cost >= own || class.contains(&kind)));
+    }
+    n as f64 / resamples as f64
+}
+
+/// The diagnosis.
+///
+/// # Errors
+/// [`LabError`] where the found effects make no chain.
+pub(super) fn diagnosis(answer: Answer) -> Result<Diagnosis, LabError> {
+    let Answer { machine, data, options, found, hints, n_outliers } = answer;
+    let (unit, scale) = machine.error_unit();
+    let length = |of: &dyn Fn(&Found) -> f64| found.iter().map(of).sum::<f64>().sqrt() * scale;
+    let verdict = if hints.is_empty() { together(&found) } else { Verdict::Unknown };
+    let stands = |own: &Found| matches!(own.verdict, Verdict::Missing | Verdict::Partly) && hints.is_empty();
+    let mut named: Vec<(f64, FoundEffect, Term)> = Vec::new();
+    let mut partial: Vec<(f64, FoundEffect)> = Vec::new();
+    let mut terms = machine.effects().to_vec();
+    for own in &found {
+        for (slot, &kind) in own.order.iter().enumerate() {
+            let place = own.fit.members.iter().position(|m| m.kind == kind);
+            let Some(place) = place else { continue };
+            if kind == Kind::Latency && own.fit.members[place].values[0] < 0.0 {
+                continue;
+            }
+            let effect = effect(machine, own, slot, place, scale)?;
+            let gained = own.steps[slot] - own.steps[slot + 1];
+            if stands(own) {
+                let term = term(&effect.name, own.joint, &own.values.members[place]);
+                named.push((gained, effect, term));
+            } else {
+                partial.push((gained, effect));
+            }
+        }
+        if stands(own) {
+            let in_chain = own.fit.members.iter().zip(&own.values.members);
+            let in_chain = in_chain.filter(|(m, _)| m.kind != Kind::Latency || m.values[0] >= 0.0);
+            terms.extend(in_chain.map(|(m, values)| term(name(m.kind, values), own.joint, values)));
+        }
+    }
+    named.sort_by(|a, b| b.0.total_cmp(&a.0));
+    partial.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let effects: Vec<FoundEffect> = named.into_iter().map(|(_, effect, _)| effect).collect();
+    let partial: Vec<FoundEffect> = partial.into_iter().map(|(_, effect)| effect).collect();
+    let sigma = found
+        .iter()
+        .map(|own| own.floor.sigma)
+        .sum::<Option<f64>>()
+        .map(|_| length(&|own: &Found| own.floor.sigma.unwrap_or(0.0).powi(2)));
+    let before = length(&|own: &Found| own.before.mean_square);
+    let after = length(&|own: &Found| if stands(own) { own.after.mean_square } else { own.before.mean_square });
+    let share = sigma.and_then(|floor| {
+        let above = before * before - floor * floor;
+        (above > 0.0 && !effects.is_empty()).then(|| ((before * before - after * after) / above).clamp(0.0, 1.0))
+    });
+    let worst = found.iter().max_by(|a, b| a.before.mean_square.total_cmp(&b.before.mean_square));
+    let remaining = remaining(&found, share);
+    let gains: Vec<f64> = found.iter().map(|own| own.values.gains[0].0).collect();
+    let offsets: Vec<f64> = found.iter().map(|own| own.values.offsets[0].0).collect();
+    let calibrated = machine.calibrated(&gains, &offsets);
+    let n_reversals = reversals(data);
+    let next_experiment: Option<NextExperiment> = match verdict {
+        Verdict::None => None,
+        Verdict::Missing => effects.iter().find_map(|effect| separate(&effect.class, n_reversals)),
+        _ => Some(explore(remaining.looks_like)),
+    };
+    let problem = Problem::new(machine, data.clone(), &[], f64::INFINITY);
+    let mut cautions: Vec<String> = hints.clone();
+    cautions.extend(cautions_of(&problem, n_outliers));
+    let calibration = calibrations(machine, &found, options);
+    let sentence = sentence(&Said {
+        verdict,
+        found: &found,
+        effects: &effects,
+        hints: &hints,
+        before,
+        after,
+        floor: sigma,
+        share,
+        unit,
+    });
+    let floor = worst.map(|own| &own.floor);
+    Ok(Diagnosis {
+        verdict,
+        sentence,
+        cautions,
+        unit: unit.to_owned(),
+        noise_floor: sigma,
+        floor_source: floor.map_or("the data do not tell", |floor| floor.source),
+        floor_relative_error: floor.map_or(0.0, |floor| floor.relative_error),
+        floors: floor.map(|floor| floor.estimates.clone()).unwrap_or_default(),
+        base_heldout_rms: before,
+        final_heldout_rms: after,
+        as_given_rms: length(&|own: &Found| own.as_given),
+        explained_share: share,
+        calibration,
+        candidates: candidates(&found, &effects, scale),
+        effects,
+        partial,
+        remaining,
+        next_experiment,
+        terms,
+        calibrated: Some(calibrated),
+        rows: [
+            data.n_rows(),
+            problem.n_scored / data.n_outputs,
+            n_outliers,
+            found.iter().map(|own| own.n_blocks).min().unwrap_or(0),
+        ],
+        seed: options.seed,
+    })
+}
+
+fn cautions_of(problem: &Problem, n_outliers: usize) -> Vec<String> {
+    // Blocks are each joint's own here.
+    cautions(problem, n_outliers, false)
+}
+
+/// One verdict of all joints.
+fn together(found: &[Found]) -> Verdict {
+    let all = |verdict: Verdict| found.iter().all(|own| own.verdict == verdict);
+    let any = |verdict: Verdict| found.iter().any(|own| own.verdict == verdict);
+    if all(Verdict::None) {
+        Verdict::None
+    } else if any(Verdict::Missing) || any(Verdict::Partly) {
+        let done = found.iter().all(|own| matches!(own.verdict, Verdict::Missing | Verdict::None));
+        if done { Verdict::Missing } else { Verdict::Partly }
+    } else if any(Verdict::Unknown) {
+        Verdict::Unknown
+    } else {
+        Verdict::TooShort
+    }
+}
+
+fn effect(machine: &JointsLab, own: &Found, slot: usize, place: usize, scale: f64) -> Result<FoundEffect, LabError> {
+    let kind = own.order[slot];
+    let values = &own.values.members[place];
+    let name = name(kind, values);
+    let term = term(name, own.joint, values);
+    let parameters = machine.parameters(&term)?.into_iter().zip(&term.values).map(|(parameter, &value)| {
+        let fitted = values.iter().find(|v| v.name == parameter.name && (v.se > 0.0 || v.se_naive > 0.0));
+        FoundParameter {
+            unit: parameter.unit,
+            value,
+            se: fitted.map_or(0.0, |v| v.se),
+            se_naive: fitted.map_or(0.0, |v| v.se_naive),
+            is_free: fitted.is_some(),
+            on_bound: false,
+            name: parameter.name,
+        }
+    });
+    let mut class: Vec<String> = vec![name.to_owned()];
+    for kind in &own.classes[slot] {
+        for other in look_alikes(*kind) {
+            if !class.iter().any(|own| own == other) {
+                class.push((*other).to_owned());
+            }
+        }
+    }
+    Ok(FoundEffect {
+        name: name.to_owned(),
+        class,
+        before: own.steps[slot].sqrt() * scale,
+        after: own.steps[slot + 1].sqrt() * scale,
+        probability: own.probabilities[slot],
+        parameters: parameters.collect(),
+        joint: Some(own.joint + 1),
+    })
+}
+
+/// Names of a kind, with those that differ from it in nothing but how they are written.
+fn look_alikes(kind: Kind) -> &'static [&'static str] {
+    match kind {
+        Kind::LoadFriction => &["load-friction", "cone-friction"],
+        Kind::Curve => &["cubic", "quadratic"],
+        Kind::LinearDrift => &["linear-drift", "drift"],
+        Kind::WarmUp => &["drift", "linear-drift"],
+        Kind::Scale => &["scale"],
+        Kind::Offset => &["offset"],
+        Kind::Quadratic => &["quadratic"],
+        Kind::Cubic => &["cubic"],
+        Kind::Latency => &["latency"],
+        Kind::Lag => &["first-order-lag"],
+        Kind::SecondOrder => &["second-order"],
+        Kind::RateLimit => &["rate-limit"],
+        Kind::Backlash => &["backlash"],
+        Kind::BoucWen => &["bouc-wen"],
+        Kind::Plays => &["prandtl-ishlinskii"],
+        Kind::DeadZone => &["dead-zone"],
+        Kind::Saturation => &["saturation"],
+        Kind::Creep => &["creep"],
+        Kind::Periodic => &["periodic-error"],
+        Kind::Coupling(_) => &["cross-coupling"],
+    }
+}
+
+fn remaining(found: &[Found], share: Option<f64>) -> Remaining {
+    let worst =
+        found.iter().filter(|own| own.structured).max_by(|a, b| a.after.mean_square.total_cmp(&b.after.mean_square));
+    let shown = worst.or(found.first());
+    let structure =
+        shown.map_or(Structure { p_value: 1.0, groups: Vec::new(), explained: 0.0 }, |own| own.structure.clone());
+    let group = structure.groups.first().filter(|group: &&GroupShare| worst.is_some() && group.share > 0.0);
+    Remaining {
+        structured: worst.is_some(),
+        p_value: structure.p_value,
+        looks_like: group.map(|group| group.name),
+        unexplained: share.map_or(if worst.is_some() { 1.0 } else { 0.0 }, |share| 1.0 - share),
+        structure,
+    }
+}
+
+/// What every fit found beside the effects.
+fn calibrations(machine: &JointsLab, found: &[Found], options: &DiagnoseOptions) -> Vec<Calibration> {
+    let names: Vec<String> = options.recordings.iter().map(|(name, _)| name.clone()).collect();
+    let mut all = Vec::new();
+    for own in found {
+        all.extend(of_machine(machine, own.joint, &own.values, &names));
+        let ahead =
+            own.fit.members.iter().zip(&own.values.members).find(|(m, _)| m.kind == Kind::Latency && m.values[0] < 0.0);
+        if let Some((_, values)) = ahead {
+            all.extend(values.iter().take(1).map(|value| Calibration {
+                name: "delay",
+                joint: own.joint + 1,
+                recording: None,
+                value: value.value,
+                se: value.se,
+                unit: "s".to_owned(),
+                prior: None,
+                is_held: false,
+            }));
+        }
+    }
+    all
+}
+
+/// Gain and offset of a joint, of each recording.
+pub(super) fn of_machine(
+    machine: &JointsLab,
+    joint: usize,
+    values: &Values,
+    recordings: &[String],
+) -> Vec<Calibration> {
+    let (unit, scale) = machine.error_unit();
+    let gain_unit = format!("{}/{}", machine.joints().y_unit, machine.joints().u_unit);
+    let one =
+        |name: &'static str, r: usize, number: Number, (value, se): (f64, f64), unit: &str, scale: f64| Calibration {
+            name,
+            joint: joint + 1,
+            recording: recordings.get(r).cloned(),
+            value: value * scale,
+            se: if matches!(number, Number::Held(_)) { 0.0 } else { se * scale },
+            unit: unit.to_owned(),
+            prior: if let Number::Near(near, se) = number { Some((near * scale, se * scale)) } else { None },
+            is_held: matches!(number, Number::Held(_)),
+        };
+    let numbers = values.gains.iter().zip(&values.offsets).enumerate();
+    let both = |(r, (gain, offset)): (usize, (&(f64, f64), &(f64, f64)))| {
+        [
+            one("gain", r, machine.gain_known(joint), *gain, &gain_unit, 1.0),
+            one("offset", r, machine.offset_known(joint), *offset, unit, scale),
+        ]
+    };
+    numbers.flat_map(both).collect()
+}
+
+/// Every candidate, the best of all joints.
+fn candidates(found: &[Found], effects: &[FoundEffect], scale: f64) -> Vec<CandidateAnswer> {
+    let mut all: Vec<CandidateAnswer> = Vec::new();
+    for own in found {
+        for single in &own.singles {
+            let name = single.kind.name();
+            let Some(definition) = JointEffect::from_name(name).map(JointEffect::definition) else { continue };
+            let class = effects.iter().find(|effect| effect.class.iter().any(|other| other == name));
+            let state = match (effects.iter().position(|effect| effect.name == name), class) {
+                (Some(n), _) => format!("chosen, number {}", n + 1),
+                (None, Some(effect)) => format!("cannot be told from {}", effect.name),
+                (None, None) if single.p_value >= 0.05 => "no sign of it".to_owned(),
+                (None, None) => "fitted, explains less".to_owned(),
+            };
+            // What the joint's error becomes, the others as they are.
+            let others: f64 = found.iter().filter(|f| f.joint != own.joint).map(|f| f.before.mean_square).sum();
+            let rms = (others + single.mean_square).sqrt() * scale;
+            let answer = CandidateAnswer {
+                name: definition.name,
+                class: definition.class.label(),
+                heldout_rms: Some(rms),
+                probability: class.map_or(0.0, |effect| effect.probability),
+                p_value: single.p_value,
+                state,
+            };
+            match all.iter_mut().find(|other| other.name == definition.name) {
+                Some(other) if other.heldout_rms.is_some_and(|before| before <= rms) => {}
+                Some(other) => *other = answer,
+                None => all.push(answer),
+            }
+        }
+    }
+    all.sort_by(|a, b| a.heldout_rms.unwrap_or(f64::INFINITY).total_cmp(&b.heldout_rms.unwrap_or(f64::INFINITY)));
+    all
+}
+
+struct Said<'a> {
+    verdict: Verdict,
+    found: &'a [Found],
+    effects: &'a [FoundEffect],
+    hints: &'a [String],
+    before: f64,
+    after: f64,
+    floor: Option<f64>,
+    share: Option<f64>,
+    unit: &'a str,
+}
+
+fn sentence(said: &Said) -> String {
+    let Said { unit, before, after, .. } = said;
+    if let Some(hint) = said.hints.first() {
+        return format!("the columns first: {hint}");
+    }
+    let floor =
+        said.floor.map_or("an unknown noise floor".to_owned(), |floor| format!("a noise floor of {floor:.3} {unit}"));
+    let several = said.found.len() > 1;
+    let one = |effect: &FoundEffect| {
+        let joint = effect.joint.filter(|_| several).map_or(String::new(), |joint| format!(" on joint {joint}"));
+        match effect.class.len() {
+            1 => format!("{}{joint}", effect.name),
+            _ => format!("{}{joint} (or {})", effect.name, effect.class[1..].join(", ")),
+        }
+    };
+    let names = said.effects.iter().map(one).collect::<Vec<_>>().join(" and ");
+    let explained =
+        said.share.map_or(String::new(), |share| format!(", {:.0} % of what there was to explain", 100.0 * share));
+    match said.verdict {
+        Verdict::None => {
+            format!(
+                "nothing is missing: after calibration an error of {after:.3} {unit} beside {floor} is the measurement's own"
+            )
+        }
+        Verdict::Missing => format!(
+            "missing: {names}; with it the error on data it was not fitted to falls from {before:.3} to {after:.3} {unit}, beside {floor}"
+        ),
+        Verdict::Partly => {
+            let rest = said.found.iter().filter(|own| own.structured);
+            let rest = rest.max_by(|a, b| a.after.mean_square.total_cmp(&b.after.mean_square));
+            let depends = rest.and_then(|own| own.structure.groups.first().filter(|group| group.share > 0.0));
+            format!(
+                "partly: {names} stand and take the error from {before:.3} to {after:.3} {unit}{explained}; a rest remains beside \
+                 {floor}{}",
+                depends.map_or(String::new(), |group| format!(", and it depends on {}", group.name))
+            )
+        }
+        Verdict::TooShort => {
+            let needed = said.found.iter().filter_map(|own| own.needed_s).fold(0.0, f64::max);
+            format!(
+                "too short to test: what is left remembers so long that about {needed:.0} s of such data are needed"
+            )
+        }
+        Verdict::Unknown => format!(
+            "something is missing that no known effects explain: {before:.3} {unit} remain after calibration beside {floor}"
+        ),
+    }
+}

@@ -1,0 +1,369 @@
+//! The diagnosis of joints: each one by itself, then all together.
+
+use super::answer::{self, Answer};
+use super::columns;
+use super::first::first;
+use super::floor::{Floor, floor};
+use super::gate::{Blocks, HeldOut, gate, held_out, in_errors, order};
+use super::kind::Kind;
+use super::refine::{Fit, Loss, as_given, refine};
+use super::search::{Plan, Search, n_effective};
+use super::signal::Signal;
+use super::simulate::Run;
+use super::solve::Design;
+use super::terms::{self, Values};
+use crate::diagnose::screen::orthonormal;
+use crate::diagnose::{DiagnoseOptions, Diagnosis, GroupShare, Structure, Verdict, rhythm, structure, working_rows};
+use crate::machine::{JointsLab, Machine};
+use crate::noise::outliers;
+use crate::{LabError, Measurements, Problem, scored_time_s};
+use rayon::prelude::*;
+
+/// Rows of the loss while lists are searched, and at the end.
+const MOST_SEARCHED: usize = 2500;
+const MOST_JUDGED: usize = 20_000;
+/// Records of more rows are judged on the working rows.
+const LONG: usize = 60_000;
+/// Lists that are kept at each depth.
+const WIDTH: usize = 3;
+/// Family-wise level of the first effect.
+const LEVEL: f64 = 0.05;
+/// An effect that takes away this much, beyond so many standard errors, needs no test.
+const OVERWHELMING: f64 = 0.35;
+const BEYOND_CHANCE: f64 = 3.0;
+/// Fewer correlation times than this are too short for any test.
+const FEWEST_TIMES: f64 = 15.0;
+/// Effects that explain less than this share are hypotheses.
+const PARTLY: f64 = 0.5;
+/// A rest of structure below this level is no chance.
+const LEVEL_OF_REST: f64 = 0.02;
+/// White noise cannot make an error of this ratio of the floor.
+const BEYOND_DOUBT: f64 = 1.1;
+
+/// What was found of one joint.
+pub(super) struct Found {
+    pub joint: usize,
+    pub verdict: Verdict,
+    /// The list that stands, or the hypotheses.
+    pub fit: Fit,
+    pub values: Values,
+    /// Its members, the one that brings most first, with their shares, and the mean squares before and after each.
+    pub order: Vec<Kind>,
+    pub steps: Vec<f64>,
+    pub classes: Vec<Vec<Kind>>,
+    pub probabilities: Vec<f64>,
+    pub before: HeldOut,
+    pub after: HeldOut,
+    pub floor: Floor,
+    pub structure: Structure,
+    pub structured: bool,
+    pub singles: Vec<Single>,
+    pub needed_s: Option<f64>,
+    pub as_given: f64,
+    pub n_blocks: usize,
+}
+
+/// One candidate alone.
+pub(super) struct Single {
+    pub kind: Kind,
+    pub mean_square: f64,
+    pub p_value: f64,
+}
+
+/// Says what is missing from a machine of joints.
+///
+/// # Errors
+/// [`LabError::Chain`] where the model as given cannot be computed.
+pub(crate) fn diagnose(
+    machine: &JointsLab,
+    data: &Measurements,
+    options: &DiagnoseOptions,
+) -> Result<Diagnosis, LabError> {
+    let excluded = excluded(machine, data)?;
+    let rows = if data.n_rows() > MOST_JUDGED { working_rows(data, &excluded) } else { (0..data.n_rows()).collect() };
+    let work = data.select(&rows);
+    let left_out: Vec<usize> = (0..rows.len()).filter(|k| excluded.binary_search(&rows[*k]).is_ok()).collect();
+    let case = Case { machine, data, work: &work, excluded: &excluded, left_out: &left_out, options };
+    let hints = columns::check(machine, data)?;
+    let found: Vec<Found> =
+        (0..data.n_outputs).into_par_iter().map(|joint| case.joint(joint)).collect::<Result<_, _>>()?;
+    answer::diagnosis(Answer { machine, data, options, found, hints, n_outliers: excluded.len() })
+}
+
+/// Rows that stand out from their neighbours, with gain and offset fitted.
+pub(super) fn excluded(machine: &JointsLab, data: &Measurements) -> Result<Vec<usize>, LabError> {
+    let calibrated = calibrated(machine, data)?;
+    let problem = Problem::new(&calibrated, data.clone(), &[], f64::INFINITY);
+    let residual = problem.residual(calibrated.effects())?;
+    Ok(outliers(&problem, &residual))
+}
+
+/// The machine with gains and offsets fitted to these data, effects as they are.
+///
+/// # Errors
+/// [`LabError::Chain`] where the model as given cannot be computed.
+pub(crate) fn calibrated(machine: &JointsLab, data: &Measurements) -> Result<JointsLab, LabError> {
+    let (mut gains, mut offsets) = (Vec::new(), Vec::new());
+    for joint in 0..data.n_outputs {
+        let signal = Signal::new(machine, data, joint, &[], MOST_JUDGED, &[0])?;
+        let weight = vec![1.0; signal.rows.len()];
+        let fit = as_given(&signal, &[], Loss { weight: &weight, noise: 0.0 });
+        gains.push(fit.solution.gains[0]);
+        offsets.push(fit.solution.offsets[0]);
+    }
+    Ok(machine.calibrated(&gains, &offsets))
+}
+
+struct Case<'a> {
+    machine: &'a JointsLab,
+    data: &'a Measurements,
+    work: &'a Measurements,
+    excluded: &'a [usize],
+    left_out: &'a [usize],
+    options: &'a DiagnoseOptions,
+}
+
+impl Case<'_> {
+    fn joint(&self, joint: usize) -> Result<Found, LabError> {
+        let recordings = self.options.first_trials();
+        let signal = Signal::new(self.machine, self.work, joint, self.left_out, MOST_SEARCHED, &recordings)?;
+        let weight = vec![1.0; signal.rows.len()];
+        let noise = fast_noise(&signal);
+        let loss = Loss { weight: &weight, noise };
+        let candidates = if signal.moves() { candidates(&signal) } else { Vec::new() };
+        let mut search = Search::new(&signal, loss, candidates);
+        let best = search.run(Plan { width: WIDTH, depth: self.options.max_effects });
+        // The last steps on all rows.
+        let is_long = self.data.n_rows() > LONG;
+        let all = if is_long { None } else { Some(self.data) };
+        let judged = match all {
+            Some(data) => Signal::new(self.machine, data, joint, self.excluded, MOST_JUDGED, &recordings)?,
+            None => signal.clone(),
+        };
+        let weight = vec![1.0; judged.rows.len()];
+        let loss = Loss { weight: &weight, noise };
+        let mut last = Search::new(&judged, loss, search.candidates.clone());
+        let kinds = best.kinds();
+        let parts = search.pool.iter().filter(|(key, _)| key.iter().all(|kind| kinds.contains(kind)));
+        let parts: Vec<(Vec<Kind>, Fit)> =
+            parts.map(|(key, fit)| (key.clone(), as_given(&judged, &fit.members, loss))).collect();
+        last.pool.extend(parts);
+        let best = refine(&judged, &best.members, loss, 8, 1e-6, true);
+        last.n_effective = n_effective(&judged, &best);
+        Ok(self.judge(&search, &last, best))
+    }
+
+    fn judge(&self, search: &Search, last: &Search, best: Fit) -> Found {
+        let (signal, loss) = (last.signal, last.loss);
+        let base = last.base().clone();
+        let blocks =
+            if signal.n_recordings >= 3 { Blocks::recordings(signal) } else { Blocks::new(signal, last.n_effective) };
+        let before = held_out(signal, &base, loss, &blocks, 3);
+        let (mut fit, mut after) = gate(last, &best, &blocks);
+        let times = n_effective(signal, if fit.members.is_empty() { &best } else { &fit });
+        let problem = problem(self.machine, self.data_of(signal), signal, times);
+        let test = first(last, &problem, self.options.seed);
+        let gained = in_errors(&before.blocks, &after.blocks);
+        let overwhelming = after.mean_square < OVERWHELMING * before.mean_square && gained > BEYOND_CHANCE;
+        let mut hypotheses = None;
+        if !fit.members.is_empty() && test.p_value > LEVEL && !overwhelming {
+            hypotheses = Some(fit);
+            (fit, after) = (base.clone(), before.clone());
+        }
+        let floor = floor(signal, &problem, &fit, after.mean_square.min(before.mean_square).sqrt());
+        let at_floor = |mean_square: f64| {
+            floor.sigma.map(|sigma| mean_square.sqrt() <= sigma * (1.04 + 2.0 * floor.relative_error))
+        };
+        let (structure, structured) =
+            remaining(&problem, signal, &fit, &floor, at_floor(after.mean_square), self.options.seed);
+        let share = floor.sigma.and_then(|sigma| {
+            let above = before.mean_square - sigma * sigma;
+            (above > 0.0 && !fit.members.is_empty())
+                .then(|| ((before.mean_square - after.mean_square) / above).clamp(0.0, 1.0))
+        });
+        let explained = share.unwrap_or(1.0 - after.mean_square / before.mean_square);
+        let mut verdict = match (fit.members.is_empty(), structured) {
+            (true, false) => Verdict::None,
+            (false, false) => Verdict::Missing,
+            (false, true) if explained >= PARTLY => Verdict::Partly,
+            _ => Verdict::Unknown,
+        };
+        let seconds = scored_time_s(self.data);
+        let mut needed_s = None;
+        if times < FEWEST_TIMES && verdict != Verdict::Missing {
+            verdict = Verdict::TooShort;
+            needed_s = Some(seconds * 2.0 * FEWEST_TIMES / times);
+        }
+        if fit.members.is_empty() && matches!(verdict, Verdict::Unknown | Verdict::TooShort) {
+            if let Some(own) = hypotheses.or_else(|| (!best.members.is_empty()).then(|| best.clone())) {
+                after = held_out(signal, &own, loss, &blocks, 3);
+                fit = own;
+            }
+        }
+        let order: Vec<Kind> = order(last, &fit).into_iter().map(|(kind, _)| kind).collect();
+        let steps = steps(last, &fit, &order, &blocks, &before, &after);
+        let (classes, probabilities) = classes(search, &fit, &order, self.options.seed);
+        let singles = singles(search, &test.of_kind);
+        Found {
+            joint: signal.joint,
+            verdict,
+            values: terms::values(signal, &fit, &problem),
+            as_given: given(self.machine, self.data, signal.joint),
+            fit,
+            order,
+            steps,
+            classes,
+            probabilities,
+            before,
+            after,
+            floor,
+            structure,
+            structured,
+            singles,
+            needed_s,
+            n_blocks: problem.n_blocks,
+        }
+    }
+
+    fn data_of(&self, signal: &Signal) -> &Measurements {
+        if signal.n() == self.data.n_rows() { self.data } else { self.work }
+    }
+}
+
+/// What a joint may have. A gain and an offset that the model holds may be wrong; a curve of two terms is looked for only where
+/// a free gain and offset take up what it does to them.
+pub(super) fn candidates(signal: &Signal) -> Vec<Kind> {
+    use super::signal::Number;
+    let is_held = |number: Number| matches!(number, Number::Held(_));
+    let (gain, offset) = (is_held(signal.gain), is_held(signal.offset));
+    let mut all: Vec<Kind> =
+        Kind::all(signal).into_iter().filter(|kind| !(gain || offset) || *kind != Kind::Curve).collect();
+    all.extend(gain.then_some(Kind::Scale));
+    all.extend(offset.then_some(Kind::Offset));
+    all
+}
+
+/// Variance of a row's noise that is new in every row: third differences of what is measured.
+pub(super) fn fast_noise(signal: &Signal) -> f64 {
+    let rows: Vec<f64> = signal.measured.iter().copied().filter(|y| y.is_finite()).collect();
+    let mut squares: Vec<f64> =
+        rows.windows(4).map(|w| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).powi(2) / 20.0).collect();
+    squares.sort_by(f64::total_cmp);
+    // The median of a squared normal variable is 0.455 of its mean.
+    squares.get(squares.len() / 2).map_or(0.0, |middle| middle / 0.455)
+}
+
+/// Error of the model as given, with gain 1 and offset 0 where it leaves them out: mean square.
+fn given(machine: &JointsLab, data: &Measurements, joint: usize) -> f64 {
+    let Ok(predicted) = machine.predict(machine.effects(), data) else { return f64::NAN };
+    let own = predicted.iter().zip(&data.outputs).skip(joint).step_by(data.n_outputs);
+    let (sum, n) = own.filter(|(_, y)| y.is_finite()).fold((0.0, 0.0), |(s, n), (f, y)| (s + (f - y).powi(2), n + 1.0));
+    sum / f64::max(n, 1.0)
+}
+
+/// The rows of the loss as a problem of one output, in blocks as long as its memory asks for.
+pub(super) fn problem<'a>(machine: &'a JointsLab, data: &Measurements, signal: &Signal, times: f64) -> Problem<'a> {
+    let mut own = data.select(&signal.rows);
+    own.inputs = signal.rows.iter().map(|&row| signal.inputs[signal.joint][row]).collect();
+    own.outputs = signal.rows.iter().map(|&row| signal.measured[row]).collect();
+    (own.n_inputs, own.n_outputs) = (1, 1);
+    own.sigma = None;
+    let seconds = scored_time_s(&own);
+    let shortest_s = (4.0 * seconds / times).min(seconds / 8.0).max(1e-9);
+    Problem::new(machine, own, &[], shortest_s)
+}
+
+/// What a fit leaves: whether it has structure, and what it depends on.
+fn remaining(
+    problem: &Problem,
+    signal: &Signal,
+    fit: &Fit,
+    floor: &Floor,
+    at_floor: Option<bool>,
+    seed: u64,
+) -> (Structure, bool) {
+    let residual = &fit.solution.residual;
+    let design = Design::new(signal, &Run::new(signal, &fit.members));
+    let mut slopes = vec![vec![1.0; residual.len()], design.passed.clone()];
+    slopes.extend(design.columns.iter().cloned());
+    slopes.extend(super::refine::slopes_by_value(signal, fit).into_iter().map(|(_, _, slope)| slope));
+    let predicted: Vec<f64> = problem.data.outputs.iter().zip(residual).map(|(y, r)| y - r).collect();
+    let mut structure = structure(problem, residual, &orthonormal(&slopes), &predicted, seed);
+    let rhythm = if floor.is_white { None } else { rhythm(problem, residual) };
+    if let Some(rhythm) = &rhythm {
+        let name = "a rhythm in time that the motion does not have";
+        structure.groups.insert(0, GroupShare { name, share: rhythm.share, p_value: rhythm.p_value });
+        structure.p_value = structure.p_value.min(rhythm.p_value);
+    }
+    let rms = (fit.square() / residual.len().max(1) as f64).sqrt();
+    let beyond_doubt = floor.is_white && floor.sigma.is_some_and(|sigma| rms > BEYOND_DOUBT * sigma);
+    let foreseeable = structure.groups.first().is_some_and(|own| own.share > if floor.is_white { 0.03 } else { 0.1 });
+    let is_at_floor = at_floor == Some(true);
+    let structured =
+        rhythm.is_some() || !is_at_floor && (structure.p_value < LEVEL_OF_REST || beyond_doubt || foreseeable);
+    (structure, structured)
+}
+
+/// Held-out mean squares with none, one, two ... of the effects in their order.
+fn steps(search: &Search, fit: &Fit, order: &[Kind], blocks: &Blocks, before: &HeldOut, after: &HeldOut) -> Vec<f64> {
+    let between = (1..order.len()).into_par_iter().map(|n| {
+        let part = search.part(fit, |kind| order[..n].contains(&kind), 6);
+        held_out(search.signal, &part, search.loss, blocks, 3).mean_square
+    });
+    let mut steps = vec![before.mean_square];
+    steps.extend(between.collect::<Vec<f64>>());
+    if !order.is_empty() {
+        steps.push(after.mean_square);
+    }
+    steps
+}
+
+/// Errors up to this ratio are the same for a user, and what is not even this near is not compared.
+const SAME: f64 = 1.02;
+const COMPARED: f64 = 1.3;
+/// One-sided 5 % of Student's t for the usual number of blocks.
+const T_ONE_SIDED: f64 = 1.69;
+/// An effect that leaves so much more is another one, whatever few blocks say.
+const CLEARLY_WORSE: f64 = 1.15;
+const RESAMPLES: usize = 500;
+
+/// For each member the kinds that these data cannot tell from it, itself first, and how often one of them comes out best.
+fn classes(search: &Search, fit: &Fit, order: &[Kind], seed: u64) -> (Vec<Vec<Kind>>, Vec<f64>) {
+    let own = refine(search.signal, &fit.members, search.loss, 4, 1e-5, true);
+    let blocks = Blocks::new(search.signal, search.n_effective);
+    let best = held_out(search.signal, &own, search.loss, &blocks, 3);
+    let one = |slot: &Kind| {
+        let rest = search.part(&own, |kind| kind != *slot, 6);
+        let others: Vec<(Kind, HeldOut)> = search
+            .others(&own, *slot)
+            .into_par_iter()
+            .filter_map(|kind| {
+                let other = search.extend(&rest, kind)?;
+                if other.square() > COMPARED * own.square() || other.at_end(search.signal) {
+                    return None;
+                }
+                Some((kind, held_out(search.signal, &other, search.loss, &blocks, 3)))
+            })
+            .collect();
+        let is_same = |other: &HeldOut| {
+            let ratio = other.mean_square / best.mean_square.max(1e-300);
+            ratio <= SAME * SAME || ratio < CLEARLY_WORSE && in_errors(&other.blocks, &best.blocks) < T_ONE_SIDED
+        };
+        let mut class = vec![*slot];
+        class.extend(others.iter().filter(|(_, other)| is_same(other)).map(|(kind, _)| *kind));
+        let probability = answer::frequency(&best, &others, &class, RESAMPLES, seed);
+        (class, probability)
+    };
+    order.iter().map(one).unzip()
+}
+
+/// Every candidate alone.
+fn singles(search: &Search, p_values: &[(Kind, f64)]) -> Vec<Single> {
+    let blocks = Blocks::new(search.signal, search.n_effective);
+    let one = |(kind, p_value): &(Kind, f64)| {
+        let fit = search.pool.get(&vec![*kind])?;
+        let held = held_out(search.signal, fit, search.loss, &blocks, 1);
+        Some(Single { kind: *kind, mean_square: held.mean_square, p_value: *p_value })
+    };
+    p_values.par_iter().filter_map(one).collect()
+}

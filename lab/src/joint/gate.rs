@@ -1,0 +1,162 @@
+//! What stays of a list: only members that pay on blocks of time that their fit did not see.
+
+use super::kind::Kind;
+use super::refine::{Fit, Loss, as_given, refine};
+use super::search::Search;
+use super::signal::Signal;
+use rayon::prelude::*;
+
+/// Errors of a list on left-out blocks.
+#[derive(Clone, Debug)]
+pub(super) struct HeldOut {
+    /// Sum of squares of each block.
+    pub blocks: Vec<f64>,
+    /// Mean square of all rows.
+    pub mean_square: f64,
+}
+
+/// Rows of the loss in blocks of time.
+#[derive(Clone, Debug)]
+pub(super) struct Blocks {
+    /// First row of each block, and the end of the last.
+    pub bounds: Vec<usize>,
+    /// Whether each block is a recording: its gain and offset are its own then.
+    pub are_recordings: bool,
+}
+
+const FOLDS: usize = 6;
+/// A member must take away more of what is left without it than this, ...
+const SMALLEST_PART: f64 = 0.05;
+/// ... by more than so many standard errors over blocks.
+const ERRORS: f64 = 1.0;
+/// Trials are blocks from this number on.
+const MANY_TRIALS: usize = 12;
+
+impl Blocks {
+    /// Blocks that are as long as the residual's memory asks for; whole trials where there are many.
+    pub fn new(signal: &Signal, n_effective: f64) -> Self {
+        let n = signal.rows.len();
+        let n_blocks = ((n_effective / 5.0) as usize).clamp(12, 36).min(n.max(1));
+        if (MANY_TRIALS..=n_blocks.max(MANY_TRIALS)).contains(&signal.n_trials) {
+            let mut bounds = vec![0];
+            bounds.extend((1..n).filter(|i| signal.trial[signal.rows[*i]] != signal.trial[signal.rows[i - 1]]));
+            bounds.push(n);
+            return Self { bounds, are_recordings: false };
+        }
+        Self { bounds: (0..=n_blocks).map(|b| b * n / n_blocks).collect(), are_recordings: false }
+    }
+
+    /// One block for each recording.
+    pub fn recordings(signal: &Signal) -> Self {
+        let n = signal.rows.len();
+        let recording = |i: usize| signal.recording(signal.rows[i]);
+        let mut bounds = vec![0];
+        bounds.extend((1..n).filter(|i| recording(*i) != recording(i - 1)));
+        bounds.push(n);
+        Self { bounds, are_recordings: true }
+    }
+
+    pub fn n(&self) -> usize {
+        self.bounds.len() - 1
+    }
+
+    /// Sums over the entries of each block.
+    pub fn sums(&self, entry: impl Fn(usize) -> f64) -> Vec<f64> {
+        self.bounds.windows(2).map(|w| (w[0]..w[1]).map(&entry).sum()).collect()
+    }
+}
+
+/// Errors on blocks that a refit, warm from the fit, did not see. Start states are held.
+pub(super) fn held_out(signal: &Signal, fit: &Fit, loss: Loss, blocks: &Blocks, iterations: usize) -> HeldOut {
+    let n = signal.rows.len();
+    let n_folds = if blocks.are_recordings { blocks.n() } else { FOLDS.min(blocks.n()) };
+    let folds: Vec<Vec<(usize, f64)>> = (0..n_folds)
+        .into_par_iter()
+        .map(|fold| {
+            let mut weight = loss.weight.to_vec();
+            let ranges: Vec<_> =
+                (fold..blocks.n()).step_by(n_folds).map(|b| blocks.bounds[b]..blocks.bounds[b + 1]).collect();
+            for range in &ranges {
+                // A left-out recording's own gain and offset come from its first third.
+                let start = if blocks.are_recordings { range.start + range.len() / 3 } else { range.start };
+                weight[start..range.end].fill(0.0);
+            }
+            let seen = Loss { weight: &weight, ..loss };
+            let refitted = if fit.members.is_empty() {
+                as_given(signal, &[], seen)
+            } else {
+                refine(signal, &fit.members, seen, iterations, 1e-4, false)
+            };
+            let square = |i: usize| (i, loss.weight[i] * refitted.solution.residual[i].powi(2));
+            ranges.into_iter().flatten().map(square).collect()
+        })
+        .collect();
+    let mut squares = vec![0.0; n];
+    folds.into_iter().flatten().for_each(|(i, square)| squares[i] = square);
+    let counted: f64 = loss.weight.iter().sum();
+    HeldOut { mean_square: squares.iter().sum::<f64>() / counted.max(1.0), blocks: blocks.sums(|i| squares[i]) }
+}
+
+/// Mean of block differences over its standard error.
+pub(super) fn in_errors(before: &[f64], after: &[f64]) -> f64 {
+    let (mean, error) = crate::diagnose::mean_and_error(before.iter().zip(after).map(|(b, a)| b - a));
+    mean / error.max(1e-300)
+}
+
+/// What is left of a list after leaving out, weakest first, what does not pay on left-out blocks.
+pub(super) fn gate(search: &Search, best: &Fit, blocks: &Blocks) -> (Fit, HeldOut) {
+    let signal = search.signal;
+    let mut current = best.clone();
+    let mut own = held_out(signal, &current, search.loss, blocks, 3);
+    while !current.members.is_empty() {
+        let mut weakest: Option<(f64, Fit, HeldOut)> = None;
+        let parts: Vec<(Fit, HeldOut)> = current
+            .kinds()
+            .par_iter()
+            .map(|kind| {
+                let without = search.part(&current, |own| own != *kind, 8);
+                let held = held_out(signal, &without, search.loss, blocks, 3);
+                (without, held)
+            })
+            .collect();
+        for (without, held) in parts {
+            let part = (held.mean_square - own.mean_square) / held.mean_square.max(1e-300);
+            let stands = in_errors(&held.blocks, &own.blocks) > ERRORS && part > SMALLEST_PART;
+            if !stands && weakest.as_ref().is_none_or(|(least, ..)| part < *least) {
+                weakest = Some((part, without, held));
+            }
+        }
+        let Some((_, without, held)) = weakest else { break };
+        (current, own) = (without, held);
+    }
+    (current, own)
+}
+
+/// The members in the order of what each takes away, averaged over all orders in which they could be added (Shapley).
+pub(super) fn order(search: &Search, fit: &Fit) -> Vec<(Kind, f64)> {
+    let kinds: Vec<Kind> = fit.members.iter().map(|m| m.kind).collect();
+    let k = kinds.len();
+    let subsets: Vec<usize> = (0..1 << k).collect();
+    let value: Vec<f64> = subsets
+        .par_iter()
+        .map(|subset| {
+            let has = |kind: Kind| kinds.iter().position(|own| *own == kind).is_some_and(|i| subset >> i & 1 == 1);
+            let part = if *subset + 1 == 1 << k { fit.clone() } else { search.part(fit, has, 4) };
+            -part.square().max(1e-300).ln()
+        })
+        .collect();
+    let factorial = |n: usize| (1..=n).map(|i| i as f64).product::<f64>();
+    let share = |i: usize| -> f64 {
+        let without = subsets.iter().filter(|subset| *subset >> i & 1 == 0);
+        without
+            .map(|&subset| {
+                let size = subset.count_ones() as usize;
+                let weight = factorial(size) * factorial(k - 1 - size) / factorial(k);
+                weight * (value[subset | 1 << i] - value[subset])
+            })
+            .sum()
+    };
+    let mut ordered: Vec<(Kind, f64)> = (0..k).map(|i| (kinds[i], share(i))).collect();
+    ordered.sort_by(|a, b| b.1.total_cmp(&a.1));
+    ordered
+}

@@ -1,0 +1,265 @@
+//! The effects that may be missing from a joint, each with few parameters: where in the chain, what is nonlinear, where to look.
+
+use super::signal::Signal;
+
+/// One effect, parameter-poor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub(super) enum Kind {
+    Coupling(usize),
+    Periodic,
+    Latency,
+    RateLimit,
+    Lag,
+    SecondOrder,
+    Backlash,
+    BoucWen,
+    Plays,
+    LoadFriction,
+    DeadZone,
+    Saturation,
+    Quadratic,
+    Cubic,
+    Curve,
+    Creep,
+    LinearDrift,
+    WarmUp,
+    Scale,
+    Offset,
+}
+
+/// Of one class a list holds at most one member: they explain the same.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Class {
+    Rate,
+    Play,
+    Load,
+    DeadZone,
+    Clipped,
+    Curve,
+    Creep,
+    Drift,
+    Periodic,
+    Coupling(usize),
+    Proportional,
+    Constant,
+}
+
+/// How a nonlinear parameter is searched.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Range {
+    pub low: f64,
+    pub high: f64,
+    pub scale: Coordinates,
+    /// Whether its end is the edge of what is physical: an effect that ends there imitates another.
+    pub ends_matter: bool,
+}
+
+/// The coordinate in which a parameter is stepped.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Coordinates {
+    Log,
+    Linear(f64),
+    /// Signed and logarithmic on both sides of this size.
+    Signed(f64),
+}
+
+impl Range {
+    pub fn coordinate(&self, value: f64) -> f64 {
+        match self.scale {
+            Coordinates::Log => value.ln(),
+            Coordinates::Linear(size) => value / size,
+            Coordinates::Signed(size) => (value / size).asinh(),
+        }
+    }
+
+    pub fn value(&self, coordinate: f64) -> f64 {
+        let value = match self.scale {
+            Coordinates::Log => coordinate.exp(),
+            Coordinates::Linear(size) => coordinate * size,
+            Coordinates::Signed(size) => coordinate.sinh() * size,
+        };
+        value.clamp(self.low, self.high)
+    }
+
+    /// Whether a value lies at an end that matters.
+    pub fn at_end(&self, value: f64) -> bool {
+        let near = |end: f64| (self.coordinate(value) - self.coordinate(end)).abs() < 0.02;
+        self.ends_matter && (near(self.low) || near(self.high))
+    }
+}
+
+impl Kind {
+    /// All that a joint can have.
+    pub fn all(signal: &Signal) -> Vec<Self> {
+        let mut all = vec![
+            Self::Latency,
+            Self::Lag,
+            Self::SecondOrder,
+            Self::RateLimit,
+            Self::Backlash,
+            Self::BoucWen,
+            Self::Plays,
+            Self::LoadFriction,
+            Self::DeadZone,
+            Self::Saturation,
+            Self::Cubic,
+            Self::Quadratic,
+            Self::Curve,
+            Self::Creep,
+            Self::LinearDrift,
+            Self::WarmUp,
+            Self::Periodic,
+        ];
+        // A joint that does not move bends nothing else.
+        let moves = |k: &usize| {
+            let column = &signal.inputs[*k];
+            let (low, high) =
+                column.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), u| (l.min(*u), h.max(*u)));
+            *k != signal.joint && high - low > 1e-9 * high.abs().max(low.abs()).max(1e-12)
+        };
+        all.extend((0..signal.inputs.len()).filter(moves).map(Self::Coupling));
+        all
+    }
+
+    /// Its class.
+    pub fn class(self) -> Class {
+        match self {
+            Self::Latency | Self::RateLimit | Self::Lag | Self::SecondOrder => Class::Rate,
+            Self::Backlash | Self::BoucWen | Self::Plays => Class::Play,
+            Self::LoadFriction => Class::Load,
+            Self::DeadZone => Class::DeadZone,
+            Self::Saturation => Class::Clipped,
+            Self::Quadratic | Self::Cubic | Self::Curve => Class::Curve,
+            Self::Creep => Class::Creep,
+            Self::LinearDrift | Self::WarmUp => Class::Drift,
+            Self::Scale => Class::Proportional,
+            Self::Offset => Class::Constant,
+            Self::Periodic => Class::Periodic,
+            Self::Coupling(from) => Class::Coupling(from),
+        }
+    }
+
+    /// Its name in answers and model files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Coupling(_) => "cross-coupling",
+            Self::Periodic => "periodic-error",
+            Self::Latency => "latency",
+            Self::RateLimit => "rate-limit",
+            Self::Lag => "first-order-lag",
+            Self::SecondOrder => "second-order",
+            Self::Backlash => "backlash",
+            Self::BoucWen => "bouc-wen",
+            Self::Plays => "prandtl-ishlinskii",
+            Self::LoadFriction => "load-friction",
+            Self::DeadZone => "dead-zone",
+            Self::Saturation => "saturation",
+            Self::Quadratic => "quadratic",
+            Self::Cubic | Self::Curve => "cubic",
+            Self::Creep => "creep",
+            Self::LinearDrift => "linear-drift",
+            Self::WarmUp => "drift",
+            Self::Scale => "scale",
+            Self::Offset => "offset",
+        }
+    }
+
+    /// Whether it changes the position that the effects behind it see; else it adds columns.
+    pub fn carries(self) -> bool {
+        matches!(
+            self,
+            Self::Latency
+                | Self::RateLimit
+                | Self::Lag
+                | Self::SecondOrder
+                | Self::Backlash
+                | Self::DeadZone
+                | Self::Saturation
+        )
+    }
+
+    /// Whether its memory may start anywhere.
+    pub fn has_start(self) -> bool {
+        matches!(self, Self::Backlash | Self::BoucWen | Self::Plays)
+    }
+
+    /// Amplitudes that are solved for.
+    pub fn n_linear(self) -> usize {
+        match self {
+            Self::Periodic | Self::Plays | Self::Curve => 2,
+            own if own.carries() => 0,
+            _ => 1,
+        }
+    }
+
+    /// Its nonlinear parameters.
+    pub fn ranges(self, s: &Signal) -> Vec<Range> {
+        let log =
+            |low: f64, high: f64| Range { low, high: high.max(low * 1.5), scale: Coordinates::Log, ends_matter: true };
+        let open = |range: Range| Range { ends_matter: false, ..range };
+        let (r, dt) = (s.range, s.typical_step_s);
+        match self {
+            Self::Latency => {
+                let most = 2.0_f64.min(s.longest_s / 8.0).max(dt);
+                vec![Range { low: -most, high: most, scale: Coordinates::Signed(dt), ends_matter: true }]
+            }
+            Self::Lag => vec![log(0.3 * dt, 8.0_f64.min(s.longest_s / 8.0))],
+            Self::SecondOrder => vec![log(0.5, 200.0_f64.min(1.0 / dt)), log(0.15, 3.0)],
+            Self::RateLimit => vec![log(0.02 * s.fast, 1.2 * s.fast)],
+            Self::Backlash | Self::BoucWen | Self::Plays => vec![log(2e-3 * r, 0.6 * r)],
+            Self::LoadFriction => vec![log(0.005, 0.6)],
+            Self::DeadZone => {
+                let scale = Coordinates::Linear(r);
+                vec![log(2e-3 * r, 0.35 * r), Range { low: s.low, high: s.low + r, scale, ends_matter: true }]
+            }
+            Self::Saturation => {
+                let most = s.low.abs().max((s.low + r).abs());
+                vec![log(0.2 * most, 1.01 * most)]
+            }
+            Self::Creep => vec![open(log(1.0_f64.max(20.0 * dt), s.longest_s / 3.0))],
+            Self::WarmUp => vec![open(log(s.longest_s / 8.0, s.longest_s * 0.7))],
+            Self::Periodic => vec![open(log((r / 100.0).max(1e-4 * r), 0.6 * r))],
+            Self::Quadratic
+            | Self::Cubic
+            | Self::Curve
+            | Self::LinearDrift
+            | Self::Coupling(_)
+            | Self::Scale
+            | Self::Offset => Vec::new(),
+        }
+    }
+
+    /// Where a search starts: values of the nonlinear parameters.
+    pub fn grid(self, s: &Signal) -> Vec<Vec<f64>> {
+        let ranges = self.ranges(s);
+        let steps = |k: usize, n: usize| -> Vec<f64> {
+            let (low, high) =
+                ((1.5 * ranges[k].low).ln(), (0.85 * ranges[k].high).ln().max((1.5 * ranges[k].low).ln()));
+            (0..n).map(|i| (low + (high - low) * i as f64 / (n - 1) as f64).exp()).collect()
+        };
+        let one = |values: Vec<f64>| values.into_iter().map(|value| vec![value]).collect();
+        let two = |a: Vec<f64>, b: Vec<f64>| a.iter().flat_map(|x| b.iter().map(move |y| vec![*x, *y])).collect();
+        match self {
+            Self::Latency => {
+                let (low, high) = ((0.5 * s.typical_step_s).ln(), (0.85 * ranges[0].high).ln());
+                let size = |i: usize| (low + (high - low).max(0.0) * i as f64 / 11.0).exp();
+                one((0..12).map(size).chain((0..12).step_by(2).map(|i| -size(i))).collect())
+            }
+            Self::Lag => one(steps(0, 12)),
+            Self::SecondOrder => two(steps(0, 9), steps(1, 5)),
+            Self::RateLimit | Self::LoadFriction => one(steps(0, 9)),
+            Self::Backlash | Self::BoucWen | Self::Plays => one(steps(0, 14)),
+            Self::DeadZone => {
+                let centres = (1..=7).map(|k| s.low + s.range * (0.1 + 0.8 * (k - 1) as f64 / 6.0)).collect();
+                two(steps(0, 9), centres)
+            }
+            Self::Saturation => {
+                one([0.5, 0.6, 0.7, 0.8, 0.9, 0.95].iter().map(|part| part * ranges[0].high / 1.01).collect())
+            }
+            Self::Creep => one(steps(0, 6)),
+            Self::WarmUp => one(steps(0, 5)),
+            Self::Periodic => one((0..232).map(|k| s.range / (2.0 + 0.25 * f64::from(k))).collect()),
+            _ => vec![Vec::new()],
+        }
+    }
+}

@@ -1,0 +1,24 @@
+//! Joints that nobody calibrated, with several effects at once.
+//!
+//! Each joint is fitted by itself. Everything linear (gain, offset, amplitudes) is solved for inside every fit; only nonlinear
+//! parameters are searched, on logarithmic grids with two minima kept (`search`). A list of effects is kept as far as its members
+//! pay on left-out blocks of time (`gate`), and nothing is claimed unless sign flips of blocks say so (`first`).
+
+mod add;
+mod answer;
+mod columns;
+mod decide;
+mod first;
+mod floor;
+mod gate;
+mod kind;
+mod refine;
+mod search;
+mod signal;
+mod simulate;
+mod solve;
+mod terms;
+
+pub(crate) use add::add;
+pub(crate) use decide::{calibrated, diagnose};
+pub(crate) use signal::Number;

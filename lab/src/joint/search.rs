@@ -1,0 +1,269 @@
+//! Beam search over lists of effects: every extension from a grid, the best deepened, then swapped and pruned.
+
+use super::kind::{Class, Kind};
+use super::refine::{Fit, Loss, as_given, kinds, polish, refine};
+use super::signal::Signal;
+use super::simulate::Member;
+use super::solve::{Design, evaluate, solve, weighted_normal};
+use crate::noise::autocorrelation_time;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+
+/// How a search is done.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Plan {
+    /// Lists that are kept at each depth.
+    pub width: usize,
+    /// Longest list.
+    pub depth: usize,
+}
+
+/// A search over the lists of one joint.
+pub(super) struct Search<'a> {
+    pub signal: &'a Signal,
+    pub loss: Loss<'a>,
+    pub candidates: Vec<Kind>,
+    /// The best fit of every list that was tried.
+    pub pool: BTreeMap<Vec<Kind>, Fit>,
+    /// Rows that tell something of their own.
+    pub n_effective: f64,
+}
+
+/// Price of a parameter, in units of ln N.
+const PRICE: f64 = 2.0;
+/// The same for records of few independent rows.
+const PRICE_OF_SHORT: f64 = 3.0;
+const SHORT: f64 = 60.0;
+/// Lists of this length are tried in any case.
+const DEEP_ENOUGH: usize = 3;
+/// Two minima this far apart in the coordinate are different starts.
+const APART: f64 = 0.6;
+
+impl<'a> Search<'a> {
+    pub fn new(signal: &'a Signal, loss: Loss<'a>, candidates: Vec<Kind>) -> Self {
+        let base = as_given(signal, &[], loss);
+        let n_effective = n_effective(signal, &base);
+        Self { signal, loss, candidates, pool: BTreeMap::from([(Vec::new(), base)]), n_effective }
+    }
+
+    /// The fit without further effects.
+    pub fn base(&self) -> &Fit {
+        &self.pool[&Vec::new()]
+    }
+
+    /// N ln RSS and a price for each parameter.
+    pub fn score(&self, fit: &Fit) -> f64 {
+        let n = self.n_effective;
+        let price = if n < SHORT { PRICE_OF_SHORT } else { PRICE };
+        n * (fit.square() / self.signal.rows.len() as f64).max(1e-300).ln() + price * fit.n_parameters() * n.ln()
+    }
+
+    /// Whether a list can hold one more of this kind.
+    pub fn is_compatible(members: &[Member], kind: Kind) -> bool {
+        members.iter().all(|own| own.kind.class() != kind.class())
+    }
+
+    /// The best list.
+    pub fn run(&mut self, plan: Plan) -> Fit {
+        let mut beam = vec![self.base().clone()];
+        for depth in 1..=plan.depth {
+            let extended = self.extend_all(&beam);
+            if extended.is_empty() {
+                break;
+            }
+            let lowest = extended.iter().min_by(|a, b| a.square().total_cmp(&b.square()));
+            self.n_effective = lowest.map_or(8.0, |fit| n_effective(self.signal, fit));
+            let mut rough = extended;
+            rough.sort_by(|a, b| self.score(a).total_cmp(&self.score(b)));
+            let before = self.pool.values().map(|fit| self.score(fit)).fold(f64::INFINITY, f64::min);
+            rough.iter().skip(2 * plan.width).for_each(|fit| self.remember(fit));
+            rough.truncate(2 * plan.width);
+            let mut deep: Vec<Fit> = rough.par_iter().map(|fit| self.deepen(fit)).collect();
+            deep.iter().for_each(|fit| self.remember(fit));
+            let lowest = self.pool.values().min_by(|a, b| a.square().total_cmp(&b.square()));
+            self.n_effective = lowest.map_or(8.0, |fit| n_effective(self.signal, fit));
+            deep.sort_by(|a, b| self.score(a).total_cmp(&self.score(b)));
+            let best = deep.first().map_or(f64::INFINITY, |fit| self.score(fit));
+            deep.truncate(plan.width);
+            beam = deep;
+            // What several effects leave has a long memory, which makes the first ones look dear.
+            if depth >= DEEP_ENOUGH && best > before + 2.0 {
+                break;
+            }
+        }
+        let inside = self.pool.values().filter(|fit| fit.members.len() <= plan.depth && !fit.at_end(self.signal));
+        let best = inside.min_by(|a, b| self.score(a).total_cmp(&self.score(b)));
+        let best = best.unwrap_or_else(|| self.base()).clone();
+        self.swap_and_prune(best, plan.depth)
+    }
+
+    fn remember(&mut self, fit: &Fit) {
+        let key = fit.kinds();
+        if self.pool.get(&key).is_none_or(|own| fit.square() < own.square()) {
+            self.pool.insert(key, fit.clone());
+        }
+    }
+
+    /// Every list one longer, each once.
+    fn extend_all(&mut self, beam: &[Fit]) -> Vec<Fit> {
+        let mut jobs: Vec<(Vec<Kind>, &Fit, Kind)> = Vec::new();
+        let mut known = Vec::new();
+        for fit in beam {
+            for &kind in &self.candidates {
+                if !Self::is_compatible(&fit.members, kind) {
+                    continue;
+                }
+                let mut key = fit.kinds();
+                key.push(kind);
+                key.sort_unstable();
+                if let Some(own) = self.pool.get(&key) {
+                    known.push(own.clone());
+                } else if !jobs.iter().any(|(own, ..)| *own == key) {
+                    jobs.push((key, fit, kind));
+                }
+            }
+        }
+        let found: Vec<Option<Fit>> = jobs.par_iter().map(|(_, fit, kind)| self.extend(fit, *kind)).collect();
+        known.extend(found.into_iter().flatten());
+        known
+    }
+
+    /// A list with one more member, from the best places of its grid.
+    pub fn extend(&self, fit: &Fit, kind: Kind) -> Option<Fit> {
+        let starts = self.starts(&fit.members, kind, 2);
+        let fits = starts.iter().map(|members| refine(self.signal, members, self.loss, 5, 1e-5, true));
+        fits.min_by(|a, b| a.square().total_cmp(&b.square()))
+    }
+
+    /// The best places of a new member's grid with the others held.
+    fn starts(&self, members: &[Member], kind: Kind, keep: usize) -> Vec<Vec<Member>> {
+        let at = members.iter().position(|own| own.kind > kind).unwrap_or(members.len());
+        let with = |member: Member| {
+            let mut list = members.to_vec();
+            list.insert(at, member);
+            list
+        };
+        let grid = kind.grid(self.signal);
+        if kind.ranges(self.signal).is_empty() {
+            return vec![with(Member::new(self.signal, kind, &[], 0.0))];
+        }
+        let starts: &[f64] = if kind.has_start() { &[0.0, -1.0, 1.0] } else { &[0.0] };
+        let cells = grid.iter().flat_map(|values| starts.iter().map(move |start| (values, *start)));
+        let here = evaluate(self.signal, members, self.loss.weight, self.loss.noise);
+        let mut scored: Vec<(f64, Member)> = cells
+            .map(|(values, start)| {
+                let member = Member::new(self.signal, kind, values, start);
+                let square = if kind.carries() {
+                    let list = with(member.clone());
+                    let mut run = here.0.clone();
+                    run.redo(self.signal, &list, at);
+                    solve(self.signal, &Design::new(self.signal, &run), self.loss.weight, self.loss.noise).square
+                } else {
+                    let mut columns = super::simulate::columns(self.signal, &member, &here.0.passed[at]);
+                    columns.iter_mut().for_each(|column| here.2.project(column, self.loss.weight));
+                    here.2.square - gain(&columns, &here.2.residual, self.loss.weight)
+                };
+                (square, member)
+            })
+            .collect();
+        scored.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let ranges = kind.ranges(self.signal);
+        let mut picked: Vec<Member> = Vec::new();
+        for (_, member) in scored {
+            let place = |m: &Member| ranges[0].coordinate(m.values[0]);
+            let far = |other: &Member| kind == Kind::Periodic || (place(other) - place(&member)).abs() > APART;
+            if picked.len() < keep && picked.iter().all(far) {
+                picked.push(member);
+            }
+        }
+        picked.into_iter().map(with).collect()
+    }
+
+    /// A longer fit; every member from its whole grid again with the others held, which leaves local minima.
+    pub fn deepen(&self, fit: &Fit) -> Fit {
+        let mut best = refine(self.signal, &fit.members, self.loss, 15, 1e-5, true);
+        for kind in fit.kinds() {
+            if kind == Kind::Periodic || kind.ranges(self.signal).is_empty() {
+                continue;
+            }
+            let rest: Vec<Member> = best.members.iter().filter(|own| own.kind != kind).cloned().collect();
+            for start in self.starts(&rest, kind, 1) {
+                if as_given(self.signal, &start, self.loss).square() < 1.3 * best.square() {
+                    let again = refine(self.signal, &start, self.loss, 10, 1e-5, true);
+                    if again.square() < best.square() {
+                        best = again;
+                    }
+                }
+            }
+        }
+        polish(self.signal, best, self.loss)
+    }
+
+    /// Every member replaced or left out, until nothing gets better.
+    fn swap_and_prune(&mut self, mut best: Fit, depth: usize) -> Fit {
+        for _ in 0..3 {
+            let now = self.score(&best);
+            let mut options = Vec::new();
+            for kind in best.kinds() {
+                let rest: Vec<Member> = best.members.iter().filter(|own| own.kind != kind).cloned().collect();
+                let key = kinds(&rest);
+                let without = match self.pool.get(&key) {
+                    Some(own) => own.clone(),
+                    None => refine(self.signal, &rest, self.loss, 12, 1e-5, true),
+                };
+                self.remember(&without);
+                options.extend(self.extend_all(core::slice::from_ref(&without)));
+                options.push(without);
+            }
+            options.iter().for_each(|fit| self.remember(fit));
+            options.retain(|fit| fit.members.len() <= depth);
+            options.sort_by(|a, b| self.score(a).total_cmp(&self.score(b)));
+            options.truncate(3);
+            let deep: Vec<Fit> = options.par_iter().map(|fit| self.deepen(fit)).collect();
+            deep.iter().for_each(|fit| self.remember(fit));
+            let next = deep.into_iter().filter(|fit| !fit.at_end(self.signal));
+            let next = next.min_by(|a, b| self.score(a).total_cmp(&self.score(b)));
+            match next.filter(|fit| self.score(fit) < now - 1e-6) {
+                Some(next) => best = next,
+                None => break,
+            }
+        }
+        best
+    }
+
+    /// The fit of part of a list: what the pool has, or the list's own values refined.
+    pub fn part(&self, fit: &Fit, keep: impl Fn(Kind) -> bool, iterations: usize) -> Fit {
+        let rest: Vec<Member> = fit.members.iter().filter(|own| keep(own.kind)).cloned().collect();
+        let warm = refine(self.signal, &rest, self.loss, iterations, 1e-5, true);
+        match self.pool.get(&kinds(&rest)) {
+            Some(own) if own.square() < warm.square() => {
+                refine(self.signal, &own.members, self.loss, iterations, 1e-5, true)
+            }
+            _ => warm,
+        }
+    }
+
+    /// Kinds that may stand in a member's place.
+    pub fn others(&self, fit: &Fit, slot: Kind) -> Vec<Kind> {
+        let classes: Vec<Class> = fit.members.iter().filter(|m| m.kind != slot).map(|m| m.kind.class()).collect();
+        self.candidates.iter().copied().filter(|own| *own != slot && !classes.contains(&own.class())).collect()
+    }
+}
+
+/// What columns take away from the sum of squares of a residual.
+fn gain(columns: &[Vec<f64>], residual: &[f64], weight: &[f64]) -> f64 {
+    let (gram, right) = weighted_normal(columns, residual, weight);
+    let p = right.len();
+    let ridge = 1e-9 * gram.trace().max(1e-300);
+    let solved = (gram + DMatrix::identity(p, p) * ridge).cholesky().map(|factor| factor.solve(&right));
+    solved.map_or(0.0, |beta: DVector<f64>| beta.dot(&right).max(0.0))
+}
+
+/// Rows of the loss over the residual's correlation time, 8 or more.
+pub(super) fn n_effective(signal: &Signal, fit: &Fit) -> f64 {
+    let residual = &fit.solution.residual;
+    let mean = residual.iter().sum::<f64>() / residual.len().max(1) as f64;
+    let centred: Vec<f64> = residual.iter().map(|r| r - mean).collect();
+    (signal.rows.len() as f64 / autocorrelation_time(&centred, 1).max(1.0)).max(8.0)
+}

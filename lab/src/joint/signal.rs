@@ -1,0 +1,165 @@
+//! One joint's measurements, ready for fits: what it was told, what was measured, which rows count.
+
+use crate::machine::JointsLab;
+use crate::{LabError, Measurements};
+use std::sync::Arc;
+
+/// One joint's measurements.
+#[derive(Clone, Debug)]
+pub(super) struct Signal {
+    /// Which joint, from 0.
+    pub joint: usize,
+    /// Commands of every joint, one column each.
+    pub inputs: Vec<Vec<f64>>,
+    /// What the model's own effects make of this joint's command ...
+    pub base: Arc<Vec<f64>>,
+    /// ... and the parts that go around further effects.
+    pub base_added: Vec<f64>,
+    /// Measured positions without what the model's own effects at the sensor add; NaN where nothing was measured.
+    pub measured: Vec<f64>,
+    /// Time of each row, s.
+    pub time_s: Vec<f64>,
+    /// Time since the row before, s; 0 where a trial begins.
+    pub step_s: Vec<f64>,
+    /// Time since the trial began, s.
+    pub trial_s: Vec<f64>,
+    /// Whether a trial begins.
+    pub fresh: Vec<bool>,
+    /// Number of each row's trial, from 0.
+    pub trial: Vec<usize>,
+    /// Trials.
+    pub n_trials: usize,
+    /// Recording of each trial; each recording has its own gain and offset.
+    pub recording_of_trial: Vec<usize>,
+    /// Recordings.
+    pub n_recordings: usize,
+    /// Rows that the loss counts.
+    pub rows: Vec<usize>,
+    /// Largest command of this joint less the smallest, and the middle.
+    pub range: f64,
+    /// Smallest command.
+    pub low: f64,
+    /// Median time between rows, s.
+    pub typical_step_s: f64,
+    /// Length of the longest trial, s.
+    pub longest_s: f64,
+    /// A speed that is rarely exceeded.
+    pub fast: f64,
+    /// What the model knows of gain and offset.
+    pub gain: Number,
+    /// The same for the offset.
+    pub offset: Number,
+}
+
+/// A number of the machine: held, free, or drawn to a value.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Number {
+    /// As the model has it.
+    Held(f64),
+    /// Whatever the data say.
+    Free,
+    /// A fitted value with its standard error.
+    Near(f64, f64),
+}
+
+impl Signal {
+    /// The signal of a joint on these rows of the data, of which at most `most` measured ones, evenly chosen, make the loss.
+    ///
+    /// # Errors
+    /// [`LabError::Chain`] where the model's own effects make no chain.
+    pub fn new(
+        machine: &JointsLab,
+        data: &Measurements,
+        joint: usize,
+        excluded: &[usize],
+        most: usize,
+        recordings: &[usize],
+    ) -> Result<Self, LabError> {
+        let n = data.n_rows();
+        let [passed, added, behind] = machine.parts(data)?;
+        let n_joints = data.n_inputs;
+        assert!(joint < n_joints && data.n_outputs == n_joints, "a machine of joints has as many outputs as inputs");
+        let column =
+            |values: &[f64], k: usize| -> Vec<f64> { values.iter().skip(k).step_by(n_joints).copied().collect() };
+        let base = column(&passed, joint);
+        let gains = &machine.joints().gain[joint];
+        let base_added = column(&added, joint);
+        // What other joints do through a full matrix is known.
+        let mut measured = column(&data.outputs, joint);
+        for (row, measured) in measured.iter_mut().enumerate() {
+            let at = row * n_joints;
+            let others = (0..n_joints).filter(|k| *k != joint);
+            let through: f64 = others.map(|k| gains[k] * (passed[at + k] + added[at + k])).sum();
+            *measured -= through + behind[at + joint];
+        }
+        let (mut step_s, mut trial_s, mut fresh, mut trial) = (vec![0.0; n], vec![0.0; n], vec![false; n], vec![0; n]);
+        let mut n_trials = 0;
+        for row in 0..n {
+            fresh[row] = data.starts_trial(row);
+            n_trials += usize::from(fresh[row]);
+            trial[row] = n_trials - 1;
+            if !fresh[row] {
+                step_s[row] = (data.time_s[row] - data.time_s[row - 1]).max(0.0);
+                trial_s[row] = trial_s[row - 1] + step_s[row];
+            }
+        }
+        let is_excluded = |row: &usize| excluded.binary_search(row).is_ok();
+        let frames: Vec<usize> = (0..n).filter(|row| measured[*row].is_finite() && !is_excluded(row)).collect();
+        let stride = frames.len().div_ceil(most).max(1);
+        let inputs: Vec<Vec<f64>> = (0..n_joints).map(|k| column(&data.inputs, k)).collect();
+        let (low, high) =
+            inputs[joint].iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), u| (l.min(*u), h.max(*u)));
+        let mut steps: Vec<f64> = step_s.iter().copied().filter(|dt| *dt > 0.0).collect();
+        steps.sort_by(f64::total_cmp);
+        let mut speeds: Vec<f64> = (1..n)
+            .filter(|row| step_s[*row] > 0.0)
+            .map(|row| (inputs[joint][row] - inputs[joint][row - 1]).abs() / step_s[row])
+            .collect();
+        speeds.sort_by(f64::total_cmp);
+        let at = |sorted: &[f64], part: f64| sorted.get((part * sorted.len() as f64) as usize).copied();
+        Ok(Self {
+            joint,
+            base: Arc::new(base),
+            base_added,
+            measured,
+            longest_s: trial_s.iter().copied().fold(0.0, f64::max).max(1e-9),
+            time_s: data.time_s.clone(),
+            step_s,
+            trial_s,
+            fresh,
+            trial,
+            n_trials,
+            recording_of_trial: (0..n_trials)
+                .map(|k| recordings.partition_point(|first| *first <= k).max(1) - 1)
+                .collect(),
+            n_recordings: recordings.len().max(1),
+            rows: frames.into_iter().step_by(stride).collect(),
+            range: if high > low { high - low } else { 1.0 },
+            low,
+            typical_step_s: at(&steps, 0.5).unwrap_or(1.0),
+            fast: at(&speeds, 0.995).filter(|speed| *speed > 0.0).unwrap_or(1.0),
+            gain: machine.gain_known(joint),
+            offset: machine.offset_known(joint),
+            inputs,
+        })
+    }
+
+    /// Whether the joint was told to move and did: else nothing can be said of it.
+    pub fn moves(&self) -> bool {
+        let spread = |values: &mut dyn Iterator<Item = f64>| {
+            let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+            high - low > 1e-9 * high.abs().max(low.abs()).max(1e-9)
+        };
+        spread(&mut self.base.iter().copied()) && spread(&mut self.rows.iter().map(|&row| self.measured[row]))
+    }
+
+    /// Rows of the simulation.
+    pub fn n(&self) -> usize {
+        self.time_s.len()
+    }
+
+    /// The recording of a row.
+    pub fn recording(&self, row: usize) -> usize {
+        self.recording_of_trial[self.trial[row]]
+    }
+}

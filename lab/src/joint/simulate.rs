@@ -1,0 +1,210 @@
+//! A list of effects run over a signal: the position that is passed on, effect by effect, and the columns that amplitudes scale.
+
+use super::kind::Kind;
+use super::signal::Signal;
+use core::f64::consts::TAU;
+use krait_model::joints::{bouc_wen, load_play, play, second_order_step};
+use std::sync::Arc;
+
+/// One effect with the values of its nonlinear parameters, and where its memory starts in each trial, -1 to 1.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Member {
+    pub kind: Kind,
+    pub values: Vec<f64>,
+    pub starts: Vec<f64>,
+}
+
+impl Member {
+    pub fn new(signal: &Signal, kind: Kind, values: &[f64], start: f64) -> Self {
+        let starts = if kind.has_start() { vec![start; signal.n_trials] } else { Vec::new() };
+        Self { kind, values: values.to_vec(), starts }
+    }
+}
+
+/// What a list makes of a signal.
+#[derive(Clone, Debug)]
+pub(super) struct Run {
+    /// The position in front of each member, and behind the last one, all rows.
+    pub passed: Vec<Arc<Vec<f64>>>,
+    /// Columns of each member, rows of the loss.
+    pub columns: Vec<Vec<Vec<f64>>>,
+}
+
+impl Run {
+    pub fn new(signal: &Signal, members: &[Member]) -> Self {
+        let mut run = Self { passed: vec![signal.base.clone()], columns: Vec::new() };
+        run.redo(signal, members, 0);
+        run
+    }
+
+    /// Runs again from a member on; those before it are as they were.
+    pub fn redo(&mut self, signal: &Signal, members: &[Member], from: usize) {
+        self.passed.truncate(from + 1);
+        self.columns.truncate(from);
+        for member in &members[from..] {
+            let before = self.passed[self.passed.len() - 1].clone();
+            if member.kind.carries() {
+                self.passed.push(Arc::new(pass(signal, member, &before)));
+                self.columns.push(Vec::new());
+            } else {
+                self.columns.push(columns(signal, member, &before));
+                self.passed.push(before);
+            }
+        }
+    }
+
+    /// The position behind every member, rows of the loss.
+    pub fn passed_on_rows(&self, signal: &Signal) -> Vec<f64> {
+        let last = &self.passed[self.passed.len() - 1];
+        signal.rows.iter().map(|&row| last[row] + signal.base_added[row]).collect()
+    }
+}
+
+/// A factor that depends on the step, computed anew only where the step changes.
+struct Cached<T> {
+    step_s: f64,
+    value: T,
+}
+
+impl<T: Copy> Cached<T> {
+    fn get(&mut self, step_s: f64, compute: impl Fn(f64) -> T) -> T {
+        if step_s != self.step_s {
+            (self.step_s, self.value) = (step_s, compute(step_s));
+        }
+        self.value
+    }
+}
+
+/// The position behind an effect that changes it.
+fn pass(s: &Signal, member: &Member, x: &[f64]) -> Vec<f64> {
+    let values = &member.values;
+    match member.kind {
+        Kind::Latency => delayed(s, x, values[0]),
+        Kind::Lag => lagged(s, x, values[0]),
+        Kind::RateLimit => with_memory(s, x, |last, x, dt| last + (x - last).clamp(-values[0] * dt, values[0] * dt)),
+        Kind::SecondOrder => {
+            let mut cached = Cached { step_s: f64::NAN, value: [0.0; 4] };
+            let mut speed = 0.0;
+            let mut position = 0.0;
+            (0..x.len())
+                .map(|k| {
+                    if s.fresh[k] {
+                        (position, speed) = (x[k], 0.0);
+                    } else {
+                        let [a, b, c, d] = cached.get(s.step_s[k], |dt| second_order_step(values[0], values[1], dt));
+                        let off = position - x[k];
+                        (position, speed) = (x[k] + a * off + b * speed, c * off + d * speed);
+                    }
+                    position
+                })
+                .collect()
+        }
+        Kind::Backlash => played(s, x, values[0], &member.starts),
+        Kind::DeadZone => x.iter().map(|x| x - (x - values[1]).clamp(-values[0], values[0])).collect(),
+        Kind::Saturation => x.iter().map(|x| x.clamp(-values[0], values[0])).collect(),
+        _ => x.to_vec(),
+    }
+}
+
+/// The columns of an effect that adds, rows of the loss.
+pub(super) fn columns(s: &Signal, member: &Member, x: &[f64]) -> Vec<Vec<f64>> {
+    let values = &member.values;
+    let on_rows = |of: &dyn Fn(usize) -> f64| -> Vec<f64> { s.rows.iter().map(|&row| of(row)).collect() };
+    let own = &s.inputs[s.joint];
+    let middle = s.low + 0.5 * s.range;
+    // Positions from -1 to 1 where the command is within its range.
+    let unit = |row: usize| (x[row] - middle) / (0.5 * s.range);
+    match member.kind {
+        Kind::Coupling(from) => vec![on_rows(&|row| s.inputs[from][row])],
+        Kind::Periodic => {
+            vec![on_rows(&|row| (TAU * own[row] / values[0]).sin()), on_rows(&|row| (TAU * own[row] / values[0]).cos())]
+        }
+        Kind::BoucWen => {
+            let (mut z, mut last) = (0.0, 0.0);
+            let all: Vec<f64> = (0..x.len())
+                .map(|k| {
+                    z = if s.fresh[k] { member.starts[s.trial[k]] } else { bouc_wen(z, x[k] - last, values[0], 0.0) };
+                    last = x[k];
+                    z
+                })
+                .collect();
+            vec![on_rows(&|row| -all[row])]
+        }
+        Kind::Plays => {
+            let [wide, narrow] = [1.0, 1.0 / 3.0].map(|part| played(s, x, part * values[0], &member.starts));
+            vec![on_rows(&|row| wide[row] - x[row]), on_rows(&|row| narrow[row] - x[row])]
+        }
+        Kind::LoadFriction => {
+            let p = with_memory(s, x, |last, x, _| load_play(last, x, values[0]));
+            vec![on_rows(&|row| p[row] - x[row])]
+        }
+        Kind::Quadratic => vec![on_rows(&|row| unit(row).powi(2))],
+        Kind::Cubic => vec![on_rows(&|row| unit(row).powi(3))],
+        Kind::Curve => vec![on_rows(&|row| unit(row).powi(2)), on_rows(&|row| unit(row).powi(3))],
+        Kind::Creep => {
+            let slow = lagged(s, x, values[0]);
+            vec![on_rows(&|row| -slow[row])]
+        }
+        Kind::Scale => vec![on_rows(&|row| x[row])],
+        Kind::Offset => vec![vec![1.0; s.rows.len()]],
+        Kind::LinearDrift => vec![on_rows(&|row| s.trial_s[row])],
+        Kind::WarmUp => vec![on_rows(&|row| 1.0 - (-s.trial_s[row] / values[0]).exp())],
+        _ => Vec::new(),
+    }
+}
+
+fn with_memory(s: &Signal, x: &[f64], mut step: impl FnMut(f64, f64, f64) -> f64) -> Vec<f64> {
+    let mut last = 0.0;
+    (0..x.len())
+        .map(|k| {
+            last = if s.fresh[k] { x[k] } else { step(last, x[k], s.step_s[k]) };
+            last
+        })
+        .collect()
+}
+
+fn lagged(s: &Signal, x: &[f64], time_s: f64) -> Vec<f64> {
+    let mut cached = Cached { step_s: f64::NAN, value: 0.0 };
+    with_memory(s, x, |last, x, dt| last + (x - last) * cached.get(dt, |dt| 1.0 - (-dt / time_s).exp()))
+}
+
+fn played(s: &Signal, x: &[f64], half_width: f64, starts: &[f64]) -> Vec<f64> {
+    let mut p = 0.0;
+    (0..x.len())
+        .map(|k| {
+            if s.fresh[k] {
+                p = x[k] + starts[s.trial[k]] * half_width;
+            }
+            p = play(p, x[k], half_width);
+            p
+        })
+        .collect()
+}
+
+/// The position of `delay_s` ago, or ahead where it is negative; at a trial's ends the first and last one.
+fn delayed(s: &Signal, x: &[f64], delay_s: f64) -> Vec<f64> {
+    let n = x.len();
+    let (mut first, mut at) = (0, 0);
+    let mut end = 0;
+    (0..n)
+        .map(|k| {
+            if s.fresh[k] {
+                (first, at) = (k, k);
+                end = (k + 1..n).find(|row| s.fresh[*row]).unwrap_or(n);
+            }
+            let then = s.time_s[k] - delay_s;
+            if then <= s.time_s[first] {
+                return x[first];
+            }
+            while at + 1 < end && s.time_s[at + 1] <= then {
+                at += 1;
+            }
+            if at + 1 >= end {
+                return x[end - 1];
+            }
+            let step = s.time_s[at + 1] - s.time_s[at];
+            let part = if step > 0.0 { (then - s.time_s[at]) / step } else { 1.0 };
+            x[at] + (x[at + 1] - x[at]) * part
+        })
+        .collect()
+}
