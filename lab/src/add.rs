@@ -48,10 +48,10 @@ const TOLERANCE: f64 = 1e-6;
 /// [`LabError`] for an effect or a parameter that the machine does not have, and where it makes no chain.
 pub fn add(machine: &dyn Machine, data: &Measurements, options: &AddOptions) -> Result<Added, LabError> {
     let parameters = machine.parameters(&options.term)?;
-    if let Some(joints) = machine.as_joints().filter(|_| !options.from_given && options.free.is_empty()) {
-        if let Some(added) = crate::joint::add(joints, data, &options.term)? {
-            return Ok(added);
-        }
+    if let Some(joints) = machine.as_joints().filter(|_| !options.from_given && options.free.is_empty())
+        && let Some(added) = crate::joint::add(joints, data, &options.term)?
+    {
+        return Ok(added);
     }
     let calibrated = machine.as_joints().map(|joints| crate::joint::calibrated(joints, data)).transpose()?;
     let machine = calibrated.as_ref().map_or(machine, |joints| joints as &dyn Machine);

@@ -16,7 +16,7 @@ fn machine(text: &str) -> (ModelFile, JointsLab) {
 }
 
 fn wrist() -> (JointsLab, Measurements) {
-    let (file, machine) = machine("n = 1\n");
+    let (file, machine) = machine("n = 1\ngain = [1.0]\noffset = [0.0]\n");
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/joint.csv");
     let data = read(&path, &ColumnMap::default(), file.machine().into()).expect("good");
     (machine, data)

@@ -297,14 +297,12 @@ pub(super) fn of_machine(
             prior: if let Number::Near(near, se) = number { Some((near * scale, se * scale)) } else { None },
             is_held: matches!(number, Number::Held(_)),
         };
-    let numbers = values.gains.iter().zip(&values.offsets).enumerate();
-    let both = |(r, (gain, offset)): (usize, (&(f64, f64), &(f64, f64)))| {
-        [
-            one("gain", r, machine.gain_known(joint), *gain, &gain_unit, 1.0),
-            one("offset", r, machine.offset_known(joint), *offset, unit, scale),
-        ]
-    };
-    numbers.flat_map(both).collect()
+    let mut all = Vec::new();
+    for (r, (gain, offset)) in values.gains.iter().zip(&values.offsets).enumerate() {
+        all.push(one("gain", r, machine.gain_known(joint), *gain, &gain_unit, 1.0));
+        all.push(one("offset", r, machine.offset_known(joint), *offset, unit, scale));
+    }
+    all
 }
 
 /// Every candidate, the best of all joints.

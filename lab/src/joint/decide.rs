@@ -194,11 +194,13 @@ impl Case<'_> {
             verdict = Verdict::TooShort;
             needed_s = Some(seconds * 2.0 * FEWEST_TIMES / times);
         }
-        if fit.members.is_empty() && matches!(verdict, Verdict::Unknown | Verdict::TooShort) {
-            if let Some(own) = hypotheses.or_else(|| (!best.members.is_empty()).then(|| best.clone())) {
-                after = held_out(signal, &own, loss, &blocks, 3);
-                fit = own;
-            }
+        let idea = hypotheses.or_else(|| (!best.members.is_empty()).then(|| best.clone()));
+        if fit.members.is_empty()
+            && matches!(verdict, Verdict::Unknown | Verdict::TooShort)
+            && let Some(own) = idea
+        {
+            after = held_out(signal, &own, loss, &blocks, 3);
+            fit = own;
         }
         let order: Vec<Kind> = order(last, &fit).into_iter().map(|(kind, _)| kind).collect();
         let steps = steps(last, &fit, &order, &blocks, &before, &after);
