@@ -2,7 +2,8 @@
 
 use crate::BenchError;
 use core::sync::atomic::{AtomicU32, Ordering};
-use std::fs;
+use std::fs::{self, DirBuilder};
+use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 
 /// Where shared memory is.
@@ -16,7 +17,7 @@ pub struct Scratch {
 }
 
 impl Scratch {
-    /// A new, empty folder under a name that nobody else has.
+    /// A new, empty folder that nobody else may enter, under a name that nobody else has.
     ///
     /// # Errors
     /// [`BenchError::File`].
@@ -24,7 +25,7 @@ impl Scratch {
         static N_MADE: AtomicU32 = AtomicU32::new(0);
         let prefix = format!("krait-bench-{}-{}.", std::process::id(), N_MADE.fetch_add(1, Ordering::Relaxed));
         let folder = std::env::temp_dir().join(prefix.trim_end_matches('.'));
-        fs::create_dir_all(&folder).map_err(BenchError::file("made", &folder))?;
+        DirBuilder::new().mode(0o700).create(&folder).map_err(BenchError::file("made", &folder))?;
         Ok(Self { folder, prefix })
     }
 

@@ -2,20 +2,22 @@
 
 use crate::bell::Bell;
 use crate::membership::Membership;
+use crate::memory::{PrivateMemory, look_for_room, take_room};
 use crate::message::Message;
 use crate::{InstanceName, IpcError, ReadOptions, Reader, StopSwitch, Writer};
+use core::sync::atomic::AtomicBool;
 use core::time::Duration;
 use iceoryx2::config::Config;
 use iceoryx2::node::{NodeState, NodeView};
 use iceoryx2::prelude::{
     AttributeVerifier, CallbackProgression, FileName, MessagingPattern, Node, NodeBuilder, NodeName, Path as IoxPath,
-    SemanticString, Service as _, ServiceName, SignalHandlingMode, ipc,
+    SemanticString, Service as _, ServiceName, SignalHandlingMode,
 };
 use iceoryx2::service::attribute::{AttributeKey, AttributeValue};
 use iceoryx2::service::port_factory::{PortFactory as _, publish_subscribe};
 use std::sync::Arc;
 
-pub(crate) type Shm = ipc::Service;
+pub(crate) type Shm = PrivateMemory;
 pub(crate) type DataService<M> = publish_subscribe::PortFactory<Shm, M, ()>;
 
 /// Readers a channel can have at once: the next stage, estimator, recorder, console, lab, and room for a user's own tools.
@@ -23,7 +25,7 @@ pub(crate) const MAX_READERS: usize = 24;
 /// Samples that a late reader gets from before it joined: the newest one, so that it knows the state at once.
 pub(crate) const HISTORY: usize = 1;
 /// Samples that a reader may hold at the same time.
-const MAX_BORROWED: usize = 2;
+pub(crate) const MAX_BORROWED: usize = 2;
 /// Processes that may use a channel at once.
 const MAX_NODES: usize = 32;
 /// Attribute that carries the payload's version.
@@ -55,13 +57,22 @@ impl Bus {
     /// # Errors
     /// [`IpcError::InstanceName`] or [`IpcError::Node`].
     pub fn open(instance: &str, process: &str) -> Result<Self, IpcError> {
+        Self::open_unless(instance, process, &AtomicBool::new(false))
+    }
+
+    /// The same, given up when `stop` is set while another process holds the instance's lock.
+    ///
+    /// # Errors
+    /// As [`Bus::open`].
+    pub fn open_unless(instance: &str, process: &str, stop: &AtomicBool) -> Result<Self, IpcError> {
         let instance = InstanceName::new(instance)?;
         let failed = |source_text: String| IpcError::Node {
             instance: instance.as_str().to_owned(),
             process: process.to_owned(),
             source_text,
         };
-        let membership = Membership::join(&instance).map_err(|e| failed(e.to_string()))?;
+        let membership = Membership::join(&instance, stop).map_err(|e| failed(e.to_string()))?;
+        look_for_room(&instance.folder()).map_err(|e| failed(e.to_string()))?;
         let config = config_for(&instance).map_err(&failed)?;
         let name = NodeName::new(process).map_err(|e| failed(format!("{e:?}")))?;
         let node = NodeBuilder::new()
@@ -115,7 +126,10 @@ impl Bus {
     /// # Errors
     /// [`IpcError::SecondWriter`], [`IpcError::Version`] or [`IpcError::Channel`].
     pub fn writer_on<M: Message>(&self, channel: &str) -> Result<Writer<M>, IpcError> {
-        Writer::open(self.address(channel), &self.data_service::<M>(channel)?, self.bell(channel)?)
+        self.look_for_room(channel)?;
+        let writer = Writer::open(self.address(channel), &self.data_service::<M>(channel)?, self.bell(channel)?)?;
+        self.take_room(channel)?;
+        Ok(writer)
     }
 
     /// Becomes a reader of a message's own channel.
@@ -131,8 +145,20 @@ impl Bus {
     /// # Errors
     /// [`IpcError::TooManyReaders`], [`IpcError::Version`] or [`IpcError::Channel`].
     pub fn reader_on<M: Message>(&self, channel: &str, options: ReadOptions) -> Result<Reader<M>, IpcError> {
+        self.look_for_room(channel)?;
         let bell = if options.wakes() { Some(self.bell(channel)?) } else { None };
-        Reader::open(self.address(channel), &self.data_service::<M>(channel)?, bell, options)
+        let reader = Reader::open(self.address(channel), &self.data_service::<M>(channel)?, bell, options)?;
+        self.take_room(channel)?;
+        Ok(reader)
+    }
+
+    fn look_for_room(&self, channel: &str) -> Result<(), IpcError> {
+        look_for_room(&self.instance.folder())
+            .map_err(|e| self.address(channel).failed("looking for room", e.to_string()))
+    }
+
+    fn take_room(&self, channel: &str) -> Result<(), IpcError> {
+        take_room(&self.instance.folder()).map_err(|e| self.address(channel).failed("taking room", e.to_string()))
     }
 
     fn address(&self, channel: &str) -> Address {
@@ -182,12 +208,12 @@ impl Bus {
     /// [`IpcError::Channel`] when shared memory cannot be had.
     pub fn stop_switch(&self) -> Result<StopSwitch, IpcError> {
         StopSwitch::open(&self.instance.bell_path("stop"))
-            .map_err(|e| self.address("stop").failed("opening it in /dev/shm", e.to_string()))
+            .map_err(|e| self.address("stop").failed("opening it", e.to_string()))
     }
 
     fn bell(&self, channel: &str) -> Result<Bell, IpcError> {
         Bell::open(&self.instance.bell_path(channel))
-            .map_err(|e| self.address(channel).failed("opening its bell in /dev/shm", e.to_string()))
+            .map_err(|e| self.address(channel).failed("opening its bell", e.to_string()))
     }
 
     fn version_in_use(&self, name: &ServiceName) -> Option<String> {
@@ -226,13 +252,13 @@ fn version_requirement(version: u32) -> Result<AttributeVerifier, String> {
     AttributeVerifier::new().require(&key, &value).map_err(|e| format!("{e:?}"))
 }
 
-/// iceoryx2's settings for one instance: own folder and own prefix, so that instances never see each other, and never a
-/// configuration file from the working directory.
+/// iceoryx2's settings for one instance: a folder of its own, so that instances never see each other, and never a configuration
+/// file from the working directory.
 fn config_for(instance: &InstanceName) -> Result<Config, String> {
     let mut config = Config::default();
     let root = instance.folder();
     let root = IoxPath::new(root.as_os_str().as_encoded_bytes()).map_err(|e| format!("{e:?}"))?;
     config.global.set_root_path(&root);
-    config.global.prefix = FileName::new(instance.prefix().as_bytes()).map_err(|e| format!("{e:?}"))?;
+    config.global.prefix = FileName::new(b"krait.").map_err(|e| format!("{e:?}"))?;
     Ok(config)
 }

@@ -13,7 +13,7 @@ pub enum IpcError {
     },
     /// Shared memory or the node's files could not be made.
     #[error(
-        "process {process:?} could not join instance {instance:?}: {source_text}; check that /dev/shm and /tmp are writable and not full"
+        "process {process:?} could not join instance {instance:?}: {source_text}; `krait doctor` looks at what it needs"
     )]
     Node {
         /// The instance.

@@ -1,12 +1,8 @@
 //! One chain on a machine: its name, and the files that carry it.
 
 use crate::IpcError;
+use crate::ground::ground;
 use std::path::{Path, PathBuf};
-
-/// Where iceoryx2 keeps the small files of every krait instance (its shared memory is in /dev/shm).
-const ROOT: &str = "/tmp/krait";
-/// Where shared memory is.
-const SHARED_MEMORY: &str = "/dev/shm";
 
 /// A checked instance name: 1 to 32 of a-z, 0-9, '-' and '_'.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -30,46 +26,37 @@ impl InstanceName {
         &self.0
     }
 
-    /// Prefix of every file of this instance. The trailing dot keeps instance `a` from owning the files of `ab`.
-    pub(crate) fn prefix(&self) -> String {
-        format!("krait.{}.", self.0)
-    }
-
     /// The bell of a channel: a file of this instance like those of iceoryx2, and removed with them.
     pub(crate) fn bell_path(&self, channel: &str) -> PathBuf {
-        Path::new(SHARED_MEMORY).join(format!("{}{}.bell", self.prefix(), channel.replace('/', ".")))
+        self.folder().join(format!("{}.bell", channel.replace('/', ".")))
     }
 
-    /// The folder of this instance; it exists while the instance has members and goes with the last.
+    /// The folder of this instance, shared memory included; it exists while the instance has members and goes with the last.
     pub fn folder(&self) -> PathBuf {
-        Path::new(ROOT).join(&self.0)
+        ground().join(&self.0)
+    }
+
+    /// The file whose lock says who is in.
+    pub fn lock_path(&self) -> PathBuf {
+        ground().join(format!("{}.lock", self.0))
     }
 }
 
-/// Every file in /dev/shm and under the instance's folder that belongs to an instance; empty after a clean end.
+/// Every file that belongs to an instance; empty after a clean end.
 pub fn resources_of(instance: &InstanceName) -> Vec<PathBuf> {
-    let prefix = instance.prefix();
     let mut found = Vec::new();
-    collect(Path::new(SHARED_MEMORY), false, &mut |p| {
-        if p.file_name().is_some_and(|n| n.to_string_lossy().starts_with(&prefix)) {
-            found.push(p.to_owned());
-        }
-    });
-    collect(&instance.folder(), true, &mut |p| found.push(p.to_owned()));
+    collect(&instance.folder(), &mut found);
     found.sort();
     found
 }
 
-fn collect(folder: &Path, deep: bool, visit: &mut dyn FnMut(&Path)) {
+fn collect(folder: &Path, found: &mut Vec<PathBuf>) {
     let Ok(entries) = std::fs::read_dir(folder) else { return };
     for entry in entries.flatten() {
-        let path = entry.path();
-        if path.is_dir() {
-            if deep {
-                collect(&path, deep, visit);
-            }
+        if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
+            collect(&entry.path(), found);
         } else {
-            visit(&path);
+            found.push(entry.path());
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use core::ptr::NonNull;
 use core::sync::atomic::AtomicU32;
-use rustix::fs::{Mode, OFlags, fstat, ftruncate, open};
+use rustix::fs::{FallocateFlags, Mode, OFlags, fallocate, fstat, open};
 use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
 use rustix::process::geteuid;
 use std::io;
@@ -38,7 +38,8 @@ impl SharedWords {
             return Err(io::Error::new(io::ErrorKind::PermissionDenied, "the file belongs to another user"));
         }
         if u64::try_from(stat.st_size).unwrap_or(0) < bytes as u64 {
-            ftruncate(&file, bytes as u64)?;
+            // Room for it as well: a page without would kill whoever touches it.
+            fallocate(&file, FallocateFlags::empty(), 0, bytes as u64)?;
         }
         #[allow(unsafe_code)]
         // SAFETY: a fresh mapping at an address of the kernel's choice touches nothing that exists; the file is large enough.

@@ -2,7 +2,7 @@
 
 use crate::IpcError;
 use crate::bell::Bell;
-use crate::bus::{Address, DataService, Shm};
+use crate::bus::{Address, DataService, HISTORY, MAX_BORROWED, MAX_READERS, Shm};
 use crate::message::Message;
 use iceoryx2::port::publisher::{Publisher, PublisherCreateError};
 
@@ -17,7 +17,9 @@ pub struct Writer<M: Message> {
 
 impl<M: Message> Writer<M> {
     pub(crate) fn open(address: Address, data: &DataService<M>, bell: Bell) -> Result<Self, IpcError> {
-        let publisher = data.publisher_builder().max_loaned_samples(1).create().map_err(|error| match error {
+        let builder =
+            data.publisher_builder().max_loaned_samples(1).override_sample_preallocation(|_| n_samples::<M>());
+        let publisher = builder.create().map_err(|error| match error {
             PublisherCreateError::ExceedsMaxSupportedPublishers => {
                 IpcError::SecondWriter { instance: address.instance.clone(), channel: address.channel.clone() }
             }
@@ -69,4 +71,11 @@ impl<M: Message> Writer<M> {
     fn failed(&self, doing: &'static str, error: &dyn core::fmt::Debug) -> IpcError {
         self.address.failed(doing, format!("{error:?}"))
     }
+}
+
+/// Samples that can be in use at once, all readers together: their queues hold some of the newest `DEPTH` (a full one drops
+/// its oldest), each reader has a few in hand, and the next one is being written. iceoryx2 would take room for as many in
+/// each queue.
+const fn n_samples<M: Message>() -> usize {
+    M::DEPTH + HISTORY + MAX_READERS * (MAX_BORROWED + 1) + 2
 }

@@ -37,7 +37,7 @@ pub fn run(config: &Config, plan: &Plan, listeners: Listeners, stop: &AtomicBool
     let scratch = Scratch::new()?;
     let instance = scratch.prefix().trim_start_matches("krait-").trim_end_matches('.').to_owned();
     let options = chain_options(config, plan, &scratch)?;
-    let mut supervisor = Supervisor::new(&instance)?;
+    let mut supervisor = Supervisor::new(&instance, stop)?;
     if listeners.recorder {
         supervisor.start_recorder(&options.config, stop)?;
     }

@@ -3,8 +3,8 @@
 use crate::budget::Budget;
 use anyhow::{Context, bail};
 use krait_bridge::{CompensateConfig, EstimateConfig, ResolveConfig};
-use krait_ipc::Realtime;
 use krait_ipc::message::Compensation;
+use krait_ipc::{Realtime, input};
 use krait_master::MasterConfig;
 use krait_model::model_file::ModelFile;
 use krait_model::{Chain, Columns, MachineParameters, Snake};
@@ -12,6 +12,9 @@ use krait_record::RecordConfig;
 use krait_slave::SlaveConfig;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
+
+/// What stands for the standard input in place of a configuration's path.
+pub const STANDARD_INPUT: &str = "-";
 
 /// Everything that can be set about a chain.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -40,14 +43,18 @@ pub struct Config {
 }
 
 impl Config {
-    /// Reads a configuration, or gives the defaults where no file is named.
+    /// Reads a configuration, `-` from standard input, or gives the defaults where no file is named.
     ///
     /// # Errors
     /// One sentence with file, line and key.
     pub fn load(path: Option<&Path>) -> anyhow::Result<Self> {
         let Some(path) = path else { return Ok(Self::default()) };
-        let text = std::fs::read_to_string(path)
-            .with_context(|| format!("the configuration {} could not be read", path.display()))?;
+        let text = if path == Path::new(STANDARD_INPUT) {
+            input::text_from(&mut std::io::stdin(), input::CONFIG_BYTES)
+        } else {
+            input::text(path, input::CONFIG_BYTES)
+        };
+        let text = text.with_context(|| format!("the configuration {} could not be read", path.display()))?;
         let config = Self::parse(&text).with_context(|| format!("configuration {}", path.display()))?;
         config.check().with_context(|| format!("configuration {}", path.display()))?;
         Ok(config)

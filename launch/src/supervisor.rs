@@ -7,15 +7,18 @@ use crate::authority::Authority;
 use crate::budget::BudgetWatch;
 use crate::cli::MasterKind;
 use crate::commands;
-use crate::config::Config;
+use crate::config::{Config, STANDARD_INPUT};
 use anyhow::{Context, bail};
 use core::time::Duration;
 use krait_ipc::message::{Health, OperatingState, SlaveState, Transition};
 use krait_ipc::{Bus, Process, ReadOptions, Reader, clock, health_channel};
+use rustix::fs::{MemfdFlags, memfd_create};
 use rustix::process::{Pid, Signal, kill_process};
 use std::ffi::OsString;
+use std::fs::File;
+use std::io::{Seek, Write};
 use std::os::unix::process::CommandExt;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -92,8 +95,8 @@ impl Supervisor {
     ///
     /// # Errors
     /// One sentence when the instance is taken or shared memory cannot be used.
-    pub fn new(instance: &str) -> anyhow::Result<Self> {
-        let bus = Bus::open(instance, "launch")?;
+    pub fn new(instance: &str, stop: &AtomicBool) -> anyhow::Result<Self> {
+        let bus = Bus::open_unless(instance, "launch", stop)?;
         let is_of_a_chain =
             |(name, pid): &(String, u32)| *pid != std::process::id() && !commands::TOOLS.contains(&name.as_str());
         if let Some((name, pid)) = bus.members().into_iter().find(is_of_a_chain) {
@@ -123,8 +126,7 @@ impl Supervisor {
     /// # Errors
     /// One sentence: it ended (it has said why), or a stop was asked for.
     pub fn start_recorder(&mut self, config: &Config, stop: &AtomicBool) -> anyhow::Result<()> {
-        let config_path = self.write_config(config)?;
-        self.spawn(Process::Record, &config_path, &[])?;
+        self.spawn(Process::Record, config, &[])?;
         self.wait_until("the recorder is ready", stop, |s| s.is_ready(Process::Record))
     }
 
@@ -133,7 +135,6 @@ impl Supervisor {
     /// # Errors
     /// One sentence: a process ended (it has said why) or did not become ready, or a stop was asked for.
     pub fn start_chain(&mut self, options: &ChainOptions, stop: &AtomicBool) -> anyhow::Result<()> {
-        let config_path = self.write_config(&options.config)?;
         self.children.retain(|running| !running.ended);
         self.newest_state = None;
         if self.budget.is_none() {
@@ -143,7 +144,7 @@ impl Supervisor {
         let cast = || Process::START_ORDER.into_iter().filter(|process| options.cast.processes.contains(process));
         for process in cast() {
             let arguments = arguments_of(process, options);
-            self.spawn(process, &config_path, &arguments)?;
+            self.spawn(process, &options.config, &arguments)?;
             // One after the other: whoever speaks is heard by everyone from its first word. In a replay all are silent
             // until the last is ready.
             if is_live {
@@ -234,18 +235,17 @@ impl Supervisor {
         self.end_one(Process::Record) && chain
     }
 
-    fn spawn(&mut self, process: Process, config_path: &Path, arguments: &[OsString]) -> anyhow::Result<()> {
+    fn spawn(&mut self, process: Process, config: &Config, arguments: &[OsString]) -> anyhow::Result<()> {
         let program = std::env::current_exe().context("the krait program could not find itself")?;
         let mut command = Command::new(program);
         command
             .arg(process.name())
-            .arg("--config")
-            .arg(config_path)
+            .args(["--config", STANDARD_INPUT])
             .args(["--instance", &self.instance])
             .args(arguments);
         // A group of its own: Ctrl-C reaches the supervisor alone, which then ends the processes in order.
         command.process_group(0).env(SUPERVISOR_PID, std::process::id().to_string());
-        command.stdin(Stdio::null()).stdout(Stdio::null());
+        command.stdin(in_memory(config)?).stdout(Stdio::null());
         let child = command.spawn().with_context(|| format!("process `{process}` could not be started"))?;
         tracing::info!(process = process.name(), pid = child.id(), "started");
         self.children.push(Running { process, child, ended: false });
@@ -317,13 +317,14 @@ impl Supervisor {
             }
         }
     }
+}
 
-    /// The complete configuration, for the children; it lies in the instance's folder and goes with it.
-    fn write_config(&self, config: &Config) -> anyhow::Result<PathBuf> {
-        let path = self.bus.instance().folder().join("config.toml");
-        std::fs::write(&path, config.to_toml()?).with_context(|| format!("{} could not be written", path.display()))?;
-        Ok(path)
-    }
+/// The complete configuration for a child, as a file that has no name: nobody can put another in its place.
+fn in_memory(config: &Config) -> anyhow::Result<File> {
+    let could_not = "the configuration could not be handed over";
+    let mut file = File::from(memfd_create("krait.toml", MemfdFlags::CLOEXEC).context(could_not)?);
+    file.write_all(config.to_toml()?.as_bytes()).and_then(|()| file.rewind()).context(could_not)?;
+    Ok(file)
 }
 
 impl Running {

@@ -5,6 +5,7 @@ use crate::{MasterError, RawReport, RecordingHeader, RecordingWriter};
 use crossbeam_channel::{Receiver, Sender, TrySendError, bounded};
 use std::fs::File;
 use std::io::{self, BufWriter};
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -29,7 +30,7 @@ impl ReportLog {
         let (vendor_id, product_id) = vid_pid;
         let layout = crate::devices::layout_of(vendor_id, product_id);
         let notes = vec!["recorded by krait master".to_owned()];
-        let file = BufWriter::new(File::create_new(path).map_err(failed)?);
+        let file = BufWriter::new(File::options().write(true).create_new(true).mode(0o600).open(path).map_err(failed)?);
         let header = RecordingHeader { vendor_id, product_id, layout, notes };
         let writer = RecordingWriter::new(file, &header).map_err(failed)?;
         let (queue, reports) = bounded(QUEUE);

@@ -12,6 +12,7 @@ use mcap::{Compression, McapError, WriteOptions};
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io;
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -27,6 +28,8 @@ pub(crate) const PROFILE: &str = "krait";
 pub(crate) const VERSION_KEY: &str = "krait.payload.version";
 /// zstd's fastest ordinary level: the thread shares its core with control processes.
 const ZSTD_LEVEL: u32 = 1;
+/// A recording is about a person: nobody else reads it until its owner says so.
+const PRIVATE: u32 = 0o600;
 /// Bytes of a message record beside its payload: opcode, length, channel, sequence, two times.
 const MESSAGE_OVERHEAD: usize = 1 + 8 + 2 + 4 + 8 + 8;
 /// A stamp further than this from the moment of recording would make the time axis useless in every viewer, ns.
@@ -218,7 +221,7 @@ pub(crate) fn create_file(path: &Path) -> Result<File, RecordError> {
     if let Some(folder) = path.parent() {
         fs::create_dir_all(folder).map_err(|source| RecordError::Create { path: path.to_owned(), source })?;
     }
-    File::options().write(true).create_new(true).open(path).map_err(failed)
+    File::options().write(true).create_new(true).mode(PRIVATE).open(path).map_err(failed)
 }
 
 pub(crate) fn options() -> WriteOptions {

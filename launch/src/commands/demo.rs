@@ -56,7 +56,7 @@ fn record_passes(
     evidence: &mut Evidence,
     stop: &AtomicBool,
 ) -> anyhow::Result<()> {
-    let mut supervisor = Supervisor::new(&common.instance)?;
+    let mut supervisor = Supervisor::new(&common.instance, stop)?;
     supervisor.start_recorder(config, stop)?;
     evidence.processes("recorder", &supervisor.processes());
     for mode in PASSES {

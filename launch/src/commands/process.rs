@@ -32,7 +32,7 @@ fn run_named(common: &Common, process: &ProcessVerb) -> anyhow::Result<()> {
     let config = Config::load(common.config.as_deref())?;
     config.check()?;
     apply_realtime(&config, &common.instance, process);
-    let bus = Bus::open(&common.instance, process.process().name())?;
+    let bus = Bus::open_unless(&common.instance, process.process().name(), &stop)?;
     match process {
         ProcessVerb::Master(args) => run_master(&bus, &config, args, &stop)?,
         ProcessVerb::Resolve(args) => {

@@ -69,7 +69,7 @@ struct Figures {
 /// Plays a file and says what came of it.
 pub fn run(common: &Common, args: &ReplayArgs) -> anyhow::Result<ExitCode> {
     let stop = signals::stop_flag()?;
-    let mut supervisor = Supervisor::new(&recorded::instance_of(&common.instance, "replay"))?;
+    let mut supervisor = Supervisor::new(&recorded::instance_of(&common.instance, "replay"), &stop)?;
     let setup = Setup::of(common, args, &supervisor.bus().instance().folder())?;
     let recording = match args.no_recording {
         true => None,

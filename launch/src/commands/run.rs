@@ -24,7 +24,7 @@ pub fn run(common: &Common, args: &RunArgs) -> anyhow::Result<ExitCode> {
         cast: Cast::live(),
     };
     let mut evidence = Evidence::default();
-    let mut supervisor = Supervisor::new(&common.instance)?;
+    let mut supervisor = Supervisor::new(&common.instance, &stop)?;
     if !args.no_recording {
         supervisor.start_recorder(&options.config, &stop)?;
     }

@@ -56,7 +56,7 @@ pub fn run(common: &Common, args: &VerifyArgs) -> anyhow::Result<ExitCode> {
         verified_with: recorded::this_program(),
         ..Verdict::default()
     };
-    let mut supervisor = Supervisor::new(&recorded::instance_of(&common.instance, "verify"))?;
+    let mut supervisor = Supervisor::new(&recorded::instance_of(&common.instance, "verify"), &stop)?;
     let folder = supervisor.bus().instance().folder();
     let config = recorded::config_of(recording, &folder).with_context(of_recording)?;
     let has_inputs = parts.iter().any(|part| part.contents().channels.contains_key(&Channel::Input));

@@ -1,28 +1,23 @@
-//! Shared memory and the instances' files: room, permission, and what dead chains left behind.
+//! The private ground of the instances: room, permission, and what dead chains left behind.
 
 use super::Finding;
-use krait_ipc::{InstanceName, resources_of};
+use krait_ipc::{InstanceName, ground, resources_of};
 use rustix::fs::{FlockOperation, StatVfs, flock, statvfs};
 use std::collections::BTreeSet;
 use std::fs::{self, File};
-use std::path::Path;
 
-const SHARED_MEMORY: &str = "/dev/shm";
-const FOLDER: &str = "/tmp/krait";
-/// A chain with its recorder needs this much room in shared memory, MB, several times over.
-const NEEDED_MB: u64 = 256;
+/// A chain with its recorder takes some 30 MB; several of them, and a user's own tools, have room in this much, MB.
+const NEEDED_MB: u64 = 128;
 
-/// Whether shared memory can be written, and has room.
+/// Whether channels can be made, and have room.
 pub fn shared_memory() -> Finding {
-    const NAME: &str = "/dev/shm";
-    let probe = Path::new(SHARED_MEMORY).join(format!("krait-doctor-{}", std::process::id()));
-    let written = fs::write(&probe, [1]);
-    let _gone_is_fine = fs::remove_file(&probe);
-    if let Err(error) = written {
-        let mend = "sudo mount -t tmpfs -o mode=1777,size=50% tmpfs /dev/shm".to_owned();
-        return Finding::bad(NAME, format!("cannot be written: {error}"), "no process of krait can start", mend);
+    const NAME: &str = "shared memory";
+    let probe = format!("doctor-{}", std::process::id());
+    if let Err(error) = krait_ipc::Bus::open(&probe, "doctor") {
+        let mend = format!("ls -ld {}; sudo mount -o remount,size=50% /dev/shm", ground().display());
+        return Finding::bad(NAME, error.to_string(), "no process of krait can start", mend);
     }
-    match statvfs(SHARED_MEMORY) {
+    match statvfs(ground()) {
         Err(error) => {
             let mend = "sudo mount -t tmpfs -o mode=1777,size=50% tmpfs /dev/shm".to_owned();
             Finding::bad(NAME, format!("cannot be looked at: {error}"), "no process of krait can start", mend)
@@ -36,32 +31,13 @@ fn free_mb(stat: &StatVfs) -> u64 {
 }
 
 fn judge_room(free_mb: u64) -> Finding {
-    const NAME: &str = "/dev/shm";
-    let found = format!("writable, {free_mb} MB free");
+    const NAME: &str = "shared memory";
+    let found = format!("{} is private, {free_mb} MB free", ground().display());
     if free_mb >= NEEDED_MB {
-        return Finding::good(NAME, found, "the channels of a chain have room");
+        return Finding::good(NAME, found, "the channels of a chain have room, and no other user reaches them");
     }
     let mend = "sudo mount -o remount,size=50% /dev/shm".to_owned();
     Finding::bad(NAME, found, "the channels of a chain may not have room, and it would not start", mend)
-}
-
-/// Whether the folder of the instances can be written.
-pub fn folder() -> Finding {
-    const NAME: &str = "/tmp/krait";
-    let folder = Path::new(FOLDER);
-    if !folder.exists() {
-        return Finding::good(NAME, "not there yet".to_owned(), "the first chain makes it");
-    }
-    let probe = folder.join(format!("doctor-{}", std::process::id()));
-    let written = fs::write(&probe, [1]);
-    let _gone_is_fine = fs::remove_file(&probe);
-    match written {
-        Ok(()) => Finding::good(NAME, "writable".to_owned(), "instances can keep their small files"),
-        Err(error) => {
-            let mend = "sudo chmod 1777 /tmp/krait".to_owned();
-            Finding::bad(NAME, format!("cannot be written: {error}"), "no process of krait can start", mend)
-        }
-    }
 }
 
 /// What chains that died left behind.
@@ -73,10 +49,8 @@ pub fn stale() -> Finding {
     }
     let count = |name: &String| InstanceName::new(name).map_or(0, |name| resources_of(&name).len());
     let n_files: usize = stale.iter().map(count).sum();
-    let mend: Vec<String> = stale
-        .iter()
-        .map(|name| format!("rm -rf /dev/shm/krait.{name}.* {FOLDER}/{name} {FOLDER}/{name}.lock"))
-        .collect();
+    let ground = ground().display();
+    let mend: Vec<String> = stale.iter().map(|name| format!("rm -rf {ground}/{name} {ground}/{name}.lock")).collect();
     Finding::advice(
         NAME,
         format!("{} ({n_files} files)", stale.join(", ")),
@@ -87,24 +61,18 @@ pub fn stale() -> Finding {
 
 /// Names of every instance that has a file anywhere.
 fn instances() -> BTreeSet<String> {
-    let names_in = |folder: &str, name_of: fn(&str) -> Option<&str>| {
-        let entries = fs::read_dir(folder).into_iter().flatten().flatten();
-        let names = entries.filter_map(|entry| name_of(&entry.file_name().to_string_lossy()).map(str::to_owned));
-        names.collect::<Vec<_>>()
-    };
-    let mut names = names_in(SHARED_MEMORY, |file| file.strip_prefix("krait.")?.split('.').next());
-    names.extend(names_in(FOLDER, |file| Some(file.strip_suffix(".lock").unwrap_or(file))));
-    names.into_iter().filter(|name| InstanceName::new(name).is_ok()).collect()
+    let entries = fs::read_dir(ground()).into_iter().flatten().flatten();
+    let names = entries.map(|entry| entry.file_name().to_string_lossy().trim_end_matches(".lock").to_owned());
+    names.filter(|name| InstanceName::new(name).is_ok()).collect()
 }
 
 /// Whether nobody is in an instance that has left something: its members share a lock that the kernel releases.
 fn is_dead(name: &str) -> bool {
     let Ok(name) = InstanceName::new(name) else { return false };
-    let has_files = !resources_of(&name).is_empty();
-    match File::options().read(true).append(true).open(name.folder().with_extension("lock")) {
+    match File::options().read(true).append(true).open(name.lock_path()) {
         // Let go of at once, with the file.
         Ok(lock) => flock(&lock, FlockOperation::NonBlockingLockExclusive).is_ok(),
-        Err(_) => has_files,
+        Err(_) => !resources_of(&name).is_empty(),
     }
 }
 
@@ -127,9 +95,10 @@ mod tests {
         let bus = krait_ipc::Bus::open(&name, "test").expect("bus");
         assert!(instances().contains(&name) && !is_dead(&name));
         drop(bus);
-        let left = Path::new(SHARED_MEMORY).join(format!("krait.{name}.left"));
-        fs::write(&left, [0]).expect("a file as a killed process leaves it");
+        let folder = ground().join(&name);
+        fs::create_dir(&folder).expect("made");
+        fs::write(folder.join("left"), [0]).expect("a file as a killed process leaves it");
         assert!(instances().contains(&name) && is_dead(&name));
-        fs::remove_file(&left).expect("removed");
+        fs::remove_dir_all(&folder).expect("removed");
     }
 }

@@ -71,7 +71,7 @@ impl Finding {
 pub fn look() -> Vec<Finding> {
     let mut findings = vec![kernel::preemption(), kernel::governor(), kernel::clock_source(), kernel::cores()];
     findings.extend([limits::rtprio(), limits::memlock()]);
-    findings.extend([memory::shared_memory(), memory::folder(), memory::stale()]);
+    findings.extend([memory::shared_memory(), memory::stale()]);
     findings.push(devices::hidraw());
     findings
 }
