@@ -10,8 +10,6 @@ use std::path::Path;
 
 /// Most bytes of a configuration, a model file or a truth file: a hundred times the longest that anybody wrote by hand.
 pub const CONFIG_BYTES: u64 = 1 << 20;
-/// Most bytes of a script, a trajectory or a recording of reports: an hour at 1 kHz takes 200 MB.
-pub const MOTION_BYTES: u64 = 1 << 28;
 /// Most bytes of a table of measurements.
 pub const TABLE_BYTES: u64 = 1 << 30;
 /// For files that are read piece by piece, in memory that does not grow with them.
@@ -26,16 +24,22 @@ pub fn regular(path: &Path, max_bytes: u64) -> io::Result<File> {
     // Without NONBLOCK, opening a named pipe waits for its writer; a regular file is read the same with it.
     let flags = OFlags::RDONLY | OFlags::NONBLOCK | OFlags::NOCTTY | OFlags::CLOEXEC;
     let file = open(path, flags, Mode::empty())?;
-    let stat = fstat(&file)?;
-    match FileType::from_raw_mode(stat.st_mode) {
+    match FileType::from_raw_mode(fstat(&file)?.st_mode) {
         FileType::RegularFile => {}
         other => return Err(io::Error::new(io::ErrorKind::InvalidInput, refusal(other))),
     }
-    let n_bytes = u64::try_from(stat.st_size).unwrap_or(u64::MAX);
-    if n_bytes > max_bytes {
-        return Err(too_large(n_bytes, max_bytes));
-    }
-    Ok(File::from(file))
+    let file = File::from(file);
+    check_size(&file, max_bytes)?;
+    Ok(file)
+}
+
+/// Looks whether an open file has at most `max_bytes` bytes.
+///
+/// # Errors
+/// Its size ([`io::ErrorKind::FileTooLarge`]).
+pub fn check_size(file: &File, max_bytes: u64) -> io::Result<()> {
+    let n_bytes = file.metadata()?.len();
+    if n_bytes > max_bytes { Err(too_large(n_bytes, max_bytes)) } else { Ok(()) }
 }
 
 /// The bytes of a regular file.

@@ -3,6 +3,7 @@
 use crate::machine::{Machine, machine_of};
 use crate::read::{ColumnMap, ReadError, read};
 use crate::{LabError, Measurements};
+use krait_ipc::input;
 use krait_model::model_file::{ModelFile, ModelFileError};
 use std::path::{Path, PathBuf};
 
@@ -63,8 +64,8 @@ impl Session {
 /// # Errors
 /// [`SessionError::Unreadable`] and [`SessionError::Model`].
 pub fn open_model(path: &Path) -> Result<ModelFile, SessionError> {
-    let text =
-        std::fs::read_to_string(path).map_err(|source| SessionError::Unreadable { path: path.to_owned(), source })?;
+    let text = input::text(path, input::CONFIG_BYTES)
+        .map_err(|source| SessionError::Unreadable { path: path.to_owned(), source })?;
     ModelFile::parse(&text).map_err(|source| SessionError::Model { path: path.to_owned(), source })
 }
 

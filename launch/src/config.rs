@@ -87,7 +87,7 @@ impl Config {
     pub fn chain(&self) -> anyhow::Result<Option<Chain>> {
         match (self.compensate.mode, &self.model) {
             (Compensation::Model, Some(path)) => {
-                let text = std::fs::read_to_string(path)
+                let text = input::text(path, input::CONFIG_BYTES)
                     .with_context(|| format!("the model file {} could not be read", path.display()))?;
                 chain_of(&text).with_context(|| format!("model file {}", path.display())).map(Some)
             }
@@ -115,7 +115,7 @@ impl Config {
         self.realtime.check()?;
         self.budget.check()?;
         if let Some(chain) = self.chain()? {
-            chain.compensator()?;
+            chain.plausible(self.resolve.max_bend_rad)?.context("the model must not steer a machine")?;
         }
         if self.resolve.max_bend_rad > core::f64::consts::FRAC_PI_2 {
             bail!("[resolve] max_bend_rad = {}: expected at most pi/2", self.resolve.max_bend_rad);

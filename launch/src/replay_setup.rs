@@ -9,7 +9,7 @@ use krait_ipc::Process;
 use krait_ipc::message::Compensation;
 use krait_model::Snake;
 use krait_record::Recording;
-use krait_replay::{Beginning, InputChoice, InputTrack, Program, Score, Trajectory, TrajectoryLimits};
+use krait_replay::{Beginning, InputChoice, InputTrack, Program, ReplayError, Score, Trajectory, TrajectoryLimits};
 use std::path::{Path, absolute};
 
 /// Where a trajectory's own time begins, ns: after zero, so that nothing comes out negative.
@@ -82,6 +82,12 @@ impl Setup {
         start_ns: i64,
         n_loops: u64,
     ) -> anyhow::Result<Self> {
+        let [x, y] = start_bend_rad;
+        let limit = config.resolve.max_bend_rad;
+        // Written so that NaN is refused; a setpoint may stand at its limit, which rounding can pass.
+        if !(x.hypot(y) <= limit + 1e-6) {
+            return Err(ReplayError::StartBend { found: start_bend_rad, limit }.into());
+        }
         let snake = Snake::new(&config.machine)?;
         let program = Program::new(score, start_bend_rad, n_loops, snake, config.resolve.view_roll_rad);
         let device = ["trajectory".to_owned(), "none (trajectory)".to_owned()];

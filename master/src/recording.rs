@@ -19,7 +19,8 @@
 
 use crate::recording_lines::{DAMAGED, Lines, note};
 use crate::{Layout, MasterError, RawReport};
-use std::io::Read;
+use krait_ipc::input;
+use std::io;
 use std::path::Path;
 
 pub(crate) const MAGIC: &str = "krait-report-recording 1";
@@ -160,13 +161,10 @@ impl Recording {
 
 /// Reads a file of at most `limit_bytes`; never more, whatever the file claims to be.
 pub(crate) fn read_bounded(path: &Path, limit_bytes: u64) -> Result<Vec<u8>, MasterError> {
-    let failed = |source| MasterError::File { path: path.to_owned(), doing: "read", source };
-    let mut bytes = Vec::new();
-    std::fs::File::open(path).map_err(failed)?.take(limit_bytes + 1).read_to_end(&mut bytes).map_err(failed)?;
-    if bytes.len() as u64 > limit_bytes {
-        return Err(MasterError::TooLarge { file: path.display().to_string(), limit_bytes });
-    }
-    Ok(bytes)
+    input::bytes(path, limit_bytes).map_err(|source| match source.kind() {
+        io::ErrorKind::FileTooLarge => MasterError::TooLarge { file: path.display().to_string(), limit_bytes },
+        _ => MasterError::File { path: path.to_owned(), doing: "read", source },
+    })
 }
 
 /// Text of a foreign file, made harmless and short enough for a sentence.

@@ -53,7 +53,7 @@ mod tip;
 
 pub use chain::{
     Chain, ChainCompensator, ChainError, ChainMemory, ChainSettings, ChainStatus, Circumstances, Columns, Command,
-    CommandTangents, EffectSetting, Prediction, PredictionTangents, Predictor, PredictorTangents,
+    CommandTangents, EffectSetting, Implausible, Prediction, PredictionTangents, Predictor, PredictorTangents,
 };
 pub use change::{Change, ChangeKind, ChangeParameters, ChangeWatch, Innovation};
 pub use compensator::{Compensated, CompensationMode, Compensator, CompensatorParameters};

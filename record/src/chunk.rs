@@ -5,6 +5,11 @@ use mcap::records::{self, MessageHeader, Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use std::ops::Range;
 
+/// The largest chunk that can be configured, and a message over it.
+const MAX_UNPACKED_BYTES: u64 = 20 << 20;
+/// Schemas of other programs take some kilobytes.
+const MAX_DEFINITION_BYTES: usize = 256 * 1024;
+
 /// Definitions and messages of one chunk, or of one record outside any chunk.
 #[derive(Default)]
 pub(crate) struct ChunkRecords {
@@ -41,6 +46,7 @@ impl ChunkRecords {
 
     fn unpack(&mut self, body: &[u8]) -> Result<(), String> {
         check_chunk_lengths(body)?;
+        check_unpacked_length(body)?;
         let mut length = [0; 9];
         length[0] = op::CHUNK;
         length[1..].copy_from_slice(&(body.len() as u64).to_le_bytes());
@@ -69,6 +75,12 @@ impl ChunkRecords {
         if !matches!(opcode, op::SCHEMA | op::CHANNEL | op::MESSAGE) {
             return Ok(());
         }
+        if opcode != op::MESSAGE && body.len() > MAX_DEFINITION_BYTES {
+            return Err(format!(
+                "a definition in it takes {} bytes, expected at most {MAX_DEFINITION_BYTES}",
+                body.len()
+            ));
+        }
         match mcap::parse_record(opcode, body).map_err(|error| error.to_string())? {
             Record::Schema { header, data } => self.schemas.push((header, data.into_owned())),
             Record::Channel(channel) => self.channels.push(channel),
@@ -93,6 +105,17 @@ fn check_chunk_lengths(body: &[u8]) -> Result<(), String> {
         return Err("its lengths contradict each other".to_owned());
     }
     Ok(())
+}
+
+/// A chunk of a hundred kilobytes can claim, and hold, gigabytes: it is unpacked only if the memory for it is known to be
+/// little.
+fn check_unpacked_length(body: &[u8]) -> Result<(), String> {
+    match u64_at(body, 16).ok_or("its header is cut")? {
+        n_bytes if n_bytes > MAX_UNPACKED_BYTES => {
+            Err(format!("it unpacks to {n_bytes} bytes, expected at most {MAX_UNPACKED_BYTES}"))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Whether an attachment record is long enough for what its header says; `mcap` assumes so.

@@ -100,6 +100,11 @@ pub enum Missing {
     },
 }
 
+/// Attachments and metadata are held in memory; those of a chain take some kilobytes.
+const MAX_HELD_BYTES: usize = 32 << 20;
+/// Damaged records that are named one by one.
+const MAX_MISSING: usize = 1000;
+
 /// Channel ids of a file; `None` for topics of other programs.
 pub(crate) type Directory = BTreeMap<u16, Option<Channel>>;
 
@@ -143,6 +148,7 @@ struct Scan<'a> {
     views: BTreeSet<u16>,
     counts: BTreeMap<u16, ChannelContents>,
     chunk: ChunkRecords,
+    n_held_bytes: usize,
 }
 
 impl<'a> Scan<'a> {
@@ -156,6 +162,7 @@ impl<'a> Scan<'a> {
             views: BTreeSet::new(),
             counts: BTreeMap::new(),
             chunk: ChunkRecords::default(),
+            n_held_bytes: 0,
         }
     }
 
@@ -166,8 +173,15 @@ impl<'a> Scan<'a> {
                 self.damaged(offset, "its lengths contradict each other".to_owned());
                 Ok(())
             }
+            op::ATTACHMENT | op::METADATA if self.n_held_bytes + body.len() > MAX_HELD_BYTES => {
+                self.damaged(offset, format!("attachments and metadata take more than {MAX_HELD_BYTES} bytes"));
+                Ok(())
+            }
             op::HEADER | op::ATTACHMENT | op::METADATA | op::FOOTER => match mcap::parse_record(opcode, body) {
-                Ok(record) => self.outer(record),
+                Ok(record) => {
+                    self.n_held_bytes += body.len();
+                    self.outer(record)
+                }
                 Err(error) => {
                     self.damaged(offset, error.to_string());
                     Ok(())
@@ -205,7 +219,7 @@ impl<'a> Scan<'a> {
             self.damaged(offset, what);
         }
         for (schema, _) in self.chunk.schemas.drain(..) {
-            self.schemas.insert(schema.id, (schema.name, schema.encoding));
+            self.schemas.insert(schema.id, (shortened(schema.name), shortened(schema.encoding)));
         }
         for channel in self.chunk.channels.drain(..) {
             let known = known_channel(self.path, offset, &channel, self.schemas.get(&channel.schema_id))?;
@@ -226,7 +240,9 @@ impl<'a> Scan<'a> {
     }
 
     fn damaged(&mut self, offset: u64, what: String) {
-        self.contents.missing.push(Missing::Record { offset, what });
+        if self.contents.missing.len() < MAX_MISSING {
+            self.contents.missing.push(Missing::Record { offset, what });
+        }
     }
 
     fn end(mut self, ending: &Step) -> Result<(Contents, Directory), ReadError> {
@@ -269,6 +285,11 @@ impl<'a> Scan<'a> {
         }
         Ok((self.contents, self.directory))
     }
+}
+
+/// Names are held in memory; no name of krait is longer than this, and a cut one is none of krait's.
+pub(crate) fn shortened(name: String) -> String {
+    if name.len() <= 256 { name } else { name.chars().take(64).collect() }
 }
 
 /// The channel that a definition stands for, or `None` for a topic of another program.

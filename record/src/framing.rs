@@ -8,7 +8,7 @@ use mcap::records::op;
 use std::io::{self, Read};
 
 /// No record of krait is longer; a longer one is skipped.
-pub(crate) const MAX_RECORD_BYTES: u64 = 64 << 20;
+pub(crate) const MAX_RECORD_BYTES: u64 = 32 << 20;
 
 /// Bytes of a record's opcode and length.
 pub(crate) const RECORD_HEAD: u64 = 9;

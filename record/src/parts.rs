@@ -6,7 +6,8 @@
 use crate::about::About;
 use crate::config::RecordConfig;
 use crate::error::RecordError;
-use crate::syncer::Syncer;
+use crate::sink::RecordingSink;
+use crate::syncer::{Syncer, is_still_at};
 use crate::writer::RecordingWriter;
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -98,7 +99,11 @@ impl<'a> Parts<'a> {
     /// # Errors
     /// As [`RecordingWriter::finish`].
     pub(crate) fn finish(self, end: &BTreeMap<String, String>) -> Result<u64, RecordError> {
-        Ok(self.n_bytes_before + self.writer.finish(end)?)
+        let path = part_path(&self.first_path, self.number);
+        let (n_bytes, mut file) = self.writer.close(end)?;
+        let whole = file.sync().and_then(|()| is_still_at(&file, &path));
+        whole.map_err(|source| RecordError::Write { path, offset: n_bytes, source })?;
+        Ok(self.n_bytes_before + n_bytes)
     }
 }
 

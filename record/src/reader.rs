@@ -2,11 +2,12 @@
 
 use crate::between::recorded;
 use crate::chunk::ChunkRecords;
-use crate::contents::{Contents, Directory, known_channel, scan, scan_beginning};
+use crate::contents::{Contents, Directory, known_channel, scan, scan_beginning, shortened};
 use crate::error::ReadError;
 use crate::framing::{Framing, Step};
 use crate::parts::NEXT_PART_KEY;
 use crate::writer::{METADATA, METADATA_END};
+use krait_ipc::input;
 use krait_schema::{Channel, Sample};
 use mcap::MAGIC;
 use mcap::records::{Record, op};
@@ -197,7 +198,7 @@ impl Samples {
     /// A file that was opened by its beginning is known no further than it has been read.
     fn learn_channels(&mut self, offset: u64) -> Result<(), ReadError> {
         for (schema, _) in self.chunk.schemas.drain(..) {
-            self.schemas.insert(schema.id, (schema.name, schema.encoding));
+            self.schemas.insert(schema.id, (shortened(schema.name), shortened(schema.encoding)));
         }
         for channel in self.chunk.channels.drain(..) {
             let known = known_channel(&self.path, offset, &channel, self.schemas.get(&channel.schema_id))?;
@@ -214,7 +215,7 @@ fn part_named(path: &Path, end: &BTreeMap<String, String>) -> Option<PathBuf> {
 
 pub(crate) fn behind_magic(path: &Path) -> Result<BufReader<File>, ReadError> {
     let failed = |source| ReadError::Io { path: path.to_owned(), offset: 0, source };
-    let mut file = BufReader::new(File::open(path).map_err(failed)?);
+    let mut file = BufReader::new(input::regular(path, input::ANY_BYTES).map_err(failed)?);
     let mut found = Vec::new();
     file.by_ref().take(MAGIC.len() as u64).read_to_end(&mut found).map_err(failed)?;
     if found == MAGIC {

@@ -114,9 +114,13 @@ fn length(path: &Path) -> Result<u64, ReadError> {
     metadata.map(|m| m.len()).map_err(|source| ReadError::Io { path: path.to_owned(), offset: 0, source })
 }
 
+/// Definitions are held in memory; those of a chain take some kilobytes.
+const MAX_DEFINITIONS_BYTES: usize = 32 << 20;
+
 /// Schemas and channels, wherever in the file they stand: chunks repeat none, but a summary at the end repeats all.
 #[derive(Default)]
 struct Definitions {
+    n_bytes: usize,
     schemas: BTreeMap<u16, (records::SchemaHeader, Vec<u8>)>,
     channels: BTreeMap<u16, records::Channel>,
 }
@@ -129,7 +133,10 @@ impl Definitions {
                 && chunk.read(opcode, body).is_ok()
             {
                 for (header, data) in chunk.schemas.drain(..) {
-                    all.schemas.entry(header.id).or_insert((header, data));
+                    if all.n_bytes + data.len() <= MAX_DEFINITIONS_BYTES {
+                        all.n_bytes += data.len();
+                        all.schemas.entry(header.id).or_insert((header, data));
+                    }
                 }
                 for channel in chunk.channels.drain(..) {
                     all.channels.entry(channel.id).or_insert(channel);

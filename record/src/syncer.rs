@@ -8,14 +8,15 @@ use core::time::Duration;
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender};
 use std::fs::File;
 use std::io;
-use std::path::Path;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 /// What the thread is told. The queue between the two is bounded by the parts of a recording: a few an hour.
 #[derive(Debug)]
 pub(crate) enum Job {
     /// This file is being written now.
-    Watch(File),
+    Watch(File, PathBuf),
     /// This file is complete.
     Close(File),
 }
@@ -40,7 +41,7 @@ impl<'a> Syncer<'a> {
     /// Has a file that is being written synced from now on.
     pub(crate) fn watch(&self, path: &Path) {
         match File::open(path) {
-            Ok(file) => self.tell(Job::Watch(file)),
+            Ok(file) => self.tell(Job::Watch(file, path.to_owned())),
             Err(error) => tracing::warn!(%error, path = %path.display(), "it will not be synced before its end"),
         }
     }
@@ -64,19 +65,35 @@ impl<'a> Syncer<'a> {
 
 /// The thread: syncs the file that is being written once a period, and each complete one, until the other end is gone.
 pub(crate) fn sync_all(jobs: &Receiver<Job>, period: Duration, failure: &Failure) {
-    let mut watched: Option<File> = None;
+    let mut watched: Option<(File, PathBuf)> = None;
     loop {
         let synced = match jobs.recv_timeout(period) {
-            Ok(Job::Watch(file)) => {
-                watched = Some(file);
+            Ok(Job::Watch(file, path)) => {
+                watched = Some((file, path));
                 Ok(())
             }
             Ok(Job::Close(mut file)) => file.sync(),
-            Err(RecvTimeoutError::Timeout) => watched.as_ref().map_or(Ok(()), File::sync_data),
+            Err(RecvTimeoutError::Timeout) => watched.as_ref().map_or(Ok(()), |(file, path)| {
+                file.sync_data()?;
+                is_still_at(file, path)
+            }),
             Err(RecvTimeoutError::Disconnected) => return,
         };
         if let Err(error) = synced {
             *failure.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
         }
     }
+}
+
+/// Whether a file that is written still has its name: otherwise all of it is lost at the end.
+pub(crate) fn is_still_at(file: &File, path: &Path) -> io::Result<()> {
+    let written = file.metadata()?;
+    let place = |found: &std::fs::Metadata| (found.dev(), found.ino());
+    let what = match std::fs::metadata(path) {
+        Ok(named) if place(&named) == place(&written) => return Ok(()),
+        Ok(_) => "another file was put in its place while it was written",
+        Err(error) if error.kind() == io::ErrorKind::NotFound => "it was deleted or moved while it was written",
+        Err(error) => return Err(error),
+    };
+    Err(io::Error::new(io::ErrorKind::NotFound, what))
 }

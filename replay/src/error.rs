@@ -103,6 +103,17 @@ pub enum ReplayError {
         /// How far it may be away, deg.
         limit_deg: f64,
     },
+    /// A recorded setpoint from which nothing can begin.
+    #[error(
+        "its setpoint at the beginning is {found:?} rad, expected a bend of at most {limit:.4} rad; choose another beginning \
+         with --from, or a recording that is not damaged"
+    )]
+    StartBend {
+        /// The bend vector, rad.
+        found: [f64; 2],
+        /// Largest bend, rad.
+        limit: f64,
+    },
     /// A trajectory was refused.
     #[error(transparent)]
     Trajectory(#[from] crate::TrajectoryError),

@@ -20,6 +20,8 @@ use std::collections::VecDeque;
 pub const UNDER_WAY: u64 = 32;
 /// A chain that answers nothing for so long will not answer any more, ns.
 const STALL_NS: i64 = 20_000_000_000;
+/// The same once a stop was asked for, ns.
+const STALL_AFTER_STOP_NS: i64 = 2_000_000_000;
 
 /// What was sent and what came back.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
@@ -90,6 +92,7 @@ pub struct Player {
     updated_sequence: u64,
     now_ns: i64,
     progress_ns: i64,
+    is_stopping: bool,
 }
 
 impl Player {
@@ -122,6 +125,7 @@ impl Player {
             updated_sequence: 0,
             now_ns: 0,
             progress_ns: clock::monotonic_ns(),
+            is_stopping: false,
         })
     }
 
@@ -171,6 +175,7 @@ impl Player {
     /// Leaves out the rest of the score, comes to rest and ends.
     pub fn stop(&mut self) {
         self.pending = None;
+        self.is_stopping = true;
         self.program.stop();
     }
 
@@ -194,11 +199,12 @@ impl Player {
         if n_taken == 0 && self.counts.sent() == before.sent() {
             self.states.wait(patience)?;
         }
-        if now_ns - self.progress_ns > STALL_NS {
+        let patience_ns = if self.is_stopping { STALL_AFTER_STOP_NS } else { STALL_NS };
+        if now_ns - self.progress_ns > patience_ns {
             return Err(ReplayError::Stalled {
                 sample: self.counts.sent(),
                 n_waiting: self.counts.sent() - self.counts.answered,
-                patience_s: STALL_NS.unsigned_abs() / 1_000_000_000,
+                patience_s: patience_ns.unsigned_abs() / 1_000_000_000,
             });
         }
         Ok((Turn::Going, n_recorded))

@@ -85,11 +85,8 @@ impl Trajectory {
             expected: expected.to_owned(),
             found,
         };
-        let size = std::fs::metadata(path).map_err(|e| whole("a file that can be read", e.to_string()))?.len();
-        if size > MAX_BYTES {
-            return Err(whole("at most 64 MB", format!("{size} bytes")));
-        }
-        let bytes = std::fs::read(path).map_err(|e| whole("a file that can be read", e.to_string()))?;
+        let bytes = krait_ipc::input::bytes(path, MAX_BYTES)
+            .map_err(|e| whole("a file of at most 64 MB that can be read", e.to_string()))?;
         Self::parse(&file, &bytes, snake, limits)
     }
 

@@ -159,7 +159,7 @@ impl Truth {
     /// [`TruthError`]: unreadable, not TOML, an unknown key, a value of the wrong kind or out of its range.
     pub fn load(path: &Path) -> Result<Self, TruthError> {
         let file = path.display().to_string();
-        let text = std::fs::read_to_string(path)
+        let text = krait_ipc::input::text(path, krait_ipc::input::CONFIG_BYTES)
             .map_err(|source| TruthError::Unreadable { file: file.clone(), source_text: source.to_string() })?;
         Self::parse(&text, &file)
     }

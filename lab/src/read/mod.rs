@@ -14,9 +14,9 @@ pub use column_map::{ColumnMap, Mapping};
 pub use error::ReadError;
 
 use crate::Measurements;
+use krait_ipc::input;
 use krait_model::model_file::{Joints, Machine};
 use sha2::{Digest, Sha256};
-use std::fs::File;
 use std::io::{self, Read, Seek};
 use std::path::Path;
 
@@ -65,17 +65,17 @@ impl Expected<'_> {
 /// [`ReadError`], one sentence with file, line and column.
 pub fn read(path: &Path, map: &ColumnMap, expected: Expected) -> Result<Measurements, ReadError> {
     let failed = |source| ReadError::Io { path: path.to_owned(), source };
-    // Asked before opening, which would wait for the other end of a pipe.
-    if !std::fs::metadata(path).map_err(failed)?.is_file() {
-        return Err(ReadError::NotAFile { path: path.to_owned() });
-    }
-    let mut file = File::open(path).map_err(failed)?;
+    let mut file = input::regular(path, input::ANY_BYTES).map_err(|error| match error.kind() {
+        io::ErrorKind::InvalidInput => ReadError::NotAFile { path: path.to_owned() },
+        _ => failed(error),
+    })?;
     let mut start = Vec::new();
     file.by_ref().take(recording::MAGIC.len() as u64).read_to_end(&mut start).map_err(failed)?;
     file.rewind().map_err(failed)?;
     if start == recording::MAGIC {
         return recording::read(path, file, map, expected);
     }
+    input::check_size(&file, input::TABLE_BYTES).map_err(failed)?;
     let mut hashing = Hashing { source: file, hash: Sha256::new() };
     let table = csv::read(path, &mut hashing, map, expected)?;
     let place = table::place(path, &table);

@@ -3,11 +3,15 @@
 use crate::cli::{ModelFileArgs, ModelShowArgs, ModelVerb};
 use crate::print;
 use anyhow::{Context, bail};
+use krait_ipc::input;
 use krait_model::model_file::{FileEffect, Machine, ModelFile, ModelFileError, documented_defaults};
 use krait_model::{ChainError, Columns};
 use serde::Serialize;
 use std::path::Path;
 use std::process::ExitCode;
+
+/// The largest bend that a chain can be configured for, rad.
+const LARGEST_BEND_RAD: f64 = core::f64::consts::FRAC_PI_2;
 
 /// Shows or checks a model file.
 pub fn run(verb: &ModelVerb) -> anyhow::Result<ExitCode> {
@@ -43,7 +47,7 @@ fn check(args: &ModelFileArgs) -> anyhow::Result<ExitCode> {
             } else {
                 print::out(&sentences(&found))?;
             }
-            Ok(ExitCode::SUCCESS)
+            Ok(if found.implausible.is_none() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
         }
         Err(error) => {
             if args.json {
@@ -57,7 +61,8 @@ fn check(args: &ModelFileArgs) -> anyhow::Result<ExitCode> {
 }
 
 fn text_of(path: &Path) -> anyhow::Result<String> {
-    std::fs::read_to_string(path).with_context(|| format!("the model file {} could not be read", path.display()))
+    input::text(path, input::CONFIG_BYTES)
+        .with_context(|| format!("the model file {} could not be read", path.display()))
 }
 
 /// A model file that is none, as `--json` prints it.
@@ -78,6 +83,8 @@ struct Described {
     max_bend_deg: Option<f64>,
     /// Why the live compensator cannot use it; null where it can.
     not_compensable: Option<String>,
+    /// Why it must not steer a machine though every number of it is within bounds; null where it may.
+    implausible: Option<String>,
     effects: Vec<Effect>,
     n_history: usize,
 }
@@ -107,9 +114,10 @@ fn described(path: &Path, model: &ModelFile) -> Result<Described, ModelFileError
     // The file was checked as a whole when it was read; should it fail here, it is the whole file that fails.
     let whole = |source: ChainError| ModelFileError::Chain { line: 1, source };
     let chain = model.chain(every_column).map_err(whole)?;
-    let not_compensable = match &chain {
-        Some(chain) => chain.compensator().err().map(|error| error.to_string()),
-        None => Some("a machine of kind joints has no live compensator".to_owned()),
+    let (not_compensable, implausible) = match chain.as_ref().map(|chain| chain.plausible(LARGEST_BEND_RAD)) {
+        Some(Ok(found)) => (None, found.err().map(|implausible| implausible.to_string())),
+        Some(Err(error)) => (Some(error.to_string()), None),
+        None => (Some("a machine of kind joints has no live compensator".to_owned()), None),
     };
     Ok(Described {
         file: path.display().to_string(),
@@ -120,6 +128,7 @@ fn described(path: &Path, model: &ModelFile) -> Result<Described, ModelFileError
         },
         max_bend_deg: chain.map(|chain| chain.max_bend_rad().to_degrees()),
         not_compensable,
+        implausible,
         effects: model.effects().iter().map(effect).collect(),
         n_history: model.history().len(),
     })
@@ -155,13 +164,18 @@ fn effect(effect: &FileEffect) -> Effect {
 fn sentences(found: &Described) -> String {
     let names: Vec<&str> = found.effects.iter().map(|e| e.name.as_str()).collect();
     let effects = if names.is_empty() { "no effects: elastic lines alone".to_owned() } else { names.join(", ") };
-    let mut text = format!("{}: good; {} with {effects}\n", found.file, found.machine);
+    let mut text = format!("{}: {}; {} with {effects}\n", found.file, verdict(found), found.machine);
     if let Some(degrees) = found.max_bend_deg {
         text += &format!("  bends up to {degrees:.1} deg stay within the strain limit\n");
     }
-    match &found.not_compensable {
+    match found.implausible.as_ref().or(found.not_compensable.as_ref()) {
+        Some(reason) if found.implausible.is_some() => text += &format!("  it must not steer a machine: {reason}\n"),
         Some(reason) => text += &format!("  the compensator cannot use it: {reason}\n"),
         None => text += "  the compensator can use it\n",
     }
     text
+}
+
+fn verdict(found: &Described) -> &'static str {
+    if found.implausible.is_none() { "good" } else { "REFUSED" }
 }

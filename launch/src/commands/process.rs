@@ -4,7 +4,7 @@ use crate::cli::{Common, MasterArgs, MasterKind, ProcessVerb};
 use crate::config::Config;
 use crate::{signals, supervisor};
 use anyhow::{Context, bail};
-use krait_ipc::Bus;
+use krait_ipc::{Bus, input};
 use krait_master::{MasterConfig, Recording, Script, SourceChoice};
 use krait_record::{Attachment, RecordConfig};
 use krait_slave::SlaveConfig;
@@ -112,7 +112,8 @@ pub fn with_attachments(config: &Config) -> anyhow::Result<RecordConfig> {
     record.attachments.push(toml(CONFIG_ATTACHMENT, config.to_toml()?.into_bytes()));
     for (name, path) in [(TRUTH_ATTACHMENT, &config.slave.truth), (MODEL_ATTACHMENT, &config.model)] {
         if let Some(path) = path {
-            let text = std::fs::read(path).with_context(|| format!("{name} from {}", path.display()))?;
+            let text =
+                input::bytes(path, input::CONFIG_BYTES).with_context(|| format!("{name} from {}", path.display()))?;
             record.attachments.push(toml(name, text));
         }
     }

@@ -39,6 +39,8 @@ struct Verdict {
     recorded_with: String,
     /// Version and git revision of this program.
     verified_with: String,
+    /// What the recording is known to lack, in its own order: a file that is cut holds less than was run.
+    missing: Vec<String>,
     /// The first output that differs, if any does.
     first_difference: Option<Difference>,
 }
@@ -52,6 +54,7 @@ pub fn run(common: &Common, args: &VerifyArgs) -> anyhow::Result<ExitCode> {
     let recording = &parts[0];
     let mut verdict = Verdict {
         parts: parts.len(),
+        missing: parts.iter().flat_map(|part| &part.contents().missing).map(ToString::to_string).collect(),
         recorded_with: recorded::made_with(recording),
         verified_with: recorded::this_program(),
         ..Verdict::default()
@@ -122,22 +125,24 @@ fn sentence(verdict: &Verdict) -> String {
     let counts = format!(
         "{setpoints_identical} setpoints and {commands_identical} commands ({bytes_identical} bytes) in {passes} passes"
     );
-    match &verdict.first_difference {
-        None => format!(
-            "identical: {counts} came out of freshly started processes byte for byte as they were recorded; \
+    let missing: String = verdict.missing.iter().map(|what| format!("not whole: {what}\n")).collect();
+    missing
+        + &match &verdict.first_difference {
+            None => format!(
+                "identical: {counts} came out of freshly started processes byte for byte as they were recorded; \
              {recorded_s:.1} s in {took_s:.2} s\n"
-        ),
-        Some(d) => format!(
-            "different: after {counts}, `{}` gives another {} in its output {} of pass {}: recorded {}, now {} \
+            ),
+            Some(d) => format!(
+                "different: after {counts}, `{}` gives another {} in its output {} of pass {}: recorded {}, now {} \
              (recorded with krait {}, verified with krait {})\n",
-            d.process,
-            d.field,
-            d.sequence,
-            d.pass,
-            d.recorded,
-            d.repeated,
-            verdict.recorded_with,
-            verdict.verified_with
-        ),
-    }
+                d.process,
+                d.field,
+                d.sequence,
+                d.pass,
+                d.recorded,
+                d.repeated,
+                verdict.recorded_with,
+                verdict.verified_with
+            ),
+        }
 }

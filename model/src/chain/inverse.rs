@@ -113,6 +113,11 @@ impl ChainCompensator {
         command
     }
 
+    /// What the newest step gave.
+    pub(super) fn last_command(&self) -> &Command {
+        &self.last
+    }
+
     /// What it remembers, for [`ChainCompensator::restore`]. Allocates nothing.
     pub fn memory(&self) -> ChainMemory {
         let InverseCore { memory: effects, friction, play, before, .. } = self.core;

@@ -37,6 +37,7 @@ mod forward;
 mod inverse;
 mod lines;
 mod model;
+mod plausible;
 mod settings;
 mod stages;
 mod tangents;
@@ -45,6 +46,7 @@ pub use circumstances::{ChainStatus, Circumstances};
 pub(crate) use delay::DelayLine;
 pub use forward::{Prediction, Predictor};
 pub use inverse::{ChainCompensator, ChainMemory, Command};
+pub use plausible::Implausible;
 pub use settings::{ChainError, ChainSettings, Columns, EffectSetting};
 pub use tangents::{CommandTangents, PredictionTangents, PredictorTangents};
 
