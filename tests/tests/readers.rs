@@ -1,0 +1,150 @@
+//! Every file that somebody names is read as what it should be, or refused in one sentence: no hang, no gigabytes, no nonsense.
+
+#![allow(clippy::expect_used, reason = "a panic is how a test fails")]
+
+use core::time::Duration;
+use krait_record::{About, Recorded, Recording, RecordingWriter, Sample};
+use krait_tests::{Ended, Krait, TempFolder, instance_name};
+use rustix::fs::{CWD, Mode, mkfifoat};
+use rustix::process::Signal;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+const PATIENCE: Duration = Duration::from_secs(240);
+
+fn shipped(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(name)
+}
+
+/// The commands that read a file, each with the file's place marked.
+const READERS: [&[&str]; 14] = [
+    &["config", "--config", "FILE"],
+    &["run", "--config", "FILE"],
+    &["run", "--model", "FILE"],
+    &["run", "--truth", "FILE"],
+    &["run", "--input", "FILE"],
+    &["run", "--master", "script", "--input", "FILE"],
+    &["verify", "FILE"],
+    &["replay", "FILE", "--no-recording"],
+    &["replay", "FILE.csv", "--no-recording"],
+    &["export", "FILE", "--out", "OUT"],
+    &["recover", "FILE", "--out", "OUT"],
+    &["model", "check", "FILE"],
+    &["lab", "compare", "--model", "FILE", "--data", "DATA"],
+    &["lab", "compare", "--model", "MODEL", "--data", "FILE"],
+];
+
+#[test]
+fn a_pipe_a_device_a_directory_and_two_gigabytes_are_refused_by_every_reader() {
+    let folder = TempFolder::new("readers");
+    let (pipe, zeros, directory, sparse) =
+        (folder.file("pipe"), folder.file("zeros"), folder.file("directory"), folder.file("sparse"));
+    mkfifoat(CWD, &pipe, Mode::RUSR | Mode::WUSR).expect("made");
+    std::os::unix::fs::symlink("/dev/zero", &zeros).expect("made");
+    fs::create_dir(&directory).expect("made");
+    fs::File::create(&sparse).expect("made").set_len(2 << 30).expect("sparse");
+    let (model, data) = (folder.file("model.toml"), folder.file("data.csv"));
+    fs::write(&model, "format = 1\n[machine]\nkind = \"snake\"\n").expect("written");
+    fs::write(&data, "q1_m,q2_m,q3_m,theta_l_rad,delta_rad\n0,0,0,1.5,0\n").expect("written");
+    for path in [pipe, zeros, directory, sparse] {
+        // Some readers go by the ending of the name.
+        std::os::unix::fs::symlink(&path, format!("{path}.csv")).expect("made");
+        for reader in READERS {
+            let (instance, out) = (instance_name("readers"), folder.file("out"));
+            let word = |word: &&str| match *word {
+                "FILE" => path.clone(),
+                "FILE.csv" => format!("{path}.csv"),
+                "OUT" => out.clone(),
+                "MODEL" => model.clone(),
+                "DATA" => data.clone(),
+                other => other.to_owned(),
+            };
+            let mut arguments: Vec<String> = reader.iter().map(word).collect();
+            arguments.extend(["--instance".to_owned(), instance]);
+            if reader[0] == "run" {
+                arguments.extend(["--recording".to_owned(), folder.file("run.mcap")]);
+            }
+            let ended = Ended::of(&arguments, PATIENCE);
+            assert!(matches!(ended.code, Some(1 | 2)), "{arguments:?}: {ended:?}");
+            assert!(ended.sentence().contains(&path), "{arguments:?}: {}", ended.stderr);
+        }
+    }
+}
+
+/// A copy of the shipped recording with its samples changed.
+fn edited(folder: &TempFolder, name: &str, mut edit: impl FnMut(&mut Sample)) -> String {
+    let recording = Recording::open(&shipped("recordings/flick.mcap")).expect("shipped");
+    let contents = recording.contents();
+    let about = About::run("edited", &contents.metadata["krait"], contents.attachments.clone());
+    let path = folder.file(name);
+    let mut writer = RecordingWriter::create(Path::new(&path), 256 * 1024, &about).expect("made");
+    for recorded in recording.samples().expect("samples") {
+        let Recorded { mut sample, .. } = recorded.expect("readable");
+        edit(&mut sample);
+        writer.write(&sample, sample.sample_ns()).expect("written");
+    }
+    writer.finish(&contents.metadata["krait.end"]).expect("finished");
+    path
+}
+
+#[test]
+fn a_recording_whose_setpoints_are_no_numbers_or_enormous_is_refused_before_anything_moves() {
+    let folder = TempFolder::new("setpoints");
+    for (name, bend_rad) in [("nan.mcap", f64::NAN), ("enormous.mcap", 1e9)] {
+        let path = edited(&folder, name, |sample| {
+            if let Sample::Setpoint(setpoint) = sample {
+                setpoint.bend_rad[0] = bend_rad;
+            }
+        });
+        for time in [&["--speed", "max"][..], &["--real-time"][..]] {
+            let arguments = [&["replay", path.as_str(), "--no-recording"], time].concat();
+            let ended = Ended::of(&arguments, PATIENCE);
+            assert_eq!(ended.code, Some(2), "{}", ended.stderr);
+            assert!(ended.sentence().contains("expected a bend of at most"), "{}", ended.stderr);
+        }
+    }
+}
+
+#[test]
+fn a_replay_ends_at_the_first_ctrl_c() {
+    let path = shipped("recordings/flick.mcap").display().to_string();
+    let krait = Krait::start(&["replay", path.as_str(), "--no-recording", "--speed", "0.01"]);
+    std::thread::sleep(Duration::from_secs(3));
+    krait.signal(Signal::INT);
+    let ended = krait.end(PATIENCE);
+    assert!(ended.code.is_some() && !ended.stdout.contains("0.01 times"), "{ended:?}");
+}
+
+#[test]
+fn verify_says_when_a_file_is_cut() {
+    let folder = TempFolder::new("cut");
+    let bytes = fs::read(shipped("recordings/flick.mcap")).expect("shipped");
+    let path = folder.file("cut.mcap");
+    fs::write(&path, &bytes[..bytes.len() * 2 / 3]).expect("written");
+    let ended = Ended::of(&["verify", path.as_str()], PATIENCE);
+    assert!(
+        ended.stdout.contains("not whole: the recording") || ended.stderr.contains("not in the recording"),
+        "{ended:?}"
+    );
+    let json = Ended::of(&["verify", "--json", path.as_str()], PATIENCE);
+    if json.code == Some(0) {
+        assert!(json.json()["missing"].as_array().is_some_and(|missing| !missing.is_empty()), "{}", json.stdout);
+    }
+    let whole = Ended::of(&["verify", &shipped("recordings/flick.mcap").display().to_string()], PATIENCE);
+    assert!(!whole.stdout.contains("not whole"), "{}", whole.stdout);
+}
+
+#[test]
+fn a_model_that_is_nonsense_passes_no_check_and_steers_nothing() {
+    let folder = TempFolder::new("nonsense");
+    let path = folder.file("metre.toml");
+    let effect = "[[effect]]\nkind = \"formula\"\nname = \"metre\"\nhook = \"eps\"\nformula = \"1\"\n";
+    fs::write(&path, format!("format = 1\n[machine]\nkind = \"snake\"\n{effect}")).expect("written");
+    let checked = Ended::of(&["model", "check", path.as_str()], PATIENCE);
+    assert_eq!(checked.code, Some(1), "{checked:?}");
+    assert!(checked.stdout.contains("REFUSED") && checked.stdout.contains("1000.000 mm"), "{}", checked.stdout);
+    let instance = instance_name("nonsense");
+    let run = Ended::of(&["run", "--model", path.as_str(), "--instance", &instance, "--no-recording"], PATIENCE);
+    assert_eq!(run.code, Some(2), "{run:?}");
+    assert!(run.sentence().contains("must not steer a machine"), "{}", run.stderr);
+}
