@@ -3,7 +3,8 @@
 #![allow(clippy::expect_used, reason = "a panic is how a test fails")]
 
 use core::time::Duration;
-use krait_record::{About, Recorded, Recording, RecordingWriter, Sample};
+use krait_record::{About, Recorded, Recording, RecordingWriter};
+use krait_schema::Sample;
 use krait_tests::{Ended, Krait, TempFolder, instance_name};
 use rustix::fs::{CWD, Mode, mkfifoat};
 use rustix::process::Signal;
