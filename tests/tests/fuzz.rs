@@ -1,0 +1,282 @@
+//! Every decoder and every reader of a file against input that was broken on purpose: it is read or refused, and nothing else.
+//!
+//! Each input follows from its reader's name and its number, so that a failure can be repeated: `FUZZ_ONLY=mcap FUZZ_FROM=17`.
+//! By default some hundred inputs each; `FUZZ_SECONDS=600` goes on for that time with each reader (`.ci/long`).
+
+#![allow(clippy::expect_used, clippy::panic, clippy::print_stderr, reason = "a panic is how a test fails")]
+
+use core::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};
+use core::time::Duration;
+use krait_ipc::clock;
+use krait_lab::read::{ColumnMap, Expected, read};
+use krait_master::{Recording as Reports, Report, Script};
+use krait_model::model_file::ModelFile;
+use krait_model::{Columns, MachineParameters, Snake};
+use krait_record::{Recording, recover};
+use krait_replay::{Beginning, InputChoice, Trajectory, TrajectoryLimits};
+use krait_schema::Channel;
+use krait_sim::Truth;
+use krait_tests::TempFolder;
+use std::alloc::{GlobalAlloc, Layout as Memory, System};
+use std::fs;
+use std::path::Path;
+
+struct Counting;
+
+static N_BYTES: AtomicUsize = AtomicUsize::new(0);
+static PEAK: AtomicUsize = AtomicUsize::new(0);
+/// When the input that is being read was begun, ns; 0 between two.
+static BEGUN_NS: AtomicU64 = AtomicU64::new(0);
+
+#[allow(unsafe_code)]
+// SAFETY: every call is handed to the system's allocator unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Memory) -> *mut u8 {
+        let now = N_BYTES.fetch_add(layout.size(), Relaxed) + layout.size();
+        PEAK.fetch_max(now, Relaxed);
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Memory) {
+        N_BYTES.fetch_sub(layout.size(), Relaxed);
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// What one input may take.
+const MOST_BYTES: usize = 256 << 20;
+/// An input that is not done by then hangs, on however busy a machine, ns.
+const HANGS_NS: u64 = 120_000_000_000;
+
+/// A small generator whose numbers are the same everywhere (splitmix64).
+struct Dice(u64);
+
+impl Dice {
+    fn of(name: &str, number: u64) -> Self {
+        let hash = name.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |h, b| (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3));
+        Self(hash ^ number.wrapping_mul(0x9e37_79b9_7f4a_7c15))
+    }
+
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    fn below(&mut self, n: usize) -> usize {
+        (self.next() % n.max(1) as u64) as usize
+    }
+}
+
+/// What breaks numbers in text.
+const WORDS: [&str; 14] = [
+    "nan", "inf", "-inf", "1e999", "-0", "1e-320", "99999999999999999999", "0x10", ",,", "\n\n", "\0", "\u{feff}", "[[", "= ",
+];
+/// What breaks lengths and counts.
+const NUMBERS: [u64; 8] = [0, 1, 0x7f, 0xffff, 0x7fff_ffff, 0xffff_ffff, i64::MAX as u64, u64::MAX];
+
+/// A seed with one to eight things broken.
+fn broken(seed: &[u8], dice: &mut Dice) -> Vec<u8> {
+    let mut bytes = seed.to_vec();
+    for _ in 0..=dice.below(8) {
+        let at = dice.below(bytes.len());
+        let length = dice.below(64).min(bytes.len() - at);
+        match dice.below(9) {
+            0 if at < bytes.len() => bytes[at] ^= 1 << dice.below(8),
+            1 if at < bytes.len() => bytes[at] = dice.next() as u8,
+            2 => bytes.truncate(at),
+            3 => drop(bytes.drain(at..at + length)),
+            4 => {
+                let piece = bytes[at..at + length].to_vec();
+                let to = dice.below(bytes.len());
+                bytes.splice(to..to, piece);
+            }
+            5 => drop(bytes.splice(at..at, WORDS[dice.below(WORDS.len())].bytes())),
+            6 => drop(bytes.splice(at..at + length, WORDS[dice.below(WORDS.len())].bytes())),
+            7 => {
+                let number = NUMBERS[dice.below(NUMBERS.len())].to_le_bytes();
+                let end = (at + 8).min(bytes.len());
+                bytes[at..end].copy_from_slice(&number[..end - at]);
+            }
+            _ => {
+                let times = dice.below(200);
+                let piece = bytes[at..at + length].to_vec();
+                bytes.extend(piece.iter().cycle().take(piece.len() * times));
+            }
+        }
+    }
+    bytes
+}
+
+/// A reader, what it reads when nothing is broken, and how many broken inputs it gets by default.
+struct Reader<'a> {
+    name: &'static str,
+    seeds: Vec<Vec<u8>>,
+    n_inputs: u64,
+    read: Box<dyn Fn(&[u8]) + 'a>,
+}
+
+fn shipped(path: &str) -> Vec<u8> {
+    fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)).expect("shipped")
+}
+
+fn readers(folder: &TempFolder) -> Vec<Reader<'_>> {
+    let snake = Snake::new(&MachineParameters::default()).expect("the default machine");
+    let limits = TrajectoryLimits { max_bend_rad: 1.3, max_bend_vel_rad_per_s: 2.0 };
+    let script = "time_s,tip_vx_m_per_s,tip_vy_m_per_s,tip_vz_m_per_s\n0,0,0,0\n1,0.01,0,0\n2.5,0,0.01,0\n".as_bytes();
+    let reports: Vec<u8> = shipped("master/recordings/default.krr").split_inclusive(|b| *b == b'\n').take(200).flatten().copied().collect();
+    let table: Vec<u8> = shipped("docs/lab-tutorial/hidden.csv").split_inclusive(|b| *b == b'\n').take(300).flatten().copied().collect();
+    let flick = Recording::open(&Path::new(env!("CARGO_MANIFEST_DIR")).join("recordings/flick.mcap")).expect("shipped");
+    let mut payloads = Vec::new();
+    for recorded in flick.samples().expect("samples").step_by(97).take(40) {
+        let mut bytes = Vec::new();
+        krait_schema::encode(&recorded.expect("readable").sample, &mut bytes).expect("encoded");
+        payloads.push(bytes);
+    }
+    let file = |name: &str, bytes: &[u8]| {
+        let path = folder.file(name);
+        fs::write(&path, bytes).expect("written");
+        path
+    };
+    vec![
+        Reader {
+            name: "mcap",
+            seeds: vec![shipped("tests/recordings/flick.mcap")],
+            n_inputs: 60,
+            read: Box::new(move |bytes| {
+                let path = file("fuzz.mcap", bytes);
+                let (path, out) = (Path::new(&path), folder.file("saved.mcap"));
+                if let Ok(recording) = Recording::open(path) {
+                    let n_samples = recording.samples().map_or(0, Iterator::count);
+                    assert!(n_samples < 10_000_000);
+                    let choice = InputChoice { path: path.to_owned(), pass: 1, range_s: 0.0..f64::INFINITY };
+                    drop(Beginning::read(&choice));
+                }
+                drop(recover(path, Path::new(&out)));
+                drop(fs::remove_file(out));
+            }),
+        },
+        Reader {
+            name: "payload",
+            seeds: payloads,
+            n_inputs: 5000,
+            read: Box::new(|bytes| Channel::ALL.into_iter().for_each(|channel| drop(krait_schema::decode(channel, bytes)))),
+        },
+        Reader {
+            name: "report",
+            seeds: vec![vec![1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0], vec![3, 1], vec![2, 0, 1, 0, 1, 0, 1]],
+            n_inputs: 5000,
+            read: Box::new(|bytes| drop(Report::decode(bytes))),
+        },
+        Reader {
+            name: "krr",
+            seeds: vec![reports],
+            n_inputs: 300,
+            read: Box::new(|bytes| drop(Reports::parse("fuzz", bytes))),
+        },
+        Reader {
+            name: "script",
+            seeds: vec![script.to_vec()],
+            n_inputs: 1000,
+            read: Box::new(|bytes| drop(Script::parse("fuzz", bytes))),
+        },
+        Reader {
+            name: "trajectory",
+            seeds: vec![shipped("tests/recordings/flick.csv"), b"time_s,bend_x_rad,bend_y_rad\n0,0,0\n1,0.2,0\n2,0,0.1\n".to_vec()],
+            n_inputs: 300,
+            read: Box::new(move |bytes| drop(Trajectory::parse("fuzz", bytes, &snake, &limits))),
+        },
+        Reader {
+            name: "truth",
+            seeds: vec![shipped("sim/truth/default.toml")],
+            n_inputs: 300,
+            read: Box::new(|bytes| drop(Truth::parse(&String::from_utf8_lossy(bytes), "fuzz"))),
+        },
+        Reader {
+            name: "model",
+            seeds: vec![krait_model::model_file::documented_defaults().into_bytes(), shipped("docs/lab-tutorial/base.toml")],
+            n_inputs: 300,
+            read: Box::new(|bytes| {
+                if let Ok(file) = ModelFile::parse(&String::from_utf8_lossy(bytes)) {
+                    drop(file.chain(Columns::default()));
+                }
+            }),
+        },
+        Reader {
+            name: "table",
+            seeds: vec![table],
+            n_inputs: 200,
+            read: Box::new(move |bytes| {
+                let path = folder.file("fuzz.csv");
+                fs::write(&path, bytes).expect("written");
+                drop(read(Path::new(&path), &ColumnMap::default(), Expected::Snake));
+            }),
+        },
+    ]
+}
+
+/// Ends the program when one input takes too long: a hang cannot be told in another way.
+fn watch() {
+    std::thread::spawn(|| {
+        loop {
+            std::thread::sleep(Duration::from_millis(500));
+            let begun_ns = BEGUN_NS.load(Relaxed);
+            if begun_ns > 0 && (clock::monotonic_ns().unsigned_abs()).saturating_sub(begun_ns) > HANGS_NS {
+                eprintln!("an input hangs; the line before names it");
+                std::process::abort();
+            }
+        }
+    });
+}
+
+#[test]
+fn no_reader_panics_hangs_or_fills_the_memory() {
+    let word = |name: &str| std::env::var(name).ok();
+    let seconds: Option<u64> = word("FUZZ_SECONDS").map(|text| text.parse().expect("FUZZ_SECONDS is a number"));
+    let from: u64 = word("FUZZ_FROM").map_or(0, |text| text.parse().expect("FUZZ_FROM is a number"));
+    let folder = TempFolder::new("fuzz");
+    watch();
+    for reader in readers(&folder).iter().filter(|reader| word("FUZZ_ONLY").is_none_or(|only| only == reader.name)) {
+        reader.seeds.iter().for_each(|seed| (reader.read)(seed));
+        let begun_ns = clock::monotonic_ns();
+        let mut largest = 0;
+        let mut number = from;
+        loop {
+            let elapsed_s = (clock::monotonic_ns() - begun_ns) / 1_000_000_000;
+            let is_over = seconds.map_or(number >= from + reader.n_inputs, |s| elapsed_s >= s.cast_signed());
+            if is_over {
+                break;
+            }
+            let mut dice = Dice::of(reader.name, number);
+            let seed = &reader.seeds[dice.below(reader.seeds.len())];
+            let input = broken(seed, &mut dice);
+            let before = N_BYTES.load(Relaxed);
+            PEAK.store(before, Relaxed);
+            BEGUN_NS.store(clock::monotonic_ns().unsigned_abs(), Relaxed);
+            let done = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| (reader.read)(&input)));
+            BEGUN_NS.store(0, Relaxed);
+            let held = PEAK.load(Relaxed).saturating_sub(before);
+            largest = largest.max(held);
+            assert!(done.is_ok(), "FUZZ_ONLY={} FUZZ_FROM={number} panics", reader.name);
+            assert!(held < MOST_BYTES, "FUZZ_ONLY={} FUZZ_FROM={number} takes {held} bytes", reader.name);
+            number += 1;
+        }
+        println!("{}: {} inputs, at most {} kB", reader.name, number - from, largest / 1024);
+    }
+}
+
+#[test]
+fn every_layout_of_reports_survives_every_short_report() {
+    // Three bytes are all reports that say which they are, with one axis: few enough to try them all.
+    for first in 0..=u8::MAX {
+        for second in 0..=u8::MAX {
+            for bytes in [vec![first], vec![first, second], vec![first, second, 0xff], vec![first, second, 0x7f, 0x80, 0, 1, 2]] {
+                drop(Report::decode(&bytes));
+            }
+        }
+    }
+}
