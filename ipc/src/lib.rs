@@ -47,7 +47,7 @@ pub use ground::ground;
 pub use health_reporter::{HealthReporter, ReadCounts, health_channel};
 pub use instance::{InstanceName, resources_of};
 pub use message::LatencyLimits;
-pub use process::Process;
+pub use process::{Process, WhenLost};
 pub use reader::{ReadOptions, Reader, Received, WaitMode};
 pub use realtime::{Cores, Realtime, RealtimeError, may_lock_all};
 pub use reasons::{Reason, Reasons};

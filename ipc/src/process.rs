@@ -1,4 +1,4 @@
-//! The one table of the processes of a chain: name, order of start and end, turn at the cores.
+//! The one table of the processes of a chain: name, order of start and end, turn at the cores, what its loss means.
 
 use serde::{Serialize, Serializer};
 
@@ -19,22 +19,72 @@ pub enum Process {
     Record,
 }
 
+/// What becomes of a live chain when a process ends or falls silent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WhenLost {
+    /// It is started again; the snake holds until it is engaged anew.
+    HoldAndRestart,
+    /// It is started again; the snake moves on.
+    Restart,
+    /// It is not started again; the snake moves on.
+    GoOn,
+}
+
 /// What is fixed about a process.
 struct Row {
     process: Process,
     name: &'static str,
     /// Its turn when the cores are given out; none: it is no part of the chain's latency and keeps out of the way.
     core_turn: Option<usize>,
+    when_lost: WhenLost,
+    /// What its loss means, for a person.
+    loss: &'static str,
 }
 
 /// In the order of the chain, which is that of the enumeration.
 const TABLE: [Row; 6] = [
-    Row { process: Process::Master, name: "master", core_turn: Some(0) },
-    Row { process: Process::Resolve, name: "resolve", core_turn: Some(1) },
-    Row { process: Process::Compensate, name: "compensate", core_turn: Some(2) },
-    Row { process: Process::Estimate, name: "estimate", core_turn: None },
-    Row { process: Process::Slave, name: "slave", core_turn: Some(3) },
-    Row { process: Process::Record, name: "record", core_turn: None },
+    Row {
+        process: Process::Master,
+        name: "master",
+        core_turn: Some(0),
+        when_lost: WhenLost::HoldAndRestart,
+        loss: "no operator is heard until it runs again",
+    },
+    Row {
+        process: Process::Resolve,
+        name: "resolve",
+        core_turn: Some(1),
+        when_lost: WhenLost::HoldAndRestart,
+        loss: "the operator's motion leads nowhere until it runs again",
+    },
+    Row {
+        process: Process::Compensate,
+        name: "compensate",
+        core_turn: Some(2),
+        when_lost: WhenLost::HoldAndRestart,
+        loss: "the drives are told nothing until it runs again",
+    },
+    Row {
+        process: Process::Estimate,
+        name: "estimate",
+        core_turn: None,
+        when_lost: WhenLost::Restart,
+        loss: "the motion goes on with the parameters that were learnt; learning begins anew",
+    },
+    Row {
+        process: Process::Slave,
+        name: "slave",
+        core_turn: Some(3),
+        when_lost: WhenLost::HoldAndRestart,
+        loss: "the drives are without power until it runs again",
+    },
+    Row {
+        process: Process::Record,
+        name: "record",
+        core_turn: None,
+        when_lost: WhenLost::GoOn,
+        loss: "the motion is not affected; nothing more is recorded",
+    },
 ];
 
 impl Process {
@@ -63,6 +113,16 @@ impl Process {
     /// Its turn when the cores are given out ([`crate::Realtime::apply`]); `None` for a process that no sample waits for.
     pub fn core_turn(self) -> Option<usize> {
         self.row().core_turn
+    }
+
+    /// What becomes of a live chain without it.
+    pub fn when_lost(self) -> WhenLost {
+        self.row().when_lost
+    }
+
+    /// What its loss means, in words.
+    pub fn loss(self) -> &'static str {
+        self.row().loss
     }
 
     fn row(self) -> &'static Row {

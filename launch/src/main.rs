@@ -19,6 +19,7 @@ mod recorded;
 mod replay_orders;
 mod replay_setup;
 mod signals;
+mod silence;
 mod supervisor;
 
 use anyhow::Context;

@@ -1,15 +1,15 @@
-//! Ctrl-C, SIGTERM and SIGHUP as one flag, and the promise that a child does not outlive its supervisor.
+//! Ctrl-C, Ctrl-Z, Ctrl-\, SIGTERM and SIGHUP as one flag, and the promise that a child does not outlive its supervisor.
 
 use anyhow::Context;
 use rustix::process::{Signal, getppid, set_parent_process_death_signal};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGTSTP};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-/// The flag that a stop signal sets. A second signal of the same kind does nothing more: the end is already under way.
+/// The flag that a stop signal sets. Ctrl-Z is one: a supervisor that sleeps while the snake goes on watches nobody. A second signal of the same kind does nothing more: the end is already under way.
 pub fn stop_flag() -> anyhow::Result<Arc<AtomicBool>> {
     let stop = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM, SIGHUP] {
+    for signal in [SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGTSTP] {
         signal_hook::flag::register(signal, Arc::clone(&stop))
             .with_context(|| format!("signal {signal} could not be caught"))?;
     }

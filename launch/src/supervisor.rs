@@ -1,17 +1,19 @@
 //! Starts the chain's processes, watches them, and ends them in order: nothing stays behind, whatever happens.
 //!
-//! Invariant: a chain is whole or it ends. When one process dies, the slave stops by itself, and the others are ended in an
-//! order that lets the recorder write the last message of every other process.
+//! Invariant: whoever dies or hangs, the slave stops by itself. In a chain of `krait run` the lost process is started again
+//! and nobody else is, not engaged; every other chain is whole or it ends. What ends does so in an order that lets the
+//! recorder write the last message of every other process.
 
 use crate::authority::Authority;
 use crate::budget::BudgetWatch;
 use crate::cli::MasterKind;
 use crate::commands;
 use crate::config::{Config, STANDARD_INPUT};
+use crate::silence::{HANGS_NS, Silence};
 use anyhow::{Context, bail};
 use core::time::Duration;
 use krait_ipc::message::{Health, OperatingState, SlaveState, Transition};
-use krait_ipc::{Bus, Process, ReadOptions, Reader, clock, health_channel};
+use krait_ipc::{Bus, Process, ReadOptions, Reader, WhenLost, clock, health_channel};
 use rustix::fs::{MemfdFlags, memfd_create};
 use rustix::process::{Pid, Signal, kill_process};
 use std::ffi::OsString;
@@ -29,6 +31,10 @@ pub const SUPERVISOR_PID: &str = "KRAIT_SUPERVISOR_PID";
 const READY_PATIENCE: Duration = Duration::from_secs(60);
 /// A process that has not ended by then is killed; a recorder may have seconds of samples to write.
 const END_PATIENCE: Duration = Duration::from_secs(10);
+/// A process that is lost this often within [`LOSSES_WITHIN_NS`] will not come right by itself.
+const MOST_LOSSES: usize = 5;
+/// The time that losses are counted over, ns.
+const LOSSES_WITHIN_NS: i64 = 60_000_000_000;
 /// How often children and channels are looked at while nothing else happens.
 const LOOK_EVERY: Duration = Duration::from_millis(5);
 
@@ -41,6 +47,13 @@ pub struct Supervisor {
     newest_state: Option<SlaveState>,
     budget: Option<BudgetWatch>,
     authority: Authority,
+    silence: Silence,
+    /// What the chain was started with, if a process of it that is lost shall come back.
+    comes_back: Option<ChainOptions>,
+    /// Whether the slave was started again and has yet to be enabled.
+    slave_is_new: bool,
+    losses: Vec<Loss>,
+    n_forced: u32,
     // Last: the instance's files go when its last member goes.
     bus: Bus,
 }
@@ -50,10 +63,18 @@ pub struct Supervisor {
 #[error("a process of the chain has said why it ended")]
 pub struct AlreadyTold;
 
+/// A process of a live chain that was lost.
+struct Loss {
+    process: Process,
+    at_ns: i64,
+}
+
 struct Running {
     process: Process,
     child: Child,
     ended: bool,
+    /// Whether it was killed because it said nothing.
+    hung: bool,
 }
 
 /// What the chain shall run with.
@@ -78,6 +99,8 @@ pub struct Cast {
     pub processes: Vec<Process>,
     /// A replay's own time, ns: where it begins. Without it the processes keep the machine's clock.
     pub recorded_time_ns: Option<i64>,
+    /// Whether a process that is lost is started again, as [`Process::when_lost`] says; otherwise the chain ends with it.
+    pub comes_back: bool,
 }
 
 impl Cast {
@@ -86,7 +109,13 @@ impl Cast {
         Self {
             processes: Process::ALL.into_iter().filter(|process| *process != Process::Record).collect(),
             recorded_time_ns: None,
+            comes_back: false,
         }
+    }
+
+    /// The same for a chain that an operator drives: what is lost comes back.
+    pub fn driven() -> Self {
+        Self { comes_back: true, ..Self::live() }
     }
 }
 
@@ -117,6 +146,11 @@ impl Supervisor {
             newest_state: None,
             budget: None,
             authority: Authority::open(&bus)?,
+            silence: Silence::default(),
+            comes_back: None,
+            slave_is_new: false,
+            losses: Vec::new(),
+            n_forced: 0,
             bus,
         })
     }
@@ -165,7 +199,9 @@ impl Supervisor {
         if !options.config.slave.home_on_start {
             self.authority.command(Transition::Home)?;
         }
-        self.wait_until("the slave is homed", stop, |s| s.newest_state.is_some_and(|state| state.is_ready()))
+        self.wait_until("the slave is homed", stop, |s| s.newest_state.is_some_and(|state| state.is_ready()))?;
+        self.comes_back = options.cast.comes_back.then(|| options.clone());
+        Ok(())
     }
 
     /// The bus of the instance, to look at its channels.
@@ -197,31 +233,101 @@ impl Supervisor {
         self.budget.as_ref()
     }
 
-    /// Looks at every channel and every process once.
+    /// Whether every process lived until it was told to end, and then ended by itself.
+    pub fn is_unscathed(&self) -> bool {
+        self.losses.is_empty() && self.n_forced == 0
+    }
+
+    /// Looks at every channel and every process once; a process that is lost is started again where that is the rule.
     ///
     /// # Errors
-    /// One sentence that names the process that died.
+    /// One sentence that names the process that died or hangs.
     pub fn look(&mut self) -> anyhow::Result<()> {
         self.take_messages()?;
         self.authority.serve(self.newest_state.as_ref())?;
-        for running in self.children.iter_mut().filter(|running| !running.ended) {
+        self.kill_what_hangs()?;
+        for position in 0..self.children.len() {
+            let running = &mut self.children[position];
+            if running.ended {
+                continue;
+            }
             if let Some(status) = running.child.try_wait().context("a process could not be watched")? {
                 running.ended = true;
-                if status.code() == Some(i32::from(crate::COULD_NOT_RUN)) {
+                let (process, pid) = (running.process, running.child.id());
+                self.silence.forget(process);
+                let how = match running.hung {
+                    true => format!("said nothing for {} s and was killed", HANGS_NS / 1_000_000_000),
+                    false => format!("ended: {status}"),
+                };
+                if self.comes_back.is_none() && status.code() == Some(i32::from(crate::COULD_NOT_RUN)) {
                     return Err(AlreadyTold.into());
                 }
-                bail!(
-                    "the chain was ended because its process `{}` (pid {}) ended: {status}",
-                    running.process,
-                    running.child.id()
-                );
+                self.lost(process, pid, &how)?;
             }
+        }
+        self.enable_new_slave()
+    }
+
+    /// Kills what is there but says nothing: stopped, swapped out or in an endless loop.
+    fn kill_what_hangs(&mut self) -> anyhow::Result<()> {
+        self.silence.look(clock::monotonic_ns());
+        for running in self.children.iter_mut().filter(|running| !running.ended) {
+            let health = self.healths.iter().find(|(known, ..)| *known == running.process);
+            let newest = health.and_then(|(_, _, health)| health.as_ref());
+            if let Some(health) = newest.filter(|health| health.pid == running.child.id()) {
+                self.silence.heard(running.process, health.sequence);
+            }
+            if self.silence.hangs(running.process) && !running.hung {
+                running.hung = true;
+                self.n_forced += 1;
+                running.child.kill().with_context(|| format!("process `{}` hangs", running.process))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// What becomes of the chain without a process.
+    fn lost(&mut self, process: Process, pid: u32, how: &str) -> anyhow::Result<()> {
+        let Some(options) = self.comes_back.clone() else {
+            bail!("the chain was ended because its process `{process}` (pid {pid}) {how}");
+        };
+        let now_ns = clock::monotonic_ns();
+        self.losses.push(Loss { process, at_ns: now_ns });
+        let is_recent = |loss: &&Loss| loss.process == process && now_ns - loss.at_ns < LOSSES_WITHIN_NS;
+        if self.losses.iter().filter(is_recent).count() >= MOST_LOSSES {
+            bail!(
+                "the chain was ended because its process `{process}` was lost {MOST_LOSSES} times within {} s; \
+                 the last one (pid {pid}) {how}",
+                LOSSES_WITHIN_NS / 1_000_000_000
+            );
+        }
+        tracing::error!("process `{process}` (pid {pid}) {how}; {}", process.loss());
+        if process.when_lost() == WhenLost::GoOn {
+            return Ok(());
+        }
+        self.spawn(process, &options.config, &arguments_of(process, &options))?;
+        if process == Process::Slave {
+            (self.newest_state, self.slave_is_new) = (None, true);
+        }
+        Ok(())
+    }
+
+    /// A slave that was started again is enabled and homed as at the start; that engages nobody.
+    fn enable_new_slave(&mut self) -> anyhow::Result<()> {
+        if !self.slave_is_new || !self.is_ready(Process::Slave) {
+            return Ok(());
+        }
+        self.slave_is_new = false;
+        self.authority.command(Transition::Enable)?;
+        if self.comes_back.as_ref().is_some_and(|options| !options.config.slave.home_on_start) {
+            self.authority.command(Transition::Home)?;
         }
         Ok(())
     }
 
     /// Ends the chain, the recorder excepted; what does not end in time is killed. Returns whether all ended by themselves.
     pub fn end_chain(&mut self) -> bool {
+        self.comes_back = None;
         let mut all_clean = true;
         for process in Process::END_ORDER.into_iter().filter(|process| *process != Process::Record) {
             all_clean &= self.end_one(process);
@@ -248,7 +354,7 @@ impl Supervisor {
         command.stdin(in_memory(config)?).stdout(Stdio::null());
         let child = command.spawn().with_context(|| format!("process `{process}` could not be started"))?;
         tracing::info!(process = process.name(), pid = child.id(), "started");
-        self.children.push(Running { process, child, ended: false });
+        self.children.push(Running { process, child, ended: false, hung: false });
         Ok(())
     }
 
@@ -313,7 +419,10 @@ impl Supervisor {
             match self.children[position].child.try_wait() {
                 Ok(Some(status)) => return status.success(),
                 Ok(None) if clock::monotonic_ns() < deadline_ns => std::thread::sleep(LOOK_EVERY),
-                Ok(None) | Err(_) => return self.children[position].kill(),
+                Ok(None) | Err(_) => {
+                    self.n_forced += 1;
+                    return self.children[position].kill();
+                }
             }
         }
     }

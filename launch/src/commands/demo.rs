@@ -79,8 +79,9 @@ fn record_passes(
             );
         }
     }
-    supervisor.end();
+    let clean = supervisor.end() && supervisor.is_unscathed();
     evidence.recorder(&supervisor);
+    anyhow::ensure!(clean, "a process of the demo did not end by itself and was killed");
     Ok(())
 }
 

@@ -131,7 +131,7 @@ fn time_of(args: &ReplayArgs) -> &'static str {
 fn options(setup: &Setup, recorded_time_ns: Option<i64>) -> ChainOptions {
     let mut processes = vec![Process::Slave, Process::Estimate, Process::Compensate];
     processes.extend(setup.program.sends_inputs().then_some(Process::Resolve));
-    let cast = Cast { processes, recorded_time_ns };
+    let cast = Cast { processes, recorded_time_ns, comes_back: false };
     ChainOptions { config: setup.config.clone(), master: MasterKind::Replay, input: None, looped: false, cast }
 }
 

@@ -21,7 +21,7 @@ pub fn run(common: &Common, args: &RunArgs) -> anyhow::Result<ExitCode> {
         master: args.master,
         input: args.input.as_deref().map(absolute).transpose()?,
         looped: args.master == MasterKind::Replay,
-        cast: Cast::live(),
+        cast: Cast::driven(),
     };
     let mut evidence = Evidence::default();
     let mut supervisor = Supervisor::new(&common.instance, &stop)?;
@@ -42,7 +42,7 @@ pub fn run(common: &Common, args: &RunArgs) -> anyhow::Result<ExitCode> {
     supervisor.end_chain();
     drop(console);
     evidence.pass(mode, start_ns..clock::monotonic_ns(), &supervisor);
-    let clean = supervisor.end();
+    let clean = supervisor.end() && supervisor.is_unscathed();
     evidence.recorder(&supervisor);
     let Some(path) = options.config.record.path.as_deref().filter(|_| !args.no_recording) else {
         return without_recording(&evidence, args, clean);
