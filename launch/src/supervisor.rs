@@ -354,6 +354,8 @@ impl Supervisor {
         command.stdin(in_memory(config)?).stdout(Stdio::null());
         let child = command.spawn().with_context(|| format!("process `{process}` could not be started"))?;
         tracing::info!(process = process.name(), pid = child.id(), "started");
+        // What the one before had said last, and when, is no word of this one.
+        self.silence.forget(process);
         self.children.push(Running { process, child, ended: false, hung: false });
         Ok(())
     }

@@ -39,6 +39,8 @@ struct Verdict {
     recorded_with: String,
     /// Version and git revision of this program.
     verified_with: String,
+    /// Commands that were not repeated: of a stage that was started again while the others ran on.
+    commands_not_repeated: u64,
     /// What the recording is known to lack, in its own order: a file that is cut holds less than was run.
     missing: Vec<String>,
     /// The first output that differs, if any does.
@@ -75,6 +77,11 @@ pub fn run(common: &Common, args: &VerifyArgs) -> anyhow::Result<ExitCode> {
             break;
         }
     }
+    let counted = parts.iter().filter_map(|part| part.contents().channels.get(&Channel::Command));
+    let n_commands: u64 = counted.map(|counts| counts.n_messages).sum();
+    if verdict.first_difference.is_none() {
+        verdict.commands_not_repeated = n_commands.saturating_sub(verdict.commands_identical);
+    }
     anyhow::ensure!(verdict.passes > 0, "{}: it holds no setpoint, so there is nothing to repeat", of_recording());
     supervisor.end();
     if args.json {
@@ -82,7 +89,11 @@ pub fn run(common: &Common, args: &VerifyArgs) -> anyhow::Result<ExitCode> {
     } else {
         print::out(&sentence(&verdict))?;
     }
-    Ok(if verdict.first_difference.is_none() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    Ok(if verdict.first_difference.is_none() && verdict.commands_not_repeated == 0 {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::FAILURE
+    })
 }
 
 fn options(config: Config, has_inputs: bool) -> ChainOptions {
@@ -126,7 +137,12 @@ fn sentence(verdict: &Verdict) -> String {
         "{setpoints_identical} setpoints and {commands_identical} commands ({bytes_identical} bytes) in {passes} passes"
     );
     let missing: String = verdict.missing.iter().map(|what| format!("not whole: {what}\n")).collect();
+    let not_repeated = match verdict.commands_not_repeated {
+        0 => String::new(),
+        n => format!("not repeated: {n} commands; a stage was started again while the others ran on\n"),
+    };
     missing
+        + &not_repeated
         + &match &verdict.first_difference {
             None => format!(
                 "identical: {counts} came out of freshly started processes byte for byte as they were recorded; \
