@@ -19,7 +19,7 @@ use rustix::fs::{FallocateFlags, Mode, OFlags, fallocate, fstat, open, statvfs};
 use std::io;
 use std::path::Path;
 
-/// What a port and its connections may take at most, bytes; a whole chain with its recorder takes some 30 MB.
+/// What a port and its connections may take at most, bytes; a whole chain with its recorder takes 13 MB.
 const NEEDED_BYTES: u64 = 16 * 1024 * 1024;
 
 /// The service variant of every krait channel.

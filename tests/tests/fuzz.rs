@@ -16,7 +16,7 @@ use krait_record::{Recording, recover};
 use krait_replay::{Beginning, InputChoice, Trajectory, TrajectoryLimits};
 use krait_schema::Channel;
 use krait_sim::Truth;
-use krait_tests::TempFolder;
+use krait_tests::{Ended, TempFolder, instance_name};
 use std::alloc::{GlobalAlloc, Layout as Memory, System};
 use std::fs;
 use std::path::Path;
@@ -150,9 +150,14 @@ fn readers(folder: &TempFolder) -> Vec<Reader<'_>> {
         .collect();
     let table: Vec<u8> =
         shipped("docs/lab-tutorial/hidden.csv").split_inclusive(|b| *b == b'\n').take(300).flatten().copied().collect();
-    let flick = Recording::open(&Path::new(env!("CARGO_MANIFEST_DIR")).join("recordings/flick.mcap")).expect("shipped");
+    let recording = folder.file("seed.mcap");
+    let instance = instance_name("fuzz");
+    let run = ["run", "--instance", &instance, "--recording", &recording, "--seconds", "1"];
+    let ended = Ended::of(&run, Duration::from_secs(240));
+    assert!(matches!(ended.code, Some(0 | 1)), "{}", ended.stderr);
+    let whole = Recording::open(Path::new(&recording)).expect("readable");
     let mut payloads = Vec::new();
-    for recorded in flick.samples().expect("samples").step_by(97).take(40) {
+    for recorded in whole.samples().expect("samples").step_by(97).take(40) {
         let mut bytes = Vec::new();
         krait_schema::encode(&recorded.expect("readable").sample, &mut bytes).expect("encoded");
         payloads.push(bytes);
@@ -165,7 +170,7 @@ fn readers(folder: &TempFolder) -> Vec<Reader<'_>> {
     vec![
         Reader {
             name: "mcap",
-            seeds: vec![shipped("tests/recordings/flick.mcap")],
+            seeds: vec![fs::read(&recording).expect("there")],
             n_inputs: 60,
             read: Box::new(move |bytes| {
                 let path = file("fuzz.mcap", bytes);

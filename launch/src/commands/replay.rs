@@ -224,7 +224,9 @@ impl Pace {
     fn pass_time(&mut self, now_ns: i64, stopped: bool) -> (i64, Duration) {
         let elapsed_ns = (now_ns - std::mem::replace(&mut self.looked_ns, now_ns)) as f64;
         match self.speed {
-            _ if self.is_paused && !stopped => (self.until_ns as i64, PATIENCE),
+            // Coming to rest is not part of what is watched: it takes a moment at any speed.
+            _ if stopped => (i64::MAX, PATIENCE),
+            _ if self.is_paused => (self.until_ns as i64, PATIENCE),
             Speed::Max => (i64::MAX, PATIENCE),
             Speed::Times(times) => {
                 self.until_ns += elapsed_ns * times;

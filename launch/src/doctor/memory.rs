@@ -6,7 +6,7 @@ use rustix::fs::{FlockOperation, StatVfs, flock, statvfs};
 use std::collections::BTreeSet;
 use std::fs::{self, File};
 
-/// A chain with its recorder takes some 30 MB; several of them, and a user's own tools, have room in this much, MB.
+/// A chain with its recorder takes 13 MB; several of them, and a user's own tools, have room in this much, MB.
 const NEEDED_MB: u64 = 128;
 
 /// Whether channels can be made, and have room.
