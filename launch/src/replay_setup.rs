@@ -85,7 +85,7 @@ impl Setup {
         let [x, y] = start_bend_rad;
         let limit = config.resolve.max_bend_rad;
         // Written so that NaN is refused; a setpoint may stand at its limit, which rounding can pass.
-        if !(x.hypot(y) <= limit + 1e-6) {
+        if !(0.0..=limit + 1e-6).contains(&x.hypot(y)) {
             return Err(ReplayError::StartBend { found: start_bend_rad, limit }.into());
         }
         let snake = Snake::new(&config.machine)?;

@@ -126,12 +126,15 @@ fn broken(seed: &[u8], dice: &mut Dice) -> Vec<u8> {
     bytes
 }
 
+/// What a reader does with bytes.
+type Reading<'a> = Box<dyn Fn(&[u8]) + 'a>;
+
 /// A reader, what it reads when nothing is broken, and how many broken inputs it gets by default.
 struct Reader<'a> {
     name: &'static str,
     seeds: Vec<Vec<u8>>,
     n_inputs: u64,
-    read: Box<dyn Fn(&[u8]) + 'a>,
+    read: Reading<'a>,
 }
 
 fn shipped(path: &str) -> Vec<u8> {

@@ -140,7 +140,7 @@ impl Walk {
             let found = self.predictor.step(command.q_tilde_m, &at);
             let off_rad = (found.observed_bend_rad - wanted).norm().min((found.bend_rad - wanted).norm());
             // Written so that NaN is refused.
-            if found.status != ChainStatus::Good || !(off_rad <= ROUND_TRIP_RAD) {
+            if found.status != ChainStatus::Good || !(0.0..=ROUND_TRIP_RAD).contains(&off_rad) {
                 let (found_deg, limit_deg) = (off_rad.to_degrees(), ROUND_TRIP_RAD.to_degrees());
                 return Err(Implausible::NoInverse { bend_deg, direction_deg, found_deg, limit_deg });
             }
