@@ -118,6 +118,7 @@ impl ResolveCore {
             Some(state) => {
                 let state_age_ms = seconds_between(state.sample_ns, begun_ns) * 1e3;
                 reasons.insert_if(Reason::StateStale, state_age_ms > self.config.state_stale_ms);
+                reasons.insert_if(Reason::NotEngaged, !state.is_engaged());
                 reasons.insert_if(Reason::SlaveNotHomed, state.flags & SlaveState::IS_HOMED == 0);
                 reasons.insert_if(
                     Reason::SlaveNotEnabled,

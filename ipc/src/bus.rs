@@ -262,3 +262,27 @@ fn config_for(instance: &InstanceName) -> Result<Config, String> {
     config.global.prefix = FileName::new(b"krait.").map_err(|e| format!("{e:?}"))?;
     Ok(config)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::message::Command;
+
+    #[test]
+    fn a_channel_that_a_stranger_made_for_two_writers_is_refused_by_name() {
+        let bus = Bus::open(&format!("t-stranger-{}", std::process::id()), "test").expect("joined");
+        let name = bus.address(Command::CHANNEL).service_name().expect("a name");
+        let stranger = bus.node.service_builder(&name).publish_subscribe::<Command>();
+        let stranger = stranger.max_publishers(2).max_subscribers(MAX_READERS).max_nodes(MAX_NODES);
+        let stranger = stranger.subscriber_max_buffer_size(Command::DEPTH).history_size(HISTORY);
+        let stranger = stranger.subscriber_max_borrowed_samples(MAX_BORROWED).enable_safe_overflow(true);
+        let version = version_requirement(Command::VERSION).expect("a version");
+        let _made_first = stranger.open_or_create_with_attributes(&version).expect("made");
+        let slave = bus.reader::<Command>(ReadOptions::waking()).map(|_| ());
+        let compensate = bus.writer::<Command>().map(|_| ());
+        for refused in [slave, compensate] {
+            let sentence = refused.expect_err("two writers").to_string();
+            assert!(sentence.contains("\"command\"") && sentence.contains("2 writers, expected 1"), "{sentence}");
+        }
+    }
+}

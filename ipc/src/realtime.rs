@@ -206,6 +206,16 @@ fn lock_memory() -> Result<(), String> {
     Ok(())
 }
 
+/// Keeps in RAM what the process touches from now on, where that is allowed; elsewhere it does nothing. Shared memory that is
+/// reserved for readers which are not there stays untouched, so this costs what is used and no more. Returns whether memory is
+/// locked.
+pub fn lock_what_is_used() -> bool {
+    let locked =
+        may_lock_all() && mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE | MlockAllFlags::ONFAULT).is_ok();
+    prefault_stack();
+    locked
+}
+
 /// Whether all memory of a process may be locked: no limit, or the right to ignore it.
 pub fn may_lock_all() -> bool {
     let unlimited = getrlimit(Resource::Memlock).current.is_none();

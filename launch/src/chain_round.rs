@@ -1,6 +1,6 @@
 //! krait's own chain as one of the chains that `krait bench` measures: the real processes on the simulated snake.
 
-use crate::cli::MasterKind;
+use crate::cli::{EngageKind, MasterKind};
 use crate::config::Config;
 use crate::evidence::SampleFigures;
 use crate::supervisor::{Cast, ChainOptions, Supervisor};
@@ -67,7 +67,14 @@ fn chain_options(config: &Config, plan: &Plan, scratch: &Scratch) -> anyhow::Res
     config.record.path = Some(scratch.folder().join("run.mcap"));
     let script = scratch.folder().join("circle.csv");
     std::fs::write(&script, circle()).with_context(|| format!("{} could not be written", script.display()))?;
-    Ok(ChainOptions { config, master: MasterKind::Script, input: Some(script), looped: true, cast: Cast::live() })
+    Ok(ChainOptions {
+        config,
+        master: MasterKind::Script,
+        input: Some(script),
+        looped: true,
+        engage: Some(EngageKind::Again),
+        cast: Cast::live(),
+    })
 }
 
 /// A script whose velocity turns round once: the tip goes out, along a circle and back.

@@ -14,7 +14,7 @@ use std::path::PathBuf;
 #[derive(Debug, Parser)]
 #[command(name = "krait", version, propagate_version = true, subcommand_required = false)]
 #[command(
-    after_help = "Examples:\n  krait                                   the demo, under a minute\n  krait run --master hid                  drive the simulated snake with a SpaceMouse\n  krait run --compensation off            feel what the lines do to the motion\n  krait devices                           which hand controllers are there"
+    after_help = "Examples:\n  krait                                   the demo, under a minute\n  krait run --master hid                  drive the simulated snake with a SpaceMouse\n  krait run --engage --compensation off   feel what the lines do to the motion\n  krait devices                           which hand controllers are there"
 )]
 pub struct Cli {
     /// Options of every subcommand.
@@ -46,7 +46,7 @@ pub enum Verb {
     Demo(DemoArgs),
     /// The chain until Ctrl-C: operator, bridge, actuators, recorder, each a process of its own.
     #[command(
-        after_help = "Examples:\n  krait run\n  krait run --master hid --compensation estimated\n  krait run --master script --input path.csv --seconds 30\n  krait run --truth stiff.toml --recording runs/stiff.mcap\n  krait run --model better.toml\n  krait run --rotate-mb 500 --rotate-s 3600"
+        after_help = "Examples:\n  krait run --engage\n  krait run --master hid --compensation estimated\n  krait run --engage --master script --input path.csv --seconds 30\n  krait run --engage --truth stiff.toml --recording runs/stiff.mcap\n  krait run --engage --model better.toml\n  krait run --engage --rotate-mb 500 --rotate-s 3600"
     )]
     Run(RunArgs),
     /// The hand controllers on this machine, and what is missing to use them.
@@ -72,7 +72,7 @@ pub enum Verb {
     /// ease-in, and all of the slave's own limits. Lines on standard input: `pause`, `resume`, `stop`; with --step an empty
     /// line is the next sample. Ctrl-C comes to rest and ends.
     #[command(
-        after_help = "Examples:\n  krait replay recordings/demo.mcap --pass 3 --speed max\n  krait replay run.mcap --replace compensate --model better.toml --speed max\n  krait replay run.mcap --from 5 --to 12 --loops 3 --speed 4\n  krait replay run.mcap --step\n  krait replay circle.csv --real-time --speed 0.5\n\nWhile it runs it takes the lines pause, resume and stop on standard input; Ctrl-C is a stop: it comes to rest, ends its recording and exits with 0."
+        after_help = "Examples:\n  krait replay recordings/demo.mcap --pass 3 --speed max\n  krait replay run.mcap --replace compensate --model better.toml --speed max\n  krait replay run.mcap --from 5 --to 12 --loops 3 --speed 4\n  krait replay run.mcap --step\n  krait replay circle.csv --real-time --engage --speed 0.5\n\nWhile it runs it takes the lines pause, resume and stop on standard input; Ctrl-C is a stop: it comes to rest, ends its recording and exits with 0."
     )]
     Replay(ReplayArgs),
     /// Lays two recordings side by side: tracking error, latency of each hop, states and faults.
@@ -176,6 +176,10 @@ pub struct RunArgs {
     /// The report recording (replay) or the script to play; by default the shipped recording, over and over.
     #[arg(long, value_name = "FILE")]
     pub input: Option<PathBuf>,
+    /// Let the recording or script engage; without it nothing moves. `again`: also after whatever has ended an engagement,
+    /// which only simulated drives allow.
+    #[arg(long, value_enum, value_name = "once|again", num_args = 0..=1, require_equals = true, default_missing_value = "once")]
+    pub engage: Option<EngageKind>,
     /// The drives.
     #[arg(long, value_enum, default_value_t = SlaveKind::Sim)]
     pub slave: SlaveKind,
@@ -223,6 +227,25 @@ pub enum MasterKind {
     Replay,
     /// A script of tip velocities (CSV).
     Script,
+}
+
+/// How often a recording or script engages.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum EngageKind {
+    /// Where it says that the operator takes hold.
+    Once,
+    /// And after every stall, fault or restart, as a person would.
+    Again,
+}
+
+impl EngageKind {
+    /// The word on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Once => "once",
+            Self::Again => "again",
+        }
+    }
 }
 
 /// The drives.
@@ -539,6 +562,9 @@ pub struct MasterArgs {
     /// Begin the recording or script anew when it ends.
     #[arg(long = "loop")]
     pub looped: bool,
+    /// Let the recording or script engage.
+    #[arg(long, value_enum, value_name = "once|again", num_args = 0..=1, require_equals = true, default_missing_value = "once")]
+    pub engage: Option<EngageKind>,
     /// Also write every raw report to this file, to be replayed later.
     #[arg(long, value_name = "FILE")]
     pub record_reports: Option<PathBuf>,

@@ -96,7 +96,7 @@ pub struct DiagnoseArgs {
     /// Write a page with pictures (HTML, one file, works without a network).
     #[arg(long, value_name = "FILE.html")]
     pub report: Option<PathBuf>,
-    /// Write the next experiment as a script for `krait run --master script --input FILE.csv`, and say what it would decide.
+    /// Write the next experiment as a script for `krait run --engage --master script --input FILE.csv`, and say what it would decide.
     #[arg(long, value_name = "FILE.csv")]
     pub experiment: Option<PathBuf>,
     /// Print the answer as JSON on standard output.

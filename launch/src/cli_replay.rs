@@ -48,6 +48,10 @@ pub struct ReplayArgs {
     /// On the machine's clock, as for real drives, and not in the recording's own time.
     #[arg(long, conflicts_with = "step")]
     pub real_time: bool,
+    /// Let the replay engage on the machine's clock, where the drives may be real; without it --real-time moves nothing. In the
+    /// recording's own time only the simulated snake listens, and the replay engages by itself.
+    #[arg(long)]
+    pub engage: bool,
     /// Where to write the new recording; by default recordings/DATE-replay.mcap.
     #[arg(long, value_name = "FILE", conflicts_with = "no_recording")]
     pub recording: Option<PathBuf>,

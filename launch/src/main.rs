@@ -13,6 +13,7 @@ mod config;
 mod device;
 mod doctor;
 mod evidence;
+mod log;
 mod print;
 mod progress;
 mod recorded;
@@ -34,7 +35,7 @@ const COULD_NOT_RUN: u8 = 2;
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    start_logging();
+    let _until_the_end = log::start();
     let done = match cli.verb.unwrap_or_default() {
         Verb::Demo(args) => commands::demo::run(&cli.common, &args),
         Verb::Run(args) => commands::run::run(&cli.common, &args),
@@ -91,11 +92,4 @@ fn recording_path(given: Option<&Path>, what: &str) -> anyhow::Result<PathBuf> {
         }
     };
     std::path::absolute(&path).with_context(|| format!("recording {}", path.display()))
-}
-
-/// Logs go to standard error: warnings unless KRAIT_LOG says otherwise (the syntax of tracing's filters).
-fn start_logging() {
-    let filter = tracing_subscriber::EnvFilter::try_from_env("KRAIT_LOG")
-        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn,iceoryx2=error"));
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
 }

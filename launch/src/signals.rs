@@ -2,7 +2,7 @@
 
 use anyhow::Context;
 use rustix::process::{Signal, getppid, set_parent_process_death_signal};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGTSTP};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGTSTP, SIGXFSZ};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -14,6 +14,13 @@ pub fn stop_flag() -> anyhow::Result<Arc<AtomicBool>> {
             .with_context(|| format!("signal {signal} could not be caught"))?;
     }
     Ok(stop)
+}
+
+/// A file that has reached the largest size that this process may write becomes an error of that write, not the end of the
+/// process (SIGXFSZ); Rust does the same for a pipe whose reader has gone (SIGPIPE).
+pub fn survive_full_files() -> anyhow::Result<()> {
+    signal_hook::flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false))).context("SIGXFSZ could not be caught")?;
+    Ok(())
 }
 
 /// Asks the kernel to end this process (SIGTERM) when its supervisor dies, however that comes about.

@@ -6,7 +6,7 @@
 
 use crate::authority::Authority;
 use crate::budget::BudgetWatch;
-use crate::cli::MasterKind;
+use crate::cli::{EngageKind, MasterKind};
 use crate::commands;
 use crate::config::{Config, STANDARD_INPUT};
 use crate::silence::{HANGS_NS, Silence};
@@ -45,6 +45,7 @@ pub struct Supervisor {
     healths: Vec<(Process, Reader<Health>, Option<Health>)>,
     states: Reader<SlaveState>,
     newest_state: Option<SlaveState>,
+    n_engagements: u64,
     budget: Option<BudgetWatch>,
     authority: Authority,
     silence: Silence,
@@ -88,6 +89,8 @@ pub struct ChainOptions {
     pub input: Option<PathBuf>,
     /// Whether the input begins anew when it ends.
     pub looped: bool,
+    /// How often a recording or script engages, if it was asked to.
+    pub engage: Option<EngageKind>,
     /// Which processes take part, and whose time they keep.
     pub cast: Cast,
 }
@@ -144,6 +147,7 @@ impl Supervisor {
             healths,
             states: bus.reader(ReadOptions::observing())?,
             newest_state: None,
+            n_engagements: 0,
             budget: None,
             authority: Authority::open(&bus)?,
             silence: Silence::default(),
@@ -221,6 +225,11 @@ impl Supervisor {
     /// The newest health of a process, if it has said anything.
     pub fn health(&self, process: Process) -> Option<&Health> {
         self.healths.iter().find(|(known, ..)| *known == process).and_then(|(_, _, health)| health.as_ref())
+    }
+
+    /// How often the operator has engaged, over every chain that this supervisor has started.
+    pub fn n_engagements(&self) -> u64 {
+        self.n_engagements
     }
 
     /// The newest slave state of the chain that runs or has just ended.
@@ -392,6 +401,8 @@ impl Supervisor {
             if let Some(budget) = &mut self.budget {
                 budget.state(&state);
             }
+            let was_engaged = self.newest_state.is_some_and(|before| before.is_engaged());
+            self.n_engagements += u64::from(state.is_engaged() && !was_engaged);
             self.newest_state = Some(*state);
         }
         for (_, reader, newest) in &mut self.healths {
@@ -474,5 +485,6 @@ fn master_arguments(options: &ChainOptions) -> Vec<OsString> {
         arguments.extend(["--input".into(), path.clone().into_os_string()]);
     }
     arguments.extend(options.looped.then(|| "--loop".into()));
+    arguments.extend(options.engage.map(|engage| format!("--engage={}", engage.name()).into()));
     arguments
 }

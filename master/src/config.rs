@@ -1,6 +1,6 @@
 //! The master's settings: one documented struct, checked once at load, so that no step meets a value out of range.
 
-use crate::{AxisMap, Clutch, DeviceChoice, MarkButton, MasterError, Presence};
+use crate::{AxisMap, Clutch, DeviceChoice, Engage, MarkButton, MasterError, Presence};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -18,7 +18,7 @@ pub struct MasterConfig {
     pub response_exponent: f64,
     /// Speed of the tip at full deflection, 0.001..=0.1, m/s. 0.025: the default snake bends 60 deg in about half a second.
     pub full_speed_m_per_s: f64,
-    /// What counts as the operator's presence: `always`, `hold:<button>` or `toggle:<button>`.
+    /// What counts as the operator's presence: `hold:<button>` or `toggle:<button>`.
     pub presence: Presence,
     /// What counts as the clutch: `none` or `hold:<button>`.
     pub clutch: Clutch,
@@ -32,6 +32,9 @@ pub struct MasterConfig {
     pub start_when_ready: bool,
     /// File to record the raw reports into; none by default.
     pub record_reports: Option<PathBuf>,
+    /// Whether presence counts. Given by the program from its source and its command line, not by this table.
+    #[serde(skip)]
+    pub engage: Engage,
 }
 
 impl Default for MasterConfig {
@@ -49,6 +52,7 @@ impl Default for MasterConfig {
             device: DeviceChoice::default(),
             start_when_ready: true,
             record_reports: None,
+            engage: Engage::Never,
         }
     }
 }

@@ -1,5 +1,6 @@
 //! The master without its process: reports and instants in, `OperatorInput` out. Pure, so that a replay gives the same bytes.
 
+use crate::grip::Grip;
 use crate::operator::flags;
 use crate::{Decoder, DeviceMonitor, Hand, MasterConfig, MasterError, Operator, OperatorMotion, Refusal, Report};
 use crate::{ReportCounts, ScriptSample};
@@ -11,6 +12,7 @@ pub struct MasterCore {
     decoder: Decoder,
     monitor: DeviceMonitor,
     operator: Operator,
+    grip: Grip,
     script: Option<ScriptSample>,
     is_ended: bool,
     sequence: u64,
@@ -30,12 +32,18 @@ impl MasterCore {
             decoder: Decoder::default(),
             monitor: DeviceMonitor::new(config.silence_limit_ns()),
             operator: Operator::new(config),
+            grip: Grip::new(config.engage),
             script: None,
             is_ended: false,
             sequence: 0,
             n_drained: 0,
             is_unpublished: [false; 3],
         })
+    }
+
+    /// Notes whether the slave says that the operator has engaged.
+    pub fn note_engaged(&mut self, is_engaged: bool) {
+        self.grip.note_engaged(is_engaged);
     }
 
     /// Takes one raw report in that was in hand at `stamp_ns`. A motion report that replaces one of its kind before any input has carried it makes that one
@@ -112,7 +120,11 @@ impl MasterCore {
         self.is_unpublished = [false; 3];
         self.sequence += 1;
         let device = self.device_state(now_ns);
-        let motion = self.motion(device);
+        let mut motion = self.motion(device);
+        if !self.grip.holds(motion.flags & OperatorInput::OPERATOR_PRESENT != 0, now_ns) {
+            motion.flags &= !OperatorInput::OPERATOR_PRESENT;
+            motion.tip_vel_in_view_m_per_s = [0.0; 3];
+        }
         OperatorInput {
             sequence: self.sequence,
             sample_ns: now_ns,
@@ -180,7 +192,8 @@ mod tests {
     const MS: i64 = 1_000_000;
 
     fn core() -> MasterCore {
-        MasterCore::new(&MasterConfig::default()).expect("default configuration")
+        MasterCore::new(&MasterConfig { engage: crate::Engage::Once, ..MasterConfig::default() })
+            .expect("default configuration")
     }
 
     fn push(core: &mut MasterCore, x_counts: i16, now_ns: i64) {

@@ -27,7 +27,7 @@ pub struct OperatorMotion {
 /// Follows presence and clutch, and maps deflection to velocity.
 ///
 /// The loss of the device drops presence. It comes back only by a deliberate act: a toggle must be pressed again; with
-/// `hold` and `always` the cap must have been still once, so that a device which comes back deflected moves nothing.
+/// `hold` the cap must have been still once, so that a device which comes back deflected moves nothing.
 #[derive(Clone, Copy, Debug)]
 pub struct Operator {
     response: Response,
@@ -99,7 +99,6 @@ impl Operator {
         }
         let is_present = is_trusted
             && match self.presence {
-                Presence::Always => !self.must_rest_first,
                 Presence::Hold(button) => !self.must_rest_first && is_down(hand.buttons, button),
                 Presence::Toggle(_) => self.is_toggled_on,
             };
@@ -168,14 +167,12 @@ mod tests {
 
     #[test]
     fn a_device_that_comes_back_deflected_moves_nothing_until_it_was_still() {
-        for (presence, buttons) in [(Presence::Always, 0), (Presence::Hold(3), 8)] {
-            let mut op = operator(presence);
-            assert!(is_moving(&mut op, PUSHED, buttons, DeviceState::Live));
-            op.on_loss();
-            assert!(!is_moving(&mut op, PUSHED, buttons, DeviceState::Live));
-            assert!(!is_moving(&mut op, [0; 6], buttons, DeviceState::AtRest));
-            assert!(is_moving(&mut op, PUSHED, buttons, DeviceState::Live));
-        }
+        let mut op = operator(Presence::Hold(3));
+        assert!(is_moving(&mut op, PUSHED, 8, DeviceState::Live));
+        op.on_loss();
+        assert!(!is_moving(&mut op, PUSHED, 8, DeviceState::Live));
+        assert!(!is_moving(&mut op, [0; 6], 8, DeviceState::AtRest));
+        assert!(is_moving(&mut op, PUSHED, 8, DeviceState::Live));
     }
 
     #[test]
@@ -198,7 +195,7 @@ mod tests {
     #[test]
     fn an_untrusted_device_never_means_presence() {
         for device in [DeviceState::Waiting, DeviceState::Lost, DeviceState::Ended] {
-            assert!(!is_moving(&mut operator(Presence::Always), PUSHED, 0, device));
+            assert!(!is_moving(&mut operator(Presence::Hold(3)), PUSHED, 8, device));
         }
     }
 }

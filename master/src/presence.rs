@@ -9,8 +9,6 @@ const N_BUTTONS: u8 = 32;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(try_from = "String", into = "String")]
 pub enum Presence {
-    /// Whenever the device can be trusted: for demonstrations without buttons.
-    Always,
     /// While this button is held: `hold:<button>`.
     Hold(u8),
     /// Switched on and off by pressing this button: `toggle:<button>`.
@@ -62,21 +60,17 @@ impl TryFrom<String> for Presence {
     type Error = String;
     fn try_from(text: String) -> Result<Self, String> {
         match (text.as_str(), text.split_once(':')) {
-            ("always", _) => Some(Self::Always),
             (_, Some(("hold", button))) => button_of(button).map(Self::Hold),
             (_, Some(("toggle", button))) => button_of(button).map(Self::Toggle),
             _ => None,
         }
-        .ok_or_else(|| {
-            format!("{text:?} is no way to be present, expected \"always\", \"hold:<0..31>\" or \"toggle:<0..31>\"")
-        })
+        .ok_or_else(|| format!("{text:?} is no way to be present, expected \"hold:<0..31>\" or \"toggle:<0..31>\""))
     }
 }
 
 impl From<Presence> for String {
     fn from(presence: Presence) -> Self {
         match presence {
-            Presence::Always => "always".to_owned(),
             Presence::Hold(button) => format!("hold:{button}"),
             Presence::Toggle(button) => format!("toggle:{button}"),
         }

@@ -2,7 +2,7 @@
 
 use crate::report_log::ReportLog;
 use crate::ticker::Ticker;
-use crate::{MasterConfig, MasterCore, MasterError, ReportSource, SourceChoice, SourceEvent};
+use crate::{Engage, MasterConfig, MasterCore, MasterError, ReportSource, SourceChoice, SourceEvent};
 use krait_ipc::message::{DeviceState, Marker, OperatorInput, SlaveState};
 use krait_ipc::{Bus, HealthReporter, Process, ReadOptions, Reader, Reason, Reasons, Writer, clock};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -17,9 +17,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// [`MasterError`] when a setting is out of range, the source cannot be opened, or a channel fails. A device that is unplugged
 /// later is a state, not an error.
 pub fn run(bus: &Bus, config: &MasterConfig, source: SourceChoice, stop: &AtomicBool) -> Result<(), MasterError> {
-    let core = MasterCore::new(config)?;
+    // A live hand engages by its own presence; whatever is played must have been asked to.
+    let engage = if source.has_beginning() { config.engage } else { Engage::Once };
+    let core = MasterCore::new(&MasterConfig { engage, ..config.clone() })?;
     let waits_for_slave = config.start_when_ready && source.has_beginning();
     let slave = if waits_for_slave { Some(bus.reader(ReadOptions::glancing())?) } else { None };
+    let engaged = if config.engage == Engage::Again { Some(bus.reader(ReadOptions::glancing())?) } else { None };
     let source = source.open(config)?;
     let log = match &config.record_reports {
         Some(path) => Some(ReportLog::create(path, source.vid_pid().unwrap_or_default())?),
@@ -28,7 +31,7 @@ pub fn run(bus: &Bus, config: &MasterConfig, source: SourceChoice, stop: &Atomic
     let (inputs, health) = (bus.writer()?, HealthReporter::open(bus, Process::Master)?);
     let marks = bus.writer_on(Marker::DEVICE_CHANNEL)?;
     let mut master =
-        Master { core, source, log, slave, inputs, marks, health, device_ns: None, has_log_dropped: false };
+        Master { core, source, log, slave, engaged, inputs, marks, health, device_ns: None, has_log_dropped: false };
     master.run(config.period_ns(), stop)
 }
 
@@ -38,6 +41,8 @@ struct Master {
     log: Option<ReportLog>,
     // Present until the slave was ready and the source began.
     slave: Option<Reader<SlaveState>>,
+    // Present if a source shall engage again.
+    engaged: Option<Reader<SlaveState>>,
     inputs: Writer<OperatorInput>,
     marks: Writer<Marker>,
     health: HealthReporter,
@@ -116,6 +121,11 @@ impl Master {
     }
 
     fn publish(&mut self, now_ns: i64) -> Result<(), MasterError> {
+        if let Some(reader) = &mut self.engaged
+            && let Some(state) = reader.take_newest()?
+        {
+            self.core.note_engaged(state.is_engaged());
+        }
         let mut input = self.core.on_tick(now_ns);
         if let Some(device_ns) = self.device_ns.take() {
             input.stamps.device_ns = device_ns;

@@ -4,7 +4,7 @@
 
 use krait_ipc::message::{DeviceState, Health, HopStamps, Message, OperatingState, OperatorInput, SlaveState};
 use krait_ipc::{Bus, Process, ReadOptions, Reader, Reason, Reasons, clock, health_channel};
-use krait_master::{MasterConfig, MasterError, Recording, Script, SourceChoice, run};
+use krait_master::{Engage, MasterConfig, MasterError, Recording, Script, SourceChoice, run};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
@@ -58,7 +58,7 @@ fn shipped(duration_s: f64) -> SourceChoice {
 }
 
 fn at_once() -> MasterConfig {
-    MasterConfig { start_when_ready: false, ..MasterConfig::default() }
+    MasterConfig { start_when_ready: false, engage: Engage::Once, ..MasterConfig::default() }
 }
 
 fn slave_state(sequence: u64, operating: OperatingState) -> SlaveState {

@@ -19,6 +19,8 @@ const LONGEST_GAP_NS: i64 = 10_000_000;
 const RATE_PER_S: f64 = 2.0;
 /// Where the snake must stand before the recorded samples begin, rad (0.3 deg).
 const START_RAD: f64 = 5e-3;
+/// An operator who is present for so long without being engaged will not be, ns.
+const IN_VAIN_NS: i64 = 700_000_000;
 /// Later than this, the samples that were missed are not made up for: the replay continues from now, ns.
 const LATE_NS: i64 = 20_000_000;
 
@@ -43,6 +45,8 @@ pub struct LivePlayer {
     last_setpoint: Option<Setpoint>,
     tracking: Tracking,
     has_begun: bool,
+    /// Since when an operator has been present, as far as was sent, without being engaged, ns.
+    in_vain_since_ns: Option<i64>,
 }
 
 /// A message that waits until it is due.
@@ -83,6 +87,7 @@ impl LivePlayer {
             last_setpoint: None,
             tracking: Tracking::default(),
             has_begun: false,
+            in_vain_since_ns: None,
         })
     }
 
@@ -144,7 +149,7 @@ impl LivePlayer {
     /// not reach the start, or a channel failed.
     pub fn turn(&mut self, now_ns: i64) -> Result<Turn, ReplayError> {
         self.take()?;
-        self.check_ready()?;
+        self.check_ready(now_ns)?;
         if self.due_ns == 0 || now_ns - self.due_ns > LATE_NS {
             self.n_late += u64::from(self.due_ns != 0);
             self.due_ns = now_ns;
@@ -181,9 +186,13 @@ impl LivePlayer {
         Ok(())
     }
 
-    fn check_ready(&self) -> Result<(), ReplayError> {
+    fn check_ready(&mut self, now_ns: i64) -> Result<(), ReplayError> {
+        if self.newest.state.is_some_and(|state| state.is_engaged()) {
+            self.in_vain_since_ns = None;
+        }
+        let in_vain = self.in_vain_since_ns.is_some_and(|since_ns| now_ns.saturating_sub(since_ns) > IN_VAIN_NS);
         match self.newest.state {
-            Some(state) if state.is_ready() => Ok(()),
+            Some(state) if state.is_ready() && !in_vain => Ok(()),
             Some(state) => {
                 let reasons = Reasons::from_bits(state.reasons).iter().map(Reason::sentence).collect::<Vec<_>>();
                 Err(ReplayError::NotReady { reasons: reasons.join("; ") })
@@ -264,6 +273,11 @@ impl LivePlayer {
     /// Sends a sample with its velocity times the rate; a setpoint some part of the way from the one before.
     fn send(&mut self, ready: &Ready) -> Result<(), ReplayError> {
         let Ready { what, rate, part, arrives_at } = *ready;
+        let is_present = match what {
+            What::Input(input) => input.operator_present(),
+            What::Setpoint(setpoint) => !Reasons::from_bits(setpoint.reasons).contains(Reason::OperatorAbsent),
+        };
+        self.in_vain_since_ns = is_present.then(|| self.in_vain_since_ns.unwrap_or(self.due_ns));
         if let Some(part) = arrives_at {
             self.counts.count(part);
         }

@@ -12,6 +12,11 @@ use nalgebra::{Rotation3, Vector2, Vector3};
 
 /// Time between two samples that the program makes by itself, ns.
 pub(crate) const PERIOD_NS: i64 = 1_000_000;
+/// Samples before an approach in which no operator is present, and then one who asks for no motion yet: the slave engages by
+/// that edge, and every stage knows of it before anything moves (a step rests on the state of [`crate::UNDER_WAY`] samples
+/// ago).
+const N_ABSENT: u64 = 8;
+const N_ENGAGING: u64 = 48;
 /// Samples of a rest: within 0.3 s every setpoint that the limits allow has come to rest and the slave holds.
 const N_REST: u64 = 300;
 /// Fastest approach, rad/s: 17 deg/s, far below what an operator may ask for.
@@ -168,6 +173,7 @@ impl Program {
                 Part::Approach if !is_idle && (self.sends_inputs() || self.approach_from_rad.is_none()) => {
                     return Ok(Next::Wait);
                 }
+                Part::Approach if self.n_in_part < N_ABSENT + N_ENGAGING => Some(self.engaging(bend_rad.into())),
                 Part::Approach => self.approach(bend_rad.into()),
                 Part::Recorded => self.recorded()?,
                 Part::Rest if self.n_in_part < N_REST => Some(self.rest()),
@@ -199,19 +205,34 @@ impl Program {
         }
     }
 
+    /// Stands still where the snake is, first absent and then present.
+    fn engaging(&mut self, bend_rad: Vector2<f64>) -> Planned {
+        let is_present = self.n_in_part >= N_ABSENT;
+        let what = if self.sends_inputs() {
+            let flags = if is_present { OperatorInput::OPERATOR_PRESENT } else { 0 };
+            What::Input(operator_input([0.0; 3], flags, DeviceState::Live))
+        } else {
+            let from = *self.approach_from_rad.get_or_insert(bend_rad);
+            let reasons = Reasons::NONE.with(if is_present { Reason::NotEngaged } else { Reason::OperatorAbsent });
+            self.setpoint(from, Vector2::zeros(), Phase::Holding, reasons)
+        };
+        Planned { what, dt_ns: PERIOD_NS, part: Part::Approach }
+    }
+
     fn approach(&mut self, bend_rad: Vector2<f64>) -> Option<Planned> {
+        let n_moved = self.n_in_part - N_ABSENT - N_ENGAGING;
         let target = Vector2::from(self.start_bend_rad);
         if self.n_in_part >= MOST_APPROACH {
             return None;
         }
         if !self.sends_inputs() {
-            return self.glide(bend_rad, target);
+            return self.glide(bend_rad, target, n_moved);
         }
         let way = target - bend_rad;
         if way.norm() <= ARRIVED_RAD {
             return None;
         }
-        let fastest = APPROACH_RAD_PER_S.min(APPROACH_GAIN_RAD_PER_S * (self.n_in_part + 1) as f64);
+        let fastest = APPROACH_RAD_PER_S.min(APPROACH_GAIN_RAD_PER_S * (n_moved + 1) as f64);
         let bend_vel = way * (fastest / way.norm()).min(APPROACH_RATE_PER_S);
         let linear_rows = self.snake.j_x_bend(bend_rad).fixed_rows::<3>(0).into_owned();
         let tip_vel_in_view = self.view_from_base * (linear_rows * bend_vel);
@@ -220,18 +241,18 @@ impl Program {
     }
 
     /// From where the slave stands to the start with the least jerk: s = 10 u^3 - 15 u^4 + 6 u^5, fastest 1.875 in the middle.
-    fn glide(&mut self, bend_rad: Vector2<f64>, target: Vector2<f64>) -> Option<Planned> {
+    fn glide(&mut self, bend_rad: Vector2<f64>, target: Vector2<f64>, n_moved: u64) -> Option<Planned> {
         let from = *self.approach_from_rad.get_or_insert(bend_rad);
         let way = target - from;
         let time_s = 1.875 * way.norm() / APPROACH_RAD_PER_S;
-        let u = (self.n_in_part + 1) as f64 * PERIOD_NS as f64 * 1e-9 / time_s;
+        let u = (n_moved + 1) as f64 * PERIOD_NS as f64 * 1e-9 / time_s;
         if way.norm() <= ARRIVED_RAD || u >= 1.0 {
             return None;
         }
         let part = u * u * u * (10.0 + u * (6.0 * u - 15.0));
         let rate_per_s = 30.0 * (u * (1.0 - u)).powi(2) / time_s;
         self.last_bend_rad = from + way * part;
-        let what = self.setpoint(self.last_bend_rad, way * rate_per_s, Phase::Following);
+        let what = self.setpoint(self.last_bend_rad, way * rate_per_s, Phase::Following, Reasons::NONE);
         Some(Planned { what, dt_ns: PERIOD_NS, part: Part::Approach })
     }
 
@@ -245,7 +266,7 @@ impl Program {
             Score::Trajectory(trajectory) => {
                 let Some((bend_rad, bend_vel_rad_per_s)) = trajectory.sample(self.n_in_part) else { return Ok(None) };
                 self.last_bend_rad = bend_rad;
-                (self.setpoint(bend_rad, bend_vel_rad_per_s, Phase::Following), PERIOD_NS)
+                (self.setpoint(bend_rad, bend_vel_rad_per_s, Phase::Following, Reasons::NONE), PERIOD_NS)
             }
         };
         if self.n_in_part > 0 {
@@ -256,16 +277,22 @@ impl Program {
     }
 
     fn rest(&self) -> Planned {
+        let ended = Reasons::NONE.with(Reason::InputEnded).with(Reason::OperatorAbsent);
         let what = if self.sends_inputs() {
             What::Input(operator_input([0.0; 3], 0, DeviceState::Ended))
         } else {
-            self.setpoint(self.last_bend_rad, Vector2::zeros(), Phase::Holding)
+            self.setpoint(self.last_bend_rad, Vector2::zeros(), Phase::Holding, ended)
         };
         Planned { what, dt_ns: PERIOD_NS, part: Part::Rest }
     }
 
-    fn setpoint(&self, bend_rad: Vector2<f64>, bend_vel_rad_per_s: Vector2<f64>, phase: Phase) -> What {
-        let reasons = if phase == Phase::Following { Reasons::NONE } else { Reasons::NONE.with(Reason::InputEnded) };
+    fn setpoint(
+        &self,
+        bend_rad: Vector2<f64>,
+        bend_vel_rad_per_s: Vector2<f64>,
+        phase: Phase,
+        reasons: Reasons,
+    ) -> What {
         What::Setpoint(Setpoint {
             sequence: 0,
             sample_ns: 0,

@@ -87,10 +87,14 @@ impl SlaveConfig {
             ("deceleration_m_per_s2", self.deceleration_m_per_s2, 0.05, 20.0),
             ("limits.stroke_m", l.stroke_m, 1e-4, 0.02),
             ("limits.rate_m_per_s", l.rate_m_per_s, 1e-4, 0.5),
-            ("limits.load_n", l.load_n, 1.0, 500.0),
+            ("limits.acceleration_m_per_s2", l.acceleration_m_per_s2, self.deceleration_m_per_s2, 1000.0),
+            ("limits.jerk_m_per_s3", l.jerk_m_per_s3, 100.0, 1e7),
+            ("limits.pull_n", no_limit_is_fine(l.pull_n), 1.0, 500.0),
+            ("limits.push_n", no_limit_is_fine(l.push_n), 1.0, 500.0),
             ("limits.step_m", l.step_m, 1e-5, 5e-3),
             ("limits.engage_m", l.engage_m, 1e-6, l.step_m),
             ("limits.command_age_ms", l.command_age_ms, 1.0, 1000.0),
+            ("limits.late_ms", l.late_ms, 1.0, l.command_age_ms),
             ("limits.following_error_m", l.following_error_m, 1e-5, 5e-3),
         ];
         for (key, found, low, high) in ranges {
@@ -112,6 +116,11 @@ impl SlaveConfig {
     }
 }
 
+/// `inf` says that loads are not measured, and passes every range.
+fn no_limit_is_fine(load_n: f64) -> f64 {
+    if load_n == f64::INFINITY { 1.0 } else { load_n }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -129,7 +138,8 @@ mod tests {
         for (text, key) in [
             ("watchdog_ms = 0.0", "watchdog_ms"),
             ("watchdog_ms = nan", "watchdog_ms"),
-            ("[limits]\nload_n = -1.0", "limits.load_n"),
+            ("[limits]\npull_n = -1.0", "limits.pull_n"),
+            ("[limits]\npush_n = nan", "limits.push_n"),
             ("[limits]\nengage_m = 0.001", "limits.engage_m"),
         ] {
             let config: SlaveConfig = toml::from_str(text).unwrap();

@@ -12,6 +12,7 @@ impl<D: Drive> SlaveCore<D> {
     pub fn report(&mut self, now_ns: i64) -> SlaveState {
         if self.is_unstamped {
             self.stamps.drive_written_ns = now_ns;
+            self.gate.written_at(now_ns);
             self.is_unstamped = false;
         }
         self.read(now_ns);
@@ -27,8 +28,8 @@ impl<D: Drive> SlaveCore<D> {
             desired_state: self.machine.desired() as u32,
             n_stops: self.n_stops,
             state_command_sequence: self.state_command_sequence,
-            setpoint_ns: self.last_write_ns,
-            setpoint_q_m: self.setpoint_q_m,
+            setpoint_ns: self.gate.written_ns(),
+            setpoint_q_m: self.gate.q_m(),
             setpoint_bend_rad: self.setpoint_bend_rad,
             measured_q_m: self.reading.q_tilde_m,
             measured_tau_n: self.reading.tau_n,
@@ -68,8 +69,11 @@ impl<D: Drive> SlaveCore<D> {
         if self.machine.is_busy() {
             flags |= SlaveState::IS_BUSY;
         }
-        if self.is_whole {
+        if self.follows_closely() {
             flags |= SlaveState::FOLLOWING;
+        }
+        if self.is_engaged() {
+            flags |= SlaveState::ENGAGED;
         }
         if self.is_state_command_refused {
             flags |= SlaveState::COMMAND_REFUSED;

@@ -4,7 +4,8 @@
 //! any more, and report encoders and line loads. It is safe without any other process and computes no kinematics.
 //!
 //! Terms: the *setpoint* is where the drives were last told to be; to *follow* is to execute commands as they come; to be
-//! *held* is to stand at the setpoint until a command comes that begins there; q~ are actuator positions.
+//! *held* is to stand at the setpoint until a command comes that begins there; *engaged* is a slave whose operator has asked
+//! for motion and whom nothing has stopped since; q~ are actuator positions.
 //!
 //! Frames and units: see `docs/NOTATION.md`. SI and radians; push is positive; the bend vector is b (cos delta, sin delta).
 #![forbid(unsafe_code)]
@@ -12,7 +13,9 @@
 mod config;
 mod core_report;
 mod drive;
+mod engagement;
 mod findings;
+mod gate;
 mod latency;
 mod limiter;
 mod operating_state;
@@ -23,10 +26,12 @@ mod watchdog;
 
 pub use config::{ConfigError, SlaveConfig};
 pub use drive::{Drive, DriveError, DriveReading, Homing, ShapeReading};
+pub use engagement::Engagement;
 pub use findings::{Findings, Note};
+pub use gate::{Gate, GateLimits, Write};
 pub use limiter::{Limiter, Limits, Situation, Verdict};
 pub use operating_state::{OperatingMachine, TransitionRefused};
 pub use process::{SlaveError, run_with_drive, shape_message};
 pub use slave_core::SlaveCore;
 pub use stops::Stops;
-pub use watchdog::{SmoothStop, Watchdog};
+pub use watchdog::Watchdog;

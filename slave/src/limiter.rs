@@ -1,20 +1,17 @@
-//! The slave's own limits, independent of every process before it: what is wrong is refused, what is too much is shortened.
+//! The slave's own limits, independent of every process before it: what is wrong is refused, what is too far is shortened.
 //!
-//! Refused: not finite, unknown phase or reasons, out of order, too old or from the future, a jump away from the setpoint.
-//! Shortened, all three actuators by one common factor so that the direction stays: stroke, rate, load.
+//! Refused: not finite, unknown phase or reasons, out of order, too old or from the future, a jump away from the setpoint, a
+//! load that is limited and not measured. Held: late. Shortened, all three actuators by one common factor so that the
+//! direction stays: stroke, load. Rate, acceleration and jerk are the gate's.
 
 use crate::Findings;
+use crate::gate::largest;
 use krait_ipc::message::{Command, Phase};
 use krait_ipc::{Reason, Reasons};
 use serde::{Deserialize, Serialize};
 
 /// Largest clock difference between two processes of one machine: none in truth, so this only bounds rounding, ns.
 const FUTURE_NS: i64 = 1_000_000;
-/// Longest time between two commands that is credited to the second one's motion: a gap earns no right to a leap, ns.
-const MAX_CREDIT_NS: i64 = 10_000_000;
-/// The time credited to the first command after a hold: one period of 1 kHz, ns.
-const FIRST_CREDIT_NS: i64 = 1_000_000;
-
 /// The limits of the machine.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -25,9 +22,17 @@ pub struct Limits {
     /// Speed of each actuator, m/s; 1e-4 to 0.5. Default 30 mm/s: about 8 rad/s of bend with the stretch taken off, above
     /// any hand's wish and below what shakes the lines.
     pub rate_m_per_s: f64,
-    /// Measured load of each line at its actuator beyond which it is not increased further, N; 1 to 500. Default 60 N: the
-    /// default snake needs 48 N at the paper's 80 deg, and 60 N are 412 MPa in a tube, where NiTi begins to soften.
-    pub load_n: f64,
+    /// Acceleration of each actuator, m/s2; 0.1 to 1000. Default 20 m/s2: the largest speed after 1.5 ms. Smaller values
+    /// soften how the play of the lines is crossed.
+    pub acceleration_m_per_s2: f64,
+    /// Jerk of each actuator, m/s3; 100 to 1e7. Default 4e4 m/s3: the largest acceleration turns round within a period.
+    pub jerk_m_per_s3: f64,
+    /// Measured pull of each line at its actuator beyond which it is not increased further, N; 1 to 500, or inf where loads
+    /// are not measured. Default 60 N: the default snake needs 48 N at the paper's 80 deg, and 60 N are 412 MPa in a tube
+    /// (a strain of 0.8 %), where NiTi begins to soften.
+    pub pull_n: f64,
+    /// The same for push, which ends in buckling where a line is not guided. Default 60 N.
+    pub push_n: f64,
     /// Largest distance of a command from the setpoint while following, m; 1e-5 to 5e-3. Default 0.5 mm: 17 periods at the
     /// largest speed, so that a late burst passes and a leap does not.
     pub step_m: f64,
@@ -36,6 +41,9 @@ pub struct Limits {
     pub engage_m: f64,
     /// Oldest operator input that a command may rest on, ms; 1 to 1000. Default 50 ms, as the watchdog.
     pub command_age_ms: f64,
+    /// Age of the operator input beyond which a command is not executed and the slave holds until commands are in time
+    /// again, ms; 1 to `command_age_ms`. Default 10 ms: what a stage sends at once after a hiccup is the past.
+    pub late_ms: f64,
     /// Distance of the encoders from the setpoint that is a fault, m; 1e-5 to 5e-3. Default 0.3 mm: ten periods at the
     /// largest speed.
     pub following_error_m: f64,
@@ -46,10 +54,14 @@ impl Default for Limits {
         Self {
             stroke_m: 5.5e-3,
             rate_m_per_s: 30e-3,
-            load_n: 60.0,
+            acceleration_m_per_s2: 20.0,
+            jerk_m_per_s3: 4e4,
+            pull_n: 60.0,
+            push_n: 60.0,
             step_m: 0.5e-3,
             engage_m: 0.1e-3,
             command_age_ms: 50.0,
+            late_ms: 10.0,
             following_error_m: 0.3e-3,
         }
     }
@@ -64,28 +76,21 @@ pub struct Situation {
     pub setpoint_q_m: [f64; 3],
     /// Measured line loads, N, push positive; NaN where not measured.
     pub tau_n: [f64; 3],
-    /// Whether commands may be executed at all.
+    /// Whether commands may be executed at all: enabled, homed, not busy, engaged.
     pub ready: bool,
     /// Whether the command before was executed; otherwise this one must begin at the setpoint.
     pub following: bool,
 }
 
-/// What becomes of a command.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// What becomes of a command that was admitted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// It is wrong and changes nothing.
+    /// It would be a jump, or a load is not known; it changes nothing.
     Refuse,
-    /// It is right and asks to stand still, or the slave is not ready to move.
+    /// It asks to stand still, is late, or the slave is not ready to move.
     Hold,
-    /// It is executed, perhaps in part.
-    Move {
-        /// Where to go, m.
-        q_m: [f64; 3],
-        /// The part of the way that the limits allow, 0 to 1.
-        scale: f64,
-        /// The time credited to this motion, s; > 0.
-        credit_s: f64,
-    },
+    /// It is executed.
+    Move,
 }
 
 /// Judges commands one after the other.
@@ -107,45 +112,20 @@ impl Limiter {
         &self.limits
     }
 
-    /// Judges the next command; says into `findings` why it is refused or shortened.
+    /// Another process writes the commands from now on, with numbers of its own. Time still goes on only.
+    pub fn new_writer(&mut self) {
+        self.last_sequence = 0;
+    }
+
+    /// Whether a command may be believed at all; says into `findings` why not.
     ///
     /// # Real-time
     /// No allocation, no loop longer than three actuators.
-    pub fn judge(&mut self, command: &Command, situation: &Situation, findings: &mut Findings) -> Verdict {
-        if !self.is_sound(command, situation.now_ns, findings) {
-            return Verdict::Refuse;
-        }
-        let since_ns = command.sample_ns.saturating_sub(self.last_sample_ns);
-        (self.last_sequence, self.last_sample_ns) = (command.sequence, command.sample_ns);
-        if !situation.ready || command.phase != Phase::Following as u32 {
-            return Verdict::Hold;
-        }
-        let change_m: [f64; 3] = core::array::from_fn(|i| command.q_tilde_m[i] - situation.setpoint_q_m[i]);
-        let nearness_m = if situation.following { self.limits.step_m } else { self.limits.engage_m };
-        let farthest_m = largest(change_m);
-        if farthest_m > nearness_m {
-            findings.note(Reason::StepLimit, farthest_m, nearness_m);
-            return Verdict::Refuse;
-        }
-        let credit_ns = if situation.following { since_ns.clamp(1, MAX_CREDIT_NS) } else { FIRST_CREDIT_NS };
-        let credit_s = credit_ns as f64 * 1e-9;
-        let scale = self
-            .rate_scale(farthest_m, credit_s, findings)
-            .min(self.stroke_scale(&situation.setpoint_q_m, &change_m, findings))
-            .min(self.load_scale(&situation.tau_n, &change_m, findings));
-        // A whole step lands on the command itself, not beside it by a rounding error.
-        let q_m = if scale < 1.0 {
-            core::array::from_fn(|i| situation.setpoint_q_m[i] + scale * change_m[i])
-        } else {
-            command.q_tilde_m
-        };
-        Verdict::Move { q_m, scale, credit_s }
-    }
-
-    /// Whether a command may be believed at all.
-    fn is_sound(&self, command: &Command, now_ns: i64, findings: &mut Findings) -> bool {
+    pub fn admits(&mut self, command: &Command, now_ns: i64, findings: &mut Findings) -> bool {
         let numbers = command.q_tilde_m.into_iter().chain(command.bend_rad);
-        if numbers.into_iter().any(|x| !x.is_finite()) {
+        // A forecast may be missing; NaN says so.
+        let forecast = command.q_tilde_vel_m_per_s.into_iter().any(f64::is_infinite);
+        if numbers.into_iter().any(|x| !x.is_finite()) || forecast {
             findings.insert(Reason::NotFinite);
         }
         let known_phase = [Phase::Holding, Phase::Following].into_iter().any(|p| p as u32 == command.phase);
@@ -164,16 +144,60 @@ impl Limiter {
         if repeated || command.sample_ns < self.last_sample_ns {
             findings.note(Reason::OutOfOrder, command.sequence as f64, self.last_sequence as f64);
         }
+        if findings.reasons().is_empty() {
+            (self.last_sequence, self.last_sample_ns) = (command.sequence, command.sample_ns);
+        }
         findings.reasons().is_empty()
     }
 
-    fn rate_scale(&self, farthest_m: f64, credit_s: f64, findings: &mut Findings) -> f64 {
-        let allowed_m = self.limits.rate_m_per_s * credit_s;
-        if farthest_m <= allowed_m {
-            return 1.0;
+    /// Judges an admitted command.
+    ///
+    /// # Real-time
+    /// As [`Limiter::admits`].
+    pub fn judge(&self, command: &Command, situation: &Situation, findings: &mut Findings) -> Verdict {
+        let late = !self.is_in_time(command, situation.now_ns, findings);
+        if late || !situation.ready || command.phase != Phase::Following as u32 {
+            return Verdict::Hold;
         }
-        findings.note(Reason::ActuatorRateLimit, farthest_m / credit_s, self.limits.rate_m_per_s);
-        allowed_m / farthest_m
+        let nearness_m = if situation.following { self.limits.step_m } else { self.limits.engage_m };
+        let near = is_near(command, situation, nearness_m, findings);
+        let known = self.knows_loads(&situation.tau_n, findings);
+        if near && known { Verdict::Move } else { Verdict::Refuse }
+    }
+
+    /// Whether an operator may engage at this command; says into `findings` what is missing.
+    pub fn may_engage(&self, command: &Command, situation: &Situation, findings: &mut Findings) -> bool {
+        let in_time = self.is_in_time(command, situation.now_ns, findings);
+        let near = is_near(command, situation, self.limits.engage_m, findings);
+        let known = self.knows_loads(&situation.tau_n, findings);
+        in_time && near && known
+    }
+
+    /// The part of a way that stroke and loads allow, 0 to 1.
+    pub fn confine(&self, situation: &Situation, to_m: &[f64; 3], findings: &mut Findings) -> f64 {
+        let change_m: [f64; 3] = core::array::from_fn(|i| to_m[i] - situation.setpoint_q_m[i]);
+        self.stroke_scale(&situation.setpoint_q_m, &change_m, findings).min(self.load_scale(
+            &situation.tau_n,
+            &change_m,
+            findings,
+        ))
+    }
+
+    fn is_in_time(&self, command: &Command, now_ns: i64, findings: &mut Findings) -> bool {
+        let age_ms = now_ns.saturating_sub(command.sample_ns) as f64 * 1e-6;
+        if age_ms > self.limits.late_ms {
+            findings.note(Reason::CommandLate, age_ms, self.limits.late_ms);
+        }
+        age_ms <= self.limits.late_ms
+    }
+
+    fn knows_loads(&self, tau_n: &[f64; 3], findings: &mut Findings) -> bool {
+        let limited = self.limits.pull_n.is_finite() || self.limits.push_n.is_finite();
+        let known = !limited || tau_n.iter().all(|tau| tau.is_finite());
+        if !known {
+            findings.insert(Reason::LoadUnknown);
+        }
+        known
     }
 
     fn stroke_scale(&self, from_m: &[f64; 3], change_m: &[f64; 3], findings: &mut Findings) -> f64 {
@@ -194,8 +218,9 @@ impl Limiter {
     fn load_scale(&self, tau_n: &[f64; 3], change_m: &[f64; 3], findings: &mut Findings) -> f64 {
         let mut scale = 1.0;
         for (tau, change) in tau_n.iter().zip(change_m) {
-            if tau.abs() > self.limits.load_n && tau * change > 0.0 {
-                findings.note(Reason::ForceLimit, tau.abs(), self.limits.load_n);
+            let limit_n = if *tau > 0.0 { self.limits.push_n } else { self.limits.pull_n };
+            if tau.abs() > limit_n && tau * change > 0.0 {
+                findings.note(Reason::ForceLimit, tau.abs(), limit_n);
                 scale = 0.0;
             }
         }
@@ -203,7 +228,10 @@ impl Limiter {
     }
 }
 
-/// Largest magnitude.
-pub(crate) fn largest(v: [f64; 3]) -> f64 {
-    v.into_iter().fold(0.0, |m, x| m.max(x.abs()))
+fn is_near(command: &Command, situation: &Situation, nearness_m: f64, findings: &mut Findings) -> bool {
+    let away_m = largest(core::array::from_fn(|i| command.q_tilde_m[i] - situation.setpoint_q_m[i]));
+    if away_m > nearness_m {
+        findings.note(Reason::StepLimit, away_m, nearness_m);
+    }
+    away_m <= nearness_m
 }

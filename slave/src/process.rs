@@ -74,6 +74,7 @@ struct Process<D> {
     health: HealthReporter,
     started_ns: i64,
     n_shapes: u64,
+    n_writers: u64,
     tick_due_ns: i64,
     report_due_ns: i64,
     latency: LatencyWatch,
@@ -92,6 +93,7 @@ impl<D: Drive> Process<D> {
             health: HealthReporter::open(bus, krait_ipc::Process::Slave)?,
             started_ns: monotonic_ns(),
             n_shapes: 0,
+            n_writers: 0,
             tick_due_ns: 0,
             report_due_ns: 0,
             latency: LatencyWatch::new(config.latency_limits),
@@ -105,6 +107,9 @@ impl<D: Drive> Process<D> {
             self.commands.wait(Duration::from_nanos(until_due_ns.unsigned_abs()))?;
             while let Some(command) = self.commands.take()? {
                 self.take_stops();
+                if core::mem::replace(&mut self.n_writers, self.commands.n_writers()) != self.commands.n_writers() {
+                    self.core.on_new_writer();
+                }
                 // The drives come first: everything else in this loop can wait.
                 self.core.on_command(&command, monotonic_ns());
                 drop(command);
@@ -152,8 +157,13 @@ impl<D: Drive> Process<D> {
     /// What happens with commands or without.
     fn keep_house(&mut self, now_ns: i64) -> Result<(), IpcError> {
         if now_ns >= self.tick_due_ns {
+            let written_ns = self.core.gate.written_ns();
             self.core.on_tick(now_ns);
             self.tick_due_ns = now_ns + TICK_NS;
+            // Every write is reported, so that a recording shows each.
+            if self.core.gate.written_ns() != written_ns {
+                self.report_due_ns = now_ns;
+            }
         }
         if now_ns >= self.report_due_ns {
             self.report(TICK_NS)?;
@@ -212,6 +222,7 @@ struct TransitionLog {
     state: Option<OperatingState>,
     homed: bool,
     following: bool,
+    engaged: bool,
     n_refused: u64,
     refusal_due_ns: i64,
 }
@@ -232,6 +243,15 @@ impl TransitionLog {
         let following = core.is_following();
         if core::mem::replace(&mut self.following, following) != following {
             tracing::info!("the slave {}", if following { "follows" } else { "holds" });
+        }
+        if core::mem::replace(&mut self.engaged, core.is_engaged()) != core.is_engaged() {
+            if core.is_engaged() {
+                tracing::info!("the operator has engaged");
+            } else {
+                let reasons = core.findings(report.sample_ns).reasons();
+                let why: Vec<_> = reasons.iter().map(krait_ipc::Reason::sentence).collect();
+                tracing::warn!("the engagement has ended: {}", why.join("; "));
+            }
         }
         if core.n_refused > self.n_refused && report.sample_ns >= self.refusal_due_ns {
             let findings = core.findings(report.sample_ns);

@@ -1,28 +1,31 @@
-//! The slave without its process: commands, state commands and ticks in, motion of the drives and reports out.
+//! The slave without its process: commands, state commands, stops and ticks in, motion of the drives and reports out.
 //!
 //! Every method is a pure step on this state and the drive behind it; time is an argument. Rules that hold throughout:
-//! - The drives move only when Enabled, homed and not busy, for a command that the limiter accepts and that follows the
-//!   operator; and while a motion is being brought to rest.
-//! - After every hold (start, enable, pause, home, stale commands, a command that asks to stand still) the first command
-//!   that is executed begins at the setpoint.
+//! - The drives move only when Enabled, homed, not busy and engaged, for a command in time that the limiter accepts and that
+//!   follows the operator; and while a motion is being brought to rest. Every write passes the gate.
+//! - After every hold (start, enable, pause, home, late commands, a command that asks to stand still) the first command that
+//!   is executed begins at the setpoint.
+//! - Whatever could surprise the operator ends the engagement: see [`crate::Engagement`].
 //! - When commands stop coming in motion, the slave begins to brake at once, long before the watchdog declares them stale:
 //!   so it is at rest within the watchdog's time.
 //! - The setpoint is seeded from the encoders when power comes on and when homing ends, because nothing else knows where
 //!   the actuators are; after a pause and after stale commands it stays what was commanded, because the drives still hold
 //!   that against their load.
 
-use crate::limiter::largest;
+use crate::gate::largest;
 use crate::{
-    Drive, DriveError, DriveReading, Findings, Homing, Limiter, OperatingMachine, Situation, SlaveConfig, SmoothStop,
-    TransitionRefused, Verdict, Watchdog,
+    Drive, DriveError, DriveReading, Engagement, Findings, Gate, GateLimits, Homing, Limiter, Note, OperatingMachine,
+    Situation, SlaveConfig, TransitionRefused, Verdict, Watchdog, Write,
 };
-use krait_ipc::Reason;
 use krait_ipc::message::{Command, HopStamps, OperatingState, StateCommand, Transition};
+use krait_ipc::{Reason, Reasons};
 
 /// Commands come every millisecond; half a period more without one and the slave begins to brake, ns.
 pub(crate) const GAP_NS: i64 = 1_500_000;
-/// Longest time that one step of braking accounts for, ns: a slave that was itself held up must not leap.
-const MAX_BRAKE_STEP_NS: i64 = 5_000_000;
+/// What a command says of the way before it that ends an engagement: something was lost or stood still.
+const STALLS: [Reason; 4] = [Reason::DeviceLost, Reason::InputStale, Reason::SetpointStale, Reason::StateStale];
+/// What else keeps an operator from engaging, as a command tells it.
+const HOLDS: [Reason; 3] = [Reason::OperatorAbsent, Reason::Clutched, Reason::InputEnded];
 
 /// The slave's state and the drive it owns.
 #[derive(Debug)]
@@ -31,17 +34,18 @@ pub struct SlaveCore<D> {
     pub(crate) machine: OperatingMachine,
     limiter: Limiter,
     pub(crate) watchdog: Watchdog,
-    stop: SmoothStop,
+    pub(crate) gate: Gate,
+    pub(crate) engagement: Engagement,
+    origin: Origin,
     home_on_start: bool,
     motion: Motion,
-    pub(crate) setpoint_q_m: [f64; 3],
     pub(crate) setpoint_bend_rad: [f64; 2],
     pub(crate) reading: DriveReading,
-    pub(crate) last_write_ns: i64,
     pub(crate) stamps: HopStamps,
     pub(crate) is_unstamped: bool,
     pub(crate) command_sequence: u64,
-    pub(crate) is_whole: bool,
+    /// Distance of the newest command from the setpoint that it has led to, m.
+    lag_m: f64,
     /// What the newest command met.
     pub(crate) command_findings: Findings,
     pub(crate) drive_error: Option<DriveError>,
@@ -54,6 +58,14 @@ pub struct SlaveCore<D> {
     stop_ns: i64,
     pub(crate) state_command_sequence: u64,
     pub(crate) is_state_command_refused: bool,
+}
+
+/// Where commands come from: what may not change while the operator is engaged.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Origin {
+    setpoint_sequence: u64,
+    input_sequence: u64,
+    compensation: u32,
 }
 
 /// Whether commands are executed.
@@ -73,17 +85,22 @@ impl<D: Drive> SlaveCore<D> {
             machine: OperatingMachine::default(),
             limiter: Limiter::new(config.limits.clone()),
             watchdog: Watchdog::new(config.watchdog_ms),
-            stop: SmoothStop::new(config.deceleration_m_per_s2),
+            gate: Gate::new(GateLimits {
+                rate_m_per_s: config.limits.rate_m_per_s,
+                acceleration_m_per_s2: config.limits.acceleration_m_per_s2,
+                jerk_m_per_s3: config.limits.jerk_m_per_s3,
+                deceleration_m_per_s2: config.deceleration_m_per_s2,
+            }),
+            engagement: Engagement::default(),
+            origin: Origin::default(),
             home_on_start: config.home_on_start,
             motion: Motion::Held,
-            setpoint_q_m: [0.0; 3],
             setpoint_bend_rad: [0.0; 2],
             reading: DriveReading { q_tilde_m: [f64::NAN; 3], tau_n: [f64::NAN; 3] },
-            last_write_ns: 0,
             stamps: HopStamps::default(),
             is_unstamped: false,
             command_sequence: 0,
-            is_whole: false,
+            lag_m: 0.0,
             command_findings: Findings::default(),
             drive_error: None,
             sequence: 0,
@@ -124,7 +141,23 @@ impl<D: Drive> SlaveCore<D> {
 
     /// Whether the drives stand still as far as the slave is concerned.
     pub fn is_still(&self) -> bool {
-        self.stop.is_still()
+        self.gate.is_still()
+    }
+
+    /// Whether the operator has engaged.
+    pub fn is_engaged(&self) -> bool {
+        self.engagement.is_engaged()
+    }
+
+    /// Whether the setpoint is the newest command, but for what the gate has yet to make up for.
+    pub(crate) fn follows_closely(&self) -> bool {
+        self.is_following() && self.lag_m <= self.limiter.limits().engage_m
+    }
+
+    /// Another process writes the commands from now on.
+    pub fn on_new_writer(&mut self) {
+        self.limiter.new_writer();
+        self.disengage(Reason::StageRestarted, None);
     }
 
     /// Takes a command that was in hand at `now_ns`, and writes the drives if it is to be executed.
@@ -134,42 +167,123 @@ impl<D: Drive> SlaveCore<D> {
     pub fn on_command(&mut self, command: &Command, now_ns: i64) {
         self.n_commands += 1;
         self.last_command_ns = now_ns;
-        self.hold_if_stale(now_ns);
-        let situation = Situation {
-            now_ns,
-            setpoint_q_m: self.setpoint_q_m,
-            tau_n: self.reading.tau_n,
-            ready: self.machine.is_ready(),
-            following: self.is_following(),
-        };
+        self.end_if_stale(now_ns);
         let mut findings = Findings::default();
-        let verdict = self.limiter.judge(command, &situation, &mut findings);
-        self.command_findings = findings;
-        self.is_whole = false;
-        match verdict {
+        if !self.limiter.admits(command, now_ns, &mut findings) {
+            if let Some(age) = findings.note_of(Reason::CommandStale) {
+                self.disengage(Reason::ChainStalled, Some(age));
+            }
+            self.command_findings = findings;
+            self.refuse(now_ns);
+            return;
+        }
+        self.end_if_changed(command);
+        let situation = self.situation(now_ns);
+        match self.limiter.judge(command, &situation, &mut findings) {
             Verdict::Refuse => {
-                self.n_refused += 1;
-                self.brake(now_ns);
+                if findings.reasons().contains(Reason::LoadUnknown) {
+                    self.disengage(Reason::LoadUnknown, None);
+                }
+                self.refuse(now_ns);
             }
             Verdict::Hold => {
                 self.watchdog.feed(now_ns);
                 self.motion = Motion::Held;
                 self.brake(now_ns);
             }
-            Verdict::Move { q_m, scale, credit_s } => {
+            Verdict::Move => {
                 self.watchdog.feed(now_ns);
-                let before_m = self.setpoint_q_m;
-                if self.write(q_m, now_ns) {
-                    self.stop.set_velocity(core::array::from_fn(|i| (q_m[i] - before_m[i]) / credit_s));
-                    self.motion = Motion::Following;
-                    self.is_whole = scale >= 1.0;
-                    self.setpoint_bend_rad = command.bend_rad;
-                    self.command_sequence = command.sequence;
-                    self.stamps = HopStamps { slave_begun_ns: now_ns, drive_written_ns: 0, ..command.stamps };
-                    self.is_unstamped = true;
-                }
+                self.go(command, &situation, &mut findings);
             }
         }
+        self.look_for_operator(command, now_ns, &mut findings);
+        self.command_findings = findings;
+    }
+
+    fn refuse(&mut self, now_ns: i64) {
+        self.n_refused += 1;
+        self.lag_m = f64::INFINITY;
+        self.brake(now_ns);
+    }
+
+    /// Writes the drives for a command, as far as gate, stroke and loads allow.
+    fn go(&mut self, command: &Command, situation: &Situation, findings: &mut Findings) {
+        let forecast = command.q_tilde_vel_m_per_s.map(|v| if v.is_finite() { v } else { 0.0 });
+        let rate = self.limiter.limits().rate_m_per_s;
+        if largest(forecast) > rate {
+            findings.note(Reason::ActuatorRateLimit, largest(forecast), rate);
+        }
+        let whole = self.gate.toward(command.q_tilde_m, forecast, situation.now_ns, findings);
+        let part = self.limiter.confine(situation, &whole.q_m, findings);
+        let write = if part < 1.0 { self.gate.part_of(&whole, part) } else { whole };
+        if !self.write(&write, situation.now_ns) {
+            return;
+        }
+        let q_m = self.gate.q_m();
+        self.lag_m =
+            if part < 1.0 { f64::INFINITY } else { largest(core::array::from_fn(|i| command.q_tilde_m[i] - q_m[i])) };
+        self.motion = Motion::Following;
+        self.setpoint_bend_rad = command.bend_rad;
+        self.command_sequence = command.sequence;
+        self.stamps = HopStamps { slave_begun_ns: situation.now_ns, drive_written_ns: 0, ..command.stamps };
+        self.is_unstamped = true;
+    }
+
+    fn situation(&self, now_ns: i64) -> Situation {
+        Situation {
+            now_ns,
+            setpoint_q_m: self.gate.q_m(),
+            tau_n: self.reading.tau_n,
+            ready: self.machine.is_ready() && self.is_engaged(),
+            following: self.is_following(),
+        }
+    }
+
+    /// What the way before the slave has been through since the command before.
+    fn end_if_changed(&mut self, command: &Command) {
+        let Command { setpoint_sequence, input_sequence, compensation, .. } = *command;
+        let origin = Origin { setpoint_sequence, input_sequence, compensation };
+        let before = core::mem::replace(&mut self.origin, origin);
+        if setpoint_sequence < before.setpoint_sequence
+            || input_sequence < before.input_sequence
+            || command.sequence == 1
+        {
+            self.disengage(Reason::StageRestarted, None);
+        }
+        if compensation != before.compensation {
+            self.disengage(Reason::ModelExchanged, None);
+        }
+        let reasons = Reasons::from_bits(command.reasons);
+        if let Some(stall) = STALLS.into_iter().find(|reason| reasons.contains(*reason)) {
+            self.disengage(stall, None);
+        }
+    }
+
+    /// Follows the operator's presence; while not engaged, names what is missing.
+    fn look_for_operator(&mut self, command: &Command, now_ns: i64, findings: &mut Findings) {
+        let reasons = Reasons::from_bits(command.reasons);
+        if reasons.contains(Reason::OperatorAbsent) {
+            self.engagement.absent();
+        }
+        if self.is_engaged() {
+            return;
+        }
+        let missing = HOLDS.into_iter().chain(STALLS).filter(|reason| reasons.contains(*reason));
+        let mut is_met = self.machine.is_ready();
+        for reason in missing {
+            findings.insert(reason);
+            is_met = false;
+        }
+        is_met &= self.limiter.may_engage(command, &self.situation(now_ns), findings);
+        if !reasons.contains(Reason::OperatorAbsent) {
+            self.engagement.present(now_ns, is_met);
+        }
+    }
+
+    /// Ends the engagement for a reason that stands until the next one.
+    fn disengage(&mut self, reason: Reason, note: Option<Note>) {
+        self.engagement.clear(Some((reason, note)));
+        self.hold();
     }
 
     /// Executes a change of the operating state.
@@ -196,7 +310,7 @@ impl<D: Drive> SlaveCore<D> {
     pub fn stop(&mut self, asked_ns: i64) {
         self.n_stops = self.n_stops.wrapping_add(1);
         self.stop_ns = asked_ns;
-        self.hold();
+        self.disengage(Reason::StopAsked, None);
         if self.machine.state() == OperatingState::Enabled {
             let paused = self.machine.apply(Transition::Pause);
             debug_assert!(paused.is_ok(), "Enabled may always be paused");
@@ -217,11 +331,12 @@ impl<D: Drive> SlaveCore<D> {
                 self.fault(error, now_ns);
                 return Err(error.into());
             }
-            self.stop.set_velocity([0.0; 3]);
+            self.gate.rest();
             self.drive_error = None;
         }
         self.machine = next;
         if transition != Transition::Enable || powers_up {
+            self.engagement.clear(None);
             self.hold();
         }
         if powers_up {
@@ -229,7 +344,7 @@ impl<D: Drive> SlaveCore<D> {
             if let Some(error) = self.drive_error {
                 return Err(error.into());
             }
-            self.setpoint_q_m = self.reading.q_tilde_m;
+            self.gate.rest_at(self.reading.q_tilde_m);
             if self.home_on_start && !self.machine.is_homed() {
                 self.machine.apply(Transition::Home)?;
             }
@@ -242,7 +357,7 @@ impl<D: Drive> SlaveCore<D> {
     /// # Real-time
     /// No allocation, no blocking, no clock.
     pub fn on_tick(&mut self, now_ns: i64) {
-        self.hold_if_stale(now_ns);
+        self.end_if_stale(now_ns);
         if self.machine.is_busy() && self.is_still() {
             self.continue_homing(now_ns);
         } else if !self.is_following() || self.watchdog.age_ns(now_ns).is_none_or(|age| age >= GAP_NS) {
@@ -253,7 +368,6 @@ impl<D: Drive> SlaveCore<D> {
     /// From now on no command is executed; a motion under way is braked by [`SlaveCore::on_tick`].
     pub fn hold(&mut self) {
         self.motion = Motion::Held;
-        self.is_whole = false;
     }
 
     /// Reads encoders and loads. A drive that does not answer, answers nonsense or is not where it was told to be is a
@@ -268,7 +382,7 @@ impl<D: Drive> SlaveCore<D> {
 
     /// Distance of the encoders from the setpoint, m.
     pub(crate) fn following_error_m(&self) -> f64 {
-        largest(core::array::from_fn(|i| self.reading.q_tilde_m[i] - self.setpoint_q_m[i]))
+        largest(core::array::from_fn(|i| self.reading.q_tilde_m[i] - self.gate.q_m()[i]))
     }
 
     /// The largest such distance that is no fault, m.
@@ -278,8 +392,8 @@ impl<D: Drive> SlaveCore<D> {
 
     /// Takes power away and waits to be told to try again.
     pub(crate) fn fault(&mut self, error: DriveError, now_ns: i64) {
-        self.hold();
-        self.stop.set_velocity([0.0; 3]);
+        self.disengage(Reason::DriveFault, None);
+        self.gate.rest();
         if self.machine.state() != OperatingState::Fault {
             self.machine.fault();
             let is_off = self.drive.set_power(now_ns, false).is_ok();
@@ -292,9 +406,10 @@ impl<D: Drive> SlaveCore<D> {
         }
     }
 
-    fn hold_if_stale(&mut self, now_ns: i64) {
-        if self.is_following() && self.watchdog.is_stale(now_ns) {
-            self.hold();
+    fn end_if_stale(&mut self, now_ns: i64) {
+        if self.is_engaged() && self.watchdog.is_stale(now_ns) {
+            let value = self.watchdog.age_ns(now_ns).map_or(f64::NAN, |age| age as f64 * 1e-6);
+            self.disengage(Reason::ChainStalled, Some(Note { value, limit: self.watchdog.limit_ms() }));
         }
     }
 
@@ -308,29 +423,23 @@ impl<D: Drive> SlaveCore<D> {
             Err(error) => return self.fault(error, now_ns),
         }
         self.read(now_ns);
-        self.setpoint_q_m = self.reading.q_tilde_m;
+        self.gate.rest_at(self.reading.q_tilde_m);
     }
 
     /// Continues a motion that nobody commands any more, slower and slower.
     fn brake(&mut self, now_ns: i64) {
-        if self.stop.is_still() {
-            return;
-        }
-        let elapsed_ns = now_ns.saturating_sub(self.last_write_ns).clamp(0, MAX_BRAKE_STEP_NS);
-        let way_m = self.stop.slow_down(elapsed_ns as f64 * 1e-9);
+        let Some(write) = self.gate.brake(now_ns) else { return };
         let stroke_m = self.limiter.limits().stroke_m;
-        let q_m = core::array::from_fn(|i| {
-            let (from, to) = (self.setpoint_q_m[i], self.setpoint_q_m[i] + way_m[i]);
-            if to.abs() > stroke_m.max(from.abs()) { from } else { to }
-        });
-        self.write(q_m, now_ns);
+        let from_m = self.gate.q_m();
+        let stays = (0..3).all(|i| write.q_m[i].abs() <= stroke_m.max(from_m[i].abs()));
+        let write = if stays { write } else { self.gate.part_of(&write, 0.0) };
+        self.write(&write, now_ns);
     }
 
-    fn write(&mut self, q_m: [f64; 3], now_ns: i64) -> bool {
-        match self.drive.write(now_ns, q_m) {
+    fn write(&mut self, write: &Write, now_ns: i64) -> bool {
+        match self.drive.write(now_ns, write.q_m) {
             Ok(()) => {
-                self.setpoint_q_m = q_m;
-                self.last_write_ns = now_ns;
+                self.gate.commit(write, now_ns);
                 true
             }
             Err(error) => {
@@ -347,6 +456,7 @@ impl<D: Drive> SlaveCore<D> {
         if !self.machine.is_homed() {
             findings.insert(Reason::SlaveNotHomed);
         }
+        self.engagement.tell(findings);
         if self.watchdog.is_stale(now_ns) {
             match self.watchdog.age_ns(now_ns) {
                 Some(age) => findings.note(Reason::CommandStale, age as f64 * 1e-6, self.watchdog.limit_ms()),

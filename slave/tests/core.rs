@@ -54,7 +54,20 @@ impl Bench {
             Self { core: SlaveCore::new(Mock::default(), &SlaveConfig::default()), now_ns: MS, sequence: 0 };
         bench.core.transition(Transition::Enable, bench.now_ns).unwrap();
         bench.tick();
+        bench.engage();
         bench
+    }
+
+    /// The operator lets go and takes hold anew, at the setpoint.
+    fn engage(&mut self) -> SlaveState {
+        self.now_ns += MS;
+        let q_m = self.core.report(self.now_ns).setpoint_q_m;
+        for reasons in [Reasons::NONE.with(Reason::OperatorAbsent), Reasons::NONE] {
+            let mut command = self.command(q_m);
+            (command.phase, command.reasons) = (Phase::Holding as u32, reasons.bits());
+            self.take(&command);
+        }
+        self.core.report(self.now_ns)
     }
 
     fn tick(&mut self) -> SlaveState {
@@ -173,9 +186,13 @@ fn commands_that_are_wrong_are_refused_counted_and_named() {
         let state = bench.take(&command);
         assert!(has(&state, reason), "{reason:?}: {state:?}");
         assert!(!follows(&state));
-        assert_eq!((state.n_refused, state.n_commands, state.command_sequence), (1, 5, 4), "{reason:?}");
+        assert_eq!((state.n_refused, state.n_commands, state.command_sequence), (1, 7, 6), "{reason:?}");
         let state = bench.go(30e-6);
-        assert!(follows(&state) && state.reasons == 0, "the next good one is followed: {state:?}");
+        if reason == Reason::CommandStale {
+            assert!(!follows(&state) && has(&state, Reason::ChainStalled), "a stall ends the engagement: {state:?}");
+        } else {
+            assert!(follows(&state) && state.reasons == 0, "the next good one is followed: {state:?}");
+        }
     }
 }
 
@@ -207,6 +224,9 @@ fn the_first_command_after_every_kind_of_hold_must_begin_at_the_setpoint() {
         bench.ramp(0.0, 1e-3);
         hold(&mut bench);
         let at_rest = (0..20).map(|_| bench.tick()).last().unwrap();
+        if !at_rest.is_engaged() {
+            assert!(bench.engage().is_engaged());
+        }
         let state = bench.go(1.3e-3);
         assert!(has(&state, Reason::StepLimit), "a start 0.3 mm away is refused");
         assert_eq!(state.setpoint_q_m, at_rest.setpoint_q_m);
@@ -226,8 +246,8 @@ fn a_jump_while_following_is_refused_and_a_fast_motion_is_shortened_in_its_direc
     assert!((state.setpoint_q_m[0] - before.setpoint_q_m[0]).abs() < 10.1e-6);
     let mut bench = Bench::ready();
     bench.ramp(0.0, 0.5e-3);
-    let state = bench.go(0.6e-3);
-    assert!(has(&state, Reason::ActuatorRateLimit) && !follows(&state));
+    let state = bench.go(0.65e-3);
+    assert!(has(&state, Reason::ActuatorRateLimit) && !follows(&state), "0.12 mm behind is not following");
     let moved: Vec<f64> = (0..3).map(|i| state.setpoint_q_m[i] - DIRECTION[i] * 0.5e-3).collect();
     assert!((moved[0] + 30e-6).abs() < 1e-12, "30 mm/s for 1 ms, moved {moved:?}");
     assert!((moved[1] + 0.5 * moved[0]).abs() < 1e-12 && (moved[2] + 0.5 * moved[0]).abs() < 1e-12);
@@ -282,7 +302,10 @@ fn when_commands_stop_the_slave_brakes_steadily_rests_within_its_time_and_says_s
     }
     assert!(rested_after > 5 && rested_after < 15, "rest after {rested_after} ms");
     let state = bench.go(-before.setpoint_q_m[0]);
-    assert!(follows(&state) && !has(&state, Reason::CommandStale), "it resumes from the setpoint");
+    assert!(!follows(&state) && has(&state, Reason::ChainStalled), "not without the operator");
+    bench.engage();
+    let state = bench.go(-before.setpoint_q_m[0]);
+    assert!(follows(&state) && state.reasons == 0, "it resumes from the setpoint: {state:?}");
 }
 
 #[test]
@@ -312,6 +335,7 @@ fn drives_that_fail_or_do_not_follow_are_a_fault_that_only_a_retry_leaves() {
     assert_eq!(bench.tick().operating(), Some(OperatingState::Fault), "it does not come back by itself");
     bench.core.transition(Transition::Enable, bench.now_ns).unwrap();
     assert!(bench.tick().is_ready());
+    bench.engage();
 
     bench.core.drive_mut().is_frozen = true;
     let state = bench.ramp(0.1e-3, 0.5e-3);
@@ -350,4 +374,146 @@ fn homing_a_bent_snake_is_busy_moves_nothing_else_and_ends_at_zero() {
     }
     assert!(n_busy > 30, "0.2 mm at 5 mm/s, {n_busy} ms");
     assert_eq!(core.report(now_ns).setpoint_q_m, [0.0; 3]);
+}
+
+/// Each finding of the probe that showed it, on the slave alone.
+mod probes {
+    use super::*;
+
+    /// How far a line moved between two states.
+    fn moved_m(before: &SlaveState, after: &SlaveState) -> f64 {
+        (0..3).map(|i| (after.setpoint_q_m[i] - before.setpoint_q_m[i]).abs()).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn a_burst_of_late_commands_is_held_and_moves_no_faster_than_time() {
+        let mut bench = Bench::ready();
+        let before = bench.ramp(0.0, 1e-3);
+        // A stage stood still for 45 ms, and now sends what came meanwhile, a microsecond apart.
+        let begun_ns = bench.now_ns;
+        bench.now_ns += 45 * MS;
+        let (mut last, mut last_ns) = (before, begun_ns);
+        for k in 1..=45 {
+            bench.now_ns += 1000;
+            let mut command = bench.command(DIRECTION.map(|d| d * (1e-3 + f64::from(k) * 20e-6)));
+            command.sample_ns = begun_ns + i64::from(k) * MS;
+            let state = bench.take(&command);
+            let allowed_m = 30e-3 * ((bench.now_ns - last_ns).min(MS) as f64 * 1e-9) + 1e-6;
+            assert!(moved_m(&last, &state) <= allowed_m, "command {k}: {} m", moved_m(&last, &state));
+            assert!(has(&state, Reason::CommandLate) || k > 35, "command {k} is late: {state:?}");
+            (last, last_ns) = (state, bench.now_ns);
+        }
+        assert!(moved_m(&before, &last) < 32e-6, "{} m in all", moved_m(&before, &last));
+    }
+
+    #[test]
+    fn a_stall_ends_the_engagement_and_names_its_length() {
+        let mut bench = Bench::ready();
+        bench.ramp(0.0, 0.5e-3);
+        for _ in 0..60 {
+            bench.tick();
+        }
+        let way_m = -bench.core.report(bench.now_ns).setpoint_q_m[0];
+        let state = bench.go(way_m);
+        assert!(!state.is_engaged() && has(&state, Reason::NotEngaged) && has(&state, Reason::ChainStalled));
+        let note = bench.core.findings(bench.now_ns).note_of(Reason::ChainStalled).unwrap();
+        assert!(note.value > 50.0 && note.value < 52.0 && note.limit == 50.0, "{note:?}");
+    }
+
+    #[test]
+    fn a_load_that_is_not_measured_is_refused_where_one_is_limited() {
+        let mut bench = Bench::ready();
+        let before = bench.ramp(0.0, 0.5e-3);
+        bench.core.drive_mut().tau_n = [f64::NAN, 1.0, 1.0];
+        bench.core.report(bench.now_ns);
+        let state = bench.go(0.51e-3);
+        assert!(has(&state, Reason::LoadUnknown) && !state.is_engaged() && !follows(&state));
+        assert!(moved_m(&before, &state) < 10e-6, "it brakes");
+        assert!(!bench.engage().is_engaged(), "and nobody can engage");
+
+        let mut config = SlaveConfig::default();
+        (config.limits.pull_n, config.limits.push_n) = (f64::INFINITY, f64::INFINITY);
+        config.check().unwrap();
+        let drive = Mock { tau_n: [f64::NAN; 3], ..Mock::default() };
+        let mut bench = Bench { core: SlaveCore::new(drive, &config), now_ns: MS, sequence: 0 };
+        bench.core.transition(Transition::Enable, bench.now_ns).unwrap();
+        bench.tick();
+        assert!(bench.engage().is_engaged(), "without a limit nobody asks for loads");
+    }
+
+    #[test]
+    fn an_operator_who_was_never_seen_absent_moves_nothing() {
+        let mut bench =
+            Bench { core: SlaveCore::new(Mock::default(), &SlaveConfig::default()), now_ns: MS, sequence: 0 };
+        bench.core.transition(Transition::Enable, bench.now_ns).unwrap();
+        bench.tick();
+        for k in 0..200 {
+            let state = bench.go(f64::from(k) * 10e-6);
+            assert!(!state.is_engaged() && state.setpoint_q_m == [0.0; 3], "{state:?}");
+        }
+    }
+
+    #[test]
+    fn whatever_could_surprise_asks_for_a_new_engagement() {
+        type Event = fn(&mut Bench);
+        type Spoil = fn(&mut Command);
+        let spoilt = |bench: &mut Bench, spoil: Spoil| {
+            bench.now_ns += MS;
+            let q_m = bench.core.report(bench.now_ns).setpoint_q_m;
+            let mut command = bench.command(q_m);
+            (command.setpoint_sequence, command.input_sequence) = (50, 50);
+            spoil(&mut command);
+            bench.take(&command);
+        };
+        let commands: [(Spoil, Reason); 6] = [
+            (|c| c.input_sequence = 1, Reason::StageRestarted),
+            (|c| c.setpoint_sequence = 1, Reason::StageRestarted),
+            (|c| c.sequence = 1, Reason::StageRestarted),
+            (|c| c.compensation = 2, Reason::ModelExchanged),
+            (|c| c.reasons = 1 << Reason::DeviceLost as u32, Reason::DeviceLost),
+            (|c| c.reasons = 1 << Reason::SetpointStale as u32, Reason::SetpointStale),
+        ];
+        for (spoil, reason) in commands {
+            let mut bench = Bench::ready();
+            bench.ramp(0.0, 0.2e-3);
+            spoilt(&mut bench, |_| ());
+            assert!(bench.core.is_engaged());
+            spoilt(&mut bench, spoil);
+            let state = bench.core.report(bench.now_ns);
+            assert!(!state.is_engaged() && has(&state, reason), "{reason:?}: {state:?}");
+        }
+        let events: [Event; 5] = [
+            |b| b.core.on_new_writer(),
+            |b| b.core.stop(b.now_ns),
+            |b| b.core.transition(Transition::Pause, b.now_ns).unwrap(),
+            |b| b.core.transition(Transition::Home, b.now_ns).unwrap(),
+            |b| b.core.transition(Transition::Disable, b.now_ns).unwrap(),
+        ];
+        for event in events {
+            let mut bench = Bench::ready();
+            bench.ramp(0.0, 0.2e-3);
+            event(&mut bench);
+            assert!(!bench.core.is_engaged());
+        }
+    }
+
+    #[test]
+    fn a_stop_wins_over_what_was_asked_for_before_it() {
+        let mut bench = Bench::ready();
+        bench.ramp(0.0, 0.2e-3);
+        let ask = |transition: Transition, sample_ns: i64| StateCommand {
+            sequence: 1,
+            sample_ns,
+            transition: transition as u32,
+            sender_pid: 1,
+        };
+        bench.core.stop(bench.now_ns);
+        let state = bench.tick();
+        assert_eq!((state.operating(), state.desired()), (Some(OperatingState::Paused), Some(OperatingState::Paused)));
+        let refused = bench.core.on_state_command(&ask(Transition::Resume, bench.now_ns - 5 * MS), bench.now_ns);
+        assert_eq!(refused, Err(TransitionRefused::BeforeStop { transition: Transition::Resume }));
+        bench.core.on_state_command(&ask(Transition::Resume, bench.now_ns), bench.now_ns).unwrap();
+        let state = bench.tick();
+        assert!(state.is_ready() && !state.is_engaged() && state.n_stops == 1);
+    }
 }

@@ -40,7 +40,10 @@ fn commands_refusals_ticks_and_reports_of_the_slave_allocate_nothing() {
             let now_ns = k * 1_000_000;
             let q = if k % 100 == 0 { f64::NAN } else { 1e-3 * (k as f64 * 5e-3).sin() };
             if k % 500 < 400 {
-                core.on_command(&command(k as u64, now_ns, [q, -0.5 * q, -0.5 * q]), now_ns);
+                let mut command = command(k as u64, now_ns, [q, -0.5 * q, -0.5 * q]);
+                // The operator takes hold after the first five of each run.
+                command.reasons = u64::from(k % 500 < 5) << krait_ipc::Reason::OperatorAbsent as u32;
+                core.on_command(&command, now_ns);
             }
             core.on_tick(now_ns);
             core.report(now_ns);

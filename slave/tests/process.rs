@@ -55,6 +55,10 @@ impl Others {
 
     /// Sends a command about this instant, and lets a millisecond pass.
     fn go(&mut self, way_m: f64) {
+        self.send(way_m, Phase::Following, 0);
+    }
+
+    fn send(&mut self, way_m: f64, phase: Phase, reasons: u64) {
         self.sequence += 1;
         let q_tilde_m = DIRECTION.map(|d| d * way_m);
         self.commands
@@ -72,12 +76,22 @@ impl Others {
                 lambda_m: 0.0,
                 model_version: 0,
                 compensation: 0,
-                phase: Phase::Following as u32,
-                reasons: 0,
+                phase: phase as u32,
+                reasons,
                 ..Command::default()
             })
             .unwrap();
         thread::sleep(Duration::from_millis(1));
+    }
+
+    /// The operator lets go and takes hold anew, where the slave stands.
+    fn engage(&mut self, way_m: f64) {
+        for is_present in [false, true] {
+            for _ in 0..5 {
+                self.send(way_m, Phase::Holding, if is_present { 0 } else { 1 << Reason::OperatorAbsent as u32 });
+            }
+        }
+        self.until("engaged", SlaveState::is_engaged);
     }
 
     /// Takes what the slave shows beside its state: a channel that is first looked at after its writer has gone is empty.
@@ -143,10 +157,11 @@ fn with_slave(test: &str, config: &SlaveConfig, talk: impl FnOnce(&mut Others)) 
 fn the_slave_enables_follows_stops_by_itself_refuses_and_ends_disabled() {
     // Patient, so that a busy machine that holds up this test is not mistaken for a fault of the slave.
     let mut config = SlaveConfig { watchdog_ms: 200.0, ..SlaveConfig::default() };
-    config.limits.command_age_ms = 1000.0;
+    (config.limits.command_age_ms, config.limits.late_ms) = (1000.0, 1000.0);
     let (mut others, result) = with_slave("life", &config, |others| {
         others.ask(Transition::Enable);
         others.until("ready", SlaveState::is_ready);
+        others.engage(0.0);
         for k in 0..=300 {
             others.go(f64::from(k) * 5e-6);
         }
@@ -199,6 +214,9 @@ fn follows_again_from_its_setpoint_and_refuses_what_is_wrong(others: &mut Others
     let rest = *others.until("at rest", |s| has(s, Reason::CommandStale)).last().unwrap();
     let way_m = -rest.setpoint_q_m[0];
     others.go(way_m);
+    others.until("named", |s| has(s, Reason::ChainStalled) && has(s, Reason::NotEngaged));
+    others.engage(way_m);
+    others.go(way_m);
     others.until("following", |s| s.flags & SlaveState::FOLLOWING != 0);
     for (bad, reason) in [(f64::NAN, Reason::NotFinite), (way_m - 0.9e-3, Reason::StepLimit)] {
         // Keeps the stream alive, so that the jump is judged while following.
@@ -230,6 +248,7 @@ fn a_polling_slave_answers_too_and_a_stop_in_motion_is_smooth() {
     let (mut others, result) = with_slave("stop", &config, |others| {
         others.ask(Transition::Enable);
         others.until("ready", SlaveState::is_ready);
+        others.engage(0.0);
         for k in 0..=100 {
             others.go(f64::from(k) * 10e-6);
         }

@@ -90,8 +90,19 @@ fn malformed_reports_from_a_device_are_counted_and_move_nothing() {
     let (path, recording) = (folder.file("malformed.krr"), folder.file("run.mcap"));
     fs::write(&path, text).expect("written");
     let instance = instance_name("malformed");
-    let arguments =
-        ["run", "--json", "--instance", &instance, "--input", &path, "--recording", &recording, "--seconds", "8"];
+    let arguments = [
+        "run",
+        "--engage=again",
+        "--json",
+        "--instance",
+        &instance,
+        "--input",
+        &path,
+        "--recording",
+        &recording,
+        "--seconds",
+        "8",
+    ];
     let ended = Ended::of(&arguments, PATIENCE);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     let (mut n_refused, mut n_reports, mut fastest_m_per_s) = (0, 0, 0.0_f64);
@@ -173,8 +184,10 @@ fn a_full_disk_stops_the_recording_and_never_the_motion() {
         return;
     }
     let (instance, path) = (instance_name("full"), folder.file("run.mcap"));
-    let ended =
-        Ended::of(&["run", "--json", "--instance", &instance, "--recording", &path, "--seconds", "6"], PATIENCE);
+    let ended = Ended::of(
+        &["run", "--engage=again", "--json", "--instance", &instance, "--recording", &path, "--seconds", "6"],
+        PATIENCE,
+    );
     let opened = Recording::open(Path::new(&path));
     let unmounted = Command::new("umount").arg(folder.path()).status().expect("umount runs");
     assert!(unmounted.success());

@@ -32,7 +32,8 @@ fn a_play_that_appears_while_the_chain_runs_is_seen_told_and_recorded() {
     let ended = (0..TRIES)
         .map(|_| {
             let instance = instance_name("change");
-            let mut arguments = vec!["run", "--seconds", "24", "--instance", &instance, "--config", &config];
+            let mut arguments =
+                vec!["run", "--engage=again", "--seconds", "24", "--instance", &instance, "--config", &config];
             arguments.extend(["--truth", &truth, "--model", &model, "--recording", &recording]);
             Ended::of(&arguments, PATIENCE)
         })

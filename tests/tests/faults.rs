@@ -13,7 +13,7 @@ use std::path::Path;
 const PATIENCE: Duration = Duration::from_secs(240);
 
 fn start(instance: &str, recording: &str) -> Krait {
-    Krait::start(&["run", "--instance", instance, "--recording", recording])
+    Krait::start(&["run", "--engage=again", "--instance", instance, "--recording", recording])
 }
 
 /// Waits until the whole chain runs and the recording holds commands.

@@ -73,7 +73,7 @@ fn memory_that_fills_up_under_a_chain_that_runs_disturbs_nothing() {
     let Some(ground) = Tmpfs::mount("filled", 128) else { return };
     let folder = TempFolder::new("filled-recording");
     let recording = folder.file("run.mcap");
-    let arguments = ["run", "--instance", "filled", "--recording", &recording, "--seconds", "8"];
+    let arguments = ["run", "--engage=again", "--instance", "filled", "--recording", &recording, "--seconds", "8"];
     let run = on_ground(&ground.path(), &arguments).spawn().expect("it starts");
     let grows = || fs::metadata(&recording).is_ok_and(|file| file.len() > 100_000);
     assert!(wait_until(PATIENCE, grows), "the chain runs");
@@ -93,7 +93,7 @@ fn a_recording_that_is_deleted_or_replaced_while_it_is_written_is_noticed() {
     for replaced in [false, true] {
         let (instance, folder) = (instance_name("gone"), TempFolder::new("gone"));
         let recording = folder.file("run.mcap");
-        let krait = Krait::start(&["run", "--instance", &instance, "--recording", &recording]);
+        let krait = Krait::start(&["run", "--engage=again", "--instance", &instance, "--recording", &recording]);
         assert!(wait_until(PATIENCE, || fs::metadata(&recording).is_ok_and(|file| file.len() > 100_000)), "it runs");
         fs::remove_file(&recording).expect("there");
         if replaced {
@@ -112,7 +112,8 @@ fn a_recording_that_is_deleted_or_replaced_while_it_is_written_is_noticed() {
 fn a_disk_that_fills_up_ends_the_recording_and_not_the_motion() {
     let Some(disk) = Tmpfs::mount("disk", 1) else { return };
     let recording = format!("{}/run.mcap", disk.path());
-    let arguments = ["run", "--instance", &instance_name("disk"), "--recording", &recording, "--seconds", "12"];
+    let arguments =
+        ["run", "--engage=again", "--instance", &instance_name("disk"), "--recording", &recording, "--seconds", "12"];
     let ended = Ended::of(&arguments, PATIENCE);
     assert_eq!(ended.code, Some(1), "{}", ended.stderr);
     assert!(ended.stderr.contains("the motion is not affected"), "{}", ended.stderr);

@@ -155,7 +155,7 @@ fn readers(folder: &TempFolder) -> Vec<Reader<'_>> {
         shipped("docs/lab-tutorial/hidden.csv").split_inclusive(|b| *b == b'\n').take(300).flatten().copied().collect();
     let recording = folder.file("seed.mcap");
     let instance = instance_name("fuzz");
-    let run = ["run", "--instance", &instance, "--recording", &recording, "--seconds", "1"];
+    let run = ["run", "--engage=again", "--instance", &instance, "--recording", &recording, "--seconds", "1"];
     let ended = Ended::of(&run, Duration::from_secs(240));
     assert!(matches!(ended.code, Some(0 | 1)), "{}", ended.stderr);
     let whole = Recording::open(Path::new(&recording)).expect("readable");

@@ -148,6 +148,7 @@ fn live_deg(riddle: &Riddle, model: &str, recording: &str) -> f64 {
         let ended = Ended::of(
             &[
                 "run",
+                "--engage=again",
                 "--json",
                 "--seconds",
                 "24",

@@ -193,7 +193,18 @@ fn a_running_chain_counts_late_samples_names_them_and_records_them() {
     let script = folder.file("still.csv");
     std::fs::write(&script, "time_s,tip_vx_m_per_s,tip_vy_m_per_s,tip_vz_m_per_s\n0,0.001,0,0\n60,0.001,0,0\n")
         .expect("written");
-    let arguments = ["run", "--json", "--check-budget", "--seconds", "3", "--master", "script", "--input", &script];
+    let arguments = [
+        "run",
+        "--engage=again",
+        "--json",
+        "--check-budget",
+        "--seconds",
+        "3",
+        "--master",
+        "script",
+        "--input",
+        &script,
+    ];
     let more = ["--instance", &instance, "--recording", &recording, "--config", &config];
     let ended = Ended::of(&[&arguments[..], &more[..]].concat(), PATIENCE);
     assert_eq!(ended.code, Some(1), "{}", ended.stderr);

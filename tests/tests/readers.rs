@@ -16,7 +16,7 @@ const PATIENCE: Duration = Duration::from_secs(240);
 /// A recording of three seconds of a chain.
 fn fresh(folder: &TempFolder) -> String {
     let (instance, path) = (instance_name("fresh"), folder.file("fresh.mcap"));
-    let run = ["run", "--instance", &instance, "--recording", &path, "--seconds", "3"];
+    let run = ["run", "--engage=again", "--instance", &instance, "--recording", &path, "--seconds", "3"];
     let ended = Ended::of(&run, PATIENCE);
     assert!(matches!(ended.code, Some(0 | 1)), "{}", ended.stderr);
     path

@@ -22,6 +22,7 @@ fn a_run_is_marked_rotated_exported_broken_and_recovered() {
     let (instance, path) = (instance_name("recording"), folder.file("run.mcap"));
     let run = Krait::start(&[
         "run",
+        "--engage=again",
         "--json",
         "--instance",
         &instance,

@@ -332,7 +332,7 @@ fn on_the_clock_the_start_is_eased_in_and_the_drives_stay_within_their_rates() {
     let folder = TempFolder::new("live");
     let (table, path) = (folder.file("path.csv"), folder.file("path.mcap"));
     std::fs::write(&table, "time_s,bend_x_deg,bend_y_deg\n0,15,0\n0.8,15,10\n1.6,10,10\n").expect("written");
-    let figures = replay(&[&table, "--real-time", "--recording", &path]);
+    let figures = replay(&[&table, "--real-time", "--engage", "--recording", &path]);
     assert_eq!(figures["samples"]["recorded"], 1601);
     assert!(number(&figures["samples"]["approach"]) > 500.0, "{figures}");
     let played = read(&path);
@@ -417,7 +417,7 @@ fn what_cannot_be_played_is_refused_with_one_sentence() {
         (&[&flick, "--from", "2", "--to", "1"], &["--from 2 --to 1"]),
         (&[&flick, "--from", "500"], &["no operator input lies between"]),
         (&[&flick, "--model", "better.toml"], &["--replace compensate"]),
-        (&[&flick, "--real-time", "--speed", "max"], &["--real-time", "needs a speed"]),
+        (&[&flick, "--real-time", "--engage", "--speed", "max"], &["--real-time", "needs a speed"]),
         (&[&flick, "--config", "other.toml"], &["brings its own settings", "--replace STAGE"]),
     ];
     for (arguments, words) in cases {

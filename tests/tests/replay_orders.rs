@@ -144,7 +144,7 @@ fn a_pause_in_its_own_time_stands_still_and_changes_no_byte() {
 fn a_pause_on_the_clock_holds_the_setpoint_and_drops_nothing() {
     let folder = TempFolder::new("pause_clock");
     let path = folder.file("paused.mcap");
-    let mut replay = Replay::start(&["--real-time", "--speed", "0.5", "--recording", &path]);
+    let mut replay = Replay::start(&["--real-time", "--engage", "--speed", "0.5", "--recording", &path]);
     replay.wait_until_it_follows();
     replay.order("pause");
     let mut before = [f64::NAN; 2];
@@ -188,9 +188,9 @@ fn a_stop_and_ctrl_c_end_at_rest_with_a_whole_recording() {
     for (name, options, by_word) in [
         ("word", &["--loops", "500", "--speed", "1"][..], true),
         ("ctrl_c", &["--loops", "500", "--speed", "1"][..], false),
-        ("word_clock", &["--loops", "500", "--real-time"][..], true),
-        ("ctrl_c_clock", &["--loops", "500", "--real-time"][..], false),
-        ("ctrl_c_in_a_pause", &["--loops", "500", "--real-time"][..], false),
+        ("word_clock", &["--loops", "500", "--real-time", "--engage"][..], true),
+        ("ctrl_c_clock", &["--loops", "500", "--real-time", "--engage"][..], false),
+        ("ctrl_c_in_a_pause", &["--loops", "500", "--real-time", "--engage"][..], false),
     ] {
         let path = folder.file(&format!("{name}.mcap"));
         let mut replay = Replay::start(&[options, &["--recording", &path]].concat());

@@ -52,7 +52,8 @@ fn what_another_user_prepares_in_public_directories_is_neither_read_nor_written(
     let trap = Path::new("/tmp/krait").join(&instance);
     fs::create_dir_all(&trap).expect("made");
     std::os::unix::fs::symlink(&victim, trap.join("config.toml")).expect("made");
-    let krait = Krait::start(&["run", "--instance", &instance, "--recording", &recording, "--seconds", "1"]);
+    let krait =
+        Krait::start(&["run", "--engage=again", "--instance", &instance, "--recording", &recording, "--seconds", "1"]);
     let ended = krait.end(PATIENCE);
     fs::remove_dir_all(&trap).expect("removed");
     assert!(matches!(ended.code, Some(0 | 1)), "{}", ended.stderr);
@@ -64,7 +65,7 @@ fn what_another_user_prepares_in_public_directories_is_neither_read_nor_written(
 fn every_file_of_a_chain_and_its_recording_is_its_users_alone() {
     let (instance, folder) = (instance_name("modes"), TempFolder::new("modes"));
     let recording = folder.file("run.mcap");
-    let krait = Krait::start(&["run", "--instance", &instance, "--recording", &recording]);
+    let krait = Krait::start(&["run", "--engage=again", "--instance", &instance, "--recording", &recording]);
     assert!(wait_until(PATIENCE, || processes_of(&instance).len() == 7), "the chain runs");
     let files = resources_of(&InstanceName::new(&instance).expect("a name"));
     let mode = |path: &Path| fs::metadata(path).expect("there").permissions().mode() & 0o777;
@@ -89,7 +90,7 @@ fn another_user_can_neither_read_nor_write_nor_stop_a_chain_that_runs() {
     let _turn = OTHERS_GROUND.lock();
     let (instance, folder) = (instance_name("other"), TempFolder::new("other"));
     let recording = folder.file("run.mcap");
-    let krait = Krait::start(&["run", "--instance", &instance, "--recording", &recording]);
+    let krait = Krait::start(&["run", "--engage=again", "--instance", &instance, "--recording", &recording]);
     assert!(wait_until(PATIENCE, || processes_of(&instance).len() == 7), "the chain runs");
     let (ground, program) = (ground().display(), krait_program().display());
     let pids: Vec<String> = processes_of(&instance).iter().map(|(_, pid)| pid.to_string()).collect();

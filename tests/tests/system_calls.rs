@@ -34,7 +34,7 @@ fn calls_of(pid: u32, log: &str) -> Option<Vec<String>> {
 fn a_hop_makes_at_most_four_system_calls_a_sample() {
     let (instance, folder) = (instance_name("calls"), TempFolder::new("calls"));
     let recording = folder.file("run.mcap");
-    let krait = Krait::start(&["run", "--instance", &instance, "--recording", &recording]);
+    let krait = Krait::start(&["run", "--engage=again", "--instance", &instance, "--recording", &recording]);
     let grown = wait_until(PATIENCE, || std::fs::metadata(&recording).is_ok_and(|file| file.len() > 200_000));
     assert!(grown, "the chain runs");
     let mut skipped = false;

@@ -15,7 +15,17 @@ fn two_instances_run_side_by_side() {
         .map(|side| {
             let recording = folder.file(&format!("{side}.mcap"));
             let instance = instance_name(side);
-            Krait::start(&["run", "--instance", &instance, "--recording", &recording, "--seconds", "5", "--json"])
+            Krait::start(&[
+                "run",
+                "--engage=again",
+                "--instance",
+                &instance,
+                "--recording",
+                &recording,
+                "--seconds",
+                "5",
+                "--json",
+            ])
         })
         .into();
     for run in runs {
@@ -31,10 +41,13 @@ fn two_instances_run_side_by_side() {
 fn a_second_chain_under_the_same_name_is_refused_and_the_first_goes_on() {
     let (instance, folder) = (instance_name("same"), TempFolder::new("same"));
     let recording = folder.file("first.mcap");
-    let first = Krait::start(&["run", "--instance", &instance, "--recording", &recording]);
+    let first = Krait::start(&["run", "--engage=again", "--instance", &instance, "--recording", &recording]);
     let runs = || std::fs::metadata(&recording).is_ok_and(|file| file.len() > 200_000);
     assert!(wait_until(PATIENCE, runs), "the first chain runs: {:?}", processes_of(&instance));
-    let second = Ended::of(&["run", "--instance", &instance, "--recording", &folder.file("second.mcap")], PATIENCE);
+    let second = Ended::of(
+        &["run", "--engage=again", "--instance", &instance, "--recording", &folder.file("second.mcap")],
+        PATIENCE,
+    );
     assert_eq!(second.code, Some(2));
     let sentence = second.sentence();
     assert!(

@@ -57,7 +57,7 @@ pub fn ready_state(sequence: u64) -> SlaveState {
         stamps: HopStamps::default(),
         command_sequence: sequence,
         operating_state: OperatingState::Enabled as u32,
-        flags: SlaveState::IS_HOMED | SlaveState::FOLLOWING,
+        flags: SlaveState::IS_HOMED | SlaveState::FOLLOWING | SlaveState::ENGAGED,
         setpoint_q_m: [0.0; 3],
         setpoint_bend_rad: [0.0; 2],
         measured_q_m: [0.0; 3],
@@ -71,7 +71,12 @@ pub fn ready_state(sequence: u64) -> SlaveState {
 
 /// A slave that is ready but follows nothing, with a setpoint of its own.
 pub fn waiting_state(sequence: u64, setpoint_q_m: [f64; 3], setpoint_bend_rad: [f64; 2]) -> SlaveState {
-    SlaveState { flags: SlaveState::IS_HOMED, setpoint_q_m, setpoint_bend_rad, ..ready_state(sequence) }
+    SlaveState {
+        flags: SlaveState::IS_HOMED | SlaveState::ENGAGED,
+        setpoint_q_m,
+        setpoint_bend_rad,
+        ..ready_state(sequence)
+    }
 }
 
 /// `resolve` with the default machine.

@@ -117,7 +117,6 @@ fn presence_hint(presence: Presence) -> String {
         n => format!("button {}", n + 1),
     };
     match presence {
-        Presence::Always => "The input says when somebody is there.".to_owned(),
         Presence::Hold(n) => format!("Hold {} to follow.", button(n)),
         Presence::Toggle(n) => format!("Press {} to follow.", button(n)),
     }

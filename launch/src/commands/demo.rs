@@ -1,6 +1,6 @@
 //! `krait demo`: the same recorded hand three times through the whole chain, and what compensation does about it.
 
-use crate::cli::{Common, DemoArgs, MasterKind};
+use crate::cli::{Common, DemoArgs, EngageKind, MasterKind};
 use crate::config::Config;
 use crate::evidence::Evidence;
 use crate::progress::Progress;
@@ -37,7 +37,7 @@ pub fn run(common: &Common, args: &DemoArgs) -> anyhow::Result<ExitCode> {
     config.check()?;
 
     let mut evidence = Evidence::default();
-    record_passes(common, args, &config, &mut evidence, &stop)?;
+    let n_engagements = record_passes(common, args, &config, &mut evidence, &stop)?;
     let path = config.record.path.as_deref().unwrap_or(Path::new(""));
     let figures = evidence.figures(path)?;
     if args.json {
@@ -45,17 +45,22 @@ pub fn run(common: &Common, args: &DemoArgs) -> anyhow::Result<ExitCode> {
     } else {
         let next = next_thing_to_try(&path.display().to_string());
         print::figures(&figures, &next)?;
+        print::out(&format!(
+            "The recorded hand engaged {n_engagements} times in {} passes, by itself, because the drives are simulated\n",
+            PASSES.len()
+        ))?;
     }
     Ok(if figures.samples.lost == 0 && figures.recording_is_whole { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
+/// Returns how often the recorded hand engaged.
 fn record_passes(
     common: &Common,
     args: &DemoArgs,
     config: &Config,
     evidence: &mut Evidence,
     stop: &AtomicBool,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<u64> {
     let mut supervisor = Supervisor::new(&common.instance, stop)?;
     supervisor.start_recorder(config, stop)?;
     evidence.processes("recorder", &supervisor.processes());
@@ -63,7 +68,14 @@ fn record_passes(
         let mut pass_config = config.clone();
         pass_config.compensate.mode = mode;
         let (master, cast) = (MasterKind::Replay, Cast::live());
-        let options = ChainOptions { config: pass_config, master, input: None, looped: false, cast };
+        let options = ChainOptions {
+            config: pass_config,
+            master,
+            input: None,
+            looped: false,
+            engage: Some(EngageKind::Again),
+            cast,
+        };
         let start_ns = clock::monotonic_ns();
         supervisor.start_chain(&options, stop)?;
         evidence.processes(mode.name(), &supervisor.processes());
@@ -82,13 +94,13 @@ fn record_passes(
     let clean = supervisor.end() && supervisor.is_unscathed();
     evidence.recorder(&supervisor);
     anyhow::ensure!(clean, "a process of the demo did not end by itself and was killed");
-    Ok(())
+    Ok(supervisor.n_engagements())
 }
 
 /// What to try next, for somebody who has just seen the demo.
 fn next_thing_to_try(recording: &str) -> String {
     format!(
-        "drive it yourself with `krait run --master hid` (without a device: `krait run`), feel the lines with \
-         `krait run --compensation off`, or open {recording} in Foxglove, Lichtblick, PlotJuggler or Rerun"
+        "drive it yourself with `krait run --master hid` (without a device: `krait run --engage`), feel the lines with \
+         `krait run --engage --compensation off`, or open {recording} in Foxglove, Lichtblick, PlotJuggler or Rerun"
     )
 }

@@ -27,7 +27,9 @@ pub fn run(args: &DevicesArgs) -> anyhow::Result<ExitCode> {
     if args.json {
         print::json(&devices)?;
     } else if devices.is_empty() {
-        print::out("no HID device is on this machine; without one, `krait run` plays the shipped recording\n")?;
+        print::out(
+            "no HID device is on this machine; without one, `krait run --engage` plays the shipped recording\n",
+        )?;
     } else {
         print::out(&table(&devices).to_string())?;
     }

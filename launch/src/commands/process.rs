@@ -1,11 +1,11 @@
 //! `krait master | resolve | compensate | estimate | slave | record`: one process of the chain.
 
-use crate::cli::{Common, MasterArgs, MasterKind, ProcessVerb};
+use crate::cli::{Common, EngageKind, MasterArgs, MasterKind, ProcessVerb};
 use crate::config::Config;
 use crate::{signals, supervisor};
 use anyhow::{Context, bail};
 use krait_ipc::{Bus, input};
-use krait_master::{MasterConfig, Recording, Script, SourceChoice};
+use krait_master::{Engage, MasterConfig, Recording, Script, SourceChoice};
 use krait_record::{Attachment, RecordConfig};
 use krait_slave::SlaveConfig;
 use std::process::ExitCode;
@@ -26,6 +26,8 @@ pub fn run(common: &Common, process: &ProcessVerb) -> anyhow::Result<ExitCode> {
 
 fn run_named(common: &Common, process: &ProcessVerb) -> anyhow::Result<()> {
     let stop = signals::stop_flag()?;
+    signals::survive_full_files()?;
+    check_open_files()?;
     if let Ok(pid) = std::env::var(supervisor::SUPERVISOR_PID) {
         signals::end_with(pid.parse().with_context(|| format!("{} is {pid:?}", supervisor::SUPERVISOR_PID))?)?;
     }
@@ -65,6 +67,20 @@ fn run_named(common: &Common, process: &ProcessVerb) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Files that a process of the chain may need: each channel takes some, with each reader and writer that it has.
+const OPEN_FILES: u64 = 512;
+
+/// A limit that is too low is named at the start, not by whatever fails in the middle of a motion.
+fn check_open_files() -> anyhow::Result<()> {
+    let limit = rustix::process::getrlimit(rustix::process::Resource::Nofile).current;
+    match limit {
+        Some(found) if found < OPEN_FILES => bail!(
+            "the limit of open files (`ulimit -n`) is {found}, expected at least {OPEN_FILES}; raise it with `ulimit -n {OPEN_FILES}` and start again"
+        ),
+        _ => Ok(()),
+    }
+}
+
 /// Before anything is opened, so that whatever is mapped later is locked as well. What the kernel refuses is told, and the
 /// process goes on without it.
 fn apply_realtime(config: &Config, instance: &str, process: &ProcessVerb) {
@@ -72,6 +88,11 @@ fn apply_realtime(config: &Config, instance: &str, process: &ProcessVerb) {
     // A replay as fast as possible is not about one sample's latency: its stages work at once, on as many cores as there are.
     if is_cued(process) {
         return;
+    }
+    // The slave must be in time whatever else the machine does with its memory.
+    if matches!(process, ProcessVerb::Slave(_)) && !config.realtime.lock_memory {
+        let locked = krait_ipc::lock_what_is_used();
+        tracing::info!(locked, "memory of the slave");
     }
     for refused in config.realtime.apply(core_turn, instance) {
         tracing::warn!(process = process.process().name(), "{refused}");
@@ -99,7 +120,12 @@ fn run_master(bus: &Bus, config: &Config, args: &MasterArgs, stop: &AtomicBool) 
         (MasterKind::Script, None) => bail!("a script is missing: name it with --input FILE"),
     };
     let record_reports = args.record_reports.clone().or_else(|| config.master.record_reports.clone());
-    let config = MasterConfig { record_reports, ..config.master.clone() };
+    let engage = match args.engage {
+        None => Engage::Never,
+        Some(EngageKind::Once) => Engage::Once,
+        Some(EngageKind::Again) => Engage::Again,
+    };
+    let config = MasterConfig { record_reports, engage, ..config.master.clone() };
     Ok(krait_master::run(bus, &config, source, stop)?)
 }
 

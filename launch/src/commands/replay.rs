@@ -132,7 +132,14 @@ fn options(setup: &Setup, recorded_time_ns: Option<i64>) -> ChainOptions {
     let mut processes = vec![Process::Slave, Process::Estimate, Process::Compensate];
     processes.extend(setup.program.sends_inputs().then_some(Process::Resolve));
     let cast = Cast { processes, recorded_time_ns, comes_back: false };
-    ChainOptions { config: setup.config.clone(), master: MasterKind::Replay, input: None, looped: false, cast }
+    ChainOptions {
+        config: setup.config.clone(),
+        master: MasterKind::Replay,
+        input: None,
+        looped: false,
+        engage: None,
+        cast,
+    }
 }
 
 /// In the recording's own time, to the simulated snake.
@@ -257,6 +264,11 @@ fn play_live(
     let Speed::Times(rate) = args.speed else {
         anyhow::bail!("--speed max --real-time: on the machine's clock a replay needs a speed; choose 0.01 to 1000");
     };
+    if !args.engage {
+        anyhow::bail!(
+            "--real-time without --engage: on the machine's clock a replay could move real drives; add --engage"
+        );
+    }
     if setup.config.record.path.is_some() {
         supervisor.start_recorder(&setup.config, stop)?;
     }

@@ -7,6 +7,7 @@ use crate::evidence::Evidence;
 use crate::progress::Progress;
 use crate::supervisor::{Cast, ChainOptions, Supervisor};
 use crate::{device, print, signals};
+use anyhow::bail;
 use krait_ipc::clock;
 use krait_ipc::message::Compensation;
 use std::path::absolute;
@@ -15,12 +16,22 @@ use std::process::ExitCode;
 /// Runs one chain until it is stopped; a recording, if one was made, is read back and summed up.
 pub fn run(common: &Common, args: &RunArgs) -> anyhow::Result<ExitCode> {
     let stop = signals::stop_flag()?;
+    match (args.master, args.engage) {
+        (MasterKind::Hid, Some(_)) => {
+            bail!("--engage is for recordings and scripts; a hand engages by its own button: leave it out")
+        }
+        (MasterKind::Replay | MasterKind::Script, None) => {
+            tracing::warn!("nothing will move: a recording or script engages only with --engage");
+        }
+        _ => {}
+    }
     let config = configure(common, args)?;
     let options = ChainOptions {
         config,
         master: args.master,
         input: args.input.as_deref().map(absolute).transpose()?,
         looped: args.master == MasterKind::Replay,
+        engage: args.engage,
         cast: Cast::driven(),
     };
     let mut evidence = Evidence::default();

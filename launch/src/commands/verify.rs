@@ -100,7 +100,7 @@ fn options(config: Config, has_inputs: bool) -> ChainOptions {
     let mut processes = vec![Process::Compensate];
     processes.extend(has_inputs.then_some(Process::Resolve));
     let cast = Cast { processes, recorded_time_ns: Some(0), comes_back: false };
-    ChainOptions { config, master: MasterKind::Replay, input: None, looped: false, cast }
+    ChainOptions { config, master: MasterKind::Replay, input: None, looped: false, engage: None, cast }
 }
 
 fn verify_pass(

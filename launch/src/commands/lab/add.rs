@@ -166,7 +166,7 @@ fn text(added: &Added, what: &str, out: &Path, unit: &str, not_compensated: &[St
     }
     let floor = added.noise_floor.map_or(String::new(), |floor| format!(", noise floor {floor:.4} {unit}"));
     let live = match not_compensated {
-        [] => format!(" (krait run --model {} compensates with it)", out.display()),
+        [] => format!(" (krait run --engage --model {} compensates with it)", out.display()),
         sentences => format!("\n  {}", sentences.join("\n  ")),
     };
     format!(
