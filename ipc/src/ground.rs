@@ -52,7 +52,8 @@ pub(crate) fn prepare(folder: &Path) -> io::Result<()> {
 
 /// Opens a directory that belongs to this user and that no other user may enter; a symbolic link is not followed.
 fn open_private(folder: &Path) -> io::Result<OwnedFd> {
-    let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::CLOEXEC;
+    // PATH: a directory that this user may not read shall be refused for its owner, by his number.
+    let flags = OFlags::PATH | OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::CLOEXEC;
     let opened = open(folder, flags, Mode::empty());
     let opened = opened
         .map_err(|error| refused(folder, &format!("is not a directory of this user: {}", io::Error::from(error))))?;
