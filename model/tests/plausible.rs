@@ -28,17 +28,17 @@ fn a_correction_worth_a_metre_is_refused_with_its_size() {
 
 #[test]
 fn a_command_that_jumps_is_refused_and_a_steep_one_is_not() {
-    let refused = refusal(&with_formula("a * 0.0004 * sign(q - 0.001)"));
+    let refused = refusal(&with_formula("a * 0.0004 * sign(q_i - 0.001)"));
     assert!(matches!(refused, Implausible::Jump { found_mm, .. } if found_mm > 0.3), "{refused}");
-    with_formula("a * 0.0002 * tanh((q - 0.001) / 0.00002)")
+    with_formula("a * 0.0002 * tanh((q_i - 0.001) / 0.00002)")
         .plausible(MAX_BEND_RAD)
         .expect("one")
         .expect("steep, but smooth");
 }
 
 #[test]
-fn a_correction_that_takes_the_motion_back_has_no_inverse() {
-    let refused = refusal(&with_formula("-0.99 * a * q"));
+fn a_correction_that_folds_the_motion_back_has_no_inverse() {
+    let refused = refusal(&with_formula("-900 * a * q_i * abs(q_i)"));
     assert!(matches!(refused, Implausible::NoInverse { .. }), "{refused}");
 }
 

@@ -3,8 +3,8 @@
 //! **Walk.** From straight outward along rays, to the largest bend that shall be allowed, in small steps; the memory of every
 //! effect goes along. At each step
 //! - every number is finite;
-//! - no line is corrected by more than the longest way that a line goes at all, |eps| <= max |q| over the walk: a correction
-//!   beyond that is no correction;
+//! - no line is corrected by much more than the longest way that a line goes at all, |eps| <= 2.5 max |q| over the walk: long
+//!   lines stretch by as much as they move, and a load scale of 2.5 is the largest that is learnt;
 //! - the command is continuous: where it moves by much, the step is halved again and again, and the way must shrink with it;
 //! - the inverse exists: the forward model, fed with the commands, takes the shape that was wanted.
 
@@ -18,6 +18,8 @@ const N_RAYS: u32 = 7;
 const N_STEPS: u32 = 300;
 /// Time that a step stands for, s: slow enough for every drift and delay of the catalogue.
 const STEP_S: f64 = 0.02;
+/// Largest plausible correction, in the longest ways of a line.
+const MOST_OF_Q: f64 = 2.5;
 /// A step that moves a line by more is looked at more closely, m.
 const LARGE_STEP_M: f64 = 50e-6;
 /// A step is halved so often: 1/4096 of a quarter of a degree is less than any encoder sees.
@@ -40,7 +42,7 @@ pub enum Implausible {
     },
     /// A line is corrected by more than it moves.
     #[error(
-        "at a bend of {bend_deg:.1} deg in the direction {direction_deg:.0} deg it corrects a line by {found_mm:.3} mm, expected at most {limit_mm:.3} mm, the longest way of any line; correct the effect that is worth so much (units are m)"
+        "at a bend of {bend_deg:.1} deg in the direction {direction_deg:.0} deg it corrects a line by {found_mm:.3} mm, expected at most {limit_mm:.3} mm, 2.5 times the longest way of any line; correct the effect that is worth so much (units are m)"
     )]
     Correction {
         /// Bend, deg.
@@ -91,7 +93,8 @@ impl Chain {
         let mut limit_m: f64 = 0.0;
         for ray in 0..N_RAYS {
             let mut way = compensator.clone();
-            limit_m = limit_m.max(way.step(direction(ray) * max_bend_rad, &Circumstances::at(0.0)).q_m.amax());
+            let q_m = way.step(direction(ray) * max_bend_rad, &Circumstances::at(0.0)).q_m;
+            limit_m = limit_m.max(MOST_OF_Q * q_m.amax());
         }
         let walk = |ray| Walk::new(&compensator, self.predictor(), ray, max_bend_rad, limit_m).go();
         Ok((0..N_RAYS).try_for_each(walk))
