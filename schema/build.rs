@@ -4,8 +4,8 @@
 
 use prost_build::Config;
 use protox::prost::Message as _;
-use protox::prost_reflect::prost_types::FileDescriptorSet;
 use protox::prost_reflect::prost_types::field_descriptor_proto::{Label, Type};
+use protox::prost_reflect::prost_types::{FieldDescriptorProto, FileDescriptorSet};
 use std::error::Error;
 use std::path::{Path, PathBuf};
 
@@ -31,11 +31,15 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn with_explicit_doubles(mut descriptors: FileDescriptorSet) -> FileDescriptorSet {
     let own = descriptors.file.iter_mut().filter(|file| file.package() == "krait");
     for message in own.flat_map(|file| &mut file.message_type) {
-        for field in message.field.iter_mut().filter(|field| field.r#type() == Type::Double) {
+        for field in message.field.iter_mut().filter(|field| is_single_double(field)) {
             field.set_label(Label::Required);
         }
     }
     descriptors
+}
+
+fn is_single_double(field: &FieldDescriptorProto) -> bool {
+    field.r#type() == Type::Double && field.label() != Label::Repeated
 }
 
 fn proto_files() -> Result<Vec<PathBuf>, Box<dyn Error>> {

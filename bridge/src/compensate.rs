@@ -1,6 +1,6 @@
 //! Actuation compensation: the setpoint's q becomes the actuators' q~ = q + eps, within the limits, and never with a jump.
 //!
-//! Problem: q~ = q + eps(b; eta, lambda, signs of motion), Eqs. (15)-(18); with every change of the model, every
+//! Problem: q~ = q + eps(b; memory and values of the model file's chain); with every change of a learnt value, every
 //! engagement and every restart spread over time.
 //!
 //! where: `offset` is the difference between the slave's own setpoint and the raw q~. While the slave does not follow, the
@@ -10,27 +10,27 @@
 //! Failure: stale or foreign samples. The command then repeats the last one, with the reasons named.
 
 use crate::config::CompensateConfig;
-use crate::cued::{self, CuedStage, Moment, UpTo};
-use crate::lines::Lines;
-use crate::stage::{self, BridgeError, Refused, Stage, check_order_and_numbers, seconds_between, stamps_begun, step_s};
+use crate::step::{
+    BridgeError, Moment, Refused, Step, check_model, check_order_and_numbers, seconds_between, stamps_begun, step_s,
+};
+use crate::{cued, live};
 use core::sync::atomic::AtomicBool;
-use krait_ipc::message::{Command, Compensation, Cue, ModelUpdate, Phase, Setpoint, SlaveState};
-use krait_ipc::{Bus, IpcError, Process, ReadCounts, ReadOptions, Reader, Reason, Reasons};
-use krait_model::{Chain, MachineParameters};
+use krait_ipc::message::{Command, Cue, ModelUpdate, Phase, Setpoint, SlaveState};
+use krait_ipc::{Bus, Process, Reason, Reasons};
+use krait_model::{Chain, ChainCompensator, Circumstances, LearntParameter, MAX_LEARNT, ModelHash};
 use nalgebra::{Vector2, Vector3};
 
 /// Largest bend that a setpoint may ask for, rad: the model holds to 90 deg and a little.
 const MAX_BEND_RAD: f64 = 1.65;
-/// Bounds within which an update is taken.
-const ETA_BOUNDS: core::ops::RangeInclusive<f64> = 0.5..=2.5;
-const LAMBDA_BOUNDS_M: core::ops::RangeInclusive<f64> = 0.0..=0.3e-3;
 /// An offset smaller than this has been eased out, m.
 const EASED_M: f64 = 1e-9;
 
 /// The pure step of `compensate`.
 #[derive(Clone, Debug)]
 pub struct CompensateCore {
-    lines: Lines,
+    lines: ChainCompensator,
+    learnt: Vec<LearntParameter>,
+    model: ModelHash,
     config: CompensateConfig,
     state: Option<SlaveState>,
     update: Option<ModelUpdate>,
@@ -40,7 +40,6 @@ pub struct CompensateCore {
 /// What one step leaves to the next, beside the lines' own memory.
 #[derive(Clone, Copy, Debug, Default)]
 struct Memory {
-    model_version: u64,
     offset_m: Vector3<f64>,
     command_m: Option<Vector3<f64>>,
     load_n: f64,
@@ -50,19 +49,16 @@ struct Memory {
 }
 
 impl CompensateCore {
-    /// A compensator in the straight pose, with the configured model; the mode `model` needs a chain.
+    /// A compensator in the straight pose, with the values that the model file begins with.
     ///
     /// # Errors
-    /// [`BridgeError::Config`] or [`BridgeError::Model`] for values out of range, [`BridgeError::NoModelFile`] or
-    /// [`BridgeError::Chain`] for a chain that is missing or cannot be inverted.
-    pub fn new(
-        machine: &MachineParameters,
-        config: CompensateConfig,
-        chain: Option<&Chain>,
-    ) -> Result<Self, BridgeError> {
+    /// [`BridgeError::Config`] for values out of range, [`BridgeError::Chain`] for a chain that cannot be inverted.
+    pub fn new(chain: &Chain, config: CompensateConfig) -> Result<Self, BridgeError> {
         config.check()?;
         Ok(Self {
-            lines: Lines::new(machine, &config, chain)?,
+            lines: chain.compensator()?,
+            learnt: chain.learnt().to_vec(),
+            model: chain.hash(),
             config,
             state: None,
             update: None,
@@ -78,14 +74,21 @@ impl CompensateCore {
     /// Notes a model update; it is blended in from the next step on, and every step names the newest.
     ///
     /// # Errors
-    /// [`Refused`] for parameters that are not finite or out of bounds; the update before stays in force.
+    /// [`Refused`] for an update of another model, and for values that are not finite or out of bounds; the update before
+    /// stays in force.
     pub fn note_update(&mut self, update: &ModelUpdate) -> Result<(), Refused> {
+        check_model(self.model, update.model_hash)?;
         let refused = |found: f64, limit: f64| Err(Refused { reason: Reason::ModelUpdateRefused, found, limit });
-        if !ETA_BOUNDS.contains(&update.eta) {
-            return refused(update.eta, *ETA_BOUNDS.end());
+        if update.learnt().len() != self.learnt.len() {
+            return refused(update.learnt().len() as f64, self.learnt.len() as f64);
         }
-        if !LAMBDA_BOUNDS_M.contains(&update.lambda_m) {
-            return refused(update.lambda_m, *LAMBDA_BOUNDS_M.end());
+        for (own, given) in self.learnt.iter().zip(update.learnt()) {
+            if (usize::from(given.effect), usize::from(given.parameter)) != (own.effect, own.parameter) {
+                return refused(f64::from(given.effect), own.effect as f64);
+            }
+            if !(own.low..=own.high).contains(&given.value) {
+                return refused(given.value, if given.value < own.low { own.low } else { own.high });
+            }
         }
         self.update = Some(*update);
         Ok(())
@@ -99,6 +102,7 @@ impl CompensateCore {
     /// # Real-time
     /// No allocation, no clock (`begun_ns` is an argument), no loop longer than the three lines.
     pub fn step(&mut self, setpoint: &Setpoint, begun_ns: i64) -> Result<Command, Refused> {
+        check_model(self.model, setpoint.model_hash)?;
         check_order_and_numbers(self.memory.before_ns, setpoint.sample_ns, &setpoint.bend_rad)?;
         let bend = Vector2::from(setpoint.bend_rad);
         if bend.norm() > MAX_BEND_RAD {
@@ -111,17 +115,14 @@ impl CompensateCore {
         self.blend_model(step_s, &mut reasons);
         let fresh = self.check_age(setpoint, begun_ns, &mut reasons);
         let first_ns = *self.memory.first_ns.get_or_insert(setpoint.sample_ns);
-        let lines = self.lines.step(bend, seconds_between(first_ns, setpoint.sample_ns));
+        let at = Circumstances::at(seconds_between(first_ns, setpoint.sample_ns));
+        let lines = self.lines.step(bend, &at);
         let wanted_m = lines.q_tilde_m + self.offset_for(&lines.q_tilde_m, step_s, &mut reasons);
         let load_n = lines.tau_n.amax();
         let q_tilde_m = if fresh { self.limited(wanted_m, load_n, step_s, &mut reasons) } else { self.held(wanted_m) };
         self.memory.command_m = Some(q_tilde_m);
         self.memory.load_n = load_n;
         self.memory.sequence += 1;
-        let (eta, lambda_m) = match &self.lines {
-            Lines::Paper(lines) => (lines.parameters().eta, lines.parameters().lambda_m),
-            Lines::Chain(_) => (f64::NAN, f64::NAN),
-        };
         Ok(Command {
             sequence: self.memory.sequence,
             sample_ns: setpoint.sample_ns,
@@ -134,10 +135,9 @@ impl CompensateCore {
             q_uncompensated_m: lines.q_m.into(),
             q_tilde_m: q_tilde_m.into(),
             q_tilde_vel_m_per_s: setpoint.q_tilde_vel_m_per_s,
-            eta,
-            lambda_m,
-            model_version: self.memory.model_version,
-            compensation: self.config.mode as u32,
+            model_hash: self.model.0,
+            learnt: *self.lines.learnt(),
+            n_learnt: self.learnt.len() as u32,
             phase: if fresh { setpoint.phase } else { Phase::Holding as u32 },
             reasons: reasons.bits(),
         })
@@ -152,24 +152,20 @@ impl CompensateCore {
         self.lines.restore(&lines);
     }
 
-    /// Moves the model's parameters towards the newest update, no faster than allowed.
+    /// Moves the learnt values towards the newest update, no faster than allowed.
     fn blend_model(&mut self, step_s: f64, reasons: &mut Reasons) {
-        let (Some(update), Compensation::Estimated) = (&self.update, self.config.mode) else { return };
-        let Lines::Paper(lines) = &mut self.lines else { return };
-        let now = lines.parameters();
-        let eta = towards(now.eta, update.eta, self.config.eta_rate_per_s * step_s);
-        let lambda_m = towards(now.lambda_m, update.lambda_m, self.config.lambda_rate_m_per_s * step_s);
-        if eta == now.eta && lambda_m == now.lambda_m {
-            return;
+        let Some(update) = &self.update else { return };
+        let now = *self.lines.learnt();
+        let mut next = now;
+        for (lane, (own, wanted)) in self.learnt.iter().zip(update.learnt()).enumerate().take(MAX_LEARNT) {
+            let largest = self.config.blend_sds_per_s * own.learn.sd * step_s;
+            next[lane] = now[lane] + (wanted.value - now[lane]).clamp(-largest, largest);
         }
-        match lines.set_parameters(eta, lambda_m) {
-            Ok(()) => {
-                self.memory.model_version += 1;
-                reasons.insert(Reason::ModelBlending);
-            }
-            // The old model stays in force; an update is checked when it is noted, so this is a second line of defence.
-            Err(_) => reasons.insert(Reason::ModelUpdateRefused),
+        let changes = next.iter().zip(&now).any(|(next, now)| next.is_finite() && next != now);
+        if changes {
+            self.lines.set_learnt(&next);
         }
+        reasons.insert_if(Reason::ModelBlending, changes);
     }
 
     /// Whether the setpoint is young enough to be followed; also names a slave state that is too old.
@@ -226,116 +222,27 @@ impl CompensateCore {
     }
 }
 
-fn towards(from: f64, to: f64, largest: f64) -> f64 {
-    from + (to - from).clamp(-largest, largest)
-}
-
-struct CompensateStage {
-    core: CompensateCore,
-    states: Reader<SlaveState>,
-    updates: Reader<ModelUpdate>,
-    n_updates_refused: u64,
-}
-
-impl Stage for CompensateStage {
+impl Step for CompensateCore {
     type In = Setpoint;
     type Out = Command;
+    const TAKES_UPDATES: bool = true;
 
-    fn glance(&mut self) -> Result<(), IpcError> {
-        if let Some(state) = self.states.take_newest()? {
-            self.core.note_state(&state);
-        }
-        while let Some(update) = self.updates.take()? {
-            self.n_updates_refused += u64::from(self.core.note_update(&update).is_err());
-        }
-        Ok(())
+    fn note_state(&mut self, state: &SlaveState) {
+        Self::note_state(self, state);
+    }
+
+    fn note_update(&mut self, update: &ModelUpdate) -> Result<(), Refused> {
+        Self::note_update(self, update)
     }
 
     fn step(&mut self, setpoint: &Setpoint, begun_ns: i64) -> Result<Command, Refused> {
-        self.core.step(setpoint, begun_ns)
+        Self::step(self, setpoint, begun_ns)
     }
 
     fn rehearse(&mut self, setpoint: &Setpoint, now_ns: i64) {
-        self.core.rehearse(&Setpoint { sample_ns: now_ns, ..*setpoint }, now_ns);
+        Self::rehearse(self, &Setpoint { sample_ns: now_ns, ..*setpoint }, now_ns);
     }
 
-    fn sent_stamp(out: &mut Command) -> &mut i64 {
-        &mut out.stamps.command_sent_ns
-    }
-
-    fn reasons(out: &Command) -> Reasons {
-        Reasons::from_bits(out.reasons)
-    }
-
-    fn counts(&self) -> ReadCounts {
-        let (states, updates) = (self.states.counts(), self.updates.counts());
-        ReadCounts { n_received: states.n_received + updates.n_received, n_lost: states.n_lost + updates.n_lost }
-    }
-}
-
-/// The process `krait compensate`: runs until told to stop.
-///
-/// # Errors
-/// [`BridgeError`] when a channel fails or the configuration is out of range.
-pub fn run_compensate(
-    bus: &Bus,
-    machine: &MachineParameters,
-    config: CompensateConfig,
-    chain: Option<&Chain>,
-    stop: &AtomicBool,
-) -> Result<(), BridgeError> {
-    let mut stage = CompensateStage {
-        core: CompensateCore::new(machine, config, chain)?,
-        states: bus.reader(ReadOptions::glancing())?,
-        updates: bus.reader(ReadOptions::glancing())?,
-        n_updates_refused: 0,
-    };
-    stage::run(bus, Process::Compensate, config.wait, &mut stage, stop)?;
-    warn_of_refused(stage.n_updates_refused);
-    Ok(())
-}
-
-fn warn_of_refused(n_updates: u64) {
-    if n_updates > 0 {
-        tracing::warn!(n_updates, "{}", Reason::ModelUpdateRefused.sentence());
-    }
-}
-
-/// `compensate` in a replay.
-struct CuedCompensate {
-    core: CompensateCore,
-    states: UpTo<SlaveState>,
-    updates: UpTo<ModelUpdate>,
-    n_updates_refused: u64,
-}
-
-impl Stage for CuedCompensate {
-    type In = Setpoint;
-    type Out = Command;
-
-    fn glance(&mut self) -> Result<(), IpcError> {
-        Ok(())
-    }
-
-    fn step(&mut self, setpoint: &Setpoint, begun_ns: i64) -> Result<Command, Refused> {
-        self.core.step(setpoint, begun_ns)
-    }
-
-    fn sent_stamp(out: &mut Command) -> &mut i64 {
-        CompensateStage::sent_stamp(out)
-    }
-
-    fn reasons(out: &Command) -> Reasons {
-        CompensateStage::reasons(out)
-    }
-
-    fn counts(&self) -> ReadCounts {
-        let (states, updates) = (self.states.counts(), self.updates.counts());
-        ReadCounts { n_received: states.n_received + updates.n_received, n_lost: states.n_lost + updates.n_lost }
-    }
-}
-
-impl CuedStage for CuedCompensate {
     fn input_sequence(setpoint: &Setpoint) -> u64 {
         setpoint.input_sequence
     }
@@ -349,20 +256,26 @@ impl CuedStage for CuedCompensate {
         }
     }
 
-    fn glance_until(&mut self, moment: &Moment) -> Result<bool, BridgeError> {
-        let core = &mut self.core;
-        let states = self.states.take(moment.state_sequence, |state| core.note_state(state))?;
-        let mut n_refused = 0;
-        let updates = self
-            .updates
-            .take(moment.update_sequence, |update| n_refused += u64::from(core.note_update(update).is_err()))?;
-        self.n_updates_refused += n_refused;
-        Ok(states && updates)
+    fn sent_stamp(out: &mut Command) -> &mut i64 {
+        &mut out.stamps.command_sent_ns
     }
 
-    fn wait(&mut self, moment: &Moment) -> Result<(), IpcError> {
-        if self.states.is_behind(moment.state_sequence) { self.states.wait() } else { self.updates.wait() }
+    fn reasons(out: &Command) -> Reasons {
+        Reasons::from_bits(out.reasons)
     }
+}
+
+/// The process `krait compensate`: runs until told to stop.
+///
+/// # Errors
+/// [`BridgeError`] when a channel fails, the configuration is out of range or the chain cannot be inverted.
+pub fn run_compensate(
+    bus: &Bus,
+    chain: &Chain,
+    config: CompensateConfig,
+    stop: &AtomicBool,
+) -> Result<(), BridgeError> {
+    live::run(bus, Process::Compensate, config.wait, CompensateCore::new(chain, config)?, stop)
 }
 
 /// The process `krait compensate` in a replay.
@@ -371,18 +284,9 @@ impl CuedStage for CuedCompensate {
 /// As [`run_compensate`], and [`BridgeError::NoCue`] or [`BridgeError::NotThere`] when the replay contradicts itself.
 pub fn run_compensate_cued(
     bus: &Bus,
-    machine: &MachineParameters,
+    chain: &Chain,
     config: CompensateConfig,
-    chain: Option<&Chain>,
     stop: &AtomicBool,
 ) -> Result<(), BridgeError> {
-    let mut stage = CuedCompensate {
-        core: CompensateCore::new(machine, config, chain)?,
-        states: UpTo::new(bus.reader(ReadOptions::waking())?),
-        updates: UpTo::new(bus.reader(ReadOptions::waking())?),
-        n_updates_refused: 0,
-    };
-    cued::run(bus, Process::Compensate, &mut stage, stop)?;
-    warn_of_refused(stage.n_updates_refused);
-    Ok(())
+    cued::run(bus, Process::Compensate, CompensateCore::new(chain, config)?, stop)
 }

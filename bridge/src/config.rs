@@ -2,7 +2,6 @@
 
 use core::ops::RangeInclusive;
 use krait_ipc::WaitMode;
-use krait_ipc::message::Compensation;
 use serde::{Deserialize, Serialize};
 
 /// A value is outside its range.
@@ -61,8 +60,6 @@ pub struct ResolveConfig {
     pub state_stale_ms: f64,
     /// How the process waits for operator input.
     pub wait: WaitMode,
-    /// A fault to inject, us: every setpoint is held back this long before it is published, to see that budgets notice.
-    pub late_us: f64,
 }
 
 impl Default for ResolveConfig {
@@ -78,7 +75,6 @@ impl Default for ResolveConfig {
             input_stale_ms: 50.0,
             state_stale_ms: 100.0,
             wait: WaitMode::Ahead,
-            late_us: 0.0,
         }
     }
 }
@@ -101,28 +97,17 @@ impl ResolveConfig {
                 ("view_roll_rad", self.view_roll_rad, -3.2..=3.2, "an angle in radians"),
                 ("input_stale_ms", self.input_stale_ms, 1.0..=1000.0, "older input is not the operator's wish"),
                 ("state_stale_ms", self.state_stale_ms, 1.0..=1000.0, "older state says nothing about now"),
-                ("late_us", self.late_us, 0.0..=100_000.0, "a fault longer than a tenth of a second is a stop"),
             ],
         )
     }
 }
 
-/// `compensate`: the mode, and the limits of the actuator command.
+/// `compensate`: the limits of the actuator command.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct CompensateConfig {
-    /// How q becomes q~.
-    pub mode: Compensation,
-    /// Load scale eta at the start, 1.
-    pub eta: f64,
-    /// Backlash half-width lambda at the start, m.
-    pub lambda_m: f64,
-    /// Travel over which a line's sign of motion turns around, m.
-    pub transition_m: f64,
-    /// Fastest change of eta while an update is blended in, 1/s.
-    pub eta_rate_per_s: f64,
-    /// Fastest change of lambda while an update is blended in, m/s.
-    pub lambda_rate_m_per_s: f64,
+    /// Fastest change of a learnt value while an update is blended in, prior standard deviations per second.
+    pub blend_sds_per_s: f64,
     /// Speed at which a difference to the slave's setpoint is eased out at engagement, m/s.
     pub ease_m_per_s: f64,
     /// Actuator stroke, m: |q~| at most. A bend of 80 deg needs 4.98 mm on the default machine.
@@ -142,12 +127,7 @@ pub struct CompensateConfig {
 impl Default for CompensateConfig {
     fn default() -> Self {
         Self {
-            mode: Compensation::Estimated,
-            eta: 1.0,
-            lambda_m: 0.0,
-            transition_m: 20e-6,
-            eta_rate_per_s: 0.2,
-            lambda_rate_m_per_s: 0.05e-3,
+            blend_sds_per_s: 0.6,
             ease_m_per_s: 1e-3,
             max_stroke_m: 5.2e-3,
             max_rate_m_per_s: 20e-3,
@@ -168,11 +148,7 @@ impl CompensateConfig {
         check_all(
             "compensate",
             &[
-                ("eta", self.eta, 0.5..=2.5, "a load scale far from 1 is another machine"),
-                ("lambda_m", self.lambda_m, 0.0..=0.3e-3, "the measured backlash is 0.15 to 0.20 mm in total"),
-                ("transition_m", self.transition_m, 1e-6..=1e-3, "a sign turns around over some travel"),
-                ("eta_rate_per_s", self.eta_rate_per_s, 1e-3..=2.0, "a model changes smoothly"),
-                ("lambda_rate_m_per_s", self.lambda_rate_m_per_s, 1e-6..=1e-3, "a model changes smoothly"),
+                ("blend_sds_per_s", self.blend_sds_per_s, 1e-3..=10.0, "a model changes smoothly"),
                 ("ease_m_per_s", self.ease_m_per_s, 1e-5..=20e-3, "an engagement is eased in"),
                 ("max_stroke_m", self.max_stroke_m, 0.1e-3..=20e-3, "the actuators' stroke"),
                 ("max_rate_m_per_s", self.max_rate_m_per_s, 0.1e-3..=0.2, "the actuators' rate"),
@@ -184,14 +160,12 @@ impl CompensateConfig {
     }
 }
 
-/// `estimate`: what it assumes and how long it remembers.
+/// `estimate`: what it assumes of the measurements.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct EstimateConfig {
     /// Standard deviation of each axis of the measured bend vector, rad, where the camera states none.
     pub sigma_bend_rad: f64,
-    /// Time constant of the fading memory, s.
-    pub memory_s: f64,
     /// Largest distance of a measurement from its prediction, standard deviations.
     pub outlier_sigmas: f64,
     /// A shape whose encoders are further away in time than this is left out, ms.
@@ -206,7 +180,6 @@ impl Default for EstimateConfig {
     fn default() -> Self {
         Self {
             sigma_bend_rad: 0.3f64.to_radians(),
-            memory_s: 60.0,
             outlier_sigmas: 6.0,
             max_state_gap_ms: 5.0,
             false_alarms_per_hour: 1.0,
@@ -225,7 +198,6 @@ impl EstimateConfig {
             "estimate",
             &[
                 ("sigma_bend_rad", self.sigma_bend_rad, 1e-5..=0.2, "a camera sees a bend to 0.001 to 10 deg"),
-                ("memory_s", self.memory_s, 1.0..=3600.0, "shorter forgets what it needs, longer never follows wear"),
                 ("outlier_sigmas", self.outlier_sigmas, 2.0..=100.0, "fewer would refuse good measurements"),
                 ("max_state_gap_ms", self.max_state_gap_ms, 0.1..=100.0, "encoders and camera must be of one instant"),
                 (
@@ -255,7 +227,7 @@ mod tests {
     fn a_value_out_of_range_is_named_with_its_range() {
         let error = ResolveConfig { max_bend_rad: 60.0, ..ResolveConfig::default() }.check().expect_err("60 rad");
         assert!(error.to_string().starts_with("[resolve] max_bend_rad = 60: expected 0.05 to 1.6;"), "{error}");
-        let error = CompensateConfig { eta: f64::NAN, ..CompensateConfig::default() }.check().expect_err("NaN");
-        assert_eq!(error.key, "eta");
+        let error = CompensateConfig { max_load_n: f64::NAN, ..CompensateConfig::default() }.check().expect_err("NaN");
+        assert_eq!(error.key, "max_load_n");
     }
 }

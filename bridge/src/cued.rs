@@ -7,49 +7,58 @@
 
 use crate::config::EstimateConfig;
 use crate::estimate::EstimateCore;
-use crate::stage::{BridgeError, Stage};
+use crate::step::{BridgeError, Moment, Step};
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use krait_ipc::message::{Cue, Message, ModelUpdate, Shape, SlaveState};
 use krait_ipc::{Bus, HealthReporter, IpcError, Process, ReadCounts, ReadOptions, Reader, Writer, clock};
-use krait_model::{Chain, MachineParameters};
+use krait_model::Chain;
 
 /// How long a stage sleeps at most before it looks whether it shall stop.
 const PATIENCE: Duration = Duration::from_millis(20);
 
-/// What a cue says to one stage.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Moment {
-    /// What counts as now, ns; 0: the sample is left out.
-    pub begun_ns: i64,
-    /// What counts as the instant of publishing, ns.
-    pub sent_ns: i64,
-    /// The newest slave state to know; 0: none.
-    pub state_sequence: u64,
-    /// The newest model update to know; 0: none.
-    pub update_sequence: u64,
+/// The channels that do not wake the stage, taken message by message.
+struct Beside {
+    states: UpTo<SlaveState>,
+    updates: Option<UpTo<ModelUpdate>>,
+    n_updates_refused: u64,
 }
 
-/// A stage that can be told by cues what its steps depend on.
-pub(crate) trait CuedStage: Stage {
-    /// The operator input that a sample rests on, by which its cue is found.
-    fn input_sequence(input: &Self::In) -> u64;
-    /// What a cue says to this stage.
-    fn moment(cue: &Cue) -> Moment;
+impl Beside {
+    fn open(bus: &Bus, takes_updates: bool) -> Result<Self, IpcError> {
+        let updates = if takes_updates { Some(UpTo::new(bus.reader(ReadOptions::waking())?)) } else { None };
+        Ok(Self { states: UpTo::new(bus.reader(ReadOptions::waking())?), updates, n_updates_refused: 0 })
+    }
+
     /// Takes note of the states and updates up to those named, as far as they are there. Returns whether all are.
-    fn glance_until(&mut self, moment: &Moment) -> Result<bool, BridgeError>;
+    fn glance_until(&mut self, core: &mut impl Step, moment: &Moment) -> Result<bool, BridgeError> {
+        let has_states = self.states.take(moment.state_sequence, |state| core.note_state(state))?;
+        let Some(updates) = &mut self.updates else { return Ok(has_states) };
+        let n_refused = &mut self.n_updates_refused;
+        let has_updates = updates.take(moment.update_sequence, |update| {
+            *n_refused += u64::from(core.note_update(update).is_err());
+        })?;
+        Ok(has_states && has_updates)
+    }
+
     /// Sleeps until there may be more to take note of.
-    fn wait(&mut self, moment: &Moment) -> Result<(), IpcError>;
+    fn wait(&mut self, moment: &Moment) -> Result<(), IpcError> {
+        match &mut self.updates {
+            Some(updates) if !self.states.is_behind(moment.state_sequence) => updates.wait(),
+            _ => self.states.wait(),
+        }
+    }
+
+    fn counts(&self) -> [ReadCounts; 2] {
+        let none = ReadCounts { n_received: 0, n_lost: 0 };
+        [self.states.counts(), self.updates.as_ref().map_or(none, UpTo::counts)]
+    }
 }
 
 /// Runs a stage by its cues until it is told to stop: every sample in order, as fast as samples and states come.
-pub(crate) fn run<S: CuedStage>(
-    bus: &Bus,
-    process: Process,
-    stage: &mut S,
-    stop: &AtomicBool,
-) -> Result<(), BridgeError> {
+pub(crate) fn run<S: Step>(bus: &Bus, process: Process, mut core: S, stop: &AtomicBool) -> Result<(), BridgeError> {
     let mut inputs = bus.reader::<S::In>(ReadOptions::waking())?;
+    let mut beside = Beside::open(bus, S::TAKES_UPDATES)?;
     let mut cues = Cues::open(bus)?;
     let mut outputs = bus.writer::<S::Out>()?;
     let mut health = HealthReporter::open(bus, process)?;
@@ -62,10 +71,10 @@ pub(crate) fn run<S: CuedStage>(
             if moment.begun_ns == 0 {
                 continue;
             }
-            if !glance(stage, &moment, &mut outputs, stop)? {
+            if !glance(&mut core, &mut beside, &moment, &mut outputs, stop)? {
                 break;
             }
-            match stage.step(&input, moment.begun_ns) {
+            match core.step(&input, moment.begun_ns) {
                 Ok(mut out) => {
                     *S::sent_stamp(&mut out) = moment.sent_ns;
                     outputs.put(&out)?;
@@ -81,29 +90,34 @@ pub(crate) fn run<S: CuedStage>(
             }
         }
         outputs.wake()?;
-        health.count_readers(&[inputs.counts(), stage.counts()]);
+        let [states, updates] = beside.counts();
+        health.count_readers(&[inputs.counts(), states, updates]);
         health.health_mut().n_sent = outputs.n_sent();
         health.publish_if_due(clock::monotonic_ns())?;
     }
     health.publish(clock::monotonic_ns())?;
+    if beside.n_updates_refused > 0 {
+        tracing::warn!(process = process.name(), n_refused = beside.n_updates_refused, "model updates were refused");
+    }
     tracing::info!(process = process.name(), n_sent = outputs.n_sent(), n_lost = inputs.n_lost(), "stopped");
     Ok(())
 }
 
 /// Waits for what a step rests on. Before it sleeps, the stages behind are woken: what they make of the samples so far may
 /// be just what this stage waits for. Returns whether all is there; it is not when a stop was asked for.
-fn glance<S: CuedStage>(
-    stage: &mut S,
+fn glance<S: Step>(
+    core: &mut S,
+    beside: &mut Beside,
     moment: &Moment,
     outputs: &mut Writer<S::Out>,
     stop: &AtomicBool,
 ) -> Result<bool, BridgeError> {
-    while !stage.glance_until(moment)? {
+    while !beside.glance_until(core, moment)? {
         if stop.load(Ordering::Relaxed) {
             return Ok(false);
         }
         outputs.wake()?;
-        stage.wait(moment)?;
+        beside.wait(moment)?;
     }
     Ok(true)
 }
@@ -133,19 +147,19 @@ impl Cues {
 }
 
 /// Messages of a channel that are taken one by one, up to a named one.
-pub(crate) struct UpTo<M: Message> {
+struct UpTo<M: Message> {
     reader: Reader<M>,
     next: Option<M>,
     newest: u64,
 }
 
 impl<M: Message> UpTo<M> {
-    pub(crate) fn new(reader: Reader<M>) -> Self {
+    fn new(reader: Reader<M>) -> Self {
         Self { reader, next: None, newest: 0 }
     }
 
     /// Hands over every message up to a sequence number. Returns whether that one has come.
-    pub(crate) fn take(&mut self, sequence: u64, mut into: impl FnMut(&M)) -> Result<bool, BridgeError> {
+    fn take(&mut self, sequence: u64, mut into: impl FnMut(&M)) -> Result<bool, BridgeError> {
         while self.newest < sequence {
             if self.next.is_none() {
                 self.next = self.reader.take()?.map(|message| *message);
@@ -161,15 +175,15 @@ impl<M: Message> UpTo<M> {
         Ok(true)
     }
 
-    pub(crate) fn is_behind(&self, sequence: u64) -> bool {
+    fn is_behind(&self, sequence: u64) -> bool {
         self.newest < sequence
     }
 
-    pub(crate) fn wait(&mut self) -> Result<(), IpcError> {
+    fn wait(&mut self) -> Result<(), IpcError> {
         self.reader.wait(PATIENCE).map(|_| ())
     }
 
-    pub(crate) fn counts(&self) -> ReadCounts {
+    fn counts(&self) -> ReadCounts {
         self.reader.counts()
     }
 }
@@ -181,14 +195,11 @@ impl<M: Message> UpTo<M> {
 /// [`BridgeError`] when a channel fails or the configuration is out of range.
 pub fn run_estimate_cued(
     bus: &Bus,
-    machine: &MachineParameters,
-    eta: f64,
-    lambda_m: f64,
+    chain: &Chain,
     config: EstimateConfig,
-    chain: Option<&Chain>,
     stop: &AtomicBool,
 ) -> Result<(), BridgeError> {
-    let mut core = EstimateCore::new(machine, eta, lambda_m, config, chain)?;
+    let mut core = EstimateCore::new(chain, config)?;
     let mut states = bus.reader::<SlaveState>(ReadOptions::following())?;
     let mut shapes = bus.reader::<Shape>(ReadOptions::glancing())?;
     let mut updates = bus.writer::<ModelUpdate>()?;

@@ -1,22 +1,23 @@
-//! Learning the model from what the camera sees: eta and lambda by recursive least squares, Eqs. (18)-(23).
+//! Learning the model from what the camera sees: the parameters that the model file names, whatever effects they are of.
 //!
-//! Problem: pair every measured shape with the encoders of its instant of exposure, keep the direction of each line's
-//! motion from all encoder samples, and hand both to the model's estimator; propose what comes out.
+//! Problem: follow the encoders with the chain's prediction, pair every measured shape with the prediction of its instant of
+//! exposure, and hand both to the model's learner (`krait_model::Learner`); propose what comes out.
 //! Beside it a watch looks whether what the model does not explain is still of the kind that it was, and says when it is
-//! not (`krait_model::ChangeWatch`). It judges the model that compensates: a model file's chain where one is given, and
-//! else the estimator's own innovations. It proposes to look, and changes nothing.
+//! not (`krait_model::ChangeWatch`). It judges the values in force. It proposes to look, and changes nothing.
+//!
+//! A process that starts begins from the values of the model file, at rest in the straight pose.
 //!
 //! Failure: no encoders near the exposure, a lost view, samples that are not finite. Such a shape is left out and counted.
 
 use crate::config::EstimateConfig;
-use crate::stage::{BridgeError, seconds_between};
+use crate::step::{BridgeError, seconds_between};
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
-use krait_ipc::message::{Message, ModelUpdate, Shape, SlaveState};
+use krait_ipc::message::{LearningState, LearntValue, MAX_LEARNT, Message, ModelUpdate, Shape, SlaveState};
 use krait_ipc::{Bus, HealthReporter, Process, ReadOptions, Reason, Reasons, clock};
 use krait_model::{
-    Chain, Change, ChangeParameters, ChangeWatch, Circumstances, Estimator, EstimatorParameters, Innovation,
-    MachineParameters, Predictor, Snake,
+    Chain, Change, ChangeParameters, ChangeWatch, Circumstances, Innovation, Learner, LearnerParameters, Learning,
+    ModelHash, Sight, Snake,
 };
 use nalgebra::{Vector2, Vector3};
 
@@ -32,16 +33,19 @@ const PATIENCE: Duration = Duration::from_millis(20);
 /// The pure step of `estimate`.
 #[derive(Clone, Debug)]
 pub struct EstimateCore {
-    estimator: Estimator,
+    learner: Learner,
+    model: ModelHash,
     snake: Snake,
     config: EstimateConfig,
-    encoders: [Encoders; N_ENCODERS],
+    encoders: Box<[Encoders; N_ENCODERS]>,
     n_encoders: usize,
     paired_ns: Option<i64>,
     newest_shape_ns: Option<i64>,
     sequence: u64,
-    n_unpaired: u64,
-    predictor: Option<Predictor>,
+    state_sequence: u64,
+    n_states: u64,
+    n_used: u64,
+    n_left_out: u64,
     start_ns: Option<i64>,
     watch: ChangeWatch,
     compared: Option<Encoders>,
@@ -50,49 +54,36 @@ pub struct EstimateCore {
     change: Option<Change>,
 }
 
-/// What the encoders read at an instant, and where the model file's chain then sees the snake.
+/// An instant, and what the model saw then.
 #[derive(Clone, Copy, Debug)]
 struct Encoders {
     stamp_ns: i64,
-    q_tilde_m: Vector3<f64>,
-    predicted_rad: Vector2<f64>,
+    sight: Sight,
 }
 
 impl EstimateCore {
-    /// An estimator that starts from the configured model; with a chain, the watch judges that one's predictions.
+    /// An estimator that starts from the values of the model file.
     ///
     /// # Errors
-    /// [`BridgeError::Config`] or [`BridgeError::Model`] for values out of range.
-    pub fn new(
-        machine: &MachineParameters,
-        eta: f64,
-        lambda_m: f64,
-        config: EstimateConfig,
-        chain: Option<&Chain>,
-    ) -> Result<Self, BridgeError> {
+    /// [`BridgeError::Config`] or [`BridgeError::Watch`] for values out of range.
+    pub fn new(chain: &Chain, config: EstimateConfig) -> Result<Self, BridgeError> {
         config.check()?;
-        let parameters = EstimatorParameters {
-            eta,
-            lambda_m,
-            sigma_bend_rad: config.sigma_bend_rad,
-            memory_s: config.memory_s,
-            outlier_sigmas: config.outlier_sigmas,
-            ..EstimatorParameters::default()
-        };
-        let EstimateConfig { false_alarms_per_hour, learn_s, .. } = config;
-        let snake = Snake::new(machine)?;
-        let nothing = Encoders { stamp_ns: i64::MIN, q_tilde_m: Vector3::zeros(), predicted_rad: Vector2::zeros() };
+        let EstimateConfig { false_alarms_per_hour, learn_s, sigma_bend_rad, outlier_sigmas, .. } = config;
+        let nothing = Encoders { stamp_ns: i64::MIN, sight: Sight::default() };
         Ok(Self {
-            estimator: Estimator::new(snake, parameters)?,
-            snake,
+            learner: Learner::new(chain, LearnerParameters { sigma_bend_rad, outlier_sigmas })?,
+            model: chain.hash(),
+            snake: Snake::new(chain.machine())?,
             config,
-            encoders: [nothing; N_ENCODERS],
+            encoders: Box::new([nothing; N_ENCODERS]),
             n_encoders: 0,
             paired_ns: None,
             newest_shape_ns: None,
             sequence: 0,
-            n_unpaired: 0,
-            predictor: chain.map(Chain::predictor),
+            state_sequence: 0,
+            n_states: 0,
+            n_used: 0,
+            n_left_out: 0,
             start_ns: None,
             watch: ChangeWatch::new(ChangeParameters { false_alarms_per_hour, learn_s })?,
             compared: None,
@@ -102,20 +93,19 @@ impl EstimateCore {
         })
     }
 
-    /// Takes an encoder sample: it keeps the direction of every line's motion, also between two shapes.
+    /// Takes an encoder sample: the model follows it, also between two shapes.
+    ///
+    /// # Real-time
+    /// No allocation, no clock.
     pub fn note_state(&mut self, state: &SlaveState) {
+        (self.state_sequence, self.n_states) = (state.sequence, self.n_states + 1);
         let q_tilde_m = Vector3::from(state.measured_q_m);
         if q_tilde_m.iter().all(|q| q.is_finite()) {
             let start_ns = *self.start_ns.get_or_insert(state.sample_ns);
             let at = Circumstances::at(seconds_between(start_ns, state.sample_ns));
-            let predicted_rad = self
-                .predictor
-                .as_mut()
-                .map_or_else(Vector2::zeros, |chain| chain.step(q_tilde_m, &at).observed_bend_rad);
-            self.encoders[self.n_encoders % N_ENCODERS] =
-                Encoders { stamp_ns: state.sample_ns, q_tilde_m, predicted_rad };
+            let sight = self.learner.follow(q_tilde_m, &at);
+            self.encoders[self.n_encoders % N_ENCODERS] = Encoders { stamp_ns: state.sample_ns, sight };
             self.n_encoders += 1;
-            self.estimator.observe_encoders(q_tilde_m);
         }
     }
 
@@ -125,32 +115,58 @@ impl EstimateCore {
     /// No allocation, no clock; at most 256 stamps are compared.
     pub fn step(&mut self, shape: &Shape) -> ModelUpdate {
         self.newest_shape_ns = Some(shape.sample_ns);
-        match self.encoders_at(shape.sample_ns) {
-            Some(encoders) => {
-                let dt_s = self.paired_ns.map_or(0.0, |before_ns| seconds_between(before_ns, shape.sample_ns));
-                self.paired_ns = Some(shape.sample_ns);
-                self.estimator.observe_shape(Vector2::from(shape.bend_rad), encoders.q_tilde_m, dt_s);
-                self.compare(shape, Encoders { stamp_ns: shape.sample_ns, ..encoders });
-            }
-            None => self.n_unpaired += 1,
+        let taken = self.encoders_at(shape.sample_ns).map(|encoders| {
+            let dt_s = self.paired_ns.map_or(0.0, |before_ns| seconds_between(before_ns, shape.sample_ns));
+            self.paired_ns = Some(shape.sample_ns);
+            let taken = self.learner.take(Vector2::from(shape.bend_rad), &encoders.sight, dt_s.max(0.0));
+            self.compare(shape, Encoders { stamp_ns: shape.sample_ns, ..encoders });
+            taken
+        });
+        if taken == Some(Learning::Used) {
+            self.n_used += 1
+        } else {
+            self.n_left_out += 1
         }
         self.sequence += 1;
-        let estimate = self.estimator.estimate();
         ModelUpdate {
             sequence: self.sequence,
             sample_ns: shape.sample_ns,
             shape_sequence: shape.sequence,
-            eta: estimate.eta,
-            lambda_m: estimate.lambda_m,
-            eta_sd: estimate.eta_sd,
-            lambda_sd_m: estimate.lambda_sd_m,
-            innovation_rms_m: estimate.innovation_rms_m,
-            n_used: estimate.n_used,
-            n_left_out: estimate.n_left_out + self.n_unpaired,
+            state_sequence: self.state_sequence,
+            n_states: self.n_states,
+            model_hash: self.model.0,
+            innovation_rms_rad: self.learner.innovation_rms_rad(),
+            n_used: self.n_used,
+            n_left_out: self.n_left_out,
             n_changes: self.n_changes,
             changed_ns: self.changed_ns,
             change_kind: self.change.map_or(0, |change| change.kind.number()),
             is_watching: u32::from(self.watch.is_watching()),
+            n_learnt: self.learner.parameters().len() as u32,
+            reserved: 0,
+            learnt: core::array::from_fn(|lane| self.learnt(lane)),
+        }
+    }
+
+    fn learnt(&self, lane: usize) -> LearntValue {
+        const _: () = assert!(MAX_LEARNT == krait_model::MAX_LEARNT);
+        let parameters = self.learner.parameters();
+        let Some((own, now)) = parameters.get(lane).zip(self.learner.learnt(lane)) else {
+            return LearntValue::default();
+        };
+        let state = match (now.is_observable, now.is_at_bound) {
+            (false, _) => LearningState::NotObservable,
+            (true, false) => LearningState::Learning,
+            (true, true) => LearningState::AtBound,
+        };
+        LearntValue {
+            value: now.value,
+            sd: now.sd,
+            // A chain has at most 16 effects of 10 parameters.
+            effect: own.effect as u16,
+            parameter: own.parameter as u16,
+            state: state as u16,
+            tied_to: now.tied_to.map_or(0, |other| other as u16 + 1),
         }
     }
 
@@ -162,18 +178,15 @@ impl EstimateCore {
     /// Shows the watch what the model does not explain of a shape, if the actuators have moved since the one before.
     fn compare(&mut self, shape: &Shape, encoders: Encoders) {
         let before = *self.compared.get_or_insert(encoders);
-        let moved_m = encoders.q_tilde_m - before.q_tilde_m;
-        let r = match self.predictor {
-            Some(_) => Some((Vector2::from(shape.bend_rad) - encoders.predicted_rad) / self.config.sigma_bend_rad),
-            None => self.estimator.innovation(),
-        };
-        let Some(r) = r.filter(|_| moved_m.amax() >= MOVED_M) else { return };
+        let q_tilde_m = encoders.sight.q_tilde_m;
+        let moved_m = q_tilde_m - before.sight.q_tilde_m;
+        let Some(r) = self.learner.innovation().filter(|_| moved_m.amax() >= MOVED_M) else { return };
         self.compared = Some(encoders);
         // J_q^T q~ points where J_q^-1 q~ does: a bend's direction, without the camera's noise.
         let j_t = self.snake.j_q_bend().transpose();
         let seen = Innovation {
             r,
-            bend_rad: (j_t * encoders.q_tilde_m) / (1.5 * self.snake.r_m() * self.snake.r_m()),
+            bend_rad: (j_t * q_tilde_m) / (1.5 * self.snake.r_m() * self.snake.r_m()),
             motion_rad: j_t * moved_m,
             dt_s: seconds_between(before.stamp_ns, encoders.stamp_ns),
         };
@@ -206,16 +219,8 @@ impl EstimateCore {
 ///
 /// # Errors
 /// [`BridgeError`] when a channel fails or the configuration is out of range.
-pub fn run_estimate(
-    bus: &Bus,
-    machine: &MachineParameters,
-    eta: f64,
-    lambda_m: f64,
-    config: EstimateConfig,
-    chain: Option<&Chain>,
-    stop: &AtomicBool,
-) -> Result<(), BridgeError> {
-    let mut core = EstimateCore::new(machine, eta, lambda_m, config, chain)?;
+pub fn run_estimate(bus: &Bus, chain: &Chain, config: EstimateConfig, stop: &AtomicBool) -> Result<(), BridgeError> {
+    let mut core = EstimateCore::new(chain, config)?;
     let mut states = bus.reader::<SlaveState>(ReadOptions::observing())?;
     let mut shapes = bus.reader::<Shape>(ReadOptions::waking())?;
     let mut updates = bus.writer::<ModelUpdate>()?;
@@ -224,11 +229,15 @@ pub fn run_estimate(
     tracing::info!(process = "estimate", "ready");
     while !stop.load(Ordering::Relaxed) {
         shapes.wait(PATIENCE)?;
+        while let Some(shape) = shapes.take()? {
+            // Every state that was published before the shape is here by now.
+            while let Some(state) = states.take()? {
+                core.note_state(&state);
+            }
+            updates.send(&core.step(&shape))?;
+        }
         while let Some(state) = states.take()? {
             core.note_state(&state);
-        }
-        while let Some(shape) = shapes.take()? {
-            updates.send(&core.step(&shape))?;
         }
         health.set_now(core.reasons(clock::monotonic_ns()));
         if let Some(change) = core.change() {

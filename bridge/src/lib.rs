@@ -1,7 +1,7 @@
 //! krait-bridge: between the operator and the actuators.
 //!
 //! Purpose: `resolve` (tip velocity in the view frame -> bend-vector setpoint), `compensate` (setpoint -> actuator
-//! positions q~ = q + eps) and `estimate` (measured shape -> eta, lambda). Each has a core that is a pure function of the
+//! positions q~ = q + eps) and `estimate` (measured shape -> learnt values of the model). Each has a core that is a pure function of the
 //! samples it is given, and a loop that feeds it from shared memory.
 //!
 //! Terms: *following* = the setpoint moves with the operator; *holding* = it stands still, for reasons that are named;
@@ -16,13 +16,13 @@ mod compensate;
 mod config;
 mod cued;
 mod estimate;
-mod lines;
+mod live;
 mod resolve;
-mod stage;
+mod step;
 
 pub use compensate::{CompensateCore, run_compensate, run_compensate_cued};
 pub use config::{CompensateConfig, ConfigError, EstimateConfig, ResolveConfig};
 pub use cued::run_estimate_cued;
 pub use estimate::{EstimateCore, run_estimate};
 pub use resolve::{ResolveCore, run_resolve, run_resolve_cued};
-pub use stage::{BridgeError, Refused};
+pub use step::{BridgeError, Refused};

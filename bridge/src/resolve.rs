@@ -10,12 +10,12 @@
 //! Failure: no operator, no slave, stale samples. The setpoint then comes to rest within the acceleration limit and holds.
 
 use crate::config::ResolveConfig;
-use crate::cued::{self, CuedStage, Moment, UpTo};
-use crate::stage::{self, BridgeError, Refused, Stage, check_order_and_numbers, seconds_between, stamps_begun, step_s};
+use crate::step::{BridgeError, Moment, Refused, Step, check_order_and_numbers, seconds_between, stamps_begun, step_s};
+use crate::{cued, live};
 use core::sync::atomic::AtomicBool;
 use krait_ipc::message::{Cue, DeviceState, OperatorInput, Phase, Setpoint, SlaveState};
-use krait_ipc::{Bus, IpcError, Process, ReadCounts, ReadOptions, Reader, Reason, Reasons};
-use krait_model::{Compensator, CompensatorParameters, MachineParameters, Snake};
+use krait_ipc::{Bus, Process, Reason, Reasons};
+use krait_model::{Chain, ChainCompensator, Circumstances, ModelHash, Snake};
 use nalgebra::{Rotation3, Vector2, Vector3};
 
 /// The setpoint takes over the slave's own when they are further apart than this, rad (0.1 deg).
@@ -29,41 +29,48 @@ const MAX_TIP_VEL_M_PER_S: f64 = 1.0;
 #[derive(Clone, Debug)]
 pub struct ResolveCore {
     snake: Snake,
-    lines: Compensator,
+    lines: ChainCompensator,
+    model: ModelHash,
     config: ResolveConfig,
     base_from_view: Rotation3<f64>,
     state: Option<SlaveState>,
+    memory: Memory,
+}
+
+/// What one step leaves to the next, beside the lines' own memory.
+#[derive(Clone, Copy, Debug)]
+struct Memory {
     bend: Vector2<f64>,
     bend_vel: Vector2<f64>,
     phase: Phase,
     sequence: u64,
+    first_ns: Option<i64>,
     before_ns: Option<i64>,
 }
 
 impl ResolveCore {
-    /// A setpoint at rest in the straight pose. `lines` says how the actuator rates are computed (for the velocity
-    /// forecast only; positions are `compensate`'s).
+    /// A setpoint at rest in the straight pose. The chain says how fast the actuators will have to move, with the values
+    /// that its model file begins with (for the velocity forecast only; positions are `compensate`'s).
     ///
     /// # Errors
-    /// [`BridgeError::Config`] or [`BridgeError::Model`] for values out of range.
-    pub fn new(
-        machine: &MachineParameters,
-        lines: CompensatorParameters,
-        config: ResolveConfig,
-    ) -> Result<Self, BridgeError> {
+    /// [`BridgeError::Config`] for values out of range, [`BridgeError::Chain`] for a chain that cannot be inverted.
+    pub fn new(chain: &Chain, config: ResolveConfig) -> Result<Self, BridgeError> {
         config.check()?;
-        let snake = Snake::new(machine)?;
         Ok(Self {
-            snake,
-            lines: Compensator::new(snake, lines)?,
+            snake: Snake::new(chain.machine())?,
+            lines: chain.compensator()?,
+            model: chain.hash(),
             config,
             base_from_view: Rotation3::from_axis_angle(&Vector3::z_axis(), config.view_roll_rad),
             state: None,
-            bend: Vector2::zeros(),
-            bend_vel: Vector2::zeros(),
-            phase: Phase::Holding,
-            sequence: 0,
-            before_ns: None,
+            memory: Memory {
+                bend: Vector2::zeros(),
+                bend_vel: Vector2::zeros(),
+                phase: Phase::Holding,
+                sequence: 0,
+                first_ns: None,
+                before_ns: None,
+            },
         })
     }
 
@@ -81,17 +88,17 @@ impl ResolveCore {
     /// No allocation, no clock (`begun_ns` is an argument), no loop longer than three lines of a snake.
     pub fn step(&mut self, input: &OperatorInput, begun_ns: i64) -> Result<Setpoint, Refused> {
         let velocity = Vector3::from(input.tip_vel_in_view_m_per_s);
-        check_order_and_numbers(self.before_ns, input.sample_ns, velocity.as_slice())?;
+        check_order_and_numbers(self.memory.before_ns, input.sample_ns, velocity.as_slice())?;
         if velocity.amax() > MAX_TIP_VEL_M_PER_S {
             return Err(Refused { reason: Reason::OutOfRange, found: velocity.amax(), limit: MAX_TIP_VEL_M_PER_S });
         }
-        let step_s = step_s(self.before_ns, input.sample_ns);
-        self.before_ns = Some(input.sample_ns);
+        let step_s = step_s(self.memory.before_ns, input.sample_ns);
+        self.memory.before_ns = Some(input.sample_ns);
 
         let mut reasons = self.reasons_to_hold(input, begun_ns);
-        self.phase = if reasons.is_empty() { Phase::Following } else { Phase::Holding };
+        self.memory.phase = if reasons.is_empty() { Phase::Following } else { Phase::Holding };
         self.reseed_at_rest();
-        let (wanted, motion_scale) = match self.phase {
+        let (wanted, motion_scale) = match self.memory.phase {
             Phase::Following => self.limited(self.base_from_view * velocity, &mut reasons),
             Phase::Holding => (Vector2::zeros(), 0.0),
         };
@@ -100,8 +107,11 @@ impl ResolveCore {
     }
 
     /// Does what [`ResolveCore::step`] does and forgets it, so that the processor has at hand what the next step needs.
-    pub fn rehearse(&self, input: &OperatorInput, begun_ns: i64) {
-        let _forgotten = core::hint::black_box(self.clone().step(input, begun_ns));
+    pub fn rehearse(&mut self, input: &OperatorInput, begun_ns: i64) {
+        let (memory, lines) = (self.memory, self.lines.memory());
+        let _forgotten = core::hint::black_box(self.step(input, begun_ns));
+        self.memory = memory;
+        self.lines.restore(&lines);
     }
 
     fn reasons_to_hold(&self, input: &OperatorInput, begun_ns: i64) -> Reasons {
@@ -134,21 +144,21 @@ impl ResolveCore {
     fn reseed_at_rest(&mut self) {
         let Some(state) = &self.state else { return };
         let slave_bend = Vector2::from(state.setpoint_bend_rad);
-        let at_rest = self.bend_vel.norm() < REST_RAD_PER_S;
+        let at_rest = self.memory.bend_vel.norm() < REST_RAD_PER_S;
         let not_ours = state.flags & SlaveState::FOLLOWING == 0;
         if at_rest
             && not_ours
             && slave_bend.norm() <= self.config.max_bend_rad
-            && (slave_bend - self.bend).norm() > RESEED_RAD
+            && (slave_bend - self.memory.bend).norm() > RESEED_RAD
         {
-            self.bend = slave_bend;
+            self.memory.bend = slave_bend;
         }
     }
 
     /// The bend rate for a tip velocity, within the limits; the second value is the common scale that they asked for.
     fn limited(&self, tip_vel_in_base: Vector3<f64>, reasons: &mut Reasons) -> (Vector2<f64>, f64) {
         let rate = self.snake.bend_rate_for_tip_velocity(
-            self.bend,
+            self.memory.bend,
             tip_vel_in_base,
             self.config.axial_weight,
             self.config.damping_m_per_rad,
@@ -170,9 +180,9 @@ impl ResolveCore {
 
     /// Fades out the outward part of the motion near the bend limit; turning the plane and coming back stay free.
     fn slide_along_bend_limit(&self, bend_vel: Vector2<f64>, reasons: &mut Reasons) -> Vector2<f64> {
-        let Some(outward) = self.bend.try_normalize(1e-9) else { return bend_vel };
+        let Some(outward) = self.memory.bend.try_normalize(1e-9) else { return bend_vel };
         let outward_vel = bend_vel.dot(&outward);
-        let room = ((self.config.max_bend_rad - self.bend.norm()) / self.config.bend_margin_rad).clamp(0.0, 1.0);
+        let room = ((self.config.max_bend_rad - self.memory.bend.norm()) / self.config.bend_margin_rad).clamp(0.0, 1.0);
         if outward_vel <= 0.0 || room >= 1.0 {
             return bend_vel;
         }
@@ -181,129 +191,58 @@ impl ResolveCore {
     }
 
     fn advance(&mut self, wanted: Vector2<f64>, step_s: f64) {
-        let change = wanted - self.bend_vel;
+        let change = wanted - self.memory.bend_vel;
         let largest = self.config.max_bend_accel_rad_per_s2 * step_s;
-        self.bend_vel += if change.norm() > largest { change * (largest / change.norm()) } else { change };
-        self.bend += self.bend_vel * step_s;
-        let bend_rad = self.bend.norm();
+        self.memory.bend_vel += if change.norm() > largest { change * (largest / change.norm()) } else { change };
+        self.memory.bend += self.memory.bend_vel * step_s;
+        let bend_rad = self.memory.bend.norm();
         if bend_rad > self.config.max_bend_rad {
-            self.bend *= self.config.max_bend_rad / bend_rad;
+            self.memory.bend *= self.config.max_bend_rad / bend_rad;
         }
     }
 
     fn setpoint(&mut self, input: &OperatorInput, begun_ns: i64, motion_scale: f64, reasons: Reasons) -> Setpoint {
-        self.sequence += 1;
-        let lines = self.lines.step(self.bend);
-        let q_tilde_vel: Vector3<f64> = (self.snake.j_q_bend() + lines.alpha_m_per_rad) * self.bend_vel;
+        self.memory.sequence += 1;
+        let first_ns = *self.memory.first_ns.get_or_insert(input.sample_ns);
+        let at = Circumstances::at(seconds_between(first_ns, input.sample_ns));
+        let lines = self.lines.step(self.memory.bend, &at);
+        let q_tilde_vel: Vector3<f64> = (self.snake.j_q_bend() + lines.alpha_m_per_rad) * self.memory.bend_vel;
         Setpoint {
-            sequence: self.sequence,
+            sequence: self.memory.sequence,
             sample_ns: input.sample_ns,
             stamps: stamps_begun(&input.stamps, |s| s.resolve_begun_ns = begun_ns),
             input_sequence: input.sequence,
             state_sequence: self.state.map_or(0, |s| s.sequence),
-            bend_rad: self.bend.into(),
-            bend_vel_rad_per_s: self.bend_vel.into(),
+            bend_rad: self.memory.bend.into(),
+            bend_vel_rad_per_s: self.memory.bend_vel.into(),
             q_tilde_vel_m_per_s: q_tilde_vel.into(),
-            tip_pos_in_base_m: self.snake.tip_pos_in_base_m(self.bend).into(),
+            tip_pos_in_base_m: self.snake.tip_pos_in_base_m(self.memory.bend).into(),
             motion_scale,
-            phase: self.phase as u32,
+            model_hash: self.model.0,
+            phase: self.memory.phase as u32,
             reserved: 0,
             reasons: reasons.bits(),
         }
     }
 }
 
-struct ResolveStage {
-    core: ResolveCore,
-    states: Reader<SlaveState>,
-    late_ns: i64,
-}
-
-impl Stage for ResolveStage {
+impl Step for ResolveCore {
     type In = OperatorInput;
     type Out = Setpoint;
+    const TAKES_UPDATES: bool = false;
 
-    fn glance(&mut self) -> Result<(), IpcError> {
-        if let Some(state) = self.states.take_newest()? {
-            self.core.note_state(&state);
-        }
-        Ok(())
+    fn note_state(&mut self, state: &SlaveState) {
+        Self::note_state(self, state);
     }
 
     fn step(&mut self, input: &OperatorInput, begun_ns: i64) -> Result<Setpoint, Refused> {
-        self.core.step(input, begun_ns)
+        Self::step(self, input, begun_ns)
     }
 
     fn rehearse(&mut self, input: &OperatorInput, now_ns: i64) {
-        self.core.rehearse(&OperatorInput { sample_ns: now_ns, ..*input }, now_ns);
+        Self::rehearse(self, &OperatorInput { sample_ns: now_ns, ..*input }, now_ns);
     }
 
-    fn sent_stamp(out: &mut Setpoint) -> &mut i64 {
-        &mut out.stamps.setpoint_sent_ns
-    }
-
-    fn reasons(out: &Setpoint) -> Reasons {
-        Reasons::from_bits(out.reasons)
-    }
-
-    fn late_ns(&self) -> i64 {
-        self.late_ns
-    }
-
-    fn counts(&self) -> ReadCounts {
-        self.states.counts()
-    }
-}
-
-/// The process `krait resolve`: runs until told to stop.
-///
-/// # Errors
-/// [`BridgeError`] when a channel fails or the configuration is out of range.
-pub fn run_resolve(
-    bus: &Bus,
-    machine: &MachineParameters,
-    lines: CompensatorParameters,
-    config: ResolveConfig,
-    stop: &AtomicBool,
-) -> Result<(), BridgeError> {
-    let core = ResolveCore::new(machine, lines, config)?;
-    let states = bus.reader::<SlaveState>(ReadOptions::glancing())?;
-    let late_ns = (config.late_us * 1e3) as i64;
-    stage::run(bus, Process::Resolve, config.wait, &mut ResolveStage { core, states, late_ns }, stop)
-}
-
-/// `resolve` in a replay.
-struct CuedResolve {
-    core: ResolveCore,
-    states: UpTo<SlaveState>,
-}
-
-impl Stage for CuedResolve {
-    type In = OperatorInput;
-    type Out = Setpoint;
-
-    fn glance(&mut self) -> Result<(), IpcError> {
-        Ok(())
-    }
-
-    fn step(&mut self, input: &OperatorInput, begun_ns: i64) -> Result<Setpoint, Refused> {
-        self.core.step(input, begun_ns)
-    }
-
-    fn sent_stamp(out: &mut Setpoint) -> &mut i64 {
-        ResolveStage::sent_stamp(out)
-    }
-
-    fn reasons(out: &Setpoint) -> Reasons {
-        ResolveStage::reasons(out)
-    }
-
-    fn counts(&self) -> ReadCounts {
-        self.states.counts()
-    }
-}
-
-impl CuedStage for CuedResolve {
     fn input_sequence(input: &OperatorInput) -> u64 {
         input.sequence
     }
@@ -317,27 +256,27 @@ impl CuedStage for CuedResolve {
         }
     }
 
-    fn glance_until(&mut self, moment: &Moment) -> Result<bool, BridgeError> {
-        self.states.take(moment.state_sequence, |state| self.core.note_state(state))
+    fn sent_stamp(out: &mut Setpoint) -> &mut i64 {
+        &mut out.stamps.setpoint_sent_ns
     }
 
-    fn wait(&mut self, _moment: &Moment) -> Result<(), IpcError> {
-        self.states.wait()
+    fn reasons(out: &Setpoint) -> Reasons {
+        Reasons::from_bits(out.reasons)
     }
+}
+
+/// The process `krait resolve`: runs until told to stop.
+///
+/// # Errors
+/// [`BridgeError`] when a channel fails or the configuration is out of range.
+pub fn run_resolve(bus: &Bus, chain: &Chain, config: ResolveConfig, stop: &AtomicBool) -> Result<(), BridgeError> {
+    live::run(bus, Process::Resolve, config.wait, ResolveCore::new(chain, config)?, stop)
 }
 
 /// The process `krait resolve` in a replay.
 ///
 /// # Errors
 /// As [`run_resolve`], and [`BridgeError::NoCue`] or [`BridgeError::NotThere`] when the replay contradicts itself.
-pub fn run_resolve_cued(
-    bus: &Bus,
-    machine: &MachineParameters,
-    lines: CompensatorParameters,
-    config: ResolveConfig,
-    stop: &AtomicBool,
-) -> Result<(), BridgeError> {
-    let core = ResolveCore::new(machine, lines, config)?;
-    let states = UpTo::new(bus.reader(ReadOptions::waking())?);
-    cued::run(bus, Process::Resolve, &mut CuedResolve { core, states }, stop)
+pub fn run_resolve_cued(bus: &Bus, chain: &Chain, config: ResolveConfig, stop: &AtomicBool) -> Result<(), BridgeError> {
+    cued::run(bus, Process::Resolve, ResolveCore::new(chain, config)?, stop)
 }

@@ -7,10 +7,9 @@ mod allocations;
 mod common;
 
 use allocations::allocations_of;
-use common::{T0_NS, TICK_NS, compensate, input, ready_state, resolve};
+use common::{T0_NS, TICK_NS, chain, chain_of, compensate, input, ready_state, resolve};
 use krait_bridge::{CompensateConfig, CompensateCore, EstimateConfig, EstimateCore, ResolveConfig};
-use krait_ipc::message::{Compensation, ModelUpdate, Shape, SlaveState};
-use krait_model::{Chain, ChainSettings, Columns, MachineParameters};
+use krait_ipc::message::{ModelUpdate, Setpoint, Shape, SlaveState};
 
 fn shape(sequence: u64, bend_rad: [f64; 2]) -> Shape {
     Shape {
@@ -29,14 +28,12 @@ fn shape(sequence: u64, bend_rad: [f64; 2]) -> Shape {
 fn resolve_compensate_and_estimate_never_allocate() {
     let mut resolve = resolve(ResolveConfig { max_bend_rad: 0.7, ..ResolveConfig::default() });
     let mut compensate = compensate(CompensateConfig::default());
-    let mut estimate =
-        EstimateCore::new(&MachineParameters::default(), 1.0, 0.0, EstimateConfig::default(), None).expect("defaults");
-    let machine = MachineParameters::default();
-    let chain = Chain::new(&machine, ChainSettings::default(), &[], Columns::default()).expect("elastic lines");
+    let mut estimate = EstimateCore::new(&chain("estimated"), EstimateConfig::default()).expect("defaults");
+    let lines = chain_of("format = 1\n[machine]\nkind = \"snake\"\n");
     let quick = EstimateConfig { learn_s: 2.0, ..EstimateConfig::default() };
-    let mut watching = EstimateCore::new(&machine, 1.0, 0.0, quick, Some(&chain)).expect("defaults");
-    let config = CompensateConfig { mode: Compensation::Model, ..CompensateConfig::default() };
-    let mut by_chain = CompensateCore::new(&machine, config, Some(&chain)).expect("it can be inverted");
+    let mut watching = EstimateCore::new(&lines, quick).expect("defaults");
+    let mut without_learning = CompensateCore::new(&lines, CompensateConfig::default()).expect("it can be inverted");
+    let lines_hash = lines.hash().0;
     let mut n_changes = 0;
     let mut n_followed = 0;
     let n_allocations = allocations_of(|| {
@@ -49,7 +46,7 @@ fn resolve_compensate_and_estimate_never_allocate() {
             let Ok(setpoint) = resolve.step(&input(n, velocity), T0_NS + n as i64 * TICK_NS) else { continue };
             compensate.note_state(&state);
             compensate.rehearse(&setpoint, setpoint.sample_ns);
-            by_chain.rehearse(&setpoint, setpoint.sample_ns);
+            without_learning.rehearse(&Setpoint { model_hash: lines_hash, ..setpoint }, setpoint.sample_ns);
             let Ok(command) = compensate.step(&setpoint, setpoint.sample_ns) else { continue };
             let measured = SlaveState { measured_q_m: command.q_tilde_m, ..state };
             estimate.note_state(&measured);

@@ -4,15 +4,21 @@
 
 mod common;
 
-use common::{TICK_NS, compensate, ready_state, setpoint, waiting_state};
+use common::{TICK_NS, chain, compensate, ready_state, setpoint, setpoint_of, update_of, waiting_state};
 use krait_bridge::{CompensateConfig, CompensateCore};
-use krait_ipc::message::{Command, Compensation, ModelUpdate, Setpoint};
+use krait_ipc::message::{Command, LearntValue, ModelUpdate, Setpoint};
 use krait_ipc::{Reason, Reasons};
-use krait_model::model_file::ModelFile;
-use krait_model::{Columns, MachineParameters, Snake};
+use krait_model::{MachineParameters, Snake};
 
-fn with_mode(mode: Compensation) -> CompensateConfig {
-    CompensateConfig { mode, ..CompensateConfig::default() }
+/// `compensate` with a built-in model, and its setpoints.
+fn with_model(name: &str, config: CompensateConfig) -> (CompensateCore, impl Fn(u64, [f64; 2]) -> Setpoint) {
+    let chain = chain(name);
+    let core = CompensateCore::new(&chain, config).expect("defaults");
+    (core, move |sequence, bend_rad| setpoint_of(&chain, sequence, bend_rad))
+}
+
+fn off() -> (CompensateCore, impl Fn(u64, [f64; 2]) -> Setpoint) {
+    with_model("off", CompensateConfig::default())
 }
 
 fn follow(core: &mut CompensateCore, setpoint: Setpoint) -> Command {
@@ -25,22 +31,7 @@ fn has(command: &Command, reason: Reason) -> bool {
 }
 
 fn update(sequence: u64, eta: f64, lambda_m: f64) -> ModelUpdate {
-    ModelUpdate {
-        sequence,
-        sample_ns: 0,
-        shape_sequence: sequence,
-        eta,
-        lambda_m,
-        eta_sd: 0.01,
-        lambda_sd_m: 1e-6,
-        innovation_rms_m: 1e-5,
-        n_used: 100,
-        n_left_out: 0,
-        n_changes: 0,
-        changed_ns: 0,
-        change_kind: 0,
-        is_watching: 0,
-    }
+    update_of(&chain("estimated"), sequence, &[eta, lambda_m])
 }
 
 fn largest_step(a: &Command, b: &Command) -> f64 {
@@ -49,7 +40,7 @@ fn largest_step(a: &Command, b: &Command) -> f64 {
 
 #[test]
 fn off_tells_the_actuators_what_an_inextensible_snake_would_need() {
-    let mut core = compensate(with_mode(Compensation::Off));
+    let (mut core, setpoint) = off();
     let command = follow(&mut core, setpoint(1, [0.5, 0.2]));
     assert_eq!(command.q_tilde_m, command.q_uncompensated_m);
     let snake = Snake::new(&MachineParameters::default()).expect("defaults");
@@ -59,7 +50,7 @@ fn off_tells_the_actuators_what_an_inextensible_snake_would_need() {
 
 #[test]
 fn naive_adds_nearly_as_much_as_the_snake_needs_itself() {
-    let mut core = compensate(with_mode(Compensation::Naive));
+    let (mut core, setpoint) = with_model("naive", CompensateConfig::default());
     let command =
         (1..=400).map(|n| follow(&mut core, setpoint(n, [f64::from(n as u32) * 2e-3, 0.0]))).last().expect("steps");
     let added =
@@ -69,8 +60,8 @@ fn naive_adds_nearly_as_much_as_the_snake_needs_itself() {
 
 #[test]
 fn while_the_slave_does_not_follow_the_command_equals_its_setpoint() {
-    for mode in [Compensation::Off, Compensation::Naive, Compensation::Estimated] {
-        let mut core = compensate(with_mode(mode));
+    for mode in ["off", "naive", "estimated"] {
+        let (mut core, setpoint) = with_model(mode, CompensateConfig::default());
         let own_m = [0.4e-3, -0.3e-3, 0.1e-3];
         for n in 1..=5 {
             core.note_state(&waiting_state(n, own_m, [0.2, 0.1]));
@@ -104,48 +95,34 @@ fn a_model_update_is_blended_in_no_faster_than_allowed() {
     let mut before = first;
     for n in 2..=3000 {
         let now = follow(&mut core, setpoint(n, [0.8, 0.0]));
-        assert!(now.eta - before.eta <= 0.2e-3 + 1e-12 && now.lambda_m - before.lambda_m <= 0.05e-6 + 1e-18);
+        assert!(
+            now.learnt[0] - before.learnt[0] <= 0.18e-3 + 1e-12 && now.learnt[1] - before.learnt[1] <= 0.06e-6 + 1e-18
+        );
+        assert!(largest_step(&now, &before) < 2e-6, "nothing jumps");
         assert_eq!(now.model_update_sequence, 1, "the update in force is named");
+        assert_eq!(has(&now, Reason::ModelBlending), now.learnt() != before.learnt());
         before = now;
     }
-    assert!((before.eta - 1.22).abs() < 1e-12 && (before.lambda_m - 0.089e-3).abs() < 1e-15);
-    assert!(before.model_version > first.model_version && !has(&before, Reason::ModelBlending));
+    assert_eq!(before.learnt(), [1.22, 0.089e-3]);
+    assert_eq!(first.learnt(), [1.0, 0.0]);
 }
 
 #[test]
-fn the_other_modes_ignore_model_updates() {
-    for mode in [Compensation::Off, Compensation::Naive] {
-        let mut core = compensate(with_mode(mode));
-        core.note_update(&update(1, 1.5, 0.1e-3)).expect("in bounds");
+fn a_model_that_learns_nothing_takes_no_update_of_another() {
+    for mode in ["off", "naive"] {
+        let (mut core, setpoint) = with_model(mode, CompensateConfig::default());
+        assert_eq!(core.note_update(&update(1, 1.5, 0.1e-3)).expect_err("of estimated").reason, Reason::OtherModel);
         let last = (1..=100).map(|n| follow(&mut core, setpoint(n, [0.3, 0.0]))).last().expect("steps");
-        assert_eq!((last.eta, last.lambda_m, last.model_version), (1.0, 0.0, 0));
+        assert_eq!((last.learnt(), last.model_update_sequence), (&[][..], 0));
     }
 }
 
 #[test]
-fn the_chain_of_a_model_file_compensates_like_the_estimated_mode_with_the_same_numbers() {
-    let effects = "[[effect]]\nkind = \"stiffness-scale\"\neta = 1.22\n[[effect]]\nkind = \"cone-friction\"\n\
-                   [[effect]]\nkind = \"static-friction\"\n[[effect]]\nkind = \"backlash\"\nhalf_width_m = 0.089e-3\n";
-    let text = format!("format = 1\n[machine]\nkind = \"snake\"\n{effects}");
-    let file = ModelFile::parse(&text).expect("a model file");
-    let chain = file.chain(Columns::default()).expect("a chain").expect("of a snake");
-    let machine = MachineParameters::default();
-    let config = with_mode(Compensation::Model);
-    let mut by_chain = CompensateCore::new(&machine, config, Some(&chain)).expect("invertible");
-    let estimated = CompensateConfig { eta: 1.22, lambda_m: 0.089e-3, ..with_mode(Compensation::Estimated) };
-    let mut by_paper = compensate(estimated);
-    let mut largest_m: f64 = 0.0;
-    for n in 1..=6000 {
-        let phase = n as f64 * 1e-3;
-        let bend_rad = [0.7 * phase.sin(), 0.5 * (0.7 * phase).sin()];
-        let (a, b) = (follow(&mut by_chain, setpoint(n, bend_rad)), follow(&mut by_paper, setpoint(n, bend_rad)));
-        assert!(a.eta.is_nan() && a.lambda_m.is_nan() && a.compensation == Compensation::Model as u32);
-        largest_m = largest_m.max(largest_step(&a, &b));
-    }
-    // 20 um are 0.7 deg of bend that is not there: the two turn a line's sign of motion within the same travel.
-    assert!(largest_m < 20e-6, "{largest_m}");
-    let error = CompensateCore::new(&machine, config, None).expect_err("no model file").to_string();
-    assert!(error.contains("--model"), "{error}");
+fn a_setpoint_of_another_machine_is_refused() {
+    let (mut core, own) = off();
+    let refused = core.step(&setpoint(1, [0.1, 0.0]), setpoint(1, [0.1, 0.0]).sample_ns).expect_err("of estimated");
+    assert_eq!(refused.reason, Reason::OtherModel);
+    assert_eq!(follow(&mut core, own(2, [0.1, 0.0])).model_hash, chain("off").hash().0);
 }
 
 #[test]
@@ -154,13 +131,19 @@ fn an_update_that_is_out_of_bounds_is_refused_and_the_old_model_stays() {
     for bad in [update(1, f64::NAN, 0.0), update(2, 9.0, 0.0), update(3, 1.0, -1e-3), update(4, 1.0, f64::INFINITY)] {
         assert_eq!(core.note_update(&bad).expect_err("out of bounds").reason, Reason::ModelUpdateRefused);
     }
+    let good = update(5, 1.1, 0.0);
+    let mut elsewhere = good;
+    elsewhere.learnt[1] = LearntValue { effect: 1, ..good.learnt[1] };
+    for bad in [ModelUpdate { n_learnt: 1, ..good }, ModelUpdate { n_learnt: 9, ..good }, elsewhere] {
+        assert_eq!(core.note_update(&bad).expect_err("of other parameters").reason, Reason::ModelUpdateRefused);
+    }
     let command = follow(&mut core, setpoint(1, [0.3, 0.0]));
-    assert_eq!((command.eta, command.model_update_sequence), (1.0, 0));
+    assert_eq!((command.learnt(), command.model_update_sequence), (&[1.0, 0.0][..], 0));
 }
 
 #[test]
 fn a_stale_setpoint_repeats_the_last_command_and_says_why() {
-    let mut core = compensate(with_mode(Compensation::Off));
+    let (mut core, setpoint) = off();
     let before = follow(&mut core, setpoint(1, [0.2, 0.0]));
     core.note_state(&ready_state(60));
     let late = setpoint(2, [0.201, 0.0]);
@@ -171,7 +154,7 @@ fn a_stale_setpoint_repeats_the_last_command_and_says_why() {
 
 #[test]
 fn a_slave_that_fell_silent_stops_the_commands_where_they_are() {
-    let mut core = compensate(with_mode(Compensation::Off));
+    let (mut core, setpoint) = off();
     let before = follow(&mut core, setpoint(1, [0.2, 0.0]));
     let later = setpoint(200, [0.21, 0.0]);
     let after = core.step(&later, later.sample_ns).expect("good numbers");
@@ -181,7 +164,7 @@ fn a_slave_that_fell_silent_stops_the_commands_where_they_are() {
 
 #[test]
 fn the_actuators_rate_is_limited_by_one_common_scale() {
-    let mut core = compensate(with_mode(Compensation::Off));
+    let (mut core, setpoint) = off();
     let before = follow(&mut core, setpoint(1, [0.0, 0.0]));
     let after = follow(&mut core, setpoint(2, [0.3, 0.1]));
     assert!(has(&after, Reason::ActuatorRateLimit));
@@ -193,11 +176,11 @@ fn the_actuators_rate_is_limited_by_one_common_scale() {
 #[test]
 fn stroke_and_load_limits_hold_the_outward_motion_only() {
     let cases = [
-        (CompensateConfig { max_stroke_m: 1e-3, ..with_mode(Compensation::Off) }, Reason::StrokeLimit),
-        (CompensateConfig { max_load_n: 10.0, ..with_mode(Compensation::Off) }, Reason::ForceLimit),
+        (CompensateConfig { max_stroke_m: 1e-3, ..CompensateConfig::default() }, Reason::StrokeLimit),
+        (CompensateConfig { max_load_n: 10.0, ..CompensateConfig::default() }, Reason::ForceLimit),
     ];
     for (config, reason) in cases {
-        let mut core = compensate(config);
+        let (mut core, setpoint) = with_model("off", config);
         let out = (1..=1000).map(|n| follow(&mut core, setpoint(n, [n as f64 * 1e-3, 0.0]))).last().expect("steps");
         assert!(has(&out, reason), "{reason:?}");
         assert!(out.q_tilde_m.iter().all(|q| q.abs() <= 1.0e-3), "{reason:?}: {:?}", out.q_tilde_m);
@@ -209,7 +192,7 @@ fn stroke_and_load_limits_hold_the_outward_motion_only() {
 
 #[test]
 fn bad_setpoints_are_refused_and_leave_no_trace() {
-    let mut core = compensate(with_mode(Compensation::Off));
+    let (mut core, setpoint) = off();
     let before = follow(&mut core, setpoint(5, [0.1, 0.0]));
     let refused = |core: &mut CompensateCore, s: Setpoint| core.step(&s, s.sample_ns).expect_err("bad").reason;
     assert_eq!(refused(&mut core, setpoint(6, [f64::NAN, 0.0])), Reason::NotFinite);

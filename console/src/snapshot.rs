@@ -199,10 +199,8 @@ pub struct Slow {
     pub n_pages: usize,
     /// Frames that pages skipped because they were slow.
     pub n_skipped: u64,
-    /// Name of the compensation in use.
-    pub compensation: Option<&'static str>,
-    /// Counts model changes since the chain began.
-    pub model_version: Option<u64>,
+    /// Which model the newest command rests on: its hash, 16 hexadecimal digits.
+    pub model: Option<String>,
     /// Whether the watch for changes says that the model no longer explains the snake.
     pub has_changed: bool,
     /// Seconds that the recorder has been at work; null where there is none.

@@ -197,8 +197,7 @@ impl Watch {
             n_lost_here: counts.iter().sum(),
             n_pages: pages.open.load(Ordering::Relaxed),
             n_skipped: pages.skipped.load(Ordering::Relaxed),
-            compensation: self.newest.command.and_then(|c| c.compensation()).map(|mode| mode.name()),
-            model_version: self.newest.command.map(|command| command.model_version),
+            model: self.newest.command.map(|command| format!("{:016x}", command.model_hash)),
             has_changed: self.newest.healths.iter().any(|(_, health)| health.as_ref().is_some_and(changed)),
             recording_s: self.recording_since_ns.map(|(_, since_ns)| (now_ns - since_ns) as f64 * 1e-9),
         }

@@ -84,11 +84,13 @@ pub enum Reason {
     ActuatorAccelerationLimit = 38,
     /// An actuator's jerk would pass its limit, m/s^3.
     ActuatorJerkLimit = 39,
+    /// A message rests on another model than this process: two machines in one chain.
+    OtherModel = 40,
 }
 
 impl Reason {
     /// Every reason, in the order of its bit.
-    pub const ALL: [Self; 40] = [
+    pub const ALL: [Self; 41] = [
         Self::OperatorAbsent,
         Self::Clutched,
         Self::DeviceLost,
@@ -129,6 +131,7 @@ impl Reason {
         Self::CommandLate,
         Self::ActuatorAccelerationLimit,
         Self::ActuatorJerkLimit,
+        Self::OtherModel,
     ];
 
     /// The reason in words that a surgeon understands.
@@ -174,6 +177,7 @@ impl Reason {
             Self::CommandLate => "an actuator command came too late after the hand's motion and was not executed",
             Self::ActuatorAccelerationLimit => "the motion was softened to an actuator's largest acceleration",
             Self::ActuatorJerkLimit => "the motion was softened to an actuator's largest jerk",
+            Self::OtherModel => "two processes of the chain do not mean the same machine, and a message was refused",
         }
     }
 }

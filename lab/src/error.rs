@@ -18,6 +18,16 @@ pub enum LabError {
         /// The nearest name.
         nearest: String,
     },
+    /// A parameter shall be freed of an effect that the model does not have.
+    #[error(
+        "effect {name} is not in the model, which has {has}; free a parameter of those, or add it with `krait lab add`"
+    )]
+    NotInModel {
+        /// What was given.
+        name: String,
+        /// The effects that there are.
+        has: String,
+    },
     /// A parameter's name is not known.
     #[error("effect {effect} has no parameter {name:?}; did you mean {nearest}?")]
     UnknownParameter {

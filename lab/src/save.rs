@@ -17,7 +17,16 @@ pub fn save(
 ) -> Result<ModelFile, LabError> {
     let mut effects = Vec::with_capacity(added.terms.len());
     for (place, term) in added.terms.iter().enumerate() {
-        let mut effect = FileEffect::new(setting(file.machine(), term)?);
+        let mut own = setting(file.machine(), term)?;
+        // How a parameter is learnt while the machine moves is not the fit's to change.
+        if let Some(old) = file.effects().get(place).map(FileEffect::setting).filter(|old| old.label() == own.label()) {
+            for name in old.parameter_names() {
+                if let Some(learn) = old.learn(name) {
+                    own = own.with_learn(name, learn)?;
+                }
+            }
+        }
+        let mut effect = FileEffect::new(own);
         for parameter in effect.setting().parameter_names().map(str::to_owned).collect::<Vec<_>>() {
             let fitted = added.variables.iter().position(|v| v.effect == place && v.name == parameter);
             let origin = match fitted {

@@ -3,8 +3,8 @@
 use crate::cli_console::ConsoleArgs;
 use crate::cli_lab::LabVerb;
 use crate::cli_replay::{CompareArgs, ReplayArgs};
+use crate::in_force::Compensation;
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use krait_ipc::message::Compensation;
 use krait_ipc::{Cores, Process};
 use std::path::PathBuf;
 
@@ -186,10 +186,10 @@ pub struct RunArgs {
     /// Truth of the simulated snake (TOML).
     #[arg(long, value_name = "FILE")]
     pub truth: Option<PathBuf>,
-    /// How q becomes q~.
-    #[arg(long, value_parser = parse_compensation, value_name = "off|naive|estimated|model")]
+    /// The built-in model to run with (`krait model show NAME`).
+    #[arg(long, value_enum, value_name = "NAME", conflicts_with = "model")]
     pub compensation: Option<Compensation>,
-    /// Model file (TOML) whose chain of effects compensates; implies --compensation model.
+    /// The model file (TOML) to run with: the machine, its effects, and what is learnt.
     #[arg(long, value_name = "FILE")]
     pub model: Option<PathBuf>,
     /// Where to write the recording; by default recordings/DATE-run.mcap.
@@ -260,18 +260,38 @@ pub enum SlaveKind {
 pub enum ModelVerb {
     /// Prints a model file with every value, its unit, range, default and source.
     #[command(
-        after_help = "Examples:\n  krait model show better.toml\n  krait model show --defaults > every-effect.toml"
+        after_help = "Examples:\n  krait model show better.toml\n  krait model show naive\n  krait model show --defaults > every-effect.toml"
     )]
     Show(ModelShowArgs),
     /// Checks a model file; exit code 1 and one sentence with line and key where it is refused.
     #[command(after_help = "Examples:\n  krait model check better.toml\n  krait model check better.toml --json")]
     Check(ModelFileArgs),
+    /// Writes what a chain has learnt while it moved, as its recording holds it, into a model file.
+    #[command(after_help = "Example:\n  krait model save-learnt recordings/run.mcap --out learnt.toml")]
+    SaveLearnt(SaveLearntArgs),
+}
+
+/// Options of `krait model save-learnt`.
+#[derive(Clone, Debug, Args)]
+pub struct SaveLearntArgs {
+    /// The recording; the last chain in it counts.
+    #[arg(value_name = "RECORDING")]
+    pub recording: PathBuf,
+    /// The new model file.
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Overwrite a file that is already there.
+    #[arg(long)]
+    pub force: bool,
+    /// Print what was saved as JSON on standard output.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// Options of `krait model show`.
 #[derive(Clone, Debug, Args)]
 pub struct ModelShowArgs {
-    /// The model file (TOML).
+    /// The model file (TOML), or the name of a built-in one: off, naive, estimated.
     pub file: Option<PathBuf>,
     /// Print every effect that there is with its defaults instead.
     #[arg(long, conflicts_with_all = ["file", "json"])]
@@ -568,11 +588,4 @@ pub struct MasterArgs {
     /// Also write every raw report to this file, to be replayed later.
     #[arg(long, value_name = "FILE")]
     pub record_reports: Option<PathBuf>,
-}
-
-pub(crate) fn parse_compensation(word: &str) -> Result<Compensation, String> {
-    Compensation::ALL
-        .into_iter()
-        .find(|c| c.name() == word)
-        .ok_or_else(|| format!("{word:?} is no compensation: expected off, naive, estimated or model"))
 }

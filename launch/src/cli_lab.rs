@@ -115,6 +115,9 @@ pub struct AddArgs {
     /// Where to write the model with the effect.
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
+    /// Overwrite files that are already there.
+    #[arg(long)]
+    pub force: bool,
     /// Parameters that the fit frees, by commas; by default those that the catalogue frees, for a formula all.
     #[arg(long, value_delimiter = ',', value_name = "NAME")]
     pub free: Vec<String>,
@@ -150,6 +153,9 @@ pub struct FitArgs {
     /// Where to write the model with the fitted values.
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
+    /// Overwrite files that are already there.
+    #[arg(long)]
+    pub force: bool,
     /// What is fitted: EFFECT.PARAMETER, again for each.
     #[arg(long, required = true, value_name = "EFFECT.PARAMETER", value_parser = effect_parameter)]
     pub free: Vec<(String, String)>,

@@ -38,6 +38,9 @@ pub struct GenerateArgs {
     /// Where to write the data (CSV); base.toml and the hashes go beside it.
     #[arg(long, value_name = "FILE", required_unless_present = "list")]
     pub out: Option<PathBuf>,
+    /// Overwrite files that are already there.
+    #[arg(long)]
+    pub force: bool,
     /// Where to write the sealed answer (JSON); by default beside the data as NAME.answer.json.
     #[arg(long, value_name = "FILE")]
     pub answer: Option<PathBuf>,

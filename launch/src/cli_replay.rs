@@ -1,9 +1,9 @@
 //! The command line of `krait replay` and `krait compare`.
 
-use crate::cli::{SlaveKind, parse_compensation};
+use crate::cli::SlaveKind;
+use crate::in_force::Compensation;
 use clap::Args;
 use krait_ipc::Process;
-use krait_ipc::message::Compensation;
 use std::path::PathBuf;
 
 /// Options of `krait replay`.
@@ -37,7 +37,7 @@ pub struct ReplayArgs {
     #[arg(long, value_name = "FILE")]
     pub model: Option<PathBuf>,
     /// Mode of the replaced `compensate`.
-    #[arg(long, value_parser = parse_compensation, value_name = "off|naive|estimated|model")]
+    #[arg(long, value_enum, value_name = "NAME", conflicts_with = "model")]
     pub compensation: Option<Compensation>,
     /// Truth of the simulated snake (TOML) for the replaced `slave`.
     #[arg(long, value_name = "FILE")]

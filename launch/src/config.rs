@@ -1,13 +1,11 @@
 //! The configuration file: one table per process, every key optional, unknown keys and values out of range refused.
 
 use crate::budget::Budget;
+use crate::in_force::{Compensation, ModelInForce};
 use anyhow::{Context, bail};
 use krait_bridge::{CompensateConfig, EstimateConfig, ResolveConfig};
-use krait_ipc::message::Compensation;
 use krait_ipc::{Realtime, input};
 use krait_master::MasterConfig;
-use krait_model::model_file::ModelFile;
-use krait_model::{Chain, Columns, MachineParameters, Snake};
 use krait_record::RecordConfig;
 use krait_slave::SlaveConfig;
 use serde::{Deserialize, Serialize};
@@ -20,10 +18,13 @@ pub const STANDARD_INPUT: &str = "-";
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Config {
-    /// Model file whose chain of effects compensates when the mode of the table `compensate` is "model".
+    /// The built-in model that the chain runs with, where no file is named: off, naive or estimated.
+    pub compensation: Compensation,
+    /// The model file that the chain runs with: the machine, its effects, and what is learnt.
     pub model: Option<PathBuf>,
-    /// The snake and its lines.
-    pub machine: MachineParameters,
+    /// The text of the model, where a supervisor hands it over; then no file is read.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub model_text: Option<String>,
     /// The operator's device.
     pub master: MasterConfig,
     /// The operator's motion to the setpoint.
@@ -79,25 +80,23 @@ impl Config {
         })
     }
 
-    /// The chain of the model file, if the mode asks for it.
+    /// The model that the chain runs with.
     ///
     /// # Errors
-    /// One sentence with file, line and key; also for a model of joints, and for an effect that needs a column that a
-    /// running chain does not have.
-    pub fn chain(&self) -> anyhow::Result<Option<Chain>> {
-        match (self.compensate.mode, &self.model) {
-            (Compensation::Model, Some(path)) => {
-                let text = input::text(path, input::CONFIG_BYTES)
-                    .with_context(|| format!("the model file {} could not be read", path.display()))?;
-                chain_of(&text).with_context(|| format!("model file {}", path.display())).map(Some)
-            }
-            (Compensation::Model, None) => {
-                bail!(
-                    "compensation \"model\" needs a model file: name it with --model FILE or with the setting `model`"
-                )
-            }
-            _ => Ok(None),
+    /// One sentence with file, line and key.
+    pub fn model(&self) -> anyhow::Result<ModelInForce> {
+        match &self.model_text {
+            Some(text) => ModelInForce::parse(text).context("the model that was handed over"),
+            None => ModelInForce::load(self.model.as_deref(), self.compensation),
         }
+    }
+
+    /// The same with the model's text in it, read once: no process can come to another one, whatever happens to the file.
+    ///
+    /// # Errors
+    /// As [`Config::model`].
+    pub fn with_model_text(&self) -> anyhow::Result<Self> {
+        Ok(Self { model_text: Some(self.model()?.text), ..self.clone() })
     }
 
     /// Checks every range.
@@ -105,7 +104,6 @@ impl Config {
     /// # Errors
     /// The first value that is out of range, with table, key, range and reason.
     pub fn check(&self) -> anyhow::Result<()> {
-        Snake::new(&self.machine)?;
         self.master.check()?;
         self.resolve.check()?;
         self.compensate.check()?;
@@ -114,24 +112,12 @@ impl Config {
         self.record.validate()?;
         self.realtime.check()?;
         self.budget.check()?;
-        if let Some(chain) = self.chain()? {
-            chain.plausible(self.resolve.max_bend_rad)?.context("the model must not steer a machine")?;
-        }
+        self.model()?.chain.plausible(self.resolve.max_bend_rad)?.context("the model must not steer a machine")?;
         if self.resolve.max_bend_rad > core::f64::consts::FRAC_PI_2 {
             bail!("[resolve] max_bend_rad = {}: expected at most pi/2", self.resolve.max_bend_rad);
         }
         Ok(())
     }
-}
-
-/// The chain of a model file's text, for a machine that gives time stamps and nothing else besides.
-///
-/// # Errors
-/// One sentence with line and key.
-pub fn chain_of(text: &str) -> anyhow::Result<Chain> {
-    ModelFile::parse(text)?
-        .chain(Columns::default())?
-        .context("it describes joints, and the live compensator drives snakes only; `krait lab` takes it")
 }
 
 /// For an unknown key: the known one that looks most like it.
@@ -162,7 +148,7 @@ mod tests {
 
     #[test]
     fn a_value_of_the_wrong_kind_is_named_with_its_line() {
-        let error = Config::parse("[machine]\nr_m = \"thick\"\n").expect_err("a word").to_string();
+        let error = Config::parse("[resolve]\nmax_bend_rad = \"far\"\n").expect_err("a word").to_string();
         assert!(error.starts_with("line 2: invalid type"), "{error}");
     }
 }

@@ -1,10 +1,10 @@
 //! What a run leaves behind to be judged: the recording, the processes, and each process's own counts at its end.
 
 use crate::budget::{BudgetReport, BudgetWatch};
+use crate::in_force::ModelInForce;
 use crate::supervisor::Supervisor;
 use anyhow::Context;
 use core::ops::Range;
-use krait_ipc::message::Compensation;
 use krait_ipc::{Process, Reason, Reasons};
 use krait_record::Recording;
 use krait_report::{LatencyLog, LatencyReport, PassLog, PassReport};
@@ -71,7 +71,7 @@ impl SampleFigures {
 #[derive(Debug, Default)]
 pub struct Evidence {
     processes: Vec<ProcessFigure>,
-    passes: Vec<(Compensation, Range<i64>)>,
+    passes: Vec<(ModelInForce, Range<i64>)>,
     samples: SampleFigures,
     budget: Option<BudgetReport>,
     recording_stopped: bool,
@@ -88,8 +88,8 @@ impl Evidence {
     }
 
     /// Notes a pass that has ended, with its window of CLOCK_MONOTONIC and the counts of its processes.
-    pub fn pass(&mut self, mode: Compensation, window_ns: Range<i64>, supervisor: &Supervisor) {
-        self.passes.push((mode, window_ns));
+    pub fn pass(&mut self, model: ModelInForce, window_ns: Range<i64>, supervisor: &Supervisor) {
+        self.passes.push((model, window_ns));
         let counts = SampleFigures::of(supervisor);
         self.samples.sent += counts.sent;
         self.samples.received += counts.received;
@@ -128,7 +128,6 @@ impl Evidence {
             let Some(log) = pass.and_then(|idx| logs.get_mut(idx)) else { continue };
             match &sample {
                 Sample::Setpoint(setpoint) => log.setpoint(setpoint),
-                Sample::Command(command) => log.command(command),
                 Sample::Shape(shape) => log.shape(shape),
                 Sample::ModelUpdate(update) => log.update(update),
                 Sample::State(state) => {
@@ -137,7 +136,11 @@ impl Evidence {
                 _ => {}
             }
         }
-        let passes = logs.iter().zip(&self.passes).map(|(log, (mode, _))| log.report(*mode)).collect();
+        let passes = logs
+            .iter()
+            .zip(&self.passes)
+            .map(|(log, (model, _))| log.report(model.label, model.chain.learnt()))
+            .collect();
         let samples = SampleFigures { lost: self.samples.lost + n_missing_in_recording, ..self.samples };
         Ok(Figures {
             processes: self.processes.clone(),

@@ -3,7 +3,7 @@
 use crate::budget::BudgetReport;
 use crate::evidence::Figures;
 use anyhow::Context;
-use krait_report::{PassReport, Quantiles, SCORED_FROM_S, TOO_SHORT, Table};
+use krait_report::{LearntReport, PassReport, Quantiles, SCORED_FROM_S, TOO_SHORT, Table};
 use std::io::{Write, stdout};
 
 /// Prints figures as one JSON object.
@@ -86,16 +86,14 @@ fn passes(passes: &[PassReport]) -> Table {
     table
 }
 
-/// What the estimator has learnt, where one pass used it.
+/// What the estimator has learnt, where a pass learnt anything.
 fn learnt(passes: &[PassReport]) -> String {
-    let estimated = passes.iter().filter(|pass| pass.compensation == "estimated");
+    let learning = passes.iter().filter(|pass| !pass.learnt.is_empty());
     let sentence = |pass: &PassReport| {
-        format!(
-            "  Learnt while moving: load scale eta {:.3}, backlash half-width lambda {:.4} mm\n",
-            pass.eta, pass.lambda_mm
-        )
+        let all: Vec<String> = pass.learnt.iter().map(LearntReport::sentence).collect();
+        format!("  Learnt while moving ({}): {}\n", pass.compensation, all.join("; "))
     };
-    estimated.map(sentence).collect()
+    learning.map(sentence).collect()
 }
 
 /// What the estimator's watch saw; it proposes to look, and adds nothing to any model.

@@ -1,10 +1,12 @@
 //! A recording as the settings of a chain: the configuration, the simulated snake and the model file that it embeds.
 
-use crate::commands::process::{CONFIG_ATTACHMENT, MODEL_ATTACHMENT, TRUTH_ATTACHMENT};
+use crate::commands::process::{BUILT_IN_ATTACHMENT, CONFIG_ATTACHMENT, MODEL_ATTACHMENT, TRUTH_ATTACHMENT};
 use crate::config::Config;
 use crate::device::{DEVICE_KEY, SERIAL_KEY};
-use anyhow::Context;
-use krait_ipc::message::Compensation;
+use crate::old_settings;
+use anyhow::{Context, bail};
+use krait_model::ModelHash;
+use krait_model::model_file::ModelFile;
 use krait_record::{Recording, attachment};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -24,7 +26,8 @@ pub fn instance_of(given: &str, what: &str) -> String {
 pub fn config_of(recording: &Recording, folder: &Path) -> anyhow::Result<Config> {
     let text = attachment(recording, CONFIG_ATTACHMENT)
         .context("it holds no attachment krait.toml, so nobody knows with what settings its steps were made")?;
-    let mut config = Config::parse(text).context("its attachment krait.toml is of another version")?;
+    let text = old_settings::taken_over(text)?.unwrap_or_else(|| text.to_owned());
+    let mut config = Config::parse(&text).context("its attachment krait.toml is of another version")?;
     config.slave.truth = unpacked(recording, TRUTH_ATTACHMENT, folder, config.slave.truth.is_some())?;
     config.model = unpacked(recording, MODEL_ATTACHMENT, folder, config.model.is_some())?;
     config.record = krait_record::RecordConfig::default();
@@ -32,13 +35,37 @@ pub fn config_of(recording: &Recording, folder: &Path) -> anyhow::Result<Config>
     Ok(config)
 }
 
-/// The same for one pass: a demo changes the mode from pass to pass, and the commands say which it was.
-pub fn config_of_pass(config: &Config, compensation: Option<Compensation>) -> Config {
+/// The same for one pass: a demo changes the model from pass to pass, and the commands say which it was.
+///
+/// # Errors
+/// One sentence: the recording embeds no such model, or it cannot be written into `folder`.
+pub fn config_of_pass(
+    recording: &Recording,
+    config: &Config,
+    model: Option<ModelHash>,
+    folder: &Path,
+) -> anyhow::Result<Config> {
     let mut config = config.clone();
-    if let Some(mode) = compensation {
-        config.compensate.mode = mode;
+    let Some(hash) = model else { return Ok(config) };
+    let path = folder.join(format!("{hash}.toml"));
+    std::fs::write(&path, model_text(recording, hash)?)
+        .with_context(|| format!("{} could not be written", path.display()))?;
+    config.model = Some(path);
+    Ok(config)
+}
+
+/// The text of the model file with a hash that a recording embeds.
+///
+/// # Errors
+/// One sentence: it embeds no such file.
+pub fn model_text(recording: &Recording, hash: ModelHash) -> anyhow::Result<String> {
+    let is_model = |name: &str| name == MODEL_ATTACHMENT || name.starts_with(BUILT_IN_ATTACHMENT);
+    let attachments = recording.contents().attachments.iter().filter(|attachment| is_model(&attachment.name));
+    let mut texts = attachments.map(|attachment| String::from_utf8_lossy(&attachment.data).into_owned());
+    match texts.find(|text| ModelFile::parse(text).is_ok_and(|file| file.hash() == hash)) {
+        Some(text) => Ok(text),
+        None => bail!("its messages rest on the model {hash}, and it embeds no such model file"),
     }
-    config
 }
 
 /// Version and git revision that made a recording.

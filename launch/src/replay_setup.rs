@@ -6,7 +6,6 @@ use crate::config::Config;
 use crate::recorded;
 use anyhow::{Context, bail, ensure};
 use krait_ipc::Process;
-use krait_ipc::message::Compensation;
 use krait_model::Snake;
 use krait_record::Recording;
 use krait_replay::{Beginning, InputChoice, InputTrack, Program, ReplayError, Score, Trajectory, TrajectoryLimits};
@@ -22,6 +21,8 @@ pub struct Setup {
     pub program: Program,
     /// The settings of the processes.
     pub config: Config,
+    /// What the model of the chain is called.
+    pub label: &'static str,
     /// Where the replay's own time begins, ns.
     pub start_ns: i64,
     /// Device and serial number of the hand that is replayed, as the recording names them.
@@ -48,7 +49,7 @@ impl Setup {
         let choice = InputChoice { path: args.file.clone(), pass: args.pass, range_s: args.from..to_s };
         let beginning = Beginning::read(&choice).with_context(named)?;
         let mut config = recorded::config_of(&recording, folder).with_context(named)?;
-        config.compensate.mode = beginning.compensation.unwrap_or(config.compensate.mode);
+        config = recorded::config_of_pass(&recording, &config, beginning.model, folder).with_context(named)?;
         let config = replaced(common, args, config)?;
         let score = Score::Inputs(InputTrack::new(choice));
         Self::new(config, score, beginning.start_bend_rad, beginning.first.sample_ns, args.loops)
@@ -58,7 +59,7 @@ impl Setup {
     fn of_table(common: &Common, args: &ReplayArgs, to_s: f64) -> anyhow::Result<Self> {
         let config = Config::load(common.config.as_deref())?;
         let config = with_options(args, config)?;
-        let snake = Snake::new(&config.machine)?;
+        let snake = Snake::new(config.model()?.chain.machine())?;
         let limits = TrajectoryLimits {
             max_bend_rad: config.resolve.max_bend_rad,
             max_bend_vel_rad_per_s: config.resolve.max_bend_vel_rad_per_s,
@@ -88,10 +89,12 @@ impl Setup {
         if !(0.0..=limit + 1e-6).contains(&x.hypot(y)) {
             return Err(ReplayError::StartBend { found: start_bend_rad, limit }.into());
         }
-        let snake = Snake::new(&config.machine)?;
-        let program = Program::new(score, start_bend_rad, n_loops, snake, config.resolve.view_roll_rad);
+        let model = config.model()?;
+        let snake = Snake::new(model.chain.machine())?;
+        let program =
+            Program::new(score, start_bend_rad, n_loops, snake, config.resolve.view_roll_rad, model.chain.hash());
         let device = ["trajectory".to_owned(), "none (trajectory)".to_owned()];
-        Ok(Self { program, config, start_ns, device })
+        Ok(Self { program, config, label: model.label, start_ns, device })
     }
 }
 
@@ -117,7 +120,8 @@ fn replaced(common: &Common, args: &ReplayArgs, recorded: Config) -> anyhow::Res
         config.resolve = other.resolve;
     }
     if wants(Process::Compensate) {
-        (config.compensate, config.model) = (other.compensate, other.model.clone());
+        (config.compensate, config.compensation, config.model) =
+            (other.compensate, other.compensation, other.model.clone());
     }
     if wants(Process::Estimate) {
         config.estimate = other.estimate;
@@ -139,10 +143,9 @@ fn with_options(args: &ReplayArgs, mut config: Config) -> anyhow::Result<Config>
     }
     if let Some(model) = &args.model {
         config.model = Some(absolute(model)?);
-        config.compensate.mode = Compensation::Model;
     }
-    if let Some(mode) = args.compensation {
-        config.compensate.mode = mode;
+    if let Some(compensation) = args.compensation {
+        (config.compensation, config.model) = (compensation, None);
     }
     config.check()?;
     Ok(config)

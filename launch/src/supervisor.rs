@@ -164,7 +164,7 @@ impl Supervisor {
     /// # Errors
     /// One sentence: it ended (it has said why), or a stop was asked for.
     pub fn start_recorder(&mut self, config: &Config, stop: &AtomicBool) -> anyhow::Result<()> {
-        self.spawn(Process::Record, config, &[])?;
+        self.spawn(Process::Record, &config.with_model_text()?, &[])?;
         self.wait_until("the recorder is ready", stop, |s| s.is_ready(Process::Record))
     }
 
@@ -173,6 +173,7 @@ impl Supervisor {
     /// # Errors
     /// One sentence: a process ended (it has said why) or did not become ready, or a stop was asked for.
     pub fn start_chain(&mut self, options: &ChainOptions, stop: &AtomicBool) -> anyhow::Result<()> {
+        let options = &ChainOptions { config: options.config.with_model_text()?, ..options.clone() };
         self.children.retain(|running| !running.ended);
         self.newest_state = None;
         if self.budget.is_none() {

@@ -86,7 +86,7 @@ fn a_model_that_cannot_be_compensated_says_why() {
     let checked = krait(&["model", "check", path.to_str().unwrap()]);
     assert_eq!(checked.status.code(), Some(0));
     assert!(
-        text(&checked.stdout).contains("cannot use it: effect saturation cannot be compensated"),
+        text(&checked.stdout).contains("`krait run` cannot use it: effect saturation cannot be compensated"),
         "{}",
         text(&checked.stdout)
     );

@@ -14,37 +14,30 @@
 //! Nothing here does input or output, reads a clock or logs, and no step allocates; building a chain or reading a model file does.
 //!
 //! ```
-//! use krait_model::{CompensationMode, Compensator, CompensatorParameters, MachineParameters, Snake};
+//! use krait_model::model_file::{ModelFile, built_in};
+//! use krait_model::{Circumstances, Columns};
 //! use nalgebra::Vector2;
 //!
-//! let snake = Snake::new(&MachineParameters::default())?;
-//! let parameters = CompensatorParameters { mode: CompensationMode::Naive, ..CompensatorParameters::default() };
-//! let mut compensator = Compensator::new(snake, parameters)?;
-//! let command = compensator.step(Vector2::new(0.5, 0.1));
+//! let file = ModelFile::parse(built_in("estimated").expect("one of three"))?;
+//! let chain = file.chain(Columns::default())?.expect("a snake");
+//! let command = chain.compensator()?.step(Vector2::new(0.5, 0.1), &Circumstances::at(0.0));
 //! assert!((command.q_tilde_m - command.q_m - command.eps_m).norm() < 1e-15);
-//! # Ok::<(), krait_model::ParameterError>(())
+//! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 #![forbid(unsafe_code)]
 
 mod chain;
 mod change;
-mod compensator;
-mod direction;
 pub mod effects;
-mod equilibrium;
-mod estimator;
-mod estimator_parameters;
-mod extension;
-mod friction;
-mod friction_fit;
+mod hash;
 mod jacobian;
 pub mod joints;
 mod kinematics;
-mod least_squares;
+mod learner;
 mod loads;
-mod measurement;
 pub mod model_file;
 mod nearest;
+pub mod oracle;
 mod parameters;
 mod series;
 mod snake;
@@ -53,18 +46,13 @@ mod tip;
 
 pub use chain::{
     Chain, ChainCompensator, ChainError, ChainMemory, ChainSettings, ChainStatus, Circumstances, Columns, Command,
-    CommandTangents, EffectSetting, Implausible, Prediction, PredictionTangents, Predictor, PredictorTangents,
+    CommandTangents, EffectSetting, Implausible, Learn, LearntParameter, MAX_LEARNT, Prediction, PredictionTangents,
+    Predictor, PredictorTangents,
 };
 pub use change::{Change, ChangeKind, ChangeParameters, ChangeWatch, Innovation};
-pub use compensator::{Compensated, CompensationMode, Compensator, CompensatorParameters};
-pub use direction::SignMemory;
-pub use equilibrium::{Equilibrium, EquilibriumStatus};
-pub use estimator::{Estimate, EstimateOutcome, Estimator, LeftOutReason};
-pub use estimator_parameters::EstimatorParameters;
-pub use extension::Extension;
-pub use friction::ConeLoad;
-pub use friction_fit::{ConeFrictionFit, fit_cone_friction};
+pub use hash::ModelHash;
 pub use kinematics::Psi;
+pub use learner::{Learner, LearnerParameters, Learning, Learnt, Sight};
 pub use loads::{LineLoads, LoadBounds, LoadRequest, LoadStatus};
 pub use nearest::nearest_name;
 pub use parameters::{MachineParameters, ParameterError};

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ParameterError {
     /// A value is not finite or lies outside its range.
-    #[error("parameter {key} is {found}, expected {low} to {high} {unit}; correct it in the configuration")]
+    #[error("parameter {key} is {found}, expected {low} to {high} {unit}; correct it in the model file")]
     OutOfRange {
         /// Name of the parameter.
         key: &'static str,
@@ -54,10 +54,8 @@ pub struct MachineParameters {
     pub l_c_m: f64,
     /// Angle phi of each of the two arcs in the cone, rad, 0 to pi.
     pub phi_rad: f64,
-    /// Coefficient mu of friction in the cone, 1, 0 to 1.
-    pub mu: f64,
-    /// Friction f_s of a bent-in line at no load, N, 0 to 100.
-    pub f_s_n: f64,
+    /// Whether the lines are taken for rigid: they then give nothing under load, and q~ = q.
+    pub rigid_lines: bool,
 }
 
 impl Default for MachineParameters {
@@ -71,8 +69,7 @@ impl Default for MachineParameters {
             l_d_m: 0.480,
             l_c_m: 0.058,
             phi_rad: 41.0 * PI / 180.0,
-            mu: 0.1727,
-            f_s_n: 1.959,
+            rigid_lines: false,
         }
     }
 }
@@ -91,8 +88,6 @@ impl MachineParameters {
         in_range("l_d_m", self.l_d_m, 0.001, 10.0, "m")?;
         in_range("l_c_m", self.l_c_m, 0.001, 10.0, "m")?;
         in_range("phi_rad", self.phi_rad, 0.0, PI, "rad")?;
-        in_range("mu", self.mu, 0.0, 1.0, "(no unit)")?;
-        in_range("f_s_n", self.f_s_n, 0.0, 100.0, "N")?;
         below("d_inner_m", self.d_inner_m, self.d_outer_m, "the outer diameter d_outer_m")?;
         // A secondary backbone of length L + q_i has to keep a positive length up to a bend of pi.
         below("r_m", self.r_m, self.l_m / PI, "the length l_m divided by pi")
@@ -137,7 +132,7 @@ mod tests {
     #[test]
     fn every_key_refuses_nan_infinity_and_minus_one_by_name() {
         type Edit = fn(&mut MachineParameters, f64);
-        let edits: [(&str, Edit); 10] = [
+        let edits: [(&str, Edit); 8] = [
             ("l_m", |p, v| p.l_m = v),
             ("r_m", |p, v| p.r_m = v),
             ("e_pa", |p, v| p.e_pa = v),
@@ -146,8 +141,6 @@ mod tests {
             ("l_d_m", |p, v| p.l_d_m = v),
             ("l_c_m", |p, v| p.l_c_m = v),
             ("phi_rad", |p, v| p.phi_rad = v),
-            ("mu", |p, v| p.mu = v),
-            ("f_s_n", |p, v| p.f_s_n = v),
         ];
         for (name, edit) in edits {
             for bad in [f64::NAN, f64::INFINITY, -1.0] {

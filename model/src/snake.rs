@@ -18,14 +18,13 @@ pub struct Snake {
     pub(crate) outer_radius_m: f64,
     k_d_n_per_m: f64,
     k_c_n_per_m: f64,
-    /// 1/K_d.
+    /// 1/K_d; zero where the lines are taken for rigid.
     pub(crate) c_d_m_per_n: f64,
-    /// 1/K_c.
+    /// 1/K_c; zero where the lines are taken for rigid.
     pub(crate) c_c_m_per_n: f64,
     /// 3 L / (E A): what the snake itself gives along its axis per newton in each line.
     pub(crate) axial_m_per_n: f64,
-    capstan: f64,
-    pub(crate) f_s_n: f64,
+    pub(crate) phi_rad: f64,
     /// d q / d bend; see [`Snake::j_q_bend`].
     pub(crate) j_q_bend: Matrix3x2<f64>,
 }
@@ -37,7 +36,9 @@ impl Snake {
     /// [`ParameterError`] as [`MachineParameters::check`].
     pub fn new(parameters: &MachineParameters) -> Result<Self, ParameterError> {
         parameters.check()?;
-        let MachineParameters { l_m, r_m, e_pa, d_outer_m, d_inner_m, l_d_m, l_c_m, phi_rad, mu, f_s_n } = *parameters;
+        let MachineParameters { l_m, r_m, e_pa, d_outer_m, d_inner_m, l_d_m, l_c_m, phi_rad, rigid_lines } =
+            *parameters;
+        let give = if rigid_lines { 0.0 } else { 1.0 };
         let area_m2 = PI / 4.0 * (d_outer_m.powi(2) - d_inner_m.powi(2));
         let inertia_m4 = PI / 64.0 * (d_outer_m.powi(4) - d_inner_m.powi(4));
         let axial_stiffness_n = e_pa * area_m2;
@@ -54,11 +55,10 @@ impl Snake {
             outer_radius_m: 0.5 * d_outer_m,
             k_d_n_per_m: axial_stiffness_n / l_d_m,
             k_c_n_per_m: axial_stiffness_n / l_c_m,
-            c_d_m_per_n: l_d_m / axial_stiffness_n,
-            c_c_m_per_n: l_c_m / axial_stiffness_n,
+            c_d_m_per_n: give * l_d_m / axial_stiffness_n,
+            c_c_m_per_n: give * l_c_m / axial_stiffness_n,
             axial_m_per_n: 3.0 * l_m / axial_stiffness_n,
-            capstan: (2.0 * mu * phi_rad).exp(),
-            f_s_n,
+            phi_rad,
             j_q_bend,
         })
     }
@@ -98,23 +98,8 @@ impl Snake {
         self.k_c_n_per_m
     }
 
-    /// Capstan factor e^(2 mu phi) of the cone, 1.
-    pub fn capstan(&self) -> f64 {
-        self.capstan
-    }
-
-    /// Friction f_s of a bent-in line at no load, N.
-    pub fn f_s_n(&self) -> f64 {
-        self.f_s_n
-    }
-
     /// Compliance 1/K_d + 1/K_c of a line without friction, m/N.
     pub fn frictionless_compliance_m_per_n(&self) -> f64 {
         self.c_d_m_per_n + self.c_c_m_per_n
-    }
-
-    /// Compliance 1/K_d + e^(2 mu phi)/K_c of a line on the loading branch of Eq. (13), m/N.
-    pub fn loading_compliance_m_per_n(&self) -> f64 {
-        self.c_d_m_per_n + self.capstan * self.c_c_m_per_n
     }
 }

@@ -9,6 +9,7 @@ mod dual;
 
 use core::f64::consts::{FRAC_PI_2, PI};
 use dual::{Dual, Number};
+use krait_model::oracle::{F_S_N, MU};
 use krait_model::{MachineParameters, Psi, Snake};
 use nalgebra::{Matrix3x2, SMatrix, Vector2, Vector3};
 
@@ -83,7 +84,7 @@ fn extension<N: Number>(x: [N; 2], coordinates: Coordinates, eta: f64, lambda_m:
     let p = parameters();
     let area_m2 = PI / 4.0 * (p.d_outer_m.powi(2) - p.d_inner_m.powi(2));
     let (c_d, c_c) = (p.l_d_m / (p.e_pa * area_m2), p.l_c_m / (p.e_pa * area_m2));
-    let capstan = (2.0 * p.mu * p.phi_rad).exp();
+    let capstan = (2.0 * MU * p.phi_rad).exp();
     let tau = loads(x, coordinates);
     core::array::from_fn(|i| {
         let load = tau[i] * N::of(eta);
@@ -91,7 +92,7 @@ fn extension<N: Number>(x: [N; 2], coordinates: Coordinates, eta: f64, lambda_m:
             Friction::AsPrinted => 1.0,
             Friction::Signs(signs) => signs[i],
         };
-        let driven = load + N::of(sign * p.f_s_n);
+        let driven = load + N::of(sign * F_S_N);
         let helps = matches!(friction, Friction::Signs(_)) && driven.value() * sign < 0.0;
         let factor = if helps { 1.0 / capstan } else { capstan };
         load * N::of(c_d) + driven * N::of(factor * c_c) + N::of(lambda_m * sign)

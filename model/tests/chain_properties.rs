@@ -7,10 +7,8 @@ mod chains;
 use chains::{bends, chain, circumstances, effect, formula, strong};
 use core::f64::consts::PI;
 use krait_model::effects::{Class, EffectKind, Hook, Inverse};
-use krait_model::{
-    Chain, ChainSettings, Circumstances, Command, Compensator, CompensatorParameters, EffectSetting, MachineParameters,
-    Snake,
-};
+use krait_model::oracle::{Compensator, CompensatorParameters};
+use krait_model::{Chain, ChainSettings, Circumstances, Command, EffectSetting, MachineParameters, Snake};
 use nalgebra::{Matrix2, Matrix3x2, Rotation2, Vector2, Vector3};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;

@@ -5,7 +5,8 @@
 mod common;
 
 use common::{Errors, Plant, Truth, operator_bend};
-use krait_model::{CompensationMode, Compensator, CompensatorParameters, MachineParameters, Snake};
+use krait_model::oracle::{CompensationMode, Compensator, CompensatorParameters};
+use krait_model::{MachineParameters, Snake};
 use nalgebra::{Vector2, Vector3};
 
 const ETA: f64 = 1.22;

@@ -2,7 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
 
-use krait_model::{EquilibriumStatus, MachineParameters, Snake};
+use krait_model::oracle::EquilibriumStatus;
+use krait_model::{MachineParameters, Snake};
 use nalgebra::{Vector2, Vector3};
 
 fn snake() -> Snake {

@@ -5,8 +5,10 @@
 mod common;
 
 use common::{Errors, Noise, Plant, Truth, operator_bend};
-use krait_model::{Compensator, CompensatorParameters, Estimate, EstimateOutcome, Estimator, EstimatorParameters};
-use krait_model::{LeftOutReason, MachineParameters, Snake};
+use krait_model::oracle::{
+    Compensator, CompensatorParameters, Estimate, EstimateOutcome, Estimator, EstimatorParameters, LeftOutReason,
+};
+use krait_model::{MachineParameters, Snake};
 use nalgebra::{Vector2, Vector3};
 
 const AT_REST: EstimateOutcome = EstimateOutcome::LeftOut(LeftOutReason::AtRest);

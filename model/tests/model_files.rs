@@ -4,7 +4,7 @@
 
 use krait_model::effects::EffectKind;
 use krait_model::joints::JointEffect;
-use krait_model::model_file::{FileEffect, Machine, ModelFile, Origin, documented_defaults};
+use krait_model::model_file::{FileEffect, Machine, ModelFile, Origin, assumed, documented_defaults};
 use krait_model::{ChainSettings, ChainStatus, Circumstances, Columns, EffectSetting};
 use nalgebra::Vector2;
 
@@ -79,7 +79,7 @@ fn the_documented_defaults_name_every_effect_and_every_parameter() {
     for kind in EffectKind::ALL {
         assert!(text.contains(kind.name()), "{}", kind.name());
         for parameter in kind.definition().parameters {
-            assert!(text.contains(&format!("\n{} = {:?}", parameter.name, parameter.default)), "{}", parameter.name);
+            assert!(text.contains(&format!("\n# {} = {:?}", parameter.name, parameter.default)), "{}", parameter.name);
         }
     }
     for effect in JointEffect::ALL {
@@ -88,8 +88,15 @@ fn the_documented_defaults_name_every_effect_and_every_parameter() {
             assert!(text.contains(&format!("\n# {} = {:?}", parameter.name, parameter.default)), "{}", parameter.name);
         }
     }
-    // All of them at once fit into no chain, and the refusal says so.
-    assert!(refused(&text).contains("at most 16"), "{}", refused(&text));
+    let file = ModelFile::parse(&text).unwrap();
+    assert_eq!(
+        (file.effects().len(), assumed(&text)),
+        (0, Vec::new()),
+        "the machine is written out, the effects are comments"
+    );
+    let uncommented =
+        text.replace("\n# [[effect]]", "\n[[effect]]").replace("\n# kind = \"backlash\"", "\nkind = \"backlash\"");
+    assert!(ModelFile::parse(&uncommented).is_err(), "and they are effects without their `#`");
 }
 
 #[test]

@@ -3,7 +3,8 @@
 #![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
 
 use core::f64::consts::{FRAC_PI_2, PI};
-use krait_model::{Extension, MachineParameters, Psi, Snake};
+use krait_model::oracle::{Extension, F_S_N};
+use krait_model::{MachineParameters, Psi, Snake};
 use nalgebra::{Matrix2, Rotation2, SMatrix, SVector, Vector2, Vector3, Vector6};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
@@ -102,7 +103,7 @@ proptest! {
         agree(m.j_tau_bend_n(b), difference(|b| m.tau_n(b), b))?;
         agree(m.extension_naive(b).alpha_m_per_rad, difference(|b| m.extension_naive(b).eps_m, b))?;
         // The branches of the friction have a kink where they take all of the load: stay off it.
-        let kink = |b: Vector2<f64>| (m.tau_n(b) * 1.2).iter().map(|t| (t.abs() - m.f_s_n()).abs()).fold(f64::MAX, f64::min);
+        let kink = |b: Vector2<f64>| (m.tau_n(b) * 1.2).iter().map(|t| (t.abs() - F_S_N).abs()).fold(f64::MAX, f64::min);
         if kink(b) > 0.2 {
             let signed = |b| m.extension_with_signs(b, 1.2, 1e-4, &s);
             agree(signed(b).alpha_m_per_rad, difference(|b| signed(b).eps_m, b))?;

@@ -1,7 +1,8 @@
 //! The simulated bench: the slave's snake under a camera, commanded pose by pose.
 
 use core::f64::consts::PI;
-use krait_model::{Compensator, CompensatorParameters, Snake};
+use krait_model::Snake;
+use krait_model::oracle::{Compensator, CompensatorParameters};
 use krait_report::Spread;
 use krait_sim::{SimulatedSnake, Truth};
 use krait_slave::{Drive, ShapeReading};

@@ -3,7 +3,8 @@
 use crate::GOAL_DEG;
 use crate::bench::{Pose, RAMP_END_DEG, bend_error_deg, follow_compensated, one_way_ramp, there_and_back};
 use crate::table3::Table3;
-use krait_model::{CompensationMode, CompensatorParameters, Snake};
+use krait_model::Snake;
+use krait_model::oracle::{CompensationMode, CompensatorParameters};
 use krait_report::{Curve, Figure, Stroke};
 use krait_sim::Truth;
 use nalgebra::Vector2;

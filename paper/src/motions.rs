@@ -2,7 +2,8 @@
 
 use crate::bench::{Pose, follow, follow_compensated, vector_errors_deg};
 use core::f64::consts::PI;
-use krait_model::{CompensationMode, CompensatorParameters, Snake};
+use krait_model::Snake;
+use krait_model::oracle::{CompensationMode, CompensatorParameters};
 use krait_report::Spread;
 use krait_sim::Truth;
 use nalgebra::Vector2;

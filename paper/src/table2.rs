@@ -1,7 +1,8 @@
 //! Table II: friction of the cone from ten pairs of weights, and what its errors really are.
 
 use anyhow::Context;
-use krait_model::{MachineParameters, fit_cone_friction};
+use krait_model::MachineParameters;
+use krait_model::oracle::fit_cone_friction;
 use krait_report::Spread;
 use serde::Serialize;
 

@@ -3,8 +3,10 @@
 use crate::bench::{Bench, RAMP_END_DEG, one_way_ramp};
 use anyhow::{Context, ensure};
 use core::f64::consts::PI;
-use krait_model::{CompensationMode, Compensator, CompensatorParameters};
-use krait_model::{EstimateOutcome, Estimator, EstimatorParameters, Snake};
+use krait_model::Snake;
+use krait_model::oracle::{
+    CompensationMode, Compensator, CompensatorParameters, EstimateOutcome, Estimator, EstimatorParameters,
+};
 use krait_sim::Truth;
 use nalgebra::{Vector2, Vector3};
 use serde::Serialize;

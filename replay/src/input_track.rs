@@ -2,10 +2,12 @@
 //! takes no more memory than a minute.
 
 use crate::ReplayError;
+use crate::steps::model_of;
 use core::ops::Range;
 use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use crossbeam_channel::{Receiver, Sender, bounded};
-use krait_ipc::message::{Command, Compensation, OperatorInput, Setpoint};
+use krait_ipc::message::{Command, OperatorInput, Setpoint};
+use krait_model::ModelHash;
 use krait_record::PassCounter;
 use krait_record::Stream;
 use krait_schema::{Channel, Sample};
@@ -43,8 +45,8 @@ pub struct Beginning {
     pub first: OperatorInput,
     /// Where the setpoint was when that came, rad.
     pub start_bend_rad: [f64; 2],
-    /// How the pass was compensated, if it holds a command.
-    pub compensation: Option<Compensation>,
+    /// Which model the pass was compensated with, if it holds a command that says so.
+    pub model: Option<ModelHash>,
 }
 
 /// What a track has handed over.
@@ -215,7 +217,7 @@ impl Beginning {
         };
         let before = setpoints.iter().rev().find(|setpoint| setpoint.input_sequence < first.sequence);
         let start_bend_rad = before.or(setpoints.first()).map_or([0.0; 2], |setpoint| setpoint.bend_rad);
-        Ok(Self { first, start_bend_rad, compensation: command.as_ref().and_then(Command::compensation) })
+        Ok(Self { first, start_bend_rad, model: command.and_then(|command| model_of(&command)) })
     }
 }
 

@@ -7,7 +7,7 @@
 use crate::{InputTrack, ReplayError, Trajectory};
 use krait_ipc::message::{DeviceState, OperatorInput, Phase, Setpoint};
 use krait_ipc::{Reason, Reasons};
-use krait_model::Snake;
+use krait_model::{ModelHash, Snake};
 use nalgebra::{Rotation3, Vector2, Vector3};
 
 /// Time between two samples that the program makes by itself, ns.
@@ -89,6 +89,7 @@ pub struct Program {
     start_bend_rad: [f64; 2],
     n_loops_left: u64,
     snake: Snake,
+    model: ModelHash,
     view_from_base: Rotation3<f64>,
     part: Part,
     n_in_part: u64,
@@ -110,13 +111,21 @@ pub struct Tally {
 }
 
 impl Program {
-    /// A program that begins at a bend. `view_roll_rad` is that of `resolve`.
-    pub fn new(score: Score, start_bend_rad: [f64; 2], n_loops: u64, snake: Snake, view_roll_rad: f64) -> Self {
+    /// A program that begins at a bend. `view_roll_rad` is that of `resolve`, `model` that of the chain.
+    pub fn new(
+        score: Score,
+        start_bend_rad: [f64; 2],
+        n_loops: u64,
+        snake: Snake,
+        view_roll_rad: f64,
+        model: ModelHash,
+    ) -> Self {
         Self {
             score,
             start_bend_rad,
             n_loops_left: n_loops,
             snake,
+            model,
             view_from_base: Rotation3::from_axis_angle(&Vector3::z_axis(), view_roll_rad).inverse(),
             part: Part::Approach,
             n_in_part: 0,
@@ -305,6 +314,7 @@ impl Program {
             q_tilde_vel_m_per_s: [f64::NAN; 3],
             tip_pos_in_base_m: self.snake.tip_pos_in_base_m(bend_rad).into(),
             motion_scale: 1.0,
+            model_hash: self.model.0,
             phase: phase as u32,
             reserved: 0,
             reasons: reasons.bits(),

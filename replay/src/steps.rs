@@ -2,7 +2,8 @@
 
 use crate::ReplayError;
 use crate::window::Window;
-use krait_ipc::message::{Command, Compensation, Cue, Message, ModelUpdate, OperatorInput, Setpoint, SlaveState};
+use krait_ipc::message::{Command, Cue, Message, ModelUpdate, OperatorInput, Setpoint, SlaveState};
+use krait_model::ModelHash;
 use std::collections::{BTreeMap, VecDeque};
 
 /// One sample's way through the stages, as it was recorded.
@@ -96,9 +97,9 @@ impl<'a> Steps<'a> {
         Ok((steps.n_setpoints > 0).then_some(steps))
     }
 
-    /// How the first command was compensated.
-    pub(crate) fn compensation(&self) -> Option<Compensation> {
-        self.planned.iter().find_map(|step| step.command).as_ref().and_then(Command::compensation)
+    /// Which model the first command rests on.
+    pub(crate) fn model(&self) -> Option<ModelHash> {
+        self.planned.iter().find_map(|step| step.command).and_then(|command| model_of(&command))
     }
 
     /// Setpoints at the end that no command answers, because the recording ended first; known at the end.
@@ -214,6 +215,11 @@ impl<'a> Steps<'a> {
             None => Ok(()),
         }
     }
+}
+
+/// Which model a command rests on; messages of before version 3 do not say.
+pub(crate) fn model_of(command: &Command) -> Option<ModelHash> {
+    (command.model_hash != 0).then_some(ModelHash(command.model_hash))
 }
 
 /// A command whose setpoint is not there.

@@ -8,17 +8,18 @@ use crate::difference::{Bytes, Difference, first_field};
 use crate::steps::{Step, Steps};
 use crate::window::Window;
 use core::time::Duration;
-use krait_ipc::message::{Command, Compensation, Cue, Health, ModelUpdate, OperatorInput, Setpoint, SlaveState};
+use krait_ipc::message::{Command, Cue, Health, ModelUpdate, OperatorInput, Setpoint, SlaveState};
 use krait_ipc::{Bus, Process, ReadOptions, Reader, Reason, Reasons, Writer, clock, health_channel};
+use krait_model::ModelHash;
 use krait_schema::Sample;
 use std::collections::VecDeque;
 
 /// Samples under way at most. A stage's queue holds 256; a sample rests on up to two states.
 const WINDOW: usize = 96;
 /// How long the replay sleeps at most before it looks at the world again.
-const PATIENCE: Duration = Duration::from_millis(20);
+pub(crate) const PATIENCE: Duration = Duration::from_millis(20);
 /// A chain that answers nothing for so long will not answer any more: a busy machine takes a second, ns.
-const STALL_NS: i64 = 20_000_000_000;
+pub(crate) const STALL_NS: i64 = 20_000_000_000;
 
 /// Whether there is more to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -96,9 +97,9 @@ impl<'a> Verifier<'a> {
         }))
     }
 
-    /// How the pass was compensated, if it holds a command.
-    pub fn compensation(&self) -> Option<Compensation> {
-        self.steps.compensation()
+    /// Which model the pass was compensated with, if it holds a command that says so.
+    pub fn model(&self) -> Option<ModelHash> {
+        self.steps.model()
     }
 
     /// Setpoints at the end of the pass that no command answers; they are not repeated. Known at the end.

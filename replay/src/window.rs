@@ -2,15 +2,18 @@
 //! that an hour takes no more memory than a minute.
 
 use crate::ReplayError;
-use krait_ipc::message::{Command, Message, ModelUpdate, OperatorInput, Setpoint, SlaveState};
+use krait_ipc::message::{Command, Message, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState};
 use krait_record::PassCounter;
 use krait_record::Stream;
 use krait_schema::{Channel, Sample};
 use std::collections::VecDeque;
 use std::path::Path;
 
-const CHANNELS: [Channel; 5] =
+/// What steps rest on.
+const OF_STEPS: [Channel; 5] =
     [Channel::Input, Channel::Setpoint, Channel::Command, Channel::State, Channel::ModelUpdate];
+/// What learning rests on.
+const OF_LEARNING: [Channel; 3] = [Channel::State, Channel::Shape, Channel::ModelUpdate];
 
 /// A recording, read as far as it was asked for.
 pub struct Window {
@@ -19,6 +22,7 @@ pub struct Window {
     pub(crate) setpoints: Queue<Setpoint>,
     pub(crate) commands: Queue<Command>,
     pub(crate) states: Queue<SlaveState>,
+    pub(crate) shapes: Queue<Shape>,
     pub(crate) updates: Queue<ModelUpdate>,
 }
 
@@ -35,9 +39,21 @@ impl Window {
     /// # Errors
     /// [`ReplayError::Read`] when it cannot be read.
     pub fn open(path: &Path) -> Result<Self, ReplayError> {
-        let stream = Stream::open(path, &CHANNELS)?;
+        Ok(Self::of(Stream::open(path, &OF_STEPS)?))
+    }
+
+    /// The same for what `estimate` rests on.
+    ///
+    /// # Errors
+    /// [`ReplayError::Read`] when it cannot be read.
+    pub fn open_for_learning(path: &Path) -> Result<Self, ReplayError> {
+        Ok(Self::of(Stream::open(path, &OF_LEARNING)?))
+    }
+
+    fn of(stream: Stream) -> Self {
         let (inputs, setpoints, commands) = (Queue::new(), Queue::new(), Queue::new());
-        Ok(Self { stream, inputs, setpoints, commands, states: Queue::new(), updates: Queue::new() })
+        let (states, shapes, updates) = (Queue::new(), Queue::new(), Queue::new());
+        Self { stream, inputs, setpoints, commands, states, shapes, updates }
     }
 
     /// The next message of a channel's pass, taken out; `None` when the pass holds no more.
@@ -85,6 +101,7 @@ impl Window {
                 Sample::Setpoint(m) => self.setpoints.push(m),
                 Sample::Command(m) => self.commands.push(m),
                 Sample::State(m) => self.states.push(m),
+                Sample::Shape(m) => self.shapes.push(m),
                 Sample::ModelUpdate(m) => self.updates.push(m),
                 _ => {}
             }
@@ -97,6 +114,7 @@ impl Window {
         self.setpoints.forget_before(pass, 0);
         self.commands.forget_before(pass, 0);
         self.states.forget_before(pass, 0);
+        self.shapes.forget_before(pass, 0);
         self.updates.forget_before(pass, 0);
     }
 }

@@ -21,7 +21,7 @@ pub use compare::{Apart, Series, Side, SideError};
 pub use figure::{Curve, Figure, Stroke};
 pub use krait_bench::Quantiles;
 pub use latency::{HopReport, LatencyLog, LatencyReport};
-pub use pass_report::{ChangeReport, PassLog, PassReport, PeakBend};
+pub use pass_report::{ChangeReport, LearntReport, PassLog, PassReport, PeakBend};
 pub use plot::{PlotError, svg};
 pub use spread::Spread;
 pub use table::Table;

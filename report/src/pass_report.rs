@@ -3,8 +3,8 @@
 //! Everything here is computed from the recording alone, so that anyone with the file gets the same figures.
 
 use crate::tracking::{self, Seen, Tracking, TrackingScore, Wanted, length};
-use krait_ipc::message::{Command, Compensation, ModelUpdate, Setpoint, Shape};
-use krait_model::ChangeKind;
+use krait_ipc::message::{LearningState, ModelUpdate, Setpoint, Shape};
+use krait_model::{ChangeKind, LearntParameter};
 use serde::Serialize;
 
 /// Largest bend commanded and reached.
@@ -19,21 +19,74 @@ pub struct PeakBend {
 /// What one pass showed.
 #[derive(Clone, Debug, Serialize)]
 pub struct PassReport {
-    /// off, naive or estimated.
-    pub compensation: &'static str,
+    /// off, naive, estimated, or model for a model file.
+    pub compensation: String,
     /// Tracking error.
     #[serde(flatten)]
     pub tracking: TrackingScore,
     /// Largest bend over the whole pass.
     pub peak_bend_deg: PeakBend,
-    /// Load scale at the end of the pass.
-    pub eta: f64,
-    /// Backlash half-width at the end of the pass, mm.
-    pub lambda_mm: f64,
+    /// What was learnt by the end of the pass, in the order of the model file.
+    pub learnt: Vec<LearntReport>,
     /// Whether the watch for changes had learnt what is normal before the pass ended.
     pub watched_for_changes: bool,
     /// Changes of the machine that were seen.
     pub changes: Vec<ChangeReport>,
+}
+
+/// What became of one learnt parameter.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LearntReport {
+    /// `effect.parameter`.
+    pub name: String,
+    /// Unit of the three numbers; `1` for none.
+    pub unit: String,
+    /// Value in the model file.
+    pub start: f64,
+    /// Value at the end.
+    pub value: f64,
+    /// Its standard deviation.
+    pub sd: f64,
+    /// How learning went: `learnt`, `not observable in this motion`, or `at its bound`.
+    pub state: &'static str,
+    /// The parameter that the motion could not tell it from.
+    pub not_told_from: Option<String>,
+}
+
+impl LearntReport {
+    /// The parameters of an update, named by the model that it is of.
+    pub fn of(update: &ModelUpdate, names: &[LearntParameter]) -> Vec<Self> {
+        let named = names.iter().zip(update.learnt());
+        let report = |(own, now): (&LearntParameter, &krait_ipc::message::LearntValue)| Self {
+            name: own.name.clone(),
+            unit: own.unit.clone(),
+            start: own.start,
+            value: now.value,
+            sd: now.sd,
+            state: match now.state() {
+                Some(LearningState::Learning) => "learnt",
+                Some(LearningState::NotObservable) => "not observable in this motion",
+                Some(LearningState::AtBound) => "at its bound",
+                None => "of a state that this program does not know",
+            },
+            not_told_from: usize::from(now.tied_to).checked_sub(1).and_then(|k| names.get(k)).map(|n| n.name.clone()),
+        };
+        named.map(report).collect()
+    }
+
+    /// One line of text.
+    pub fn sentence(&self) -> String {
+        let unit = if self.unit == "1" { String::new() } else { format!(" {}", self.unit) };
+        let mut text = match self.state {
+            "learnt" => format!("{} {:.5e}{unit} +- {:.1e}", self.name, self.value, self.sd),
+            "at its bound" => format!("{} {:.5e}{unit}, at its bound", self.name, self.value),
+            other => format!("{}: {other}", self.name),
+        };
+        if let Some(other) = &self.not_told_from {
+            text += &format!(" (this motion cannot tell it from {other})");
+        }
+        text
+    }
 }
 
 /// A change that the estimator saw: the model no longer explained the measured shape as it did.
@@ -50,7 +103,7 @@ pub struct ChangeReport {
 pub struct PassLog {
     setpoints: Vec<Wanted>,
     shapes: Vec<Seen>,
-    last_command: Option<Command>,
+    last_update: Option<ModelUpdate>,
     changes: Vec<(i64, u32)>,
     watched: bool,
 }
@@ -68,13 +121,9 @@ impl PassLog {
         }
     }
 
-    /// Takes a command.
-    pub fn command(&mut self, command: &Command) {
-        self.last_command = Some(*command);
-    }
-
     /// Takes a model update.
     pub fn update(&mut self, update: &ModelUpdate) {
+        self.last_update = Some(*update);
         self.watched |= update.is_watching == 1;
         if update.changed_ns != 0 && self.changes.last().is_none_or(|(ns, _)| *ns != update.changed_ns) {
             self.changes.push((update.changed_ns, update.change_kind));
@@ -91,18 +140,17 @@ impl PassLog {
         self.changes.iter().map(report).collect()
     }
 
-    /// What the pass showed.
-    pub fn report(&self, compensation: Compensation) -> PassReport {
+    /// What the pass showed; `names` are the parameters that the model of the pass learns.
+    pub fn report(&self, compensation: &str, names: &[LearntParameter]) -> PassReport {
         let peak = |bends: &mut dyn Iterator<Item = [f64; 2]>| bends.map(length).fold(0.0, f64::max).to_degrees();
         PassReport {
-            compensation: compensation.name(),
+            compensation: compensation.to_owned(),
             tracking: Tracking::of(self.setpoints.iter().copied(), self.shapes.iter().copied()).score(),
             peak_bend_deg: PeakBend {
                 commanded: peak(&mut self.setpoints.iter().map(|(_, bend, _)| *bend)),
                 reached: peak(&mut self.shapes.iter().map(|(_, bend)| *bend)),
             },
-            eta: self.last_command.map_or(f64::NAN, |c| c.eta),
-            lambda_mm: self.last_command.map_or(f64::NAN, |c| c.lambda_m * 1e3),
+            learnt: self.last_update.as_ref().map_or_else(Vec::new, |update| LearntReport::of(update, names)),
             watched_for_changes: self.watched,
             changes: self.change_reports(),
         }

@@ -88,10 +88,9 @@ impl Bench {
             bend_rad: [0.1, 0.2],
             q_uncompensated_m: q_tilde_m,
             q_tilde_m,
-            eta: 1.0,
-            lambda_m: 0.0,
-            model_version: 0,
-            compensation: 0,
+            model_hash: 1,
+            learnt: [f64::NAN; 8],
+            n_learnt: 0,
             phase: Phase::Following as u32,
             reasons: 0,
             ..Command::default()

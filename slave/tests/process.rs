@@ -72,10 +72,9 @@ impl Others {
                 bend_rad: [way_m / 1.684e-3, 0.0],
                 q_uncompensated_m: q_tilde_m,
                 q_tilde_m,
-                eta: 1.0,
-                lambda_m: 0.0,
-                model_version: 0,
-                compensation: 0,
+                model_hash: 1,
+                learnt: [f64::NAN; 8],
+                n_learnt: 0,
                 phase: phase as u32,
                 reasons,
                 ..Command::default()

@@ -61,7 +61,12 @@ fn check_errors(figures: &Value) {
     let peak = &passes[2]["peak_bend_deg"];
     let reached = number(&peak["reached"]) / number(&peak["commanded"]);
     assert!((0.95..1.05).contains(&reached), "with estimates it arrives: {reached}");
-    assert!((number(&passes[2]["eta"]) - 1.22).abs() < 0.02, "{}", passes[2]);
+    let learnt = &passes[2]["learnt"];
+    assert_eq!(
+        (&learnt[0]["name"], &learnt[1]["name"]),
+        (&"stiffness-scale.eta".into(), &"backlash.half_width_m".into())
+    );
+    assert!((number(&learnt[0]["value"]) - 1.22).abs() < 0.02, "{learnt}");
 }
 
 fn check_processes(figures: &Value) {

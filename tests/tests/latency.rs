@@ -25,13 +25,20 @@ const PATIENCE: Duration = Duration::from_secs(240);
 const MOST_ATTEMPTS: usize = 8;
 const N_CHECKS: usize = 6;
 
+/// Holds back every output of `resolve`, us.
+const LATE_US: &str = "KRAIT_FAULT_LATE_US";
+
 /// Runs `krait bench`; `None` in a debug build, which it refuses.
 fn bench(arguments: &[&str]) -> Option<(Ended, Value)> {
+    bench_with(arguments, &[])
+}
+
+fn bench_with(arguments: &[&str], variables: &[(&str, &str)]) -> Option<(Ended, Value)> {
     let folder = TempFolder::new("bench");
     let out = folder.file("out");
     let mut all = vec!["bench", "--json", "--out", &out];
     all.extend(arguments);
-    let ended = Ended::of(&all, PATIENCE);
+    let ended = Ended::of_with(&all, variables, PATIENCE);
     if cfg!(debug_assertions) {
         assert_eq!(ended.code, Some(2), "{}", ended.stderr);
         assert!(ended.sentence().contains("debug build"), "{}", ended.stderr);
@@ -115,12 +122,8 @@ fn the_chain_stays_near_the_floor_of_the_machine_and_loses_nothing() {
 
 #[test]
 fn a_chain_that_is_slowed_fails_the_check_against_the_floor() {
-    let folder = TempFolder::new("slow");
-    let config = folder.file("slow.toml");
-    std::fs::write(&config, "[resolve]\nlate_us = 500.0\n").expect("written");
-    let arguments =
-        ["--check", "--chains", "floor-futex,krait", "--seconds", "1", "--rounds", "2", "--config", &config];
-    let Some((ended, figures)) = bench(&arguments) else { return };
+    let arguments = ["--check", "--chains", "floor-futex,krait", "--seconds", "1", "--rounds", "2"];
+    let Some((ended, figures)) = bench_with(&arguments, &[(LATE_US, "resolve=500")]) else { return };
     let (slow, floor) = (number(&chain(&figures, "krait")["p50"]), number(&chain(&figures, "floor-futex")["p50"]));
     println!("slowed by 500 us: p50 {slow:.0} us, floor {floor:.0} us");
     assert!(slow > 500.0, "the fault was injected: {slow}");
@@ -188,7 +191,7 @@ fn a_running_chain_counts_late_samples_names_them_and_records_them() {
     let (instance, folder) = (instance_name("late"), TempFolder::new("late"));
     let (config, recording) = (folder.file("late.toml"), folder.file("late.mcap"));
     let allowance = "p50_us = 4000\np99_us = 4000\nworst_us = 4000\np50_floors = 1\np99_floors = 1\nworst_floors = 1\n";
-    let text = format!("[master]\nrate_hz = 100\n[resolve]\nlate_us = 8000.0\n[budget.master_to_resolve]\n{allowance}");
+    let text = format!("[master]\nrate_hz = 100\n[budget.master_to_resolve]\n{allowance}");
     std::fs::write(&config, text).expect("written");
     let script = folder.file("still.csv");
     std::fs::write(&script, "time_s,tip_vx_m_per_s,tip_vy_m_per_s,tip_vz_m_per_s\n0,0.001,0,0\n60,0.001,0,0\n")
@@ -206,7 +209,7 @@ fn a_running_chain_counts_late_samples_names_them_and_records_them() {
         &script,
     ];
     let more = ["--instance", &instance, "--recording", &recording, "--config", &config];
-    let ended = Ended::of(&[&arguments[..], &more[..]].concat(), PATIENCE);
+    let ended = Ended::of_with(&[&arguments[..], &more[..]].concat(), &[(LATE_US, "resolve=8000")], PATIENCE);
     assert_eq!(ended.code, Some(1), "{}", ended.stderr);
     let budget = &ended.json()["budget"];
     let hop = &budget["hops"][1];

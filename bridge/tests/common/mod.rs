@@ -3,8 +3,12 @@
 #![allow(dead_code, reason = "each test file uses its own part")]
 
 use krait_bridge::{CompensateConfig, CompensateCore, ResolveConfig, ResolveCore};
-use krait_ipc::message::{DeviceState, HopStamps, OperatingState, OperatorInput, Phase, Setpoint, SlaveState};
-use krait_model::MachineParameters;
+use krait_ipc::message::{
+    DeviceState, HopStamps, LearntValue, MAX_LEARNT, ModelUpdate, OperatingState, OperatorInput, Phase, Setpoint,
+    SlaveState,
+};
+use krait_model::model_file::{ModelFile, built_in};
+use krait_model::{Chain, Columns};
 
 /// One sample at 1 kHz, ns.
 pub const TICK_NS: i64 = 1_000_000;
@@ -30,8 +34,50 @@ pub fn input(sequence: u64, tip_vel_in_view_m_per_s: [f64; 3]) -> OperatorInput 
     }
 }
 
-/// A setpoint as `resolve` would send it.
+/// The chain of a built-in model.
+pub fn chain(name: &str) -> Chain {
+    chain_of(built_in(name).expect("one of the built-in models"))
+}
+
+/// The chain of a model file's text.
+pub fn chain_of(text: &str) -> Chain {
+    ModelFile::parse(text).expect("a model file").chain(Columns::default()).expect("a chain").expect("of a snake")
+}
+
+/// An update of a model with values for the parameters that it learns.
+pub fn update_of(chain: &Chain, sequence: u64, values: &[f64]) -> ModelUpdate {
+    let mut learnt = [LearntValue::default(); MAX_LEARNT];
+    for ((slot, own), value) in learnt.iter_mut().zip(chain.learnt()).zip(values) {
+        let (effect, parameter) = (own.effect as u16, own.parameter as u16);
+        *slot = LearntValue { value: *value, sd: 0.01 * own.learn.sd, effect, parameter, state: 1, tied_to: 0 };
+    }
+    ModelUpdate {
+        sequence,
+        sample_ns: T0_NS + sequence as i64 * TICK_NS,
+        shape_sequence: sequence,
+        state_sequence: sequence,
+        n_states: sequence,
+        model_hash: chain.hash().0,
+        innovation_rms_rad: 0.005,
+        n_used: 100,
+        n_left_out: 0,
+        n_changes: 0,
+        changed_ns: 0,
+        change_kind: 0,
+        is_watching: 0,
+        n_learnt: values.len() as u32,
+        reserved: 0,
+        learnt,
+    }
+}
+
+/// A setpoint as `resolve` would send it with the built-in model `estimated`.
 pub fn setpoint(sequence: u64, bend_rad: [f64; 2]) -> Setpoint {
+    setpoint_of(&chain("estimated"), sequence, bend_rad)
+}
+
+/// The same with a model.
+pub fn setpoint_of(chain: &Chain, sequence: u64, bend_rad: [f64; 2]) -> Setpoint {
     Setpoint {
         sequence,
         sample_ns: T0_NS + sequence as i64 * TICK_NS,
@@ -43,6 +89,7 @@ pub fn setpoint(sequence: u64, bend_rad: [f64; 2]) -> Setpoint {
         q_tilde_vel_m_per_s: [0.0; 3],
         tip_pos_in_base_m: [0.0, 0.0, 0.026],
         motion_scale: 1.0,
+        model_hash: chain.hash().0,
         phase: Phase::Following as u32,
         reserved: 0,
         reasons: 0,
@@ -79,14 +126,14 @@ pub fn waiting_state(sequence: u64, setpoint_q_m: [f64; 3], setpoint_bend_rad: [
     }
 }
 
-/// `resolve` with the default machine.
+/// `resolve` with the built-in model `estimated`.
 pub fn resolve(config: ResolveConfig) -> ResolveCore {
-    ResolveCore::new(&MachineParameters::default(), CompensateConfig::default().lines(), config).expect("defaults")
+    ResolveCore::new(&chain("estimated"), config).expect("defaults")
 }
 
-/// `compensate` with the default machine.
+/// `compensate` with the built-in model `estimated`.
 pub fn compensate(config: CompensateConfig) -> CompensateCore {
-    CompensateCore::new(&MachineParameters::default(), config, None).expect("defaults")
+    CompensateCore::new(&chain("estimated"), config).expect("defaults")
 }
 
 /// Length of a bend vector.

@@ -22,11 +22,11 @@ mod stamps;
 mod state_command;
 mod state_request;
 
-pub use command::{Command, Compensation};
+pub use command::Command;
 pub use cue::Cue;
 pub use health::{Health, N_REASONS_MAX, ReasonRecord};
 pub use marker::{MARKER_TEXT_MAX, Marker, MarkerTextError};
-pub use model_update::ModelUpdate;
+pub use model_update::{LearningState, LearntValue, MAX_LEARNT, ModelUpdate};
 pub use operator_input::{DeviceState, OperatorInput};
 pub use setpoint::{Phase, Setpoint};
 pub use shape::Shape;

@@ -28,6 +28,8 @@ pub struct Setpoint {
     pub tip_pos_in_base_m: [f64; 3],
     /// The common factor by which limits shortened the operator's motion, 0..=1.
     pub motion_scale: f64,
+    /// Which model the actuator rates rest on: its hash.
+    pub model_hash: u64,
     /// See [`Phase`].
     pub phase: u32,
     /// Padding, zero.
@@ -36,7 +38,7 @@ pub struct Setpoint {
     pub reasons: u64,
 }
 
-message!(Setpoint, "setpoint", 1, super::EVERY_SAMPLE);
+message!(Setpoint, "setpoint", 2, super::EVERY_SAMPLE);
 
 impl Setpoint {
     /// The typed phase, or `None` for a value that no version of krait sends.

@@ -13,7 +13,7 @@ use crate::fit::{Variable, held_out_block_squares, uncertainty};
 use crate::machine::{Candidate, Machine};
 use crate::noise::{FloorSource, NoiseFloor};
 use crate::prepare::{Prepared, prepare};
-use crate::{LabError, Measurements, Problem};
+use crate::{LabError, Measurements, Problem, Term};
 
 /// How to diagnose.
 #[derive(Clone, Debug, PartialEq)]
@@ -447,17 +447,14 @@ fn sentence(
 /// The variables of parameters named by effect's label and parameter's name.
 pub(crate) fn free_variables(machine: &dyn Machine, free: &[(String, String)]) -> Result<Vec<Variable>, LabError> {
     let effects = machine.effects();
-    let unknown = |name: &str, nearest: String| LabError::UnknownEffect {
-        name: name.to_owned(),
-        machine: machine.kind(),
-        nearest,
+    let absent = |name: &str| {
+        let names: Vec<&str> = effects.iter().map(Term::label).collect();
+        let has = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+        LabError::NotInModel { name: name.to_owned(), has }
     };
     free.iter()
         .map(|(effect, parameter)| {
-            let names = || effects.iter().map(|term| term.label());
-            let place = names()
-                .position(|own| own == effect)
-                .ok_or_else(|| unknown(effect, crate::machine::nearest(effect, names())))?;
+            let place = effects.iter().position(|own| own.label() == effect).ok_or_else(|| absent(effect))?;
             let own = machine.parameters(&effects[place])?;
             let k = own.iter().position(|p| p.name == *parameter).ok_or_else(|| LabError::UnknownParameter {
                 effect: effect.clone(),

@@ -3,6 +3,7 @@
 use crate::cli::Common;
 use crate::cli_console::ConsoleArgs;
 use crate::config::Config;
+use crate::in_force::ModelInForce;
 use crate::{print, signals, supervisor};
 use anyhow::Context;
 use krait_console::{Allowance, Facts, Settings};
@@ -27,7 +28,8 @@ pub fn run(common: &Common, args: &ConsoleArgs) -> anyhow::Result<ExitCode> {
     let config = Config::load(common.config.as_deref())?;
     let bus = Bus::open(&common.instance, NAME)?;
     let path = bus.instance().folder().join("config.toml");
-    let mut chain = ChainConfig { instance: common.instance.clone(), path, seen: None, config };
+    let model = config.model()?;
+    let mut chain = ChainConfig { instance: common.instance.clone(), path, seen: None, config, model };
     let announce = |address: &krait_console::Address| {
         if let Err(error) = print::out(&format!("Console: {}\n", address.page)) {
             tracing::warn!(%error, "the console's address could not be printed");
@@ -72,6 +74,7 @@ struct ChainConfig {
     path: PathBuf,
     seen: Option<SystemTime>,
     config: Config,
+    model: ModelInForce,
 }
 
 impl ChainConfig {
@@ -79,31 +82,31 @@ impl ChainConfig {
         let changed = std::fs::metadata(&self.path).and_then(|metadata| metadata.modified()).ok();
         if changed.is_some() && changed != self.seen {
             self.seen = changed;
-            match Config::load(Some(&self.path)) {
-                Ok(config) => self.config = config,
+            match Config::load(Some(&self.path)).and_then(|config| Ok((config.model()?, config))) {
+                Ok((model, config)) => (self.model, self.config) = (model, config),
                 Err(error) => {
                     tracing::warn!(%error, "the chain's configuration could not be read; the page keeps the one before")
                 }
             }
         }
-        facts_of(&self.instance, &self.config)
+        facts_of(&self.instance, &self.config, &self.model)
     }
 }
 
-fn facts_of(instance: &str, config: &Config) -> Facts {
+fn facts_of(instance: &str, config: &Config, model: &ModelInForce) -> Facts {
     let allowance =
         |a: crate::budget::Allowance| Allowance { p50_us: a.p50_us, p99_us: a.p99_us, worst_us: a.worst_us };
     let budget = &config.budget;
     Facts {
         instance: instance.to_owned(),
         is_simulated: true,
-        l_m: config.machine.l_m,
-        r_m: config.machine.r_m,
+        l_m: model.chain.machine().l_m,
+        r_m: model.chain.machine().r_m,
         max_bend_rad: config.resolve.max_bend_rad,
         max_stroke_m: config.compensate.max_stroke_m,
         max_load_n: config.compensate.max_load_n,
         view_roll_rad: config.resolve.view_roll_rad,
-        compensation: config.compensate.mode.name().to_owned(),
+        compensation: model.label.to_owned(),
         presence_hint: presence_hint(config.master.presence),
         recording: config.record.path.as_ref().and_then(|path| Some(path.file_name()?.to_string_lossy().into_owned())),
         budgets: budget.hops().into_iter().chain([budget.end_to_end]).map(allowance).collect(),

@@ -3,18 +3,18 @@
 use crate::cli::{Common, DemoArgs, EngageKind, MasterKind};
 use crate::config::Config;
 use crate::evidence::Evidence;
+use crate::in_force::Compensation;
 use crate::progress::Progress;
 use crate::supervisor::{Cast, ChainOptions, Supervisor};
 use crate::{device, print, signals};
 use anyhow::bail;
 use krait_ipc::clock;
-use krait_ipc::message::Compensation;
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
 
 /// The passes, in the order in which they are shown.
-const PASSES: [Compensation; 3] = [Compensation::Off, Compensation::Naive, Compensation::Estimated];
+const PASSES: [Compensation; 3] = Compensation::ALL;
 /// A pass shorter than this leaves nothing to score.
 const SHORTEST_PASS_S: f64 = krait_report::SCORED_FROM_S + 2.0;
 
@@ -66,7 +66,8 @@ fn record_passes(
     evidence.processes("recorder", &supervisor.processes());
     for mode in PASSES {
         let mut pass_config = config.clone();
-        pass_config.compensate.mode = mode;
+        (pass_config.compensation, pass_config.model) = (mode, None);
+        let model = pass_config.model()?;
         let (master, cast) = (MasterKind::Replay, Cast::live());
         let options = ChainOptions {
             config: pass_config,
@@ -82,7 +83,7 @@ fn record_passes(
         let label = format!("pass {} of {}, compensation {}", mode as u32 + 1, PASSES.len(), mode.name());
         let finished = Progress::new(&label, supervisor.bus(), Some(args.seconds))?.show(&mut supervisor, stop)?;
         supervisor.end_chain();
-        evidence.pass(mode, start_ns..clock::monotonic_ns(), &supervisor);
+        evidence.pass(model, start_ns..clock::monotonic_ns(), &supervisor);
         if !finished {
             supervisor.end();
             bail!(

@@ -12,6 +12,7 @@ pub mod export;
 pub mod lab;
 pub mod mark;
 pub mod model;
+mod model_learnt;
 pub mod paper;
 pub mod process;
 pub mod recover;

@@ -1,10 +1,13 @@
 //! `krait model show | check`: prints a model file with what every key means, and checks one.
 
 use crate::cli::{ModelFileArgs, ModelShowArgs, ModelVerb};
-use crate::print;
+use crate::in_force::live_chain;
+use crate::{commands::model_learnt, print};
 use anyhow::{Context, bail};
 use krait_ipc::input;
-use krait_model::model_file::{FileEffect, Machine, ModelFile, ModelFileError, documented_defaults};
+use krait_model::model_file::{
+    Assumed, BUILT_IN, FileEffect, Machine, ModelFile, ModelFileError, assumed, built_in, documented_defaults,
+};
 use krait_model::{ChainError, Columns};
 use serde::Serialize;
 use std::path::Path;
@@ -18,6 +21,7 @@ pub fn run(verb: &ModelVerb) -> anyhow::Result<ExitCode> {
     match verb {
         ModelVerb::Show(args) => show(args),
         ModelVerb::Check(args) => check(args),
+        ModelVerb::SaveLearnt(args) => model_learnt::run(args),
     }
 }
 
@@ -26,10 +30,16 @@ fn show(args: &ModelShowArgs) -> anyhow::Result<ExitCode> {
         print::out(&documented_defaults())?;
         return Ok(ExitCode::SUCCESS);
     }
-    let Some(path) = &args.file else { bail!("a model file is missing: name one, or ask for --defaults") };
-    let model = ModelFile::parse(&text_of(path)?).with_context(|| path.display().to_string())?;
+    let Some(path) = &args.file else {
+        let names = BUILT_IN.map(|(name, _)| name).join(", ");
+        bail!("a model file is missing: name one, or a built-in one ({names}), or ask for --defaults")
+    };
+    let text = text_of(path)?;
+    let model = ModelFile::parse(&text).with_context(|| path.display().to_string())?;
     if args.json {
-        print::json(&described(path, &model)?)?;
+        print::json(&described(path, &text, &model)?)?;
+    } else if built_in_of(path).is_some() {
+        print::out(&text)?;
     } else {
         print::out(&model.to_documented_toml())?;
     }
@@ -39,9 +49,10 @@ fn show(args: &ModelShowArgs) -> anyhow::Result<ExitCode> {
 /// A file that is refused is a failure found; one that cannot be read could not be checked.
 fn check(args: &ModelFileArgs) -> anyhow::Result<ExitCode> {
     let path = &args.file;
-    match ModelFile::parse(&text_of(path)?) {
+    let text = text_of(path)?;
+    match ModelFile::parse(&text) {
         Ok(model) => {
-            let found = described(path, &model)?;
+            let found = described(path, &text, &model)?;
             if args.json {
                 print::json(&found)?;
             } else {
@@ -60,7 +71,15 @@ fn check(args: &ModelFileArgs) -> anyhow::Result<ExitCode> {
     }
 }
 
+/// A word that is no file, but the name of a built-in model.
+fn built_in_of(path: &Path) -> Option<&'static str> {
+    if path.exists() { None } else { built_in(path.to_str()?) }
+}
+
 fn text_of(path: &Path) -> anyhow::Result<String> {
+    if let Some(text) = built_in_of(path) {
+        return Ok(text.to_owned());
+    }
     input::text(path, input::CONFIG_BYTES)
         .with_context(|| format!("the model file {} could not be read", path.display()))
 }
@@ -78,6 +97,8 @@ struct Refused {
 struct Described {
     file: String,
     valid: bool,
+    /// Which model it is: every message that rests on it carries this.
+    hash: String,
     machine: &'static str,
     /// Largest bend that the strain limit allows, degrees; snakes only.
     max_bend_deg: Option<f64>,
@@ -86,7 +107,22 @@ struct Described {
     /// Why it must not steer a machine though every number of it is within bounds; null where it may.
     implausible: Option<String>,
     effects: Vec<Effect>,
+    /// Keys that the file leaves out, and what is assumed for them.
+    assumed: Vec<AssumedKey>,
     n_history: usize,
+}
+
+#[derive(Serialize)]
+struct AssumedKey {
+    place: String,
+    key: &'static str,
+    value: f64,
+}
+
+#[derive(Serialize)]
+struct LearnEntry {
+    sd: f64,
+    memory_s: f64,
 }
 
 #[derive(Serialize)]
@@ -104,24 +140,33 @@ struct Parameter {
     name: String,
     value: f64,
     unit: String,
+    /// How it is learnt while the machine moves, if it is.
+    learn: Option<LearnEntry>,
     se: Option<f64>,
     from: Option<String>,
     date: Option<String>,
 }
 
-fn described(path: &Path, model: &ModelFile) -> Result<Described, ModelFileError> {
+fn described(path: &Path, text: &str, model: &ModelFile) -> Result<Described, ModelFileError> {
     let every_column = Columns { time: true, stem_angle: true, temperature: true };
     // The file was checked as a whole when it was read; should it fail here, it is the whole file that fails.
     let whole = |source: ChainError| ModelFileError::Chain { line: 1, source };
     let chain = model.chain(every_column).map_err(whole)?;
-    let (not_compensable, implausible) = match chain.as_ref().map(|chain| chain.plausible(LARGEST_BEND_RAD)) {
-        Some(Ok(found)) => (None, found.err().map(|implausible| implausible.to_string())),
-        Some(Err(error)) => (Some(error.to_string()), None),
-        None => (Some("a machine of kind joints has no live compensator".to_owned()), None),
+    // Asked as `krait run` asks: what that refuses must not be promised here.
+    let live = live_chain(model);
+    let not_compensable = live.as_ref().err().map(|error| format!("{error:#}"));
+    let implausible = match live.map(|chain| chain.plausible(LARGEST_BEND_RAD)) {
+        Ok(found) => found.map_err(whole)?.err().map(|implausible| implausible.to_string()),
+        Err(_not_live) => None,
     };
     Ok(Described {
         file: path.display().to_string(),
         valid: true,
+        hash: model.hash().to_string(),
+        assumed: assumed(text)
+            .into_iter()
+            .map(|Assumed { place, key, value, .. }| AssumedKey { place, key, value })
+            .collect(),
         machine: match model.machine() {
             Machine::Snake(_) => "snake",
             Machine::Joints(_) => "joints",
@@ -146,6 +191,7 @@ fn effect(effect: &FileEffect) -> Effect {
             name: name.to_owned(),
             value: setting.value(name).unwrap_or(f64::NAN),
             unit: known.or(own).unwrap_or_default(),
+            learn: setting.learn(name).map(|learn| LearnEntry { sd: learn.sd, memory_s: learn.memory_s }),
             se: origin.and_then(|o| o.se),
             from: origin.and_then(|o| o.from.clone()),
             date: origin.and_then(|o| o.date.clone()),
@@ -170,9 +216,23 @@ fn sentences(found: &Described) -> String {
     }
     match found.implausible.as_ref().or(found.not_compensable.as_ref()) {
         Some(reason) if found.implausible.is_some() => text += &format!("  it must not steer a machine: {reason}\n"),
-        Some(reason) => text += &format!("  the compensator cannot use it: {reason}\n"),
-        None => text += "  the compensator can use it\n",
+        Some(reason) => text += &format!("  `krait run` cannot use it: {reason}\n"),
+        None => text += "  `krait run` can use it\n",
     }
+    let learnt: Vec<String> = found
+        .effects
+        .iter()
+        .flat_map(|e| e.parameters.iter().filter(|p| p.learn.is_some()).map(move |p| format!("{}.{}", e.name, p.name)))
+        .collect();
+    if !learnt.is_empty() {
+        text += &format!("  learns while the machine moves: {}\n", learnt.join(", "));
+    }
+    if !found.assumed.is_empty() {
+        let assumed: Vec<String> =
+            found.assumed.iter().map(|a| format!("{}.{} = {:?}", a.place, a.key, a.value)).collect();
+        text += &format!("  assumed, because the file does not say: {}\n", assumed.join(", "));
+    }
+    text += &format!("  model {}\n", found.hash);
     text
 }
 

@@ -2,6 +2,7 @@
 
 use crate::cli::{Common, EngageKind, MasterArgs, MasterKind, ProcessVerb};
 use crate::config::Config;
+use crate::in_force::Compensation;
 use crate::{signals, supervisor};
 use anyhow::{Context, bail};
 use krait_ipc::{Bus, input};
@@ -15,8 +16,10 @@ use std::sync::atomic::AtomicBool;
 pub const CONFIG_ATTACHMENT: &str = "krait.toml";
 /// Name under which a recording embeds the simulated snake.
 pub const TRUTH_ATTACHMENT: &str = "truth.toml";
-/// Name under which a recording embeds the model file.
+/// Name under which a recording embeds the model file of the chain.
 pub const MODEL_ATTACHMENT: &str = "model.toml";
+/// How the names begin under which a recording embeds the built-in model files, which passes of a demo use in turn.
+pub const BUILT_IN_ATTACHMENT: &str = "model-";
 
 /// Joins the instance and runs the process until it is told to stop.
 pub fn run(common: &Common, process: &ProcessVerb) -> anyhow::Result<ExitCode> {
@@ -39,18 +42,15 @@ fn run_named(common: &Common, process: &ProcessVerb) -> anyhow::Result<()> {
         ProcessVerb::Master(args) => run_master(&bus, &config, args, &stop)?,
         ProcessVerb::Resolve(args) => {
             let run = if args.cued { krait_bridge::run_resolve_cued } else { krait_bridge::run_resolve };
-            run(&bus, &config.machine, config.compensate.lines(), config.resolve, &stop)?;
+            run(&bus, &config.model()?.chain, config.resolve, &stop)?;
         }
         ProcessVerb::Compensate(args) => {
-            let chain = config.chain()?;
             let run = if args.cued { krait_bridge::run_compensate_cued } else { krait_bridge::run_compensate };
-            run(&bus, &config.machine, config.compensate, chain.as_ref(), &stop)?;
+            run(&bus, &config.model()?.chain, config.compensate, &stop)?;
         }
         ProcessVerb::Estimate(args) => {
-            let (eta, lambda_m) = (config.compensate.eta, config.compensate.lambda_m);
             let run = if args.cued { krait_bridge::run_estimate_cued } else { krait_bridge::run_estimate };
-            let chain = config.chain()?;
-            run(&bus, &config.machine, eta, lambda_m, config.estimate, chain.as_ref(), &stop)?;
+            run(&bus, &config.model()?.chain, config.estimate, &stop)?;
         }
         ProcessVerb::Slave(args) => match args.recorded_time_ns {
             Some(start_ns) => krait_sim::run_in_recorded_time(&bus, &config.slave, start_ns, &stop)?,
@@ -129,19 +129,25 @@ fn run_master(bus: &Bus, config: &Config, args: &MasterArgs, stop: &AtomicBool) 
     Ok(krait_master::run(bus, &config, source, stop)?)
 }
 
-/// The recording holds what a reader needs to repeat the run: the whole configuration, and the truth and model
-/// files, if there are any.
+/// The recording holds what a reader needs to repeat the run: the whole configuration, every model that a pass may run with,
+/// and the truth, if there is one.
 pub fn with_attachments(config: &Config) -> anyhow::Result<RecordConfig> {
     let toml = |name: &str, data| Attachment { name: name.to_owned(), media_type: "application/toml".to_owned(), data };
     let mut record = config.record.clone();
-    record.machine = config.machine;
-    record.attachments.push(toml(CONFIG_ATTACHMENT, config.to_toml()?.into_bytes()));
-    for (name, path) in [(TRUTH_ATTACHMENT, &config.slave.truth), (MODEL_ATTACHMENT, &config.model)] {
-        if let Some(path) = path {
-            let text =
-                input::bytes(path, input::CONFIG_BYTES).with_context(|| format!("{name} from {}", path.display()))?;
-            record.attachments.push(toml(name, text));
-        }
+    let model = config.model()?;
+    record.machine = *model.chain.machine();
+    // The model has an attachment of its own.
+    let settings = Config { model: Some(MODEL_ATTACHMENT.into()), model_text: None, ..config.clone() };
+    record.attachments.push(toml(CONFIG_ATTACHMENT, settings.to_toml()?.into_bytes()));
+    record.attachments.push(toml(MODEL_ATTACHMENT, model.text.into_bytes()));
+    for own in Compensation::ALL {
+        let name = format!("{BUILT_IN_ATTACHMENT}{}.toml", own.name());
+        record.attachments.push(toml(&name, own.text().as_bytes().to_vec()));
+    }
+    if let Some(path) = &config.slave.truth {
+        let text = input::bytes(path, input::CONFIG_BYTES)
+            .with_context(|| format!("{TRUTH_ATTACHMENT} from {}", path.display()))?;
+        record.attachments.push(toml(TRUTH_ATTACHMENT, text));
     }
     Ok(record)
 }

@@ -106,7 +106,7 @@ fn described(mut setup: Setup, args: &ReplayArgs, recording: Option<&Path>) -> S
         Speed::Max => "max".to_owned(),
         Speed::Times(times) => times.to_string(),
     };
-    let compensation = setup.config.compensate.mode.name().to_owned();
+    let compensation = setup.label.to_owned();
     let [device, serial] = setup.device.clone();
     let record = &mut setup.config.record;
     record.path = recording.map(Path::to_owned);

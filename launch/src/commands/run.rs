@@ -9,7 +9,6 @@ use crate::supervisor::{Cast, ChainOptions, Supervisor};
 use crate::{device, print, signals};
 use anyhow::bail;
 use krait_ipc::clock;
-use krait_ipc::message::Compensation;
 use std::path::absolute;
 use std::process::ExitCode;
 
@@ -45,14 +44,14 @@ pub fn run(common: &Common, args: &RunArgs) -> anyhow::Result<ExitCode> {
         discard_empty_recording(&options.config, args);
         return Err(error);
     }
-    let mode = options.config.compensate.mode;
-    evidence.processes(mode.name(), &supervisor.processes());
+    let model = options.config.model()?;
+    evidence.processes(model.label, &supervisor.processes());
     let console = args.console.then(|| Companion::start(&common.instance)).transpose()?;
-    let label = format!("running, compensation {}; Ctrl-C ends it", mode.name());
+    let label = format!("running, compensation {}; Ctrl-C ends it", model.label);
     Progress::new(&label, supervisor.bus(), args.seconds)?.show(&mut supervisor, &stop)?;
     supervisor.end_chain();
     drop(console);
-    evidence.pass(mode, start_ns..clock::monotonic_ns(), &supervisor);
+    evidence.pass(model, start_ns..clock::monotonic_ns(), &supervisor);
     let clean = supervisor.end() && supervisor.is_unscathed();
     evidence.recorder(&supervisor);
     let Some(path) = options.config.record.path.as_deref().filter(|_| !args.no_recording) else {
@@ -103,10 +102,9 @@ fn configure(common: &Common, args: &RunArgs) -> anyhow::Result<Config> {
     }
     if let Some(model) = &args.model {
         config.model = Some(absolute(model)?);
-        config.compensate.mode = Compensation::Model;
     }
-    if let Some(mode) = args.compensation {
-        config.compensate.mode = mode;
+    if let Some(compensation) = args.compensation {
+        (config.compensation, config.model) = (compensation, None);
     }
     let wanted = args.recording.clone().or_else(|| config.record.path.clone());
     if !args.no_recording {
@@ -120,7 +118,7 @@ fn configure(common: &Common, args: &RunArgs) -> anyhow::Result<Config> {
     }
     config.record.metadata.insert("run".to_owned(), "run".to_owned());
     device::enter(&mut config.record.metadata, &config.master, args.master, args.input.as_deref());
-    config.record.metadata.insert("compensation".to_owned(), config.compensate.mode.name().to_owned());
     config.check()?;
+    config.record.metadata.insert("compensation".to_owned(), config.model()?.label.to_owned());
     Ok(config)
 }

@@ -7,7 +7,7 @@ use crate::{print, recorded, signals};
 use anyhow::Context;
 use krait_ipc::{Process, clock};
 use krait_record::Recording;
-use krait_replay::{Difference, Turn, Verifier, Window};
+use krait_replay::{Difference, LearningVerifier, Turn, Verifier, Window};
 use krait_schema::Channel;
 use serde::Serialize;
 use std::process::ExitCode;
@@ -27,6 +27,8 @@ struct Verdict {
     setpoints_identical: u64,
     /// Commands that came out the same.
     commands_identical: u64,
+    /// Model updates that came out the same: what `estimate` learnt.
+    updates_identical: u64,
     /// Bytes of all these.
     bytes_identical: u64,
     /// Setpoints at the end of a pass that no command answers; they are not repeated.
@@ -66,13 +68,29 @@ pub fn run(common: &Common, args: &VerifyArgs) -> anyhow::Result<ExitCode> {
     let config = recorded::config_of(recording, &folder).with_context(of_recording)?;
     let has_inputs = parts.iter().any(|part| part.contents().channels.contains_key(&Channel::Input));
     let mut window = Window::open(&args.recording)?;
+    let mut learning = Window::open_for_learning(&args.recording)?;
     for pass in 1.. {
         let verifier = Verifier::open(supervisor.bus(), &mut window, pass, has_inputs).with_context(of_recording)?;
         let Some(verifier) = verifier else { break };
         verdict.passes = pass;
-        let options = options(recorded::config_of_pass(&config, verifier.compensation()), has_inputs);
-        verify_pass(&mut supervisor, &options, verifier, &mut verdict, &stop).with_context(of_recording)?;
+        let model = verifier.model().with_context(|| {
+            format!(
+                "{}: its commands do not say which model they rest on, because an earlier version made it; its inputs can be \
+                 played with `krait replay`, its steps cannot be compared",
+                of_recording()
+            )
+        })?;
+        let config = recorded::config_of_pass(recording, &config, Some(model), &folder).with_context(of_recording)?;
+        let steps = options(config.clone(), has_inputs);
+        verify_pass(&mut supervisor, &steps, verifier, &mut verdict, &stop).with_context(of_recording)?;
         supervisor.end_chain();
+        if verdict.first_difference.is_none() {
+            let learnt = LearningVerifier::open(supervisor.bus(), &mut learning, pass).with_context(of_recording)?;
+            if let Some(learnt) = learnt {
+                verify_learning(&mut supervisor, config, learnt, &mut verdict, &stop).with_context(of_recording)?;
+            }
+            supervisor.end_chain();
+        }
         if verdict.first_difference.is_some() {
             break;
         }
@@ -131,10 +149,48 @@ fn verify_pass(
     Ok(())
 }
 
+/// What `estimate` learnt in a pass, on the clock of this machine: its updates do not look at it.
+fn verify_learning(
+    supervisor: &mut Supervisor,
+    config: Config,
+    mut verifier: LearningVerifier<'_>,
+    verdict: &mut Verdict,
+    stop: &AtomicBool,
+) -> anyhow::Result<()> {
+    let cast = Cast { processes: vec![Process::Estimate], ..Cast::live() };
+    let options = ChainOptions { config, master: MasterKind::Replay, input: None, looped: false, cast };
+    supervisor.start_chain(&options, stop)?;
+    let start_ns = clock::monotonic_ns();
+    let mut look_ns = start_ns;
+    while verifier.turn()? == Turn::Going {
+        let now_ns = clock::monotonic_ns();
+        if now_ns >= look_ns {
+            look_ns = now_ns + LOOK_EVERY_NS;
+            supervisor.look()?;
+            anyhow::ensure!(!stop.load(Ordering::Relaxed), "stopped before the end of the recording");
+        }
+    }
+    verdict.took_s += (clock::monotonic_ns() - start_ns) as f64 * 1e-9;
+    verdict.updates_identical += verifier.n_updates;
+    verdict.bytes_identical += verifier.n_bytes();
+    verdict.first_difference = verifier.difference().cloned();
+    Ok(())
+}
+
 fn sentence(verdict: &Verdict) -> String {
-    let Verdict { passes, setpoints_identical, commands_identical, bytes_identical, recorded_s, took_s, .. } = verdict;
+    let Verdict {
+        passes,
+        setpoints_identical,
+        commands_identical,
+        updates_identical,
+        bytes_identical,
+        recorded_s,
+        took_s,
+        ..
+    } = verdict;
     let counts = format!(
-        "{setpoints_identical} setpoints and {commands_identical} commands ({bytes_identical} bytes) in {passes} passes"
+        "{setpoints_identical} setpoints, {commands_identical} commands and {updates_identical} model updates \
+         ({bytes_identical} bytes) in {passes} passes"
     );
     let missing: String = verdict.missing.iter().map(|what| format!("not whole: {what}\n")).collect();
     let not_repeated = match verdict.commands_not_repeated {

@@ -3,7 +3,7 @@
 use super::circumstances::{ChainStatus, Circumstances, Clock};
 use super::delay::DelayLine;
 use super::equations::{Case, Ends, actuators};
-use super::model::{ChainModel, Memory};
+use super::model::{ChainModel, MAX_STATES, Memory};
 use super::{Chain, outer_strain};
 use crate::effects::prepared::Now;
 use crate::effects::{Dual, Real, three};
@@ -143,6 +143,13 @@ impl Predictor {
     /// How often a formula was not finite since the start, and counted as zero.
     pub fn n_formula_faults(&self) -> u64 {
         self.memory.n_formula_faults
+    }
+
+    /// Goes on from other memory, after other parameters have been set.
+    pub(super) fn take_over(&mut self, states: [f64; MAX_STATES], p_m: [f64; 3], seat_m: [f64; 3], y: [f64; 3]) {
+        let now = Now { dt_s: 0.0, ..self.clock.now(&Circumstances::at(f64::NAN)) };
+        (self.memory.states, self.p_m, self.seat_m, self.y) = (states, p_m, seat_m, y);
+        self.ends = self.ends_at::<true>(self.y, &now);
     }
 
     pub(super) fn solution(&self) -> [f64; 3] {

@@ -4,7 +4,7 @@ use super::circumstances::{ChainStatus, Circumstances, Clock};
 use super::lines::Lines;
 use super::model::{ChainModel, Memory};
 use super::stages::Stage;
-use super::{Chain, outer_strain};
+use super::{Chain, MAX_LEARNT, outer_strain};
 use crate::effects::cone::Span;
 use crate::effects::prepared::Now;
 use crate::effects::{Dual, Real, Scalar, three};
@@ -42,6 +42,7 @@ pub struct ChainMemory {
     before: Track,
     clock: Clock,
     last: Command,
+    learnt: [f64; MAX_LEARNT],
 }
 
 /// Inverts a chain step by step; owns the memory of every effect and of each line's direction.
@@ -54,13 +55,15 @@ pub struct ChainCompensator {
     max_bend_rad: f64,
     clock: Clock,
     last: Command,
+    /// Values in force of the parameters that are learnt; NaN where there are no more.
+    learnt: [f64; MAX_LEARNT],
+    places: [(usize, usize); MAX_LEARNT],
 }
 
 impl ChainCompensator {
     pub(super) fn new(chain: &Chain) -> Self {
         let core = InverseCore::new(&chain.model, chain.settings.transition_m);
-        let d = &core.model.divide;
-        let j = Matrix2x3::from_fn(|k, i| d[i][k]);
+        let j = pseudo_inverse(&core.model);
         let last = Command {
             q_m: Vector3::zeros(),
             eps_m: Vector3::zeros(),
@@ -73,7 +76,12 @@ impl ChainCompensator {
             status: ChainStatus::Good,
         };
         let (strain_limit, max_bend_rad) = (chain.settings.strain_limit, chain.max_bend_rad);
-        let mut compensator = Self { core, j, strain_limit, max_bend_rad, clock: Clock::default(), last };
+        let (mut learnt, mut places) = ([f64::NAN; MAX_LEARNT], [(usize::MAX, 0); MAX_LEARNT]);
+        for (lane, own) in chain.learnt.iter().enumerate().take(MAX_LEARNT) {
+            (learnt[lane], places[lane]) = (own.start, (own.effect, own.parameter));
+        }
+        let clock = Clock::default();
+        let mut compensator = Self { core, j, strain_limit, max_bend_rad, clock, last, learnt, places };
         compensator.last = compensator.clone().step(Vector2::zeros(), &Circumstances::at(0.0));
         compensator
     }
@@ -118,15 +126,38 @@ impl ChainCompensator {
         &self.last
     }
 
+    /// The values in force of the parameters that the chain learns, in their order; NaN behind the last.
+    pub fn learnt(&self) -> &[f64; MAX_LEARNT] {
+        &self.learnt
+    }
+
+    /// Sets the values of the learnt parameters, in their order; what is not finite stays as it is.
+    ///
+    /// The next command changes by what the new values ask for: whoever calls this makes the steps small.
+    ///
+    /// # Real-time
+    /// No allocation; only what has changed is computed anew.
+    pub fn set_learnt(&mut self, values: &[f64; MAX_LEARNT]) {
+        for (lane, &value) in values.iter().enumerate() {
+            // A lane without a parameter is NaN, and stays so.
+            if value.is_finite() && self.learnt[lane].is_finite() && value != self.learnt[lane] {
+                self.core.model.set(self.places[lane], value);
+                self.learnt[lane] = value;
+                self.j = pseudo_inverse(&self.core.model);
+            }
+        }
+    }
+
     /// What it remembers, for [`ChainCompensator::restore`]. Allocates nothing.
     pub fn memory(&self) -> ChainMemory {
         let InverseCore { memory: effects, friction, play, before, .. } = self.core;
-        ChainMemory { effects, friction, play, before, clock: self.clock, last: self.last }
+        ChainMemory { effects, friction, play, before, clock: self.clock, last: self.last, learnt: self.learnt }
     }
 
-    /// Forgets every step since this was its memory.
+    /// Forgets every step since this was its memory, and every value that was set since.
     pub fn restore(&mut self, memory: &ChainMemory) {
-        let ChainMemory { effects, friction, play, before, clock, last } = *memory;
+        let ChainMemory { effects, friction, play, before, clock, last, learnt } = *memory;
+        self.set_learnt(&learnt);
         (self.core.memory, self.core.friction, self.core.play, self.core.before) = (effects, friction, play, before);
         (self.clock, self.last) = (clock, last);
     }
@@ -207,6 +238,11 @@ impl ChainCompensator {
             status: wanted.status,
         }
     }
+}
+
+/// Of the chain's J_q.
+fn pseudo_inverse(model: &ChainModel<f64>) -> Matrix2x3<f64> {
+    Matrix2x3::from_fn(|k, i| model.divide[i][k])
 }
 
 /// The shape that the arc shall take.

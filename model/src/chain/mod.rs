@@ -35,6 +35,7 @@ mod elastic;
 mod equations;
 mod forward;
 mod inverse;
+mod learn;
 mod lines;
 mod model;
 mod plausible;
@@ -46,13 +47,15 @@ pub use circumstances::{ChainStatus, Circumstances};
 pub(crate) use delay::DelayLine;
 pub use forward::{Prediction, Predictor};
 pub use inverse::{ChainCompensator, ChainMemory, Command};
+pub use learn::{Learn, LearntParameter, MAX_LEARNT};
 pub use plausible::Implausible;
 pub use settings::{ChainError, ChainSettings, Columns, EffectSetting};
 pub use tangents::{CommandTangents, PredictionTangents, PredictorTangents};
 
 use crate::effects::formula::Formula;
 use crate::effects::prepared::Constants;
-use crate::effects::{EffectKind, Inverse, Needs, Real};
+use crate::effects::{Dual, EffectKind, Inverse, Needs, Real};
+use crate::hash::{self, ModelHash};
 use crate::parameters::in_range;
 use crate::{MachineParameters, Snake};
 use core::f64::consts::PI;
@@ -63,7 +66,9 @@ use std::sync::Arc;
 /// A checked chain. Building allocates; nothing that it builds does so in its steps.
 #[derive(Clone, Debug)]
 pub struct Chain {
+    machine: MachineParameters,
     effects: Vec<EffectSetting>,
+    learnt: Vec<LearntParameter>,
     formulas: Arc<Vec<Formula>>,
     model: ChainModel<f64>,
     settings: ChainSettings,
@@ -96,7 +101,8 @@ impl Chain {
         let value = |k: usize, j: usize| value_of(effects, k, j);
         let model = ChainModel::new(constants, effects, Arc::clone(&formulas), value)?;
         let max_bend_rad = max_bend_rad(&model, settings.strain_limit);
-        Ok(Self { effects: effects.to_vec(), formulas, model, settings, max_bend_rad })
+        let learnt = learn::learnt(effects)?;
+        Ok(Self { machine: *machine, effects: effects.to_vec(), learnt, formulas, model, settings, max_bend_rad })
     }
 
     /// The inverse: turns setpoints into actuator positions. Starts at rest at the straight pose.
@@ -125,7 +131,8 @@ impl Chain {
         &self,
         parameters: &[(usize, &str); K],
     ) -> Result<PredictorTangents<K>, ChainError> {
-        Ok(PredictorTangents::new(self, self.model_with_tangents(parameters)?))
+        let places = self.places(parameters)?;
+        Ok(PredictorTangents::new(self, self.model_with_tangents(&places)?, places))
     }
 
     /// The inverse with derivatives of the command with respect to K parameters, at the signs of motion of the inverse itself.
@@ -137,7 +144,34 @@ impl Chain {
         parameters: &[(usize, &str); K],
     ) -> Result<CommandTangents<K>, ChainError> {
         let plain = self.compensator()?;
-        Ok(CommandTangents::new(plain, self.model_with_tangents(parameters)?))
+        Ok(CommandTangents::new(plain, self.model_with_tangents(&self.places(parameters)?)?))
+    }
+
+    /// The forward model with derivatives by the parameters that it learns, in their order; the lanes behind them are zero.
+    ///
+    /// # Errors
+    /// None that building the chain would not have met.
+    pub fn learning_predictor(&self) -> Result<PredictorTangents<MAX_LEARNT>, ChainError> {
+        let mut places = [NOWHERE; MAX_LEARNT];
+        for (place, learnt) in places.iter_mut().zip(&self.learnt) {
+            *place = (learnt.effect, learnt.parameter);
+        }
+        Ok(PredictorTangents::new(self, self.model_with_tangents(&places)?, places))
+    }
+
+    /// The parameters that are learnt while the machine moves, in the order of the effects.
+    pub fn learnt(&self) -> &[LearntParameter] {
+        &self.learnt
+    }
+
+    /// The machine.
+    pub fn machine(&self) -> &MachineParameters {
+        &self.machine
+    }
+
+    /// Which model it is.
+    pub fn hash(&self) -> ModelHash {
+        hash::of_snake(&self.machine, self.settings, &self.effects)
     }
 
     /// The effects, in order.
@@ -160,11 +194,19 @@ impl Chain {
         outer_strain(&self.model.constants, bend_rad.norm())
     }
 
-    fn model_with_tangents<const K: usize>(
-        &self,
-        parameters: &[(usize, &str); K],
-    ) -> Result<ChainModel<crate::effects::Dual<K>>, ChainError> {
-        let mut places = [(0, 0); K];
+    fn model_with_tangents<const K: usize>(&self, places: &[Place; K]) -> Result<ChainModel<Dual<K>>, ChainError> {
+        let value = |k: usize, j: usize| {
+            let value = value_of(&self.effects, k, j);
+            match places.iter().position(|&place| place == (k, j)) {
+                Some(lane) => Dual::seed(value, lane),
+                None => Dual::constant(value),
+            }
+        };
+        ChainModel::new(self.model.constants, &self.effects, Arc::clone(&self.formulas), value)
+    }
+
+    fn places<const K: usize>(&self, parameters: &[(usize, &str); K]) -> Result<[Place; K], ChainError> {
+        let mut places = [NOWHERE; K];
         for (place, &(k, name)) in places.iter_mut().zip(parameters) {
             let effect = self.effects.get(k).ok_or_else(|| ChainError::UnknownParameter {
                 effect: format!("number {}", k + 1),
@@ -173,16 +215,14 @@ impl Chain {
             })?;
             *place = (k, effect.index(name).ok_or_else(|| effect.unknown(name))?);
         }
-        let value = |k: usize, j: usize| {
-            let value = value_of(&self.effects, k, j);
-            match places.iter().position(|&place| place == (k, j)) {
-                Some(lane) => crate::effects::Dual::seed(value, lane),
-                None => crate::effects::Dual::constant(value),
-            }
-        };
-        ChainModel::new(self.model.constants, &self.effects, Arc::clone(&self.formulas), value)
+        Ok(places)
     }
 }
+
+/// Where a parameter is: place of the effect in the chain, place in the effect.
+type Place = (usize, usize);
+/// Of a lane without a parameter.
+const NOWHERE: Place = (usize::MAX, 0);
 
 fn value_of(effects: &[EffectSetting], k: usize, j: usize) -> f64 {
     effects.get(k).and_then(|effect| effect.values().get(j)).copied().unwrap_or(0.0)

@@ -1,13 +1,13 @@
 //! A chain's constants, and the effects between actuators and encoders and between the arc and what is seen of it.
 //!
-//! Immutable after it is built; memory is passed in. One code for values, shape derivatives and parameter derivatives.
+//! Only its parameters can be set after it is built, in place; memory is passed in. One code for values, shape derivatives and parameter derivatives.
 
 use super::elastic::Backbones;
 use super::settings::{ChainError, EffectSetting};
 use super::stages::{Stage, Stages};
 use crate::effects::cone::{self, Rub};
 use crate::effects::prepared::{Constants, Now, Prepared};
-use crate::effects::{EffectKind, Real, Scalar, encoder, formula, formula_variables, geometry, shape};
+use crate::effects::{EffectKind, MAX_PARAMETERS, Real, Scalar, encoder, formula, formula_variables, geometry, shape};
 use std::sync::Arc;
 
 /// Numbers of memory that a chain can have: enough for every list of effects that is accepted (at most 24 + 9 + 14 times 6).
@@ -28,11 +28,15 @@ impl<P: Real> Memory<P> {
     }
 }
 
+type Raw<P> = (EffectKind, [P; MAX_PARAMETERS]);
+
 /// A chain's constants.
 #[derive(Clone, Debug)]
 pub(crate) struct ChainModel<P> {
     pub constants: Constants,
     pub stages: Stages<P>,
+    /// Each effect with its parameters as they were set.
+    raw: Vec<Raw<P>>,
     /// Whether steps with `FULL` false are enough: no effect acts anywhere but in the cone.
     pub short: bool,
     formulas: Arc<Vec<formula::Formula>>,
@@ -64,27 +68,21 @@ impl<P: Real> ChainModel<P> {
         formulas: Arc<Vec<formula::Formula>>,
         parameter: impl Fn(usize, usize) -> P,
     ) -> Result<Self, ChainError> {
-        let mut stages = Stages::new(effects, &formulas, &constants, &parameter)?;
-        let stiffness_nm2 = stages.take_scale() * P::constant(constants.bending_stiffness_nm2);
-        let first = |kind| effects.iter().position(|e| e.kind() == kind).map(|k| parameter(k, 0));
+        let stages = Stages::new(effects, &formulas, &constants, &parameter)?;
+        let raw: Vec<_> =
+            effects.iter().enumerate().map(|(k, e)| (e.kind(), core::array::from_fn(|n| parameter(k, n)))).collect();
         let zero = P::constant(0.0);
-        let preload = first(EffectKind::Preload).unwrap_or(zero);
-        let mut j = nominal_jacobian(constants.r_m);
-        let mut compliance = [P::constant(1.0); 3];
-        for (k, effect) in effects.iter().enumerate() {
-            let c: [P; crate::effects::MAX_PARAMETERS] = core::array::from_fn(|n| parameter(k, n));
-            geometry::shape_jacobian(effect.kind(), &c, &mut j, &mut compliance);
-        }
+        let first = |kind| first_of(&raw, kind);
+        let geometry = Geometry::of(&raw, &constants).ok_or(ChainError::Geometry)?;
         Ok(Self {
-            divide: pseudo_inverse_transposed(&j).ok_or(ChainError::Geometry)?,
-            // Load scales that come first are part of the stiffness.
-            backbones: Backbones::new(j, constants.l_m, stiffness_nm2),
-            c_d: compliance.map(|c| c * P::constant(constants.c_d_m_per_n)),
-            c_c: compliance.map(|c| c * P::constant(constants.c_c_m_per_n)),
+            backbones: Backbones::new(geometry.j, constants.l_m, stiffness(&stages, &raw, &constants)),
+            divide: geometry.divide,
+            c_d: geometry.c_d,
+            c_c: geometry.c_c,
             friction_at_snake: effects.iter().any(|e| e.kind() == EffectKind::DiskFriction),
             half_width: first(EffectKind::Backlash).unwrap_or(zero),
-            preload,
-            preload_m: preload * P::constant(constants.c_d_m_per_n + constants.c_c_m_per_n + constants.axial_m_per_n),
+            preload: first(EffectKind::Preload).unwrap_or(zero),
+            preload_m: preload_m(first(EffectKind::Preload).unwrap_or(zero), &constants),
             stall: first(EffectKind::Saturation),
             delay: first(EffectKind::Latency),
             constants,
@@ -92,7 +90,48 @@ impl<P: Real> ChainModel<P> {
             cone: cone::program(stages.of(Stage::Cone)),
             stages,
             formulas,
+            raw,
         })
+    }
+
+    /// Sets a parameter (place of the effect, place in the effect) and everything that follows from it. Allocates nothing.
+    ///
+    /// Values that would leave no lines to bend the snake with, which none within bounds does, change nothing.
+    pub(crate) fn set(&mut self, (k, j): (usize, usize), value: P) {
+        let Some((kind, own)) = self.raw.get_mut(k) else { return };
+        let (kind, before) = (*kind, own[j]);
+        own[j] = value;
+        let values = *own;
+        match kind {
+            EffectKind::RadiusError | EffectKind::UnequalLines => {
+                let Some(geometry) = Geometry::of(&self.raw, &self.constants) else {
+                    self.raw[k].1[j] = before;
+                    return;
+                };
+                (self.divide, self.c_d, self.c_c) = (geometry.divide, geometry.c_d, geometry.c_c);
+                let stiffness_nm2 = stiffness(&self.stages, &self.raw, &self.constants);
+                self.backbones = Backbones::new(geometry.j, self.constants.l_m, stiffness_nm2);
+            }
+            EffectKind::Backlash => self.half_width = value,
+            EffectKind::Preload => (self.preload, self.preload_m) = (value, preload_m(value, &self.constants)),
+            EffectKind::Saturation => self.stall = Some(value),
+            EffectKind::Latency => self.delay = Some(value),
+            EffectKind::StiffnessScale if self.stages.leading_scales().contains(&k) => {
+                let stiffness_nm2 = stiffness(&self.stages, &self.raw, &self.constants);
+                self.backbones = Backbones::new(self.backbones.j, self.constants.l_m, stiffness_nm2);
+            }
+            _ => {
+                self.stages.set(k, Prepared::constants(kind, &values, &self.constants));
+                if matches!(kind, EffectKind::ConeFriction | EffectKind::StaticFriction | EffectKind::StemCoupling) {
+                    cone::write_program(self.stages.of(Stage::Cone), &mut self.cone);
+                }
+            }
+        }
+    }
+
+    /// A parameter (place of the effect, place in the effect) as it was set last.
+    pub(crate) fn get(&self, (k, j): (usize, usize)) -> Option<P> {
+        self.raw.get(k).map(|(_, values)| values[j])
     }
 
     /// What the encoders read at true actuator positions, m.
@@ -184,6 +223,45 @@ fn finite<P, S: Real>(memory: &mut Memory<P>, now: &Now, value: Option<S>) -> S 
         memory.n_formula_faults += u64::from(now.commit);
         S::constant(0.0)
     })
+}
+
+/// First parameter of the first effect of a kind.
+fn first_of<P: Real>(raw: &[Raw<P>], kind: EffectKind) -> Option<P> {
+    raw.iter().find(|(own, _)| *own == kind).map(|(_, values)| values[0])
+}
+
+fn preload_m<P: Real>(preload: P, constants: &Constants) -> P {
+    preload * P::constant(constants.c_d_m_per_n + constants.c_c_m_per_n + constants.axial_m_per_n)
+}
+
+/// E I times the load scales that come first.
+fn stiffness<P: Real>(stages: &Stages<P>, raw: &[Raw<P>], constants: &Constants) -> P {
+    let scale = |product: P, &k: &usize| product * raw[k].1[0];
+    stages.leading_scales().iter().fold(P::constant(1.0), scale) * P::constant(constants.bending_stiffness_nm2)
+}
+
+/// What the effects on the geometry make of the lines.
+struct Geometry<P> {
+    j: [[P; 2]; 3],
+    divide: [[P; 2]; 3],
+    c_d: [P; 3],
+    c_c: [P; 3],
+}
+
+impl<P: Real> Geometry<P> {
+    fn of(raw: &[Raw<P>], constants: &Constants) -> Option<Self> {
+        let mut j = nominal_jacobian(constants.r_m);
+        let mut compliance = [P::constant(1.0); 3];
+        for (kind, values) in raw {
+            geometry::shape_jacobian(*kind, values, &mut j, &mut compliance);
+        }
+        Some(Self {
+            divide: pseudo_inverse_transposed(&j)?,
+            j,
+            c_d: compliance.map(|c| c * P::constant(constants.c_d_m_per_n)),
+            c_c: compliance.map(|c| c * P::constant(constants.c_c_m_per_n)),
+        })
+    }
 }
 
 /// q_i = -r (b_x cos g_i - b_y sin g_i), g_i = (i-1) 120 deg.

@@ -1,5 +1,6 @@
 //! What a chain is made of, checked: effects with parameter values, settings, columns; and what can be wrong with it.
 
+use super::learn::{Learn, refused};
 use crate::effects::{EffectKind, FormulaError, FormulaText, Hook, Inverse, MAX_PARAMETERS};
 use crate::{ParameterError, nearest_name};
 
@@ -8,6 +9,7 @@ use crate::{ParameterError, nearest_name};
 pub struct EffectSetting {
     kind: EffectKind,
     values: [f64; MAX_PARAMETERS],
+    learn: [Option<Learn>; MAX_PARAMETERS],
     formula: Option<FormulaText>,
 }
 
@@ -18,7 +20,7 @@ impl EffectSetting {
         for (value, parameter) in values.iter_mut().zip(kind.definition().parameters) {
             *value = parameter.default;
         }
-        Self { kind, values, formula: None }
+        Self { kind, values, learn: [None; MAX_PARAMETERS], formula: None }
     }
 
     /// The user's own effect.
@@ -27,7 +29,7 @@ impl EffectSetting {
         for (value, parameter) in values.iter_mut().zip(&formula.parameters) {
             *value = parameter.value;
         }
-        Self { kind: EffectKind::Formula, values, formula: Some(formula) }
+        Self { kind: EffectKind::Formula, values, learn: [None; MAX_PARAMETERS], formula: Some(formula) }
     }
 
     /// The same effect with another value of one parameter.
@@ -52,6 +54,52 @@ impl EffectSetting {
         }
         self.values[index] = value;
         Ok(self)
+    }
+
+    /// The same effect with one parameter to be learnt while the machine moves.
+    ///
+    /// # Errors
+    /// [`ChainError::UnknownParameter`], [`ChainError::NotLearnt`] for a parameter that cannot be learnt, and
+    /// [`ChainError::Learn`] for a standard deviation or a memory that is none.
+    pub fn with_learn(mut self, name: &str, learn: Learn) -> Result<Self, ChainError> {
+        let index = self.index(name).ok_or_else(|| self.unknown(name))?;
+        let spec = self.kind.definition().parameters.get(index);
+        if let Some(reason) = spec.and_then(|spec| spec.not_learnt) {
+            let (effect, key) = (self.label().to_owned(), name.to_owned());
+            return Err(ChainError::NotLearnt { effect, key, reason });
+        }
+        if let Some((what, found, expected)) = refused(&learn) {
+            let (effect, key) = (self.label().to_owned(), name.to_owned());
+            return Err(ChainError::Learn { effect, key, what, found, expected });
+        }
+        self.learn[index] = Some(learn);
+        Ok(self)
+    }
+
+    /// The same effect, of which nothing is learnt.
+    pub fn without_learning(&self) -> Self {
+        Self { learn: [None; MAX_PARAMETERS], ..self.clone() }
+    }
+
+    /// How a parameter is learnt while the machine moves, if it is.
+    pub fn learn(&self, name: &str) -> Option<Learn> {
+        *self.learn.get(self.index(name)?)?
+    }
+
+    /// How each parameter is learnt, in the order of the parameters.
+    pub(crate) fn learns(&self) -> &[Option<Learn>; MAX_PARAMETERS] {
+        &self.learn
+    }
+
+    /// Bounds of a parameter by its place: the definition's; a formula's have none.
+    pub(crate) fn bounds(&self, index: usize) -> (f64, f64) {
+        self.kind.definition().parameters.get(index).map_or((f64::MIN, f64::MAX), |spec| (spec.low, spec.high))
+    }
+
+    /// Unit of a parameter by its place; `1` for none.
+    pub(crate) fn unit(&self, index: usize) -> &str {
+        let own = || Some(self.formula.as_ref()?.parameters.get(index)?.unit.as_str());
+        self.kind.definition().parameters.get(index).map(|spec| spec.unit).or_else(own).unwrap_or("1")
     }
 
     /// Which effect it is.
@@ -176,6 +224,38 @@ pub enum ChainError {
         key: String,
         /// What was given.
         found: f64,
+    },
+    /// A parameter that shall be learnt and cannot be.
+    #[error("effect {effect}: {key} is {reason}, which cannot be learnt while the machine moves; remove its `learn`")]
+    NotLearnt {
+        /// The effect.
+        effect: String,
+        /// The parameter.
+        key: String,
+        /// Why not.
+        reason: &'static str,
+    },
+    /// How a parameter shall be learnt makes no sense.
+    #[error("effect {effect}: {key} shall be learnt with {what} = {found}, expected {expected}; correct it")]
+    Learn {
+        /// The effect.
+        effect: String,
+        /// The parameter.
+        key: String,
+        /// `sd` or `memory_s`.
+        what: &'static str,
+        /// What was given.
+        found: f64,
+        /// What makes sense.
+        expected: &'static str,
+    },
+    /// More parameters than can be learnt at once.
+    #[error("{found} parameters shall be learnt, expected at most {limit}; remove the `learn` of some")]
+    TooManyLearnt {
+        /// How many.
+        found: usize,
+        /// How many are possible.
+        limit: usize,
     },
     /// An effect has no such parameter.
     #[error("effect {effect} has no parameter {name:?}; did you mean {nearest}?")]

@@ -3,7 +3,7 @@
 use super::settings::{ChainError, EffectSetting};
 use crate::effects::formula::Formula;
 use crate::effects::prepared::{Constants, Prepared};
-use crate::effects::{EffectKind, Hook, Real};
+use crate::effects::{EffectKind, Hook, MAX_PARAMETERS, Real};
 
 /// The most effects in a chain.
 pub(crate) const MAX_EFFECTS: usize = 16;
@@ -65,6 +65,8 @@ impl Stage {
 #[derive(Clone, Debug)]
 pub(crate) struct Stages<P> {
     by_stage: [Vec<Prepared<P>>; Stage::ALL.len()],
+    /// Places of the load scales that come before all other effects on the moment.
+    leading_scales: Vec<usize>,
 }
 
 impl<P: Real> Stages<P> {
@@ -82,7 +84,7 @@ impl<P: Real> Stages<P> {
         let (mut n_states, mut n_formulas) = (0, 0);
         for (k, effect) in effects.iter().enumerate() {
             let values = core::array::from_fn(|j| parameter(k, j));
-            let prepared = Prepared::new(effect.kind(), &values, constants, n_states, n_formulas);
+            let prepared = Prepared::new(effect.kind(), k, &values, constants, n_states, n_formulas);
             let is_formula = effect.kind() == EffectKind::Formula;
             let hook = is_formula.then(|| formulas.get(n_formulas).map(|formula| formula.hook)).flatten();
             for (own, stage) in by_stage.iter_mut().zip(Stage::ALL) {
@@ -94,7 +96,10 @@ impl<P: Real> Stages<P> {
             n_states += effect.kind().definition().n_states;
             n_formulas += usize::from(is_formula);
         }
-        Ok(Self { by_stage })
+        let moment = &mut by_stage[Stage::Moment as usize];
+        let n = moment.iter().take_while(|e| e.kind == EffectKind::StiffnessScale).count();
+        let leading_scales = moment.drain(..n).map(|e| e.effect).collect();
+        Ok(Self { by_stage, leading_scales })
     }
 
     /// Whether no effect acts anywhere but in the cone.
@@ -114,10 +119,15 @@ impl<P: Real> Stages<P> {
         &self.by_stage[stage as usize]
     }
 
-    /// Takes the load scales out that come before all other effects on the moment, as one factor.
-    pub(crate) fn take_scale(&mut self) -> P {
-        let moment = &mut self.by_stage[Stage::Moment as usize];
-        let n = moment.iter().take_while(|e| e.kind == EffectKind::StiffnessScale).count();
-        moment.drain(..n).fold(P::constant(1.0), |product, e| product * e.c[0])
+    /// Places of the load scales that come before all other effects on the moment: they are part of the stiffness.
+    pub(crate) fn leading_scales(&self) -> &[usize] {
+        &self.leading_scales
+    }
+
+    /// Takes over other parameters of the effect at a place.
+    pub(crate) fn set(&mut self, effect: usize, c: [P; MAX_PARAMETERS]) {
+        for own in self.by_stage.iter_mut().flatten().filter(|own| own.effect == effect) {
+            own.c = c;
+        }
     }
 }

@@ -33,10 +33,14 @@ pub struct PredictorTangents<const K: usize> {
     seat_m: [Dual<K>; 3],
     delay: DelayLine<Dual<K>>,
     clock: Clock,
+    /// The solution, with tangents.
+    y: [Dual<K>; 3],
+    /// Where the parameters are.
+    places: [(usize, usize); K],
 }
 
 impl<const K: usize> PredictorTangents<K> {
-    pub(super) fn new(chain: &super::Chain, model: ChainModel<Dual<K>>) -> Self {
+    pub(super) fn new(chain: &super::Chain, model: ChainModel<Dual<K>>, places: [(usize, usize); K]) -> Self {
         let mut memory = Memory::straight();
         let now = Clock::default().now(&Circumstances::at(0.0));
         let y = [Dual::constant(0.0), Dual::constant(0.0), model.preload];
@@ -49,7 +53,40 @@ impl<const K: usize> PredictorTangents<K> {
             memory,
             delay: DelayLine::new(),
             clock: Clock::default(),
+            y,
+            places,
         }
+    }
+
+    /// Sets the parameters, in the order of the lanes, and moves everything that is remembered to where it would be, to first
+    /// order, had the values been these all along. A value that is not finite, and a lane without a parameter, stay as they are.
+    ///
+    /// # Real-time
+    /// No allocation.
+    pub fn set_parameters(&mut self, values: &[f64; K]) {
+        let mut moved = [0.0; K];
+        for (lane, (&place, &value)) in self.places.iter().zip(values).enumerate() {
+            let Some(before) = self.model.get(place).map(Dual::value).filter(|before| *before != value) else {
+                continue;
+            };
+            if value.is_finite() {
+                moved[lane] = value - before;
+                self.model.set(place, Dual::seed(value, lane));
+                self.plain.model.set(place, value);
+            }
+        }
+        if moved == [0.0; K] {
+            return;
+        }
+        let by = |x: &mut Dual<K>| x.value += x.tangent.iter().zip(&moved).map(|(t, m)| t * m).sum::<f64>();
+        self.memory.states.iter_mut().chain(&mut self.p_m).chain(&mut self.seat_m).chain(&mut self.y).for_each(by);
+        let values = |of: &[Dual<K>; 3]| of.map(Dual::value);
+        self.plain.take_over(
+            self.memory.states.map(Dual::value),
+            values(&self.p_m),
+            values(&self.seat_m),
+            values(&self.y),
+        );
     }
 
     /// The shape for the next readings of the encoders, m, and its derivatives.
@@ -63,6 +100,7 @@ impl<const K: usize> PredictorTangents<K> {
         let reading = [0, 1, 2].map(|i| Dual::constant(reading_m[i]));
         self.p_m = actuators(&self.model, &mut self.memory, reading, &self.p_m, &now);
         let y = self.solution(&now);
+        self.y = y;
         let now = Now { commit: true, ..now };
         self.seat_m = Ends::of::<true, Dual<K>>(&self.model, &mut self.memory, y, &now).seat;
         let shape = self.model.observe(&mut self.memory, [y[0], y[1]], &now);

@@ -22,8 +22,15 @@ pub(crate) struct Rub<P> {
 
 /// The frictions of a list of effects, in order; a force and the capstan behind it are one.
 pub(crate) fn program<P: Real>(effects: &[Prepared<P>]) -> Vec<Rub<P>> {
+    let mut program = Vec::with_capacity(effects.len());
+    write_program(effects, &mut program);
+    program
+}
+
+/// The same into a list that has room for all of them.
+pub(crate) fn write_program<P: Real>(effects: &[Prepared<P>], program: &mut Vec<Rub<P>>) {
     let (zero, one) = (P::constant(0.0), P::constant(1.0));
-    let mut program: Vec<Rub<P>> = Vec::new();
+    program.clear();
     for e in effects {
         let own = Rub { force: zero, more: one, less: one, per_stem_rad: zero };
         let own = match e.kind {
@@ -37,7 +44,6 @@ pub(crate) fn program<P: Real>(effects: &[Prepared<P>]) -> Vec<Rub<P>> {
             None => program.push(own),
         }
     }
-    program
 }
 
 /// The passages of one line through all frictions, for its loads in the holder.
@@ -183,7 +189,7 @@ mod tests {
         let prepared = |kind: &EffectKind| {
             let mut values = [0.0; MAX_PARAMETERS];
             values[0] = if *kind == EffectKind::StaticFriction { F_S_N } else { MU };
-            Prepared::new(*kind, &values, &machine, 0, 0)
+            Prepared::new(*kind, 0, &values, &machine, 0, 0)
         };
         let program = program(&kinds.iter().map(prepared).collect::<Vec<_>>());
         let now = Now {

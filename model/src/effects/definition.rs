@@ -168,6 +168,15 @@ pub struct ParameterSpec {
     pub default: f64,
     /// What it is and where the default comes from.
     pub source: &'static str,
+    /// Why it cannot be learnt while the machine moves, if it cannot.
+    pub not_learnt: Option<&'static str>,
+}
+
+impl ParameterSpec {
+    /// The same, which cannot be learnt while the machine moves, and why.
+    pub(crate) const fn fixed(self, reason: &'static str) -> Self {
+        Self { not_learnt: Some(reason), ..self }
+    }
 }
 
 /// One effect.
@@ -200,7 +209,7 @@ pub(crate) const fn parameter(
     default: f64,
     source: &'static str,
 ) -> ParameterSpec {
-    ParameterSpec { name, unit, low: bounds[0], high: bounds[1], default, source }
+    ParameterSpec { name, unit, low: bounds[0], high: bounds[1], default, source, not_learnt: None }
 }
 
 pub(crate) const fn effect(name: &'static str, hook: Hook, class: Class, equation: &'static str) -> Definition {

@@ -46,7 +46,7 @@ pub(super) static LEAD_SCREW_ERROR: Definition = Definition {
     repeatable: true,
     parameters: &[
         parameter("amplitude_m", "m", [0.0, 5e-5], 1e-5, "2 to 20 um, unverified; the reading stays monotone"),
-        parameter("pitch_m", "m", [5e-4, 0.01], 1e-3, "0.5 to 2 mm, unverified"),
+        parameter("pitch_m", "m", [5e-4, 0.01], 1e-3, "0.5 to 2 mm, unverified").fixed("a period"),
         parameter("phase1_rad", "rad", [-3.15, 3.15], 0.0, "phase of screw 1"),
         parameter("phase2_rad", "rad", [-3.15, 3.15], 0.0, "phase of screw 2"),
         parameter("phase3_rad", "rad", [-3.15, 3.15], 0.0, "phase of screw 3"),
@@ -61,7 +61,8 @@ pub(super) static LEAD_SCREW_ERROR: Definition = Definition {
 
 pub(super) static SATURATION: Definition = Definition {
     inverse: Inverse::None("an actuator at its force limit follows no command; limit the workspace instead"),
-    parameters: &[parameter("limit_n", "N", [0.1, 1000.0], 25.0, "force at which an actuator stalls; a start value")],
+    parameters: &[parameter("limit_n", "N", [0.1, 1000.0], 25.0, "force at which an actuator stalls; a start value")
+        .fixed("a threshold")],
     ..effect("saturation", Hook::Cmd, Class::Clipped, "the actuator stays behind where |tau~| would exceed limit")
 };
 

@@ -24,7 +24,8 @@ pub(super) static BOUC_WEN: Definition = Definition {
     repeatable: true,
     parameters: &[
         parameter("amplitude_m", "m", [0.0, 2e-3], 9e-5, "extension at saturation; the measured play's half-width"),
-        parameter("transition_m", "m", [1e-6, 5e-3], 1e-4, "travel of q over which it builds up; a start value"),
+        parameter("transition_m", "m", [1e-6, 5e-3], 1e-4, "travel of q over which it builds up; a start value")
+            .fixed("a threshold"),
         parameter("gamma", "1", [-1.0, 0.5], 0.0, "asymmetry of loading and unloading; beta = 1 - gamma"),
     ],
     ..effect(
@@ -38,7 +39,7 @@ pub(super) static BOUC_WEN: Definition = Definition {
 pub(super) static PRANDTL_ISHLINSKII: Definition = Definition {
     n_states: 24,
     parameters: &[
-        parameter("reach_m", "m", [1e-6, 5e-3], 5e-4, "largest threshold; a start value"),
+        parameter("reach_m", "m", [1e-6, 5e-3], 5e-4, "largest threshold; a start value").fixed("a threshold"),
         parameter("w1", "1", [0.0, 5.0], 0.04, "weight of threshold 1/8 reach; a start value"),
         parameter("w2", "1", [0.0, 5.0], 0.04, "weight of threshold 2/8 reach; a start value"),
         parameter("w3", "1", [0.0, 5.0], 0.04, "weight of threshold 3/8 reach; a start value"),
@@ -99,7 +100,8 @@ pub(super) static THERMAL_DRIFT: Definition = Definition {
         parameter("line1_m_per_k", "m/K", [-1e-4, 1e-4], 5.28e-6, "expansion of line 1: 11e-6/K times 480 mm"),
         parameter("line2_m_per_k", "m/K", [-1e-4, 1e-4], 5.28e-6, "expansion of line 2"),
         parameter("line3_m_per_k", "m/K", [-1e-4, 1e-4], 5.28e-6, "expansion of line 3"),
-        parameter("reference_c", "deg C", [-20.0, 100.0], 20.0, "temperature at calibration, where the column exists"),
+        parameter("reference_c", "deg C", [-20.0, 100.0], 20.0, "temperature at calibration, where the column exists")
+            .fixed("a reference"),
         parameter("rise_k", "K", [-100.0, 100.0], 17.0, "final rise, where the column is missing; room to body"),
         parameter("rise_time_s", "s", [1.0, 1e5], 600.0, "time of the rise; a start value"),
     ],

@@ -87,8 +87,9 @@ pub(super) static STRIBECK_FRICTION: Definition = Definition {
     parameters: &[
         parameter("f_c_n", "N", [0.0, 20.0], 1.0, "sliding friction; 0.5 to 2 N, unverified"),
         parameter("breakaway", "1", [1.0, 2.0], 1.3, "F_s/F_c at rest; 1.1 to 1.5, unverified"),
-        parameter("presliding_m", "m", [1e-6, 1e-3], 3e-5, "F_c / s0; 10 to 50 um, unverified"),
-        parameter("v_s_m_per_s", "m/s", [1e-5, 0.1], 3e-4, "Stribeck speed; 0.1 to 1 mm/s, unverified"),
+        parameter("presliding_m", "m", [1e-6, 1e-3], 3e-5, "F_c / s0; 10 to 50 um, unverified").fixed("a threshold"),
+        parameter("v_s_m_per_s", "m/s", [1e-5, 0.1], 3e-4, "Stribeck speed; 0.1 to 1 mm/s, unverified")
+            .fixed("a threshold"),
     ],
     ..effect(
         "stribeck-friction",

@@ -20,7 +20,8 @@ pub(super) static SUPERELASTIC_SOFTENING: Definition = Definition {
         parameter("strain", "1", [0.002, 0.05], 0.01, "outer strain eps_t at which austenite ends; 0.5 to 1 %"),
         parameter("a", "1", [0.0, 1.5], 1.25, "fit of the bent tube's integral, within 2 % up to 180 deg"),
         parameter("flag", "1", [0.0, 0.3], 0.0, "relative growth of a while the bend decreases (lower plateau)"),
-        parameter("turn_rad", "rad", [1e-4, 0.2], 0.02, "change of bend over which the branch changes"),
+        parameter("turn_rad", "rad", [1e-4, 0.2], 0.02, "change of bend over which the branch changes")
+            .fixed("a threshold"),
     ],
     ..effect(
         "superelastic-softening",

@@ -11,6 +11,8 @@ pub const MAX_PARAMETERS: usize = 10;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Prepared<P> {
     pub kind: EffectKind,
+    /// Its place in the chain.
+    pub effect: usize,
     /// Parameters in the order of the definition, some replaced by constants that follow from them.
     pub c: [P; MAX_PARAMETERS],
     /// Where its memory begins.
@@ -66,11 +68,21 @@ impl<P: Real> Prepared<P> {
     /// Turns parameters into constants where that saves work in the steps.
     pub(crate) fn new(
         kind: EffectKind,
+        effect: usize,
         parameters: &[P; MAX_PARAMETERS],
         machine: &Constants,
         state: usize,
         formula: usize,
     ) -> Self {
+        Self { kind, effect, c: Self::constants(kind, parameters, machine), state, formula }
+    }
+
+    /// Parameters as the steps use them.
+    pub(crate) fn constants(
+        kind: EffectKind,
+        parameters: &[P; MAX_PARAMETERS],
+        machine: &Constants,
+    ) -> [P; MAX_PARAMETERS] {
         let mut c = *parameters;
         match kind {
             EffectKind::ConeFriction => {
@@ -86,6 +98,6 @@ impl<P: Real> Prepared<P> {
             }
             _ => {}
         }
-        Self { kind, c, state, formula }
+        c
     }
 }

@@ -44,6 +44,7 @@ const JOINT: ParameterSpec = ParameterSpec {
     high: MAX_JOINTS as f64,
     default: 0.0,
     source: "which joint, counted from 1; 0: every joint",
+    not_learnt: Some("an index"),
 };
 
 /// What an effect's step is given.

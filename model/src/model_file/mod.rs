@@ -11,6 +11,8 @@
 //! # Ok::<(), krait_model::model_file::ModelFileError>(())
 //! ```
 
+mod assumed;
+mod built_in;
 mod error;
 mod history;
 mod machine;
@@ -18,11 +20,14 @@ mod read;
 mod read_effect;
 mod write;
 
+pub use assumed::{Assumed, assumed};
+pub use built_in::{BUILT_IN, built_in};
 pub use error::ModelFileError;
 pub use history::{HeldOutRms, HistoryEntry};
 pub use machine::{Joints, Known, Machine, SnakeMachine};
 pub use write::documented_defaults;
 
+use crate::hash::{self, ModelHash};
 use crate::joints::JointChain;
 use crate::{Chain, ChainError, Columns, EffectSetting, Snake};
 
@@ -143,6 +148,21 @@ impl ModelFile {
         let Machine::Joints(joints) = &self.machine else { return Ok(None) };
         let effects: Vec<EffectSetting> = self.effects.iter().map(|e| e.setting.clone()).collect();
         JointChain::new(joints, &effects, columns).map(Some)
+    }
+
+    /// Which model it is: a hash of the machine, the effects with their values, and what is learnt; not of the history.
+    pub fn hash(&self) -> ModelHash {
+        let effects: Vec<EffectSetting> = self.effects.iter().map(|e| e.setting.clone()).collect();
+        match &self.machine {
+            Machine::Snake(snake) => hash::of_snake(&snake.parameters, snake.settings, &effects),
+            Machine::Joints(joints) => hash::of_joints(joints, &effects),
+        }
+    }
+
+    /// The same model, of which nothing is learnt.
+    pub fn without_learning(&self) -> Self {
+        let still = |effect: &FileEffect| FileEffect { setting: effect.setting.without_learning(), ..effect.clone() };
+        Self { effects: self.effects.iter().map(still).collect(), ..self.clone() }
     }
 
     /// The file's text, with every value of every effect.

@@ -45,7 +45,7 @@ fn machine(section: &Section) -> Result<Machine, ModelFileError> {
 }
 
 fn snake(section: &Section) -> Result<SnakeMachine, ModelFileError> {
-    let mut known = vec!["kind"];
+    let mut known = vec!["kind", "lines"];
     known.extend(SNAKE_KEYS.iter().map(|key| key.name));
     section.only(&known)?;
     let mut machine = SnakeMachine::default();
@@ -53,6 +53,13 @@ fn snake(section: &Section) -> Result<SnakeMachine, ModelFileError> {
         if let Some(given) = section.number(key.name)? {
             (key.set)(&mut machine, given.value);
         }
+    }
+    if let Some(lines) = section.text("lines")? {
+        machine.parameters.rigid_lines = match lines.value.as_str() {
+            "elastic" => false,
+            "rigid" => true,
+            _ => return Err(lines.unknown("lines", ["elastic", "rigid"])),
+        };
     }
     let checked = Snake::new(&machine.parameters)
         .map(|_| ())

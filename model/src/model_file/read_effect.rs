@@ -5,7 +5,10 @@ use super::read::Section;
 use super::{FileEffect, ModelFileError, Origin};
 use crate::effects::{EffectKind, FormulaParameter, FormulaText, Hook};
 use crate::joints::JointEffect;
-use crate::{ChainError, EffectSetting};
+use crate::{ChainError, EffectSetting, Learn};
+
+/// How long a learnt parameter takes to drift by its standard deviation where the file does not say, s.
+const DEFAULT_MEMORY_S: f64 = 3600.0;
 
 /// Reads one effect.
 pub(super) fn effect(section: &Section, machine: &Machine) -> Result<FileEffect, ModelFileError> {
@@ -45,9 +48,13 @@ fn named(section: &Section, kind: EffectKind) -> Result<FileEffect, ModelFileErr
     let mut setting = EffectSetting::new(kind);
     let mut origins = Vec::new();
     for parameter in parameters {
-        let Some((value, origin)) = value(section, parameter.name, None)? else { continue };
-        setting = setting.with(parameter.name, value).map_err(|source| chain(section, parameter.name, source))?;
-        origins.extend(origin);
+        let Some(given) = value(section, parameter.name, None)? else { continue };
+        let refused = |source| chain(section, parameter.name, source);
+        setting = setting.with(parameter.name, given.value).map_err(refused)?;
+        if let Some(learn) = given.learn {
+            setting = setting.with_learn(parameter.name, learn).map_err(refused)?;
+        }
+        origins.extend(given.origin);
     }
     with_origins(section, setting, origins)
 }
@@ -61,20 +68,24 @@ fn formula(section: &Section, hooks: &[&str]) -> Result<FileEffect, ModelFileErr
     let Some(hook) = Hook::from_word(&hook.value) else {
         return Err(hook.unknown("hook", hooks.iter().copied()));
     };
-    let (mut parameters, mut origins) = (Vec::new(), Vec::new());
+    let (mut parameters, mut origins, mut learns) = (Vec::new(), Vec::new(), Vec::new());
     if let Some(params) = section.section("params")? {
         for key in params.keys() {
             let mut unit = "1".to_owned();
-            let Some((value, origin)) = value(&params, key, Some(&mut unit))? else { continue };
+            let Some(Value { value, origin, learn }) = value(&params, key, Some(&mut unit))? else { continue };
             if !value.is_finite() {
                 let source = ChainError::NotFinite { name: name.clone(), key: key.to_owned(), found: value };
                 return Err(chain(&params, key, source));
             }
             parameters.push(FormulaParameter { name: key.to_owned(), value, unit });
             origins.extend(origin);
+            learns.extend(learn.map(|learn| (key.to_owned(), learn)));
         }
     }
-    let setting = EffectSetting::formula(FormulaText { name, hook, text: expression, parameters });
+    let mut setting = EffectSetting::formula(FormulaText { name, hook, text: expression, parameters });
+    for (key, learn) in learns {
+        setting = setting.with_learn(&key, learn).map_err(|source| chain(section, "params", source))?;
+    }
     with_origins(section, setting, origins)
 }
 
@@ -87,25 +98,28 @@ fn with_origins(section: &Section, setting: EffectSetting, origins: Vec<Origin>)
     Ok(effect)
 }
 
-/// A parameter: a number, or a table with its value, where it comes from and, for formulas, its unit.
-fn value(
-    section: &Section,
-    key: &str,
-    unit: Option<&mut String>,
-) -> Result<Option<(f64, Option<Origin>)>, ModelFileError> {
+/// What stands behind a parameter's name.
+struct Value {
+    value: f64,
+    origin: Option<Origin>,
+    learn: Option<Learn>,
+}
+
+/// A parameter: a number, or a table with its value, how it is learnt, where it comes from and, for formulas, its unit.
+fn value(section: &Section, key: &str, unit: Option<&mut String>) -> Result<Option<Value>, ModelFileError> {
     let Some(given) = section.get(key) else { return Ok(None) };
     if !given.get_ref().is_table() {
-        return Ok(section.number(key)?.map(|number| (number.value, None)));
+        return Ok(section.number(key)?.map(|number| Value { value: number.value, origin: None, learn: None }));
     }
     let Some(table) = section.section(key)? else { return Ok(None) };
     match unit {
         Some(unit) => {
-            table.only(&["value", "unit", "se", "from", "date"])?;
+            table.only(&["value", "unit", "learn", "se", "from", "date"])?;
             if let Some(given) = table.text("unit")? {
                 *unit = given.value;
             }
         }
-        None => table.only(&["value", "se", "from", "date"])?,
+        None => table.only(&["value", "learn", "se", "from", "date"])?,
     }
     let number = table.number("value")?.ok_or_else(|| table.missing("value", "a number"))?;
     let origin = Origin {
@@ -114,8 +128,17 @@ fn value(
         from: table.text("from")?.map(|from| from.value),
         date: table.text("date")?.map(|date| date.value),
     };
+    let learn = match table.section("learn")? {
+        Some(learn) => {
+            learn.only(&["sd", "memory_s"])?;
+            let sd = learn.number("sd")?.ok_or_else(|| learn.missing("sd", "a standard deviation"))?.value;
+            let memory_s = learn.number("memory_s")?.map_or(DEFAULT_MEMORY_S, |given| given.value);
+            Some(Learn { sd, memory_s })
+        }
+        None => None,
+    };
     let fitted = origin.se.is_some() || origin.from.is_some() || origin.date.is_some();
-    Ok(Some((number.value, fitted.then_some(origin))))
+    Ok(Some(Value { value: number.value, origin: fitted.then_some(origin), learn }))
 }
 
 fn chain(section: &Section, key: &str, source: ChainError) -> ModelFileError {

@@ -2,9 +2,9 @@
 
 use super::machine::{Joints, Known, Machine, SNAKE_KEYS, SnakeMachine};
 use super::{FileEffect, HistoryEntry, MODEL_FILE_FORMAT, ModelFile, Origin};
-use crate::EffectSetting;
 use crate::effects::{Definition, EffectKind, FORMULA_VARIABLES, Inverse};
 use crate::joints::JointEffect;
+use crate::{EffectSetting, Learn};
 
 /// The text of a model file.
 pub(super) fn to_toml(file: &ModelFile, documented: bool) -> String {
@@ -20,17 +20,23 @@ pub(super) fn to_toml(file: &ModelFile, documented: bool) -> String {
     out.text
 }
 
-/// A snake's model file with every effect that has a name, each with its defaults and what they mean, and a formula; behind
-/// it the same for joints, as comments, because a file describes one machine.
+/// A snake's model file that names every key of the machine, and as comments every effect with its defaults and what they
+/// mean, the variables of formulas, and the same for joints.
 ///
-/// It is there to be read and copied from; as a whole it is no model of anything.
+/// As it stands it is a model of elastic lines alone; an effect is added by taking its `#` away.
 pub fn documented_defaults() -> String {
     let mut out = Out { text: String::new(), documented: true };
     out.line(&format!("format = {MODEL_FILE_FORMAT}"), "the only format there is");
     out.line("\n[machine]", "");
     out.snake(&SnakeMachine::default());
+    out.comment("\nEvery effect with its defaults; take the `# ` away from the lines of those that the machine has. A parameter is");
+    out.comment("learnt while the machine moves with, for example, `eta = { value = 1.0, learn = { sd = 0.3, memory_s = 3600.0 } }`.");
+    let mut effects = Out { text: String::new(), documented: true };
     for kind in EffectKind::ALL.into_iter().filter(|kind| *kind != EffectKind::Formula) {
-        out.effect(&FileEffect::new(EffectSetting::new(kind)));
+        effects.effect(&FileEffect::new(EffectSetting::new(kind)));
+    }
+    for line in effects.text.lines() {
+        out.comment(line);
     }
     out.comment("\n[[effect]]: formula, the user's own; variables:");
     for variable in FORMULA_VARIABLES {
@@ -85,6 +91,11 @@ impl Out {
 
     fn snake(&mut self, snake: &SnakeMachine) {
         self.line("kind = \"snake\"", "or \"joints\"");
+        let lines = if snake.parameters.rigid_lines { "rigid" } else { "elastic" };
+        self.line(
+            &format!("lines = {}", text(lines)),
+            "elastic; or rigid: they give nothing under load, so that no command is compensated for them",
+        );
         for key in &SNAKE_KEYS {
             let default = number((key.get)(&SnakeMachine::default()));
             self.line(
@@ -130,16 +141,19 @@ impl Out {
             let parameters: Vec<String> = formula
                 .parameters
                 .iter()
-                .map(|p| format!("{} = {}", p.name, table(p.value, Some(&p.unit), effect.origin(&p.name))))
+                .map(|p| {
+                    let learn = setting.learn(&p.name);
+                    format!("{} = {}", p.name, table(p.value, Some(&p.unit), learn, effect.origin(&p.name)))
+                })
                 .collect();
             self.line(&format!("params = {{ {} }}", parameters.join(", ")), "");
             return;
         }
         for parameter in definition.parameters {
             let value = setting.value(parameter.name).unwrap_or(parameter.default);
-            let shown = match effect.origin(parameter.name) {
-                Some(origin) => table(value, None, Some(origin)),
-                None => number(value),
+            let shown = match (effect.origin(parameter.name), setting.learn(parameter.name)) {
+                (None, None) => number(value),
+                (origin, learn) => table(value, None, learn, origin),
             };
             let doc = format!(
                 "{}, {} to {}, default {}: {}",
@@ -178,10 +192,13 @@ fn about(definition: &Definition) -> String {
     format!("hook {}, {}; inverse: {inverse}", definition.hook.word(), definition.class.label())
 }
 
-fn table(value: f64, unit: Option<&str>, origin: Option<&Origin>) -> String {
+fn table(value: f64, unit: Option<&str>, learn: Option<Learn>, origin: Option<&Origin>) -> String {
     let mut shown = format!("{{ value = {}", number(value));
     if let Some(unit) = unit {
         shown += &format!(", unit = {}", text(unit));
+    }
+    if let Some(Learn { sd, memory_s }) = learn {
+        shown += &format!(", learn = {{ sd = {}, memory_s = {} }}", number(sd), number(memory_s));
     }
     if let Some(origin) = origin {
         if let Some(se) = origin.se {
@@ -210,7 +227,7 @@ fn known(values: &[f64], known: &[Known]) -> Option<String> {
         Known::Absent | Known::Free => "\"free\"".to_owned(),
         Known::Fitted { se, from, date } => {
             let origin = Origin { parameter: String::new(), se: Some(*se), from: from.clone(), date: date.clone() };
-            table(*value, None, Some(&origin))
+            table(*value, None, None, Some(&origin))
         }
     };
     let all: Vec<String> = values.iter().zip(known).map(one).collect();

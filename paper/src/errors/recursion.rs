@@ -3,6 +3,7 @@
 use super::{Finding, number};
 use crate::table3::Table3;
 use krait_model::Snake;
+use krait_model::oracle::F_S_N;
 use nalgebra::{Matrix2, Matrix3x2, Vector2, Vector3};
 
 /// The paper's sigma on epsilon for 1 deg, m.
@@ -30,7 +31,7 @@ pub fn covariance_of_eq_19(snake: &Snake, table: &Table3) -> Finding {
 pub fn units_of_eq_20(snake: &Snake, table: &Table3) -> Finding {
     // In the paper's units, N and mm.
     let (k_d, k_c) = (snake.k_d_n_per_m() * 1e-3, snake.k_c_n_per_m() * 1e-3);
-    let (g, f_s) = (snake.capstan(), snake.f_s_n());
+    let (g, f_s) = (snake.capstan(), F_S_N);
     let as_printed = solve(snake, table, false, |tau, s| (Vector2::new((k_d + g * k_c) * tau, 1.0), g * f_s * s.abs()));
     let corrected =
         solve(snake, table, true, |tau, s| (Vector2::new((1.0 / k_d + g / k_c) * tau, s), g * f_s / k_c * s));

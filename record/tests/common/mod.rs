@@ -3,8 +3,8 @@
 
 use krait_ipc::Process;
 use krait_ipc::message::{
-    Command, Health, HopStamps, MARKER_TEXT_MAX, Marker, ModelUpdate, N_REASONS_MAX, OperatorInput, ReasonRecord,
-    Setpoint, Shape, SlaveState, StateCommand,
+    Command, Health, HopStamps, LearntValue, MARKER_TEXT_MAX, Marker, ModelUpdate, N_REASONS_MAX, OperatorInput,
+    ReasonRecord, Setpoint, Shape, SlaveState, StateCommand,
 };
 use krait_schema::{Channel, ChannelCounts, RecorderStatus, Sample};
 use std::ops::Deref;
@@ -34,6 +34,7 @@ number! {
     i64: |w: u64| w as i64, |x: i64| x as u64;
     u32: |w: u64| w as u32, u64::from;
     i16: |w: u64| w as i16, |x: i16| x as u64;
+    u16: |w: u64| w as u16, u64::from;
     u8: |w: u64| w as u8, u64::from;
     f64: f64::from_bits, f64::to_bits;
 }
@@ -73,11 +74,11 @@ fields! {
     }
     Setpoint {
         sequence, sample_ns, stamps, input_sequence, state_sequence, bend_rad, bend_vel_rad_per_s, q_tilde_vel_m_per_s,
-        tip_pos_in_base_m, motion_scale, phase, reserved, reasons
+        tip_pos_in_base_m, motion_scale, model_hash, phase, reserved, reasons
     }
     Command {
         sequence, sample_ns, stamps, setpoint_sequence, input_sequence, state_sequence, model_update_sequence, bend_rad,
-        q_uncompensated_m, q_tilde_m, q_tilde_vel_m_per_s, eta, lambda_m, model_version, compensation, phase, reasons
+        q_uncompensated_m, q_tilde_m, q_tilde_vel_m_per_s, model_hash, learnt, n_learnt, phase, reasons
     }
     SlaveState {
         sequence, sample_ns, stamps, command_sequence, operating_state, flags, desired_state, n_stops,
@@ -86,9 +87,10 @@ fields! {
     StateCommand { sequence, sample_ns, transition, sender_pid }
     Shape { sequence, sample_ns, available_ns, bend_rad, theta_l_rad, delta_rad, sigma_bend_rad, q_tilde_m }
     ModelUpdate {
-        sequence, sample_ns, shape_sequence, eta, lambda_m, eta_sd, lambda_sd_m, innovation_rms_m, n_used, n_left_out,
-        n_changes, changed_ns, change_kind, is_watching
+        sequence, sample_ns, shape_sequence, state_sequence, n_states, model_hash, innovation_rms_rad, n_used,
+        n_left_out, n_changes, changed_ns, change_kind, is_watching, n_learnt, reserved, learnt
     }
+    LearntValue { value, sd, effect, parameter, state, tied_to }
     ReasonRecord { count, worst, newest, limit }
     Health {
         sequence, sample_ns, pid, reserved, n_received, n_sent, n_lost, n_refused, reasons_now, reasons_ever, records
@@ -159,8 +161,9 @@ pub fn plausible(channel: Channel, sequence: u64, sample_ns: i64) -> Sample {
         }
         Sample::Command(command) => {
             *command = Command { stamps, setpoint_sequence: sequence, state_sequence: sequence - 1, ..*command };
-            (command.model_update_sequence, command.model_version) = (sequence / 60, 1);
-            (command.compensation, command.phase, command.reasons) = (2, 1, 0);
+            (command.model_update_sequence, command.n_learnt) = (sequence / 60, 3);
+            command.learnt[3..].fill(f64::NAN);
+            (command.phase, command.reasons) = (1, 0);
         }
         Sample::State(state) => {
             *state = SlaveState { stamps, command_sequence: sequence - 1, operating_state: 1, flags: 5, ..*state };
@@ -172,6 +175,8 @@ pub fn plausible(channel: Channel, sequence: u64, sample_ns: i64) -> Sample {
         }
         Sample::ModelUpdate(update) => {
             (update.shape_sequence, update.n_used, update.n_left_out) = (sequence, sequence, 2);
+            update.n_learnt = 2;
+            update.learnt[2..].fill(LearntValue::default());
         }
         Sample::Health(_, health) => {
             **health = Health { sequence, sample_ns, pid: 4711, n_received: sequence * 400, ..Health::default() };

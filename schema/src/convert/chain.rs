@@ -3,7 +3,9 @@
 
 use super::{Mirrored, bend, from_bend, from_lines, from_vector3, lines, vector3};
 use crate::proto;
-use krait_ipc::message::{Command, HopStamps, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState, StateCommand};
+use krait_ipc::message::{
+    Command, HopStamps, LearntValue, MAX_LEARNT, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState, StateCommand,
+};
 
 impl Mirrored for OperatorInput {
     type Mirror = proto::OperatorInput;
@@ -61,6 +63,7 @@ impl Mirrored for Setpoint {
             q_tilde_vel_m_per_s: lines(self.q_tilde_vel_m_per_s),
             tip_pos_in_base_m: vector3(self.tip_pos_in_base_m),
             motion_scale: self.motion_scale,
+            model_hash: self.model_hash,
             phase: self.phase.cast_signed(),
             reserved: self.reserved,
             reasons: self.reasons,
@@ -79,6 +82,7 @@ impl Mirrored for Setpoint {
             q_tilde_vel_m_per_s: from_lines(mirror.q_tilde_vel_m_per_s),
             tip_pos_in_base_m: from_vector3(mirror.tip_pos_in_base_m),
             motion_scale: mirror.motion_scale,
+            model_hash: mirror.model_hash,
             phase: mirror.phase.cast_unsigned(),
             reserved: mirror.reserved,
             reasons: mirror.reasons,
@@ -102,10 +106,8 @@ impl Mirrored for Command {
             q_uncompensated_m: lines(self.q_uncompensated_m),
             q_tilde_m: lines(self.q_tilde_m),
             q_tilde_vel_m_per_s: lines(self.q_tilde_vel_m_per_s),
-            eta: self.eta,
-            lambda_m: self.lambda_m,
-            model_version: self.model_version,
-            compensation: self.compensation.cast_signed(),
+            model_hash: self.model_hash,
+            learnt: self.learnt().to_vec(),
             phase: self.phase.cast_signed(),
             reasons: self.reasons,
         }
@@ -124,10 +126,9 @@ impl Mirrored for Command {
             q_uncompensated_m: from_lines(mirror.q_uncompensated_m),
             q_tilde_m: from_lines(mirror.q_tilde_m),
             q_tilde_vel_m_per_s: from_lines(mirror.q_tilde_vel_m_per_s),
-            eta: mirror.eta,
-            lambda_m: mirror.lambda_m,
-            model_version: mirror.model_version,
-            compensation: mirror.compensation.cast_unsigned(),
+            model_hash: mirror.model_hash,
+            learnt: padded(&mirror.learnt, f64::NAN)?,
+            n_learnt: mirror.learnt.len() as u32,
             phase: mirror.phase.cast_unsigned(),
             reasons: mirror.reasons,
         })
@@ -238,42 +239,78 @@ impl Mirrored for ModelUpdate {
     type Mirror = proto::ModelUpdate;
 
     fn mirror(&self) -> proto::ModelUpdate {
+        let learnt = |own: &LearntValue| proto::LearntValue {
+            value: own.value,
+            sd: own.sd,
+            effect: own.effect.into(),
+            parameter: own.parameter.into(),
+            state: own.state.into(),
+            tied_to: own.tied_to.into(),
+        };
         proto::ModelUpdate {
             sequence: self.sequence,
             sample_ns: self.sample_ns,
             shape_sequence: self.shape_sequence,
-            eta: self.eta,
-            lambda_m: self.lambda_m,
-            eta_sd: self.eta_sd,
-            lambda_sd_m: self.lambda_sd_m,
-            innovation_rms_m: self.innovation_rms_m,
+            state_sequence: self.state_sequence,
+            n_states: self.n_states,
+            model_hash: self.model_hash,
+            innovation_rms_rad: self.innovation_rms_rad,
             n_used: self.n_used,
             n_left_out: self.n_left_out,
             n_changes: self.n_changes,
             changed_ns: self.changed_ns,
             change_kind: self.change_kind,
             is_watching: self.is_watching,
+            learnt: self.learnt().iter().map(learnt).collect(),
+            reserved: self.reserved,
         }
     }
 
     fn restore(mirror: &proto::ModelUpdate) -> Result<Self, String> {
+        let small = |name, found: u32| {
+            u16::try_from(found)
+                .map_err(|_too_large| format!("{name} of a learnt parameter is {found}, expected 0 to 65535"))
+        };
+        let learnt = |own: &proto::LearntValue| {
+            Ok(LearntValue {
+                value: own.value,
+                sd: own.sd,
+                effect: small("effect", own.effect)?,
+                parameter: small("parameter", own.parameter)?,
+                state: small("state", own.state.cast_unsigned())?,
+                tied_to: small("tied_to", own.tied_to)?,
+            })
+        };
+        let values: Vec<LearntValue> = mirror.learnt.iter().map(learnt).collect::<Result<_, String>>()?;
         Ok(Self {
             sequence: mirror.sequence,
             sample_ns: mirror.sample_ns,
             shape_sequence: mirror.shape_sequence,
-            eta: mirror.eta,
-            lambda_m: mirror.lambda_m,
-            eta_sd: mirror.eta_sd,
-            lambda_sd_m: mirror.lambda_sd_m,
-            innovation_rms_m: mirror.innovation_rms_m,
+            state_sequence: mirror.state_sequence,
+            n_states: mirror.n_states,
+            model_hash: mirror.model_hash,
+            innovation_rms_rad: mirror.innovation_rms_rad,
             n_used: mirror.n_used,
             n_left_out: mirror.n_left_out,
             n_changes: mirror.n_changes,
             changed_ns: mirror.changed_ns,
             change_kind: mirror.change_kind,
             is_watching: mirror.is_watching,
+            n_learnt: values.len() as u32,
+            reserved: mirror.reserved,
+            learnt: padded(&values, LearntValue::default())?,
         })
     }
+}
+
+/// A list of at most [`MAX_LEARNT`] as the message holds it.
+fn padded<T: Copy>(given: &[T], rest: T) -> Result<[T; MAX_LEARNT], String> {
+    let mut padded = [rest; MAX_LEARNT];
+    match padded.get_mut(..given.len()) {
+        Some(own) => own.copy_from_slice(given),
+        None => return Err(format!("{} learnt parameters, expected at most {MAX_LEARNT}", given.len())),
+    }
+    Ok(padded)
 }
 
 fn stamps(stamps: HopStamps) -> Option<proto::HopStamps> {

@@ -1,5 +1,6 @@
 //! `krait lab add` and `krait lab fit`: values with standard errors, the error before and after, and the better model file.
 
+use super::overwrite::refuse_existing;
 use super::page;
 use crate::cli_lab::{AddArgs, FitArgs, LabFiles};
 use crate::print;
@@ -17,6 +18,7 @@ use std::process::ExitCode;
 
 /// Adds an effect.
 pub fn run(args: &AddArgs) -> anyhow::Result<ExitCode> {
+    refuse_existing(&args.out, args.force)?;
     let session = open(&args.files)?;
     let term = term(args, session.machine.as_ref())?;
     let label = term.label().to_owned();
@@ -31,6 +33,7 @@ pub fn run(args: &AddArgs) -> anyhow::Result<ExitCode> {
 
 /// Fits what a model has.
 pub fn refit(args: &FitArgs) -> anyhow::Result<ExitCode> {
+    refuse_existing(&args.out, args.force)?;
     let session = open(&args.files)?;
     let added = fit_again(session.machine.as_ref(), &session.data, &args.free)?;
     let what: Vec<String> = args.free.iter().map(|(effect, parameter)| format!("{effect}.{parameter}")).collect();

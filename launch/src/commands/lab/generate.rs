@@ -1,10 +1,11 @@
 //! `krait lab generate`: data with a hidden effect, and the answer sealed in a file of its own.
 
+use super::overwrite::refuse_existing;
 use crate::cli_lab_data::GenerateArgs;
 use crate::print;
 use anyhow::{Context, bail};
 use krait_ipc::clock;
-use krait_lab_benchmark::generate::{KINDS, Kind, Recipe, Sealed, generate, pick};
+use krait_lab_benchmark::generate::{KINDS, Kind, Recipe, Sealed, base_model, generate, pick};
 use serde_json::json;
 use std::process::ExitCode;
 
@@ -15,6 +16,14 @@ pub fn run(args: &GenerateArgs) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
     let Some(out) = &args.out else { bail!("--out is missing: name the file to write the data to") };
+    for file in [Some(out), args.answer.as_ref(), args.truth.as_ref()].into_iter().flatten() {
+        refuse_existing(file, args.force)?;
+    }
+    // A base model of an earlier set of data is the same; any other is somebody's work.
+    let base = out.with_file_name("base.toml");
+    if std::fs::read_to_string(&base).is_ok_and(|text| text != base_model()) {
+        refuse_existing(&base, args.force)?;
+    }
     let seed = args.seed.unwrap_or(clock::wall_ns() as u64);
     let recipe = Recipe {
         hidden: hidden(args, seed)?,

@@ -6,9 +6,11 @@ mod compare;
 mod diagnose;
 mod generate;
 mod history;
+mod overwrite;
 mod page;
 
 use crate::cli_lab::LabVerb;
+pub use overwrite::refuse_existing;
 use std::process::ExitCode;
 
 /// Runs a verb of the lab.

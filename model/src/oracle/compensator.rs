@@ -10,8 +10,9 @@
 //! command with it leaves the internal load at zero. It must not be projected out either, because the projection would move
 //! the two other lines whenever one reverses, against their own direction and into their own play.
 
+use super::{Extension, SignMemory};
 use crate::parameters::in_range;
-use crate::{Extension, ParameterError, SignMemory, Snake};
+use crate::{ParameterError, Snake};
 use nalgebra::{Matrix3x2, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 

@@ -4,8 +4,8 @@
 //! z_i - g_i f_s s_i / K_c = eta (1/K_d + g_i/K_c) tau_i + lambda s_i into one row without the common mode, whose noise is
 //! sigma w^T (J_q + alpha). Two contrasts exist where all directions are known, one where a line is left out.
 
+use super::least_squares::ScaledRow;
 use crate::Snake;
-use crate::least_squares::ScaledRow;
 use core::f64::consts::FRAC_1_SQRT_2;
 use nalgebra::{Matrix3x2, Vector2, Vector3};
 
@@ -67,7 +67,7 @@ impl Scene<'_> {
         let (mut z_m, mut load_column_m) = (self.q_tilde_m - self.snake.q(self.bend_rad), tau_n);
         for i in 0..3 {
             let slope = self.snake.cone_load_with_sign(self.estimate.x * tau_n[i], s[i]).slope;
-            z_m[i] -= slope * self.snake.f_s_n() * s[i] * self.snake.c_c_m_per_n;
+            z_m[i] -= slope * super::F_S_N * s[i] * self.snake.c_c_m_per_n;
             load_column_m[i] *= self.snake.c_d_m_per_n + slope * self.snake.c_c_m_per_n;
         }
         (z_m, load_column_m)

@@ -6,6 +6,11 @@
 
 use crate::Snake;
 
+/// Coefficient mu of friction in the cone, 1: Eq. (13), Table II.
+pub const MU: f64 = 0.1727;
+/// Friction f_s of a bent-in line at no load, N: Eq. (13), Table II.
+pub const F_S_N: f64 = 1.959;
+
 /// Load at the actuator and its slope.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ConeLoad {
@@ -16,9 +21,19 @@ pub struct ConeLoad {
 }
 
 impl Snake {
+    /// Capstan factor e^(2 mu phi) of the cone, 1.
+    pub fn capstan(&self) -> f64 {
+        (2.0 * MU * self.phi_rad).exp()
+    }
+
+    /// Compliance 1/K_d + e^(2 mu phi)/K_c of a line on the loading branch of Eq. (13), m/N.
+    pub fn loading_compliance_m_per_n(&self) -> f64 {
+        self.c_d_m_per_n + self.capstan() * self.c_c_m_per_n
+    }
+
     /// Eq. (13) as printed: the loading branch whatever the line does, f_s added to pushed and pulled lines alike.
     pub fn cone_load_as_printed(&self, tau_n: f64) -> ConeLoad {
-        ConeLoad { tau_tilde_n: self.capstan() * (tau_n + self.f_s_n), slope: self.capstan() }
+        ConeLoad { tau_tilde_n: self.capstan() * (tau_n + F_S_N), slope: self.capstan() }
     }
 
     /// Eq. (13) with the sign of the line's motion.
@@ -41,7 +56,7 @@ impl Snake {
 
     /// The branch of a line that is pushed; the other one is its mirror image.
     fn pushed(&self, tau_n: f64) -> ConeLoad {
-        let x = tau_n + self.f_s_n;
+        let x = tau_n + F_S_N;
         let slope = if x >= 0.0 { self.capstan() } else { 1.0 / self.capstan() };
         ConeLoad { tau_tilde_n: slope * x, slope }
     }
@@ -49,6 +64,7 @@ impl Snake {
 
 #[cfg(test)]
 mod tests {
+    use super::F_S_N;
     use crate::{MachineParameters, Snake};
 
     fn snake() -> Snake {
@@ -85,7 +101,7 @@ mod tests {
     fn each_branch_is_continuous_where_friction_takes_all_of_the_load() {
         let snake = snake();
         for sign in [1.0, -1.0] {
-            let at = -sign * snake.f_s_n();
+            let at = -sign * F_S_N;
             let [a, b] = [-1e-9, 1e-9].map(|d| snake.cone_load_with_sign(at + d, sign).tau_tilde_n);
             assert!((a - b).abs() < 1e-8 && a != b);
         }

@@ -3,7 +3,8 @@
 //! eps_i = eta tau_i / K_d + tau~_i / K_c + play, with tau~ from the friction of the cone. alpha = d eps / d bend follows in
 //! closed form because the load's Jacobian does: alpha_i = eta (1/K_d + (d tau~/d tau)/K_c) d tau_i / d bend.
 
-use crate::{ConeLoad, Psi, Snake};
+use super::ConeLoad;
+use crate::{Psi, Snake};
 use nalgebra::{Matrix3x2, Vector2, Vector3};
 
 /// Extension of the three lines at one bend.

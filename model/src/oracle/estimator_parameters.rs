@@ -5,7 +5,7 @@ use crate::parameters::in_range;
 use core::f64::consts::PI;
 use serde::{Deserialize, Serialize};
 
-/// Settings of an [`crate::Estimator`]. Every key is optional.
+/// Settings of an [`super::Estimator`]. Every key is optional.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct EstimatorParameters {

@@ -18,9 +18,10 @@
 //! Failure: at rest nothing new is said and nothing is forgotten; a motion that leaves two lines without a direction is left
 //! out; a measurement that the model cannot explain is an outlier, and a long series of them reopens the estimate.
 
-use crate::least_squares::LeastSquares;
-use crate::measurement::{Rows, Scene};
-use crate::{EstimatorParameters, ParameterError, SignMemory, Snake};
+use super::least_squares::LeastSquares;
+use super::measurement::{Rows, Scene};
+use super::{EstimatorParameters, SignMemory};
+use crate::{ParameterError, Snake};
 use core::f64::consts::PI;
 use nalgebra::{Vector2, Vector3};
 

@@ -1,0 +1,141 @@
+//! What the stages between the operator and the actuators have in common: a step on a core, and how it refuses.
+
+use krait_ipc::message::{Cue, HopStamps, Message, ModelUpdate, SlaveState};
+use krait_ipc::{IpcError, Reason, Reasons};
+use krait_model::ModelHash;
+
+/// A bridge process could not go on.
+#[derive(Debug, thiserror::Error)]
+pub enum BridgeError {
+    /// A channel failed.
+    #[error(transparent)]
+    Ipc(#[from] IpcError),
+    /// The chain of a model file cannot be built or inverted.
+    #[error(transparent)]
+    Chain(#[from] krait_model::ChainError),
+    /// The watch for changes cannot be set up so.
+    #[error(transparent)]
+    Watch(#[from] krait_model::ParameterError),
+    /// A replay sent a sample and not what its steps depend on.
+    #[error(
+        "input {input_sequence} came without a cue, expected one before it; the replay that sends them has failed, so start it again"
+    )]
+    NoCue {
+        /// The sample.
+        input_sequence: u64,
+    },
+    /// A cue names a message that was never published.
+    #[error(
+        "a cue names message {sequence} of channel {channel:?}, found {found} there; the replay that sends them has failed, so start it again"
+    )]
+    NotThere {
+        /// The channel.
+        channel: &'static str,
+        /// What is named.
+        sequence: u64,
+        /// What came in its place.
+        found: u64,
+    },
+    /// A value of the configuration is out of range.
+    #[error(transparent)]
+    Config(#[from] crate::ConfigError),
+}
+
+/// A sample that was refused; nothing is published for it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Refused {
+    /// Why.
+    pub reason: Reason,
+    /// The value that was out of bounds, in the reason's unit.
+    pub found: f64,
+    /// The bound.
+    pub limit: f64,
+}
+
+/// What one sample's step needs besides the sample, and what it makes of it: the core of a stage between two channels.
+///
+/// Who feeds it decides what the core is told: [`crate::live`] the newest there is, [`crate::cued`] what a cue names.
+pub(crate) trait Step {
+    /// What wakes the stage.
+    type In: Message;
+    /// What it publishes.
+    type Out: Message;
+    /// Whether it takes model updates; else it is told of none.
+    const TAKES_UPDATES: bool;
+
+    /// Notes the newest slave state; it counts from the next step on.
+    fn note_state(&mut self, state: &SlaveState);
+    /// Notes a model update; it counts from the next step on.
+    fn note_update(&mut self, _update: &ModelUpdate) -> Result<(), Refused> {
+        Ok(())
+    }
+    /// One step. Allocates nothing, reads no clock.
+    fn step(&mut self, input: &Self::In, begun_ns: i64) -> Result<Self::Out, Refused>;
+    /// Does what a step would do if this input came again now, and forgets it: the next step then finds at hand what it
+    /// needs. Changes nothing, allocates nothing.
+    fn rehearse(&mut self, input: &Self::In, now_ns: i64);
+    /// The operator input that a sample rests on, by which its cue is found.
+    fn input_sequence(input: &Self::In) -> u64;
+    /// What a cue says to this stage.
+    fn moment(cue: &Cue) -> Moment;
+    /// The stamps of an output, so that the loop can enter when it was sent.
+    fn sent_stamp(out: &mut Self::Out) -> &mut i64;
+    /// The reasons that an output carries.
+    fn reasons(out: &Self::Out) -> Reasons;
+}
+
+/// What a cue says to one stage.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Moment {
+    /// What counts as now, ns; 0: the sample is left out.
+    pub begun_ns: i64,
+    /// What counts as the instant of publishing, ns.
+    pub sent_ns: i64,
+    /// The newest slave state to know; 0: none.
+    pub state_sequence: u64,
+    /// The newest model update to know; 0: none.
+    pub update_sequence: u64,
+}
+
+/// Time since the sample before, s, by the samples' own stamps: at most [`MAX_STEP_S`], so that a gap never becomes a jump.
+pub(crate) fn step_s(before_ns: Option<i64>, now_ns: i64) -> f64 {
+    let Some(before_ns) = before_ns else { return 0.0 };
+    (seconds_between(before_ns, now_ns)).clamp(0.0, MAX_STEP_S)
+}
+
+/// Longest time that one sample may stand for, s.
+pub(crate) const MAX_STEP_S: f64 = 10e-3;
+
+/// Seconds from one stamp to another.
+pub(crate) fn seconds_between(from_ns: i64, to_ns: i64) -> f64 {
+    to_ns.saturating_sub(from_ns) as f64 * 1e-9
+}
+
+/// Refuses a message that rests on another model than this process.
+pub(crate) fn check_model(own: ModelHash, model_hash: u64) -> Result<(), Refused> {
+    if model_hash == own.0 {
+        return Ok(());
+    }
+    // Two models, where one is allowed: the hashes themselves are no measure of anything.
+    Err(Refused { reason: Reason::OtherModel, found: 2.0, limit: 1.0 })
+}
+
+/// Refuses a sample whose numbers are not finite or whose stamp does not follow the one before.
+pub(crate) fn check_order_and_numbers(before_ns: Option<i64>, sample_ns: i64, numbers: &[f64]) -> Result<(), Refused> {
+    if let Some(found) = numbers.iter().copied().find(|n| !n.is_finite()) {
+        return Err(Refused { reason: Reason::NotFinite, found, limit: f64::MAX });
+    }
+    match before_ns {
+        Some(before_ns) if sample_ns <= before_ns => {
+            Err(Refused { reason: Reason::OutOfOrder, found: seconds_between(before_ns, sample_ns), limit: 0.0 })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The stamps of a step's output: those of its input, and when this stage had it in hand.
+pub(crate) fn stamps_begun(input: &HopStamps, enter: impl FnOnce(&mut HopStamps)) -> HopStamps {
+    let mut stamps = *input;
+    enter(&mut stamps);
+    stamps
+}

@@ -1,0 +1,122 @@
+//! The model that a chain runs with: one text, read once, handed to every process as it is.
+
+use anyhow::{Context, bail};
+use clap::ValueEnum;
+use krait_ipc::input;
+use krait_model::model_file::{ModelFile, built_in};
+use krait_model::{Chain, Columns, ModelHash};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// A model that is built into the program.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Compensation {
+    /// q~ = q.
+    Off,
+    /// Eqs. (15)-(17): elastic lines with the loading branch of friction always.
+    Naive,
+    /// Load scale, friction and play with the signs of motion; load scale and play are learnt.
+    #[default]
+    Estimated,
+}
+
+impl Compensation {
+    /// Every built-in model, from the least compensation to the most.
+    pub const ALL: [Self; 3] = [Self::Off, Self::Naive, Self::Estimated];
+
+    /// The word used in configuration, tables and JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Off => "off",
+            Self::Naive => "naive",
+            Self::Estimated => "estimated",
+        }
+    }
+
+    /// The text of its model file.
+    pub fn text(self) -> &'static str {
+        // Each name is one of the built-in files; a test holds them together.
+        built_in(self.name()).unwrap_or_default()
+    }
+}
+
+/// What a model of the user's own is called in tables and JSON.
+pub const OWN_MODEL: &str = "model";
+
+/// A model that a chain can run with.
+#[derive(Clone, Debug)]
+pub struct ModelInForce {
+    /// off, naive, estimated, or model for a file of the user's own.
+    pub label: &'static str,
+    /// The text of the file.
+    pub text: String,
+    /// What it says.
+    pub chain: Chain,
+}
+
+impl ModelInForce {
+    /// Reads a model file, or takes the built-in one where none is named.
+    ///
+    /// # Errors
+    /// One sentence with file, line and key; also for a model of joints, for an effect that needs a column that a running
+    /// chain does not have, and for one that no command undoes.
+    pub fn load(path: Option<&Path>, otherwise: Compensation) -> anyhow::Result<Self> {
+        let Some(path) = path else {
+            let named = || format!("the built-in model {}", otherwise.name());
+            return Self::parse(otherwise.text()).with_context(named);
+        };
+        let text = input::text(path, input::CONFIG_BYTES)
+            .with_context(|| format!("the model file {} could not be read", path.display()))?;
+        Self::parse(&text).with_context(|| format!("model file {}", path.display()))
+    }
+
+    /// Checks a model file's text.
+    ///
+    /// # Errors
+    /// As [`ModelInForce::load`].
+    pub fn parse(text: &str) -> anyhow::Result<Self> {
+        let chain = live_chain(&ModelFile::parse(text)?)?;
+        Ok(Self { label: label_of(chain.hash()), text: text.to_owned(), chain })
+    }
+}
+
+/// The chain of a model file for a machine that gives time stamps and nothing else besides.
+///
+/// # Errors
+/// One sentence that says why no running chain can use it.
+pub fn live_chain(file: &ModelFile) -> anyhow::Result<Chain> {
+    let Some(chain) = file.chain(Columns::default())? else {
+        bail!("it describes joints, and the live compensator drives snakes only; `krait lab` takes it")
+    };
+    chain.compensator()?;
+    Ok(chain)
+}
+
+/// The name of a built-in model, or [`OWN_MODEL`].
+pub fn label_of(hash: ModelHash) -> &'static str {
+    let is_it = |own: &Compensation| ModelFile::parse(own.text()).is_ok_and(|file| file.hash() == hash);
+    Compensation::ALL.into_iter().find(is_it).map_or(OWN_MODEL, Compensation::name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_built_in_model_runs_and_goes_by_its_name() {
+        for own in Compensation::ALL {
+            assert_eq!(ModelInForce::load(None, own).expect("a built-in model").label, own.name());
+        }
+    }
+
+    #[test]
+    fn what_no_command_undoes_and_what_needs_a_column_is_refused_in_one_sentence() {
+        let refused = |effect: &str| {
+            let text = format!("format = 1\n[machine]\nkind = \"snake\"\n[[effect]]\nkind = \"{effect}\"\n");
+            format!("{:#}", ModelInForce::parse(&text).expect_err(effect))
+        };
+        assert!(refused("saturation").contains("cannot be compensated"), "{}", refused("saturation"));
+        assert!(refused("stem-coupling").contains("needs the column stem_angle_rad"), "{}", refused("stem-coupling"));
+    }
+}
