@@ -65,7 +65,7 @@ pub struct SlaveCore<D> {
 struct Origin {
     setpoint_sequence: u64,
     input_sequence: u64,
-    compensation: u32,
+    model_hash: u64,
 }
 
 /// Whether commands are executed.
@@ -241,8 +241,8 @@ impl<D: Drive> SlaveCore<D> {
 
     /// What the way before the slave has been through since the command before.
     fn end_if_changed(&mut self, command: &Command) {
-        let Command { setpoint_sequence, input_sequence, compensation, .. } = *command;
-        let origin = Origin { setpoint_sequence, input_sequence, compensation };
+        let Command { setpoint_sequence, input_sequence, model_hash, .. } = *command;
+        let origin = Origin { setpoint_sequence, input_sequence, model_hash };
         let before = core::mem::replace(&mut self.origin, origin);
         if setpoint_sequence < before.setpoint_sequence
             || input_sequence < before.input_sequence
@@ -250,7 +250,7 @@ impl<D: Drive> SlaveCore<D> {
         {
             self.disengage(Reason::StageRestarted, None);
         }
-        if compensation != before.compensation {
+        if model_hash != before.model_hash {
             self.disengage(Reason::ModelExchanged, None);
         }
         let reasons = Reasons::from_bits(command.reasons);

@@ -468,7 +468,7 @@ mod probes {
             (|c| c.input_sequence = 1, Reason::StageRestarted),
             (|c| c.setpoint_sequence = 1, Reason::StageRestarted),
             (|c| c.sequence = 1, Reason::StageRestarted),
-            (|c| c.compensation = 2, Reason::ModelExchanged),
+            (|c| c.model_hash = 2, Reason::ModelExchanged),
             (|c| c.reasons = 1 << Reason::DeviceLost as u32, Reason::DeviceLost),
             (|c| c.reasons = 1 << Reason::SetpointStale as u32, Reason::SetpointStale),
         ];

@@ -158,7 +158,7 @@ fn verify_learning(
     stop: &AtomicBool,
 ) -> anyhow::Result<()> {
     let cast = Cast { processes: vec![Process::Estimate], ..Cast::live() };
-    let options = ChainOptions { config, master: MasterKind::Replay, input: None, looped: false, cast };
+    let options = ChainOptions { config, master: MasterKind::Replay, input: None, looped: false, engage: None, cast };
     supervisor.start_chain(&options, stop)?;
     let start_ns = clock::monotonic_ns();
     let mut look_ns = start_ns;
