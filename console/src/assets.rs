@@ -23,12 +23,16 @@ pub const PAGE: &[Asset] = assets! {
     "/css/tokens.css", "text/css; charset=utf-8", "css/tokens.css";
     "/css/frame.css", "text/css; charset=utf-8", "css/frame.css";
     "/css/pages.css", "text/css; charset=utf-8", "css/pages.css";
+    "/css/library.css", "text/css; charset=utf-8", "css/library.css";
     "/css/narrow.css", "text/css; charset=utf-8", "css/narrow.css";
     "/icon.svg", "image/svg+xml", "icon.svg";
     "/js/main.js", "text/javascript; charset=utf-8", "js/main.js";
     "/js/shell.js", "text/javascript; charset=utf-8", "js/shell.js";
     "/js/states.js", "text/javascript; charset=utf-8", "js/states.js";
     "/js/operate.js", "text/javascript; charset=utf-8", "js/operate.js";
+    "/js/commands.js", "text/javascript; charset=utf-8", "js/commands.js";
+    "/js/recordings.js", "text/javascript; charset=utf-8", "js/recordings.js";
+    "/js/lab.js", "text/javascript; charset=utf-8", "js/lab.js";
     "/js/latency.js", "text/javascript; charset=utf-8", "js/latency.js";
     "/js/format.js", "text/javascript; charset=utf-8", "js/format.js";
     "/js/worker.js", "text/javascript; charset=utf-8", "js/worker.js";

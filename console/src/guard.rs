@@ -97,6 +97,21 @@ pub fn page_headers(origin: &Origin, frames: &Origin) -> Vec<(header::HeaderName
     headers
 }
 
+/// Headers of every answer of the stop's origin, which `page` may show in a frame. The referrer stays within the origin:
+/// without one a form's POST would carry the origin `null`.
+pub fn stop_headers(page: &Origin) -> Vec<(header::HeaderName, HeaderValue)> {
+    let policy = format!(
+        "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; form-action 'self'; \
+         frame-ancestors {}; base-uri 'none'",
+        page.url()
+    );
+    let mut headers = common_headers(&policy);
+    headers.push((header::REFERRER_POLICY, HeaderValue::from_static("same-origin")));
+    // A process of its own in the browser: a page that hangs does not take the stop with it.
+    headers.push((header::HeaderName::from_static("origin-agent-cluster"), HeaderValue::from_static("?1")));
+    headers
+}
+
 fn common_headers(policy: &str) -> Vec<(header::HeaderName, HeaderValue)> {
     let policy = HeaderValue::from_str(policy).unwrap_or_else(|_| HeaderValue::from_static("default-src 'none'"));
     vec![

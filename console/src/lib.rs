@@ -11,20 +11,29 @@ mod assets;
 mod error;
 mod facts;
 mod guard;
+mod jobs;
 mod latency;
+mod library;
 mod live;
 mod processes;
+mod recordings;
 mod server;
 mod snapshot;
+mod stop;
 mod tracking;
 mod watch;
+mod wishes;
 mod words;
 
 pub use error::ConsoleError;
 pub use facts::{Allowance, Facts};
 pub use server::{Address, Settings, run};
+pub use tracking::Tracking;
 
 use std::sync::atomic::{AtomicU64, AtomicUsize};
+
+/// The console's name among the members of an instance; it is no part of a chain, and a chain may start beside it.
+pub const NAME: &str = "console";
 
 /// Pages that are open, and frames that slow ones skipped.
 #[derive(Debug, Default)]

@@ -1,9 +1,9 @@
 //! A page's live connection: the newest frame as fast as the page reads, and nothing that is older.
 
 use crate::PageCounts;
-use crate::facts::Facts;
 use crate::server::{Shared, refuse};
 use crate::snapshot;
+use crate::wishes::{self, Outcome, Wish};
 use axum::extract::State;
 use axum::extract::ws::{Message, Utf8Bytes, WebSocket, WebSocketUpgrade};
 use axum::http::HeaderMap;
@@ -13,6 +13,7 @@ use krait_ipc::clock;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
+use tokio::sync::mpsc;
 use tokio::time::timeout;
 
 /// Pages at once.
@@ -24,6 +25,11 @@ const MOST_MESSAGES_PER_S: u32 = 128;
 /// A page that has not taken a frame for this long is gone.
 const SEND_PATIENCE: Duration = Duration::from_secs(5);
 
+/// Answers to commands that wait for a page to read.
+const MOST_ANSWERS: usize = 16;
+/// How far a page's idea of the server's clock may be ahead, ms.
+const CLOCKS_APART_MS: f64 = 100.0;
+
 /// What a page says.
 #[derive(Debug, Deserialize)]
 #[serde(tag = "k", rename_all = "lowercase", deny_unknown_fields)]
@@ -33,6 +39,26 @@ enum Said {
         /// The page's own clock, ms; comes back as it is.
         t: f64,
     },
+    /// Asks for another operating state.
+    Wish {
+        /// Counts up on this connection; comes back with the answer.
+        id: u64,
+        /// What is wished for.
+        wish: Wish,
+        /// The session that the page knows.
+        session: String,
+        /// When the operator pressed, on the server's clock, ms.
+        at_ms: f64,
+    },
+}
+
+/// What became of a wish.
+#[derive(Serialize)]
+struct Acknowledged {
+    k: &'static str,
+    id: u64,
+    #[serde(flatten)]
+    outcome: Outcome,
 }
 
 #[derive(Serialize)]
@@ -79,19 +105,20 @@ impl Drop for Place {
 }
 
 /// Until the page goes, takes too long, or says what it may not.
-async fn serve(mut socket: WebSocket, shared: &Shared) {
-    let (mut frames, mut slow, mut facts) = (shared.frames.clone(), shared.slow.clone(), shared.facts.clone());
-    let hello = |facts: &Facts| snapshot::hello(facts, shared.session.digits()).ok().map(Utf8Bytes::from);
-    let Some(first) = hello(&facts.borrow_and_update().clone()) else { return };
-    if !send(&mut socket, first).await {
+async fn serve(mut socket: WebSocket, shared: &Arc<Shared>) {
+    let (mut frames, mut slow) = (shared.frames.clone(), shared.slow.clone());
+    let Ok(first) = snapshot::hello(&shared.facts, shared.session.digits(), &shared.stop_url) else { return };
+    if !send(&mut socket, first.into()).await {
         return;
     }
     slow.mark_changed();
     let (mut last_frame, mut allowance) = (0, Allowance::default());
+    let (answers, mut answered) = mpsc::channel(MOST_ANSWERS);
+    let mut said = Listener { shared: Arc::clone(shared), answers, last_id: 0 };
     loop {
         let text = tokio::select! {
-            said = socket.recv() => match said {
-                Some(Ok(Message::Text(text))) if allowance.take(clock::monotonic_ns()) => answer(&text),
+            heard = socket.recv() => match heard {
+                Some(Ok(Message::Text(text))) if allowance.take(clock::monotonic_ns()) => said.take(&text),
                 Some(Ok(Message::Ping(_) | Message::Pong(_))) if allowance.take(clock::monotonic_ns()) => continue,
                 _ => return,
             },
@@ -103,8 +130,8 @@ async fn serve(mut socket: WebSocket, shared: &Shared) {
                 last_frame = n;
                 Some(Utf8Bytes::from(&*text))
             }
+            Some(text) = answered.recv() => Some(text),
             Ok(()) = slow.changed() => Some(Utf8Bytes::from(&**slow.borrow_and_update())),
-            Ok(()) = facts.changed() => hello(&facts.borrow_and_update().clone()),
             else => return,
         };
         if let Some(text) = text.filter(|text| !text.is_empty())
@@ -119,18 +146,61 @@ async fn send(socket: &mut WebSocket, text: Utf8Bytes) -> bool {
     matches!(timeout(SEND_PATIENCE, socket.send(Message::Text(text))).await, Ok(Ok(())))
 }
 
-/// Nothing for what is not understood: a page of another version, or no page.
-fn answer(text: &str) -> Option<Utf8Bytes> {
-    match serde_json::from_str(text) {
-        Ok(Said::Ping { t }) => {
-            let pong = Pong { k: "pong", t, now_ms: clock::monotonic_ns() as f64 * 1e-6 };
-            serde_json::to_string(&pong).ok().map(Utf8Bytes::from)
-        }
-        Err(error) => {
-            tracing::debug!(%error, "a page said what is not understood");
-            None
+/// Understands what one page says.
+struct Listener {
+    shared: Arc<Shared>,
+    answers: mpsc::Sender<Utf8Bytes>,
+    last_id: u64,
+}
+
+impl Listener {
+    /// What is answered at once. Nothing for what is not understood: a page of another version, or no page.
+    fn take(&mut self, text: &str) -> Option<Utf8Bytes> {
+        match serde_json::from_str(text) {
+            Ok(Said::Ping { t }) => {
+                let pong = Pong { k: "pong", t, now_ms: clock::monotonic_ns() as f64 * 1e-6 };
+                serde_json::to_string(&pong).ok().map(Utf8Bytes::from)
+            }
+            Ok(Said::Wish { id, wish, session, at_ms }) => self.wish(id, wish, &session, at_ms),
+            Err(error) => {
+                tracing::debug!(%error, "a page said what is not understood");
+                None
+            }
         }
     }
+
+    /// A wish of another session, one that was heard before, and one from the past or the future are not passed on.
+    fn wish(&mut self, id: u64, wish: Wish, session: &str, at_ms: f64) -> Option<Utf8Bytes> {
+        let now_ns = clock::monotonic_ns();
+        let age_ms = now_ns as f64 * 1e-6 - at_ms;
+        let refusal = if !self.shared.session.is(session) {
+            Some("it was meant for another console")
+        } else if id <= self.last_id {
+            Some("it was heard before")
+        } else if !(-CLOCKS_APART_MS..=wishes::EXPIRY_NS as f64 * 1e-6).contains(&age_ms) {
+            Some("it came too late")
+        } else {
+            None
+        };
+        if let Some(why) = refusal {
+            return acknowledged(id, Outcome { is_done: false, say: format!("Not done: {why}.") });
+        }
+        self.last_id = id;
+        let (shared, answers) = (Arc::clone(&self.shared), self.answers.clone());
+        tokio::spawn(async move {
+            let outcome = shared.desk.ask(wish, now_ns - (age_ms.max(0.0) * 1e6) as i64).await;
+            if let Some(text) = acknowledged(id, outcome)
+                && answers.send(text).await.is_err()
+            {
+                tracing::debug!("a page went before its command was answered");
+            }
+        });
+        None
+    }
+}
+
+fn acknowledged(id: u64, outcome: Outcome) -> Option<Utf8Bytes> {
+    serde_json::to_string(&Acknowledged { k: "ack", id, outcome }).ok().map(Utf8Bytes::from)
 }
 
 /// Messages that a page may still send in this second.

@@ -32,6 +32,8 @@ impl Processes {
     pub fn look(&mut self, members: Vec<(String, u32)>, now_ns: i64) -> Vec<Usage> {
         let mut seen = HashMap::new();
         let mut usages = Vec::new();
+        // One process may be in the instance more than once.
+        let members: std::collections::BTreeSet<_> = members.into_iter().collect();
         for (name, pid) in members {
             let cpu_ns = cpu_ns(pid);
             let before = self.last.get(&pid);

@@ -2,7 +2,10 @@
 
 use crate::facts::Facts;
 use crate::guard::{Origin, Token, cookie, page_headers};
+use crate::library::{self, Library};
+use crate::stop::{self, StopShared};
 use crate::watch::{Slots, Watch};
+use crate::wishes::{self, Desk};
 use crate::{ConsoleError, PageCounts, accept, assets, live};
 use axum::Router;
 use axum::body::Bytes;
@@ -11,9 +14,10 @@ use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
-use core::net::Ipv4Addr;
+use core::net::{Ipv4Addr, Ipv6Addr};
 use core::time::Duration;
 use krait_ipc::Bus;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use tokio::net::TcpListener;
@@ -25,10 +29,20 @@ const MOST_BODY_BYTES: usize = 4096;
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 
 /// How a console shall run.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Settings {
     /// Port of the page on 127.0.0.1; 0: any that is free.
     pub port: u16,
+    /// Port of the stop on this machine; 0: any that is free.
+    pub stop_port: u16,
+    /// Folder of the recordings.
+    pub recordings: PathBuf,
+    /// Folder of the lab's measurements and models; made when it is needed first.
+    pub lab: PathBuf,
+    /// The model that the lab begins with.
+    pub base_model: String,
+    /// The krait program, whose subcommands do the lab's work.
+    pub program: PathBuf,
 }
 
 /// Where a console is.
@@ -36,6 +50,8 @@ pub struct Settings {
 pub struct Address {
     /// The page, with the token that opens it.
     pub page: String,
+    /// The stop alone, with a token that is good for nothing else.
+    pub stop: String,
 }
 
 /// What every handler knows.
@@ -47,8 +63,11 @@ pub(crate) struct Shared {
     pub(crate) session: Token,
     pub(crate) frames: watch::Receiver<(u64, Arc<str>)>,
     pub(crate) slow: watch::Receiver<Arc<str>>,
-    pub(crate) facts: watch::Receiver<Arc<Facts>>,
+    pub(crate) facts: Arc<Facts>,
     pub(crate) pages: Arc<PageCounts>,
+    pub(crate) desk: Arc<Desk>,
+    pub(crate) library: Library,
+    pub(crate) stop_url: String,
 }
 
 impl Shared {
@@ -58,55 +77,76 @@ impl Shared {
     }
 }
 
-/// Serves the page until it is told to stop; `facts` says what is known of the chain, and is asked again twice a second.
+/// Serves the page until it is told to stop; `facts` is what is known of the chain.
 ///
 /// # Errors
 /// [`ConsoleError`] in one sentence.
 pub fn run(
     bus: Bus,
     settings: Settings,
-    mut facts: impl FnMut() -> Facts + Send + 'static,
+    facts: Facts,
     announce: impl FnOnce(&Address),
     stop: &AtomicBool,
 ) -> Result<(), ConsoleError> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(ConsoleError::Start)?;
     let instance = bus.instance().as_str().to_owned();
-    let known = Arc::new(facts());
     let (frame_slot, frames) = watch::channel((0, Arc::from("")));
     let (slow_slot, slow) = watch::channel(Arc::from(""));
-    let (facts_slot, known) = watch::channel(known);
-    let slots = Slots { frame: frame_slot, slow: slow_slot, facts: facts_slot };
+    let slots = Slots { frame: frame_slot, slow: slow_slot };
+    let facts = Arc::new(facts);
     let pages = Arc::new(PageCounts::default());
-    let listener = runtime.block_on(listen(settings.port))?;
-    let port = listener.local_addr().map_err(ConsoleError::Start)?.port();
+    let (listener, port) = runtime.block_on(listen(settings.port))?;
+    let (stop_listener, stop_port) = runtime.block_on(listen(settings.stop_port))?;
+    let (page_origin, stop_origin) = (Origin::new("127.0.0.1", port), Origin::new("localhost", stop_port));
+    let stop_token = Token::new()?;
+    let stop_url = format!("{}/stop/{}", stop_origin.url(), stop_token.digits());
+    let wishing = Bus::open(&instance, crate::NAME)?;
+    let (desk, orders) = wishes::open(&wishing)?;
+    let desk = Arc::new(desk);
+    let stop_routes = stop::router(Arc::new(StopShared {
+        origin: stop_origin.clone(),
+        page: page_origin.clone(),
+        token: stop_token,
+        desk: Arc::clone(&desk),
+    }));
     let shared = Arc::new(Shared {
-        origin: Origin::new("127.0.0.1", port),
-        stop_origin: Origin::new("localhost", port),
+        origin: page_origin,
+        stop_origin,
         token: Token::new()?,
         cookie_name: format!("krait-{instance}-{port}"),
         session: Token::new()?,
         frames,
         slow,
-        facts: known,
+        facts: Arc::clone(&facts),
         pages: Arc::clone(&pages),
+        desk,
+        library: Library::new(settings.recordings, settings.lab, settings.base_model, settings.program),
+        stop_url,
     });
     let router = router(Arc::clone(&shared));
-    announce(&Address { page: format!("{}/#{}", shared.origin.url(), shared.token.digits()) });
+    let page = format!("{}/#{}", shared.origin.url(), shared.token.digits());
+    announce(&Address { page, stop: shared.stop_url.clone() });
     std::thread::scope(|scope| {
         let watching = std::thread::Builder::new().name("watch".to_owned()).spawn_scoped(scope, || {
-            let outcome = Watch::open(bus).and_then(|watch| watch.run(&slots, &pages, facts, stop));
+            let outcome = Watch::open(bus).and_then(|watch| watch.run(&slots, &pages, &facts, stop));
             stop.store(true, Ordering::Relaxed);
             outcome
         });
         let watching = watching.map_err(ConsoleError::Start)?;
+        let carrying = std::thread::Builder::new().name("wishes".to_owned());
+        let carrying = carrying.spawn_scoped(scope, move || wishes::carry(&wishing, orders, stop));
+        let carrying = carrying.map_err(ConsoleError::Start)?;
         runtime.block_on(async {
             tokio::select! {
                 () = accept::serve(listener, router) => {}
+                () = serve_stop(stop_listener, stop_port, stop_routes) => {}
                 () = until(stop) => {}
             }
         });
         runtime.shutdown_timeout(LOOK_EVERY);
-        watching.join().unwrap_or_else(|cause| std::panic::resume_unwind(cause))
+        let watched = watching.join().unwrap_or_else(|cause| std::panic::resume_unwind(cause));
+        let carried = carrying.join().unwrap_or_else(|cause| std::panic::resume_unwind(cause));
+        watched.and(carried)
     })
 }
 
@@ -116,20 +156,33 @@ async fn until(stop: &AtomicBool) {
     }
 }
 
-async fn listen(port: u16) -> Result<TcpListener, ConsoleError> {
-    TcpListener::bind((Ipv4Addr::LOCALHOST, port)).await.map_err(|source| ConsoleError::Listen { port, source })
+async fn listen(port: u16) -> Result<(TcpListener, u16), ConsoleError> {
+    let bound = TcpListener::bind((Ipv4Addr::LOCALHOST, port)).await;
+    let bound = bound.and_then(|listener| listener.local_addr().map(|address| (listener, address.port())));
+    bound.map_err(|source| ConsoleError::Listen { port, source })
+}
+
+/// A browser may take `localhost` for the address of version 6; where that cannot be had it takes the other.
+async fn serve_stop(listener: TcpListener, port: u16, routes: Router) {
+    match TcpListener::bind((Ipv6Addr::LOCALHOST, port)).await {
+        Ok(second) => {
+            tokio::select! {
+                () = accept::serve(listener, routes.clone()) => {}
+                () = accept::serve(second, routes) => {}
+            }
+        }
+        Err(_) => accept::serve(listener, routes).await,
+    }
 }
 
 fn router(shared: Arc<Shared>) -> Router {
     let mut router = Router::new().route("/token", post(exchange_token)).route("/live", get(live::upgrade));
+    router = router.layer(DefaultBodyLimit::max(MOST_BODY_BYTES)).merge(library::router(&shared));
     for asset in assets::PAGE {
         let answer = || async { ([(header::CONTENT_TYPE, asset.media_type)], asset.body) };
         router = router.route(asset.path, get(answer));
     }
-    router
-        .layer(DefaultBodyLimit::max(MOST_BODY_BYTES))
-        .layer(from_fn_with_state(Arc::clone(&shared), guard))
-        .with_state(shared)
+    router.layer(from_fn_with_state(Arc::clone(&shared), guard)).with_state(shared)
 }
 
 /// Every request names this host, whatever changes something names this origin, and every answer has its headers.

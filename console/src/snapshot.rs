@@ -76,6 +76,7 @@ struct Frame<'a> {
 struct State<'a> {
     operating: &'a str,
     homed: bool,
+    engaged: bool,
     busy: bool,
     q_m: [f64; 3],
     // A load that is not measured is null, never zero.
@@ -124,6 +125,7 @@ pub fn frame(newest: &Newest, moment: &Moment, facts: &Facts) -> serde_json::Res
         state: fresh.map(|state| State {
             operating: state.operating().map_or("UNKNOWN", |operating| operating.name()),
             homed: state.flags & SlaveState::IS_HOMED != 0,
+            engaged: state.is_engaged(),
             busy: state.flags & SlaveState::IS_BUSY != 0,
             q_m: state.measured_q_m,
             tau_n: state.measured_tau_n,
@@ -257,6 +259,7 @@ struct Hello<'a> {
     k: &'static str,
     version: &'static str,
     session: &'a str,
+    stop_url: &'a str,
     facts: &'a Facts,
     stretches: Vec<String>,
     reasons: Vec<Named>,
@@ -273,12 +276,13 @@ struct Named {
 ///
 /// # Errors
 /// Never: every field is a number or a text.
-pub fn hello(facts: &Facts, session: &str) -> serde_json::Result<String> {
+pub fn hello(facts: &Facts, session: &str, stop_url: &str) -> serde_json::Result<String> {
     let named = |reason: Reason| Named { name: format!("{reason:?}"), words: words_of(reason) };
     serde_json::to_string(&Hello {
         k: "hello",
         version: env!("CARGO_PKG_VERSION"),
         session,
+        stop_url,
         facts,
         stretches: stretch_names(),
         reasons: Reason::ALL.into_iter().map(named).collect(),

@@ -28,8 +28,6 @@ pub struct Slots {
     pub frame: Sender<(u64, Arc<str>)>,
     /// The newest slow message.
     pub slow: Sender<Arc<str>>,
-    /// The newest facts of the chain.
-    pub facts: Sender<Arc<Facts>>,
 }
 
 /// Reads an instance's channels.
@@ -78,7 +76,7 @@ impl Watch {
         })
     }
 
-    /// Reads until it is told to stop; `facts` is asked twice a second for what is known of the chain.
+    /// Reads until it is told to stop.
     ///
     /// # Errors
     /// [`ConsoleError`] where a channel is broken.
@@ -86,11 +84,10 @@ impl Watch {
         mut self,
         slots: &Slots,
         pages: &PageCounts,
-        mut facts: impl FnMut() -> Facts,
+        facts: &Facts,
         stop: &AtomicBool,
     ) -> Result<(), ConsoleError> {
         let mut due_ns = clock::monotonic_ns();
-        let mut known = Arc::clone(&slots.facts.borrow());
         for n in 1.. {
             if stop.load(Ordering::Relaxed) {
                 break;
@@ -100,7 +97,7 @@ impl Watch {
                 std::thread::sleep(Duration::from_nanos((due_ns - now_ns).unsigned_abs()));
             }
             due_ns = (due_ns + PERIOD_NS).max(now_ns);
-            self.take_messages(known.budgets.last().map_or(f64::INFINITY, |whole| whole.worst_us))?;
+            self.take_messages(facts.budgets.last().map_or(f64::INFINITY, |whole| whole.worst_us))?;
             let now_ns = clock::monotonic_ns();
             let moment = Moment {
                 n,
@@ -109,13 +106,8 @@ impl Watch {
                 error_rms_rad: self.tracking.rms_rad(now_ns),
                 error_rad: self.tracking.newest_rad(),
             };
-            slots.frame.send_replace((n, snapshot::frame(&self.newest, &moment, &known)?.into()));
+            slots.frame.send_replace((n, snapshot::frame(&self.newest, &moment, facts)?.into()));
             if n % SLOW_EVERY == 0 {
-                let fresh = facts();
-                if fresh != *known {
-                    known = Arc::new(fresh);
-                    slots.facts.send_replace(Arc::clone(&known));
-                }
                 if n % (2 * SLOW_EVERY) == 0 {
                     self.latency.end_second();
                 }

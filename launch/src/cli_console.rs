@@ -1,6 +1,7 @@
 //! The command line of the console.
 
 use clap::Args;
+use std::path::PathBuf;
 
 /// Options of `krait console`.
 #[derive(Clone, Debug, Args)]
@@ -8,4 +9,13 @@ pub struct ConsoleArgs {
     /// Port of the page on this machine; 0: any that is free.
     #[arg(long, default_value_t = 0)]
     pub port: u16,
+    /// Port of the stop on this machine; 0: any that is free.
+    #[arg(long, default_value_t = 0)]
+    pub stop_port: u16,
+    /// Folder of the recordings that the page lists.
+    #[arg(long, value_name = "DIR", default_value = "recordings")]
+    pub recordings: PathBuf,
+    /// Folder of the lab's measurements and models; made when it is needed first.
+    #[arg(long, value_name = "DIR", default_value = "lab-files")]
+    pub lab: PathBuf,
 }

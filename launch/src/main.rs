@@ -4,6 +4,7 @@ mod authority;
 mod budget;
 mod chain_round;
 mod cli;
+mod cli_bench;
 mod cli_console;
 mod cli_lab;
 mod cli_lab_data;

@@ -1,9 +1,14 @@
 //! Progress on standard error while a chain runs: one line that is rewritten on a terminal, one line a few seconds elsewhere.
+//!
+//! The line fits 80 columns, so that a terminal of the usual size can rewrite it: time, state, bend that was reached of the
+//! bend that was asked for, how far the two are apart (root mean square of a second), bending plane, late and lost samples.
+//! While nothing moves it says why instead.
 
 use crate::budget::BudgetWatch;
 use crate::supervisor::Supervisor;
 use core::time::Duration;
-use krait_ipc::message::{Setpoint, Shape};
+use krait_console::Tracking;
+use krait_ipc::message::{Phase, Setpoint, Shape};
 use krait_ipc::{Bus, Process, ReadOptions, Reader, Reason, Reasons, clock};
 use std::io::{IsTerminal, Write, stderr};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -15,31 +20,37 @@ const TERMINAL_PERIOD_NS: i64 = 200_000_000;
 /// How often a line is written to a file or pipe, ns.
 const FILE_PERIOD_NS: i64 = 5_000_000_000;
 
+/// Below this bend there is no plane to speak of, degrees.
+const PLANE_FROM_DEG: f64 = 2.0;
+/// Columns of a terminal of the usual size.
+const COLUMNS: usize = 80;
+
 /// Shows what a running chain does.
 pub struct Progress {
-    label: String,
     seconds: Option<f64>,
     setpoints: Reader<Setpoint>,
     shapes: Reader<Shape>,
     setpoint: Option<Setpoint>,
     shape: Option<Shape>,
+    tracking: Tracking,
     is_terminal: bool,
     due_ns: i64,
 }
 
 impl Progress {
-    /// Looks at the channels of a chain that has just started; with `seconds`, the chain ends after that time.
+    /// Looks at the channels of a chain that has just started, and says once which it is; with `seconds`, the chain ends after that time.
     ///
     /// # Errors
     /// One sentence when a channel cannot be read.
     pub fn new(label: &str, bus: &Bus, seconds: Option<f64>) -> anyhow::Result<Self> {
+        write_out(&format!("{label}\n"));
         Ok(Self {
-            label: label.to_owned(),
             seconds,
             setpoints: bus.reader(ReadOptions::glancing())?,
             shapes: bus.reader(ReadOptions::glancing())?,
             setpoint: None,
             shape: None,
+            tracking: Tracking::default(),
             is_terminal: stderr().is_terminal(),
             due_ns: i64::MIN,
         })
@@ -53,13 +64,13 @@ impl Progress {
         let start_ns = clock::monotonic_ns();
         let finished = loop {
             supervisor.look()?;
-            self.setpoint = self.setpoints.take_newest()?.map(|s| *s).or(self.setpoint);
-            self.shape = self.shapes.take_newest()?.map(|s| *s).or(self.shape);
+            self.take_messages()?;
             let now_ns = clock::monotonic_ns();
             let elapsed_s = (now_ns - start_ns) as f64 * 1e-9;
             if now_ns >= self.due_ns {
                 self.due_ns = now_ns + if self.is_terminal { TERMINAL_PERIOD_NS } else { FILE_PERIOD_NS };
-                self.write_line(elapsed_s, supervisor.budget().map_or(0, BudgetWatch::n_late), has_changed(supervisor));
+                let line = self.line(elapsed_s, now_ns, supervisor);
+                write_out(&if self.is_terminal { format!("\r\x1b[K{line}") } else { format!("{line}\n") });
             }
             if self.seconds.is_some_and(|seconds| elapsed_s >= seconds) {
                 break true;
@@ -75,28 +86,48 @@ impl Progress {
         Ok(finished)
     }
 
-    fn write_line(&self, elapsed_s: f64, n_late: u64, has_changed: bool) {
+    fn take_messages(&mut self) -> anyhow::Result<()> {
+        while let Some(setpoint) = self.setpoints.take()? {
+            self.tracking.setpoint(setpoint.sample_ns, setpoint.bend_rad);
+            self.setpoint = Some(*setpoint);
+        }
+        while let Some(shape) = self.shapes.take()? {
+            self.tracking.shape(shape.sample_ns, shape.bend_rad);
+            self.shape = Some(*shape);
+        }
+        Ok(())
+    }
+
+    fn line(&self, elapsed_s: f64, now_ns: i64, supervisor: &Supervisor) -> String {
         let time = match self.seconds {
-            Some(seconds) => format!("{elapsed_s:5.1} of {seconds:.0} s"),
-            None => format!("{elapsed_s:6.1} s"),
+            Some(seconds) => format!("{elapsed_s:.1} of {seconds:.0} s"),
+            None => format!("{elapsed_s:.1} s"),
         };
-        let bend = |bend: Option<[f64; 2]>| match bend {
-            Some([x, y]) => format!("{:5.1}", x.hypot(y).to_degrees()),
-            None => "    -".to_owned(),
+        let follows = self.setpoint.and_then(|setpoint| setpoint.phase()) == Some(Phase::Following);
+        let held = self.setpoint.and_then(|s| most_telling(Reasons::from_bits(s.reasons)));
+        let what = match held {
+            Some(reason) if !follows => format!("holding: {}", reason.sentence()),
+            _ if has_changed(supervisor) => format!("following: {}", Reason::ModelChanged.sentence()),
+            _ => self.figures(now_ns, supervisor),
         };
-        let commanded = bend(self.setpoint.map(|s| s.bend_rad));
-        let reached = bend(self.shape.map(|s| s.bend_rad));
-        let mut line = format!("{}: {time}  bend {commanded} deg commanded, {reached} reached", self.label);
-        if n_late > 0 {
-            line = format!("{line}, {n_late} late");
-        }
-        if has_changed {
-            line = format!("{line}  ({})", Reason::ModelChanged.sentence());
-        }
-        if let Some(reason) = self.setpoint.and_then(|s| most_telling(Reasons::from_bits(s.reasons))) {
-            line = format!("{line}  ({})", reason.sentence());
-        }
-        write_out(&if self.is_terminal { format!("\r\x1b[K{line}") } else { format!("{line}\n") });
+        format!("{time:>9}  {what}").chars().take(COLUMNS - 1).collect()
+    }
+
+    fn figures(&self, now_ns: i64, supervisor: &Supervisor) -> String {
+        let number = |value: Option<f64>, digits: usize| value.map_or("-".to_owned(), |v| format!("{v:.digits$}"));
+        let bend = |bend: Option<[f64; 2]>| bend.map(|[x, y]| x.hypot(y).to_degrees());
+        let reached = bend(self.shape.map(|s| s.bend_rad)).filter(|bend| bend.is_finite());
+        let plane = self.shape.filter(|_| reached.is_some_and(|bend| bend >= PLANE_FROM_DEG));
+        let plane = plane.map(|shape| shape.bend_rad[1].atan2(shape.bend_rad[0]).to_degrees());
+        let n_lost: u64 = Process::ALL.iter().filter_map(|p| supervisor.health(*p)).map(|health| health.n_lost).sum();
+        format!(
+            "following  bend {} of {} deg, off {}, plane {}, {} late, {n_lost} lost",
+            number(reached, 1),
+            number(bend(self.setpoint.map(|s| s.bend_rad)), 1),
+            number(self.tracking.rms_rad(now_ns).map(f64::to_degrees), 2),
+            number(plane, 0),
+            supervisor.budget().map_or(0, BudgetWatch::n_late),
+        )
     }
 }
 

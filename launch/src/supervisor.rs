@@ -443,7 +443,7 @@ impl Supervisor {
 }
 
 /// The complete configuration for a child, as a file that has no name: nobody can put another in its place.
-fn in_memory(config: &Config) -> anyhow::Result<File> {
+pub fn in_memory(config: &Config) -> anyhow::Result<File> {
     let could_not = "the configuration could not be handed over";
     let mut file = File::from(memfd_create("krait.toml", MemfdFlags::CLOEXEC).context(could_not)?);
     file.write_all(config.to_toml()?.as_bytes()).and_then(|()| file.rewind()).context(could_not)?;

@@ -36,6 +36,8 @@ pub struct Console {
     pub port: u16,
     /// Its token.
     pub token: String,
+    /// Address of its stop.
+    pub stop: String,
 }
 
 impl Console {
@@ -45,7 +47,9 @@ impl Console {
         let address = line.strip_prefix("Console: ").unwrap_or_else(|| panic!("no address in {line:?}")).to_owned();
         let (start, token) = address.split_once("/#").expect("an address with a token");
         let port = start.rsplit_once(':').and_then(|(_, port)| port.parse().ok()).expect("a port");
-        Self { port, token: token.to_owned(), address }
+        let line = krait.line();
+        let stop = line.strip_prefix("Stop:    ").unwrap_or_else(|| panic!("no stop in {line:?}")).to_owned();
+        Self { port, token: token.to_owned(), address, stop }
     }
 
     /// The console's own origin.
@@ -53,9 +57,9 @@ impl Console {
         format!("http://127.0.0.1:{}", self.port)
     }
 
-    /// Sends bytes as they are and reads the answer.
-    pub fn send(&self, text: &str) -> Answer {
-        let mut stream = TcpStream::connect(("127.0.0.1", self.port)).expect("it listens");
+    /// Sends bytes to a port as they are and reads the answer.
+    fn send(port: u16, text: &str) -> Answer {
+        let mut stream = TcpStream::connect(("127.0.0.1", port)).expect("it listens");
         let _refused_early_is_fine = stream.write_all(text.as_bytes());
         let mut bytes = Vec::new();
         let _closed_is_fine = stream.read_to_end(&mut bytes);
@@ -67,15 +71,22 @@ impl Console {
 
     /// A request with headers, closed after its answer.
     pub fn request(&self, method: &str, path: &str, headers: &[(&str, &str)], body: &str) -> Answer {
-        let host = format!("127.0.0.1:{}", self.port);
-        let mut text = format!("{method} {path} HTTP/1.1\r\nConnection: close\r\nContent-Length: {}\r\n", body.len());
-        if !headers.iter().any(|(name, _)| *name == "Host") {
-            text += &format!("Host: {host}\r\n");
-        }
-        for (name, value) in headers {
-            text += &format!("{name}: {value}\r\n");
-        }
-        self.send(&format!("{text}\r\n{body}"))
+        request("127.0.0.1", self.port, method, path, headers, body)
+    }
+
+    /// A request to the stop's own origin.
+    pub fn at_stop(&self, method: &str, path: &str, headers: &[(&str, &str)]) -> Answer {
+        request("localhost", self.stop_port(), method, path, headers, "")
+    }
+
+    /// Path of the stop's document, token included.
+    pub fn stop_path(&self) -> String {
+        format!("/stop/{}", self.stop.rsplit_once('/').expect("a token").1)
+    }
+
+    /// Port of the stop.
+    pub fn stop_port(&self) -> u16 {
+        self.stop.split([':', '/']).nth(4).and_then(|port| port.parse().ok()).expect("a port")
     }
 
     /// Exchanges the token for the cookie.
@@ -118,6 +129,17 @@ impl Console {
     pub fn page(&self) -> Live {
         self.live(Some(&self.origin()), Some(&self.cookie())).expect("the page's own connection")
     }
+}
+
+fn request(name: &str, port: u16, method: &str, path: &str, headers: &[(&str, &str)], body: &str) -> Answer {
+    let mut text = format!("{method} {path} HTTP/1.1\r\nConnection: close\r\nContent-Length: {}\r\n", body.len());
+    if !headers.iter().any(|(name, _)| *name == "Host") {
+        text += &format!("Host: {name}:{port}\r\n");
+    }
+    for (name, value) in headers {
+        text += &format!("{name}: {value}\r\n");
+    }
+    Console::send(port, &format!("{text}\r\n{body}"))
 }
 
 /// The next message of a kind.

@@ -134,8 +134,7 @@ fn a_hundred_stalled_connections_cost_the_chain_no_sample_and_the_page_no_freshn
     assert_eq!(frame["state"]["operating"], "ENABLED", "{frame}");
     drop((pages, halves, reading));
     let ended = krait.end(PATIENCE);
-    let figures = ended.json();
-    assert_eq!(figures["samples"]["lost"], 0, "{figures}");
+    assert!(ended.stdout.contains(" 0 lost"), "{ended:?}");
     assert!(processes_of(&instance).is_empty(), "the console ends with its chain");
 }
 
@@ -145,4 +144,99 @@ fn stalled(console: &Console, says_half: bool) -> TcpStream {
         stream.write_all(b"GET / HTTP/1.1\r\nHost: ").expect("half a request");
     }
     stream
+}
+
+#[test]
+fn a_stop_needs_its_own_token_and_origin_and_nothing_else_and_the_drives_confirm_it() {
+    let instance = instance_name("stop");
+    let mut krait = Krait::start(&["run", "--instance", &instance, "--engage", "--console", "--no-recording"]);
+    let console = Console::of(&mut krait);
+    let (path, origin) = (console.stop_path(), format!("http://localhost:{}", console.stop_port()));
+    let foreign = [("Origin", "http://evil.example")];
+    assert_eq!(console.at_stop("POST", &path, &foreign).status, 403, "a foreign page");
+    assert_eq!(console.at_stop("POST", &path, &[("Origin", "null")]).status, 403, "a page without an origin");
+    assert_eq!(console.at_stop("POST", &path, &[]).status, 403, "no page at all");
+    let guess = format!("/stop/{}", console.token);
+    assert_eq!(console.at_stop("POST", &guess, &[("Origin", &origin)]).status, 403, "the page's token stops nothing");
+    let token = path.rsplit_once('/').expect("a token").1;
+    let answer = console.request("POST", "/token", &[("Origin", &console.origin())], token);
+    assert_eq!(answer.status, 403, "the stop's token opens nothing");
+
+    let document = console.at_stop("GET", &path, &[]);
+    assert_eq!(document.header("origin-agent-cluster"), Some("?1"));
+    assert_eq!(document.header("referrer-policy"), Some("same-origin"));
+    assert!(document.body.contains("method=\"post\""), "a plain form");
+    let mut page = console.page();
+    assert!(wait_until(PATIENCE, || next_of_kind(&mut page, "frame")["state"]["operating"] == "ENABLED"));
+    let stopped = console.at_stop("POST", &path, &[("Origin", &origin)]);
+    assert!(stopped.status == 200 && stopped.body.contains("the drives confirmed it"), "{stopped:?}");
+    assert!(wait_until(PATIENCE, || next_of_kind(&mut page, "frame")["state"]["operating"] == "PAUSED"));
+
+    let session = hello(&console)["session"].as_str().expect("a session").to_owned();
+    let mut id = 0;
+    let mut wish = |wish: &str, session: &str, same_id: bool, late_ms: f64| {
+        id += u64::from(!same_id);
+        page.send(Message::text(r#"{"k":"ping","t":0}"#)).expect("sent");
+        let now_ms = next_of_kind(&mut page, "pong")["now_ms"].as_f64().expect("an instant");
+        let asked =
+            serde_json::json!({ "k": "wish", "id": id, "wish": wish, "session": session, "at_ms": now_ms - late_ms });
+        page.send(Message::text(asked.to_string())).expect("sent");
+        next_of_kind(&mut page, "ack")
+    };
+    assert_eq!(wish("resume", "another", false, 0.0)["is_done"], false, "a page of another console");
+    assert_eq!(wish("resume", &session, false, 2000.0)["is_done"], false, "a command that lay in a queue");
+    let resumed = wish("resume", &session, false, 0.0);
+    assert_eq!(resumed["is_done"], true, "{resumed}");
+    let again = wish("resume", &session, true, 0.0);
+    assert!(again["is_done"] == false && again["say"].as_str().is_some_and(|say| say.contains("before")), "{again}");
+    let disabled = wish("disable", &session, false, 0.0);
+    assert_eq!(disabled["is_done"], true, "{disabled}");
+    let refused = wish("resume", &session, false, 0.0);
+    assert_eq!(refused["is_done"], false, "{refused}");
+    drop(page);
+    assert_eq!(end(krait).code, Some(0));
+}
+
+fn hello(console: &Console) -> serde_json::Value {
+    next_of_kind(&mut console.page(), "hello")
+}
+
+#[test]
+fn recordings_and_jobs_are_named_from_lists_and_open_to_the_token_alone() {
+    let folder = TempFolder::new("library");
+    std::fs::write(folder.path().join("secret.txt"), "secret").expect("written");
+    std::fs::create_dir(folder.path().join("recordings")).expect("made");
+    std::fs::write(folder.path().join("recordings/broken.mcap"), "no recording").expect("written");
+    let (recordings, lab) = (folder.file("recordings"), folder.file("lab"));
+    let instance = instance_name("library");
+    let mut krait = Krait::start(&["console", "--instance", &instance, "--recordings", &recordings, "--lab", &lab]);
+    let console = Console::of(&mut krait);
+    let (origin, cookie) = (console.origin(), console.cookie());
+    let own = [("Origin", origin.as_str()), ("Cookie", cookie.as_str())];
+    assert_eq!(console.request("GET", "/recordings", &[], "").status, 403, "without the token");
+    let list = console.request("GET", "/recordings", &own, "");
+    assert!(list.status == 200 && list.body.contains("broken.mcap"), "{list:?}");
+    for name in ["..%2fsecret.txt", "%2e%2e/secret.txt", "secret.txt", "nothing.mcap"] {
+        assert_eq!(console.request("GET", &format!("/recordings/{name}"), &own, "").status, 404, "{name}");
+    }
+    assert_eq!(console.request("GET", "/recordings/broken.mcap", &own, "").status, 422);
+    for order in [
+        r#"{"verb":"verify","data":"../secret.txt"}"#,
+        r#"{"verb":"compare","model":"../../etc/passwd","data":"broken.mcap"}"#,
+        r#"{"verb":"add","model":"base.toml","data":"broken.mcap","effect":"--out","out":"x.toml"}"#,
+        r#"{"verb":"add","model":"base.toml","data":"broken.mcap","effect":"backlash","out":"../x.toml"}"#,
+    ] {
+        assert_eq!(console.request("POST", "/lab/job", &own, order).status, 409, "{order}");
+    }
+    assert_eq!(console.request("POST", "/lab/job", &own, r#"{"verb":"rm"}"#).status, 400);
+    assert_eq!(console.request("POST", "/lab/job", &[("Cookie", &cookie)], "{}").status, 403, "no origin");
+    assert_eq!(console.request("POST", "/lab/data/..%2fx.csv", &own, "t").status, 400);
+    assert_eq!(console.request("POST", "/lab/data/x.csv", &own, "time_s\n0\n").status, 204);
+    assert!(console.request("GET", "/lab", &own, "").body.contains("x.csv"));
+    let started = console.request("POST", "/lab/job", &own, r#"{"verb":"compare","model":"base.toml","data":"x.csv"}"#);
+    assert_eq!(started.status, 200, "{started:?}");
+    let job = || console.request("GET", "/lab/job", &own, "").body;
+    assert!(wait_until(PATIENCE, || job().contains("\"failed\"")), "{}", job());
+    assert!(job().contains("x.csv"), "its sentence names the file: {}", job());
+    assert_eq!(end(krait).code, Some(0));
 }

@@ -45,7 +45,7 @@ export class Curve {
       g.fillRect(LEFT, y(noise), width - LEFT, height - 2 - y(noise));
     }
     const step = [0.5, 1, 2, 5, 10, 20].find(step => this.top / step < 3) ?? 50;
-    g.font = '13px Inter, system-ui, sans-serif';
+    g.font = '13px Inter, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif';
     g.textAlign = 'right';
     g.textBaseline = 'middle';
     g.lineWidth = 1;

@@ -10,7 +10,7 @@ let hello = null, glasses = [], hops = [], tiles = {}, procs = null, history = n
 const bar = us => Math.max(0, Math.min(N_BINS, Math.log10(Math.max(1, us)) * 10));
 
 on('hello', message => { hello = message.hello; build(); });
-on('frame', ({ glass }) => { if (glass !== null && glass !== undefined) { glasses.push(glass); if (glasses.length > 600) glasses.shift(); } });
+on('frame', ({ glass, isPainted }) => { if (isPainted) { glasses.push(glass); if (glasses.length > 600) glasses.shift(); } });
 on('slow', ({ message }) => { if (hello && !page.hidden) show(message); });
 
 function tile(name, title) {
@@ -68,7 +68,7 @@ function show({ latency, processes, n_lost_here, n_pages, n_skipped }) {
   const lost = processes.reduce((sum, process) => sum + (process.n_lost ?? 0), 0);
   set('lost', thousands(lost), `by the processes; ${thousands(n_lost_here)} here`, lost > 0);
   const sorted = [...glasses].sort((a, b) => a - b);
-  set('glass', sorted.length ? `${sorted[sorted.length >> 1].toFixed(0)} ms` : '–', 'median; goal 30 ms');
+  set('glass', sorted.length ? `${sorted[sorted.length >> 1].toFixed(0)} ms` : '–', 'median of those painted; goal 30 ms');
   set('pages', String(n_pages), `${thousands(n_skipped)} pictures skipped by slow ones`);
   hops.forEach((row, i) => hop(row, latency.stretches[i], hello.facts.budgets[i], latency.n));
   procs.replaceChildren(...processes.map(processRow));

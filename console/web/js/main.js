@@ -1,8 +1,11 @@
 // The beginning: the token from the address becomes a cookie and leaves the address bar; then the pages are set up.
 import { lend, on, post } from './link.js';
-import { start } from './shell.js';
+import { onVisit, start } from './shell.js';
+import { startCommands } from './commands.js';
 import './operate.js';
 import './latency.js';
+import { showLab } from './lab.js';
+import { showRecordings } from './recordings.js';
 
 async function enter() {
   const token = location.hash.slice(1);
@@ -17,7 +20,10 @@ async function enter() {
 }
 
 on('reload', () => location.reload());
+onVisit('lab', showLab);
+onVisit('recordings', showRecordings);
 start();
+startCommands();
 lend('scene', document.getElementById('scene'));
 lend('strip', document.getElementById('strip'));
 await enter();

@@ -30,7 +30,7 @@ on('frame', ({ frame, age, glass }) => {
   sentence(frame);
   needs(frame);
   reasons(frame);
-  live(age > OLD_MS ? 'old' : '', age > OLD_MS ? `${(age / 1000).toFixed(1)} s old` : 'Live', glass === null || glass === undefined || age > OLD_MS ? '' : `${glass.toFixed(0)} ms`);
+  live(age > OLD_MS ? 'old' : '', age > OLD_MS ? `${(age / 1000).toFixed(1)} s old` : 'Live', glass === null || age > OLD_MS ? '' : `${glass.toFixed(0)} ms`);
 });
 
 on('stale', ({ hasConnection }) => {
@@ -83,7 +83,7 @@ function sentence(frame) {
   const worst = frame.reasons.map(reason => hello.reasons[reason.id]);
   const limit = worst.find(reason => reason.banner);
   const failed = worst.find(reason => reason.level === 'fault');
-  const text = frame.shown === 'limited' && limit ? limit.banner : frame.shown === 'fault' && failed ? failed.say : frame.shown === 'ready' ? `Holding still. ${facts.presence_hint}` : STATES[frame.shown].say;
+  const text = frame.shown === 'limited' && limit ? limit.banner : frame.shown === 'fault' && failed ? failed.say : frame.shown === 'holding' && worst.length ? worst[0].say : frame.shown === 'ready' ? `Holding still. ${facts.presence_hint}` : STATES[frame.shown].say;
   write($('sentence'), text);
 }
 

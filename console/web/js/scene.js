@@ -190,7 +190,7 @@ export class Scene {
       g.arc(x, y, 13, 0, TURN);
       g.fill();
       g.fillStyle = colours.onLine;
-      g.font = '700 16px Inter, system-ui, sans-serif';
+      g.font = '700 16px Inter, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif';
       g.textAlign = 'center';
       g.textBaseline = 'middle';
       g.fillText(String(i + 1), x, y + 1);

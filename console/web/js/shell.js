@@ -15,7 +15,12 @@ export function go(name) {
     tab.tabIndex = isThis ? 0 : -1;
   }
   post('shown', { isShown: name === 'operate' && !document.hidden });
+  visitors[name]?.();
 }
+
+const visitors = {};
+/// Calls somebody whenever a page is opened.
+export const onVisit = (name, visitor) => { visitors[name] = visitor; };
 
 export function setTheme(theme) {
   root.dataset.theme = theme;
@@ -47,22 +52,23 @@ function toggleSound() {
   button.setAttribute('aria-pressed', String(isOn));
 }
 
-function turnWithPointer(canvas) {
+/// Lets pointer, wheel and arrow keys turn a picture that the worker paints.
+export function turnWithPointer(canvas, name) {
   let last = null;
   canvas.addEventListener('pointerdown', event => { last = [event.clientX, event.clientY]; canvas.setPointerCapture(event.pointerId); });
   canvas.addEventListener('pointermove', event => {
     if (!last) return;
-    post('turn', { azimuth: (event.clientX - last[0]) * 0.008, elevation: (event.clientY - last[1]) * 0.008 });
+    post('turn', { name, azimuth: (event.clientX - last[0]) * 0.008, elevation: (event.clientY - last[1]) * 0.008 });
     last = [event.clientX, event.clientY];
-    pressed(null);
+    if (name === 'scene') pressed(null);
   });
   for (const name of ['pointerup', 'pointercancel']) canvas.addEventListener(name, () => { last = null; });
-  canvas.addEventListener('wheel', event => { event.preventDefault(); post('zoom', { factor: Math.exp(event.deltaY * 0.001) }); }, { passive: false });
+  canvas.addEventListener('wheel', event => { event.preventDefault(); post('zoom', { name, factor: Math.exp(event.deltaY * 0.001) }); }, { passive: false });
   canvas.addEventListener('keydown', event => {
     const turn = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, 0.1], ArrowDown: [0, -0.1] }[event.key];
-    if (turn) { post('turn', { azimuth: turn[0], elevation: turn[1] }); event.preventDefault(); pressed(null); }
-    if (event.key === '+') post('zoom', { factor: 0.9 });
-    if (event.key === '-') post('zoom', { factor: 1.1 });
+    if (turn) { post('turn', { name, azimuth: turn[0], elevation: turn[1] }); event.preventDefault(); if (name === 'scene') pressed(null); }
+    if (event.key === '+') post('zoom', { name, factor: 0.9 });
+    if (event.key === '-') post('zoom', { name, factor: 1.1 });
   });
 }
 
@@ -89,7 +95,7 @@ export function start() {
     else if (key === 's') toggleSound();
   });
   document.addEventListener('visibilitychange', () => post('shown', { isShown: root.dataset.tab === 'operate' && !document.hidden }));
-  turnWithPointer($('scene'));
+  turnWithPointer($('scene'), 'scene');
   const wish = remembered('theme') ?? (matchMedia('(prefers-color-scheme: light)').matches ? 'light' : 'dark');
   setTheme(wish);
   go('operate');

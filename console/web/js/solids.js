@@ -106,7 +106,7 @@ export function arrow(g, camera, frame, direction, colour, letter) {
     path(g, [end, [end[0] - 13 * nx + 5 * ny, end[1] - 13 * ny - 5 * nx], [end[0] - 13 * nx - 5 * ny, end[1] - 13 * ny + 5 * nx]]);
     g.fill();
   }
-  g.font = '700 16px Inter, system-ui, sans-serif';
+  g.font = '700 16px Inter, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif';
   g.textAlign = 'center';
   g.textBaseline = 'middle';
   g.fillText(letter, name[0], name[1]);

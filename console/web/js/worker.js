@@ -5,8 +5,8 @@ import { degrees } from './snake.js';
 
 const STALE_MS = 500, PATIENCE_MS = [0, 500, 1000, 2000, 5000], PING_EVERY_MS = 1000;
 const canvases = {};
-let scene = null, strip = null, socket = null, colours = null, facts = null, frame = null;
-let arrived = -Infinity, attempt = 0, isShown = true, isBlank = true, session = null, offset = null, bestTrip = Infinity, lastShape = null;
+let scene = null, strip = null, replay = null, socket = null, colours = null, facts = null, frame = null;
+let arrived = -Infinity, attempt = 0, isShown = true, isBlank = true, session = null, offset = null, bestTrip = Infinity, lastShape = null, recorded = null, glass = null;
 
 const tell = (k, rest) => postMessage({ k, ...rest });
 
@@ -68,7 +68,7 @@ function paint() {
     tell('stale', { age, hasConnection: socket?.readyState === WebSocket.OPEN && since < STALE_MS });
     return;
   }
-  if (frame === lastShape && !scene?.goal) return tell('frame', { frame, age });
+  if (frame === lastShape && !scene?.goal) return tell('frame', { frame, age, glass });
   lastShape = frame;
   isBlank = false;
   if (isShown && colours && facts) {
@@ -77,8 +77,16 @@ function paint() {
     strip?.draw(frame.t_ms, frame.sigma ? Math.SQRT2 * degrees(frame.sigma) : 0, colours);
   }
   // Glass latency: from the stamp of the state in shared memory to here, where its picture is painted.
-  const glass = offset === null || frame.age_ms === null ? null : performance.now() + offset - (frame.t_ms - frame.age_ms);
-  tell('frame', { frame, age, glass });
+  const isPainted = isShown && offset !== null && frame.age_ms !== null;
+  glass = isPainted ? performance.now() + offset - (frame.t_ms - frame.age_ms) : null;
+  tell('frame', { frame, age, glass, isPainted });
+}
+
+/// A picture of a recording: painted when it changes, and by nothing that is live.
+function paintReplay() {
+  if (!replay || !recorded || !facts || !colours) return;
+  const machine = { length: facts.l_m * 1e3, pitch: facts.r_m * 1e3, maxBend: facts.max_bend_rad };
+  replay.draw({ bend: recorded.bend, setpoint: recorded.setpoint, machine, colours, isLimited: false });
 }
 
 onmessage = ({ data }) => {
@@ -86,15 +94,23 @@ onmessage = ({ data }) => {
     case 'canvas':
       canvases[data.name] = data.canvas;
       if (data.name === 'scene') scene = new Scene(data.canvas);
+      if (data.name === 'replay') replay = new Scene(data.canvas);
       if (data.name === 'strip') strip = new Curve(data.canvas, 20);
       break;
-    case 'size': ({ scene, strip })[data.name]?.resize(data.width, data.height, data.ratio); lastShape = null; break;
-    case 'colours': colours = data.colours; lastShape = null; break;
-    case 'turn': scene?.turn(data.azimuth, data.elevation); lastShape = null; break;
-    case 'zoom': scene?.zoom(data.factor); lastShape = null; break;
+    case 'size': ({ scene, strip, replay })[data.name]?.resize(data.width, data.height, data.ratio); lastShape = null; if (data.name === 'replay') paintReplay(); break;
+    case 'colours': colours = data.colours; lastShape = null; paintReplay(); break;
+    case 'picture': recorded = data; if (facts && data.bend) replay?.remember(data.bend, facts.l_m * 1e3); paintReplay(); break;
+    case 'forget': replay?.clear(); break;
+    case 'turn': ({ scene, replay })[data.name]?.turn(data.azimuth, data.elevation); lastShape = null; paintReplay(); break;
+    case 'zoom': ({ scene, replay })[data.name]?.zoom(data.factor); lastShape = null; paintReplay(); break;
     case 'view': scene?.preset(data.name); lastShape = null; break;
     case 'shown': isShown = data.isShown; lastShape = null; break;
-    case 'send': if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(data.message)); break;
+    case 'wish':
+      // Without a connection nothing is kept for later: the page says so when no answer comes.
+      if (socket?.readyState === WebSocket.OPEN && offset !== null) {
+        socket.send(JSON.stringify({ k: 'wish', id: data.id, wish: data.wish, session, at_ms: performance.now() + offset }));
+      }
+      break;
     case 'connect': connect(); setInterval(ping, PING_EVERY_MS); requestAnimationFrame(paint); break;
   }
 };

@@ -1,7 +1,8 @@
 //! `krait bench`: krait's chain beside the floor of the machine and beside other ways to pass a message, turn by turn.
 
 use crate::chain_round::{self, Listeners};
-use crate::cli::{BenchArgs, Common, WaitKind};
+use crate::cli::Common;
+use crate::cli_bench::{BenchArgs, WaitKind};
 use crate::commands::bench_growth;
 use crate::commands::yardstick::{burn_command, stage_command};
 use crate::config::Config;

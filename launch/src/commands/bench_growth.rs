@@ -1,7 +1,7 @@
 //! `krait bench --growth`: how the latency of krait's chain grows with chains beside it, with the rate and with readers.
 
 use crate::chain_round::{self, Listeners};
-use crate::cli::BenchArgs;
+use crate::cli_bench::BenchArgs;
 use crate::commands::bench::{folder, say, write};
 use crate::commands::yardstick::burn_command;
 use crate::config::Config;

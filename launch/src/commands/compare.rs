@@ -6,12 +6,17 @@ use anyhow::{Context, bail};
 use krait_record::{Recording, passes_of};
 use krait_report::{Apart, Curve, Figure, Side, Spread, Stroke, TOO_SHORT, Table, svg};
 use serde::Serialize;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Points of a curve at most: more than a picture has pixels, and the largest of those that share one is kept.
 const N_POINTS: usize = 1500;
+
+/// Tracking errors and lengths that differ by less than this part are alike.
+const ALIKE: f64 = 0.05;
+/// Columns of a row's name; a longer sentence is cut, so that the table stays narrow.
+const NAME_COLUMNS: usize = 44;
 
 /// The comparison, in the shape of `--json`.
 #[derive(Serialize)]
@@ -30,6 +35,8 @@ struct Named {
     pass: usize,
     /// Who recorded it, with what and on which device.
     about: BTreeMap<&'static str, String>,
+    /// What the recording lacks, a sentence each; empty for one that is whole.
+    missing: Vec<String>,
     #[serde(flatten)]
     side: Side,
 }
@@ -59,15 +66,25 @@ fn named(path: &Path, number: u64) -> anyhow::Result<Named> {
         bail!("recording {}: pass {number} was asked for and it holds {}", path.display(), passes.len());
     };
     let side = Side::of(pass).with_context(|| format!("recording {}", path.display()))?;
-    Ok(Named { recording: path.to_owned(), pass: idx + 1, about: recorded::about(&parts[0]), side })
+    let missing = parts.iter().flat_map(|part| &part.contents().missing).map(ToString::to_string).collect();
+    Ok(Named { recording: path.to_owned(), pass: idx + 1, about: recorded::about(&parts[0]), missing, side })
 }
 
 fn text(comparison: &Comparison) -> String {
     let Comparison { a, b, apart, pictures } = comparison;
-    let name = |side: &Named| format!("{} (pass {})", side.recording.display(), side.pass);
-    let mut text = format!("A: {}\nB: {}\n{}", name(a), name(b), table(a, b));
+    let mut text = String::new();
+    for (letter, side) in [("A", a), ("B", b)] {
+        text += &format!("{letter}: {} (pass {})\n", side.recording.display(), side.pass);
+        for (key, value) in &side.about {
+            text += &format!("   {}: {value}\n", key.replace('_', " "));
+        }
+        for sentence in &side.missing {
+            text += &format!("   not whole: {sentence}\n");
+        }
+    }
+    text += &format!("{}{}\n", table(&a.side, &b.side), verdict(&a.side, &b.side));
     text += &format!(
-        "At the same time since the first motion: setpoints {:.3} deg rms ({:.3} max), commands {:.4} mm rms ({:.4} max)\n",
+        "At the same time since the first motion: setpoints {:.3} deg rms ({:.3} max),\n  commands {:.4} mm rms ({:.4} max)\n",
         apart.setpoint_deg.rms, apart.setpoint_deg.max, apart.command_mm.rms, apart.command_mm.max
     );
     for picture in pictures {
@@ -76,49 +93,75 @@ fn text(comparison: &Comparison) -> String {
     text
 }
 
-fn table(a: &Named, b: &Named) -> Table {
-    let mut table = Table::new(&["", "A", "B"]);
-    let mut row = |name: String, a: String, b: String| table.row(vec![name, a, b]);
-    for ((key, a), b) in a.about.iter().zip(b.about.values()) {
-        row(key.replace('_', " "), a.clone(), b.clone());
+/// Which follows better, in one sentence; lengths that differ are said, because errors of other motions do not compare.
+fn verdict(a: &Side, b: &Side) -> String {
+    let sentence = match (&a.tracking_error_deg, &b.tracking_error_deg) {
+        (Some(a), Some(b)) if (a.rms - b.rms).abs() <= ALIKE * a.rms.max(b.rms) => {
+            format!("Verdict: both follow alike, within {:.0} %", 100.0 * ALIKE)
+        }
+        (Some(a), Some(b)) if b.rms < a.rms => {
+            format!("Verdict: B follows better, {:.3} deg rms where A has {:.3}", b.rms, a.rms)
+        }
+        (Some(a), Some(b)) => format!("Verdict: A follows better, {:.3} deg rms where B has {:.3}", a.rms, b.rms),
+        _ => return "Verdict: none; a tracking error takes more than 10 s of motion on both sides.".to_owned(),
+    };
+    if (a.length_s - b.length_s).abs() > ALIKE * a.length_s.max(b.length_s) {
+        return format!("{sentence}; but their lengths differ, so the motion may be another.");
     }
-    let (a, b) = (&a.side, &b.side);
-    row("length, s".to_owned(), format!("{:.2}", a.length_s), format!("{:.2}", b.length_s));
-    for (channel, n) in &a.samples {
-        row(format!("{channel} samples"), n.to_string(), b.samples.get(channel).copied().unwrap_or(0).to_string());
+    format!("{sentence}.")
+}
+
+/// Figures of both sides and what B has more.
+fn table(a: &Side, b: &Side) -> Table {
+    let mut rows = Rows(Table::new(&["", "A", "B", "B - A"]));
+    rows.numbers("length, s", Some(a.length_s), Some(b.length_s), 2);
+    let channels: BTreeSet<_> = a.samples.keys().chain(b.samples.keys()).collect();
+    for channel in channels {
+        let count = |side: &Side| Some(side.samples.get(channel).copied().unwrap_or(0) as f64);
+        rows.numbers(&format!("{channel} samples"), count(a), count(b), 0);
     }
-    let from = |word: &str| format!("tracking error from {:.0} s on, {word}, deg", a.scored_from_s);
     let mut error = |word: &str, figure: fn(&Spread) -> f64| {
-        let cell = |side: &Side| {
-            side.tracking_error_deg.as_ref().map_or(TOO_SHORT.to_owned(), |error| format!("{:.3}", figure(error)))
-        };
-        row(from(word), cell(a), cell(b));
+        let of = |side: &Side| side.tracking_error_deg.as_ref().map(figure);
+        rows.with(&format!("tracking error {word}, deg"), of(a), of(b), 3, TOO_SHORT);
     };
     error("rms", |error| error.rms);
     error("p95", |error| error.p95);
     error("max", |error| error.max);
-    let hops: std::collections::BTreeSet<_> = a.latency_us.keys().chain(b.latency_us.keys()).collect();
+    let hops: BTreeSet<_> = a.latency_us.keys().chain(b.latency_us.keys()).collect();
     for hop in hops {
-        let cell = |side: &Side| match side.latency_us.get(hop.as_str()) {
-            Some(q) => format!("{:.0} / {:.0} / {:.0}", q.p50, q.p99, q.max),
-            None => "-".to_owned(),
-        };
-        row(format!("{hop} p50/p99/max, us"), cell(a), cell(b));
+        let of = |side: &Side| side.latency_us.get(hop.as_str()).map(|q| (q.p50, q.p99));
+        rows.numbers(&format!("{hop} p50, us"), of(a).map(|q| q.0), of(b).map(|q| q.0), 0);
+        rows.numbers(&format!("{hop} p99, us"), of(a).map(|q| q.1), of(b).map(|q| q.1), 0);
     }
-    row("following, s".to_owned(), format!("{:.2}", a.following_s), format!("{:.2}", b.following_s));
-    let states: std::collections::BTreeSet<_> = a.operating_s.keys().chain(b.operating_s.keys()).collect();
+    rows.numbers("following, s", Some(a.following_s), Some(b.following_s), 2);
+    let states: BTreeSet<_> = a.operating_s.keys().chain(b.operating_s.keys()).collect();
     for state in states {
-        let cell = |side: &Side| format!("{:.2}", side.operating_s.get(*state).copied().unwrap_or(0.0));
-        row(format!("{state}, s"), cell(a), cell(b));
+        let of = |side: &Side| Some(side.operating_s.get(*state).copied().unwrap_or(0.0));
+        rows.numbers(&format!("{state}, s"), of(a), of(b), 2);
     }
-    row("faults".to_owned(), a.n_faults.to_string(), b.n_faults.to_string());
-    row("commands refused".to_owned(), a.n_refused.to_string(), b.n_refused.to_string());
-    let reasons: std::collections::BTreeSet<_> = a.reasons.keys().chain(b.reasons.keys()).collect();
+    rows.numbers("faults", Some(a.n_faults as f64), Some(b.n_faults as f64), 0);
+    rows.numbers("commands refused", Some(a.n_refused as f64), Some(b.n_refused as f64), 0);
+    let reasons: BTreeSet<_> = a.reasons.keys().chain(b.reasons.keys()).collect();
     for reason in reasons {
-        let cell = |side: &Side| side.reasons.get(*reason).copied().unwrap_or(0).to_string();
-        row(format!("states: {reason}"), cell(a), cell(b));
+        let of = |side: &Side| Some(side.reasons.get(*reason).copied().unwrap_or(0) as f64);
+        rows.numbers(&format!("{reason:.NAME_COLUMNS$}"), of(a), of(b), 0);
     }
-    table
+    rows.0
+}
+
+/// A table whose last column is the difference.
+struct Rows(Table);
+
+impl Rows {
+    fn numbers(&mut self, name: &str, a: Option<f64>, b: Option<f64>, digits: usize) {
+        self.with(name, a, b, digits, "-");
+    }
+
+    fn with(&mut self, name: &str, a: Option<f64>, b: Option<f64>, digits: usize, missing: &str) {
+        let cell = |value: Option<f64>| value.map_or(missing.to_owned(), |value| format!("{value:.digits$}"));
+        let difference = a.zip(b).map_or("-".to_owned(), |(a, b)| format!("{:+.digits$}", b - a));
+        self.0.row(vec![name.to_owned(), cell(a), cell(b), difference]);
+    }
 }
 
 fn write_pictures(folder: &Path, a: &Named, b: &Named) -> anyhow::Result<Vec<PathBuf>> {

@@ -2,7 +2,7 @@
 
 use crate::cli::Common;
 use crate::cli_console::ConsoleArgs;
-use crate::config::Config;
+use crate::config::{Config, STANDARD_INPUT};
 use crate::in_force::ModelInForce;
 use crate::{print, signals, supervisor};
 use anyhow::Context;
@@ -10,14 +10,14 @@ use krait_console::{Allowance, Facts, Settings};
 use krait_ipc::Bus;
 use krait_master::Presence;
 use rustix::process::{Pid, Signal, kill_process};
-
 use std::os::unix::process::CommandExt;
-use std::path::PathBuf;
-use std::process::{Child, Command, ExitCode, Stdio};
-use std::time::SystemTime;
+use std::path::Path;
+use std::process::{Child, Command, ExitCode};
 
-/// Its name among the members of an instance; it is no part of a chain, and a chain may start beside it.
-pub const NAME: &str = "console";
+pub use krait_console::NAME;
+
+/// The model that the lab begins with: the paper's machine and no effect besides.
+const BASE_MODEL: &str = include_str!("../../../docs/lab-tutorial/base.toml");
 
 /// Serves the page until Ctrl-C.
 pub fn run(common: &Common, args: &ConsoleArgs) -> anyhow::Result<ExitCode> {
@@ -27,15 +27,21 @@ pub fn run(common: &Common, args: &ConsoleArgs) -> anyhow::Result<ExitCode> {
     }
     let config = Config::load(common.config.as_deref())?;
     let bus = Bus::open(&common.instance, NAME)?;
-    let path = bus.instance().folder().join("config.toml");
-    let model = config.model()?;
-    let mut chain = ChainConfig { instance: common.instance.clone(), path, seen: None, config, model };
+    let facts = facts_of(&common.instance, &config, &config.model()?);
     let announce = |address: &krait_console::Address| {
-        if let Err(error) = print::out(&format!("Console: {}\n", address.page)) {
+        if let Err(error) = print::out(&format!("Console: {}\nStop:    {}\n", address.page, address.stop)) {
             tracing::warn!(%error, "the console's address could not be printed");
         }
     };
-    krait_console::run(bus, Settings { port: args.port }, move || chain.facts(), announce, &stop)?;
+    let settings = Settings {
+        port: args.port,
+        stop_port: args.stop_port,
+        recordings: args.recordings.clone(),
+        lab: args.lab.clone(),
+        base_model: BASE_MODEL.to_owned(),
+        program: std::env::current_exe().context("the krait program could not find itself")?,
+    };
+    krait_console::run(bus, settings, facts, announce, &stop)?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -43,14 +49,22 @@ pub fn run(common: &Common, args: &ConsoleArgs) -> anyhow::Result<ExitCode> {
 pub struct Companion(Child);
 
 impl Companion {
-    /// Starts the console of an instance as a process of its own.
+    /// Starts the console of an instance as a process of its own. Where standard output is for JSON, its address goes to
+    /// standard error.
     ///
     /// # Errors
     /// The program cannot be started.
-    pub fn start(instance: &str) -> anyhow::Result<Self> {
+    pub fn start(instance: &str, config: &Config, is_json: bool) -> anyhow::Result<Self> {
         let program = std::env::current_exe().context("the krait program could not find itself")?;
         let mut command = Command::new(program);
-        command.args([NAME, "--instance", instance]).stdin(Stdio::null()).process_group(0);
+        command.args([NAME, "--instance", instance, "--config", STANDARD_INPUT]);
+        command.stdin(supervisor::in_memory(config)?).process_group(0);
+        if is_json {
+            command.stdout(std::io::stderr());
+        }
+        if let Some(folder) = config.record.path.as_deref().and_then(Path::parent) {
+            command.arg("--recordings").arg(folder);
+        }
         command.env(supervisor::SUPERVISOR_PID, std::process::id().to_string());
         Ok(Self(command.spawn().context("the console could not be started")?))
     }
@@ -65,31 +79,6 @@ impl Drop for Companion {
         if let Err(error) = self.0.wait() {
             tracing::warn!(%error, "the console could not be waited for");
         }
-    }
-}
-
-/// The configuration that a chain in this instance runs with: its supervisor leaves it in the instance's folder.
-struct ChainConfig {
-    instance: String,
-    path: PathBuf,
-    seen: Option<SystemTime>,
-    config: Config,
-    model: ModelInForce,
-}
-
-impl ChainConfig {
-    fn facts(&mut self) -> Facts {
-        let changed = std::fs::metadata(&self.path).and_then(|metadata| metadata.modified()).ok();
-        if changed.is_some() && changed != self.seen {
-            self.seen = changed;
-            match Config::load(Some(&self.path)).and_then(|config| Ok((config.model()?, config))) {
-                Ok((model, config)) => (self.model, self.config) = (model, config),
-                Err(error) => {
-                    tracing::warn!(%error, "the chain's configuration could not be read; the page keeps the one before")
-                }
-            }
-        }
-        facts_of(&self.instance, &self.config, &self.model)
     }
 }
 

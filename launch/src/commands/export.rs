@@ -26,6 +26,7 @@ struct Exported {
 
 /// Writes the table; exit code 1 if the recording lacks something.
 pub fn run(args: &ExportArgs) -> anyhow::Result<ExitCode> {
+    refuse_other_ending(args.format, &args.out)?;
     let parts = Recording::open_parts(&args.recording)?;
     let columns = Columns::of_parts(&parts)?;
     if columns.rows.is_empty() {
@@ -50,6 +51,23 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<ExitCode> {
         print::out(&exported.text())?
     }
     Ok(if exported.missing.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// A file whose name promises another format would be opened by a program that cannot read it.
+fn refuse_other_ending(format: ExportFormat, path: &Path) -> anyhow::Result<()> {
+    let (own, option) = match format {
+        ExportFormat::Csv => ("csv", "--format parquet writes .parquet"),
+        ExportFormat::Parquet => ("parquet", "--format csv writes .csv"),
+    };
+    let others = ["csv", "parquet", "xlsx", "xls", "ods", "json", "mat", "hdf5", "h5", "mcap"];
+    let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default();
+    if ending != own && others.contains(&ending.as_str()) {
+        bail!(
+            "{} ends in .{ending}, and what would be written is .{own}; name a .{own} file ({option})",
+            path.display()
+        );
+    }
+    Ok(())
 }
 
 impl Exported {

@@ -46,8 +46,9 @@ pub fn run(common: &Common, args: &RunArgs) -> anyhow::Result<ExitCode> {
     }
     let model = options.config.model()?;
     evidence.processes(model.label, &supervisor.processes());
-    let console = args.console.then(|| Companion::start(&common.instance)).transpose()?;
-    let label = format!("running, compensation {}; Ctrl-C ends it", model.label);
+    let start_console = || Companion::start(&common.instance, &options.config, args.json);
+    let console = args.console.then(start_console).transpose()?;
+    let label = format!("Running, compensation {}; Ctrl-C ends it", model.label);
     Progress::new(&label, supervisor.bus(), args.seconds)?.show(&mut supervisor, &stop)?;
     supervisor.end_chain();
     drop(console);

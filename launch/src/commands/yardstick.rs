@@ -1,6 +1,7 @@
 //! The processes that `krait bench` starts beside krait's own: relays, an observer, and processes that keep a core busy.
 
-use crate::cli::{Common, YardstickArgs, YardstickVerb};
+use crate::cli::Common;
+use crate::cli_bench::{YardstickArgs, YardstickVerb};
 use crate::{signals, supervisor};
 use anyhow::Context;
 use core::time::Duration;

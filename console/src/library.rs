@@ -1,0 +1,288 @@
+//! Recordings and the lab over HTTP: lists, films, measurements that a page hands over, jobs. Only a page with the token.
+
+use crate::jobs::Jobs;
+use crate::recordings::{Recordings, film_of};
+use crate::server::{Shared, refuse};
+use axum::Router;
+use axum::body::Bytes;
+use axum::extract::{DefaultBodyLimit, Path, Request, State};
+use axum::http::{StatusCode, header};
+use axum::middleware::{Next, from_fn_with_state};
+use axum::response::{IntoResponse, Response};
+use axum::routing::{get, post};
+use serde::{Deserialize, Serialize};
+use std::path::{Path as FilePath, PathBuf};
+use std::sync::Arc;
+use tokio::sync::Semaphore;
+
+/// Bytes of a measurement that a page hands over.
+const MOST_DATA_BYTES: usize = 64 * 1024 * 1024;
+/// Bytes of a request for a job.
+const MOST_ORDER_BYTES: usize = 4096;
+/// The model that the lab begins with where the folder has none: the machine and nothing else.
+const BASE_MODEL: &str = "base.toml";
+
+/// What recordings and lab work with.
+pub struct Library {
+    recordings: Arc<Recordings>,
+    folder: PathBuf,
+    base_model: String,
+    jobs: Jobs,
+    // Reading a recording takes a core for a moment: one at a time.
+    reader: Semaphore,
+}
+
+impl Library {
+    /// Recordings of a folder; measurements and models in another, which is made when it is needed first.
+    pub fn new(recordings: PathBuf, folder: PathBuf, base_model: String, program: PathBuf) -> Self {
+        let recordings = Arc::new(Recordings::new(recordings));
+        Self { recordings, folder, base_model, jobs: Jobs::new(program), reader: Semaphore::new(1) }
+    }
+
+    fn files(&self, ending: &str) -> Vec<String> {
+        let Ok(files) = std::fs::read_dir(&self.folder) else { return Vec::new() };
+        let names = files.flatten().filter_map(|entry| entry.file_name().into_string().ok());
+        let mut names: Vec<String> = names.filter(|name| name.ends_with(ending)).collect();
+        names.sort();
+        names
+    }
+
+    fn models(&self) -> Vec<String> {
+        let mut models = self.files(".toml");
+        if !models.iter().any(|name| name == BASE_MODEL) {
+            models.insert(0, BASE_MODEL.to_owned());
+        }
+        models
+    }
+
+    fn model(&self, name: &str) -> Result<PathBuf, String> {
+        let path = self.folder.join(name);
+        match self.models().iter().any(|known| known == name) {
+            true if path.exists() => Ok(path),
+            true => self.write(name, self.base_model.as_bytes()),
+            false => Err(format!("There is no model {name:?} in the list.")),
+        }
+    }
+
+    fn data(&self, name: &str) -> Result<PathBuf, String> {
+        let own = self.files(".csv").iter().any(|known| known == name).then(|| self.folder.join(name));
+        own.or_else(|| self.recordings.path_of(name))
+            .ok_or_else(|| format!("There is no measurement {name:?} in the list."))
+    }
+
+    fn write(&self, name: &str, bytes: &[u8]) -> Result<PathBuf, String> {
+        let path = self.folder.join(name);
+        let written = std::fs::create_dir_all(&self.folder).and_then(|()| std::fs::write(&path, bytes));
+        written.map(|()| path).map_err(|error| format!("{} could not be written: {error}.", self.folder.display()))
+    }
+}
+
+/// A name that a page may give to a file: no folder, nothing hidden, nothing that a shell or a page would read otherwise.
+fn is_plain_name(name: &str, ending: &str) -> bool {
+    let allowed = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '-' | '_');
+    name.len() <= 80
+        && name.ends_with(ending)
+        && name.len() > ending.len()
+        && !name.starts_with(['.', '-'])
+        && name.chars().all(allowed)
+}
+
+/// What a page orders.
+#[derive(Debug, Deserialize)]
+#[serde(tag = "verb", rename_all = "kebab-case", deny_unknown_fields)]
+enum Order {
+    /// How far model and measurement are apart.
+    Compare { model: String, data: String },
+    /// Which effect is missing.
+    Diagnose { model: String, data: String },
+    /// Adds an effect and writes another model.
+    Add { model: String, data: String, effect: String, out: String },
+    /// Whether a recording can be repeated byte for byte.
+    Verify { data: String },
+    /// Two recordings side by side.
+    CompareRecordings { a: String, b: String },
+}
+
+impl Order {
+    fn arguments(&self, library: &Library) -> Result<Vec<String>, String> {
+        let text = |path: PathBuf| path.to_string_lossy().into_owned();
+        let lab = |verb: &str, model: &str, data: &str| -> Result<Vec<String>, String> {
+            let (model, data) = (text(library.model(model)?), text(library.data(data)?));
+            let report = text(library.folder.join(format!("{verb}.html")));
+            let words = ["lab", verb, "--json", "--model", &model, "--data", &data, "--report", &report];
+            Ok(words.map(str::to_owned).to_vec())
+        };
+        let recording = |name: &str| {
+            library
+                .recordings
+                .path_of(name)
+                .map(text)
+                .ok_or_else(|| format!("There is no recording {name:?} in the list."))
+        };
+        match self {
+            Self::Compare { model, data } => lab("compare", model, data),
+            Self::Diagnose { model, data } => lab("diagnose", model, data),
+            Self::Add { model, data, effect, out } => {
+                let is_effect =
+                    effect.len() <= 60 && effect.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_');
+                if !is_effect || effect.starts_with('-') || effect.is_empty() {
+                    return Err("An effect's name has letters, digits and hyphens only.".to_owned());
+                }
+                if !is_plain_name(out, ".toml") || out == BASE_MODEL {
+                    return Err(format!(
+                        "{out:?} cannot be the new model's name; take letters and digits, ending in .toml."
+                    ));
+                }
+                let mut arguments = lab("add", model, data)?;
+                arguments.insert(2, effect.clone());
+                arguments.extend(["--out".to_owned(), text(library.folder.join(out))]);
+                Ok(arguments)
+            }
+            Self::Verify { data } => Ok(vec!["verify".to_owned(), recording(data)?, "--json".to_owned()]),
+            Self::CompareRecordings { a, b } => {
+                Ok(vec!["compare".to_owned(), recording(a)?, recording(b)?, "--json".to_owned()])
+            }
+        }
+    }
+}
+
+/// The routes; each asks for the token.
+pub(crate) fn router(shared: &Arc<Shared>) -> Router<Arc<Shared>> {
+    Router::new()
+        .route("/recordings", get(recordings))
+        .route("/recordings/{name}", get(film))
+        .route("/lab", get(lab))
+        .route("/lab/job", post(start).get(job).layer(DefaultBodyLimit::max(MOST_ORDER_BYTES)))
+        .route("/lab/cancel", post(cancel))
+        .route("/lab/report/{verb}", get(report))
+        .route("/lab/data/{name}", post(hand_over).layer(DefaultBodyLimit::max(MOST_DATA_BYTES)))
+        .layer(from_fn_with_state(Arc::clone(shared), known_only))
+}
+
+async fn known_only(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
+    if shared.is_known(request.headers()) {
+        next.run(request).await
+    } else {
+        refuse("this page has no token; open the address that the console printed")
+    }
+}
+
+fn json<T: Serialize>(value: &T) -> Response {
+    match serde_json::to_string(value) {
+        Ok(text) => ([(header::CONTENT_TYPE, "application/json")], text).into_response(),
+        Err(error) => (StatusCode::INTERNAL_SERVER_ERROR, error.to_string()).into_response(),
+    }
+}
+
+/// Work on files, away from the thread that serves.
+async fn reading<T: Send + 'static>(library: &Library, work: impl FnOnce() -> T + Send + 'static) -> Option<T> {
+    let _turn = library.reader.acquire().await.ok()?;
+    tokio::task::spawn_blocking(work).await.ok()
+}
+
+async fn recordings(State(shared): State<Arc<Shared>>) -> Response {
+    let of = Arc::clone(&shared.library.recordings);
+    match reading(&shared.library, move || of.list()).await {
+        Some(list) => json(&list),
+        None => StatusCode::INTERNAL_SERVER_ERROR.into_response(),
+    }
+}
+
+async fn film(State(shared): State<Arc<Shared>>, Path(name): Path<String>) -> Response {
+    let Some(path) = shared.library.recordings.path_of(&name) else {
+        return (StatusCode::NOT_FOUND, "there is no recording of this name in the list").into_response();
+    };
+    match reading(&shared.library, move || film_of(&path)).await {
+        Some(Ok(film)) => json(&film),
+        Some(Err(error)) => (StatusCode::UNPROCESSABLE_ENTITY, error.to_string()).into_response(),
+        None => StatusCode::INTERNAL_SERVER_ERROR.into_response(),
+    }
+}
+
+#[derive(Serialize)]
+struct Shelf {
+    models: Vec<String>,
+    data: Vec<String>,
+    folder: String,
+}
+
+async fn lab(State(shared): State<Arc<Shared>>) -> Response {
+    let library = &shared.library;
+    let of = Arc::clone(&library.recordings);
+    let Some(recordings) = reading(library, move || of.list()).await else {
+        return StatusCode::INTERNAL_SERVER_ERROR.into_response();
+    };
+    let mut data = library.files(".csv");
+    data.extend(recordings.into_iter().map(|entry| entry.name));
+    json(&Shelf { models: library.models(), data, folder: library.folder.display().to_string() })
+}
+
+async fn start(State(shared): State<Arc<Shared>>, body: Bytes) -> Response {
+    let order: Order = match serde_json::from_slice(&body) {
+        Ok(order) => order,
+        Err(error) => {
+            return (StatusCode::BAD_REQUEST, format!("This order is not understood: {error}.")).into_response();
+        }
+    };
+    match order.arguments(&shared.library).and_then(|arguments| shared.library.jobs.start(&arguments)) {
+        Ok(report) => json(&report),
+        Err(why) => (StatusCode::CONFLICT, why).into_response(),
+    }
+}
+
+async fn job(State(shared): State<Arc<Shared>>) -> Response {
+    json(&shared.library.jobs.report())
+}
+
+async fn cancel(State(shared): State<Arc<Shared>>) -> Response {
+    shared.library.jobs.cancel();
+    json(&shared.library.jobs.report())
+}
+
+/// The page that a job has written: a sandboxed document, whose script can reach nothing of the console.
+async fn report(State(shared): State<Arc<Shared>>, Path(verb): Path<String>) -> Response {
+    if !["compare", "diagnose", "add"].contains(&verb.as_str()) {
+        return StatusCode::NOT_FOUND.into_response();
+    }
+    let path = shared.library.folder.join(format!("{verb}.html"));
+    let page = reading(&shared.library, move || std::fs::read(FilePath::new(&path)).ok()).await;
+    match page.flatten() {
+        Some(page) => {
+            let policy = "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:";
+            let headers =
+                [(header::CONTENT_TYPE, "text/html; charset=utf-8"), (header::CONTENT_SECURITY_POLICY, policy)];
+            (headers, page).into_response()
+        }
+        None => StatusCode::NOT_FOUND.into_response(),
+    }
+}
+
+async fn hand_over(State(shared): State<Arc<Shared>>, Path(name): Path<String>, body: Bytes) -> Response {
+    if !is_plain_name(&name, ".csv") {
+        return (StatusCode::BAD_REQUEST, "A measurement's name has letters and digits only and ends in .csv.")
+            .into_response();
+    }
+    let of = Arc::clone(&shared);
+    match reading(&shared.library, move || of.library.write(&name, &body)).await {
+        Some(Ok(_)) => StatusCode::NO_CONTENT.into_response(),
+        Some(Err(why)) => (StatusCode::INSUFFICIENT_STORAGE, why).into_response(),
+        None => StatusCode::INTERNAL_SERVER_ERROR.into_response(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_is_a_file_in_this_folder_or_nothing() {
+        for good in ["a.csv", "run-2_b.csv", "2026.11.csv"] {
+            assert!(is_plain_name(good, ".csv"), "{good}");
+        }
+        for bad in
+            ["../a.csv", "a/b.csv", ".csv", "-x.csv", ".hidden.csv", "a b.csv", "a.toml", "a\u{0}.csv", "a%2e.csv"]
+        {
+            assert!(!is_plain_name(bad, ".csv"), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,178 @@
+//! The recordings in one folder: a list, and each as pictures to be played on the page.
+//!
+//! A page names a recording by a name from the list, never by a path. Reading happens on a thread of its own, one recording
+//! at a time, and the list remembers what it has read.
+
+use krait_ipc::message::OperatingState;
+use krait_record::{ReadError, Recording};
+use krait_schema::{Channel, Sample};
+use serde::Serialize;
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// Pictures a second of a recording.
+const RATE_HZ: f64 = 30.0;
+/// Most pictures of one recording: 20 minutes; what is longer has fewer a second.
+const MOST_PICTURES: usize = 36_000;
+/// Most marks that are shown.
+const MOST_MARKS: usize = 200;
+
+/// One recording of the list.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Entry {
+    /// File name.
+    pub name: String,
+    /// Bytes of the file.
+    pub bytes: u64,
+    /// When it was last written, s since 1970.
+    pub modified_s: u64,
+    /// Length, s; null where it could not be read.
+    pub seconds: Option<f64>,
+    /// Compensation that it was made with.
+    pub compensation: Option<String>,
+    /// Marks in it.
+    pub n_marks: u64,
+    /// What is missing or damaged, or why it cannot be read.
+    pub missing: Vec<String>,
+}
+
+/// A recording as pictures; every column has one value a picture, null where there is none.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Film {
+    /// File name.
+    pub name: String,
+    /// Since the first picture, s.
+    pub t_s: Vec<f64>,
+    /// Measured bend vector, rad.
+    pub bend: Vec<Option<[f64; 2]>>,
+    /// Commanded bend vector, rad.
+    pub setpoint: Vec<Option<[f64; 2]>>,
+    /// Operating state.
+    pub operating: Vec<&'static str>,
+    /// Marks: when, s, and what.
+    pub marks: Vec<(f64, String)>,
+}
+
+/// The recordings in a folder.
+#[derive(Debug)]
+pub struct Recordings {
+    folder: PathBuf,
+    known: Mutex<HashMap<(String, u64, u64), Entry>>,
+}
+
+impl Recordings {
+    /// Of a folder, which may not be there yet.
+    pub fn new(folder: PathBuf) -> Self {
+        Self { folder, known: Mutex::default() }
+    }
+
+    /// The path of a recording that is in the list; nothing for any other name.
+    pub fn path_of(&self, name: &str) -> Option<PathBuf> {
+        self.files().into_iter().find(|file| file.0 == name).map(|(name, ..)| self.folder.join(name))
+    }
+
+    /// Everything in the folder, newest first. A recording that is still being written is opened at its beginning only.
+    pub fn list(&self) -> Vec<Entry> {
+        let mut entries: Vec<Entry> = self.files().into_iter().map(|file| self.entry(file)).collect();
+        entries.sort_by(|a, b| b.modified_s.cmp(&a.modified_s).then(a.name.cmp(&b.name)));
+        entries
+    }
+
+    /// Names, sizes and times of the regular files that end in `.mcap`.
+    fn files(&self) -> Vec<(String, u64, u64)> {
+        let Ok(files) = std::fs::read_dir(&self.folder) else { return Vec::new() };
+        let file = |entry: std::fs::DirEntry| {
+            let (name, metadata) = (entry.file_name().into_string().ok()?, entry.metadata().ok()?);
+            let is_recording = metadata.is_file() && name.ends_with(".mcap");
+            is_recording.then(|| (name, metadata.len(), seconds_of(metadata.modified().ok())))
+        };
+        files.flatten().filter_map(file).collect()
+    }
+
+    fn entry(&self, file: (String, u64, u64)) -> Entry {
+        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(entry) = known.get(&file) {
+            return entry.clone();
+        }
+        let entry = read_entry(&self.folder.join(&file.0), &file);
+        known.retain(|(name, ..), _| *name != file.0);
+        known.insert(file, entry.clone());
+        entry
+    }
+}
+
+fn seconds_of(time: Option<SystemTime>) -> u64 {
+    time.and_then(|time| time.duration_since(UNIX_EPOCH).ok()).map_or(0, |since| since.as_secs())
+}
+
+fn read_entry(path: &Path, (name, bytes, modified_s): &(String, u64, u64)) -> Entry {
+    let mut entry = Entry {
+        name: name.clone(),
+        bytes: *bytes,
+        modified_s: *modified_s,
+        seconds: None,
+        compensation: None,
+        n_marks: 0,
+        missing: Vec::new(),
+    };
+    match Recording::open(path) {
+        Ok(recording) => {
+            let contents = recording.contents();
+            let spans = contents.channels.values();
+            let first = spans.clone().map(|channel| channel.first_log_ns).min();
+            let last = spans.map(|channel| channel.last_log_ns).max();
+            entry.seconds = first.zip(last).map(|(first, last)| last.saturating_sub(first) as f64 * 1e-9);
+            entry.compensation = contents.metadata.get("krait").and_then(|about| about.get("compensation")).cloned();
+            entry.missing = contents.missing.iter().map(ToString::to_string).collect();
+            let marks = [Channel::Marker, Channel::DeviceMarker];
+            entry.n_marks =
+                marks.iter().filter_map(|channel| contents.channels.get(channel)).map(|of| of.n_messages).sum();
+        }
+        Err(error) => entry.missing = vec![error.to_string()],
+    }
+    entry
+}
+
+/// A recording as pictures.
+///
+/// # Errors
+/// [`ReadError`] for a file that is no recording.
+pub fn film_of(path: &Path) -> Result<Film, ReadError> {
+    let recording = Recording::open(path)?;
+    let spans = recording.contents().channels.values();
+    let first = spans.clone().map(|channel| channel.first_log_ns).min().unwrap_or_default();
+    let last = spans.map(|channel| channel.last_log_ns).max().unwrap_or_default();
+    let seconds = last.saturating_sub(first) as f64 * 1e-9;
+    let step_s = (seconds / MOST_PICTURES as f64).max(1.0 / RATE_HZ);
+    let mut film = Film { name: name_of(path), ..Film::default() };
+    let (mut bend, mut setpoint, mut operating) = (None, None, "");
+    let mut next_s = 0.0;
+    for recorded in recording.samples()? {
+        // What is damaged is named in the list; the rest is shown.
+        let Ok(recorded) = recorded else { continue };
+        let t_s = recorded.log_ns.saturating_sub(first) as f64 * 1e-9;
+        while t_s >= next_s && film.t_s.len() < MOST_PICTURES {
+            film.t_s.push(next_s);
+            film.bend.push(bend);
+            film.setpoint.push(setpoint);
+            film.operating.push(operating);
+            next_s += step_s;
+        }
+        match recorded.sample {
+            Sample::Shape(shape) => bend = Some(shape.bend_rad).filter(|bend| bend.iter().all(|b| b.is_finite())),
+            Sample::Setpoint(of) => setpoint = Some(of.bend_rad).filter(|bend| bend.iter().all(|b| b.is_finite())),
+            Sample::State(state) => operating = state.operating().map_or("UNKNOWN", OperatingState::name),
+            Sample::Marker(marker) | Sample::DeviceMarker(marker) if film.marks.len() < MOST_MARKS => {
+                film.marks.push((t_s, marker.text().unwrap_or("?").to_owned()));
+            }
+            _ => {}
+        }
+    }
+    Ok(film)
+}
+
+fn name_of(path: &Path) -> String {
+    path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+}

@@ -1,0 +1,262 @@
+//! The operator's wishes on their way to the chain: a stop is counted up at once, everything else is asked of the supervisor.
+//!
+//! A wish counts when the drives' own state says so. It expires, so that nothing that was held up is done later, and only
+//! what makes the robot safer is ever asked twice.
+
+use crate::ConsoleError;
+use core::time::Duration;
+use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, TrySendError, bounded};
+use krait_ipc::message::{OperatingState, RequestOutcome, StateAnswer, StateRequest, Transition};
+use krait_ipc::{Bus, IpcError, ReadOptions, Reader, StopSwitch, Writer, clock};
+use serde::{Deserialize, Serialize};
+use std::sync::atomic::{AtomicBool, Ordering};
+use tokio::sync::oneshot;
+
+/// Wishes under way at once.
+const MOST_WISHES: usize = 64;
+/// A wish that is older than this when it is to be sent is not sent, ns.
+pub const EXPIRY_NS: i64 = 500_000_000;
+/// The supervisor answers within this, or there is no answer, ns.
+const PATIENCE_NS: i64 = 2_000_000_000;
+/// Pause and disable are asked once more after this, ns.
+const AGAIN_NS: i64 = 250_000_000;
+/// The slave obeys a stop within this, or its power is asked off.
+const STOP_PATIENCE: Duration = Duration::from_millis(200);
+const LOOK_EVERY: Duration = Duration::from_millis(2);
+
+/// What an operator can wish for, besides a stop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Wish {
+    /// Power on, may move.
+    Enable,
+    /// Power off.
+    Disable,
+    /// Hold still, power on.
+    Pause,
+    /// Go on.
+    Resume,
+    /// Find the drives' zero.
+    Home,
+    /// Fault to disabled.
+    ClearFault,
+}
+
+impl Wish {
+    fn transition(self) -> Transition {
+        match self {
+            Self::Enable => Transition::Enable,
+            Self::Disable => Transition::Disable,
+            Self::Pause => Transition::Pause,
+            Self::Resume => Transition::Resume,
+            Self::Home => Transition::Home,
+            Self::ClearFault => Transition::ClearFault,
+        }
+    }
+
+    /// Whether asking twice can do no harm.
+    fn is_safer(self) -> bool {
+        matches!(self, Self::Disable | Self::Pause)
+    }
+}
+
+/// What became of a wish.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Outcome {
+    /// Whether the drives' own state says that it is done.
+    pub is_done: bool,
+    /// One sentence.
+    pub say: String,
+}
+
+impl Outcome {
+    fn done(say: impl Into<String>) -> Self {
+        Self { is_done: true, say: say.into() }
+    }
+
+    fn not_done(say: impl Into<String>) -> Self {
+        Self { is_done: false, say: say.into() }
+    }
+}
+
+struct Asked {
+    wish: Wish,
+    at_ns: i64,
+    reply: oneshot::Sender<Outcome>,
+}
+
+/// Where wishes are handed in.
+pub struct Desk {
+    stop: StopSwitch,
+    queue: Sender<Asked>,
+}
+
+/// What is handed in, on its way to [`carry`].
+pub struct Orders(Receiver<Asked>);
+
+/// Makes a desk, and what [`carry`] takes from it.
+///
+/// # Errors
+/// [`ConsoleError`] where the stop's shared memory cannot be had.
+pub fn open(bus: &Bus) -> Result<(Desk, Orders), ConsoleError> {
+    let (queue, asked) = bounded(MOST_WISHES);
+    Ok((Desk { stop: bus.stop_switch()?, queue }, Orders(asked)))
+}
+
+/// Carries what is handed in to the supervisor until told to stop.
+///
+/// # Errors
+/// [`ConsoleError`] where a channel cannot be opened or is broken.
+pub fn carry(bus: &Bus, orders: Orders, stop: &AtomicBool) -> Result<(), ConsoleError> {
+    let answers = bus.reader(ReadOptions::glancing())?;
+    Clerk { bus, asked: orders.0, answers, writer: None, n_sent: 0, pending: Vec::new() }.run(stop)
+}
+
+impl Desk {
+    /// Asks for a change of the operating state; `at_ns` is when the operator pressed.
+    pub async fn ask(&self, wish: Wish, at_ns: i64) -> Outcome {
+        let (reply, outcome) = oneshot::channel();
+        match self.queue.try_send(Asked { wish, at_ns, reply }) {
+            Ok(()) => outcome.await.unwrap_or_else(|_| Outcome::not_done("The console is ending.")),
+            Err(TrySendError::Full(_)) => Outcome::not_done("Too many commands are under way."),
+            Err(TrySendError::Disconnected(_)) => Outcome::not_done("The console is ending."),
+        }
+    }
+
+    /// Stops: counted up at once in shared memory. Where the slave does not obey in time, its power is asked off.
+    pub async fn stop(&self) -> Outcome {
+        let pressed_ns = clock::monotonic_ns();
+        let number = self.stop.press();
+        let since_ms = || (clock::monotonic_ns() - pressed_ns) / 1_000_000;
+        while (clock::monotonic_ns() - pressed_ns).unsigned_abs() < STOP_PATIENCE.as_nanos() as u64 {
+            if self.stop.is_obeyed(number) {
+                return Outcome::done(format!("Stopped \u{2013} the drives confirmed it after {} ms.", since_ms()));
+            }
+            tokio::time::sleep(LOOK_EVERY).await;
+        }
+        let off = self.ask(Wish::Disable, clock::monotonic_ns()).await;
+        if off.is_done {
+            return Outcome::done(format!(
+                "The stop was not confirmed, so power was turned off after {} ms.",
+                since_ms()
+            ));
+        }
+        Outcome::not_done("NOT CONFIRMED. Use the emergency stop of the machine.")
+    }
+}
+
+/// Carries wishes to the supervisor and its answers back.
+struct Clerk<'a> {
+    bus: &'a Bus,
+    asked: Receiver<Asked>,
+    answers: Reader<StateAnswer>,
+    writer: Option<Writer<StateRequest>>,
+    n_sent: u64,
+    pending: Vec<Pending>,
+}
+
+struct Pending {
+    asked: Asked,
+    requests: Vec<StateRequest>,
+    again_ns: Option<i64>,
+    deadline_ns: i64,
+}
+
+impl Clerk<'_> {
+    fn run(mut self, stop: &AtomicBool) -> Result<(), ConsoleError> {
+        while !stop.load(Ordering::Relaxed) {
+            let patience = if self.pending.is_empty() { 20 * LOOK_EVERY } else { LOOK_EVERY };
+            match self.asked.recv_timeout(patience) {
+                Ok(asked) => self.take(asked)?,
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return Ok(()),
+            }
+            self.look()?;
+        }
+        Ok(())
+    }
+
+    fn take(&mut self, asked: Asked) -> Result<(), ConsoleError> {
+        let now_ns = clock::monotonic_ns();
+        if now_ns - asked.at_ns > EXPIRY_NS {
+            answer(asked, Outcome::not_done("It was not sent: it came too late."));
+            return Ok(());
+        }
+        if !self.bus.members().iter().any(|(name, _)| name == "launch") {
+            answer(asked, Outcome::not_done("No chain runs here."));
+            return Ok(());
+        }
+        let Some(request) = self.send(asked.wish.transition(), now_ns)? else {
+            answer(asked, Outcome::not_done("Too many programs ask for something at once."));
+            return Ok(());
+        };
+        let again_ns = asked.wish.is_safer().then_some(now_ns + AGAIN_NS);
+        self.pending.push(Pending { asked, requests: vec![request], again_ns, deadline_ns: now_ns + PATIENCE_NS });
+        Ok(())
+    }
+
+    fn send(&mut self, transition: Transition, now_ns: i64) -> Result<Option<StateRequest>, ConsoleError> {
+        if self.writer.is_none() {
+            self.writer = match self.bus.writer() {
+                Ok(writer) => Some(writer),
+                Err(IpcError::SecondWriter { .. }) => return Ok(None),
+                Err(error) => return Err(error.into()),
+            };
+        }
+        let Some(writer) = &mut self.writer else { return Ok(None) };
+        self.n_sent += 1;
+        let request = StateRequest::new(self.n_sent, now_ns, transition);
+        writer.send(&request)?;
+        Ok(Some(request))
+    }
+
+    fn look(&mut self) -> Result<(), ConsoleError> {
+        while let Some(said) = self.answers.take()? {
+            let of = self.pending.iter().position(|p| p.requests.iter().any(|request| said.is_to(request)));
+            if let Some(position) = of {
+                let pending = self.pending.swap_remove(position);
+                let outcome = outcome_of(pending.asked.wish, &said);
+                answer(pending.asked, outcome);
+            }
+        }
+        let now_ns = clock::monotonic_ns();
+        for position in (0..self.pending.len()).rev() {
+            if now_ns >= self.pending[position].deadline_ns {
+                let pending = self.pending.swap_remove(position);
+                answer(pending.asked, Outcome::not_done("The supervisor did not answer."));
+            } else if self.pending[position].again_ns.is_some_and(|again_ns| now_ns >= again_ns) {
+                self.pending[position].again_ns = None;
+                let transition = self.pending[position].asked.wish.transition();
+                if let Some(request) = self.send(transition, now_ns)? {
+                    self.pending[position].requests.push(request);
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Whoever asked may have gone.
+fn answer(asked: Asked, outcome: Outcome) {
+    if asked.reply.send(outcome).is_err() {
+        tracing::debug!("a page went before its command was answered");
+    }
+}
+
+fn outcome_of(wish: Wish, said: &StateAnswer) -> Outcome {
+    let state = OperatingState::from_u32(said.operating_state).map_or("unknown", OperatingState::name);
+    match said.outcome() {
+        Some(RequestOutcome::Done) => Outcome::done(match wish {
+            Wish::Enable => "Enabled \u{2013} confirmed by the drives.",
+            Wish::Disable => "Disabled \u{2013} confirmed by the drives.",
+            Wish::Pause => "Paused \u{2013} confirmed by the drives.",
+            Wish::Resume => "Resumed \u{2013} confirmed by the drives.",
+            Wish::Home => "Homing \u{2013} the drives have begun.",
+            Wish::ClearFault => "The fault is cleared; power is off.",
+        }),
+        Some(RequestOutcome::NoSlave) => Outcome::not_done("The drives did not answer."),
+        Some(RequestOutcome::Refused) | None => {
+            Outcome::not_done(format!("Refused: the drives are {}.", state.to_lowercase()))
+        }
+    }
+}

@@ -1,0 +1,109 @@
+// Commands: sent once, confirmed only by the drives' own state; a button that does nothing now says why.
+import { drawing, write } from './format.js';
+import { MARKS, STATES } from './states.js';
+import { on, post } from './link.js';
+
+const $ = id => document.getElementById(id);
+const WORDS = {
+  enable: ['Enable', 'power on', 'E'], 'clear-fault': ['Clear fault', 'then enable', 'E'], home: ['Home', 'find zero', 'E'],
+  pause: ['Pause', 'hold still', 'P'], resume: ['Resume', 'go on', 'P'], disable: ['Disable', 'power off', 'D'],
+};
+const ANSWER_WITHIN_MS = 4000;
+let nextId = 1, waiting = new Map(), state = null, shown = 'stale', stopUrl = null;
+
+/// What each of the three buttons is in a state, and whether it does something now.
+function offers() {
+  const operating = state?.operating, is = (...names) => shown !== 'stale' && names.includes(operating);
+  const first = operating === 'FAULT' ? 'clear-fault' : operating === 'ENABLED' && !state.homed ? 'home' : 'enable';
+  const second = operating === 'PAUSED' ? 'resume' : 'pause';
+  return [
+    [first, first === 'enable' ? is('DISABLED') : shown !== 'stale' && !state?.busy],
+    [second, is('ENABLED', 'PAUSED')],
+    ['disable', is('ENABLED', 'PAUSED', 'FAULT')],
+  ];
+}
+
+on('hello', ({ hello }) => {
+  if (!hello.stop_url || stopUrl === hello.stop_url) return;
+  stopUrl = hello.stop_url;
+  const frame = document.createElement('iframe');
+  frame.id = 'stop';
+  frame.title = 'STOP';
+  frame.src = stopUrl;
+  $('stop-place').replaceChildren(frame);
+});
+
+on('frame', ({ frame }) => { state = frame.state; shown = frame.shown; update(); });
+on('stale', () => { shown = 'stale'; update(); });
+on('ack', ({ message }) => {
+  const asked = waiting.get(message.id);
+  if (!asked) return;
+  settle(message.id);
+  const after = Math.round(performance.now() - asked.at);
+  tell(message.is_done ? 'ok' : 'warn', message.is_done ? message.say : `${WORDS[asked.wish][0]}: ${message.say}`, `${new Date().toTimeString().slice(0, 8)}, ${after} ms after the press`);
+});
+
+const buttons = [...document.querySelectorAll('.command')];
+
+function update() {
+  offers().forEach(([wish, isUseful], i) => {
+    const button = buttons[i], key = wish + isUseful;
+    if (button.dataset.key === key) return;
+    button.dataset.key = key;
+    button.dataset.wish = wish;
+    const [word, note, letter] = WORDS[wish];
+    write(button.querySelector('b'), word);
+    write(button.querySelector('span'), note);
+    write(button.querySelector('kbd'), letter);
+    button.setAttribute('aria-disabled', String(!isUseful));
+    button.classList.toggle('next', isUseful && ['enable', 'resume', 'home', 'clear-fault'].includes(wish));
+  });
+}
+
+function tell(level, title, detail) {
+  $('ack').className = `ack ${level}`;
+  $('ack').querySelector('i').replaceChildren(drawing(MARKS[level].box, MARKS[level].inner));
+  write($('ack-title'), title);
+  write($('ack-detail'), detail);
+}
+
+function settle(id) {
+  clearTimeout(waiting.get(id).timer);
+  waiting.delete(id);
+  if (!waiting.size) buttons.forEach(button => button.classList.remove('sent'));
+}
+
+function press(button) {
+  const wish = button.dataset.wish, word = WORDS[wish]?.[0];
+  if (!wish) return;
+  if (button.getAttribute('aria-disabled') === 'true') {
+    tell('info', `${word} does nothing now`, shown === 'stale' ? 'The state of the drives is not known.' : `The state is: ${STATES[shown].word}.`);
+    return;
+  }
+  const id = nextId++;
+  button.classList.add('sent');
+  tell('info', `${word} sent`, 'Waiting for the drives’ own state.');
+  waiting.set(id, { wish, at: performance.now(), timer: setTimeout(() => { settle(id); tell('warn', `${word}: no answer`, 'Nothing came back. Look at the robot.'); }, ANSWER_WITHIN_MS) });
+  post('wish', { id, wish });
+}
+
+/// The key that stops from anywhere: by the live connection, and by the stop's own document.
+function stop() {
+  $('stop')?.contentWindow?.postMessage('stop', new URL(stopUrl).origin);
+}
+
+export function startCommands() {
+  for (const button of buttons) button.addEventListener('click', () => press(button));
+  addEventListener('keydown', event => {
+    if (event.key === 'Escape') {
+      event.preventDefault();
+      event.stopImmediatePropagation();
+      if (!event.repeat) stop();
+      return;
+    }
+    if (event.target.matches('input, select, textarea') || event.ctrlKey || event.metaKey || event.altKey || event.repeat) return;
+    const at = { e: 0, p: 1, d: 2 }[event.key.toLowerCase()];
+    if (at !== undefined) buttons[at].click();
+  }, true);
+  tell('info', 'No command sent yet', 'Commands are confirmed here by the drives’ own state.');
+}

@@ -1,0 +1,274 @@
+// The lab, step by step: compare, diagnose, add. Each step opens with its answer as a sentence; the waterfall grows beside it.
+import { drawing, make, write } from './format.js';
+import { MARKS } from './states.js';
+
+const page = document.getElementById('lab');
+const STEPS = ['Compare', 'Diagnose', 'Add', 'Run'];
+const parts = {};
+let isBuilt = false, shelf = { models: [], data: [] }, step = 0, results = [], falls = [], effect = null, added = null, isBusy = false;
+
+let unit = '°';
+const deg = value => `${value.toFixed(2)}${unit}`;
+
+function choice(name, label) {
+  const select = document.createElement('select');
+  select.setAttribute('aria-label', label);
+  parts[name] = select;
+  return select;
+}
+
+function build() {
+  isBuilt = true;
+  const data = make('section', 'card pick', make('h2', '', 'Measurement'), choice('data', 'Measurement'));
+  parts.file = document.createElement('input');
+  Object.assign(parts.file, { type: 'file', accept: '.csv', className: 'unseen', id: 'lab-file' });
+  const drop = make('label', 'drop', 'Choose or drop a CSV');
+  drop.htmlFor = 'lab-file';
+  data.append(parts.file, drop);
+  const model = make('section', 'card pick', make('h2', '', 'Model'), choice('model', 'Model'));
+  parts.steps = make('ol', 'steps');
+  parts.work = make('section', 'card work');
+  parts.fall = make('div', 'fall-picture');
+  parts.fallSays = make('p');
+  const fall = make('section', 'card fall', make('h2', '', 'Error after each effect ', make('em', '', 'rms, on data not fitted to')), parts.fall, parts.fallSays);
+  page.replaceChildren(make('div', 'rail', data, model, parts.steps), parts.work, fall);
+  parts.data.addEventListener('change', restart);
+  parts.model.addEventListener('change', restart);
+  parts.file.addEventListener('change', () => hand(parts.file.files[0]));
+  page.addEventListener('dragover', event => event.preventDefault());
+  page.addEventListener('drop', event => { event.preventDefault(); hand(event.dataTransfer.files[0]); });
+}
+
+export function useInLab(name) { wanted = name; }
+let wanted = null;
+
+export async function showLab() {
+  if (!isBuilt) { build(); await fill(); restart(); } else await fill();
+  if (wanted && shelf.data.includes(wanted)) { parts.data.value = wanted; wanted = null; restart(); }
+}
+
+async function fill() {
+  const answer = await fetch('/lab');
+  if (!answer.ok) return;
+  shelf = await answer.json();
+  for (const name of ['data', 'model']) {
+    const names = name === 'data' ? shelf.data : shelf.models, before = parts[name].value;
+    parts[name].replaceChildren(...names.map(value => { const option = make('option', '', value); option.value = value; return option; }));
+    if (names.includes(before)) parts[name].value = before;
+  }
+}
+
+async function hand(file) {
+  if (!file) return;
+  const name = file.name.replace(/[^A-Za-z0-9._-]/g, '-').replace(/^[.-]+/, '');
+  const answer = await fetch(`/lab/data/${encodeURIComponent(name)}`, { method: 'POST', body: file });
+  if (!answer.ok) { say('The file was not taken.', await answer.text()); return; }
+  await fill();
+  parts.data.value = name;
+  restart();
+}
+
+function restart() {
+  [step, results, falls, effect, added] = [0, [], [], null, null];
+  draw();
+}
+
+function draw() {
+  parts.steps.replaceChildren(...STEPS.map((name, i) => {
+    const isDone = results[i] !== undefined;
+    const number = make('i', '', isDone ? drawing(MARKS.yes.box, MARKS.yes.inner) : String(i + 1));
+    const button = make('button', '', number, make('span', '', make('b', '', name), make('em', '', results[i]?.short ?? ['How far off?', 'What is missing?', 'Watch the error fall', 'See it follow'][i])));
+    button.disabled = i > results.length;
+    button.addEventListener('click', () => { step = i; draw(); });
+    return make('li', i === step ? 'current' : isDone ? 'done' : '', button);
+  }));
+  (results[step]?.draw ?? [askCompare, askDiagnose, askAdd, askRun][step])();
+  waterfall();
+}
+
+/// A sentence, what stands under it, and buttons.
+function say(title, detail, content = [], buttons = []) {
+  parts.work.replaceChildren(make('div', 'ask', make('h1', '', title), make('p', '', detail)), ...content, make('div', 'acts', ...buttons));
+}
+
+function prime(text, act) {
+  const button = make('button', 'prime', text);
+  button.addEventListener('click', act);
+  return button;
+}
+
+function reportLink(verb) {
+  const link = make('a', 'second', 'Pictures');
+  Object.assign(link, { href: `/lab/report/${verb}`, target: '_blank', rel: 'noopener' });
+  return link;
+}
+
+const tile = (title, number, note = '') => make('div', '', make('span', '', title), make('b', 'num', number), make('em', '', note));
+
+async function run(order, title) {
+  if (isBusy) return null;
+  isBusy = true;
+  try {
+    const started = await fetch('/lab/job', { method: 'POST', body: JSON.stringify(order) });
+    if (!started.ok) { say('This could not be started.', await started.text()); return null; }
+    const said = make('p', 'job-says'), bar = document.createElement('progress');
+    const cancel = make('button', 'second', 'Cancel');
+    cancel.addEventListener('click', () => fetch('/lab/cancel', { method: 'POST' }));
+    say(title, 'The same code as the command; at low priority, so that the robot’s processes come first.', [make('div', 'job', bar, said)], [cancel]);
+    const from = performance.now();
+    for (;;) {
+      await new Promise(resume => setTimeout(resume, 400));
+      const job = await (await fetch('/lab/job')).json();
+      write(said, `${((performance.now() - from) / 1000).toFixed(0)} s  ${job.said}`);
+      if (job.stage === 'done') return job.answer;
+      if (job.stage === 'cancelled') { say('Cancelled.', 'Its process has ended.', [], [prime('Again', draw)]); return null; }
+      if (job.stage === 'failed') { say('This could not be done.', job.said.replace(/^krait: /, ''), [], [prime('Back', draw)]); return null; }
+    }
+  } finally { isBusy = false; }
+}
+
+const files = () => ({ model: parts.model.value, data: parts.data.value });
+
+function askCompare() {
+  if (!parts.data.value) { say('Choose a measurement.', 'A recording of krait, or a CSV with time, encoders and the measured bend.'); return; }
+  say(`How far is ${parts.model.value} from ${parts.data.value}?`, 'The model predicts the bend from the encoders; the measurement says what it was.', [], [prime('Compare', compare)]);
+}
+
+async function compare() {
+  const answer = await run({ verb: 'compare', ...files() }, 'Comparing …');
+  if (!answer) return;
+  const { error, rows, where } = answer, named = answer.unit ?? error.unit ?? 'deg', floor = answer.noise_floor ?? error.noise_floor ?? answer.noise_floor_deg ?? null;
+  unit = named === 'deg' ? '°' : ` ${named}`;
+  falls = [{ name: 'model as given', value: error.rms }];
+  falls.floor = floor;
+  const isNoise = floor !== null && error.rms < 1.1 * floor;
+  results[0] = {
+    short: `${error.rms.toFixed(2)}${unit} off${floor === null ? '' : `; noise ${floor.toFixed(2)}${unit}`}`,
+    draw: () => say(isNoise ? 'The model explains the measurement.' : `The model is off by ${error.rms.toFixed(2)}${unit}.`, floor === null ? `In ${rows} rows.` : `The measurement’s own noise is ${floor.toFixed(2)}${unit}: ${isNoise ? 'nothing explainable is left' : `${(error.rms / floor).toFixed(1)} times as much`}.`, [
+      make('div', 'tiles', tile('rms', `${error.rms.toFixed(2)}${unit}`), tile('95 of 100 within', `${error.p95.toFixed(2)}${unit}`), tile('largest', `${error.max.toFixed(2)}${unit}`), tile('rows', String(rows))),
+      make('h2', '', 'Where it is worst ', make('em', '', 'rms by circumstance')), whereBars(where, floor)], [prime('Diagnose', () => { step = 1; draw(); diagnose(); }), reportLink('compare')]),
+  };
+  results.length = 1;
+  step = 0;
+  draw();
+}
+
+function whereBars(where, floor) {
+  const worst = where.slice(0, 9), top = Math.max(...worst.map(bin => bin.rms), floor ?? 0);
+  return make('div', 'where', ...worst.map(bin => {
+    const fill = make('i');
+    fill.style.width = `${100 * bin.rms / top}%`;
+    return make('div', '', make('span', '', `${bin.by} ${bin.bin}`), make('div', 'track', fill), make('b', 'num', bin.rms.toFixed(2)));
+  }));
+}
+
+function askDiagnose() {
+  say('What is missing?', 'Every effect that is known is tried, alone and in pairs, on data that it was not fitted to.', [], [prime('Diagnose', diagnose)]);
+}
+
+async function diagnose() {
+  const answer = await run({ verb: 'diagnose', ...files() }, 'Trying every effect …');
+  if (!answer) return;
+  const found = answer.effects.length ? answer.effects : answer.partial, n = found.length;
+  effect = found[0]?.effect ?? null;
+  const count = n === 1 ? 'One effect is missing' : `${n} effects are missing`;
+  const title = { none: 'Nothing is missing.', missing: `${count}.`, partly: `${count}, and something besides.`, unknown: 'Nothing known explains it.', 'too-short': 'These data are too short to say.' }[answer.verdict] ?? answer.verdict;
+  results[1] = {
+    short: n ? found.map(own => own.effect).join(', ') : title,
+    draw: () => say(title, `${answer.sentence[0].toUpperCase()}${answer.sentence.slice(1)}.`, [
+      make('div', 'effects', ...found.map(effectCard)),
+      ...(answer.next_experiment ? [make('p', 'next-experiment', make('b', '', 'Next experiment: '), answer.next_experiment.do)] : []),
+    ], effect ? [prime(`Add ${effect}`, () => { step = 2; draw(); }), reportLink('diagnose')] : [reportLink('diagnose')]),
+  };
+  results.length = 2;
+  falls = falls.slice(0, 1);
+  falls.floor = answer.noise_floor;
+  found.forEach(own => falls.push({ name: `+ ${own.effect}`, value: own.heldout_rms.after, isGuess: true }));
+  step = 1;
+  draw();
+}
+
+function effectCard(own) {
+  const values = Object.entries(own.params).filter(([, value]) => value.free !== false).map(([name, value]) => make('tr', '', make('th', '', name), make('td', 'n', `${value.value.toPrecision(3)} ${value.unit}`), make('td', 'n', `± ${value.se.toPrecision(1)}`)));
+  const others = own.class.filter(name => name !== own.effect);
+  const card = make('div', 'effect', make('h3', '', own.effect), make('p', '', `The error falls from ${deg(own.heldout_rms.before)} to ${deg(own.heldout_rms.after)}; it came out best in ${(100 * own.probability).toFixed(0)} of 100 resamplings.`), make('table', '', make('tbody', '', ...values)));
+  if (others.length) {
+    const group = make('fieldset', '', make('legend', '', `These data cannot tell it from ${others.length} other${others.length > 1 ? 's' : ''}`));
+    for (const name of [own.effect, ...others]) {
+      const radio = document.createElement('input');
+      Object.assign(radio, { type: 'radio', name: `class-${own.effect}`, value: name, checked: name === own.effect });
+      radio.addEventListener('change', () => { effect = name; parts.work.querySelector('.prime').textContent = `Add ${name}`; });
+      group.append(make('label', '', radio, name));
+    }
+    card.append(group);
+  }
+  return card;
+}
+
+function askAdd() {
+  say(`Add ${effect}?`, `It is fitted to one part of the data and scored on another. A new model is written; ${parts.model.value} stays as it is.`, [], [prime(`Add ${effect}`, add)]);
+}
+
+async function add() {
+  const base = parts.model.value.replace(/\.toml$/, ''), out = `${base}-${effect}.toml`;
+  const answer = await run({ verb: 'add', ...files(), effect, out }, `Fitting ${effect} …`);
+  if (!answer) return;
+  added = out;
+  const { before, after } = answer.heldout_rms, floor = answer.noise_floor;
+  falls = falls.filter(fall => !fall.isGuess);
+  falls.push({ name: `+ ${effect}`, value: after });
+  falls.floor = floor;
+  const name = effect;
+  results[2] = {
+    short: `${deg(after)} with ${name}`,
+    draw: () => say(`With ${name} the error is ${deg(after)}. It was ${deg(before)}.`, floor !== null && after < 1.05 * floor ? 'That is the measurement’s own noise: nothing explainable is left.' : 'Something is left; diagnose again with the new model.', [
+      make('table', 'values', make('tbody', '', ...Object.entries(answer.params).map(([key, value]) => make('tr', '', make('th', '', key), make('td', 'n', `${value.value.toPrecision(4)} ${value.unit}`), make('td', 'n', `± ${value.se.toPrecision(2)}`), make('td', '', value.on_bound ? 'on its bound' : '')))))], [prime('Run with it', () => { step = 3; draw(); }), again(out), reportLink('add')]),
+  };
+  results.length = 3;
+  step = 2;
+  await fill();
+  draw();
+}
+
+function again(out) {
+  const button = make('button', 'second', 'Diagnose again with it');
+  button.addEventListener('click', () => { parts.model.value = out; const [kept, floor] = [falls, falls.floor]; restart(); falls = kept; falls.floor = floor; step = 0; draw(); });
+  return button;
+}
+
+function askRun() {
+  const command = `krait run --console --model ${shelf.folder}/${added}`;
+  say('Run the chain with it.', 'End the chain that runs and start it with the new model; Operate then shows the error that is left.', [make('pre', '', command)]);
+}
+
+function waterfall() {
+  if (!falls.length) { parts.fall.replaceChildren(); write(parts.fallSays, 'The bars come with the first comparison.'); return; }
+  const [width, height, low] = [400, 460, 74], top = Math.max(...falls.map(fall => fall.value), falls.floor ?? 0) * 1.22;
+  const y = value => (height - low) * (1 - value / top) + 4, each = (width - 50) / Math.max(3, falls.length);
+  const ticks = [0.25, 0.5, 1, 2, 5, 10].find(size => top / size < 5) ?? 20;
+  let inner = '';
+  for (let value = 0; value < top; value += ticks) inner += `<path class="grid" d="M44 ${y(value)}H${width}"/><text class="tick" x="38" y="${y(value) + 4}" text-anchor="end">${value}${unit}</text>`;
+  if (falls.floor) inner += `<rect class="floor" x="44" y="${y(falls.floor)}" width="${width - 44}" height="${y(0) - y(falls.floor)}"/>`;
+  const texts = [];
+  falls.forEach((fall, i) => {
+    const x = 50 + each * i, isLast = i === falls.length - 1 && i > 0;
+    inner += `<rect class="${fall.isGuess ? 'guess' : isLast ? 'bar last' : 'bar'}" x="${x}" y="${y(fall.value)}" width="${each * 0.8}" height="${Math.max(1, y(0) - y(fall.value))}" rx="3"/><text class="value" x="${x + each * 0.4}" y="${y(fall.value) - 8}" text-anchor="middle">${deg(fall.value)}</text>`;
+    texts.push([x + each * 0.4, fall.name]);
+  });
+  const picture = drawing(`0 0 ${width} ${height}`, inner);
+  for (const [x, name] of texts) {
+    const words = name.length > 12 ? name.split(/(?<=[ -])/).reduce((lines, word) => { (lines.at(-1) + word).length > 13 ? lines.push(word) : lines[lines.length - 1] += word; return lines; }, ['']) : [name];
+    words.forEach((word, i) => {
+      const text = document.createElementNS('http://www.w3.org/2000/svg', 'text');
+      text.setAttribute('class', 'name');
+      text.setAttribute('x', x);
+      text.setAttribute('y', height - low + 24 + 16 * i);
+      text.setAttribute('text-anchor', 'middle');
+      text.textContent = word;
+      picture.append(text);
+    });
+  }
+  parts.fall.replaceChildren(picture);
+  const last = falls.at(-1);
+  write(parts.fallSays, falls.some(fall => fall.isGuess) ? 'Dashed: what it would bring, tried on data that it was not fitted to.' : falls.floor && last.value < 1.05 * falls.floor ? 'The last bar meets the noise (grey): nothing explainable is left.' : falls.floor ? 'Grey: the measurement’s own noise.' : '');
+}

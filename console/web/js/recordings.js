@@ -1,0 +1,143 @@
+// Recordings: the list, and a player that shows each as pictures in the same view, framed as not live.
+import { clock, drawing, make, write } from './format.js';
+import { go, turnWithPointer } from './shell.js';
+import { degrees } from './snake.js';
+import { lend, on, post } from './link.js';
+import { useInLab } from './lab.js';
+
+const page = document.getElementById('recordings');
+const SPEEDS = [0.25, 0.5, 1, 2, 5, 20];
+const parts = {};
+let film = null, errors = [], at = 0, isPlaying = false, speed = 1, lastTick = 0, chosen = null, isBuilt = false;
+
+function build() {
+  isBuilt = true;
+  parts.rows = make('tbody');
+  const titles = make('tr', '', ...['when', 'recording', 'length', 'marks', 'size'].map((name, i) => make('th', i > 1 ? 'n' : '', name)));
+  parts.compare = make('button', 'second', 'Verify');
+  parts.use = make('button', 'second', 'Use in Lab');
+  parts.folder = make('em');
+  const list = make('section', 'card list', make('h2', '', 'Recordings ', parts.folder), make('div', 'rows', make('table', '', make('thead', '', titles), parts.rows)), make('div', 'acts', parts.use, parts.compare));
+  parts.verdict = make('p', 'job-says');
+  list.append(parts.verdict);
+  parts.canvas = document.createElement('canvas');
+  parts.canvas.className = 'scene';
+  parts.ribbon = make('div', 'ribbon', 'Choose a recording');
+  const stage = make('div', 'stage not-live', parts.canvas, parts.ribbon);
+  parts.play = make('button', 'prime square', '▶');
+  parts.play.setAttribute('aria-label', 'Play or pause');
+  parts.time = make('b', 'num', '0:00:00');
+  parts.length = make('span', 'num');
+  parts.speed = document.createElement('select');
+  parts.speed.setAttribute('aria-label', 'Speed');
+  parts.speed.append(...SPEEDS.map(value => { const option = make('option', '', `${value} ×`); option.value = String(value); option.selected = value === 1; return option; }));
+  parts.off = make('b', 'num', '–');
+  parts.state = make('span', 'state-word');
+  const controls = make('div', 'controls', parts.play, parts.time, parts.length, parts.speed, make('span', 'spread'), parts.state, make('span', '', 'off by'), parts.off);
+  parts.scrub = document.createElement('input');
+  Object.assign(parts.scrub, { type: 'range', min: 0, max: 0, step: 1, value: 0, disabled: true });
+  parts.scrub.setAttribute('aria-label', 'Instant');
+  parts.curve = make('div', 'curve');
+  parts.marks = make('div', 'marks');
+  parts.head = make('div', 'head');
+  const player = make('section', 'card player', controls, make('div', 'scrub', parts.curve, parts.marks, parts.head, parts.scrub));
+  page.replaceChildren(list, make('div', 'viewer', stage, player));
+  parts.canvas.tabIndex = 0;
+  parts.canvas.setAttribute('aria-label', 'The recorded snake in three dimensions. Arrow keys turn the view.');
+  lend('replay', parts.canvas);
+  turnWithPointer(parts.canvas, 'replay');
+  parts.play.addEventListener('click', () => { isPlaying = film !== null && !isPlaying; if (isPlaying && at >= film.t_s.length - 1) at = 0; button(); });
+  parts.speed.addEventListener('change', () => { speed = Number(parts.speed.value); });
+  parts.scrub.addEventListener('input', () => { at = Number(parts.scrub.value); show(); });
+  parts.use.addEventListener('click', () => { if (chosen) { useInLab(chosen); go('lab'); } });
+  parts.compare.addEventListener('click', verify);
+  requestAnimationFrame(tick);
+}
+
+export async function showRecordings() {
+  if (!isBuilt) build();
+  const answer = await fetch('/recordings');
+  if (!answer.ok) { write(parts.verdict, await answer.text()); return; }
+  const entries = await answer.json();
+  const today = new Date().toDateString();
+  parts.rows.replaceChildren(...entries.map(entry => {
+    const when = new Date(entry.modified_s * 1000), day = when.toDateString() === today ? 'today' : when.toISOString().slice(0, 10);
+    const name = make('button', 'plain', entry.name.replace(/\.mcap$/, ''));
+    name.addEventListener('click', () => open(entry.name));
+    const note = entry.missing.length ? make('em', 'odd', entry.missing[0]) : make('em', '', entry.compensation ? `compensation ${entry.compensation}` : '');
+    const row = make('tr', entry.name === chosen ? 'chosen' : '', make('td', '', make('b', '', when.toTimeString().slice(0, 5)), make('em', '', day)), make('td', '', name, note), make('td', 'n', entry.seconds === null ? '–' : clock(entry.seconds)), make('td', 'n', String(entry.n_marks)), make('td', 'n', `${(entry.bytes / 1e6).toFixed(1)} MB`));
+    row.dataset.name = entry.name;
+    return row;
+  }));
+  if (!entries.length) write(parts.verdict, 'No recording is in this folder yet; `krait run` makes one.');
+}
+
+async function open(name) {
+  chosen = name;
+  isPlaying = false;
+  for (const row of parts.rows.children) row.classList.toggle('chosen', row.dataset.name === name);
+  write(parts.ribbon, `Reading ${name} …`);
+  const answer = await fetch(`/recordings/${encodeURIComponent(name)}`);
+  if (!answer.ok) { write(parts.ribbon, await answer.text()); return; }
+  film = await answer.json();
+  errors = film.t_s.map((_, i) => film.bend[i] && film.setpoint[i] ? degrees(Math.hypot(film.bend[i][0] - film.setpoint[i][0], film.bend[i][1] - film.setpoint[i][1])) : null);
+  at = 0;
+  write(parts.ribbon, `Recording ${name.replace(/\.mcap$/, '')} – not live`);
+  Object.assign(parts.scrub, { max: Math.max(0, film.t_s.length - 1), disabled: film.t_s.length < 2 });
+  write(parts.length, `of ${clock(film.t_s.at(-1) ?? 0)}`);
+  curve();
+  post('forget');
+  button();
+  show();
+}
+
+function curve() {
+  const n = errors.length, step = Math.max(1, Math.floor(n / 600)), values = [];
+  for (let i = 0; i < n; i += step) values.push(Math.max(0, ...errors.slice(i, i + step).filter(value => value !== null)));
+  const top = Math.max(1, ...values) * 1.1;
+  const points = values.map((value, i) => `${(1000 * i / Math.max(1, values.length - 1)).toFixed(1)} ${(100 - 96 * value / top).toFixed(1)}`);
+  const picture = drawing('0 0 1000 100', `<path class="area" d="M0 100L${points.join('L')}L1000 100z"/><path class="line" d="M${points.join('L')}"/>`);
+  picture.setAttribute('preserveAspectRatio', 'none');
+  parts.curve.replaceChildren(picture);
+  const seconds = film.t_s.at(-1) || 1;
+  parts.marks.replaceChildren(...film.marks.map(([t_s, text]) => { const mark = make('span', '', text); mark.style.left = `${100 * t_s / seconds}%`; return mark; }));
+}
+
+function button() { write(parts.play, isPlaying ? '❚❚' : '▶'); }
+
+function show() {
+  if (!film?.t_s.length) return;
+  const i = Math.min(film.t_s.length - 1, Math.floor(at));
+  post('picture', { bend: film.bend[i], setpoint: film.setpoint[i] });
+  write(parts.time, clock(film.t_s[i]));
+  write(parts.off, errors[i] === null ? '–' : `${errors[i].toFixed(1)}°`);
+  write(parts.state, film.operating[i].toLowerCase());
+  parts.scrub.value = String(i);
+  parts.head.style.left = `${100 * i / Math.max(1, film.t_s.length - 1)}%`;
+}
+
+function tick(now) {
+  requestAnimationFrame(tick);
+  const since = Math.min(200, now - lastTick);
+  lastTick = now;
+  if (!isPlaying || page.hidden || film.t_s.length < 2) return;
+  at = Math.min(film.t_s.length - 1, at + speed * since / 1000 / (film.t_s[1] - film.t_s[0]));
+  if (at >= film.t_s.length - 1) { isPlaying = false; button(); }
+  show();
+}
+
+async function verify() {
+  if (!chosen) return;
+  const answer = await fetch('/lab/job', { method: 'POST', body: JSON.stringify({ verb: 'verify', data: chosen }) });
+  if (!answer.ok) { write(parts.verdict, await answer.text()); return; }
+  write(parts.verdict, 'Sending its input through fresh processes …');
+  for (;;) {
+    await new Promise(resume => setTimeout(resume, 500));
+    const job = await (await fetch('/lab/job')).json();
+    if (job?.stage === 'running') { write(parts.verdict, job.said || 'At work …'); continue; }
+    write(parts.verdict, job?.answer ? `Verified: ${job.answer.identical ?? job.answer.is_identical ?? job.answer.verdict ?? 'see the command'}` : job?.said ?? 'No answer.');
+    return;
+  }
+}
+
+on('hello', ({ hello }) => { if (isBuilt) write(parts.folder, hello.facts.instance); });

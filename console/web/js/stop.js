@@ -1,0 +1,23 @@
+// With script the stop acts on pressing down and by key; without, the form acts on letting go.
+const button = document.getElementById('stop'), say = document.getElementById('say'), rest = say.textContent;
+let timer = 0;
+
+async function stop() {
+  clearTimeout(timer);
+  button.className = 'sent';
+  say.textContent = 'sent …';
+  let outcome = { is_done: false, say: 'The console does not answer. Use the machine’s emergency stop.' };
+  try {
+    const answer = await fetch(location.pathname, { method: 'POST', headers: { Accept: 'application/json' } });
+    if (answer.ok) outcome = await answer.json();
+  } catch { /* the sentence above says it */ }
+  button.className = outcome.is_done ? 'done' : 'failed';
+  say.textContent = outcome.say;
+  if (outcome.is_done) timer = setTimeout(() => { button.className = ''; say.textContent = rest; }, 8000);
+}
+
+button.addEventListener('pointerdown', event => { if (event.button === 0) stop(); });
+// A click that a pointer made (detail above 0) has already stopped when it was pressed down; one by key has not.
+button.addEventListener('click', event => { event.preventDefault(); if (event.detail === 0) stop(); });
+addEventListener('keydown', event => { if (event.key === 'Escape' && !event.repeat) { event.preventDefault(); stop(); } });
+addEventListener('message', event => { if (event.origin === document.documentElement.dataset.page && event.data === 'stop') stop(); });

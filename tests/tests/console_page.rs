@@ -1,0 +1,98 @@
+//! The page in a real Chromium: what a person sees and presses. Skipped aloud where there is no Chromium.
+//!
+//! With KRAIT_SHOTS=FOLDER the pictures of every size and theme are kept there.
+
+#![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
+
+use core::time::Duration;
+use krait_tests::{Browser, Console, Krait, Page, instance_name, next_of_kind, wait_until};
+use rustix::process::Signal;
+use serde_json::json;
+
+const PATIENCE: Duration = Duration::from_secs(240);
+const SIZES: [(u32, u32); 3] = [(1920, 1080), (1280, 800), (1024, 768)];
+
+#[test]
+fn a_person_sees_the_robot_stops_it_from_a_page_that_hangs_and_goes_on() {
+    let Some(browser) = Browser::start() else { return };
+    let instance = instance_name("page");
+    let mut krait = Krait::start(&["run", "--instance", &instance, "--engage", "--console", "--no-recording"]);
+    let console = Console::of(&mut krait);
+    let mut page = browser.page(&console.address, 1280, 800);
+    page.wait_for("the snake follows", "document.documentElement.dataset.shown === 'following'");
+    assert_eq!(page.text("#word"), "Following");
+    assert_eq!(page.value("location.hash"), json!(""), "the token leaves the address bar");
+    page.wait_for("the bend is a number", "/^[0-9.]+°$/.test(document.getElementById('bend-now').textContent)");
+    page.wait_for("the stop is there", "document.getElementById('stop') !== null");
+
+    for (width, height) in SIZES {
+        for theme in ["dark", "light"] {
+            page.resize(width, height);
+            page.value(&format!(
+                "if (document.documentElement.dataset.theme !== '{theme}') document.getElementById('theme').click()"
+            ));
+            for tab in ["operate", "latency", "lab", "recordings"] {
+                page.value(&format!("document.querySelector('[data-go={tab}]').click()"));
+                page.value("new Promise(done => setTimeout(done, 700))");
+                keep(&mut page, &format!("{tab}-{theme}-{width}"));
+                let overflow = page.value("document.documentElement.scrollWidth > innerWidth || document.documentElement.scrollHeight > innerHeight");
+                assert_eq!(overflow, json!(false), "{tab} at {width} x {height}");
+            }
+            assert_contrast(&mut page, theme);
+        }
+    }
+    page.value("document.querySelector('[data-go=operate]').click()");
+
+    // The page hangs; its stop is another document of another origin and works.
+    let place = page.value("(() => { const r = document.getElementById('stop').getBoundingClientRect(); return [r.x + r.width / 2, r.y + r.height / 2]; })()");
+    let mut seen = console.page();
+    page.value("setTimeout(() => { const end = performance.now() + 8000; while (performance.now() < end); }, 50); 0");
+    std::thread::sleep(Duration::from_millis(300));
+    page.press(place[0].as_f64().expect("x"), place[1].as_f64().expect("y"));
+    assert!(
+        wait_until(Duration::from_secs(7), || next_of_kind(&mut seen, "frame")["shown"] == "paused"),
+        "while it hangs"
+    );
+    page.wait_for("the page says so", "document.documentElement.dataset.shown === 'paused'");
+    keep(&mut page, "paused");
+
+    // By key: the commands, acknowledged by the drives' own state.
+    page.value("document.body.focus(); window.focus()");
+    page.value("[...document.querySelectorAll('.command')][1].click()");
+    page.wait_for("resumed", "document.getElementById('ack-title').textContent.startsWith('Resumed')");
+    page.key("p", 80);
+    page.wait_for("paused by key", "document.getElementById('ack-title').textContent.startsWith('Paused')");
+
+    krait.signal(Signal::TERM);
+    page.wait_for("a picture that is not live is not shown", "!document.getElementById('blank').hidden");
+    assert!(page.text("#blank-title").starts_with("No picture since"), "{}", page.text("#blank-title"));
+    keep(&mut page, "stale");
+    krait.end(PATIENCE);
+    let complaints: Vec<_> =
+        page.complaints.iter().filter(|said| !said.contains("ERR_CONNECTION") && !said.contains("WebSocket")).collect();
+    assert!(complaints.is_empty(), "{complaints:?}");
+}
+
+/// Every text colour beside the card it stands on: 4.5, and 3 for shapes, as the accessibility guidelines ask.
+fn assert_contrast(page: &mut Page, theme: &str) {
+    let ratios = page.value(
+        "(() => {
+            const style = getComputedStyle(document.documentElement), of = name => style.getPropertyValue('--' + name).trim();
+            const light = hex => { const [r, g, b] = [1, 3, 5].map(i => parseInt(hex.slice(i, i + 2), 16) / 255).map(v => v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4); return 0.2126 * r + 0.7152 * g + 0.0722 * b; };
+            const ratio = (a, b) => { const [x, y] = [light(a), light(b)].sort((p, q) => q - p); return (x + 0.05) / (y + 0.05); };
+            return ['t1', 't2', 't3', 'go', 'hold', 'warn', 'fault', 'act', 'line-1', 'line-2', 'line-3', 'trail'].map(name => [name, 4.5, ratio(of(name), of('s1'))])
+                .concat([['control', 3, ratio(of('control'), of('s1'))], ['stop', 4.5, ratio(of('stop'), '#ffffff')], ['on-act', 4.5, ratio(of('act'), of('on-act'))]]);
+        })()",
+    );
+    for row in ratios.as_array().expect("rows") {
+        assert!(row[2].as_f64().expect("a ratio") >= row[1].as_f64().expect("a limit"), "{theme}: {row}");
+    }
+}
+
+/// Keeps a picture where somebody wants to look at it.
+fn keep(page: &mut Page, name: &str) {
+    if let Ok(folder) = std::env::var("KRAIT_SHOTS") {
+        std::fs::create_dir_all(&folder).expect("a folder");
+        std::fs::write(format!("{folder}/{name}.png"), page.picture()).expect("written");
+    }
+}
