@@ -21,25 +21,11 @@ pub enum Kind {
     CycloneDds,
     /// Zenoh, peer to peer on this machine.
     Zenoh,
-    /// iceoryx2 with `blocking_wait`, which has no timeout.
-    Iceoryx2Blocking,
-    /// iceoryx2 with `ppoll` on the event's socket, drained with `try_wait`.
-    Iceoryx2Ppoll,
-    /// iceoryx2 with `epoll` on the event's socket, drained with `try_wait`.
-    Iceoryx2Epoll,
-    /// iceoryx2 with a `WaitSet` and a deadline on the event.
-    Iceoryx2WaitSet,
-    /// iceoryx2 with a semaphore in shared memory as its event, `blocking_wait`.
-    Iceoryx2Semaphore,
-    /// iceoryx2 for the data, a futex word beside it for the wake-up: what krait's channels do.
-    Iceoryx2Futex,
-    /// The same, looking for 50 us before it sleeps.
-    Iceoryx2FutexSpin,
 }
 
 impl Kind {
-    /// Every chain: first those that are measured unless others are asked for, then other ways to wait.
-    pub const ALL: [Self; 15] = [
+    /// Every chain; these are measured unless others are asked for.
+    pub const ALL: [Self; 8] = [
         Self::FloorFutex,
         Self::Iceoryx2Default,
         Self::Krait,
@@ -48,16 +34,7 @@ impl Kind {
         Self::Pipe,
         Self::CycloneDds,
         Self::Zenoh,
-        Self::Iceoryx2Blocking,
-        Self::Iceoryx2Ppoll,
-        Self::Iceoryx2Epoll,
-        Self::Iceoryx2WaitSet,
-        Self::Iceoryx2Semaphore,
-        Self::Iceoryx2Futex,
-        Self::Iceoryx2FutexSpin,
     ];
-    /// How many of [`Kind::ALL`] are measured unless others are asked for.
-    pub const N_STANDARD: usize = 8;
 
     /// The name on the command line, in tables and in JSON.
     pub fn name(self) -> &'static str {
@@ -70,13 +47,6 @@ impl Kind {
             Self::Pipe => "pipe",
             Self::CycloneDds => "cyclonedds",
             Self::Zenoh => "zenoh",
-            Self::Iceoryx2Blocking => "iceoryx2-blocking",
-            Self::Iceoryx2Ppoll => "iceoryx2-ppoll",
-            Self::Iceoryx2Epoll => "iceoryx2-epoll",
-            Self::Iceoryx2WaitSet => "iceoryx2-waitset",
-            Self::Iceoryx2Semaphore => "iceoryx2-semaphore",
-            Self::Iceoryx2Futex => "iceoryx2-futex",
-            Self::Iceoryx2FutexSpin => "iceoryx2-futex-spin",
         }
     }
 

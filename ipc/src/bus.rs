@@ -6,7 +6,6 @@ use crate::memory::{PrivateMemory, look_for_room, take_room};
 use crate::message::Message;
 use crate::{InstanceName, IpcError, ReadOptions, Reader, StopSwitch, Writer};
 use core::sync::atomic::AtomicBool;
-use core::time::Duration;
 use iceoryx2::config::Config;
 use iceoryx2::node::{NodeState, NodeView};
 use iceoryx2::prelude::{
@@ -30,8 +29,6 @@ pub(crate) const MAX_BORROWED: usize = 2;
 const MAX_NODES: usize = 32;
 /// Attribute that carries the payload's version.
 const VERSION_KEY: &str = "krait.payload.version";
-/// How long to wait for another process that is clearing up the same dead process.
-const CLEANUP_PATIENCE: Duration = Duration::from_secs(2);
 
 /// A process's membership in an instance.
 #[derive(Debug)]
@@ -40,15 +37,6 @@ pub struct Bus {
     node: Node<Shm>,
     // Dropped last, here and in every port: whoever lets go last clears up.
     membership: Arc<Membership>,
-}
-
-/// What was left behind by processes that died without a farewell, and what became of it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct CleanupReport {
-    /// Dead processes whose resources were removed.
-    pub n_removed: u64,
-    /// Dead processes whose resources could not be removed (for want of permission).
-    pub n_failed: u64,
 }
 
 impl Bus {
@@ -87,12 +75,6 @@ impl Bus {
     /// The instance's name.
     pub fn instance(&self) -> &InstanceName {
         &self.instance
-    }
-
-    /// Removes what processes that were killed left behind.
-    pub fn clean_up_after_the_dead(&self) -> CleanupReport {
-        let state = self.node.blocking_cleanup_dead_nodes(CLEANUP_PATIENCE);
-        CleanupReport { n_removed: state.cleanups, n_failed: state.failed_cleanups }
     }
 
     /// Names and process ids of the living members of the instance, this one included.

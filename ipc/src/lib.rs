@@ -41,7 +41,7 @@ mod stop;
 mod writer;
 
 pub use bell::Bell;
-pub use bus::{Bus, CleanupReport};
+pub use bus::Bus;
 pub use error::IpcError;
 pub use ground::ground;
 pub use health_reporter::{HealthReporter, ReadCounts, health_channel};

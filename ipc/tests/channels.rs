@@ -281,7 +281,6 @@ fn what_a_killed_process_left_behind_is_removed_at_the_next_start() {
     assert!(!resources_of(&checked).is_empty(), "a killed process leaves its files behind");
 
     let bus = Bus::open(&name, "heir").expect("bus");
-    bus.clean_up_after_the_dead();
     let _writer = bus.writer::<Shape>().expect("the dead writer's place is free again");
     assert_eq!(bus.members().len(), 1);
     drop((_writer, bus));

@@ -22,7 +22,6 @@
 
 #![forbid(unsafe_code)]
 
-pub mod arc;
 mod axis_map;
 mod config;
 mod core;
@@ -31,13 +30,11 @@ mod decoder;
 mod device_state;
 mod devices;
 mod error;
-pub mod generate;
 mod grip;
 mod hid;
 mod hid_nodes;
 mod hid_source;
 mod operator;
-pub mod plan;
 mod presence;
 mod process;
 mod raw_report;

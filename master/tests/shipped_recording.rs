@@ -2,10 +2,21 @@
 
 #![allow(clippy::expect_used, clippy::panic, reason = "the helpers of a test fail as the test does")]
 
+use generate::shipped_recording_text;
 use krait_ipc::message::{DeviceState, OperatorInput};
-use krait_master::generate::{SHIPPED_TEXT, shipped_recording_text};
-use krait_master::plan::{end_s, plan_at};
-use krait_master::{AXIS_LIMIT_COUNTS, MasterConfig, MasterCore, Recording, Report, arc};
+use krait_master::{AXIS_LIMIT_COUNTS, MasterConfig, MasterCore, Recording, Report};
+use plan::{end_s, plan_at};
+
+#[allow(dead_code, reason = "the generator uses what this test does not")]
+#[path = "../examples/generate_recording/arc.rs"]
+mod arc;
+#[path = "../examples/generate_recording/generate.rs"]
+mod generate;
+#[allow(dead_code, reason = "the generator uses what this test does not")]
+#[path = "../examples/generate_recording/plan.rs"]
+mod plan;
+
+const SHIPPED_TEXT: &str = include_str!("../recordings/default.krr");
 
 const TICK_NS: i64 = 1_000_000;
 /// Damping of the least squares as a part of the straight snake's gain; stronger than a resolver needs.

@@ -351,7 +351,6 @@ fn a_recorder_that_is_killed_leaves_everything_up_to_its_last_chunk() {
     }
     recorder.kill().expect("killed");
     recorder.wait().expect("gone");
-    bus.clean_up_after_the_dead();
 
     let recording = Recording::open(&path).expect("opened");
     assert!(matches!(recording.contents().missing[..], [Missing::End { .. } | Missing::Cut { .. }]));

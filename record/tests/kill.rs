@@ -76,7 +76,6 @@ fn kill_one(idx: u64) -> f64 {
     recorder.kill().expect("killed");
     recorder.wait().expect("gone");
     drop(commands);
-    bus.clean_up_after_the_dead();
 
     let recording = Recording::open(&path).expect("readable");
     let missing = &recording.contents().missing;

@@ -3,7 +3,6 @@
 mod fd;
 mod futex;
 mod iox;
-mod semaphore_service;
 
 use crate::relay::{Inlet, Outlet};
 use crate::{BenchError, Kind, Plan};
@@ -33,7 +32,7 @@ pub(crate) fn inlet(place: &Place, hop: usize) -> Result<Box<dyn Inlet>, BenchEr
     match place.kind {
         Kind::FloorFutex => Ok(Box::new(futex::Ring::open(place, hop)?)),
         Kind::UnixDatagram | Kind::Pipe => Ok(Box::new(fd::Fd::inlet(place)?)),
-        _ => iox::inlet(place, hop),
+        _ => Ok(Box::new(iox::In::open(place, hop)?)),
     }
 }
 
@@ -42,7 +41,7 @@ pub(crate) fn outlet(place: &Place, hop: usize) -> Result<Box<dyn Outlet>, Bench
     match place.kind {
         Kind::FloorFutex => Ok(Box::new(futex::Ring::open(place, hop)?)),
         Kind::UnixDatagram | Kind::Pipe => Ok(Box::new(fd::Fd::outlet(place)?)),
-        _ => iox::outlet(place, hop),
+        _ => Ok(Box::new(iox::Out::open(place, hop)?)),
     }
 }
 

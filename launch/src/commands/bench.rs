@@ -157,7 +157,7 @@ fn asked(args: &BenchArgs, otherwise: &Realtime) -> Realtime {
 
 /// The chains to measure, and those that cannot be, which are named aloud.
 fn chains(args: &BenchArgs) -> (Vec<Kind>, Vec<Skipped>) {
-    let wanted = if args.chains.is_empty() { &Kind::ALL[..Kind::N_STANDARD] } else { &args.chains };
+    let wanted = if args.chains.is_empty() { &Kind::ALL[..] } else { &args.chains };
     let (mut kinds, mut skipped) = (Vec::new(), Vec::new());
     for kind in wanted {
         match kind.missing() {

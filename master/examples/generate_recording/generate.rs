@@ -5,12 +5,10 @@
 //! pushes the cap with the velocity that leads there, through the inverse of the default operator mapping. A rate
 //! controller: deflection is tip velocity. On top comes a tremor near 9 and 11 Hz and one count of noise, from a fixed seed.
 
+use crate::arc;
 use crate::plan::{Act, end_s, plan_at};
-use crate::{AXIS_LIMIT_COUNTS, Layout, MasterConfig, RecordingHeader, RecordingWriter, Report, Response, arc};
+use krait_master::{AXIS_LIMIT_COUNTS, Layout, MasterConfig, RecordingHeader, RecordingWriter, Report, Response};
 use std::io;
-
-/// The shipped recording.
-pub const SHIPPED_TEXT: &str = include_str!("../recordings/default.krr");
 
 /// The device sends one report per 8 ms.
 const SLOT_S: f64 = 0.008;
