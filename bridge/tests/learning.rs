@@ -16,8 +16,8 @@ use krait_model::Chain;
 use krait_sim::{SimulatedSnake, Truth};
 use krait_slave::Drive;
 
-/// Samples of the loop; every fourth is a frame of the camera.
-const TICK_NS: i64 = 4_000_000;
+/// Samples of the loop; at every eighth there is a frame of the camera.
+const TICK_NS: i64 = 2_000_000;
 const CAMERA_HZ: f64 = 62.5;
 const SIGMA_RAD: f64 = 0.3 * PI / 180.0;
 /// The score counts from here on.
@@ -26,10 +26,10 @@ const SECONDS: f64 = 50.0;
 /// Runs of each model; KRAIT_SEEDS asks for more.
 const N_SEEDS: u64 = 6;
 
-/// What the simulated snake is besides what is hidden.
+/// What the simulated snake is besides what is hidden. Its lines do not rub: where a line sticks, the simulated one creeps on
+/// the snake's side of the cone and the model's on the actuator's, and this test is of values, not of that difference.
 const KNOWN: &str = "format = 1\n[machine]\nkind = \"snake\"\n[[effect]]\nkind = \"stiffness-scale\"\neta = 1.22\n\
-                     [[effect]]\nkind = \"static-friction\"\nf_s_n = 1.959\n[[effect]]\nkind = \"cone-friction\"\n\
-                     mu = 0.1727\n[[effect]]\nkind = \"backlash\"\nhalf_width_m = 8.9e-5\n";
+                     [[effect]]\nkind = \"backlash\"\nhalf_width_m = 8.9e-5\n";
 const FOUR: &str = "[[effect]]\nkind = \"lateral-tip-force\"\nforce_x_n = { value = 0.0, learn = { sd = 0.1, memory_s = 1e6 } }\n\
                     force_y_n = 0.0\n\
                     [[effect]]\nkind = \"creep\"\na1 = { value = 0.06, learn = { sd = 0.02, memory_s = 1e6 } }\nt1_s = 5.0\n\
@@ -48,7 +48,9 @@ fn bend_rad(t_s: f64) -> [f64; 2] {
     let smooth = |x: f64| 0.5 - 0.5 * (PI * x.clamp(0.0, 1.0)).cos();
     let largest = 0.5 + 0.6 * (0.37 * stroke).fract();
     let b = largest * (smooth(u / 0.25) - smooth((u - 0.75) / 0.25));
-    let delta = 2.4 * stroke + 1.2 * smooth((u - 0.25) / 0.25);
+    // To either side in turn: what always turns one way looks like an offset of the plane.
+    let side = if stroke % 2.0 == 0.0 { 1.2 } else { -1.2 };
+    let delta = 2.4 * stroke + side * smooth((u - 0.25) / 0.25);
     [b * delta.cos(), b * delta.sin()]
 }
 
@@ -80,6 +82,7 @@ impl Draw {
 fn truth(chain: &Chain, values: &[f64], seed: u64) -> Truth {
     let mut truth = Truth::default();
     (truth.camera.rate_hz, truth.camera.noise_rad, truth.camera.seed) = (CAMERA_HZ, SIGMA_RAD, seed);
+    (truth.effects.mu, truth.effects.f_s_n) = (0.0, 0.0);
     // Also what the model file holds fixed is there.
     (truth.lines.creep_time_s, truth.lines.creep_part) = (5.0, 0.06);
     for (own, &value) in chain.learnt().iter().zip(values) {
@@ -112,15 +115,17 @@ fn run(chain: &Chain, truth: &Truth, learns: bool) -> Run {
     let mut commanded: Vec<(i64, [f64; 2])> = Vec::new();
     for tick in 1..=(SECONDS * 1e9) as i64 / TICK_NS {
         let (now_ns, t_s) = (T0_NS + tick * TICK_NS, (tick * TICK_NS) as f64 * 1e-9);
+        // Encoders and camera show the snake as the command before has left it.
+        let measured = snake.read(now_ns).expect("encoders");
+        let state = SlaveState { sample_ns: now_ns, ..ready_state(tick as u64) };
+        estimate.note_state(&SlaveState { measured_q_m: measured.q_tilde_m, ..state });
+        let seen = snake.shape(now_ns);
         let setpoint = Setpoint { sample_ns: now_ns, ..setpoint_of(chain, tick as u64, bend_rad(t_s)) };
-        compensate.note_state(&SlaveState { sample_ns: now_ns, ..ready_state(tick as u64) });
+        compensate.note_state(&state);
         let command = compensate.step(&setpoint, now_ns).expect("a good setpoint");
         commanded.push((now_ns, setpoint.bend_rad));
         snake.write(now_ns, command.q_tilde_m).expect("within the stroke");
-        let measured = snake.read(now_ns).expect("encoders");
-        let state = ready_state(tick as u64);
-        estimate.note_state(&SlaveState { sample_ns: now_ns, measured_q_m: measured.q_tilde_m, ..state });
-        let Some(seen) = snake.shape(now_ns) else { continue };
+        let Some(seen) = seen else { continue };
         n_shapes += 1;
         let shape = Shape {
             sequence: n_shapes,
@@ -138,7 +143,7 @@ fn run(chain: &Chain, truth: &Truth, learns: bool) -> Run {
         }
         newest = Some(update);
         if t_s > LEARNT_AFTER_S {
-            let wanted = commanded.iter().rev().find(|(ns, _)| *ns <= seen.exposure_ns).expect("commanded before").1;
+            let wanted = commanded.iter().rev().find(|(ns, _)| *ns < seen.exposure_ns).expect("commanded before").1;
             squares += (seen.bend_rad[0] - wanted[0]).powi(2) + (seen.bend_rad[1] - wanted[1]).powi(2);
             n += 1;
         }
