@@ -68,6 +68,47 @@ impl Measurements {
         row == 0 || self.trial.get(row) != self.trial.get(row - 1)
     }
 
+    /// Several recordings of one machine one after the other, and the name and first trial of each; columns that one of them
+    /// lacks are left out. Nothing is said of recordings where there is one.
+    pub fn joined(parts: Vec<Self>) -> (Self, Vec<(String, usize)>) {
+        let mut parts = parts.into_iter();
+        let Some(mut all) = parts.next() else { panic!("at least one recording") };
+        let first = all.source.clone();
+        let mut recordings = vec![(first, 0)];
+        for part in parts {
+            let n_trials = all.trial.last().map_or(0, |last| last + 1);
+            recordings.push((part.source.clone(), n_trials as usize));
+            all.source = format!("{}, {}", all.source, part.source);
+            all.sha256 = format!("{}, {}", all.sha256, part.sha256);
+            all.time_s.extend(&part.time_s);
+            all.inputs.extend(&part.inputs);
+            all.outputs.extend(&part.outputs);
+            all.trial.extend(part.trial.iter().map(|trial| trial + n_trials));
+            let join = |own: &mut Option<Vec<f64>>, other: Option<Vec<f64>>| match (own.take(), other) {
+                (Some(mut own_values), Some(other)) => {
+                    own_values.extend(other);
+                    *own = Some(own_values);
+                }
+                _ => *own = None,
+            };
+            join(&mut all.loads_n, part.loads_n);
+            join(&mut all.stem_angle_rad, part.stem_angle_rad);
+            join(&mut all.temperature_c, part.temperature_c);
+            join(&mut all.sigma, part.sigma);
+            all.extra.retain_mut(|(name, values)| {
+                let other = part.extra.iter().find(|(own, _)| own == name);
+                other.is_some_and(|(_, other)| {
+                    values.extend(other);
+                    true
+                })
+            });
+        }
+        if recordings.len() == 1 {
+            recordings.clear();
+        }
+        (all, recordings)
+    }
+
     /// The rows of these numbers, in their order.
     pub fn select(&self, rows: &[usize]) -> Self {
         let pick = |values: &[f64], width: usize| -> Vec<f64> {

@@ -13,8 +13,10 @@ pub struct Session {
     pub file: ModelFile,
     /// The machine.
     pub machine: Box<dyn Machine>,
-    /// The measurements.
+    /// What was measured; of several recordings one after the other.
     pub data: Measurements,
+    /// Name and first trial of each recording, where there are several.
+    pub recordings: Vec<(String, usize)>,
 }
 
 /// A model or its measurements cannot be used.
@@ -39,6 +41,12 @@ pub enum SessionError {
     /// The measurements are refused.
     #[error(transparent)]
     Data(#[from] ReadError),
+    /// A folder without measurements.
+    #[error("data {path}: a folder without .csv and .mcap files; name a file, or a folder that holds some", path = path.display())]
+    Empty {
+        /// The folder.
+        path: PathBuf,
+    },
     /// Model and measurements do not fit each other.
     #[error(transparent)]
     Lab(#[from] LabError),
@@ -50,13 +58,50 @@ impl Session {
     /// # Errors
     /// [`SessionError`], one sentence.
     pub fn open(model: &Path, data: &Path, map: &ColumnMap) -> Result<Self, SessionError> {
+        Self::open_all(model, &[data.to_owned()], map)
+    }
+
+    /// Reads a model and several recordings of its machine, or folders of them.
+    ///
+    /// # Errors
+    /// [`SessionError`], one sentence.
+    pub fn open_all(model: &Path, data: &[PathBuf], map: &ColumnMap) -> Result<Self, SessionError> {
         let file = open_model(model)?;
         let machine = machine(&file)?;
-        let data = read(data, map, file.machine().into())?;
+        let mut parts = Vec::new();
+        for path in files(data)? {
+            parts.push(read(&path, map, file.machine().into())?);
+        }
+        let (data, recordings) = Measurements::joined(parts);
         // Refused now, before anything is computed: an effect of the model may need a column that is not there.
         machine.predict(machine.effects(), &data.select(&[0]))?;
-        Ok(Self { file, machine, data })
+        Ok(Self { file, machine, data, recordings })
     }
+}
+
+/// The files themselves, and those of folders in the order of their names.
+fn files(data: &[PathBuf]) -> Result<Vec<PathBuf>, SessionError> {
+    let mut all = Vec::new();
+    for path in data {
+        if !path.is_dir() {
+            all.push(path.clone());
+            continue;
+        }
+        let unreadable = |source| SessionError::Unreadable { path: path.clone(), source };
+        let entries = std::fs::read_dir(path).map_err(unreadable)?;
+        let mut own = Vec::new();
+        for entry in entries {
+            let entry = entry.map_err(unreadable)?.path();
+            let is_one = entry.extension().is_some_and(|end| end == "csv" || end == "mcap");
+            own.extend(is_one.then_some(entry));
+        }
+        if own.is_empty() {
+            return Err(SessionError::Empty { path: path.clone() });
+        }
+        own.sort();
+        all.extend(own);
+    }
+    Ok(all)
 }
 
 /// Reads and checks a model file.

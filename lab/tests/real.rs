@@ -12,7 +12,7 @@
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, FoundEffect, Verdict, diagnose};
 use krait_lab::machine::JointsLab;
 use krait_lab::read::{ColumnMap, read};
-use krait_lab::{AddOptions, Measurements, Term, add, save};
+use krait_lab::{AddOptions, Measurements, Session, Term, add, save};
 use krait_model::model_file::{Known, Machine, ModelFile};
 use std::path::{Path, PathBuf};
 
@@ -125,4 +125,29 @@ fn an_effect_added_to_an_uncalibrated_model_leaves_gain_and_offset_free() {
     // What the file says is what the lab finds again: nothing larger is left to explain.
     let again = krait_lab::compare::compare(&JointsLab::new(&better).expect("joints"), &data).expect("a chain");
     assert!(again.error.rms < 0.45, "{} deg", again.error.rms);
+}
+
+#[test]
+fn recordings_of_one_machine_share_its_physics_and_keep_their_own_gain_and_offset() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/davinci-jaw");
+    let dir = std::env::temp_dir().join(format!("krait-lab-recordings-{}", std::process::id()));
+    std::fs::create_dir_all(&dir).expect("a folder");
+    let model = dir.join("jaw.toml");
+    std::fs::write(&model, "format = 1\n[machine]\nkind = \"joints\"\nn = 1\n").expect("written");
+    let session = Session::open_all(&model, &[folder.clone()], &ColumnMap::default()).expect("two recordings");
+    let names: Vec<&str> = session.recordings.iter().map(|(name, _)| name.as_str()).collect();
+    assert_eq!((names, session.data.n_rows()), (vec!["00.csv", "09.csv"], 1999));
+    let options =
+        DiagnoseOptions { recordings: session.recordings.clone(), max_effects: 2, ..DiagnoseOptions::default() };
+    let found = diagnose(session.machine.as_ref(), &session.data, &options).expect("a chain");
+    assert!(found.effects.iter().any(|own| PLAY.contains(&own.name.as_str())), "{}", found.sentence);
+    assert!(found.final_heldout_rms < 0.4 && found.base_heldout_rms > 1.2, "{}", found.sentence);
+    let gains: Vec<_> = found.calibration.iter().filter(|own| own.name == "gain").collect();
+    assert_eq!(gains.len(), 2, "each recording has its own");
+    assert_eq!(gains[1].recording.as_deref(), Some("09.csv"));
+    let empty = dir.join("empty");
+    std::fs::create_dir_all(&empty).expect("a folder");
+    let refused = Session::open_all(&model, &[empty], &ColumnMap::default()).err().expect("refused").to_string();
+    assert!(refused.contains("without .csv"), "{refused}");
+    std::fs::remove_dir_all(&dir).expect("removed");
 }

@@ -49,9 +49,9 @@ pub struct LabFiles {
     /// Model file (TOML).
     #[arg(long, value_name = "FILE")]
     pub model: PathBuf,
-    /// Measurements: CSV, or a recording of krait (MCAP).
-    #[arg(long, value_name = "FILE")]
-    pub data: PathBuf,
+    /// Measurements: CSV, a recording of krait (MCAP), or a folder of them; again for each recording of the same machine.
+    #[arg(long, required = true, value_name = "FILE")]
+    pub data: Vec<PathBuf>,
     /// The file's own name and unit for a column of the lab, again for each: bend_x_rad=cam.x:deg.
     #[arg(long = "map", value_name = "COLUMN=NAME[:UNIT]")]
     pub map: Vec<Mapping>,

@@ -2,7 +2,8 @@
 //!
 //! 1. The noise floor and outliers, without any model of what is missing (`noise`).
 //! 2. Screening of every candidate to first order, and one p-value for the whole search (`screen`, `sign_flip`).
-//! 3. Singles and pairs refined by whole simulations, ranked by what they leave and by their number of parameters (`search`).
+//! 3. Singles and pairs refined by whole simulations, ranked by what they leave and by their number of parameters (`search`), and
+//!    longer lists by a beam behind them (`lists`).
 //! 4. Acceptance: the sign-flip test, blocked cross-validation, and a contribution that matters (`accept`).
 //! 5. Look-alikes and their probabilities by resampling blocks (`alternatives`); what is left (`structure`); the verdict.
 
@@ -12,6 +13,7 @@ mod answer;
 mod experiment;
 mod gate;
 mod json;
+mod lists;
 mod periodic;
 mod rhythm;
 pub mod screen;

@@ -102,10 +102,7 @@ impl Search<'_> {
     pub fn swaps(&self, trial: &Trial) -> Vec<Trial> {
         let mut jobs = vec![(trial.found.clone(), trial.fit.effects.clone())];
         for slot in 0..trial.found.len() {
-            let (mut found, mut effects) = (trial.found.clone(), trial.fit.effects.clone());
-            found.remove(slot);
-            effects.remove(self.base.len() + slot);
-            let Ok(rest) = self.fitted(found, &effects) else { continue };
+            let Ok(rest) = self.without(trial, slot) else { continue };
             let cells = screen(self.problem, &rest.fit, self.candidates);
             let best = self.varied(self.best_cells(&cells));
             let others = best.into_iter().filter(|cell| cell.candidate != trial.found[slot]);
@@ -131,6 +128,49 @@ impl Search<'_> {
             fresh
         });
         self.refine(jobs)
+    }
+
+    /// The best next effects behind each of these trials, refined, best first, each list once.
+    pub(super) fn behind(&self, parents: &[(&Trial, &[Cell])], n_next: usize) -> Vec<Trial> {
+        let mut jobs = Vec::new();
+        for (parent, cells) in parents {
+            let best = self.varied(self.best_cells(cells));
+            jobs.extend(best.into_iter().take(n_next).map(|cell| self.with(parent, &[cell])));
+        }
+        let mut seen: Vec<Vec<usize>> = Vec::new();
+        jobs.retain(|(found, _)| {
+            let mut sorted = found.clone();
+            sorted.sort_unstable();
+            let fresh = !seen.contains(&sorted);
+            seen.push(sorted);
+            fresh
+        });
+        self.refine(jobs)
+    }
+
+    /// A trial without one of its effects.
+    ///
+    /// # Errors
+    /// [`LabError::Chain`].
+    pub(super) fn without(&self, trial: &Trial, slot: usize) -> Result<Trial, LabError> {
+        let (mut found, mut effects) = (trial.found.clone(), trial.fit.effects.clone());
+        found.remove(slot);
+        effects.remove(self.base.len() + slot);
+        self.fitted(found, &effects)
+    }
+
+    /// Best first, each set of candidates once.
+    pub(super) fn distinct(&self, mut trials: Vec<Trial>) -> Vec<Trial> {
+        self.rank(&mut trials);
+        let mut seen: Vec<Vec<usize>> = Vec::new();
+        trials.retain(|trial| {
+            let mut sorted = trial.found.clone();
+            sorted.sort_unstable();
+            let fresh = !seen.contains(&sorted);
+            seen.push(sorted);
+            fresh
+        });
+        trials
     }
 
     /// A trial with further effects in place of its own ones, from the values that screening suggests.

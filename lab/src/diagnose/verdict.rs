@@ -8,7 +8,7 @@ use super::screen::{Cell, orthonormal};
 use super::search::{Search, Trial, memory};
 use super::sign_flip::SignFlip;
 use super::working::working_rows;
-use super::{GroupShare, experiment, gate, structure};
+use super::{GroupShare, experiment, gate, lists, structure};
 use crate::fit::{Variable, held_out_block_squares, uncertainty};
 use crate::machine::{Candidate, Machine};
 use crate::noise::{FloorSource, NoiseFloor};
@@ -51,8 +51,12 @@ const AT_FLOOR: f64 = 1.04;
 const LEVEL_OF_REST: f64 = 0.02;
 /// White noise cannot make an error of this ratio of the floor, whatever the test of structure sees.
 const BEYOND_DOUBT: f64 = 1.1;
-/// Less than this share of what was explainable is left to the imperfection of known effects' equations.
-const SMALL_REST: f64 = 0.02;
+/// Effects that explain less than this share are hypotheses.
+const PARTLY: f64 = 0.5;
+/// What looks different must leave this much more.
+const CLEARLY: f64 = 1.5;
+/// A list that leaves less of what was explainable explains it, if its values can be.
+const EXPLAINED: f64 = 0.02;
 
 /// Says which effect is missing from a machine's model, or none, or that it cannot be said.
 ///
@@ -122,18 +126,32 @@ impl Findings {
 
 fn run(search: &Search, floors: &NoiseFloor, max_effects: usize) -> Result<Findings, LabError> {
     let start = search.start()?;
-    let (cells, test) = search.look(&start);
-    let singles = search.singles(&start, &cells);
-    let rms = |trial: &Trial| search.problem.rms(trial.fit.sum_of_squares);
     let comparison = Comparison {
         problem: search.problem,
         floor: floors.sigma().map(|(sigma, _)| sigma * (search.problem.data.n_outputs as f64).sqrt()),
         is_white: matches!(floors.sigma(), Some((_, FloorSource::White))),
-        base_rms: rms(&start),
+        base_rms: search.problem.rms(start.fit.sum_of_squares),
     };
+    let mut found = one_or_two(search, &comparison, start, max_effects);
+    if (1..max_effects).contains(&found.chosen.found.len()) {
+        let shorter = &found.alternatives.trials;
+        if let Some((chosen, alternatives)) = lists::longer(search, &comparison, &found.chosen, shorter, max_effects) {
+            // An effect that almost anything could stand in for is the imperfection of another one's equation.
+            if (0..chosen.found.len()).all(|slot| alternatives.n_as_simple(slot) <= MOST_LOOK_ALIKES) {
+                found = Findings { chosen, alternatives, is_beaten: false, ..found };
+            }
+        }
+    }
+    Ok(found)
+}
+
+/// None, one or two effects.
+fn one_or_two(search: &Search, comparison: &Comparison, start: Trial, max_effects: usize) -> Findings {
+    let (cells, test) = search.look(&start);
+    let singles = search.singles(&start, &cells);
     let Some(single) = singles.first().filter(|single| comparison.deserves(&start, single, test.p_value)) else {
         let alternatives = Alternatives::new(search.problem, vec![start.clone()], search.seed);
-        return Ok(Findings { chosen: start.clone(), cells, test, singles, alternatives, is_beaten: false });
+        return Findings { chosen: start, cells, test, singles, alternatives, is_beaten: false };
     };
     // Many parameters in one effect may be two simple effects in disguise, but nothing else is periodic in the inputs.
     let periodic = single.found.iter().any(|&k| search.candidates[k].periodic.is_some());
@@ -148,7 +166,7 @@ fn run(search: &Search, floors: &NoiseFloor, max_effects: usize) -> Result<Findi
             if let Some(best) = pairs.first().cloned() {
                 pairs.extend(search.swaps(&best));
             }
-            let (imitations, pairs) = distinct(search, pairs).into_iter().partition(|pair| search.imitates(pair));
+            let (imitations, pairs) = search.distinct(pairs).into_iter().partition(|pair| search.imitates(pair));
             let (imitations, pairs): (Vec<Trial>, Vec<Trial>) = (imitations, pairs);
             let time = memory(search.problem, &pairs);
             let n = search.problem.n_scored as f64 / time;
@@ -165,27 +183,13 @@ fn run(search: &Search, floors: &NoiseFloor, max_effects: usize) -> Result<Findi
                 if (0..pair.found.len()).all(|slot| alternatives.n_as_simple(slot) <= MOST_LOOK_ALIKES) {
                     let better = |own: &Trial| search.badness(&pair, time) - search.badness(own, time);
                     let is_beaten = imitations.iter().any(|own| better(own) * n > CLOSE_CONTEST);
-                    return Ok(Findings { chosen: pair, cells, test, singles, alternatives, is_beaten });
+                    return Findings { chosen: pair, cells, test, singles, alternatives, is_beaten };
                 }
             }
         }
     }
     let alternatives = Alternatives::new(search.problem, singles.clone(), search.seed);
-    Ok(Findings { chosen: single.clone(), cells, test, singles, alternatives, is_beaten: false })
-}
-
-/// Best first, each set of candidates once.
-fn distinct(search: &Search, mut trials: Vec<Trial>) -> Vec<Trial> {
-    search.rank(&mut trials);
-    let mut seen: Vec<Vec<usize>> = Vec::new();
-    trials.retain(|trial| {
-        let mut sorted = trial.found.clone();
-        sorted.sort_unstable();
-        let fresh = !seen.contains(&sorted);
-        seen.push(sorted);
-        fresh
-    });
-    trials
+    Findings { chosen: single.clone(), cells, test, singles, alternatives, is_beaten: false }
 }
 
 /// Everything that a conclusion needs.
@@ -204,15 +208,16 @@ impl Case<'_> {
         let (unit, scale) = problem.machine.error_unit();
         let start = search.start()?;
         let mut chosen = search.fitted(self.found.chosen.found.clone(), &self.found.chosen.fit.effects)?;
-        self.order(&mut chosen)?;
+        let prefixes = self.order(&mut chosen)?;
         let held_out =
             |trial: &Trial| problem.rms(held_out_block_squares(problem, &trial.fit, FOLDS).iter().sum()) * scale;
         let (before, after) = (held_out(&start), held_out(&chosen));
         let sigma = self.floors.sigma();
         let floor = sigma.map(|(sigma, _)| sigma * (problem.data.n_outputs as f64).sqrt() * scale);
         let remaining = self.remaining(&chosen, before, after, floor)?;
-        let effects = self.effects(&chosen, before)?;
+        let effects = self.effects(&chosen, &prefixes, before)?;
         let verdict = match (remaining.structured, effects.is_empty()) {
+            (true, false) if remaining.unexplained <= 1.0 - PARTLY && self.stands(&chosen) => Verdict::Partly,
             (true, _) => Verdict::Unknown,
             (false, true) => Verdict::None,
             (false, false) => Verdict::Missing,
@@ -252,41 +257,44 @@ impl Case<'_> {
         })
     }
 
-    /// Puts the effect that brings more by itself first.
-    fn order(&self, chosen: &mut Trial) -> Result<(), LabError> {
-        if chosen.found.len() < 2 {
-            return Ok(());
-        }
-        let alone = |slot: usize| -> Result<f64, LabError> { Ok(self.alone(chosen, slot)?.fit.sum_of_squares) };
-        if alone(1)? < alone(0)? {
-            let base = self.full.base.len();
-            chosen.found.swap(0, 1);
-            let mut effects = chosen.fit.effects.clone();
-            effects.swap(base, base + 1);
-            *chosen = self.full.fitted(chosen.found.clone(), &effects)?;
-        }
-        Ok(())
+    /// Whether the effects are more than imitations: none at the edge of what is physical, and what explains most is
+    /// clearly better than everything that looks different.
+    fn stands(&self, chosen: &Trial) -> bool {
+        let class = |trial: &Trial| trial.found.first().map(|&k| self.full.candidates[k].class);
+        let singles = &self.found.singles;
+        let best = singles.first();
+        let rival = singles.iter().find(|own| class(own) != best.and_then(class));
+        let is_clear = match (best, rival) {
+            (Some(best), Some(rival)) => rival.fit.sum_of_squares > CLEARLY * best.fit.sum_of_squares,
+            _ => true,
+        };
+        is_clear && !self.found.is_beaten && !self.full.imitates(chosen)
     }
 
-    /// One effect of a trial without the others, on the working rows.
-    fn alone(&self, chosen: &Trial, slot: usize) -> Result<Trial, LabError> {
+    /// Puts the effect that brings most first, and gives the fits of the first one, two ... on the working rows.
+    fn order(&self, chosen: &mut Trial) -> Result<Vec<Trial>, LabError> {
+        if chosen.found.len() < 2 {
+            return Ok(Vec::new());
+        }
+        let (order, prefixes) = lists::order(self.work, chosen);
         let base = self.full.base.len();
         let mut effects = chosen.fit.effects[..base].to_vec();
-        effects.push(chosen.fit.effects[base + slot].clone());
-        self.work.fitted(vec![chosen.found[slot]], &effects)
+        effects.extend(order.iter().map(|&i| chosen.fit.effects[base + i].clone()));
+        let found = order.iter().map(|&i| chosen.found[i]).collect();
+        *chosen = self.full.fitted(found, &effects)?;
+        Ok(prefixes)
     }
 
-    fn effects(&self, chosen: &Trial, base_rms: f64) -> Result<Vec<FoundEffect>, LabError> {
+    fn effects(&self, chosen: &Trial, prefixes: &[Trial], base_rms: f64) -> Result<Vec<FoundEffect>, LabError> {
         let problem = self.full.problem;
         let (_, scale) = problem.machine.error_unit();
         let held_out =
             |trial: &Trial| problem.rms(held_out_block_squares(problem, &trial.fit, FOLDS).iter().sum()) * scale;
         let mut errors = vec![base_rms];
-        if chosen.found.len() == 2 {
-            let first = self.alone(chosen, 0)?;
-            let work = self.work.problem;
-            errors.push(work.rms(held_out_block_squares(work, &first.fit, FOLDS).iter().sum()) * scale);
-        }
+        let work = self.work.problem;
+        errors.extend(
+            prefixes.iter().map(|own| work.rms(held_out_block_squares(work, &own.fit, FOLDS).iter().sum()) * scale),
+        );
         errors.push(held_out(chosen));
         (0..chosen.found.len())
             .map(|slot| {
@@ -345,13 +353,12 @@ impl Case<'_> {
         let above = |rms: f64| (rms.powi(2) - floor.unwrap_or(0.0).powi(2)).max(0.0);
         let unexplained = if above(before) > 0.0 { (above(after) / above(before)).min(1.0) } else { 0.0 };
         let at_floor = floor.is_some_and(|floor| after <= AT_FLOOR * floor);
-        let small = !chosen.found.is_empty() && unexplained <= SMALL_REST;
         let beyond_doubt = white && floor.is_some_and(|floor| after > BEYOND_DOUBT * floor);
         let foreseeable = structure.groups.first().is_some_and(|group| group.share > if white { 0.03 } else { 0.1 });
         let structured = rhythm.is_some()
             || self.found.is_beaten
             || chosen.found.len() > 1 && self.full.imitates(chosen)
-            || !at_floor && !small && (structure.p_value < LEVEL_OF_REST || beyond_doubt || foreseeable);
+            || !at_floor && (structure.p_value < LEVEL_OF_REST || beyond_doubt || foreseeable);
         Ok(Remaining {
             structured,
             p_value: structure.p_value,
@@ -426,11 +433,17 @@ fn sentence(
         Verdict::None => {
             format!("nothing is missing: an error of {after:.3} {unit} beside {floor} is the measurement's own")
         }
+        Verdict::Partly => format!(
+            "partly: {} stand and take {:.0} % of what there was to explain; {after:.3} {unit} remain beside {floor}{}",
+            effects.iter().map(names).collect::<Vec<_>>().join(" and "),
+            100.0 * (1.0 - remaining.unexplained),
+            remaining.looks_like.map_or(String::new(), |what| format!(", and the rest depends on {what}"))
+        ),
         Verdict::Missing => format!(
             "missing: {}; with it the error on data it was not fitted to is {after:.3} {unit}, beside {floor}",
             effects.iter().map(names).collect::<Vec<_>>().join(" and ")
         ),
-        Verdict::Unknown if remaining.looks_like.is_none() && remaining.unexplained <= SMALL_REST => {
+        Verdict::Unknown if remaining.looks_like.is_none() && remaining.unexplained <= EXPLAINED => {
             "something is missing that no known effect explains: some imitate it, but only with values at the edge of what is \
              physical"
                 .to_owned()

@@ -110,6 +110,7 @@ pub(super) fn diagnosis(answer: Answer) -> Result<Diagnosis, LabError> {
     let problem = Problem::new(machine, data.clone(), &[], f64::INFINITY);
     let mut cautions: Vec<String> = hints.clone();
     cautions.extend(cautions_of(&problem, n_outliers));
+    cautions.extend(found.iter().flat_map(|own| disagreeing(own, options)));
     let calibration = calibrations(machine, &found, options);
     let sentence = sentence(&Said {
         verdict,
@@ -157,6 +158,28 @@ pub(super) fn diagnosis(answer: Answer) -> Result<Diagnosis, LabError> {
 fn cautions_of(problem: &Problem, n_outliers: usize) -> Vec<String> {
     // Blocks are each joint's own here.
     cautions(problem, n_outliers, false)
+}
+
+/// Recordings in which the effects explain little of what they explain in the others, a sentence each.
+fn disagreeing(own: &Found, options: &DiagnoseOptions) -> Vec<String> {
+    let pairs: Vec<(f64, f64)> = own.before.blocks.iter().copied().zip(own.after.blocks.iter().copied()).collect();
+    if options.recordings.len() < 3 || pairs.len() != options.recordings.len() || own.fit.members.is_empty() {
+        return Vec::new();
+    }
+    let left = |(before, after): (f64, f64)| after / before.max(1e-300);
+    let mut sorted: Vec<f64> = pairs.iter().map(|pair| left(*pair)).collect();
+    sorted.sort_by(f64::total_cmp);
+    let typical = sorted[sorted.len() / 2];
+    let odd = pairs.iter().zip(&options.recordings).filter(|(pair, _)| left(**pair) > (3.0 * typical).max(0.5));
+    odd.map(|(pair, (name, _))| {
+        format!(
+            "{name} disagrees with the other recordings: on joint {} the effects leave {:.0} % of its error there, {:.0} % in a typical one",
+            own.joint + 1,
+            100.0 * left(*pair).sqrt(),
+            100.0 * typical.sqrt()
+        )
+    })
+    .collect()
 }
 
 /// One verdict of all joints.

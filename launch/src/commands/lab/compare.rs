@@ -14,7 +14,7 @@ const SHOWN: usize = 15;
 
 /// Compares; that there is an error is no failure.
 pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
-    let session = Session::open(&args.files.model, &args.files.data, &args.files.column_map())?;
+    let session = Session::open_all(&args.files.model, &args.files.data, &args.files.column_map())?;
     let found = compare(session.machine.as_ref(), &session.data)?;
     if let Some(path) = &args.report {
         page::write(path, |origin| comparison_page(session.machine.as_ref(), &session.data, &found, origin))?;

@@ -19,12 +19,12 @@ const SHOWN: usize = 12;
 
 /// Diagnoses; finding that something is missing is no failure.
 pub fn run(args: &DiagnoseArgs) -> anyhow::Result<ExitCode> {
-    let session = Session::open(&args.files.model, &args.files.data, &args.files.column_map())?;
+    let session = Session::open_all(&args.files.model, &args.files.data, &args.files.column_map())?;
     let options = DiagnoseOptions {
         seed: args.seed,
         max_effects: usize::from(args.max_effects),
         free: args.free.clone(),
-        ..DiagnoseOptions::default()
+        recordings: session.recordings.clone(),
     };
     let mut diagnosis = diagnose(session.machine.as_ref(), &session.data, &options)?;
     if let Some(path) = &args.experiment {

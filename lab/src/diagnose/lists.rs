@@ -1,0 +1,101 @@
+//! Lists of more than two effects of a snake: a beam behind the best shorter ones, then swapped and pruned.
+
+use super::accept::Comparison;
+use super::alternatives::Alternatives;
+use super::search::{Search, Trial};
+use rayon::prelude::*;
+
+/// Lists that are kept at each length.
+const WIDTH: usize = 3;
+/// Candidates that are refined behind each of them.
+const N_NEXT: usize = 6;
+
+/// The longest list that deserves its length, with the lists that it was chosen from; `None` where nothing does.
+pub(super) fn longer(
+    search: &Search,
+    comparison: &Comparison,
+    chosen: &Trial,
+    shorter: &[Trial],
+    max_effects: usize,
+) -> Option<(Trial, Alternatives)> {
+    let mut beam: Vec<Trial> = core::iter::once(chosen).chain(shorter.iter().take(WIDTH)).cloned().collect();
+    let mut best = chosen.clone();
+    let mut rivals = Vec::new();
+    for _ in chosen.found.len()..max_effects {
+        if !beam.first().is_some_and(|own| comparison.leaves_something(own)) {
+            break;
+        }
+        let looks: Vec<_> = beam.iter().map(|own| search.look(own)).collect();
+        let p_value = looks.iter().map(|(_, test)| test.p_value).fold(1.0, f64::min);
+        let parents: Vec<_> = beam.iter().zip(&looks).map(|(own, (cells, _))| (own, cells.as_slice())).collect();
+        let mut next = search.behind(&parents, N_NEXT);
+        next.retain(|own| !search.imitates(own));
+        let Some(first) = next.first().cloned() else { break };
+        if comparison.deserves(&best, &first, p_value) {
+            best = first;
+            rivals = next.clone();
+        } else if beam.first().is_some_and(|own| own.found.len() > best.found.len()) {
+            // Two lengths in a row without a gain that counts.
+            break;
+        }
+        next.truncate(WIDTH);
+        beam = next;
+    }
+    if best.found.len() <= chosen.found.len() {
+        return None;
+    }
+    rivals.extend(search.swaps(&best));
+    let mut rivals = search.distinct(rivals);
+    rivals.retain(|own| own.found.len() == best.found.len() && !search.imitates(own));
+    best = rivals.first().cloned().unwrap_or(best);
+    let pruned = prune(search, comparison, best);
+    if pruned.found.len() < rivals.first().map_or(0, |own| own.found.len()) {
+        rivals = search.distinct([vec![pruned.clone()], search.swaps(&pruned)].concat());
+        rivals.retain(|own| own.found.len() == pruned.found.len());
+    }
+    let pruned = rivals.first().cloned().unwrap_or(pruned);
+    Some((pruned, Alternatives::new(search.problem, rivals, search.seed)))
+}
+
+/// The list without the members that do not pay on left-out blocks, weakest first.
+fn prune(search: &Search, comparison: &Comparison, mut trial: Trial) -> Trial {
+    while trial.found.len() > 1 {
+        let parts: Vec<Trial> =
+            (0..trial.found.len()).into_par_iter().filter_map(|slot| search.without(&trial, slot).ok()).collect();
+        let idle = parts.into_iter().filter(|part| !comparison.deserves(part, &trial, 0.0));
+        let Some(weakest) = idle.min_by(|a, b| a.fit.sum_of_squares.total_cmp(&b.fit.sum_of_squares)) else { break };
+        trial = weakest;
+    }
+    trial
+}
+
+/// The places of a list's members in the order of what each takes away, averaged over all orders (Shapley), and the fits of the
+/// first one, two ... of them.
+pub(super) fn order(search: &Search, trial: &Trial) -> (Vec<usize>, Vec<Trial>) {
+    let k = trial.found.len();
+    let part = |subset: usize| {
+        let base = search.base.len();
+        let own = |i: &usize| subset >> i & 1 == 1;
+        let found: Vec<usize> = (0..k).filter(own).map(|i| trial.found[i]).collect();
+        let mut effects = trial.fit.effects[..base].to_vec();
+        effects.extend((0..k).filter(own).map(|i| trial.fit.effects[base + i].clone()));
+        search.fitted(found, &effects).ok()
+    };
+    let parts: Vec<Option<Trial>> = (0..1 << k).into_par_iter().map(part).collect();
+    let value = |subset: usize| parts[subset].as_ref().map_or(0.0, |own| -own.fit.sum_of_squares.max(1e-300).ln());
+    let factorial = |n: usize| (1..=n).map(|i| i as f64).product::<f64>();
+    let share = |i: usize| -> f64 {
+        let without = (0..1_usize << k).filter(|subset| subset >> i & 1 == 0);
+        let gain = |subset: usize| {
+            let size = subset.count_ones() as usize;
+            factorial(size) * factorial(k - 1 - size) / factorial(k) * (value(subset | 1 << i) - value(subset))
+        };
+        without.map(gain).sum()
+    };
+    let shares: Vec<f64> = (0..k).map(share).collect();
+    let mut order: Vec<usize> = (0..k).collect();
+    order.sort_by(|&a, &b| shares[b].total_cmp(&shares[a]));
+    let prefix = |n: usize| order[..n].iter().map(|i| 1 << i).sum::<usize>();
+    let prefixes = (1..k).filter_map(|n| parts[prefix(n)].clone()).collect();
+    (order, prefixes)
+}
