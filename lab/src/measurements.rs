@@ -70,12 +70,10 @@ impl Measurements {
 
     /// Several recordings of one machine one after the other, and the name and first trial of each; columns that one of them
     /// lacks are left out. Nothing is said of recordings where there is one.
-    pub fn joined(parts: Vec<Self>) -> (Self, Vec<(String, usize)>) {
-        let mut parts = parts.into_iter();
-        let Some(mut all) = parts.next() else { panic!("at least one recording") };
-        let first = all.source.clone();
-        let mut recordings = vec![(first, 0)];
-        for part in parts {
+    pub fn joined(first: Self, others: impl IntoIterator<Item = Self>) -> (Self, Vec<(String, usize)>) {
+        let mut all = first;
+        let mut recordings = vec![(all.source.clone(), 0)];
+        for part in others {
             let n_trials = all.trial.last().map_or(0, |last| last + 1);
             recordings.push((part.source.clone(), n_trials as usize));
             all.source = format!("{}, {}", all.source, part.source);

@@ -41,6 +41,9 @@ pub enum SessionError {
     /// The measurements are refused.
     #[error(transparent)]
     Data(#[from] ReadError),
+    /// No file and no folder is named.
+    #[error("no measurements are named, expected at least one file or folder; name it with --data")]
+    NoData,
     /// A folder without measurements.
     #[error("data {path}: a folder without .csv and .mcap files; name a file, or a folder that holds some", path = path.display())]
     Empty {
@@ -72,7 +75,9 @@ impl Session {
         for path in files(data)? {
             parts.push(read(&path, map, file.machine().into())?);
         }
-        let (data, recordings) = Measurements::joined(parts);
+        let mut parts = parts.into_iter();
+        let first = parts.next().ok_or(SessionError::NoData)?;
+        let (data, recordings) = Measurements::joined(first, parts);
         // Refused now, before anything is computed: an effect of the model may need a column that is not there.
         machine.predict(machine.effects(), &data.select(&[0]))?;
         Ok(Self { file, machine, data, recordings })
