@@ -134,7 +134,8 @@ fn recordings_of_one_machine_share_its_physics_and_keep_their_own_gain_and_offse
     std::fs::create_dir_all(&dir).expect("a folder");
     let model = dir.join("jaw.toml");
     std::fs::write(&model, "format = 1\n[machine]\nkind = \"joints\"\nn = 1\n").expect("written");
-    let session = Session::open_all(&model, &[folder.clone()], &ColumnMap::default()).expect("two recordings");
+    let session =
+        Session::open_all(&model, std::slice::from_ref(&folder), &ColumnMap::default()).expect("two recordings");
     let names: Vec<&str> = session.recordings.iter().map(|(name, _)| name.as_str()).collect();
     assert_eq!((names, session.data.n_rows()), (vec!["00.csv", "09.csv"], 1999));
     let options =
