@@ -83,7 +83,7 @@ fn each_reason_to_hold_holds_alone_and_is_named() {
         (Reason::InputEnded, |i, _, _| i.device_state = DeviceState::Ended as u32),
         (Reason::InputStale, |i, _, begun_ns| *begun_ns = i.sample_ns + 51 * TICK_NS),
         (Reason::StateStale, |i, s, _| s.sample_ns = i.sample_ns - 101 * TICK_NS),
-        (Reason::SlaveNotHomed, |_, s, _| s.flags = 0),
+        (Reason::SlaveNotHomed, |_, s, _| s.flags &= !SlaveState::IS_HOMED),
         (Reason::SlaveNotEnabled, |_, s, _| s.operating_state = OperatingState::Paused as u32),
     ];
     for (reason, spoil) in cases {

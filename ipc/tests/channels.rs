@@ -202,7 +202,7 @@ impl Message for NewerShape {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, ZeroCopySend)]
 #[type_name("krait.ModelUpdate")]
-struct SameSizeOtherMeaning([u64; 13]);
+struct SameSizeOtherMeaning([u64; 37]);
 
 impl Message for SameSizeOtherMeaning {
     const CHANNEL: &'static str = ModelUpdate::CHANNEL;
