@@ -110,7 +110,8 @@ fn reports_in(duration_s: f64) -> u64 {
 
 #[test]
 fn the_recording_waits_for_the_slave_while_inputs_without_motion_go_on() {
-    let mut chain = Chain::start("ready", MasterConfig::default(), shipped(0.6));
+    let mut chain =
+        Chain::start("ready", MasterConfig { engage: Engage::Once, ..MasterConfig::default() }, shipped(0.6));
     let mut slave = chain.bus.writer::<SlaveState>().expect("slave");
     slave.send(&slave_state(1, OperatingState::Disabled)).expect("send");
     let waiting = chain.until(|i| i.sequence >= 300);

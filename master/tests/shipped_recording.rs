@@ -4,7 +4,7 @@
 
 use generate::shipped_recording_text;
 use krait_ipc::message::{DeviceState, OperatorInput};
-use krait_master::{AXIS_LIMIT_COUNTS, MasterConfig, MasterCore, Recording, Report};
+use krait_master::{AXIS_LIMIT_COUNTS, Engage, MasterConfig, MasterCore, Recording, Report};
 use plan::{end_s, plan_at};
 
 #[allow(dead_code, reason = "the generator uses what this test does not")]
@@ -30,7 +30,7 @@ fn shipped() -> Recording {
 fn inputs() -> Vec<OperatorInput> {
     let recording = shipped();
     let mut reports = recording.reports().peekable();
-    let mut core = MasterCore::new(&MasterConfig::default()).expect("default");
+    let mut core = MasterCore::new(&MasterConfig { engage: Engage::Once, ..MasterConfig::default() }).expect("default");
     let mut inputs = Vec::new();
     for now_ns in (0..=recording.duration_ns() + 500 * TICK_NS).step_by(TICK_NS as usize) {
         while let Some((stamp_ns, bytes)) = reports.next_if(|(stamp_ns, _)| *stamp_ns <= now_ns) {

@@ -74,7 +74,8 @@ def field_of(schema, path):
     for file in descriptor_pb2.FileDescriptorSet.FromString(schema.data).file:
         pool.Add(file)
     message = pool.FindMessageTypeByName(schema.name)
-    for name in filter(None, path.split(".")):
+    # An entry of a list, `name[2]`, is there if the list is.
+    for name in (part.split("[")[0] for part in filter(None, path.split("."))):
         if message is None or name not in message.fields_by_name:
             return False
         message = message.fields_by_name[name].message_type

@@ -133,9 +133,9 @@ fn a_configuration_is_refused_by_file_line_key_and_range() {
         ("[resolve]\nmax_bent_rad = 1.0\n", &["krait.toml", "line 2", "`max_bent_rad`", "did you mean `max_bend_rad`"]),
         ("[resolv]\n", &["krait.toml", "`resolv`", "did you mean `resolve`"]),
         ("[resolve]\nmax_bend_rad = 60.0\n", &["krait.toml", "max_bend_rad = 60", "0.05 to"]),
-        ("[machine]\nr_m = 0.0\n", &["krait.toml", "r_m"]),
-        ("[machine]\ne_pa = nan\n", &["krait.toml", "e_pa"]),
-        ("[compensate]\nmode = \"perfect\"\n", &["krait.toml", "line 2", "`perfect`", "`estimated`"]),
+        ("[machine]\nr_m = 0.0\n", &["krait.toml", "line 1", "`machine`"]),
+        ("[resolve]\nmax_bend_rad = nan\n", &["krait.toml", "max_bend_rad"]),
+        ("compensation = \"perfect\"\n", &["krait.toml", "perfect", "estimated"]),
         ("[slave]\nwatchdog_ms = -1.0\n", &["krait.toml", "watchdog_ms"]),
     ];
     for (text, words) in cases {

@@ -10,7 +10,7 @@ use std::process::Command;
 /// Nobody holds more than this in the head; tests and generated text may be longer.
 const MOST_LINES: usize = 500;
 /// Endings that say the unit of a float in a message, and words that have none.
-const UNITS: [&str; 16] = [
+const UNITS: [&str; 18] = [
     "_m",
     "_rad",
     "_n",
@@ -20,9 +20,12 @@ const UNITS: [&str; 16] = [
     "_m_per_s",
     "_rad_per_s",
     "_m_per_rad",
-    "eta",
-    "eta_sd",
+    // The unit of a learnt parameter is the parameter's own, which the model file names.
+    "learnt",
+    "value",
+    "sd",
     "worst",
+    "newest",
     "limit",
     "motion_scale",
     "_ms",

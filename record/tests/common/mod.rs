@@ -3,8 +3,8 @@
 
 use krait_ipc::Process;
 use krait_ipc::message::{
-    Command, Health, HopStamps, LearntValue, MARKER_TEXT_MAX, Marker, ModelUpdate, N_REASONS_MAX, OperatorInput,
-    ReasonRecord, Setpoint, Shape, SlaveState, StateCommand,
+    Command, Health, HopStamps, LearntValue, MARKER_TEXT_MAX, MAX_LEARNT, Marker, ModelUpdate, N_REASONS_MAX,
+    OperatorInput, ReasonRecord, Setpoint, Shape, SlaveState, StateCommand,
 };
 use krait_schema::{Channel, ChannelCounts, RecorderStatus, Sample};
 use std::ops::Deref;
@@ -107,7 +107,7 @@ const _: () = assert!(MARKER_TEXT_MAX >= 4 * N_REASONS_MAX);
 /// The message of a channel that has these words as the bits of its fields, in order.
 pub fn sample_of(channel: Channel, words: &[u64]) -> Sample {
     let words = &mut words.iter().copied();
-    match channel {
+    let mut sample = match channel {
         Channel::Input => Sample::Input(Words::take(words)),
         Channel::Setpoint => Sample::Setpoint(Words::take(words)),
         Channel::Command => Sample::Command(Words::take(words)),
@@ -119,7 +119,20 @@ pub fn sample_of(channel: Channel, words: &[u64]) -> Sample {
         Channel::Marker => Sample::Marker(Box::new(Words::take(words))),
         Channel::DeviceMarker => Sample::DeviceMarker(Box::new(Words::take(words))),
         Channel::Recorder => Sample::Recorder(Box::new(Words::take(words))),
+    };
+    // What stands behind the learnt values says nothing, and is always the same.
+    match &mut sample {
+        Sample::Command(command) => {
+            command.n_learnt %= MAX_LEARNT as u32 + 1;
+            command.learnt[command.n_learnt as usize..].fill(f64::NAN);
+        }
+        Sample::ModelUpdate(update) => {
+            update.n_learnt %= MAX_LEARNT as u32 + 1;
+            update.learnt[update.n_learnt as usize..].fill(LearntValue::default());
+        }
+        _ => {}
     }
+    sample
 }
 
 /// The bits of every field of a sample, in order.
