@@ -42,7 +42,7 @@ fn strangers_are_refused_each_for_what_it_lacks() {
     assert_eq!(console.request("POST", "/token", &[("Origin", &own)], "guess").status, 403);
     assert_eq!(console.request("POST", "/token", &[("Origin", &own)], &"x".repeat(5000)).status, 413);
     for path in ["/../Cargo.toml", "/js/../../src/lib.rs", "/js/%2e%2e/%2e%2e/src/lib.rs", "//etc/passwd", "/js/"] {
-        assert_eq!(console.request("GET", path, &[], "").status, 404, "{path}");
+        assert_eq!(console.request("GET", path, &[], "").status, 403, "{path}: what is no page asks for the token first");
     }
     assert_eq!(console.request("DELETE", "/", &[("Origin", &own)], "").status, 405);
     assert_eq!(end(krait).code, Some(0));
@@ -51,7 +51,7 @@ fn strangers_are_refused_each_for_what_it_lacks() {
 #[test]
 fn every_answer_forbids_what_the_page_does_not_need() {
     let (krait, console) = lonely();
-    for (path, status) in [("/", 200), ("/js/main.js", 200), ("/nothing", 404)] {
+    for (path, status) in [("/", 200), ("/js/main.js", 200), ("/nothing", 403)] {
         let answer = console.request("GET", path, &[], "");
         assert_eq!(answer.status, status);
         let policy = answer.header("content-security-policy").expect("a policy");

@@ -131,7 +131,7 @@ fn setpoints_at_the_end_without_commands_are_counted_and_left_out() {
     for n_answered in [600, 760] {
         let (all, _, n_unanswered) = first_pass("end", refusing(|n| n > n_answered)).expect("whole");
         assert_eq!(all.last().map(|step| step.setpoint.sequence), Some(n_answered));
-        assert_eq!(n_unanswered as u64, 773 - n_answered);
+        assert_eq!(n_unanswered as u64, 780 - n_answered);
     }
 }
 
@@ -149,8 +149,8 @@ fn what_is_missing_is_named() {
     assert!(matches!(error, Err(ReplayError::Missing { sequence: 300, channel: "input" })), "{error:?}");
     let error = first_pass("setpoint", without(|s| matches!(s, Sample::Setpoint(m) if m.sequence == 300)));
     assert!(matches!(error, Err(ReplayError::Gap { channel: "setpoint", expected: 300, found: 301 })), "{error:?}");
-    let error = first_pass("last", without(|s| matches!(s, Sample::Setpoint(m) if m.sequence == 773)));
-    assert!(matches!(error, Err(ReplayError::Missing { sequence: 773, channel: "setpoint" })), "{error:?}");
+    let error = first_pass("last", without(|s| matches!(s, Sample::Setpoint(m) if m.sequence == 780)));
+    assert!(matches!(error, Err(ReplayError::Missing { sequence: 780, channel: "setpoint" })), "{error:?}");
 }
 
 #[test]
@@ -159,7 +159,7 @@ fn passes_follow_one_another() {
     let mut window = Window::open(&file.0).expect("readable");
     for pass in 1..=2 {
         let mut steps = Steps::of(&mut window, pass, true).expect("whole").expect("a pass");
-        assert_eq!(all_of(&mut steps).expect("whole").0.len(), 773);
+        assert_eq!(all_of(&mut steps).expect("whole").0.len(), 780);
     }
     assert!(Steps::of(&mut window, 3, true).expect("whole").is_none());
 }
