@@ -42,7 +42,11 @@ fn strangers_are_refused_each_for_what_it_lacks() {
     assert_eq!(console.request("POST", "/token", &[("Origin", &own)], "guess").status, 403);
     assert_eq!(console.request("POST", "/token", &[("Origin", &own)], &"x".repeat(5000)).status, 413);
     for path in ["/../Cargo.toml", "/js/../../src/lib.rs", "/js/%2e%2e/%2e%2e/src/lib.rs", "//etc/passwd", "/js/"] {
-        assert_eq!(console.request("GET", path, &[], "").status, 403, "{path}: what is no page asks for the token first");
+        assert_eq!(
+            console.request("GET", path, &[], "").status,
+            403,
+            "{path}: what is no page asks for the token first"
+        );
     }
     assert_eq!(console.request("DELETE", "/", &[("Origin", &own)], "").status, 405);
     assert_eq!(end(krait).code, Some(0));
