@@ -5,12 +5,12 @@ use krait_model::Snake;
 use krait_model::oracle::{Compensator, CompensatorParameters};
 use krait_report::Spread;
 use krait_sim::{SimulatedSnake, Truth};
-use krait_slave::{Drive, ShapeReading};
+use krait_slave::Drive;
 use nalgebra::{Vector2, Vector3};
 
 /// Bend at the end of the paper's kind of ramp, deg.
 pub const RAMP_END_DEG: f64 = 80.0;
-/// Spacing of the poses on a ramp, deg.
+/// Spacing of the poses on that ramp, deg.
 const RAMP_STEP_DEG: f64 = 0.2;
 
 /// The default snake under a camera whose standard deviation is the paper's sigma, 1 deg.
@@ -33,11 +33,9 @@ pub struct Pose {
     pub tau_tilde_n: Vector3<f64>,
 }
 
-/// A snake with power and a running camera.
+/// A snake with power.
 pub struct Bench {
     snake: SimulatedSnake,
-    stamp_ns: i64,
-    period_ns: i64,
 }
 
 impl Bench {
@@ -45,36 +43,45 @@ impl Bench {
     pub fn new(truth: &Truth) -> anyhow::Result<Self> {
         let mut snake = SimulatedSnake::new(truth);
         snake.set_power(0, true)?;
-        let _the_first_look_starts_the_camera = snake.shape(0);
-        Ok(Self { snake, stamp_ns: 0, period_ns: (1e9 / truth.camera.rate_hz) as i64 + 1 })
+        Ok(Self { snake })
     }
 
     /// Moves the actuators (m) and waits until the snake rests.
     pub fn move_to(&mut self, wanted_rad: Vector2<f64>, q_tilde_m: Vector3<f64>) -> anyhow::Result<Pose> {
-        self.snake.write(self.stamp_ns, q_tilde_m.into())?;
+        self.snake.write(0, q_tilde_m.into())?;
+        let tau_tilde_n = self.snake.read(0)?.tau_n.into();
         Ok(Pose {
             wanted_rad,
             q_tilde_m: self.snake.q_tilde_m().into(),
             reached_rad: self.snake.bend_rad().into(),
-            tau_tilde_n: self.snake.actuator_loads_n().into(),
+            tau_tilde_n,
         })
-    }
-
-    /// Waits for the camera's next frame.
-    pub fn photograph(&mut self) -> Option<ShapeReading> {
-        self.stamp_ns += self.period_ns;
-        let mut newest = None;
-        while let Some(frame) = self.snake.shape(self.stamp_ns) {
-            newest = Some(frame);
-        }
-        newest
     }
 }
 
-/// Bends in the plane delta = 0 from straight to the end of the ramp, rad.
+/// Bend vector, rad, of a bend and a plane in degrees.
+pub fn bend_rad(bend_deg: f64, delta_deg: f64) -> Vector2<f64> {
+    let (sin, cos) = delta_deg.to_radians().sin_cos();
+    Vector2::new(cos, sin) * bend_deg.to_radians()
+}
+
+/// Bends in one plane after `from_deg` up to and with `to_deg`, in equal steps of about `step_deg`, rad.
+pub fn ramp(from_deg: f64, to_deg: f64, delta_deg: f64, step_deg: f64) -> Vec<Vector2<f64>> {
+    let n = ((to_deg - from_deg).abs() / step_deg).round().max(1.0) as u32;
+    (1..=n).map(|k| bend_rad(from_deg + (to_deg - from_deg) * f64::from(k) / f64::from(n), delta_deg)).collect()
+}
+
+/// One turn of the plane at one bend in steps of `step_deg`, beginning after delta = 0, rad.
+pub fn turn(bend_deg: f64, step_deg: f64) -> Vec<Vector2<f64>> {
+    let n = (360.0 / step_deg).round() as u32;
+    (1..=n).map(|k| bend_rad(bend_deg, f64::from(k) * step_deg)).collect()
+}
+
+/// Bends in the plane delta = 0 from straight to the end of the paper's ramp, rad.
 pub fn one_way_ramp() -> Vec<Vector2<f64>> {
-    let n = (RAMP_END_DEG / RAMP_STEP_DEG).round() as u32;
-    (0..=n).map(|k| Vector2::new((f64::from(k) * RAMP_STEP_DEG).to_radians(), 0.0)).collect()
+    let mut path = vec![Vector2::zeros()];
+    path.extend(ramp(0.0, RAMP_END_DEG, 0.0, RAMP_STEP_DEG));
+    path
 }
 
 /// The ramp and the way back.
@@ -93,7 +100,7 @@ pub fn follow(
     path_rad.iter().map(|wanted| bench.move_to(*wanted, command(*wanted))).collect()
 }
 
-/// Follows a path on a fresh bench with the model's compensator.
+/// Follows a path on a fresh bench with the paper's compensator.
 pub fn follow_compensated(
     snake: &Snake,
     truth: &Truth,
@@ -105,16 +112,27 @@ pub fn follow_compensated(
 }
 
 /// Reached minus commanded bend of a pose in the plane delta = 0, deg: minus the error of theta_L.
-pub fn bend_error_deg(pose: &Pose) -> f64 {
+pub fn ramp_error_deg(pose: &Pose) -> f64 {
     (pose.reached_rad.x - pose.wanted_rad.x).to_degrees()
 }
 
-/// Spread of the error of the bend over a motion in the plane delta = 0, deg.
-pub fn bend_errors_deg(poses: &[Pose]) -> Spread {
-    Spread::of(poses.iter().map(bend_error_deg))
+/// Reached minus commanded bend of a pose in any plane, deg.
+pub fn bend_error_deg(pose: &Pose) -> f64 {
+    (pose.reached_rad.norm() - pose.wanted_rad.norm()).to_degrees()
 }
 
-/// Spread of the distance of the bend vectors over any motion, deg.
-pub fn vector_errors_deg(poses: &[Pose]) -> Spread {
-    Spread::of(poses.iter().map(|p| (p.reached_rad - p.wanted_rad).norm().to_degrees()))
+/// Angle of the reached plane from the commanded one, deg, positive with delta; 0 where either pose is straight.
+pub fn plane_error_deg(pose: &Pose) -> f64 {
+    let (w, r) = (pose.wanted_rad, pose.reached_rad);
+    (w.x * r.y - w.y * r.x).atan2(w.dot(&r)).to_degrees()
+}
+
+/// Distance of the reached and the commanded bend vector, deg.
+pub fn vector_error_deg(pose: &Pose) -> f64 {
+    (pose.reached_rad - pose.wanted_rad).norm().to_degrees()
+}
+
+/// Spread of an error over a motion.
+pub fn spread(poses: &[Pose], error: impl Fn(&Pose) -> f64) -> Spread {
+    Spread::of(poses.iter().map(error))
 }

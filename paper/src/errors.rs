@@ -43,12 +43,14 @@ pub fn all(snake: &Snake, truth: &Truth, table_2: &Table2, table_3: &Table3) -> 
         friction::sign_of_the_wrench(snake, truth)?,
         friction::gravity(table_2),
         friction::error_of_f_s(table_2),
+        friction::error_of_mu(table_2),
         friction::loading_branch(snake, truth)?,
         friction::uniform_lambda(snake, truth)?,
         friction::uniform_f_s(snake),
-        recursion::covariance_of_eq_19(snake, table_3),
+        recursion::stacked_rows_of_eq_20(table_3),
         recursion::units_of_eq_20(snake, table_3),
         recursion::plus_minus_of_eq_22(table_3),
+        recursion::lambda_of_one_line(table_3),
         kinematics::two_lines_of_eq_26(snake)?,
     ])
 }

@@ -1,6 +1,6 @@
 //! What each kind of compensation reaches where lines reverse and the plane turns, which the paper's ramp never shows.
 
-use crate::bench::{Pose, follow, follow_compensated, vector_errors_deg};
+use crate::bench::{Pose, follow, follow_compensated, spread, vector_error_deg};
 use core::f64::consts::PI;
 use krait_model::Snake;
 use krait_model::oracle::{CompensationMode, CompensatorParameters};
@@ -26,7 +26,7 @@ pub fn compare(snake: &Snake, truth: &Truth) -> anyhow::Result<Vec<Row>> {
     let run = |parameters| follow_compensated(snake, truth, &path_rad, parameters);
     let printed =
         |eta, lambda_m| follow(truth, &path_rad, |b| snake.q(b) + snake.extension_as_printed(b, eta, lambda_m).eps_m);
-    let row = |compensation, poses: Vec<Pose>| Row { compensation, error_deg: vector_errors_deg(&poses) };
+    let row = |compensation, poses: Vec<Pose>| Row { compensation, error_deg: spread(&poses, vector_error_deg) };
     Ok(vec![
         row("off", run(with(CompensationMode::Off, 1.0, 0.0))?),
         row("naive, Eqs. (15)-(17)", run(with(CompensationMode::Naive, 1.0, 0.0))?),

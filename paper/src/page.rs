@@ -1,5 +1,6 @@
 //! The page: one self-contained XHTML document with every table and picture.
 
+use crate::claims::{Claim, Verdict};
 use crate::errors::Finding;
 use crate::{Paper, text};
 use krait_report::Table;
@@ -27,27 +28,20 @@ pub fn html(paper: &Paper, pictures: &[String]) -> String {
     page += &note(
         "K. Xu and N. Simaan, \"Actuation Compensation for Flexible Surgical Snake-like Robots with Redundant Remote \
          Actuation\", ICRA 2006, doi 10.1109/ROBOT.2006.1642340. The paper's raw data are not available, nor are the points of \
-         its figures: every curve here is ours, from the paper's equations and from a simulated bench whose plant shares no \
+         its figures; of these we have the captions and the text: every curve here is ours, from the paper's equations and from a simulated bench whose plant shares no \
          code with the model that compensates it. Only what is called printed is the paper's.",
     );
-    page += &format!("<p class=\"{class}\">{}</p>\n", escaped(&text::sentence(&paper.verdict)));
-    page += &section("Table II: friction of the cone", &table(&text::table_2(&paper.table_2)));
-    page += &section(
-        "Table III's kind of run: ten recursive estimates",
-        &(table(&text::table_3(&paper.table_3)) + &note(&text::after_table_3(&paper.table_3))),
-    );
-    page += "<h2>Figures</h2>\n";
-    for (figure, picture) in paper.figures.iter().zip(pictures) {
-        page += &format!("<figure>{picture}<figcaption>{}</figcaption></figure>\n", escaped(&figure.caption));
+    page += &format!("<p class=\"{class}\">{}</p>\n", escaped(&text::sentence(paper)));
+    page += &section("What the paper claims", &claims(&paper.claims));
+    for part in text::sections(paper) {
+        let notes: String = part.notes.lines().map(note).collect();
+        page += &section(&part.title, &(table(&part.table) + &notes));
     }
-    page += &section("Error of the bend on the one-way ramp, deg", &table(&text::ramp(&paper.verdict)));
-    page += &section(
-        "Where lines reverse and the plane turns, deg",
-        &(table(&text::motions(paper))
-            + &note(
-                "Distance of the reached and the commanded bend vector; the bench's own eta and play are known to each.",
-            )),
-    );
+    page += "<h2>Figures</h2>\n";
+    let captions = paper.figures.iter().map(|f| &f.caption).chain(paper.surfaces.iter().map(|s| &s.caption));
+    for (caption, picture) in captions.zip(pictures) {
+        page += &format!("<figure>{picture}<figcaption>{}</figcaption></figure>\n", escaped(caption));
+    }
     page += &section("Errors of the paper", &errors(&paper.errors));
     page += "</body>\n</html>\n";
     page
@@ -67,6 +61,22 @@ fn table(table: &Table) -> String {
         let tag = if k == 0 { "th" } else { "td" };
         let cells: String = row.iter().map(|cell| format!("<{tag}>{}</{tag}>", escaped(cell))).collect();
         html += &format!("<tr>{cells}</tr>\n");
+    }
+    html + "</table>\n"
+}
+
+fn claims(claims: &[Claim]) -> String {
+    let mut html = String::from(
+        "<table class=\"words\">\n<tr><th>where</th><th>claim</th><th>as printed</th><th>corrected</th></tr>\n",
+    );
+    let verdict = |v: &Verdict| {
+        let word = if v.holds { "holds" } else { "does not hold" };
+        format!("<b>{word}</b>: {}", escaped(&v.found))
+    };
+    for c in claims {
+        let [place, claim] = [c.place, c.claim].map(escaped);
+        let [printed, corrected] = [&c.printed, &c.corrected].map(verdict);
+        html += &format!("<tr><td>{place}</td><td>{claim}</td><td>{printed}</td><td>{corrected}</td></tr>\n");
     }
     html + "</table>\n"
 }

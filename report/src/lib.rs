@@ -14,15 +14,17 @@ mod latency;
 mod pass_report;
 mod plot;
 mod spread;
+mod surface;
 mod table;
 mod tracking;
 
 pub use compare::{Apart, Series, Side, SideError};
-pub use figure::{Curve, Figure, Stroke};
+pub use figure::{Curve, Figure, Sheet, Stroke, Surface};
 pub use krait_bench::Quantiles;
 pub use latency::{HopReport, LatencyLog, LatencyReport};
 pub use pass_report::{ChangeReport, LearntReport, PassLog, PassReport, PeakBend};
 pub use plot::{PlotError, svg};
 pub use spread::Spread;
+pub use surface::surface_svg;
 pub use table::Table;
 pub use tracking::{SCORED_FROM_S, TOO_SHORT, Tracking, TrackingScore};

@@ -12,19 +12,19 @@ use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 
 /// Units of the canvas in one pixel of the picture.
-const UNITS: i32 = 8;
+pub(crate) const UNITS: i32 = 8;
 /// Width of every picture, pixels.
-const WIDTH: i32 = 760;
+pub(crate) const WIDTH: i32 = 760;
 /// Height of the plot with its title and axes, pixels.
-const PLOT_HEIGHT: i32 = 450;
+pub(crate) const PLOT_HEIGHT: i32 = 450;
 /// Part of it that the title takes, pixels.
-const TITLE_HEIGHT: i32 = 38;
+pub(crate) const TITLE_HEIGHT: i32 = 38;
 /// Height of one row of the legend, pixels.
-const LEGEND_ROW: i32 = 21;
+pub(crate) const LEGEND_ROW: i32 = 21;
 /// Where the two columns of the legend begin, pixels.
-const LEGEND_COLUMNS: [i32; 2] = [72, 400];
+pub(crate) const LEGEND_COLUMNS: [i32; 2] = [72, 400];
 /// Okabe and Ito's colours, which all eyes can tell apart: blue, vermilion, grey, purple, black.
-const COLORS: [RGBColor; 5] = [
+pub(crate) const COLORS: [RGBColor; 5] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
     RGBColor(120, 120, 120),
@@ -32,8 +32,8 @@ const COLORS: [RGBColor; 5] = [
     RGBColor(30, 30, 30),
 ];
 const GREEN: RGBColor = RGBColor(0, 158, 115);
-const INK: RGBColor = RGBColor(40, 40, 40);
-const GRID: RGBColor = RGBColor(228, 228, 228);
+pub(crate) const INK: RGBColor = RGBColor(40, 40, 40);
+pub(crate) const GRID: RGBColor = RGBColor(228, 228, 228);
 /// Part of the range of y that stays free above and below the curves.
 const MARGIN: f64 = 0.06;
 
@@ -58,13 +58,23 @@ pub fn svg(figure: &Figure) -> Result<String, PlotError> {
     let mut text = String::new();
     draw(figure, &mut text).map_err(|what| PlotError { file: figure.file.clone(), what })?;
     let (width, height) = (WIDTH, height(figure));
-    let declared = |w: i32, h: i32| format!("width=\"{w}\" height=\"{h}\"");
-    Ok(text.replacen(&declared(width * UNITS, height * UNITS), &declared(width, height), 1))
+    Ok(declared(&text, width, height))
+}
+
+/// The same picture with its size in pixels instead of units of the canvas.
+pub(crate) fn declared(text: &str, width: i32, height: i32) -> String {
+    let size = |w: i32, h: i32| format!("width=\"{w}\" height=\"{h}\"");
+    text.replacen(&size(width * UNITS, height * UNITS), &size(width, height), 1)
 }
 
 fn height(figure: &Figure) -> i32 {
-    let n_entries = figure.curves.len() + usize::from(figure.band.is_some());
+    let n_entries = named(figure).count() + usize::from(figure.band.is_some());
     PLOT_HEIGHT + LEGEND_ROW * n_entries.div_ceil(2) as i32 + 10
+}
+
+/// The curves that the legend names.
+fn named(figure: &Figure) -> impl Iterator<Item = &Curve> {
+    figure.curves.iter().filter(|curve| !curve.label.is_empty())
 }
 
 fn draw(figure: &Figure, text: &mut String) -> Result<(), String> {
@@ -122,6 +132,12 @@ fn draw_curve(chart: &mut Chart, curve: &Curve) -> Result<(), String> {
         Stroke::Solid => chart.draw_series(LineSeries::new(points, style)).map(drop),
         Stroke::Dashed => chart.draw_series(DashedLineSeries::new(points, dash[0], dash[1], style)).map(drop),
         Stroke::Dots => chart.draw_series(points.map(|at| Circle::new(at, 4 * UNITS, style.filled()))).map(drop),
+        Stroke::Bars { x, y } => {
+            let bars = points.flat_map(|(px, py)| [[(px - x, py), (px + x, py)], [(px, py - y), (px, py + y)]]);
+            chart.draw_series(bars.map(|ends| PathElement::new(ends.to_vec(), style))).map_err(said)?;
+            let centres = curve.points.iter().map(|at| Circle::new(*at, 3 * UNITS, style.filled()));
+            chart.draw_series(centres).map(drop)
+        }
     }
     .map_err(said)
 }
@@ -132,7 +148,7 @@ fn legend(area: &Area, figure: &Figure) -> Result<(), String> {
     let label = |(x, y): (i32, i32), words: &str| {
         area.draw(&Text::new(words.to_owned(), (x + 36 * UNITS, y - 6 * UNITS), font(13))).map_err(said)
     };
-    for (k, curve) in figure.curves.iter().enumerate() {
+    for (k, curve) in named(figure).enumerate() {
         let (x, y) = at(k);
         let (style, ends) = (stroke(curve), vec![(x, y), (x + 28 * UNITS, y)]);
         let dash = [7, 5].map(|l| l * UNITS.unsigned_abs());
@@ -140,12 +156,17 @@ fn legend(area: &Area, figure: &Figure) -> Result<(), String> {
             Stroke::Solid => area.draw(&PathElement::new(ends, style)),
             Stroke::Dashed => area.draw(&DashedPathElement::new(ends, dash[0], dash[1], style)),
             Stroke::Dots => area.draw(&Circle::new((x + 14 * UNITS, y), 4 * UNITS, style.filled())),
+            Stroke::Bars { .. } => {
+                let (middle, half) = (x + 14 * UNITS, 7 * UNITS);
+                let bar = PathElement::new(vec![(middle, y - half), (middle, y + half)], style);
+                area.draw(&bar).and_then(|()| area.draw(&Circle::new((middle, y), 3 * UNITS, style.filled())))
+            }
         }
         .map_err(said)?;
         label((x, y), &curve.label)?;
     }
     if let Some(half) = figure.band {
-        let (x, y) = at(figure.curves.len());
+        let (x, y) = at(named(figure).count());
         let corners = [(x, y - 6 * UNITS), (x + 28 * UNITS, y + 6 * UNITS)];
         area.draw(&Rectangle::new(corners, GREEN.mix(0.25).filled())).map_err(said)?;
         label((x, y), &format!("within {} deg", plain(half)))?;
@@ -157,27 +178,27 @@ fn stroke(curve: &Curve) -> ShapeStyle {
     COLORS[curve.color_idx % COLORS.len()].stroke_width(2 * UNITS.unsigned_abs())
 }
 
-fn font(pixels: i32) -> TextStyle<'static> {
+pub(crate) fn font(pixels: i32) -> TextStyle<'static> {
     ("sans-serif", pixels * UNITS).into_font().color(&INK)
 }
 
 fn ranges(figure: &Figure) -> (Range<f64>, Range<f64>) {
     let all = || figure.curves.iter().flat_map(|curve| &curve.points);
-    let right = all().fold(0.0_f64, |m, p| m.max(p.0));
+    let (left, right) = all().fold((0.0_f64, 0.0_f64), |(left, right), p| (left.min(p.0), right.max(p.0)));
     let (mut low, mut high) = all().fold((0.0_f64, 0.0_f64), |(low, high), p| (low.min(p.1), high.max(p.1)));
     if let Some(half) = figure.band {
         (low, high) = (low.min(-half), high.max(half));
     }
     let margin = MARGIN * (high - low);
-    (0.0..right, low - margin..high + margin)
+    (left..right, low - margin..high + margin)
 }
 
 /// A number on an axis, without needless zeros and without a negative zero.
-fn plain(value: f64) -> String {
+pub(crate) fn plain(value: f64) -> String {
     let rounded = (value * 100.0).round() / 100.0 + 0.0;
     format!("{rounded}")
 }
 
-fn said(error: impl Display) -> String {
+pub(crate) fn said(error: impl Display) -> String {
     error.to_string()
 }

@@ -7,7 +7,7 @@ use krait_model::Snake;
 use krait_sim::Truth;
 use nalgebra::{Vector2, Vector3, Vector6};
 
-/// Eq. (11)'s wrench is one that the snake exerts.
+/// The wrench of Eq. (9) is one that the snake exerts.
 pub fn sign_of_the_wrench(snake: &Snake, truth: &Truth) -> anyhow::Result<Finding> {
     let (bend, force_n) = (Vector2::new(45_f64.to_radians(), 0.0), 0.5);
     let helping = Vector6::new(force_n, 0.0, 0.0, 0.0, 0.0, 0.0);
@@ -23,8 +23,8 @@ pub fn sign_of_the_wrench(snake: &Snake, truth: &Truth) -> anyhow::Result<Findin
     };
     let with_force = snake.tau_with_wrench_n(bend, &helping);
     Ok(Finding {
-        place: "Eq. (11)",
-        printed: "grad E + J_x^T w",
+        place: "Eq. (9)",
+        printed: "grad E + J_x^T w; Eq. (11) then leaves the wrench out",
         correct: "grad E - J_x^T w for a wrench w on the snake; the printed sign is that of the wrench the snake exerts",
         numbers: vec![
             number("line 1 at 45 deg without force, model", snake.tau_n(bend).x, "N"),
@@ -51,16 +51,37 @@ pub fn gravity(table: &Table2) -> Finding {
 
 /// Eq. (14) is ten times larger than printed.
 pub fn error_of_f_s(table: &Table2) -> Finding {
+    let eq_14 = &table.eq_14;
     Finding {
-        place: "Table II, Eq. (14)",
-        printed: "+-25 g, df_s = 0.020 N",
-        correct: "ten times as much from one weight alone, and errors add, they do not subtract",
+        place: "Table II, Eq. (14), df_s",
+        printed: "weights +-25 g and +-1 g, df_s = 0.020 N",
+        correct: "0.205 N with the paper's g = 10 m/s2, ten times as much; errors add, they do not subtract",
         numbers: vec![
             number("residual rms", table.residual_g.rms, "g"),
             number("residual max", table.residual_g.max, "g"),
-            number("e^(-2 mu phi) dtau~ for 25 g", table.df_s_of_one_weight_n, "N"),
-            number("the same for the residual rms", table.df_s_of_residual_n, "N"),
-            number("25 g in both weights, added", table.df_s_of_both_weights_n, "N"),
+            number("df_s, errors added, g = 10 m/s2", eq_14.df_s_n_with_g_10, "N"),
+            number("df_s, subtracted as printed, g = 10 m/s2", eq_14.df_s_n_subtracted_with_g_10, "N"),
+            number("df_s, errors added, g = 9.80665 m/s2", eq_14.df_s_n, "N"),
+            number("standard error of the fit, from its residuals", table.se.f_s_n, "N"),
+            number("standard error of the fit, from 25 g and 1 g", table.se_of_25_g.f_s_n, "N"),
+        ],
+    }
+}
+
+/// The printed dmu belongs to no row of Table II.
+pub fn error_of_mu(table: &Table2) -> Finding {
+    let rows = &table.eq_14.dmu_of_rows;
+    Finding {
+        place: "Table II, Eq. (14), dmu",
+        printed: "dmu = 0.0135",
+        correct: "Eq. (14) depends on the row and gives the printed value for none; the fit's standard error is smaller",
+        numbers: vec![
+            number("dmu of the first row, 0 g", rows[0], ""),
+            number("dmu at 1150 g", rows[6], ""),
+            number("dmu at 1500 g", rows[7], ""),
+            number("dmu of the last row, 1800 g", rows[9], ""),
+            number("load at which 25 g alone give 0.0135", table.eq_14.tau_tilde_for_printed_dmu_g, "g"),
+            number("standard error of the fit, from its residuals", table.se.mu, ""),
         ],
     }
 }

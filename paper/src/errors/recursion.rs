@@ -1,30 +1,41 @@
-//! Eqs. (19) to (22): the recursion as printed, on the ten photographs of our Table III run.
+//! Eqs. (19) to (22): the recursion as printed, on the photographs of Table III and on those of our own run.
 
 use super::{Finding, number};
+use crate::reconstruction::Row as Photograph;
 use crate::table3::Table3;
 use krait_model::Snake;
 use krait_model::oracle::F_S_N;
 use nalgebra::{Matrix2, Matrix3x2, Vector2, Vector3};
 
-/// The paper's sigma on epsilon for 1 deg, m.
-const SIGMA_M: f64 = 0.0294e-3;
-
-/// P_k of Eq. (19) is of the last measurement only.
-pub fn covariance_of_eq_19(snake: &Snake, table: &Table3) -> Finding {
-    let information: Vec<Matrix2<f64>> = table.rows.iter().map(|row| information(snake, row.photograph.0)).collect();
-    let last = information.last().copied().unwrap_or_default();
-    let [of_last, of_all] = [last, information.iter().sum()].map(|m| sd(&m));
+/// Eq. (20) stacks every row, so that S must use the new one only.
+pub fn stacked_rows_of_eq_20(table: &Table3) -> Finding {
+    let printed = &table.as_printed;
+    let last = printed.rows.last().copied().unwrap_or((f64::NAN, f64::NAN));
+    let stacked = every_row_again(&printed.photographs);
     Finding {
-        place: "Eq. (19)",
-        printed: "P_k = (H_k^T H_k)^-1, and S with H_(k+1)",
-        correct: "P is of all measurements so far, S and the innovation use the new rows only, P_(k+1) = (I - S H) P_k",
+        place: "Eqs. (19), (20)",
+        printed: "H_k stacks the rows 1..k, and S = P_k H_(k+1)^T (1 + H_(k+1) P_k H_(k+1)^T)^-1 takes H_(k+1)",
+        correct: "P_k = (H_k^T H_k)^-1 is of all rows so far, as printed; S and the innovation take the new row only, or the old ones count again",
         numbers: vec![
-            number("sd of eta with the rows and noise of the paper, P of the tenth pose only", of_last.x, ""),
-            number("P of all ten", of_all.x, ""),
-            number("sd of lambda, P of the tenth pose only", of_last.y * 1e3, "mm"),
-            number("P of all ten", of_all.y * 1e3, "mm"),
+            number("largest difference from the ten printed rows, new row only", printed.worst, ""),
+            number("eta of row 10, new row only", last.0, ""),
+            number("eta of row 10, every row again at each step", stacked.x, ""),
+            number("lambda of row 10, every row again at each step", stacked.y, "mm"),
         ],
     }
+}
+
+/// The last estimate where each step takes all rows so far once more.
+fn every_row_again(rows: &[Photograph]) -> Vector2<f64> {
+    let (mut information, mut right) = (Matrix2::zeros(), Vector2::zeros());
+    for n in 2..=rows.len() {
+        for row in &rows[..n] {
+            let h = Vector2::new(row.x_mm, 1.0);
+            information += h * h.transpose();
+            right += h * row.z_mm;
+        }
+    }
+    information.try_inverse().map_or(Vector2::repeat(f64::NAN), |p| p * right)
 }
 
 /// Eq. (20) subtracts newtons from millimetres.
@@ -46,15 +57,15 @@ pub fn units_of_eq_20(snake: &Snake, table: &Table3) -> Finding {
             number("corrected", corrected.x, ""),
             number("lambda as printed", as_printed.y, "mm"),
             number("corrected", corrected.y, "mm"),
-            number("eta of the recursion, last row", table.eta, ""),
-            number("lambda of the recursion, last row", table.lambda_mm, "mm"),
+            number("eta of contrasts at the predicted bend, last row", table.eta, ""),
+            number("half-width of contrasts at the predicted bend, last row", table.lambda_mm, "mm"),
         ],
     }
 }
 
 /// The +- of Eq. (22) are variances, of row 9.
 pub fn plus_minus_of_eq_22(table: &Table3) -> Finding {
-    let (eta_sd, lambda_sd_mm) = table.rows.last().map_or((f64::NAN, f64::NAN), |row| (row.eta_sd, row.lambda_sd_mm));
+    let printed = &table.as_printed;
     Finding {
         place: "Eq. (22), Table III",
         printed: "eta 1.220 +- 0.0019, lambda 0.1778 +- 0.0005 mm",
@@ -62,22 +73,13 @@ pub fn plus_minus_of_eq_22(table: &Table3) -> Finding {
         numbers: vec![
             number("root of 0.0019", table.printed.eta_plus_minus.sqrt(), ""),
             number("root of 0.0005 mm2", table.printed.lambda_plus_minus_mm.sqrt(), "mm"),
-            number("sd of eta after our ten poses at 1 deg", eta_sd, ""),
-            number("sd of lambda", lambda_sd_mm, "mm"),
+            number("variance of eta by Eq. (21) from the table's own photographs", printed.variances.0, ""),
+            number("variance of lambda by Eq. (21)", printed.variances.1, "mm2"),
+            number("residual of the table's own photographs, rms", printed.residual_rms_mm, "mm"),
+            number("sd of eta from these residuals", printed.sd_from_residuals.0, ""),
+            number("sd of lambda from these residuals", printed.sd_from_residuals.1, "mm"),
         ],
     }
-}
-
-/// H^T H / sigma^2 of the three rows of one pose on the way out.
-fn information(snake: &Snake, bend_rad: Vector2<f64>) -> Matrix2<f64> {
-    let tau_n = snake.tau_n(bend_rad);
-    let compliance = snake.loading_compliance_m_per_n();
-    let rows = (0..3).map(|i| Vector2::new(compliance * tau_n[i], tau_n[i].signum()) / SIGMA_M);
-    rows.map(|h| h * h.transpose()).sum()
-}
-
-fn sd(information: &Matrix2<f64>) -> Vector2<f64> {
-    information.try_inverse().map_or(Vector2::repeat(f64::NAN), |p| p.diagonal().map(f64::sqrt))
 }
 
 /// Batch least squares over the three lines of every pose, mm; `row` gives H and what is subtracted from eps.
@@ -105,4 +107,21 @@ fn solve(
         right += h.transpose() * z;
     }
     normal.try_inverse().map_or(Vector2::repeat(f64::NAN), |inverse| inverse * right)
+}
+
+/// lambda of one line is not the play.
+pub fn lambda_of_one_line(table: &Table3) -> Finding {
+    let line_1 = &table.line_1;
+    let last = line_1.rows.last().copied().unwrap_or((f64::NAN, f64::NAN));
+    Finding {
+        place: "Eq. (22), lambda",
+        printed: "lambda, estimated from line 1, is the backlash",
+        correct: "line 1 alone takes (4/3) (h + e^(2 mu phi) f_s / K_c) for lambda, h half of the play; contrasts of three lines give h",
+        numbers: vec![
+            number("half of the bench's play", table.true_lambda_mm, "mm"),
+            number("(4/3) (h + e^(2 mu phi) f_s / K_c)", line_1.lambda_closed_form_mm, "mm"),
+            number("line 1 alone, 11 poses without noise", last.1, "mm"),
+            number("contrasts, the last 10 of them", line_1.contrasts.1, "mm"),
+        ],
+    }
 }
