@@ -111,7 +111,7 @@ fn table_3_on_the_bench() {
 fn fig_9() {
     for golden in list(&GOLDEN["fig9"]["rows"]) {
         let (bend, delta) = (f(&golden[0]), f(&golden[1]));
-        let row = list(&PAPER["fig_9"]).iter().flat_map(|row| list(row));
+        let row = list(&PAPER["fig_9"]).iter().flat_map(list);
         let p = row.clone().find(|p| f(&p["bend_deg"]) == bend && f(&p["delta_deg"]) == delta).unwrap();
         let sum = |key: &str| Value::from(f(&p["q_mm"]) + f(&p[key]));
         for (found, k) in [
