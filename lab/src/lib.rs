@@ -5,6 +5,7 @@
 #![forbid(unsafe_code)]
 
 mod add;
+mod calibrated;
 pub mod compare;
 pub mod diagnose;
 mod error;
@@ -23,6 +24,7 @@ mod session;
 mod term;
 
 pub use add::{AddOptions, Added, add, refit};
+pub use calibrated::disagreements;
 pub use error::LabError;
 pub use measurements::{Measurements, Quantity};
 pub use problem::{FEWEST_BLOCKS, Problem, scored_time_s};

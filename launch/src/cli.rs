@@ -1,6 +1,7 @@
 //! The command line: subcommands, their options and their examples.
 
 use crate::cli_bench::{BenchArgs, YardstickVerb};
+use crate::cli_calibrate::CalibrateVerb;
 use crate::cli_console::ConsoleArgs;
 use crate::cli_lab::LabVerb;
 use crate::cli_replay::{CompareArgs, ReplayArgs};
@@ -109,6 +110,9 @@ pub enum Verb {
         after_help = "Examples:\n  krait export recordings/demo.mcap --out demo.csv\n  krait export recordings/demo.mcap --format parquet --out demo.parquet --json"
     )]
     Export(ExportArgs),
+    /// From a real robot to a model file: friction, play, photographs, guided poses, each a dialogue that can be taken up again.
+    #[command(subcommand)]
+    Calibrate(CalibrateVerb),
     /// The model lab: compares a model with measurements, names the missing effect, adds it.
     #[command(subcommand)]
     Lab(LabVerb),

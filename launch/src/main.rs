@@ -5,6 +5,7 @@ mod budget;
 mod chain_round;
 mod cli;
 mod cli_bench;
+mod cli_calibrate;
 mod cli_console;
 mod cli_lab;
 mod cli_lab_data;
@@ -50,6 +51,7 @@ fn main() -> ExitCode {
         Verb::Mark(args) => commands::mark::run(&cli.common, &args),
         Verb::Recover(args) => commands::recover::run(&args),
         Verb::Export(args) => commands::export::run(&args),
+        Verb::Calibrate(verb) => commands::calibrate::run(&verb),
         Verb::Lab(verb) => commands::lab::run(&verb),
         Verb::Compare(args) => commands::compare::run(&args),
         Verb::Replay(args) => commands::replay::run(&cli.common, &args),

@@ -2,6 +2,7 @@
 
 pub mod bench;
 mod bench_growth;
+pub mod calibrate;
 pub mod compare;
 pub mod config;
 pub mod console;

@@ -8,7 +8,7 @@ use anyhow::{Context, bail};
 use krait_ipc::clock;
 use krait_lab::machine::Machine;
 use krait_lab::report::added_page;
-use krait_lab::{AddOptions, Added, Session, Term, add, refit as fit_again, save};
+use krait_lab::{AddOptions, Added, Session, Term, add, disagreements, refit as fit_again, save};
 use krait_model::effects::{FormulaParameter, FormulaText, Hook, Inverse};
 use krait_model::model_file::{FileEffect, Machine as FileMachine, ModelFile};
 use krait_report::Table;
@@ -105,10 +105,16 @@ fn finish(session: &Session, added: &Added, what: &str, out: &Path, as_json: boo
     let file = save(&session.file, added, what, &session.data, &date)?;
     std::fs::write(out, file.to_toml())
         .with_context(|| format!("the model file {} could not be written", out.display()))?;
+    let calibrated = disagreements(&session.file, added);
+    let unit = session.machine.error_unit().0;
     if as_json {
-        print::json(&answer(added, what, out, session.machine.error_unit().0, &not_compensated(&file)))?;
+        print::json(&answer(added, what, out, unit, &not_compensated(&file), &calibrated))?;
     } else {
-        print::out(&text(added, what, out, session.machine.error_unit().0, &not_compensated(&file)))?;
+        let mut told = text(added, what, out, unit, &not_compensated(&file));
+        for sentence in &calibrated {
+            told += &format!("{sentence}\n");
+        }
+        print::out(&told)?;
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -131,7 +137,14 @@ fn not_compensated(file: &ModelFile) -> Vec<String> {
     file.effects().iter().filter_map(sentence).collect()
 }
 
-fn answer(added: &Added, what: &str, out: &Path, unit: &str, not_compensated: &[String]) -> Value {
+fn answer(
+    added: &Added,
+    what: &str,
+    out: &Path,
+    unit: &str,
+    not_compensated: &[String],
+    calibrated: &[String],
+) -> Value {
     let errors = json!({ "before": added.before, "after": added.after });
     let params: serde_json::Map<String, Value> = added
         .variables
@@ -153,6 +166,7 @@ fn answer(added: &Added, what: &str, out: &Path, unit: &str, not_compensated: &[
         "noise_floor": added.noise_floor, "noise_floor_deg": added.noise_floor.filter(|_| unit == "deg"),
         "calibration": added.calibration.iter().map(krait_lab::diagnose::Calibration::to_json).collect::<Vec<_>>(),
         "not_compensated": not_compensated,
+        "disagrees_with_calibration": calibrated,
     })
 }
 

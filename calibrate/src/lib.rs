@@ -1,0 +1,28 @@
+//! krait-calibrate: from a real robot to a model file, by readings that a person takes.
+//!
+//! Purpose: friction by hanging weights, play by a dial indicator, bends from photographs of graph paper, and eta with the play
+//! from guided poses; each value with its standard error, or a refusal that says which readings are missing.
+//!
+//! Terms: a *reading* is one row of a procedure's CSV; *up* is motion towards the actuator against the load, *down* the way
+//! back; the *standard error* (se) of a value is from the stated error of a reading, widened where the readings scatter more.
+//!
+//! Frames and units: see `docs/NOTATION.md`. SI and radians inside; grams, millimetres and degrees in the dialogues, and the
+//! names say so.
+#![forbid(unsafe_code)]
+
+mod dialogue;
+mod error;
+mod fit;
+pub mod friction;
+mod homography;
+mod lines;
+mod log;
+mod model;
+pub mod photo;
+pub mod play;
+pub mod poses;
+
+pub use dialogue::{Answer, Dialogue};
+pub use error::CalibrateError;
+pub use fit::Fit;
+pub use model::{Calibrated, written};

@@ -1,0 +1,319 @@
+//! eta and the half-width of the play from guided poses: the robot moves, the user measures the bend.
+//!
+//! In each plane the snake first bends 30 deg the other way, so that every direction is known, then takes five bends from below
+//! and the same from above. The bend is an unknown of the fit: what encoders and values predict is compared with what was
+//! measured, because a measured bend on both sides pulls eta down. Six poses that the fit never sees check it.
+
+use crate::fit::{Parameter, fit};
+use crate::lines::{Lines, Turning};
+use crate::log::Log;
+use crate::{Answer, CalibrateError, Calibrated, Dialogue, Fit};
+use krait_model::MachineParameters;
+use nalgebra::{Vector2, Vector3};
+use serde::{Deserialize, Serialize};
+use std::io::{BufRead, Write};
+use std::path::Path;
+
+/// Planes of the fit, deg: they balance an error of one line's zero.
+const PLANES_DEG: [f64; 6] = [0.0, 60.0, 120.0, 180.0, 240.0, 300.0];
+/// Bends in each plane, deg.
+const BENDS_DEG: [f64; 5] = [10.0, 22.5, 35.0, 47.5, 60.0];
+/// The plane of the check, deg, and its bends.
+const CHECK_PLANE_DEG: f64 = 45.0;
+const CHECK_DEG: [f64; 3] = [20.0, 40.0, 55.0];
+/// Bend the other way before each plane, deg.
+const BEFORE_DEG: f64 = 30.0;
+/// Bend beyond the largest before the way back, deg: lines 2 and 3 move half as far as line 1, and all have to turn.
+const BEYOND_DEG: f64 = 16.0;
+/// Standard errors at which the dialogue ends: eta, 1, and half-width, m.
+const ENOUGH: [f64; 2] = [0.01, 6e-6];
+/// Standard errors above these leave a value open.
+const OPEN: [f64; 2] = [0.1, 60e-6];
+/// Part of the reading's standard deviation that the poses of the check may be off by, rms.
+const CHECK_LIMIT: f64 = 2.0;
+
+/// One row of the CSV.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Reading {
+    /// Place in the plan, from 1.
+    pub pose: u32,
+    /// Whether it is kept for the check.
+    pub check: bool,
+    /// Planned plane, deg.
+    pub plane_deg: f64,
+    /// Planned bend, deg.
+    pub bend_deg: f64,
+    /// Measured bend vector, rad.
+    pub b_x_rad: f64,
+    /// Second component, rad.
+    pub b_y_rad: f64,
+    /// Standard deviation of each component, rad.
+    pub sd_rad: f64,
+    /// Encoders, m, push positive.
+    pub q1_m: f64,
+    /// Line 2.
+    pub q2_m: f64,
+    /// Line 3.
+    pub q3_m: f64,
+    /// Direction in which line 1 moved last, 1 or -1.
+    pub s1: f64,
+    /// Line 2.
+    pub s2: f64,
+    /// Line 3.
+    pub s3: f64,
+}
+
+/// What is known beforehand.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Dimensions and material.
+    pub machine: MachineParameters,
+    /// Friction mu of the cone, 1.
+    pub mu: f64,
+    /// Friction f_s, N.
+    pub f_s_n: f64,
+    /// Standard deviation of each component of a measured bend vector, rad.
+    pub sd_rad: f64,
+}
+
+/// eta (1) and half-width (m) with their covariance.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Poses {
+    /// The fit.
+    pub fit: Fit,
+    /// Error of the predicted bend on the poses of the check, rad rms; `None` before they are measured.
+    pub check_rms_rad: Option<f64>,
+}
+
+impl Poses {
+    /// eta, 1, with its standard error.
+    pub fn eta(&self) -> (f64, f64) {
+        (self.fit.value[0], self.fit.se(0))
+    }
+
+    /// Half-width, m, with its standard error.
+    pub fn half_width_m(&self) -> (f64, f64) {
+        (self.fit.value[1], self.fit.se(1))
+    }
+
+    /// For the model file.
+    pub fn calibrated(&self) -> Vec<Calibrated> {
+        let value = |effect, parameter, (value, se)| Calibrated { effect, parameter, value, se };
+        vec![value("stiffness-scale", "eta", self.eta()), value("backlash", "half_width_m", self.half_width_m())]
+    }
+
+    fn sentence(&self) -> String {
+        let ((eta, eta_se), (h, h_se)) = (self.eta(), self.half_width_m());
+        format!("eta {eta:.3} +- {eta_se:.3}, half-width {:.3} +- {:.3} mm", h * 1e3, h_se * 1e3)
+    }
+
+    fn enough(&self) -> bool {
+        self.fit.dof > 0 && self.eta().1 < ENOUGH[0] && self.half_width_m().1 < ENOUGH[1]
+    }
+}
+
+/// One place of the plan.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Place {
+    plane_deg: f64,
+    bend_deg: f64,
+    /// Nothing is measured here.
+    passing: bool,
+    check: bool,
+    from: &'static str,
+}
+
+fn plan() -> Vec<Place> {
+    let mut places = Vec::new();
+    for plane_deg in PLANES_DEG {
+        plane(&mut places, plane_deg, &BENDS_DEG, false);
+    }
+    plane(&mut places, CHECK_PLANE_DEG, &CHECK_DEG, true);
+    places
+}
+
+fn plane(places: &mut Vec<Place>, plane_deg: f64, bends_deg: &[f64], check: bool) {
+    let place = |bend_deg, passing, from| Place { plane_deg, bend_deg, passing, check, from };
+    places.push(place(-BEFORE_DEG, true, ""));
+    places.extend(bends_deg.iter().map(|b| place(*b, false, "below")));
+    let top = bends_deg.iter().fold(0.0_f64, |m, b| m.max(*b));
+    places.push(place(top + BEYOND_DEG, true, ""));
+    places.extend(bends_deg.iter().rev().map(|b| place(*b, false, "above")));
+}
+
+/// Fits eta and half-width to the readings that are not for the check, and checks with the others.
+///
+/// # Errors
+/// [`CalibrateError::NotDetermined`], [`CalibrateError::Setting`].
+pub fn poses(readings: &[Reading], settings: &Settings) -> Result<Poses, CalibrateError> {
+    fitted(readings, settings, [1.0, 0.0])
+}
+
+fn fitted(readings: &[Reading], settings: &Settings, start: [f64; 2]) -> Result<Poses, CalibrateError> {
+    let lines = lines(settings)?;
+    let parameters = [
+        Parameter { name: "eta", start: start[0], scale: 0.1 },
+        Parameter { name: "half_width_m", start: start[1], scale: 1e-5 },
+    ];
+    let of = |check: bool, value: &[f64]| {
+        let mut all = Vec::new();
+        for r in readings.iter().filter(|r| r.check == check) {
+            let b = lines.bend_rad(q(r), &Vector3::new(r.s1, r.s2, r.s3), value[0], value[1])?;
+            all.extend([(r.b_x_rad - b.x) / r.sd_rad, (r.b_y_rad - b.y) / r.sd_rad]);
+        }
+        Some(all)
+    };
+    let fit = fit(&parameters, |value| of(false, value), |_| missing(readings))?;
+    let checked = of(true, &fit.value).filter(|all| !all.is_empty());
+    let check_rms_rad = checked.map(|all| {
+        let square: f64 = all.iter().map(|r| r * r).sum();
+        (square / all.len() as f64).sqrt() * settings.sd_rad
+    });
+    Ok(Poses { fit, check_rms_rad })
+}
+
+fn lines(settings: &Settings) -> Result<Lines, CalibrateError> {
+    if !(settings.sd_rad > 1e-6 && settings.sd_rad < 0.2) {
+        let (name, expected) = ("the standard deviation of a bend", "1e-6 to 0.2 rad");
+        return Err(CalibrateError::Setting { name, found: settings.sd_rad, expected });
+    }
+    Lines::new(&settings.machine, settings.mu, settings.f_s_n)
+        .ok_or_else(|| CalibrateError::Model("its machine is out of range".to_owned()))
+}
+
+fn q(r: &Reading) -> Vector3<f64> {
+    Vector3::new(r.q1_m, r.q2_m, r.q3_m)
+}
+
+/// Readings that would determine both.
+fn missing(readings: &[Reading]) -> String {
+    let fitted = || readings.iter().filter(|r| !r.check);
+    let n = fitted().count();
+    let ways = |sign: f64| fitted().any(|r| r.s1 == sign);
+    if n < 4 {
+        "poses: ten from below and ten from above, 10 to 60 deg".to_owned()
+    } else if !(ways(1.0) && ways(-1.0)) {
+        "poses from above: the way back tells play from eta".to_owned()
+    } else {
+        format!("more poses over 10 to 60 deg ({n} so far), or a better camera")
+    }
+}
+
+/// Refuses values that are not determined, or that the poses of the check do not bear out.
+fn accept(found: &Poses, readings: &[Reading], settings: &Settings) -> Result<(), CalibrateError> {
+    for (k, (parameter, (value, se))) in
+        [("eta", found.eta()), ("half_width_m", found.half_width_m())].into_iter().enumerate()
+    {
+        if se > OPEN[k] {
+            let found = format!("{value:.5} +- {se:.5}");
+            return Err(CalibrateError::NotDetermined { parameter, found, missing: missing(readings) });
+        }
+    }
+    found.fit.check("is the camera's error as stated, and do mu and f_s belong to this robot? krait lab diagnose may name an effect")?;
+    let n_checked = readings.iter().filter(|r| r.check).count();
+    let Some(rms_rad) = found.check_rms_rad.filter(|_| n_checked >= 6) else {
+        let found = format!("{n_checked} poses are kept for the check");
+        let missing = "the six poses of the check, in plane 45 deg".to_owned();
+        return Err(CalibrateError::NotDetermined { parameter: "the model's error", found, missing });
+    };
+    let limit_rad = CHECK_LIMIT * settings.sd_rad;
+    if rms_rad > limit_rad {
+        let (n, ratio) = (2 * n_checked, rms_rad / settings.sd_rad);
+        return Err(CalibrateError::Misfit {
+            chi2: ratio * ratio * n as f64,
+            dof: n,
+            limit: CHECK_LIMIT * CHECK_LIMIT * n as f64,
+            advice: "the poses that were not fitted are off: krait lab diagnose may name the effect that is missing",
+        });
+    }
+    Ok(())
+}
+
+/// The dialogue: `go` moves the actuators straight to q~ (m, push positive) and says what the encoders read (m).
+///
+/// # Errors
+/// [`CalibrateError`]; what was read is in the CSV.
+pub fn run<R: BufRead, W: Write>(
+    dialogue: &mut Dialogue<R, W>,
+    csv: &Path,
+    settings: &Settings,
+    mut go: impl FnMut(&mut Dialogue<R, W>, Vector3<f64>) -> Result<Vector3<f64>, CalibrateError>,
+) -> Result<Poses, CalibrateError> {
+    let lines = lines(settings)?;
+    let (mut log, mut readings) = Log::open::<Reading>(csv)?;
+    dialogue.say("krait moves; type the measured bend vector in deg: b_x b_y; s skips the pose, q stops.")?;
+    let at_m = go(dialogue, Vector3::zeros())?;
+    let mut turning = Turning::new(at_m);
+    let (mut enough, mut newest) = (false, [1.0, 0.0]);
+    for (k, place) in plan().into_iter().enumerate() {
+        if enough && !place.check {
+            continue;
+        }
+        let pose = k as u32 + 1;
+        let (sin, cos) = place.plane_deg.to_radians().sin_cos();
+        let wanted = Vector2::new(cos, sin) * place.bend_deg.to_radians();
+        // Through the straight pose first, where the plane changes: a straight line of actuators is then a path in one plane.
+        if place.passing && place.bend_deg < 0.0 {
+            turning.follow(go(dialogue, Vector3::zeros())?);
+        }
+        let reached_m = go(dialogue, lines.planned_m(wanted, 1.0))?;
+        turning.follow(reached_m);
+        if place.passing || readings.iter().any(|r: &Reading| r.pose == pose) {
+            continue;
+        }
+        let Some(signs) = turning.signs() else {
+            dialogue
+                .say(&format!("  pose {pose} is left out: a line has not gone through its play since it turned"))?;
+            continue;
+        };
+        let question = format!(
+            "pose {pose}: {:.1} deg, plane {:.0}, from {}{}: b_x b_y deg?",
+            place.bend_deg,
+            place.plane_deg,
+            place.from,
+            if place.check { ", for the check" } else { "" }
+        );
+        let bend = match dialogue.numbers(&question, (2, 2), (-180.0, 180.0))? {
+            Answer::Numbers(bend) => bend,
+            Answer::Skip | Answer::Empty => continue,
+            Answer::Quit => break,
+        };
+        let reading = Reading {
+            pose,
+            check: place.check,
+            plane_deg: place.plane_deg,
+            bend_deg: place.bend_deg,
+            b_x_rad: bend[0].to_radians(),
+            b_y_rad: bend[1].to_radians(),
+            sd_rad: settings.sd_rad,
+            q1_m: reached_m.x,
+            q2_m: reached_m.y,
+            q3_m: reached_m.z,
+            s1: signs.x,
+            s2: signs.y,
+            s3: signs.z,
+        };
+        log.add(&reading)?;
+        readings.push(reading);
+        if let Ok(found) = fitted(&readings, settings, newest) {
+            dialogue.say(&format!("  {}", found.sentence()))?;
+            // The first few readings leave the values anywhere; the next fit then starts from the beginning again.
+            let known = found.eta().1 < OPEN[0] && found.half_width_m().1 < OPEN[1];
+            newest = if known { [found.eta().0, found.half_width_m().0] } else { [1.0, 0.0] };
+            enough = enough || found.enough();
+        }
+    }
+    go(dialogue, Vector3::zeros())?;
+    let found = poses(&readings, settings)?;
+    let fit = &found.fit;
+    let check = found.check_rms_rad.map_or(f64::NAN, f64::to_degrees);
+    dialogue.say(&format!(
+        "{}, correlation {:.2}, chi2 {:.1}/{}; poses that were not fitted: {check:.2} deg rms",
+        found.sentence(),
+        fit.correlation(0, 1),
+        fit.chi2,
+        fit.dof
+    ))?;
+    accept(&found, &readings, settings)?;
+    Ok(found)
+}

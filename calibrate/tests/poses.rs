@@ -1,0 +1,152 @@
+//! eta and play from guided poses, through the dialogue, on the simulated snake, whose plant shares no code with the model.
+
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a panic is how a test fails")]
+
+mod common;
+
+use common::{N_SEEDS, Noise, User, fresh, honest, shared};
+use krait_calibrate::poses::{Poses, Settings, run};
+use krait_calibrate::{CalibrateError, Dialogue, written};
+use krait_model::MachineParameters;
+use krait_sim::{SimulatedSnake, Truth};
+use krait_slave::Drive;
+use nalgebra::Vector3;
+use std::path::Path;
+
+struct Bench {
+    snake: SimulatedSnake,
+    noise: Noise,
+    sd_deg: f64,
+    n_asked: usize,
+    n_answers: usize,
+}
+
+fn measured(
+    truth: &Truth,
+    settings: &Settings,
+    seed: u64,
+    csv: &Path,
+    n_answers: usize,
+) -> (Result<Poses, CalibrateError>, String) {
+    let mut snake = SimulatedSnake::new(truth);
+    snake.set_power(0, true).unwrap();
+    let sd_deg = settings.sd_rad.to_degrees();
+    let bench = shared(Bench { snake, noise: Noise::new(seed), sd_deg, n_asked: 0, n_answers });
+    let eyes = bench.clone();
+    let user = User::new(move || {
+        let mut bench = eyes.borrow_mut();
+        bench.n_asked += 1;
+        if bench.n_asked > bench.n_answers {
+            return None;
+        }
+        let [x, y] = bench.snake.bend_rad().map(f64::to_degrees);
+        let sd = bench.sd_deg;
+        Some(format!("{:.5} {:.5}", x + sd * bench.noise.next(), y + sd * bench.noise.next()))
+    });
+    let mut said = Vec::new();
+    let mut dialogue = Dialogue::new(user, &mut said);
+    let found = run(&mut dialogue, csv, settings, |_, to_m: Vector3<f64>| {
+        let mut bench = bench.borrow_mut();
+        let robot = |e: krait_slave::DriveError| CalibrateError::Robot(e.to_string());
+        bench.snake.write(0, to_m.into()).map_err(robot)?;
+        Ok(bench.snake.read(0).map_err(robot)?.q_tilde_m.into())
+    });
+    (found, String::from_utf8(said).unwrap())
+}
+
+fn settings(sd_deg: f64) -> Settings {
+    Settings { machine: MachineParameters::default(), mu: 0.1727, f_s_n: 1.959, sd_rad: sd_deg.to_radians() }
+}
+
+#[test]
+fn every_seed_states_its_own_error() {
+    over_seeds(24, "poses-seeds");
+}
+
+#[test]
+#[ignore = "100 seeds: .ci/long"]
+fn each_of_a_hundred_seeds_states_its_own_error() {
+    over_seeds(N_SEEDS, "poses-hundred-seeds");
+}
+
+fn over_seeds(n_seeds: u64, name: &str) {
+    let csv = fresh(name);
+    let (mut eta, mut half_width) = (Vec::new(), Vec::new());
+    for seed in 0..n_seeds {
+        let (found, said) = measured(&Truth::default(), &settings(1.0), seed, &csv, usize::MAX);
+        let found = found.unwrap_or_else(|e| panic!("{e}\n{said}"));
+        eta.push(found.eta());
+        half_width.push(found.half_width_m());
+        std::fs::remove_file(&csv).unwrap();
+    }
+    honest("eta", &eta, 1.22);
+    honest("half-width", &half_width, 0.089e-3);
+}
+
+#[test]
+fn without_noise_the_snakes_own_values_come_out() {
+    let csv = fresh("poses-clean");
+    let mut truth = Truth::default();
+    truth.drive.encoder_resolution_m = 0.0;
+    let exact = Settings { sd_rad: 1e-4_f64.to_radians(), ..settings(1.0) };
+    let (found, said) = measured(&truth, &exact, 1, &csv, usize::MAX);
+    let found = found.unwrap_or_else(|e| panic!("{e}\n{said}"));
+    assert!((found.eta().0 - 1.22).abs() < 1e-3 && (found.half_width_m().0 - 0.089e-3).abs() < 1e-6, "{found:?}");
+}
+
+#[test]
+fn a_dialogue_that_ended_goes_on_and_ends_the_same() {
+    let (whole, part) = (fresh("poses-whole"), fresh("poses-part"));
+    let (found, _) = measured(&Truth::default(), &settings(1.0), 5, &whole, usize::MAX);
+    let found = found.unwrap();
+    let (ended, _) = measured(&Truth::default(), &settings(1.0), 5, &part, 12);
+    let sentence = ended.unwrap_err().to_string();
+    assert!(sentence.contains("for the check"), "{sentence}");
+    assert_eq!(std::fs::read_to_string(&part).unwrap().lines().count(), 1 + 12);
+    // Other noise for what is left, so the values differ, but both describe the same snake.
+    let (resumed, _) = measured(&Truth::default(), &settings(1.0), 6, &part, usize::MAX);
+    let resumed = resumed.unwrap();
+    assert!((resumed.eta().0 - found.eta().0).abs() < 5.0 * resumed.eta().1, "{resumed:?} {found:?}");
+}
+
+#[test]
+fn poses_from_one_side_are_not_enough_with_a_coarse_camera() {
+    let csv = fresh("poses-few");
+    let (found, _) = measured(&Truth::default(), &settings(3.0), 2, &csv, 5);
+    let sentence = found.unwrap_err().to_string();
+    assert!(sentence.contains("not determined") && sentence.contains("from above"), "{sentence}");
+}
+
+#[test]
+fn a_snake_with_another_effect_is_refused() {
+    let csv = fresh("poses-effect");
+    let mut truth = Truth::default();
+    truth.effects.tip_force_in_base_n = [0.6, 0.0];
+    let (found, _) = measured(&truth, &settings(0.3), 2, &csv, usize::MAX);
+    let sentence = found.unwrap_err().to_string();
+    assert!(sentence.contains("chi2") && sentence.contains("krait lab diagnose"), "{sentence}");
+}
+
+#[test]
+fn values_stand_in_the_model_file_with_their_origin() {
+    let csv = fresh("poses-model");
+    let (found, _) = measured(&Truth::default(), &settings(1.0), 1, &csv, usize::MAX);
+    let found = found.unwrap();
+    let text = written(None, &found.calibrated(), "poses.csv", "2026-05-01").unwrap();
+    let file = krait_model::model_file::ModelFile::parse(&text).unwrap();
+    let effect = |name: &str| file.effects().iter().find(|e| e.setting().kind().name() == name).unwrap();
+    let eta = effect("stiffness-scale");
+    assert_eq!(eta.setting().value("eta"), Some(found.eta().0));
+    let origin = eta.origin("eta").unwrap();
+    assert_eq!((origin.se, origin.from.as_deref()), (Some(found.eta().1), Some("poses.csv")));
+    assert_eq!(effect("backlash").origin("half_width_m").unwrap().date.as_deref(), Some("2026-05-01"));
+    // A later calibration replaces its own values only.
+    let mut later = found.calibrated();
+    later.truncate(1);
+    later[0].value = 1.3;
+    let again = written(Some(&text), &later, "later.csv", "2026-06-01").unwrap();
+    let file = krait_model::model_file::ModelFile::parse(&again).unwrap();
+    assert_eq!(file.effects().len(), 2);
+    assert_eq!(file.effects()[0].setting().value("eta"), Some(1.3));
+    assert_eq!(file.effects()[1].origin("half_width_m").unwrap().from.as_deref(), Some("poses.csv"));
+}

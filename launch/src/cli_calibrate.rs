@@ -1,0 +1,90 @@
+//! The command line of `krait calibrate`.
+
+use clap::{Args, Subcommand};
+use std::path::PathBuf;
+
+/// The procedures.
+#[derive(Clone, Debug, Subcommand)]
+pub enum CalibrateVerb {
+    /// Friction of the cone (mu, f_s) by hanging weights: a dialogue.
+    #[command(after_help = "Example:\n  krait calibrate friction --csv friction.csv --model robot.toml")]
+    Friction(FrictionArgs),
+    /// Play by a dial indicator on the actuators' outputs, lines unloaded: a dialogue.
+    #[command(after_help = "Example:\n  krait calibrate play --csv play.csv --model robot.toml --dial-sd-um 10")]
+    Play(PlayArgs),
+    /// Bends from clicked points of photographs before graph paper: a table in, a table out.
+    ///
+    /// Columns of the clicks: image,view,kind,x_mm,z_mm,u_px,v_px; view is front, side or mirror, kind is corner (with its
+    /// place on the paper), base or end (two edges each).
+    #[command(after_help = "Example:\n  krait calibrate photo clicks.csv --out bends.csv")]
+    Photo(PhotoArgs),
+    /// eta and the play from guided poses whose bend is measured: a dialogue.
+    #[command(
+        after_help = "Examples:\n  krait calibrate poses --csv poses.csv --model robot.toml --sd-deg 0.5\n  krait calibrate poses --csv try.csv --model try.toml --truth stiff.toml"
+    )]
+    Poses(PosesArgs),
+}
+
+/// Where readings and values go.
+#[derive(Clone, Debug, Args)]
+pub struct Files {
+    /// Table of readings; a command that was stopped goes on from it.
+    #[arg(long, value_name = "FILE")]
+    pub csv: PathBuf,
+    /// Model file that takes the values; made if it is missing.
+    #[arg(long, value_name = "FILE", default_value = "model.toml")]
+    pub model: PathBuf,
+}
+
+/// Options of `krait calibrate friction`.
+#[derive(Clone, Debug, Args)]
+pub struct FrictionArgs {
+    #[command(flatten)]
+    pub files: Files,
+    /// Standard deviation of the scale, g.
+    #[arg(long, value_name = "G", default_value_t = 25.0)]
+    pub scale_sd_g: f64,
+    /// Standard deviation of a weight, g.
+    #[arg(long, value_name = "G", default_value_t = 1.0)]
+    pub weight_sd_g: f64,
+    /// Fit the scale's zero as well.
+    #[arg(long)]
+    pub free_zero: bool,
+}
+
+/// Options of `krait calibrate play`.
+#[derive(Clone, Debug, Args)]
+pub struct PlayArgs {
+    #[command(flatten)]
+    pub files: Files,
+    /// Standard deviation of the dial, um.
+    #[arg(long, value_name = "UM", default_value_t = 10.0)]
+    pub dial_sd_um: f64,
+}
+
+/// Options of `krait calibrate photo`.
+#[derive(Clone, Debug, Args)]
+pub struct PhotoArgs {
+    /// Table of clicked points.
+    #[arg(value_name = "CLICKS")]
+    pub clicks: PathBuf,
+    /// Table of bends; printed only if it is not given.
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+    /// Standard deviation of a clicked edge in each coordinate, px.
+    #[arg(long, value_name = "PX", default_value_t = 0.5)]
+    pub click_sd_px: f64,
+}
+
+/// Options of `krait calibrate poses`.
+#[derive(Clone, Debug, Args)]
+pub struct PosesArgs {
+    #[command(flatten)]
+    pub files: Files,
+    /// Standard deviation of each component of a measured bend vector, deg.
+    #[arg(long, value_name = "DEG", default_value_t = 1.0)]
+    pub sd_deg: f64,
+    /// Practise on the simulated snake of this truth file: it moves, shows its bend, and you type what you see.
+    #[arg(long, value_name = "FILE")]
+    pub truth: Option<PathBuf>,
+}

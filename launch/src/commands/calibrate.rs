@@ -1,0 +1,183 @@
+//! `krait calibrate`: dialogues that take a real robot to a model file.
+//!
+//! A robot that krait does not drive is moved by hand: the dialogue says where to, and takes what its encoders read. `--truth`
+//! puts the simulated snake in its place.
+
+use crate::cli_calibrate::{CalibrateVerb, Files, FrictionArgs, PhotoArgs, PlayArgs, PosesArgs};
+use crate::print;
+use anyhow::Context;
+use krait_calibrate::{Answer, CalibrateError, Calibrated, Dialogue, friction, photo, play, poses, written};
+use krait_ipc::clock;
+use krait_model::MachineParameters;
+use krait_model::model_file::{Machine, ModelFile};
+use krait_sim::{SimulatedSnake, Truth};
+use krait_slave::{Drive, DriveError};
+use nalgebra::Vector3;
+use std::io::{BufRead, Stdin, Stdout, Write, stdin, stdout};
+use std::path::Path;
+use std::process::ExitCode;
+
+type Terminal = Dialogue<std::io::StdinLock<'static>, Stdout>;
+
+/// Runs one procedure; exit code 1 if its values were not written.
+pub fn run(verb: &CalibrateVerb) -> anyhow::Result<ExitCode> {
+    match verb {
+        CalibrateVerb::Friction(args) => friction(args),
+        CalibrateVerb::Play(args) => play(args),
+        CalibrateVerb::Photo(args) => photo(args),
+        CalibrateVerb::Poses(args) => poses(args),
+    }
+}
+
+fn terminal() -> Terminal {
+    let input: Stdin = stdin();
+    Dialogue::new(input.lock(), stdout())
+}
+
+fn friction(args: &FrictionArgs) -> anyhow::Result<ExitCode> {
+    let settings = friction::Settings {
+        phi_rad: machine(&args.files.model)?.phi_rad,
+        weight_sd_g: args.weight_sd_g,
+        scale_sd_g: args.scale_sd_g,
+        free_zero: args.free_zero,
+    };
+    let mut dialogue = terminal();
+    let found = friction::run(&mut dialogue, &args.files.csv, &settings)?;
+    save(&mut dialogue, &args.files, &found.calibrated())
+}
+
+fn play(args: &PlayArgs) -> anyhow::Result<ExitCode> {
+    let mut dialogue = terminal();
+    let found = play::run(&mut dialogue, &args.files.csv, args.dial_sd_um * 1e-6, |dialogue, line, to_m| {
+        let question =
+            format!("move actuator {line} to {:.3} mm; its encoder then reads mm? [{:.3}]", to_m * 1e3, to_m * 1e3);
+        Ok(by_hand(dialogue, &question, 1)?.map_or(to_m, |read| read[0] * 1e-3))
+    })?;
+    save(&mut dialogue, &args.files, &found.calibrated())
+}
+
+fn photo(args: &PhotoArgs) -> anyhow::Result<ExitCode> {
+    let bends = photo::bends(&photo::read(&args.clicks)?, args.click_sd_px)?;
+    let mut text = String::new();
+    for bend in &bends {
+        text += &format!("{}\n", bend.sentence());
+    }
+    if let Some(out) = &args.out {
+        let table = photo::table(&bends);
+        std::fs::write(out, table).with_context(|| format!("{} could not be written", out.display()))?;
+        text += &format!("bends: {}\n", out.display());
+    }
+    print::out(&text)?;
+    Ok(if bends.iter().all(photo::Bend::plausible) { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+fn poses(args: &PosesArgs) -> anyhow::Result<ExitCode> {
+    let (mu, f_s_n) = friction_of(&args.files.model)?;
+    let machine = machine(&args.files.model)?;
+    let settings = poses::Settings { machine, mu, f_s_n, sd_rad: args.sd_deg.to_radians() };
+    let mut dialogue = terminal();
+    dialogue.say(&format!("with mu {mu:.4} and f_s {f_s_n:.3} N of {}", args.files.model.display()))?;
+    let found = match &args.truth {
+        Some(file) => {
+            let mut snake = SimulatedSnake::new(&Truth::load(file)?);
+            snake.set_power(0, true)?;
+            poses::run(&mut dialogue, &args.files.csv, &settings, |dialogue, to_m| {
+                simulated(&mut snake, dialogue, to_m)
+            })?
+        }
+        None => poses::run(&mut dialogue, &args.files.csv, &settings, |dialogue, to_m| {
+            let [a, b, c] = (to_m * 1e3).into();
+            let question = format!(
+                "move the actuators to {a:.3} {b:.3} {c:.3} mm in one go; the encoders then read mm? [the same]"
+            );
+            Ok(by_hand(dialogue, &question, 3)?.map_or(to_m, |read| Vector3::new(read[0], read[1], read[2]) * 1e-3))
+        })?,
+    };
+    save(&mut dialogue, &args.files, &found.calibrated())
+}
+
+/// Moves the simulated snake and shows its bend.
+fn simulated(
+    snake: &mut SimulatedSnake,
+    dialogue: &mut Terminal,
+    to_m: Vector3<f64>,
+) -> Result<Vector3<f64>, CalibrateError> {
+    let robot = |e: DriveError| CalibrateError::Robot(e.to_string());
+    snake.write(0, to_m.into()).map_err(robot)?;
+    let q_tilde_m = snake.read(0).map_err(robot)?.q_tilde_m.into();
+    let [x, y] = snake.bend_rad().map(f64::to_degrees);
+    dialogue.say(&format!("  (the simulated snake stands at {x:.3} {y:.3} deg)"))?;
+    Ok(q_tilde_m)
+}
+
+/// What the user reads after a motion by hand; `None` for "as told".
+fn by_hand<R: BufRead, W: Write>(
+    dialogue: &mut Dialogue<R, W>,
+    question: &str,
+    n: usize,
+) -> Result<Option<Vec<f64>>, CalibrateError> {
+    match dialogue.numbers(question, (n, n), (-50.0, 50.0))? {
+        Answer::Numbers(read) => Ok(Some(read)),
+        Answer::Empty | Answer::Skip => Ok(None),
+        Answer::Quit => Err(CalibrateError::Robot("it was told to stop; what was read is kept".to_owned())),
+    }
+}
+
+fn text_of(model: &Path) -> anyhow::Result<Option<String>> {
+    match std::fs::read_to_string(model) {
+        Ok(text) => Ok(Some(text)),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(error).with_context(|| format!("the model file {} could not be read", model.display())),
+    }
+}
+
+fn file_of(model: &Path) -> anyhow::Result<Option<ModelFile>> {
+    let Some(text) = text_of(model)? else { return Ok(None) };
+    Ok(Some(ModelFile::parse(&text).with_context(|| format!("the model file {}", model.display()))?))
+}
+
+fn machine(model: &Path) -> anyhow::Result<MachineParameters> {
+    match file_of(model)?.as_ref().map(ModelFile::machine) {
+        None => Ok(MachineParameters::default()),
+        Some(Machine::Snake(snake)) => Ok(snake.parameters),
+        Some(Machine::Joints(_)) => {
+            anyhow::bail!("the model file {} describes joints, expected a snake; give another", model.display())
+        }
+    }
+}
+
+/// mu and f_s of a model file: they must be known before eta and the play are.
+fn friction_of(model: &Path) -> anyhow::Result<(f64, f64)> {
+    let file = file_of(model)?;
+    let value = |effect: &str, parameter: &str| {
+        let effects = file.as_ref().map(ModelFile::effects).unwrap_or_default();
+        effects.iter().find(|e| e.setting().kind().name() == effect).and_then(|e| e.setting().value(parameter))
+    };
+    let found = (value("cone-friction", "mu"), value("static-friction", "f_s_n"));
+    let (Some(mu), Some(f_s_n)) = found else {
+        anyhow::bail!(
+            "the model file {} has no friction (effects static-friction, cone-friction), expected both; run `krait calibrate friction` first",
+            model.display()
+        );
+    };
+    Ok((mu, f_s_n))
+}
+
+/// Asks, and writes the model file as a whole: a machine that stops leaves the old one or the new one.
+fn save(dialogue: &mut Terminal, files: &Files, found: &[Calibrated]) -> anyhow::Result<ExitCode> {
+    let model = &files.model;
+    if !dialogue.yes(&format!("write to {}? [y/N]", model.display()))? {
+        dialogue.say("not written; the readings are kept")?;
+        return Ok(ExitCode::FAILURE);
+    }
+    let date: String = krait_record::utc_text(clock::wall_ns()).chars().take(10).collect();
+    let from = files.csv.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    let text = written(text_of(model)?.as_deref(), found, &from, &date)?;
+    let beside = model.with_extension("toml.new");
+    std::fs::write(&beside, text)
+        .and_then(|()| std::fs::File::open(&beside)?.sync_all())
+        .and_then(|()| std::fs::rename(&beside, model))
+        .with_context(|| format!("the model file {} could not be written", model.display()))?;
+    dialogue.say(&format!("written to {}", model.display()))?;
+    Ok(ExitCode::SUCCESS)
+}

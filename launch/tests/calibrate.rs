@@ -1,0 +1,85 @@
+//! `krait calibrate`: the paper's Table II typed into the dialogue gives a model file, and what is missing is said.
+
+#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+fn folder(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("calibrate-{name}-{}", std::process::id()));
+    if folder.exists() {
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
+    std::fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
+fn calibrate(folder: &Path, arguments: &[&str], typed: &str) -> Output {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_krait"))
+        .arg("calibrate")
+        .args(arguments)
+        .current_dir(folder)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // A command that refuses at once does not read its input.
+    let _refused = child.stdin.take().unwrap().write_all(typed.as_bytes());
+    child.wait_with_output().unwrap()
+}
+
+const TABLE_II: [(u32, u32); 10] = [
+    (0, 255),
+    (100, 420),
+    (200, 525),
+    (300, 630),
+    (400, 750),
+    (500, 850),
+    (700, 1150),
+    (1000, 1500),
+    (1500, 2150),
+    (1800, 2600),
+];
+
+#[test]
+fn table_ii_becomes_a_model_file() {
+    let folder = folder("table-ii");
+    let mut typed: String = TABLE_II.iter().map(|(w, scale)| format!("1\n{w}\nup\n{scale}\n")).collect();
+    typed += "1\n\ny\n";
+    let ended = calibrate(&folder, &["friction", "--csv", "friction.csv", "--model", "robot.toml"], &typed);
+    let said = String::from_utf8(ended.stdout).unwrap();
+    assert_eq!(ended.status.code(), Some(0), "{said}");
+    let expected = "mu 0.1727 +- 0.0091, f_s 1.921 +- 0.130 N, correlation -0.83, chi2 11.7/8";
+    assert!(said.contains(expected), "{said}");
+    let text = std::fs::read_to_string(folder.join("robot.toml")).unwrap();
+    let file = krait_model::model_file::ModelFile::parse(&text).unwrap();
+    let names: Vec<&str> = file.effects().iter().map(|e| e.setting().kind().name()).collect();
+    assert_eq!(names, ["static-friction", "cone-friction"], "the order of the chain");
+    let origin = file.effects()[1].origin("mu").unwrap();
+    assert_eq!(origin.from.as_deref(), Some("friction.csv"));
+    assert!(origin.date.as_deref().is_some_and(|day| day.len() == 10), "{origin:?}");
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn poses_without_friction_say_what_comes_first() {
+    let folder = folder("order");
+    let ended = calibrate(&folder, &["poses", "--csv", "poses.csv", "--model", "none.toml"], "");
+    let sentence = String::from_utf8(ended.stderr).unwrap();
+    assert_eq!(ended.status.code(), Some(2), "{sentence}");
+    assert!(sentence.contains("krait calibrate friction") && sentence.lines().count() == 1, "{sentence}");
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn nothing_is_written_without_a_yes() {
+    let folder = folder("no");
+    let mut typed: String = TABLE_II.iter().map(|(w, scale)| format!("1\n{w}\nup\n{scale}\n")).collect();
+    typed += "1\n\n\n";
+    let ended = calibrate(&folder, &["friction", "--csv", "friction.csv", "--model", "robot.toml"], &typed);
+    assert_eq!(ended.status.code(), Some(1));
+    assert!(!folder.join("robot.toml").exists() && folder.join("friction.csv").exists());
+    std::fs::remove_dir_all(folder).unwrap();
+}
