@@ -115,10 +115,12 @@ impl EstimateCore {
     /// No allocation, no clock; at most 256 stamps are compared.
     pub fn step(&mut self, shape: &Shape) -> ModelUpdate {
         self.newest_shape_ns = Some(shape.sample_ns);
-        let taken = self.encoders_at(shape.sample_ns).map(|encoders| {
+        let is_next = self.paired_ns.is_none_or(|before_ns| shape.sample_ns > before_ns);
+        let seen = shape.valid_bend_rad().filter(|_| is_next).zip(self.encoders_at(shape.sample_ns));
+        let taken = seen.map(|(bend_rad, encoders)| {
             let dt_s = self.paired_ns.map_or(0.0, |before_ns| seconds_between(before_ns, shape.sample_ns));
             self.paired_ns = Some(shape.sample_ns);
-            let taken = self.learner.take(Vector2::from(shape.bend_rad), &encoders.sight, dt_s.max(0.0));
+            let taken = self.learner.take(Vector2::from(bend_rad), &encoders.sight, dt_s);
             self.compare(shape, Encoders { stamp_ns: shape.sample_ns, ..encoders });
             taken
         });

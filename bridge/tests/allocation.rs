@@ -12,16 +12,7 @@ use krait_bridge::{CompensateConfig, CompensateCore, EstimateConfig, EstimateCor
 use krait_ipc::message::{ModelUpdate, Setpoint, Shape, SlaveState};
 
 fn shape(sequence: u64, bend_rad: [f64; 2]) -> Shape {
-    Shape {
-        sequence,
-        sample_ns: T0_NS + sequence as i64 * TICK_NS,
-        available_ns: 0,
-        bend_rad,
-        theta_l_rad: 1.5,
-        delta_rad: 0.0,
-        sigma_bend_rad: 0.005,
-        q_tilde_m: [f64::NAN; 3],
-    }
+    Shape::of_bend(sequence, T0_NS + sequence as i64 * TICK_NS, 0, bend_rad).with_sigma(0.005)
 }
 
 #[test]

@@ -127,16 +127,7 @@ fn run(chain: &Chain, truth: &Truth, learns: bool) -> Run {
         snake.write(now_ns, command.q_tilde_m).expect("within the stroke");
         let Some(seen) = seen else { continue };
         n_shapes += 1;
-        let shape = Shape {
-            sequence: n_shapes,
-            sample_ns: seen.exposure_ns,
-            available_ns: now_ns,
-            bend_rad: seen.bend_rad,
-            theta_l_rad: 0.5 * PI - seen.bend_rad[0].hypot(seen.bend_rad[1]),
-            delta_rad: seen.bend_rad[1].atan2(seen.bend_rad[0]),
-            sigma_bend_rad: SIGMA_RAD,
-            q_tilde_m: [f64::NAN; 3],
-        };
+        let shape = Shape::of_bend(n_shapes, seen.exposure_ns, now_ns, seen.bend_rad).with_sigma(SIGMA_RAD);
         let update = estimate.step(&shape);
         if learns {
             compensate.note_update(&update).expect("an update of this model");

@@ -17,6 +17,8 @@ pub enum Process {
     Slave,
     /// Writes every channel to a file.
     Record,
+    /// Publishes the shapes of another program; joins a chain from outside.
+    Shape,
 }
 
 /// What becomes of a live chain when a process ends or falls silent.
@@ -42,7 +44,7 @@ struct Row {
 }
 
 /// In the order of the chain, which is that of the enumeration.
-const TABLE: [Row; 6] = [
+const TABLE: [Row; 7] = [
     Row {
         process: Process::Master,
         name: "master",
@@ -85,12 +87,19 @@ const TABLE: [Row; 6] = [
         when_lost: WhenLost::GoOn,
         loss: "the motion is not affected; nothing more is recorded",
     },
+    Row {
+        process: Process::Shape,
+        name: "shape",
+        core_turn: None,
+        when_lost: WhenLost::GoOn,
+        loss: "the motion goes on with the parameters that were learnt; no shape is measured",
+    },
 ];
 
 impl Process {
-    /// Every process, in the order of the chain.
-    pub const ALL: [Self; 6] =
-        [Self::Master, Self::Resolve, Self::Compensate, Self::Estimate, Self::Slave, Self::Record];
+    /// Every process, in the order of the chain; those that join from outside last.
+    pub const ALL: [Self; 7] =
+        [Self::Master, Self::Resolve, Self::Compensate, Self::Estimate, Self::Slave, Self::Record, Self::Shape];
 
     /// Start order: the recorder first, the operator last, so that everything listens before anything moves.
     pub const START_ORDER: [Self; 6] =
@@ -151,7 +160,9 @@ mod tests {
         for (process, row) in Process::ALL.into_iter().zip(&TABLE) {
             assert_eq!(row.process, process);
             assert_eq!(Process::from_name(process.name()), Some(process));
-            assert!(Process::START_ORDER.contains(&process) && Process::END_ORDER.contains(&process));
+            let is_started = process != Process::Shape;
+            assert_eq!(Process::START_ORDER.contains(&process), is_started);
+            assert_eq!(Process::END_ORDER.contains(&process), is_started);
         }
         assert_eq!(Process::from_name("launch"), None);
     }

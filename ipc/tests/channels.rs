@@ -11,16 +11,7 @@ fn instance(test: &str) -> String {
 }
 
 fn shape(sequence: u64) -> Shape {
-    Shape {
-        sequence,
-        sample_ns: clock::monotonic_ns(),
-        available_ns: 0,
-        bend_rad: [0.25, -0.5],
-        theta_l_rad: 1.0,
-        delta_rad: 0.5,
-        sigma_bend_rad: 0.005,
-        q_tilde_m: [f64::NAN; 3],
-    }
+    Shape::of_bend(sequence, clock::monotonic_ns(), 0, [0.25, -0.5]).with_sigma(0.005)
 }
 
 #[test]

@@ -11,16 +11,7 @@ use krait_ipc::message::Shape;
 use krait_ipc::{Bus, ReadOptions};
 
 fn shape(sequence: u64) -> Shape {
-    Shape {
-        sequence,
-        sample_ns: 1,
-        available_ns: 2,
-        bend_rad: [0.25, -0.5],
-        theta_l_rad: 1.0,
-        delta_rad: 0.5,
-        sigma_bend_rad: 0.005,
-        q_tilde_m: [0.0; 3],
-    }
+    Shape::of_bend(sequence, 1, 2, [0.25, -0.5])
 }
 
 /// Where /dev/shm is mapped into this process.

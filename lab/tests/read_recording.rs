@@ -35,16 +35,7 @@ fn state(k: i64, flags: u32) -> Sample {
 
 fn shape(k: i64) -> Sample {
     let t = k as f64 * 1e-3;
-    Sample::Shape(Shape {
-        sequence: k as u64 + 1,
-        sample_ns: k * MS,
-        available_ns: k * MS,
-        bend_rad: [0.3 * t.sin(), 0.01 * t],
-        theta_l_rad: 0.0,
-        delta_rad: 0.0,
-        sigma_bend_rad: 0.005,
-        q_tilde_m: [f64::NAN; 3],
-    })
+    Sample::Shape(Shape::of_bend(k as u64 + 1, k * MS, k * MS, [0.3 * t.sin(), 0.01 * t]).with_sigma(0.005))
 }
 
 /// A recording of 4 s at 1 kHz with 50 shapes a second; the drives lose their zero for a moment after 2 s.

@@ -97,6 +97,14 @@ pub enum Verb {
         after_help = "Examples:\n  krait console\n  krait console --instance left-arm --port 8080\n\nOpen the address that it prints. It listens on this machine only; from elsewhere an SSH tunnel of its port is the way."
     )]
     Console(ConsoleArgs),
+    /// Publishes measured shapes of another program, which come line by line on standard input (docs/shapes.md).
+    ///
+    /// The chain must leave the channel to it: `krait run --shape external`. What is stale, late, out of order, missing,
+    /// outlying or malformed is counted and named; motion is not affected.
+    #[command(
+        after_help = "Examples:\n  my-vision-program | krait shape\n  my-vision-program | krait shape --instance left-arm --json"
+    )]
+    Shape(ShapeArgs),
     /// Sets a mark in the recording of a chain that runs: a word about this instant.
     #[command(after_help = "Examples:\n  krait mark vessel touched\n  krait mark \"2nd try\" --instance left-arm")]
     Mark(MarkArgs),
@@ -191,6 +199,9 @@ pub struct RunArgs {
     /// Truth of the simulated snake (TOML).
     #[arg(long, value_name = "FILE")]
     pub truth: Option<PathBuf>,
+    /// Who measures the shape: the drive's own camera, or another program through `krait shape`.
+    #[arg(long, value_enum, value_name = "WHO")]
+    pub shape: Option<ShapeKind>,
     /// The built-in model to run with (`krait model show NAME`).
     #[arg(long, value_enum, value_name = "NAME", conflicts_with = "model")]
     pub compensation: Option<Compensation>,
@@ -251,6 +262,15 @@ impl EngageKind {
             Self::Again => "again",
         }
     }
+}
+
+/// Who measures the shape.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ShapeKind {
+    /// The drive's own camera, where it has one.
+    Camera,
+    /// Another program, through `krait shape`.
+    External,
 }
 
 /// The drives.
@@ -388,6 +408,14 @@ pub enum Ask {
     Unhome,
     /// FAULT to DISABLED, once the drives answer again.
     ClearFault,
+}
+
+/// Options of `krait shape`.
+#[derive(Clone, Debug, Args)]
+pub struct ShapeArgs {
+    /// Print what became of the lines as JSON on standard output at the end.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// Options of `krait mark`.

@@ -7,6 +7,7 @@ use krait_bridge::{CompensateConfig, EstimateConfig, ResolveConfig};
 use krait_ipc::{Realtime, input};
 use krait_master::MasterConfig;
 use krait_record::RecordConfig;
+use krait_shape::GateConfig;
 use krait_slave::SlaveConfig;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -35,6 +36,8 @@ pub struct Config {
     pub estimate: EstimateConfig,
     /// The drives.
     pub slave: SlaveConfig,
+    /// Shapes of another program.
+    pub shape: GateConfig,
     /// The recording.
     pub record: RecordConfig,
     /// What a sample may take.
@@ -109,6 +112,7 @@ impl Config {
         self.compensate.check()?;
         self.estimate.check()?;
         self.slave.check()?;
+        self.shape.check()?;
         self.record.validate()?;
         self.realtime.check()?;
         self.budget.check()?;

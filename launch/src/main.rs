@@ -48,6 +48,7 @@ fn main() -> ExitCode {
         Verb::Verify(args) => commands::verify::run(&cli.common, &args),
         Verb::State(args) => commands::state::run(&cli.common, &args),
         Verb::Stop => commands::stop::run(&cli.common),
+        Verb::Shape(args) => commands::shape::run(&cli.common, &args),
         Verb::Mark(args) => commands::mark::run(&cli.common, &args),
         Verb::Recover(args) => commands::recover::run(&args),
         Verb::Export(args) => commands::export::run(&args),

@@ -9,6 +9,7 @@ use krait_ipc::Process;
 use krait_model::Snake;
 use krait_record::Recording;
 use krait_replay::{Beginning, InputChoice, InputTrack, Program, ReplayError, Score, Trajectory, TrajectoryLimits};
+use krait_slave::ShapeSource;
 use std::path::{Path, absolute};
 
 /// Where a trajectory's own time begins, ns: after zero, so that nothing comes out negative.
@@ -50,6 +51,8 @@ impl Setup {
         let beginning = Beginning::read(&choice).with_context(named)?;
         let mut config = recorded::config_of(&recording, folder).with_context(named)?;
         config = recorded::config_of_pass(&recording, &config, beginning.model, folder).with_context(named)?;
+        // The simulated snake of a replay is another than the one that was measured, so its own camera looks at it.
+        config.slave.shape = ShapeSource::Camera;
         let config = replaced(common, args, config)?;
         let score = Score::Inputs(InputTrack::new(choice));
         Self::new(config, score, beginning.start_bend_rad, beginning.first.sample_ns, args.loops)

@@ -110,7 +110,7 @@ impl Cast {
     /// Every process of a live chain, on the machine's clock.
     pub fn live() -> Self {
         Self {
-            processes: Process::ALL.into_iter().filter(|process| *process != Process::Record).collect(),
+            processes: Process::START_ORDER.into_iter().filter(|process| *process != Process::Record).collect(),
             recorded_time_ns: None,
             comes_back: false,
         }

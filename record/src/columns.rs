@@ -168,10 +168,9 @@ impl Builder {
     }
 
     fn shape(&mut self, shape: &Shape) {
-        if shape.bend_rad.iter().all(|b| b.is_finite()) {
-            self.shapes.push((shape.sample_ns, shape.bend_rad, shape.sigma_bend_rad));
-        } else {
-            self.columns.n_shapes_left_out += 1;
+        match shape.valid_bend_rad() {
+            Some(bend_rad) => self.shapes.push((shape.sample_ns, bend_rad, shape.sigma_bend_rad())),
+            None => self.columns.n_shapes_left_out += 1,
         }
     }
 }

@@ -73,10 +73,7 @@ impl Views {
     }
 
     fn shape(&self, shape: &Shape, stamp: Timestamp, derived: &mut Vec<Derived>) {
-        let bend_rad = Vector2::from(shape.bend_rad);
-        if !bend_rad.iter().all(|b| b.is_finite()) {
-            return;
-        }
+        let Some(bend_rad) = shape.valid_bend_rad().map(Vector2::from) else { return };
         self.tip(View::MeasuredCp, "tip", bend_rad, stamp, derived);
         derived.push((View::Scene, scene::measured(&self.snake, bend_rad, stamp).encode_to_vec()));
     }

@@ -5,6 +5,7 @@
 mod common;
 
 use common::{chain, fresh_path, plausible, words_of};
+use krait_ipc::message::{Message, Shape};
 use krait_record::{
     About, Attachment, Missing, ReadError, RecordError, Recorded, Recording, RecordingSink, RecordingWriter,
 };
@@ -231,7 +232,7 @@ fn a_malformed_payload_is_an_error_with_topic_and_number() {
     {
         let mut writer = mcap::WriteOptions::new().profile("krait").create(Cursor::new(&mut bytes)).expect("in memory");
         let schema_id = writer.add_schema("krait.Shape", "protobuf", &[]).expect("schema");
-        let metadata = BTreeMap::from([("krait.payload.version".to_owned(), "1".to_owned())]);
+        let metadata = BTreeMap::from([("krait.payload.version".to_owned(), Shape::VERSION.to_string())]);
         let channel_id = writer.add_channel(schema_id, "/krait/shape", "protobuf", &metadata).expect("channel");
         let header = mcap::records::MessageHeader { channel_id, sequence: 77, log_time: 1, publish_time: 1 };
         writer.write_to_known_channel(&header, &[0xff; 5]).expect("message");

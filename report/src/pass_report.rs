@@ -116,8 +116,8 @@ impl PassLog {
 
     /// Takes a measured shape.
     pub fn shape(&mut self, shape: &Shape) {
-        if shape.bend_rad.iter().all(|b| b.is_finite()) {
-            self.shapes.push((shape.sample_ns, shape.bend_rad));
+        if let Some(bend_rad) = shape.valid_bend_rad() {
+            self.shapes.push((shape.sample_ns, bend_rad));
         }
     }
 

@@ -73,7 +73,9 @@ impl Tracking {
 
     /// Takes a shape, after the setpoints of its instant of exposure.
     pub fn shape(&mut self, shape: &Shape) {
-        self.see((shape.sample_ns, shape.bend_rad));
+        if let Some(bend_rad) = shape.valid_bend_rad() {
+            self.see((shape.sample_ns, bend_rad));
+        }
     }
 
     fn want(&mut self, (sample_ns, bend_rad, is_following): Wanted) {

@@ -187,6 +187,7 @@ const HEALTH_TOPICS: [&str; Process::ALL.len()] = [
     "/krait/health/estimate",
     "/krait/health/slave",
     "/krait/health/record",
+    "/krait/health/shape",
 ];
 
 impl Channel {

@@ -7,9 +7,9 @@ use crate::SimulatedSnake;
 use crate::process::{SimError, simulated};
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
-use krait_ipc::message::{Command, Shape, SlaveState, StateCommand, Transition};
+use krait_ipc::message::{Command, SlaveState, StateCommand, Transition};
 use krait_ipc::{Bus, HealthReporter, IpcError, Process, ReadOptions, Reader, Writer, clock};
-use krait_slave::{Drive, SlaveConfig, SlaveCore, Stops, shape_message};
+use krait_slave::{Drive, ShapeSource, Shapes, SlaveConfig, SlaveCore, Stops};
 
 /// One tick of the slave's time, ns.
 const TICK_NS: i64 = 1_000_000;
@@ -28,16 +28,16 @@ const MOST_HOMING_TICKS: i64 = 100_000;
 pub fn run_in_recorded_time(bus: &Bus, config: &SlaveConfig, start_ns: i64, stop: &AtomicBool) -> Result<(), SimError> {
     let drive = simulated(config)?;
     let mut slave = Slave {
+        // The simulated snake's own camera, whoever measured when it was recorded: the snake of a replay is another.
+        shapes: Shapes::open(bus, &drive, ShapeSource::Camera)?,
         core: SlaveCore::new(drive, config),
         commands: bus.reader(ReadOptions::waking())?,
         state_commands: bus.reader(ReadOptions::glancing())?,
         stops: Stops::new(bus.stop_switch()?),
         states: bus.writer()?,
-        shapes: bus.writer()?,
         health: HealthReporter::open(bus, Process::Slave)?,
         started_ns: clock::monotonic_ns(),
         now_ns: start_ns,
-        n_shapes: 0,
     };
     slave.health.publish(clock::monotonic_ns())?;
     while !stop.load(Ordering::Relaxed) {
@@ -57,13 +57,12 @@ struct Slave {
     state_commands: Reader<StateCommand>,
     stops: Stops,
     states: Writer<SlaveState>,
-    shapes: Writer<Shape>,
+    shapes: Shapes,
     health: HealthReporter,
     // On the machine's clock, like the state commands.
     started_ns: i64,
     // In the replay's time.
     now_ns: i64,
-    n_shapes: u64,
 }
 
 impl Slave {
@@ -122,8 +121,7 @@ impl Slave {
     /// Publishes what is to be said at this instant: first the shapes, then the state.
     fn tell(&mut self) -> Result<(), IpcError> {
         while let Some(shape) = self.core.drive_mut().shape(self.now_ns) {
-            self.n_shapes += 1;
-            self.shapes.put(&shape_message(self.n_shapes, self.now_ns, &shape))?;
+            self.shapes.put(self.now_ns, &shape)?;
         }
         self.states.put(&self.core.report(self.now_ns))?;
         self.core.findings(self.now_ns).tell(self.health.health_mut());

@@ -201,6 +201,10 @@ impl Drive for SimulatedSnake {
         Ok(())
     }
 
+    fn has_camera(&self) -> bool {
+        true
+    }
+
     fn shape(&mut self, stamp_ns: i64) -> Option<ShapeReading> {
         self.wait(stamp_ns);
         self.observe(stamp_ns);

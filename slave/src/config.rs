@@ -1,6 +1,6 @@
 //! The slave's configuration, checked before anything moves.
 
-use crate::Limits;
+use crate::{Limits, ShapeSource};
 use krait_ipc::{LatencyLimits, WaitMode};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -11,6 +11,9 @@ use std::path::PathBuf;
 pub struct SlaveConfig {
     /// Truth file of the simulated snake; none: the built-in default snake (`sim/truth/default.toml`).
     pub truth: Option<PathBuf>,
+    /// Who measures the shape. Default camera: the drive's own, where it has one; external: another program, which sends
+    /// its shapes through `krait shape`.
+    pub shape: ShapeSource,
     /// How the slave waits for commands. Default ahead: cores are shared, and commands come at a steady rate.
     pub wait: WaitMode,
     /// Whether the first `enable` also begins the search for zero. Default true.
@@ -32,6 +35,7 @@ impl Default for SlaveConfig {
     fn default() -> Self {
         Self {
             truth: None,
+            shape: ShapeSource::Camera,
             wait: WaitMode::Ahead,
             home_on_start: true,
             watchdog_ms: 50.0,

@@ -31,6 +31,11 @@ pub trait Drive {
     /// [`DriveError`] when the drives refuse.
     fn set_power(&mut self, stamp_ns: i64, on: bool) -> Result<(), DriveError>;
 
+    /// Whether this drive has a camera on the snake, whose shapes are then the slave's to publish.
+    fn has_camera(&self) -> bool {
+        false
+    }
+
     /// The next measured shape that has become available, if this drive has a camera on the snake.
     fn shape(&mut self, _stamp_ns: i64) -> Option<ShapeReading> {
         None

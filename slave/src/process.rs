@@ -1,13 +1,13 @@
 //! The slave as a process: a thin loop that takes commands from shared memory, writes the drives first and reports after.
 
 use crate::latency::LatencyWatch;
+use crate::shapes::Shapes;
 use crate::slave_core::GAP_NS;
-use crate::{ConfigError, Drive, ShapeReading, SlaveConfig, SlaveCore, Stops};
-use core::f64::consts::FRAC_PI_2;
+use crate::{ConfigError, Drive, SlaveConfig, SlaveCore, Stops};
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use krait_ipc::clock::monotonic_ns;
-use krait_ipc::message::{Command, OperatingState, Shape, SlaveState, StateCommand, Transition};
+use krait_ipc::message::{Command, OperatingState, SlaveState, StateCommand, Transition};
 use krait_ipc::{Bus, HealthReporter, IpcError, ReadOptions, Reader, Writer};
 
 /// Housekeeping, and reports while no commands come: 1 kHz.
@@ -26,21 +26,14 @@ pub enum SlaveError {
     /// A channel failed.
     #[error(transparent)]
     Ipc(#[from] IpcError),
-}
-
-/// A measured shape as a message.
-pub fn shape_message(sequence: u64, now_ns: i64, shape: &ShapeReading) -> Shape {
-    let [x, y] = shape.bend_rad;
-    Shape {
-        sequence,
-        sample_ns: shape.exposure_ns,
-        available_ns: now_ns,
-        bend_rad: shape.bend_rad,
-        theta_l_rad: FRAC_PI_2 - x.hypot(y),
-        delta_rad: y.atan2(x),
-        sigma_bend_rad: shape.sigma_bend_rad,
-        q_tilde_m: shape.q_tilde_m,
-    }
+    /// Another program publishes shapes.
+    #[error(
+        "another program already publishes measured shapes in instance {instance:?}, and the drive's own camera would be the second; use that program's with --shape external, or end it"
+    )]
+    ShapeTaken {
+        /// The instance.
+        instance: String,
+    },
 }
 
 /// Runs the slave on a drive until `stop`: publishes `SlaveState` at 1 kHz or with every command, `Shape` at the rate of the
@@ -70,10 +63,9 @@ struct Process<D> {
     state_commands: Reader<StateCommand>,
     stops: Stops,
     states: Writer<SlaveState>,
-    shapes: Writer<Shape>,
+    shapes: Shapes,
     health: HealthReporter,
     started_ns: i64,
-    n_shapes: u64,
     n_writers: u64,
     tick_due_ns: i64,
     report_due_ns: i64,
@@ -82,17 +74,16 @@ struct Process<D> {
 }
 
 impl<D: Drive> Process<D> {
-    fn open(bus: &Bus, config: &SlaveConfig, drive: D) -> Result<Self, IpcError> {
+    fn open(bus: &Bus, config: &SlaveConfig, drive: D) -> Result<Self, SlaveError> {
         Ok(Self {
+            shapes: Shapes::open(bus, &drive, config.shape)?,
             core: SlaveCore::new(drive, config),
             commands: bus.reader(ReadOptions::waking().with_mode(config.wait))?,
             state_commands: bus.reader(ReadOptions::glancing())?,
             stops: Stops::new(bus.stop_switch()?),
             states: bus.writer()?,
-            shapes: bus.writer()?,
             health: HealthReporter::open(bus, krait_ipc::Process::Slave)?,
             started_ns: monotonic_ns(),
-            n_shapes: 0,
             n_writers: 0,
             tick_due_ns: 0,
             report_due_ns: 0,
@@ -169,8 +160,8 @@ impl<D: Drive> Process<D> {
             self.report(TICK_NS)?;
         }
         if let Some(shape) = self.core.drive_mut().shape(now_ns) {
-            self.n_shapes += 1;
-            self.shapes.send(&shape_message(self.n_shapes, now_ns, &shape))?;
+            self.shapes.put(now_ns, &shape)?;
+            self.shapes.wake()?;
         }
         self.count();
         self.health.publish_if_due(now_ns)

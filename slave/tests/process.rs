@@ -9,7 +9,7 @@ use krait_ipc::message::{
 };
 use krait_ipc::{Bus, Process, ReadOptions, Reader, Reason, Reasons, Writer, health_channel};
 use krait_sim::{SimError, run};
-use krait_slave::SlaveConfig;
+use krait_slave::{ShapeSource, SlaveConfig};
 use std::thread;
 
 const DIRECTION: [f64; 3] = [-1.0, 0.5, 0.5];
@@ -257,6 +257,20 @@ fn a_polling_slave_answers_too_and_a_stop_in_motion_is_smooth() {
     let end = states.last().unwrap();
     let moved_on_um = (-end.setpoint_q_m[0] - 1e-3) * 1e6;
     assert!(moved_on_um > -20.0 && moved_on_um < 500.0, "{moved_on_um} um");
+}
+
+#[test]
+fn shapes_of_another_program_have_the_channel_to_themselves() {
+    let instance = format!("t-slave-shape-{}", std::process::id());
+    let bus = Bus::open(&instance, "vision").unwrap();
+    let _vision = bus.writer::<Shape>().unwrap();
+    let sentence = run(&bus, &SlaveConfig::default(), &AtomicBool::new(false)).unwrap_err().to_string();
+    assert!(
+        sentence.contains("already publishes measured shapes") && sentence.contains("--shape external"),
+        "{sentence}"
+    );
+    let config = SlaveConfig { shape: ShapeSource::External, ..SlaveConfig::default() };
+    run(&bus, &config, &AtomicBool::new(true)).unwrap();
 }
 
 #[test]

@@ -10,9 +10,10 @@ use std::process::Command;
 /// Nobody holds more than this in the head; tests and generated text may be longer.
 const MOST_LINES: usize = 500;
 /// Endings that say the unit of a float in a message, and words that have none.
-const UNITS: [&str; 18] = [
+const UNITS: [&str; 19] = [
     "_m",
     "_rad",
+    "_rad2",
     "_n",
     "_s",
     "_ns",

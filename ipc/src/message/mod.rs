@@ -29,7 +29,7 @@ pub use marker::{MARKER_TEXT_MAX, Marker, MarkerTextError};
 pub use model_update::{LearningState, LearntValue, MAX_LEARNT, ModelUpdate};
 pub use operator_input::{DeviceState, OperatorInput};
 pub use setpoint::{Phase, Setpoint};
-pub use shape::Shape;
+pub use shape::{MAX_SHAPE_JOINTS, Shape, Validity};
 pub use slave_state::{OperatingState, SlaveState};
 pub use stamps::{HopStamps, LatencyLimits, N_HOPS};
 pub use state_command::{StateCommand, Transition};

@@ -19,6 +19,7 @@ pub mod process;
 pub mod recover;
 pub mod replay;
 pub mod run;
+pub mod shape;
 pub mod state;
 pub mod stop;
 pub mod verify;
@@ -28,7 +29,7 @@ use anyhow::bail;
 use krait_ipc::Bus;
 
 /// Members of an instance that are no part of a chain: a chain may start beside them.
-pub const TOOLS: [&str; 4] = [console::NAME, mark::NAME, state::NAME, stop::NAME];
+pub const TOOLS: [&str; 5] = [console::NAME, mark::NAME, state::NAME, stop::NAME, shape::NAME];
 
 /// Refuses a command that needs a process of a chain where that does not run.
 ///

@@ -1,6 +1,6 @@
 //! `krait run`: the chain until Ctrl-C.
 
-use crate::cli::{Common, MasterKind, RunArgs, SlaveKind};
+use crate::cli::{Common, MasterKind, RunArgs, ShapeKind, SlaveKind};
 use crate::commands::console::Companion;
 use crate::config::Config;
 use crate::evidence::Evidence;
@@ -9,6 +9,7 @@ use crate::supervisor::{Cast, ChainOptions, Supervisor};
 use crate::{device, print, signals};
 use anyhow::bail;
 use krait_ipc::clock;
+use krait_slave::ShapeSource;
 use std::path::absolute;
 use std::process::ExitCode;
 
@@ -100,6 +101,11 @@ fn configure(common: &Common, args: &RunArgs) -> anyhow::Result<Config> {
                 config.slave.truth = Some(absolute(truth)?);
             }
         }
+    }
+    match args.shape {
+        Some(ShapeKind::Camera) => config.slave.shape = ShapeSource::Camera,
+        Some(ShapeKind::External) => config.slave.shape = ShapeSource::External,
+        None => {}
     }
     if let Some(model) = &args.model {
         config.model = Some(absolute(model)?);

@@ -311,6 +311,11 @@ pub enum ChainError {
         /// Why.
         reason: &'static str,
     },
+    /// The joints' matrix G determines no commands.
+    #[error(
+        "the matrix `gain` of the joints has no inverse, or nearly none, so no commands follow from wanted positions; correct it"
+    )]
+    Gain,
     /// Two effects together leave no lines to bend the snake with.
     #[error("the lines' displacements do not determine the bend with these geometric effects; correct unequal-lines")]
     Geometry,

@@ -4,7 +4,7 @@ use super::{JointEffect, MAX_JOINTS, N_STATES, Now, hysteresis, position, rate};
 use crate::chain::DelayLine;
 use crate::effects::formula::Formula;
 use crate::effects::formula_variables::joint_values;
-use crate::effects::{EffectKind, Hook, MAX_PARAMETERS};
+use crate::effects::{Definition, EffectKind, Hook, MAX_PARAMETERS};
 use crate::model_file::Joints;
 use crate::{ChainError, Circumstances, Columns, EffectSetting};
 
@@ -90,6 +90,50 @@ impl JointChain {
             parts: JointParts::default(),
             chain: self.clone(),
         }
+    }
+}
+
+/// What the inverse needs to know.
+impl JointChain {
+    pub(super) fn n(&self) -> usize {
+        self.joints.n
+    }
+
+    pub(super) fn gain(&self, i: usize, k: usize) -> f64 {
+        self.joints.gain[i][k]
+    }
+
+    /// The definitions of the effects; formulas, which are added behind G, have none.
+    pub(super) fn definitions(&self) -> impl Iterator<Item = &'static Definition> {
+        self.stages.iter().filter_map(|stage| match &stage.what {
+            What::Effect(kind) => Some(kind.definition()),
+            What::Formula(_) => None,
+        })
+    }
+}
+
+/// What the inverse needs to know.
+impl JointPredictor {
+    pub(super) fn n(&self) -> usize {
+        self.chain.joints.n
+    }
+
+    /// What the transmission made of the last commands, in units of u.
+    pub(super) fn x(&self, joint: usize) -> f64 {
+        self.parts.passed[joint] + self.parts.added[joint]
+    }
+
+    /// What the measured position of the last step has besides G of that, in units of y.
+    pub(super) fn beside(&self, i: usize) -> f64 {
+        self.chain.joints.offset[i] + self.parts.behind[i]
+    }
+
+    /// Takes over what another predictor of the same chain remembers. Allocates nothing; delays are not taken over, because
+    /// no chain with a latency has an inverse.
+    pub(super) fn remember_as(&mut self, other: &Self) {
+        self.states.copy_from_slice(&other.states);
+        (self.first_s, self.last_s) = (other.first_s, other.last_s);
+        (self.u, self.y, self.motion, self.parts) = (other.u, other.y, other.motion, other.parts);
     }
 }
 

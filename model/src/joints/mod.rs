@@ -11,12 +11,14 @@
 mod chain;
 mod effect;
 mod hysteresis;
+mod inverse;
 mod position;
 mod rate;
 
 pub use chain::{JointChain, JointParts, JointPredictor};
 pub use effect::JointEffect;
 pub use hysteresis::{REACHES, load_play};
+pub use inverse::{JointCommand, JointCompensator, JointInverseSettings};
 pub use rate::second_order_step;
 
 /// Play of half-width r: p follows x at a distance of at most r.

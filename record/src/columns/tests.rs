@@ -26,16 +26,7 @@ fn state(sequence: u64, sample_ns: i64, flags: u32) -> Sample {
 }
 
 fn shape(sample_ns: i64, bend_x_rad: f64) -> Sample {
-    Sample::Shape(Shape {
-        sequence: 1,
-        sample_ns,
-        available_ns: sample_ns + 40 * MS,
-        bend_rad: [bend_x_rad, 0.25],
-        theta_l_rad: 0.0,
-        delta_rad: 0.0,
-        sigma_bend_rad: 0.007,
-        q_tilde_m: [f64::NAN; 3],
-    })
+    Sample::Shape(Shape::of_bend(1, sample_ns, sample_ns + 40 * MS, [bend_x_rad, 0.25]).with_sigma(0.007))
 }
 
 fn columns(samples: &[Sample]) -> Columns {

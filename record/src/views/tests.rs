@@ -14,16 +14,7 @@ fn views() -> Views {
 }
 
 fn shape(sample_ns: i64, bend_rad: [f64; 2]) -> Sample {
-    Sample::Shape(Shape {
-        sequence: 1,
-        sample_ns,
-        available_ns: sample_ns,
-        bend_rad,
-        theta_l_rad: 0.0,
-        delta_rad: 0.0,
-        sigma_bend_rad: 0.005,
-        q_tilde_m: [0.0; 3],
-    })
+    Sample::Shape(Shape::of_bend(1, sample_ns, sample_ns, bend_rad).with_sigma(0.005))
 }
 
 fn state(sample_ns: i64, operating_state: u32) -> Sample {

@@ -85,7 +85,10 @@ fields! {
         state_command_sequence, setpoint_ns, setpoint_q_m, setpoint_bend_rad, measured_q_m, measured_tau_n, reasons, n_commands, n_refused
     }
     StateCommand { sequence, sample_ns, transition, sender_pid }
-    Shape { sequence, sample_ns, available_ns, bend_rad, theta_l_rad, delta_rad, sigma_bend_rad, q_tilde_m }
+    Shape {
+        sequence, sample_ns, available_ns, bend_rad, theta_l_rad, delta_rad, bend_covariance_rad2, q_tilde_m,
+        joints_rad, joint_variances_rad2, n_joints, validity
+    }
     ModelUpdate {
         sequence, sample_ns, shape_sequence, state_sequence, n_states, model_hash, innovation_rms_rad, n_used,
         n_left_out, n_changes, changed_ns, change_kind, is_watching, n_learnt, reserved, learnt
@@ -184,7 +187,7 @@ pub fn plausible(channel: Channel, sequence: u64, sample_ns: i64) -> Sample {
         }
         Sample::StateCommand(command) => (command.transition, command.sender_pid) = (4, 4711),
         Sample::Shape(shape) => {
-            (shape.available_ns, shape.q_tilde_m) = (sample_ns.saturating_add(40_000_000), [f64::NAN; 3])
+            *shape = Shape::of_bend(sequence, sample_ns, sample_ns.saturating_add(40_000_000), shape.bend_rad);
         }
         Sample::ModelUpdate(update) => {
             (update.shape_sequence, update.n_used, update.n_left_out) = (sequence, sequence, 2);

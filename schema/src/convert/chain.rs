@@ -1,7 +1,10 @@
 //! Mirrors of the messages that make up the chain. The structs are written out in full on both sides, so that a field that
 //! is added and forgotten here does not compile.
 
-use super::{Mirrored, bend, from_bend, from_lines, from_vector3, lines, vector3};
+use super::{
+    Mirrored, bend, covariance, from_bend, from_covariance, from_joints, from_lines, from_vector3, joints, lines,
+    vector3,
+};
 use crate::proto;
 use krait_ipc::message::{
     Command, HopStamps, LearntValue, MAX_LEARNT, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState, StateCommand,
@@ -216,8 +219,12 @@ impl Mirrored for Shape {
             bend_rad: bend(self.bend_rad),
             theta_l_rad: self.theta_l_rad,
             delta_rad: self.delta_rad,
-            sigma_bend_rad: self.sigma_bend_rad,
+            bend_covariance_rad2: covariance(self.bend_covariance_rad2),
             q_tilde_m: lines(self.q_tilde_m),
+            joints_rad: joints(self.joints_rad),
+            joint_variances_rad2: joints(self.joint_variances_rad2),
+            n_joints: self.n_joints,
+            validity: self.validity.cast_signed(),
         }
     }
 
@@ -229,8 +236,12 @@ impl Mirrored for Shape {
             bend_rad: from_bend(mirror.bend_rad),
             theta_l_rad: mirror.theta_l_rad,
             delta_rad: mirror.delta_rad,
-            sigma_bend_rad: mirror.sigma_bend_rad,
+            bend_covariance_rad2: from_covariance(mirror.bend_covariance_rad2),
             q_tilde_m: from_lines(mirror.q_tilde_m),
+            joints_rad: from_joints(mirror.joints_rad),
+            joint_variances_rad2: from_joints(mirror.joint_variances_rad2),
+            n_joints: mirror.n_joints,
+            validity: mirror.validity.cast_unsigned(),
         })
     }
 }

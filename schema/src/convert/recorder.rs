@@ -49,6 +49,7 @@ fields! {
     health_estimate: Channel::Health(Process::Estimate);
     health_slave: Channel::Health(Process::Slave);
     health_record: Channel::Health(Process::Record);
+    health_shape: Channel::Health(Process::Shape);
     marker: Channel::Marker;
     marker_device: Channel::DeviceMarker;
 }
