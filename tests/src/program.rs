@@ -18,7 +18,8 @@ pub fn krait_program() -> &'static Path {
         let folder =
             test_program.parent().and_then(Path::parent).expect("a test program lies in target/<profile>/deps");
         let mut build = Command::new(env!("CARGO"));
-        build.args(["build", "--quiet", "--package", "krait-launch", "--manifest-path"]);
+        // With the workspace's test features, so that what `cargo test --workspace` has built is not built again.
+        build.args(["build", "--quiet", "--workspace", "--bin", "krait", "--test", "tidy", "--manifest-path"]);
         build.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("../Cargo.toml"));
         build.arg("--target-dir").arg(folder.parent().expect("target"));
         if folder.ends_with("release") {

@@ -113,18 +113,8 @@ fn is_closed(live: &mut krait_tests::Live) -> bool {
 fn a_hundred_stalled_connections_cost_the_chain_no_sample_and_the_page_no_freshness() {
     let (instance, folder) = (instance_name("stalled"), TempFolder::new("stalled"));
     let recording = folder.file("run.mcap");
-    let arguments = [
-        "run",
-        "--engage=again",
-        "--instance",
-        &instance,
-        "--console",
-        "--seconds",
-        "8",
-        "--recording",
-        &recording,
-        "--json",
-    ];
+    let arguments =
+        ["run", "--engage=again", "--instance", &instance, "--console", "--seconds", "8", "--recording", &recording];
     let mut krait = Krait::start(&arguments);
     let console = Console::of(&mut krait);
     // Pages that never read, connections that say half of what they want, and such that say nothing.
