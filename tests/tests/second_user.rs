@@ -66,7 +66,9 @@ fn every_file_of_a_chain_and_its_recording_is_its_users_alone() {
     let (instance, folder) = (instance_name("modes"), TempFolder::new("modes"));
     let recording = folder.file("run.mcap");
     let krait = Krait::start(&["run", "--engage=again", "--instance", &instance, "--recording", &recording]);
-    assert!(wait_until(PATIENCE, || processes_of(&instance).len() == 7), "the chain runs");
+    // The recording grows only after the start, in which a Ctrl-C means that nothing has run.
+    let runs = || processes_of(&instance).len() == 7 && fs::metadata(&recording).is_ok_and(|file| file.len() > 200_000);
+    assert!(wait_until(PATIENCE, runs), "the chain runs");
     let files = resources_of(&InstanceName::new(&instance).expect("a name"));
     let mode = |path: &Path| fs::metadata(path).expect("there").permissions().mode() & 0o777;
     assert_eq!(mode(ground()), 0o700, "nobody else enters {}", ground().display());
