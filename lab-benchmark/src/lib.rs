@@ -5,3 +5,4 @@
 
 pub mod benchmark;
 pub mod generate;
+pub mod joints;

@@ -29,6 +29,9 @@ pub struct GenerateArgs {
     /// Rows per second, Hz.
     #[arg(long, default_value_t = 50.0, value_name = "HZ")]
     pub rate: f64,
+    /// The camera sees every so many rows; the rows between hold encoders alone.
+    #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1000))]
+    pub every: u16,
     /// Everything that is drawn follows from it; without it, from the clock, and the answer tells it.
     #[arg(long)]
     pub seed: Option<u64>,
@@ -55,13 +58,25 @@ pub struct GenerateArgs {
     pub json: bool,
 }
 
+/// A machine of the benchmark.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Machine {
+    /// The simulated snake.
+    Snake,
+    /// Two simulated joints.
+    Joints,
+}
+
 /// Options of `krait lab benchmark`.
 #[derive(Clone, Debug, Args)]
 pub struct BenchmarkArgs {
     /// Where results.jsonl and report.html go; results that are there already are kept and not computed again.
     #[arg(long, value_name = "DIR", default_value = "benchmark")]
     pub out: PathBuf,
-    /// Rounds of the grid, 132 sets of data each.
+    /// Whose data: the simulated snake's, or two simulated joints'.
+    #[arg(long, value_enum, default_value_t = Machine::Snake)]
+    pub machine: Machine,
+    /// Rounds of the grid, some hundred sets of data each.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1000))]
     pub rounds: u16,
     /// Everything that is drawn follows from it.

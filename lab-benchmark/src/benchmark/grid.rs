@@ -1,6 +1,7 @@
 //! The grid of a benchmark: every kind, several sizes, noises and motions, each cell a recipe that follows from one seed.
 
-use crate::generate::{KINDS, Kind, Motion, Noise, Recipe, pick};
+use crate::generate::{KINDS, Kind, Motion, Noise, Recipe, pick, several};
+use crate::joints::{JOINT_KINDS, JointKind, JointRecipe, pick_joints};
 
 /// What a cell asks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,13 +14,18 @@ pub enum Group {
     Pair,
     /// An effect that no known one explains: is one claimed?
     Outside,
+    /// Three to five known effects: are these named, and no other?
+    Several,
+    /// A known effect beside one that no known one explains: is it named, and is it said that a rest remains?
+    Beside,
     /// A one-way ramp, which tells nearly nothing: is the truth among the look-alikes?
     Poor,
 }
 
 impl Group {
     /// Every group.
-    pub const ALL: [Self; 5] = [Self::None, Self::Single, Self::Pair, Self::Outside, Self::Poor];
+    pub const ALL: [Self; 7] =
+        [Self::None, Self::Single, Self::Pair, Self::Outside, Self::Poor, Self::Several, Self::Beside];
 
     /// Its word.
     pub fn word(self) -> &'static str {
@@ -28,6 +34,8 @@ impl Group {
             Self::Single => "single",
             Self::Pair => "pair",
             Self::Outside => "outside",
+            Self::Several => "several",
+            Self::Beside => "beside",
             Self::Poor => "poor",
         }
     }
@@ -41,7 +49,26 @@ pub struct Cell {
     /// What it asks.
     pub group: Group,
     /// How its data are made.
-    pub recipe: Recipe,
+    pub task: Task,
+}
+
+/// How a cell's data are made.
+#[derive(Clone, Debug)]
+pub enum Task {
+    /// Of a snake.
+    Snake(Recipe),
+    /// Of two joints.
+    Joints(JointRecipe),
+}
+
+impl Task {
+    /// Everything that is drawn follows from it.
+    pub fn seed(&self) -> u64 {
+        match self {
+            Self::Snake(recipe) => recipe.seed,
+            Self::Joints(recipe) => recipe.seed,
+        }
+    }
 }
 
 /// Sizes of single effects, in units of the noise's length.
@@ -58,6 +85,8 @@ const NOISES: [Noise; 8] = [
 ];
 /// Pairs in each round.
 const N_PAIRS: usize = 16;
+/// Of a snake, longer lists, and known ones beside unknown ones.
+const N_SEVERAL: usize = 6;
 /// Kinds under a one-way ramp.
 const POOR: [&str; 4] = ["backlash", "cone", "delay", "encoder-zero"];
 
@@ -69,7 +98,7 @@ pub fn grid(seed: u64, n_rounds: usize, seconds: f64) -> Vec<Cell> {
         let mut add = |group: Group, hidden: Vec<(&'static Kind, f64)>, motion: Motion, noise: Noise| {
             let own_seed = mixed(seed, round as u64, cells_of_round.len() as u64);
             let recipe = Recipe { hidden, motion, noise, seed: own_seed, seconds, ..Recipe::default() };
-            cells_of_round.push(Cell { id: id(group, &recipe), group, recipe });
+            cells_of_round.push(Cell { id: id(group, &recipe), group, task: Task::Snake(recipe) });
         };
         for (k, noise) in NOISES.into_iter().enumerate() {
             for motion in [Motion::Rich, Motion::Teleop] {
@@ -94,6 +123,16 @@ pub fn grid(seed: u64, n_rounds: usize, seconds: f64) -> Vec<Cell> {
             let hidden = hidden.into_iter().zip(sizes).map(|(kind, size)| (kind, size.min(kind.most_size))).collect();
             add(Group::Pair, hidden, if k % 2 == 0 { Motion::Rich } else { Motion::Teleop }, Noise::White);
         }
+        for k in 0..N_SEVERAL as u64 {
+            let own = |salt: u64, n_known: usize, unknown: bool| {
+                let kinds = several(mixed(seed ^ salt, round as u64, k), n_known, unknown);
+                let sizes = [2.5, 1.5, 2.0, 1.2, 1.8];
+                kinds.into_iter().zip(sizes).map(|(kind, size): (_, f64)| (kind, size.min(kind.most_size))).collect::<Vec<_>>()
+            };
+            let motion = if k % 2 == 0 { Motion::Rich } else { Motion::Teleop };
+            add(Group::Several, own(0x5e7e, 3 + (k % 3) as usize, false), motion, Noise::White);
+            add(Group::Beside, own(0xbe51, 1, true), motion, Noise::White);
+        }
         for kind in POOR.iter().filter_map(|name| Kind::from_name(name)) {
             add(Group::Poor, vec![(kind, 2.0)], Motion::Ramp, Noise::White);
         }
@@ -106,6 +145,48 @@ fn id(group: Group, recipe: &Recipe) -> String {
     let hidden: Vec<String> = recipe.hidden.iter().map(|(kind, size)| format!("{}={size}", kind.name)).collect();
     let noise = recipe.noise.name();
     format!("{}/{}/{}/{noise}/{:016x}", group.word(), hidden.join("+"), recipe.motion.name(), recipe.seed)
+}
+
+/// The cells of `n_rounds` rounds of joints. More rounds only add cells.
+pub fn joint_grid(seed: u64, n_rounds: usize, seconds: f64) -> Vec<Cell> {
+    let mut cells = Vec::new();
+    for round in 0..n_rounds {
+        let mut n = 0;
+        let mut add = |group: Group, hidden: Vec<(&'static JointKind, f64)>, noise: Noise, every: usize| {
+            n += 1;
+            let own_seed = mixed(seed ^ 0x0070_1275, round as u64, n);
+            let recipe =
+                JointRecipe { hidden, is_teleop: n % 2 == 0, noise, every, seed: own_seed, seconds, ..JointRecipe::default() };
+            let names: Vec<String> = recipe.hidden.iter().map(|(kind, size)| format!("{}={size:.2}", kind.name)).collect();
+            let id = format!("joints/{}/{}/{}/{every}/{own_seed:016x}", group.word(), names.join("+"), noise.name());
+            cells.push(Cell { id, group, task: Task::Joints(recipe) });
+        };
+        let size = |k: u64, low: f64, high: f64| low * (high / low).powf((mixed(seed, round as u64, k) % 997) as f64 / 997.0);
+        for noise in NOISES {
+            add(Group::None, Vec::new(), noise, 1);
+            add(Group::None, Vec::new(), noise, 1);
+        }
+        for (k, kind) in JOINT_KINDS.iter().enumerate() {
+            let (group, low, high) = if kind.is_known() { (Group::Single, 1.0, 6.0) } else { (Group::Outside, 1.0, 6.0) };
+            let noise = if (k + round) % 3 == 2 { Noise::Coloured(0.5) } else { Noise::White };
+            add(group, vec![(kind, size(k as u64, low, high))], noise, if k % 4 == 3 { 5 } else { 1 });
+            if !kind.is_known() {
+                add(group, vec![(kind, size(k as u64 + 100, low, high))], noise, 1);
+            }
+        }
+        for k in 0..N_PAIRS as u64 {
+            let picked = |n_known: usize, unknown: bool, salt: u64| {
+                let kinds = pick_joints(mixed(seed ^ salt, round as u64, k), n_known, unknown);
+                let own = |(i, kind): (usize, &'static JointKind)| (kind, size(1000 * salt + 10 * k + i as u64, 1.2, 5.0));
+                kinds.into_iter().enumerate().map(own).collect::<Vec<_>>()
+            };
+            let noise = if k % 4 == 3 { Noise::Coloured(0.2) } else { Noise::White };
+            add(Group::Pair, picked(2, false, 1), noise, 1);
+            add(Group::Several, picked(3 + (k % 3) as usize, false, 2), noise, 1);
+            add(Group::Beside, picked(1, true, 3), noise, 1);
+        }
+    }
+    cells
 }
 
 /// Spreads three numbers over all seeds (the finaliser of SplitMix64).

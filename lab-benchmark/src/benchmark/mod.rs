@@ -12,13 +12,14 @@ mod pictures;
 mod summary;
 
 pub use baseline::Baselines;
-pub use grid::{Cell, Group, grid};
+pub use grid::{Cell, Group, Task, grid, joint_grid};
 pub use outcome::{Outcome, Said};
 pub use page::page;
 pub use summary::{Rate, Summary};
 
 use crate::generate::base_model;
-use krait_lab::machine::SnakeLab;
+use crate::joints::JOINTS_MODEL;
+use krait_lab::machine::{JointsLab, SnakeLab};
 use krait_model::model_file::ModelFile;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -82,13 +83,13 @@ pub fn run(
     let file = Mutex::new(rewritten(options, results, &lines).map_err(failed)?);
     let todo: Vec<&Cell> = cells.iter().filter(|cell| !done.contains(cell.id.as_str())).collect();
     let n_done = Mutex::new(cells.len() - todo.len());
-    let Some(machine) = ModelFile::parse(&base_model()).ok().as_ref().and_then(SnakeLab::new) else {
-        return Ok(Vec::new());
-    };
+    let snake = ModelFile::parse(&base_model()).ok().as_ref().and_then(SnakeLab::new);
+    let joints = ModelFile::parse(JOINTS_MODEL).ok().as_ref().and_then(JointsLab::new);
+    let (Some(snake), Some(joints)) = (snake, joints) else { return Ok(Vec::new()) };
     let finished: Result<Vec<Outcome>, io::Error> = todo
         .par_iter()
         .map(|cell| {
-            let outcome = Outcome::of(cell, &machine, options.with_baselines);
+            let outcome = Outcome::of(cell, &snake, &joints, options.with_baselines);
             append(&file, &outcome)?;
             if let Ok(mut n) = n_done.lock() {
                 *n += 1;

@@ -1,10 +1,11 @@
 //! What came of one cell: the diagnosis beside the truth, as one line of the results.
 
 use super::baseline::{self, Baselines};
-use super::{Cell, Group};
+use super::{Cell, Group, Task};
 use crate::generate::{Answer, generate};
+use crate::joints::joints;
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, FoundEffect, Verdict, diagnose};
-use krait_lab::machine::Machine;
+use krait_lab::machine::{JointsLab, Machine, SnakeLab};
 use serde::{Deserialize, Serialize};
 
 /// One finished cell.
@@ -22,6 +23,9 @@ pub struct Outcome {
     pub said: Option<Said>,
     /// What the baselines said.
     pub baselines: Option<Baselines>,
+    /// How long the diagnosis took, beside whatever else ran, s.
+    #[serde(default)]
+    pub seconds: f64,
 }
 
 /// A diagnosis in short.
@@ -49,7 +53,7 @@ pub struct Said {
 
 impl Outcome {
     /// Works a cell out.
-    pub fn of(cell: &Cell, machine: &dyn Machine, with_baselines: bool) -> Self {
+    pub fn of(cell: &Cell, snake: &SnakeLab, pair: &JointsLab, with_baselines: bool) -> Self {
         let mut outcome = Self {
             id: cell.id.clone(),
             group: cell.group.word().to_owned(),
@@ -57,21 +61,33 @@ impl Outcome {
             truth: None,
             said: None,
             baselines: None,
+            seconds: 0.0,
         };
-        if let Err(reason) = outcome.fill(cell, machine, with_baselines) {
+        if let Err(reason) = outcome.fill(cell, snake, pair, with_baselines) {
             outcome.refused = Some(reason);
         }
         outcome
     }
 
-    fn fill(&mut self, cell: &Cell, machine: &dyn Machine, with_baselines: bool) -> Result<(), String> {
-        let made = generate(&cell.recipe).map_err(|e| e.to_string())?;
-        let data = &made.measurements;
-        let truth = self.truth.insert(made.answer);
-        let options = DiagnoseOptions { seed: cell.recipe.seed % 1_000_003, ..DiagnoseOptions::default() };
+    fn fill(&mut self, cell: &Cell, snake: &SnakeLab, pair: &JointsLab, with_baselines: bool) -> Result<(), String> {
+        let (machine, data, answer): (&dyn Machine, _, _) = match &cell.task {
+            Task::Snake(recipe) => {
+                let made = generate(recipe).map_err(|e| e.to_string())?;
+                (snake, made.measurements, made.answer)
+            }
+            Task::Joints(recipe) => {
+                let (data, answer) = joints(recipe).ok_or("an effect of this kind cannot be made as large")?;
+                (pair, data, answer)
+            }
+        };
+        let data = &data;
+        let truth = self.truth.insert(answer);
+        let options = DiagnoseOptions { seed: cell.task.seed() % 1_000_003, ..DiagnoseOptions::default() };
+        let begun = std::time::Instant::now();
         let diagnosis = diagnose(machine, data, &options).map_err(|e| e.to_string())?;
+        self.seconds = begun.elapsed().as_secs_f64();
         self.said = Some(said(&diagnosis, truth));
-        if with_baselines {
+        if with_baselines && matches!(cell.task, Task::Snake(_)) {
             let single = truth.right.first().and_then(|names| names.first()).filter(|_| cell.group == Group::Single);
             let asked = baseline::ask(machine, data, single.map(String::as_str));
             self.baselines = Some(asked.map_err(|e| e.to_string())?);
@@ -94,15 +110,40 @@ impl Outcome {
         self.is_right_first(|said| said.named.iter().take(1).chain(&said.best).collect())
     }
 
-    /// Whether effects were claimed, not only found helpful.
+    /// Whether the verdict is that the effects explain everything.
     pub fn is_claimed(&self) -> bool {
-        self.said.as_ref().is_some_and(|said| said.verdict == Verdict::Missing.word())
+        self.is_said(Verdict::Missing)
+    }
+
+    /// Whether effects were asserted, alone or beside a rest; what is shown under other verdicts is a hypothesis.
+    pub fn is_asserted(&self) -> bool {
+        self.is_said(Verdict::Missing) || self.is_said(Verdict::Partly)
+    }
+
+    /// Whether this is the verdict.
+    pub fn is_said(&self, verdict: Verdict) -> bool {
+        self.said.as_ref().is_some_and(|said| said.verdict == verdict.word())
+    }
+
+    /// Names that are asserted and right, names asserted, names that are right: what recall and precision are made of.
+    pub fn hits(&self) -> (usize, usize, usize) {
+        let (Some(truth), Some(said)) = (&self.truth, &self.said) else { return (0, 0, 0) };
+        let known: Vec<&Vec<String>> =
+            truth.right.iter().filter(|names| !matches!(names[0].as_str(), "none" | "unknown")).collect();
+        let named: &[String] = if self.is_asserted() { &said.named } else { &[] };
+        (matched(&known, named), named.len(), known.len())
+    }
+
+    /// Whether a wrong effect is asserted.
+    pub fn asserts_wrongly(&self) -> bool {
+        let (hits, named, _) = self.hits();
+        hits < named
     }
 
     /// Whether the names are those of the truth, each once and no others.
     pub fn is_exact(&self) -> bool {
         let (Some(truth), Some(said)) = (&self.truth, &self.said) else { return false };
-        is_exact(&truth.right, &said.named) && self.is_claimed()
+        is_exact(&truth.right, &said.named) && self.is_asserted()
     }
 
     /// Held-out error in units of the noise that was really added.
@@ -119,12 +160,17 @@ impl Outcome {
 
 /// Whether each truth has a name of its own and no name is left over.
 pub(super) fn is_exact(right: &[Vec<String>], named: &[String]) -> bool {
-    let fits = |order: &[usize]| order.iter().zip(named).all(|(&k, name)| right[k].contains(name));
-    match (right.len(), named.len()) {
-        (1, 1) => fits(&[0]),
-        (2, 2) => fits(&[0, 1]) || fits(&[1, 0]),
-        _ => false,
-    }
+    right.len() == named.len() && matched(&right.iter().collect::<Vec<_>>(), named) == named.len()
+}
+
+/// How many names find a truth of their own, at most.
+fn matched(right: &[&Vec<String>], named: &[String]) -> usize {
+    let Some((first, others)) = named.split_first() else { return 0 };
+    let with = (0..right.len()).filter(|&k| right[k].contains(first)).map(|k| {
+        let rest: Vec<&Vec<String>> = right.iter().enumerate().filter(|(i, _)| *i != k).map(|(_, own)| *own).collect();
+        1 + matched(&rest, others)
+    });
+    with.max().unwrap_or(0).max(matched(right, others))
 }
 
 fn said(diagnosis: &Diagnosis, truth: &Answer) -> Said {

@@ -2,6 +2,7 @@
 
 use super::outcome::is_exact;
 use super::{Group, Outcome};
+use krait_lab::diagnose::Verdict;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -69,6 +70,20 @@ pub struct Summary {
     pub pairs_exact: Rate,
     /// Pairs: first name one of the two.
     pub pairs_first: Rate,
+    /// Single effects: this one asserted and no other.
+    pub single_exact: Rate,
+    /// Three to five effects: all asserted and no other.
+    pub several_exact: Rate,
+    /// Of their effects, those that were asserted.
+    pub several_recall: Rate,
+    /// Of the effects asserted there, those that are right.
+    pub several_precision: Rate,
+    /// A known effect beside an unknown one: the known one asserted, and a rest said to remain.
+    pub beside_right: Rate,
+    /// A known effect beside an unknown one: a wrong one asserted.
+    pub beside_wrong: Rate,
+    /// Effects outside the library of which known ones were asserted, alone or beside a rest.
+    pub outside_asserted: Rate,
     /// Effects outside the library that were claimed to be a known one.
     pub outside_claimed: Rate,
     /// Effects outside the library that were called unknown.
@@ -97,8 +112,8 @@ impl Summary {
         let group = |group: Group| -> Vec<&Outcome> {
             outcomes.iter().filter(|o| o.group == group.word() && o.said.is_some()).collect()
         };
-        let [none, single, pair, outside, poor] = Group::ALL.map(group);
-        let known: Vec<&Outcome> = single.iter().chain(&pair).copied().collect();
+        let [none, single, pair, outside, poor, several, beside] = Group::ALL.map(group);
+        let known: Vec<&Outcome> = single.iter().chain(&pair).chain(&several).copied().collect();
         let claimed: Vec<&Outcome> = known.iter().filter(|o| o.is_claimed()).copied().collect();
         let verdict = |word: &'static str| move |o: &Outcome| o.said.as_ref().is_some_and(|s| s.verdict == word);
         let mut over: Vec<f64> = claimed.iter().filter_map(|o| o.over_floor()).collect();
@@ -106,7 +121,7 @@ impl Summary {
         Self {
             n_cells: outcomes.len(),
             refused: outcomes.iter().filter_map(|o| Some((o.id.clone(), o.refused.clone()?))).collect(),
-            false_alarms: by(&none, |t| t.noise.clone(), Outcome::is_claimed),
+            false_alarms: by(&none, |t| t.noise.clone(), Outcome::is_asserted),
             right_none: Rate::of(&none, verdict("none")),
             top_1: Rate::of(&single, Outcome::is_top_1),
             top_1_by_size: by(&single, size, Outcome::is_top_1),
@@ -118,6 +133,13 @@ impl Summary {
             extras: Rate::of(&single, |o| o.is_claimed() && o.said.as_ref().is_some_and(|s| s.named.len() > 1)),
             pairs_exact: Rate::of(&pair, Outcome::is_exact),
             pairs_first: Rate::of(&pair, one_of_two),
+            single_exact: Rate::of(&single, Outcome::is_exact),
+            several_exact: Rate::of(&several, Outcome::is_exact),
+            several_recall: part(&several, |(hits, _, known)| (hits, known)),
+            several_precision: part(&several, |(hits, named, _)| (hits, named)),
+            beside_right: Rate::of(&beside, |o| o.is_said(Verdict::Partly) && o.hits().0 > 0),
+            beside_wrong: Rate::of(&beside, Outcome::asserts_wrongly),
+            outside_asserted: Rate::of(&outside, Outcome::is_asserted),
             outside_claimed: Rate::of(&outside, Outcome::is_claimed),
             outside_unknown: Rate::of(&outside, verdict("unknown")),
             poor_honest: Rate::of(&poor, |o| !o.is_claimed() || o.is_in_class()),
@@ -130,6 +152,13 @@ impl Summary {
             confusion: confusion(outcomes),
         }
     }
+}
+
+/// A share of counted names over cells.
+fn part(cells: &[&Outcome], of: impl Fn((usize, usize, usize)) -> (usize, usize)) -> Rate {
+    let counts = cells.iter().map(|outcome| of(outcome.hits()));
+    let (n, of) = counts.fold((0, 0), |(n, of), (own, all)| (n + own, of + all));
+    Rate::new(n, of)
 }
 
 fn size(truth: &crate::generate::Answer) -> String {
@@ -198,9 +227,9 @@ fn median_over(cells: &[&Outcome], error: impl Fn(&Outcome) -> Option<f64>) -> f
 
 fn confusion(outcomes: &[Outcome]) -> BTreeMap<String, BTreeMap<String, usize>> {
     let mut confusion: BTreeMap<String, BTreeMap<String, usize>> = BTreeMap::new();
-    for outcome in outcomes.iter().filter(|o| o.group != Group::Pair.word() && o.group != Group::Poor.word()) {
+    for outcome in outcomes.iter().filter(|o| o.group == Group::Single.word() || o.group == Group::Outside.word() || o.group == Group::None.word()) {
         let (Some(truth), Some(said)) = (&outcome.truth, &outcome.said) else { continue };
-        let name = if outcome.is_claimed() { said.named.first().cloned() } else { None };
+        let name = if outcome.is_asserted() { said.named.first().cloned() } else { None };
         let name = name.unwrap_or_else(|| said.verdict.clone());
         *confusion.entry(truth.kind.clone()).or_default().entry(name).or_default() += 1;
     }

@@ -83,7 +83,10 @@ impl Generated {
             text += &((time_s * 1e9).round() / 1e9).to_string();
             for value in data.input(row).iter().chain(data.output(row)) {
                 text.push(',');
-                text += &significant(*value).to_string();
+                // A row that the camera did not see stays empty.
+                if value.is_finite() {
+                    text += &significant(*value).to_string();
+                }
             }
             text.push('\n');
         }

@@ -25,7 +25,7 @@ use krait_lab::{Measurements, Quantity};
 use krait_model::{ChainError, MachineParameters};
 use krait_sim::{EffectsTruth, Truth, TruthError};
 use krait_slave::DriveError;
-use random::{Purpose, Random};
+pub(crate) use random::{Purpose, Random};
 
 /// Rounds of the search for an amplitude; each comes about ten times nearer.
 const ROUNDS: usize = 5;
@@ -49,6 +49,8 @@ pub struct Recipe {
     pub rate_hz: f64,
     /// Everything that is drawn follows from it.
     pub seed: u64,
+    /// The camera measures in every so many rows.
+    pub every: usize,
     /// The plant's dimensions and modulus differ from the base model's by up to this part, 1.
     pub perturbation: f64,
 }
@@ -62,9 +64,17 @@ impl Default for Recipe {
             sigma_rad: 0.3 * core::f64::consts::PI / 180.0,
             seconds: 200.0,
             rate_hz: 50.0,
+            every: 1,
             seed: 0,
             perturbation: 0.0,
         }
+    }
+}
+
+impl Recipe {
+    /// Whether the camera measures in this row.
+    fn sees(&self, row: usize) -> bool {
+        row % self.every.max(1) == self.every.max(1) - 1
     }
 }
 
@@ -135,6 +145,25 @@ pub fn pick(seed: u64, pair: bool) -> Vec<&'static Kind> {
     let others: Vec<&Kind> =
         known.into_iter().filter(|kind| !kind.right.iter().any(|name| first.right.contains(name))).collect();
     vec![first, others[random.below(others.len())]]
+}
+
+/// Picks so many known kinds of which no two look alike, and in front of them, if wanted, one that no known effect explains.
+pub fn several(seed: u64, n_known: usize, with_unknown: bool) -> Vec<&'static Kind> {
+    let mut random = Random::new(seed, Purpose::Kind);
+    let of = |known: bool| -> Vec<&'static Kind> { KINDS.iter().filter(|kind| kind.is_known() == known).collect() };
+    let (known, unknown) = (of(true), of(false));
+    let mut picked = Vec::new();
+    if with_unknown {
+        picked.push(unknown[random.below(unknown.len())]);
+    }
+    while picked.len() < n_known + usize::from(with_unknown) {
+        let next = known[random.below(known.len())];
+        let is_new = picked.iter().all(|own: &&Kind| !own.right.iter().any(|name| next.right.contains(name)));
+        if is_new {
+            picked.push(next);
+        }
+    }
+    picked
 }
 
 /// Makes data.
@@ -243,7 +272,7 @@ fn measurements(recipe: &Recipe, readings_m: &[[f64; 3]], seen_rad: &[[f64; 2]])
         time_s: (0..readings_m.len()).map(|k| k as f64 / recipe.rate_hz).collect(),
         inputs: readings_m.concat(),
         n_inputs: 3,
-        outputs: seen_rad.concat(),
+        outputs: seen_rad.iter().enumerate().flat_map(|(row, seen)| if recipe.sees(row) { *seen } else { [f64::NAN; 2] }).collect(),
         n_outputs: 2,
         trial: vec![0; readings_m.len()],
         loads_n: None,

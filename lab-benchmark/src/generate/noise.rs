@@ -47,7 +47,7 @@ impl Noise {
     }
 
     /// Adds it to shapes, rad.
-    pub(super) fn add_to(self, seen_rad: &mut [[f64; 2]], sigma_rad: f64, period_s: f64, seed: u64) {
+    pub(crate) fn add_to(self, seen_rad: &mut [[f64; 2]], sigma_rad: f64, period_s: f64, seed: u64) {
         let mut random = Random::new(seed, Purpose::Noise);
         let share = 0.5_f64.sqrt();
         let decay = match self {

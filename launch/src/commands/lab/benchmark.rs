@@ -1,16 +1,19 @@
 //! `krait lab benchmark`: the lab on a grid of generated data, with a table, a page and every result as a line.
 
-use crate::cli_lab_data::BenchmarkArgs;
+use crate::cli_lab_data::{BenchmarkArgs, Machine};
 use crate::print;
 use anyhow::Context;
-use krait_lab_benchmark::benchmark::{Options, Outcome, Rate, Summary, grid, page, run as work};
+use krait_lab_benchmark::benchmark::{Options, Outcome, Rate, Summary, grid, joint_grid, page, run as work};
 use krait_report::Table;
 use std::process::ExitCode;
 
 /// Works, prints, writes the page.
 pub fn run(args: &BenchmarkArgs) -> anyhow::Result<ExitCode> {
     let options = Options { seed: args.seed, seconds: args.seconds, with_baselines: !args.no_baselines };
-    let cells = grid(args.seed, usize::from(args.rounds), args.seconds);
+    let cells = match args.machine {
+        Machine::Snake => grid(args.seed, usize::from(args.rounds), args.seconds),
+        Machine::Joints => joint_grid(args.seed, usize::from(args.rounds), args.seconds),
+    };
     let outcomes = work(&options, &cells, &args.out.join("results.jsonl"), progress)?;
     let summary = Summary::new(&outcomes);
     let about = format!(
@@ -51,7 +54,14 @@ fn text(summary: &Summary) -> String {
         ("one effect: claimed and right", summary.claimed_right),
         ("one effect: claimed and wrong", summary.claimed_wrong),
         ("one effect: a second one added", summary.extras),
+        ("one effect: exactly this one", summary.single_exact),
         ("two effects: exactly these", summary.pairs_exact),
+        ("three to five: exactly these", summary.several_exact),
+        ("three to five: recall", summary.several_recall),
+        ("three to five: precision", summary.several_precision),
+        ("known beside unknown: named, and partly", summary.beside_right),
+        ("known beside unknown: a wrong one named", summary.beside_wrong),
+        ("outside the library: an effect asserted", summary.outside_asserted),
         ("outside the library: an effect claimed", summary.outside_claimed),
         ("one-way ramp: honest", summary.poor_honest),
         ("intervals that hold the truth", summary.coverage),

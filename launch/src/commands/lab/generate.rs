@@ -32,6 +32,7 @@ pub fn run(args: &GenerateArgs) -> anyhow::Result<ExitCode> {
         sigma_rad: args.sigma_deg.to_radians(),
         seconds: args.seconds,
         rate_hz: args.rate,
+        every: usize::from(args.every),
         seed,
         perturbation: args.perturb,
     };
