@@ -127,7 +127,11 @@ pub fn grid(seed: u64, n_rounds: usize, seconds: f64) -> Vec<Cell> {
             let own = |salt: u64, n_known: usize, unknown: bool| {
                 let kinds = several(mixed(seed ^ salt, round as u64, k), n_known, unknown);
                 let sizes = [2.5, 1.5, 2.0, 1.2, 1.8];
-                kinds.into_iter().zip(sizes).map(|(kind, size): (_, f64)| (kind, size.min(kind.most_size))).collect::<Vec<_>>()
+                kinds
+                    .into_iter()
+                    .zip(sizes)
+                    .map(|(kind, size): (_, f64)| (kind, size.min(kind.most_size)))
+                    .collect::<Vec<_>>()
             };
             let motion = if k % 2 == 0 { Motion::Rich } else { Motion::Teleop };
             add(Group::Several, own(0x5e7e, 3 + (k % 3) as usize, false), motion, Noise::White);
@@ -155,19 +159,29 @@ pub fn joint_grid(seed: u64, n_rounds: usize, seconds: f64) -> Vec<Cell> {
         let mut add = |group: Group, hidden: Vec<(&'static JointKind, f64)>, noise: Noise, every: usize| {
             n += 1;
             let own_seed = mixed(seed ^ 0x0070_1275, round as u64, n);
-            let recipe =
-                JointRecipe { hidden, is_teleop: n % 2 == 0, noise, every, seed: own_seed, seconds, ..JointRecipe::default() };
-            let names: Vec<String> = recipe.hidden.iter().map(|(kind, size)| format!("{}={size:.2}", kind.name)).collect();
+            let recipe = JointRecipe {
+                hidden,
+                is_teleop: n % 2 == 0,
+                noise,
+                every,
+                seed: own_seed,
+                seconds,
+                ..JointRecipe::default()
+            };
+            let names: Vec<String> =
+                recipe.hidden.iter().map(|(kind, size)| format!("{}={size:.2}", kind.name)).collect();
             let id = format!("joints/{}/{}/{}/{every}/{own_seed:016x}", group.word(), names.join("+"), noise.name());
             cells.push(Cell { id, group, task: Task::Joints(recipe) });
         };
-        let size = |k: u64, low: f64, high: f64| low * (high / low).powf((mixed(seed, round as u64, k) % 997) as f64 / 997.0);
+        let size =
+            |k: u64, low: f64, high: f64| low * (high / low).powf((mixed(seed, round as u64, k) % 997) as f64 / 997.0);
         for noise in NOISES {
             add(Group::None, Vec::new(), noise, 1);
             add(Group::None, Vec::new(), noise, 1);
         }
         for (k, kind) in JOINT_KINDS.iter().enumerate() {
-            let (group, low, high) = if kind.is_known() { (Group::Single, 1.0, 6.0) } else { (Group::Outside, 1.0, 6.0) };
+            let (group, low, high) =
+                if kind.is_known() { (Group::Single, 1.0, 6.0) } else { (Group::Outside, 1.0, 6.0) };
             let noise = if (k + round) % 3 == 2 { Noise::Coloured(0.5) } else { Noise::White };
             add(group, vec![(kind, size(k as u64, low, high))], noise, if k % 4 == 3 { 5 } else { 1 });
             if !kind.is_known() {
@@ -177,7 +191,8 @@ pub fn joint_grid(seed: u64, n_rounds: usize, seconds: f64) -> Vec<Cell> {
         for k in 0..N_PAIRS as u64 {
             let picked = |n_known: usize, unknown: bool, salt: u64| {
                 let kinds = pick_joints(mixed(seed ^ salt, round as u64, k), n_known, unknown);
-                let own = |(i, kind): (usize, &'static JointKind)| (kind, size(1000 * salt + 10 * k + i as u64, 1.2, 5.0));
+                let own =
+                    |(i, kind): (usize, &'static JointKind)| (kind, size(1000 * salt + 10 * k + i as u64, 1.2, 5.0));
                 kinds.into_iter().enumerate().map(own).collect::<Vec<_>>()
             };
             let noise = if k % 4 == 3 { Noise::Coloured(0.2) } else { Noise::White };

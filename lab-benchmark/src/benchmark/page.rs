@@ -35,7 +35,10 @@ fn rates(summary: &Summary) -> String {
         ("Three to five effects: precision".to_owned(), summary.several_precision),
         ("A known beside an unknown one: it is named, and a rest is said to remain".to_owned(), summary.beside_right),
         ("A known beside an unknown one: a wrong one is named".to_owned(), summary.beside_wrong),
-        ("Outside the library: a known effect was asserted, alone or beside a rest".to_owned(), summary.outside_asserted),
+        (
+            "Outside the library: a known effect was asserted, alone or beside a rest".to_owned(),
+            summary.outside_asserted,
+        ),
         ("Two effects: the first name is one of them".to_owned(), summary.pairs_first),
         ("Outside the library: a known effect was claimed".to_owned(), summary.outside_claimed),
         ("Outside the library: called unknown".to_owned(), summary.outside_unknown),

@@ -227,7 +227,9 @@ fn median_over(cells: &[&Outcome], error: impl Fn(&Outcome) -> Option<f64>) -> f
 
 fn confusion(outcomes: &[Outcome]) -> BTreeMap<String, BTreeMap<String, usize>> {
     let mut confusion: BTreeMap<String, BTreeMap<String, usize>> = BTreeMap::new();
-    for outcome in outcomes.iter().filter(|o| o.group == Group::Single.word() || o.group == Group::Outside.word() || o.group == Group::None.word()) {
+    for outcome in outcomes.iter().filter(|o| {
+        o.group == Group::Single.word() || o.group == Group::Outside.word() || o.group == Group::None.word()
+    }) {
         let (Some(truth), Some(said)) = (&outcome.truth, &outcome.said) else { continue };
         let name = if outcome.is_asserted() { said.named.first().cloned() } else { None };
         let name = name.unwrap_or_else(|| said.verdict.clone());

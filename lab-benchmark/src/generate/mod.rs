@@ -272,7 +272,11 @@ fn measurements(recipe: &Recipe, readings_m: &[[f64; 3]], seen_rad: &[[f64; 2]])
         time_s: (0..readings_m.len()).map(|k| k as f64 / recipe.rate_hz).collect(),
         inputs: readings_m.concat(),
         n_inputs: 3,
-        outputs: seen_rad.iter().enumerate().flat_map(|(row, seen)| if recipe.sees(row) { *seen } else { [f64::NAN; 2] }).collect(),
+        outputs: seen_rad
+            .iter()
+            .enumerate()
+            .flat_map(|(row, seen)| if recipe.sees(row) { *seen } else { [f64::NAN; 2] })
+            .collect(),
         n_outputs: 2,
         trial: vec![0; readings_m.len()],
         loads_n: None,

@@ -79,17 +79,13 @@ pub fn joints(recipe: &JointRecipe) -> Option<(Measurements, Answer)> {
     let mut machine = Random::new(recipe.seed, Purpose::Machine);
     let gains = [0, 1].map(|_| machine.sign() * machine.between(0.3, 2.0));
     let offsets = [0, 1].map(|_| machine.normal() * 0.3);
-    let mut noise = vec![[0.0; 2]; n];
-    recipe.noise.add_to(&mut noise, recipe.sigma, period_s, recipe.seed);
-    let mut outputs = Vec::with_capacity(2 * n);
-    for row in 0..n {
-        let seen = [clean[row], other[row]];
-        let is_measured = row % recipe.every == recipe.every - 1;
-        outputs.extend((0..2).map(|k| match is_measured {
-            true => gains[k] * (seen[k] + noise[row][k]) + offsets[k],
-            false => f64::NAN,
-        }));
-    }
+    let mut seen: Vec<[f64; 2]> = clean.iter().zip(&other).map(|(a, b)| [*a, *b]).collect();
+    recipe.noise.add_to(&mut seen, recipe.sigma, period_s, recipe.seed);
+    let is_measured = |row: usize| row % recipe.every == recipe.every - 1;
+    let output = |(row, seen): (usize, &[f64; 2])| {
+        [0, 1].map(|k| if is_measured(row) { gains[k] * seen[k] + offsets[k] } else { f64::NAN })
+    };
+    let outputs: Vec<f64> = seen.iter().enumerate().flat_map(output).collect();
     let deg = 180.0 / core::f64::consts::PI * gains[0].abs();
     let answer = Answer {
         file: String::new(),
@@ -132,7 +128,8 @@ pub fn joints(recipe: &JointRecipe) -> Option<(Measurements, Answer)> {
 pub fn pick_joints(seed: u64, n_known: usize, with_unknown: bool) -> Vec<&'static JointKind> {
     let mut random = Random::new(seed, Purpose::Kind);
     let mut picked: Vec<&'static JointKind> = Vec::new();
-    let of = |known: bool| -> Vec<&'static JointKind> { JOINT_KINDS.iter().filter(|k| k.is_known() == known).collect() };
+    let of =
+        |known: bool| -> Vec<&'static JointKind> { JOINT_KINDS.iter().filter(|k| k.is_known() == known).collect() };
     let (known, unknown) = (of(true), of(false));
     if with_unknown {
         picked.push(unknown[random.below(unknown.len())]);
@@ -154,7 +151,11 @@ fn name(recipe: &JointRecipe) -> String {
 
 fn right(recipe: &JointRecipe) -> Vec<Vec<String>> {
     let of = |names: &[&str]| names.iter().map(|&name| name.to_owned()).collect();
-    if recipe.hidden.is_empty() { vec![of(&["none"])] } else { recipe.hidden.iter().map(|(kind, _)| of(kind.right)).collect() }
+    if recipe.hidden.is_empty() {
+        vec![of(&["none"])]
+    } else {
+        recipe.hidden.iter().map(|(kind, _)| of(kind.right)).collect()
+    }
 }
 
 fn known(recipe: &JointRecipe, plant: &Plant) -> BTreeMap<String, BTreeMap<String, f64>> {
@@ -184,10 +185,8 @@ fn beyond_a_line(command: &[f64], seen: &[f64]) -> f64 {
     let n = command.len() as f64;
     let mean = |values: &[f64]| values.iter().sum::<f64>() / n;
     let (mx, my) = (mean(command), mean(seen));
-    let (xx, xy) = command
-        .iter()
-        .zip(seen)
-        .fold((0.0, 0.0), |(xx, xy), (x, y)| (xx + (x - mx).powi(2), xy + (x - mx) * (y - my)));
+    let (xx, xy) =
+        command.iter().zip(seen).fold((0.0, 0.0), |(xx, xy), (x, y)| (xx + (x - mx).powi(2), xy + (x - mx) * (y - my)));
     let rest = command.iter().zip(seen).map(|(x, y)| (y - my - xy / xx * (x - mx)).powi(2)).sum::<f64>();
     (rest / n).sqrt()
 }

@@ -77,7 +77,8 @@ pub(super) fn diagnosis(answer: Answer) -> Result<Diagnosis, LabError> {
         }
         if stands(own) {
             let in_chain = own.fit.members.iter().zip(&own.values.members);
-            let in_chain = in_chain.filter(|(m, _)| m.kind != Kind::Latency || m.values[0] >= 0.0);
+            let in_chain =
+                in_chain.filter(|(m, _)| !m.kind.is_shape() && (m.kind != Kind::Latency || m.values[0] >= 0.0));
             terms.extend(in_chain.map(|(m, values)| term(name(m.kind, values), own.joint, values)));
         }
     }
@@ -257,6 +258,7 @@ fn look_alikes(kind: Kind) -> &'static [&'static str] {
         Kind::Creep => &["creep"],
         Kind::Periodic => &["periodic-error"],
         Kind::Coupling(_) => &["cross-coupling"],
+        _ => &[],
     }
 }
 

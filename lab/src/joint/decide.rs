@@ -35,6 +35,8 @@ const BEYOND_CHANCE: f64 = 3.0;
 const FEWEST_TIMES: f64 = 15.0;
 /// Effects that explain less than this share are hypotheses.
 const PARTLY: f64 = 0.5;
+/// The same beside a shape that no effect makes: share of what the effects and the shape explain together.
+const BESIDE: f64 = 0.1;
 /// A rest of structure below this level is no chance.
 const LEVEL_OF_REST: f64 = 0.02;
 /// White noise cannot make an error of this ratio of the floor.
@@ -130,7 +132,10 @@ impl Case<'_> {
         let weight = vec![1.0; signal.rows.len()];
         let noise = fast_noise(&signal);
         let loss = Loss { weight: &weight, noise };
-        let candidates = if signal.moves() { candidates(&signal) } else { Vec::new() };
+        let mut candidates = if signal.moves() { candidates(&signal) } else { Vec::new() };
+        if signal.moves() {
+            candidates.extend(Kind::shapes(&signal));
+        }
         let mut search = Search::new(&signal, loss, candidates);
         let best = search.run(Plan { width: WIDTH, depth: self.options.max_effects });
         // The last steps on all rows.
@@ -166,26 +171,40 @@ impl Case<'_> {
         let gained = in_errors(&before.blocks, &after.blocks);
         let overwhelming = after.mean_square < OVERWHELMING * before.mean_square && gained > BEYOND_CHANCE;
         let mut hypotheses = None;
-        if !fit.members.is_empty() && test.p_value > LEVEL && !overwhelming {
+        let no_known = fit.members.iter().all(|m| m.kind.is_shape());
+        let is_chance = if no_known { gained < BEYOND_CHANCE } else { test.p_value > LEVEL && !overwhelming };
+        if !fit.members.is_empty() && is_chance {
             hypotheses = Some(fit);
             (fit, after) = (base.clone(), before.clone());
         }
         let floor = floor(signal, &problem, &fit, after.mean_square.min(before.mean_square).sqrt());
+        let shape = strongest_shape(last, &fit, &blocks, &after);
+        let with_shapes = after.mean_square;
+        if shape.is_some() {
+            let known = last.part(&fit, |kind| !kind.is_shape(), 8);
+            after = held_out(signal, &known, loss, &blocks, 3);
+        }
         let at_floor = |mean_square: f64| {
             floor.sigma.map(|sigma| mean_square.sqrt() <= sigma * (1.04 + 2.0 * floor.relative_error))
         };
-        let (structure, structured) =
-            remaining(&problem, signal, &fit, &floor, at_floor(after.mean_square), self.options.seed);
+        let (mut structure, mut structured) =
+            remaining(&problem, signal, &fit, &floor, at_floor(with_shapes), self.options.seed);
         let share = floor.sigma.and_then(|sigma| {
             let above = before.mean_square - sigma * sigma;
             (above > 0.0 && !fit.members.is_empty())
                 .then(|| ((before.mean_square - after.mean_square) / above).clamp(0.0, 1.0))
         });
-        let explained = share.unwrap_or(1.0 - after.mean_square / before.mean_square);
-        let mut verdict = match (fit.members.is_empty(), structured) {
+        let mut explained = share.unwrap_or(1.0 - after.mean_square / before.mean_square);
+        let n_known = fit.members.iter().filter(|m| !m.kind.is_shape()).count();
+        if let Some((kind, part)) = shape {
+            structured = true;
+            structure.groups.insert(0, GroupShare { name: kind.name(), share: part, p_value: structure.p_value });
+            explained = beside(last, &fit, &blocks, &before, with_shapes);
+        }
+        let mut verdict = match (n_known == 0, structured) {
             (true, false) => Verdict::None,
             (false, false) => Verdict::Missing,
-            (false, true) if explained >= PARTLY => Verdict::Partly,
+            (false, true) if explained >= if shape.is_some() { BESIDE } else { PARTLY } => Verdict::Partly,
             _ => Verdict::Unknown,
         };
         let seconds = scored_time_s(self.data);
@@ -202,7 +221,8 @@ impl Case<'_> {
             after = held_out(signal, &own, loss, &blocks, 3);
             fit = own;
         }
-        let order: Vec<Kind> = order(last, &fit).into_iter().map(|(kind, _)| kind).collect();
+        let order: Vec<Kind> =
+            order(last, &fit).into_iter().map(|(kind, _)| kind).filter(|kind| !kind.is_shape()).collect();
         let steps = steps(last, &fit, &order, &blocks, &before, &after);
         let (classes, probabilities) = classes(search, &fit, &order, self.options.seed);
         let singles = singles(search, &test.of_kind);
@@ -230,6 +250,24 @@ impl Case<'_> {
     fn data_of(&self, signal: &Signal) -> &Measurements {
         if signal.n() == self.data.n_rows() { self.data } else { self.work }
     }
+}
+
+/// The shape in a list that brings most, with its share of the mean square that is left without it.
+fn strongest_shape(search: &Search, fit: &Fit, blocks: &Blocks, after: &HeldOut) -> Option<(Kind, f64)> {
+    let shapes = fit.kinds().into_iter().filter(|kind| kind.is_shape());
+    let share = |kind: Kind| {
+        let without = search.part(fit, |own| own != kind, 6);
+        let held = held_out(search.signal, &without, search.loss, blocks, 3);
+        (kind, 1.0 - after.mean_square / held.mean_square.max(1e-300))
+    };
+    shapes.map(share).max_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+/// What the effects of a list take away beside its shapes, as a share of what both take away.
+fn beside(search: &Search, fit: &Fit, blocks: &Blocks, before: &HeldOut, with_shapes: f64) -> f64 {
+    let shapes = search.part(fit, Kind::is_shape, 8);
+    let held = held_out(search.signal, &shapes, search.loss, blocks, 3);
+    (held.mean_square - with_shapes) / (before.mean_square - with_shapes).max(1e-300)
 }
 
 /// What a joint may have. A gain and an offset that the model holds may be wrong; a curve of two terms is looked for only where

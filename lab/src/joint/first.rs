@@ -24,7 +24,7 @@ pub(super) fn first(search: &Search, problem: &Problem, seed: u64) -> First {
     let run = Run::new(signal, &[]);
     let plain = run.passed_on_rows(signal);
     let mut jobs: Vec<(Kind, Vec<f64>)> = Vec::new();
-    for &kind in &search.candidates {
+    for &kind in search.candidates.iter().filter(|kind| !kind.is_shape()) {
         let every = if kind == Kind::Periodic { EVERY_PERIOD } else { 1 };
         jobs.extend(kind.grid(signal).into_iter().step_by(every).map(|values| (kind, values)));
     }
@@ -56,7 +56,7 @@ pub(super) fn first(search: &Search, problem: &Problem, seed: u64) -> First {
         .collect();
     let (kinds, cells): (Vec<Kind>, Vec<Cell>) = cells.into_iter().unzip();
     let test = sign_flip(&cells, seed);
-    let of_kind = search.candidates.iter().map(|&kind| {
+    let of_kind = search.candidates.iter().filter(|kind| !kind.is_shape()).map(|&kind| {
         let own = kinds.iter().zip(&test.p_of_cell).filter(|(own, _)| **own == kind);
         (kind, own.map(|(_, p)| *p).fold(1.0, f64::min))
     });

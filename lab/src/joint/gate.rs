@@ -29,6 +29,9 @@ const FOLDS: usize = 6;
 const SMALLEST_PART: f64 = 0.05;
 /// ... by more than so many standard errors over blocks.
 const ERRORS: f64 = 1.0;
+/// The same for a shape without a name.
+const SMALLEST_OF_SHAPE: f64 = 0.08;
+const ERRORS_OF_SHAPE: f64 = 1.7;
 /// Trials are blocks from this number on.
 const MANY_TRIALS: usize = 12;
 
@@ -110,18 +113,20 @@ pub(super) fn gate(search: &Search, best: &Fit, blocks: &Blocks) -> (Fit, HeldOu
     let mut own = held_out(signal, &current, search.loss, blocks, 3);
     while !current.members.is_empty() {
         let mut weakest: Option<(f64, Fit, HeldOut)> = None;
-        let parts: Vec<(Fit, HeldOut)> = current
+        let parts: Vec<(Kind, Fit, HeldOut)> = current
             .kinds()
             .par_iter()
             .map(|kind| {
                 let without = search.part(&current, |own| own != *kind, 8);
                 let held = held_out(signal, &without, search.loss, blocks, 3);
-                (without, held)
+                (*kind, without, held)
             })
             .collect();
-        for (without, held) in parts {
+        for (kind, without, held) in parts {
             let part = (held.mean_square - own.mean_square) / held.mean_square.max(1e-300);
-            let stands = in_errors(&held.blocks, &own.blocks) > ERRORS && part > SMALLEST_PART;
+            let (errors, smallest) =
+                if kind.is_shape() { (ERRORS_OF_SHAPE, SMALLEST_OF_SHAPE) } else { (ERRORS, SMALLEST_PART) };
+            let stands = in_errors(&held.blocks, &own.blocks) > errors && part > smallest;
             if !stands && weakest.as_ref().is_none_or(|(least, ..)| part < *least) {
                 weakest = Some((part, without, held));
             }

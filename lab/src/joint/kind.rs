@@ -25,6 +25,15 @@ pub(super) enum Kind {
     WarmUp,
     Scale,
     Offset,
+    // Shapes that no effect of the library makes: what is left may look like one of them.
+    Kink,
+    Drag,
+    Jump,
+    Rhythm,
+    Fading,
+    Product(usize),
+    OtherSquare(usize),
+    OtherPlay(usize),
 }
 
 /// Of one class a list holds at most one member: they explain the same.
@@ -42,6 +51,8 @@ pub(super) enum Class {
     Coupling(usize),
     Proportional,
     Constant,
+    /// Shapes are each of their own class.
+    Shape(Kind),
 }
 
 /// How a nonlinear parameter is searched.
@@ -87,6 +98,9 @@ impl Range {
         self.ends_matter && (near(self.low) || near(self.high))
     }
 }
+
+/// An error with fewer periods in the whole range is a curve.
+const FEWEST_TURNS: f64 = 3.0;
 
 impl Kind {
     /// All that a joint can have.
@@ -136,7 +150,25 @@ impl Kind {
             Self::Offset => Class::Constant,
             Self::Periodic => Class::Periodic,
             Self::Coupling(from) => Class::Coupling(from),
+            own => Class::Shape(own),
         }
+    }
+
+    /// Every shape that a joint's errors can have and no effect of the library makes.
+    pub fn shapes(signal: &Signal) -> Vec<Self> {
+        let mut all = vec![Self::Kink, Self::Drag, Self::Jump, Self::Fading];
+        all.extend(signal.has_rhythms.then_some(Self::Rhythm));
+        for kind in Self::all(signal) {
+            if let Self::Coupling(k) = kind {
+                all.extend([Self::Product(k), Self::OtherSquare(k), Self::OtherPlay(k)]);
+            }
+        }
+        all
+    }
+
+    /// Whether it is a shape without a name in the library.
+    pub fn is_shape(self) -> bool {
+        matches!(self.class(), Class::Shape(_))
     }
 
     /// Its name in answers and model files.
@@ -161,6 +193,14 @@ impl Kind {
             Self::WarmUp => "drift",
             Self::Scale => "scale",
             Self::Offset => "offset",
+            Self::Kink => "the position, with another slope beyond some place",
+            Self::Drag => "speed, by a power of it",
+            Self::Jump => "time, with a jump",
+            Self::Rhythm => "a rhythm in time that the motion does not have",
+            Self::Fading => "time, as a gain that changes",
+            Self::Product(_) => "the product of two joints' positions",
+            Self::OtherSquare(_) => "another joint's position, by its square",
+            Self::OtherPlay(_) => "another joint's motion, with play",
         }
     }
 
@@ -186,7 +226,7 @@ impl Kind {
     /// Amplitudes that are solved for.
     pub fn n_linear(self) -> usize {
         match self {
-            Self::Periodic | Self::Plays | Self::Curve => 2,
+            Self::Periodic | Self::Plays | Self::Curve | Self::Rhythm => 2,
             own if own.carries() => 0,
             _ => 1,
         }
@@ -218,14 +258,31 @@ impl Kind {
             }
             Self::Creep => vec![open(log(1.0_f64.max(20.0 * dt), s.longest_s / 3.0))],
             Self::WarmUp => vec![open(log(s.longest_s / 8.0, s.longest_s * 0.7))],
-            Self::Periodic => vec![open(log((r / 100.0).max(1e-4 * r), 0.6 * r))],
+            Self::Periodic => vec![open(log((r / 100.0).max(1e-4 * r), r / FEWEST_TURNS))],
+            Self::Kink => {
+                let (low, high) = (s.low + 0.08 * r, s.low + 0.92 * r);
+                vec![open(Range { low, high, scale: Coordinates::Linear(0.2 * r), ends_matter: false })]
+            }
+            Self::Drag => vec![log(0.25, 4.0)],
+            Self::Jump => vec![Range { low: 0.03, high: 0.97, scale: Coordinates::Linear(0.1), ends_matter: false }],
+            Self::Rhythm => {
+                let (low, high) = s.rhythms_hz();
+                vec![Range { low, high, scale: Coordinates::Linear(1.0 / s.longest_s), ends_matter: false }]
+            }
+            Self::OtherPlay(k) => {
+                let range = s.range_of(k);
+                vec![log(0.01 * range, 0.4 * range)]
+            }
             Self::Quadratic
             | Self::Cubic
             | Self::Curve
             | Self::LinearDrift
             | Self::Coupling(_)
             | Self::Scale
-            | Self::Offset => Vec::new(),
+            | Self::Offset
+            | Self::Fading
+            | Self::Product(_)
+            | Self::OtherSquare(_) => Vec::new(),
         }
     }
 
@@ -258,7 +315,15 @@ impl Kind {
             }
             Self::Creep => one(steps(0, 6)),
             Self::WarmUp => one(steps(0, 5)),
-            Self::Periodic => one((0..232).map(|k| s.range / (2.0 + 0.25 * f64::from(k))).collect()),
+            Self::Periodic => one((0..228).map(|k| s.range / (FEWEST_TURNS + 0.25 * f64::from(k))).collect()),
+            Self::Kink => one((1..=9).map(|k| s.low + s.range * 0.1 * f64::from(k)).collect()),
+            Self::Drag => one(vec![0.4, 0.6, 1.7, 2.5]),
+            Self::Jump => one((1..48).map(|k| f64::from(k) / 48.0).collect()),
+            Self::Rhythm => {
+                let (low, high) = s.rhythms_hz();
+                one((0..).map(|k| low + 0.5 * f64::from(k) / s.longest_s).take_while(|f| *f < high).collect())
+            }
+            Self::OtherPlay(_) => one(steps(0, 7)),
             _ => vec![Vec::new()],
         }
     }

@@ -2,7 +2,8 @@
 //!
 //! Each joint is fitted by itself. Everything linear (gain, offset, amplitudes) is solved for inside every fit; only nonlinear
 //! parameters are searched, on logarithmic grids with two minima kept (`search`). A list of effects is kept as far as its members
-//! pay on left-out blocks of time (`gate`), and nothing is claimed unless sign flips of blocks say so (`first`).
+//! pay on left-out blocks of time (`gate`); shapes that no effect makes compete with the effects, so that these do not imitate them.
+//! Nothing is claimed unless sign flips of blocks say so (`first`).
 
 mod add;
 mod answer;

@@ -32,6 +32,8 @@ pub(super) struct Search<'a> {
 
 /// Price of a parameter, in units of ln N.
 const PRICE: f64 = 2.0;
+/// What a shape without a name costs more than an effect, in parameters: known effects are likelier.
+const SURCHARGE: f64 = 2.0;
 /// The same for records of few independent rows.
 const PRICE_OF_SHORT: f64 = 3.0;
 const SHORT: f64 = 60.0;
@@ -56,7 +58,9 @@ impl<'a> Search<'a> {
     pub fn score(&self, fit: &Fit) -> f64 {
         let n = self.n_effective;
         let price = if n < SHORT { PRICE_OF_SHORT } else { PRICE };
-        n * (fit.square() / self.signal.rows.len() as f64).max(1e-300).ln() + price * fit.n_parameters() * n.ln()
+        let shapes = fit.members.iter().filter(|m| m.kind.is_shape()).count() as f64;
+        let parameters = fit.n_parameters() + SURCHARGE * shapes;
+        n * (fit.square() / self.signal.rows.len() as f64).max(1e-300).ln() + price * parameters * n.ln()
     }
 
     /// Whether a list can hold one more of this kind.
@@ -172,7 +176,9 @@ impl<'a> Search<'a> {
         let mut picked: Vec<Member> = Vec::new();
         for (_, member) in scored {
             let place = |m: &Member| ranges[0].coordinate(m.values[0]);
-            let far = |other: &Member| kind == Kind::Periodic || (place(other) - place(&member)).abs() > APART;
+            let far = |other: &Member| {
+                matches!(kind, Kind::Periodic | Kind::Rhythm) || (place(other) - place(&member)).abs() > APART
+            };
             if picked.len() < keep && picked.iter().all(far) {
                 picked.push(member);
             }
@@ -184,7 +190,7 @@ impl<'a> Search<'a> {
     pub fn deepen(&self, fit: &Fit) -> Fit {
         let mut best = refine(self.signal, &fit.members, self.loss, 15, 1e-5, true);
         for kind in fit.kinds() {
-            if kind == Kind::Periodic || kind.ranges(self.signal).is_empty() {
+            if matches!(kind, Kind::Periodic | Kind::Rhythm) || kind.ranges(self.signal).is_empty() {
                 continue;
             }
             let rest: Vec<Member> = best.members.iter().filter(|own| own.kind != kind).cloned().collect();
@@ -247,7 +253,8 @@ impl<'a> Search<'a> {
     /// Kinds that may stand in a member's place.
     pub fn others(&self, fit: &Fit, slot: Kind) -> Vec<Kind> {
         let classes: Vec<Class> = fit.members.iter().filter(|m| m.kind != slot).map(|m| m.kind.class()).collect();
-        self.candidates.iter().copied().filter(|own| *own != slot && !classes.contains(&own.class())).collect()
+        let may = |own: &Kind| *own != slot && !own.is_shape() && !classes.contains(&own.class());
+        self.candidates.iter().copied().filter(may).collect()
     }
 }
 

@@ -43,6 +43,8 @@ pub(super) struct Signal {
     pub typical_step_s: f64,
     /// Length of the longest trial, s.
     pub longest_s: f64,
+    /// Whether a rhythm in time could be told from the motion, which then has none itself.
+    pub has_rhythms: bool,
     /// A speed that is rarely exceeded.
     pub fast: f64,
     /// What the model knows of gain and offset.
@@ -116,6 +118,7 @@ impl Signal {
             .map(|row| (inputs[joint][row] - inputs[joint][row - 1]).abs() / step_s[row])
             .collect();
         speeds.sort_by(f64::total_cmp);
+        let has_rhythms = !is_periodic(&inputs[joint], &data.time_s, &trial);
         let at = |sorted: &[f64], part: f64| sorted.get((part * sorted.len() as f64) as usize).copied();
         Ok(Self {
             joint,
@@ -133,6 +136,7 @@ impl Signal {
                 .map(|k| recordings.partition_point(|first| *first <= k).max(1) - 1)
                 .collect(),
             n_recordings: recordings.len().max(1),
+            has_rhythms,
             rows: frames.into_iter().step_by(stride).collect(),
             range: if high > low { high - low } else { 1.0 },
             low,
@@ -153,6 +157,20 @@ impl Signal {
         spread(&mut self.base.iter().copied()) && spread(&mut self.rows.iter().map(|&row| self.measured[row]))
     }
 
+    /// Slowest and fastest rhythm that is looked for, Hz: slower ones are drift; of long records fewer, so that the grid stays small.
+    pub fn rhythms_hz(&self) -> (f64, f64) {
+        let low = f64::max(0.08, 6.0 / self.longest_s);
+        let fastest = 1.2_f64.min(0.2 / self.typical_step_s).min(low + MOST_RHYTHMS / (2.0 * self.longest_s));
+        (low, fastest.max(low * 1.2))
+    }
+
+    /// Range of a joint's command.
+    pub fn range_of(&self, joint: usize) -> f64 {
+        let (low, high) =
+            self.inputs[joint].iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), u| (l.min(*u), h.max(*u)));
+        if high > low { high - low } else { 1.0 }
+    }
+
     /// Rows of the simulation.
     pub fn n(&self) -> usize {
         self.time_s.len()
@@ -162,4 +180,34 @@ impl Signal {
     pub fn recording(&self, row: usize) -> usize {
         self.recording_of_trial[self.trial[row]]
     }
+}
+
+/// Rhythms that are tried.
+const MOST_RHYTHMS: f64 = 300.0;
+/// A motion of which one frequency has this share of its variance is a rhythm itself.
+const LARGEST_SHARE: f64 = 0.3;
+/// Rows that its spectrum is made of.
+const ROWS_OF_SPECTRUM: usize = 2000;
+
+/// Whether the longest part of a command is mostly one sine.
+fn is_periodic(command: &[f64], time_s: &[f64], trial: &[usize]) -> bool {
+    let first = trial.iter().position(|own| *own == 0).unwrap_or(0);
+    let end = trial.iter().position(|own| *own > 0).unwrap_or(command.len());
+    let stride = (end - first).div_ceil(ROWS_OF_SPECTRUM).max(1);
+    let rows: Vec<usize> = (first..end).step_by(stride).collect();
+    let n = rows.len() as f64;
+    let mean = rows.iter().map(|&row| command[row]).sum::<f64>() / n.max(1.0);
+    let whole: f64 = rows.iter().map(|&row| (command[row] - mean).powi(2)).sum();
+    let seconds = rows.last().map_or(0.0, |&row| time_s[row] - time_s[first]);
+    if seconds <= 0.0 || whole <= 0.0 {
+        return true;
+    }
+    (2..200).any(|k| {
+        let w = core::f64::consts::TAU * 0.5 * f64::from(k) / seconds;
+        let (s, c) = rows.iter().fold((0.0, 0.0), |(s, c), &row| {
+            let (sine, cosine) = (w * (time_s[row] - time_s[first])).sin_cos();
+            (s + (command[row] - mean) * sine, c + (command[row] - mean) * cosine)
+        });
+        2.0 * (s * s + c * c) / n / whole > LARGEST_SHARE
+    })
 }

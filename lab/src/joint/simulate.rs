@@ -149,6 +149,24 @@ pub(super) fn columns(s: &Signal, member: &Member, x: &[f64]) -> Vec<Vec<f64>> {
         Kind::Offset => vec![vec![1.0; s.rows.len()]],
         Kind::LinearDrift => vec![on_rows(&|row| s.trial_s[row])],
         Kind::WarmUp => vec![on_rows(&|row| 1.0 - (-s.trial_s[row] / values[0]).exp())],
+        Kind::Kink => vec![on_rows(&|row| (x[row] - values[0]).max(0.0))],
+        Kind::Drag => vec![on_rows(&|row| {
+            let speed = speed(s, x, row) / s.fast;
+            speed.signum() * speed.abs().powf(values[0])
+        })],
+        Kind::Jump => vec![on_rows(&|row| if row as f64 >= values[0] * s.n() as f64 { 1.0 } else { 0.0 })],
+        Kind::Rhythm => {
+            let wave = |row: usize| (TAU * values[0] * s.time_s[row]).sin_cos();
+            vec![on_rows(&|row| wave(row).0), on_rows(&|row| wave(row).1)]
+        }
+        Kind::Fading => vec![on_rows(&|row| unit(row) * row as f64 / s.n() as f64)],
+        Kind::Product(k) => vec![on_rows(&|row| unit(row) * s.inputs[k][row])],
+        Kind::OtherSquare(k) => vec![on_rows(&|row| s.inputs[k][row].powi(2))],
+        Kind::OtherPlay(k) => {
+            let other = &s.inputs[k];
+            let p = played(s, other, values[0], &vec![0.0; s.n_trials]);
+            vec![on_rows(&|row| p[row] - other[row])]
+        }
         _ => Vec::new(),
     }
 }
@@ -161,6 +179,15 @@ fn with_memory(s: &Signal, x: &[f64], mut step: impl FnMut(f64, f64, f64) -> f64
             last
         })
         .collect()
+}
+
+/// Central difference over a few rows.
+fn speed(s: &Signal, x: &[f64], row: usize) -> f64 {
+    let within = |other: usize| s.trial[other] == s.trial[row];
+    let before = (1..=2).map_while(|k| row.checked_sub(k).filter(|own| within(*own))).last().unwrap_or(row);
+    let after = (1..=2).map(|k| row + k).take_while(|own| *own < x.len() && within(*own)).last().unwrap_or(row);
+    let seconds = s.time_s[after] - s.time_s[before];
+    if seconds > 0.0 { (x[after] - x[before]) / seconds } else { 0.0 }
 }
 
 fn lagged(s: &Signal, x: &[f64], time_s: f64) -> Vec<f64> {

@@ -205,6 +205,8 @@ fn of_member(
             ]
         }
         Kind::Coupling(from) => vec![fixed("from", from as f64 + 1.0), amplitude("k", 0, 1.0 / gain)],
+        // A shape is no effect of a model file.
+        _ => Vec::new(),
     }
 }
 
