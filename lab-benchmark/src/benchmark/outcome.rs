@@ -23,9 +23,6 @@ pub struct Outcome {
     pub said: Option<Said>,
     /// What the baselines said.
     pub baselines: Option<Baselines>,
-    /// How long the diagnosis took, beside whatever else ran, s.
-    #[serde(default)]
-    pub seconds: f64,
 }
 
 /// A diagnosis in short.
@@ -61,7 +58,6 @@ impl Outcome {
             truth: None,
             said: None,
             baselines: None,
-            seconds: 0.0,
         };
         if let Err(reason) = outcome.fill(cell, snake, pair, with_baselines) {
             outcome.refused = Some(reason);
@@ -83,9 +79,7 @@ impl Outcome {
         let data = &data;
         let truth = self.truth.insert(answer);
         let options = DiagnoseOptions { seed: cell.task.seed() % 1_000_003, ..DiagnoseOptions::default() };
-        let begun = std::time::Instant::now();
         let diagnosis = diagnose(machine, data, &options).map_err(|e| e.to_string())?;
-        self.seconds = begun.elapsed().as_secs_f64();
         self.said = Some(said(&diagnosis, truth));
         if with_baselines && matches!(cell.task, Task::Snake(_)) {
             let single = truth.right.first().and_then(|names| names.first()).filter(|_| cell.group == Group::Single);
