@@ -38,12 +38,12 @@ impl Homography {
     }
 
     /// Where a point of the picture lies in the plane.
-    pub fn to_plane(&self, at: Vector2<f64>) -> Vector2<f64> {
+    pub fn to_plane(self, at: Vector2<f64>) -> Vector2<f64> {
         divided(self.plane_from_picture * at.push(1.0))
     }
 
     /// Where a point of the plane is seen.
-    pub fn to_picture(&self, at: Vector2<f64>) -> Vector2<f64> {
+    pub fn to_picture(self, at: Vector2<f64>) -> Vector2<f64> {
         divided(self.picture_from_plane * at.push(1.0))
     }
 

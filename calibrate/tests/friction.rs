@@ -52,7 +52,8 @@ fn answers(mu: f64, f_s_g: f64, scale_sd_g: f64, seed: u64) -> Vec<String> {
 }
 
 fn typed(lines: &[String]) -> impl FnMut() -> Option<String> + use<> {
-    let mut lines = lines.to_vec().into_iter();
+    let owned = lines.to_vec();
+    let mut lines = owned.into_iter();
     move || lines.next()
 }
 
