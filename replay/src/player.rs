@@ -46,7 +46,7 @@ impl PlayCounts {
 
     pub(crate) fn count(&mut self, part: Part) {
         match part {
-            Part::Approach => self.approach += 1,
+            Part::Approach | Part::LettingGo => self.approach += 1,
             Part::Recorded => self.recorded += 1,
             Part::Rest => self.rest += 1,
         }

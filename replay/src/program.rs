@@ -17,6 +17,8 @@ pub(crate) const PERIOD_NS: i64 = 1_000_000;
 /// ago).
 const N_ABSENT: u64 = 8;
 const N_ENGAGING: u64 = 48;
+/// Samples without an operator before a recording that begins without one: more than are ever under way.
+const N_LETTING_GO: u64 = 48;
 /// Samples of a rest: within 0.3 s every setpoint that the limits allow has come to rest and the slave holds.
 const N_REST: u64 = 300;
 /// Fastest approach, rad/s: 17 deg/s, far below what an operator may ask for.
@@ -55,6 +57,9 @@ pub enum What {
 pub enum Part {
     /// On the way to the start.
     Approach,
+    /// No operator, because the recording begins without one: every stage knows that the engagement has ended before the
+    /// recording engages anew.
+    LettingGo,
     /// What was recorded, or stands in the table.
     Recorded,
     /// Coming to rest.
@@ -96,6 +101,8 @@ pub struct Program {
     approach_from_rad: Option<Vector2<f64>>,
     last_bend_rad: Vector2<f64>,
     last_input_ns: Option<i64>,
+    /// The recording's first sample of this loop, read ahead.
+    first_input: Option<OperatorInput>,
     tally: Tally,
 }
 
@@ -132,6 +139,7 @@ impl Program {
             approach_from_rad: None,
             last_bend_rad: Vector2::zeros(),
             last_input_ns: None,
+            first_input: None,
             tally: Tally::default(),
         }
     }
@@ -184,6 +192,7 @@ impl Program {
                 }
                 Part::Approach if self.n_in_part < N_ABSENT + N_ENGAGING => Some(self.engaging(bend_rad.into())),
                 Part::Approach => self.approach(bend_rad.into()),
+                Part::LettingGo => self.letting_go(),
                 Part::Recorded => self.recorded()?,
                 Part::Rest if self.n_in_part < N_REST => Some(self.rest()),
                 Part::Rest => None,
@@ -193,7 +202,11 @@ impl Program {
                 return Ok(Next::Sample(sample));
             }
             match self.part {
-                Part::Approach => self.enter(Part::Recorded),
+                Part::Approach => {
+                    self.enter(Part::LettingGo);
+                    self.read_first()?;
+                }
+                Part::LettingGo => self.enter(Part::Recorded),
                 Part::Recorded => {
                     self.tally.n_loops += 1;
                     self.enter(Part::Rest);
@@ -209,9 +222,26 @@ impl Program {
 
     fn enter(&mut self, part: Part) {
         (self.part, self.n_in_part, self.approach_from_rad, self.last_input_ns) = (part, 0, None, None);
-        if let (Part::Recorded, Score::Inputs(track)) = (part, &mut self.score) {
+    }
+
+    /// Begins the recording anew and reads its first sample ahead.
+    fn read_first(&mut self) -> Result<(), ReplayError> {
+        if let Score::Inputs(track) = &mut self.score {
             track.rewind();
+            self.first_input = track.next()?;
         }
+        Ok(())
+    }
+
+    /// Absent until nothing is under way that still follows the approach; nothing where the recording begins engaged.
+    fn letting_go(&self) -> Option<Planned> {
+        let begins_absent = self.first_input.is_some_and(|input| input.flags & OperatorInput::OPERATOR_PRESENT == 0);
+        let what = What::Input(operator_input([0.0; 3], 0, DeviceState::Live));
+        (begins_absent && self.n_in_part < N_LETTING_GO).then_some(Planned {
+            what,
+            dt_ns: PERIOD_NS,
+            part: Part::LettingGo,
+        })
     }
 
     /// Stands still where the snake is, first absent and then present.
@@ -268,7 +298,9 @@ impl Program {
     fn recorded(&mut self) -> Result<Option<Planned>, ReplayError> {
         let (what, dt_ns) = match &mut self.score {
             Score::Inputs(track) => {
-                let Some(input) = track.next()? else { return Ok(None) };
+                let read_ahead = self.first_input.take();
+                let next = if read_ahead.is_some() { read_ahead } else { track.next()? };
+                let Some(input) = next else { return Ok(None) };
                 let before_ns = self.last_input_ns.replace(input.sample_ns);
                 (What::Input(input), before_ns.map_or(PERIOD_NS, |before_ns| input.sample_ns - before_ns))
             }

@@ -43,12 +43,13 @@ impl Riddle {
 
     /// Adds effects one after the other; gives the last one's figures.
     fn add(&self, effects: &[&str]) -> Value {
-        let (data, out) = (self.file("data.csv"), self.file("better.toml"));
+        let data = self.file("data.csv");
         let mut model = self.file("base.toml");
         let mut added = Value::Null;
         for effect in effects {
+            let out = self.file(&format!("with-{effect}.toml"));
             added = krait(&["lab", "add", effect, "--json", "--model", &model, "--data", &data, "--out", &out]);
-            model.clone_from(&out);
+            model = out;
         }
         added
     }

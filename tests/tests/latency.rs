@@ -229,7 +229,7 @@ fn a_running_chain_counts_late_samples_names_them_and_records_them() {
     let health = newest.expect("the slave's health is recorded");
     let record = health.records[Reason::LatencyBudget as usize];
     assert!(Reasons::from_bits(health.reasons_ever).contains(Reason::LatencyBudget));
-    assert!(record.count as f64 >= n_samples && record.limit == 4000.0 && record.worst > 8000.0, "{record:?}");
+    assert!(record.count as f64 >= n_samples && record.limit == 4000.0 && record.worst > 6000.0, "{record:?}");
 }
 
 #[test]

@@ -59,7 +59,8 @@ impl Replay {
     fn wait_until_it_follows(&mut self) {
         let follows = wait_until(PATIENCE, || {
             self.n_new();
-            self.newest.is_some_and(|setpoint| setpoint.phase() == Some(Phase::Following))
+            // The approach follows too; the recording begins after its hundred samples.
+            self.newest.is_some_and(|setpoint| setpoint.phase() == Some(Phase::Following) && setpoint.sequence > 200)
         });
         assert!(follows, "the replay moves the setpoint");
     }
