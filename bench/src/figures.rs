@@ -1,6 +1,6 @@
 //! From rounds to figures: quantiles, ratio to the floor, use of the machine, losses.
 
-use crate::samples::{N_HOPS, Sample};
+use crate::samples::{N_HOPS, RelaySample};
 use crate::{Round, Usage};
 use hdrhistogram::Histogram;
 use serde::Serialize;
@@ -84,13 +84,16 @@ pub struct ChainRounds {
 
 impl ChainRounds {
     /// All samples.
-    pub fn samples(&self) -> impl Iterator<Item = &Sample> {
+    pub fn samples(&self) -> impl Iterator<Item = &RelaySample> {
         self.rounds.iter().flat_map(|round| &round.samples)
     }
 
     /// Median of each round, microseconds.
     pub fn p50_of_rounds(&self) -> Vec<f64> {
-        self.rounds.iter().map(|round| Quantiles::of_ns(round.samples.iter().map(Sample::latency_ns)).p50).collect()
+        self.rounds
+            .iter()
+            .map(|round| Quantiles::of_ns(round.samples.iter().map(RelaySample::latency_ns)).p50)
+            .collect()
     }
 
     /// The figures, beside those of the floor measured in the same rounds.
@@ -105,7 +108,7 @@ impl ChainRounds {
         ChainFigures {
             name: self.name,
             hops: N_HOPS,
-            latency: Quantiles::of_ns(self.samples().map(Sample::latency_ns)),
+            latency: Quantiles::of_ns(self.samples().map(RelaySample::latency_ns)),
             per_hop: core::array::from_fn(|hop| Quantiles::of_ns(self.samples().map(|s| s.hop_ns(hop)))),
             p50_of_rounds: self.p50_of_rounds(),
             ratio_to_floor: floor.and_then(|floor| median_ratio(&self.p50_of_rounds(), &floor.p50_of_rounds())),
@@ -140,7 +143,11 @@ mod tests {
             samples: (1..=101)
                 .map(|i| {
                     let end_ns = us * 1000 + (i - 51) * 10;
-                    Sample { sequence: i.unsigned_abs(), source_ns: 0, arrived_ns: [end_ns / 3, end_ns / 2, end_ns] }
+                    RelaySample {
+                        sequence: i.unsigned_abs(),
+                        source_ns: 0,
+                        arrived_ns: [end_ns / 3, end_ns / 2, end_ns],
+                    }
                 })
                 .collect(),
             n_sent: 151,

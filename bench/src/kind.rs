@@ -4,7 +4,7 @@ use crate::peer::Peer;
 
 /// A chain that can be measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum ChainKind {
     /// A futex word and a ring in shared memory, written by hand: the floor of the machine.
     FloorFutex,
     /// iceoryx2 as it comes: `ipc::Service`, one event per hop, `timed_wait`.
@@ -23,7 +23,7 @@ pub enum Kind {
     Zenoh,
 }
 
-impl Kind {
+impl ChainKind {
     /// Every chain; these are measured unless others are asked for.
     pub const ALL: [Self; 8] = [
         Self::FloorFutex,
@@ -81,10 +81,10 @@ mod tests {
 
     #[test]
     fn every_chain_is_found_by_its_name_and_an_unknown_one_names_them_all() {
-        for kind in Kind::ALL {
-            assert_eq!(Kind::from_name(kind.name()), Ok(kind));
+        for kind in ChainKind::ALL {
+            assert_eq!(ChainKind::from_name(kind.name()), Ok(kind));
         }
-        let error = Kind::from_name("kraid").expect_err("unknown");
-        assert!(Kind::ALL.into_iter().all(|kind| error.contains(kind.name())), "{error}");
+        let error = ChainKind::from_name("kraid").expect_err("unknown");
+        assert!(ChainKind::ALL.into_iter().all(|kind| error.contains(kind.name())), "{error}");
     }
 }

@@ -32,24 +32,24 @@ pub use error::BenchError;
 pub use figures::{ChainFigures, ChainRounds, Quantiles};
 pub use growth::{Growth, growth_svg};
 pub use host::Host;
-pub use kind::Kind;
+pub use kind::ChainKind;
 pub use load::{Load, burn};
 pub use picture::histogram_svg;
 pub use plan::Plan;
 pub use relay::{Inlet, Outlet};
 pub use round::run_relay_round;
-pub use samples::{N_HOPS, Sample, read_samples, write_csv};
+pub use samples::{N_HOPS, RelaySample, read_samples, write_csv};
 pub use scratch::Scratch;
 pub use stage::{Role, StageOptions, Ways, run_stage, run_stage_over};
 pub use transport::PATIENCE;
 pub use usage::Usage;
-pub use verdict::{Broken, Limits, broken};
+pub use verdict::{Broken, RatioLimits, broken};
 
 /// A measurement of one chain in one round.
 #[derive(Clone, Debug, Default)]
 pub struct Round {
     /// Samples after the warm-up, in the order of arrival.
-    pub samples: Vec<Sample>,
+    pub samples: Vec<RelaySample>,
     /// Samples that the source sent, the warm-up included.
     pub n_sent: u64,
     /// Of these, the ones that did not come out at the end.

@@ -2,7 +2,7 @@
 //! is looked for, what to do where there is none, and how a process of krait becomes one.
 
 use crate::stage::{StageOptions, words_path};
-use crate::{BenchError, Kind, Plan};
+use crate::{BenchError, ChainKind, Plan};
 use krait_ipc::WaitMode;
 use std::fs::File;
 use std::os::unix::fs::PermissionsExt;
@@ -20,13 +20,13 @@ pub(crate) struct Peer {
 
 impl Peer {
     /// The program of a chain, where it has one.
-    pub(crate) fn of(kind: Kind) -> Option<Self> {
+    pub(crate) fn of(kind: ChainKind) -> Option<Self> {
         match kind {
-            Kind::CycloneDds => Some(Self {
+            ChainKind::CycloneDds => Some(Self {
                 program: "krait-relay-cyclonedds",
                 install: "sudo apt-get install build-essential cyclonedds-dev cyclonedds-tools && make -C bench/peers/cyclonedds install",
             }),
-            Kind::Zenoh => {
+            ChainKind::Zenoh => {
                 Some(Self { program: "krait-relay-zenoh", install: "cargo install --locked --path bench/peers/zenoh" })
             }
             _ => None,
@@ -95,7 +95,7 @@ mod tests {
 
     #[test]
     fn a_program_is_found_in_the_first_folder_that_can_run_it_and_its_absence_is_told_with_the_way_to_have_it() {
-        let peer = Peer::of(Kind::Zenoh).expect("a program of its own");
+        let peer = Peer::of(ChainKind::Zenoh).expect("a program of its own");
         let root = std::env::temp_dir().join(format!("krait-bench-peers-{}", std::process::id()));
         let folders = ["none", "folder", "text", "program", "later"].map(|name| root.join(name));
         for folder in &folders[2..] {
@@ -118,11 +118,11 @@ mod tests {
 
     #[test]
     fn the_way_to_have_each_program_names_a_folder_that_is_there() {
-        for kind in Kind::ALL {
+        for kind in ChainKind::ALL {
             let Some(peer) = Peer::of(kind) else { continue };
             let folder = peer.install.split(' ').find_map(|word| word.strip_prefix("bench/")).expect("a folder");
             assert!(Path::new(env!("CARGO_MANIFEST_DIR")).join(folder).is_dir(), "{folder}");
         }
-        assert_eq!(Peer::of(Kind::FloorFutex), None);
+        assert_eq!(Peer::of(ChainKind::FloorFutex), None);
     }
 }

@@ -101,14 +101,14 @@ pub(crate) fn said<E: core::fmt::Display>(error: E) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Round, Sample};
+    use crate::{RelaySample, Round};
 
     #[test]
     fn every_chain_has_its_curve_and_its_name_in_the_picture() {
         let chain = |name, us: i64| ChainRounds {
             name,
             rounds: vec![Round {
-                samples: vec![Sample { sequence: 1, source_ns: 0, arrived_ns: [0, 0, us * 1000] }; 3],
+                samples: vec![RelaySample { sequence: 1, source_ns: 0, arrived_ns: [0, 0, us * 1000] }; 3],
                 ..Round::default()
             }],
         };

@@ -1,7 +1,7 @@
 //! The three loops of a relay: a source that sends at a fixed rate, two relays that pass on, a sink that keeps the stamps.
 //! They compute nothing; whatever a message travels over is behind two small traits.
 
-use crate::samples::{N_HOPS, Sample};
+use crate::samples::{N_HOPS, RelaySample};
 use crate::{BenchError, Plan, Usage};
 use krait_ipc::clock::monotonic_ns;
 use rustix::thread::{ClockId, clock_nanosleep_absolute};
@@ -87,7 +87,7 @@ pub(crate) fn relay(
 }
 
 /// Takes until the last message; gives the samples after the warm-up.
-pub(crate) fn sink(plan: &Plan, inlet: &mut dyn Inlet) -> Result<(Counted, Vec<Sample>), BenchError> {
+pub(crate) fn sink(plan: &Plan, inlet: &mut dyn Inlet) -> Result<(Counted, Vec<RelaySample>), BenchError> {
     let mut message = vec![0; plan.payload_bytes];
     let mut watch = Watch::default();
     let mut samples = Vec::with_capacity(n_samples(plan, plan.round_s() + 1.0) as usize);
@@ -95,7 +95,7 @@ pub(crate) fn sink(plan: &Plan, inlet: &mut dyn Inlet) -> Result<(Counted, Vec<S
         put(&mut message, 1 + N_HOPS, monotonic_ns().cast_unsigned());
         let sequence = get(&message, 0);
         if sequence & MEASURED != 0 {
-            samples.push(Sample {
+            samples.push(RelaySample {
                 sequence: sequence & !(LAST | MEASURED),
                 source_ns: get(&message, 1).cast_signed(),
                 arrived_ns: core::array::from_fn(|hop| get(&message, 2 + hop).cast_signed()),

@@ -3,7 +3,7 @@
 use crate::samples::read_samples;
 use crate::stage::{Role, read_counted, ready_path, samples_path, words_path, write_plan};
 use crate::transport::{Pipework, standard_streams};
-use crate::{BenchError, Kind, N_HOPS, Plan, Round, Scratch, Usage};
+use crate::{BenchError, ChainKind, N_HOPS, Plan, Round, Scratch, Usage};
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use krait_ipc::clock::monotonic_ns;
@@ -32,10 +32,10 @@ struct Relays<'a> {
 /// # Errors
 /// [`BenchError`] when a process could not be started or died, or `stop` was set.
 pub fn run_relay_round(
-    kind: Kind,
+    kind: ChainKind,
     plan: &Plan,
     stop: &AtomicBool,
-    command: &mut dyn FnMut(Kind, Role, &Scratch) -> Result<Command, BenchError>,
+    command: &mut dyn FnMut(ChainKind, Role, &Scratch) -> Result<Command, BenchError>,
 ) -> Result<Round, BenchError> {
     let scratch = Scratch::new()?;
     write_plan(scratch.folder(), plan)?;

@@ -12,7 +12,7 @@ const N_WORDS: usize = 2 + N_HOPS;
 
 /// One message on its way through a chain.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Sample {
+pub struct RelaySample {
     /// Position in the source's sequence, from 1.
     pub sequence: u64,
     /// When the source had it, CLOCK_MONOTONIC, ns.
@@ -21,7 +21,7 @@ pub struct Sample {
     pub arrived_ns: [i64; N_HOPS],
 }
 
-impl Sample {
+impl RelaySample {
     /// From the source to the end of the chain, ns.
     pub fn latency_ns(&self) -> i64 {
         self.arrived_ns[N_HOPS - 1] - self.source_ns
@@ -47,10 +47,10 @@ impl Sample {
 ///
 /// # Errors
 /// [`BenchError::File`].
-pub(crate) fn write_samples(path: &Path, samples: &[Sample]) -> Result<(), BenchError> {
+pub(crate) fn write_samples(path: &Path, samples: &[RelaySample]) -> Result<(), BenchError> {
     let write = || {
         let mut out = BufWriter::new(File::create(path)?);
-        for word in samples.iter().flat_map(Sample::words) {
+        for word in samples.iter().flat_map(RelaySample::words) {
             out.write_all(&word.to_le_bytes())?;
         }
         out.flush()
@@ -62,14 +62,14 @@ pub(crate) fn write_samples(path: &Path, samples: &[Sample]) -> Result<(), Bench
 ///
 /// # Errors
 /// [`BenchError::File`].
-pub fn read_samples(path: &Path) -> Result<Vec<Sample>, BenchError> {
+pub fn read_samples(path: &Path) -> Result<Vec<RelaySample>, BenchError> {
     let mut bytes = Vec::new();
     File::open(path)
         .and_then(|file| BufReader::new(file).read_to_end(&mut bytes))
         .map_err(BenchError::file("read", path))?;
     let word = |bytes: &[u8]| bytes.try_into().map_or(0, u64::from_le_bytes);
     let rows = bytes.chunks_exact(N_WORDS * 8);
-    Ok(rows.map(|row| Sample::from_words(core::array::from_fn(|i| word(&row[i * 8..i * 8 + 8])))).collect())
+    Ok(rows.map(|row| RelaySample::from_words(core::array::from_fn(|i| word(&row[i * 8..i * 8 + 8])))).collect())
 }
 
 /// Writes all samples of a measurement as a table: chain, round, sequence, source stamp, and the latency of each hop, ns.
@@ -79,7 +79,7 @@ pub fn read_samples(path: &Path) -> Result<Vec<Sample>, BenchError> {
 pub fn write_csv<'a>(
     path: &Path,
     comment: &str,
-    rounds: impl IntoIterator<Item = (&'a str, usize, &'a [Sample])>,
+    rounds: impl IntoIterator<Item = (&'a str, usize, &'a [RelaySample])>,
 ) -> Result<(), BenchError> {
     let write = || {
         let mut out = BufWriter::new(File::create(path)?);
@@ -104,10 +104,10 @@ mod tests {
 
     #[test]
     fn samples_survive_the_way_through_a_file_and_hops_add_up() {
-        let sample = Sample { sequence: 7, source_ns: -5, arrived_ns: [10, 30, 100] };
+        let sample = RelaySample { sequence: 7, source_ns: -5, arrived_ns: [10, 30, 100] };
         let path = std::env::temp_dir().join(format!("krait-bench-samples-{}", std::process::id()));
-        write_samples(&path, &[sample, Sample::default()]).expect("written");
-        assert_eq!(read_samples(&path).expect("read"), vec![sample, Sample::default()]);
+        write_samples(&path, &[sample, RelaySample::default()]).expect("written");
+        assert_eq!(read_samples(&path).expect("read"), vec![sample, RelaySample::default()]);
         std::fs::remove_file(&path).expect("removed");
         assert_eq!((0..N_HOPS).map(|hop| sample.hop_ns(hop)).sum::<i64>(), sample.latency_ns());
     }

@@ -4,7 +4,7 @@ use crate::peer::Peer;
 use crate::relay::{self, Counted, Inlet, Outlet};
 use crate::samples::write_samples;
 use crate::transport::{Place, inlet, outlet};
-use crate::{BenchError, Kind, Plan};
+use crate::{BenchError, ChainKind, Plan};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -59,7 +59,7 @@ impl Role {
 #[derive(Clone, Debug)]
 pub struct StageOptions {
     /// What messages travel over.
-    pub kind: Kind,
+    pub kind: ChainKind,
     /// Which of the four it is.
     pub role: Role,
     /// Folder of the round; holds the plan, and takes what the process leaves behind.

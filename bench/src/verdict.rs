@@ -5,7 +5,7 @@ use serde::Serialize;
 
 /// Limits of a latency as multiples of the floor's own quantile.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Limits {
+pub struct RatioLimits {
     /// Of the median.
     pub p50: f64,
     /// Of the 99th percentile.
@@ -30,7 +30,7 @@ pub struct Broken {
 /// The limits that figures break. `p50_ratio` is the ratio of the medians taken round by round, where that is known.
 pub fn broken(
     what: &str,
-    limits: &Limits,
+    limits: &RatioLimits,
     found: &Quantiles,
     floor: &Quantiles,
     p50_ratio: Option<f64>,
@@ -56,7 +56,7 @@ mod tests {
     #[test]
     fn only_limits_that_are_broken_are_named() {
         let quantiles = |p50, p99, max| Quantiles { p50, p90: p50, p99, p999: p99, max };
-        let limits = Limits { p50: 2.0, p99: 3.0, worst: 1e7 };
+        let limits = RatioLimits { p50: 2.0, p99: 3.0, worst: 1e7 };
         let floor = quantiles(10.0, 40.0, 1000.0);
         assert!(broken("a", &limits, &quantiles(20.0, 120.0, 1e9), &floor, None).is_empty());
         let found = broken("a", &limits, &quantiles(21.0, 121.0, 1.0), &floor, None);

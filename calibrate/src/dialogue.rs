@@ -15,7 +15,7 @@ pub struct Dialogue<R, W> {
 
 /// What was answered.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Answer {
+pub enum Reply {
     /// Numbers, as many as were asked for or fewer.
     Numbers(Vec<f64>),
     /// Nothing.
@@ -77,13 +77,13 @@ impl<R: BufRead, W: Write> Dialogue<R, W> {
         question: &str,
         (fewest, most): (usize, usize),
         (low, high): (f64, f64),
-    ) -> Result<Answer, CalibrateError> {
+    ) -> Result<Reply, CalibrateError> {
         loop {
-            let Some(answer) = self.ask(question)? else { return Ok(Answer::Quit) };
+            let Some(answer) = self.ask(question)? else { return Ok(Reply::Quit) };
             match answer.as_str() {
-                "" => return Ok(Answer::Empty),
-                "s" => return Ok(Answer::Skip),
-                "q" => return Ok(Answer::Quit),
+                "" => return Ok(Reply::Empty),
+                "s" => return Ok(Reply::Skip),
+                "q" => return Ok(Reply::Quit),
                 _ => {}
             }
             let parsed: Result<Vec<f64>, _> = answer.split_whitespace().map(str::parse).collect();
@@ -91,7 +91,7 @@ impl<R: BufRead, W: Write> Dialogue<R, W> {
                 Ok(numbers)
                     if (fewest..=most).contains(&numbers.len()) && numbers.iter().all(|n| (low..=high).contains(n)) =>
                 {
-                    return Ok(Answer::Numbers(numbers));
+                    return Ok(Reply::Numbers(numbers));
                 }
                 _ => {
                     let count = if fewest == most { format!("{most}") } else { format!("{fewest} to {most}") };

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 
 /// Values with their covariance.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Fit {
+pub struct LeastSquares {
     /// The parameters.
     pub value: Vec<f64>,
     /// Their covariance from the stated errors of the readings.
@@ -35,7 +35,7 @@ const SINGULAR: f64 = 1e-9;
 const SETTLED: f64 = 1e-7;
 const MAX_ITERATIONS: u32 = 100;
 
-impl Fit {
+impl LeastSquares {
     /// Standard error of a parameter: of the stated reading errors, widened where the readings scatter more.
     pub fn se(&self, k: usize) -> f64 {
         self.covariance[(k, k)].max(0.0).sqrt() * self.widening()
@@ -70,7 +70,7 @@ pub(crate) fn fit(
     parameters: &[Parameter],
     residuals: impl Fn(&[f64]) -> Option<Vec<f64>>,
     missing: impl Fn(usize) -> String,
-) -> Result<Fit, CalibrateError> {
+) -> Result<LeastSquares, CalibrateError> {
     let mut value: Vec<f64> = parameters.iter().map(|p| p.start).collect();
     let not_determined = |k: usize, found: &str| CalibrateError::NotDetermined {
         parameter: parameters[k].name,
@@ -99,7 +99,7 @@ pub(crate) fn fit(
             let covariance = &scale * inverse * &scale;
             let last = residuals(&value).ok_or_else(unsettled)?;
             let chi2 = last.iter().map(|r| r * r).sum();
-            return Ok(Fit { value, covariance, chi2, dof: last.len() - parameters.len() });
+            return Ok(LeastSquares { value, covariance, chi2, dof: last.len() - parameters.len() });
         }
     }
     Err(unsettled())

@@ -4,8 +4,8 @@
 //! tau~ = (w - f)/g. The readings up give mu and f; those down add little to their precision and are the test of the law.
 
 use crate::fit::{Parameter, fit};
-use crate::log::Log;
-use crate::{Answer, CalibrateError, Calibrated, Dialogue, Fit};
+use crate::log::ReadingLog;
+use crate::{CalibrateError, CalibratedValue, Dialogue, LeastSquares, Reply};
 use serde::{Deserialize, Serialize};
 use std::io::{BufRead, Write};
 use std::path::Path;
@@ -29,7 +29,7 @@ pub enum Direction {
 
 /// One row of the CSV.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Reading {
+pub struct FrictionReading {
     /// Line, from 1.
     pub line: u32,
     /// Weight at the snake's end, g.
@@ -49,7 +49,7 @@ pub struct Reading {
 
 /// What is known beforehand.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
+pub struct FrictionSettings {
     /// Angle of each of the cone's two arcs, rad.
     pub phi_rad: f64,
     /// Standard deviation of a weight, g.
@@ -60,7 +60,7 @@ pub struct Settings {
     pub free_zero: bool,
 }
 
-impl Default for Settings {
+impl Default for FrictionSettings {
     fn default() -> Self {
         Self { phi_rad: 41_f64.to_radians(), weight_sd_g: 1.0, scale_sd_g: 25.0, free_zero: false }
     }
@@ -70,7 +70,7 @@ impl Default for Settings {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Friction {
     /// The fit.
-    pub fit: Fit,
+    pub fit: LeastSquares,
 }
 
 impl Friction {
@@ -85,8 +85,8 @@ impl Friction {
     }
 
     /// For the model file.
-    pub fn calibrated(&self) -> Vec<Calibrated> {
-        let value = |effect, parameter, (value, se)| Calibrated { effect, parameter, value, se };
+    pub fn calibrated(&self) -> Vec<CalibratedValue> {
+        let value = |effect, parameter, (value, se)| CalibratedValue { effect, parameter, value, se };
         vec![value("static-friction", "f_s_n", self.f_s_n()), value("cone-friction", "mu", self.mu())]
     }
 
@@ -117,7 +117,7 @@ fn law(value: &[f64], phi_rad: f64, weight_g: f64, direction: Direction) -> f64 
 ///
 /// # Errors
 /// [`CalibrateError::NotDetermined`] and [`CalibrateError::Misfit`].
-pub fn friction(readings: &[Reading], settings: &Settings) -> Result<Friction, CalibrateError> {
+pub fn friction(readings: &[FrictionReading], settings: &FrictionSettings) -> Result<Friction, CalibrateError> {
     let phi_rad = settings.phi_rad;
     if !(phi_rad > 0.0 && phi_rad <= core::f64::consts::PI) {
         return Err(CalibrateError::Setting {
@@ -133,7 +133,7 @@ pub fn friction(readings: &[Reading], settings: &Settings) -> Result<Friction, C
     }
     let residuals = |value: &[f64]| {
         let g = (2.0 * value[0] * phi_rad).exp();
-        let one = |r: &Reading| {
+        let one = |r: &FrictionReading| {
             let slope = if r.direction == Direction::Up { g } else { 1.0 / g };
             let sd = r.scale_sd_g.hypot(slope * r.weight_sd_g);
             (r.scale_g - law(value, phi_rad, r.weight_g, r.direction)) / sd
@@ -154,7 +154,7 @@ pub fn friction(readings: &[Reading], settings: &Settings) -> Result<Friction, C
 }
 
 /// Readings that would determine both.
-fn missing(readings: &[Reading]) -> String {
+fn missing(readings: &[FrictionReading]) -> String {
     let up = || readings.iter().filter(|r| r.direction == Direction::Up).map(|r| r.weight_g);
     let (low, high) = (up().fold(f64::INFINITY, f64::min), up().fold(0.0, f64::max));
     let mut words = Vec::new();
@@ -177,9 +177,9 @@ fn missing(readings: &[Reading]) -> String {
 pub fn run<R: BufRead, W: Write>(
     dialogue: &mut Dialogue<R, W>,
     csv: &Path,
-    settings: &Settings,
+    settings: &FrictionSettings,
 ) -> Result<Friction, CalibrateError> {
-    let (mut log, mut readings) = Log::open::<Reading>(csv)?;
+    let (mut log, mut readings) = ReadingLog::open::<FrictionReading>(csv)?;
     dialogue.say(
         "Wire through the unmounted channel, weight at the snake's end, scale at the actuator's. For each weight pull slowly\n\
          towards the actuator and read while it moves (up), then let it go back and read while it moves (down; above 300 g).\n\
@@ -210,18 +210,18 @@ pub fn run<R: BufRead, W: Write>(
 
 fn ask<R: BufRead, W: Write>(
     dialogue: &mut Dialogue<R, W>,
-    settings: &Settings,
-) -> Result<Option<Reading>, CalibrateError> {
-    let Answer::Numbers(line) = or_default(dialogue.numbers("line? [1]", (1, 1), (1.0, 12.0))?, 1.0) else {
+    settings: &FrictionSettings,
+) -> Result<Option<FrictionReading>, CalibrateError> {
+    let Reply::Numbers(line) = or_default(dialogue.numbers("line? [1]", (1, 1), (1.0, 12.0))?, 1.0) else {
         return Ok(None);
     };
-    let Answer::Numbers(weight) = dialogue.numbers("weight g (empty = done)?", (1, 1), (0.0, MAX_WEIGHT_G))? else {
+    let Reply::Numbers(weight) = dialogue.numbers("weight g (empty = done)?", (1, 1), (0.0, MAX_WEIGHT_G))? else {
         return Ok(None);
     };
     let Some(word) = dialogue.word("direction up/down? [up]", &["up", "down"])? else { return Ok(None) };
     let high = 100.0 * MAX_WEIGHT_G;
-    let Answer::Numbers(scale) = dialogue.numbers("scale reads g?", (1, 1), (-high, high))? else { return Ok(None) };
-    Ok(Some(Reading {
+    let Reply::Numbers(scale) = dialogue.numbers("scale reads g?", (1, 1), (-high, high))? else { return Ok(None) };
+    Ok(Some(FrictionReading {
         line: line[0] as u32,
         weight_g: weight[0],
         direction: if word == "up" { Direction::Up } else { Direction::Down },
@@ -232,6 +232,6 @@ fn ask<R: BufRead, W: Write>(
     }))
 }
 
-fn or_default(answer: Answer, default: f64) -> Answer {
-    if answer == Answer::Empty { Answer::Numbers(vec![default]) } else { answer }
+fn or_default(answer: Reply, default: f64) -> Reply {
+    if answer == Reply::Empty { Reply::Numbers(vec![default]) } else { answer }
 }

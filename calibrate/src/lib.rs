@@ -22,7 +22,7 @@ pub mod photo;
 pub mod play;
 pub mod poses;
 
-pub use dialogue::{Answer, Dialogue};
+pub use dialogue::{Dialogue, Reply};
 pub use error::CalibrateError;
-pub use fit::Fit;
-pub use model::{Calibrated, written};
+pub use fit::LeastSquares;
+pub use model::{CalibratedValue, written};

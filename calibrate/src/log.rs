@@ -9,13 +9,13 @@ use std::path::{Path, PathBuf};
 
 /// An open file of readings.
 #[derive(Debug)]
-pub struct Log {
+pub struct ReadingLog {
     path: PathBuf,
     file: File,
     empty: bool,
 }
 
-impl Log {
+impl ReadingLog {
     /// Opens or makes a file and reads what it holds.
     ///
     /// A last line without its end was cut off when the machine stopped: the file is kept beside it with the ending `.cut`, and

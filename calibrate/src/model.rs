@@ -7,7 +7,7 @@ use krait_model::model_file::{FileEffect, ModelFile, Origin};
 
 /// One value.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Calibrated {
+pub struct CalibratedValue {
     /// The effect, by its name in model files.
     pub effect: &'static str,
     /// Its parameter.
@@ -27,7 +27,12 @@ const ORDER: [&str; 4] = ["stiffness-scale", "static-friction", "cone-friction",
 ///
 /// # Errors
 /// [`CalibrateError::Model`] for a file or a value that the format refuses.
-pub fn written(text: Option<&str>, found: &[Calibrated], from: &str, date: &str) -> Result<String, CalibrateError> {
+pub fn written(
+    text: Option<&str>,
+    found: &[CalibratedValue],
+    from: &str,
+    date: &str,
+) -> Result<String, CalibrateError> {
     let refused = |e: &dyn core::fmt::Display| CalibrateError::Model(e.to_string());
     let file = ModelFile::parse(text.unwrap_or(NEW)).map_err(|e| refused(&e))?;
     let mut effects = file.effects().to_vec();

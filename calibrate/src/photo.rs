@@ -28,7 +28,7 @@ const PLAUSIBLE: f64 = 3.0;
 /// From where a picture was taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum View {
+pub enum PhotoView {
     /// The plane of x and z.
     Front,
     /// The plane of y and z.
@@ -40,7 +40,7 @@ pub enum View {
 /// What was clicked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Kind {
+pub enum ClickKind {
     /// A corner of the grid, with its millimetres.
     Corner,
     /// An edge of the base disk; two of them, in the order of the paper's x.
@@ -55,9 +55,9 @@ pub struct Click {
     /// The picture; front and side of one pose share its name.
     pub image: String,
     /// From where.
-    pub view: View,
+    pub view: PhotoView,
     /// What.
-    pub kind: Kind,
+    pub kind: ClickKind,
     /// Across, on the paper, mm; for corners only.
     pub x_mm: Option<f64>,
     /// Along the base's axis, on the paper, mm; for corners only.
@@ -142,7 +142,7 @@ pub fn table(bends: &[Bend]) -> String {
 /// One view: its map, and both edges of both disks in the picture.
 struct Seen {
     image: String,
-    view: View,
+    view: PhotoView,
     homography: Homography,
     base_px: [Vector2<f64>; 2],
     end_px: [Vector2<f64>; 2],
@@ -168,7 +168,7 @@ pub fn bends(clicks: &[Click], click_sd_px: f64) -> Result<Vec<Bend>, CalibrateE
     }
     let mut seen = Vec::new();
     for image in &images {
-        for view in [View::Front, View::Side, View::Mirror] {
+        for view in [PhotoView::Front, PhotoView::Side, PhotoView::Mirror] {
             let own: Vec<&Click> = clicks.iter().filter(|c| c.image == *image && c.view == view).collect();
             if !own.is_empty() {
                 seen.push(Seen::new(image, view, &own)?);
@@ -179,7 +179,7 @@ pub fn bends(clicks: &[Click], click_sd_px: f64) -> Result<Vec<Bend>, CalibrateE
 }
 
 impl Seen {
-    fn new(image: &str, view: View, clicks: &[&Click]) -> Result<Self, CalibrateError> {
+    fn new(image: &str, view: PhotoView, clicks: &[&Click]) -> Result<Self, CalibrateError> {
         let refused =
             |found: String, missing: String| CalibrateError::NotDetermined { parameter: "the bend", found, missing };
         if let Some(bad) = clicks.iter().find(|c| !(c.u_px.is_finite() && c.v_px.is_finite())) {
@@ -189,7 +189,7 @@ impl Seen {
             ));
         }
         let mut pairs = Vec::new();
-        for corner in clicks.iter().filter(|c| c.kind == Kind::Corner) {
+        for corner in clicks.iter().filter(|c| c.kind == ClickKind::Corner) {
             let (Some(x), Some(z)) = (corner.x_mm, corner.z_mm) else {
                 return Err(refused(
                     format!("{image} has a corner without x_mm, z_mm"),
@@ -197,7 +197,7 @@ impl Seen {
                 ));
             };
             // The mirror shows the paper's x the other way round.
-            let x = if view == View::Mirror { -x } else { x };
+            let x = if view == PhotoView::Mirror { -x } else { x };
             pairs.push((Vector2::new(x, z), Vector2::new(corner.u_px, corner.v_px)));
         }
         let more = || {
@@ -215,7 +215,7 @@ impl Seen {
             );
             return Err(refused(found, "the corners again, or a flat paper and a lens without distortion".to_owned()));
         }
-        let edges = |kind: Kind, word: &str| -> Result<[Vector2<f64>; 2], CalibrateError> {
+        let edges = |kind: ClickKind, word: &str| -> Result<[Vector2<f64>; 2], CalibrateError> {
             let found: Vec<Vector2<f64>> =
                 clicks.iter().filter(|c| c.kind == kind).map(|c| Vector2::new(c.u_px, c.v_px)).collect();
             let [one, other] = found.as_slice() else {
@@ -231,7 +231,7 @@ impl Seen {
             }
             Ok([*one, *other])
         };
-        let (base_px, end_px) = (edges(Kind::Base, "base")?, edges(Kind::End, "end")?);
+        let (base_px, end_px) = (edges(ClickKind::Base, "base")?, edges(ClickKind::End, "end")?);
         Ok(Self { image: image.to_owned(), view, homography, base_px, end_px })
     }
 
@@ -281,12 +281,12 @@ fn estimates(front: &Apparent, side: Option<&Apparent>) -> [Vector2<f64>; 2] {
 }
 
 fn bend(image: &str, all: &[Seen], click_sd_px: f64) -> Result<Bend, CalibrateError> {
-    let find = |views: &[View]| all.iter().find(|s| s.image == image && views.contains(&s.view));
-    let Some(front) = find(&[View::Front]) else {
+    let find = |views: &[PhotoView]| all.iter().find(|s| s.image == image && views.contains(&s.view));
+    let Some(front) = find(&[PhotoView::Front]) else {
         let (found, missing) = (format!("{image} has no front view"), format!("the front view of {image}"));
         return Err(CalibrateError::NotDetermined { parameter: "the bend", found, missing });
     };
-    let side = find(&[View::Side, View::Mirror]);
+    let side = find(&[PhotoView::Side, PhotoView::Mirror]);
     // A click of the pose's own pictures; those of other pictures act through the mean base and their number.
     let compute = |moved: Option<(usize, usize)>, by_px: f64| {
         let of = |seen: &Seen, view: usize| {

@@ -5,8 +5,8 @@
 //! places beyond any plausible play, not the place where the dial begins to move: which a dial's own error always finds too early.
 
 use crate::fit::{Parameter, fit};
-use crate::log::Log;
-use crate::{Answer, CalibrateError, Calibrated, Dialogue, Fit};
+use crate::log::ReadingLog;
+use crate::{CalibrateError, CalibratedValue, Dialogue, LeastSquares, Reply};
 use serde::{Deserialize, Serialize};
 use std::io::{BufRead, Write};
 use std::path::Path;
@@ -26,7 +26,7 @@ const FOLLOWED_SD: f64 = 5.0;
 
 /// One row of the CSV.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Reading {
+pub struct PlayReading {
     /// Line, from 1.
     pub line: u32,
     /// Turning round, from 1 in each line; its first reading is where the line turned.
@@ -47,7 +47,7 @@ pub struct LinePlay {
     /// The line, from 1.
     pub line: u32,
     /// The fit: half-width, m.
-    pub fit: Fit,
+    pub fit: LeastSquares,
 }
 
 /// Half-widths of every line and what the model takes.
@@ -83,9 +83,9 @@ impl Play {
     }
 
     /// For the model file.
-    pub fn calibrated(&self) -> Vec<Calibrated> {
+    pub fn calibrated(&self) -> Vec<CalibratedValue> {
         let (value, se) = self.half_width_m();
-        vec![Calibrated { effect: "backlash", parameter: "half_width_m", value, se }]
+        vec![CalibratedValue { effect: "backlash", parameter: "half_width_m", value, se }]
     }
 }
 
@@ -93,7 +93,7 @@ impl Play {
 ///
 /// # Errors
 /// [`CalibrateError::NotDetermined`] and [`CalibrateError::Misfit`].
-pub fn play(readings: &[Reading]) -> Result<Play, CalibrateError> {
+pub fn play(readings: &[PlayReading]) -> Result<Play, CalibrateError> {
     let mut names: Vec<u32> = readings.iter().map(|r| r.line).collect();
     names.sort_unstable();
     names.dedup();
@@ -104,9 +104,9 @@ pub fn play(readings: &[Reading]) -> Result<Play, CalibrateError> {
     Ok(Play { lines: lines? })
 }
 
-fn of_line(line: u32, readings: &[Reading]) -> Result<LinePlay, CalibrateError> {
-    let own: Vec<&Reading> = readings.iter().filter(|r| r.line == line).collect();
-    let mut turns: Vec<Vec<&Reading>> = Vec::new();
+fn of_line(line: u32, readings: &[PlayReading]) -> Result<LinePlay, CalibrateError> {
+    let own: Vec<&PlayReading> = readings.iter().filter(|r| r.line == line).collect();
+    let mut turns: Vec<Vec<&PlayReading>> = Vec::new();
     for reading in own {
         match turns.last_mut().filter(|turn| turn[0].turn == reading.turn) {
             Some(turn) => turn.push(reading),
@@ -129,7 +129,8 @@ fn of_line(line: u32, readings: &[Reading]) -> Result<LinePlay, CalibrateError> 
             missing(line),
         ));
     }
-    let far_m = |turn: &Vec<&Reading>| turn.iter().map(|r| (r.encoder_m - turn[0].encoder_m).abs()).fold(0.0, f64::max);
+    let far_m =
+        |turn: &Vec<&PlayReading>| turn.iter().map(|r| (r.encoder_m - turn[0].encoder_m).abs()).fold(0.0, f64::max);
     let mean_m = turns.iter().map(far_m).sum::<f64>() / n_turns as f64;
     let dial_sd_m = turns.iter().flatten().map(|r| r.dial_sd_m).fold(0.0, f64::max);
     if mean_m - 2.0 * fit.value[0] < FOLLOWED_SD * dial_sd_m {
@@ -141,9 +142,9 @@ fn of_line(line: u32, readings: &[Reading]) -> Result<LinePlay, CalibrateError> 
 }
 
 /// Residuals of one turn in standard deviations of the dial, with the dial's zero of that turn taken out.
-fn of_turn(turn: &[&Reading], half_width_m: f64) -> Vec<f64> {
+fn of_turn(turn: &[&PlayReading], half_width_m: f64) -> Vec<f64> {
     let first = turn[0];
-    let left = |r: &&Reading| {
+    let left = |r: &&PlayReading| {
         let travel_m = (r.encoder_m - first.encoder_m).abs();
         r.dial_m - f64::from(first.direction) * (travel_m - 2.0 * half_width_m).max(0.0)
     };
@@ -177,13 +178,13 @@ pub fn run<R: BufRead, W: Write>(
             expected: "more than 0, less than 1 mm",
         });
     }
-    let (mut log, mut readings) = Log::open::<Reading>(csv)?;
+    let (mut log, mut readings) = ReadingLog::open::<PlayReading>(csv)?;
     dialogue
         .say("Dial on the actuator's output, line unloaded. Type what the dial reads in mm, s to skip, q to stop.")?;
     'all: for line in 1..=3 {
         for turn in 1..=TURNS {
             // A turn that was cut short is not taken up again: the line has moved since.
-            if readings.iter().any(|r: &Reading| r.line == line && r.turn == turn) {
+            if readings.iter().any(|r: &PlayReading| r.line == line && r.turn == turn) {
                 continue;
             }
             let direction = if turn % 2 == 0 { 1 } else { -1 };
@@ -195,12 +196,12 @@ pub fn run<R: BufRead, W: Write>(
                 let encoder_m = go(dialogue, line, place_m + f64::from(direction) * travel_m)?;
                 let question = format!("line {line}, turn {turn}, encoder {:.3} mm: dial mm?", encoder_m * 1e3);
                 let dial = match dialogue.numbers(&question, (1, 1), (-100.0, 100.0))? {
-                    Answer::Numbers(dial) => dial[0],
+                    Reply::Numbers(dial) => dial[0],
                     // Without its start a turn says nothing, and with fewer places it says less.
-                    Answer::Skip | Answer::Empty => break,
-                    Answer::Quit => break 'all,
+                    Reply::Skip | Reply::Empty => break,
+                    Reply::Quit => break 'all,
                 };
-                let reading = Reading { line, turn, encoder_m, dial_m: dial * 1e-3, direction, dial_sd_m };
+                let reading = PlayReading { line, turn, encoder_m, dial_m: dial * 1e-3, direction, dial_sd_m };
                 log.add(&reading)?;
                 readings.push(reading);
             }

@@ -6,8 +6,8 @@
 
 use crate::fit::{Parameter, fit};
 use crate::lines::{Lines, Turning};
-use crate::log::Log;
-use crate::{Answer, CalibrateError, Calibrated, Dialogue, Fit};
+use crate::log::ReadingLog;
+use crate::{CalibrateError, CalibratedValue, Dialogue, LeastSquares, Reply};
 use krait_model::MachineParameters;
 use nalgebra::{Vector2, Vector3};
 use serde::{Deserialize, Serialize};
@@ -34,7 +34,7 @@ const CHECK_LIMIT: f64 = 2.0;
 
 /// One row of the CSV.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Reading {
+pub struct PoseReading {
     /// Place in the plan, from 1.
     pub pose: u32,
     /// Whether it is kept for the check.
@@ -65,7 +65,7 @@ pub struct Reading {
 
 /// What is known beforehand.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
+pub struct PoseSettings {
     /// Dimensions and material.
     pub machine: MachineParameters,
     /// Friction mu of the cone, 1.
@@ -80,7 +80,7 @@ pub struct Settings {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Poses {
     /// The fit.
-    pub fit: Fit,
+    pub fit: LeastSquares,
     /// Error of the predicted bend on the poses of the check, rad rms; `None` before they are measured.
     pub check_rms_rad: Option<f64>,
 }
@@ -97,8 +97,8 @@ impl Poses {
     }
 
     /// For the model file.
-    pub fn calibrated(&self) -> Vec<Calibrated> {
-        let value = |effect, parameter, (value, se)| Calibrated { effect, parameter, value, se };
+    pub fn calibrated(&self) -> Vec<CalibratedValue> {
+        let value = |effect, parameter, (value, se)| CalibratedValue { effect, parameter, value, se };
         vec![value("stiffness-scale", "eta", self.eta()), value("backlash", "half_width_m", self.half_width_m())]
     }
 
@@ -145,11 +145,11 @@ fn plane(places: &mut Vec<Place>, plane_deg: f64, bends_deg: &[f64], check: bool
 ///
 /// # Errors
 /// [`CalibrateError::NotDetermined`], [`CalibrateError::Setting`].
-pub fn poses(readings: &[Reading], settings: &Settings) -> Result<Poses, CalibrateError> {
+pub fn poses(readings: &[PoseReading], settings: &PoseSettings) -> Result<Poses, CalibrateError> {
     fitted(readings, settings, [1.0, 0.0])
 }
 
-fn fitted(readings: &[Reading], settings: &Settings, start: [f64; 2]) -> Result<Poses, CalibrateError> {
+fn fitted(readings: &[PoseReading], settings: &PoseSettings, start: [f64; 2]) -> Result<Poses, CalibrateError> {
     let lines = lines(settings)?;
     let parameters = [
         Parameter { name: "eta", start: start[0], scale: 0.1 },
@@ -172,7 +172,7 @@ fn fitted(readings: &[Reading], settings: &Settings, start: [f64; 2]) -> Result<
     Ok(Poses { fit, check_rms_rad })
 }
 
-fn lines(settings: &Settings) -> Result<Lines, CalibrateError> {
+fn lines(settings: &PoseSettings) -> Result<Lines, CalibrateError> {
     if !(settings.sd_rad > 1e-6 && settings.sd_rad < 0.2) {
         let (name, expected) = ("the standard deviation of a bend", "1e-6 to 0.2 rad");
         return Err(CalibrateError::Setting { name, found: settings.sd_rad, expected });
@@ -181,12 +181,12 @@ fn lines(settings: &Settings) -> Result<Lines, CalibrateError> {
         .ok_or_else(|| CalibrateError::Model("its machine is out of range".to_owned()))
 }
 
-fn q(r: &Reading) -> Vector3<f64> {
+fn q(r: &PoseReading) -> Vector3<f64> {
     Vector3::new(r.q1_m, r.q2_m, r.q3_m)
 }
 
 /// Readings that would determine both.
-fn missing(readings: &[Reading]) -> String {
+fn missing(readings: &[PoseReading]) -> String {
     let fitted = || readings.iter().filter(|r| !r.check);
     let n = fitted().count();
     let ways = |sign: f64| fitted().any(|r| r.s1 == sign);
@@ -200,7 +200,7 @@ fn missing(readings: &[Reading]) -> String {
 }
 
 /// Refuses values that are not determined, or that the poses of the check do not bear out.
-fn accept(found: &Poses, readings: &[Reading], settings: &Settings) -> Result<(), CalibrateError> {
+fn accept(found: &Poses, readings: &[PoseReading], settings: &PoseSettings) -> Result<(), CalibrateError> {
     for (k, (parameter, (value, se))) in
         [("eta", found.eta()), ("half_width_m", found.half_width_m())].into_iter().enumerate()
     {
@@ -236,11 +236,11 @@ fn accept(found: &Poses, readings: &[Reading], settings: &Settings) -> Result<()
 pub fn run<R: BufRead, W: Write>(
     dialogue: &mut Dialogue<R, W>,
     csv: &Path,
-    settings: &Settings,
+    settings: &PoseSettings,
     mut go: impl FnMut(&mut Dialogue<R, W>, Vector3<f64>) -> Result<Vector3<f64>, CalibrateError>,
 ) -> Result<Poses, CalibrateError> {
     let lines = lines(settings)?;
-    let (mut log, mut readings) = Log::open::<Reading>(csv)?;
+    let (mut log, mut readings) = ReadingLog::open::<PoseReading>(csv)?;
     dialogue.say("krait moves; type the measured bend vector in deg: b_x b_y; s skips the pose, q stops.")?;
     let at_m = go(dialogue, Vector3::zeros())?;
     let mut turning = Turning::new(at_m);
@@ -258,7 +258,7 @@ pub fn run<R: BufRead, W: Write>(
         }
         let reached_m = go(dialogue, lines.planned_m(wanted, 1.0))?;
         turning.follow(reached_m);
-        if place.passing || readings.iter().any(|r: &Reading| r.pose == pose) {
+        if place.passing || readings.iter().any(|r: &PoseReading| r.pose == pose) {
             continue;
         }
         let Some(signs) = turning.signs() else {
@@ -274,11 +274,11 @@ pub fn run<R: BufRead, W: Write>(
             if place.check { ", for the check" } else { "" }
         );
         let bend = match dialogue.numbers(&question, (2, 2), (-180.0, 180.0))? {
-            Answer::Numbers(bend) => bend,
-            Answer::Skip | Answer::Empty => continue,
-            Answer::Quit => break,
+            Reply::Numbers(bend) => bend,
+            Reply::Skip | Reply::Empty => continue,
+            Reply::Quit => break,
         };
-        let reading = Reading {
+        let reading = PoseReading {
             pose,
             check: place.check,
             plane_deg: place.plane_deg,

@@ -5,7 +5,7 @@
 mod common;
 
 use common::{N_SEEDS, Noise, User, fresh, honest};
-use krait_calibrate::friction::{Direction, Reading, Settings, friction, run};
+use krait_calibrate::friction::{Direction, FrictionReading, FrictionSettings, friction, run};
 use krait_calibrate::{CalibrateError, Dialogue};
 
 const TABLE_II: [(f64, f64); 10] = [
@@ -65,7 +65,7 @@ fn every_seed_states_its_own_error() {
     for seed in 0..N_SEEDS {
         let mut said = Vec::new();
         let mut dialogue = Dialogue::new(User::new(typed(&answers(mu, f_s_g, 25.0, seed))), &mut said);
-        let found = run(&mut dialogue, &csv, &Settings::default()).unwrap();
+        let found = run(&mut dialogue, &csv, &FrictionSettings::default()).unwrap();
         of_mu.push(found.mu());
         of_f_s.push(found.f_s_n());
         std::fs::remove_file(&csv).unwrap();
@@ -81,7 +81,7 @@ fn every_seed_states_its_own_error() {
 
 #[test]
 fn table_ii_gives_the_papers_values() {
-    let reading = |(weight_g, scale_g)| Reading {
+    let reading = |(weight_g, scale_g)| FrictionReading {
         line: 1,
         weight_g,
         direction: Direction::Up,
@@ -90,8 +90,8 @@ fn table_ii_gives_the_papers_values() {
         scale_sd_g: 25.0,
         note: String::new(),
     };
-    let readings: Vec<Reading> = TABLE_II.into_iter().map(reading).collect();
-    let found = friction(&readings, &Settings::default()).unwrap();
+    let readings: Vec<FrictionReading> = TABLE_II.into_iter().map(reading).collect();
+    let found = friction(&readings, &FrictionSettings::default()).unwrap();
     assert!((found.mu().0 - 0.17267).abs() < 5e-6 && (found.f_s_n().0 - 1.92087).abs() < 5e-6, "{found:?}");
     assert!((found.mu().1 - 0.0091).abs() < 1e-4 && (found.f_s_n().1 - 0.1304).abs() < 1e-3, "{found:?}");
     assert!((found.fit.correlation(0, 1) + 0.827).abs() < 1e-3);
@@ -104,12 +104,16 @@ fn what_was_read_is_kept_and_the_dialogue_goes_on_from_it() {
     let mut said = Vec::new();
     // The terminal closes in the middle of the tenth reading.
     let part = &lines[..38];
-    let ended = run(&mut Dialogue::new(User::new(typed(part)), &mut said), &csv, &Settings::default());
+    let ended = run(&mut Dialogue::new(User::new(typed(part)), &mut said), &csv, &FrictionSettings::default());
     assert!(ended.is_ok() || matches!(ended, Err(CalibrateError::NotDetermined { .. })), "{ended:?}");
     assert_eq!(std::fs::read_to_string(&csv).unwrap().lines().count(), 1 + 9);
-    let whole =
-        run(&mut Dialogue::new(User::new(typed(&lines)), &mut said), &fresh("friction-whole"), &Settings::default());
-    let resumed = run(&mut Dialogue::new(User::new(typed(&lines[36..])), &mut said), &csv, &Settings::default());
+    let whole = run(
+        &mut Dialogue::new(User::new(typed(&lines)), &mut said),
+        &fresh("friction-whole"),
+        &FrictionSettings::default(),
+    );
+    let resumed =
+        run(&mut Dialogue::new(User::new(typed(&lines[36..])), &mut said), &csv, &FrictionSettings::default());
     assert_eq!(resumed.unwrap(), whole.unwrap());
 }
 
@@ -118,10 +122,10 @@ fn a_row_that_was_cut_off_is_left_out_and_kept_beside() {
     let csv = fresh("friction-cut");
     let lines = answers(0.1727, 199.8, 25.0, 1);
     let mut said = Vec::new();
-    run(&mut Dialogue::new(User::new(typed(&lines)), &mut said), &csv, &Settings::default()).unwrap();
+    run(&mut Dialogue::new(User::new(typed(&lines)), &mut said), &csv, &FrictionSettings::default()).unwrap();
     let text = std::fs::read_to_string(&csv).unwrap();
     std::fs::write(&csv, &text[..text.len() - 9]).unwrap();
-    let again = run(&mut Dialogue::new(User::new(typed(&[])), &mut said), &csv, &Settings::default()).unwrap();
+    let again = run(&mut Dialogue::new(User::new(typed(&[])), &mut said), &csv, &FrictionSettings::default()).unwrap();
     assert_eq!(again.fit.dof, 17 - 1 - 2);
     assert_eq!(std::fs::read_to_string(csv.with_extension("csv.cut")).unwrap().len(), text.len() - 9);
 }
@@ -131,7 +135,7 @@ fn readings_that_determine_nothing_say_what_is_missing() {
     let csv = fresh("friction-missing");
     let mut said = Vec::new();
     let lines = ["1", "500", "up", "850", "1", "500", "up", "860", "1", ""].map(str::to_owned);
-    let refused = run(&mut Dialogue::new(User::new(typed(&lines)), &mut said), &csv, &Settings::default());
+    let refused = run(&mut Dialogue::new(User::new(typed(&lines)), &mut said), &csv, &FrictionSettings::default());
     let sentence = refused.unwrap_err().to_string();
     assert!(sentence.contains("not determined") && sentence.contains("without weight"), "{sentence}");
     assert!(sentence.contains("1000 to 1800 g") && !sentence.contains('\n'), "{sentence}");
@@ -150,7 +154,7 @@ fn a_law_that_does_not_hold_is_refused() {
         }
     }
     lines.extend(["1".to_owned(), String::new()]);
-    let refused = run(&mut Dialogue::new(User::new(typed(&lines)), &mut said), &csv, &Settings::default());
+    let refused = run(&mut Dialogue::new(User::new(typed(&lines)), &mut said), &csv, &FrictionSettings::default());
     let sentence = refused.unwrap_err().to_string();
     assert!(sentence.contains("chi2") || sentence.contains("not determined"), "{sentence}");
 }

@@ -5,7 +5,7 @@
 mod common;
 
 use common::{N_SEEDS, Noise, honest};
-use krait_calibrate::photo::{Click, Kind, View, bends};
+use krait_calibrate::photo::{Click, ClickKind, PhotoView, bends};
 use nalgebra::{Rotation3, Vector2, Vector3};
 
 /// Half of the disks' diameter and the backbone's length, mm.
@@ -33,14 +33,14 @@ impl Camera {
 }
 
 /// One pose seen from one side: across is x, or y.
-fn picture(image: &str, view: View, camera: &Camera, b: Vector2<f64>, px: f64, noise: &mut Noise) -> Vec<Click> {
+fn picture(image: &str, view: PhotoView, camera: &Camera, b: Vector2<f64>, px: f64, noise: &mut Noise) -> Vec<Click> {
     let size = b.norm();
     let direction = if size > 1e-9 { Vector2::new(b.x, -b.y) / size } else { Vector2::zeros() };
     let radius = if size > 1e-9 { LENGTH_MM / size } else { 0.0 };
     let out = radius * (1.0 - size.cos());
     let centre = Vector3::new(direction.x * out, direction.y * out, radius * size.sin());
     let normal = Vector3::new(direction.x * size.sin(), direction.y * size.sin(), size.cos());
-    let across = |v: Vector3<f64>| if view == View::Front { v.x } else { v.y };
+    let across = |v: Vector3<f64>| if view == PhotoView::Front { v.x } else { v.y };
     // The outermost points of the end disk in this view: perpendicular to the apparent normal.
     let seen = Vector2::new(across(normal), normal.z);
     let apparent = seen / seen.norm();
@@ -56,15 +56,15 @@ fn picture(image: &str, view: View, camera: &Camera, b: Vector2<f64>, px: f64, n
         for row in 0..8 {
             let (x, z) = (-15.0 + 5.0 * f64::from(column), -5.0 + 5.0 * f64::from(row));
             // A mirror shows the paper's own x the other way round.
-            let printed = if view == View::Mirror { -x } else { x };
-            add(Kind::Corner, Some((printed, z)), Vector3::new(x, z, camera.behind_mm), 0.6 * px);
+            let printed = if view == PhotoView::Mirror { -x } else { x };
+            add(ClickKind::Corner, Some((printed, z)), Vector3::new(x, z, camera.behind_mm), 0.6 * px);
         }
     }
     for at in [Vector2::new(-RADIUS_MM, 0.0), Vector2::new(RADIUS_MM, 0.0)] {
-        add(Kind::Base, None, at.push(0.0), px);
+        add(ClickKind::Base, None, at.push(0.0), px);
     }
     for at in [end - edge, end + edge] {
-        add(Kind::End, None, at.push(0.0), px);
+        add(ClickKind::End, None, at.push(0.0), px);
     }
     clicks
 }
@@ -78,10 +78,10 @@ fn bend(deg: f64, delta_deg: f64) -> Vector2<f64> {
 fn known_angles_come_out_of_clean_pictures_from_one_side_two_or_a_mirror() {
     let camera = Camera::new(5.0, 0.0);
     let mut noise = Noise::new(1);
-    for side in [View::Side, View::Mirror] {
+    for side in [PhotoView::Side, PhotoView::Mirror] {
         for (deg, delta_deg) in [(5.0, 0.0), (30.0, 30.0), (60.0, -100.0), (80.0, 200.0)] {
             let b = bend(deg, delta_deg);
-            let mut clicks = picture("a", View::Front, &camera, b, 0.0, &mut noise);
+            let mut clicks = picture("a", PhotoView::Front, &camera, b, 0.0, &mut noise);
             clicks.extend(picture("a", side, &camera, b, 0.0, &mut noise));
             let found = &bends(&clicks, 0.5).unwrap()[0];
             let off = Vector2::new(found.b_x_rad, found.b_y_rad) - b;
@@ -89,7 +89,7 @@ fn known_angles_come_out_of_clean_pictures_from_one_side_two_or_a_mirror() {
             assert!(found.plausible(), "{found:?}");
         }
     }
-    let one = &bends(&picture("b", View::Front, &camera, bend(40.0, 0.0), 0.0, &mut noise), 0.5).unwrap()[0];
+    let one = &bends(&picture("b", PhotoView::Front, &camera, bend(40.0, 0.0), 0.0, &mut noise), 0.5).unwrap()[0];
     assert!((one.b_x_rad.to_degrees() - 40.0).abs() < 1e-6 && one.b_y_rad.is_nan(), "{one:?}");
     assert!(one.sentence().contains("delta not seen"), "{}", one.sentence());
 }
@@ -105,7 +105,7 @@ fn every_seed_states_its_own_error_over_tilt_and_paper_behind() {
             // A session of four poses: the base's line is their mean.
             let mut clicks = Vec::new();
             for (k, b) in [truth, bend(10.0, 0.0), bend(60.0, 90.0), bend(30.0, 180.0)].into_iter().enumerate() {
-                for view in [View::Front, View::Side] {
+                for view in [PhotoView::Front, PhotoView::Side] {
                     clicks.extend(picture(&format!("pose {k}"), view, &camera, b, 0.5, &mut noise));
                 }
             }
@@ -124,7 +124,7 @@ fn the_base_of_a_whole_session_makes_the_chord_better() {
     let sd = |n: usize| {
         let mut noise = Noise::new(7);
         let clicks: Vec<Click> = (0..n)
-            .flat_map(|k| picture(&format!("{k}"), View::Front, &camera, bend(30.0, 0.0), 0.5, &mut noise))
+            .flat_map(|k| picture(&format!("{k}"), PhotoView::Front, &camera, bend(30.0, 0.0), 0.5, &mut noise))
             .collect();
         bends(&clicks, 0.5).unwrap()[0].sd_x_rad.to_degrees()
     };
@@ -137,9 +137,9 @@ fn curvature_that_is_not_constant_is_said() {
     let camera = Camera::new(0.0, 0.0);
     let mut noise = Noise::new(3);
     let b = bend(60.0, 0.0);
-    let mut clicks = picture("a", View::Front, &camera, b, 0.1, &mut noise);
+    let mut clicks = picture("a", PhotoView::Front, &camera, b, 0.1, &mut noise);
     // The end disk stands 6 deg steeper than the arc says.
-    let [p, q] = [0, 1].map(|k| clicks.iter().rposition(|c| c.kind == Kind::End).unwrap() - k);
+    let [p, q] = [0, 1].map(|k| clicks.iter().rposition(|c| c.kind == ClickKind::End).unwrap() - k);
     let at = |k: usize| Vector2::new(clicks[k].u_px, clicks[k].v_px);
     let (middle, half) = ((at(p) + at(q)) * 0.5, (at(p) - at(q)) * 0.5);
     let turned = nalgebra::Rotation2::new(6_f64.to_radians()) * half;
@@ -154,12 +154,12 @@ fn curvature_that_is_not_constant_is_said() {
 fn pictures_that_cannot_be_used_say_why() {
     let camera = Camera::new(5.0, 3.0);
     let mut noise = Noise::new(2);
-    let clicks = picture("a.jpg", View::Front, &camera, bend(30.0, 0.0), 0.1, &mut noise);
+    let clicks = picture("a.jpg", PhotoView::Front, &camera, bend(30.0, 0.0), 0.1, &mut noise);
     let refused = |clicks: &[Click]| bends(clicks, 0.5).unwrap_err().to_string();
-    let few: Vec<Click> = clicks.iter().filter(|c| c.kind != Kind::Corner).cloned().collect();
+    let few: Vec<Click> = clicks.iter().filter(|c| c.kind != ClickKind::Corner).cloned().collect();
     assert!(refused(&few).contains("a.jpg has 0 grid corners"), "{}", refused(&few));
     let mut line = clicks.clone();
-    line.retain(|c| c.kind != Kind::Corner || c.z_mm == Some(0.0) || c.z_mm == Some(5.0));
+    line.retain(|c| c.kind != ClickKind::Corner || c.z_mm == Some(0.0) || c.z_mm == Some(5.0));
     line.iter_mut().filter(|c| c.z_mm == Some(5.0)).for_each(|c| c.z_mm = Some(0.0));
     assert!(refused(&line).contains("corners of a.jpg"), "{}", refused(&line));
     let mut wrong = clicks.clone();

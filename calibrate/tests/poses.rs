@@ -5,7 +5,7 @@
 mod common;
 
 use common::{N_SEEDS, Noise, User, fresh, honest, shared};
-use krait_calibrate::poses::{Poses, Settings, run};
+use krait_calibrate::poses::{PoseSettings, Poses, run};
 use krait_calibrate::{CalibrateError, Dialogue, written};
 use krait_model::MachineParameters;
 use krait_sim::{SimulatedSnake, Truth};
@@ -23,7 +23,7 @@ struct Bench {
 
 fn measured(
     truth: &Truth,
-    settings: &Settings,
+    settings: &PoseSettings,
     seed: u64,
     csv: &Path,
     n_answers: usize,
@@ -54,8 +54,8 @@ fn measured(
     (found, String::from_utf8(said).unwrap())
 }
 
-fn settings(sd_deg: f64) -> Settings {
-    Settings { machine: MachineParameters::default(), mu: 0.1727, f_s_n: 1.959, sd_rad: sd_deg.to_radians() }
+fn settings(sd_deg: f64) -> PoseSettings {
+    PoseSettings { machine: MachineParameters::default(), mu: 0.1727, f_s_n: 1.959, sd_rad: sd_deg.to_radians() }
 }
 
 #[test]
@@ -88,7 +88,7 @@ fn without_noise_the_snakes_own_values_come_out() {
     let csv = fresh("poses-clean");
     let mut truth = Truth::default();
     truth.drive.encoder_resolution_m = 0.0;
-    let exact = Settings { sd_rad: 1e-4_f64.to_radians(), ..settings(1.0) };
+    let exact = PoseSettings { sd_rad: 1e-4_f64.to_radians(), ..settings(1.0) };
     let (found, said) = measured(&truth, &exact, 1, &csv, usize::MAX);
     let found = found.unwrap_or_else(|e| panic!("{e}\n{said}"));
     assert!((found.eta().0 - 1.22).abs() < 1e-3 && (found.half_width_m().0 - 0.089e-3).abs() < 1e-6, "{found:?}");

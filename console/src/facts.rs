@@ -28,12 +28,12 @@ pub struct Facts {
     /// The recording, if one is made.
     pub recording: Option<String>,
     /// What a sample may take, of each hop and then end to end.
-    pub budgets: Vec<Allowance>,
+    pub budgets: Vec<HopBudget>,
 }
 
 /// What a stretch of the way may take, us.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Allowance {
+pub struct HopBudget {
     /// Median, us.
     pub p50_us: f64,
     /// 99th percentile, us.

@@ -41,12 +41,12 @@ impl Token {
 
 /// One of the console's two origins.
 #[derive(Clone, Debug)]
-pub struct Origin {
+pub struct WebOrigin {
     /// Name and port as a browser puts them into `Host`.
     pub host: String,
 }
 
-impl Origin {
+impl WebOrigin {
     /// Of a name and a port.
     pub fn new(name: &str, port: u16) -> Self {
         Self { host: format!("{name}:{port}") }
@@ -83,7 +83,7 @@ fn text_of(headers: &HeaderMap, name: header::HeaderName) -> Option<&str> {
 }
 
 /// Headers of every answer of the page's origin; `frames` is the one origin that it may show in a frame.
-pub fn page_headers(origin: &Origin, frames: &Origin) -> Vec<(header::HeaderName, HeaderValue)> {
+pub fn page_headers(origin: &WebOrigin, frames: &WebOrigin) -> Vec<(header::HeaderName, HeaderValue)> {
     let live = format!("ws://{}", origin.host);
     let policy = format!(
         "default-src 'none'; script-src 'self'; worker-src 'self'; style-src 'self'; img-src 'self' blob:; \
@@ -99,7 +99,7 @@ pub fn page_headers(origin: &Origin, frames: &Origin) -> Vec<(header::HeaderName
 
 /// Headers of every answer of the stop's origin, which `page` may show in a frame. The referrer stays within the origin:
 /// without one a form's POST would carry the origin `null`.
-pub fn stop_headers(page: &Origin) -> Vec<(header::HeaderName, HeaderValue)> {
+pub fn stop_headers(page: &WebOrigin) -> Vec<(header::HeaderName, HeaderValue)> {
     let policy = format!(
         "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; form-action 'self'; \
          frame-ancestors {}; base-uri 'none'",
@@ -135,7 +135,7 @@ mod tests {
 
     #[test]
     fn only_the_own_host_and_origin_count_and_none_is_foreign() {
-        let own = Origin::new("127.0.0.1", 8123);
+        let own = WebOrigin::new("127.0.0.1", 8123);
         assert!(own.is_host_of(&headers(&[("host", "127.0.0.1:8123")])));
         assert!(own.is_origin_of(&headers(&[("origin", "http://127.0.0.1:8123")])));
         for foreign in ["http://127.0.0.1:81230", "http://evil.example", "null", "https://127.0.0.1:8123"] {

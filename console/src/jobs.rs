@@ -31,7 +31,7 @@ pub enum Stage {
 
 /// What a page is told of a job.
 #[derive(Clone, Debug, Serialize)]
-pub struct Report {
+pub struct JobReport {
     /// Counts jobs from 1.
     pub id: u64,
     /// The command, as it could be typed.
@@ -45,7 +45,7 @@ pub struct Report {
 }
 
 struct Job {
-    report: Report,
+    report: JobReport,
     child: Option<Child>,
 }
 
@@ -65,7 +65,7 @@ impl Jobs {
     ///
     /// # Errors
     /// One sentence: another job is at work, or the program cannot be started.
-    pub fn start(&self, arguments: &[String]) -> Result<Report, String> {
+    pub fn start(&self, arguments: &[String]) -> Result<JobReport, String> {
         let mut current = lock(&self.current);
         if current.as_ref().is_some_and(|job| job.report.stage == Stage::Running) {
             return Err("Another job is at work; cancel it, or wait for it.".to_owned());
@@ -77,7 +77,7 @@ impl Jobs {
         let (stdout, stderr) = (child.stdout.take(), child.stderr.take());
         let id = current.as_ref().map_or(0, |job| job.report.id) + 1;
         let command = format!("krait {}", arguments.join(" "));
-        let report = Report { id, command, stage: Stage::Running, said: String::new(), answer: None };
+        let report = JobReport { id, command, stage: Stage::Running, said: String::new(), answer: None };
         *current = Some(Job { report: report.clone(), child: Some(child) });
         drop(current);
         let listener = stderr.map(|stderr| {
@@ -92,7 +92,7 @@ impl Jobs {
     }
 
     /// The job that runs or was the last.
-    pub fn report(&self) -> Option<Report> {
+    pub fn report(&self) -> Option<JobReport> {
         lock(&self.current).as_ref().map(|job| job.report.clone())
     }
 

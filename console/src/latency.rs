@@ -45,7 +45,7 @@ pub struct Second {
 
 /// Everything about latency on the page.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct LatencyReport {
+pub struct LiveLatencyReport {
     /// Samples counted.
     pub n: u64,
     /// Samples beyond the budget's worst.
@@ -58,7 +58,7 @@ pub struct LatencyReport {
 
 /// Fills histograms from slave states; each command counts once.
 #[derive(Debug)]
-pub struct LatencyLog {
+pub struct LiveLatency {
     stretches: Vec<Stretch>,
     second: Histogram<u64>,
     seconds: VecDeque<Option<Second>>,
@@ -66,7 +66,7 @@ pub struct LatencyLog {
     n_late: u64,
 }
 
-impl LatencyLog {
+impl LiveLatency {
     /// Empty histograms.
     ///
     /// # Errors
@@ -110,8 +110,8 @@ impl LatencyLog {
     }
 
     /// What there is to show.
-    pub fn report(&self) -> LatencyReport {
-        LatencyReport {
+    pub fn report(&self) -> LiveLatencyReport {
+        LiveLatencyReport {
             n: self.stretches.last().map_or(0, |whole| whole.quantiles.len()),
             n_late: self.n_late,
             stretches: self.stretches.iter().map(Stretch::report).collect(),

@@ -26,9 +26,9 @@ mod wishes;
 mod words;
 
 pub use error::ConsoleError;
-pub use facts::{Allowance, Facts};
-pub use server::{Address, Settings, run};
-pub use tracking::Tracking;
+pub use facts::{Facts, HopBudget};
+pub use server::{Address, ServerSettings, run};
+pub use tracking::LiveTracking;
 
 use std::sync::atomic::{AtomicU64, AtomicUsize};
 

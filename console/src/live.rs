@@ -3,7 +3,7 @@
 use crate::PageCounts;
 use crate::server::{Shared, refuse};
 use crate::snapshot;
-use crate::wishes::{self, Outcome, Wish};
+use crate::wishes::{self, Wish, WishOutcome};
 use axum::extract::State;
 use axum::extract::ws::{Message, Utf8Bytes, WebSocket, WebSocketUpgrade};
 use axum::http::HeaderMap;
@@ -58,7 +58,7 @@ struct Acknowledged {
     k: &'static str,
     id: u64,
     #[serde(flatten)]
-    outcome: Outcome,
+    outcome: WishOutcome,
 }
 
 #[derive(Serialize)]
@@ -112,7 +112,7 @@ async fn serve(mut socket: WebSocket, shared: &Arc<Shared>) {
         return;
     }
     slow.mark_changed();
-    let (mut last_frame, mut allowance) = (0, Allowance::default());
+    let (mut last_frame, mut allowance) = (0, RateAllowance::default());
     let (answers, mut answered) = mpsc::channel(MOST_ANSWERS);
     let mut said = Listener { shared: Arc::clone(shared), answers, last_id: 0 };
     loop {
@@ -183,7 +183,7 @@ impl Listener {
             None
         };
         if let Some(why) = refusal {
-            return acknowledged(id, Outcome { is_done: false, say: format!("Not done: {why}.") });
+            return acknowledged(id, WishOutcome { is_done: false, say: format!("Not done: {why}.") });
         }
         self.last_id = id;
         let (shared, answers) = (Arc::clone(&self.shared), self.answers.clone());
@@ -199,18 +199,18 @@ impl Listener {
     }
 }
 
-fn acknowledged(id: u64, outcome: Outcome) -> Option<Utf8Bytes> {
+fn acknowledged(id: u64, outcome: WishOutcome) -> Option<Utf8Bytes> {
     serde_json::to_string(&Acknowledged { k: "ack", id, outcome }).ok().map(Utf8Bytes::from)
 }
 
 /// Messages that a page may still send in this second.
 #[derive(Default)]
-struct Allowance {
+struct RateAllowance {
     since_ns: i64,
     used: u32,
 }
 
-impl Allowance {
+impl RateAllowance {
     fn take(&mut self, now_ns: i64) -> bool {
         if now_ns - self.since_ns > 1_000_000_000 {
             *self = Self { since_ns: now_ns, used: 0 };

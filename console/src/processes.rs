@@ -7,7 +7,7 @@ use std::fs;
 
 /// A process of the instance, as the kernel sees it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Usage {
+pub struct ProcessUsage {
     /// Name in the instance.
     pub name: String,
     /// Process id.
@@ -29,7 +29,7 @@ pub struct Processes {
 
 impl Processes {
     /// Looks once, at an instant on the monotonic clock.
-    pub fn look(&mut self, members: Vec<(String, u32)>, now_ns: i64) -> Vec<Usage> {
+    pub fn look(&mut self, members: Vec<(String, u32)>, now_ns: i64) -> Vec<ProcessUsage> {
         let mut seen = HashMap::new();
         let mut usages = Vec::new();
         // One process may be in the instance more than once.
@@ -51,7 +51,7 @@ impl Processes {
                 *known = (pid, known.1 + 1);
             }
             let n_restarts = known.1;
-            usages.push(Usage { name, pid, cpu_percent, memory_bytes: memory_bytes(pid), n_restarts });
+            usages.push(ProcessUsage { name, pid, cpu_percent, memory_bytes: memory_bytes(pid), n_restarts });
         }
         self.last = seen;
         usages.sort_by(|a, b| order(&a.name).cmp(&order(&b.name)).then(a.pid.cmp(&b.pid)));

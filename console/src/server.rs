@@ -1,7 +1,7 @@
 //! The server: binds this machine's own address only, gives out the page, and runs beside the thread that reads channels.
 
 use crate::facts::Facts;
-use crate::guard::{Origin, Token, cookie, page_headers};
+use crate::guard::{Token, WebOrigin, cookie, page_headers};
 use crate::library::{self, Library};
 use crate::stop::{self, StopShared};
 use crate::watch::{Slots, Watch};
@@ -30,7 +30,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(100);
 
 /// How a console shall run.
 #[derive(Clone, Debug)]
-pub struct Settings {
+pub struct ServerSettings {
     /// Port of the page on 127.0.0.1; 0: any that is free.
     pub port: u16,
     /// Port of the stop on this machine; 0: any that is free.
@@ -56,8 +56,8 @@ pub struct Address {
 
 /// What every handler knows.
 pub(crate) struct Shared {
-    pub(crate) origin: Origin,
-    stop_origin: Origin,
+    pub(crate) origin: WebOrigin,
+    stop_origin: WebOrigin,
     token: Token,
     cookie_name: String,
     pub(crate) session: Token,
@@ -83,7 +83,7 @@ impl Shared {
 /// [`ConsoleError`] in one sentence.
 pub fn run(
     bus: Bus,
-    settings: Settings,
+    settings: ServerSettings,
     facts: Facts,
     announce: impl FnOnce(&Address),
     stop: &AtomicBool,
@@ -97,7 +97,7 @@ pub fn run(
     let pages = Arc::new(PageCounts::default());
     let (listener, port) = runtime.block_on(listen(settings.port))?;
     let (stop_listener, stop_port) = runtime.block_on(listen(settings.stop_port))?;
-    let (page_origin, stop_origin) = (Origin::new("127.0.0.1", port), Origin::new("localhost", stop_port));
+    let (page_origin, stop_origin) = (WebOrigin::new("127.0.0.1", port), WebOrigin::new("localhost", stop_port));
     let stop_token = Token::new()?;
     let stop_url = format!("{}/stop/{}", stop_origin.url(), stop_token.digits());
     let wishing = Bus::open(&instance, crate::NAME)?;

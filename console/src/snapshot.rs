@@ -4,9 +4,9 @@
 //! instants milliseconds on the server's monotonic clock.
 
 use crate::facts::Facts;
-use crate::latency::{LatencyReport, stretch_names};
-use crate::processes::Usage;
-use crate::words::{Circumstances, Shown, Words, words_of};
+use crate::latency::{LiveLatencyReport, stretch_names};
+use crate::processes::ProcessUsage;
+use crate::words::{Shown, ShownState, Words, words_of};
 use krait_ipc::message::{
     Command, DeviceState, Health, ModelUpdate, OperatorInput, Phase, Setpoint, Shape, SlaveState,
 };
@@ -20,7 +20,7 @@ const SHAPE_STALE_NS: i64 = 500_000_000;
 
 /// The newest message of each channel.
 #[derive(Clone, Debug, Default)]
-pub struct Newest {
+pub struct NewestSamples {
     /// Operator.
     pub input: Option<OperatorInput>,
     /// Where the snake shall be.
@@ -102,10 +102,10 @@ struct Shortly {
 ///
 /// # Errors
 /// Never: every field is a number, a text or null.
-pub fn frame(newest: &Newest, moment: &Moment, facts: &Facts) -> serde_json::Result<String> {
+pub fn frame(newest: &NewestSamples, moment: &Moment, facts: &Facts) -> serde_json::Result<String> {
     let fresh = newest.state.as_ref().filter(|state| moment.now_ns - state.sample_ns < STALE_NS);
     let shape = newest.shape.as_ref().filter(|shape| moment.now_ns - shape.sample_ns < SHAPE_STALE_NS);
-    let circumstances = Circumstances {
+    let circumstances = ShownState {
         state: fresh,
         device: newest.input.and_then(|input| input.device()),
         is_present: newest.input.is_some_and(|input| input.operator_present()),
@@ -153,7 +153,7 @@ pub fn frame(newest: &Newest, moment: &Moment, facts: &Facts) -> serde_json::Res
 }
 
 /// Value and limit of a reason, from the messages themselves: what a process's health keeps is the worst ever.
-fn value_of(reason: Reason, newest: &Newest, facts: &Facts) -> Option<String> {
+fn value_of(reason: Reason, newest: &NewestSamples, facts: &Facts) -> Option<String> {
     let largest = |values: [f64; 3]| {
         let sizes = values.into_iter().enumerate().map(|(line, value)| (line + 1, value.abs()));
         sizes.filter(|(_, size)| size.is_finite()).max_by(|(_, a), (_, b)| a.total_cmp(b))
@@ -192,9 +192,9 @@ pub struct Slow {
     /// Names this kind of message.
     pub k: &'static str,
     /// Latency since the console began.
-    pub latency: LatencyReport,
+    pub latency: LiveLatencyReport,
     /// The processes of the instance.
-    pub processes: Vec<Process>,
+    pub processes: Vec<ProcessRow>,
     /// Messages that this console has lost of all channels that it reads.
     pub n_lost_here: u64,
     /// Pages that are open.
@@ -211,10 +211,10 @@ pub struct Slow {
 
 /// A process with what it says of itself.
 #[derive(Clone, Debug, Serialize)]
-pub struct Process {
+pub struct ProcessRow {
     /// What the kernel says.
     #[serde(flatten)]
-    pub usage: Usage,
+    pub usage: ProcessUsage,
     /// Messages lost, by its own count.
     pub n_lost: Option<u64>,
     /// Messages refused, by its own count.
@@ -228,20 +228,20 @@ pub struct Process {
 }
 
 /// Joins what the kernel and the processes themselves say.
-pub fn processes(usages: Vec<Usage>, newest: &Newest, now_ns: i64) -> Vec<Process> {
-    let health_of = |usage: &Usage| {
+pub fn processes(usages: Vec<ProcessUsage>, newest: &NewestSamples, now_ns: i64) -> Vec<ProcessRow> {
+    let health_of = |usage: &ProcessUsage| {
         let mut all = newest.healths.iter();
         all.find(|(process, _)| process.name() == usage.name)
             .and_then(|(_, health)| *health)
             .filter(|h| h.pid == usage.pid)
     };
-    let process = |usage: Usage| {
+    let process = |usage: ProcessUsage| {
         let health = health_of(&usage);
         let reasons = health.map(|health| Reasons::from_bits(health.reasons_now));
         // What holds the motion still is no fault of a process.
         let worst = reasons.and_then(|reasons| reasons.iter().map(words_of).min_by_key(|words| words.level));
         let told = worst.filter(|words| words.level <= crate::words::Level::Warn);
-        Process {
+        ProcessRow {
             n_lost: health.map(|health| health.n_lost),
             n_refused: health.map(|health| health.n_refused),
             says: told.map(|words| words.say),

@@ -3,9 +3,9 @@
 //! A plain form without script; with script it acts on pressing down. It can stop and do nothing else, and has a token that
 //! is good for nothing else.
 
-use crate::guard::{self, Origin, Token};
+use crate::guard::{self, Token, WebOrigin};
 use crate::server::refuse;
-use crate::wishes::{Desk, Outcome};
+use crate::wishes::{Desk, WishOutcome};
 use axum::Router;
 use axum::extract::{DefaultBodyLimit, Path, Request, State};
 use axum::http::{StatusCode, header};
@@ -23,9 +23,9 @@ const AT_REST: &str = "holds the snake still";
 /// What the stop's handlers know.
 pub struct StopShared {
     /// Where the stop is.
-    pub origin: Origin,
+    pub origin: WebOrigin,
     /// The page that may show it.
-    pub page: Origin,
+    pub page: WebOrigin,
     /// Good for a stop only.
     pub token: Token,
     /// Where stops are handed in.
@@ -77,7 +77,7 @@ async fn stop(State(shared): State<Arc<StopShared>>, Path(token): Path<String>, 
             Err(_) => StatusCode::INTERNAL_SERVER_ERROR.into_response(),
         };
     }
-    let Outcome { is_done, say } = &outcome;
+    let WishOutcome { is_done, say } = &outcome;
     render(&shared, if *is_done { "done" } else { "failed" }, say).into_response()
 }
 

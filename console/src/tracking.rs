@@ -9,12 +9,12 @@ const WINDOW_NS: i64 = 1_000_000_000;
 
 /// Setpoints of the last while, and the errors of the last second.
 #[derive(Debug, Default)]
-pub struct Tracking {
+pub struct LiveTracking {
     setpoints: VecDeque<(i64, [f64; 2])>,
     errors: VecDeque<(i64, f64)>,
 }
 
-impl Tracking {
+impl LiveTracking {
     /// Takes a setpoint; instants that go back begin anew.
     pub fn setpoint(&mut self, sample_ns: i64, bend_rad: [f64; 2]) {
         if self.setpoints.back().is_some_and(|(last_ns, _)| *last_ns > sample_ns) {
@@ -60,7 +60,7 @@ mod tests {
 
     #[test]
     fn a_shape_is_compared_with_the_setpoint_of_its_exposure() {
-        let mut tracking = Tracking::default();
+        let mut tracking = LiveTracking::default();
         for n in 0..100i64 {
             tracking.setpoint(n * 1_000_000, [0.01 * n as f64, 0.0]);
         }

@@ -1,10 +1,10 @@
 //! The thread that reads shared memory: never woken by a writer, sixty looks a second, one newest frame for all pages.
 
 use crate::facts::Facts;
-use crate::latency::LatencyLog;
+use crate::latency::LiveLatency;
 use crate::processes::Processes;
-use crate::snapshot::{self, Moment, Newest, Slow};
-use crate::tracking::Tracking;
+use crate::snapshot::{self, Moment, NewestSamples, Slow};
+use crate::tracking::LiveTracking;
 use crate::{ConsoleError, PageCounts};
 use core::time::Duration;
 use krait_ipc::message::{Command, Health, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState};
@@ -40,9 +40,9 @@ pub struct Watch {
     shapes: Reader<Shape>,
     model_updates: Reader<ModelUpdate>,
     healths: Vec<Reader<Health>>,
-    newest: Newest,
-    tracking: Tracking,
-    latency: LatencyLog,
+    newest: NewestSamples,
+    tracking: LiveTracking,
+    latency: LiveLatency,
     processes: Processes,
     chain_reasons: [Reasons; 3],
     held: Held,
@@ -65,9 +65,12 @@ impl Watch {
             shapes: bus.reader(options)?,
             model_updates: bus.reader(options)?,
             healths: Process::ALL.into_iter().map(health).collect::<Result<_, _>>()?,
-            newest: Newest { healths: Process::ALL.map(|process| (process, None)).to_vec(), ..Newest::default() },
-            tracking: Tracking::default(),
-            latency: LatencyLog::new()?,
+            newest: NewestSamples {
+                healths: Process::ALL.map(|process| (process, None)).to_vec(),
+                ..NewestSamples::default()
+            },
+            tracking: LiveTracking::default(),
+            latency: LiveLatency::new()?,
             processes: Processes::default(),
             chain_reasons: [Reasons::NONE; 3],
             held: Held::default(),

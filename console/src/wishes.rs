@@ -62,14 +62,14 @@ impl Wish {
 
 /// What became of a wish.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Outcome {
+pub struct WishOutcome {
     /// Whether the drives' own state says that it is done.
     pub is_done: bool,
     /// One sentence.
     pub say: String,
 }
 
-impl Outcome {
+impl WishOutcome {
     fn done(say: impl Into<String>) -> Self {
         Self { is_done: true, say: say.into() }
     }
@@ -82,7 +82,7 @@ impl Outcome {
 struct Asked {
     wish: Wish,
     at_ns: i64,
-    reply: oneshot::Sender<Outcome>,
+    reply: oneshot::Sender<WishOutcome>,
 }
 
 /// Where wishes are handed in.
@@ -92,56 +92,56 @@ pub struct Desk {
 }
 
 /// What is handed in, on its way to [`carry`].
-pub struct Orders(Receiver<Asked>);
+pub struct WishQueue(Receiver<Asked>);
 
 /// Makes a desk, and what [`carry`] takes from it.
 ///
 /// # Errors
 /// [`ConsoleError`] where the stop's shared memory cannot be had.
-pub fn open(bus: &Bus) -> Result<(Desk, Orders), ConsoleError> {
+pub fn open(bus: &Bus) -> Result<(Desk, WishQueue), ConsoleError> {
     let (queue, asked) = bounded(MOST_WISHES);
-    Ok((Desk { stop: bus.stop_switch()?, queue }, Orders(asked)))
+    Ok((Desk { stop: bus.stop_switch()?, queue }, WishQueue(asked)))
 }
 
 /// Carries what is handed in to the supervisor until told to stop.
 ///
 /// # Errors
 /// [`ConsoleError`] where a channel cannot be opened or is broken.
-pub fn carry(bus: &Bus, orders: Orders, stop: &AtomicBool) -> Result<(), ConsoleError> {
+pub fn carry(bus: &Bus, orders: WishQueue, stop: &AtomicBool) -> Result<(), ConsoleError> {
     let answers = bus.reader(ReadOptions::glancing())?;
     Clerk { bus, asked: orders.0, answers, writer: None, n_sent: 0, pending: Vec::new() }.run(stop)
 }
 
 impl Desk {
     /// Asks for a change of the operating state; `at_ns` is when the operator pressed.
-    pub async fn ask(&self, wish: Wish, at_ns: i64) -> Outcome {
+    pub async fn ask(&self, wish: Wish, at_ns: i64) -> WishOutcome {
         let (reply, outcome) = oneshot::channel();
         match self.queue.try_send(Asked { wish, at_ns, reply }) {
-            Ok(()) => outcome.await.unwrap_or_else(|_| Outcome::not_done("The console is ending.")),
-            Err(TrySendError::Full(_)) => Outcome::not_done("Too many commands are under way."),
-            Err(TrySendError::Disconnected(_)) => Outcome::not_done("The console is ending."),
+            Ok(()) => outcome.await.unwrap_or_else(|_| WishOutcome::not_done("The console is ending.")),
+            Err(TrySendError::Full(_)) => WishOutcome::not_done("Too many commands are under way."),
+            Err(TrySendError::Disconnected(_)) => WishOutcome::not_done("The console is ending."),
         }
     }
 
     /// Stops: counted up at once in shared memory. Where the slave does not obey in time, its power is asked off.
-    pub async fn stop(&self) -> Outcome {
+    pub async fn stop(&self) -> WishOutcome {
         let pressed_ns = clock::monotonic_ns();
         let number = self.stop.press();
         let since_ms = || (clock::monotonic_ns() - pressed_ns) / 1_000_000;
         while (clock::monotonic_ns() - pressed_ns).unsigned_abs() < STOP_PATIENCE.as_nanos() as u64 {
             if self.stop.is_obeyed(number) {
-                return Outcome::done(format!("Stopped \u{2013} the drives confirmed it after {} ms.", since_ms()));
+                return WishOutcome::done(format!("Stopped \u{2013} the drives confirmed it after {} ms.", since_ms()));
             }
             tokio::time::sleep(LOOK_EVERY).await;
         }
         let off = self.ask(Wish::Disable, clock::monotonic_ns()).await;
         if off.is_done {
-            return Outcome::done(format!(
+            return WishOutcome::done(format!(
                 "The stop was not confirmed, so power was turned off after {} ms.",
                 since_ms()
             ));
         }
-        Outcome::not_done("NOT CONFIRMED. Use the emergency stop of the machine.")
+        WishOutcome::not_done("NOT CONFIRMED. Use the emergency stop of the machine.")
     }
 }
 
@@ -179,15 +179,15 @@ impl Clerk<'_> {
     fn take(&mut self, asked: Asked) -> Result<(), ConsoleError> {
         let now_ns = clock::monotonic_ns();
         if now_ns - asked.at_ns > EXPIRY_NS {
-            answer(asked, Outcome::not_done("It was not sent: it came too late."));
+            answer(asked, WishOutcome::not_done("It was not sent: it came too late."));
             return Ok(());
         }
         if !self.bus.members().iter().any(|(name, _)| name == "launch") {
-            answer(asked, Outcome::not_done("No chain runs here."));
+            answer(asked, WishOutcome::not_done("No chain runs here."));
             return Ok(());
         }
         let Some(request) = self.send(asked.wish.transition(), now_ns)? else {
-            answer(asked, Outcome::not_done("Too many programs ask for something at once."));
+            answer(asked, WishOutcome::not_done("Too many programs ask for something at once."));
             return Ok(());
         };
         let again_ns = asked.wish.is_safer().then_some(now_ns + AGAIN_NS);
@@ -223,7 +223,7 @@ impl Clerk<'_> {
         for position in (0..self.pending.len()).rev() {
             if now_ns >= self.pending[position].deadline_ns {
                 let pending = self.pending.swap_remove(position);
-                answer(pending.asked, Outcome::not_done("The supervisor did not answer."));
+                answer(pending.asked, WishOutcome::not_done("The supervisor did not answer."));
             } else if self.pending[position].again_ns.is_some_and(|again_ns| now_ns >= again_ns) {
                 self.pending[position].again_ns = None;
                 let transition = self.pending[position].asked.wish.transition();
@@ -237,16 +237,16 @@ impl Clerk<'_> {
 }
 
 /// Whoever asked may have gone.
-fn answer(asked: Asked, outcome: Outcome) {
+fn answer(asked: Asked, outcome: WishOutcome) {
     if asked.reply.send(outcome).is_err() {
         tracing::debug!("a page went before its command was answered");
     }
 }
 
-fn outcome_of(wish: Wish, said: &StateAnswer) -> Outcome {
+fn outcome_of(wish: Wish, said: &StateAnswer) -> WishOutcome {
     let state = OperatingState::from_u32(said.operating_state).map_or("unknown", OperatingState::name);
     match said.outcome() {
-        Some(RequestOutcome::Done) => Outcome::done(match wish {
+        Some(RequestOutcome::Done) => WishOutcome::done(match wish {
             Wish::Enable => "Enabled \u{2013} confirmed by the drives.",
             Wish::Disable => "Disabled \u{2013} confirmed by the drives.",
             Wish::Pause => "Paused \u{2013} confirmed by the drives.",
@@ -254,9 +254,9 @@ fn outcome_of(wish: Wish, said: &StateAnswer) -> Outcome {
             Wish::Home => "Homing \u{2013} the drives have begun.",
             Wish::ClearFault => "The fault is cleared; power is off.",
         }),
-        Some(RequestOutcome::NoSlave) => Outcome::not_done("The drives did not answer."),
+        Some(RequestOutcome::NoSlave) => WishOutcome::not_done("The drives did not answer."),
         Some(RequestOutcome::Refused) | None => {
-            Outcome::not_done(format!("Refused: the drives are {}.", state.to_lowercase()))
+            WishOutcome::not_done(format!("Refused: the drives are {}.", state.to_lowercase()))
         }
     }
 }

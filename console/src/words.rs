@@ -144,7 +144,7 @@ pub enum Shown {
 
 /// What the state to be shown depends on.
 #[derive(Clone, Copy, Debug)]
-pub struct Circumstances<'a> {
+pub struct ShownState<'a> {
     /// The newest state that is fresh enough.
     pub state: Option<&'a SlaveState>,
     /// What is known of the hand controller.
@@ -159,7 +159,7 @@ pub struct Circumstances<'a> {
     pub reasons: Reasons,
 }
 
-impl Circumstances<'_> {
+impl ShownState<'_> {
     /// The state to be shown.
     pub fn shown(&self) -> Shown {
         let Some(state) = self.state else { return Shown::Stale };
@@ -198,7 +198,7 @@ mod tests {
 
     #[test]
     fn silence_is_never_shown_as_good_news() {
-        let nothing = Circumstances {
+        let nothing = ShownState {
             state: None,
             device: None,
             is_present: true,

@@ -12,7 +12,7 @@ pub enum LabVerb {
     #[command(
         after_help = "Examples:\n  krait lab compare --model base.toml --data run.csv\n  krait lab compare --model base.toml --data recordings/run.mcap --json | jq .error_deg\n  krait lab compare --model base.toml --data theirs.csv --map time_s=t --map bend_x_rad=cam.x:deg --map bend_y_rad=cam.y:deg"
     )]
-    Compare(CompareArgs),
+    Compare(LabCompareArgs),
     /// Which physical effect is missing from the model? Ranks all of them, or says that none is, or that none explains it.
     #[command(
         after_help = "Examples:\n  krait lab diagnose --model base.toml --data run.csv --report why.html\n  krait lab diagnose --model base.toml --data recordings/run.mcap --json | jq .verdict"
@@ -66,7 +66,7 @@ impl LabFiles {
 
 /// Options of `krait lab compare`.
 #[derive(Clone, Debug, Args)]
-pub struct CompareArgs {
+pub struct LabCompareArgs {
     /// Model and data.
     #[command(flatten)]
     pub files: LabFiles,

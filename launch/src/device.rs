@@ -1,7 +1,7 @@
 //! Whose reports a recording rests on: the operator's device and its serial number, for the recording's metadata.
 
 use crate::cli::MasterKind;
-use krait_master::{DeviceInfo, MasterConfig, Recording};
+use krait_master::{DeviceInfo, HidRecording, MasterConfig};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -42,10 +42,10 @@ fn live(found: Result<DeviceInfo, krait_master::MasterError>) -> (String, String
 
 fn reports(path: Option<&Path>) -> String {
     let (recording, name) = match path {
-        Some(path) => (Recording::load(path), path.display().to_string()),
-        None => (Recording::shipped(), "the shipped ones".to_owned()),
+        Some(path) => (HidRecording::load(path), path.display().to_string()),
+        None => (HidRecording::shipped(), "the shipped ones".to_owned()),
     };
-    match recording.as_ref().map(Recording::header) {
+    match recording.as_ref().map(HidRecording::header) {
         Ok(header) => {
             format!("recorded reports of {:04x}:{:04x} ({name})", header.vendor_id, header.product_id)
         }

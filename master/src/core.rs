@@ -2,7 +2,7 @@
 
 use crate::grip::Grip;
 use crate::operator::flags;
-use crate::{Decoder, DeviceMonitor, Hand, MasterConfig, MasterError, Operator, OperatorMotion, Refusal, Report};
+use crate::{Decoder, DeviceMonitor, Hand, HidReport, MasterConfig, MasterError, Operator, OperatorMotion, Refusal};
 use crate::{ReportCounts, ScriptSample};
 use krait_ipc::message::{DeviceState, HopStamps, OperatorInput};
 
@@ -54,18 +54,18 @@ impl MasterCore {
     ///
     /// # Real-time
     /// No allocation, no blocking.
-    pub fn on_report(&mut self, bytes: &[u8], stamp_ns: i64) -> Result<Report, Refusal> {
+    pub fn on_report(&mut self, bytes: &[u8], stamp_ns: i64) -> Result<HidReport, Refusal> {
         self.watch(stamp_ns);
         let report = self.decoder.on_report(bytes)?;
         match report {
-            Report::Translation(_) => self.on_motion(0, stamp_ns),
-            Report::Rotation(_) => self.on_motion(1, stamp_ns),
-            Report::Motion(_) => self.on_motion(2, stamp_ns),
-            Report::Buttons(buttons) => {
+            HidReport::Translation(_) => self.on_motion(0, stamp_ns),
+            HidReport::Rotation(_) => self.on_motion(1, stamp_ns),
+            HidReport::Motion(_) => self.on_motion(2, stamp_ns),
+            HidReport::Buttons(buttons) => {
                 self.operator.on_buttons(buttons);
                 self.monitor.on_other(stamp_ns);
             }
-            Report::Battery { .. } => self.monitor.on_other(stamp_ns),
+            HidReport::Battery { .. } => self.monitor.on_other(stamp_ns),
         }
         Ok(report)
     }
@@ -197,18 +197,18 @@ mod tests {
     }
 
     fn push(core: &mut MasterCore, x_counts: i16, now_ns: i64) {
-        core.on_report(Report::Translation([x_counts, 0, 0]).encode().as_bytes(), now_ns).expect("report");
+        core.on_report(HidReport::Translation([x_counts, 0, 0]).encode().as_bytes(), now_ns).expect("report");
     }
 
     fn press(core: &mut MasterCore, buttons: u32, now_ns: i64) {
-        core.on_report(Report::Buttons(buttons).encode().as_bytes(), now_ns).expect("report");
+        core.on_report(HidReport::Buttons(buttons).encode().as_bytes(), now_ns).expect("report");
     }
 
     #[test]
     fn only_reports_replaced_before_an_input_carried_them_are_drained() {
         let mut core = core();
         push(&mut core, 1, 0);
-        core.on_report(Report::Rotation([1, 0, 0]).encode().as_bytes(), 0).expect("the other half");
+        core.on_report(HidReport::Rotation([1, 0, 0]).encode().as_bytes(), 0).expect("the other half");
         assert_eq!(core.on_tick(0).n_drained, 0, "the halves do not replace each other");
         for x in 0..5 {
             push(&mut core, x, MS);

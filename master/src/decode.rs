@@ -42,7 +42,7 @@ pub enum Layout {
 
 /// A report's content.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Report {
+pub enum HidReport {
     /// X, Y, Z of the split layout, counts.
     Translation([i16; 3]),
     /// Rx, Ry, Rz of the split layout, counts.
@@ -91,7 +91,7 @@ pub enum Refusal {
     },
 }
 
-impl Report {
+impl HidReport {
     /// Decodes one report.
     ///
     /// # Errors

@@ -1,6 +1,6 @@
 //! Keeps what the reports so far have said, and counts what was refused, so that one broken report never spoils the next.
 
-use crate::{Layout, Refusal, Report};
+use crate::{HidReport, Layout, Refusal};
 
 /// How many reports were decoded, and how many were refused for which reason.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -43,19 +43,19 @@ impl Decoder {
     /// Takes one report in; a refused one changes nothing but the counts.
     ///
     /// # Errors
-    /// As [`Report::decode`].
+    /// As [`HidReport::decode`].
     ///
     /// # Real-time
     /// No allocation, no blocking.
-    pub fn on_report(&mut self, bytes: &[u8]) -> Result<Report, Refusal> {
-        let report = Report::decode(bytes).inspect_err(|refusal| self.count(*refusal))?;
+    pub fn on_report(&mut self, bytes: &[u8]) -> Result<HidReport, Refusal> {
+        let report = HidReport::decode(bytes).inspect_err(|refusal| self.count(*refusal))?;
         self.counts.n_decoded += 1;
         match report {
-            Report::Translation(counts) => self.put_axes(0, &counts, Layout::Split),
-            Report::Rotation(counts) => self.put_axes(3, &counts, Layout::Split),
-            Report::Motion(counts) => self.put_axes(0, &counts, Layout::Combined),
-            Report::Buttons(bits) => self.buttons = bits,
-            Report::Battery { charge_percent } => self.charge_percent = Some(charge_percent),
+            HidReport::Translation(counts) => self.put_axes(0, &counts, Layout::Split),
+            HidReport::Rotation(counts) => self.put_axes(3, &counts, Layout::Split),
+            HidReport::Motion(counts) => self.put_axes(0, &counts, Layout::Combined),
+            HidReport::Buttons(bits) => self.buttons = bits,
+            HidReport::Battery { charge_percent } => self.charge_percent = Some(charge_percent),
         }
         Ok(report)
     }

@@ -2,7 +2,7 @@
 //! vendor and product, and only the first push of the cap shows which of them is the hand.
 
 use crate::hid::{HidPort, ReadFailure};
-use crate::{RawReport, Report};
+use crate::{HidReport, RawReport};
 use std::time::Duration;
 
 /// How long one node is waited for before the next has its turn. A report is late by at most this for each other node, and
@@ -53,7 +53,7 @@ impl HidPort for HidNodes {
 
 /// The battery of a device speaks on any node; cap and buttons only on the hand's own.
 fn is_of_a_hand(bytes: &[u8]) -> bool {
-    Report::decode(bytes).is_ok_and(|report| report.is_motion() || matches!(report, Report::Buttons(_)))
+    HidReport::decode(bytes).is_ok_and(|report| report.is_motion() || matches!(report, HidReport::Buttons(_)))
 }
 
 #[cfg(test)]

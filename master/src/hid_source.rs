@@ -139,7 +139,7 @@ impl Reader {
                 Ok(0) | Err(ReadFailure::Interrupted) => {}
                 Ok(n_bytes) => {
                     let report = RawReport::clipped(&buffer[..n_bytes.min(RawReport::MAX_BYTES)]);
-                    self.push(SourceEvent::Report { stamp_ns: clock::monotonic_ns(), report });
+                    self.push(SourceEvent::HidReport { stamp_ns: clock::monotonic_ns(), report });
                 }
                 Err(ReadFailure::Gone(source_text)) => {
                     tracing::warn!(%source_text, "the hand controller was lost; looking for it");
@@ -167,7 +167,7 @@ impl Reader {
         while let Err(TrySendError::Full(refused)) = self.events.try_send(event) {
             event = refused;
             match self.oldest.try_recv() {
-                Ok(SourceEvent::Report { .. }) => {
+                Ok(SourceEvent::HidReport { .. }) => {
                     self.shared.n_drained.fetch_add(1, Ordering::Relaxed);
                 }
                 Ok(_) => self.shared.missed_plug.store(true, Ordering::Relaxed),

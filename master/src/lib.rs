@@ -12,10 +12,10 @@
 //!
 //! ```no_run
 //! use krait_ipc::Bus;
-//! use krait_master::{MasterConfig, Recording, SourceChoice, run};
+//! use krait_master::{MasterConfig, HidRecording, SourceChoice, run};
 //! use std::sync::atomic::AtomicBool;
 //! let bus = Bus::open("main", "master")?;
-//! let source = SourceChoice::Recording { recording: Recording::shipped()?, looping: false };
+//! let source = SourceChoice::Recording { recording: HidRecording::shipped()?, looping: false };
 //! run(&bus, &MasterConfig::default(), source, &AtomicBool::new(false))?;
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -52,7 +52,7 @@ mod ticker;
 pub use crate::core::MasterCore;
 pub use axis_map::{AxisMap, SignedAxis};
 pub use config::MasterConfig;
-pub use decode::{AXIS_LIMIT_COUNTS, AXIS_MARGIN_COUNTS, Layout, Refusal, Report, led_report};
+pub use decode::{AXIS_LIMIT_COUNTS, AXIS_MARGIN_COUNTS, HidReport, Layout, Refusal, led_report};
 pub use decoder::{Decoder, ReportCounts};
 pub use device_state::DeviceMonitor;
 pub use devices::{DeviceChoice, DeviceInfo, KNOWN_DEVICES, KnownDevice, list_devices};
@@ -64,9 +64,9 @@ pub use operator::{Hand, Operator, OperatorMotion};
 pub use presence::{Clutch, MarkButton, Presence};
 pub use process::run;
 pub use raw_report::RawReport;
-pub use recording::{Recording, RecordingHeader};
+pub use recording::{HidRecording, RecordingHeader};
 pub use recording_source::RecordingSource;
-pub use recording_writer::RecordingWriter;
+pub use recording_writer::HidRecordingWriter;
 pub use response::Response;
 pub use script::{Script, ScriptSample};
 pub use script_source::ScriptSource;

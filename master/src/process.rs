@@ -90,7 +90,7 @@ impl Master {
     fn take_events(&mut self, now_ns: i64) -> Result<(), MasterError> {
         while let Some(event) = self.source.next_event(now_ns) {
             match event {
-                SourceEvent::Report { stamp_ns, report } => {
+                SourceEvent::HidReport { stamp_ns, report } => {
                     if let Some(log) = &self.log {
                         self.has_log_dropped |= !log.push(stamp_ns, report);
                     }

@@ -1,4 +1,4 @@
-//! Report recordings: raw reports with stamps, as text that a person can read, compare and cut.
+//! HID report recordings: raw reports with stamps, as text that a person can read, compare and cut.
 //!
 //! ```text
 //! krait-report-recording 1
@@ -44,7 +44,7 @@ pub struct RecordingHeader {
 
 /// A recording in memory.
 #[derive(Clone, Debug)]
-pub struct Recording {
+pub struct HidRecording {
     header: RecordingHeader,
     reports: Vec<StampedReport>,
 }
@@ -56,7 +56,7 @@ pub(crate) struct StampedReport {
     pub(crate) report: RawReport,
 }
 
-impl Recording {
+impl HidRecording {
     /// The recording that is built into the binary: 31 s of a synthetic operator (see its notes).
     ///
     /// # Errors

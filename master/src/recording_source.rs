@@ -1,7 +1,7 @@
 //! Plays a recording by its stamps, so that the chain meets the very bytes at the very pace of a device.
 
 use crate::source::sleep_until;
-use crate::{Recording, ReportSource, SourceEvent};
+use crate::{HidRecording, ReportSource, SourceEvent};
 
 /// Pause between the end of a looping recording and its new beginning, ns: long enough to count as rest.
 const LOOP_PAUSE_NS: i64 = 500_000_000;
@@ -9,7 +9,7 @@ const LOOP_PAUSE_NS: i64 = 500_000_000;
 /// Plays a recording from an instant on, once or again and again.
 #[derive(Debug)]
 pub struct RecordingSource {
-    recording: Recording,
+    recording: HidRecording,
     looping: bool,
     start_ns: Option<i64>,
     next_idx: usize,
@@ -18,7 +18,7 @@ pub struct RecordingSource {
 
 impl RecordingSource {
     /// A player that waits for its start.
-    pub fn new(recording: Recording, looping: bool) -> Self {
+    pub fn new(recording: HidRecording, looping: bool) -> Self {
         Self { recording, looping, start_ns: None, next_idx: 0, is_end_told: false }
     }
 
@@ -58,7 +58,7 @@ impl ReportSource for RecordingSource {
             Some(_) if self.due_ns()? > now_ns => None,
             Some(stamped) => {
                 self.next_idx += 1;
-                Some(SourceEvent::Report { stamp_ns: now_ns, report: stamped.report })
+                Some(SourceEvent::HidReport { stamp_ns: now_ns, report: stamped.report })
             }
         }
     }
@@ -74,13 +74,13 @@ mod tests {
 
     fn source(looping: bool) -> RecordingSource {
         let text = "krait-report-recording 1\ndevice 046d:c626\nlayout split\nreports\n0 0301\n8 0300\n8 0302\nend 3\n";
-        RecordingSource::new(Recording::parse("test", text.as_bytes()).expect("recording"), looping)
+        RecordingSource::new(HidRecording::parse("test", text.as_bytes()).expect("recording"), looping)
     }
 
     fn told(source: &mut RecordingSource, now_ns: i64) -> Vec<String> {
         std::iter::from_fn(|| source.next_event(now_ns))
             .map(|event| match event {
-                SourceEvent::Report { report, .. } => format!("{:02x}", report.as_bytes()[1]),
+                SourceEvent::HidReport { report, .. } => format!("{:02x}", report.as_bytes()[1]),
                 other => format!("{other:?}"),
             })
             .collect()

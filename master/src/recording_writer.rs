@@ -4,16 +4,16 @@ use crate::recording::MAGIC;
 use crate::{Layout, RecordingHeader};
 use std::io::{self, Write};
 
-/// Writes one recording. Without [`RecordingWriter::finish`] the file counts as truncated.
+/// Writes one recording. Without [`HidRecordingWriter::finish`] the file counts as truncated.
 #[derive(Debug)]
-pub struct RecordingWriter<W: Write> {
+pub struct HidRecordingWriter<W: Write> {
     out: W,
     first_ns: Option<i64>,
     last_ns: i64,
     n_reports: u64,
 }
 
-impl<W: Write> RecordingWriter<W> {
+impl<W: Write> HidRecordingWriter<W> {
     /// Writes the header.
     ///
     /// # Errors

@@ -1,7 +1,7 @@
 //! Records raw reports beside the running master: a bounded queue and a thread of its own, so that a slow or full disk never
 //! delays the operator's input.
 
-use crate::{MasterError, RawReport, RecordingHeader, RecordingWriter};
+use crate::{HidRecordingWriter, MasterError, RawReport, RecordingHeader};
 use crossbeam_channel::{Receiver, Sender, TrySendError, bounded};
 use std::fs::File;
 use std::io::{self, BufWriter};
@@ -32,7 +32,7 @@ impl ReportLog {
         let notes = vec!["recorded by krait master".to_owned()];
         let file = BufWriter::new(File::options().write(true).create_new(true).mode(0o600).open(path).map_err(failed)?);
         let header = RecordingHeader { vendor_id, product_id, layout, notes };
-        let writer = RecordingWriter::new(file, &header).map_err(failed)?;
+        let writer = HidRecordingWriter::new(file, &header).map_err(failed)?;
         let (queue, reports) = bounded(QUEUE);
         let n_dropped = Arc::new(AtomicU64::new(0));
         let (counter, shown_path) = (Arc::clone(&n_dropped), path.to_owned());
@@ -70,7 +70,7 @@ impl Drop for ReportLog {
 }
 
 fn write_all(
-    mut writer: RecordingWriter<BufWriter<File>>,
+    mut writer: HidRecordingWriter<BufWriter<File>>,
     reports: &Receiver<(i64, RawReport)>,
     n_dropped: &AtomicU64,
 ) -> io::Result<()> {

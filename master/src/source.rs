@@ -2,7 +2,7 @@
 //! none of them.
 
 use crate::{
-    HidSource, MasterConfig, MasterError, RawReport, Recording, RecordingSource, Script, ScriptSample, ScriptSource,
+    HidRecording, HidSource, MasterConfig, MasterError, RawReport, RecordingSource, Script, ScriptSample, ScriptSource,
 };
 use krait_ipc::clock;
 use rustix::thread::{ClockId, clock_nanosleep_absolute};
@@ -12,7 +12,7 @@ use rustix::time::Timespec;
 #[derive(Clone, Copy, Debug)]
 pub enum SourceEvent {
     /// A report, and when it was in hand, CLOCK_MONOTONIC, ns.
-    Report {
+    HidReport {
         /// When it was in hand.
         stamp_ns: i64,
         /// Its bytes.
@@ -55,7 +55,7 @@ pub enum SourceChoice {
     /// A recording of reports.
     Recording {
         /// The reports.
-        recording: Recording,
+        recording: HidRecording,
         /// Whether it begins again after its end.
         looping: bool,
     },

@@ -1,19 +1,19 @@
 //! The decoder as a device, a broken device and an attacker meet it.
 
-use krait_master::{AXIS_LIMIT_COUNTS, AXIS_MARGIN_COUNTS, Decoder, Layout, RawReport, Refusal, Report, led_report};
+use krait_master::{AXIS_LIMIT_COUNTS, AXIS_MARGIN_COUNTS, Decoder, HidReport, Layout, RawReport, Refusal, led_report};
 use proptest::prelude::*;
 
 fn axis() -> impl Strategy<Value = i16> {
     -(AXIS_LIMIT_COUNTS + AXIS_MARGIN_COUNTS)..=AXIS_LIMIT_COUNTS + AXIS_MARGIN_COUNTS
 }
 
-fn report() -> impl Strategy<Value = Report> {
+fn report() -> impl Strategy<Value = HidReport> {
     prop_oneof![
-        prop::array::uniform3(axis()).prop_map(Report::Translation),
-        prop::array::uniform3(axis()).prop_map(Report::Rotation),
-        prop::array::uniform6(axis()).prop_map(Report::Motion),
-        any::<u32>().prop_map(Report::Buttons),
-        (0_u8..=100).prop_map(|charge_percent| Report::Battery { charge_percent }),
+        prop::array::uniform3(axis()).prop_map(HidReport::Translation),
+        prop::array::uniform3(axis()).prop_map(HidReport::Rotation),
+        prop::array::uniform6(axis()).prop_map(HidReport::Motion),
+        any::<u32>().prop_map(HidReport::Buttons),
+        (0_u8..=100).prop_map(|charge_percent| HidReport::Battery { charge_percent }),
     ]
 }
 
@@ -33,14 +33,14 @@ proptest! {
     #[test]
     fn no_string_with_a_known_id_panics(id in prop::sample::select(vec![1_u8, 2, 3, 4, 0x17]), body in prop::collection::vec(any::<u8>(), 0..80)) {
         let bytes: Vec<u8> = std::iter::once(id).chain(body).collect();
-        let accepted = Report::decode(&bytes).is_ok();
+        let accepted = HidReport::decode(&bytes).is_ok();
         let fits = matches!((id, bytes.len()), (1, 7 | 13) | (2, 7) | (3, 2..=7) | (0x17, 2 | 3));
         prop_assert!(fits || !accepted);
     }
 
     #[test]
     fn what_is_encoded_decodes_to_the_same(report in report()) {
-        prop_assert_eq!(Report::decode(report.encode().as_bytes()), Ok(report));
+        prop_assert_eq!(HidReport::decode(report.encode().as_bytes()), Ok(report));
     }
 }
 
@@ -76,16 +76,20 @@ fn short_long_unknown_and_wild_reports_are_refused_by_name() {
     let c = decoder.counts();
     assert_eq!((c.n_empty, c.n_unknown, c.n_short, c.n_long, c.n_out_of_range, c.n_decoded), (1, 2, 3, 1, 2, 0));
     let endless = RawReport::clipped(&[1; 500]);
-    assert_eq!(Report::decode(endless.as_bytes()), Err(Refusal::Long { id: 1, n_bytes: 64 }));
+    assert_eq!(HidReport::decode(endless.as_bytes()), Err(Refusal::Long { id: 1, n_bytes: 64 }));
     assert_eq!(decoder.on_report(&[1, 0x00, 0x80, 0, 0, 0, 0]), Err(Refusal::OutOfRange { id: 1, value: i16::MIN }));
 }
 
 #[test]
 fn buttons_battery_and_light_follow_the_devices_bytes() {
     let mut decoder = Decoder::default();
-    assert_eq!(decoder.on_report(&[3, 2, 0]), Ok(Report::Buttons(2)));
-    assert_eq!(decoder.on_report(&[3, 0, 0, 0, 0x20, 0xff, 0xff]), Ok(Report::Buttons(1 << 29)), "past 32 is ignored");
-    assert_eq!(decoder.on_report(&[0x17, 87, 1]), Ok(Report::Battery { charge_percent: 87 }));
+    assert_eq!(decoder.on_report(&[3, 2, 0]), Ok(HidReport::Buttons(2)));
+    assert_eq!(
+        decoder.on_report(&[3, 0, 0, 0, 0x20, 0xff, 0xff]),
+        Ok(HidReport::Buttons(1 << 29)),
+        "past 32 is ignored"
+    );
+    assert_eq!(decoder.on_report(&[0x17, 87, 1]), Ok(HidReport::Battery { charge_percent: 87 }));
     assert_eq!((decoder.buttons(), decoder.charge_percent()), (1 << 29, Some(87)));
     assert_eq!((led_report(true), led_report(false)), ([4, 1], [4, 0]));
 }

@@ -4,7 +4,7 @@
 
 use krait_ipc::message::{DeviceState, Health, HopStamps, Message, OperatingState, OperatorInput, SlaveState};
 use krait_ipc::{Bus, Process, ReadOptions, Reader, Reason, Reasons, clock, health_channel};
-use krait_master::{Engage, MasterConfig, MasterError, Recording, Script, SourceChoice, run};
+use krait_master::{Engage, HidRecording, MasterConfig, MasterError, Script, SourceChoice, run};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
@@ -54,7 +54,10 @@ impl Chain {
 }
 
 fn shipped(duration_s: f64) -> SourceChoice {
-    SourceChoice::Recording { recording: Recording::shipped().expect("built in").first_s(duration_s), looping: false }
+    SourceChoice::Recording {
+        recording: HidRecording::shipped().expect("built in").first_s(duration_s),
+        looping: false,
+    }
 }
 
 fn at_once() -> MasterConfig {
@@ -105,7 +108,7 @@ fn the_shipped_recording_reaches_a_reader_whole_in_order_and_with_its_speed_and_
 }
 
 fn reports_in(duration_s: f64) -> u64 {
-    Recording::shipped().expect("built in").first_s(duration_s).n_reports() as u64
+    HidRecording::shipped().expect("built in").first_s(duration_s).n_reports() as u64
 }
 
 #[test]
@@ -158,7 +161,7 @@ fn played_reports_can_be_recorded_and_are_the_same_bytes() {
     chain.until(ended);
     chain.end();
     let (again, original) =
-        (Recording::load(&path).expect("whole"), Recording::shipped().expect("built in").first_s(0.9));
+        (HidRecording::load(&path).expect("whole"), HidRecording::shipped().expect("built in").first_s(0.9));
     assert!(again.reports().map(|(_, bytes)| bytes).eq(original.reports().map(|(_, bytes)| bytes)));
     assert_eq!(again.header().layout, original.header().layout);
     let bus = Bus::open(&instance("tap2"), "master").expect("bus");

@@ -4,11 +4,11 @@
 mod allocations;
 
 use allocations::allocations_of;
-use krait_master::{Engage, MasterConfig, MasterCore, RawReport, Recording, ScriptSample};
+use krait_master::{Engage, HidRecording, MasterConfig, MasterCore, RawReport, ScriptSample};
 
 #[test]
 fn no_report_tick_or_event_allocates() {
-    let recording = Recording::shipped().expect("built in");
+    let recording = HidRecording::shipped().expect("built in");
     let mut core = MasterCore::new(&MasterConfig { engage: Engage::Once, ..MasterConfig::default() }).expect("default");
     let mut n_moving = 0;
     let n = allocations_of(|| {

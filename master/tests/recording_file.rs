@@ -2,12 +2,12 @@
 
 #![allow(clippy::expect_used, clippy::panic, reason = "the helpers of a test fail as the test does")]
 
-use krait_master::{Layout, MasterError, Recording, RecordingHeader, RecordingWriter};
+use krait_master::{HidRecording, HidRecordingWriter, Layout, MasterError, RecordingHeader};
 
 const GOOD: &str = "krait-report-recording 1\ndevice 046d:c626\nlayout split\nnote a\nreports\n0 01000000000000\nnote b\n8000000 0301\nend 2\n";
 
 fn refused(text: &str) -> String {
-    let error = Recording::parse("x.krr", text.as_bytes()).expect_err("refused");
+    let error = HidRecording::parse("x.krr", text.as_bytes()).expect_err("refused");
     assert!(matches!(error, MasterError::Recording { .. }));
     let sentence = error.to_string();
     assert!(sentence.starts_with("report recording x.krr, line ") && !sentence.contains('\n'), "{sentence}");
@@ -22,13 +22,13 @@ fn what_is_written_is_read_the_same_with_stamps_from_the_first_report() {
         layout: Some(Layout::Combined),
         notes: vec!["n".into()],
     };
-    let mut writer = RecordingWriter::new(Vec::new(), &header).expect("header");
+    let mut writer = HidRecordingWriter::new(Vec::new(), &header).expect("header");
     for (stamp_ns, bytes) in [(5_000, &[1_u8, 2, 3][..]), (5_016, &[0xff; 64]), (5_010, &[3, 0]), (5_020, &[])] {
         writer.push(stamp_ns, bytes).expect("report");
     }
     writer.note(&"long\nnote ".repeat(60)).expect("note");
     let text = writer.finish().expect("end");
-    let recording = Recording::parse("x", &text).expect("read");
+    let recording = HidRecording::parse("x", &text).expect("read");
     assert_eq!((recording.header().vendor_id, recording.header().layout), (0x256f, Some(Layout::Combined)));
     let reports: Vec<_> = recording.reports().collect();
     assert_eq!(reports, [(0, &[1_u8, 2, 3][..]), (16, &[0xff; 64]), (16, &[3, 0])], "a clock that steps back is held");
@@ -37,7 +37,7 @@ fn what_is_written_is_read_the_same_with_stamps_from_the_first_report() {
 
 #[test]
 fn notes_may_stand_between_reports_and_a_part_can_be_cut_off() {
-    let recording = Recording::parse("x", GOOD.as_bytes()).expect("read");
+    let recording = HidRecording::parse("x", GOOD.as_bytes()).expect("read");
     assert_eq!((recording.header().notes.join(","), recording.n_reports()), ("a,b".to_owned(), 2));
     assert_eq!(recording.first_s(0.005).n_reports(), 1);
 }
@@ -94,13 +94,13 @@ fn each_damage_is_named_with_its_line_what_was_expected_and_what_was_found() {
 #[test]
 fn a_missing_file_and_a_folder_are_refused_by_path() {
     for path in ["/nonexistent/x.krr", "/"] {
-        let sentence = Recording::load(path.as_ref()).expect_err("refused").to_string();
+        let sentence = HidRecording::load(path.as_ref()).expect_err("refused").to_string();
         assert!(sentence.starts_with(&format!("{path} could not be read: ")), "{sentence}");
     }
 }
 
 #[test]
 fn an_endless_file_is_refused_before_it_fills_the_memory() {
-    let error = Recording::load("/dev/zero".as_ref()).expect_err("refused");
+    let error = HidRecording::load("/dev/zero".as_ref()).expect_err("refused");
     assert!(error.to_string().contains("it is a device, expected a regular file"), "{error}");
 }

@@ -4,7 +4,7 @@
 
 use generate::shipped_recording_text;
 use krait_ipc::message::{DeviceState, OperatorInput};
-use krait_master::{AXIS_LIMIT_COUNTS, Engage, MasterConfig, MasterCore, Recording, Report};
+use krait_master::{AXIS_LIMIT_COUNTS, Engage, HidRecording, HidReport, MasterConfig, MasterCore};
 use plan::{end_s, plan_at};
 
 #[allow(dead_code, reason = "the generator uses what this test does not")]
@@ -23,7 +23,7 @@ const TICK_NS: i64 = 1_000_000;
 const DAMPING: f64 = 0.1;
 
 fn shipped() -> Recording {
-    Recording::shipped().expect("the built-in recording")
+    HidRecording::shipped().expect("the built-in recording")
 }
 
 /// The inputs at every millisecond, as the process would publish them.
@@ -90,9 +90,9 @@ fn it_sends_at_the_devices_pace_within_the_devices_range_and_rests_as_the_device
                 "one report per 8 ms slot: {gap_ns} ns at {stamp_ns} ns"
             );
         }
-        let counts = match Report::decode(bytes).expect("decoded") {
-            Report::Translation(counts) | Report::Rotation(counts) => counts,
-            Report::Buttons(_) => [0; 3],
+        let counts = match HidReport::decode(bytes).expect("decoded") {
+            HidReport::Translation(counts) | HidReport::Rotation(counts) => counts,
+            HidReport::Buttons(_) => [0; 3],
             other => panic!("a SpaceNavigator sends no {other:?}"),
         };
         assert!(counts.iter().all(|c| c.abs() <= AXIS_LIMIT_COUNTS));

@@ -2,7 +2,7 @@
 
 use crate::fit::{KRAITS_PRIOR, Loads, Photograph, Prior, fit};
 use crate::line_1::{Scatter, noisy, photographs};
-use crate::noise::Noise;
+use crate::noise::CameraNoise;
 use anyhow::Context;
 use krait_model::Snake;
 use krait_sim::Truth;
@@ -25,7 +25,7 @@ struct Range {
 
 /// One way to estimate on one range.
 #[derive(Clone, Debug, Serialize)]
-pub struct Row {
+pub struct BiasRow {
     /// The photographs.
     pub range: &'static str,
     /// Which bend stands in the load, and what was believed before.
@@ -45,7 +45,7 @@ pub struct Row {
 }
 
 /// Every method on every range.
-pub fn study(snake: &Snake, truth: &Truth) -> anyhow::Result<Vec<Row>> {
+pub fn study(snake: &Snake, truth: &Truth) -> anyhow::Result<Vec<BiasRow>> {
     let wide = core::array::from_fn(|k| 17.0 + 7.0 * k as f64);
     let short = [12.0, 19.0, 22.0, 24.5, 27.5, 29.5, 31.5, 35.0, 23.0, 20.0];
     let ranges = [
@@ -76,8 +76,8 @@ fn row(
     sigma_rad: f64,
     loads: Loads,
     prior: Option<Prior>,
-) -> anyhow::Result<Row> {
-    let mut noise = Noise::new(SEED);
+) -> anyhow::Result<BiasRow> {
+    let mut noise = CameraNoise::new(SEED);
     let runs: Vec<Vector2<f64>> = (0..N_RUNS)
         .filter_map(|_| fit(snake, &noisy(clean, sigma_rad, &mut noise), sigma_rad, loads, prior))
         .map(|fit| fit.value)
@@ -100,7 +100,7 @@ fn row(
         (Loads::AtPredictedBend, false) => "predicted bend",
         (Loads::AtPredictedBend, true) => "predicted bend, prior",
     };
-    Ok(Row {
+    Ok(BiasRow {
         range: range.name,
         method,
         predicted: loads == Loads::AtPredictedBend,

@@ -1,7 +1,7 @@
 //! What the paper claims, each with one verdict for the method as printed and one for the corrected one.
 
-use crate::fig_10::Row as RampRow;
-use crate::fig_11::Row as TurnRow;
+use crate::fig_10::RampRow;
+use crate::fig_11::TurnRow;
 use crate::neglected::Neglected;
 use crate::table2::Table2;
 use crate::table3::Table3;
@@ -10,7 +10,7 @@ use serde::Serialize;
 
 /// A verdict and the numbers that it rests on.
 #[derive(Clone, Debug, Serialize)]
-pub struct Verdict {
+pub struct ClaimVerdict {
     /// Whether the claim comes out.
     pub holds: bool,
     /// What comes out.
@@ -25,13 +25,13 @@ pub struct Claim {
     /// What it says.
     pub claim: &'static str,
     /// With the paper's own method.
-    pub printed: Verdict,
+    pub printed: ClaimVerdict,
     /// With the corrected one.
-    pub corrected: Verdict,
+    pub corrected: ClaimVerdict,
 }
 
 /// Everything that the verdicts rest on.
-pub struct Evidence<'a> {
+pub struct ClaimEvidence<'a> {
     pub table_2: &'a Table2,
     pub table_3: &'a Table3,
     pub fig_10: &'a [RampRow],
@@ -41,7 +41,7 @@ pub struct Evidence<'a> {
 }
 
 /// Every claim, in the order of the paper.
-pub fn all(e: &Evidence) -> Vec<Claim> {
+pub fn all(e: &ClaimEvidence) -> Vec<Claim> {
     let mut claims = friction(e);
     claims.extend(neglected(e.neglected));
     claims.extend(accuracy(e));
@@ -50,11 +50,11 @@ pub fn all(e: &Evidence) -> Vec<Claim> {
 }
 
 fn claim(place: &'static str, claim: &'static str, printed: (bool, String), corrected: (bool, String)) -> Claim {
-    let verdict = |(holds, found)| Verdict { holds, found };
+    let verdict = |(holds, found)| ClaimVerdict { holds, found };
     Claim { place, claim, printed: verdict(printed), corrected: verdict(corrected) }
 }
 
-fn friction(e: &Evidence) -> Vec<Claim> {
+fn friction(e: &ClaimEvidence) -> Vec<Claim> {
     let (t, p) = (e.table_2, &e.table_2.printed);
     let close = |found: f64, printed: f64, digit: f64| (found - printed).abs() <= digit;
     let (mu_holds, f_s_holds) = (close(t.mu, p.mu, 1e-4), close(t.f_s_n_with_g_10, p.f_s_n, 1e-3));
@@ -129,7 +129,7 @@ fn neglected(n: &Neglected) -> Vec<Claim> {
     ]
 }
 
-fn accuracy(e: &Evidence) -> Vec<Claim> {
+fn accuracy(e: &ClaimEvidence) -> Vec<Claim> {
     let ramp = |key: &str| e.fig_10.iter().find(|row| row.key == key).map_or(f64::NAN, |row| row.there_deg.rms);
     let naive = ramp("naive");
     let printed = ramp("printed_1.22_0.178");

@@ -12,7 +12,7 @@ use serde::Serialize;
 
 /// One error.
 #[derive(Clone, Debug, Serialize)]
-pub struct Finding {
+pub struct PaperError {
     /// Where in the paper.
     pub place: &'static str,
     /// What stands there.
@@ -35,7 +35,7 @@ pub struct Number {
 }
 
 /// Every error, in the order of the equations.
-pub fn all(snake: &Snake, truth: &Truth, table_2: &Table2, table_3: &Table3) -> anyhow::Result<Vec<Finding>> {
+pub fn all(snake: &Snake, truth: &Truth, table_2: &Table2, table_3: &Table3) -> anyhow::Result<Vec<PaperError>> {
     Ok(vec![
         kinematics::division_by_one_cosine(snake),
         kinematics::second_row_of_eq_7(snake)?,

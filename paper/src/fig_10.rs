@@ -14,7 +14,7 @@ const BACK_TO_DEG: f64 = 5.0;
 
 /// One compensation on the ramp.
 #[derive(Clone, Debug, Serialize)]
-pub struct Row {
+pub struct RampRow {
     /// Name for programs.
     pub key: &'static str,
     /// What was compensated.
@@ -32,7 +32,7 @@ pub struct Row {
     pub poses: Vec<Pose>,
 }
 
-impl Row {
+impl RampRow {
     /// The way out.
     pub fn there(&self) -> &[Pose] {
         self.poses.get(..n_there()).unwrap_or(&self.poses)
@@ -44,17 +44,17 @@ fn n_there() -> usize {
 }
 
 /// Runs the ramp there and back with each compensation.
-pub fn run(snake: &Snake, truth: &Truth, variants: &[Variant]) -> anyhow::Result<Vec<Row>> {
+pub fn run(snake: &Snake, truth: &Truth, variants: &[Variant]) -> anyhow::Result<Vec<RampRow>> {
     let mut path = ramp(0.0, RAMP_END_DEG, 0.0, STEP_DEG);
     path.extend(ramp(RAMP_END_DEG, 0.0, 0.0, STEP_DEG));
     variants.iter().map(|variant| row(variant, follow(truth, &path, variant.kind.commands(snake)?)?)).collect()
 }
 
-fn row(variant: &Variant, poses: Vec<Pose>) -> anyhow::Result<Row> {
+fn row(variant: &Variant, poses: Vec<Pose>) -> anyhow::Result<RampRow> {
     let (there, back) = poses.split_at(n_there());
     let counted = back.len() - (BACK_TO_DEG / STEP_DEG) as usize;
     let every_tenth = |part: &[Pose], n: usize| part.iter().skip(9).step_by(10).take(n).map(ramp_error_deg).collect();
-    Ok(Row {
+    Ok(RampRow {
         key: variant.key,
         compensation: variant.label,
         there_deg: spread(there, ramp_error_deg),

@@ -27,7 +27,7 @@ pub struct Errors {
 
 /// One compensation at one bend.
 #[derive(Clone, Debug, Serialize)]
-pub struct Row {
+pub struct TurnRow {
     /// Name for programs.
     pub key: &'static str,
     /// What was compensated.
@@ -47,13 +47,13 @@ pub struct Row {
 }
 
 /// Runs both protocols at both bends with each compensation.
-pub fn run(snake: &Snake, truth: &Truth, variants: &[Variant]) -> anyhow::Result<Vec<Row>> {
+pub fn run(snake: &Snake, truth: &Truth, variants: &[Variant]) -> anyhow::Result<Vec<TurnRow>> {
     let mut rows = Vec::new();
     for bend_deg in BENDS_DEG {
         for variant in variants {
             let turned = turned(snake, truth, variant, bend_deg)?;
             let straight = straight(snake, truth, variant, bend_deg)?;
-            rows.push(Row {
+            rows.push(TurnRow {
                 key: variant.key,
                 compensation: variant.label,
                 bend_deg,

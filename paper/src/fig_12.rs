@@ -16,7 +16,7 @@ const SHOWN: [&str; 3] = ["off", "naive", "motion_sign_1.22_0.089"];
 
 /// One pose.
 #[derive(Clone, Debug, Serialize)]
-pub struct Row {
+pub struct PoseRow {
     /// Bend, deg.
     pub bend_deg: f64,
     /// Plane, deg.
@@ -43,11 +43,11 @@ pub struct Reached {
 }
 
 /// Takes every pose from straight with three of the compensations.
-pub fn run(snake: &Snake, truth: &Truth, variants: &[Variant]) -> anyhow::Result<Vec<Row>> {
+pub fn run(snake: &Snake, truth: &Truth, variants: &[Variant]) -> anyhow::Result<Vec<PoseRow>> {
     POSES_DEG.iter().map(|(bend_deg, delta_deg)| row(snake, truth, variants, *bend_deg, *delta_deg)).collect()
 }
 
-fn row(snake: &Snake, truth: &Truth, variants: &[Variant], bend_deg: f64, delta_deg: f64) -> anyhow::Result<Row> {
+fn row(snake: &Snake, truth: &Truth, variants: &[Variant], bend_deg: f64, delta_deg: f64) -> anyhow::Result<PoseRow> {
     let wanted = bend_rad(bend_deg, delta_deg);
     let tip_mm = snake.tip_pos_in_base_m(wanted) * 1e3;
     let mut reached = Vec::new();
@@ -64,5 +64,5 @@ fn row(snake: &Snake, truth: &Truth, variants: &[Variant], bend_deg: f64, delta_
         });
     }
     let q_mm: Vector3<f64> = snake.q(wanted) * 1e3;
-    Ok(Row { bend_deg, delta_deg, tip_mm: tip_mm.into(), q_mm: q_mm.into(), reached })
+    Ok(PoseRow { bend_deg, delta_deg, tip_mm: tip_mm.into(), q_mm: q_mm.into(), reached })
 }

@@ -20,13 +20,13 @@ pub fn all(
     snake: &Snake,
     table_2: &Table2,
     table_3: &Table3,
-    ramps: &[fig_10::Row],
-    turns: &[fig_11::Row],
-    poses: &[fig_12::Row],
+    ramps: &[fig_10::RampRow],
+    turns: &[fig_11::TurnRow],
+    poses: &[fig_12::PoseRow],
 ) -> Vec<Figure> {
     let mut figures = vec![loads(table_2), residuals(table_2), ramp(ramps), way_back(ramps), estimate(table_3, ramps)];
     for bend_deg in fig_11::BENDS_DEG {
-        let rows: Vec<&fig_11::Row> = turns.iter().filter(|row| row.bend_deg == bend_deg).collect();
+        let rows: Vec<&fig_11::TurnRow> = turns.iter().filter(|row| row.bend_deg == bend_deg).collect();
         figures.extend([
             planes(&rows, bend_deg, "turning", "bend", |row| &row.turned, bend_error_deg),
             planes(&rows, bend_deg, "turning", "plane", |row| &row.turned, plane_error_deg),
@@ -128,7 +128,7 @@ fn shown(key: &str) -> Option<(usize, Stroke)> {
     }
 }
 
-fn ramp(rows: &[fig_10::Row]) -> Figure {
+fn ramp(rows: &[fig_10::RampRow]) -> Figure {
     let curves = rows.iter().filter_map(|row| {
         let (color, stroke) = shown(row.key)?;
         Some(curve(row.compensation, color, stroke, over_bend(row.there())))
@@ -145,7 +145,7 @@ fn ramp(rows: &[fig_10::Row]) -> Figure {
     figure
 }
 
-fn way_back(rows: &[fig_10::Row]) -> Figure {
+fn way_back(rows: &[fig_10::RampRow]) -> Figure {
     let curves = rows.iter().filter(|row| row.key != "off").filter_map(|row| {
         let (color, stroke) = shown(row.key)?;
         Some(curve(row.compensation, color, stroke, over_bend(&row.poses)))
@@ -161,7 +161,7 @@ fn way_back(rows: &[fig_10::Row]) -> Figure {
     figure
 }
 
-fn estimate(table: &Table3, rows: &[fig_10::Row]) -> Figure {
+fn estimate(table: &Table3, rows: &[fig_10::RampRow]) -> Figure {
     let photographed = table.rows.iter().map(|r| (r.commanded_deg, r.measured_deg - r.commanded_deg)).collect();
     let of = |key: &str| rows.iter().find(|row| row.key == key).map_or(Vec::new(), |row| over_bend(row.there()));
     let mut figure = figure(
@@ -180,18 +180,18 @@ fn estimate(table: &Table3, rows: &[fig_10::Row]) -> Figure {
 }
 
 fn planes(
-    rows: &[&fig_11::Row],
+    rows: &[&fig_11::TurnRow],
     bend_deg: f64,
     protocol: &str,
     what: &str,
-    poses: impl Fn(&fig_11::Row) -> &Vec<Pose>,
+    poses: impl Fn(&fig_11::TurnRow) -> &Vec<Pose>,
     error: fn(&Pose) -> f64,
 ) -> Figure {
     let over_delta = |pose: &Pose| {
         let delta_deg = pose.wanted_rad.y.atan2(pose.wanted_rad.x).to_degrees();
         (if delta_deg < -1e-9 { delta_deg + 360.0 } else { delta_deg }, error(pose))
     };
-    let points = |row: &fig_11::Row| {
+    let points = |row: &fig_11::TurnRow| {
         let mut points: Vec<(f64, f64)> = poses(row).iter().map(over_delta).collect();
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
         points
@@ -213,7 +213,7 @@ fn planes(
 }
 
 /// Each pose drawn in its own wanted plane, one beside the other.
-fn strip(snake: &Snake, poses: &[fig_12::Row]) -> Figure {
+fn strip(snake: &Snake, poses: &[fig_12::PoseRow]) -> Figure {
     let mut curves = Vec::new();
     let mut add = |label: &str, color_idx, stroke, k: usize, delta_deg: f64, b: Vector2<f64>| {
         let label = if k == 0 { label } else { "" };

@@ -42,14 +42,14 @@ pub const KRAITS_PRIOR: Prior = Prior { value: Vector2::new(1.0, 0.0), sd: Vecto
 
 /// eta and half-width with their covariance.
 #[derive(Clone, Copy, Debug)]
-pub struct Fit {
+pub struct EstimatorFit {
     /// eta, 1, and half-width, m.
     pub value: Vector2<f64>,
     /// Covariance of the two.
     pub covariance: Matrix2<f64>,
 }
 
-impl Fit {
+impl EstimatorFit {
     /// Standard deviations of eta and half-width, m.
     pub fn sd(&self) -> Vector2<f64> {
         self.covariance.diagonal().map(f64::sqrt)
@@ -67,7 +67,7 @@ pub fn fit(
     sigma_rad: f64,
     loads: Loads,
     prior: Option<Prior>,
-) -> Option<Fit> {
+) -> Option<EstimatorFit> {
     let mut value = prior.map_or(Vector2::new(1.0, 0.0), |p| p.value);
     for _ in 0..MAX_ITERATIONS {
         let (mut information, mut right) = (Matrix2::zeros(), Vector2::zeros());
@@ -85,7 +85,7 @@ pub fn fit(
         let step = covariance * right;
         value += step;
         if step.x.abs() < SETTLED && step.y.abs() < SETTLED * 1e-4 {
-            return Some(Fit { value, covariance });
+            return Some(EstimatorFit { value, covariance });
         }
     }
     None

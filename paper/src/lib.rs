@@ -28,18 +28,18 @@ mod text;
 mod variants;
 
 use anyhow::Context;
-use claims::{Claim, Evidence};
-use errors::Finding;
+use claims::{Claim, ClaimEvidence};
+use errors::PaperError;
 use krait_model::{MachineParameters, Snake};
 use krait_report::{Figure, Spread, Surface, surface_svg, svg};
 use krait_sim::Truth;
-use motions::Row as MotionRow;
+use motions::MotionRow;
 use neglected::Neglected;
 use serde::Serialize;
 use std::path::Path;
 use table2::Table2;
 use table3::Table3;
-use variants::{Kind, Known};
+use variants::{KnownParameters, VariantKind};
 
 pub use bench::default_truth;
 pub use text::terminal;
@@ -55,15 +55,15 @@ pub struct Paper {
     /// Table III: as printed, on the bench, and in contrasts.
     pub table_3: Table3,
     /// What the measured bend on both sides of Eq. (20) costs.
-    pub bias: Vec<bias::Row>,
+    pub bias: Vec<bias::BiasRow>,
     /// Fig. 9: line 1 over the workspace.
     pub fig_9: Vec<Vec<fig_9::Point>>,
     /// Fig. 10: the ramp.
-    pub fig_10: Vec<fig_10::Row>,
+    pub fig_10: Vec<fig_10::RampRow>,
     /// Fig. 11: other planes.
-    pub fig_11: Vec<fig_11::Row>,
+    pub fig_11: Vec<fig_11::TurnRow>,
     /// Fig. 12: poses.
-    pub fig_12: Vec<fig_12::Row>,
+    pub fig_12: Vec<fig_12::PoseRow>,
     /// What the paper leaves out.
     pub neglected: Neglected,
     /// Pictures of curves.
@@ -75,14 +75,14 @@ pub struct Paper {
     /// What the paper claims.
     pub claims: Vec<Claim>,
     /// The paper's errors.
-    pub errors: Vec<Finding>,
+    pub errors: Vec<PaperError>,
     /// The line that has to hold.
-    pub verdict: Verdict,
+    pub verdict: MethodComparison,
 }
 
 /// Whether estimation reaches the goal where naive compensation does not: the corrected method, on the paper's one-way ramp.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct Verdict {
+pub struct MethodComparison {
     /// The accuracy asked for, deg.
     pub goal_deg: f64,
     /// Without compensation.
@@ -127,7 +127,7 @@ impl Paper {
         let fig_12 = fig_12::run(&snake, truth, &variants).context("Fig. 12")?;
         let neglected = neglected::neglected(&snake, &machine, truth.effects.load_scale);
         let verdict = verdict(&snake, truth, &table_3)?;
-        let evidence = Evidence {
+        let evidence = ClaimEvidence {
             table_2: &table_2,
             table_3: &table_3,
             fig_10: &fig_10,
@@ -178,10 +178,10 @@ impl Paper {
     }
 }
 
-fn known(truth: &Truth, table_3: &Table3) -> Known {
+fn known(truth: &Truth, table_3: &Table3) -> KnownParameters {
     let line_1 = table_3.line_1.rows.last().copied().unwrap_or(variants::OF_EQ_22);
     let contrasts = table_3.line_1.contrasts;
-    Known {
+    KnownParameters {
         truth: (truth.effects.load_scale, 0.5 * truth.effects.play_m),
         line_1: (line_1.0, line_1.1 * 1e-3),
         // Play is never negative; a fit to a bench without any ends a rounding error below.
@@ -192,13 +192,13 @@ fn known(truth: &Truth, table_3: &Table3) -> Known {
 /// Other noise of the camera.
 const N_SEEDS: u64 = 100;
 
-fn verdict(snake: &Snake, truth: &Truth, table_3: &Table3) -> anyhow::Result<Verdict> {
-    let ramp = |kind: Kind| -> anyhow::Result<Spread> {
+fn verdict(snake: &Snake, truth: &Truth, table_3: &Table3) -> anyhow::Result<MethodComparison> {
+    let ramp = |kind: VariantKind| -> anyhow::Result<Spread> {
         let poses = bench::follow(truth, &bench::one_way_ramp(), kind.commands(snake)?)?;
         Ok(bench::spread(&poses, bench::ramp_error_deg))
     };
     let estimated = |eta: f64, half_width_m: f64| {
-        ramp(Kind::MotionSign { eta: eta.clamp(0.1, 10.0), half_width_m: half_width_m.clamp(0.0, 2e-3) })
+        ramp(VariantKind::MotionSign { eta: eta.clamp(0.1, 10.0), half_width_m: half_width_m.clamp(0.0, 2e-3) })
     };
     let run = table3::Run::new(snake, truth)?;
     let mut rms_deg = Vec::new();
@@ -208,10 +208,10 @@ fn verdict(snake: &Snake, truth: &Truth, table_3: &Table3) -> anyhow::Result<Ver
     }
     rms_deg.sort_by(f64::total_cmp);
     let n_within = rms_deg.iter().filter(|rms| **rms <= GOAL_DEG).count();
-    let (naive_deg, estimated_deg) = (ramp(Kind::Naive)?, estimated(table_3.eta, table_3.lambda_mm * 1e-3)?);
-    Ok(Verdict {
+    let (naive_deg, estimated_deg) = (ramp(VariantKind::Naive)?, estimated(table_3.eta, table_3.lambda_mm * 1e-3)?);
+    Ok(MethodComparison {
         goal_deg: GOAL_DEG,
-        off_deg: ramp(Kind::Off)?,
+        off_deg: ramp(VariantKind::Off)?,
         naive_deg,
         estimated_deg,
         seeds: Seeds {

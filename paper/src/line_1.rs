@@ -1,10 +1,10 @@
 //! Table III's kind of run as the paper did it, line 1 alone, on the bench; and the same photographs in contrasts of three lines.
 
 use crate::bench::{follow, ramp};
-use crate::fit::{Fit, Loads, Photograph, fit};
-use crate::noise::Noise;
-use crate::reconstruction::{Row, recursion, variances};
-use crate::variants::Kind;
+use crate::fit::{EstimatorFit, Loads, Photograph, fit};
+use crate::noise::CameraNoise;
+use crate::reconstruction::{PhotographRow, recursion, variances};
+use crate::variants::VariantKind;
 use anyhow::Context;
 use krait_model::Snake;
 use krait_model::oracle::F_S_N;
@@ -40,7 +40,7 @@ pub struct LineOne {
     /// What they reached, deg.
     pub reached_deg: Vec<f64>,
     /// The row that each gives without noise.
-    pub photographs: Vec<Row>,
+    pub photographs: Vec<PhotographRow>,
     /// The ten estimates without noise: eta, and lambda in mm.
     pub rows: Vec<(f64, f64)>,
     /// Variances by Eq. (21).
@@ -85,7 +85,7 @@ pub fn photographs(
     delta_deg: f64,
 ) -> anyhow::Result<Vec<Photograph>> {
     let one = |bend_deg: &f64| {
-        let poses = follow(truth, &ramp(0.0, *bend_deg, delta_deg, 0.5), Kind::Naive.commands(snake)?)?;
+        let poses = follow(truth, &ramp(0.0, *bend_deg, delta_deg, 0.5), VariantKind::Naive.commands(snake)?)?;
         let last = poses.last().context("a ramp has an end")?;
         // A line that does not move in this plane says nothing about its play.
         let signs = snake.q(last.wanted_rad).map(|q| if q.abs() < 1e-9 { 0.0 } else { q.signum() });
@@ -95,28 +95,28 @@ pub fn photographs(
 }
 
 /// The same photographs with noise of one standard deviation, rad, on each component of the bend vector.
-pub fn noisy(photographs: &[Photograph], sigma_rad: f64, noise: &mut Noise) -> Vec<Photograph> {
+pub fn noisy(photographs: &[Photograph], sigma_rad: f64, noise: &mut CameraNoise) -> Vec<Photograph> {
     photographs.iter().map(|p| Photograph { bend_rad: p.bend_rad + noise.pair() * sigma_rad, ..*p }).collect()
 }
 
 /// x and z of line 1 as the paper takes them: load at the measured bend, f_s as printed.
-fn rows(snake: &Snake, photographs: &[Photograph]) -> Vec<Row> {
+fn rows(snake: &Snake, photographs: &[Photograph]) -> Vec<PhotographRow> {
     let f_s_m = snake.capstan() * F_S_N / snake.k_c_n_per_m();
     let row = |p: &Photograph| {
         let eps_m: Vector3<f64> = p.q_tilde_m - snake.q(p.bend_rad);
         let x_m = snake.loading_compliance_m_per_n() * snake.tau_n(p.bend_rad).x;
-        Row { x_mm: 1e3 * x_m, z_mm: 1e3 * (eps_m.x - f_s_m) }
+        PhotographRow { x_mm: 1e3 * x_m, z_mm: 1e3 * (eps_m.x - f_s_m) }
     };
     photographs.iter().map(row).collect()
 }
 
 /// Contrasts of every pose but the first, which may still be in the play of lines 2 and 3.
-fn contrasts(snake: &Snake, photographs: &[Photograph]) -> Option<Fit> {
+fn contrasts(snake: &Snake, photographs: &[Photograph]) -> Option<EstimatorFit> {
     fit(snake, photographs.get(1..)?, SIGMA_RAD, Loads::AtPredictedBend, None)
 }
 
 fn with_noise(snake: &Snake, photographs: &[Photograph]) -> anyhow::Result<(Scatter, Scatter)> {
-    let mut noise = Noise::new(SEED);
+    let mut noise = CameraNoise::new(SEED);
     let (mut first, mut last) = (Vec::new(), Vec::new());
     for _ in 0..N_RUNS {
         let rows = rows(snake, &noisy(photographs, SIGMA_RAD, &mut noise));

@@ -11,7 +11,7 @@ use serde::Serialize;
 
 /// One kind of compensation.
 #[derive(Clone, Debug, Serialize)]
-pub struct Row {
+pub struct MotionRow {
     /// What was compensated.
     pub compensation: &'static str,
     /// Distance of reached and commanded bend vector, deg.
@@ -19,14 +19,14 @@ pub struct Row {
 }
 
 /// Runs the same motion with each compensation, with the bench's own eta and play.
-pub fn compare(snake: &Snake, truth: &Truth) -> anyhow::Result<Vec<Row>> {
+pub fn compare(snake: &Snake, truth: &Truth) -> anyhow::Result<Vec<MotionRow>> {
     let path_rad = operator_like();
     let (eta, play_m) = (truth.effects.load_scale, truth.effects.play_m);
     let with = |mode, eta, lambda_m| CompensatorParameters { mode, eta, lambda_m, ..CompensatorParameters::default() };
     let run = |parameters| follow_compensated(snake, truth, &path_rad, parameters);
     let printed =
         |eta, lambda_m| follow(truth, &path_rad, |b| snake.q(b) + snake.extension_as_printed(b, eta, lambda_m).eps_m);
-    let row = |compensation, poses: Vec<Pose>| Row { compensation, error_deg: spread(&poses, vector_error_deg) };
+    let row = |compensation, poses: Vec<Pose>| MotionRow { compensation, error_deg: spread(&poses, vector_error_deg) };
     Ok(vec![
         row("off", run(with(CompensationMode::Off, 1.0, 0.0))?),
         row("naive, Eqs. (15)-(17)", run(with(CompensationMode::Naive, 1.0, 0.0))?),

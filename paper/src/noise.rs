@@ -6,9 +6,9 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
 /// A stream of noise.
-pub struct Noise(ChaCha8Rng);
+pub struct CameraNoise(ChaCha8Rng);
 
-impl Noise {
+impl CameraNoise {
     /// The stream of a seed.
     pub fn new(seed: u64) -> Self {
         Self(ChaCha8Rng::seed_from_u64(seed))

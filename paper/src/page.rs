@@ -1,7 +1,7 @@
 //! The page: one self-contained XHTML document with every table and picture.
 
-use crate::claims::{Claim, Verdict};
-use crate::errors::Finding;
+use crate::claims::{Claim, ClaimVerdict};
+use crate::errors::PaperError;
 use crate::{Paper, text};
 use krait_report::Table;
 
@@ -69,7 +69,7 @@ fn claims(claims: &[Claim]) -> String {
     let mut html = String::from(
         "<table class=\"words\">\n<tr><th>where</th><th>claim</th><th>as printed</th><th>corrected</th></tr>\n",
     );
-    let verdict = |v: &Verdict| {
+    let verdict = |v: &ClaimVerdict| {
         let word = if v.holds { "holds" } else { "does not hold" };
         format!("<b>{word}</b>: {}", escaped(&v.found))
     };
@@ -81,7 +81,7 @@ fn claims(claims: &[Claim]) -> String {
     html + "</table>\n"
 }
 
-fn errors(findings: &[Finding]) -> String {
+fn errors(findings: &[PaperError]) -> String {
     let mut html = String::from(
         "<table class=\"words\">\n<tr><th>where</th><th>printed</th><th>correct</th><th>numbers</th></tr>\n",
     );

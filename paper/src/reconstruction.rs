@@ -31,7 +31,7 @@ const START_MM: (f64, f64) = (0.02, 0.22);
 
 /// One photograph of line 1, mm.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Row {
+pub struct PhotographRow {
     /// C tau_1 at eta 1.
     pub x_mm: f64,
     /// eps - e^(2 mu phi) f_s / K_c.
@@ -42,7 +42,7 @@ pub struct Row {
 #[derive(Clone, Debug, Serialize)]
 pub struct Reconstruction {
     /// The eleven photographs.
-    pub photographs: Vec<Row>,
+    pub photographs: Vec<PhotographRow>,
     /// The bend that each shows, deg.
     pub bend_deg: Vec<f64>,
     /// The ten estimates of the recursion.
@@ -64,7 +64,7 @@ pub struct Reconstruction {
 }
 
 /// Recursive least squares of z = eta x + lambda: the estimates after 2, 3 ... photographs, and P.
-pub fn recursion(rows: &[Row]) -> Option<(Vec<Vector2<f64>>, Matrix2<f64>)> {
+pub fn recursion(rows: &[PhotographRow]) -> Option<(Vec<Vector2<f64>>, Matrix2<f64>)> {
     let (first, later) = rows.split_at_checked(2)?;
     let mut p = normal(first).try_inverse()?;
     let right: Vector2<f64> = first.iter().map(|r| h(r) * r.z_mm).sum();
@@ -81,15 +81,15 @@ pub fn recursion(rows: &[Row]) -> Option<(Vec<Vector2<f64>>, Matrix2<f64>)> {
 }
 
 /// Variances of eta and lambda by Eq. (21).
-pub fn variances(rows: &[Row]) -> Option<Vector2<f64>> {
+pub fn variances(rows: &[PhotographRow]) -> Option<Vector2<f64>> {
     Some(normal(rows).try_inverse()?.diagonal() * SIGMA_MM.powi(2))
 }
 
-fn h(row: &Row) -> Vector2<f64> {
+fn h(row: &PhotographRow) -> Vector2<f64> {
     Vector2::new(row.x_mm, 1.0)
 }
 
-fn normal(rows: &[Row]) -> Matrix2<f64> {
+fn normal(rows: &[PhotographRow]) -> Matrix2<f64> {
     rows.iter().map(|row| h(row) * h(row).transpose()).sum()
 }
 
@@ -121,7 +121,7 @@ pub fn reconstruct(snake: &Snake) -> anyhow::Result<Reconstruction> {
 }
 
 /// Newton's method on the first two x, until Eq. (21) gives the printed variances.
-fn photographs() -> Option<Vec<Row>> {
+fn photographs() -> Option<Vec<PhotographRow>> {
     let misfit = |x: Vector2<f64>| {
         let found = variances(&inverted(x)?)?;
         Some(Vector2::new((found.x / PRINTED_VARIANCES.0).ln(), (found.y / PRINTED_VARIANCES.1).ln()))
@@ -145,9 +145,10 @@ fn photographs() -> Option<Vec<Row>> {
 }
 
 /// The photographs that make plain recursive least squares print Table III, for the first two x, mm.
-fn inverted(first: Vector2<f64>) -> Option<Vec<Row>> {
+fn inverted(first: Vector2<f64>) -> Option<Vec<PhotographRow>> {
     let start = vector(PRINTED_ROWS[0]);
-    let mut rows: Vec<Row> = first.iter().map(|x| Row { x_mm: *x, z_mm: start.dot(&Vector2::new(*x, 1.0)) }).collect();
+    let mut rows: Vec<PhotographRow> =
+        first.iter().map(|x| PhotographRow { x_mm: *x, z_mm: start.dot(&Vector2::new(*x, 1.0)) }).collect();
     for pair in PRINTED_ROWS.windows(2) {
         let (before, after) = (vector(pair[0]), vector(pair[1]));
         let moved = after - before;
@@ -155,7 +156,7 @@ fn inverted(first: Vector2<f64>) -> Option<Vec<Row>> {
         let (n, sum, squares) = (rows.len() as f64, sum(&rows, 1), sum(&rows, 2));
         let x_mm = (squares + ratio * sum) / (ratio * n + sum);
         // The step is P h times the innovation, with P after the new photograph.
-        let new = Row { x_mm, z_mm: 0.0 };
+        let new = PhotographRow { x_mm, z_mm: 0.0 };
         rows.push(new);
         let gain = normal(&rows).try_inverse()? * h(&new);
         let z_mm = before.dot(&h(&new)) + moved.dot(&gain) / gain.norm_squared();
@@ -164,7 +165,7 @@ fn inverted(first: Vector2<f64>) -> Option<Vec<Row>> {
     Some(rows)
 }
 
-fn sum(rows: &[Row], power: i32) -> f64 {
+fn sum(rows: &[PhotographRow], power: i32) -> f64 {
     rows.iter().map(|row| row.x_mm.powi(power)).sum()
 }
 

@@ -27,7 +27,7 @@ const G_OF_THE_PAPER: f64 = 10.0;
 
 /// Values that the paper prints.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct Printed {
+pub struct PrintedFriction {
     /// mu, 1.
     pub mu: f64,
     /// f_s, N.
@@ -43,8 +43,14 @@ pub struct Printed {
 }
 
 /// The values beside Table II in the paper.
-pub const PRINTED: Printed =
-    Printed { mu: 0.1727, f_s_n: 1.959, weight_error_g: 25.0, small_weight_error_g: 1.0, df_s_n: 0.020, dmu: 0.0135 };
+pub const PRINTED: PrintedFriction = PrintedFriction {
+    mu: 0.1727,
+    f_s_n: 1.959,
+    weight_error_g: 25.0,
+    small_weight_error_g: 1.0,
+    df_s_n: 0.020,
+    dmu: 0.0135,
+};
 
 /// mu and f_s with one opinion on how far the readings err.
 #[derive(Clone, Copy, Debug, Serialize)]
@@ -78,7 +84,7 @@ pub struct Table2 {
     /// The pairs, g.
     pub pairs_g: [(f64, f64); 10],
     /// What the paper prints.
-    pub printed: Printed,
+    pub printed: PrintedFriction,
     /// Slope a of tau~ = a tau + c, 1.
     pub slope: f64,
     /// Intercept c, g.

@@ -1,11 +1,11 @@
 //! Table III three times: as printed from its own photographs, line 1 alone on the bench, and contrasts of three lines.
 
 use crate::bench::{RAMP_END_DEG, follow, one_way_ramp};
-use crate::fit::{Fit, KRAITS_PRIOR, Loads, Photograph, fit};
+use crate::fit::{EstimatorFit, KRAITS_PRIOR, Loads, Photograph, fit};
 use crate::line_1::{self, LineOne};
-use crate::noise::Noise;
+use crate::noise::CameraNoise;
 use crate::reconstruction::{Reconstruction, reconstruct};
-use crate::variants::Kind;
+use crate::variants::VariantKind;
 use anyhow::Context;
 use krait_model::Snake;
 use krait_sim::Truth;
@@ -19,7 +19,7 @@ const FIRST_DEG: f64 = 17.0;
 
 /// Values that the paper prints with Eq. (22).
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct Printed {
+pub struct PrintedEstimate {
     /// eta, 1.
     pub eta: f64,
     /// What stands behind the +- of eta.
@@ -31,12 +31,12 @@ pub struct Printed {
 }
 
 /// Eq. (22) as printed.
-pub const PRINTED: Printed =
-    Printed { eta: 1.220, eta_plus_minus: 0.0019, lambda_mm: 0.1778, lambda_plus_minus_mm: 0.0005 };
+pub const PRINTED: PrintedEstimate =
+    PrintedEstimate { eta: 1.220, eta_plus_minus: 0.0019, lambda_mm: 0.1778, lambda_plus_minus_mm: 0.0005 };
 
 /// One row of the table of contrasts.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct Row {
+pub struct BenchRow {
     /// Commanded bend, deg.
     pub commanded_deg: f64,
     /// Photographed bend in the plane of the ramp, deg.
@@ -58,7 +58,7 @@ pub struct Row {
 #[derive(Clone, Debug, Serialize)]
 pub struct Table3 {
     /// What the paper prints with Eq. (22).
-    pub printed: Printed,
+    pub printed: PrintedEstimate,
     /// The rows as printed, again from the photographs that they contain.
     pub as_printed: Reconstruction,
     /// The same kind of run on the bench, line 1 alone.
@@ -68,7 +68,7 @@ pub struct Table3 {
     /// The bench's own half-width of the play, mm.
     pub true_lambda_mm: f64,
     /// Contrasts of three lines after each of ten poses of a one-way ramp, with krait's prior.
-    pub rows: Vec<Row>,
+    pub rows: Vec<BenchRow>,
     /// eta after the last pose, 1.
     pub eta: f64,
     /// Half-width after the last pose, mm.
@@ -92,7 +92,7 @@ pub fn run(snake: &Snake, truth: &Truth) -> anyhow::Result<Table3> {
     let mut rows = Vec::new();
     for (k, photograph) in photographs.iter().enumerate() {
         let found = estimate(k + 1)?;
-        rows.push(Row {
+        rows.push(BenchRow {
             commanded_deg: run.commanded_deg[k],
             measured_deg: photograph.bend_rad.x.to_degrees(),
             eta: found.value.x,
@@ -122,7 +122,7 @@ pub fn run(snake: &Snake, truth: &Truth) -> anyhow::Result<Table3> {
 impl Run {
     /// Bends a fresh bench once with naive compensation and stops at ten poses.
     pub fn new(snake: &Snake, truth: &Truth) -> anyhow::Result<Self> {
-        let poses = follow(truth, &one_way_ramp(), Kind::Naive.commands(snake)?)?;
+        let poses = follow(truth, &one_way_ramp(), VariantKind::Naive.commands(snake)?)?;
         let (mut commanded_deg, mut clean) = (Vec::new(), Vec::new());
         for pose in poses {
             let due_deg = FIRST_DEG + (RAMP_END_DEG - FIRST_DEG) / f64::from(N_POSES - 1) * clean.len() as f64;
@@ -140,11 +140,11 @@ impl Run {
 
     /// The photographs as the camera of a seed takes them.
     pub fn photographed(&self, seed: u64) -> Vec<Photograph> {
-        line_1::noisy(&self.clean, self.sigma_rad, &mut Noise::new(seed))
+        line_1::noisy(&self.clean, self.sigma_rad, &mut CameraNoise::new(seed))
     }
 
     /// eta and half-width (m) from photographs and krait's prior.
-    pub fn fitted(&self, snake: &Snake, photographs: &[Photograph]) -> anyhow::Result<Fit> {
+    pub fn fitted(&self, snake: &Snake, photographs: &[Photograph]) -> anyhow::Result<EstimatorFit> {
         fit(snake, photographs, self.sigma_rad, Loads::AtPredictedBend, Some(KRAITS_PRIOR))
             .context("the estimate does not settle")
     }

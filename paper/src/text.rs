@@ -1,7 +1,7 @@
 //! The paper as sections of words and tables: for a terminal, and for the page.
 
 use crate::errors::Number;
-use crate::fig_11::{BENDS_DEG, Errors, Row as TurnRow};
+use crate::fig_11::{BENDS_DEG, Errors, TurnRow};
 use crate::{Paper, bias, claims, fig_10, fig_12};
 use krait_report::{Spread, Table};
 use std::path::Path;
@@ -28,7 +28,7 @@ pub fn terminal(paper: &Paper, folder: &Path) -> String {
     }
     text += "What the paper claims\n";
     for claim in &paper.claims {
-        let word = |v: &claims::Verdict| if v.holds { "holds" } else { "does not hold" };
+        let word = |v: &claims::ClaimVerdict| if v.holds { "holds" } else { "does not hold" };
         text += &format!("  {}: {}\n", claim.place, claim.claim);
         text += &format!("    as printed: {}: {}\n", word(&claim.printed), claim.printed.found);
         text += &format!("    corrected:  {}: {}\n", word(&claim.corrected), claim.corrected.found);
@@ -213,7 +213,7 @@ fn contrasts(paper: &Paper) -> Table {
     table
 }
 
-fn bias_table(rows: &[bias::Row]) -> Table {
+fn bias_table(rows: &[bias::BiasRow]) -> Table {
     let mut table = Table::new(&[
         "photographs",
         "load at",
@@ -246,7 +246,7 @@ fn after_bias() -> String {
         .to_owned()
 }
 
-fn ramp(rows: &[fig_10::Row]) -> Table {
+fn ramp(rows: &[fig_10::RampRow]) -> Table {
     let mut table = Table::new(&["compensation", "rms", "p95", "max", "back rms", "back max"]);
     for row in rows {
         let (t, b) = (row.there_deg, row.back_deg);
@@ -257,7 +257,7 @@ fn ramp(rows: &[fig_10::Row]) -> Table {
     table
 }
 
-fn ramp_points(rows: &[fig_10::Row]) -> Table {
+fn ramp_points(rows: &[fig_10::RampRow]) -> Table {
     let mut table = Table::new(&["compensation", "10", "20", "30", "40", "50", "60", "70", "80"]);
     for row in rows {
         let mut cells = vec![row.compensation.to_owned()];
@@ -281,7 +281,7 @@ fn turns(rows: &[TurnRow], bend_deg: f64) -> Table {
     table
 }
 
-fn poses(rows: &[fig_12::Row]) -> Table {
+fn poses(rows: &[fig_12::PoseRow]) -> Table {
     let mut table =
         Table::new(&["bend deg", "delta deg", "x", "y", "z", "q1", "q2", "q3", "off by", "naive by", "signed by"]);
     for row in rows {

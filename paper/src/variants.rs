@@ -6,7 +6,7 @@ use nalgebra::{Vector2, Vector3};
 
 /// What is added to q.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Kind {
+pub enum VariantKind {
     /// Nothing.
     Off,
     /// Eqs. (15)-(17).
@@ -27,12 +27,12 @@ pub struct Variant {
     /// Name for people.
     pub label: &'static str,
     /// What it does.
-    pub kind: Kind,
+    pub kind: VariantKind,
 }
 
 /// What the bench is, and what was estimated on it.
 #[derive(Clone, Copy, Debug)]
-pub struct Known {
+pub struct KnownParameters {
     /// The bench's own eta and half-width of its play, m.
     pub truth: (f64, f64),
     /// eta and lambda, m, estimated from line 1 alone, as the paper does.
@@ -45,25 +45,29 @@ pub struct Known {
 pub const OF_EQ_22: (f64, f64) = (1.22, 0.178e-3);
 
 /// Every compensation, in the order of the tables.
-pub fn all(known: &Known) -> [Variant; 7] {
+pub fn all(known: &KnownParameters) -> [Variant; 7] {
     let (t, l, c) = (known.truth, known.line_1, known.contrasts);
     let variant = |key, label, kind| Variant { key, label, kind };
     [
-        variant("off", "off", Kind::Off),
-        variant("naive", "naive, Eqs. (15)-(17)", Kind::Naive),
+        variant("off", "off", VariantKind::Off),
+        variant("naive", "naive, Eqs. (15)-(17)", VariantKind::Naive),
         variant(
             "printed_1.22_0.178",
             "as printed, Eq. (18) with Eq. (22)",
-            Kind::Printed { eta: OF_EQ_22.0, lambda_m: OF_EQ_22.1 },
+            VariantKind::Printed { eta: OF_EQ_22.0, lambda_m: OF_EQ_22.1 },
         ),
-        variant("printed_own_line1", "as printed, own line 1", Kind::Printed { eta: l.0, lambda_m: l.1 }),
-        variant("load_sign_1.22_0.089", "sign of the load", Kind::LoadSign { eta: t.0, half_width_m: t.1 }),
-        variant("motion_sign_1.22_0.089", "sign of motion", Kind::MotionSign { eta: t.0, half_width_m: t.1 }),
-        variant("motion_sign_own", "sign of motion, own contrasts", Kind::MotionSign { eta: c.0, half_width_m: c.1 }),
+        variant("printed_own_line1", "as printed, own line 1", VariantKind::Printed { eta: l.0, lambda_m: l.1 }),
+        variant("load_sign_1.22_0.089", "sign of the load", VariantKind::LoadSign { eta: t.0, half_width_m: t.1 }),
+        variant("motion_sign_1.22_0.089", "sign of motion", VariantKind::MotionSign { eta: t.0, half_width_m: t.1 }),
+        variant(
+            "motion_sign_own",
+            "sign of motion, own contrasts",
+            VariantKind::MotionSign { eta: c.0, half_width_m: c.1 },
+        ),
     ]
 }
 
-impl Kind {
+impl VariantKind {
     /// A compensation from the straight pose with every line in the middle of its play: bend vector, rad, to q~, m.
     pub fn commands(self, snake: &Snake) -> anyhow::Result<impl FnMut(Vector2<f64>) -> Vector3<f64>> {
         let snake = *snake;

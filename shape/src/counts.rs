@@ -5,7 +5,7 @@ use serde::Serialize;
 
 /// Why a line was refused: nothing is published for it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Refusal {
+pub enum ShapeRefusal {
     /// It is no line of the format.
     Malformed,
     /// It is longer than a line may be.
@@ -26,7 +26,7 @@ pub enum Refusal {
     OutOfOrder,
 }
 
-impl Refusal {
+impl ShapeRefusal {
     /// The reason under which the process's health counts it.
     pub fn reason(self) -> Reason {
         match self {
@@ -61,7 +61,7 @@ impl Refusal {
 
 /// What was found besides about a shape that was published.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Finding {
+pub enum ShapeFinding {
     /// It came late, but can still be used.
     Late,
     /// Frames are missing before it.
@@ -72,7 +72,7 @@ pub enum Finding {
     Lost,
 }
 
-impl Finding {
+impl ShapeFinding {
     /// The reason under which the process's health counts it.
     pub fn reason(self) -> Reason {
         match self {
@@ -122,17 +122,17 @@ pub struct Counts {
 
 impl Counts {
     /// Counts a refused line.
-    pub fn refuse(&mut self, refusal: Refusal) {
+    pub fn refuse(&mut self, refusal: ShapeRefusal) {
         *match refusal {
-            Refusal::Malformed => &mut self.malformed,
-            Refusal::TooLong => &mut self.too_long,
-            Refusal::NoHeader => &mut self.no_header,
-            Refusal::NotFinite => &mut self.not_finite,
-            Refusal::OutOfRange => &mut self.out_of_range,
-            Refusal::NoClock => &mut self.no_clock,
-            Refusal::Future => &mut self.future,
-            Refusal::Stale => &mut self.stale,
-            Refusal::OutOfOrder => &mut self.out_of_order,
+            ShapeRefusal::Malformed => &mut self.malformed,
+            ShapeRefusal::TooLong => &mut self.too_long,
+            ShapeRefusal::NoHeader => &mut self.no_header,
+            ShapeRefusal::NotFinite => &mut self.not_finite,
+            ShapeRefusal::OutOfRange => &mut self.out_of_range,
+            ShapeRefusal::NoClock => &mut self.no_clock,
+            ShapeRefusal::Future => &mut self.future,
+            ShapeRefusal::Stale => &mut self.stale,
+            ShapeRefusal::OutOfOrder => &mut self.out_of_order,
         } += 1;
     }
 

@@ -1,7 +1,7 @@
 //! Decides about every shape: publish it, publish it with a warning, or refuse it.
 
 use crate::clock_map::{Arrival, ClockMap};
-use crate::counts::{Counts, Finding, Refusal};
+use crate::counts::{Counts, ShapeFinding, ShapeRefusal};
 use crate::line::{Header, Measured, Value};
 use core::f64::consts::PI;
 use krait_ipc::message::{MAX_SHAPE_JOINTS, Shape, Validity};
@@ -88,11 +88,11 @@ pub struct Passed {
     /// The message.
     pub shape: Shape,
     /// What was found: each with its value and limit, ms, frames or rad.
-    pub findings: [Option<(Finding, f64, f64)>; 3],
+    pub findings: [Option<(ShapeFinding, f64, f64)>; 3],
 }
 
 /// A refusal with the value that was wrong and its limit (NaN where there is none), in ms, frames or rad.
-pub type Refused = (Refusal, f64, f64);
+pub type Refused = (ShapeRefusal, f64, f64);
 
 impl ShapeGate {
     /// A gate that waits for a header.
@@ -114,7 +114,7 @@ impl ShapeGate {
     }
 
     /// Counts a line that never became a shape.
-    pub fn refuse_line(&mut self, refusal: Refusal) {
+    pub fn refuse_line(&mut self, refusal: ShapeRefusal) {
         self.counts.lines += 1;
         self.counts.refuse(refusal);
     }
@@ -143,40 +143,40 @@ impl ShapeGate {
 
     fn decide(&mut self, measured: &Measured, arrival: &Arrival) -> Result<Passed, Refused> {
         let no_value = |refusal| (refusal, f64::NAN, f64::NAN);
-        let clock = self.clock.as_mut().ok_or(no_value(Refusal::NoHeader))?;
-        let offset_ns = clock.offset_ns(arrival, measured.sent_ns).ok_or(no_value(Refusal::NoClock))?;
+        let clock = self.clock.as_mut().ok_or(no_value(ShapeRefusal::NoHeader))?;
+        let offset_ns = clock.offset_ns(arrival, measured.sent_ns).ok_or(no_value(ShapeRefusal::NoClock))?;
         check_value(measured.value.as_ref())?;
-        let exposure_ns = measured.exposure_ns.checked_add(offset_ns).ok_or(no_value(Refusal::OutOfRange))?;
+        let exposure_ns = measured.exposure_ns.checked_add(offset_ns).ok_or(no_value(ShapeRefusal::OutOfRange))?;
         let now_ns = arrival.monotonic_ns;
-        let age_ns = now_ns.checked_sub(exposure_ns).ok_or(no_value(Refusal::OutOfRange))?;
+        let age_ns = now_ns.checked_sub(exposure_ns).ok_or(no_value(ShapeRefusal::OutOfRange))?;
         let age_ms = age_ns as f64 * 1e-6;
         if age_ns < -AHEAD_NS {
-            return Err((Refusal::Future, -age_ms, AHEAD_NS as f64 * 1e-6));
+            return Err((ShapeRefusal::Future, -age_ms, AHEAD_NS as f64 * 1e-6));
         }
         if age_ms > self.config.stale_ms || exposure_ns < 0 {
-            return Err((Refusal::Stale, age_ms, self.config.stale_ms));
+            return Err((ShapeRefusal::Stale, age_ms, self.config.stale_ms));
         }
         let exposure_ns = exposure_ns.min(now_ns);
         if let Some(last_ns) = self.last_exposure_ns.filter(|last_ns| exposure_ns <= *last_ns) {
-            return Err((Refusal::OutOfOrder, (last_ns - exposure_ns) as f64 * 1e-6, 0.0));
+            return Err((ShapeRefusal::OutOfOrder, (last_ns - exposure_ns) as f64 * 1e-6, 0.0));
         }
         if let (Some(last), Some(frame)) = (self.last_frame, measured.frame)
             && frame <= last
         {
-            return Err((Refusal::OutOfOrder, (last - frame) as f64, 0.0));
+            return Err((ShapeRefusal::OutOfOrder, (last - frame) as f64, 0.0));
         }
         let shape = message(self.sequence + 1, exposure_ns, now_ns, measured.value.as_ref());
-        let late = (age_ms > self.config.late_ms).then_some((Finding::Late, age_ms, self.config.late_ms));
+        let late = (age_ms > self.config.late_ms).then_some((ShapeFinding::Late, age_ms, self.config.late_ms));
         let n_dropped = self.last_frame.zip(measured.frame).map_or(0, |(last, frame)| frame - last - 1);
-        let dropped = (n_dropped > 0).then_some((Finding::Dropped, n_dropped as f64, 0.0));
+        let dropped = (n_dropped > 0).then_some((ShapeFinding::Dropped, n_dropped as f64, 0.0));
         let (shape, doubt) = self.doubted(shape);
         Ok(Passed { shape, findings: [late, dropped, doubt] })
     }
 
     /// Marks a shape that the machine cannot have taken since the last good one.
-    fn doubted(&self, shape: Shape) -> (Shape, Option<(Finding, f64, f64)>) {
+    fn doubted(&self, shape: Shape) -> (Shape, Option<(ShapeFinding, f64, f64)>) {
         if shape.validity == Validity::Lost as u32 {
-            return (shape, Some((Finding::Lost, f64::NAN, f64::NAN)));
+            return (shape, Some((ShapeFinding::Lost, f64::NAN, f64::NAN)));
         }
         let Some(reference) = &self.reference else { return (shape, None) };
         let dt_s = shape.sample_ns.saturating_sub(reference.sample_ns) as f64 * 1e-9;
@@ -186,7 +186,7 @@ impl ShapeGate {
             return (shape, None);
         }
         let shape = Shape { validity: Validity::Outlying as u32, ..shape };
-        (shape, Some((Finding::Outlying, distance_rad, limit_rad)))
+        (shape, Some((ShapeFinding::Outlying, distance_rad, limit_rad)))
     }
 
     fn publish(&mut self, measured: &Measured, passed: &Passed) {
@@ -199,10 +199,10 @@ impl ShapeGate {
         }
         for (finding, value, _) in passed.findings.into_iter().flatten() {
             match finding {
-                Finding::Late => self.counts.late += 1,
-                Finding::Dropped => self.counts.dropped += value as u64,
-                Finding::Outlying => self.counts.outlying += 1,
-                Finding::Lost => self.counts.lost_view += 1,
+                ShapeFinding::Late => self.counts.late += 1,
+                ShapeFinding::Dropped => self.counts.dropped += value as u64,
+                ShapeFinding::Outlying => self.counts.outlying += 1,
+                ShapeFinding::Lost => self.counts.lost_view += 1,
             }
         }
     }
@@ -216,7 +216,7 @@ fn check_value(value: Option<&Value>) -> Result<(), Refused> {
             if let Some([xx, xy, yy]) = covariance_rad2
                 && xy * xy > xx * yy
             {
-                return Err((Refusal::OutOfRange, *xy, (xx * yy).sqrt()));
+                return Err((ShapeRefusal::OutOfRange, *xy, (xx * yy).sqrt()));
             }
             (bend_rad, covariance_rad2.as_ref().map_or(&[], |c| c))
         }
@@ -225,17 +225,17 @@ fn check_value(value: Option<&Value>) -> Result<(), Refused> {
         }
     };
     if let Some(found) = angles.iter().chain(variances).find(|number| !number.is_finite()) {
-        return Err((Refusal::NotFinite, *found, f64::MAX));
+        return Err((ShapeRefusal::NotFinite, *found, f64::MAX));
     }
     if let Some(found) = angles.iter().find(|angle| angle.abs() > PI) {
-        return Err((Refusal::OutOfRange, *found, PI));
+        return Err((ShapeRefusal::OutOfRange, *found, PI));
     }
     // The second of a bend's three is its covariance, which may be negative; the product above has bounded it.
     let is_bend = matches!(value, Some(Value::Bend { .. }));
     let largest = LARGEST_SD_RAD * LARGEST_SD_RAD;
     let mut own = variances.iter().enumerate().filter(|(k, _)| !(is_bend && *k == 1)).map(|(_, variance)| *variance);
     match own.find(|variance| !(*variance > 0.0 && *variance <= largest)) {
-        Some(found) => Err((Refusal::OutOfRange, found, largest)),
+        Some(found) => Err((ShapeRefusal::OutOfRange, found, largest)),
         None => Ok(()),
     }
 }

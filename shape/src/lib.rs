@@ -2,7 +2,7 @@
 //!
 //! Problem: a camera's program runs on its own clock and makes its own mistakes; what it says must never do harm.
 //!
-//! Intuition: every line is read as if it came from an enemy ([`Line`]), its stamps are mapped to CLOCK_MONOTONIC
+//! Intuition: every line is read as if it came from an enemy ([`ShapeLine`]), its stamps are mapped to CLOCK_MONOTONIC
 //! ([`ClockMap`]), and a gate ([`ShapeGate`]) decides: publish it, publish it with a warning beside it, or refuse it. Each
 //! decision has a name and a count.
 //!
@@ -19,8 +19,8 @@ mod lines;
 mod process;
 
 pub use clock_map::{Arrival, ClockMap};
-pub use counts::{Counts, Finding, Refusal};
+pub use counts::{Counts, ShapeFinding, ShapeRefusal};
 pub use gate::{GateConfig, GateConfigError, Passed, Refused, ShapeGate};
-pub use line::{Header, Line, LineError, MAX_LINE_BYTES, Measured, SourceClock, Value};
-pub use lines::{Lines, Next};
+pub use line::{Header, LineError, MAX_LINE_BYTES, Measured, ShapeLine, SourceClock, Value};
+pub use lines::{Cut, LineReader};
 pub use process::{ShapeError, run};

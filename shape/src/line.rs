@@ -51,7 +51,7 @@ struct ShapeLine {
 
 /// A line that has been read.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Line {
+pub enum ShapeLine {
     /// The header; a later one begins a stream anew.
     Header(Header),
     /// A shape.
@@ -109,7 +109,7 @@ pub enum LineError {
     Contradiction(&'static str),
 }
 
-impl Line {
+impl ShapeLine {
     /// Reads a line without its end.
     ///
     /// # Errors
@@ -191,7 +191,7 @@ mod tests {
     use super::*;
 
     fn error(text: &str) -> LineError {
-        Line::parse(text.as_bytes()).expect_err(text)
+        ShapeLine::parse(text.as_bytes()).expect_err(text)
     }
 
     #[test]
@@ -200,7 +200,7 @@ mod tests {
         let lines: Vec<&str> = page.lines().filter(|line| line.starts_with('{')).collect();
         assert!(lines.len() >= 5, "{lines:?}");
         for line in lines {
-            Line::parse(line.as_bytes()).unwrap_or_else(|error| panic!("{line}: {error}"));
+            ShapeLine::parse(line.as_bytes()).unwrap_or_else(|error| panic!("{line}: {error}"));
         }
     }
 
@@ -209,9 +209,9 @@ mod tests {
         let text = r#"{"exposure_ns": 5, "sent_ns": 7, "frame": 3, "bend_rad": [0.1, -2e-1], "covariance_rad2": [1e-5, 0, 2e-5]}"#;
         let bend = Value::Bend { bend_rad: [0.1, -0.2], covariance_rad2: Some([1e-5, 0.0, 2e-5]) };
         let expected = Measured { exposure_ns: 5, sent_ns: Some(7), frame: Some(3), value: Some(bend) };
-        assert_eq!(Line::parse(text.as_bytes()), Ok(Line::Shape(expected)));
-        let lost = Line::parse(br#"{"exposure_ns": 5, "valid": false}"#).expect("a lost view");
-        assert_eq!(lost, Line::Shape(Measured { exposure_ns: 5, sent_ns: None, frame: None, value: None }));
+        assert_eq!(ShapeLine::parse(text.as_bytes()), Ok(ShapeLine::Shape(expected)));
+        let lost = ShapeLine::parse(br#"{"exposure_ns": 5, "valid": false}"#).expect("a lost view");
+        assert_eq!(lost, ShapeLine::Shape(Measured { exposure_ns: 5, sent_ns: None, frame: None, value: None }));
     }
 
     #[test]
@@ -226,7 +226,7 @@ mod tests {
         for text in ["", "[]", "{", "{\"exposure_ns\": \"five\"}", "{\"exposure_ns\": 5, \"bent_rad\": [0, 0]}"] {
             assert!(matches!(error(text), LineError::Malformed(_)), "{text}");
         }
-        assert!(matches!(Line::parse(b"\xff\xfe"), Err(LineError::Malformed(_))));
+        assert!(matches!(ShapeLine::parse(b"\xff\xfe"), Err(LineError::Malformed(_))));
     }
 
     #[test]

@@ -11,7 +11,7 @@ const CHUNK_BYTES: usize = 16 * 1024;
 
 /// Cuts what comes from a descriptor into lines.
 #[derive(Debug)]
-pub struct Lines<F> {
+pub struct LineReader<F> {
     source: F,
     buffer: Vec<u8>,
     /// Where the next line begins.
@@ -25,7 +25,7 @@ pub struct Lines<F> {
 
 /// What there was to read.
 #[derive(Debug, PartialEq, Eq)]
-pub enum Next<'a> {
+pub enum Cut<'a> {
     /// A line without its end.
     Line(&'a [u8]),
     /// A line of more than [`MAX_LINE_BYTES`]; its bytes are skipped.
@@ -36,13 +36,13 @@ pub enum Next<'a> {
     End,
 }
 
-impl<F: AsFd> Lines<F> {
+impl<F: AsFd> LineReader<F> {
     /// Lines of a source.
     pub fn new(source: F) -> Self {
         Self { source, buffer: Vec::new(), begin: 0, searched: 0, is_skipping: false, has_ended: false }
     }
 
-    /// Reads once if there is something within `patience_ms`; [`Lines::cut`] then has it. False: there was nothing.
+    /// Reads once if there is something within `patience_ms`; [`LineReader::cut`] then has it. False: there was nothing.
     ///
     /// # Errors
     /// What the kernel said.
@@ -79,7 +79,7 @@ impl<F: AsFd> Lines<F> {
     }
 
     /// The next line of what has been read. A last line without an end counts once the source has ended.
-    pub fn cut(&mut self) -> Next<'_> {
+    pub fn cut(&mut self) -> Cut<'_> {
         loop {
             let rest = self.buffer.get(self.searched..).unwrap_or(&[]);
             let Some(found) = rest.iter().position(|byte| *byte == b'\n') else { break };
@@ -89,9 +89,9 @@ impl<F: AsFd> Lines<F> {
                 continue;
             }
             if end - begin > MAX_LINE_BYTES {
-                return Next::TooLong;
+                return Cut::TooLong;
             }
-            return Next::Line(without_return(&self.buffer[begin..end]));
+            return Cut::Line(without_return(&self.buffer[begin..end]));
         }
         self.searched = self.buffer.len();
         let n_open = self.searched - self.begin;
@@ -99,19 +99,19 @@ impl<F: AsFd> Lines<F> {
             let begin = core::mem::replace(&mut self.begin, self.searched);
             let was_skipping = core::mem::replace(&mut self.is_skipping, false);
             return match n_open {
-                0 => Next::End,
-                _ if was_skipping => Next::End,
-                _ if n_open > MAX_LINE_BYTES => Next::TooLong,
-                _ => Next::Line(without_return(&self.buffer[begin..])),
+                0 => Cut::End,
+                _ if was_skipping => Cut::End,
+                _ if n_open > MAX_LINE_BYTES => Cut::TooLong,
+                _ => Cut::Line(without_return(&self.buffer[begin..])),
             };
         }
         if n_open > MAX_LINE_BYTES {
             self.begin = self.searched;
             if !core::mem::replace(&mut self.is_skipping, true) {
-                return Next::TooLong;
+                return Cut::TooLong;
             }
         }
-        Next::Nothing
+        Cut::Nothing
     }
 }
 
@@ -127,13 +127,13 @@ mod tests {
     /// What comes out of bytes written in pieces, each read before the next is written.
     fn cut_of(pieces: &[&[u8]]) -> Vec<Option<Vec<u8>>> {
         let (source, mut sink) = std::io::pipe().expect("a pipe");
-        let (mut lines, mut all) = (Lines::new(source), Vec::new());
-        let mut take = |lines: &mut Lines<_>| {
+        let (mut lines, mut all) = (LineReader::new(source), Vec::new());
+        let mut take = |lines: &mut LineReader<_>| {
             loop {
                 match lines.cut() {
-                    Next::Line(line) => all.push(Some(line.to_vec())),
-                    Next::TooLong => all.push(None),
-                    Next::Nothing | Next::End => break,
+                    Cut::Line(line) => all.push(Some(line.to_vec())),
+                    Cut::TooLong => all.push(None),
+                    Cut::Nothing | Cut::End => break,
                 }
             }
         };
@@ -147,7 +147,7 @@ mod tests {
             take(&mut lines);
         }
         take(&mut lines);
-        assert_eq!(lines.cut(), Next::End);
+        assert_eq!(lines.cut(), Cut::End);
         all
     }
 

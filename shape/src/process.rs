@@ -1,10 +1,10 @@
 //! The process `krait shape`: reads lines, lets the gate decide, publishes.
 
 use crate::clock_map::Arrival;
-use crate::counts::{Counts, Refusal};
+use crate::counts::{Counts, ShapeRefusal};
 use crate::gate::{GateConfig, GateConfigError, Passed, ShapeGate};
-use crate::line::{Line, LineError};
-use crate::lines::{Lines, Next};
+use crate::line::{LineError, ShapeLine};
+use crate::lines::{Cut, LineReader};
 use core::sync::atomic::{AtomicBool, Ordering};
 use krait_ipc::message::Shape;
 use krait_ipc::{Bus, HealthReporter, IpcError, Process, Reason, Reasons, Writer, clock};
@@ -55,17 +55,17 @@ pub enum ShapeError {
 pub fn run(bus: &Bus, config: GateConfig, source: impl AsFd, stop: &AtomicBool) -> Result<Counts, ShapeError> {
     config.check()?;
     let mut process = Publisher::open(bus, config)?;
-    let mut lines = Lines::new(source);
+    let mut lines = LineReader::new(source);
     process.health.publish(clock::monotonic_ns())?;
     while !stop.load(Ordering::Relaxed) {
         lines.fill(PATIENCE_MS).map_err(ShapeError::Read)?;
         let arrival = Arrival { monotonic_ns: clock::monotonic_ns(), realtime_ns: clock::wall_ns() };
         let has_ended = loop {
             match lines.cut() {
-                Next::Line(line) => process.line(line, &arrival)?,
-                Next::TooLong => process.refuse_line(Refusal::TooLong, String::new(), &arrival),
-                Next::Nothing => break false,
-                Next::End => break true,
+                Cut::Line(line) => process.line(line, &arrival)?,
+                Cut::TooLong => process.refuse_line(ShapeRefusal::TooLong, String::new(), &arrival),
+                Cut::Nothing => break false,
+                Cut::End => break true,
             }
         };
         process.tell(arrival.monotonic_ns)?;
@@ -105,19 +105,19 @@ impl Publisher {
 
     fn line(&mut self, line: &[u8], arrival: &Arrival) -> Result<(), ShapeError> {
         let is_first = self.gate.counts().lines == 0;
-        match Line::parse(line) {
-            Ok(Line::Header(header)) => {
+        match ShapeLine::parse(line) {
+            Ok(ShapeLine::Header(header)) => {
                 tracing::info!(source = header.source, clock = ?header.clock, "a stream of shapes begins");
                 self.gate.begin(&header);
             }
-            Ok(Line::Shape(_)) if is_first => return Err(ShapeError::NoHeader),
+            Ok(ShapeLine::Shape(_)) if is_first => return Err(ShapeError::NoHeader),
             Err(error) if is_first => return Err(ShapeError::Header(error)),
-            Ok(Line::Shape(measured)) => match self.gate.pass(&measured, arrival) {
+            Ok(ShapeLine::Shape(measured)) => match self.gate.pass(&measured, arrival) {
                 Ok(passed) => self.publish(&passed)?,
                 Err((refusal, value, limit)) => self.refused(refusal, value, limit, String::new(), arrival),
             },
-            Err(LineError::NotFinite) => self.refuse_line(Refusal::NotFinite, String::new(), arrival),
-            Err(error) => self.refuse_line(Refusal::Malformed, format!(": {error}"), arrival),
+            Err(LineError::NotFinite) => self.refuse_line(ShapeRefusal::NotFinite, String::new(), arrival),
+            Err(error) => self.refuse_line(ShapeRefusal::Malformed, format!(": {error}"), arrival),
         }
         Ok(())
     }
@@ -130,12 +130,12 @@ impl Publisher {
         Ok(())
     }
 
-    fn refuse_line(&mut self, refusal: Refusal, detail: String, arrival: &Arrival) {
+    fn refuse_line(&mut self, refusal: ShapeRefusal, detail: String, arrival: &Arrival) {
         self.gate.refuse_line(refusal);
         self.refused(refusal, f64::NAN, f64::NAN, detail, arrival);
     }
 
-    fn refused(&mut self, refusal: Refusal, value: f64, limit: f64, detail: String, arrival: &Arrival) {
+    fn refused(&mut self, refusal: ShapeRefusal, value: f64, limit: f64, detail: String, arrival: &Arrival) {
         self.note(refusal.reason(), value, limit);
         if arrival.monotonic_ns < self.log_due_ns {
             return;

@@ -3,7 +3,9 @@
 #![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
 
 use krait_ipc::message::Validity;
-use krait_shape::{Arrival, Finding, GateConfig, Header, Line, Measured, Refusal, ShapeGate, SourceClock, Value};
+use krait_shape::{
+    Arrival, GateConfig, Header, Measured, ShapeFinding, ShapeGate, ShapeLine, ShapeRefusal, SourceClock, Value,
+};
 use proptest::prelude::*;
 
 const MS: i64 = 1_000_000;
@@ -58,21 +60,21 @@ fn what_is_wrong_is_refused_by_name_and_the_next_good_shape_passes() {
         move |exposure_ns| Measured { exposure_ns, sent_ns: None, frame: None, value }
     };
     let now_ns = T0_NS + 10 * FRAME_NS;
-    let cases: Vec<(Measured, Refusal)> = vec![
-        (bend(11, now_ns, [f64::NAN, 0.0]), Refusal::NotFinite),
-        (bend(11, now_ns, [0.0, f64::INFINITY]), Refusal::NotFinite),
-        (bend(11, now_ns, [3.2, 0.0]), Refusal::OutOfRange),
-        (covariance([1e-5, 1e-3, 1e-5])(now_ns), Refusal::OutOfRange),
-        (covariance([0.0, 0.0, 1e-5])(now_ns), Refusal::OutOfRange),
-        (covariance([-1e-5, 0.0, 1e-5])(now_ns), Refusal::OutOfRange),
-        (covariance([f64::NAN, 0.0, 1e-5])(now_ns), Refusal::NotFinite),
-        (bend(11, now_ns + 2 * MS, [0.2, 0.1]), Refusal::Future),
-        (bend(11, i64::MAX, [0.2, 0.1]), Refusal::Future),
-        (bend(11, now_ns - 1001 * MS, [0.2, 0.1]), Refusal::Stale),
-        (bend(11, 0, [0.2, 0.1]), Refusal::Stale),
-        (bend(11, i64::MIN, [0.2, 0.1]), Refusal::OutOfRange),
-        (bend(11, T0_NS + 9 * FRAME_NS, [0.2, 0.1]), Refusal::OutOfOrder),
-        (bend(9, now_ns, [0.2, 0.1]), Refusal::OutOfOrder),
+    let cases: Vec<(Measured, ShapeRefusal)> = vec![
+        (bend(11, now_ns, [f64::NAN, 0.0]), ShapeRefusal::NotFinite),
+        (bend(11, now_ns, [0.0, f64::INFINITY]), ShapeRefusal::NotFinite),
+        (bend(11, now_ns, [3.2, 0.0]), ShapeRefusal::OutOfRange),
+        (covariance([1e-5, 1e-3, 1e-5])(now_ns), ShapeRefusal::OutOfRange),
+        (covariance([0.0, 0.0, 1e-5])(now_ns), ShapeRefusal::OutOfRange),
+        (covariance([-1e-5, 0.0, 1e-5])(now_ns), ShapeRefusal::OutOfRange),
+        (covariance([f64::NAN, 0.0, 1e-5])(now_ns), ShapeRefusal::NotFinite),
+        (bend(11, now_ns + 2 * MS, [0.2, 0.1]), ShapeRefusal::Future),
+        (bend(11, i64::MAX, [0.2, 0.1]), ShapeRefusal::Future),
+        (bend(11, now_ns - 1001 * MS, [0.2, 0.1]), ShapeRefusal::Stale),
+        (bend(11, 0, [0.2, 0.1]), ShapeRefusal::Stale),
+        (bend(11, i64::MIN, [0.2, 0.1]), ShapeRefusal::OutOfRange),
+        (bend(11, T0_NS + 9 * FRAME_NS, [0.2, 0.1]), ShapeRefusal::OutOfOrder),
+        (bend(9, now_ns, [0.2, 0.1]), ShapeRefusal::OutOfOrder),
     ];
     for (measured, expected) in cases {
         let mut gate = gate();
@@ -92,18 +94,18 @@ fn late_missing_lost_and_outlying_shapes_are_published_with_their_names() {
     let exposure_ns = T0_NS + 5 * FRAME_NS;
     let found = |gate: &mut ShapeGate, measured: &Measured, age_ms: i64| {
         let passed = gate.pass(measured, &at(measured.exposure_ns + age_ms * MS)).expect("published");
-        let findings: Vec<Finding> = passed.findings.iter().flatten().map(|(finding, ..)| *finding).collect();
+        let findings: Vec<ShapeFinding> = passed.findings.iter().flatten().map(|(finding, ..)| *finding).collect();
         (passed.shape, findings)
     };
     let (shape, findings) = found(&mut gate, &bend(5, exposure_ns, [0.21, 0.1]), 250);
-    assert_eq!(findings, [Finding::Late, Finding::Dropped]);
+    assert_eq!(findings, [ShapeFinding::Late, ShapeFinding::Dropped]);
     assert!(shape.valid_bend_rad().is_some());
     let lost = Measured { value: None, ..bend(6, exposure_ns + FRAME_NS, [0.0; 2]) };
     let (shape, findings) = found(&mut gate, &lost, 3);
-    assert_eq!((findings, shape.validity), (vec![Finding::Lost], Validity::Lost as u32));
+    assert_eq!((findings, shape.validity), (vec![ShapeFinding::Lost], Validity::Lost as u32));
     // 0.1 rad and 5 rad/s for two frames is 0.27 rad.
     let (shape, findings) = found(&mut gate, &bend(7, exposure_ns + 2 * FRAME_NS, [0.6, 0.1]), 3);
-    assert_eq!((findings, shape.validity), (vec![Finding::Outlying], Validity::Outlying as u32));
+    assert_eq!((findings, shape.validity), (vec![ShapeFinding::Outlying], Validity::Outlying as u32));
     assert_eq!((shape.bend_rad, shape.valid_bend_rad()), ([0.6, 0.1], None), "kept as evidence");
     let (shape, findings) = found(&mut gate, &bend(8, exposure_ns + 3 * FRAME_NS, [0.22, 0.1]), 3);
     assert_eq!((findings, shape.valid_bend_rad()), (vec![], Some([0.22, 0.1])));
@@ -133,17 +135,17 @@ fn a_wrong_beginning_is_forgotten_in_time() {
 fn a_clock_of_its_own_needs_a_word_about_when_a_line_was_sent() {
     let mut gate = ShapeGate::new(GateConfig::default());
     let measured = bend(1, 700 * MS, [0.1, 0.0]);
-    assert_eq!(gate.pass(&measured, &at(T0_NS)).expect_err("no header").0, Refusal::NoHeader);
+    assert_eq!(gate.pass(&measured, &at(T0_NS)).expect_err("no header").0, ShapeRefusal::NoHeader);
     gate.begin(&header(SourceClock::Own));
-    assert_eq!(gate.pass(&measured, &at(T0_NS)).expect_err("no clock").0, Refusal::NoClock);
+    assert_eq!(gate.pass(&measured, &at(T0_NS)).expect_err("no clock").0, ShapeRefusal::NoClock);
     let sent = |ms: i64| Measured { sent_ns: Some((704 + ms) * MS), ..bend(1, (700 + ms) * MS, [0.1, 0.0]) };
-    assert_eq!(gate.pass(&sent(0), &at(T0_NS)).expect_err("it has just begun").0, Refusal::NoClock);
+    assert_eq!(gate.pass(&sent(0), &at(T0_NS)).expect_err("it has just begun").0, ShapeRefusal::NoClock);
     let shape = gate.pass(&sent(1000), &at(T0_NS + 1000 * MS)).expect("mapped").shape;
     assert_eq!(shape.sample_ns, T0_NS + 996 * MS);
     // The program starts anew and counts from 1 again; its clock has begun at zero.
     gate.begin(&header(SourceClock::Own));
     let again = |ms: i64| Measured { sent_ns: Some((4 + ms) * MS), ..bend(1, (3 + ms) * MS, [0.1, 0.0]) };
-    assert_eq!(gate.pass(&again(0), &at(T0_NS + 2000 * MS)).expect_err("anew").0, Refusal::NoClock);
+    assert_eq!(gate.pass(&again(0), &at(T0_NS + 2000 * MS)).expect_err("anew").0, ShapeRefusal::NoClock);
     let shape = gate.pass(&again(1000), &at(T0_NS + 3000 * MS)).expect("mapped anew").shape;
     assert_eq!((shape.sequence, shape.sample_ns), (2, T0_NS + 2999 * MS));
 }
@@ -214,6 +216,6 @@ proptest! {
 
     #[test]
     fn no_bytes_break_the_reader(bytes in proptest::collection::vec(any::<u8>(), 0..200), text in "\\PC{0,80}") {
-        let _any_answer_will_do = (Line::parse(&bytes), Line::parse(text.as_bytes()));
+        let _any_answer_will_do = (ShapeLine::parse(&bytes), ShapeLine::parse(text.as_bytes()));
     }
 }

@@ -48,20 +48,20 @@ impl Browser {
     }
 
     /// Opens a page of a size.
-    pub fn page(&self, url: &str, width: u32, height: u32) -> Page {
+    pub fn page(&self, url: &str, width: u32, height: u32) -> BrowserPage {
         let address = self.debugger.trim_start_matches("ws://").split('/').next().expect("host and port");
         let stream = TcpStream::connect(address).expect("the browser listens");
         stream.set_read_timeout(Some(PATIENCE)).expect("a timeout");
         let (socket, _) = tungstenite::client(self.debugger.as_str(), stream).expect("DevTools");
-        let mut page = Page { socket, session: None, n_calls: 0, complaints: Vec::new() };
+        let mut page = BrowserPage { socket, session: None, n_calls: 0, complaints: Vec::new() };
         let target = page.call("Target.createTarget", &json!({ "url": "about:blank" }));
         let attached = page.call("Target.attachToTarget", &json!({ "targetId": target["targetId"], "flatten": true }));
         page.session = attached["sessionId"].as_str().map(str::to_owned);
-        for domain in ["Page.enable", "Runtime.enable", "Log.enable"] {
+        for domain in ["BrowserPage.enable", "Runtime.enable", "Log.enable"] {
             page.call(domain, &json!({}));
         }
         page.resize(width, height);
-        page.call("Page.navigate", &json!({ "url": url }));
+        page.call("BrowserPage.navigate", &json!({ "url": url }));
         page
     }
 }
@@ -74,7 +74,7 @@ impl Drop for Browser {
 }
 
 /// One page of a browser.
-pub struct Page {
+pub struct BrowserPage {
     socket: WebSocket<TcpStream>,
     session: Option<String>,
     n_calls: u64,
@@ -82,7 +82,7 @@ pub struct Page {
     pub complaints: Vec<String>,
 }
 
-impl Page {
+impl BrowserPage {
     /// One DevTools call.
     pub fn call(&mut self, method: &str, params: &Value) -> Value {
         self.n_calls += 1;
@@ -150,7 +150,7 @@ impl Page {
 
     /// The picture as a PNG.
     pub fn picture(&mut self) -> Vec<u8> {
-        let answer = self.call("Page.captureScreenshot", &json!({ "format": "png" }));
+        let answer = self.call("BrowserPage.captureScreenshot", &json!({ "format": "png" }));
         from_base64(answer["data"].as_str().expect("a picture"))
     }
 }

@@ -10,7 +10,7 @@ pub type Live = WebSocket<TcpStream>;
 
 /// What a server answered.
 #[derive(Debug)]
-pub struct Answer {
+pub struct HttpAnswer {
     /// The status; 0 where the connection was closed without one.
     pub status: u16,
     /// The headers as they came.
@@ -19,7 +19,7 @@ pub struct Answer {
     pub body: String,
 }
 
-impl Answer {
+impl HttpAnswer {
     /// The value of a header.
     pub fn header(&self, name: &str) -> Option<&str> {
         let mut pairs = self.headers.lines().filter_map(|line| line.split_once(": "));
@@ -58,7 +58,7 @@ impl Console {
     }
 
     /// Sends bytes to a port as they are and reads the answer.
-    fn send(port: u16, text: &str) -> Answer {
+    fn send(port: u16, text: &str) -> HttpAnswer {
         let mut stream = TcpStream::connect(("127.0.0.1", port)).expect("it listens");
         let _refused_early_is_fine = stream.write_all(text.as_bytes());
         let mut bytes = Vec::new();
@@ -66,16 +66,16 @@ impl Console {
         let text = String::from_utf8_lossy(&bytes).into_owned();
         let (head, body) = text.split_once("\r\n\r\n").unwrap_or((&text, ""));
         let status = head.split(' ').nth(1).and_then(|status| status.parse().ok()).unwrap_or(0);
-        Answer { status, headers: head.to_owned(), body: body.to_owned() }
+        HttpAnswer { status, headers: head.to_owned(), body: body.to_owned() }
     }
 
     /// A request with headers, closed after its answer.
-    pub fn request(&self, method: &str, path: &str, headers: &[(&str, &str)], body: &str) -> Answer {
+    pub fn request(&self, method: &str, path: &str, headers: &[(&str, &str)], body: &str) -> HttpAnswer {
         request("127.0.0.1", self.port, method, path, headers, body)
     }
 
     /// A request to the stop's own origin.
-    pub fn at_stop(&self, method: &str, path: &str, headers: &[(&str, &str)]) -> Answer {
+    pub fn at_stop(&self, method: &str, path: &str, headers: &[(&str, &str)]) -> HttpAnswer {
         request("localhost", self.stop_port(), method, path, headers, "")
     }
 
@@ -131,7 +131,7 @@ impl Console {
     }
 }
 
-fn request(name: &str, port: u16, method: &str, path: &str, headers: &[(&str, &str)], body: &str) -> Answer {
+fn request(name: &str, port: u16, method: &str, path: &str, headers: &[(&str, &str)], body: &str) -> HttpAnswer {
     let mut text = format!("{method} {path} HTTP/1.1\r\nConnection: close\r\nContent-Length: {}\r\n", body.len());
     if !headers.iter().any(|(name, _)| *name == "Host") {
         text += &format!("Host: {name}:{port}\r\n");

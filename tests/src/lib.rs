@@ -9,7 +9,7 @@ mod http;
 mod program;
 mod world;
 
-pub use browser::{Browser, Page};
-pub use http::{Answer, Console, Live, next_of_kind};
+pub use browser::{Browser, BrowserPage};
+pub use http::{Console, HttpAnswer, Live, next_of_kind};
 pub use program::{Ended, Krait, krait_program};
 pub use world::{TempFolder, instance_name, processes_of, wait_until};

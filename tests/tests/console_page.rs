@@ -5,7 +5,7 @@
 #![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
 
 use core::time::Duration;
-use krait_tests::{Browser, Console, Krait, Page, instance_name, next_of_kind, wait_until};
+use krait_tests::{Browser, BrowserPage, Console, Krait, instance_name, next_of_kind, wait_until};
 use rustix::process::Signal;
 use serde_json::json;
 
@@ -74,7 +74,7 @@ fn a_person_sees_the_robot_stops_it_from_a_page_that_hangs_and_goes_on() {
 }
 
 /// Every text colour beside the card it stands on: 4.5, and 3 for shapes, as the accessibility guidelines ask.
-fn assert_contrast(page: &mut Page, theme: &str) {
+fn assert_contrast(page: &mut BrowserPage, theme: &str) {
     let ratios = page.value(
         "(() => {
             const style = getComputedStyle(document.documentElement), of = name => style.getPropertyValue('--' + name).trim();
@@ -90,7 +90,7 @@ fn assert_contrast(page: &mut Page, theme: &str) {
 }
 
 /// Keeps a picture where somebody wants to look at it.
-fn keep(page: &mut Page, name: &str) {
+fn keep(page: &mut BrowserPage, name: &str) {
     if let Ok(folder) = std::env::var("KRAIT_SHOTS") {
         std::fs::create_dir_all(&folder).expect("a folder");
         std::fs::write(format!("{folder}/{name}.png"), page.picture()).expect("written");

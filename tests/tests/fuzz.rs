@@ -9,7 +9,7 @@ use core::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};
 use core::time::Duration;
 use krait_ipc::clock;
 use krait_lab::read::{ColumnMap, Expected, read};
-use krait_master::{Recording as Reports, Report, Script};
+use krait_master::{HidRecording as Reports, HidReport, Script};
 use krait_model::model_file::ModelFile;
 use krait_model::{Columns, MachineParameters, Snake};
 use krait_record::{Recording, recover};
@@ -201,7 +201,7 @@ fn readers(folder: &TempFolder) -> Vec<Reader<'_>> {
             seeds: vec![vec![1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0], vec![3, 1], vec![2, 0, 1, 0, 1, 0, 1]],
             n_inputs: 5000,
             read: Box::new(|bytes| {
-                core::hint::black_box(Report::decode(bytes).is_ok());
+                core::hint::black_box(HidReport::decode(bytes).is_ok());
             }),
         },
         Reader {
@@ -315,7 +315,7 @@ fn every_layout_of_reports_survives_every_short_report() {
             for bytes in
                 [vec![first], vec![first, second], vec![first, second, 0xff], vec![first, second, 0x7f, 0x80, 0, 1, 2]]
             {
-                core::hint::black_box(Report::decode(&bytes).is_ok());
+                core::hint::black_box(HidReport::decode(&bytes).is_ok());
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use super::{PATIENCE, Place};
 use crate::relay::{Inlet, Outlet};
-use crate::{BenchError, Kind};
+use crate::{BenchError, ChainKind};
 use krait_ipc::WaitMode;
 use krait_ipc::clock::monotonic_ns;
 use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
@@ -19,10 +19,10 @@ pub(crate) struct Pipework {
 
 impl Pipework {
     /// Makes the hops, where messages travel over file descriptors at all.
-    pub(crate) fn new(kind: Kind, n_hops: usize) -> io::Result<Option<Self>> {
+    pub(crate) fn new(kind: ChainKind, n_hops: usize) -> io::Result<Option<Self>> {
         let make: fn() -> io::Result<(OwnedFd, OwnedFd)> = match kind {
-            Kind::Pipe => || io::pipe().map(|(reader, writer)| (reader.into(), writer.into())),
-            Kind::UnixDatagram => || {
+            ChainKind::Pipe => || io::pipe().map(|(reader, writer)| (reader.into(), writer.into())),
+            ChainKind::UnixDatagram => || {
                 let (reader, writer) = UnixDatagram::pair()?;
                 reader.set_read_timeout(Some(PATIENCE))?;
                 Ok((reader.into(), writer.into()))

@@ -5,7 +5,7 @@ mod futex;
 mod iox;
 
 use crate::relay::{Inlet, Outlet};
-use crate::{BenchError, Kind, Plan};
+use crate::{BenchError, ChainKind, Plan};
 use core::time::Duration;
 use std::path::Path;
 use std::process::Stdio;
@@ -18,7 +18,7 @@ pub const PATIENCE: Duration = Duration::from_secs(1);
 /// Where one relay meets the others.
 pub(crate) struct Place<'a> {
     /// What it passes messages over.
-    pub kind: Kind,
+    pub kind: ChainKind,
     /// Rate, size, way to wait.
     pub plan: &'a Plan,
     /// Folder of the round.
@@ -30,8 +30,8 @@ pub(crate) struct Place<'a> {
 /// The way in from the hop before; `hop` counts from 0.
 pub(crate) fn inlet(place: &Place, hop: usize) -> Result<Box<dyn Inlet>, BenchError> {
     match place.kind {
-        Kind::FloorFutex => Ok(Box::new(futex::Ring::open(place, hop)?)),
-        Kind::UnixDatagram | Kind::Pipe => Ok(Box::new(fd::Fd::inlet(place)?)),
+        ChainKind::FloorFutex => Ok(Box::new(futex::Ring::open(place, hop)?)),
+        ChainKind::UnixDatagram | ChainKind::Pipe => Ok(Box::new(fd::Fd::inlet(place)?)),
         _ => Ok(Box::new(iox::In::open(place, hop)?)),
     }
 }
@@ -39,8 +39,8 @@ pub(crate) fn inlet(place: &Place, hop: usize) -> Result<Box<dyn Inlet>, BenchEr
 /// The way out to the next hop.
 pub(crate) fn outlet(place: &Place, hop: usize) -> Result<Box<dyn Outlet>, BenchError> {
     match place.kind {
-        Kind::FloorFutex => Ok(Box::new(futex::Ring::open(place, hop)?)),
-        Kind::UnixDatagram | Kind::Pipe => Ok(Box::new(fd::Fd::outlet(place)?)),
+        ChainKind::FloorFutex => Ok(Box::new(futex::Ring::open(place, hop)?)),
+        ChainKind::UnixDatagram | ChainKind::Pipe => Ok(Box::new(fd::Fd::outlet(place)?)),
         _ => Ok(Box::new(iox::Out::open(place, hop)?)),
     }
 }

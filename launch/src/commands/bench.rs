@@ -9,7 +9,7 @@ use crate::config::Config;
 use crate::{print, signals};
 use anyhow::{Context, bail};
 use core::sync::atomic::{AtomicBool, Ordering};
-use krait_bench::{Broken, ChainFigures, ChainRounds, Host, Kind, Load, Plan};
+use krait_bench::{Broken, ChainFigures, ChainKind, ChainRounds, Host, Load, Plan};
 use krait_ipc::{Realtime, WaitMode, clock};
 use krait_report::Table;
 use serde::Serialize;
@@ -41,7 +41,7 @@ struct Skipped {
 }
 
 impl Skipped {
-    fn aloud(kind: Kind, reason: String) -> Self {
+    fn aloud(kind: ChainKind, reason: String) -> Self {
         say(&format!("skipped: {} ({reason})", kind.name()));
         Self { name: kind.name(), reason }
     }
@@ -70,7 +70,7 @@ pub fn run(common: &Common, args: &BenchArgs) -> anyhow::Result<ExitCode> {
     let _load = args.load.then(|| Load::start(&mut burn_command)).transpose()?;
     let rounds = measure(&config, &plan, &kinds, &mut skipped, &stop)?;
     host.note_end();
-    let floor = rounds.iter().find(|chain| chain.name == Kind::FloorFutex.name());
+    let floor = rounds.iter().find(|chain| chain.name == ChainKind::FloorFutex.name());
     let figures: Vec<ChainFigures> = rounds.iter().map(|chain| chain.figures(floor)).collect();
     let budget_broken = check(&config, &figures);
     if args.check && budget_broken.is_none() {
@@ -103,8 +103,8 @@ pub fn run(common: &Common, args: &BenchArgs) -> anyhow::Result<ExitCode> {
 /// The limits of the budget, as multiples of the floor, that krait's chains break: end to end, and hop by hop. A hop of the
 /// chain includes the work of the stage at its end, and the first one the master's own.
 fn check(config: &Config, figures: &[ChainFigures]) -> Option<Vec<Broken>> {
-    let floor = figures.iter().find(|chain| chain.name == Kind::FloorFutex.name())?;
-    let ours = [Kind::Krait.name(), Kind::KraitRecorded.name()];
+    let floor = figures.iter().find(|chain| chain.name == ChainKind::FloorFutex.name())?;
+    let ours = [ChainKind::Krait.name(), ChainKind::KraitRecorded.name()];
     let mut chains = figures.iter().filter(|chain| ours.contains(&chain.name)).peekable();
     chains.peek()?;
     let hops = &config.budget.hops()[1..];
@@ -156,8 +156,8 @@ fn asked(args: &BenchArgs, otherwise: &Realtime) -> Realtime {
 }
 
 /// The chains to measure, and those that cannot be, which are named aloud.
-fn chains(args: &BenchArgs) -> (Vec<Kind>, Vec<Skipped>) {
-    let wanted = if args.chains.is_empty() { &Kind::ALL[..] } else { &args.chains };
+fn chains(args: &BenchArgs) -> (Vec<ChainKind>, Vec<Skipped>) {
+    let wanted = if args.chains.is_empty() { &ChainKind::ALL[..] } else { &args.chains };
     let (mut kinds, mut skipped) = (Vec::new(), Vec::new());
     for kind in wanted {
         match kind.missing() {
@@ -172,7 +172,7 @@ fn chains(args: &BenchArgs) -> (Vec<Kind>, Vec<Skipped>) {
 fn measure(
     config: &Config,
     plan: &Plan,
-    kinds: &[Kind],
+    kinds: &[ChainKind],
     skipped: &mut Vec<Skipped>,
     stop: &AtomicBool,
 ) -> anyhow::Result<Vec<ChainRounds>> {
@@ -182,8 +182,8 @@ fn measure(
         for kind in kinds {
             let Some(chain) = chains.iter_mut().find(|chain| chain.name == kind.name()) else { continue };
             let measured = match kind {
-                Kind::Krait => chain_round::run(config, plan, Listeners::default(), stop),
-                Kind::KraitRecorded => {
+                ChainKind::Krait => chain_round::run(config, plan, Listeners::default(), stop),
+                ChainKind::KraitRecorded => {
                     chain_round::run(config, plan, Listeners { recorder: true, n_observers: 1 }, stop)
                 }
                 relay => krait_bench::run_relay_round(*relay, plan, stop, &mut stage_command).map_err(Into::into),

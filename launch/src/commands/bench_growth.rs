@@ -154,12 +154,12 @@ fn text(report: &Report) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use krait_bench::Sample;
+    use krait_bench::RelaySample;
 
     #[test]
     fn chains_that_run_at_once_are_counted_together() {
         let round = |n: u64| Round {
-            samples: vec![Sample { sequence: n, source_ns: 0, arrived_ns: [1, 2, 3] }],
+            samples: vec![RelaySample { sequence: n, source_ns: 0, arrived_ns: [1, 2, 3] }],
             n_sent: n,
             n_lost: 1,
             ..Round::default()

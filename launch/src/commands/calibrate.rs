@@ -6,7 +6,7 @@
 use crate::cli_calibrate::{CalibrateVerb, Files, FrictionArgs, PhotoArgs, PlayArgs, PosesArgs};
 use crate::print;
 use anyhow::Context;
-use krait_calibrate::{Answer, CalibrateError, Calibrated, Dialogue, friction, photo, play, poses, written};
+use krait_calibrate::{CalibrateError, CalibratedValue, Dialogue, Reply, friction, photo, play, poses, written};
 use krait_ipc::clock;
 use krait_model::MachineParameters;
 use krait_model::model_file::{Machine, ModelFile};
@@ -35,7 +35,7 @@ fn terminal() -> Terminal {
 }
 
 fn friction(args: &FrictionArgs) -> anyhow::Result<ExitCode> {
-    let settings = friction::Settings {
+    let settings = friction::FrictionSettings {
         phi_rad: machine(&args.files.model)?.phi_rad,
         weight_sd_g: args.weight_sd_g,
         scale_sd_g: args.scale_sd_g,
@@ -74,7 +74,7 @@ fn photo(args: &PhotoArgs) -> anyhow::Result<ExitCode> {
 fn poses(args: &PosesArgs) -> anyhow::Result<ExitCode> {
     let (mu, f_s_n) = friction_of(&args.files.model)?;
     let machine = machine(&args.files.model)?;
-    let settings = poses::Settings { machine, mu, f_s_n, sd_rad: args.sd_deg.to_radians() };
+    let settings = poses::PoseSettings { machine, mu, f_s_n, sd_rad: args.sd_deg.to_radians() };
     let mut dialogue = terminal();
     dialogue.say(&format!("with mu {mu:.4} and f_s {f_s_n:.3} N of {}", args.files.model.display()))?;
     let found = match &args.truth {
@@ -117,9 +117,9 @@ fn by_hand<R: BufRead, W: Write>(
     n: usize,
 ) -> Result<Option<Vec<f64>>, CalibrateError> {
     match dialogue.numbers(question, (n, n), (-50.0, 50.0))? {
-        Answer::Numbers(read) => Ok(Some(read)),
-        Answer::Empty | Answer::Skip => Ok(None),
-        Answer::Quit => Err(CalibrateError::Robot("it was told to stop; what was read is kept".to_owned())),
+        Reply::Numbers(read) => Ok(Some(read)),
+        Reply::Empty | Reply::Skip => Ok(None),
+        Reply::Quit => Err(CalibrateError::Robot("it was told to stop; what was read is kept".to_owned())),
     }
 }
 
@@ -164,7 +164,7 @@ fn friction_of(model: &Path) -> anyhow::Result<(f64, f64)> {
 }
 
 /// Asks, and writes the model file as a whole: a machine that stops leaves the old one or the new one.
-fn save(dialogue: &mut Terminal, files: &Files, found: &[Calibrated]) -> anyhow::Result<ExitCode> {
+fn save(dialogue: &mut Terminal, files: &Files, found: &[CalibratedValue]) -> anyhow::Result<ExitCode> {
     let model = &files.model;
     if !dialogue.yes(&format!("write to {}? [y/N]", model.display()))? {
         dialogue.say("not written; the readings are kept")?;

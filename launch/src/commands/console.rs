@@ -6,7 +6,7 @@ use crate::config::{Config, STANDARD_INPUT};
 use crate::in_force::ModelInForce;
 use crate::{print, signals, supervisor};
 use anyhow::Context;
-use krait_console::{Allowance, Facts, Settings};
+use krait_console::{Facts, HopBudget, ServerSettings};
 use krait_ipc::Bus;
 use krait_master::Presence;
 use rustix::process::{Pid, Signal, kill_process};
@@ -33,7 +33,7 @@ pub fn run(common: &Common, args: &ConsoleArgs) -> anyhow::Result<ExitCode> {
             tracing::warn!(%error, "the console's address could not be printed");
         }
     };
-    let settings = Settings {
+    let settings = ServerSettings {
         port: args.port,
         stop_port: args.stop_port,
         recordings: args.recordings.clone(),
@@ -84,7 +84,7 @@ impl Drop for Companion {
 
 fn facts_of(instance: &str, config: &Config, model: &ModelInForce) -> Facts {
     let allowance =
-        |a: crate::budget::Allowance| Allowance { p50_us: a.p50_us, p99_us: a.p99_us, worst_us: a.worst_us };
+        |a: crate::budget::Allowance| HopBudget { p50_us: a.p50_us, p99_us: a.p99_us, worst_us: a.worst_us };
     let budget = &config.budget;
     Facts {
         instance: instance.to_owned(),

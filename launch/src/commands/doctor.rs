@@ -1,7 +1,7 @@
 //! `krait doctor`: what this machine lacks for a punctual chain, and how late it wakes a process.
 
 use crate::cli::DoctorArgs;
-use crate::doctor::{self, Finding, Verdict, WakeUp};
+use crate::doctor::{self, Finding, Grade, WakeUp};
 use crate::{print, signals};
 use anyhow::bail;
 use krait_report::Table;
@@ -39,7 +39,7 @@ pub fn run(args: &DoctorArgs) -> anyhow::Result<ExitCode> {
     } else {
         print::out(&text(&report))?
     }
-    let is_bad = report.findings.iter().any(|finding| finding.verdict == Verdict::Bad);
+    let is_bad = report.findings.iter().any(|finding| finding.verdict == Grade::Bad);
     Ok(if is_bad { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }
 

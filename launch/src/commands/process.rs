@@ -6,7 +6,7 @@ use crate::in_force::Compensation;
 use crate::{signals, supervisor};
 use anyhow::{Context, bail};
 use krait_ipc::{Bus, input};
-use krait_master::{Engage, MasterConfig, Recording, Script, SourceChoice};
+use krait_master::{Engage, HidRecording, MasterConfig, Script, SourceChoice};
 use krait_record::{Attachment, RecordConfig};
 use krait_slave::SlaveConfig;
 use std::process::ExitCode;
@@ -114,8 +114,8 @@ fn run_master(bus: &Bus, config: &Config, args: &MasterArgs, stop: &AtomicBool) 
     let source = match (args.kind, input) {
         (MasterKind::Hid, None) => SourceChoice::Hid,
         (MasterKind::Hid, Some(path)) => bail!("--input {}: a live device has no input file", path.display()),
-        (MasterKind::Replay, None) => SourceChoice::Recording { recording: Recording::shipped()?, looping },
-        (MasterKind::Replay, Some(path)) => SourceChoice::Recording { recording: Recording::load(path)?, looping },
+        (MasterKind::Replay, None) => SourceChoice::Recording { recording: HidRecording::shipped()?, looping },
+        (MasterKind::Replay, Some(path)) => SourceChoice::Recording { recording: HidRecording::load(path)?, looping },
         (MasterKind::Script, Some(path)) => SourceChoice::Script { script: Script::load(path)?, looping },
         (MasterKind::Script, None) => bail!("a script is missing: name it with --input FILE"),
     };

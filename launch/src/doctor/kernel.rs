@@ -83,16 +83,16 @@ pub fn cores() -> Finding {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::Verdict;
+    use crate::doctor::Grade;
 
     #[test]
     fn a_realtime_kernel_is_good_and_others_are_named() {
-        assert_eq!(judge_preemption(false, "#1 SMP PREEMPT_RT Debian", None).verdict, Verdict::Good);
-        assert_eq!(judge_preemption(true, "#1 SMP", None).verdict, Verdict::Good);
+        assert_eq!(judge_preemption(false, "#1 SMP PREEMPT_RT Debian", None).verdict, Grade::Good);
+        assert_eq!(judge_preemption(true, "#1 SMP", None).verdict, Grade::Good);
         let other = judge_preemption(false, "#1 SMP PREEMPT_DYNAMIC", Some("none (voluntary) full"));
         assert_eq!(
             (other.verdict, other.found.as_str()),
-            (Verdict::Advice, "PREEMPT_DYNAMIC, mode none (voluntary) full")
+            (Grade::Advice, "PREEMPT_DYNAMIC, mode none (voluntary) full")
         );
     }
 }

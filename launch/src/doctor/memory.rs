@@ -79,13 +79,13 @@ fn is_dead(name: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::Verdict;
+    use crate::doctor::Grade;
 
     #[test]
     fn little_room_is_bad_and_says_how_to_make_more() {
-        assert_eq!(judge_room(4096).verdict, Verdict::Good);
+        assert_eq!(judge_room(4096).verdict, Grade::Good);
         let little = judge_room(10);
-        assert_eq!(little.verdict, Verdict::Bad);
+        assert_eq!(little.verdict, Grade::Bad);
         assert!(little.mend.is_some_and(|mend| mend.contains("remount")));
     }
 

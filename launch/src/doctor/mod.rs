@@ -15,7 +15,7 @@ use serde::Serialize;
 /// How a finding is to be taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Verdict {
+pub enum Grade {
     /// As it should be.
     Good,
     /// A chain runs, but could be more punctual.
@@ -24,7 +24,7 @@ pub enum Verdict {
     Bad,
 }
 
-impl Verdict {
+impl Grade {
     /// The word in the table.
     pub fn word(self) -> &'static str {
         match self {
@@ -41,7 +41,7 @@ pub struct Finding {
     /// What was looked at.
     pub name: &'static str,
     /// How it is to be taken.
-    pub verdict: Verdict,
+    pub verdict: Grade,
     /// What was found.
     pub found: String,
     /// What that means for a chain.
@@ -53,17 +53,17 @@ pub struct Finding {
 impl Finding {
     /// Something that is as it should be.
     fn good(name: &'static str, found: String, meaning: &'static str) -> Self {
-        Self { name, verdict: Verdict::Good, found, meaning, mend: None }
+        Self { name, verdict: Grade::Good, found, meaning, mend: None }
     }
 
     /// Something that could be better.
     fn advice(name: &'static str, found: String, meaning: &'static str, mend: String) -> Self {
-        Self { name, verdict: Verdict::Advice, found, meaning, mend: Some(mend) }
+        Self { name, verdict: Grade::Advice, found, meaning, mend: Some(mend) }
     }
 
     /// Something without which no chain runs.
     fn bad(name: &'static str, found: String, meaning: &'static str, mend: String) -> Self {
-        Self { name, verdict: Verdict::Bad, found, meaning, mend: Some(mend) }
+        Self { name, verdict: Grade::Bad, found, meaning, mend: Some(mend) }
     }
 }
 
@@ -91,7 +91,7 @@ mod tests {
         assert_eq!(findings.len(), 9);
         for finding in findings {
             assert!(!finding.found.is_empty() && !finding.meaning.is_empty(), "{finding:?}");
-            assert_eq!(finding.mend.is_none(), finding.verdict == Verdict::Good, "{finding:?}");
+            assert_eq!(finding.mend.is_none(), finding.verdict == Grade::Good, "{finding:?}");
         }
     }
 }

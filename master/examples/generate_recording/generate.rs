@@ -7,7 +7,7 @@
 
 use crate::arc;
 use crate::plan::{Act, end_s, plan_at};
-use krait_master::{AXIS_LIMIT_COUNTS, Layout, MasterConfig, RecordingHeader, RecordingWriter, Report, Response};
+use krait_master::{AXIS_LIMIT_COUNTS, HidRecordingWriter, HidReport, Layout, MasterConfig, RecordingHeader, Response};
 use std::io;
 
 /// The device sends one report per 8 ms.
@@ -40,7 +40,7 @@ pub fn shipped_recording_text() -> io::Result<Vec<u8>> {
         layout: Some(Layout::Split),
         notes: NOTES.map(str::to_owned).to_vec(),
     };
-    let mut device = Device { out: RecordingWriter::new(Vec::new(), &header)?, slot: 0, random: Random(SEED) };
+    let mut device = Device { out: HidRecordingWriter::new(Vec::new(), &header)?, slot: 0, random: Random(SEED) };
     let mut hand = Hand { response: Response::new(&MasterConfig::default()), bend_rad: [0.0; 2], buttons: 0 };
     let mut n_zero_pairs = 0;
     while device.time_s() < end_s() + 2.0 * PRESS_S + 0.1 {
@@ -48,7 +48,7 @@ pub fn shipped_recording_text() -> io::Result<Vec<u8>> {
         let buttons = buttons_at(time_s);
         if buttons != hand.buttons {
             hand.buttons = buttons;
-            device.send(Report::Buttons(buttons))?;
+            device.send(HidReport::Buttons(buttons))?;
             // The button took a slot of its own; the axes of the last pair held on for it.
             continue;
         }
@@ -59,8 +59,8 @@ pub fn shipped_recording_text() -> io::Result<Vec<u8>> {
             continue;
         }
         let [x, y, z, rx, ry, rz] = axes;
-        device.send(Report::Translation([x, y, z]))?;
-        device.send(Report::Rotation([rx, ry, rz]))?;
+        device.send(HidReport::Translation([x, y, z]))?;
+        device.send(HidReport::Rotation([rx, ry, rz]))?;
     }
     device.out.finish()
 }
@@ -86,7 +86,7 @@ fn buttons_at(time_s: f64) -> u32 {
 
 /// The device's clock and output.
 struct Device {
-    out: RecordingWriter<Vec<u8>>,
+    out: HidRecordingWriter<Vec<u8>>,
     slot: u32,
     random: Random,
 }
@@ -96,7 +96,7 @@ impl Device {
         f64::from(self.slot) * SLOT_S
     }
 
-    fn send(&mut self, report: Report) -> io::Result<()> {
+    fn send(&mut self, report: HidReport) -> io::Result<()> {
         let jitter_ns = if self.slot == 0 { 0 } else { self.random.below(JITTER_NS) };
         let stamp_ns = i64::from(self.slot) * 8_000_000 + jitter_ns as i64;
         self.slot += 1;

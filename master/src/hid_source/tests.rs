@@ -5,7 +5,7 @@ use std::sync::mpsc;
 
 /// What a test's device does at its next read.
 enum Act {
-    Report(Vec<u8>),
+    HidReport(Vec<u8>),
     Signal,
     Vanish,
 }
@@ -15,7 +15,7 @@ struct FakePort(Arc<std::sync::Mutex<mpsc::Receiver<Act>>>, Arc<AtomicU64>);
 impl HidPort for FakePort {
     fn read(&mut self, buffer: &mut [u8; RawReport::MAX_BYTES], _: Duration) -> Result<usize, ReadFailure> {
         match self.0.lock().expect("acts").recv_timeout(Duration::from_millis(1)) {
-            Ok(Act::Report(bytes)) => {
+            Ok(Act::HidReport(bytes)) => {
                 buffer[..bytes.len()].copy_from_slice(&bytes);
                 Ok(bytes.len())
             }
@@ -75,10 +75,10 @@ fn reports_arrive_in_order_and_signals_are_not_noticed() {
     let (acts, light, mut source) = device(0);
     for k in 0..100_u8 {
         acts.send(Act::Signal).expect("signal");
-        acts.send(Act::Report(vec![3, k])).expect("report");
+        acts.send(Act::HidReport(vec![3, k])).expect("report");
     }
     for k in 0..100_u8 {
-        let SourceEvent::Report { report, .. } = wait_for_event(&mut source) else { panic!("a report") };
+        let SourceEvent::HidReport { report, .. } = wait_for_event(&mut source) else { panic!("a report") };
         assert_eq!(report.as_bytes(), [3, k]);
     }
     assert_eq!(light.load(Ordering::SeqCst), 1);
@@ -92,8 +92,8 @@ fn an_unplugged_device_is_told_and_found_again_after_failed_searches() {
     acts.send(Act::Vanish).expect("vanish");
     assert!(matches!(wait_for_event(&mut source), SourceEvent::Unplugged));
     assert!(matches!(wait_for_event(&mut source), SourceEvent::Plugged));
-    acts.send(Act::Report(vec![3, 1])).expect("report");
-    assert!(matches!(wait_for_event(&mut source), SourceEvent::Report { .. }));
+    acts.send(Act::HidReport(vec![3, 1])).expect("report");
+    assert!(matches!(wait_for_event(&mut source), SourceEvent::HidReport { .. }));
 }
 
 #[test]
@@ -101,7 +101,7 @@ fn the_newest_reports_survive_a_stalled_loop_and_the_dropped_ones_are_counted() 
     let (acts, _, mut source) = device(0);
     let n_sent = QUEUE as u64 + 744;
     for k in 0..n_sent {
-        acts.send(Act::Report((k as u16).to_le_bytes().to_vec())).expect("report");
+        acts.send(Act::HidReport((k as u16).to_le_bytes().to_vec())).expect("report");
     }
     // The loop stalls until the thread has read them all.
     while source.shared.n_drained.load(Ordering::Relaxed) < 744 {
@@ -109,7 +109,7 @@ fn the_newest_reports_survive_a_stalled_loop_and_the_dropped_ones_are_counted() 
     }
     assert!(matches!(source.next_event(0), Some(SourceEvent::Drained(744))));
     for k in 744..n_sent {
-        let SourceEvent::Report { report, .. } = wait_for_event(&mut source) else { panic!("a report") };
+        let SourceEvent::HidReport { report, .. } = wait_for_event(&mut source) else { panic!("a report") };
         assert_eq!(report.as_bytes(), (k as u16).to_le_bytes());
     }
 }

@@ -1,6 +1,6 @@
 //! Eqs. (11) to (18): loads, friction, and terms that are the same on every line.
 
-use super::{Finding, number};
+use super::{PaperError, number};
 use crate::bench::{follow, one_way_ramp, there_and_back};
 use crate::table2::Table2;
 use krait_model::Snake;
@@ -8,7 +8,7 @@ use krait_sim::Truth;
 use nalgebra::{Vector2, Vector3, Vector6};
 
 /// The wrench of Eq. (9) is one that the snake exerts.
-pub fn sign_of_the_wrench(snake: &Snake, truth: &Truth) -> anyhow::Result<Finding> {
+pub fn sign_of_the_wrench(snake: &Snake, truth: &Truth) -> anyhow::Result<PaperError> {
     let (bend, force_n) = (Vector2::new(45_f64.to_radians(), 0.0), 0.5);
     let helping = Vector6::new(force_n, 0.0, 0.0, 0.0, 0.0, 0.0);
     let mut pushed_truth = truth.clone();
@@ -22,7 +22,7 @@ pub fn sign_of_the_wrench(snake: &Snake, truth: &Truth) -> anyhow::Result<Findin
         Ok(poses.first().map_or(f64::NAN, |p| p.tau_tilde_n.x))
     };
     let with_force = snake.tau_with_wrench_n(bend, &helping);
-    Ok(Finding {
+    Ok(PaperError {
         place: "Eq. (9)",
         printed: "grad E + J_x^T w; Eq. (11) then leaves the wrench out",
         correct: "grad E - J_x^T w for a wrench w on the snake; the printed sign is that of the wrench the snake exerts",
@@ -37,8 +37,8 @@ pub fn sign_of_the_wrench(snake: &Snake, truth: &Truth) -> anyhow::Result<Findin
 }
 
 /// f_s was computed with g = 10 m/s2.
-pub fn gravity(table: &Table2) -> Finding {
-    Finding {
+pub fn gravity(table: &Table2) -> PaperError {
+    PaperError {
         place: "Table II, f_s",
         printed: "1.959 N",
         correct: "1.921 N: the printed value comes out with g = 10 m/s2",
@@ -50,9 +50,9 @@ pub fn gravity(table: &Table2) -> Finding {
 }
 
 /// Eq. (14) is ten times larger than printed.
-pub fn error_of_f_s(table: &Table2) -> Finding {
+pub fn error_of_f_s(table: &Table2) -> PaperError {
     let eq_14 = &table.eq_14;
-    Finding {
+    PaperError {
         place: "Table II, Eq. (14), df_s",
         printed: "weights +-25 g and +-1 g, df_s = 0.020 N",
         correct: "0.205 N with the paper's g = 10 m/s2, ten times as much; errors add, they do not subtract",
@@ -69,9 +69,9 @@ pub fn error_of_f_s(table: &Table2) -> Finding {
 }
 
 /// The printed dmu belongs to no row of Table II.
-pub fn error_of_mu(table: &Table2) -> Finding {
+pub fn error_of_mu(table: &Table2) -> PaperError {
     let rows = &table.eq_14.dmu_of_rows;
-    Finding {
+    PaperError {
         place: "Table II, Eq. (14), dmu",
         printed: "dmu = 0.0135",
         correct: "Eq. (14) depends on the row and gives the printed value for none; the fit's standard error is smaller",
@@ -87,7 +87,7 @@ pub fn error_of_mu(table: &Table2) -> Finding {
 }
 
 /// The loading branch is used on the way back, too.
-pub fn loading_branch(snake: &Snake, truth: &Truth) -> anyhow::Result<Finding> {
+pub fn loading_branch(snake: &Snake, truth: &Truth) -> anyhow::Result<PaperError> {
     let mut without_play = truth.clone();
     without_play.effects.play_m = 0.0;
     let eta = truth.effects.load_scale;
@@ -96,7 +96,7 @@ pub fn loading_branch(snake: &Snake, truth: &Truth) -> anyhow::Result<Finding> {
     let n_there = one_way_ramp().len();
     let largest = |poses: &[_]| poses.iter().map(crate::bench::bend_error_deg).fold(0.0_f64, |m, e| m.max(e.abs()));
     let (there, back) = poses.split_at(n_there.min(poses.len()));
-    Ok(Finding {
+    Ok(PaperError {
         place: "Eq. (13)",
         printed: "tau~ = e^(2 mu phi) (tau + f_s) whatever the line does",
         correct: "f_s and the exponent take the sign of the line's motion",
@@ -108,7 +108,7 @@ pub fn loading_branch(snake: &Snake, truth: &Truth) -> anyhow::Result<Finding> {
 }
 
 /// A uniform lambda cannot bend the snake.
-pub fn uniform_lambda(snake: &Snake, truth: &Truth) -> anyhow::Result<Finding> {
+pub fn uniform_lambda(snake: &Snake, truth: &Truth) -> anyhow::Result<PaperError> {
     let (eta, lambda_m) = (truth.effects.load_scale, truth.effects.play_m);
     let reached = |lambda_m| -> anyhow::Result<f64> {
         let path = one_way_ramp();
@@ -121,7 +121,7 @@ pub fn uniform_lambda(snake: &Snake, truth: &Truth) -> anyhow::Result<Finding> {
         snake.equilibrium(q_tilde_m, snake.loading_compliance_m_per_n(), eta)
     };
     let (without, with) = (rest(0.0), rest(lambda_m));
-    Ok(Finding {
+    Ok(PaperError {
         place: "Eq. (18), lambda",
         printed: "the same lambda on all three lines",
         correct: "it preloads the lines and cannot bend the snake: sum cos delta_i = sum sin delta_i = 0; play acts with the sign of each line's motion",
@@ -138,12 +138,12 @@ pub fn uniform_lambda(snake: &Snake, truth: &Truth) -> anyhow::Result<Finding> {
 }
 
 /// A uniform f_s does not act on psi either.
-pub fn uniform_f_s(snake: &Snake) -> Finding {
+pub fn uniform_f_s(snake: &Snake) -> PaperError {
     let bend = Vector2::new(45_f64.to_radians(), 0.0);
     let eps_m = snake.extension_naive(bend).eps_m;
     let elastic_m = snake.tau_n(bend) * snake.loading_compliance_m_per_n();
     let by_f_s_m = eps_m - elastic_m;
-    Finding {
+    PaperError {
         place: "Eqs. (13), (16), f_s",
         printed: "+f_s on pulled and pushed lines alike",
         correct: "common to all lines, no effect on psi; with the sign of motion it has one",

@@ -1,13 +1,13 @@
 //! Eqs. (2), (7) and (26), and the radius that Table I leaves out.
 
-use super::{Finding, Number, number};
+use super::{Number, PaperError, number};
 use anyhow::Context;
 use core::f64::consts::FRAC_PI_2;
 use krait_model::{Psi, Snake};
 use nalgebra::{Vector2, Vector3};
 
 /// Eq. (2) divides by cos delta_i.
-pub fn division_by_one_cosine(snake: &Snake) -> Finding {
+pub fn division_by_one_cosine(snake: &Snake) -> PaperError {
     let error_m = 1e-6;
     let bend_rad = 45_f64.to_radians();
     let delta_rad = 89_f64.to_radians();
@@ -15,7 +15,7 @@ pub fn division_by_one_cosine(snake: &Snake) -> Finding {
     let q_m = snake.q(bend) + Vector3::new(error_m, 0.0, 0.0);
     let from_line_1 = -q_m.x / (snake.r_m() * delta_rad.cos());
     let from_all = snake.bend_from_q(q_m).norm();
-    Finding {
+    PaperError {
         place: "Eqs. (2), (5)",
         printed: "the bend from one line, divided by cos delta_i",
         correct: "least squares over the three lines: no false singularity",
@@ -31,7 +31,7 @@ pub fn division_by_one_cosine(snake: &Snake) -> Finding {
 }
 
 /// Eq. (7)'s second row has theta_L where theta_L - theta_0 belongs.
-pub fn second_row_of_eq_7(snake: &Snake) -> anyhow::Result<Finding> {
+pub fn second_row_of_eq_7(snake: &Snake) -> anyhow::Result<PaperError> {
     let entry = |theta_deg: f64| -> anyhow::Result<f64> {
         let psi = Psi { theta_l_rad: theta_deg.to_radians(), delta_rad: 0.4 };
         let mut j = snake.j_psi_q12(psi).context("a bent pose has a plane")?;
@@ -40,7 +40,7 @@ pub fn second_row_of_eq_7(snake: &Snake) -> anyhow::Result<Finding> {
         j.row_mut(1).scale_mut(as_printed);
         Ok((j * snake.j_q_psi(psi).fixed_rows::<2>(0))[(1, 1)])
     };
-    Ok(Finding {
+    Ok(PaperError {
         place: "Eq. (7)",
         printed: "theta_L^2 in the second row of J_psi_q",
         correct: "(theta_L - theta_0)^2: J_psi_q J_q_psi is then the identity",
@@ -53,9 +53,9 @@ pub fn second_row_of_eq_7(snake: &Snake) -> anyhow::Result<Finding> {
 }
 
 /// r follows from the paper's own sigma.
-pub fn radius(snake: &Snake) -> Finding {
+pub fn radius(snake: &Snake) -> PaperError {
     let printed_sigma_mm = 0.0294;
-    Finding {
+    PaperError {
         place: "Table I",
         printed: "no pitch radius; \"1 deg equals 0.0294 mm\" on epsilon",
         correct: "r follows from it",
@@ -67,7 +67,7 @@ pub fn radius(snake: &Snake) -> Finding {
 }
 
 /// Eq. (26) from lines 1 and 2 takes common displacement for bend.
-pub fn two_lines_of_eq_26(snake: &Snake) -> anyhow::Result<Finding> {
+pub fn two_lines_of_eq_26(snake: &Snake) -> anyhow::Result<PaperError> {
     let common = Vector3::repeat(0.178e-3);
     let (mut by_j, mut by_j_tilde): (Vec<Number>, Vec<Number>) = (Vec::new(), Vec::new());
     let mut by_all = 0.0_f64;
@@ -88,7 +88,7 @@ pub fn two_lines_of_eq_26(snake: &Snake) -> anyhow::Result<Finding> {
     }
     by_j.extend(by_j_tilde);
     by_j.push(number("all three lines, any plane, J~", by_all.to_degrees(), "deg"));
-    Ok(Finding {
+    Ok(PaperError {
         place: "Eq. (26)",
         printed: "J~ from lines 1 and 2",
         correct: "from all three: a common displacement, here 0.178 mm at a bend of 45 deg, is preload and bends nothing",

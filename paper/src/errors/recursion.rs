@@ -1,18 +1,18 @@
 //! Eqs. (19) to (22): the recursion as printed, on the photographs of Table III and on those of our own run.
 
-use super::{Finding, number};
-use crate::reconstruction::Row as Photograph;
+use super::{PaperError, number};
+use crate::reconstruction::PhotographRow;
 use crate::table3::Table3;
 use krait_model::Snake;
 use krait_model::oracle::F_S_N;
 use nalgebra::{Matrix2, Matrix3x2, Vector2, Vector3};
 
 /// Eq. (20) stacks every row, so that S must use the new one only.
-pub fn stacked_rows_of_eq_20(table: &Table3) -> Finding {
+pub fn stacked_rows_of_eq_20(table: &Table3) -> PaperError {
     let printed = &table.as_printed;
     let last = printed.rows.last().copied().unwrap_or((f64::NAN, f64::NAN));
     let stacked = every_row_again(&printed.photographs);
-    Finding {
+    PaperError {
         place: "Eqs. (19), (20)",
         printed: "H_k stacks the rows 1..k, and S = P_k H_(k+1)^T (1 + H_(k+1) P_k H_(k+1)^T)^-1 takes H_(k+1)",
         correct: "P_k = (H_k^T H_k)^-1 is of all rows so far, as printed; S and the innovation take the new row only, or the old ones count again",
@@ -26,7 +26,7 @@ pub fn stacked_rows_of_eq_20(table: &Table3) -> Finding {
 }
 
 /// The last estimate where each step takes all rows so far once more.
-fn every_row_again(rows: &[Photograph]) -> Vector2<f64> {
+fn every_row_again(rows: &[PhotographRow]) -> Vector2<f64> {
     let (mut information, mut right) = (Matrix2::zeros(), Vector2::zeros());
     for n in 2..=rows.len() {
         for row in &rows[..n] {
@@ -39,14 +39,14 @@ fn every_row_again(rows: &[Photograph]) -> Vector2<f64> {
 }
 
 /// Eq. (20) subtracts newtons from millimetres.
-pub fn units_of_eq_20(snake: &Snake, table: &Table3) -> Finding {
+pub fn units_of_eq_20(snake: &Snake, table: &Table3) -> PaperError {
     // In the paper's units, N and mm.
     let (k_d, k_c) = (snake.k_d_n_per_m() * 1e-3, snake.k_c_n_per_m() * 1e-3);
     let (g, f_s) = (snake.capstan(), F_S_N);
     let as_printed = solve(snake, table, false, |tau, s| (Vector2::new((k_d + g * k_c) * tau, 1.0), g * f_s * s.abs()));
     let corrected =
         solve(snake, table, true, |tau, s| (Vector2::new((1.0 / k_d + g / k_c) * tau, s), g * f_s / k_c * s));
-    Finding {
+    PaperError {
         place: "Eq. (20)",
         printed: "z_k = eps - e^(2 mu phi) f_s; H_k with K_d, K_c",
         correct: "z_k = eps - e^(2 mu phi) f_s / K_c; H_k = [(1/K_d + e^(2 mu phi)/K_c) tau_k, s], three rows a pose",
@@ -64,9 +64,9 @@ pub fn units_of_eq_20(snake: &Snake, table: &Table3) -> Finding {
 }
 
 /// The +- of Eq. (22) are variances, of row 9.
-pub fn plus_minus_of_eq_22(table: &Table3) -> Finding {
+pub fn plus_minus_of_eq_22(table: &Table3) -> PaperError {
     let printed = &table.as_printed;
-    Finding {
+    PaperError {
         place: "Eq. (22), Table III",
         printed: "eta 1.220 +- 0.0019, lambda 0.1778 +- 0.0005 mm",
         correct: "the values of row 9 of ten, and the +- are variances: their roots are the standard deviations",
@@ -110,10 +110,10 @@ fn solve(
 }
 
 /// lambda of one line is not the play.
-pub fn lambda_of_one_line(table: &Table3) -> Finding {
+pub fn lambda_of_one_line(table: &Table3) -> PaperError {
     let line_1 = &table.line_1;
     let last = line_1.rows.last().copied().unwrap_or((f64::NAN, f64::NAN));
-    Finding {
+    PaperError {
         place: "Eq. (22), lambda",
         printed: "lambda, estimated from line 1, is the backlash",
         correct: "line 1 alone takes (4/3) (h + e^(2 mu phi) f_s / K_c) for lambda, h half of the play; contrasts of three lines give h",

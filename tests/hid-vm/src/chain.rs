@@ -28,7 +28,7 @@ pub enum User {
 
 /// How a program ended and what it said.
 #[derive(Debug)]
-pub struct Ended {
+pub struct VmEnded {
     /// Exit code; `None` when a signal ended it.
     pub code: Option<i32>,
     /// Standard output.
@@ -37,7 +37,7 @@ pub struct Ended {
     pub stderr: String,
 }
 
-impl Ended {
+impl VmEnded {
     /// Runs krait to its end.
     ///
     /// # Errors
@@ -58,7 +58,7 @@ impl Ended {
 }
 
 /// A chain on the live device that runs.
-pub struct Chain {
+pub struct VmChain {
     child: Child,
     stdout: JoinHandle<String>,
     stderr: JoinHandle<()>,
@@ -66,7 +66,7 @@ pub struct Chain {
     recording: PathBuf,
 }
 
-impl Chain {
+impl VmChain {
     /// Starts `krait run --master hid` and waits until the chain runs; it ends by itself after `seconds`.
     ///
     /// # Errors
@@ -103,12 +103,12 @@ impl Chain {
     ///
     /// # Errors
     /// It could not be watched, or left no recording that can be read.
-    pub fn end(mut self) -> anyhow::Result<(Ended, Journal)> {
+    pub fn end(mut self) -> anyhow::Result<(VmEnded, Journal)> {
         let status = self.child.wait().context("waiting for krait")?;
         let stdout = self.stdout.join().unwrap_or_default();
         ensure!(self.stderr.join().is_ok(), "the thread that listens to krait died");
         let stderr = self.said.lock().map_or_else(|_| String::new(), |said| said.clone());
-        let ended = Ended { code: status.code(), stdout, stderr };
+        let ended = VmEnded { code: status.code(), stdout, stderr };
         let journal = Journal::read(&self.recording).with_context(|| ended.stderr.clone())?;
         std::fs::remove_file(&self.recording).context("removing a recording")?;
         Ok((ended, journal))

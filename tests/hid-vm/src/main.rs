@@ -13,7 +13,7 @@ mod verdict;
 use anyhow::bail;
 use spacemouse::Fault;
 use std::process::ExitCode;
-use verdict::Verdict;
+use verdict::PartVerdict;
 
 fn main() -> ExitCode {
     let all = match fault() {
@@ -28,7 +28,7 @@ fn main() -> ExitCode {
 }
 
 /// One part's name and what it does.
-type Part = (&'static str, Box<dyn Fn() -> anyhow::Result<Verdict>>);
+type Part = (&'static str, Box<dyn Fn() -> anyhow::Result<PartVerdict>>);
 
 fn run_parts(fault: Fault) -> bool {
     let parts: [Part; 7] = [

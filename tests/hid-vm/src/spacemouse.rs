@@ -4,7 +4,7 @@ use crate::model::{Model, SERIAL, VENDOR_ID};
 use crate::uhid::{Identity, Told, Uhid};
 use anyhow::{Context, bail};
 use krait_ipc::clock;
-use krait_master::{Recording, Report, led_report};
+use krait_master::{HidRecording, HidReport, led_report};
 use std::fs::{self, Permissions};
 use std::os::unix::fs::PermissionsExt;
 use std::sync::Arc;
@@ -118,8 +118,8 @@ impl SpaceMouse {
     /// # Errors
     /// The device is gone.
     pub fn play(&mut self, duration_s: f64, fault: Fault) -> anyhow::Result<u64> {
-        let recording = Recording::shipped()?.first_s(duration_s);
-        let zeros = [Report::Translation([0; 3]), Report::Rotation([0; 3])].map(Report::encode);
+        let recording = HidRecording::shipped()?.first_s(duration_s);
+        let zeros = [HidReport::Translation([0; 3]), HidReport::Rotation([0; 3])].map(HidReport::encode);
         let end_ns = recording.duration_ns();
         let last = zeros.iter().zip(1..).map(|(report, k)| (end_ns + k * SLOT_NS, report.as_bytes()));
         let reports: Vec<(i64, &[u8])> = recording.reports().chain(last).collect();
@@ -140,7 +140,7 @@ impl SpaceMouse {
     /// The device is gone.
     pub fn press(&mut self, button: u32) -> anyhow::Result<()> {
         for buttons in [1 << button, 0] {
-            self.send(Report::Buttons(buttons).encode().as_bytes())?;
+            self.send(HidReport::Buttons(buttons).encode().as_bytes())?;
             std::thread::sleep(Duration::from_nanos(SLOT_NS.unsigned_abs()));
         }
         Ok(())
@@ -154,9 +154,9 @@ impl SpaceMouse {
         let begin_ns = clock::monotonic_ns();
         for slot in 0..duration_ms * 1_000_000 / SLOT_NS {
             let report = match slot % 2 {
-                _ if self.model.is_combined() => Report::Motion([x_counts, 0, 0, 0, 0, 0]),
-                0 => Report::Translation([x_counts, 0, 0]),
-                _ => Report::Rotation([0; 3]),
+                _ if self.model.is_combined() => HidReport::Motion([x_counts, 0, 0, 0, 0, 0]),
+                0 => HidReport::Translation([x_counts, 0, 0]),
+                _ => HidReport::Rotation([0; 3]),
             };
             self.send(report.encode().as_bytes())?;
             sleep_until(begin_ns + (slot + 1) * SLOT_NS);

@@ -4,11 +4,11 @@ use std::fmt;
 
 /// The checks of one part.
 #[derive(Debug, Default)]
-pub struct Verdict {
+pub struct PartVerdict {
     checks: Vec<(&'static str, bool, String)>,
 }
 
-impl Verdict {
+impl PartVerdict {
     /// Notes a check and its figure.
     pub fn check(&mut self, name: &'static str, is_met: bool, figure: impl fmt::Display) {
         self.checks.push((name, is_met, figure.to_string()));
@@ -25,7 +25,7 @@ impl Verdict {
     }
 }
 
-impl fmt::Display for Verdict {
+impl fmt::Display for PartVerdict {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(if self.passed() { "PASS" } else { "FAIL" })?;
         for (name, is_met, figure) in &self.checks {

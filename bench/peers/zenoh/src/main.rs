@@ -1,7 +1,7 @@
 //! One process of krait bench's relay over Zenoh: source, relay-1, relay-2 or sink. The loops are krait-bench's; here are
 //! the ways in and out. Peers on this machine, linked by unix sockets in the folder of the round: no scouting, no network.
 
-use krait_bench::{BenchError, Inlet, Kind, Outlet, PATIENCE, Plan, Role, StageOptions, Ways, run_stage_over};
+use krait_bench::{BenchError, Inlet, ChainKind, Outlet, PATIENCE, Plan, Role, StageOptions, Ways, run_stage_over};
 use krait_ipc::WaitMode;
 use krait_ipc::clock::monotonic_ns;
 use std::path::{Path, PathBuf};
@@ -28,7 +28,7 @@ fn main() -> ExitCode {
 fn run(arguments: &[String]) -> Result<(), String> {
     let role = Role::from_name(option(arguments, "--role")?)?;
     let (folder, prefix) = (PathBuf::from(option(arguments, "--folder")?), option(arguments, "--prefix")?.to_owned());
-    let options = StageOptions { kind: Kind::Zenoh, role, folder, prefix };
+    let options = StageOptions { kind: ChainKind::Zenoh, role, folder, prefix };
     // What the kernel refuses has been told by `krait bench`, which asked for the same before it became this program.
     let mut tell = |_: &str| {};
     run_stage_over(&options, |plan| open(&options.folder, role, plan), &mut tell).map_err(|error| error.to_string())

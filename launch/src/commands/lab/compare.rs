@@ -1,7 +1,7 @@
 //! `krait lab compare`: how far model and measurements are apart, in which part, and where it is worst.
 
 use super::page;
-use crate::cli_lab::CompareArgs;
+use crate::cli_lab::LabCompareArgs;
 use crate::print;
 use krait_lab::Session;
 use krait_lab::compare::{Bin, Comparison, compare};
@@ -13,7 +13,7 @@ use std::process::ExitCode;
 const SHOWN: usize = 15;
 
 /// Compares; that there is an error is no failure.
-pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
+pub fn run(args: &LabCompareArgs) -> anyhow::Result<ExitCode> {
     let session = Session::open_all(&args.files.model, &args.files.data, &args.files.column_map())?;
     let found = compare(session.machine.as_ref(), &session.data)?;
     if let Some(path) = &args.report {

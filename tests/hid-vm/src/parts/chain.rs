@@ -1,9 +1,9 @@
 //! The whole chain on the live device, and the proof that a spoiled device would have been noticed.
 
-use crate::chain::{Chain, User};
+use crate::chain::{User, VmChain};
 use crate::model::Model;
 use crate::spacemouse::{Fault, SpaceMouse};
-use crate::verdict::Verdict;
+use crate::verdict::PartVerdict;
 use anyhow::Context;
 use krait_ipc::message::DeviceState;
 
@@ -17,16 +17,16 @@ const LEAST_COMMANDED_DEG: f64 = 50.0;
 const LEAST_REACHED_DEG: f64 = 35.0;
 
 /// The shipped recording through the kernel: every report counted, nothing lost, the snake bends.
-pub fn chain(fault: Fault) -> anyhow::Result<Verdict> {
+pub fn chain(fault: Fault) -> anyhow::Result<PartVerdict> {
     let mut mouse = SpaceMouse::plug(Model::Compact)?;
-    let chain = Chain::start("chain", User::Root, PLAY_S + MORE_S)?;
+    let chain = VmChain::start("chain", User::Root, PLAY_S + MORE_S)?;
     mouse.wait_until_read()?;
     let n_due = mouse.play(PLAY_S, fault)?;
     let (ended, journal) = chain.end()?;
     let lights = mouse.lights();
     mouse.unplug()?;
 
-    let mut verdict = Verdict::default();
+    let mut verdict = PartVerdict::default();
     let figures = ended.json()?;
     let figure = |pointer: &str| figures.pointer(pointer).and_then(serde_json::Value::as_f64).unwrap_or(f64::NAN);
     let last = journal.inputs.last().context("no input was recorded")?;
@@ -51,8 +51,8 @@ pub fn chain(fault: Fault) -> anyhow::Result<Verdict> {
 }
 
 /// The part `chain` must fail on a silent device and on one that leaves out a single report, and for these reasons.
-pub fn control() -> anyhow::Result<Verdict> {
-    let mut verdict = Verdict::default();
+pub fn control() -> anyhow::Result<PartVerdict> {
+    let mut verdict = PartVerdict::default();
     let silent = chain(Fault::Silent)?.failed();
     let is_noticed =
         ["reports", "commanded_deg", "reached_deg", "at_rest_last"].iter().all(|name| silent.contains(name));

@@ -1,14 +1,14 @@
 //! Finding a hand controller, and saying why it may not be opened.
 
-use crate::chain::{Ended, User};
+use crate::chain::{User, VmEnded};
 use crate::model::{Model, SERIAL, VENDOR_ID};
 use crate::spacemouse::SpaceMouse;
-use crate::verdict::Verdict;
+use crate::verdict::PartVerdict;
 use anyhow::Context;
 
 /// `krait devices --json` lists the device once, by name, and only while it is plugged in.
-pub fn devices() -> anyhow::Result<Verdict> {
-    let mut verdict = Verdict::default();
+pub fn devices() -> anyhow::Result<PartVerdict> {
+    let mut verdict = PartVerdict::default();
     let before = listed(User::Root)?;
     let mouse = SpaceMouse::plug(Model::Compact)?;
     let found = listed(User::Root)?;
@@ -33,13 +33,13 @@ pub fn devices() -> anyhow::Result<Verdict> {
 }
 
 /// A user who may only read the node is told the path, why, and the udev rule, in one sentence with exit code 2.
-pub fn unreadable() -> anyhow::Result<Verdict> {
-    let mut verdict = Verdict::default();
+pub fn unreadable() -> anyhow::Result<PartVerdict> {
+    let mut verdict = PartVerdict::default();
     let mouse = SpaceMouse::plug(Model::Compact)?;
     let node = mouse.node()?;
     mouse.permit(0o444)?;
     verdict.check("may_open_0444", may_open()? == Some(false), "no");
-    let ended = Ended::of(User::Nobody, &["run", "--master", "hid", "--no-recording", "--instance", "unreadable"])?;
+    let ended = VmEnded::of(User::Nobody, &["run", "--master", "hid", "--no-recording", "--instance", "unreadable"])?;
     verdict.check("exit_code", ended.code == Some(2), format!("{:?}", ended.code));
     let sentences: Vec<&str> = ended.stderr.lines().filter(|line| line.starts_with("krait: ")).collect();
     verdict.check("sentences", sentences.len() == 1, sentences.len());
@@ -58,7 +58,7 @@ pub fn unreadable() -> anyhow::Result<Verdict> {
 }
 
 fn listed(user: User) -> anyhow::Result<Vec<serde_json::Value>> {
-    let ended = Ended::of(user, &["devices", "--json"])?;
+    let ended = VmEnded::of(user, &["devices", "--json"])?;
     Ok(ended.json()?.as_array().context("no list of devices")?.clone())
 }
 

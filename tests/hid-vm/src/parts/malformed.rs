@@ -1,9 +1,9 @@
 //! A device that talks nonsense: counted, refused, without effect.
 
-use crate::chain::{Chain, User};
+use crate::chain::{User, VmChain};
 use crate::model::{Model, VENDOR_REPORT_ID};
 use crate::spacemouse::SpaceMouse;
-use crate::verdict::Verdict;
+use crate::verdict::PartVerdict;
 use anyhow::Context;
 use krait_ipc::clock;
 use std::thread::sleep;
@@ -16,10 +16,10 @@ const SETTLE: Duration = Duration::from_millis(100);
 const MOVED_DEG: f64 = 5.0;
 
 /// Short, long, unknown and out-of-range reports change nothing but a count; a good one after them moves the snake.
-pub fn malformed() -> anyhow::Result<Verdict> {
+pub fn malformed() -> anyhow::Result<PartVerdict> {
     // It declares one axis, so that the kernel hands reports on which krait must find too short.
     let mut mouse = SpaceMouse::plug(Model::ShortCompact)?;
-    let chain = Chain::start("malformed", User::Root, 2.5)?;
+    let chain = VmChain::start("malformed", User::Root, 2.5)?;
     mouse.wait_until_read()?;
     let (delivered, droppable) = (delivered(), droppable());
     mouse.press(0)?;
@@ -38,7 +38,7 @@ pub fn malformed() -> anyhow::Result<Verdict> {
     let (ended, journal) = chain.end()?;
     mouse.unplug()?;
 
-    let mut verdict = Verdict::default();
+    let mut verdict = PartVerdict::default();
     let n_delivered = N_ROUNDS * delivered.len() as u64;
     let n_droppable = N_ROUNDS * droppable.len() as u64;
     let n_refused = journal.input_at(refused_ns).context("no input")?.n_refused;

@@ -1,24 +1,24 @@
 //! A wireless receiver: several nodes under one vendor and product, and the hand on a later one.
 
-use crate::chain::{Chain, User};
+use crate::chain::{User, VmChain};
 use crate::model::Model;
 use crate::spacemouse::SpaceMouse;
-use crate::verdict::Verdict;
+use crate::verdict::PartVerdict;
 use anyhow::Context;
 use krait_ipc::clock;
-use krait_master::Report;
+use krait_master::HidReport;
 
 const MOVED_DEG: f64 = 5.0;
 
 /// The first node is silent, a mouse talks on the second, the third moves the snake and is the only one that is read.
-pub fn receiver() -> anyhow::Result<Verdict> {
+pub fn receiver() -> anyhow::Result<PartVerdict> {
     let unpaired = SpaceMouse::plug(Model::ReceiverHand)?;
     let mut mouse = SpaceMouse::plug(Model::ReceiverMouse)?;
     let mut hand = SpaceMouse::plug(Model::ReceiverHand)?;
-    let chain = Chain::start("receiver", User::Root, 2.0)?;
+    let chain = VmChain::start("receiver", User::Root, 2.0)?;
     let is_read = hand.wait_until_read();
     // To the decoder this is a push of the cap; krait must not even read it.
-    let moved = Report::Translation([250, 0, 0]).encode();
+    let moved = HidReport::Translation([250, 0, 0]).encode();
     for _ in 0..3 {
         mouse.send(moved.as_bytes())?;
     }
@@ -32,7 +32,7 @@ pub fn receiver() -> anyhow::Result<Verdict> {
     let end_ns = clock::monotonic_ns();
     let (ended, journal) = chain.end()?;
 
-    let mut verdict = Verdict::default();
+    let mut verdict = PartVerdict::default();
     let last = journal.inputs.last().context("no input")?;
     let moved_deg = journal.moved_deg(begin_ns, end_ns);
     verdict.check("read", is_read.is_ok(), is_read.is_ok());

@@ -1,9 +1,9 @@
 //! Pulling the plug while the cap is held, and plugging it in again, for an ordinary user whom udev lets in a little later.
 
-use crate::chain::{Chain, Ended, Journal, User};
+use crate::chain::{Journal, User, VmChain, VmEnded};
 use crate::model::Model;
 use crate::spacemouse::SpaceMouse;
-use crate::verdict::Verdict;
+use crate::verdict::PartVerdict;
 use anyhow::Context;
 use krait_ipc::message::DeviceState;
 use krait_ipc::{Reason, Reasons, clock};
@@ -32,15 +32,15 @@ struct Instants {
 }
 
 /// The snake comes to rest, the loss is named, the chain goes on; the device comes back and moves it after a press only.
-pub fn unplug() -> anyhow::Result<Verdict> {
+pub fn unplug() -> anyhow::Result<PartVerdict> {
     let mouse = SpaceMouse::plug(Model::Compact)?;
     mouse.permit(0o666)?;
-    let chain = Chain::start("unplug", User::Nobody, 5.5)?;
+    let chain = VmChain::start("unplug", User::Nobody, 5.5)?;
     mouse.wait_until_read()?;
     let (instants, mouse) = play(mouse)?;
     let (ended, journal) = chain.end()?;
     mouse.unplug()?;
-    let mut verdict = Verdict::default();
+    let mut verdict = PartVerdict::default();
     judge_loss(&mut verdict, &ended, &journal, &instants)?;
     judge_return(&mut verdict, &ended, &journal, &instants)?;
     Ok(verdict)
@@ -70,7 +70,7 @@ fn play(mut mouse: SpaceMouse) -> anyhow::Result<(Instants, SpaceMouse)> {
     Ok((Instants { held, unplugged, plugged, pressed, released, n_lit_too_early }, mouse))
 }
 
-fn judge_loss(verdict: &mut Verdict, ended: &Ended, journal: &Journal, at: &Instants) -> anyhow::Result<()> {
+fn judge_loss(verdict: &mut PartVerdict, ended: &VmEnded, journal: &Journal, at: &Instants) -> anyhow::Result<()> {
     let moved_deg = journal.moved_deg(at.held, at.unplugged);
     verdict.check("moved_deg", moved_deg > MOVED_DEG, format!("{moved_deg:.1}"));
     let lost = journal.inputs.iter().find(|i| i.sample_ns > at.unplugged && i.device() == Some(DeviceState::Lost));
@@ -99,7 +99,7 @@ fn judge_loss(verdict: &mut Verdict, ended: &Ended, journal: &Journal, at: &Inst
     Ok(())
 }
 
-fn judge_return(verdict: &mut Verdict, ended: &Ended, journal: &Journal, at: &Instants) -> anyhow::Result<()> {
+fn judge_return(verdict: &mut PartVerdict, ended: &VmEnded, journal: &Journal, at: &Instants) -> anyhow::Result<()> {
     let live = journal.input_at(at.pressed).context("no input before the press")?;
     verdict.check("live_again", live.device() == Some(DeviceState::Live), format!("{:?}", live.device()));
     verdict.check("lit_too_early", at.n_lit_too_early == 0, at.n_lit_too_early);
