@@ -21,7 +21,7 @@ mod resolve;
 mod step;
 
 pub use compensate::{CompensateCore, run_compensate, run_compensate_cued};
-pub use config::{CompensateConfig, ConfigError, EstimateConfig, ResolveConfig};
+pub use config::{CompensateConfig, EstimateConfig, ResolveConfig};
 pub use cued::run_estimate_cued;
 pub use estimate::{EstimateCore, run_estimate};
 pub use resolve::{ResolveCore, run_resolve, run_resolve_cued};

@@ -38,7 +38,7 @@ pub enum BridgeError {
     },
     /// A value of the configuration is out of range.
     #[error(transparent)]
-    Config(#[from] crate::ConfigError),
+    Config(#[from] krait_ipc::setting::SettingError),
 }
 
 /// A sample that was refused; nothing is published for it.

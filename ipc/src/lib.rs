@@ -36,6 +36,7 @@ mod process;
 mod reader;
 mod realtime;
 mod reasons;
+pub mod setting;
 mod shared_words;
 mod stop;
 mod writer;

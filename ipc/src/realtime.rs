@@ -1,6 +1,8 @@
 //! What a process can ask of the kernel to be on time: priority, memory that stays, cores of its own. Each wish is granted
 //! or refused by itself; what is refused is told in a sentence that says how to mend it.
 
+use crate::setting::{SettingError, check};
+use crate::settings;
 use rustix::mm::{MlockAllFlags, mlockall};
 use rustix::process::{Resource, getpriority_process, getrlimit};
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
@@ -8,37 +10,30 @@ use serde::{Deserialize, Serialize};
 
 /// Stack that is touched before the loop begins, bytes; the loops of krait use a few tens of kilobytes.
 const PREFAULTED_BYTES: usize = 256 * 1024;
-/// Highest SCHED_FIFO priority on Linux.
-const HIGHEST_PRIORITY: u8 = 99;
-/// Longest and shortest time slice that the kernel takes, us.
-const SLICES_US: core::ops::RangeInclusive<u32> = 100..=100_000;
+/// Shortest time slice that the kernel takes, us.
+const SHORTEST_SLICE_US: u32 = 100;
 /// Cores that a set can name.
 const MOST_CORES: usize = 1024;
 /// Bit of CAP_IPC_LOCK in a process's capabilities.
 const CAP_IPC_LOCK: u64 = 1 << 14;
 
-/// What the four processes between the hand and the drives ask of the kernel. No priority by default: on shared cores a high
-/// one makes waker and woken compete.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Realtime {
-    /// SCHED_FIFO priority, 1 to 99; 0: time sharing as every other process. Default 0.
-    pub priority: u8,
-    /// Whether all memory is kept in RAM and the stack is touched beforehand. Default false.
-    pub lock_memory: bool,
-    /// Where the processes run. Default "one".
-    pub cores: Cores,
-    /// Time slice under time sharing, us, 100 to 100,000; a process with a short slice is let in before others that have
-    /// longer ones (Linux 6.12 and newer, no right needed). 0: the kernel's own. Default 100.
-    pub slice_us: u32,
-    /// Whether a thread that works only when nothing else will keeps the chain's cores from sleeping: a core that slept wakes
-    /// late and has forgotten what it knew. It makes the core fully busy and warm. Default false.
-    pub keep_awake: bool,
-}
-
-impl Default for Realtime {
-    fn default() -> Self {
-        Self { priority: 0, lock_memory: false, cores: Cores::One, slice_us: *SLICES_US.start(), keep_awake: false }
+settings! {
+    /// What the four processes between the hand and the drives ask of the kernel. No priority by default: on shared cores a high
+    /// one makes waker and woken compete.
+    #[derive(Clone, Debug, PartialEq, Eq)]
+    pub struct Realtime in "realtime" {
+        /// SCHED_FIFO priority; 0: time sharing as every other process.
+        priority: u8 = 0, 0..=99;
+        /// Whether all memory is kept in RAM and the stack is touched beforehand.
+        lock_memory: bool = false;
+        /// Where the processes run: "one" (all on one core), "any", or a list such as [2, 3].
+        cores: Cores = Cores::One;
+        /// Time slice under time sharing, us, 0 (the kernel's own) or at least 100; a process with a short slice is let in before
+        /// others that have longer ones (Linux 6.12 and newer, no right needed).
+        slice_us: u32 = SHORTEST_SLICE_US, 0..=100_000;
+        /// Whether a thread that works only when nothing else will keeps the chain's cores from sleeping: a core that slept wakes
+        /// late and has forgotten what it knew. It makes the core fully busy and warm.
+        keep_awake: bool = false;
     }
 }
 
@@ -110,12 +105,14 @@ impl core::fmt::Display for Cores {
 }
 
 /// A setting that no machine can follow.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("[realtime] {key} = {found}: expected {expected}")]
-pub struct RealtimeError {
-    key: &'static str,
-    found: String,
-    expected: &'static str,
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum RealtimeError {
+    /// A number is out of its range.
+    #[error(transparent)]
+    Setting(#[from] SettingError),
+    /// A list of cores that no machine has.
+    #[error("[realtime] cores = {0:?}: expected one or more cores of 0 to 1023, or \"one\" or \"any\"")]
+    Cores(Vec<usize>),
 }
 
 impl Realtime {
@@ -128,19 +125,16 @@ impl Realtime {
     /// # Errors
     /// [`RealtimeError`] names the first setting that is out of range.
     pub fn check(&self) -> Result<(), RealtimeError> {
-        if self.priority > HIGHEST_PRIORITY {
-            return Err(RealtimeError { key: "priority", found: self.priority.to_string(), expected: "0 to 99" });
+        self.check_ranges()?;
+        if self.slice_us != 0 {
+            check((Self::TABLE, "slice_us"), f64::from(self.slice_us), (f64::from(SHORTEST_SLICE_US), 1e5), 100)?;
         }
-        if self.slice_us != 0 && !SLICES_US.contains(&self.slice_us) {
-            let expected = "0 (the kernel's own) or 100 to 100000 us";
-            return Err(RealtimeError { key: "slice_us", found: self.slice_us.to_string(), expected });
+        match &self.cores {
+            Cores::Named(cores) if cores.is_empty() || cores.iter().any(|core| *core >= MOST_CORES) => {
+                Err(RealtimeError::Cores(cores.clone()))
+            }
+            _ => Ok(()),
         }
-        let Cores::Named(cores) = &self.cores else { return Ok(()) };
-        let expected = "one or more cores of 0 to 1023, or \"one\" or \"any\"";
-        if cores.is_empty() || cores.iter().any(|core| *core >= MOST_CORES) {
-            return Err(RealtimeError { key: "cores", found: format!("{cores:?}"), expected });
-        }
-        Ok(())
     }
 
     /// Applies the wishes to the calling thread of the process that is the `idx`-th of the chain of an instance. Gives one
@@ -297,7 +291,7 @@ mod tests {
     fn settings_out_of_range_are_named() {
         let error = |wish: Realtime| wish.check().expect_err("out of range").to_string();
         let too_high = error(Realtime { priority: 100, ..Realtime::default() });
-        assert_eq!(too_high, "[realtime] priority = 100: expected 0 to 99");
+        assert!(too_high.starts_with("[realtime] priority = 100: expected 0 to 99;"), "{too_high}");
         let no_core = error(Realtime { cores: Cores::Named(vec![0, 4096]), ..Realtime::default() });
         assert!(no_core.contains("[0, 4096]"), "{no_core}");
         assert!(error(Realtime { slice_us: 99, ..Realtime::default() }).contains("slice_us = 99"));

@@ -5,6 +5,7 @@
 use krait_bench::Limits;
 use krait_ipc::LatencyLimits;
 use krait_ipc::message::{HopStamps, N_HOPS, SlaveState};
+use krait_ipc::setting::{self, SettingError};
 use krait_report::{LatencyLog, Quantiles};
 use serde::{Deserialize, Serialize};
 
@@ -12,6 +13,8 @@ use serde::{Deserialize, Serialize};
 const LONGEST_US: f64 = 10e6;
 /// Largest multiple of the floor that a budget can name.
 const MOST_FLOORS: f64 = 1e6;
+/// Smallest of both: a budget of nothing is kept by nobody.
+const LEAST: f64 = 1e-3;
 
 /// What a stretch of the way may take. A table that is given has all six keys.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -82,22 +85,18 @@ impl Allowance {
         Limits { p50: self.p50_floors, p99: self.p99_floors, worst: self.worst_floors }
     }
 
-    fn check(&self, table: &str) -> anyhow::Result<()> {
+    fn check(&self, table: &'static str, default: &Self) -> Result<(), SettingError> {
         let checks = [
-            ("p50_us", self.p50_us, LONGEST_US),
-            ("p99_us", self.p99_us, LONGEST_US),
-            ("worst_us", self.worst_us, LONGEST_US),
-            ("p50_floors", self.p50_floors, MOST_FLOORS),
-            ("p99_floors", self.p99_floors, MOST_FLOORS),
-            ("worst_floors", self.worst_floors, MOST_FLOORS),
+            ("p50_us", self.p50_us, LONGEST_US, default.p50_us),
+            ("p99_us", self.p99_us, LONGEST_US, default.p99_us),
+            ("worst_us", self.worst_us, LONGEST_US, default.worst_us),
+            ("p50_floors", self.p50_floors, MOST_FLOORS, default.p50_floors),
+            ("p99_floors", self.p99_floors, MOST_FLOORS, default.p99_floors),
+            ("worst_floors", self.worst_floors, MOST_FLOORS, default.worst_floors),
         ];
-        for (key, found, most) in checks {
-            anyhow::ensure!(
-                found > 0.0 && found <= most,
-                "[budget.{table}] {key} = {found}: expected more than 0 and at most {most}"
-            );
-        }
-        Ok(())
+        checks.into_iter().try_for_each(|(key, found, most, default)| {
+            setting::check((table, key), found, (LEAST, most), default)
+        })
     }
 }
 
@@ -105,11 +104,18 @@ impl Budget {
     /// Checks every range.
     ///
     /// # Errors
-    /// One sentence that names the first value out of range.
-    pub fn check(&self) -> anyhow::Result<()> {
-        self.end_to_end.check("end_to_end")?;
-        let tables = ["device_to_master", "master_to_resolve", "resolve_to_compensate", "compensate_to_slave"];
-        self.hops().iter().zip(tables).try_for_each(|(hop, table)| hop.check(table))
+    /// [`SettingError`] names the first value out of range.
+    pub fn check(&self) -> Result<(), SettingError> {
+        let default = Self::default();
+        self.end_to_end.check("budget.end_to_end", &default.end_to_end)?;
+        let tables = [
+            "budget.device_to_master",
+            "budget.master_to_resolve",
+            "budget.resolve_to_compensate",
+            "budget.compensate_to_slave",
+        ];
+        let hops = self.hops().into_iter().zip(default.hops()).zip(tables);
+        hops.into_iter().try_for_each(|((hop, default), table)| hop.check(table, &default))
     }
 
     /// The allowances of [`HopStamps::HOPS`].

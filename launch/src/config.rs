@@ -2,13 +2,14 @@
 
 use crate::budget::Budget;
 use crate::in_force::{Compensation, ModelInForce};
-use anyhow::{Context, bail};
+use anyhow::Context;
 use krait_bridge::{CompensateConfig, EstimateConfig, ResolveConfig};
+use krait_ipc::setting::Setting;
 use krait_ipc::{Realtime, input};
 use krait_master::MasterConfig;
 use krait_record::RecordConfig;
 use krait_shape::GateConfig;
-use krait_slave::SlaveConfig;
+use krait_slave::{Limits, SlaveConfig};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -72,6 +73,27 @@ impl Config {
         toml::to_string(self).context("the configuration could not be written as TOML")
     }
 
+    /// The same with what each key is and what it may be, in comments.
+    ///
+    /// # Errors
+    /// As [`Config::to_toml`].
+    pub fn explained(&self) -> anyhow::Result<String> {
+        let (mut text, mut table) = (String::new(), String::new());
+        for line in self.to_toml()?.lines() {
+            if let Some(name) = line.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')) {
+                name.clone_into(&mut table);
+            }
+            let key = line.split(" = ").next().filter(|_| line.contains(" = "));
+            if let Some(setting) = key.and_then(|key| settings_of(&table).iter().find(|setting| setting.key == key)) {
+                for line in wrapped(&setting.sentence(), WIDTH) {
+                    text += &format!("# {line}\n");
+                }
+            }
+            text += &format!("{line}\n");
+        }
+        Ok(text)
+    }
+
     /// Reads a configuration from its text; ranges are not checked yet.
     ///
     /// # Errors
@@ -113,15 +135,47 @@ impl Config {
         self.estimate.check()?;
         self.slave.check()?;
         self.shape.check()?;
-        self.record.validate()?;
+        self.record.check()?;
         self.realtime.check()?;
         self.budget.check()?;
         self.model()?.chain.plausible(self.resolve.max_bend_rad)?.context("the model must not steer a machine")?;
-        if self.resolve.max_bend_rad > core::f64::consts::FRAC_PI_2 {
-            bail!("[resolve] max_bend_rad = {}: expected at most pi/2", self.resolve.max_bend_rad);
-        }
         Ok(())
     }
+}
+
+/// Width of a comment line in [`Config::explained`].
+const WIDTH: usize = 98;
+
+/// What is known about the settings of a table.
+fn settings_of(table: &str) -> &'static [Setting] {
+    match table {
+        MasterConfig::TABLE => MasterConfig::SETTINGS,
+        ResolveConfig::TABLE => ResolveConfig::SETTINGS,
+        CompensateConfig::TABLE => CompensateConfig::SETTINGS,
+        EstimateConfig::TABLE => EstimateConfig::SETTINGS,
+        SlaveConfig::TABLE => SlaveConfig::SETTINGS,
+        Limits::TABLE => Limits::SETTINGS,
+        GateConfig::TABLE => GateConfig::SETTINGS,
+        RecordConfig::TABLE => RecordConfig::SETTINGS,
+        Realtime::TABLE => Realtime::SETTINGS,
+        _ => &[],
+    }
+}
+
+/// A text in lines of at most so many letters.
+fn wrapped(text: &str, width: usize) -> Vec<String> {
+    let mut lines = vec![String::new()];
+    for word in text.split_whitespace() {
+        if let Some(line) = lines.last_mut() {
+            if line.is_empty() || line.len() + 1 + word.len() <= width {
+                line.push_str(if line.is_empty() { "" } else { " " });
+                line.push_str(word);
+                continue;
+            }
+        }
+        lines.push(word.to_owned());
+    }
+    lines
 }
 
 /// For an unknown key: the known one that looks most like it.
@@ -141,6 +195,19 @@ mod tests {
         config.check().expect("in range");
         let text = config.to_toml().expect("toml");
         assert_eq!(Config::parse(&text).expect("parses"), config);
+    }
+
+    #[test]
+    fn every_number_is_explained_and_the_explained_configuration_is_the_same() {
+        let config = Config::default();
+        let text = config.explained().expect("toml");
+        assert_eq!(Config::parse(&text).expect("parses"), config);
+        let lines: Vec<&str> = text.lines().collect();
+        let bare = lines.windows(2).filter(|pair| pair[1].contains(" = ") && !pair[0].starts_with("# "));
+        let bare: Vec<&str> = bare.map(|pair| pair[1]).filter(|line| !line.contains("floors") && !line.contains("_us = ")).collect();
+        // Budgets are explained in their guide; the axes under `axis_map`.
+        assert_eq!(bare, ["view_x = \"+x\"", "view_y = \"+z\"", "view_z = \"-y\""]);
+        assert!(text.contains("Range: 0.01 to 10.\nmax_bend_vel_rad_per_s = 2.0"), "{text}");
     }
 
     #[test]

@@ -1,59 +1,40 @@
 //! The master's settings: one documented struct, checked once at load, so that no step meets a value out of range.
 
 use crate::{AxisMap, Clutch, DeviceChoice, Engage, MarkButton, MasterError, Presence};
-use serde::{Deserialize, Serialize};
+use krait_ipc::settings;
 use std::path::PathBuf;
 
-/// Settings of the master; every one has a default, an unknown key is refused.
-#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct MasterConfig {
-    /// Inputs published per second while no report arrives, 100..=8000, Hz. 1000: as fast as the drives are written.
-    pub rate_hz: u32,
-    /// Which device axis drives which axis of the view.
-    pub axis_map: AxisMap,
-    /// Deflection, as a part of the full one, below which the hand counts as still, 0..=0.5. 0.03: a resting hand's weight.
-    pub dead_zone_ratio: f64,
-    /// Exponent of the response curve, 1..=4. 1.5: fine motion near the centre, full speed at the stop.
-    pub response_exponent: f64,
-    /// Speed of the tip at full deflection, 0.001..=0.1, m/s. 0.025: the default snake bends 60 deg in about half a second.
-    pub full_speed_m_per_s: f64,
-    /// What counts as the operator's presence: `hold:<button>` or `toggle:<button>`.
-    pub presence: Presence,
-    /// What counts as the clutch: `none` or `hold:<button>`.
-    pub clutch: Clutch,
-    /// What sets a mark in the recording: `none` or `press:<button>`. `press:2`: the first button that steers nothing.
-    pub mark: MarkButton,
-    /// Silence after which a deflected device is lost, 0.02..=1, s. 0.1: six missed reports of the slowest device.
-    pub silence_limit_s: f64,
-    /// Which live device to read: `any`, `vid:pid` or `vid:pid:serial`.
-    pub device: DeviceChoice,
-    /// Whether a recording or a script begins only when the slave is enabled and homed.
-    pub start_when_ready: bool,
-    /// File to record the raw reports into; none by default.
-    pub record_reports: Option<PathBuf>,
-    /// Whether presence counts. Given by the program from its source and its command line, not by this table.
-    #[serde(skip)]
-    pub engage: Engage,
-}
-
-impl Default for MasterConfig {
-    fn default() -> Self {
-        Self {
-            rate_hz: 1000,
-            axis_map: AxisMap::default(),
-            dead_zone_ratio: 0.03,
-            response_exponent: 1.5,
-            full_speed_m_per_s: 0.025,
-            presence: Presence::Toggle(0),
-            clutch: Clutch::Hold(1),
-            mark: MarkButton::Press(2),
-            silence_limit_s: 0.1,
-            device: DeviceChoice::default(),
-            start_when_ready: true,
-            record_reports: None,
-            engage: Engage::Never,
-        }
+settings! {
+    /// Settings of the master; every one has a default, an unknown key is refused.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct MasterConfig in "master" {
+        /// Inputs published per second while no report arrives, Hz. 1000: as fast as the drives are written.
+        rate_hz: u32 = 1000, 100..=8000;
+        /// Which device axis drives which axis of the view; three different ones.
+        axis_map: AxisMap = AxisMap::default();
+        /// Deflection, as a part of the full one, below which the hand counts as still. 0.03: a resting hand's weight.
+        dead_zone_ratio: f64 = 0.03, 0.0..=0.5;
+        /// Exponent of the response curve. 1.5: fine motion near the centre, full speed at the stop.
+        response_exponent: f64 = 1.5, 1.0..=4.0;
+        /// Speed of the tip at full deflection, m/s. 0.025: the default snake bends 60 deg in about half a second.
+        full_speed_m_per_s: f64 = 0.025, 0.001..=0.1;
+        /// What counts as the operator's presence: `hold:<button>` or `toggle:<button>`.
+        presence: Presence = Presence::Toggle(0);
+        /// What counts as the clutch: `none` or `hold:<button>`.
+        clutch: Clutch = Clutch::Hold(1);
+        /// What sets a mark in the recording: `none` or `press:<button>`. `press:2`: the first button that steers nothing.
+        mark: MarkButton = MarkButton::Press(2);
+        /// Silence after which a deflected device is lost, s. 0.1: six missed reports of the slowest device.
+        silence_limit_s: f64 = 0.1, 0.02..=1.0;
+        /// Which live device to read: `any`, `vid:pid` or `vid:pid:serial`.
+        device: DeviceChoice = DeviceChoice::default();
+        /// Whether a recording or a script begins only when the slave is enabled and homed.
+        start_when_ready: bool = true;
+        /// File to record the raw reports into; none by default.
+        record_reports: Option<PathBuf> = None;
+        /// Whether presence counts. Given by the program from its source and its command line, not by this table.
+        #[serde(skip)]
+        engage: Engage = Engage::Never;
     }
 }
 
@@ -61,19 +42,13 @@ impl MasterConfig {
     /// Checks every range.
     ///
     /// # Errors
-    /// [`MasterError::Config`] for the first setting that is out of its range.
+    /// [`MasterError::Setting`] or [`MasterError::Config`] for the first setting that is out of its range or does not fit.
     pub fn check(&self) -> Result<(), MasterError> {
-        if !(100..=8000).contains(&self.rate_hz) {
-            return Err(refusal("rate_hz", self.rate_hz, "a whole number from 100 to 8000 Hz"));
-        }
+        self.check_ranges()?;
         if !self.axis_map.is_one_to_one() {
             let axes = self.axis_map.axes().map(String::from);
             return Err(refusal("axis_map", axes.join(", "), "three different device axes for view_x, view_y, view_z"));
         }
-        within("dead_zone_ratio", self.dead_zone_ratio, 0.0..=0.5, "a number from 0 to 0.5")?;
-        within("response_exponent", self.response_exponent, 1.0..=4.0, "a number from 1 to 4")?;
-        within("full_speed_m_per_s", self.full_speed_m_per_s, 0.001..=0.1, "a number from 0.001 to 0.1 m/s")?;
-        within("silence_limit_s", self.silence_limit_s, 0.02..=1.0, "a number from 0.02 to 1 s")?;
         match (self.presence, self.clutch) {
             (Presence::Hold(a) | Presence::Toggle(a), Clutch::Hold(b)) if a == b => {
                 Err(refusal("clutch", String::from(self.clutch), "another button than the one for presence"))
@@ -104,15 +79,6 @@ impl MasterConfig {
     }
 }
 
-fn within(
-    field: &'static str,
-    value: f64,
-    range: std::ops::RangeInclusive<f64>,
-    expected: &'static str,
-) -> Result<(), MasterError> {
-    if range.contains(&value) { Ok(()) } else { Err(refusal(field, value, expected)) }
-}
-
 fn refusal(field: &'static str, found: impl ToString, expected: &'static str) -> MasterError {
     MasterError::Config { field, found: found.to_string(), expected }
 }
@@ -137,10 +103,10 @@ mod tests {
 
     #[test]
     fn a_value_out_of_range_or_not_a_number_is_named_with_its_range() {
-        assert!(refused(|c| c.rate_hz = 99).contains("rate_hz is 99, expected a whole number from 100 to 8000 Hz"));
-        assert!(refused(|c| c.dead_zone_ratio = f64::NAN).contains("dead_zone_ratio is NaN"));
-        assert!(refused(|c| c.full_speed_m_per_s = 1.0).contains("full_speed_m_per_s is 1, expected"));
-        assert!(refused(|c| c.axis_map.view_x = c.axis_map.view_y).contains("axis_map is +z, +z, -y"));
+        assert!(refused(|c| c.rate_hz = 99).contains("[master] rate_hz = 99: expected 100 to 8000"));
+        assert!(refused(|c| c.dead_zone_ratio = f64::NAN).contains("dead_zone_ratio = NaN"));
+        assert!(refused(|c| c.full_speed_m_per_s = 1.0).contains("full_speed_m_per_s = 1: expected"));
+        assert!(refused(|c| c.axis_map.view_x = c.axis_map.view_y).contains("axis_map = +z, +z, -y"));
         assert!(refused(|c| c.clutch = Clutch::Hold(0)).contains("another button"));
     }
 

@@ -10,7 +10,10 @@ pub enum MasterError {
     #[error(transparent)]
     Ipc(#[from] IpcError),
     /// A setting is out of its range.
-    #[error("master setting {field} is {found}, expected {expected}; correct it in the configuration")]
+    #[error(transparent)]
+    Setting(#[from] krait_ipc::setting::SettingError),
+    /// Two settings do not fit each other.
+    #[error("[master] {field} = {found}: expected {expected}; correct it in the configuration")]
     Config {
         /// The setting.
         field: &'static str,

@@ -13,15 +13,8 @@ pub enum RecordError {
     #[error(transparent)]
     Machine(#[from] krait_model::ParameterError),
     /// A setting is out of its range.
-    #[error("record.{field} is {found}, expected {expected}; change it in the configuration")]
-    Config {
-        /// Name of the setting.
-        field: &'static str,
-        /// What was given.
-        found: u64,
-        /// The range.
-        expected: &'static str,
-    },
+    #[error(transparent)]
+    Setting(#[from] krait_ipc::setting::SettingError),
     /// The file is there already.
     #[error("{} exists already and a recording never overwrites one; move it away or choose another path", path.display())]
     Exists {

@@ -47,7 +47,7 @@ pub struct RecordReport {
 /// # Errors
 /// [`RecordError`] when the recording could not be begun, or a channel failed; what had been recorded is kept.
 pub fn run(bus: &Bus, config: &RecordConfig, stop: &AtomicBool) -> Result<RecordReport, RecordError> {
-    config.validate()?;
+    config.check()?;
     let instance = bus.instance().as_str();
     let path = config.path.clone().unwrap_or_else(|| Path::new("recordings").join(default_file_name(instance)));
     let shared = Shared::default();

@@ -5,67 +5,38 @@ use crate::counts::{Counts, ShapeFinding, ShapeRefusal};
 use crate::line::{Header, Measured, Value};
 use core::f64::consts::PI;
 use krait_ipc::message::{MAX_SHAPE_JOINTS, Shape, Validity};
-use serde::{Deserialize, Serialize};
+use krait_ipc::setting::{SettingError, check};
+use krait_ipc::settings;
 
 /// An exposure may lie this far ahead of its arrival: two readings of one clock never do, two clocks may, ns.
 const AHEAD_NS: i64 = 1_000_000;
 /// Standard deviations beyond this say nothing about a machine that turns half a turn, rad.
 const LARGEST_SD_RAD: f64 = 1.0;
 
-/// What the gate lets through. A key that is left out keeps its default.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct GateConfig {
-    /// A shape whose exposure is longer ago when it arrives is counted as late, and published, ms; 1 to 10000. Default
-    /// 200 ms: `estimate` keeps a quarter of a second of encoders at 1 kHz.
-    pub late_ms: f64,
-    /// One that is older still is refused as stale, ms; `late_ms` to 60000. Default 1000 ms.
-    pub stale_ms: f64,
-    /// The fastest motion of the machine, rad/s; 0.1 to 100. Default 5 rad/s: `resolve` allows 2.
-    pub max_vel_rad_per_s: f64,
-    /// How far two good shapes may differ besides, rad; 0.001 to 1. Default 0.1 rad, twenty times a camera's noise.
-    pub margin_rad: f64,
-}
-
-impl Default for GateConfig {
-    fn default() -> Self {
-        Self { late_ms: 200.0, stale_ms: 1000.0, max_vel_rad_per_s: 5.0, margin_rad: 0.1 }
+settings! {
+    /// What the gate lets through. A key that is left out keeps its default.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct GateConfig in "shape" {
+        /// A shape whose exposure is longer ago when it arrives is counted as late, and published, ms. 200 ms: `estimate` keeps a
+        /// quarter of a second of encoders at 1 kHz.
+        late_ms: f64 = 200.0, 1.0..=1e4;
+        /// One that is older still is refused as stale, ms; at least `late_ms`.
+        stale_ms: f64 = 1000.0, 1.0..=6e4;
+        /// The fastest motion of the machine, rad/s. 5 rad/s: `resolve` allows 2.
+        max_vel_rad_per_s: f64 = 5.0, 0.1..=100.0;
+        /// How far two good shapes may differ besides, rad. 0.1 rad: twenty times a camera's noise.
+        margin_rad: f64 = 0.1, 1e-3..=1.0;
     }
-}
-
-/// A value of the configuration is outside its range.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("[shape] {key} = {found}: expected {low} to {high}; correct it, or delete it to use the default")]
-pub struct GateConfigError {
-    /// The key.
-    pub key: &'static str,
-    /// What was given.
-    pub found: f64,
-    /// Smallest value that is allowed.
-    pub low: f64,
-    /// Largest value that is allowed.
-    pub high: f64,
 }
 
 impl GateConfig {
     /// Checks every range.
     ///
     /// # Errors
-    /// [`GateConfigError`] names the first key that is outside its range.
-    pub fn check(&self) -> Result<(), GateConfigError> {
-        let ranges = [
-            ("late_ms", self.late_ms, 1.0, 1e4),
-            ("stale_ms", self.stale_ms, self.late_ms, 6e4),
-            ("max_vel_rad_per_s", self.max_vel_rad_per_s, 0.1, 100.0),
-            ("margin_rad", self.margin_rad, 1e-3, 1.0),
-        ];
-        for (key, found, low, high) in ranges {
-            // Written so that NaN is out of range.
-            if !(low..=high).contains(&found) {
-                return Err(GateConfigError { key, found, low, high });
-            }
-        }
-        Ok(())
+    /// [`SettingError`] names the first key that is outside its range.
+    pub fn check(&self) -> Result<(), SettingError> {
+        self.check_ranges()?;
+        check((Self::TABLE, "stale_ms"), self.stale_ms, (self.late_ms, 6e4), 1000)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::clock_map::Arrival;
 use crate::counts::{Counts, ShapeRefusal};
-use crate::gate::{GateConfig, GateConfigError, Passed, ShapeGate};
+use crate::gate::{GateConfig, Passed, ShapeGate};
 use crate::line::{LineError, ShapeLine};
 use crate::lines::{Cut, LineReader};
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -26,7 +26,7 @@ pub enum ShapeError {
     Ipc(#[from] IpcError),
     /// The configuration is out of range.
     #[error(transparent)]
-    Config(#[from] GateConfigError),
+    Config(#[from] krait_ipc::setting::SettingError),
     /// Somebody else measures.
     #[error(
         "channel \"shape\" of instance {instance:?} has its one writer already, {writer}; if that is the slave's own camera, start the chain with `krait run --shape external`, else end the other program"

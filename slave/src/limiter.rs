@@ -7,63 +7,64 @@
 use crate::Findings;
 use crate::gate::largest;
 use krait_ipc::message::{Command, Phase};
-use krait_ipc::{Reason, Reasons};
-use serde::{Deserialize, Serialize};
+use krait_ipc::setting::{SettingError, check};
+use krait_ipc::{Reason, Reasons, settings};
 
 /// Largest clock difference between two processes of one machine: none in truth, so this only bounds rounding, ns.
 const FUTURE_NS: i64 = 1_000_000;
-/// The limits of the machine.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Limits {
-    /// Stroke of each actuator from zero, m; 1e-4 to 0.02. Default 5.5 mm: the default snake needs 5.0 mm to reach the
-    /// paper's 80 deg (2.3 mm of joint travel, the rest is stretch, friction and play).
-    pub stroke_m: f64,
-    /// Speed of each actuator, m/s; 1e-4 to 0.5. Default 30 mm/s: about 8 rad/s of bend with the stretch taken off, above
-    /// any hand's wish and below what shakes the lines.
-    pub rate_m_per_s: f64,
-    /// Acceleration of each actuator, m/s2; 0.1 to 1000. Default 20 m/s2: the largest speed after 1.5 ms. Smaller values
-    /// soften how the play of the lines is crossed.
-    pub acceleration_m_per_s2: f64,
-    /// Jerk of each actuator, m/s3; 100 to 1e7. Default 4e4 m/s3: the largest acceleration turns round within a period.
-    pub jerk_m_per_s3: f64,
-    /// Measured pull of each line at its actuator beyond which it is not increased further, N; 1 to 500, or inf where loads
-    /// are not measured. Default 60 N: the default snake needs 48 N at the paper's 80 deg, and 60 N are 412 MPa in a tube
-    /// (a strain of 0.8 %), where NiTi begins to soften.
-    pub pull_n: f64,
-    /// The same for push, which ends in buckling where a line is not guided. Default 60 N.
-    pub push_n: f64,
-    /// Largest distance of a command from the setpoint while following, m; 1e-5 to 5e-3. Default 0.5 mm: 17 periods at the
-    /// largest speed, so that a late burst passes and a leap does not.
-    pub step_m: f64,
-    /// Largest distance of the first command after a hold, m; 1e-6 to `step_m`. Default 0.1 mm: it shall equal the setpoint,
-    /// and this is less than the play of the lines.
-    pub engage_m: f64,
-    /// Oldest operator input that a command may rest on, ms; 1 to 1000. Default 50 ms, as the watchdog.
-    pub command_age_ms: f64,
-    /// Age of the operator input beyond which a command is not executed and the slave holds until commands are in time
-    /// again, ms; 1 to `command_age_ms`. Default 10 ms: what a stage sends at once after a hiccup is the past.
-    pub late_ms: f64,
-    /// Distance of the encoders from the setpoint that is a fault, m; 1e-5 to 5e-3. Default 0.3 mm: ten periods at the
-    /// largest speed.
-    pub following_error_m: f64,
+
+settings! {
+    /// The limits of the machine.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct Limits in "slave.limits" {
+        /// Stroke of each actuator from zero, m. 5.5 mm: the default snake needs 5.0 mm to reach the paper's 80 deg (2.3 mm of
+        /// joint travel, the rest is stretch, friction and play).
+        stroke_m: f64 = 5.5e-3, 1e-4..=0.02;
+        /// Speed of each actuator, m/s. 30 mm/s: about 8 rad/s of bend with the stretch taken off, above any hand's wish and
+        /// below what shakes the lines.
+        rate_m_per_s: f64 = 30e-3, 1e-4..=0.5;
+        /// Acceleration of each actuator, m/s2; at least the deceleration of a stop. 20 m/s2: the largest speed after 1.5 ms.
+        /// Smaller values soften how the play of the lines is crossed.
+        acceleration_m_per_s2: f64 = 20.0, 0.05..=1000.0;
+        /// Jerk of each actuator, m/s3. 4e4 m/s3: the largest acceleration turns round within a period.
+        jerk_m_per_s3: f64 = 4e4, 100.0..=1e7;
+        /// Measured pull of each line at its actuator beyond which it is not increased further, N; 1 to 500, or inf where loads
+        /// are not measured. 60 N: the default snake needs 48 N at the paper's 80 deg, and 60 N are 412 MPa in a tube (a strain
+        /// of 0.8 %), where NiTi begins to soften.
+        pull_n: f64 = 60.0;
+        /// The same for push, which ends in buckling where a line is not guided.
+        push_n: f64 = 60.0;
+        /// Largest distance of a command from the setpoint while following, m. 0.5 mm: 17 periods at the largest speed, so that
+        /// a late burst passes and a leap does not.
+        step_m: f64 = 0.5e-3, 1e-5..=5e-3;
+        /// Largest distance of the first command after a hold, m; at most `step_m`. 0.1 mm: it shall equal the setpoint, and
+        /// this is less than the play of the lines.
+        engage_m: f64 = 0.1e-3, 1e-6..=5e-3;
+        /// Oldest operator input that a command may rest on, ms. 50 ms, as the watchdog.
+        command_age_ms: f64 = 50.0, 1.0..=1000.0;
+        /// Age of the operator input beyond which a command is not executed and the slave holds until commands are in time
+        /// again, ms; at most `command_age_ms`. 10 ms: what a stage sends at once after a hiccup is the past.
+        late_ms: f64 = 10.0, 1.0..=1000.0;
+        /// Distance of the encoders from the setpoint that is a fault, m. 0.3 mm: ten periods at the largest speed.
+        following_error_m: f64 = 0.3e-3, 1e-5..=5e-3;
+    }
 }
 
-impl Default for Limits {
-    fn default() -> Self {
-        Self {
-            stroke_m: 5.5e-3,
-            rate_m_per_s: 30e-3,
-            acceleration_m_per_s2: 20.0,
-            jerk_m_per_s3: 4e4,
-            pull_n: 60.0,
-            push_n: 60.0,
-            step_m: 0.5e-3,
-            engage_m: 0.1e-3,
-            command_age_ms: 50.0,
-            late_ms: 10.0,
-            following_error_m: 0.3e-3,
+impl Limits {
+    /// Checks every range, and those that another value bounds.
+    ///
+    /// # Errors
+    /// [`SettingError`] names the first key that is outside its range.
+    pub fn check(&self) -> Result<(), SettingError> {
+        self.check_ranges()?;
+        // `inf` says that loads are not measured, and passes.
+        for (key, load_n) in [("pull_n", self.pull_n), ("push_n", self.push_n)] {
+            if load_n != f64::INFINITY {
+                check((Self::TABLE, key), load_n, (1.0, 500.0), 60)?;
+            }
         }
+        check((Self::TABLE, "engage_m"), self.engage_m, (1e-6, self.step_m), 0.1e-3)?;
+        check((Self::TABLE, "late_ms"), self.late_ms, (1.0, self.command_age_ms), 10)
     }
 }
 

@@ -4,9 +4,9 @@ use crate::cli::Common;
 use crate::config::Config;
 use std::process::ExitCode;
 
-/// Prints every key with its value.
+/// Prints every key with its value, what it is and what it may be.
 #[allow(clippy::print_stdout)]
 pub fn run(common: &Common) -> anyhow::Result<ExitCode> {
-    print!("{}", Config::load(common.config.as_deref())?.to_toml()?);
+    print!("{}", Config::load(common.config.as_deref())?.explained()?);
     Ok(ExitCode::SUCCESS)
 }
