@@ -145,7 +145,7 @@ impl CompensateCore {
 
     /// Does what [`CompensateCore::step`] does and forgets it, so that the processor has at hand what the next step needs.
     /// No step comes out differently for it.
-    pub fn rehearse(&mut self, setpoint: &Setpoint, begun_ns: i64) {
+    pub fn warm_up(&mut self, setpoint: &Setpoint, begun_ns: i64) {
         let (memory, lines) = (self.memory, self.lines.memory());
         let _forgotten = core::hint::black_box(self.step(setpoint, begun_ns));
         self.memory = memory;
@@ -239,8 +239,8 @@ impl Step for CompensateCore {
         Self::step(self, setpoint, begun_ns)
     }
 
-    fn rehearse(&mut self, setpoint: &Setpoint, now_ns: i64) {
-        Self::rehearse(self, &Setpoint { sample_ns: now_ns, ..*setpoint }, now_ns);
+    fn warm_up(&mut self, setpoint: &Setpoint, now_ns: i64) {
+        Self::warm_up(self, &Setpoint { sample_ns: now_ns, ..*setpoint }, now_ns);
     }
 
     fn input_sequence(setpoint: &Setpoint) -> u64 {

@@ -84,7 +84,7 @@ pub(crate) fn run<S: Step>(
         // Behind the samples, not before them: it keeps the other channels from overflowing while no input comes.
         beside.glance(&mut core, &mut health)?;
         if let (false, Some(last)) = (may_have, &last) {
-            core.rehearse(last, clock::monotonic_ns());
+            core.warm_up(last, clock::monotonic_ns());
         }
         let [states, updates] = beside.counts();
         health.count_readers(&[inputs.counts(), states, updates]);

@@ -107,7 +107,7 @@ impl ResolveCore {
     }
 
     /// Does what [`ResolveCore::step`] does and forgets it, so that the processor has at hand what the next step needs.
-    pub fn rehearse(&mut self, input: &OperatorInput, begun_ns: i64) {
+    pub fn warm_up(&mut self, input: &OperatorInput, begun_ns: i64) {
         let (memory, lines) = (self.memory, self.lines.memory());
         let _forgotten = core::hint::black_box(self.step(input, begun_ns));
         self.memory = memory;
@@ -239,8 +239,8 @@ impl Step for ResolveCore {
         Self::step(self, input, begun_ns)
     }
 
-    fn rehearse(&mut self, input: &OperatorInput, now_ns: i64) {
-        Self::rehearse(self, &OperatorInput { sample_ns: now_ns, ..*input }, now_ns);
+    fn warm_up(&mut self, input: &OperatorInput, now_ns: i64) {
+        Self::warm_up(self, &OperatorInput { sample_ns: now_ns, ..*input }, now_ns);
     }
 
     fn input_sequence(input: &OperatorInput) -> u64 {

@@ -73,7 +73,7 @@ pub(crate) trait Step {
     fn step(&mut self, input: &Self::In, begun_ns: i64) -> Result<Self::Out, Refused>;
     /// Does what a step would do if this input came again now, and forgets it: the next step then finds at hand what it
     /// needs. Changes nothing, allocates nothing.
-    fn rehearse(&mut self, input: &Self::In, now_ns: i64);
+    fn warm_up(&mut self, input: &Self::In, now_ns: i64);
     /// The operator input that a sample rests on, by which its cue is found.
     fn input_sequence(input: &Self::In) -> u64;
     /// What a cue says to this stage.

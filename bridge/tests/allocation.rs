@@ -33,11 +33,11 @@ fn resolve_compensate_and_estimate_never_allocate() {
             let velocity = [0.03 * phase.sin(), 0.03 * (1.3 * phase).cos(), if n % 1000 == 0 { f64::NAN } else { 0.0 }];
             let state = ready_state(n);
             resolve.note_state(&state);
-            resolve.rehearse(&input(n, velocity), T0_NS + n as i64 * TICK_NS);
+            resolve.warm_up(&input(n, velocity), T0_NS + n as i64 * TICK_NS);
             let Ok(setpoint) = resolve.step(&input(n, velocity), T0_NS + n as i64 * TICK_NS) else { continue };
             compensate.note_state(&state);
-            compensate.rehearse(&setpoint, setpoint.sample_ns);
-            without_learning.rehearse(&Setpoint { model_hash: lines_hash, ..setpoint }, setpoint.sample_ns);
+            compensate.warm_up(&setpoint, setpoint.sample_ns);
+            without_learning.warm_up(&Setpoint { model_hash: lines_hash, ..setpoint }, setpoint.sample_ns);
             let Ok(command) = compensate.step(&setpoint, setpoint.sample_ns) else { continue };
             let measured = SlaveState { measured_q_m: command.q_tilde_m, ..state };
             estimate.note_state(&measured);

@@ -1,7 +1,7 @@
 //! When to wake ahead of a message that comes at a steady rate.
 //!
 //! Problem: a core that has slept for most of a millisecond is slow to wake and has forgotten its caches; the message pays.
-//! Intuition: wake a little early, do what the message will ask for once in vain, and sleep again. The second sleep is so
+//! Intuition: wake a little early, take a warm-up step (the work of the message, its result discarded), and sleep again. The second sleep is so
 //! short that the core (or the host beneath it) does not sleep deeply, and the message finds everything at hand. It costs
 //! one wake-up more per message, whenever the guess was right or wrong.
 //!
@@ -69,10 +69,10 @@ mod tests {
     }
 
     #[test]
-    fn a_steady_rate_is_risen_to_once_and_early() {
+    fn a_steady_rate_wakes_once_and_early() {
         let (ahead, now_ns) = after([PERIOD_NS; 4]);
         assert_eq!(ahead.rise_ns(now_ns), Some(now_ns + PERIOD_NS - LEAD_NS));
-        assert_eq!(ahead.rise_ns(now_ns + PERIOD_NS - LEAD_NS), None, "it has risen already");
+        assert_eq!(ahead.rise_ns(now_ns + PERIOD_NS - LEAD_NS), None, "it has woken already");
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Joining an instance, opening its channels with stated sizes, and clearing up after killed processes.
 
-use crate::bell::Bell;
+use crate::doorbell::Doorbell;
 use crate::membership::Membership;
 use crate::memory::{PrivateMemory, look_for_room, take_room};
 use crate::message::Message;
@@ -109,7 +109,7 @@ impl Bus {
     /// [`IpcError::SecondWriter`], [`IpcError::Version`] or [`IpcError::Channel`].
     pub fn writer_on<M: Message>(&self, channel: &str) -> Result<Writer<M>, IpcError> {
         self.look_for_room(channel)?;
-        let writer = Writer::open(self.address(channel), &self.data_service::<M>(channel)?, self.bell(channel)?)?;
+        let writer = Writer::open(self.address(channel), &self.data_service::<M>(channel)?, self.doorbell(channel)?)?;
         self.take_room(channel)?;
         Ok(writer)
     }
@@ -128,8 +128,8 @@ impl Bus {
     /// [`IpcError::TooManyReaders`], [`IpcError::Version`] or [`IpcError::Channel`].
     pub fn reader_on<M: Message>(&self, channel: &str, options: ReadOptions) -> Result<Reader<M>, IpcError> {
         self.look_for_room(channel)?;
-        let bell = if options.wakes() { Some(self.bell(channel)?) } else { None };
-        let reader = Reader::open(self.address(channel), &self.data_service::<M>(channel)?, bell, options)?;
+        let doorbell = if options.wakes() { Some(self.doorbell(channel)?) } else { None };
+        let reader = Reader::open(self.address(channel), &self.data_service::<M>(channel)?, doorbell, options)?;
         self.take_room(channel)?;
         Ok(reader)
     }
@@ -193,9 +193,9 @@ impl Bus {
             .map_err(|e| self.address("stop").failed("opening it", e.to_string()))
     }
 
-    fn bell(&self, channel: &str) -> Result<Bell, IpcError> {
-        Bell::open(&self.instance.bell_path(channel))
-            .map_err(|e| self.address(channel).failed("opening its bell", e.to_string()))
+    fn doorbell(&self, channel: &str) -> Result<Doorbell, IpcError> {
+        Doorbell::open(&self.instance.bell_path(channel))
+            .map_err(|e| self.address(channel).failed("opening its doorbell", e.to_string()))
     }
 
     fn version_in_use(&self, name: &ServiceName) -> Option<String> {

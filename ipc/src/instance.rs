@@ -26,9 +26,9 @@ impl InstanceName {
         &self.0
     }
 
-    /// The bell of a channel: a file of this instance like those of iceoryx2, and removed with them.
+    /// The doorbell of a channel: a file of this instance like those of iceoryx2, and removed with them.
     pub(crate) fn bell_path(&self, channel: &str) -> PathBuf {
-        self.folder().join(format!("{}.bell", channel.replace('/', ".")))
+        self.folder().join(format!("{}.doorbell", channel.replace('/', ".")))
     }
 
     /// The folder of this instance, shared memory included; it exists while the instance has members and goes with the last.

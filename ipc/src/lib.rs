@@ -3,8 +3,8 @@
 //! Purpose: every process opens its channels here, so that sizes, history, single writers, versions and names are decided
 //! once. This is the only crate that touches iceoryx2.
 //!
-//! Terms: an *instance* is one chain on a machine; a *channel* is a publish-subscribe service with a *bell* beside it,
-//! a futex word in shared memory; a *writer* is its one publisher; a *reader* sleeps until the bell rings, or polls.
+//! Terms: an *instance* is one chain on a machine; a *channel* is a publish-subscribe service with a *doorbell* beside it,
+//! a futex word in shared memory; a *writer* is its one publisher; a *reader* sleeps until the doorbell rings, or polls.
 //!
 //! Frames and units: see `docs/NOTATION.md`; every field of a message carries its unit in its name.
 //!
@@ -21,9 +21,9 @@
 //! ```
 
 mod ahead;
-mod bell;
 mod bus;
 pub mod clock;
+mod doorbell;
 mod error;
 mod ground;
 mod health_reporter;
@@ -41,8 +41,8 @@ mod shared_words;
 mod stop;
 mod writer;
 
-pub use bell::Bell;
 pub use bus::Bus;
+pub use doorbell::Doorbell;
 pub use error::IpcError;
 pub use ground::ground;
 pub use health_reporter::{HealthReporter, ReadCounts, health_channel};

@@ -105,7 +105,7 @@ impl Process {
     pub const START_ORDER: [Self; 6] =
         [Self::Record, Self::Slave, Self::Estimate, Self::Compensate, Self::Resolve, Self::Master];
 
-    /// End order: the operator first, so that the chain runs dry; the recorder last, so that it hears every farewell.
+    /// End order: the operator first, so that every sample under way arrives; the recorder last, so that it takes every last message.
     pub const END_ORDER: [Self; 6] =
         [Self::Master, Self::Resolve, Self::Compensate, Self::Slave, Self::Estimate, Self::Record];
 

@@ -1,8 +1,8 @@
 //! A reader of a channel: takes every message in order, counts what is missing, sleeps or polls.
 
 use crate::ahead::Ahead;
-use crate::bell::Bell;
 use crate::bus::{Address, DataService, MAX_READERS, Shm};
+use crate::doorbell::Doorbell;
 use crate::message::Message;
 use crate::{IpcError, clock};
 use core::ops::Deref;
@@ -19,7 +19,7 @@ pub enum WaitMode {
     #[default]
     Blocking,
     /// Sleep, but wake once shortly before a message that comes at a steady rate is due: [`Reader::wait`] then ends without
-    /// one, and the stage can rehearse. The default of the stages, and right wherever cores are shared.
+    /// one, and the stage can take a warm-up step. The default of the stages, and right wherever cores are shared.
     Ahead,
     /// Look again and again without sleeping: for a core that this process has to itself.
     Polling,
@@ -82,7 +82,7 @@ impl ReadOptions {
 #[derive(Debug)]
 pub struct Reader<M: Message> {
     subscriber: Subscriber<Shm, M, ()>,
-    bell: Option<Bell>,
+    doorbell: Option<Doorbell>,
     mode: WaitMode,
     ahead: Ahead,
     last: Option<(UniquePublisherId, u64)>,
@@ -108,7 +108,7 @@ impl<M: Message> Reader<M> {
     pub(crate) fn open(
         address: Address,
         data: &DataService<M>,
-        bell: Option<Bell>,
+        doorbell: Option<Doorbell>,
         options: ReadOptions,
     ) -> Result<Self, IpcError> {
         let subscriber = data.subscriber_builder().buffer_size(options.buffer.min(M::DEPTH)).create().map_err(
@@ -125,7 +125,7 @@ impl<M: Message> Reader<M> {
         let ahead = Ahead::default();
         Ok(Self {
             subscriber,
-            bell,
+            doorbell,
             mode,
             ahead,
             last: None,
@@ -191,13 +191,14 @@ impl<M: Message> Reader<M> {
     /// # Real-time
     /// No allocation; one system call where there is no message yet, none where there is.
     pub fn wait(&mut self, timeout: Duration) -> Result<bool, IpcError> {
-        match (self.mode, &self.bell) {
+        match (self.mode, &self.doorbell) {
             (WaitMode::Polling, _) => self.spin(timeout),
-            (WaitMode::Blocking, Some(bell)) => self.sleep(bell, timeout),
-            (WaitMode::Ahead, Some(bell)) => {
+            (WaitMode::Blocking, Some(doorbell)) => self.sleep(doorbell, timeout),
+            (WaitMode::Ahead, Some(doorbell)) => {
                 let now_ns = clock::monotonic_ns();
                 let until_rise = |rise_ns: i64| Duration::from_nanos((rise_ns - now_ns).unsigned_abs());
-                let may_have = self.sleep(bell, self.ahead.rise_ns(now_ns).map_or(timeout, until_rise).min(timeout))?;
+                let may_have =
+                    self.sleep(doorbell, self.ahead.rise_ns(now_ns).map_or(timeout, until_rise).min(timeout))?;
                 if may_have {
                     self.ahead.arrived(clock::monotonic_ns());
                 }
@@ -243,12 +244,12 @@ impl<M: Message> Reader<M> {
     }
 
     /// The count of rings is taken before the look: a message that comes between the look and the sleep has rung since.
-    fn sleep(&self, bell: &Bell, timeout: Duration) -> Result<bool, IpcError> {
-        let heard = bell.rings();
+    fn sleep(&self, doorbell: &Doorbell, timeout: Duration) -> Result<bool, IpcError> {
+        let heard = doorbell.rings();
         if self.has_messages()? {
             return Ok(true);
         }
-        bell.sleep(heard, timeout).map_err(|e| self.failed("waiting for it", &e))
+        doorbell.sleep(heard, timeout).map_err(|e| self.failed("waiting for it", &e))
     }
 
     fn has_messages(&self) -> Result<bool, IpcError> {

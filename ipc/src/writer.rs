@@ -1,8 +1,8 @@
 //! A writer of a channel; nearly every channel has but one.
 
 use crate::IpcError;
-use crate::bell::Bell;
 use crate::bus::{Address, DataService, HISTORY, MAX_BORROWED, MAX_READERS, Shm};
+use crate::doorbell::Doorbell;
 use crate::message::Message;
 use iceoryx2::port::publisher::{Publisher, PublisherCreateError};
 
@@ -10,13 +10,13 @@ use iceoryx2::port::publisher::{Publisher, PublisherCreateError};
 #[derive(Debug)]
 pub struct Writer<M: Message> {
     publisher: Publisher<Shm, M, ()>,
-    bell: Bell,
+    doorbell: Doorbell,
     n_sent: u64,
     address: Address,
 }
 
 impl<M: Message> Writer<M> {
-    pub(crate) fn open(address: Address, data: &DataService<M>, bell: Bell) -> Result<Self, IpcError> {
+    pub(crate) fn open(address: Address, data: &DataService<M>, doorbell: Doorbell) -> Result<Self, IpcError> {
         let builder =
             data.publisher_builder().max_loaned_samples(1).override_sample_preallocation(|_| n_samples::<M>());
         let publisher = builder.create().map_err(|error| match error {
@@ -25,7 +25,7 @@ impl<M: Message> Writer<M> {
             }
             other => address.failed("becoming its writer", format!("{other:?}")),
         })?;
-        Ok(Self { publisher, bell, n_sent: 0, address })
+        Ok(Self { publisher, doorbell, n_sent: 0, address })
     }
 
     /// Messages sent so far.
@@ -64,7 +64,7 @@ impl<M: Message> Writer<M> {
     /// # Errors
     /// As [`Writer::send`].
     pub fn wake(&mut self) -> Result<(), IpcError> {
-        self.bell.ring().map_err(|e| self.failed("waking its readers", &e))
+        self.doorbell.ring().map_err(|e| self.failed("waking its readers", &e))
     }
 
     #[cold]

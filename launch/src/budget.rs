@@ -94,9 +94,9 @@ impl Allowance {
             ("p99_floors", self.p99_floors, MOST_FLOORS, default.p99_floors),
             ("worst_floors", self.worst_floors, MOST_FLOORS, default.worst_floors),
         ];
-        checks.into_iter().try_for_each(|(key, found, most, default)| {
-            setting::check((table, key), found, (LEAST, most), default)
-        })
+        checks
+            .into_iter()
+            .try_for_each(|(key, found, most, default)| setting::check((table, key), found, (LEAST, most), default))
     }
 }
 

@@ -204,7 +204,8 @@ mod tests {
         assert_eq!(Config::parse(&text).expect("parses"), config);
         let lines: Vec<&str> = text.lines().collect();
         let bare = lines.windows(2).filter(|pair| pair[1].contains(" = ") && !pair[0].starts_with("# "));
-        let bare: Vec<&str> = bare.map(|pair| pair[1]).filter(|line| !line.contains("floors") && !line.contains("_us = ")).collect();
+        let bare: Vec<&str> =
+            bare.map(|pair| pair[1]).filter(|line| !line.contains("floors") && !line.contains("_us = ")).collect();
         // Budgets are explained in their guide; the axes under `axis_map`.
         assert_eq!(bare, ["view_x = \"+x\"", "view_y = \"+z\"", "view_z = \"-y\""]);
         assert!(text.contains("Range: 0.01 to 10.\nmax_bend_vel_rad_per_s = 2.0"), "{text}");

@@ -54,7 +54,7 @@ pub struct SampleFigures {
 }
 
 impl SampleFigures {
-    /// The counts of a chain that has ended, by its processes' farewells.
+    /// The counts of a chain that has ended, by the last health of each process.
     pub fn of(supervisor: &Supervisor) -> Self {
         let sent = supervisor.health(Process::Master).map_or(0, |health| health.n_sent);
         let received = supervisor.newest_state().map_or(0, |state| state.n_commands);

@@ -428,7 +428,7 @@ impl Supervisor {
         let deadline_ns = clock::monotonic_ns() + END_PATIENCE.as_nanos() as i64;
         loop {
             if let Err(error) = self.take_messages() {
-                tracing::warn!(%error, "a farewell was missed");
+                tracing::warn!(%error, "the last messages of a process were not taken");
             }
             match self.children[position].child.try_wait() {
                 Ok(Some(status)) => return status.success(),

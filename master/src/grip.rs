@@ -1,7 +1,7 @@
 //! Who engages: a hand by itself, a recording or a script only if that was asked for on the command line.
 
-/// How long a recording or script is present in vain before it lets go, ns: an edge counts for half a second.
-const IN_VAIN_NS: i64 = 600_000_000;
+/// How long a recording or script is present without being engaged before it lets go, ns: an edge counts for half a second.
+const UNANSWERED_NS: i64 = 600_000_000;
 /// How long it lets go for, ns: longer than any late sample.
 const LET_GO_NS: i64 = 100_000_000;
 
@@ -57,7 +57,7 @@ impl Grip {
             return false;
         }
         let since_ns = *self.in_vain_since_ns.get_or_insert(now_ns);
-        if now_ns.saturating_sub(since_ns) < IN_VAIN_NS {
+        if now_ns.saturating_sub(since_ns) < UNANSWERED_NS {
             return false;
         }
         self.let_go_ns = Some(now_ns);

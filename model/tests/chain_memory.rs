@@ -17,17 +17,17 @@ fn a_step_that_is_taken_back_changes_no_later_command() {
             continue;
         }
         let chain = chain(&[strong(kind)], ChainSettings::default());
-        let [mut plain, mut rehearsed, mut disturbed] = [(); 3].map(|()| chain.compensator().unwrap());
+        let [mut plain, mut warmed_up, mut disturbed] = [(); 3].map(|()| chain.compensator().unwrap());
         let mut was_disturbed = false;
         for (k, wanted) in bends().take(3000).enumerate() {
             let at = circumstances(k);
             let elsewhere = Vector2::new(-wanted.y, wanted.x) + Vector2::repeat(0.3);
-            let memory = rehearsed.memory();
-            rehearsed.step(elsewhere, &at);
-            rehearsed.restore(&memory);
+            let memory = warmed_up.memory();
+            warmed_up.step(elsewhere, &at);
+            warmed_up.restore(&memory);
             disturbed.step(elsewhere, &at);
             let command = plain.step(wanted, &at);
-            assert_eq!(rehearsed.step(wanted, &at), command, "{} at step {k}", kind.name());
+            assert_eq!(warmed_up.step(wanted, &at), command, "{} at step {k}", kind.name());
             was_disturbed |= disturbed.step(wanted, &at) != command;
         }
         n_that_remember += u32::from(was_disturbed);

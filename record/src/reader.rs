@@ -208,7 +208,7 @@ impl Samples {
     }
 }
 
-/// A name in a file is nobody's path: only its last component counts.
+/// A name that stands in a file is untrusted: only its last component counts.
 fn part_named(path: &Path, end: &BTreeMap<String, String>) -> Option<PathBuf> {
     Some(path.with_file_name(Path::new(end.get(NEXT_PART_KEY)?).file_name()?))
 }

@@ -187,7 +187,7 @@ impl<D: Drive> Process<D> {
         health.n_refused = self.core.n_refused + self.commands.n_out_of_order();
     }
 
-    /// Brings the motion to rest, removes power, says farewell. Goes on where a channel fails: the drives matter more.
+    /// Brings the motion to rest, removes power, publishes the last health. Goes on where a channel fails: the drives matter more.
     fn end(&mut self) -> Result<(), IpcError> {
         self.core.hold();
         let mut result = Ok(());

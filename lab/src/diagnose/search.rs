@@ -202,8 +202,8 @@ impl Search<'_> {
         trials
     }
 
-    /// Whether a shape (no amplitude) ended at the edge of what is physical: the effect imitates something else. A drift whose
-    /// rise has no end in these data is one nevertheless; one that has risen at once is none.
+    /// Whether a shape (no amplitude) ended at the edge of what is physical: the effect imitates something else. A drift
+    /// whose time constant is at its upper limit is still a drift; one at its lower limit is an offset.
     pub fn imitates(&self, trial: &Trial) -> bool {
         trial.fit.variables.iter().any(|variable| {
             let own = variable.effect.checked_sub(self.base.len()).and_then(|slot| trial.found.get(slot));

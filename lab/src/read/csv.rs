@@ -155,7 +155,7 @@ fn value(path: &Path, line: u64, column: &Column, cell: &[u8]) -> Result<f64, Re
     }
     let number = std::str::from_utf8(cell).ok().and_then(|text| text.parse::<f64>().ok()).filter(|x| x.is_finite());
     let Some(number) = number else {
-        // Notes beside the measurements are nobody's numbers.
+        // Notes beside the measurements need not be numbers.
         if column.role == Role::Extra {
             return Ok(f64::NAN);
         }

@@ -26,23 +26,23 @@ const N_WORDS: usize = 32;
 const RINGS: usize = 0;
 const SLEEPERS: usize = 16;
 
-/// One channel's bell.
+/// One channel's doorbell.
 ///
 /// ```no_run
 /// use core::time::Duration;
-/// let bell = krait_ipc::Bell::open("/dev/shm/example.bell".as_ref())?;
-/// let heard = bell.rings();
+/// let doorbell = krait_ipc::Doorbell::open("/dev/shm/example.doorbell".as_ref())?;
+/// let heard = doorbell.rings();
 /// // ... look for a message here; only if there is none:
-/// bell.sleep(heard, Duration::from_millis(20))?;
+/// doorbell.sleep(heard, Duration::from_millis(20))?;
 /// # Ok::<(), std::io::Error>(())
 /// ```
 #[derive(Debug)]
-pub struct Bell {
+pub struct Doorbell {
     words: SharedWords,
 }
 
-impl Bell {
-    /// Opens a bell by its file on a memory file system; whoever comes first makes it.
+impl Doorbell {
+    /// Opens a doorbell by its file on a memory file system; whoever comes first makes it.
     ///
     /// # Errors
     /// As [`SharedWords::open`].
@@ -70,7 +70,7 @@ impl Bell {
     /// Sleeps until it has rung since `heard`, or the time is up (false), or a signal came (false).
     ///
     /// # Errors
-    /// As [`Bell::ring`].
+    /// As [`Doorbell::ring`].
     pub fn sleep(&self, heard: u32, timeout: Duration) -> Result<bool, Errno> {
         let timeout = Timespec {
             tv_sec: i64::try_from(timeout.as_secs()).unwrap_or(i64::MAX),
@@ -99,7 +99,7 @@ mod tests {
 
     impl File {
         fn new(what: &str) -> Self {
-            Self(Path::new("/dev/shm").join(format!("krait-test-{what}-{}.bell", std::process::id())))
+            Self(Path::new("/dev/shm").join(format!("krait-test-{what}-{}.doorbell", std::process::id())))
         }
     }
 
@@ -112,7 +112,7 @@ mod tests {
     #[test]
     fn a_ring_before_the_sleep_is_not_slept_through() {
         let file = File::new("before");
-        let (writer, reader) = (Bell::open(&file.0).expect("bell"), Bell::open(&file.0).expect("bell"));
+        let (writer, reader) = (Doorbell::open(&file.0).expect("doorbell"), Doorbell::open(&file.0).expect("doorbell"));
         let heard = reader.rings();
         writer.ring().expect("ring");
         assert!(reader.sleep(heard, Duration::from_secs(60)).expect("sleep"));
@@ -122,11 +122,11 @@ mod tests {
     #[test]
     fn every_sleeper_wakes_and_none_stays_counted() {
         let file = File::new("many");
-        let writer = Bell::open(&file.0).expect("bell");
+        let writer = Doorbell::open(&file.0).expect("doorbell");
         std::thread::scope(|scope| {
             let sleepers: Vec<_> = (0..4)
                 .map(|_| {
-                    let reader = Bell::open(&file.0).expect("bell");
+                    let reader = Doorbell::open(&file.0).expect("doorbell");
                     scope.spawn(move || reader.sleep(0, Duration::from_secs(60)).expect("sleep"))
                 })
                 .collect();
@@ -143,7 +143,7 @@ mod tests {
     fn no_ring_is_lost_between_two_threads_that_race() {
         const N: u32 = 200_000;
         let file = File::new("race");
-        let (writer, reader) = (Bell::open(&file.0).expect("bell"), Bell::open(&file.0).expect("bell"));
+        let (writer, reader) = (Doorbell::open(&file.0).expect("doorbell"), Doorbell::open(&file.0).expect("doorbell"));
         std::thread::scope(|scope| {
             scope.spawn(move || (0..N).for_each(|_| writer.ring().expect("ring")));
             loop {

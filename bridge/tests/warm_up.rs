@@ -1,4 +1,4 @@
-//! What a stage does in vain ahead of a sample changes nothing that it sends.
+//! A warm-up step ahead of a sample changes nothing that a stage sends.
 
 #![allow(clippy::expect_used, reason = "a panic is how a test fails")]
 
@@ -17,7 +17,7 @@ fn bend_rad(n: u64) -> [f64; 2] {
 }
 
 /// The commands as text, so that a value that is no number equals itself. The learnt values are being blended all the time.
-fn commands(chain: &Chain, rehearses: bool) -> Vec<String> {
+fn commands(chain: &Chain, warms_up: bool) -> Vec<String> {
     let mut core = CompensateCore::new(chain, CompensateConfig::default()).expect("it can be inverted");
     let step = |n: u64| {
         core.note_state(&ready_state(n));
@@ -27,11 +27,11 @@ fn commands(chain: &Chain, rehearses: bool) -> Vec<String> {
             core.note_update(&update_of(chain, n, &values)).expect("in range");
         }
         let setpoint = setpoint_of(chain, n, bend_rad(n));
-        if rehearses && n > 1 {
+        if warms_up && n > 1 {
             let last = setpoint_of(chain, n - 1, bend_rad(n - 1));
             let now_ns = setpoint.sample_ns - 200_000;
-            core.rehearse(&Setpoint { sample_ns: now_ns, ..last }, now_ns);
-            core.rehearse(&Setpoint { sample_ns: now_ns, bend_rad: bend_rad(n + 700), ..last }, now_ns);
+            core.warm_up(&Setpoint { sample_ns: now_ns, ..last }, now_ns);
+            core.warm_up(&Setpoint { sample_ns: now_ns, bend_rad: bend_rad(n + 700), ..last }, now_ns);
         }
         format!("{:?}", core.step(&setpoint, setpoint.sample_ns))
     };
@@ -55,16 +55,16 @@ fn compensate_sends_the_same_whether_it_rehearses_or_not_also_while_learnt_value
 
 #[test]
 fn resolve_sends_the_same_whether_it_rehearses_or_not() {
-    let setpoints = |rehearses: bool| -> Vec<String> {
+    let setpoints = |warms_up: bool| -> Vec<String> {
         let mut core = resolve(ResolveConfig::default());
         let step = |n: u64| {
             core.note_state(&ready_state(n));
             let phase = n as f64 * 2e-3;
             let velocity = [0.02 * phase.sin(), 0.01 * phase.cos(), 0.0];
             let input = input(n, velocity);
-            if rehearses {
+            if warms_up {
                 let last = OperatorInput { sample_ns: input.sample_ns - 200_000, ..input };
-                core.rehearse(&last, last.sample_ns);
+                core.warm_up(&last, last.sample_ns);
             }
             format!("{:?}", core.step(&input, input.sample_ns))
         };
