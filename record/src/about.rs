@@ -36,12 +36,12 @@ impl About {
         let pid = std::process::id();
         metadata.entry("run_id".to_owned()).or_insert_with(|| format!("{}-{instance}-{pid}", utc_text(start_wall_ns)));
         metadata.entry("compensation".to_owned()).or_insert_with(|| "unknown".to_owned());
+        metadata.entry("git_revision".to_owned()).or_insert_with(|| "unknown".to_owned());
         for (key, value) in [
             ("instance", instance.to_owned()),
             ("host", kernel_word("hostname")),
             ("kernel", kernel_word("osrelease")),
             ("krait_version", env!("CARGO_PKG_VERSION").to_owned()),
-            ("git_revision", env!("KRAIT_GIT_REVISION").to_owned()),
             ("clock_offset_ns", clock.offset_ns.to_string()),
             ("start_wall_ns", start_wall_ns.to_string()),
             ("start_utc", utc_text(start_wall_ns)),

@@ -136,6 +136,7 @@ pub fn with_attachments(config: &Config) -> anyhow::Result<RecordConfig> {
     let mut record = config.record.clone();
     let model = config.model()?;
     record.machine = *model.chain.machine();
+    record.metadata.insert("git_revision".to_owned(), env!("KRAIT_GIT_REVISION").to_owned());
     // The model has an attachment of its own.
     let settings = Config { model: Some(MODEL_ATTACHMENT.into()), model_text: None, ..config.clone() };
     record.attachments.push(toml(CONFIG_ATTACHMENT, settings.to_toml()?.into_bytes()));
