@@ -117,7 +117,7 @@ mod tests {
     #[test]
     fn a_value_out_of_range_is_named_with_its_range() {
         let error = ResolveConfig { max_bend_rad: 60.0, ..ResolveConfig::default() }.check().expect_err("60 rad");
-        assert!(error.to_string().starts_with("[resolve] max_bend_rad = 60: expected 0.05 to 1.6;"), "{error}");
+        assert!(error.to_string().starts_with("[resolve] max_bend_rad = 60: expected 0.05 to 1.57"), "{error}");
         let error = CompensateConfig { max_load_n: f64::NAN, ..CompensateConfig::default() }.check().expect_err("NaN");
         assert_eq!(error.key, "max_load_n");
     }

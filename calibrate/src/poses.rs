@@ -23,8 +23,9 @@ const CHECK_PLANE_DEG: f64 = 45.0;
 const CHECK_DEG: [f64; 3] = [20.0, 40.0, 55.0];
 /// Bend the other way before each plane, deg.
 const BEFORE_DEG: f64 = 30.0;
-/// Bend beyond the largest before the way back, deg: lines 2 and 3 move half as far as line 1, and all have to turn.
-const BEYOND_DEG: f64 = 16.0;
+/// Bend beyond the largest before the way back, deg: lines 2 and 3 move half as far as line 1 in its plane, a quarter as
+/// far in the plane of the check, and all have to turn.
+const BEYOND_DEG: f64 = 20.0;
 /// Standard errors at which the dialogue ends: eta, 1, and half-width, m.
 const ENOUGH: [f64; 2] = [0.01, 6e-6];
 /// Standard errors above these leave a value open.

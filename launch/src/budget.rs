@@ -2,7 +2,7 @@
 //!
 //! The microseconds are watched while a chain runs; the multiples are checked by `krait bench`, which measures the floor.
 
-use krait_bench::Limits;
+use krait_bench::RatioLimits;
 use krait_ipc::LatencyLimits;
 use krait_ipc::message::{HopStamps, N_HOPS, SlaveState};
 use krait_ipc::setting::{self, SettingError};
@@ -81,8 +81,8 @@ impl Default for Budget {
 
 impl Allowance {
     /// The limits as multiples of the floor.
-    pub fn floors(&self) -> Limits {
-        Limits { p50: self.p50_floors, p99: self.p99_floors, worst: self.worst_floors }
+    pub fn floors(&self) -> RatioLimits {
+        RatioLimits { p50: self.p50_floors, p99: self.p99_floors, worst: self.worst_floors }
     }
 
     fn check(&self, table: &'static str, default: &Self) -> Result<(), SettingError> {

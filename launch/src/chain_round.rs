@@ -8,7 +8,7 @@ use anyhow::{Context, bail};
 use core::fmt::Write;
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
-use krait_bench::{Plan, Round, Sample, Scratch, Usage};
+use krait_bench::{Plan, RelaySample, Round, Scratch, Usage};
 use krait_ipc::message::{HopStamps, SlaveState};
 use krait_ipc::{ReadOptions, Reader, clock};
 use std::process::Child;
@@ -130,7 +130,7 @@ impl Watch {
                 continue;
             }
             let stamps = &state.stamps;
-            self.round.samples.push(Sample {
+            self.round.samples.push(RelaySample {
                 sequence: state.command_sequence,
                 source_ns: stamps.device_ns,
                 arrived_ns: [stamps.setpoint_sent_ns, stamps.command_sent_ns, stamps.drive_written_ns],

@@ -34,8 +34,8 @@ pub struct BenchArgs {
     #[arg(long)]
     pub load: bool,
     /// The chains to measure, in this order; by default the eight standard ones.
-    #[arg(long, value_delimiter = ',', value_parser = krait_bench::Kind::from_name, value_name = "NAME,...")]
-    pub chains: Vec<krait_bench::Kind>,
+    #[arg(long, value_delimiter = ',', value_parser = krait_bench::ChainKind::from_name, value_name = "NAME,...")]
+    pub chains: Vec<krait_bench::ChainKind>,
     /// Keep the cores of relays and krait's chain from sleeping, as `[realtime] keep_awake = true` does for the chain.
     #[arg(long)]
     pub keep_awake: bool,
@@ -80,8 +80,8 @@ pub enum YardstickVerb {
 #[derive(Clone, Debug, Args)]
 pub struct YardstickArgs {
     /// What messages travel over.
-    #[arg(long, value_parser = krait_bench::Kind::from_name)]
-    pub chain: krait_bench::Kind,
+    #[arg(long, value_parser = krait_bench::ChainKind::from_name)]
+    pub chain: krait_bench::ChainKind,
     /// Which of the four.
     #[arg(long, value_parser = krait_bench::Role::from_name)]
     pub role: krait_bench::Role,

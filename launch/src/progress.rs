@@ -7,7 +7,7 @@
 use crate::budget::BudgetWatch;
 use crate::supervisor::Supervisor;
 use core::time::Duration;
-use krait_console::Tracking;
+use krait_console::LiveTracking;
 use krait_ipc::message::{Phase, Setpoint, Shape};
 use krait_ipc::{Bus, Process, ReadOptions, Reader, Reason, Reasons, clock};
 use std::io::{IsTerminal, Write, stderr};
@@ -32,7 +32,7 @@ pub struct Progress {
     shapes: Reader<Shape>,
     setpoint: Option<Setpoint>,
     shape: Option<Shape>,
-    tracking: Tracking,
+    tracking: LiveTracking,
     is_terminal: bool,
     due_ns: i64,
 }
@@ -50,7 +50,7 @@ impl Progress {
             shapes: bus.reader(ReadOptions::glancing())?,
             setpoint: None,
             shape: None,
-            tracking: Tracking::default(),
+            tracking: LiveTracking::default(),
             is_terminal: stderr().is_terminal(),
             due_ns: i64::MIN,
         })

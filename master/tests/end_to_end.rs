@@ -176,7 +176,7 @@ fn a_bad_setting_and_a_missing_device_are_told_before_anything_is_published() {
     let stop = AtomicBool::new(true);
     let config = MasterConfig { rate_hz: 50, ..at_once() };
     let error = run(&bus, &config, shipped(0.1), &stop).expect_err("out of range");
-    assert!(error.to_string().contains("rate_hz is 50"), "{error}");
+    assert!(error.to_string().contains("rate_hz = 50"), "{error}");
     let device = "1209:0001:no-such-serial".to_owned().try_into().expect("choice");
     let error = run(&bus, &MasterConfig { device, ..at_once() }, SourceChoice::Hid, &stop).expect_err("no such device");
     assert!(error.to_string().contains("looked for 1209:0001:no-such-serial"), "{error}");

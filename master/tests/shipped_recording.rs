@@ -22,7 +22,7 @@ const TICK_NS: i64 = 1_000_000;
 /// Damping of the least squares as a part of the straight snake's gain; stronger than a resolver needs.
 const DAMPING: f64 = 0.1;
 
-fn shipped() -> Recording {
+fn shipped() -> HidRecording {
     HidRecording::shipped().expect("the built-in recording")
 }
 

@@ -229,7 +229,7 @@ fn strip(snake: &Snake, poses: &[fig_12::PoseRow]) -> Figure {
     figure(
         "fig-12.svg",
         "Fig. 12: poses, each in its own plane of bending",
-        ["in the plane of bending, mm; bases 24 mm apart", "along the base's axis, mm"],
+        ["in the plane of bending, mm; bases 24 mm apart", "along the base axis, mm"],
         curves,
         "Ours: bends 15, 30, 45, 60, 80, 90 deg at delta = 0, then 60 deg at delta = 180 and 90 deg. The paper's poses are not known.",
     )

@@ -51,6 +51,9 @@ fn a_message_of_zeros_comes_back_and_so_does_an_empty_one() {
         encode(&zeros, &mut bytes).expect("a Vec grows");
         let words_from = |bytes: &[u8]| words_of(&decode(channel, bytes).expect("decoded"));
         assert_eq!(words_from(&bytes), words_of(&zeros), "{channel:?}");
-        assert_eq!(words_from(&[]), words_of(&zeros), "an empty message is all zeros: {channel:?}");
+        // Joints that are left out are none, not joints at zero.
+        if channel != Channel::Shape {
+            assert_eq!(words_from(&[]), words_of(&zeros), "an empty message is all zeros: {channel:?}");
+        }
     }
 }

@@ -38,7 +38,7 @@ pub enum SourceClock {
 /// Every other line: a measured shape.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct ShapeLine {
+struct MeasuredLine {
     exposure_ns: i64,
     sent_ns: Option<i64>,
     frame: Option<u64>,
@@ -120,7 +120,7 @@ impl ShapeLine {
             let header: Header = serde_json::from_str(text).map_err(|error| malformed(text, &error))?;
             return header.checked().map(Self::Header);
         }
-        let line: ShapeLine = serde_json::from_str(text).map_err(|error| malformed(text, &error))?;
+        let line: MeasuredLine = serde_json::from_str(text).map_err(|error| malformed(text, &error))?;
         let value = line.value()?;
         Ok(Self::Shape(Measured { exposure_ns: line.exposure_ns, sent_ns: line.sent_ns, frame: line.frame, value }))
     }
@@ -144,7 +144,7 @@ impl Header {
     }
 }
 
-impl ShapeLine {
+impl MeasuredLine {
     fn value(&self) -> Result<Option<Value>, LineError> {
         if self.valid == Some(false) {
             return Ok(None);

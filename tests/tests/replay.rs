@@ -31,6 +31,28 @@ struct Channels {
     updates: Vec<ModelUpdate>,
 }
 
+impl Channels {
+    /// Every message of every channel is the same; the first that is not is shown.
+    fn assert_same(&self, other: &Self, what: &str) {
+        fn same<M: PartialEq + core::fmt::Debug>(channel: &str, what: &str, a: &[M], b: &[M]) {
+            let first = a.iter().zip(b).position(|(a, b)| a != b);
+            assert!(
+                first.is_none(),
+                "{what}: {channel} {first:?}\n{:?}\n{:?}",
+                first.map(|n| &a[n]),
+                first.map(|n| &b[n])
+            );
+            assert_eq!(a.len(), b.len(), "{what}: {channel}");
+        }
+        same("input", what, &self.inputs, &other.inputs);
+        same("setpoint", what, &self.setpoints, &other.setpoints);
+        same("command", what, &self.commands, &other.commands);
+        same("state", what, &self.states, &other.states);
+        same("shape", what, &self.shapes, &other.shapes);
+        same("model_update", what, &self.updates, &other.updates);
+    }
+}
+
 fn read(path: &str) -> Channels {
     let recording = Recording::open(Path::new(path)).expect("readable");
     assert!(recording.contents().missing.is_empty(), "{:?}", recording.contents().missing);
@@ -188,7 +210,7 @@ fn a_replay_gives_the_same_bytes_at_every_speed_and_counts_every_sample() {
         assert!(channels.states.len() > channels.commands.len(), "a state for each command, and those before");
         match &first {
             None => first = Some(channels),
-            Some(first) => assert_eq!(*first, channels, "speed {speed}"),
+            Some(first) => first.assert_same(&channels, &format!("{name} at speed {speed}")),
         }
     }
     let (code, verdict) = verify(&folder.file("a.mcap"));

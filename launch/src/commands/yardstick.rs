@@ -5,7 +5,7 @@ use crate::cli_bench::{YardstickArgs, YardstickVerb};
 use crate::{signals, supervisor};
 use anyhow::Context;
 use core::time::Duration;
-use krait_bench::{BenchError, Kind, Role, Scratch, StageOptions};
+use krait_bench::{BenchError, ChainKind, Role, Scratch, StageOptions};
 use krait_ipc::{Bus, ReadOptions};
 use krait_schema::Channel;
 use std::os::unix::process::CommandExt;
@@ -30,7 +30,7 @@ pub fn run(common: &Common, part: &YardstickVerb) -> anyhow::Result<ExitCode> {
 ///
 /// # Errors
 /// [`BenchError`] when the krait program cannot find itself.
-pub fn stage_command(kind: Kind, role: Role, scratch: &Scratch) -> Result<Command, BenchError> {
+pub fn stage_command(kind: ChainKind, role: Role, scratch: &Scratch) -> Result<Command, BenchError> {
     let mut command = own_command("stage")?;
     command.args(["--chain", kind.name(), "--role", role.name(), "--prefix", scratch.prefix()]);
     command.arg("--folder").arg(scratch.folder());

@@ -7,6 +7,9 @@ use krait_record::{About, Recording, RecordingWriter};
 use krait_schema::Sample;
 use std::path::{Path, PathBuf};
 
+/// Samples of input in the shipped recording.
+const N_STEPS: u64 = 790;
+
 /// A recording in the temporary folder, removed at the end.
 struct File(PathBuf);
 
@@ -131,7 +134,7 @@ fn setpoints_at_the_end_without_commands_are_counted_and_left_out() {
     for n_answered in [600, 760] {
         let (all, _, n_unanswered) = first_pass("end", refusing(|n| n > n_answered)).expect("whole");
         assert_eq!(all.last().map(|step| step.setpoint.sequence), Some(n_answered));
-        assert_eq!(n_unanswered as u64, 780 - n_answered);
+        assert_eq!(n_unanswered as u64, N_STEPS - n_answered);
     }
 }
 
@@ -149,8 +152,8 @@ fn what_is_missing_is_named() {
     assert!(matches!(error, Err(ReplayError::Missing { sequence: 300, channel: "input" })), "{error:?}");
     let error = first_pass("setpoint", without(|s| matches!(s, Sample::Setpoint(m) if m.sequence == 300)));
     assert!(matches!(error, Err(ReplayError::Gap { channel: "setpoint", expected: 300, found: 301 })), "{error:?}");
-    let error = first_pass("last", without(|s| matches!(s, Sample::Setpoint(m) if m.sequence == 780)));
-    assert!(matches!(error, Err(ReplayError::Missing { sequence: 780, channel: "setpoint" })), "{error:?}");
+    let error = first_pass("last", without(|s| matches!(s, Sample::Setpoint(m) if m.sequence == N_STEPS)));
+    assert!(matches!(error, Err(ReplayError::Missing { sequence: N_STEPS, channel: "setpoint" })), "{error:?}");
 }
 
 #[test]
@@ -159,7 +162,7 @@ fn passes_follow_one_another() {
     let mut window = Window::open(&file.0).expect("readable");
     for pass in 1..=2 {
         let mut steps = Steps::of(&mut window, pass, true).expect("whole").expect("a pass");
-        assert_eq!(all_of(&mut steps).expect("whole").0.len(), 780);
+        assert_eq!(all_of(&mut steps).expect("whole").0.len() as u64, N_STEPS);
     }
     assert!(Steps::of(&mut window, 3, true).expect("whole").is_none());
 }
