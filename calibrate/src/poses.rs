@@ -20,12 +20,13 @@ const PLANES_DEG: [f64; 6] = [0.0, 60.0, 120.0, 180.0, 240.0, 300.0];
 const BENDS_DEG: [f64; 5] = [10.0, 22.5, 35.0, 47.5, 60.0];
 /// The plane of the check, deg, and its bends.
 const CHECK_PLANE_DEG: f64 = 45.0;
-const CHECK_DEG: [f64; 3] = [20.0, 40.0, 55.0];
+const CHECK_DEG: [f64; 3] = [20.0, 40.0, 50.0];
 /// Bend the other way before each plane, deg.
 const BEFORE_DEG: f64 = 30.0;
-/// Bend beyond the largest before the way back, deg: lines 2 and 3 move half as far as line 1 in its plane, a quarter as
-/// far in the plane of the check, and all have to turn.
-const BEYOND_DEG: f64 = 20.0;
+/// Bend beyond the largest before the way back, deg: lines 2 and 3 move half as far as line 1, and all have to turn.
+const BEYOND_DEG: f64 = 16.0;
+/// The same in the plane of the check, in which line 2 moves a quarter as far.
+const CHECK_BEYOND_DEG: f64 = 26.0;
 /// Standard errors at which the dialogue ends: eta, 1, and half-width, m.
 const ENOUGH: [f64; 2] = [0.01, 6e-6];
 /// Standard errors above these leave a value open.
@@ -138,7 +139,8 @@ fn plane(places: &mut Vec<Place>, plane_deg: f64, bends_deg: &[f64], check: bool
     places.push(place(-BEFORE_DEG, true, ""));
     places.extend(bends_deg.iter().map(|b| place(*b, false, "below")));
     let top = bends_deg.iter().fold(0.0_f64, |m, b| m.max(*b));
-    places.push(place(top + BEYOND_DEG, true, ""));
+    let beyond_deg = if check { CHECK_BEYOND_DEG } else { BEYOND_DEG };
+    places.push(place(top + beyond_deg, true, ""));
     places.extend(bends_deg.iter().rev().map(|b| place(*b, false, "above")));
 }
 

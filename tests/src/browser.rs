@@ -57,11 +57,11 @@ impl Browser {
         let target = page.call("Target.createTarget", &json!({ "url": "about:blank" }));
         let attached = page.call("Target.attachToTarget", &json!({ "targetId": target["targetId"], "flatten": true }));
         page.session = attached["sessionId"].as_str().map(str::to_owned);
-        for domain in ["BrowserPage.enable", "Runtime.enable", "Log.enable"] {
+        for domain in ["Page.enable", "Runtime.enable", "Log.enable"] {
             page.call(domain, &json!({}));
         }
         page.resize(width, height);
-        page.call("BrowserPage.navigate", &json!({ "url": url }));
+        page.call("Page.navigate", &json!({ "url": url }));
         page
     }
 }
@@ -120,8 +120,9 @@ impl BrowserPage {
         value.as_str().expect("text").to_owned()
     }
 
-    /// Waits until a script says true.
+    /// Waits until a script says true. A document that is not there yet says false.
     pub fn wait_for(&mut self, what: &str, script: &str) {
+        let script = &format!("document.documentElement !== null && document.body !== null && ({script})");
         let done = wait_until(PATIENCE, || self.value(script) == json!(true));
         assert!(done, "{what}: did not come about; {:?}", self.complaints);
     }
@@ -150,7 +151,7 @@ impl BrowserPage {
 
     /// The picture as a PNG.
     pub fn picture(&mut self) -> Vec<u8> {
-        let answer = self.call("BrowserPage.captureScreenshot", &json!({ "format": "png" }));
+        let answer = self.call("Page.captureScreenshot", &json!({ "format": "png" }));
         from_base64(answer["data"].as_str().expect("a picture"))
     }
 }
