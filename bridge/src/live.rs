@@ -43,9 +43,6 @@ impl Beside {
     }
 }
 
-/// The environment variable that holds back every output of a process: `resolve=500` for 500 us. For tests of the budgets.
-const LATE_US: &str = "KRAIT_FAULT_LATE_US";
-
 /// Runs a stage until it is told to stop: every sample in order, published at once, health ten times a second.
 pub(crate) fn run<S: Step>(
     bus: &Bus,
@@ -60,7 +57,6 @@ pub(crate) fn run<S: Step>(
     let mut health = HealthReporter::open(bus, process)?;
     health.publish(clock::monotonic_ns())?;
     tracing::info!(process = process.name(), "ready");
-    let late_ns = fault_late_ns(process);
     let mut last = None;
     while !stop.load(Ordering::Relaxed) {
         let may_have = inputs.wait(PATIENCE)?;
@@ -69,7 +65,6 @@ pub(crate) fn run<S: Step>(
             beside.glance(&mut core, &mut health)?;
             match core.step(&input, begun_ns) {
                 Ok(mut out) => {
-                    hold_back(begun_ns, late_ns);
                     *S::sent_stamp(&mut out) = clock::monotonic_ns();
                     outputs.send(&out)?;
                     health.set_now(S::reasons(&out));
@@ -94,20 +89,4 @@ pub(crate) fn run<S: Step>(
     health.publish(clock::monotonic_ns())?;
     tracing::info!(process = process.name(), n_sent = outputs.n_sent(), n_lost = inputs.n_lost(), "stopped");
     Ok(())
-}
-
-/// A fault to inject, ns; none unless somebody asks for it.
-fn fault_late_ns(process: Process) -> i64 {
-    let asked = std::env::var(LATE_US).ok();
-    let late_us = asked.as_deref().and_then(|text| text.split_once('=')).filter(|(name, _)| *name == process.name());
-    let Some(late_us) = late_us.and_then(|(_, late_us)| late_us.parse::<u32>().ok()) else { return 0 };
-    tracing::warn!(process = process.name(), late_us, "a fault is injected: every output is held back");
-    i64::from(late_us) * 1000
-}
-
-/// Spends time as a stage that computes too long would: awake.
-fn hold_back(begun_ns: i64, late_ns: i64) {
-    while late_ns > 0 && clock::monotonic_ns() - begun_ns < late_ns {
-        core::hint::spin_loop();
-    }
 }

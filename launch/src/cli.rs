@@ -1,6 +1,6 @@
 //! The command line: subcommands, their options and their examples.
 
-use crate::cli_bench::{BenchArgs, YardstickVerb};
+use crate::cli_bench::{BenchArgs, FaultArgs, YardstickVerb};
 use crate::cli_calibrate::CalibrateVerb;
 use crate::cli_console::ConsoleArgs;
 use crate::cli_lab::LabVerb;
@@ -135,7 +135,17 @@ pub enum Verb {
     /// What this machine lacks for a punctual chain, what that means, how to mend it, and how late it wakes a process.
     #[command(after_help = "Examples:\n  krait doctor\n  krait doctor --seconds 60\n  krait doctor --seconds 0 --json")]
     Doctor(DoctorArgs),
-    /// Parts of `krait bench` that are processes of their own.
+    /// Breaks simulated chains on purpose, one fault each, and says whether each ends as it must.
+    ///
+    /// Each fault has a chain of its own, in instances that nobody else has; no chain that runs is touched. The table says
+    /// for each fault what must become of the snake and what did, the largest step of the drive command as a part of what
+    /// the time since the write before allows (at most 1), how long it took to rest, and what names the fault.
+    /// Exit code 0: every fault ends as it must; 1: one does not; 2: the faults could not be tried.
+    #[command(
+        after_help = "Examples:\n  krait fault --all\n  krait fault burst killed-slave\n  krait fault --all --json"
+    )]
+    Fault(FaultArgs),
+    /// Parts of `krait bench` and `krait fault` that are processes of their own.
     #[command(subcommand, hide = true)]
     Yardstick(YardstickVerb),
     /// Prints the configuration that is in force, as TOML with every key.

@@ -65,7 +65,7 @@ pub enum WaitKind {
     Polling,
 }
 
-/// Processes that `krait bench` starts.
+/// Processes that `krait bench` and `krait fault` start.
 #[derive(Clone, Debug, Subcommand)]
 pub enum YardstickVerb {
     /// One process of a relay.
@@ -74,6 +74,33 @@ pub enum YardstickVerb {
     Observe,
     /// Keeps a core busy.
     Burn,
+    /// Plays one scene of `krait fault`.
+    Scene(SceneArgs),
+}
+
+/// Options of `krait fault`.
+#[derive(Clone, Debug, Args)]
+pub struct FaultArgs {
+    /// The faults to try.
+    #[arg(value_enum, value_name = "NAME", required_unless_present = "all", conflicts_with = "all")]
+    pub faults: Vec<crate::fault::Fault>,
+    /// Try every fault.
+    #[arg(long)]
+    pub all: bool,
+    /// Print the outcomes as JSON on standard output.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Options of one scene of `krait fault`.
+#[derive(Clone, Debug, Args)]
+pub struct SceneArgs {
+    /// The fault.
+    #[arg(long, value_enum)]
+    pub fault: crate::fault::Fault,
+    /// Where its files are.
+    #[arg(long)]
+    pub folder: PathBuf,
 }
 
 /// Options of one process of a relay.

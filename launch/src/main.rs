@@ -15,6 +15,7 @@ mod config;
 mod device;
 mod doctor;
 mod evidence;
+mod fault;
 mod in_force;
 mod log;
 mod old_settings;
@@ -57,6 +58,7 @@ fn main() -> ExitCode {
         Verb::Compare(args) => commands::compare::run(&args),
         Verb::Replay(args) => commands::replay::run(&cli.common, &args),
         Verb::Model(verb) => commands::model::run(&verb),
+        Verb::Fault(args) => commands::fault::run(&args),
         Verb::Doctor(args) => commands::doctor::run(&args),
         Verb::Bench(args) => commands::bench::run(&cli.common, &args),
         Verb::Yardstick(part) => commands::yardstick::run(&cli.common, &part),

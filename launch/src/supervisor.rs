@@ -243,6 +243,11 @@ impl Supervisor {
         self.budget.as_ref()
     }
 
+    /// Whether every process that runs has said that it is ready.
+    pub fn are_ready(&self) -> bool {
+        self.processes().into_iter().all(|(process, _)| self.is_ready(process))
+    }
+
     /// Whether every process lived until it was told to end, and then ended by itself.
     pub fn is_unscathed(&self) -> bool {
         self.losses.is_empty() && self.n_forced == 0
@@ -315,7 +320,9 @@ impl Supervisor {
         if process.when_lost() == WhenLost::GoOn {
             return Ok(());
         }
-        self.spawn(process, &options.config, &arguments_of(process, &options))?;
+        // A recording or script that engages once has done so; its edge from the beginning must not be another.
+        let engage = options.engage.filter(|engage| *engage == EngageKind::Again);
+        self.spawn(process, &options.config, &arguments_of(process, &ChainOptions { engage, ..options.clone() }))?;
         if process == Process::Slave {
             (self.newest_state, self.slave_is_new) = (None, true);
         }

@@ -71,6 +71,8 @@ pub struct EncodersTruth {
     pub screw_pitch_m: f64,
     /// Phase of each screw, rad; each -3.2 to 3.2.
     pub screw_phase_rad: [f64; 3],
+    /// Each encoder stays where it is once it has come this far from zero, m; 0 to 0.01; neutral 0, which is never.
+    pub sticks_at_m: [f64; 3],
 }
 
 /// What lies between the bent arc and the bend vector that a perfect camera would read.
@@ -161,7 +163,14 @@ impl Default for BendingTruth {
 
 impl Default for EncodersTruth {
     fn default() -> Self {
-        Self { zero_m: [0.0; 3], scale: [0.0; 3], screw_m: 0.0, screw_pitch_m: 1e-3, screw_phase_rad: [0.0; 3] }
+        Self {
+            zero_m: [0.0; 3],
+            scale: [0.0; 3],
+            screw_m: 0.0,
+            screw_pitch_m: 1e-3,
+            screw_phase_rad: [0.0; 3],
+            sticks_at_m: [0.0; 3],
+        }
     }
 }
 
@@ -242,6 +251,7 @@ impl EncodersTruth {
         each(&mut ranges, "encoders.zero_m", &self.zero_m, 2e-3);
         each(&mut ranges, "encoders.scale", &self.scale, 0.1);
         each(&mut ranges, "encoders.screw_phase_rad", &self.screw_phase_rad, 3.2);
+        ranges.extend(self.sticks_at_m.map(|sticks_at_m| ("encoders.sticks_at_m", sticks_at_m, 0.0, 0.01)));
         ranges
     }
 }

@@ -135,7 +135,7 @@ impl SimulatedSnake {
     fn observe(&mut self, stamp_ns: i64) {
         self.settle();
         self.stamp_ns = self.stamp_ns.max(stamp_ns);
-        let q_tilde_m = self.reading_m().map(|q| self.quantised(q));
+        let q_tilde_m = self.encoders.read_m(self.plant.q_tilde_m()).map(|q| self.quantised(q));
         let seen_rad = self.sight.seen_rad(self.stamp_ns, self.plant.bend_rad());
         self.camera.observe(self.stamp_ns, seen_rad, q_tilde_m);
     }
@@ -169,7 +169,7 @@ impl Drive for SimulatedSnake {
 
     fn read(&mut self, _stamp_ns: i64) -> Result<DriveReading, DriveError> {
         self.settle();
-        let mut q_tilde_m = self.reading_m();
+        let mut q_tilde_m = self.encoders.read_m(self.plant.q_tilde_m());
         if self.encoder_noise_m > 0.0 {
             let ([a, b], [c, _]) = (self.encoder_noise.pair(), self.encoder_noise.pair());
             for (q, noise) in q_tilde_m.iter_mut().zip([a, b, c]) {

@@ -49,18 +49,8 @@ pub struct Ended {
 impl Krait {
     /// Starts `krait` with arguments.
     pub fn start(arguments: &[impl AsRef<OsStr>]) -> Self {
-        Self::start_with(arguments, &[])
-    }
-
-    /// The same with environment variables.
-    pub fn start_with(arguments: &[impl AsRef<OsStr>], variables: &[(&str, &str)]) -> Self {
         let mut command = Command::new(krait_program());
-        command
-            .envs(variables.iter().copied())
-            .args(arguments)
-            .stdin(Stdio::null())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped());
+        command.args(arguments).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         Self { child: command.spawn().expect("krait can be started") }
     }
 
@@ -116,11 +106,6 @@ impl Ended {
     /// Runs `krait` with arguments to its end.
     pub fn of(arguments: &[impl AsRef<OsStr>], patience: Duration) -> Self {
         Krait::start(arguments).end(patience)
-    }
-
-    /// The same with environment variables.
-    pub fn of_with(arguments: &[impl AsRef<OsStr>], variables: &[(&str, &str)], patience: Duration) -> Self {
-        Krait::start_with(arguments, variables).end(patience)
     }
 
     /// The JSON object on standard output.

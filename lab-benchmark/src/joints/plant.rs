@@ -5,7 +5,7 @@
 use core::f64::consts::TAU;
 
 /// Steps between two rows.
-pub(super) const FINE: usize = 5;
+pub(super) const FINE: usize = 10;
 
 /// What holds a joint back. Zero is nothing; positions in the command's unit where nothing else is said.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

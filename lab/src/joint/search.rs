@@ -39,6 +39,8 @@ const PRICE_OF_SHORT: f64 = 3.0;
 const SHORT: f64 = 60.0;
 /// Lists of this length are tried in any case.
 const DEEP_ENOUGH: usize = 3;
+/// A residual of which more than this share of rows tells something of its own has nothing more to give.
+const ENDS_WITH_WHITE: f64 = 0.3;
 /// Two minima this far apart in the coordinate are different starts.
 const APART: f64 = 0.6;
 
@@ -91,8 +93,9 @@ impl<'a> Search<'a> {
             let best = deep.first().map_or(f64::INFINITY, |fit| self.score(fit));
             deep.truncate(plan.width);
             beam = deep;
-            // What several effects leave has a long memory, which makes the first ones look dear.
-            if depth >= DEEP_ENOUGH && best > before + 2.0 {
+            // What several effects leave has a long memory, which makes each of them look dear: only what is left without one ends it.
+            let is_short = self.n_effective > ENDS_WITH_WHITE * self.signal.rows.len() as f64;
+            if depth >= DEEP_ENOUGH && best > before + 2.0 && (is_short || depth > DEEP_ENOUGH) {
                 break;
             }
         }

@@ -3,7 +3,7 @@
 use super::kind::Kind;
 use super::signal::Signal;
 use core::f64::consts::TAU;
-use krait_model::joints::{bouc_wen, load_play, play, second_order_step};
+use krait_model::joints::{bouc_wen, lag_step, load_play, play, second_order_ramp, second_order_step};
 use std::sync::Arc;
 
 /// One effect with the values of its nonlinear parameters, and where its memory starts in each trial, -1 to 1.
@@ -84,18 +84,17 @@ fn pass(s: &Signal, member: &Member, x: &[f64]) -> Vec<f64> {
         Kind::RateLimit => with_memory(s, x, |last, x, dt| last + (x - last).clamp(-values[0] * dt, values[0] * dt)),
         Kind::SecondOrder => {
             let mut cached = Cached { step_s: f64::NAN, value: [0.0; 4] };
-            let mut speed = 0.0;
-            let mut position = 0.0;
+            let mut here = [0.0; 2];
             (0..x.len())
                 .map(|k| {
                     if s.fresh[k] {
-                        (position, speed) = (x[k], 0.0);
+                        here = [x[k], 0.0];
                     } else {
-                        let [a, b, c, d] = cached.get(s.step_s[k], |dt| second_order_step(values[0], values[1], dt));
-                        let off = position - x[k];
-                        (position, speed) = (x[k] + a * off + b * speed, c * off + d * speed);
+                        let matrix = cached.get(s.step_s[k], |dt| second_order_step(values[0], values[1], dt));
+                        let ramp = [x[k - 1], x[k]];
+                        here = second_order_ramp(here, ramp, [values[0], values[1]], s.step_s[k], matrix);
                     }
-                    position
+                    here[0]
                 })
                 .collect()
         }
@@ -192,7 +191,15 @@ fn speed(s: &Signal, x: &[f64], row: usize) -> f64 {
 
 fn lagged(s: &Signal, x: &[f64], time_s: f64) -> Vec<f64> {
     let mut cached = Cached { step_s: f64::NAN, value: 0.0 };
-    with_memory(s, x, |last, x, dt| last + (x - last) * cached.get(dt, |dt| 1.0 - (-dt / time_s).exp()))
+    let mut last = 0.0;
+    (0..x.len())
+        .map(|k| {
+            let dt = s.step_s[k];
+            let decay = cached.get(dt, |dt| (-dt / time_s).exp());
+            last = if s.fresh[k] { x[k] } else { lag_step(last, x[k - 1], x[k], time_s, dt, decay) };
+            last
+        })
+        .collect()
 }
 
 fn played(s: &Signal, x: &[f64], half_width: f64, starts: &[f64]) -> Vec<f64> {

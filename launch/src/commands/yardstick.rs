@@ -1,7 +1,9 @@
-//! The processes that `krait bench` starts beside krait's own: relays, an observer, and processes that keep a core busy.
+//! The processes that `krait bench` starts beside krait's own: relays, an observer, processes that keep a core busy; and the
+//! scenes of `krait fault`.
 
 use crate::cli::Common;
 use crate::cli_bench::{YardstickArgs, YardstickVerb};
+use crate::fault::Fault;
 use crate::{signals, supervisor};
 use anyhow::Context;
 use core::time::Duration;
@@ -9,6 +11,7 @@ use krait_bench::{BenchError, ChainKind, Role, Scratch, StageOptions};
 use krait_ipc::{Bus, ReadOptions};
 use krait_schema::Channel;
 use std::os::unix::process::CommandExt;
+use std::path::Path;
 use std::process::{Child, Command, ExitCode, Stdio};
 
 /// A screen is drawn this often.
@@ -23,6 +26,7 @@ pub fn run(common: &Common, part: &YardstickVerb) -> anyhow::Result<ExitCode> {
         YardstickVerb::Stage(args) => stage(args),
         YardstickVerb::Observe => observe(&common.instance),
         YardstickVerb::Burn => krait_bench::burn(),
+        YardstickVerb::Scene(args) => super::fault::scene(args),
     }
 }
 
@@ -53,6 +57,16 @@ pub fn observer(instance: &str) -> anyhow::Result<Child> {
     let mut command = own_command("observe")?;
     command.args(["--instance", instance]).stdin(Stdio::null()).stdout(Stdio::null());
     command.spawn().context("the observer could not be started")
+}
+
+/// The command that plays one scene of `krait fault`.
+///
+/// # Errors
+/// As [`stage_command`].
+pub fn scene_command(fault: Fault, folder: &Path) -> Result<Command, BenchError> {
+    let mut command = own_command("scene")?;
+    command.args(["--fault", &fault.name()]).arg("--folder").arg(folder);
+    Ok(command)
 }
 
 fn own_command(part: &str) -> Result<Command, BenchError> {

@@ -19,7 +19,7 @@ pub use chain::{JointChain, JointParts, JointPredictor};
 pub use effect::JointEffect;
 pub use hysteresis::{REACHES, load_play};
 pub use inverse::{JointCommand, JointCompensator, JointInverseSettings};
-pub use rate::second_order_step;
+pub use rate::{lag_step, second_order_ramp, second_order_step};
 
 /// Play of half-width r: p follows x at a distance of at most r.
 #[inline]

@@ -32,7 +32,7 @@ pub(super) static FIRST_ORDER_LAG: Definition = Definition {
     repeatable: true,
     needs: Needs::Time,
     inverse: Inverse::None("the rate of the command would be needed"),
-    n_states: 1,
+    n_states: 2,
     parameters: &[JOINT, parameter("time_s", "s", [0.0, 100.0], 0.0, "of the drive or its filter; 0: none")],
     ..effect("first-order-lag", Hook::Cmd, Class::Rate, "x <- l, dl/dt = (x - l) / time")
 };
@@ -52,7 +52,7 @@ pub(super) static SECOND_ORDER: Definition = Definition {
     repeatable: true,
     needs: Needs::Time,
     inverse: Inverse::None("the acceleration of the command would be needed"),
-    n_states: 2,
+    n_states: 3,
     parameters: &[
         JOINT,
         parameter("frequency_rad_per_s", "rad/s", [0.0, 1e5], 0.0, "natural frequency of the drive's loop; 0: none"),
@@ -85,6 +85,36 @@ pub(super) static LINEAR_DRIFT: Definition = Definition {
     ..effect("linear-drift", Hook::Meas, Class::Drift, "y <- y + rate t, t since the trial began")
 };
 
+/// A first-order lag behind an input that goes straight from `from` to `to` in `dt_s`: exact, so that a slow sampling does not
+/// change the time. `decay` is e^(-dt / time).
+#[inline]
+pub fn lag_step(l: f64, from: f64, to: f64, time_s: f64, dt_s: f64, decay: f64) -> f64 {
+    if dt_s <= 0.0 {
+        return l;
+    }
+    let behind = (to - from) / dt_s * time_s;
+    to - behind + (l - from + behind) * decay
+}
+
+/// A second-order system's position and speed behind an input that goes straight from `from` to `to` in `dt_s`; `matrix` is
+/// that of [`second_order_step`].
+#[inline]
+pub fn second_order_ramp(
+    [position, speed]: [f64; 2],
+    [from, to]: [f64; 2],
+    [frequency, damping]: [f64; 2],
+    dt_s: f64,
+    [a, b, c, d]: [f64; 4],
+) -> [f64; 2] {
+    if dt_s <= 0.0 {
+        return [position, speed];
+    }
+    let slope = (to - from) / dt_s;
+    let behind = 2.0 * damping / frequency * slope;
+    let (off, faster) = (position - from + behind, speed - slope);
+    [to - behind + a * off + b * faster, slope + c * off + d * faster]
+}
+
 /// How a second-order system goes from (l - x, dl/dt) over a step in which x is held: a matrix, row after row.
 pub fn second_order_step(frequency: f64, damping: f64, dt_s: f64) -> [f64; 4] {
     let (w, z) = (frequency, damping);
@@ -115,17 +145,21 @@ pub(super) fn change(kind: JointEffect, c: &[f64], x: f64, state: &mut [f64; N_S
             x - state[0] - state[1]
         }
         (JointEffect::FirstOrderLag, [time, ..]) => {
-            state[0] = if *time > 0.0 { relax(state[0], x, *time, now.dt_s, now.fresh) } else { x };
+            let straight = *time > 0.0 && !now.fresh;
+            let decay = (-now.dt_s / time).exp();
+            state[0] = if straight { lag_step(state[0], state[1], x, *time, now.dt_s, decay) } else { x };
+            state[1] = x;
             state[0]
         }
         (JointEffect::SecondOrder, [frequency, damping, ..]) => {
             if now.fresh || *frequency <= 0.0 {
                 (state[0], state[1]) = (x, 0.0);
             } else {
-                let [a, b, c, d] = second_order_step(*frequency, *damping, now.dt_s);
-                let (off, speed) = (state[0] - x, state[1]);
-                (state[0], state[1]) = (x + a * off + b * speed, c * off + d * speed);
+                let matrix = second_order_step(*frequency, *damping, now.dt_s);
+                let [here, ramp, own] = [[state[0], state[1]], [state[2], x], [*frequency, *damping]];
+                [state[0], state[1]] = second_order_ramp(here, ramp, own, now.dt_s, matrix);
             }
+            state[2] = x;
             state[0]
         }
         (JointEffect::RateLimit, [rate, ..]) => {

@@ -1,0 +1,237 @@
+//! What a recording tells of a fault, and whether that is what must be.
+
+use super::kind::{End, Fault};
+use anyhow::Context;
+use krait_ipc::Reasons;
+use krait_ipc::message::{OperatingState, SlaveState};
+use krait_record::Recording;
+use krait_schema::Sample;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// One write is credited with at most a period of 1 kHz, s.
+const PERIOD_S: f64 = 1e-3;
+/// What a step may be more than its time allows, m.
+const TOLERANCE_M: f64 = 1e-6;
+/// The drives stand if their setpoint has not changed for so long, ns; the script never rests.
+const STANDS_NS: i64 = 200_000_000;
+/// A fault that must stop the snake has done so after two periods of the watchdog, ms.
+const REST_MS: f64 = 100.0;
+
+/// What became of a chain.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Seen {
+    /// How it ended; nothing where that is none of the ends that there are.
+    pub did: Option<End>,
+    /// Writes that moved the drives.
+    pub n_moves: u64,
+    /// Largest step of a write as a part of what the time since the write before allows.
+    pub largest_step: f64,
+    /// From the fault to the last motion, ms, 0 if that was before; nothing where the instant of the fault is not known.
+    pub rest_ms: Option<f64>,
+    /// Reasons that the slave gave after the fault.
+    pub reasons: u64,
+    /// Commands that the slave refused or skipped.
+    pub n_refused: u64,
+}
+
+/// A fault, what must become of the chain, and what did.
+#[derive(Clone, Debug, Serialize)]
+pub struct Outcome {
+    /// The fault.
+    pub fault: Fault,
+    /// What must become of the chain.
+    pub must: End,
+    /// What did.
+    pub did: Option<End>,
+    /// Largest step of a write as a part of what the time since the write before allows.
+    pub largest_step: f64,
+    /// From the fault to the last motion, ms.
+    pub rest_ms: Option<f64>,
+    /// What names the fault.
+    pub named: Option<String>,
+    /// What is wrong; nothing where all is as it must be.
+    pub wrong: Option<String>,
+    /// Why it was not tried.
+    pub skipped: Option<String>,
+}
+
+impl Seen {
+    /// Looks at a recording, or, where there is none, at the states that were heard.
+    ///
+    /// # Errors
+    /// One sentence when the recording cannot be read.
+    pub fn of(
+        recording: Option<&Path>,
+        heard: &[SlaveState],
+        struck_ns: Option<i64>,
+        rate_m_per_s: f64,
+    ) -> anyhow::Result<Self> {
+        let mut seen = Self::default();
+        let recorded = match recording {
+            Some(path) => seen.read(path).with_context(|| format!("recording {}", path.display()))?,
+            None => Vec::new(),
+        };
+        let states = if recording.is_some() { &recorded[..] } else { heard };
+        seen.steps(states, rate_m_per_s);
+        let after: Vec<&SlaveState> =
+            states.iter().filter(|state| struck_ns.is_none_or(|ns| state.sample_ns >= ns)).collect();
+        seen.reasons = after.iter().fold(0, |reasons, state| reasons | state.reasons);
+        seen.did = end_of(&after);
+        seen.rest_ms = struck_ns.zip(last_motion_ns(&after)).map(|(from, to)| (to - from).max(0) as f64 * 1e-6);
+        Ok(seen)
+    }
+
+    /// The slave's states in a recording, and what its health counted.
+    fn read(&mut self, path: &Path) -> anyhow::Result<Vec<SlaveState>> {
+        let mut states = Vec::new();
+        for recorded in Recording::open(path)?.samples()? {
+            match recorded?.sample {
+                Sample::State(state) => states.push(state),
+                Sample::Health(krait_ipc::Process::Slave, health) => {
+                    self.n_refused = self.n_refused.max(health.n_refused)
+                }
+                _ => {}
+            }
+        }
+        Ok(states)
+    }
+
+    /// Power that comes and homing seed the setpoint anew; they are no writes of the gate.
+    fn steps(&mut self, states: &[SlaveState], rate_m_per_s: f64) {
+        for pair in states.windows(2) {
+            let [before, after] = pair else { continue };
+            let is_seeded = before.flags & SlaveState::IS_BUSY != 0 || before.operating() != after.operating();
+            if is_seeded || after.sequence <= before.sequence {
+                continue;
+            }
+            let n_writes = (after.sequence - before.sequence) as f64;
+            let since_s = (after.setpoint_ns - before.setpoint_ns).max(0) as f64 * 1e-9;
+            let allowed_m = rate_m_per_s * since_s.min(PERIOD_S * n_writes) + TOLERANCE_M;
+            let step_m = step_m(before, after);
+            self.n_moves += u64::from(step_m > 0.0);
+            self.largest_step = self.largest_step.max(step_m / allowed_m);
+        }
+    }
+}
+
+fn step_m(before: &SlaveState, after: &SlaveState) -> f64 {
+    (0..3).map(|i| (after.setpoint_q_m[i] - before.setpoint_q_m[i]).abs()).fold(0.0, f64::max)
+}
+
+/// When the drives were moved last, ns; the search for zero of a slave that began anew is none of it.
+fn last_motion_ns(states: &[&SlaveState]) -> Option<i64> {
+    let moved = |pair: &&[&SlaveState]| {
+        let [before, after] = pair else { return false };
+        let is_seeded = before.flags & SlaveState::IS_BUSY != 0 || before.operating() != after.operating();
+        after.sequence > before.sequence && !is_seeded && step_m(before, after) > 0.0
+    };
+    let last = states.windows(2).rfind(moved).map(|pair| pair[1].setpoint_ns);
+    last.or(states.first().map(|first| first.setpoint_ns))
+}
+
+fn end_of(states: &[&SlaveState]) -> Option<End> {
+    let newest = states.last()?;
+    // The farewell of a slave that was told to end is Disabled and not engaged, whatever it did before.
+    let before_the_end = states.iter().rev().find(|state| state.operating() != Some(OperatingState::Disabled))?;
+    if before_the_end.operating() == Some(OperatingState::Fault) {
+        return Some(End::Fault);
+    }
+    let stands = newest.sample_ns - last_motion_ns(states)? > STANDS_NS;
+    let was_engaged = before_the_end.is_engaged();
+    let engaged_again = states.windows(2).any(|pair| !pair[0].is_engaged() && pair[1].is_engaged());
+    match (stands, was_engaged, engaged_again) {
+        (false, true, false) => Some(End::Moves),
+        (true, false, false) => Some(End::Holds),
+        _ => None,
+    }
+}
+
+/// Holds what was seen against what must be. `said` is what the chain wrote on standard error.
+pub fn judge(fault: Fault, seen: &Seen, said: &str) -> Outcome {
+    let (_, must, named) = fault.row();
+    let named = named.found(Reasons::from_bits(seen.reasons), seen.n_refused, said);
+    let wrong = if seen.did != Some(must) {
+        Some("another end".to_owned())
+    } else if seen.largest_step > 1.0 {
+        Some("a jump".to_owned())
+    } else if must != End::Refused && seen.n_moves < 100 {
+        Some("hardly moved before".to_owned())
+    } else if named.is_none() {
+        Some("not named".to_owned())
+    } else if must == End::Holds && seen.rest_ms.is_none_or(|rest_ms| rest_ms > REST_MS) {
+        Some("late to rest".to_owned())
+    } else {
+        None
+    };
+    Outcome {
+        fault,
+        must,
+        did: seen.did,
+        largest_step: seen.largest_step,
+        rest_ms: seen.rest_ms.filter(|_| must == End::Holds),
+        named,
+        wrong,
+        skipped: None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use krait_ipc::Reason;
+
+    const MS: i64 = 1_000_000;
+
+    /// A slave that moves at 10 mm/s, loses its commands at 500 ms and stands 2 ms later.
+    fn states(reaction_ms: i64) -> Vec<SlaveState> {
+        let state = |ms: i64| {
+            let moved_ms = ms.min(500 + reaction_ms);
+            SlaveState {
+                sequence: ms.unsigned_abs() + 1,
+                sample_ns: (ms + 1) * MS,
+                setpoint_ns: (moved_ms + 1) * MS,
+                setpoint_q_m: [moved_ms as f64 * 10e-6; 3],
+                operating_state: OperatingState::Enabled as u32,
+                flags: if ms < 500 + reaction_ms { SlaveState::ENGAGED } else { 0 },
+                reasons: if ms < 550 { 0 } else { Reasons::NONE.with(Reason::ChainStalled).bits() },
+                ..SlaveState::default()
+            }
+        };
+        (0..1000).map(state).collect()
+    }
+
+    fn wrong(states: &[SlaveState], fault: Fault) -> Option<String> {
+        let seen = Seen::of(None, states, Some(500 * MS), 30e-3).expect("no file is read");
+        judge(fault, &seen, "").wrong
+    }
+
+    #[test]
+    fn what_ends_as_it_must_is_right_and_everything_else_is_named() {
+        assert_eq!(wrong(&states(2), Fault::Lost), None);
+        assert_eq!(wrong(&states(2), Fault::Duplicated).as_deref(), Some("another end"));
+        assert_eq!(wrong(&states(2), Fault::Nan).as_deref(), Some("not named"));
+        assert_eq!(wrong(&states(150), Fault::Lost).as_deref(), Some("late to rest"));
+        assert_eq!(wrong(&states(499), Fault::Lost).as_deref(), Some("another end"), "it moves to the end");
+        let mut jumping = states(2);
+        jumping[300].setpoint_q_m[1] += 25e-6;
+        assert_eq!(wrong(&jumping, Fault::Lost).as_deref(), Some("a jump"));
+        let mut again = states(2);
+        again[900].flags |= SlaveState::ENGAGED;
+        assert_eq!(wrong(&again, Fault::Lost).as_deref(), Some("another end"), "nobody has engaged it");
+        assert_eq!(wrong(&[], Fault::Lost).as_deref(), Some("another end"));
+    }
+
+    #[test]
+    fn a_gap_between_two_writes_earns_one_period_and_a_burst_none() {
+        let step = |since_ns: i64, step_m: f64| {
+            let before = SlaveState { sequence: 1, setpoint_ns: MS, ..SlaveState::default() };
+            let after = SlaveState { sequence: 2, setpoint_ns: MS + since_ns, setpoint_q_m: [step_m; 3], ..before };
+            let mut seen = Seen::default();
+            seen.steps(&[before, after], 30e-3);
+            seen.largest_step
+        };
+        assert!(step(50 * MS, 30e-6) < 1.0 && step(50 * MS, 32e-6) > 1.0);
+        assert!(step(MS / 10, 3.9e-6) < 1.0 && step(MS / 10, 4.1e-6) > 1.0);
+    }
+}

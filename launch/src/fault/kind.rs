@@ -1,0 +1,197 @@
+//! The faults that can be injected: where each strikes, what must become of the chain, and what must name it.
+
+use clap::ValueEnum;
+use krait_ipc::{Process, Reason, Reasons};
+use serde::{Deserialize, Serialize};
+
+/// A fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Fault {
+    /// Every command comes 80 ms late.
+    Late,
+    /// No command comes for 200 ms.
+    Lost,
+    /// Every command comes twice.
+    Duplicated,
+    /// Two commands in turn change places.
+    Reordered,
+    /// The same command comes again and again, under new numbers.
+    Frozen,
+    /// A line's position is not a number.
+    Nan,
+    /// A line's position is a metre.
+    OutOfRange,
+    /// Nothing comes for 30 ms, then all of it at once, over and over.
+    Burst,
+    /// One line goes the other way.
+    ReversedAxis,
+    /// The clock of the operator's input goes at a twentieth of its speed.
+    SlippingClock,
+    /// The operator's input says that the hand controller is gone.
+    UnpluggedDevice,
+    /// An encoder stays where it is while its line moves on.
+    StuckEncoder,
+    /// A program has made the channel of commands with another payload.
+    WrongVersion,
+    /// A second process wants to write commands.
+    ForeignWriter,
+    /// `master` is stopped for 300 ms (SIGSTOP).
+    StalledMaster,
+    /// `resolve` is stopped for 300 ms.
+    StalledResolve,
+    /// `compensate` is stopped for 300 ms.
+    StalledCompensate,
+    /// `slave` is stopped for 300 ms.
+    StalledSlave,
+    /// `resolve` is stopped for good.
+    HungResolve,
+    /// `master` is killed (SIGKILL).
+    KilledMaster,
+    /// `resolve` is killed.
+    KilledResolve,
+    /// `compensate` is killed.
+    KilledCompensate,
+    /// `slave` is killed.
+    KilledSlave,
+    /// `estimate` is killed.
+    KilledEstimate,
+    /// `record` is killed.
+    KilledRecord,
+    /// The disk of the recording is full.
+    FullDisk,
+    /// The memory of the channels is full.
+    FullMemory,
+    /// The recording is deleted while it is written.
+    DeletedRecording,
+}
+
+/// Where a fault strikes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// Between `compensate` and `slave`.
+    Command,
+    /// Between `master` and `resolve`.
+    Input,
+    /// In the simulated snake.
+    Snake,
+    /// A process.
+    Process(Process, Blow),
+    /// The machine around the chain.
+    Machine,
+}
+
+/// What is done to a process.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Blow {
+    /// SIGKILL.
+    Kill,
+    /// SIGSTOP, and SIGCONT a while later.
+    Stall,
+    /// SIGSTOP.
+    Hang,
+}
+
+/// What becomes of a chain.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum End {
+    /// The snake goes on moving, engaged.
+    Moves,
+    /// The snake holds still and nobody is engaged; every process runs.
+    Holds,
+    /// The drives are without power, in FAULT.
+    Fault,
+    /// The chain does not start.
+    Refused,
+}
+
+/// What must name a fault.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Named {
+    /// One of these reasons, in the slave's states.
+    Reasons(&'static [Reason]),
+    /// The slave's count of refused commands.
+    Count,
+    /// These words, on standard error.
+    Words(&'static str),
+}
+
+impl Fault {
+    /// Where it strikes, what must become of the chain, what must name it.
+    pub fn row(self) -> (Place, End, Named) {
+        use Blow::{Hang, Kill, Stall};
+        use Process::{Compensate, Estimate, Master, Record, Resolve, Slave};
+        use Reason::{
+            ChainStalled, CommandLate, CommandStale, DeviceLost, FollowingError, InputStale, NotFinite, StageRestarted,
+            StepLimit,
+        };
+        // A process that is back before the watchdog bites is a restart, a later one a stall.
+        const LOST: Named = Named::Reasons(&[StageRestarted, ChainStalled]);
+        const STALLED: Named = Named::Reasons(&[ChainStalled]);
+        let command = |end, named| (Place::Command, end, named);
+        let input = |reason| (Place::Input, End::Holds, Named::Reasons(reason));
+        let process = |process, blow, end, named| (Place::Process(process, blow), end, named);
+        let machine = |end, words| (Place::Machine, end, Named::Words(words));
+        match self {
+            Self::Late | Self::Lost | Self::Frozen => command(End::Holds, STALLED),
+            Self::Duplicated | Self::Reordered => command(End::Moves, Named::Count),
+            Self::Nan => command(End::Holds, Named::Reasons(&[NotFinite])),
+            Self::OutOfRange | Self::ReversedAxis => command(End::Holds, Named::Reasons(&[StepLimit])),
+            Self::Burst => command(End::Moves, Named::Reasons(&[CommandLate])),
+            Self::SlippingClock => input(&[InputStale, CommandStale]),
+            Self::UnpluggedDevice => input(&[DeviceLost]),
+            Self::StuckEncoder => (Place::Snake, End::Fault, Named::Reasons(&[FollowingError])),
+            Self::WrongVersion => machine(End::Refused, "carries payload version"),
+            Self::ForeignWriter => machine(End::Moves, "already has its one writer"),
+            Self::StalledMaster => process(Master, Stall, End::Holds, STALLED),
+            Self::StalledResolve => process(Resolve, Stall, End::Holds, STALLED),
+            Self::StalledCompensate => process(Compensate, Stall, End::Holds, STALLED),
+            Self::StalledSlave => process(Slave, Stall, End::Holds, STALLED),
+            Self::HungResolve => process(Resolve, Hang, End::Holds, STALLED),
+            Self::KilledMaster => process(Master, Kill, End::Holds, LOST),
+            Self::KilledResolve => process(Resolve, Kill, End::Holds, LOST),
+            Self::KilledCompensate => process(Compensate, Kill, End::Holds, LOST),
+            // The one that comes back knows nothing of the one before.
+            Self::KilledSlave => process(Slave, Kill, End::Holds, Named::Words("the drives are without power")),
+            Self::KilledEstimate => process(Estimate, Kill, End::Moves, Named::Words("the motion goes on")),
+            Self::KilledRecord => process(Record, Kill, End::Moves, Named::Words("nothing more is recorded")),
+            Self::FullDisk => machine(End::Moves, "No space left"),
+            Self::FullMemory => machine(End::Moves, "kB free, expected at least"),
+            Self::DeletedRecording => machine(End::Moves, "it was deleted or moved"),
+        }
+    }
+
+    /// Whether the recording holds what came behind the fault.
+    pub fn is_recorded(self) -> bool {
+        !matches!(self, Self::WrongVersion | Self::KilledRecord | Self::FullDisk | Self::DeletedRecording)
+    }
+
+    /// Its word on the command line.
+    pub fn name(self) -> String {
+        self.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default()
+    }
+}
+
+impl End {
+    /// In a word, for the table.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Moves => "moves",
+            Self::Holds => "holds",
+            Self::Fault => "fault",
+            Self::Refused => "refused",
+        }
+    }
+}
+
+impl Named {
+    /// What names the fault, of what a scene has shown; nothing where nothing does.
+    pub fn found(self, reasons: Reasons, n_refused: u64, said: &str) -> Option<String> {
+        match self {
+            Self::Reasons(any) => any.iter().find(|one| reasons.contains(**one)).map(|one| format!("{one:?}")),
+            Self::Count => (n_refused > 0).then(|| format!("{n_refused} refused")),
+            Self::Words(words) => said.contains(words).then(|| format!("\"{words}\"")),
+        }
+    }
+}

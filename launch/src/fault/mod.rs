@@ -1,0 +1,17 @@
+//! Faults on purpose: each is injected into a simulated chain of its own, and what becomes of that is held against what must.
+//!
+//! Messages are broken by a relay between two instances: the stages before the fault run in one, those behind it in the
+//! other, and every process of both is the one that `krait run` starts. So production has no word for a fault.
+
+mod harm;
+mod judge;
+mod kind;
+mod relay;
+mod scene;
+mod tiny;
+mod watch;
+
+pub use judge::{Outcome, Seen, judge};
+pub use kind::Fault;
+pub use scene::{NOT_BEGUN, play};
+pub use tiny::TinyDisk;

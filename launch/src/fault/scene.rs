@@ -1,0 +1,216 @@
+//! One fault on one simulated chain: start it, let it move, break it, see what becomes of it.
+
+use super::harm;
+use super::judge::Seen;
+use super::kind::{Blow, End, Fault, Place};
+use super::relay::Relay;
+use super::watch::Watch;
+use crate::cli::{EngageKind, MasterKind};
+use crate::config::Config;
+use crate::supervisor::{Cast, ChainOptions, Supervisor};
+use anyhow::Context;
+use core::fmt::Write;
+use core::sync::atomic::AtomicBool;
+use krait_ipc::message::{Command, Message, OperatingState, Setpoint, SlaveState};
+use krait_ipc::{Bus, Cores, Process, ReadOptions, Realtime};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// The snake moves for so many states before anything breaks.
+const N_BEFORE: usize = 400;
+/// How long a chain may take to move, or to be whole again, s: a busy machine, and two seconds of silence.
+const PATIENCE_S: f64 = 40.0;
+/// How long a chain is watched after a fault, s.
+const AFTER_S: f64 = 1.0;
+/// How long after a fault of the recording, which is written once a second, s.
+const AFTER_WRITTEN_S: f64 = 3.0;
+/// How long the hand moves, s: longer than any scene.
+const SCRIPT_S: f64 = 300.0;
+/// Speed of the tip, m/s; one circle takes 2 s and bends the snake to about 20 deg.
+const SCRIPT_M_PER_S: f64 = 0.01;
+/// Priority of the stages and the relay.
+const PRIORITY: u8 = 20;
+/// Position of line 1 from which on its encoder sticks, m.
+const STICKS_AT_M: f64 = 1e-4;
+
+/// What a scene needs.
+struct Scene<'a> {
+    fault: Fault,
+    folder: &'a Path,
+    config: Config,
+    stop: &'a AtomicBool,
+}
+
+/// Injects a fault into a chain of its own, whose files lie in a folder.
+///
+/// # Errors
+/// One sentence when there is no chain to break, or a stop was asked for.
+pub fn play(fault: Fault, folder: &Path, stop: &AtomicBool) -> anyhow::Result<Seen> {
+    let mut config = Config::default();
+    config.record.path = Some(recording_in(fault, folder));
+    // A busy machine is another fault than the one that is tried. Where that is refused, the chain goes on without.
+    config.realtime = Realtime { priority: PRIORITY, cores: Cores::Any, ..config.realtime };
+    let (place, end, _) = fault.row();
+    if place == Place::Snake {
+        let truth = folder.join("truth.toml");
+        write(&truth, &format!("[encoders]\nsticks_at_m = [{STICKS_AT_M}, 0.0, 0.0]\n"))?;
+        config.slave.truth = Some(truth);
+    }
+    let scene = Scene { fault, folder, config, stop };
+    match place {
+        _ if end == End::Refused => scene.refused(),
+        Place::Command | Place::Input => scene.relayed(place),
+        _ => scene.whole(place),
+    }
+}
+
+/// Where a scene records.
+pub fn recording_in(fault: Fault, folder: &Path) -> PathBuf {
+    if fault == Fault::FullDisk { folder.join("disk/run.mcap") } else { folder.join("run.mcap") }
+}
+
+impl Scene<'_> {
+    /// Another program has made the channel of commands before the chain is started.
+    fn refused(&self) -> anyhow::Result<Seen> {
+        let instance = self.instance("");
+        let mut supervisor = Supervisor::new(&instance, self.stop)?;
+        let bus = Bus::open(&instance, "foreign")?;
+        let _other_payload = bus.reader_on::<Setpoint>(Command::CHANNEL, ReadOptions::observing())?;
+        let started = supervisor.start_chain(&self.options(Cast::live())?, self.stop);
+        supervisor.end();
+        Ok(Seen { did: started.is_err().then_some(End::Refused), ..Seen::default() })
+    }
+
+    /// A chain in one instance, and a blow from outside.
+    fn whole(&self, place: Place) -> anyhow::Result<Seen> {
+        let instance = self.instance("");
+        let mut supervisor = Supervisor::new(&instance, self.stop)?;
+        supervisor.start_recorder(&self.config, self.stop)?;
+        supervisor.start_chain(&self.options(Cast::driven())?, self.stop)?;
+        let mut watch = Watch::open(supervisor, self.stop)?;
+        if place != Place::Snake {
+            wait_for_motion(&mut watch)?;
+        }
+        let n_processes = watch.supervisors[0].processes().len();
+        let recording = recording_in(self.fault, self.folder);
+        let struck_ns = match place {
+            Place::Process(process, blow) => Some(harm::strike_process(&mut watch, process, blow)?),
+            Place::Machine => Some(harm::strike_machine(self.fault, &instance, &recording)?),
+            _ => None,
+        };
+        match place {
+            Place::Process(Process::Record, _) => watch.run(AFTER_S)?,
+            Place::Process(_, Blow::Kill | Blow::Hang) => {
+                let is_whole = |watch: &Watch<'_>| {
+                    let supervisor = &watch.supervisors[0];
+                    supervisor.processes().len() == n_processes && supervisor.are_ready()
+                };
+                watch.until(PATIENCE_S, "the process is lost", |watch| !is_whole(watch))?;
+                watch.until(PATIENCE_S, "every process runs again", is_whole)?;
+                watch.until(PATIENCE_S, "the drives are ready again", |watch| {
+                    watch.states.last().is_some_and(SlaveState::is_ready)
+                })?;
+            }
+            Place::Snake => watch.until(PATIENCE_S, "the drives are in FAULT", |watch| {
+                watch.states.last().is_some_and(|state| state.operating() == Some(OperatingState::Fault))
+            })?,
+            Place::Machine if self.fault != Fault::ForeignWriter => watch.run(AFTER_WRITTEN_S)?,
+            _ => {}
+        }
+        watch.run(AFTER_S)?;
+        self.see(watch, struck_ns)
+    }
+
+    /// A chain in two instances, with a relay between them.
+    fn relayed(&self, place: Place) -> anyhow::Result<Seen> {
+        let (front, back) = (self.instance("-front"), self.instance("-back"));
+        let in_front =
+            |process: Process| process == Process::Master || place == Place::Command && process != Process::Slave;
+        let cast = |is_front: bool| {
+            let mut cast = Cast::live();
+            cast.processes.retain(|process| in_front(*process) == is_front);
+            cast
+        };
+        let mut behind = Supervisor::new(&back, self.stop)?;
+        behind.start_recorder(&self.config, self.stop)?;
+        let mut before = Supervisor::new(&front, self.stop)?;
+        let start = if place == Place::Command { Relay::of_commands } else { Relay::of_input };
+        let relay =
+            start(self.fault, &front, &back, self.config.realtime.clone()).context("the relay could not be started")?;
+        let mut watch = Watch::open(behind, self.stop)?;
+        watch.until(PATIENCE_S, "the relay is there", |_| relay.is_open())?;
+        // The slave last: the script begins when that is ready, and the operator must be seen absent before.
+        before.start_chain(&self.options(cast(true))?, self.stop)?;
+        let behind = &mut watch.supervisors[0];
+        behind.start_chain(&self.options(cast(false))?, self.stop)?;
+        watch.supervisors.push(before);
+        wait_for_motion(&mut watch)?;
+        relay.strike();
+        watch.until(PATIENCE_S, "the relay breaks messages", |_| relay.struck_ns().is_some())?;
+        let struck_ns = relay.struck_ns();
+        watch.run(2.0 * AFTER_S)?;
+        let seen = self.see(watch, struck_ns)?;
+        relay.end()?;
+        Ok(seen)
+    }
+
+    /// Ends the chain and looks at what it has left.
+    fn see(&self, mut watch: Watch<'_>, struck_ns: Option<i64>) -> anyhow::Result<Seen> {
+        for supervisor in watch.supervisors.iter_mut().rev() {
+            supervisor.end();
+        }
+        let limits = &self.config.slave.limits;
+        let recording = self.fault.is_recorded().then(|| recording_in(self.fault, self.folder));
+        Seen::of(recording.as_deref(), &watch.states, struck_ns, limits.rate_m_per_s)
+    }
+
+    fn options(&self, cast: Cast) -> anyhow::Result<ChainOptions> {
+        let script = self.folder.join("circles.csv");
+        write(&script, &circles())?;
+        let (config, master, engage) = (self.config.clone(), MasterKind::Script, Some(EngageKind::Once));
+        Ok(ChainOptions { config, master, input: Some(script), looped: false, engage, cast })
+    }
+
+    fn instance(&self, side: &str) -> String {
+        format!("fault-{}{side}", std::process::id())
+    }
+}
+
+/// The chain stood still before the fault: a busy machine, and no fault of the chain's.
+#[derive(Debug, thiserror::Error)]
+#[error("{NOT_BEGUN}: the chain stood still by itself, so the machine is too busy for this")]
+struct NotBegun;
+
+/// How such a scene begins its sentence.
+pub const NOT_BEGUN: &str = "the fault was not tried";
+
+/// Waits until the operator has engaged and the drives have moved for a while.
+fn wait_for_motion(watch: &mut Watch<'_>) -> anyhow::Result<()> {
+    let has_ended = |states: &[SlaveState]| {
+        let engaged = states.iter().position(SlaveState::is_engaged);
+        engaged.is_some_and(|first| states[first..].iter().any(|state| !state.is_engaged()))
+    };
+    let moves = |states: &[SlaveState]| {
+        let moves = |state: &&SlaveState| state.is_engaged() && state.flags & SlaveState::FOLLOWING != 0;
+        states.iter().rev().take(N_BEFORE).filter(moves).count() == N_BEFORE
+    };
+    watch.until(PATIENCE_S, "the snake moves", |watch| moves(&watch.states) || has_ended(&watch.states))?;
+    if has_ended(&watch.states) { Err(NotBegun.into()) } else { Ok(()) }
+}
+
+/// A script in which the tip goes round and round.
+fn circles() -> String {
+    let mut text = String::from("time_s,tip_vx_m_per_s,tip_vy_m_per_s,tip_vz_m_per_s\n");
+    let mut time_s = 0.0;
+    while time_s < SCRIPT_S {
+        let (y, x) = (core::f64::consts::PI * time_s).sin_cos();
+        let row = writeln!(text, "{time_s},{},{},0", x * SCRIPT_M_PER_S, y * SCRIPT_M_PER_S);
+        debug_assert!(row.is_ok(), "a String takes everything");
+        time_s += 0.05;
+    }
+    text
+}
+
+fn write(path: &Path, text: &str) -> anyhow::Result<()> {
+    fs::write(path, text).with_context(|| format!("{} could not be written", path.display()))
+}
