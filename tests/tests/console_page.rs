@@ -20,7 +20,7 @@ fn a_person_sees_the_robot_stops_it_from_a_page_that_hangs_and_goes_on() {
     let console = Console::of(&mut krait);
     let mut page = browser.page(&console.address, 1280, 800);
     page.wait_for("the snake follows", "document.documentElement.dataset.shown === 'following'");
-    assert_eq!(page.text("#word"), "Following");
+    page.wait_for("the word says so", "document.getElementById('word').textContent === 'Following'");
     assert_eq!(page.value("location.hash"), json!(""), "the token leaves the address bar");
     page.wait_for("the bend is a number", "/^[0-9.]+°$/.test(document.getElementById('bend-now').textContent)");
     page.wait_for("the stop is there", "document.getElementById('stop') !== null");
@@ -35,8 +35,10 @@ fn a_person_sees_the_robot_stops_it_from_a_page_that_hangs_and_goes_on() {
                 page.value(&format!("document.querySelector('[data-go={tab}]').click()"));
                 page.value("new Promise(done => setTimeout(done, 700))");
                 keep(&mut page, &format!("{tab}-{theme}-{width}"));
-                let overflow = page.value("document.documentElement.scrollWidth > innerWidth || document.documentElement.scrollHeight > innerHeight");
-                assert_eq!(overflow, json!(false), "{tab} at {width} x {height}");
+                page.wait_for(
+                    &format!("{tab} fits into {width} x {height}"),
+                    "document.documentElement.scrollWidth <= innerWidth && document.documentElement.scrollHeight <= innerHeight",
+                );
             }
             assert_contrast(&mut page, theme);
         }
