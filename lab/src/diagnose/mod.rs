@@ -8,8 +8,10 @@
 //! 5. Look-alikes and their probabilities by resampling blocks (`alternatives`); what is left (`structure`); the verdict.
 
 mod accept;
+mod alike;
 mod alternatives;
 mod answer;
+mod columns;
 mod experiment;
 mod gate;
 mod json;

@@ -1,6 +1,7 @@
 //! The diagnosis from beginning to end.
 
 use super::accept::{Comparison, FOLDS};
+use super::alike::is_alike;
 use super::alternatives::Alternatives;
 use super::answer::{CandidateAnswer, Diagnosis, FoundEffect, FoundParameter, Remaining, Verdict};
 use super::rhythm::{Rhythm, rhythm};
@@ -8,7 +9,7 @@ use super::screen::{Cell, orthonormal};
 use super::search::{Search, Trial, memory};
 use super::sign_flip::SignFlip;
 use super::working::working_rows;
-use super::{GroupShare, experiment, gate, lists, structure};
+use super::{GroupShare, columns, experiment, gate, lists, structure};
 use crate::fit::{Variable, held_out_block_squares, uncertainty};
 use crate::machine::{Candidate, Machine};
 use crate::noise::{FloorSource, NoiseFloor};
@@ -78,9 +79,32 @@ pub fn diagnose(machine: &dyn Machine, data: &Measurements, options: &DiagnoseOp
         base_variables: &base_variables,
         seed: options.seed,
     };
-    let mut found = run(&search(&work), &floors, options.max_effects)?;
+    let hint = columns::check(machine, data)?;
+    let mut found = run(&search(&work), &floors, if hint.is_some() { 1 } else { options.max_effects })?;
     found.decide(&search(&work), &search(&full));
-    Case { full: &search(&full), work: &search(&work), floors, found, n_outliers: excluded.len() }.conclude()
+    let case = Case { full: &search(&full), work: &search(&work), floors, found, n_outliers: excluded.len() };
+    let diagnosis = case.conclude()?;
+    Ok(match hint {
+        Some(hint) => columns_first(diagnosis, hint),
+        None => diagnosis,
+    })
+}
+
+/// Nothing is named while the columns are not what their names say.
+fn columns_first(diagnosis: Diagnosis, hint: String) -> Diagnosis {
+    let mut cautions = vec![hint.clone()];
+    cautions.extend(diagnosis.cautions);
+    let partial = [diagnosis.effects, diagnosis.partial].concat();
+    Diagnosis {
+        verdict: Verdict::Unknown,
+        sentence: format!("the columns first: {hint}"),
+        cautions,
+        effects: Vec::new(),
+        partial,
+        explained_share: None,
+        next_experiment: None,
+        ..diagnosis
+    }
 }
 
 /// What the search on the working rows found.
@@ -216,8 +240,15 @@ impl Case<'_> {
         let floor = sigma.map(|(sigma, _)| sigma * (problem.data.n_outputs as f64).sqrt() * scale);
         let remaining = self.remaining(&chosen, before, after, floor)?;
         let effects = self.effects(&chosen, &prefixes, before)?;
+        let class = |slot: usize| self.full.candidates[chosen.found[slot]].class;
+        let is_doubtful = |slot: usize| remaining.looks_like.is_some_and(|group| is_alike(class(slot), group));
+        let doubtful: Vec<bool> = (0..effects.len()).map(|slot| remaining.structured && is_doubtful(slot)).collect();
         let verdict = match (remaining.structured, effects.is_empty()) {
-            (true, false) if remaining.unexplained <= 1.0 - PARTLY && self.stands(&chosen) => Verdict::Partly,
+            (true, false)
+                if remaining.unexplained <= 1.0 - PARTLY && self.stands(&chosen) && doubtful.contains(&false) =>
+            {
+                Verdict::Partly
+            }
             (true, _) => Verdict::Unknown,
             (false, true) => Verdict::None,
             (false, false) => Verdict::Missing,
@@ -229,8 +260,18 @@ impl Case<'_> {
             _ => Some(experiment::explore(remaining.looks_like)),
         };
         let candidates = self.candidates(&effects, scale);
-        let (effects, partial) =
-            if verdict == Verdict::Unknown { (Vec::new(), effects) } else { (effects, Vec::new()) };
+        let mut terms = chosen.fit.effects.clone();
+        let (effects, partial) = if verdict == Verdict::Unknown {
+            (Vec::new(), effects)
+        } else {
+            let base = self.full.base.len();
+            (0..doubtful.len()).rev().filter(|slot| doubtful[*slot]).for_each(|slot| {
+                terms.remove(base + slot);
+            });
+            let (partial, stand): (Vec<_>, Vec<_>) = effects.into_iter().zip(doubtful).partition(|(_, own)| *own);
+            let only = |all: Vec<(FoundEffect, bool)>| all.into_iter().map(|(effect, _)| effect).collect::<Vec<_>>();
+            (only(stand), only(partial))
+        };
         Ok(Diagnosis {
             sentence: sentence(verdict, &effects, &remaining, after, floor, unit),
             verdict,
@@ -250,7 +291,7 @@ impl Case<'_> {
             candidates,
             remaining,
             next_experiment,
-            terms: chosen.fit.effects,
+            terms,
             rows: [problem.data.n_rows(), problem.n_scored / problem.data.n_outputs, self.n_outliers, problem.n_blocks],
             floors: self.floors,
             seed: search.seed,
