@@ -11,7 +11,6 @@ mod accept;
 mod alike;
 mod alternatives;
 mod answer;
-mod columns;
 mod experiment;
 mod gate;
 mod json;

@@ -9,7 +9,7 @@ use super::screen::{Cell, orthonormal};
 use super::search::{Search, Trial, memory};
 use super::sign_flip::SignFlip;
 use super::working::working_rows;
-use super::{GroupShare, columns, experiment, gate, lists, structure};
+use super::{GroupShare, experiment, gate, lists, structure};
 use crate::fit::{Variable, held_out_block_squares, uncertainty};
 use crate::machine::{Candidate, Machine};
 use crate::noise::{FloorSource, NoiseFloor};
@@ -79,32 +79,9 @@ pub fn diagnose(machine: &dyn Machine, data: &Measurements, options: &DiagnoseOp
         base_variables: &base_variables,
         seed: options.seed,
     };
-    let hint = columns::check(machine, data)?;
-    let mut found = run(&search(&work), &floors, if hint.is_some() { 1 } else { options.max_effects })?;
+    let mut found = run(&search(&work), &floors, options.max_effects)?;
     found.decide(&search(&work), &search(&full));
-    let case = Case { full: &search(&full), work: &search(&work), floors, found, n_outliers: excluded.len() };
-    let diagnosis = case.conclude()?;
-    Ok(match hint {
-        Some(hint) => columns_first(diagnosis, hint),
-        None => diagnosis,
-    })
-}
-
-/// Nothing is named while the columns are not what their names say.
-fn columns_first(diagnosis: Diagnosis, hint: String) -> Diagnosis {
-    let mut cautions = vec![hint.clone()];
-    cautions.extend(diagnosis.cautions);
-    let partial = [diagnosis.effects, diagnosis.partial].concat();
-    Diagnosis {
-        verdict: Verdict::Unknown,
-        sentence: format!("the columns first: {hint}"),
-        cautions,
-        effects: Vec::new(),
-        partial,
-        explained_share: None,
-        next_experiment: None,
-        ..diagnosis
-    }
+    Case { full: &search(&full), work: &search(&work), floors, found, n_outliers: excluded.len() }.conclude()
 }
 
 /// What the search on the working rows found.
