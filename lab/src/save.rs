@@ -2,7 +2,7 @@
 
 use crate::machine::setting;
 use crate::{Added, LabError, Measurements};
-use krait_model::model_file::{FileEffect, HeldOutRms, HistoryEntry, ModelFile, Origin};
+use krait_model::model_file::{FileEffect, HeldOutRms, HistoryEntry, Machine, ModelFile, Origin};
 
 /// The file with the effects of a fit. `what` names the effect for the history; `date` is the day, YYYY-MM-DD.
 ///
@@ -50,7 +50,16 @@ pub fn save(
         data: data.source.clone(),
         data_sha256: data.sha256.clone(),
         date: Some(date.to_owned()),
-        heldout_rms_deg: HeldOutRms { before: added.before, after: added.after, noise_floor: added.noise_floor },
+        heldout_rms: HeldOutRms { before: added.before, after: added.after, noise_floor: added.noise_floor },
+        unit: unit(file.machine()),
     });
     Ok(ModelFile::new(file.machine().clone(), effects, history)?)
+}
+
+/// Unit of a machine's errors.
+fn unit(machine: &Machine) -> String {
+    match machine {
+        Machine::Joints(joints) if joints.y_unit != "rad" => joints.y_unit.clone(),
+        _ => "deg".to_owned(),
+    }
 }

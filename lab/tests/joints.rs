@@ -5,7 +5,7 @@ use krait_lab::compare::compare;
 use krait_lab::diagnose::{DiagnoseOptions, diagnose};
 use krait_lab::machine::{JointsLab, Machine};
 use krait_lab::read::{ColumnMap, read};
-use krait_lab::{Measurements, Term};
+use krait_lab::{AddOptions, Measurements, Term, add, save};
 use krait_model::model_file::ModelFile;
 use std::path::Path;
 
@@ -58,6 +58,25 @@ fn the_diagnosis_names_the_play() {
     let first = found.effects.first().unwrap_or_else(|| panic!("{}", found.sentence));
     assert!(first.class.iter().any(|name| name == "backlash"), "{}", found.sentence);
     assert!(found.final_heldout_rms < 1.1 * found.noise_floor.expect("white noise"), "{}", found.sentence);
+}
+
+#[test]
+fn errors_of_a_joint_in_millimetres_are_never_called_degrees() {
+    let (file, machine) = machine("n = 1\nu_unit = \"mm\"\ny_unit = \"mm\"\n");
+    let data = wrist().1;
+    let in_mm = |values: &[f64]| values.iter().map(|v| v * 500.0).collect::<Vec<f64>>();
+    let data = Measurements { inputs: in_mm(&data.inputs), outputs: in_mm(&data.outputs), ..data };
+    let options = DiagnoseOptions { max_effects: 1, ..DiagnoseOptions::default() };
+    let json = diagnose(&machine, &data, &options).expect("a chain").to_json();
+    assert_eq!((&json["unit"], &json["effects"][0]["unit"]), (&"mm".into(), &"mm".into()), "{json}");
+    assert!(json["base_heldout_rms"].is_number() && json["base_heldout_rms_deg"].is_null(), "{json}");
+    assert_eq!(json["effects"][0]["params"]["half_width"]["unit"], "mm", "{json}");
+    let term = Term { name: "backlash".to_owned(), values: vec![0.0, 0.0], formula: None };
+    let added = add(&machine, &data, &AddOptions { term, from_given: false, free: Vec::new() }).expect("a fit");
+    let better = save(&file, &added, "backlash", &data, "2026-11-22").expect("a model");
+    let text = better.to_toml();
+    assert!(text.contains("heldout_rms = {") && text.contains("unit = \"mm\"") && !text.contains("_deg"), "{text}");
+    assert_eq!(ModelFile::parse(&text).expect("read back"), better);
 }
 
 #[test]

@@ -54,7 +54,7 @@ fn a_file_keeps_its_values_origins_and_history() {
     );
     assert_eq!((shelf.setting().value("b"), shelf.setting().value("d0")), (Some(0.2), Some(0.0)));
     assert_eq!(shelf.origin("a").unwrap().se, Some(2e-5));
-    assert_eq!(file.history()[0].heldout_rms_deg.noise_floor, Some(0.31));
+    assert_eq!(file.history()[0].heldout_rms.noise_floor, Some(0.31));
 }
 
 #[test]

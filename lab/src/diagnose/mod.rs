@@ -8,6 +8,7 @@
 //! 5. Look-alikes and their probabilities by resampling blocks (`alternatives`); what is left (`structure`); the verdict.
 
 mod accept;
+mod alike;
 mod alternatives;
 mod answer;
 mod experiment;

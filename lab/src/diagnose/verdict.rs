@@ -1,6 +1,7 @@
 //! The diagnosis from beginning to end.
 
 use super::accept::{Comparison, FOLDS};
+use super::alike::is_alike;
 use super::alternatives::Alternatives;
 use super::answer::{CandidateAnswer, Diagnosis, FoundEffect, FoundParameter, Remaining, Verdict};
 use super::rhythm::{Rhythm, rhythm};
@@ -216,8 +217,15 @@ impl Case<'_> {
         let floor = sigma.map(|(sigma, _)| sigma * (problem.data.n_outputs as f64).sqrt() * scale);
         let remaining = self.remaining(&chosen, before, after, floor)?;
         let effects = self.effects(&chosen, &prefixes, before)?;
+        let class = |slot: usize| self.full.candidates[chosen.found[slot]].class;
+        let is_doubtful = |slot: usize| remaining.looks_like.is_some_and(|group| is_alike(class(slot), group));
+        let doubtful: Vec<bool> = (0..effects.len()).map(|slot| remaining.structured && is_doubtful(slot)).collect();
         let verdict = match (remaining.structured, effects.is_empty()) {
-            (true, false) if remaining.unexplained <= 1.0 - PARTLY && self.stands(&chosen) => Verdict::Partly,
+            (true, false)
+                if remaining.unexplained <= 1.0 - PARTLY && self.stands(&chosen) && doubtful.contains(&false) =>
+            {
+                Verdict::Partly
+            }
             (true, _) => Verdict::Unknown,
             (false, true) => Verdict::None,
             (false, false) => Verdict::Missing,
@@ -229,8 +237,18 @@ impl Case<'_> {
             _ => Some(experiment::explore(remaining.looks_like)),
         };
         let candidates = self.candidates(&effects, scale);
-        let (effects, partial) =
-            if verdict == Verdict::Unknown { (Vec::new(), effects) } else { (effects, Vec::new()) };
+        let mut terms = chosen.fit.effects.clone();
+        let (effects, partial) = if verdict == Verdict::Unknown {
+            (Vec::new(), effects)
+        } else {
+            let base = self.full.base.len();
+            (0..doubtful.len()).rev().filter(|slot| doubtful[*slot]).for_each(|slot| {
+                terms.remove(base + slot);
+            });
+            let (partial, stand): (Vec<_>, Vec<_>) = effects.into_iter().zip(doubtful).partition(|(_, own)| *own);
+            let only = |all: Vec<(FoundEffect, bool)>| all.into_iter().map(|(effect, _)| effect).collect::<Vec<_>>();
+            (only(stand), only(partial))
+        };
         Ok(Diagnosis {
             sentence: sentence(verdict, &effects, &remaining, after, floor, unit),
             verdict,
@@ -250,7 +268,7 @@ impl Case<'_> {
             candidates,
             remaining,
             next_experiment,
-            terms: chosen.fit.effects,
+            terms,
             rows: [problem.data.n_rows(), problem.n_scored / problem.data.n_outputs, self.n_outliers, problem.n_blocks],
             floors: self.floors,
             seed: search.seed,

@@ -114,15 +114,16 @@ fn candidate(kind: EffectKind, search: &Search, data: &Measurements) -> Candidat
 }
 
 /// Pitches from half a millimetre on, so close that neighbours are half a turn apart over the whole travel; at least
-/// two turns fit into it.
+/// three turns fit into it: what has fewer is a curve.
 fn pitches_m(data: &Measurements) -> Vec<f64> {
     const FINEST_M: f64 = 5e-4;
     let travel_m = largest_range(data);
-    let turns = (2.0, (travel_m / FINEST_M).clamp(2.0, MOST_TURNS));
+    let turns = (FEWEST_TURNS, (travel_m / FINEST_M).clamp(FEWEST_TURNS, MOST_TURNS));
     let n = ((turns.1 - turns.0) / TURNS_APART).ceil() as usize;
     (0..=n).map(|k| travel_m / (turns.1 - k as f64 * TURNS_APART).max(turns.0)).filter(|p| *p > 0.0).collect()
 }
 
+const FEWEST_TURNS: f64 = 3.0;
 /// More turns of a screw than this in the whole travel are not looked for.
 const MOST_TURNS: f64 = 40.0;
 /// Turns in the whole travel by which neighbouring pitches differ.

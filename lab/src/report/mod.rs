@@ -121,9 +121,9 @@ pub fn history_page(file: &ModelFile, model: &str, origin: Origin) -> String {
     let history = file.history();
     if let (Some(first), Some(last)) = (history.first(), history.last()) {
         let step = |name: String, rms: f64| Step { name, rms, half_width: None };
-        let mut steps = vec![step("model at first".to_owned(), first.heldout_rms_deg.before)];
-        steps.extend(history.iter().map(|own| step(format!("+ {}", own.effect), own.heldout_rms_deg.after)));
-        let picture = waterfall::picture(&steps, last.heldout_rms_deg.noise_floor, "deg");
+        let mut steps = vec![step("model at first".to_owned(), first.heldout_rms.before)];
+        steps.extend(history.iter().map(|own| step(format!("+ {}", own.effect), own.heldout_rms.after)));
+        let picture = waterfall::picture(&steps, last.heldout_rms.noise_floor, &last.unit);
         page.section("Error after each effect", vec![picture]);
         page.push(tables::history(history));
     } else {

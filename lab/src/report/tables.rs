@@ -217,7 +217,7 @@ pub(super) fn added(added: &Added, what: &str, unit: &str) -> String {
 /// A model's history.
 pub(super) fn history(history: &[HistoryEntry]) -> String {
     let row = |own: &HistoryEntry| {
-        let rms = own.heldout_rms_deg;
+        let rms = own.heldout_rms;
         vec![
             own.effect.clone(),
             format!("{:.4}", rms.before),
@@ -232,7 +232,7 @@ pub(super) fn history(history: &[HistoryEntry]) -> String {
     table(
         &[
             "effect",
-            "error before (deg)",
+            &format!("error before ({})", history.first().map_or("deg", |own| own.unit.as_str())),
             "after",
             "noise floor",
             "data",

@@ -58,7 +58,8 @@ pub fn run(args: &SaveLearntArgs) -> anyhow::Result<ExitCode> {
         data: source,
         data_sha256: sha256(&args.recording)?,
         date: Some(date),
-        heldout_rms_deg: HeldOutRms { before, after, noise_floor: None },
+        heldout_rms: HeldOutRms { before, after, noise_floor: None },
+        unit: "deg".to_owned(),
     });
     let saved = ModelFile::new(file.machine().clone(), effects, history)?;
     std::fs::write(&args.out, saved.to_toml())

@@ -12,10 +12,12 @@ pub struct HistoryEntry {
     /// The day, YYYY-MM-DD.
     pub date: Option<String>,
     /// What it brought.
-    pub heldout_rms_deg: HeldOutRms,
+    pub heldout_rms: HeldOutRms,
+    /// Unit of the errors: degrees, or for joints in another unit that one.
+    pub unit: String,
 }
 
-/// Error on data that the effect was not fitted to, degrees, root mean square.
+/// Error on data that the effect was not fitted to, root mean square, in the entry's unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HeldOutRms {
     /// Before the effect.

@@ -164,17 +164,30 @@ fn effects(root: &Section, machine: &Machine) -> Result<Vec<FileEffect>, ModelFi
 }
 
 fn history_entry(section: &Section) -> Result<HistoryEntry, ModelFileError> {
-    section.only(&["effect", "data", "data_sha256", "date", "heldout_rms_deg"])?;
+    section.only(&["effect", "data", "data_sha256", "date", "heldout_rms_deg", "heldout_rms"])?;
     let word = |key: &'static str, expected| {
         section.text(key)?.map(|text| text.value).ok_or_else(|| section.missing(key, expected))
     };
-    let rms = section
-        .section("heldout_rms_deg")?
-        .ok_or_else(|| section.missing("heldout_rms_deg", "{ before = ..., after = ..., noise_floor = ... }"))?;
-    rms.only(&["before", "after", "noise_floor"])?;
-    let degrees = |key: &'static str| -> Result<Option<f64>, ModelFileError> {
+    // Degrees under a name of their own; any other unit beside the errors.
+    let (rms, unit, most) = match section.section("heldout_rms")? {
+        Some(rms) => {
+            rms.only(&["before", "after", "noise_floor", "unit"])?;
+            let unit = rms.text("unit")?.ok_or_else(|| rms.missing("unit", "the unit of the errors, in quotes"))?;
+            (rms, unit.value, f64::MAX)
+        }
+        None => {
+            let rms = section.section("heldout_rms_deg")?.ok_or_else(|| {
+                section.missing("heldout_rms_deg", "{ before = ..., after = ..., noise_floor = ... }")
+            })?;
+            rms.only(&["before", "after", "noise_floor"])?;
+            (rms, "deg".to_owned(), 360.0)
+        }
+    };
+    let error = |key: &'static str| -> Result<Option<f64>, ModelFileError> {
         match rms.number(key)? {
-            Some(given) if !(0.0..=360.0).contains(&given.value) => Err(given.out_of_range(key, 0.0, 360.0, "deg")),
+            Some(given) if !(0.0..=most).contains(&given.value) => {
+                Err(given.out_of_range(key, 0.0, most, "(the error's unit)"))
+            }
             given => Ok(given.map(|g| g.value)),
         }
     };
@@ -183,11 +196,12 @@ fn history_entry(section: &Section) -> Result<HistoryEntry, ModelFileError> {
         data: word("data", "the name of the data")?,
         data_sha256: word("data_sha256", "64 hexadecimal digits")?,
         date: section.text("date")?.map(|date| date.value),
-        heldout_rms_deg: HeldOutRms {
-            before: degrees("before")?.ok_or_else(|| rms.missing("before", "degrees"))?,
-            after: degrees("after")?.ok_or_else(|| rms.missing("after", "degrees"))?,
-            noise_floor: degrees("noise_floor")?,
+        heldout_rms: HeldOutRms {
+            before: error("before")?.ok_or_else(|| rms.missing("before", "an error"))?,
+            after: error("after")?.ok_or_else(|| rms.missing("after", "an error"))?,
+            noise_floor: error("noise_floor")?,
         },
+        unit,
     })
 }
 

@@ -175,12 +175,17 @@ impl Out {
         if let Some(date) = &entry.date {
             self.line(&format!("date = {}", text(date)), "");
         }
-        let rms = &entry.heldout_rms_deg;
+        let rms = &entry.heldout_rms;
         let mut shown = format!("before = {}, after = {}", number(rms.before), number(rms.after));
         if let Some(floor) = rms.noise_floor {
             shown += &format!(", noise_floor = {}", number(floor));
         }
-        self.line(&format!("heldout_rms_deg = {{ {shown} }}"), "degrees, on data that it was not fitted to");
+        if entry.unit == "deg" {
+            self.line(&format!("heldout_rms_deg = {{ {shown} }}"), "degrees, on data that it was not fitted to");
+        } else {
+            let unit = text(&entry.unit);
+            self.line(&format!("heldout_rms = {{ {shown}, unit = {unit} }}"), "on data that it was not fitted to");
+        }
     }
 }
 

@@ -28,20 +28,22 @@ pub fn run(args: &HistoryArgs) -> anyhow::Result<ExitCode> {
 }
 
 fn answer(entry: &HistoryEntry) -> Value {
-    let rms = entry.heldout_rms_deg;
+    let rms = entry.heldout_rms;
+    let errors = json!({ "before": rms.before, "after": rms.after, "noise_floor": rms.noise_floor });
     json!({
         "effect": entry.effect, "data": entry.data, "data_sha256": entry.data_sha256, "date": entry.date,
-        "heldout_rms_deg": { "before": rms.before, "after": rms.after, "noise_floor": rms.noise_floor },
+        "heldout_rms": errors, "heldout_rms_deg": (entry.unit == "deg").then_some(&errors), "unit": entry.unit,
     })
 }
 
 /// A bar as long as the error, the longest 30 characters.
 fn table(history: &[HistoryEntry]) -> Table {
-    let longest = history.iter().map(|entry| entry.heldout_rms_deg.before).fold(0.0, f64::max).max(1e-12);
+    let longest = history.iter().map(|entry| entry.heldout_rms.before).fold(0.0, f64::max).max(1e-12);
     let bar = |rms: f64| "#".repeat((30.0 * rms / longest).round() as usize);
-    let mut table = Table::new(&["effect", "before (deg)", "after", "noise floor", "data", "day", ""]);
+    let unit = history.first().map_or("deg", |entry| entry.unit.as_str());
+    let mut table = Table::new(&["effect", &format!("before ({unit})"), "after", "noise floor", "data", "day", ""]);
     for entry in history {
-        let rms = entry.heldout_rms_deg;
+        let rms = entry.heldout_rms;
         table.row(vec![
             entry.effect.clone(),
             format!("{:.4}", rms.before),
