@@ -142,7 +142,7 @@ pub enum Verb {
     /// the time since the write before allows (at most 1), how long it took to rest, and what names the fault.
     /// Exit code 0: every fault ends as it must; 1: one does not; 2: the faults could not be tried.
     #[command(
-        after_help = "Examples:\n  krait fault --all\n  krait fault burst killed-slave\n  krait fault --all --json"
+        after_help = "Examples:\n  krait fault --all\n  krait fault burst killed-slave\n  krait fault killed-resolve stalled-slave --repeat 100\n  krait fault --all --json"
     )]
     Fault(FaultArgs),
     /// Parts of `krait bench` and `krait fault` that are processes of their own.

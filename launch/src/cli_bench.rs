@@ -87,6 +87,9 @@ pub struct FaultArgs {
     /// Try every fault.
     #[arg(long)]
     pub all: bool,
+    /// How often each is tried, from the second time on at a random moment and, where it is a stall, for a random time.
+    #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub repeat: u64,
     /// Print the outcomes as JSON on standard output.
     #[arg(long)]
     pub json: bool,
@@ -95,6 +98,12 @@ pub struct FaultArgs {
 /// Options of one scene of `krait fault`.
 #[derive(Clone, Debug, Args)]
 pub struct SceneArgs {
+    /// How long it waits before it strikes, s.
+    #[arg(long, default_value_t = 0.0)]
+    pub wait_s: f64,
+    /// How long a process is stopped, s.
+    #[arg(long, default_value_t = 0.3)]
+    pub stall_s: f64,
     /// The fault.
     #[arg(long, value_enum)]
     pub fault: crate::fault::Fault,

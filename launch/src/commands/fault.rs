@@ -2,7 +2,7 @@
 
 use crate::cli_bench::{FaultArgs, SceneArgs};
 use crate::commands::yardstick;
-use crate::fault::{Fault, NOT_BEGUN, Outcome, Seen, TinyDisk, judge, play};
+use crate::fault::{Fault, Moment, NOT_BEGUN, Outcome, Seen, TinyDisk, judge, play};
 use crate::{print, signals};
 use anyhow::{Context, bail};
 use clap::ValueEnum;
@@ -36,12 +36,13 @@ pub fn run(args: &FaultArgs) -> anyhow::Result<ExitCode> {
         print::out(&header())?;
     }
     let mut outcomes = Vec::new();
-    for fault in faults {
-        let (mut outcome, mut said) = try_one(*fault, &stop)?;
+    let plays = faults.iter().flat_map(|fault| (0..args.repeat).map(|n| (*fault, Moment::of(n))));
+    for (fault, moment) in plays {
+        let (mut outcome, mut said) = try_one(fault, moment, &stop)?;
         let mut n_more = N_MORE;
         while n_more > 0 && said.contains(NOT_BEGUN) {
             n_more -= 1;
-            (outcome, said) = try_one(*fault, &stop)?;
+            (outcome, said) = try_one(fault, moment, &stop)?;
         }
         if !args.json {
             print::out(&row(&outcome))?;
@@ -71,12 +72,13 @@ pub fn run(args: &FaultArgs) -> anyhow::Result<ExitCode> {
 /// Becomes the process that plays one scene.
 pub fn scene(args: &SceneArgs) -> anyhow::Result<ExitCode> {
     let stop = signals::stop_flag()?;
-    print::json(&play(args.fault, &args.folder, &stop)?)?;
+    let moment = Moment { wait_s: args.wait_s, stall_s: args.stall_s };
+    print::json(&play(args.fault, moment, &args.folder, &stop)?)?;
     Ok(ExitCode::SUCCESS)
 }
 
 /// A fault in a process of its own, with a ground of its own where that is filled up; also gives what it said.
-fn try_one(fault: Fault, stop: &AtomicBool) -> anyhow::Result<(Outcome, String)> {
+fn try_one(fault: Fault, moment: Moment, stop: &AtomicBool) -> anyhow::Result<(Outcome, String)> {
     let scratch = Scratch::new()?;
     let tiny = match fault {
         Fault::FullDisk => Some(TinyDisk::mount(&scratch.folder().join("disk"), DISK_MB)?),
@@ -89,7 +91,7 @@ fn try_one(fault: Fault, stop: &AtomicBool) -> anyhow::Result<(Outcome, String)>
         return Ok((outcome, String::new()));
     }
     let (out, said) = (scratch.folder().join("seen.json"), scratch.folder().join("said.txt"));
-    let mut command = yardstick::scene_command(fault, scratch.folder())?;
+    let mut command = yardstick::scene_command(fault, moment, scratch.folder())?;
     if fault == Fault::FullMemory {
         command.env("XDG_RUNTIME_DIR", scratch.folder().join("ground"));
     }

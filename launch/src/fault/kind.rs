@@ -113,6 +113,8 @@ pub enum Named {
     Reasons(&'static [Reason]),
     /// The slave's count of refused commands.
     Count,
+    /// One of these reasons, or these words, where the slave may not live to give a reason.
+    ReasonsOr(&'static [Reason], &'static str),
     /// These words, on standard error.
     Words(&'static str),
 }
@@ -147,7 +149,10 @@ impl Fault {
             Self::StalledMaster => process(Master, Stall, End::Holds, STALLED),
             Self::StalledResolve => process(Resolve, Stall, End::Holds, STALLED),
             Self::StalledCompensate => process(Compensate, Stall, End::Holds, STALLED),
-            Self::StalledSlave => process(Slave, Stall, End::Holds, STALLED),
+            // From 2 s on the supervisor takes it for hung, and the one that comes back knows nothing of the stall.
+            Self::StalledSlave => {
+                process(Slave, Stall, End::Holds, Named::ReasonsOr(&[ChainStalled], "said nothing for"))
+            }
             Self::HungResolve => process(Resolve, Hang, End::Holds, STALLED),
             Self::KilledMaster => process(Master, Kill, End::Holds, LOST),
             Self::KilledResolve => process(Resolve, Kill, End::Holds, LOST),
@@ -188,10 +193,13 @@ impl End {
 impl Named {
     /// What names the fault, of what a scene has shown; nothing where nothing does.
     pub fn found(self, reasons: Reasons, n_refused: u64, said: &str) -> Option<String> {
+        let reason = |any: &[Reason]| any.iter().find(|one| reasons.contains(**one)).map(|one| format!("{one:?}"));
+        let quoted = |words: &str| said.contains(words).then(|| format!("\"{words}\""));
         match self {
-            Self::Reasons(any) => any.iter().find(|one| reasons.contains(**one)).map(|one| format!("{one:?}")),
+            Self::Reasons(any) => reason(any),
+            Self::ReasonsOr(any, words) => reason(any).or_else(|| quoted(words)),
             Self::Count => (n_refused > 0).then(|| format!("{n_refused} refused")),
-            Self::Words(words) => said.contains(words).then(|| format!("\"{words}\"")),
+            Self::Words(words) => quoted(words),
         }
     }
 }

@@ -6,6 +6,7 @@
 mod harm;
 mod judge;
 mod kind;
+mod moment;
 mod relay;
 mod scene;
 mod tiny;
@@ -13,5 +14,6 @@ mod watch;
 
 pub use judge::{Outcome, Seen, judge};
 pub use kind::Fault;
+pub use moment::Moment;
 pub use scene::{NOT_BEGUN, play};
 pub use tiny::TinyDisk;

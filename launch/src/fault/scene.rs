@@ -3,6 +3,7 @@
 use super::harm;
 use super::judge::Seen;
 use super::kind::{Blow, End, Fault, Place};
+use super::moment::Moment;
 use super::relay::Relay;
 use super::watch::Watch;
 use crate::cli::{EngageKind, MasterKind};
@@ -38,6 +39,7 @@ struct Scene<'a> {
     fault: Fault,
     folder: &'a Path,
     config: Config,
+    moment: Moment,
     stop: &'a AtomicBool,
 }
 
@@ -45,7 +47,7 @@ struct Scene<'a> {
 ///
 /// # Errors
 /// One sentence when there is no chain to break, or a stop was asked for.
-pub fn play(fault: Fault, folder: &Path, stop: &AtomicBool) -> anyhow::Result<Seen> {
+pub fn play(fault: Fault, moment: Moment, folder: &Path, stop: &AtomicBool) -> anyhow::Result<Seen> {
     let mut config = Config::default();
     config.record.path = Some(recording_in(fault, folder));
     // A busy machine is another fault than the one that is tried. Where that is refused, the chain goes on without.
@@ -56,7 +58,7 @@ pub fn play(fault: Fault, folder: &Path, stop: &AtomicBool) -> anyhow::Result<Se
         write(&truth, &format!("[encoders]\nsticks_at_m = [{STICKS_AT_M}, 0.0, 0.0]\n"))?;
         config.slave.truth = Some(truth);
     }
-    let scene = Scene { fault, folder, config, stop };
+    let scene = Scene { fault, folder, config, moment, stop };
     match place {
         _ if end == End::Refused => scene.refused(),
         Place::Command | Place::Input => scene.relayed(place),
@@ -89,12 +91,14 @@ impl Scene<'_> {
         supervisor.start_chain(&self.options(Cast::driven())?, self.stop)?;
         let mut watch = Watch::open(supervisor, self.stop)?;
         if place != Place::Snake {
-            wait_for_motion(&mut watch)?;
+            self.wait_for_motion(&mut watch)?;
         }
         let n_processes = watch.supervisors[0].processes().len();
         let recording = recording_in(self.fault, self.folder);
         let struck_ns = match place {
-            Place::Process(process, blow) => Some(harm::strike_process(&mut watch, process, blow)?),
+            Place::Process(process, blow) => {
+                Some(harm::strike_process(&mut watch, process, blow, self.moment.stall_s)?)
+            }
             Place::Machine => Some(harm::strike_machine(self.fault, &instance, &recording)?),
             _ => None,
         };
@@ -115,6 +119,12 @@ impl Scene<'_> {
                 watch.states.last().is_some_and(|state| state.operating() == Some(OperatingState::Fault))
             })?,
             Place::Machine if self.fault != Fault::ForeignWriter => watch.run(AFTER_WRITTEN_S)?,
+            // Killed while it was stopped, if that took long; then it comes back.
+            Place::Process(..) => watch.until(PATIENCE_S, "every process runs again", |watch| {
+                let supervisor = &watch.supervisors[0];
+                let is_ready = watch.states.last().is_some_and(SlaveState::is_ready);
+                supervisor.processes().len() == n_processes && supervisor.are_ready() && is_ready
+            })?,
             _ => {}
         }
         watch.run(AFTER_S)?;
@@ -144,7 +154,7 @@ impl Scene<'_> {
         let behind = &mut watch.supervisors[0];
         behind.start_chain(&self.options(cast(false))?, self.stop)?;
         watch.supervisors.push(before);
-        wait_for_motion(&mut watch)?;
+        self.wait_for_motion(&mut watch)?;
         relay.strike();
         watch.until(PATIENCE_S, "the relay breaks messages", |_| relay.struck_ns().is_some())?;
         let struck_ns = relay.struck_ns();
@@ -171,6 +181,10 @@ impl Scene<'_> {
         Ok(ChainOptions { config, master, input: Some(script), looped: false, engage, cast })
     }
 
+    fn wait_for_motion(&self, watch: &mut Watch<'_>) -> anyhow::Result<()> {
+        moves_for_a_while(watch, self.moment.wait_s)
+    }
+
     fn instance(&self, side: &str) -> String {
         format!("fault-{}{side}", std::process::id())
     }
@@ -185,7 +199,7 @@ struct NotBegun;
 pub const NOT_BEGUN: &str = "the fault was not tried";
 
 /// Waits until the operator has engaged and the drives have moved for a while.
-fn wait_for_motion(watch: &mut Watch<'_>) -> anyhow::Result<()> {
+fn moves_for_a_while(watch: &mut Watch<'_>, wait_s: f64) -> anyhow::Result<()> {
     let has_ended = |states: &[SlaveState]| {
         let engaged = states.iter().position(SlaveState::is_engaged);
         engaged.is_some_and(|first| states[first..].iter().any(|state| !state.is_engaged()))
@@ -195,6 +209,7 @@ fn wait_for_motion(watch: &mut Watch<'_>) -> anyhow::Result<()> {
         states.iter().rev().take(N_BEFORE).filter(moves).count() == N_BEFORE
     };
     watch.until(PATIENCE_S, "the snake moves", |watch| moves(&watch.states) || has_ended(&watch.states))?;
+    watch.run(wait_s)?;
     if has_ended(&watch.states) { Err(NotBegun.into()) } else { Ok(()) }
 }
 
