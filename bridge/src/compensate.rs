@@ -15,7 +15,9 @@ use crate::step::{
 };
 use crate::{cued, live};
 use core::sync::atomic::AtomicBool;
-use krait_ipc::message::{Command, Cue, ModelUpdate, Phase, Setpoint, SlaveState};
+use krait_ipc::message::{
+    Command, Cue, MAX_JOINTS, ModelUpdate, Phase, Setpoint, SlaveState, lines as three_lines, three,
+};
 use krait_ipc::{Bus, Process, Reason, Reasons};
 use krait_model::{Chain, ChainCompensator, Circumstances, LearntParameter, MAX_LEARNT, ModelHash};
 use nalgebra::{Vector2, Vector3};
@@ -132,8 +134,11 @@ impl CompensateCore {
             state_sequence: self.state.map_or(0, |s| s.sequence),
             model_update_sequence: self.update.map_or(0, |u| u.sequence),
             bend_rad: setpoint.bend_rad,
-            q_uncompensated_m: lines.q_m.into(),
-            q_tilde_m: q_tilde_m.into(),
+            joints_rad: [0.0; MAX_JOINTS],
+            q_uncompensated_m: three_lines(lines.q_m.into()),
+            q_tilde_m: three_lines(q_tilde_m.into()),
+            n_actuators: 0,
+            n_joints: 0,
             q_tilde_vel_m_per_s: setpoint.q_tilde_vel_m_per_s,
             model_hash: self.model.0,
             learnt: *self.lines.learnt(),
@@ -184,7 +189,7 @@ impl CompensateCore {
     fn offset_for(&mut self, raw_m: &Vector3<f64>, step_s: f64, reasons: &mut Reasons) -> Vector3<f64> {
         let Some(state) = &self.state else { return self.memory.offset_m };
         if state.flags & SlaveState::FOLLOWING == 0 {
-            self.memory.offset_m = Vector3::from(state.setpoint_q_m) - raw_m;
+            self.memory.offset_m = Vector3::from(three(&state.setpoint_q_m)) - raw_m;
             self.memory.command_m = None;
         } else {
             let distance_m = self.memory.offset_m.norm();

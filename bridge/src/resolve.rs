@@ -13,7 +13,9 @@ use crate::config::ResolveConfig;
 use crate::step::{BridgeError, Moment, Refused, Step, check_order_and_numbers, seconds_between, stamps_begun, step_s};
 use crate::{cued, live};
 use core::sync::atomic::AtomicBool;
-use krait_ipc::message::{Cue, DeviceState, OperatorInput, Phase, Setpoint, SlaveState};
+use krait_ipc::message::{
+    Cue, DeviceState, MAX_JOINTS, OperatorInput, Phase, Setpoint, SlaveState, lines as three_lines,
+};
 use krait_ipc::{Bus, Process, Reason, Reasons};
 use krait_model::{Chain, ChainCompensator, Circumstances, ModelHash, Snake};
 use nalgebra::{Rotation3, Vector2, Vector3};
@@ -215,7 +217,11 @@ impl ResolveCore {
             state_sequence: self.state.map_or(0, |s| s.sequence),
             bend_rad: self.memory.bend.into(),
             bend_vel_rad_per_s: self.memory.bend_vel.into(),
-            q_tilde_vel_m_per_s: q_tilde_vel.into(),
+            joints_rad: [0.0; MAX_JOINTS],
+            joints_vel_rad_per_s: [0.0; MAX_JOINTS],
+            q_tilde_vel_m_per_s: three_lines(q_tilde_vel.into()),
+            n_actuators: 0,
+            n_joints: 0,
             tip_pos_in_base_m: self.snake.tip_pos_in_base_m(self.memory.bend).into(),
             motion_scale,
             model_hash: self.model.0,

@@ -13,7 +13,7 @@ mod parquet;
 
 use crate::error::ReadError;
 use crate::reader::Recording;
-use krait_ipc::message::{Shape, SlaveState};
+use krait_ipc::message::{Shape, SlaveState, three};
 use krait_schema::Sample;
 use std::path::Path;
 
@@ -159,10 +159,10 @@ impl Builder {
         self.stamps_ns.push(state.sample_ns);
         self.columns.rows.push(Row {
             time_s: state.sample_ns.saturating_sub(first_ns) as f64 / 1e9,
-            q_m: state.measured_q_m,
+            q_m: three(&state.measured_q_m),
             bend_rad: [f64::NAN; 2],
             sigma_bend_rad: f64::NAN,
-            tau_n: state.measured_tau_n,
+            tau_n: three(&state.measured_tau_n),
             trial: self.trial,
         });
     }

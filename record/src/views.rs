@@ -8,7 +8,7 @@ mod log;
 mod scene;
 
 use crate::wall_clock::WallClock;
-use krait_ipc::message::{Setpoint, Shape, SlaveState};
+use krait_ipc::message::{Actuators, MAX_ACTUATORS, Setpoint, Shape, SlaveState, n_actuators};
 use krait_model::{MachineParameters, ParameterError, Snake};
 use krait_schema::generated::foxglove;
 use krait_schema::generated::google::protobuf::Timestamp;
@@ -108,14 +108,15 @@ impl Views {
 }
 
 fn joints(state: &SlaveState, stamp: Timestamp, derived: &mut Vec<Derived>) {
-    let mut add = |view, positions_m: [f64; 3], efforts_n: Option<[f64; 3]>| {
+    let n_actuators = n_actuators(state.n_actuators).min(MAX_ACTUATORS);
+    let mut add = |view, positions_m: Actuators, efforts_n: Option<Actuators>| {
         let joint = |idx: usize| foxglove::JointState {
             name: format!("line_{}", idx + 1),
             position: Some(positions_m[idx]),
             effort: efforts_n.map(|tau_n| tau_n[idx]).filter(|tau_n| !tau_n.is_nan()),
             ..foxglove::JointState::default()
         };
-        let joints = foxglove::JointStates { timestamp: Some(stamp), joints: (0..3).map(joint).collect() };
+        let joints = foxglove::JointStates { timestamp: Some(stamp), joints: (0..n_actuators).map(joint).collect() };
         derived.push((view, joints.encode_to_vec()));
     };
     add(View::MeasuredJs, state.measured_q_m, Some(state.measured_tau_n));

@@ -7,10 +7,10 @@
 //!
 //! ```
 //! use krait_sim::{SimulatedSnake, Truth};
-//! use krait_slave::Drive;
+//! use krait_slave::{Drive, lines};
 //! let mut snake = SimulatedSnake::new(&Truth::default());
 //! snake.set_power(0, true)?;
-//! snake.write(1_000_000, [-1e-3, 0.5e-3, 0.5e-3])?; // pulls line 1: bends in the plane delta = 0
+//! snake.write(1_000_000, lines([-1e-3, 0.5e-3, 0.5e-3]))?; // pulls line 1: bends in the plane delta = 0
 //! let [bend_x_rad, bend_y_rad] = snake.bend_rad();
 //! assert!(bend_x_rad > 0.1 && bend_y_rad.abs() < 1e-6);
 //! # Ok::<(), krait_slave::DriveError>(())
@@ -27,6 +27,7 @@ mod noise;
 mod plant;
 mod process;
 mod recorded_time;
+mod shutter;
 mod sight;
 mod snake;
 mod truth;

@@ -4,23 +4,28 @@
 use krait_ipc::message::{Command, HopStamps, OperatingState, Phase, SlaveState, StateCommand, Transition};
 use krait_ipc::{Reason, Reasons};
 use krait_sim::{SimulatedSnake, Truth};
-use krait_slave::{Drive, DriveError, DriveReading, Homing, SlaveConfig, SlaveCore, TransitionRefused};
+use krait_slave::{
+    Actuators, Drive, DriveError, DriveReading, Homing, SlaveConfig, SlaveCore, TransitionRefused, lines,
+};
 
 const MS: i64 = 1_000_000;
-const DIRECTION: [f64; 3] = [-1.0, 0.5, 0.5];
+const DIRECTION: Actuators = lines([-1.0, 0.5, 0.5]);
 
 /// A drive whose encoders and loads can be set, and which can fail.
 #[derive(Default)]
 struct Mock {
-    q_m: [f64; 3],
-    tau_n: [f64; 3],
+    q_m: Actuators,
+    tau_n: Actuators,
     is_frozen: bool,
     is_dead: bool,
     powered: bool,
 }
 
 impl Drive for Mock {
-    fn write(&mut self, _stamp_ns: i64, q_tilde_m: [f64; 3]) -> Result<(), DriveError> {
+    fn n_actuators(&self) -> usize {
+        3
+    }
+    fn write(&mut self, _stamp_ns: i64, q_tilde_m: Actuators) -> Result<(), DriveError> {
         if self.is_dead {
             return Err(DriveError::Failed { what: "cable pulled" });
         }
@@ -76,7 +81,7 @@ impl Bench {
         self.core.report(self.now_ns)
     }
 
-    fn command(&mut self, q_tilde_m: [f64; 3]) -> Command {
+    fn command(&mut self, q_tilde_m: Actuators) -> Command {
         self.sequence += 1;
         Command {
             sequence: self.sequence,
@@ -88,6 +93,7 @@ impl Bench {
             bend_rad: [0.1, 0.2],
             q_uncompensated_m: q_tilde_m,
             q_tilde_m,
+            n_actuators: 3,
             model_hash: 1,
             learnt: [f64::NAN; 8],
             n_learnt: 0,
@@ -144,22 +150,22 @@ fn nothing_moves_unless_enabled_homed_and_following() {
     let mut bench = Bench { core: SlaveCore::new(Mock::default(), &SlaveConfig::default()), now_ns: MS, sequence: 0 };
     let state = bench.go(20e-6);
     assert!(has(&state, Reason::SlaveNotEnabled) && has(&state, Reason::SlaveNotHomed));
-    assert_eq!(state.setpoint_q_m, [0.0; 3]);
+    assert_eq!(state.setpoint_q_m, [0.0; 12]);
 
     let config = SlaveConfig { home_on_start: false, ..SlaveConfig::default() };
     let mut bench = Bench { core: SlaveCore::new(Mock::default(), &config), now_ns: MS, sequence: 0 };
     bench.core.transition(Transition::Enable, MS).unwrap();
     let state = bench.go(20e-6);
-    assert!(has(&state, Reason::SlaveNotHomed) && state.setpoint_q_m == [0.0; 3]);
+    assert!(has(&state, Reason::SlaveNotHomed) && state.setpoint_q_m == [0.0; 12]);
 
     let mut bench = Bench::ready();
     let mut command = bench.command(DIRECTION.map(|d| d * 20e-6));
     command.phase = Phase::Holding as u32;
     let state = bench.take(&command);
-    assert!(!follows(&state) && state.setpoint_q_m == [0.0; 3] && state.n_refused == 0);
+    assert!(!follows(&state) && state.setpoint_q_m == [0.0; 12] && state.n_refused == 0);
     bench.core.transition(Transition::Pause, bench.now_ns).unwrap();
     let state = bench.go(20e-6);
-    assert!(has(&state, Reason::SlaveNotEnabled) && state.setpoint_q_m == [0.0; 3]);
+    assert!(has(&state, Reason::SlaveNotEnabled) && state.setpoint_q_m == [0.0; 12]);
 }
 
 #[test]
@@ -269,7 +275,7 @@ fn the_end_of_the_stroke_stops_all_lines_and_the_way_back_is_free() {
 fn a_load_beyond_its_limit_forbids_more_of_it_and_allows_less() {
     let mut bench = Bench::ready();
     bench.ramp(0.0, 1e-3);
-    bench.core.drive_mut().tau_n = [-61.0, 20.0, 20.0];
+    bench.core.drive_mut().tau_n = lines([-61.0, 20.0, 20.0]);
     bench.tick();
     bench.go(1e-3);
     let before = bench.go(1e-3);
@@ -372,7 +378,7 @@ fn homing_a_bent_snake_is_busy_moves_nothing_else_and_ends_at_zero() {
         assert!(n_busy < 100, "it ends");
     }
     assert!(n_busy > 30, "0.2 mm at 5 mm/s, {n_busy} ms");
-    assert_eq!(core.report(now_ns).setpoint_q_m, [0.0; 3]);
+    assert_eq!(core.report(now_ns).setpoint_q_m, [0.0; 12]);
 }
 
 /// Each finding of the probe that showed it, on the slave alone.
@@ -423,7 +429,7 @@ mod probes {
     fn a_load_that_is_not_measured_is_refused_where_one_is_limited() {
         let mut bench = Bench::ready();
         let before = bench.ramp(0.0, 0.5e-3);
-        bench.core.drive_mut().tau_n = [f64::NAN, 1.0, 1.0];
+        bench.core.drive_mut().tau_n = lines([f64::NAN, 1.0, 1.0]);
         bench.core.report(bench.now_ns);
         let state = bench.go(0.51e-3);
         assert!(has(&state, Reason::LoadUnknown) && !state.is_engaged() && !follows(&state));
@@ -433,7 +439,7 @@ mod probes {
         let mut config = SlaveConfig::default();
         (config.limits.pull_n, config.limits.push_n) = (f64::INFINITY, f64::INFINITY);
         config.check().unwrap();
-        let drive = Mock { tau_n: [f64::NAN; 3], ..Mock::default() };
+        let drive = Mock { tau_n: lines([f64::NAN; 3]), ..Mock::default() };
         let mut bench = Bench { core: SlaveCore::new(drive, &config), now_ns: MS, sequence: 0 };
         bench.core.transition(Transition::Enable, bench.now_ns).unwrap();
         bench.tick();
@@ -448,7 +454,7 @@ mod probes {
         bench.tick();
         for k in 0..200 {
             let state = bench.go(f64::from(k) * 10e-6);
-            assert!(!state.is_engaged() && state.setpoint_q_m == [0.0; 3], "{state:?}");
+            assert!(!state.is_engaged() && state.setpoint_q_m == [0.0; 12], "{state:?}");
         }
     }
 
