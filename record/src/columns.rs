@@ -49,6 +49,8 @@ pub struct Columns {
     pub n_shapes: u64,
     /// Shapes that stand in none: the camera saw nothing, or no row was near enough.
     pub n_shapes_left_out: u64,
+    /// Whether the machine has joints: there are no rows then, because a row is of a snake.
+    pub is_of_joints: bool,
     /// States that became no row: the drives did not know their zero, or the stamp did not rise.
     pub n_states_left_out: u64,
 }
@@ -122,6 +124,9 @@ impl Builder {
 
     /// The measurements, with each shape in its row.
     pub fn finish(mut self) -> Columns {
+        if self.columns.is_of_joints {
+            return Columns { is_of_joints: true, ..Columns::default() };
+        }
         let mut distances_ns = vec![i64::MAX; self.stamps_ns.len()];
         for (exposed_ns, bend_rad, sigma_bend_rad) in self.shapes {
             let Some((idx, distance_ns)) = nearest(&self.stamps_ns, exposed_ns) else {
@@ -142,6 +147,7 @@ impl Builder {
     }
 
     fn state(&mut self, state: &SlaveState) {
+        self.columns.is_of_joints |= state.n_joints > 0;
         let is_measuring = state.flags & SlaveState::IS_HOMED != 0
             && state.flags & SlaveState::IS_BUSY == 0
             && state.measured_q_m.iter().all(|q| q.is_finite());

@@ -7,7 +7,8 @@
 //!
 //! ```
 //! use krait_sim::{SimulatedSnake, Truth};
-//! use krait_slave::{Drive, lines};
+//! use krait_ipc::message::lines;
+//! use krait_slave::Drive;
 //! let mut snake = SimulatedSnake::new(&Truth::default());
 //! snake.set_power(0, true)?;
 //! snake.write(1_000_000, lines([-1e-3, 0.5e-3, 0.5e-3]))?; // pulls line 1: bends in the plane delta = 0
@@ -22,6 +23,9 @@ mod camera;
 mod encoders;
 mod ends;
 mod hidden;
+mod joint;
+mod joints;
+mod joints_truth;
 mod line;
 mod noise;
 mod plant;
@@ -34,7 +38,9 @@ mod truth;
 mod truth_error;
 
 pub use hidden::{BendingTruth, EncodersTruth, LinesTruth, SightTruth, SlowTruth};
-pub use process::{SimError, run, simulated};
+pub use joints::SimulatedJoints;
+pub use joints_truth::{JointCameraTruth, JointTruth, JointsTruth};
+pub use process::{SimError, Simulation, run, simulated};
 pub use recorded_time::run_in_recorded_time;
 pub use snake::SimulatedSnake;
 pub use truth::{CameraTruth, DriveTruth, EffectsTruth, MachineTruth, Truth};

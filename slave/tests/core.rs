@@ -16,6 +16,8 @@ const DIRECTION: Actuators = lines([-1.0, 0.5, 0.5]);
 struct Mock {
     q_m: Actuators,
     tau_n: Actuators,
+    /// Actuators beyond three.
+    n_more: usize,
     is_frozen: bool,
     is_dead: bool,
     powered: bool,
@@ -23,7 +25,7 @@ struct Mock {
 
 impl Drive for Mock {
     fn n_actuators(&self) -> usize {
-        3
+        3 + self.n_more
     }
     fn write(&mut self, _stamp_ns: i64, q_tilde_m: Actuators) -> Result<(), DriveError> {
         if self.is_dead {
@@ -55,8 +57,11 @@ struct Bench {
 
 impl Bench {
     fn ready() -> Self {
-        let mut bench =
-            Self { core: SlaveCore::new(Mock::default(), &SlaveConfig::default()), now_ns: MS, sequence: 0 };
+        Self::with(Mock::default())
+    }
+
+    fn with(drive: Mock) -> Self {
+        let mut bench = Self { core: SlaveCore::new(drive, &SlaveConfig::default()), now_ns: MS, sequence: 0 };
         bench.core.transition(Transition::Enable, bench.now_ns).unwrap();
         bench.tick();
         bench.engage();
@@ -93,7 +98,7 @@ impl Bench {
             bend_rad: [0.1, 0.2],
             q_uncompensated_m: q_tilde_m,
             q_tilde_m,
-            n_actuators: 3,
+            n_actuators: self.core.drive().n_actuators() as u32,
             model_hash: 1,
             learnt: [f64::NAN; 8],
             n_learnt: 0,
@@ -238,6 +243,51 @@ fn the_first_command_after_every_kind_of_hold_must_begin_at_the_setpoint() {
         let state = bench.go(-at_rest.setpoint_q_m[0]);
         assert!(follows(&state), "a start at the setpoint is followed: {state:?}");
     }
+}
+
+#[test]
+fn twelve_actuators_of_eight_joints_pass_the_same_gate_and_the_twelfth_counts_like_the_first() {
+    let mut bench = Bench::with(Mock { n_more: 9, ..Mock::default() });
+    let joints_rad: [f64; 8] = core::array::from_fn(|k| 0.1 * k as f64);
+    let all = |way_m: f64| core::array::from_fn(|k| way_m * (1.0 - k as f64 / 24.0));
+    let go = |bench: &mut Bench, way_m: f64, change: fn(&mut Command)| {
+        bench.now_ns += MS;
+        let mut command = bench.command(all(way_m));
+        (command.joints_rad, command.n_joints, command.bend_rad) = (joints_rad, 8, [f64::NAN; 2]);
+        change(&mut command);
+        bench.take(&command)
+    };
+    let state = (1..=50).map(|k| go(&mut bench, f64::from(k) * 10e-6, |_| {})).last().unwrap();
+    assert!(follows(&state) && state.setpoint_q_m == all(0.5e-3), "{state:?}");
+    assert_eq!((state.n_actuators, state.n_joints, state.setpoint_joints_rad), (12, 8, joints_rad));
+    let state = go(&mut bench, 0.6e-3, |_| {});
+    let moved = |k: usize| state.setpoint_q_m[k] - all(0.5e-3)[k];
+    assert!(
+        (moved(0) - 30e-6).abs() < 1e-12 && (moved(11) / moved(0) - 13.0 / 24.0).abs() < 1e-9,
+        "one factor for all"
+    );
+    let spoilt: [(fn(&mut Command), Reason); 5] = [
+        (|c| c.q_tilde_m[11] = f64::NAN, Reason::NotFinite),
+        (|c| c.joints_rad[7] = f64::INFINITY, Reason::NotFinite),
+        (|c| c.n_actuators = 3, Reason::OutOfRange),
+        (|c| c.n_actuators = 0, Reason::OutOfRange),
+        (|c| c.n_joints = 9, Reason::OutOfRange),
+    ];
+    for (spoil, reason) in spoilt {
+        let before = bench.core.report(bench.now_ns).n_refused;
+        let state = go(&mut bench, 0.5e-3, spoil);
+        assert!(has(&state, reason) && state.n_refused == before + 1, "{reason:?}: {state:?}");
+    }
+    bench.core.drive_mut().tau_n[11] = -61.0;
+    bench.now_ns += 100 * MS;
+    bench.tick();
+    bench.engage();
+    let at = bench.core.report(bench.now_ns).setpoint_q_m;
+    bench.now_ns += MS;
+    let mut command = bench.command(at.map(|q| q - 10e-6));
+    (command.joints_rad, command.n_joints) = (joints_rad, 8);
+    let state = bench.take(&command);
+    assert!(has(&state, Reason::ForceLimit), "the twelfth actuator pulls too hard: {state:?}");
 }
 
 #[test]

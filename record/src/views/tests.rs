@@ -10,7 +10,7 @@ const MS: i64 = 1_000_000;
 const CLOCK: WallClock = WallClock { offset_ns: 1_700_000_000_000_000_000 };
 
 fn views() -> Views {
-    Views::new(&MachineParameters::default(), 30).expect("the default machine")
+    Views::new(Some(&MachineParameters::default()), 30).expect("the default machine")
 }
 
 fn shape(sample_ns: i64, bend_rad: [f64; 2]) -> Sample {

@@ -53,8 +53,7 @@ fn whatever_is_asked_whenever_no_write_passes_rate_acceleration_or_jerk() {
         let credit_s = elapsed_ns.min(PERIOD_NS) as f64 * 1e-9;
         let step_m = largest(minus(gate.q_m, before.q_m));
         assert!(step_m <= LIMITS.rate_m_per_s * credit_s + 1e-15, "{k}: {step_m} m in {credit_s} s");
-        let (v0, a0) =
-            if is_rested { (STILL, STILL) } else { (before.velocity_m_per_s, before.acceleration_m_per_s2) };
+        let (v0, a0) = if is_rested { (STILL, STILL) } else { (before.velocity_m_per_s, before.acceleration_m_per_s2) };
         let acceleration = largest(minus(gate.velocity_m_per_s, v0)) / credit_s;
         let is_at_rate = largest(gate.velocity_m_per_s) >= LIMITS.rate_m_per_s * (1.0 - 1e-6);
         assert!(acceleration <= LIMITS.acceleration_m_per_s2 * 1.001 + 1e-3, "{k}: {acceleration} m/s2");
