@@ -3,27 +3,25 @@
 //! Problem: q~ = q + eps(b; memory and values of the model file's chain); with every change of a learnt value, every
 //! engagement and every restart spread over time.
 //!
-//! where: `offset` is the difference between the slave's own setpoint and the raw q~. While the slave does not follow, the
-//! offset is taken anew at every sample, so that the command equals the slave's setpoint; once it follows, the offset is
-//! let go at `ease_m_per_s`.
-//!
 //! Failure: stale or foreign samples. The command then repeats the last one, with the reasons named.
 
-use crate::config::CompensateConfig;
+use crate::config::{CompensateConfig, JointsConfig};
+use crate::reach::{Reach, Wish};
 use crate::step::{
-    BridgeError, Moment, Refused, Step, check_model, check_order_and_numbers, seconds_between, stamps_begun, step_s,
+    BridgeError, Moment, Refused, Step, check_age, check_model, check_order_and_numbers, seconds_between, stamps_begun,
+    step_s,
 };
-use crate::{cued, live};
+use crate::{JointCompensateCore, JointMachine, LiveModel, cued, live};
 use core::sync::atomic::AtomicBool;
-use krait_ipc::message::{Command, Cue, ModelUpdate, Phase, Setpoint, SlaveState};
+use krait_ipc::message::{
+    Command, Cue, MAX_JOINTS, ModelUpdate, N_LINES, Phase, Setpoint, SlaveState, lines as three_lines,
+};
 use krait_ipc::{Bus, Process, Reason, Reasons};
 use krait_model::{Chain, ChainCompensator, Circumstances, LearntParameter, MAX_LEARNT, ModelHash};
-use nalgebra::{Vector2, Vector3};
+use nalgebra::Vector2;
 
 /// Largest bend that a setpoint may ask for, rad: the model holds to 90 deg and a little.
 const MAX_BEND_RAD: f64 = 1.65;
-/// An offset smaller than this has been eased out, m.
-const EASED_M: f64 = 1e-9;
 
 /// The pure step of `compensate`.
 #[derive(Clone, Debug)]
@@ -40,9 +38,7 @@ pub struct CompensateCore {
 /// What one step leaves to the next, beside the lines' own memory.
 #[derive(Clone, Copy, Debug, Default)]
 struct Memory {
-    offset_m: Vector3<f64>,
-    command_m: Option<Vector3<f64>>,
-    load_n: f64,
+    reach: Reach<N_LINES>,
     sequence: u64,
     first_ns: Option<i64>,
     before_ns: Option<i64>,
@@ -113,15 +109,18 @@ impl CompensateCore {
 
         let mut reasons = Reasons::from_bits(setpoint.reasons);
         self.blend_model(step_s, &mut reasons);
-        let fresh = self.check_age(setpoint, begun_ns, &mut reasons);
+        let fresh = check_age(&self.config, self.state.as_ref(), setpoint, begun_ns, &mut reasons);
         let first_ns = *self.memory.first_ns.get_or_insert(setpoint.sample_ns);
         let at = Circumstances::at(seconds_between(first_ns, setpoint.sample_ns));
         let lines = self.lines.step(bend, &at);
-        let wanted_m = lines.q_tilde_m + self.offset_for(&lines.q_tilde_m, step_s, &mut reasons);
-        let load_n = lines.tau_n.amax();
-        let q_tilde_m = if fresh { self.limited(wanted_m, load_n, step_s, &mut reasons) } else { self.held(wanted_m) };
-        self.memory.command_m = Some(q_tilde_m);
-        self.memory.load_n = load_n;
+        let wish = Wish {
+            raw_m: lines.q_tilde_m,
+            load_n: lines.tau_n.amax(),
+            state: self.state.as_ref(),
+            is_fresh: fresh,
+            step_s,
+        };
+        let q_tilde_m = self.memory.reach.command(&wish, &self.config, &mut reasons);
         self.memory.sequence += 1;
         Ok(Command {
             sequence: self.memory.sequence,
@@ -132,8 +131,11 @@ impl CompensateCore {
             state_sequence: self.state.map_or(0, |s| s.sequence),
             model_update_sequence: self.update.map_or(0, |u| u.sequence),
             bend_rad: setpoint.bend_rad,
-            q_uncompensated_m: lines.q_m.into(),
-            q_tilde_m: q_tilde_m.into(),
+            joints_rad: [0.0; MAX_JOINTS],
+            q_uncompensated_m: three_lines(lines.q_m.into()),
+            q_tilde_m: three_lines(q_tilde_m.into()),
+            n_actuators: 0,
+            n_joints: 0,
             q_tilde_vel_m_per_s: setpoint.q_tilde_vel_m_per_s,
             model_hash: self.model.0,
             learnt: *self.lines.learnt(),
@@ -166,59 +168,6 @@ impl CompensateCore {
             self.lines.set_learnt(&next);
         }
         reasons.insert_if(Reason::ModelBlending, changes);
-    }
-
-    /// Whether the setpoint is young enough to be followed; also names a slave state that is too old.
-    fn check_age(&self, setpoint: &Setpoint, begun_ns: i64, reasons: &mut Reasons) -> bool {
-        let setpoint_age_ms = seconds_between(setpoint.sample_ns, begun_ns) * 1e3;
-        let stale = setpoint_age_ms > self.config.setpoint_stale_ms;
-        reasons.insert_if(Reason::SetpointStale, stale);
-        let state_stale = self
-            .state
-            .is_none_or(|state| seconds_between(state.sample_ns, begun_ns) * 1e3 > self.config.state_stale_ms);
-        reasons.insert_if(Reason::StateStale, state_stale);
-        !stale && !state_stale
-    }
-
-    /// The offset that makes the first command equal the slave's setpoint, and then fades.
-    fn offset_for(&mut self, raw_m: &Vector3<f64>, step_s: f64, reasons: &mut Reasons) -> Vector3<f64> {
-        let Some(state) = &self.state else { return self.memory.offset_m };
-        if state.flags & SlaveState::FOLLOWING == 0 {
-            self.memory.offset_m = Vector3::from(state.setpoint_q_m) - raw_m;
-            self.memory.command_m = None;
-        } else {
-            let distance_m = self.memory.offset_m.norm();
-            let left_m = (distance_m - self.config.ease_m_per_s * step_s).max(0.0);
-            self.memory.offset_m =
-                if distance_m > EASED_M { self.memory.offset_m * (left_m / distance_m) } else { Vector3::zeros() };
-        }
-        reasons.insert_if(Reason::EasingIn, self.memory.offset_m.norm() > EASED_M);
-        self.memory.offset_m
-    }
-
-    /// The command within stroke, rate and load; one common scale keeps the direction of the step.
-    fn limited(&self, wanted_m: Vector3<f64>, load_n: f64, step_s: f64, reasons: &mut Reasons) -> Vector3<f64> {
-        let Some(before_m) = self.memory.command_m else { return wanted_m };
-        let mut step_m = wanted_m - before_m;
-        let largest_m = self.config.max_rate_m_per_s * step_s;
-        if step_m.amax() > largest_m {
-            step_m *= largest_m / step_m.amax();
-            reasons.insert(Reason::ActuatorRateLimit);
-        }
-        if load_n > self.config.max_load_n && load_n > self.memory.load_n {
-            reasons.insert(Reason::ForceLimit);
-            return before_m;
-        }
-        let next_m = before_m + step_m;
-        if next_m.amax() > self.config.max_stroke_m && next_m.amax() > before_m.amax() {
-            reasons.insert(Reason::StrokeLimit);
-            return before_m;
-        }
-        next_m
-    }
-
-    fn held(&self, otherwise_m: Vector3<f64>) -> Vector3<f64> {
-        self.memory.command_m.unwrap_or(otherwise_m)
     }
 }
 
@@ -268,14 +217,24 @@ impl Step for CompensateCore {
 /// The process `krait compensate`: runs until told to stop.
 ///
 /// # Errors
-/// [`BridgeError`] when a channel fails, the configuration is out of range or the chain cannot be inverted.
+/// [`BridgeError`] when a channel fails, the configuration is out of range or does not fit the model, or the model cannot be
+/// inverted.
 pub fn run_compensate(
     bus: &Bus,
-    chain: &Chain,
+    model: &LiveModel,
     config: CompensateConfig,
+    joints: &JointsConfig,
     stop: &AtomicBool,
 ) -> Result<(), BridgeError> {
-    live::run(bus, Process::Compensate, config.wait, CompensateCore::new(chain, config)?, stop)
+    match model {
+        LiveModel::Snake(chain) => {
+            live::run(bus, Process::Compensate, config.wait, CompensateCore::new(chain, config)?, stop)
+        }
+        LiveModel::Joints(model) => {
+            let machine = JointMachine::new(model, joints)?;
+            live::run(bus, Process::Compensate, config.wait, JointCompensateCore::new(&machine, config)?, stop)
+        }
+    }
 }
 
 /// The process `krait compensate` in a replay.
@@ -284,9 +243,16 @@ pub fn run_compensate(
 /// As [`run_compensate`], and [`BridgeError::NoCue`] or [`BridgeError::NotThere`] when the replay contradicts itself.
 pub fn run_compensate_cued(
     bus: &Bus,
-    chain: &Chain,
+    model: &LiveModel,
     config: CompensateConfig,
+    joints: &JointsConfig,
     stop: &AtomicBool,
 ) -> Result<(), BridgeError> {
-    cued::run(bus, Process::Compensate, CompensateCore::new(chain, config)?, stop)
+    match model {
+        LiveModel::Snake(chain) => cued::run(bus, Process::Compensate, CompensateCore::new(chain, config)?, stop),
+        LiveModel::Joints(model) => {
+            let machine = JointMachine::new(model, joints)?;
+            cued::run(bus, Process::Compensate, JointCompensateCore::new(&machine, config)?, stop)
+        }
+    }
 }

@@ -73,6 +73,29 @@ settings! {
     }
 }
 
+settings! {
+    /// `resolve` and `compensate` with a model of joints: how the operator's hand moves them, and how far.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct JointsConfig in "joints" {
+        /// Rate of each joint for each axis of the operator: one row for each joint of the model, with six numbers: for the tip
+        /// velocity x, y, z in the view frame, rad/s per m/s, and for the angular velocity x, y, z, 1. Of a sliding joint m
+        /// for rad. Empty: joints 1 to 3 follow x, y, z by 25 rad/m, and 4 to 6 the angular velocity by 1.
+        rates: Vec<[f64; 6]> = Vec::new();
+        /// Smallest position of each joint, rad, or m of a sliding joint. Empty: -0.8 rad, or -4 mm.
+        low_rad: Vec<f64> = Vec::new();
+        /// Largest position of each joint, rad, or m of a sliding joint. Empty: 0.8 rad, or 4 mm.
+        high_rad: Vec<f64> = Vec::new();
+        /// Metres of cable for one radian of the model's commands; commands that are lengths of cable need none.
+        capstan_radius_m: f64 = 5e-3, 5e-4..=0.1;
+        /// The motion towards a joint's limit fades out over this much, rad; of a sliding joint times capstan_radius_m.
+        margin_rad: f64 = 4f64.to_radians(), 0.001..=0.5;
+        /// Fastest joint, rad/s; of a sliding joint times capstan_radius_m.
+        max_vel_rad_per_s: f64 = 2.0, 0.01..=20.0;
+        /// Largest change of a joint's rate, rad/s^2; of a sliding joint times capstan_radius_m.
+        max_accel_rad_per_s2: f64 = 40.0, 0.1..=2000.0;
+    }
+}
+
 impl ResolveConfig {
     /// Checks every range.
     ///
@@ -103,6 +126,16 @@ impl EstimateConfig {
     }
 }
 
+impl JointsConfig {
+    /// Checks every range that does not depend on the model; [`crate::JointMachine::new`] checks the rest.
+    ///
+    /// # Errors
+    /// [`SettingError`] names the first key that is outside its range.
+    pub fn check(&self) -> Result<(), SettingError> {
+        self.check_ranges()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -112,6 +145,7 @@ mod tests {
         ResolveConfig::default().check().expect("resolve");
         CompensateConfig::default().check().expect("compensate");
         EstimateConfig::default().check().expect("estimate");
+        JointsConfig::default().check().expect("joints");
     }
 
     #[test]

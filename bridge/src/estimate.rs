@@ -13,7 +13,7 @@ use crate::config::EstimateConfig;
 use crate::step::{BridgeError, seconds_between};
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
-use krait_ipc::message::{LearningState, LearntValue, MAX_LEARNT, Message, ModelUpdate, Shape, SlaveState};
+use krait_ipc::message::{LearningState, LearntValue, MAX_LEARNT, Message, ModelUpdate, Shape, SlaveState, three};
 use krait_ipc::{Bus, HealthReporter, Process, ReadOptions, Reason, Reasons, clock};
 use krait_model::{
     Chain, Change, ChangeParameters, ChangeWatch, Circumstances, Innovation, Learner, LearnerParameters, Learning,
@@ -99,7 +99,7 @@ impl EstimateCore {
     /// No allocation, no clock.
     pub fn note_state(&mut self, state: &SlaveState) {
         (self.state_sequence, self.n_states) = (state.sequence, self.n_states + 1);
-        let q_tilde_m = Vector3::from(state.measured_q_m);
+        let q_tilde_m = Vector3::from(three(&state.measured_q_m));
         if q_tilde_m.iter().all(|q| q.is_finite()) {
             let start_ns = *self.start_ns.get_or_insert(state.sample_ns);
             let at = Circumstances::at(seconds_between(start_ns, state.sample_ns));

@@ -13,16 +13,27 @@
 //! depends on is named in its output by sequence number, so that recorded input gives byte-identical commands.
 
 mod compensate;
+mod compensate_joints;
 mod config;
 mod cued;
 mod estimate;
+mod joint_machine;
+mod joints_error;
 mod live;
+mod live_model;
+mod reach;
 mod resolve;
+mod resolve_joints;
 mod step;
 
 pub use compensate::{CompensateCore, run_compensate, run_compensate_cued};
-pub use config::{CompensateConfig, EstimateConfig, ResolveConfig};
+pub use compensate_joints::JointCompensateCore;
+pub use config::{CompensateConfig, EstimateConfig, JointsConfig, ResolveConfig};
 pub use cued::run_estimate_cued;
 pub use estimate::{EstimateCore, run_estimate};
+pub use joint_machine::JointMachine;
+pub use joints_error::JointsError;
+pub use live_model::{JointModel, LiveModel, Unit};
 pub use resolve::{ResolveCore, run_resolve, run_resolve_cued};
+pub use resolve_joints::JointResolveCore;
 pub use step::{BridgeError, Refused};

@@ -9,11 +9,13 @@
 //!
 //! Failure: no operator, no slave, stale samples. The setpoint then comes to rest within the acceleration limit and holds.
 
-use crate::config::ResolveConfig;
-use crate::step::{BridgeError, Moment, Refused, Step, check_order_and_numbers, seconds_between, stamps_begun, step_s};
-use crate::{cued, live};
+use crate::config::{JointsConfig, ResolveConfig};
+use crate::step::{
+    BridgeError, Moment, Refused, Step, check_order_and_numbers, reasons_to_hold, seconds_between, stamps_begun, step_s,
+};
+use crate::{JointMachine, JointResolveCore, LiveModel, cued, live};
 use core::sync::atomic::AtomicBool;
-use krait_ipc::message::{Cue, DeviceState, OperatorInput, Phase, Setpoint, SlaveState};
+use krait_ipc::message::{Cue, MAX_JOINTS, OperatorInput, Phase, Setpoint, SlaveState, lines as three_lines};
 use krait_ipc::{Bus, Process, Reason, Reasons};
 use krait_model::{Chain, ChainCompensator, Circumstances, ModelHash, Snake};
 use nalgebra::{Rotation3, Vector2, Vector3};
@@ -95,7 +97,7 @@ impl ResolveCore {
         let step_s = step_s(self.memory.before_ns, input.sample_ns);
         self.memory.before_ns = Some(input.sample_ns);
 
-        let mut reasons = self.reasons_to_hold(input, begun_ns);
+        let mut reasons = reasons_to_hold(&self.config, self.state.as_ref(), input, begun_ns);
         self.memory.phase = if reasons.is_empty() { Phase::Following } else { Phase::Holding };
         self.reseed_at_rest();
         let (wanted, motion_scale) = match self.memory.phase {
@@ -112,31 +114,6 @@ impl ResolveCore {
         let _forgotten = core::hint::black_box(self.step(input, begun_ns));
         self.memory = memory;
         self.lines.restore(&lines);
-    }
-
-    fn reasons_to_hold(&self, input: &OperatorInput, begun_ns: i64) -> Reasons {
-        let mut reasons = Reasons::NONE;
-        reasons.insert_if(Reason::OperatorAbsent, !input.operator_present());
-        reasons.insert_if(Reason::Clutched, input.clutch_pressed());
-        let device = input.device();
-        reasons.insert_if(Reason::DeviceLost, matches!(device, Some(DeviceState::Lost) | None));
-        reasons.insert_if(Reason::InputEnded, device == Some(DeviceState::Ended));
-        let input_age_ms = seconds_between(input.sample_ns, begun_ns) * 1e3;
-        reasons.insert_if(Reason::InputStale, input_age_ms > self.config.input_stale_ms);
-        match &self.state {
-            None => reasons.insert(Reason::StateStale),
-            Some(state) => {
-                let state_age_ms = seconds_between(state.sample_ns, begun_ns) * 1e3;
-                reasons.insert_if(Reason::StateStale, state_age_ms > self.config.state_stale_ms);
-                reasons.insert_if(Reason::NotEngaged, !state.is_engaged());
-                reasons.insert_if(Reason::SlaveNotHomed, state.flags & SlaveState::IS_HOMED == 0);
-                reasons.insert_if(
-                    Reason::SlaveNotEnabled,
-                    state.operating() != Some(krait_ipc::message::OperatingState::Enabled),
-                );
-            }
-        }
-        reasons
     }
 
     /// At rest, the setpoint is the slave's own: after a restart, a fault or a stop that the slave made by itself, the first
@@ -215,7 +192,11 @@ impl ResolveCore {
             state_sequence: self.state.map_or(0, |s| s.sequence),
             bend_rad: self.memory.bend.into(),
             bend_vel_rad_per_s: self.memory.bend_vel.into(),
-            q_tilde_vel_m_per_s: q_tilde_vel.into(),
+            joints_rad: [0.0; MAX_JOINTS],
+            joints_vel_rad_per_s: [0.0; MAX_JOINTS],
+            q_tilde_vel_m_per_s: three_lines(q_tilde_vel.into()),
+            n_actuators: 0,
+            n_joints: 0,
             tip_pos_in_base_m: self.snake.tip_pos_in_base_m(self.memory.bend).into(),
             motion_scale,
             model_hash: self.model.0,
@@ -268,15 +249,41 @@ impl Step for ResolveCore {
 /// The process `krait resolve`: runs until told to stop.
 ///
 /// # Errors
-/// [`BridgeError`] when a channel fails or the configuration is out of range.
-pub fn run_resolve(bus: &Bus, chain: &Chain, config: ResolveConfig, stop: &AtomicBool) -> Result<(), BridgeError> {
-    live::run(bus, Process::Resolve, config.wait, ResolveCore::new(chain, config)?, stop)
+/// [`BridgeError`] when a channel fails, the configuration is out of range or does not fit the model.
+pub fn run_resolve(
+    bus: &Bus,
+    model: &LiveModel,
+    config: ResolveConfig,
+    joints: &JointsConfig,
+    stop: &AtomicBool,
+) -> Result<(), BridgeError> {
+    match model {
+        LiveModel::Snake(chain) => {
+            live::run(bus, Process::Resolve, config.wait, ResolveCore::new(chain, config)?, stop)
+        }
+        LiveModel::Joints(model) => {
+            let machine = JointMachine::new(model, joints)?;
+            live::run(bus, Process::Resolve, config.wait, JointResolveCore::new(&machine, config)?, stop)
+        }
+    }
 }
 
 /// The process `krait resolve` in a replay.
 ///
 /// # Errors
 /// As [`run_resolve`], and [`BridgeError::NoCue`] or [`BridgeError::NotThere`] when the replay contradicts itself.
-pub fn run_resolve_cued(bus: &Bus, chain: &Chain, config: ResolveConfig, stop: &AtomicBool) -> Result<(), BridgeError> {
-    cued::run(bus, Process::Resolve, ResolveCore::new(chain, config)?, stop)
+pub fn run_resolve_cued(
+    bus: &Bus,
+    model: &LiveModel,
+    config: ResolveConfig,
+    joints: &JointsConfig,
+    stop: &AtomicBool,
+) -> Result<(), BridgeError> {
+    match model {
+        LiveModel::Snake(chain) => cued::run(bus, Process::Resolve, ResolveCore::new(chain, config)?, stop),
+        LiveModel::Joints(model) => {
+            let machine = JointMachine::new(model, joints)?;
+            cued::run(bus, Process::Resolve, JointResolveCore::new(&machine, config)?, stop)
+        }
+    }
 }

@@ -1,6 +1,9 @@
 //! What the stages between the operator and the actuators have in common: a step on a core, and how it refuses.
 
-use krait_ipc::message::{Cue, HopStamps, Message, ModelUpdate, SlaveState};
+use crate::config::{CompensateConfig, ResolveConfig};
+use krait_ipc::message::{
+    Cue, DeviceState, HopStamps, Message, ModelUpdate, OperatingState, OperatorInput, Setpoint, SlaveState,
+};
 use krait_ipc::{IpcError, Reason, Reasons};
 use krait_model::ModelHash;
 
@@ -13,6 +16,9 @@ pub enum BridgeError {
     /// The chain of a model file cannot be built or inverted.
     #[error(transparent)]
     Chain(#[from] krait_model::ChainError),
+    /// A model of joints that no chain can drive.
+    #[error(transparent)]
+    Joints(#[from] crate::JointsError),
     /// The watch for changes cannot be set up so.
     #[error(transparent)]
     Watch(#[from] krait_model::ParameterError),
@@ -138,4 +144,49 @@ pub(crate) fn stamps_begun(input: &HopStamps, enter: impl FnOnce(&mut HopStamps)
     let mut stamps = *input;
     enter(&mut stamps);
     stamps
+}
+
+/// Why a setpoint shall stand still: what the operator and the slave say, and how old it is.
+pub(crate) fn reasons_to_hold(
+    config: &ResolveConfig,
+    state: Option<&SlaveState>,
+    input: &OperatorInput,
+    begun_ns: i64,
+) -> Reasons {
+    let mut reasons = Reasons::NONE;
+    reasons.insert_if(Reason::OperatorAbsent, !input.operator_present());
+    reasons.insert_if(Reason::Clutched, input.clutch_pressed());
+    let device = input.device();
+    reasons.insert_if(Reason::DeviceLost, matches!(device, Some(DeviceState::Lost) | None));
+    reasons.insert_if(Reason::InputEnded, device == Some(DeviceState::Ended));
+    let input_age_ms = seconds_between(input.sample_ns, begun_ns) * 1e3;
+    reasons.insert_if(Reason::InputStale, input_age_ms > config.input_stale_ms);
+    match state {
+        None => reasons.insert(Reason::StateStale),
+        Some(state) => {
+            let state_age_ms = seconds_between(state.sample_ns, begun_ns) * 1e3;
+            reasons.insert_if(Reason::StateStale, state_age_ms > config.state_stale_ms);
+            reasons.insert_if(Reason::NotEngaged, !state.is_engaged());
+            reasons.insert_if(Reason::SlaveNotHomed, state.flags & SlaveState::IS_HOMED == 0);
+            reasons.insert_if(Reason::SlaveNotEnabled, state.operating() != Some(OperatingState::Enabled));
+        }
+    }
+    reasons
+}
+
+/// Whether a setpoint is young enough to be followed; also names a slave state that is too old.
+pub(crate) fn check_age(
+    config: &CompensateConfig,
+    state: Option<&SlaveState>,
+    setpoint: &Setpoint,
+    begun_ns: i64,
+    reasons: &mut Reasons,
+) -> bool {
+    let setpoint_age_ms = seconds_between(setpoint.sample_ns, begun_ns) * 1e3;
+    let stale = setpoint_age_ms > config.setpoint_stale_ms;
+    reasons.insert_if(Reason::SetpointStale, stale);
+    let state_stale =
+        state.is_none_or(|state| seconds_between(state.sample_ns, begun_ns) * 1e3 > config.state_stale_ms);
+    reasons.insert_if(Reason::StateStale, state_stale);
+    !stale && !state_stale
 }

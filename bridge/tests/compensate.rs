@@ -45,7 +45,7 @@ fn off_tells_the_actuators_what_an_inextensible_snake_would_need() {
     assert_eq!(command.q_tilde_m, command.q_uncompensated_m);
     let snake = Snake::new(&MachineParameters::default()).expect("defaults");
     let q_m: [f64; 3] = snake.q([0.5, 0.2].into()).into();
-    assert_eq!((command.q_tilde_m, command.bend_rad), (q_m, [0.5, 0.2]));
+    assert_eq!((command.q_tilde_m, command.bend_rad), (krait_ipc::message::lines(q_m), [0.5, 0.2]));
 }
 
 #[test]
@@ -81,7 +81,7 @@ fn while_the_slave_does_not_follow_the_command_equals_its_setpoint() {
         let last = before.expect("steps");
         assert!(!has(&last, Reason::EasingIn), "{mode:?}");
         assert!(
-            largest_step(&last, &Command { q_tilde_m: own_m, ..last }) > 1e-4,
+            largest_step(&last, &Command { q_tilde_m: krait_ipc::message::lines(own_m), ..last }) > 1e-4,
             "{mode:?}: it has left the slave's old setpoint"
         );
     }

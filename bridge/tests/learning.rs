@@ -14,7 +14,7 @@ use krait_bridge::{CompensateConfig, CompensateCore, EstimateConfig, EstimateCor
 use krait_ipc::message::{LearningState, ModelUpdate, Setpoint, Shape, SlaveState};
 use krait_model::Chain;
 use krait_sim::{SimulatedSnake, Truth};
-use krait_slave::Drive;
+use krait_slave::{Drive, Seen};
 
 /// Samples of the loop; at every eighth there is a frame of the camera.
 const TICK_NS: i64 = 2_000_000;
@@ -126,8 +126,9 @@ fn run(chain: &Chain, truth: &Truth, learns: bool) -> Run {
         commanded.push((now_ns, setpoint.bend_rad));
         snake.write(now_ns, command.q_tilde_m).expect("within the stroke");
         let Some(seen) = seen else { continue };
+        let Seen::Bend(seen_rad) = seen.seen else { panic!("a camera on a snake sees a bend") };
         n_shapes += 1;
-        let shape = Shape::of_bend(n_shapes, seen.exposure_ns, now_ns, seen.bend_rad).with_sigma(SIGMA_RAD);
+        let shape = Shape::of_bend(n_shapes, seen.exposure_ns, now_ns, seen_rad).with_sigma(SIGMA_RAD);
         let update = estimate.step(&shape);
         if learns {
             compensate.note_update(&update).expect("an update of this model");
@@ -135,7 +136,7 @@ fn run(chain: &Chain, truth: &Truth, learns: bool) -> Run {
         newest = Some(update);
         if t_s > LEARNT_AFTER_S {
             let wanted = commanded.iter().rev().find(|(ns, _)| *ns < seen.exposure_ns).expect("commanded before").1;
-            squares += (seen.bend_rad[0] - wanted[0]).powi(2) + (seen.bend_rad[1] - wanted[1]).powi(2);
+            squares += (seen_rad[0] - wanted[0]).powi(2) + (seen_rad[1] - wanted[1]).powi(2);
             n += 1;
         }
     }

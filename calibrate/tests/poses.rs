@@ -9,7 +9,7 @@ use krait_calibrate::poses::{PoseSettings, Poses, run};
 use krait_calibrate::{CalibrateError, Dialogue, written};
 use krait_model::MachineParameters;
 use krait_sim::{SimulatedSnake, Truth};
-use krait_slave::Drive;
+use krait_slave::{Drive, lines, three};
 use nalgebra::Vector3;
 use std::path::Path;
 
@@ -48,8 +48,8 @@ fn measured(
     let found = run(&mut dialogue, csv, settings, |_, to_m: Vector3<f64>| {
         let mut bench = bench.borrow_mut();
         let robot = |e: krait_slave::DriveError| CalibrateError::Robot(e.to_string());
-        bench.snake.write(0, to_m.into()).map_err(robot)?;
-        Ok(bench.snake.read(0).map_err(robot)?.q_tilde_m.into())
+        bench.snake.write(0, lines(to_m.into())).map_err(robot)?;
+        Ok(three(&bench.snake.read(0).map_err(robot)?.q_tilde_m).into())
     });
     (found, String::from_utf8(said).unwrap())
 }

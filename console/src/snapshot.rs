@@ -8,7 +8,7 @@ use crate::latency::{LiveLatencyReport, stretch_names};
 use crate::processes::ProcessUsage;
 use crate::words::{Shown, ShownState, Words, words_of};
 use krait_ipc::message::{
-    Command, DeviceState, Health, ModelUpdate, OperatorInput, Phase, Setpoint, Shape, SlaveState,
+    Command, DeviceState, Health, ModelUpdate, OperatorInput, Phase, Setpoint, Shape, SlaveState, three,
 };
 use krait_ipc::{Reason, Reasons};
 use serde::Serialize;
@@ -127,8 +127,8 @@ pub fn frame(newest: &NewestSamples, moment: &Moment, facts: &Facts) -> serde_js
             homed: state.flags & SlaveState::IS_HOMED != 0,
             engaged: state.is_engaged(),
             busy: state.flags & SlaveState::IS_BUSY != 0,
-            q_m: state.measured_q_m,
-            tau_n: state.measured_tau_n,
+            q_m: three(&state.measured_q_m),
+            tau_n: three(&state.measured_tau_n),
             n_refused: state.n_refused,
         }),
         operator: newest.input.map(|input| Operator {
@@ -141,7 +141,7 @@ pub fn frame(newest: &NewestSamples, moment: &Moment, facts: &Facts) -> serde_js
         setpoint: newest.setpoint.map(|setpoint| setpoint.bend_rad),
         follows: newest.setpoint.and_then(|setpoint| setpoint.phase()) == Some(Phase::Following),
         motion_scale: newest.setpoint.map(|setpoint| setpoint.motion_scale),
-        q_tilde_m: newest.command.map(|command| command.q_tilde_m),
+        q_tilde_m: newest.command.map(|command| three(&command.q_tilde_m)),
         err: moment.error_rad,
         err_rms: moment.error_rms_rad,
         reasons: reasons
@@ -164,11 +164,11 @@ fn value_of(reason: Reason, newest: &NewestSamples, facts: &Facts) -> Option<Str
             Some(format!("{:.0}\u{b0} of {:.0}\u{b0}.", x.hypot(y).to_degrees(), facts.max_bend_rad.to_degrees()))
         }
         Reason::StrokeLimit => {
-            let (line, q_m) = largest(newest.command?.q_tilde_m)?;
+            let (line, q_m) = largest(three(&newest.command?.q_tilde_m))?;
             Some(format!("Line {line}: {:.2} of {:.2} mm.", q_m * 1e3, facts.max_stroke_m * 1e3))
         }
         Reason::ForceLimit => {
-            let (line, tau_n) = largest(newest.state?.measured_tau_n)?;
+            let (line, tau_n) = largest(three(&newest.state?.measured_tau_n))?;
             Some(format!("Line {line}: {tau_n:.0} of {:.0} N.", facts.max_load_n))
         }
         Reason::OperatorAbsent => Some(facts.presence_hint.clone()),

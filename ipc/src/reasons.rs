@@ -86,11 +86,15 @@ pub enum Reason {
     ActuatorJerkLimit = 39,
     /// A message rests on another model than this process: two machines in one chain.
     OtherModel = 40,
+    /// A joint is near its limit and was slowed, rad.
+    JointLimit = 41,
+    /// A joint's rate would pass its limit, rad/s.
+    JointRateLimit = 42,
 }
 
 impl Reason {
     /// Every reason, in the order of its bit.
-    pub const ALL: [Self; 41] = [
+    pub const ALL: [Self; 43] = [
         Self::OperatorAbsent,
         Self::Clutched,
         Self::DeviceLost,
@@ -132,6 +136,8 @@ impl Reason {
         Self::ActuatorAccelerationLimit,
         Self::ActuatorJerkLimit,
         Self::OtherModel,
+        Self::JointLimit,
+        Self::JointRateLimit,
     ];
 
     /// The reason in words that a surgeon understands.
@@ -178,6 +184,8 @@ impl Reason {
             Self::ActuatorAccelerationLimit => "the motion was softened to an actuator's largest acceleration",
             Self::ActuatorJerkLimit => "the motion was softened to an actuator's largest jerk",
             Self::OtherModel => "two processes of the chain do not mean the same machine, and a message was refused",
+            Self::JointLimit => "a joint is at the end of the range that is allowed",
+            Self::JointRateLimit => "the motion was slowed to the fastest joint that is allowed",
         }
     }
 }

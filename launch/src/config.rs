@@ -3,7 +3,7 @@
 use crate::budget::Budget;
 use crate::in_force::{Compensation, ModelInForce};
 use anyhow::Context;
-use krait_bridge::{CompensateConfig, EstimateConfig, ResolveConfig};
+use krait_bridge::{CompensateConfig, EstimateConfig, JointMachine, JointsConfig, LiveModel, ResolveConfig};
 use krait_ipc::setting::Setting;
 use krait_ipc::{Realtime, input};
 use krait_master::MasterConfig;
@@ -33,6 +33,8 @@ pub struct Config {
     pub resolve: ResolveConfig,
     /// The setpoint to the actuators.
     pub compensate: CompensateConfig,
+    /// How the operator moves joints, where the model is of joints.
+    pub joints: JointsConfig,
     /// Learning the model.
     pub estimate: EstimateConfig,
     /// The drives.
@@ -138,7 +140,13 @@ impl Config {
         self.record.check()?;
         self.realtime.check()?;
         self.budget.check()?;
-        self.model()?.chain.plausible(self.resolve.max_bend_rad)?.context("the model must not steer a machine")?;
+        self.joints.check()?;
+        match self.model()?.machine {
+            LiveModel::Snake(chain) => {
+                chain.plausible(self.resolve.max_bend_rad)?.context("the model must not steer a machine")?;
+            }
+            LiveModel::Joints(joints) => drop(JointMachine::new(&joints, &self.joints)?),
+        }
         Ok(())
     }
 }
@@ -152,6 +160,7 @@ fn settings_of(table: &str) -> &'static [Setting] {
         MasterConfig::TABLE => MasterConfig::SETTINGS,
         ResolveConfig::TABLE => ResolveConfig::SETTINGS,
         CompensateConfig::TABLE => CompensateConfig::SETTINGS,
+        JointsConfig::TABLE => JointsConfig::SETTINGS,
         EstimateConfig::TABLE => EstimateConfig::SETTINGS,
         SlaveConfig::TABLE => SlaveConfig::SETTINGS,
         Limits::TABLE => Limits::SETTINGS,

@@ -5,6 +5,7 @@ use crate::in_force::ModelInForce;
 use crate::supervisor::Supervisor;
 use anyhow::Context;
 use core::ops::Range;
+use krait_bridge::JointModel;
 use krait_ipc::{Process, Reason, Reasons};
 use krait_record::Recording;
 use krait_report::{LatencyLog, LatencyReport, PassLog, PassReport};
@@ -139,7 +140,9 @@ impl Evidence {
         let passes = logs
             .iter()
             .zip(&self.passes)
-            .map(|(log, (model, _))| log.report(model.label, model.chain.learnt()))
+            .map(|(log, (model, _))| {
+                log.report(model.label, model.machine.learnt(), model.machine.joints().map(JointModel::slides))
+            })
             .collect();
         let samples = SampleFigures { lost: self.samples.lost + n_missing_in_recording, ..self.samples };
         Ok(Figures {

@@ -1,10 +1,11 @@
 //! The model that a chain runs with: one text, read once, handed to every process as it is.
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 use clap::ValueEnum;
+use krait_bridge::LiveModel;
 use krait_ipc::input;
 use krait_model::model_file::{ModelFile, built_in};
-use krait_model::{Chain, Columns, ModelHash};
+use krait_model::{Chain, ModelHash};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -52,14 +53,14 @@ pub struct ModelInForce {
     /// The text of the file.
     pub text: String,
     /// What it says.
-    pub chain: Chain,
+    pub machine: LiveModel,
 }
 
 impl ModelInForce {
     /// Reads a model file, or takes the built-in one where none is named.
     ///
     /// # Errors
-    /// One sentence with file, line and key; also for a model of joints, for an effect that needs a column that a running
+    /// One sentence with file, line and key; also for joints that no chain drives, for an effect that needs a column that a running
     /// chain does not have, and for one that no command undoes.
     pub fn load(path: Option<&Path>, otherwise: Compensation) -> anyhow::Result<Self> {
         let Some(path) = path else {
@@ -71,26 +72,22 @@ impl ModelInForce {
         Self::parse(&text).with_context(|| format!("model file {}", path.display()))
     }
 
+    /// The chain of a snake.
+    ///
+    /// # Errors
+    /// One sentence: `what` is for snakes, and the model is of joints.
+    pub fn snake(&self, what: &str) -> anyhow::Result<&Chain> {
+        self.machine.snake().with_context(|| format!("{what} is for snakes, and the model is of joints"))
+    }
+
     /// Checks a model file's text.
     ///
     /// # Errors
     /// As [`ModelInForce::load`].
     pub fn parse(text: &str) -> anyhow::Result<Self> {
-        let chain = live_chain(&ModelFile::parse(text)?)?;
-        Ok(Self { label: label_of(chain.hash()), text: text.to_owned(), chain })
+        let machine = LiveModel::of(&ModelFile::parse(text)?)?;
+        Ok(Self { label: label_of(machine.hash()), text: text.to_owned(), machine })
     }
-}
-
-/// The chain of a model file for a machine that gives time stamps and nothing else besides.
-///
-/// # Errors
-/// One sentence that says why no running chain can use it.
-pub fn live_chain(file: &ModelFile) -> anyhow::Result<Chain> {
-    let Some(chain) = file.chain(Columns::default())? else {
-        bail!("it describes joints, and the live compensator drives snakes only; `krait lab` takes it")
-    };
-    chain.compensator()?;
-    Ok(chain)
 }
 
 /// The name of a built-in model, or [`OWN_MODEL`].

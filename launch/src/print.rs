@@ -3,7 +3,7 @@
 use crate::budget::BudgetReport;
 use crate::evidence::Figures;
 use anyhow::Context;
-use krait_report::{LearntReport, PassReport, Quantiles, SCORED_FROM_S, TOO_SHORT, Table};
+use krait_report::{LearntReport, PassReport, Quantiles, SCORED_FROM_S, Spread, TOO_SHORT, Table};
 use std::io::{Write, stdout};
 
 /// Prints figures as one JSON object.
@@ -21,11 +21,21 @@ pub fn json<T: serde::Serialize>(figures: &T) -> anyhow::Result<()> {
 /// As [`json`].
 pub fn figures(figures: &Figures, next: &str) -> anyhow::Result<()> {
     let mut text = String::new();
+    let unit = figures.passes.iter().find_map(|pass| pass.joints.as_ref()).map_or("degrees", |joints| joints.unit);
     text += &format!(
-        "Tracking error, degrees (measured shape against setpoint, from {SCORED_FROM_S:.0} s after the first motion on)\n"
+        "Tracking error, {unit} (measured shape against setpoint, from {SCORED_FROM_S:.0} s after the first motion on)\n"
     );
-    text += &passes(&figures.passes).to_string();
-    if figures.passes.iter().any(|pass| pass.tracking.error_deg.is_none()) {
+    let (joints, snakes): (Vec<_>, Vec<_>) = figures.passes.iter().partition(|pass| pass.peak_bend_deg.is_none());
+    if !snakes.is_empty() {
+        text += &passes(&snakes).to_string();
+    }
+    if !joints.is_empty() {
+        text += &joint_passes(&joints).to_string();
+    }
+    if figures.passes.iter().any(|pass| match &pass.joints {
+        Some(joints) => joints.error.is_none(),
+        None => pass.tracking.error_deg.is_none(),
+    }) {
         text += &format!("  No tracking error where there is a dash: {TOO_SHORT} after the first motion\n");
     }
     text += &learnt(&figures.passes);
@@ -56,7 +66,7 @@ pub fn out(text: &str) -> anyhow::Result<()> {
 }
 
 /// Error of the bend angle, of the bending plane, and of both together.
-fn passes(passes: &[PassReport]) -> Table {
+fn passes(passes: &[&PassReport]) -> Table {
     let mut table = Table::new(&[
         "compensation",
         "bend rms",
@@ -80,7 +90,31 @@ fn passes(passes: &[PassReport]) -> Table {
                 None => ["-"; 3].map(str::to_owned),
             });
         }
-        cells.extend([pass.peak_bend_deg.commanded, pass.peak_bend_deg.reached].map(|value| format!("{value:.1}")));
+        let peak = pass.peak_bend_deg.unwrap_or_default();
+        cells.extend([peak.commanded, peak.reached].map(|value| format!("{value:.1}")));
+        table.row(cells);
+    }
+    table
+}
+
+/// Error of each joint, and of all together.
+fn joint_passes(passes: &[&PassReport]) -> Table {
+    let mut table = Table::new(&["compensation", "joint", "rms", "p95", "max", "peak commanded", "reached"]);
+    let numbers = |spread: Option<Spread>| match spread {
+        Some(spread) => [spread.rms, spread.p95, spread.max].map(|value| format!("{value:.2}")),
+        None => ["-"; 3].map(str::to_owned),
+    };
+    for pass in passes {
+        let Some(score) = &pass.joints else { continue };
+        for (idx, joint) in score.joints.iter().enumerate() {
+            let mut cells = vec![pass.compensation.clone(), format!("{}", idx + 1)];
+            cells.extend(numbers(joint.error));
+            cells.extend([joint.peak_commanded, joint.peak_reached].map(|value| format!("{value:.1}")));
+            table.row(cells);
+        }
+        let mut cells = vec![pass.compensation.clone(), "all".to_owned()];
+        cells.extend(numbers(score.error));
+        cells.extend(["", ""].map(str::to_owned));
         table.row(cells);
     }
     table

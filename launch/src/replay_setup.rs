@@ -62,7 +62,7 @@ impl Setup {
     fn of_table(common: &Common, args: &ReplayArgs, to_s: f64) -> anyhow::Result<Self> {
         let config = Config::load(common.config.as_deref())?;
         let config = with_options(args, config)?;
-        let snake = Snake::new(config.model()?.chain.machine())?;
+        let snake = Snake::new(config.model()?.snake("a trajectory")?.machine())?;
         let limits = TrajectoryLimits {
             max_bend_rad: config.resolve.max_bend_rad,
             max_bend_vel_rad_per_s: config.resolve.max_bend_vel_rad_per_s,
@@ -93,9 +93,9 @@ impl Setup {
             return Err(ReplayError::StartBend { found: start_bend_rad, limit }.into());
         }
         let model = config.model()?;
-        let snake = Snake::new(model.chain.machine())?;
+        let snake = Snake::new(model.snake("krait replay")?.machine())?;
         let program =
-            Program::new(score, start_bend_rad, n_loops, snake, config.resolve.view_roll_rad, model.chain.hash());
+            Program::new(score, start_bend_rad, n_loops, snake, config.resolve.view_roll_rad, model.machine.hash());
         let device = ["trajectory".to_owned(), "none (trajectory)".to_owned()];
         Ok(Self { program, config, label: model.label, start_ns, device })
     }

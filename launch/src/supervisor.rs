@@ -180,7 +180,11 @@ impl Supervisor {
             self.budget = Some(BudgetWatch::new(options.config.budget)?);
         }
         let is_live = options.cast.recorded_time_ns.is_none();
-        let cast = || Process::START_ORDER.into_iter().filter(|process| options.cast.processes.contains(process));
+        // Nothing of joints is learnt while they move.
+        let learns = options.config.model()?.machine.snake().is_some();
+        let takes_part =
+            |process: &Process| options.cast.processes.contains(process) && (learns || *process != Process::Estimate);
+        let cast = || Process::START_ORDER.into_iter().filter(takes_part);
         for process in cast() {
             let arguments = arguments_of(process, options);
             self.spawn(process, &options.config, &arguments)?;

@@ -5,7 +5,7 @@ use krait_model::Snake;
 use krait_model::oracle::{Compensator, CompensatorParameters};
 use krait_report::Spread;
 use krait_sim::{SimulatedSnake, Truth};
-use krait_slave::Drive;
+use krait_slave::{Drive, lines, three};
 use nalgebra::{Vector2, Vector3};
 
 /// Bend at the end of the paper's kind of ramp, deg.
@@ -48,8 +48,8 @@ impl Bench {
 
     /// Moves the actuators (m) and waits until the snake rests.
     pub fn move_to(&mut self, wanted_rad: Vector2<f64>, q_tilde_m: Vector3<f64>) -> anyhow::Result<Pose> {
-        self.snake.write(0, q_tilde_m.into())?;
-        let tau_tilde_n = self.snake.read(0)?.tau_n.into();
+        self.snake.write(0, lines(q_tilde_m.into()))?;
+        let tau_tilde_n = three(&self.snake.read(0)?.tau_n).into();
         Ok(Pose {
             wanted_rad,
             q_tilde_m: self.snake.q_tilde_m().into(),

@@ -13,7 +13,7 @@ mod parquet;
 
 use crate::error::ReadError;
 use crate::reader::Recording;
-use krait_ipc::message::{Shape, SlaveState};
+use krait_ipc::message::{Shape, SlaveState, three};
 use krait_schema::Sample;
 use std::path::Path;
 
@@ -49,6 +49,8 @@ pub struct Columns {
     pub n_shapes: u64,
     /// Shapes that stand in none: the camera saw nothing, or no row was near enough.
     pub n_shapes_left_out: u64,
+    /// Whether the machine has joints: there are no rows then, because a row is of a snake.
+    pub is_of_joints: bool,
     /// States that became no row: the drives did not know their zero, or the stamp did not rise.
     pub n_states_left_out: u64,
 }
@@ -122,6 +124,9 @@ impl Builder {
 
     /// The measurements, with each shape in its row.
     pub fn finish(mut self) -> Columns {
+        if self.columns.is_of_joints {
+            return Columns { is_of_joints: true, ..Columns::default() };
+        }
         let mut distances_ns = vec![i64::MAX; self.stamps_ns.len()];
         for (exposed_ns, bend_rad, sigma_bend_rad) in self.shapes {
             let Some((idx, distance_ns)) = nearest(&self.stamps_ns, exposed_ns) else {
@@ -142,6 +147,7 @@ impl Builder {
     }
 
     fn state(&mut self, state: &SlaveState) {
+        self.columns.is_of_joints |= state.n_joints > 0;
         let is_measuring = state.flags & SlaveState::IS_HOMED != 0
             && state.flags & SlaveState::IS_BUSY == 0
             && state.measured_q_m.iter().all(|q| q.is_finite());
@@ -159,10 +165,10 @@ impl Builder {
         self.stamps_ns.push(state.sample_ns);
         self.columns.rows.push(Row {
             time_s: state.sample_ns.saturating_sub(first_ns) as f64 / 1e9,
-            q_m: state.measured_q_m,
+            q_m: three(&state.measured_q_m),
             bend_rad: [f64::NAN; 2],
             sigma_bend_rad: f64::NAN,
-            tau_n: state.measured_tau_n,
+            tau_n: three(&state.measured_tau_n),
             trial: self.trial,
         });
     }

@@ -41,9 +41,9 @@ settings! {
         /// Files to embed, such as the configuration in force. Given by the program, not by the configuration file.
         #[serde(skip)]
         attachments: Vec<Attachment> = Vec::new();
-        /// The machine that is drawn. Given by the program.
+        /// The snake that is drawn; none where the machine is another. Given by the program.
         #[serde(skip)]
-        machine: MachineParameters = MachineParameters::default();
+        machine: Option<MachineParameters> = Some(MachineParameters::default());
     }
 }
 
@@ -63,7 +63,7 @@ impl RecordConfig {
 
     /// What draws for viewers, if anything shall.
     pub(crate) fn views(&self) -> Result<Option<Views>, RecordError> {
-        Ok(if self.view_hz == 0 { None } else { Some(Views::new(&self.machine, self.view_hz)?) })
+        Ok(if self.view_hz == 0 { None } else { Some(Views::new(self.machine.as_ref(), self.view_hz)?) })
     }
 
     pub(crate) fn sync_period(&self) -> Duration {

@@ -318,7 +318,11 @@ pub(crate) fn known_channel(
         return Err(unknown(format!("{} (protobuf, messages protobuf)", expected.name)));
     }
     match found.metadata.get(VERSION_KEY) {
-        Some(version) if *version == expected.version.to_string() => Ok(Some(channel)),
+        Some(version)
+            if version.parse().is_ok_and(|found| (channel.oldest_version()..=expected.version).contains(&found)) =>
+        {
+            Ok(Some(channel))
+        }
         version => Err(ReadError::Version {
             path: path.to_owned(),
             offset,

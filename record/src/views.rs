@@ -8,7 +8,7 @@ mod log;
 mod scene;
 
 use crate::wall_clock::WallClock;
-use krait_ipc::message::{Setpoint, Shape, SlaveState};
+use krait_ipc::message::{Actuators, MAX_ACTUATORS, Setpoint, Shape, SlaveState, n_actuators};
 use krait_model::{MachineParameters, ParameterError, Snake};
 use krait_schema::generated::foxglove;
 use krait_schema::generated::google::protobuf::Timestamp;
@@ -22,7 +22,8 @@ const BASE: &str = "base";
 /// Derives what viewers draw.
 #[derive(Debug)]
 pub struct Views {
-    snake: Snake,
+    /// None: there is nothing to draw but actuators.
+    snake: Option<Snake>,
     period_ns: i64,
     // The period in which a shape, a setpoint and a state were last drawn.
     shape_period: Option<i64>,
@@ -35,13 +36,13 @@ pub struct Views {
 pub(crate) type Derived = (View, Vec<u8>);
 
 impl Views {
-    /// Draws a machine at most `rate_hz` times a second (at least 1); sentences come as they happen.
+    /// Draws a snake, if it is one, and the actuators at most `rate_hz` times a second (at least 1); sentences come as they happen.
     ///
     /// # Errors
     /// [`ParameterError`] for a machine that cannot be.
-    pub fn new(machine: &MachineParameters, rate_hz: u32) -> Result<Self, ParameterError> {
+    pub fn new(machine: Option<&MachineParameters>, rate_hz: u32) -> Result<Self, ParameterError> {
         Ok(Self {
-            snake: Snake::new(machine)?,
+            snake: machine.map(Snake::new).transpose()?,
             period_ns: 1_000_000_000 / i64::from(rate_hz.max(1)),
             shape_period: None,
             setpoint_period: None,
@@ -73,49 +74,49 @@ impl Views {
     }
 
     fn shape(&self, shape: &Shape, stamp: Timestamp, derived: &mut Vec<Derived>) {
-        let Some(bend_rad) = shape.valid_bend_rad().map(Vector2::from) else { return };
-        self.tip(View::MeasuredCp, "tip", bend_rad, stamp, derived);
-        derived.push((View::Scene, scene::measured(&self.snake, bend_rad, stamp).encode_to_vec()));
+        let bend_rad = shape.valid_bend_rad().map(Vector2::from);
+        let Some((bend_rad, snake)) = bend_rad.zip(self.snake.as_ref()) else { return };
+        tip(snake, View::MeasuredCp, "tip", bend_rad, stamp, derived);
+        derived.push((View::Scene, scene::measured(snake, bend_rad, stamp).encode_to_vec()));
     }
 
     fn setpoint(&self, setpoint: &Setpoint, stamp: Timestamp, derived: &mut Vec<Derived>) {
         let bend_rad = Vector2::from(setpoint.bend_rad);
-        if !bend_rad.iter().all(|b| b.is_finite()) {
-            return;
-        }
-        self.tip(View::SetpointCp, "tip_setpoint", bend_rad, stamp, derived);
-        derived.push((View::Scene, scene::wanted(&self.snake, bend_rad, stamp).encode_to_vec()));
-    }
-
-    fn tip(&self, view: View, frame: &str, bend_rad: Vector2<f64>, stamp: Timestamp, derived: &mut Vec<Derived>) {
-        let base_from_tip = self.snake.base_from_tip(bend_rad);
-        let (at, turn) = (base_from_tip.translation.vector, base_from_tip.rotation.coords);
-        let position = foxglove::Vector3 { x: at.x, y: at.y, z: at.z };
-        let rotation = foxglove::Quaternion { x: turn.x, y: turn.y, z: turn.z, w: turn.w };
-        let transform = foxglove::FrameTransform {
-            timestamp: Some(stamp),
-            parent_frame_id: BASE.to_owned(),
-            child_frame_id: frame.to_owned(),
-            translation: Some(position),
-            rotation: Some(rotation),
-        };
-        let transforms = foxglove::FrameTransforms { transforms: vec![transform] };
-        let pose = foxglove::Pose { position: Some(position), orientation: Some(rotation) };
-        let pose = foxglove::PoseInFrame { timestamp: Some(stamp), frame_id: BASE.to_owned(), pose: Some(pose) };
-        derived.push((View::Transforms, transforms.encode_to_vec()));
-        derived.push((view, pose.encode_to_vec()));
+        let Some(snake) = self.snake.as_ref().filter(|_| bend_rad.iter().all(|b| b.is_finite())) else { return };
+        tip(snake, View::SetpointCp, "tip_setpoint", bend_rad, stamp, derived);
+        derived.push((View::Scene, scene::wanted(snake, bend_rad, stamp).encode_to_vec()));
     }
 }
 
+fn tip(snake: &Snake, view: View, frame: &str, bend_rad: Vector2<f64>, stamp: Timestamp, derived: &mut Vec<Derived>) {
+    let base_from_tip = snake.base_from_tip(bend_rad);
+    let (at, turn) = (base_from_tip.translation.vector, base_from_tip.rotation.coords);
+    let position = foxglove::Vector3 { x: at.x, y: at.y, z: at.z };
+    let rotation = foxglove::Quaternion { x: turn.x, y: turn.y, z: turn.z, w: turn.w };
+    let transform = foxglove::FrameTransform {
+        timestamp: Some(stamp),
+        parent_frame_id: BASE.to_owned(),
+        child_frame_id: frame.to_owned(),
+        translation: Some(position),
+        rotation: Some(rotation),
+    };
+    let transforms = foxglove::FrameTransforms { transforms: vec![transform] };
+    let pose = foxglove::Pose { position: Some(position), orientation: Some(rotation) };
+    let pose = foxglove::PoseInFrame { timestamp: Some(stamp), frame_id: BASE.to_owned(), pose: Some(pose) };
+    derived.push((View::Transforms, transforms.encode_to_vec()));
+    derived.push((view, pose.encode_to_vec()));
+}
+
 fn joints(state: &SlaveState, stamp: Timestamp, derived: &mut Vec<Derived>) {
-    let mut add = |view, positions_m: [f64; 3], efforts_n: Option<[f64; 3]>| {
+    let n_actuators = n_actuators(state.n_actuators).min(MAX_ACTUATORS);
+    let mut add = |view, positions_m: Actuators, efforts_n: Option<Actuators>| {
         let joint = |idx: usize| foxglove::JointState {
             name: format!("line_{}", idx + 1),
             position: Some(positions_m[idx]),
             effort: efforts_n.map(|tau_n| tau_n[idx]).filter(|tau_n| !tau_n.is_nan()),
             ..foxglove::JointState::default()
         };
-        let joints = foxglove::JointStates { timestamp: Some(stamp), joints: (0..3).map(joint).collect() };
+        let joints = foxglove::JointStates { timestamp: Some(stamp), joints: (0..n_actuators).map(joint).collect() };
         derived.push((view, joints.encode_to_vec()));
     };
     add(View::MeasuredJs, state.measured_q_m, Some(state.measured_tau_n));

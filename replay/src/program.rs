@@ -5,7 +5,7 @@
 //! slave holds before anything ends.
 
 use crate::{InputTrack, ReplayError, Trajectory};
-use krait_ipc::message::{DeviceState, OperatorInput, Phase, Setpoint};
+use krait_ipc::message::{DeviceState, MAX_JOINTS, N_LINES, OperatorInput, Phase, Setpoint, lines};
 use krait_ipc::{Reason, Reasons};
 use krait_model::{ModelHash, Snake};
 use nalgebra::{Rotation3, Vector2, Vector3};
@@ -45,6 +45,10 @@ pub struct Planned {
 
 /// A sample for `resolve`, or one that takes the place of `resolve`'s.
 #[derive(Clone, Copy, Debug)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "one is made for each sample and handed over at once; no heap in a replay's loop"
+)]
 pub enum What {
     /// What an operator asks for.
     Input(OperatorInput),
@@ -342,8 +346,12 @@ impl Program {
             state_sequence: 0,
             bend_rad: bend_rad.into(),
             bend_vel_rad_per_s: bend_vel_rad_per_s.into(),
+            joints_rad: [0.0; MAX_JOINTS],
+            joints_vel_rad_per_s: [0.0; MAX_JOINTS],
             // A forecast that only `resolve` makes.
-            q_tilde_vel_m_per_s: [f64::NAN; 3],
+            q_tilde_vel_m_per_s: lines([f64::NAN; N_LINES]),
+            n_actuators: 0,
+            n_joints: 0,
             tip_pos_in_base_m: self.snake.tip_pos_in_base_m(bend_rad).into(),
             motion_scale: 1.0,
             model_hash: self.model.0,

@@ -5,7 +5,7 @@
 
 use crate::tracking::{self, Tracking, TrackingScore};
 use crate::{LatencyLog, Quantiles, Spread};
-use krait_ipc::message::{OperatingState, SlaveState};
+use krait_ipc::message::{OperatingState, SlaveState, three};
 use krait_ipc::{Reason, Reasons};
 use krait_record::Pass;
 use serde::Serialize;
@@ -139,7 +139,7 @@ impl Series {
                 .collect(),
             latency_us,
             setpoints: pass.setpoints.iter().map(|s| (at(s.sample_ns), s.bend_rad)).collect(),
-            commands: pass.commands.iter().map(|c| (at(c.sample_ns), c.q_tilde_m)).collect(),
+            commands: pass.commands.iter().map(|c| (at(c.sample_ns), three(&c.q_tilde_m))).collect(),
         }
     }
 }

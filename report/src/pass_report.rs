@@ -2,6 +2,7 @@
 //!
 //! Everything here is computed from the recording alone, so that anyone with the file gets the same figures.
 
+use crate::joint_tracking::{JointScore, JointTracking};
 use crate::tracking::{self, Seen, Tracking, TrackingScore, Wanted, length};
 use krait_ipc::message::{LearningState, ModelUpdate, Setpoint, Shape};
 use krait_model::{ChangeKind, LearntParameter};
@@ -24,8 +25,10 @@ pub struct PassReport {
     /// Tracking error.
     #[serde(flatten)]
     pub tracking: TrackingScore,
-    /// Largest bend over the whole pass.
-    pub peak_bend_deg: PeakBend,
+    /// Largest bend over the whole pass; null for joints.
+    pub peak_bend_deg: Option<PeakBend>,
+    /// How joints followed, in their own unit; null for a snake.
+    pub joints: Option<JointScore>,
     /// What was learnt by the end of the pass, in the order of the model file.
     pub learnt: Vec<LearntReport>,
     /// Whether the watch for changes had learnt what is normal before the pass ended.
@@ -103,6 +106,7 @@ pub struct ChangeReport {
 pub struct PassLog {
     setpoints: Vec<Wanted>,
     shapes: Vec<Seen>,
+    joints: JointTracking,
     last_update: Option<ModelUpdate>,
     changes: Vec<(i64, u32)>,
     watched: bool,
@@ -111,11 +115,15 @@ pub struct PassLog {
 impl PassLog {
     /// Takes a setpoint.
     pub fn setpoint(&mut self, setpoint: &Setpoint) {
-        self.setpoints.push(tracking::wanted(setpoint));
+        match setpoint.n_joints {
+            0 => self.setpoints.push(tracking::wanted(setpoint)),
+            _ => self.joints.setpoint(setpoint),
+        }
     }
 
     /// Takes a measured shape.
     pub fn shape(&mut self, shape: &Shape) {
+        self.joints.shape(shape);
         if let Some(bend_rad) = shape.valid_bend_rad() {
             self.shapes.push((shape.sample_ns, bend_rad));
         }
@@ -140,16 +148,18 @@ impl PassLog {
         self.changes.iter().map(report).collect()
     }
 
-    /// What the pass showed; `names` are the parameters that the model of the pass learns.
-    pub fn report(&self, compensation: &str, names: &[LearntParameter]) -> PassReport {
+    /// What the pass showed; `names` are the parameters that the model of the pass learns, `slides` says of joints whether
+    /// their positions are lengths.
+    pub fn report(&self, compensation: &str, names: &[LearntParameter], slides: Option<bool>) -> PassReport {
         let peak = |bends: &mut dyn Iterator<Item = [f64; 2]>| bends.map(length).fold(0.0, f64::max).to_degrees();
         PassReport {
             compensation: compensation.to_owned(),
             tracking: Tracking::of(self.setpoints.iter().copied(), self.shapes.iter().copied()).score(),
-            peak_bend_deg: PeakBend {
+            peak_bend_deg: slides.is_none().then(|| PeakBend {
                 commanded: peak(&mut self.setpoints.iter().map(|(_, bend, _)| *bend)),
                 reached: peak(&mut self.shapes.iter().map(|(_, bend)| *bend)),
-            },
+            }),
+            joints: slides.and_then(|slides| self.joints.score(slides)),
             learnt: self.last_update.as_ref().map_or_else(Vec::new, |update| LearntReport::of(update, names)),
             watched_for_changes: self.watched,
             changes: self.change_reports(),

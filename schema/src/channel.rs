@@ -206,6 +206,16 @@ impl Channel {
         all
     };
 
+    /// The oldest version of its payload whose recorded form reads as today's.
+    pub fn oldest_version(self) -> u32 {
+        match self {
+            // What they lack are the numbers of actuators and joints, and their absence means the three lines of a snake.
+            Self::Setpoint | Self::State => 2,
+            Self::Command => 4,
+            _ => self.schema().version,
+        }
+    }
+
     /// The channel with a topic, or `None` for a topic that krait does not write.
     pub fn from_topic(topic: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|channel| channel.topic() == topic)

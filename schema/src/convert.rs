@@ -9,6 +9,7 @@ mod marker;
 mod recorder;
 
 use crate::proto;
+use krait_ipc::message::{self, Actuators, Joints, MAX_JOINTS};
 
 /// A message with a protobuf mirror.
 pub(crate) trait Mirrored: Sized {
@@ -20,8 +21,27 @@ pub(crate) trait Mirrored: Sized {
     fn restore(mirror: &Self::Mirror) -> Result<Self, String>;
 }
 
-fn lines([line_1, line_2, line_3]: [f64; 3]) -> Option<proto::Lines> {
-    Some(proto::Lines { line_1, line_2, line_3 })
+/// Three lines of a message that has no more.
+fn three_lines(of: [f64; 3]) -> Option<proto::Lines> {
+    lines(message::lines(of))
+}
+
+fn lines(of: Actuators) -> Option<proto::Lines> {
+    let [line_1, line_2, line_3, line_4, line_5, line_6, line_7, line_8, line_9, line_10, line_11, line_12] = of;
+    Some(proto::Lines {
+        line_1,
+        line_2,
+        line_3,
+        line_4,
+        line_5,
+        line_6,
+        line_7,
+        line_8,
+        line_9,
+        line_10,
+        line_11,
+        line_12,
+    })
 }
 
 fn bend([x, y]: [f64; 2]) -> Option<proto::Bend> {
@@ -37,7 +57,7 @@ fn covariance([xx, xy, yy]: [f64; 3]) -> Option<proto::Covariance> {
 }
 
 /// Joints that are all NaN, as of a machine that has none, take no room.
-fn joints(values: [f64; 8]) -> Option<proto::Joints> {
+fn joints(values: Joints) -> Option<proto::Joints> {
     let [joint_1, joint_2, joint_3, joint_4, joint_5, joint_6, joint_7, joint_8] = values;
     let are_none = values.iter().all(|value| value.to_bits() == f64::NAN.to_bits());
     (!are_none).then_some(proto::Joints { joint_1, joint_2, joint_3, joint_4, joint_5, joint_6, joint_7, joint_8 })
@@ -48,15 +68,43 @@ fn from_covariance(covariance: Option<proto::Covariance>) -> [f64; 3] {
     [xx, xy, yy]
 }
 
-fn from_joints(joints: Option<proto::Joints>) -> [f64; 8] {
-    joints.map_or([f64::NAN; 8], |j| {
+fn from_joints(joints: Option<proto::Joints>) -> Joints {
+    joints.map_or([f64::NAN; MAX_JOINTS], |j| {
         [j.joint_1, j.joint_2, j.joint_3, j.joint_4, j.joint_5, j.joint_6, j.joint_7, j.joint_8]
     })
 }
 
-fn from_lines(lines: Option<proto::Lines>) -> [f64; 3] {
-    let proto::Lines { line_1, line_2, line_3 } = lines.unwrap_or_default();
-    [line_1, line_2, line_3]
+fn from_three_lines(lines: Option<proto::Lines>) -> [f64; 3] {
+    message::three(&from_lines(lines))
+}
+
+fn from_lines(lines: Option<proto::Lines>) -> Actuators {
+    let proto::Lines {
+        line_1,
+        line_2,
+        line_3,
+        line_4,
+        line_5,
+        line_6,
+        line_7,
+        line_8,
+        line_9,
+        line_10,
+        line_11,
+        line_12,
+    } = lines.unwrap_or_default();
+    [line_1, line_2, line_3, line_4, line_5, line_6, line_7, line_8, line_9, line_10, line_11, line_12]
+}
+
+/// Joints that are zero where there are none; all zero, as of a snake, they take no room.
+fn wanted_joints(values: Joints) -> Option<proto::Joints> {
+    let [joint_1, joint_2, joint_3, joint_4, joint_5, joint_6, joint_7, joint_8] = values;
+    let are_none = values.iter().all(|value| value.to_bits() == 0);
+    (!are_none).then_some(proto::Joints { joint_1, joint_2, joint_3, joint_4, joint_5, joint_6, joint_7, joint_8 })
+}
+
+fn from_wanted_joints(joints: Option<proto::Joints>) -> Joints {
+    joints.map_or([0.0; MAX_JOINTS], |joints| from_joints(Some(joints)))
 }
 
 fn from_bend(bend: Option<proto::Bend>) -> [f64; 2] {

@@ -4,7 +4,7 @@ use crate::clock_map::{Arrival, ClockMap};
 use crate::counts::{Counts, ShapeFinding, ShapeRefusal};
 use crate::line::{Header, Measured, Value};
 use core::f64::consts::PI;
-use krait_ipc::message::{MAX_SHAPE_JOINTS, Shape, Validity};
+use krait_ipc::message::{MAX_JOINTS, Shape, Validity};
 use krait_ipc::setting::{SettingError, check};
 use krait_ipc::settings;
 
@@ -219,7 +219,7 @@ fn message(sequence: u64, sample_ns: i64, available_ns: i64, value: Option<&Valu
             ..Shape::of_bend(sequence, sample_ns, available_ns, *bend_rad)
         },
         Some(Value::Joints { n, positions_rad, variances_rad2 }) => {
-            let mut joint_variances_rad2 = [f64::NAN; MAX_SHAPE_JOINTS];
+            let mut joint_variances_rad2 = [f64::NAN; MAX_JOINTS];
             if let Some(variances_rad2) = variances_rad2 {
                 joint_variances_rad2.iter_mut().zip(variances_rad2).take(*n).for_each(|(own, v)| *own = *v);
             }

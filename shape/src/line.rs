@@ -1,6 +1,6 @@
 //! One line of the format in docs/shapes.md: the header that a program begins with, and its shapes.
 
-use krait_ipc::message::MAX_SHAPE_JOINTS;
+use krait_ipc::message::MAX_JOINTS;
 use serde::Deserialize;
 
 /// Longest line, bytes; a longer one is refused whole.
@@ -86,9 +86,9 @@ pub enum Value {
         /// How many.
         n: usize,
         /// Their positions, rad; 0 behind the last.
-        positions_rad: [f64; MAX_SHAPE_JOINTS],
+        positions_rad: [f64; MAX_JOINTS],
         /// Their variances, if stated; 0 behind the last.
-        variances_rad2: Option<[f64; MAX_SHAPE_JOINTS]>,
+        variances_rad2: Option<[f64; MAX_JOINTS]>,
     },
 }
 
@@ -177,11 +177,11 @@ fn number(value: Option<f64>) -> f64 {
     value.unwrap_or(f64::NAN)
 }
 
-fn padded(values: &[Option<f64>]) -> Result<[f64; MAX_SHAPE_JOINTS], LineError> {
-    if !(1..=MAX_SHAPE_JOINTS).contains(&values.len()) {
+fn padded(values: &[Option<f64>]) -> Result<[f64; MAX_JOINTS], LineError> {
+    if !(1..=MAX_JOINTS).contains(&values.len()) {
         return Err(LineError::Contradiction("\"joints_rad\" must have 1 to 8 numbers"));
     }
-    let mut all = [0.0; MAX_SHAPE_JOINTS];
+    let mut all = [0.0; MAX_JOINTS];
     all.iter_mut().zip(values).for_each(|(own, value)| *own = number(*value));
     Ok(all)
 }

@@ -3,12 +3,11 @@
 //! A camera whose clock is wrong stamps a frame that shows the past; it remembers what it needs of it.
 
 use crate::noise::Noise;
+use crate::shutter::Shutter;
 use crate::truth::CameraTruth;
-use krait_slave::ShapeReading;
+use krait_slave::{Seen, ShapeReading};
 use std::collections::VecDeque;
 
-/// Frames that may be under way at once: more than the longest latency times the highest rate.
-const N_FRAMES: usize = 64;
 /// Sights remembered for a wrong clock: the largest error, 0.4 s, at the shortest distance kept.
 const N_SIGHTS: usize = 1024;
 /// Shortest distance of two remembered sights; a later one replaces the one before.
@@ -17,34 +16,24 @@ const SIGHT_NS: i64 = 500_000;
 /// Exposes whenever an instant of its grid (multiples of the period on CLOCK_MONOTONIC) has passed.
 #[derive(Clone, Debug)]
 pub(crate) struct Camera {
-    period_ns: i64,
-    latency_ns: i64,
+    shutter: Shutter<ShapeReading>,
     sigma_rad: f64,
     plane_sin_cos: (f64, f64),
     clock_error_ns: i64,
     /// Empty while the clock is right.
     sights: VecDeque<(i64, [f64; 2])>,
     noise: Noise,
-    last_grid: Option<i64>,
-    frames: [Option<ShapeReading>; N_FRAMES],
-    n_exposed: usize,
-    n_handed_over: usize,
 }
 
 impl Camera {
     pub(crate) fn new(truth: &CameraTruth, clock_error_s: f64) -> Self {
         Self {
-            period_ns: (1e9 / truth.rate_hz) as i64,
-            latency_ns: (truth.latency_s * 1e9) as i64,
+            shutter: Shutter::new(truth.rate_hz, truth.latency_s),
             sigma_rad: truth.noise_rad,
             plane_sin_cos: truth.plane_offset_rad.sin_cos(),
             clock_error_ns: (clock_error_s * 1e9) as i64,
             sights: VecDeque::with_capacity(if clock_error_s > 0.0 { N_SIGHTS } else { 0 }),
             noise: Noise::new(truth.seed, 1),
-            last_grid: None,
-            frames: [None; N_FRAMES],
-            n_exposed: 0,
-            n_handed_over: 0,
         }
     }
 
@@ -52,24 +41,16 @@ impl Camera {
     /// since it was told last; of several that passed at once only the newest gives a frame.
     pub(crate) fn observe(&mut self, stamp_ns: i64, bend_rad: [f64; 2], q_tilde_m: [f64; 3]) {
         self.remember(stamp_ns, bend_rad);
-        let grid = stamp_ns.div_euclid(self.period_ns);
-        let seen = self.last_grid.replace(grid);
-        if seen.is_none_or(|seen| grid <= seen) {
-            return;
-        }
-        let exposure_ns = grid * self.period_ns;
+        let Some(exposure_ns) = self.shutter.exposes(stamp_ns) else { return };
         let shown_rad = self.turned(self.past(exposure_ns).unwrap_or(bend_rad));
         let noise = self.noise.pair();
         let frame = ShapeReading {
             exposure_ns,
-            bend_rad: [shown_rad[0] + self.sigma_rad * noise[0], shown_rad[1] + self.sigma_rad * noise[1]],
-            sigma_bend_rad: self.sigma_rad,
+            seen: Seen::Bend([shown_rad[0] + self.sigma_rad * noise[0], shown_rad[1] + self.sigma_rad * noise[1]]),
+            sigma_rad: self.sigma_rad,
             q_tilde_m,
         };
-        self.frames[self.n_exposed % N_FRAMES] = Some(frame);
-        self.n_exposed += 1;
-        // A reader that never comes loses the oldest frames.
-        self.n_handed_over = self.n_handed_over.max(self.n_exposed.saturating_sub(N_FRAMES));
+        self.shutter.put(exposure_ns, frame);
     }
 
     /// What a noiseless frame with this stamp shows if the snake stands like this now, at the stamp.
@@ -80,15 +61,7 @@ impl Camera {
 
     /// The oldest frame that has become available.
     pub(crate) fn take(&mut self, stamp_ns: i64) -> Option<ShapeReading> {
-        if self.n_handed_over == self.n_exposed {
-            return None;
-        }
-        let frame = self.frames[self.n_handed_over % N_FRAMES]?;
-        if stamp_ns < frame.exposure_ns.saturating_add(self.latency_ns) {
-            return None;
-        }
-        self.n_handed_over += 1;
-        Some(frame)
+        self.shutter.take(stamp_ns)
     }
 
     fn turned(&self, bend_rad: [f64; 2]) -> [f64; 2] {
@@ -130,6 +103,11 @@ mod tests {
 
     const MS: i64 = 1_000_000;
 
+    fn bend_rad(frame: &ShapeReading) -> [f64; 2] {
+        let Seen::Bend(bend_rad) = frame.seen else { panic!("{frame:?} is of no snake") };
+        bend_rad
+    }
+
     fn frames(truth: &CameraTruth) -> Vec<(i64, ShapeReading)> {
         let mut camera = Camera::new(truth, 0.0);
         let mut frames = Vec::new();
@@ -150,7 +128,7 @@ mod tests {
             assert_eq!(pair[1].1.exposure_ns - pair[0].1.exposure_ns, 16_666_666);
         }
         for (_, frame) in frames {
-            let seen_ms = frame.bend_rad[0];
+            let seen_ms = bend_rad(&frame)[0];
             assert!((seen_ms - frame.exposure_ns as f64 / 1e6).abs() <= 1.0, "{frame:?}");
         }
     }
@@ -170,7 +148,7 @@ mod tests {
     fn a_turned_camera_turns_the_plane_and_keeps_the_bend() {
         let truth = CameraTruth { plane_offset_rad: 0.5, noise_rad: 0.0, ..CameraTruth::default() };
         let (_, frame) = frames(&truth)[10];
-        assert!((frame.bend_rad[1].atan2(frame.bend_rad[0]) - 0.5).abs() < 1e-12);
+        assert!((bend_rad(&frame)[1].atan2(bend_rad(&frame)[0]) - 0.5).abs() < 1e-12);
     }
 
     #[test]
@@ -180,7 +158,7 @@ mod tests {
         for ms in 0..1000 {
             camera.observe(ms * MS, [ms as f64, 0.0], [0.0; 3]);
             while let Some(frame) = camera.take(ms * MS) {
-                shown.push(frame.exposure_ns as f64 / 1e6 - frame.bend_rad[0]);
+                shown.push(frame.exposure_ns as f64 / 1e6 - bend_rad(&frame)[0]);
             }
         }
         assert!(shown.iter().skip(4).all(|late_ms| (late_ms - 50.0).abs() < 1e-6), "{shown:?}");

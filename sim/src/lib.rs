@@ -7,10 +7,11 @@
 //!
 //! ```
 //! use krait_sim::{SimulatedSnake, Truth};
+//! use krait_ipc::message::lines;
 //! use krait_slave::Drive;
 //! let mut snake = SimulatedSnake::new(&Truth::default());
 //! snake.set_power(0, true)?;
-//! snake.write(1_000_000, [-1e-3, 0.5e-3, 0.5e-3])?; // pulls line 1: bends in the plane delta = 0
+//! snake.write(1_000_000, lines([-1e-3, 0.5e-3, 0.5e-3]))?; // pulls line 1: bends in the plane delta = 0
 //! let [bend_x_rad, bend_y_rad] = snake.bend_rad();
 //! assert!(bend_x_rad > 0.1 && bend_y_rad.abs() < 1e-6);
 //! # Ok::<(), krait_slave::DriveError>(())
@@ -22,18 +23,24 @@ mod camera;
 mod encoders;
 mod ends;
 mod hidden;
+mod joint;
+mod joints;
+mod joints_truth;
 mod line;
 mod noise;
 mod plant;
 mod process;
 mod recorded_time;
+mod shutter;
 mod sight;
 mod snake;
 mod truth;
 mod truth_error;
 
 pub use hidden::{BendingTruth, EncodersTruth, LinesTruth, SightTruth, SlowTruth};
-pub use process::{SimError, run, simulated};
+pub use joints::SimulatedJoints;
+pub use joints_truth::{JointCameraTruth, JointTruth, JointsTruth};
+pub use process::{SimError, Simulation, run, simulated};
 pub use recorded_time::run_in_recorded_time;
 pub use snake::SimulatedSnake;
 pub use truth::{CameraTruth, DriveTruth, EffectsTruth, MachineTruth, Truth};

@@ -1,11 +1,20 @@
-//! The slave process on the simulated snake.
+//! The slave process on a simulated machine.
 
-use crate::{SimulatedSnake, Truth, TruthError};
+use crate::{JointsTruth, SimulatedJoints, SimulatedSnake, Truth, TruthError};
 use core::sync::atomic::AtomicBool;
 use krait_ipc::{Bus, IpcError};
 use krait_slave::{ConfigError, SlaveConfig, SlaveError, run_with_drive};
 
-/// The slave on the simulated snake could not start or go on.
+/// Which machine is simulated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Simulation {
+    /// A snake of three lines.
+    Snake,
+    /// So many cable-driven joints.
+    Joints(usize),
+}
+
+/// The slave on a simulated machine could not start or go on.
 #[derive(Debug, thiserror::Error)]
 pub enum SimError {
     /// The slave refused its configuration or a channel failed.
@@ -38,12 +47,16 @@ impl From<IpcError> for SimError {
     }
 }
 
-/// Runs the slave on the simulated snake until `stop`, as [`run_with_drive`] does on any drive.
+/// Runs the slave on a simulated machine until `stop`, as [`run_with_drive`] does on any drive.
 ///
 /// # Errors
 /// [`SimError`]; whatever happens the drives are stopped smoothly and disabled first.
-pub fn run(bus: &Bus, config: &SlaveConfig, stop: &AtomicBool) -> Result<(), SimError> {
-    Ok(run_with_drive(bus, config, simulated(config)?, stop)?)
+pub fn run(bus: &Bus, config: &SlaveConfig, machine: Simulation, stop: &AtomicBool) -> Result<(), SimError> {
+    match machine {
+        Simulation::Snake => run_with_drive(bus, config, simulated(config)?, stop)?,
+        Simulation::Joints(n) => run_with_drive(bus, config, simulated_joints(config, n)?, stop)?,
+    }
+    Ok(())
 }
 
 /// The simulated snake that a configuration asks for.
@@ -56,9 +69,28 @@ pub fn simulated(config: &SlaveConfig) -> Result<SimulatedSnake, SimError> {
         Some(path) => Truth::load(path)?,
         None => Truth::default(),
     };
-    let (stroke_m, travel_m) = (config.limits.stroke_m, truth.drive.travel_m);
+    check_travel(config, truth.drive.travel_m)?;
+    Ok(SimulatedSnake::new(&truth))
+}
+
+/// The simulated joints that a configuration asks for.
+///
+/// # Errors
+/// As [`simulated`].
+pub(crate) fn simulated_joints(config: &SlaveConfig, n: usize) -> Result<SimulatedJoints, SimError> {
+    config.check()?;
+    let truth = match &config.truth {
+        Some(path) => JointsTruth::load(path, n)?,
+        None => JointsTruth::of(n),
+    };
+    check_travel(config, truth.drive.travel_m)?;
+    Ok(SimulatedJoints::new(&truth))
+}
+
+fn check_travel(config: &SlaveConfig, travel_m: f64) -> Result<(), SimError> {
+    let stroke_m = config.limits.stroke_m;
     if stroke_m > travel_m {
         return Err(SimError::StrokeBeyondTravel { stroke_m, travel_m });
     }
-    Ok(SimulatedSnake::new(&truth))
+    Ok(())
 }

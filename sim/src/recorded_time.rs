@@ -1,10 +1,9 @@
-//! The simulated snake in a replay's own time: now is what the newest command says, so an hour can pass in a minute.
+//! A simulated machine in a replay's own time: now is what the newest command says, so an hour can pass in a minute.
 //!
 //! Only the simulation can be had here: a real drive's watchdog, limits and brakes stay on the machine's clock.
 //! Everything else is the slave as ever: the same core, limiter, watchdog and braking, told another time.
 
-use crate::SimulatedSnake;
-use crate::process::{SimError, simulated};
+use crate::process::{SimError, Simulation, simulated, simulated_joints};
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use krait_ipc::message::{Command, SlaveState, StateCommand, Transition};
@@ -20,15 +19,33 @@ const MOST_TICKS: i64 = 1_000;
 /// Ticks that homing may take: longer than any travel at the slowest homing speed, and not for ever.
 const MOST_HOMING_TICKS: i64 = 100_000;
 
-/// Runs the slave on the simulated snake in the time of its commands, which begins at `start_ns`, until `stop`. Publishes
+/// Runs the slave on a simulated machine in the time of its commands, which begins at `start_ns`, until `stop`. Publishes
 /// exactly one state for each command, after the shapes of the same instant.
 ///
 /// # Errors
 /// [`SimError`] when the configuration is refused or a channel fails.
-pub fn run_in_recorded_time(bus: &Bus, config: &SlaveConfig, start_ns: i64, stop: &AtomicBool) -> Result<(), SimError> {
-    let drive = simulated(config)?;
+pub fn run_in_recorded_time(
+    bus: &Bus,
+    config: &SlaveConfig,
+    machine: Simulation,
+    start_ns: i64,
+    stop: &AtomicBool,
+) -> Result<(), SimError> {
+    match machine {
+        Simulation::Snake => run_drive(bus, config, simulated(config)?, start_ns, stop),
+        Simulation::Joints(n) => run_drive(bus, config, simulated_joints(config, n)?, start_ns, stop),
+    }
+}
+
+fn run_drive<D: Drive>(
+    bus: &Bus,
+    config: &SlaveConfig,
+    drive: D,
+    start_ns: i64,
+    stop: &AtomicBool,
+) -> Result<(), SimError> {
     let mut slave = Slave {
-        // The simulated snake's own camera, whoever measured when it was recorded: the snake of a replay is another.
+        // The simulated machine's own camera, whoever measured when it was recorded: the machine of a replay is another.
         shapes: Shapes::open(bus, &drive, ShapeSource::Camera)?,
         core: SlaveCore::new(drive, config),
         commands: bus.reader(ReadOptions::waking())?,
@@ -51,8 +68,8 @@ pub fn run_in_recorded_time(bus: &Bus, config: &SlaveConfig, start_ns: i64, stop
     Ok(slave.end()?)
 }
 
-struct Slave {
-    core: SlaveCore<SimulatedSnake>,
+struct Slave<D> {
+    core: SlaveCore<D>,
     commands: Reader<Command>,
     state_commands: Reader<StateCommand>,
     stops: Stops,
@@ -65,7 +82,7 @@ struct Slave {
     now_ns: i64,
 }
 
-impl Slave {
+impl<D: Drive> Slave<D> {
     fn take_commands(&mut self) -> Result<(), IpcError> {
         while let Some(command) = self.commands.take()? {
             let due_ns = command.stamps.command_sent_ns.max(self.now_ns);

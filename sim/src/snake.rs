@@ -6,6 +6,7 @@ use crate::noise::Noise;
 use crate::plant::Plant;
 use crate::sight::Sight;
 use crate::truth::Truth;
+use krait_ipc::message::{Actuators, N_LINES, lines, three};
 use krait_slave::{Drive, DriveError, DriveReading, Homing, ShapeReading};
 
 /// Longest time that one step of the search for zero accounts for: a search that was not continued does not jump.
@@ -160,7 +161,12 @@ impl SimulatedSnake {
 }
 
 impl Drive for SimulatedSnake {
-    fn write(&mut self, stamp_ns: i64, q_tilde_m: [f64; 3]) -> Result<(), DriveError> {
+    fn n_actuators(&self) -> usize {
+        N_LINES
+    }
+
+    fn write(&mut self, stamp_ns: i64, q_tilde_m: Actuators) -> Result<(), DriveError> {
+        let q_tilde_m = three(&q_tilde_m);
         self.check(q_tilde_m)?;
         self.observe(stamp_ns);
         self.target_m = Some(self.encoders.place_m(q_tilde_m));
@@ -176,7 +182,8 @@ impl Drive for SimulatedSnake {
                 *q += self.encoder_noise_m * noise;
             }
         }
-        Ok(DriveReading { q_tilde_m: q_tilde_m.map(|q| self.quantised(q)), tau_n: self.plant.actuator_loads_n() })
+        let tau_n = lines(self.plant.actuator_loads_n());
+        Ok(DriveReading { q_tilde_m: lines(q_tilde_m.map(|q| self.quantised(q))), tau_n })
     }
 
     fn home(&mut self, stamp_ns: i64) -> Result<Homing, DriveError> {
@@ -226,16 +233,16 @@ mod tests {
     fn a_write_without_power_is_refused_and_moves_nothing() {
         let mut snake = SimulatedSnake::new(&Truth::default());
         let before = snake.read(0).unwrap();
-        assert_eq!(snake.write(0, [1e-3, -5e-4, -5e-4]), Err(DriveError::NotPowered));
+        assert_eq!(snake.write(0, lines([1e-3, -5e-4, -5e-4])), Err(DriveError::NotPowered));
         assert_eq!(snake.read(0).unwrap(), before);
     }
 
     #[test]
     fn a_write_beyond_the_hard_stops_or_not_finite_is_refused_and_moves_nothing() {
         let mut snake = powered();
-        let error = snake.write(0, [0.0, 9e-3, 0.0]).unwrap_err();
+        let error = snake.write(0, lines([0.0, 9e-3, 0.0])).unwrap_err();
         assert_eq!(error, DriveError::OutOfTravel { actuator: 2, found_m: 9e-3, limit_m: 8e-3 });
-        assert!(matches!(snake.write(0, [0.0, 0.0, f64::NAN]), Err(DriveError::NotFinite { actuator: 3, .. })));
+        assert!(matches!(snake.write(0, lines([0.0, 0.0, f64::NAN])), Err(DriveError::NotFinite { actuator: 3, .. })));
         assert_eq!(snake.q_tilde_m(), [0.0; 3]);
     }
 
@@ -255,7 +262,7 @@ mod tests {
     #[test]
     fn homing_brings_a_bent_snake_to_its_zero_at_the_homing_speed() {
         let mut snake = powered();
-        snake.write(0, [1e-3, -5e-4, -5e-4]).unwrap();
+        snake.write(0, lines([1e-3, -5e-4, -5e-4])).unwrap();
         let mut stamp_ns = 0;
         let mut n_busy = 0;
         loop {

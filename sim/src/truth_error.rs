@@ -35,6 +35,18 @@ pub enum TruthError {
         /// The known key most like it.
         nearest: String,
     },
+    /// Another number of joints than the model has.
+    #[error(
+        "truth file {file} describes {found} joints, expected {expected} as in the model; give each joint one [[joint]] table, or none at all"
+    )]
+    OtherNumber {
+        /// Its path.
+        file: String,
+        /// Joints in the file.
+        found: usize,
+        /// Joints of the model.
+        expected: usize,
+    },
     /// A value outside its range.
     #[error(
         "truth file {file}: {key} is {found}, expected {low} to {high}; correct it, or delete it to use the default"

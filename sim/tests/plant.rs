@@ -3,7 +3,7 @@
 
 use core::f64::consts::PI;
 use krait_sim::{EffectsTruth, SimulatedSnake, Truth};
-use krait_slave::Drive;
+use krait_slave::{Drive, Seen, lines};
 use proptest::prelude::*;
 
 const R_M: f64 = 1.684e-3;
@@ -22,7 +22,7 @@ fn ideal() -> EffectsTruth {
 }
 
 fn write(snake: &mut SimulatedSnake, q_tilde_m: [f64; 3]) {
-    snake.write(0, q_tilde_m).unwrap();
+    snake.write(0, lines(q_tilde_m)).unwrap();
 }
 
 /// Eq. (1): q_i = -r b cos(delta + (i - 1) 120 deg).
@@ -276,9 +276,12 @@ fn the_same_commands_give_the_same_bytes() {
         let mut bytes = Vec::new();
         for k in 0..3000_i64 {
             let t = k as f64 * 1e-3;
-            snake.write(k * 1_000_000, q_m(0.8 * (2.0 * t).sin(), 1.3 * t)).unwrap();
+            snake.write(k * 1_000_000, lines(q_m(0.8 * (2.0 * t).sin(), 1.3 * t))).unwrap();
             let reading = snake.read(k * 1_000_000).unwrap();
-            let shape = snake.shape(k * 1_000_000).map_or([0.0; 2], |shape| shape.bend_rad);
+            let shape = snake.shape(k * 1_000_000).map_or([0.0; 2], |shape| match shape.seen {
+                Seen::Bend(bend_rad) => bend_rad,
+                Seen::Joints(..) => [f64::NAN; 2],
+            });
             for x in reading.q_tilde_m.into_iter().chain(reading.tau_n).chain(shape) {
                 bytes.extend(x.to_le_bytes());
             }

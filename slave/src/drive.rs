@@ -1,18 +1,23 @@
-//! What the slave needs of its actuators: the seam behind which a simulated snake or real hardware sits.
+//! What the slave needs of its actuators: the seam behind which a simulated machine or real hardware sits.
 
-/// Three push-pull actuators with encoders and line loads, and perhaps a camera on the snake.
+use krait_ipc::message::{Actuators, Joints};
+
+/// Push-pull actuators with encoders and loads, and perhaps a camera on what they move.
 ///
 /// # Real-time
 /// No method allocates, blocks, logs or reads a clock; every instant is the argument `stamp_ns`, CLOCK_MONOTONIC,
 /// nanoseconds, which never decreases from call to call.
 pub trait Drive {
-    /// Tells the actuators where to be: q~ of the three lines, m, push positive.
+    /// How many actuators there are, 1 to 12; never changes.
+    fn n_actuators(&self) -> usize;
+
+    /// Tells the actuators where to be: q~, m, push positive; zeros behind the last.
     ///
     /// # Errors
     /// [`DriveError`]; the actuators then stay where they are.
-    fn write(&mut self, stamp_ns: i64, q_tilde_m: [f64; 3]) -> Result<(), DriveError>;
+    fn write(&mut self, stamp_ns: i64, q_tilde_m: Actuators) -> Result<(), DriveError>;
 
-    /// Reads the encoders and the line loads.
+    /// Reads the encoders and the loads.
     ///
     /// # Errors
     /// [`DriveError`] when the drives do not answer.
@@ -31,12 +36,12 @@ pub trait Drive {
     /// [`DriveError`] when the drives refuse.
     fn set_power(&mut self, stamp_ns: i64, on: bool) -> Result<(), DriveError>;
 
-    /// Whether this drive has a camera on the snake, whose shapes are then the slave's to publish.
+    /// Whether this drive has a camera, whose shapes are then the slave's to publish.
     fn has_camera(&self) -> bool {
         false
     }
 
-    /// The next measured shape that has become available, if this drive has a camera on the snake.
+    /// The next measured shape that has become available, if this drive has a camera.
     fn shape(&mut self, _stamp_ns: i64) -> Option<ShapeReading> {
         None
     }
@@ -45,23 +50,32 @@ pub trait Drive {
 /// What the actuators measure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DriveReading {
-    /// Encoder positions q~, m, push positive.
-    pub q_tilde_m: [f64; 3],
-    /// Load of each line at its actuator, N, push positive; NaN where it is not measured.
-    pub tau_n: [f64; 3],
+    /// Encoder positions q~, m, push positive; zeros behind the last actuator.
+    pub q_tilde_m: Actuators,
+    /// Load at each actuator, N, push positive; NaN where it is not measured, zeros behind the last actuator.
+    pub tau_n: Actuators,
 }
 
-/// What a camera saw of the snake.
+/// What a camera saw of a snake, or of joints.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShapeReading {
     /// Instant of exposure, CLOCK_MONOTONIC, nanoseconds.
     pub exposure_ns: i64,
-    /// Measured bend vector b (cos delta, sin delta), rad.
-    pub bend_rad: [f64; 2],
-    /// Standard deviation of each component, rad.
-    pub sigma_bend_rad: f64,
-    /// Encoder positions q~ at the instant of exposure, m; NaN where not known.
+    /// What it saw.
+    pub seen: Seen,
+    /// Standard deviation of each number of it, rad (m for a sliding joint).
+    pub sigma_rad: f64,
+    /// Encoder positions q~ at the instant of exposure, m; NaN where not known. Of joints the camera's maker gives none.
     pub q_tilde_m: [f64; 3],
+}
+
+/// The shape of a machine.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Seen {
+    /// Of a snake: bend vector b (cos delta, sin delta), rad.
+    Bend([f64; 2]),
+    /// Of so many joints: their positions, rad (m for a sliding joint).
+    Joints(Joints, usize),
 }
 
 /// How far the search for the zero is.

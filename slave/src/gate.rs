@@ -6,14 +6,17 @@
 //! leap. A command that the limits allow is written as it came. One that they do not allow is approached: as fast as its
 //! forecast, and faster by what is left over a time constant, so that the approach ends without swinging past it.
 //!
-//! where: the three actuators change by one common factor, so that the direction of the change stays; velocity is the step
+//! where: the actuators change by one common factor, so that the direction of the change stays; velocity is the step
 //! over the credited time. Rate wins over acceleration, acceleration over jerk.
 //!
 //! Failure: drives that were not written for [`REST_NS`] have come to rest by themselves; the motion begins anew.
 
 use crate::Findings;
 use krait_ipc::Reason;
+use krait_ipc::message::{Actuators, MAX_ACTUATORS};
 
+/// Every actuator at zero, or at rest.
+const STILL: Actuators = [0.0; MAX_ACTUATORS];
 /// Most time that one write is credited: a period of 1 kHz, ns.
 const PERIOD_NS: i64 = 1_000_000;
 /// Drives that were not written for so long stand still, ns.
@@ -42,9 +45,9 @@ pub struct GateLimits {
 #[derive(Clone, Copy, Debug)]
 pub struct Gate {
     limits: GateLimits,
-    q_m: [f64; 3],
-    velocity_m_per_s: [f64; 3],
-    acceleration_m_per_s2: [f64; 3],
+    q_m: Actuators,
+    velocity_m_per_s: Actuators,
+    acceleration_m_per_s2: Actuators,
     written_ns: i64,
 }
 
@@ -52,9 +55,9 @@ pub struct Gate {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Write {
     /// Where the drives shall be, m.
-    pub q_m: [f64; 3],
+    pub q_m: Actuators,
     /// The speed that leads there, m/s.
-    velocity_m_per_s: [f64; 3],
+    velocity_m_per_s: Actuators,
     /// Time that is credited to it, s.
     credit_s: f64,
     /// What the gate takes for the motion before it.
@@ -63,18 +66,18 @@ pub struct Write {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Motion {
-    velocity_m_per_s: [f64; 3],
-    acceleration_m_per_s2: [f64; 3],
+    velocity_m_per_s: Actuators,
+    acceleration_m_per_s2: Actuators,
 }
 
 impl Gate {
     /// A gate before drives that stand at zero.
     pub fn new(limits: GateLimits) -> Self {
-        Self { limits, q_m: [0.0; 3], velocity_m_per_s: [0.0; 3], acceleration_m_per_s2: [0.0; 3], written_ns: 0 }
+        Self { limits, q_m: STILL, velocity_m_per_s: STILL, acceleration_m_per_s2: STILL, written_ns: 0 }
     }
 
     /// Where the drives were last told to be, m.
-    pub fn q_m(&self) -> [f64; 3] {
+    pub fn q_m(&self) -> Actuators {
         self.q_m
     }
 
@@ -85,29 +88,29 @@ impl Gate {
 
     /// Whether the drives stand still as far as the gate knows.
     pub fn is_still(&self) -> bool {
-        self.velocity_m_per_s == [0.0; 3]
+        self.velocity_m_per_s == STILL
     }
 
     /// The drives stand here: where the encoders say, after power came or homing ended.
-    pub fn rest_at(&mut self, q_m: [f64; 3]) {
+    pub fn rest_at(&mut self, q_m: Actuators) {
         self.q_m = q_m;
         self.rest();
     }
 
     /// The drives have stopped at once, because they lost their power.
     pub fn rest(&mut self) {
-        (self.velocity_m_per_s, self.acceleration_m_per_s2) = ([0.0; 3], [0.0; 3]);
+        (self.velocity_m_per_s, self.acceleration_m_per_s2) = (STILL, STILL);
     }
 
     /// The write that brings the drives to a target or as near to it as the limits allow. `forecast_m_per_s` is the speed at
     /// which the target moves, zero where that is not known.
     ///
     /// # Real-time
-    /// No allocation, no loop longer than three actuators.
+    /// No allocation, no loop longer than the actuators.
     pub fn toward(
         &self,
-        target_m: [f64; 3],
-        forecast_m_per_s: [f64; 3],
+        target_m: Actuators,
+        forecast_m_per_s: Actuators,
         now_ns: i64,
         findings: &mut Findings,
     ) -> Write {
@@ -120,7 +123,7 @@ impl Gate {
         if self.allows(exact_m_per_s, &from, credit_s, findings) {
             return Write { q_m: target_m, velocity_m_per_s: exact_m_per_s, credit_s, from };
         }
-        let left_m: [f64; 3] = core::array::from_fn(|i| way_m[i] - forecast_m_per_s[i] * credit_s);
+        let left_m: Actuators = core::array::from_fn(|i| way_m[i] - forecast_m_per_s[i] * credit_s);
         let distance_m = largest(left_m);
         let braking = self.limits.acceleration_m_per_s2.sqrt() / distance_m.sqrt().max(f64::MIN_POSITIVE);
         let per_s = (1.0 / CATCH_UP_S).min(braking);
@@ -158,7 +161,7 @@ impl Gate {
             let velocity = write.velocity_m_per_s;
             let change = minus(velocity, write.from.velocity_m_per_s);
             self.acceleration_m_per_s2 = change.map(|change| change / write.credit_s);
-            self.velocity_m_per_s = if largest(velocity) <= REST_M_PER_S { [0.0; 3] } else { velocity };
+            self.velocity_m_per_s = if largest(velocity) <= REST_M_PER_S { STILL } else { velocity };
         }
         self.q_m = write.q_m;
         self.written_ns = self.written_ns.max(now_ns);
@@ -175,14 +178,14 @@ impl Gate {
 
     fn motion(&self, now_ns: i64) -> Motion {
         if now_ns.saturating_sub(self.written_ns) > REST_NS {
-            return Motion { velocity_m_per_s: [0.0; 3], acceleration_m_per_s2: [0.0; 3] };
+            return Motion { velocity_m_per_s: STILL, acceleration_m_per_s2: STILL };
         }
         let Self { velocity_m_per_s, acceleration_m_per_s2, .. } = *self;
         Motion { velocity_m_per_s, acceleration_m_per_s2 }
     }
 
     /// Whether a velocity may be had at once; says into `findings` which limits forbid it.
-    fn allows(&self, velocity: [f64; 3], from: &Motion, credit_s: f64, findings: &mut Findings) -> bool {
+    fn allows(&self, velocity: Actuators, from: &Motion, credit_s: f64, findings: &mut Findings) -> bool {
         let acceleration = minus(velocity, from.velocity_m_per_s).map(|change| change / credit_s);
         let jerk = minus(acceleration, from.acceleration_m_per_s2).map(|change| change / credit_s);
         let checks = [
@@ -201,7 +204,7 @@ impl Gate {
     }
 
     /// The part of a change of velocity that stays within the rate, 0 to 1.
-    fn part_within_rate(&self, velocity: &[f64; 3], change: &[f64; 3]) -> f64 {
+    fn part_within_rate(&self, velocity: &Actuators, change: &Actuators) -> f64 {
         let rate = self.limits.rate_m_per_s;
         velocity.iter().zip(change).fold(1.0, |part: f64, (v, dv)| {
             if (v + dv).abs() <= rate { part } else { part.min(((rate.copysign(*dv) - v) / dv).clamp(0.0, 1.0)) }
@@ -209,31 +212,31 @@ impl Gate {
     }
 
     /// A step towards a velocity that is within the rate, as far as acceleration and jerk allow.
-    fn step(&self, wanted: [f64; 3], from: Motion, credit_s: f64) -> Write {
+    fn step(&self, wanted: Actuators, from: Motion, credit_s: f64) -> Write {
         let change = minus(wanted, from.velocity_m_per_s);
         let change = shortened(change, self.limits.acceleration_m_per_s2 * credit_s);
         let jerk = minus(change.map(|change| change / credit_s), from.acceleration_m_per_s2);
         let jerk = shortened(jerk, self.limits.jerk_m_per_s3 * credit_s);
-        let change: [f64; 3] = core::array::from_fn(|i| (from.acceleration_m_per_s2[i] + jerk[i]) * credit_s);
+        let change: Actuators = core::array::from_fn(|i| (from.acceleration_m_per_s2[i] + jerk[i]) * credit_s);
         let part = self.part_within_rate(&from.velocity_m_per_s, &change);
-        let velocity_m_per_s: [f64; 3] = core::array::from_fn(|i| from.velocity_m_per_s[i] + change[i] * part);
+        let velocity_m_per_s: Actuators = core::array::from_fn(|i| from.velocity_m_per_s[i] + change[i] * part);
         let q_m = core::array::from_fn(|i| self.q_m[i] + velocity_m_per_s[i] * credit_s);
         Write { q_m, velocity_m_per_s, credit_s, from }
     }
 }
 
 /// A vector whose largest component is at most a limit; its direction stays.
-fn shortened(v: [f64; 3], limit: f64) -> [f64; 3] {
+fn shortened(v: Actuators, limit: f64) -> Actuators {
     let found = largest(v);
     if found <= limit { v } else { v.map(|x| x * (limit / found)) }
 }
 
-fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+fn minus(a: Actuators, b: Actuators) -> Actuators {
     core::array::from_fn(|i| a[i] - b[i])
 }
 
 /// Largest magnitude.
-pub(crate) fn largest(v: [f64; 3]) -> f64 {
+pub(crate) fn largest(v: Actuators) -> f64 {
     v.into_iter().fold(0.0, |m, x| m.max(x.abs()))
 }
 

@@ -26,10 +26,11 @@ mod stops;
 mod watchdog;
 
 pub use config::{ConfigError, SlaveConfig};
-pub use drive::{Drive, DriveError, DriveReading, Homing, ShapeReading};
+pub use drive::{Drive, DriveError, DriveReading, Homing, Seen, ShapeReading};
 pub use engagement::Engagement;
 pub use findings::{Findings, Note};
 pub use gate::{Gate, GateLimits, Write};
+pub use krait_ipc::message::{Actuators, lines, three};
 pub use limiter::{Limiter, Limits, Situation, Verdict};
 pub use operating_state::{OperatingMachine, TransitionRefused};
 pub use process::{SlaveError, run_with_drive};

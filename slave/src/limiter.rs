@@ -1,12 +1,12 @@
 //! The slave's own limits, independent of every process before it: what is wrong is refused, what is too far is shortened.
 //!
-//! Refused: not finite, unknown phase or reasons, out of order, too old or from the future, a jump away from the setpoint, a
-//! load that is limited and not measured. Held: late. Shortened, all three actuators by one common factor so that the
+//! Refused: not finite, for another number of actuators, unknown phase or reasons, out of order, too old or from the future, a jump away from the setpoint, a
+//! load that is limited and not measured. Held: late. Shortened, all actuators by one common factor so that the
 //! direction stays: stroke, load. Rate, acceleration and jerk are the gate's.
 
 use crate::Findings;
 use crate::gate::largest;
-use krait_ipc::message::{Command, Phase};
+use krait_ipc::message::{Actuators, Command, MAX_JOINTS, Phase, n_actuators};
 use krait_ipc::setting::{SettingError, check};
 use krait_ipc::{Reason, Reasons, settings};
 
@@ -74,9 +74,9 @@ pub struct Situation {
     /// Now, CLOCK_MONOTONIC, nanoseconds.
     pub now_ns: i64,
     /// Where the drives were last told to be, m.
-    pub setpoint_q_m: [f64; 3],
-    /// Measured line loads, N, push positive; NaN where not measured.
-    pub tau_n: [f64; 3],
+    pub setpoint_q_m: Actuators,
+    /// Measured loads, N, push positive; NaN where not measured.
+    pub tau_n: Actuators,
     /// Whether commands may be executed at all: enabled, homed, not busy, engaged.
     pub ready: bool,
     /// Whether the command before was executed; otherwise this one must begin at the setpoint.
@@ -98,14 +98,15 @@ pub enum Verdict {
 #[derive(Clone, Debug)]
 pub struct Limiter {
     limits: Limits,
+    n_actuators: usize,
     last_sequence: u64,
     last_sample_ns: i64,
 }
 
 impl Limiter {
-    /// A limiter that has seen no command yet.
-    pub fn new(limits: Limits) -> Self {
-        Self { limits, last_sequence: 0, last_sample_ns: i64::MIN }
+    /// A limiter before so many actuators that has seen no command yet.
+    pub fn new(limits: Limits, n_actuators: usize) -> Self {
+        Self { limits, n_actuators, last_sequence: 0, last_sample_ns: i64::MIN }
     }
 
     /// The limits.
@@ -121,13 +122,16 @@ impl Limiter {
     /// Whether a command may be believed at all; says into `findings` why not.
     ///
     /// # Real-time
-    /// No allocation, no loop longer than three actuators.
+    /// No allocation, no loop longer than the actuators.
     pub fn admits(&mut self, command: &Command, now_ns: i64, findings: &mut Findings) -> bool {
-        let numbers = command.q_tilde_m.into_iter().chain(command.bend_rad);
+        let numbers = command.q_tilde_m.iter().chain(wanted(command));
         // A forecast may be missing; NaN says so.
         let forecast = command.q_tilde_vel_m_per_s.into_iter().any(f64::is_infinite);
-        if numbers.into_iter().any(|x| !x.is_finite()) || forecast {
+        if numbers.copied().any(|x| !x.is_finite()) || forecast {
             findings.insert(Reason::NotFinite);
+        }
+        if n_actuators(command.n_actuators) != self.n_actuators || command.n_joints as usize > MAX_JOINTS {
+            findings.insert(Reason::OutOfRange);
         }
         let known_phase = [Phase::Holding, Phase::Following].into_iter().any(|p| p as u32 == command.phase);
         if !known_phase || Reasons::from_bits(command.reasons).bits() != command.reasons {
@@ -175,8 +179,8 @@ impl Limiter {
     }
 
     /// The part of a way that stroke and loads allow, 0 to 1.
-    pub fn confine(&self, situation: &Situation, to_m: &[f64; 3], findings: &mut Findings) -> f64 {
-        let change_m: [f64; 3] = core::array::from_fn(|i| to_m[i] - situation.setpoint_q_m[i]);
+    pub fn confine(&self, situation: &Situation, to_m: &Actuators, findings: &mut Findings) -> f64 {
+        let change_m: Actuators = core::array::from_fn(|i| to_m[i] - situation.setpoint_q_m[i]);
         self.stroke_scale(&situation.setpoint_q_m, &change_m, findings).min(self.load_scale(
             &situation.tau_n,
             &change_m,
@@ -192,16 +196,16 @@ impl Limiter {
         age_ms <= self.limits.late_ms
     }
 
-    fn knows_loads(&self, tau_n: &[f64; 3], findings: &mut Findings) -> bool {
+    fn knows_loads(&self, tau_n: &Actuators, findings: &mut Findings) -> bool {
         let limited = self.limits.pull_n.is_finite() || self.limits.push_n.is_finite();
-        let known = !limited || tau_n.iter().all(|tau| tau.is_finite());
+        let known = !limited || tau_n.iter().take(self.n_actuators).all(|tau| tau.is_finite());
         if !known {
             findings.insert(Reason::LoadUnknown);
         }
         known
     }
 
-    fn stroke_scale(&self, from_m: &[f64; 3], change_m: &[f64; 3], findings: &mut Findings) -> f64 {
+    fn stroke_scale(&self, from_m: &Actuators, change_m: &Actuators, findings: &mut Findings) -> f64 {
         let limit_m = self.limits.stroke_m;
         let mut scale: f64 = 1.0;
         for (from, change) in from_m.iter().zip(change_m) {
@@ -216,7 +220,7 @@ impl Limiter {
         scale
     }
 
-    fn load_scale(&self, tau_n: &[f64; 3], change_m: &[f64; 3], findings: &mut Findings) -> f64 {
+    fn load_scale(&self, tau_n: &Actuators, change_m: &Actuators, findings: &mut Findings) -> f64 {
         let mut scale = 1.0;
         for (tau, change) in tau_n.iter().zip(change_m) {
             let limit_n = if *tau > 0.0 { self.limits.push_n } else { self.limits.pull_n };
@@ -226,6 +230,14 @@ impl Limiter {
             }
         }
         scale
+    }
+}
+
+/// What a command is for: a bend, or positions of joints.
+fn wanted(command: &Command) -> &[f64] {
+    match command.n_joints {
+        0 => &command.bend_rad,
+        n_joints => &command.joints_rad[..(n_joints as usize).min(MAX_JOINTS)],
     }
 }
 

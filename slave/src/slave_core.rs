@@ -17,7 +17,7 @@ use crate::{
     Drive, DriveError, DriveReading, Engagement, Findings, Gate, GateLimits, Homing, Limiter, Note, OperatingMachine,
     Situation, SlaveConfig, TransitionRefused, Verdict, Watchdog, Write,
 };
-use krait_ipc::message::{Command, HopStamps, OperatingState, StateCommand, Transition};
+use krait_ipc::message::{Command, HopStamps, Joints, MAX_JOINTS, OperatingState, StateCommand, Transition};
 use krait_ipc::{Reason, Reasons};
 
 /// Commands come every millisecond; half a period more without one and the slave begins to brake, ns.
@@ -40,6 +40,9 @@ pub struct SlaveCore<D> {
     home_on_start: bool,
     motion: Motion,
     pub(crate) setpoint_bend_rad: [f64; 2],
+    pub(crate) setpoint_joints_rad: Joints,
+    /// Joints that the newest executed command was for.
+    pub(crate) n_joints: u32,
     pub(crate) reading: DriveReading,
     pub(crate) stamps: HopStamps,
     pub(crate) is_unstamped: bool,
@@ -80,10 +83,11 @@ enum Motion {
 impl<D: Drive> SlaveCore<D> {
     /// A slave that is Disabled and does not know its zero. The configuration must have been checked.
     pub fn new(drive: D, config: &SlaveConfig) -> Self {
+        let unread = core::array::from_fn(|k| if k < drive.n_actuators() { f64::NAN } else { 0.0 });
         Self {
+            limiter: Limiter::new(config.limits.clone(), drive.n_actuators()),
             drive,
             machine: OperatingMachine::default(),
-            limiter: Limiter::new(config.limits.clone()),
             watchdog: Watchdog::new(config.watchdog_ms),
             gate: Gate::new(GateLimits {
                 rate_m_per_s: config.limits.rate_m_per_s,
@@ -96,7 +100,9 @@ impl<D: Drive> SlaveCore<D> {
             home_on_start: config.home_on_start,
             motion: Motion::Held,
             setpoint_bend_rad: [0.0; 2],
-            reading: DriveReading { q_tilde_m: [f64::NAN; 3], tau_n: [f64::NAN; 3] },
+            setpoint_joints_rad: [0.0; MAX_JOINTS],
+            n_joints: 0,
+            reading: DriveReading { q_tilde_m: unread, tau_n: unread },
             stamps: HopStamps::default(),
             is_unstamped: false,
             command_sequence: 0,
@@ -224,6 +230,7 @@ impl<D: Drive> SlaveCore<D> {
             if part < 1.0 { f64::INFINITY } else { largest(core::array::from_fn(|i| command.q_tilde_m[i] - q_m[i])) };
         self.motion = Motion::Following;
         self.setpoint_bend_rad = command.bend_rad;
+        (self.setpoint_joints_rad, self.n_joints) = (command.joints_rad, command.n_joints);
         self.command_sequence = command.sequence;
         self.stamps = HopStamps { slave_begun_ns: situation.now_ns, drive_written_ns: 0, ..command.stamps };
         self.is_unstamped = true;
@@ -419,6 +426,7 @@ impl<D: Drive> SlaveCore<D> {
             Ok(Homing::Done) => {
                 self.machine.homing_done();
                 self.setpoint_bend_rad = [0.0; 2];
+                self.setpoint_joints_rad = [0.0; MAX_JOINTS];
             }
             Err(error) => return self.fault(error, now_ns),
         }
@@ -431,7 +439,7 @@ impl<D: Drive> SlaveCore<D> {
         let Some(write) = self.gate.brake(now_ns) else { return };
         let stroke_m = self.limiter.limits().stroke_m;
         let from_m = self.gate.q_m();
-        let stays = (0..3).all(|i| write.q_m[i].abs() <= stroke_m.max(from_m[i].abs()));
+        let stays = write.q_m.iter().zip(from_m).all(|(q_m, from_m)| q_m.abs() <= stroke_m.max(from_m.abs()));
         let write = if stays { write } else { self.gate.part_of(&write, 0.0) };
         self.write(&write, now_ns);
     }

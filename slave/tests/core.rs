@@ -4,23 +4,30 @@
 use krait_ipc::message::{Command, HopStamps, OperatingState, Phase, SlaveState, StateCommand, Transition};
 use krait_ipc::{Reason, Reasons};
 use krait_sim::{SimulatedSnake, Truth};
-use krait_slave::{Drive, DriveError, DriveReading, Homing, SlaveConfig, SlaveCore, TransitionRefused};
+use krait_slave::{
+    Actuators, Drive, DriveError, DriveReading, Homing, SlaveConfig, SlaveCore, TransitionRefused, lines,
+};
 
 const MS: i64 = 1_000_000;
-const DIRECTION: [f64; 3] = [-1.0, 0.5, 0.5];
+const DIRECTION: Actuators = lines([-1.0, 0.5, 0.5]);
 
 /// A drive whose encoders and loads can be set, and which can fail.
 #[derive(Default)]
 struct Mock {
-    q_m: [f64; 3],
-    tau_n: [f64; 3],
+    q_m: Actuators,
+    tau_n: Actuators,
+    /// Actuators beyond three.
+    n_more: usize,
     is_frozen: bool,
     is_dead: bool,
     powered: bool,
 }
 
 impl Drive for Mock {
-    fn write(&mut self, _stamp_ns: i64, q_tilde_m: [f64; 3]) -> Result<(), DriveError> {
+    fn n_actuators(&self) -> usize {
+        3 + self.n_more
+    }
+    fn write(&mut self, _stamp_ns: i64, q_tilde_m: Actuators) -> Result<(), DriveError> {
         if self.is_dead {
             return Err(DriveError::Failed { what: "cable pulled" });
         }
@@ -50,8 +57,11 @@ struct Bench {
 
 impl Bench {
     fn ready() -> Self {
-        let mut bench =
-            Self { core: SlaveCore::new(Mock::default(), &SlaveConfig::default()), now_ns: MS, sequence: 0 };
+        Self::with(Mock::default())
+    }
+
+    fn with(drive: Mock) -> Self {
+        let mut bench = Self { core: SlaveCore::new(drive, &SlaveConfig::default()), now_ns: MS, sequence: 0 };
         bench.core.transition(Transition::Enable, bench.now_ns).unwrap();
         bench.tick();
         bench.engage();
@@ -76,7 +86,7 @@ impl Bench {
         self.core.report(self.now_ns)
     }
 
-    fn command(&mut self, q_tilde_m: [f64; 3]) -> Command {
+    fn command(&mut self, q_tilde_m: Actuators) -> Command {
         self.sequence += 1;
         Command {
             sequence: self.sequence,
@@ -88,6 +98,7 @@ impl Bench {
             bend_rad: [0.1, 0.2],
             q_uncompensated_m: q_tilde_m,
             q_tilde_m,
+            n_actuators: self.core.drive().n_actuators() as u32,
             model_hash: 1,
             learnt: [f64::NAN; 8],
             n_learnt: 0,
@@ -144,22 +155,22 @@ fn nothing_moves_unless_enabled_homed_and_following() {
     let mut bench = Bench { core: SlaveCore::new(Mock::default(), &SlaveConfig::default()), now_ns: MS, sequence: 0 };
     let state = bench.go(20e-6);
     assert!(has(&state, Reason::SlaveNotEnabled) && has(&state, Reason::SlaveNotHomed));
-    assert_eq!(state.setpoint_q_m, [0.0; 3]);
+    assert_eq!(state.setpoint_q_m, [0.0; 12]);
 
     let config = SlaveConfig { home_on_start: false, ..SlaveConfig::default() };
     let mut bench = Bench { core: SlaveCore::new(Mock::default(), &config), now_ns: MS, sequence: 0 };
     bench.core.transition(Transition::Enable, MS).unwrap();
     let state = bench.go(20e-6);
-    assert!(has(&state, Reason::SlaveNotHomed) && state.setpoint_q_m == [0.0; 3]);
+    assert!(has(&state, Reason::SlaveNotHomed) && state.setpoint_q_m == [0.0; 12]);
 
     let mut bench = Bench::ready();
     let mut command = bench.command(DIRECTION.map(|d| d * 20e-6));
     command.phase = Phase::Holding as u32;
     let state = bench.take(&command);
-    assert!(!follows(&state) && state.setpoint_q_m == [0.0; 3] && state.n_refused == 0);
+    assert!(!follows(&state) && state.setpoint_q_m == [0.0; 12] && state.n_refused == 0);
     bench.core.transition(Transition::Pause, bench.now_ns).unwrap();
     let state = bench.go(20e-6);
-    assert!(has(&state, Reason::SlaveNotEnabled) && state.setpoint_q_m == [0.0; 3]);
+    assert!(has(&state, Reason::SlaveNotEnabled) && state.setpoint_q_m == [0.0; 12]);
 }
 
 #[test]
@@ -235,6 +246,51 @@ fn the_first_command_after_every_kind_of_hold_must_begin_at_the_setpoint() {
 }
 
 #[test]
+fn twelve_actuators_of_eight_joints_pass_the_same_gate_and_the_twelfth_counts_like_the_first() {
+    let mut bench = Bench::with(Mock { n_more: 9, ..Mock::default() });
+    let joints_rad: [f64; 8] = core::array::from_fn(|k| 0.1 * k as f64);
+    let all = |way_m: f64| core::array::from_fn(|k| way_m * (1.0 - k as f64 / 24.0));
+    let go = |bench: &mut Bench, way_m: f64, change: fn(&mut Command)| {
+        bench.now_ns += MS;
+        let mut command = bench.command(all(way_m));
+        (command.joints_rad, command.n_joints, command.bend_rad) = (joints_rad, 8, [f64::NAN; 2]);
+        change(&mut command);
+        bench.take(&command)
+    };
+    let state = (1..=50).map(|k| go(&mut bench, f64::from(k) * 10e-6, |_| {})).last().unwrap();
+    assert!(follows(&state) && state.setpoint_q_m == all(0.5e-3), "{state:?}");
+    assert_eq!((state.n_actuators, state.n_joints, state.setpoint_joints_rad), (12, 8, joints_rad));
+    let state = go(&mut bench, 0.6e-3, |_| {});
+    let moved = |k: usize| state.setpoint_q_m[k] - all(0.5e-3)[k];
+    assert!(
+        (moved(0) - 30e-6).abs() < 1e-12 && (moved(11) / moved(0) - 13.0 / 24.0).abs() < 1e-9,
+        "one factor for all"
+    );
+    let spoilt: [(fn(&mut Command), Reason); 5] = [
+        (|c| c.q_tilde_m[11] = f64::NAN, Reason::NotFinite),
+        (|c| c.joints_rad[7] = f64::INFINITY, Reason::NotFinite),
+        (|c| c.n_actuators = 3, Reason::OutOfRange),
+        (|c| c.n_actuators = 0, Reason::OutOfRange),
+        (|c| c.n_joints = 9, Reason::OutOfRange),
+    ];
+    for (spoil, reason) in spoilt {
+        let before = bench.core.report(bench.now_ns).n_refused;
+        let state = go(&mut bench, 0.5e-3, spoil);
+        assert!(has(&state, reason) && state.n_refused == before + 1, "{reason:?}: {state:?}");
+    }
+    bench.core.drive_mut().tau_n[11] = -61.0;
+    bench.now_ns += 100 * MS;
+    bench.tick();
+    bench.engage();
+    let at = bench.core.report(bench.now_ns).setpoint_q_m;
+    bench.now_ns += MS;
+    let mut command = bench.command(at.map(|q| q - 10e-6));
+    (command.joints_rad, command.n_joints) = (joints_rad, 8);
+    let state = bench.take(&command);
+    assert!(has(&state, Reason::ForceLimit), "the twelfth actuator pulls too hard: {state:?}");
+}
+
+#[test]
 fn a_jump_while_following_is_refused_and_a_fast_motion_is_shortened_in_its_direction() {
     let mut bench = Bench::ready();
     let before = bench.ramp(0.0, 0.5e-3);
@@ -269,7 +325,7 @@ fn the_end_of_the_stroke_stops_all_lines_and_the_way_back_is_free() {
 fn a_load_beyond_its_limit_forbids_more_of_it_and_allows_less() {
     let mut bench = Bench::ready();
     bench.ramp(0.0, 1e-3);
-    bench.core.drive_mut().tau_n = [-61.0, 20.0, 20.0];
+    bench.core.drive_mut().tau_n = lines([-61.0, 20.0, 20.0]);
     bench.tick();
     bench.go(1e-3);
     let before = bench.go(1e-3);
@@ -372,7 +428,7 @@ fn homing_a_bent_snake_is_busy_moves_nothing_else_and_ends_at_zero() {
         assert!(n_busy < 100, "it ends");
     }
     assert!(n_busy > 30, "0.2 mm at 5 mm/s, {n_busy} ms");
-    assert_eq!(core.report(now_ns).setpoint_q_m, [0.0; 3]);
+    assert_eq!(core.report(now_ns).setpoint_q_m, [0.0; 12]);
 }
 
 /// Each finding of the probe that showed it, on the slave alone.
@@ -423,7 +479,7 @@ mod probes {
     fn a_load_that_is_not_measured_is_refused_where_one_is_limited() {
         let mut bench = Bench::ready();
         let before = bench.ramp(0.0, 0.5e-3);
-        bench.core.drive_mut().tau_n = [f64::NAN, 1.0, 1.0];
+        bench.core.drive_mut().tau_n = lines([f64::NAN, 1.0, 1.0]);
         bench.core.report(bench.now_ns);
         let state = bench.go(0.51e-3);
         assert!(has(&state, Reason::LoadUnknown) && !state.is_engaged() && !follows(&state));
@@ -433,7 +489,7 @@ mod probes {
         let mut config = SlaveConfig::default();
         (config.limits.pull_n, config.limits.push_n) = (f64::INFINITY, f64::INFINITY);
         config.check().unwrap();
-        let drive = Mock { tau_n: [f64::NAN; 3], ..Mock::default() };
+        let drive = Mock { tau_n: lines([f64::NAN; 3]), ..Mock::default() };
         let mut bench = Bench { core: SlaveCore::new(drive, &config), now_ns: MS, sequence: 0 };
         bench.core.transition(Transition::Enable, bench.now_ns).unwrap();
         bench.tick();
@@ -448,7 +504,7 @@ mod probes {
         bench.tick();
         for k in 0..200 {
             let state = bench.go(f64::from(k) * 10e-6);
-            assert!(!state.is_engaged() && state.setpoint_q_m == [0.0; 3], "{state:?}");
+            assert!(!state.is_engaged() && state.setpoint_q_m == [0.0; 12], "{state:?}");
         }
     }
 

@@ -7,7 +7,7 @@ mod allocations;
 use allocations::allocations_of;
 use krait_ipc::message::{Command, HopStamps, Phase, Transition};
 use krait_sim::{SimulatedSnake, Truth};
-use krait_slave::{Drive, SlaveConfig, SlaveCore};
+use krait_slave::{Actuators, Drive, SlaveConfig, SlaveCore, lines};
 
 #[test]
 fn writing_reading_and_looking_at_the_simulated_snake_allocates_nothing() {
@@ -22,7 +22,7 @@ fn writing_reading_and_looking_at_the_simulated_snake_allocates_nothing() {
         let n = allocations_of(|| {
             for k in 0..2000_i64 {
                 let q = 2e-3 * (k as f64 * 5e-3).sin();
-                snake.write(k * 1_000_000, [q, -0.5 * q, -0.5 * q]).unwrap();
+                snake.write(k * 1_000_000, lines([q, -0.5 * q, -0.5 * q])).unwrap();
                 snake.read(k * 1_000_000).unwrap();
                 n_frames += u64::from(snake.shape(k * 1_000_000).is_some());
             }
@@ -40,7 +40,7 @@ fn commands_refusals_ticks_and_reports_of_the_slave_allocate_nothing() {
             let now_ns = k * 1_000_000;
             let q = if k % 100 == 0 { f64::NAN } else { 1e-3 * (k as f64 * 5e-3).sin() };
             if k % 500 < 400 {
-                let mut command = command(k as u64, now_ns, [q, -0.5 * q, -0.5 * q]);
+                let mut command = command(k as u64, now_ns, lines([q, -0.5 * q, -0.5 * q]));
                 // The operator takes hold after the first five of each run.
                 command.reasons = u64::from(k % 500 < 5) << krait_ipc::Reason::OperatorAbsent as u32;
                 core.on_command(&command, now_ns);
@@ -54,7 +54,7 @@ fn commands_refusals_ticks_and_reports_of_the_slave_allocate_nothing() {
     assert!(state.n_refused > 10 && state.command_sequence > 100, "both paths were taken: {state:?}");
 }
 
-fn command(sequence: u64, sample_ns: i64, q_tilde_m: [f64; 3]) -> Command {
+fn command(sequence: u64, sample_ns: i64, q_tilde_m: Actuators) -> Command {
     Command {
         sequence,
         sample_ns,
@@ -65,6 +65,7 @@ fn command(sequence: u64, sample_ns: i64, q_tilde_m: [f64; 3]) -> Command {
         bend_rad: [0.0; 2],
         q_uncompensated_m: q_tilde_m,
         q_tilde_m,
+        n_actuators: 3,
         model_hash: 1,
         learnt: [f64::NAN; 8],
         n_learnt: 0,

@@ -9,10 +9,10 @@ use krait_ipc::message::{
 };
 use krait_ipc::{Bus, Process, ReadOptions, Reader, Reason, Reasons, Writer, health_channel};
 use krait_sim::{SimError, run};
-use krait_slave::{ShapeSource, SlaveConfig};
+use krait_slave::{Actuators, ShapeSource, SlaveConfig, lines};
 use std::thread;
 
-const DIRECTION: [f64; 3] = [-1.0, 0.5, 0.5];
+const DIRECTION: Actuators = lines([-1.0, 0.5, 0.5]);
 
 struct Others {
     commands: Writer<Command>,
@@ -72,6 +72,7 @@ impl Others {
                 bend_rad: [way_m / 1.684e-3, 0.0],
                 q_uncompensated_m: q_tilde_m,
                 q_tilde_m,
+                n_actuators: 3,
                 model_hash: 1,
                 learnt: [f64::NAN; 8],
                 n_learnt: 0,

@@ -165,7 +165,7 @@ fn the_slave_stops_by_itself_when_the_operators_side_freezes() {
 
     let mut largest_step_m: f64 = 0.0;
     let (mut n_stale, mut n_after) = (0, 0);
-    let mut before: Option<(i64, [f64; 3])> = None;
+    let mut before: Option<(i64, krait_ipc::message::Actuators)> = None;
     for recorded in Recording::open(Path::new(&recording)).expect("readable").samples().expect("samples") {
         let Sample::State(state) = recorded.expect("readable").sample else { continue };
         let reasons = krait_ipc::Reasons::from_bits(state.reasons);

@@ -196,7 +196,7 @@ fn a_slave_whose_terminal_stands_still_goes_on() {
     let mut spoil = || {
         let (sequence, sample_ns) = (commands.n_sent() + 1, monotonic_ns());
         let phase = Phase::Following as u32;
-        let command = Command { sequence, sample_ns, phase, q_tilde_m: [f64::NAN; 3], ..Command::default() };
+        let command = Command { sequence, sample_ns, phase, q_tilde_m: [f64::NAN; 12], ..Command::default() };
         commands.send(&command).expect("sent");
     };
     let before = until("refused", &mut spoil, &|state| state.n_refused > 200);

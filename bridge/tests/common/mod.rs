@@ -86,7 +86,11 @@ pub fn setpoint_of(chain: &Chain, sequence: u64, bend_rad: [f64; 2]) -> Setpoint
         state_sequence: sequence,
         bend_rad,
         bend_vel_rad_per_s: [0.0; 2],
-        q_tilde_vel_m_per_s: [0.0; 3],
+        joints_rad: [0.0; 8],
+        joints_vel_rad_per_s: [0.0; 8],
+        q_tilde_vel_m_per_s: [0.0; 12],
+        n_actuators: 3,
+        n_joints: 0,
         tip_pos_in_base_m: [0.0, 0.0, 0.026],
         motion_scale: 1.0,
         model_hash: chain.hash().0,
@@ -105,10 +109,13 @@ pub fn ready_state(sequence: u64) -> SlaveState {
         command_sequence: sequence,
         operating_state: OperatingState::Enabled as u32,
         flags: SlaveState::IS_HOMED | SlaveState::FOLLOWING | SlaveState::ENGAGED,
-        setpoint_q_m: [0.0; 3],
+        setpoint_q_m: [0.0; 12],
         setpoint_bend_rad: [0.0; 2],
-        measured_q_m: [0.0; 3],
-        measured_tau_n: [0.0; 3],
+        setpoint_joints_rad: [0.0; 8],
+        n_actuators: 3,
+        n_joints: 0,
+        measured_q_m: [0.0; 12],
+        measured_tau_n: [0.0; 12],
         reasons: 0,
         n_commands: 0,
         n_refused: 0,
@@ -120,7 +127,7 @@ pub fn ready_state(sequence: u64) -> SlaveState {
 pub fn waiting_state(sequence: u64, setpoint_q_m: [f64; 3], setpoint_bend_rad: [f64; 2]) -> SlaveState {
     SlaveState {
         flags: SlaveState::IS_HOMED | SlaveState::ENGAGED,
-        setpoint_q_m,
+        setpoint_q_m: krait_ipc::message::lines(setpoint_q_m),
         setpoint_bend_rad,
         ..ready_state(sequence)
     }

@@ -1,6 +1,6 @@
 //! What the actuators shall do: published by `compensate`, read by `slave`.
 
-use super::{HopStamps, MAX_LEARNT, message};
+use super::{Actuators, HopStamps, Joints, MAX_LEARNT, message};
 use iceoryx2::prelude::ZeroCopySend;
 
 /// Actuator positions, uncompensated and compensated side by side.
@@ -22,14 +22,20 @@ pub struct Command {
     pub state_sequence: u64,
     /// Sequence number of the newest model update that this step had seen (0: none).
     pub model_update_sequence: u64,
-    /// The bend vector that this command is for, rad; equals the setpoint's.
+    /// The bend vector that this command is for, rad; equals the setpoint's; NaN for joints.
     pub bend_rad: [f64; 2],
-    /// q of Eq. (1): what an inextensible snake would need, m, push positive.
-    pub q_uncompensated_m: [f64; 3],
+    /// The positions of joints that this command is for, rad (m for a sliding joint); equal the setpoint's; zeros for a snake.
+    pub joints_rad: Joints,
+    /// q of Eq. (1): what an inextensible snake would need, or what joints without effects would, m, push positive.
+    pub q_uncompensated_m: Actuators,
     /// q~ = q + eps: what the actuators are told, m, push positive.
-    pub q_tilde_m: [f64; 3],
-    /// Actuator rates that J~ asks for, m/s; copied from the setpoint, NaN where nobody has computed them.
-    pub q_tilde_vel_m_per_s: [f64; 3],
+    pub q_tilde_m: Actuators,
+    /// Actuator rates that the model asks for, m/s; copied from the setpoint, NaN where nobody has computed them.
+    pub q_tilde_vel_m_per_s: Actuators,
+    /// How many actuators it commands; 0: the three lines of a snake.
+    pub n_actuators: u32,
+    /// How many joints they move; 0 for a snake.
+    pub n_joints: u32,
     /// Which model this command rests on: its hash.
     pub model_hash: u64,
     /// Values in force of the parameters that the model learns, in the order of the model file, each in its own unit; NaN
@@ -43,7 +49,7 @@ pub struct Command {
     pub reasons: u64,
 }
 
-message!(Command, "command", 4, super::EVERY_SAMPLE);
+message!(Command, "command", 5, super::EVERY_SAMPLE);
 
 impl Command {
     /// Values in force of the parameters that the model learns.

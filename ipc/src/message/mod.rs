@@ -9,6 +9,7 @@
 //! Invalid floats are NaN, never 0 or -1. Flags and enumerations travel as `u32`, because a foreign process could put any
 //! bit pattern there; the typed view is checked.
 
+mod actuators;
 mod command;
 mod cue;
 mod health;
@@ -22,6 +23,7 @@ mod stamps;
 mod state_command;
 mod state_request;
 
+pub use actuators::{Actuators, Joints, MAX_ACTUATORS, MAX_JOINTS, N_LINES, lines, n_actuators, three, used};
 pub use command::Command;
 pub use cue::Cue;
 pub use health::{Health, N_REASONS_MAX, ReasonRecord};
@@ -29,7 +31,7 @@ pub use marker::{MARKER_TEXT_MAX, Marker, MarkerTextError};
 pub use model_update::{LearningState, LearntValue, MAX_LEARNT, ModelUpdate};
 pub use operator_input::{DeviceState, OperatorInput};
 pub use setpoint::{Phase, Setpoint};
-pub use shape::{MAX_SHAPE_JOINTS, Shape, Validity};
+pub use shape::{Shape, Validity};
 pub use slave_state::{OperatingState, SlaveState};
 pub use stamps::{HopStamps, LatencyLimits, N_HOPS};
 pub use state_command::{StateCommand, Transition};

@@ -1,9 +1,9 @@
-//! Where the snake shall be: published by `resolve`, read by `compensate`.
+//! Where the machine shall be: published by `resolve`, read by `compensate`.
 
-use super::{HopStamps, message};
+use super::{Actuators, HopStamps, Joints, message};
 use iceoryx2::prelude::ZeroCopySend;
 
-/// The bend-vector setpoint and what follows from it without compensation.
+/// The setpoint, a bend vector or positions of joints, and what follows from it without compensation.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
 #[type_name("krait.Setpoint")]
@@ -18,13 +18,17 @@ pub struct Setpoint {
     pub input_sequence: u64,
     /// Sequence number of the newest slave state that this step had seen (0: none).
     pub state_sequence: u64,
-    /// Bend vector b (cos delta, sin delta), rad.
+    /// Bend vector b (cos delta, sin delta), rad; NaN for joints.
     pub bend_rad: [f64; 2],
     /// Its rate, rad/s.
     pub bend_vel_rad_per_s: [f64; 2],
-    /// Actuator rates that J~ = (I + J alpha)^-1 J asks for: q~_dot = (J_q_b + alpha_b) b_dot, m/s.
-    pub q_tilde_vel_m_per_s: [f64; 3],
-    /// End-disk centre in the base frame for this bend, m.
+    /// Positions of joints, rad (m for a sliding joint); zeros for a snake.
+    pub joints_rad: Joints,
+    /// Their rates, rad/s (m/s).
+    pub joints_vel_rad_per_s: Joints,
+    /// Actuator rates, m/s. Of a snake those that J~ = (I + J alpha)^-1 J asks for: q~_dot = (J_q_b + alpha_b) b_dot.
+    pub q_tilde_vel_m_per_s: Actuators,
+    /// End-disk centre in the base frame for this bend, m; NaN for joints.
     pub tip_pos_in_base_m: [f64; 3],
     /// The common factor by which limits shortened the operator's motion, 0..=1.
     pub motion_scale: f64,
@@ -34,11 +38,15 @@ pub struct Setpoint {
     pub phase: u32,
     /// Padding, zero.
     pub reserved: u32,
+    /// How many actuators have a rate; 0: the three lines of a snake.
+    pub n_actuators: u32,
+    /// How many joints; 0 for a snake.
+    pub n_joints: u32,
     /// The set of reasons ([`crate::Reasons`]) that hold at this sample.
     pub reasons: u64,
 }
 
-message!(Setpoint, "setpoint", 2, super::EVERY_SAMPLE);
+message!(Setpoint, "setpoint", 3, super::EVERY_SAMPLE);
 
 impl Setpoint {
     /// The typed phase, or `None` for a value that no version of krait sends.

@@ -1,10 +1,7 @@
 //! What was measured of the machine's shape: published by whoever measures it, read by `estimate` and `record`.
 
-use super::message;
+use super::{MAX_JOINTS, message};
 use iceoryx2::prelude::ZeroCopySend;
-
-/// Joints that a shape can hold.
-pub const MAX_SHAPE_JOINTS: usize = 8;
 
 /// A measured shape: the bend of a snake, or the positions of joints.
 #[repr(C)]
@@ -28,9 +25,9 @@ pub struct Shape {
     /// Actuator positions q~ at the instant of exposure, m; NaN where the maker does not know them.
     pub q_tilde_m: [f64; 3],
     /// Measured positions of the joints, rad (m for a sliding joint); NaN for a snake and behind the last joint.
-    pub joints_rad: [f64; MAX_SHAPE_JOINTS],
+    pub joints_rad: [f64; MAX_JOINTS],
     /// Their variances as the maker states them, rad^2; NaN where it states none.
-    pub joint_variances_rad2: [f64; MAX_SHAPE_JOINTS],
+    pub joint_variances_rad2: [f64; MAX_JOINTS],
     /// How many joints it shows; 0 for a snake.
     pub n_joints: u32,
     /// See [`Validity`].
@@ -71,7 +68,7 @@ impl Shape {
         }
     }
 
-    /// Valid positions of joints, at most [`MAX_SHAPE_JOINTS`]; what is beyond is left out.
+    /// Valid positions of joints, at most [`MAX_JOINTS`]; what is beyond is left out.
     pub fn of_joints(sequence: u64, sample_ns: i64, available_ns: i64, positions_rad: &[f64]) -> Self {
         let mut shape = Self::lost(sequence, sample_ns, available_ns);
         let mut n_joints = 0;
@@ -93,8 +90,8 @@ impl Shape {
             delta_rad: f64::NAN,
             bend_covariance_rad2: [f64::NAN; 3],
             q_tilde_m: [f64::NAN; 3],
-            joints_rad: [f64::NAN; MAX_SHAPE_JOINTS],
-            joint_variances_rad2: [f64::NAN; MAX_SHAPE_JOINTS],
+            joints_rad: [f64::NAN; MAX_JOINTS],
+            joint_variances_rad2: [f64::NAN; MAX_JOINTS],
             n_joints: 0,
             validity: Validity::Lost as u32,
         }

@@ -1,6 +1,6 @@
 //! What the actuators do and measure: published by `slave`, read by everyone.
 
-use super::{HopStamps, message};
+use super::{Actuators, HopStamps, Joints, message};
 use iceoryx2::prelude::ZeroCopySend;
 
 /// CRTK operating state, joint setpoints and encoder measurements of the actuators.
@@ -30,13 +30,19 @@ pub struct SlaveState {
     /// When the drives were last written, CLOCK_MONOTONIC, nanoseconds (0: never).
     pub setpoint_ns: i64,
     /// `setpoint_js`: what the drives were last told, m, push positive.
-    pub setpoint_q_m: [f64; 3],
-    /// `setpoint` in configuration space: the bend vector that the last accepted command was for, rad.
+    pub setpoint_q_m: Actuators,
+    /// `setpoint` in configuration space: the bend vector that the last accepted command was for, rad; NaN for joints.
     pub setpoint_bend_rad: [f64; 2],
+    /// The positions of joints that the last accepted command was for, rad (m for a sliding joint); zeros for a snake.
+    pub setpoint_joints_rad: Joints,
     /// `measured_js` position: the encoders, m, push positive.
-    pub measured_q_m: [f64; 3],
+    pub measured_q_m: Actuators,
     /// `measured_js` effort: load of each line at its actuator, N, push positive; NaN where not measured.
-    pub measured_tau_n: [f64; 3],
+    pub measured_tau_n: Actuators,
+    /// How many actuators there are; 0: the three lines of a snake.
+    pub n_actuators: u32,
+    /// How many joints the last accepted command was for; 0 for a snake, and before the first command.
+    pub n_joints: u32,
     /// The set of reasons ([`crate::Reasons`]) that hold now.
     pub reasons: u64,
     /// Commands taken from the channel since start.
@@ -45,7 +51,7 @@ pub struct SlaveState {
     pub n_refused: u64,
 }
 
-message!(SlaveState, "state", 2, super::EVERY_SAMPLE);
+message!(SlaveState, "state", 3, super::EVERY_SAMPLE);
 
 impl SlaveState {
     /// Flag: the drives know their zero.

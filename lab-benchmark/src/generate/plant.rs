@@ -3,7 +3,7 @@
 use super::GenerateError;
 use krait_model::{Chain, ChainSettings, Circumstances, Columns, MachineParameters};
 use krait_sim::{SimulatedSnake, Truth};
-use krait_slave::Drive;
+use krait_slave::{Drive, lines};
 use nalgebra::Vector2;
 
 /// The plant's steps between two rows: finer than what a model sees.
@@ -45,7 +45,7 @@ pub(super) fn seen_rad(
             let stamp_ns = (row as i64 * n_steps + k) * step_ns;
             let part = k as f64 / n_steps as f64;
             let between = core::array::from_fn(|i| from[i] * (1.0 - part) + to[i] * part);
-            snake.write(stamp_ns, between).map_err(GenerateError::Drive)?;
+            snake.write(stamp_ns, lines(between)).map_err(GenerateError::Drive)?;
             shape = snake.seen_rad(stamp_ns);
         }
         seen.push(shape);

@@ -30,6 +30,11 @@ pub(super) fn read(path: &Path, file: File, map: &ColumnMap, expected: Expected)
         return Err(ReadError::CutRecording { path: path.to_owned(), missing: missing.to_string() });
     }
     let columns = Columns::of(&recording).map_err(Box::new)?;
+    if columns.is_of_joints {
+        let (found, expected) =
+            ("a recording of joints".to_owned(), "one of a snake; joints are read from CSV".to_owned());
+        return Err(ReadError::OtherMachine { path: path.to_owned(), found, expected });
+    }
     let mut hashing = Hashing { source: file, hash: Sha256::new() };
     io::copy(&mut hashing, &mut io::sink()).map_err(|source| ReadError::Io { path: path.to_owned(), source })?;
     let data = measurements(path, &columns, hex(hashing.hash));

@@ -8,6 +8,7 @@ use crate::print;
 use anyhow::Context;
 use krait_calibrate::{CalibrateError, CalibratedValue, Dialogue, Reply, friction, photo, play, poses, written};
 use krait_ipc::clock;
+use krait_ipc::message::{lines, three};
 use krait_model::MachineParameters;
 use krait_model::model_file::{Machine, ModelFile};
 use krait_sim::{SimulatedSnake, Truth};
@@ -103,8 +104,8 @@ fn simulated(
     to_m: Vector3<f64>,
 ) -> Result<Vector3<f64>, CalibrateError> {
     let robot = |e: DriveError| CalibrateError::Robot(e.to_string());
-    snake.write(0, to_m.into()).map_err(robot)?;
-    let q_tilde_m = snake.read(0).map_err(robot)?.q_tilde_m.into();
+    snake.write(0, lines(to_m.into())).map_err(robot)?;
+    let q_tilde_m = three(&snake.read(0).map_err(robot)?.q_tilde_m).into();
     let [x, y] = snake.bend_rad().map(f64::to_degrees);
     dialogue.say(&format!("  (the simulated snake stands at {x:.3} {y:.3} deg)"))?;
     Ok(q_tilde_m)

@@ -27,7 +27,7 @@ pub fn run(common: &Common, args: &ConsoleArgs) -> anyhow::Result<ExitCode> {
     }
     let config = Config::load(common.config.as_deref())?;
     let bus = Bus::open(&common.instance, NAME)?;
-    let facts = facts_of(&common.instance, &config, &config.model()?);
+    let facts = facts_of(&common.instance, &config, &config.model()?)?;
     let announce = |address: &krait_console::Address| {
         if let Err(error) = print::out(&format!("Console: {}\nStop:    {}\n", address.page, address.stop)) {
             tracing::warn!(%error, "the console's address could not be printed");
@@ -82,15 +82,16 @@ impl Drop for Companion {
     }
 }
 
-fn facts_of(instance: &str, config: &Config, model: &ModelInForce) -> Facts {
+fn facts_of(instance: &str, config: &Config, model: &ModelInForce) -> anyhow::Result<Facts> {
+    let chain = model.snake("the console")?;
     let allowance =
         |a: crate::budget::Allowance| HopBudget { p50_us: a.p50_us, p99_us: a.p99_us, worst_us: a.worst_us };
     let budget = &config.budget;
-    Facts {
+    Ok(Facts {
         instance: instance.to_owned(),
         is_simulated: true,
-        l_m: model.chain.machine().l_m,
-        r_m: model.chain.machine().r_m,
+        l_m: chain.machine().l_m,
+        r_m: chain.machine().r_m,
         max_bend_rad: config.resolve.max_bend_rad,
         max_stroke_m: config.compensate.max_stroke_m,
         max_load_n: config.compensate.max_load_n,
@@ -99,7 +100,7 @@ fn facts_of(instance: &str, config: &Config, model: &ModelInForce) -> Facts {
         presence_hint: presence_hint(config.master.presence),
         recording: config.record.path.as_ref().and_then(|path| Some(path.file_name()?.to_string_lossy().into_owned())),
         budgets: budget.hops().into_iter().chain([budget.end_to_end]).map(allowance).collect(),
-    }
+    })
 }
 
 fn presence_hint(presence: Presence) -> String {

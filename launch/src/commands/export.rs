@@ -29,6 +29,9 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<ExitCode> {
     refuse_other_ending(args.format, &args.out)?;
     let parts = Recording::open_parts(&args.recording)?;
     let columns = Columns::of_parts(&parts)?;
+    if columns.is_of_joints {
+        bail!("{} is of joints, and `krait export` writes tables of snakes; read it as MCAP", args.recording.display());
+    }
     if columns.rows.is_empty() {
         bail!(
             "{} holds no measurement: a row needs a slave that is homed, and this recording has none; record a run that moves",

@@ -1,9 +1,9 @@
 //! `krait model show | check`: prints a model file with what every key means, and checks one.
 
 use crate::cli::{ModelFileArgs, ModelShowArgs, ModelVerb};
-use crate::in_force::live_chain;
 use crate::{commands::model_learnt, print};
 use anyhow::{Context, bail};
+use krait_bridge::LiveModel;
 use krait_ipc::input;
 use krait_model::model_file::{
     Assumed, BUILT_IN, FileEffect, Machine, ModelFile, ModelFileError, assumed, built_in, documented_defaults,
@@ -153,11 +153,11 @@ fn described(path: &Path, text: &str, model: &ModelFile) -> Result<Described, Mo
     let whole = |source: ChainError| ModelFileError::Chain { line: 1, source };
     let chain = model.chain(every_column).map_err(whole)?;
     // Asked as `krait run` asks: what that refuses must not be promised here.
-    let live = live_chain(model);
+    let live = LiveModel::of(model);
     let not_compensable = live.as_ref().err().map(|error| format!("{error:#}"));
-    let implausible = match live.map(|chain| chain.plausible(LARGEST_BEND_RAD)) {
-        Ok(found) => found.map_err(whole)?.err().map(|implausible| implausible.to_string()),
-        Err(_not_live) => None,
+    let implausible = match live.as_ref().map(|live| live.snake().map(|chain| chain.plausible(LARGEST_BEND_RAD))) {
+        Ok(Some(found)) => found.map_err(whole)?.err().map(|implausible| implausible.to_string()),
+        Ok(None) | Err(_) => None,
     };
     Ok(Described {
         file: path.display().to_string(),

@@ -5,9 +5,11 @@ use crate::config::Config;
 use crate::in_force::Compensation;
 use crate::{signals, supervisor};
 use anyhow::{Context, bail};
+use krait_bridge::LiveModel;
 use krait_ipc::{Bus, input};
 use krait_master::{Engage, HidRecording, MasterConfig, Script, SourceChoice};
 use krait_record::{Attachment, RecordConfig};
+use krait_sim::Simulation;
 use krait_slave::SlaveConfig;
 use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
@@ -42,21 +44,28 @@ fn run_named(common: &Common, process: &ProcessVerb) -> anyhow::Result<()> {
         ProcessVerb::Master(args) => run_master(&bus, &config, args, &stop)?,
         ProcessVerb::Resolve(args) => {
             let run = if args.cued { krait_bridge::run_resolve_cued } else { krait_bridge::run_resolve };
-            run(&bus, &config.model()?.chain, config.resolve, &stop)?;
+            run(&bus, &config.model()?.machine, config.resolve, &config.joints, &stop)?;
         }
         ProcessVerb::Compensate(args) => {
             let run = if args.cued { krait_bridge::run_compensate_cued } else { krait_bridge::run_compensate };
-            run(&bus, &config.model()?.chain, config.compensate, &stop)?;
+            run(&bus, &config.model()?.machine, config.compensate, &config.joints, &stop)?;
         }
         ProcessVerb::Estimate(args) => {
             let run = if args.cued { krait_bridge::run_estimate_cued } else { krait_bridge::run_estimate };
-            run(&bus, &config.model()?.chain, config.estimate, &stop)?;
+            run(&bus, config.model()?.snake("learning")?, config.estimate, &stop)?;
         }
         ProcessVerb::Slave(args) => match args.recorded_time_ns {
-            Some(start_ns) => krait_sim::run_in_recorded_time(&bus, &config.slave, start_ns, &stop)?,
+            Some(start_ns) => {
+                krait_sim::run_in_recorded_time(&bus, &config.slave, simulation(&config)?, start_ns, &stop)?
+            }
             None => {
                 let latency_limits = config.budget.latency_limits();
-                krait_sim::run(&bus, &SlaveConfig { latency_limits, ..config.slave.clone() }, &stop)?;
+                krait_sim::run(
+                    &bus,
+                    &SlaveConfig { latency_limits, ..config.slave.clone() },
+                    simulation(&config)?,
+                    &stop,
+                )?;
             }
         },
         ProcessVerb::Record => {
@@ -65,6 +74,14 @@ fn run_named(common: &Common, process: &ProcessVerb) -> anyhow::Result<()> {
         }
     }
     Ok(())
+}
+
+/// The simulated machine that goes with the model.
+fn simulation(config: &Config) -> anyhow::Result<Simulation> {
+    Ok(match config.model()?.machine {
+        LiveModel::Snake(_) => Simulation::Snake,
+        LiveModel::Joints(joints) => Simulation::Joints(joints.n()),
+    })
 }
 
 /// Files that a process of the chain may need: each channel takes some, with each reader and writer that it has.
@@ -135,7 +152,7 @@ pub fn with_attachments(config: &Config) -> anyhow::Result<RecordConfig> {
     let toml = |name: &str, data| Attachment { name: name.to_owned(), media_type: "application/toml".to_owned(), data };
     let mut record = config.record.clone();
     let model = config.model()?;
-    record.machine = *model.chain.machine();
+    record.machine = model.machine.snake().map(|chain| *chain.machine());
     record.metadata.insert("git_revision".to_owned(), env!("KRAIT_GIT_REVISION").to_owned());
     // The model has an attachment of its own.
     let settings = Config { model: Some(MODEL_ATTACHMENT.into()), model_text: None, ..config.clone() };

@@ -9,6 +9,7 @@ use crate::replay_setup::Setup;
 use crate::supervisor::{Cast, ChainOptions, Supervisor};
 use crate::{print, recorded, signals};
 use core::time::Duration;
+use krait_ipc::message::three;
 use krait_ipc::{Process, clock};
 use krait_record::{About, WallClock};
 use krait_replay::{Keeper, LivePlayer, PlayCounts, Player, Program, Turn};
@@ -248,7 +249,7 @@ fn step_line(player: &Player) -> String {
     let sequence = newest.setpoint.map_or(0, |setpoint| setpoint.input_sequence);
     let deg = |bend: Option<[f64; 2]>| bend.unwrap_or([f64::NAN; 2]).map(f64::to_degrees);
     let [x, y] = deg(newest.setpoint.map(|setpoint| setpoint.bend_rad));
-    let [a, b, c] = newest.command.map_or([f64::NAN; 3], |command| command.q_tilde_m).map(|q| q * 1e3);
+    let [a, b, c] = newest.command.map_or([f64::NAN; 3], |command| three(&command.q_tilde_m)).map(|q| q * 1e3);
     let following = newest.state.is_some_and(|state| state.flags & krait_ipc::message::SlaveState::FOLLOWING != 0);
     let word = if following { "follows" } else { "holds" };
     format!("sample {sequence}: bend {x:.4} {y:.4} deg, q~ {a:.5} {b:.5} {c:.5} mm, the slave {word}\n")

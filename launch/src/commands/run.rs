@@ -26,6 +26,9 @@ pub fn run(common: &Common, args: &RunArgs) -> anyhow::Result<ExitCode> {
         _ => {}
     }
     let config = configure(common, args)?;
+    if args.console {
+        config.model()?.snake("the console")?;
+    }
     let options = ChainOptions {
         config,
         master: args.master,

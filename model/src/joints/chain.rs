@@ -93,10 +93,15 @@ impl JointChain {
     }
 }
 
-/// What the inverse needs to know.
 impl JointChain {
-    pub(super) fn n(&self) -> usize {
+    /// How many joints there are.
+    pub fn n(&self) -> usize {
         self.joints.n
+    }
+
+    /// c of a joint, in units of y.
+    pub(super) fn offset(&self, i: usize) -> f64 {
+        self.joints.offset[i]
     }
 
     pub(super) fn gain(&self, i: usize, k: usize) -> f64 {
@@ -116,6 +121,11 @@ impl JointChain {
 impl JointPredictor {
     pub(super) fn n(&self) -> usize {
         self.chain.joints.n
+    }
+
+    /// c of a joint, in units of y.
+    pub(super) fn offset(&self, i: usize) -> f64 {
+        self.chain.offset(i)
     }
 
     /// What the transmission made of the last commands, in units of u.

@@ -136,6 +136,36 @@ impl JointChain {
 }
 
 impl JointCompensator {
+    /// The commands that joints without any effect would need, G^-1 (y - c), in units of u; 0 behind the last joint.
+    pub fn without_effects(&self, wanted: &[f64]) -> [f64; MAX_JOINTS] {
+        let mut left = [0.0; MAX_JOINTS];
+        for (i, (left, wanted)) in left.iter_mut().zip(wanted).enumerate().take(self.memory.n()) {
+            *left = wanted - self.memory.offset(i);
+        }
+        self.divided(&left)
+    }
+
+    /// Rates of those commands for rates of the positions, in units of u and y per second.
+    pub fn rates_without_effects(&self, rates: &[f64]) -> [f64; MAX_JOINTS] {
+        let mut all = [0.0; MAX_JOINTS];
+        all.iter_mut().zip(rates).for_each(|(own, rate)| *own = *rate);
+        self.divided(&all)
+    }
+
+    /// Takes over what another compensator of the same chain remembers. Allocates nothing.
+    pub fn remember_as(&mut self, other: &Self) {
+        self.memory.remember_as(&other.memory);
+        (self.went, self.x_wanted, self.last, self.last_s) = (other.went, other.x_wanted, other.last, other.last_s);
+    }
+
+    fn divided(&self, y: &[f64; MAX_JOINTS]) -> [f64; MAX_JOINTS] {
+        let mut x = [0.0; MAX_JOINTS];
+        for (x, row) in x.iter_mut().zip(&self.divide) {
+            *x = row.iter().zip(y).map(|(d, y)| d * y).sum();
+        }
+        x
+    }
+
     /// What the drives shall be told for the next wanted positions, in the machine's units of y.
     ///
     /// # Real-time
@@ -194,11 +224,7 @@ impl JointCompensator {
         for (i, (left, wanted)) in before_c.iter_mut().zip(wanted).enumerate() {
             *left = wanted - self.trial.beside(i);
         }
-        let mut x = [0.0; MAX_JOINTS];
-        for (x, row) in x.iter_mut().zip(&self.divide) {
-            *x = row.iter().zip(&before_c).map(|(d, y)| d * y).sum();
-        }
-        x
+        self.divided(&before_c)
     }
 
     fn try_out(&mut self, u: &[f64; MAX_JOINTS], at: &Circumstances) {

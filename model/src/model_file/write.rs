@@ -43,7 +43,9 @@ pub fn documented_defaults() -> String {
         let hooks: Vec<_> = variable.hooks.iter().map(|hook| hook.word()).collect();
         out.comment(&format!("  {} [{}], at {}", variable.name, variable.meaning, hooks.join(", ")));
     }
-    out.comment("\nThe other kind of machine, any cable-driven joint or instrument: for the lab; no live compensator drives it.");
+    out.comment(
+        "\nThe other kind of machine, any cable-driven joint or instrument; `krait run` drives up to 8 joints.",
+    );
     for line in documented_joints().lines() {
         out.comment(line);
     }

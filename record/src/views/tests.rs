@@ -1,7 +1,7 @@
 //! Tests of what viewers draw: the geometry agrees with the model, the rate is kept, only changes are told.
 
 use super::*;
-use krait_ipc::message::{Health, HopStamps};
+use krait_ipc::message::{Health, HopStamps, lines};
 use krait_ipc::{Process, Reason, Reasons};
 use krait_schema::generated::foxglove::{FrameTransforms, JointStates, Log, SceneUpdate};
 use nalgebra::Vector3;
@@ -10,7 +10,7 @@ const MS: i64 = 1_000_000;
 const CLOCK: WallClock = WallClock { offset_ns: 1_700_000_000_000_000_000 };
 
 fn views() -> Views {
-    Views::new(&MachineParameters::default(), 30).expect("the default machine")
+    Views::new(Some(&MachineParameters::default()), 30).expect("the default machine")
 }
 
 fn shape(sample_ns: i64, bend_rad: [f64; 2]) -> Sample {
@@ -25,10 +25,13 @@ fn state(sample_ns: i64, operating_state: u32) -> Sample {
         command_sequence: 0,
         operating_state,
         flags: 0,
-        setpoint_q_m: [1e-3, 2e-3, -3e-3],
+        setpoint_q_m: lines([1e-3, 2e-3, -3e-3]),
         setpoint_bend_rad: [0.0; 2],
-        measured_q_m: [1.1e-3, 2.1e-3, -3.1e-3],
-        measured_tau_n: [1.0, f64::NAN, -2.0],
+        setpoint_joints_rad: [0.0; 8],
+        n_actuators: 3,
+        n_joints: 0,
+        measured_q_m: lines([1.1e-3, 2.1e-3, -3.1e-3]),
+        measured_tau_n: lines([1.0, f64::NAN, -2.0]),
         reasons: 0,
         n_commands: 0,
         n_refused: 0,

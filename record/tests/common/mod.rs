@@ -73,16 +73,16 @@ fields! {
         buttons, device_state, reserved, n_reports, n_drained, n_refused
     }
     Setpoint {
-        sequence, sample_ns, stamps, input_sequence, state_sequence, bend_rad, bend_vel_rad_per_s, q_tilde_vel_m_per_s,
-        tip_pos_in_base_m, motion_scale, model_hash, phase, reserved, reasons
+        sequence, sample_ns, stamps, input_sequence, state_sequence, bend_rad, bend_vel_rad_per_s, joints_rad,
+        joints_vel_rad_per_s, q_tilde_vel_m_per_s, n_actuators, n_joints, tip_pos_in_base_m, motion_scale, model_hash, phase, reserved, reasons
     }
     Command {
         sequence, sample_ns, stamps, setpoint_sequence, input_sequence, state_sequence, model_update_sequence, bend_rad,
-        q_uncompensated_m, q_tilde_m, q_tilde_vel_m_per_s, model_hash, learnt, n_learnt, phase, reasons
+        joints_rad, n_actuators, n_joints, q_uncompensated_m, q_tilde_m, q_tilde_vel_m_per_s, model_hash, learnt, n_learnt, phase, reasons
     }
     SlaveState {
         sequence, sample_ns, stamps, command_sequence, operating_state, flags, desired_state, n_stops,
-        state_command_sequence, setpoint_ns, setpoint_q_m, setpoint_bend_rad, measured_q_m, measured_tau_n, reasons, n_commands, n_refused
+        state_command_sequence, setpoint_ns, setpoint_q_m, setpoint_bend_rad, setpoint_joints_rad, n_actuators, n_joints, measured_q_m, measured_tau_n, reasons, n_commands, n_refused
     }
     StateCommand { sequence, sample_ns, transition, sender_pid }
     Shape {

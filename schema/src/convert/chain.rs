@@ -2,8 +2,8 @@
 //! is added and forgotten here does not compile.
 
 use super::{
-    Mirrored, bend, covariance, from_bend, from_covariance, from_joints, from_lines, from_vector3, joints, lines,
-    vector3,
+    Mirrored, bend, covariance, from_bend, from_covariance, from_joints, from_lines, from_three_lines, from_vector3,
+    from_wanted_joints, joints, lines, three_lines, vector3, wanted_joints,
 };
 use crate::proto;
 use krait_ipc::message::{
@@ -69,6 +69,10 @@ impl Mirrored for Setpoint {
             model_hash: self.model_hash,
             phase: self.phase.cast_signed(),
             reserved: self.reserved,
+            joints_rad: wanted_joints(self.joints_rad),
+            joints_vel_rad_per_s: wanted_joints(self.joints_vel_rad_per_s),
+            n_actuators: self.n_actuators,
+            n_joints: self.n_joints,
             reasons: self.reasons,
         }
     }
@@ -88,6 +92,10 @@ impl Mirrored for Setpoint {
             model_hash: mirror.model_hash,
             phase: mirror.phase.cast_unsigned(),
             reserved: mirror.reserved,
+            joints_rad: from_wanted_joints(mirror.joints_rad),
+            joints_vel_rad_per_s: from_wanted_joints(mirror.joints_vel_rad_per_s),
+            n_actuators: mirror.n_actuators,
+            n_joints: mirror.n_joints,
             reasons: mirror.reasons,
         })
     }
@@ -106,6 +114,9 @@ impl Mirrored for Command {
             state_sequence: self.state_sequence,
             model_update_sequence: self.model_update_sequence,
             bend_rad: bend(self.bend_rad),
+            joints_rad: wanted_joints(self.joints_rad),
+            n_actuators: self.n_actuators,
+            n_joints: self.n_joints,
             q_uncompensated_m: lines(self.q_uncompensated_m),
             q_tilde_m: lines(self.q_tilde_m),
             q_tilde_vel_m_per_s: lines(self.q_tilde_vel_m_per_s),
@@ -126,6 +137,9 @@ impl Mirrored for Command {
             state_sequence: mirror.state_sequence,
             model_update_sequence: mirror.model_update_sequence,
             bend_rad: from_bend(mirror.bend_rad),
+            joints_rad: from_wanted_joints(mirror.joints_rad),
+            n_actuators: mirror.n_actuators,
+            n_joints: mirror.n_joints,
             q_uncompensated_m: from_lines(mirror.q_uncompensated_m),
             q_tilde_m: from_lines(mirror.q_tilde_m),
             q_tilde_vel_m_per_s: from_lines(mirror.q_tilde_vel_m_per_s),
@@ -155,6 +169,9 @@ impl Mirrored for SlaveState {
             setpoint_ns: self.setpoint_ns,
             setpoint_q_m: lines(self.setpoint_q_m),
             setpoint_bend_rad: bend(self.setpoint_bend_rad),
+            setpoint_joints_rad: wanted_joints(self.setpoint_joints_rad),
+            n_actuators: self.n_actuators,
+            n_joints: self.n_joints,
             measured_q_m: lines(self.measured_q_m),
             measured_tau_n: lines(self.measured_tau_n),
             reasons: self.reasons,
@@ -177,6 +194,9 @@ impl Mirrored for SlaveState {
             setpoint_ns: mirror.setpoint_ns,
             setpoint_q_m: from_lines(mirror.setpoint_q_m),
             setpoint_bend_rad: from_bend(mirror.setpoint_bend_rad),
+            setpoint_joints_rad: from_wanted_joints(mirror.setpoint_joints_rad),
+            n_actuators: mirror.n_actuators,
+            n_joints: mirror.n_joints,
             measured_q_m: from_lines(mirror.measured_q_m),
             measured_tau_n: from_lines(mirror.measured_tau_n),
             reasons: mirror.reasons,
@@ -220,7 +240,7 @@ impl Mirrored for Shape {
             theta_l_rad: self.theta_l_rad,
             delta_rad: self.delta_rad,
             bend_covariance_rad2: covariance(self.bend_covariance_rad2),
-            q_tilde_m: lines(self.q_tilde_m),
+            q_tilde_m: three_lines(self.q_tilde_m),
             joints_rad: joints(self.joints_rad),
             joint_variances_rad2: joints(self.joint_variances_rad2),
             n_joints: self.n_joints,
@@ -237,7 +257,7 @@ impl Mirrored for Shape {
             theta_l_rad: mirror.theta_l_rad,
             delta_rad: mirror.delta_rad,
             bend_covariance_rad2: from_covariance(mirror.bend_covariance_rad2),
-            q_tilde_m: from_lines(mirror.q_tilde_m),
+            q_tilde_m: from_three_lines(mirror.q_tilde_m),
             joints_rad: from_joints(mirror.joints_rad),
             joint_variances_rad2: from_joints(mirror.joint_variances_rad2),
             n_joints: mirror.n_joints,

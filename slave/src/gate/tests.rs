@@ -1,6 +1,7 @@
 //! Tests of the gate: no sequence of targets and instants makes a write beyond the limits, and every target is reached.
 
 use super::*;
+use krait_ipc::message::lines;
 
 const LIMITS: GateLimits =
     GateLimits { rate_m_per_s: 30e-3, acceleration_m_per_s2: 20.0, jerk_m_per_s3: 40e3, deceleration_m_per_s2: 1.0 };
@@ -15,8 +16,8 @@ impl Numbers {
     }
 }
 
-fn go(gate: &mut Gate, target_m: [f64; 3], now_ns: i64) -> f64 {
-    let write = gate.toward(target_m, [0.0; 3], now_ns, &mut Findings::default());
+fn go(gate: &mut Gate, target_m: Actuators, now_ns: i64) -> f64 {
+    let write = gate.toward(target_m, STILL, now_ns, &mut Findings::default());
     let step_m = largest(minus(write.q_m, gate.q_m()));
     gate.commit(&write, now_ns);
     step_m
@@ -43,17 +44,16 @@ fn whatever_is_asked_whenever_no_write_passes_rate_acceleration_or_jerk() {
             n_braked += 1;
         } else {
             let scale_m = if k % 1000 < 500 { 5e-3 } else { 20e-6 };
-            let target_m = [scale_m * (numbers.next() - 0.5), scale_m * (numbers.next() - 0.5), 0.0];
+            let target_m = core::array::from_fn(|i| if i == 2 { 0.0 } else { scale_m * (numbers.next() - 0.5) });
             let mut findings = Findings::default();
-            let write = gate.toward(target_m, [0.0; 3], now_ns, &mut findings);
+            let write = gate.toward(target_m, STILL, now_ns, &mut findings);
             gate.commit(&write, now_ns);
             n_limited += u32::from(!findings.reasons().is_empty());
         }
         let credit_s = elapsed_ns.min(PERIOD_NS) as f64 * 1e-9;
         let step_m = largest(minus(gate.q_m, before.q_m));
         assert!(step_m <= LIMITS.rate_m_per_s * credit_s + 1e-15, "{k}: {step_m} m in {credit_s} s");
-        let (v0, a0) =
-            if is_rested { ([0.0; 3], [0.0; 3]) } else { (before.velocity_m_per_s, before.acceleration_m_per_s2) };
+        let (v0, a0) = if is_rested { (STILL, STILL) } else { (before.velocity_m_per_s, before.acceleration_m_per_s2) };
         let acceleration = largest(minus(gate.velocity_m_per_s, v0)) / credit_s;
         let is_at_rate = largest(gate.velocity_m_per_s) >= LIMITS.rate_m_per_s * (1.0 - 1e-6);
         assert!(acceleration <= LIMITS.acceleration_m_per_s2 * 1.001 + 1e-3, "{k}: {acceleration} m/s2");
@@ -70,7 +70,7 @@ fn a_target_is_reached_exactly_without_swinging_past_it() {
         (GateLimits { acceleration_m_per_s2: 1.0, jerk_m_per_s3: 1e3, ..LIMITS }, 200),
         (GateLimits { acceleration_m_per_s2: 1.0, jerk_m_per_s3: 1e6, ..LIMITS }, 200),
     ] {
-        let (mut gate, target_m) = (Gate::new(limits), [-1e-3, 0.5e-3, 0.5e-3]);
+        let (mut gate, target_m) = (Gate::new(limits), lines([-1e-3, 0.5e-3, 0.5e-3]));
         let mut past_m: f64 = 0.0;
         for ms in 1..=n_ms {
             go(&mut gate, target_m, ms * 1_000_000);
@@ -86,12 +86,12 @@ fn a_target_is_reached_exactly_without_swinging_past_it() {
 fn a_burst_moves_no_further_than_its_time() {
     let mut gate = Gate::new(LIMITS);
     for ms in 1..=50 {
-        go(&mut gate, [f64::from(ms) * 10e-6, 0.0, 0.0], i64::from(ms) * 1_000_000);
+        go(&mut gate, lines([f64::from(ms) * 10e-6, 0.0, 0.0]), i64::from(ms) * 1_000_000);
     }
     let before_m = gate.q_m()[0];
     // 45 commands of 45 ms at once, a microsecond apart.
     for k in 1..=45 {
-        go(&mut gate, [(50.0 + f64::from(k)) * 10e-6, 0.0, 0.0], 95_000_000 + i64::from(k) * 1000);
+        go(&mut gate, lines([(50.0 + f64::from(k)) * 10e-6, 0.0, 0.0]), 95_000_000 + i64::from(k) * 1000);
     }
     let moved_m = gate.q_m()[0] - before_m;
     assert!(moved_m <= 30e-3 * (1e-3 + 45e-6) + 1e-9, "{moved_m} m");
@@ -102,7 +102,7 @@ fn a_stop_slows_down_steadily_and_keeps_the_direction() {
     let mut gate = Gate::new(LIMITS);
     for ms in 1..=20 {
         let way = f64::from(ms) * 10e-6;
-        go(&mut gate, [way, -0.5 * way, -0.5 * way], i64::from(ms) * 1_000_000);
+        go(&mut gate, lines([way, -0.5 * way, -0.5 * way]), i64::from(ms) * 1_000_000);
     }
     let (mut n_steps, mut speed) = (0, 10e-3);
     let mut now_ns = 20_000_000;
@@ -125,7 +125,7 @@ fn a_stop_slows_down_steadily_and_keeps_the_direction() {
 fn drives_that_were_not_written_for_long_do_not_go_on_where_they_left_off() {
     let mut gate = Gate::new(LIMITS);
     for ms in 1..=20 {
-        go(&mut gate, [f64::from(ms) * 20e-6, 0.0, 0.0], i64::from(ms) * 1_000_000);
+        go(&mut gate, lines([f64::from(ms) * 20e-6, 0.0, 0.0]), i64::from(ms) * 1_000_000);
     }
     assert!(!gate.is_still());
     assert!(gate.brake(500_000_000).is_none() && gate.is_still());

@@ -5,6 +5,7 @@ use super::page;
 use crate::cli_lab::{AddArgs, FitArgs, LabFiles};
 use crate::print;
 use anyhow::{Context, bail};
+use krait_bridge::LiveModel;
 use krait_ipc::clock;
 use krait_lab::machine::Machine;
 use krait_lab::report::added_page;
@@ -122,7 +123,8 @@ fn finish(session: &Session, added: &Added, what: &str, out: &Path, as_json: boo
 /// What a running chain does not do with a model, a sentence each.
 fn not_compensated(file: &ModelFile) -> Vec<String> {
     if matches!(file.machine(), FileMachine::Joints(_)) {
-        return vec!["the live compensator drives snakes only; a model of joints stays in the lab".to_owned()];
+        let refused = LiveModel::of(file).err();
+        return refused.map(|why| format!("`krait run` refuses this model: {why}")).into_iter().collect();
     }
     let sentence = |effect: &FileEffect| {
         let (name, inverse) = (effect.setting().label(), effect.setting().inverse());

@@ -80,7 +80,7 @@ fn judge_loss(verdict: &mut PartVerdict, ended: &VmEnded, journal: &Journal, at:
     let rest_deg = journal.moved_deg(resting_ns, at.plugged);
     verdict.check("rest_moved_deg", rest_deg == 0.0, rest_deg);
     let drives = journal.states.iter().filter(|state| (resting_ns..at.plugged).contains(&state.sample_ns));
-    let mut positions: Vec<[f64; 3]> = drives.map(|state| state.setpoint_q_m).collect();
+    let mut positions: Vec<[f64; 3]> = drives.map(|state| krait_ipc::message::three(&state.setpoint_q_m)).collect();
     let n_states = positions.len();
     positions.dedup();
     verdict.check("drives_at_rest", n_states > 100 && positions.len() == 1, format!("{}/{n_states}", positions.len()));

@@ -1,0 +1,157 @@
+//! Actuation compensation of joints: wanted positions become lengths of cable, within the limits, and never with a jump.
+//!
+//! Problem: u such that y(u; memory of the model's effects) is what is wanted; q~ = u in metres of cable.
+//!
+//! Failure: stale or foreign samples. The command then repeats the last one, with the reasons named.
+
+use crate::JointMachine;
+use crate::config::CompensateConfig;
+use crate::reach::{Reach, Wish};
+use crate::step::{
+    BridgeError, Moment, Refused, Step, check_age, check_model, check_order_and_numbers, seconds_between, stamps_begun,
+    step_s,
+};
+use krait_ipc::message::{Command, Cue, MAX_ACTUATORS, MAX_LEARNT, Phase, Setpoint, SlaveState};
+use krait_ipc::{Reason, Reasons};
+use krait_model::Circumstances;
+use krait_model::joints::{JointCompensator, JointInverseSettings};
+use nalgebra::SVector;
+
+/// The pure step of `compensate` for joints.
+#[derive(Clone, Debug)]
+pub struct JointCompensateCore {
+    machine: JointMachine,
+    joints: JointCompensator,
+    /// Where a warm-up step keeps what the joints remember.
+    spare: JointCompensator,
+    config: CompensateConfig,
+    state: Option<SlaveState>,
+    memory: Memory,
+}
+
+/// What one step leaves to the next, beside the joints' own memory.
+#[derive(Clone, Copy, Debug, Default)]
+struct Memory {
+    reach: Reach<MAX_ACTUATORS>,
+    sequence: u64,
+    first_ns: Option<i64>,
+    before_ns: Option<i64>,
+}
+
+impl JointCompensateCore {
+    /// A compensator at rest.
+    ///
+    /// # Errors
+    /// [`BridgeError::Config`] for values out of range, [`BridgeError::Chain`] for a chain that cannot be inverted.
+    pub fn new(machine: &JointMachine, config: CompensateConfig) -> Result<Self, BridgeError> {
+        config.check()?;
+        let joints = machine.model.chain.compensator(JointInverseSettings::default())?;
+        let (spare, machine) = (joints.clone(), machine.clone());
+        Ok(Self { machine, joints, spare, config, state: None, memory: Memory::default() })
+    }
+
+    /// Notes the newest slave state; it counts from the next step on, and that step names it.
+    pub fn note_state(&mut self, state: &SlaveState) {
+        self.state = Some(*state);
+    }
+
+    /// One step for one setpoint.
+    ///
+    /// # Errors
+    /// [`Refused`] for numbers that are not finite, for another model or number of joints, and for a stamp that does not
+    /// follow the one before.
+    ///
+    /// # Real-time
+    /// No allocation, no clock (`begun_ns` is an argument); the joints' inverse has a largest number of rounds.
+    pub fn step(&mut self, setpoint: &Setpoint, begun_ns: i64) -> Result<Command, Refused> {
+        let n = self.machine.model.n();
+        check_model(self.machine.model.hash(), setpoint.model_hash)?;
+        if setpoint.n_joints as usize != n {
+            return Err(Refused { reason: Reason::OutOfRange, found: f64::from(setpoint.n_joints), limit: n as f64 });
+        }
+        check_order_and_numbers(self.memory.before_ns, setpoint.sample_ns, &setpoint.joints_rad)?;
+        let step_s = step_s(self.memory.before_ns, setpoint.sample_ns);
+        self.memory.before_ns = Some(setpoint.sample_ns);
+
+        let mut reasons = Reasons::from_bits(setpoint.reasons);
+        let is_fresh = check_age(&self.config, self.state.as_ref(), setpoint, begun_ns, &mut reasons);
+        let first_ns = *self.memory.first_ns.get_or_insert(setpoint.sample_ns);
+        let at = Circumstances::at(seconds_between(first_ns, setpoint.sample_ns));
+        let wanted = self.machine.of_model(&setpoint.joints_rad);
+        let wanted = &wanted[..n];
+        let found = self.joints.step(wanted, &at);
+        let wish = Wish {
+            raw_m: SVector::from(self.machine.cable_m(&found.u)),
+            load_n: 0.0,
+            state: self.state.as_ref(),
+            is_fresh,
+            step_s,
+        };
+        let q_tilde_m = self.memory.reach.command(&wish, &self.config, &mut reasons);
+        self.memory.sequence += 1;
+        Ok(Command {
+            sequence: self.memory.sequence,
+            sample_ns: setpoint.sample_ns,
+            stamps: stamps_begun(&setpoint.stamps, |s| s.compensate_begun_ns = begun_ns),
+            setpoint_sequence: setpoint.sequence,
+            input_sequence: setpoint.input_sequence,
+            state_sequence: self.state.map_or(0, |s| s.sequence),
+            model_update_sequence: 0,
+            bend_rad: [f64::NAN; 2],
+            joints_rad: setpoint.joints_rad,
+            q_uncompensated_m: self.machine.cable_m(&self.joints.without_effects(wanted)),
+            q_tilde_m: q_tilde_m.into(),
+            q_tilde_vel_m_per_s: setpoint.q_tilde_vel_m_per_s,
+            n_actuators: n as u32,
+            n_joints: n as u32,
+            model_hash: self.machine.model.hash().0,
+            learnt: [f64::NAN; MAX_LEARNT],
+            n_learnt: 0,
+            phase: if is_fresh { setpoint.phase } else { Phase::Holding as u32 },
+            reasons: reasons.bits(),
+        })
+    }
+
+    /// Does what [`JointCompensateCore::step`] does and forgets it. No step comes out differently for it.
+    pub fn warm_up(&mut self, setpoint: &Setpoint, begun_ns: i64) {
+        let memory = self.memory;
+        self.spare.remember_as(&self.joints);
+        let _forgotten = core::hint::black_box(self.step(setpoint, begun_ns));
+        self.memory = memory;
+        self.joints.remember_as(&self.spare);
+    }
+}
+
+impl Step for JointCompensateCore {
+    type In = Setpoint;
+    type Out = Command;
+    const TAKES_UPDATES: bool = false;
+
+    fn note_state(&mut self, state: &SlaveState) {
+        Self::note_state(self, state);
+    }
+
+    fn step(&mut self, setpoint: &Setpoint, begun_ns: i64) -> Result<Command, Refused> {
+        Self::step(self, setpoint, begun_ns)
+    }
+
+    fn warm_up(&mut self, setpoint: &Setpoint, now_ns: i64) {
+        Self::warm_up(self, &Setpoint { sample_ns: now_ns, ..*setpoint }, now_ns);
+    }
+
+    fn input_sequence(setpoint: &Setpoint) -> u64 {
+        setpoint.input_sequence
+    }
+
+    fn moment(cue: &Cue) -> Moment {
+        Moment { update_sequence: 0, ..<crate::CompensateCore as Step>::moment(cue) }
+    }
+
+    fn sent_stamp(out: &mut Command) -> &mut i64 {
+        &mut out.stamps.command_sent_ns
+    }
+
+    fn reasons(out: &Command) -> Reasons {
+        Reasons::from_bits(out.reasons)
+    }
+}

@@ -1,0 +1,135 @@
+//! The model that a chain runs with: a snake, or joints whose commands and positions are brought to SI.
+
+use crate::joints_error::JointsError;
+use crate::step::BridgeError;
+use krait_ipc::message::MAX_JOINTS;
+use krait_model::joints::JointChain;
+use krait_model::model_file::{Machine, ModelFile};
+use krait_model::{Chain, Columns, LearntParameter, ModelHash};
+
+/// A model that every process of a running chain can use.
+#[derive(Clone, Debug)]
+pub enum LiveModel {
+    /// A snake of three lines.
+    Snake(Chain),
+    /// Cable-driven joints.
+    Joints(JointModel),
+}
+
+/// Joints that can be driven: their chain, and what its units are in SI.
+#[derive(Clone, Debug)]
+pub struct JointModel {
+    pub(crate) chain: JointChain,
+    hash: ModelHash,
+    pub(crate) u: Unit,
+    pub(crate) y: Unit,
+}
+
+/// A unit of commands or positions.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Unit {
+    /// Radians or metres in one.
+    pub si: f64,
+    /// Whether it is one of length, not of angle.
+    pub is_length: bool,
+}
+
+impl Unit {
+    /// The unit of a name, if it is one of angle or of length.
+    pub fn of(name: &str) -> Option<Self> {
+        let (si, is_length) = match name {
+            "rad" => (1.0, false),
+            "mrad" => (1e-3, false),
+            "deg" => (1f64.to_radians(), false),
+            "m" => (1.0, true),
+            "mm" => (1e-3, true),
+            "um" => (1e-6, true),
+            _ => return None,
+        };
+        Some(Self { si, is_length })
+    }
+}
+
+impl LiveModel {
+    /// The model of a file for a machine that gives time stamps and nothing else besides.
+    ///
+    /// # Errors
+    /// [`BridgeError`] says why no running chain can use it.
+    pub fn of(file: &ModelFile) -> Result<Self, BridgeError> {
+        if let Some(chain) = file.chain(Columns::default())? {
+            chain.compensator()?;
+            return Ok(Self::Snake(chain));
+        }
+        let columns = Columns { time: true, ..Columns::default() };
+        let chain = file.joint_chain(columns)?;
+        match (chain, file.machine()) {
+            (Some(chain), Machine::Joints(joints)) => {
+                let n = chain.n();
+                if n > MAX_JOINTS {
+                    return Err(JointsError::TooMany { found: n }.into());
+                }
+                for setting in file.effects().iter().map(|effect| effect.setting()) {
+                    if let Some(parameter) = setting.parameter_names().find(|name| setting.learn(name).is_some()) {
+                        let (effect, parameter) = (setting.label().to_owned(), parameter.to_owned());
+                        return Err(JointsError::Learnt { effect, parameter }.into());
+                    }
+                }
+                let unit =
+                    |key, name: &str| Unit::of(name).ok_or_else(|| JointsError::Unit { key, found: name.to_owned() });
+                let (u, y) = (unit("u_unit", &joints.u_unit)?, unit("y_unit", &joints.y_unit)?);
+                chain.compensator(krait_model::joints::JointInverseSettings::default())?;
+                Ok(Self::Joints(JointModel { chain, hash: file.hash(), u, y }))
+            }
+            _ => Err(JointsError::TooMany { found: 0 }.into()),
+        }
+    }
+
+    /// Which model it is.
+    pub fn hash(&self) -> ModelHash {
+        match self {
+            Self::Snake(chain) => chain.hash(),
+            Self::Joints(joints) => joints.hash,
+        }
+    }
+
+    /// What it learns while the machine moves; nothing of joints.
+    pub fn learnt(&self) -> &[LearntParameter] {
+        match self {
+            Self::Snake(chain) => chain.learnt(),
+            Self::Joints(_) => &[],
+        }
+    }
+
+    /// The snake's chain, if it is one.
+    pub fn snake(&self) -> Option<&Chain> {
+        match self {
+            Self::Snake(chain) => Some(chain),
+            Self::Joints(_) => None,
+        }
+    }
+
+    /// The joints, if it is some.
+    pub fn joints(&self) -> Option<&JointModel> {
+        match self {
+            Self::Snake(_) => None,
+            Self::Joints(joints) => Some(joints),
+        }
+    }
+}
+
+impl JointModel {
+    /// How many joints there are, 1 to 8.
+    pub fn n(&self) -> usize {
+        self.chain.n()
+    }
+
+    /// Which model it is.
+    pub fn hash(&self) -> ModelHash {
+        self.hash
+    }
+
+    /// Whether the joints slide: their positions are lengths.
+    pub fn slides(&self) -> bool {
+        self.y.is_length
+    }
+}

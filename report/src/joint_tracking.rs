@@ -1,0 +1,120 @@
+//! How well joints followed: each measured position against the setpoint of its instant, in the joints' own unit.
+//!
+//! The window is that of a snake's score: from [`SCORED_FROM_S`] after the first motion on.
+
+use crate::{SCORED_FROM_S, Spread};
+use krait_ipc::message::{Joints, MAX_JOINTS, Phase, Setpoint, Shape};
+use serde::Serialize;
+
+/// The score of joints in one pass.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct JointScore {
+    /// Unit of every number here: `deg`, or `mm` where the joints slide.
+    pub unit: &'static str,
+    /// Measured less commanded position over all joints; null where there was too little motion.
+    pub error: Option<Spread>,
+    /// The same for each joint, with how far it went.
+    pub joints: Vec<JointFigure>,
+    /// Measurements that the score rests on.
+    pub scored_shapes: usize,
+}
+
+/// What one joint did.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct JointFigure {
+    /// Measured less commanded position.
+    pub error: Option<Spread>,
+    /// Largest commanded distance from zero over the whole pass.
+    pub peak_commanded: f64,
+    /// Largest measured one.
+    pub peak_reached: f64,
+}
+
+/// Setpoints and measurements of joints, in the order of their instants.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct JointTracking {
+    setpoints: Vec<(i64, Joints)>,
+    measured: Vec<(i64, Joints)>,
+    first_motion_ns: Option<i64>,
+    n: usize,
+}
+
+impl JointTracking {
+    /// Takes a setpoint of joints.
+    pub(crate) fn setpoint(&mut self, setpoint: &Setpoint) {
+        self.n = (setpoint.n_joints as usize).min(MAX_JOINTS);
+        self.setpoints.push((setpoint.sample_ns, setpoint.joints_rad));
+        if setpoint.phase() == Some(Phase::Following) {
+            self.first_motion_ns.get_or_insert(setpoint.sample_ns);
+        }
+    }
+
+    /// Takes a measurement, if it is one of joints.
+    pub(crate) fn shape(&mut self, shape: &Shape) {
+        if shape.valid_joints_rad().is_some() {
+            self.measured.push((shape.sample_ns, shape.joints_rad));
+        }
+    }
+
+    /// The score; none where there were no joints. `slides`: their positions are lengths.
+    pub(crate) fn score(&self, slides: bool) -> Option<JointScore> {
+        if self.n == 0 {
+            return None;
+        }
+        let (unit, per_si) = if slides { ("mm", 1e3) } else { ("deg", 1f64.to_degrees()) };
+        let from_ns = self.first_motion_ns.map(|first_ns| first_ns.saturating_add((SCORED_FROM_S * 1e9) as i64));
+        let scored: Vec<[f64; MAX_JOINTS]> = self
+            .measured
+            .iter()
+            .filter(|(ns, _)| from_ns.is_some_and(|from_ns| *ns >= from_ns))
+            .filter_map(|(ns, measured)| {
+                let after = self.setpoints.partition_point(|(at_ns, _)| at_ns <= ns);
+                let (_, wanted) = self.setpoints.get(after.checked_sub(1)?)?;
+                Some(core::array::from_fn(|k| (measured[k] - wanted[k]) * per_si))
+            })
+            .collect();
+        let peak = |all: &[(i64, Joints)], k: usize| {
+            all.iter().map(|(_, joints)| joints[k].abs()).fold(0.0, f64::max) * per_si
+        };
+        let joint = |k: usize| JointFigure {
+            error: Spread::of_any(scored.iter().map(|errors| errors[k])),
+            peak_commanded: peak(&self.setpoints, k),
+            peak_reached: peak(&self.measured, k),
+        };
+        Some(JointScore {
+            unit,
+            error: Spread::of_any(scored.iter().flat_map(|errors| errors.iter().copied().take(self.n))),
+            joints: (0..self.n).map(joint).collect(),
+            scored_shapes: scored.len(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sliding_joints_are_scored_in_mm_and_turning_ones_in_degrees_each_by_itself() {
+        let mut log = JointTracking::default();
+        let s = 1_000_000_000_i64;
+        let mut joints_rad = [0.0; MAX_JOINTS];
+        (joints_rad[0], joints_rad[1]) = (1e-3, -2e-3);
+        for ms in 0..15_000_i64 {
+            log.setpoints.push((ms * s / 1000, joints_rad));
+        }
+        (log.n, log.first_motion_ns) = (2, Some(0));
+        for k in 0..15 * 60_i64 {
+            log.shape(&Shape::of_joints(k as u64 + 1, k * s / 60, k * s / 60, &[1.5e-3, -2e-3]));
+        }
+        let slides = log.score(true).expect("two joints");
+        assert_eq!((slides.unit, slides.scored_shapes, slides.joints.len()), ("mm", 300, 2));
+        let error = slides.joints[0].error.expect("5 s");
+        assert!((error.rms - 0.5).abs() < 1e-9 && slides.joints[1].error.expect("5 s").rms < 1e-12, "{slides:?}");
+        assert!((slides.joints[1].peak_commanded - 2.0).abs() < 1e-12);
+        let turns = log.score(false).expect("two joints");
+        assert_eq!(turns.unit, "deg");
+        assert!((turns.joints[0].error.expect("5 s").rms - 0.5e-3_f64.to_degrees()).abs() < 1e-9);
+        assert!(JointTracking::default().score(false).is_none());
+    }
+}

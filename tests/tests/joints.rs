@@ -1,0 +1,102 @@
+//! Joints through the real processes: the same scripted motion with and without compensation, figures in the joints' own
+//! unit, and every recorded step repeated byte for byte.
+
+#![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
+
+use core::time::Duration;
+use krait_record::Recording;
+use krait_schema::Sample;
+use krait_tests::{Ended, TempFolder, instance_name};
+use serde_json::Value;
+use std::path::Path;
+
+const PATIENCE: Duration = Duration::from_secs(240);
+/// How often a run is repeated in which the machine was too busy for commands to come in time.
+const TRIES: usize = 4;
+const WRIST: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/joints/wrist.toml");
+const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/joints/wrist.csv");
+const OFF: &str = "format = 1\n[machine]\nkind = \"joints\"\nn = 3\ngain = [1.0, 1.0, 1.0]\noffset = [0.0, 0.0, 0.0]\n";
+
+/// Runs the script with a model and gives the figures of the pass.
+fn run(model: &str, recording: &str, seconds: &str, more: &[&str]) -> Value {
+    let once = || {
+        let instance = instance_name("joints");
+        let mut arguments = vec!["run", "--engage=again", "--json", "--master", "script", "--input", SCRIPT];
+        arguments.extend(["--seconds", seconds, "--instance", &instance, "--model", model, "--recording", recording]);
+        arguments.extend(more);
+        Ended::of(&arguments, PATIENCE)
+    };
+    let in_time = |ended: &Ended| {
+        let came_in_time = !ended.stderr.contains("the engagement has ended");
+        came_in_time || std::fs::remove_file(recording).is_err()
+    };
+    let ended = (0..TRIES).map(|_| once()).find(in_time);
+    let ended = ended.unwrap_or_else(|| panic!("in {TRIES} runs commands came too late: this machine is too busy"));
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    ended.json()
+}
+
+fn verified(recording: &str) -> Value {
+    let ended = Ended::of(&["verify", recording, "--json"], PATIENCE);
+    assert_eq!(ended.code, Some(0), "{}\n{}", ended.stdout, ended.stderr);
+    ended.json()
+}
+
+#[test]
+fn a_wrist_follows_better_with_its_model_and_its_recording_verifies() {
+    let folder = TempFolder::new("joints");
+    let off = folder.file("off.toml");
+    std::fs::write(&off, OFF).expect("a file");
+    let (without, with) = (folder.file("off.mcap"), folder.file("wrist.mcap"));
+    let rms = |figures: &Value| {
+        let pass = &figures["passes"][0];
+        assert_eq!((pass["joints"]["unit"].as_str(), pass["peak_bend_deg"].is_null()), (Some("deg"), true), "{pass}");
+        assert_eq!(pass["joints"]["joints"].as_array().map(Vec::len), Some(3), "{pass}");
+        pass["joints"]["error"]["rms"].as_f64().unwrap_or_else(|| panic!("no error in {pass}"))
+    };
+    let off_deg = rms(&run(&off, &without, "15", &[]));
+    let wrist_deg = rms(&run(WRIST, &with, "15", &[]));
+    assert!(wrist_deg < 0.25 * off_deg, "{wrist_deg} deg with the model, {off_deg} deg without");
+    let verdict = verified(&with);
+    assert!(
+        verdict["first_difference"].is_null() && verdict["commands_identical"].as_u64() > Some(10_000),
+        "{verdict}"
+    );
+}
+
+#[test]
+fn eight_sliding_joints_are_driven_in_mm_and_verify() {
+    let folder = TempFolder::new("slides");
+    let file = |name: &str, text: String| {
+        std::fs::write(folder.path().join(name), text).expect("a file");
+        folder.file(name)
+    };
+    let ones = ["1.0"; 8].join(", ");
+    let zeros = ["0.0"; 8].join(", ");
+    let model = file(
+        "slides.toml",
+        format!(
+            "format = 1\n[machine]\nkind = \"joints\"\nn = 8\nu_unit = \"mm\"\ny_unit = \"mm\"\ngain = [{ones}]\noffset = [{zeros}]\n\
+             [[effect]]\nkind = \"backlash\"\nhalf_width = 0.25\n"
+        ),
+    );
+    let row = "[0.1, 0.0, 0.0, 0.0, 0.0, 0.0]";
+    let config = file("krait.toml", format!("[joints]\nrates = [{}]\n", [row; 8].join(", ")));
+    let truth = file("truth.toml", "[[joint]]\nradius_m = 1.0\nzero_rad = 0.0\n".repeat(8));
+    let recording = folder.file("slides.mcap");
+    let figures = run(&model, &recording, "5", &["--config", &config, "--truth", &truth]);
+    let joints = &figures["passes"][0]["joints"];
+    assert_eq!(joints["unit"], "mm", "{joints}");
+    assert!(joints["joints"][7]["peak_reached"].as_f64() > Some(1.0), "{joints}");
+    let recorded = Recording::open(Path::new(&recording)).expect("a recording");
+    let measured = recorded.samples().expect("samples").filter_map(|sample| match sample.expect("a sample").sample {
+        Sample::Shape(shape) => shape.valid_joints_rad().map(<[f64]>::len),
+        _ => None,
+    });
+    assert!(measured.filter(|n| *n == 8).count() > 100, "the joints are measured on the shape channel");
+    assert!(verified(&recording)["first_difference"].is_null());
+    let console = Ended::of(&["run", "--console", "--engage", "--model", &model, "--config", &config], PATIENCE);
+    assert!(console.code == Some(2) && console.sentence().contains("the console is for snakes"), "{console:?}");
+    let replay = Ended::of(&["replay", &recording], PATIENCE);
+    assert!(replay.code == Some(2) && replay.sentence().contains("is for snakes"), "{replay:?}");
+}
