@@ -27,6 +27,8 @@ const BEFORE_DEG: f64 = 30.0;
 const BEYOND_DEG: f64 = 16.0;
 /// The same in the plane of the check, in which line 2 moves a quarter as far.
 const CHECK_BEYOND_DEG: f64 = 26.0;
+/// Degrees of freedom before which it does not end: a whole plane up and down, so that the check asks for no extrapolation.
+const LEAST_DOF: usize = 18;
 /// Standard errors at which the dialogue ends: eta, 1, and half-width, m.
 const ENOUGH: [f64; 2] = [0.01, 6e-6];
 /// Standard errors above these leave a value open.
@@ -110,7 +112,7 @@ impl Poses {
     }
 
     fn enough(&self) -> bool {
-        self.fit.dof > 0 && self.eta().1 < ENOUGH[0] && self.half_width_m().1 < ENOUGH[1]
+        self.fit.dof >= LEAST_DOF && self.eta().1 < ENOUGH[0] && self.half_width_m().1 < ENOUGH[1]
     }
 }
 

@@ -50,7 +50,7 @@ fn apart_deg(a: &[[f64; 2]], b: &[[f64; 2]]) -> f64 {
 #[test]
 fn every_hidden_effect_shows_and_solves_and_repeats() {
     let base = seen(&bare());
-    let lines = |lines: LinesTruth| Truth { lines, ..bare() };
+    let in_lines = |lines: LinesTruth| Truth { lines, ..bare() };
     let bending = |bending: BendingTruth| Truth { bending, ..bare() };
     let encoders = |encoders: EncodersTruth| Truth { encoders, ..bare() };
     let sight = |sight: SightTruth| Truth { sight, ..bare() };
@@ -58,16 +58,16 @@ fn every_hidden_effect_shows_and_solves_and_repeats() {
     let (l, b, e, s, d) =
         (LinesTruth::default, BendingTruth::default, EncodersTruth::default, SightTruth::default, SlowTruth::default);
     let hidden = [
-        ("actuator compliance", lines(LinesTruth { actuator_m_per_n: 5e-6, ..l() })),
-        ("creep", lines(LinesTruth { creep_part: 0.1, creep_time_s: 3.0, ..l() })),
-        ("drag", lines(LinesTruth { drag_n_s_per_m: 1500.0, ..l() })),
-        ("rubbing", lines(LinesTruth { rub_n: 1.0, ..l() })),
-        ("breakaway", lines(LinesTruth { rub_n: 1.0, rub_breakaway: 0.5, ..l() })),
-        ("disks", lines(LinesTruth { disk_mu: 0.1, ..l() })),
-        ("angles", lines(LinesTruth { angle_rad: [0.0, 0.05, -0.05], ..l() })),
-        ("radii", lines(LinesTruth { radius: [0.0, 0.05, -0.05], ..l() })),
-        ("softness", lines(LinesTruth { softness: [0.0, 0.1, -0.1], ..l() })),
-        ("coupling", lines(LinesTruth { coupling: [0.05, 0.0, 0.0, 0.0, 0.0, 0.0], ..l() })),
+        ("actuator compliance", in_lines(LinesTruth { actuator_m_per_n: 5e-6, ..l() })),
+        ("creep", in_lines(LinesTruth { creep_part: 0.1, creep_time_s: 3.0, ..l() })),
+        ("drag", in_lines(LinesTruth { drag_n_s_per_m: 1500.0, ..l() })),
+        ("rubbing", in_lines(LinesTruth { rub_n: 1.0, ..l() })),
+        ("breakaway", in_lines(LinesTruth { rub_n: 1.0, rub_breakaway: 0.5, ..l() })),
+        ("disks", in_lines(LinesTruth { disk_mu: 0.1, ..l() })),
+        ("angles", in_lines(LinesTruth { angle_rad: [0.0, 0.05, -0.05], ..l() })),
+        ("radii", in_lines(LinesTruth { radius: [0.0, 0.05, -0.05], ..l() })),
+        ("softness", in_lines(LinesTruth { softness: [0.0, 0.1, -0.1], ..l() })),
+        ("coupling", in_lines(LinesTruth { coupling: [0.05, 0.0, 0.0, 0.0, 0.0, 0.0], ..l() })),
         ("softening", bending(BendingTruth { softening: 0.7, soft_strain: 0.006, ..b() })),
         ("bend friction", bending(BendingTruth { friction_n_m: 1e-3, ..b() })),
         ("bend friction by load", bending(BendingTruth { friction_m: 1e-4, ..b() })),
@@ -118,8 +118,8 @@ fn rubbing_and_bend_friction_make_loops_and_elastic_effects_none() {
         });
         (up - at(0.4, 1202)).abs()
     };
-    let lines = LinesTruth { rub_n: 1.0, ..LinesTruth::default() };
-    assert!(width_deg(Truth { lines, ..bare() }) > 0.5);
+    let hidden = LinesTruth { rub_n: 1.0, ..LinesTruth::default() };
+    assert!(width_deg(Truth { lines: hidden, ..bare() }) > 0.5);
     let bending = BendingTruth { friction_n_m: 1e-3, ..BendingTruth::default() };
     assert!(width_deg(Truth { bending, ..bare() }) > 0.5);
     let bending =
@@ -129,8 +129,8 @@ fn rubbing_and_bend_friction_make_loops_and_elastic_effects_none() {
 
 #[test]
 fn creep_goes_on_while_the_actuators_rest_and_nobody_commands() {
-    let lines = LinesTruth { creep_part: 0.2, creep_time_s: 1.0, ..LinesTruth::default() };
-    let mut snake = snake(&Truth { lines, ..bare() });
+    let hidden = LinesTruth { creep_part: 0.2, creep_time_s: 1.0, ..LinesTruth::default() };
+    let mut snake = snake(&Truth { lines: hidden, ..bare() });
     for k in 0..100 {
         snake.write(k * MS, lines(q_m([0.6 * k as f64 / 100.0, 0.0]))).unwrap();
     }
@@ -147,8 +147,8 @@ fn creep_goes_on_while_the_actuators_rest_and_nobody_commands() {
 #[test]
 fn drag_needs_speed_and_a_stiff_snake_of_twice_the_load_bends_less() {
     let end = |drag: f64, n: i64| {
-        let lines = LinesTruth { drag_n_s_per_m: drag, ..LinesTruth::default() };
-        let mut snake = snake(&Truth { lines, ..bare() });
+        let hidden = LinesTruth { drag_n_s_per_m: drag, ..LinesTruth::default() };
+        let mut snake = snake(&Truth { lines: hidden, ..bare() });
         for k in 0..=n {
             snake.write(k * MS, lines(q_m([0.6 * k as f64 / n as f64, 0.0]))).unwrap();
         }

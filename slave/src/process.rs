@@ -241,7 +241,12 @@ impl TransitionLog {
             } else {
                 let reasons = core.findings(report.sample_ns).reasons();
                 let why: Vec<_> = reasons.iter().map(krait_ipc::Reason::sentence).collect();
-                tracing::warn!("the engagement has ended: {}", why.join("; "));
+                // A state that somebody asked for is no surprise.
+                if state == OperatingState::Enabled {
+                    tracing::warn!("the engagement has ended: {}", why.join("; "));
+                } else {
+                    tracing::info!("the engagement has ended: {}", why.join("; "));
+                }
             }
         }
         if core.n_refused > self.n_refused && report.sample_ns >= self.refusal_due_ns {

@@ -224,7 +224,7 @@ fn the_first_command_after_every_kind_of_hold_must_begin_at_the_setpoint() {
             b.core.transition(Transition::Enable, b.now_ns).unwrap();
         },
         |b| {
-            let mut command = b.command([0.0; 3]);
+            let mut command = b.command(lines([0.0; 3]));
             command.phase = Phase::Holding as u32;
             b.take(&command);
         },
@@ -414,7 +414,7 @@ fn homing_a_bent_snake_is_busy_moves_nothing_else_and_ends_at_zero() {
     let mut core = SlaveCore::new(SimulatedSnake::new(&Truth::default()), &SlaveConfig::default());
     let mut now_ns = MS;
     core.transition(Transition::Enable, now_ns).unwrap();
-    core.drive_mut().write(now_ns, [0.2e-3, -0.1e-3, -0.1e-3]).unwrap();
+    core.drive_mut().write(now_ns, lines([0.2e-3, -0.1e-3, -0.1e-3])).unwrap();
     let mut n_busy = 0;
     loop {
         now_ns += MS;

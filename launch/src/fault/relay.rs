@@ -97,8 +97,12 @@ impl Relay {
 }
 
 impl Drop for Relay {
+    /// Waits for it: its instances' files go when it has left them.
     fn drop(&mut self) {
         self.orders.end.store(true, Ordering::Release);
+        if let Some(thread) = self.thread.take() {
+            let _another_error_is_told = thread.join();
+        }
     }
 }
 
