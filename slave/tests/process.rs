@@ -8,7 +8,7 @@ use krait_ipc::message::{
     Command, Health, HopStamps, OperatingState, Phase, Shape, SlaveState, StateCommand, Transition,
 };
 use krait_ipc::{Bus, Process, ReadOptions, Reader, Reason, Reasons, Writer, health_channel};
-use krait_sim::{SimError, run};
+use krait_sim::{SimError, Simulation, run};
 use krait_slave::{Actuators, ShapeSource, SlaveConfig, lines};
 use std::thread;
 
@@ -142,7 +142,7 @@ fn with_slave(test: &str, config: &SlaveConfig, talk: impl FnOnce(&mut Others)) 
     let result = thread::scope(|scope| {
         let slave = scope.spawn(|| {
             let bus = Bus::open(&instance, "slave").unwrap();
-            run(&bus, config, &stop)
+            run(&bus, config, Simulation::Snake, &stop)
         });
         let _stops = Stops(&stop);
         assert!(others.health.wait(Duration::from_secs(20)).unwrap(), "the slave says that it is ready");
@@ -265,13 +265,14 @@ fn shapes_of_another_program_have_the_channel_to_themselves() {
     let instance = format!("t-slave-shape-{}", std::process::id());
     let bus = Bus::open(&instance, "vision").unwrap();
     let _vision = bus.writer::<Shape>().unwrap();
-    let sentence = run(&bus, &SlaveConfig::default(), &AtomicBool::new(false)).unwrap_err().to_string();
+    let sentence =
+        run(&bus, &SlaveConfig::default(), Simulation::Snake, &AtomicBool::new(false)).unwrap_err().to_string();
     assert!(
         sentence.contains("already publishes measured shapes") && sentence.contains("--shape external"),
         "{sentence}"
     );
     let config = SlaveConfig { shape: ShapeSource::External, ..SlaveConfig::default() };
-    run(&bus, &config, &AtomicBool::new(true)).unwrap();
+    run(&bus, &config, Simulation::Snake, &AtomicBool::new(true)).unwrap();
 }
 
 #[test]
@@ -279,13 +280,13 @@ fn a_bad_configuration_or_truth_is_refused_before_anything_is_opened() {
     let bus = Bus::open(&format!("t-slave-bad-{}", std::process::id()), "slave").unwrap();
     let stop = AtomicBool::new(false);
     let missing = SlaveConfig { truth: Some("/nowhere/truth.toml".into()), ..SlaveConfig::default() };
-    let sentence = run(&bus, &missing, &stop).unwrap_err().to_string();
+    let sentence = run(&bus, &missing, Simulation::Snake, &stop).unwrap_err().to_string();
     assert!(sentence.contains("/nowhere/truth.toml"), "{sentence}");
     let mut far = SlaveConfig::default();
     far.limits.stroke_m = 9e-3;
-    let sentence = run(&bus, &far, &stop).unwrap_err().to_string();
+    let sentence = run(&bus, &far, Simulation::Snake, &stop).unwrap_err().to_string();
     assert!(sentence.contains("limits.stroke_m") && sentence.contains("travel"), "{sentence}");
     let slow = SlaveConfig { watchdog_ms: 10.0, ..SlaveConfig::default() };
-    let sentence = run(&bus, &slow, &stop).unwrap_err().to_string();
+    let sentence = run(&bus, &slow, Simulation::Snake, &stop).unwrap_err().to_string();
     assert!(sentence.contains("watchdog_ms"), "{sentence}");
 }

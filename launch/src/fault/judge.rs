@@ -191,7 +191,7 @@ mod tests {
                 sequence: ms.unsigned_abs() + 1,
                 sample_ns: (ms + 1) * MS,
                 setpoint_ns: (moved_ms + 1) * MS,
-                setpoint_q_m: [moved_ms as f64 * 10e-6; 3],
+                setpoint_q_m: [moved_ms as f64 * 10e-6; 12],
                 operating_state: OperatingState::Enabled as u32,
                 flags: if ms < 500 + reaction_ms { SlaveState::ENGAGED } else { 0 },
                 reasons: if ms < 550 { 0 } else { Reasons::NONE.with(Reason::ChainStalled).bits() },
@@ -226,7 +226,7 @@ mod tests {
     fn a_gap_between_two_writes_earns_one_period_and_a_burst_none() {
         let step = |since_ns: i64, step_m: f64| {
             let before = SlaveState { sequence: 1, setpoint_ns: MS, ..SlaveState::default() };
-            let after = SlaveState { sequence: 2, setpoint_ns: MS + since_ns, setpoint_q_m: [step_m; 3], ..before };
+            let after = SlaveState { sequence: 2, setpoint_ns: MS + since_ns, setpoint_q_m: [step_m; 12], ..before };
             let mut seen = Seen::default();
             seen.steps(&[before, after], 30e-3);
             seen.largest_step
