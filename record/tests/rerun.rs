@@ -28,7 +28,7 @@ fn rerun_imports_transforms_poses_the_log_and_every_field() {
     };
     let path = fresh_path("rerun.mcap");
     let about = About::run("rerun", &BTreeMap::new(), Vec::new());
-    let views = Views::new(&MachineParameters::default(), 30).expect("the default machine");
+    let views = Views::new(Some(&MachineParameters::default()), 30).expect("the default machine");
     let mut writer = RecordingWriter::create(&path, 64 * 1024, &about).expect("created").with_views(Some(views));
     for sample in chain(1000, krait_ipc::clock::monotonic_ns()) {
         writer.write(&sample, sample.sample_ns()).expect("written");
