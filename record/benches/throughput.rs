@@ -35,7 +35,7 @@ fn main() {
 
 fn write(path: &std::path::Path, length_s: u64) -> (usize, u64) {
     let about = About::run("bench", &BTreeMap::new(), Vec::new());
-    let views = Views::new(&MachineParameters::default(), 30).expect("the default machine");
+    let views = Views::new(Some(&MachineParameters::default()), 30).expect("the default machine");
     let mut writer = RecordingWriter::create(path, 256 * 1024, &about).expect("created").with_views(Some(views));
     let (mut n_written, mut making_ns) = (0, 0);
     let begun_ns = monotonic_ns();
