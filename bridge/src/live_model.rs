@@ -9,6 +9,7 @@ use krait_model::{Chain, Columns, LearntParameter, ModelHash};
 
 /// A model that every process of a running chain can use.
 #[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "a process has one, from its start to its end")]
 pub enum LiveModel {
     /// A snake of three lines.
     Snake(Chain),

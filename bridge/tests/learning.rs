@@ -4,7 +4,12 @@
 //! Hidden values are drawn from the priors that the model file states, so that what is stated about the result can be held
 //! against what comes out: how often the truth lies within two standard deviations, and how wide those are.
 
-#![allow(clippy::expect_used, clippy::print_stdout, reason = "a panic is how a test fails; a measurement is printed")]
+#![allow(
+    clippy::panic,
+    clippy::expect_used,
+    clippy::print_stdout,
+    reason = "a panic is how a test fails; a measurement is printed"
+)]
 
 mod common;
 

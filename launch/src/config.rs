@@ -175,12 +175,12 @@ fn settings_of(table: &str) -> &'static [Setting] {
 fn wrapped(text: &str, width: usize) -> Vec<String> {
     let mut lines = vec![String::new()];
     for word in text.split_whitespace() {
-        if let Some(line) = lines.last_mut() {
-            if line.is_empty() || line.len() + 1 + word.len() <= width {
-                line.push_str(if line.is_empty() { "" } else { " " });
-                line.push_str(word);
-                continue;
-            }
+        if let Some(line) = lines.last_mut()
+            && (line.is_empty() || line.len() + 1 + word.len() <= width)
+        {
+            line.push_str(if line.is_empty() { "" } else { " " });
+            line.push_str(word);
+            continue;
         }
         lines.push(word.to_owned());
     }

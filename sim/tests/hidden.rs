@@ -35,7 +35,7 @@ fn seen(truth: &Truth) -> Vec<[f64; 2]> {
         let t = k as f64 * 5e-3;
         let size = 60.0 * DEG * (0.7 * t).sin().abs().min(0.8);
         let delta = 0.5 * t;
-        snake.write(k * 5 * MS, lines(q_m([size * delta.cos(), size * delta.sin()]))).unwrap();
+        snake.write(k * 5 * MS, krait_slave::lines(q_m([size * delta.cos(), size * delta.sin()]))).unwrap();
         seen.push(snake.seen_rad(k * 5 * MS));
     }
     assert_eq!(snake.n_unsolved(), 0, "{truth:?}");
@@ -106,7 +106,7 @@ fn rubbing_and_bend_friction_make_loops_and_elastic_effects_none() {
     let width_deg = |truth: Truth| {
         let mut snake = snake(&truth);
         let mut at = |size: f64, k: i64| {
-            snake.write(k * MS, lines(q_m([size, 0.0]))).unwrap();
+            snake.write(k * MS, krait_slave::lines(q_m([size, 0.0]))).unwrap();
             snake.bend_rad()[0] / DEG
         };
         (0..400).for_each(|k| {
@@ -132,7 +132,7 @@ fn creep_goes_on_while_the_actuators_rest_and_nobody_commands() {
     let hidden = LinesTruth { creep_part: 0.2, creep_time_s: 1.0, ..LinesTruth::default() };
     let mut snake = snake(&Truth { lines: hidden, ..bare() });
     for k in 0..100 {
-        snake.write(k * MS, lines(q_m([0.6 * k as f64 / 100.0, 0.0]))).unwrap();
+        snake.write(k * MS, krait_slave::lines(q_m([0.6 * k as f64 / 100.0, 0.0]))).unwrap();
     }
     let at_once = snake.bend_rad()[0];
     for k in 100..10_000 {
@@ -150,7 +150,7 @@ fn drag_needs_speed_and_a_stiff_snake_of_twice_the_load_bends_less() {
         let hidden = LinesTruth { drag_n_s_per_m: drag, ..LinesTruth::default() };
         let mut snake = snake(&Truth { lines: hidden, ..bare() });
         for k in 0..=n {
-            snake.write(k * MS, lines(q_m([0.6 * k as f64 / n as f64, 0.0]))).unwrap();
+            snake.write(k * MS, krait_slave::lines(q_m([0.6 * k as f64 / n as f64, 0.0]))).unwrap();
         }
         snake.bend_rad()[0]
     };

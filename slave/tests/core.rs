@@ -48,6 +48,9 @@ impl Drive for Mock {
     }
 }
 
+/// What is done to a command before it is sent.
+type Change = fn(&mut Command);
+
 /// A slave with its clock and the numbers of its commands.
 struct Bench {
     core: SlaveCore<Mock>,
@@ -250,7 +253,7 @@ fn twelve_actuators_of_eight_joints_pass_the_same_gate_and_the_twelfth_counts_li
     let mut bench = Bench::with(Mock { n_more: 9, ..Mock::default() });
     let joints_rad: [f64; 8] = core::array::from_fn(|k| 0.1 * k as f64);
     let all = |way_m: f64| core::array::from_fn(|k| way_m * (1.0 - k as f64 / 24.0));
-    let go = |bench: &mut Bench, way_m: f64, change: fn(&mut Command)| {
+    let go = |bench: &mut Bench, way_m: f64, change: Change| {
         bench.now_ns += MS;
         let mut command = bench.command(all(way_m));
         (command.joints_rad, command.n_joints, command.bend_rad) = (joints_rad, 8, [f64::NAN; 2]);
@@ -266,7 +269,7 @@ fn twelve_actuators_of_eight_joints_pass_the_same_gate_and_the_twelfth_counts_li
         (moved(0) - 30e-6).abs() < 1e-12 && (moved(11) / moved(0) - 13.0 / 24.0).abs() < 1e-9,
         "one factor for all"
     );
-    let spoilt: [(fn(&mut Command), Reason); 5] = [
+    let spoilt: [(Change, Reason); 5] = [
         (|c| c.q_tilde_m[11] = f64::NAN, Reason::NotFinite),
         (|c| c.joints_rad[7] = f64::INFINITY, Reason::NotFinite),
         (|c| c.n_actuators = 3, Reason::OutOfRange),
