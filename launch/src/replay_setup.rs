@@ -86,14 +86,14 @@ impl Setup {
         start_ns: i64,
         n_loops: u64,
     ) -> anyhow::Result<Self> {
+        let model = config.model()?;
+        let snake = Snake::new(model.snake("krait replay")?.machine())?;
         let [x, y] = start_bend_rad;
         let limit = config.resolve.max_bend_rad;
         // Written so that NaN is refused; a setpoint may stand at its limit, which rounding can pass.
         if !(0.0..=limit + 1e-6).contains(&x.hypot(y)) {
             return Err(ReplayError::StartBend { found: start_bend_rad, limit }.into());
         }
-        let model = config.model()?;
-        let snake = Snake::new(model.snake("krait replay")?.machine())?;
         let program =
             Program::new(score, start_bend_rad, n_loops, snake, config.resolve.view_roll_rad, model.machine.hash());
         let device = ["trajectory".to_owned(), "none (trajectory)".to_owned()];
