@@ -92,7 +92,7 @@ impl VmChain {
         let mut is_over = false;
         wait_for("the chain's first line of progress", || {
             is_over = chain.child.try_wait().is_ok_and(|status| status.is_some());
-            is_over || chain.said().contains("running, compensation")
+            is_over || chain.said().contains("Running, compensation")
         })
         .with_context(|| chain.said())?;
         ensure!(!is_over, "the chain ended at once: {}", chain.said());
