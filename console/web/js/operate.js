@@ -35,9 +35,10 @@ on('frame', ({ frame, age, glass }) => {
 
 on('stale', ({ hasConnection }) => {
   const now = performance.now();
+  const isNew = staleSince === null;
   staleSince ??= { at: new Date(Date.now() - 500), from: now - 500, isFirst: !shown };
   show('stale');
-  if (now < textDue) return;
+  if (!isNew && now < textDue) return;
   textDue = now + TEXT_EVERY_MS;
   const seconds = ((now - staleSince.from) / 1000).toFixed(1);
   write($('blank-title'), staleSince.isFirst ? 'No picture yet' : `No picture since ${staleSince.at.toTimeString().slice(0, 8)}`);
