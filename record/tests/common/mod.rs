@@ -182,7 +182,14 @@ pub fn plausible(channel: Channel, sequence: u64, sample_ns: i64) -> Sample {
             (command.phase, command.reasons) = (1, 0);
         }
         Sample::State(state) => {
-            *state = SlaveState { stamps, command_sequence: sequence - 1, operating_state: 1, flags: 5, ..*state };
+            *state = SlaveState {
+                stamps,
+                command_sequence: sequence - 1,
+                operating_state: 1,
+                desired_state: 1,
+                flags: 5,
+                ..*state
+            };
             (state.reasons, state.n_commands, state.n_refused) = (0, sequence, 0);
         }
         Sample::StateCommand(command) => (command.transition, command.sender_pid) = (4, 4711),
