@@ -200,6 +200,9 @@ pub fn plausible(channel: Channel, sequence: u64, sample_ns: i64) -> Sample {
             (update.shape_sequence, update.n_used, update.n_left_out) = (sequence, sequence, 2);
             update.n_learnt = 2;
             update.learnt[2..].fill(LearntValue::default());
+            for learnt in &mut update.learnt[..2] {
+                learnt.state = 1;
+            }
         }
         Sample::Health(_, health) => {
             **health = Health { sequence, sample_ns, pid: 4711, n_received: sequence * 400, ..Health::default() };
