@@ -1,14 +1,12 @@
 //! Simulated cable-driven joints as a drive: joints, encoders, cable loads, and what measures the joints.
 
+use crate::actuators::SimulatedActuators;
 use crate::joint::Joint;
 use crate::joints_truth::JointsTruth;
 use crate::noise::Noise;
 use crate::shutter::Shutter;
 use krait_ipc::message::{Actuators, MAX_ACTUATORS, MAX_JOINTS};
 use krait_slave::{Drive, DriveError, DriveReading, Homing, Seen, ShapeReading};
-
-/// Longest time that one step of the search for zero accounts for: a search that was not continued does not jump.
-const MAX_HOME_STEP_NS: i64 = 5_000_000;
 
 /// Joints that exist only in numbers, each with a cable and a drive. They start at their zero, without power.
 #[derive(Clone, Debug)]
@@ -18,12 +16,8 @@ pub struct SimulatedJoints {
     shutter: Shutter<ShapeReading>,
     camera_noise: Noise,
     camera_noise_rad: f64,
+    actuators: SimulatedActuators,
     encoder_noise: Noise,
-    encoder_noise_m: f64,
-    encoder_resolution_m: f64,
-    travel_m: f64,
-    home_speed_m_per_s: f64,
-    powered: bool,
     /// Where the drives stand.
     place_m: Actuators,
     /// When the joints were last looked at; they move on when they are looked at next, as a bus returns when it has told.
@@ -40,11 +34,7 @@ impl SimulatedJoints {
             camera_noise: Noise::new(truth.camera.seed, 1),
             camera_noise_rad: truth.camera.noise_rad,
             encoder_noise: Noise::new(truth.camera.seed, 2),
-            encoder_noise_m: truth.drive.encoder_noise_m,
-            encoder_resolution_m: truth.drive.encoder_resolution_m,
-            travel_m: truth.drive.travel_m,
-            home_speed_m_per_s: truth.drive.home_speed_m_per_s,
-            powered: false,
+            actuators: SimulatedActuators::new(&truth.drive),
             place_m: [0.0; MAX_ACTUATORS],
             stamp_ns: i64::MIN,
         };
@@ -55,22 +45,6 @@ impl SimulatedJoints {
     /// The true positions of the joints, rad (m for a sliding joint), as they stand after the last look.
     pub fn positions_rad(&self) -> impl Iterator<Item = f64> {
         self.joints.iter().map(Joint::position_rad)
-    }
-
-    fn check(&self, q_tilde_m: &Actuators) -> Result<(), DriveError> {
-        if !self.powered {
-            return Err(DriveError::NotPowered);
-        }
-        for (idx, found_m) in q_tilde_m.iter().copied().enumerate().take(self.joints.len()) {
-            let actuator = idx + 1;
-            if !found_m.is_finite() {
-                return Err(DriveError::NotFinite { actuator, found_m });
-            }
-            if found_m.abs() > self.travel_m {
-                return Err(DriveError::OutOfTravel { actuator, found_m, limit_m: self.travel_m });
-            }
-        }
-        Ok(())
     }
 
     /// Lets time pass up to an instant, with the drives where they stand, and measures the joints if it is time to.
@@ -101,14 +75,6 @@ impl SimulatedJoints {
         };
         self.shutter.put(exposure_ns, frame);
     }
-
-    fn quantised(&self, position_m: f64) -> f64 {
-        if self.encoder_resolution_m > 0.0 {
-            (position_m / self.encoder_resolution_m).round() * self.encoder_resolution_m
-        } else {
-            position_m
-        }
-    }
 }
 
 impl Drive for SimulatedJoints {
@@ -117,7 +83,7 @@ impl Drive for SimulatedJoints {
     }
 
     fn write(&mut self, stamp_ns: i64, q_tilde_m: Actuators) -> Result<(), DriveError> {
-        self.check(&q_tilde_m)?;
+        self.actuators.check(&q_tilde_m[..self.joints.len()])?;
         self.observe(stamp_ns);
         self.place_m = q_tilde_m;
         Ok(())
@@ -126,8 +92,8 @@ impl Drive for SimulatedJoints {
     fn read(&mut self, _stamp_ns: i64) -> Result<DriveReading, DriveError> {
         let (mut q_tilde_m, mut tau_n) = ([0.0; MAX_ACTUATORS], [0.0; MAX_ACTUATORS]);
         for (k, joint) in self.joints.iter().enumerate() {
-            let noise = if self.encoder_noise_m > 0.0 { self.encoder_noise.pair()[0] } else { 0.0 };
-            q_tilde_m[k] = self.quantised(self.place_m[k] + self.encoder_noise_m * noise);
+            let noise = if self.actuators.encoder_noise_m() > 0.0 { self.encoder_noise.pair()[0] } else { 0.0 };
+            q_tilde_m[k] = self.actuators.quantised(self.place_m[k] + self.actuators.encoder_noise_m() * noise);
             tau_n[k] = joint.load_n();
         }
         Ok(DriveReading { q_tilde_m, tau_n })
@@ -135,18 +101,16 @@ impl Drive for SimulatedJoints {
 
     fn home(&mut self, stamp_ns: i64) -> Result<Homing, DriveError> {
         let from_m = self.place_m;
-        self.check(&from_m)?;
-        let elapsed_ns = stamp_ns.saturating_sub(self.stamp_ns).clamp(0, MAX_HOME_STEP_NS);
+        self.actuators.check(&from_m[..self.joints.len()])?;
+        let elapsed_ns = stamp_ns.saturating_sub(self.stamp_ns);
         self.observe(stamp_ns);
-        let farthest_m = from_m.iter().fold(0.0_f64, |m, q| m.max(q.abs()));
-        let step_m = self.home_speed_m_per_s * elapsed_ns as f64 * 1e-9;
-        let part = if farthest_m <= step_m { 0.0 } else { 1.0 - step_m / farthest_m };
+        let part = self.actuators.home_part(&from_m, elapsed_ns);
         self.place_m = from_m.map(|q| q * part);
         Ok(if part == 0.0 { Homing::Done } else { Homing::Busy })
     }
 
     fn set_power(&mut self, _stamp_ns: i64, on: bool) -> Result<(), DriveError> {
-        self.powered = on;
+        self.actuators.powered = on;
         Ok(())
     }
 

@@ -18,6 +18,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod actuators;
 mod bending;
 mod camera;
 mod encoders;

@@ -1,5 +1,6 @@
 //! The simulated snake as a drive: plant, encoders, line loads and camera behind the trait that hardware implements.
 
+use crate::actuators::SimulatedActuators;
 use crate::camera::Camera;
 use crate::encoders::Encoders;
 use crate::noise::Noise;
@@ -8,9 +9,6 @@ use crate::sight::Sight;
 use crate::truth::Truth;
 use krait_ipc::message::{Actuators, N_LINES, lines, three};
 use krait_slave::{Drive, DriveError, DriveReading, Homing, ShapeReading};
-
-/// Longest time that one step of the search for zero accounts for: a search that was not continued does not jump.
-const MAX_HOME_STEP_NS: i64 = 5_000_000;
 
 /// While commands come faster than this, the time between them belongs to their motions; slower, and a snake that is looked
 /// at waits.
@@ -23,12 +21,8 @@ pub struct SimulatedSnake {
     sight: Sight,
     encoders: Encoders,
     camera: Camera,
+    actuators: SimulatedActuators,
     encoder_noise: Noise,
-    encoder_resolution_m: f64,
-    encoder_noise_m: f64,
-    travel_m: f64,
-    home_speed_m_per_s: f64,
-    powered: bool,
     stamp_ns: i64,
     /// When the plant was last stepped.
     moved_ns: i64,
@@ -46,11 +40,7 @@ impl SimulatedSnake {
             encoders: Encoders::new(&truth.encoders),
             camera: Camera::new(&truth.camera, truth.sight.clock_error_s),
             encoder_noise: Noise::new(truth.camera.seed, 2),
-            encoder_resolution_m: truth.drive.encoder_resolution_m,
-            encoder_noise_m: truth.drive.encoder_noise_m,
-            travel_m: truth.drive.travel_m,
-            home_speed_m_per_s: truth.drive.home_speed_m_per_s,
-            powered: false,
+            actuators: SimulatedActuators::new(&truth.drive),
             stamp_ns: i64::MIN,
             moved_ns: i64::MIN,
             target_m: None,
@@ -108,35 +98,11 @@ impl SimulatedSnake {
         }
     }
 
-    fn check(&self, q_tilde_m: [f64; 3]) -> Result<(), DriveError> {
-        if !self.powered {
-            return Err(DriveError::NotPowered);
-        }
-        for (idx, found_m) in q_tilde_m.into_iter().enumerate() {
-            let actuator = idx + 1;
-            if !found_m.is_finite() {
-                return Err(DriveError::NotFinite { actuator, found_m });
-            }
-            if found_m.abs() > self.travel_m {
-                return Err(DriveError::OutOfTravel { actuator, found_m, limit_m: self.travel_m });
-            }
-        }
-        Ok(())
-    }
-
-    fn quantised(&self, position_m: f64) -> f64 {
-        if self.encoder_resolution_m > 0.0 {
-            (position_m / self.encoder_resolution_m).round() * self.encoder_resolution_m
-        } else {
-            position_m
-        }
-    }
-
     /// The camera sees the snake as it stood until now.
     fn observe(&mut self, stamp_ns: i64) {
         self.settle();
         self.stamp_ns = self.stamp_ns.max(stamp_ns);
-        let q_tilde_m = self.encoders.read_m(self.plant.q_tilde_m()).map(|q| self.quantised(q));
+        let q_tilde_m = self.encoders.read_m(self.plant.q_tilde_m()).map(|q| self.actuators.quantised(q));
         let seen_rad = self.sight.seen_rad(self.stamp_ns, self.plant.bend_rad());
         self.camera.observe(self.stamp_ns, seen_rad, q_tilde_m);
     }
@@ -167,7 +133,7 @@ impl Drive for SimulatedSnake {
 
     fn write(&mut self, stamp_ns: i64, q_tilde_m: Actuators) -> Result<(), DriveError> {
         let q_tilde_m = three(&q_tilde_m);
-        self.check(q_tilde_m)?;
+        self.actuators.check(&q_tilde_m)?;
         self.observe(stamp_ns);
         self.target_m = Some(self.encoders.place_m(q_tilde_m));
         Ok(())
@@ -176,35 +142,33 @@ impl Drive for SimulatedSnake {
     fn read(&mut self, _stamp_ns: i64) -> Result<DriveReading, DriveError> {
         self.settle();
         let mut q_tilde_m = self.encoders.read_m(self.plant.q_tilde_m());
-        if self.encoder_noise_m > 0.0 {
+        if self.actuators.encoder_noise_m() > 0.0 {
             let ([a, b], [c, _]) = (self.encoder_noise.pair(), self.encoder_noise.pair());
             for (q, noise) in q_tilde_m.iter_mut().zip([a, b, c]) {
-                *q += self.encoder_noise_m * noise;
+                *q += self.actuators.encoder_noise_m() * noise;
             }
         }
         let tau_n = lines(self.plant.actuator_loads_n());
-        Ok(DriveReading { q_tilde_m: lines(q_tilde_m.map(|q| self.quantised(q))), tau_n })
+        Ok(DriveReading { q_tilde_m: lines(q_tilde_m.map(|q| self.actuators.quantised(q))), tau_n })
     }
 
     fn home(&mut self, stamp_ns: i64) -> Result<Homing, DriveError> {
         self.settle();
         let from = self.reading_m();
-        self.check(from)?;
-        let elapsed_ns = stamp_ns.saturating_sub(self.stamp_ns).clamp(0, MAX_HOME_STEP_NS);
+        self.actuators.check(&from)?;
+        let elapsed_ns = stamp_ns.saturating_sub(self.stamp_ns);
         self.observe(stamp_ns);
-        let farthest_m = from.iter().fold(0.0_f64, |m, q| m.max(q.abs()));
-        let step_m = self.home_speed_m_per_s * elapsed_ns as f64 * 1e-9;
-        if farthest_m <= step_m {
+        let part = self.actuators.home_part(&from, elapsed_ns);
+        if part == 0.0 {
             self.move_to(self.encoders.place_m([0.0; 3]));
             return Ok(Homing::Done);
         }
-        // One factor for all three: the snake straightens in its plane.
-        self.move_to(self.encoders.place_m(from.map(|q| q * (1.0 - step_m / farthest_m))));
+        self.move_to(self.encoders.place_m(from.map(|q| q * part)));
         Ok(Homing::Busy)
     }
 
     fn set_power(&mut self, _stamp_ns: i64, on: bool) -> Result<(), DriveError> {
-        self.powered = on;
+        self.actuators.powered = on;
         Ok(())
     }
 
