@@ -124,7 +124,8 @@ impl BrowserPage {
     pub fn wait_for(&mut self, what: &str, script: &str) {
         let script = &format!("document.documentElement !== null && document.body !== null && ({script})");
         let done = wait_until(PATIENCE, || self.value(script) == json!(true));
-        assert!(done, "{what}: did not come about; {:?}", self.complaints);
+        let shown = if done { Value::Null } else { self.value("document.body?.innerText") };
+        assert!(done, "{what}: did not come about; {:?}; the page shows {shown}", self.complaints);
     }
 
     /// The window's size.

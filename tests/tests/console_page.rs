@@ -58,10 +58,11 @@ fn a_person_sees_the_robot_stops_it_from_a_page_that_hangs_and_goes_on() {
     page.wait_for("the page says so", "document.documentElement.dataset.shown === 'paused'");
     keep(&mut page, "paused");
 
-    // By key: the commands, acknowledged by the drives' own state.
-    page.value("document.body.focus(); window.focus()");
-    page.value("[...document.querySelectorAll('.command')][1].click()");
+    // By key, although the stop has the keyboard: the commands, acknowledged by the drives' own state.
+    page.wait_for("resume is offered", "document.querySelector('.command[data-wish=resume][aria-disabled=false]') !== null");
+    page.key("p", 80);
     page.wait_for("resumed", "document.getElementById('ack-title').textContent.startsWith('Resumed')");
+    page.wait_for("pause is offered", "document.querySelector('.command[data-wish=pause][aria-disabled=false]') !== null");
     page.key("p", 80);
     page.wait_for("paused by key", "document.getElementById('ack-title').textContent.startsWith('Paused')");
 

@@ -92,6 +92,11 @@ function stop() {
   $('stop')?.contentWindow?.postMessage('stop', new URL(stopUrl).origin);
 }
 
+function pressByKey(key) {
+  const at = { e: 0, p: 1, d: 2 }[key.toLowerCase()];
+  if (at !== undefined) buttons[at].click();
+}
+
 export function startCommands() {
   for (const button of buttons) button.addEventListener('click', () => press(button));
   addEventListener('keydown', event => {
@@ -102,8 +107,10 @@ export function startCommands() {
       return;
     }
     if (event.target.matches('input, select, textarea') || event.ctrlKey || event.metaKey || event.altKey || event.repeat) return;
-    const at = { e: 0, p: 1, d: 2 }[event.key.toLowerCase()];
-    if (at !== undefined) buttons[at].click();
+    pressByKey(event.key);
   }, true);
+  addEventListener('message', event => {
+    if (stopUrl && event.origin === new URL(stopUrl).origin && typeof event.data?.key === 'string') pressByKey(event.data.key);
+  });
   tell('info', 'No command sent yet', 'Commands are confirmed here by the drives’ own state.');
 }

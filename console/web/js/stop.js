@@ -20,4 +20,9 @@ button.addEventListener('pointerdown', event => { if (event.button === 0) stop()
 // A click that a pointer made (detail above 0) has already stopped when it was pressed down; one by key has not.
 button.addEventListener('click', event => { event.preventDefault(); if (event.detail === 0) stop(); });
 addEventListener('keydown', event => { if (event.key === 'Escape' && !event.repeat) { event.preventDefault(); stop(); } });
+// Whoever pressed the stop has the keyboard here; the letters of the other commands go on to the page.
+addEventListener('keydown', event => {
+  const page = document.documentElement.dataset.page;
+  if (page && parent !== window && event.key.length === 1 && !event.repeat && !event.ctrlKey && !event.metaKey && !event.altKey) parent.postMessage({ key: event.key }, page);
+});
 addEventListener('message', event => { if (event.origin === document.documentElement.dataset.page && event.data === 'stop') stop(); });
