@@ -1,10 +1,12 @@
 //! What the actuators of every simulated machine have in common: power, hard stops, the search for zero, encoder steps.
 
 use crate::truth::DriveTruth;
-use krait_slave::DriveError;
+use krait_slave::{ActuatorState, Actuators, DriveError, DriveReading, DriveTraits, OnFault};
 
 /// Longest time that one step of the search for zero accounts for: a search that was not continued does not jump.
 const MAX_HOME_STEP_NS: i64 = 5_000_000;
+/// They are told and asked at 1 kHz.
+const PERIOD_NS: i64 = 1_000_000;
 
 /// Actuators that exist only in numbers. They start without power.
 #[derive(Clone, Debug)]
@@ -17,6 +19,25 @@ pub(crate) struct SimulatedActuators {
 impl SimulatedActuators {
     pub(crate) fn new(truth: &DriveTruth) -> Self {
         Self { truth: truth.clone(), powered: false }
+    }
+
+    /// What they can do: any speed at once, and they hold without power.
+    pub(crate) fn traits(&self, n_actuators: usize) -> DriveTraits {
+        DriveTraits {
+            n_actuators,
+            period_ns: PERIOD_NS,
+            travel_m: core::array::from_fn(|k| if k < n_actuators { self.truth.travel_m } else { 0.0 }),
+            rate_m_per_s: core::array::from_fn(|k| if k < n_actuators { f64::INFINITY } else { 0.0 }),
+            delay_ns: 0,
+            measures_load: true,
+            on_fault: OnFault::PowerOff,
+        }
+    }
+
+    /// A reading of positions, m, and loads, N.
+    pub(crate) fn reading(&self, n: usize, stamp_ns: i64, measured: (Actuators, Actuators)) -> DriveReading {
+        let state = if self.powered { ActuatorState::On } else { ActuatorState::Off };
+        DriveReading::at_once(n, stamp_ns, measured, state)
     }
 
     /// Refuses places that cannot be gone to: without power, not finite, beyond the hard stops.

@@ -6,7 +6,7 @@ use crate::joints_truth::JointsTruth;
 use crate::noise::Noise;
 use crate::shutter::Shutter;
 use krait_ipc::message::{Actuators, MAX_ACTUATORS, MAX_JOINTS};
-use krait_slave::{Drive, DriveError, DriveReading, Homing, Seen, ShapeReading};
+use krait_slave::{Drive, DriveError, DriveReading, DriveTraits, Homing, Seen, ShapeReading, Switching};
 
 /// Joints that exist only in numbers, each with a cable and a drive. They start at their zero, without power.
 #[derive(Clone, Debug)]
@@ -82,6 +82,10 @@ impl Drive for SimulatedJoints {
         self.joints.len()
     }
 
+    fn traits(&self) -> DriveTraits {
+        self.actuators.traits(self.joints.len())
+    }
+
     fn write(&mut self, stamp_ns: i64, q_tilde_m: Actuators) -> Result<(), DriveError> {
         self.actuators.check(&q_tilde_m[..self.joints.len()])?;
         self.observe(stamp_ns);
@@ -89,14 +93,14 @@ impl Drive for SimulatedJoints {
         Ok(())
     }
 
-    fn read(&mut self, _stamp_ns: i64) -> Result<DriveReading, DriveError> {
+    fn read(&mut self, stamp_ns: i64) -> Result<DriveReading, DriveError> {
         let (mut q_tilde_m, mut tau_n) = ([0.0; MAX_ACTUATORS], [0.0; MAX_ACTUATORS]);
         for (k, joint) in self.joints.iter().enumerate() {
             let noise = if self.actuators.encoder_noise_m() > 0.0 { self.encoder_noise.pair()[0] } else { 0.0 };
             q_tilde_m[k] = self.actuators.quantised(self.place_m[k] + self.actuators.encoder_noise_m() * noise);
             tau_n[k] = joint.load_n();
         }
-        Ok(DriveReading { q_tilde_m, tau_n })
+        Ok(self.actuators.reading(self.joints.len(), stamp_ns, (q_tilde_m, tau_n)))
     }
 
     fn home(&mut self, stamp_ns: i64) -> Result<Homing, DriveError> {
@@ -109,10 +113,13 @@ impl Drive for SimulatedJoints {
         Ok(if part == 0.0 { Homing::Done } else { Homing::Busy })
     }
 
-    fn set_power(&mut self, _stamp_ns: i64, on: bool) -> Result<(), DriveError> {
+    fn set_power(&mut self, _stamp_ns: i64, on: bool) -> Result<Switching, DriveError> {
         self.actuators.powered = on;
-        Ok(())
+        Ok(Switching::Done)
     }
+
+    /// Simulated actuators have no motion of their own: they stand where they were last told to be.
+    fn quick_stop(&mut self, _stamp_ns: i64) {}
 
     fn has_camera(&self) -> bool {
         true

@@ -8,7 +8,7 @@ use crate::plant::Plant;
 use crate::sight::Sight;
 use crate::truth::Truth;
 use krait_ipc::message::{Actuators, N_LINES, lines, three};
-use krait_slave::{Drive, DriveError, DriveReading, Homing, ShapeReading};
+use krait_slave::{Drive, DriveError, DriveReading, DriveTraits, Homing, ShapeReading, Switching};
 
 /// While commands come faster than this, the time between them belongs to their motions; slower, and a snake that is looked
 /// at waits.
@@ -131,6 +131,10 @@ impl Drive for SimulatedSnake {
         N_LINES
     }
 
+    fn traits(&self) -> DriveTraits {
+        self.actuators.traits(N_LINES)
+    }
+
     fn write(&mut self, stamp_ns: i64, q_tilde_m: Actuators) -> Result<(), DriveError> {
         let q_tilde_m = three(&q_tilde_m);
         self.actuators.check(&q_tilde_m)?;
@@ -139,7 +143,7 @@ impl Drive for SimulatedSnake {
         Ok(())
     }
 
-    fn read(&mut self, _stamp_ns: i64) -> Result<DriveReading, DriveError> {
+    fn read(&mut self, stamp_ns: i64) -> Result<DriveReading, DriveError> {
         self.settle();
         let mut q_tilde_m = self.encoders.read_m(self.plant.q_tilde_m());
         if self.actuators.encoder_noise_m() > 0.0 {
@@ -149,7 +153,8 @@ impl Drive for SimulatedSnake {
             }
         }
         let tau_n = lines(self.plant.actuator_loads_n());
-        Ok(DriveReading { q_tilde_m: lines(q_tilde_m.map(|q| self.actuators.quantised(q))), tau_n })
+        let q_tilde_m = lines(q_tilde_m.map(|q| self.actuators.quantised(q)));
+        Ok(self.actuators.reading(N_LINES, stamp_ns, (q_tilde_m, tau_n)))
     }
 
     fn home(&mut self, stamp_ns: i64) -> Result<Homing, DriveError> {
@@ -167,10 +172,13 @@ impl Drive for SimulatedSnake {
         Ok(Homing::Busy)
     }
 
-    fn set_power(&mut self, _stamp_ns: i64, on: bool) -> Result<(), DriveError> {
+    fn set_power(&mut self, _stamp_ns: i64, on: bool) -> Result<Switching, DriveError> {
         self.actuators.powered = on;
-        Ok(())
+        Ok(Switching::Done)
     }
+
+    /// Simulated actuators have no motion of their own: they stand where they were last told to be.
+    fn quick_stop(&mut self, _stamp_ns: i64) {}
 
     fn has_camera(&self) -> bool {
         true

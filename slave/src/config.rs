@@ -52,6 +52,44 @@ pub enum ConfigError {
         /// The watchdog's limit, ms.
         watchdog_ms: f64,
     },
+    /// A limit asks for more than the drives can do.
+    #[error("[slave.limits] {key} = {found}: these drives can do {able:.4} {unit} at most; {advice}")]
+    BeyondDrives {
+        /// The limit.
+        key: &'static str,
+        /// What it is.
+        found: f64,
+        /// What the drives can do.
+        able: f64,
+        /// Unit of both.
+        unit: &'static str,
+        /// What to do.
+        advice: &'static str,
+    },
+    /// The encoders would be behind the setpoint by more than what is a fault.
+    #[error(
+        "[slave.limits] following_error_m = {following_error_m}: at rate_m_per_s {rate_m_per_s} these drives are {behind_m:.5} m behind, because their readings come {delay_ms:.1} ms late; raise it, or lower rate_m_per_s"
+    )]
+    AlwaysBehind {
+        /// The limit, m.
+        following_error_m: f64,
+        /// Distance at the largest speed, m.
+        behind_m: f64,
+        /// The largest speed, m/s.
+        rate_m_per_s: f64,
+        /// From a wish to its reading, ms.
+        delay_ms: f64,
+    },
+    /// Loads are limited that nobody measures.
+    #[error(
+        "[slave.limits] pull_n = {pull_n}, push_n = {push_n}: these drives do not measure loads, and motion would be refused; set both to inf and bound the load in the drives"
+    )]
+    LoadsNotMeasured {
+        /// The limit, N.
+        pull_n: f64,
+        /// The other, N.
+        push_n: f64,
+    },
 }
 
 impl SlaveConfig {

@@ -59,7 +59,7 @@ impl<D: Drive> SlaveCore<D> {
     /// Drives that hold power but are not where they were told to be have lost their way.
     fn check_following(&mut self, now_ns: i64) {
         let powered = matches!(self.machine.state(), OperatingState::Enabled | OperatingState::Paused);
-        if powered && self.following_error_m() > self.following_error_limit_m() {
+        if powered && !self.is_switching() && self.following_error_m() > self.following_error_limit_m() {
             self.fault(DriveError::Failed { what: "the encoders are not where the drives were told to be" }, now_ns);
         }
     }
@@ -69,7 +69,7 @@ impl<D: Drive> SlaveCore<D> {
         if self.machine.is_homed() {
             flags |= SlaveState::IS_HOMED;
         }
-        if self.machine.is_busy() {
+        if self.is_busy() {
             flags |= SlaveState::IS_BUSY;
         }
         if self.follows_closely() {

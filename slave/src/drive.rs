@@ -1,6 +1,8 @@
 //! What the slave needs of its actuators: the seam behind which a simulated machine or real hardware sits.
 
-use krait_ipc::message::{Actuators, Joints};
+use crate::DriveTraits;
+pub use crate::drive_error::DriveError;
+use krait_ipc::message::{Actuators, Joints, MAX_ACTUATORS};
 
 /// Push-pull actuators with encoders and loads, and perhaps a camera on what they move.
 ///
@@ -11,16 +13,21 @@ pub trait Drive {
     /// How many actuators there are, 1 to 12; never changes.
     fn n_actuators(&self) -> usize;
 
-    /// Tells the actuators where to be: q~, m, push positive; zeros behind the last.
+    /// What the drives can do; never changes. The slave's limits are checked against it before anything moves.
+    fn traits(&self) -> DriveTraits;
+
+    /// Tells the actuators where to be: q~, m, push positive; zeros behind the last. It is the newest wish; where the
+    /// actuators go between two cycles of a bus is the bus's business.
     ///
     /// # Errors
     /// [`DriveError`]; the actuators then stay where they are.
     fn write(&mut self, stamp_ns: i64, q_tilde_m: Actuators) -> Result<(), DriveError>;
 
-    /// Reads the encoders and the loads.
+    /// The newest reading of encoders and loads, with each actuator's own instant and state. A reading is never waited for:
+    /// an old one comes with its age.
     ///
     /// # Errors
-    /// [`DriveError`] when the drives do not answer.
+    /// [`DriveError`] when there is nothing to be read any more.
     fn read(&mut self, stamp_ns: i64) -> Result<DriveReading, DriveError>;
 
     /// Begins or continues the search for the drives' zero; called every tick until it says [`Homing::Done`]. A search
@@ -30,11 +37,21 @@ pub trait Drive {
     /// [`DriveError`] when the search fails.
     fn home(&mut self, stamp_ns: i64) -> Result<Homing, DriveError>;
 
-    /// Switches the power of the drives. Without power they hold their place by their own friction.
+    /// Begins or continues switching the power of the drives; called every tick until it says [`Switching::Done`]. Off is
+    /// wished for and not awaited.
     ///
     /// # Errors
     /// [`DriveError`] when the drives refuse.
-    fn set_power(&mut self, stamp_ns: i64, on: bool) -> Result<(), DriveError>;
+    fn set_power(&mut self, stamp_ns: i64, on: bool) -> Result<Switching, DriveError>;
+
+    /// Brings the actuators to rest by a ramp of their own, where they then stay under power until it is switched anew.
+    /// Valid in every state.
+    fn quick_stop(&mut self, stamp_ns: i64);
+
+    /// What has failed since power was last switched; motion is then forbidden, whatever comes back.
+    fn failure(&self) -> Option<DriveError> {
+        None
+    }
 
     /// Whether this drive has a camera, whose shapes are then the slave's to publish.
     fn has_camera(&self) -> bool {
@@ -54,6 +71,52 @@ pub struct DriveReading {
     pub q_tilde_m: Actuators,
     /// Load at each actuator, N, push positive; NaN where it is not measured, zeros behind the last actuator.
     pub tau_n: Actuators,
+    /// When each actuator was measured, CLOCK_MONOTONIC, nanoseconds; zeros behind the last.
+    pub sampled_ns: [i64; MAX_ACTUATORS],
+    /// What each actuator is doing; Off behind the last.
+    pub state: [ActuatorState; MAX_ACTUATORS],
+}
+
+impl DriveReading {
+    /// A reading of so many actuators that were all measured at one instant and are all in one state.
+    pub fn at_once(n: usize, stamp_ns: i64, (q_tilde_m, tau_n): (Actuators, Actuators), state: ActuatorState) -> Self {
+        Self {
+            q_tilde_m,
+            tau_n,
+            sampled_ns: core::array::from_fn(|k| if k < n { stamp_ns } else { 0 }),
+            state: core::array::from_fn(|k| if k < n { state } else { ActuatorState::Off }),
+        }
+    }
+}
+
+/// What one actuator is doing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u8)]
+pub enum ActuatorState {
+    /// Without power.
+    #[default]
+    Off = 0,
+    /// Power is being switched.
+    Switching = 1,
+    /// Under power, where it is told to be.
+    On = 2,
+    /// Under power, at rest until power is switched anew.
+    QuickStopped = 3,
+    /// It has let go by itself: its line is not held.
+    Limp = 4,
+    /// It reports a failure of its own.
+    Faulted = 5,
+    /// It does not answer.
+    Lost = 6,
+}
+
+/// How far switching the power is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Switching {
+    /// Not all actuators have answered yet.
+    Busy,
+    /// All have.
+    Done,
 }
 
 /// What a camera saw of a snake, or of joints.
@@ -85,40 +148,4 @@ pub enum Homing {
     Busy,
     /// The zero is known and the actuators stand still.
     Done,
-}
-
-/// Why a drive refused.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-pub enum DriveError {
-    /// Motion was asked for while the power was off.
-    #[error("the drives were told to move while their power is off; send `enable` first")]
-    NotPowered,
-    /// A position was NaN or infinite.
-    #[error(
-        "actuator {actuator} was told to go to {found_m} m, expected a finite position; the command was not executed"
-    )]
-    NotFinite {
-        /// Which, from 1.
-        actuator: usize,
-        /// What was asked for, m.
-        found_m: f64,
-    },
-    /// A position was beyond the hard stops.
-    #[error(
-        "actuator {actuator} was told to go to {found_m} m, expected at most {limit_m} m either way; the command was not executed"
-    )]
-    OutOfTravel {
-        /// Which, from 1.
-        actuator: usize,
-        /// What was asked for, m.
-        found_m: f64,
-        /// Distance of the hard stops from zero, m.
-        limit_m: f64,
-    },
-    /// The hardware failed in a way of its own.
-    #[error("the drives failed: {what}; mend that, then send `enable`")]
-    Failed {
-        /// The hardware's own words.
-        what: &'static str,
-    },
 }

@@ -13,12 +13,15 @@
 mod config;
 mod core_report;
 mod drive;
+mod drive_error;
+mod drive_traits;
 mod engagement;
 mod findings;
 mod gate;
 mod latency;
 mod limiter;
 mod operating_state;
+mod power;
 mod process;
 mod shapes;
 mod slave_core;
@@ -26,7 +29,8 @@ mod stops;
 mod watchdog;
 
 pub use config::{ConfigError, SlaveConfig};
-pub use drive::{Drive, DriveError, DriveReading, Homing, Seen, ShapeReading};
+pub use drive::{ActuatorState, Drive, DriveError, DriveReading, Homing, Seen, ShapeReading, Switching};
+pub use drive_traits::{DriveTraits, OnFault};
 pub use engagement::Engagement;
 pub use findings::{Findings, Note};
 pub use gate::{Gate, GateLimits, Write};

@@ -14,8 +14,8 @@
 
 use crate::gate::largest;
 use crate::{
-    Drive, DriveError, DriveReading, Engagement, Findings, Gate, GateLimits, Homing, Limiter, Note, OperatingMachine,
-    Situation, SlaveConfig, TransitionRefused, Verdict, Watchdog, Write,
+    ActuatorState, Drive, DriveError, DriveReading, Engagement, Findings, Gate, GateLimits, Homing, Limiter, Note,
+    OperatingMachine, Situation, SlaveConfig, Switching, TransitionRefused, Verdict, Watchdog, Write,
 };
 use krait_ipc::message::{Command, HopStamps, Joints, MAX_JOINTS, OperatingState, StateCommand, Transition};
 use krait_ipc::{Reason, Reasons};
@@ -37,7 +37,9 @@ pub struct SlaveCore<D> {
     pub(crate) gate: Gate,
     pub(crate) engagement: Engagement,
     origin: Origin,
-    home_on_start: bool,
+    pub(crate) home_on_start: bool,
+    /// Since when power is being switched on, ns.
+    pub(crate) switching_since_ns: Option<i64>,
     motion: Motion,
     pub(crate) setpoint_bend_rad: [f64; 2],
     pub(crate) setpoint_joints_rad: Joints,
@@ -98,11 +100,12 @@ impl<D: Drive> SlaveCore<D> {
             engagement: Engagement::default(),
             origin: Origin::default(),
             home_on_start: config.home_on_start,
+            switching_since_ns: None,
             motion: Motion::Held,
             setpoint_bend_rad: [0.0; 2],
             setpoint_joints_rad: [0.0; MAX_JOINTS],
             n_joints: 0,
-            reading: DriveReading { q_tilde_m: unread, tau_n: unread },
+            reading: DriveReading::at_once(0, 0, (unread, unread), ActuatorState::Off),
             stamps: HopStamps::default(),
             is_unstamped: false,
             command_sequence: 0,
@@ -130,9 +133,14 @@ impl<D: Drive> SlaveCore<D> {
         &mut self.drive
     }
 
-    /// Whether a search for zero is under way.
+    /// Whether power is being switched on, or a search for zero is under way.
     pub fn is_busy(&self) -> bool {
-        self.machine.is_busy()
+        self.machine.is_busy() || self.is_switching()
+    }
+
+    /// What the drives measured when they were last read, with each actuator's instant and state.
+    pub fn reading(&self) -> &DriveReading {
+        &self.reading
     }
 
     /// Commands that were refused.
@@ -236,12 +244,16 @@ impl<D: Drive> SlaveCore<D> {
         self.is_unstamped = true;
     }
 
+    fn is_ready(&self) -> bool {
+        self.machine.is_ready() && !self.is_switching()
+    }
+
     fn situation(&self, now_ns: i64) -> Situation {
         Situation {
             now_ns,
             setpoint_q_m: self.gate.q_m(),
             tau_n: self.reading.tau_n,
-            ready: self.machine.is_ready() && self.is_engaged(),
+            ready: self.is_ready() && self.is_engaged(),
             following: self.is_following(),
         }
     }
@@ -276,7 +288,7 @@ impl<D: Drive> SlaveCore<D> {
             return;
         }
         let missing = HOLDS.into_iter().chain(STALLS).filter(|reason| reasons.contains(*reason));
-        let mut is_met = self.machine.is_ready();
+        let mut is_met = self.is_ready();
         for reason in missing {
             findings.insert(reason);
             is_met = false;
@@ -288,7 +300,7 @@ impl<D: Drive> SlaveCore<D> {
     }
 
     /// Ends the engagement for a reason that stands until the next one.
-    fn disengage(&mut self, reason: Reason, note: Option<Note>) {
+    pub(crate) fn disengage(&mut self, reason: Reason, note: Option<Note>) {
         self.engagement.clear(Some((reason, note)));
         self.hold();
     }
@@ -333,11 +345,16 @@ impl<D: Drive> SlaveCore<D> {
         let mut next = self.machine;
         next.apply(transition)?;
         let powers_up = transition == Transition::Enable && before != OperatingState::Enabled;
+        let mut switching = Switching::Done;
         if powers_up || matches!(transition, Transition::Disable | Transition::ClearFault) {
-            if let Err(error) = self.drive.set_power(now_ns, powers_up) {
-                self.fault(error, now_ns);
-                return Err(error.into());
-            }
+            self.switching_since_ns = None;
+            switching = match self.drive.set_power(now_ns, powers_up) {
+                Ok(switching) => switching,
+                Err(error) => {
+                    self.fault(error, now_ns);
+                    return Err(error.into());
+                }
+            };
             self.gate.rest();
             self.drive_error = None;
         }
@@ -347,13 +364,9 @@ impl<D: Drive> SlaveCore<D> {
             self.hold();
         }
         if powers_up {
-            self.read(now_ns);
-            if let Some(error) = self.drive_error {
-                return Err(error.into());
-            }
-            self.gate.rest_at(self.reading.q_tilde_m);
-            if self.home_on_start && !self.machine.is_homed() {
-                self.machine.apply(Transition::Home)?;
+            match switching {
+                Switching::Done => self.powered_up(now_ns)?,
+                Switching::Busy => self.switching_since_ns = Some(now_ns),
             }
         }
         Ok(())
@@ -365,7 +378,9 @@ impl<D: Drive> SlaveCore<D> {
     /// No allocation, no blocking, no clock.
     pub fn on_tick(&mut self, now_ns: i64) {
         self.end_if_stale(now_ns);
-        if self.machine.is_busy() && self.is_still() {
+        if let Some(since_ns) = self.switching_since_ns {
+            self.continue_switching(since_ns, now_ns);
+        } else if self.machine.is_busy() && self.is_still() {
             self.continue_homing(now_ns);
         } else if !self.is_following() || self.watchdog.age_ns(now_ns).is_none_or(|age| age >= GAP_NS) {
             self.brake(now_ns);
@@ -385,6 +400,9 @@ impl<D: Drive> SlaveCore<D> {
             Ok(_) => self.fault(DriveError::Failed { what: "an encoder gave no finite position" }, now_ns),
             Err(error) => self.fault(error, now_ns),
         }
+        if let Some(error) = self.drive.failure() {
+            self.fault(error, now_ns);
+        }
     }
 
     /// Distance of the encoders from the setpoint, m.
@@ -395,22 +413,6 @@ impl<D: Drive> SlaveCore<D> {
     /// The largest such distance that is no fault, m.
     pub(crate) fn following_error_limit_m(&self) -> f64 {
         self.limiter.limits().following_error_m
-    }
-
-    /// Takes power away and waits to be told to try again.
-    pub(crate) fn fault(&mut self, error: DriveError, now_ns: i64) {
-        self.disengage(Reason::DriveFault, None);
-        self.gate.rest();
-        if self.machine.state() != OperatingState::Fault {
-            self.machine.fault();
-            let is_off = self.drive.set_power(now_ns, false).is_ok();
-            // That power could not be removed is worse news than why it should have been.
-            self.drive_error = Some(if is_off {
-                error
-            } else {
-                DriveError::Failed { what: "power could not be removed after a fault" }
-            });
-        }
     }
 
     fn end_if_stale(&mut self, now_ns: i64) {

@@ -5,7 +5,8 @@ use krait_ipc::message::{Command, HopStamps, OperatingState, Phase, SlaveState, 
 use krait_ipc::{Reason, Reasons};
 use krait_sim::{SimulatedSnake, Truth};
 use krait_slave::{
-    Actuators, Drive, DriveError, DriveReading, Homing, SlaveConfig, SlaveCore, TransitionRefused, lines,
+    ActuatorState, Actuators, Drive, DriveError, DriveReading, DriveTraits, Homing, OnFault, SlaveConfig, SlaveCore,
+    Switching, TransitionRefused, lines,
 };
 
 const MS: i64 = 1_000_000;
@@ -21,6 +22,12 @@ struct Mock {
     is_frozen: bool,
     is_dead: bool,
     powered: bool,
+    /// Calls of `set_power` that say Busy before one says Done.
+    n_busy: u32,
+    /// Whether a fault leaves the power on.
+    holds: bool,
+    failure: Option<DriveError>,
+    n_quick_stops: u32,
 }
 
 impl Drive for Mock {
@@ -36,15 +43,37 @@ impl Drive for Mock {
         }
         Ok(())
     }
-    fn read(&mut self, _stamp_ns: i64) -> Result<DriveReading, DriveError> {
-        Ok(DriveReading { q_tilde_m: self.q_m, tau_n: self.tau_n })
+    fn read(&mut self, stamp_ns: i64) -> Result<DriveReading, DriveError> {
+        let state = if self.powered { ActuatorState::On } else { ActuatorState::Off };
+        Ok(DriveReading::at_once(self.n_actuators(), stamp_ns, (self.q_m, self.tau_n), state))
     }
     fn home(&mut self, _stamp_ns: i64) -> Result<Homing, DriveError> {
         Ok(Homing::Done)
     }
-    fn set_power(&mut self, _stamp_ns: i64, on: bool) -> Result<(), DriveError> {
+    fn traits(&self) -> DriveTraits {
+        DriveTraits {
+            n_actuators: self.n_actuators(),
+            period_ns: MS,
+            travel_m: [0.02; 12],
+            rate_m_per_s: [f64::INFINITY; 12],
+            delay_ns: 0,
+            measures_load: true,
+            on_fault: if self.holds { OnFault::Hold } else { OnFault::PowerOff },
+        }
+    }
+    fn set_power(&mut self, _stamp_ns: i64, on: bool) -> Result<Switching, DriveError> {
+        if on && self.n_busy > 0 {
+            self.n_busy -= 1;
+            return Ok(Switching::Busy);
+        }
         self.powered = on;
-        Ok(())
+        Ok(Switching::Done)
+    }
+    fn quick_stop(&mut self, _stamp_ns: i64) {
+        self.n_quick_stops += 1;
+    }
+    fn failure(&self) -> Option<DriveError> {
+        self.failure
     }
 }
 
@@ -574,4 +603,47 @@ mod probes {
         let state = bench.tick();
         assert!(state.is_ready() && !state.is_engaged() && state.n_stops == 1);
     }
+}
+
+#[test]
+fn power_that_takes_time_is_waited_for_tick_by_tick_and_nothing_moves_before() {
+    let drive = Mock { n_busy: 6, q_m: DIRECTION.map(|d| d * 1e-3), ..Mock::default() };
+    let mut bench = Bench { core: SlaveCore::new(drive, &SlaveConfig::default()), now_ns: MS, sequence: 0 };
+    bench.core.transition(Transition::Enable, MS).unwrap();
+    for _ in 0..5 {
+        let state = bench.tick();
+        assert!(state.flags & SlaveState::IS_BUSY != 0 && state.flags & SlaveState::IS_HOMED == 0);
+        assert!(!bench.core.drive().powered && !follows(&bench.go(1e-3)));
+    }
+    bench.tick();
+    assert!(bench.core.drive().powered);
+    let state = bench.tick();
+    assert!(state.flags & SlaveState::IS_BUSY == 0 && state.flags & SlaveState::IS_HOMED != 0, "homed after power");
+    assert_eq!(state.setpoint_q_m, DIRECTION.map(|d| d * 1e-3), "the setpoint is where the encoders say");
+
+    let drive = Mock { n_busy: u32::MAX, ..Mock::default() };
+    let mut bench = Bench { core: SlaveCore::new(drive, &SlaveConfig::default()), now_ns: MS, sequence: 0 };
+    bench.core.transition(Transition::Enable, MS).unwrap();
+    let n_ticks = (0..6000).take_while(|_| bench.tick().operating() == Some(OperatingState::Enabled)).count();
+    assert_eq!(n_ticks, 5000, "power that does not come in 5 s is a fault");
+}
+
+#[test]
+fn drives_that_hold_on_a_fault_keep_their_power_and_go_on_only_when_enabled_anew() {
+    let mut bench = Bench::with(Mock { holds: true, ..Mock::default() });
+    bench.ramp(0.0, 1e-3);
+    let failure = DriveError::Lost { actuator: 2, silent_ms: 15.0 };
+    bench.core.drive_mut().failure = Some(failure);
+    let state = bench.tick();
+    assert_eq!((state.operating(), bench.core.drive_error()), (Some(OperatingState::Fault), Some(failure)));
+    assert!(failure.to_string().starts_with("Drive 2 failed; the others hold"), "{failure}");
+    assert!(bench.core.drive().powered && bench.core.drive().n_quick_stops == 1, "under power, told to stop once");
+    bench.core.drive_mut().failure = None;
+    let state = bench.go(1e-3);
+    assert!(!follows(&state) && state.operating() == Some(OperatingState::Fault), "nothing resumes by itself");
+    assert!(state.flags & SlaveState::IS_HOMED == 0, "a fault forgets the zero");
+    bench.core.transition(Transition::ClearFault, bench.now_ns).unwrap();
+    assert!(!bench.core.drive().powered);
+    bench.core.transition(Transition::Enable, bench.now_ns).unwrap();
+    assert!(bench.tick().flags & SlaveState::IS_HOMED != 0);
 }

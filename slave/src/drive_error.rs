@@ -1,0 +1,125 @@
+//! Why drives refuse or fail: one sentence each, with what to do.
+
+/// Why a drive refused.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum DriveError {
+    /// Motion was asked for while the power was off.
+    #[error("the drives were told to move while their power is off; send `enable` first")]
+    NotPowered,
+    /// A position was NaN or infinite.
+    #[error(
+        "actuator {actuator} was told to go to {found_m} m, expected a finite position; the command was not executed"
+    )]
+    NotFinite {
+        /// Which, from 1.
+        actuator: usize,
+        /// What was asked for, m.
+        found_m: f64,
+    },
+    /// A position was beyond the hard stops.
+    #[error(
+        "actuator {actuator} was told to go to {found_m} m, expected at most {limit_m} m either way; the command was not executed"
+    )]
+    OutOfTravel {
+        /// Which, from 1.
+        actuator: usize,
+        /// What was asked for, m.
+        found_m: f64,
+        /// Distance of the hard stops from zero, m.
+        limit_m: f64,
+    },
+    /// The hardware failed in a way of its own.
+    #[error("the drives failed: {what}; mend that, then send `enable`")]
+    Failed {
+        /// The hardware's own words.
+        what: &'static str,
+    },
+    /// An actuator does not answer any more.
+    #[error(
+        "Drive {actuator} failed; the others hold: it has not answered for {silent_ms:.1} ms; check its cable and power, then send `clear-fault` and `enable`"
+    )]
+    Lost {
+        /// Which, from 1.
+        actuator: usize,
+        /// How long, ms.
+        silent_ms: f64,
+    },
+    /// An actuator reports a failure.
+    #[error(
+        "Drive {actuator} failed; the others hold: it reports {meaning} (code {code}); mend that, then send `clear-fault` and `enable`"
+    )]
+    Tripped {
+        /// Which, from 1.
+        actuator: usize,
+        /// Its own number.
+        code: u32,
+        /// What that means.
+        meaning: &'static str,
+    },
+    /// An actuator has let go by itself.
+    #[error(
+        "Drive {actuator} failed; the others hold: it was overloaded and has let go of its line; take the load off, then send `clear-fault` and `enable`"
+    )]
+    Limp {
+        /// Which, from 1.
+        actuator: usize,
+    },
+    /// An actuator started anew.
+    #[error(
+        "Drive {actuator} failed; the others hold: it lost its power for a moment and started anew; check its supply, then send `clear-fault` and `enable`"
+    )]
+    Reset {
+        /// Which, from 1.
+        actuator: usize,
+    },
+    /// An encoder leapt.
+    #[error(
+        "Drive {actuator} failed; the others hold: its encoder leapt by {by_m} m, more than half a turn; check its zero with `krait drives`, then send `clear-fault` and `enable`"
+    )]
+    Jumped {
+        /// Which, from 1.
+        actuator: usize,
+        /// How far, m.
+        by_m: f64,
+    },
+    /// A reading is too old to go by.
+    #[error(
+        "Drive {actuator} failed; the others hold: its newest reading is {age_ms:.1} ms old; its bus does not keep up, see `krait doctor`, then send `clear-fault` and `enable`"
+    )]
+    Stale {
+        /// Which, from 1.
+        actuator: usize,
+        /// How old, ms.
+        age_ms: f64,
+    },
+    /// An actuator stands too far from the zero that was configured for it.
+    #[error(
+        "drive {actuator} stands {found_m:.4} m from its zero, expected at most {limit_m} m either way; bring it back by hand, or set its zero with `krait drives --zero`"
+    )]
+    FarFromZero {
+        /// Which, from 1.
+        actuator: usize,
+        /// Where it stands, m.
+        found_m: f64,
+        /// Its travel, m.
+        limit_m: f64,
+    },
+    /// The bus itself failed.
+    #[error(
+        "the bus of the drives failed: {what}; nothing more can be told to them; mend that and start the slave again"
+    )]
+    Bus {
+        /// What happened.
+        what: &'static str,
+    },
+    /// Nobody told the bus for too long.
+    #[error(
+        "the slave was silent for {silent_ms:.1} ms, expected at most {limit_ms} ms, so the drives stopped by themselves and hold; see `krait doctor`, then send `clear-fault` and `enable`"
+    )]
+    Unled {
+        /// How long, ms.
+        silent_ms: f64,
+        /// The limit, ms.
+        limit_ms: f64,
+    },
+}

@@ -1,0 +1,104 @@
+//! What drives can do, and whether the slave's limits ask for more.
+
+use crate::{ConfigError, Limits};
+use krait_ipc::message::Actuators;
+
+/// What a back-end can do, fixed after opening.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DriveTraits {
+    /// How many actuators there are.
+    pub n_actuators: usize,
+    /// Period at which actuators are told and asked, ns.
+    pub period_ns: i64,
+    /// How far each may go from zero, either way, m.
+    pub travel_m: Actuators,
+    /// How fast each can go, m/s.
+    pub rate_m_per_s: Actuators,
+    /// From a wish to the reading that shows it, ns.
+    pub delay_ns: i64,
+    /// Whether loads are measured.
+    pub measures_load: bool,
+    /// What a fault does to the power.
+    pub on_fault: OnFault,
+}
+
+/// What becomes of the power when the slave goes to FAULT.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum OnFault {
+    /// The actuators brake to rest and stay under power: right where they would let go of stretched lines.
+    #[default]
+    Hold,
+    /// Power is taken away: right where they hold their place without it.
+    PowerOff,
+}
+
+impl DriveTraits {
+    /// Whether the drives can do what the limits allow.
+    ///
+    /// # Errors
+    /// [`ConfigError`] names the first limit that asks for more.
+    pub fn check(&self, limits: &Limits) -> Result<(), ConfigError> {
+        let smallest = |values: &Actuators| values.iter().take(self.n_actuators).copied().fold(f64::INFINITY, f64::min);
+        let travel_m = smallest(&self.travel_m);
+        let beyond = |key, found, able, unit, advice| Err(ConfigError::BeyondDrives { key, found, able, unit, advice });
+        if limits.stroke_m > travel_m {
+            return beyond("stroke_m", limits.stroke_m, travel_m, "m", "lower it, or give the drives more travel_m");
+        }
+        let rate_m_per_s = smallest(&self.rate_m_per_s);
+        if limits.rate_m_per_s > rate_m_per_s {
+            let advice = "lower it, or use faster drives or larger spools";
+            return beyond("rate_m_per_s", limits.rate_m_per_s, rate_m_per_s, "m/s", advice);
+        }
+        let behind_m = limits.rate_m_per_s * self.delay_ns as f64 * 1e-9;
+        if limits.following_error_m < behind_m {
+            return Err(ConfigError::AlwaysBehind {
+                following_error_m: limits.following_error_m,
+                behind_m,
+                rate_m_per_s: limits.rate_m_per_s,
+                delay_ms: self.delay_ns as f64 * 1e-6,
+            });
+        }
+        if !self.measures_load && (limits.pull_n.is_finite() || limits.push_n.is_finite()) {
+            return Err(ConfigError::LoadsNotMeasured { pull_n: limits.pull_n, push_n: limits.push_n });
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use krait_ipc::message::MAX_ACTUATORS;
+
+    const ABLE: DriveTraits = DriveTraits {
+        n_actuators: 3,
+        period_ns: 5_000_000,
+        travel_m: [6e-3; MAX_ACTUATORS],
+        rate_m_per_s: [0.04; MAX_ACTUATORS],
+        delay_ns: 9_000_000,
+        measures_load: true,
+        on_fault: OnFault::Hold,
+    };
+
+    #[test]
+    fn limits_within_what_the_drives_can_do_pass_and_each_beyond_is_named() {
+        let limits = Limits::default();
+        assert_eq!(ABLE.check(&limits), Ok(()));
+        let mut short = ABLE;
+        short.travel_m[1] = 5e-3;
+        let mut slow = ABLE;
+        slow.rate_m_per_s[2] = 0.02;
+        for (drives, key) in [
+            (short, "stroke_m"),
+            (slow, "rate_m_per_s"),
+            (DriveTraits { delay_ns: 12_000_000, ..ABLE }, "following_error_m"),
+            (DriveTraits { measures_load: false, ..ABLE }, "pull_n"),
+        ] {
+            let sentence = drives.check(&limits).unwrap_err().to_string();
+            assert!(sentence.contains("[slave.limits]") && sentence.contains(key), "{sentence}");
+        }
+        short.n_actuators = 1;
+        assert_eq!(short.check(&limits), Ok(()), "actuators behind the last do not count");
+    }
+}
