@@ -59,10 +59,16 @@ fn a_person_sees_the_robot_stops_it_from_a_page_that_hangs_and_goes_on() {
     keep(&mut page, "paused");
 
     // By key, although the stop has the keyboard: the commands, acknowledged by the drives' own state.
-    page.wait_for("resume is offered", "document.querySelector('.command[data-wish=resume][aria-disabled=false]') !== null");
+    page.wait_for(
+        "resume is offered",
+        "document.querySelector('.command[data-wish=resume][aria-disabled=false]') !== null",
+    );
     page.key("p", 80);
     page.wait_for("resumed", "document.getElementById('ack-title').textContent.startsWith('Resumed')");
-    page.wait_for("pause is offered", "document.querySelector('.command[data-wish=pause][aria-disabled=false]') !== null");
+    page.wait_for(
+        "pause is offered",
+        "document.querySelector('.command[data-wish=pause][aria-disabled=false]') !== null",
+    );
     page.key("p", 80);
     page.wait_for("paused by key", "document.getElementById('ack-title').textContent.startsWith('Paused')");
 
