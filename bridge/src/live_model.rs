@@ -5,7 +5,7 @@ use crate::step::BridgeError;
 use krait_ipc::message::MAX_JOINTS;
 use krait_model::joints::JointChain;
 use krait_model::model_file::{Machine, ModelFile};
-use krait_model::{Chain, Columns, LearntParameter, ModelHash};
+use krait_model::{Chain, KnownColumns, LearntParameter, ModelHash};
 
 /// A model that every process of a running chain can use.
 #[derive(Clone, Debug)]
@@ -57,11 +57,11 @@ impl LiveModel {
     /// # Errors
     /// [`BridgeError`] says why no running chain can use it.
     pub fn of(file: &ModelFile) -> Result<Self, BridgeError> {
-        if let Some(chain) = file.chain(Columns::default())? {
+        if let Some(chain) = file.chain(KnownColumns::default())? {
             chain.compensator()?;
             return Ok(Self::Snake(chain));
         }
-        let columns = Columns { time: true, ..Columns::default() };
+        let columns = KnownColumns { time: true, ..KnownColumns::default() };
         let chain = file.joint_chain(columns)?;
         match (chain, file.machine()) {
             (Some(chain), Machine::Joints(joints)) => {

@@ -3,7 +3,7 @@
 use crate::diagnose::Calibration;
 use crate::diagnose::search::{Search, Trial};
 use crate::fit::{Fit, Uncertainty, Variable, fit, held_out_block_squares, uncertainty};
-use crate::machine::{Candidate, Machine, nearest};
+use crate::machine::{Candidate, MachineUnderTest, nearest};
 use crate::noise::NoiseFloor;
 use crate::prepare::{Prepared, prepare};
 use crate::{LabError, Measurements, Parameter, Problem, Term};
@@ -46,7 +46,7 @@ const TOLERANCE: f64 = 1e-6;
 ///
 /// # Errors
 /// [`LabError`] for an effect or a parameter that the machine does not have, and where it makes no chain.
-pub fn add(machine: &dyn Machine, data: &Measurements, options: &AddOptions) -> Result<Added, LabError> {
+pub fn add(machine: &dyn MachineUnderTest, data: &Measurements, options: &AddOptions) -> Result<Added, LabError> {
     let parameters = machine.parameters(&options.term)?;
     if let Some(joints) = machine.as_joints().filter(|_| !options.from_given && options.free.is_empty())
         && let Some(added) = crate::joint::add(joints, data, &options.term)?
@@ -54,7 +54,7 @@ pub fn add(machine: &dyn Machine, data: &Measurements, options: &AddOptions) -> 
         return Ok(added);
     }
     let calibrated = machine.as_joints().map(|joints| crate::joint::calibrated(joints, data)).transpose()?;
-    let machine = calibrated.as_ref().map_or(machine, |joints| joints as &dyn Machine);
+    let machine = calibrated.as_ref().map_or(machine, |joints| joints as &dyn MachineUnderTest);
     let bench = Bench::new(machine, data)?;
     let known = machine.candidates(data).into_iter().find(|candidate| candidate.name == options.term.name);
     if let Some(reason) = known.as_ref().and_then(|candidate| candidate.cannot.clone()) {
@@ -72,9 +72,13 @@ pub fn add(machine: &dyn Machine, data: &Measurements, options: &AddOptions) -> 
 ///
 /// # Errors
 /// [`LabError`] for names that are not there.
-pub fn refit(machine: &dyn Machine, data: &Measurements, free: &[(String, String)]) -> Result<Added, LabError> {
+pub fn refit(
+    machine: &dyn MachineUnderTest,
+    data: &Measurements,
+    free: &[(String, String)],
+) -> Result<Added, LabError> {
     let calibrated = machine.as_joints().map(|joints| crate::joint::calibrated(joints, data)).transpose()?;
-    let machine = calibrated.as_ref().map_or(machine, |joints| joints as &dyn Machine);
+    let machine = calibrated.as_ref().map_or(machine, |joints| joints as &dyn MachineUnderTest);
     let bench = Bench::new(machine, data)?;
     let variables = crate::diagnose::free_variables(machine, free)?;
     let fitted = fit(&bench.problem, machine.effects(), &variables, ITERATIONS, TOLERANCE)?;
@@ -83,14 +87,14 @@ pub fn refit(machine: &dyn Machine, data: &Measurements, free: &[(String, String
 
 /// The measurements ready for a fit.
 struct Bench<'a> {
-    machine: &'a dyn Machine,
+    machine: &'a dyn MachineUnderTest,
     problem: Problem<'a>,
     floors: NoiseFloor,
     before: f64,
 }
 
 impl<'a> Bench<'a> {
-    fn new(machine: &'a dyn Machine, data: &Measurements) -> Result<Self, LabError> {
+    fn new(machine: &'a dyn MachineUnderTest, data: &Measurements) -> Result<Self, LabError> {
         let Prepared { problem, floors, .. } = prepare(machine, data)?;
         let own = problem.residual(machine.effects())?;
         let before = problem.rms(own.iter().map(|r| r * r).sum());

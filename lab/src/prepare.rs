@@ -1,6 +1,6 @@
 //! What stands before every fit: outliers found, the noise floor estimated without them, blocks as long as the noise needs.
 
-use crate::machine::Machine;
+use crate::machine::MachineUnderTest;
 use crate::noise::{FloorSource, NoiseFloor, outliers};
 use crate::{LabError, Measurements, Problem, scored_time_s};
 
@@ -23,7 +23,7 @@ const FIRST_BLOCK_S: f64 = 4.0;
 ///
 /// # Errors
 /// [`LabError`] where the model cannot be computed.
-pub(crate) fn prepare<'a>(machine: &'a dyn Machine, data: &Measurements) -> Result<Prepared<'a>, LabError> {
+pub(crate) fn prepare<'a>(machine: &'a dyn MachineUnderTest, data: &Measurements) -> Result<Prepared<'a>, LabError> {
     let raw = Problem::new(machine, data.clone(), &[], FIRST_BLOCK_S);
     let residual = raw.residual(machine.effects())?;
     let excluded = outliers(&raw, &residual);

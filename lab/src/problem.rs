@@ -1,13 +1,13 @@
 //! Measurements made ready for statistics: which rows count, how much, and the blocks of time that resampling keeps together.
 
-use crate::machine::Machine;
+use crate::machine::MachineUnderTest;
 use crate::{LabError, Measurements, Term};
 use rayon::prelude::*;
 
 /// A machine, its measurements, and what of them is scored.
 pub struct Problem<'a> {
     /// The machine.
-    pub machine: &'a dyn Machine,
+    pub machine: &'a dyn MachineUnderTest,
     /// The measurements.
     pub data: Measurements,
     /// Weight of each output, row after row: 0 where nothing is scored, 1 where all rows are alike.
@@ -27,7 +27,12 @@ const MOST_BLOCKS: usize = 40;
 
 impl<'a> Problem<'a> {
     /// Blocks of equally many scored rows, none shorter than `shortest_block_s`; outputs in `excluded` (row numbers) do not count.
-    pub fn new(machine: &'a dyn Machine, data: Measurements, excluded: &[usize], shortest_block_s: f64) -> Self {
+    pub fn new(
+        machine: &'a dyn MachineUnderTest,
+        data: Measurements,
+        excluded: &[usize],
+        shortest_block_s: f64,
+    ) -> Self {
         let width = data.n_outputs;
         let mut weight = vec![0.0; data.n_rows() * width];
         let typical = typical_sigma(&data);

@@ -1,6 +1,6 @@
 //! A model file and measurements of its machine, read and checked together.
 
-use crate::machine::{Machine, machine_of};
+use crate::machine::{MachineUnderTest, machine_of};
 use crate::read::{ColumnMap, ReadError, read};
 use crate::{LabError, Measurements};
 use krait_ipc::input;
@@ -12,7 +12,7 @@ pub struct Session {
     /// The model file's content.
     pub file: ModelFile,
     /// The machine.
-    pub machine: Box<dyn Machine>,
+    pub machine: Box<dyn MachineUnderTest>,
     /// What was measured; of several recordings one after the other.
     pub data: Measurements,
     /// Name and first trial of each recording, where there are several.
@@ -119,7 +119,7 @@ pub fn open_model(path: &Path) -> Result<ModelFile, SessionError> {
     ModelFile::parse(&text).map_err(|source| SessionError::Model { path: path.to_owned(), source })
 }
 
-fn machine(file: &ModelFile) -> Result<Box<dyn Machine>, LabError> {
+fn machine(file: &ModelFile) -> Result<Box<dyn MachineUnderTest>, LabError> {
     let found = "a machine of neither kind";
     machine_of(file).ok_or(LabError::OtherMachine { data: "the model".to_owned(), expected: "snake or joints", found })
 }

@@ -2,7 +2,7 @@
 #![allow(clippy::expect_used, clippy::panic, reason = "the helpers of a test fail as the test does")]
 
 use krait_lab::compare::{Comparison, compare};
-use krait_lab::machine::{Machine, SnakeLab};
+use krait_lab::machine::{MachineUnderTest, SnakeLab};
 use krait_lab::{Measurements, Quantity};
 use krait_model::model_file::ModelFile;
 use std::collections::BTreeMap;

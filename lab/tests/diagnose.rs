@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
 
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, Verdict, diagnose};
-use krait_lab::machine::{Machine, SnakeLab};
+use krait_lab::machine::{MachineUnderTest, SnakeLab};
 use krait_lab::{AddOptions, Measurements, Quantity, Term, add};
 use krait_model::model_file::ModelFile;
 use rand_chacha::ChaCha8Rng;

@@ -3,7 +3,7 @@
 
 use krait_lab::compare::compare;
 use krait_lab::diagnose::{DiagnoseOptions, diagnose};
-use krait_lab::machine::{JointsLab, Machine};
+use krait_lab::machine::{JointsLab, MachineUnderTest};
 use krait_lab::read::{ColumnMap, read};
 use krait_lab::{AddOptions, Measurements, Term, add, save};
 use krait_model::model_file::ModelFile;

@@ -3,7 +3,7 @@
 
 use krait_lab::compare::compare;
 use krait_lab::diagnose::{DiagnoseOptions, diagnose};
-use krait_lab::machine::{JointsLab, Machine, SnakeLab};
+use krait_lab::machine::{JointsLab, MachineUnderTest, SnakeLab};
 use krait_lab::read::{ColumnMap, read};
 use krait_lab::report::{Origin, added_page, comparison_page, diagnosis_page, history_page};
 use krait_lab::{AddOptions, Measurements, Term, add};

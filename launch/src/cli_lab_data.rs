@@ -60,7 +60,7 @@ pub struct GenerateArgs {
 
 /// A machine of the benchmark.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Machine {
+pub enum BenchmarkMachine {
     /// The simulated snake.
     Snake,
     /// Two simulated joints.
@@ -74,8 +74,8 @@ pub struct BenchmarkArgs {
     #[arg(long, value_name = "DIR", default_value = "benchmark")]
     pub out: PathBuf,
     /// Whose data: the simulated snake's, or two simulated joints'.
-    #[arg(long, value_enum, default_value_t = Machine::Snake)]
-    pub machine: Machine,
+    #[arg(long, value_enum, default_value_t = BenchmarkMachine::Snake)]
+    pub machine: BenchmarkMachine,
     /// Rounds of the grid, some hundred sets of data each.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1000))]
     pub rounds: u16,

@@ -15,11 +15,11 @@
 //!
 //! ```
 //! use krait_model::model_file::{ModelFile, built_in};
-//! use krait_model::{Circumstances, Columns};
+//! use krait_model::{Circumstances, KnownColumns};
 //! use nalgebra::Vector2;
 //!
 //! let file = ModelFile::parse(built_in("estimated").expect("one of three"))?;
-//! let chain = file.chain(Columns::default())?.expect("a snake");
+//! let chain = file.chain(KnownColumns::default())?.expect("a snake");
 //! let command = chain.compensator()?.step(Vector2::new(0.5, 0.1), &Circumstances::at(0.0));
 //! assert!((command.q_tilde_m - command.q_m - command.eps_m).norm() < 1e-15);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -45,9 +45,9 @@ mod statics;
 mod tip;
 
 pub use chain::{
-    Chain, ChainCompensator, ChainError, ChainMemory, ChainSettings, ChainStatus, Circumstances, Columns, Command,
-    CommandTangents, EffectSetting, Implausible, Learn, LearntParameter, MAX_LEARNT, Prediction, PredictionTangents,
-    Predictor, PredictorTangents,
+    Chain, ChainCommand, ChainCompensator, ChainError, ChainMemory, ChainSettings, ChainStatus, Circumstances,
+    CommandTangents, EffectSetting, Implausible, KnownColumns, Learn, LearntParameter, MAX_LEARNT, Prediction,
+    PredictionTangents, Predictor, PredictorTangents,
 };
 pub use change::{Change, ChangeKind, ChangeParameters, ChangeWatch, Innovation};
 pub use hash::ModelHash;

@@ -11,12 +11,12 @@ use chains::{bends, chain, circumstances, strong};
 use krait_model::effects::{EffectKind, Inverse};
 use krait_model::model_file::{ModelFile, built_in};
 use krait_model::{
-    Chain, ChainSettings, Circumstances, Columns, EffectSetting, Learn, MAX_LEARNT, MachineParameters, Snake,
+    Chain, ChainSettings, Circumstances, EffectSetting, KnownColumns, Learn, MAX_LEARNT, MachineParameters, Snake,
 };
 use nalgebra::Vector2;
 
 fn of(name: &str) -> Chain {
-    ModelFile::parse(built_in(name).unwrap()).unwrap().chain(Columns::default()).unwrap().unwrap()
+    ModelFile::parse(built_in(name).unwrap()).unwrap().chain(KnownColumns::default()).unwrap().unwrap()
 }
 
 #[test]

@@ -8,7 +8,7 @@ use chains::{bends, chain, circumstances, effect, formula, strong};
 use core::f64::consts::PI;
 use krait_model::effects::{Class, EffectKind, Hook, Inverse};
 use krait_model::oracle::{Compensator, CompensatorParameters};
-use krait_model::{Chain, ChainSettings, Circumstances, Command, EffectSetting, MachineParameters, Snake};
+use krait_model::{Chain, ChainCommand, ChainSettings, Circumstances, EffectSetting, MachineParameters, Snake};
 use nalgebra::{Matrix2, Matrix3x2, Rotation2, Vector2, Vector3};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
@@ -17,7 +17,7 @@ fn defaults(effects: &[EffectSetting]) -> Chain {
     chain(effects, ChainSettings::default())
 }
 
-fn commands(chain: &Chain, bends: impl Iterator<Item = Vector2<f64>>) -> Vec<Command> {
+fn commands(chain: &Chain, bends: impl Iterator<Item = Vector2<f64>>) -> Vec<ChainCommand> {
     let mut compensator = chain.compensator().unwrap();
     bends.enumerate().map(|(k, b)| compensator.step(b, &circumstances(k))).collect()
 }
@@ -280,7 +280,7 @@ fn work_of_loops(effects: &[EffectSetting]) -> Vec<f64> {
     let chain = defaults(effects);
     let work = |path: fn(f64) -> Vector2<f64>| {
         let mut compensator = chain.compensator().unwrap();
-        let (mut last, mut work_j) = (None::<Command>, 0.0);
+        let (mut last, mut work_j) = (None::<ChainCommand>, 0.0);
         for k in 0..=2 * n {
             let now =
                 compensator.step(path(2.0 * PI * f64::from(k) / f64::from(n)), &Circumstances::at(f64::from(k) * 1e-3));

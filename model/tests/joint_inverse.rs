@@ -9,10 +9,10 @@ use core::f64::consts::TAU;
 use krait_model::effects::Inverse;
 use krait_model::joints::{JointChain, JointEffect, JointInverseSettings};
 use krait_model::model_file::ModelFile;
-use krait_model::{ChainError, Circumstances, Columns};
+use krait_model::{ChainError, Circumstances, KnownColumns};
 use proptest::prelude::*;
 
-const COLUMNS: Columns = Columns { time: true, stem_angle: false, temperature: true };
+const COLUMNS: KnownColumns = KnownColumns { time: true, stem_angle: false, temperature: true };
 const STEP_S: f64 = 1e-3;
 
 fn chain(machine: &str, effects: &str) -> JointChain {

@@ -5,7 +5,7 @@
 use krait_model::effects::EffectKind;
 use krait_model::joints::JointEffect;
 use krait_model::model_file::{FileEffect, Machine, ModelFile, Origin, assumed, documented_defaults};
-use krait_model::{ChainSettings, ChainStatus, Circumstances, Columns, EffectSetting};
+use krait_model::{ChainSettings, ChainStatus, Circumstances, EffectSetting, KnownColumns};
 use nalgebra::Vector2;
 
 const FULL: &str = r#"format = 1
@@ -204,15 +204,15 @@ fn formulas_that_cannot_be_are_refused_with_line_and_name() {
 #[test]
 fn a_file_may_need_a_column_and_whoever_runs_it_without_is_told() {
     let file = ModelFile::parse(&with_effect("kind = \"stem-coupling\"")).unwrap();
-    let error = file.chain(Columns::default()).unwrap_err().to_string();
+    let error = file.chain(KnownColumns::default()).unwrap_err().to_string();
     assert!(error.contains("stem-coupling") && error.contains("stem_angle_rad"), "{error}");
-    assert!(file.chain(Columns { stem_angle: true, ..Columns::default() }).unwrap().is_some());
+    assert!(file.chain(KnownColumns { stem_angle: true, ..KnownColumns::default() }).unwrap().is_some());
 }
 
 #[test]
 fn a_bend_beyond_the_strain_of_the_material_is_limited_and_said() {
     let text = "format = 1\n[machine]\nkind = \"snake\"\nstrain_limit = 0.01\n";
-    let chain = ModelFile::parse(text).unwrap().chain(Columns::default()).unwrap().unwrap();
+    let chain = ModelFile::parse(text).unwrap().chain(KnownColumns::default()).unwrap().unwrap();
     // (0.33 mm / 26 mm) b is 1 % at 45.14 degrees.
     assert!((chain.max_bend_rad().to_degrees() - 45.14).abs() < 0.01);
     let command = chain.compensator().unwrap().step(Vector2::new(1.0, 0.5), &Circumstances::at(0.0));

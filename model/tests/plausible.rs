@@ -6,7 +6,7 @@ mod chains;
 
 use chains::{chain, formula, strong};
 use krait_model::effects::{EffectKind, Hook, Inverse};
-use krait_model::{Chain, ChainSettings, Columns, Implausible, MachineParameters};
+use krait_model::{Chain, ChainSettings, Implausible, KnownColumns, MachineParameters};
 
 const MAX_BEND_RAD: f64 = 1.309;
 
@@ -44,7 +44,8 @@ fn a_correction_that_folds_the_motion_back_has_no_inverse() {
 
 #[test]
 fn the_elastic_lines_and_every_effect_of_the_catalogue_pass() {
-    let empty = Chain::new(&MachineParameters::default(), ChainSettings::default(), &[], Columns::default()).unwrap();
+    let empty =
+        Chain::new(&MachineParameters::default(), ChainSettings::default(), &[], KnownColumns::default()).unwrap();
     empty.plausible(MAX_BEND_RAD).unwrap().unwrap();
     for kind in EffectKind::ALL {
         if !matches!(kind.definition().inverse, Inverse::None(_)) && !matches!(kind, EffectKind::Joint(_)) {

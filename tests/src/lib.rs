@@ -7,9 +7,11 @@
 mod browser;
 mod http;
 mod program;
+mod riddle;
 mod world;
 
 pub use browser::{Browser, BrowserPage};
 pub use http::{Console, HttpAnswer, Live, next_of_kind};
 pub use program::{Ended, Krait, krait_program};
+pub use riddle::{Riddle, hand, krait_json};
 pub use world::{TempFolder, instance_name, processes_of, wait_until};

@@ -11,7 +11,7 @@ use krait_ipc::clock;
 use krait_lab::read::{ColumnMap, Expected, read};
 use krait_master::{HidRecording as Reports, HidReport, Script};
 use krait_model::model_file::ModelFile;
-use krait_model::{Columns, MachineParameters, Snake};
+use krait_model::{KnownColumns, MachineParameters, Snake};
 use krait_record::{Recording, recover};
 use krait_replay::{Beginning, InputChoice, Trajectory, TrajectoryLimits};
 use krait_schema::Channel;
@@ -240,7 +240,7 @@ fn readers(folder: &TempFolder) -> Vec<Reader<'_>> {
             n_inputs: 300,
             read: Box::new(|bytes| {
                 if let Ok(file) = ModelFile::parse(&String::from_utf8_lossy(bytes)) {
-                    drop(file.chain(Columns::default()));
+                    drop(file.chain(KnownColumns::default()));
                 }
             }),
         },

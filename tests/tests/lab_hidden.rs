@@ -6,63 +6,12 @@
 #![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
 
 use core::time::Duration;
-use krait_tests::{Ended, TempFolder, instance_name};
+use krait_tests::{Ended, Riddle, hand, instance_name, krait_json as krait};
 use serde_json::Value;
 
 const PATIENCE: Duration = Duration::from_secs(240);
 /// Camera noise of all data: sqrt(2) times 0.3 degrees per component.
 const NOISE_DEG: f64 = 0.4243;
-
-fn krait(arguments: &[&str]) -> Value {
-    let ended = Ended::of(arguments, PATIENCE);
-    assert_eq!(ended.code, Some(0), "krait {arguments:?}: {}", ended.stderr);
-    ended.json()
-}
-
-/// Data with something hidden, in a folder of its own.
-struct Riddle {
-    folder: TempFolder,
-    answer: Value,
-}
-
-impl Riddle {
-    fn new(kind: &str, options: &[&str]) -> Self {
-        let folder = TempFolder::new("riddle");
-        let (data, truth) = (folder.file("data.csv"), folder.file("truth.toml"));
-        let mut arguments = vec!["lab", "generate", "--json", "--kind", kind, "--out", &data, "--truth", &truth];
-        arguments.extend(options);
-        krait(&arguments);
-        let text = std::fs::read_to_string(folder.file("data.answer.json")).expect("a sealed answer");
-        let answers: Value = serde_json::from_str(&text).expect("JSON");
-        Self { folder, answer: answers[0].clone() }
-    }
-
-    fn diagnosis(&self) -> Value {
-        krait(&["lab", "diagnose", "--json", "--model", &self.file("base.toml"), "--data", &self.file("data.csv")])
-    }
-
-    /// Adds effects one after the other; gives the last one's figures.
-    fn add(&self, effects: &[&str]) -> Value {
-        let data = self.file("data.csv");
-        let mut model = self.file("base.toml");
-        let mut added = Value::Null;
-        for effect in effects {
-            let out = self.file(&format!("with-{effect}.toml"));
-            added = krait(&["lab", "add", effect, "--json", "--model", &model, "--data", &data, "--out", &out]);
-            model = out;
-        }
-        added
-    }
-
-    fn file(&self, name: &str) -> String {
-        self.folder.file(name)
-    }
-
-    /// Whether a name counts as right for the hidden effect of this place.
-    fn is_right(&self, place: usize, name: &Value) -> bool {
-        self.answer["right"][place].as_array().expect("names").contains(name)
-    }
-}
 
 fn names(diagnosis: &Value) -> Vec<&Value> {
     diagnosis["effects"].as_array().expect("effects").iter().map(|effect| &effect["effect"]).collect()
@@ -198,22 +147,6 @@ fn the_live_chain_tracks_better_by_the_factor_that_the_lab_predicted() {
         assert!(predicted > 1.5, "{kind} shows in the motion of the hand: {predicted}");
         assert!((measured / predicted - 1.0).abs() < 0.25, "{kind}: predicted {predicted}, measured {measured}");
     }
-}
-
-/// 40 s of a hand: reversals of the bend, turns of the plane, at rest at both ends; as a table for `krait replay`.
-fn hand(folder: &TempFolder) -> String {
-    const LENGTH_S: f64 = 40.0;
-    let mut text = String::from("time_s,bend_x_deg,bend_y_deg\n");
-    for k in 0..=400_u16 {
-        let t = f64::from(k) / 10.0;
-        let inside = (t / 2.0).min((LENGTH_S - t) / 2.0).min(1.0);
-        let bend = inside * (28.0 + 22.0 * (0.55 * t).sin()) * (1.05 * t).sin();
-        let (sin, cos) = (10_f64.to_radians() * t + 0.6 * (0.4 * t).sin()).sin_cos();
-        text += &format!("{t:.1},{:.4},{:.4}\n", bend * cos, bend * sin);
-    }
-    let path = folder.file("hand.csv");
-    std::fs::write(&path, text).expect("a table");
-    path
 }
 
 /// The chain's processes on the plant that hides the effect, in the plant's own time: what no busy machine can disturb.

@@ -8,7 +8,7 @@ use krait_ipc::message::{
     SlaveState,
 };
 use krait_model::model_file::{ModelFile, built_in};
-use krait_model::{Chain, Columns};
+use krait_model::{Chain, KnownColumns};
 
 /// One sample at 1 kHz, ns.
 pub const TICK_NS: i64 = 1_000_000;
@@ -41,7 +41,7 @@ pub fn chain(name: &str) -> Chain {
 
 /// The chain of a model file's text.
 pub fn chain_of(text: &str) -> Chain {
-    ModelFile::parse(text).expect("a model file").chain(Columns::default()).expect("a chain").expect("of a snake")
+    ModelFile::parse(text).expect("a model file").chain(KnownColumns::default()).expect("a chain").expect("of a snake")
 }
 
 /// An update of a model with values for the parameters that it learns.

@@ -8,7 +8,7 @@
 
 use krait_lab::diagnose::search::{Search, Trial};
 use krait_lab::diagnose::structure::structure;
-use krait_lab::machine::{Candidate, Machine};
+use krait_lab::machine::{Candidate, MachineUnderTest};
 use krait_lab::noise::autocorrelation_time;
 use krait_lab::{AddOptions, LabError, Measurements, Problem, Term, add};
 use serde::{Deserialize, Serialize};
@@ -31,7 +31,11 @@ const WORKING_ROWS: usize = 4000;
 const BLOCK_S: f64 = 5.0;
 
 /// Asks the baselines; `truth` is the true effect's name, if one is.
-pub(super) fn ask(machine: &dyn Machine, data: &Measurements, truth: Option<&str>) -> Result<Baselines, LabError> {
+pub(super) fn ask(
+    machine: &dyn MachineUnderTest,
+    data: &Measurements,
+    truth: Option<&str>,
+) -> Result<Baselines, LabError> {
     let stride = data.n_rows().div_ceil(WORKING_ROWS).max(1);
     let rows: Vec<usize> = (0..data.n_rows()).step_by(stride).collect();
     let problem = Problem::new(machine, data.select(&rows), &[], BLOCK_S);
@@ -83,7 +87,7 @@ fn criterion(sum_of_squares: f64, p: usize, n: f64) -> f64 {
     n * sum_of_squares.max(f64::MIN_POSITIVE).ln() + p as f64 * n.ln()
 }
 
-fn oracle(machine: &dyn Machine, data: &Measurements, name: &str) -> Result<f64, LabError> {
+fn oracle(machine: &dyn MachineUnderTest, data: &Measurements, name: &str) -> Result<f64, LabError> {
     let mut term = Term { name: name.to_owned(), values: Vec::new(), formula: None };
     term.values = machine.parameters(&term)?.iter().map(|parameter| parameter.default).collect();
     Ok(add(machine, data, &AddOptions { term, from_given: false, free: Vec::new() })?.after)

@@ -5,7 +5,7 @@ use super::{Cell, Group, Task};
 use crate::generate::{Answer, generate};
 use crate::joints::joints;
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, FoundEffect, Verdict, diagnose};
-use krait_lab::machine::{JointsLab, Machine, SnakeLab};
+use krait_lab::machine::{JointsLab, MachineUnderTest, SnakeLab};
 use serde::{Deserialize, Serialize};
 
 /// One finished cell.
@@ -66,7 +66,7 @@ impl Outcome {
     }
 
     fn fill(&mut self, cell: &Cell, snake: &SnakeLab, pair: &JointsLab, with_baselines: bool) -> Result<(), String> {
-        let (machine, data, answer): (&dyn Machine, _, _) = match &cell.task {
+        let (machine, data, answer): (&dyn MachineUnderTest, _, _) = match &cell.task {
             Task::Snake(recipe) => {
                 let made = generate(recipe).map_err(|e| e.to_string())?;
                 (snake, made.measurements, made.answer)

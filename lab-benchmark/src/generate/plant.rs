@@ -1,7 +1,7 @@
 //! The simulated snake along a path of encoder readings: what a camera without noise would see, row by row.
 
 use super::GenerateError;
-use krait_model::{Chain, ChainSettings, Circumstances, Columns, MachineParameters};
+use krait_model::{Chain, ChainSettings, Circumstances, KnownColumns, MachineParameters};
 use krait_sim::{SimulatedSnake, Truth};
 use krait_slave::{Drive, lines};
 use nalgebra::Vector2;
@@ -17,7 +17,8 @@ pub(super) fn planned_m(
     path_rad: &[[f64; 2]],
     period_s: f64,
 ) -> Result<Vec<[f64; 3]>, GenerateError> {
-    let chain = Chain::new(machine, ChainSettings::default(), &[], Columns { time: true, ..Columns::default() })?;
+    let chain =
+        Chain::new(machine, ChainSettings::default(), &[], KnownColumns { time: true, ..KnownColumns::default() })?;
     let mut compensator = chain.compensator()?;
     let step = |(k, bend): (usize, &[f64; 2])| {
         let command = compensator.step(Vector2::new(bend[0], bend[1]), &Circumstances::at(k as f64 * period_s));

@@ -3,7 +3,7 @@
 use super::circumstances::{Dimension, dimensions};
 use super::parts::RowError;
 use crate::Measurements;
-use crate::machine::Machine;
+use crate::machine::MachineUnderTest;
 
 /// The error where something holds.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,7 +37,7 @@ impl Bin {
 
 /// All bins that hold a row, the largest error first.
 pub(super) fn all(
-    machine: &dyn Machine,
+    machine: &dyn MachineUnderTest,
     data: &Measurements,
     predicted: &[f64],
     scored: &[usize],

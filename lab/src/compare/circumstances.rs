@@ -2,7 +2,7 @@
 
 use super::motion::{self, Motion};
 use super::parts::pair;
-use crate::machine::Machine;
+use crate::machine::MachineUnderTest;
 use crate::{Measurements, Quantity};
 use std::rc::Rc;
 
@@ -31,7 +31,11 @@ const N_SLICES: usize = 10;
 const MOST_TRIALS: usize = 20;
 
 /// Every way in which these rows can be sorted.
-pub(super) fn dimensions<'a>(machine: &dyn Machine, data: &'a Measurements, scored: &'a [usize]) -> Vec<Dimension<'a>> {
+pub(super) fn dimensions<'a>(
+    machine: &dyn MachineUnderTest,
+    data: &'a Measurements,
+    scored: &'a [usize],
+) -> Vec<Dimension<'a>> {
     let motions: Rc<[Motion]> = motion::all(data).into();
     let is_snake = data.quantity == Quantity::Snake;
     let mut found = if is_snake {
@@ -104,7 +108,12 @@ fn direction<'a>(motions: &Rc<[Motion]>) -> Dimension<'a> {
     })
 }
 
-fn speed<'a>(machine: &dyn Machine, data: &'a Measurements, scored: &[usize], motions: &Rc<[Motion]>) -> Dimension<'a> {
+fn speed<'a>(
+    machine: &dyn MachineUnderTest,
+    data: &'a Measurements,
+    scored: &[usize],
+    motions: &Rc<[Motion]>,
+) -> Dimension<'a> {
     // Three lines that bend a snake at a rate move together sqrt(3/2) times as fast as one of them at most.
     let of_one = if data.quantity == Quantity::Snake { (2.0_f64 / 3.0).sqrt() } else { 1.0 };
     let (unit, scale) = shown(machine.input_unit());
@@ -147,7 +156,7 @@ fn trial(data: &Measurements) -> Option<Dimension<'_>> {
 }
 
 /// Each joint's error by its own position and by the direction of its own motion.
-fn joints<'a>(machine: &dyn Machine, data: &'a Measurements) -> Vec<Dimension<'a>> {
+fn joints<'a>(machine: &dyn MachineUnderTest, data: &'a Measurements) -> Vec<Dimension<'a>> {
     let (unit, scale) = shown(machine.input_unit());
     let mut found = Vec::new();
     for k in 0..data.n_inputs {

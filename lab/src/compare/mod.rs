@@ -17,7 +17,7 @@ pub use common_mode::CommonMode;
 pub use parts::Parts;
 pub use spread::Spread;
 
-use crate::machine::{JointsLab, Machine};
+use crate::machine::{JointsLab, MachineUnderTest};
 use crate::noise::NoiseFloor;
 use crate::{LabError, Measurements, Problem};
 use krait_model::model_file::Known;
@@ -96,7 +96,7 @@ pub struct Noise {
 ///
 /// # Errors
 /// [`LabError::Chain`] where the model's effects make no chain for these columns.
-pub fn compare(machine: &dyn Machine, data: &Measurements) -> Result<Comparison, LabError> {
+pub fn compare(machine: &dyn MachineUnderTest, data: &Measurements) -> Result<Comparison, LabError> {
     let predicted = machine.predict(machine.effects(), data)?;
     let given = compare_prediction(machine, data, &predicted);
     let Some(joints) = machine.as_joints() else { return Ok(given) };
@@ -131,7 +131,7 @@ fn calibration(given: &JointsLab, calibrated: &JointsLab) -> Vec<Calibrated> {
 }
 
 /// The same for outputs that are already predicted.
-pub fn compare_prediction(machine: &dyn Machine, data: &Measurements, predicted: &[f64]) -> Comparison {
+pub fn compare_prediction(machine: &dyn MachineUnderTest, data: &Measurements, predicted: &[f64]) -> Comparison {
     let (unit, scale) = machine.error_unit();
     let floor = noise_floor(machine, data, predicted);
     let sigma = floor.sigma();
@@ -170,13 +170,18 @@ pub fn compare_prediction(machine: &dyn Machine, data: &Measurements, predicted:
 }
 
 /// The noise, from what the model leaves: it follows the motion closely enough to take it out.
-fn noise_floor(machine: &dyn Machine, data: &Measurements, predicted: &[f64]) -> NoiseFloor {
+fn noise_floor(machine: &dyn MachineUnderTest, data: &Measurements, predicted: &[f64]) -> NoiseFloor {
     let problem = Problem::new(machine, data.clone(), &[], f64::INFINITY);
     let residual = problem.weigh(predicted);
     NoiseFloor::new(&problem, &residual)
 }
 
-fn position_rms_m(machine: &dyn Machine, data: &Measurements, predicted: &[f64], scored: &[usize]) -> Option<f64> {
+fn position_rms_m(
+    machine: &dyn MachineUnderTest,
+    data: &Measurements,
+    predicted: &[f64],
+    scored: &[usize],
+) -> Option<f64> {
     let mut sum = 0.0;
     for &row in scored {
         let measured = machine.tip_pos_m(data.output(row))?;

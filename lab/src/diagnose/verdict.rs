@@ -11,7 +11,7 @@ use super::sign_flip::SignFlip;
 use super::working::working_rows;
 use super::{GroupShare, experiment, gate, lists, structure};
 use crate::fit::{Variable, held_out_block_squares, uncertainty};
-use crate::machine::{Candidate, Machine};
+use crate::machine::{Candidate, MachineUnderTest};
 use crate::noise::{FloorSource, NoiseFloor};
 use crate::prepare::{Prepared, prepare};
 use crate::{LabError, Measurements, Problem, Term};
@@ -63,7 +63,11 @@ const EXPLAINED: f64 = 0.02;
 ///
 /// # Errors
 /// [`LabError`] where the model as given cannot be computed, or a free parameter does not exist.
-pub fn diagnose(machine: &dyn Machine, data: &Measurements, options: &DiagnoseOptions) -> Result<Diagnosis, LabError> {
+pub fn diagnose(
+    machine: &dyn MachineUnderTest,
+    data: &Measurements,
+    options: &DiagnoseOptions,
+) -> Result<Diagnosis, LabError> {
     if let Some(joints) = machine.as_joints() {
         return crate::joint::diagnose(joints, data, options);
     }
@@ -476,7 +480,10 @@ fn sentence(
 }
 
 /// The variables of parameters named by effect's label and parameter's name.
-pub(crate) fn free_variables(machine: &dyn Machine, free: &[(String, String)]) -> Result<Vec<Variable>, LabError> {
+pub(crate) fn free_variables(
+    machine: &dyn MachineUnderTest,
+    free: &[(String, String)],
+) -> Result<Vec<Variable>, LabError> {
     let effects = machine.effects();
     let absent = |name: &str| {
         let names: Vec<&str> = effects.iter().map(Term::label).collect();

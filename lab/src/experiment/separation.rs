@@ -8,10 +8,10 @@ use super::path::{PERIOD_S, path_rad};
 use crate::diagnose::Diagnosis;
 use crate::diagnose::search::Search;
 use crate::fit::{Fit, fit};
-use crate::machine::{Candidate, Machine};
+use crate::machine::{Candidate, MachineUnderTest};
 use crate::{LabError, Measurements, Problem, Quantity, Term};
 use krait_model::model_file::SnakeMachine;
-use krait_model::{Chain, Circumstances, Columns};
+use krait_model::{Chain, Circumstances, KnownColumns};
 
 /// Rows on which look-alikes are fitted.
 const MOST_ROWS: usize = 5000;
@@ -54,7 +54,7 @@ impl Separation {
 /// # Errors
 /// [`LabError::Chain`] where the model makes no chain.
 pub fn separation(
-    machine: &dyn Machine,
+    machine: &dyn MachineUnderTest,
     snake: &SnakeMachine,
     data: &Measurements,
     diagnosis: &Diagnosis,
@@ -100,7 +100,7 @@ fn best(problem: &Problem, base: &[Term], candidate: Candidate) -> Result<Option
 
 /// What is left between the truth's outputs and the other's best fit to them, in units of the noise.
 fn lambda(
-    machine: &dyn Machine,
+    machine: &dyn MachineUnderTest,
     inputs: &Measurements,
     truth: &[Term],
     other: &Fit,
@@ -117,7 +117,7 @@ fn thinned(n: usize) -> Vec<usize> {
 
 /// The experiment as measurements without outputs: encoders as a compensated elastic snake is told.
 fn measurements(machine: &SnakeMachine) -> Result<Measurements, LabError> {
-    let columns = Columns { time: true, ..Columns::default() };
+    let columns = KnownColumns { time: true, ..KnownColumns::default() };
     let chain = Chain::new(&machine.parameters, machine.settings, &[], columns)?;
     let mut compensator = chain.compensator()?;
     let path = path_rad();

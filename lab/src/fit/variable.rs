@@ -1,6 +1,6 @@
 //! A free parameter of one effect, and the scale on which a fit moves it.
 
-use crate::machine::Machine;
+use crate::machine::MachineUnderTest;
 use crate::{LabError, Term};
 use core::f64::consts::{PI, TAU};
 
@@ -31,7 +31,7 @@ impl Variable {
     /// # Errors
     /// [`LabError::UnknownEffect`] for an effect that the machine does not have.
     pub fn new(
-        machine: &dyn Machine,
+        machine: &dyn MachineUnderTest,
         effects: &[Term],
         effect: usize,
         parameter: usize,

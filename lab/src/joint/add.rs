@@ -11,7 +11,7 @@ use super::signal::Signal;
 use super::terms::{self, Value, term};
 use crate::add::Added;
 use crate::fit::{Uncertainty, Variable};
-use crate::machine::{JointsLab, Machine};
+use crate::machine::{JointsLab, MachineUnderTest};
 use crate::{LabError, Measurements, Term};
 
 /// Rows of the loss.

@@ -9,7 +9,7 @@ use crate::diagnose::{
     Calibration, CandidateAnswer, DiagnoseOptions, Diagnosis, FoundEffect, FoundParameter, GroupShare, NextExperiment,
     Remaining, Structure, Verdict, cautions, explore, reversals, separate,
 };
-use crate::machine::{JointsLab, Machine};
+use crate::machine::{JointsLab, MachineUnderTest};
 use crate::{LabError, Measurements, Problem, Term};
 use krait_model::joints::JointEffect;
 use rand_chacha::ChaCha8Rng;

@@ -1,7 +1,7 @@
 //! Are the columns what their names say? Exchanged, negated or in another unit: said before any effect is named.
 
 use super::signal::Number;
-use crate::machine::{JointsLab, Machine};
+use crate::machine::{JointsLab, MachineUnderTest};
 use crate::{LabError, Measurements};
 
 /// A measured joint follows a command when this much of its variance is a straight line of it, ...

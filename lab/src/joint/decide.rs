@@ -14,7 +14,7 @@ use super::solve::Design;
 use super::terms::{self, Values};
 use crate::diagnose::screen::orthonormal;
 use crate::diagnose::{DiagnoseOptions, Diagnosis, GroupShare, Structure, Verdict, rhythm, structure, working_rows};
-use crate::machine::{JointsLab, Machine};
+use crate::machine::{JointsLab, MachineUnderTest};
 use crate::noise::outliers;
 use crate::{LabError, Measurements, Problem, scored_time_s};
 use rayon::prelude::*;

@@ -1,9 +1,9 @@
 //! Joints under the lab: the forward model of `krait_model::joints`, row by row.
 
-use super::{Candidate, Machine, joint_candidates, snake};
+use super::{Candidate, MachineUnderTest, joint_candidates, snake};
 use crate::joint::Number;
 use crate::{LabError, Measurements, Parameter, Term};
-use krait_model::Columns;
+use krait_model::KnownColumns;
 use krait_model::effects::EffectKind;
 use krait_model::joints::{JointChain, JointEffect, JointPredictor};
 use krait_model::model_file::{Joints, Known, ModelFile};
@@ -71,7 +71,7 @@ impl JointsLab {
         mut each: impl FnMut(&JointPredictor, &[f64]),
     ) -> Result<(), LabError> {
         let settings = effects.iter().map(|term| snake::setting(term, kind)).collect::<Result<Vec<_>, _>>()?;
-        let columns = Columns { time: true, stem_angle: false, temperature: data.temperature_c.is_some() };
+        let columns = KnownColumns { time: true, stem_angle: false, temperature: data.temperature_c.is_some() };
         let chain = JointChain::new(&self.joints, &settings, columns)?;
         let mut predictor = chain.predictor();
         let mut y = vec![0.0; self.joints.n];
@@ -99,7 +99,7 @@ impl JointsLab {
     }
 }
 
-impl Machine for JointsLab {
+impl MachineUnderTest for JointsLab {
     fn kind(&self) -> &'static str {
         "joints"
     }

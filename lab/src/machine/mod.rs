@@ -15,10 +15,12 @@ use krait_model::EffectSetting;
 use krait_model::model_file::{self, ModelFile};
 
 /// The machine of a model file; `None` only for a snake whose parameters its own file would refuse.
-pub fn machine_of(file: &ModelFile) -> Option<Box<dyn Machine>> {
+pub fn machine_of(file: &ModelFile) -> Option<Box<dyn MachineUnderTest>> {
     match file.machine() {
-        model_file::Machine::Snake(_) => SnakeLab::new(file).map(|snake| Box::new(snake) as Box<dyn Machine>),
-        model_file::Machine::Joints(_) => JointsLab::new(file).map(|joints| Box::new(joints) as Box<dyn Machine>),
+        model_file::Machine::Snake(_) => SnakeLab::new(file).map(|snake| Box::new(snake) as Box<dyn MachineUnderTest>),
+        model_file::Machine::Joints(_) => {
+            JointsLab::new(file).map(|joints| Box::new(joints) as Box<dyn MachineUnderTest>)
+        }
     }
 }
 
@@ -65,7 +67,7 @@ pub struct Periodic {
 }
 
 /// A kind of machine with a model: predicts outputs from the history of inputs.
-pub trait Machine: Sync {
+pub trait MachineUnderTest: Sync {
     /// Word in model files.
     fn kind(&self) -> &'static str;
 

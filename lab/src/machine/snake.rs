@@ -1,10 +1,10 @@
 //! A snake under the lab: the chain's forward model, row by row.
 
-use super::{Candidate, Machine, snake_candidates};
+use super::{Candidate, MachineUnderTest, snake_candidates};
 use crate::{LabError, Measurements, Parameter, Term};
 use krait_model::effects::{EffectKind, FormulaText};
 use krait_model::model_file::{ModelFile, SnakeMachine};
-use krait_model::{Chain, Circumstances, Columns, EffectSetting, Snake};
+use krait_model::{Chain, Circumstances, EffectSetting, KnownColumns, Snake};
 use nalgebra::{Vector2, Vector3};
 
 /// A snake with its model.
@@ -33,7 +33,7 @@ impl SnakeLab {
     }
 }
 
-impl Machine for SnakeLab {
+impl MachineUnderTest for SnakeLab {
     fn kind(&self) -> &'static str {
         "snake"
     }
@@ -59,7 +59,7 @@ impl Machine for SnakeLab {
     }
 
     fn predict(&self, effects: &[Term], data: &Measurements) -> Result<Vec<f64>, LabError> {
-        let columns = Columns {
+        let columns = KnownColumns {
             time: true,
             stem_angle: data.stem_angle_rad.is_some(),
             temperature: data.temperature_c.is_some(),

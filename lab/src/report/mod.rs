@@ -17,7 +17,7 @@ mod waterfall;
 
 use crate::compare::Comparison;
 use crate::diagnose::Diagnosis;
-use crate::machine::Machine;
+use crate::machine::MachineUnderTest;
 use crate::{Added, LabError, Measurements};
 use html::escape;
 use krait_model::model_file::ModelFile;
@@ -43,12 +43,12 @@ pub struct Origin<'a> {
 /// # Errors
 /// [`LabError::Chain`] where the effects make no chain for these columns.
 pub fn diagnosis_page(
-    machine: &dyn Machine,
+    machine: &dyn MachineUnderTest,
     data: &Measurements,
     diagnosis: &Diagnosis,
     origin: Origin,
 ) -> Result<String, LabError> {
-    let calibrated = diagnosis.calibrated.as_ref().map_or(machine, |joints| joints as &dyn Machine);
+    let calibrated = diagnosis.calibrated.as_ref().map_or(machine, |joints| joints as &dyn MachineUnderTest);
     let given = if diagnosis.calibrated.is_some() { "model after calibration" } else { "model as given" };
     let mut models = vec![(given.to_owned(), calibrated.predict(machine.effects(), data)?)];
     let found = if diagnosis.effects.is_empty() { &diagnosis.partial } else { &diagnosis.effects };
@@ -73,13 +73,13 @@ pub fn diagnosis_page(
 /// # Errors
 /// [`LabError::Chain`] where the model's effects make no chain for these columns.
 pub fn comparison_page(
-    machine: &dyn Machine,
+    machine: &dyn MachineUnderTest,
     data: &Measurements,
     comparison: &Comparison,
     origin: Origin,
 ) -> Result<String, LabError> {
     let calibrated = machine.as_joints().map(|joints| crate::joint::calibrated(joints, data)).transpose()?;
-    let machine = calibrated.as_ref().map_or(machine, |joints| joints as &dyn Machine);
+    let machine = calibrated.as_ref().map_or(machine, |joints| joints as &dyn MachineUnderTest);
     let rows = Rows::new(machine, data, vec![("model".to_owned(), machine.predict(machine.effects(), data)?)]);
     let mut page = Page::new(&format!("Model and measurement: {}", data.source), origin, data, None);
     page.push(tables::comparison(comparison));
@@ -93,14 +93,14 @@ pub fn comparison_page(
 /// # Errors
 /// [`LabError::Chain`] where the effects make no chain for these columns.
 pub fn added_page(
-    machine: &dyn Machine,
+    machine: &dyn MachineUnderTest,
     data: &Measurements,
     added: &Added,
     what: &str,
     origin: Origin,
 ) -> Result<String, LabError> {
     let calibrated = machine.as_joints().map(|joints| crate::joint::calibrated(joints, data)).transpose()?;
-    let machine = calibrated.as_ref().map_or(machine, |joints| joints as &dyn Machine);
+    let machine = calibrated.as_ref().map_or(machine, |joints| joints as &dyn MachineUnderTest);
     let unit = machine.error_unit().0;
     let models = vec![
         ("model before".to_owned(), machine.predict(machine.effects(), data)?),

@@ -2,7 +2,7 @@
 
 use super::MOST_POINTS;
 use crate::compare::motion::{self, Motion};
-use crate::machine::Machine;
+use crate::machine::MachineUnderTest;
 use crate::noise::largest_range;
 use crate::{Measurements, Quantity};
 
@@ -28,7 +28,7 @@ const PLANE_FROM_RAD: f64 = 0.05;
 const REVERSAL: f64 = 0.02;
 
 impl<'a> Rows<'a> {
-    pub(super) fn new(machine: &dyn Machine, data: &'a Measurements, models: Vec<(String, Vec<f64>)>) -> Self {
+    pub(super) fn new(machine: &dyn MachineUnderTest, data: &'a Measurements, models: Vec<(String, Vec<f64>)>) -> Self {
         let (unit, scale) = machine.error_unit();
         let input_unit = match machine.input_unit() {
             "m" => ("mm".to_owned(), 1e3),

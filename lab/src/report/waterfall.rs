@@ -3,7 +3,7 @@
 use super::picture::{COLOURS, Picture, layout, plain, short};
 use crate::diagnose::{Diagnosis, FoundEffect};
 use crate::fit::{Fit, Variable, fit, held_out_block_squares};
-use crate::machine::Machine;
+use crate::machine::MachineUnderTest;
 use crate::prepare::prepare;
 use crate::{Added, LabError, Measurements, Problem, Term};
 use plotly::Bar;
@@ -25,7 +25,7 @@ pub(super) struct Step {
 
 /// The waterfall of a diagnosis.
 pub(super) fn of_diagnosis(
-    machine: &dyn Machine,
+    machine: &dyn MachineUnderTest,
     data: &Measurements,
     diagnosis: &Diagnosis,
 ) -> Result<Vec<Picture>, LabError> {
@@ -48,7 +48,7 @@ pub(super) fn of_diagnosis(
 
 /// The waterfall of a model before and after, with intervals.
 pub(super) fn of_added(
-    machine: &dyn Machine,
+    machine: &dyn MachineUnderTest,
     data: &Measurements,
     added: &Added,
     what: &str,

@@ -2,7 +2,7 @@
 
 use crate::cli_bench::{FaultArgs, SceneArgs};
 use crate::commands::yardstick;
-use crate::fault::{Fault, Moment, NOT_BEGUN, Outcome, Seen, TinyDisk, judge, play};
+use crate::fault::{Fault, FaultOutcome, NOT_BEGUN, Observed, StrikeTime, TinyDisk, judge, play};
 use crate::{print, signals};
 use anyhow::{Context, bail};
 use clap::ValueEnum;
@@ -36,7 +36,7 @@ pub fn run(args: &FaultArgs) -> anyhow::Result<ExitCode> {
         print::out(&header())?;
     }
     let mut outcomes = Vec::new();
-    let plays = faults.iter().flat_map(|fault| (0..args.repeat).map(|n| (*fault, Moment::of(n))));
+    let plays = faults.iter().flat_map(|fault| (0..args.repeat).map(|n| (*fault, StrikeTime::of(n))));
     for (fault, moment) in plays {
         let (mut outcome, mut said) = try_one(fault, moment, &stop)?;
         let mut n_more = N_MORE;
@@ -72,13 +72,13 @@ pub fn run(args: &FaultArgs) -> anyhow::Result<ExitCode> {
 /// Becomes the process that plays one scene.
 pub fn scene(args: &SceneArgs) -> anyhow::Result<ExitCode> {
     let stop = signals::stop_flag()?;
-    let moment = Moment { wait_s: args.wait_s, stall_s: args.stall_s };
+    let moment = StrikeTime { wait_s: args.wait_s, stall_s: args.stall_s };
     print::json(&play(args.fault, moment, &args.folder, &stop)?)?;
     Ok(ExitCode::SUCCESS)
 }
 
 /// A fault in a process of its own, with a ground of its own where that is filled up; also gives what it said.
-fn try_one(fault: Fault, moment: Moment, stop: &AtomicBool) -> anyhow::Result<(Outcome, String)> {
+fn try_one(fault: Fault, moment: StrikeTime, stop: &AtomicBool) -> anyhow::Result<(FaultOutcome, String)> {
     let scratch = Scratch::new()?;
     let tiny = match fault {
         Fault::FullDisk => Some(TinyDisk::mount(&scratch.folder().join("disk"), DISK_MB)?),
@@ -87,7 +87,7 @@ fn try_one(fault: Fault, moment: Moment, stop: &AtomicBool) -> anyhow::Result<(O
     };
     if let Some(None) = tiny {
         let skipped = Some("only root can mount a file system to fill it up".to_owned());
-        let outcome = Outcome { wrong: None, skipped, ..judge(fault, &Seen::default(), "") };
+        let outcome = FaultOutcome { wrong: None, skipped, ..judge(fault, &Observed::default(), "") };
         return Ok((outcome, String::new()));
     }
     let (out, said) = (scratch.folder().join("seen.json"), scratch.folder().join("said.txt"));
@@ -99,9 +99,9 @@ fn try_one(fault: Fault, moment: Moment, stop: &AtomicBool) -> anyhow::Result<(O
     command.stdin(Stdio::null()).stdout(file(&out)?).stderr(file(&said)?);
     let is_done = wait(command.spawn().context("a scene could not be started")?, stop)?;
     let said = String::from_utf8_lossy(&fs::read(&said).context("what a scene has said")?).into_owned();
-    let outcome = match serde_json::from_slice::<Seen>(&fs::read(&out).context("what a scene has seen")?) {
+    let outcome = match serde_json::from_slice::<Observed>(&fs::read(&out).context("what a scene has seen")?) {
         Ok(seen) if is_done => judge(fault, &seen, &said),
-        _ => Outcome { wrong: Some("no end".to_owned()), ..judge(fault, &Seen::default(), &said) },
+        _ => FaultOutcome { wrong: Some("no end".to_owned()), ..judge(fault, &Observed::default(), &said) },
     };
     Ok((outcome, said))
 }
@@ -132,8 +132,8 @@ fn header() -> String {
 }
 
 /// A row of 80 columns at most, unless there is something wrong.
-fn row(outcome: &Outcome) -> String {
-    let Outcome { must, did, largest_step, rest_ms, named, wrong, skipped, .. } = outcome;
+fn row(outcome: &FaultOutcome) -> String {
+    let FaultOutcome { must, did, largest_step, rest_ms, named, wrong, skipped, .. } = outcome;
     let name = outcome.fault.name();
     if let Some(why) = skipped {
         return format!("{name:18} {:7} SKIPPED: {why}\n", must.word());

@@ -8,7 +8,7 @@ use krait_ipc::input;
 use krait_model::model_file::{
     Assumed, BUILT_IN, FileEffect, Machine, ModelFile, ModelFileError, assumed, built_in, documented_defaults,
 };
-use krait_model::{ChainError, Columns};
+use krait_model::{ChainError, KnownColumns};
 use serde::Serialize;
 use std::path::Path;
 use std::process::ExitCode;
@@ -148,7 +148,7 @@ struct Parameter {
 }
 
 fn described(path: &Path, text: &str, model: &ModelFile) -> Result<Described, ModelFileError> {
-    let every_column = Columns { time: true, stem_angle: true, temperature: true };
+    let every_column = KnownColumns { time: true, stem_angle: true, temperature: true };
     // The file was checked as a whole when it was read; should it fail here, it is the whole file that fails.
     let whole = |source: ChainError| ModelFileError::Chain { line: 1, source };
     let chain = model.chain(every_column).map_err(whole)?;

@@ -8,7 +8,7 @@ use anyhow::{Context, bail};
 use krait_bridge::{EstimateConfig, EstimateCore};
 use krait_ipc::message::{LearningState, LearntValue, ModelUpdate, Shape, SlaveState};
 use krait_model::model_file::{FileEffect, HeldOutRms, HistoryEntry, ModelFile, Origin};
-use krait_model::{Columns, LearntParameter, ModelHash};
+use krait_model::{KnownColumns, LearntParameter, ModelHash};
 use krait_record::Recording;
 use krait_report::LearntReport;
 use krait_schema::Sample;
@@ -38,7 +38,7 @@ pub fn run(args: &SaveLearntArgs) -> anyhow::Result<ExitCode> {
     let last = last_chain(&parts).with_context(of_recording)?;
     let Some(update) = last.update else { bail!("{}: nothing was learnt in it", of_recording()) };
     let file = ModelFile::parse(&model_text(first, ModelHash(update.model_hash)).with_context(of_recording)?)?;
-    let chain = file.chain(Columns::default())?.context("what was learnt is of joints, and this is for snakes")?;
+    let chain = file.chain(KnownColumns::default())?.context("what was learnt is of joints, and this is for snakes")?;
     let names = chain.learnt().to_vec();
     if names.is_empty() {
         bail!("{}: its model learns nothing; say what it shall learn with `learn = {{ sd = ... }}`", of_recording());
@@ -174,7 +174,8 @@ impl LastChain {
     /// What the same model leaves unexplained where it learns nothing, rad.
     fn without_learning(mut self, file: &ModelFile) -> anyhow::Result<f64> {
         let still = file.without_learning();
-        let chain = still.chain(Columns::default())?.context("what was learnt is of joints, and this is for snakes")?;
+        let chain =
+            still.chain(KnownColumns::default())?.context("what was learnt is of joints, and this is for snakes")?;
         let mut core = EstimateCore::new(&chain, EstimateConfig::default())?;
         let mut rms_rad = 0.0;
         for (shape_sequence, state_sequence) in self.updates {

@@ -3,7 +3,7 @@
 
 use crate::cli::Common;
 use crate::cli_bench::{YardstickArgs, YardstickVerb};
-use crate::fault::{Fault, Moment};
+use crate::fault::{Fault, StrikeTime};
 use crate::{signals, supervisor};
 use anyhow::Context;
 use core::time::Duration;
@@ -63,7 +63,7 @@ pub fn observer(instance: &str) -> anyhow::Result<Child> {
 ///
 /// # Errors
 /// As [`stage_command`].
-pub fn scene_command(fault: Fault, moment: Moment, folder: &Path) -> Result<Command, BenchError> {
+pub fn scene_command(fault: Fault, moment: StrikeTime, folder: &Path) -> Result<Command, BenchError> {
     let mut command = own_command("scene")?;
     command.args(["--wait-s", &moment.wait_s.to_string(), "--stall-s", &moment.stall_s.to_string()]);
     command.args(["--fault", &fault.name()]).arg("--folder").arg(folder);

@@ -2,7 +2,7 @@
 
 use super::kind::{Blow, Fault};
 use super::tiny::fill;
-use super::watch::Watch;
+use super::watch::SceneWatch;
 use anyhow::{Context, bail};
 use krait_ipc::message::Command;
 use krait_ipc::{Bus, IpcError, Process, clock, ground};
@@ -14,7 +14,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// One sentence when it does not run.
-pub fn strike_process(watch: &mut Watch<'_>, process: Process, blow: Blow, stall_s: f64) -> anyhow::Result<i64> {
+pub fn strike_process(watch: &mut SceneWatch<'_>, process: Process, blow: Blow, stall_s: f64) -> anyhow::Result<i64> {
     let (_, pid) = watch.supervisor_of(process).with_context(|| format!("process `{process}` does not run"))?;
     let pid = Pid::from_raw(pid.cast_signed()).context("a process id")?;
     let struck_ns = clock::monotonic_ns();

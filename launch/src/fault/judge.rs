@@ -20,7 +20,7 @@ const REST_MS: f64 = 100.0;
 
 /// What became of a chain.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct Seen {
+pub struct Observed {
     /// How it ended; nothing where that is none of the ends that there are.
     pub did: Option<End>,
     /// Writes that moved the drives.
@@ -37,7 +37,7 @@ pub struct Seen {
 
 /// A fault, what must become of the chain, and what did.
 #[derive(Clone, Debug, Serialize)]
-pub struct Outcome {
+pub struct FaultOutcome {
     /// The fault.
     pub fault: Fault,
     /// What must become of the chain.
@@ -56,7 +56,7 @@ pub struct Outcome {
     pub skipped: Option<String>,
 }
 
-impl Seen {
+impl Observed {
     /// Looks at a recording, or, where there is none, at the states that were heard.
     ///
     /// # Errors
@@ -148,7 +148,7 @@ fn end_of(states: &[&SlaveState]) -> Option<End> {
 }
 
 /// Holds what was seen against what must be. `said` is what the chain wrote on standard error.
-pub fn judge(fault: Fault, seen: &Seen, said: &str) -> Outcome {
+pub fn judge(fault: Fault, seen: &Observed, said: &str) -> FaultOutcome {
     let (_, must, named) = fault.row();
     let named = named.found(Reasons::from_bits(seen.reasons), seen.n_refused, said);
     let wrong = if seen.did != Some(must) {
@@ -164,7 +164,7 @@ pub fn judge(fault: Fault, seen: &Seen, said: &str) -> Outcome {
     } else {
         None
     };
-    Outcome {
+    FaultOutcome {
         fault,
         must,
         did: seen.did,
@@ -202,7 +202,7 @@ mod tests {
     }
 
     fn wrong(states: &[SlaveState], fault: Fault) -> Option<String> {
-        let seen = Seen::of(None, states, Some(500 * MS), 30e-3).expect("no file is read");
+        let seen = Observed::of(None, states, Some(500 * MS), 30e-3).expect("no file is read");
         judge(fault, &seen, "").wrong
     }
 
@@ -232,7 +232,7 @@ mod tests {
                 setpoint_q_m: krait_ipc::message::lines([step_m; 3]),
                 ..before
             };
-            let mut seen = Seen::default();
+            let mut seen = Observed::default();
             seen.steps(&[before, after], 30e-3);
             seen.largest_step
         };

@@ -68,7 +68,7 @@ pub enum Fault {
 
 /// Where a fault strikes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum FaultPlace {
     /// Between `compensate` and `slave`.
     Command,
     /// Between `master` and `resolve`.
@@ -121,7 +121,7 @@ pub enum Named {
 
 impl Fault {
     /// Where it strikes, what must become of the chain, what must name it.
-    pub fn row(self) -> (Place, End, Named) {
+    pub fn row(self) -> (FaultPlace, End, Named) {
         use Blow::{Hang, Kill, Stall};
         use Process::{Compensate, Estimate, Master, Record, Resolve, Slave};
         use Reason::{
@@ -131,10 +131,10 @@ impl Fault {
         // A process that is back before the watchdog bites is a restart, a later one a stall.
         const LOST: Named = Named::Reasons(&[StageRestarted, ChainStalled]);
         const STALLED: Named = Named::Reasons(&[ChainStalled]);
-        let command = |end, named| (Place::Command, end, named);
-        let input = |reason| (Place::Input, End::Holds, Named::Reasons(reason));
-        let process = |process, blow, end, named| (Place::Process(process, blow), end, named);
-        let machine = |end, words| (Place::Machine, end, Named::Words(words));
+        let command = |end, named| (FaultPlace::Command, end, named);
+        let input = |reason| (FaultPlace::Input, End::Holds, Named::Reasons(reason));
+        let process = |process, blow, end, named| (FaultPlace::Process(process, blow), end, named);
+        let machine = |end, words| (FaultPlace::Machine, end, Named::Words(words));
         match self {
             Self::Late | Self::Lost | Self::Frozen => command(End::Holds, STALLED),
             Self::Duplicated | Self::Reordered => command(End::Moves, Named::Count),
@@ -143,7 +143,7 @@ impl Fault {
             Self::Burst => command(End::Moves, Named::Reasons(&[CommandLate])),
             Self::SlippingClock => input(&[InputStale, CommandStale]),
             Self::UnpluggedDevice => input(&[DeviceLost]),
-            Self::StuckEncoder => (Place::Snake, End::Fault, Named::Reasons(&[FollowingError])),
+            Self::StuckEncoder => (FaultPlace::Snake, End::Fault, Named::Reasons(&[FollowingError])),
             Self::WrongVersion => machine(End::Refused, "carries payload version"),
             Self::ForeignWriter => machine(End::Moves, "already has its one writer"),
             Self::StalledMaster => process(Master, Stall, End::Holds, STALLED),

@@ -12,8 +12,8 @@ mod scene;
 mod tiny;
 mod watch;
 
-pub use judge::{Outcome, Seen, judge};
+pub use judge::{FaultOutcome, Observed, judge};
 pub use kind::Fault;
-pub use moment::Moment;
+pub use moment::StrikeTime;
 pub use scene::{NOT_BEGUN, play};
 pub use tiny::TinyDisk;

@@ -2,7 +2,7 @@
 
 /// When it strikes after the snake has begun to move, and how long a stall lasts.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Moment {
+pub struct StrikeTime {
     /// How long it waits before it strikes, s.
     pub wait_s: f64,
     /// How long a process is stopped, s.
@@ -15,7 +15,7 @@ const STALL_S: f64 = 0.3;
 const SHORTEST_S: f64 = 0.07;
 const LONGEST_S: f64 = 12.0;
 
-impl Moment {
+impl StrikeTime {
     /// The moment of the n-th play of a fault, from 0: within two seconds, stalls short and long alike.
     pub fn of(n: u64) -> Self {
         if n == 0 {
@@ -40,9 +40,9 @@ mod tests {
 
     #[test]
     fn the_first_moment_is_fixed_and_the_others_spread_over_their_range() {
-        assert_eq!(Moment::of(0), Moment { wait_s: 0.0, stall_s: 0.3 });
-        assert_eq!(Moment::of(7), Moment::of(7));
-        let all: Vec<Moment> = (1..=1000).map(Moment::of).collect();
+        assert_eq!(StrikeTime::of(0), StrikeTime { wait_s: 0.0, stall_s: 0.3 });
+        assert_eq!(StrikeTime::of(7), StrikeTime::of(7));
+        let all: Vec<StrikeTime> = (1..=1000).map(StrikeTime::of).collect();
         assert!(all.iter().all(|m| (0.0..2.0).contains(&m.wait_s) && (SHORTEST_S..LONGEST_S).contains(&m.stall_s)));
         let early = all.iter().filter(|m| m.wait_s < 1.0).count();
         let short = all.iter().filter(|m| m.stall_s < 1.0).count();

@@ -1,11 +1,11 @@
 //! One fault on one simulated chain: start it, let it move, break it, see what becomes of it.
 
 use super::harm;
-use super::judge::Seen;
-use super::kind::{Blow, End, Fault, Place};
-use super::moment::Moment;
+use super::judge::Observed;
+use super::kind::{Blow, End, Fault, FaultPlace};
+use super::moment::StrikeTime;
 use super::relay::Relay;
-use super::watch::Watch;
+use super::watch::SceneWatch;
 use crate::cli::{EngageKind, MasterKind};
 use crate::config::Config;
 use crate::supervisor::{Cast, ChainOptions, Supervisor};
@@ -39,7 +39,7 @@ struct Scene<'a> {
     fault: Fault,
     folder: &'a Path,
     config: Config,
-    moment: Moment,
+    moment: StrikeTime,
     stop: &'a AtomicBool,
 }
 
@@ -47,13 +47,13 @@ struct Scene<'a> {
 ///
 /// # Errors
 /// One sentence when there is no chain to break, or a stop was asked for.
-pub fn play(fault: Fault, moment: Moment, folder: &Path, stop: &AtomicBool) -> anyhow::Result<Seen> {
+pub fn play(fault: Fault, moment: StrikeTime, folder: &Path, stop: &AtomicBool) -> anyhow::Result<Observed> {
     let mut config = Config::default();
     config.record.path = Some(recording_in(fault, folder));
     // A busy machine is another fault than the one that is tried. Where that is refused, the chain goes on without.
     config.realtime = Realtime { priority: PRIORITY, cores: Cores::Any, ..config.realtime };
     let (place, end, _) = fault.row();
-    if place == Place::Snake {
+    if place == FaultPlace::Snake {
         let truth = folder.join("truth.toml");
         write(&truth, &format!("[encoders]\nsticks_at_m = [{STICKS_AT_M}, 0.0, 0.0]\n"))?;
         config.slave.truth = Some(truth);
@@ -61,7 +61,7 @@ pub fn play(fault: Fault, moment: Moment, folder: &Path, stop: &AtomicBool) -> a
     let scene = Scene { fault, folder, config, moment, stop };
     match place {
         _ if end == End::Refused => scene.refused(),
-        Place::Command | Place::Input => scene.relayed(place),
+        FaultPlace::Command | FaultPlace::Input => scene.relayed(place),
         _ => scene.whole(place),
     }
 }
@@ -73,39 +73,39 @@ pub fn recording_in(fault: Fault, folder: &Path) -> PathBuf {
 
 impl Scene<'_> {
     /// Another program has made the channel of commands before the chain is started.
-    fn refused(&self) -> anyhow::Result<Seen> {
+    fn refused(&self) -> anyhow::Result<Observed> {
         let instance = self.instance("");
         let mut supervisor = Supervisor::new(&instance, self.stop)?;
         let bus = Bus::open(&instance, "foreign")?;
         let _other_payload = bus.reader_on::<Setpoint>(Command::CHANNEL, ReadOptions::observing())?;
         let started = supervisor.start_chain(&self.options(Cast::live())?, self.stop);
         supervisor.end();
-        Ok(Seen { did: started.is_err().then_some(End::Refused), ..Seen::default() })
+        Ok(Observed { did: started.is_err().then_some(End::Refused), ..Observed::default() })
     }
 
     /// A chain in one instance, and a blow from outside.
-    fn whole(&self, place: Place) -> anyhow::Result<Seen> {
+    fn whole(&self, place: FaultPlace) -> anyhow::Result<Observed> {
         let instance = self.instance("");
         let mut supervisor = Supervisor::new(&instance, self.stop)?;
         supervisor.start_recorder(&self.config, self.stop)?;
         supervisor.start_chain(&self.options(Cast::driven())?, self.stop)?;
-        let mut watch = Watch::open(supervisor, self.stop)?;
-        if place != Place::Snake {
+        let mut watch = SceneWatch::open(supervisor, self.stop)?;
+        if place != FaultPlace::Snake {
             self.wait_for_motion(&mut watch)?;
         }
         let n_processes = watch.supervisors[0].processes().len();
         let recording = recording_in(self.fault, self.folder);
         let struck_ns = match place {
-            Place::Process(process, blow) => {
+            FaultPlace::Process(process, blow) => {
                 Some(harm::strike_process(&mut watch, process, blow, self.moment.stall_s)?)
             }
-            Place::Machine => Some(harm::strike_machine(self.fault, &instance, &recording)?),
+            FaultPlace::Machine => Some(harm::strike_machine(self.fault, &instance, &recording)?),
             _ => None,
         };
         match place {
-            Place::Process(Process::Record, _) => watch.run(AFTER_S)?,
-            Place::Process(_, Blow::Kill | Blow::Hang) => {
-                let is_whole = |watch: &Watch<'_>| {
+            FaultPlace::Process(Process::Record, _) => watch.run(AFTER_S)?,
+            FaultPlace::Process(_, Blow::Kill | Blow::Hang) => {
+                let is_whole = |watch: &SceneWatch<'_>| {
                     let supervisor = &watch.supervisors[0];
                     supervisor.processes().len() == n_processes && supervisor.are_ready()
                 };
@@ -115,12 +115,12 @@ impl Scene<'_> {
                     watch.states.last().is_some_and(SlaveState::is_ready)
                 })?;
             }
-            Place::Snake => watch.until(PATIENCE_S, "the drives are in FAULT", |watch| {
+            FaultPlace::Snake => watch.until(PATIENCE_S, "the drives are in FAULT", |watch| {
                 watch.states.last().is_some_and(|state| state.operating() == Some(OperatingState::Fault))
             })?,
-            Place::Machine if self.fault != Fault::ForeignWriter => watch.run(AFTER_WRITTEN_S)?,
+            FaultPlace::Machine if self.fault != Fault::ForeignWriter => watch.run(AFTER_WRITTEN_S)?,
             // Killed while it was stopped, if that took long; then it comes back.
-            Place::Process(..) => watch.until(PATIENCE_S, "every process runs again", |watch| {
+            FaultPlace::Process(..) => watch.until(PATIENCE_S, "every process runs again", |watch| {
                 let supervisor = &watch.supervisors[0];
                 let is_ready = watch.states.last().is_some_and(SlaveState::is_ready);
                 supervisor.processes().len() == n_processes && supervisor.are_ready() && is_ready
@@ -132,10 +132,10 @@ impl Scene<'_> {
     }
 
     /// A chain in two instances, with a relay between them.
-    fn relayed(&self, place: Place) -> anyhow::Result<Seen> {
+    fn relayed(&self, place: FaultPlace) -> anyhow::Result<Observed> {
         let (front, back) = (self.instance("-front"), self.instance("-back"));
         let in_front =
-            |process: Process| process == Process::Master || place == Place::Command && process != Process::Slave;
+            |process: Process| process == Process::Master || place == FaultPlace::Command && process != Process::Slave;
         let cast = |is_front: bool| {
             let mut cast = Cast::live();
             cast.processes.retain(|process| in_front(*process) == is_front);
@@ -144,10 +144,10 @@ impl Scene<'_> {
         let mut behind = Supervisor::new(&back, self.stop)?;
         behind.start_recorder(&self.config, self.stop)?;
         let mut before = Supervisor::new(&front, self.stop)?;
-        let start = if place == Place::Command { Relay::of_commands } else { Relay::of_input };
+        let start = if place == FaultPlace::Command { Relay::of_commands } else { Relay::of_input };
         let relay =
             start(self.fault, &front, &back, self.config.realtime.clone()).context("the relay could not be started")?;
-        let mut watch = Watch::open(behind, self.stop)?;
+        let mut watch = SceneWatch::open(behind, self.stop)?;
         watch.until(PATIENCE_S, "the relay is there", |_| relay.is_open())?;
         // The slave last: the script begins when that is ready, and the operator must be seen absent before.
         before.start_chain(&self.options(cast(true))?, self.stop)?;
@@ -165,13 +165,13 @@ impl Scene<'_> {
     }
 
     /// Ends the chain and looks at what it has left.
-    fn see(&self, mut watch: Watch<'_>, struck_ns: Option<i64>) -> anyhow::Result<Seen> {
+    fn see(&self, mut watch: SceneWatch<'_>, struck_ns: Option<i64>) -> anyhow::Result<Observed> {
         for supervisor in watch.supervisors.iter_mut().rev() {
             supervisor.end();
         }
         let limits = &self.config.slave.limits;
         let recording = self.fault.is_recorded().then(|| recording_in(self.fault, self.folder));
-        Seen::of(recording.as_deref(), &watch.states, struck_ns, limits.rate_m_per_s)
+        Observed::of(recording.as_deref(), &watch.states, struck_ns, limits.rate_m_per_s)
     }
 
     fn options(&self, cast: Cast) -> anyhow::Result<ChainOptions> {
@@ -181,7 +181,7 @@ impl Scene<'_> {
         Ok(ChainOptions { config, master, input: Some(script), looped: false, engage, cast })
     }
 
-    fn wait_for_motion(&self, watch: &mut Watch<'_>) -> anyhow::Result<()> {
+    fn wait_for_motion(&self, watch: &mut SceneWatch<'_>) -> anyhow::Result<()> {
         moves_for_a_while(watch, self.moment.wait_s)
     }
 
@@ -199,7 +199,7 @@ struct NotBegun;
 pub const NOT_BEGUN: &str = "the fault was not tried";
 
 /// Waits until the operator has engaged and the drives have moved for a while.
-fn moves_for_a_while(watch: &mut Watch<'_>, wait_s: f64) -> anyhow::Result<()> {
+fn moves_for_a_while(watch: &mut SceneWatch<'_>, wait_s: f64) -> anyhow::Result<()> {
     let has_ended = |states: &[SlaveState]| {
         let engaged = states.iter().position(SlaveState::is_engaged);
         engaged.is_some_and(|first| states[first..].iter().any(|state| !state.is_engaged()))

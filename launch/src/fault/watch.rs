@@ -11,7 +11,7 @@ use krait_ipc::{ReadOptions, Reader, clock};
 const LOOK_EVERY: Duration = Duration::from_millis(2);
 
 /// The instances of a scene and the slave's states.
-pub struct Watch<'a> {
+pub struct SceneWatch<'a> {
     /// The supervisors, the slave's first.
     pub supervisors: Vec<Supervisor>,
     /// Every state of the slave.
@@ -20,7 +20,7 @@ pub struct Watch<'a> {
     stop: &'a AtomicBool,
 }
 
-impl<'a> Watch<'a> {
+impl<'a> SceneWatch<'a> {
     /// Begins to listen.
     ///
     /// # Errors
@@ -59,7 +59,7 @@ impl<'a> Watch<'a> {
     /// Watches for some time.
     ///
     /// # Errors
-    /// As [`Watch::until`].
+    /// As [`SceneWatch::until`].
     pub fn run(&mut self, time_s: f64) -> anyhow::Result<()> {
         let end_ns = clock::monotonic_ns() + (time_s * 1e9) as i64;
         while clock::monotonic_ns() < end_ns {

@@ -12,7 +12,7 @@ use nalgebra::{Matrix2, Matrix2x3, Matrix3x2, Vector2, Vector3};
 
 /// One step's result.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Command {
+pub struct ChainCommand {
     /// Displacements of the lines at the snake without their extensions, m, push positive.
     pub q_m: Vector3<f64>,
     /// What the actuators shall be told minus that, m.
@@ -41,7 +41,7 @@ pub struct ChainMemory {
     play: Direction,
     before: Track,
     clock: Clock,
-    last: Command,
+    last: ChainCommand,
     learnt: [f64; MAX_LEARNT],
 }
 
@@ -54,7 +54,7 @@ pub struct ChainCompensator {
     strain_limit: f64,
     max_bend_rad: f64,
     clock: Clock,
-    last: Command,
+    last: ChainCommand,
     /// Values in force of the parameters that are learnt; NaN where there are no more.
     learnt: [f64; MAX_LEARNT],
     places: [(usize, usize); MAX_LEARNT],
@@ -64,7 +64,7 @@ impl ChainCompensator {
     pub(super) fn new(chain: &Chain) -> Self {
         let core = InverseCore::new(&chain.model, chain.settings.transition_m);
         let j = pseudo_inverse(&core.model);
-        let last = Command {
+        let last = ChainCommand {
             q_m: Vector3::zeros(),
             eps_m: Vector3::zeros(),
             q_tilde_m: Vector3::zeros(),
@@ -103,12 +103,12 @@ impl ChainCompensator {
     ///
     /// # Real-time
     /// No allocation, no lock; loops over the effects and the three lines.
-    pub fn step(&mut self, bend_rad: Vector2<f64>, at: &Circumstances) -> Command {
+    pub fn step(&mut self, bend_rad: Vector2<f64>, at: &Circumstances) -> ChainCommand {
         if self.core.model.short { self.advance::<false>(bend_rad, at) } else { self.advance::<true>(bend_rad, at) }
     }
 
     #[inline(always)]
-    fn advance<const FULL: bool>(&mut self, bend_rad: Vector2<f64>, at: &Circumstances) -> Command {
+    fn advance<const FULL: bool>(&mut self, bend_rad: Vector2<f64>, at: &Circumstances) -> ChainCommand {
         let Some(wanted) = self.wanted::<FULL>(bend_rad) else {
             self.last.status = ChainStatus::NotFinite;
             return self.last;
@@ -122,7 +122,7 @@ impl ChainCompensator {
     }
 
     /// What the newest step gave.
-    pub(super) fn last_command(&self) -> &Command {
+    pub(super) fn last_command(&self) -> &ChainCommand {
         &self.last
     }
 
@@ -216,7 +216,7 @@ impl ChainCompensator {
     }
 
     #[inline(always)]
-    fn command<const FULL: bool>(&self, wanted: &Wanted, plan: &Plan<Dual<2>>) -> Command {
+    fn command<const FULL: bool>(&self, wanted: &Wanted, plan: &Plan<Dual<2>>) -> ChainCommand {
         let model = &self.core.model;
         let mut alpha = Matrix3x2::from_fn(|i, k| plan.eps[i].tangent[k]);
         if FULL && model.stages.has_any(Stage::Shape) {
@@ -226,7 +226,7 @@ impl ChainCompensator {
         let gain = Matrix2::identity() + self.j * alpha;
         let j_tilde = gain.try_inverse().map_or_else(Matrix2x3::zeros, |inverse| inverse * self.j);
         let (q, eps) = (plan.q.map(Dual::value), plan.eps.map(Dual::value));
-        Command {
+        ChainCommand {
             q_m: q.into(),
             eps_m: eps.into(),
             q_tilde_m: three(|i| q[i] + eps[i]).into(),

@@ -46,10 +46,10 @@ mod tangents;
 pub use circumstances::{ChainStatus, Circumstances};
 pub(crate) use delay::DelayLine;
 pub use forward::{Prediction, Predictor};
-pub use inverse::{ChainCompensator, ChainMemory, Command};
+pub use inverse::{ChainCommand, ChainCompensator, ChainMemory};
 pub use learn::{Learn, LearntParameter, MAX_LEARNT};
 pub use plausible::Implausible;
-pub use settings::{ChainError, ChainSettings, Columns, EffectSetting};
+pub use settings::{ChainError, ChainSettings, EffectSetting, KnownColumns};
 pub use tangents::{CommandTangents, PredictionTangents, PredictorTangents};
 
 use crate::effects::formula::Formula;
@@ -87,7 +87,7 @@ impl Chain {
         machine: &MachineParameters,
         settings: ChainSettings,
         effects: &[EffectSetting],
-        columns: Columns,
+        columns: KnownColumns,
     ) -> Result<Self, ChainError> {
         let snake = Snake::new(machine)?;
         in_range("strain_limit", settings.strain_limit, 0.001, 0.08, "(no unit)")?;
@@ -270,7 +270,7 @@ fn check_repeats(effects: &[EffectSetting]) -> Result<(), ChainError> {
     Ok(())
 }
 
-fn check_columns(effects: &[EffectSetting], formulas: &[Formula], columns: Columns) -> Result<(), ChainError> {
+fn check_columns(effects: &[EffectSetting], formulas: &[Formula], columns: KnownColumns) -> Result<(), ChainError> {
     let mut formulas = formulas.iter();
     for effect in effects {
         let formula = if effect.kind() == EffectKind::Formula { formulas.next() } else { None };

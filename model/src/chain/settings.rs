@@ -175,7 +175,7 @@ impl Default for ChainSettings {
 
 /// Which columns, besides the encoders, whoever uses a chain can give at every step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Columns {
+pub struct KnownColumns {
     /// Time stamps.
     pub time: bool,
     /// Angle of the flexible stem.
@@ -184,7 +184,7 @@ pub struct Columns {
     pub temperature: bool,
 }
 
-impl Default for Columns {
+impl Default for KnownColumns {
     fn default() -> Self {
         Self { time: true, stem_angle: false, temperature: false }
     }

@@ -8,7 +8,7 @@ use super::circumstances::Clock;
 use super::delay::DelayLine;
 use super::equations::{Ends, actuators};
 use super::forward::{Prediction, Predictor};
-use super::inverse::{ChainCompensator, Command, InverseCore};
+use super::inverse::{ChainCommand, ChainCompensator, InverseCore};
 use super::model::{ChainModel, Memory};
 use crate::effects::prepared::Now;
 use crate::effects::{Dual, Real, three};
@@ -138,7 +138,7 @@ impl<const K: usize> CommandTangents<K> {
     }
 
     /// The command for the next setpoint, rad, and d q~ / d parameters, m per unit of each, at constant signs of motion.
-    pub fn step(&mut self, bend_rad: Vector2<f64>, at: &Circumstances) -> (Command, SMatrix<f64, 3, K>) {
+    pub fn step(&mut self, bend_rad: Vector2<f64>, at: &Circumstances) -> (ChainCommand, SMatrix<f64, 3, K>) {
         let command = self.plain.step(bend_rad, at);
         if command.status != super::ChainStatus::Good {
             return (command, SMatrix::zeros());

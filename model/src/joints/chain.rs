@@ -6,7 +6,7 @@ use crate::effects::formula::Formula;
 use crate::effects::formula_variables::joint_values;
 use crate::effects::{Definition, EffectKind, Hook, MAX_PARAMETERS};
 use crate::model_file::Joints;
-use crate::{ChainError, Circumstances, Columns, EffectSetting};
+use crate::{ChainError, Circumstances, EffectSetting, KnownColumns};
 
 /// Joints with their effects, checked.
 #[derive(Clone, Debug)]
@@ -67,7 +67,7 @@ impl JointChain {
     /// # Errors
     /// [`ChainError`] for an effect that is not a joint's, a joint that there is not, too many effects, a formula, or a column
     /// that is not there.
-    pub fn new(joints: &Joints, effects: &[EffectSetting], columns: Columns) -> Result<Self, ChainError> {
+    pub fn new(joints: &Joints, effects: &[EffectSetting], columns: KnownColumns) -> Result<Self, ChainError> {
         if effects.len() > MAX_EFFECTS {
             return Err(ChainError::TooMany { found: effects.len(), limit: MAX_EFFECTS });
         }
@@ -147,7 +147,7 @@ impl JointPredictor {
     }
 }
 
-fn stage(effect: &EffectSetting, n: usize, columns: Columns) -> Result<Stage, ChainError> {
+fn stage(effect: &EffectSetting, n: usize, columns: KnownColumns) -> Result<Stage, ChainError> {
     let values = effect.values();
     let kind = match effect.kind() {
         EffectKind::Joint(kind) => kind,
@@ -164,7 +164,7 @@ fn stage(effect: &EffectSetting, n: usize, columns: Columns) -> Result<Stage, Ch
     Ok(Stage { what: What::Effect(kind), joint: (joint as usize).checked_sub(1), c })
 }
 
-fn formula(effect: &EffectSetting, columns: Columns) -> Result<Stage, ChainError> {
+fn formula(effect: &EffectSetting, columns: KnownColumns) -> Result<Stage, ChainError> {
     let Some(text) = effect.formula_text() else {
         return Err(ChainError::OtherMachine { name: "formula", expected: "joints" });
     };

@@ -16,13 +16,13 @@ pub fn built_in(name: &str) -> Option<&'static str> {
 mod tests {
     use super::super::ModelFile;
     use super::*;
-    use crate::Columns;
+    use crate::KnownColumns;
 
     #[test]
     fn each_is_a_model_that_the_compensator_can_use_and_no_two_are_the_same() {
         let hashes = BUILT_IN.map(|(name, text)| {
             let file = ModelFile::parse(text).unwrap_or_else(|error| panic!("{name}: {error}"));
-            let chain = file.chain(Columns::default()).unwrap().unwrap();
+            let chain = file.chain(KnownColumns::default()).unwrap().unwrap();
             chain.compensator().unwrap();
             assert_eq!(chain.hash(), file.hash());
             file.hash()

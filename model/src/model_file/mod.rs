@@ -29,7 +29,7 @@ pub use write::documented_defaults;
 
 use crate::hash::{self, ModelHash};
 use crate::joints::JointChain;
-use crate::{Chain, ChainError, Columns, EffectSetting, Snake};
+use crate::{Chain, ChainError, EffectSetting, KnownColumns, Snake};
 
 /// The only format there is.
 pub const MODEL_FILE_FORMAT: i64 = 1;
@@ -134,7 +134,7 @@ impl ModelFile {
     ///
     /// # Errors
     /// [`ChainError::MissingColumn`] where an effect needs a column that is not there.
-    pub fn chain(&self, columns: Columns) -> Result<Option<Chain>, ChainError> {
+    pub fn chain(&self, columns: KnownColumns) -> Result<Option<Chain>, ChainError> {
         let Machine::Snake(snake) = &self.machine else { return Ok(None) };
         let effects: Vec<EffectSetting> = self.effects.iter().map(|e| e.setting.clone()).collect();
         Chain::new(&snake.parameters, snake.settings, &effects, columns).map(Some)
@@ -144,7 +144,7 @@ impl ModelFile {
     ///
     /// # Errors
     /// [`ChainError::MissingColumn`] where a formula needs a column that is not there.
-    pub fn joint_chain(&self, columns: Columns) -> Result<Option<JointChain>, ChainError> {
+    pub fn joint_chain(&self, columns: KnownColumns) -> Result<Option<JointChain>, ChainError> {
         let Machine::Joints(joints) = &self.machine else { return Ok(None) };
         let effects: Vec<EffectSetting> = self.effects.iter().map(|e| e.setting.clone()).collect();
         JointChain::new(joints, &effects, columns).map(Some)
@@ -187,4 +187,4 @@ impl ModelFile {
 }
 
 /// A file may need any column; whoever uses it says which ones there are.
-const EVERY_COLUMN: Columns = Columns { time: true, stem_angle: true, temperature: true };
+const EVERY_COLUMN: KnownColumns = KnownColumns { time: true, stem_angle: true, temperature: true };

@@ -4,11 +4,11 @@
 #![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
 
 use krait_model::effects::{EffectKind, FormulaParameter, FormulaText, Hook};
-use krait_model::{Chain, ChainSettings, Circumstances, Columns, EffectSetting, MachineParameters};
+use krait_model::{Chain, ChainSettings, Circumstances, EffectSetting, KnownColumns, MachineParameters};
 use nalgebra::Vector2;
 use std::f64::consts::PI;
 
-pub const ALL_COLUMNS: Columns = Columns { time: true, stem_angle: true, temperature: true };
+pub const ALL_COLUMNS: KnownColumns = KnownColumns { time: true, stem_angle: true, temperature: true };
 
 pub fn chain(effects: &[EffectSetting], settings: ChainSettings) -> Chain {
     Chain::new(&MachineParameters::default(), settings, effects, ALL_COLUMNS).unwrap()

@@ -4,7 +4,7 @@
 
 #![allow(dead_code, reason = "each user uses its own part")]
 
-use krait_model::{ChainStatus, Circumstances, Command, MachineParameters};
+use krait_model::{ChainCommand, ChainStatus, Circumstances, MachineParameters};
 use nalgebra::{Matrix2, Matrix2x3, Matrix3x2, Vector2, Vector3};
 use std::f64::consts::PI;
 
@@ -30,7 +30,7 @@ pub struct StraightLine {
     middle_m: Vector3<f64>,
     half_m: Vector3<f64>,
     time_s: f64,
-    last: Command,
+    last: ChainCommand,
 }
 
 impl StraightLine {
@@ -69,7 +69,7 @@ impl StraightLine {
         }
     }
 
-    pub fn step(&mut self, bend_rad: Vector2<f64>, at: &Circumstances) -> Command {
+    pub fn step(&mut self, bend_rad: Vector2<f64>, at: &Circumstances) -> ChainCommand {
         if !(bend_rad.x.is_finite() && bend_rad.y.is_finite()) {
             self.last.status = ChainStatus::NotFinite;
             return self.last;
@@ -126,7 +126,7 @@ impl StraightLine {
         }
         let gain = Matrix2::identity() + self.j * alpha;
         let j_tilde_rad_per_m = gain.try_inverse().map_or_else(Matrix2x3::zeros, |inverse| inverse * self.j);
-        self.last = Command {
+        self.last = ChainCommand {
             q_m,
             eps_m: q_tilde_m - q_m,
             q_tilde_m,

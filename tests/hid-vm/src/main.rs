@@ -11,7 +11,7 @@ mod uhid;
 mod verdict;
 
 use anyhow::bail;
-use spacemouse::Fault;
+use spacemouse::DeviceFault;
 use std::process::ExitCode;
 use verdict::PartVerdict;
 
@@ -30,7 +30,7 @@ fn main() -> ExitCode {
 /// One part's name and what it does.
 type Part = (&'static str, Box<dyn Fn() -> anyhow::Result<PartVerdict>>);
 
-fn run_parts(fault: Fault) -> bool {
+fn run_parts(fault: DeviceFault) -> bool {
     let parts: [Part; 7] = [
         ("devices", Box::new(parts::devices)),
         ("chain", Box::new(move || parts::chain(fault))),
@@ -57,11 +57,11 @@ fn run_parts(fault: Fault) -> bool {
 }
 
 /// How `KRAIT_HID_VM_FAULT` spoils the device of the part `chain`.
-fn fault() -> anyhow::Result<Fault> {
+fn fault() -> anyhow::Result<DeviceFault> {
     match std::env::var("KRAIT_HID_VM_FAULT").as_deref() {
-        Err(_) | Ok("") => Ok(Fault::None),
-        Ok("silent") => Ok(Fault::Silent),
-        Ok("drop") => Ok(Fault::Drop),
+        Err(_) | Ok("") => Ok(DeviceFault::None),
+        Ok("silent") => Ok(DeviceFault::Silent),
+        Ok("drop") => Ok(DeviceFault::Drop),
         Ok(other) => bail!("KRAIT_HID_VM_FAULT is {other:?}, expected \"silent\", \"drop\" or nothing"),
     }
 }

@@ -20,7 +20,7 @@ const PATIENCE_NS: i64 = 10_000_000_000;
 
 /// How the device spoils what it plays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Fault {
+pub enum DeviceFault {
     /// Not at all.
     None,
     /// It sends nothing.
@@ -117,7 +117,7 @@ impl SpaceMouse {
     ///
     /// # Errors
     /// The device is gone.
-    pub fn play(&mut self, duration_s: f64, fault: Fault) -> anyhow::Result<u64> {
+    pub fn play(&mut self, duration_s: f64, fault: DeviceFault) -> anyhow::Result<u64> {
         let recording = HidRecording::shipped()?.first_s(duration_s);
         let zeros = [HidReport::Translation([0; 3]), HidReport::Rotation([0; 3])].map(HidReport::encode);
         let end_ns = recording.duration_ns();
@@ -126,7 +126,7 @@ impl SpaceMouse {
         let (begin_ns, n_due) = (clock::monotonic_ns(), reports.len());
         for (idx, (stamp_ns, bytes)) in reports.into_iter().enumerate() {
             sleep_until(begin_ns + stamp_ns);
-            let is_spoiled = fault == Fault::Silent || (fault == Fault::Drop && idx == n_due / 2);
+            let is_spoiled = fault == DeviceFault::Silent || (fault == DeviceFault::Drop && idx == n_due / 2);
             if !is_spoiled {
                 self.send(bytes)?;
             }

@@ -7,11 +7,11 @@ use crate::print;
 use anyhow::{Context, bail};
 use krait_bridge::LiveModel;
 use krait_ipc::clock;
-use krait_lab::machine::Machine;
+use krait_lab::machine::MachineUnderTest;
 use krait_lab::report::added_page;
 use krait_lab::{AddOptions, Added, Session, Term, add, disagreements, refit as fit_again, save};
 use krait_model::effects::{FormulaParameter, FormulaText, Hook, Inverse};
-use krait_model::model_file::{FileEffect, Machine as FileMachine, ModelFile};
+use krait_model::model_file::{FileEffect, Machine, ModelFile};
 use krait_report::Table;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -53,7 +53,7 @@ fn open(files: &LabFiles) -> anyhow::Result<Session> {
 }
 
 /// The effect with its starting values.
-fn term(args: &AddArgs, machine: &dyn Machine) -> anyhow::Result<Term> {
+fn term(args: &AddArgs, machine: &dyn MachineUnderTest) -> anyhow::Result<Term> {
     let formula = if args.effect == "formula" { Some(formula(args)?) } else { None };
     if formula.is_none() && (args.formula.is_some() || args.hook.is_some() || !args.param.is_empty()) {
         bail!(
@@ -122,7 +122,7 @@ fn finish(session: &Session, added: &Added, what: &str, out: &Path, as_json: boo
 
 /// What a running chain does not do with a model, a sentence each.
 fn not_compensated(file: &ModelFile) -> Vec<String> {
-    if matches!(file.machine(), FileMachine::Joints(_)) {
+    if matches!(file.machine(), Machine::Joints(_)) {
         let refused = LiveModel::of(file).err();
         return refused.map(|why| format!("`krait run` refuses this model: {why}")).into_iter().collect();
     }

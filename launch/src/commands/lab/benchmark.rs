@@ -1,6 +1,6 @@
 //! `krait lab benchmark`: the lab on a grid of generated data, with a table, a page and every result as a line.
 
-use crate::cli_lab_data::{BenchmarkArgs, Machine};
+use crate::cli_lab_data::{BenchmarkArgs, BenchmarkMachine};
 use crate::print;
 use anyhow::Context;
 use krait_lab_benchmark::benchmark::{Options, Outcome, Rate, Summary, grid, joint_grid, page, run as work};
@@ -11,8 +11,8 @@ use std::process::ExitCode;
 pub fn run(args: &BenchmarkArgs) -> anyhow::Result<ExitCode> {
     let options = Options { seed: args.seed, seconds: args.seconds, with_baselines: !args.no_baselines };
     let cells = match args.machine {
-        Machine::Snake => grid(args.seed, usize::from(args.rounds), args.seconds),
-        Machine::Joints => joint_grid(args.seed, usize::from(args.rounds), args.seconds),
+        BenchmarkMachine::Snake => grid(args.seed, usize::from(args.rounds), args.seconds),
+        BenchmarkMachine::Joints => joint_grid(args.seed, usize::from(args.rounds), args.seconds),
     };
     let outcomes = work(&options, &cells, &args.out.join("results.jsonl"), progress)?;
     let summary = Summary::new(&outcomes);

@@ -2,7 +2,7 @@
 
 use crate::chain::{User, VmChain};
 use crate::model::Model;
-use crate::spacemouse::{Fault, SpaceMouse};
+use crate::spacemouse::{DeviceFault, SpaceMouse};
 use crate::verdict::PartVerdict;
 use anyhow::Context;
 use krait_ipc::message::DeviceState;
@@ -17,7 +17,7 @@ const LEAST_COMMANDED_DEG: f64 = 50.0;
 const LEAST_REACHED_DEG: f64 = 35.0;
 
 /// The shipped recording through the kernel: every report counted, nothing lost, the snake bends.
-pub fn chain(fault: Fault) -> anyhow::Result<PartVerdict> {
+pub fn chain(fault: DeviceFault) -> anyhow::Result<PartVerdict> {
     let mut mouse = SpaceMouse::plug(Model::Compact)?;
     let chain = VmChain::start("chain", User::Root, PLAY_S + MORE_S)?;
     mouse.wait_until_read()?;
@@ -53,11 +53,11 @@ pub fn chain(fault: Fault) -> anyhow::Result<PartVerdict> {
 /// The part `chain` must fail on a silent device and on one that leaves out a single report, and for these reasons.
 pub fn control() -> anyhow::Result<PartVerdict> {
     let mut verdict = PartVerdict::default();
-    let silent = chain(Fault::Silent)?.failed();
+    let silent = chain(DeviceFault::Silent)?.failed();
     let is_noticed =
         ["reports", "commanded_deg", "reached_deg", "at_rest_last"].iter().all(|name| silent.contains(name));
     verdict.check("silent_fails", is_noticed, silent.join(","));
-    let dropped = chain(Fault::Drop)?.failed();
+    let dropped = chain(DeviceFault::Drop)?.failed();
     verdict.check("drop_fails", dropped == ["reports"], dropped.join(","));
     Ok(verdict)
 }
