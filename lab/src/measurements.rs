@@ -50,12 +50,12 @@ impl Measurements {
 
     /// Inputs of a row.
     pub fn input(&self, row: usize) -> &[f64] {
-        self.inputs.get(row * self.n_inputs..(row + 1) * self.n_inputs).unwrap_or(&[])
+        &self.inputs[row * self.n_inputs..(row + 1) * self.n_inputs]
     }
 
     /// Outputs of a row.
     pub fn output(&self, row: usize) -> &[f64] {
-        self.outputs.get(row * self.n_outputs..(row + 1) * self.n_outputs).unwrap_or(&[])
+        &self.outputs[row * self.n_outputs..(row + 1) * self.n_outputs]
     }
 
     /// Whether a row's outputs were measured, all of them.

@@ -47,10 +47,10 @@ pub(super) fn all(
     let mut bins = Vec::new();
     for dimension in dimensions(machine, data, scored) {
         match dimension.output {
-            None => bins.extend(fill(&dimension, scored, |k, _| errors.get(k).map_or([0.0; 3], of_row))),
+            None => bins.extend(fill(&dimension, scored, |k, _| of_row(&errors[k]))),
             Some(output) => bins.extend(fill(&dimension, scored, |_, row| {
-                let own = predicted.get(row * data.n_outputs + output).copied().unwrap_or(f64::NAN);
-                let error = data.output(row).get(output).map_or(0.0, |y| scale * (y - own));
+                let own = predicted[row * data.n_outputs + output];
+                let error = scale * (data.output(row)[output] - own);
                 [error * error, error, 0.0]
             })),
         }

@@ -176,7 +176,7 @@ fn joints<'a>(machine: &dyn MachineUnderTest, data: &'a Measurements) -> Vec<Dim
 /// Bin of each row by the last change of an input: 0 rising, 1 falling.
 fn rising(data: &Measurements, input: usize) -> Vec<Option<usize>> {
     let mut last = None;
-    let value = |row: usize| data.input(row).get(input).copied().unwrap_or(f64::NAN);
+    let value = |row: usize| data.input(row)[input];
     let mut bins = Vec::with_capacity(data.n_rows());
     for row in 0..data.n_rows() {
         let step = if data.starts_trial(row) { f64::NAN } else { value(row) - value(row - 1) };

@@ -46,7 +46,7 @@ impl Parts {
         }
         let n = errors.len().max(1) as f64;
         let angle = |&row: &usize| {
-            let (measured, own) = (pair(data.output(row)), pair(predicted.get(row * 2..).unwrap_or_default()));
+            let (measured, own) = (pair(data.output(row)), pair(&predicted[row * 2..]));
             let is_bent = measured[0].hypot(measured[1]).min(own[0].hypot(own[1])) >= PLANE_FROM_BEND_RAD;
             let cross = own[0] * measured[1] - own[1] * measured[0];
             is_bent.then(|| cross.atan2(own[0] * measured[0] + own[1] * measured[1]))
@@ -68,7 +68,7 @@ impl Parts {
 pub(super) fn errors(data: &Measurements, predicted: &[f64], scored: &[usize], scale: f64) -> Vec<RowError> {
     let width = data.n_outputs;
     let one = |&row: &usize| {
-        let own = predicted.get(row * width..(row + 1) * width).unwrap_or_default();
+        let own = &predicted[row * width..(row + 1) * width];
         match data.quantity {
             Quantity::Snake => of_snake(pair(data.output(row)), pair(own), scale),
             Quantity::Joints => {
@@ -94,7 +94,7 @@ fn of_snake(measured: [f64; 2], own: [f64; 2], scale: f64) -> RowError {
 pub(super) fn output_rms(data: &Measurements, predicted: &[f64], scored: &[usize], scale: f64) -> Vec<f64> {
     let mut sums = vec![0.0; data.n_outputs];
     for &row in scored {
-        let own = predicted.get(row * data.n_outputs..).unwrap_or_default();
+        let own = &predicted[row * data.n_outputs..];
         for ((sum, y), f) in sums.iter_mut().zip(data.output(row)).zip(own) {
             *sum += (y - f).powi(2);
         }
@@ -103,7 +103,7 @@ pub(super) fn output_rms(data: &Measurements, predicted: &[f64], scored: &[usize
 }
 
 pub(super) fn pair(values: &[f64]) -> [f64; 2] {
-    [values.first().copied().unwrap_or(f64::NAN), values.get(1).copied().unwrap_or(f64::NAN)]
+    [values[0], values[1]]
 }
 
 #[cfg(test)]

@@ -190,7 +190,7 @@ impl<'a> Frame<'a> {
     }
 
     fn output(&self, row: usize, k: usize) -> f64 {
-        self.predicted.get(row * self.width() + k).copied().unwrap_or(0.0)
+        self.predicted[row * self.width() + k]
     }
 
     /// Distance from rest position, 0 to about 1.

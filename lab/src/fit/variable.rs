@@ -60,7 +60,7 @@ impl Variable {
 
     /// Its value in a list of effects.
     pub fn value(&self, effects: &[Term]) -> f64 {
-        effects.get(self.effect).and_then(|term| term.values.get(self.parameter)).copied().unwrap_or(0.0)
+        effects[self.effect].values[self.parameter]
     }
 
     /// Moves it by `step` of its scale, within bounds.

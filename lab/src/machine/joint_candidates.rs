@@ -114,7 +114,10 @@ fn search(effect: JointEffect, ranges: &Ranges) -> Search {
 
 fn candidate(effect: JointEffect, search: Search, n: usize) -> Candidate {
     let definition = effect.definition();
-    let place = |name: &str| definition.parameters.iter().position(|p| p.name == name).unwrap_or(0);
+    let place = |name: &str| {
+        let found = definition.parameters.iter().position(|p| p.name == name);
+        found.unwrap_or_else(|| unreachable!("{name} is a parameter of {}", definition.name))
+    };
     let mut neutral: Vec<f64> = definition.parameters.iter().map(|p| p.default).collect();
     let mut away = neutral.clone();
     let mut amplitudes = Vec::new();

@@ -80,9 +80,9 @@ impl MachineUnderTest for SnakeLab {
 }
 
 pub(super) fn circumstances(data: &Measurements, row: usize) -> Circumstances {
-    let column = |values: &Option<Vec<f64>>| values.as_ref().and_then(|v| v.get(row)).copied().unwrap_or(f64::NAN);
+    let column = |values: &Option<Vec<f64>>| values.as_ref().map_or(f64::NAN, |values| values[row]);
     Circumstances {
-        time_s: data.time_s.get(row).copied().unwrap_or(f64::NAN),
+        time_s: data.time_s[row],
         stem_angle_rad: column(&data.stem_angle_rad),
         temperature_c: column(&data.temperature_c),
     }

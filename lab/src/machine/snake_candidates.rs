@@ -66,7 +66,10 @@ fn search(kind: EffectKind) -> Option<Search> {
 
 fn candidate(kind: EffectKind, search: &Search, data: &Measurements) -> Candidate {
     let definition = kind.definition();
-    let place = |name: &str| definition.parameters.iter().position(|p| p.name == name).unwrap_or(0);
+    let place = |name: &str| {
+        let found = definition.parameters.iter().position(|p| p.name == name);
+        found.unwrap_or_else(|| unreachable!("{name} is a parameter of {}", definition.name))
+    };
     let mut neutral: Vec<f64> = definition.parameters.iter().map(|p| p.default).collect();
     let mut away = neutral.clone();
     let mut amplitudes = Vec::new();
