@@ -125,23 +125,21 @@ fn glance<S: Step>(
 /// The cues, found by the input that they are for.
 struct Cues {
     reader: Reader<Cue>,
-    newest: Cue,
 }
 
 impl Cues {
     fn open(bus: &Bus) -> Result<Self, IpcError> {
-        Ok(Self { reader: bus.reader(ReadOptions::glancing())?, newest: Cue::default() })
+        Ok(Self { reader: bus.reader(ReadOptions::glancing())? })
     }
 
+    /// The next cue for an input; those of samples that the stage before left out are passed over. Each is used once, because
+    /// the numbers of inputs begin anew with a new writer.
     fn of(&mut self, input_sequence: u64) -> Result<Cue, BridgeError> {
-        while self.newest.input_sequence < input_sequence {
+        loop {
             let Some(cue) = self.reader.take()? else { return Err(BridgeError::NoCue { input_sequence }) };
-            self.newest = *cue;
-        }
-        if self.newest.input_sequence == input_sequence {
-            Ok(self.newest)
-        } else {
-            Err(BridgeError::NoCue { input_sequence })
+            if cue.input_sequence == input_sequence {
+                return Ok(*cue);
+            }
         }
     }
 }
@@ -158,9 +156,10 @@ impl<M: Message> UpTo<M> {
         Self { reader, next: None, newest: 0 }
     }
 
-    /// Hands over every message up to a sequence number. Returns whether that one has come.
+    /// Hands over every message up to the one with a sequence number. Returns whether that one has come. A number below the
+    /// newest is one of a new writer.
     fn take(&mut self, sequence: u64, mut into: impl FnMut(&M)) -> Result<bool, BridgeError> {
-        while self.newest < sequence {
+        while self.newest != sequence {
             if self.next.is_none() {
                 self.next = self.reader.take()?.map(|message| *message);
             }
@@ -176,7 +175,7 @@ impl<M: Message> UpTo<M> {
     }
 
     fn is_behind(&self, sequence: u64) -> bool {
-        self.newest < sequence
+        self.newest != sequence
     }
 
     fn wait(&mut self) -> Result<(), IpcError> {

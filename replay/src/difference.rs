@@ -10,8 +10,8 @@ use serde::Serialize;
 pub struct Difference {
     /// The process whose output differs.
     pub process: Process,
-    /// The pass, from 1.
-    pub pass: u64,
+    /// Which run of the process in the recording, from 1: it counts from 1 again where it was started again.
+    pub run: u64,
     /// Sequence number of the output.
     pub sequence: u64,
     /// The field.

@@ -4,7 +4,7 @@
 //! simulated snake in their own time ([`Player`]) or to any slave on the machine's clock, and lay two recordings side by
 //! side.
 //!
-//! Terms: a *pass* is one run of a chain within a recording; a *cue* says what a step depends on besides its input
+//! Terms: a *pass* is one chain within a recording, a *run* what one process published between its start and its end; a *cue* says what a step depends on besides its input
 //! ([`krait_ipc::message::Cue`]); samples *under way* have been published and their last output has not come back yet.
 //!
 //! Frames and units: see `docs/NOTATION.md`. SI and radians; times are nanoseconds, CLOCK_MONOTONIC of the machine that
@@ -20,7 +20,10 @@ mod learning;
 mod live;
 mod player;
 mod program;
+mod sender;
+mod stage;
 mod steps;
+mod survey;
 mod trajectory;
 mod verifier;
 mod window;
@@ -33,6 +36,8 @@ pub use learning::LearningVerifier;
 pub use live::LivePlayer;
 pub use player::{Newest, PlayCounts, Player, UNDER_WAY};
 pub use program::{Next, Part, Planned, Program, Score, Tally, What};
+pub use stage::{Compensate, Resolve, Stage};
+pub use survey::{Restart, Survey};
 pub use trajectory::{Trajectory, TrajectoryError, TrajectoryLimits};
-pub use verifier::{Turn, Verifier};
+pub use verifier::{Repetition, Turn, Verifier};
 pub use window::Window;

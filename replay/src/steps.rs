@@ -1,230 +1,101 @@
-//! What each recorded step rested on, as cues: the plan by which a pass is repeated, made a little ahead of its use.
+//! What each recorded step rested on: the plan by which a run of a stage is repeated, made as it is used.
 
 use crate::ReplayError;
-use crate::window::Window;
-use krait_ipc::message::{Command, Cue, Message, ModelUpdate, OperatorInput, Setpoint, SlaveState};
+use crate::stage::{Queue, RestsOn, Stage};
+use crate::window::{Of, Window};
+use krait_ipc::message::{Command, Cue, Message, ModelUpdate, SlaveState};
 use krait_model::ModelHash;
-use std::collections::{BTreeMap, VecDeque};
 
-/// One sample's way through the stages, as it was recorded.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Step {
-    /// What its steps depended on besides the input.
+/// One step of a stage as it was recorded.
+pub(crate) struct Step<S: Stage> {
+    /// What the step depended on besides its input.
     pub cue: Cue,
-    /// The operator's input; none where setpoints are what is sent.
-    pub input: Option<OperatorInput>,
-    /// The setpoint that it gave.
-    pub setpoint: Setpoint,
-    /// The command that it gave; none if `compensate` refused the setpoint then.
-    pub command: Option<Command>,
+    /// What it took, with its run.
+    pub input: (u64, S::In),
+    /// The slave state that it knew, with its run, if it is another than the step before knew.
+    pub state: Option<(u64, SlaveState)>,
+    /// The same for the model update.
+    pub update: Option<(u64, ModelUpdate)>,
+    /// What it gave.
+    pub output: S::Out,
 }
 
-/// The steps of a pass, in the order of the setpoints, and the messages that they name.
-pub(crate) struct Steps<'a> {
+/// The steps of one run of a stage, in order. A restarted stage begins with its memory empty and its numbers at 1, so each of
+/// its runs is repeated by itself.
+pub(crate) struct Steps<'a, S: Stage> {
     window: &'a mut Window,
-    pass: u64,
-    has_inputs: bool,
-    planned: VecDeque<Step>,
-    /// Slave states that the planned steps rest on.
-    pub states: Named<SlaveState>,
-    /// Model updates that they rest on.
-    pub updates: Named<ModelUpdate>,
-    /// The command that belongs to the next setpoint or to one behind it.
-    command: Option<Command>,
-    n_setpoints: u64,
-    n_commands: u64,
-    /// Setpoints without a command since the newest command.
-    n_skipped: usize,
-    is_whole: bool,
-    /// Stamps of the first and the newest setpoint, ns.
-    pub ends_ns: Option<(i64, i64)>,
+    run: u64,
+    next: Option<Step<S>>,
+    n: u64,
+    state_sequence: u64,
+    update_sequence: u64,
 }
 
-/// Messages of a channel that steps rest on, each handed out once and in order.
-pub(crate) struct Named<M> {
-    waiting: BTreeMap<u64, M>,
-    newest: u64,
-}
-
-impl<M: Message> Named<M> {
-    fn none() -> Self {
-        Self { waiting: BTreeMap::new(), newest: 0 }
-    }
-
-    fn note(&mut self, message: M) {
-        if message.sequence() > self.newest {
-            self.waiting.insert(message.sequence(), message);
-        }
-    }
-
-    /// Takes the next one up to a sequence number.
-    pub(crate) fn next_up_to(&mut self, sequence: u64) -> Option<M> {
-        let first = self.waiting.first_entry().filter(|first| *first.key() <= sequence)?;
-        self.newest = *first.key();
-        Some(first.remove())
-    }
-}
-
-/// Longest run of setpoints without a command that can be repeated: nobody tells how far `compensate` is meanwhile.
-const MOST_SKIPPED: usize = 64;
-/// Steps that are planned ahead. `compensate` may lag behind `resolve` by a queue, 256, and have known newer states than
-/// the steps behind it name; so all that are named must be known when a state is sent.
-const N_AHEAD: usize = 512;
-
-impl<'a> Steps<'a> {
-    /// The steps of a pass, from 1; `None` when the recording holds no such pass.
+impl<'a, S: Stage> Steps<'a, S> {
+    /// The steps of a run, from 1; `None` when the recording holds no such run.
     ///
     /// # Errors
     /// [`ReplayError::Gap`] or [`ReplayError::Missing`] when the recording lacks what a step depended on, here and whenever
-    /// more steps are planned.
-    pub(crate) fn of(window: &'a mut Window, pass: u64, has_inputs: bool) -> Result<Option<Self>, ReplayError> {
-        window.begin(pass);
-        let mut steps = Self {
-            window,
-            pass,
-            has_inputs,
-            planned: VecDeque::new(),
-            states: Named::none(),
-            updates: Named::none(),
-            command: None,
-            n_setpoints: 0,
-            n_commands: 0,
-            n_skipped: 0,
-            is_whole: false,
-            ends_ns: None,
-        };
+    /// another step is planned.
+    pub(crate) fn of(window: &'a mut Window, run: u64) -> Result<Option<Self>, ReplayError> {
+        let (state_sequence, update_sequence) = (0, 0);
+        let mut steps = Self { window, run, next: None, n: 0, state_sequence, update_sequence };
         steps.plan()?;
-        Ok((steps.n_setpoints > 0).then_some(steps))
+        Ok(steps.next.is_some().then_some(steps))
     }
 
-    /// Which model the first command rests on.
+    /// Which model the next output rests on; messages of before version 3 do not say.
     pub(crate) fn model(&self) -> Option<ModelHash> {
-        self.planned.iter().find_map(|step| step.command).and_then(|command| model_of(&command))
-    }
-
-    /// Setpoints at the end that no command answers, because the recording ended first; known at the end.
-    pub(crate) fn n_unanswered(&self) -> usize {
-        if self.is_whole { self.n_skipped } else { 0 }
+        let hash = self.next.as_ref().map(|step| S::rests_on(&step.output).model_hash);
+        hash.filter(|hash| *hash != 0).map(ModelHash)
     }
 
     /// The next step; it stays the next until [`Steps::pop`].
-    pub(crate) fn peek(&self) -> Option<&Step> {
-        self.planned.front().filter(|_| self.planned.len() > self.n_undecided())
+    pub(crate) fn peek(&self) -> Option<&Step<S>> {
+        self.next.as_ref()
     }
 
-    /// Goes on to the step after.
-    pub(crate) fn pop(&mut self) -> Result<(), ReplayError> {
-        self.planned.pop_front();
-        self.plan()
-    }
-
-    /// Planned steps at the end of which it is not known yet whether they are answered, or known that they are not.
-    fn n_undecided(&self) -> usize {
-        self.n_skipped.min(MOST_SKIPPED)
+    /// Takes the next step.
+    pub(crate) fn pop(&mut self) -> Result<Option<Step<S>>, ReplayError> {
+        let step = self.next.take();
+        self.plan()?;
+        Ok(step)
     }
 
     fn plan(&mut self) -> Result<(), ReplayError> {
-        while !self.is_whole && self.planned.len() < N_AHEAD + self.n_undecided() {
-            match self.window.next(|w| &mut w.setpoints, self.pass)? {
-                Some(setpoint) => self.push(setpoint)?,
-                None => self.end()?,
-            }
-        }
-        Ok(())
-    }
-
-    fn push(&mut self, setpoint: Setpoint) -> Result<(), ReplayError> {
-        check_next(&setpoint, &mut self.n_setpoints)?;
-        let first_ns = self.ends_ns.map_or(setpoint.sample_ns, |(first_ns, _)| first_ns);
-        self.ends_ns = Some((first_ns, setpoint.sample_ns));
-        let command = self.command_of(&setpoint)?;
-        if command.is_some() && self.n_skipped > MOST_SKIPPED {
-            return Err(ReplayError::Missing { sequence: setpoint.sequence - 1, channel: Command::CHANNEL });
-        }
-        self.n_skipped = if command.is_some() { 0 } else { self.n_skipped + 1 };
-        if self.n_skipped > MOST_SKIPPED {
-            // Either the recording ends so, or a command will come that cannot be repeated.
-            return Ok(());
-        }
-        let mut cue = Cue {
-            sample_ns: setpoint.sample_ns,
-            input_sequence: setpoint.input_sequence,
-            resolve_begun_ns: setpoint.stamps.resolve_begun_ns,
-            setpoint_sent_ns: setpoint.stamps.setpoint_sent_ns,
-            resolve_state_sequence: if self.has_inputs { setpoint.state_sequence } else { 0 },
-            ..Cue::default()
+        let Queue(outputs) = S::outputs();
+        let Some(output) = self.window.next(outputs, self.run)? else { return Ok(()) };
+        check_next(&output, &mut self.n)?;
+        let RestsOn { taken_sequence, sent_ns, cue, .. } = S::rests_on(&output);
+        let Queue(inputs) = S::inputs();
+        let input = self.taken(inputs, taken_sequence, sent_ns)?;
+        let named_state = cue.resolve_state_sequence.max(cue.compensate_state_sequence);
+        let state = match named_state != self.state_sequence {
+            true => Some(self.taken(|window| &mut window.states, named_state, sent_ns)?),
+            false => None,
         };
-        if let Some(command) = &command {
-            cue.compensate_begun_ns = command.stamps.compensate_begun_ns;
-            cue.command_sent_ns = command.stamps.command_sent_ns;
-            cue.compensate_state_sequence = command.state_sequence;
-            cue.model_update_sequence = command.model_update_sequence;
-        }
-        let input = self.note_named(&cue)?;
-        self.planned.push_back(Step { cue, input, setpoint, command });
+        let update = match cue.model_update_sequence != self.update_sequence {
+            true => Some(self.taken(|window| &mut window.updates, cue.model_update_sequence, sent_ns)?),
+            false => None,
+        };
+        self.state_sequence = named_state;
+        self.update_sequence = cue.model_update_sequence;
+        self.next = Some(Step { cue, input, state, update, output });
         Ok(())
     }
 
-    /// Keeps what a step rests on until it is sent. Returns the input.
-    fn note_named(&mut self, cue: &Cue) -> Result<Option<OperatorInput>, ReplayError> {
-        let (pass, sequence) = (self.pass, cue.input_sequence);
-        let mut input = None;
-        if self.has_inputs {
-            let found = self.window.find(|w| &mut w.inputs, pass, sequence)?;
-            input = Some(found.ok_or(ReplayError::Missing { sequence, channel: OperatorInput::CHANNEL })?);
-            self.window.inputs.forget_before(pass, sequence);
-        }
-        let named = [cue.resolve_state_sequence, cue.compensate_state_sequence];
-        for sequence in named.into_iter().filter(|sequence| *sequence > 0) {
-            let state = self.window.find(|w| &mut w.states, pass, sequence)?;
-            self.states.note(state.ok_or(ReplayError::Missing { sequence, channel: SlaveState::CHANNEL })?);
-        }
-        // A stage never goes back to an older state, but one may hear of it before the other; of one that names none, nothing
-        // is known.
-        let oldest = if self.has_inputs { named[0].min(named[1]) } else { named[1] };
-        self.window.states.forget_before(pass, oldest);
-        let sequence = cue.model_update_sequence;
-        if sequence > 0 {
-            let update = self.window.find(|w| &mut w.updates, pass, sequence)?;
-            let missing = ReplayError::Missing { sequence, channel: ModelUpdate::CHANNEL };
-            self.updates.note(update.ok_or(missing)?);
-            self.window.updates.forget_before(pass, sequence);
-        }
-        Ok(input)
-    }
-
-    fn command_of(&mut self, setpoint: &Setpoint) -> Result<Option<Command>, ReplayError> {
-        if self.command.is_none()
-            && let Some(command) = self.window.next(|w| &mut w.commands, self.pass)?
-        {
-            check_next(&command, &mut self.n_commands)?;
-            self.command = Some(command);
-        }
-        match &self.command {
-            Some(command) if command.setpoint_sequence < setpoint.sequence => Err(orphan(command)),
-            Some(command) if command.setpoint_sequence == setpoint.sequence => Ok(self.command.take()),
-            _ => Ok(None),
-        }
-    }
-
-    fn end(&mut self) -> Result<(), ReplayError> {
-        self.is_whole = true;
-        let rest = self.window.next(|w| &mut w.commands, self.pass)?;
-        match self.command.or(rest) {
-            Some(command) => Err(orphan(&command)),
-            None => Ok(()),
-        }
+    /// The message that a step names, with its run. What is older is never named again.
+    fn taken<M: Message>(&mut self, of: Of<M>, sequence: u64, sent_ns: i64) -> Result<(u64, M), ReplayError> {
+        let found = self.window.named(of, sequence, sent_ns)?;
+        let (run, message) = found.ok_or(ReplayError::Missing { sequence, channel: M::CHANNEL })?;
+        of(self.window).forget_before(run, sequence);
+        Ok((run, message))
     }
 }
 
 /// Which model a command rests on; messages of before version 3 do not say.
 pub(crate) fn model_of(command: &Command) -> Option<ModelHash> {
     (command.model_hash != 0).then_some(ModelHash(command.model_hash))
-}
-
-/// A command whose setpoint is not there.
-fn orphan(command: &Command) -> ReplayError {
-    ReplayError::Missing { sequence: command.setpoint_sequence, channel: Setpoint::CHANNEL }
 }
 
 /// A stage that starts anew counts from 1, and so must what it is compared with.

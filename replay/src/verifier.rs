@@ -1,20 +1,22 @@
-//! One pass through freshly started stages again, several samples under way at once, every output compared byte by byte.
+//! One run of a stage through a freshly started process again, several samples under way at once, every output compared
+//! byte by byte.
 //!
-//! Back-pressure: what comes out says how far the stages are, and never are more samples under way than [`WINDOW`]. So no
-//! queue overflows however the stages are scheduled, and every sample is accounted for.
+//! Back-pressure: what comes out says how far the stage is, and never are more samples under way than [`WINDOW`]. So no
+//! queue overflows however the stage is scheduled, and every sample is accounted for.
 
 use crate::ReplayError;
 use crate::difference::{Bytes, Difference, first_field};
+use crate::sender::Sender;
+use crate::stage::Stage;
 use crate::steps::{Step, Steps};
 use crate::window::Window;
 use core::time::Duration;
-use krait_ipc::message::{Command, Cue, Health, ModelUpdate, OperatorInput, Setpoint, SlaveState};
+use krait_ipc::message::{Cue, Health, Message, ModelUpdate, SlaveState};
 use krait_ipc::{Bus, Process, ReadOptions, Reader, Reason, Reasons, Writer, clock, health_channel};
 use krait_model::ModelHash;
-use krait_schema::Sample;
 use std::collections::VecDeque;
 
-/// Samples under way at most. A stage's queue holds 256; a sample rests on up to two states.
+/// Samples under way at most. A stage's queue holds 256.
 const WINDOW: usize = 96;
 /// How long the replay sleeps at most before it looks at the world again.
 pub(crate) const PATIENCE: Duration = Duration::from_millis(20);
@@ -30,256 +32,193 @@ pub enum Turn {
     Done,
 }
 
-/// Sends a pass and compares what comes back.
-pub struct Verifier<'a> {
-    pass: u64,
-    steps: Steps<'a>,
-    channels: Channels,
+/// One run of a process that is repeated.
+pub trait Repetition {
+    /// Which process it is.
+    fn process(&self) -> Process;
+    /// Which model the run rests on, if it says so; known before the first turn.
+    fn model(&self) -> Option<ModelHash>;
+    /// Takes what came back, sends what there is room for, and sleeps a little if neither was possible.
+    ///
+    /// # Errors
+    /// [`ReplayError::Missing`] or [`ReplayError::Gap`] for what the recording does not hold, [`ReplayError::Stalled`] when
+    /// nothing comes back any more, or a channel failed.
+    fn turn(&mut self, bus: &Bus) -> Result<Turn, ReplayError>;
+    /// Outputs that came out the same.
+    fn n_identical(&self) -> u64;
+    /// Bytes compared so far.
+    fn n_bytes(&self) -> u64;
+    /// The first difference, if there is one.
+    fn difference(&self) -> Option<&Difference>;
+}
+
+/// Sends what a run of a stage took and compares what comes back.
+pub struct Verifier<'a, S: Stage> {
+    run: u64,
+    steps: Steps<'a, S>,
+    model: Option<ModelHash>,
+    inputs: Sender<S::In>,
+    cues: Writer<Cue>,
+    states: Sender<SlaveState>,
+    updates: Sender<ModelUpdate>,
+    outputs: Reader<S::Out>,
+    health: Reader<Health>,
     n_fed: u64,
     /// What the samples fed so far must give.
-    setpoints_due: VecDeque<Setpoint>,
-    commands_due: VecDeque<Command>,
-    /// Setpoints that came out the same.
-    pub n_setpoints: u64,
-    /// Commands that came out the same.
-    pub n_commands: u64,
+    due: VecDeque<S::Out>,
+    n_identical: u64,
     bytes: Bytes,
     difference: Option<Difference>,
     progress_ns: i64,
 }
 
-/// Where samples are sent, and where their outputs come back.
-struct Channels {
-    inputs: Option<Writer<OperatorInput>>,
-    // Without operator input, the setpoints are what is sent.
-    sent_setpoints: Option<Writer<Setpoint>>,
-    cues: Writer<Cue>,
-    states: Writer<SlaveState>,
-    updates: Writer<ModelUpdate>,
-    setpoints: Option<Reader<Setpoint>>,
-    commands: Reader<Command>,
-    healths: Vec<(Process, Reader<Health>)>,
-}
-
-impl<'a> Verifier<'a> {
-    /// Opens the channels for a pass, from 1; `None` when there is no such pass. The stages must be started after this and be
-    /// ready before the first turn. Without operator input (`has_inputs`), setpoints are what is sent.
+impl<'a, S: Stage> Verifier<'a, S> {
+    /// Opens the channels for a run of the stage, from 1; `None` when there is no such run. The stage must be started after
+    /// this and be ready before the first turn.
     ///
     /// # Errors
     /// [`ReplayError`] when the recording lacks what a step depended on, or a channel cannot be had.
-    pub fn open(bus: &Bus, window: &'a mut Window, pass: u64, has_inputs: bool) -> Result<Option<Self>, ReplayError> {
-        let Some(steps) = Steps::of(window, pass, has_inputs)? else { return Ok(None) };
-        let channels = Channels {
-            inputs: if has_inputs { Some(bus.writer()?) } else { None },
-            sent_setpoints: if has_inputs { None } else { Some(bus.writer()?) },
-            cues: bus.writer()?,
-            states: bus.writer()?,
-            updates: bus.writer()?,
-            setpoints: if has_inputs { Some(bus.reader(ReadOptions::observing())?) } else { None },
-            commands: bus.reader(ReadOptions::following())?,
-            healths: [Process::Resolve, Process::Compensate]
-                .into_iter()
-                .map(|process| Ok((process, bus.reader_on(&health_channel(process), ReadOptions::glancing())?)))
-                .collect::<Result<_, ReplayError>>()?,
-        };
+    pub fn open(bus: &Bus, window: &'a mut Window, run: u64) -> Result<Option<Self>, ReplayError> {
+        let Some(steps) = Steps::of(window, run)? else { return Ok(None) };
         Ok(Some(Self {
-            pass,
+            run,
+            model: steps.model(),
             steps,
-            channels,
+            inputs: Sender::open(bus)?,
+            cues: bus.writer()?,
+            states: Sender::open(bus)?,
+            updates: Sender::open(bus)?,
+            outputs: bus.reader(ReadOptions::following())?,
+            health: bus.reader_on(&health_channel(S::PROCESS), ReadOptions::glancing())?,
             n_fed: 0,
-            setpoints_due: VecDeque::new(),
-            commands_due: VecDeque::new(),
-            n_setpoints: 0,
-            n_commands: 0,
+            due: VecDeque::new(),
+            n_identical: 0,
             bytes: Bytes::default(),
             difference: None,
             progress_ns: clock::monotonic_ns(),
         }))
     }
 
-    /// Which model the pass was compensated with, if it holds a command that says so.
-    pub fn model(&self) -> Option<ModelHash> {
-        self.steps.model()
+    fn feed(&mut self, bus: &Bus) -> Result<u64, ReplayError> {
+        let before = self.n_fed;
+        while self.due.len() < WINDOW
+            && self.has_room_for_next()
+            && let Some(step) = self.steps.pop()?
+        {
+            self.n_fed += 1;
+            self.send(bus, &step)?;
+            self.due.push_back(step.output);
+        }
+        if self.n_fed > before {
+            self.states.wake()?;
+            self.updates.wake()?;
+            self.inputs.wake()?;
+        }
+        Ok(self.n_fed - before)
     }
 
-    /// Setpoints at the end of the pass that no command answers; they are not repeated. Known at the end.
-    pub fn n_unanswered(&self) -> usize {
-        self.steps.n_unanswered()
+    /// Before another writer takes over a channel, all that the one before has sent must have been used.
+    fn has_room_for_next(&self) -> bool {
+        let Some(step) = self.steps.peek() else { return false };
+        let begins = self.inputs.begins(step.input.0)
+            || step.state.is_some_and(|(run, _)| self.states.begins(run))
+            || step.update.is_some_and(|(run, _)| self.updates.begins(run));
+        !begins || self.due.is_empty()
     }
 
-    /// How long it took when it was recorded, s. Known at the end.
-    pub fn recorded_s(&self) -> f64 {
-        self.steps.ends_ns.map_or(0.0, |(first_ns, last_ns)| last_ns.saturating_sub(first_ns) as f64 * 1e-9)
+    /// First what the step depends on, then the cue, then the sample: whoever has the sample has all of it.
+    fn send(&mut self, bus: &Bus, step: &Step<S>) -> Result<(), ReplayError> {
+        if let Some((run, state)) = &step.state {
+            self.states.put(bus, *run, state)?;
+        }
+        if let Some((run, update)) = &step.update {
+            self.updates.put(bus, *run, update)?;
+        }
+        self.cues.put(&Cue { sequence: self.n_fed, ..step.cue })?;
+        let (run, input) = &step.input;
+        self.inputs.put(bus, *run, input)
     }
 
-    /// Bytes compared so far.
-    pub fn n_bytes(&self) -> u64 {
-        self.bytes.n_compared
+    fn take(&mut self) -> Result<u64, ReplayError> {
+        let mut n_taken = 0;
+        while self.difference.is_none()
+            && let Some(repeated) = self.outputs.take()?.map(|output| *output)
+        {
+            n_taken += 1;
+            self.compare(&repeated);
+            self.n_identical += u64::from(self.difference.is_none());
+        }
+        Ok(n_taken)
     }
 
-    /// The first difference, if there is one.
-    pub fn difference(&self) -> Option<&Difference> {
-        self.difference.as_ref()
+    fn compare(&mut self, repeated: &S::Out) {
+        let Some(recorded) = self.due.pop_front() else {
+            let sequence = repeated.sequence();
+            return self.differ(sequence, ("(output)".to_owned(), "none".to_owned(), "one".to_owned()));
+        };
+        let sequence = recorded.sequence();
+        if S::rests_on(&recorded).taken_sequence != S::rests_on(repeated).taken_sequence {
+            self.differ(sequence, ("(output)".to_owned(), "one".to_owned(), "none".to_owned()));
+        } else if !self.bytes.same(&S::sample(&recorded), &S::sample(repeated)) {
+            self.differ(sequence, first_field(&recorded, repeated));
+        }
     }
 
-    /// Takes what came back, sends what there is room for, and sleeps a little if neither was possible.
-    ///
-    /// # Errors
-    /// [`ReplayError::Stalled`] when nothing comes back any more, or a channel failed.
-    pub fn turn(&mut self) -> Result<Turn, ReplayError> {
-        let n_taken = self.take_setpoints()? + self.take_commands()?;
-        let is_answered = self.commands_due.is_empty() && self.setpoints_due.is_empty();
-        if self.difference.is_some() || (is_answered && self.steps.peek().is_none()) {
+    fn differ(&mut self, sequence: u64, (field, recorded, repeated): (String, String, String)) {
+        let (process, run) = (S::PROCESS, self.run);
+        self.difference = Some(Difference { process, run, sequence, field, recorded, repeated });
+    }
+
+    /// A sample that is refused gives no output; the stage says so in its health.
+    fn look_for_refusals(&mut self) -> Result<(), ReplayError> {
+        let Some(health) = self.health.take_newest()?.filter(|health| health.n_refused > 0) else { return Ok(()) };
+        let why = Reasons::from_bits(health.reasons_now).iter().next().map_or("refused", Reason::sentence);
+        self.differ(self.n_identical + 1, ("(output)".to_owned(), "one".to_owned(), format!("none: {why}")));
+        Ok(())
+    }
+}
+
+impl<S: Stage> Repetition for Verifier<'_, S> {
+    fn process(&self) -> Process {
+        S::PROCESS
+    }
+
+    fn model(&self) -> Option<ModelHash> {
+        self.model
+    }
+
+    fn turn(&mut self, bus: &Bus) -> Result<Turn, ReplayError> {
+        let n_taken = self.take()?;
+        if self.difference.is_some() || (self.due.is_empty() && self.steps.peek().is_none()) {
             return Ok(Turn::Done);
         }
-        let n_sent = self.feed()?;
+        let n_sent = self.feed(bus)?;
         let now_ns = clock::monotonic_ns();
         if n_taken + n_sent > 0 {
             self.progress_ns = now_ns;
             return Ok(Turn::Going);
         }
-        self.channels.commands.wait(PATIENCE)?;
+        self.outputs.wait(PATIENCE)?;
         self.look_for_refusals()?;
         if now_ns - self.progress_ns > STALL_NS {
             return Err(ReplayError::Stalled {
                 sample: self.n_fed,
-                n_waiting: self.commands_due.len() as u64,
+                n_waiting: self.due.len() as u64,
                 patience_s: STALL_NS.unsigned_abs() / 1_000_000_000,
             });
         }
         Ok(Turn::Going)
     }
 
-    fn feed(&mut self) -> Result<u64, ReplayError> {
-        let before = self.n_fed;
-        while self.setpoints_due.len() < WINDOW
-            && self.commands_due.len() < WINDOW
-            && let Some(step) = self.steps.peek().copied()
-        {
-            self.n_fed += 1;
-            self.send(&step)?;
-            self.steps.pop()?;
-            self.setpoints_due.extend(step.input.map(|_| step.setpoint));
-            self.commands_due.extend(step.command);
-        }
-        if self.n_fed > before {
-            self.channels.wake()?;
-        }
-        Ok(self.n_fed - before)
+    fn n_identical(&self) -> u64 {
+        self.n_identical
     }
 
-    /// First what the step depends on, then the cue, then the sample: whoever has the sample has all of it.
-    fn send(&mut self, step: &Step) -> Result<(), ReplayError> {
-        let cue = &step.cue;
-        let newest_state = cue.resolve_state_sequence.max(cue.compensate_state_sequence);
-        while let Some(state) = self.steps.states.next_up_to(newest_state) {
-            self.channels.states.put(&state)?;
-        }
-        while let Some(update) = self.steps.updates.next_up_to(cue.model_update_sequence) {
-            self.channels.updates.put(&update)?;
-        }
-        self.channels.cues.put(&Cue { sequence: self.n_fed, ..*cue })?;
-        if let (Some(inputs), Some(input)) = (&mut self.channels.inputs, &step.input) {
-            inputs.put(input)?;
-        }
-        if let Some(setpoints) = &mut self.channels.sent_setpoints {
-            setpoints.put(&step.setpoint)?;
-        }
-        Ok(())
+    fn n_bytes(&self) -> u64 {
+        self.bytes.n_compared
     }
 
-    fn take_setpoints(&mut self) -> Result<u64, ReplayError> {
-        let mut n_taken = 0;
-        while let Some(reader) = &mut self.channels.setpoints
-            && self.difference.is_none()
-            && let Some(repeated) = reader.take()?.map(|setpoint| *setpoint)
-        {
-            n_taken += 1;
-            let recorded = self.setpoints_due.pop_front();
-            let was_refused = |recorded: &Setpoint| recorded.input_sequence != repeated.input_sequence;
-            let refused = recorded.is_some_and(|recorded| was_refused(&recorded));
-            self.compare(Process::Resolve, recorded, repeated, refused, |s| (s.sequence, Sample::Setpoint(*s)));
-            self.n_setpoints += u64::from(self.difference.is_none());
-        }
-        Ok(n_taken)
-    }
-
-    fn take_commands(&mut self) -> Result<u64, ReplayError> {
-        let mut n_taken = 0;
-        while self.difference.as_ref().is_none_or(|found| found.process == Process::Resolve)
-            && let Some(repeated) = self.channels.commands.take()?.map(|command| *command)
-        {
-            n_taken += 1;
-            // What rests on a setpoint that differs need not be looked at: the setpoint is the first difference.
-            let limit = self.difference.as_ref().map_or(u64::MAX, |found| found.sequence);
-            if repeated.setpoint_sequence >= limit {
-                break;
-            }
-            let recorded = self.commands_due.pop_front();
-            let refused = recorded.is_some_and(|recorded| recorded.setpoint_sequence != repeated.setpoint_sequence);
-            let before = self.difference.take();
-            self.compare(Process::Compensate, recorded, repeated, refused, |c| (c.sequence, Sample::Command(*c)));
-            self.n_commands += u64::from(self.difference.is_none());
-            self.difference = self.difference.take().or(before);
-        }
-        Ok(n_taken)
-    }
-
-    fn compare<M: core::fmt::Debug>(
-        &mut self,
-        process: Process,
-        recorded: Option<M>,
-        repeated: M,
-        refused: bool,
-        of: impl Fn(&M) -> (u64, Sample),
-    ) {
-        let (sequence, repeated_sample) = of(&repeated);
-        let Some(recorded) = recorded else {
-            self.differ(process, sequence, ("(output)".to_owned(), "none".to_owned(), "one".to_owned()));
-            return;
-        };
-        let (sequence, recorded_sample) = of(&recorded);
-        if refused {
-            self.differ(process, sequence, ("(output)".to_owned(), "one".to_owned(), "none".to_owned()));
-        } else if !self.bytes.same(&recorded_sample, &repeated_sample) {
-            self.differ(process, sequence, first_field(&recorded, &repeated));
-        }
-    }
-
-    fn differ(&mut self, process: Process, sequence: u64, (field, recorded, repeated): (String, String, String)) {
-        self.difference = Some(Difference { process, pass: self.pass, sequence, field, recorded, repeated });
-    }
-
-    /// A sample that is refused gives no output; the stage says so in its health.
-    fn look_for_refusals(&mut self) -> Result<(), ReplayError> {
-        let mut refused = None;
-        for (process, reader) in &mut self.channels.healths {
-            if let Some(health) = reader.take_newest()?
-                && health.n_refused > 0
-                && refused.is_none()
-            {
-                let why = Reasons::from_bits(health.reasons_now).iter().next().map_or("refused", Reason::sentence);
-                refused = Some((*process, why));
-            }
-        }
-        if let Some((process, why)) = refused {
-            let sequence = 1 + if process == Process::Resolve { self.n_setpoints } else { self.n_commands };
-            self.differ(process, sequence, ("(output)".to_owned(), "one".to_owned(), format!("none: {why}")));
-        }
-        Ok(())
-    }
-}
-
-impl Channels {
-    fn wake(&mut self) -> Result<(), ReplayError> {
-        self.states.wake()?;
-        self.updates.wake()?;
-        if let Some(inputs) = &mut self.inputs {
-            inputs.wake()?;
-        }
-        if let Some(setpoints) = &mut self.sent_setpoints {
-            setpoints.wake()?;
-        }
-        Ok(())
+    fn difference(&self) -> Option<&Difference> {
+        self.difference.as_ref()
     }
 }

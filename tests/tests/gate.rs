@@ -7,77 +7,16 @@ use core::time::Duration;
 use krait_ipc::clock::monotonic_ns;
 use krait_ipc::message::{Command, OperatingState, Phase, SlaveState, StateCommand, Transition};
 use krait_ipc::{Bus, ReadOptions, Reason, Reasons};
-use krait_record::Recording;
-use krait_schema::Sample;
-use krait_tests::{Ended, Krait, TempFolder, instance_name, krait_program, processes_of, wait_until};
+use krait_tests::{
+    Ended, Krait, TempFolder, assert_no_jump, instance_name, is_moving, krait_program, signal_process, states_in,
+    wait_for, wait_until,
+};
 use rustix::process::{Pid, Signal, kill_process};
 use std::io::Write;
 use std::os::fd::OwnedFd;
-use std::path::Path;
 use std::process::Stdio;
 
 const PATIENCE: Duration = Duration::from_secs(240);
-/// The slave's default rate limit, m/s, and the credit that one write can have, ns.
-const RATE_M_PER_S: f64 = 30e-3;
-const PERIOD_NS: i64 = 1_000_000;
-
-fn states_in(recording: &str) -> Vec<SlaveState> {
-    let recording = Recording::open(Path::new(recording)).expect("readable");
-    let samples = recording.samples().expect("samples");
-    samples
-        .filter_map(|recorded| match recorded.expect("readable").sample {
-            Sample::State(state) => Some(state),
-            _ => None,
-        })
-        .collect()
-}
-
-fn step_m(before: &SlaveState, after: &SlaveState) -> f64 {
-    (0..3).map(|i| (after.setpoint_q_m[i] - before.setpoint_q_m[i]).abs()).fold(0.0, f64::max)
-}
-
-/// No write went further than the rate allows in the time since the write before, at most one period, and a micrometre.
-/// Power that comes and homing seed the setpoint anew; they are no writes of the gate.
-fn assert_no_jump(states: &[SlaveState]) {
-    let mut n_moved = 0;
-    for pair in states.windows(2) {
-        let [before, after] = pair else { continue };
-        let seeded = before.flags & SlaveState::IS_BUSY != 0 || before.operating() != after.operating();
-        if seeded || after.sequence != before.sequence + 1 {
-            continue;
-        }
-        let credit_ns = (after.setpoint_ns - before.setpoint_ns).clamp(0, PERIOD_NS);
-        let allowed_m = RATE_M_PER_S * credit_ns as f64 * 1e-9 + 1e-6;
-        assert!(step_m(before, after) <= allowed_m, "{} m, {allowed_m} m allowed: {after:?}", step_m(before, after));
-        n_moved += u32::from(step_m(before, after) > 0.0);
-    }
-    assert!(n_moved > 100, "{n_moved} writes moved the drives");
-}
-
-fn signal(instance: &str, process: &str, signal: Signal) {
-    let pid = processes_of(instance).into_iter().find(|(name, _)| name == process).expect("it runs").1;
-    kill_process(Pid::from_raw(pid.cast_signed()).expect("a process id"), signal).expect("it lives");
-}
-
-/// Waits until the slave of an instance says something.
-fn wait_for(instance: &str, what: &str, is_so: impl Fn(&SlaveState) -> bool) {
-    // A chain starts only where nobody is in the instance yet: observe it once all of it is there.
-    assert!(wait_until(PATIENCE, || processes_of(instance).len() == 7), "{:?}", processes_of(instance));
-    let bus = Bus::open(instance, "test").expect("joined");
-    let mut states = bus.reader::<SlaveState>(ReadOptions::observing()).expect("read");
-    let mut last = None;
-    let found = wait_until(PATIENCE, || {
-        last = states.take_newest().expect("taken").map(|state| *state).or(last);
-        last.as_ref().is_some_and(&is_so)
-    });
-    assert!(found, "never {what}; last {last:?}");
-}
-
-/// Engaged, and a line has moved by more than 0.3 mm from home: the recorded hand rests in its first second.
-fn is_moving(state: &SlaveState) -> bool {
-    state.is_engaged() && state.setpoint_q_m.iter().any(|q_m| q_m.abs() > 0.3e-3)
-}
-
 #[test]
 fn a_recording_that_was_not_asked_to_engage_moves_nothing_and_says_so() {
     let (instance, folder) = (instance_name("lone"), TempFolder::new("lone"));
@@ -99,10 +38,10 @@ fn a_stall_of_each_stage_ends_the_motion_for_good_and_no_write_jumps() {
         let path = folder.file("run.mcap");
         let krait = Krait::start(&["run", "--engage", "--instance", &instance, "--recording", &path]);
         wait_for(&instance, "moving", is_moving);
-        signal(&instance, stage, Signal::STOP);
+        signal_process(&instance, stage, Signal::STOP);
         std::thread::sleep(Duration::from_millis(stall_ms));
         let continued_ns = monotonic_ns();
-        signal(&instance, stage, Signal::CONT);
+        signal_process(&instance, stage, Signal::CONT);
         std::thread::sleep(Duration::from_millis(1000));
         krait.signal(Signal::INT);
         krait.end(PATIENCE);

@@ -7,9 +7,12 @@ use crate::{print, recorded, signals};
 use anyhow::Context;
 use krait_ipc::{Process, clock};
 use krait_record::Recording;
-use krait_replay::{Difference, LearningVerifier, Turn, Verifier, Window};
+use krait_replay::{
+    Compensate, Difference, LearningVerifier, Repetition, Resolve, Restart, Stage, Survey, Turn, Verifier, Window,
+};
 use krait_schema::Channel;
 use serde::Serialize;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -31,8 +34,11 @@ struct Verdict {
     updates_identical: u64,
     /// Bytes of all these.
     bytes_identical: u64,
-    /// Setpoints at the end of a pass that no command answers; they are not repeated.
-    setpoints_unanswered: usize,
+    /// Setpoints that no command answers: `compensate` refused them, or was not there.
+    setpoints_unanswered: u64,
+    /// Processes that were started again while the others ran on. Each begins from nothing: its numbers at 1, its memory empty,
+    /// at rest in the straight pose, with the values of the model file. So it was repeated by a process of its own.
+    restarts: Vec<Restart>,
     /// Length of what was repeated, s.
     recorded_s: f64,
     /// Time that the samples took through the processes, s.
@@ -41,140 +47,142 @@ struct Verdict {
     recorded_with: String,
     /// Version and git revision of this program.
     verified_with: String,
-    /// Commands that were not repeated: of a stage that was started again while the others ran on.
-    commands_not_repeated: u64,
+    /// Setpoints, commands and model updates of the recording that were not repeated.
+    not_repeated: u64,
     /// What the recording is known to lack, in its own order: a file that is cut holds less than was run.
     missing: Vec<String>,
     /// The first output that differs, if any does.
     first_difference: Option<Difference>,
 }
 
-/// Repeats every step of a recording in freshly started processes and says whether all came out the same, or shows the
-/// first that did not.
+/// Repeats every step of a recording in freshly started processes, one for each run of a process, and says whether all came
+/// out the same, or shows the first that did not.
 pub fn run(common: &Common, args: &VerifyArgs) -> anyhow::Result<ExitCode> {
     let stop = signals::stop_flag()?;
     let of_recording = || format!("recording {}", args.recording.display());
     let parts = Recording::open_parts(&args.recording)?;
     let recording = &parts[0];
+    let count = |channel| {
+        let counts = parts.iter().filter_map(|part| part.contents().channels.get(&channel));
+        counts.map(|counts| counts.n_messages).sum::<u64>()
+    };
+    let (n_setpoints, n_commands, n_updates) =
+        (count(Channel::Setpoint), count(Channel::Command), count(Channel::ModelUpdate));
+    anyhow::ensure!(n_setpoints > 0, "{}: it holds no setpoint, so there is nothing to repeat", of_recording());
+    let has_inputs = count(Channel::Input) > 0;
+    let mut supervisor = Supervisor::new(&recorded::instance_of(&common.instance, "verify"), &stop)?;
+    let folder = supervisor.bus().instance().folder();
+    let config = recorded::config_of(recording, &folder).with_context(of_recording)?;
+    let survey = Survey::of(&args.recording)?;
     let mut verdict = Verdict {
         parts: parts.len(),
+        passes: survey.n_passes,
+        restarts: survey.restarts,
+        recorded_s: survey.recorded_s,
+        setpoints_unanswered: n_setpoints.saturating_sub(n_commands),
         missing: parts.iter().flat_map(|part| &part.contents().missing).map(ToString::to_string).collect(),
         recorded_with: recorded::made_with(recording),
         verified_with: recorded::this_program(),
         ..Verdict::default()
     };
-    let mut supervisor = Supervisor::new(&recorded::instance_of(&common.instance, "verify"), &stop)?;
-    let folder = supervisor.bus().instance().folder();
-    let config = recorded::config_of(recording, &folder).with_context(of_recording)?;
-    let has_inputs = parts.iter().any(|part| part.contents().channels.contains_key(&Channel::Input));
-    let mut window = Window::open(&args.recording)?;
-    let mut learning = Window::open_for_learning(&args.recording)?;
-    for pass in 1.. {
-        let verifier = Verifier::open(supervisor.bus(), &mut window, pass, has_inputs).with_context(of_recording)?;
-        let Some(verifier) = verifier else { break };
-        verdict.passes = pass;
-        let model = verifier.model().with_context(|| {
-            format!(
-                "{}: its commands do not say which model they rest on, because an earlier version made it; its inputs can be \
-                 played with `krait replay`, its steps cannot be compared",
-                of_recording()
-            )
-        })?;
-        let config = recorded::config_of_pass(recording, &config, Some(model), &folder).with_context(of_recording)?;
-        let steps = options(config.clone(), has_inputs);
-        verify_pass(&mut supervisor, &steps, verifier, &mut verdict, &stop).with_context(of_recording)?;
-        supervisor.end_chain();
-        if verdict.first_difference.is_none() {
-            let learnt = LearningVerifier::open(supervisor.bus(), &mut learning, pass).with_context(of_recording)?;
-            if let Some(learnt) = learnt {
-                verify_learning(&mut supervisor, config, learnt, &mut verdict, &stop).with_context(of_recording)?;
-            }
-            supervisor.end_chain();
-        }
-        if verdict.first_difference.is_some() {
-            break;
-        }
+    let mut work = Work { path: &args.recording, recording, config, folder, stop: &stop, supervisor: &mut supervisor };
+    // Without operator input, setpoints are what was sent.
+    if has_inputs {
+        work.stage::<Resolve>(&mut verdict).with_context(of_recording)?;
     }
-    let counted = parts.iter().filter_map(|part| part.contents().channels.get(&Channel::Command));
-    let n_commands: u64 = counted.map(|counts| counts.n_messages).sum();
-    if verdict.first_difference.is_none() {
-        verdict.commands_not_repeated = n_commands.saturating_sub(verdict.commands_identical);
-    }
-    anyhow::ensure!(verdict.passes > 0, "{}: it holds no setpoint, so there is nothing to repeat", of_recording());
+    work.stage::<Compensate>(&mut verdict).with_context(of_recording)?;
+    work.learning(&mut verdict).with_context(of_recording)?;
     supervisor.end();
+    if verdict.first_difference.is_none() {
+        let n_recorded = n_commands + n_updates + if has_inputs { n_setpoints } else { 0 };
+        let Verdict { setpoints_identical, commands_identical, updates_identical, .. } = verdict;
+        verdict.not_repeated = n_recorded.saturating_sub(setpoints_identical + commands_identical + updates_identical);
+    }
     if args.json {
         print::json(&verdict)?;
     } else {
         print::out(&sentence(&verdict))?;
     }
-    Ok(if verdict.first_difference.is_none() && verdict.commands_not_repeated == 0 {
-        ExitCode::SUCCESS
-    } else {
-        ExitCode::FAILURE
-    })
+    let is_good = verdict.first_difference.is_none() && verdict.not_repeated == 0;
+    Ok(if is_good { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-fn options(config: Config, has_inputs: bool) -> ChainOptions {
-    let mut processes = vec![Process::Compensate];
-    processes.extend(has_inputs.then_some(Process::Resolve));
-    let cast = Cast { processes, recorded_time_ns: Some(0), comes_back: false };
-    ChainOptions { config, master: MasterKind::Replay, input: None, looped: false, engage: None, cast }
-}
-
-fn verify_pass(
-    supervisor: &mut Supervisor,
-    options: &ChainOptions,
-    mut verifier: Verifier<'_>,
-    verdict: &mut Verdict,
-    stop: &AtomicBool,
-) -> anyhow::Result<()> {
-    supervisor.start_chain(options, stop)?;
-    let start_ns = clock::monotonic_ns();
-    let mut look_ns = start_ns;
-    while verifier.turn()? == Turn::Going {
-        let now_ns = clock::monotonic_ns();
-        if now_ns >= look_ns {
-            look_ns = now_ns + LOOK_EVERY_NS;
-            supervisor.look()?;
-            anyhow::ensure!(!stop.load(Ordering::Relaxed), "stopped before the end of the recording");
-        }
-    }
-    verdict.took_s += (clock::monotonic_ns() - start_ns) as f64 * 1e-9;
-    verdict.recorded_s += verifier.recorded_s();
-    verdict.setpoints_identical += verifier.n_setpoints;
-    verdict.commands_identical += verifier.n_commands;
-    verdict.bytes_identical += verifier.n_bytes();
-    verdict.setpoints_unanswered += verifier.n_unanswered();
-    verdict.first_difference = verifier.difference().cloned();
-    Ok(())
-}
-
-/// What `estimate` learnt in a pass, on the clock of this machine: its updates do not look at it.
-fn verify_learning(
-    supervisor: &mut Supervisor,
+/// What every repetition needs.
+struct Work<'a> {
+    path: &'a Path,
+    recording: &'a Recording,
     config: Config,
-    mut verifier: LearningVerifier<'_>,
-    verdict: &mut Verdict,
-    stop: &AtomicBool,
-) -> anyhow::Result<()> {
-    let cast = Cast { processes: vec![Process::Estimate], ..Cast::live() };
-    let options = ChainOptions { config, master: MasterKind::Replay, input: None, looped: false, engage: None, cast };
-    supervisor.start_chain(&options, stop)?;
-    let start_ns = clock::monotonic_ns();
-    let mut look_ns = start_ns;
-    while verifier.turn()? == Turn::Going {
-        let now_ns = clock::monotonic_ns();
-        if now_ns >= look_ns {
-            look_ns = now_ns + LOOK_EVERY_NS;
-            supervisor.look()?;
-            anyhow::ensure!(!stop.load(Ordering::Relaxed), "stopped before the end of the recording");
+    folder: PathBuf,
+    stop: &'a AtomicBool,
+    supervisor: &'a mut Supervisor,
+}
+
+impl Work<'_> {
+    /// Every run of a stage, each by a process of its own.
+    fn stage<S: Stage>(&mut self, verdict: &mut Verdict) -> anyhow::Result<()> {
+        let mut window = Window::open(self.path, S::CHANNELS)?;
+        for run in 1.. {
+            if verdict.first_difference.is_some() {
+                break;
+            }
+            let Some(verifier) = Verifier::<S>::open(self.supervisor.bus(), &mut window, run)? else { break };
+            self.repeat(verifier, Some(0), verdict)?;
         }
+        Ok(())
     }
-    verdict.took_s += (clock::monotonic_ns() - start_ns) as f64 * 1e-9;
-    verdict.updates_identical += verifier.n_updates;
-    verdict.bytes_identical += verifier.n_bytes();
-    verdict.first_difference = verifier.difference().cloned();
-    Ok(())
+
+    /// Every run of `estimate`, on the clock of this machine: its updates do not look at it.
+    fn learning(&mut self, verdict: &mut Verdict) -> anyhow::Result<()> {
+        let mut window = Window::open(self.path, LearningVerifier::CHANNELS)?;
+        for run in 1.. {
+            if verdict.first_difference.is_some() {
+                break;
+            }
+            let Some(verifier) = LearningVerifier::open(self.supervisor.bus(), &mut window, run)? else { break };
+            self.repeat(verifier, None, verdict)?;
+        }
+        Ok(())
+    }
+
+    fn repeat(
+        &mut self,
+        mut repetition: impl Repetition,
+        recorded_time_ns: Option<i64>,
+        verdict: &mut Verdict,
+    ) -> anyhow::Result<()> {
+        let process = repetition.process();
+        let model = repetition.model().with_context(|| {
+            format!(
+                "what `{process}` published does not say which model it rests on, because an earlier version made it; its \
+                 inputs can be played with `krait replay`, its steps cannot be compared"
+            )
+        })?;
+        let config = recorded::config_of_pass(self.recording, &self.config, Some(model), &self.folder)?;
+        let cast = Cast { processes: vec![process], recorded_time_ns, comes_back: false };
+        let options =
+            ChainOptions { config, master: MasterKind::Replay, input: None, looped: false, engage: None, cast };
+        self.supervisor.start_chain(&options, self.stop)?;
+        let start_ns = clock::monotonic_ns();
+        let mut look_ns = start_ns;
+        while repetition.turn(self.supervisor.bus())? == Turn::Going {
+            let now_ns = clock::monotonic_ns();
+            if now_ns >= look_ns {
+                look_ns = now_ns + LOOK_EVERY_NS;
+                self.supervisor.look()?;
+                anyhow::ensure!(!self.stop.load(Ordering::Relaxed), "stopped before the end of the recording");
+            }
+        }
+        verdict.took_s += (clock::monotonic_ns() - start_ns) as f64 * 1e-9;
+        *match process {
+            Process::Resolve => &mut verdict.setpoints_identical,
+            Process::Compensate => &mut verdict.commands_identical,
+            _ => &mut verdict.updates_identical,
+        } += repetition.n_identical();
+        verdict.bytes_identical += repetition.n_bytes();
+        verdict.first_difference = repetition.difference().cloned();
+        self.supervisor.end_chain();
+        Ok(())
+    }
 }
 
 fn sentence(verdict: &Verdict) -> String {
@@ -193,11 +201,13 @@ fn sentence(verdict: &Verdict) -> String {
          ({bytes_identical} bytes) in {passes} passes"
     );
     let missing: String = verdict.missing.iter().map(|what| format!("not whole: {what}\n")).collect();
-    let not_repeated = match verdict.commands_not_repeated {
+    let restarts: String = verdict.restarts.iter().map(restart_line).collect();
+    let not_repeated = match verdict.not_repeated {
         0 => String::new(),
-        n => format!("not repeated: {n} commands; a stage was started again while the others ran on\n"),
+        n => format!("not repeated: {n} messages that the recording holds twice or out of order\n"),
     };
     missing
+        + &restarts
         + &not_repeated
         + &match &verdict.first_difference {
             None => format!(
@@ -205,16 +215,24 @@ fn sentence(verdict: &Verdict) -> String {
              {recorded_s:.1} s in {took_s:.2} s\n"
             ),
             Some(d) => format!(
-                "different: after {counts}, `{}` gives another {} in its output {} of pass {}: recorded {}, now {} \
+                "different: after {counts}, `{}` gives another {} in output {} of its run {}: recorded {}, now {} \
              (recorded with krait {}, verified with krait {})\n",
                 d.process,
                 d.field,
                 d.sequence,
-                d.pass,
+                d.run,
                 d.recorded,
                 d.repeated,
                 verdict.recorded_with,
                 verdict.verified_with
             ),
         }
+}
+
+fn restart_line(restart: &Restart) -> String {
+    let Restart { process, pass, at_s, n_before } = restart;
+    format!(
+        "`{process}` was started again {at_s:.3} s after the beginning of pass {pass}, after {n_before} messages: its numbers and \
+         its memory begin anew there, and so did the process that repeated it\n"
+    )
 }

@@ -1,4 +1,5 @@
-//! What happened, as lines of a log: a reason that begins or ends to hold, a new operating state, a wish for one.
+//! What happened, as lines of a log: a reason that begins or ends to hold, a process that was started again, a new operating
+//! state, a wish for one.
 
 use krait_ipc::message::{Health, Marker, OperatingState, StateCommand};
 use krait_ipc::{Process, Reason, Reasons};
@@ -10,6 +11,7 @@ use krait_schema::generated::foxglove::log::Level;
 #[derive(Debug, Default)]
 pub(super) struct Log {
     reasons: [Reasons; Process::ALL.len()],
+    pids: [Option<u32>; Process::ALL.len()],
     operating_state: Option<u32>,
 }
 
@@ -32,8 +34,10 @@ impl Log {
         let begun = now.iter().filter(|reason| !before.contains(*reason));
         let over = before.iter().filter(|reason| !now.contains(*reason));
         let begun = begun.map(|reason| line(process.name(), level(reason), reason.sentence().to_owned()));
+        let was = self.pids[process as usize].replace(health.pid);
+        let started = was.filter(|was| *was != health.pid).map(|was| started_again(process, was, health.pid));
         let over = over.map(|r| line(process.name(), Level::Debug, format!("no longer: {}", r.sentence())));
-        begun.chain(over).collect()
+        started.into_iter().chain(begun).chain(over).collect()
     }
 
     fn state(&mut self, found: u32) -> Vec<Line> {
@@ -47,6 +51,11 @@ impl Log {
         };
         vec![line(Process::Slave.name(), level, format!("operating state: {word}"))]
     }
+}
+
+fn started_again(process: Process, was: u32, pid: u32) -> Line {
+    let what = format!("started again, pid {pid} after {was}: its numbers begin at 1 and its memory anew");
+    line(process.name(), Level::Warning, what)
 }
 
 fn asked(command: &StateCommand) -> Line {

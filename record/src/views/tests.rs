@@ -119,6 +119,8 @@ fn only_changes_are_told() {
     assert_eq!(lines(&health(&[Reason::BendLimit])), [Reason::BendLimit.sentence()]);
     assert!(lines(&health(&[Reason::BendLimit])).is_empty());
     assert_eq!(lines(&health(&[])), [format!("no longer: {}", Reason::BendLimit.sentence())]);
+    let again = lines(&Sample::Health(Process::Resolve, Box::new(Health { pid: 7, ..Health::default() })));
+    assert!(again.len() == 1 && again[0].starts_with("started again, pid 7"), "{again:?}");
     assert_eq!(lines(&state(0, 0)), ["operating state: DISABLED"]);
     assert!(lines(&state(MS, 0)).is_empty());
     assert_eq!(lines(&state(2 * MS, 3)), ["operating state: FAULT"]);

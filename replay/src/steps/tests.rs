@@ -3,8 +3,10 @@
 #![allow(clippy::expect_used, reason = "a panic is how a test fails")]
 
 use super::*;
+use crate::{Compensate, Resolve};
 use krait_record::{About, Recording, RecordingWriter};
 use krait_schema::Sample;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Samples of input in the shipped recording.
@@ -49,120 +51,96 @@ fn refusing(refused: impl Fn(u64) -> bool) -> impl Iterator<Item = Sample> {
     })
 }
 
-/// Every step of a pass, and the states in the order in which they would be sent.
-fn all_of(steps: &mut Steps<'_>) -> Result<(Vec<Step>, Vec<u64>), ReplayError> {
-    let (mut all, mut states) = (Vec::new(), Vec::new());
-    while let Some(step) = steps.peek().copied() {
-        let newest = step.cue.resolve_state_sequence.max(step.cue.compensate_state_sequence);
-        while let Some(state) = steps.states.next_up_to(newest) {
-            states.push(state.sequence);
-        }
-        steps.pop()?;
-        all.push(step);
+/// Every step of a run.
+fn run_of<S: Stage>(file: &File, run: u64) -> Result<Vec<Step<S>>, ReplayError> {
+    let mut window = Window::open(&file.0, S::CHANNELS)?;
+    for before in 1..run {
+        all_of(&mut Steps::<S>::of(&mut window, before)?.expect("a run"))?;
     }
-    Ok((all, states))
+    all_of(&mut Steps::of(&mut window, run)?.expect("a run"))
 }
 
-fn first_pass(
-    name: &str,
-    samples: impl IntoIterator<Item = Sample>,
-) -> Result<(Vec<Step>, Vec<u64>, usize), ReplayError> {
-    let file = file(name, samples);
-    let mut window = Window::open(&file.0)?;
-    let mut steps = Steps::of(&mut window, 1, true)?.expect("a pass");
-    let (all, states) = all_of(&mut steps)?;
-    Ok((all, states, steps.n_unanswered()))
+fn all_of<S: Stage>(steps: &mut Steps<'_, S>) -> Result<Vec<Step<S>>, ReplayError> {
+    let mut all = Vec::new();
+    while let Some(step) = steps.pop()? {
+        all.push(step);
+    }
+    Ok(all)
 }
 
 #[test]
 fn every_step_has_what_it_rests_on_and_no_more_is_held_than_needed() {
     let file = file("whole", shipped());
-    let mut window = Window::open(&file.0).expect("readable");
-    let mut steps = Steps::of(&mut window, 1, true).expect("whole").expect("a pass");
-    let mut most_held = 0;
-    let mut n = 0;
-    while let Some(step) = steps.peek().copied() {
+    let mut window = Window::open(&file.0, Compensate::CHANNELS).expect("readable");
+    let mut steps = Steps::<Compensate>::of(&mut window, 1).expect("whole").expect("a run");
+    let (mut most_held, mut n) = (0, 0);
+    while let Some(step) = steps.pop().expect("whole") {
         n += 1;
-        assert_eq!(step.setpoint.sequence, n);
-        assert_eq!(step.input.expect("an input").sequence, step.cue.input_sequence);
-        assert_eq!(step.command.expect("a command").setpoint_sequence, n);
-        steps.pop().expect("whole");
+        assert_eq!((step.output.sequence, step.input.1.sequence), (n, step.output.setpoint_sequence));
+        assert!(step.state.is_none_or(|(_, state)| state.sequence == step.output.state_sequence));
         most_held = most_held.max(steps.window.states.len() + steps.window.setpoints.len());
     }
-    let n_setpoints = shipped().iter().filter(|sample| matches!(sample, Sample::Setpoint(_))).count() as u64;
-    assert_eq!((n, steps.n_unanswered()), (n_setpoints, 0));
+    assert_eq!(n, N_STEPS);
     assert!(most_held < 300, "{most_held} messages held");
+    assert_eq!(run_of::<Resolve>(&file, 1).expect("whole").len() as u64, N_STEPS);
 }
 
-#[test]
-fn a_state_that_compensate_knew_before_resolve_is_sent_once_and_in_order() {
-    let samples = shipped().into_iter().map(|sample| match sample {
-        // As if `compensate` had lagged behind `resolve` by three samples.
-        Sample::Command(command) if (100..700).contains(&command.sequence) => {
-            Sample::Command(Command { state_sequence: command.state_sequence + 3, ..command })
+/// The slave, and with it its numbers, as if it had been started again after 300 states.
+fn with_a_new_slave() -> Vec<Sample> {
+    let renumber = |sequence: &mut u64| *sequence -= if *sequence > 300 { 300 } else { 0 };
+    let mut samples = shipped();
+    for sample in &mut samples {
+        match sample {
+            Sample::State(state) => renumber(&mut state.sequence),
+            Sample::Setpoint(setpoint) => renumber(&mut setpoint.state_sequence),
+            Sample::Command(command) => renumber(&mut command.state_sequence),
+            _ => {}
         }
-        other => other,
-    });
-    let (all, states, _) = first_pass("order", samples).expect("whole");
-    assert!(states.is_sorted_by(|a, b| a < b), "each once, upwards");
-    let named = all.iter().flat_map(|step| [step.cue.resolve_state_sequence, step.cue.compensate_state_sequence]);
-    assert!(named.filter(|sequence| *sequence > 0).all(|sequence| states.binary_search(&sequence).is_ok()));
-}
-
-#[test]
-fn a_state_that_resolve_knew_before_compensate_is_kept_for_it() {
-    let samples = shipped().into_iter().map(|sample| match sample {
-        Sample::Command(command) => {
-            Sample::Command(Command { state_sequence: command.state_sequence.saturating_sub(3), ..command })
-        }
-        other => other,
-    });
-    let (_, states, _) = first_pass("late", samples).expect("whole");
-    assert!(states.is_sorted_by(|a, b| a < b), "each once, upwards");
-}
-
-#[test]
-fn setpoints_that_compensate_refused_are_steps_without_a_command() {
-    let (all, _, n_unanswered) = first_pass("refused", refusing(|n| (300..304).contains(&n))).expect("whole");
-    let without: Vec<u64> =
-        all.iter().filter(|step| step.command.is_none()).map(|step| step.setpoint.sequence).collect();
-    assert_eq!((without, n_unanswered), (vec![300, 301, 302, 303], 0));
-}
-
-#[test]
-fn setpoints_at_the_end_without_commands_are_counted_and_left_out() {
-    for n_answered in [600, 760] {
-        let (all, _, n_unanswered) = first_pass("end", refusing(|n| n > n_answered)).expect("whole");
-        assert_eq!(all.last().map(|step| step.setpoint.sequence), Some(n_answered));
-        assert_eq!(n_unanswered as u64, N_STEPS - n_answered);
     }
+    samples
 }
 
 #[test]
-fn a_long_run_without_commands_cannot_be_repeated() {
-    let error = first_pass("long", refusing(|n| (300..=364).contains(&n))).expect_err("65 of them");
-    assert!(matches!(error, ReplayError::Missing { sequence: 364, channel: "command" }), "{error}");
-    first_pass("short", refusing(|n| (300..=363).contains(&n))).expect("64 of them");
+fn of_two_states_with_one_number_the_one_that_was_meant_is_found() {
+    fn instants<S: Stage>(samples: Vec<Sample>, name: &str) -> (Vec<i64>, Vec<u64>) {
+        let steps = run_of::<S>(&file(name, samples), 1).expect("whole");
+        let known = steps.iter().filter_map(|step| step.state);
+        known.map(|(run, state)| (state.sample_ns, run)).unzip()
+    }
+    let (was, is) = (instants::<Resolve>(shipped(), "was"), instants::<Resolve>(with_a_new_slave(), "is"));
+    assert_eq!(was.0, is.0);
+    assert!(was.1.iter().all(|run| *run == 1) && is.1.contains(&2), "{:?}", is.1);
+    let (was, is) = (instants::<Compensate>(shipped(), "was"), instants::<Compensate>(with_a_new_slave(), "is"));
+    assert_eq!(was.0, is.0);
+}
+
+#[test]
+fn setpoints_that_compensate_refused_are_left_out() {
+    let file = file("refused", refusing(|n| (300..400).contains(&n)));
+    let taken: Vec<u64> =
+        run_of::<Compensate>(&file, 1).expect("whole").iter().map(|step| step.input.1.sequence).collect();
+    assert_eq!(taken, (1..300).chain(400..=N_STEPS).collect::<Vec<_>>());
 }
 
 #[test]
 fn what_is_missing_is_named() {
     let without = |gone: fn(&Sample) -> bool| shipped().into_iter().filter(move |sample| !gone(sample));
-    let error = first_pass("input", without(|s| matches!(s, Sample::Input(m) if m.sequence == 300)));
-    assert!(matches!(error, Err(ReplayError::Missing { sequence: 300, channel: "input" })), "{error:?}");
-    let error = first_pass("setpoint", without(|s| matches!(s, Sample::Setpoint(m) if m.sequence == 300)));
-    assert!(matches!(error, Err(ReplayError::Gap { channel: "setpoint", expected: 300, found: 301 })), "{error:?}");
-    let error = first_pass("last", without(|s| matches!(s, Sample::Setpoint(m) if m.sequence == N_STEPS)));
-    assert!(matches!(error, Err(ReplayError::Missing { sequence: N_STEPS, channel: "setpoint" })), "{error:?}");
+    let found = file("input", without(|s| matches!(s, Sample::Input(m) if m.sequence == 300)));
+    let error = run_of::<Resolve>(&found, 1).err();
+    assert!(matches!(error, Some(ReplayError::Missing { sequence: 300, channel: "input" })), "{error:?}");
+    let found = file("setpoint", without(|s| matches!(s, Sample::Setpoint(m) if m.sequence == 300)));
+    let error = run_of::<Resolve>(&found, 1).err();
+    assert!(matches!(error, Some(ReplayError::Gap { channel: "setpoint", expected: 300, found: 301 })), "{error:?}");
+    let error = run_of::<Compensate>(&found, 1).err();
+    assert!(matches!(error, Some(ReplayError::Missing { sequence: 300, channel: "setpoint" })), "{error:?}");
 }
 
 #[test]
-fn passes_follow_one_another() {
-    let file = file("passes", [shipped(), shipped()].concat());
-    let mut window = Window::open(&file.0).expect("readable");
-    for pass in 1..=2 {
-        let mut steps = Steps::of(&mut window, pass, true).expect("whole").expect("a pass");
-        assert_eq!(all_of(&mut steps).expect("whole").0.len() as u64, N_STEPS);
+fn runs_follow_one_another() {
+    let file = file("runs", [shipped(), shipped()].concat());
+    for run in 1..=2 {
+        assert_eq!(run_of::<Resolve>(&file, run).expect("whole").len() as u64, N_STEPS);
     }
-    assert!(Steps::of(&mut window, 3, true).expect("whole").is_none());
+    let mut window = Window::open(&file.0, Resolve::CHANNELS).expect("readable");
+    assert!(Steps::<Resolve>::of(&mut window, 3).expect("whole").is_none());
 }

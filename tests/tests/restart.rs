@@ -1,0 +1,75 @@
+//! Each process of a running chain killed in turn: the chain comes back, is engaged anew, and its recording is repeated byte
+//! for byte across every restart, which it names.
+
+#![allow(clippy::expect_used, reason = "a panic is how a test fails")]
+
+use core::time::Duration;
+use krait_ipc::message::SlaveState;
+use krait_schema::Sample;
+use krait_tests::{
+    Ended, Krait, TempFolder, assert_no_jump, instance_name, is_moving, processes_of, samples_in, signal_process,
+    states_in, wait_for, wait_until,
+};
+use rustix::process::Signal;
+
+const PATIENCE: Duration = Duration::from_secs(240);
+
+fn pid_of(instance: &str, process: &str) -> Option<u32> {
+    processes_of(instance).into_iter().find(|(name, _)| name == process).map(|(_, pid)| pid)
+}
+
+/// Kills a process and waits until the chain moves again.
+fn lose(instance: &str, victim: &str) {
+    let pid = pid_of(instance, victim);
+    signal_process(instance, victim, Signal::KILL);
+    let is_back = wait_until(PATIENCE, || pid_of(instance, victim).is_some_and(|now| Some(now) != pid));
+    assert!(is_back, "{victim} comes back: {:?}", processes_of(instance));
+    if victim == "estimate" {
+        // Nobody is held by its loss; a second of shapes for the next one.
+        std::thread::sleep(Duration::from_millis(1500));
+        return;
+    }
+    wait_for(instance, "held", |state| !state.is_engaged());
+    wait_for(instance, "engaged anew", SlaveState::is_engaged);
+    wait_for(instance, "moving", is_moving);
+}
+
+#[test]
+fn a_recording_is_repeated_byte_for_byte_across_the_restart_of_each_process() {
+    let victims = ["resolve", "compensate", "estimate", "slave", "master"];
+    let (instance, folder) = (instance_name("again"), TempFolder::new("again"));
+    let path = folder.file("run.mcap");
+    let krait = Krait::start(&["run", "--engage=again", "--instance", &instance, "--recording", &path]);
+    wait_for(&instance, "moving", is_moving);
+    for victim in victims {
+        lose(&instance, victim);
+    }
+    krait.signal(Signal::INT);
+    assert_eq!(krait.end(PATIENCE).code, Some(1), "a loss is no success");
+
+    let verified = Ended::of(&["verify", "--json", &path], PATIENCE);
+    assert_eq!(verified.code, Some(0), "{}{}", verified.stderr, verified.stdout);
+    let verdict = verified.json();
+    let named: Vec<&str> =
+        verdict["restarts"].as_array().expect("a list").iter().filter_map(|r| r["process"].as_str()).collect();
+    assert_eq!(named, victims, "{verdict}");
+    let (mut n_setpoints, mut n_commands, mut n_updates) = (0, 0, 0);
+    for sample in samples_in(&path) {
+        match sample {
+            Sample::Setpoint(_) => n_setpoints += 1,
+            Sample::Command(_) => n_commands += 1,
+            Sample::ModelUpdate(_) => n_updates += 1,
+            _ => {}
+        }
+    }
+    assert!(verdict["first_difference"].is_null(), "{verdict}");
+    assert_eq!(
+        (&verdict["setpoints_identical"], &verdict["commands_identical"]),
+        (&n_setpoints.into(), &n_commands.into())
+    );
+    assert_eq!((&verdict["updates_identical"], &verdict["not_repeated"]), (&n_updates.into(), &0.into()), "{verdict}");
+    assert_eq!(verdict["passes"], 1);
+    assert_no_jump(&states_in(&path));
+    let text = Ended::of(&["verify", &path], PATIENCE).stdout;
+    assert!(text.contains("`resolve` was started again") && text.contains("identical: "), "{text}");
+}
