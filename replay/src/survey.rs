@@ -104,7 +104,7 @@ fn note(runs: &mut Vec<Run>, process: Process, message: &impl Message) {
 }
 
 fn seconds(from_ns: i64, to_ns: i64) -> f64 {
-    to_ns.saturating_sub(from_ns) as f64 * 1e-9
+    to_ns.saturating_sub(from_ns) as f64 / 1e9
 }
 
 #[cfg(test)]

@@ -135,9 +135,27 @@ fn what_is_missing_is_named() {
     assert!(matches!(error, Some(ReplayError::Missing { sequence: 300, channel: "setpoint" })), "{error:?}");
 }
 
+/// The same chain a minute later, as far as the steps of `resolve` go.
+fn a_minute_later() -> Vec<Sample> {
+    const MINUTE_NS: i64 = 60_000_000_000;
+    let mut samples = shipped();
+    for sample in &mut samples {
+        match sample {
+            Sample::Input(input) => input.sample_ns += MINUTE_NS,
+            Sample::State(state) => state.sample_ns += MINUTE_NS,
+            Sample::Setpoint(setpoint) => {
+                setpoint.sample_ns += MINUTE_NS;
+                setpoint.stamps.setpoint_sent_ns += MINUTE_NS;
+            }
+            _ => {}
+        }
+    }
+    samples
+}
+
 #[test]
 fn runs_follow_one_another() {
-    let file = file("runs", [shipped(), shipped()].concat());
+    let file = file("runs", [shipped(), a_minute_later()].concat());
     for run in 1..=2 {
         assert_eq!(run_of::<Resolve>(&file, run).expect("whole").len() as u64, N_STEPS);
     }
