@@ -8,6 +8,7 @@ use crate::cli_replay::{CompareArgs, ReplayArgs};
 use crate::in_force::Compensation;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use krait_ipc::Process;
+use krait_slave::DriveKind;
 use std::path::PathBuf;
 
 /// krait: a teleoperation bridge for snake-like surgical robots.
@@ -203,9 +204,9 @@ pub struct RunArgs {
     /// which only simulated drives allow.
     #[arg(long, value_enum, value_name = "once|again", num_args = 0..=1, require_equals = true, default_missing_value = "once")]
     pub engage: Option<EngageKind>,
-    /// The drives.
-    #[arg(long, value_enum, default_value_t = SlaveKind::Sim)]
-    pub slave: SlaveKind,
+    /// The drives; by default those of the configuration's table `[slave.drive]`, which are simulated without one.
+    #[arg(long, value_enum)]
+    pub slave: Option<SlaveKind>,
     /// Truth of the simulated snake (TOML).
     #[arg(long, value_name = "FILE")]
     pub truth: Option<PathBuf>,
@@ -286,8 +287,20 @@ pub enum ShapeKind {
 /// The drives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum SlaveKind {
-    /// The simulated snake.
+    /// Simulated drives.
     Sim,
+    /// The Feetech STS3215 servos that the configuration describes (docs/drives.md).
+    Sts3215,
+}
+
+impl SlaveKind {
+    /// The same as the configuration says it.
+    pub fn kind(self) -> DriveKind {
+        match self {
+            Self::Sim => DriveKind::Sim,
+            Self::Sts3215 => DriveKind::Sts3215,
+        }
+    }
 }
 
 /// What to do with a model file.

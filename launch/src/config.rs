@@ -9,7 +9,7 @@ use krait_ipc::{Realtime, input};
 use krait_master::MasterConfig;
 use krait_record::RecordConfig;
 use krait_shape::GateConfig;
-use krait_slave::{Limits, SlaveConfig};
+use krait_slave::{ActuatorConfig, DriveConfig, Limits, SlaveConfig};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -83,7 +83,8 @@ impl Config {
         let (mut text, mut table) = (String::new(), String::new());
         for line in self.to_toml()?.lines() {
             if let Some(name) = line.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')) {
-                name.clone_into(&mut table);
+                // A table that there may be several of stands in two brackets.
+                name.trim_matches(['[', ']']).clone_into(&mut table);
             }
             let key = line.split(" = ").next().filter(|_| line.contains(" = "));
             if let Some(setting) = key.and_then(|key| settings_of(&table).iter().find(|setting| setting.key == key)) {
@@ -164,6 +165,8 @@ fn settings_of(table: &str) -> &'static [Setting] {
         EstimateConfig::TABLE => EstimateConfig::SETTINGS,
         SlaveConfig::TABLE => SlaveConfig::SETTINGS,
         Limits::TABLE => Limits::SETTINGS,
+        DriveConfig::TABLE => DriveConfig::SETTINGS,
+        ActuatorConfig::TABLE => ActuatorConfig::SETTINGS,
         GateConfig::TABLE => GateConfig::SETTINGS,
         RecordConfig::TABLE => RecordConfig::SETTINGS,
         Realtime::TABLE => Realtime::SETTINGS,

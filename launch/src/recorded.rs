@@ -31,6 +31,8 @@ pub fn config_of(recording: &Recording, folder: &Path) -> anyhow::Result<Config>
     config.slave.truth = unpacked(recording, TRUTH_ATTACHMENT, folder, config.slave.truth.is_some())?;
     config.model = unpacked(recording, MODEL_ATTACHMENT, folder, config.model.is_some())?;
     config.record = krait_record::RecordConfig::default();
+    // What was driven then is not driven now because somebody opens a recording.
+    config.slave.drive = krait_slave::DriveConfig::default();
     config.check().context("its attachment krait.toml")?;
     Ok(config)
 }

@@ -9,7 +9,7 @@ use krait_ipc::Process;
 use krait_model::Snake;
 use krait_record::Recording;
 use krait_replay::{Beginning, InputChoice, InputTrack, Program, ReplayError, Score, Trajectory, TrajectoryLimits};
-use krait_slave::ShapeSource;
+use krait_slave::{DriveConfig, DriveKind, ShapeSource};
 use std::path::{Path, absolute};
 
 /// Where a trajectory's own time begins, ns: after zero, so that nothing comes out negative.
@@ -136,13 +136,15 @@ fn replaced(common: &Common, args: &ReplayArgs, recorded: Config) -> anyhow::Res
 }
 
 fn with_options(args: &ReplayArgs, mut config: Config) -> anyhow::Result<Config> {
-    // The simulated snake is the only drive so far; the match makes the next one a compile error here, not a surprise.
     match args.slave {
-        SlaveKind::Sim => {
-            if let Some(truth) = &args.truth {
-                config.slave.truth = Some(absolute(truth)?);
-            }
-        }
+        SlaveKind::Sim => config.slave.drive = DriveConfig::default(),
+        SlaveKind::Sts3215 => ensure!(
+            args.real_time && config.slave.drive.kind == DriveKind::Sts3215,
+            "--slave sts3215 moves real drives: it takes --real-time, and --replace slave with a --config that describes them"
+        ),
+    }
+    if let Some(truth) = &args.truth {
+        config.slave.truth = Some(absolute(truth)?);
     }
     if let Some(model) = &args.model {
         config.model = Some(absolute(model)?);

@@ -1,6 +1,6 @@
 //! The slave's configuration, checked before anything moves.
 
-use crate::{Limits, ShapeSource};
+use crate::{DriveConfig, Limits, ShapeSource};
 use krait_ipc::setting::{SettingError, check};
 use krait_ipc::{LatencyLimits, WaitMode, settings};
 use std::path::PathBuf;
@@ -26,6 +26,8 @@ settings! {
         deceleration_m_per_s2: f64 = 1.0, 0.05..=20.0;
         /// Limits of the machine.
         limits: Limits = Limits::default();
+        /// The drives.
+        drive: DriveConfig = DriveConfig::default();
         /// A command that took longer is counted and named. Given by the program from its budget, not by this table.
         #[serde(skip)]
         latency_limits: LatencyLimits = LatencyLimits::default();
@@ -51,6 +53,12 @@ pub enum ConfigError {
         stop_ms: f64,
         /// The watchdog's limit, ms.
         watchdog_ms: f64,
+    },
+    /// The drives' table does not fit.
+    #[error("[slave.drive]: {what}")]
+    Drives {
+        /// What does not.
+        what: String,
     },
     /// A limit asks for more than the drives can do.
     #[error("[slave.limits] {key} = {found}: these drives can do {able:.4} {unit} at most; {advice}")]
@@ -101,6 +109,7 @@ impl SlaveConfig {
         self.check_ranges()?;
         let l = &self.limits;
         l.check()?;
+        self.drive.check()?;
         let table = Limits::TABLE;
         let fastest = l.acceleration_m_per_s2;
         check((table, "acceleration_m_per_s2"), fastest, (self.deceleration_m_per_s2, 1000.0), 20)?;

@@ -13,6 +13,7 @@
 mod config;
 mod core_report;
 mod drive;
+mod drive_config;
 mod drive_error;
 mod drive_traits;
 mod engagement;
@@ -30,6 +31,7 @@ mod watchdog;
 
 pub use config::{ConfigError, SlaveConfig};
 pub use drive::{ActuatorState, Drive, DriveError, DriveReading, Homing, Seen, ShapeReading, Switching};
+pub use drive_config::{ActuatorConfig, DriveConfig, DriveKind, DriveMode};
 pub use drive_traits::{DriveTraits, OnFault};
 pub use engagement::Engagement;
 pub use findings::{Findings, Note};

@@ -12,6 +12,7 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use krait_bench::{Broken, ChainFigures, ChainKind, ChainRounds, Host, Load, Plan};
 use krait_ipc::{Realtime, WaitMode, clock};
 use krait_report::Table;
+use krait_slave::DriveConfig;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -56,6 +57,8 @@ pub fn run(common: &Common, args: &BenchArgs) -> anyhow::Result<ExitCode> {
     }
     let stop = signals::stop_flag()?;
     let mut config = Config::load(common.config.as_deref())?;
+    // A measurement engages by itself, so it never has real drives.
+    config.slave.drive = DriveConfig::default();
     let plan = Plan { realtime: asked(args, &Realtime::ORDINARY), ..plan(args) };
     plan.check()?;
     config.realtime = asked(args, &config.realtime);

@@ -9,6 +9,7 @@ use crate::supervisor::{Cast, ChainOptions, Supervisor};
 use crate::{device, print, signals};
 use anyhow::bail;
 use krait_ipc::clock;
+use krait_slave::DriveConfig;
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
@@ -31,6 +32,8 @@ pub fn run(common: &Common, args: &DemoArgs) -> anyhow::Result<ExitCode> {
     if let Some(truth) = &args.truth {
         config.slave.truth = Some(std::path::absolute(truth)?);
     }
+    // A demo engages by itself, so it never has real drives.
+    config.slave.drive = DriveConfig::default();
     config.record.path = Some(crate::recording_path(args.recording.as_deref(), "demo")?);
     config.record.metadata.insert("run".to_owned(), "demo".to_owned());
     device::enter(&mut config.record.metadata, &config.master, MasterKind::Replay, None);

@@ -6,11 +6,13 @@ use crate::in_force::Compensation;
 use crate::{signals, supervisor};
 use anyhow::{Context, bail};
 use krait_bridge::LiveModel;
+use krait_drives::sts3215;
+use krait_ipc::message::N_LINES;
 use krait_ipc::{Bus, input};
 use krait_master::{Engage, HidRecording, MasterConfig, Script, SourceChoice};
 use krait_record::{Attachment, RecordConfig};
 use krait_sim::Simulation;
-use krait_slave::SlaveConfig;
+use krait_slave::{DriveKind, SlaveConfig};
 use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
 
@@ -60,12 +62,14 @@ fn run_named(common: &Common, process: &ProcessVerb) -> anyhow::Result<()> {
             }
             None => {
                 let latency_limits = config.budget.latency_limits();
-                krait_sim::run(
-                    &bus,
-                    &SlaveConfig { latency_limits, ..config.slave.clone() },
-                    simulation(&config)?,
-                    &stop,
-                )?;
+                let slave = SlaveConfig { latency_limits, ..config.slave.clone() };
+                match slave.drive.kind {
+                    DriveKind::Sim => krait_sim::run(&bus, &slave, simulation(&config)?, &stop)?,
+                    DriveKind::Sts3215 => {
+                        check_actuators(&config)?;
+                        krait_slave::run_with_drive(&bus, &slave, sts3215::open_drive(&slave)?, &stop)?;
+                    }
+                }
             }
         },
         ProcessVerb::Record => {
@@ -82,6 +86,20 @@ fn simulation(config: &Config) -> anyhow::Result<Simulation> {
         LiveModel::Snake(_) => Simulation::Snake,
         LiveModel::Joints(joints) => Simulation::Joints(joints.n()),
     })
+}
+
+/// Real drives must be as many as the machine of the model has lines or joints.
+fn check_actuators(config: &Config) -> anyhow::Result<()> {
+    let (found, expected) = match config.model()?.machine {
+        LiveModel::Snake(_) => (config.slave.drive.actuator.len(), N_LINES),
+        LiveModel::Joints(joints) => (config.slave.drive.actuator.len(), joints.n()),
+    };
+    if found != expected {
+        bail!(
+            "[slave.drive] describes {found} actuators, and the machine of the model has {expected}; describe as many, or name its model"
+        );
+    }
+    Ok(())
 }
 
 /// Files that a process of the chain may need: each channel takes some, with each reader and writer that it has.

@@ -1,15 +1,15 @@
 //! `krait run`: the chain until Ctrl-C.
 
-use crate::cli::{Common, MasterKind, RunArgs, ShapeKind, SlaveKind};
+use crate::cli::{Common, EngageKind, MasterKind, RunArgs, ShapeKind};
 use crate::commands::console::Companion;
 use crate::config::Config;
 use crate::evidence::Evidence;
 use crate::progress::Progress;
 use crate::supervisor::{Cast, ChainOptions, Supervisor};
 use crate::{device, print, signals};
-use anyhow::bail;
+use anyhow::{bail, ensure};
 use krait_ipc::clock;
-use krait_slave::ShapeSource;
+use krait_slave::{DriveKind, ShapeSource};
 use std::path::absolute;
 use std::process::ExitCode;
 
@@ -97,13 +97,18 @@ fn discard_empty_recording(config: &Config, args: &RunArgs) {
 
 fn configure(common: &Common, args: &RunArgs) -> anyhow::Result<Config> {
     let mut config = Config::load(common.config.as_deref())?;
-    // The simulated snake is the only drive so far; the match makes the next one a compile error here, not a surprise.
-    match args.slave {
-        SlaveKind::Sim => {
-            if let Some(truth) = &args.truth {
-                config.slave.truth = Some(absolute(truth)?);
-            }
-        }
+    if let Some(slave) = args.slave {
+        config.slave.drive.kind = slave.kind();
+    }
+    if let Some(truth) = &args.truth {
+        config.slave.truth = Some(absolute(truth)?);
+    }
+    if config.slave.drive.kind != DriveKind::Sim {
+        ensure!(args.truth.is_none(), "--truth is for simulated drives, and these are real; leave it out");
+        ensure!(
+            args.engage != Some(EngageKind::Again),
+            "--engage=again would move real drives again after whatever has stopped them; use --engage, or --slave sim"
+        );
     }
     match args.shape {
         Some(ShapeKind::Camera) => config.slave.shape = ShapeSource::Camera,

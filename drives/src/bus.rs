@@ -1,0 +1,88 @@
+//! What one kind of hardware must be able to do: a bus with its actuators, in raw units, told and asked once a period.
+
+use krait_ipc::message::MAX_ACTUATORS;
+
+/// One number per actuator; what stands behind the last has no meaning.
+pub type PerActuator<T> = [T; MAX_ACTUATORS];
+
+/// A bus with its actuators, opened, identified and configured. Every method may wait, none longer than a period.
+pub trait ActuatorBus: Send + 'static {
+    /// How many actuators there are, 1 to 12; never changes.
+    fn n_actuators(&self) -> usize;
+
+    /// Tells all actuators where to go; those under power go. Nobody acknowledges it.
+    ///
+    /// # Errors
+    /// [`BusGone`] when the bus itself cannot be used any more.
+    fn tell(&mut self, goals: &Goals) -> Result<(), BusGone>;
+
+    /// Switches the power of all actuators; [`Seen::is_powered`] says when it has come. Under power they stay at `goals`.
+    ///
+    /// # Errors
+    /// As [`ActuatorBus::tell`].
+    fn switch(&mut self, on: bool, goals: &Goals) -> Result<(), BusGone>;
+
+    /// Asks all actuators. One that does not answer, or answers nonsense, or what belongs to an earlier question, has not
+    /// answered; the rest of it is then as it was before. After a failure the bus is quiet again.
+    ///
+    /// # Errors
+    /// As [`ActuatorBus::tell`].
+    fn ask(&mut self, seen: &mut Seen) -> Result<(), BusGone>;
+}
+
+/// Where actuators shall go.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Goals {
+    /// Encoder counts.
+    pub counts: PerActuator<i32>,
+    /// How fast, counts/s; at least 1.
+    pub counts_per_s: PerActuator<f64>,
+}
+
+/// What actuators said.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Seen {
+    /// Whether each answered the newest question.
+    pub has_answered: PerActuator<bool>,
+    /// When each was measured last, CLOCK_MONOTONIC, nanoseconds.
+    pub sampled_ns: PerActuator<i64>,
+    /// Encoder counts.
+    pub counts: PerActuator<i32>,
+    /// The goal that each has understood, counts.
+    pub goal_counts: PerActuator<i32>,
+    /// Whether each is under power.
+    pub is_powered: PerActuator<bool>,
+    /// What each complains of.
+    pub trouble: PerActuator<Trouble>,
+    /// Current of the motor, in the direction in which it drives the encoder, A.
+    pub current_a: PerActuator<f64>,
+    /// Temperature, degrees Celsius.
+    pub temperature_celsius: PerActuator<f64>,
+    /// Supply, V.
+    pub supply_v: PerActuator<f64>,
+}
+
+/// What an actuator complains of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Trouble {
+    /// Nothing.
+    #[default]
+    None,
+    /// It was overloaded and has let go.
+    Limp,
+    /// Something else that is wrong with it.
+    Tripped {
+        /// Its own number for it.
+        code: u8,
+        /// What that means.
+        meaning: &'static str,
+    },
+}
+
+/// The bus cannot be used any more.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{what}")]
+pub struct BusGone {
+    /// What happened.
+    pub what: &'static str,
+}

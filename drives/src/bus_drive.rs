@@ -1,0 +1,226 @@
+//! A bus of actuators as the slave's drive: the slave's step never waits for the bus, whose thread is another.
+
+use crate::bus::{ActuatorBus, Seen};
+use crate::cycles::Cycles;
+use crate::exchange::{Exchange, Phase, Report, Wish};
+use crate::newest::Newest;
+use crate::setup::Setup;
+use crate::texts::THREAD_ENDED;
+use core::sync::atomic::{AtomicBool, Ordering};
+use core::time::Duration;
+use krait_ipc::clock::monotonic_ns;
+use krait_ipc::message::{Actuators, MAX_ACTUATORS};
+use krait_slave::{Drive, DriveError, DriveReading, DriveTraits, Homing, Switching};
+use std::sync::Arc;
+use std::thread::JoinHandle;
+
+/// Cycles that the thread goes on for at its end, until power is seen to be off.
+const LAST_CYCLES: u32 = 20;
+/// How often a dry run says what it would send, ns.
+const DRY_LOG_NS: i64 = 1_000_000_000;
+
+/// Actuators on a bus. Dropping it takes their power away and ends the thread.
+#[derive(Debug)]
+pub struct BusDrive {
+    exchange: Arc<Exchange>,
+    thread: Option<JoinHandle<()>>,
+    traits: DriveTraits,
+    setup: Setup,
+    wish: Wish,
+    report: Report,
+    /// What the slave's side has found, in this turn.
+    failure: Option<DriveError>,
+}
+
+impl BusDrive {
+    /// Starts the thread of a bus that has been opened. `seen` is what all its actuators have said already.
+    ///
+    /// # Errors
+    /// What the kernel says when it gives no thread.
+    pub fn start<B: ActuatorBus>(bus: B, setup: Setup, seen: Seen) -> std::io::Result<Self> {
+        let mut report = setup.blank_report();
+        report.stamp_ns = monotonic_ns();
+        for (k, units) in setup.units.iter().enumerate() {
+            report.q_m[k] = units.metres(seen.counts[k]);
+            report.tau_n[k] = seen.current_a[k] * units.newton_per_ampere;
+            report.sampled_ns[k] = seen.sampled_ns[k];
+        }
+        let wish = Wish { stamp_ns: monotonic_ns(), q_m: [f64::NAN; MAX_ACTUATORS], ..Wish::default() };
+        let exchange =
+            Arc::new(Exchange { wish: Newest::new(&wish), report: Newest::new(&report), ends: AtomicBool::new(false) });
+        let cycles = Cycles::new(bus, setup.clone(), Arc::clone(&exchange), seen, monotonic_ns());
+        let (theirs, period_ns) = (Arc::clone(&exchange), setup.period_ns);
+        let thread =
+            std::thread::Builder::new().name("drives".to_owned()).spawn(move || run(cycles, &theirs, period_ns))?;
+        Ok(Self { exchange, thread: Some(thread), traits: setup.traits(), setup, wish, report, failure: None })
+    }
+
+    fn send(&mut self, stamp_ns: i64) {
+        self.wish.stamp_ns = stamp_ns;
+        self.exchange.wish.put(&self.wish);
+    }
+
+    /// Power is switched anew, and what failed before is forgiven.
+    fn begin_turn(&mut self, stamp_ns: i64, has_power: bool) {
+        let turn = self.wish.turn + 1;
+        self.wish = Wish { stamp_ns, turn, has_power, is_stopped: false, q_m: [f64::NAN; MAX_ACTUATORS] };
+        self.failure = None;
+        self.send(stamp_ns);
+    }
+
+    /// Takes the newest report, and notices when there has been none for too long.
+    fn look(&mut self, stamp_ns: i64) {
+        if let Some(report) = self.exchange.report.get::<Report>() {
+            self.report = report;
+        }
+        if self.failure.is_some() {
+            return;
+        }
+        self.failure = self.report.failure.filter(|_| self.report.turn == self.wish.turn);
+        let age_ns = stamp_ns.saturating_sub(self.report.stamp_ns);
+        if age_ns > self.setup.wish_ns.max(self.setup.period_ns * i64::from(self.setup.lost_cycles)) {
+            let is_over = self.thread.as_ref().is_none_or(JoinHandle::is_finished);
+            let late = DriveError::Stale { actuator: 1, age_ms: age_ns as f64 * 1e-6 };
+            self.failure = self.failure.or(Some(if is_over { DriveError::Bus { what: THREAD_ENDED } } else { late }));
+        }
+    }
+
+    fn check(&self, q_tilde_m: &Actuators) -> Result<(), DriveError> {
+        if let Some(failure) = self.failure {
+            return Err(failure);
+        }
+        if self.report.phase != Phase::On || self.report.turn != self.wish.turn {
+            return Err(DriveError::NotPowered);
+        }
+        for (k, (found_m, units)) in q_tilde_m.iter().copied().zip(&self.setup.units).enumerate() {
+            if !found_m.is_finite() {
+                return Err(DriveError::NotFinite { actuator: k + 1, found_m });
+            }
+            if found_m.abs() > units.travel_m {
+                return Err(DriveError::OutOfTravel { actuator: k + 1, found_m, limit_m: units.travel_m });
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Drive for BusDrive {
+    fn n_actuators(&self) -> usize {
+        self.setup.n()
+    }
+
+    fn traits(&self) -> DriveTraits {
+        self.traits
+    }
+
+    fn write(&mut self, stamp_ns: i64, q_tilde_m: Actuators) -> Result<(), DriveError> {
+        self.look(stamp_ns);
+        self.check(&q_tilde_m)?;
+        self.wish.q_m = core::array::from_fn(|k| if k < self.setup.n() { q_tilde_m[k] } else { 0.0 });
+        self.send(stamp_ns);
+        Ok(())
+    }
+
+    /// Tells the bus too that the slave lives.
+    fn read(&mut self, stamp_ns: i64) -> Result<DriveReading, DriveError> {
+        self.look(stamp_ns);
+        self.send(stamp_ns);
+        let Report { q_m, tau_n, sampled_ns, state, .. } = self.report;
+        Ok(DriveReading { q_tilde_m: q_m, tau_n, sampled_ns, state })
+    }
+
+    /// Encoders that are absolute within a turn have nothing to search: they must only stand within their travel.
+    fn home(&mut self, stamp_ns: i64) -> Result<Homing, DriveError> {
+        self.look(stamp_ns);
+        for (k, (found_m, units)) in self.report.q_m.iter().copied().zip(&self.setup.units).enumerate() {
+            if found_m.abs() > units.travel_m {
+                return Err(DriveError::FarFromZero { actuator: k + 1, found_m, limit_m: units.travel_m });
+            }
+        }
+        Ok(Homing::Done)
+    }
+
+    fn set_power(&mut self, stamp_ns: i64, on: bool) -> Result<Switching, DriveError> {
+        if !on {
+            self.begin_turn(stamp_ns, false);
+            return Ok(Switching::Done);
+        }
+        if !self.wish.has_power || self.wish.is_stopped {
+            self.begin_turn(stamp_ns, true);
+            return Ok(Switching::Busy);
+        }
+        self.look(stamp_ns);
+        self.send(stamp_ns);
+        match self.failure {
+            Some(failure) => Err(failure),
+            None if self.report.turn == self.wish.turn && self.report.phase == Phase::On => Ok(Switching::Done),
+            None => Ok(Switching::Busy),
+        }
+    }
+
+    fn quick_stop(&mut self, stamp_ns: i64) {
+        self.wish.is_stopped = true;
+        self.send(stamp_ns);
+    }
+
+    fn failure(&self) -> Option<DriveError> {
+        self.failure
+    }
+}
+
+impl Drop for BusDrive {
+    fn drop(&mut self) {
+        if self.wish.has_power {
+            self.begin_turn(monotonic_ns(), false);
+        }
+        self.exchange.ends.store(true, Ordering::Release);
+        if let Some(thread) = self.thread.take()
+            && thread.join().is_err()
+        {
+            tracing::error!("the thread of the drives has panicked");
+        }
+    }
+}
+
+/// The thread: a cycle each period; one that takes longer than its period makes the next ones late, never double.
+fn run<B: ActuatorBus>(mut cycles: Cycles<B>, exchange: &Exchange, period_ns: i64) {
+    let mut due_ns = monotonic_ns();
+    let mut dry = Dry::default();
+    let mut n_left = LAST_CYCLES;
+    while n_left > 0 {
+        if exchange.ends.load(Ordering::Acquire) {
+            n_left = if cycles.is_off() { 0 } else { n_left - 1 };
+        }
+        let now_ns = monotonic_ns();
+        if now_ns < due_ns {
+            std::thread::sleep(Duration::from_nanos((due_ns - now_ns).unsigned_abs()));
+        }
+        let now_ns = monotonic_ns();
+        cycles.step(now_ns, monotonic_ns);
+        dry.tell(&cycles, now_ns);
+        due_ns = (due_ns + period_ns).max(now_ns);
+    }
+}
+
+/// Says what a dry run would have sent, whenever that has changed, once a second at most.
+#[derive(Default)]
+struct Dry {
+    counts: Option<Vec<i32>>,
+    due_ns: i64,
+}
+
+impl Dry {
+    fn tell<B: ActuatorBus>(&mut self, cycles: &Cycles<B>, now_ns: i64) {
+        if now_ns < self.due_ns {
+            return;
+        }
+        self.due_ns = now_ns + DRY_LOG_NS;
+        let counts = cycles.dry_counts();
+        if counts != self.counts {
+            if let Some(counts) = &counts {
+                tracing::info!(?counts, "dry run: the actuators would be told to go there");
+            }
+            self.counts = counts;
+        }
+    }
+}

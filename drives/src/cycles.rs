@@ -1,0 +1,258 @@
+//! The bus's side of a drive, cycle by cycle: takes the newest wish, tells the actuators, asks them, judges, reports.
+//!
+//! Problem: the slave ticks at 1 kHz and may die at any instant; a bus has a period of its own, and one of several
+//! antagonists may fail while the others hold its share of the load.
+//!
+//! Intuition: each cycle sends the newest wish as it is; nothing is invented between two wishes, because it would pass the
+//! slave's limiter. Whatever fails, all brake to rest by one common factor from where they are, and stay there under power.
+//! Only power that is switched anew ends that.
+//!
+//! Failure: without a sign of life of the slave for `wish_ms` the same happens. Time is an argument.
+
+use crate::bus::{ActuatorBus, BusGone, Goals, Seen};
+use crate::exchange::{Exchange, Phase, Report, Wish};
+use crate::judge::{Finding, Judge};
+use crate::setup::Setup;
+use crate::units::Units;
+use krait_ipc::message::{Actuators, MAX_ACTUATORS};
+use krait_slave::{ActuatorState, DriveError, DriveMode, OnFault};
+use std::sync::Arc;
+
+/// Slowest speed that a goal is sent with, counts/s: enough to close the last counts.
+const SLOWEST_COUNTS_PER_S: f64 = 50.0;
+
+/// A bus at work.
+#[derive(Debug)]
+pub(crate) struct Cycles<B> {
+    bus: B,
+    setup: Setup,
+    exchange: Arc<Exchange>,
+    judge: Judge,
+    seen: Seen,
+    wish: Wish,
+    phase: Phase,
+    failure: Option<DriveError>,
+    /// Where the actuators were told to be, m, and how fast that moves, m/s.
+    goal_m: Actuators,
+    velocity_m_per_s: Actuators,
+}
+
+impl<B: ActuatorBus> Cycles<B> {
+    /// `seen` is what the bus has seen already.
+    pub(crate) fn new(bus: B, setup: Setup, exchange: Arc<Exchange>, seen: Seen, now_ns: i64) -> Self {
+        let judge = Judge::new(setup.n(), setup.lost_cycles, setup.counts_per_turn / 2, now_ns);
+        let mut cycles = Self {
+            bus,
+            setup,
+            exchange,
+            judge,
+            seen,
+            wish: Wish::default(),
+            phase: Phase::Off,
+            failure: None,
+            goal_m: [0.0; MAX_ACTUATORS],
+            velocity_m_per_s: [0.0; MAX_ACTUATORS],
+        };
+        cycles.rest_where_seen();
+        cycles
+    }
+
+    /// One cycle.
+    pub(crate) fn step(&mut self, now_ns: i64, clock: impl Fn() -> i64) {
+        if let Some(wish) = self.exchange.wish.get::<Wish>() {
+            let is_new_turn = wish.turn != self.wish.turn;
+            self.wish = wish;
+            if is_new_turn {
+                self.begin_turn();
+            }
+        }
+        let told = match self.tell(now_ns) {
+            Ok(told) => told,
+            Err(gone) => return self.gone(gone, clock()),
+        };
+        if let Err(gone) = self.bus.ask(&mut self.seen) {
+            return self.gone(gone, clock());
+        }
+        let now_ns = clock();
+        let told = told.filter(|_| self.phase != Phase::Switching);
+        let told = told.map(|goals| goals.counts);
+        if let Some(finding) = self.judge.look(&self.seen, told.as_ref(), self.judged_phase(), now_ns) {
+            self.fail(self.in_metres(finding));
+        }
+        self.report(now_ns);
+    }
+
+    /// Whether all actuators are known to be without power.
+    pub(crate) fn is_off(&self) -> bool {
+        self.phase == Phase::Off && !self.seen.is_powered.iter().take(self.setup.n()).any(|on| *on)
+    }
+
+    fn is_dry(&self) -> bool {
+        self.setup.mode == DriveMode::Dry
+    }
+
+    /// What the actuators are expected to be in: a dry run leaves them without power.
+    fn judged_phase(&self) -> Phase {
+        if self.is_dry() { Phase::Off } else { self.phase }
+    }
+
+    /// Power is switched anew: nothing that was is held against anybody.
+    fn begin_turn(&mut self) {
+        self.failure = None;
+        self.judge.begin();
+        self.rest_where_seen();
+        self.phase = if self.wish.has_power { Phase::Switching } else { Phase::Off };
+    }
+
+    fn rest_where_seen(&mut self) {
+        self.velocity_m_per_s = [0.0; MAX_ACTUATORS];
+        for (goal_m, (units, counts)) in self.goal_m.iter_mut().zip(self.setup.units.iter().zip(self.seen.counts)) {
+            *goal_m = units.metres(counts);
+        }
+    }
+
+    /// Sends what there is to send; the goals, where any were sent.
+    fn tell(&mut self, now_ns: i64) -> Result<Option<Goals>, BusGone> {
+        match self.phase {
+            Phase::Off => {
+                // Off is wished for until it is seen: a servo that was switched by somebody else is none of ours.
+                if self.wish.turn > 0 && !self.is_dry() && !self.is_off() {
+                    self.bus.switch(false, &Goals::default())?;
+                }
+                Ok(None)
+            }
+            Phase::Switching if self.wish.is_stopped => self.follow(now_ns).map(Some),
+            Phase::Switching if self.is_dry() => {
+                self.phase = Phase::On;
+                Ok(None)
+            }
+            Phase::Switching => {
+                let powered = self.seen.is_powered.iter().take(self.setup.n()).all(|on| *on);
+                if powered {
+                    self.phase = Phase::On;
+                    return self.follow(now_ns).map(Some);
+                }
+                // Where they stand now, not where they once were told to go.
+                self.rest_where_seen();
+                let goals = self.goals();
+                self.bus.switch(true, &goals)?;
+                Ok(Some(goals))
+            }
+            Phase::On | Phase::Stopped if self.is_dry() => {
+                if self.phase == Phase::On && self.wish.is_somewhere() {
+                    self.goal_m = self.wish.q_m;
+                }
+                Ok(None)
+            }
+            Phase::On | Phase::Stopped => self.follow(now_ns).map(Some),
+        }
+    }
+
+    /// Goes where the slave wants, or brakes.
+    fn follow(&mut self, now_ns: i64) -> Result<Goals, BusGone> {
+        let silent_ns = now_ns.saturating_sub(self.wish.stamp_ns);
+        if self.phase == Phase::On && silent_ns > self.setup.wish_ns {
+            let limit_ms = self.setup.wish_ns as f64 * 1e-6;
+            self.fail(DriveError::Unled { silent_ms: silent_ns as f64 * 1e-6, limit_ms });
+        }
+        if self.wish.is_stopped {
+            self.phase = Phase::Stopped;
+        }
+        let period_s = self.setup.period_ns as f64 * 1e-9;
+        if self.phase == Phase::Stopped {
+            self.brake(period_s);
+        } else if self.wish.is_somewhere() {
+            for k in 0..self.setup.n() {
+                self.velocity_m_per_s[k] = (self.wish.q_m[k] - self.goal_m[k]) / period_s;
+            }
+            self.goal_m = self.wish.q_m;
+        }
+        let goals = self.goals();
+        self.bus.tell(&goals)?;
+        Ok(goals)
+    }
+
+    /// All slower by one common factor, so that the direction of the motion stays.
+    fn brake(&mut self, period_s: f64) {
+        let fastest = self.velocity_m_per_s.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        let lost_m_per_s = self.setup.deceleration_m_per_s2 * period_s;
+        let part = if fastest > lost_m_per_s { 1.0 - lost_m_per_s / fastest } else { 0.0 };
+        for k in 0..self.setup.n() {
+            self.velocity_m_per_s[k] *= part;
+            let travel_m = self.setup.units[k].travel_m;
+            self.goal_m[k] = (self.goal_m[k] + self.velocity_m_per_s[k] * period_s).clamp(-travel_m, travel_m);
+        }
+    }
+
+    /// The goals in counts, each with the speed that brings its actuator there within a period.
+    fn goals(&self) -> Goals {
+        let mut goals = Goals::default();
+        let periods_per_s = 1e9 / self.setup.period_ns as f64;
+        for (k, units) in self.setup.units.iter().enumerate() {
+            goals.counts[k] = units.counts(self.goal_m[k]);
+            let way = f64::from((goals.counts[k] - self.seen.counts[k]).abs());
+            let speed = (way * periods_per_s).ceil();
+            goals.counts_per_s[k] = speed.clamp(SLOWEST_COUNTS_PER_S, self.setup.speed_counts_per_s);
+        }
+        goals
+    }
+
+    fn fail(&mut self, failure: DriveError) {
+        if self.failure.is_some() {
+            return;
+        }
+        tracing::error!("{failure}");
+        self.failure = Some(failure);
+        if self.phase != Phase::Off {
+            let lets_go = self.setup.on_fault == OnFault::PowerOff;
+            self.phase = if lets_go { Phase::Off } else { Phase::Stopped };
+        }
+    }
+
+    fn gone(&mut self, gone: BusGone, now_ns: i64) {
+        self.seen.has_answered = [false; MAX_ACTUATORS];
+        self.fail(DriveError::Bus { what: gone.what });
+        self.report(now_ns);
+    }
+
+    fn in_metres(&self, finding: Finding) -> DriveError {
+        match finding {
+            Finding::Known(error) => error,
+            Finding::Leapt { actuator, counts } => {
+                DriveError::Jumped { actuator, by_m: self.setup.units[actuator - 1].magnitude_m(f64::from(counts)) }
+            }
+        }
+    }
+
+    fn report(&mut self, now_ns: i64) {
+        let mut report = self.setup.blank_report();
+        (report.stamp_ns, report.turn, report.phase) = (now_ns, self.wish.turn, self.phase);
+        report.failure = self.failure;
+        let is_bus_gone = matches!(self.failure, Some(DriveError::Bus { .. }));
+        for (k, units) in self.setup.units.iter().enumerate() {
+            self.fill(k, units, &mut report);
+            if is_bus_gone {
+                report.state[k] = ActuatorState::Lost;
+            }
+        }
+        self.exchange.report.put(&report);
+    }
+
+    fn fill(&self, k: usize, units: &Units, report: &mut Report) {
+        // Without power nothing follows: a dry run shows what was wished for.
+        let is_followed = !self.is_dry() || self.phase == Phase::Off;
+        report.q_m[k] = if is_followed { units.metres(self.seen.counts[k]) } else { self.goal_m[k] };
+        report.tau_n[k] = self.seen.current_a[k] * units.newton_per_ampere;
+        report.sampled_ns[k] = self.seen.sampled_ns[k];
+        report.state[k] = self.judge.state(k, &self.seen, self.judged_phase());
+    }
+
+    /// What a dry run would have sent, counts.
+    pub(crate) fn dry_counts(&self) -> Option<Vec<i32>> {
+        (self.is_dry() && self.phase == Phase::On)
+            .then(|| self.setup.units.iter().zip(self.goal_m).map(|(units, goal_m)| units.counts(goal_m)).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,211 @@
+//! Cycles in a time of their own: what is told to the actuators when one of them fails in motion.
+
+use super::*;
+use crate::bus::PerActuator;
+use crate::newest::Newest;
+use core::sync::atomic::AtomicBool;
+use krait_slave::{ActuatorConfig, DriveConfig, SlaveConfig};
+use std::sync::Mutex;
+
+const MS: i64 = 1_000_000;
+
+/// Actuators that are where they were told to be, unless they are silent.
+#[derive(Clone, Debug, Default)]
+struct Ideal(Arc<Mutex<Truth>>);
+
+#[derive(Debug, Default)]
+struct Truth {
+    is_on: bool,
+    counts: PerActuator<i32>,
+    is_silent: PerActuator<bool>,
+    is_gone: bool,
+}
+
+impl ActuatorBus for Ideal {
+    fn n_actuators(&self) -> usize {
+        3
+    }
+    fn tell(&mut self, goals: &Goals) -> Result<(), BusGone> {
+        let mut truth = self.0.lock().unwrap();
+        if truth.is_on {
+            truth.counts = goals.counts;
+        }
+        Ok(())
+    }
+    fn switch(&mut self, on: bool, _goals: &Goals) -> Result<(), BusGone> {
+        self.0.lock().unwrap().is_on = on;
+        Ok(())
+    }
+    fn ask(&mut self, seen: &mut Seen) -> Result<(), BusGone> {
+        let truth = self.0.lock().unwrap();
+        if truth.is_gone {
+            return Err(BusGone { what: crate::texts::PORT_GONE });
+        }
+        seen.has_answered = truth.is_silent.map(|silent| !silent);
+        for k in (0..3).filter(|k| !truth.is_silent[*k]) {
+            (seen.counts[k], seen.goal_counts[k]) = (truth.counts[k], truth.counts[k]);
+            seen.is_powered[k] = truth.is_on;
+        }
+        Ok(())
+    }
+}
+
+struct Bench {
+    cycles: Cycles<Ideal>,
+    truth: Arc<Mutex<Truth>>,
+    exchange: Arc<Exchange>,
+    wish: Wish,
+    now_ns: i64,
+    /// Goals after each cycle, m.
+    goals: Vec<Actuators>,
+}
+
+impl Bench {
+    /// Under power, at zero.
+    fn new() -> Self {
+        let actuator =
+            |id| ActuatorConfig { id, zero_count: Some(500_000), spool_radius_m: 0.01, ..Default::default() };
+        let drive = DriveConfig {
+            speed_counts_per_s: 20_000.0,
+            actuator: [1, 2, 3].map(actuator).to_vec(),
+            ..DriveConfig::default()
+        };
+        let config = SlaveConfig { drive, ..SlaveConfig::default() };
+        // A million counts a turn: rounding is no part of these tests.
+        let setup = Setup::new(&config, 1_000_000, 2 * MS).unwrap_or_else(|error| panic!("{error}"));
+        let exchange = Arc::new(Exchange {
+            wish: Newest::new(&Wish::default()),
+            report: Newest::new(&setup.blank_report()),
+            ends: AtomicBool::new(false),
+        });
+        let truth = Arc::new(Mutex::new(Truth { counts: [500_000; 12], ..Truth::default() }));
+        let seen = Seen { counts: [500_000; 12], ..Seen::default() };
+        let cycles = Cycles::new(Ideal(Arc::clone(&truth)), setup, Arc::clone(&exchange), seen, 0);
+        let wish = Wish { turn: 1, has_power: true, q_m: [f64::NAN; 12], ..Wish::default() };
+        let mut bench = Self { cycles, truth, exchange, wish, now_ns: 0, goals: Vec::new() };
+        bench.step();
+        bench.step();
+        assert_eq!(bench.report().phase, Phase::On);
+        bench
+    }
+
+    fn step(&mut self) -> Report {
+        self.now_ns += 5 * MS;
+        self.wish.stamp_ns = self.now_ns;
+        self.silent_step()
+    }
+
+    /// A cycle without a sign of life of the slave.
+    fn silent_step(&mut self) -> Report {
+        self.exchange.wish.put(&self.wish);
+        let now_ns = self.now_ns;
+        self.cycles.step(now_ns, || now_ns);
+        self.goals.push(self.cycles.goal_m);
+        self.report()
+    }
+
+    fn report(&self) -> Report {
+        self.exchange.report.get().unwrap()
+    }
+
+    /// So many cycles of motion at 20 mm/s in a plane.
+    fn go(&mut self, n: usize) {
+        for _ in 0..n {
+            let way_m = self.cycles.goal_m[0] + 0.02 * 5e-3;
+            self.wish.q_m = krait_slave::lines([way_m, -0.5 * way_m, -0.5 * way_m]);
+            self.step();
+        }
+    }
+
+    /// Velocity of the goals in the newest cycle, m/s.
+    fn velocity(&self, k: usize) -> f64 {
+        let [.., before, now] = &self.goals[..] else { panic!("two cycles") };
+        (now[k] - before[k]) / 5e-3
+    }
+}
+
+#[test]
+fn one_that_is_lost_is_known_after_three_cycles_and_all_brake_by_one_factor_and_stay() {
+    let mut bench = Bench::new();
+    bench.go(20);
+    bench.truth.lock().unwrap().is_silent[1] = true;
+    bench.go(2);
+    assert_eq!(bench.report().failure, None, "two missing answers mean nothing");
+    bench.go(1);
+    let report = bench.report();
+    assert_eq!(report.failure, Some(DriveError::Lost { actuator: 2, silent_ms: 15.0 }));
+    assert_eq!(report.state[..3], [ActuatorState::QuickStopped, ActuatorState::Lost, ActuatorState::QuickStopped]);
+    let mut speed = bench.velocity(0);
+    assert!((speed - 0.02).abs() < 1e-9);
+    let mut n_cycles = 0;
+    while speed > 0.0 {
+        // The slave, which does not know yet, wishes for more.
+        bench.go(1);
+        let now = bench.velocity(0);
+        assert!((speed - now - 5e-3).abs() < 1e-9 || now == 0.0, "1 m/s2: {speed} then {now}");
+        assert!((bench.velocity(2) + 0.5 * now).abs() < 1e-9, "the direction stays");
+        (speed, n_cycles) = (now, n_cycles + 1);
+    }
+    assert_eq!(n_cycles, 4, "20 mm/s at 1 m/s2 in periods of 5 ms");
+    let rest = bench.cycles.goal_m;
+    bench.truth.lock().unwrap().is_silent[1] = false;
+    bench.go(20);
+    assert_eq!(bench.cycles.goal_m, rest, "nothing resumes by itself, though it answers again");
+    assert!(bench.truth.lock().unwrap().is_on, "under power");
+}
+
+#[test]
+fn a_hundred_drop_outs_at_any_moment_never_ask_for_more_than_the_rate() {
+    for k in 0..100_usize {
+        let mut bench = Bench::new();
+        bench.go(3 + k % 17);
+        bench.truth.lock().unwrap().is_silent[k % 3] = true;
+        for _ in 0..12 {
+            bench.go(1);
+            assert!((0..3).all(|k| bench.velocity(k).abs() <= 0.02 * (1.0 + 1e-9)), "drop-out {k}");
+        }
+        assert_eq!(bench.velocity(0), 0.0);
+    }
+}
+
+#[test]
+fn a_slave_that_is_silent_for_longer_than_its_limit_stops_the_drives_and_they_hold() {
+    let mut bench = Bench::new();
+    bench.go(20);
+    let told = bench.cycles.goal_m;
+    for _ in 0..9 {
+        bench.now_ns += 5 * MS;
+        assert_eq!(bench.silent_step().failure, None);
+        assert_eq!(bench.cycles.goal_m, told, "the newest wish is held, nothing is invented");
+    }
+    bench.now_ns += 10 * MS;
+    let failure = bench.silent_step().failure;
+    assert_eq!(failure, Some(DriveError::Unled { silent_ms: 55.0, limit_ms: 50.0 }));
+    bench.go(5);
+    assert_eq!((bench.cycles.goal_m, bench.truth.lock().unwrap().is_on), (told, true));
+}
+
+#[test]
+fn a_stop_that_the_slave_asks_for_brakes_from_where_the_goals_are_and_a_new_turn_begins_there() {
+    let mut bench = Bench::new();
+    bench.go(20);
+    bench.wish.is_stopped = true;
+    bench.go(6);
+    assert_eq!((bench.velocity(0), bench.report().failure), (0.0, None));
+    let rest = bench.cycles.goal_m;
+    bench.wish = Wish { turn: 2, has_power: true, q_m: [f64::NAN; 12], ..Wish::default() };
+    bench.step();
+    assert_eq!(bench.report().phase, Phase::On);
+    assert!((bench.cycles.goal_m[0] - rest[0]).abs() < 1e-7, "to a count");
+    bench.go(1);
+    assert!((bench.velocity(0) - 0.02).abs() < 1e-5);
+}
+
+#[test]
+fn a_bus_that_is_gone_is_a_failure_and_every_actuator_is_lost() {
+    let mut bench = Bench::new();
+    bench.truth.lock().unwrap().is_gone = true;
+    let report = bench.step();
+    assert_eq!(report.failure, Some(DriveError::Bus { what: crate::texts::PORT_GONE }));
+    assert_eq!(report.state[..3], [ActuatorState::Lost; 3]);
+}

@@ -1,0 +1,131 @@
+//! An emulated bus of STS3215 servos behind a pseudo-terminal: to try krait without hardware, and with every fault that we know.
+//!
+//! Bytes take their time on the wire, servos theirs to answer and to move, the USB adapter its own. The host's bit rate is read
+//! from the terminal. What a fault does is in [`Faults`].
+
+mod servo;
+mod wire;
+
+pub use servo::{Faults, Servo};
+pub use wire::Wire;
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::{Errno, read, write};
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
+use std::fs::{File, OpenOptions};
+use std::io;
+use std::os::fd::OwnedFd;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// How often the thread looks whether it shall end.
+const PATIENCE: Timespec = Timespec { tv_sec: 0, tv_nsec: 20_000_000 };
+/// The kernel may sleep for so much longer than it was asked to; the rest is waited for awake.
+const OVERSLEEP: Duration = Duration::from_micros(60);
+
+/// A bus that runs; dropping it is unplugging the adapter.
+#[derive(Debug)]
+pub struct Emulator {
+    path: PathBuf,
+    wire: Arc<Mutex<Wire>>,
+    ends: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Emulator {
+    /// Plugs the bus in.
+    ///
+    /// # Errors
+    /// What the kernel says when it gives no pseudo-terminal.
+    pub fn start(wire: Wire) -> io::Result<Self> {
+        let host = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)?;
+        grantpt(&host)?;
+        unlockpt(&host)?;
+        let mut settings = tcgetattr(&host)?;
+        settings.make_raw();
+        tcsetattr(&host, OptionalActions::Now, &settings)?;
+        let name = ptsname(&host, Vec::new())?;
+        let path = PathBuf::from(name.to_string_lossy().into_owned());
+        // The host's end stays open, so that programs may come and go.
+        let kept = OpenOptions::new().read(true).write(true).open(&path)?;
+        let wire = Arc::new(Mutex::new(wire));
+        let ends = Arc::new(AtomicBool::new(false));
+        let (theirs, their_end) = (Arc::clone(&wire), Arc::clone(&ends));
+        let thread = std::thread::Builder::new().name("emulator".to_owned()).spawn(move || {
+            // A terminal that is gone ends the emulation, as an adapter that is pulled out.
+            if let Err(error) = serve(&host, &kept, &theirs, &their_end) {
+                tracing::debug!(%error, "the emulated bus has ended");
+            }
+        })?;
+        Ok(Self { path, wire, ends, thread: Some(thread) })
+    }
+
+    /// The serial port that a host opens.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The bus, to look at it or to break it.
+    pub fn wire(&self) -> MutexGuard<'_, Wire> {
+        self.wire.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Drop for Emulator {
+    fn drop(&mut self) {
+        self.ends.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take()
+            && thread.join().is_err()
+        {
+            tracing::error!("the thread of the emulated bus has panicked");
+        }
+    }
+}
+
+fn serve(host: &OwnedFd, _kept: &File, wire: &Mutex<Wire>, ends: &AtomicBool) -> io::Result<()> {
+    let mut pending = Vec::new();
+    let mut buffer = [0; 4096];
+    while !ends.load(Ordering::Relaxed) {
+        match poll(&mut [PollFd::new(host, PollFlags::IN)], Some(&PATIENCE)) {
+            Ok(0) | Err(Errno::INTR) => continue,
+            Ok(_) => {}
+            Err(error) => return Err(error.into()),
+        }
+        let n = read(host, &mut buffer)?;
+        let arrived = Instant::now();
+        pending.extend_from_slice(&buffer[..n]);
+        let baud = tcgetattr(host)?.output_speed();
+        while let Some(request) = wire::next_request(&mut pending) {
+            let replies = {
+                let mut wire = wire.lock().unwrap_or_else(PoisonError::into_inner);
+                wire.replies(&request, baud, arrived)
+            };
+            for piece in replies {
+                sleep_until(piece.due);
+                send(host, &piece.bytes)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+fn send(host: &OwnedFd, mut bytes: &[u8]) -> io::Result<()> {
+    while !bytes.is_empty() {
+        bytes = &bytes[write(host, bytes)?..];
+    }
+    Ok(())
+}
+
+fn sleep_until(due: Instant) {
+    let left = due.saturating_duration_since(Instant::now());
+    if left > OVERSLEEP {
+        std::thread::sleep(left - OVERSLEEP);
+    }
+    while Instant::now() < due {
+        std::hint::spin_loop();
+    }
+}

@@ -1,0 +1,115 @@
+//! Judges each actuator after each cycle: silent, tripped, limp, started anew, leapt.
+//!
+//! A missing answer or two mean nothing; what led to it is no evidence of anything but which actuator it was. A failure stays
+//! until power is switched anew, whatever comes back.
+
+use crate::bus::{PerActuator, Seen, Trouble};
+use crate::exchange::Phase;
+use krait_ipc::message::MAX_ACTUATORS;
+use krait_slave::{ActuatorState, DriveError};
+
+/// What is remembered of the cycles before.
+#[derive(Clone, Debug)]
+pub(crate) struct Judge {
+    n_actuators: usize,
+    lost_cycles: u32,
+    half_turn_counts: i32,
+    n_missing: PerActuator<u32>,
+    /// Where each was when it last answered; none: not known since power was switched.
+    counts: PerActuator<Option<i32>>,
+    answered_ns: PerActuator<i64>,
+}
+
+/// What was found, before units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Finding {
+    /// The bus knows all about it.
+    Known(DriveError),
+    /// Its encoder leapt by so many counts.
+    Leapt { actuator: usize, counts: i32 },
+}
+
+impl Judge {
+    pub(crate) fn new(n_actuators: usize, lost_cycles: u32, half_turn_counts: i32, now_ns: i64) -> Self {
+        Self {
+            n_actuators,
+            lost_cycles,
+            half_turn_counts,
+            n_missing: [0; MAX_ACTUATORS],
+            counts: [None; MAX_ACTUATORS],
+            answered_ns: [now_ns; MAX_ACTUATORS],
+        }
+    }
+
+    /// Power is switched anew: what failed before is forgiven, and whatever moved meanwhile has not leapt.
+    pub(crate) fn begin(&mut self) {
+        self.n_missing = [0; MAX_ACTUATORS];
+        self.counts = [None; MAX_ACTUATORS];
+    }
+
+    /// Looks at what was seen in a phase; `told` are the goals of the same cycle, where any were sent.
+    pub(crate) fn look(
+        &mut self,
+        seen: &Seen,
+        told: Option<&PerActuator<i32>>,
+        phase: Phase,
+        now_ns: i64,
+    ) -> Option<Finding> {
+        let mut found = None;
+        for k in 0..self.n_actuators {
+            let finding = self.look_at(k, seen, told, phase, now_ns);
+            found = found.or(finding);
+        }
+        found
+    }
+
+    fn look_at(
+        &mut self,
+        k: usize,
+        seen: &Seen,
+        told: Option<&PerActuator<i32>>,
+        phase: Phase,
+        now_ns: i64,
+    ) -> Option<Finding> {
+        let actuator = k + 1;
+        let is_driven = matches!(phase, Phase::On | Phase::Stopped);
+        if seen.has_answered[k] {
+            // An actuator that is limp or has started anew says so; that is worth more than which goal it remembers.
+            match seen.trouble[k] {
+                Trouble::Limp if is_driven => return Some(Finding::Known(DriveError::Limp { actuator })),
+                Trouble::Tripped { code, meaning } if phase != Phase::Off => {
+                    return Some(Finding::Known(DriveError::Tripped { actuator, code: code.into(), meaning }));
+                }
+                _ if is_driven && !seen.is_powered[k] => return Some(Finding::Known(DriveError::Reset { actuator })),
+                _ => {}
+            }
+        }
+        // An answer that knows another goal than the one just sent is an answer to an earlier question.
+        let in_step = seen.has_answered[k] && told.is_none_or(|told| told[k] == seen.goal_counts[k]);
+        if !in_step {
+            self.n_missing[k] += 1;
+            let silent_ms = now_ns.saturating_sub(self.answered_ns[k]) as f64 * 1e-6;
+            let is_lost = self.n_missing[k] >= self.lost_cycles;
+            return is_lost.then_some(Finding::Known(DriveError::Lost { actuator, silent_ms }));
+        }
+        (self.n_missing[k], self.answered_ns[k]) = (0, now_ns);
+        let before = self.counts[k].replace(seen.counts[k]).filter(|_| phase != Phase::Off)?;
+        let counts = seen.counts[k] - before;
+        (counts.abs() > self.half_turn_counts).then_some(Finding::Leapt { actuator, counts })
+    }
+
+    /// What an actuator is doing, as far as is known.
+    pub(crate) fn state(&self, k: usize, seen: &Seen, phase: Phase) -> ActuatorState {
+        if self.n_missing[k] >= self.lost_cycles {
+            return ActuatorState::Lost;
+        }
+        match (seen.trouble[k], phase) {
+            (Trouble::Limp, _) => ActuatorState::Limp,
+            (Trouble::Tripped { .. }, _) => ActuatorState::Faulted,
+            (Trouble::None, Phase::Switching) if !seen.is_powered[k] => ActuatorState::Switching,
+            (Trouble::None, _) if !seen.is_powered[k] => ActuatorState::Off,
+            (Trouble::None, Phase::Stopped) => ActuatorState::QuickStopped,
+            (Trouble::None, _) => ActuatorState::On,
+        }
+    }
+}

@@ -1,0 +1,93 @@
+//! What a bus drive needs to know besides its hardware, from the configuration.
+
+use crate::OpenError;
+use crate::exchange::{Phase, Report};
+use crate::units::Units;
+use krait_ipc::message::MAX_ACTUATORS;
+use krait_slave::{ActuatorState, DriveMode, DriveTraits, OnFault, SlaveConfig};
+
+/// Everything that is fixed while a drive runs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Setup {
+    pub(crate) units: Vec<Units>,
+    pub(crate) counts_per_turn: i32,
+    pub(crate) period_ns: i64,
+    /// Time on the wire of one cycle, ns.
+    pub(crate) exchange_ns: i64,
+    pub(crate) lost_cycles: u32,
+    pub(crate) wish_ns: i64,
+    pub(crate) deceleration_m_per_s2: f64,
+    pub(crate) speed_counts_per_s: f64,
+    pub(crate) mode: DriveMode,
+    pub(crate) on_fault: OnFault,
+}
+
+impl Setup {
+    /// The setup of a checked configuration, for encoders of so many counts a turn and cycles that take so long.
+    ///
+    /// # Errors
+    /// [`OpenError`] where a zero is missing, travel passes the encoder's end, or the period is too short.
+    pub fn new(config: &SlaveConfig, counts_per_turn: i32, exchange_ns: i64) -> Result<Self, OpenError> {
+        let drive = &config.drive;
+        let period_ns = (drive.period_ms * 1e6) as i64;
+        if exchange_ns > period_ns {
+            return Err(OpenError::PeriodTooShort {
+                period_ms: drive.period_ms,
+                n: drive.actuator.len(),
+                baud: drive.baud,
+                exchange_ms: exchange_ns as f64 * 1e-6,
+            });
+        }
+        let mut units = Vec::new();
+        for (k, actuator) in drive.actuator.iter().enumerate() {
+            if actuator.zero_count.is_none() {
+                return Err(OpenError::ZeroNeverSet { actuator: k + 1 });
+            }
+            units.push(Units::new(actuator, k + 1, counts_per_turn)?);
+        }
+        Ok(Self {
+            units,
+            counts_per_turn,
+            period_ns,
+            exchange_ns,
+            lost_cycles: drive.lost_cycles,
+            wish_ns: (drive.wish_ms * 1e6) as i64,
+            deceleration_m_per_s2: config.deceleration_m_per_s2,
+            speed_counts_per_s: drive.speed_counts_per_s,
+            mode: drive.mode,
+            on_fault: drive.on_fault,
+        })
+    }
+
+    pub(crate) fn n(&self) -> usize {
+        self.units.len()
+    }
+
+    /// What these drives can do.
+    pub(crate) fn traits(&self) -> DriveTraits {
+        let per_actuator = |of: &dyn Fn(&Units) -> f64| core::array::from_fn(|k| self.units.get(k).map_or(0.0, of));
+        DriveTraits {
+            n_actuators: self.n(),
+            period_ns: self.period_ns,
+            travel_m: per_actuator(&|units| units.travel_m),
+            rate_m_per_s: per_actuator(&|units| units.magnitude_m(self.speed_counts_per_s)),
+            // A wish waits for the next cycle, the way takes one, and what was read then is shown until the one after.
+            delay_ns: 2 * self.period_ns + self.exchange_ns,
+            measures_load: self.units.iter().all(|units| units.newton_per_ampere.is_finite()),
+            on_fault: self.on_fault,
+        }
+    }
+
+    pub(crate) fn blank_report(&self) -> Report {
+        Report {
+            stamp_ns: 0,
+            turn: 0,
+            phase: Phase::Off,
+            failure: None,
+            q_m: [0.0; MAX_ACTUATORS],
+            tau_n: [0.0; MAX_ACTUATORS],
+            sampled_ns: [0; MAX_ACTUATORS],
+            state: [ActuatorState::Off; MAX_ACTUATORS],
+        }
+    }
+}

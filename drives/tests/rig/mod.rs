@@ -1,0 +1,93 @@
+//! What the tests of this crate share: three emulated servos and the configuration that goes with them.
+#![allow(dead_code, reason = "each test file uses a part")]
+#![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests fail as tests do")]
+
+use krait_drives::emulator::{Emulator, Servo, Wire};
+use krait_drives::{BusDrive, sts3215};
+use krait_ipc::clock::monotonic_ns;
+use krait_slave::{ActuatorConfig, Drive, DriveConfig, DriveKind, DriveReading, Homing, SlaveConfig, Switching, lines};
+use std::time::Duration;
+
+/// Where zero is.
+pub const ZERO: i32 = 2048;
+
+/// Three sound servos near their zero.
+pub fn three() -> Wire {
+    Wire::new((1..=3).map(|id| Servo::new(id, f64::from(ZERO) + f64::from(id))).collect())
+}
+
+/// A configuration with patience for a loaded machine: nothing here is about absolute times.
+pub fn config(emulator: &Emulator) -> SlaveConfig {
+    let actuator = |id| ActuatorConfig { id, zero_count: Some(ZERO as u32), ..ActuatorConfig::default() };
+    let drive = DriveConfig {
+        kind: DriveKind::Sts3215,
+        port: Some(emulator.path().to_owned()),
+        period_ms: 40.0,
+        timeout_ms: 35.0,
+        wish_ms: 1000.0,
+        actuator: (1..=3).map(actuator).collect(),
+        ..DriveConfig::default()
+    };
+    SlaveConfig { drive, ..SlaveConfig::default() }
+}
+
+/// A drive under power and homed, and the bus behind it.
+pub struct Rig {
+    pub emulator: Emulator,
+    pub drive: BusDrive,
+}
+
+impl Rig {
+    pub fn new() -> Self {
+        let emulator = Emulator::start(three()).unwrap();
+        let drive = sts3215::open_drive(&config(&emulator)).unwrap();
+        Self { emulator, drive }
+    }
+
+    pub fn powered() -> Self {
+        let mut rig = Self::new();
+        rig.power_up();
+        rig
+    }
+
+    pub fn power_up(&mut self) {
+        let powered = (0..2000).any(|_| {
+            std::thread::sleep(Duration::from_millis(1));
+            self.drive.set_power(monotonic_ns(), true).unwrap() == Switching::Done
+        });
+        assert!(powered && self.drive.home(monotonic_ns()) == Ok(Homing::Done));
+        assert!(self.emulator.wire().servos.iter().all(Servo::is_powered));
+    }
+
+    /// Ticks of the slave for so many cycles of the bus, each of which asks once.
+    pub fn cycles(&mut self, n: u64) -> DriveReading {
+        let end = self.emulator.wire().n_requests + 2 * n;
+        for _ in 0..20_000 {
+            std::thread::sleep(Duration::from_millis(1));
+            self.drive.read(monotonic_ns()).unwrap();
+            if self.emulator.wire().n_requests >= end || self.drive.failure().is_some() {
+                break;
+            }
+        }
+        self.drive.read(monotonic_ns()).unwrap()
+    }
+
+    /// Ticks of the slave in slow motion until something has failed.
+    pub fn until_failure(&mut self) -> String {
+        for k in 0..20_000 {
+            std::thread::sleep(Duration::from_millis(1));
+            if let Some(failure) = self.drive.failure() {
+                return failure.to_string();
+            }
+            let q_m = 1e-3 + 2e-6 * f64::from(k);
+            // Refused where there is no power; what has failed is seen above.
+            let _refused = self.drive.write(monotonic_ns(), lines([q_m, -0.5 * q_m, -0.5 * q_m]));
+            self.drive.read(monotonic_ns()).unwrap();
+        }
+        panic!("nothing has failed");
+    }
+
+    pub fn goals(&self) -> Vec<i32> {
+        self.emulator.wire().servos.iter().map(Servo::goal).collect()
+    }
+}

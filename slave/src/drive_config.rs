@@ -1,0 +1,153 @@
+//! Which drives the slave has: the table `[slave.drive]` and its actuators.
+
+use crate::{ConfigError, OnFault};
+use krait_ipc::message::MAX_ACTUATORS;
+use krait_ipc::settings;
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// Kinds of drives.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum DriveKind {
+    /// Simulated, of the machine that the model is of.
+    #[default]
+    Sim,
+    /// Feetech STS3215 servos on a serial bus.
+    Sts3215,
+}
+
+/// Whether drives move.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum DriveMode {
+    /// They move.
+    #[default]
+    Live,
+    /// They are opened and read, never under power; what they would be told is logged.
+    Dry,
+}
+
+settings! {
+    /// The drives.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct DriveConfig in "slave.drive" {
+        /// "sim": simulated; "sts3215": Feetech servos on a serial bus. What follows is for a real bus.
+        kind: DriveKind = DriveKind::Sim;
+        /// "live": they move; "dry": the bus is opened and read, power stays off, and the log says what would be sent.
+        mode: DriveMode = DriveMode::Live;
+        /// The serial port, best by its lasting name in /dev/serial/by-id.
+        port: Option<PathBuf> = None;
+        /// Bit rate of the bus, bits/s. 1 000 000: the servos' own default.
+        baud: u32 = 1_000_000, 9_600..=1_000_000;
+        /// Period of the bus, ms: every actuator is told and asked once. 5 ms: three servos need 2.6 ms at 1 Mbaud and 1 ms in
+        /// the USB adapter.
+        period_ms: f64 = 5.0, 1.0..=50.0;
+        /// How long the answers of one period are waited for, ms; less than `period_ms`.
+        timeout_ms: f64 = 4.0, 0.5..=45.0;
+        /// Answers of one actuator that are missing one after the other until it counts as lost. 3: noise takes one or two.
+        lost_cycles: u32 = 3, 1..=20;
+        /// Time without a sign of life of the slave after which the drives stop by themselves, ms. 50 ms, as the slave's own
+        /// watchdog.
+        wish_ms: f64 = 50.0, 5.0..=1000.0;
+        /// What a fault does: "hold": brake to rest and stay under power; "power_off": let go.
+        on_fault: OnFault = OnFault::Hold;
+        /// Largest speed of a servo, counts/s. 3000: STS3215 at 7.4 V.
+        speed_counts_per_s: f64 = 3000.0, 50.0..=20_000.0;
+        /// The actuators, in the order of the lines or joints; each is a table `[[slave.drive.actuator]]`.
+        actuator: Vec<ActuatorConfig> = Vec::new();
+    }
+}
+
+settings! {
+    /// One actuator of a bus.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct ActuatorConfig in "slave.drive.actuator" {
+        /// Its number on the bus.
+        id: u32 = 1, 0..=252;
+        /// What its encoder reads where its line or joint is at zero; `krait drives --zero` finds it. Without it nothing moves.
+        zero_count: Option<u32> = None;
+        /// 1: counts grow where the line is pushed; -1: where it is pulled.
+        sign: i32 = 1;
+        /// Radius of the spool, to the middle of the line, m.
+        spool_radius_m: f64 = 0.008, 1e-4..=0.2;
+        /// Turns of the encoder for one of the spool.
+        gear: f64 = 1.0, 0.01..=1000.0;
+        /// How far it may go from zero, either way, m.
+        travel_m: f64 = 0.006, 1e-4..=0.1;
+        /// Largest torque, part of the servo's own.
+        torque_limit: f64 = 0.5, 0.01..=1.0;
+        /// Torque per current, N m/A; then loads are estimated from the current, with tens of percent of error. 0: not measured.
+        newton_metre_per_ampere: f64 = 0.0, 0.0..=100.0;
+    }
+}
+
+impl DriveConfig {
+    /// Checks every value and that the values fit each other.
+    ///
+    /// # Errors
+    /// [`ConfigError`] names the first that does not.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        self.check_ranges()?;
+        let refuse = |what: String| Err(ConfigError::Drives { what });
+        if self.kind == DriveKind::Sim {
+            return Ok(());
+        }
+        if self.port.is_none() {
+            return refuse(
+                "port is missing; name the serial port, `krait drives` lists those that are there".to_owned(),
+            );
+        }
+        if self.timeout_ms >= self.period_ms {
+            return refuse(format!(
+                "timeout_ms = {}: expected less than period_ms {}",
+                self.timeout_ms, self.period_ms
+            ));
+        }
+        let n = self.actuator.len();
+        if !(1..=MAX_ACTUATORS).contains(&n) {
+            return refuse(format!(
+                "{n} actuators, expected 1 to {MAX_ACTUATORS}; describe each in a table [[slave.drive.actuator]]"
+            ));
+        }
+        for (k, actuator) in self.actuator.iter().enumerate() {
+            actuator.check_ranges()?;
+            if actuator.sign.abs() != 1 {
+                return refuse(format!("actuator {}: sign = {}, expected 1 or -1", k + 1, actuator.sign));
+            }
+            if let Some(first) = self.actuator[..k].iter().position(|other| other.id == actuator.id) {
+                let id = actuator.id;
+                return refuse(format!("actuators {} and {} both have id {id}; give each its own", first + 1, k + 1));
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sentence(text: &str) -> String {
+        toml::from_str::<DriveConfig>(text).unwrap().check().unwrap_err().to_string()
+    }
+
+    #[test]
+    fn what_does_not_fit_is_refused_in_one_sentence_with_its_table() {
+        DriveConfig::default().check().unwrap();
+        let bus = "kind = \"sts3215\"\nport = \"/dev/ttyUSB0\"\n";
+        let servo = "[[actuator]]\nid = 1\n";
+        for (text, words) in [
+            ("kind = \"sts3215\"".to_owned(), "port is missing"),
+            (bus.to_owned(), "0 actuators"),
+            (format!("{bus}timeout_ms = 5.0\n{servo}"), "timeout_ms = 5: expected less than period_ms 5"),
+            (format!("{bus}{servo}sign = 0"), "sign = 0"),
+            (format!("{bus}{servo}{servo}"), "actuators 1 and 2 both have id 1"),
+            (format!("{bus}{servo}travel_m = 1.0"), "travel_m = 1"),
+            (format!("{bus}{servo}id = 254").replace("id = 1\n", ""), "id = 254"),
+        ] {
+            let sentence = sentence(&text);
+            assert!(sentence.contains("[slave.drive") && sentence.contains(words), "{sentence}");
+        }
+    }
+}

@@ -1,0 +1,143 @@
+//! A chain on real drives, which are emulated servos behind a pseudo-terminal: it follows, and what ends it ends defined.
+
+#![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
+
+use core::time::Duration;
+use krait_drives::emulator::{Emulator, Servo, Wire};
+use krait_ipc::message::OperatingState;
+use krait_record::Recording;
+use krait_schema::Sample;
+use krait_tests::{Ended, Krait, TempFolder, instance_name, processes_of, wait_until};
+use rustix::process::{Pid, Signal, kill_process};
+use std::path::Path;
+
+const PATIENCE: Duration = Duration::from_secs(120);
+const ZERO: f64 = 2048.0;
+
+fn emulator() -> Emulator {
+    Emulator::start(Wire::new((1..=3).map(|id| Servo::new(id, ZERO)).collect())).expect("a pseudo-terminal")
+}
+
+/// A configuration for the emulated servos, with patience for a machine under load.
+fn configuration(folder: &TempFolder, emulator: &Emulator, more: &str) -> String {
+    let actuators: String =
+        (1..=3).map(|id| format!("[[slave.drive.actuator]]\nid = {id}\nzero_count = 2048\n")).collect();
+    let text = format!(
+        "[slave.limits]\nrate_m_per_s = 0.01\nfollowing_error_m = 0.003\npull_n = inf\npush_n = inf\n\
+         [slave.drive]\nkind = \"sts3215\"\nport = \"{}\"\nperiod_ms = 20.0\ntimeout_ms = 18.0\nlost_cycles = 4\nwish_ms = 900.0\n{more}\n{actuators}",
+        emulator.path().display()
+    );
+    let path = folder.file("krait.toml");
+    std::fs::write(&path, text).expect("written");
+    path
+}
+
+/// Largest distance of any servo from its zero, counts.
+fn farthest(emulator: &Emulator) -> f64 {
+    emulator.wire().servos.iter().fold(0.0, |m: f64, servo| m.max((servo.place - ZERO).abs()))
+}
+
+/// A chain whose servos are in motion.
+fn in_motion(instance: &str, config: &str, recording: &str, emulator: &Emulator) -> Krait {
+    let krait =
+        Krait::start(&["run", "--engage", "--instance", instance, "--config", config, "--recording", recording]);
+    assert!(wait_until(PATIENCE, || farthest(emulator) > 20.0), "the servos move: {:?}", emulator.wire().servos);
+    krait
+}
+
+/// Operating state, setpoint and encoders of every slave state of a recording.
+fn states_in(recording: &str) -> Vec<(u32, [f64; 3], [f64; 3])> {
+    let recording = Recording::open(Path::new(recording)).expect("readable");
+    let mut states = Vec::new();
+    for recorded in recording.samples().expect("samples") {
+        if let Sample::State(state) = recorded.expect("readable").sample {
+            let three = |q: krait_ipc::message::Actuators| [q[0], q[1], q[2]];
+            states.push((state.operating_state, three(state.setpoint_q_m), three(state.measured_q_m)));
+        }
+    }
+    states
+}
+
+#[test]
+fn the_chain_follows_on_servos_and_one_that_is_unplugged_stops_the_others_where_they_hold() {
+    let (instance, folder, emulator) = (instance_name("servos"), TempFolder::new("servos"), emulator());
+    let recording = folder.file("run.mcap");
+    let krait = in_motion(&instance, &configuration(&folder, &emulator, ""), &recording, &emulator);
+    assert!(wait_until(PATIENCE, || farthest(&emulator) > 60.0), "it follows");
+    emulator.wire().servos[1].faults.is_silent = true;
+    // The slave says so; the chain stays and does not move.
+    std::thread::sleep(Duration::from_millis(1000));
+    let held: Vec<f64> = emulator.wire().servos.iter().map(|servo| servo.place).collect();
+    emulator.wire().servos[1].faults.is_silent = false;
+    std::thread::sleep(Duration::from_millis(1000));
+    let wire = emulator.wire().clone();
+    assert!(wire.servos.iter().all(Servo::is_powered), "under power");
+    assert_eq!((wire.servos[0].place, wire.servos[2].place), (held[0], held[2]), "nothing resumes by itself");
+    krait.signal(Signal::INT);
+    let ended = krait.end(PATIENCE);
+    assert!(ended.stderr.contains("Drive 2 failed; the others hold: it has not answered"), "{}", ended.stderr);
+    assert!(emulator.wire().servos.iter().all(|servo| !servo.is_powered()), "the end of the chain takes the power");
+    let states = states_in(&recording);
+    let fault = OperatingState::Fault as u32;
+    let before: Vec<_> = states.iter().take_while(|state| state.0 != fault).collect();
+    assert!(states.iter().any(|state| state.0 == fault), "FAULT is recorded");
+    // Encoders come back from the servos: they have moved, and end near where they were told to be.
+    let moved = before.iter().filter(|(_, told, read)| told[0].abs() > 5e-4 && (told[0] - read[0]).abs() < 1e-3);
+    assert!(moved.count() > 100, "encoders follow the setpoint");
+}
+
+#[test]
+fn a_slave_that_is_killed_in_motion_leaves_the_servos_at_their_last_goal() {
+    let (instance, folder, emulator) = (instance_name("killed"), TempFolder::new("killed"), emulator());
+    let krait = in_motion(&instance, &configuration(&folder, &emulator, ""), &folder.file("run.mcap"), &emulator);
+    let slave = || processes_of(&instance).into_iter().find(|(name, _)| name == "slave").map(|(_, pid)| pid);
+    let pid = Pid::from_raw(slave().expect("a slave").cast_signed()).expect("a process id");
+    // The supervisor is stopped first, so that no second slave touches the bus.
+    krait.signal(Signal::STOP);
+    kill_process(pid, Signal::KILL).expect("the slave lives");
+    std::thread::sleep(Duration::from_millis(300));
+    let goals: Vec<i32> = emulator.wire().servos.iter().map(Servo::goal).collect();
+    let n_requests = emulator.wire().n_requests;
+    std::thread::sleep(Duration::from_millis(300));
+    let wire = emulator.wire().clone();
+    assert_eq!(wire.n_requests, n_requests, "nobody speaks any more");
+    // At the largest rate a period is 0.2 mm, 16 counts; the last goal was at most that far away.
+    for (servo, goal) in wire.servos.iter().zip(&goals) {
+        assert!(servo.is_powered() && servo.goal() == *goal && servo.goal() > 0);
+        assert!((servo.place - f64::from(*goal)).abs() <= 17.0, "{} for {goal}", servo.place);
+    }
+    krait.signal(Signal::CONT);
+    krait.signal(Signal::INT);
+    krait.end(PATIENCE);
+}
+
+#[test]
+fn a_dry_run_moves_nothing_and_says_what_it_would_send() {
+    let (instance, folder, emulator) = (instance_name("dry"), TempFolder::new("dry"), emulator());
+    let config = configuration(&folder, &emulator, "mode = \"dry\"");
+    let recording = folder.file("run.mcap");
+    let arguments = ["run", "--engage", "--instance", &instance, "--config", &config, "--recording", &recording];
+    let ended = Ended::of(&[&arguments[..], &["--seconds", "4"]].concat(), PATIENCE);
+    assert!(ended.stderr.contains("dry run: the actuators would be told to go there"), "{}", ended.stderr);
+    let wire = emulator.wire();
+    assert!(wire.n_requests > 50 && wire.servos.iter().all(|servo| servo.n_goals == 0 && !servo.is_powered()));
+}
+
+#[test]
+fn drives_that_do_not_fit_are_refused_in_one_sentence_before_the_chain_runs() {
+    let (instance, folder, emulator) = (instance_name("refused"), TempFolder::new("refused"), emulator());
+    emulator.wire().servos[2].registers[3..5].copy_from_slice(&1284_u16.to_le_bytes());
+    let config = configuration(&folder, &emulator, "");
+    let run = |more: &[&str]| {
+        let arguments = ["run", "--engage", "--no-recording", "--instance", &instance, "--config", &config];
+        Ended::of(&[&arguments[..], more].concat(), PATIENCE)
+    };
+    let ended = run(&[]);
+    assert_eq!(ended.code, Some(2));
+    assert!(ended.sentence().contains("actuator 3 (id 3) is a stranger"), "{}", ended.stderr);
+    let again = Ended::of(&["run", "--engage=again", "--instance", &instance, "--config", &config], PATIENCE);
+    assert!(again.sentence().contains("--engage=again would move real drives"), "{}", again.stderr);
+    let truth = run(&["--truth", "none.toml"]);
+    assert!(truth.sentence().contains("--truth is for simulated drives"), "{}", truth.stderr);
+    assert!(emulator.wire().servos.iter().all(|servo| servo.n_goals == 0 && !servo.is_powered()));
+}
