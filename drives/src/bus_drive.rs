@@ -218,7 +218,7 @@ impl Dry {
         let counts = cycles.dry_counts();
         if counts != self.counts {
             if let Some(counts) = &counts {
-                tracing::info!(?counts, "dry run: the actuators would be told to go there");
+                tracing::warn!(?counts, "dry run: the actuators would be told to go there");
             }
             self.counts = counts;
         }

@@ -32,6 +32,8 @@ pub(crate) struct Cycles<B> {
     wish: Wish,
     phase: Phase,
     failure: Option<DriveError>,
+    /// Whether power was told to come, in this turn.
+    has_switched: bool,
     /// Where the actuators were told to be, m, and how fast that moves, m/s.
     goal_m: Actuators,
     velocity_m_per_s: Actuators,
@@ -50,6 +52,7 @@ impl<B: ActuatorBus> Cycles<B> {
             wish: Wish::default(),
             phase: Phase::Off,
             failure: None,
+            has_switched: false,
             goal_m: [0.0; MAX_ACTUATORS],
             velocity_m_per_s: [0.0; MAX_ACTUATORS],
         };
@@ -100,6 +103,7 @@ impl<B: ActuatorBus> Cycles<B> {
     fn begin_turn(&mut self) {
         self.failure = None;
         self.judge.begin();
+        self.has_switched = false;
         self.rest_where_seen();
         self.phase = if self.wish.has_power { Phase::Switching } else { Phase::Off };
     }
@@ -127,8 +131,9 @@ impl<B: ActuatorBus> Cycles<B> {
                 Ok(None)
             }
             Phase::Switching => {
+                // Also who is under power already is told: somebody else may have switched it, without limits.
                 let powered = self.seen.is_powered.iter().take(self.setup.n()).all(|on| *on);
-                if powered {
+                if powered && self.has_switched {
                     self.phase = Phase::On;
                     return self.follow(now_ns).map(Some);
                 }
@@ -136,6 +141,7 @@ impl<B: ActuatorBus> Cycles<B> {
                 self.rest_where_seen();
                 let goals = self.goals();
                 self.bus.switch(true, &goals)?;
+                self.has_switched = true;
                 Ok(Some(goals))
             }
             Phase::On | Phase::Stopped if self.is_dry() => {

@@ -3,6 +3,7 @@
 use crate::cli_bench::{BenchArgs, FaultArgs, YardstickVerb};
 use crate::cli_calibrate::CalibrateVerb;
 use crate::cli_console::ConsoleArgs;
+use crate::cli_drives::DrivesArgs;
 use crate::cli_lab::LabVerb;
 use crate::cli_replay::{CompareArgs, ReplayArgs};
 use crate::in_force::Compensation;
@@ -55,6 +56,11 @@ pub enum Verb {
     /// The hand controllers on this machine, and what is missing to use them.
     #[command(after_help = "Example:\n  krait devices --json")]
     Devices(DevicesArgs),
+    /// The actuators on this machine's serial buses; their zeros, single steps, and an emulated bus to try krait without any.
+    #[command(
+        after_help = "Examples:\n  krait drives\n  krait drives --watch\n  krait drives --zero --config krait.toml\n  krait drives --jog 1 --config krait.toml\n  krait drives --emulate 3"
+    )]
+    Drives(DrivesArgs),
     /// The paper's tables and figures again, beside the printed values, and its errors with the numbers that show them.
     #[command(
         after_help = "Examples:\n  krait paper\n  krait paper --out /tmp/paper\n  krait paper --json | jq .verdict"

@@ -7,6 +7,7 @@ mod cli;
 mod cli_bench;
 mod cli_calibrate;
 mod cli_console;
+mod cli_drives;
 mod cli_lab;
 mod cli_lab_data;
 mod cli_replay;
@@ -45,6 +46,7 @@ fn main() -> ExitCode {
         Verb::Demo(args) => commands::demo::run(&cli.common, &args),
         Verb::Run(args) => commands::run::run(&cli.common, &args),
         Verb::Devices(args) => commands::devices::run(&args),
+        Verb::Drives(args) => commands::drives::run(&cli.common, &args),
         Verb::Paper(args) => commands::paper::run(&args),
         Verb::Verify(args) => commands::verify::run(&cli.common, &args),
         Verb::State(args) => commands::state::run(&cli.common, &args),

@@ -122,6 +122,23 @@ impl Cast {
     }
 }
 
+/// Refuses an instance in which a chain runs, or whatever else may move its drives.
+///
+/// # Errors
+/// One sentence that says which.
+pub fn refuse_company(bus: &Bus) -> anyhow::Result<()> {
+    let is_of_a_chain =
+        |(name, pid): &(String, u32)| *pid != std::process::id() && !commands::TOOLS.contains(&name.as_str());
+    if let Some((name, pid)) = bus.members().into_iter().find(is_of_a_chain) {
+        bail!(
+            "instance {:?} is already running (its process `{name}` has pid {pid}); \
+             stop that chain or choose another name with --instance",
+            bus.instance().as_str()
+        );
+    }
+    Ok(())
+}
+
 impl Supervisor {
     /// Joins an instance that nobody else runs.
     ///
@@ -129,14 +146,7 @@ impl Supervisor {
     /// One sentence when the instance is taken or shared memory cannot be used.
     pub fn new(instance: &str, stop: &AtomicBool) -> anyhow::Result<Self> {
         let bus = Bus::open_unless(instance, "launch", stop)?;
-        let is_of_a_chain =
-            |(name, pid): &(String, u32)| *pid != std::process::id() && !commands::TOOLS.contains(&name.as_str());
-        if let Some((name, pid)) = bus.members().into_iter().find(is_of_a_chain) {
-            bail!(
-                "instance {instance:?} is already running (its process `{name}` has pid {pid}); \
-                 stop that chain or choose another name with --instance"
-            );
-        }
+        refuse_company(&bus)?;
         let mut healths = Vec::new();
         for process in Process::ALL {
             healths.push((process, bus.reader_on(&health_channel(process), ReadOptions::glancing())?, None));

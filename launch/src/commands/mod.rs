@@ -9,6 +9,7 @@ pub mod console;
 pub mod demo;
 pub mod devices;
 pub mod doctor;
+pub mod drives;
 pub mod export;
 pub mod fault;
 pub mod lab;

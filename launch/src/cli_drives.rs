@@ -1,0 +1,36 @@
+//! The command line of `krait drives`.
+
+use clap::Args;
+use std::path::PathBuf;
+
+/// Options of `krait drives`.
+#[derive(Clone, Debug, Args)]
+pub struct DrivesArgs {
+    /// Look at this serial port only; by default at every USB serial adapter, or at that of --config.
+    #[arg(long, value_name = "PORT")]
+    pub port: Option<PathBuf>,
+    /// Look at this bit rate only; by default at all that these servos can be set to.
+    #[arg(long, value_name = "RATE")]
+    pub baud: Option<u32>,
+    /// Largest number on the bus that is asked for.
+    #[arg(long, value_name = "ID", default_value_t = 20, value_parser = clap::value_parser!(u8).range(0..=252))]
+    pub last_id: u8,
+    /// Show positions, loads and temperatures anew twice a second, until Ctrl-C.
+    #[arg(long, conflicts_with_all = ["zero", "jog", "emulate"])]
+    pub watch: bool,
+    /// Print the count of each configured actuator, as its zero_count where lines or joints are now.
+    #[arg(long, conflicts_with_all = ["jog", "emulate"])]
+    pub zero: bool,
+    /// Move one configured actuator, numbered from 1: each line on standard input is one step, `-` goes back.
+    #[arg(long, value_name = "ACTUATOR", conflicts_with = "emulate")]
+    pub jog: Option<usize>,
+    /// Length of a step, mm; at most 0.1.
+    #[arg(long, value_name = "MM", default_value_t = 0.1, requires = "jog")]
+    pub step_mm: f64,
+    /// Plug in an emulated bus of so many servos, to try krait without hardware; until Ctrl-C.
+    #[arg(long, value_name = "SERVOS", value_parser = clap::value_parser!(u8).range(1..=12))]
+    pub emulate: Option<u8>,
+    /// Print what was found as JSON on standard output.
+    #[arg(long, conflicts_with_all = ["watch", "jog", "emulate"])]
+    pub json: bool,
+}

@@ -1,0 +1,34 @@
+//! An emulated bus of servos behind a pseudo-terminal, and the configuration that drives it.
+
+use crate::{print, signals};
+use core::time::Duration;
+use krait_drives::emulator::{Emulator, Servo, Wire};
+use std::process::ExitCode;
+use std::sync::atomic::Ordering;
+
+const LOOK_EVERY: Duration = Duration::from_millis(50);
+/// USB adapters hold bytes for at least that long.
+const USB_LATENCY: Duration = Duration::from_millis(1);
+
+/// Plugs in so many servos, prints their configuration on standard output, and runs until Ctrl-C.
+pub(super) fn run(n: u8) -> anyhow::Result<ExitCode> {
+    let stop = signals::stop_flag()?;
+    let mut wire = Wire::new((1..=n).map(|id| Servo::new(id, 2048.0)).collect());
+    wire.usb_latency = USB_LATENCY;
+    let emulator = Emulator::start(wire)?;
+    let port = emulator.path().display();
+    let mut text = format!(
+        "# {n} emulated servos at {port}, until Ctrl-C. Save these lines as servos.toml, then in another terminal:\n\
+         #   krait run --engage --config servos.toml\n\
+         [slave.limits]\nrate_m_per_s = 0.02\nfollowing_error_m = 0.001\npull_n = inf\npush_n = inf\n\n\
+         [slave.drive]\nkind = \"sts3215\"\nport = \"{port}\"\n"
+    );
+    for id in 1..=n {
+        text += &format!("\n[[slave.drive.actuator]]\nid = {id}\nzero_count = 2048\n");
+    }
+    print::out(&text)?;
+    while !stop.load(Ordering::Relaxed) {
+        std::thread::sleep(LOOK_EVERY);
+    }
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,46 @@
+//! `krait drives`: which actuators are there, how they are, their zeros, single steps; and an emulated bus without hardware.
+
+mod emulate;
+mod find;
+mod jog;
+mod zero;
+
+use crate::cli::Common;
+use crate::cli_drives::DrivesArgs;
+use crate::config::Config;
+use crate::supervisor;
+use anyhow::ensure;
+use krait_ipc::Bus;
+use krait_slave::{DriveKind, SlaveConfig};
+use std::process::ExitCode;
+use std::sync::atomic::AtomicBool;
+
+/// Its name among the members of an instance.
+const NAME: &str = "drives";
+
+/// Does what the options say; without any it looks for actuators and moves nothing.
+pub fn run(common: &Common, args: &DrivesArgs) -> anyhow::Result<ExitCode> {
+    match (args.emulate, args.jog) {
+        (Some(n), _) => emulate::run(n),
+        (None, Some(actuator)) => jog::run(common, actuator, args.step_mm),
+        (None, None) if args.zero => zero::run(common, args.json),
+        (None, None) => find::run(common, args),
+    }
+}
+
+/// The slave's configuration, which must describe real drives.
+fn described(common: &Common) -> anyhow::Result<SlaveConfig> {
+    let config = Config::load(common.config.as_deref())?;
+    ensure!(
+        config.slave.drive.kind != DriveKind::Sim,
+        "the configuration describes no real drives; name one with --config whose [slave.drive] does (docs/drives.md)"
+    );
+    Ok(config.slave)
+}
+
+/// Joins the instance alone, so that no chain runs or starts meanwhile.
+fn alone(common: &Common, stop: &AtomicBool) -> anyhow::Result<Bus> {
+    let bus = Bus::open_unless(&common.instance, NAME, stop)?;
+    supervisor::refuse_company(&bus)?;
+    Ok(bus)
+}
