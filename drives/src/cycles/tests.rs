@@ -195,6 +195,8 @@ fn a_stop_that_the_slave_asks_for_brakes_from_where_the_goals_are_and_a_new_turn
     let rest = bench.cycles.goal_m;
     bench.wish = Wish { turn: 2, has_power: true, q_m: [f64::NAN; 12], ..Wish::default() };
     bench.step();
+    assert_eq!(bench.report().phase, Phase::Switching, "the servos are told again, whatever they say");
+    bench.step();
     assert_eq!(bench.report().phase, Phase::On);
     assert!((bench.cycles.goal_m[0] - rest[0]).abs() < 1e-7, "to a count");
     bench.go(1);
