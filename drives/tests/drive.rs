@@ -25,8 +25,8 @@ fn wishes_become_counts_and_come_back_as_readings_that_know_their_instant() {
     let expected: Vec<i32> = wish[..3].iter().map(|q| ZERO + (q * PER_M).round() as i32).collect();
     assert_eq!(rig.goals(), expected);
     let reading = rig.cycles(2);
-    for k in 0..3 {
-        assert!((reading.q_tilde_m[k] - wish[k]).abs() < 1.0 / PER_M, "{:?}", reading.q_tilde_m);
+    for (k, wished_m) in wish.into_iter().take(3).enumerate() {
+        assert!((reading.q_tilde_m[k] - wished_m).abs() < 1.0 / PER_M, "{:?}", reading.q_tilde_m);
         assert!(reading.sampled_ns[k] > before.sampled_ns[k] && reading.sampled_ns[k] <= monotonic_ns());
         assert!(reading.tau_n[k].is_nan(), "nothing measures the load here");
     }

@@ -9,6 +9,8 @@ mod wire;
 pub use servo::{Faults, Servo};
 pub use wire::Wire;
 
+use core::time::Duration;
+use krait_ipc::clock::monotonic_ns;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::{Errno, read, write};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
@@ -20,12 +22,11 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
 
 /// How often the thread looks whether it shall end.
 const PATIENCE: Timespec = Timespec { tv_sec: 0, tv_nsec: 20_000_000 };
 /// The kernel may sleep for so much longer than it was asked to; the rest is waited for awake.
-const OVERSLEEP: Duration = Duration::from_micros(60);
+const OVERSLEEP_NS: i64 = 60_000;
 
 /// A bus that runs; dropping it is unplugging the adapter.
 #[derive(Debug)]
@@ -96,16 +97,16 @@ fn serve(host: &OwnedFd, _kept: &File, wire: &Mutex<Wire>, ends: &AtomicBool) ->
             Err(error) => return Err(error.into()),
         }
         let n = read(host, &mut buffer)?;
-        let arrived = Instant::now();
+        let arrived_ns = monotonic_ns();
         pending.extend_from_slice(&buffer[..n]);
         let baud = tcgetattr(host)?.output_speed();
         while let Some(request) = wire::next_request(&mut pending) {
             let replies = {
                 let mut wire = wire.lock().unwrap_or_else(PoisonError::into_inner);
-                wire.replies(&request, baud, arrived)
+                wire.replies(&request, baud, arrived_ns)
             };
             for piece in replies {
-                sleep_until(piece.due);
+                sleep_until(piece.due_ns);
                 send(host, &piece.bytes)?;
             }
         }
@@ -120,12 +121,12 @@ fn send(host: &OwnedFd, mut bytes: &[u8]) -> io::Result<()> {
     Ok(())
 }
 
-fn sleep_until(due: Instant) {
-    let left = due.saturating_duration_since(Instant::now());
-    if left > OVERSLEEP {
-        std::thread::sleep(left - OVERSLEEP);
+fn sleep_until(due_ns: i64) {
+    let left_ns = due_ns.saturating_sub(monotonic_ns());
+    if left_ns > OVERSLEEP_NS {
+        std::thread::sleep(Duration::from_nanos((left_ns - OVERSLEEP_NS).unsigned_abs()));
     }
-    while Instant::now() < due {
+    while monotonic_ns() < due_ns {
         std::hint::spin_loop();
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::sts3215::packet::signed;
 use crate::sts3215::{COUNTS_PER_TURN, MODEL};
-use std::time::{Duration, Instant};
+use core::time::Duration;
 
 /// Registers of a servo.
 const N_REGISTERS: usize = 256;
@@ -61,7 +61,7 @@ pub struct Servo {
     pub overload: f64,
     /// Number of goals that it was told.
     pub n_goals: u64,
-    stepped: Option<Instant>,
+    stepped_ns: Option<i64>,
 }
 
 impl Servo {
@@ -83,7 +83,7 @@ impl Servo {
             load: 0.0,
             overload: f64::INFINITY,
             n_goals: 0,
-            stepped: None,
+            stepped_ns: None,
         };
         servo.show();
         servo
@@ -125,9 +125,10 @@ impl Servo {
     }
 
     /// Lets time pass up to an instant.
-    pub(crate) fn step(&mut self, now: Instant) {
-        let elapsed_s = self.stepped.map_or(0.0, |before| now.saturating_duration_since(before).as_secs_f64());
-        self.stepped = Some(self.stepped.map_or(now, |before| before.max(now)));
+    pub(crate) fn step(&mut self, now_ns: i64) {
+        let before_ns = self.stepped_ns.unwrap_or(now_ns);
+        let elapsed_s = now_ns.saturating_sub(before_ns).max(0) as f64 * 1e-9;
+        self.stepped_ns = Some(before_ns.max(now_ns));
         if self.is_powered() && self.load.abs() > self.overload {
             self.registers[TORQUE] = 0;
             self.faults.error |= OVERLOAD;

@@ -2,11 +2,11 @@
 
 use crate::emulator::Servo;
 use crate::sts3215::packet::{ALL, FRAME, READ, SYNC_READ, SYNC_WRITE, WRITE, checksum, put};
-use std::time::{Duration, Instant};
+use core::time::Duration;
 
 const PING: u8 = 0x01;
 /// Unit of a servo's return delay.
-const DELAY_UNIT: Duration = Duration::from_micros(2);
+const DELAY_UNIT_NS: i64 = 2_000;
 
 /// A bus with its servos.
 #[derive(Clone, Debug)]
@@ -21,13 +21,13 @@ pub struct Wire {
     pub servos: Vec<Servo>,
     /// Requests that were understood.
     pub n_requests: u64,
-    busy_until: Option<Instant>,
+    busy_until_ns: i64,
 }
 
 /// Bytes for the host.
 #[derive(Debug)]
 pub(crate) struct Piece {
-    pub due: Instant,
+    pub due_ns: i64,
     pub bytes: Vec<u8>,
 }
 
@@ -63,7 +63,7 @@ impl Wire {
     /// Sound servos at 1 Mbaud behind an adapter that holds nothing back.
     pub fn new(servos: Vec<Servo>) -> Self {
         let usb_latency = Duration::ZERO;
-        Self { baud: 1_000_000, usb_latency, echoes: false, servos, n_requests: 0, busy_until: None }
+        Self { baud: 1_000_000, usb_latency, echoes: false, servos, n_requests: 0, busy_until_ns: 0 }
     }
 
     /// The servo with an id.
@@ -71,28 +71,27 @@ impl Wire {
         self.servos.iter_mut().find(|servo| servo.id() == id)
     }
 
-    fn time_of(&self, n_bytes: usize) -> Duration {
-        Duration::from_nanos(n_bytes as u64 * 10_000_000_000 / u64::from(self.baud))
+    fn time_of_ns(&self, n_bytes: usize) -> i64 {
+        n_bytes as i64 * 10_000_000_000 / i64::from(self.baud)
     }
 
     /// What a request does, and what comes back.
-    pub(crate) fn replies(&mut self, request: &Request, host_baud: u32, arrived: Instant) -> Vec<Piece> {
-        let begun = self.busy_until.map_or(arrived, |until| until.max(arrived));
-        let mut at = begun + self.time_of(request.bytes.len());
+    pub(crate) fn replies(&mut self, request: &Request, host_baud: u32, arrived_ns: i64) -> Vec<Piece> {
+        let mut at_ns = self.busy_until_ns.max(arrived_ns) + self.time_of_ns(request.bytes.len());
         let mut pieces = Vec::new();
         if self.echoes {
-            pieces.push(Piece { due: at + self.usb_latency, bytes: request.bytes.clone() });
+            pieces.push(Piece { due_ns: at_ns + ns(self.usb_latency), bytes: request.bytes.clone() });
         }
-        self.busy_until = Some(at);
+        self.busy_until_ns = at_ns;
         if host_baud != self.baud {
             return pieces;
         }
         self.n_requests += 1;
-        self.servos.iter_mut().for_each(|servo| servo.step(at));
+        self.servos.iter_mut().for_each(|servo| servo.step(at_ns));
         for (id, registers) in self.execute(request) {
-            self.reply(id, registers, &mut at, &mut pieces);
+            self.reply(id, registers, &mut at_ns, &mut pieces);
         }
-        self.busy_until = Some(at);
+        self.busy_until_ns = at_ns;
         pieces
     }
 
@@ -132,28 +131,27 @@ impl Wire {
     }
 
     /// The reply of all servos with an id; several speak at once, and their bytes collide.
-    fn reply(&mut self, id: u8, registers: Option<(usize, usize)>, at: &mut Instant, pieces: &mut Vec<Piece>) {
-        let (per_byte, usb_latency) = (self.time_of(1), self.usb_latency);
+    fn reply(&mut self, id: u8, registers: Option<(usize, usize)>, at_ns: &mut i64, pieces: &mut Vec<Piece>) {
         let mut bytes: Option<Vec<u8>> = None;
-        let (mut late, mut gap) = (Duration::ZERO, None);
+        let (mut late_ns, mut gap_ns) = (0, None);
         for servo in self.servos.iter_mut().filter(|servo| servo.id() == id && !servo.faults.is_silent) {
             let own = reply_of(servo, registers);
             bytes = Some(bytes.map_or(own.clone(), |other| collided(&other, &own)));
-            late = servo.faults.late + DELAY_UNIT * u32::from(servo.registers[7]);
+            late_ns = ns(servo.faults.late) + DELAY_UNIT_NS * i64::from(servo.registers[7]);
             if take(&mut servo.faults.two_pieces) {
-                (gap, late) = (Some(servo.faults.late), Duration::ZERO);
+                (gap_ns, late_ns) = (Some(late_ns), 0);
             }
         }
         let Some(bytes) = bytes else { return };
-        *at += late + per_byte * bytes.len() as u32;
-        let due = *at + usb_latency;
-        match gap {
-            None => pieces.push(Piece { due, bytes }),
-            Some(gap) => {
+        *at_ns += late_ns + self.time_of_ns(bytes.len());
+        let due_ns = *at_ns + ns(self.usb_latency);
+        match gap_ns {
+            None => pieces.push(Piece { due_ns, bytes }),
+            Some(gap_ns) => {
                 let (first, second) = bytes.split_at(bytes.len() / 2);
-                pieces.push(Piece { due, bytes: first.to_vec() });
-                *at += gap;
-                pieces.push(Piece { due: due + gap, bytes: second.to_vec() });
+                pieces.push(Piece { due_ns, bytes: first.to_vec() });
+                *at_ns += gap_ns;
+                pieces.push(Piece { due_ns: due_ns + gap_ns, bytes: second.to_vec() });
             }
         }
     }
@@ -194,6 +192,10 @@ fn collided(one: &[u8], other: &[u8]) -> Vec<u8> {
             one.get(k).copied().unwrap_or(0xFF) & late.copied().unwrap_or(0xFF)
         })
         .collect()
+}
+
+fn ns(time: Duration) -> i64 {
+    time.as_nanos() as i64
 }
 
 fn take(n: &mut u32) -> bool {

@@ -4,16 +4,16 @@ use super::packet::{READ, answers, put, word};
 use super::{MODEL, Sts3215};
 use crate::bus::BusGone;
 use crate::error::OpenError;
+use krait_ipc::clock::monotonic_ns;
 use krait_slave::DriveConfig;
 use std::path::Path;
-use std::time::{Duration, Instant};
 
 /// Registers that are read: from the firmware to the mode.
 const IDENTITY_BYTES: usize = 34;
 /// Times that a question is asked before it counts as unanswered.
 pub(crate) const TRIES: u32 = 3;
 /// How long a second answer is waited for: adapters hold bytes for up to 16 ms.
-const LINGER: Duration = Duration::from_millis(20);
+const LINGER_NS: i64 = 20_000_000;
 
 /// What a servo says of itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,11 +46,11 @@ pub(crate) enum Said {
 }
 
 /// Asks one servo who it is.
-pub(crate) fn ask(bus: &mut Sts3215, id: u8, linger: Duration) -> Result<Said, BusGone> {
+pub(crate) fn ask(bus: &mut Sts3215, id: u8, linger_ns: i64) -> Result<Said, BusGone> {
     bus.bytes.clear();
     put(&mut bus.bytes, id, READ, &[&[0, IDENTITY_BYTES as u8]]);
-    let until = Instant::now() + bus.timeout.max(linger);
-    bus.question(until, |_| false)?;
+    let until_ns = monotonic_ns() + bus.timeout_ns.max(linger_ns);
+    bus.question(until_ns, |_| false)?;
     let mut found = answers(&bus.received, IDENTITY_BYTES).filter(|answer| answer.id == id);
     let first = found.next().map(|answer| Identity {
         id,
@@ -92,7 +92,7 @@ pub(crate) fn of_all(bus: &mut Sts3215, config: &DriveConfig, port: &Path) -> Re
 fn of_one(bus: &mut Sts3215, id: u8) -> Result<Option<Identity>, OpenError> {
     let mut spoilt = None;
     for _ in 0..TRIES {
-        match ask(bus, id, LINGER)? {
+        match ask(bus, id, LINGER_NS)? {
             Said::One(identity) => return Ok(Some(identity)),
             Said::Nothing => {}
             Said::TooMuch(n) if n > 1 => return Err(OpenError::SameId { id, n }),

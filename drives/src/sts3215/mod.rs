@@ -31,7 +31,6 @@ use krait_slave::{DriveConfig, SlaveConfig};
 use packet::{ALL, Answer, FRAME, SYNC_READ, SYNC_WRITE, answers, put, signed, word};
 use port::Port;
 use std::path::Path;
-use std::time::Instant;
 
 /// Counts of a turn.
 pub const COUNTS_PER_TURN: i32 = 4096;
@@ -50,7 +49,7 @@ pub(crate) const STATUS_BYTES: usize = 31;
 /// A USB adapter holds received bytes for so long, at best, ns.
 const USB_NS: i64 = 1_000_000;
 /// Silence after which nothing more comes of an old answer.
-const QUIET: Duration = Duration::from_micros(500);
+const QUIET_NS: i64 = 500_000;
 /// Unit of the present current, A.
 const AMPERE: f64 = 6.5e-3;
 
@@ -59,7 +58,7 @@ const AMPERE: f64 = 6.5e-3;
 pub struct Sts3215 {
     port: Port,
     ids: Vec<u8>,
-    timeout: Duration,
+    timeout_ns: i64,
     torque_limits: PerActuator<u16>,
     bytes: Vec<u8>,
     received: Vec<u8>,
@@ -74,7 +73,7 @@ impl Sts3215 {
         Ok(Self {
             port: Port::open(path, baud)?,
             ids,
-            timeout,
+            timeout_ns: timeout.as_nanos() as i64,
             torque_limits: [0; MAX_ACTUATORS],
             bytes: Vec::with_capacity(512),
             received: Vec::with_capacity(1024),
@@ -118,12 +117,12 @@ impl Sts3215 {
     }
 
     /// Sends a question and receives until `enough` says so of all that was received, or time is over.
-    fn question(&mut self, until: Instant, enough: impl Fn(&[u8]) -> bool) -> Result<bool, BusGone> {
+    fn question(&mut self, until_ns: i64, enough: impl Fn(&[u8]) -> bool) -> Result<bool, BusGone> {
         self.port.forget()?;
         self.received.clear();
         self.port.send(&self.bytes)?;
         while !enough(&self.received) {
-            if !self.port.receive(&mut self.received, until)? && Instant::now() >= until {
+            if !self.port.receive(&mut self.received, until_ns)? && monotonic_ns() >= until_ns {
                 return Ok(false);
             }
         }
@@ -132,9 +131,9 @@ impl Sts3215 {
 
     /// Silence: receives and throws away until nothing comes any more.
     fn recover(&mut self) -> Result<(), BusGone> {
-        let until = Instant::now() + self.timeout;
+        let until_ns = monotonic_ns() + self.timeout_ns;
         let mut rest = Vec::new();
-        while Instant::now() < until && self.port.receive(&mut rest, Instant::now() + QUIET)? {}
+        while monotonic_ns() < until_ns && self.port.receive(&mut rest, monotonic_ns() + QUIET_NS)? {}
         self.port.forget()
     }
 
@@ -188,8 +187,8 @@ impl ActuatorBus for Sts3215 {
         self.bytes.clear();
         let ids = self.ids.clone();
         put(&mut self.bytes, ALL, SYNC_READ, &[&[STATUS, STATUS_BYTES as u8], &ids]);
-        let until = Instant::now() + self.timeout;
-        let enough = self.question(until, |received| {
+        let until_ns = monotonic_ns() + self.timeout_ns;
+        let enough = self.question(until_ns, |received| {
             ids.iter().all(|id| answers(received, STATUS_BYTES).any(|answer| answer.id == *id))
         })?;
         seen.has_answered = [false; MAX_ACTUATORS];

@@ -3,7 +3,7 @@
 use crate::bus::BusGone;
 use crate::error::OpenError;
 use crate::texts::{PORT_BLOCKED, PORT_GONE};
-use core::time::Duration;
+use krait_ipc::clock::monotonic_ns;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{FlockOperation, Mode, OFlags, flock, open};
 use rustix::io::{Errno, read, write};
@@ -13,10 +13,9 @@ use rustix::termios::{
 use std::os::fd::OwnedFd;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 /// How long a port may take to accept a packet.
-const WRITE_PATIENCE: Duration = Duration::from_millis(100);
+const WRITE_PATIENCE_NS: i64 = 100_000_000;
 /// Where lasting names of serial ports are.
 const BY_ID: &str = "/dev/serial/by-id";
 
@@ -48,13 +47,13 @@ impl Port {
 
     /// Sends bytes, all of them.
     pub(crate) fn send(&self, mut bytes: &[u8]) -> Result<(), BusGone> {
-        let until = Instant::now() + WRITE_PATIENCE;
+        let until_ns = monotonic_ns() + WRITE_PATIENCE_NS;
         while !bytes.is_empty() {
             match write(&self.file, bytes) {
                 Ok(n) => bytes = &bytes[n..],
                 Err(Errno::INTR) => {}
-                Err(Errno::AGAIN) if Instant::now() >= until => return Err(BusGone { what: PORT_BLOCKED }),
-                Err(Errno::AGAIN) => drop(self.wait(PollFlags::OUT, until)?),
+                Err(Errno::AGAIN) if monotonic_ns() >= until_ns => return Err(BusGone { what: PORT_BLOCKED }),
+                Err(Errno::AGAIN) => drop(self.wait(PollFlags::OUT, until_ns)?),
                 Err(error) => return Err(gone(error)),
             }
         }
@@ -62,8 +61,8 @@ impl Port {
     }
 
     /// Receives what there is behind what was received, waiting for some until an instant; whether there was any.
-    pub(crate) fn receive(&self, bytes: &mut Vec<u8>, until: Instant) -> Result<bool, BusGone> {
-        if !self.wait(PollFlags::IN, until)? {
+    pub(crate) fn receive(&self, bytes: &mut Vec<u8>, until_ns: i64) -> Result<bool, BusGone> {
+        if !self.wait(PollFlags::IN, until_ns)? {
             return Ok(false);
         }
         let mut piece = [0; 512];
@@ -79,9 +78,9 @@ impl Port {
         }
     }
 
-    fn wait(&self, what: PollFlags, until: Instant) -> Result<bool, BusGone> {
-        let left = until.saturating_duration_since(Instant::now());
-        let Ok(left) = Timespec::try_from(left) else { return Ok(false) };
+    fn wait(&self, what: PollFlags, until_ns: i64) -> Result<bool, BusGone> {
+        let left_ns = until_ns.saturating_sub(monotonic_ns()).max(0);
+        let left = Timespec { tv_sec: left_ns / 1_000_000_000, tv_nsec: left_ns % 1_000_000_000 };
         let mut files = [PollFd::new(&self.file, what)];
         match poll(&mut files, Some(&left)) {
             Ok(n) => Ok(n > 0),

@@ -6,8 +6,8 @@ use super::packet::{ALL, put};
 use crate::bus::BusGone;
 use crate::error::OpenError;
 use core::time::Duration;
+use krait_ipc::clock::monotonic_ns;
 use std::path::Path;
-use std::time::Instant;
 
 /// Bit rates that these servos can be set to, the usual one first.
 pub const BAUDS: [u32; 8] = [1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_400];
@@ -16,7 +16,7 @@ const PING: u8 = 0x01;
 /// How long one answer is waited for: adapters hold bytes for up to 16 ms.
 const ANSWER: Duration = Duration::from_millis(20);
 /// How long all answers to a ping of everybody are waited for.
-const PATIENCE: Duration = Duration::from_millis(60);
+const PATIENCE_NS: i64 = 60_000_000;
 
 /// A servo that was found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,7 +40,7 @@ pub fn scan(path: &Path, bauds: &[u32], last_id: u8) -> Result<Vec<FoundServo>, 
             continue;
         }
         for id in 0..=last_id {
-            match ask(&mut bus, id, Duration::ZERO)? {
+            match ask(&mut bus, id, 0)? {
                 Said::One(identity) => found.push(FoundServo { baud, identity }),
                 Said::TooMuch(n) if n > 1 => return Err(OpenError::SameId { id, n }),
                 Said::Nothing | Said::TooMuch(_) => {}
@@ -55,5 +55,5 @@ fn anybody_there(bus: &mut Sts3215) -> Result<bool, BusGone> {
     bus.bytes.clear();
     put(&mut bus.bytes, ALL, PING, &[]);
     let sent = bus.bytes.clone();
-    bus.question(Instant::now() + PATIENCE, |received| received.len() > sent.len() || !sent.starts_with(received))
+    bus.question(monotonic_ns() + PATIENCE_NS, |received| received.len() > sent.len() || !sent.starts_with(received))
 }
