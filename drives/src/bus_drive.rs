@@ -8,6 +8,7 @@ use crate::setup::Setup;
 use crate::texts::THREAD_ENDED;
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
+use krait_ipc::Beside;
 use krait_ipc::clock::monotonic_ns;
 use krait_ipc::message::{Actuators, MAX_ACTUATORS};
 use krait_slave::{Drive, DriveError, DriveReading, DriveTraits, Homing, Switching};
@@ -33,11 +34,12 @@ pub struct BusDrive {
 }
 
 impl BusDrive {
-    /// Starts the thread of a bus that has been opened. `seen` is what all its actuators have said already.
+    /// Starts the thread of a bus that has been opened. `seen` is what all its actuators have said already; `beside` is how the
+    /// thread runs where the slave's process has a core and a priority of its own.
     ///
     /// # Errors
     /// What the kernel says when it gives no thread.
-    pub fn start<B: ActuatorBus>(bus: B, setup: Setup, seen: Seen) -> std::io::Result<Self> {
+    pub fn start<B: ActuatorBus>(bus: B, setup: Setup, seen: Seen, beside: Option<Beside>) -> std::io::Result<Self> {
         let mut report = setup.blank_report();
         report.stamp_ns = monotonic_ns();
         for (k, units) in setup.units.iter().enumerate() {
@@ -50,8 +52,12 @@ impl BusDrive {
             Arc::new(Exchange { wish: Newest::new(&wish), report: Newest::new(&report), ends: AtomicBool::new(false) });
         let cycles = Cycles::new(bus, setup.clone(), Arc::clone(&exchange), seen, monotonic_ns());
         let (theirs, period_ns) = (Arc::clone(&exchange), setup.period_ns);
-        let thread =
-            std::thread::Builder::new().name("drives".to_owned()).spawn(move || run(cycles, &theirs, period_ns))?;
+        let thread = std::thread::Builder::new().name("drives".to_owned()).spawn(move || {
+            for refused in beside.map(|beside| beside.apply()).unwrap_or_default() {
+                tracing::warn!("the thread of the drives: {refused}");
+            }
+            run(cycles, &theirs, period_ns);
+        })?;
         Ok(Self { exchange, thread: Some(thread), traits: setup.traits(), setup, wish, report, failure: None })
     }
 

@@ -118,7 +118,7 @@ fn a_slave_that_falls_silent_is_noticed_by_the_bus_itself() {
     let emulator = Emulator::start(three()).unwrap();
     let mut config = config(&emulator);
     config.drive.wish_ms = 200.0;
-    let mut rig = Rig { drive: sts3215::open_drive(&config).unwrap(), emulator };
+    let mut rig = Rig { drive: sts3215::open_drive(&config, None).unwrap(), emulator };
     rig.power_up();
     rig.drive.write(monotonic_ns(), lines([1e-3, -0.5e-3, -0.5e-3])).unwrap();
     std::thread::sleep(Duration::from_millis(500));
@@ -150,7 +150,7 @@ fn a_dry_run_reads_the_servos_shows_the_wishes_and_never_switches_power() {
     let emulator = Emulator::start(three()).unwrap();
     let mut config = config(&emulator);
     config.drive.mode = DriveMode::Dry;
-    let mut drive = sts3215::open_drive(&config).unwrap();
+    let mut drive = sts3215::open_drive(&config, None).unwrap();
     let until = |drive: &mut krait_drives::BusDrive, done: &dyn Fn(&mut krait_drives::BusDrive) -> bool| {
         (0..2000).any(|_| {
             std::thread::sleep(Duration::from_millis(1));

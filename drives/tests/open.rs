@@ -13,7 +13,7 @@ fn refusal(wire: Wire, change: impl Fn(&mut SlaveConfig)) -> String {
     let emulator = Emulator::start(wire).unwrap();
     let mut config = config(&emulator);
     change(&mut config);
-    let sentence = match sts3215::open_drive(&config) {
+    let sentence = match sts3215::open_drive(&config, None) {
         Ok(drive) => match drive.traits().check(&config.limits) {
             Ok(()) => panic!("the drive was opened"),
             Err(error) => error.to_string(),
@@ -85,13 +85,13 @@ fn whatever_is_wrong_with_the_configuration_is_said_before_anything_moves() {
 #[test]
 fn a_port_that_another_has_is_refused_until_it_is_given_back() {
     let emulator = Emulator::start(three()).unwrap();
-    let first = sts3215::open_drive(&config(&emulator)).unwrap();
-    let second = sts3215::open_drive(&config(&emulator)).unwrap_err().to_string();
+    let first = sts3215::open_drive(&config(&emulator), None).unwrap();
+    let second = sts3215::open_drive(&config(&emulator), None).unwrap_err().to_string();
     assert!(second.contains("is in use by another program"), "{second}");
     let looking = scan(emulator.path(), &[1_000_000], 3).unwrap_err().to_string();
     assert!(looking.contains("is in use by another program"), "{looking}");
     drop(first);
-    sts3215::open_drive(&config(&emulator)).unwrap();
+    sts3215::open_drive(&config(&emulator), None).unwrap();
 }
 
 #[test]

@@ -169,6 +169,30 @@ impl Realtime {
     }
 }
 
+/// How a thread runs that works beside the chain's own: on every core that the process was given, below the chain's priority.
+///
+/// Without it a thread that is started later is pinned to the chain's core, where a process that polls leaves it no time.
+#[derive(Clone, Copy, Debug)]
+pub struct Beside {
+    cores: Option<CpuSet>,
+    priority: u8,
+}
+
+impl Beside {
+    /// As the calling thread runs now, before [`Realtime::apply`], and below what that will ask for.
+    pub fn before(wish: &Realtime) -> Self {
+        Self { cores: sched_getaffinity(None).ok(), priority: wish.priority.saturating_sub(1) }
+    }
+
+    /// Applies it to the calling thread; one sentence for each wish that was refused.
+    pub fn apply(&self) -> Vec<String> {
+        let cores = self.cores.as_ref().map(|cores| sched_setaffinity(None, cores));
+        let refused = cores.and_then(Result::err).map(|error| format!("the cores of a thread stay one: {error}"));
+        let below = (self.priority > 0).then(|| set_fifo(self.priority)).and_then(Result::err);
+        refused.into_iter().chain(below).collect()
+    }
+}
+
 /// The core of an instance among those that this process may use: names that end in consecutive numbers take turns.
 fn core_of(instance: &str) -> Option<usize> {
     let allowed = sched_getaffinity(None).ok()?;
@@ -319,6 +343,18 @@ mod tests {
     /// In a thread of its own, because its core and its slice stay set.
     fn in_a_thread<T: Send>(work: impl FnOnce() -> T + Send) -> T {
         std::thread::scope(|scope| scope.spawn(work).join().expect("no panic"))
+    }
+
+    #[test]
+    fn a_thread_beside_a_pinned_process_has_all_of_its_cores_again() {
+        in_a_thread(|| {
+            let before = sched_getaffinity(None).expect("cores");
+            let beside = Beside::before(&Realtime::ORDINARY);
+            assert_eq!(Realtime { cores: Cores::One, ..Realtime::ORDINARY }.apply(0, "main"), Vec::<String>::new());
+            assert_eq!(sched_getaffinity(None).expect("cores").count(), 1);
+            assert_eq!(beside.apply(), Vec::<String>::new());
+            assert_eq!(sched_getaffinity(None).expect("cores"), before);
+        });
     }
 
     #[test]

@@ -9,6 +9,7 @@ use krait_record::Recording;
 use krait_schema::Sample;
 use krait_tests::{Ended, Krait, TempFolder, instance_name, processes_of, wait_until};
 use rustix::process::{Pid, Signal, kill_process};
+use std::io::Write;
 use std::path::Path;
 
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -62,8 +63,11 @@ fn states_in(recording: &str) -> Vec<(u32, [f64; 3], [f64; 3])> {
 fn the_chain_follows_on_servos_and_one_that_is_unplugged_stops_the_others_where_they_hold() {
     let (instance, folder, emulator) = (instance_name("servos"), TempFolder::new("servos"), emulator());
     let recording = folder.file("run.mcap");
-    let krait = in_motion(&instance, &configuration(&folder, &emulator, ""), &recording, &emulator);
+    let config = configuration(&folder, &emulator, "");
+    let krait = in_motion(&instance, &config, &recording, &emulator);
     assert!(wait_until(PATIENCE, || farthest(&emulator) > 60.0), "it follows");
+    let goals = || emulator.wire().servos.iter().map(|servo| servo.n_goals).sum::<u64>();
+    refused_beside_a_chain(&config, &instance);
     emulator.wire().servos[1].faults.is_silent = true;
     // The slave says so; the chain stays and does not move.
     std::thread::sleep(Duration::from_millis(1000));
@@ -73,6 +77,16 @@ fn the_chain_follows_on_servos_and_one_that_is_unplugged_stops_the_others_where_
     let wire = emulator.wire().clone();
     assert!(wire.servos.iter().all(Servo::is_powered), "under power");
     assert_eq!((wire.servos[0].place, wire.servos[2].place), (held[0], held[2]), "nothing resumes by itself");
+    let ask = |wish| Ended::of(&["state", wish, "--instance", &instance], PATIENCE);
+    assert_eq!(ask("clear-fault").code, Some(0));
+    let off = wait_until(PATIENCE, || emulator.wire().servos.iter().all(|servo| !servo.is_powered()));
+    assert!(off, "DISABLED takes the power away");
+    let n_goals = goals();
+    assert_eq!(ask("enable").code, Some(0));
+    assert!(wait_until(PATIENCE, || emulator.wire().servos.iter().all(Servo::is_powered)), "enabled anew");
+    assert!(goals() > n_goals && farthest(&emulator) < 1000.0);
+    let places: Vec<f64> = emulator.wire().servos.iter().map(|servo| servo.place).collect();
+    assert_eq!((places[0], places[2]), (held[0], held[2]), "power comes where they stand");
     krait.signal(Signal::INT);
     let ended = krait.end(PATIENCE);
     assert!(ended.stderr.contains("Drive 2 failed; the others hold: it has not answered"), "{}", ended.stderr);
@@ -140,4 +154,50 @@ fn drives_that_do_not_fit_are_refused_in_one_sentence_before_the_chain_runs() {
     let truth = run(&["--truth", "none.toml"]);
     assert!(truth.sentence().contains("--truth is for simulated drives"), "{}", truth.stderr);
     assert!(emulator.wire().servos.iter().all(|servo| servo.n_goals == 0 && !servo.is_powered()));
+}
+
+/// Nothing else may move what a chain moves: neither in its instance nor on its port.
+fn refused_beside_a_chain(config: &str, instance: &str) {
+    let taken = Ended::of(&["drives", "--jog", "1", "--config", config, "--instance", instance], PATIENCE);
+    assert!(taken.sentence().contains("is already running"), "{}", taken.stderr);
+    let other = instance_name("jog");
+    let busy = Ended::of(&["drives", "--jog", "1", "--config", config, "--instance", &other], PATIENCE);
+    assert!(busy.sentence().contains("is in use by another program"), "{}", busy.stderr);
+    let looking = Ended::of(&["drives", "--config", config], PATIENCE);
+    assert!(looking.sentence().contains("is in use by another program"), "{}", looking.stderr);
+}
+
+#[test]
+fn servos_are_found_their_zeros_read_and_one_is_moved_by_single_steps_and_never_a_stranger() {
+    let (instance, folder, emulator) = (instance_name("steps"), TempFolder::new("steps"), emulator());
+    let config = configuration(&folder, &emulator, "");
+    let mut stranger = Servo::new(9, 100.0);
+    stranger.registers[3..5].copy_from_slice(&1284_u16.to_le_bytes());
+    emulator.wire().servos.push(stranger);
+    let port = emulator.path().display().to_string();
+    let found = Ended::of(&["drives", "--port", &port, "--last-id", "9", "--json"], PATIENCE).json();
+    let ids: Vec<_> = found.as_array().expect("servos").iter().map(|servo| &servo["id"]).collect();
+    assert_eq!(ids, [1, 2, 3, 9]);
+    assert_eq!((&found[0]["reading"]["counts"], &found[0]["reading"]["is_powered"]), (&2048.into(), &false.into()));
+    assert!(found[3]["is_known"] == false && found[3]["reading"].is_null(), "{found}");
+    emulator.wire().servos[1].place = 2100.0;
+    let zero = Ended::of(&["drives", "--zero", "--config", &config, "--instance", &instance], PATIENCE);
+    assert!(zero.stdout.contains("zero_count = 2100  # actuator 2, id 2"), "{} {}", zero.stdout, zero.stderr);
+    assert!(emulator.wire().servos.iter().all(|servo| servo.n_goals == 0 && !servo.is_powered()), "nothing has moved");
+
+    let arguments = ["drives", "--jog", "2", "--config", &config, "--instance", &instance];
+    let (mut krait, mut input) = Krait::start_with_input(&arguments);
+    assert!(krait.line().contains("Actuator 2 is under power"));
+    for (line, told) in [("\n", "told 0.738 mm"), ("\n", "told 0.838 mm"), ("-\n", "told 0.738 mm")] {
+        input.write_all(line.as_bytes()).expect("written");
+        let answer = krait.line();
+        assert!(answer.starts_with(told), "{answer}");
+    }
+    drop(input);
+    assert_eq!(krait.end(PATIENCE).code, Some(0));
+    let wire = emulator.wire().clone();
+    let places: Vec<f64> = wire.servos.iter().map(|servo| servo.place.round()).collect();
+    // 52 counts from zero are 0.638 mm; 0.1 mm are 8.1 counts.
+    assert_eq!(places, [2048.0, 2108.0, 2048.0, 100.0]);
+    assert!(wire.servos.iter().all(|servo| !servo.is_powered()) && wire.servos[3].n_goals == 0);
 }

@@ -11,7 +11,7 @@ use std::path::Path;
 /// Registers that are read: from the firmware to the mode.
 const IDENTITY_BYTES: usize = 34;
 /// Times that a question is asked before it counts as unanswered.
-pub(crate) const TRIES: u32 = 3;
+pub(crate) const TRIES: u32 = 4;
 /// How long a second answer is waited for: adapters hold bytes for up to 16 ms.
 const LINGER_NS: i64 = 20_000_000;
 
@@ -38,7 +38,7 @@ impl Identity {
 }
 
 /// What came back to a question for an identity.
-pub(crate) enum Said {
+enum Said {
     Nothing,
     One(Identity),
     /// So many answers, or bytes that are no answer.
@@ -46,11 +46,16 @@ pub(crate) enum Said {
 }
 
 /// Asks one servo who it is.
-pub(crate) fn ask(bus: &mut Sts3215, id: u8, linger_ns: i64) -> Result<Said, BusGone> {
+fn ask(bus: &mut Sts3215, id: u8) -> Result<Said, BusGone> {
     bus.bytes.clear();
     put(&mut bus.bytes, id, READ, &[&[0, IDENTITY_BYTES as u8]]);
-    let until_ns = monotonic_ns() + bus.timeout_ns.max(linger_ns);
-    bus.question(until_ns, |_| false)?;
+    let until_ns = monotonic_ns() + bus.timeout_ns;
+    if bus.question(until_ns, |received| answers(received, IDENTITY_BYTES).any(|answer| answer.id == id))? {
+        let until_ns = monotonic_ns() + LINGER_NS;
+        while monotonic_ns() < until_ns {
+            bus.port.receive(&mut bus.received, until_ns)?;
+        }
+    }
     let mut found = answers(&bus.received, IDENTITY_BYTES).filter(|answer| answer.id == id);
     let first = found.next().map(|answer| Identity {
         id,
@@ -74,7 +79,7 @@ pub(crate) fn of_all(bus: &mut Sts3215, config: &DriveConfig, port: &Path) -> Re
     let ids = bus.ids.clone();
     let mut found = Vec::new();
     for id in &ids {
-        found.push(of_one(bus, *id)?);
+        found.push(of_one(bus, *id, TRIES)?);
     }
     if found.iter().all(Option::is_none) {
         let names: Vec<String> = ids.iter().map(u8::to_string).collect();
@@ -88,16 +93,17 @@ pub(crate) fn of_all(bus: &mut Sts3215, config: &DriveConfig, port: &Path) -> Re
     Ok(identities)
 }
 
-/// Noise spoils one answer; two servos with one id spoil all.
-fn of_one(bus: &mut Sts3215, id: u8) -> Result<Option<Identity>, OpenError> {
+/// Noise spoils one answer, and one that is late comes twice; two servos with one id spoil all.
+pub(crate) fn of_one(bus: &mut Sts3215, id: u8, tries: u32) -> Result<Option<Identity>, OpenError> {
     let mut spoilt = None;
-    for _ in 0..TRIES {
-        match ask(bus, id, LINGER_NS)? {
+    for _ in 0..tries {
+        match ask(bus, id)? {
             Said::One(identity) => return Ok(Some(identity)),
-            Said::Nothing => {}
-            Said::TooMuch(n) if n > 1 => return Err(OpenError::SameId { id, n }),
+            Said::Nothing => spoilt = None,
             Said::TooMuch(n) => spoilt = Some(n),
         }
+        // What comes late must not be the answer to the next question.
+        bus.recover()?;
     }
     spoilt.map_or(Ok(None), |n| Err(OpenError::SameId { id, n }))
 }

@@ -25,6 +25,7 @@ use crate::error::OpenError;
 use crate::texts::{CURRENT, HEAT, SENSOR, SEVERAL, VOLTAGE};
 use crate::{BusDrive, Setup};
 use core::time::Duration;
+use krait_ipc::Beside;
 use krait_ipc::clock::monotonic_ns;
 use krait_ipc::message::MAX_ACTUATORS;
 use krait_slave::{DriveConfig, SlaveConfig};
@@ -50,6 +51,8 @@ pub(crate) const STATUS_BYTES: usize = 31;
 const USB_NS: i64 = 1_000_000;
 /// Silence after which nothing more comes of an old answer.
 const QUIET_NS: i64 = 500_000;
+/// How long an answer is waited for while the bus is being opened.
+const OPEN_PATIENCE: Duration = Duration::from_millis(150);
 /// Unit of the present current, A.
 const AMPERE: f64 = 6.5e-3;
 
@@ -87,7 +90,8 @@ impl Sts3215 {
     pub fn open(config: &DriveConfig) -> Result<(Self, Seen), OpenError> {
         let path = config.port.as_deref().ok_or(OpenError::NoBus)?;
         let ids = config.actuator.iter().map(|actuator| actuator.id as u8).collect();
-        let mut bus = Self::to_read(path, config.baud, ids, Duration::from_secs_f64(config.timeout_ms * 1e-3))?;
+        // Nobody is in a hurry before anything moves.
+        let mut bus = Self::to_read(path, config.baud, ids, OPEN_PATIENCE)?;
         bus.torque_limits = core::array::from_fn(|k| {
             config.actuator.get(k).map_or(0, |actuator| (actuator.torque_limit * 1000.0).round() as u16)
         });
@@ -97,6 +101,7 @@ impl Sts3215 {
         for _ in 0..identity::TRIES {
             bus.ask(&mut seen)?;
             if seen.has_answered.iter().take(bus.ids.len()).all(|answered| *answered) {
+                bus.timeout_ns = (config.timeout_ms * 1e6) as i64;
                 return Ok((bus, seen));
             }
         }
@@ -147,15 +152,15 @@ impl Sts3215 {
     }
 }
 
-/// Servos as the slave's drive; nothing moves yet.
+/// Servos as the slave's drive; nothing moves yet. `beside`: as for [`BusDrive::start`].
 ///
 /// # Errors
 /// [`OpenError`].
-pub fn open_drive(config: &SlaveConfig) -> Result<BusDrive, OpenError> {
+pub fn open_drive(config: &SlaveConfig, beside: Option<Beside>) -> Result<BusDrive, OpenError> {
     let drive = &config.drive;
     let setup = Setup::new(config, COUNTS_PER_TURN, exchange_ns(drive.actuator.len(), drive.baud))?;
     let (bus, seen) = Sts3215::open(drive)?;
-    BusDrive::start(bus, setup, seen).map_err(OpenError::Thread)
+    BusDrive::start(bus, setup, seen, beside).map_err(OpenError::Thread)
 }
 
 /// Time of one cycle of so many servos without return delay, on the wire and in the adapter, ns.

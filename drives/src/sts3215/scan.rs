@@ -1,7 +1,7 @@
 //! Looks for servos on a port: who answers, at which bit rate. Only questions are sent.
 
 use super::Sts3215;
-use super::identity::{Identity, Said, ask};
+use super::identity::{Identity, of_one};
 use super::packet::{ALL, put};
 use crate::bus::BusGone;
 use crate::error::OpenError;
@@ -14,7 +14,9 @@ pub const BAUDS: [u32; 8] = [1_000_000, 500_000, 250_000, 128_000, 115_200, 76_8
 /// Asks who is there, without registers.
 const PING: u8 = 0x01;
 /// How long one answer is waited for: adapters hold bytes for up to 16 ms.
-const ANSWER: Duration = Duration::from_millis(20);
+const ANSWER: Duration = Duration::from_millis(40);
+/// Times that each id is asked.
+const SCAN_TRIES: u32 = 2;
 /// How long all answers to a ping of everybody are waited for.
 const PATIENCE_NS: i64 = 60_000_000;
 
@@ -40,10 +42,8 @@ pub fn scan(path: &Path, bauds: &[u32], last_id: u8) -> Result<Vec<FoundServo>, 
             continue;
         }
         for id in 0..=last_id {
-            match ask(&mut bus, id, 0)? {
-                Said::One(identity) => found.push(FoundServo { baud, identity }),
-                Said::TooMuch(n) if n > 1 => return Err(OpenError::SameId { id, n }),
-                Said::Nothing | Said::TooMuch(_) => {}
+            if let Some(identity) = of_one(&mut bus, id, SCAN_TRIES)? {
+                found.push(FoundServo { baud, identity });
             }
         }
     }
@@ -55,5 +55,9 @@ fn anybody_there(bus: &mut Sts3215) -> Result<bool, BusGone> {
     bus.bytes.clear();
     put(&mut bus.bytes, ALL, PING, &[]);
     let sent = bus.bytes.clone();
-    bus.question(monotonic_ns() + PATIENCE_NS, |received| received.len() > sent.len() || !sent.starts_with(received))
+    let any = bus.question(monotonic_ns() + PATIENCE_NS, |received| {
+        received.len() > sent.len() || !sent.starts_with(received)
+    })?;
+    bus.recover()?;
+    Ok(any)
 }

@@ -40,7 +40,7 @@ pub struct Rig {
 impl Rig {
     pub fn new() -> Self {
         let emulator = Emulator::start(three()).unwrap();
-        let drive = sts3215::open_drive(&config(&emulator)).unwrap();
+        let drive = sts3215::open_drive(&config(&emulator), None).unwrap();
         Self { emulator, drive }
     }
 

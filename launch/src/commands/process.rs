@@ -8,7 +8,7 @@ use anyhow::{Context, bail};
 use krait_bridge::LiveModel;
 use krait_drives::sts3215;
 use krait_ipc::message::N_LINES;
-use krait_ipc::{Bus, input};
+use krait_ipc::{Beside, Bus, input};
 use krait_master::{Engage, HidRecording, MasterConfig, Script, SourceChoice};
 use krait_record::{Attachment, RecordConfig};
 use krait_sim::Simulation;
@@ -40,6 +40,7 @@ fn run_named(common: &Common, process: &ProcessVerb) -> anyhow::Result<()> {
     }
     let config = Config::load(common.config.as_deref())?;
     config.check()?;
+    let beside = Beside::before(&config.realtime);
     apply_realtime(&config, &common.instance, process);
     let bus = Bus::open_unless(&common.instance, process.process().name(), &stop)?;
     match process {
@@ -67,7 +68,8 @@ fn run_named(common: &Common, process: &ProcessVerb) -> anyhow::Result<()> {
                     DriveKind::Sim => krait_sim::run(&bus, &slave, simulation(&config)?, &stop)?,
                     DriveKind::Sts3215 => {
                         check_actuators(&config)?;
-                        krait_slave::run_with_drive(&bus, &slave, sts3215::open_drive(&slave)?, &stop)?;
+                        let drive = sts3215::open_drive(&slave, Some(beside))?;
+                        krait_slave::run_with_drive(&bus, &slave, drive, &stop)?;
                     }
                 }
             }
