@@ -5,6 +5,7 @@
 //!
 //! Failure: stale or foreign samples. The command then repeats the last one, with the reasons named.
 
+use crate::blend::Blend;
 use crate::config::{CompensateConfig, JointsConfig};
 use crate::reach::{Reach, Wish};
 use crate::step::{
@@ -17,7 +18,7 @@ use krait_ipc::message::{
     Command, Cue, MAX_JOINTS, ModelUpdate, N_LINES, Phase, Setpoint, SlaveState, lines as three_lines,
 };
 use krait_ipc::{Bus, Process, Reason, Reasons};
-use krait_model::{Chain, ChainCompensator, Circumstances, LearntParameter, MAX_LEARNT, ModelHash};
+use krait_model::{Chain, ChainCompensator, Circumstances, ModelHash};
 use nalgebra::Vector2;
 
 /// Largest bend that a setpoint may ask for, rad: the model holds to 90 deg and a little.
@@ -27,11 +28,10 @@ const MAX_BEND_RAD: f64 = 1.65;
 #[derive(Clone, Debug)]
 pub struct CompensateCore {
     lines: ChainCompensator,
-    learnt: Vec<LearntParameter>,
+    blend: Blend,
     model: ModelHash,
     config: CompensateConfig,
     state: Option<SlaveState>,
-    update: Option<ModelUpdate>,
     memory: Memory,
 }
 
@@ -53,11 +53,10 @@ impl CompensateCore {
         config.check()?;
         Ok(Self {
             lines: chain.compensator()?,
-            learnt: chain.learnt().to_vec(),
+            blend: Blend::new(chain.learnt()),
             model: chain.hash(),
             config,
             state: None,
-            update: None,
             memory: Memory::default(),
         })
     }
@@ -73,21 +72,7 @@ impl CompensateCore {
     /// [`Refused`] for an update of another model, and for values that are not finite or out of bounds; the update before
     /// stays in force.
     pub fn note_update(&mut self, update: &ModelUpdate) -> Result<(), Refused> {
-        check_model(self.model, update.model_hash)?;
-        let refused = |found: f64, limit: f64| Err(Refused { reason: Reason::ModelUpdateRefused, found, limit });
-        if update.learnt().len() != self.learnt.len() {
-            return refused(update.learnt().len() as f64, self.learnt.len() as f64);
-        }
-        for (own, given) in self.learnt.iter().zip(update.learnt()) {
-            if (usize::from(given.effect), usize::from(given.parameter)) != (own.effect, own.parameter) {
-                return refused(f64::from(given.effect), own.effect as f64);
-            }
-            if !(own.low..=own.high).contains(&given.value) {
-                return refused(given.value, if given.value < own.low { own.low } else { own.high });
-            }
-        }
-        self.update = Some(*update);
-        Ok(())
+        self.blend.note(self.model, update)
     }
 
     /// One step for one setpoint.
@@ -108,7 +93,10 @@ impl CompensateCore {
         self.memory.before_ns = Some(setpoint.sample_ns);
 
         let mut reasons = Reasons::from_bits(setpoint.reasons);
-        self.blend_model(step_s, &mut reasons);
+        if let Some(values) = self.blend.next(self.lines.learnt(), self.config.blend_sds_per_s, step_s) {
+            self.lines.set_learnt(&values);
+            reasons.insert(Reason::ModelBlending);
+        }
         let fresh = check_age(&self.config, self.state.as_ref(), setpoint, begun_ns, &mut reasons);
         let first_ns = *self.memory.first_ns.get_or_insert(setpoint.sample_ns);
         let at = Circumstances::at(seconds_between(first_ns, setpoint.sample_ns));
@@ -129,7 +117,7 @@ impl CompensateCore {
             setpoint_sequence: setpoint.sequence,
             input_sequence: setpoint.input_sequence,
             state_sequence: self.state.map_or(0, |s| s.sequence),
-            model_update_sequence: self.update.map_or(0, |u| u.sequence),
+            model_update_sequence: self.blend.update_sequence(),
             bend_rad: setpoint.bend_rad,
             joints_rad: [0.0; MAX_JOINTS],
             q_uncompensated_m: three_lines(lines.q_m.into()),
@@ -139,7 +127,7 @@ impl CompensateCore {
             q_tilde_vel_m_per_s: setpoint.q_tilde_vel_m_per_s,
             model_hash: self.model.0,
             learnt: *self.lines.learnt(),
-            n_learnt: self.learnt.len() as u32,
+            n_learnt: self.blend.n_learnt(),
             phase: if fresh { setpoint.phase } else { Phase::Holding as u32 },
             reasons: reasons.bits(),
         })
@@ -152,22 +140,6 @@ impl CompensateCore {
         let _forgotten = core::hint::black_box(self.step(setpoint, begun_ns));
         self.memory = memory;
         self.lines.restore(&lines);
-    }
-
-    /// Moves the learnt values towards the newest update, no faster than allowed.
-    fn blend_model(&mut self, step_s: f64, reasons: &mut Reasons) {
-        let Some(update) = &self.update else { return };
-        let now = *self.lines.learnt();
-        let mut next = now;
-        for (lane, (own, wanted)) in self.learnt.iter().zip(update.learnt()).enumerate().take(MAX_LEARNT) {
-            let largest = self.config.blend_sds_per_s * own.learn.sd * step_s;
-            next[lane] = now[lane] + (wanted.value - now[lane]).clamp(-largest, largest);
-        }
-        let changes = next.iter().zip(&now).any(|(next, now)| next.is_finite() && next != now);
-        if changes {
-            self.lines.set_learnt(&next);
-        }
-        reasons.insert_if(Reason::ModelBlending, changes);
     }
 }
 

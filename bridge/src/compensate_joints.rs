@@ -5,13 +5,14 @@
 //! Failure: stale or foreign samples. The command then repeats the last one, with the reasons named.
 
 use crate::JointMachine;
+use crate::blend::Blend;
 use crate::config::CompensateConfig;
 use crate::reach::{Reach, Wish};
 use crate::step::{
     BridgeError, Moment, Refused, Step, check_age, check_model, check_order_and_numbers, seconds_between, stamps_begun,
     step_s,
 };
-use krait_ipc::message::{Command, Cue, MAX_ACTUATORS, MAX_LEARNT, Phase, Setpoint, SlaveState};
+use krait_ipc::message::{Command, Cue, MAX_ACTUATORS, ModelUpdate, Phase, Setpoint, SlaveState};
 use krait_ipc::{Reason, Reasons};
 use krait_model::Circumstances;
 use krait_model::joints::{JointCompensator, JointInverseSettings};
@@ -24,6 +25,7 @@ pub struct JointCompensateCore {
     joints: JointCompensator,
     /// Where a warm-up step keeps what the joints remember.
     spare: JointCompensator,
+    blend: Blend,
     config: CompensateConfig,
     state: Option<SlaveState>,
     memory: Memory,
@@ -47,12 +49,21 @@ impl JointCompensateCore {
         config.check()?;
         let joints = machine.model.chain.compensator(JointInverseSettings::default())?;
         let (spare, machine) = (joints.clone(), machine.clone());
-        Ok(Self { machine, joints, spare, config, state: None, memory: Memory::default() })
+        let blend = Blend::new(machine.model.chain.learnt());
+        Ok(Self { machine, joints, spare, blend, config, state: None, memory: Memory::default() })
     }
 
     /// Notes the newest slave state; it counts from the next step on, and that step names it.
     pub fn note_state(&mut self, state: &SlaveState) {
         self.state = Some(*state);
+    }
+
+    /// Notes a model update; it is blended in from the next step on, and every step names the newest.
+    ///
+    /// # Errors
+    /// As [`crate::CompensateCore::note_update`].
+    pub fn note_update(&mut self, update: &ModelUpdate) -> Result<(), Refused> {
+        self.blend.note(self.machine.model.hash(), update)
     }
 
     /// One step for one setpoint.
@@ -74,6 +85,10 @@ impl JointCompensateCore {
         self.memory.before_ns = Some(setpoint.sample_ns);
 
         let mut reasons = Reasons::from_bits(setpoint.reasons);
+        if let Some(values) = self.blend.next(self.joints.learnt(), self.config.blend_sds_per_s, step_s) {
+            self.joints.set_learnt(&values);
+            reasons.insert(Reason::ModelBlending);
+        }
         let is_fresh = check_age(&self.config, self.state.as_ref(), setpoint, begun_ns, &mut reasons);
         let first_ns = *self.memory.first_ns.get_or_insert(setpoint.sample_ns);
         let at = Circumstances::at(seconds_between(first_ns, setpoint.sample_ns));
@@ -96,7 +111,7 @@ impl JointCompensateCore {
             setpoint_sequence: setpoint.sequence,
             input_sequence: setpoint.input_sequence,
             state_sequence: self.state.map_or(0, |s| s.sequence),
-            model_update_sequence: 0,
+            model_update_sequence: self.blend.update_sequence(),
             bend_rad: [f64::NAN; 2],
             joints_rad: setpoint.joints_rad,
             q_uncompensated_m: self.machine.cable_m(&self.joints.without_effects(wanted)),
@@ -105,8 +120,8 @@ impl JointCompensateCore {
             n_actuators: n as u32,
             n_joints: n as u32,
             model_hash: self.machine.model.hash().0,
-            learnt: [f64::NAN; MAX_LEARNT],
-            n_learnt: 0,
+            learnt: *self.joints.learnt(),
+            n_learnt: self.blend.n_learnt(),
             phase: if is_fresh { setpoint.phase } else { Phase::Holding as u32 },
             reasons: reasons.bits(),
         })
@@ -125,10 +140,14 @@ impl JointCompensateCore {
 impl Step for JointCompensateCore {
     type In = Setpoint;
     type Out = Command;
-    const TAKES_UPDATES: bool = false;
+    const TAKES_UPDATES: bool = true;
 
     fn note_state(&mut self, state: &SlaveState) {
         Self::note_state(self, state);
+    }
+
+    fn note_update(&mut self, update: &ModelUpdate) -> Result<(), Refused> {
+        Self::note_update(self, update)
     }
 
     fn step(&mut self, setpoint: &Setpoint, begun_ns: i64) -> Result<Command, Refused> {
@@ -144,7 +163,7 @@ impl Step for JointCompensateCore {
     }
 
     fn moment(cue: &Cue) -> Moment {
-        Moment { update_sequence: 0, ..<crate::CompensateCore as Step>::moment(cue) }
+        <crate::CompensateCore as Step>::moment(cue)
     }
 
     fn sent_stamp(out: &mut Command) -> &mut i64 {

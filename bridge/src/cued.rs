@@ -5,14 +5,11 @@
 //! the stage waits for what it names. Nothing here may ever drive hardware: a stage without a clock cannot notice that its
 //! samples are late, and only the simulated snake in recorded time listens to it.
 
-use crate::config::EstimateConfig;
-use crate::estimate::EstimateCore;
 use crate::step::{BridgeError, Moment, Step};
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
-use krait_ipc::message::{Cue, Message, ModelUpdate, Shape, SlaveState};
+use krait_ipc::message::{Cue, Message, ModelUpdate, SlaveState};
 use krait_ipc::{Bus, HealthReporter, IpcError, Process, ReadCounts, ReadOptions, Reader, Writer, clock};
-use krait_model::Chain;
 
 /// How long a stage sleeps at most before it looks whether it shall stop.
 const PATIENCE: Duration = Duration::from_millis(20);
@@ -185,45 +182,4 @@ impl<M: Message> UpTo<M> {
     fn counts(&self) -> ReadCounts {
         self.reader.counts()
     }
-}
-
-/// The process `krait estimate` in a replay: each shape counts after the state of the instant at which it became available,
-/// and before the next state.
-///
-/// # Errors
-/// [`BridgeError`] when a channel fails or the configuration is out of range.
-pub fn run_estimate_cued(
-    bus: &Bus,
-    chain: &Chain,
-    config: EstimateConfig,
-    stop: &AtomicBool,
-) -> Result<(), BridgeError> {
-    let mut core = EstimateCore::new(chain, config)?;
-    let mut states = bus.reader::<SlaveState>(ReadOptions::following())?;
-    let mut shapes = bus.reader::<Shape>(ReadOptions::glancing())?;
-    let mut updates = bus.writer::<ModelUpdate>()?;
-    let mut health = HealthReporter::open(bus, Process::Estimate)?;
-    health.publish(clock::monotonic_ns())?;
-    let mut next: Option<Shape> = None;
-    while !stop.load(Ordering::Relaxed) {
-        states.wait(PATIENCE)?;
-        while let Some(state) = states.take()? {
-            core.note_state(&state);
-            // The slave publishes a shape before the state of the same instant, so it is here already.
-            loop {
-                next = match next {
-                    Some(shape) => Some(shape),
-                    None => shapes.take()?.map(|shape| *shape),
-                };
-                let Some(shape) = next.filter(|shape| shape.available_ns <= state.sample_ns) else { break };
-                updates.send(&core.step(&shape))?;
-                next = None;
-            }
-        }
-        health.count_readers(&[states.counts(), shapes.counts()]);
-        health.health_mut().n_sent = updates.n_sent();
-        health.publish_if_due(clock::monotonic_ns())?;
-    }
-    health.publish(clock::monotonic_ns())?;
-    Ok(())
 }

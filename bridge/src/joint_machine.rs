@@ -17,6 +17,7 @@ pub struct JointMachine {
     pub(crate) max_accel_rad_per_s2: f64,
     /// Metres of cable in one unit of the model's commands.
     cable_m_per_u: f64,
+    si_per_rad: f64,
 }
 
 /// Where joints may be by default, rad.
@@ -46,6 +47,7 @@ impl JointMachine {
             max_vel_rad_per_s: config.max_vel_rad_per_s * per_joint,
             max_accel_rad_per_s2: config.max_accel_rad_per_s2 * per_joint,
             cable_m_per_u: model.u.si * if model.u.is_length { 1.0 } else { radius_m },
+            si_per_rad: per_joint,
             model: model.clone(),
         })
     }
@@ -55,6 +57,21 @@ impl JointMachine {
         let mut q_m = [0.0; MAX_ACTUATORS];
         q_m.iter_mut().zip(u).take(self.model.n()).for_each(|(q_m, u)| *q_m = u * self.cable_m_per_u);
         q_m
+    }
+
+    /// Positions of the actuators, m, as commands of the model; 0 behind the last.
+    pub(crate) fn u_of_cable(&self, q_m: &Actuators) -> Actuators {
+        q_m.map(|q_m| q_m / self.cable_m_per_u)
+    }
+
+    /// A length of cable in units of the model's commands.
+    pub(crate) fn u_per_cable_m(&self) -> f64 {
+        1.0 / self.cable_m_per_u
+    }
+
+    /// What stands for one radian where a number is given for angles: one, or the capstan's radius of sliding joints.
+    pub(crate) fn si_per_rad(&self) -> f64 {
+        self.si_per_rad
     }
 
     /// Positions or rates in SI as the model counts them; 0 behind the last joint.

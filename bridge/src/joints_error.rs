@@ -9,16 +9,6 @@ pub enum JointsError {
         /// Joints in the model.
         found: usize,
     },
-    /// A parameter that shall be learnt while joints move.
-    #[error(
-        "{effect}.{parameter} shall be learnt while the machine moves, which only a snake's parameters can; delete its `learn`, and fit it with `krait lab fit`"
-    )]
-    Learnt {
-        /// The effect.
-        effect: String,
-        /// The parameter.
-        parameter: String,
-    },
     /// A unit that is neither an angle nor a length.
     #[error(
         "[machine] {key} = {found:?}: expected rad, mrad, deg, m, mm or um in a running chain, because drives are told lengths of cable; scale gain and offset to one of them"

@@ -12,15 +12,19 @@
 //! Invariant: a core never reads a clock. It integrates with the stamps of its samples, and every other thing that it
 //! depends on is named in its output by sequence number, so that recorded input gives byte-identical commands.
 
+mod blend;
 mod compensate;
 mod compensate_joints;
 mod config;
 mod cued;
 mod estimate;
+mod estimate_joints;
 mod joint_machine;
 mod joints_error;
+mod learning;
 mod live;
 mod live_model;
+mod pairing;
 mod reach;
 mod resolve;
 mod resolve_joints;
@@ -29,10 +33,11 @@ mod step;
 pub use compensate::{CompensateCore, run_compensate, run_compensate_cued};
 pub use compensate_joints::JointCompensateCore;
 pub use config::{CompensateConfig, EstimateConfig, JointsConfig, ResolveConfig};
-pub use cued::run_estimate_cued;
-pub use estimate::{EstimateCore, run_estimate};
+pub use estimate::EstimateCore;
+pub use estimate_joints::JointEstimateCore;
 pub use joint_machine::JointMachine;
 pub use joints_error::JointsError;
+pub use learning::{Estimator, run_estimate, run_estimate_cued};
 pub use live_model::{JointModel, LiveModel, Unit};
 pub use resolve::{ResolveCore, run_resolve, run_resolve_cued};
 pub use resolve_joints::JointResolveCore;

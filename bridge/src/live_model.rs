@@ -69,12 +69,6 @@ impl LiveModel {
                 if n > MAX_JOINTS {
                     return Err(JointsError::TooMany { found: n }.into());
                 }
-                for setting in file.effects().iter().map(|effect| effect.setting()) {
-                    if let Some(parameter) = setting.parameter_names().find(|name| setting.learn(name).is_some()) {
-                        let (effect, parameter) = (setting.label().to_owned(), parameter.to_owned());
-                        return Err(JointsError::Learnt { effect, parameter }.into());
-                    }
-                }
                 let unit =
                     |key, name: &str| Unit::of(name).ok_or_else(|| JointsError::Unit { key, found: name.to_owned() });
                 let (u, y) = (unit("u_unit", &joints.u_unit)?, unit("y_unit", &joints.y_unit)?);
@@ -93,11 +87,11 @@ impl LiveModel {
         }
     }
 
-    /// What it learns while the machine moves; nothing of joints.
+    /// What it learns while the machine moves.
     pub fn learnt(&self) -> &[LearntParameter] {
         match self {
             Self::Snake(chain) => chain.learnt(),
-            Self::Joints(_) => &[],
+            Self::Joints(joints) => joints.chain.learnt(),
         }
     }
 

@@ -6,13 +6,17 @@ mod allocations;
 
 use allocations::allocations_of;
 use krait_bridge::{
-    CompensateConfig, JointCompensateCore, JointMachine, JointResolveCore, JointsConfig, LiveModel, ResolveConfig,
+    CompensateConfig, EstimateConfig, JointCompensateCore, JointEstimateCore, JointMachine, JointResolveCore,
+    JointsConfig, LiveModel, ResolveConfig,
 };
-use krait_ipc::message::{Command, DeviceState, HopStamps, OperatingState, OperatorInput, Setpoint, SlaveState};
+use krait_ipc::message::{
+    Command, DeviceState, HopStamps, LearningState, ModelUpdate, OperatingState, OperatorInput, Setpoint, Shape,
+    SlaveState,
+};
 use krait_ipc::{Reason, Reasons};
 use krait_model::model_file::ModelFile;
 use krait_sim::{JointsTruth, SimulatedJoints};
-use krait_slave::Drive;
+use krait_slave::{Drive, Seen};
 
 const MS: i64 = 1_000_000;
 const T0_NS: i64 = 1_000_000_000;
@@ -147,6 +151,88 @@ fn a_joint_slows_down_at_its_limit_and_the_others_go_on() {
     assert!(Reasons::from_bits(fast.reasons).contains(Reason::JointRateLimit) && fast.motion_scale < 0.2);
 }
 
+/// The wrist with a play, a gain and a zero that are wrong, and learnt.
+const WRONG: &str = "format = 1\n[machine]\nkind = \"joints\"\nn = 3\ngain = [0.8884, 0.8884, 0.8884]\n\
+    offset = [0.02, 0.02, 0.0]\n\
+    [[effect]]\nkind = \"scale\"\nscale = { value = 0.04, learn = { sd = 0.05, memory_s = 1e6 } }\n\
+    [[effect]]\nkind = \"backlash\"\nhalf_width = { value = 0.02, learn = { sd = 0.02, memory_s = 1e6 } }\n\
+    [[effect]]\nkind = \"offset\"\njoint = 3\noffset = { value = 0.0, learn = { sd = 0.02, memory_s = 1e6 } }\n";
+
+/// The loop of the three cores: root mean square of true position less setpoint over the last 10 of 30 s, rad, how many steps
+/// allocated, and the newest update. With `warms_up`, every step is taken once more before, for nothing.
+fn learning(learns: bool, warms_up: bool) -> (f64, u64, ModelUpdate, Command) {
+    let machine = machine(WRONG, &JointsConfig::default());
+    let mut resolve = JointResolveCore::new(&machine, ResolveConfig::default()).expect("defaults");
+    let mut compensate = JointCompensateCore::new(&machine, CompensateConfig::default()).expect("defaults");
+    let mut estimate = JointEstimateCore::new(&machine, EstimateConfig::default()).expect("defaults");
+    let mut joints = SimulatedJoints::new(&JointsTruth::of(3));
+    joints.set_power(T0_NS, true).expect("power");
+    let (mut squares, mut n, mut n_shapes, mut n_allocations) = (0.0, 0, 0, 0);
+    let (mut last, mut newest) = (None::<Command>, None);
+    for k in 1..=30_000 {
+        let now_ns = T0_NS + k * MS;
+        let measured_q_m = joints.read(now_ns).expect("encoders").q_tilde_m;
+        let state = SlaveState { measured_q_m, ..state(k, last.as_ref()) };
+        resolve.note_state(&state);
+        compensate.note_state(&state);
+        let setpoint = resolve.step(&input(k, hand(k)), now_ns).expect("a good input");
+        n_allocations += allocations_of(|| {
+            estimate.note_state(&state);
+            if warms_up {
+                compensate.warm_up(&setpoint, now_ns);
+            }
+            last = compensate.step(&setpoint, now_ns).ok();
+        });
+        joints.write(now_ns, last.expect("a good setpoint").q_tilde_m).expect("within the travel");
+        if let Some(seen) = joints.shape(now_ns) {
+            let Seen::Joints(positions_rad, n_joints) = seen.seen else { panic!("joints are seen") };
+            n_shapes += 1;
+            let mut shape = Shape::of_joints(n_shapes, seen.exposure_ns, now_ns, &positions_rad[..n_joints]);
+            shape.joint_variances_rad2 = [seen.sigma_rad * seen.sigma_rad; 8];
+            n_allocations += allocations_of(|| newest = Some(estimate.step(&shape)));
+            if learns {
+                compensate.note_update(&newest.expect("an update")).expect("of this model");
+            }
+        }
+        if k > 20_000 {
+            let positions = joints.positions_rad().zip(setpoint.joints_rad);
+            squares += positions.map(|(y, wanted)| (y - wanted).powi(2)).sum::<f64>();
+            n += 3;
+        }
+    }
+    ((squares / f64::from(n)).sqrt(), n_allocations as u64, newest.expect("shapes"), last.expect("steps"))
+}
+
+#[test]
+fn parameters_of_joints_are_learnt_while_they_move_and_the_error_falls() {
+    let (fixed_rad, _, _, still) = learning(false, false);
+    let (learnt_rad, n_allocations, update, command) = learning(true, false);
+    let (known_rad, ..) = tracked(WRIST);
+    let deg = |rad: f64| rad.to_degrees();
+    println!(
+        "without {:.3}, learning {:.3}, known {:.3} deg: {:?}",
+        deg(fixed_rad),
+        deg(learnt_rad),
+        deg(known_rad),
+        update.learnt()
+    );
+    assert!(learnt_rad < 0.05 * fixed_rad && learnt_rad < 2.5 * known_rad, "{learnt_rad} {fixed_rad} {known_rad}");
+    assert!(update.learnt().iter().all(|own| own.state() == Some(LearningState::Learning)), "{update:?}");
+    let values: Vec<f64> = update.learnt().iter().map(|own| own.value).collect();
+    // The simulated joints: 0.25 mm of play on a capstan of 5 mm, and a third joint that is mounted 0.02 rad off.
+    assert!((values[1] - 0.05).abs() < 0.005 && (values[2] - 0.02).abs() < 0.004, "{values:?}");
+    assert_eq!((still.learnt()[1], still.model_update_sequence), (0.02, 0));
+    assert!((command.learnt()[1] - values[1]).abs() < 1e-3 && command.model_update_sequence > 1500, "{command:?}");
+    assert_eq!(n_allocations, 0, "steps allocate nothing");
+}
+
+#[test]
+fn a_warm_up_step_during_a_blend_of_joints_leaves_no_trace() {
+    let [without, with] = [false, true].map(|warms_up| learning(true, warms_up).3);
+    assert_eq!((without.q_tilde_m, without.learnt()), (with.q_tilde_m, with.learnt()));
+    assert!(without.learnt()[1] > 0.04, "something was blended in: {:?}", without.learnt());
+}
+
 #[test]
 fn what_cannot_be_driven_is_refused_in_one_sentence_that_names_it() {
     let refused = |text: &str| {
@@ -156,10 +242,7 @@ fn what_cannot_be_driven_is_refused_in_one_sentence_that_names_it() {
     let joints = |n: usize, units: &str, effect: &str| {
         format!("format = 1\n[machine]\nkind = \"joints\"\nn = {n}\n{units}{effect}")
     };
-    let learns =
-        "[[effect]]\nkind = \"backlash\"\nhalf_width = { value = 0.05, learn = { sd = 0.02, memory_s = 600.0 } }\n";
     for (text, words) in [
-        (joints(2, "", learns), "backlash.half_width shall be learnt while the machine moves"),
         (joints(9, "", ""), "9 joints, expected 1 to 8"),
         (joints(2, "u_unit = \"steps\"\n", ""), "u_unit = \"steps\": expected rad"),
         (joints(2, "", "[[effect]]\nkind = \"saturation\"\n"), "saturation"),

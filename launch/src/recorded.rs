@@ -19,15 +19,23 @@ pub fn instance_of(given: &str, what: &str) -> String {
     if given == USUAL_INSTANCE { format!("{what}-{}", std::process::id()) } else { given.to_owned() }
 }
 
+/// The configuration that a recording was made with; the files that it names are not there.
+///
+/// # Errors
+/// One sentence: the recording embeds no configuration, or one of another version.
+pub fn settings_of(recording: &Recording) -> anyhow::Result<Config> {
+    let text = attachment(recording, CONFIG_ATTACHMENT)
+        .context("it holds no attachment krait.toml, so nobody knows with what settings its steps were made")?;
+    let text = old_settings::taken_over(text)?.unwrap_or_else(|| text.to_owned());
+    Config::parse(&text).context("its attachment krait.toml is of another version")
+}
+
 /// The configuration that a recording was made with. The files that it names are written into `folder`.
 ///
 /// # Errors
 /// One sentence: the recording embeds no configuration, or one of another version, or a file cannot be written.
 pub fn config_of(recording: &Recording, folder: &Path) -> anyhow::Result<Config> {
-    let text = attachment(recording, CONFIG_ATTACHMENT)
-        .context("it holds no attachment krait.toml, so nobody knows with what settings its steps were made")?;
-    let text = old_settings::taken_over(text)?.unwrap_or_else(|| text.to_owned());
-    let mut config = Config::parse(&text).context("its attachment krait.toml is of another version")?;
+    let mut config = settings_of(recording)?;
     config.slave.truth = unpacked(recording, TRUTH_ATTACHMENT, folder, config.slave.truth.is_some())?;
     config.model = unpacked(recording, MODEL_ATTACHMENT, folder, config.model.is_some())?;
     config.record = krait_record::RecordConfig::default();

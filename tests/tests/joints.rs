@@ -69,6 +69,30 @@ fn a_wrist_follows_better_with_its_model_and_its_recording_verifies() {
 }
 
 #[test]
+fn a_wrist_with_a_wrong_play_learns_it_and_keeps_it() {
+    let folder = TempFolder::new("learning");
+    let (model, recording, kept) = (folder.file("wrong.toml"), folder.file("learning.mcap"), folder.file("kept.toml"));
+    let text = std::fs::read_to_string(WRIST).expect("the shipped model");
+    let wrong =
+        text.replace("half_width = 0.05", "half_width = { value = 0.02, learn = { sd = 0.02, memory_s = 600.0 } }");
+    std::fs::write(&model, wrong).expect("a file");
+    let figures = run(&model, &recording, "15", &[]);
+    let learnt = &figures["passes"][0]["learnt"][0];
+    assert_eq!(learnt["name"], "backlash.half_width", "{figures}");
+    let value = learnt["value"].as_f64().expect("a value");
+    assert!((value - 0.05).abs() < 0.005, "the simulated joints have 0.05 rad: {learnt}");
+    let verdict = verified(&recording);
+    assert!(verdict["first_difference"].is_null() && verdict["updates_identical"].as_u64() > Some(500), "{verdict}");
+    let ended = Ended::of(&["model", "save-learnt", &recording, "--json", "--out", &kept], PATIENCE);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let saved = ended.json();
+    let unexplained = |k: usize| saved["unexplained"][k].as_f64().expect("a figure");
+    assert!(saved["unexplained_unit"] == "deg" && unexplained(1) < 0.5 * unexplained(0), "{saved}");
+    let text = std::fs::read_to_string(&kept).expect("a model file");
+    assert!(text.contains(&format!("half_width = {{ value = {value}")), "{text}");
+}
+
+#[test]
 fn eight_sliding_joints_are_driven_in_mm_and_verify() {
     let folder = TempFolder::new("slides");
     let file = |name: &str, text: String| {

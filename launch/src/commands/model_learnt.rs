@@ -3,12 +3,12 @@
 use crate::cli::SaveLearntArgs;
 use crate::commands::lab::refuse_existing;
 use crate::print;
-use crate::recorded::model_text;
+use crate::recorded::{model_text, settings_of};
 use anyhow::{Context, bail};
-use krait_bridge::{EstimateConfig, EstimateCore};
+use krait_bridge::{EstimateConfig, EstimateCore, Estimator, JointEstimateCore, JointMachine, LiveModel};
 use krait_ipc::message::{LearningState, LearntValue, ModelUpdate, Shape, SlaveState};
 use krait_model::model_file::{FileEffect, HeldOutRms, HistoryEntry, ModelFile, Origin};
-use krait_model::{KnownColumns, LearntParameter, ModelHash};
+use krait_model::{LearntParameter, ModelHash};
 use krait_record::Recording;
 use krait_report::LearntReport;
 use krait_schema::Sample;
@@ -24,9 +24,10 @@ struct Saved {
     out: String,
     recording: String,
     learnt: Vec<LearntReport>,
-    /// What the model did not explain of the newest shapes before they were used, degrees: with the values that the file
-    /// began with, and with those that were learnt by then.
-    unexplained_deg: [f64; 2],
+    /// What the model did not explain of the newest shapes before they were used: with the values that the file began with,
+    /// and with those that were learnt by then.
+    unexplained: [f64; 2],
+    unexplained_unit: &'static str,
 }
 
 /// Writes the model file of the recording's last chain with the values that it ended with.
@@ -38,15 +39,16 @@ pub fn run(args: &SaveLearntArgs) -> anyhow::Result<ExitCode> {
     let last = last_chain(&parts).with_context(of_recording)?;
     let Some(update) = last.update else { bail!("{}: nothing was learnt in it", of_recording()) };
     let file = ModelFile::parse(&model_text(first, ModelHash(update.model_hash)).with_context(of_recording)?)?;
-    let chain = file.chain(KnownColumns::default())?.context("what was learnt is of joints, and this is for snakes")?;
-    let names = chain.learnt().to_vec();
+    let model = LiveModel::of(&file)?;
+    let names = model.learnt().to_vec();
     if names.is_empty() {
         bail!("{}: its model learns nothing; say what it shall learn with `learn = {{ sd = ... }}`", of_recording());
     }
     let date = today();
     let source = args.recording.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-    let before = unexplained_deg(last.without_learning(&file)?);
-    let after = unexplained_deg(update.innovation_rms_rad);
+    let unit = Unit::of_errors(&model);
+    let before = unit.of(last.without_learning(&file, first).with_context(of_recording)?);
+    let after = unit.of(update.innovation_rms_rad);
     let effects = with_values(&file, &names, &update, &source, &date)?;
     let learnt = LearntReport::of(&update, &names);
     let mut history = file.history().to_vec();
@@ -59,13 +61,13 @@ pub fn run(args: &SaveLearntArgs) -> anyhow::Result<ExitCode> {
         data_sha256: sha256(&args.recording)?,
         date: Some(date),
         heldout_rms: HeldOutRms { before, after, noise_floor: None },
-        unit: "deg".to_owned(),
+        unit: unit.name.to_owned(),
     });
     let saved = ModelFile::new(file.machine().clone(), effects, history)?;
     std::fs::write(&args.out, saved.to_toml())
         .with_context(|| format!("the model file {} could not be written", args.out.display()))?;
     let (out, recording) = (args.out.display().to_string(), args.recording.display().to_string());
-    let answer = Saved { out, recording, learnt, unexplained_deg: [before, after] };
+    let answer = Saved { out, recording, learnt, unexplained: [before, after], unexplained_unit: unit.name };
     if args.json {
         print::json(&answer)?
     } else {
@@ -79,10 +81,10 @@ fn text(saved: &Saved) -> String {
     for own in &saved.learnt {
         text += &format!("  {}\n", own.sentence());
     }
-    let [before, after] = saved.unexplained_deg;
+    let ([before, after], unit) = (saved.unexplained, saved.unexplained_unit);
     text + &format!(
-        "Not explained of the newest shapes: {before:.3} deg with the values at the start, {after:.3} deg with these, each \
-         before the shape was used\n"
+        "Not explained of the newest shapes: {before:.3} {unit} with the values at the start, {after:.3} {unit} with these, \
+         each before the shape was used\n"
     )
 }
 
@@ -172,11 +174,17 @@ fn last_chain(parts: &[Recording]) -> anyhow::Result<LastChain> {
 
 impl LastChain {
     /// What the same model leaves unexplained where it learns nothing, rad.
-    fn without_learning(mut self, file: &ModelFile) -> anyhow::Result<f64> {
-        let still = file.without_learning();
-        let chain =
-            still.chain(KnownColumns::default())?.context("what was learnt is of joints, and this is for snakes")?;
-        let mut core = EstimateCore::new(&chain, EstimateConfig::default())?;
+    fn without_learning(self, file: &ModelFile, recording: &Recording) -> anyhow::Result<f64> {
+        Ok(match LiveModel::of(&file.without_learning())? {
+            LiveModel::Snake(chain) => self.unexplained_rad(EstimateCore::new(&chain, EstimateConfig::default())?),
+            LiveModel::Joints(model) => {
+                let machine = JointMachine::new(&model, &settings_of(recording)?.joints)?;
+                self.unexplained_rad(JointEstimateCore::new(&machine, EstimateConfig::default())?)
+            }
+        })
+    }
+
+    fn unexplained_rad(mut self, mut core: impl Estimator) -> f64 {
         let mut rms_rad = 0.0;
         for (shape_sequence, state_sequence) in self.updates {
             while self.states.front().is_some_and(|state| state.sequence <= state_sequence) {
@@ -189,13 +197,29 @@ impl LastChain {
                 rms_rad = core.step(shape).innovation_rms_rad;
             }
         }
-        Ok(rms_rad)
+        rms_rad
     }
 }
 
-/// Length of the bend vector's error for one axis' root mean square, degrees.
-fn unexplained_deg(axis_rms_rad: f64) -> f64 {
-    (axis_rms_rad * 2f64.sqrt()).to_degrees()
+/// How errors are told: the length of a bend vector's error in degrees, or the error of one joint.
+struct Unit {
+    name: &'static str,
+    /// Of it in one rad (m for a sliding joint) of one number's root mean square.
+    per_si: f64,
+}
+
+impl Unit {
+    fn of_errors(model: &LiveModel) -> Self {
+        match model {
+            LiveModel::Snake(_) => Self { name: "deg", per_si: 2f64.sqrt().to_degrees() },
+            LiveModel::Joints(joints) if joints.slides() => Self { name: "mm", per_si: 1e3 },
+            LiveModel::Joints(_) => Self { name: "deg", per_si: 1f64.to_degrees() },
+        }
+    }
+
+    fn of(&self, rms_rad: f64) -> f64 {
+        rms_rad * self.per_si
+    }
 }
 
 fn today() -> String {

@@ -55,7 +55,7 @@ fn run_named(common: &Common, process: &ProcessVerb) -> anyhow::Result<()> {
         }
         ProcessVerb::Estimate(args) => {
             let run = if args.cued { krait_bridge::run_estimate_cued } else { krait_bridge::run_estimate };
-            run(&bus, config.model()?.snake("learning")?, config.estimate, &stop)?;
+            run(&bus, &config.model()?.machine, config.estimate, &config.joints, &stop)?;
         }
         ProcessVerb::Slave(args) => match args.recorded_time_ns {
             Some(start_ns) => {

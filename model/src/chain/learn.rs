@@ -50,7 +50,7 @@ pub struct LearntParameter {
 }
 
 /// The learnt parameters of a list of effects, in the order of the list.
-pub(super) fn learnt(effects: &[EffectSetting]) -> Result<Vec<LearntParameter>, ChainError> {
+pub(crate) fn learnt(effects: &[EffectSetting]) -> Result<Vec<LearntParameter>, ChainError> {
     let mut found = Vec::new();
     for (k, effect) in effects.iter().enumerate() {
         for (j, name) in effect.parameter_names().enumerate() {

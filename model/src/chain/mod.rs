@@ -47,6 +47,7 @@ pub use circumstances::{ChainStatus, Circumstances};
 pub(crate) use delay::DelayLine;
 pub use forward::{Prediction, Predictor};
 pub use inverse::{ChainCommand, ChainCompensator, ChainMemory};
+pub(crate) use learn::learnt;
 pub use learn::{Learn, LearntParameter, MAX_LEARNT};
 pub use plausible::Implausible;
 pub use settings::{ChainError, ChainSettings, EffectSetting, KnownColumns};

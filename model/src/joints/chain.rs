@@ -6,13 +6,14 @@ use crate::effects::formula::Formula;
 use crate::effects::formula_variables::joint_values;
 use crate::effects::{Definition, EffectKind, Hook, MAX_PARAMETERS};
 use crate::model_file::Joints;
-use crate::{ChainError, Circumstances, EffectSetting, KnownColumns};
+use crate::{ChainError, Circumstances, EffectSetting, KnownColumns, LearntParameter};
 
 /// Joints with their effects, checked.
 #[derive(Clone, Debug)]
 pub struct JointChain {
     joints: Joints,
     stages: Vec<Stage>,
+    learnt: Vec<LearntParameter>,
 }
 
 /// One effect, ready to run.
@@ -72,7 +73,12 @@ impl JointChain {
             return Err(ChainError::TooMany { found: effects.len(), limit: MAX_EFFECTS });
         }
         let stages = effects.iter().map(|effect| stage(effect, joints.n, columns)).collect::<Result<_, _>>()?;
-        Ok(Self { joints: joints.clone(), stages })
+        Ok(Self { joints: joints.clone(), stages, learnt: crate::chain::learnt(effects)? })
+    }
+
+    /// The parameters that are learnt while the joints move, in the order of the effects.
+    pub fn learnt(&self) -> &[LearntParameter] {
+        &self.learnt
     }
 
     /// A predictor whose memory is fresh.
@@ -117,8 +123,21 @@ impl JointChain {
     }
 }
 
-/// What the inverse needs to know.
+/// What the inverse and the learner need to know.
 impl JointPredictor {
+    /// The parameters that are learnt, in the order of the effects.
+    pub(super) fn learnt(&self) -> &[LearntParameter] {
+        &self.chain.learnt
+    }
+
+    /// Sets a parameter that is learnt; what the effect remembers stays.
+    pub(super) fn set(&mut self, effect: usize, parameter: usize, value: f64) {
+        let stage = &mut self.chain.stages[effect];
+        // Of an effect, the first parameter is the joint that it is of, which is not learnt.
+        let behind = usize::from(matches!(stage.what, What::Effect(_)));
+        stage.c[parameter - behind] = value;
+    }
+
     pub(super) fn n(&self) -> usize {
         self.chain.joints.n
     }

@@ -17,7 +17,7 @@
 
 use super::{JointChain, JointPredictor, MAX_JOINTS};
 use crate::effects::Inverse;
-use crate::{ChainError, Circumstances};
+use crate::{ChainError, Circumstances, MAX_LEARNT};
 use nalgebra::DMatrix;
 
 /// Rounds over the joints at most.
@@ -72,6 +72,8 @@ pub struct JointCompensator {
     x_wanted: [f64; MAX_JOINTS],
     last: JointCommand,
     last_s: Option<f64>,
+    /// Values in force of what is learnt; NaN behind the last.
+    values: [f64; MAX_LEARNT],
 }
 
 impl JointChain {
@@ -116,6 +118,7 @@ impl JointChain {
                 is_finite: true,
             },
             last_s: None,
+            values: core::array::from_fn(|lane| self.learnt().get(lane).map_or(f64::NAN, |own| own.start)),
         })
     }
 
@@ -152,8 +155,30 @@ impl JointCompensator {
         self.divided(&all)
     }
 
-    /// Takes over what another compensator of the same chain remembers. Allocates nothing.
+    /// The values in force of the parameters that are learnt, in their order; NaN behind the last.
+    pub fn learnt(&self) -> &[f64; MAX_LEARNT] {
+        &self.values
+    }
+
+    /// Sets the parameters that are learnt; a value that is not finite stays as it is, and what the effects remember too.
+    ///
+    /// # Real-time
+    /// No allocation.
+    pub fn set_learnt(&mut self, values: &[f64; MAX_LEARNT]) {
+        for lane in 0..self.memory.learnt().len().min(MAX_LEARNT) {
+            if values[lane].is_finite() && values[lane] != self.values[lane] {
+                self.values[lane] = values[lane];
+                let own = &self.memory.learnt()[lane];
+                let (effect, parameter) = (own.effect, own.parameter);
+                self.memory.set(effect, parameter, values[lane]);
+                self.trial.set(effect, parameter, values[lane]);
+            }
+        }
+    }
+
+    /// Takes over what another compensator of the same chain remembers, and its learnt values. Allocates nothing.
     pub fn remember_as(&mut self, other: &Self) {
+        self.set_learnt(&other.values);
         self.memory.remember_as(&other.memory);
         (self.went, self.x_wanted, self.last, self.last_s) = (other.went, other.x_wanted, other.last, other.last_s);
     }

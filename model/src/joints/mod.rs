@@ -12,13 +12,16 @@ mod chain;
 mod effect;
 mod hysteresis;
 mod inverse;
+mod learner;
 mod position;
 mod rate;
+mod slopes;
 
 pub use chain::{JointChain, JointParts, JointPredictor};
 pub use effect::JointEffect;
 pub use hysteresis::{REACHES, load_play};
 pub use inverse::{JointCommand, JointCompensator, JointInverseSettings};
+pub use learner::{JointLearner, JointLearnerParameters, JointSight};
 pub use rate::{lag_step, second_order_ramp, second_order_step};
 
 /// Play of half-width r: p follows x at a distance of at most r.

@@ -1,0 +1,158 @@
+//! The process that learns: what the estimators of snakes and of joints have in common, and the loops that feed them.
+
+use crate::config::{EstimateConfig, JointsConfig};
+use crate::step::{BridgeError, seconds_between};
+use crate::{EstimateCore, JointEstimateCore, JointMachine, LiveModel};
+use core::sync::atomic::{AtomicBool, Ordering};
+use core::time::Duration;
+use krait_ipc::message::{LearningState, LearntValue, MAX_LEARNT, Message, ModelUpdate, Shape, SlaveState};
+use krait_ipc::{Bus, HealthReporter, Process, ReadOptions, Reason, Reasons, clock};
+use krait_model::{Change, Learnt, LearntParameter};
+
+/// A camera that gave nothing for this long is named as silent: fifteen frames at 60 Hz, ms.
+const SHAPE_STALE_MS: f64 = 250.0;
+/// How long the process sleeps at most before it looks whether it shall stop.
+const PATIENCE: Duration = Duration::from_millis(20);
+
+/// A core that learns: it follows the slave's states, and makes an update of each shape.
+pub trait Estimator {
+    /// Takes a state, also between two shapes. No allocation, no clock.
+    fn note_state(&mut self, state: &SlaveState);
+    /// Takes a shape and proposes the parameters as they are after it. No allocation, no clock.
+    fn step(&mut self, shape: &Shape) -> ModelUpdate;
+    /// What holds at an instant.
+    fn reasons(&self, now_ns: i64) -> Reasons;
+    /// The newest change of the machine that was seen.
+    fn change(&self) -> Option<Change>;
+}
+
+/// Whether the camera, whose newest shape is of an instant, has fallen silent.
+pub(crate) fn is_silent(newest_ns: Option<i64>, now_ns: i64) -> bool {
+    newest_ns.is_some_and(|newest_ns| seconds_between(newest_ns, now_ns) * 1e3 > SHAPE_STALE_MS)
+}
+
+/// What is learnt, as an update carries it.
+pub(crate) fn learnt_values(
+    parameters: &[LearntParameter],
+    learnt: impl Fn(usize) -> Option<Learnt>,
+) -> [LearntValue; MAX_LEARNT] {
+    const _: () = assert!(MAX_LEARNT == krait_model::MAX_LEARNT);
+    core::array::from_fn(|lane| {
+        let Some((own, now)) = parameters.get(lane).zip(learnt(lane)) else { return LearntValue::default() };
+        let state = match (now.is_observable, now.is_at_bound) {
+            (false, _) => LearningState::NotObservable,
+            (true, false) => LearningState::Learning,
+            (true, true) => LearningState::AtBound,
+        };
+        LearntValue {
+            value: now.value,
+            sd: now.sd,
+            // A chain has at most 32 effects of 10 parameters.
+            effect: own.effect as u16,
+            parameter: own.parameter as u16,
+            state: state as u16,
+            tied_to: now.tied_to.map_or(0, |other| other as u16 + 1),
+        }
+    })
+}
+
+/// The process `krait estimate`: runs until told to stop.
+///
+/// # Errors
+/// [`BridgeError`] when a channel fails or the configuration is out of range.
+pub fn run_estimate(
+    bus: &Bus,
+    model: &LiveModel,
+    config: EstimateConfig,
+    joints: &JointsConfig,
+    stop: &AtomicBool,
+) -> Result<(), BridgeError> {
+    match model {
+        LiveModel::Snake(chain) => live(bus, EstimateCore::new(chain, config)?, stop),
+        LiveModel::Joints(model) => {
+            live(bus, JointEstimateCore::new(&JointMachine::new(model, joints)?, config)?, stop)
+        }
+    }
+}
+
+fn live(bus: &Bus, mut core: impl Estimator, stop: &AtomicBool) -> Result<(), BridgeError> {
+    let mut states = bus.reader::<SlaveState>(ReadOptions::observing())?;
+    let mut shapes = bus.reader::<Shape>(ReadOptions::waking())?;
+    let mut updates = bus.writer::<ModelUpdate>()?;
+    let mut health = HealthReporter::open(bus, Process::Estimate)?;
+    health.publish(clock::monotonic_ns())?;
+    tracing::info!(process = "estimate", "ready");
+    while !stop.load(Ordering::Relaxed) {
+        shapes.wait(PATIENCE)?;
+        while let Some(shape) = shapes.take()? {
+            // Every state that was published before the shape is here by now.
+            while let Some(state) = states.take()? {
+                core.note_state(&state);
+            }
+            updates.send(&core.step(&shape))?;
+        }
+        while let Some(state) = states.take()? {
+            core.note_state(&state);
+        }
+        health.set_now(core.reasons(clock::monotonic_ns()));
+        if let Some(change) = core.change() {
+            health.health_mut().note(Reason::ModelChanged, change.statistic, change.limit);
+        }
+        health.count_readers(&[states.counts(), shapes.counts()]);
+        health.health_mut().n_sent = updates.n_sent();
+        health.publish_if_due(clock::monotonic_ns())?;
+    }
+    health.publish(clock::monotonic_ns())?;
+    tracing::info!(process = "estimate", channel = Shape::CHANNEL, n_shapes = shapes.n_received(), "stopped");
+    Ok(())
+}
+
+/// The process `krait estimate` in a replay: each shape counts after the state of the instant at which it became available,
+/// and before the next state.
+///
+/// # Errors
+/// [`BridgeError`] when a channel fails or the configuration is out of range.
+pub fn run_estimate_cued(
+    bus: &Bus,
+    model: &LiveModel,
+    config: EstimateConfig,
+    joints: &JointsConfig,
+    stop: &AtomicBool,
+) -> Result<(), BridgeError> {
+    match model {
+        LiveModel::Snake(chain) => cued(bus, EstimateCore::new(chain, config)?, stop),
+        LiveModel::Joints(model) => {
+            cued(bus, JointEstimateCore::new(&JointMachine::new(model, joints)?, config)?, stop)
+        }
+    }
+}
+
+fn cued(bus: &Bus, mut core: impl Estimator, stop: &AtomicBool) -> Result<(), BridgeError> {
+    let mut states = bus.reader::<SlaveState>(ReadOptions::following())?;
+    let mut shapes = bus.reader::<Shape>(ReadOptions::glancing())?;
+    let mut updates = bus.writer::<ModelUpdate>()?;
+    let mut health = HealthReporter::open(bus, Process::Estimate)?;
+    health.publish(clock::monotonic_ns())?;
+    let mut next: Option<Shape> = None;
+    while !stop.load(Ordering::Relaxed) {
+        states.wait(PATIENCE)?;
+        while let Some(state) = states.take()? {
+            core.note_state(&state);
+            // The slave publishes a shape before the state of the same instant, so it is here already.
+            loop {
+                next = match next {
+                    Some(shape) => Some(shape),
+                    None => shapes.take()?.map(|shape| *shape),
+                };
+                let Some(shape) = next.filter(|shape| shape.available_ns <= state.sample_ns) else { break };
+                updates.send(&core.step(&shape))?;
+                next = None;
+            }
+        }
+        health.count_readers(&[states.counts(), shapes.counts()]);
+        health.health_mut().n_sent = updates.n_sent();
+        health.publish_if_due(clock::monotonic_ns())?;
+    }
+    health.publish(clock::monotonic_ns())?;
+    Ok(())
+}
