@@ -153,6 +153,9 @@ fn a_row_that_does_not_fit_is_refused_with_line_and_column() {
     refused("degrees", with_line(5, "0.15,0,0,0,42.5,0"), &["line 5", "bend_x_rad", "42.5", "radians", "bend_x_deg"]);
     refused("mm", with_line(5, "0.15,0,1.25,0,0,0"), &["line 5", "q2_m", "1.25", "metres", "q2_mm"]);
     refused("huge", with_line(5, "1e999,0,0,0,0,0"), &["line 5", "time_s"]);
+    let crlf = |line: &str| with_line(5, line).replace('\n', "\r\n");
+    refused("crlf", crlf("0.15,0,0,0,0,left"), &["line 5", "bend_y_rad", "left"]);
+    refused("crlf_cut", crlf("0.15,0"), &["line 5", "2 columns"]);
 }
 
 #[test]

@@ -21,13 +21,15 @@ pub(super) struct Table {
 pub(super) fn read(path: &Path, source: impl Read, map: &ColumnMap, expected: Expected) -> Result<Table, ReadError> {
     let mut reader = ReaderBuilder::new().has_headers(false).buffer_capacity(1 << 18).from_reader(source);
     let mut record = ByteRecord::new();
-    let failed = |error: csv::Error| refusal(path, error);
-    if !reader.read_byte_record(&mut record).map_err(failed)? {
+    let failed = |behind: u64| move |error: csv::Error| refusal(path, behind, error);
+    if !reader.read_byte_record(&mut record).map_err(failed(0))? {
         return Err(ReadError::NotCsv { path: path.to_owned(), line: 1, reason: "the file is empty".to_owned() });
     }
     let plan = plan(path, &names(path, &record)?, map, expected)?;
-    let mut rows = Rows::new(path, plan);
-    while reader.read_byte_record(&mut record).map_err(failed)? {
+    // Of lines that end with CR LF the reader takes the LF for the beginning of the next, and counts one too few.
+    let behind = u64::from(reader.position().line() == 1);
+    let mut rows = Rows::new(path, plan, behind);
+    while reader.read_byte_record(&mut record).map_err(failed(behind))? {
         rows.push(&record)?;
     }
     if rows.trial.is_empty() {
@@ -60,10 +62,12 @@ struct Rows<'a> {
     /// Places of the shape's columns.
     shape: Vec<usize>,
     last_line: u64,
+    /// Lines that the reader counts too few.
+    behind: u64,
 }
 
 impl<'a> Rows<'a> {
-    fn new(path: &'a Path, plan: Plan) -> Self {
+    fn new(path: &'a Path, plan: Plan, behind: u64) -> Self {
         let is_shape = |c: &Column| matches!(c.role, Role::Output(_) | Role::ThetaL | Role::Delta);
         Self {
             path,
@@ -74,12 +78,13 @@ impl<'a> Rows<'a> {
             time: plan.place(Role::Time).unwrap_or(0),
             shape: plan.columns.iter().enumerate().filter(|(_, c)| is_shape(c)).map(|(k, _)| k).collect(),
             last_line: 1,
+            behind,
             plan,
         }
     }
 
     fn push(&mut self, record: &ByteRecord) -> Result<(), ReadError> {
-        self.last_line = record.position().map_or(self.last_line + 1, csv::Position::line);
+        self.last_line = record.position().map_or(self.last_line + 1, |at| at.line() + self.behind);
         let line = self.last_line;
         for (column, values) in self.plan.columns.iter().zip(&mut self.columns) {
             let cell = record.get(column.field).unwrap_or_default().trim_ascii();
@@ -194,9 +199,9 @@ fn not_a_number(path: &Path, line: u64, column: &Column, cell: &[u8], may_be_emp
     }
 }
 
-fn refusal(path: &Path, error: csv::Error) -> ReadError {
+fn refusal(path: &Path, behind: u64, error: csv::Error) -> ReadError {
     let path = path.to_owned();
-    let line = error.position().map_or(1, csv::Position::line);
+    let line = error.position().map_or(1, |at| at.line() + behind);
     match error.into_kind() {
         ErrorKind::Io(source) => ReadError::Io { path, source },
         ErrorKind::UnequalLengths { expected_len, len, .. } => {
