@@ -39,7 +39,7 @@ fn input(sequence: i64, tip_vel_in_view_m_per_s: [f64; 3]) -> OperatorInput {
         flags: OperatorInput::OPERATOR_PRESENT,
         buttons: 0,
         device_state: DeviceState::Live as u32,
-        reserved: 0,
+        scale_permille: 1000,
         n_reports: 0,
         n_drained: 0,
         n_refused: 0,

@@ -96,7 +96,7 @@ pub enum Verb {
     Stop,
     /// Shows the operating state of a chain that runs and what keeps the snake from moving, or asks for another state.
     #[command(
-        after_help = "Examples:\n  krait state\n  krait state --json\n  krait state pause\n  krait state resume\n  krait state home --instance left-arm"
+        after_help = "Examples:\n  krait state\n  krait state --json\n  krait state pause\n  krait state resume\n  krait state home --instance left-arm\n  krait state --scale 0.5\n  krait state --lock translation"
     )]
     State(StateArgs),
     /// The page of a chain that runs: the snake, its latency, the lab; in a browser on this machine.
@@ -415,9 +415,27 @@ pub struct StateArgs {
     /// What to ask the chain's supervisor for; nothing: only show the state.
     #[arg(value_enum)]
     pub ask: Option<Ask>,
+    /// How fast the tip goes for a motion of the hand, as a part of the configured speed, 0.01 to 1; the snake stays where it is.
+    #[arg(long, value_name = "PART")]
+    pub scale: Option<f64>,
+    /// Take no translation, or no rotation, from the hand any more.
+    #[arg(long, value_enum, value_name = "WHAT")]
+    pub lock: Option<Lock>,
+    /// Take it again.
+    #[arg(long, value_enum, value_name = "WHAT")]
+    pub unlock: Option<Lock>,
     /// Print the state as JSON on standard output.
     #[arg(long)]
     pub json: bool,
+}
+
+/// What of the hand's motion can be locked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Lock {
+    /// Motion of the tip along a line; all that a snake of three lines can do.
+    Translation,
+    /// Turning of the tip.
+    Rotation,
 }
 
 /// What can be asked for.

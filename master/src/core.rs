@@ -4,7 +4,7 @@ use crate::grip::Grip;
 use crate::operator::flags;
 use crate::{Decoder, DeviceMonitor, Hand, HidReport, MasterConfig, MasterError, Operator, OperatorMotion, Refusal};
 use crate::{ReportCounts, ScriptSample};
-use krait_ipc::message::{DeviceState, HopStamps, OperatorInput};
+use krait_ipc::message::{DeviceState, HopStamps, MotionWish, OperatorInput};
 
 /// Everything that the master knows between two inputs.
 #[derive(Clone, Copy, Debug)]
@@ -15,6 +15,8 @@ pub struct MasterCore {
     grip: Grip,
     script: Option<ScriptSample>,
     is_ended: bool,
+    scale_permille: u32,
+    locks: u32,
     sequence: u64,
     n_drained: u64,
     // Kinds of motion report (translation, rotation, both) that no input has carried yet.
@@ -35,6 +37,8 @@ impl MasterCore {
             grip: Grip::new(config.engage),
             script: None,
             is_ended: false,
+            scale_permille: *MotionWish::SCALE_PERMILLE.end(),
+            locks: 0,
             sequence: 0,
             n_drained: 0,
             is_unpublished: [false; 3],
@@ -44,6 +48,18 @@ impl MasterCore {
     /// Notes whether the slave says that the operator has engaged.
     pub fn note_engaged(&mut self, is_engaged: bool) {
         self.grip.note_engaged(is_engaged);
+    }
+
+    /// Takes another scale or lock into force, from the next input on; a wish for what there is not changes nothing. Where the
+    /// snake is to be stays where it is: both only change how fast that moves.
+    ///
+    /// # Real-time
+    /// No allocation, no blocking.
+    pub fn on_wish(&mut self, wish: &MotionWish) {
+        if wish.is_valid() {
+            self.scale_permille = if wish.scale_permille == 0 { self.scale_permille } else { wish.scale_permille };
+            self.locks = (self.locks | wish.lock) & !wish.unlock;
+        }
     }
 
     /// Takes one raw report in that was in hand at `stamp_ns`. A motion report that replaces one of its kind before any input has carried it makes that one
@@ -129,14 +145,14 @@ impl MasterCore {
             sequence: self.sequence,
             sample_ns: now_ns,
             stamps: HopStamps { device_ns: now_ns, ..HopStamps::default() },
-            tip_vel_in_view_m_per_s: motion.tip_vel_in_view_m_per_s,
+            tip_vel_in_view_m_per_s: self.scaled(motion.tip_vel_in_view_m_per_s, OperatorInput::TRANSLATION_LOCKED),
             // The snake has two degrees of freedom: it cannot turn its tip about its own axis.
-            tip_angular_vel_in_view_rad_per_s: [0.0; 3],
+            tip_angular_vel_in_view_rad_per_s: self.scaled([0.0; 3], OperatorInput::ROTATION_LOCKED),
             raw_axes: self.decoder.axes(),
-            flags: motion.flags,
+            flags: motion.flags | self.locks,
             buttons: self.decoder.buttons(),
             device_state: device as u32,
-            reserved: 0,
+            scale_permille: self.scale_permille,
             n_reports: self.decoder.counts().n_decoded,
             n_drained: self.n_drained,
             n_refused: self.decoder.counts().n_refused(),
@@ -146,6 +162,15 @@ impl MasterCore {
     /// What was decoded and refused so far.
     pub fn counts(&self) -> &ReportCounts {
         self.decoder.counts()
+    }
+
+    /// A velocity at the live scale; nothing where its lock is set. At full scale it is the same to the last bit.
+    fn scaled(&self, velocity: [f64; 3], lock: u32) -> [f64; 3] {
+        match self.scale_permille {
+            _ if self.locks & lock != 0 => [0.0; 3],
+            1000 => velocity,
+            permille => velocity.map(|v| v * f64::from(permille) / 1000.0),
+        }
     }
 
     fn on_motion(&mut self, kind_idx: usize, now_ns: i64) {
@@ -252,6 +277,30 @@ mod tests {
         let input = core.on_tick(MS);
         assert_eq!((input.device(), input.flags), (Some(DeviceState::Ended), 0));
         assert_eq!(input.tip_vel_in_view_m_per_s, [0.0; 3]);
+    }
+
+    #[test]
+    fn scale_and_locks_change_velocity_and_nothing_else_and_nonsense_changes_nothing() {
+        let mut core = core();
+        press(&mut core, 1, 0);
+        push(&mut core, 300, 0);
+        let whole = core.on_tick(MS);
+        let mut after = |lock, unlock, scale_permille| {
+            core.on_wish(&MotionWish { sequence: 1, sample_ns: 0, scale_permille, lock, unlock, sender_pid: 1 });
+            core.on_tick(MS)
+        };
+        let half = after(0, 0, 500);
+        assert_eq!(half.tip_vel_in_view_m_per_s[0], whole.tip_vel_in_view_m_per_s[0] / 2.0);
+        assert_eq!((half.scale_permille, half.raw_axes, half.flags), (500, whole.raw_axes, whole.flags));
+        let locked = after(OperatorInput::TRANSLATION_LOCKED, 0, 0);
+        assert_eq!((locked.tip_vel_in_view_m_per_s, locked.scale_permille), ([0.0; 3], 500));
+        assert_eq!(locked.flags, whole.flags | OperatorInput::TRANSLATION_LOCKED);
+        for (lock, unlock, scale) in [(1, 0, 0), (0, 2, 0), (4, 4, 0), (0, 0, 1001), (0, 0, 9)] {
+            let same = after(lock, unlock, scale);
+            assert_eq!((same.flags, same.scale_permille), (locked.flags, locked.scale_permille));
+        }
+        let open = after(0, MotionWish::LOCKS, 1000);
+        assert_eq!((open.tip_vel_in_view_m_per_s, open.flags), (whole.tip_vel_in_view_m_per_s, whole.flags));
     }
 
     #[test]

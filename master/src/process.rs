@@ -3,7 +3,7 @@
 use crate::report_log::ReportLog;
 use crate::ticker::Ticker;
 use crate::{Engage, MasterConfig, MasterCore, MasterError, ReportSource, SourceChoice, SourceEvent};
-use krait_ipc::message::{DeviceState, Marker, OperatorInput, SlaveState};
+use krait_ipc::message::{DeviceState, Marker, MotionWish, OperatorInput, SlaveState};
 use krait_ipc::{Bus, HealthReporter, Process, ReadOptions, Reader, Reason, Reasons, Writer, clock};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -30,8 +30,23 @@ pub fn run(bus: &Bus, config: &MasterConfig, source: SourceChoice, stop: &Atomic
     };
     let (inputs, health) = (bus.writer()?, HealthReporter::open(bus, Process::Master)?);
     let marks = bus.writer_on(Marker::DEVICE_CHANNEL)?;
-    let mut master =
-        Master { core, source, log, slave, engaged, inputs, marks, health, device_ns: None, has_log_dropped: false };
+    let wishes = bus.reader(ReadOptions::glancing())?;
+    let begun_ns = clock::monotonic_ns();
+    let (device_ns, has_log_dropped) = (None, false);
+    let mut master = Master {
+        core,
+        source,
+        log,
+        slave,
+        engaged,
+        wishes,
+        begun_ns,
+        inputs,
+        marks,
+        health,
+        device_ns,
+        has_log_dropped,
+    };
     master.run(config.period_ns(), stop)
 }
 
@@ -43,6 +58,9 @@ struct Master {
     slave: Option<Reader<SlaveState>>,
     // Present if a source shall engage again.
     engaged: Option<Reader<SlaveState>>,
+    wishes: Reader<MotionWish>,
+    // A wish of before that is none to this process.
+    begun_ns: i64,
     inputs: Writer<OperatorInput>,
     marks: Writer<Marker>,
     health: HealthReporter,
@@ -125,6 +143,11 @@ impl Master {
             && let Some(state) = reader.take_newest()?
         {
             self.core.note_engaged(state.is_engaged());
+        }
+        while let Some(wish) = self.wishes.take()? {
+            if wish.sample_ns >= self.begun_ns {
+                self.core.on_wish(&wish);
+            }
         }
         let mut input = self.core.on_tick(now_ns);
         if let Some(device_ns) = self.device_ns.take() {

@@ -373,7 +373,7 @@ fn operator_input(tip_vel_in_view_m_per_s: [f64; 3], flags: u32, device: DeviceS
         flags,
         buttons: 0,
         device_state: device as u32,
-        reserved: 0,
+        scale_permille: 1000,
         n_reports: 0,
         n_drained: 0,
         n_refused: 0,

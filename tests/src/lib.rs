@@ -13,7 +13,10 @@ mod world;
 
 pub use browser::{Browser, BrowserPage};
 pub use http::{Console, HttpAnswer, Live, next_of_kind};
-pub use motion::{allowed_m, assert_no_jump, is_moving, samples_in, signal_process, states_in, step_m, wait_for};
+pub use motion::{
+    allowed_m, assert_no_jump, assert_starts_at_setpoint, is_moving, samples_in, signal_process, states_in, step_m,
+    wait_for,
+};
 pub use program::{Ended, Krait, krait_program};
 pub use riddle::{Riddle, hand, krait_json};
 pub use world::{TempFolder, instance_name, processes_of, wait_until};

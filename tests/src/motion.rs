@@ -3,11 +3,12 @@
 use crate::program::send;
 use crate::world::{processes_of, wait_until};
 use core::time::Duration;
-use krait_ipc::message::SlaveState;
+use krait_ipc::message::{Command, Phase, SlaveState};
 use krait_ipc::{Bus, ReadOptions};
 use krait_record::Recording;
 use krait_schema::Sample;
 use rustix::process::Signal;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 const PATIENCE: Duration = Duration::from_secs(240);
@@ -47,6 +48,32 @@ pub fn assert_no_jump(states: &[SlaveState]) {
         n_moved += u32::from(step_m(before, after) > 0.0);
     }
     assert!(n_moved > 100, "{n_moved} writes moved the drives");
+}
+
+/// Commands that hold before a start counts as one: the slave is then at rest.
+const N_HELD: usize = 50;
+
+/// Each command that begins to follow the operator, after a hold, equals the slave's setpoint as it knew it, within one step of
+/// the gate. Returns those commands.
+pub fn assert_starts_at_setpoint(commands: &[Command], states: &[SlaveState]) -> Vec<Command> {
+    let states: BTreeMap<u64, &SlaveState> = states.iter().map(|state| (state.sequence, state)).collect();
+    let mut starts = Vec::new();
+    // Before the first command nothing has moved.
+    let mut n_held = N_HELD;
+    for command in commands {
+        let held = n_held;
+        n_held = if command.phase == Phase::Following as u32 { 0 } else { n_held + 1 };
+        if n_held > 0 || held < N_HELD {
+            continue;
+        }
+        let state = states.get(&command.state_sequence).expect("the state that it names");
+        let far_m = (0..3).map(|i| (command.q_tilde_m[i] - state.setpoint_q_m[i]).abs()).fold(0.0, f64::max);
+        let allowed_m = RATE_M_PER_S * PERIOD_NS as f64 * 1e-9 + 1e-6;
+        assert!(far_m <= allowed_m, "{far_m} m from the setpoint, {allowed_m} m allowed: {command:?} {state:?}");
+        starts.push(*command);
+    }
+    assert!(!starts.is_empty(), "nothing began to follow in {} commands", commands.len());
+    starts
 }
 
 /// How far the gate may go from one state to the next, m.

@@ -20,14 +20,15 @@ pub struct OperatorInput {
     pub tip_angular_vel_in_view_rad_per_s: [f64; 3],
     /// The device's own six axes of the newest report, in its counts (x, y, z, rx, ry, rz).
     pub raw_axes: [i16; 6],
-    /// Bits of [`OperatorInput::OPERATOR_PRESENT`] and [`OperatorInput::CLUTCH`].
+    /// Bits of [`OperatorInput::OPERATOR_PRESENT`], [`OperatorInput::CLUTCH`], [`OperatorInput::TRANSLATION_LOCKED`],
+    /// [`OperatorInput::ROTATION_LOCKED`].
     pub flags: u32,
     /// The device's buttons, bit n = button n.
     pub buttons: u32,
     /// See [`DeviceState`].
     pub device_state: u32,
-    /// Padding, zero.
-    pub reserved: u32,
+    /// The live scale that the velocities have been multiplied with, thousandths; 0 in recordings of before that was known.
+    pub scale_permille: u32,
     /// Reports decoded since start.
     pub n_reports: u64,
     /// Reports since start that a newer one had already replaced when they were read.
@@ -43,6 +44,10 @@ impl OperatorInput {
     pub const OPERATOR_PRESENT: u32 = 1;
     /// Flag: the clutch is pressed; the hand moves, the snake does not.
     pub const CLUTCH: u32 = 2;
+    /// Flag: no translation is asked for, whatever the hand does.
+    pub const TRANSLATION_LOCKED: u32 = 4;
+    /// Flag: no rotation is asked for, whatever the hand does.
+    pub const ROTATION_LOCKED: u32 = 8;
 
     /// Whether the operator is present.
     pub fn operator_present(&self) -> bool {

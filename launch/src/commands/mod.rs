@@ -16,6 +16,7 @@ pub mod lab;
 pub mod mark;
 pub mod model;
 mod model_learnt;
+pub mod motion_wish;
 pub mod paper;
 pub mod process;
 pub mod recover;

@@ -1,10 +1,13 @@
 //! `krait state`: the operating state of a chain that runs, what keeps the snake from moving, and requests for another state.
 
 use crate::cli::{Ask, Common, StateArgs};
+use crate::commands::motion_wish;
 use crate::{commands, print};
 use anyhow::{Context, bail};
 use core::time::Duration;
-use krait_ipc::message::{Health, OperatingState, RequestOutcome, SlaveState, StateAnswer, StateRequest, Transition};
+use krait_ipc::message::{
+    Health, OperatingState, OperatorInput, RequestOutcome, SlaveState, StateAnswer, StateRequest, Transition,
+};
 use krait_ipc::{Bus, IpcError, Process, ReadOptions, Reader, Reason, Reasons, clock, health_channel};
 use krait_slave::OperatingMachine;
 use serde::Serialize;
@@ -26,7 +29,16 @@ pub fn run(common: &Common, args: &StateArgs) -> anyhow::Result<ExitCode> {
     if let Some(ask) = args.ask {
         view.ask(&bus, transition_of(ask))?;
     }
-    let shown = view.show()?;
+    if args.scale.is_some() || args.lock.is_some() || args.unlock.is_some() {
+        motion_wish::ask(&bus, args)?;
+    }
+    let mut shown = view.show()?;
+    if let Some(input) = motion_wish::newest_input(&bus)? {
+        let is_locked = |flag| Some(input.flags & flag != 0);
+        shown.scale = Some(f64::from(input.scale_permille) / 1000.0);
+        shown.is_translation_locked = is_locked(OperatorInput::TRANSLATION_LOCKED);
+        shown.is_rotation_locked = is_locked(OperatorInput::ROTATION_LOCKED);
+    }
     if args.json {
         print::json(&shown)?;
     } else {
@@ -69,6 +81,10 @@ struct Shown {
     is_following: bool,
     /// Stops obeyed since the slave's start.
     n_stops: u32,
+    /// The live scale of the operator's motion, and its locks; none where no operator is there.
+    scale: Option<f64>,
+    is_translation_locked: Option<bool>,
+    is_rotation_locked: Option<bool>,
     /// Why nothing moves, or why motion is limited.
     reasons: Vec<Held>,
 }
@@ -180,6 +196,9 @@ impl View {
             is_engaged: state.is_engaged(),
             is_following: has(SlaveState::FOLLOWING),
             n_stops: state.n_stops,
+            scale: None,
+            is_translation_locked: None,
+            is_rotation_locked: None,
             reasons: Reasons::from_bits(state.reasons).iter().map(held).collect(),
         })
     }
@@ -197,6 +216,14 @@ impl Shown {
             word(self.is_engaged, "engaged", "not engaged"),
             word(self.is_following, "following", "holding"),
         );
+        if let Some(scale) = self.scale.filter(|scale| *scale != 1.0) {
+            text += &format!("  The hand moves the tip at {scale} of the configured speed.\n");
+        }
+        for (is_locked, what) in [(self.is_translation_locked, "translation"), (self.is_rotation_locked, "rotation")] {
+            if is_locked == Some(true) {
+                text += &format!("  No {what} is taken from the hand: it is locked.\n");
+            }
+        }
         for held in &self.reasons {
             text += &format!("  {}", held.sentence);
             if let (Some(value), Some(limit)) = (held.value, held.limit) {

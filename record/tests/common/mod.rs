@@ -70,7 +70,7 @@ fields! {
     }
     OperatorInput {
         sequence, sample_ns, stamps, tip_vel_in_view_m_per_s, tip_angular_vel_in_view_rad_per_s, raw_axes, flags,
-        buttons, device_state, reserved, n_reports, n_drained, n_refused
+        buttons, device_state, scale_permille, n_reports, n_drained, n_refused
     }
     Setpoint {
         sequence, sample_ns, stamps, input_sequence, state_sequence, bend_rad, bend_vel_rad_per_s, joints_rad,
@@ -168,7 +168,7 @@ pub fn plausible(channel: Channel, sequence: u64, sample_ns: i64) -> Sample {
     match &mut sample {
         Sample::Input(input) => {
             *input = OperatorInput { stamps, raw_axes: [350, -350, 0, 1, -1, 7], flags: 1, ..*input };
-            (input.buttons, input.device_state, input.reserved) = (0, 1, 0);
+            (input.buttons, input.device_state, input.scale_permille) = (0, 1, 0);
             (input.n_reports, input.n_drained, input.n_refused) = (sequence / 16, 3, 0);
         }
         Sample::Setpoint(setpoint) => {
