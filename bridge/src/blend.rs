@@ -21,6 +21,9 @@ impl Blend {
     pub fn note(&mut self, model: ModelHash, update: &ModelUpdate) -> Result<(), Refused> {
         check_model(model, update.model_hash)?;
         let refused = |found: f64, limit: f64| Err(Refused { reason: Reason::ModelUpdateRefused, found, limit });
+        if !update.innovation_rms_rad.is_finite() {
+            return Err(Refused { reason: Reason::NotFinite, found: update.innovation_rms_rad, limit: f64::MAX });
+        }
         if update.learnt().len() != self.parameters.len() {
             return refused(update.learnt().len() as f64, self.parameters.len() as f64);
         }
@@ -46,6 +49,11 @@ impl Blend {
             next[lane] = now[lane] + (wanted.value - now[lane]).clamp(-largest, largest);
         }
         next.iter().zip(now).any(|(next, now)| next.is_finite() && next != now).then_some(next)
+    }
+
+    /// What the newest update says was not explained of the measured shapes, rad; 0 before the first.
+    pub fn innovation_rms_rad(&self) -> f64 {
+        self.update.map_or(0.0, |update| update.innovation_rms_rad)
     }
 
     /// Of the newest update; 0 before the first.

@@ -7,6 +7,7 @@
 
 use crate::blend::Blend;
 use crate::config::{CompensateConfig, JointsConfig};
+use crate::mismatch::{Mismatch, Seen};
 use crate::reach::{Reach, Wish};
 use crate::step::{
     BridgeError, Moment, Refused, Step, check_age, check_model, check_order_and_numbers, seconds_between, stamps_begun,
@@ -32,6 +33,7 @@ pub struct CompensateCore {
     model: ModelHash,
     config: CompensateConfig,
     state: Option<SlaveState>,
+    mismatch: Mismatch,
     memory: Memory,
 }
 
@@ -42,6 +44,7 @@ struct Memory {
     sequence: u64,
     first_ns: Option<i64>,
     before_ns: Option<i64>,
+    mismatch: Seen,
 }
 
 impl CompensateCore {
@@ -57,6 +60,7 @@ impl CompensateCore {
             model: chain.hash(),
             config,
             state: None,
+            mismatch: Mismatch::new(chain, &config),
             memory: Memory::default(),
         })
     }
@@ -69,7 +73,7 @@ impl CompensateCore {
     /// Notes a model update; it is blended in from the next step on, and every step names the newest.
     ///
     /// # Errors
-    /// [`Refused`] for an update of another model, and for values that are not finite or out of bounds; the update before
+    /// [`Refused`] for an update of another model, and for numbers that are not finite or out of bounds; the update before
     /// stays in force.
     pub fn note_update(&mut self, update: &ModelUpdate) -> Result<(), Refused> {
         self.blend.note(self.model, update)
@@ -98,6 +102,8 @@ impl CompensateCore {
             reasons.insert(Reason::ModelBlending);
         }
         let fresh = check_age(&self.config, self.state.as_ref(), setpoint, begun_ns, &mut reasons);
+        let found_rad = self.blend.innovation_rms_rad();
+        let trips = self.mismatch.trips(&mut self.memory.mismatch, found_rad, setpoint.sample_ns, &mut reasons);
         let first_ns = *self.memory.first_ns.get_or_insert(setpoint.sample_ns);
         let at = Circumstances::at(seconds_between(first_ns, setpoint.sample_ns));
         let lines = self.lines.step(bend, &at);
@@ -128,7 +134,7 @@ impl CompensateCore {
             model_hash: self.model.0,
             learnt: *self.lines.learnt(),
             n_learnt: self.blend.n_learnt(),
-            phase: if fresh { setpoint.phase } else { Phase::Holding as u32 },
+            phase: if fresh && !trips { setpoint.phase } else { Phase::Holding as u32 },
             reasons: reasons.bits(),
         })
     }

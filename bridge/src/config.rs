@@ -51,6 +51,19 @@ settings! {
         setpoint_stale_ms: f64 = 50.0, 1.0..=1000.0;
         /// A slave state older than this is not trusted, ms.
         state_stale_ms: f64 = 100.0, 1.0..=1000.0;
+        /// Error of the measured shape that is the measurement's own, rad, where the model file states none. 0.3 deg: the
+        /// simulated camera's.
+        mismatch_floor_rad: f64 = 0.3f64.to_radians(), 1e-5..=0.2;
+        /// What the model does not explain of the shape, in floors (root mean square along an axis, over half a second of
+        /// motion), beyond which a warning says so.
+        mismatch_warn_floors: f64 = 12.0, 1.0..=1e6;
+        /// The same, beyond which the motion ends until the chain is started anew. 40: 12 deg, more than a model that has yet to
+        /// learn leaves.
+        mismatch_trip_floors: f64 = 40.0, 1.0..=1e6;
+        /// For so long it must be beyond the second limit, s: a glitch of the camera ends nothing.
+        mismatch_trip_after_s: f64 = 0.5, 0.0..=60.0;
+        /// Both limits for a model that learns nothing and states no floor, like `off` and `naive`: it is there to show its error.
+        mismatch_wide_floors: f64 = 400.0, 1.0..=1e6;
         /// How the process waits for setpoints.
         wait: WaitMode = WaitMode::Ahead;
     }
@@ -107,6 +120,9 @@ impl ResolveConfig {
 }
 
 impl CompensateConfig {
+    /// Floors that no shape is away: 1e6 of the smallest are more than a turn.
+    pub const NO_MISMATCH_FLOORS: f64 = 1e6;
+
     /// Checks every range.
     ///
     /// # Errors

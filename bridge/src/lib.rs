@@ -24,6 +24,7 @@ mod joints_error;
 mod learning;
 mod live;
 mod live_model;
+mod mismatch;
 mod pairing;
 mod reach;
 mod resolve;

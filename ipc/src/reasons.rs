@@ -90,11 +90,15 @@ pub enum Reason {
     JointLimit = 41,
     /// A joint's rate would pass its limit, rad/s.
     JointRateLimit = 42,
+    /// The measured shape is farther from the model's prediction than it should be; value: root mean square, rad.
+    ModelMismatch = 43,
+    /// It is so far that nobody may go on with this model; value: root mean square, rad.
+    MismatchTrip = 44,
 }
 
 impl Reason {
     /// Every reason, in the order of its bit.
-    pub const ALL: [Self; 43] = [
+    pub const ALL: [Self; 45] = [
         Self::OperatorAbsent,
         Self::Clutched,
         Self::DeviceLost,
@@ -138,6 +142,8 @@ impl Reason {
         Self::OtherModel,
         Self::JointLimit,
         Self::JointRateLimit,
+        Self::ModelMismatch,
+        Self::MismatchTrip,
     ];
 
     /// The reason in words that a surgeon understands.
@@ -186,6 +192,11 @@ impl Reason {
             Self::OtherModel => "two processes of the chain do not mean the same machine, and a message was refused",
             Self::JointLimit => "a joint is at the end of the range that is allowed",
             Self::JointRateLimit => "the motion was slowed to the fastest joint that is allowed",
+            Self::ModelMismatch => "the measured shape is farther from what the model predicts than it should be",
+            Self::MismatchTrip => {
+                "the snake holds still because its measured shape is far from what the model predicts: look at the camera and \
+                 the model, then start the chain anew"
+            }
         }
     }
 }

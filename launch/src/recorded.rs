@@ -5,6 +5,7 @@ use crate::config::Config;
 use crate::device::{DEVICE_KEY, SERIAL_KEY};
 use crate::old_settings;
 use anyhow::{Context, bail};
+use krait_bridge::CompensateConfig;
 use krait_model::ModelHash;
 use krait_model::model_file::ModelFile;
 use krait_record::{Recording, attachment};
@@ -27,7 +28,14 @@ pub fn settings_of(recording: &Recording) -> anyhow::Result<Config> {
     let text = attachment(recording, CONFIG_ATTACHMENT)
         .context("it holds no attachment krait.toml, so nobody knows with what settings its steps were made")?;
     let text = old_settings::taken_over(text)?.unwrap_or_else(|| text.to_owned());
-    Config::parse(&text).context("its attachment krait.toml is of another version")
+    let mut config = Config::parse(&text).context("its attachment krait.toml is of another version")?;
+    if !text.contains("mismatch_trip_floors") {
+        // Made before shape and model were compared: nothing of it was judged.
+        let never = CompensateConfig::NO_MISMATCH_FLOORS;
+        let own = &mut config.compensate;
+        (own.mismatch_warn_floors, own.mismatch_trip_floors, own.mismatch_wide_floors) = (never, never, never);
+    }
+    Ok(config)
 }
 
 /// The configuration that a recording was made with. The files that it names are written into `folder`.

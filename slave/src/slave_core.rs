@@ -23,7 +23,9 @@ use krait_ipc::{Reason, Reasons};
 /// Commands come every millisecond; half a period more without one and the slave begins to brake, ns.
 pub(crate) const GAP_NS: i64 = 1_500_000;
 /// What a command says of the way before it that ends an engagement: something was lost or stood still.
-const STALLS: [Reason; 4] = [Reason::DeviceLost, Reason::InputStale, Reason::SetpointStale, Reason::StateStale];
+/// Or the model is not of this machine.
+const STALLS: [Reason; 5] =
+    [Reason::DeviceLost, Reason::InputStale, Reason::SetpointStale, Reason::StateStale, Reason::MismatchTrip];
 /// What else keeps an operator from engaging, as a command tells it.
 const HOLDS: [Reason; 3] = [Reason::OperatorAbsent, Reason::Clutched, Reason::InputEnded];
 

@@ -130,6 +130,9 @@ fn check_rates(channels: &Channels) {
     assert!((59.0..61.0).contains(&shapes_hz), "the camera gives 60 shapes a second: {shapes_hz}");
     assert!(channels.states.len() >= channels.commands.len(), "encoders come with every command");
     let drained: u64 = channels.inputs.iter().map(|i| i.n_reports).max().unwrap_or(0);
+    let is_tripped =
+        |command: &Command| krait_ipc::Reasons::from_bits(command.reasons).contains(krait_ipc::Reason::MismatchTrip);
+    assert!(!channels.commands.iter().any(is_tripped), "no pass is so far from its model that it is ended");
     assert!(drained > 500, "the input is made of HID reports: {drained}");
     assert!(channels.inputs.iter().any(|i| i.clutch_pressed()), "the operator used the clutch");
     let at_rest = krait_ipc::message::DeviceState::AtRest;

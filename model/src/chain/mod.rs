@@ -75,6 +75,7 @@ pub struct Chain {
     settings: ChainSettings,
     /// No shape beyond this bend is planned, rad.
     max_bend_rad: f64,
+    floor_rad: Option<f64>,
 }
 
 impl Chain {
@@ -103,7 +104,8 @@ impl Chain {
         let model = ChainModel::new(constants, effects, Arc::clone(&formulas), value)?;
         let max_bend_rad = max_bend_rad(&model, settings.strain_limit);
         let learnt = learn::learnt(effects)?;
-        Ok(Self { machine: *machine, effects: effects.to_vec(), learnt, formulas, model, settings, max_bend_rad })
+        let (machine, effects, floor_rad) = (*machine, effects.to_vec(), None);
+        Ok(Self { machine, effects, learnt, formulas, model, settings, max_bend_rad, floor_rad })
     }
 
     /// The inverse: turns setpoints into actuator positions. Starts at rest at the straight pose.
@@ -168,6 +170,16 @@ impl Chain {
     /// The machine.
     pub fn machine(&self) -> &MachineParameters {
         &self.machine
+    }
+
+    /// The same chain with the error that its model file states as the measurement's own, rad; the hash stays.
+    pub fn with_floor(self, floor_rad: Option<f64>) -> Self {
+        Self { floor_rad, ..self }
+    }
+
+    /// What of its error is the measurement's own, as the model file states it, rad.
+    pub fn floor_rad(&self) -> Option<f64> {
+        self.floor_rad
     }
 
     /// Which model it is.

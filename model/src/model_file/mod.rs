@@ -137,7 +137,14 @@ impl ModelFile {
     pub fn chain(&self, columns: KnownColumns) -> Result<Option<Chain>, ChainError> {
         let Machine::Snake(snake) = &self.machine else { return Ok(None) };
         let effects: Vec<EffectSetting> = self.effects.iter().map(|e| e.setting.clone()).collect();
-        Chain::new(&snake.parameters, snake.settings, &effects, columns).map(Some)
+        let chain = Chain::new(&snake.parameters, snake.settings, &effects, columns)?;
+        Ok(Some(chain.with_floor(self.floor_rad())))
+    }
+
+    /// What of its error is the measurement's own, rad, as the newest entry of the history says that knows it.
+    fn floor_rad(&self) -> Option<f64> {
+        let of_angle = self.history.iter().rev().filter(|entry| entry.unit == "deg");
+        of_angle.filter_map(|entry| entry.heldout_rms.noise_floor).next().map(f64::to_radians)
     }
 
     /// The chain of joints; `None` for a snake.

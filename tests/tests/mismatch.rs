@@ -1,0 +1,90 @@
+//! A snake that is not the one that the model describes: the measured shape says so, and the motion ends; a model that has yet to
+//! learn, and models that are there to show their error, are left alone.
+
+#![allow(clippy::expect_used, reason = "a panic is how a test fails")]
+
+use core::time::Duration;
+use krait_ipc::message::Phase;
+use krait_ipc::{Reason, Reasons};
+use krait_schema::Sample;
+use krait_tests::{Ended, Krait, TempFolder, assert_no_jump, instance_name, samples_in, states_in, wait_for};
+use rustix::process::Signal;
+
+const PATIENCE: Duration = Duration::from_secs(240);
+
+fn has(bits: u64, reason: Reason) -> bool {
+    Reasons::from_bits(bits).contains(reason)
+}
+
+/// The largest part of the shape that a model left unexplained, deg, and how many commands carry a reason.
+fn found_in(path: &str) -> (f64, usize, usize) {
+    let (mut worst_deg, mut n_warned, mut n_tripped) = (0.0_f64, 0, 0);
+    for sample in samples_in(path) {
+        match sample {
+            Sample::ModelUpdate(update) => worst_deg = worst_deg.max(update.innovation_rms_rad.to_degrees()),
+            Sample::Command(command) => {
+                n_warned += usize::from(has(command.reasons, Reason::ModelMismatch));
+                n_tripped += usize::from(has(command.reasons, Reason::MismatchTrip));
+            }
+            _ => {}
+        }
+    }
+    (worst_deg, n_warned, n_tripped)
+}
+
+#[test]
+fn a_snake_that_is_grossly_another_than_its_model_warns_and_then_ends_the_motion() {
+    let (instance, folder) = (instance_name("other"), TempFolder::new("other"));
+    let (path, truth) = (folder.file("run.mcap"), folder.file("truth.toml"));
+    // The camera was turned by a quarter: the snake is seen to bend across where it is told to.
+    std::fs::write(&truth, "[camera]\nplane_offset_rad = 1.6\n").expect("written");
+    let krait =
+        Krait::start(&["run", "--engage=again", "--instance", &instance, "--recording", &path, "--truth", &truth]);
+    wait_for(&instance, "tripped", |state| has(state.reasons, Reason::MismatchTrip));
+    std::thread::sleep(Duration::from_millis(1500));
+    krait.signal(Signal::INT);
+    krait.end(PATIENCE);
+    let states = states_in(&path);
+    assert_no_jump(&states);
+    let tripped = states.iter().position(|state| has(state.reasons, Reason::MismatchTrip)).expect("it tripped");
+    assert!(states[tripped..].iter().all(|state| !state.is_engaged()), "nobody engages any more");
+    let (from, to) = (&states[tripped + 200], &states[states.len() - 300]);
+    assert!(to.sequence > from.sequence && from.setpoint_q_m == to.setpoint_q_m, "the snake holds: {from:?} {to:?}");
+    let commands: Vec<_> =
+        samples_in(&path).into_iter().filter_map(|s| if let Sample::Command(c) = s { Some(c) } else { None }).collect();
+    let first = |reason| commands.iter().position(|command| has(command.reasons, reason)).expect("it was said");
+    let (warned, tripped) = (first(Reason::ModelMismatch), first(Reason::MismatchTrip));
+    let followed = commands[warned..tripped].iter().any(|command| command.phase == Phase::Following as u32);
+    assert!(warned < tripped && followed, "a warning comes first: {warned} {tripped}");
+    let verified = Ended::of(&["verify", "--json", &path], PATIENCE);
+    assert_eq!(verified.code, Some(0), "{}{}", verified.stderr, verified.stdout);
+}
+
+#[test]
+#[expect(clippy::print_stdout, reason = "what was measured")]
+fn models_that_show_their_error_and_one_that_has_yet_to_learn_do_not_trip() {
+    for model in ["off", "naive", "estimated"] {
+        let (instance, folder) = (instance_name("left"), TempFolder::new("left"));
+        let path = folder.file("run.mcap");
+        let ended = Ended::of(
+            &[
+                "run",
+                "--engage=again",
+                "--instance",
+                &instance,
+                "--recording",
+                &path,
+                "--seconds",
+                "10",
+                "--compensation",
+                model,
+            ],
+            PATIENCE,
+        );
+        assert!(matches!(ended.code, Some(0 | 1)), "{}", ended.stderr);
+        let (worst_deg, n_warned, n_tripped) = found_in(&path);
+        println!("{model}: at most {worst_deg:.2} deg along an axis unexplained, {n_warned} commands warned");
+        assert!(worst_deg > 0.1, "{model}: the camera saw it move");
+        assert_eq!(n_tripped, 0, "{model}");
+    }
+}
