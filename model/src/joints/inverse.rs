@@ -165,13 +165,14 @@ impl JointCompensator {
     /// # Real-time
     /// No allocation.
     pub fn set_learnt(&mut self, values: &[f64; MAX_LEARNT]) {
-        for lane in 0..self.memory.learnt().len().min(MAX_LEARNT) {
-            if values[lane].is_finite() && values[lane] != self.values[lane] {
-                self.values[lane] = values[lane];
+        let n_learnt = self.memory.learnt().len();
+        for (lane, value) in values.iter().copied().enumerate().take(n_learnt) {
+            if value.is_finite() && value != self.values[lane] {
+                self.values[lane] = value;
                 let own = &self.memory.learnt()[lane];
                 let (effect, parameter) = (own.effect, own.parameter);
-                self.memory.set(effect, parameter, values[lane]);
-                self.trial.set(effect, parameter, values[lane]);
+                self.memory.set(effect, parameter, value);
+                self.trial.set(effect, parameter, value);
             }
         }
     }
