@@ -61,7 +61,6 @@ fn a_snake_that_is_grossly_another_than_its_model_warns_and_then_ends_the_motion
 }
 
 #[test]
-#[expect(clippy::print_stdout, reason = "what was measured")]
 fn models_that_show_their_error_and_one_that_has_yet_to_learn_do_not_trip() {
     for model in ["off", "naive", "estimated"] {
         let (instance, folder) = (instance_name("left"), TempFolder::new("left"));
