@@ -200,7 +200,7 @@ fn learning(learns: bool, warms_up: bool) -> (f64, u64, ModelUpdate, Command) {
             n += 3;
         }
     }
-    ((squares / f64::from(n)).sqrt(), n_allocations as u64, newest.expect("shapes"), last.expect("steps"))
+    ((squares / f64::from(n)).sqrt(), n_allocations, newest.expect("shapes"), last.expect("steps"))
 }
 
 #[test]
