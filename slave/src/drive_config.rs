@@ -47,9 +47,10 @@ settings! {
         timeout_ms: f64 = 4.0, 0.5..=45.0;
         /// Answers of one actuator that are missing one after the other until it counts as lost. 3: noise takes one or two.
         lost_cycles: u32 = 3, 1..=20;
-        /// Time without a sign of life of the slave after which the drives stop by themselves, ms. 50 ms, as the slave's own
-        /// watchdog.
-        wish_ms: f64 = 50.0, 5.0..=1000.0;
+        /// Time without a sign of life of the slave after which the drives stop by themselves, and of the bus after which the slave
+        /// does, ms. 100 ms: what is held until then is the newest wish, which the drives reach within a period, so that a hiccup
+        /// of the machine moves nothing and is no fault.
+        wish_ms: f64 = 100.0, 5.0..=1000.0;
         /// What a fault does: "hold": brake to rest and stay under power; "power_off": let go.
         on_fault: OnFault = OnFault::Hold;
         /// Largest speed of a servo, counts/s. 3000: STS3215 at 7.4 V.

@@ -84,7 +84,7 @@ pub enum DriveError {
     },
     /// A reading is too old to go by.
     #[error(
-        "Drive {actuator} failed; the others hold: its newest reading is {age_ms:.1} ms old; its bus does not keep up, see `krait doctor`, then send `clear-fault` and `enable`"
+        "the newest reading of drive {actuator} is {age_ms:.1} ms old, so its bus does not keep up; the drives hold; see `krait doctor`, then send `clear-fault` and `enable`"
     )]
     Stale {
         /// Which, from 1.

@@ -25,7 +25,7 @@ fn configuration(folder: &TempFolder, emulator: &Emulator, more: &str) -> String
         (1..=3).map(|id| format!("[[slave.drive.actuator]]\nid = {id}\nzero_count = 2048\n")).collect();
     let text = format!(
         "[slave.limits]\nrate_m_per_s = 0.01\nfollowing_error_m = 0.003\npull_n = inf\npush_n = inf\n\
-         [slave.drive]\nkind = \"sts3215\"\nport = \"{}\"\nperiod_ms = 20.0\ntimeout_ms = 18.0\nlost_cycles = 4\nwish_ms = 900.0\n{more}\n{actuators}",
+         [slave.drive]\nkind = \"sts3215\"\nport = \"{}\"\nperiod_ms = 20.0\ntimeout_ms = 18.0\nlost_cycles = 8\nwish_ms = 900.0\n{more}\n{actuators}",
         emulator.path().display()
     );
     let path = folder.file("krait.toml");

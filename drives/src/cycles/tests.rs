@@ -67,6 +67,7 @@ impl Bench {
             |id| ActuatorConfig { id, zero_count: Some(500_000), spool_radius_m: 0.01, ..Default::default() };
         let drive = DriveConfig {
             speed_counts_per_s: 20_000.0,
+            wish_ms: 50.0,
             actuator: [1, 2, 3].map(actuator).to_vec(),
             ..DriveConfig::default()
         };
