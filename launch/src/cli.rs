@@ -323,6 +323,31 @@ pub enum ModelVerb {
     /// Writes what a chain has learnt while it moved, as its recording holds it, into a model file.
     #[command(after_help = "Example:\n  krait model save-learnt recordings/run.mcap --out learnt.toml")]
     SaveLearnt(SaveLearntArgs),
+    /// Turns a table of setpoints into a table of commands, for a controller that krait does not drive.
+    #[command(
+        after_help = "Examples:\n  krait model compensate better.toml --in setpoints.csv --out commands.csv\n  krait model compensate docs/joints/wrist.toml --in wrist.csv --out commands.csv\n\nColumns of a snake: time_s, bend_x_rad, bend_y_rad (or _deg); of joints: time_s, y1_<unit>, y2_<unit> ... in the model's unit"
+    )]
+    Compensate(CompensateArgs),
+}
+
+/// Options of `krait model compensate`.
+#[derive(Clone, Debug, Args)]
+pub struct CompensateArgs {
+    /// The model file (TOML), or the name of a built-in one: off, naive, estimated.
+    #[arg(value_name = "MODEL")]
+    pub model: PathBuf,
+    /// The table of setpoints (CSV): a time and a position in each row.
+    #[arg(long = "in", value_name = "FILE")]
+    pub setpoints: PathBuf,
+    /// The new table: time, setpoints and commands.
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Overwrite a file that is already there.
+    #[arg(long)]
+    pub force: bool,
+    /// Print what was written as JSON on standard output.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// Options of `krait model save-learnt`.

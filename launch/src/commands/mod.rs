@@ -15,6 +15,7 @@ pub mod fault;
 pub mod lab;
 pub mod mark;
 pub mod model;
+mod model_compensate;
 mod model_learnt;
 pub mod motion_wish;
 pub mod paper;

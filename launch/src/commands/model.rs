@@ -1,7 +1,8 @@
 //! `krait model show | check`: prints a model file with what every key means, and checks one.
 
 use crate::cli::{ModelFileArgs, ModelShowArgs, ModelVerb};
-use crate::{commands::model_learnt, print};
+use crate::commands::{model_compensate, model_learnt};
+use crate::print;
 use anyhow::{Context, bail};
 use krait_bridge::LiveModel;
 use krait_ipc::input;
@@ -22,6 +23,7 @@ pub fn run(verb: &ModelVerb) -> anyhow::Result<ExitCode> {
         ModelVerb::Show(args) => show(args),
         ModelVerb::Check(args) => check(args),
         ModelVerb::SaveLearnt(args) => model_learnt::run(args),
+        ModelVerb::Compensate(args) => model_compensate::run(args),
     }
 }
 
@@ -76,7 +78,7 @@ fn built_in_of(path: &Path) -> Option<&'static str> {
     if path.exists() { None } else { built_in(path.to_str()?) }
 }
 
-fn text_of(path: &Path) -> anyhow::Result<String> {
+pub(super) fn text_of(path: &Path) -> anyhow::Result<String> {
     if let Some(text) = built_in_of(path) {
         return Ok(text.to_owned());
     }

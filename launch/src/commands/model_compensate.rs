@@ -1,0 +1,212 @@
+//! `krait model compensate`: a table of setpoints becomes a table of commands, for controllers that krait does not drive.
+//!
+//! Each row is one step of the model's inverse, with its memory: the machine begins at rest, a snake straight, and goes from
+//! row to row. Rows should be near enough to show every reversal.
+
+use crate::cli::CompensateArgs;
+use crate::commands::lab::refuse_existing;
+use crate::commands::model::text_of;
+use crate::print;
+use anyhow::{Context, bail};
+use core::fmt::Write;
+use krait_bridge::LiveModel;
+use krait_ipc::input;
+use krait_model::Circumstances;
+use krait_model::joints::{JointCompensator, JointInverseSettings};
+use krait_model::model_file::{Machine, ModelFile};
+use nalgebra::Vector2;
+use serde::Serialize;
+use std::path::Path;
+use std::process::ExitCode;
+
+/// Largest table, bytes.
+const MAX_BYTES: u64 = 256 * 1024 * 1024;
+
+/// What was written, as `--json` prints it.
+#[derive(Serialize)]
+struct Compensated {
+    out: String,
+    rows: usize,
+    /// Largest difference between a command with and without the model's effects, in the commands' unit.
+    largest_correction: f64,
+    unit: String,
+    /// Rows whose setpoint no command reaches; their command is the nearest.
+    rows_not_reached: usize,
+}
+
+/// Writes the commands; exit code 1 where some setpoint cannot be reached.
+pub fn run(args: &CompensateArgs) -> anyhow::Result<ExitCode> {
+    refuse_existing(&args.out, args.force)?;
+    let file = ModelFile::parse(&text_of(&args.model)?).with_context(|| args.model.display().to_string())?;
+    let mut inverse = Inverse::of(&file).with_context(|| args.model.display().to_string())?;
+    let text = input::text(&args.setpoints, MAX_BYTES).with_context(|| args.setpoints.display().to_string())?;
+    let rows = rows(&args.setpoints, &text, &inverse)?;
+    let mut table = format!("time_s,{},{}\n", inverse.wanted.join(","), inverse.commanded.join(","));
+    let (mut largest_correction, mut rows_not_reached) = (0.0_f64, 0);
+    for row in &rows {
+        let found = inverse.step(row.time_s, &row.wanted);
+        let Some(found) = found else {
+            bail!("{}, line {}: {}", args.setpoints.display(), row.line, inverse.beyond());
+        };
+        rows_not_reached += usize::from(!found.is_reached);
+        largest_correction = largest_correction.max(found.correction);
+        write!(table, "{}", row.time_s)?;
+        for value in row.wanted.iter().chain(&found.commands) {
+            write!(table, ",{value}")?;
+        }
+        table.push('\n');
+    }
+    std::fs::write(&args.out, table).with_context(|| format!("{} could not be written", args.out.display()))?;
+    let (out, unit) = (args.out.display().to_string(), inverse.unit.clone());
+    let answer = Compensated { out, rows: rows.len(), largest_correction, unit, rows_not_reached };
+    if args.json {
+        print::json(&answer)?;
+    } else {
+        print::out(&sentence(&answer))?;
+    }
+    Ok(if rows_not_reached == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+fn sentence(done: &Compensated) -> String {
+    let Compensated { out, rows, largest_correction, unit, rows_not_reached } = done;
+    let mut text = format!("{out} holds {rows} commands; the largest correction is {largest_correction:.3e} {unit}\n");
+    if *rows_not_reached > 0 {
+        text += &format!("{rows_not_reached} setpoints cannot be reached; their commands are the nearest\n");
+    }
+    text
+}
+
+/// The inverse of a model, with the columns that it takes and gives.
+struct Inverse {
+    kind: Kind,
+    wanted: Vec<String>,
+    commanded: Vec<String>,
+    unit: String,
+}
+
+enum Kind {
+    Snake { lines: Box<krait_model::ChainCompensator>, max_bend_rad: f64 },
+    Joints(Box<JointCompensator>),
+}
+
+/// One row's commands.
+struct Step {
+    commands: Vec<f64>,
+    correction: f64,
+    is_reached: bool,
+}
+
+impl Inverse {
+    fn of(file: &ModelFile) -> anyhow::Result<Self> {
+        let numbered = |letter: &str, n: usize, unit: &str| (1..=n).map(|k| format!("{letter}{k}_{unit}")).collect();
+        if let Machine::Joints(joints) = file.machine() {
+            let columns = krait_model::KnownColumns { time: true, ..Default::default() };
+            let chain = file.joint_chain(columns)?.context("the model has no joints")?;
+            return Ok(Self {
+                kind: Kind::Joints(Box::new(chain.compensator(JointInverseSettings::default())?)),
+                wanted: numbered("y", joints.n, &joints.y_unit.to_ascii_lowercase()),
+                commanded: numbered("u", joints.n, &joints.u_unit.to_ascii_lowercase()),
+                unit: joints.u_unit.clone(),
+            });
+        }
+        let model = LiveModel::of(file)?;
+        let chain = model.snake().context("the model has no snake")?;
+        Ok(Self {
+            kind: Kind::Snake { lines: Box::new(chain.compensator()?), max_bend_rad: chain.max_bend_rad() },
+            wanted: vec!["bend_x_rad".to_owned(), "bend_y_rad".to_owned()],
+            commanded: numbered("q", 3, "m"),
+            unit: "m".to_owned(),
+        })
+    }
+
+    /// The commands for the next setpoint; `None` for one that is beyond what the machine can bear.
+    fn step(&mut self, time_s: f64, wanted: &[f64]) -> Option<Step> {
+        let at = Circumstances::at(time_s);
+        match &mut self.kind {
+            Kind::Snake { lines, max_bend_rad } => {
+                let bend_rad = Vector2::new(wanted[0], wanted[1]);
+                if bend_rad.norm() > *max_bend_rad {
+                    return None;
+                }
+                let found = lines.step(bend_rad, &at);
+                let commands = found.q_tilde_m.iter().copied().collect();
+                Some(Step { commands, correction: found.eps_m.amax(), is_reached: true })
+            }
+            Kind::Joints(joints) => {
+                let plain = joints.without_effects(wanted);
+                let found = joints.step(wanted, &at);
+                let correction =
+                    found.u.iter().zip(&plain).fold(0.0_f64, |most, (u, plain)| most.max((u - plain).abs()));
+                Some(Step { commands: found.u[..wanted.len()].to_vec(), correction, is_reached: found.is_reachable })
+            }
+        }
+    }
+
+    fn beyond(&self) -> String {
+        match self.kind {
+            Kind::Snake { max_bend_rad, .. } => {
+                format!(
+                    "the bend is larger than {max_bend_rad:.3} rad, which the model's strain_limit allows; ask for less"
+                )
+            }
+            Kind::Joints(_) => "the setpoint is beyond the machine".to_owned(),
+        }
+    }
+}
+
+/// One row of setpoints.
+struct Row {
+    line: usize,
+    time_s: f64,
+    wanted: Vec<f64>,
+}
+
+fn rows(path: &Path, text: &str, inverse: &Inverse) -> anyhow::Result<Vec<Row>> {
+    let mut lines = text.lines().enumerate().map(|(k, line)| (k + 1, line)).filter(|(_, line)| !line.trim().is_empty());
+    let file = path.display();
+    let Some((_, header)) = lines.next() else {
+        bail!("{file}: it is empty; a first line of column names is expected")
+    };
+    let names: Vec<&str> = header.split(',').map(str::trim).collect();
+    let mut places = vec![column(path, &names, "time_s")?];
+    for wanted in &inverse.wanted {
+        places.push(column(path, &names, wanted)?);
+    }
+    let mut rows: Vec<Row> = Vec::new();
+    for (line, text) in lines {
+        let cells: Vec<&str> = text.split(',').map(str::trim).collect();
+        let value = |&(place, scale): &(usize, f64)| -> anyhow::Result<f64> {
+            let cell = cells.get(place).copied().unwrap_or_default();
+            let value = cell.parse().ok().filter(|value: &f64| value.is_finite());
+            let name = names[place];
+            Ok(scale
+                * value.with_context(|| format!("{file}, line {line}, {name}: expected a number, found {cell:?}"))?)
+        };
+        let values = places.iter().map(value).collect::<anyhow::Result<Vec<f64>>>()?;
+        let (time_s, wanted) = (values[0], values[1..].to_vec());
+        if let Some(before) = rows.last().filter(|before| before.time_s >= time_s) {
+            bail!(
+                "{file}, line {line}, time_s: {time_s} does not come after the {} before it; sort the rows",
+                before.time_s
+            );
+        }
+        rows.push(Row { line, time_s, wanted });
+    }
+    if rows.is_empty() {
+        bail!("{file}: it holds no rows behind its column names");
+    }
+    Ok(rows)
+}
+
+/// Place of a column, and what its values are multiplied by: a name that ends in `_rad` is found as `_deg` too.
+fn column(path: &Path, names: &[&str], wanted: &str) -> anyhow::Result<(usize, f64)> {
+    let in_degrees = wanted.strip_suffix("_rad").map(|base| format!("{base}_deg"));
+    let find = |name: &str| names.iter().position(|own| *own == name);
+    if let Some(place) = find(wanted) {
+        return Ok((place, 1.0));
+    }
+    if let Some(place) = in_degrees.as_deref().and_then(find) {
+        return Ok((place, 1f64.to_radians()));
+    }
+    bail!("{}: it has no column {wanted}; its columns are {}", path.display(), names.join(", "))
+}
