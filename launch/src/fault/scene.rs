@@ -19,6 +19,8 @@ use std::path::{Path, PathBuf};
 
 /// The snake moves for so many states before anything breaks.
 const N_BEFORE: usize = 400;
+/// A chain that is ready and has commands for so many states, and nobody has engaged, will not move any more.
+const N_IN_VAIN: usize = 5000;
 /// How long a chain may take to move, or to be whole again, s: a busy machine, and two seconds of silence.
 const PATIENCE_S: f64 = 40.0;
 /// How long a chain is watched after a fault, s.
@@ -208,9 +210,15 @@ fn moves_for_a_while(watch: &mut SceneWatch<'_>, wait_s: f64) -> anyhow::Result<
         let moves = |state: &&SlaveState| state.is_engaged() && state.flags & SlaveState::FOLLOWING != 0;
         states.iter().rev().take(N_BEFORE).filter(moves).count() == N_BEFORE
     };
-    watch.until(PATIENCE_S, "the snake moves", |watch| moves(&watch.states) || has_ended(&watch.states))?;
+    // The script takes hold once; a stall at that moment, and it has done so in vain.
+    let is_in_vain = |states: &[SlaveState]| {
+        let waits = |state: &SlaveState| state.is_ready() && !state.is_engaged() && state.n_commands > 0;
+        states.len() >= N_IN_VAIN && states[states.len() - N_IN_VAIN..].iter().all(waits)
+    };
+    let stands = |states: &[SlaveState]| has_ended(states) || is_in_vain(states);
+    watch.until(PATIENCE_S, "the snake moves", |watch| moves(&watch.states) || stands(&watch.states))?;
     watch.run(wait_s)?;
-    if has_ended(&watch.states) { Err(NotBegun.into()) } else { Ok(()) }
+    if stands(&watch.states) { Err(NotBegun.into()) } else { Ok(()) }
 }
 
 /// A script in which the tip goes round and round.
