@@ -10,13 +10,12 @@ use crate::config::{CompensateConfig, JointsConfig};
 use crate::mismatch::{Mismatch, Seen};
 use crate::reach::{Reach, Wish};
 use crate::step::{
-    BridgeError, Moment, Refused, Step, check_age, check_model, check_order_and_numbers, seconds_between, stamps_begun,
-    step_s,
+    BridgeError, Refused, Step, check_age, check_model, check_order_and_numbers, seconds_between, stamps_begun, step_s,
 };
-use crate::{JointCompensateCore, JointMachine, LiveModel, cued, live};
+use crate::{Feed, JointCompensateCore, JointMachine, LiveModel, feed};
 use core::sync::atomic::AtomicBool;
 use krait_ipc::message::{
-    Command, Cue, MAX_JOINTS, ModelUpdate, N_LINES, Phase, Setpoint, SlaveState, lines as three_lines,
+    Command, MAX_JOINTS, ModelUpdate, N_LINES, Phase, Setpoint, SlaveState, lines as three_lines,
 };
 use krait_ipc::{Bus, Process, Reason, Reasons};
 use krait_model::{Chain, ChainCompensator, Circumstances, ModelHash};
@@ -167,34 +166,14 @@ impl Step for CompensateCore {
     }
 
     fn warm_up(&mut self, setpoint: &Setpoint, now_ns: i64) {
-        Self::warm_up(self, &Setpoint { sample_ns: now_ns, ..*setpoint }, now_ns);
-    }
-
-    fn input_sequence(setpoint: &Setpoint) -> u64 {
-        setpoint.input_sequence
-    }
-
-    fn moment(cue: &Cue) -> Moment {
-        Moment {
-            begun_ns: cue.compensate_begun_ns,
-            sent_ns: cue.command_sent_ns,
-            state_sequence: cue.compensate_state_sequence,
-            update_sequence: cue.model_update_sequence,
-        }
-    }
-
-    fn sent_stamp(out: &mut Command) -> &mut i64 {
-        &mut out.stamps.command_sent_ns
-    }
-
-    fn reasons(out: &Command) -> Reasons {
-        Reasons::from_bits(out.reasons)
+        Self::warm_up(self, setpoint, now_ns);
     }
 }
 
 /// The process `krait compensate`: runs until told to stop.
 ///
 /// # Errors
+/// [`BridgeError::NoCue`] or [`BridgeError::NotThere`] when a replay contradicts itself.
 /// [`BridgeError`] when a channel fails, the configuration is out of range or does not fit the model, or the model cannot be
 /// inverted.
 pub fn run_compensate(
@@ -202,35 +181,16 @@ pub fn run_compensate(
     model: &LiveModel,
     config: CompensateConfig,
     joints: &JointsConfig,
+    feed: Feed,
     stop: &AtomicBool,
 ) -> Result<(), BridgeError> {
     match model {
         LiveModel::Snake(chain) => {
-            live::run(bus, Process::Compensate, config.wait, CompensateCore::new(chain, config)?, stop)
+            feed::run(feed, bus, Process::Compensate, config.wait, CompensateCore::new(chain, config)?, stop)
         }
         LiveModel::Joints(model) => {
             let machine = JointMachine::new(model, joints)?;
-            live::run(bus, Process::Compensate, config.wait, JointCompensateCore::new(&machine, config)?, stop)
-        }
-    }
-}
-
-/// The process `krait compensate` in a replay.
-///
-/// # Errors
-/// As [`run_compensate`], and [`BridgeError::NoCue`] or [`BridgeError::NotThere`] when the replay contradicts itself.
-pub fn run_compensate_cued(
-    bus: &Bus,
-    model: &LiveModel,
-    config: CompensateConfig,
-    joints: &JointsConfig,
-    stop: &AtomicBool,
-) -> Result<(), BridgeError> {
-    match model {
-        LiveModel::Snake(chain) => cued::run(bus, Process::Compensate, CompensateCore::new(chain, config)?, stop),
-        LiveModel::Joints(model) => {
-            let machine = JointMachine::new(model, joints)?;
-            cued::run(bus, Process::Compensate, JointCompensateCore::new(&machine, config)?, stop)
+            feed::run(feed, bus, Process::Compensate, config.wait, JointCompensateCore::new(&machine, config)?, stop)
         }
     }
 }

@@ -9,10 +9,9 @@ use crate::blend::Blend;
 use crate::config::CompensateConfig;
 use crate::reach::{Reach, Wish};
 use crate::step::{
-    BridgeError, Moment, Refused, Step, check_age, check_model, check_order_and_numbers, seconds_between, stamps_begun,
-    step_s,
+    BridgeError, Refused, Step, check_age, check_model, check_order_and_numbers, seconds_between, stamps_begun, step_s,
 };
-use krait_ipc::message::{Command, Cue, MAX_ACTUATORS, ModelUpdate, Phase, Setpoint, SlaveState};
+use krait_ipc::message::{Command, MAX_ACTUATORS, ModelUpdate, Phase, Setpoint, SlaveState};
 use krait_ipc::{Reason, Reasons};
 use krait_model::Circumstances;
 use krait_model::joints::{JointCompensator, JointInverseSettings};
@@ -155,22 +154,6 @@ impl Step for JointCompensateCore {
     }
 
     fn warm_up(&mut self, setpoint: &Setpoint, now_ns: i64) {
-        Self::warm_up(self, &Setpoint { sample_ns: now_ns, ..*setpoint }, now_ns);
-    }
-
-    fn input_sequence(setpoint: &Setpoint) -> u64 {
-        setpoint.input_sequence
-    }
-
-    fn moment(cue: &Cue) -> Moment {
-        <crate::CompensateCore as Step>::moment(cue)
-    }
-
-    fn sent_stamp(out: &mut Command) -> &mut i64 {
-        &mut out.stamps.command_sent_ns
-    }
-
-    fn reasons(out: &Command) -> Reasons {
-        Reasons::from_bits(out.reasons)
+        Self::warm_up(self, setpoint, now_ns);
     }
 }

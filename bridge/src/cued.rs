@@ -5,7 +5,8 @@
 //! the stage waits for what it names. Nothing here may ever drive hardware: a stage without a clock cannot notice that its
 //! samples are late, and only the simulated snake in recorded time listens to it.
 
-use crate::step::{BridgeError, Moment, Step};
+use crate::hop::{Arriving, Departing, Moment};
+use crate::step::{BridgeError, Step};
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use krait_ipc::message::{Cue, Message, ModelUpdate, SlaveState};
@@ -64,7 +65,7 @@ pub(crate) fn run<S: Step>(bus: &Bus, process: Process, mut core: S, stop: &Atom
     while !stop.load(Ordering::Relaxed) {
         inputs.wait(PATIENCE)?;
         while let Some(input) = inputs.take()? {
-            let moment = S::moment(&cues.of(S::input_sequence(&input))?);
+            let moment = S::Out::moment(&cues.of(input.input_sequence())?);
             if moment.begun_ns == 0 {
                 continue;
             }
@@ -73,9 +74,9 @@ pub(crate) fn run<S: Step>(bus: &Bus, process: Process, mut core: S, stop: &Atom
             }
             match core.step(&input, moment.begun_ns) {
                 Ok(mut out) => {
-                    *S::sent_stamp(&mut out) = moment.sent_ns;
+                    *out.sent_stamp() = moment.sent_ns;
                     outputs.put(&out)?;
-                    health.set_now(S::reasons(&out));
+                    health.set_now(out.reasons());
                 }
                 Err(refused) => {
                     health.health_mut().n_refused += 1;

@@ -2,7 +2,7 @@
 
 use crate::config::{EstimateConfig, JointsConfig};
 use crate::step::{BridgeError, seconds_between};
-use crate::{EstimateCore, JointEstimateCore, JointMachine, LiveModel};
+use crate::{EstimateCore, Feed, JointEstimateCore, JointMachine, LiveModel};
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use krait_ipc::message::{LearningState, LearntValue, MAX_LEARNT, Message, ModelUpdate, Shape, SlaveState};
@@ -65,13 +65,21 @@ pub fn run_estimate(
     model: &LiveModel,
     config: EstimateConfig,
     joints: &JointsConfig,
+    feed: Feed,
     stop: &AtomicBool,
 ) -> Result<(), BridgeError> {
     match model {
-        LiveModel::Snake(chain) => live(bus, EstimateCore::new(chain, config)?, stop),
+        LiveModel::Snake(chain) => run(feed, bus, EstimateCore::new(chain, config)?, stop),
         LiveModel::Joints(model) => {
-            live(bus, JointEstimateCore::new(&JointMachine::new(model, joints)?, config)?, stop)
+            run(feed, bus, JointEstimateCore::new(&JointMachine::new(model, joints)?, config)?, stop)
         }
+    }
+}
+
+fn run(feed: Feed, bus: &Bus, core: impl Estimator, stop: &AtomicBool) -> Result<(), BridgeError> {
+    match feed {
+        Feed::Live => live(bus, core, stop),
+        Feed::Cued => cued(bus, core, stop),
     }
 }
 
@@ -107,26 +115,7 @@ fn live(bus: &Bus, mut core: impl Estimator, stop: &AtomicBool) -> Result<(), Br
     Ok(())
 }
 
-/// The process `krait estimate` in a replay: each shape counts after the state of the instant at which it became available,
-/// and before the next state.
-///
-/// # Errors
-/// [`BridgeError`] when a channel fails or the configuration is out of range.
-pub fn run_estimate_cued(
-    bus: &Bus,
-    model: &LiveModel,
-    config: EstimateConfig,
-    joints: &JointsConfig,
-    stop: &AtomicBool,
-) -> Result<(), BridgeError> {
-    match model {
-        LiveModel::Snake(chain) => cued(bus, EstimateCore::new(chain, config)?, stop),
-        LiveModel::Joints(model) => {
-            cued(bus, JointEstimateCore::new(&JointMachine::new(model, joints)?, config)?, stop)
-        }
-    }
-}
-
+/// In a replay each shape counts after the state of the instant at which it became available, and before the next state.
 fn cued(bus: &Bus, mut core: impl Estimator, stop: &AtomicBool) -> Result<(), BridgeError> {
     let mut states = bus.reader::<SlaveState>(ReadOptions::following())?;
     let mut shapes = bus.reader::<Shape>(ReadOptions::glancing())?;

@@ -1,5 +1,6 @@
 //! A stage on the machine's clock: every sample in order, with the newest state and every model update that there is.
 
+use crate::hop::{Arriving, Departing};
 use crate::step::{BridgeError, Step};
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
@@ -65,9 +66,9 @@ pub(crate) fn run<S: Step>(
             beside.glance(&mut core, &mut health)?;
             match core.step(&input, begun_ns) {
                 Ok(mut out) => {
-                    *S::sent_stamp(&mut out) = clock::monotonic_ns();
+                    *out.sent_stamp() = clock::monotonic_ns();
                     outputs.send(&out)?;
-                    health.set_now(S::reasons(&out));
+                    health.set_now(out.reasons());
                 }
                 Err(refused) => {
                     health.health_mut().n_refused += 1;
@@ -79,7 +80,8 @@ pub(crate) fn run<S: Step>(
         // Behind the samples, not before them: it keeps the other channels from overflowing while no input comes.
         beside.glance(&mut core, &mut health)?;
         if let (false, Some(last)) = (may_have, &last) {
-            core.warm_up(last, clock::monotonic_ns());
+            let now_ns = clock::monotonic_ns();
+            core.warm_up(&last.at(now_ns), now_ns);
         }
         let [states, updates] = beside.counts();
         health.count_readers(&[inputs.counts(), states, updates]);

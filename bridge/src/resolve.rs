@@ -11,11 +11,11 @@
 
 use crate::config::{JointsConfig, ResolveConfig};
 use crate::step::{
-    BridgeError, Moment, Refused, Step, check_order_and_numbers, reasons_to_hold, seconds_between, stamps_begun, step_s,
+    BridgeError, Refused, Step, check_order_and_numbers, reasons_to_hold, seconds_between, stamps_begun, step_s,
 };
-use crate::{JointMachine, JointResolveCore, LiveModel, cued, live};
+use crate::{Feed, JointMachine, JointResolveCore, LiveModel, feed};
 use core::sync::atomic::AtomicBool;
-use krait_ipc::message::{Cue, MAX_JOINTS, OperatorInput, Phase, Setpoint, SlaveState, lines as three_lines};
+use krait_ipc::message::{MAX_JOINTS, OperatorInput, Phase, Setpoint, SlaveState, lines as three_lines};
 use krait_ipc::{Bus, Process, Reason, Reasons};
 use krait_model::{Chain, ChainCompensator, Circumstances, ModelHash, Snake};
 use nalgebra::{Rotation3, Vector2, Vector3};
@@ -221,69 +221,30 @@ impl Step for ResolveCore {
     }
 
     fn warm_up(&mut self, input: &OperatorInput, now_ns: i64) {
-        Self::warm_up(self, &OperatorInput { sample_ns: now_ns, ..*input }, now_ns);
-    }
-
-    fn input_sequence(input: &OperatorInput) -> u64 {
-        input.sequence
-    }
-
-    fn moment(cue: &Cue) -> Moment {
-        Moment {
-            begun_ns: cue.resolve_begun_ns,
-            sent_ns: cue.setpoint_sent_ns,
-            state_sequence: cue.resolve_state_sequence,
-            update_sequence: 0,
-        }
-    }
-
-    fn sent_stamp(out: &mut Setpoint) -> &mut i64 {
-        &mut out.stamps.setpoint_sent_ns
-    }
-
-    fn reasons(out: &Setpoint) -> Reasons {
-        Reasons::from_bits(out.reasons)
+        Self::warm_up(self, input, now_ns);
     }
 }
 
 /// The process `krait resolve`: runs until told to stop.
 ///
 /// # Errors
+/// [`BridgeError::NoCue`] or [`BridgeError::NotThere`] when a replay contradicts itself.
 /// [`BridgeError`] when a channel fails, the configuration is out of range or does not fit the model.
 pub fn run_resolve(
     bus: &Bus,
     model: &LiveModel,
     config: ResolveConfig,
     joints: &JointsConfig,
+    feed: Feed,
     stop: &AtomicBool,
 ) -> Result<(), BridgeError> {
     match model {
         LiveModel::Snake(chain) => {
-            live::run(bus, Process::Resolve, config.wait, ResolveCore::new(chain, config)?, stop)
+            feed::run(feed, bus, Process::Resolve, config.wait, ResolveCore::new(chain, config)?, stop)
         }
         LiveModel::Joints(model) => {
             let machine = JointMachine::new(model, joints)?;
-            live::run(bus, Process::Resolve, config.wait, JointResolveCore::new(&machine, config)?, stop)
-        }
-    }
-}
-
-/// The process `krait resolve` in a replay.
-///
-/// # Errors
-/// As [`run_resolve`], and [`BridgeError::NoCue`] or [`BridgeError::NotThere`] when the replay contradicts itself.
-pub fn run_resolve_cued(
-    bus: &Bus,
-    model: &LiveModel,
-    config: ResolveConfig,
-    joints: &JointsConfig,
-    stop: &AtomicBool,
-) -> Result<(), BridgeError> {
-    match model {
-        LiveModel::Snake(chain) => cued::run(bus, Process::Resolve, ResolveCore::new(chain, config)?, stop),
-        LiveModel::Joints(model) => {
-            let machine = JointMachine::new(model, joints)?;
-            cued::run(bus, Process::Resolve, JointResolveCore::new(&machine, config)?, stop)
+            feed::run(feed, bus, Process::Resolve, config.wait, JointResolveCore::new(&machine, config)?, stop)
         }
     }
 }

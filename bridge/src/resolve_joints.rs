@@ -10,8 +10,8 @@
 
 use crate::JointMachine;
 use crate::config::ResolveConfig;
-use crate::step::{BridgeError, Moment, Refused, Step, check_order_and_numbers, reasons_to_hold, stamps_begun, step_s};
-use krait_ipc::message::{Cue, Joints, MAX_JOINTS, OperatorInput, Phase, Setpoint, SlaveState};
+use crate::step::{BridgeError, Refused, Step, check_order_and_numbers, reasons_to_hold, stamps_begun, step_s};
+use krait_ipc::message::{Joints, MAX_JOINTS, OperatorInput, Phase, Setpoint, SlaveState};
 use krait_ipc::{Reason, Reasons};
 use krait_model::joints::{JointCompensator, JointInverseSettings};
 
@@ -204,22 +204,6 @@ impl Step for JointResolveCore {
     }
 
     fn warm_up(&mut self, input: &OperatorInput, now_ns: i64) {
-        Self::warm_up(self, &OperatorInput { sample_ns: now_ns, ..*input }, now_ns);
-    }
-
-    fn input_sequence(input: &OperatorInput) -> u64 {
-        input.sequence
-    }
-
-    fn moment(cue: &Cue) -> Moment {
-        <crate::ResolveCore as Step>::moment(cue)
-    }
-
-    fn sent_stamp(out: &mut Setpoint) -> &mut i64 {
-        &mut out.stamps.setpoint_sent_ns
-    }
-
-    fn reasons(out: &Setpoint) -> Reasons {
-        Reasons::from_bits(out.reasons)
+        Self::warm_up(self, input, now_ns);
     }
 }

@@ -1,9 +1,8 @@
 //! What the stages between the operator and the actuators have in common: a step on a core, and how it refuses.
 
 use crate::config::{CompensateConfig, ResolveConfig};
-use krait_ipc::message::{
-    Cue, DeviceState, HopStamps, Message, ModelUpdate, OperatingState, OperatorInput, Setpoint, SlaveState,
-};
+use crate::hop::{Arriving, Departing};
+use krait_ipc::message::{DeviceState, HopStamps, ModelUpdate, OperatingState, OperatorInput, Setpoint, SlaveState};
 use krait_ipc::{IpcError, Reason, Reasons};
 use krait_model::ModelHash;
 
@@ -63,9 +62,9 @@ pub struct Refused {
 /// Who feeds it decides what the core is told: [`crate::live`] the newest there is, [`crate::cued`] what a cue names.
 pub(crate) trait Step {
     /// What wakes the stage.
-    type In: Message;
+    type In: Arriving;
     /// What it publishes.
-    type Out: Message;
+    type Out: Departing;
     /// Whether it takes model updates; else it is told of none.
     const TAKES_UPDATES: bool;
 
@@ -77,30 +76,9 @@ pub(crate) trait Step {
     }
     /// One step. Allocates nothing, reads no clock.
     fn step(&mut self, input: &Self::In, begun_ns: i64) -> Result<Self::Out, Refused>;
-    /// Does what a step would do if this input came again now, and forgets it: the next step then finds at hand what it
-    /// needs. Changes nothing, allocates nothing.
+    /// Does what a step would do, and forgets it: the next step then finds at hand what it needs. Changes nothing, allocates
+    /// nothing.
     fn warm_up(&mut self, input: &Self::In, now_ns: i64);
-    /// The operator input that a sample rests on, by which its cue is found.
-    fn input_sequence(input: &Self::In) -> u64;
-    /// What a cue says to this stage.
-    fn moment(cue: &Cue) -> Moment;
-    /// The stamps of an output, so that the loop can enter when it was sent.
-    fn sent_stamp(out: &mut Self::Out) -> &mut i64;
-    /// The reasons that an output carries.
-    fn reasons(out: &Self::Out) -> Reasons;
-}
-
-/// What a cue says to one stage.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Moment {
-    /// What counts as now, ns; 0: the sample is left out.
-    pub begun_ns: i64,
-    /// What counts as the instant of publishing, ns.
-    pub sent_ns: i64,
-    /// The newest slave state to know; 0: none.
-    pub state_sequence: u64,
-    /// The newest model update to know; 0: none.
-    pub update_sequence: u64,
 }
 
 /// Time since the sample before, s, by the samples' own stamps: at most [`MAX_STEP_S`], so that a gap never becomes a jump.

@@ -5,7 +5,7 @@ use crate::config::Config;
 use crate::in_force::Compensation;
 use crate::{signals, supervisor};
 use anyhow::{Context, bail};
-use krait_bridge::LiveModel;
+use krait_bridge::{Feed, LiveModel};
 use krait_drives::sts3215;
 use krait_ipc::message::N_LINES;
 use krait_ipc::{Beside, Bus, input};
@@ -31,6 +31,10 @@ pub fn run(common: &Common, process: &ProcessVerb) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+fn feed(is_cued: bool) -> Feed {
+    if is_cued { Feed::Cued } else { Feed::Live }
+}
+
 fn run_named(common: &Common, process: &ProcessVerb) -> anyhow::Result<()> {
     let stop = signals::stop_flag()?;
     signals::survive_full_files()?;
@@ -46,16 +50,16 @@ fn run_named(common: &Common, process: &ProcessVerb) -> anyhow::Result<()> {
     match process {
         ProcessVerb::Master(args) => run_master(&bus, &config, args, &stop)?,
         ProcessVerb::Resolve(args) => {
-            let run = if args.cued { krait_bridge::run_resolve_cued } else { krait_bridge::run_resolve };
-            run(&bus, &config.model()?.machine, config.resolve, &config.joints, &stop)?;
+            let machine = &config.model()?.machine;
+            krait_bridge::run_resolve(&bus, machine, config.resolve, &config.joints, feed(args.cued), &stop)?;
         }
         ProcessVerb::Compensate(args) => {
-            let run = if args.cued { krait_bridge::run_compensate_cued } else { krait_bridge::run_compensate };
-            run(&bus, &config.model()?.machine, config.compensate, &config.joints, &stop)?;
+            let machine = &config.model()?.machine;
+            krait_bridge::run_compensate(&bus, machine, config.compensate, &config.joints, feed(args.cued), &stop)?;
         }
         ProcessVerb::Estimate(args) => {
-            let run = if args.cued { krait_bridge::run_estimate_cued } else { krait_bridge::run_estimate };
-            run(&bus, &config.model()?.machine, config.estimate, &config.joints, &stop)?;
+            let machine = &config.model()?.machine;
+            krait_bridge::run_estimate(&bus, machine, config.estimate, &config.joints, feed(args.cued), &stop)?;
         }
         ProcessVerb::Slave(args) => match args.recorded_time_ns {
             Some(start_ns) => {
