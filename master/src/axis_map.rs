@@ -86,6 +86,17 @@ impl AxisMap {
         [self.view_x, self.view_y, self.view_z]
     }
 
+    /// The axes for turning about view x, y, z: about the device axis whose translation the view's axis is (`rx` for `x`), the
+    /// same way round for an eye on the view and a hand on the device. A map that mirrors turns the other way round.
+    pub fn turns(&self) -> [SignedAxis; 3] {
+        let axes = self.axes();
+        let [a, b, c] = axes.map(|axis| axis.axis_idx % 3);
+        // Even permutations keep the hand of the frame.
+        let is_even = (b + 3 - a) % 3 == 1 && (c + 3 - b) % 3 == 1;
+        let is_mirrored = is_even != (axes.iter().filter(|axis| axis.is_negated).count() % 2 == 0);
+        axes.map(|axis| SignedAxis { axis_idx: (axis.axis_idx + 3) % 6, is_negated: axis.is_negated != is_mirrored })
+    }
+
     /// Whether each view axis has a device axis of its own.
     pub fn is_one_to_one(&self) -> bool {
         let [x, y, z] = self.axes().map(SignedAxis::axis_idx);
@@ -96,6 +107,21 @@ impl AxisMap {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn turns_go_the_same_way_round_as_on_the_device() {
+        let text = |map: &AxisMap| map.turns().map(|axis| axis.to_string()).join(" ");
+        assert_eq!(text(&AxisMap::default()), "+rx +rz -ry");
+        let map = |axes: [&str; 3]| {
+            let [view_x, view_y, view_z] = axes.map(|axis| SignedAxis::try_from(axis.to_owned()).expect("an axis"));
+            AxisMap { view_x, view_y, view_z }
+        };
+        assert_eq!(text(&map(["+x", "+y", "+z"])), "+rx +ry +rz");
+        assert_eq!(text(&map(["+y", "+z", "+x"])), "+ry +rz +rx");
+        // Right and left exchanged: what turned to the right about the view's axis now turns to the left about the others.
+        assert_eq!(text(&map(["-x", "+z", "-y"])), "+rx -rz +ry");
+        assert_eq!(text(&map(["+rx", "+rz", "-ry"])), "+x +z -y");
+    }
 
     #[test]
     fn an_axis_is_read_and_written_the_same_and_nonsense_is_named() {

@@ -18,6 +18,9 @@ settings! {
         response_exponent: f64 = 1.5, 1.0..=4.0;
         /// Speed of the tip at full deflection, m/s. 0.025: the default snake bends 60 deg in about half a second.
         full_speed_m_per_s: f64 = 0.025, 0.001..=0.1;
+        /// Speed of turning at full deflection, rad/s, for joints; a snake of three lines cannot turn its tip. 0.5: half of what
+        /// joints 4 to 6 do by default.
+        full_turn_rad_per_s: f64 = 0.5, 0.01..=5.0;
         /// What counts as the operator's presence: `hold:<button>` or `toggle:<button>`.
         presence: Presence = Presence::Toggle(0);
         /// What counts as the clutch: `none` or `hold:<button>`.

@@ -140,14 +140,15 @@ impl MasterCore {
         if !self.grip.holds(motion.flags & OperatorInput::OPERATOR_PRESENT != 0, now_ns) {
             motion.flags &= !OperatorInput::OPERATOR_PRESENT;
             motion.tip_vel_in_view_m_per_s = [0.0; 3];
+            motion.tip_angular_vel_in_view_rad_per_s = [0.0; 3];
         }
         OperatorInput {
             sequence: self.sequence,
             sample_ns: now_ns,
             stamps: HopStamps { device_ns: now_ns, ..HopStamps::default() },
             tip_vel_in_view_m_per_s: self.scaled(motion.tip_vel_in_view_m_per_s, OperatorInput::TRANSLATION_LOCKED),
-            // The snake has two degrees of freedom: it cannot turn its tip about its own axis.
-            tip_angular_vel_in_view_rad_per_s: self.scaled([0.0; 3], OperatorInput::ROTATION_LOCKED),
+            tip_angular_vel_in_view_rad_per_s: self
+                .scaled(motion.tip_angular_vel_in_view_rad_per_s, OperatorInput::ROTATION_LOCKED),
             raw_axes: self.decoder.axes(),
             flags: motion.flags | self.locks,
             buttons: self.decoder.buttons(),
@@ -203,6 +204,8 @@ impl MasterCore {
         match self.script {
             Some(sample) if !self.is_ended => OperatorMotion {
                 tip_vel_in_view_m_per_s: sample.effective_vel_m_per_s(),
+                // A script says nothing of turns.
+                tip_angular_vel_in_view_rad_per_s: [0.0; 3],
                 flags: flags(sample.is_present, sample.is_clutched),
             },
             _ => self.operator.step(&Hand { axes: self.decoder.axes(), buttons: self.decoder.buttons(), device }),
@@ -299,8 +302,17 @@ mod tests {
             let same = after(lock, unlock, scale);
             assert_eq!((same.flags, same.scale_permille), (locked.flags, locked.scale_permille));
         }
+        let turned = |core: &mut MasterCore, lock, unlock| {
+            core.on_wish(&MotionWish { sequence: 1, sample_ns: 0, scale_permille: 500, lock, unlock, sender_pid: 1 });
+            core.on_report(HidReport::Rotation([350, 0, 0]).encode().as_bytes(), MS).expect("report");
+            core.on_tick(MS).tip_angular_vel_in_view_rad_per_s
+        };
         let open = after(0, MotionWish::LOCKS, 1000);
         assert_eq!((open.tip_vel_in_view_m_per_s, open.flags), (whole.tip_vel_in_view_m_per_s, whole.flags));
+        let half_turn = MasterConfig::default().full_turn_rad_per_s / 2.0;
+        assert_eq!(turned(&mut core, 0, 0), [half_turn, 0.0, 0.0]);
+        assert_eq!(turned(&mut core, OperatorInput::ROTATION_LOCKED, 0), [0.0; 3]);
+        assert_eq!(turned(&mut core, 0, MotionWish::LOCKS), [half_turn, 0.0, 0.0]);
     }
 
     #[test]

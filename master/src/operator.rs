@@ -20,6 +20,8 @@ pub struct Hand {
 pub struct OperatorMotion {
     /// Velocity of the tip in the view frame, m/s; zero without presence, with the clutch pressed, or at rest.
     pub tip_vel_in_view_m_per_s: [f64; 3],
+    /// Angular velocity of the tip in the view frame, rad/s; zero likewise.
+    pub tip_angular_vel_in_view_rad_per_s: [f64; 3],
     /// Bits as in [`OperatorInput::flags`].
     pub flags: u32,
 }
@@ -94,7 +96,8 @@ impl Operator {
     pub fn step(&mut self, hand: &Hand) -> OperatorMotion {
         let is_trusted = matches!(hand.device, DeviceState::Live | DeviceState::AtRest);
         let vel = self.response.tip_vel_in_view_m_per_s(hand.axes);
-        if is_trusted && vel == [0.0; 3] {
+        let turn = self.response.tip_angular_vel_in_view_rad_per_s(hand.axes);
+        if is_trusted && vel == [0.0; 3] && turn == [0.0; 3] {
             self.must_rest_first = false;
         }
         let is_present = is_trusted
@@ -103,8 +106,10 @@ impl Operator {
                 Presence::Toggle(_) => self.is_toggled_on,
             };
         let is_clutched = matches!(self.clutch, Clutch::Hold(button) if is_down(hand.buttons, button));
+        let moves = is_present && !is_clutched;
         OperatorMotion {
-            tip_vel_in_view_m_per_s: if is_present && !is_clutched { vel } else { [0.0; 3] },
+            tip_vel_in_view_m_per_s: if moves { vel } else { [0.0; 3] },
+            tip_angular_vel_in_view_rad_per_s: if moves { turn } else { [0.0; 3] },
             flags: flags(is_present, is_clutched),
         }
     }

@@ -6,6 +6,7 @@
 //! deflection, m/s. Dead zone and curve act on the length of the vector, so that the direction of motion is always the
 //! direction of the hand and there is no jump at the dead zone's edge.
 
+use crate::axis_map::SignedAxis;
 use crate::{AXIS_LIMIT_COUNTS, AxisMap, MasterConfig};
 
 /// The mapping of one checked configuration.
@@ -15,6 +16,7 @@ pub struct Response {
     dead_zone_ratio: f64,
     exponent: f64,
     full_speed_m_per_s: f64,
+    full_turn_rad_per_s: f64,
 }
 
 impl Response {
@@ -25,6 +27,7 @@ impl Response {
             dead_zone_ratio: config.dead_zone_ratio,
             exponent: config.response_exponent,
             full_speed_m_per_s: config.full_speed_m_per_s,
+            full_turn_rad_per_s: config.full_turn_rad_per_s,
         }
     }
 
@@ -34,13 +37,25 @@ impl Response {
     /// # Real-time
     /// No allocation, no blocking.
     pub fn tip_vel_in_view_m_per_s(&self, axes: [i16; 6]) -> [f64; 3] {
-        let deflection = self.axis_map.axes().map(|axis| axis.sign() * ratio(axes[axis.axis_idx()]));
+        self.of(self.axis_map.axes(), axes, self.full_speed_m_per_s)
+    }
+
+    /// Angular velocity of the tip in the view frame, rad/s, likewise, by the axes about which the device is turned.
+    ///
+    /// # Real-time
+    /// No allocation, no blocking.
+    pub fn tip_angular_vel_in_view_rad_per_s(&self, axes: [i16; 6]) -> [f64; 3] {
+        self.of(self.axis_map.turns(), axes, self.full_turn_rad_per_s)
+    }
+
+    fn of(&self, map: [SignedAxis; 3], axes: [i16; 6], full: f64) -> [f64; 3] {
+        let deflection = map.map(|axis| axis.sign() * ratio(axes[axis.axis_idx()]));
         let length = norm(deflection);
         if length <= self.dead_zone_ratio || length == 0.0 {
             return [0.0; 3];
         }
         let beyond = (length.min(1.0) - self.dead_zone_ratio) / (1.0 - self.dead_zone_ratio);
-        let gain = self.full_speed_m_per_s * beyond.powf(self.exponent) / length;
+        let gain = full * beyond.powf(self.exponent) / length;
         deflection.map(|d| gain * d)
     }
 
@@ -89,7 +104,10 @@ mod tests {
         assert!(x == 0.0 && y < 0.0 && z == 0.0, "pulled up is up: {x} {y} {z}");
         let [x, y, z] = response().tip_vel_in_view_m_per_s([0, -200, 0, 0, 0, 0]);
         assert!(x == 0.0 && y == 0.0 && z > 0.0, "pushed forward is away: {x} {y} {z}");
-        assert_eq!(response().tip_vel_in_view_m_per_s([0, 0, 0, 350, 350, 350]), [0.0; 3], "turning is not mapped");
+        assert_eq!(response().tip_vel_in_view_m_per_s([0, 0, 0, 350, 350, 350]), [0.0; 3], "turning moves no place");
+        let turn = MasterConfig::default().full_turn_rad_per_s;
+        assert_eq!(response().tip_angular_vel_in_view_rad_per_s([350, 350, 350, 0, 350, 0]), [0.0, 0.0, -turn]);
+        assert_eq!(response().tip_angular_vel_in_view_rad_per_s([0, 0, 0, 5, 5, 5]), [0.0; 3], "within the dead zone");
     }
 
     #[test]
