@@ -91,7 +91,8 @@ mod tests {
 
     #[test]
     fn a_living_instance_is_not_dead_and_one_without_members_is() {
-        let name = format!("doctor-{}", std::process::id());
+        // Not the name that the doctor himself takes, whom another test asks at the same time.
+        let name = format!("doctor-test-{}", std::process::id());
         let bus = krait_ipc::Bus::open(&name, "test").expect("bus");
         assert!(instances().contains(&name) && !is_dead(&name));
         drop(bus);
