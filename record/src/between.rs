@@ -4,6 +4,7 @@ use crate::chunk::ChunkRecords;
 use crate::contents::{Directory, known_channel};
 use crate::error::ReadError;
 use crate::framing::{Framing, MAX_RECORD_BYTES, RECORD_HEAD, Step};
+use crate::parse::parse;
 use crate::reader::{Recorded, Recording, behind_magic};
 use core::ops::Range;
 use krait_schema::{Channel, decode};
@@ -64,7 +65,7 @@ impl Index {
             if !matches!(opcode, op::SCHEMA | op::CHANNEL | op::CHUNK_INDEX) {
                 continue;
             }
-            match mcap::parse_record(opcode, framing.body()) {
+            match parse(opcode, framing.body()) {
                 Ok(Record::Schema { header, .. }) => drop(schemas.insert(header.id, (header.name, header.encoding))),
                 Ok(Record::Channel(channel)) => {
                     let known = known_channel(&self.path, offset, &channel, schemas.get(&channel.schema_id))?;

@@ -1,6 +1,7 @@
 //! What is inside a chunk: checked as a whole, so that a damaged chunk yields nothing rather than half a truth.
 
 use crate::framing::MAX_RECORD_BYTES;
+use crate::parse::parse;
 use mcap::records::{self, MessageHeader, Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use std::ops::Range;
@@ -81,7 +82,7 @@ impl ChunkRecords {
                 body.len()
             ));
         }
-        match mcap::parse_record(opcode, body).map_err(|error| error.to_string())? {
+        match parse(opcode, body)? {
             Record::Schema { header, data } => self.schemas.push((header, data.into_owned())),
             Record::Channel(channel) => self.channels.push(channel),
             Record::Message { header, data } => {

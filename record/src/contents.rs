@@ -4,6 +4,7 @@ use crate::about::Attachment;
 use crate::chunk::{ChunkRecords, attachment_lengths_add_up};
 use crate::error::ReadError;
 use crate::framing::{Framing, Step};
+use crate::parse::parse;
 use crate::recover::DROPPED_KEY;
 use crate::writer::{METADATA_END, METADATA_RECOVERED, VERSION_KEY};
 use krait_schema::{Channel, View};
@@ -177,7 +178,7 @@ impl<'a> Scan<'a> {
                 self.damaged(offset, format!("attachments and metadata take more than {MAX_HELD_BYTES} bytes"));
                 Ok(())
             }
-            op::HEADER | op::ATTACHMENT | op::METADATA | op::FOOTER => match mcap::parse_record(opcode, body) {
+            op::HEADER | op::ATTACHMENT | op::METADATA | op::FOOTER => match parse(opcode, body) {
                 Ok(record) => {
                     self.n_held_bytes += body.len();
                     self.outer(record)

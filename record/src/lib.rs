@@ -41,6 +41,7 @@ mod disk;
 mod drain;
 mod error;
 mod framing;
+mod parse;
 mod parts;
 mod passes;
 mod reader;

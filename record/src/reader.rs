@@ -5,6 +5,7 @@ use crate::chunk::ChunkRecords;
 use crate::contents::{Contents, Directory, known_channel, scan, scan_beginning, shortened};
 use crate::error::ReadError;
 use crate::framing::{Framing, Step};
+use crate::parse::parse;
 use crate::parts::NEXT_PART_KEY;
 use crate::writer::{METADATA, METADATA_END};
 use krait_ipc::input;
@@ -176,7 +177,7 @@ impl Samples {
         let step = self.framing.step();
         match step.map_err(|source| ReadError::Io { path: self.path.clone(), offset: self.framing.offset(), source })? {
             Step::Record { opcode: op::METADATA, .. } => {
-                if let Ok(Record::Metadata(metadata)) = mcap::parse_record(op::METADATA, self.framing.body())
+                if let Ok(Record::Metadata(metadata)) = parse(op::METADATA, self.framing.body())
                     && metadata.name == METADATA_END
                 {
                     self.next_part = part_named(&self.path, &metadata.metadata);

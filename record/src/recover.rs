@@ -4,6 +4,7 @@ use crate::chunk::{ChunkRecords, attachment_lengths_add_up};
 use crate::contents::Missing;
 use crate::error::{ReadError, RecordError};
 use crate::framing::{Framing, RECORD_HEAD, Step};
+use crate::parse::parse;
 use crate::reader::{Recording, behind_magic};
 use crate::sink::{Appender, RecordingSink};
 use crate::writer::{METADATA_RECOVERED, create_file, io_error, options};
@@ -167,7 +168,7 @@ impl Copy<'_> {
                 Err(_) => false,
             },
             op::ATTACHMENT if !attachment_lengths_add_up(body) => false,
-            op::ATTACHMENT | op::METADATA => match mcap::parse_record(opcode, body) {
+            op::ATTACHMENT | op::METADATA => match parse(opcode, body) {
                 Ok(record) => {
                     self.outer(record)?;
                     true
