@@ -10,14 +10,14 @@
 //! Failure: no encoders near the exposure, a lost view, samples that are not finite. Such a shape is left out and counted.
 
 use crate::config::EstimateConfig;
-use crate::learning::{Estimator, is_silent, learnt_values};
-use crate::pairing::{Pairing, Sighted};
+use crate::learning::Estimator;
+use crate::ledger::Ledger;
+use crate::pairing::Sighted;
 use crate::step::{BridgeError, seconds_between};
 use krait_ipc::message::{ModelUpdate, Shape, SlaveState, three};
 use krait_ipc::{Reason, Reasons};
 use krait_model::{
-    Chain, Change, ChangeParameters, ChangeWatch, Circumstances, Innovation, Learner, LearnerParameters, Learning,
-    ModelHash, Sight, Snake,
+    Chain, Change, ChangeParameters, ChangeWatch, Innovation, Learner, LearnerParameters, ModelHash, Sight, Snake,
 };
 use nalgebra::{Vector2, Vector3};
 
@@ -30,16 +30,7 @@ pub struct EstimateCore {
     learner: Learner,
     model: ModelHash,
     snake: Snake,
-    config: EstimateConfig,
-    encoders: Pairing<Sight>,
-    paired_ns: Option<i64>,
-    newest_shape_ns: Option<i64>,
-    sequence: u64,
-    state_sequence: u64,
-    n_states: u64,
-    n_used: u64,
-    n_left_out: u64,
-    start_ns: Option<i64>,
+    ledger: Ledger<Sight>,
     watch: ChangeWatch,
     compared: Option<Sighted<Sight>>,
     n_changes: u64,
@@ -59,16 +50,7 @@ impl EstimateCore {
             learner: Learner::new(chain, LearnerParameters { sigma_bend_rad, outlier_sigmas })?,
             model: chain.hash(),
             snake: Snake::new(chain.machine())?,
-            config,
-            encoders: Pairing::new(),
-            paired_ns: None,
-            newest_shape_ns: None,
-            sequence: 0,
-            state_sequence: 0,
-            n_states: 0,
-            n_used: 0,
-            n_left_out: 0,
-            start_ns: None,
+            ledger: Ledger::new(config.max_state_gap_ms),
             watch: ChangeWatch::new(ChangeParameters { false_alarms_per_hour, learn_s })?,
             compared: None,
             n_changes: 0,
@@ -82,14 +64,8 @@ impl EstimateCore {
     /// # Real-time
     /// No allocation, no clock.
     pub fn note_state(&mut self, state: &SlaveState) {
-        (self.state_sequence, self.n_states) = (state.sequence, self.n_states + 1);
-        let q_tilde_m = Vector3::from(three(&state.measured_q_m));
-        if q_tilde_m.iter().all(|q| q.is_finite()) {
-            let start_ns = *self.start_ns.get_or_insert(state.sample_ns);
-            let at = Circumstances::at(seconds_between(start_ns, state.sample_ns));
-            let sight = self.learner.follow(q_tilde_m, &at);
-            self.encoders.note(state.sample_ns, sight);
-        }
+        let q_tilde_m = three(&state.measured_q_m);
+        self.ledger.note_state(state, &q_tilde_m, |at| self.learner.follow(Vector3::from(q_tilde_m), at));
     }
 
     /// Takes a shape and proposes the parameters as they are after it.
@@ -97,42 +73,20 @@ impl EstimateCore {
     /// # Real-time
     /// No allocation, no clock; at most 256 stamps are compared.
     pub fn step(&mut self, shape: &Shape) -> ModelUpdate {
-        self.newest_shape_ns = Some(shape.sample_ns);
-        let is_next = self.paired_ns.is_none_or(|before_ns| shape.sample_ns > before_ns);
-        let seen = shape
-            .valid_bend_rad()
-            .filter(|_| is_next)
-            .zip(self.encoders.at(shape.sample_ns, self.config.max_state_gap_ms));
-        let taken = seen.map(|(bend_rad, encoders)| {
-            let dt_s = self.paired_ns.map_or(0.0, |before_ns| seconds_between(before_ns, shape.sample_ns));
-            self.paired_ns = Some(shape.sample_ns);
+        let seen = shape.valid_bend_rad().and_then(|bend_rad| Some((bend_rad, self.ledger.pair(shape)?)));
+        let taken = seen.map(|(bend_rad, (encoders, dt_s))| {
             let taken = self.learner.take(Vector2::from(bend_rad), &encoders.sight, dt_s);
             self.compare(shape, Sighted { stamp_ns: shape.sample_ns, ..encoders });
             taken
         });
-        if taken == Some(Learning::Used) {
-            self.n_used += 1
-        } else {
-            self.n_left_out += 1
-        }
-        self.sequence += 1;
+        let (learner, rms_rad) = (&self.learner, self.learner.innovation_rms_rad());
+        let learnt = |lane| learner.learnt(lane);
         ModelUpdate {
-            sequence: self.sequence,
-            sample_ns: shape.sample_ns,
-            shape_sequence: shape.sequence,
-            state_sequence: self.state_sequence,
-            n_states: self.n_states,
-            model_hash: self.model.0,
-            innovation_rms_rad: self.learner.innovation_rms_rad(),
-            n_used: self.n_used,
-            n_left_out: self.n_left_out,
             n_changes: self.n_changes,
             changed_ns: self.changed_ns,
             change_kind: self.change.map_or(0, |change| change.kind.number()),
             is_watching: u32::from(self.watch.is_watching()),
-            n_learnt: self.learner.parameters().len() as u32,
-            reserved: 0,
-            learnt: learnt_values(self.learner.parameters(), |lane| self.learner.learnt(lane)),
+            ..self.ledger.update(shape, taken, self.model, rms_rad, learner.parameters(), learnt)
         }
     }
 
@@ -166,7 +120,7 @@ impl EstimateCore {
     /// What holds at an instant: whether the camera has fallen silent, whether the machine has changed since the start.
     pub fn reasons(&self, now_ns: i64) -> Reasons {
         let mut reasons = Reasons::NONE;
-        reasons.insert_if(Reason::ShapeStale, is_silent(self.newest_shape_ns, now_ns));
+        reasons.insert_if(Reason::ShapeStale, self.ledger.is_silent(now_ns));
         reasons.insert_if(Reason::ModelChanged, self.n_changes > 0);
         reasons
     }

@@ -1,7 +1,7 @@
 //! The process that learns: what the estimators of snakes and of joints have in common, and the loops that feed them.
 
 use crate::config::{EstimateConfig, JointsConfig};
-use crate::step::{BridgeError, seconds_between};
+use crate::step::BridgeError;
 use crate::{EstimateCore, Feed, JointEstimateCore, JointMachine, LiveModel};
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
@@ -9,8 +9,6 @@ use krait_ipc::message::{LearningState, LearntValue, MAX_LEARNT, Message, ModelU
 use krait_ipc::{Bus, HealthReporter, Process, ReadOptions, Reason, Reasons, clock};
 use krait_model::{Change, Learnt, LearntParameter};
 
-/// A camera that gave nothing for this long is named as silent: fifteen frames at 60 Hz, ms.
-const SHAPE_STALE_MS: f64 = 250.0;
 /// How long the process sleeps at most before it looks whether it shall stop.
 const PATIENCE: Duration = Duration::from_millis(20);
 
@@ -24,11 +22,6 @@ pub trait Estimator {
     fn reasons(&self, now_ns: i64) -> Reasons;
     /// The newest change of the machine that was seen.
     fn change(&self) -> Option<Change>;
-}
-
-/// Whether the camera, whose newest shape is of an instant, has fallen silent.
-pub(crate) fn is_silent(newest_ns: Option<i64>, now_ns: i64) -> bool {
-    newest_ns.is_some_and(|newest_ns| seconds_between(newest_ns, now_ns) * 1e3 > SHAPE_STALE_MS)
 }
 
 /// What is learnt, as an update carries it.

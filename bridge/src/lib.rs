@@ -24,6 +24,7 @@ mod hop;
 mod joint_machine;
 mod joints_error;
 mod learning;
+mod ledger;
 mod live;
 mod live_model;
 mod mismatch;
