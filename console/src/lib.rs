@@ -15,6 +15,7 @@ mod jobs;
 mod latency;
 mod library;
 mod live;
+mod pad;
 mod processes;
 mod recordings;
 mod server;

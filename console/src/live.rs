@@ -1,6 +1,7 @@
 //! A page's live connection: the newest frame as fast as the page reads, and nothing that is older.
 
 use crate::PageCounts;
+use crate::pad::PadFrame;
 use crate::server::{Shared, refuse};
 use crate::snapshot;
 use crate::wishes::{self, Wish, WishOutcome};
@@ -48,6 +49,30 @@ enum Said {
         /// The session that the page knows.
         session: String,
         /// When the operator pressed, on the server's clock, ms.
+        at_ms: f64,
+    },
+    /// Asks for the drive pad.
+    Take {
+        /// As of a wish.
+        id: u64,
+        /// As of a wish.
+        session: String,
+        /// As of a wish.
+        at_ms: f64,
+    },
+    /// What the hand on the drive pad does.
+    Pad {
+        /// Counts up on this connection.
+        n: u64,
+        /// Whether the pad is held.
+        held: bool,
+        /// Part of the full deflection to the right.
+        x: f64,
+        /// Part of the full deflection down.
+        y: f64,
+        /// The session that the page knows.
+        session: String,
+        /// When the hand was like this, on the server's clock, ms.
         at_ms: f64,
     },
 }
@@ -107,14 +132,17 @@ impl Drop for Place {
 /// Until the page goes, takes too long, or says what it may not.
 async fn serve(mut socket: WebSocket, shared: &Arc<Shared>) {
     let (mut frames, mut slow) = (shared.frames.clone(), shared.slow.clone());
-    let Ok(first) = snapshot::hello(&shared.facts, shared.session.digits(), &shared.stop_url) else { return };
+    let page = OnPad { page: shared.pad.page(), shared: Arc::clone(shared) };
+    let Ok(first) = snapshot::hello(&shared.facts, shared.session.digits(), &shared.stop_url, page.page) else {
+        return;
+    };
     if !send(&mut socket, first.into()).await {
         return;
     }
     slow.mark_changed();
     let (mut last_frame, mut allowance) = (0, RateAllowance::default());
     let (answers, mut answered) = mpsc::channel(MOST_ANSWERS);
-    let mut said = Listener { shared: Arc::clone(shared), answers, last_id: 0 };
+    let mut said = Listener { shared: Arc::clone(shared), page: page.page, answers, last_id: 0 };
     loop {
         let text = tokio::select! {
             heard = socket.recv() => match heard {
@@ -142,6 +170,18 @@ async fn serve(mut socket: WebSocket, shared: &Arc<Shared>) {
     }
 }
 
+/// A page's place at the drive pad; however the connection ends, the hand is off it then.
+struct OnPad {
+    page: u64,
+    shared: Arc<Shared>,
+}
+
+impl Drop for OnPad {
+    fn drop(&mut self) {
+        self.shared.pad.leave(self.page);
+    }
+}
+
 async fn send(socket: &mut WebSocket, text: Utf8Bytes) -> bool {
     matches!(timeout(SEND_PATIENCE, socket.send(Message::Text(text))).await, Ok(Ok(())))
 }
@@ -149,6 +189,7 @@ async fn send(socket: &mut WebSocket, text: Utf8Bytes) -> bool {
 /// Understands what one page says.
 struct Listener {
     shared: Arc<Shared>,
+    page: u64,
     answers: mpsc::Sender<Utf8Bytes>,
     last_id: u64,
 }
@@ -161,7 +202,30 @@ impl Listener {
                 let pong = Pong { k: "pong", t, now_ms: clock::monotonic_ns() as f64 * 1e-6 };
                 serde_json::to_string(&pong).ok().map(Utf8Bytes::from)
             }
-            Ok(Said::Wish { id, wish, session, at_ms }) => self.wish(id, wish, &session, at_ms),
+            Ok(Said::Wish { id, wish, session, at_ms }) => {
+                let at_ns = match self.heard_ns(id, &session, at_ms) {
+                    Ok(at_ns) => at_ns,
+                    Err(refusal) => return acknowledged(id, refusal),
+                };
+                let shared = Arc::clone(&self.shared);
+                self.answer_later(id, async move { shared.desk.ask(wish, at_ns).await });
+                None
+            }
+            Ok(Said::Take { id, session, at_ms }) => {
+                if let Err(refusal) = self.heard_ns(id, &session, at_ms) {
+                    return acknowledged(id, refusal);
+                }
+                let (shared, page) = (Arc::clone(&self.shared), self.page);
+                self.answer_later(id, async move { shared.pad.take(page).await });
+                None
+            }
+            Ok(Said::Pad { n, held, x, y, session, at_ms }) => {
+                let age_ms = age_ms(at_ms);
+                if self.shared.session.is(&session) && age_ms >= -CLOCKS_APART_MS {
+                    self.shared.pad.hear(self.page, PadFrame { n, held, x, y }, instant_ns(age_ms));
+                }
+                None
+            }
             Err(error) => {
                 tracing::debug!(%error, "a page said what is not understood");
                 None
@@ -169,34 +233,43 @@ impl Listener {
         }
     }
 
-    /// A wish of another session, one that was heard before, and one from the past or the future are not passed on.
-    fn wish(&mut self, id: u64, wish: Wish, session: &str, at_ms: f64) -> Option<Utf8Bytes> {
-        let now_ns = clock::monotonic_ns();
-        let age_ms = now_ns as f64 * 1e-6 - at_ms;
+    /// When a command was given, ns. One of another session, one that was heard before, and one from the past or the future are
+    /// not passed on.
+    fn heard_ns(&mut self, id: u64, session: &str, at_ms: f64) -> Result<i64, WishOutcome> {
+        let age_ms = age_ms(at_ms);
         let refusal = if !self.shared.session.is(session) {
-            Some("it was meant for another console")
+            "it was meant for another console"
         } else if id <= self.last_id {
-            Some("it was heard before")
+            "it was heard before"
         } else if !(-CLOCKS_APART_MS..=wishes::EXPIRY_NS as f64 * 1e-6).contains(&age_ms) {
-            Some("it came too late")
+            "it came too late"
         } else {
-            None
+            self.last_id = id;
+            return Ok(instant_ns(age_ms));
         };
-        if let Some(why) = refusal {
-            return acknowledged(id, WishOutcome { is_done: false, say: format!("Not done: {why}.") });
-        }
-        self.last_id = id;
-        let (shared, answers) = (Arc::clone(&self.shared), self.answers.clone());
+        Err(WishOutcome { is_done: false, say: format!("Not done: {refusal}.") })
+    }
+
+    fn answer_later(&self, id: u64, outcome: impl Future<Output = WishOutcome> + Send + 'static) {
+        let answers = self.answers.clone();
         tokio::spawn(async move {
-            let outcome = shared.desk.ask(wish, now_ns - (age_ms.max(0.0) * 1e6) as i64).await;
-            if let Some(text) = acknowledged(id, outcome)
+            if let Some(text) = acknowledged(id, outcome.await)
                 && answers.send(text).await.is_err()
             {
                 tracing::debug!("a page went before its command was answered");
             }
         });
-        None
     }
+}
+
+/// How long ago a page says that something was, ms; negative where its clock is ahead.
+fn age_ms(at_ms: f64) -> f64 {
+    clock::monotonic_ns() as f64 * 1e-6 - at_ms
+}
+
+/// The instant of an age, never later than now.
+fn instant_ns(age_ms: f64) -> i64 {
+    clock::monotonic_ns().saturating_sub((age_ms.max(0.0) * 1e6) as i64)
 }
 
 fn acknowledged(id: u64, outcome: WishOutcome) -> Option<Utf8Bytes> {

@@ -3,6 +3,7 @@
 use crate::facts::Facts;
 use crate::guard::{Token, WebOrigin, cookie, page_headers};
 use crate::library::{self, Library};
+use crate::pad::{self, PadDesk};
 use crate::stop::{self, StopShared};
 use crate::watch::{Slots, Watch};
 use crate::wishes::{self, Desk};
@@ -66,6 +67,7 @@ pub(crate) struct Shared {
     pub(crate) facts: Arc<Facts>,
     pub(crate) pages: Arc<PageCounts>,
     pub(crate) desk: Arc<Desk>,
+    pub(crate) pad: Arc<PadDesk>,
     pub(crate) library: Library,
     pub(crate) stop_url: String,
 }
@@ -103,6 +105,8 @@ pub fn run(
     let wishing = Bus::open(&instance, crate::NAME)?;
     let (desk, orders) = wishes::open(&wishing)?;
     let desk = Arc::new(desk);
+    let (driving, (pad, pad_orders)) = (Bus::open(&instance, crate::NAME)?, pad::open());
+    let pad = Arc::new(pad);
     let stop_routes = stop::router(Arc::new(StopShared {
         origin: stop_origin.clone(),
         page: page_origin.clone(),
@@ -120,6 +124,7 @@ pub fn run(
         facts: Arc::clone(&facts),
         pages: Arc::clone(&pages),
         desk,
+        pad: Arc::clone(&pad),
         library: Library::new(settings.recordings, settings.lab, settings.base_model, settings.program),
         stop_url,
     });
@@ -128,7 +133,7 @@ pub fn run(
     announce(&Address { page, stop: shared.stop_url.clone() });
     std::thread::scope(|scope| {
         let watching = std::thread::Builder::new().name("watch".to_owned()).spawn_scoped(scope, || {
-            let outcome = Watch::open(bus).and_then(|watch| watch.run(&slots, &pages, &facts, stop));
+            let outcome = Watch::open(bus).and_then(|watch| watch.run(&slots, &pages, &facts, &pad, stop));
             stop.store(true, Ordering::Relaxed);
             outcome
         });
@@ -136,6 +141,9 @@ pub fn run(
         let carrying = std::thread::Builder::new().name("wishes".to_owned());
         let carrying = carrying.spawn_scoped(scope, move || wishes::carry(&wishing, orders, stop));
         let carrying = carrying.map_err(ConsoleError::Start)?;
+        let hands = std::thread::Builder::new().name("pad".to_owned());
+        let hands = hands.spawn_scoped(scope, move || pad::carry(&driving, &pad_orders, stop));
+        let hands = hands.map_err(ConsoleError::Start)?;
         runtime.block_on(async {
             tokio::select! {
                 () = accept::serve(listener, router) => {}
@@ -146,7 +154,8 @@ pub fn run(
         runtime.shutdown_timeout(LOOK_EVERY);
         let watched = watching.join().unwrap_or_else(|cause| std::panic::resume_unwind(cause));
         let carried = carrying.join().unwrap_or_else(|cause| std::panic::resume_unwind(cause));
-        watched.and(carried)
+        let driven = hands.join().unwrap_or_else(|cause| std::panic::resume_unwind(cause));
+        watched.and(carried).and(driven)
     })
 }
 

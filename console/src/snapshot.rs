@@ -5,6 +5,7 @@
 
 use crate::facts::Facts;
 use crate::latency::{LiveLatencyReport, stretch_names};
+use crate::pad::PadSeen;
 use crate::processes::ProcessUsage;
 use crate::words::{Shown, ShownState, Words, words_of};
 use krait_ipc::message::{
@@ -50,6 +51,8 @@ pub struct Moment {
     pub error_rms_rad: Option<f64>,
     /// Newest tracking error, rad.
     pub error_rad: Option<f64>,
+    /// Who has the drive pad; nothing where there is none.
+    pub pad: Option<PadSeen>,
 }
 
 #[derive(Serialize)]
@@ -70,6 +73,7 @@ struct Frame<'a> {
     err: Option<f64>,
     err_rms: Option<f64>,
     reasons: Vec<Shortly>,
+    pad: Option<PadSeen>,
 }
 
 #[derive(Serialize)]
@@ -148,6 +152,7 @@ pub fn frame(newest: &NewestSamples, moment: &Moment, facts: &Facts) -> serde_js
             .into_iter()
             .map(|reason| Shortly { id: reason as u32, value: value_of(reason, newest, facts) })
             .collect(),
+        pad: moment.pad,
     };
     serde_json::to_string(&frame)
 }
@@ -171,6 +176,7 @@ fn value_of(reason: Reason, newest: &NewestSamples, facts: &Facts) -> Option<Str
             let (line, tau_n) = largest(three(&newest.state?.measured_tau_n))?;
             Some(format!("Line {line}: {tau_n:.0} of {:.0} N.", facts.max_load_n))
         }
+        Reason::OperatorAbsent if newest.input?.is_from_pad() => Some("Hold the drive pad to follow.".to_owned()),
         Reason::OperatorAbsent => Some(facts.presence_hint.clone()),
         _ => None,
     }
@@ -260,6 +266,7 @@ struct Hello<'a> {
     version: &'static str,
     session: &'a str,
     stop_url: &'a str,
+    page: u64,
     facts: &'a Facts,
     stretches: Vec<String>,
     reasons: Vec<Named>,
@@ -272,17 +279,18 @@ struct Named {
     words: Words,
 }
 
-/// The first message to a page.
+/// The first message to a page, which is told its own number.
 ///
 /// # Errors
 /// Never: every field is a number or a text.
-pub fn hello(facts: &Facts, session: &str, stop_url: &str) -> serde_json::Result<String> {
+pub fn hello(facts: &Facts, session: &str, stop_url: &str, page: u64) -> serde_json::Result<String> {
     let named = |reason: Reason| Named { name: format!("{reason:?}"), words: words_of(reason) };
     serde_json::to_string(&Hello {
         k: "hello",
         version: env!("CARGO_PKG_VERSION"),
         session,
         stop_url,
+        page,
         facts,
         stretches: stretch_names(),
         reasons: Reason::ALL.into_iter().map(named).collect(),

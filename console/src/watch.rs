@@ -2,6 +2,7 @@
 
 use crate::facts::Facts;
 use crate::latency::LiveLatency;
+use crate::pad::PadDesk;
 use crate::processes::Processes;
 use crate::snapshot::{self, Moment, NewestSamples, Slow};
 use crate::tracking::LiveTracking;
@@ -88,6 +89,7 @@ impl Watch {
         slots: &Slots,
         pages: &PageCounts,
         facts: &Facts,
+        pad: &PadDesk,
         stop: &AtomicBool,
     ) -> Result<(), ConsoleError> {
         let mut due_ns = clock::monotonic_ns();
@@ -102,12 +104,15 @@ impl Watch {
             due_ns = (due_ns + PERIOD_NS).max(now_ns);
             self.take_messages(facts.budgets.last().map_or(f64::INFINITY, |whole| whole.worst_us))?;
             let now_ns = clock::monotonic_ns();
+            let input = self.newest.input.filter(|input| now_ns - input.sample_ns < snapshot::STALE_NS);
+            pad.offer(facts.is_simulated && input.is_some_and(|input| input.is_from_pad()));
             let moment = Moment {
                 n,
                 now_ns,
                 reasons: self.held.visible(now_ns),
                 error_rms_rad: self.tracking.rms_rad(now_ns),
                 error_rad: self.tracking.newest_rad(),
+                pad: pad.seen(now_ns),
             };
             slots.frame.send_replace((n, snapshot::frame(&self.newest, &moment, facts)?.into()));
             if n % SLOW_EVERY == 0 {

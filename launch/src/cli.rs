@@ -50,7 +50,7 @@ pub enum Verb {
     Demo(DemoArgs),
     /// The chain until Ctrl-C: operator, bridge, actuators, recorder, each a process of its own.
     #[command(
-        after_help = "Examples:\n  krait run --engage\n  krait run --master hid --compensation estimated\n  krait run --engage --master script --input path.csv --seconds 30\n  krait run --engage --truth stiff.toml --recording runs/stiff.mcap\n  krait run --engage --model better.toml\n  krait run --engage --rotate-mb 500 --rotate-s 3600"
+        after_help = "Examples:\n  krait run --engage\n  krait run --master hid --compensation estimated\n  krait run --master browser\n  krait run --engage --master script --input path.csv --seconds 30\n  krait run --engage --truth stiff.toml --recording runs/stiff.mcap\n  krait run --engage --model better.toml\n  krait run --engage --rotate-mb 500 --rotate-s 3600"
     )]
     Run(RunArgs),
     /// The hand controllers on this machine, and what is missing to use them.
@@ -243,7 +243,7 @@ pub struct RunArgs {
     /// Exit code 1 if the latency budget was not kept.
     #[arg(long)]
     pub check_budget: bool,
-    /// Serve the page of this chain too, and print its address.
+    /// Serve the page of this chain too, and print its address; `--master browser` does so by itself.
     #[arg(long)]
     pub console: bool,
     /// Print the figures as JSON on standard output at the end.
@@ -260,6 +260,8 @@ pub enum MasterKind {
     Replay,
     /// A script of tip velocities (CSV).
     Script,
+    /// The drive pad of the console's page: pointer, touch, keyboard or gamepad; simulated drives only.
+    Browser,
 }
 
 /// How often a recording or script engages.

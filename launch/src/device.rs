@@ -15,6 +15,7 @@ pub const SERIAL_KEY: &str = "device_serial";
 pub fn enter(metadata: &mut BTreeMap<String, String>, config: &MasterConfig, master: MasterKind, input: Option<&Path>) {
     let (device, serial) = match (master, input) {
         (MasterKind::Hid, _) => live(krait_master::chosen_device(&config.device)),
+        (MasterKind::Browser, _) => ("drive pad of the console's page".to_owned(), "none (drive pad)".to_owned()),
         (MasterKind::Replay, path) => (reports(path), "none (recorded reports)".to_owned()),
         (MasterKind::Script, path) => {
             let name = path.map_or_else(|| "unnamed".to_owned(), |path| path.display().to_string());
@@ -71,6 +72,7 @@ mod tests {
         assert_eq!(serial, "none (recorded reports)");
         let (device, serial) = entered(MasterKind::Script, Some(Path::new("flick.csv")));
         assert_eq!((device.as_str(), serial.as_str()), ("script flick.csv", "none (script)"));
+        assert_eq!(entered(MasterKind::Browser, None).1, "none (drive pad)");
     }
 
     #[test]

@@ -502,6 +502,7 @@ fn master_arguments(options: &ChainOptions) -> Vec<OsString> {
         MasterKind::Hid => "hid",
         MasterKind::Replay => "replay",
         MasterKind::Script => "script",
+        MasterKind::Browser => "browser",
     };
     let mut arguments: Vec<OsString> = vec!["--source".into(), source.into()];
     if let Some(path) = &options.input {

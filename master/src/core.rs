@@ -2,9 +2,10 @@
 
 use crate::grip::Grip;
 use crate::operator::flags;
+use crate::pad::{PadLease, PadRefusal};
 use crate::{Decoder, DeviceMonitor, Hand, HidReport, MasterConfig, MasterError, Operator, OperatorMotion, Refusal};
-use crate::{ReportCounts, ScriptSample};
-use krait_ipc::message::{DeviceState, HopStamps, MotionWish, OperatorInput};
+use crate::{ReportCounts, Response, ScriptSample};
+use krait_ipc::message::{DeviceState, DriveWish, HopStamps, MotionWish, OperatorInput};
 
 /// Everything that the master knows between two inputs.
 #[derive(Clone, Copy, Debug)]
@@ -14,6 +15,7 @@ pub struct MasterCore {
     operator: Operator,
     grip: Grip,
     script: Option<ScriptSample>,
+    pad: Option<(PadLease, Response)>,
     is_ended: bool,
     scale_permille: u32,
     locks: u32,
@@ -36,6 +38,7 @@ impl MasterCore {
             operator: Operator::new(config),
             grip: Grip::new(config.engage),
             script: None,
+            pad: None,
             is_ended: false,
             scale_permille: *MotionWish::SCALE_PERMILLE.end(),
             locks: 0,
@@ -43,6 +46,25 @@ impl MasterCore {
             n_drained: 0,
             is_unpublished: [false; 3],
         })
+    }
+
+    /// The same master with a page's drive pad for its device.
+    ///
+    /// # Errors
+    /// As [`MasterCore::new`].
+    pub fn with_pad(config: &MasterConfig) -> Result<Self, MasterError> {
+        Ok(Self { pad: Some((PadLease::default(), Response::new(config))), ..Self::new(config)? })
+    }
+
+    /// Takes what a page's drive pad said, which was in hand at `now_ns`.
+    ///
+    /// # Errors
+    /// [`PadRefusal`], which is also counted; a master without a pad refuses all.
+    ///
+    /// # Real-time
+    /// No allocation, no blocking.
+    pub fn on_pad(&mut self, wish: &DriveWish, now_ns: i64) -> Result<(), PadRefusal> {
+        self.pad.as_mut().ok_or(PadRefusal::OutOfRange).and_then(|(lease, _)| lease.on_wish(wish, now_ns))
     }
 
     /// Notes whether the slave says that the operator has engaged.
@@ -100,6 +122,9 @@ impl MasterCore {
 
     /// The device is gone.
     pub fn on_unplugged(&mut self) {
+        if let Some((lease, _)) = &mut self.pad {
+            lease.lose();
+        }
         self.monitor.on_unplugged();
         self.lose();
     }
@@ -142,6 +167,7 @@ impl MasterCore {
             motion.tip_vel_in_view_m_per_s = [0.0; 3];
             motion.tip_angular_vel_in_view_rad_per_s = [0.0; 3];
         }
+        let (n_reports, n_refused) = self.n_reports_and_refused();
         OperatorInput {
             sequence: self.sequence,
             sample_ns: now_ns,
@@ -149,14 +175,14 @@ impl MasterCore {
             tip_vel_in_view_m_per_s: self.scaled(motion.tip_vel_in_view_m_per_s, OperatorInput::TRANSLATION_LOCKED),
             tip_angular_vel_in_view_rad_per_s: self
                 .scaled(motion.tip_angular_vel_in_view_rad_per_s, OperatorInput::ROTATION_LOCKED),
-            raw_axes: self.decoder.axes(),
+            raw_axes: self.raw_axes(),
             flags: motion.flags | self.locks,
             buttons: self.decoder.buttons(),
             device_state: device as u32,
             scale_permille: self.scale_permille,
-            n_reports: self.decoder.counts().n_decoded,
+            n_reports,
             n_drained: self.n_drained,
-            n_refused: self.decoder.counts().n_refused(),
+            n_refused,
         }
     }
 
@@ -182,6 +208,9 @@ impl MasterCore {
 
     /// Notes a loss before anything else happens at this instant, even if the process slept while the device was silent.
     fn watch(&mut self, now_ns: i64) {
+        if let Some((lease, _)) = &mut self.pad {
+            lease.watch(now_ns);
+        }
         if self.monitor.state(now_ns) == DeviceState::Lost {
             self.lose();
         }
@@ -193,14 +222,35 @@ impl MasterCore {
     }
 
     fn device_state(&self, now_ns: i64) -> DeviceState {
-        match self.script {
+        match (&self.pad, self.script) {
             _ if self.is_ended => DeviceState::Ended,
-            Some(_) => DeviceState::Live,
-            None => self.monitor.state(now_ns),
+            (Some((lease, _)), _) => lease.state(),
+            (None, Some(_)) => DeviceState::Live,
+            (None, None) => self.monitor.state(now_ns),
         }
     }
 
+    fn raw_axes(&self) -> [i16; 6] {
+        let Some((lease, _)) = &self.pad else { return self.decoder.axes() };
+        // A deflection is at most a thousand thousandths.
+        let [x, y] = lease.deflection_permille().unwrap_or_default().map(|permille| permille as i16);
+        [x, y, 0, 0, 0, 0]
+    }
+
+    fn n_reports_and_refused(&self) -> (u64, u64) {
+        let decoded = self.decoder.counts();
+        self.pad.as_ref().map_or((decoded.n_decoded, decoded.n_refused()), |(lease, _)| lease.counts())
+    }
+
     fn motion(&mut self, device: DeviceState) -> OperatorMotion {
+        if let Some((lease, response)) = &self.pad {
+            let held = lease.deflection_permille();
+            return OperatorMotion {
+                tip_vel_in_view_m_per_s: held.map_or([0.0; 3], |held| response.pad_vel_in_view_m_per_s(held)),
+                tip_angular_vel_in_view_rad_per_s: [0.0; 3],
+                flags: flags(held.is_some(), false) | OperatorInput::FROM_PAD,
+            };
+        }
         match self.script {
             Some(sample) if !self.is_ended => OperatorMotion {
                 tip_vel_in_view_m_per_s: sample.effective_vel_m_per_s(),
@@ -313,6 +363,42 @@ mod tests {
         assert_eq!(turned(&mut core, 0, 0), [half_turn, 0.0, 0.0]);
         assert_eq!(turned(&mut core, OperatorInput::ROTATION_LOCKED, 0), [0.0; 3]);
         assert_eq!(turned(&mut core, 0, MotionWish::LOCKS), [half_turn, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn a_pad_moves_the_tip_the_way_the_camera_sees_while_it_is_held_and_not_a_tick_longer_than_its_lease() {
+        let config = MasterConfig { engage: crate::Engage::Once, ..MasterConfig::default() };
+        let mut core = MasterCore::with_pad(&config).expect("default configuration");
+        let wish = |frame, ms: i64, flags, deflection_permille| {
+            let (sequence, sample_ns) = (frame, ms * MS);
+            DriveWish { sequence, sample_ns, page: 1, frame, sender_pid: 7, flags, deflection_permille }
+        };
+        let waiting = core.on_tick(0);
+        assert_eq!((waiting.device(), waiting.flags), (Some(DeviceState::Waiting), OperatorInput::FROM_PAD));
+        core.on_pad(&wish(1, 0, 0, [1000, 0]), 0).expect("off the pad");
+        assert_eq!(core.on_tick(0).tip_vel_in_view_m_per_s, [0.0; 3]);
+        let full = config.full_speed_m_per_s;
+        for (frame, (deflection, moves)) in [
+            ([1000, 0], [full, 0.0, 0.0]),
+            ([-1000, 0], [-full, 0.0, 0.0]),
+            ([0, 1000], [0.0, full, 0.0]),
+            ([0, -1000], [0.0, -full, 0.0]),
+        ]
+        .into_iter()
+        .enumerate()
+        {
+            core.on_pad(&wish(frame as u64 + 2, 10, DriveWish::HELD, deflection), 10 * MS).expect("held");
+            let input = core.on_tick(10 * MS);
+            assert_eq!((input.tip_vel_in_view_m_per_s, input.operator_present()), (moves, true));
+            assert_eq!(input.raw_axes[..2].iter().map(|axis| i32::from(*axis)).collect::<Vec<_>>(), deflection);
+        }
+        let n_present = (11..400).take_while(|ms| core.on_tick(ms * MS).operator_present()).count();
+        assert_eq!(n_present, 150, "ticks after the instant of the newest frame");
+        let lost = core.on_tick(400 * MS);
+        assert_eq!((lost.device(), lost.flags, lost.n_reports), (Some(DeviceState::Lost), OperatorInput::FROM_PAD, 5));
+        assert_eq!((lost.tip_vel_in_view_m_per_s, lost.raw_axes), ([0.0; 3], [0; 6]));
+        let mut without = self::core();
+        assert_eq!(without.on_pad(&wish(1, 0, 0, [0, 0]), 0), Err(PadRefusal::OutOfRange), "another device");
     }
 
     #[test]

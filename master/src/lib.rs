@@ -23,6 +23,7 @@
 #![forbid(unsafe_code)]
 
 mod axis_map;
+mod browser_source;
 mod config;
 mod core;
 mod decode;
@@ -35,6 +36,7 @@ mod hid;
 mod hid_nodes;
 mod hid_source;
 mod operator;
+mod pad;
 mod presence;
 mod process;
 mod raw_report;
@@ -51,6 +53,7 @@ mod ticker;
 
 pub use crate::core::MasterCore;
 pub use axis_map::{AxisMap, SignedAxis};
+pub use browser_source::BrowserSource;
 pub use config::MasterConfig;
 pub use decode::{AXIS_LIMIT_COUNTS, AXIS_MARGIN_COUNTS, HidReport, Layout, Refusal, led_report};
 pub use decoder::{Decoder, ReportCounts};
@@ -61,6 +64,7 @@ pub use grip::Engage;
 pub use hid::chosen_device;
 pub use hid_source::HidSource;
 pub use operator::{Hand, Operator, OperatorMotion};
+pub use pad::{PadLease, PadRefusal};
 pub use presence::{Clutch, MarkButton, Presence};
 pub use process::run;
 pub use raw_report::RawReport;

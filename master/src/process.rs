@@ -19,11 +19,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 pub fn run(bus: &Bus, config: &MasterConfig, source: SourceChoice, stop: &AtomicBool) -> Result<(), MasterError> {
     // A live hand engages by its own presence; whatever is played must have been asked to.
     let engage = if source.has_beginning() { config.engage } else { Engage::Once };
-    let core = MasterCore::new(&MasterConfig { engage, ..config.clone() })?;
+    let held = MasterConfig { engage, ..config.clone() };
+    let is_pad = matches!(source, SourceChoice::Browser);
+    let core = if is_pad { MasterCore::with_pad(&held)? } else { MasterCore::new(&held)? };
     let waits_for_slave = config.start_when_ready && source.has_beginning();
     let slave = if waits_for_slave { Some(bus.reader(ReadOptions::glancing())?) } else { None };
     let engaged = if config.engage == Engage::Again { Some(bus.reader(ReadOptions::glancing())?) } else { None };
-    let source = source.open(config)?;
+    let source = source.open(bus, config)?;
     let log = match &config.record_reports {
         Some(path) => Some(ReportLog::create(path, source.vid_pid().unwrap_or_default())?),
         None => None,
@@ -119,6 +121,12 @@ impl Master {
                     }
                 }
                 SourceEvent::Script(sample) => self.core.on_script(sample),
+                SourceEvent::Pad { stamp_ns, wish } => {
+                    // Counted as a report that is refused.
+                    if self.core.on_pad(&wish, stamp_ns).is_ok() {
+                        self.device_ns = Some(stamp_ns);
+                    }
+                }
                 SourceEvent::Drained(n_reports) => self.core.on_drained(n_reports),
                 SourceEvent::Unplugged => self.core.on_unplugged(),
                 SourceEvent::Plugged => self.core.on_plugged(),

@@ -8,6 +8,7 @@
 
 use crate::axis_map::SignedAxis;
 use crate::{AXIS_LIMIT_COUNTS, AxisMap, MasterConfig};
+use krait_ipc::message::DriveWish;
 
 /// The mapping of one checked configuration.
 #[derive(Clone, Copy, Debug)]
@@ -49,7 +50,21 @@ impl Response {
     }
 
     fn of(&self, map: [SignedAxis; 3], axes: [i16; 6], full: f64) -> [f64; 3] {
-        let deflection = map.map(|axis| axis.sign() * ratio(axes[axis.axis_idx()]));
+        self.shaped(map.map(|axis| axis.sign() * ratio(axes[axis.axis_idx()])), full)
+    }
+
+    /// Velocity of the tip in the view frame, m/s, for a deflection along view x and y, thousandths of the full one: a pad is
+    /// drawn as the camera sees, so that no axis map stands between. Always finite, and never faster than the full speed.
+    ///
+    /// # Real-time
+    /// No allocation, no blocking.
+    pub fn pad_vel_in_view_m_per_s(&self, [x_permille, y_permille]: [i32; 2]) -> [f64; 3] {
+        let part = |permille: i32| (f64::from(permille) / f64::from(DriveWish::FULL_PERMILLE)).clamp(-1.0, 1.0);
+        self.shaped([part(x_permille), part(y_permille), 0.0], self.full_speed_m_per_s)
+    }
+
+    /// Dead zone and curve, for a deflection as a part of the full one.
+    fn shaped(&self, deflection: [f64; 3], full: f64) -> [f64; 3] {
         let length = norm(deflection);
         if length <= self.dead_zone_ratio || length == 0.0 {
             return [0.0; 3];

@@ -2,9 +2,11 @@
 //! none of them.
 
 use crate::{
-    HidRecording, HidSource, MasterConfig, MasterError, RawReport, RecordingSource, Script, ScriptSample, ScriptSource,
+    BrowserSource, HidRecording, HidSource, MasterConfig, MasterError, RawReport, RecordingSource, Script,
+    ScriptSample, ScriptSource,
 };
-use krait_ipc::clock;
+use krait_ipc::message::DriveWish;
+use krait_ipc::{Bus, clock};
 use rustix::thread::{ClockId, clock_nanosleep_absolute};
 use rustix::time::Timespec;
 
@@ -20,6 +22,13 @@ pub enum SourceEvent {
     },
     /// What a script asks for at this instant.
     Script(ScriptSample),
+    /// What a page's drive pad said, and when it was in hand, CLOCK_MONOTONIC, ns.
+    Pad {
+        /// When it was in hand.
+        stamp_ns: i64,
+        /// What it said.
+        wish: DriveWish,
+    },
     /// Reports were thrown away unread because newer ones pressed on.
     Drained(u64),
     /// The device is gone.
@@ -52,6 +61,8 @@ pub trait ReportSource {
 pub enum SourceChoice {
     /// The live device that the configuration names.
     Hid,
+    /// The drive pad of the console's pages.
+    Browser,
     /// A recording of reports.
     Recording {
         /// The reports.
@@ -72,18 +83,19 @@ impl SourceChoice {
     /// Opens the source.
     ///
     /// # Errors
-    /// For a live device as [`HidSource::open`]; the others cannot fail any more.
-    pub fn open(self, config: &MasterConfig) -> Result<Box<dyn ReportSource>, MasterError> {
+    /// For a live device as [`HidSource::open`], for pages as [`BrowserSource::open`]; the others cannot fail any more.
+    pub fn open(self, bus: &Bus, config: &MasterConfig) -> Result<Box<dyn ReportSource>, MasterError> {
         Ok(match self {
             Self::Hid => Box::new(HidSource::open(&config.device)?),
+            Self::Browser => Box::new(BrowserSource::open(bus)?),
             Self::Recording { recording, looping } => Box::new(RecordingSource::new(recording, looping)),
             Self::Script { script, looping } => Box::new(ScriptSource::new(script, looping)),
         })
     }
 
-    /// Whether this source waits for a start; a live device does not.
+    /// Whether this source waits for a start; a live hand does not.
     pub(crate) fn has_beginning(&self) -> bool {
-        !matches!(self, Self::Hid)
+        !matches!(self, Self::Hid | Self::Browser)
     }
 }
 

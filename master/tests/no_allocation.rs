@@ -4,12 +4,15 @@
 mod allocations;
 
 use allocations::allocations_of;
+use krait_ipc::message::DriveWish;
 use krait_master::{Engage, HidRecording, MasterConfig, MasterCore, RawReport, ScriptSample};
 
 #[test]
 fn no_report_tick_or_event_allocates() {
     let recording = HidRecording::shipped().expect("built in");
     let mut core = MasterCore::new(&MasterConfig { engage: Engage::Once, ..MasterConfig::default() }).expect("default");
+    let mut pad =
+        MasterCore::with_pad(&MasterConfig { engage: Engage::Once, ..MasterConfig::default() }).expect("default");
     let mut n_moving = 0;
     let n = allocations_of(|| {
         for (stamp_ns, bytes) in recording.reports() {
@@ -23,6 +26,13 @@ fn no_report_tick_or_event_allocates() {
         core.on_drained(3);
         core.on_script(ScriptSample { tip_vel_in_view_m_per_s: [0.01; 3], is_present: true, is_clutched: false });
         std::hint::black_box(core.on_tick(i64::MAX));
+        for frame in 1..500 {
+            let (sequence, sample_ns, flags) = (frame, frame as i64 * 20_000_000, u32::from(frame % 100 != 1));
+            let deflection_permille = [(frame as i32 % 90) * 20, 0];
+            let wish = DriveWish { sequence, sample_ns, page: 1, frame, sender_pid: 7, flags, deflection_permille };
+            std::hint::black_box(pad.on_pad(&wish, sample_ns).is_ok());
+            n_moving += u32::from(pad.on_tick(sample_ns).tip_vel_in_view_m_per_s != [0.0; 3]);
+        }
         core.on_ended();
         std::hint::black_box(core.on_tick(i64::MAX));
     });

@@ -142,6 +142,23 @@ impl BrowserPage {
         }
     }
 
+    /// Presses a key down, or lets it go.
+    pub fn key_half(&mut self, is_down: bool, key: &str, code: u32) {
+        let kind = if is_down { "keyDown" } else { "keyUp" };
+        let text = if key == "Enter" { "\r" } else { "" };
+        let params = json!({ "type": kind, "key": key, "windowsVirtualKeyCode": code, "text": text });
+        self.call("Input.dispatchKeyEvent", &params);
+    }
+
+    /// Presses the left button of a mouse down, or lets it go.
+    pub fn mouse_half(&mut self, is_down: bool, [x, y]: [f64; 2]) {
+        let kind = if is_down { "mousePressed" } else { "mouseReleased" };
+        self.call(
+            "Input.dispatchMouseEvent",
+            &json!({ "type": kind, "x": x, "y": y, "button": "left", "clickCount": 1 }),
+        );
+    }
+
     /// Presses and lets go of the left button of a mouse.
     pub fn press(&mut self, x: f64, y: f64) {
         for kind in ["mousePressed", "mouseReleased"] {

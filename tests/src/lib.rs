@@ -7,6 +7,7 @@
 mod browser;
 mod http;
 mod motion;
+mod pad;
 mod program;
 mod riddle;
 mod world;
@@ -17,6 +18,7 @@ pub use motion::{
     allowed_m, assert_no_jump, assert_starts_at_setpoint, is_moving, samples_in, signal_process, states_in, step_m,
     wait_for,
 };
+pub use pad::{PadPage, pad_losses};
 pub use program::{Ended, Krait, krait_program};
 pub use riddle::{Riddle, hand, krait_json};
 pub use world::{TempFolder, instance_name, processes_of, wait_until};

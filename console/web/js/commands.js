@@ -40,7 +40,7 @@ on('ack', ({ message }) => {
   if (!asked) return;
   settle(message.id);
   const after = Math.round(performance.now() - asked.at);
-  tell(message.is_done ? 'ok' : 'warn', message.is_done ? message.say : `${WORDS[asked.wish][0]}: ${message.say}`, `${new Date().toTimeString().slice(0, 8)}, ${after} ms after the press`);
+  tell(message.is_done ? 'ok' : 'warn', message.is_done ? message.say : `${asked.word}: ${message.say}`, `${new Date().toTimeString().slice(0, 8)}, ${after} ms after the press`);
 });
 
 const buttons = [...document.querySelectorAll('.command')];
@@ -80,11 +80,16 @@ function press(button) {
     tell('info', `${word} does nothing now`, shown === 'stale' ? 'The state of the drives is not known.' : `The state is: ${STATES[shown].word}.`);
     return;
   }
-  const id = nextId++;
   button.classList.add('sent');
-  tell('info', `${word} sent`, 'Waiting for the drives’ own state.');
-  waiting.set(id, { wish, at: performance.now(), timer: setTimeout(() => { settle(id); tell('warn', `${word}: no answer`, 'Nothing came back. Look at the robot.'); }, ANSWER_WITHIN_MS) });
-  post('wish', { id, wish });
+  ask('wish', { wish }, word, 'Waiting for the drives’ own state.');
+}
+
+/// Sends a command once; what became of it is told when the answer comes.
+export function ask(kind, rest, word, waits) {
+  const id = nextId++;
+  tell('info', `${word} sent`, waits);
+  waiting.set(id, { word, at: performance.now(), timer: setTimeout(() => { settle(id); tell('warn', `${word}: no answer`, 'Nothing came back. Look at the robot.'); }, ANSWER_WITHIN_MS) });
+  post(kind, { id, ...rest });
 }
 
 /// The key that stops from anywhere: by the live connection, and by the stop's own document.

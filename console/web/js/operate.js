@@ -84,7 +84,7 @@ function sentence(frame) {
   const worst = frame.reasons.map(reason => hello.reasons[reason.id]);
   const limit = worst.find(reason => reason.banner);
   const failed = worst.find(reason => reason.level === 'fault');
-  const text = frame.shown === 'limited' && limit ? limit.banner : frame.shown === 'fault' && failed ? failed.say : frame.shown === 'holding' && worst.length ? worst[0].say : frame.shown === 'ready' ? `Holding still. ${facts.presence_hint}` : STATES[frame.shown].say;
+  const text = frame.shown === 'limited' && limit ? limit.banner : frame.shown === 'fault' && failed ? failed.say : frame.shown === 'holding' && worst.length ? worst[0].say : frame.shown === 'ready' ? `Holding still. ${frame.pad ? 'Hold the drive pad to follow.' : facts.presence_hint}` : frame.shown === 'lost' && frame.pad ? 'Holding still: the page that drives is lost.' : STATES[frame.shown].say;
   write($('sentence'), text);
 }
 

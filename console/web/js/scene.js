@@ -1,5 +1,5 @@
 // The picture of the snake: floor, workspace, measured body, trail of the tip, and the commanded shape as a ghost.
-import { TURN, VIEWS, cameraFor, circle, cross, degrees, flat, frameAt, minus, pointIn, unit } from './snake.js';
+import { TURN, VIEWS, cameraFor, circle, cross, degrees, flat, frameAt, minus, pointIn, unit, viewNamed } from './snake.js';
 import { arrow, base, disk, tubePiece } from './solids.js';
 
 const N_DISKS = 9, PIECES = 27, TUBE = 0.38, FLOOR = -2.45;
@@ -35,7 +35,7 @@ export class Scene {
     this.view.distance = Math.max(45, Math.min(160, this.view.distance * factor));
   }
 
-  preset(name) { this.goal = VIEWS[name] ?? null; }
+  preset(name, roll) { this.goal = viewNamed(name, roll); }
 
   /// Remembers where the tip was, for about four seconds of pictures.
   remember(bend, length) {

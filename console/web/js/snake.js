@@ -43,6 +43,9 @@ export const VIEWS = {
   camera: { azimuth: 0, elevation: -Math.PI / 2, distance: 96 },
 };
 
+/// A view by name; the camera is turned about the straight snake by its roll.
+export const viewNamed = (name, roll) => name === 'camera' ? { ...VIEWS.camera, azimuth: roll } : VIEWS[name] ?? null;
+
 /// A perspective camera that looks at a target; `project` gives x, y, depth and pixels per millimetre.
 export function cameraFor({ azimuth, elevation, distance }, target, width, height) {
   const [sa, ca, se, ce] = [Math.sin(azimuth), Math.cos(azimuth), Math.sin(elevation), Math.cos(elevation)];

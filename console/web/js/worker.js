@@ -103,12 +103,23 @@ onmessage = ({ data }) => {
     case 'forget': replay?.clear(); break;
     case 'turn': ({ scene, replay })[data.name]?.turn(data.azimuth, data.elevation); lastShape = null; paintReplay(); break;
     case 'zoom': ({ scene, replay })[data.name]?.zoom(data.factor); lastShape = null; paintReplay(); break;
-    case 'view': scene?.preset(data.name); lastShape = null; break;
+    case 'view': scene?.preset(data.name, facts?.view_roll_rad ?? 0); lastShape = null; break;
     case 'shown': isShown = data.isShown; lastShape = null; break;
     case 'wish':
       // Without a connection nothing is kept for later: the page says so when no answer comes.
       if (socket?.readyState === WebSocket.OPEN && offset !== null) {
         socket.send(JSON.stringify({ k: 'wish', id: data.id, wish: data.wish, session, at_ms: performance.now() + offset }));
+      }
+      break;
+    case 'take':
+      if (socket?.readyState === WebSocket.OPEN && offset !== null) {
+        socket.send(JSON.stringify({ k: 'take', id: data.id, session, at_ms: performance.now() + offset }));
+      }
+      break;
+    case 'hand':
+      // The page's instant on the server's clock; where the way is blocked nothing queues up.
+      if (socket?.readyState === WebSocket.OPEN && offset !== null && socket.bufferedAmount === 0) {
+        socket.send(JSON.stringify({ k: 'pad', n: data.n, held: data.held, x: data.x, y: data.y, session, at_ms: data.at - performance.timeOrigin + offset }));
       }
       break;
     case 'connect': connect(); setInterval(ping, PING_EVERY_MS); requestAnimationFrame(paint); break;

@@ -12,6 +12,7 @@
 mod actuators;
 mod command;
 mod cue;
+mod drive_wish;
 mod health;
 mod marker;
 mod model_update;
@@ -27,6 +28,7 @@ mod state_request;
 pub use actuators::{Actuators, Joints, MAX_ACTUATORS, MAX_JOINTS, N_LINES, lines, n_actuators, three, used};
 pub use command::Command;
 pub use cue::Cue;
+pub use drive_wish::DriveWish;
 pub use health::{Health, N_REASONS_MAX, ReasonRecord};
 pub use marker::{MARKER_TEXT_MAX, Marker, MarkerTextError};
 pub use model_update::{LearningState, LearntValue, MAX_LEARNT, ModelUpdate};

@@ -21,7 +21,7 @@ pub struct OperatorInput {
     /// The device's own six axes of the newest report, in its counts (x, y, z, rx, ry, rz).
     pub raw_axes: [i16; 6],
     /// Bits of [`OperatorInput::OPERATOR_PRESENT`], [`OperatorInput::CLUTCH`], [`OperatorInput::TRANSLATION_LOCKED`],
-    /// [`OperatorInput::ROTATION_LOCKED`].
+    /// [`OperatorInput::ROTATION_LOCKED`], [`OperatorInput::FROM_PAD`].
     pub flags: u32,
     /// The device's buttons, bit n = button n.
     pub buttons: u32,
@@ -48,6 +48,8 @@ impl OperatorInput {
     pub const TRANSLATION_LOCKED: u32 = 4;
     /// Flag: no rotation is asked for, whatever the hand does.
     pub const ROTATION_LOCKED: u32 = 8;
+    /// Flag: the hand is on the drive pad of a page, whose axes are thousandths along view x and y.
+    pub const FROM_PAD: u32 = 16;
 
     /// Whether the operator is present.
     pub fn operator_present(&self) -> bool {
@@ -57,6 +59,11 @@ impl OperatorInput {
     /// Whether the clutch is pressed.
     pub fn clutch_pressed(&self) -> bool {
         self.flags & Self::CLUTCH != 0
+    }
+
+    /// Whether the motion comes from the drive pad of a page.
+    pub fn is_from_pad(&self) -> bool {
+        self.flags & Self::FROM_PAD != 0
     }
 
     /// The typed device state, or `None` for a value that no version of krait sends.

@@ -9,6 +9,7 @@ use anyhow::Context;
 use krait_console::{Facts, HopBudget, ServerSettings};
 use krait_ipc::Bus;
 use krait_master::Presence;
+use krait_slave::DriveKind;
 use rustix::process::{Pid, Signal, kill_process};
 use std::os::unix::process::CommandExt;
 use std::path::Path;
@@ -89,7 +90,7 @@ fn facts_of(instance: &str, config: &Config, model: &ModelInForce) -> anyhow::Re
     let budget = &config.budget;
     Ok(Facts {
         instance: instance.to_owned(),
-        is_simulated: true,
+        is_simulated: config.slave.drive.kind == DriveKind::Sim,
         l_m: chain.machine().l_m,
         r_m: chain.machine().r_m,
         max_bend_rad: config.resolve.max_bend_rad,

@@ -150,11 +150,31 @@ fn is_cued(process: &ProcessVerb) -> bool {
     }
 }
 
+/// A page may stop and pause real drives; to move them takes a device that nothing but a hand can move.
+///
+/// # Errors
+/// One sentence where the drives are real.
+pub fn refuse_pad_of_real_drives(drive: DriveKind) -> anyhow::Result<()> {
+    match drive {
+        DriveKind::Sim => Ok(()),
+        DriveKind::Sts3215 => bail!(
+            "--master browser drives simulated drives only, and [slave.drive] names real ones; \
+             drive them with --master hid, or try the page with --slave sim"
+        ),
+    }
+}
+
 fn run_master(bus: &Bus, config: &Config, args: &MasterArgs, stop: &AtomicBool) -> anyhow::Result<()> {
     let (input, looping) = (args.input.as_deref(), args.looped);
     let source = match (args.kind, input) {
         (MasterKind::Hid, None) => SourceChoice::Hid,
-        (MasterKind::Hid, Some(path)) => bail!("--input {}: a live device has no input file", path.display()),
+        (MasterKind::Browser, None) => {
+            refuse_pad_of_real_drives(config.slave.drive.kind)?;
+            SourceChoice::Browser
+        }
+        (MasterKind::Hid | MasterKind::Browser, Some(path)) => {
+            bail!("--input {}: a live device has no input file", path.display())
+        }
         (MasterKind::Replay, None) => SourceChoice::Recording { recording: HidRecording::shipped()?, looping },
         (MasterKind::Replay, Some(path)) => SourceChoice::Recording { recording: HidRecording::load(path)?, looping },
         (MasterKind::Script, Some(path)) => SourceChoice::Script { script: Script::load(path)?, looping },

@@ -2,6 +2,7 @@
 
 use crate::cli::{Common, EngageKind, MasterKind, RunArgs, ShapeKind};
 use crate::commands::console::Companion;
+use crate::commands::process::refuse_pad_of_real_drives;
 use crate::config::Config;
 use crate::evidence::Evidence;
 use crate::progress::Progress;
@@ -17,8 +18,8 @@ use std::process::ExitCode;
 pub fn run(common: &Common, args: &RunArgs) -> anyhow::Result<ExitCode> {
     let stop = signals::stop_flag()?;
     match (args.master, args.engage) {
-        (MasterKind::Hid, Some(_)) => {
-            bail!("--engage is for recordings and scripts; a hand engages by its own button: leave it out")
+        (MasterKind::Hid | MasterKind::Browser, Some(_)) => {
+            bail!("--engage is for recordings and scripts; a hand engages by its own button or pad: leave it out")
         }
         (MasterKind::Replay | MasterKind::Script, None) => {
             tracing::warn!("nothing will move: a recording or script engages only with --engage");
@@ -26,7 +27,8 @@ pub fn run(common: &Common, args: &RunArgs) -> anyhow::Result<ExitCode> {
         _ => {}
     }
     let config = configure(common, args)?;
-    if args.console {
+    let has_console = args.console || args.master == MasterKind::Browser;
+    if has_console {
         config.model()?.snake("the console")?;
     }
     let options = ChainOptions {
@@ -51,7 +53,7 @@ pub fn run(common: &Common, args: &RunArgs) -> anyhow::Result<ExitCode> {
     let model = options.config.model()?;
     evidence.processes(model.label, &supervisor.processes());
     let start_console = || Companion::start(&common.instance, &options.config, args.json);
-    let console = args.console.then(start_console).transpose()?;
+    let console = has_console.then(start_console).transpose()?;
     let label = format!("Running, compensation {}; Ctrl-C ends it", model.label);
     Progress::new(&label, supervisor.bus(), args.seconds)?.show(&mut supervisor, &stop)?;
     supervisor.end_chain();
@@ -109,6 +111,13 @@ fn configure(common: &Common, args: &RunArgs) -> anyhow::Result<Config> {
             args.engage != Some(EngageKind::Again),
             "--engage=again would move real drives again after whatever has stopped them; use --engage, or --slave sim"
         );
+    }
+    if args.master == MasterKind::Browser {
+        ensure!(
+            args.input.is_none(),
+            "--input is for recordings and scripts, and a hand on a page has none; leave it out"
+        );
+        refuse_pad_of_real_drives(config.slave.drive.kind)?;
     }
     match args.shape {
         Some(ShapeKind::Camera) => config.slave.shape = ShapeSource::Camera,

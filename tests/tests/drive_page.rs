@@ -1,0 +1,226 @@
+//! Driving from the page in a real Chromium: pointer, keyboard and gamepad, in the directions that the picture shows; what a
+//! page does that hangs or dies. Skipped aloud where there is no Chromium.
+
+#![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
+
+use core::time::Duration;
+use krait_tests::{Browser, BrowserPage, Console, Ended, Krait, PadPage, TempFolder, instance_name, pad_losses};
+use rustix::process::Signal;
+use serde_json::{Value, json};
+
+const PATIENCE: Duration = Duration::from_secs(240);
+/// The lease, in ticks of the master, and two more.
+const MOST_INPUTS: usize = 150 + 2;
+/// The camera is turned, so that what forgets its roll is seen.
+const ROLL_RAD: f64 = 0.5;
+
+const READY: &str = "document.documentElement.dataset.shown === 'ready'";
+const MOVES: &str = "['following', 'limited'].includes(document.documentElement.dataset.shown)";
+
+fn says(text: &str) -> String {
+    format!("document.getElementById('pad-says').textContent.startsWith({})", json!(text))
+}
+
+#[test]
+fn a_person_drives_from_the_page_and_the_picture_the_dial_and_the_pad_agree() {
+    let Some(browser) = Browser::start() else { return };
+    let folder = TempFolder::new("drive");
+    let (recording, config, instance) = (folder.file("drive.mcap"), folder.file("krait.toml"), instance_name("drive"));
+    std::fs::write(&config, format!("[resolve]\nview_roll_rad = {ROLL_RAD}\n")).expect("written");
+    let mut krait = Krait::start(&[
+        "run",
+        "--master",
+        "browser",
+        "--instance",
+        &instance,
+        "--config",
+        &config,
+        "--recording",
+        &recording,
+    ]);
+    let console = Console::of(&mut krait);
+    let mut first = PadPage::open(&console);
+    first.until("offered", |_, frame| !frame["pad"].is_null() && frame["state"]["homed"] == true);
+    let mut page = browser.page(&console.address, 1280, 800);
+    page.wait_for(
+        "the pad is there and nothing is engaged",
+        &format!("{READY} && !document.getElementById('pad').hidden"),
+    );
+    see_who_drives_and_take_over(&mut page, &mut first);
+    drop(first);
+
+    let mut hand = Hand { centre: centre(&mut page), page: &mut page, console: &console };
+    for direction in [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]] {
+        hand.drive(direction, &format!("by pointer {direction:?}"), Hand::pointer);
+    }
+    hand.drive([0.0, 1.0], "by keyboard", Hand::keyboard);
+    hand.drive([0.0, -1.0], "by gamepad", Hand::gamepad);
+    keep(&mut page, "drive");
+
+    // A page that hangs with the pad held: the motion stops, and begins anew only after the hand was off the pad.
+    let place = centre(&mut page);
+    hold(&mut page, place);
+    let mut seen = PadPage::open(&console);
+    page.value("setTimeout(() => { const end = performance.now() + 2500; while (performance.now() < end); }, 20); 0");
+    seen.until("lost while it hangs", |_, frame| frame["operator"]["device"] == "lost");
+    page.wait_for("the page says so", &says("It holds still"));
+    let mut n = 0;
+    seen.until("still held", |_, frame| {
+        assert_eq!(frame["operator"]["present"], false, "{frame}");
+        n += 1;
+        n > 30
+    });
+    page.mouse_half(false, place);
+    page.wait_for("let go", READY);
+    hold(&mut page, place);
+
+    // A page that dies with the pad held; others that go meanwhile stop nothing.
+    drop(PadPage::open(&console));
+    let complaints: Vec<_> = page.complaints.iter().filter(|said| !said.contains("WebSocket")).cloned().collect();
+    drop(page);
+    drop(browser);
+    seen.until("it stops and the pad is free", |_, frame| {
+        frame["operator"]["present"] == false && frame["pad"]["driver"].is_null() && frame["state"]["engaged"] == false
+    });
+    assert!(complaints.is_empty(), "{complaints:?}");
+    krait.signal(Signal::TERM);
+    let ended = krait.end(PATIENCE);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let (losses, n_without_hand) = pad_losses(&recording);
+    assert!(!losses.is_empty() && losses.iter().all(|n_inputs| *n_inputs <= MOST_INPUTS), "{losses:?}");
+    assert_eq!(n_without_hand, 0, "commands that follow nobody");
+    let verified = Ended::of(&["verify", &recording], PATIENCE);
+    assert_eq!(verified.code, Some(0), "{}\n{}", verified.stdout, verified.stderr);
+}
+
+/// The page sees that another one drives and cannot take over before that one has let go; then by a deliberate act, by key.
+fn see_who_drives_and_take_over(page: &mut BrowserPage, first: &mut PadPage) {
+    assert_eq!(first.take()["is_done"], true);
+    first.let_go_until("off the pad", |frame| frame["pad"]["driver"] == json!(1));
+    let mut is_said = false;
+    first.hold_until("seen to drive", [0.0, 0.0], |frame| {
+        is_said |= frame["operator"]["present"] == true && page.value(&says("Page 1 drives.")) == json!(true);
+        is_said
+    });
+    first.let_go_until("let go", |frame| frame["operator"]["present"] == false);
+    page.wait_for("the first has let go", &says("Page 1 has the pad and has let go."));
+    // The pad of another is no pad: it is pressed in vain.
+    let place = centre(page);
+    page.mouse_half(true, place);
+    for _ in 0..30 {
+        assert_eq!(first.frame()["operator"]["present"], false, "pressed without having the pad");
+    }
+    page.mouse_half(false, place);
+    page.value("document.getElementById('pad-take').focus()");
+    page.key_half(true, "Enter", 13);
+    page.key_half(false, "Enter", 13);
+    page.wait_for("it has the pad", &says("Yours."));
+}
+
+/// Presses the pad's middle until the snake follows; where the machine is too busy for the lease, anew.
+fn hold(page: &mut BrowserPage, place: [f64; 2]) {
+    for _ in 0..5 {
+        page.mouse_half(true, place);
+        page.wait_for("held or lost", &format!("{MOVES} || document.documentElement.dataset.shown === 'lost'"));
+        if page.value(MOVES) == json!(true) {
+            return;
+        }
+        page.mouse_half(false, place);
+        page.wait_for("let go", READY);
+    }
+    panic!("never held for long enough to follow");
+}
+
+fn centre(page: &mut BrowserPage) -> [f64; 2] {
+    let script = "(() => { const r = document.getElementById('pad-field').getBoundingClientRect(); return [r.x + r.width / 2, r.y + r.height / 2]; })()";
+    pair(&page.value(script))
+}
+
+fn pair(value: &Value) -> [f64; 2] {
+    [0, 1].map(|i| value[i].as_f64().expect("a number"))
+}
+
+/// A person at the page.
+struct Hand<'a> {
+    page: &'a mut BrowserPage,
+    console: &'a Console,
+    centre: [f64; 2],
+}
+
+impl Hand<'_> {
+    /// Drives until the camera's picture has moved visibly, lets go, and holds picture and dial against the direction.
+    fn drive(&mut self, direction: [f64; 2], how: &str, act: fn(&mut Self, [f64; 2], bool)) {
+        self.page.wait_for("ready", READY);
+        let (dial_before, tip_before) = (self.dial(), self.tip());
+        let moved = |now: [f64; 2], before: [f64; 2]| [now[0] - before[0], now[1] - before[1]];
+        let mut is_far = false;
+        for _ in 0..200 {
+            if self.page.value("document.getElementById('pad').classList.contains('held')") != json!(true)
+                || self.page.value(MOVES) != json!(true)
+            {
+                // Not held yet, or held up for longer than the lease.
+                act(self, direction, false);
+                self.page.wait_for("off the pad", READY);
+                act(self, direction, true);
+            }
+            let [x, y] = moved(self.dial(), dial_before);
+            is_far = x.hypot(y) > 12.0;
+            if is_far {
+                break;
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        act(self, direction, false);
+        self.page.wait_for("let go", READY);
+        assert!(is_far, "{how}: it moved by {:?} from {dial_before:?}", moved(self.dial(), dial_before));
+        for (what, moved) in [("dial", moved(self.dial(), dial_before)), ("picture", moved(self.tip(), tip_before))] {
+            let along = (moved[0] * direction[0] + moved[1] * direction[1]) / moved[0].hypot(moved[1]);
+            assert!(along > 0.8, "{how}: the {what} moved by {moved:?}");
+        }
+    }
+
+    /// The measured bend on the dial: to the right and down.
+    fn dial(&mut self) -> [f64; 2] {
+        let script = "(document.querySelector('#dial .seen').getAttribute('transform') ?? '(0 0)').match(/\\((\\S+) (\\S+)\\)/).slice(1).map(Number)";
+        pair(&self.page.value(script))
+    }
+
+    /// The tip in the camera's picture, by the page's own geometry: pixels to the right and down.
+    fn tip(&mut self) -> [f64; 2] {
+        let frame = PadPage::open(self.console).until("measured", |_, frame| frame["bend"].is_array());
+        let script = format!(
+            "import('/js/snake.js').then(({{ cameraFor, frameAt, viewNamed }}) => cameraFor(viewNamed('camera', {ROLL_RAD}), [0, 0, 11.2], 800, 800).project(frameAt({}, 1, 25).centre))",
+            frame["bend"]
+        );
+        pair(&self.page.value(&script))
+    }
+
+    fn pointer(&mut self, [x, y]: [f64; 2], is_down: bool) {
+        const PIXELS: f64 = 40.0;
+        self.page.mouse_half(is_down, [self.centre[0] + PIXELS * x, self.centre[1] + PIXELS * y]);
+    }
+
+    fn keyboard(&mut self, [_, y]: [f64; 2], is_down: bool) {
+        let (arrow, code) = if y > 0.0 { ("ArrowDown", 40) } else { ("ArrowUp", 38) };
+        self.page.value("document.getElementById('pad-field').focus()");
+        self.page.key_half(is_down, " ", 32);
+        self.page.key_half(is_down, arrow, code);
+    }
+
+    /// No gamepad can be plugged in here: the browser's function says what one would.
+    fn gamepad(&mut self, [x, y]: [f64; 2], is_down: bool) {
+        self.page.call("Emulation.setFocusEmulationEnabled", &json!({ "enabled": true }));
+        self.page.value(&format!(
+            "navigator.getGamepads = () => [null, {{ connected: true, mapping: 'standard', axes: [{}, {}, 0, 0], buttons: Array.from({{ length: 17 }}, (_, i) => ({{ pressed: {is_down} && i === 5 }})) }}]; 0",
+            0.8 * x, 0.8 * y
+        ));
+    }
+}
+
+/// Keeps a picture where somebody wants to look at it.
+fn keep(page: &mut BrowserPage, name: &str) {
+    if let Ok(folder) = std::env::var("KRAIT_SHOTS") {
+        std::fs::create_dir_all(&folder).expect("a folder");
+        std::fs::write(format!("{folder}/{name}.png"), page.picture()).expect("written");
+    }
+}
