@@ -39,15 +39,12 @@ fn a_person_drives_from_the_page_and_the_picture_the_dial_and_the_pad_agree() {
         &recording,
     ]);
     let console = Console::of(&mut krait);
-    let mut first = PadPage::open(&console);
-    first.until("offered", |_, frame| !frame["pad"].is_null() && frame["state"]["homed"] == true);
     let mut page = browser.page(&console.address, 1280, 800);
     page.wait_for(
         "the pad is there and nothing is engaged",
         &format!("{READY} && !document.getElementById('pad').hidden"),
     );
-    see_who_drives_and_take_over(&mut page, &mut first);
-    drop(first);
+    see_who_drives_and_take_over(&mut page, &console);
 
     let mut hand = Hand { centre: centre(&mut page), page: &mut page, console: &console };
     for direction in [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]] {
@@ -64,12 +61,7 @@ fn a_person_drives_from_the_page_and_the_picture_the_dial_and_the_pad_agree() {
     page.value("setTimeout(() => { const end = performance.now() + 2500; while (performance.now() < end); }, 20); 0");
     seen.until("lost while it hangs", |_, frame| frame["operator"]["device"] == "lost");
     page.wait_for("the page says so", &says("It holds still"));
-    let mut n = 0;
-    seen.until("still held", |_, frame| {
-        assert_eq!(frame["operator"]["present"], false, "{frame}");
-        n += 1;
-        n > 30
-    });
+    assert_holds_still(&console);
     page.mouse_half(false, place);
     page.wait_for("let go", READY);
     hold(&mut page, place);
@@ -93,23 +85,33 @@ fn a_person_drives_from_the_page_and_the_picture_the_dial_and_the_pad_agree() {
     assert_eq!(verified.code, Some(0), "{}\n{}", verified.stdout, verified.stderr);
 }
 
+/// For half a second of pictures from now on nobody is present.
+fn assert_holds_still(console: &Console) {
+    let mut now = PadPage::open(console);
+    for _ in 0..30 {
+        let frame = now.frame();
+        assert_eq!(frame["operator"]["present"], false, "{frame}");
+    }
+}
+
 /// The page sees that another one drives and cannot take over before that one has let go; then by a deliberate act, by key.
-fn see_who_drives_and_take_over(page: &mut BrowserPage, first: &mut PadPage) {
+fn see_who_drives_and_take_over(page: &mut BrowserPage, console: &Console) {
+    let mut first = PadPage::open(console);
+    let number = first.page;
     assert_eq!(first.take()["is_done"], true);
-    first.let_go_until("off the pad", |frame| frame["pad"]["driver"] == json!(1));
+    first.let_go_until("off the pad", |frame| frame["pad"]["driver"] == number);
     let mut is_said = false;
     first.hold_until("seen to drive", [0.0, 0.0], |frame| {
-        is_said |= frame["operator"]["present"] == true && page.value(&says("Page 1 drives.")) == json!(true);
+        is_said |=
+            frame["operator"]["present"] == true && page.value(&says(&format!("Page {number} drives."))) == json!(true);
         is_said
     });
     first.let_go_until("let go", |frame| frame["operator"]["present"] == false);
-    page.wait_for("the first has let go", &says("Page 1 has the pad and has let go."));
+    page.wait_for("the first has let go", &says(&format!("Page {number} has the pad and has let go.")));
     // The pad of another is no pad: it is pressed in vain.
     let place = centre(page);
     page.mouse_half(true, place);
-    for _ in 0..30 {
-        assert_eq!(first.frame()["operator"]["present"], false, "pressed without having the pad");
-    }
+    assert_holds_still(console);
     page.mouse_half(false, place);
     page.value("document.getElementById('pad-take').focus()");
     page.key_half(true, "Enter", 13);
