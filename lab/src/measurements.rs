@@ -40,6 +40,37 @@ pub struct Measurements {
     pub sigma: Option<Vec<f64>>,
     /// Other columns by name, kept for formulas and reports.
     pub extra: Vec<(String, Vec<f64>)>,
+    /// What the file calls inputs and outputs.
+    pub names: Names,
+}
+
+/// What a file calls its columns, without units; empty where it uses the lab's own names.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Names {
+    /// Of the inputs.
+    pub inputs: Vec<String>,
+    /// Of the outputs.
+    pub outputs: Vec<String>,
+}
+
+impl Names {
+    /// The name of input `k`, from 0: `u1`, or what the file calls it.
+    pub fn input(&self, k: usize) -> String {
+        self.inputs.get(k).filter(|name| !name.is_empty()).cloned().unwrap_or_else(|| format!("u{}", k + 1))
+    }
+
+    /// The name of output `k`, from 0: `y1`, or what the file calls it.
+    pub fn output(&self, k: usize) -> String {
+        self.outputs.get(k).filter(|name| !name.is_empty()).cloned().unwrap_or_else(|| format!("y{}", k + 1))
+    }
+
+    /// A joint by its number, from 1, with the file's own name for what was measured of it.
+    pub fn joint(&self, number: usize) -> String {
+        match self.outputs.get(number.wrapping_sub(1)).filter(|name| !name.is_empty()) {
+            Some(name) => format!("joint {number} ({name})"),
+            None => format!("joint {number}"),
+        }
+    }
 }
 
 impl Measurements {
@@ -66,6 +97,12 @@ impl Measurements {
     /// Whether a row is the first of its trial.
     pub fn starts_trial(&self, row: usize) -> bool {
         row == 0 || self.trial.get(row) != self.trial.get(row - 1)
+    }
+
+    /// Time of all trials together, s.
+    pub fn duration_s(&self) -> f64 {
+        let pairs = self.time_s.windows(2).zip(self.trial.windows(2));
+        pairs.filter(|(_, trial)| trial[0] == trial[1]).map(|(time_s, _)| time_s[1] - time_s[0]).sum()
     }
 
     /// Several recordings of one machine one after the other, and the name and first trial of each; columns that one of them
@@ -128,6 +165,7 @@ impl Measurements {
             temperature_c: pick_option(&self.temperature_c, 1),
             sigma: pick_option(&self.sigma, 1),
             extra: self.extra.iter().map(|(name, values)| (name.clone(), pick(values, 1))).collect(),
+            names: self.names.clone(),
         }
     }
 }

@@ -39,6 +39,7 @@ fn motion() -> Measurements {
         temperature_c: None,
         sigma: None,
         extra: Vec::new(),
+        names: krait_lab::Names::default(),
     }
 }
 

@@ -2,12 +2,17 @@
 
 use crate::cli_lab_data::{BenchmarkArgs, GenerateArgs};
 use clap::{Args, Subcommand};
-use krait_lab::read::{ColumnMap, Mapping};
+use krait_lab::read::{ColumnMap, Mapping, ReadError};
 use std::path::PathBuf;
 
 /// The lab's subcommands.
 #[derive(Debug, Subcommand)]
 pub enum LabVerb {
+    /// Looks at a CSV file of any machine and proposes which column is what, and a model file to begin with.
+    #[command(
+        after_help = "Examples:\n  krait lab init run.csv\n  krait lab init theirs.csv --map 'u1_deg=Motor A' --map 'y1_deg=Jaw'\n\nIt writes run.map.toml and run.model.toml beside the data and prints the next command. Columns may be separated by commas, semicolons or tabs, fractions begin with a point or a comma, units stand at the end of a name or in brackets, and times are in s, ms, us or ns, also since 1970."
+    )]
+    Init(InitArgs),
     /// How far are model and measurements apart, in which part, and where is it worst?
     #[command(
         after_help = "Examples:\n  krait lab compare --model base.toml --data run.csv\n  krait lab compare --model base.toml --data recordings/run.mcap --json | jq .error_deg\n  krait lab compare --model base.toml --data theirs.csv --map time_s=t --map bend_x_rad=cam.x:deg --map bend_y_rad=cam.y:deg"
@@ -43,6 +48,28 @@ pub enum LabVerb {
     Benchmark(BenchmarkArgs),
 }
 
+/// Options of `krait lab init`.
+#[derive(Clone, Debug, Args)]
+pub struct InitArgs {
+    /// Measurements (CSV).
+    pub data: PathBuf,
+    /// What a column is, where its name does not tell or tells wrongly, again for each: y1_deg=Jaw.
+    #[arg(long = "map", value_name = "COLUMN=NAME[:UNIT]")]
+    pub map: Vec<Mapping>,
+    /// Where to write the mapping; by default beside the data as NAME.map.toml.
+    #[arg(long, value_name = "FILE")]
+    pub map_out: Option<PathBuf>,
+    /// Where to write the model; by default beside the data as NAME.model.toml.
+    #[arg(long, value_name = "FILE")]
+    pub model_out: Option<PathBuf>,
+    /// Overwrite files that are already there.
+    #[arg(long)]
+    pub force: bool,
+    /// Print the proposal as JSON on standard output.
+    #[arg(long)]
+    pub json: bool,
+}
+
 /// A model and measurements.
 #[derive(Clone, Debug, Args)]
 pub struct LabFiles {
@@ -55,12 +82,20 @@ pub struct LabFiles {
     /// The file's own name and unit for a column of the lab, again for each: bend_x_rad=cam.x:deg.
     #[arg(long = "map", value_name = "COLUMN=NAME[:UNIT]")]
     pub map: Vec<Mapping>,
+    /// A file of such mappings, as `krait lab init` writes it; --map comes before it.
+    #[arg(long, value_name = "FILE")]
+    pub map_file: Option<PathBuf>,
 }
 
 impl LabFiles {
     /// The mappings together.
-    pub fn column_map(&self) -> ColumnMap {
-        self.map.iter().cloned().collect()
+    ///
+    /// # Errors
+    /// What a mapping file is refused for.
+    pub fn column_map(&self) -> Result<ColumnMap, ReadError> {
+        let said: ColumnMap = self.map.iter().cloned().collect();
+        let file = self.map_file.as_deref().map(ColumnMap::from_file).transpose()?;
+        Ok(file.unwrap_or_default().overridden(said))
     }
 }
 

@@ -8,6 +8,7 @@
 use core::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};
 use core::time::Duration;
 use krait_ipc::clock;
+use krait_lab::init::propose;
 use krait_lab::read::{ColumnMap, Expected, read};
 use krait_master::{HidRecording as Reports, HidReport, Script};
 use krait_model::model_file::ModelFile;
@@ -246,12 +247,27 @@ fn readers(folder: &TempFolder) -> Vec<Reader<'_>> {
         },
         Reader {
             name: "table",
-            seeds: vec![table],
-            n_inputs: 200,
+            seeds: vec![
+                table,
+                b"\xef\xbb\xbfStamp [ns];Motor (deg);Jaw [mrad];note\r\n1763809215000000000;1,5;26,2;\"a;b\"\r\n1763809215020000000;1,6;27,9;\r\n".to_vec(),
+                b"t\tu1_deg\ty1_deg\ttrial\n0\t0.5\t0.4\tup\n20\t0.6\t0.5\tup\n".to_vec(),
+            ],
+            n_inputs: 300,
             read: Box::new(move |bytes| {
                 let path = folder.file("fuzz.csv");
                 fs::write(&path, bytes).expect("written");
                 drop(read(Path::new(&path), &ColumnMap::default(), Expected::Snake));
+                drop(propose(Path::new(&path), &ColumnMap::default()));
+            }),
+        },
+        Reader {
+            name: "map",
+            seeds: vec![b"format = 1\n[columns]\ntime_s = { column = \"Stamp\", unit = \"ns\" }\nu1_rad = { column = \"Motor\" }\n".to_vec()],
+            n_inputs: 200,
+            read: Box::new(move |bytes| {
+                let path = folder.file("fuzz.map.toml");
+                fs::write(&path, bytes).expect("written");
+                drop(ColumnMap::from_file(Path::new(&path)));
             }),
         },
     ]

@@ -284,5 +284,6 @@ fn measurements(recipe: &Recipe, readings_m: &[[f64; 3]], seen_rad: &[[f64; 2]])
         temperature_c: None,
         sigma: None,
         extra: Vec::new(),
+        names: krait_lab::Names::default(),
     }
 }

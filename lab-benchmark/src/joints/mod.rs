@@ -120,6 +120,7 @@ pub fn joints(recipe: &JointRecipe) -> Option<(Measurements, Answer)> {
         temperature_c: None,
         sigma: None,
         extra: Vec::new(),
+        names: krait_lab::Names::default(),
     };
     Some((data, answer))
 }

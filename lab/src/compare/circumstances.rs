@@ -164,10 +164,11 @@ fn joints<'a>(machine: &dyn MachineUnderTest, data: &'a Measurements) -> Vec<Dim
         let all = (0..data.n_rows()).map(value);
         let (low, high) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
         let edges: Vec<f64> = (0..=6).map(|i| low + (high - low) * f64::from(i) / 6.0).collect();
-        let position = between(&format!("u{}", k + 1), &unit, edges, value);
+        let position = between(&data.names.input(k), &unit, edges, value);
         let rising = rising(data, k);
         let labels = ["rising", "falling"].map(str::to_owned).to_vec();
-        let direction = dimension(&format!("direction of u{}", k + 1), labels, move |row| *rising.get(row)?);
+        let direction =
+            dimension(&format!("direction of {}", data.names.input(k)), labels, move |row| *rising.get(row)?);
         found.extend([position, direction].map(|d| Dimension { output: Some(k), has_mean: true, ..d }));
     }
     found

@@ -68,6 +68,7 @@ mod tests {
             temperature_c: None,
             sigma: None,
             extra: Vec::new(),
+            names: crate::Names::default(),
         }
     }
 

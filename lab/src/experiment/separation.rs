@@ -142,5 +142,6 @@ fn measurements(machine: &SnakeMachine) -> Result<Measurements, LabError> {
         temperature_c: None,
         sigma: None,
         extra: Vec::new(),
+        names: crate::Names::default(),
     })
 }

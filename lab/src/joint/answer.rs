@@ -10,7 +10,7 @@ use crate::diagnose::{
     Remaining, Structure, Verdict, cautions, explore, reversals, separate,
 };
 use crate::machine::{JointsLab, MachineUnderTest};
-use crate::{LabError, Measurements, Problem, Term};
+use crate::{LabError, Measurements, Names, Problem, Term};
 use krait_model::joints::JointEffect;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -123,6 +123,7 @@ pub(super) fn diagnosis(answer: Answer) -> Result<Diagnosis, LabError> {
         floor: sigma,
         share,
         unit,
+        names: &data.names,
     });
     let floor = worst.map(|own| &own.floor);
     Ok(Diagnosis {
@@ -376,6 +377,7 @@ struct Said<'a> {
     floor: Option<f64>,
     share: Option<f64>,
     unit: &'a str,
+    names: &'a Names,
 }
 
 fn sentence(said: &Said) -> String {
@@ -387,7 +389,8 @@ fn sentence(said: &Said) -> String {
         said.floor.map_or("an unknown noise floor".to_owned(), |floor| format!("a noise floor of {floor:.3} {unit}"));
     let several = said.found.len() > 1;
     let one = |effect: &FoundEffect| {
-        let joint = effect.joint.filter(|_| several).map_or(String::new(), |joint| format!(" on joint {joint}"));
+        let joint =
+            effect.joint.filter(|_| several).map_or(String::new(), |joint| format!(" on {}", said.names.joint(joint)));
         match effect.class.len() {
             1 => format!("{}{joint}", effect.name),
             _ => format!("{}{joint} (or {})", effect.name, effect.class[1..].join(", ")),

@@ -43,9 +43,9 @@ pub(super) fn check(machine: &JointsLab, data: &Measurements) -> Result<Vec<Stri
         if let Some(k) = exchanged {
             let spread = |share: f64| deviation(&data.outputs, n, i) * scale * (1.0 - share).max(0.0).sqrt();
             said.push(format!(
-                "y{} and y{} are probably exchanged: {:.3} {unit} becomes {:.3} {unit}",
-                i + 1,
-                k + 1,
+                "{} and {} are probably exchanged: {:.3} {unit} becomes {:.3} {unit}",
+                data.names.output(i),
+                data.names.output(k),
                 spread(own.share),
                 spread(lines[i][k].share)
             ));
@@ -59,14 +59,14 @@ pub(super) fn check(machine: &JointsLab, data: &Measurements) -> Result<Vec<Stri
         let a_unit = UNITS.iter().find(|(factor, _)| (ratio.abs() / factor - 1.0).abs() < NEAR_A_UNIT);
         if let Some((_, what)) = a_unit {
             said.push(format!(
-                "y{} is probably {what}: its gain is {:.4} where the model holds {held}",
-                i + 1,
+                "{} is probably {what}: its gain is {:.4} where the model holds {held}",
+                data.names.output(i),
                 own.gain
             ));
         } else if ratio < -0.3 {
             said.push(format!(
-                "y{} is probably negated: its gain is {:.4} where the model holds {held}; correct the column or leave `gain` out",
-                i + 1,
+                "{} is probably negated: its gain is {:.4} where the model holds {held}; correct the column or leave `gain` out",
+                data.names.output(i),
                 own.gain
             ));
         }

@@ -31,7 +31,7 @@ pub(super) fn enough(place: &Place, data: &Measurements) -> Result<(), ReadError
         Err(ReadError::TooLittle { path, rows, what, expected, advice })
     };
     let Place { time, inputs, outputs, .. } = place;
-    let duration_s = duration_s(data);
+    let duration_s = data.duration_s();
     if duration_s < MIN_DURATION_S {
         let what = format!("the trials in {time} last {duration_s:.3} s together");
         return little(what, "2 s or more", "record a longer run");
@@ -58,10 +58,4 @@ fn ranges(values: &[f64], width: usize) -> impl Iterator<Item = (f64, f64)> {
     let fold = |(low, high): (f64, f64), &v: &f64| (low.min(v), high.max(v));
     let column = move |k| values.iter().skip(k).step_by(width).filter(|v| v.is_finite());
     (0..width).map(move |k| column(k).fold((f64::INFINITY, f64::NEG_INFINITY), fold))
-}
-
-/// Time of all trials together, s.
-fn duration_s(data: &Measurements) -> f64 {
-    let pairs = data.time_s.windows(2).zip(data.trial.windows(2));
-    pairs.filter(|(_, trial)| trial[0] == trial[1]).map(|(time_s, _)| time_s[1] - time_s[0]).sum()
 }

@@ -2,20 +2,28 @@
 
 use super::ReadError;
 use super::unit::Unit;
+use std::fmt;
 use std::str::FromStr;
 
 /// One mapping: a column of the lab, the file's name for it, and the unit that the file has it in.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mapping {
-    pub(super) target: String,
-    pub(super) source: String,
-    pub(super) unit: Option<Unit>,
+    pub(crate) target: String,
+    pub(crate) source: String,
+    pub(crate) unit: Option<Unit>,
 }
 
 /// Mappings of columns; none by default.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ColumnMap {
-    pub(super) mappings: Vec<Mapping>,
+    pub(crate) mappings: Vec<Mapping>,
+}
+
+impl Mapping {
+    /// A column of the lab, the file's name for it, and its unit where the file has another than the target names.
+    pub(crate) fn new(target: String, source: &str, unit: Option<Unit>) -> Self {
+        Self { target, source: source.to_owned(), unit }
+    }
 }
 
 impl FromStr for Mapping {
@@ -40,6 +48,13 @@ impl FromStr for Mapping {
     }
 }
 
+impl fmt::Display for Mapping {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let unit = self.unit.map_or(String::new(), |unit| format!(":{}", unit.suffix));
+        write!(f, "{}={}{unit}", self.target, self.source)
+    }
+}
+
 impl FromIterator<Mapping> for ColumnMap {
     fn from_iter<T: IntoIterator<Item = Mapping>>(mappings: T) -> Self {
         Self { mappings: mappings.into_iter().collect() }
@@ -55,6 +70,7 @@ mod tests {
         let mapping: Mapping = "bend_x_rad=cam.x:deg".parse().expect("well formed");
         assert_eq!((mapping.target.as_str(), mapping.source.as_str()), ("bend_x_rad", "cam.x"));
         assert_eq!(mapping.unit.map(|unit| unit.suffix), Some("deg"));
+        assert_eq!(mapping.to_string(), "bend_x_rad=cam.x:deg");
         assert_eq!("q1_m=motor 1".parse::<Mapping>().expect("well formed").unit, None);
     }
 

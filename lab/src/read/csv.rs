@@ -1,10 +1,12 @@
 //! Rows of a CSV file into columns of numbers, each cell checked where it stands.
 
+use super::cells::Cells;
+use super::dialect::{Dialect, Numbers};
 use super::header::{Column, Plan, plan};
 use super::role::Role;
 use super::{ColumnMap, Expected, ReadError};
-use csv::{ByteRecord, ErrorKind, ReaderBuilder};
-use std::io::Read;
+use csv::{ByteRecord, ErrorKind, Reader, ReaderBuilder};
+use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
 /// A file's columns, in the order of its plan; empty cells are NaN.
@@ -17,20 +19,49 @@ pub(super) struct Table {
     pub last_line: u64,
 }
 
+/// A file whose first line was read.
+pub(super) struct Opened<'a, R> {
+    path: &'a Path,
+    reader: Reader<BufReader<R>>,
+    record: ByteRecord,
+    pub dialect: Dialect,
+    pub names: Vec<String>,
+    /// Lines that the reader counts too few.
+    behind: u64,
+}
+
+impl<'a, R: Read> Opened<'a, R> {
+    pub(super) fn new(path: &'a Path, source: R) -> Result<Self, ReadError> {
+        let mut source = BufReader::with_capacity(1 << 18, source);
+        let start = source.fill_buf().map_err(|source| ReadError::Io { path: path.to_owned(), source })?;
+        let dialect = Dialect::of(path, start)?;
+        let mut reader = ReaderBuilder::new().has_headers(false).delimiter(dialect.delimiter).from_reader(source);
+        let mut record = ByteRecord::new();
+        if !reader.read_byte_record(&mut record).map_err(|error| refusal(path, 0, error))? {
+            return Err(ReadError::NotCsv { path: path.to_owned(), line: 1, reason: "the file is empty".to_owned() });
+        }
+        let names = names(path, &record)?;
+        // Of lines that end with CR LF the reader takes the LF for the beginning of the next, and counts one too few.
+        let behind = u64::from(reader.position().line() == 1);
+        Ok(Self { path, reader, record, dialect, names, behind })
+    }
+
+    /// The next row and its line.
+    pub(super) fn row(&mut self) -> Result<Option<(u64, &ByteRecord)>, ReadError> {
+        let is_there = self.reader.read_byte_record(&mut self.record);
+        let is_there = is_there.map_err(|error| refusal(self.path, self.behind, error))?;
+        let line = self.record.position().map_or(0, |at| at.line() + self.behind);
+        Ok(is_there.then_some((line, &self.record)))
+    }
+}
+
 /// Reads a whole file.
 pub(super) fn read(path: &Path, source: impl Read, map: &ColumnMap, expected: Expected) -> Result<Table, ReadError> {
-    let mut reader = ReaderBuilder::new().has_headers(false).buffer_capacity(1 << 18).from_reader(source);
-    let mut record = ByteRecord::new();
-    let failed = |behind: u64| move |error: csv::Error| refusal(path, behind, error);
-    if !reader.read_byte_record(&mut record).map_err(failed(0))? {
-        return Err(ReadError::NotCsv { path: path.to_owned(), line: 1, reason: "the file is empty".to_owned() });
-    }
-    let plan = plan(path, &names(path, &record)?, map, expected)?;
-    // Of lines that end with CR LF the reader takes the LF for the beginning of the next, and counts one too few.
-    let behind = u64::from(reader.position().line() == 1);
-    let mut rows = Rows::new(path, plan, behind);
-    while reader.read_byte_record(&mut record).map_err(failed(behind))? {
-        rows.push(&record)?;
+    let mut file = Opened::new(path, source)?;
+    let plan = plan(path, &file.names, map, expected)?;
+    let mut rows = Rows::new(path, plan, file.dialect.numbers());
+    while let Some((line, record)) = file.row()? {
+        rows.push(line, record)?;
     }
     if rows.trial.is_empty() {
         return Err(ReadError::NoRows { path: path.to_owned() });
@@ -39,16 +70,14 @@ pub(super) fn read(path: &Path, source: impl Read, map: &ColumnMap, expected: Ex
 }
 
 fn names(path: &Path, record: &ByteRecord) -> Result<Vec<String>, ReadError> {
-    let wrong = |reason: &str| ReadError::NotCsv { path: path.to_owned(), line: 1, reason: reason.to_owned() };
     let name = |cell: &[u8]| match std::str::from_utf8(cell.trim_ascii()) {
         Ok(name) if !name.contains('\0') => Ok(name.to_owned()),
-        _ => Err(wrong("the names of the columns are not UTF-8")),
+        _ => {
+            let reason = "the names of the columns are not UTF-8".to_owned();
+            Err(ReadError::NotCsv { path: path.to_owned(), line: 1, reason })
+        }
     };
-    let names = record.iter().map(name).collect::<Result<Vec<_>, _>>()?;
-    match names.as_slice() {
-        [only] if only.contains([';', '\t']) => Err(wrong("columns are not separated by commas")),
-        _ => Ok(names),
-    }
+    record.iter().map(name).collect()
 }
 
 struct Rows<'a> {
@@ -62,12 +91,11 @@ struct Rows<'a> {
     /// Places of the shape's columns.
     shape: Vec<usize>,
     last_line: u64,
-    /// Lines that the reader counts too few.
-    behind: u64,
+    cells: Cells<'a>,
 }
 
 impl<'a> Rows<'a> {
-    fn new(path: &'a Path, plan: Plan, behind: u64) -> Self {
+    fn new(path: &'a Path, plan: Plan, numbers: Numbers) -> Self {
         let is_shape = |c: &Column| matches!(c.role, Role::Output(_) | Role::ThetaL | Role::Delta);
         Self {
             path,
@@ -78,17 +106,16 @@ impl<'a> Rows<'a> {
             time: plan.place(Role::Time).unwrap_or(0),
             shape: plan.columns.iter().enumerate().filter(|(_, c)| is_shape(c)).map(|(k, _)| k).collect(),
             last_line: 1,
-            behind,
+            cells: Cells::new(path, numbers),
             plan,
         }
     }
 
-    fn push(&mut self, record: &ByteRecord) -> Result<(), ReadError> {
-        self.last_line = record.position().map_or(self.last_line + 1, |at| at.line() + self.behind);
-        let line = self.last_line;
+    fn push(&mut self, line: u64, record: &ByteRecord) -> Result<(), ReadError> {
+        self.last_line = line;
         for (column, values) in self.plan.columns.iter().zip(&mut self.columns) {
             let cell = record.get(column.field).unwrap_or_default().trim_ascii();
-            values.push(value(self.path, line, column, cell)?);
+            values.push(self.cells.value(line, column, cell)?);
         }
         let is_first = self.next_trial(record);
         if !is_first {
@@ -144,58 +171,6 @@ impl<'a> Rows<'a> {
 
     fn end(self) -> Table {
         Table { plan: self.plan, columns: self.columns, trial: self.trial, last_line: self.last_line }
-    }
-}
-
-/// The value of a cell in the lab's units; NaN for one that may be empty and is.
-fn value(path: &Path, line: u64, column: &Column, cell: &[u8]) -> Result<f64, ReadError> {
-    let may_be_empty = match column.role {
-        Role::Time | Role::Input(_) | Role::StemAngle | Role::Temperature => false,
-        // A label, not a number.
-        Role::Trial => return Ok(0.0),
-        _ => true,
-    };
-    if cell.is_empty() && may_be_empty {
-        return Ok(f64::NAN);
-    }
-    let number = std::str::from_utf8(cell).ok().and_then(|text| text.parse::<f64>().ok()).filter(|x| x.is_finite());
-    let Some(number) = number else {
-        // Notes beside the measurements need not be numbers.
-        if column.role == Role::Extra {
-            return Ok(f64::NAN);
-        }
-        return Err(not_a_number(path, line, column, cell, may_be_empty));
-    };
-    let value = number * column.factor + column.shift;
-    let is_beyond = column.limit.as_ref().filter(|(limit, ..)| value.abs() > *limit);
-    let must_be_positive =
-        matches!(column.role, Role::Sigma) && value <= 0.0 || column.role == Role::Weight && value < 0.0;
-    let implausible = |what: &str, advice: &str| ReadError::Implausible {
-        path: path.to_owned(),
-        line,
-        column: column.name.clone(),
-        found: String::from_utf8_lossy(cell).into_owned(),
-        reason: format!("{what}; {advice}"),
-    };
-    match is_beyond {
-        Some((_, what, advice)) => Err(implausible(what, advice)),
-        None if must_be_positive => Err(implausible("not positive", "leave the cell empty where it is not known")),
-        None => Ok(value),
-    }
-}
-
-fn not_a_number(path: &Path, line: u64, column: &Column, cell: &[u8], may_be_empty: bool) -> ReadError {
-    let advice = match column.role {
-        Role::Output(_) | Role::ThetaL | Role::Delta => "leave the shape's cells empty where the camera gave none",
-        _ if may_be_empty => "leave the cell empty where nothing was measured",
-        _ => "this column needs a number in every row",
-    };
-    ReadError::NotNumber {
-        path: path.to_owned(),
-        line,
-        column: column.name.clone(),
-        found: String::from_utf8_lossy(cell.get(..40).unwrap_or(cell)).into_owned(),
-        advice,
     }
 }
 

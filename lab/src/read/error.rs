@@ -93,6 +93,19 @@ pub enum ReadError {
         /// What was given.
         found: String,
     },
+    /// A mapping file that is none.
+    #[error(
+        "mapping file {}{line}: {reason}; expected format = 1 and under [columns] lines such as time_s = {{ column = \"Time\", unit = \"ms\" }}",
+        path.display()
+    )]
+    MapFile {
+        /// The file.
+        path: PathBuf,
+        /// ` line 3`, or nothing.
+        line: String,
+        /// What is wrong.
+        reason: String,
+    },
     /// A unit that is not known.
     #[error(
         "--map {found:?}: unit {unit:?} is unknown, expected s, ms, us, ns, m, cm, mm, um, rad, mrad, deg, n, mn, kn, c, k, 1 or percent"

@@ -230,9 +230,26 @@ fn target_unit(wanted: &Wanted, target: &str) -> Option<String> {
     suffix(wanted, target).filter(|unit| conversion(wanted, unit).is_some()).map(str::to_owned)
 }
 
-/// What stands where this column's unit stands, if a name is this column's.
+/// A name without the unit in brackets at its end, and that unit.
+pub(crate) fn in_brackets(name: &str) -> Option<(&str, &str)> {
+    let open = match name.chars().last()? {
+        ']' => '[',
+        ')' => '(',
+        _ => return None,
+    };
+    let (stem, unit) = name.get(..name.len() - 1)?.rsplit_once(open)?;
+    Some((stem.trim_end(), unit.trim()))
+}
+
+/// What stands where this column's unit stands, if a name is this column's: `q1_mm`, `q1 [mm]`.
 fn suffix<'a>(wanted: &Wanted, name: &'a str) -> Option<&'a str> {
-    let rest = name.strip_prefix(wanted.base.as_str())?;
+    if let Some((stem, unit)) = in_brackets(name) {
+        return (wanted.dimension.is_some() && stem.eq_ignore_ascii_case(&wanted.base)).then_some(unit);
+    }
+    let (stem, rest) = name.split_at_checked(wanted.base.len())?;
+    if !stem.eq_ignore_ascii_case(&wanted.base) {
+        return None;
+    }
     if wanted.dimension.is_none() {
         return rest.is_empty().then_some("");
     }

@@ -1,22 +1,33 @@
 //! Reads measurements: CSV files of anybody, and krait's own recordings; whatever is doubtful is refused with its place.
 
+mod cells;
 mod check;
 mod column_map;
 mod csv;
+mod dialect;
 mod error;
 mod header;
+mod look;
+mod map_file;
 mod recording;
 mod role;
+mod stamps;
 mod table;
 mod unit;
 
 pub use column_map::{ColumnMap, Mapping};
 pub use error::ReadError;
+pub(crate) use header::in_brackets;
+pub(crate) use look::{Look, Looked, look};
+pub(crate) use role::N_LINES;
+pub(crate) use stamps::EPOCH_S;
+pub(crate) use unit::{Dimension, Unit};
 
 use crate::Measurements;
 use krait_ipc::input;
 use krait_model::model_file::{Joints, Machine};
 use sha2::{Digest, Sha256};
+use std::fs::File;
 use std::io::{self, Read, Seek};
 use std::path::Path;
 
@@ -65,10 +76,7 @@ impl Expected<'_> {
 /// [`ReadError`], one sentence with file, line and column.
 pub fn read(path: &Path, map: &ColumnMap, expected: Expected) -> Result<Measurements, ReadError> {
     let failed = |source| ReadError::Io { path: path.to_owned(), source };
-    let mut file = input::regular(path, input::ANY_BYTES).map_err(|error| match error.kind() {
-        io::ErrorKind::InvalidInput => ReadError::NotAFile { path: path.to_owned() },
-        _ => failed(error),
-    })?;
+    let mut file = open(path)?;
     let mut start = Vec::new();
     file.by_ref().take(recording::MAGIC.len() as u64).read_to_end(&mut start).map_err(failed)?;
     file.rewind().map_err(failed)?;
@@ -82,6 +90,13 @@ pub fn read(path: &Path, map: &ColumnMap, expected: Expected) -> Result<Measurem
     let data = table::measurements(path, table, expected, hex(hashing.hash));
     check::enough(&place, &data)?;
     Ok(data)
+}
+
+fn open(path: &Path) -> Result<File, ReadError> {
+    input::regular(path, input::ANY_BYTES).map_err(|error| match error.kind() {
+        io::ErrorKind::InvalidInput => ReadError::NotAFile { path: path.to_owned() },
+        _ => ReadError::Io { path: path.to_owned(), source: error },
+    })
 }
 
 /// A file's name, for sentences and histories.

@@ -66,5 +66,6 @@ fn measurements(path: &Path, columns: &Columns, sha256: String) -> Measurements 
         temperature_c: None,
         sigma: Some(rows.iter().map(|row| row.sigma_bend_rad).collect()),
         extra: Vec::new(),
+        names: crate::Names::default(),
     }
 }

@@ -52,7 +52,7 @@ impl Wanted {
 }
 
 /// Lines of a snake.
-pub(super) const N_LINES: usize = 3;
+pub(crate) const N_LINES: usize = 3;
 
 /// The columns of a snake.
 pub(super) fn snake() -> Vec<Wanted> {

@@ -3,8 +3,10 @@
 use super::Expected;
 use super::check::Place;
 use super::csv::Table;
+use super::header::{Plan, in_brackets};
 use super::role::Role;
-use crate::{Measurements, Quantity};
+use super::unit::Unit;
+use crate::{Measurements, Names, Quantity};
 use std::f64::consts::FRAC_PI_2;
 use std::path::Path;
 
@@ -34,6 +36,7 @@ pub(super) fn measurements(path: &Path, mut table: Table, expected: Expected, sh
         temperature_c: take(&mut table, Role::Temperature),
         sigma: take(&mut table, Role::Sigma).or_else(|| weight.map(|w| w.iter().map(|w| w.sqrt().recip()).collect())),
         extra: extra(&mut table),
+        names: names(&table.plan, n_inputs, n_outputs),
         trial: table.trial,
     }
 }
@@ -77,6 +80,32 @@ fn outputs(table: &mut Table, n_outputs: usize) -> Vec<f64> {
         [bend * delta.cos(), bend * delta.sin()]
     };
     theta_l_rad.iter().zip(&delta_rad).flat_map(bend).collect()
+}
+
+/// The file's own names, where they are not the lab's.
+fn names(plan: &Plan, n_inputs: usize, n_outputs: usize) -> Names {
+    let name = |role: Role, own: &str| {
+        let found = plan.columns.iter().find(|column| column.role == role)?;
+        let stem = stem(&found.name);
+        (!stem.eq_ignore_ascii_case(own)).then(|| stem.replace(char::is_control, " "))
+    };
+    let is_snake = n_inputs != n_outputs;
+    let letter = if is_snake { "q" } else { "u" };
+    let input = |k: usize| name(Role::Input(k), &format!("{letter}{}", k + 1)).unwrap_or_default();
+    let output = |k: usize| match is_snake {
+        true => name(Role::Output(k), ["bend_x", "bend_y"].get(k).copied().unwrap_or_default()),
+        false => name(Role::Output(k), &format!("y{}", k + 1)),
+    };
+    Names {
+        inputs: (0..n_inputs).map(input).collect(),
+        outputs: (0..n_outputs).map(|k| output(k).unwrap_or_default()).collect(),
+    }
+}
+
+/// A name without its unit: what is shown is in the lab's.
+fn stem(name: &str) -> &str {
+    let suffix = name.rsplit_once('_').filter(|(stem, unit)| !stem.is_empty() && Unit::from_suffix(unit).is_some());
+    in_brackets(name).or(suffix).map_or(name, |(stem, _)| stem)
 }
 
 fn extra(table: &mut Table) -> Vec<(String, Vec<f64>)> {

@@ -44,13 +44,48 @@ const UNITS: [Unit; 18] = [
     unit("percent", Dimension::Number, 1e-2),
 ];
 
+/// Other ways to write them.
+const ALIASES: [(&str, &str); 29] = [
+    ("sec", "s"),
+    ("secs", "s"),
+    ("second", "s"),
+    ("seconds", "s"),
+    ("msec", "ms"),
+    ("millisecond", "ms"),
+    ("milliseconds", "ms"),
+    ("usec", "us"),
+    ("\u{b5}s", "us"),
+    ("\u{3bc}s", "us"),
+    ("microseconds", "us"),
+    ("nsec", "ns"),
+    ("nanosec", "ns"),
+    ("nanoseconds", "ns"),
+    ("meter", "m"),
+    ("metre", "m"),
+    ("\u{b5}m", "um"),
+    ("\u{3bc}m", "um"),
+    ("radian", "rad"),
+    ("radians", "rad"),
+    ("degree", "deg"),
+    ("degrees", "deg"),
+    ("\u{b0}", "deg"),
+    ("newton", "n"),
+    ("celsius", "c"),
+    ("degc", "c"),
+    ("\u{b0}c", "c"),
+    ("kelvin", "k"),
+    ("%", "percent"),
+];
+
 const fn unit(suffix: &'static str, dimension: Dimension, factor: f64) -> Unit {
     Unit { suffix, dimension, factor, shift: 0.0 }
 }
 
 impl Unit {
-    /// The unit with this suffix, in any case.
+    /// The unit with this suffix, in any case and by any of its names.
     pub(crate) fn from_suffix(suffix: &str) -> Option<Self> {
+        let alias = ALIASES.iter().find(|(alias, _)| alias.eq_ignore_ascii_case(suffix));
+        let suffix = alias.map_or(suffix, |(_, own)| own);
         UNITS.into_iter().find(|unit| unit.suffix.eq_ignore_ascii_case(suffix))
     }
 }
@@ -73,6 +108,8 @@ mod tests {
         assert_eq!(si("deg", 180.0), Some(std::f64::consts::PI));
         assert_eq!(si("mm", 2.0), Some(0.002));
         assert_eq!(si("K", 273.15), Some(0.0));
+        assert_eq!(si("\u{b0}", 180.0), si("Degrees", 180.0));
+        assert_eq!(si("msec", 5.0), Some(0.005));
         assert_eq!(si("inch", 1.0), None);
     }
 }

@@ -93,7 +93,7 @@ pub(super) fn loops(rows: &Rows) -> Picture {
     let n = if rows.is_snake() { 1 } else { rows.data.n_outputs.min(rows.data.n_inputs).min(MOST_AXES) };
     for k in 0..n {
         let x = || found.iter().map(|&row| input(rows, row, k)).collect::<Vec<f64>>();
-        let output = if rows.is_snake() { "bend x".to_owned() } else { format!("y{}", k + 1) };
+        let output = if rows.is_snake() { "bend x".to_owned() } else { rows.data.names.output(k) };
         let measured = found.iter().map(|&row| rows.measured(row, k)).collect();
         traces.push(output_line(&format!("{output}, measured"), 0, k, x(), measured));
         for (m, (model, _)) in rows.models.iter().enumerate() {

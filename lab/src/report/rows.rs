@@ -55,7 +55,7 @@ impl<'a> Rows<'a> {
     pub(super) fn outputs(&self) -> Vec<String> {
         match self.data.quantity {
             Quantity::Snake => ["bend x", "bend y"].map(str::to_owned).to_vec(),
-            Quantity::Joints => (1..=self.data.n_outputs).map(|k| format!("y{k}")).collect(),
+            Quantity::Joints => (0..self.data.n_outputs).map(|k| self.data.names.output(k)).collect(),
         }
     }
 

@@ -3,9 +3,9 @@
 use super::page;
 use crate::cli_lab::LabCompareArgs;
 use crate::print;
-use krait_lab::Session;
 use krait_lab::compare::{Bin, Comparison, compare};
 use krait_lab::report::comparison_page;
+use krait_lab::{Names, Session};
 use krait_report::Table;
 use std::process::ExitCode;
 
@@ -14,7 +14,7 @@ const SHOWN: usize = 15;
 
 /// Compares; that there is an error is no failure.
 pub fn run(args: &LabCompareArgs) -> anyhow::Result<ExitCode> {
-    let session = Session::open_all(&args.files.model, &args.files.data, &args.files.column_map())?;
+    let session = Session::open_all(&args.files.model, &args.files.data, &args.files.column_map()?)?;
     let found = compare(session.machine.as_ref(), &session.data)?;
     if let Some(path) = &args.report {
         page::write(path, |origin| comparison_page(session.machine.as_ref(), &session.data, &found, origin))?;
@@ -22,12 +22,12 @@ pub fn run(args: &LabCompareArgs) -> anyhow::Result<ExitCode> {
     if args.json {
         print::json(&found.to_json())?;
     } else {
-        print::out(&text(&found))?;
+        print::out(&text(&found, &session.data.names))?;
     }
     Ok(ExitCode::SUCCESS)
 }
 
-fn text(found: &Comparison) -> String {
+fn text(found: &Comparison, names: &Names) -> String {
     let unit = &found.unit;
     let mut text = format!(
         "Error of the model on {}: {:.3} {unit} rms, {:.3} {unit} p95, {:.3} {unit} max in {} rows with a measurement of {}\n",
@@ -37,7 +37,7 @@ fn text(found: &Comparison) -> String {
     if !open.is_empty() {
         let numbers: Vec<String> = open
             .iter()
-            .map(|own| format!("{} of joint {}: {:.5} {}", own.name, own.joint, own.value, own.unit))
+            .map(|own| format!("{} of {}: {:.5} {}", own.name, names.joint(own.joint), own.value, own.unit))
             .collect();
         text += &format!("after calibration ({}); {:.3} {unit} rms without\n", numbers.join(", "), found.as_given_rms);
     }
@@ -46,7 +46,7 @@ fn text(found: &Comparison) -> String {
     if let Some(position_m) = found.position_rms_m {
         text += &format!("Position of the tip: {:.3} mm rms\n", 1e3 * position_m);
     }
-    text += &format!("{}\n\nParts of the error\n{}", found.worst, parts(found));
+    text += &format!("{}\n\nParts of the error\n{}", found.worst, parts(found, names));
     if let Some(common) = &found.common_mode {
         text += &format!(
             "Common mode of the encoders, which bends nothing: {:.4} mm rms, {:.4} mm max",
@@ -62,7 +62,7 @@ fn text(found: &Comparison) -> String {
     text + &format!("\nWhere ({SHOWN} worst of {})\n{}", found.bins.len(), places(found))
 }
 
-fn parts(found: &Comparison) -> Table {
+fn parts(found: &Comparison, names: &Names) -> Table {
     let mut table = Table::new(&["part", &format!("rms ({})", found.unit), "p95", "max", "mean"]);
     let cell = |value: f64| format!("{value:.3}");
     match &found.parts {
@@ -79,7 +79,7 @@ fn parts(found: &Comparison) -> Table {
         None => {
             for (k, rms) in found.output_rms.iter().enumerate() {
                 let none = || "-".to_owned();
-                table.row(vec![format!("y{}", k + 1), cell(*rms), none(), none(), none()]);
+                table.row(vec![names.output(k), cell(*rms), none(), none(), none()]);
             }
         }
     }

@@ -1,13 +1,14 @@
 //! `krait lab diagnose`: which effect is missing, in a table or as JSON.
 
 use super::page;
+use super::shell::{data_words, shell};
 use crate::cli_lab::DiagnoseArgs;
 use crate::print;
 use anyhow::{Context, bail};
-use krait_lab::Session;
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, FoundEffect, diagnose};
 use krait_lab::experiment::{Separation, script, separation};
 use krait_lab::report::diagnosis_page;
+use krait_lab::{Names, Session};
 use krait_model::Snake;
 use krait_model::model_file::Machine;
 use krait_report::Table;
@@ -19,7 +20,7 @@ const SHOWN: usize = 12;
 
 /// Diagnoses; finding that something is missing is no failure.
 pub fn run(args: &DiagnoseArgs) -> anyhow::Result<ExitCode> {
-    let session = Session::open_all(&args.files.model, &args.files.data, &args.files.column_map())?;
+    let session = Session::open_all(&args.files.model, &args.files.data, &args.files.column_map()?)?;
     let options = DiagnoseOptions {
         seed: args.seed,
         max_effects: usize::from(args.max_effects),
@@ -36,7 +37,7 @@ pub fn run(args: &DiagnoseArgs) -> anyhow::Result<ExitCode> {
     if args.json {
         print::json(&diagnosis.to_json())?;
     } else {
-        print::out(&text(&diagnosis, session.machine.error_unit().0))?;
+        print::out(&text(args, &diagnosis, &session))?;
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -69,7 +70,8 @@ fn expected(separation: &Separation) -> String {
     )
 }
 
-fn text(diagnosis: &Diagnosis, unit: &str) -> String {
+fn text(args: &DiagnoseArgs, diagnosis: &Diagnosis, session: &Session) -> String {
+    let (unit, names) = (session.machine.error_unit().0, &session.data.names);
     let mut text = format!("{}\n", capital(&diagnosis.sentence));
     diagnosis.cautions.iter().for_each(|caution| text += &format!("  Caution: {caution}.\n"));
     let floor = diagnosis.noise_floor.map_or("unknown".to_owned(), |floor| format!("{floor:.4} {unit}"));
@@ -86,7 +88,7 @@ fn text(diagnosis: &Diagnosis, unit: &str) -> String {
         text += &format!("  the effects explain {:.0} % of what there was to explain\n", 100.0 * share);
     }
     if is_open {
-        text += &format!("\nCalibration\n{}", calibration(diagnosis));
+        text += &format!("\nCalibration\n{}", calibration(diagnosis, names));
     }
     let found = if diagnosis.effects.is_empty() { &diagnosis.partial } else { &diagnosis.effects };
     if !found.is_empty() {
@@ -95,12 +97,9 @@ fn text(diagnosis: &Diagnosis, unit: &str) -> String {
         } else {
             "\nMissing:\n"
         };
-        text += &effects(found, unit).to_string();
-        text += &parameters(found).to_string();
-        if let Some(first) = diagnosis.effects.first() {
-            let set = first.joint.map_or(String::new(), |joint| format!(" --set joint={joint}"));
-            text += &format!("Next: krait lab add {}{set} --model MODEL --data DATA --out BETTER\n", first.name);
-        }
+        text += &effects(found, unit, names).to_string();
+        text += &parameters(found, names).to_string();
+        text += &diagnosis.effects.first().map_or(String::new(), |first| next(args, first));
     }
     text += &format!("\nCandidates, each added alone ({SHOWN} best)\n{}", candidates(diagnosis, unit));
     if let Some(next) = &diagnosis.next_experiment {
@@ -110,16 +109,24 @@ fn text(diagnosis: &Diagnosis, unit: &str) -> String {
     text
 }
 
+/// The command that adds an effect.
+fn next(args: &DiagnoseArgs, effect: &FoundEffect) -> String {
+    let set = effect.joint.map_or(String::new(), |joint| format!(" --set joint={joint}"));
+    let (model, better) = (&args.files.model, args.files.model.with_extension("better.toml"));
+    let files = data_words(&args.files);
+    format!("Next: krait lab add {}{set} --model {} {files} --out {}\n", effect.name, shell(model), shell(&better))
+}
+
 /// What every fit found beside the effects.
-fn calibration(diagnosis: &Diagnosis) -> Table {
-    let mut table = Table::new(&["number", "joint", "value", "standard error", "unit", ""]);
+fn calibration(diagnosis: &Diagnosis, names: &Names) -> Table {
+    let mut table = Table::new(&["number", "of", "value", "standard error", "unit", ""]);
     for own in diagnosis.calibration.iter().filter(|own| !own.is_held) {
         let drawn = own.prior.map_or(String::new(), |(value, se)| {
             format!("{:+.1} standard errors from the model file's {value:.5}", (own.value - value) / se)
         });
         table.row(vec![
             own.recording.as_ref().map_or(own.name.to_owned(), |recording| format!("{} of {recording}", own.name)),
-            own.joint.to_string(),
+            names.joint(own.joint),
             format!("{:.5}", own.value),
             format!("{:.1e}", own.se),
             own.unit.clone(),
@@ -129,15 +136,15 @@ fn calibration(diagnosis: &Diagnosis) -> Table {
     table
 }
 
-fn label(effect: &FoundEffect) -> String {
-    effect.joint.map_or(effect.name.clone(), |joint| format!("{}, joint {joint}", effect.name))
+fn label(effect: &FoundEffect, names: &Names) -> String {
+    effect.joint.map_or(effect.name.clone(), |joint| format!("{}, {}", effect.name, names.joint(joint)))
 }
 
-fn effects(found: &[FoundEffect], unit: &str) -> Table {
+fn effects(found: &[FoundEffect], unit: &str, names: &Names) -> Table {
     let mut table = Table::new(&["effect", &format!("before ({unit})"), "after", "probability", "cannot be told from"]);
     for effect in found {
         table.row(vec![
-            label(effect),
+            label(effect, names),
             format!("{:.4}", effect.before),
             format!("{:.4}", effect.after),
             format!("{:.2}", effect.probability),
@@ -147,12 +154,12 @@ fn effects(found: &[FoundEffect], unit: &str) -> Table {
     table
 }
 
-fn parameters(found: &[FoundEffect]) -> Table {
+fn parameters(found: &[FoundEffect], names: &Names) -> Table {
     let mut table = Table::new(&["parameter", "value", "standard error", "(if independent)", "unit", ""]);
     for effect in found {
         for own in effect.parameters.iter().filter(|own| own.is_free) {
             table.row(vec![
-                format!("{}.{}", label(effect), own.name),
+                format!("{}.{}", label(effect, names), own.name),
                 format!("{:.5e}", own.value),
                 format!("{:.1e}", own.se),
                 format!("{:.1e}", own.se_naive),

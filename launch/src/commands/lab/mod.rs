@@ -6,8 +6,10 @@ mod compare;
 mod diagnose;
 mod generate;
 mod history;
+mod init;
 mod overwrite;
 mod page;
+mod shell;
 
 use crate::cli_lab::LabVerb;
 pub use overwrite::refuse_existing;
@@ -16,6 +18,7 @@ use std::process::ExitCode;
 /// Runs a verb of the lab.
 pub fn run(verb: &LabVerb) -> anyhow::Result<ExitCode> {
     match verb {
+        LabVerb::Init(args) => init::run(args),
         LabVerb::Compare(args) => compare::run(args),
         LabVerb::Diagnose(args) => diagnose::run(args),
         LabVerb::Add(args) => add::run(args),

@@ -1,0 +1,129 @@
+//! Three lengths numbered in a row and a bend in two components: a snake.
+
+use super::Column;
+use super::name::NamedUnit;
+use super::role::Guess;
+use crate::read::{Dimension, N_LINES, Unit};
+use std::collections::BTreeMap;
+
+/// Columns of a snake, each with its unit.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Found {
+    /// The lab's column, place in the file, unit, and why.
+    pub columns: Vec<(String, usize, Unit, String)>,
+    /// What was guessed, a sentence each.
+    pub guesses: Vec<String>,
+}
+
+/// Finds them by name, unit and range; `None` if the file is of no snake.
+pub(super) fn find(columns: &[Column]) -> Option<Found> {
+    let mut guesses = Vec::new();
+    let shape = shape(columns)?;
+    let lines = lines(columns)?;
+    let mut found = Vec::new();
+    for (k, &place) in lines.iter().enumerate() {
+        let unit = length(columns, &lines, place, &mut guesses)?;
+        found.push((format!("q{}_m", k + 1), place, unit, "of three lengths".to_owned()));
+    }
+    for (target, place) in shape {
+        let unit = angle(columns, place, &mut guesses)?;
+        found.push((target.to_owned(), place, unit, "of a bend".to_owned()));
+    }
+    if let Some(loads) = loads(columns) {
+        let newton = Unit::from_suffix("n")?;
+        for (k, &place) in loads.iter().enumerate() {
+            let own = columns.get(place).map(|column| &column.words.unit);
+            let unit = if let Some(NamedUnit::Known(unit)) = own { *unit } else { newton };
+            found.push((format!("tau{}_n", k + 1), place, unit, "of three loads".to_owned()));
+        }
+    }
+    Some(Found { columns: found, guesses })
+}
+
+/// Three columns of the same words with numbers in a row.
+fn lines(columns: &[Column]) -> Option<[usize; N_LINES]> {
+    let is_position = |column: &Column| matches!(column.guess, Guess::Command(_) | Guess::Measured(_) | Guess::Unclear);
+    let is_length = |column: &Column| match column.words.unit.dimension() {
+        Some(dimension) => dimension == Dimension::Length,
+        None => column.looked.range().is_some_and(|(low, high)| low.abs().max(high.abs()) <= 100.0),
+    };
+    let families = triples(columns, |column| is_position(column) && is_length(column));
+    // Encoders rather than what they shall reach.
+    let is_measured = |family: &[usize; N_LINES]| {
+        columns.get(family[0]).is_some_and(|column| !matches!(column.guess, Guess::Command(_)))
+    };
+    families.iter().find(|family| is_measured(family)).or(families.first()).copied()
+}
+
+fn loads(columns: &[Column]) -> Option<[usize; N_LINES]> {
+    let is_load = |column: &Column| {
+        let is_force = column.words.unit.dimension().is_none_or(|dimension| dimension == Dimension::Force);
+        is_force && matches!(column.guess, Guess::Other("a load" | "a force"))
+    };
+    triples(columns, is_load).first().copied()
+}
+
+fn triples(columns: &[Column], is_one: impl Fn(&Column) -> bool) -> Vec<[usize; N_LINES]> {
+    let mut families: BTreeMap<Vec<&str>, Vec<(u32, usize)>> = BTreeMap::new();
+    for (place, column) in columns.iter().enumerate().filter(|(_, column)| is_one(column)) {
+        if let Some((number, words)) = column.words.numbered() {
+            families.entry(words).or_default().push((number, place));
+        }
+    }
+    let triple = |mut members: Vec<(u32, usize)>| {
+        members.sort_unstable();
+        let in_a_row = members.windows(2).all(|pair| pair[1].0 == pair[0].0 + 1);
+        let places: Vec<usize> = members.iter().map(|(_, place)| *place).collect();
+        <[usize; N_LINES]>::try_from(places).ok().filter(|_| in_a_row)
+    };
+    let mut triples: Vec<_> = families.into_values().filter_map(triple).collect();
+    triples.sort_unstable();
+    triples
+}
+
+/// Two angles: a bend in x and y, or the paper's angles under their names.
+fn shape(columns: &[Column]) -> Option<[(&'static str, usize); 2]> {
+    let is_angle = |column: &Column| match column.words.unit.dimension() {
+        Some(dimension) => dimension == Dimension::Angle,
+        None => column.words.has("bend") || column.words.has("delta") || column.words.has("theta"),
+    };
+    let angles = || columns.iter().enumerate().filter(|(_, column)| is_angle(column));
+    let without = |column: &Column, axis: &str| -> Option<Vec<String>> {
+        let words = column.words.words.clone();
+        words.iter().any(|word| word == axis).then(|| words.into_iter().filter(|word| word != axis).collect())
+    };
+    for (x, column) in angles() {
+        let Some(stem) = without(column, "x") else { continue };
+        let y = angles().find(|(_, other)| without(other, "y").is_some_and(|own| own == stem));
+        if let Some((y, _)) = y {
+            return Some([("bend_x_rad", x), ("bend_y_rad", y)]);
+        }
+    }
+    let place = |words: &[&str]| angles().find(|(_, column)| column.words.words == words).map(|(place, _)| place);
+    Some([("theta_l_rad", place(&["theta", "l"])?), ("delta_rad", place(&["delta"])?)])
+}
+
+/// The unit of a line: its name's, or the one in which three such lengths are those of a snake.
+fn length(columns: &[Column], lines: &[usize], place: usize, guesses: &mut Vec<String>) -> Option<Unit> {
+    let column = columns.get(place)?;
+    if let NamedUnit::Known(unit) = column.words.unit {
+        return Some(unit);
+    }
+    let ranges = lines.iter().filter_map(|place| columns.get(*place)?.looked.range());
+    let largest = ranges.fold(0.0, |largest: f64, (low, high)| largest.max(low.abs()).max(high.abs()));
+    let unit = Unit::from_suffix(if largest <= 0.1 { "m" } else { "mm" })?;
+    guesses.push(format!("{:?} names no unit: taken for {}, as it reaches {largest:.4}", column.name(), unit.suffix));
+    Some(unit)
+}
+
+fn angle(columns: &[Column], place: usize, guesses: &mut Vec<String>) -> Option<Unit> {
+    let column = columns.get(place)?;
+    if let NamedUnit::Known(unit) = column.words.unit {
+        return Some(unit);
+    }
+    let (low, high) = column.looked.range()?;
+    let largest = low.abs().max(high.abs());
+    let unit = Unit::from_suffix(if largest <= core::f64::consts::TAU { "rad" } else { "deg" })?;
+    guesses.push(format!("{:?} names no unit: taken for {}, as it reaches {largest:.4}", column.name(), unit.suffix));
+    Some(unit)
+}

@@ -1,0 +1,80 @@
+//! A file that says which column of a log stands for which of the lab's, so that it need not be said with every command.
+
+use super::unit::Unit;
+use super::{ColumnMap, Mapping, ReadError};
+use krait_ipc::input;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::Path;
+
+const FORMAT: u32 = 1;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct MapFile {
+    format: u32,
+    columns: BTreeMap<String, Entry>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Entry {
+    column: String,
+    unit: Option<String>,
+}
+
+impl ColumnMap {
+    /// Reads a mapping file.
+    ///
+    /// # Errors
+    /// [`ReadError::MapFile`], one sentence with file and line.
+    pub fn from_file(path: &Path) -> Result<Self, ReadError> {
+        let wrong = |line: Option<usize>, reason: String| ReadError::MapFile {
+            path: path.to_owned(),
+            line: line.map_or(String::new(), |line| format!(" line {line}")),
+            reason,
+        };
+        let text = input::text(path, input::CONFIG_BYTES).map_err(|error| wrong(None, error.to_string()))?;
+        let file: MapFile = toml::from_str(&text).map_err(|error| {
+            let before = error.span().and_then(|span| text.get(..span.start));
+            wrong(before.map(|text| text.matches('\n').count() + 1), error.message().replace('\n', " "))
+        })?;
+        if file.format != FORMAT {
+            return Err(wrong(None, format!("format {} is not known, expected {FORMAT}", file.format)));
+        }
+        let mapping = |(target, entry): (String, Entry)| {
+            let unit = entry.unit.map(|unit| {
+                let known = Unit::from_suffix(&unit);
+                known.ok_or_else(|| wrong(None, format!("unit {unit:?} of {target} is not known")))
+            });
+            Ok(Mapping { unit: unit.transpose()?, target, source: entry.column })
+        };
+        file.columns.into_iter().map(mapping).collect()
+    }
+
+    /// The text of a mapping file; `about` says of which data.
+    pub fn to_toml(&self, about: &str) -> String {
+        let mut text = format!("# Which column of {} stands for which of the lab's.\n", one_line(about));
+        let _to_text = write!(text, "format = {FORMAT}\n\n[columns]\n");
+        for Mapping { target, source, unit } in &self.mappings {
+            let unit = unit.map_or(String::new(), |unit| format!(", unit = \"{}\"", unit.suffix));
+            // A value of TOML writes its own quotes.
+            let source = toml::Value::String(source.clone());
+            let _to_text = writeln!(text, "{target} = {{ column = {source}{unit} }}");
+        }
+        text
+    }
+
+    /// The same with others in place of its own for the same columns.
+    #[must_use]
+    pub fn overridden(mut self, others: Self) -> Self {
+        self.mappings.retain(|own| others.mappings.iter().all(|other| other.target != own.target));
+        self.mappings.extend(others.mappings);
+        self
+    }
+}
+
+fn one_line(text: &str) -> String {
+    text.replace(char::is_control, " ")
+}

@@ -1,0 +1,236 @@
+//! `krait lab init` on the files that people have: real logs in other dialects, and every file that is refused, with its sentence.
+#![allow(clippy::expect_used, clippy::panic, reason = "the helpers of a test fail as the test does")]
+
+use krait_lab::init::{Proposal, propose};
+use krait_lab::read::{ColumnMap, Mapping, read};
+use krait_lab::{Measurements, Session};
+use krait_model::model_file::ModelFile;
+use proptest::prelude::*;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+/// A file of a test, named by it.
+fn file(name: &str, text: impl AsRef<[u8]>) -> PathBuf {
+    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("init_{name}.csv"));
+    std::fs::write(&path, text).expect("the test folder can be written");
+    path
+}
+
+fn shipped(name: &str) -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(name);
+    std::fs::read_to_string(path).expect("a shipped file")
+}
+
+fn proposed(path: &Path) -> Proposal {
+    propose(path, &ColumnMap::default()).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn roles(found: &Proposal) -> Vec<(&str, &str)> {
+    let roles = found.columns.iter().filter_map(|seen| Some((seen.name.as_str(), seen.stands_for.as_deref()?)));
+    roles.collect()
+}
+
+/// What the proposal's own two files read.
+fn data(path: &Path, found: &Proposal) -> Measurements {
+    let map = path.with_extension("map.toml");
+    std::fs::write(&map, found.map.to_toml("data")).expect("written");
+    let model = ModelFile::parse(&found.model).expect("a model");
+    read(path, &ColumnMap::from_file(&map).expect("a mapping"), model.machine().into()).expect("good data")
+}
+
+fn refused(name: &str, text: impl AsRef<[u8]>, map: &[&str], words: &[&str]) {
+    let map: ColumnMap = map.iter().map(|m| m.parse::<Mapping>().expect("well formed")).collect();
+    let sentence = propose(&file(name, text), &map).expect_err(name).to_string();
+    for word in words {
+        assert!(sentence.contains(word), "{name}: expected {word:?} in: {sentence}");
+    }
+    assert!(!sentence.contains('\n'), "{name}: {sentence}");
+}
+
+/// 4 s at 50 Hz: header, then rows made from the time.
+fn run(header: &str, row: impl Fn(f64) -> String) -> String {
+    let rows = (0..200).map(|k| row(f64::from(k) * 0.02)).collect::<Vec<_>>();
+    format!("{header}\n{}\n", rows.join("\n"))
+}
+
+/// The da Vinci jaw as somebody else's program would have written it: other names, units and separators, nanoseconds since 1970.
+fn jaw_in_another_dialect() -> String {
+    let mut text = "\u{feff}Stamp [ns];Motor (deg);Jaw angle [mrad];Jaw torque [Nm];note\r\n".to_owned();
+    for line in shipped("davinci-jaw/00.csv").lines().skip(1) {
+        let cells: Vec<f64> = line.split(',').map(|cell| cell.parse().expect("a number")).collect();
+        let stamp = 1_763_809_215_000_000_000_i64 + (cells[0] * 1e9).round() as i64;
+        let y = cells[2].to_radians() * 1e3;
+        let row = format!("{stamp};{};{y};{};\"ok; yes\"", cells[1], cells[4]).replace('.', ",");
+        let _to_text = write!(text, "{row}\r\n");
+    }
+    text
+}
+
+#[test]
+fn a_real_jaw_is_recognised_in_any_dialect_and_reads_the_same() {
+    let plain = file("jaw", shipped("davinci-jaw/00.csv"));
+    let found = proposed(&plain);
+    assert_eq!(roles(&found), [("time_s", "time_s"), ("u1_deg", "u1_rad"), ("y1_deg", "y1_rad")]);
+    assert_eq!((found.kind, found.rows, found.rate_hz.round()), ("joints", 999, 50.0));
+    assert!(found.cautions.is_empty(), "{:?}", found.cautions);
+    assert!(!found.model.contains("gain =") && !found.model.contains("offset ="), "{}", found.model);
+    let other = file("jaw_other", jaw_in_another_dialect());
+    let again = proposed(&other);
+    let expected = [("Stamp [ns]", "time_s"), ("Motor (deg)", "u1_rad"), ("Jaw angle [mrad]", "y1_rad")];
+    assert_eq!(roles(&again), expected);
+    assert_eq!(again.dialect, "columns separated by semicolons, decimal comma");
+    let (a, b) = (data(&plain, &found), data(&other, &again));
+    assert_eq!(b.extra.len(), 1, "the torque is kept, the note is not");
+    assert_eq!((a.names.joint(1).as_str(), b.names.joint(1).as_str()), ("joint 1", "joint 1 (Jaw angle)"));
+    assert_eq!((b.names.input(0).as_str(), b.names.output(0).as_str()), ("Motor", "Jaw angle"));
+    for row in 0..a.n_rows() {
+        assert!((a.time_s[row] - b.time_s[row]).abs() < 1e-9, "row {row}");
+        assert_eq!(a.inputs[row], b.inputs[row]);
+        assert!((a.outputs[row] - b.outputs[row]).abs() < 1e-12, "row {row}");
+    }
+}
+
+#[test]
+fn the_jaw_s_torque_follows_but_is_no_measurement_of_a_position() {
+    let found = proposed(&file("jaw_why", shipped("davinci-jaw/09.csv")));
+    let torque = found.columns.iter().find(|seen| seen.name == "jaw_torque_nm").expect("there");
+    assert_eq!((torque.stands_for.as_deref(), torque.why.as_str()), (None, "a torque"));
+    assert_eq!(found.columns[1].range.map(|(low, _)| low < 40.0), Some(true));
+}
+
+#[test]
+fn servos_are_paired_by_number_and_a_mapping_file_opens_them() {
+    let six = |t: f64| (1..=6).map(|k| (t * f64::from(k)).sin().to_string()).collect::<Vec<_>>().join("\t");
+    let names = |stem: &str| (0..6).map(|k| format!("{stem}{k} (deg)")).collect::<Vec<_>>().join("\t");
+    let header = format!("t\t{}\t{}\tpresent_load_0", names("goal_position_"), names("present_position_"));
+    let path = file("servos", run(&header, |t| format!("{t:.2}\t{}\t{}\t0.5", six(t), six(t - 0.05))));
+    let found = proposed(&path);
+    assert_eq!(roles(&found).len(), 13);
+    assert_eq!(roles(&found)[1..3], [("goal_position_0 (deg)", "u1_rad"), ("goal_position_1 (deg)", "u2_rad")]);
+    assert!(found.cautions[0].contains("\"t\" names no unit: taken for s"), "{:?}", found.cautions);
+    let (map, model) = (path.with_extension("map.toml"), path.with_extension("model.toml"));
+    std::fs::write(&map, found.map.to_toml("servos")).expect("written");
+    std::fs::write(&model, &found.model).expect("written");
+    let session = Session::open(&model, &path, &ColumnMap::from_file(&map).expect("a mapping")).expect("it opens");
+    assert_eq!((session.data.n_inputs, session.data.n_rows()), (6, 200));
+}
+
+#[test]
+fn the_shipped_servo_is_recognised_without_a_question() {
+    let found = proposed(&file("servo", shipped("so101/slow_precision_2.csv")));
+    assert_eq!(roles(&found), [("time_s", "time_s"), ("u1_rad", "u1_rad"), ("y1_rad", "y1_rad")]);
+    assert_eq!(found.cautions, Vec::<String>::new());
+}
+
+#[test]
+fn a_snake_is_recognised_by_three_lengths_and_a_bend() {
+    let row = |t: f64| {
+        let (x, y) = (0.3 * t.sin(), 0.2 * (0.7 * t).cos());
+        format!("{},{},{},{},{x},{y},1,2,3", t * 1e3, 1.7 * x, -0.8 * x + 1.4 * y, -0.8 * x - 1.4 * y)
+    };
+    let header = "Time [ms],enc1 [mm],enc2 [mm],enc3 [mm],cam.x (deg),cam.y (deg),load1,load2,load3";
+    let path = file("snake", run(header, row));
+    let found = proposed(&path);
+    assert_eq!(found.kind, "snake");
+    let names = ["time_s", "q1_m", "q2_m", "q3_m", "bend_x_rad", "bend_y_rad", "tau1_n", "tau2_n", "tau3_n"];
+    assert_eq!(roles(&found).iter().map(|(_, is)| *is).collect::<Vec<_>>(), names);
+    let data = data(&path, &found);
+    assert!((data.time_s[50] - 1.0).abs() < 1e-12);
+    assert!((data.input(50)[0] - 1.7e-3 * 0.3 * 1.0_f64.sin()).abs() < 1e-12);
+    assert!(data.loads_n.is_some());
+}
+
+#[test]
+fn whole_numbers_of_ticks_keep_their_unit_and_names_without_one_are_said() {
+    let row = |t: f64| format!("{},{},{}", (t * 1e3).round(), (2000.0 * t.sin()).round(), 20.0 * t.sin());
+    let found = proposed(&file("ticks", run("clock,motor [ticks],joint", row)));
+    assert_eq!(roles(&found), [("clock", "time_s"), ("motor [ticks]", "u1_ticks"), ("joint", "y1_rad")]);
+    let cautions = found.cautions.join("\n");
+    assert!(cautions.contains("\"clock\" names no unit: taken for ms"), "{cautions}");
+    assert!(cautions.contains("\"joint\" without a unit in the name: taken for deg"), "{cautions}");
+}
+
+#[test]
+fn what_is_said_with_map_comes_first() {
+    let path =
+        file("said", run("time_s,alpha,beta,gamma_deg", |t| format!("{t},{},{},{}", t.sin(), t.cos(), 50.0 * t.sin())));
+    let map: ColumnMap =
+        ["u1_rad=alpha", "y1_deg=gamma_deg"].map(|m| m.parse::<Mapping>().expect("well formed")).into_iter().collect();
+    let found = propose(&path, &map).expect("a proposal");
+    assert_eq!(roles(&found), [("time_s", "time_s"), ("alpha", "u1_rad"), ("gamma_deg", "y1_rad")]);
+    let text = run("time_s,alpha,beta,gamma_deg", |t| format!("{t},{},{},{}", t.sin(), t.cos(), 50.0 * t.sin()));
+    refused("said_wrong", &text, &["u1_rad=alhpa"], &["\"alhpa\"", "missing", "nearest", "alpha"]);
+    refused("said_nothing", &text, &["w1_rad=alpha"], &["w1_rad", "no such column"]);
+}
+
+#[test]
+fn what_contradicts_itself_is_refused_in_one_sentence() {
+    let wave = |t: f64| format!("{},{}", 30.0 * t.sin(), 30.0 * (t - 0.04).sin());
+    let named = |header: &str, time: fn(f64) -> f64| run(header, |t| format!("{},{}", time(t), wave(t)));
+    refused(
+        "ms_are_s",
+        named("Time [ms],u1_deg,y1_deg", |t| t),
+        &[],
+        &["\"Time [ms]\"", "ms", "in s they are 50", "--map"],
+    );
+    refused("s_are_ms", named("time_s,u1_deg,y1_deg", |t| 1e3 * t), &[], &["\"time_s\"", "in ms they are 50"]);
+    refused(
+        "rad_is_deg",
+        named("time_s,u1_deg,y1_rad", |t| t),
+        &[],
+        &["u1_deg", "y1_rad", "same numbers", "y1_deg=y1_rad:deg"],
+    );
+    refused("both_rad", named("time_s,u1_rad,y1_rad", |t| t), &[], &["y1_rad", "more than two turns"]);
+    refused("back", named("time_s,u1_deg,y1_deg", |t| if t < 2.0 { t } else { t - 1.5 }), &[], &["line 102", "trial"]);
+    refused(
+        "still",
+        run("time_s,u1_deg,y1_deg", |t| format!("{t},1,{t}")),
+        &[],
+        &["\"u1_deg\" never change", "motion"],
+    );
+    refused("no_time", run("a,u1_deg,y1_deg", |t| format!("1,{}", wave(t))), &[], &["no column holds the time"]);
+    refused("no_pair", run("time_s,pressure", |t| format!("{t},{t}")), &[], &["no joint", "--map u1_deg="]);
+    refused(
+        "no_names",
+        shipped("davinci-jaw/00.csv").lines().skip(1).collect::<Vec<_>>().join("\n"),
+        &[],
+        &["line 1", "names"],
+    );
+    refused(
+        "mixed",
+        run("time_s;u1_deg;y1_deg", |t| format!("{t};{}", wave(t).replace(',', ";"))).replacen("0.02", "0,02", 1),
+        &[],
+        &["line 3", "comma"],
+    );
+    refused("utf16", [0xff, 0xfe, b't', 0, b';', 0], &[], &["UTF-16"]);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn anything_is_read_or_refused_in_one_line(
+        text in "(\u{feff})?((time_s|u1_deg|y 1 \\[rad\\]|q1|-?[0-9]{1,3}[.,][0-9]{1,2}|[0-9]{19}|1e999|\"|\u{b0})?[,;\t\r\n]){0,60}",
+    ) {
+        let path = file(&format!("any_{:?}", std::thread::current().id()), text);
+        if let Err(error) = propose(&path, &ColumnMap::default()) {
+            prop_assert!(!error.to_string().contains('\n'), "{}", error);
+        }
+    }
+
+    #[test]
+    fn numbers_survive_every_dialect(values in prop::collection::vec(-1e3..1e3_f64, 60..80), delimiter in 0..3_usize) {
+        let delimiter = [",", ";", "\t"][delimiter];
+        let mut text = ["time_ms", "u1_mm", "y1_mm\r\n"].join(delimiter);
+        for (k, value) in values.iter().enumerate() {
+            let cells = [(50 * k).to_string(), value.to_string(), (0.5 * value).to_string()];
+            let row = cells.join(delimiter);
+            text += &if delimiter == "," { row } else { row.replace('.', ",") };
+            text += "\r\n";
+        }
+        let path = file(&format!("dialect_{:?}", std::thread::current().id()), text);
+        let found = propose(&path, &ColumnMap::default()).expect("a proposal");
+        let read = data(&path, &found);
+        prop_assert_eq!(read.inputs, values);
+    }
+}
