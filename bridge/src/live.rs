@@ -10,6 +10,9 @@ use krait_ipc::{Bus, HealthReporter, Process, ReadCounts, ReadOptions, Reader, W
 /// How long a stage sleeps at most before it looks whether it shall stop.
 const PATIENCE: Duration = Duration::from_millis(20);
 
+/// A look at the other channels is good for so long: from waking ahead of a sample until it comes, ns.
+const FRESH_NS: i64 = 500_000;
+
 /// The channels that do not wake the stage.
 struct Beside {
     states: Reader<SlaveState>,
@@ -58,12 +61,15 @@ pub(crate) fn run<S: Step>(
     let mut health = HealthReporter::open(bus, process)?;
     health.publish(clock::monotonic_ns())?;
     tracing::info!(process = process.name(), "ready");
-    let mut last = None;
+    // The newest input, and when the other channels were looked at.
+    let (mut last, mut glanced_ns) = (None, i64::MIN);
     while !stop.load(Ordering::Relaxed) {
         let may_have = inputs.wait(PATIENCE)?;
         while let Some(input) = inputs.take()? {
             let begun_ns = clock::monotonic_ns();
-            beside.glance(&mut core, &mut health)?;
+            if begun_ns.saturating_sub(glanced_ns) > FRESH_NS {
+                beside.glance(&mut core, &mut health)?;
+            }
             match core.step(&input, begun_ns) {
                 Ok(mut out) => {
                     *out.sent_stamp() = clock::monotonic_ns();
@@ -77,16 +83,20 @@ pub(crate) fn run<S: Step>(
             }
             last = Some(*input);
         }
-        // Behind the samples, not before them: it keeps the other channels from overflowing while no input comes.
+        // On a shared core the next stage waits until this one sleeps, so all else is done when no sample is on its way.
+        let now_ns = clock::monotonic_ns();
+        if may_have && !health.is_due(now_ns) {
+            continue;
+        }
         beside.glance(&mut core, &mut health)?;
+        glanced_ns = now_ns;
         if let (false, Some(last)) = (may_have, &last) {
-            let now_ns = clock::monotonic_ns();
             core.warm_up(&last.at(now_ns), now_ns);
         }
         let [states, updates] = beside.counts();
         health.count_readers(&[inputs.counts(), states, updates]);
         health.health_mut().n_sent = outputs.n_sent();
-        health.publish_if_due(clock::monotonic_ns())?;
+        health.publish_if_due(now_ns)?;
     }
     health.publish(clock::monotonic_ns())?;
     tracing::info!(process = process.name(), n_sent = outputs.n_sent(), n_lost = inputs.n_lost(), "stopped");

@@ -50,7 +50,12 @@ impl HealthReporter {
     /// # Errors
     /// As [`Writer::send`].
     pub fn publish_if_due(&mut self, now_ns: i64) -> Result<(), IpcError> {
-        if now_ns >= self.due_ns { self.publish(now_ns) } else { Ok(()) }
+        if self.is_due(now_ns) { self.publish(now_ns) } else { Ok(()) }
+    }
+
+    /// Whether a tenth of a second has passed.
+    pub fn is_due(&self, now_ns: i64) -> bool {
+        now_ns >= self.due_ns
     }
 
     /// Publishes at once: when ready, and as the last word before the end.

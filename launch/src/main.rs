@@ -59,7 +59,7 @@ fn main() -> ExitCode {
         Verb::Lab(verb) => commands::lab::run(&verb),
         Verb::Compare(args) => commands::compare::run(&args),
         Verb::Replay(args) => commands::replay::run(&cli.common, &args),
-        Verb::Model(verb) => commands::model::run(&verb),
+        Verb::Model(verb) => commands::model::run(&cli.common, &verb),
         Verb::Fault(args) => commands::fault::run(&args),
         Verb::Doctor(args) => commands::doctor::run(&args),
         Verb::Bench(args) => commands::bench::run(&cli.common, &args),

@@ -91,3 +91,24 @@ fn a_model_that_cannot_be_compensated_says_why() {
         text(&checked.stdout)
     );
 }
+
+#[test]
+fn a_check_names_the_line_that_is_first_at_the_slaves_limit_of_pull() {
+    let check = |config: &str| {
+        let config = file("limits.toml", config);
+        let args = ["model", "check", "estimated", "--json", "--config", config.to_str().unwrap()];
+        let found: serde_json::Value = serde_json::from_slice(&krait(&args).stdout).unwrap();
+        found["load_limit"].clone()
+    };
+    assert!(check("").is_null(), "60 N hold the estimated snake up to 75 deg");
+    let weak = check("[slave.limits]\npull_n = 20.0\n");
+    let bend_deg = weak["bend_deg"].as_f64().unwrap();
+    let load_n = weak["load_n"].as_f64().unwrap();
+    assert!((-21.0..-20.0).contains(&load_n) && weak["a_preload_helps"] == true, "{weak}");
+    // Half the pull is reached at about half the bend: the elastic load grows nearly in proportion.
+    let weaker = check("[slave.limits]\npull_n = 10.0\n");
+    let ratio = weaker["bend_deg"].as_f64().unwrap() / bend_deg;
+    assert!((0.45..0.55).contains(&ratio), "{weak} {weaker}");
+    let neither = check("[slave.limits]\npull_n = 20.0\npush_n = 15.0\n");
+    assert!(neither["bend_deg"].as_f64().unwrap() < bend_deg, "{neither}");
+}

@@ -17,6 +17,7 @@ pub mod mark;
 pub mod model;
 mod model_compensate;
 mod model_learnt;
+mod model_loads;
 pub mod motion_wish;
 pub mod paper;
 pub mod process;

@@ -1,7 +1,9 @@
 //! `krait model show | check`: prints a model file with what every key means, and checks one.
 
-use crate::cli::{ModelFileArgs, ModelShowArgs, ModelVerb};
+use crate::cli::{Common, ModelFileArgs, ModelShowArgs, ModelVerb};
+use crate::commands::model_loads::{LoadLimit, first_limit};
 use crate::commands::{model_compensate, model_learnt};
+use crate::config::Config;
 use crate::print;
 use anyhow::{Context, bail};
 use krait_bridge::LiveModel;
@@ -9,7 +11,7 @@ use krait_ipc::input;
 use krait_model::model_file::{
     Assumed, BUILT_IN, FileEffect, Machine, ModelFile, ModelFileError, assumed, built_in, documented_defaults,
 };
-use krait_model::{ChainError, KnownColumns};
+use krait_model::{Chain, ChainError, KnownColumns};
 use serde::Serialize;
 use std::path::Path;
 use std::process::ExitCode;
@@ -18,16 +20,16 @@ use std::process::ExitCode;
 const LARGEST_BEND_RAD: f64 = core::f64::consts::FRAC_PI_2;
 
 /// Shows or checks a model file.
-pub fn run(verb: &ModelVerb) -> anyhow::Result<ExitCode> {
+pub fn run(common: &Common, verb: &ModelVerb) -> anyhow::Result<ExitCode> {
     match verb {
-        ModelVerb::Show(args) => show(args),
-        ModelVerb::Check(args) => check(args),
+        ModelVerb::Show(args) => show(&Config::load(common.config.as_deref())?, args),
+        ModelVerb::Check(args) => check(&Config::load(common.config.as_deref())?, args),
         ModelVerb::SaveLearnt(args) => model_learnt::run(args),
         ModelVerb::Compensate(args) => model_compensate::run(args),
     }
 }
 
-fn show(args: &ModelShowArgs) -> anyhow::Result<ExitCode> {
+fn show(config: &Config, args: &ModelShowArgs) -> anyhow::Result<ExitCode> {
     if args.defaults {
         print::out(&documented_defaults())?;
         return Ok(ExitCode::SUCCESS);
@@ -39,7 +41,7 @@ fn show(args: &ModelShowArgs) -> anyhow::Result<ExitCode> {
     let text = text_of(path)?;
     let model = ModelFile::parse(&text).with_context(|| path.display().to_string())?;
     if args.json {
-        print::json(&described(path, &text, &model)?)?;
+        print::json(&described(config, path, &text, &model)?)?;
     } else if built_in_of(path).is_some() {
         print::out(&text)?;
     } else {
@@ -49,12 +51,12 @@ fn show(args: &ModelShowArgs) -> anyhow::Result<ExitCode> {
 }
 
 /// A file that is refused is a failure found; one that cannot be read could not be checked.
-fn check(args: &ModelFileArgs) -> anyhow::Result<ExitCode> {
+fn check(config: &Config, args: &ModelFileArgs) -> anyhow::Result<ExitCode> {
     let path = &args.file;
     let text = text_of(path)?;
     match ModelFile::parse(&text) {
         Ok(model) => {
-            let found = described(path, &text, &model)?;
+            let found = described(config, path, &text, &model)?;
             if args.json {
                 print::json(&found)?;
             } else {
@@ -104,6 +106,8 @@ struct Described {
     machine: &'static str,
     /// Largest bend that the strain limit allows, degrees; snakes only.
     max_bend_deg: Option<f64>,
+    /// Where a line is first at the slave's limit of pull or push; null where none is up to the largest bend.
+    load_limit: Option<LoadLimit>,
     /// Why the live compensator cannot use it; null where it can.
     not_compensable: Option<String>,
     /// Why it must not steer a machine though every number of it is within bounds; null where it may.
@@ -149,7 +153,7 @@ struct Parameter {
     date: Option<String>,
 }
 
-fn described(path: &Path, text: &str, model: &ModelFile) -> Result<Described, ModelFileError> {
+fn described(config: &Config, path: &Path, text: &str, model: &ModelFile) -> Result<Described, ModelFileError> {
     let every_column = KnownColumns { time: true, stem_angle: true, temperature: true };
     // The file was checked as a whole when it was read; should it fail here, it is the whole file that fails.
     let whole = |source: ChainError| ModelFileError::Chain { line: 1, source };
@@ -161,7 +165,11 @@ fn described(path: &Path, text: &str, model: &ModelFile) -> Result<Described, Mo
         Ok(Some(found)) => found.map_err(whole)?.err().map(|implausible| implausible.to_string()),
         Ok(None) | Err(_) => None,
     };
+    let within = |chain: &Chain| chain.max_bend_rad().min(config.resolve.max_bend_rad);
+    let load_limit = chain.as_ref().map(|chain| first_limit(model, chain, &config.slave.limits, within(chain)));
+    let load_limit = load_limit.transpose().map_err(|error| whole(error.into()))?.flatten();
     Ok(Described {
+        load_limit,
         file: path.display().to_string(),
         valid: true,
         hash: model.hash().to_string(),
@@ -216,6 +224,9 @@ fn sentences(found: &Described) -> String {
     if let Some(degrees) = found.max_bend_deg {
         text += &format!("  bends up to {degrees:.1} deg stay within the strain limit\n");
     }
+    if let Some(limit) = found.load_limit {
+        text += &load_sentence(&limit);
+    }
     match found.implausible.as_ref().or(found.not_compensable.as_ref()) {
         Some(reason) if found.implausible.is_some() => text += &format!("  it must not steer a machine: {reason}\n"),
         Some(reason) => text += &format!("  `krait run` cannot use it: {reason}\n"),
@@ -236,6 +247,17 @@ fn sentences(found: &Described) -> String {
     }
     text += &format!("  model {}\n", found.hash);
     text
+}
+
+fn load_sentence(limit: &LoadLimit) -> String {
+    let LoadLimit { bend_deg, direction_deg, line, load_n, a_preload_helps } = *limit;
+    let way = if load_n < 0.0 { "pull" } else { "push" };
+    let newtons = load_n.abs();
+    let help = if a_preload_helps { "; a load that all lines share would keep each within its limit" } else { "" };
+    format!(
+        "  line {line} is the first at a limit of [slave.limits]: at {bend_deg:.1} deg in the direction {direction_deg:.0} deg \
+         the snake's elasticity alone needs {newtons:.1} N of {way}{help}\n"
+    )
 }
 
 fn verdict(found: &Described) -> &'static str {
