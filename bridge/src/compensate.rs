@@ -59,7 +59,7 @@ impl CompensateCore {
             model: chain.hash(),
             config,
             state: None,
-            mismatch: Mismatch::new(chain, &config),
+            mismatch: Mismatch::of_snake(chain, &config),
             memory: Memory::default(),
         })
     }

@@ -7,6 +7,7 @@
 use crate::JointMachine;
 use crate::blend::Blend;
 use crate::config::CompensateConfig;
+use crate::mismatch::{Mismatch, Seen};
 use crate::reach::{Reach, Wish};
 use crate::step::{
     BridgeError, Refused, Step, check_age, check_model, check_order_and_numbers, seconds_between, stamps_begun, step_s,
@@ -27,6 +28,7 @@ pub struct JointCompensateCore {
     blend: Blend,
     config: CompensateConfig,
     state: Option<SlaveState>,
+    mismatch: Mismatch,
     memory: Memory,
 }
 
@@ -37,6 +39,7 @@ struct Memory {
     sequence: u64,
     first_ns: Option<i64>,
     before_ns: Option<i64>,
+    mismatch: Seen,
 }
 
 impl JointCompensateCore {
@@ -49,7 +52,8 @@ impl JointCompensateCore {
         let joints = machine.model.chain.compensator(JointInverseSettings::default())?;
         let (spare, machine) = (joints.clone(), machine.clone());
         let blend = Blend::new(machine.model.chain.learnt());
-        Ok(Self { machine, joints, spare, blend, config, state: None, memory: Memory::default() })
+        let mismatch = Mismatch::of_joints(&machine, &config);
+        Ok(Self { machine, joints, spare, blend, config, state: None, mismatch, memory: Memory::default() })
     }
 
     /// Notes the newest slave state; it counts from the next step on, and that step names it.
@@ -89,6 +93,8 @@ impl JointCompensateCore {
             reasons.insert(Reason::ModelBlending);
         }
         let is_fresh = check_age(&self.config, self.state.as_ref(), setpoint, begun_ns, &mut reasons);
+        let found = self.blend.innovation_rms_rad();
+        let trips = self.mismatch.trips(&mut self.memory.mismatch, found, setpoint.sample_ns, &mut reasons);
         let first_ns = *self.memory.first_ns.get_or_insert(setpoint.sample_ns);
         let at = Circumstances::at(seconds_between(first_ns, setpoint.sample_ns));
         let wanted = self.machine.of_model(&setpoint.joints_rad);
@@ -121,7 +127,7 @@ impl JointCompensateCore {
             model_hash: self.machine.model.hash().0,
             learnt: *self.joints.learnt(),
             n_learnt: self.blend.n_learnt(),
-            phase: if is_fresh { setpoint.phase } else { Phase::Holding as u32 },
+            phase: if is_fresh && !trips { setpoint.phase } else { Phase::Holding as u32 },
             reasons: reasons.bits(),
         })
     }

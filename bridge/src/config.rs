@@ -73,7 +73,8 @@ settings! {
     /// `estimate`: what it assumes of the measurements.
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct EstimateConfig in "estimate" {
-        /// Standard deviation of each axis of the measured bend vector, rad, where the camera states none.
+        /// Standard deviation of each axis of the measured bend vector, or of each measured joint (sliding: times the
+        /// capstan's radius), rad, where the camera states none.
         sigma_bend_rad: f64 = 0.3f64.to_radians(), 1e-5..=0.2;
         /// Largest distance of a measurement from its prediction, standard deviations; fewer would refuse good ones.
         outlier_sigmas: f64 = 6.0, 2.0..=100.0;

@@ -149,7 +149,7 @@ impl Learner {
 
     /// Root mean square of what was not explained of the newest shapes in motion, outliers too, along each axis, rad; 0 before the first.
     pub fn innovation_rms_rad(&self) -> f64 {
-        self.recursion.innovation_rms_rad()
+        self.recursion.innovation_rms()
     }
 
     /// The parameters that are learnt, in the order of the model file.

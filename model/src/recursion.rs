@@ -85,7 +85,7 @@ pub(crate) struct Recursion {
     in_force: Lanes,
     observable: [bool; MAX_LEARNT],
     at_bound: [bool; MAX_LEARNT],
-    mean_square_rad2: Option<f64>,
+    mean_square: Option<f64>,
     n_outliers_in_a_row: u32,
 }
 
@@ -104,7 +104,7 @@ impl Recursion {
             in_force: Lanes::zeros(),
             observable: [false; MAX_LEARNT],
             at_bound: [false; MAX_LEARNT],
-            mean_square_rad2: None,
+            mean_square: None,
             n_outliers_in_a_row: 0,
         }
     }
@@ -160,14 +160,14 @@ impl Recursion {
     }
 
     /// Root mean square of what was not explained of the newest shapes in motion; 0 before the first.
-    pub fn innovation_rms_rad(&self) -> f64 {
-        self.mean_square_rad2.unwrap_or(0.0).sqrt()
+    pub fn innovation_rms(&self) -> f64 {
+        self.mean_square.unwrap_or(0.0).sqrt()
     }
 
     /// Takes the mean square of what was not explained of the newest shape, rad^2.
     pub fn note_unexplained(&mut self, newest: f64) {
-        let old = self.mean_square_rad2.unwrap_or(newest);
-        self.mean_square_rad2 = Some(old + INNOVATION_WEIGHT * (newest - old));
+        let old = self.mean_square.unwrap_or(newest);
+        self.mean_square = Some(old + INNOVATION_WEIGHT * (newest - old));
     }
 
     /// What the parameter at a place is worth now; `None` behind the last.

@@ -91,6 +91,12 @@ pub enum Missing {
         /// How many.
         n_messages: u64,
     },
+    /// What the recorder has counted of itself cannot be read.
+    #[error("its own count {key:?} of what is missing is no number, so messages may be missing")]
+    Count {
+        /// Which.
+        key: &'static str,
+    },
     /// The recorder itself counted what it could not record.
     #[error("the recorder dropped {n_dropped} messages and {n_lost} never reached it")]
     Messages {
@@ -273,19 +279,26 @@ impl<'a> Scan<'a> {
             _ => None,
         };
         self.contents.is_indexed &= matches!(ending, Step::End);
-        if let Some(recovered) = self.contents.metadata.get(METADATA_RECOVERED) {
-            let n_bytes = recovered.get(DROPPED_KEY).and_then(|n| n.parse().ok()).unwrap_or(0);
-            self.contents.missing.push(Missing::Recovered { n_bytes });
+        let Contents { metadata, missing: found, .. } = &mut self.contents;
+        if let Some(recovered) = metadata.get(METADATA_RECOVERED) {
+            let n_bytes = count_of(recovered, DROPPED_KEY);
+            found.push(n_bytes.map_or_else(|unknown| unknown, |n_bytes| Missing::Recovered { n_bytes }));
         }
-        let end = self.contents.metadata.get(METADATA_END);
-        let counted = |key| end.and_then(|end| end.get(key)).and_then(|n| n.parse().ok()).unwrap_or(0);
-        let (n_dropped, n_lost) = (counted("n_dropped"), counted("n_lost"));
-        self.contents.missing.extend(missing);
-        if (n_dropped, n_lost) != (0, 0) {
-            self.contents.missing.push(Missing::Messages { n_dropped, n_lost });
+        found.extend(missing);
+        if let Some(end) = metadata.get(METADATA_END) {
+            match (count_of(end, "n_dropped"), count_of(end, "n_lost")) {
+                (Ok(0), Ok(0)) => {}
+                (Ok(n_dropped), Ok(n_lost)) => found.push(Missing::Messages { n_dropped, n_lost }),
+                (Err(unknown), _) | (_, Err(unknown)) => found.push(unknown),
+            }
         }
         Ok((self.contents, self.directory))
     }
+}
+
+/// A count that the recorder wrote about itself; 0 where it wrote none.
+fn count_of(entries: &BTreeMap<String, String>, key: &'static str) -> Result<u64, Missing> {
+    entries.get(key).map_or(Ok(0), |n| n.parse().map_err(|_no_number| Missing::Count { key }))
 }
 
 /// Names are held in memory; no name of krait is longer than this, and a cut one is none of krait's.
@@ -331,5 +344,20 @@ pub(crate) fn known_channel(
             found: version.cloned().unwrap_or_else(|| "none".to_owned()),
             expected: expected.version,
         }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_count_that_cannot_be_read_is_not_zero() {
+        let entries = |n: &str| BTreeMap::from([("n_lost".to_owned(), n.to_owned())]);
+        assert_eq!(count_of(&entries("3"), "n_lost").ok(), Some(3));
+        for unreadable in ["", "-1", "three"] {
+            assert!(matches!(count_of(&entries(unreadable), "n_lost"), Err(Missing::Count { key: "n_lost" })));
+        }
+        assert_eq!(count_of(&entries("3"), "n_dropped").ok(), Some(0), "a recorder that counts nothing");
     }
 }

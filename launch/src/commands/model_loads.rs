@@ -1,8 +1,8 @@
 //! Up to which bend a snake's lines stay within the pull and the push that the slave allows, and which line is first at its
 //! limit: Eq. (10) with bounds, along rays over the workspace.
 
-use krait_model::model_file::ModelFile;
 use krait_model::effects::EffectKind;
+use krait_model::model_file::ModelFile;
 use krait_model::{Chain, LoadBounds, LoadRequest, LoadStatus, ParameterError, Snake};
 use krait_slave::Limits;
 use nalgebra::{Vector2, Vector3};

@@ -11,8 +11,6 @@ use krait_ipc::{Bus, IpcError, ReadOptions, clock};
 /// The master publishes every millisecond.
 const PATIENCE_NS: i64 = 5_000_000_000;
 const LOOK_EVERY: Duration = Duration::from_millis(2);
-/// How long the newest input is waited for where only the state is shown, ns.
-const GLANCE_NS: i64 = 100_000_000;
 
 /// Asks the master, and waits until its inputs say that it has been done.
 ///
@@ -41,24 +39,6 @@ pub fn ask(bus: &Bus, args: &StateArgs) -> anyhow::Result<()> {
         "the master did not answer within {} s; it is stopped, or the machine is too busy",
         PATIENCE_NS / 1_000_000_000
     )
-}
-
-/// The newest input of the operator, if one is published now.
-///
-/// # Errors
-/// When the channel cannot be read.
-pub fn newest_input(bus: &Bus) -> anyhow::Result<Option<OperatorInput>> {
-    let mut inputs = bus.reader::<OperatorInput>(ReadOptions::observing())?;
-    let deadline_ns = clock::monotonic_ns() + GLANCE_NS;
-    loop {
-        if let Some(input) = inputs.take_newest()? {
-            return Ok(Some(*input));
-        }
-        if clock::monotonic_ns() > deadline_ns {
-            return Ok(None);
-        }
-        std::thread::sleep(LOOK_EVERY);
-    }
 }
 
 fn wish_of(args: &StateArgs) -> anyhow::Result<MotionWish> {

@@ -6,7 +6,8 @@ use crate::{commands, print};
 use anyhow::{Context, bail};
 use core::time::Duration;
 use krait_ipc::message::{
-    Health, OperatingState, OperatorInput, RequestOutcome, SlaveState, StateAnswer, StateRequest, Transition,
+    Command, Health, Message, OperatingState, OperatorInput, RequestOutcome, SlaveState, StateAnswer, StateRequest,
+    Transition,
 };
 use krait_ipc::{Bus, IpcError, Process, ReadOptions, Reader, Reason, Reasons, clock, health_channel};
 use krait_slave::OperatingMachine;
@@ -19,6 +20,8 @@ pub const NAME: &str = "state";
 const PATIENCE_NS: i64 = 5_000_000_000;
 /// Homing takes seconds: the largest travel at the slowest speed, and some.
 const HOMING_PATIENCE_NS: i64 = 120_000_000_000;
+/// How long the newest message of a channel is waited for where only the state is shown, ns.
+const GLANCE_NS: i64 = 100_000_000;
 const LOOK_EVERY: Duration = Duration::from_millis(5);
 
 /// Shows the state, or asks for another one and shows what became of that.
@@ -33,11 +36,14 @@ pub fn run(common: &Common, args: &StateArgs) -> anyhow::Result<ExitCode> {
         motion_wish::ask(&bus, args)?;
     }
     let mut shown = view.show()?;
-    if let Some(input) = motion_wish::newest_input(&bus)? {
+    if let Some(input) = newest::<OperatorInput>(&bus)? {
         let is_locked = |flag| Some(input.flags & flag != 0);
         shown.scale = Some(f64::from(input.scale_permille) / 1000.0);
         shown.is_translation_locked = is_locked(OperatorInput::TRANSLATION_LOCKED);
         shown.is_rotation_locked = is_locked(OperatorInput::ROTATION_LOCKED);
+    }
+    if let Some(command) = newest::<Command>(&bus)? {
+        shown.warn(Reasons::from_bits(command.reasons));
     }
     if args.json {
         print::json(&shown)?;
@@ -45,6 +51,21 @@ pub fn run(common: &Common, args: &StateArgs) -> anyhow::Result<ExitCode> {
         print::out(&shown.text())?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// The newest message of a channel that is published a thousand times a second, if somebody publishes there now.
+fn newest<M: Message>(bus: &Bus) -> anyhow::Result<Option<M>> {
+    let mut reader = bus.reader::<M>(ReadOptions::observing())?;
+    let deadline_ns = clock::monotonic_ns() + GLANCE_NS;
+    loop {
+        if let Some(message) = reader.take_newest()? {
+            return Ok(Some(*message));
+        }
+        if clock::monotonic_ns() > deadline_ns {
+            return Ok(None);
+        }
+        std::thread::sleep(LOOK_EVERY);
+    }
 }
 
 fn transition_of(ask: Ask) -> Transition {
@@ -205,6 +226,15 @@ impl View {
 }
 
 impl Shown {
+    /// Adds what `compensate` warns of, which the slave, that goes on, has no reason to repeat.
+    fn warn(&mut self, command: Reasons) {
+        let reason = Reason::ModelMismatch;
+        if command.contains(reason) && self.reasons.iter().all(|held| held.reason != format!("{reason:?}")) {
+            let (reason, sentence) = (format!("{reason:?}"), reason.sentence());
+            self.reasons.push(Held { reason, sentence, value: None, limit: None });
+        }
+    }
+
     fn text(&self) -> String {
         let word = |is: bool, yes: &'static str, no: &'static str| if is { yes } else { no };
         let mut text = format!(

@@ -132,7 +132,7 @@ impl JointLearner {
 
     /// Root mean square of what was not explained of the newest measurements in motion, in units of y; 0 before the first.
     pub fn innovation_rms(&self) -> f64 {
-        self.recursion.innovation_rms_rad()
+        self.recursion.innovation_rms()
     }
 
     /// The parameters that are learnt, in the order of the model file.
