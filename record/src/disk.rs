@@ -50,10 +50,12 @@ pub(crate) fn write_all(
             Err(RecvTimeoutError::Disconnected) => break,
         }
         let now_ns = clock::monotonic_ns();
-        if result.is_ok() && status.is_due(now_ns) {
+        // Asked even when the recording has stopped: a timer that is not renewed leaves no time to sleep.
+        let (is_status_due, is_flush_due) = (status.is_due(now_ns), flush.is_due(now_ns));
+        if result.is_ok() && is_status_due {
             result = disk.store_status();
         }
-        if result.is_ok() && flush.is_due(now_ns) {
+        if result.is_ok() && is_flush_due {
             result = disk.flush(now_ns);
         }
         if let Err(error) = &result

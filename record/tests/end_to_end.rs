@@ -290,6 +290,12 @@ fn a_disk_that_fills_up_stops_the_recording_and_nothing_else() {
     assert!(!commands.is_empty() && commands.iter().copied().eq(1..=commands.len() as u64), "{commands:?}");
 }
 
+/// Processor time of this process, ns.
+fn cpu_ns() -> i64 {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
+    time.tv_sec * 1_000_000_000 + time.tv_nsec
+}
+
 /// Not a test: the child of `a_disk_that_fills_up_stops_the_recording_and_nothing_else`.
 #[test]
 fn recorder_on_a_disk_that_fills_up() {
@@ -299,7 +305,7 @@ fn recorder_on_a_disk_that_fills_up() {
     let bus = Bus::open(&name, "observer").expect("bus");
     let mut health =
         bus.reader_on::<Health>(&health_channel(Process::Record), ReadOptions::observing()).expect("reader");
-    let mut n_sent = 0;
+    let (mut n_sent, mut busy_of) = (0, (0, 0));
     let report = beside_a_recorder(&name, &config, |bus| {
         let mut chain = Chain::open(bus);
         let limit = Rlimit { current: Some(FULL_DISK_BYTES), maximum: Some(FULL_DISK_BYTES) };
@@ -312,9 +318,19 @@ fn recorder_on_a_disk_that_fills_up() {
             chain.send(&plausible(Channel::Command, n_sent, clock::monotonic_ns()));
             thread::sleep(Duration::from_millis(1));
         }
+        // What comes after it is counted, by threads that sleep in between.
+        let (wall_ns, busy_ns) = (clock::monotonic_ns(), cpu_ns());
+        while clock::monotonic_ns() < wall_ns + 2_000_000_000 {
+            n_sent += 1;
+            chain.send(&plausible(Channel::Command, n_sent, clock::monotonic_ns()));
+            thread::sleep(Duration::from_millis(1));
+        }
+        busy_of = (cpu_ns() - busy_ns, clock::monotonic_ns() - wall_ns);
         chain
     })
     .expect("a full disk is no error of the recorder");
+    let (busy_ns, wall_ns) = busy_of;
+    assert!(busy_ns < wall_ns / 2, "{busy_ns} ns of work in {wall_ns} ns beside a recording that has stopped");
     let error = report.outcome.expect_err("the disk was full").to_string();
     assert!(error.contains("stopped at byte") && error.contains("File too large"), "{error}");
     let counts = report.status.of(Channel::Command).expect("counted");
