@@ -100,6 +100,7 @@ impl JointCompensateCore {
         let wanted = self.machine.of_model(&setpoint.joints_rad);
         let wanted = &wanted[..n];
         let found = self.joints.step(wanted, &at);
+        reasons.insert_if(Reason::JointUnreachable, !found.is_reachable);
         let wish = Wish {
             raw_m: SVector::from(self.machine.cable_m(&found.u)),
             load_n: 0.0,

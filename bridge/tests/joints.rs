@@ -260,3 +260,25 @@ fn what_cannot_be_driven_is_refused_in_one_sentence_that_names_it() {
         assert!(sentence.contains(words), "{sentence}");
     }
 }
+
+/// y = x - x^2 has its largest value at x = 0.5: 0.25 rad.
+#[test]
+fn a_position_that_no_command_reaches_is_named_and_gets_the_nearest_command() {
+    let text = format!("{OFF}[[effect]]\nkind = \"quadratic\"\njoint = 1\nquadratic = -1.0\n");
+    let machine = machine(&text, &JointsConfig::default());
+    let mut compensate = JointCompensateCore::new(&machine, CompensateConfig::default()).expect("defaults");
+    let mut resolve = JointResolveCore::new(&machine, ResolveConfig::default()).expect("defaults");
+    let mut command_at = |k: i64, wanted_rad: f64| {
+        compensate.note_state(&state(k, None));
+        let mut joints_rad = [0.0; 8];
+        joints_rad[0] = wanted_rad;
+        let still = resolve.step(&input(k, [0.0; 3]), T0_NS + k * MS).expect("a good input");
+        compensate.step(&Setpoint { joints_rad, ..still }, T0_NS + k * MS).expect("a good setpoint")
+    };
+    let unreachable = |command: &Command| Reasons::from_bits(command.reasons).contains(Reason::JointUnreachable);
+    assert!((1..=200).all(|k| !unreachable(&command_at(k, 1e-3 * k as f64))));
+    let beyond = (201..=400).map(|k| command_at(k, 1e-3 * k as f64)).last().expect("200 steps");
+    assert!(unreachable(&beyond) && beyond.q_tilde_m.iter().all(|q_m| q_m.is_finite()), "{beyond:?}");
+    let back = (401..=800).map(|k| command_at(k, 0.4 - 1e-3 * (k - 400) as f64)).last().expect("400 steps");
+    assert!(!unreachable(&back), "{back:?}");
+}

@@ -94,11 +94,13 @@ pub enum Reason {
     ModelMismatch = 43,
     /// It is so far that nobody may go on with this model; value: root mean square, rad.
     MismatchTrip = 44,
+    /// No command of the model brings a joint where it was wanted.
+    JointUnreachable = 45,
 }
 
 impl Reason {
     /// Every reason, in the order of its bit.
-    pub const ALL: [Self; 45] = [
+    pub const ALL: [Self; 46] = [
         Self::OperatorAbsent,
         Self::Clutched,
         Self::DeviceLost,
@@ -144,6 +146,7 @@ impl Reason {
         Self::JointRateLimit,
         Self::ModelMismatch,
         Self::MismatchTrip,
+        Self::JointUnreachable,
     ];
 
     /// The reason in words that a surgeon understands.
@@ -196,6 +199,9 @@ impl Reason {
             Self::MismatchTrip => {
                 "the snake holds still because its measured shape is far from what the model predicts: look at the camera and \
                  the model, then start the chain anew"
+            }
+            Self::JointUnreachable => {
+                "by its model no command brings a joint where it was wanted; it gets the nearest one"
             }
         }
     }
