@@ -151,6 +151,25 @@ fn whole_numbers_of_ticks_keep_their_unit_and_names_without_one_are_said() {
 }
 
 #[test]
+fn an_encoder_that_begins_anew_is_made_continuous() {
+    let (turn, ticks) = (|t: f64| 400.0 * (0.9 * t).sin(), |t: f64| (3000.0 * (0.9 * (t - 0.02)).sin()).round());
+    let row = |t: f64| format!("{t},{},{}", turn(t).rem_euclid(360.0), ticks(t).rem_euclid(4096.0));
+    let path = file("wrapped", run("time_s,motor_deg,joint_ticks", row));
+    let found = proposed(&path);
+    assert_eq!(roles(&found)[1..], [("motor_deg", "u1_rad"), ("joint_ticks", "y1_ticks")]);
+    assert_eq!(found.cautions.iter().filter(|said| said.contains("begins anew")).count(), 2, "{:?}", found.cautions);
+    let data = data(&path, &found);
+    for row in 0..data.n_rows() {
+        let t = data.time_s[row];
+        assert!((data.input(row)[0] - turn(t).to_radians()).abs() < 1e-9, "row {row}");
+        assert!((data.output(row)[0] - data.output(0)[0] - ticks(t) + ticks(0.0)).abs() < 1e-9, "row {row}");
+    }
+    let steady =
+        file("steady", run("time_s,u1_deg,y1_deg", |t| format!("{t},{},{}", 170.0 * t.sin(), 170.0 * t.sin())));
+    assert!(proposed(&steady).cautions.is_empty());
+}
+
+#[test]
 fn what_is_said_with_map_comes_first() {
     let path =
         file("said", run("time_s,alpha,beta,gamma_deg", |t| format!("{t},{},{},{}", t.sin(), t.cos(), 50.0 * t.sin())));

@@ -6,6 +6,7 @@ mod name;
 mod role;
 mod snake;
 mod time;
+mod wrap;
 
 use crate::read::{ColumnMap, Look, Looked, Mapping, ReadError, Unit, look, read};
 use krait_model::model_file::{ModelFile, ModelFileError};
@@ -19,6 +20,8 @@ const MOST_CHANGES: f64 = 0.05;
 /// What was seen in a file and what follows from it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proposal {
+    /// Whether ranges are those of all rows; in a very long file they are those of the first ones.
+    pub is_whole: bool,
     /// Every column of the file, in its order.
     pub columns: Vec<Seen>,
     /// `joints` or `snake`.
@@ -90,6 +93,8 @@ struct Column {
     looked: Looked,
     words: Name,
     guess: Guess,
+    /// A turn after which it began anew in the file.
+    wraps: Option<f64>,
 }
 
 impl Column {
@@ -115,14 +120,17 @@ struct Machine {
 /// # Errors
 /// [`InitError`], one sentence.
 pub fn propose(path: &Path, given: &ColumnMap) -> Result<Proposal, InitError> {
-    let Look { dialect, has_decimal_comma, columns } = look(path)?;
+    let Look { dialect, has_decimal_comma, is_whole, columns } = look(path)?;
     let refused = |reason: String| InitError::Columns { path: path.to_owned(), reason };
     let column = |looked: Looked| {
         let words = Name::of(&looked.name);
-        Column { guess: Guess::of(&words), words, looked }
+        Column { guess: Guess::of(&words), words, looked, wraps: None }
     };
     let mut columns: Vec<Column> = columns.into_iter().map(column).collect();
     let given_time = given::apply(path, &mut columns, given)?;
+    for own in &mut columns {
+        own.wraps = wrap::unwrap(own);
+    }
     let time = time::find(&columns, given_time).map_err(refused)?;
     if let Some(own) = columns.get_mut(time.place) {
         own.guess = Guess::Time;
@@ -140,12 +148,20 @@ pub fn propose(path: &Path, given: &ColumnMap) -> Result<Proposal, InitError> {
             ),
         );
     }
+    for (column, turn) in columns.iter().filter_map(|column| Some((column, column.wraps?))) {
+        cautions.push(format!(
+            "{:?} jumps by a turn: taken for an encoder that begins anew after {turn:.6}; remove `wraps` from the mapping if it does not",
+            column.name()
+        ));
+    }
     let mut assigned = vec![("time_s".to_owned(), time.place, Some(time.unit), time.why)];
     let trial = columns.iter().position(is_trial);
     assigned.extend(trial.map(|place| ("trial".to_owned(), place, None, "a label of trials".to_owned())));
     assigned.extend(own);
-    let mapping =
-        |(target, place, unit, _): &Assigned| Some(Mapping::new(target.clone(), columns.get(*place)?.name(), *unit));
+    let mapping = |(target, place, unit, _): &Assigned| {
+        let column = columns.get(*place)?;
+        Some(Mapping::new(target.clone(), column.name(), *unit, column.wraps))
+    };
     let map: ColumnMap = assigned.iter().filter_map(mapping).collect();
     let file = ModelFile::parse(&model).map_err(|source| InitError::Model { path: path.to_owned(), source })?;
     let data = read(path, &map, file.machine().into())?;
@@ -157,6 +173,7 @@ pub fn propose(path: &Path, given: &ColumnMap) -> Result<Proposal, InitError> {
             .enumerate()
             .map(|(place, column)| seen(column, assigned.iter().find(|own| own.1 == place)))
             .collect(),
+        is_whole,
         kind,
         machine: sentence,
         dialect: format!("columns separated by {}s{comma}", dialect.word()),

@@ -2,9 +2,10 @@
 
 use super::ReadError;
 use super::dialect::Numbers;
-use super::header::Column;
+use super::header::{Column, Plan};
 use super::role::Role;
 use super::stamps::Stamps;
+use super::wrap::Turns;
 use std::path::Path;
 
 /// What was read of a file so far, as far as the next cell depends on it.
@@ -12,16 +13,24 @@ pub(super) struct Cells<'a> {
     path: &'a Path,
     numbers: Numbers,
     stamps: Stamps,
+    /// Of each column that wraps.
+    turns: Vec<Option<Turns>>,
 }
 
 impl<'a> Cells<'a> {
-    pub(super) fn new(path: &'a Path, numbers: Numbers) -> Self {
-        Self { path, numbers, stamps: Stamps::default() }
+    pub(super) fn new(path: &'a Path, numbers: Numbers, plan: &Plan) -> Self {
+        let turns = plan.columns.iter().map(|column| column.wraps.map(Turns::new)).collect();
+        Self { path, numbers, stamps: Stamps::default(), turns }
     }
 
-    /// The value of a cell in the lab's units; NaN for one that may be empty and is.
-    pub(super) fn value(&mut self, line: u64, column: &Column, cell: &[u8]) -> Result<f64, ReadError> {
-        let Self { path, numbers, stamps } = self;
+    /// Begins a trial: encoders that wrap begin anew.
+    pub(super) fn restart(&mut self) {
+        self.turns.iter_mut().flatten().for_each(Turns::restart);
+    }
+
+    /// The value of a cell in the lab's units, by its column's place in the plan; NaN for one that may be empty and is.
+    pub(super) fn value(&mut self, line: u64, place: usize, column: &Column, cell: &[u8]) -> Result<f64, ReadError> {
+        let Self { path, numbers, stamps, turns } = self;
         let path: &Path = path;
         let may_be_empty = match column.role {
             Role::Time | Role::Input(_) | Role::StemAngle | Role::Temperature => false,
@@ -40,6 +49,7 @@ impl<'a> Cells<'a> {
             let has_other_mark = numbers.has_other_mark(cell);
             return Err(not_a_number(path, line, column, cell, may_be_empty, has_other_mark));
         };
+        let number = turns.get_mut(place).and_then(Option::as_mut).map_or(number, |turns| turns.next(number));
         let value = match column.role {
             Role::Time => stamps.time_s(cell, number, column.factor),
             _ => number * column.factor + column.shift,

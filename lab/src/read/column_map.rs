@@ -11,6 +11,8 @@ pub struct Mapping {
     pub(crate) target: String,
     pub(crate) source: String,
     pub(crate) unit: Option<Unit>,
+    /// A turn after which the file's values begin anew, in its unit.
+    pub(crate) wraps: Option<f64>,
 }
 
 /// Mappings of columns; none by default.
@@ -21,8 +23,8 @@ pub struct ColumnMap {
 
 impl Mapping {
     /// A column of the lab, the file's name for it, and its unit where the file has another than the target names.
-    pub(crate) fn new(target: String, source: &str, unit: Option<Unit>) -> Self {
-        Self { target, source: source.to_owned(), unit }
+    pub(crate) fn new(target: String, source: &str, unit: Option<Unit>, wraps: Option<f64>) -> Self {
+        Self { target, source: source.to_owned(), unit, wraps }
     }
 }
 
@@ -44,7 +46,7 @@ impl FromStr for Mapping {
         if target.is_empty() || source.is_empty() {
             return Err(syntax());
         }
-        Ok(Self { target: target.to_owned(), source: source.to_owned(), unit })
+        Ok(Self { target: target.to_owned(), source: source.to_owned(), unit, wraps: None })
     }
 }
 

@@ -106,18 +106,21 @@ impl<'a> Rows<'a> {
             time: plan.place(Role::Time).unwrap_or(0),
             shape: plan.columns.iter().enumerate().filter(|(_, c)| is_shape(c)).map(|(k, _)| k).collect(),
             last_line: 1,
-            cells: Cells::new(path, numbers),
+            cells: Cells::new(path, numbers, &plan),
             plan,
         }
     }
 
     fn push(&mut self, line: u64, record: &ByteRecord) -> Result<(), ReadError> {
         self.last_line = line;
-        for (column, values) in self.plan.columns.iter().zip(&mut self.columns) {
-            let cell = record.get(column.field).unwrap_or_default().trim_ascii();
-            values.push(self.cells.value(line, column, cell)?);
-        }
         let is_first = self.next_trial(record);
+        if is_first {
+            self.cells.restart();
+        }
+        for (place, (column, values)) in self.plan.columns.iter().zip(&mut self.columns).enumerate() {
+            let cell = record.get(column.field).unwrap_or_default().trim_ascii();
+            values.push(self.cells.value(line, place, column, cell)?);
+        }
         if !is_first {
             self.time_rises(line)?;
         }

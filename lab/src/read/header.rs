@@ -16,6 +16,8 @@ pub(super) struct Column {
     pub role: Role,
     pub factor: f64,
     pub shift: f64,
+    /// A turn after which an encoder begins anew, in the file's unit.
+    pub wraps: Option<f64>,
     /// Largest magnitude, what a larger one is, and what to do about it.
     pub limit: Option<(f64, &'static str, String)>,
 }
@@ -75,7 +77,7 @@ pub(super) fn plan(path: &Path, names: &[String], map: &ColumnMap, expected: Exp
     for (field, name) in names.iter().enumerate() {
         if !name.is_empty() && !columns.iter().any(|column| column.field == field) {
             let name = name.clone();
-            columns.push(Column { field, name, role: Role::Extra, factor: 1.0, shift: 0.0, limit: None });
+            columns.push(Column { field, name, role: Role::Extra, factor: 1.0, shift: 0.0, wraps: None, limit: None });
         }
     }
     columns.sort_by_key(|column| column.field);
@@ -113,7 +115,8 @@ impl Header<'_> {
             })?;
             let unit = mapping.unit.map_or(target_unit, |unit| unit.suffix.to_owned());
             let hint = format!("map it with --map {}={}:", mapping.target, mapping.source);
-            return self.column(wanted, field, &unit, &hint).map(Some);
+            let column = self.column(wanted, field, &unit, &hint)?;
+            return Ok(Some(Column { wraps: mapping.wraps, ..column }));
         }
         let mut found = None;
         let mut unknown = None;
@@ -147,7 +150,7 @@ impl Header<'_> {
             };
             (limit, what, advice)
         });
-        Ok(Column { field, name, role: wanted.role, factor, shift, limit })
+        Ok(Column { field, name, role: wanted.role, factor, shift, wraps: None, limit })
     }
 
     fn missing(&self, wanted: &Wanted) -> ReadError {

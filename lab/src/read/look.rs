@@ -6,8 +6,8 @@ use super::dialect::Dialect;
 use krait_ipc::input;
 use std::path::Path;
 
-/// Rows that are looked at; every row is read and checked afterwards.
-const MOST_ROWS: usize = 100_000;
+/// Cells that are looked at, 160 MB; every row is read and checked afterwards.
+const MOST_CELLS: usize = 20_000_000;
 const MOST_COLUMNS: usize = 1000;
 
 /// A file's columns.
@@ -15,6 +15,8 @@ const MOST_COLUMNS: usize = 1000;
 pub(crate) struct Look {
     pub dialect: Dialect,
     pub has_decimal_comma: bool,
+    /// Whether every row was looked at.
+    pub is_whole: bool,
     pub columns: Vec<Looked>,
 }
 
@@ -62,8 +64,12 @@ pub(crate) fn look(path: &Path) -> Result<Look, ReadError> {
     let columns = file.names.iter().map(|name| Looked { name: name.clone(), values: Vec::new(), n_texts: 0 });
     let mut columns: Vec<Looked> = columns.collect();
     let (dialect, mut numbers) = (file.dialect, file.dialect.numbers());
-    for _ in 0..MOST_ROWS {
-        let Some((_, record)) = file.row()? else { break };
+    let mut is_whole = false;
+    for _ in 0..MOST_CELLS / columns.len().max(1) {
+        let Some((_, record)) = file.row()? else {
+            is_whole = true;
+            break;
+        };
         for (column, cell) in columns.iter_mut().zip(record) {
             let cell = cell.trim_ascii();
             let value = numbers.parse(cell);
@@ -71,5 +77,5 @@ pub(crate) fn look(path: &Path) -> Result<Look, ReadError> {
             column.values.push(value.unwrap_or(f64::NAN));
         }
     }
-    Ok(Look { dialect, has_decimal_comma: numbers.has_decimal_comma(), columns })
+    Ok(Look { dialect, has_decimal_comma: numbers.has_decimal_comma(), is_whole, columns })
 }

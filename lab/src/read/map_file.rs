@@ -22,6 +22,7 @@ struct MapFile {
 struct Entry {
     column: String,
     unit: Option<String>,
+    wraps: Option<f64>,
 }
 
 impl ColumnMap {
@@ -48,7 +49,10 @@ impl ColumnMap {
                 let known = Unit::from_suffix(&unit);
                 known.ok_or_else(|| wrong(None, format!("unit {unit:?} of {target} is not known")))
             });
-            Ok(Mapping { unit: unit.transpose()?, target, source: entry.column })
+            if let Some(turn) = entry.wraps.filter(|turn| !(turn.is_finite() && *turn > 0.0)) {
+                return Err(wrong(None, format!("wraps = {turn} of {target} is no turn: it is above 0")));
+            }
+            Ok(Mapping { unit: unit.transpose()?, target, source: entry.column, wraps: entry.wraps })
         };
         file.columns.into_iter().map(mapping).collect()
     }
@@ -57,11 +61,12 @@ impl ColumnMap {
     pub fn to_toml(&self, about: &str) -> String {
         let mut text = format!("# Which column of {} stands for which of the lab's.\n", one_line(about));
         let _to_text = write!(text, "format = {FORMAT}\n\n[columns]\n");
-        for Mapping { target, source, unit } in &self.mappings {
+        for Mapping { target, source, unit, wraps } in &self.mappings {
             let unit = unit.map_or(String::new(), |unit| format!(", unit = \"{}\"", unit.suffix));
+            let wraps = wraps.map_or(String::new(), |turn| format!(", wraps = {turn:?}"));
             // A value of TOML writes its own quotes.
             let source = toml::Value::String(source.clone());
-            let _to_text = writeln!(text, "{target} = {{ column = {source}{unit} }}");
+            let _to_text = writeln!(text, "{target} = {{ column = {source}{unit}{wraps} }}");
         }
         text
     }

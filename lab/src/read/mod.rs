@@ -14,6 +14,7 @@ mod role;
 mod stamps;
 mod table;
 mod unit;
+mod wrap;
 
 pub use column_map::{ColumnMap, Mapping};
 pub use error::ReadError;
@@ -22,6 +23,7 @@ pub(crate) use look::{Look, Looked, look};
 pub(crate) use role::N_LINES;
 pub(crate) use stamps::EPOCH_S;
 pub(crate) use unit::{Dimension, Unit};
+pub(crate) use wrap::Turns;
 
 use crate::Measurements;
 use krait_ipc::input;

@@ -78,6 +78,9 @@ fn text(found: &Proposal, name: &str) -> String {
         "{name}: {} rows{unscored}\n{:.1} s at {:.4} rows a second; {}\n{table}Machine: {}\n",
         found.rows, found.seconds, found.rate_hz, found.dialect, found.machine
     );
+    if !found.is_whole {
+        text += "  (ranges are those of the first rows; every row was read)\n";
+    }
     found.pairs.iter().for_each(|pair| text += &format!("  {pair}\n"));
     found.cautions.iter().for_each(|caution| text += &format!("Caution: {caution}\n"));
     text
