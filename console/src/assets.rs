@@ -34,6 +34,7 @@ pub const PAGE: &[Asset] = assets! {
     "/js/commands.js", "text/javascript; charset=utf-8", "js/commands.js";
     "/js/pad.js", "text/javascript; charset=utf-8", "js/pad.js";
     "/js/hand.js", "text/javascript; charset=utf-8", "js/hand.js";
+    "/js/exchange.js", "text/javascript; charset=utf-8", "js/exchange.js";
     "/js/recordings.js", "text/javascript; charset=utf-8", "js/recordings.js";
     "/js/lab.js", "text/javascript; charset=utf-8", "js/lab.js";
     "/js/latency.js", "text/javascript; charset=utf-8", "js/latency.js";

@@ -27,6 +27,7 @@ pub struct Library {
     recordings: Arc<Recordings>,
     folder: PathBuf,
     base_model: String,
+    instance: String,
     jobs: Jobs,
     // Reading a recording takes a core for a moment: one at a time.
     reader: Semaphore,
@@ -34,9 +35,9 @@ pub struct Library {
 
 impl Library {
     /// Recordings of a folder; measurements and models in another, which is made when it is needed first.
-    pub fn new(recordings: PathBuf, folder: PathBuf, base_model: String, program: PathBuf) -> Self {
+    pub fn new(recordings: PathBuf, folder: PathBuf, base_model: String, program: PathBuf, instance: String) -> Self {
         let recordings = Arc::new(Recordings::new(recordings));
-        Self { recordings, folder, base_model, jobs: Jobs::new(program), reader: Semaphore::new(1) }
+        Self { recordings, folder, base_model, instance, jobs: Jobs::new(program), reader: Semaphore::new(1) }
     }
 
     fn files(&self, ending: &str) -> Vec<String> {
@@ -95,6 +96,8 @@ enum Order {
     Compare { model: String, data: String },
     /// Which effect is missing.
     Diagnose { model: String, data: String },
+    /// The chain of this console goes on with a model.
+    Exchange { model: String },
     /// Adds an effect and writes another model.
     Add { model: String, data: String, effect: String, out: String },
     /// Whether a recording can be repeated byte for byte.
@@ -137,6 +140,11 @@ impl Order {
                 arguments.insert(2, effect.clone());
                 arguments.extend(["--out".to_owned(), text(library.folder.join(out))]);
                 Ok(arguments)
+            }
+            Self::Exchange { model } => {
+                let words =
+                    ["model", "exchange", &text(library.model(model)?), "--instance", &library.instance, "--json"];
+                Ok(words.map(str::to_owned).to_vec())
             }
             Self::Verify { data } => Ok(vec!["verify".to_owned(), recording(data)?, "--json".to_owned()]),
             Self::CompareRecordings { a, b } => {

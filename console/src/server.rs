@@ -125,7 +125,13 @@ pub fn run(
         pages: Arc::clone(&pages),
         desk,
         pad: Arc::clone(&pad),
-        library: Library::new(settings.recordings, settings.lab, settings.base_model, settings.program),
+        library: Library::new(
+            settings.recordings,
+            settings.lab,
+            settings.base_model,
+            settings.program,
+            instance.clone(),
+        ),
         stop_url,
     });
     let router = router(Arc::clone(&shared));

@@ -330,6 +330,24 @@ pub enum ModelVerb {
         after_help = "Examples:\n  krait model compensate better.toml --in setpoints.csv --out commands.csv\n  krait model compensate docs/joints/wrist.toml --in wrist.csv --out commands.csv\n\nColumns of a snake: time_s, bend_x_rad, bend_y_rad (or _deg); of joints: time_s, y1_<unit>, y2_<unit> ... in the model's unit"
     )]
     Compensate(CompensateArgs),
+    /// Lets a chain that runs go on with another model file of the same machine; it holds still until the operator takes hold anew.
+    ///
+    /// The recording ends and another one begins beside it (run-model2.mcap), so that each can be verified.
+    #[command(
+        after_help = "Examples:\n  krait model exchange better.toml\n  krait model exchange better.toml --instance left-arm --json"
+    )]
+    Exchange(ExchangeArgs),
+}
+
+/// Options of `krait model exchange`.
+#[derive(Clone, Debug, Args)]
+pub struct ExchangeArgs {
+    /// The model file (TOML).
+    #[arg(value_name = "FILE")]
+    pub model: PathBuf,
+    /// Print what was done as JSON on standard output.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// Options of `krait model compensate`.

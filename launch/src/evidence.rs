@@ -64,7 +64,9 @@ impl SampleFigures {
             .filter_map(|process| supervisor.health(process))
             .map(|health| health.n_lost)
             .sum();
-        Self { sent, received, lost: gaps.max(sent.saturating_sub(received)) }
+        // What the operator's side sent while the stages were exchanged was for nobody.
+        let unanswered = if supervisor.exchanged().is_some() { 0 } else { sent.saturating_sub(received) };
+        Self { sent, received, lost: gaps.max(unanswered) }
     }
 }
 

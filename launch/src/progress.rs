@@ -64,6 +64,7 @@ impl Progress {
         let start_ns = clock::monotonic_ns();
         let finished = loop {
             supervisor.look()?;
+            supervisor.exchange_if_asked(stop)?;
             self.take_messages()?;
             let now_ns = clock::monotonic_ns();
             let elapsed_s = (now_ns - start_ns) as f64 * 1e-9;

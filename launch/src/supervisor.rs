@@ -4,6 +4,8 @@
 //! and nobody else is, not engaged; every other chain is whole or it ends. What ends does so in an order that lets the
 //! recorder write the last message of every other process.
 
+mod exchange;
+
 use crate::authority::Authority;
 use crate::budget::BudgetWatch;
 use crate::cli::{EngageKind, MasterKind};
@@ -12,6 +14,7 @@ use crate::config::{Config, STANDARD_INPUT};
 use crate::silence::{HANGS_NS, Silence};
 use anyhow::{Context, bail};
 use core::time::Duration;
+use exchange::{Exchanged, ModelDesk};
 use krait_ipc::message::{Health, OperatingState, SlaveState, Transition};
 use krait_ipc::{Bus, Process, ReadOptions, Reader, WhenLost, clock, health_channel};
 use rustix::fs::{MemfdFlags, memfd_create};
@@ -55,6 +58,10 @@ pub struct Supervisor {
     slave_is_new: bool,
     losses: Vec<Loss>,
     n_forced: u32,
+    /// Requests for another model, where the chain takes them.
+    models: Option<ModelDesk>,
+    n_exchanges: u32,
+    exchanged: Option<Exchanged>,
     // Last: the instance's files go when its last member goes.
     bus: Bus,
 }
@@ -165,6 +172,9 @@ impl Supervisor {
             slave_is_new: false,
             losses: Vec::new(),
             n_forced: 0,
+            models: None,
+            n_exchanges: 0,
+            exchanged: None,
             bus,
         })
     }
@@ -221,6 +231,7 @@ impl Supervisor {
         }
         self.wait_until("the slave is homed", stop, |s| s.newest_state.is_some_and(|state| state.is_ready()))?;
         self.comes_back = options.cast.comes_back.then(|| options.clone());
+        self.models = self.comes_back.is_some().then(|| ModelDesk::open(&self.bus)).transpose()?;
         Ok(())
     }
 

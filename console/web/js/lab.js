@@ -1,4 +1,5 @@
 // The lab, step by step: compare, diagnose, add. Each step opens with its answer as a sentence; the waterfall grows beside it.
+import { ErrorMeter } from './exchange.js';
 import { drawing, make, write } from './format.js';
 import { MARKS } from './states.js';
 
@@ -78,7 +79,8 @@ function draw() {
     const isDone = results[i] !== undefined;
     const number = make('i', '', isDone ? drawing(MARKS.yes.box, MARKS.yes.inner) : String(i + 1));
     const button = make('button', '', number, make('span', '', make('b', '', name), make('em', '', results[i]?.short ?? ['How far off?', 'What is missing?', 'Watch the error fall', 'See it follow'][i])));
-    button.disabled = i > results.length;
+    // A model that is there already can be run with at once.
+    button.disabled = i > results.length && i !== 3;
     button.addEventListener('click', () => { step = i; draw(); });
     return make('li', i === step ? 'current' : isDone ? 'done' : '', button);
   }));
@@ -237,8 +239,17 @@ function again(out) {
 }
 
 function askRun() {
-  const command = `krait run --console --model ${shelf.folder}/${added}`;
-  say('Run the chain with it.', 'End the chain that runs and start it with the new model; Operate then shows the error that is left.', [make('pre', '', command)]);
+  const model = added ?? parts.model.value;
+  say(`Run the chain with ${model}?`, 'The stages that rest on the model begin anew with it, and so does the recording. The snake holds still until the operator takes hold anew.', [make('pre', '', `krait model exchange ${shelf.folder}/${model}`)], [prime('Run with it', () => exchange(model))]);
+}
+
+async function exchange(model) {
+  const meter = new ErrorMeter(), answer = await run({ verb: 'exchange', model }, `Exchanging the model …`);
+  if (!answer) return;
+  meter.exchanged(answer.hash);
+  results[3] = { short: 'it runs', draw: () => say(`The chain runs with ${model}.`, 'Take hold anew; the bars show the tracking error of the last ten seconds of following.', [meter.element]) };
+  step = 3;
+  draw();
 }
 
 function waterfall() {

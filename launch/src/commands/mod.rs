@@ -16,6 +16,7 @@ pub mod lab;
 pub mod mark;
 pub mod model;
 mod model_compensate;
+pub mod model_exchange;
 mod model_learnt;
 mod model_loads;
 pub mod motion_wish;
@@ -34,7 +35,7 @@ use anyhow::bail;
 use krait_ipc::Bus;
 
 /// Members of an instance that are no part of a chain: a chain may start beside them.
-pub const TOOLS: [&str; 5] = [console::NAME, mark::NAME, state::NAME, stop::NAME, shape::NAME];
+pub const TOOLS: [&str; 6] = [console::NAME, mark::NAME, model_exchange::NAME, state::NAME, stop::NAME, shape::NAME];
 
 /// Refuses a command that needs a process of a chain where that does not run.
 ///

@@ -2,7 +2,7 @@
 
 use crate::cli::{Common, ModelFileArgs, ModelShowArgs, ModelVerb};
 use crate::commands::model_loads::{LoadLimit, first_limit};
-use crate::commands::{model_compensate, model_learnt};
+use crate::commands::{model_compensate, model_exchange, model_learnt};
 use crate::config::Config;
 use crate::print;
 use anyhow::{Context, bail};
@@ -26,6 +26,7 @@ pub fn run(common: &Common, verb: &ModelVerb) -> anyhow::Result<ExitCode> {
         ModelVerb::Check(args) => check(&Config::load(common.config.as_deref())?, args),
         ModelVerb::SaveLearnt(args) => model_learnt::run(args),
         ModelVerb::Compensate(args) => model_compensate::run(args),
+        ModelVerb::Exchange(args) => model_exchange::run(common, args),
     }
 }
 

@@ -58,10 +58,14 @@ pub fn run(common: &Common, args: &RunArgs) -> anyhow::Result<ExitCode> {
     Progress::new(&label, supervisor.bus(), args.seconds)?.show(&mut supervisor, &stop)?;
     supervisor.end_chain();
     drop(console);
-    evidence.pass(model, start_ns..clock::monotonic_ns(), &supervisor);
+    // After an exchange the figures are those of the model that the chain ended with, and of its recording.
+    let exchanged = supervisor.exchanged().cloned();
+    let (config, start_ns) =
+        exchanged.map_or((options.config, start_ns), |exchanged| (exchanged.config, exchanged.since_ns));
+    evidence.pass(config.model()?, start_ns..clock::monotonic_ns(), &supervisor);
     let clean = supervisor.end() && supervisor.is_unscathed();
     evidence.recorder(&supervisor);
-    let Some(path) = options.config.record.path.as_deref().filter(|_| !args.no_recording) else {
+    let Some(path) = config.record.path.as_deref().filter(|_| !args.no_recording) else {
         return without_recording(&evidence, args, clean);
     };
     let figures = evidence.figures(path)?;

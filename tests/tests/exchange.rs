@@ -1,0 +1,162 @@
+//! A better model in a chain that runs: asked for from the page, taken while the snake holds still, seen in the tracking error.
+
+#![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
+
+use core::time::Duration;
+use krait_ipc::message::Phase;
+use krait_schema::Sample;
+use krait_tests::{
+    Browser, BrowserPage, Console, Ended, Krait, TempFolder, instance_name, next_of_kind, samples_in, wait_until,
+};
+use rustix::process::Signal;
+use serde_json::json;
+use std::collections::{BTreeMap, BTreeSet};
+
+const PATIENCE: Duration = Duration::from_secs(240);
+
+#[test]
+fn a_chain_takes_a_better_model_and_its_error_falls_and_each_recording_can_be_repeated() {
+    let folder = TempFolder::new("exchange");
+    let (recording, instance, lab) = (folder.file("run.mcap"), instance_name("exchange"), folder.file("lab"));
+    std::fs::create_dir(&lab).expect("made");
+    let models = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../model/models");
+    std::fs::copy(models.join("estimated.toml"), format!("{lab}/better.toml")).expect("copied");
+    std::fs::write(format!("{lab}/other.toml"), "format = 1\n[machine]\nkind = \"snake\"\nl_m = 0.031\n")
+        .expect("written");
+    let krait = Krait::start(&[
+        "run",
+        "--engage=again",
+        "--compensation",
+        "off",
+        "--instance",
+        &instance,
+        "--recording",
+        &recording,
+    ]);
+    let mut server = Krait::start(&["console", "--instance", &instance, "--lab", &lab]);
+    let console = Console::of(&mut server);
+    follows(&console);
+
+    // What cannot be taken is refused, and the chain goes on as if nobody had asked.
+    let (status, said) = ordered(&console, "../better.toml");
+    assert!(status == 409 && said.contains("no model"), "{said}");
+    let (status, said) = ordered(&console, "other.toml");
+    assert!(status == 200 && said.contains("\"failed\"") && said.contains("another machine"), "{said}");
+    let gone = Ended::of(&["model", "exchange", &format!("{lab}/none.toml"), "--instance", &instance], PATIENCE);
+    assert_eq!(gone.code, Some(2), "{gone:?}");
+    follows(&console);
+
+    match Browser::start() {
+        Some(browser) => by_one_click(&mut browser.page(&console.address, 1280, 800)),
+        None => {
+            let (status, said) = ordered(&console, "better.toml");
+            assert!(status == 200 && said.contains("\"done\""), "{said}");
+            follows(&console);
+            std::thread::sleep(Duration::from_secs(10));
+        }
+    }
+    for running in [krait, server] {
+        running.signal(Signal::TERM);
+        let ended = running.end(PATIENCE);
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    }
+    let second = folder.file("run-model2.mcap");
+    let (before, after) = (found_in(&recording), found_in(&second));
+    assert!(before.models.len() == 1 && after.models.len() == 1 && before.models != after.models);
+    assert!(!after.was_engaged_at_first && after.was_engaged_later, "the operator takes hold anew");
+    assert!(after.error_deg < before.error_deg / 4.0, "{} deg, {} deg before", after.error_deg, before.error_deg);
+    for recording in [&recording, &second] {
+        let verified = Ended::of(&["verify", recording], PATIENCE);
+        assert_eq!(verified.code, Some(0), "{}\n{}", verified.stdout, verified.stderr);
+    }
+}
+
+/// The person chooses the model, presses once, and sees both figures.
+fn by_one_click(page: &mut BrowserPage) {
+    page.wait_for("it follows", "document.documentElement.dataset.shown === 'following'");
+    // Figures rest on a second of following and more.
+    std::thread::sleep(Duration::from_secs(6));
+    page.value("document.querySelector('[data-go=lab]').click()");
+    page.wait_for(
+        "the model is on the shelf",
+        "[...document.querySelectorAll('#lab option')].some(o => o.value === 'better.toml')",
+    );
+    page.value(
+        "(() => { const select = [...document.querySelectorAll('#lab select')].find(s => [...s.options].some(o => o.value === 'better.toml'));
+            select.value = 'better.toml'; select.dispatchEvent(new Event('change')); return 0; })()",
+    );
+    page.value("document.querySelectorAll('#lab .steps button')[3].click()");
+    page.wait_for("one button", "document.querySelector('#lab .prime')?.textContent === 'Run with it'");
+    page.value("document.querySelector('#lab .prime').click()");
+    page.wait_for("it runs", "document.querySelector('#lab h1').textContent === 'The chain runs with better.toml.'");
+    page.wait_for(
+        "the error falls",
+        "(() => { const said = document.querySelector('.run-says').textContent.match(/was ([0-9.]+)°; it is ([0-9.]+)° now/); return said !== null && Number(said[2]) < Number(said[1]) / 4; })()",
+    );
+    if let Ok(folder) = std::env::var("KRAIT_SHOTS") {
+        std::fs::create_dir_all(&folder).expect("a folder");
+        std::fs::write(format!("{folder}/exchange.png"), page.picture()).expect("written");
+    }
+    assert!(page.complaints.is_empty(), "{:?}", page.complaints);
+}
+
+/// Waits until the snake follows.
+fn follows(console: &Console) {
+    let mut page = console.page();
+    let is_so = || next_of_kind(&mut page, "frame")["shown"] == "following";
+    assert!(wait_until(PATIENCE, is_so), "it never followed");
+}
+
+/// Orders an exchange as the page does, and waits for its end.
+fn ordered(console: &Console, model: &str) -> (u16, String) {
+    let (origin, cookie) = (console.origin(), console.cookie());
+    let own = [("Origin", origin.as_str()), ("Cookie", cookie.as_str())];
+    let started = console.request("POST", "/lab/job", &own, &json!({ "verb": "exchange", "model": model }).to_string());
+    let mut said = started.body;
+    if started.status == 200 {
+        let is_over = || {
+            said = console.request("GET", "/lab/job", &own, "").body;
+            !said.contains("\"running\"")
+        };
+        assert!(wait_until(PATIENCE, is_over), "{said}");
+    }
+    (started.status, said)
+}
+
+/// What a recording says of its model and of the engagement.
+struct Found {
+    models: BTreeSet<u64>,
+    was_engaged_at_first: bool,
+    was_engaged_later: bool,
+    error_deg: f64,
+}
+
+fn found_in(recording: &str) -> Found {
+    let samples = samples_in(recording);
+    let mut states = samples.iter().filter_map(|s| if let Sample::State(state) = s { Some(state) } else { None });
+    let was_engaged_at_first = states.next().is_some_and(|state| state.is_engaged());
+    let was_engaged_later = states.any(|state| state.is_engaged());
+    let commands = samples.iter().filter_map(|s| if let Sample::Command(c) = s { Some(c.model_hash) } else { None });
+    Found { models: commands.collect(), was_engaged_at_first, was_engaged_later, error_deg: error_deg(&samples) }
+}
+
+/// How far the measured bend is from the setpoint of its instant while the snake follows, root mean square, degrees.
+fn error_deg(samples: &[Sample]) -> f64 {
+    let mut setpoints = BTreeMap::new();
+    let mut squares = Vec::new();
+    for sample in samples {
+        match sample {
+            Sample::Setpoint(setpoint) => drop(setpoints.insert(setpoint.sample_ns, setpoint)),
+            Sample::Shape(shape) => {
+                let setpoint = setpoints.range(..=shape.sample_ns).next_back().map(|(_, setpoint)| *setpoint);
+                let follows = setpoint.filter(|setpoint| setpoint.phase() == Some(Phase::Following));
+                if let (Some(setpoint), Some([x, y])) = (follows, shape.valid_bend_rad()) {
+                    squares.push((x - setpoint.bend_rad[0]).powi(2) + (y - setpoint.bend_rad[1]).powi(2));
+                }
+            }
+            _ => {}
+        }
+    }
+    assert!(squares.len() > 100, "{} pictures while it follows", squares.len());
+    (squares.iter().sum::<f64>() / squares.len() as f64).sqrt().to_degrees()
+}
