@@ -1,6 +1,6 @@
 //! The master's settings: one documented struct, checked once at load, so that no step meets a value out of range.
 
-use crate::{AxisMap, Clutch, DeviceChoice, Engage, MarkButton, MasterError, Presence};
+use crate::{AxisMap, Clutch, DeviceChoice, Engage, MasterError, Presence, PressButton};
 use krait_ipc::settings;
 use std::path::PathBuf;
 
@@ -26,7 +26,15 @@ settings! {
         /// What counts as the clutch: `none` or `hold:<button>`.
         clutch: Clutch = Clutch::Hold(1);
         /// What sets a mark in the recording: `none` or `press:<button>`. `press:2`: the first button that steers nothing.
-        mark: MarkButton = MarkButton::Press(2);
+        mark: PressButton = PressButton::Press(2);
+        /// What turns fine motion on and off while it moves: `none` or `press:<button>`.
+        fine: PressButton = PressButton::None;
+        /// Part of the configured speed at which the hand moves the tip in fine motion.
+        fine_scale: f64 = 0.25, 0.01..=1.0;
+        /// What locks translation and frees it again: `none` or `press:<button>`.
+        lock_translation: PressButton = PressButton::None;
+        /// The same for rotation.
+        lock_rotation: PressButton = PressButton::None;
         /// Silence after which a deflected device is lost, s. 0.1: six missed reports of the slowest device.
         silence_limit_s: f64 = 0.1, 0.02..=1.0;
         /// Which live device to read: `any`, `vid:pid` or `vid:pid:serial`.
@@ -52,21 +60,28 @@ impl MasterConfig {
             let axes = self.axis_map.axes().map(String::from);
             return Err(refusal("axis_map", axes.join(", "), "three different device axes for view_x, view_y, view_z"));
         }
-        match (self.presence, self.clutch) {
-            (Presence::Hold(a) | Presence::Toggle(a), Clutch::Hold(b)) if a == b => {
-                Err(refusal("clutch", String::from(self.clutch), "another button than the one for presence"))
-            }
-            _ => self.check_mark(),
-        }
+        self.check_buttons()
     }
 
-    /// A press that steers shall not mark besides.
-    fn check_mark(&self) -> Result<(), MasterError> {
-        let MarkButton::Press(mark) = self.mark else { return Ok(()) };
-        let steers = matches!(self.presence, Presence::Hold(button) | Presence::Toggle(button) if button == mark)
-            || self.clutch == Clutch::Hold(mark);
-        if steers {
-            return Err(refusal("mark", String::from(self.mark), "another button than those for presence and clutch"));
+    /// One press shall do one thing.
+    fn check_buttons(&self) -> Result<(), MasterError> {
+        let (Presence::Hold(presence) | Presence::Toggle(presence)) = self.presence;
+        let clutch = if let Clutch::Hold(button) = self.clutch { Some(button) } else { None };
+        let presses = [
+            ("mark", self.mark),
+            ("fine", self.fine),
+            ("lock_translation", self.lock_translation),
+            ("lock_rotation", self.lock_rotation),
+        ];
+        if clutch == Some(presence) {
+            return Err(refusal("clutch", String::from(self.clutch), "another button than the one for presence"));
+        }
+        for (idx, (field, press)) in presses.into_iter().enumerate() {
+            let steers = press.button().is_some_and(|button| button == presence || Some(button) == clutch);
+            let again = press != PressButton::None && presses[..idx].iter().any(|(_, other)| *other == press);
+            if steers || again {
+                return Err(refusal(field, String::from(press), "another button than those that do something else"));
+            }
         }
         Ok(())
     }
@@ -111,6 +126,19 @@ mod tests {
         assert!(refused(|c| c.full_speed_m_per_s = 1.0).contains("full_speed_m_per_s = 1: expected"));
         assert!(refused(|c| c.axis_map.view_x = c.axis_map.view_y).contains("axis_map = +z, +z, -y"));
         assert!(refused(|c| c.clutch = Clutch::Hold(0)).contains("another button"));
+    }
+
+    #[test]
+    fn one_button_does_one_thing() {
+        for change in [
+            (|c: &mut MasterConfig| c.mark = PressButton::Press(0)) as fn(&mut MasterConfig),
+            |c| c.fine = PressButton::Press(1),
+            |c| c.lock_rotation = PressButton::Press(2),
+            |c| (c.lock_translation, c.lock_rotation) = (PressButton::Press(7), PressButton::Press(7)),
+        ] {
+            assert!(refused(change).contains("another button than those that do something else"));
+        }
+        assert!(refused(|c| c.fine_scale = 0.0).contains("[master] fine_scale = 0: expected 0.01 to 1"));
     }
 
     #[test]

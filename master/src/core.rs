@@ -3,7 +3,9 @@
 use crate::grip::Grip;
 use crate::operator::flags;
 use crate::pad::{PadLease, PadRefusal};
-use crate::{Decoder, DeviceMonitor, Hand, HidReport, MasterConfig, MasterError, Operator, OperatorMotion, Refusal};
+use crate::{
+    Decoder, DeviceMonitor, Hand, HidReport, MasterConfig, MasterError, Operator, OperatorMotion, PressButton, Refusal,
+};
 use crate::{ReportCounts, Response, ScriptSample};
 use krait_ipc::message::{DeviceState, DriveWish, HopStamps, MotionWish, OperatorInput};
 
@@ -17,12 +19,29 @@ pub struct MasterCore {
     script: Option<ScriptSample>,
     pad: Option<(PadLease, Response)>,
     is_ended: bool,
+    presses: Presses,
     scale_permille: u32,
     locks: u32,
     sequence: u64,
     n_drained: u64,
     // Kinds of motion report (translation, rotation, both) that no input has carried yet.
     is_unpublished: [bool; 3],
+}
+
+/// What the hand's own buttons change about its motion.
+#[derive(Clone, Copy, Debug)]
+struct Presses {
+    fine: PressButton,
+    fine_permille: u32,
+    lock_translation: PressButton,
+    lock_rotation: PressButton,
+}
+
+impl Presses {
+    fn new(config: &MasterConfig) -> Self {
+        let MasterConfig { fine, lock_translation, lock_rotation, fine_scale, .. } = *config;
+        Self { fine, fine_permille: (fine_scale * 1000.0).round() as u32, lock_translation, lock_rotation }
+    }
 }
 
 impl MasterCore {
@@ -40,6 +59,7 @@ impl MasterCore {
             script: None,
             pad: None,
             is_ended: false,
+            presses: Presses::new(config),
             scale_permille: *MotionWish::SCALE_PERMILLE.end(),
             locks: 0,
             sequence: 0,
@@ -100,12 +120,29 @@ impl MasterCore {
             HidReport::Rotation(_) => self.on_motion(1, stamp_ns),
             HidReport::Motion(_) => self.on_motion(2, stamp_ns),
             HidReport::Buttons(buttons) => {
-                self.operator.on_buttons(buttons);
+                let pressed = self.operator.on_buttons(buttons);
+                self.on_presses(pressed);
                 self.monitor.on_other(stamp_ns);
             }
             HidReport::Battery { .. } => self.monitor.on_other(stamp_ns),
         }
         Ok(report)
+    }
+
+    /// Fine motion and locks by the hand's own buttons; what was last asked for counts, by a button or by a wish.
+    fn on_presses(&mut self, pressed: u32) {
+        if self.presses.fine.is_in(pressed) {
+            let full = *MotionWish::SCALE_PERMILLE.end();
+            self.scale_permille = if self.scale_permille == full { self.presses.fine_permille } else { full };
+        }
+        for (button, lock) in [
+            (self.presses.lock_translation, OperatorInput::TRANSLATION_LOCKED),
+            (self.presses.lock_rotation, OperatorInput::ROTATION_LOCKED),
+        ] {
+            if button.is_in(pressed) {
+                self.locks ^= lock;
+            }
+        }
     }
 
     /// The button that has set a mark since the last call, if one has.
@@ -330,6 +367,38 @@ mod tests {
         let input = core.on_tick(MS);
         assert_eq!((input.device(), input.flags), (Some(DeviceState::Ended), 0));
         assert_eq!(input.tip_vel_in_view_m_per_s, [0.0; 3]);
+    }
+
+    #[test]
+    fn the_hands_own_buttons_turn_fine_motion_and_locks_on_and_off_once_for_each_press() {
+        let press_of = PressButton::Press;
+        let config = MasterConfig {
+            fine: press_of(3),
+            lock_translation: press_of(4),
+            lock_rotation: press_of(5),
+            engage: crate::Engage::Once,
+            ..MasterConfig::default()
+        };
+        let mut core = MasterCore::new(&config).expect("a configuration");
+        press(&mut core, 1, 0);
+        push(&mut core, 300, 0);
+        let whole = core.on_tick(MS);
+        let mut after = |buttons| {
+            press(&mut core, buttons, MS);
+            core.on_tick(MS)
+        };
+        let fine = after(1 | 1 << 3);
+        assert_eq!(fine.scale_permille, 250);
+        assert_eq!(fine.tip_vel_in_view_m_per_s, whole.tip_vel_in_view_m_per_s.map(|v| v * 0.25));
+        assert_eq!(after(1 | 1 << 3).scale_permille, 250, "held is not pressed again");
+        assert_eq!(after(1).scale_permille, 250);
+        let locked = after(1 | 1 << 4 | 1 << 5);
+        let both = OperatorInput::TRANSLATION_LOCKED | OperatorInput::ROTATION_LOCKED;
+        assert_eq!((locked.flags & both, locked.tip_vel_in_view_m_per_s), (both, [0.0; 3]));
+        after(1);
+        let free = after(1 | 1 << 3 | 1 << 4 | 1 << 5);
+        assert_eq!((free.scale_permille, free.flags & both), (1000, 0));
+        assert_eq!(free.tip_vel_in_view_m_per_s, whole.tip_vel_in_view_m_per_s);
     }
 
     #[test]

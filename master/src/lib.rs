@@ -65,7 +65,7 @@ pub use hid::chosen_device;
 pub use hid_source::HidSource;
 pub use operator::{Hand, Operator, OperatorMotion};
 pub use pad::{PadLease, PadRefusal};
-pub use presence::{Clutch, MarkButton, Presence};
+pub use presence::{Clutch, Presence, PressButton};
 pub use process::run;
 pub use raw_report::RawReport;
 pub use recording::{HidRecording, RecordingHeader};

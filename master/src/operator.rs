@@ -1,7 +1,7 @@
 //! What the operator wants: velocity, presence and clutch from the state of the hand controller. Pure, allocates nothing.
 
 use crate::presence::is_down;
-use crate::{Clutch, MarkButton, MasterConfig, Presence, Response};
+use crate::{Clutch, MasterConfig, Presence, PressButton, Response};
 use krait_ipc::message::{DeviceState, OperatorInput};
 
 /// The hand controller at one instant.
@@ -35,7 +35,7 @@ pub struct Operator {
     response: Response,
     presence: Presence,
     clutch: Clutch,
-    mark: MarkButton,
+    mark: PressButton,
     is_marked: bool,
     buttons: u32,
     is_toggled_on: bool,
@@ -57,27 +57,23 @@ impl Operator {
         }
     }
 
-    /// Notes a button report. Each one counts, even when a newer one is already waiting: a press must not be missed.
-    pub fn on_buttons(&mut self, buttons: u32) {
+    /// Notes a button report. Each one counts, even when a newer one is already waiting: a press must not be missed. Returns
+    /// the buttons that it says were pressed since the report before.
+    pub fn on_buttons(&mut self, buttons: u32) -> u32 {
+        let pressed = buttons & !core::mem::replace(&mut self.buttons, buttons);
         if let Presence::Toggle(button) = self.presence
-            && is_down(buttons, button)
-            && !is_down(self.buttons, button)
+            && is_down(pressed, button)
         {
             self.is_toggled_on = !self.is_toggled_on;
         }
-        if let MarkButton::Press(button) = self.mark
-            && is_down(buttons, button)
-            && !is_down(self.buttons, button)
-        {
-            self.is_marked = true;
-        }
-        self.buttons = buttons;
+        self.is_marked |= self.mark.is_in(pressed);
+        pressed
     }
 
     /// The button that has set a mark since the last call, if one has.
     pub fn take_mark(&mut self) -> Option<u8> {
         match self.mark {
-            MarkButton::Press(button) if core::mem::take(&mut self.is_marked) => Some(button),
+            PressButton::Press(button) if core::mem::take(&mut self.is_marked) => Some(button),
             _ => None,
         }
     }
@@ -182,7 +178,7 @@ mod tests {
 
     #[test]
     fn each_press_of_the_mark_button_is_one_mark_and_moves_nothing() {
-        let mut op = Operator::new(&MasterConfig { mark: MarkButton::Press(5), ..MasterConfig::default() });
+        let mut op = Operator::new(&MasterConfig { mark: PressButton::Press(5), ..MasterConfig::default() });
         assert_eq!(op.take_mark(), None);
         for _ in 0..2 {
             op.on_buttons(1 << 5);
@@ -192,7 +188,7 @@ mod tests {
             assert_eq!(op.take_mark(), None);
         }
         assert!(!is_moving(&mut op, PUSHED, 0, DeviceState::Live));
-        let mut without = Operator::new(&MasterConfig { mark: MarkButton::None, ..MasterConfig::default() });
+        let mut without = Operator::new(&MasterConfig { mark: PressButton::None, ..MasterConfig::default() });
         without.on_buttons(u32::MAX);
         assert_eq!(without.take_mark(), None);
     }

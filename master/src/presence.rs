@@ -25,17 +25,32 @@ pub enum Clutch {
     Hold(u8),
 }
 
-/// What sets a mark in the recording.
+/// A button of which each press does something: sets a mark, turns fine motion on or off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(try_from = "String", into = "String")]
-pub enum MarkButton {
+pub enum PressButton {
     /// No button does.
     None,
     /// Each press of this button: `press:<button>`.
     Press(u8),
 }
 
-impl TryFrom<String> for MarkButton {
+impl PressButton {
+    /// The button, if there is one.
+    pub(crate) fn button(self) -> Option<u8> {
+        match self {
+            Self::None => None,
+            Self::Press(button) => Some(button),
+        }
+    }
+
+    /// Whether it is among these buttons.
+    pub(crate) fn is_in(self, buttons: u32) -> bool {
+        self.button().is_some_and(|button| is_down(buttons, button))
+    }
+}
+
+impl TryFrom<String> for PressButton {
     type Error = String;
     fn try_from(text: String) -> Result<Self, String> {
         match (text.as_str(), text.split_once(':')) {
@@ -43,15 +58,15 @@ impl TryFrom<String> for MarkButton {
             (_, Some(("press", button))) => button_of(button).map(Self::Press),
             _ => None,
         }
-        .ok_or_else(|| format!("{text:?} sets no mark, expected \"none\" or \"press:<0..31>\""))
+        .ok_or_else(|| format!("{text:?} is no press, expected \"none\" or \"press:<0..31>\""))
     }
 }
 
-impl From<MarkButton> for String {
-    fn from(mark: MarkButton) -> Self {
-        match mark {
-            MarkButton::None => "none".to_owned(),
-            MarkButton::Press(button) => format!("press:{button}"),
+impl From<PressButton> for String {
+    fn from(press: PressButton) -> Self {
+        match press {
+            PressButton::None => "none".to_owned(),
+            PressButton::Press(button) => format!("press:{button}"),
         }
     }
 }
