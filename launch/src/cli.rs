@@ -5,10 +5,11 @@ use crate::cli_calibrate::CalibrateVerb;
 use crate::cli_console::ConsoleArgs;
 use crate::cli_drives::DrivesArgs;
 use crate::cli_lab::LabVerb;
+use crate::cli_model::ModelVerb;
+use crate::cli_process::ProcessVerb;
 use crate::cli_replay::{CompareArgs, ReplayArgs};
 use crate::in_force::Compensation;
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use krait_ipc::Process;
 use krait_slave::DriveKind;
 use std::path::PathBuf;
 
@@ -311,105 +312,6 @@ impl SlaveKind {
     }
 }
 
-/// What to do with a model file.
-#[derive(Clone, Debug, Subcommand)]
-pub enum ModelVerb {
-    /// Prints a model file with every value, its unit, range, default and source.
-    #[command(
-        after_help = "Examples:\n  krait model show better.toml\n  krait model show naive\n  krait model show --defaults > every-effect.toml"
-    )]
-    Show(ModelShowArgs),
-    /// Checks a model file; exit code 1 and one sentence with line and key where it is refused.
-    #[command(after_help = "Examples:\n  krait model check better.toml\n  krait model check better.toml --json")]
-    Check(ModelFileArgs),
-    /// Writes what a chain has learnt while it moved, as its recording holds it, into a model file.
-    #[command(after_help = "Example:\n  krait model save-learnt recordings/run.mcap --out learnt.toml")]
-    SaveLearnt(SaveLearntArgs),
-    /// Turns a table of setpoints into a table of commands, for a controller that krait does not drive.
-    #[command(
-        after_help = "Examples:\n  krait model compensate better.toml --in setpoints.csv --out commands.csv\n  krait model compensate docs/joints/wrist.toml --in wrist.csv --out commands.csv\n\nColumns of a snake: time_s, bend_x_rad, bend_y_rad (or _deg); of joints: time_s, y1_<unit>, y2_<unit> ... in the model's unit"
-    )]
-    Compensate(CompensateArgs),
-    /// Lets a chain that runs go on with another model file of the same machine; it holds still until the operator takes hold anew.
-    ///
-    /// The recording ends and another one begins beside it (run-model2.mcap), so that each can be verified.
-    #[command(
-        after_help = "Examples:\n  krait model exchange better.toml\n  krait model exchange better.toml --instance left-arm --json"
-    )]
-    Exchange(ExchangeArgs),
-}
-
-/// Options of `krait model exchange`.
-#[derive(Clone, Debug, Args)]
-pub struct ExchangeArgs {
-    /// The model file (TOML).
-    #[arg(value_name = "FILE")]
-    pub model: PathBuf,
-    /// Print what was done as JSON on standard output.
-    #[arg(long)]
-    pub json: bool,
-}
-
-/// Options of `krait model compensate`.
-#[derive(Clone, Debug, Args)]
-pub struct CompensateArgs {
-    /// The model file (TOML), or the name of a built-in one: off, naive, estimated.
-    #[arg(value_name = "MODEL")]
-    pub model: PathBuf,
-    /// The table of setpoints (CSV): a time and a position in each row.
-    #[arg(long = "in", value_name = "FILE")]
-    pub setpoints: PathBuf,
-    /// The new table: time, setpoints and commands.
-    #[arg(long, value_name = "FILE")]
-    pub out: PathBuf,
-    /// Overwrite a file that is already there.
-    #[arg(long)]
-    pub force: bool,
-    /// Print what was written as JSON on standard output.
-    #[arg(long)]
-    pub json: bool,
-}
-
-/// Options of `krait model save-learnt`.
-#[derive(Clone, Debug, Args)]
-pub struct SaveLearntArgs {
-    /// The recording; the last chain in it counts.
-    #[arg(value_name = "RECORDING")]
-    pub recording: PathBuf,
-    /// The new model file.
-    #[arg(long, value_name = "FILE")]
-    pub out: PathBuf,
-    /// Overwrite a file that is already there.
-    #[arg(long)]
-    pub force: bool,
-    /// Print what was saved as JSON on standard output.
-    #[arg(long)]
-    pub json: bool,
-}
-
-/// Options of `krait model show`.
-#[derive(Clone, Debug, Args)]
-pub struct ModelShowArgs {
-    /// The model file (TOML), or the name of a built-in one: off, naive, estimated.
-    pub file: Option<PathBuf>,
-    /// Print every effect that there is with its defaults instead.
-    #[arg(long, conflicts_with_all = ["file", "json"])]
-    pub defaults: bool,
-    /// Print the model as JSON on standard output.
-    #[arg(long)]
-    pub json: bool,
-}
-
-/// Options of `krait model check`.
-#[derive(Clone, Debug, Args)]
-pub struct ModelFileArgs {
-    /// The model file (TOML).
-    pub file: PathBuf,
-    /// Print the outcome as JSON on standard output.
-    #[arg(long)]
-    pub json: bool,
-}
-
 /// Options of `krait devices`.
 #[derive(Clone, Debug, Args)]
 pub struct DevicesArgs {
@@ -556,72 +458,4 @@ pub enum ExportFormat {
     Csv,
     /// Apache Parquet, for data tools.
     Parquet,
-}
-
-/// The processes of the chain.
-#[derive(Clone, Debug, Subcommand)]
-pub enum ProcessVerb {
-    /// Reads the operator's device and publishes operator input.
-    #[command(after_help = "Example:\n  krait master --source hid --record-reports hand.krr")]
-    Master(MasterArgs),
-    /// Turns operator input into a setpoint.
-    Resolve(StageArgs),
-    /// Turns the setpoint into actuator positions.
-    Compensate(StageArgs),
-    /// Learns the model's parameters from measured shape.
-    Estimate(StageArgs),
-    /// Writes the drives, reads the encoders.
-    Slave(SlaveArgs),
-    /// Writes every channel to an MCAP file.
-    Record,
-}
-
-impl ProcessVerb {
-    /// Which process it runs.
-    pub fn process(&self) -> Process {
-        match self {
-            Self::Master(_) => Process::Master,
-            Self::Resolve(_) => Process::Resolve,
-            Self::Compensate(_) => Process::Compensate,
-            Self::Estimate(_) => Process::Estimate,
-            Self::Slave(_) => Process::Slave,
-            Self::Record => Process::Record,
-        }
-    }
-}
-
-/// Options of a stage of the bridge.
-#[derive(Clone, Copy, Debug, Args)]
-pub struct StageArgs {
-    /// Take time, states and model updates from the cues of a replay, never from the clock; only for the simulated snake.
-    #[arg(long, hide = true)]
-    pub cued: bool,
-}
-
-/// Options of `krait slave`.
-#[derive(Clone, Copy, Debug, Args)]
-pub struct SlaveArgs {
-    /// Simulate in a replay's own time, which begins here, ns.
-    #[arg(long, hide = true)]
-    pub recorded_time_ns: Option<i64>,
-}
-
-/// Options of `krait master`.
-#[derive(Clone, Debug, Args)]
-pub struct MasterArgs {
-    /// Where the operator's motion comes from.
-    #[arg(long = "source", value_enum, default_value_t = MasterKind::Replay)]
-    pub kind: MasterKind,
-    /// The report recording (replay) or the script to play.
-    #[arg(long, value_name = "FILE")]
-    pub input: Option<PathBuf>,
-    /// Begin the recording or script anew when it ends.
-    #[arg(long = "loop")]
-    pub looped: bool,
-    /// Let the recording or script engage.
-    #[arg(long, value_enum, value_name = "once|again", num_args = 0..=1, require_equals = true, default_missing_value = "once")]
-    pub engage: Option<EngageKind>,
-    /// Also write every raw report to this file, to be replayed later.
-    #[arg(long, value_name = "FILE")]
-    pub record_reports: Option<PathBuf>,
 }

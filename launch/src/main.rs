@@ -10,6 +10,8 @@ mod cli_console;
 mod cli_drives;
 mod cli_lab;
 mod cli_lab_data;
+mod cli_model;
+mod cli_process;
 mod cli_replay;
 mod commands;
 mod config;

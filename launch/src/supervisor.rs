@@ -5,6 +5,7 @@
 //! recorder write the last message of every other process.
 
 mod exchange;
+mod handover;
 
 use crate::authority::Authority;
 use crate::budget::BudgetWatch;
@@ -15,13 +16,12 @@ use crate::silence::{HANGS_NS, Silence};
 use anyhow::{Context, bail};
 use core::time::Duration;
 use exchange::{Exchanged, ModelDesk};
+use handover::arguments_of;
+pub use handover::in_memory;
 use krait_ipc::message::{Health, OperatingState, SlaveState, Transition};
 use krait_ipc::{Bus, Process, ReadOptions, Reader, WhenLost, clock, health_channel};
-use rustix::fs::{MemfdFlags, memfd_create};
 use rustix::process::{Pid, Signal, kill_process};
 use std::ffi::OsString;
-use std::fs::File;
-use std::io::{Seek, Write};
 use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
@@ -475,14 +475,6 @@ impl Supervisor {
     }
 }
 
-/// The complete configuration for a child, as a file that has no name: nobody can put another in its place.
-pub fn in_memory(config: &Config) -> anyhow::Result<File> {
-    let could_not = "the configuration could not be handed over";
-    let mut file = File::from(memfd_create("krait.toml", MemfdFlags::CLOEXEC).context(could_not)?);
-    file.write_all(config.to_toml()?.as_bytes()).and_then(|()| file.rewind()).context(could_not)?;
-    Ok(file)
-}
-
 impl Running {
     fn kill(&mut self) -> bool {
         tracing::error!(process = self.process.name(), "did not end in time and was killed");
@@ -497,29 +489,4 @@ impl Drop for Supervisor {
     fn drop(&mut self) {
         self.end();
     }
-}
-
-fn arguments_of(process: Process, options: &ChainOptions) -> Vec<OsString> {
-    match (process, options.cast.recorded_time_ns) {
-        (Process::Master, _) => master_arguments(options),
-        (_, None) => Vec::new(),
-        (Process::Slave, Some(start_ns)) => vec!["--recorded-time-ns".into(), start_ns.to_string().into()],
-        (_, Some(_)) => vec!["--cued".into()],
-    }
-}
-
-fn master_arguments(options: &ChainOptions) -> Vec<OsString> {
-    let source = match options.master {
-        MasterKind::Hid => "hid",
-        MasterKind::Replay => "replay",
-        MasterKind::Script => "script",
-        MasterKind::Browser => "browser",
-    };
-    let mut arguments: Vec<OsString> = vec!["--source".into(), source.into()];
-    if let Some(path) = &options.input {
-        arguments.extend(["--input".into(), path.clone().into_os_string()]);
-    }
-    arguments.extend(options.looped.then(|| "--loop".into()));
-    arguments.extend(options.engage.map(|engage| format!("--engage={}", engage.name()).into()));
-    arguments
 }

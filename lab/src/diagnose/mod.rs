@@ -22,6 +22,7 @@ pub mod search;
 pub mod sign_flip;
 pub mod structure;
 mod verdict;
+mod words;
 mod working;
 
 pub(crate) use accept::mean_and_error;

@@ -8,6 +8,7 @@ use super::rhythm::{Rhythm, rhythm};
 use super::screen::{Cell, orthonormal};
 use super::search::{Search, Trial, memory};
 use super::sign_flip::SignFlip;
+use super::words::{sentence, state};
 use super::working::working_rows;
 use super::{GroupShare, experiment, gate, lists, structure};
 use crate::fit::{Variable, held_out_block_squares, uncertainty};
@@ -56,8 +57,6 @@ const BEYOND_DOUBT: f64 = 1.1;
 const PARTLY: f64 = 0.5;
 /// What looks different must leave this much more.
 const CLEARLY: f64 = 1.5;
-/// A list that leaves less of what was explainable explains it, if its values can be.
-const EXPLAINED: f64 = 0.02;
 
 /// Says which effect is missing from a machine's model, or none, or that it cannot be said.
 ///
@@ -416,66 +415,6 @@ impl Case<'_> {
         let mut all: Vec<CandidateAnswer> = self.full.candidates.iter().enumerate().map(answer).collect();
         all.sort_by(|a, b| a.heldout_rms.unwrap_or(f64::INFINITY).total_cmp(&b.heldout_rms.unwrap_or(f64::INFINITY)));
         all
-    }
-}
-
-fn state(candidate: &Candidate, effects: &[FoundEffect], refined: bool, visible: f64, p_value: f64) -> String {
-    if let Some(reason) = &candidate.cannot {
-        return reason.clone();
-    }
-    if let Some(n) = effects.iter().position(|effect| effect.name == candidate.name) {
-        return format!("chosen, number {}", n + 1);
-    }
-    if let Some(effect) = effects.iter().find(|effect| effect.class.iter().any(|name| name == candidate.name)) {
-        return format!("cannot be told from {}", effect.name);
-    }
-    match (refined, visible) {
-        (_, visible) if visible < 0.05 => "cannot be seen in these data".to_owned(),
-        (true, _) => "refined, explains less".to_owned(),
-        (false, _) if p_value >= 0.05 => "no sign of it".to_owned(),
-        (false, _) => "screened, explains less".to_owned(),
-    }
-}
-
-fn sentence(
-    verdict: Verdict,
-    effects: &[FoundEffect],
-    remaining: &Remaining,
-    after: f64,
-    floor: Option<f64>,
-    unit: &str,
-) -> String {
-    let floor =
-        floor.map_or("an unknown noise floor".to_owned(), |floor| format!("a noise floor of {floor:.3} {unit}"));
-    let names = |effect: &FoundEffect| match effect.class.len() {
-        1 => effect.name.clone(),
-        _ => format!("one of {{{}}}", effect.class.join(", ")),
-    };
-    match verdict {
-        Verdict::None => {
-            format!("nothing is missing: an error of {after:.3} {unit} beside {floor} is the measurement's own")
-        }
-        Verdict::Partly => format!(
-            "partly: {} stand and take {:.0} % of what there was to explain; {after:.3} {unit} remain beside {floor}{}",
-            effects.iter().map(names).collect::<Vec<_>>().join(" and "),
-            100.0 * (1.0 - remaining.unexplained),
-            remaining.looks_like.map_or(String::new(), |what| format!(", and the rest depends on {what}"))
-        ),
-        Verdict::Missing => format!(
-            "missing: {}; with it the error on data it was not fitted to is {after:.3} {unit}, beside {floor}",
-            effects.iter().map(names).collect::<Vec<_>>().join(" and ")
-        ),
-        Verdict::Unknown if remaining.looks_like.is_none() && remaining.unexplained <= EXPLAINED => {
-            "something is missing that no known effect explains: some imitate it, but only with values at the edge of what is \
-             physical"
-                .to_owned()
-        }
-        _ => format!(
-            "something is missing that no known effect, nor two together, explains: {after:.3} {unit} remain beside {floor}, \
-             {:.0} % of what there was to explain{}",
-            100.0 * remaining.unexplained,
-            remaining.looks_like.map_or(String::new(), |what| format!("; it depends on {what}"))
-        ),
     }
 }
 

@@ -1,6 +1,7 @@
 //! `krait model show | check`: prints a model file with what every key means, and checks one.
 
-use crate::cli::{Common, ModelFileArgs, ModelShowArgs, ModelVerb};
+use crate::cli::Common;
+use crate::cli_model::{ModelFileArgs, ModelShowArgs, ModelVerb};
 use crate::commands::model_loads::{LoadLimit, first_limit};
 use crate::commands::{model_compensate, model_exchange, model_learnt};
 use crate::config::Config;

@@ -3,7 +3,7 @@
 //! Each row is one step of the model's inverse, with its memory: the machine begins at rest, a snake straight, and goes from
 //! row to row. Rows should be near enough to show every reversal.
 
-use crate::cli::CompensateArgs;
+use crate::cli_model::CompensateArgs;
 use crate::commands::lab::refuse_existing;
 use crate::commands::model::text_of;
 use crate::print;

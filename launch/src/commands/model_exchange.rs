@@ -1,6 +1,7 @@
 //! `krait model exchange FILE`: a chain that runs goes on with another model; the operator must take hold anew.
 
-use crate::cli::{Common, ExchangeArgs};
+use crate::cli::Common;
+use crate::cli_model::ExchangeArgs;
 use crate::in_force::{Compensation, ModelInForce};
 use crate::{commands, print};
 use anyhow::{Context, bail};

@@ -1,6 +1,7 @@
 //! `krait master | resolve | compensate | estimate | slave | record`: one process of the chain.
 
-use crate::cli::{Common, EngageKind, MasterArgs, MasterKind, ProcessVerb};
+use crate::cli::{Common, EngageKind, MasterKind};
+use crate::cli_process::{MasterArgs, ProcessVerb};
 use crate::config::Config;
 use crate::in_force::Compensation;
 use crate::{signals, supervisor};
