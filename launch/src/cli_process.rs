@@ -3,6 +3,7 @@
 use crate::cli::{EngageKind, MasterKind};
 use clap::{Args, Subcommand};
 use krait_ipc::Process;
+use krait_ipc::message::MotionWish;
 use std::path::PathBuf;
 
 /// The processes of the chain.
@@ -68,6 +69,12 @@ pub struct MasterArgs {
     /// Let the recording or script engage.
     #[arg(long, value_enum, value_name = "once|again", num_args = 0..=1, require_equals = true, default_missing_value = "once")]
     pub engage: Option<EngageKind>,
+    /// Live scale to begin with, thousandths; given by a supervisor that starts a lost master again.
+    #[arg(long, hide = true, default_value_t = *MotionWish::SCALE_PERMILLE.end(), value_parser = clap::value_parser!(u32).range(10..=1000))]
+    pub scale_permille: u32,
+    /// Locks to begin with, bits of an input's flags; likewise.
+    #[arg(long, hide = true, default_value_t = 0)]
+    pub locks: u32,
     /// Also write every raw report to this file, to be replayed later.
     #[arg(long, value_name = "FILE")]
     pub record_reports: Option<PathBuf>,

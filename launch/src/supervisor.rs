@@ -5,6 +5,7 @@
 //! recorder write the last message of every other process.
 
 mod exchange;
+mod hand;
 mod handover;
 
 use crate::authority::Authority;
@@ -16,6 +17,7 @@ use crate::silence::{HANGS_NS, Silence};
 use anyhow::{Context, bail};
 use core::time::Duration;
 use exchange::{Exchanged, ModelDesk};
+use hand::LastHand;
 use handover::arguments_of;
 pub use handover::in_memory;
 use krait_ipc::message::{Health, OperatingState, SlaveState, Transition};
@@ -49,6 +51,7 @@ pub struct Supervisor {
     states: Reader<SlaveState>,
     newest_state: Option<SlaveState>,
     n_engagements: u64,
+    hand: LastHand,
     budget: Option<BudgetWatch>,
     authority: Authority,
     silence: Silence,
@@ -165,6 +168,7 @@ impl Supervisor {
             states: bus.reader(ReadOptions::observing())?,
             newest_state: None,
             n_engagements: 0,
+            hand: LastHand::open(&bus)?,
             budget: None,
             authority: Authority::open(&bus)?,
             silence: Silence::default(),
@@ -348,7 +352,9 @@ impl Supervisor {
         }
         // A recording or script that engages once has done so; its edge from the beginning must not be another.
         let engage = options.engage.filter(|engage| *engage == EngageKind::Again);
-        self.spawn(process, &options.config, &arguments_of(process, &ChainOptions { engage, ..options.clone() }))?;
+        let mut arguments = arguments_of(process, &ChainOptions { engage, ..options.clone() });
+        arguments.extend(self.hand.arguments_of(process));
+        self.spawn(process, &options.config, &arguments)?;
         if process == Process::Slave {
             (self.newest_state, self.slave_is_new) = (None, true);
         }
@@ -431,6 +437,7 @@ impl Supervisor {
     }
 
     fn take_messages(&mut self) -> anyhow::Result<()> {
+        self.hand.look()?;
         while let Some(state) = self.states.take()? {
             if let Some(budget) = &mut self.budget {
                 budget.state(&state);

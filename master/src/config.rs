@@ -1,6 +1,6 @@
 //! The master's settings: one documented struct, checked once at load, so that no step meets a value out of range.
 
-use crate::{AxisMap, Clutch, DeviceChoice, Engage, MasterError, Presence, PressButton};
+use crate::{AxisMap, Clutch, DeviceChoice, Engage, LiveMotion, MasterError, Presence, PressButton};
 use krait_ipc::settings;
 use std::path::PathBuf;
 
@@ -46,6 +46,9 @@ settings! {
         /// Whether presence counts. Given by the program from its source and its command line, not by this table.
         #[serde(skip)]
         engage: Engage = Engage::Never;
+        /// Live scale and locks to begin with. Given by the program, not by this table.
+        #[serde(skip)]
+        begin: LiveMotion = LiveMotion::default();
     }
 }
 

@@ -1,11 +1,10 @@
 //! The master without its process: reports and instants in, `OperatorInput` out. Pure, so that a replay gives the same bytes.
 
 use crate::grip::Grip;
+use crate::live_motion::{LiveMotion, Presses};
 use crate::operator::flags;
 use crate::pad::{PadLease, PadRefusal};
-use crate::{
-    Decoder, DeviceMonitor, Hand, HidReport, MasterConfig, MasterError, Operator, OperatorMotion, PressButton, Refusal,
-};
+use crate::{Decoder, DeviceMonitor, Hand, HidReport, MasterConfig, MasterError, Operator, OperatorMotion, Refusal};
 use crate::{ReportCounts, Response, ScriptSample};
 use krait_ipc::message::{DeviceState, DriveWish, HopStamps, MotionWish, OperatorInput};
 
@@ -20,28 +19,11 @@ pub struct MasterCore {
     pad: Option<(PadLease, Response)>,
     is_ended: bool,
     presses: Presses,
-    scale_permille: u32,
-    locks: u32,
+    live: LiveMotion,
     sequence: u64,
     n_drained: u64,
     // Kinds of motion report (translation, rotation, both) that no input has carried yet.
     is_unpublished: [bool; 3],
-}
-
-/// What the hand's own buttons change about its motion.
-#[derive(Clone, Copy, Debug)]
-struct Presses {
-    fine: PressButton,
-    fine_permille: u32,
-    lock_translation: PressButton,
-    lock_rotation: PressButton,
-}
-
-impl Presses {
-    fn new(config: &MasterConfig) -> Self {
-        let MasterConfig { fine, lock_translation, lock_rotation, fine_scale, .. } = *config;
-        Self { fine, fine_permille: (fine_scale * 1000.0).round() as u32, lock_translation, lock_rotation }
-    }
 }
 
 impl MasterCore {
@@ -60,8 +42,7 @@ impl MasterCore {
             pad: None,
             is_ended: false,
             presses: Presses::new(config),
-            scale_permille: *MotionWish::SCALE_PERMILLE.end(),
-            locks: 0,
+            live: config.begin,
             sequence: 0,
             n_drained: 0,
             is_unpublished: [false; 3],
@@ -98,10 +79,7 @@ impl MasterCore {
     /// # Real-time
     /// No allocation, no blocking.
     pub fn on_wish(&mut self, wish: &MotionWish) {
-        if wish.is_valid() {
-            self.scale_permille = if wish.scale_permille == 0 { self.scale_permille } else { wish.scale_permille };
-            self.locks = (self.locks | wish.lock) & !wish.unlock;
-        }
+        self.live.wish(wish);
     }
 
     /// Takes one raw report in that was in hand at `stamp_ns`. A motion report that replaces one of its kind before any input has carried it makes that one
@@ -121,28 +99,12 @@ impl MasterCore {
             HidReport::Motion(_) => self.on_motion(2, stamp_ns),
             HidReport::Buttons(buttons) => {
                 let pressed = self.operator.on_buttons(buttons);
-                self.on_presses(pressed);
+                self.live.press(&self.presses, pressed);
                 self.monitor.on_other(stamp_ns);
             }
             HidReport::Battery { .. } => self.monitor.on_other(stamp_ns),
         }
         Ok(report)
-    }
-
-    /// Fine motion and locks by the hand's own buttons; what was last asked for counts, by a button or by a wish.
-    fn on_presses(&mut self, pressed: u32) {
-        if self.presses.fine.is_in(pressed) {
-            let full = *MotionWish::SCALE_PERMILLE.end();
-            self.scale_permille = if self.scale_permille == full { self.presses.fine_permille } else { full };
-        }
-        for (button, lock) in [
-            (self.presses.lock_translation, OperatorInput::TRANSLATION_LOCKED),
-            (self.presses.lock_rotation, OperatorInput::ROTATION_LOCKED),
-        ] {
-            if button.is_in(pressed) {
-                self.locks ^= lock;
-            }
-        }
     }
 
     /// The button that has set a mark since the last call, if one has.
@@ -209,14 +171,17 @@ impl MasterCore {
             sequence: self.sequence,
             sample_ns: now_ns,
             stamps: HopStamps { device_ns: now_ns, ..HopStamps::default() },
-            tip_vel_in_view_m_per_s: self.scaled(motion.tip_vel_in_view_m_per_s, OperatorInput::TRANSLATION_LOCKED),
+            tip_vel_in_view_m_per_s: self
+                .live
+                .scaled(motion.tip_vel_in_view_m_per_s, OperatorInput::TRANSLATION_LOCKED),
             tip_angular_vel_in_view_rad_per_s: self
+                .live
                 .scaled(motion.tip_angular_vel_in_view_rad_per_s, OperatorInput::ROTATION_LOCKED),
             raw_axes: self.raw_axes(),
-            flags: motion.flags | self.locks,
+            flags: motion.flags | self.live.locks,
             buttons: self.decoder.buttons(),
             device_state: device as u32,
-            scale_permille: self.scale_permille,
+            scale_permille: self.live.scale_permille,
             n_reports,
             n_drained: self.n_drained,
             n_refused,
@@ -226,15 +191,6 @@ impl MasterCore {
     /// What was decoded and refused so far.
     pub fn counts(&self) -> &ReportCounts {
         self.decoder.counts()
-    }
-
-    /// A velocity at the live scale; nothing where its lock is set. At full scale it is the same to the last bit.
-    fn scaled(&self, velocity: [f64; 3], lock: u32) -> [f64; 3] {
-        match self.scale_permille {
-            _ if self.locks & lock != 0 => [0.0; 3],
-            1000 => velocity,
-            permille => velocity.map(|v| v * f64::from(permille) / 1000.0),
-        }
     }
 
     fn on_motion(&mut self, kind_idx: usize, now_ns: i64) {
@@ -371,7 +327,7 @@ mod tests {
 
     #[test]
     fn the_hands_own_buttons_turn_fine_motion_and_locks_on_and_off_once_for_each_press() {
-        let press_of = PressButton::Press;
+        let press_of = crate::PressButton::Press;
         let config = MasterConfig {
             fine: press_of(3),
             lock_translation: press_of(4),

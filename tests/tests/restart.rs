@@ -4,7 +4,7 @@
 #![allow(clippy::expect_used, reason = "a panic is how a test fails")]
 
 use core::time::Duration;
-use krait_ipc::message::SlaveState;
+use krait_ipc::message::{OperatorInput, SlaveState};
 use krait_schema::Sample;
 use krait_tests::{
     Ended, Krait, TempFolder, assert_no_jump, instance_name, is_moving, processes_of, samples_in, signal_process,
@@ -41,6 +41,8 @@ fn a_recording_is_repeated_byte_for_byte_across_the_restart_of_each_process() {
     let path = folder.file("run.mcap");
     let krait = Krait::start(&["run", "--engage=again", "--instance", &instance, "--recording", &path]);
     wait_for(&instance, "moving", is_moving);
+    let slower = Ended::of(&["state", "--instance", &instance, "--scale", "0.8", "--lock", "rotation"], PATIENCE);
+    assert_eq!(slower.code, Some(0), "{}", slower.stderr);
     for victim in victims {
         lose(&instance, victim);
     }
@@ -54,14 +56,21 @@ fn a_recording_is_repeated_byte_for_byte_across_the_restart_of_each_process() {
         verdict["restarts"].as_array().expect("a list").iter().filter_map(|r| r["process"].as_str()).collect();
     assert_eq!(named, victims, "{verdict}");
     let (mut n_setpoints, mut n_commands, mut n_updates) = (0, 0, 0);
+    let (mut is_slower, mut n_full) = (false, 0);
     for sample in samples_in(&path) {
         match sample {
+            Sample::Input(input) => {
+                let is_locked = input.flags & OperatorInput::ROTATION_LOCKED != 0;
+                is_slower |= input.scale_permille == 800 && is_locked;
+                n_full += u32::from(is_slower && (input.scale_permille != 800 || !is_locked));
+            }
             Sample::Setpoint(_) => n_setpoints += 1,
             Sample::Command(_) => n_commands += 1,
             Sample::ModelUpdate(_) => n_updates += 1,
             _ => {}
         }
     }
+    assert!(is_slower && n_full == 0, "{n_full} inputs forgot scale or lock, also those of a master that came back");
     assert!(verdict["first_difference"].is_null(), "{verdict}");
     assert_eq!(
         (&verdict["setpoints_identical"], &verdict["commands_identical"]),

@@ -5,12 +5,12 @@ use crate::cli_process::{MasterArgs, ProcessVerb};
 use crate::config::Config;
 use crate::in_force::Compensation;
 use crate::{signals, supervisor};
-use anyhow::{Context, bail};
+use anyhow::{Context, bail, ensure};
 use krait_bridge::{Feed, LiveModel};
 use krait_drives::sts3215;
-use krait_ipc::message::N_LINES;
+use krait_ipc::message::{N_LINES, OperatorInput};
 use krait_ipc::{Beside, Bus, input};
-use krait_master::{Engage, HidRecording, MasterConfig, Script, SourceChoice};
+use krait_master::{Engage, HidRecording, LiveMotion, MasterConfig, Script, SourceChoice};
 use krait_record::{Attachment, RecordConfig};
 use krait_sim::Simulation;
 use krait_slave::{DriveKind, SlaveConfig};
@@ -187,7 +187,10 @@ fn run_master(bus: &Bus, config: &Config, args: &MasterArgs, stop: &AtomicBool) 
         Some(EngageKind::Once) => Engage::Once,
         Some(EngageKind::Again) => Engage::Again,
     };
-    let config = MasterConfig { record_reports, engage, ..config.master.clone() };
+    let both = OperatorInput::TRANSLATION_LOCKED | OperatorInput::ROTATION_LOCKED;
+    ensure!(args.locks & !both == 0, "--locks is {}: expected bits of {both}", args.locks);
+    let begin = LiveMotion { scale_permille: args.scale_permille, locks: args.locks };
+    let config = MasterConfig { record_reports, engage, begin, ..config.master.clone() };
     Ok(krait_master::run(bus, &config, source, stop)?)
 }
 
