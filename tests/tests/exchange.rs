@@ -4,6 +4,7 @@
 
 use core::time::Duration;
 use krait_ipc::message::Phase;
+use krait_ipc::{Reason, Reasons};
 use krait_schema::Sample;
 use krait_tests::{
     Browser, BrowserPage, Console, Ended, Krait, TempFolder, instance_name, next_of_kind, samples_in, wait_until,
@@ -93,6 +94,8 @@ fn by_one_click(page: &mut BrowserPage) {
         "the error falls",
         "(() => { const said = document.querySelector('.run-says').textContent.match(/was ([0-9.]+)°; it is ([0-9.]+)° now/); return said !== null && Number(said[2]) < Number(said[1]) / 4; })()",
     );
+    // The second recording, too, shall have seconds in which nothing is eased in.
+    std::thread::sleep(Duration::from_secs(5));
     if let Ok(folder) = std::env::var("KRAIT_SHOTS") {
         std::fs::create_dir_all(&folder).expect("a folder");
         std::fs::write(format!("{folder}/exchange.png"), page.picture()).expect("written");
@@ -140,18 +143,22 @@ fn found_in(recording: &str) -> Found {
     Found { models: commands.collect(), was_engaged_at_first, was_engaged_later, error_deg: error_deg(&samples) }
 }
 
-/// How far the measured bend is from the setpoint of its instant while the snake follows, root mean square, degrees.
+/// How far the measured bend is from what was wanted at its instant while the snake follows and nothing is eased in any more,
+/// root mean square, degrees.
 fn error_deg(samples: &[Sample]) -> f64 {
-    let mut setpoints = BTreeMap::new();
+    let mut commands = BTreeMap::new();
     let mut squares = Vec::new();
     for sample in samples {
         match sample {
-            Sample::Setpoint(setpoint) => drop(setpoints.insert(setpoint.sample_ns, setpoint)),
+            Sample::Command(command) => drop(commands.insert(command.sample_ns, command)),
             Sample::Shape(shape) => {
-                let setpoint = setpoints.range(..=shape.sample_ns).next_back().map(|(_, setpoint)| *setpoint);
-                let follows = setpoint.filter(|setpoint| setpoint.phase() == Some(Phase::Following));
-                if let (Some(setpoint), Some([x, y])) = (follows, shape.valid_bend_rad()) {
-                    squares.push((x - setpoint.bend_rad[0]).powi(2) + (y - setpoint.bend_rad[1]).powi(2));
+                let command = commands.range(..=shape.sample_ns).next_back().map(|(_, command)| *command);
+                let follows = command.filter(|command| {
+                    let is_easing = Reasons::from_bits(command.reasons).contains(Reason::EasingIn);
+                    command.phase == Phase::Following as u32 && !is_easing
+                });
+                if let (Some(command), Some([x, y])) = (follows, shape.valid_bend_rad()) {
+                    squares.push((x - command.bend_rad[0]).powi(2) + (y - command.bend_rad[1]).powi(2));
                 }
             }
             _ => {}
