@@ -1,6 +1,6 @@
 //! The command line of the model lab: `krait lab ...`.
 
-use crate::cli_lab_data::{BenchmarkArgs, GenerateArgs};
+use crate::cli_lab_data::{BenchmarkArgs, CheckArgs, GenerateArgs, QuizArgs};
 use clap::{Args, Subcommand};
 use krait_lab::read::{ColumnMap, Mapping, ReadError};
 use std::path::PathBuf;
@@ -41,6 +41,16 @@ pub enum LabVerb {
         after_help = "Examples:\n  krait lab generate --kind backlash --size 2 --out data.csv\n  krait lab generate --kind stiffness+creep --size 2,1.5 --trajectory teleop --noise ou:0.5 --out data.csv\n  krait lab generate --seed 4711 --out riddle.csv      the seed picks what is hidden\n  krait lab generate --list\n\nThen: krait lab diagnose --model base.toml --data data.csv"
     )]
     Generate(GenerateArgs),
+    /// A riddle for learners: data with one hidden effect, four names to choose from, and the answer sealed.
+    #[command(
+        after_help = "Examples:\n  krait lab quiz --out riddle.csv\n  krait lab quiz --level hard --seed 7 --out riddle.csv\n  krait lab check --data riddle.csv --guess backlash"
+    )]
+    Quiz(QuizArgs),
+    /// Judges a guess at what is hidden in data of `krait lab quiz` or `krait lab generate`; exit code 1 where it is wrong.
+    #[command(
+        after_help = "Examples:\n  krait lab check --data riddle.csv --guess backlash\n  krait lab check --data riddle.csv --give-up"
+    )]
+    Check(CheckArgs),
     /// How good is the lab? Diagnoses a grid of generated data and scores the answers; goes on where it was ended.
     #[command(
         after_help = "Examples:\n  krait lab benchmark --out benchmark\n  krait lab benchmark --rounds 20 --seed 7 --out benchmark-7 --json > figures.json"

@@ -1,7 +1,7 @@
 //! The command line of generated data: `krait lab generate` and `krait lab benchmark`.
 
 use clap::Args;
-use krait_lab_benchmark::generate::{Motion, Noise};
+use krait_lab_benchmark::generate::{Level, Motion, Noise};
 use std::path::PathBuf;
 
 /// Options of `krait lab generate`.
@@ -54,6 +54,71 @@ pub struct GenerateArgs {
     #[arg(long)]
     pub list: bool,
     /// Print what was written as JSON on standard output.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// How hard a riddle is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum QuizLevel {
+    /// Four times the noise: a look at the pictures shows it.
+    Easy,
+    /// Twice the noise.
+    Medium,
+    /// As large as the noise.
+    Hard,
+}
+
+impl QuizLevel {
+    /// The same to the generator.
+    pub fn level(self) -> Level {
+        match self {
+            Self::Easy => Level::Easy,
+            Self::Medium => Level::Medium,
+            Self::Hard => Level::Hard,
+        }
+    }
+}
+
+/// Options of `krait lab quiz`.
+#[derive(Clone, Debug, Args)]
+pub struct QuizArgs {
+    /// Where to write the data (CSV); base.toml, the sealed answer and the hashes go beside it.
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// How large the hidden effect is.
+    #[arg(long, value_enum, default_value_t = QuizLevel::Easy)]
+    pub level: QuizLevel,
+    /// The riddle of this number; without it, one from the clock.
+    #[arg(long)]
+    pub seed: Option<u64>,
+    /// Where to write the sealed answer (JSON); by default beside the data as NAME.answer.json.
+    #[arg(long, value_name = "FILE")]
+    pub answer: Option<PathBuf>,
+    /// Overwrite files that are already there.
+    #[arg(long)]
+    pub force: bool,
+    /// Print what was written as JSON on standard output.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Options of `krait lab check`.
+#[derive(Clone, Debug, Args)]
+pub struct CheckArgs {
+    /// Data of `krait lab quiz` or `krait lab generate` (CSV); the hashes lie beside it.
+    #[arg(long, value_name = "FILE")]
+    pub data: PathBuf,
+    /// What is hidden: the name of an effect, several joined by `+`.
+    #[arg(long, value_name = "NAME[+NAME]", required_unless_present = "give_up")]
+    pub guess: Option<String>,
+    /// Tell the answer.
+    #[arg(long)]
+    pub give_up: bool,
+    /// The sealed answer, if it is not beside the data.
+    #[arg(long, value_name = "FILE")]
+    pub answer: Option<PathBuf>,
+    /// Print the judgement as JSON on standard output.
     #[arg(long)]
     pub json: bool,
 }

@@ -2,6 +2,7 @@
 
 use crate::budget::Budget;
 use crate::in_force::{Compensation, ModelInForce};
+use crate::print::wrapped;
 use anyhow::Context;
 use krait_bridge::{CompensateConfig, EstimateConfig, JointMachine, JointsConfig, LiveModel, ResolveConfig};
 use krait_ipc::setting::Setting;
@@ -172,22 +173,6 @@ fn settings_of(table: &str) -> &'static [Setting] {
         Realtime::TABLE => Realtime::SETTINGS,
         _ => &[],
     }
-}
-
-/// A text in lines of at most so many letters.
-fn wrapped(text: &str, width: usize) -> Vec<String> {
-    let mut lines = vec![String::new()];
-    for word in text.split_whitespace() {
-        if let Some(line) = lines.last_mut()
-            && (line.is_empty() || line.len() + 1 + word.len() <= width)
-        {
-            line.push_str(if line.is_empty() { "" } else { " " });
-            line.push_str(word);
-            continue;
-        }
-        lines.push(word.to_owned());
-    }
-    lines
 }
 
 /// For an unknown key: the known one that looks most like it.

@@ -65,6 +65,22 @@ pub fn out(text: &str) -> anyhow::Result<()> {
     }
 }
 
+/// A text in lines of at most so many letters.
+pub fn wrapped(text: &str, width: usize) -> Vec<String> {
+    let mut lines = vec![String::new()];
+    for word in text.split_whitespace() {
+        if let Some(line) = lines.last_mut()
+            && (line.is_empty() || line.len() + 1 + word.len() <= width)
+        {
+            line.push_str(if line.is_empty() { "" } else { " " });
+            line.push_str(word);
+            continue;
+        }
+        lines.push(word.to_owned());
+    }
+    lines
+}
+
 /// Error of the bend angle, of the bending plane, and of both together.
 fn passes(passes: &[&PassReport]) -> Table {
     let mut table = Table::new(&[

@@ -10,6 +10,7 @@ mod kind;
 mod motion;
 mod noise;
 mod plant;
+mod quiz;
 mod random;
 mod seal;
 
@@ -17,7 +18,8 @@ pub use answer::Answer;
 pub use kind::{KINDS, Kind};
 pub use motion::Motion;
 pub use noise::Noise;
-pub use seal::{SealError, Sealed, base_model};
+pub use quiz::{Judgement, Level, Riddle};
+pub use seal::{SealError, Sealed, base_model, is_unmodified};
 
 use core::f64::consts::SQRT_2;
 use kind::Draw;

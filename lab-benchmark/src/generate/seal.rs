@@ -62,6 +62,25 @@ impl Answer {
     }
 }
 
+impl Answer {
+    /// The answer in a file that [`Answer::to_json`] made.
+    ///
+    /// # Errors
+    /// What is wrong with the text, and where.
+    pub fn from_json(text: &str) -> Result<Self, serde_json::Error> {
+        let [answer]: [Self; 1] = serde_json::from_str(text)?;
+        Ok(answer)
+    }
+}
+
+/// Whether a list of hashes, in the format of `sha256sum`, has those of both texts.
+pub fn is_unmodified(hashes: &str, texts: [&str; 2]) -> bool {
+    texts.into_iter().all(|text| {
+        let own = hash(text);
+        hashes.lines().any(|line| line.split_whitespace().next() == Some(own.as_str()))
+    })
+}
+
 /// The base model's file: elastic lines alone.
 pub fn base_model() -> String {
     ModelFile::new(Machine::Snake(SnakeMachine::default()), Vec::new(), Vec::new())

@@ -2,6 +2,7 @@
 
 use super::{Calibration, Diagnosis, FoundEffect};
 use crate::experiment::Separation;
+use krait_model::effects::explanation;
 use serde_json::{Map, Value, json};
 
 impl Diagnosis {
@@ -100,6 +101,9 @@ fn effect(found: &FoundEffect, unit: &str) -> Value {
         "unit": unit,
         "probability": found.probability,
         "params": parameters,
+        "explanation": explanation(&found.name).map(|own| json!({
+            "title": own.title, "what": own.what, "check": own.check,
+        })),
     })
 }
 

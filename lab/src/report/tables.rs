@@ -5,6 +5,7 @@ use super::paragraph;
 use crate::Added;
 use crate::compare::Comparison;
 use crate::diagnose::{Diagnosis, FoundEffect};
+use krait_model::effects::explanation;
 use krait_model::model_file::HistoryEntry;
 
 /// Places that a page lists.
@@ -74,6 +75,11 @@ pub(super) fn found(found: &[FoundEffect], unit: &str, is_partial: bool) -> Stri
     let rows: Vec<Vec<String>> = found.iter().map(effect).collect();
     let before = format!("error before ({unit})");
     let mut text = format!("<h2>{heading}</h2>\n");
+    for (name, own) in found.iter().filter_map(|own| Some((&own.name, explanation(&own.name)?))) {
+        text += &format!("<h3>{}: {}</h3>\n", escape(name), escape(own.title));
+        text += &paragraph(own.what);
+        text += &paragraph(&format!("To check on the machine: {}", own.check));
+    }
     text += &table(&["effect", &before, "after", "probability"], &rows);
     let mut rows = Vec::new();
     for effect in found {

@@ -9,6 +9,7 @@ pub(crate) mod arc;
 pub(crate) mod cone;
 mod definition;
 pub(crate) mod encoder;
+mod explanation;
 pub(crate) mod extension;
 pub(crate) mod formula;
 mod formula_error;
@@ -25,6 +26,7 @@ pub(crate) mod shape;
 
 pub use definition::{Class, Definition, Hook, Inverse, Needs, ParameterSpec};
 pub(crate) use definition::{effect, parameter};
+pub use explanation::{Explanation, explanation};
 pub use formula::{FormulaParameter, FormulaText, MAX_FORMULA_NAMES};
 pub use formula_error::FormulaError;
 pub use formula_variables::{FORMULA_VARIABLES, FormulaVariable};

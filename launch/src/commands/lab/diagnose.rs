@@ -3,18 +3,21 @@
 use super::page;
 use super::shell::{data_words, shell};
 use crate::cli_lab::DiagnoseArgs;
-use crate::print;
+use crate::print::{self, wrapped};
 use anyhow::{Context, bail};
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, FoundEffect, diagnose};
 use krait_lab::experiment::{Separation, script, separation};
 use krait_lab::report::diagnosis_page;
 use krait_lab::{Names, Session};
 use krait_model::Snake;
+use krait_model::effects::explanation;
 use krait_model::model_file::Machine;
 use krait_report::Table;
 use std::path::Path;
 use std::process::ExitCode;
 
+/// Letters in a line.
+const WIDTH: usize = 80;
 /// Candidates that the table shows.
 const SHOWN: usize = 12;
 
@@ -99,6 +102,8 @@ fn text(args: &DiagnoseArgs, diagnosis: &Diagnosis, session: &Session) -> String
         };
         text += &effects(found, unit, names).to_string();
         text += &parameters(found, names).to_string();
+        text.push('\n');
+        text += &found.iter().map(|own| in_words(&own.name)).collect::<String>();
         text += &diagnosis.effects.first().map_or(String::new(), |first| next(args, first));
     }
     text += &format!("\nCandidates, each added alone ({SHOWN} best)\n{}", candidates(diagnosis, unit));
@@ -107,6 +112,13 @@ fn text(args: &DiagnoseArgs, diagnosis: &Diagnosis, session: &Session) -> String
         text += &next.expected_separation.as_ref().map_or(String::new(), expected);
     }
     text
+}
+
+/// What an effect is, and what to check on the machine.
+fn in_words(name: &str) -> String {
+    let Some(own) = explanation(name) else { return String::new() };
+    let paragraph = format!("{name}: {}. {} To check on the machine: {}", own.title, own.what, own.check);
+    wrapped(&paragraph, WIDTH - 2).iter().map(|line| format!("  {line}\n")).collect()
 }
 
 /// The command that adds an effect.

@@ -9,6 +9,7 @@ mod history;
 mod init;
 mod overwrite;
 mod page;
+mod quiz;
 mod shell;
 
 use crate::cli_lab::LabVerb;
@@ -25,6 +26,8 @@ pub fn run(verb: &LabVerb) -> anyhow::Result<ExitCode> {
         LabVerb::Fit(args) => add::refit(args),
         LabVerb::History(args) => history::run(args),
         LabVerb::Generate(args) => generate::run(args),
+        LabVerb::Quiz(args) => quiz::ask(args),
+        LabVerb::Check(args) => quiz::check(args),
         LabVerb::Benchmark(args) => benchmark::run(args),
     }
 }

@@ -1,0 +1,125 @@
+//! Riddles for learners: one effect is hidden, a few names stand to choose from, and a guess is judged.
+
+use super::random::{Purpose, Random};
+use super::{Answer, KINDS, Kind};
+
+/// Names to choose from.
+const N_CHOICES: usize = 4;
+
+/// How hard a riddle is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Level {
+    /// The effect is four times the noise: a look at the pictures shows it.
+    Easy,
+    /// Twice the noise.
+    Medium,
+    /// As large as the noise.
+    Hard,
+}
+
+impl Level {
+    /// Size of the hidden effect, in units of the noise's length.
+    fn size(self) -> f64 {
+        match self {
+            Self::Easy => 4.0,
+            Self::Medium => 2.0,
+            Self::Hard => 1.0,
+        }
+    }
+}
+
+/// What is hidden, how large, and the names to choose from, in the order of the alphabet.
+#[derive(Clone, Debug)]
+pub struct Riddle {
+    /// What is hidden.
+    pub kind: &'static Kind,
+    /// Its size, in units of the noise's length.
+    pub size: f64,
+    /// Effects of the catalogue, of which one is right; none of the others looks like it.
+    pub choices: Vec<&'static str>,
+}
+
+impl Riddle {
+    /// The riddle of a seed; the same one every time.
+    pub fn new(seed: u64, level: Level) -> Self {
+        let mut random = Random::new(seed, Purpose::Kind);
+        let known: Vec<&Kind> = KINDS.iter().filter(|kind| kind.is_known()).collect();
+        let kind = known[random.below(known.len())];
+        let is_other = |other: &&&Kind| !other.right.iter().any(|name| kind.right.contains(name));
+        let others: Vec<&&Kind> = known.iter().filter(is_other).collect();
+        let mut choices = vec![kind.right[0]];
+        while choices.len() < N_CHOICES {
+            let other = others[random.below(others.len())].right[0];
+            if !choices.contains(&other) {
+                choices.push(other);
+            }
+        }
+        choices.sort_unstable();
+        Self { kind, size: level.size().min(kind.most_size), choices }
+    }
+}
+
+/// What a guess is worth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Judgement {
+    /// It names what is hidden.
+    Right,
+    /// It names what nobody could tell from it on these data.
+    LookAlike,
+    /// Neither.
+    Wrong,
+}
+
+impl Answer {
+    /// Judges the names that somebody guesses; each hidden effect must be named once, in any order.
+    pub fn judge(&self, guess: &[&str]) -> Judgement {
+        let mut left: Vec<&Vec<String>> = self.right.iter().collect();
+        let mut is_exact = true;
+        for name in guess {
+            let Some(place) = left.iter().position(|right| right.iter().any(|own| own == name)) else {
+                return Judgement::Wrong;
+            };
+            is_exact &= left.remove(place).first().is_some_and(|first| first == name);
+        }
+        match (left.is_empty(), is_exact) {
+            (false, _) => Judgement::Wrong,
+            (true, true) => Judgement::Right,
+            (true, false) => Judgement::LookAlike,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::generate::{Recipe, generate};
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn every_riddle_has_one_right_choice_among_four_and_many_are_asked() {
+        let mut asked = BTreeSet::new();
+        for seed in 0..200 {
+            let riddle = Riddle::new(seed, Level::Medium);
+            let right = riddle.choices.iter().filter(|name| riddle.kind.right.contains(name)).count();
+            assert_eq!((riddle.choices.len(), right), (N_CHOICES, 1), "{riddle:?}");
+            assert_eq!(Riddle::new(seed, Level::Medium).choices, riddle.choices);
+            asked.insert(riddle.kind.name);
+        }
+        assert!(asked.len() > 20, "{asked:?}");
+    }
+
+    #[test]
+    fn a_guess_is_right_alike_or_wrong_and_each_hidden_effect_must_be_named() {
+        let kind = |name| KINDS.iter().find(|kind| kind.name == name).expect("a kind");
+        let recipe = Recipe { hidden: vec![(kind("backlash"), 2.0)], seconds: 30.0, ..Recipe::default() };
+        let answer = generate(&recipe).expect("made").answer;
+        assert_eq!(answer.judge(&["backlash"]), Judgement::Right);
+        assert_eq!(answer.judge(&["static-friction"]), Judgement::LookAlike);
+        for wrong in [&["creep"][..], &[], &["backlash", "creep"], &["backlash", "backlash"]] {
+            assert_eq!(answer.judge(wrong), Judgement::Wrong, "{wrong:?}");
+        }
+        let two = Answer { right: vec![vec!["creep".to_owned()], answer.right[0].clone()], ..answer };
+        assert_eq!(two.judge(&["backlash", "creep"]), Judgement::Right);
+        assert_eq!(two.judge(&["creep"]), Judgement::Wrong);
+    }
+}

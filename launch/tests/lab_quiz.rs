@@ -1,0 +1,49 @@
+//! `krait lab quiz` and `krait lab check`: a riddle is asked, guessed wrong, given up and guessed right; a changed file is refused.
+
+#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
+
+use serde_json::Value;
+use std::path::PathBuf;
+use std::process::{Command, Output};
+
+fn krait(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_krait")).args(arguments).output().unwrap()
+}
+
+fn json(output: &Output) -> Value {
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+#[test]
+fn a_riddle_is_asked_guessed_and_told_and_a_changed_one_is_refused() {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("quiz-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let data = folder.join("riddle.csv");
+    let data = data.to_str().unwrap();
+    let asked = krait(&["lab", "quiz", "--seed", "3", "--out", data, "--json"]);
+    assert_eq!(asked.status.code(), Some(0), "{}", String::from_utf8_lossy(&asked.stderr));
+    let choices: Vec<String> = serde_json::from_value(json(&asked)["choices"].clone()).unwrap();
+    assert_eq!(choices.len(), 4);
+    let again = krait(&["lab", "quiz", "--seed", "3", "--out", data]);
+    assert!(again.status.code() == Some(2), "a riddle that is there is not overwritten");
+
+    let guessed = |name: &str| krait(&["lab", "check", "--data", data, "--guess", name, "--json"]);
+    let right: Vec<&String> = choices.iter().filter(|name| guessed(name).status.code() == Some(0)).collect();
+    assert_eq!(right.len(), 1, "one of {choices:?}");
+    assert_eq!(json(&guessed(right[0]))["judgement"], "right");
+    let wrong = choices.iter().find(|name| *name != right[0]).unwrap();
+    let said = json(&guessed(wrong));
+    assert!(said["judgement"] == "wrong" && said["hidden"].is_null(), "a wrong guess tells nothing: {said}");
+    let told = krait(&["lab", "check", "--data", data, "--give-up"]);
+    assert!(told.status.code() == Some(0) && String::from_utf8_lossy(&told.stdout).contains(right[0].as_str()));
+    let nonsense = guessed("backlsh");
+    assert_eq!(nonsense.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&nonsense.stderr).contains("did you mean backlash?"));
+
+    let text = std::fs::read_to_string(data).unwrap();
+    std::fs::write(data, text.replacen("0.0", "0.1", 1)).unwrap();
+    let refused = guessed(right[0]);
+    assert_eq!(refused.status.code(), Some(2), "{refused:?}");
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("was changed"), "{refused:?}");
+    std::fs::remove_dir_all(&folder).unwrap();
+}
