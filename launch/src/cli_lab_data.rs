@@ -1,7 +1,7 @@
 //! The command line of generated data: `krait lab generate` and `krait lab benchmark`.
 
 use clap::Args;
-use krait_lab_benchmark::generate::{Level, Motion, Noise};
+use krait_lab_benchmark::generate::{Difficulty, Motion, Noise};
 use std::path::PathBuf;
 
 /// Options of `krait lab generate`.
@@ -71,11 +71,11 @@ pub enum QuizLevel {
 
 impl QuizLevel {
     /// The same to the generator.
-    pub fn level(self) -> Level {
+    pub fn level(self) -> Difficulty {
         match self {
-            Self::Easy => Level::Easy,
-            Self::Medium => Level::Medium,
-            Self::Hard => Level::Hard,
+            Self::Easy => Difficulty::Easy,
+            Self::Medium => Difficulty::Medium,
+            Self::Hard => Difficulty::Hard,
         }
     }
 }

@@ -18,7 +18,7 @@ pub use answer::Answer;
 pub use kind::{KINDS, Kind};
 pub use motion::Motion;
 pub use noise::Noise;
-pub use quiz::{Judgement, Level, Riddle};
+pub use quiz::{Difficulty, Judgement, Quiz};
 pub use seal::{SealError, Sealed, base_model, is_unmodified};
 
 use core::f64::consts::SQRT_2;

@@ -8,7 +8,7 @@ const N_CHOICES: usize = 4;
 
 /// How hard a riddle is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Level {
+pub enum Difficulty {
     /// The effect is four times the noise: a look at the pictures shows it.
     Easy,
     /// Twice the noise.
@@ -17,7 +17,7 @@ pub enum Level {
     Hard,
 }
 
-impl Level {
+impl Difficulty {
     /// Size of the hidden effect, in units of the noise's length.
     fn size(self) -> f64 {
         match self {
@@ -30,7 +30,7 @@ impl Level {
 
 /// What is hidden, how large, and the names to choose from, in the order of the alphabet.
 #[derive(Clone, Debug)]
-pub struct Riddle {
+pub struct Quiz {
     /// What is hidden.
     pub kind: &'static Kind,
     /// Its size, in units of the noise's length.
@@ -39,9 +39,9 @@ pub struct Riddle {
     pub choices: Vec<&'static str>,
 }
 
-impl Riddle {
-    /// The riddle of a seed; the same one every time.
-    pub fn new(seed: u64, level: Level) -> Self {
+impl Quiz {
+    /// The quiz of a seed; the same one every time.
+    pub fn new(seed: u64, level: Difficulty) -> Self {
         let mut random = Random::new(seed, Purpose::Kind);
         let known: Vec<&Kind> = KINDS.iter().filter(|kind| kind.is_known()).collect();
         let kind = known[random.below(known.len())];
@@ -99,10 +99,10 @@ mod tests {
     fn every_riddle_has_one_right_choice_among_four_and_many_are_asked() {
         let mut asked = BTreeSet::new();
         for seed in 0..200 {
-            let riddle = Riddle::new(seed, Level::Medium);
+            let riddle = Quiz::new(seed, Difficulty::Medium);
             let right = riddle.choices.iter().filter(|name| riddle.kind.right.contains(name)).count();
             assert_eq!((riddle.choices.len(), right), (N_CHOICES, 1), "{riddle:?}");
-            assert_eq!(Riddle::new(seed, Level::Medium).choices, riddle.choices);
+            assert_eq!(Quiz::new(seed, Difficulty::Medium).choices, riddle.choices);
             asked.insert(riddle.kind.name);
         }
         assert!(asked.len() > 20, "{asked:?}");

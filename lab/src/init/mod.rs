@@ -23,7 +23,7 @@ pub struct Proposal {
     /// Whether ranges are those of all rows; in a very long file they are those of the first ones.
     pub is_whole: bool,
     /// Every column of the file, in its order.
-    pub columns: Vec<Seen>,
+    pub columns: Vec<SeenColumn>,
     /// `joints` or `snake`.
     pub kind: &'static str,
     /// The machine in a sentence.
@@ -50,7 +50,7 @@ pub struct Proposal {
 
 /// A column of the file.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Seen {
+pub struct SeenColumn {
     /// The file's name for it.
     pub name: String,
     /// The lab's name for it; `None` for one that is kept beside.
@@ -188,7 +188,7 @@ pub fn propose(path: &Path, given: &ColumnMap) -> Result<Proposal, InitError> {
     })
 }
 
-fn seen(column: &Column, assigned: Option<&Assigned>) -> Seen {
+fn seen(column: &Column, assigned: Option<&Assigned>) -> SeenColumn {
     let why = match (&column.guess, assigned) {
         (_, Some((.., why))) => why.clone(),
         (Guess::Other(what), None) => (*what).to_owned(),
@@ -197,7 +197,7 @@ fn seen(column: &Column, assigned: Option<&Assigned>) -> Seen {
         _ => "not recognised".to_owned(),
     };
     let unit = assigned.and_then(|(_, _, unit, _)| unit.map(|unit| unit.suffix));
-    Seen {
+    SeenColumn {
         name: column.looked.name.clone(),
         stands_for: assigned.map(|(target, ..)| target.clone()),
         unit: unit.unwrap_or(column.words.unit.text()).to_owned(),

@@ -5,7 +5,7 @@ use super::shell::shell;
 use crate::cli_lab::InitArgs;
 use crate::print;
 use anyhow::Context;
-use krait_lab::init::{Proposal, Seen, propose};
+use krait_lab::init::{Proposal, SeenColumn, propose};
 use krait_lab::read::ColumnMap;
 use krait_report::Table;
 use serde_json::json;
@@ -49,7 +49,7 @@ pub fn run(args: &InitArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn column(seen: &Seen) -> serde_json::Value {
+fn column(seen: &SeenColumn) -> serde_json::Value {
     let (least, largest) = seen.range.unzip();
     json!({
         "name": seen.name, "is": seen.stands_for, "unit": seen.unit, "least": least, "largest": largest, "why": seen.why,

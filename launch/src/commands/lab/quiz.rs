@@ -5,7 +5,7 @@ use crate::cli_lab_data::{CheckArgs, QuizArgs};
 use crate::print::{self, wrapped};
 use anyhow::{Context, bail, ensure};
 use krait_ipc::{clock, input};
-use krait_lab_benchmark::generate::{Answer, Judgement, Recipe, Riddle, Sealed, base_model, generate, is_unmodified};
+use krait_lab_benchmark::generate::{Answer, Judgement, Quiz, Recipe, Sealed, base_model, generate, is_unmodified};
 use krait_model::effects::{EffectKind, explanation};
 use serde_json::json;
 use std::path::Path;
@@ -24,7 +24,7 @@ pub fn ask(args: &QuizArgs) -> anyhow::Result<ExitCode> {
         refuse_existing(&base, args.force)?;
     }
     let seed = args.seed.unwrap_or(clock::wall_ns() as u64);
-    let riddle = Riddle::new(seed, args.level.level());
+    let riddle = Quiz::new(seed, args.level.level());
     let recipe = Recipe { hidden: vec![(riddle.kind, riddle.size)], seed, ..Recipe::default() };
     let sealed = generate(&recipe)?.seal(&args.out, args.answer.as_deref())?;
     if args.json {
@@ -38,7 +38,7 @@ pub fn ask(args: &QuizArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn question(riddle: &Riddle, sealed: &Sealed) -> String {
+fn question(riddle: &Quiz, sealed: &Sealed) -> String {
     let (model, data) = (sealed.model.display(), sealed.data.display());
     let mut text = format!("The model in {model} lacks one effect, which the snake in {data} has. Which one?\n\n");
     for name in &riddle.choices {
