@@ -58,37 +58,15 @@ pub struct GenerateArgs {
     pub json: bool,
 }
 
-/// How hard a riddle is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum QuizLevel {
-    /// Four times the noise: a look at the pictures shows it.
-    Easy,
-    /// Twice the noise.
-    Medium,
-    /// As large as the noise.
-    Hard,
-}
-
-impl QuizLevel {
-    /// The same to the generator.
-    pub fn level(self) -> Difficulty {
-        match self {
-            Self::Easy => Difficulty::Easy,
-            Self::Medium => Difficulty::Medium,
-            Self::Hard => Difficulty::Hard,
-        }
-    }
-}
-
 /// Options of `krait lab quiz`.
 #[derive(Clone, Debug, Args)]
 pub struct QuizArgs {
     /// Where to write the data (CSV); base.toml, the sealed answer and the hashes go beside it.
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
-    /// How large the hidden effect is.
-    #[arg(long, value_enum, default_value_t = QuizLevel::Easy)]
-    pub level: QuizLevel,
+    /// easy, medium or hard: the hidden effect is four times the noise, twice, or as large.
+    #[arg(long, default_value = "easy", value_parser = difficulty)]
+    pub level: Difficulty,
     /// The riddle of this number; without it, one from the clock.
     #[arg(long)]
     pub seed: Option<u64>,
@@ -166,4 +144,9 @@ fn noise(text: &str) -> Result<Noise, String> {
 fn motion(text: &str) -> Result<Motion, String> {
     let names = Motion::ALL.map(Motion::name).join(", ");
     Motion::ALL.into_iter().find(|motion| motion.name() == text).ok_or_else(|| format!("{text:?} is none of {names}"))
+}
+
+fn difficulty(text: &str) -> Result<Difficulty, String> {
+    let names = Difficulty::ALL.map(Difficulty::name).join(", ");
+    Difficulty::ALL.into_iter().find(|own| own.name() == text).ok_or_else(|| format!("{text:?} is none of {names}"))
 }

@@ -81,6 +81,11 @@ pub fn wrapped(text: &str, width: usize) -> Vec<String> {
     lines
 }
 
+/// A text as a paragraph of 80 columns that stands two further in.
+pub fn paragraph(text: &str) -> String {
+    wrapped(text, 78).iter().map(|line| format!("  {line}\n")).collect()
+}
+
 /// Error of the bend angle, of the bending plane, and of both together.
 fn passes(passes: &[&PassReport]) -> Table {
     let mut table = Table::new(&[

@@ -26,6 +26,12 @@ fn a_riddle_is_asked_guessed_and_told_and_a_changed_one_is_refused() {
     assert_eq!(choices.len(), 4);
     let again = krait(&["lab", "quiz", "--seed", "3", "--out", data]);
     assert!(again.status.code() == Some(2), "a riddle that is there is not overwritten");
+    let (other, kept) = (folder.join("other.csv"), folder.join("kept.json"));
+    std::fs::write(&kept, "somebody's").unwrap();
+    let beside = krait(&["lab", "quiz", "--out", other.to_str().unwrap(), "--answer", kept.to_str().unwrap()]);
+    assert!(beside.status.code() == Some(2) && !other.exists(), "nothing is written where the answer would overwrite");
+    let odd = krait(&["lab", "quiz", "--level", "odd", "--out", other.to_str().unwrap()]);
+    assert!(String::from_utf8_lossy(&odd.stderr).contains("none of easy, medium, hard"), "{odd:?}");
 
     let guessed = |name: &str| krait(&["lab", "check", "--data", data, "--guess", name, "--json"]);
     let right: Vec<&String> = choices.iter().filter(|name| guessed(name).status.code() == Some(0)).collect();

@@ -18,6 +18,18 @@ pub enum Difficulty {
 }
 
 impl Difficulty {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Easy, Self::Medium, Self::Hard];
+
+    /// Its word on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Easy => "easy",
+            Self::Medium => "medium",
+            Self::Hard => "hard",
+        }
+    }
+
     /// Size of the hidden effect, in units of the noise's length.
     fn size(self) -> f64 {
         match self {

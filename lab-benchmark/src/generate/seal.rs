@@ -60,9 +60,7 @@ impl Answer {
         // A structure of text and numbers always has a form in JSON.
         serde_json::to_string_pretty(&[self]).unwrap_or_default() + "\n"
     }
-}
 
-impl Answer {
     /// The answer in a file that [`Answer::to_json`] made.
     ///
     /// # Errors

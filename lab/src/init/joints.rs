@@ -145,8 +145,7 @@ pub(super) fn side(columns: &[Column], places: &[usize]) -> Result<Side, String>
             return Ok(Side { unit, unnamed: None, guess: None });
         }
     }
-    let ranges = own.iter().filter_map(|column| column.looked.range());
-    let largest = ranges.fold(0.0, |largest: f64, (low, high)| largest.max(low.abs()).max(high.abs()));
+    let largest = own.iter().filter_map(|column| column.looked.reach()).fold(0.0, f64::max);
     let unit = match largest {
         largest if largest <= TAU => "rad",
         largest if largest <= 720.0 => "deg",

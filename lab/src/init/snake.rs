@@ -45,7 +45,7 @@ fn lines(columns: &[Column]) -> Option<[usize; N_LINES]> {
     let is_position = |column: &Column| matches!(column.guess, Guess::Command(_) | Guess::Measured(_) | Guess::Unclear);
     let is_length = |column: &Column| match column.words.unit.dimension() {
         Some(dimension) => dimension == Dimension::Length,
-        None => column.looked.range().is_some_and(|(low, high)| low.abs().max(high.abs()) <= 100.0),
+        None => column.looked.reach().is_some_and(|reach| reach <= 100.0),
     };
     let families = triples(columns, |column| is_position(column) && is_length(column));
     // Encoders rather than what they shall reach.
@@ -105,25 +105,27 @@ fn shape(columns: &[Column]) -> Option<[(&'static str, usize); 2]> {
 
 /// The unit of a line: its name's, or the one in which three such lengths are those of a snake.
 fn length(columns: &[Column], lines: &[usize], place: usize, guesses: &mut Vec<String>) -> Option<Unit> {
-    let column = columns.get(place)?;
-    if let NamedUnit::Known(unit) = column.words.unit {
-        return Some(unit);
-    }
-    let ranges = lines.iter().filter_map(|place| columns.get(*place)?.looked.range());
-    let largest = ranges.fold(0.0, |largest: f64, (low, high)| largest.max(low.abs()).max(high.abs()));
-    let unit = Unit::from_suffix(if largest <= 0.1 { "m" } else { "mm" })?;
-    guesses.push(format!("{:?} names no unit: taken for {}, as it reaches {largest:.4}", column.name(), unit.suffix));
-    Some(unit)
+    let reach = || lines.iter().filter_map(|place| columns.get(*place)?.looked.reach()).fold(0.0, f64::max);
+    named_or(columns.get(place)?, guesses, || Some((reach(), 0.1, ["m", "mm"])))
 }
 
 fn angle(columns: &[Column], place: usize, guesses: &mut Vec<String>) -> Option<Unit> {
     let column = columns.get(place)?;
+    named_or(column, guesses, || Some((column.looked.reach()?, core::f64::consts::TAU, ["rad", "deg"])))
+}
+
+/// The unit in a column's name. Without one a guess: how far it reaches, up to which limit the first of two units is taken, and
+/// both.
+fn named_or(
+    column: &Column,
+    guesses: &mut Vec<String>,
+    likely: impl FnOnce() -> Option<(f64, f64, [&'static str; 2])>,
+) -> Option<Unit> {
     if let NamedUnit::Known(unit) = column.words.unit {
         return Some(unit);
     }
-    let (low, high) = column.looked.range()?;
-    let largest = low.abs().max(high.abs());
-    let unit = Unit::from_suffix(if largest <= core::f64::consts::TAU { "rad" } else { "deg" })?;
-    guesses.push(format!("{:?} names no unit: taken for {}, as it reaches {largest:.4}", column.name(), unit.suffix));
+    let (reach, limit, [near, far]) = likely()?;
+    let unit = Unit::from_suffix(if reach <= limit { near } else { far })?;
+    guesses.push(format!("{:?} names no unit: taken for {}, as it reaches {reach:.4}", column.name(), unit.suffix));
     Some(unit)
 }

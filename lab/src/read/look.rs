@@ -42,6 +42,11 @@ impl Looked {
         self.numbers().fold(None, fold)
     }
 
+    /// Largest magnitude; `None` without any value.
+    pub(crate) fn reach(&self) -> Option<f64> {
+        self.range().map(|(low, high)| low.abs().max(high.abs()))
+    }
+
     /// Whether there are numbers and they change.
     pub(crate) fn moves(&self) -> bool {
         self.range().is_some_and(|(low, high)| high > low)

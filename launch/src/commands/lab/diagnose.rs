@@ -3,7 +3,7 @@
 use super::page;
 use super::shell::{data_words, shell};
 use crate::cli_lab::DiagnoseArgs;
-use crate::print::{self, wrapped};
+use crate::print;
 use anyhow::{Context, bail};
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, FoundEffect, diagnose};
 use krait_lab::experiment::{Separation, script, separation};
@@ -16,8 +16,6 @@ use krait_report::Table;
 use std::path::Path;
 use std::process::ExitCode;
 
-/// Letters in a line.
-const WIDTH: usize = 80;
 /// Candidates that the table shows.
 const SHOWN: usize = 12;
 
@@ -117,8 +115,7 @@ fn text(args: &DiagnoseArgs, diagnosis: &Diagnosis, session: &Session) -> String
 /// What an effect is, and what to check on the machine.
 fn in_words(name: &str) -> String {
     let Some(own) = explanation(name) else { return String::new() };
-    let paragraph = format!("{name}: {}. {} To check on the machine: {}", own.title, own.what, own.check);
-    wrapped(&paragraph, WIDTH - 2).iter().map(|line| format!("  {line}\n")).collect()
+    print::paragraph(&format!("{name}: {}. {} To check on the machine: {}", own.title, own.what, own.check))
 }
 
 /// The command that adds an effect.

@@ -7,6 +7,7 @@ use anyhow::{Context, bail};
 use krait_ipc::clock;
 use krait_lab_benchmark::generate::{KINDS, Kind, Recipe, Sealed, base_model, generate, pick};
 use serde_json::json;
+use std::path::Path;
 use std::process::ExitCode;
 
 /// Makes and writes the data.
@@ -16,14 +17,7 @@ pub fn run(args: &GenerateArgs) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
     let Some(out) = &args.out else { bail!("--out is missing: name the file to write the data to") };
-    for file in [Some(out), args.answer.as_ref(), args.truth.as_ref()].into_iter().flatten() {
-        refuse_existing(file, args.force)?;
-    }
-    // A base model of an earlier set of data is the same; any other is somebody's work.
-    let base = out.with_file_name("base.toml");
-    if std::fs::read_to_string(&base).is_ok_and(|text| text != base_model()) {
-        refuse_existing(&base, args.force)?;
-    }
+    refuse_existing_data(out, [args.answer.as_deref(), args.truth.as_deref()], args.force)?;
     let seed = args.seed.unwrap_or(clock::wall_ns() as u64);
     let recipe = Recipe {
         hidden: hidden(args, seed)?,
@@ -52,6 +46,22 @@ pub fn run(args: &GenerateArgs) -> anyhow::Result<ExitCode> {
         print::out(&text(&sealed, n_rows))?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Refuses to go on where generated data would overwrite something.
+///
+/// # Errors
+/// One sentence that names the file.
+pub fn refuse_existing_data(out: &Path, others: [Option<&Path>; 2], force: bool) -> anyhow::Result<()> {
+    for file in others.into_iter().flatten().chain([out]) {
+        refuse_existing(file, force)?;
+    }
+    // A base model of an earlier set of data is the same; any other is somebody's work.
+    let base = out.with_file_name("base.toml");
+    if std::fs::read_to_string(&base).is_ok_and(|text| text != base_model()) {
+        refuse_existing(&base, force)?;
+    }
+    Ok(())
 }
 
 fn text(sealed: &Sealed, n_rows: usize) -> String {

@@ -1,5 +1,6 @@
 //! Writes the lab's pages, with the command line that made them at their foot.
 
+use super::shell::quoted;
 use anyhow::Context;
 use krait_lab::LabError;
 use krait_lab::report::Origin;
@@ -19,11 +20,7 @@ pub(super) fn write(path: &Path, page: impl FnOnce(Origin) -> Result<String, Lab
 
 /// The words as a shell takes them, whatever path the program was started by.
 fn command(words: impl Iterator<Item = String>) -> String {
-    let is_plain = |letter: char| letter.is_ascii_alphanumeric() || "-_./=,:+".contains(letter);
-    let quoted = |word: String| {
-        if !word.is_empty() && word.chars().all(is_plain) { word } else { format!("'{}'", word.replace('\'', "'\\''")) }
-    };
-    core::iter::once("krait".to_owned()).chain(words.map(quoted)).collect::<Vec<_>>().join(" ")
+    core::iter::once("krait".to_owned()).chain(words.map(|word| quoted(&word))).collect::<Vec<_>>().join(" ")
 }
 
 #[cfg(test)]

@@ -1,30 +1,24 @@
 //! `krait lab quiz` and `krait lab check`: a hidden effect, a learner's guess, the answer.
 
-use super::overwrite::refuse_existing;
+use super::generate::refuse_existing_data;
 use crate::cli_lab_data::{CheckArgs, QuizArgs};
-use crate::print::{self, wrapped};
+use crate::print;
 use anyhow::{Context, bail, ensure};
 use krait_ipc::{clock, input};
-use krait_lab_benchmark::generate::{Answer, Judgement, Quiz, Recipe, Sealed, base_model, generate, is_unmodified};
-use krait_model::effects::{EffectKind, explanation};
+use krait_lab_benchmark::generate::{Answer, Judgement, Quiz, Recipe, Sealed, generate, is_unmodified};
+use krait_model::effects::{EffectKind, Explanation, explanation};
 use serde_json::json;
 use std::path::Path;
 use std::process::ExitCode;
 
 /// Largest file of a quiz, bytes; one of 200 s has 1 MB.
 const MAX_BYTES: u64 = 64 * 1024 * 1024;
-/// Letters in a line.
-const WIDTH: usize = 80;
 
 /// Makes the data of a riddle and says how to solve it.
 pub fn ask(args: &QuizArgs) -> anyhow::Result<ExitCode> {
-    refuse_existing(&args.out, args.force)?;
-    let base = args.out.with_file_name("base.toml");
-    if std::fs::read_to_string(&base).is_ok_and(|text| text != base_model()) {
-        refuse_existing(&base, args.force)?;
-    }
+    refuse_existing_data(&args.out, [args.answer.as_deref(), None], args.force)?;
     let seed = args.seed.unwrap_or(clock::wall_ns() as u64);
-    let riddle = Quiz::new(seed, args.level.level());
+    let riddle = Quiz::new(seed, args.level);
     let recipe = Recipe { hidden: vec![(riddle.kind, riddle.size)], seed, ..Recipe::default() };
     let sealed = generate(&recipe)?.seal(&args.out, args.answer.as_deref())?;
     if args.json {
@@ -121,6 +115,6 @@ fn ensure_known(name: &str) -> anyhow::Result<()> {
 }
 
 fn in_words(name: &str) -> String {
-    let text = explanation(name).map_or_else(|| name.to_owned(), |own| format!("{name}: {}. {}", own.title, own.what));
-    wrapped(&text, WIDTH - 2).iter().map(|line| format!("  {line}\n")).collect()
+    let said = |own: &Explanation| format!("{name}: {}. {}", own.title, own.what);
+    print::paragraph(&explanation(name).map_or_else(|| name.to_owned(), said))
 }
