@@ -16,8 +16,6 @@ use tokio::sync::oneshot;
 
 /// Frames under way at once: more than all pages may send in a tenth of a second.
 const MOST_UNDER_WAY: usize = 64;
-/// A frame about an instant that is longer ago is not passed on, ns; the master's lease is as long.
-const FRESH_NS: i64 = 150_000_000;
 const LOOK_EVERY: Duration = Duration::from_millis(40);
 
 /// What a page says of the hand on its pad.
@@ -60,7 +58,10 @@ struct Turns {
 
 impl Turns {
     fn seen(&self, now_ns: i64) -> PadSeen {
-        PadSeen { driver: self.driver, held: self.held_ns.is_some_and(|since_ns| now_ns - since_ns <= FRESH_NS) }
+        PadSeen {
+            driver: self.driver,
+            held: self.held_ns.is_some_and(|since_ns| now_ns - since_ns <= DriveWish::LEASE_NS),
+        }
     }
 
     /// Whether a page may take the pad: nobody else holds it.
@@ -188,7 +189,7 @@ impl PadDesk {
 
     /// Passes on what the page that has the pad says of an instant; anything else is no word of a hand.
     pub fn hear(&self, page: u64, frame: PadFrame, sample_ns: i64) {
-        let is_late = clock::monotonic_ns() - sample_ns > FRESH_NS;
+        let is_late = clock::monotonic_ns() - sample_ns > DriveWish::LEASE_NS;
         let Some(deflection_permille) = frame.deflection_permille() else { return };
         if frame.held && is_late || !self.turns().hear(page, frame.held, sample_ns) {
             return;

@@ -10,7 +10,7 @@ use krait_ipc::message::{MotionWish, OperatorInput};
 pub struct LiveMotion {
     /// Part of the configured speed, thousandths, within [`MotionWish::SCALE_PERMILLE`].
     pub scale_permille: u32,
-    /// [`OperatorInput::TRANSLATION_LOCKED`] and [`OperatorInput::ROTATION_LOCKED`].
+    /// Bits of [`LiveMotion::LOCKS`].
     pub locks: u32,
 }
 
@@ -18,6 +18,18 @@ impl Default for LiveMotion {
     /// At full scale, nothing locked.
     fn default() -> Self {
         Self { scale_permille: *MotionWish::SCALE_PERMILLE.end(), locks: 0 }
+    }
+}
+
+impl LiveMotion {
+    /// Every lock that there is.
+    pub const LOCKS: u32 = OperatorInput::TRANSLATION_LOCKED | OperatorInput::ROTATION_LOCKED;
+}
+
+impl From<&OperatorInput> for LiveMotion {
+    /// As an input says that it was.
+    fn from(input: &OperatorInput) -> Self {
+        Self { scale_permille: input.scale_permille, locks: input.flags & Self::LOCKS }
     }
 }
 

@@ -5,9 +5,6 @@
 
 use krait_ipc::message::{DeviceState, DriveWish};
 
-/// How long a frame of a held pad counts, ns from the instant that it is about.
-const LEASE_NS: i64 = 150_000_000;
-
 /// Why a frame of a pad does not count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PadRefusal {
@@ -67,7 +64,7 @@ impl PadLease {
 
     /// Notes whether the lease has run out.
     pub fn watch(&mut self, now_ns: i64) {
-        if self.held.is_some_and(|held| now_ns.saturating_sub(held.since_ns) > LEASE_NS) {
+        if self.held.is_some_and(|held| now_ns.saturating_sub(held.since_ns) > DriveWish::LEASE_NS) {
             self.lose();
         }
     }
@@ -119,7 +116,7 @@ impl PadLease {
         if wish.frame <= driver.frame || self.held.is_some_and(|held| wish.sample_ns < held.since_ns) {
             return Err(PadRefusal::Repeated);
         }
-        if !(0..=LEASE_NS).contains(&now_ns.saturating_sub(wish.sample_ns)) {
+        if !(0..=DriveWish::LEASE_NS).contains(&now_ns.saturating_sub(wish.sample_ns)) {
             return Err(PadRefusal::NotFresh);
         }
         driver.frame = wish.frame;

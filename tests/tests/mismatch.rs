@@ -36,6 +36,12 @@ fn found_in(path: &str) -> (f64, usize, usize) {
     (worst_deg, n_warned, n_tripped)
 }
 
+/// A repetition judges alike.
+fn assert_verified(path: &str) {
+    let verified = Ended::of(&["verify", "--json", path], PATIENCE);
+    assert_eq!(verified.code, Some(0), "{}{}", verified.stderr, verified.stdout);
+}
+
 #[test]
 fn a_snake_that_is_grossly_another_than_its_model_warns_and_then_ends_the_motion() {
     let _alone = ALONE.lock();
@@ -63,8 +69,7 @@ fn a_snake_that_is_grossly_another_than_its_model_warns_and_then_ends_the_motion
     let (warned, tripped) = (first(Reason::ModelMismatch), first(Reason::MismatchTrip));
     let followed = commands[warned..tripped].iter().any(|command| command.phase == Phase::Following as u32);
     assert!(warned < tripped && followed, "a warning comes first: {warned} {tripped}");
-    let verified = Ended::of(&["verify", "--json", &path], PATIENCE);
-    assert_eq!(verified.code, Some(0), "{}{}", verified.stderr, verified.stdout);
+    assert_verified(&path);
 }
 
 /// The first joint has another zero than its model says, by 57 deg.
@@ -102,8 +107,7 @@ fn a_wrist_that_is_grossly_another_than_its_model_ends_the_motion() {
     let tripped = states.iter().position(|state| has(state.reasons, Reason::MismatchTrip)).expect("it tripped");
     assert!(states[..tripped].iter().any(|state| state.is_engaged()), "it was engaged before");
     assert!(states[tripped..].iter().all(|state| !state.is_engaged()), "nobody engages any more");
-    let verified = Ended::of(&["verify", "--json", &path], PATIENCE);
-    assert_eq!(verified.code, Some(0), "{}{}", verified.stderr, verified.stdout);
+    assert_verified(&path);
 }
 
 #[test]

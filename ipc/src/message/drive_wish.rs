@@ -29,6 +29,8 @@ message!(DriveWish, "drive_wish", 1, super::RARE);
 impl DriveWish {
     /// Flag: the pad is held. Nothing moves without it.
     pub const HELD: u32 = 1;
+    /// How long a held pad counts, ns from the instant that the wish is about.
+    pub const LEASE_NS: i64 = 150_000_000;
     /// A full deflection, thousandths.
     pub const FULL_PERMILLE: i32 = 1000;
 

@@ -1,6 +1,7 @@
 //! An event mark: a word of the operator's about this instant, for whoever reads the recording.
 
 use super::message;
+use super::text::{packed, unpacked};
 use iceoryx2::prelude::ZeroCopySend;
 
 /// Bytes that the text of a mark may have.
@@ -56,21 +57,18 @@ impl Marker {
     /// # Errors
     /// [`MarkerTextError`] for a text that is empty, too long or not plain.
     pub fn new(sequence: u64, sample_ns: i64, text: &str) -> Result<Self, MarkerTextError> {
-        if text.is_empty() || text.len() > MARKER_TEXT_MAX {
-            return Err(MarkerTextError::Length { found: text.len() });
-        }
+        let length = || MarkerTextError::Length { found: text.len() };
+        let (n_text, bytes) = packed(text).filter(|(n_text, _)| *n_text > 0).ok_or_else(length)?;
         if let Some((at, found)) = text.char_indices().find(|(_, c)| c.is_control()) {
             return Err(MarkerTextError::Control { found, at });
         }
-        let mut bytes = [0; MARKER_TEXT_MAX];
-        bytes[..text.len()].copy_from_slice(text.as_bytes());
-        Ok(Self { sequence, sample_ns, sender_pid: std::process::id(), n_text: text.len() as u32, text: bytes })
+        Ok(Self { sequence, sample_ns, sender_pid: std::process::id(), n_text, text: bytes })
     }
 
     /// The text, or `None` where a foreign process has sent what is none.
     pub fn text(&self) -> Option<&str> {
-        let bytes = self.text.get(..usize::try_from(self.n_text).ok()?)?;
-        core::str::from_utf8(bytes).ok().filter(|text| !text.is_empty() && !text.chars().any(char::is_control))
+        let is_plain = |text: &&str| !text.is_empty() && !text.chars().any(char::is_control);
+        unpacked(self.n_text, &self.text).filter(is_plain)
     }
 }
 

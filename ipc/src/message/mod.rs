@@ -25,6 +25,7 @@ mod slave_state;
 mod stamps;
 mod state_command;
 mod state_request;
+mod text;
 
 pub use actuators::{Actuators, Joints, MAX_ACTUATORS, MAX_JOINTS, N_LINES, lines, n_actuators, three, used};
 pub use command::Command;

@@ -1,6 +1,7 @@
 //! How anybody of the same user asks for another model: the supervisor starts the stages that rest on it anew, and answers.
 
 use super::message;
+use super::text::{packed, unpacked};
 use iceoryx2::prelude::ZeroCopySend;
 
 /// Bytes that a path or a sentence may have.
@@ -84,16 +85,6 @@ impl ModelAnswer {
     pub fn refusal(&self) -> Option<&str> {
         (self.is_done == 0).then(|| unpacked(self.n_text, &self.text).unwrap_or_default())
     }
-}
-
-fn packed(text: &str) -> Option<(u32, [u8; MODEL_TEXT_MAX])> {
-    let mut bytes = [0; MODEL_TEXT_MAX];
-    bytes.get_mut(..text.len())?.copy_from_slice(text.as_bytes());
-    Some((text.len() as u32, bytes))
-}
-
-fn unpacked(n: u32, bytes: &[u8; MODEL_TEXT_MAX]) -> Option<&str> {
-    core::str::from_utf8(bytes.get(..usize::try_from(n).ok()?)?).ok()
 }
 
 #[cfg(test)]

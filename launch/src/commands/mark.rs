@@ -1,11 +1,11 @@
 //! `krait mark TEXT`: a word about this instant in the recording of a chain that runs.
 
 use crate::cli::{Common, MarkArgs};
-use crate::print;
+use crate::{commands, print};
 use anyhow::bail;
 use core::time::Duration;
 use krait_ipc::message::Marker;
-use krait_ipc::{Bus, IpcError, Process, ReadOptions, Reader, Writer, clock};
+use krait_ipc::{Bus, Process, ReadOptions, Reader, Writer, clock};
 use krait_record::utc_text;
 use std::process::ExitCode;
 
@@ -23,7 +23,7 @@ pub fn run(common: &Common, args: &MarkArgs) -> anyhow::Result<ExitCode> {
     refuse_without_recorder(&bus)?;
     let deadline_ns = now_ns + PATIENCE_NS;
     let mut recorded = bus.reader_on::<Marker>(Marker::RECORDED_CHANNEL, ReadOptions::waking())?;
-    writer(&bus, deadline_ns)?.send_and_wait(&mark, &mut recorded, deadline_ns)?;
+    Sender(commands::writer_by(&bus, deadline_ns)?).send_and_wait(&mark, &mut recorded, deadline_ns)?;
     let wall_ns = clock::wall_ns() - (clock::monotonic_ns() - now_ns);
     print::out(&format!(
         "marked {:?} at {} in instance {:?}\n",
@@ -48,16 +48,6 @@ fn refuse_without_recorder(bus: &Bus) -> anyhow::Result<()> {
     bail!(
         "no chain runs in instance {instance:?}, so there is nothing to set a mark in; start one with `krait run`, or name another with --instance"
     )
-}
-
-/// The one writer of the channel; whoever else is setting a mark is soon done.
-fn writer(bus: &Bus, deadline_ns: i64) -> Result<Sender, IpcError> {
-    loop {
-        match bus.writer() {
-            Err(IpcError::SecondWriter { .. }) if clock::monotonic_ns() < deadline_ns => std::thread::sleep(LOOK_EVERY),
-            result => return result.map(Sender),
-        }
-    }
 }
 
 struct Sender(Writer<Marker>);

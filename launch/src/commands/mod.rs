@@ -32,7 +32,12 @@ pub mod verify;
 pub mod yardstick;
 
 use anyhow::bail;
-use krait_ipc::Bus;
+use core::time::Duration;
+use krait_ipc::message::Message;
+use krait_ipc::{Bus, IpcError, Writer, clock};
+
+/// How often a command looks whether its turn has come.
+const TURN: Duration = Duration::from_millis(5);
 
 /// Members of an instance that are no part of a chain: a chain may start beside them.
 pub const TOOLS: [&str; 6] = [console::NAME, mark::NAME, model_exchange::NAME, state::NAME, stop::NAME, shape::NAME];
@@ -55,4 +60,17 @@ pub fn refuse_without(bus: &Bus, process: &str, command: &str) -> anyhow::Result
     bail!(
         "no chain runs in instance {instance:?}, so `krait {command}` has nobody to ask; start one with `krait run`, or name another with --instance"
     )
+}
+
+/// Becomes the writer of a channel on which commands take turns; whoever else is asking is soon done.
+///
+/// # Errors
+/// As [`Bus::writer`]; [`IpcError::SecondWriter`] only where the other is not done by the deadline.
+pub fn writer_by<M: Message>(bus: &Bus, deadline_ns: i64) -> Result<Writer<M>, IpcError> {
+    loop {
+        match bus.writer() {
+            Err(IpcError::SecondWriter { .. }) if clock::monotonic_ns() < deadline_ns => std::thread::sleep(TURN),
+            result => return result,
+        }
+    }
 }

@@ -7,7 +7,7 @@ use crate::{commands, print};
 use anyhow::{Context, bail};
 use core::time::Duration;
 use krait_ipc::message::{ModelAnswer, ModelRequest};
-use krait_ipc::{Bus, IpcError, ReadOptions, clock};
+use krait_ipc::{Bus, ReadOptions, clock};
 use serde::Serialize;
 use std::process::ExitCode;
 
@@ -39,14 +39,7 @@ pub fn run(common: &Common, args: &ExchangeArgs) -> anyhow::Result<ExitCode> {
     };
     let mut answers = bus.reader::<ModelAnswer>(ReadOptions::observing())?;
     // What a writer says goes with the writer: it stays until the answer is there.
-    let mut writer = loop {
-        match bus.writer::<ModelRequest>() {
-            Err(IpcError::SecondWriter { .. }) if clock::monotonic_ns() < asked_ns + PATIENCE_NS => {
-                std::thread::sleep(LOOK_EVERY);
-            }
-            result => break result?,
-        }
-    };
+    let mut writer = commands::writer_by::<ModelRequest>(&bus, asked_ns + PATIENCE_NS)?;
     writer.send(&request)?;
     while clock::monotonic_ns() < asked_ns + PATIENCE_NS {
         while let Some(answer) = answers.take()? {

@@ -6,7 +6,7 @@ use crate::commands;
 use anyhow::{bail, ensure};
 use core::time::Duration;
 use krait_ipc::message::{MotionWish, OperatorInput};
-use krait_ipc::{Bus, IpcError, ReadOptions, clock};
+use krait_ipc::{Bus, ReadOptions, clock};
 
 /// The master publishes every millisecond.
 const PATIENCE_NS: i64 = 5_000_000_000;
@@ -22,12 +22,7 @@ pub fn ask(bus: &Bus, args: &StateArgs) -> anyhow::Result<()> {
     let mut inputs = bus.reader::<OperatorInput>(ReadOptions::observing())?;
     let deadline_ns = wish.sample_ns + PATIENCE_NS;
     // What a writer says goes with the writer: it stays until the answer is there.
-    let mut writer = loop {
-        match bus.writer::<MotionWish>() {
-            Err(IpcError::SecondWriter { .. }) if clock::monotonic_ns() < deadline_ns => std::thread::sleep(LOOK_EVERY),
-            result => break result?,
-        }
-    };
+    let mut writer = commands::writer_by::<MotionWish>(bus, deadline_ns)?;
     writer.send(&wish)?;
     while clock::monotonic_ns() < deadline_ns {
         if inputs.take_newest()?.is_some_and(|input| is_done(&wish, &input)) {

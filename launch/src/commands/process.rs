@@ -8,7 +8,7 @@ use crate::{signals, supervisor};
 use anyhow::{Context, bail, ensure};
 use krait_bridge::{Feed, LiveModel};
 use krait_drives::sts3215;
-use krait_ipc::message::{N_LINES, OperatorInput};
+use krait_ipc::message::N_LINES;
 use krait_ipc::{Beside, Bus, input};
 use krait_master::{Engage, HidRecording, LiveMotion, MasterConfig, Script, SourceChoice};
 use krait_record::{Attachment, RecordConfig};
@@ -187,8 +187,7 @@ fn run_master(bus: &Bus, config: &Config, args: &MasterArgs, stop: &AtomicBool) 
         Some(EngageKind::Once) => Engage::Once,
         Some(EngageKind::Again) => Engage::Again,
     };
-    let both = OperatorInput::TRANSLATION_LOCKED | OperatorInput::ROTATION_LOCKED;
-    ensure!(args.locks & !both == 0, "--locks is {}: expected bits of {both}", args.locks);
+    ensure!(args.locks & !LiveMotion::LOCKS == 0, "--locks is {}: expected bits of {}", args.locks, LiveMotion::LOCKS);
     let begin = LiveMotion { scale_permille: args.scale_permille, locks: args.locks };
     let config = MasterConfig { record_reports, engage, begin, ..config.master.clone() };
     Ok(krait_master::run(bus, &config, source, stop)?)

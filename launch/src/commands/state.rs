@@ -35,15 +35,13 @@ pub fn run(common: &Common, args: &StateArgs) -> anyhow::Result<ExitCode> {
     if args.scale.is_some() || args.lock.is_some() || args.unlock.is_some() {
         motion_wish::ask(&bus, args)?;
     }
-    let mut shown = view.show()?;
-    if let Some(input) = newest::<OperatorInput>(&bus)? {
+    let command = newest::<Command>(&mut bus.reader(ReadOptions::observing())?, GLANCE_NS)?;
+    let mut shown = view.show(command.as_ref())?;
+    if let Some(input) = newest::<OperatorInput>(&mut bus.reader(ReadOptions::observing())?, GLANCE_NS)? {
         let is_locked = |flag| Some(input.flags & flag != 0);
         shown.scale = Some(f64::from(input.scale_permille) / 1000.0);
         shown.is_translation_locked = is_locked(OperatorInput::TRANSLATION_LOCKED);
         shown.is_rotation_locked = is_locked(OperatorInput::ROTATION_LOCKED);
-    }
-    if let Some(command) = newest::<Command>(&bus)? {
-        shown.warn(Reasons::from_bits(command.reasons));
     }
     if args.json {
         print::json(&shown)?;
@@ -53,10 +51,9 @@ pub fn run(common: &Common, args: &StateArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The newest message of a channel that is published a thousand times a second, if somebody publishes there now.
-fn newest<M: Message>(bus: &Bus) -> anyhow::Result<Option<M>> {
-    let mut reader = bus.reader::<M>(ReadOptions::observing())?;
-    let deadline_ns = clock::monotonic_ns() + GLANCE_NS;
+/// The newest message of a channel that is published a thousand times a second, if one comes within the patience.
+fn newest<M: Message>(reader: &mut Reader<M>, patience_ns: i64) -> anyhow::Result<Option<M>> {
+    let deadline_ns = clock::monotonic_ns() + patience_ns;
     loop {
         if let Some(message) = reader.take_newest()? {
             return Ok(Some(*message));
@@ -135,14 +132,7 @@ impl View {
         let request = StateRequest::new(1, clock::monotonic_ns(), transition);
         let deadline_ns = request.sample_ns + PATIENCE_NS;
         // What a writer says goes with the writer: it stays until the answer is there.
-        let mut writer = loop {
-            match bus.writer::<StateRequest>() {
-                Err(IpcError::SecondWriter { .. }) if clock::monotonic_ns() < deadline_ns => {
-                    std::thread::sleep(LOOK_EVERY);
-                }
-                result => break result?,
-            }
-        };
+        let mut writer = commands::writer_by::<StateRequest>(bus, deadline_ns)?;
         writer.send(&request)?;
         let answer = self.answer_to(&request, deadline_ns)?;
         match answer.outcome() {
@@ -183,20 +173,16 @@ impl View {
     }
 
     fn newest(&mut self) -> anyhow::Result<SlaveState> {
-        let deadline_ns = clock::monotonic_ns() + PATIENCE_NS;
-        loop {
-            if let Some(state) = self.states.take_newest()? {
-                return Ok(*state);
-            }
-            if clock::monotonic_ns() > deadline_ns {
-                bail!("the slave has said nothing for {} s; it is stopped", PATIENCE_NS / 1_000_000_000);
-            }
-            std::thread::sleep(LOOK_EVERY);
-        }
+        newest(&mut self.states, PATIENCE_NS)?
+            .with_context(|| format!("the slave has said nothing for {} s; it is stopped", PATIENCE_NS / 1_000_000_000))
     }
 
-    fn show(&mut self) -> anyhow::Result<Shown> {
+    /// The state, and what `compensate` warns of in its newest command, which the slave, that goes on, does not repeat.
+    fn show(&mut self, command: Option<&Command>) -> anyhow::Result<Shown> {
         let state = self.newest()?;
+        let mut reasons = Reasons::from_bits(state.reasons);
+        let warns = command.is_some_and(|own| Reasons::from_bits(own.reasons).contains(Reason::ModelMismatch));
+        reasons.insert_if(Reason::ModelMismatch, warns);
         let health = self.healths.take_newest()?.map(|health| *health);
         let name = |state: Option<OperatingState>| state.map_or("unknown", OperatingState::name);
         let has = |flag: u32| state.flags & flag != 0;
@@ -220,21 +206,12 @@ impl View {
             scale: None,
             is_translation_locked: None,
             is_rotation_locked: None,
-            reasons: Reasons::from_bits(state.reasons).iter().map(held).collect(),
+            reasons: reasons.iter().map(held).collect(),
         })
     }
 }
 
 impl Shown {
-    /// Adds what `compensate` warns of, which the slave, that goes on, has no reason to repeat.
-    fn warn(&mut self, command: Reasons) {
-        let reason = Reason::ModelMismatch;
-        if command.contains(reason) && self.reasons.iter().all(|held| held.reason != format!("{reason:?}")) {
-            let (reason, sentence) = (format!("{reason:?}"), reason.sentence());
-            self.reasons.push(Held { reason, sentence, value: None, limit: None });
-        }
-    }
-
     fn text(&self) -> String {
         let word = |is: bool, yes: &'static str, no: &'static str| if is { yes } else { no };
         let mut text = format!(
