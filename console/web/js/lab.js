@@ -141,7 +141,7 @@ async function compare() {
   if (!answer) return;
   const { error, rows, where } = answer, named = answer.unit ?? error.unit ?? 'deg', floor = answer.noise_floor ?? error.noise_floor ?? answer.noise_floor_deg ?? null;
   unit = named === 'deg' ? '°' : ` ${named}`;
-  falls = [{ name: 'model as given', value: error.rms }];
+  falls = [{ name: answer.calibration?.some(own => !own.held) ? 'after calibration' : 'model as given', value: error.rms }];
   falls.floor = floor;
   const isNoise = floor !== null && error.rms < 1.1 * floor;
   results[0] = {

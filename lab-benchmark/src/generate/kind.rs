@@ -75,6 +75,11 @@ impl Kind {
         self.right != UNKNOWN
     }
 
+    /// Whether a name that counts as right for one does for the other.
+    pub(super) fn is_like(&self, other: &Self) -> bool {
+        self.right.iter().any(|name| other.right.contains(name))
+    }
+
     pub(super) fn hide(&self, truth: &mut Truth, amplitude: f64, draw: &Draw) {
         (self.apply)(truth, amplitude, draw);
     }

@@ -144,8 +144,7 @@ pub fn pick(seed: u64, pair: bool) -> Vec<&'static Kind> {
         return vec![first];
     }
     // Look-alikes could not be told apart by anybody.
-    let others: Vec<&Kind> =
-        known.into_iter().filter(|kind| !kind.right.iter().any(|name| first.right.contains(name))).collect();
+    let others: Vec<&Kind> = known.into_iter().filter(|kind| !kind.is_like(first)).collect();
     vec![first, others[random.below(others.len())]]
 }
 
@@ -160,7 +159,7 @@ pub fn several(seed: u64, n_known: usize, with_unknown: bool) -> Vec<&'static Ki
     }
     while picked.len() < n_known + usize::from(with_unknown) {
         let next = known[random.below(known.len())];
-        let is_new = picked.iter().all(|own: &&Kind| !own.right.iter().any(|name| next.right.contains(name)));
+        let is_new = picked.iter().all(|own: &&Kind| !own.is_like(next));
         if is_new {
             picked.push(next);
         }

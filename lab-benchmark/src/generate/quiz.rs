@@ -47,7 +47,7 @@ pub struct Quiz {
     pub kind: &'static Kind,
     /// Its size, in units of the noise's length.
     pub size: f64,
-    /// Effects of the catalogue, of which one is right; none of the others looks like it.
+    /// Effects of the catalogue, of which one is right; no two look alike.
     pub choices: Vec<&'static str>,
 }
 
@@ -57,15 +57,14 @@ impl Quiz {
         let mut random = Random::new(seed, Purpose::Kind);
         let known: Vec<&Kind> = KINDS.iter().filter(|kind| kind.is_known()).collect();
         let kind = known[random.below(known.len())];
-        let is_other = |other: &&&Kind| !other.right.iter().any(|name| kind.right.contains(name));
-        let others: Vec<&&Kind> = known.iter().filter(is_other).collect();
-        let mut choices = vec![kind.right[0]];
-        while choices.len() < N_CHOICES {
-            let other = others[random.below(others.len())].right[0];
-            if !choices.contains(&other) {
-                choices.push(other);
+        let mut asked = vec![kind];
+        while asked.len() < N_CHOICES {
+            let other = known[random.below(known.len())];
+            if asked.iter().all(|own| !other.is_like(own)) {
+                asked.push(other);
             }
         }
+        let mut choices: Vec<&str> = asked.iter().map(|kind| kind.right[0]).collect();
         choices.sort_unstable();
         Self { kind, size: level.size().min(kind.most_size), choices }
     }

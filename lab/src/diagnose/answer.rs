@@ -82,6 +82,13 @@ pub struct Diagnosis {
     pub seed: u64,
 }
 
+impl Diagnosis {
+    /// Whether something of the machine beside its effects was fitted: errors are then those after calibration.
+    pub fn is_calibrated(&self) -> bool {
+        self.calibration.iter().any(|own| !own.is_held)
+    }
+}
+
 /// A number of the machine that is no effect.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Calibration {

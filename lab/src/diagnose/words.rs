@@ -31,6 +31,11 @@ pub(super) fn state(
     }
 }
 
+/// What effects do that are named under partly.
+pub(crate) fn stand_and_take(n_effects: usize) -> &'static str {
+    if n_effects == 1 { "stands and takes" } else { "stand and take" }
+}
+
 /// The verdict in one sentence.
 pub(super) fn sentence(
     verdict: Verdict,
@@ -51,8 +56,9 @@ pub(super) fn sentence(
             format!("nothing is missing: an error of {after:.3} {unit} beside {floor} is the measurement's own")
         }
         Verdict::Partly => format!(
-            "partly: {} stand and take {:.0} % of what there was to explain; {after:.3} {unit} remain beside {floor}{}",
+            "partly: {} {} {:.0} % of what there was to explain; {after:.3} {unit} remain beside {floor}{}",
             effects.iter().map(names).collect::<Vec<_>>().join(" and "),
+            stand_and_take(effects.len()),
             100.0 * (1.0 - remaining.unexplained),
             remaining.looks_like.map_or(String::new(), |what| format!(", and the rest depends on {what}"))
         ),

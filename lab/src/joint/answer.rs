@@ -7,7 +7,7 @@ use super::signal::Number;
 use super::terms::{Values, name, term};
 use crate::diagnose::{
     Calibration, CandidateAnswer, DiagnoseOptions, Diagnosis, FoundEffect, FoundParameter, GroupShare, NextExperiment,
-    Remaining, Structure, Verdict, cautions, explore, reversals, separate,
+    Remaining, Structure, Verdict, cautions, explore, reversals, separate, stand_and_take,
 };
 use crate::machine::{JointsLab, MachineUnderTest};
 use crate::{LabError, Measurements, Names, Problem, Term};
@@ -413,8 +413,9 @@ fn sentence(said: &Said) -> String {
             let rest = rest.max_by(|a, b| a.after.mean_square.total_cmp(&b.after.mean_square));
             let depends = rest.and_then(|own| own.structure.groups.first().filter(|group| group.share > 0.0));
             format!(
-                "partly: {names} stand and take the error from {before:.3} to {after:.3} {unit}{explained}; a rest remains beside \
+                "partly: {names} {} the error from {before:.3} to {after:.3} {unit}{explained}; a rest remains beside \
                  {floor}{}",
+                stand_and_take(said.effects.len()),
                 depends.map_or(String::new(), |group| format!(", and it depends on {}", group.name))
             )
         }

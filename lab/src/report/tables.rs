@@ -34,8 +34,11 @@ pub(super) fn summary(diagnosis: &Diagnosis, unit: &str) -> String {
     for caution in &diagnosis.cautions {
         text += &format!("<p class=\"caution\">Caution: {}</p>\n", escape(&capital(caution)));
     }
+    let given = format!("{:.4} {unit}", diagnosis.as_given_rms);
+    let given = diagnosis.is_calibrated().then_some(("error before calibration, rms".to_owned(), given));
+    let of = if diagnosis.is_calibrated() { "after calibration" } else { "as given" };
     let rows = [
-        ("error of the model as given, rms".to_owned(), format!("{:.4} {unit}", diagnosis.base_heldout_rms)),
+        (format!("error of the model {of}, rms"), format!("{:.4} {unit}", diagnosis.base_heldout_rms)),
         (
             "error with the effects, on data not fitted to".to_owned(),
             format!("{:.4} {unit}", diagnosis.final_heldout_rms),
@@ -47,7 +50,8 @@ pub(super) fn summary(diagnosis: &Diagnosis, unit: &str) -> String {
     ];
     let counts = ["rows", "rows with a measurement", "rows left out as outliers", "blocks of time"];
     let counts = counts.into_iter().zip(&diagnosis.rows).map(|(name, n)| (name.to_owned(), n.to_string()));
-    let rows: Vec<Vec<String>> = rows.into_iter().chain(counts).map(|(name, value)| vec![name, value]).collect();
+    let rows: Vec<Vec<String>> =
+        given.into_iter().chain(rows).chain(counts).map(|(name, value)| vec![name, value]).collect();
     text += &table(&["what", "value"], &rows);
     text += "<h2>Next experiment</h2>\n";
     let next = diagnosis.next_experiment.as_ref();

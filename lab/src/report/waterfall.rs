@@ -32,7 +32,7 @@ pub(super) fn of_diagnosis(
     let found = if diagnosis.effects.is_empty() { &diagnosis.partial } else { &diagnosis.effects };
     let problem = prepare(machine, data)?.problem;
     let mut steps = vec![Step {
-        name: "model as given".to_owned(),
+        name: if diagnosis.is_calibrated() { "model after calibration" } else { "model as given" }.to_owned(),
         rms: diagnosis.base_heldout_rms,
         half_width: half_width(&problem, diagnosis, found, 0)?,
     }];

@@ -76,7 +76,7 @@ fn text(args: &DiagnoseArgs, diagnosis: &Diagnosis, session: &Session) -> String
     let mut text = format!("{}\n", capital(&diagnosis.sentence));
     diagnosis.cautions.iter().for_each(|caution| text += &format!("  Caution: {caution}.\n"));
     let floor = diagnosis.noise_floor.map_or("unknown".to_owned(), |floor| format!("{floor:.4} {unit}"));
-    let is_open = diagnosis.calibration.iter().any(|own| !own.is_held);
+    let is_open = diagnosis.is_calibrated();
     let given = if is_open { "after calibration" } else { "with the model as given" };
     text += &format!(
         "\nError, root mean square of its length: {:.4} {unit} {given}, {:.4} {unit} with the effects; noise floor {floor} ({})\n",
