@@ -100,6 +100,15 @@ pub fn wait_for(instance: &str, what: &str, is_so: impl Fn(&SlaveState) -> bool)
     assert!(found, "never {what}; last {last:?}");
 }
 
+/// Waits until all processes of an instance run and its recording holds commands: an interrupt before that ends a start,
+/// in which nothing has run.
+pub fn wait_for_motion(instance: &str, recording: &str) {
+    let all = wait_until(PATIENCE, || processes_of(instance).len() == 7);
+    assert!(all, "six processes and their supervisor: {:?}", processes_of(instance));
+    let grown = wait_until(PATIENCE, || std::fs::metadata(recording).is_ok_and(|file| file.len() > 200_000));
+    assert!(grown, "the recording grows");
+}
+
 /// Engaged, and a line has moved by more than 0.3 mm from home: the recorded hand rests in its first second.
 pub fn is_moving(state: &SlaveState) -> bool {
     state.is_engaged() && state.setpoint_q_m.iter().any(|q_m| q_m.abs() > 0.3e-3)

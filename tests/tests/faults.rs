@@ -6,7 +6,7 @@ use core::time::Duration;
 use krait_ipc::{InstanceName, resources_of};
 use krait_record::Recording;
 use krait_schema::Sample;
-use krait_tests::{Krait, TempFolder, instance_name, processes_of, wait_until};
+use krait_tests::{Krait, TempFolder, instance_name, processes_of, wait_for_motion, wait_until};
 use rustix::process::{Pid, Signal, kill_process};
 use std::path::Path;
 
@@ -14,14 +14,6 @@ const PATIENCE: Duration = Duration::from_secs(240);
 
 fn start(instance: &str, recording: &str) -> Krait {
     Krait::start(&["run", "--engage=again", "--instance", instance, "--recording", recording])
-}
-
-/// Waits until the whole chain runs and the recording holds commands.
-fn wait_for_motion(instance: &str, recording: &str) {
-    let all = wait_until(PATIENCE, || processes_of(instance).len() == 7);
-    assert!(all, "six processes and their supervisor: {:?}", processes_of(instance));
-    let grown = wait_until(PATIENCE, || std::fs::metadata(recording).is_ok_and(|file| file.len() > 200_000));
-    assert!(grown, "the recording grows");
 }
 
 fn kill(pid: u32, signal: Signal) {

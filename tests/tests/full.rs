@@ -4,7 +4,7 @@
 
 use core::time::Duration;
 use krait_record::Recording;
-use krait_tests::{Ended, Krait, TempFolder, instance_name, krait_program, wait_until};
+use krait_tests::{Ended, Krait, TempFolder, instance_name, krait_program, wait_for_motion, wait_until};
 use rustix::process::{Signal, geteuid};
 use std::fs;
 use std::path::Path;
@@ -94,7 +94,7 @@ fn a_recording_that_is_deleted_or_replaced_while_it_is_written_is_noticed() {
         let (instance, folder) = (instance_name("gone"), TempFolder::new("gone"));
         let recording = folder.file("run.mcap");
         let krait = Krait::start(&["run", "--engage=again", "--instance", &instance, "--recording", &recording]);
-        assert!(wait_until(PATIENCE, || fs::metadata(&recording).is_ok_and(|file| file.len() > 100_000)), "it runs");
+        wait_for_motion(&instance, &recording);
         fs::remove_file(&recording).expect("there");
         if replaced {
             fs::write(&recording, "another's").expect("written");

@@ -5,7 +5,7 @@
 use core::time::Duration;
 use krait_ipc::{InstanceName, ground, resources_of};
 use krait_record::Recording;
-use krait_tests::{Krait, TempFolder, instance_name, krait_program, processes_of, wait_until};
+use krait_tests::{Krait, TempFolder, instance_name, krait_program, processes_of, wait_for_motion};
 use rustix::process::{Signal, geteuid};
 use std::fs;
 use std::os::unix::fs::{MetadataExt, PermissionsExt, chown};
@@ -66,9 +66,7 @@ fn every_file_of_a_chain_and_its_recording_is_its_users_alone() {
     let (instance, folder) = (instance_name("modes"), TempFolder::new("modes"));
     let recording = folder.file("run.mcap");
     let krait = Krait::start(&["run", "--engage=again", "--instance", &instance, "--recording", &recording]);
-    // The recording grows only after the start, in which a Ctrl-C means that nothing has run.
-    let runs = || processes_of(&instance).len() == 7 && fs::metadata(&recording).is_ok_and(|file| file.len() > 200_000);
-    assert!(wait_until(PATIENCE, runs), "the chain runs");
+    wait_for_motion(&instance, &recording);
     let files = resources_of(&InstanceName::new(&instance).expect("a name"));
     let mode = |path: &Path| fs::metadata(path).expect("there").permissions().mode() & 0o777;
     assert_eq!(mode(ground()), 0o700, "nobody else enters {}", ground().display());
@@ -93,7 +91,7 @@ fn another_user_can_neither_read_nor_write_nor_stop_a_chain_that_runs() {
     let (instance, folder) = (instance_name("other"), TempFolder::new("other"));
     let recording = folder.file("run.mcap");
     let krait = Krait::start(&["run", "--engage=again", "--instance", &instance, "--recording", &recording]);
-    assert!(wait_until(PATIENCE, || processes_of(&instance).len() == 7), "the chain runs");
+    wait_for_motion(&instance, &recording);
     let (ground, program) = (ground().display(), krait_program().display());
     let pids: Vec<String> = processes_of(&instance).iter().map(|(_, pid)| pid.to_string()).collect();
     let pids = pids.join(" ");

@@ -3,7 +3,7 @@
 #![allow(clippy::expect_used, reason = "a panic is how a test fails")]
 
 use core::time::Duration;
-use krait_tests::{Ended, Krait, TempFolder, instance_name, processes_of, wait_until};
+use krait_tests::{Ended, Krait, TempFolder, instance_name, processes_of, wait_for_motion};
 use rustix::process::Signal;
 
 const PATIENCE: Duration = Duration::from_secs(240);
@@ -42,8 +42,7 @@ fn a_second_chain_under_the_same_name_is_refused_and_the_first_goes_on() {
     let (instance, folder) = (instance_name("same"), TempFolder::new("same"));
     let recording = folder.file("first.mcap");
     let first = Krait::start(&["run", "--engage=again", "--instance", &instance, "--recording", &recording]);
-    let runs = || std::fs::metadata(&recording).is_ok_and(|file| file.len() > 200_000);
-    assert!(wait_until(PATIENCE, runs), "the first chain runs: {:?}", processes_of(&instance));
+    wait_for_motion(&instance, &recording);
     let second = Ended::of(
         &["run", "--engage=again", "--instance", &instance, "--recording", &folder.file("second.mcap")],
         PATIENCE,
