@@ -137,6 +137,7 @@ pub(crate) fn reasons_to_hold(
     let device = input.device();
     reasons.insert_if(Reason::DeviceLost, matches!(device, Some(DeviceState::Lost) | None));
     reasons.insert_if(Reason::InputEnded, device == Some(DeviceState::Ended));
+    reasons.insert_if(Reason::HandJumped, input.flags & OperatorInput::HAND_JUMPED != 0);
     let input_age_ms = seconds_between(input.sample_ns, begun_ns) * 1e3;
     reasons.insert_if(Reason::InputStale, input_age_ms > config.input_stale_ms);
     match state {

@@ -76,11 +76,12 @@ fn the_setpoint_passes_the_straight_pose_without_a_step_in_speed() {
 #[test]
 fn each_reason_to_hold_holds_alone_and_is_named() {
     type Spoil = fn(&mut OperatorInput, &mut SlaveState, &mut i64);
-    let cases: [(Reason, Spoil); 8] = [
+    let cases: [(Reason, Spoil); 9] = [
         (Reason::OperatorAbsent, |i, _, _| i.flags = 0),
         (Reason::Clutched, |i, _, _| i.flags |= OperatorInput::CLUTCH),
         (Reason::DeviceLost, |i, _, _| i.device_state = DeviceState::Lost as u32),
         (Reason::InputEnded, |i, _, _| i.device_state = DeviceState::Ended as u32),
+        (Reason::HandJumped, |i, _, _| i.flags |= OperatorInput::HAND_JUMPED),
         (Reason::InputStale, |i, _, begun_ns| *begun_ns = i.sample_ns + 51 * TICK_NS),
         (Reason::StateStale, |i, s, _| s.sample_ns = i.sample_ns - 101 * TICK_NS),
         (Reason::SlaveNotHomed, |_, s, _| s.flags &= !SlaveState::IS_HOMED),

@@ -77,6 +77,7 @@ pub fn words_of(reason: Reason) -> Words {
             "Steer in another direction.",
             "It can hardly move in that direction.",
         ),
+        Reason::HandJumped => words(Warn, "The hand\u{2019}s pose jumped.", "Let go, then take hold anew.", ""),
         Reason::DeviceLost => words(Warn, "The hand controller is lost.", "Check its plug.", ""),
         Reason::ShapeStale => words(
             Warn,

@@ -96,11 +96,13 @@ pub enum Reason {
     MismatchTrip = 44,
     /// No command of the model brings a joint where it was wanted.
     JointUnreachable = 45,
+    /// The pose of the hand jumped faster than a hand moves.
+    HandJumped = 46,
 }
 
 impl Reason {
     /// Every reason, in the order of its bit.
-    pub const ALL: [Self; 46] = [
+    pub const ALL: [Self; 47] = [
         Self::OperatorAbsent,
         Self::Clutched,
         Self::DeviceLost,
@@ -147,6 +149,7 @@ impl Reason {
         Self::ModelMismatch,
         Self::MismatchTrip,
         Self::JointUnreachable,
+        Self::HandJumped,
     ];
 
     /// The reason in words that a surgeon understands.
@@ -202,6 +205,9 @@ impl Reason {
             }
             Self::JointUnreachable => {
                 "by its model no command brings a joint where it was wanted; it gets the nearest one"
+            }
+            Self::HandJumped => {
+                "the snake holds still because the hand's pose jumped: let go, look at its tracker, and take hold anew"
             }
         }
     }

@@ -11,6 +11,7 @@ use crate::cli_replay::{CompareArgs, ReplayArgs};
 use crate::in_force::Compensation;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use krait_slave::DriveKind;
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 /// krait: a teleoperation bridge for snake-like surgical robots.
@@ -51,7 +52,7 @@ pub enum Verb {
     Demo(DemoArgs),
     /// The chain until Ctrl-C: operator, bridge, actuators, recorder, each a process of its own.
     #[command(
-        after_help = "Examples:\n  krait run --engage\n  krait run --master hid --compensation estimated\n  krait run --master browser\n  krait run --engage --master script --input path.csv --seconds 30\n  krait run --engage --truth stiff.toml --recording runs/stiff.mcap\n  krait run --engage --model better.toml\n  krait run --engage --rotate-mb 500 --rotate-s 3600"
+        after_help = "Examples:\n  krait run --engage\n  krait run --master hid --compensation estimated\n  krait run --master browser\n  krait run --master pose --listen 127.0.0.1:5005\n  krait run --engage --master script --input path.csv --seconds 30\n  krait run --engage --truth stiff.toml --recording runs/stiff.mcap\n  krait run --engage --model better.toml\n  krait run --engage --rotate-mb 500 --rotate-s 3600"
     )]
     Run(RunArgs),
     /// The hand controllers on this machine, and what is missing to use them.
@@ -207,6 +208,9 @@ pub struct RunArgs {
     /// The report recording (replay) or the script to play; by default the shipped recording, over and over.
     #[arg(long, value_name = "FILE")]
     pub input: Option<PathBuf>,
+    /// The address of this machine on which poses are awaited, for `--master pose`.
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    pub listen: Option<SocketAddr>,
     /// Let the recording or script engage; without it nothing moves. `again`: also after whatever has ended an engagement,
     /// which only simulated drives allow.
     #[arg(long, value_enum, value_name = "once|again", num_args = 0..=1, require_equals = true, default_missing_value = "once")]
@@ -263,6 +267,8 @@ pub enum MasterKind {
     Script,
     /// The drive pad of the console's page: pointer, touch, keyboard or gamepad; simulated drives only.
     Browser,
+    /// A program that sends poses of a hand by UDP (docs/pose.md).
+    Pose,
 }
 
 /// How often a recording or script engages.

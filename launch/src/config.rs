@@ -7,7 +7,7 @@ use anyhow::Context;
 use krait_bridge::{CompensateConfig, EstimateConfig, JointMachine, JointsConfig, LiveModel, ResolveConfig};
 use krait_ipc::setting::Setting;
 use krait_ipc::{Realtime, input};
-use krait_master::MasterConfig;
+use krait_master::{MasterConfig, PoseConfig};
 use krait_record::RecordConfig;
 use krait_shape::GateConfig;
 use krait_slave::{ActuatorConfig, DriveConfig, Limits, SlaveConfig};
@@ -160,6 +160,7 @@ const WIDTH: usize = 98;
 fn settings_of(table: &str) -> &'static [Setting] {
     match table {
         MasterConfig::TABLE => MasterConfig::SETTINGS,
+        PoseConfig::TABLE => PoseConfig::SETTINGS,
         ResolveConfig::TABLE => ResolveConfig::SETTINGS,
         CompensateConfig::TABLE => CompensateConfig::SETTINGS,
         JointsConfig::TABLE => JointsConfig::SETTINGS,

@@ -1,7 +1,7 @@
 //! Whose reports a recording rests on: the operator's device and its serial number, for the recording's metadata.
 
 use crate::cli::MasterKind;
-use krait_master::{DeviceInfo, HidRecording, MasterConfig};
+use krait_master::{DeviceInfo, HidRecording, Layout, MasterConfig};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -16,6 +16,10 @@ pub fn enter(metadata: &mut BTreeMap<String, String>, config: &MasterConfig, mas
     let (device, serial) = match (master, input) {
         (MasterKind::Hid, _) => live(krait_master::chosen_device(&config.device)),
         (MasterKind::Browser, _) => ("drive pad of the console's page".to_owned(), "none (drive pad)".to_owned()),
+        (MasterKind::Pose, _) => {
+            let listen = config.pose.listen.map_or_else(|| "no address".to_owned(), |listen| listen.to_string());
+            (format!("pose sender, heard at {listen}"), "none (pose sender)".to_owned())
+        }
         (MasterKind::Replay, path) => (reports(path), "none (recorded reports)".to_owned()),
         (MasterKind::Script, path) => {
             let name = path.map_or_else(|| "unnamed".to_owned(), |path| path.display().to_string());
@@ -47,6 +51,7 @@ fn reports(path: Option<&Path>) -> String {
         None => (HidRecording::shipped(), "the shipped ones".to_owned()),
     };
     match recording.as_ref().map(HidRecording::header) {
+        Ok(header) if header.layout == Some(Layout::Pose) => format!("recorded packets of a pose sender ({name})"),
         Ok(header) => {
             format!("recorded reports of {:04x}:{:04x} ({name})", header.vendor_id, header.product_id)
         }

@@ -12,7 +12,7 @@ pub struct SignedAxis {
 }
 
 /// Names of the device's axes in the order of its reports.
-const NAMES: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
+pub const AXIS_NAMES: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
 
 impl SignedAxis {
     /// Place of the axis in the device's reports: x, y, z, rx, ry, rz = 0..=5.
@@ -34,7 +34,7 @@ impl TryFrom<String> for SignedAxis {
             Some(("-", name)) => (true, name),
             _ => (false, ""),
         };
-        match NAMES.iter().position(|n| *n == name) {
+        match AXIS_NAMES.iter().position(|n| *n == name) {
             Some(axis_idx) => Ok(Self { axis_idx, is_negated }),
             None => {
                 Err(format!("{text:?} is no device axis, expected a sign and one of x, y, z, rx, ry, rz, as in \"-z\""))
@@ -51,7 +51,7 @@ impl From<SignedAxis> for String {
 
 impl fmt::Display for SignedAxis {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}{}", if self.is_negated { '-' } else { '+' }, NAMES[self.axis_idx])
+        write!(f, "{}{}", if self.is_negated { '-' } else { '+' }, AXIS_NAMES[self.axis_idx])
     }
 }
 

@@ -1,6 +1,6 @@
 //! The master's settings: one documented struct, checked once at load, so that no step meets a value out of range.
 
-use crate::{AxisMap, Clutch, DeviceChoice, Engage, LiveMotion, MasterError, Presence, PressButton};
+use crate::{AxisMap, Clutch, DeviceChoice, Engage, LiveMotion, MasterError, PoseConfig, Presence, PressButton};
 use krait_ipc::settings;
 use std::path::PathBuf;
 
@@ -39,6 +39,8 @@ settings! {
         silence_limit_s: f64 = 0.1, 0.02..=1.0;
         /// Which live device to read: `any`, `vid:pid` or `vid:pid:serial`.
         device: DeviceChoice = DeviceChoice::default();
+        /// The hand that a pose sender follows (`--master pose`).
+        pose: PoseConfig = PoseConfig::default();
         /// Whether a recording or a script begins only when the slave is enabled and homed.
         start_when_ready: bool = true;
         /// File to record the raw reports into; none by default.
@@ -59,6 +61,7 @@ impl MasterConfig {
     /// [`MasterError::Setting`] or [`MasterError::Config`] for the first setting that is out of its range or does not fit.
     pub fn check(&self) -> Result<(), MasterError> {
         self.check_ranges()?;
+        self.pose.check()?;
         if !self.axis_map.is_one_to_one() {
             let axes = self.axis_map.axes().map(String::from);
             return Err(refusal("axis_map", axes.join(", "), "three different device axes for view_x, view_y, view_z"));

@@ -5,8 +5,9 @@ use crate::live_motion::{LiveMotion, Presses};
 use crate::operator::flags;
 use crate::pad::{PadLease, PadRefusal};
 use crate::{Decoder, DeviceMonitor, Hand, HidReport, MasterConfig, MasterError, Operator, OperatorMotion, Refusal};
-use crate::{ReportCounts, Response, ScriptSample};
+use crate::{PoseHand, PoseRefusal, ReportCounts, Response, ScriptSample};
 use krait_ipc::message::{DeviceState, DriveWish, HopStamps, MotionWish, OperatorInput};
+use std::net::SocketAddr;
 
 /// Everything that the master knows between two inputs.
 #[derive(Clone, Copy, Debug)]
@@ -17,6 +18,7 @@ pub struct MasterCore {
     grip: Grip,
     script: Option<ScriptSample>,
     pad: Option<(PadLease, Response)>,
+    pose: Option<(PoseHand, Response)>,
     is_ended: bool,
     presses: Presses,
     live: LiveMotion,
@@ -40,6 +42,7 @@ impl MasterCore {
             grip: Grip::new(config.engage),
             script: None,
             pad: None,
+            pose: None,
             is_ended: false,
             presses: Presses::new(config),
             live: config.begin,
@@ -66,6 +69,32 @@ impl MasterCore {
     /// No allocation, no blocking.
     pub fn on_pad(&mut self, wish: &DriveWish, now_ns: i64) -> Result<(), PadRefusal> {
         self.pad.as_mut().ok_or(PadRefusal::OutOfRange).and_then(|(lease, _)| lease.on_wish(wish, now_ns))
+    }
+
+    /// The same master with a pose sender's hand for its device.
+    ///
+    /// # Errors
+    /// As [`MasterCore::new`].
+    pub fn with_pose(config: &MasterConfig) -> Result<Self, MasterError> {
+        Ok(Self { pose: Some((PoseHand::new(config.pose), Response::new(config))), ..Self::new(config)? })
+    }
+
+    /// Takes a pose sender's packet, which was in hand at `now_ns`.
+    ///
+    /// # Errors
+    /// [`PoseRefusal`], which is also counted; a master without a pose sender refuses all.
+    ///
+    /// # Real-time
+    /// No allocation, no blocking.
+    pub fn on_packet(&mut self, bytes: &[u8], sender: SocketAddr, now_ns: i64) -> Result<(), PoseRefusal> {
+        let pose = self.pose.as_mut().ok_or(PoseRefusal::UnknownKind);
+        pose.and_then(|(hand, _)| hand.on_packet(bytes, sender, now_ns))
+    }
+
+    /// How many packets were refused for which reason.
+    pub fn refused_packets(&self) -> impl Iterator<Item = (PoseRefusal, u64)> {
+        let hand = self.pose.as_ref().map(|(hand, _)| hand);
+        hand.into_iter().flat_map(|hand| PoseRefusal::ALL.map(|refusal| (refusal, hand.n_refused(refusal))))
     }
 
     /// Notes whether the slave says that the operator has engaged.
@@ -124,6 +153,9 @@ impl MasterCore {
         if let Some((lease, _)) = &mut self.pad {
             lease.lose();
         }
+        if let Some((hand, _)) = &mut self.pose {
+            hand.lose();
+        }
         self.monitor.on_unplugged();
         self.lose();
     }
@@ -131,6 +163,9 @@ impl MasterCore {
     /// A device is there again: nothing is known of its axes and buttons.
     pub fn on_plugged(&mut self) {
         self.monitor.on_plugged();
+        if let Some((hand, _)) = &mut self.pose {
+            hand.forget();
+        }
         self.decoder.forget_device();
         self.operator.on_loss();
     }
@@ -143,6 +178,9 @@ impl MasterCore {
     /// The recording or script is at its end: from now on no motion and no presence.
     pub fn on_ended(&mut self) {
         self.is_ended = true;
+        if let Some((hand, _)) = &mut self.pose {
+            hand.lose();
+        }
     }
 
     /// The recording or script begins again.
@@ -160,7 +198,7 @@ impl MasterCore {
         self.is_unpublished = [false; 3];
         self.sequence += 1;
         let device = self.device_state(now_ns);
-        let mut motion = self.motion(device);
+        let mut motion = self.motion(device, now_ns);
         if !self.grip.holds(motion.flags & OperatorInput::OPERATOR_PRESENT != 0, now_ns) {
             motion.flags &= !OperatorInput::OPERATOR_PRESENT;
             motion.tip_vel_in_view_m_per_s = [0.0; 3];
@@ -179,7 +217,7 @@ impl MasterCore {
                 .scaled(motion.tip_angular_vel_in_view_rad_per_s, OperatorInput::ROTATION_LOCKED),
             raw_axes: self.raw_axes(),
             flags: motion.flags | self.live.locks,
-            buttons: self.decoder.buttons(),
+            buttons: self.pose.as_ref().map_or(self.decoder.buttons(), |(hand, _)| hand.buttons()),
             device_state: device as u32,
             scale_permille: self.live.scale_permille,
             n_reports,
@@ -204,6 +242,9 @@ impl MasterCore {
         if let Some((lease, _)) = &mut self.pad {
             lease.watch(now_ns);
         }
+        if let Some((hand, _)) = &mut self.pose {
+            hand.watch(now_ns);
+        }
         if self.monitor.state(now_ns) == DeviceState::Lost {
             self.lose();
         }
@@ -215,15 +256,19 @@ impl MasterCore {
     }
 
     fn device_state(&self, now_ns: i64) -> DeviceState {
-        match (&self.pad, self.script) {
+        match (&self.pad, &self.pose, self.script) {
             _ if self.is_ended => DeviceState::Ended,
-            (Some((lease, _)), _) => lease.state(),
-            (None, Some(_)) => DeviceState::Live,
-            (None, None) => self.monitor.state(now_ns),
+            (Some((lease, _)), ..) => lease.state(),
+            (None, Some((hand, _)), _) => hand.state(),
+            (None, None, Some(_)) => DeviceState::Live,
+            (None, None, None) => self.monitor.state(now_ns),
         }
     }
 
     fn raw_axes(&self) -> [i16; 6] {
+        if let Some((hand, _)) = &self.pose {
+            return hand.raw_axes();
+        }
         let Some((lease, _)) = &self.pad else { return self.decoder.axes() };
         // A deflection is at most a thousand thousandths.
         let [x, y] = lease.deflection_permille().unwrap_or_default().map(|permille| permille as i16);
@@ -232,10 +277,20 @@ impl MasterCore {
 
     fn n_reports_and_refused(&self) -> (u64, u64) {
         let decoded = self.decoder.counts();
-        self.pad.as_ref().map_or((decoded.n_decoded, decoded.n_refused()), |(lease, _)| lease.counts())
+        let of_hand = self.pose.as_ref().map(|(hand, _)| hand.counts());
+        let of_pad = self.pad.as_ref().map(|(lease, _)| lease.counts());
+        of_hand.or(of_pad).unwrap_or((decoded.n_decoded, decoded.n_refused()))
     }
 
-    fn motion(&mut self, device: DeviceState) -> OperatorMotion {
+    fn motion(&mut self, device: DeviceState, now_ns: i64) -> OperatorMotion {
+        if let Some((hand, response)) = &mut self.pose {
+            let asked = hand.step(response, now_ns);
+            return OperatorMotion {
+                tip_vel_in_view_m_per_s: asked.tip_vel_in_view_m_per_s,
+                tip_angular_vel_in_view_rad_per_s: asked.tip_angular_vel_in_view_rad_per_s,
+                flags: flags(asked.is_held, false) | hand.flags(),
+            };
+        }
         if let Some((lease, response)) = &self.pad {
             let held = lease.deflection_permille();
             return OperatorMotion {

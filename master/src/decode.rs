@@ -38,6 +38,8 @@ pub enum Layout {
     Split,
     /// Newer and wireless devices: all six axes in one report (id 1).
     Combined,
+    /// No device: packets of a pose sender.
+    Pose,
 }
 
 /// A report's content.

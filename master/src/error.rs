@@ -22,6 +22,26 @@ pub enum MasterError {
         /// What is allowed.
         expected: &'static str,
     },
+    /// A setting of the pose sender does not fit.
+    #[error("[master.pose] {field} = {found}: expected {expected}; correct it in the configuration")]
+    Pose {
+        /// The setting.
+        field: &'static str,
+        /// What was given.
+        found: String,
+        /// What is allowed.
+        expected: &'static str,
+    },
+    /// The address for poses cannot be had.
+    #[error(
+        "poses cannot be listened for at {address}: {source}; name an address of this machine and a free port with `[master.pose] listen` or `krait run --listen`"
+    )]
+    Listen {
+        /// The address, or that there is none.
+        address: String,
+        /// What the kernel said.
+        source: std::io::Error,
+    },
     /// A file could not be read or written.
     #[error("{} could not be {doing}: {source}; check that the path, its permissions and the disk are right", path.display())]
     File {

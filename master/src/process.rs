@@ -2,9 +2,12 @@
 
 use crate::report_log::ReportLog;
 use crate::ticker::Ticker;
-use crate::{Engage, MasterConfig, MasterCore, MasterError, ReportSource, SourceChoice, SourceEvent};
+use crate::{
+    Engage, MasterConfig, MasterCore, MasterError, PoseRefusal, RawReport, ReportSource, SourceChoice, SourceEvent,
+};
 use krait_ipc::message::{DeviceState, Marker, MotionWish, OperatorInput, SlaveState};
 use krait_ipc::{Bus, HealthReporter, Process, ReadOptions, Reader, Reason, Reasons, Writer, clock};
+use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Reads a source and publishes [`OperatorInput`] on its channel until `stop` is set.
@@ -20,21 +23,20 @@ pub fn run(bus: &Bus, config: &MasterConfig, source: SourceChoice, stop: &Atomic
     // A live hand engages by its own presence; whatever is played must have been asked to.
     let engage = if source.has_beginning() { config.engage } else { Engage::Once };
     let held = MasterConfig { engage, ..config.clone() };
-    let is_pad = matches!(source, SourceChoice::Browser);
-    let core = if is_pad { MasterCore::with_pad(&held)? } else { MasterCore::new(&held)? };
+    let core = source.core(&held)?;
     let waits_for_slave = config.start_when_ready && source.has_beginning();
     let slave = if waits_for_slave { Some(bus.reader(ReadOptions::glancing())?) } else { None };
     let engaged = if config.engage == Engage::Again { Some(bus.reader(ReadOptions::glancing())?) } else { None };
     let source = source.open(bus, config)?;
     let log = match &config.record_reports {
-        Some(path) => Some(ReportLog::create(path, source.vid_pid().unwrap_or_default())?),
+        Some(path) => Some(ReportLog::create(path, source.vid_pid().unwrap_or_default(), source.layout())?),
         None => None,
     };
     let (inputs, health) = (bus.writer()?, HealthReporter::open(bus, Process::Master)?);
     let marks = bus.writer_on(Marker::DEVICE_CHANNEL)?;
     let wishes = bus.reader(ReadOptions::glancing())?;
     let begun_ns = clock::monotonic_ns();
-    let (device_ns, has_log_dropped) = (None, false);
+    let (device_ns, has_log_dropped, told_refusals) = (None, false, 0);
     let mut master = Master {
         core,
         source,
@@ -48,6 +50,7 @@ pub fn run(bus: &Bus, config: &MasterConfig, source: SourceChoice, stop: &Atomic
         health,
         device_ns,
         has_log_dropped,
+        told_refusals,
     };
     master.run(config.period_ns(), stop)
 }
@@ -70,6 +73,8 @@ struct Master {
     device_ns: Option<i64>,
     // Whether the log had no room for a report since the last input.
     has_log_dropped: bool,
+    // Kinds of refused packets that were told of, a bit each.
+    told_refusals: u32,
 }
 
 impl Master {
@@ -92,6 +97,9 @@ impl Master {
         }
         let (n_sent, counts) = (self.inputs.n_sent(), *self.core.counts());
         tracing::info!(n_sent, n_ticks_skipped = ticker.n_skipped(), ?counts, "the master ends");
+        for (refusal, n_packets) in self.core.refused_packets().filter(|(_, n_packets)| *n_packets > 0) {
+            tracing::warn!(n_packets, "in all: {}", refusal.sentence());
+        }
         self.health.publish(clock::monotonic_ns())?;
         Ok(())
     }
@@ -111,15 +119,14 @@ impl Master {
         while let Some(event) = self.source.next_event(now_ns) {
             match event {
                 SourceEvent::HidReport { stamp_ns, report } => {
-                    if let Some(log) = &self.log {
-                        self.has_log_dropped |= !log.push(stamp_ns, report);
-                    }
+                    self.record(stamp_ns, report);
                     // A refusal is counted by the core and travels in every input; there is no more to do about it here.
                     if self.core.on_report(report.as_bytes(), stamp_ns).is_ok() {
                         self.device_ns = Some(stamp_ns);
                         self.mark(stamp_ns)?;
                     }
                 }
+                SourceEvent::Packet { stamp_ns, sender, packet } => self.take_packet(stamp_ns, sender, packet),
                 SourceEvent::Script(sample) => self.core.on_script(sample),
                 SourceEvent::Pad { stamp_ns, wish } => {
                     // Counted as a report that is refused.
@@ -135,6 +142,30 @@ impl Master {
             }
         }
         Ok(())
+    }
+
+    /// Of a sender that is ignored nothing is recorded, so that a recording is one hand's.
+    fn take_packet(&mut self, stamp_ns: i64, sender: SocketAddr, packet: RawReport) {
+        let taken = self.core.on_packet(packet.as_bytes(), sender, stamp_ns);
+        if taken != Err(PoseRefusal::AnotherSender) {
+            self.record(stamp_ns, packet);
+        }
+        match taken {
+            Ok(()) => self.device_ns = Some(stamp_ns),
+            Err(refusal) => {
+                let bit = 1 << refusal as u32;
+                if self.told_refusals & bit == 0 {
+                    self.told_refusals |= bit;
+                    tracing::warn!(%sender, "{}; further ones are only counted", refusal.sentence());
+                }
+            }
+        }
+    }
+
+    fn record(&mut self, stamp_ns: i64, report: RawReport) {
+        if let Some(log) = &self.log {
+            self.has_log_dropped |= !log.push(stamp_ns, report);
+        }
     }
 
     /// Publishes the mark that a report has set, if it has.
@@ -177,6 +208,7 @@ fn reasons(input: &OperatorInput) -> Reasons {
     let mut reasons = Reasons::NONE;
     reasons.insert_if(Reason::OperatorAbsent, !input.operator_present());
     reasons.insert_if(Reason::Clutched, input.clutch_pressed());
+    reasons.insert_if(Reason::HandJumped, input.flags & OperatorInput::HAND_JUMPED != 0);
     reasons.insert_if(Reason::DeviceLost, input.device() == Some(DeviceState::Lost));
     reasons.insert_if(Reason::InputEnded, input.device() == Some(DeviceState::Ended));
     reasons

@@ -1,6 +1,6 @@
 //! One report as the device sent it, in a place of fixed size, so that handing it on never allocates.
 
-/// A raw HID input report of up to 64 bytes, the first of which is its id.
+/// A raw HID input report, the first byte of which is its id, or a packet of a pose sender; up to 80 bytes.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct RawReport {
     bytes: [u8; Self::MAX_BYTES],
@@ -8,10 +8,10 @@ pub struct RawReport {
 }
 
 impl RawReport {
-    /// The longest report of a full-speed USB device, bytes.
-    pub const MAX_BYTES: usize = 64;
+    /// The longest report of a full-speed USB device has 64 bytes and a pose packet 72; one that is longer must be seen to be.
+    pub const MAX_BYTES: usize = 80;
 
-    /// Keeps the first 64 bytes. A report that is cut here is still longer than any that is accepted, so it stays refused.
+    /// Keeps the first 80 bytes. A report that is cut here is still longer than any that is accepted, so it stays refused.
     pub fn clipped(bytes: &[u8]) -> Self {
         let kept = &bytes[..bytes.len().min(Self::MAX_BYTES)];
         let mut report = Self { bytes: [0; Self::MAX_BYTES], len: kept.len() as u8 };
@@ -19,7 +19,7 @@ impl RawReport {
         report
     }
 
-    /// The report's bytes, id first.
+    /// The report's bytes.
     pub fn as_bytes(&self) -> &[u8] {
         &self.bytes[..usize::from(self.len)]
     }

@@ -11,11 +11,11 @@
 //! end 2
 //! ```
 //!
-//! A report line is `stamp_ns hexbytes`: nanoseconds since the first report, one space, the report's 1 to 64 bytes in
+//! A report line is `stamp_ns hexbytes`: nanoseconds since the first report, one space, the report's 1 to 80 bytes in
 //! lower-case hexadecimal with its id first. The first stamp is 0, stamps never run backwards. `layout` is `split`,
-//! `combined` or `unknown`; it informs a person, the decoder tells the layout by each report. `end` carries the number of
-//! reports, so that a truncated file is noticed. Lines end with a line feed and hold at most 200 bytes; a file holds at most
-//! 64 MB and is read into memory at load. Reports are not decoded here: a recording of a faulty device is a good recording.
+//! `combined` or `unknown`, which informs a person, for the decoder tells the layout by each report; or `pose`: the reports
+//! are packets of a pose sender. `end` carries the number of reports, so that a truncated file is noticed. Lines end with a
+//! line feed and hold at most 200 bytes; a file holds at most 64 MB and is read into memory at load. Reports are not decoded here: a recording of a faulty device is a good recording.
 
 use crate::recording_lines::{DAMAGED, Lines, note};
 use crate::{Layout, MasterError, RawReport};

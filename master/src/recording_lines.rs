@@ -67,8 +67,13 @@ impl<'a> Lines<'a> {
         match self.next()? {
             b"layout split" => Ok(Some(Layout::Split)),
             b"layout combined" => Ok(Some(Layout::Combined)),
+            b"layout pose" => Ok(Some(Layout::Pose)),
             b"layout unknown" => Ok(None),
-            line => Err(self.refuse("`layout split`, `layout combined` or `layout unknown`", shown(line), DAMAGED)),
+            line => Err(self.refuse(
+                "`layout split`, `layout combined`, `layout pose` or `layout unknown`",
+                shown(line),
+                DAMAGED,
+            )),
         }
     }
 

@@ -1,7 +1,8 @@
 //! Plays a recording by its stamps, so that the chain meets the very bytes at the very pace of a device.
 
 use crate::source::sleep_until;
-use crate::{HidRecording, ReportSource, SourceEvent};
+use crate::{HidRecording, Layout, RawReport, ReportSource, SourceEvent};
+use std::net::{Ipv4Addr, SocketAddr};
 
 /// Pause between the end of a looping recording and its new beginning, ns: long enough to count as rest.
 const LOOP_PAUSE_NS: i64 = 500_000_000;
@@ -26,6 +27,16 @@ impl RecordingSource {
     fn due_ns(&self) -> Option<i64> {
         let stamped = self.recording.stamped(self.next_idx)?;
         Some(self.start_ns?.saturating_add(stamped.stamp_ns))
+    }
+
+    fn told(&self, stamp_ns: i64, report: RawReport) -> SourceEvent {
+        match self.recording.header().layout {
+            // A recording holds the packets of the one sender that counted.
+            Some(Layout::Pose) => {
+                SourceEvent::Packet { stamp_ns, sender: SocketAddr::from((Ipv4Addr::LOCALHOST, 0)), packet: report }
+            }
+            _ => SourceEvent::HidReport { stamp_ns, report },
+        }
     }
 
     fn at_end(&mut self, now_ns: i64) -> Option<SourceEvent> {
@@ -58,13 +69,17 @@ impl ReportSource for RecordingSource {
             Some(_) if self.due_ns()? > now_ns => None,
             Some(stamped) => {
                 self.next_idx += 1;
-                Some(SourceEvent::HidReport { stamp_ns: now_ns, report: stamped.report })
+                Some(self.told(now_ns, stamped.report))
             }
         }
     }
 
     fn vid_pid(&self) -> Option<(u16, u16)> {
         Some((self.recording.header().vendor_id, self.recording.header().product_id))
+    }
+
+    fn layout(&self) -> Option<Layout> {
+        self.recording.header().layout
     }
 }
 

@@ -22,6 +22,7 @@ impl<W: Write> HidRecordingWriter<W> {
         let layout = match header.layout {
             Some(Layout::Split) => "split",
             Some(Layout::Combined) => "combined",
+            Some(Layout::Pose) => "pose",
             None => "unknown",
         };
         writeln!(out, "{MAGIC}\ndevice {:04x}:{:04x}\nlayout {layout}", header.vendor_id, header.product_id)?;

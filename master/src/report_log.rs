@@ -1,7 +1,7 @@
 //! Records raw reports beside the running master: a bounded queue and a thread of its own, so that a slow or full disk never
 //! delays the operator's input.
 
-use crate::{HidRecordingWriter, MasterError, RawReport, RecordingHeader};
+use crate::{HidRecordingWriter, Layout, MasterError, RawReport, RecordingHeader};
 use crossbeam_channel::{Receiver, Sender, TrySendError, bounded};
 use std::fs::File;
 use std::io::{self, BufWriter};
@@ -25,10 +25,9 @@ pub(crate) struct ReportLog {
 
 impl ReportLog {
     /// Creates the file, never over an existing one, and starts the thread.
-    pub(crate) fn create(path: &Path, vid_pid: (u16, u16)) -> Result<Self, MasterError> {
+    pub(crate) fn create(path: &Path, vid_pid: (u16, u16), layout: Option<Layout>) -> Result<Self, MasterError> {
         let failed = |source| MasterError::File { path: path.to_owned(), doing: "written", source };
         let (vendor_id, product_id) = vid_pid;
-        let layout = crate::devices::layout_of(vendor_id, product_id);
         let notes = vec!["recorded by krait master".to_owned()];
         let file = BufWriter::new(File::options().write(true).create_new(true).mode(0o600).open(path).map_err(failed)?);
         let header = RecordingHeader { vendor_id, product_id, layout, notes };

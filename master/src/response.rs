@@ -20,6 +20,17 @@ pub struct Response {
     full_turn_rad_per_s: f64,
 }
 
+/// What a stretch asks for.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Followed {
+    /// Velocity of the tip in the view frame, m/s.
+    pub(crate) tip_vel_in_view_m_per_s: [f64; 3],
+    /// Angular velocity of the tip in the view frame, rad/s.
+    pub(crate) tip_angular_vel_in_view_rad_per_s: [f64; 3],
+    /// What of the stretch is spent in the time to follow in, of the device's axes.
+    pub(crate) spent: [f64; 6],
+}
+
 impl Response {
     /// The mapping of a configuration that has passed its check.
     pub fn new(config: &MasterConfig) -> Self {
@@ -47,6 +58,28 @@ impl Response {
     /// No allocation, no blocking.
     pub fn tip_angular_vel_in_view_rad_per_s(&self, axes: [i16; 6]) -> [f64; 3] {
         self.of(self.axis_map.turns(), axes, self.full_turn_rad_per_s)
+    }
+
+    /// The velocity for a stretch of the device's axes, parts of the full one of any size and fraction, and what it spends of
+    /// the stretch: dead zone and curve of it.
+    ///
+    /// # Real-time
+    /// No allocation, no blocking.
+    pub(crate) fn follow(&self, stretch: [f64; 6]) -> Followed {
+        let mut spent = [0.0; 6];
+        let mut of = |map: [SignedAxis; 3]| {
+            let shaped = self.shaped(map.map(|axis| axis.sign() * stretch[axis.axis_idx()]), 1.0);
+            for (axis, part) in map.into_iter().zip(shaped) {
+                spent[axis.axis_idx()] = axis.sign() * part;
+            }
+            shaped
+        };
+        let (way, turn) = (of(self.axis_map.axes()), of(self.axis_map.turns()));
+        Followed {
+            tip_vel_in_view_m_per_s: way.map(|part| part * self.full_speed_m_per_s),
+            tip_angular_vel_in_view_rad_per_s: turn.map(|part| part * self.full_turn_rad_per_s),
+            spent,
+        }
     }
 
     fn of(&self, map: [SignedAxis; 3], axes: [i16; 6], full: f64) -> [f64; 3] {

@@ -2,13 +2,14 @@
 //! none of them.
 
 use crate::{
-    BrowserSource, HidRecording, HidSource, MasterConfig, MasterError, RawReport, RecordingSource, Script,
-    ScriptSample, ScriptSource,
+    BrowserSource, HidRecording, HidSource, Layout, MasterConfig, MasterCore, MasterError, PoseSource, RawReport,
+    RecordingSource, Script, ScriptSample, ScriptSource,
 };
 use krait_ipc::message::DriveWish;
 use krait_ipc::{Bus, clock};
 use rustix::thread::{ClockId, clock_nanosleep_absolute};
 use rustix::time::Timespec;
+use std::net::SocketAddr;
 
 /// What a source has to say.
 #[derive(Clone, Copy, Debug)]
@@ -19,6 +20,15 @@ pub enum SourceEvent {
         stamp_ns: i64,
         /// Its bytes.
         report: RawReport,
+    },
+    /// A packet of a pose sender, and when it was in hand, CLOCK_MONOTONIC, ns.
+    Packet {
+        /// When it was in hand.
+        stamp_ns: i64,
+        /// Who sent it.
+        sender: SocketAddr,
+        /// Its bytes.
+        packet: RawReport,
     },
     /// What a script asks for at this instant.
     Script(ScriptSample),
@@ -54,6 +64,11 @@ pub trait ReportSource {
 
     /// Vendor and product of the device whose reports these are; `None` for a script.
     fn vid_pid(&self) -> Option<(u16, u16)>;
+
+    /// How those reports are laid out, where it is known.
+    fn layout(&self) -> Option<Layout> {
+        self.vid_pid().and_then(|(vendor_id, product_id)| crate::devices::layout_of(vendor_id, product_id))
+    }
 }
 
 /// Which source the master shall read.
@@ -63,6 +78,8 @@ pub enum SourceChoice {
     Hid,
     /// The drive pad of the console's pages.
     Browser,
+    /// A pose sender, on the address that the configuration names.
+    Pose,
     /// A recording of reports.
     Recording {
         /// The reports.
@@ -83,11 +100,13 @@ impl SourceChoice {
     /// Opens the source.
     ///
     /// # Errors
-    /// For a live device as [`HidSource::open`], for pages as [`BrowserSource::open`]; the others cannot fail any more.
+    /// For a live device as [`HidSource::open`], for pages as [`BrowserSource::open`], for poses as
+    /// [`PoseSource::open`]; the others cannot fail any more.
     pub fn open(self, bus: &Bus, config: &MasterConfig) -> Result<Box<dyn ReportSource>, MasterError> {
         Ok(match self {
             Self::Hid => Box::new(HidSource::open(&config.device)?),
             Self::Browser => Box::new(BrowserSource::open(bus)?),
+            Self::Pose => Box::new(PoseSource::open(&config.pose)?),
             Self::Recording { recording, looping } => Box::new(RecordingSource::new(recording, looping)),
             Self::Script { script, looping } => Box::new(ScriptSource::new(script, looping)),
         })
@@ -95,7 +114,22 @@ impl SourceChoice {
 
     /// Whether this source waits for a start; a live hand does not.
     pub(crate) fn has_beginning(&self) -> bool {
-        !matches!(self, Self::Hid | Self::Browser)
+        !matches!(self, Self::Hid | Self::Browser | Self::Pose)
+    }
+
+    /// The core that knows what this source tells.
+    ///
+    /// # Errors
+    /// As [`MasterCore::new`].
+    pub(crate) fn core(&self, config: &MasterConfig) -> Result<MasterCore, MasterError> {
+        match self {
+            Self::Browser => MasterCore::with_pad(config),
+            Self::Pose => MasterCore::with_pose(config),
+            Self::Recording { recording, .. } if recording.header().layout == Some(Layout::Pose) => {
+                MasterCore::with_pose(config)
+            }
+            Self::Hid | Self::Recording { .. } | Self::Script { .. } => MasterCore::new(config),
+        }
     }
 }
 

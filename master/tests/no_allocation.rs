@@ -5,7 +5,7 @@ mod allocations;
 
 use allocations::allocations_of;
 use krait_ipc::message::DriveWish;
-use krait_master::{Engage, HidRecording, MasterConfig, MasterCore, RawReport, ScriptSample};
+use krait_master::{Engage, HidRecording, MasterConfig, MasterCore, PosePacket, RawReport, ScriptSample};
 
 #[test]
 fn no_report_tick_or_event_allocates() {
@@ -13,6 +13,9 @@ fn no_report_tick_or_event_allocates() {
     let mut core = MasterCore::new(&MasterConfig { engage: Engage::Once, ..MasterConfig::default() }).expect("default");
     let mut pad =
         MasterCore::with_pad(&MasterConfig { engage: Engage::Once, ..MasterConfig::default() }).expect("default");
+    let mut pose =
+        MasterCore::with_pose(&MasterConfig { engage: Engage::Once, ..MasterConfig::default() }).expect("default");
+    let sender = std::net::SocketAddr::from(([127, 0, 0, 1], 1));
     let mut n_moving = 0;
     let n = allocations_of(|| {
         for (stamp_ns, bytes) in recording.reports() {
@@ -33,9 +36,22 @@ fn no_report_tick_or_event_allocates() {
             std::hint::black_box(pad.on_pad(&wish, sample_ns).is_ok());
             n_moving += u32::from(pad.on_tick(sample_ns).tip_vel_in_view_m_per_s != [0.0; 3]);
         }
+        for step in 0..500_i32 {
+            let (now_ns, closed) = (i64::from(step) * 2_000_000, f64::from(u8::from(step % 100 > 5)));
+            let packet = PosePacket {
+                gripper: closed,
+                position: [f64::from(step) * 1e-4, 0.0, 0.0],
+                orientation: [1.0, 0.0, 0.0, 0.0],
+            };
+            std::hint::black_box(pose.on_packet(&packet.encode(), sender, now_ns).is_ok());
+            std::hint::black_box(pose.on_packet(&[0; 80], sender, now_ns)).expect_err("refused");
+            n_moving += u32::from(pose.on_tick(now_ns).tip_vel_in_view_m_per_s != [0.0; 3]);
+        }
+        pose.on_unplugged();
+        pose.on_restarted();
         core.on_ended();
         std::hint::black_box(core.on_tick(i64::MAX));
     });
     assert_eq!(n, 0);
-    assert!(n_moving > 1000, "the way through the operator's mapping was taken {n_moving} times");
+    assert!(n_moving > 1400, "the way through the operator's mapping was taken {n_moving} times");
 }

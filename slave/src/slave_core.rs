@@ -24,8 +24,14 @@ use krait_ipc::{Reason, Reasons};
 pub(crate) const GAP_NS: i64 = 1_500_000;
 /// What a command says of the way before it that ends an engagement: something was lost or stood still.
 /// Or the model is not of this machine.
-const STALLS: [Reason; 5] =
-    [Reason::DeviceLost, Reason::InputStale, Reason::SetpointStale, Reason::StateStale, Reason::MismatchTrip];
+const STALLS: [Reason; 6] = [
+    Reason::DeviceLost,
+    Reason::HandJumped,
+    Reason::InputStale,
+    Reason::SetpointStale,
+    Reason::StateStale,
+    Reason::MismatchTrip,
+];
 /// What else keeps an operator from engaging, as a command tells it.
 const HOLDS: [Reason; 3] = [Reason::OperatorAbsent, Reason::Clutched, Reason::InputEnded];
 

@@ -552,12 +552,13 @@ mod probes {
             spoil(&mut command);
             bench.take(&command);
         };
-        let commands: [(Spoil, Reason); 6] = [
+        let commands: [(Spoil, Reason); 7] = [
             (|c| c.input_sequence = 1, Reason::StageRestarted),
             (|c| c.setpoint_sequence = 1, Reason::StageRestarted),
             (|c| c.sequence = 1, Reason::StageRestarted),
             (|c| c.model_hash = 2, Reason::ModelExchanged),
             (|c| c.reasons = 1 << Reason::DeviceLost as u32, Reason::DeviceLost),
+            (|c| c.reasons = 1 << Reason::HandJumped as u32, Reason::HandJumped),
             (|c| c.reasons = 1 << Reason::SetpointStale as u32, Reason::SetpointStale),
         ];
         for (spoil, reason) in commands {

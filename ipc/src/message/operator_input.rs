@@ -21,7 +21,7 @@ pub struct OperatorInput {
     /// The device's own six axes of the newest report, in its counts (x, y, z, rx, ry, rz).
     pub raw_axes: [i16; 6],
     /// Bits of [`OperatorInput::OPERATOR_PRESENT`], [`OperatorInput::CLUTCH`], [`OperatorInput::TRANSLATION_LOCKED`],
-    /// [`OperatorInput::ROTATION_LOCKED`], [`OperatorInput::FROM_PAD`].
+    /// [`OperatorInput::ROTATION_LOCKED`], [`OperatorInput::FROM_PAD`], [`OperatorInput::HAND_JUMPED`].
     pub flags: u32,
     /// The device's buttons, bit n = button n.
     pub buttons: u32,
@@ -50,6 +50,8 @@ impl OperatorInput {
     pub const ROTATION_LOCKED: u32 = 8;
     /// Flag: the hand is on the drive pad of a page, whose axes are thousandths along view x and y.
     pub const FROM_PAD: u32 = 16;
+    /// Flag: the pose of the hand jumped; it counts as gone until it has let go.
+    pub const HAND_JUMPED: u32 = 32;
 
     /// Whether the operator is present.
     pub fn operator_present(&self) -> bool {

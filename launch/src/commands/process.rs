@@ -165,6 +165,24 @@ pub fn refuse_pad_of_real_drives(drive: DriveKind) -> anyhow::Result<()> {
     }
 }
 
+/// Whoever reaches the port can send poses: that is enough for a simulated snake, and for a real one somebody must say so.
+///
+/// # Errors
+/// One sentence where the drives are real and the configuration does not allow it, or no address is named.
+pub fn refuse_poses_of_real_drives(config: &Config) -> anyhow::Result<()> {
+    ensure!(
+        config.master.pose.listen.is_some(),
+        "--master pose needs the address on which poses are awaited: name it with --listen, as in --listen 127.0.0.1:5005, or with `listen` in [master.pose]"
+    );
+    match config.slave.drive.kind {
+        DriveKind::Sts3215 if !config.master.pose.real_drives => bail!(
+            "--master pose moves real drives only where [master.pose] says `real_drives = true`: its packets carry no \
+             authentication, so whatever program reaches the port can move the robot (docs/pose.md); or try it with --slave sim"
+        ),
+        DriveKind::Sim | DriveKind::Sts3215 => Ok(()),
+    }
+}
+
 fn run_master(bus: &Bus, config: &Config, args: &MasterArgs, stop: &AtomicBool) -> anyhow::Result<()> {
     let (input, looping) = (args.input.as_deref(), args.looped);
     let source = match (args.kind, input) {
@@ -173,7 +191,11 @@ fn run_master(bus: &Bus, config: &Config, args: &MasterArgs, stop: &AtomicBool) 
             refuse_pad_of_real_drives(config.slave.drive.kind)?;
             SourceChoice::Browser
         }
-        (MasterKind::Hid | MasterKind::Browser, Some(path)) => {
+        (MasterKind::Pose, None) => {
+            refuse_poses_of_real_drives(config)?;
+            SourceChoice::Pose
+        }
+        (MasterKind::Hid | MasterKind::Browser | MasterKind::Pose, Some(path)) => {
             bail!("--input {}: a live device has no input file", path.display())
         }
         (MasterKind::Replay, None) => SourceChoice::Recording { recording: HidRecording::shipped()?, looping },

@@ -2,7 +2,7 @@
 
 use crate::cli::{Common, EngageKind, MasterKind, RunArgs, ShapeKind};
 use crate::commands::console::Companion;
-use crate::commands::process::refuse_pad_of_real_drives;
+use crate::commands::process::{refuse_pad_of_real_drives, refuse_poses_of_real_drives};
 use crate::config::Config;
 use crate::evidence::Evidence;
 use crate::progress::Progress;
@@ -10,6 +10,7 @@ use crate::supervisor::{Cast, ChainOptions, Supervisor};
 use crate::{device, print, signals};
 use anyhow::{bail, ensure};
 use krait_ipc::clock;
+use krait_master::AXIS_NAMES;
 use krait_slave::{DriveKind, ShapeSource};
 use std::path::absolute;
 use std::process::ExitCode;
@@ -18,8 +19,10 @@ use std::process::ExitCode;
 pub fn run(common: &Common, args: &RunArgs) -> anyhow::Result<ExitCode> {
     let stop = signals::stop_flag()?;
     match (args.master, args.engage) {
-        (MasterKind::Hid | MasterKind::Browser, Some(_)) => {
-            bail!("--engage is for recordings and scripts; a hand engages by its own button or pad: leave it out")
+        (MasterKind::Hid | MasterKind::Browser | MasterKind::Pose, Some(_)) => {
+            bail!(
+                "--engage is for recordings and scripts; a hand engages by its own button, pad or gripper: leave it out"
+            )
         }
         (MasterKind::Replay | MasterKind::Script, None) => {
             tracing::warn!("nothing will move: a recording or script engages only with --engage");
@@ -27,6 +30,7 @@ pub fn run(common: &Common, args: &RunArgs) -> anyhow::Result<ExitCode> {
         _ => {}
     }
     let config = configure(common, args)?;
+    name_unused_axes(&config, args.master)?;
     let has_console = args.console || args.master == MasterKind::Browser;
     if has_console {
         config.model()?.snake("the console")?;
@@ -79,6 +83,21 @@ pub fn run(common: &Common, args: &RunArgs) -> anyhow::Result<ExitCode> {
     Ok(if is_whole && keeps_budget(&evidence, args) { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
+/// A hand has up to six axes and a snake bends in two directions: says which of the hand's move nothing.
+fn name_unused_axes(config: &Config, master: MasterKind) -> anyhow::Result<()> {
+    if matches!(master, MasterKind::Hid | MasterKind::Pose) && config.model()?.machine.snake().is_some() {
+        let used = config.master.axis_map.axes();
+        let n_used = if config.resolve.axial_weight > 0.0 { 3 } else { 2 };
+        let is_unused = |name: &&str| used[..n_used].iter().all(|axis| axis.to_string()[1..] != **name);
+        let unused: Vec<&str> = AXIS_NAMES.into_iter().filter(is_unused).collect();
+        tracing::warn!(
+            "of this hand {} move nothing: a snake of three lines bends in two directions, and cannot turn or stretch",
+            unused.join(", ")
+        );
+    }
+    Ok(())
+}
+
 /// Without a recording there is only what was watched while the chain ran.
 fn without_recording(evidence: &Evidence, args: &RunArgs, clean: bool) -> anyhow::Result<ExitCode> {
     match evidence.budget() {
@@ -122,6 +141,15 @@ fn configure(common: &Common, args: &RunArgs) -> anyhow::Result<Config> {
             "--input is for recordings and scripts, and a hand on a page has none; leave it out"
         );
         refuse_pad_of_real_drives(config.slave.drive.kind)?;
+    }
+    ensure!(
+        args.listen.is_none() || args.master == MasterKind::Pose,
+        "--listen is where poses are awaited, and this master awaits none; leave it out, or add --master pose"
+    );
+    config.master.pose.listen = args.listen.or(config.master.pose.listen);
+    if args.master == MasterKind::Pose {
+        ensure!(args.input.is_none(), "--input is for recordings and scripts, and a hand has none; leave it out");
+        refuse_poses_of_real_drives(&config)?;
     }
     match args.shape {
         Some(ShapeKind::Camera) => config.slave.shape = ShapeSource::Camera,

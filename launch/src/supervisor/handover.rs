@@ -34,6 +34,7 @@ fn master_arguments(options: &ChainOptions) -> Vec<OsString> {
         MasterKind::Replay => "replay",
         MasterKind::Script => "script",
         MasterKind::Browser => "browser",
+        MasterKind::Pose => "pose",
     };
     let mut arguments: Vec<OsString> = vec!["--source".into(), source.into()];
     if let Some(path) = &options.input {

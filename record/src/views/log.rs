@@ -80,7 +80,7 @@ fn level(reason: Reason) -> Level {
         | Reason::SlaveNotHomed
         | Reason::NotEngaged
         | Reason::StopAsked => Level::Info,
-        Reason::RecordingStopped | Reason::DriveFault | Reason::DeviceLost => Level::Error,
+        Reason::RecordingStopped | Reason::DriveFault | Reason::DeviceLost | Reason::HandJumped => Level::Error,
         _ => Level::Warning,
     }
 }
