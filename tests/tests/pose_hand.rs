@@ -279,7 +279,10 @@ fn recorded_packets_drive_the_chain_as_a_recording_of_reports_does() {
 fn what_no_pose_sender_may_do_is_refused_with_what_to_do() {
     let folder = TempFolder::new("poses-refused");
     let real = folder.file("real.toml");
-    std::fs::write(&real, "[slave.drive]\nkind = \"sts3215\"\n").expect("written");
+    let actuators: String =
+        (1..=3).map(|id| format!("[[slave.drive.actuator]]\nid = {id}\nzero_count = 2048\n")).collect();
+    let text = format!("[slave.drive]\nkind = \"sts3215\"\nport = \"/dev/null\"\n{actuators}");
+    std::fs::write(&real, text).expect("written");
     for (arguments, words) in [
         (&["--master", "pose"][..], &["--listen 127.0.0.1:5005"][..]),
         (&["--master", "pose", "--listen", "0.0.0.0:5005"], &["[master.pose] listen", "one address of this machine"]),
