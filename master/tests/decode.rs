@@ -76,7 +76,7 @@ fn short_long_unknown_and_wild_reports_are_refused_by_name() {
     let c = decoder.counts();
     assert_eq!((c.n_empty, c.n_unknown, c.n_short, c.n_long, c.n_out_of_range, c.n_decoded), (1, 2, 3, 1, 2, 0));
     let endless = RawReport::clipped(&[1; 500]);
-    assert_eq!(HidReport::decode(endless.as_bytes()), Err(Refusal::Long { id: 1, n_bytes: 64 }));
+    assert_eq!(HidReport::decode(endless.as_bytes()), Err(Refusal::Long { id: 1, n_bytes: RawReport::MAX_BYTES }));
     assert_eq!(decoder.on_report(&[1, 0x00, 0x80, 0, 0, 0, 0]), Err(Refusal::OutOfRange { id: 1, value: i16::MIN }));
 }
 
