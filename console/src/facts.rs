@@ -27,6 +27,8 @@ pub struct Facts {
     pub presence_hint: String,
     /// The recording, if one is made.
     pub recording: Option<String>,
+    /// The recording of the folder that the page opens first; none beside a chain.
+    pub opens: Option<String>,
     /// What a sample may take, of each hop and then end to end.
     pub budgets: Vec<HopBudget>,
 }

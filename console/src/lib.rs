@@ -10,11 +10,13 @@ mod accept;
 mod assets;
 mod error;
 mod facts;
+mod glance;
 mod guard;
 mod jobs;
 mod latency;
 mod library;
 mod live;
+mod observer;
 mod pad;
 mod processes;
 mod recordings;
@@ -28,6 +30,8 @@ mod words;
 
 pub use error::ConsoleError;
 pub use facts::{Facts, HopBudget};
+pub use glance::glance;
+pub use observer::Observer;
 pub use server::{Address, ServerSettings, run};
 pub use tracking::LiveTracking;
 

@@ -38,6 +38,31 @@ pub struct NewestSamples {
     pub healths: Vec<(krait_ipc::Process, Option<Health>)>,
 }
 
+impl NewestSamples {
+    /// The state, where it is fresh enough to be a picture.
+    pub fn fresh_state(&self, now_ns: i64) -> Option<&SlaveState> {
+        self.state.as_ref().filter(|state| now_ns - state.sample_ns < STALE_NS)
+    }
+
+    /// The shape, where it is fresh enough to be a picture.
+    pub fn fresh_shape(&self, now_ns: i64) -> Option<&Shape> {
+        self.shape.as_ref().filter(|shape| now_ns - shape.sample_ns < SHAPE_STALE_NS)
+    }
+
+    /// The state to be shown while these reasons hold.
+    pub fn shown(&self, now_ns: i64, reasons: Reasons) -> Shown {
+        let circumstances = ShownState {
+            state: self.fresh_state(now_ns),
+            device: self.input.and_then(|input| input.device()),
+            is_present: self.input.is_some_and(|input| input.operator_present()),
+            is_clutched: self.input.is_some_and(|input| input.clutch_pressed()),
+            phase: self.setpoint.and_then(|setpoint| setpoint.phase()),
+            reasons,
+        };
+        circumstances.shown()
+    }
+}
+
 /// What goes into a frame besides messages.
 #[derive(Clone, Copy, Debug)]
 pub struct Moment {
@@ -107,17 +132,9 @@ struct Shortly {
 /// # Errors
 /// Never: every field is a number, a text or null.
 pub fn frame(newest: &NewestSamples, moment: &Moment, facts: &Facts) -> serde_json::Result<String> {
-    let fresh = newest.state.as_ref().filter(|state| moment.now_ns - state.sample_ns < STALE_NS);
-    let shape = newest.shape.as_ref().filter(|shape| moment.now_ns - shape.sample_ns < SHAPE_STALE_NS);
-    let circumstances = ShownState {
-        state: fresh,
-        device: newest.input.and_then(|input| input.device()),
-        is_present: newest.input.is_some_and(|input| input.operator_present()),
-        is_clutched: newest.input.is_some_and(|input| input.clutch_pressed()),
-        phase: newest.setpoint.and_then(|setpoint| setpoint.phase()),
-        reasons: moment.reasons,
-    };
-    let shown = circumstances.shown();
+    let fresh = newest.fresh_state(moment.now_ns);
+    let shape = newest.fresh_shape(moment.now_ns);
+    let shown = newest.shown(moment.now_ns, moment.reasons);
     let mut reasons: Vec<Reason> = moment.reasons.iter().collect();
     reasons.sort_by_key(|reason| words_of(*reason).level);
     let frame = Frame {

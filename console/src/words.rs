@@ -143,6 +143,35 @@ pub enum Shown {
     Following,
 }
 
+impl Shown {
+    /// Its name, and what it means; the page has the same words beside its shapes (`web/js/states.js`).
+    const fn words(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Stale => ("No picture", "Nothing arrives from the robot."),
+            Self::Fault => ("Fault", "A drive failed; its power is off."),
+            Self::Disabled => ("Disabled", "Drive power is off."),
+            Self::Homing => ("Homing", "The drives are finding their zero. Keep clear."),
+            Self::Paused => ("Paused", "Holding still, power on."),
+            Self::Lost => ("Device lost", "Holding still: the hand controller is lost."),
+            Self::Clutched => ("Clutched", "Your hand is free; the snake holds still."),
+            Self::Ready => ("Ready", "Holding still; no operator is present."),
+            Self::Holding => ("Holding", "Holding still; the reasons stand below."),
+            Self::Limited => ("Limited", "It follows, up to a limit."),
+            Self::Following => ("Following", "The snake follows your hand."),
+        }
+    }
+
+    /// Its name.
+    pub const fn word(self) -> &'static str {
+        self.words().0
+    }
+
+    /// What it means, in one sentence.
+    pub const fn sentence(self) -> &'static str {
+        self.words().1
+    }
+}
+
 /// What the state to be shown depends on.
 #[derive(Clone, Copy, Debug)]
 pub struct ShownState<'a> {
@@ -194,6 +223,18 @@ mod tests {
             assert!(words.banner.chars().count() <= 48, "{reason:?}");
             let is_own = words.say != reason.sentence();
             assert!(!is_own || words.say.chars().count() <= 40, "{reason:?}: {}", words.say);
+        }
+    }
+
+    #[test]
+    fn the_page_has_the_same_words_for_a_state() {
+        use Shown::{Clutched, Disabled, Fault, Following, Holding, Homing, Limited, Lost, Paused, Ready, Stale};
+        let page = include_str!("../web/js/states.js");
+        for state in [Stale, Fault, Disabled, Homing, Paused, Lost, Clutched, Ready, Holding, Limited, Following] {
+            // On the page the reasons stand beside the state, in a terminal below it.
+            let say = state.sentence().replace("stand below", "stand on the right");
+            let both = format!("word: '{}', say: '{say}'", state.word());
+            assert!(page.contains(&both), "states.js lacks {both}");
         }
     }
 

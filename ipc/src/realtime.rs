@@ -14,6 +14,10 @@ const PREFAULTED_BYTES: usize = 256 * 1024;
 const SHORTEST_SLICE_US: u32 = 100;
 /// Cores that a set can name.
 const MOST_CORES: usize = 1024;
+/// Longest slice that the kernel gives, us.
+const LONGEST_SLICE_US: u32 = 100_000;
+/// Turn of the slave among the processes between the hand and the drives.
+const LAST_TURN: usize = 3;
 /// Bit of CAP_IPC_LOCK in a process's capabilities.
 const CAP_IPC_LOCK: u64 = 1 << 14;
 
@@ -28,9 +32,10 @@ settings! {
         lock_memory: bool = false;
         /// Where the processes run: "one" (all on one core), "any", or a list such as [2, 3].
         cores: Cores = Cores::One;
-        /// Time slice under time sharing, us, 0 (the kernel's own) or at least 100; a process with a short slice is let in before
-        /// others that have longer ones (Linux 6.12 and newer, no right needed).
-        slice_us: u32 = SHORTEST_SLICE_US, 0..=100_000;
+        /// Time slice of the slave under time sharing, us, 0 (the kernel's own) or at least 100; each process before it has twice
+        /// the slice of the next. A process with a short slice is let in before others that have longer ones, so that a sample
+        /// goes on to the drives before the processes behind it tidy up (Linux 6.12 and newer, no right needed).
+        slice_us: u32 = SHORTEST_SLICE_US, 0..=LONGEST_SLICE_US;
         /// Whether a thread that works only when nothing else will keeps the chain's cores from sleeping: a core that slept wakes
         /// late and has forgotten what it knew. It makes the core fully busy and warm.
         keep_awake: bool = false;
@@ -152,7 +157,7 @@ impl Realtime {
             refused.extend(keep_awake().err());
         }
         if self.slice_us > 0 && self.priority == 0 {
-            refused.extend(set_slice(self.slice_us).err());
+            refused.extend(set_slice(self.slice_of(idx)).err());
         }
         if self.lock_memory {
             refused.extend(lock_memory().err());
@@ -162,6 +167,12 @@ impl Realtime {
             refused.extend(set_fifo(self.priority).err());
         }
         refused
+    }
+
+    /// Slice of the `idx`-th of the chain's four processes, us: the last one's doubled for each process between.
+    fn slice_of(&self, idx: usize) -> u32 {
+        let n_behind = LAST_TURN.saturating_sub(idx);
+        (self.slice_us << n_behind).min(LONGEST_SLICE_US)
     }
 
     fn n_cores(&self) -> usize {
@@ -267,8 +278,11 @@ fn set_policy(policy: libc::c_int, priority: u8) -> std::io::Result<()> {
     if result == 0 { Ok(()) } else { Err(std::io::Error::last_os_error()) }
 }
 
-/// A short slice for the calling thread. Kernels that know no slices take the call and change nothing.
-fn set_slice(slice_us: u32) -> Result<(), String> {
+/// A short slice for the calling thread, us. Kernels that know no slices take the call and change nothing.
+///
+/// # Errors
+/// One sentence for what the kernel refused; the thread can go on without.
+pub fn set_slice(slice_us: u32) -> Result<(), String> {
     #[allow(unsafe_code)]
     // SAFETY: the structure is made of numbers, for which zero is a value.
     let mut wanted: libc::sched_attr = unsafe { core::mem::zeroed() };
@@ -322,6 +336,16 @@ mod tests {
         assert!(error(Realtime { cores: Cores::Named(vec![]), ..Realtime::default() }).contains("cores = []"));
         assert_eq!(Realtime::default().check(), Ok(()));
         assert_eq!(Realtime::ORDINARY.check(), Ok(()));
+    }
+
+    #[test]
+    fn a_process_nearer_to_the_drives_has_the_shorter_slice() {
+        let slices = |slice_us| [0, 1, 2, 3].map(|idx| Realtime { slice_us, ..Realtime::default() }.slice_of(idx));
+        assert_eq!(slices(100), [800, 400, 200, 100]);
+        assert_eq!(slices(0), [0; 4], "the kernel's own for all");
+        assert_eq!(slices(50_000), [100_000, 100_000, 100_000, 50_000], "what the kernel gives at most");
+        let slave = crate::Process::ALL.iter().filter_map(|process| process.core_turn()).max();
+        assert_eq!(slave, Some(LAST_TURN));
     }
 
     #[test]

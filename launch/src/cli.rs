@@ -2,7 +2,7 @@
 
 use crate::cli_bench::{BenchArgs, FaultArgs, YardstickVerb};
 use crate::cli_calibrate::CalibrateVerb;
-use crate::cli_console::ConsoleArgs;
+use crate::cli_console::{ConsoleArgs, WatchArgs};
 use crate::cli_drives::DrivesArgs;
 use crate::cli_lab::LabVerb;
 use crate::cli_model::ModelVerb;
@@ -101,11 +101,17 @@ pub enum Verb {
         after_help = "Examples:\n  krait state\n  krait state --json\n  krait state pause\n  krait state resume\n  krait state home --instance left-arm\n  krait state --scale 0.5\n  krait state --lock translation"
     )]
     State(StateArgs),
-    /// The page of a chain that runs: the snake, its latency, the lab; in a browser on this machine.
+    /// The page of a chain that runs, or of a recording: the snake, its latency, the lab; in a browser on this machine.
     #[command(
-        after_help = "Examples:\n  krait console\n  krait console --instance left-arm --port 8080\n\nOpen the address that it prints. It listens on this machine only; from elsewhere an SSH tunnel of its port is the way."
+        after_help = "Examples:\n  krait console\n  krait console recordings/demo.mcap\n  krait console --instance left-arm --port 8080\n\nOpen the address that it prints. It listens on this machine only; from elsewhere an SSH tunnel of its port is the way."
     )]
     Console(ConsoleArgs),
+    /// The same glance in a terminal of 80 columns: state, error, plane, latency, losses, recording, marks.
+    ///
+    /// Keys: s or space stops the snake, p pauses it, m sets a mark at that instant, q ends the watch and nothing else.
+    /// Where it does not write to a terminal it says the same once a second.
+    #[command(after_help = "Examples:\n  krait watch\n  krait watch --instance left-arm\n  krait watch --once")]
+    Watch(WatchArgs),
     /// Publishes measured shapes of another program, which come line by line on standard input (docs/shapes.md).
     ///
     /// The chain must leave the channel to it: `krait run --shape external`. What is stale, late, out of order, missing,

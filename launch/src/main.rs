@@ -30,6 +30,7 @@ mod replay_setup;
 mod signals;
 mod silence;
 mod supervisor;
+mod terminal;
 
 use anyhow::Context;
 use clap::Parser;
@@ -67,6 +68,7 @@ fn main() -> ExitCode {
         Verb::Bench(args) => commands::bench::run(&cli.common, &args),
         Verb::Yardstick(part) => commands::yardstick::run(&cli.common, &part),
         Verb::Console(args) => commands::console::run(&cli.common, &args),
+        Verb::Watch(args) => commands::watch::run(&cli.common, &args),
         Verb::Config => commands::config::run(&cli.common),
         Verb::Process(process) => commands::process::run(&cli.common, &process),
     };

@@ -9,7 +9,7 @@ use crate::parts::Parts;
 use crate::syncer::{Failure, Syncer, sync_all};
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
-use krait_ipc::{Bus, HealthReporter, IpcError, Process, Realtime, Reason, Reasons, clock};
+use krait_ipc::{Bus, HealthReporter, IpcError, Process, Reason, Reasons, clock, set_slice};
 use krait_schema::RecorderStatus;
 use std::path::{Path, PathBuf};
 use std::thread;
@@ -64,12 +64,12 @@ pub fn run(bus: &Bus, config: &RecordConfig, stop: &AtomicBool) -> Result<Record
         let thread = thread::Builder::new().name("record-sync".to_owned()).spawn_scoped(scope, sync);
         thread.map_err(|error| died(format!("could not be started: {error}")))?;
         let write = || {
-            be_punctual(instance);
+            be_punctual();
             write_all(parts, &receiver, &shared, config.flush_period())
         };
         let thread = thread::Builder::new().name("record-write".to_owned()).spawn_scoped(scope, write);
         let thread = thread.map_err(|error| died(format!("could not be started: {error}")))?;
-        be_punctual(instance);
+        be_punctual();
         let mut feed = Feed { drain: Some(drain), health, shared: &shared, due_ns: i64::MIN };
         let fed = feed.until(stop);
         // The end of the queue is what ends the thread.
@@ -86,8 +86,8 @@ pub fn run(bus: &Bus, config: &RecordConfig, stop: &AtomicBool) -> Result<Record
 }
 
 /// Asks for a short slice; a kernel that refuses it makes the recorder less punctual on a busy machine, and nothing else.
-fn be_punctual(instance: &str) {
-    for refused in (Realtime { slice_us: SLICE_US, ..Realtime::ORDINARY }).apply(0, instance) {
+fn be_punctual() {
+    if let Err(refused) = set_slice(SLICE_US) {
         tracing::debug!(refused);
     }
 }

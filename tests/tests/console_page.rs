@@ -5,7 +5,7 @@
 #![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
 
 use core::time::Duration;
-use krait_tests::{Browser, BrowserPage, Console, Krait, instance_name, next_of_kind, wait_until};
+use krait_tests::{Browser, BrowserPage, Console, Ended, Krait, TempFolder, instance_name, next_of_kind, wait_until};
 use rustix::process::Signal;
 use serde_json::json;
 
@@ -104,4 +104,33 @@ fn keep(page: &mut BrowserPage, name: &str) {
         std::fs::create_dir_all(&folder).expect("a folder");
         std::fs::write(format!("{folder}/{name}.png"), page.picture()).expect("written");
     }
+}
+
+#[test]
+fn a_recording_opens_by_itself_where_the_console_was_started_for_it() {
+    let Some(browser) = Browser::start() else { return };
+    let (instance, folder) = (instance_name("film"), TempFolder::new("film"));
+    let path = folder.file("first.mcap");
+    let run = ["run", "--engage=again", "--instance", &instance, "--recording", &path, "--seconds", "3"];
+    assert!(matches!(Ended::of(&run, PATIENCE).code, Some(0 | 1)), "a recording is made");
+    let mut krait = Krait::start(&["console", &path, "--instance", &instance]);
+    let console = Console::of(&mut krait);
+    let mut page = browser.page(&console.address, 1280, 800);
+    page.wait_for(
+        "the recording is open",
+        "document.querySelector('#recordings .ribbon')?.textContent === 'Recording first – not live'",
+    );
+    page.wait_for("it is the page in front", "document.documentElement.dataset.tab === 'recordings'");
+    page.wait_for(
+        "it is a film of some seconds",
+        "Number(document.querySelector('#recordings input[type=range]').max) > 30",
+    );
+    page.value("document.querySelector('[data-go=operate]').click()");
+    page.wait_for("nothing is taken for live", "document.documentElement.dataset.shown === 'stale'");
+    krait.signal(Signal::INT);
+    assert_eq!(krait.end(PATIENCE).code, Some(0));
+
+    let none = Ended::of(&["console", &folder.file("none.mcap")], PATIENCE);
+    assert_eq!(none.code, Some(2));
+    assert!(none.sentence().contains("none.mcap"), "{none:?}");
 }

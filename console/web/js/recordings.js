@@ -8,7 +8,7 @@ import { useInLab } from './lab.js';
 const page = document.getElementById('recordings');
 const SPEEDS = [0.25, 0.5, 1, 2, 5, 20];
 const parts = {};
-let film = null, errors = [], at = 0, isPlaying = false, speed = 1, lastTick = 0, chosen = null, isBuilt = false;
+let wanted = null, film = null, errors = [], at = 0, isPlaying = false, speed = 1, lastTick = 0, chosen = null, isBuilt = false, wasOpened = false;
 
 function build() {
   isBuilt = true;
@@ -70,7 +70,16 @@ export async function showRecordings() {
     return row;
   }));
   if (!entries.length) write(parts.verdict, 'No recording is in this folder yet; `krait run` makes one.');
+  if (wanted) { const name = wanted; wanted = null; await open(name); }
 }
+
+/// The recording that the console was started for comes first, once.
+on('hello', ({ hello }) => {
+  if (!hello.facts.opens || wasOpened) return;
+  wasOpened = true;
+  wanted = hello.facts.opens;
+  go('recordings');
+});
 
 async function open(name) {
   chosen = name;

@@ -4,15 +4,17 @@ use crate::cli::Common;
 use crate::cli_console::ConsoleArgs;
 use crate::config::{Config, STANDARD_INPUT};
 use crate::in_force::ModelInForce;
-use crate::{print, signals, supervisor};
+use crate::{print, recorded, signals, supervisor};
 use anyhow::Context;
 use krait_console::{Facts, HopBudget, ServerSettings};
 use krait_ipc::Bus;
 use krait_master::Presence;
+use krait_record::Recording;
 use krait_slave::DriveKind;
 use rustix::process::{Pid, Signal, kill_process};
+use std::ffi::OsStr;
 use std::os::unix::process::CommandExt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitCode};
 
 pub use krait_console::NAME;
@@ -26,9 +28,13 @@ pub fn run(common: &Common, args: &ConsoleArgs) -> anyhow::Result<ExitCode> {
     if let Ok(pid) = std::env::var(supervisor::SUPERVISOR_PID) {
         signals::end_with(pid.parse().with_context(|| format!("{} is {pid:?}", supervisor::SUPERVISOR_PID))?)?;
     }
-    let config = Config::load(common.config.as_deref())?;
-    let bus = Bus::open(&common.instance, NAME)?;
-    let facts = facts_of(&common.instance, &config, &config.model()?)?;
+    let (bus, facts) = match &args.recording {
+        Some(path) => of_recording(common, path)?,
+        None => {
+            let config = Config::load(common.config.as_deref())?;
+            (Bus::open(&common.instance, NAME)?, facts_of(&common.instance, &config, &config.model()?)?)
+        }
+    };
     let announce = |address: &krait_console::Address| {
         if let Err(error) = print::out(&format!("Console: {}\nStop:    {}\n", address.page, address.stop)) {
             tracing::warn!(%error, "the console's address could not be printed");
@@ -37,13 +43,32 @@ pub fn run(common: &Common, args: &ConsoleArgs) -> anyhow::Result<ExitCode> {
     let settings = ServerSettings {
         port: args.port,
         stop_port: args.stop_port,
-        recordings: args.recordings.clone(),
+        recordings: args.recording.as_deref().map_or_else(|| args.recordings.clone(), folder_of),
         lab: args.lab.clone(),
         base_model: BASE_MODEL.to_owned(),
         program: std::env::current_exe().context("the krait program could not find itself")?,
     };
     krait_console::run(bus, settings, facts, announce, &stop)?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// An instance of its own, where no chain runs, and the machine that a recording was made with.
+fn of_recording(common: &Common, path: &Path) -> anyhow::Result<(Bus, Facts)> {
+    let named = || format!("recording {}", path.display());
+    let recording = Recording::open(path)?;
+    let is_listed = path.extension().is_some_and(|end| end == "mcap");
+    let name = path.file_name().and_then(OsStr::to_str).filter(|_| is_listed).with_context(|| {
+        format!("{}: expected a name that ends in .mcap, as the page lists them; rename it", named())
+    })?;
+    let bus = Bus::open(&recorded::instance_of(&common.instance, NAME), NAME)?;
+    let config = recorded::config_of(&recording, &bus.instance().folder()).with_context(named)?;
+    let facts = facts_of(bus.instance().as_str(), &config, &config.model()?).with_context(named)?;
+    Ok((bus, Facts { opens: Some(name.to_owned()), recording: None, ..facts }))
+}
+
+/// The folder of a file; the one we are in, for a bare name.
+fn folder_of(path: &Path) -> PathBuf {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new(".")).to_path_buf()
 }
 
 /// The console beside a chain: whatever becomes of it, the chain goes on, and it ends with the chain.
@@ -100,6 +125,7 @@ fn facts_of(instance: &str, config: &Config, model: &ModelInForce) -> anyhow::Re
         compensation: model.label.to_owned(),
         presence_hint: presence_hint(config.master.presence),
         recording: config.record.path.as_ref().and_then(|path| Some(path.file_name()?.to_string_lossy().into_owned())),
+        opens: None,
         budgets: budget.hops().into_iter().chain([budget.end_to_end]).map(allowance).collect(),
     })
 }

@@ -15,23 +15,24 @@ pub const NAME: &str = "mark";
 const PATIENCE_NS: i64 = 3_000_000_000;
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 
-/// Sends the mark and waits until the recorder has taken it.
+/// Sets a mark now and says so.
 pub fn run(common: &Common, args: &MarkArgs) -> anyhow::Result<ExitCode> {
     let now_ns = clock::monotonic_ns();
-    let mark = Marker::new(1, now_ns, &args.text.join(" "))?;
     let bus = Bus::open(&common.instance, NAME)?;
-    refuse_without_recorder(&bus)?;
+    print::out(&format!("{} in instance {:?}\n", set(&bus, &args.text.join(" "), now_ns)?, common.instance))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Marks an instant in the recording, waits until the recorder has taken it, and says what was marked when.
+pub fn set(bus: &Bus, text: &str, at_ns: i64) -> anyhow::Result<String> {
+    let mark = Marker::new(1, at_ns, text)?;
+    refuse_without_recorder(bus)?;
+    let now_ns = clock::monotonic_ns();
     let deadline_ns = now_ns + PATIENCE_NS;
     let mut recorded = bus.reader_on::<Marker>(Marker::RECORDED_CHANNEL, ReadOptions::waking())?;
-    Sender(commands::writer_by(&bus, deadline_ns)?).send_and_wait(&mark, &mut recorded, deadline_ns)?;
-    let wall_ns = clock::wall_ns() - (clock::monotonic_ns() - now_ns);
-    print::out(&format!(
-        "marked {:?} at {} in instance {:?}\n",
-        mark.text().unwrap_or_default(),
-        utc_text(wall_ns),
-        common.instance
-    ))?;
-    Ok(ExitCode::SUCCESS)
+    Sender(commands::writer_by(bus, deadline_ns)?).send_and_wait(&mark, &mut recorded, deadline_ns)?;
+    let wall_ns = clock::wall_ns() - (clock::monotonic_ns() - at_ns);
+    Ok(format!("marked {:?} at {}", mark.text().unwrap_or_default(), utc_text(wall_ns)))
 }
 
 fn refuse_without_recorder(bus: &Bus) -> anyhow::Result<()> {

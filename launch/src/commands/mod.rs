@@ -29,6 +29,7 @@ pub mod shape;
 pub mod state;
 pub mod stop;
 pub mod verify;
+pub mod watch;
 pub mod yardstick;
 
 use anyhow::bail;
@@ -40,7 +41,8 @@ use krait_ipc::{Bus, IpcError, Writer, clock};
 const TURN: Duration = Duration::from_millis(5);
 
 /// Members of an instance that are no part of a chain: a chain may start beside them.
-pub const TOOLS: [&str; 6] = [console::NAME, mark::NAME, model_exchange::NAME, state::NAME, stop::NAME, shape::NAME];
+pub const TOOLS: [&str; 7] =
+    [console::NAME, mark::NAME, model_exchange::NAME, state::NAME, stop::NAME, shape::NAME, watch::NAME];
 
 /// Refuses a command that needs a process of a chain where that does not run.
 ///

@@ -51,6 +51,11 @@ pub fn run(common: &Common, args: &StateArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// Asks for another state and waits until it is there.
+pub fn ask(bus: &Bus, transition: Transition) -> anyhow::Result<()> {
+    View::open(bus)?.ask(bus, transition)
+}
+
 /// The newest message of a channel that is published a thousand times a second, if one comes within the patience.
 fn newest<M: Message>(reader: &mut Reader<M>, patience_ns: i64) -> anyhow::Result<Option<M>> {
     let deadline_ns = clock::monotonic_ns() + patience_ns;

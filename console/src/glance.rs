@@ -1,0 +1,169 @@
+//! The page's glance as lines for a terminal of 80 columns: state, error, plane, lines, latency, losses, recording, marks, and
+//! what holds the motion back, worst first.
+
+use crate::observer::Observer;
+use crate::words::{Level, words_of};
+use krait_ipc::Reason;
+use krait_ipc::message::{OperatorInput, Shape, SlaveState};
+
+/// Columns of a terminal of the usual size; a line that is as long would wrap on some.
+const COLUMNS: usize = 79;
+/// Below this bend there is no plane to speak of, degrees.
+const PLANE_FROM_DEG: f64 = 2.0;
+/// Reasons that are shown at most.
+const MOST_REASONS: usize = 6;
+
+/// What a chain does at this instant, as lines of at most 79 characters.
+pub fn glance(observer: &mut Observer, now_ns: i64) -> Vec<String> {
+    let shown = observer.shown(now_ns);
+    let mut lines = vec![format!("{:<12}{}", shown.word().to_uppercase(), shown.sentence())];
+    let recording_s = observer.recording_s(now_ns);
+    let newest = observer.newest();
+    let off_deg = observer.error_rms_rad(now_ns).map(f64::to_degrees);
+    lines.push(operator_line(newest.input.as_ref()));
+    if let Some(setpoint) =
+        newest.setpoint.filter(|setpoint| newest.fresh_state(now_ns).is_some() && setpoint.n_joints == 0)
+    {
+        lines.push(bend_line(setpoint.bend_rad, newest.fresh_shape(now_ns), off_deg));
+    }
+    if let Some(state) = newest.fresh_state(now_ns) {
+        lines.extend(joint_lines(state, newest.fresh_shape(now_ns)));
+        lines.extend(actuator_lines(state));
+    }
+    lines.push(latency_line(observer));
+    lines.push(format!("recording   {}", recording_words(recording_s, observer.marks())));
+    if let Some(command) = observer.newest().command {
+        lines.push(format!("model       {:016x}", command.model_hash));
+    }
+    lines.extend(reason_lines(observer, now_ns));
+    lines.into_iter().map(|line| line.chars().take(COLUMNS).collect()).collect()
+}
+
+fn number(value: Option<f64>, digits: usize) -> String {
+    value.filter(|value| value.is_finite()).map_or_else(|| "-".to_owned(), |value| format!("{value:.digits$}"))
+}
+
+fn operator_line(input: Option<&OperatorInput>) -> String {
+    let Some(input) = input else { return "operator    nothing is known of the hand".to_owned() };
+    let has = |flag| input.flags & flag != 0;
+    let mut words = vec![if input.operator_present() { "present" } else { "absent" }.to_owned()];
+    if input.clutch_pressed() {
+        words.push("clutch pressed".to_owned());
+    }
+    // 0: a recording of before the scale was known.
+    if input.scale_permille != 1000 && input.scale_permille != 0 {
+        words.push(format!("scale {}", f64::from(input.scale_permille) / 1000.0));
+    }
+    for (flag, what) in
+        [(OperatorInput::TRANSLATION_LOCKED, "translation"), (OperatorInput::ROTATION_LOCKED, "rotation")]
+    {
+        if has(flag) {
+            words.push(format!("{what} locked"));
+        }
+    }
+    format!("operator    {}", words.join(", "))
+}
+
+fn bend_line(wanted: [f64; 2], shape: Option<&Shape>, off_deg: Option<f64>) -> String {
+    let size_deg = |[x, y]: [f64; 2]| x.hypot(y).to_degrees();
+    let measured = shape.and_then(Shape::valid_bend_rad);
+    let plane = measured.filter(|bend| size_deg(*bend) >= PLANE_FROM_DEG).map(|[x, y]| y.atan2(x).to_degrees());
+    format!(
+        "bend        {} of {} deg, off {} (rms of 1 s), plane {} deg",
+        number(measured.map(size_deg), 1),
+        number(Some(size_deg(wanted)), 1),
+        number(off_deg, 2),
+        number(plane, 0),
+    )
+}
+
+fn joint_lines(state: &SlaveState, shape: Option<&Shape>) -> Vec<String> {
+    let measured = shape.and_then(Shape::valid_joints_rad).unwrap_or(&[]);
+    let wanted = state.setpoint_joints_rad.iter().take(state.n_joints as usize);
+    let line = |(at, wanted): (usize, &f64)| {
+        let measured = measured.get(at).copied();
+        let name = format!("joint {}", at + 1);
+        format!("{name:<12}{} of {} rad (m where it slides)", number(measured, 4), number(Some(*wanted), 4))
+    };
+    wanted.enumerate().map(line).collect()
+}
+
+fn actuator_lines(state: &SlaveState) -> Vec<String> {
+    let n = state.n_actuators as usize;
+    let line = |(at, (q_m, tau_n)): (usize, (&f64, &f64))| {
+        let name = format!("actuator {}", at + 1);
+        format!("{name:<12}{:>8} mm {:>8} N", number(Some(q_m * 1e3), 3), number(Some(*tau_n), 1))
+    };
+    state.measured_q_m.iter().zip(&state.measured_tau_n).take(n).enumerate().map(line).collect()
+}
+
+fn latency_line(observer: &Observer) -> String {
+    let latency = observer.latency();
+    let n_lost: u64 =
+        observer.newest().healths.iter().filter_map(|(_, health)| *health).map(|health| health.n_lost).sum();
+    let way = latency.stretches.last().filter(|_| latency.n > 0);
+    let us = |value: fn(&crate::latency::StretchReport) -> f64| number(way.map(value), 0);
+    let (p50, p99, worst) = (us(|way| way.p50_us), us(|way| way.p99_us), us(|way| way.worst_us));
+    format!("latency     p50 {p50}, p99 {p99}, worst {worst} us; {} late, {n_lost} lost", latency.n_late)
+}
+
+fn recording_words(recording_s: Option<f64>, marks: Option<(u64, &str)>) -> String {
+    let recorder = recording_s.map_or("none".to_owned(), |seconds| format!("{seconds:.0} s"));
+    let marks = marks.map(|(n, last)| format!("; {n} marks seen, the last: {last}"));
+    recorder + &marks.unwrap_or_default()
+}
+
+fn reason_lines(observer: &Observer, now_ns: i64) -> Vec<String> {
+    let mut reasons: Vec<Reason> = observer.reasons(now_ns).iter().collect();
+    reasons.sort_by_key(|reason| words_of(*reason).level);
+    let line = |reason: &Reason| {
+        let words = words_of(*reason);
+        let level = match words.level {
+            Level::Fault => "FAULT",
+            Level::Warn => "WARNING",
+            Level::Hold => "holds",
+            Level::Info => "note",
+        };
+        format!("{level:<12}{} {}", words.say, words.todo).trim_end().to_owned()
+    };
+    let n_more = reasons.len().saturating_sub(MOST_REASONS);
+    let more = (n_more > 0).then(|| format!("            and {n_more} more: `krait state` has them all"));
+    reasons.iter().take(MOST_REASONS).map(line).chain(more).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use krait_ipc::Bus;
+
+    #[test]
+    fn silence_is_said_and_no_line_is_too_long() {
+        let bus = Bus::open(&format!("glance-{}", std::process::id()), "glance").expect("joined");
+        let mut observer = Observer::open(bus).expect("an observer");
+        observer.look(f64::INFINITY).expect("looked");
+        let lines = glance(&mut observer, krait_ipc::clock::monotonic_ns());
+        assert!(lines[0].starts_with("NO PICTURE"), "{lines:?}");
+        assert!(lines.iter().any(|line| line == "latency     p50 -, p99 -, worst - us; 0 late, 0 lost"), "{lines:?}");
+        assert!(lines.iter().all(|line| line.chars().count() <= COLUMNS), "{lines:?}");
+    }
+
+    #[test]
+    fn what_is_not_measured_is_a_dash_and_never_zero() {
+        let mut state = SlaveState { n_actuators: 3, ..SlaveState::default() };
+        state.measured_tau_n = [f64::NAN; krait_ipc::message::MAX_ACTUATORS];
+        state.measured_q_m[1] = -2.3456e-3;
+        let lines = actuator_lines(&state);
+        assert_eq!(lines.len(), 3);
+        assert_eq!(lines[1], "actuator 2    -2.346 mm        - N");
+    }
+
+    #[test]
+    fn a_plane_is_told_only_where_there_is_a_bend() {
+        let wanted = [0.5, 0.5];
+        let shape = |bend| Shape::of_bend(1, 1, 1, bend);
+        let line = bend_line(wanted, Some(&shape([0.5, 0.5])), Some(0.456));
+        assert_eq!(line, "bend        40.5 of 40.5 deg, off 0.46 (rms of 1 s), plane 45 deg");
+        assert!(bend_line(wanted, Some(&shape([0.01, 0.0])), None).ends_with("off - (rms of 1 s), plane - deg"));
+        assert!(bend_line(wanted, None, None).contains(" - of 40.5 deg"));
+    }
+}

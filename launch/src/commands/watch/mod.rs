@@ -1,0 +1,159 @@
+//! `krait watch`: the page's glance in a terminal, with keys for stop, pause and mark.
+//!
+//! The stop has a thread of its own that does nothing but read keys: a terminal that hangs, or a supervisor that does not
+//! answer, never holds it up.
+
+mod keys;
+
+use crate::cli::Common;
+use crate::cli_console::WatchArgs;
+use crate::commands::{mark, state};
+use crate::config::Config;
+use crate::terminal::Terminal;
+use crate::{commands, print, signals};
+use core::time::Duration;
+use keys::{Keys, Order};
+use krait_console::{Observer, glance};
+use krait_ipc::message::Transition;
+use krait_ipc::{Bus, StopSwitch, clock};
+use std::io::Read;
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Its name among the members of an instance; it is no part of a chain, and a chain may start beside it.
+pub const NAME: &str = "watch";
+/// Channels are emptied so often that none overflows.
+const LOOK_EVERY: Duration = Duration::from_millis(16);
+/// Pictures on a terminal, ns.
+const TERMINAL_PERIOD_NS: i64 = 100_000_000;
+/// Words into a file or pipe, ns.
+const FILE_PERIOD_NS: i64 = 1_000_000_000;
+/// A slave brakes within some tens of milliseconds; one that has not answered by then cannot.
+const STOP_PATIENCE_NS: i64 = 3_000_000_000;
+const HELP: &str = "s or space: stop   p: pause   m: mark   q: end the watch, the chain goes on";
+
+/// Shows a chain until `q`, Ctrl-C, or with `--once` after a second.
+pub fn run(common: &Common, args: &WatchArgs) -> anyhow::Result<ExitCode> {
+    let stop = signals::stop_flag()?;
+    let config = Config::load(common.config.as_deref())?;
+    let bus = Bus::open(&common.instance, NAME)?;
+    commands::refuse_without(&bus, "slave", "watch")?;
+    let mut observer = Observer::open(bus)?;
+    let terminal = if args.once { None } else { Terminal::take()? };
+    let said = Arc::new(Said::default());
+    if terminal.is_some() {
+        listen(&common.instance, &said, &stop)?;
+    }
+    let period_ns = if terminal.is_some() { TERMINAL_PERIOD_NS } else { FILE_PERIOD_NS };
+    let mut due_ns = clock::monotonic_ns() + period_ns;
+    while !stop.load(Ordering::Relaxed) {
+        observer.look(config.budget.end_to_end.worst_us)?;
+        let now_ns = clock::monotonic_ns();
+        if now_ns < due_ns {
+            std::thread::sleep(LOOK_EVERY);
+            continue;
+        }
+        due_ns = now_ns + period_ns;
+        let mut lines = glance(&mut observer, now_ns);
+        let Some(terminal) = &terminal else {
+            print::out(&format!("{}\n\n", lines.join("\n")))?;
+            if args.once {
+                break;
+            }
+            continue;
+        };
+        lines.insert(0, format!("krait watch: {}", common.instance));
+        lines.extend([String::new(), said.line(now_ns).unwrap_or_else(|| HELP.to_owned())]);
+        if terminal.show(&lines).is_err() {
+            break;
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// What the keys have led to, for the last line of the picture.
+#[derive(Default)]
+struct Said {
+    outcome: Mutex<String>,
+    writing: Mutex<Option<String>>,
+    stop: Mutex<Option<Pressed>>,
+}
+
+/// A stop on its way.
+struct Pressed {
+    switch: Arc<StopSwitch>,
+    number: u32,
+    at_ns: i64,
+}
+
+impl Said {
+    fn set(&self, outcome: String) {
+        *self.outcome.lock().unwrap_or_else(PoisonError::into_inner) = outcome;
+    }
+
+    /// The mark that is being written, else what became of the last key, else nothing.
+    fn line(&self, now_ns: i64) -> Option<String> {
+        self.look_after_stop(now_ns);
+        if let Some(text) = self.writing.lock().unwrap_or_else(PoisonError::into_inner).as_ref() {
+            return Some(format!("mark (Enter sets it, Escape leaves it): {text}_"));
+        }
+        let outcome = self.outcome.lock().unwrap_or_else(PoisonError::into_inner);
+        (!outcome.is_empty()).then(|| outcome.chars().take(79).collect())
+    }
+
+    fn look_after_stop(&self, now_ns: i64) {
+        let mut pressed = self.stop.lock().unwrap_or_else(PoisonError::into_inner);
+        let Some(Pressed { switch, number, at_ns }) = pressed.as_ref() else { return };
+        if switch.is_obeyed(*number) {
+            self.set("STOPPED: the actuators stand still; `krait state resume` lets them go on".to_owned());
+        } else if now_ns - at_ns > STOP_PATIENCE_NS {
+            self.set("NOT ACKNOWLEDGED: the slave has not stopped within 3 s; take the power away".to_owned());
+        } else {
+            return;
+        }
+        *pressed = None;
+    }
+}
+
+/// Two threads: one takes keys and presses the stop, one asks for everything else and waits for the answers.
+fn listen(instance: &str, said: &Arc<Said>, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
+    let bus = Bus::open(instance, NAME)?;
+    let switch = Arc::new(bus.stop_switch()?);
+    let (sender, orders) = std::sync::mpsc::channel();
+    let (told, quit) = (Arc::clone(said), Arc::clone(stop));
+    std::thread::spawn(move || {
+        for order in orders {
+            let outcome = match order {
+                Order::Mark { at_ns, text } => mark::set(&bus, &text, at_ns),
+                Order::Pause => state::ask(&bus, Transition::Pause)
+                    .map(|()| "PAUSED, power on; `krait state resume` lets it go on".to_owned()),
+                Order::Stop | Order::Quit => continue,
+            };
+            told.set(outcome.unwrap_or_else(|error| format!("not done: {error:#}")));
+        }
+    });
+    let said = Arc::clone(said);
+    std::thread::spawn(move || {
+        let mut keys = Keys::default();
+        for byte in std::io::stdin().lock().bytes().map_while(Result::ok) {
+            let now_ns = clock::monotonic_ns();
+            match keys.take(byte, now_ns) {
+                Some(Order::Stop) => {
+                    let number = switch.press();
+                    said.set("stop asked for".to_owned());
+                    let pressed = Pressed { switch: Arc::clone(&switch), number, at_ns: now_ns };
+                    *said.stop.lock().unwrap_or_else(PoisonError::into_inner) = Some(pressed);
+                }
+                Some(Order::Quit) => quit.store(true, Ordering::Relaxed),
+                // The other thread ends with the program only.
+                Some(order) => drop(sender.send(order)),
+                None => {}
+            }
+            *said.writing.lock().unwrap_or_else(PoisonError::into_inner) = keys.mark();
+        }
+        // A terminal that has gone ends the watch.
+        quit.store(true, Ordering::Relaxed);
+    });
+    Ok(())
+}
