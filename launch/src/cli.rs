@@ -56,7 +56,9 @@ pub enum Verb {
     )]
     Run(RunArgs),
     /// The hand controllers on this machine, and what is missing to use them.
-    #[command(after_help = "Example:\n  krait devices --json")]
+    #[command(
+        after_help = "Examples:\n  krait devices\n  krait devices --profile my-pedal.toml\n  krait devices --write-udev 70-krait.rules\n  krait devices --json"
+    )]
     Devices(DevicesArgs),
     /// The actuators on this machine's serial buses; their zeros, single steps, and an emulated bus to try krait without any.
     #[command(
@@ -214,6 +216,9 @@ pub struct RunArgs {
     /// The report recording (replay) or the script to play; by default the shipped recording, over and over.
     #[arg(long, value_name = "FILE")]
     pub input: Option<PathBuf>,
+    /// Profile of a joystick, gamepad or pedal (docs/hands.md), for `--master hid`.
+    #[arg(long, value_name = "FILE")]
+    pub profile: Option<PathBuf>,
     /// The address of this machine on which poses are awaited, for `--master pose`.
     #[arg(long, value_name = "ADDRESS:PORT")]
     pub listen: Option<SocketAddr>,
@@ -327,6 +332,12 @@ impl SlaveKind {
 /// Options of `krait devices`.
 #[derive(Clone, Debug, Args)]
 pub struct DevicesArgs {
+    /// A profile of your own (TOML, docs/hands.md) to look for beside the built-in ones.
+    #[arg(long, value_name = "FILE")]
+    pub profile: Option<PathBuf>,
+    /// Write the udev lines that the hand controllers here need into a new file.
+    #[arg(long, value_name = "FILE")]
+    pub write_udev: Option<PathBuf>,
     /// Print the devices as JSON on standard output.
     #[arg(long)]
     pub json: bool,

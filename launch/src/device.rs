@@ -1,7 +1,7 @@
 //! Whose reports a recording rests on: the operator's device and its serial number, for the recording's metadata.
 
 use crate::cli::MasterKind;
-use krait_master::{DeviceInfo, HidRecording, Layout, MasterConfig};
+use krait_master::{DeviceInfo, HidRecording, Layout, MasterConfig, Profile, ProfileDevice};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -14,6 +14,9 @@ pub const SERIAL_KEY: &str = "device_serial";
 /// is named as that, and the serial number says that there is none.
 pub fn enter(metadata: &mut BTreeMap<String, String>, config: &MasterConfig, master: MasterKind, input: Option<&Path>) {
     let (device, serial) = match (master, input) {
+        (MasterKind::Hid, _) if config.profile.is_some() => {
+            (profiled(config.profile.as_deref()), "none (it tells none)".to_owned())
+        }
         (MasterKind::Hid, _) => live(krait_master::chosen_device(&config.device)),
         (MasterKind::Browser, _) => ("drive pad of the console's page".to_owned(), "none (drive pad)".to_owned()),
         (MasterKind::Pose, _) => {
@@ -28,6 +31,17 @@ pub fn enter(metadata: &mut BTreeMap<String, String>, config: &MasterConfig, mas
     };
     metadata.insert(DEVICE_KEY.to_owned(), device);
     metadata.insert(SERIAL_KEY.to_owned(), serial);
+}
+
+fn profiled(path: Option<&Path>) -> String {
+    match path.map(Profile::load) {
+        Some(Ok(profile)) => match profile.device {
+            ProfileDevice::Id(vendor_id, product_id) => format!("{vendor_id:04x}:{product_id:04x} {}", profile.name),
+            ProfileDevice::Path(node) => format!("{} {}", node.display(), profile.name),
+        },
+        // The master refuses it with a sentence of its own.
+        Some(Err(_)) | None => "none at the start".to_owned(),
+    }
 }
 
 /// A device that cannot be had is no reason to say nothing: the master says so too and ends the chain.

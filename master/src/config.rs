@@ -39,6 +39,9 @@ settings! {
         silence_limit_s: f64 = 0.1, 0.02..=1.0;
         /// Which live device to read: `any`, `vid:pid` or `vid:pid:serial`.
         device: DeviceChoice = DeviceChoice::default();
+        /// Profile (TOML, docs/hands.md) of a device of the kernel's input system, which is then read instead of `device`; none
+        /// by default.
+        profile: Option<PathBuf> = None;
         /// The hand that a pose sender follows (`--master pose`).
         pose: PoseConfig = PoseConfig::default();
         /// Whether a recording or a script begins only when the slave is enabled and homed.

@@ -1,6 +1,6 @@
 //! Which hand controllers krait knows, which one it shall read, and which HID devices this machine has.
 
-use crate::hid::{list_hid, may_open};
+use crate::hid::{list_hid, may_open, udev_rule};
 use crate::recording_lines::parse_vid_pid;
 use crate::{Layout, MasterError};
 use serde::{Deserialize, Serialize};
@@ -126,6 +126,13 @@ pub struct DeviceInfo {
     pub known: Option<&'static KnownDevice>,
     /// Whether this process may open it for reading and writing.
     pub may_open: bool,
+}
+
+impl DeviceInfo {
+    /// The line for udev that lets the user of this seat open it.
+    pub fn udev_rule(&self) -> String {
+        udev_rule(self.vendor_id)
+    }
 }
 
 impl fmt::Display for DeviceInfo {

@@ -88,6 +88,40 @@ pub enum MasterError {
         /// What stands there.
         found: String,
     },
+    /// A profile is wrong somewhere, or its device is not as it says.
+    #[error("profile {file}, {place}: expected {expected}, found {found}; correct it in the profile (docs/hands.md)")]
+    Profile {
+        /// The file, or the name of the profile.
+        file: String,
+        /// Where in it.
+        place: String,
+        /// What should stand there.
+        expected: String,
+        /// What stands there.
+        found: String,
+    },
+    /// No input device is that of the profile.
+    #[error(
+        "no hand controller of the profile was found: looked for {looked_for}, the input devices here are {present}; plug it in, or name yours in the profile"
+    )]
+    NoInput {
+        /// What was looked for.
+        looked_for: String,
+        /// What is there.
+        present: String,
+    },
+    /// An input device cannot be taken.
+    #[error(
+        "hand controller {name} at {path} cannot be taken ({source}); end another program that holds it, or plug it in again"
+    )]
+    Input {
+        /// Its name.
+        name: String,
+        /// Its node.
+        path: String,
+        /// What the kernel said.
+        source: std::io::Error,
+    },
     /// No such device is plugged in.
     #[error(
         "no hand controller was found: looked for {looked_for}, the HID devices here are {present}; plug it in, or name yours in the setting `device` as \"vid:pid\""

@@ -10,7 +10,7 @@ use std::io;
 use std::time::Duration;
 
 /// Where the udev rule belongs: before 73-seat-late.rules, which acts upon the `uaccess` tag.
-const RULES_FILE: &str = "/etc/udev/rules.d/70-krait.rules";
+pub(crate) const RULES_FILE: &str = "/etc/udev/rules.d/70-krait.rules";
 
 /// Usage page and usage of a multi-axis controller.
 const MULTI_AXIS: (u16, u16) = (1, 8);
@@ -197,7 +197,7 @@ fn unreadable(device: &DeviceInfo, source: io::Error) -> MasterError {
     }
 }
 
-fn udev_rule(vendor_id: u16) -> String {
+pub(crate) fn udev_rule(vendor_id: u16) -> String {
     format!("KERNEL==\"hidraw*\", ATTRS{{idVendor}}==\"{vendor_id:04x}\", MODE=\"0660\", TAG+=\"uaccess\"")
 }
 

@@ -1,9 +1,10 @@
 //! The live device: a thread of its own sleeps on the device and hands every report on at once, so that the kernel's ring,
 //! which keeps the oldest and drops the newest, never fills.
 
+use crate::evdev_host::EvdevHost;
 use crate::hid::{HidHost, HidPort, OpenPort, ReadFailure, SystemHost};
 use crate::source::sleep_until;
-use crate::{DeviceChoice, MasterError, RawReport, ReportSource, SourceEvent};
+use crate::{DeviceChoice, MasterError, Profile, RawReport, ReportSource, SourceEvent};
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, TrySendError, bounded};
 use krait_ipc::clock;
 use std::sync::Arc;
@@ -45,6 +46,15 @@ impl HidSource {
     /// [`MasterError::NoDevice`], [`MasterError::Unreadable`], [`MasterError::Hid`] or [`MasterError::Thread`].
     pub fn open(choice: &DeviceChoice) -> Result<Self, MasterError> {
         Self::open_on(Box::new(SystemHost), choice, SEARCH_PAUSE)
+    }
+
+    /// The same for the device of a profile, in the kernel's input system.
+    ///
+    /// # Errors
+    /// [`MasterError::NoInput`], [`MasterError::Unreadable`], [`MasterError::Input`], [`MasterError::Profile`] or
+    /// [`MasterError::Thread`].
+    pub fn open_profile(profile: Profile) -> Result<Self, MasterError> {
+        Self::open_on(Box::new(EvdevHost { profile }), &DeviceChoice::Any, SEARCH_PAUSE)
     }
 
     fn open_on(mut host: Box<dyn HidHost>, choice: &DeviceChoice, pause: Duration) -> Result<Self, MasterError> {

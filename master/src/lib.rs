@@ -20,8 +20,6 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-#![forbid(unsafe_code)]
-
 mod axis_map;
 mod browser_source;
 mod config;
@@ -31,6 +29,11 @@ mod decoder;
 mod device_state;
 mod devices;
 mod error;
+mod evdev_decoder;
+mod evdev_host;
+mod evdev_ioctl;
+mod evdev_names;
+mod evdev_port;
 mod grip;
 mod hid;
 mod hid_nodes;
@@ -44,6 +47,7 @@ mod pose_packet;
 mod pose_source;
 mod presence;
 mod process;
+mod profile;
 mod raw_report;
 mod recording;
 mod recording_lines;
@@ -65,6 +69,7 @@ pub use decoder::{Decoder, ReportCounts};
 pub use device_state::DeviceMonitor;
 pub use devices::{DeviceChoice, DeviceInfo, KNOWN_DEVICES, KnownDevice, list_devices};
 pub use error::MasterError;
+pub use evdev_host::{InputDevice, list_inputs};
 pub use grip::Engage;
 pub use hid::chosen_device;
 pub use hid_source::HidSource;
@@ -77,6 +82,7 @@ pub use pose_packet::{PosePacket, PoseRefusal};
 pub use pose_source::PoseSource;
 pub use presence::{Clutch, Presence, PressButton};
 pub use process::run;
+pub use profile::{Profile, ProfileAxis, ProfileButton, ProfileDevice};
 pub use raw_report::RawReport;
 pub use recording::{HidRecording, RecordingHeader};
 pub use recording_source::RecordingSource;

@@ -2,8 +2,8 @@
 //! none of them.
 
 use crate::{
-    BrowserSource, HidRecording, HidSource, Layout, MasterConfig, MasterCore, MasterError, PoseSource, RawReport,
-    RecordingSource, Script, ScriptSample, ScriptSource,
+    BrowserSource, HidRecording, HidSource, Layout, MasterConfig, MasterCore, MasterError, PoseSource, Profile,
+    RawReport, RecordingSource, Script, ScriptSample, ScriptSource,
 };
 use krait_ipc::message::DriveWish;
 use krait_ipc::{Bus, clock};
@@ -100,11 +100,14 @@ impl SourceChoice {
     /// Opens the source.
     ///
     /// # Errors
-    /// For a live device as [`HidSource::open`], for pages as [`BrowserSource::open`], for poses as
+    /// For a live device as [`HidSource::open`] or, with a profile, [`HidSource::open_profile`], for pages as [`BrowserSource::open`], for poses as
     /// [`PoseSource::open`]; the others cannot fail any more.
     pub fn open(self, bus: &Bus, config: &MasterConfig) -> Result<Box<dyn ReportSource>, MasterError> {
         Ok(match self {
-            Self::Hid => Box::new(HidSource::open(&config.device)?),
+            Self::Hid => Box::new(match &config.profile {
+                Some(path) => HidSource::open_profile(Profile::load(path)?)?,
+                None => HidSource::open(&config.device)?,
+            }),
             Self::Browser => Box::new(BrowserSource::open(bus)?),
             Self::Pose => Box::new(PoseSource::open(&config.pose)?),
             Self::Recording { recording, looping } => Box::new(RecordingSource::new(recording, looping)),

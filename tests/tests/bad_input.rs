@@ -68,6 +68,26 @@ fn a_report_recording_that_is_foreign_truncated_or_damaged_is_refused() {
 }
 
 #[test]
+fn a_profile_that_is_faulty_or_of_no_device_here_is_refused_with_its_place() {
+    let folder = TempFolder::new("profile");
+    let (faulty, absent) = (folder.file("faulty.toml"), folder.file("absent.toml"));
+    let good = "name = \"Stick\"\nid = \"fffe:fffd\"\n[[axis]]\nof = \"x\"\nfrom = \"ABS_X\"\n";
+    fs::write(&faulty, good.replace("\"x\"", "\"sideways\"")).expect("written");
+    fs::write(&absent, good).expect("written");
+    let hid = ["--master", "hid", "--profile"];
+    assert_says(
+        &refused(&[&hid[..], &[&faulty]].concat()),
+        &["faulty.toml", "axis 1, key of", "expected x, y, z, rx, ry or rz", "\"sideways\""],
+    );
+    assert_says(&refused(&[&hid[..], &[&absent]].concat()), &["`master`", "fffe:fffd (Stick)", "plug it in"]);
+    assert_says(
+        &refused(&[&hid[..], &[&folder.file("nowhere.toml")]].concat()),
+        &["nowhere.toml", "could not be read"],
+    );
+    assert_says(&refused(&["--profile", &absent]), &["--profile", "--master hid"]);
+}
+
+#[test]
 fn malformed_reports_from_a_device_are_counted_and_move_nothing() {
     let folder = TempFolder::new("malformed");
     let shipped = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../master/recordings/default.krr"));

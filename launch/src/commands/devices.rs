@@ -2,62 +2,177 @@
 
 use crate::cli::DevicesArgs;
 use crate::print;
-use krait_master::DeviceInfo;
+use anyhow::Context;
+use krait_master::{DeviceInfo, InputDevice, Profile};
 use krait_report::Table;
 use serde::Serialize;
+use std::fs::File;
+use std::io::Write;
+use std::path::Path;
 use std::process::ExitCode;
 
-/// One device, as `--json` prints it.
-#[derive(Serialize)]
-struct Device<'a> {
-    path: &'a str,
+/// One device, as `--json` prints it: first what sends raw HID reports, then the nodes of the kernel's input system.
+#[derive(Debug, Serialize)]
+struct Device {
+    path: String,
     vendor_id: u16,
     product_id: u16,
-    product: &'a str,
-    serial: &'a str,
-    /// The name of the hand controller if krait knows its reports.
-    known_as: Option<&'static str>,
+    product: String,
+    serial: String,
+    /// The name of the hand controller if krait knows its reports or a profile is of it.
+    known_as: Option<String>,
     may_open: bool,
+    /// Axes and buttons of an input node, as a profile names them.
+    axes: Vec<String>,
+    buttons: Vec<String>,
+    /// The line for udev that lets the user of this seat open it.
+    udev_rule: String,
 }
 
-/// Lists every HID device, whether krait knows its reports, and whether it may be opened.
+/// Lists every device that could be a hand, whether krait knows it or a profile is of it, and whether it may be opened.
 pub fn run(args: &DevicesArgs) -> anyhow::Result<ExitCode> {
-    let found = krait_master::list_devices()?;
-    let devices: Vec<Device> = found.iter().map(described).collect();
+    let mut profiles: Vec<Profile> = Profile::shipped()?.into_iter().map(|(_, profile)| profile).collect();
+    if let Some(path) = &args.profile {
+        // One's own comes first.
+        profiles.insert(0, Profile::load(path)?);
+    }
+    let mut devices: Vec<Device> = krait_master::list_devices()?.into_iter().map(of_hid).collect();
+    devices.extend(krait_master::list_inputs().into_iter().map(|input| of_input(input, &profiles)));
+    if let Some(path) = &args.write_udev {
+        write_rules(path, &rules(&devices))?;
+    }
     if args.json {
         print::json(&devices)?;
     } else if devices.is_empty() {
         print::out(
-            "no HID device is on this machine; without one, `krait run --engage` plays the shipped recording\n",
+            "no HID or input device is on this machine; without one, `krait run --engage` plays the shipped recording\n",
         )?;
     } else {
-        print::out(&table(&devices).to_string())?;
+        print::out(&(table(&devices).to_string() + &advice(&devices)))?;
     }
     Ok(ExitCode::SUCCESS)
 }
 
-fn described(info: &DeviceInfo) -> Device<'_> {
+fn of_hid(info: DeviceInfo) -> Device {
     Device {
-        path: &info.path,
+        udev_rule: info.udev_rule(),
+        path: info.path,
         vendor_id: info.vendor_id,
         product_id: info.product_id,
-        product: &info.product,
-        serial: &info.serial,
-        known_as: info.known.map(|known| known.name),
+        product: info.product,
+        serial: info.serial,
+        known_as: info.known.map(|known| known.name.to_owned()),
         may_open: info.may_open,
+        axes: Vec::new(),
+        buttons: Vec::new(),
     }
 }
 
+fn of_input(input: InputDevice, profiles: &[Profile]) -> Device {
+    let fitting = profiles.iter().find(|profile| input.is_of(profile) && input.has_all_of(profile));
+    Device {
+        known_as: fitting.map(|profile| profile.name.clone()),
+        udev_rule: input.udev_rule(),
+        axes: input.axis_names(),
+        buttons: input.button_names(),
+        path: input.node.display().to_string(),
+        vendor_id: input.vendor_id,
+        product_id: input.product_id,
+        product: input.name,
+        serial: String::new(),
+        may_open: input.may_open,
+    }
+}
+
+/// The lines that the hands among the devices need, each once. Of what is no hand nothing is opened: it may be a keyboard.
+fn rules(devices: &[Device]) -> Vec<&str> {
+    let mut lines: Vec<&str> = Vec::new();
+    for device in devices.iter().filter(|device| device.known_as.is_some()) {
+        if !lines.contains(&device.udev_rule.as_str()) {
+            lines.push(&device.udev_rule);
+        }
+    }
+    lines
+}
+
+/// Never over a file that there is.
+fn write_rules(path: &Path, lines: &[&str]) -> anyhow::Result<()> {
+    anyhow::ensure!(
+        !lines.is_empty(),
+        "{} was not written: no hand controller that krait or a profile knows is here; plug it in, or name its profile with --profile",
+        path.display()
+    );
+    let text = format!("# Hand controllers of krait, for the user at this seat.\n{}\n", lines.join("\n"));
+    let file = File::options().write(true).create_new(true).open(path);
+    file.and_then(|mut file| file.write_all(text.as_bytes()))
+        .with_context(|| format!("{} could not be written; name a new file in a folder of yours", path.display()))
+}
+
+fn advice(devices: &[Device]) -> String {
+    let missing = devices.iter().filter(|device| device.known_as.is_some() && !device.may_open);
+    missing.map(|device| format!("\n{} needs this line in /etc/udev/rules.d/70-krait.rules, then `sudo udevadm control --reload && sudo udevadm trigger`:\n  {}\n", device.path, device.udev_rule)).collect()
+}
+
 fn table(devices: &[Device]) -> Table {
-    let mut table = Table::new(&["device", "vendor:product", "product", "hand controller", "may be opened"]);
+    let mut table =
+        Table::new(&["device", "vendor:product", "product", "hand controller", "axes", "buttons", "may be opened"]);
     for device in devices {
+        let is_input = !device.axes.is_empty() || !device.buttons.is_empty();
+        let count = |names: &[String]| if is_input { names.len().to_string() } else { String::new() };
         table.row(vec![
-            device.path.to_owned(),
+            device.path.clone(),
             format!("{:04x}:{:04x}", device.vendor_id, device.product_id),
-            device.product.to_owned(),
-            device.known_as.unwrap_or("no").to_owned(),
-            if device.may_open { "yes".to_owned() } else { "no: a udev rule is missing, see README".to_owned() },
+            device.product.clone(),
+            device.known_as.clone().unwrap_or_else(|| "no".to_owned()),
+            count(&device.axes),
+            count(&device.buttons),
+            if device.may_open { "yes".to_owned() } else { "no".to_owned() },
         ]);
     }
     table
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn stick(node: &str, axes: &[u16], may_open: bool) -> InputDevice {
+        InputDevice {
+            node: node.into(),
+            vendor_id: 0x046d,
+            product_id: 0xc215,
+            name: "Stick".to_owned(),
+            axes: axes.to_vec(),
+            buttons: vec![0x120, 0x121, 0x122],
+            may_open,
+        }
+    }
+
+    fn shipped() -> Vec<Profile> {
+        Profile::shipped().expect("good").into_iter().map(|(_, profile)| profile).collect()
+    }
+
+    #[test]
+    fn a_profile_fits_the_node_with_its_axes_and_its_missing_rule_is_printed_and_written_once() {
+        let nodes = [
+            stick("/dev/input/event5", &[0, 1, 5], false),
+            stick("/dev/input/event6", &[0, 1, 5], false),
+            stick("/dev/input/event7", &[0], false),
+        ];
+        let devices: Vec<Device> = nodes.into_iter().map(|node| of_input(node, &shipped())).collect();
+        let names: Vec<Option<&str>> = devices.iter().map(|device| device.known_as.as_deref()).collect();
+        assert_eq!(names, [Some("Logitech Extreme 3D Pro"), Some("Logitech Extreme 3D Pro"), None]);
+        assert_eq!((devices[0].axes[2].as_str(), devices[0].buttons[0].as_str()), ("ABS_RZ", "BTN_TRIGGER"));
+        let said = advice(&devices);
+        assert!(said.contains("/dev/input/event5 needs") && !said.contains("event7"), "{said}");
+        let path = std::env::temp_dir().join(format!("krait-rules-{}", std::process::id()));
+        write_rules(&path, &rules(&devices)).expect("written");
+        let text = std::fs::read_to_string(&path).expect("read");
+        assert_eq!(text.matches("KERNEL==\"event*\", ATTRS{id/vendor}==\"046d\"").count(), 1, "{text}");
+        let again = format!("{:#}", write_rules(&path, &rules(&devices)).expect_err("never over a file"));
+        assert!(again.contains("name a new file"), "{again}");
+        std::fs::remove_file(&path).expect("removed");
+        assert!(write_rules(&path, &[]).expect_err("nothing to write").to_string().contains("--profile"));
+        assert!(!path.exists());
+    }
 }

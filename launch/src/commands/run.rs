@@ -10,7 +10,7 @@ use crate::supervisor::{Cast, ChainOptions, Supervisor};
 use crate::{device, print, signals};
 use anyhow::{bail, ensure};
 use krait_ipc::clock;
-use krait_master::AXIS_NAMES;
+use krait_master::{AXIS_NAMES, Profile};
 use krait_slave::{DriveKind, ShapeSource};
 use std::path::absolute;
 use std::process::ExitCode;
@@ -146,6 +146,17 @@ fn configure(common: &Common, args: &RunArgs) -> anyhow::Result<Config> {
         args.listen.is_none() || args.master == MasterKind::Pose,
         "--listen is where poses are awaited, and this master awaits none; leave it out, or add --master pose"
     );
+    ensure!(
+        args.profile.is_none() || args.master == MasterKind::Hid,
+        "--profile is of a hand controller on this machine, and this master reads none; leave it out, or add --master hid"
+    );
+    if let Some(profile) = &args.profile {
+        let is_name = Profile::is_shipped(profile);
+        config.master.profile = Some(if is_name { profile.clone() } else { absolute(profile)? });
+    }
+    if let (MasterKind::Hid, Some(profile)) = (args.master, &config.master.profile) {
+        Profile::load(profile)?;
+    }
     config.master.pose.listen = args.listen.or(config.master.pose.listen);
     if args.master == MasterKind::Pose {
         ensure!(args.input.is_none(), "--input is for recordings and scripts, and a hand has none; leave it out");

@@ -1,0 +1,124 @@
+//! The bytes that the kernel writes, through a pipe: sticks that move, rest, repeat, vanish and cut their events.
+
+use super::*;
+use crate::evdev_decoder::AxisInfo;
+use crate::{Engage, HidReport, MasterConfig, MasterCore, Presence, Profile};
+use std::io::{PipeReader, PipeWriter, Write, pipe};
+
+const STICK: &str = "name = \"Stick\"\nid = \"046d:c215\"\n[[axis]]\nof = \"x\"\nfrom = \"ABS_X\"\nrange = [0, 1023]\nnoise = 12\n[[axis]]\nof = \"z\"\nfrom = \"ABS_Y\"\nrange = [0, 1023]\nnoise = 12\n[[button]]\nof = 0\nfrom = \"BTN_TRIGGER\"\n";
+
+const SYN: (u16, u16, i32) = (0, 0, 0);
+
+fn stick() -> (PipeWriter, EvdevPort<PipeReader>) {
+    let (reader, writer) = pipe().expect("a pipe");
+    let profile = Profile::parse("stick.toml", STICK).expect("a profile");
+    let at_rest = |_| Ok(AxisInfo { value: 511, ..AxisInfo::default() });
+    (writer, EvdevPort::new(reader, EvdevDecoder::new(&profile, at_rest).expect("a decoder")))
+}
+
+/// Events as the kernel writes them.
+fn bytes_of(events: &[(u16, u16, i32)]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    for (kind, code, value) in events {
+        bytes.extend([0xee; InputEvent::N_BYTES - 8]);
+        bytes.extend(kind.to_ne_bytes());
+        bytes.extend(code.to_ne_bytes());
+        bytes.extend(value.to_ne_bytes());
+    }
+    bytes
+}
+
+fn read(port: &mut EvdevPort<PipeReader>) -> Option<HidReport> {
+    let mut buffer = [0; RawReport::MAX_BYTES];
+    let n_bytes = port.read(&mut buffer, Duration::ZERO).expect("it lives");
+    (n_bytes > 0).then(|| HidReport::decode(&buffer[..n_bytes]).expect("a report"))
+}
+
+#[test]
+fn every_frame_arrives_in_order_also_where_its_bytes_come_in_pieces() {
+    let (mut writer, mut port) = stick();
+    let mut bytes = Vec::new();
+    for step in 0..300 {
+        bytes.extend(bytes_of(&[(3, 0, 524 + step), (1, 0x120, step % 2), SYN]));
+    }
+    let (mut found, mut place) = (Vec::new(), None);
+    for piece in bytes.chunks(1000) {
+        writer.write_all(piece).expect("written");
+        while let Some(report) = read(&mut port) {
+            // A frame tells only what has changed: the same motion once more is the repetition of a port that has no more.
+            if Some(report) == place {
+                break;
+            }
+            if matches!(report, HidReport::Motion(_)) {
+                place = Some(report);
+            }
+            found.push(report);
+        }
+    }
+    let buttons = found.iter().filter(|report| matches!(report, HidReport::Buttons(_))).count();
+    assert_eq!(buttons, 299, "every press and every release, none twice");
+    let mut last = 0;
+    for report in &found {
+        if let HidReport::Motion([x, 0, 0, 0, 0, 0]) = report {
+            assert!(*x >= last, "{x} after {last}");
+            last = *x;
+        }
+    }
+    assert_eq!(last, ((300.0_f64 - 0.5) / 499.5 * 350.0).round() as i16);
+}
+
+#[test]
+fn a_deflection_is_repeated_while_the_device_is_there_and_rest_is_silent() {
+    let (mut writer, mut port) = stick();
+    assert_eq!(read(&mut port), None);
+    writer.write_all(&bytes_of(&[(3, 0, 1023), SYN])).expect("written");
+    for _ in 0..5 {
+        assert_eq!(read(&mut port), Some(HidReport::Motion([350, 0, 0, 0, 0, 0])));
+    }
+    writer.write_all(&bytes_of(&[(3, 0, 512), SYN])).expect("written");
+    assert_eq!(read(&mut port), Some(HidReport::Motion([0; 6])));
+    assert_eq!(read(&mut port), None);
+}
+
+#[test]
+fn the_end_of_a_device_and_events_that_the_kernel_dropped_are_its_loss() {
+    let mut buffer = [0; RawReport::MAX_BYTES];
+    let (writer, mut port) = stick();
+    drop(writer);
+    assert!(matches!(port.read(&mut buffer, Duration::ZERO), Err(ReadFailure::Gone(_))));
+    let (mut writer, mut port) = stick();
+    writer.write_all(&bytes_of(&[(3, 0, 1023), (0, 3, 0), SYN])).expect("written");
+    assert!(matches!(port.read(&mut buffer, Duration::ZERO), Err(ReadFailure::Gone(why)) if why.contains("dropped")));
+}
+
+#[test]
+fn the_same_events_move_the_tip_through_the_same_core_as_every_hand_and_a_loss_stops_it() {
+    let config = MasterConfig { engage: Engage::Once, presence: Presence::Hold(0), ..MasterConfig::default() };
+    let inputs = || {
+        let (mut writer, mut port) = stick();
+        let mut core = MasterCore::new(&config).expect("a configuration");
+        let mut inputs = Vec::new();
+        for step in 0..200_i32 {
+            let pressed = i32::from(step >= 20);
+            writer.write_all(&bytes_of(&[(3, 0, 511 + step * 2), (1, 0x120, pressed), SYN])).expect("written");
+            let now_ns = i64::from(step) * 4_000_000;
+            for _ in 0..2 {
+                let mut buffer = [0; RawReport::MAX_BYTES];
+                let n_bytes = port.read(&mut buffer, Duration::ZERO).expect("it lives");
+                if n_bytes > 0 {
+                    core.on_report(&buffer[..n_bytes], now_ns).expect("a report");
+                }
+            }
+            inputs.push(core.on_tick(now_ns));
+        }
+        core.on_unplugged();
+        inputs.push(core.on_tick(801_000_000));
+        inputs
+    };
+    let (first, again) = (inputs(), inputs());
+    assert_eq!(first, again, "the same events, the same inputs");
+    assert!(first[..20].iter().all(|input| !input.operator_present()), "nobody holds the button yet");
+    assert!(first[150].operator_present() && first[150].tip_vel_in_view_m_per_s[0] > 0.0);
+    let lost = first.last().expect("the last");
+    assert_eq!((lost.operator_present(), lost.tip_vel_in_view_m_per_s), (false, [0.0; 3]));
+}
