@@ -181,8 +181,8 @@ mod tests {
     use super::*;
 
     /// A description as the kernel writes it, of a stick and of a keyboard with the same ids.
-    fn folder() -> (PathBuf, Vec<InputDevice>) {
-        let root = std::env::temp_dir().join(format!("krait-inputs-{}", std::process::id()));
+    fn inputs(of: &str) -> Vec<InputDevice> {
+        let root = std::env::temp_dir().join(format!("krait-inputs-{of}-{}", std::process::id()));
         for (node, name, abs, key) in [
             ("event12", "Stick", "3003f", "fff00000000 0 0 0 0"),
             ("event3", "Keys", "0", "40000800 1e16c0000000003 10f908b17c000 403ffffff73fffff fffffffffffffffe"),
@@ -199,12 +199,12 @@ mod tests {
         std::fs::create_dir_all(root.join("mouse0")).expect("a folder");
         let devices = listed(&root, Path::new("/nowhere"));
         std::fs::remove_dir_all(&root).expect("removed");
-        (root, devices)
+        devices
     }
 
     #[test]
     fn the_node_that_has_the_profiles_axes_is_chosen_and_no_keyboard_of_the_same_maker() {
-        let (_, devices) = folder();
+        let devices = inputs("chosen");
         let names: Vec<&str> = devices.iter().map(|device| device.name.as_str()).collect();
         assert_eq!(names, ["Keys", "Stick"], "by number, nodes of events only");
         assert_eq!(devices[1].axes, [0, 1, 2, 3, 4, 5, 16, 17]);
@@ -224,7 +224,7 @@ mod tests {
 
     #[test]
     fn a_device_that_may_not_be_opened_is_told_with_its_own_rule() {
-        let (_, devices) = folder();
+        let devices = inputs("refused");
         let text = refusal(&devices[1], Error::from(ErrorKind::PermissionDenied)).to_string();
         let rule =
             r#"KERNEL=="event*", ATTRS{id/vendor}=="046d", ATTRS{id/product}=="c215", MODE="0660", TAG+="uaccess""#;
