@@ -51,6 +51,9 @@ function build() {
   const titleRow = make('tr', '', ...columns.map((name, i) => make('th', i === 0 || i === 7 ? '' : name === 'pid' ? 'n pid' : 'n', name)));
   lossDetail = make('em');
   const processes = make('section', 'card procs', make('h2', '', 'Processes ', lossDetail), make('table', '', make('thead', '', titleRow), procs));
+  // Where it is longer than its place, the arrow keys scroll it.
+  processes.tabIndex = 0;
+  processes.setAttribute('aria-label', 'Processes');
   history = make('div', 'history-picture');
   const past = make('section', 'card history', make('h2', '', 'Hand to drive, last 60 s ', make('em', '', 'median, p99 and worst of each second')));
   history = past;
