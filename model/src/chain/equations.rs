@@ -31,6 +31,8 @@ pub(super) enum Case {
 pub(super) struct Ends<S> {
     /// Loads at the snake, N.
     pub tau_n: [f64; 3],
+    /// Loads at the actuators that draw the line back and push it, N.
+    load_n: [Span<f64>; 3],
     /// Where friction begins, m.
     pub seat: [S; 3],
     /// Positions that draw the line back and push it, m.
@@ -64,7 +66,31 @@ impl<S: Real> Ends<S> {
             Span { middle: lines.q[i] + extension.middle, half: extension.half }
         });
         let seat = three(|i| model.seat::<FULL, S>(&lines, i));
-        Self { tau_n: three(|i| lines.tau[i].value()), seat, position, stalled }
+        let load_n = three(|i| {
+            let load = model.load::<FULL, S>(&lines, i);
+            Span { middle: load.middle.value(), half: load.half.value() }
+        });
+        Self { tau_n: three(|i| lines.tau[i].value()), load_n, seat, position, stalled }
+    }
+
+    /// Loads at the actuators, N, for lines in these cases whose ends are at p.
+    ///
+    /// A line that slides is at a limit of friction. One that rests is between the two, as far as its end is between the positions
+    /// that would draw it back and push it: position and load are stretched by the same spring behind the friction, so that crossing
+    /// a play (p stays) changes no load, and a reversal changes it over the travel by which that spring is turned round.
+    #[inline(always)]
+    pub(super) fn actuator_loads_n<P: Real>(&self, cases: &[Case; 3], p: &[P; 3]) -> [f64; 3] {
+        three(|i| {
+            let (middle, half) = (self.position[i].middle.value(), self.position[i].half.value());
+            let sign = match cases[i] {
+                Case::Drawn | Case::StallsDrawing => -1.0,
+                Case::Pushed | Case::StallsPushing => 1.0,
+                // Between limits that are one there is nothing.
+                Case::Rests if half > 0.0 => ((p[i].value() - middle) / half).clamp(-1.0, 1.0),
+                Case::Rests => 0.0,
+            };
+            self.load_n[i].at(sign)
+        })
     }
 
     /// Which case each line is in.

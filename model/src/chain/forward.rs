@@ -18,6 +18,8 @@ pub struct Prediction {
     pub bend_rad: Vector2<f64>,
     /// Loads of the lines at the snake, N, push positive.
     pub tau_n: Vector3<f64>,
+    /// Loads of the lines at their actuators, where load cells are, N, push positive: those at the snake and all friction between.
+    pub actuator_load_n: Vector3<f64>,
     /// Internal load that all three lines share, N.
     pub tau_common_n: f64,
     /// What there is to say.
@@ -73,6 +75,7 @@ impl Predictor {
             observed_bend_rad: Vector2::zeros(),
             bend_rad: Vector2::zeros(),
             tau_n: ends.tau_n.into(),
+            actuator_load_n: ends.actuator_loads_n(&[Case::Rests; 3], &ends.middle().map(Dual::value)).into(),
             tau_common_n: model.preload,
             status: ChainStatus::Good,
             n_iterations: 0,
@@ -127,11 +130,12 @@ impl Predictor {
             let stays = Found::new(self.y, self.ends, &self.seat_m, &self.p_m);
             (stays.cases, stays.slope)
         };
-        let tau_n = self.settle::<FULL>(&Now { commit: true, ..now });
+        let (tau_n, actuator_load_n) = self.settle::<FULL>(&Now { commit: true, ..now });
         self.last = Prediction {
             observed_bend_rad: self.observe(&now),
             bend_rad: Vector2::new(self.y[0], self.y[1]),
             tau_n: tau_n.into(),
+            actuator_load_n: actuator_load_n.into(),
             tau_common_n: self.y[2],
             status: self.status(&found, in_range),
             n_iterations: found.n_iterations,
@@ -177,16 +181,17 @@ impl Predictor {
         }
     }
 
-    /// Lets friction begin where the lines are now, and the effects remember it; gives the loads, N.
+    /// Lets friction begin where the lines are now, and the effects remember it; gives the loads at the snake and at the
+    /// actuators, N.
     #[inline(always)]
-    fn settle<const FULL: bool>(&mut self, now: &Now) -> [f64; 3] {
+    fn settle<const FULL: bool>(&mut self, now: &Now) -> ([f64; 3], [f64; 3]) {
         if FULL {
             let ends = Ends::of::<true, f64>(&self.model, &mut self.memory, self.y, now);
             self.seat_m = ends.seat;
-            return ends.tau_n;
+            return (ends.tau_n, ends.actuator_loads_n(&self.cases, &self.p_m));
         }
         self.seat_m = self.ends.seat.map(Dual::value);
-        self.ends.tau_n
+        (self.ends.tau_n, self.ends.actuator_loads_n(&self.cases, &self.p_m))
     }
 
     /// Newton's method with halved steps from the shape of the step before.

@@ -20,7 +20,8 @@
 //! each line  clamp(x - x', A- - p, A+ - p) = 0, with x the line's position where friction begins (q + (3 L/(E A)) tau_m, and
 //! tau/K_d where no disk rubs) and x' that of the step before: a line that slides up has A+ = p, one that slides back A- = p,
 //! and one that sticks has x = x'. Three equations, three unknowns, Newton's method with steps halved. The internal load is solved
-//! with the bend because friction depends on it; without friction it is what the mean of q~ says.
+//! with the bend because friction depends on it; without friction it is what the mean of q~ says. The load at the actuator is tau~+
+//! of a line that slides up and tau~- of one that slides back; of one that sticks it is as far between them as p is between A- and A+.
 //!
 //! **Memory.** Every hysteretic effect but play and friction is driven by the shape (q, tau, b), so that planning and solving
 //! evaluate the same function and the inverse is exact at every step. Play and friction decide by the direction of motion:
