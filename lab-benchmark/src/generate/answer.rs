@@ -24,6 +24,9 @@ pub struct Answer {
     pub noise: String,
     /// Standard deviation of the noise in each component, degrees.
     pub sigma_deg: f64,
+    /// Standard deviation of the load cells' noise, N, where loads were recorded.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub load_sigma_n: Option<f64>,
     /// Size of each hidden effect in units of sqrt(2) sigma, as asked for.
     pub size: Vec<f64>,
     /// Error of the base model, degrees.
@@ -62,6 +65,7 @@ impl Answer {
             traj: recipe.motion.name().to_owned(),
             noise: recipe.noise.name(),
             sigma_deg: recipe.sigma_rad.to_degrees(),
+            load_sigma_n: recipe.load_sigma_n,
             size: recipe.hidden.iter().map(|&(_, size)| size).collect(),
             base_rms_deg: base.to_degrees(),
             effect_rms_deg: effect.to_degrees(),
@@ -77,11 +81,14 @@ impl Generated {
     /// The data as CSV, in the columns that the lab reads.
     pub fn csv(&self) -> String {
         let data = &self.measurements;
-        let mut text = String::from("time_s,q1_m,q2_m,q3_m,bend_x_rad,bend_y_rad\n");
+        let loads = data.loads_n.as_deref();
+        let mut text = String::from("time_s,q1_m,q2_m,q3_m,bend_x_rad,bend_y_rad");
+        text += if loads.is_some() { ",tau1_n,tau2_n,tau3_n\n" } else { "\n" };
         for row in 0..data.n_rows() {
             let time_s = data.time_s.get(row).copied().unwrap_or_default();
             text += &((time_s * 1e9).round() / 1e9).to_string();
-            for value in data.input(row).iter().chain(data.output(row)) {
+            let loads = loads.and_then(|loads| loads.get(row * 3..row * 3 + 3)).unwrap_or_default();
+            for value in data.input(row).iter().chain(data.output(row)).chain(loads) {
                 text.push(',');
                 // A row that the camera did not see stays empty.
                 if value.is_finite() {

@@ -45,6 +45,8 @@ pub struct Recipe {
     pub noise: Noise,
     /// Its standard deviation in each component, rad.
     pub sigma_rad: f64,
+    /// Load cells at the actuators with white noise of this standard deviation, N; `None`: no loads are recorded.
+    pub load_sigma_n: Option<f64>,
     /// Length, s.
     pub seconds: f64,
     /// Rows per second, Hz.
@@ -64,6 +66,7 @@ impl Default for Recipe {
             motion: Motion::Rich,
             noise: Noise::White,
             sigma_rad: 0.3 * core::f64::consts::PI / 180.0,
+            load_sigma_n: None,
             seconds: 200.0,
             rate_hz: 50.0,
             every: 1,
@@ -181,12 +184,20 @@ pub fn generate(recipe: &Recipe) -> Result<Generated, GenerateError> {
     let truth = hide(recipe, &bare, &readings_m, period_s)?;
     let elastic = Truth { effects: EffectsTruth::none(), ..Truth::default() };
     let base_rad = plant::seen_rad(&elastic, &readings_m, period_s, plant::FINE)?;
-    let clean_rad = plant::seen_rad(&truth, &readings_m, period_s, plant::FINE)?;
+    let plant::Measured { bend_rad: clean_rad, load_n } = plant::measured(&truth, &readings_m, period_s, plant::FINE)?;
     let mut noisy_rad = clean_rad.clone();
     recipe.noise.add_to(&mut noisy_rad, recipe.sigma_rad, period_s, recipe.seed);
     let apart = [(&noisy_rad, &base_rad), (&clean_rad, &base_rad), (&noisy_rad, &clean_rad)];
     let answer = Answer::new(recipe, &truth, apart.map(|(a, b)| plant::apart_rad(a, b)), n);
-    Ok(Generated { measurements: measurements(recipe, &readings_m, &noisy_rad), answer, truth })
+    let mut measurements = measurements(recipe, &readings_m, &noisy_rad);
+    measurements.loads_n = recipe.load_sigma_n.map(|sigma_n| weighed_n(load_n, sigma_n, recipe.seed));
+    Ok(Generated { measurements, answer, truth })
+}
+
+/// What load cells with white noise read, N, row after row.
+fn weighed_n(load_n: Vec<[f64; 3]>, sigma_n: f64, seed: u64) -> Vec<f64> {
+    let mut random = Random::new(seed, Purpose::Loads);
+    load_n.into_iter().flatten().map(|load_n| load_n + sigma_n * random.normal()).collect()
 }
 
 /// The plant without what is hidden.
@@ -255,8 +266,9 @@ fn check(recipe: &Recipe) -> Result<(), GenerateError> {
         ("the rows", recipe.seconds * recipe.rate_hz, 10.0, 1e7),
         ("the perturbation", recipe.perturbation, 0.0, 0.1),
     ];
+    let load_sigma = recipe.load_sigma_n.map(|found| ("the load cells' noise in N", found, 0.0, 100.0));
     let sizes = recipe.hidden.iter().map(|&(_, size)| ("a size", size, 0.01, 100.0));
-    for (what, found, low, high) in ranges.into_iter().chain(sizes) {
+    for (what, found, low, high) in ranges.into_iter().chain(load_sigma).chain(sizes) {
         // Written so that NaN is out of range.
         if !(low..=high).contains(&found) {
             return Err(GenerateError::OutOfRange { what, low, high, found });

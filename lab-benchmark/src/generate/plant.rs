@@ -1,4 +1,4 @@
-//! The simulated snake along a path of encoder readings: what a camera without noise would see, row by row.
+//! The simulated snake along a path of encoder readings: what a camera and load cells without noise would see, row by row.
 
 use super::GenerateError;
 use krait_model::{Chain, ChainSettings, Circumstances, KnownColumns, MachineParameters};
@@ -34,12 +34,30 @@ pub(super) fn seen_rad(
     period_s: f64,
     n_steps: i64,
 ) -> Result<Vec<[f64; 2]>, GenerateError> {
+    Ok(measured(truth, readings_m, period_s, n_steps)?.bend_rad)
+}
+
+/// What a snake of some truth would be measured at without noise, row by row.
+pub(super) struct Measured {
+    /// What the camera sees, rad.
+    pub bend_rad: Vec<[f64; 2]>,
+    /// Loads at the actuators, N, push positive.
+    pub load_n: Vec<[f64; 3]>,
+}
+
+/// What is seen and weighed of a snake of this truth.
+pub(super) fn measured(
+    truth: &Truth,
+    readings_m: &[[f64; 3]],
+    period_s: f64,
+    n_steps: i64,
+) -> Result<Measured, GenerateError> {
     truth.check("the hidden effect").map_err(GenerateError::Truth)?;
     let mut snake = SimulatedSnake::new(truth);
     snake.set_power(0, true).map_err(GenerateError::Drive)?;
     let step_ns = (period_s * 1e9) as i64 / n_steps;
     let mut from = readings_m.first().copied().unwrap_or_default();
-    let mut seen = Vec::with_capacity(readings_m.len());
+    let (mut seen, mut load_n) = (Vec::with_capacity(readings_m.len()), Vec::with_capacity(readings_m.len()));
     for (row, &to) in readings_m.iter().enumerate() {
         let mut shape = [0.0; 2];
         for k in 1..=n_steps {
@@ -50,12 +68,13 @@ pub(super) fn seen_rad(
             shape = snake.seen_rad(stamp_ns);
         }
         seen.push(shape);
+        load_n.push(snake.actuator_loads_n());
         from = to;
     }
     if snake.n_unsolved() > 0 {
         return Err(GenerateError::Unsolved { n: snake.n_unsolved() });
     }
-    Ok(seen)
+    Ok(Measured { bend_rad: seen, load_n })
 }
 
 /// Root mean square length of the difference, rad.

@@ -17,6 +17,8 @@ pub(crate) enum Purpose {
     Noise = 4,
     /// Errors of the base parameters.
     Machine = 5,
+    /// The load cells' noise.
+    Loads = 6,
 }
 
 /// A stream of numbers.

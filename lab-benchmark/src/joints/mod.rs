@@ -96,6 +96,7 @@ pub fn joints(recipe: &JointRecipe) -> Option<(Measurements, Answer)> {
         traj: if recipe.is_teleop { "teleop" } else { "stairs" }.to_owned(),
         noise: recipe.noise.name(),
         sigma_deg: recipe.sigma * deg,
+        load_sigma_n: None,
         size: recipe.hidden.iter().map(|&(_, size)| size).collect(),
         base_rms_deg: beyond_a_line(&own, &clean).hypot(recipe.sigma) * deg,
         effect_rms_deg: beyond_a_line(&own, &clean) * deg,

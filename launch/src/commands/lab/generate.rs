@@ -24,6 +24,7 @@ pub fn run(args: &GenerateArgs) -> anyhow::Result<ExitCode> {
         motion: args.trajectory,
         noise: args.noise,
         sigma_rad: args.sigma_deg.to_radians(),
+        load_sigma_n: args.load_sigma_n,
         seconds: args.seconds,
         rate_hz: args.rate,
         every: usize::from(args.every),
