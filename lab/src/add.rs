@@ -2,7 +2,7 @@
 
 use crate::diagnose::Calibration;
 use crate::diagnose::search::{Search, Trial};
-use crate::fit::{Fit, Uncertainty, Variable, fit, held_out_block_squares, uncertainty};
+use crate::fit::{Fit, Uncertainty, Variable, fit, held_out_output_squares, uncertainty};
 use crate::machine::{Candidate, MachineUnderTest, nearest};
 use crate::noise::NoiseFloor;
 use crate::prepare::{Prepared, prepare};
@@ -96,8 +96,8 @@ struct Bench<'a> {
 impl<'a> Bench<'a> {
     fn new(machine: &'a dyn MachineUnderTest, data: &Measurements) -> Result<Self, LabError> {
         let Prepared { problem, floors, .. } = prepare(machine, data)?;
-        let own = problem.residual(machine.effects())?;
-        let before = problem.rms(own.iter().map(|r| r * r).sum());
+        let own = problem.outputs_of(&problem.residual(machine.effects())?);
+        let before = problem.rms_of_outputs(own.iter().map(|r| r * r).sum());
         Ok(Self { machine, problem, floors, before })
     }
 
@@ -135,11 +135,11 @@ impl<'a> Bench<'a> {
     fn report(&self, fitted: Fit) -> Added {
         let (_, scale) = self.machine.error_unit();
         let width = self.problem.data.n_outputs as f64;
-        let held_out: f64 = held_out_block_squares(&self.problem, &fitted, FOLDS).iter().sum();
+        let held_out: f64 = held_out_output_squares(&self.problem, &fitted, FOLDS).iter().sum();
         Added {
             uncertainty: uncertainty(&self.problem, &fitted),
             before: self.before * scale,
-            after: self.problem.rms(held_out) * scale,
+            after: self.problem.rms_of_outputs(held_out) * scale,
             noise_floor: self.floors.sigma().map(|(sigma, _)| sigma * width.sqrt() * scale),
             terms: fitted.effects,
             variables: fitted.variables,

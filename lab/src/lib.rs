@@ -6,6 +6,7 @@
 
 mod add;
 mod calibrated;
+mod cells;
 pub mod compare;
 pub mod diagnose;
 mod error;

@@ -1,5 +1,6 @@
 //! What stands before every fit: outliers found, the noise floor estimated without them, blocks as long as the noise needs.
 
+use crate::cells::Usable;
 use crate::machine::MachineUnderTest;
 use crate::noise::{FloorSource, NoiseFloor, outliers};
 use crate::{LabError, Measurements, Problem, scored_time_s};
@@ -14,6 +15,8 @@ pub(crate) struct Prepared<'a> {
     pub excluded: Vec<usize>,
     /// Length of the shortest block, s.
     pub shortest_block_s: f64,
+    /// The load cells, which count in the problem where they can be used.
+    pub loads: Usable,
 }
 
 /// Blocks while nothing is known about the noise yet, s.
@@ -30,7 +33,9 @@ pub(crate) fn prepare<'a>(machine: &'a dyn MachineUnderTest, data: &Measurements
     let floors = NoiseFloor::new(&Problem::new(machine, raw.data, &excluded, FIRST_BLOCK_S), &residual);
     let shortest_block_s = block_s(&floors, scored_time_s(data));
     let problem = Problem::new(machine, data.clone(), &excluded, shortest_block_s);
-    Ok(Prepared { problem, floors, excluded, shortest_block_s })
+    let loads = Usable::of(machine, &problem, floors.sigma().map(|(sigma, _)| sigma), shortest_block_s)?;
+    let problem = problem.with_loads(loads.cells());
+    Ok(Prepared { problem, floors, excluded, shortest_block_s, loads })
 }
 
 /// Blocks are long enough for the noise's memory, and enough for a test where time allows.

@@ -1,5 +1,6 @@
 //! Measurements made ready for statistics: which rows count, how much, and the blocks of time that resampling keeps together.
 
+use crate::cells::{Cells, LoadRows};
 use crate::machine::MachineUnderTest;
 use crate::{LabError, Measurements, Term};
 use rayon::prelude::*;
@@ -16,8 +17,10 @@ pub struct Problem<'a> {
     pub block: Vec<usize>,
     /// How many blocks there are.
     pub n_blocks: usize,
-    /// Outputs with a weight.
+    /// Outputs with a weight, and loads.
     pub n_scored: usize,
+    /// Loads at the actuators, behind the outputs of each row of a residual; `None` where none are scored.
+    loads: Option<LoadRows>,
 }
 
 /// Signs of fewer blocks than this cannot reach a small p-value.
@@ -45,7 +48,50 @@ impl<'a> Problem<'a> {
         }
         let n_scored = weight.iter().filter(|w| **w > 0.0).count();
         let (block, n_blocks) = blocks(&data, &weight, n_scored / width.max(1), shortest_block_s);
-        Self { machine, data, weight, block, n_blocks, n_scored }
+        Self { machine, data, weight, block, n_blocks, n_scored, loads: None }
+    }
+
+    /// The same with the loads at the actuators in one likelihood with the outputs, each cell in units of its own noise.
+    pub(crate) fn with_loads(mut self, cells: Option<&Cells>) -> Self {
+        let is_scored = |row: usize| self.weight[row * self.data.n_outputs] > 0.0;
+        if let Some(rows) = cells.and_then(|cells| LoadRows::new(&self.data, cells, is_scored)) {
+            self.n_scored += rows.n_scored();
+            self.loads = Some(rows);
+        }
+        self
+    }
+
+    /// The same measurements without the loads.
+    pub(crate) fn of_outputs(&self) -> Self {
+        Self {
+            machine: self.machine,
+            data: self.data.clone(),
+            weight: self.weight.clone(),
+            block: self.block.clone(),
+            n_blocks: self.n_blocks,
+            n_scored: self.n_scored_outputs(),
+            loads: None,
+        }
+    }
+
+    /// The loads, where they are scored.
+    pub(crate) fn loads(&self) -> Option<&LoadRows> {
+        self.loads.as_ref()
+    }
+
+    /// Entries of a residual in each row: the outputs, and the loads where they are scored.
+    pub fn width(&self) -> usize {
+        self.data.n_outputs + if self.loads.is_some() { LoadRows::WIDTH } else { 0 }
+    }
+
+    /// Outputs with a weight, loads left out.
+    pub(crate) fn n_scored_outputs(&self) -> usize {
+        self.n_scored - self.loads.as_ref().map_or(0, LoadRows::n_scored)
+    }
+
+    /// The outputs' entries of a residual or a slope, row after row.
+    pub(crate) fn outputs_of(&self, entries: &[f64]) -> Vec<f64> {
+        entries.chunks(self.width()).flat_map(|row| row.iter().take(self.data.n_outputs)).copied().collect()
     }
 
     /// Weighted residuals, measured minus predicted, row after row; zero where nothing is scored.
@@ -53,11 +99,20 @@ impl<'a> Problem<'a> {
     /// # Errors
     /// [`LabError::Chain`] where the effects make no chain.
     pub fn residual(&self, effects: &[Term]) -> Result<Vec<f64>, LabError> {
-        let predicted = self.machine.predict(effects, &self.data)?;
-        Ok(self.weigh(&predicted))
+        self.residual_at(effects, &self.data)
     }
 
-    /// Weighted residuals of predictions.
+    /// The same with the predictions for other inputs.
+    pub(crate) fn residual_at(&self, effects: &[Term], inputs: &Measurements) -> Result<Vec<f64>, LabError> {
+        let Some(loads) = &self.loads else { return Ok(self.weigh(&self.machine.predict(effects, inputs)?)) };
+        let (predicted, loads_n) = self.machine.predict_with_loads(effects, inputs)?;
+        let left = loads.residual(&loads_n.unwrap_or_default());
+        let rows = self.weigh(&predicted);
+        let rows = rows.chunks(self.data.n_outputs).zip(left.chunks(LoadRows::WIDTH));
+        Ok(rows.flat_map(|(outputs, loads)| outputs.iter().chain(loads)).copied().collect())
+    }
+
+    /// Weighted residuals of predicted outputs.
     pub fn weigh(&self, predicted: &[f64]) -> Vec<f64> {
         let entry = |((y, f), w): ((&f64, &f64), &f64)| if *w > 0.0 { (y - f) * w } else { 0.0 };
         self.data.outputs.iter().zip(predicted).zip(&self.weight).map(entry).collect()
@@ -68,15 +123,21 @@ impl<'a> Problem<'a> {
         lists.par_iter().map(|effects| self.residual(effects).ok()).collect()
     }
 
-    /// Length of the error, root mean square over scored rows, in the outputs' unit.
+    /// Length of the error, root mean square over scored rows, in the outputs' unit; with loads of everything that is scored, each
+    /// cell's noise counted as if it were an output's.
     pub fn rms(&self, sum_of_squares: f64) -> f64 {
         (sum_of_squares * self.data.n_outputs as f64 / self.n_scored.max(1) as f64).sqrt()
+    }
+
+    /// The same of the outputs alone.
+    pub(crate) fn rms_of_outputs(&self, sum_of_squares: f64) -> f64 {
+        (sum_of_squares * self.data.n_outputs as f64 / self.n_scored_outputs().max(1) as f64).sqrt()
     }
 
     /// Sums over the rows of each block.
     pub fn block_sums(&self, entry: impl Fn(usize) -> f64) -> Vec<f64> {
         let mut sums = vec![0.0; self.n_blocks];
-        let width = self.data.n_outputs;
+        let width = self.width();
         for (row, &block) in self.block.iter().enumerate() {
             for k in row * width..(row + 1) * width {
                 sums[block] += entry(k);
@@ -87,7 +148,7 @@ impl<'a> Problem<'a> {
 
     /// First entry of each block and the end of the last: entries of block b are `[b]..[b + 1]`.
     pub fn block_bounds(&self) -> Vec<usize> {
-        let width = self.data.n_outputs;
+        let width = self.width();
         let mut bounds: Vec<usize> =
             (0..self.n_blocks).map(|b| self.block.partition_point(|&own| own < b) * width).collect();
         bounds.push(self.block.len() * width);

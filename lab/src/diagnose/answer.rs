@@ -62,6 +62,8 @@ pub struct Diagnosis {
     pub explained_share: Option<f64>,
     /// What every fit found beside the effects: gains, offsets, delays.
     pub calibration: Vec<Calibration>,
+    /// The load cells, line by line, where loads were recorded and count.
+    pub loads: Option<Vec<LoadCell>>,
     /// The missing effects, the one that brings most first; empty unless the verdict says missing or partly.
     pub effects: Vec<FoundEffect>,
     /// Hypotheses: effects that help, but do not explain; where the verdict is unknown or too short.
@@ -109,6 +111,46 @@ pub struct Calibration {
     /// Whether the model file holds it.
     pub is_held: bool,
 }
+
+/// A load cell at an actuator: reading = gain x load + offset.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LoadCell {
+    /// The line, from 1.
+    pub line: usize,
+    /// Newtons read for each newton of the model with the effects.
+    pub gain: f64,
+    /// Reading without a load in each trial, N.
+    pub offset_n: Vec<f64>,
+    /// Standard deviation of its noise, N.
+    pub noise_n: f64,
+    /// What the model as given leaves, root mean square, N.
+    pub before_n: f64,
+    /// What the effects leave, N.
+    pub after_n: f64,
+}
+
+impl LoadCell {
+    /// What is odd about it, a sentence.
+    pub(super) fn caution(&self) -> Option<String> {
+        let Self { line, gain, noise_n, after_n, .. } = self;
+        if *gain < 0.0 {
+            return Some(format!(
+                "tau{line}_n reads {gain:.2} N for each newton: it is probably negated (push is positive)"
+            ));
+        }
+        if !PLAUSIBLE_GAIN.contains(gain) {
+            return Some(format!("tau{line}_n reads {gain:.3} N for each newton: it is probably in another unit"));
+        }
+        (*after_n > MUCH_LEFT * noise_n).then(|| {
+            format!("{after_n:.2} N of tau{line}_n remain beside a noise of {noise_n:.2} N: the effects do not explain its loads")
+        })
+    }
+}
+
+/// Gains beyond these are no stiffness.
+const PLAUSIBLE_GAIN: core::ops::Range<f64> = 0.3..3.0;
+/// What leaves more than this of a cell's noise leaves structure.
+const MUCH_LEFT: f64 = 1.3;
 
 /// One missing effect.
 #[derive(Clone, Debug, PartialEq)]

@@ -61,21 +61,40 @@ const FAMILIES: [(&[&str], &str); 9] = [
     ),
 ];
 
+/// The same for the family of this first name, where the loads were recorded already and did not tell.
+const WITH_LOADS: [(&str, &str); 2] = [
+    (
+        "backlash",
+        "Run nested loops of decreasing amplitude down to 2 deg at a tenth of the speed, with the loads recorded again: crossing a play \
+         moves nothing, micro-slip moves a little from the start, and friction turns the load round",
+    ),
+    (
+        "viscous-friction",
+        "Run the same path at one, four and sixteen times the speed, with the loads recorded again: latency shifts the camera, not the \
+         loads",
+    ),
+];
+
 /// The experiment for effects that look alike; `None` where there is nothing to separate.
-pub(crate) fn separate(class: &[String], n_reversals: usize) -> Option<NextExperiment> {
+pub(crate) fn separate(class: &[String], n_reversals: usize, has_loads: bool) -> Option<NextExperiment> {
     if class.len() < 2 {
         return None;
     }
     let home = FAMILIES.iter().find(|(names, _)| names.contains(&class[0].as_str()));
     let shared =
         home.filter(|(names, _)| class.iter().any(|other| *other != class[0] && names.contains(&other.as_str())));
+    let instruction = |(names, own): &(&[&str], &'static str)| {
+        let again = WITH_LOADS.iter().find(|(first, _)| has_loads && names.first() == Some(first));
+        again.map_or(*own, |(_, again)| *again)
+    };
+    let shared = shared.map(instruction);
     let outside = class.iter().any(|other| home.is_some_and(|(names, _)| !names.contains(&other.as_str())));
     let rich = "Go up and down in three planes, rotate the plane both ways at 45 deg, in nested loops and at three speeds, with \
                 holds of 3 s: reversals separate hysteresis from everything that has none";
     let instruction = match shared {
         _ if n_reversals < 8 => rich.to_owned(),
-        Some((_, instruction)) if outside => format!("{instruction}. {rich}"),
-        Some((_, instruction)) => (*instruction).to_owned(),
+        Some(instruction) if outside => format!("{instruction}. {rich}"),
+        Some(instruction) => instruction.to_owned(),
         None => rich.to_owned(),
     };
     Some(NextExperiment { separates: class.to_vec(), instruction, expected_separation: None })

@@ -1,6 +1,6 @@
 //! The machine-readable answer of a diagnosis: its names and nesting are a contract with other programs.
 
-use super::{Calibration, Diagnosis, FoundEffect};
+use super::{Calibration, Diagnosis, FoundEffect, LoadCell};
 use crate::experiment::Separation;
 use krait_model::effects::explanation;
 use serde_json::{Map, Value, json};
@@ -10,7 +10,7 @@ impl Diagnosis {
     /// name with `_deg`, which holds null in another unit.
     pub fn to_json(&self) -> Value {
         let deg = |value: Option<f64>| value.filter(|_| self.unit == "deg");
-        json!({
+        let mut all = json!({
             "format": 2,
             "verdict": self.verdict.word(),
             "sentence": self.sentence,
@@ -57,6 +57,20 @@ impl Diagnosis {
             "outliers": self.rows[2],
             "blocks": self.rows[3],
             "seed": self.seed,
+        });
+        if let (Some(loads), Value::Object(keys)) = (&self.loads, &mut all) {
+            keys.insert("loads".to_owned(), loads.iter().map(LoadCell::to_json).collect());
+        }
+        all
+    }
+}
+
+impl LoadCell {
+    /// The cell as JSON.
+    pub fn to_json(&self) -> Value {
+        json!({
+            "line": self.line, "gain": self.gain, "offset_n": self.offset_n, "noise_n": self.noise_n,
+            "rms_n": { "before": self.before_n, "after": self.after_n },
         })
     }
 }

@@ -26,7 +26,7 @@ mod words;
 mod working;
 
 pub(crate) use accept::mean_and_error;
-pub use answer::{Calibration, CandidateAnswer, Diagnosis, FoundEffect, FoundParameter, Remaining, Verdict};
+pub use answer::{Calibration, CandidateAnswer, Diagnosis, FoundEffect, FoundParameter, LoadCell, Remaining, Verdict};
 pub use experiment::NextExperiment;
 pub(crate) use experiment::{explore, separate};
 pub(crate) use gate::{cautions, reversals};

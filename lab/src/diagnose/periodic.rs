@@ -37,7 +37,7 @@ pub(super) fn cells(problem: &Problem, fit: &Fit, basis: &[Vec<f64>], c: &Candid
 fn response(problem: &Problem, fit: &Fit, input: usize, amplitude: f64) -> Option<Vec<f64>> {
     let mut shifted = problem.data.clone();
     shifted.inputs.iter_mut().skip(input).step_by(problem.data.n_inputs).for_each(|u| *u -= amplitude);
-    let there = problem.weigh(&problem.machine.predict(&fit.effects, &shifted).ok()?);
+    let there = problem.residual_at(&fit.effects, &shifted).ok()?;
     // Both are measured minus predicted.
     Some(fit.residual.iter().zip(&there).map(|(a, b)| a - b).collect())
 }
@@ -49,7 +49,7 @@ fn columns(problem: &Problem, responses: &[Vec<f64>], period: f64) -> Vec<Vec<f6
         let waves: Vec<(f64, f64)> =
             (0..data.n_rows()).map(|row| (TAU * data.input(row)[input] / period).sin_cos()).collect();
         let column = |wave: &dyn Fn(usize) -> f64| -> Vec<f64> {
-            response.iter().enumerate().map(|(k, r)| r * wave(k / data.n_outputs)).collect()
+            response.iter().enumerate().map(|(k, r)| r * wave(k / problem.width())).collect()
         };
         columns.push(column(&|row| waves[row].0));
         columns.push(column(&|row| waves[row].1));

@@ -283,7 +283,7 @@ const FEWEST_ROWS: f64 = 8.0;
 /// How long the memory of what is left is, in rows: what the trial leaves that explains most.
 pub(super) fn memory(problem: &Problem, trials: &[Trial]) -> f64 {
     let best = trials.iter().min_by(|a, b| a.fit.sum_of_squares.total_cmp(&b.fit.sum_of_squares));
-    best.map_or(1.0, |best| autocorrelation_time(&best.fit.residual, problem.data.n_outputs))
+    best.map_or(1.0, |best| autocorrelation_time(&best.fit.residual, problem.width()))
 }
 
 /// Pairs of cells of different candidates, best together first, one pair of cells for each pair of candidates.

@@ -3,7 +3,7 @@
 use super::accept::{Comparison, FOLDS};
 use super::alike::is_alike;
 use super::alternatives::Alternatives;
-use super::answer::{CandidateAnswer, Diagnosis, FoundEffect, FoundParameter, Remaining, Verdict};
+use super::answer::{CandidateAnswer, Diagnosis, FoundEffect, FoundParameter, LoadCell, Remaining, Verdict};
 use super::rhythm::{Rhythm, rhythm};
 use super::screen::{Cell, orthonormal};
 use super::search::{Search, Trial, memory};
@@ -11,7 +11,8 @@ use super::sign_flip::SignFlip;
 use super::words::{sentence, state};
 use super::working::working_rows;
 use super::{GroupShare, experiment, gate, lists, structure};
-use crate::fit::{Variable, held_out_block_squares, uncertainty};
+use crate::cells::Usable;
+use crate::fit::{Fit, Variable, dot, held_out_block_squares, held_out_output_squares, uncertainty};
 use crate::machine::{Candidate, MachineUnderTest};
 use crate::noise::{FloorSource, NoiseFloor};
 use crate::prepare::{Prepared, prepare};
@@ -70,9 +71,9 @@ pub fn diagnose(
     if let Some(joints) = machine.as_joints() {
         return crate::joint::diagnose(joints, data, options);
     }
-    let Prepared { problem: full, floors, excluded, shortest_block_s } = prepare(machine, data)?;
+    let Prepared { problem: full, floors, excluded, shortest_block_s, loads } = prepare(machine, data)?;
     let rows = working_rows(data, &excluded);
-    let work = Problem::new(machine, data.select(&rows), &[], shortest_block_s);
+    let work = Problem::new(machine, data.select(&rows), &[], shortest_block_s).with_loads(loads.cells());
     let candidates = machine.candidates(data);
     let base_variables = free_variables(machine, &options.free)?;
     let search = |problem| Search {
@@ -82,9 +83,11 @@ pub fn diagnose(
         base_variables: &base_variables,
         seed: options.seed,
     };
-    let mut found = run(&search(&work), &floors, options.max_effects)?;
+    let is_white = loads.cells().is_none_or(|cells| cells.is_white);
+    let mut found = run(&search(&work), &floors, is_white, options.max_effects)?;
     found.decide(&search(&work), &search(&full));
-    Case { full: &search(&full), work: &search(&work), floors, found, n_outliers: excluded.len() }.conclude()
+    let n_outliers = excluded.len();
+    Case { full: &search(&full), work: &search(&work), floors, loads, found, n_outliers }.conclude()
 }
 
 /// What the search on the working rows found.
@@ -128,12 +131,12 @@ impl Findings {
     }
 }
 
-fn run(search: &Search, floors: &NoiseFloor, max_effects: usize) -> Result<Findings, LabError> {
+fn run(search: &Search, floors: &NoiseFloor, are_cells_white: bool, max_effects: usize) -> Result<Findings, LabError> {
     let start = search.start()?;
     let comparison = Comparison {
         problem: search.problem,
         floor: floors.sigma().map(|(sigma, _)| sigma * (search.problem.data.n_outputs as f64).sqrt()),
-        is_white: matches!(floors.sigma(), Some((_, FloorSource::White))),
+        is_white: are_cells_white && matches!(floors.sigma(), Some((_, FloorSource::White))),
         base_rms: search.problem.rms(start.fit.sum_of_squares),
     };
     let mut found = one_or_two(search, &comparison, start, max_effects);
@@ -201,6 +204,7 @@ struct Case<'a> {
     full: &'a Search<'a>,
     work: &'a Search<'a>,
     floors: NoiseFloor,
+    loads: Usable,
     found: Findings,
     n_outliers: usize,
 }
@@ -213,8 +217,7 @@ impl Case<'_> {
         let start = search.start()?;
         let mut chosen = search.fitted(self.found.chosen.found.clone(), &self.found.chosen.fit.effects)?;
         let prefixes = self.order(&mut chosen)?;
-        let held_out =
-            |trial: &Trial| problem.rms(held_out_block_squares(problem, &trial.fit, FOLDS).iter().sum()) * scale;
+        let held_out = |trial: &Trial| held_out_rms(problem, &trial.fit) * scale;
         let (before, after) = (held_out(&start), held_out(&chosen));
         let sigma = self.floors.sigma();
         let floor = sigma.map(|(sigma, _)| sigma * (problem.data.n_outputs as f64).sqrt() * scale);
@@ -236,10 +239,19 @@ impl Case<'_> {
         let n_reversals = gate::reversals(&problem.data);
         let next_experiment = match verdict {
             Verdict::None => None,
-            Verdict::Missing => effects.iter().find_map(|effect| experiment::separate(&effect.class, n_reversals)),
+            Verdict::Missing => {
+                let has_loads = problem.loads().is_some();
+                effects.iter().find_map(|effect| experiment::separate(&effect.class, n_reversals, has_loads))
+            }
             _ => Some(experiment::explore(remaining.looks_like)),
         };
         let candidates = self.candidates(&effects, scale);
+        let loads = self.load_cells(&start, &chosen)?;
+        let mut cautions = gate::cautions(problem, self.n_outliers, true);
+        if let Usable::No(why) = &self.loads {
+            cautions.push(why.clone());
+        }
+        cautions.extend(loads.iter().flatten().filter_map(LoadCell::caution));
         let mut terms = chosen.fit.effects.clone();
         let (effects, partial) = if verdict == Verdict::Unknown {
             (Vec::new(), effects)
@@ -255,10 +267,11 @@ impl Case<'_> {
         Ok(Diagnosis {
             sentence: sentence(verdict, &effects, &remaining, after, floor, unit),
             verdict,
-            cautions: gate::cautions(problem, self.n_outliers, true),
+            cautions,
+            loads,
             unit: unit.to_owned(),
             floor_relative_error: 0.0,
-            as_given_rms: problem.rms(start.fit.sum_of_squares) * scale,
+            as_given_rms: problem.rms_of_outputs(squares_of_outputs(problem, &start.fit)) * scale,
             explained_share: (!effects.is_empty()).then_some(1.0 - remaining.unexplained),
             calibration: Vec::new(),
             calibrated: None,
@@ -272,10 +285,37 @@ impl Case<'_> {
             remaining,
             next_experiment,
             terms,
-            rows: [problem.data.n_rows(), problem.n_scored / problem.data.n_outputs, self.n_outliers, problem.n_blocks],
+            rows: [
+                problem.data.n_rows(),
+                problem.n_scored_outputs() / problem.data.n_outputs,
+                self.n_outliers,
+                problem.n_blocks,
+            ],
             floors: self.floors,
             seed: search.seed,
         })
+    }
+
+    /// What the load cells were found to read, with the model as given and with the effects.
+    fn load_cells(&self, start: &Trial, chosen: &Trial) -> Result<Option<Vec<LoadCell>>, LabError> {
+        let problem = self.full.problem;
+        let (Some(rows), Some(cells)) = (problem.loads(), self.loads.cells()) else { return Ok(None) };
+        let predicted = |trial: &Trial| -> Result<Vec<f64>, LabError> {
+            Ok(problem.machine.predict_with_loads(&trial.fit.effects, &problem.data)?.1.unwrap_or_default())
+        };
+        let (before, after) = (predicted(start)?, predicted(chosen)?);
+        let cell = |(k, &noise_n): (usize, &f64)| {
+            let found = rows.cell(k, &after);
+            LoadCell {
+                line: k + 1,
+                gain: found.gain,
+                offset_n: found.offset_n,
+                noise_n,
+                before_n: rows.cell(k, &before).left_n,
+                after_n: found.left_n,
+            }
+        };
+        Ok(Some(cells.sigma_n.iter().enumerate().map(cell).collect()))
     }
 
     /// Whether the effects are more than imitations: none at the edge of what is physical, and what explains most is
@@ -309,14 +349,9 @@ impl Case<'_> {
     fn effects(&self, chosen: &Trial, prefixes: &[Trial], base_rms: f64) -> Result<Vec<FoundEffect>, LabError> {
         let problem = self.full.problem;
         let (_, scale) = problem.machine.error_unit();
-        let held_out =
-            |trial: &Trial| problem.rms(held_out_block_squares(problem, &trial.fit, FOLDS).iter().sum()) * scale;
         let mut errors = vec![base_rms];
-        let work = self.work.problem;
-        errors.extend(
-            prefixes.iter().map(|own| work.rms(held_out_block_squares(work, &own.fit, FOLDS).iter().sum()) * scale),
-        );
-        errors.push(held_out(chosen));
+        errors.extend(prefixes.iter().map(|own| held_out_rms(self.work.problem, &own.fit) * scale));
+        errors.push(held_out_rms(problem, &chosen.fit) * scale);
         (0..chosen.found.len())
             .map(|slot| {
                 let place = self.found.chosen.found.iter().position(|k| *k == chosen.found[slot]).unwrap_or(slot);
@@ -357,10 +392,13 @@ impl Case<'_> {
     }
 
     fn remaining(&self, chosen: &Trial, before: f64, after: f64, floor: Option<f64>) -> Result<Remaining, LabError> {
-        let problem = self.work.problem;
+        // Of the shape alone: what is left of the loads is said beside it.
+        let slopes: Vec<Vec<f64>> =
+            self.found.chosen.fit.slopes.iter().map(|slope| self.work.problem.outputs_of(slope)).collect();
+        let problem = &self.work.problem.of_outputs();
         let predicted = problem.machine.predict(&chosen.fit.effects, &problem.data)?;
         let residual = problem.weigh(&predicted);
-        let basis = orthonormal(&self.found.chosen.fit.slopes);
+        let basis = orthonormal(&slopes);
         let mut structure = structure::structure(problem, &residual, &basis, &predicted, self.full.seed);
         // A floor of slow noise contains a rhythm, so that an error at the floor says nothing about one.
         let white = matches!(self.floors.sigma(), Some((_, FloorSource::White)));
@@ -416,6 +454,20 @@ impl Case<'_> {
         all.sort_by(|a, b| a.heldout_rms.unwrap_or(f64::INFINITY).total_cmp(&b.heldout_rms.unwrap_or(f64::INFINITY)));
         all
     }
+}
+
+/// Error of the outputs on blocks that the fit did not see, in their unit.
+fn held_out_rms(problem: &Problem, fit: &Fit) -> f64 {
+    problem.rms_of_outputs(held_out_output_squares(problem, fit, FOLDS).iter().sum())
+}
+
+/// Sum of squares of the outputs alone.
+fn squares_of_outputs(problem: &Problem, fit: &Fit) -> f64 {
+    if problem.loads().is_none() {
+        return fit.sum_of_squares;
+    }
+    let own = problem.outputs_of(&fit.residual);
+    dot(&own, &own)
 }
 
 /// The variables of parameters named by effect's label and parameter's name.

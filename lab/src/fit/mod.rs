@@ -7,5 +7,5 @@ mod variable;
 pub(crate) use levenberg_marquardt::dot;
 pub use levenberg_marquardt::{Fit, fit};
 pub use uncertainty::{Uncertainty, held_out_block_squares, uncertainty};
-pub(crate) use uncertainty::{inverse, standard_errors};
+pub(crate) use uncertainty::{held_out_output_squares, inverse, standard_errors};
 pub use variable::Variable;

@@ -55,7 +55,7 @@ const MOST_PAIRS: usize = 4_000_000;
 
 /// Sum over rows t and s of rho(t - s) x_t x_s', with rho the residual's autocorrelation: what J'J is for white noise.
 fn with_memory(problem: &Problem, slopes: &[Vec<f64>], residual: &[f64]) -> DMatrix<f64> {
-    let (data, width) = (&problem.data, problem.data.n_outputs);
+    let (data, width) = (&problem.data, problem.width());
     let (n_rows, n) = (data.n_rows(), slopes.len());
     let rho = autocorrelation(residual, width);
     let stride = (n_rows * rho.len()).div_ceil(MOST_PAIRS).max(1);
@@ -89,25 +89,58 @@ fn student_over_normal(freedom: usize) -> f64 {
 ///
 /// Hysteresis keeps its memory through left-out rows; only their error is left out.
 pub fn held_out_block_squares(problem: &Problem, fit: &Fit, n_folds: usize) -> Vec<f64> {
+    let pieces = block_pieces(problem, &fit.slopes, &fit.residual);
+    held_out(problem, fit, n_folds, &pieces, &pieces)
+}
+
+/// The same of the outputs alone, under parameters that loads took part in finding.
+pub(crate) fn held_out_output_squares(problem: &Problem, fit: &Fit, n_folds: usize) -> Vec<f64> {
+    if problem.loads().is_none() {
+        return held_out_block_squares(problem, fit, n_folds);
+    }
+    let n_outputs = problem.data.n_outputs;
+    let outputs = |entries: &Vec<f64>| -> Vec<f64> {
+        let own = |(k, x): (usize, &f64)| if k % problem.width() < n_outputs { *x } else { 0.0 };
+        entries.iter().enumerate().map(own).collect()
+    };
+    let slopes: Vec<Vec<f64>> = fit.slopes.iter().map(outputs).collect();
+    let residual = outputs(&fit.residual);
+    let seen = block_pieces(problem, &fit.slopes, &fit.residual);
+    held_out(problem, fit, n_folds, &seen, &block_pieces(problem, &slopes, &residual))
+}
+
+/// J'J and J'r of one block, and the sum of its squares.
+struct Piece {
+    gram: DMatrix<f64>,
+    gradient: DVector<f64>,
+    squares: f64,
+}
+
+fn block_pieces(problem: &Problem, slopes: &[Vec<f64>], residual: &[f64]) -> Vec<Piece> {
     let bounds = problem.block_bounds();
-    let n = fit.variables.len();
-    let pieces: Vec<(DMatrix<f64>, DVector<f64>)> = (0..problem.n_blocks)
+    (0..problem.n_blocks)
         .map(|b| {
-            let slopes: Vec<Vec<f64>> = fit.slopes.iter().map(|s| s[bounds[b]..bounds[b + 1]].to_vec()).collect();
-            normal_equations(&slopes, &fit.residual[bounds[b]..bounds[b + 1]])
+            let slopes: Vec<Vec<f64>> = slopes.iter().map(|s| s[bounds[b]..bounds[b + 1]].to_vec()).collect();
+            let own = &residual[bounds[b]..bounds[b + 1]];
+            let (gram, gradient) = normal_equations(&slopes, own);
+            Piece { gram, gradient, squares: dot(own, own) }
         })
-        .collect();
+        .collect()
+}
+
+/// Squares of the `judged` pieces under steps that the `seen` ones of the other folds ask for.
+fn held_out(problem: &Problem, fit: &Fit, n_folds: usize, seen: &[Piece], judged: &[Piece]) -> Vec<f64> {
+    let n = fit.variables.len();
     let mut squares = vec![0.0; problem.n_blocks];
     for fold in 0..n_folds {
-        let seen = pieces.iter().enumerate().filter(|(b, _)| b % n_folds != fold).map(|(_, piece)| piece);
-        let (gram, gradient) = seen.fold((DMatrix::zeros(n, n), DVector::zeros(n)), |(gram, gradient), piece| {
-            (gram + &piece.0, gradient + &piece.1)
+        let others = seen.iter().enumerate().filter(|(b, _)| b % n_folds != fold).map(|(_, piece)| piece);
+        let (gram, gradient) = others.fold((DMatrix::zeros(n, n), DVector::zeros(n)), |(gram, gradient), piece| {
+            (gram + &piece.gram, gradient + &piece.gradient)
         });
         let step = -inverse(&gram) * gradient;
         for b in (fold..problem.n_blocks).step_by(n_folds) {
-            let own = &fit.residual[bounds[b]..bounds[b + 1]];
-            let (gram, gradient) = &pieces[b];
-            squares[b] = dot(own, own) + 2.0 * gradient.dot(&step) + step.dot(&(gram * &step));
+            let Piece { gram, gradient, squares: own } = &judged[b];
+            squares[b] = own + 2.0 * gradient.dot(&step) + step.dot(&(gram * &step));
         }
     }
     squares

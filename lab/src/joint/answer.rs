@@ -105,7 +105,7 @@ pub(super) fn diagnosis(answer: Answer) -> Result<Diagnosis, LabError> {
     let n_reversals = reversals(data);
     let next_experiment: Option<NextExperiment> = match verdict {
         Verdict::None => None,
-        Verdict::Missing => effects.iter().find_map(|effect| separate(&effect.class, n_reversals)),
+        Verdict::Missing => effects.iter().find_map(|effect| separate(&effect.class, n_reversals, false)),
         _ => Some(explore(remaining.looks_like)),
     };
     let problem = Problem::new(machine, data.clone(), &[], f64::INFINITY);
@@ -143,6 +143,7 @@ pub(super) fn diagnosis(answer: Answer) -> Result<Diagnosis, LabError> {
         candidates: candidates(&found, &effects, scale),
         effects,
         partial,
+        loads: None,
         remaining,
         next_experiment,
         terms,

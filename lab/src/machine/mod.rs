@@ -110,4 +110,16 @@ pub trait MachineUnderTest: Sync {
     /// # Errors
     /// [`LabError::Chain`] where the effects make no chain.
     fn predict(&self, effects: &[Term], data: &Measurements) -> Result<Vec<f64>, LabError>;
+
+    /// The same, and the loads at the actuators, N, push positive, row after row of 3; no loads for a machine without lines.
+    ///
+    /// # Errors
+    /// As [`MachineUnderTest::predict`].
+    fn predict_with_loads(
+        &self,
+        effects: &[Term],
+        data: &Measurements,
+    ) -> Result<(Vec<f64>, Option<Vec<f64>>), LabError> {
+        Ok((self.predict(effects, data)?, None))
+    }
 }

@@ -4,7 +4,7 @@ use super::{Candidate, MachineUnderTest, snake_candidates};
 use crate::{LabError, Measurements, Parameter, Term};
 use krait_model::effects::{EffectKind, FormulaText};
 use krait_model::model_file::{ModelFile, SnakeMachine};
-use krait_model::{Chain, Circumstances, EffectSetting, KnownColumns, Snake};
+use krait_model::{Chain, Circumstances, EffectSetting, KnownColumns, Prediction, Snake};
 use nalgebra::{Vector2, Vector3};
 
 /// A snake with its model.
@@ -30,6 +30,25 @@ impl SnakeLab {
     /// [`LabError::UnknownEffect`] or [`LabError::Chain`] for values out of bounds.
     pub fn settings(&self, effects: &[Term]) -> Result<Vec<EffectSetting>, LabError> {
         effects.iter().map(|term| setting(term, kind)).collect()
+    }
+
+    /// The chain's forward model over all rows.
+    fn run(&self, effects: &[Term], data: &Measurements, mut each: impl FnMut(&Prediction)) -> Result<(), LabError> {
+        let columns = KnownColumns {
+            time: true,
+            stem_angle: data.stem_angle_rad.is_some(),
+            temperature: data.temperature_c.is_some(),
+        };
+        let chain = Chain::new(&self.machine.parameters, self.machine.settings, &self.settings(effects)?, columns)?;
+        let mut predictor = chain.predictor();
+        for row in 0..data.n_rows() {
+            if row > 0 && data.starts_trial(row) {
+                predictor = chain.predictor();
+            }
+            let reading_m = Vector3::from_column_slice(data.input(row));
+            each(&predictor.step(reading_m, &circumstances(data, row)));
+        }
+        Ok(())
     }
 }
 
@@ -59,23 +78,23 @@ impl MachineUnderTest for SnakeLab {
     }
 
     fn predict(&self, effects: &[Term], data: &Measurements) -> Result<Vec<f64>, LabError> {
-        let columns = KnownColumns {
-            time: true,
-            stem_angle: data.stem_angle_rad.is_some(),
-            temperature: data.temperature_c.is_some(),
-        };
-        let chain = Chain::new(&self.machine.parameters, self.machine.settings, &self.settings(effects)?, columns)?;
-        let mut predictor = chain.predictor();
         let mut outputs = Vec::with_capacity(2 * data.n_rows());
-        for row in 0..data.n_rows() {
-            if row > 0 && data.starts_trial(row) {
-                predictor = chain.predictor();
-            }
-            let reading_m = Vector3::from_column_slice(data.input(row));
-            let shape = predictor.step(reading_m, &circumstances(data, row)).observed_bend_rad;
-            outputs.extend_from_slice(shape.as_slice());
-        }
+        self.run(effects, data, |own| outputs.extend_from_slice(own.observed_bend_rad.as_slice()))?;
         Ok(outputs)
+    }
+
+    fn predict_with_loads(
+        &self,
+        effects: &[Term],
+        data: &Measurements,
+    ) -> Result<(Vec<f64>, Option<Vec<f64>>), LabError> {
+        let n_rows = data.n_rows();
+        let (mut outputs, mut loads_n) = (Vec::with_capacity(2 * n_rows), Vec::with_capacity(3 * n_rows));
+        self.run(effects, data, |own| {
+            outputs.extend_from_slice(own.observed_bend_rad.as_slice());
+            loads_n.extend_from_slice(own.actuator_load_n.as_slice());
+        })?;
+        Ok((outputs, Some(loads_n)))
     }
 }
 

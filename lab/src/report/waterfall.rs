@@ -2,7 +2,7 @@
 
 use super::picture::{COLOURS, Picture, layout, plain, short};
 use crate::diagnose::{Diagnosis, FoundEffect};
-use crate::fit::{Fit, Variable, fit, held_out_block_squares};
+use crate::fit::{Fit, Variable, fit, held_out_output_squares};
 use crate::machine::MachineUnderTest;
 use crate::prepare::prepare;
 use crate::{Added, LabError, Measurements, Problem, Term};
@@ -91,14 +91,14 @@ fn half_width(
 
 /// Half the 95 % interval of a fit's held-out error, from how much it differs between blocks of time.
 fn interval(problem: &Problem, fitted: &Fit) -> Option<f64> {
-    let squares = held_out_block_squares(problem, fitted, FOLDS);
+    let squares = held_out_output_squares(problem, fitted, FOLDS);
     let n = squares.len() as f64;
     if squares.len() < 3 {
         return None;
     }
     let mean = squares.iter().sum::<f64>() / n;
     let variance = squares.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / (n - 1.0);
-    let rms = problem.rms(squares.iter().sum()) * problem.machine.error_unit().1;
+    let rms = problem.rms_of_outputs(squares.iter().sum()) * problem.machine.error_unit().1;
     // d rms = rms / 2 * d (mean square) / (mean square).
     (mean > 0.0).then(|| Z * 0.5 * rms * (variance / n).sqrt() / mean)
 }

@@ -5,7 +5,7 @@ use super::shell::{data_words, shell};
 use crate::cli_lab::DiagnoseArgs;
 use crate::print;
 use anyhow::{Context, bail};
-use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, FoundEffect, diagnose};
+use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, FoundEffect, LoadCell, diagnose};
 use krait_lab::experiment::{Separation, script, separation};
 use krait_lab::report::diagnosis_page;
 use krait_lab::{Names, Session};
@@ -91,6 +91,9 @@ fn text(args: &DiagnoseArgs, diagnosis: &Diagnosis, session: &Session) -> String
     if is_open {
         text += &format!("\nCalibration\n{}", calibration(diagnosis, names));
     }
+    if let Some(loads) = &diagnosis.loads {
+        text += &format!("\nLoad cells, in one likelihood with the shape\n{}", load_cells(loads));
+    }
     let found = if diagnosis.effects.is_empty() { &diagnosis.partial } else { &diagnosis.effects };
     if !found.is_empty() {
         text += if diagnosis.effects.is_empty() {
@@ -141,6 +144,21 @@ fn calibration(diagnosis: &Diagnosis, names: &Names) -> Table {
             own.unit.clone(),
             drawn,
         ]);
+    }
+    table
+}
+
+/// What the cells read, and what is left of it.
+fn load_cells(loads: &[LoadCell]) -> Table {
+    let mut table = Table::new(&["cell", "gain", "offset N", "left as given N", "with the effects N", "noise N"]);
+    for own in loads {
+        let offset = match own.offset_n[..] {
+            [only] => format!("{only:+.2}"),
+            _ => format!("{} trials", own.offset_n.len()),
+        };
+        let newtons = |value: f64| format!("{value:.3}");
+        let (before, after, noise) = (newtons(own.before_n), newtons(own.after_n), newtons(own.noise_n));
+        table.row(vec![format!("tau{}_n", own.line), format!("{:.4}", own.gain), offset, before, after, noise]);
     }
     table
 }

@@ -1,0 +1,220 @@
+//! Load cells at the actuators as outputs of a snake: their noise, their gain and offset, and what they say in one likelihood.
+//!
+//! measured_i = gain_i predicted_i + offset_(i, trial) + noise_i. Nobody calibrates cells for the lab: gain and offset are solved for
+//! inside every evaluation (variable projection), so that no candidate is fitted against another's calibration, and are
+//! reported. Each cell's noise is its own. A row counts where the shape was measured too.
+
+use crate::machine::MachineUnderTest;
+use crate::noise::{FloorSource, NoiseFloor};
+use crate::{LabError, Measurements, Problem};
+
+/// Lines, and cells.
+const N: usize = 3;
+/// No cell is trusted to less than this part of its range: an ordinary one is not more linear.
+const LINEARITY: f64 = 1e-3;
+/// Cells that share less of their variance with the model's loads than this measure something else.
+const FEWEST_SHARED: f64 = 0.5;
+/// Cells need as many rows as this.
+const FEWEST_ROWS: usize = 100;
+
+/// What is known of the cells' noise.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Cells {
+    /// Standard deviation of each cell, N.
+    pub sigma_n: [f64; N],
+    /// Of one output of the machine, in its unit.
+    sigma_output: f64,
+    /// Whether the noise of all of them is white, as far as the data tell.
+    pub is_white: bool,
+}
+
+/// Whether loads can be used.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Usable {
+    /// None were recorded, or the machine has none.
+    Absent,
+    /// They count.
+    Cells(Cells),
+    /// They do not, because of this.
+    No(String),
+}
+
+impl Usable {
+    /// The cells that count.
+    pub(crate) fn cells(&self) -> Option<&Cells> {
+        if let Self::Cells(cells) = self { Some(cells) } else { None }
+    }
+
+    /// The cells of measurements, judged with the machine's model as given; `excluded` rows do not count.
+    ///
+    /// # Errors
+    /// [`LabError`] where the model cannot be computed.
+    pub(crate) fn of(
+        machine: &dyn MachineUnderTest,
+        problem: &Problem,
+        sigma_output: Option<f64>,
+        shortest_block_s: f64,
+    ) -> Result<Self, LabError> {
+        let data = &problem.data;
+        if data.loads_n.is_none() {
+            return Ok(Self::Absent);
+        }
+        let (_, Some(predicted_n)) = machine.predict_with_loads(machine.effects(), data)? else {
+            return Ok(Self::Absent);
+        };
+        let no = |why: &str| Ok(Self::No(format!("the loads are not used: {why}")));
+        let Some(sigma_output) = sigma_output else { return no("the shape's own noise is not known") };
+        let is_scored = |row: usize| problem.weight[row * data.n_outputs] > 0.0;
+        let plain = Cells { sigma_n: [sigma_output; N], sigma_output, is_white: true };
+        let Some(rows) = LoadRows::new(data, &plain, is_scored) else {
+            return no("they are filled in fewer than a hundred of the rows with a shape");
+        };
+        let mut cells = plain;
+        for line in 0..N {
+            let fit = rows.cell(line, &predicted_n);
+            if fit.shared < FEWEST_SHARED {
+                let shared = 100.0 * fit.shared;
+                return no(&format!(
+                    "tau{}_n has {shared:.0} % of its variance in common with the load that the model expects there, and loads of \
+                     that line would have most; look whether the columns are those of the lines and of the actuators",
+                    line + 1
+                ));
+            }
+            let floor = noise_of(machine, data, &rows, line, &predicted_n, shortest_block_s);
+            let Some((sigma_n, source)) = floor.sigma() else { return no("their noise cannot be told") };
+            cells.sigma_n[line] = sigma_n.max(LINEARITY * fit.range_n);
+            cells.is_white &= source == FloorSource::White;
+        }
+        Ok(Self::Cells(cells))
+    }
+}
+
+/// The noise of one cell, from what the model leaves of it.
+fn noise_of(
+    machine: &dyn MachineUnderTest,
+    data: &Measurements,
+    rows: &LoadRows,
+    line: usize,
+    predicted_n: &[f64],
+    shortest_block_s: f64,
+) -> NoiseFloor {
+    let left = rows.left_n(line, predicted_n);
+    let mut outputs = vec![f64::NAN; data.n_rows()];
+    let mut residual = vec![0.0; data.n_rows()];
+    for (&row, &left) in rows.rows.iter().zip(&left) {
+        (outputs[row], residual[row]) = (left, left);
+    }
+    let own = Measurements { outputs, n_outputs: 1, loads_n: None, sigma: None, ..data.clone() };
+    NoiseFloor::new(&Problem::new(machine, own, &[], shortest_block_s), &residual)
+}
+
+/// The rows in which loads count, ready for a fit.
+#[derive(Clone, Debug)]
+pub(crate) struct LoadRows {
+    /// Their numbers.
+    rows: Vec<usize>,
+    /// Place in `rows` at which each trial begins, and their number at the end.
+    trials: Vec<usize>,
+    /// Measured loads of these rows, N, cell by cell.
+    measured_n: [Vec<f64>; N],
+    /// Weight of each cell.
+    weight: [f64; N],
+    n_all_rows: usize,
+}
+
+/// What a fit of one cell found.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct CellFit {
+    /// Newtons read for each newton of the model.
+    pub gain: f64,
+    /// Reading without a load in each trial, N.
+    pub offset_n: Vec<f64>,
+    /// Root mean square of what is left, N.
+    pub left_n: f64,
+    /// Share of the reading's variance that is explained, 0 to 1.
+    pub shared: f64,
+    /// From the least reading to the largest, N.
+    pub range_n: f64,
+}
+
+impl LoadRows {
+    /// Entries in each row of a residual.
+    pub(crate) const WIDTH: usize = N;
+
+    /// The rows with all three loads among those that are scored; `None` where they are few.
+    pub(crate) fn new(data: &Measurements, cells: &Cells, is_scored: impl Fn(usize) -> bool) -> Option<Self> {
+        let loads_n = data.loads_n.as_deref()?;
+        let is_whole = |row: &usize| {
+            is_scored(*row) && loads_n.get(row * N..(row + 1) * N).is_some_and(|own| own.iter().all(|x| x.is_finite()))
+        };
+        let rows: Vec<usize> = (0..data.n_rows()).filter(is_whole).collect();
+        if rows.len() < FEWEST_ROWS {
+            return None;
+        }
+        let begins = |k: &usize| *k == 0 || data.trial[rows[*k]] != data.trial[rows[*k - 1]];
+        let trials = (0..rows.len()).filter(begins).chain([rows.len()]).collect();
+        let measured_n = core::array::from_fn(|line| rows.iter().map(|row| loads_n[row * N + line]).collect());
+        let weight = cells.sigma_n.map(|sigma_n| cells.sigma_output / sigma_n);
+        Some(Self { rows, trials, measured_n, weight, n_all_rows: data.n_rows() })
+    }
+
+    /// Loads that count.
+    pub(crate) fn n_scored(&self) -> usize {
+        N * self.rows.len()
+    }
+
+    /// Weighted residuals of all rows, row after row of three, zero where no load counts, for predicted loads of all rows, N.
+    pub(crate) fn residual(&self, predicted_n: &[f64]) -> Vec<f64> {
+        let mut all = vec![0.0; N * self.n_all_rows];
+        for line in 0..N {
+            for (row, left) in self.rows.iter().zip(self.left_n(line, predicted_n)) {
+                all[row * N + line] = left * self.weight[line];
+            }
+        }
+        all
+    }
+
+    /// What gain and offset leave of a cell, N.
+    fn left_n(&self, line: usize, predicted_n: &[f64]) -> Vec<f64> {
+        let (gain, measured, predicted) = self.solve(line, predicted_n);
+        measured.iter().zip(&predicted).map(|(y, f)| y - gain * f).collect()
+    }
+
+    /// Gain, and readings and predictions without the mean of their trial, N.
+    fn solve(&self, line: usize, predicted_n: &[f64]) -> (f64, Vec<f64>, Vec<f64>) {
+        let mut measured = self.measured_n[line].clone();
+        let mut predicted: Vec<f64> = self.rows.iter().map(|row| predicted_n[row * N + line]).collect();
+        for own in self.trials.windows(2) {
+            for values in [&mut measured, &mut predicted] {
+                let trial = &mut values[own[0]..own[1]];
+                let mean = trial.iter().sum::<f64>() / trial.len() as f64;
+                trial.iter_mut().for_each(|x| *x -= mean);
+            }
+        }
+        let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let square = product(&predicted, &predicted);
+        let gain = if square > 0.0 { product(&predicted, &measured) / square } else { 1.0 };
+        (gain, measured, predicted)
+    }
+
+    /// One cell's fit.
+    pub(crate) fn cell(&self, line: usize, predicted_n: &[f64]) -> CellFit {
+        let (gain, measured, predicted) = self.solve(line, predicted_n);
+        let square = |values: &mut dyn Iterator<Item = f64>| values.map(|x| x * x).sum::<f64>();
+        let whole = square(&mut measured.iter().copied());
+        let left = square(&mut measured.iter().zip(&predicted).map(|(y, f)| y - gain * f));
+        let all = &self.measured_n[line];
+        let offset = |own: &[usize]| {
+            let sum: f64 = (own[0]..own[1]).map(|k| all[k] - gain * predicted_n[self.rows[k] * N + line]).sum();
+            sum / (own[1] - own[0]) as f64
+        };
+        let (low, high) = all.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
+        CellFit {
+            gain,
+            offset_n: self.trials.windows(2).map(offset).collect(),
+            left_n: (left / self.rows.len() as f64).sqrt(),
+            shared: if whole > 0.0 { 1.0 - left / whole } else { 0.0 },
+            range_n: high - low,
+        }
+    }
+}
