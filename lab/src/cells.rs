@@ -4,6 +4,7 @@
 //! inside every evaluation (variable projection), so that no candidate is fitted against another's calibration, and are
 //! reported. Each cell's noise is its own. A row counts where the shape was measured too.
 
+use crate::diagnose::LoadCell;
 use crate::machine::MachineUnderTest;
 use crate::noise::{FloorSource, NoiseFloor};
 use crate::{LabError, Measurements, Problem};
@@ -56,7 +57,7 @@ impl Usable {
         shortest_block_s: f64,
     ) -> Result<Self, LabError> {
         let data = &problem.data;
-        if data.loads_n.is_none() {
+        if data.loads_n.is_none() || !data.counts_loads {
             return Ok(Self::Absent);
         }
         let (_, Some(predicted_n)) = machine.predict_with_loads(machine.effects(), data)? else {
@@ -137,6 +138,16 @@ pub(crate) struct CellFit {
     pub range_n: f64,
 }
 
+/// What the cells of a problem were found to read, where loads of two models are predicted.
+pub(crate) fn load_cells(rows: &LoadRows, cells: &Cells, before: &[f64], after: &[f64]) -> Vec<LoadCell> {
+    let cell = |(k, &noise_n): (usize, &f64)| {
+        let found = rows.cell(k, after);
+        let before_n = rows.cell(k, before).left_n;
+        LoadCell { line: k + 1, gain: found.gain, offset_n: found.offset_n, noise_n, before_n, after_n: found.left_n }
+    };
+    cells.sigma_n.iter().enumerate().map(cell).collect()
+}
+
 impl LoadRows {
     /// Entries in each row of a residual.
     pub(crate) const WIDTH: usize = N;
@@ -215,6 +226,123 @@ impl LoadRows {
             left_n: (left / self.rows.len() as f64).sqrt(),
             shared: if whole > 0.0 { 1.0 - left / whole } else { 0.0 },
             range_n: high - low,
+        }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
+mod tests {
+    use super::*;
+    use crate::fit::{Variable, fit};
+    use crate::machine::SnakeLab;
+    use crate::{Names, Quantity, Term};
+    use core::f64::consts::{PI, TAU};
+    use krait_model::model_file::ModelFile;
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::{Rng, SeedableRng};
+
+    /// Load scale, play's half-width (m), f_s (N), friction of the cone.
+    const TRUTH: [f64; 4] = [1.22, 0.089e-3, 1.959, 0.1727];
+    /// Rows at each pose, so that twenty poses are rows enough; each has so much more noise.
+    const AT_A_POSE: usize = 5;
+
+    /// Encoders (m) and loads at the actuators (N) at a bend, all lines sliding, from the equations.
+    fn bench(bend_rad: f64, way: f64) -> ([f64; 3], [f64; 3]) {
+        let [eta, h, f_s, mu] = TRUTH;
+        let ea = 54e9 * PI / 4.0 * (0.66e-3_f64.powi(2) - 0.5e-3_f64.powi(2));
+        let ei = 54e9 * PI / 64.0 * (0.66e-3_f64.powi(4) - 0.5e-3_f64.powi(4));
+        let (l, r) = (26e-3, 1.684e-3);
+        let j = [-r, 0.5 * r, 0.5 * r];
+        let sum: f64 = 1.0 / l + j.iter().map(|j| 1.0 / (l + j * bend_rad)).sum::<f64>();
+        let slope: f64 = j.iter().map(|j| -j / (l + j * bend_rad).powi(2)).sum();
+        let moment = ei * (bend_rad * sum + 0.5 * bend_rad * bend_rad * slope);
+        let across: f64 = j.iter().map(|j| j * j).sum();
+        let loads = j.map(|j| {
+            let (t, s) = (eta * moment * j / across, way * j.signum());
+            let slid = t + s * f_s;
+            slid * (2.0 * mu * 41_f64.to_radians() * if s * slid > 0.0 { 1.0 } else { -1.0 }).exp()
+        });
+        let reading = core::array::from_fn(|i| {
+            j[i] * bend_rad + eta * moment * j[i] / across * 0.48 / ea + loads[i] * 0.058 / ea + way * j[i].signum() * h
+        });
+        (reading, loads)
+    }
+
+    fn normal(random: &mut ChaCha8Rng) -> f64 {
+        let mut uniform = || (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
+        (-2.0 * (1.0 - uniform()).ln()).sqrt() * (TAU * uniform()).cos()
+    }
+
+    /// Up to 62 degrees and back, measured at ten bends from 10 to 60 degrees each way.
+    fn measured(seed: u64, sigma: [f64; 2]) -> Measurements {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let poses: Vec<f64> = (0..10).map(|k| 10.0 + 50.0 * f64::from(k) / 9.0).collect();
+        let mut up: Vec<(f64, bool)> = (1..=124).map(|k| (0.5 * f64::from(k), false)).collect();
+        up.extend(poses.iter().flat_map(|pose| [(*pose, true); AT_A_POSE]));
+        up.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let path = up.iter().map(|own| (*own, 1.0)).chain(up.iter().rev().map(|own| (*own, -1.0)));
+        let (mut inputs, mut outputs, mut loads) = (Vec::new(), Vec::new(), Vec::new());
+        for ((bend_deg, is_measured), way) in path {
+            let (reading, own) = bench(bend_deg.to_radians(), way);
+            inputs.extend(reading);
+            let seen = [bend_deg.to_radians(), 0.0].map(|b| b + sigma[0] * normal(&mut random));
+            outputs.extend(if is_measured { seen } else { [f64::NAN; 2] });
+            loads.extend(own.map(|n| n + sigma[1] * normal(&mut random)));
+        }
+        let n = outputs.len() / 2;
+        Measurements {
+            source: String::new(),
+            sha256: String::new(),
+            quantity: Quantity::Snake,
+            time_s: (0..n).map(|k| 0.1 * k as f64).collect(),
+            inputs,
+            n_inputs: 3,
+            outputs,
+            n_outputs: 2,
+            trial: vec![0; n],
+            loads_n: Some(loads),
+            counts_loads: true,
+            stem_angle_rad: None,
+            temperature_c: None,
+            sigma: None,
+            extra: Vec::new(),
+            names: Names::default(),
+        }
+    }
+
+    /// Camera 1 degree, cells 0.1 N, twenty poses: what the rows of the likelihood predict, with gains and offsets of the cells free.
+    #[test]
+    fn fits_scatter_as_the_rows_of_the_likelihood_predict() {
+        const PREDICTED: [f64; 4] = [0.0140, 0.00702e-3, 0.0729, 0.4564 / 41.0 * 0.1727];
+        const SEEDS: u64 = 60;
+        let file = ModelFile::parse("format = 1\n\n[machine]\nkind = \"snake\"\n").unwrap();
+        let lab = SnakeLab::new(&file).unwrap();
+        let effects: Vec<Term> = ["stiffness-scale", "backlash", "static-friction", "cone-friction"]
+            .into_iter()
+            .zip(TRUTH)
+            .map(|(name, value)| Term { name: name.to_owned(), values: vec![1.05 * value], formula: None })
+            .collect();
+        let variables: Vec<Variable> =
+            (0..4).map(|k| Variable::new(&lab, &effects, k, 0, 0.1 * TRUTH[k]).unwrap()).collect();
+        let sigma = [1_f64.to_radians(), 0.1].map(|sigma| sigma * (AT_A_POSE as f64).sqrt());
+        let cells = Cells { sigma_n: [sigma[1]; 3], sigma_output: sigma[0], is_white: true };
+        let mut sums = [[0.0; 2]; 4];
+        for seed in 0..SEEDS {
+            let problem = Problem::new(&lab, measured(seed, sigma), &[], 1.0).with_loads(Some(&cells));
+            assert_eq!((problem.width(), problem.n_scored), (5, 5 * 20 * AT_A_POSE));
+            let found = fit(&problem, &effects, &variables, 30, 1e-9).unwrap();
+            for ((sums, term), truth) in sums.iter_mut().zip(&found.effects).zip(TRUTH) {
+                let off = term.values[0] - truth;
+                *sums = [sums[0] + off, sums[1] + off * off];
+            }
+        }
+        for ((sums, predicted), term) in sums.iter().zip(PREDICTED).zip(&effects) {
+            let n = SEEDS as f64;
+            let (mean, sd) = (sums[0] / n, (sums[1] / n - (sums[0] / n).powi(2)).sqrt());
+            println!("{}: sd {sd:.3e}, predicted {predicted:.3e}, mean error {mean:.3e}", term.name);
+            // Sixty fits know their scatter to 9 %.
+            assert!((sd / predicted - 1.0).abs() < 0.25 && mean.abs() < 3.0 * predicted / n.sqrt(), "{}", term.name);
         }
     }
 }

@@ -32,6 +32,9 @@ pub struct Measurements {
     pub trial: Vec<u32>,
     /// Loads at the actuators, N, push positive, row after row of 3.
     pub loads_n: Option<Vec<f64>>,
+    /// Whether fits count them. What krait's own recordings hold is what a drive says of itself (a motor's current, or a simulated
+    /// snake's loads without noise), which is shown and not counted.
+    pub counts_loads: bool,
     /// Angle of the flexible stem, rad.
     pub stem_angle_rad: Option<Vec<f64>>,
     /// Temperature, degrees Celsius.
@@ -127,6 +130,7 @@ impl Measurements {
                 _ => *own = None,
             };
             join(&mut all.loads_n, part.loads_n);
+            all.counts_loads &= part.counts_loads;
             join(&mut all.stem_angle_rad, part.stem_angle_rad);
             join(&mut all.temperature_c, part.temperature_c);
             join(&mut all.sigma, part.sigma);
@@ -161,6 +165,7 @@ impl Measurements {
             n_outputs: self.n_outputs,
             trial: rows.iter().filter_map(|&row| self.trial.get(row).copied()).collect(),
             loads_n: pick_option(&self.loads_n, 3),
+            counts_loads: self.counts_loads,
             stem_angle_rad: pick_option(&self.stem_angle_rad, 1),
             temperature_c: pick_option(&self.temperature_c, 1),
             sigma: pick_option(&self.sigma, 1),

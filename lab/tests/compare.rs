@@ -35,6 +35,7 @@ fn motion() -> Measurements {
         n_outputs: 2,
         trial: vec![0; n],
         loads_n: None,
+        counts_loads: true,
         stem_angle_rad: None,
         temperature_c: None,
         sigma: None,

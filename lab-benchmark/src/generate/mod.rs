@@ -293,6 +293,7 @@ fn measurements(recipe: &Recipe, readings_m: &[[f64; 3]], seen_rad: &[[f64; 2]])
         n_outputs: 2,
         trial: vec![0; readings_m.len()],
         loads_n: None,
+        counts_loads: true,
         stem_angle_rad: None,
         temperature_c: None,
         sigma: None,

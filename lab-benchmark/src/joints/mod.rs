@@ -117,6 +117,7 @@ pub fn joints(recipe: &JointRecipe) -> Option<(Measurements, Answer)> {
         n_outputs: 2,
         trial: vec![0; n],
         loads_n: None,
+        counts_loads: true,
         stem_angle_rad: None,
         temperature_c: None,
         sigma: None,

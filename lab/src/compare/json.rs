@@ -1,6 +1,7 @@
 //! The machine-readable answer of a comparison: its names and nesting are a contract with other programs.
 
 use super::{Bin, Comparison};
+use crate::diagnose::LoadCell;
 use serde_json::{Value, json};
 
 impl Comparison {
@@ -9,7 +10,7 @@ impl Comparison {
         let is_deg = self.unit == "deg";
         let deg = |value: f64| is_deg.then_some(value);
         let bends = self.parts.as_ref();
-        json!({
+        let mut all = json!({
             "format": 2,
             "rows": self.n_rows,
             "scored_rows": self.n_scored,
@@ -48,7 +49,16 @@ impl Comparison {
             })),
             "data": self.source,
             "data_sha256": self.sha256,
-        })
+        });
+        if let (Some(loads), Value::Object(keys)) = (&self.loads, &mut all) {
+            let cell = |own: &LoadCell| {
+                json!({
+                    "line": own.line, "gain": own.gain, "offset_n": own.offset_n, "noise_n": own.noise_n, "rms_n": own.after_n,
+                })
+            };
+            keys.insert("loads".to_owned(), loads.iter().map(cell).collect());
+        }
+        all
     }
 }
 

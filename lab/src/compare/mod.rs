@@ -17,8 +17,11 @@ pub use common_mode::CommonMode;
 pub use parts::Parts;
 pub use spread::Spread;
 
+use crate::cells::load_cells;
+use crate::diagnose::LoadCell;
 use crate::machine::{JointsLab, MachineUnderTest};
 use crate::noise::NoiseFloor;
+use crate::prepare::{Prepared, prepare};
 use crate::{LabError, Measurements, Problem};
 use krait_model::model_file::Known;
 use serde::Serialize;
@@ -50,6 +53,8 @@ pub struct Comparison {
     pub position_rms_m: Option<f64>,
     /// What three lines share and no shape shows; `None` for joints.
     pub common_mode: Option<CommonMode>,
+    /// The load cells beside the model's loads; `None` where none were recorded, or none that follow the model's.
+    pub loads: Option<Vec<LoadCell>>,
     /// Length of the error that the measurement's own noise gives, root mean square; `None` if the data do not tell.
     pub noise_floor: Option<f64>,
     /// How the floor was found.
@@ -99,12 +104,23 @@ pub struct Noise {
 pub fn compare(machine: &dyn MachineUnderTest, data: &Measurements) -> Result<Comparison, LabError> {
     let predicted = machine.predict(machine.effects(), data)?;
     let given = compare_prediction(machine, data, &predicted);
-    let Some(joints) = machine.as_joints() else { return Ok(given) };
+    let Some(joints) = machine.as_joints() else { return Ok(Comparison { loads: loads(machine, data)?, ..given }) };
     let calibrated = crate::joint::calibrated(joints, data)?;
     let predicted = calibrated.predict(machine.effects(), data)?;
     let calibration = calibration(joints, &calibrated);
     let as_given_rms = given.error.rms;
     Ok(Comparison { as_given_rms, calibration, ..compare_prediction(&calibrated, data, &predicted) })
+}
+
+/// The load cells, where loads were recorded that follow the model's.
+fn loads(machine: &dyn MachineUnderTest, data: &Measurements) -> Result<Option<Vec<LoadCell>>, LabError> {
+    if data.loads_n.is_none() {
+        return Ok(None);
+    }
+    let Prepared { problem, loads, .. } = prepare(machine, data)?;
+    let (Some(rows), Some(cells)) = (problem.loads(), loads.cells()) else { return Ok(None) };
+    let (_, predicted_n) = machine.predict_with_loads(machine.effects(), data)?;
+    Ok(predicted_n.map(|own| load_cells(rows, cells, &own, &own)))
 }
 
 fn calibration(given: &JointsLab, calibrated: &JointsLab) -> Vec<Calibrated> {
@@ -152,6 +168,7 @@ pub fn compare_prediction(machine: &dyn MachineUnderTest, data: &Measurements, p
         output_rms: parts::output_rms(data, predicted, &scored, scale),
         position_rms_m,
         common_mode: CommonMode::of(data),
+        loads: None,
         noise_floor: sigma.map(|(sigma, _)| scale * sigma * (data.n_outputs as f64).sqrt()),
         noise_source: sigma.map_or("the data do not tell", |(_, source)| source.label()),
         noise: Noise {

@@ -11,7 +11,7 @@ use super::sign_flip::SignFlip;
 use super::words::{sentence, state};
 use super::working::working_rows;
 use super::{GroupShare, experiment, gate, lists, structure};
-use crate::cells::Usable;
+use crate::cells::{Usable, load_cells};
 use crate::fit::{Fit, Variable, dot, held_out_block_squares, held_out_output_squares, uncertainty};
 use crate::machine::{Candidate, MachineUnderTest};
 use crate::noise::{FloorSource, NoiseFloor};
@@ -304,18 +304,7 @@ impl Case<'_> {
             Ok(problem.machine.predict_with_loads(&trial.fit.effects, &problem.data)?.1.unwrap_or_default())
         };
         let (before, after) = (predicted(start)?, predicted(chosen)?);
-        let cell = |(k, &noise_n): (usize, &f64)| {
-            let found = rows.cell(k, &after);
-            LoadCell {
-                line: k + 1,
-                gain: found.gain,
-                offset_n: found.offset_n,
-                noise_n,
-                before_n: rows.cell(k, &before).left_n,
-                after_n: found.left_n,
-            }
-        };
-        Ok(Some(cells.sigma_n.iter().enumerate().map(cell).collect()))
+        Ok(Some(load_cells(rows, cells, &before, &after)))
     }
 
     /// Whether the effects are more than imitations: none at the edge of what is physical, and what explains most is

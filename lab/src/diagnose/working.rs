@@ -64,6 +64,7 @@ mod tests {
             n_outputs: 1,
             trial: (0..).zip(lengths).flat_map(|(trial, length)| vec![trial; *length]).collect(),
             loads_n: None,
+            counts_loads: true,
             stem_angle_rad: None,
             temperature_c: None,
             sigma: None,

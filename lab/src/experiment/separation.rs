@@ -138,6 +138,7 @@ fn measurements(machine: &SnakeMachine) -> Result<Measurements, LabError> {
         n_outputs: 2,
         trial: vec![0; n],
         loads_n: None,
+        counts_loads: true,
         stem_angle_rad: None,
         temperature_c: None,
         sigma: None,

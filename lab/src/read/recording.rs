@@ -62,6 +62,7 @@ fn measurements(path: &Path, columns: &Columns, sha256: String) -> Measurements 
         n_outputs: 2,
         trial: rows.iter().map(|row| row.trial.saturating_sub(1)).collect(),
         loads_n: columns.has_tau().then(|| rows.iter().flat_map(|row| row.tau_n).collect()),
+        counts_loads: false,
         stem_angle_rad: None,
         temperature_c: None,
         sigma: Some(rows.iter().map(|row| row.sigma_bend_rad).collect()),

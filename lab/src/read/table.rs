@@ -32,6 +32,7 @@ pub(super) fn measurements(path: &Path, mut table: Table, expected: Expected, sh
         outputs,
         n_outputs,
         loads_n: interleave(&mut table, super::role::N_LINES, Role::Load),
+        counts_loads: true,
         stem_angle_rad: take(&mut table, Role::StemAngle),
         temperature_c: take(&mut table, Role::Temperature),
         sigma: take(&mut table, Role::Sigma).or_else(|| weight.map(|w| w.iter().map(|w| w.sqrt().recip()).collect())),

@@ -58,6 +58,12 @@ fn text(found: &Comparison, names: &Names) -> String {
             _ => text += "; loads were not measured\n",
         }
     }
+    for own in found.loads.iter().flatten() {
+        text += &format!(
+            "Load tau{}_n: {:.3} N rms from the model's, beside a noise of {:.3} N (a gain of {:.4} and the offset taken out)\n",
+            own.line, own.after_n, own.noise_n, own.gain
+        );
+    }
     text += &format!("\nNoise of one output, found in three ways\n{}", noise(found));
     text + &format!("\nWhere ({SHOWN} worst of {})\n{}", found.bins.len(), places(found))
 }
