@@ -300,12 +300,11 @@ impl MasterCore {
             };
         }
         match self.script {
-            Some(sample) if !self.is_ended => OperatorMotion {
-                tip_vel_in_view_m_per_s: sample.effective_vel_m_per_s(),
-                // A script says nothing of turns.
-                tip_angular_vel_in_view_rad_per_s: [0.0; 3],
-                flags: flags(sample.is_present, sample.is_clutched),
-            },
+            Some(sample) if !self.is_ended => {
+                let (tip_vel_in_view_m_per_s, tip_angular_vel_in_view_rad_per_s) = sample.effective();
+                let flags = flags(sample.is_present, sample.is_clutched);
+                OperatorMotion { tip_vel_in_view_m_per_s, tip_angular_vel_in_view_rad_per_s, flags }
+            }
             _ => self.operator.step(&Hand { axes: self.decoder.axes(), buttons: self.decoder.buttons(), device }),
         }
     }

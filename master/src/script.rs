@@ -9,8 +9,9 @@
 //! ```
 //!
 //! Velocities are in the view frame (x right, y down, z away), at most 0.1 m/s each, and are interpolated linearly between
-//! rows; a step is two rows a little apart. The last two columns may be absent (present, not clutched); they hold from
-//! their row to the next. Time starts at 0 or later and increases; before the first row nothing moves, after the last the
+//! rows; a step is two rows a little apart. Behind them may stand how fast the hand turns (`tip_wx_rad_per_s` and so on, at
+//! most 10 rad/s each), for machines that have joints to be turned by it. The last two columns may be absent (present, not
+//! clutched); they hold from their row to the next. Time starts at 0 or later and increases; before the first row nothing moves, after the last the
 //! script has ended. A script bypasses axis map, dead zone, curve and presence button: it says what they would have said.
 
 use crate::MasterError;
@@ -21,14 +22,31 @@ const MAX_BYTES: u64 = 64 * 1024 * 1024;
 const MAX_VEL_M_PER_S: f64 = 0.1;
 /// Longest script, s: a day.
 const MAX_TIME_S: f64 = 86_400.0;
-const COLUMNS: [&str; 6] =
-    ["time_s", "tip_vx_m_per_s", "tip_vy_m_per_s", "tip_vz_m_per_s", "operator_present", "clutch"];
+const MAX_TURN_RAD_PER_S: f64 = 10.0;
+/// Columns without turning, and with it.
+const COLUMNS: &[&str] =
+    &["time_s", "tip_vx_m_per_s", "tip_vy_m_per_s", "tip_vz_m_per_s", "operator_present", "clutch"];
+const TURNING_COLUMNS: &[&str] = &[
+    "time_s",
+    "tip_vx_m_per_s",
+    "tip_vy_m_per_s",
+    "tip_vz_m_per_s",
+    "tip_wx_rad_per_s",
+    "tip_wy_rad_per_s",
+    "tip_wz_rad_per_s",
+    "operator_present",
+    "clutch",
+];
+/// Columns that no script lacks.
+const N_NEEDED: usize = 4;
 
 /// What a script asks for at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScriptSample {
     /// Velocity of the tip in the view frame, m/s; finite.
     pub tip_vel_in_view_m_per_s: [f64; 3],
+    /// Angular velocity of the hand in the view frame, rad/s; finite.
+    pub tip_angular_vel_in_view_rad_per_s: [f64; 3],
     /// Whether the operator is present.
     pub is_present: bool,
     /// Whether the clutch is pressed.
@@ -36,9 +54,19 @@ pub struct ScriptSample {
 }
 
 impl ScriptSample {
-    /// The velocity that may reach the snake, m/s: zero without presence or with the clutch pressed.
-    pub(crate) fn effective_vel_m_per_s(&self) -> [f64; 3] {
-        if self.is_present && !self.is_clutched { self.tip_vel_in_view_m_per_s } else { [0.0; 3] }
+    /// Nothing is asked for and nobody is there.
+    const NOBODY: Self = Self {
+        tip_vel_in_view_m_per_s: [0.0; 3],
+        tip_angular_vel_in_view_rad_per_s: [0.0; 3],
+        is_present: false,
+        is_clutched: false,
+    };
+
+    /// What may reach the robot, m/s and rad/s: zero without presence or with the clutch pressed.
+    pub(crate) fn effective(&self) -> ([f64; 3], [f64; 3]) {
+        let counts = self.is_present && !self.is_clutched;
+        let from = if counts { self } else { &Self::NOBODY };
+        (from.tip_vel_in_view_m_per_s, from.tip_angular_vel_in_view_rad_per_s)
     }
 }
 
@@ -63,16 +91,16 @@ impl Script {
     /// # Errors
     /// [`MasterError::Script`] for the first field that is wrong.
     pub fn parse(file: &str, bytes: &[u8]) -> Result<Self, MasterError> {
-        let (mut n_columns, mut rows) = (None, Vec::new());
+        let (mut columns, mut rows) = (None, Vec::new());
         for (line_idx, line) in bytes.split(|b| *b == b'\n').enumerate() {
             let line = line.trim_ascii();
             if line.is_empty() || line.starts_with(b"#") {
                 continue;
             }
             let row = Row { file, line: line_idx + 1, bytes: line };
-            match n_columns {
-                None => n_columns = Some(row.header()?),
-                Some(n_columns) => rows.push(row.sample(n_columns, rows.last().map(|(time_ns, _)| *time_ns))?),
+            match columns {
+                None => columns = Some(row.header()?),
+                Some(columns) => rows.push(row.sample(columns, rows.last().map(|(time_ns, _)| *time_ns))?),
             }
         }
         if rows.is_empty() {
@@ -91,14 +119,21 @@ impl Script {
     pub fn at(&self, time_ns: i64) -> Option<ScriptSample> {
         let n_begun = self.rows.partition_point(|(row_ns, _)| *row_ns <= time_ns);
         let Some((from_ns, from)) = n_begun.checked_sub(1).map(|idx| self.rows[idx]) else {
-            return Some(ScriptSample { tip_vel_in_view_m_per_s: [0.0; 3], is_present: false, is_clutched: false });
+            return Some(ScriptSample::NOBODY);
         };
         let Some((to_ns, to)) = self.rows.get(n_begun) else {
             return (time_ns == from_ns).then_some(from);
         };
         let part = (time_ns - from_ns) as f64 / (to_ns - from_ns) as f64;
-        let [a, b] = [from.tip_vel_in_view_m_per_s, to.tip_vel_in_view_m_per_s];
-        Some(ScriptSample { tip_vel_in_view_m_per_s: std::array::from_fn(|k| a[k] + part * (b[k] - a[k])), ..from })
+        let between = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|k| a[k] + part * (b[k] - a[k]));
+        Some(ScriptSample {
+            tip_vel_in_view_m_per_s: between(from.tip_vel_in_view_m_per_s, to.tip_vel_in_view_m_per_s),
+            tip_angular_vel_in_view_rad_per_s: between(
+                from.tip_angular_vel_in_view_rad_per_s,
+                to.tip_angular_vel_in_view_rad_per_s,
+            ),
+            ..from
+        })
     }
 }
 
@@ -113,51 +148,57 @@ impl<'a> Row<'a> {
         self.bytes.split(|b| *b == b',').map(<[u8]>::trim_ascii)
     }
 
-    fn header(&self) -> Result<usize, MasterError> {
+    /// The columns that there are, in their order.
+    fn header(&self) -> Result<&'static [&'static str], MasterError> {
         let n_columns = self.fields().count();
+        let is_turning = self.fields().nth(N_NEEDED).is_some_and(|field| field == TURNING_COLUMNS[N_NEEDED].as_bytes());
+        let (columns, n_needed) =
+            if is_turning { (TURNING_COLUMNS, TURNING_COLUMNS.len() - 2) } else { (COLUMNS, N_NEEDED) };
         for (idx, field) in self.fields().enumerate() {
-            match COLUMNS.get(idx) {
+            match columns.get(idx) {
                 Some(name) if field == name.as_bytes() => {}
                 Some(name) => return Err(self.refuse(idx + 1, &format!("the heading {name}"), shown(field))),
                 None => return Err(self.refuse(idx + 1, "no further heading", shown(field))),
             }
         }
-        if n_columns < 4 {
-            return Err(self.refuse(
-                n_columns + 1,
-                &format!("the heading {}", COLUMNS[n_columns]),
-                "nothing".to_owned(),
-            ));
+        if n_columns < n_needed {
+            let expected = format!("the heading {}", columns[n_columns]);
+            return Err(self.refuse(n_columns + 1, &expected, "nothing".to_owned()));
         }
-        Ok(n_columns)
+        Ok(&columns[..n_columns])
     }
 
-    fn sample(&self, n_columns: usize, last_ns: Option<i64>) -> Result<(i64, ScriptSample), MasterError> {
-        let n_found = self.fields().count();
+    fn sample(&self, columns: &[&str], last_ns: Option<i64>) -> Result<(i64, ScriptSample), MasterError> {
+        let (n_columns, n_found) = (columns.len(), self.fields().count());
         if n_found != n_columns {
             let expected = format!("{n_columns} fields as in the heading");
             return Err(self.refuse(n_found.min(n_columns), &expected, format!("{n_found}")));
         }
-        let mut numbers = [0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
-        for (idx, field) in self.fields().enumerate() {
-            numbers[idx] = self.number(idx, field)?;
+        let (mut time_s, mut sample) = (0.0, ScriptSample { is_present: true, ..ScriptSample::NOBODY });
+        for (idx, (name, field)) in columns.iter().zip(self.fields()).enumerate() {
+            let number = self.number(name, idx, field)?;
+            match *name {
+                "time_s" => time_s = number,
+                "operator_present" => sample.is_present = number != 0.0,
+                "clutch" => sample.is_clutched = number != 0.0,
+                _ if idx < N_NEEDED => sample.tip_vel_in_view_m_per_s[idx - 1] = number,
+                _ => sample.tip_angular_vel_in_view_rad_per_s[idx - N_NEEDED] = number,
+            }
         }
-        let [time_s, x, y, z, present, clutch] = numbers;
         let time_ns = (time_s * 1e9).round() as i64;
         if let Some(last_ns) = last_ns.filter(|last_ns| time_ns <= *last_ns) {
             return Err(self.refuse(1, &format!("a time after {} s", last_ns as f64 * 1e-9), format!("{time_s} s")));
         }
-        let sample =
-            ScriptSample { tip_vel_in_view_m_per_s: [x, y, z], is_present: present != 0.0, is_clutched: clutch != 0.0 };
         Ok((time_ns, sample))
     }
 
-    fn number(&self, column_idx: usize, field: &[u8]) -> Result<f64, MasterError> {
+    fn number(&self, name: &str, column_idx: usize, field: &[u8]) -> Result<f64, MasterError> {
         let value: Option<f64> = std::str::from_utf8(field).ok().and_then(|text| text.parse().ok());
-        let (is_allowed, expected): (fn(f64) -> bool, &str) = match column_idx {
-            0 => (|v| (0.0..=MAX_TIME_S).contains(&v), "a time from 0 to 86400 s"),
-            1..=3 => (|v| v.abs() <= MAX_VEL_M_PER_S, "a velocity from -0.1 to 0.1 m/s"),
-            _ => (|v| v == 0.0 || v == 1.0, "0 or 1"),
+        let (is_allowed, expected): (fn(f64) -> bool, &str) = match name {
+            "time_s" => (|v| (0.0..=MAX_TIME_S).contains(&v), "a time from 0 to 86400 s"),
+            "operator_present" | "clutch" => (|v| v == 0.0 || v == 1.0, "0 or 1"),
+            _ if column_idx < N_NEEDED => (|v| v.abs() <= MAX_VEL_M_PER_S, "a velocity from -0.1 to 0.1 m/s"),
+            _ => (|v| v.abs() <= MAX_TURN_RAD_PER_S, "an angular velocity from -10 to 10 rad/s"),
         };
         value.filter(|v| is_allowed(*v)).ok_or_else(|| self.refuse(column_idx + 1, expected, shown(field)))
     }

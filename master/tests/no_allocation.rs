@@ -27,7 +27,12 @@ fn no_report_tick_or_event_allocates() {
         core.on_unplugged();
         core.on_plugged();
         core.on_drained(3);
-        core.on_script(ScriptSample { tip_vel_in_view_m_per_s: [0.01; 3], is_present: true, is_clutched: false });
+        core.on_script(ScriptSample {
+            tip_vel_in_view_m_per_s: [0.01; 3],
+            tip_angular_vel_in_view_rad_per_s: [0.1; 3],
+            is_present: true,
+            is_clutched: false,
+        });
         std::hint::black_box(core.on_tick(i64::MAX));
         for frame in 1..500 {
             let (sequence, sample_ns, flags) = (frame, frame as i64 * 20_000_000, u32::from(frame % 100 != 1));

@@ -36,6 +36,26 @@ fn the_flag_columns_may_be_absent() {
 }
 
 #[test]
+fn a_hand_that_turns_has_three_columns_more() {
+    let head = "time_s,tip_vx_m_per_s,tip_vy_m_per_s,tip_vz_m_per_s,tip_wx_rad_per_s,tip_wy_rad_per_s,tip_wz_rad_per_s";
+    let text = format!("{head},operator_present,clutch\n0,0.01,0,0,0,0,0,1,0\n2,0,0,0.02,0.5,-1,4,1,1\n");
+    let half = Script::parse("s.csv", text.as_bytes()).expect("script").at(1_000_000_000).expect("row");
+    assert_eq!(half.tip_vel_in_view_m_per_s, [0.005, 0.0, 0.01]);
+    assert_eq!(half.tip_angular_vel_in_view_rad_per_s, [0.25, -0.5, 2.0]);
+    assert!(half.is_present && !half.is_clutched);
+    let short = Script::parse("s.csv", format!("{head}\n0,0,0,0,0,0,3\n").as_bytes()).expect("script");
+    let row = short.at(0).expect("row");
+    assert!(row.is_present && row.tip_angular_vel_in_view_rad_per_s == [0.0, 0.0, 3.0]);
+    let wild = refused(&format!("{head}\n0,0,0,0,0,11,0\n"));
+    assert!(
+        wild.contains("line 2, column 6: expected an angular velocity from -10 to 10 rad/s, found \"11\""),
+        "{wild}"
+    );
+    let one = refused("time_s,tip_vx_m_per_s,tip_vy_m_per_s,tip_vz_m_per_s,tip_wx_rad_per_s\n");
+    assert!(one.contains("line 1, column 6: expected the heading tip_wy_rad_per_s, found nothing"), "{one}");
+}
+
+#[test]
 fn a_wrong_field_is_named_by_line_and_column() {
     for (rows, named) in [
         (

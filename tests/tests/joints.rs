@@ -128,3 +128,31 @@ fn eight_sliding_joints_are_driven_in_mm_and_verify() {
     let replay = Ended::of(&["replay", &recording], PATIENCE);
     assert!(replay.code == Some(2) && replay.sentence().contains("is for snakes"), "{replay:?}");
 }
+
+#[test]
+fn a_joint_follows_the_turning_of_a_scripted_hand() {
+    let folder = TempFolder::new("turning");
+    let (script, config, recording) = (folder.file("turn.csv"), folder.file("turn.toml"), folder.file("turn.mcap"));
+    let head = "time_s,tip_vx_m_per_s,tip_vy_m_per_s,tip_vz_m_per_s,tip_wx_rad_per_s,tip_wy_rad_per_s,tip_wz_rad_per_s";
+    std::fs::write(&script, format!("{head}\n0,0,0,0,0,0,0\n1,0,0,0,0,0,0.4\n3,0,0,0,0,0,0.4\n")).expect("written");
+    // The third joint alone follows the turn about the view's axis.
+    let rates = "rates = [[0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, 1]]";
+    std::fs::write(&config, format!("[joints]\n{rates}\n")).expect("written");
+    let instance = instance_name("turning");
+    let run = ["run", "--engage=again", "--master", "script", "--input", &script, "--config", &config];
+    let more = ["--model", WRIST, "--seconds", "3", "--instance", &instance, "--recording", &recording];
+    let _alone = ALONE.lock();
+    let ended = Ended::of(&[&run[..], &more[..]].concat(), PATIENCE);
+    assert!(matches!(ended.code, Some(0 | 1)), "{}", ended.stderr);
+    let mut furthest = [0.0_f64; 3];
+    for recorded in Recording::open(Path::new(&recording)).expect("readable").samples().expect("samples") {
+        if let Sample::Setpoint(setpoint) = recorded.expect("readable").sample {
+            for (furthest, joint) in furthest.iter_mut().zip(setpoint.joints_rad) {
+                *furthest = furthest.max(joint.abs());
+            }
+        }
+    }
+    assert!(furthest[2] > 0.3, "the third joint turns: {furthest:?}");
+    // They stay where the drives' zero has them.
+    assert!(furthest[0] < 0.03 && furthest[1] < 0.03, "nothing else does: {furthest:?}");
+}
