@@ -21,7 +21,11 @@ const AXE: &str = "axe-core@4.10.3";
 /// The script with the rules, or nothing where it cannot be had.
 fn axe() -> Option<String> {
     let folder = TempFolder::new("axe");
-    let packed = Command::new("npm").args(["pack", AXE, "--silent"]).current_dir(folder.path()).output().ok()?;
+    let packed = Command::new("npm")
+        .args(["pack", AXE, "--silent", "--fetch-timeout=30000", "--fetch-retries=1"])
+        .current_dir(folder.path())
+        .output()
+        .ok()?;
     let name = String::from_utf8(packed.stdout).ok()?.trim().to_owned();
     let archive = Path::new(folder.path()).join(&name);
     let script = Command::new("tar").args(["-xzO", "-f"]).arg(archive).arg("package/axe.min.js").output().ok()?;

@@ -29,7 +29,8 @@ struct Watched {
 
 impl Watched {
     fn start(instance: &str) -> Self {
-        let ours = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).expect("a terminal can be had");
+        let ours =
+            openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).expect("a terminal can be had");
         grantpt(&ours).expect("granted");
         unlockpt(&ours).expect("unlocked");
         let path = ptsname(&ours, Vec::new()).expect("it has a name").into_string().expect("plain");
