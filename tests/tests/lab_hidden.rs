@@ -3,7 +3,7 @@
 //! The plant of `slave` shares no equation with the model, so that what the lab finds is not what it was made from. What is
 //! right stands in the sealed answer, which the lab never reads.
 
-#![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
+#![allow(clippy::expect_used, clippy::panic, clippy::print_stdout, reason = "a panic is how a test fails")]
 
 use core::time::Duration;
 use krait_tests::{Ended, Riddle, hand, instance_name, krait_json as krait};
