@@ -17,7 +17,7 @@ const MOST_REASONS: usize = 6;
 pub fn glance(observer: &mut Observer, now_ns: i64) -> Vec<String> {
     let shown = observer.shown(now_ns);
     let mut lines = vec![format!("{:<12}{}", shown.word().to_uppercase(), shown.sentence())];
-    let recording_s = observer.recording_s(now_ns);
+    let recording_s = observer.recording_s(&observer.members(), now_ns);
     let newest = observer.newest();
     let off_deg = observer.error_rms_rad(now_ns).map(f64::to_degrees);
     lines.push(operator_line(newest.input.as_ref()));
@@ -39,7 +39,8 @@ pub fn glance(observer: &mut Observer, now_ns: i64) -> Vec<String> {
     lines.into_iter().map(|line| line.chars().take(COLUMNS).collect()).collect()
 }
 
-fn number(value: Option<f64>, digits: usize) -> String {
+/// A value with so many digits behind the point; a dash where there is none.
+pub fn number(value: Option<f64>, digits: usize) -> String {
     value.filter(|value| value.is_finite()).map_or_else(|| "-".to_owned(), |value| format!("{value:.digits$}"))
 }
 
@@ -64,16 +65,25 @@ fn operator_line(input: Option<&OperatorInput>) -> String {
     format!("operator    {}", words.join(", "))
 }
 
+/// Size of a bend, deg.
+pub fn bend_deg([x, y]: [f64; 2]) -> f64 {
+    x.hypot(y).to_degrees()
+}
+
+/// The plane of a bend, deg; nothing where there is too little bend to have one.
+pub fn plane_deg(bend_rad: [f64; 2]) -> Option<f64> {
+    let [x, y] = bend_rad;
+    (bend_deg(bend_rad) >= PLANE_FROM_DEG).then(|| y.atan2(x).to_degrees())
+}
+
 fn bend_line(wanted: [f64; 2], shape: Option<&Shape>, off_deg: Option<f64>) -> String {
-    let size_deg = |[x, y]: [f64; 2]| x.hypot(y).to_degrees();
     let measured = shape.and_then(Shape::valid_bend_rad);
-    let plane = measured.filter(|bend| size_deg(*bend) >= PLANE_FROM_DEG).map(|[x, y]| y.atan2(x).to_degrees());
     format!(
         "bend        {} of {} deg, off {} (rms of 1 s), plane {} deg",
-        number(measured.map(size_deg), 1),
-        number(Some(size_deg(wanted)), 1),
+        number(measured.map(bend_deg), 1),
+        number(Some(bend_deg(wanted)), 1),
         number(off_deg, 2),
-        number(plane, 0),
+        number(measured.and_then(plane_deg), 0),
     )
 }
 

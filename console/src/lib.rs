@@ -30,7 +30,7 @@ mod words;
 
 pub use error::ConsoleError;
 pub use facts::{Facts, HopBudget};
-pub use glance::glance;
+pub use glance::{bend_deg, glance, number, plane_deg};
 pub use observer::Observer;
 pub use server::{Address, ServerSettings, run};
 pub use tracking::LiveTracking;

@@ -14,7 +14,7 @@ const READABLE_NS: i64 = 600_000_000;
 
 /// Reads an instance's channels.
 pub struct Observer {
-    pub(crate) bus: Bus,
+    bus: Bus,
     inputs: Reader<OperatorInput>,
     setpoints: Reader<Setpoint>,
     commands: Reader<Command>,
@@ -23,8 +23,8 @@ pub struct Observer {
     model_updates: Reader<ModelUpdate>,
     marks: Reader<Marker>,
     healths: Vec<Reader<Health>>,
-    pub(crate) newest: NewestSamples,
-    pub(crate) tracking: LiveTracking,
+    newest: NewestSamples,
+    tracking: LiveTracking,
     latency: LiveLatency,
     chain_reasons: [Reasons; 3],
     held: Held,
@@ -118,28 +118,38 @@ impl Observer {
         Ok(())
     }
 
+    /// Names and process ids of who is in the instance.
+    pub(crate) fn members(&self) -> Vec<(String, u32)> {
+        self.bus.members()
+    }
+
     /// The newest message of each channel.
-    pub fn newest(&self) -> &NewestSamples {
+    pub(crate) fn newest(&self) -> &NewestSamples {
         &self.newest
     }
 
     /// The root mean square of the tracking error of the last second, rad.
-    pub fn error_rms_rad(&self, now_ns: i64) -> Option<f64> {
+    pub(crate) fn error_rms_rad(&self, now_ns: i64) -> Option<f64> {
         self.tracking.rms_rad(now_ns)
     }
 
+    /// The newest tracking error, rad.
+    pub(crate) fn error_rad(&self) -> Option<f64> {
+        self.tracking.newest_rad()
+    }
+
     /// Reasons that hold, or held so shortly that nobody could have read them.
-    pub fn reasons(&self, now_ns: i64) -> Reasons {
+    pub(crate) fn reasons(&self, now_ns: i64) -> Reasons {
         self.held.visible(now_ns)
     }
 
     /// The state to be shown.
-    pub fn shown(&self, now_ns: i64) -> Shown {
+    pub(crate) fn shown(&self, now_ns: i64) -> Shown {
         self.newest.shown(now_ns, self.reasons(now_ns))
     }
 
     /// Where the samples' time went since the observer began.
-    pub fn latency(&self) -> LiveLatencyReport {
+    pub(crate) fn latency(&self) -> LiveLatencyReport {
         self.latency.report()
     }
 
@@ -149,13 +159,12 @@ impl Observer {
     }
 
     /// How many marks the recorder has taken since the observer began, and the last of them.
-    pub fn marks(&self) -> Option<(u64, &str)> {
+    pub(crate) fn marks(&self) -> Option<(u64, &str)> {
         self.marked.as_ref().map(|(n, mark)| (*n, mark.text().unwrap_or("?")))
     }
 
-    /// Seconds that the recorder has been at work; nothing where there is none.
-    pub fn recording_s(&mut self, now_ns: i64) -> Option<f64> {
-        let members = self.bus.members();
+    /// Seconds that the recorder among the members has been at work; nothing where there is none.
+    pub(crate) fn recording_s(&mut self, members: &[(String, u32)], now_ns: i64) -> Option<f64> {
         let recorder = members.iter().find(|(name, _)| name == Process::Record.name()).map(|(_, pid)| *pid);
         self.recording_since_ns = match (recorder, self.recording_since_ns) {
             (Some(pid), Some((known, since_ns))) if pid == known => Some((pid, since_ns)),
@@ -166,7 +175,7 @@ impl Observer {
     }
 
     /// Messages of the chain's channels that this observer has lost.
-    pub fn n_lost_here(&self) -> u64 {
+    pub(crate) fn n_lost_here(&self) -> u64 {
         let counts = [
             self.inputs.n_lost(),
             self.setpoints.n_lost(),

@@ -67,17 +67,17 @@ impl Watch {
             due_ns = (due_ns + PERIOD_NS).max(now_ns);
             self.observer.look(facts.budgets.last().map_or(f64::INFINITY, |whole| whole.worst_us))?;
             let now_ns = clock::monotonic_ns();
-            let input = self.observer.newest.input.filter(|input| now_ns - input.sample_ns < snapshot::STALE_NS);
+            let input = self.observer.newest().input.filter(|input| now_ns - input.sample_ns < snapshot::STALE_NS);
             pad.offer(facts.is_simulated && input.is_some_and(|input| input.is_from_pad()));
             let moment = Moment {
                 n,
                 now_ns,
                 reasons: self.observer.reasons(now_ns),
-                error_rms_rad: self.observer.tracking.rms_rad(now_ns),
-                error_rad: self.observer.tracking.newest_rad(),
+                error_rms_rad: self.observer.error_rms_rad(now_ns),
+                error_rad: self.observer.error_rad(),
                 pad: pad.seen(now_ns),
             };
-            slots.frame.send_replace((n, snapshot::frame(&self.observer.newest, &moment, facts)?.into()));
+            slots.frame.send_replace((n, snapshot::frame(self.observer.newest(), &moment, facts)?.into()));
             if n % SLOW_EVERY == 0 {
                 if n % (2 * SLOW_EVERY) == 0 {
                     self.observer.end_second();
@@ -89,9 +89,10 @@ impl Watch {
     }
 
     fn slow(&mut self, now_ns: i64, pages: &PageCounts) -> Slow {
-        let usages = self.processes.look(self.observer.bus.members(), now_ns);
-        let recording_s = self.observer.recording_s(now_ns);
-        let newest = &self.observer.newest;
+        let members = self.observer.members();
+        let recording_s = self.observer.recording_s(&members, now_ns);
+        let usages = self.processes.look(members, now_ns);
+        let newest = self.observer.newest();
         let changed = |health: &Health| Reasons::from_bits(health.reasons_now).contains(Reason::ModelChanged);
         Slow {
             k: "slow",

@@ -57,7 +57,7 @@ impl Usable {
         shortest_block_s: f64,
     ) -> Result<Self, LabError> {
         let data = &problem.data;
-        if data.loads_n.is_none() || !data.counts_loads {
+        if data.counted_loads_n().is_none() {
             return Ok(Self::Absent);
         }
         let (_, Some(predicted_n)) = machine.predict_with_loads(machine.effects(), data)? else {

@@ -32,7 +32,7 @@ pub struct Measurements {
     pub trial: Vec<u32>,
     /// Loads at the actuators, N, push positive, row after row of 3.
     pub loads_n: Option<Vec<f64>>,
-    /// Whether fits count them. What krait's own recordings hold is what a drive says of itself (a motor's current, or a simulated
+    /// Whether fits count them ([`Measurements::counted_loads_n`]). What krait's own recordings hold is what a drive says of itself (a motor's current, or a simulated
     /// snake's loads without noise), which is shown and not counted.
     pub counts_loads: bool,
     /// Angle of the flexible stem, rad.
@@ -80,6 +80,11 @@ impl Measurements {
     /// Rows.
     pub fn n_rows(&self) -> usize {
         self.time_s.len()
+    }
+
+    /// Loads at the actuators that fits count, N, row after row of 3.
+    pub fn counted_loads_n(&self) -> Option<&[f64]> {
+        self.loads_n.as_deref().filter(|_| self.counts_loads)
     }
 
     /// Inputs of a row.

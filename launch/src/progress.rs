@@ -7,7 +7,7 @@
 use crate::budget::BudgetWatch;
 use crate::supervisor::Supervisor;
 use core::time::Duration;
-use krait_console::LiveTracking;
+use krait_console::{LiveTracking, bend_deg, number, plane_deg};
 use krait_ipc::message::{Phase, Setpoint, Shape};
 use krait_ipc::{Bus, Process, ReadOptions, Reader, Reason, Reasons, clock};
 use std::io::{IsTerminal, Write, stderr};
@@ -20,8 +20,6 @@ const TERMINAL_PERIOD_NS: i64 = 200_000_000;
 /// How often a line is written to a file or pipe, ns.
 const FILE_PERIOD_NS: i64 = 5_000_000_000;
 
-/// Below this bend there is no plane to speak of, degrees.
-const PLANE_FROM_DEG: f64 = 2.0;
 /// Columns of a terminal of the usual size.
 const COLUMNS: usize = 80;
 
@@ -115,18 +113,14 @@ impl Progress {
     }
 
     fn figures(&self, now_ns: i64, supervisor: &Supervisor) -> String {
-        let number = |value: Option<f64>, digits: usize| value.map_or("-".to_owned(), |v| format!("{v:.digits$}"));
-        let bend = |bend: Option<[f64; 2]>| bend.map(|[x, y]| x.hypot(y).to_degrees());
-        let reached = bend(self.shape.map(|s| s.bend_rad)).filter(|bend| bend.is_finite());
-        let plane = self.shape.filter(|_| reached.is_some_and(|bend| bend >= PLANE_FROM_DEG));
-        let plane = plane.map(|shape| shape.bend_rad[1].atan2(shape.bend_rad[0]).to_degrees());
+        let reached = self.shape.map(|shape| shape.bend_rad);
         let n_lost: u64 = Process::ALL.iter().filter_map(|p| supervisor.health(*p)).map(|health| health.n_lost).sum();
         format!(
             "following  bend {} of {} deg, off {}, plane {}, {} late, {n_lost} lost",
-            number(reached, 1),
-            number(bend(self.setpoint.map(|s| s.bend_rad)), 1),
+            number(reached.map(bend_deg), 1),
+            number(self.setpoint.map(|s| bend_deg(s.bend_rad)), 1),
             number(self.tracking.rms_rad(now_ns).map(f64::to_degrees), 2),
-            number(plane, 0),
+            number(reached.and_then(plane_deg), 0),
             supervisor.budget().map_or(0, BudgetWatch::n_late),
         )
     }

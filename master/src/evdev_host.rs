@@ -30,7 +30,7 @@ pub struct InputDevice {
     pub axes: Vec<u16>,
     /// Numbers of its buttons and keys.
     pub buttons: Vec<u16>,
-    /// Whether this process may open it.
+    /// Whether this process may open it for reading.
     pub may_open: bool,
 }
 
@@ -70,7 +70,21 @@ impl InputDevice {
 
 /// Every input device of this machine, by the numbers of their nodes.
 pub fn list_inputs() -> Vec<InputDevice> {
+    let mut devices = inputs();
+    for device in &mut devices {
+        device.may_open = open(&device.node).is_ok();
+    }
+    devices
+}
+
+/// The same without a node being touched: `may_open` is not asked.
+fn inputs() -> Vec<InputDevice> {
     listed(Path::new(SYS), Path::new("/dev/input"))
+}
+
+fn open(node: &Path) -> std::io::Result<File> {
+    let flags = (OFlags::NONBLOCK | OFlags::CLOEXEC).bits().cast_signed();
+    File::options().read(true).custom_flags(flags).open(node)
 }
 
 fn listed(sys: &Path, dev: &Path) -> Vec<InputDevice> {
@@ -90,14 +104,13 @@ fn listed(sys: &Path, dev: &Path) -> Vec<InputDevice> {
 fn described(folder: &Path, node: PathBuf) -> Option<InputDevice> {
     let text = |name: &str| read_to_string(folder.join(name)).ok().map(|text| text.trim().to_owned());
     let id = |name: &str| text(name).and_then(|hex| u16::from_str_radix(&hex, 16).ok());
-    let may_open = File::options().read(true).custom_flags(OFlags::NONBLOCK.bits().cast_signed()).open(&node).is_ok();
     Some(InputDevice {
         vendor_id: id("id/vendor")?,
         product_id: id("id/product")?,
         name: text("name").unwrap_or_default(),
         axes: bits(&text("capabilities/abs").unwrap_or_default()),
         buttons: bits(&text("capabilities/key").unwrap_or_default()),
-        may_open,
+        may_open: false,
         node,
     })
 }
@@ -120,12 +133,11 @@ pub(crate) struct EvdevHost {
 
 impl HidHost for EvdevHost {
     fn open(&mut self, _choice: &DeviceChoice) -> Result<OpenPort, MasterError> {
-        let device = self.chosen(&list_inputs())?;
+        let device = self.chosen(&inputs())?;
         let refused = |source: Error| refusal(&device, source);
-        let flags = (OFlags::NONBLOCK | OFlags::CLOEXEC).bits().cast_signed();
-        let file = File::options().read(true).custom_flags(flags).open(&device.node).map_err(refused)?;
+        let file = open(&device.node).map_err(refused)?;
         // While it is open its node keeps its name: is it still the same device?
-        let again = listed(Path::new(SYS), Path::new("/dev/input")).into_iter().find(|now| now.node == device.node);
+        let again = inputs().into_iter().find(|now| now.node == device.node);
         if again.is_none_or(|now| (now.vendor_id, now.product_id) != (device.vendor_id, device.product_id)) {
             return Err(refusal(&device, Error::other("another device has taken its node")));
         }
@@ -181,7 +193,7 @@ mod tests {
     use super::*;
 
     /// A description as the kernel writes it, of a stick and of a keyboard with the same ids.
-    fn inputs(of: &str) -> Vec<InputDevice> {
+    fn described_inputs(of: &str) -> Vec<InputDevice> {
         let root = std::env::temp_dir().join(format!("krait-inputs-{of}-{}", std::process::id()));
         for (node, name, abs, key) in [
             ("event12", "Stick", "3003f", "fff00000000 0 0 0 0"),
@@ -204,7 +216,7 @@ mod tests {
 
     #[test]
     fn the_node_that_has_the_profiles_axes_is_chosen_and_no_keyboard_of_the_same_maker() {
-        let devices = inputs("chosen");
+        let devices = described_inputs("chosen");
         let names: Vec<&str> = devices.iter().map(|device| device.name.as_str()).collect();
         assert_eq!(names, ["Keys", "Stick"], "by number, nodes of events only");
         assert_eq!(devices[1].axes, [0, 1, 2, 3, 4, 5, 16, 17]);
@@ -224,7 +236,7 @@ mod tests {
 
     #[test]
     fn a_device_that_may_not_be_opened_is_told_with_its_own_rule() {
-        let devices = inputs("refused");
+        let devices = described_inputs("refused");
         let text = refusal(&devices[1], Error::from(ErrorKind::PermissionDenied)).to_string();
         let rule =
             r#"KERNEL=="event*", ATTRS{id/vendor}=="046d", ATTRS{id/product}=="c215", MODE="0660", TAG+="uaccess""#;

@@ -10,7 +10,7 @@ use std::io;
 use std::time::Duration;
 
 /// Where the udev rule belongs: before 73-seat-late.rules, which acts upon the `uaccess` tag.
-pub(crate) const RULES_FILE: &str = "/etc/udev/rules.d/70-krait.rules";
+pub const RULES_FILE: &str = "/etc/udev/rules.d/70-krait.rules";
 
 /// Usage page and usage of a multi-axis controller.
 const MULTI_AXIS: (u16, u16) = (1, 8);

@@ -71,7 +71,7 @@ pub use devices::{DeviceChoice, DeviceInfo, KNOWN_DEVICES, KnownDevice, list_dev
 pub use error::MasterError;
 pub use evdev_host::{InputDevice, list_inputs};
 pub use grip::Engage;
-pub use hid::chosen_device;
+pub use hid::{RULES_FILE, chosen_device};
 pub use hid_source::HidSource;
 pub use live_motion::LiveMotion;
 pub use operator::{Hand, Operator, OperatorMotion};

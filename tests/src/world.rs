@@ -39,6 +39,16 @@ impl Drop for TempFolder {
     }
 }
 
+/// A configuration with three serial drives that nobody has, in a file of the folder: to be refused before anything moves.
+pub fn real_drives(folder: &TempFolder) -> String {
+    let path = folder.file("real-drives.toml");
+    let actuators: String =
+        (1..=3).map(|id| format!("[[slave.drive.actuator]]\nid = {id}\nzero_count = 2048\n")).collect();
+    let text = format!("[slave.drive]\nkind = \"sts3215\"\nport = \"/dev/null\"\n{actuators}");
+    std::fs::write(&path, text).expect("written");
+    path
+}
+
 /// Name of the subcommand and process id of every living process that was started for an instance.
 pub fn processes_of(instance: &str) -> Vec<(String, u32)> {
     let mut found = Vec::new();

@@ -3,7 +3,7 @@
 #![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
 
 use core::time::Duration;
-use krait_tests::{Console, Ended, Krait, PadPage, TempFolder, instance_name, pad_losses};
+use krait_tests::{Console, Ended, Krait, PadPage, TempFolder, instance_name, pad_losses, real_drives};
 use rustix::process::Signal;
 use serde_json::{Value, json};
 
@@ -123,11 +123,7 @@ fn nothing_wrong_renews_the_lease(page: &mut PadPage) {
 #[test]
 fn a_page_never_drives_real_drives_nor_a_chain_that_something_else_drives() {
     let folder = TempFolder::new("pad-real");
-    let config = folder.file("krait.toml");
-    let actuators: String =
-        (1..=3).map(|id| format!("[[slave.drive.actuator]]\nid = {id}\nzero_count = 2048\n")).collect();
-    let text = format!("[slave.drive]\nkind = \"sts3215\"\nport = \"/dev/null\"\n{actuators}");
-    std::fs::write(&config, text).expect("written");
+    let config = real_drives(&folder);
     let instance = instance_name("pad-real");
     for verb in [["run", "--master"], ["master", "--source"]] {
         let refused = Ended::of(&[verb[0], verb[1], "browser", "--instance", &instance, "--config", &config], PATIENCE);

@@ -9,7 +9,7 @@ use krait_ipc::{Bus, ReadOptions, Reader, Reason, Reasons};
 use krait_master::{Engage, HidRecording, Layout, MasterConfig, MasterCore, PoseConfig, PosePacket};
 use krait_schema::Sample;
 use krait_tests::{
-    Ended, Krait, TempFolder, assert_no_jump, instance_name, samples_in, states_in, wait_for, wait_until,
+    Ended, Krait, TempFolder, assert_no_jump, instance_name, real_drives, samples_in, states_in, wait_for, wait_until,
 };
 use rustix::process::Signal;
 use std::net::{SocketAddr, UdpSocket};
@@ -278,11 +278,7 @@ fn recorded_packets_drive_the_chain_as_a_recording_of_reports_does() {
 #[test]
 fn what_no_pose_sender_may_do_is_refused_with_what_to_do() {
     let folder = TempFolder::new("poses-refused");
-    let real = folder.file("real.toml");
-    let actuators: String =
-        (1..=3).map(|id| format!("[[slave.drive.actuator]]\nid = {id}\nzero_count = 2048\n")).collect();
-    let text = format!("[slave.drive]\nkind = \"sts3215\"\nport = \"/dev/null\"\n{actuators}");
-    std::fs::write(&real, text).expect("written");
+    let real = real_drives(&folder);
     for (arguments, words) in [
         (&["--master", "pose"][..], &["--listen 127.0.0.1:5005"][..]),
         (&["--master", "pose", "--listen", "0.0.0.0:5005"], &["[master.pose] listen", "one address of this machine"]),

@@ -3,7 +3,7 @@
 use crate::cli::DevicesArgs;
 use crate::print;
 use anyhow::Context;
-use krait_master::{DeviceInfo, InputDevice, Profile};
+use krait_master::{DeviceInfo, InputDevice, Profile, RULES_FILE};
 use krait_report::Table;
 use serde::Serialize;
 use std::fs::File;
@@ -110,7 +110,7 @@ fn write_rules(path: &Path, lines: &[&str]) -> anyhow::Result<()> {
 
 fn advice(devices: &[Device]) -> String {
     let missing = devices.iter().filter(|device| device.known_as.is_some() && !device.may_open);
-    missing.map(|device| format!("\n{} needs this line in /etc/udev/rules.d/70-krait.rules, then `sudo udevadm control --reload && sudo udevadm trigger`:\n  {}\n", device.path, device.udev_rule)).collect()
+    missing.map(|device| format!("\n{} needs this line in {RULES_FILE}, then `sudo udevadm control --reload && sudo udevadm trigger`:\n  {}\n", device.path, device.udev_rule)).collect()
 }
 
 fn table(devices: &[Device]) -> Table {

@@ -10,7 +10,7 @@ use std::process::ExitCode;
 /// Its name among the members of an instance.
 pub const NAME: &str = "stop";
 /// A slave brakes within its watchdog's time, some tens of milliseconds; one that has not answered by then cannot.
-const PATIENCE_NS: i64 = 3_000_000_000;
+pub const PATIENCE_NS: i64 = 3_000_000_000;
 const LOOK_EVERY: Duration = Duration::from_millis(1);
 
 /// Asks for the stop first and for everything else afterwards.

@@ -7,7 +7,7 @@ mod keys;
 
 use crate::cli::Common;
 use crate::cli_console::WatchArgs;
-use crate::commands::{mark, state};
+use crate::commands::{mark, state, stop};
 use crate::config::Config;
 use crate::terminal::Terminal;
 use crate::{commands, print, signals};
@@ -19,7 +19,7 @@ use krait_ipc::{Bus, StopSwitch, clock};
 use std::io::Read;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Its name among the members of an instance; it is no part of a chain, and a chain may start beside it.
 pub const NAME: &str = "watch";
@@ -29,25 +29,23 @@ const LOOK_EVERY: Duration = Duration::from_millis(16);
 const TERMINAL_PERIOD_NS: i64 = 100_000_000;
 /// Words into a file or pipe, ns.
 const FILE_PERIOD_NS: i64 = 1_000_000_000;
-/// A slave brakes within some tens of milliseconds; one that has not answered by then cannot.
-const STOP_PATIENCE_NS: i64 = 3_000_000_000;
 const HELP: &str = "s or space: stop   p: pause   m: mark   q: end the watch, the chain goes on";
 
 /// Shows a chain until `q`, Ctrl-C, or with `--once` after a second.
 pub fn run(common: &Common, args: &WatchArgs) -> anyhow::Result<ExitCode> {
-    let stop = signals::stop_flag()?;
+    let quit = signals::stop_flag()?;
     let config = Config::load(common.config.as_deref())?;
     let bus = Bus::open(&common.instance, NAME)?;
     commands::refuse_without(&bus, "slave", "watch")?;
     let mut observer = Observer::open(bus)?;
     let terminal = if args.once { None } else { Terminal::take()? };
-    let said = Arc::new(Said::default());
+    let said = Arc::new(Mutex::new(Said::default()));
     if terminal.is_some() {
-        listen(&common.instance, &said, &stop)?;
+        listen(&common.instance, &said, &quit)?;
     }
     let period_ns = if terminal.is_some() { TERMINAL_PERIOD_NS } else { FILE_PERIOD_NS };
     let mut due_ns = clock::monotonic_ns() + period_ns;
-    while !stop.load(Ordering::Relaxed) {
+    while !quit.load(Ordering::Relaxed) {
         observer.look(config.budget.end_to_end.worst_us)?;
         let now_ns = clock::monotonic_ns();
         if now_ns < due_ns {
@@ -64,7 +62,7 @@ pub fn run(common: &Common, args: &WatchArgs) -> anyhow::Result<ExitCode> {
             continue;
         };
         lines.insert(0, format!("krait watch: {}", common.instance));
-        lines.extend([String::new(), said.line(now_ns).unwrap_or_else(|| HELP.to_owned())]);
+        lines.extend([String::new(), locked(&said).line(now_ns).unwrap_or_else(|| HELP.to_owned())]);
         if terminal.show(&lines).is_err() {
             break;
         }
@@ -75,12 +73,14 @@ pub fn run(common: &Common, args: &WatchArgs) -> anyhow::Result<ExitCode> {
 /// What the keys have led to, for the last line of the picture.
 #[derive(Default)]
 struct Said {
-    outcome: Mutex<String>,
-    writing: Mutex<Option<String>>,
-    stop: Mutex<Option<Pressed>>,
+    /// What became of the last key; empty before the first.
+    outcome: String,
+    /// The mark that is being written.
+    writing: Option<String>,
+    /// A stop on its way.
+    stop: Option<Pressed>,
 }
 
-/// A stop on its way.
 struct Pressed {
     switch: Arc<StopSwitch>,
     number: u32,
@@ -88,40 +88,39 @@ struct Pressed {
 }
 
 impl Said {
-    fn set(&self, outcome: String) {
-        *self.outcome.lock().unwrap_or_else(PoisonError::into_inner) = outcome;
-    }
-
     /// The mark that is being written, else what became of the last key, else nothing.
-    fn line(&self, now_ns: i64) -> Option<String> {
-        self.look_after_stop(now_ns);
-        if let Some(text) = self.writing.lock().unwrap_or_else(PoisonError::into_inner).as_ref() {
+    fn line(&mut self, now_ns: i64) -> Option<String> {
+        if let Some(outcome) = self.stop.as_ref().and_then(|stop| stop.outcome(now_ns)) {
+            (self.outcome, self.stop) = (outcome.to_owned(), None);
+        }
+        if let Some(text) = &self.writing {
             return Some(format!("mark (Enter sets it, Escape leaves it): {text}_"));
         }
-        let outcome = self.outcome.lock().unwrap_or_else(PoisonError::into_inner);
-        (!outcome.is_empty()).then(|| outcome.chars().take(79).collect())
-    }
-
-    fn look_after_stop(&self, now_ns: i64) {
-        let mut pressed = self.stop.lock().unwrap_or_else(PoisonError::into_inner);
-        let Some(Pressed { switch, number, at_ns }) = pressed.as_ref() else { return };
-        if switch.is_obeyed(*number) {
-            self.set("STOPPED: the actuators stand still; `krait state resume` lets them go on".to_owned());
-        } else if now_ns - at_ns > STOP_PATIENCE_NS {
-            self.set("NOT ACKNOWLEDGED: the slave has not stopped within 3 s; take the power away".to_owned());
-        } else {
-            return;
-        }
-        *pressed = None;
+        (!self.outcome.is_empty()).then(|| self.outcome.chars().take(79).collect())
     }
 }
 
+impl Pressed {
+    fn outcome(&self, now_ns: i64) -> Option<&'static str> {
+        if self.switch.is_obeyed(self.number) {
+            return Some("STOPPED: the actuators stand still; `krait state resume` lets them go on");
+        }
+        (now_ns - self.at_ns > stop::PATIENCE_NS)
+            .then_some("NOT ACKNOWLEDGED: the slave has not stopped within 3 s; take the power away")
+    }
+}
+
+/// Nobody holds it for longer than a line takes to be made.
+fn locked(said: &Mutex<Said>) -> MutexGuard<'_, Said> {
+    said.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 /// Two threads: one takes keys and presses the stop, one asks for everything else and waits for the answers.
-fn listen(instance: &str, said: &Arc<Said>, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
+fn listen(instance: &str, said: &Arc<Mutex<Said>>, quit: &Arc<AtomicBool>) -> anyhow::Result<()> {
     let bus = Bus::open(instance, NAME)?;
     let switch = Arc::new(bus.stop_switch()?);
     let (sender, orders) = std::sync::mpsc::channel();
-    let (told, quit) = (Arc::clone(said), Arc::clone(stop));
+    let (told, said, quit) = (Arc::clone(said), Arc::clone(said), Arc::clone(quit));
     std::thread::spawn(move || {
         for order in orders {
             let outcome = match order {
@@ -130,10 +129,9 @@ fn listen(instance: &str, said: &Arc<Said>, stop: &Arc<AtomicBool>) -> anyhow::R
                     .map(|()| "PAUSED, power on; `krait state resume` lets it go on".to_owned()),
                 Order::Stop | Order::Quit => continue,
             };
-            told.set(outcome.unwrap_or_else(|error| format!("not done: {error:#}")));
+            locked(&told).outcome = outcome.unwrap_or_else(|error| format!("not done: {error:#}"));
         }
     });
-    let said = Arc::clone(said);
     std::thread::spawn(move || {
         let mut keys = Keys::default();
         for byte in std::io::stdin().lock().bytes().map_while(Result::ok) {
@@ -141,16 +139,16 @@ fn listen(instance: &str, said: &Arc<Said>, stop: &Arc<AtomicBool>) -> anyhow::R
             match keys.take(byte, now_ns) {
                 Some(Order::Stop) => {
                     let number = switch.press();
-                    said.set("stop asked for".to_owned());
-                    let pressed = Pressed { switch: Arc::clone(&switch), number, at_ns: now_ns };
-                    *said.stop.lock().unwrap_or_else(PoisonError::into_inner) = Some(pressed);
+                    let mut said = locked(&said);
+                    said.outcome = "stop asked for".to_owned();
+                    said.stop = Some(Pressed { switch: Arc::clone(&switch), number, at_ns: now_ns });
                 }
                 Some(Order::Quit) => quit.store(true, Ordering::Relaxed),
                 // The other thread ends with the program only.
                 Some(order) => drop(sender.send(order)),
                 None => {}
             }
-            *said.writing.lock().unwrap_or_else(PoisonError::into_inner) = keys.mark();
+            locked(&said).writing = keys.mark();
         }
         // A terminal that has gone ends the watch.
         quit.store(true, Ordering::Relaxed);
