@@ -89,6 +89,12 @@ impl Diagnosis {
     pub fn is_calibrated(&self) -> bool {
         self.calibration.iter().any(|own| !own.is_held)
     }
+
+    /// What the errors of the candidates are of, where that is another kind than every other error of the answer.
+    pub fn candidates_error_is_of(&self) -> Option<&'static str> {
+        let with_loads = "the error is of shape and loads together, a load's noise counted as the shape's";
+        self.loads.is_some().then_some(with_loads)
+    }
 }
 
 /// A number of the machine that is no effect.

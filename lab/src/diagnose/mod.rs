@@ -35,5 +35,6 @@ pub(crate) use structure::structure;
 pub use structure::{GroupShare, Structure};
 pub(crate) use verdict::free_variables;
 pub use verdict::{DiagnoseOptions, diagnose};
+pub use words::capital;
 pub(crate) use words::stand_and_take;
 pub(crate) use working::working_rows;

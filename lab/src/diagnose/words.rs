@@ -6,6 +6,12 @@ use crate::machine::Candidate;
 /// A list that leaves less of what was explainable explains it, if its values can be.
 const EXPLAINED: f64 = 0.02;
 
+/// A sentence as it stands by itself: with a capital letter and a full stop.
+pub fn capital(sentence: &str) -> String {
+    let mut letters = sentence.chars();
+    letters.next().map_or(String::new(), |first| format!("{}{}.", first.to_uppercase(), letters.as_str()))
+}
+
 /// What became of a candidate.
 pub(super) fn state(
     candidate: &Candidate,

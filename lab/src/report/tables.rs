@@ -4,17 +4,12 @@ use super::html::{escape, table};
 use super::paragraph;
 use crate::Added;
 use crate::compare::Comparison;
-use crate::diagnose::{Diagnosis, FoundEffect};
+use crate::diagnose::{Diagnosis, FoundEffect, capital};
 use krait_model::effects::explanation;
 use krait_model::model_file::HistoryEntry;
 
 /// Places that a page lists.
 const MOST_PLACES: usize = 40;
-
-fn capital(sentence: &str) -> String {
-    let mut letters = sentence.chars();
-    letters.next().map_or(String::new(), |first| format!("{}{}.", first.to_uppercase(), letters.as_str()))
-}
 
 fn optional(value: Option<f64>, digits: usize) -> String {
     value.map_or("-".to_owned(), |value| format!("{value:.digits$}"))
@@ -138,6 +133,9 @@ pub(super) fn candidates(diagnosis: &Diagnosis, unit: &str) -> String {
         "Each effect added to the model by itself, the best first; p is the probability that chance makes a signature as strong \
          as this one's somewhere among all candidates.",
     );
+    if let Some(of) = diagnosis.candidates_error_is_of() {
+        text += &paragraph(&capital(of));
+    }
     text + &table(&["effect", "looks like", &error, "probability", "p", "why"], &rows)
 }
 

@@ -5,7 +5,7 @@ use super::shell::{data_words, shell};
 use crate::cli_lab::DiagnoseArgs;
 use crate::print;
 use anyhow::{Context, bail};
-use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, FoundEffect, LoadCell, diagnose};
+use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, FoundEffect, LoadCell, capital, diagnose};
 use krait_lab::experiment::{Separation, script, separation};
 use krait_lab::report::diagnosis_page;
 use krait_lab::{Names, Session};
@@ -107,7 +107,9 @@ fn text(args: &DiagnoseArgs, diagnosis: &Diagnosis, session: &Session) -> String
         text += &found.iter().map(|own| in_words(&own.name)).collect::<String>();
         text += &diagnosis.effects.first().map_or(String::new(), |first| next(args, first));
     }
-    text += &format!("\nCandidates, each added alone ({SHOWN} best)\n{}", candidates(diagnosis, unit));
+    let of = diagnosis.candidates_error_is_of().map(capital);
+    let of = of.map_or(String::new(), |of| print::paragraph(&of));
+    text += &format!("\nCandidates, each added alone ({SHOWN} best)\n{of}{}", candidates(diagnosis, unit));
     if let Some(next) = &diagnosis.next_experiment {
         text += &format!("\nNext experiment: {}\n", next.instruction);
         text += &next.expected_separation.as_ref().map_or(String::new(), expected);
@@ -210,9 +212,4 @@ fn candidates(diagnosis: &Diagnosis, unit: &str) -> Table {
         ]);
     }
     table
-}
-
-fn capital(sentence: &str) -> String {
-    let mut letters = sentence.chars();
-    letters.next().map_or(String::new(), |first| format!("{}{}.", first.to_uppercase(), letters.as_str()))
 }
