@@ -1,11 +1,15 @@
 //! A procedure's CSV: every reading is on the disk before the next is asked for, and a command that ended goes on from it.
 
 use crate::CalibrateError;
+use krait_ipc::input;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::fs::{File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
+
+/// Most bytes of a table of readings: more than a day of typing.
+pub(crate) const MOST_BYTES: u64 = 64 << 20;
 
 /// An open file of readings.
 #[derive(Debug)]
@@ -25,9 +29,11 @@ impl ReadingLog {
     /// [`CalibrateError::File`]; [`CalibrateError::Row`] for a row that is no reading, by its number.
     pub fn open<T: DeserializeOwned>(path: &Path) -> Result<(Self, Vec<T>), CalibrateError> {
         let failed = |what| move |e: std::io::Error| file_error(path, what, &e);
-        let mut options = OpenOptions::new();
-        let file = options.read(true).append(true).create(true).open(path).map_err(failed("opened"))?;
-        let text = std::fs::read_to_string(path).map_err(failed("read"))?;
+        let text = match input::text(path, MOST_BYTES) {
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
+            read => read.map_err(failed("read"))?,
+        };
+        let file = OpenOptions::new().append(true).create(true).open(path).map_err(failed("opened"))?;
         let whole = text.rfind('\n').map_or(0, |at| at + 1);
         if whole < text.len() {
             std::fs::write(path.with_extension("csv.cut"), &text).map_err(failed("kept beside the cut one"))?;

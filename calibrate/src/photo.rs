@@ -11,7 +11,8 @@
 
 use crate::CalibrateError;
 use crate::homography::Homography;
-use crate::log::{file_error, rows};
+use crate::log::{MOST_BYTES, file_error, rows};
+use krait_ipc::input;
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix4, Matrix4x2, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -124,7 +125,7 @@ impl Bend {
 /// # Errors
 /// [`CalibrateError::File`] and [`CalibrateError::Row`].
 pub fn read(path: &Path) -> Result<Vec<Click>, CalibrateError> {
-    let text = std::fs::read_to_string(path).map_err(|e| file_error(path, "read", &e))?;
+    let text = input::text(path, MOST_BYTES).map_err(|e| file_error(path, "read", &e))?;
     rows(path, &text)
 }
 

@@ -7,15 +7,17 @@
 
 use core::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};
 use core::time::Duration;
+use krait_calibrate::photo;
 use krait_ipc::clock;
 use krait_lab::init::propose;
 use krait_lab::read::{ColumnMap, Expected, read};
-use krait_master::{HidRecording as Reports, HidReport, Script};
+use krait_master::{HidRecording as Reports, HidReport, PosePacket, Profile, Script};
 use krait_model::model_file::ModelFile;
 use krait_model::{KnownColumns, MachineParameters, Snake};
 use krait_record::{Recording, recover};
 use krait_replay::{Beginning, InputChoice, Trajectory, TrajectoryLimits};
 use krait_schema::Channel;
+use krait_shape::ShapeLine;
 use krait_sim::Truth;
 use krait_tests::{Ended, TempFolder, instance_name};
 use std::alloc::{GlobalAlloc, Layout as Memory, System};
@@ -270,7 +272,55 @@ fn readers(folder: &TempFolder) -> Vec<Reader<'_>> {
                 drop(ColumnMap::from_file(Path::new(&path)));
             }),
         },
+        Reader {
+            name: "pose",
+            seeds: vec![[1.0, 0.5, 10.0, -5.0, 80.0, 1.0, 0.0, 0.0, 0.0_f64].iter().flat_map(|v| v.to_le_bytes()).collect()],
+            n_inputs: 5000,
+            read: Box::new(|bytes| {
+                core::hint::black_box(PosePacket::decode(bytes, 1e-3).is_ok());
+            }),
+        },
+        Reader {
+            name: "profile",
+            seeds: vec![shipped("master/profiles/extreme-3d-pro.toml"), shipped("master/profiles/xbox-360.toml")],
+            n_inputs: 1000,
+            read: Box::new(|bytes| drop(Profile::parse("fuzz", &String::from_utf8_lossy(bytes)))),
+        },
+        Reader {
+            name: "shape",
+            seeds: vec![
+                br#"{"krait_shapes": 1, "clock": "own", "offset_ns": 12, "source": "a"}"#.to_vec(),
+                br#"{"exposure_ns": 81, "sent_ns": 90, "frame": 1, "bend_rad": [0.31, -0.12], "covariance_rad2": [2.7e-5, 0.0, 2.7e-5]}"#.to_vec(),
+                br#"{"exposure_ns": 81, "frame": 4, "joints_rad": [0.10, -0.42], "variances_rad2": [1e-6, 4e-6]}"#.to_vec(),
+            ],
+            n_inputs: 5000,
+            read: Box::new(|bytes| drop(ShapeLine::parse(bytes))),
+        },
+        Reader {
+            name: "clicks",
+            seeds: vec![clicks()],
+            n_inputs: 500,
+            read: Box::new(move |bytes| {
+                let path = folder.file("fuzz.clicks.csv");
+                fs::write(&path, bytes).expect("written");
+                if let Ok(clicks) = photo::read(Path::new(&path)) {
+                    drop(photo::bends(&clicks, 0.5));
+                }
+            }),
+        },
     ]
+}
+
+/// A picture from the front: a grid of nine corners, and both edges of both disks.
+fn clicks() -> Vec<u8> {
+    let mut text = String::from("image,view,kind,x_mm,z_mm,u_px,v_px\n");
+    for (x_mm, z_mm) in [-5, 0, 5].into_iter().flat_map(|x| [0, 10, 20].map(|z| (x, z))) {
+        text += &format!("a,front,corner,{x_mm},{z_mm},{},{}\n", 1500 + 20 * x_mm, 1800 - 20 * z_mm);
+    }
+    for (kind, u_px, v_px) in [("base", 1440, 1800), ("base", 1560, 1800), ("end", 1540, 1240), ("end", 1640, 1310)] {
+        text += &format!("a,front,{kind},,,{u_px},{v_px}\n");
+    }
+    text.into_bytes()
 }
 
 /// Ends the program when one input takes too long: a hang cannot be told in another way.

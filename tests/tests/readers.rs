@@ -22,8 +22,12 @@ fn fresh(folder: &TempFolder) -> String {
     path
 }
 
+/// A model that every command takes.
+const MODEL: &str = "format = 1\n[machine]\nkind = \"snake\"\n[[effect]]\nkind = \"cone-friction\"\nmu = 0.1727\n\
+                     [[effect]]\nkind = \"static-friction\"\nf_s_n = 1.959\n";
+
 /// The commands that read a file, each with the file's place marked.
-const READERS: [&[&str]; 14] = [
+const READERS: [&[&str]; 28] = [
     &["config", "--config", "FILE"],
     &["run", "--config", "FILE"],
     &["run", "--model", "FILE"],
@@ -35,7 +39,21 @@ const READERS: [&[&str]; 14] = [
     &["replay", "FILE.csv", "--no-recording"],
     &["export", "FILE", "--out", "OUT"],
     &["recover", "FILE", "--out", "OUT"],
+    &["compare", "FILE", "FILE"],
+    &["console", "FILE"],
+    &["calibrate", "friction", "--csv", "FILE", "--model", "MODEL"],
+    &["calibrate", "play", "--csv", "FILE", "--model", "MODEL"],
+    &["calibrate", "poses", "--csv", "FILE", "--model", "MODEL"],
+    &["calibrate", "poses", "--csv", "OUT", "--model", "FILE"],
+    &["calibrate", "photo", "FILE"],
+    &["run", "--master", "hid", "--profile", "FILE"],
     &["model", "check", "FILE"],
+    &["model", "show", "FILE"],
+    &["model", "save-learnt", "FILE", "--out", "OUT"],
+    &["model", "compensate", "MODEL", "--in", "FILE", "--out", "OUT"],
+    &["model", "compensate", "FILE", "--in", "DATA", "--out", "OUT"],
+    &["lab", "init", "FILE"],
+    &["lab", "diagnose", "--model", "FILE", "--data", "DATA"],
     &["lab", "compare", "--model", "FILE", "--data", "DATA"],
     &["lab", "compare", "--model", "MODEL", "--data", "FILE"],
 ];
@@ -50,7 +68,7 @@ fn a_pipe_a_device_a_directory_and_two_gigabytes_are_refused_by_every_reader() {
     fs::create_dir(&directory).expect("made");
     fs::File::create(&sparse).expect("made").set_len(2 << 30).expect("sparse");
     let (model, data) = (folder.file("model.toml"), folder.file("data.csv"));
-    fs::write(&model, "format = 1\n[machine]\nkind = \"snake\"\n").expect("written");
+    fs::write(&model, MODEL).expect("written");
     fs::write(&data, "q1_m,q2_m,q3_m,theta_l_rad,delta_rad\n0,0,0,1.5,0\n").expect("written");
     for path in [pipe, zeros, directory, sparse] {
         // Some readers go by the ending of the name.

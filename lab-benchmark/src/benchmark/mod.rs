@@ -19,6 +19,7 @@ pub use summary::{Rate, Summary};
 
 use crate::generate::base_model;
 use crate::joints::JOINTS_MODEL;
+use krait_ipc::input;
 use krait_lab::machine::{JointsLab, SnakeLab};
 use krait_model::model_file::ModelFile;
 use rayon::prelude::*;
@@ -108,7 +109,7 @@ pub fn run(
 
 /// Finished cells of earlier runs with their lines; one that was cut short is as if it had never been begun.
 fn read(options: &Options, results: &Path) -> Result<(Vec<String>, Vec<Outcome>), BenchmarkError> {
-    let text = match std::fs::read_to_string(results) {
+    let text = match input::text(results, input::TABLE_BYTES) {
         Ok(text) => text,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok((Vec::new(), Vec::new())),
         Err(source) => return Err(BenchmarkError::Io { file: results.to_owned(), source }),

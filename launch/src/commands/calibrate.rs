@@ -7,8 +7,8 @@ use crate::cli_calibrate::{CalibrateVerb, Files, FrictionArgs, PhotoArgs, PlayAr
 use crate::print;
 use anyhow::Context;
 use krait_calibrate::{CalibrateError, CalibratedValue, Dialogue, Reply, friction, photo, play, poses, written};
-use krait_ipc::clock;
 use krait_ipc::message::{lines, three};
+use krait_ipc::{clock, input};
 use krait_model::MachineParameters;
 use krait_model::model_file::{Machine, ModelFile};
 use krait_sim::{SimulatedSnake, Truth};
@@ -125,7 +125,7 @@ fn by_hand<R: BufRead, W: Write>(
 }
 
 fn text_of(model: &Path) -> anyhow::Result<Option<String>> {
-    match std::fs::read_to_string(model) {
+    match input::text(model, input::CONFIG_BYTES) {
         Ok(text) => Ok(Some(text)),
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
         Err(error) => Err(error).with_context(|| format!("the model file {} could not be read", model.display())),

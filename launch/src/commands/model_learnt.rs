@@ -6,6 +6,7 @@ use crate::print;
 use crate::recorded::{model_text, settings_of};
 use anyhow::{Context, bail};
 use krait_bridge::{EstimateConfig, EstimateCore, Estimator, JointEstimateCore, JointMachine, LiveModel};
+use krait_ipc::input;
 use krait_ipc::message::{LearningState, LearntValue, ModelUpdate, Shape, SlaveState};
 use krait_model::model_file::{FileEffect, HeldOutRms, HistoryEntry, ModelFile, Origin};
 use krait_model::{LearntParameter, ModelHash};
@@ -227,7 +228,8 @@ fn today() -> String {
 }
 
 fn sha256(path: &Path) -> anyhow::Result<String> {
-    let mut file = std::fs::File::open(path).with_context(|| format!("{} could not be read", path.display()))?;
+    let mut file =
+        input::regular(path, input::ANY_BYTES).with_context(|| format!("{} could not be read", path.display()))?;
     let mut hash = Sha256::new();
     let mut buffer = vec![0; 1 << 16];
     loop {

@@ -4,7 +4,7 @@ use super::overwrite::refuse_existing;
 use crate::cli_lab_data::GenerateArgs;
 use crate::print;
 use anyhow::{Context, bail};
-use krait_ipc::clock;
+use krait_ipc::{clock, input};
 use krait_lab_benchmark::generate::{KINDS, Kind, Recipe, Sealed, base_model, generate, pick};
 use serde_json::json;
 use std::path::Path;
@@ -59,7 +59,7 @@ pub fn refuse_existing_data(out: &Path, others: [Option<&Path>; 2], force: bool)
     }
     // A base model of an earlier set of data is the same; any other is somebody's work.
     let base = out.with_file_name("base.toml");
-    if std::fs::read_to_string(&base).is_ok_and(|text| text != base_model()) {
+    if base.exists() && !input::text(&base, input::CONFIG_BYTES).is_ok_and(|text| text == base_model()) {
         refuse_existing(&base, force)?;
     }
     Ok(())
