@@ -25,6 +25,8 @@ pub enum ReplayError {
         sequence: u64,
         /// Its channel.
         channel: &'static str,
+        /// Whether it would come after all that the recording holds of its channel: the recording may have been cut.
+        is_behind_end: bool,
     },
     /// A channel's messages do not follow one another.
     #[error(

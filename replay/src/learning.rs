@@ -11,7 +11,7 @@ use crate::sender::Sender;
 use crate::verifier::{PATIENCE, Repetition, STALL_NS, Turn};
 use crate::window::Window;
 use core::ops::RangeInclusive;
-use krait_ipc::message::{Message, ModelUpdate, Shape, SlaveState};
+use krait_ipc::message::{ModelUpdate, Shape, SlaveState};
 use krait_ipc::{Bus, Process, ReadOptions, Reader, clock};
 use krait_model::ModelHash;
 use krait_schema::{Channel, Sample};
@@ -37,6 +37,7 @@ pub struct LearningVerifier<'a> {
     state_sequence: u64,
     n_states: u64,
     n_updates: u64,
+    n_behind_end: u64,
     n_sent: u64,
     bytes: Bytes,
     difference: Option<Difference>,
@@ -70,6 +71,7 @@ impl<'a> LearningVerifier<'a> {
             state_sequence: first.state_sequence.saturating_sub(first.n_states),
             n_states: 0,
             n_updates: 0,
+            n_behind_end: 0,
             n_sent: 0,
             bytes: Bytes::default(),
             difference: None,
@@ -86,13 +88,24 @@ impl<'a> LearningVerifier<'a> {
                 None => return Ok(Turn::Done),
             },
         };
-        self.send_states(bus, &update)?;
-        let (run, shape) = shape_of(self.window, &update)?;
+        match self.send(bus, &update) {
+            Ok(()) => self.due = Some(update),
+            Err(ReplayError::Missing { is_behind_end: true, .. }) => {
+                self.n_behind_end = 1 + self.window.count_rest(|w| &mut w.updates, run)?;
+                return Ok(Turn::Done);
+            }
+            Err(error) => return Err(error),
+        }
+        Ok(Turn::Going)
+    }
+
+    /// What an update rests on.
+    fn send(&mut self, bus: &Bus, update: &ModelUpdate) -> Result<(), ReplayError> {
+        self.send_states(bus, update)?;
+        let (run, shape) = shape_of(self.window, update)?;
         self.shapes.put(bus, run, &shape)?;
         self.states.wake()?;
-        self.shapes.wake()?;
-        self.due = Some(update);
-        Ok(Turn::Going)
+        self.shapes.wake()
     }
 
     /// The states that came between the update before and this one.
@@ -116,7 +129,7 @@ impl<'a> LearningVerifier<'a> {
     fn send_range(&mut self, bus: &Bus, sequences: RangeInclusive<u64>) -> Result<(), ReplayError> {
         for sequence in sequences {
             let state = self.window.find(|w| &mut w.states, self.state_run, sequence)?;
-            let state = state.ok_or(ReplayError::Missing { sequence, channel: SlaveState::CHANNEL })?;
+            let Some(state) = state else { return Err(self.window.missing(|w| &mut w.states, sequence)) };
             self.states.put(bus, self.state_run, &state)?;
             self.n_sent += 1;
             if self.n_sent.is_multiple_of(MOST_AT_ONCE) {
@@ -178,6 +191,10 @@ impl Repetition for LearningVerifier<'_> {
         self.n_updates
     }
 
+    fn n_behind_end(&self) -> u64 {
+        self.n_behind_end
+    }
+
     fn n_bytes(&self) -> u64 {
         self.bytes.n_compared
     }
@@ -191,7 +208,7 @@ impl Repetition for LearningVerifier<'_> {
 fn shape_of(window: &mut Window, update: &ModelUpdate) -> Result<(u64, Shape), ReplayError> {
     let sequence = update.shape_sequence;
     let found = window.named(|w| &mut w.shapes, sequence, update.sample_ns)?;
-    let (run, shape) = found.ok_or(ReplayError::Missing { sequence, channel: Shape::CHANNEL })?;
+    let Some((run, shape)) = found else { return Err(window.missing(|w| &mut w.shapes, sequence)) };
     window.shapes.forget_before(run, sequence);
     Ok((run, shape))
 }

@@ -27,6 +27,7 @@ pub(crate) struct Steps<'a, S: Stage> {
     run: u64,
     next: Option<Step<S>>,
     n: u64,
+    n_behind_end: u64,
     state_sequence: u64,
     update_sequence: u64,
 }
@@ -39,7 +40,7 @@ impl<'a, S: Stage> Steps<'a, S> {
     /// another step is planned.
     pub(crate) fn of(window: &'a mut Window, run: u64) -> Result<Option<Self>, ReplayError> {
         let (state_sequence, update_sequence) = (0, 0);
-        let mut steps = Self { window, run, next: None, n: 0, state_sequence, update_sequence };
+        let mut steps = Self { window, run, next: None, n: 0, n_behind_end: 0, state_sequence, update_sequence };
         steps.plan()?;
         Ok(steps.next.is_some().then_some(steps))
     }
@@ -48,6 +49,11 @@ impl<'a, S: Stage> Steps<'a, S> {
     pub(crate) fn model(&self) -> Option<ModelHash> {
         let hash = self.next.as_ref().map(|step| S::rests_on(&step.output).model_hash);
         hash.filter(|hash| *hash != 0).map(ModelHash)
+    }
+
+    /// Outputs at the end of the run that rest on what would come after the recording's end: they are no steps.
+    pub(crate) fn n_behind_end(&self) -> u64 {
+        self.n_behind_end
     }
 
     /// The next step; it stays the next until [`Steps::pop`].
@@ -66,6 +72,17 @@ impl<'a, S: Stage> Steps<'a, S> {
         let Queue(outputs) = S::outputs();
         let Some(output) = self.window.next(outputs, self.run)? else { return Ok(()) };
         check_next(&output, &mut self.n)?;
+        match self.step(output) {
+            Ok(step) => self.next = Some(step),
+            Err(ReplayError::Missing { is_behind_end: true, .. }) => {
+                self.n_behind_end = 1 + self.window.count_rest(outputs, self.run)?;
+            }
+            Err(error) => return Err(error),
+        }
+        Ok(())
+    }
+
+    fn step(&mut self, output: S::Out) -> Result<Step<S>, ReplayError> {
         let RestsOn { taken_sequence, sent_ns, cue, .. } = S::rests_on(&output);
         let Queue(inputs) = S::inputs();
         let input = self.taken(inputs, taken_sequence, sent_ns)?;
@@ -80,14 +97,13 @@ impl<'a, S: Stage> Steps<'a, S> {
         };
         self.state_sequence = named_state;
         self.update_sequence = cue.model_update_sequence;
-        self.next = Some(Step { cue, input, state, update, output });
-        Ok(())
+        Ok(Step { cue, input, state, update, output })
     }
 
     /// The message that a step names, with its run. What is older is never named again.
     fn taken<M: Message>(&mut self, of: Of<M>, sequence: u64, sent_ns: i64) -> Result<(u64, M), ReplayError> {
         let found = self.window.named(of, sequence, sent_ns)?;
-        let (run, message) = found.ok_or(ReplayError::Missing { sequence, channel: M::CHANNEL })?;
+        let Some((run, message)) = found else { return Err(self.window.missing(of, sequence)) };
         of(self.window).forget_before(run, sequence);
         Ok((run, message))
     }

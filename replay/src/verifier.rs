@@ -46,6 +46,8 @@ pub trait Repetition {
     fn turn(&mut self, bus: &Bus) -> Result<Turn, ReplayError>;
     /// Outputs that came out the same.
     fn n_identical(&self) -> u64;
+    /// Outputs at the end that cannot be repeated, because they rest on what would come after the recording's end.
+    fn n_behind_end(&self) -> u64;
     /// Bytes compared so far.
     fn n_bytes(&self) -> u64;
     /// The first difference, if there is one.
@@ -212,6 +214,10 @@ impl<S: Stage> Repetition for Verifier<'_, S> {
 
     fn n_identical(&self) -> u64 {
         self.n_identical
+    }
+
+    fn n_behind_end(&self) -> u64 {
+        self.steps.n_behind_end()
     }
 
     fn n_bytes(&self) -> u64 {

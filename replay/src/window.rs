@@ -21,6 +21,8 @@ pub struct Window {
     stream: Stream,
     /// The newest instant read so far, of any channel, ns.
     newest_ns: i64,
+    /// Whether there is no more to read.
+    has_ended: bool,
     pub(crate) inputs: Queue<OperatorInput>,
     pub(crate) setpoints: Queue<Setpoint>,
     pub(crate) commands: Queue<Command>,
@@ -46,7 +48,7 @@ impl Window {
         let stream = Stream::open(path, channels)?;
         let (inputs, setpoints, commands) = (Queue::new(), Queue::new(), Queue::new());
         let (states, shapes, updates) = (Queue::new(), Queue::new(), Queue::new());
-        Ok(Self { stream, newest_ns: i64::MIN, inputs, setpoints, commands, states, shapes, updates })
+        Ok(Self { stream, newest_ns: i64::MIN, has_ended: false, inputs, setpoints, commands, states, shapes, updates })
     }
 
     /// The next message of a channel's run, taken out; `None` when the run holds no more.
@@ -90,6 +92,21 @@ impl Window {
         Ok(found.find(|(_, message)| message.sample_ns() <= named_ns))
     }
 
+    /// What was named and is not there.
+    pub(crate) fn missing<M: Message>(&mut self, of: Of<M>, sequence: u64) -> ReplayError {
+        let is_behind_end = self.has_ended && sequence > of(self).newest.1;
+        ReplayError::Missing { sequence, channel: M::CHANNEL, is_behind_end }
+    }
+
+    /// How many messages of a channel's run there are still; they are taken out.
+    pub(crate) fn count_rest<M: Message>(&mut self, of: Of<M>, run: u64) -> Result<u64, ReplayError> {
+        let mut n = 0;
+        while self.next(of, run)?.is_some() {
+            n += 1;
+        }
+        Ok(n)
+    }
+
     /// Reads on until it is known whether something is there. The recorder takes the channels in turn, some seconds of each
     /// at most, so this is soon known unless a stage has fallen silent.
     fn search<M: Message>(
@@ -111,7 +128,10 @@ impl Window {
 
     /// Reads one more sample. Returns whether there was one.
     fn read_on(&mut self) -> Result<bool, ReplayError> {
-        let Some(recorded) = self.stream.next() else { return Ok(false) };
+        let Some(recorded) = self.stream.next() else {
+            self.has_ended = true;
+            return Ok(false);
+        };
         let sample = recorded?.sample;
         self.newest_ns = self.newest_ns.max(sample.sample_ns());
         match sample {

@@ -49,6 +49,8 @@ struct Verdict {
     verified_with: String,
     /// Setpoints, commands and model updates of the recording that were not repeated.
     not_repeated: u64,
+    /// Those at the end of a cut recording that rest on what is behind the cut; they could not be repeated.
+    behind_cut: u64,
     /// What the recording is known to lack, in its own order: a file that is cut holds less than was run.
     missing: Vec<String>,
     /// The first output that differs, if any does.
@@ -95,8 +97,13 @@ pub fn run(common: &Common, args: &VerifyArgs) -> anyhow::Result<ExitCode> {
     supervisor.end();
     if verdict.first_difference.is_none() {
         let n_recorded = n_commands + n_updates + if has_inputs { n_setpoints } else { 0 };
-        let Verdict { setpoints_identical, commands_identical, updates_identical, .. } = verdict;
-        verdict.not_repeated = n_recorded.saturating_sub(setpoints_identical + commands_identical + updates_identical);
+        // Where nothing is known to lack, the end of a channel is no cut.
+        if verdict.missing.is_empty() {
+            verdict.behind_cut = 0;
+        }
+        let Verdict { setpoints_identical, commands_identical, updates_identical, behind_cut, .. } = verdict;
+        let n_accounted = setpoints_identical + commands_identical + updates_identical + behind_cut;
+        verdict.not_repeated = n_recorded.saturating_sub(n_accounted);
     }
     if args.json {
         print::json(&verdict)?;
@@ -178,6 +185,7 @@ impl Work<'_> {
             Process::Compensate => &mut verdict.commands_identical,
             _ => &mut verdict.updates_identical,
         } += repetition.n_identical();
+        verdict.behind_cut += repetition.n_behind_end();
         verdict.bytes_identical += repetition.n_bytes();
         verdict.first_difference = repetition.difference().cloned();
         self.supervisor.end_chain();
@@ -202,12 +210,19 @@ fn sentence(verdict: &Verdict) -> String {
     );
     let missing: String = verdict.missing.iter().map(|what| format!("not whole: {what}\n")).collect();
     let restarts: String = verdict.restarts.iter().map(restart_line).collect();
+    let behind_cut = match verdict.behind_cut {
+        0 => String::new(),
+        n => format!("not compared: {n} messages at the end, which rest on what is behind the cut\n"),
+    };
     let not_repeated = match verdict.not_repeated {
         0 => String::new(),
-        n => format!("not repeated: {n} messages that the recording holds twice or out of order\n"),
+        n => format!(
+            "not repeated: {n} messages that the recording holds twice, out of order, or without what they rest on\n"
+        ),
     };
     missing
         + &restarts
+        + &behind_cut
         + &not_repeated
         + &match &verdict.first_difference {
             None => format!(

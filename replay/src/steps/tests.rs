@@ -127,12 +127,29 @@ fn what_is_missing_is_named() {
     let without = |gone: fn(&Sample) -> bool| shipped().into_iter().filter(move |sample| !gone(sample));
     let found = file("input", without(|s| matches!(s, Sample::Input(m) if m.sequence == 300)));
     let error = run_of::<Resolve>(&found, 1).err();
-    assert!(matches!(error, Some(ReplayError::Missing { sequence: 300, channel: "input" })), "{error:?}");
+    assert!(
+        matches!(error, Some(ReplayError::Missing { sequence: 300, channel: "input", is_behind_end: false })),
+        "{error:?}"
+    );
     let found = file("setpoint", without(|s| matches!(s, Sample::Setpoint(m) if m.sequence == 300)));
     let error = run_of::<Resolve>(&found, 1).err();
     assert!(matches!(error, Some(ReplayError::Gap { channel: "setpoint", expected: 300, found: 301 })), "{error:?}");
     let error = run_of::<Compensate>(&found, 1).err();
-    assert!(matches!(error, Some(ReplayError::Missing { sequence: 300, channel: "setpoint" })), "{error:?}");
+    assert!(
+        matches!(error, Some(ReplayError::Missing { sequence: 300, channel: "setpoint", is_behind_end: false })),
+        "{error:?}"
+    );
+}
+
+#[test]
+fn a_recording_that_was_cut_is_repeated_as_far_as_it_goes() {
+    let lack = |sample: &Sample| matches!(sample, Sample::State(m) if m.sequence > 300);
+    let file = file("cut", shipped().into_iter().filter(|sample| !lack(sample)));
+    let mut window = Window::open(&file.0, Compensate::CHANNELS).expect("readable");
+    let mut steps = Steps::<Compensate>::of(&mut window, 1).expect("cut").expect("a run");
+    let all = all_of(&mut steps).expect("no error");
+    assert!(all.iter().all(|step| step.output.state_sequence <= 300) && all.len() > 200, "{} steps", all.len());
+    assert_eq!(all.len() as u64 + steps.n_behind_end(), N_STEPS);
 }
 
 /// The same chain a minute later, as far as the steps of `resolve` go.
