@@ -56,6 +56,10 @@ pub struct Seen {
     pub trouble: PerActuator<Trouble>,
     /// Current of the motor, in the direction in which it drives the encoder, A.
     pub current_a: PerActuator<f64>,
+    /// Torque of the motor, in the direction in which it drives the encoder, N m; NaN: not measured.
+    pub torque_nm: PerActuator<f64>,
+    /// How often each has said that it started anew.
+    pub n_boots: PerActuator<u32>,
     /// Temperature, degrees Celsius.
     pub temperature_celsius: PerActuator<f64>,
     /// Supply, V.
@@ -73,7 +77,7 @@ pub enum Trouble {
     /// Something else that is wrong with it.
     Tripped {
         /// Its own number for it.
-        code: u8,
+        code: u16,
         /// What that means.
         meaning: &'static str,
     },

@@ -44,7 +44,7 @@ impl BusDrive {
         report.stamp_ns = monotonic_ns();
         for (k, units) in setup.units.iter().enumerate() {
             report.q_m[k] = units.metres(seen.counts[k]);
-            report.tau_n[k] = seen.current_a[k] * units.newton_per_ampere;
+            report.tau_n[k] = units.load_n(&seen, k);
             report.sampled_ns[k] = seen.sampled_ns[k];
         }
         let wish = Wish { stamp_ns: monotonic_ns(), q_m: [f64::NAN; MAX_ACTUATORS], ..Wish::default() };

@@ -42,7 +42,7 @@ pub(crate) struct Cycles<B> {
 impl<B: ActuatorBus> Cycles<B> {
     /// `seen` is what the bus has seen already.
     pub(crate) fn new(bus: B, setup: Setup, exchange: Arc<Exchange>, seen: Seen, now_ns: i64) -> Self {
-        let judge = Judge::new(setup.n(), setup.lost_cycles, setup.counts_per_turn / 2, now_ns);
+        let judge = Judge::new(setup.n(), setup.lost_cycles, setup.leap_counts, now_ns);
         let mut cycles = Self {
             bus,
             setup,
@@ -102,7 +102,7 @@ impl<B: ActuatorBus> Cycles<B> {
     /// Power is switched anew: nothing that was is held against anybody.
     fn begin_turn(&mut self) {
         self.failure = None;
-        self.judge.begin();
+        self.judge.begin(&self.seen);
         self.has_switched = false;
         self.rest_where_seen();
         self.phase = if self.wish.has_power { Phase::Switching } else { Phase::Off };
@@ -132,7 +132,8 @@ impl<B: ActuatorBus> Cycles<B> {
             }
             Phase::Switching => {
                 // Also who is under power already is told: somebody else may have switched it, without limits.
-                let powered = self.seen.is_powered.iter().take(self.setup.n()).all(|on| *on);
+                let Seen { is_powered, has_answered, .. } = &self.seen;
+                let powered = (0..self.setup.n()).all(|k| is_powered[k] && has_answered[k]);
                 if powered && self.has_switched {
                     self.phase = Phase::On;
                     return self.follow(now_ns).map(Some);
@@ -196,7 +197,7 @@ impl<B: ActuatorBus> Cycles<B> {
         let periods_per_s = 1e9 / self.setup.period_ns as f64;
         for (k, units) in self.setup.units.iter().enumerate() {
             goals.counts[k] = units.counts(self.goal_m[k]);
-            let way = f64::from((goals.counts[k] - self.seen.counts[k]).abs());
+            let way = f64::from(goals.counts[k].abs_diff(self.seen.counts[k]));
             let speed = (way * periods_per_s).ceil();
             goals.counts_per_s[k] = speed.clamp(SLOWEST_COUNTS_PER_S, self.setup.speed_counts_per_s);
         }
@@ -225,7 +226,7 @@ impl<B: ActuatorBus> Cycles<B> {
         match finding {
             Finding::Known(error) => error,
             Finding::Leapt { actuator, counts } => {
-                DriveError::Jumped { actuator, by_m: self.setup.units[actuator - 1].magnitude_m(f64::from(counts)) }
+                DriveError::Jumped { actuator, by_m: self.setup.units[actuator - 1].magnitude_m(counts as f64) }
             }
         }
     }
@@ -248,7 +249,7 @@ impl<B: ActuatorBus> Cycles<B> {
         // Without power nothing follows: a dry run shows what was wished for.
         let is_followed = !self.is_dry() || self.phase == Phase::Off;
         report.q_m[k] = if is_followed { units.metres(self.seen.counts[k]) } else { self.goal_m[k] };
-        report.tau_n[k] = self.seen.current_a[k] * units.newton_per_ampere;
+        report.tau_n[k] = units.load_n(&self.seen, k);
         report.sampled_ns[k] = self.seen.sampled_ns[k];
         report.state[k] = self.judge.state(k, &self.seen, self.judged_phase());
     }

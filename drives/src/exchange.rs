@@ -173,7 +173,7 @@ fn failure(words: &[u64]) -> Option<DriveError> {
 }
 
 /// Every text that a failure of a bus may carry.
-pub(crate) const TEXTS: [&str; 10] = [
+pub(crate) const TEXTS: [&str; 21] = [
     "of a kind that is not known",
     crate::texts::PORT_GONE,
     crate::texts::PORT_BLOCKED,
@@ -184,6 +184,17 @@ pub(crate) const TEXTS: [&str; 10] = [
     crate::texts::CURRENT,
     crate::texts::SEVERAL,
     crate::texts::NOT_POWERED,
+    crate::texts::CAN_GONE,
+    crate::texts::CAN_DOWN,
+    crate::texts::BUS_OFF,
+    crate::texts::CAN_BLOCKED,
+    crate::texts::SECOND_MASTER,
+    crate::texts::OUT_OF_STEP,
+    crate::texts::QUICK_STOPPED,
+    crate::texts::FOLLOWING,
+    crate::texts::LEFT,
+    crate::texts::COMMUNICATION,
+    crate::texts::OF_ITS_OWN,
 ];
 
 #[cfg(test)]

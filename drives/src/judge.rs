@@ -13,11 +13,13 @@ use krait_slave::{ActuatorState, DriveError};
 pub(crate) struct Judge {
     n_actuators: usize,
     lost_cycles: u32,
-    half_turn_counts: i32,
+    leap_counts: i32,
     n_missing: PerActuator<u32>,
     /// Where each was when it last answered; none: not known since power was switched.
     counts: PerActuator<Option<i32>>,
     answered_ns: PerActuator<i64>,
+    /// How often each had started anew when power was switched.
+    n_boots: PerActuator<u32>,
 }
 
 /// What was found, before units.
@@ -26,23 +28,25 @@ pub(crate) enum Finding {
     /// The bus knows all about it.
     Known(DriveError),
     /// Its encoder leapt by so many counts.
-    Leapt { actuator: usize, counts: i32 },
+    Leapt { actuator: usize, counts: i64 },
 }
 
 impl Judge {
-    pub(crate) fn new(n_actuators: usize, lost_cycles: u32, half_turn_counts: i32, now_ns: i64) -> Self {
+    pub(crate) fn new(n_actuators: usize, lost_cycles: u32, leap_counts: i32, now_ns: i64) -> Self {
         Self {
             n_actuators,
             lost_cycles,
-            half_turn_counts,
+            leap_counts,
             n_missing: [0; MAX_ACTUATORS],
             counts: [None; MAX_ACTUATORS],
             answered_ns: [now_ns; MAX_ACTUATORS],
+            n_boots: [0; MAX_ACTUATORS],
         }
     }
 
     /// Power is switched anew: what failed before is forgiven, and whatever moved meanwhile has not leapt.
-    pub(crate) fn begin(&mut self) {
+    pub(crate) fn begin(&mut self, seen: &Seen) {
+        self.n_boots = seen.n_boots;
         self.n_missing = [0; MAX_ACTUATORS];
         self.counts = [None; MAX_ACTUATORS];
     }
@@ -73,6 +77,10 @@ impl Judge {
     ) -> Option<Finding> {
         let actuator = k + 1;
         let is_driven = matches!(phase, Phase::On | Phase::Stopped);
+        // Power or not, its zero may be gone.
+        if seen.n_boots[k] != self.n_boots[k] {
+            return Some(Finding::Known(DriveError::Reset { actuator }));
+        }
         if seen.has_answered[k] {
             // An actuator that is limp or has started anew says so; that is worth more than which goal it remembers.
             match seen.trouble[k] {
@@ -94,8 +102,9 @@ impl Judge {
         }
         (self.n_missing[k], self.answered_ns[k]) = (0, now_ns);
         let before = self.counts[k].replace(seen.counts[k]).filter(|_| phase != Phase::Off)?;
-        let counts = seen.counts[k] - before;
-        (counts.abs() > self.half_turn_counts).then_some(Finding::Leapt { actuator, counts })
+        let counts = i64::from(seen.counts[k]) - i64::from(before);
+        (counts.unsigned_abs() > u64::from(self.leap_counts.unsigned_abs()))
+            .then_some(Finding::Leapt { actuator, counts })
     }
 
     /// What an actuator is doing, as far as is known.

@@ -1,13 +1,14 @@
 //! krait-drives: actuators that people own, behind the slave's seam.
 //!
 //! Purpose: [`BusDrive`] is a drive over any [`ActuatorBus`]: it has the units, the age of readings, the judgement of each
-//! actuator, and the stop that needs no slave. [`sts3215`] is such a bus; [`emulator`] is one without hardware.
+//! actuator, and the stop that needs no slave. [`sts3215`] and [`cia402`] are such buses; [`emulator`] has both without hardware.
 //!
 //! Frames and units: see `docs/NOTATION.md`. SI; q~ is push positive; counts are an encoder's own.
 #![forbid(unsafe_code)]
 
 mod bus;
 mod bus_drive;
+pub mod cia402;
 mod cycles;
 pub mod emulator;
 mod error;
@@ -25,3 +26,18 @@ pub use error::OpenError;
 pub use newest::{Newest, Words};
 pub use setup::Setup;
 pub use units::Units;
+
+use krait_ipc::Beside;
+use krait_slave::{DriveKind, SlaveConfig};
+
+/// The drives of a configuration, whatever their bus; nothing moves yet. `beside`: as for [`BusDrive::start`].
+///
+/// # Errors
+/// [`OpenError`].
+pub fn open_drive(config: &SlaveConfig, beside: Option<Beside>) -> Result<BusDrive, OpenError> {
+    match config.drive.kind {
+        DriveKind::Sim => Err(OpenError::NoBus),
+        DriveKind::Sts3215 => sts3215::open_drive(config, beside),
+        DriveKind::Cia402 => cia402::open_drive(config, beside),
+    }
+}

@@ -10,7 +10,8 @@ use krait_slave::{ActuatorState, DriveMode, DriveTraits, OnFault, SlaveConfig};
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setup {
     pub(crate) units: Vec<Units>,
-    pub(crate) counts_per_turn: i32,
+    /// More than any encoder can go between two answers, counts.
+    pub(crate) leap_counts: i32,
     pub(crate) period_ns: i64,
     /// Time on the wire of one cycle, ns.
     pub(crate) exchange_ns: i64,
@@ -23,11 +24,12 @@ pub struct Setup {
 }
 
 impl Setup {
-    /// The setup of a checked configuration, for encoders of so many counts a turn and cycles that take so long.
+    /// The setup of a checked configuration with the units of its actuators; an encoder that goes by more than `leap_counts`
+    /// between two answers has leapt; a cycle takes `exchange_ns`.
     ///
     /// # Errors
-    /// [`OpenError`] where a zero is missing, travel passes the encoder's end, or the period is too short.
-    pub fn new(config: &SlaveConfig, counts_per_turn: i32, exchange_ns: i64) -> Result<Self, OpenError> {
+    /// [`OpenError`] where a zero is missing or the period is too short.
+    pub fn new(config: &SlaveConfig, units: Vec<Units>, leap_counts: i32, exchange_ns: i64) -> Result<Self, OpenError> {
         let drive = &config.drive;
         let period_ns = (drive.period_ms * 1e6) as i64;
         if exchange_ns > period_ns {
@@ -38,16 +40,12 @@ impl Setup {
                 exchange_ms: exchange_ns as f64 * 1e-6,
             });
         }
-        let mut units = Vec::new();
-        for (k, actuator) in drive.actuator.iter().enumerate() {
-            if actuator.zero_count.is_none() {
-                return Err(OpenError::ZeroNeverSet { actuator: k + 1 });
-            }
-            units.push(Units::new(actuator, k + 1, counts_per_turn)?);
+        if let Some(k) = drive.actuator.iter().position(|actuator| actuator.zero_count.is_none()) {
+            return Err(OpenError::ZeroNeverSet { actuator: k + 1 });
         }
         Ok(Self {
             units,
-            counts_per_turn,
+            leap_counts,
             period_ns,
             exchange_ns,
             lost_cycles: drive.lost_cycles,
@@ -73,7 +71,7 @@ impl Setup {
             rate_m_per_s: per_actuator(&|units| units.magnitude_m(self.speed_counts_per_s)),
             // A wish waits for the next cycle, the way takes one, and what was read then is shown until the one after.
             delay_ns: 2 * self.period_ns + self.exchange_ns,
-            measures_load: self.units.iter().all(|units| units.newton_per_ampere.is_finite()),
+            measures_load: self.units.iter().all(|units| units.measures_load()),
             on_fault: self.on_fault,
         }
     }

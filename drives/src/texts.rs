@@ -18,3 +18,25 @@ pub const CURRENT: &str = "too much current";
 pub const SEVERAL: &str = "several failures at once";
 /// Power was asked for and did not come.
 pub const NOT_POWERED: &str = "no power";
+/// The CAN interface went away.
+pub const CAN_GONE: &str = "its CAN interface is gone, as when the adapter is unplugged";
+/// The CAN interface was switched off.
+pub const CAN_DOWN: &str = "its CAN interface is down, as after `ip link set down`; `sudo ip link set can0 up type can bitrate 1000000` with its name";
+/// The controller has left the bus.
+pub const BUS_OFF: &str = "its CAN interface is bus-off after too many errors on the wire; check bit rate, termination and cable, then set the interface down and up";
+/// Nobody takes frames.
+pub const CAN_BLOCKED: &str = "its CAN interface takes no more frames, as when no drive is left that acknowledges them";
+/// Somebody else is master.
+pub const SECOND_MASTER: &str = "another program or device on the CAN bus does what only a master does; end it";
+/// More than one answer to a SYNC.
+pub const OUT_OF_STEP: &str = "more than one answer in a cycle, so that it is not in step, as after it froze";
+/// It has stopped by itself.
+pub const QUICK_STOPPED: &str = "a quick stop of its own, as when it missed this program's heartbeat";
+/// It is too far from its target.
+pub const FOLLOWING: &str = "that it does not follow its targets";
+/// It takes no part any more.
+pub const LEFT: &str = "that it has left Operation Enabled by itself, as when its enable input falls";
+/// CAN errors.
+pub const COMMUNICATION: &str = "a failure of its communication";
+/// Any other.
+pub const OF_ITS_OWN: &str = "a failure of its own; see the code in its manual";

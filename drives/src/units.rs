@@ -1,9 +1,9 @@
-//! Encoder counts and metres of line: counts = zero + sign × counts per turn × gear × q~ / (2 π r).
+//! Encoder counts and metres of line: counts = zero + sign × counts per turn × gear × q~ / way per turn.
 //!
-//! where: q~ line length at the actuator, m, push positive; r the spool's radius, m. Range: the travel must stay clear of the
+//! where: q~ line length at the actuator, m, push positive; way per turn: 2 π r of a spool, or the lead of a screw, m. Range: the travel must stay clear of the
 //! place where the encoder begins anew.
 
-use crate::OpenError;
+use crate::{OpenError, Seen};
 use core::f64::consts::TAU;
 use krait_slave::ActuatorConfig;
 
@@ -20,6 +20,8 @@ pub struct Units {
     pub travel_m: f64,
     /// Estimated load per current, N/A; NaN: not measured.
     pub newton_per_ampere: f64,
+    /// Load per torque of the motor, N/(N m); NaN: not measured.
+    pub newton_per_newton_metre: f64,
 }
 
 impl Units {
@@ -28,10 +30,9 @@ impl Units {
     /// # Errors
     /// [`OpenError::Wraps`] where the travel comes too near to the place where the encoder begins anew.
     pub fn new(config: &ActuatorConfig, actuator: usize, counts_per_turn: i32) -> Result<Self, OpenError> {
-        let zero_count =
-            config.zero_count.map_or(counts_per_turn / 2, |count| i32::try_from(count).unwrap_or(i32::MAX));
-        let counts_per_m = f64::from(counts_per_turn) * config.gear / (TAU * config.spool_radius_m);
-        let stroke = config.travel_m * counts_per_m;
+        let zero_count = config.zero_count.unwrap_or(counts_per_turn / 2);
+        let units = Self::around(config, zero_count, counts_per_turn);
+        let stroke = units.magnitude_counts(config.travel_m);
         let room = f64::from(zero_count).min(f64::from(counts_per_turn) - 1.0 - f64::from(zero_count));
         if stroke + CLEARANCE_COUNTS > room {
             return Err(OpenError::Wraps {
@@ -42,23 +43,65 @@ impl Units {
                 last_count: counts_per_turn - 1,
             });
         }
-        let estimate = config.newton_metre_per_ampere * config.gear / config.spool_radius_m;
-        Ok(Self {
+        let estimate = config.newton_metre_per_ampere * units.newton_per_newton_metre;
+        let newton_per_ampere = if config.newton_metre_per_ampere > 0.0 { estimate } else { f64::NAN };
+        Ok(Self { newton_per_ampere, newton_per_newton_metre: f64::NAN, ..units })
+    }
+
+    /// Units of the `actuator`-th, from 1, on an encoder that counts on over its turns and says how strong its motor is.
+    ///
+    /// # Errors
+    /// [`OpenError::BeyondCounts`] where the travel is more than can be counted, [`OpenError::ZeroLikePowerOn`] where the zero
+    /// cannot be told from what an incremental encoder reads at power-on.
+    pub fn endless(config: &ActuatorConfig, actuator: usize) -> Result<Self, OpenError> {
+        let zero_count = config.zero_count.unwrap_or(0);
+        let units = Self::around(config, zero_count, i32::try_from(config.counts_per_turn).unwrap_or(i32::MAX));
+        let stroke = (units.magnitude_counts(config.travel_m) + CLEARANCE_COUNTS).ceil();
+        if stroke + f64::from(zero_count).abs() > f64::from(i32::MAX / 2) {
+            let (travel_m, counts) = (config.travel_m, stroke as i64);
+            return Err(OpenError::BeyondCounts { actuator, travel_m, counts, zero_count });
+        }
+        let is_near = f64::from(zero_count).abs() <= stroke;
+        if config.zero_count.is_some() && is_near && !config.is_absolute {
+            let (counts, better) = (stroke as i64, (10 * stroke as i64).min(i64::from(i32::MAX / 2)));
+            return Err(OpenError::ZeroLikePowerOn { actuator, zero_count, counts, better });
+        }
+        Ok(units)
+    }
+
+    fn around(config: &ActuatorConfig, zero_count: i32, counts_per_turn: i32) -> Self {
+        let metre_per_turn = config.lead_m.unwrap_or(TAU * config.spool_radius_m);
+        let sign = f64::from(config.sign);
+        Self {
             zero_count,
-            counts_per_m: counts_per_m * f64::from(config.sign),
+            counts_per_m: f64::from(counts_per_turn) * config.gear / metre_per_turn * sign,
             travel_m: config.travel_m,
-            newton_per_ampere: if estimate > 0.0 { estimate * f64::from(config.sign) } else { f64::NAN },
-        })
+            newton_per_ampere: f64::NAN,
+            newton_per_newton_metre: TAU * config.gear * config.efficiency / metre_per_turn * sign,
+        }
+    }
+
+    /// Load of the `k`-th, counted from 0, N, push positive; NaN: not measured.
+    pub(crate) fn load_n(&self, seen: &Seen, k: usize) -> f64 {
+        if self.newton_per_ampere.is_finite() {
+            return seen.current_a[k] * self.newton_per_ampere;
+        }
+        seen.torque_nm[k] * self.newton_per_newton_metre
+    }
+
+    /// Whether loads are measured.
+    pub(crate) fn measures_load(&self) -> bool {
+        self.newton_per_ampere.is_finite() || self.newton_per_newton_metre.is_finite()
     }
 
     /// The count nearest to a position, which must be within travel.
     pub fn counts(&self, q_m: f64) -> i32 {
-        self.zero_count + (q_m * self.counts_per_m).round() as i32
+        (f64::from(self.zero_count) + (q_m * self.counts_per_m).round()) as i32
     }
 
     /// The position of a count, m.
     pub fn metres(&self, counts: i32) -> f64 {
-        f64::from(counts - self.zero_count) / self.counts_per_m
+        (f64::from(counts) - f64::from(self.zero_count)) / self.counts_per_m
     }
 
     /// Counts for a distance or speed, without sign.

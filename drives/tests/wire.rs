@@ -102,7 +102,7 @@ fn what_a_servo_complains_of_is_read_with_its_position() {
         spoil(&emulator, Faults { error, ..Faults::default() });
         bus.ask(&mut seen).unwrap();
         let Trouble::Tripped { code, meaning: found } = seen.trouble[1] else { panic!("{:?}", seen.trouble) };
-        assert!(code == error && found.contains(meaning), "{found}");
+        assert!(code == u16::from(error) && found.contains(meaning), "{found}");
     }
     spoil(&emulator, Faults { error: 1 << 5, ..Faults::default() });
     bus.ask(&mut seen).unwrap();

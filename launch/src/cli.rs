@@ -317,6 +317,8 @@ pub enum SlaveKind {
     Sim,
     /// The Feetech STS3215 servos that the configuration describes (docs/drives.md).
     Sts3215,
+    /// The CANopen drives of the profile CiA 402 that the configuration describes (docs/drives.md).
+    Cia402,
 }
 
 impl SlaveKind {
@@ -325,6 +327,7 @@ impl SlaveKind {
         match self {
             Self::Sim => DriveKind::Sim,
             Self::Sts3215 => DriveKind::Sts3215,
+            Self::Cia402 => DriveKind::Cia402,
         }
     }
 }

@@ -9,7 +9,7 @@ use krait_ipc::Process;
 use krait_model::Snake;
 use krait_record::Recording;
 use krait_replay::{Beginning, InputChoice, InputTrack, Program, ReplayError, Score, Trajectory, TrajectoryLimits};
-use krait_slave::{DriveConfig, DriveKind, ShapeSource};
+use krait_slave::{DriveConfig, ShapeSource};
 use std::path::{Path, absolute};
 
 /// Where a trajectory's own time begins, ns: after zero, so that nothing comes out negative.
@@ -138,9 +138,9 @@ fn replaced(common: &Common, args: &ReplayArgs, recorded: Config) -> anyhow::Res
 fn with_options(args: &ReplayArgs, mut config: Config) -> anyhow::Result<Config> {
     match args.slave {
         SlaveKind::Sim => config.slave.drive = DriveConfig::default(),
-        SlaveKind::Sts3215 => ensure!(
-            args.real_time && config.slave.drive.kind == DriveKind::Sts3215,
-            "--slave sts3215 moves real drives: it takes --real-time, and --replace slave with a --config that describes them"
+        kind @ (SlaveKind::Sts3215 | SlaveKind::Cia402) => ensure!(
+            args.real_time && config.slave.drive.kind == kind.kind(),
+            "--slave sts3215 or cia402 moves real drives: it takes --real-time, and --replace slave with a --config that describes them"
         ),
     }
     if let Some(truth) = &args.truth {

@@ -15,6 +15,8 @@ pub enum DriveKind {
     Sim,
     /// Feetech STS3215 servos on a serial bus.
     Sts3215,
+    /// CANopen drives of the profile CiA 402 on a CAN interface.
+    Cia402,
 }
 
 /// Whether drives move.
@@ -32,13 +34,17 @@ settings! {
     /// The drives.
     #[derive(Clone, Debug, PartialEq)]
     pub struct DriveConfig in "slave.drive" {
-        /// "sim": simulated; "sts3215": Feetech servos on a serial bus. What follows is for a real bus.
+        /// "sim": simulated; "sts3215": Feetech servos on a serial bus; "cia402": CANopen drives on a CAN interface. What follows is
+        /// for a real bus.
         kind: DriveKind = DriveKind::Sim;
         /// "live": they move; "dry": the bus is opened and read, power stays off, and the log says what would be sent.
         mode: DriveMode = DriveMode::Live;
         /// The serial port, best by its lasting name in /dev/serial/by-id.
         port: Option<PathBuf> = None;
-        /// Bit rate of the bus, bits/s. 1 000 000: the servos' own default.
+        /// "cia402": the CAN interface, as `ip link` names it.
+        interface: Option<String> = None;
+        /// Bit rate of the bus, bits/s. 1 000 000: the servos' own default, and what CAN has at most. A CAN interface gets its own
+        /// from `ip link`; this one says what a cycle takes.
         baud: u32 = 1_000_000, 9_600..=1_000_000;
         /// Period of the bus, ms: every actuator is told and asked once. 5 ms: three servos need 2.6 ms at 1 Mbaud and 1 ms in
         /// the USB adapter.
@@ -53,8 +59,13 @@ settings! {
         wish_ms: f64 = 100.0, 5.0..=1000.0;
         /// What a fault does: "hold": brake to rest and stay under power; "power_off": let go.
         on_fault: OnFault = OnFault::Hold;
-        /// Largest speed of a servo, counts/s. 3000: STS3215 at 7.4 V.
-        speed_counts_per_s: f64 = 3000.0, 50.0..=20_000.0;
+        /// Largest speed of a servo or motor, counts/s. 3000: STS3215 at 7.4 V.
+        speed_counts_per_s: f64 = 3000.0, 50.0..=1e8;
+        /// "cia402": how often drives and this program tell each other that they live, ms.
+        heartbeat_ms: u32 = 20, 1..=200;
+        /// "cia402": without this program's heartbeat for so long the drives stop by themselves, ms; at least 3 of `heartbeat_ms`.
+        /// 100 ms: longer than a hiccup of the machine, and at 30 mm/s with a held target no motion at all.
+        gives_up_ms: u32 = 100, 10..=2000;
         /// The actuators, in the order of the lines or joints; each is a table `[[slave.drive.actuator]]`.
         actuator: Vec<ActuatorConfig> = Vec::new();
     }
@@ -67,16 +78,30 @@ settings! {
         /// Its number on the bus.
         id: u32 = 1, 0..=252;
         /// What its encoder reads where its line or joint is at zero; `krait drives --zero` finds it. Without it nothing moves.
-        zero_count: Option<u32> = None;
+        zero_count: Option<i32> = None;
         /// 1: counts grow where the line is pushed; -1: where it is pulled.
         sign: i32 = 1;
         /// Radius of the spool, to the middle of the line, m.
         spool_radius_m: f64 = 0.008, 1e-4..=0.2;
-        /// Turns of the encoder for one of the spool.
+        /// "cia402": lead of the screw that pulls the line in place of a spool, m for a turn.
+        lead_m: Option<f64> = None;
+        /// "cia402": counts of the drive for a turn of its encoder.
+        counts_per_turn: u32 = 4096, 4..=100_000_000;
+        /// "cia402": whether its encoder keeps its count without power. One that does not has lost its zero then.
+        is_absolute: bool = false;
+        /// "cia402": maker and product by object 1018, as `krait drives` shows them; a drive that says another is not moved.
+        vendor: Option<u32> = None;
+        /// See `vendor`.
+        product: Option<u32> = None;
+        /// "cia402": rated torque of the motor, N m; 0: what the drive's object 6076 says.
+        rated_torque_nm: f64 = 0.0, 0.0..=1000.0;
+        /// Part of the torque that reaches the line.
+        efficiency: f64 = 1.0, 0.01..=1.0;
+        /// Turns of the encoder for one of the spool or screw.
         gear: f64 = 1.0, 0.01..=1000.0;
         /// How far it may go from zero, either way, m.
         travel_m: f64 = 0.006, 1e-4..=0.1;
-        /// Largest torque, part of the servo's own.
+        /// Largest torque, part of the servo's own, or of the drive's rated one (object 6072).
         torque_limit: f64 = 0.5, 0.01..=1.0;
         /// Torque per current, N m/A; then loads are estimated from the current, with tens of percent of error. 0: not measured.
         newton_metre_per_ampere: f64 = 0.0, 0.0..=100.0;
@@ -94,10 +119,14 @@ impl DriveConfig {
         if self.kind == DriveKind::Sim {
             return Ok(());
         }
-        if self.port.is_none() {
-            return refuse(
-                "port is missing; name the serial port, `krait drives` lists those that are there".to_owned(),
-            );
+        let (is_missing, sentence) = match self.kind {
+            DriveKind::Cia402 => {
+                (self.interface.is_none(), "interface is missing; name the CAN interface, such as can0")
+            }
+            _ => (self.port.is_none(), "port is missing; name the serial port"),
+        };
+        if is_missing {
+            return refuse(format!("{sentence}, `krait drives` lists those that are there"));
         }
         if self.timeout_ms >= self.period_ms {
             return refuse(format!(
@@ -116,12 +145,38 @@ impl DriveConfig {
             if actuator.sign.abs() != 1 {
                 return refuse(format!("actuator {}: sign = {}, expected 1 or -1", k + 1, actuator.sign));
             }
+            if self.kind == DriveKind::Cia402 {
+                actuator.check_can(k + 1)?;
+            }
             if let Some(first) = self.actuator[..k].iter().position(|other| other.id == actuator.id) {
                 let id = actuator.id;
                 return refuse(format!("actuators {} and {} both have id {id}; give each its own", first + 1, k + 1));
             }
         }
+        if self.kind == DriveKind::Cia402 && self.gives_up_ms < 3 * self.heartbeat_ms {
+            let (gives_up, heartbeat) = (self.gives_up_ms, self.heartbeat_ms);
+            return refuse(format!("gives_up_ms = {gives_up}: expected at least 3 times heartbeat_ms {heartbeat}"));
+        }
         Ok(())
+    }
+}
+
+impl ActuatorConfig {
+    /// What only a drive on CAN needs; it is the `actuator`-th, from 1.
+    fn check_can(&self, actuator: usize) -> Result<(), ConfigError> {
+        let refuse = |what: String| Err(ConfigError::Drives { what: format!("actuator {actuator}: {what}") });
+        if !(1..=126).contains(&self.id) {
+            return refuse(format!("id = {}, expected 1 to 126 (127 is krait)", self.id));
+        }
+        if self.vendor.is_none() || self.product.is_none() {
+            return refuse("vendor or product is missing; `krait drives` shows those that are there".to_owned());
+        }
+        match self.lead_m {
+            Some(lead_m) if !(1e-4..=0.1).contains(&lead_m) => {
+                refuse(format!("lead_m = {lead_m}, expected 0.0001 to 0.1 m for a turn"))
+            }
+            _ => Ok(()),
+        }
     }
 }
 
@@ -138,6 +193,8 @@ mod tests {
         DriveConfig::default().check().unwrap();
         let bus = "kind = \"sts3215\"\nport = \"/dev/ttyUSB0\"\n";
         let servo = "[[actuator]]\nid = 1\n";
+        let can = "kind = \"cia402\"\ninterface = \"can0\"\n";
+        let drive = "[[actuator]]\nid = 1\nvendor = 0x555\nproduct = 1\n";
         for (text, words) in [
             ("kind = \"sts3215\"".to_owned(), "port is missing"),
             (bus.to_owned(), "0 actuators"),
@@ -145,6 +202,11 @@ mod tests {
             (format!("{bus}{servo}sign = 0"), "sign = 0"),
             (format!("{bus}{servo}{servo}"), "actuators 1 and 2 both have id 1"),
             (format!("{bus}{servo}travel_m = 1.0"), "travel_m = 1"),
+            ("kind = \"cia402\"".to_owned(), "interface is missing"),
+            (format!("{can}{servo}"), "vendor or product is missing"),
+            (format!("{can}{drive}lead_m = 2.0"), "lead_m = 2"),
+            (format!("{can}gives_up_ms = 50\n{drive}"), "gives_up_ms = 50"),
+            (format!("{can}{drive}").replace("id = 1\n", "id = 127\n"), "id = 127"),
             (format!("{bus}{servo}id = 254").replace("id = 1\n", ""), "id = 254"),
         ] {
             let sentence = sentence(&text);

@@ -74,7 +74,7 @@ pub enum DriveError {
     },
     /// An encoder leapt.
     #[error(
-        "Drive {actuator} failed; the others hold: its encoder leapt by {by_m} m, more than half a turn; check its zero with `krait drives`, then send `clear-fault` and `enable`"
+        "Drive {actuator} failed; the others hold: its encoder leapt by {by_m} m in one cycle; check its zero with `krait drives`, then send `clear-fault` and `enable`"
     )]
     Jumped {
         /// Which, from 1.

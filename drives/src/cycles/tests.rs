@@ -73,7 +73,9 @@ impl Bench {
         };
         let config = SlaveConfig { drive, ..SlaveConfig::default() };
         // A million counts a turn: rounding is no part of these tests.
-        let setup = Setup::new(&config, 1_000_000, 2 * MS).unwrap_or_else(|error| panic!("{error}"));
+        let units = |(k, actuator)| Units::new(actuator, k + 1, 1_000_000).unwrap();
+        let units = config.drive.actuator.iter().enumerate().map(units).collect();
+        let setup = Setup::new(&config, units, 500_000, 2 * MS).unwrap_or_else(|error| panic!("{error}"));
         let exchange = Arc::new(Exchange {
             wish: Newest::new(&Wish::default()),
             report: Newest::new(&setup.blank_report()),

@@ -1,11 +1,14 @@
 //! An emulated bus of STS3215 servos behind a pseudo-terminal: to try krait without hardware, and with every fault that we know.
+//! [`CanBus`] is one of CiA 402 drives.
 //!
 //! Bytes take their time on the wire, servos theirs to answer and to move, the USB adapter its own. The host's bit rate is read
 //! from the terminal. What a fault does is in [`Faults`].
 
+mod can;
 mod servo;
 mod wire;
 
+pub use can::{CanBus, CanDrive, CanDrives, CanFaults, CanWire, serve as serve_can};
 pub use servo::{Faults, Servo};
 pub use wire::Wire;
 

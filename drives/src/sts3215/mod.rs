@@ -23,7 +23,7 @@ pub use scan::{BAUDS, FoundServo, scan};
 use crate::bus::{ActuatorBus, BusGone, Goals, PerActuator, Seen, Trouble};
 use crate::error::OpenError;
 use crate::texts::{CURRENT, HEAT, SENSOR, SEVERAL, VOLTAGE};
-use crate::{BusDrive, Setup};
+use crate::{BusDrive, Setup, Units};
 use core::time::Duration;
 use krait_ipc::Beside;
 use krait_ipc::clock::monotonic_ns;
@@ -158,7 +158,11 @@ impl Sts3215 {
 /// [`OpenError`].
 pub fn open_drive(config: &SlaveConfig, beside: Option<Beside>) -> Result<BusDrive, OpenError> {
     let drive = &config.drive;
-    let setup = Setup::new(config, COUNTS_PER_TURN, exchange_ns(drive.actuator.len(), drive.baud))?;
+    let mut units = Vec::new();
+    for (k, actuator) in drive.actuator.iter().enumerate() {
+        units.push(Units::new(actuator, k + 1, COUNTS_PER_TURN)?);
+    }
+    let setup = Setup::new(config, units, COUNTS_PER_TURN / 2, exchange_ns(drive.actuator.len(), drive.baud))?;
     let (bus, seen) = Sts3215::open(drive)?;
     BusDrive::start(bus, setup, seen, beside).map_err(OpenError::Thread)
 }
@@ -240,5 +244,5 @@ pub(crate) fn trouble(error: u8) -> Trouble {
         0x08 => CURRENT,
         _ => SEVERAL,
     };
-    Trouble::Tripped { code: error, meaning }
+    Trouble::Tripped { code: error.into(), meaning }
 }

@@ -18,7 +18,7 @@ pub fn three() -> Wire {
 
 /// A configuration with patience for a loaded machine: nothing here is about absolute times.
 pub fn config(emulator: &Emulator) -> SlaveConfig {
-    let actuator = |id| ActuatorConfig { id, zero_count: Some(ZERO as u32), ..ActuatorConfig::default() };
+    let actuator = |id| ActuatorConfig { id, zero_count: Some(ZERO), ..ActuatorConfig::default() };
     let drive = DriveConfig {
         kind: DriveKind::Sts3215,
         port: Some(emulator.path().to_owned()),

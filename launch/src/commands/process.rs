@@ -7,7 +7,7 @@ use crate::in_force::Compensation;
 use crate::{signals, supervisor};
 use anyhow::{Context, bail, ensure};
 use krait_bridge::{Feed, LiveModel};
-use krait_drives::sts3215;
+use krait_drives::open_drive;
 use krait_ipc::message::N_LINES;
 use krait_ipc::{Beside, Bus, input};
 use krait_master::{Engage, HidRecording, LiveMotion, MasterConfig, Script, SourceChoice};
@@ -71,9 +71,9 @@ fn run_named(common: &Common, process: &ProcessVerb) -> anyhow::Result<()> {
                 let slave = SlaveConfig { latency_limits, ..config.slave.clone() };
                 match slave.drive.kind {
                     DriveKind::Sim => krait_sim::run(&bus, &slave, simulation(&config)?, &stop)?,
-                    DriveKind::Sts3215 => {
+                    DriveKind::Sts3215 | DriveKind::Cia402 => {
                         check_actuators(&config)?;
-                        let drive = sts3215::open_drive(&slave, Some(beside))?;
+                        let drive = open_drive(&slave, Some(beside))?;
                         krait_slave::run_with_drive(&bus, &slave, drive, &stop)?;
                     }
                 }
@@ -158,7 +158,7 @@ fn is_cued(process: &ProcessVerb) -> bool {
 pub fn refuse_pad_of_real_drives(drive: DriveKind) -> anyhow::Result<()> {
     match drive {
         DriveKind::Sim => Ok(()),
-        DriveKind::Sts3215 => bail!(
+        DriveKind::Sts3215 | DriveKind::Cia402 => bail!(
             "--master browser drives simulated drives only, and [slave.drive] names real ones; \
              drive them with --master hid, or try the page with --slave sim"
         ),
@@ -175,11 +175,11 @@ pub fn refuse_poses_of_real_drives(config: &Config) -> anyhow::Result<()> {
         "--master pose needs the address on which poses are awaited: name it with --listen, as in --listen 127.0.0.1:5005, or with `listen` in [master.pose]"
     );
     match config.slave.drive.kind {
-        DriveKind::Sts3215 if !config.master.pose.real_drives => bail!(
+        DriveKind::Sts3215 | DriveKind::Cia402 if !config.master.pose.real_drives => bail!(
             "--master pose moves real drives only where [master.pose] says `real_drives = true`: its packets carry no \
              authentication, so whatever program reaches the port can move the robot (docs/pose.md); or try it with --slave sim"
         ),
-        DriveKind::Sim | DriveKind::Sts3215 => Ok(()),
+        DriveKind::Sim | DriveKind::Sts3215 | DriveKind::Cia402 => Ok(()),
     }
 }
 

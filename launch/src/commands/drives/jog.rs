@@ -5,7 +5,7 @@ use crate::cli::Common;
 use crate::{print, signals};
 use anyhow::{Context, bail, ensure};
 use core::time::Duration;
-use krait_drives::{BusDrive, sts3215};
+use krait_drives::{BusDrive, open_drive};
 use krait_ipc::clock::monotonic_ns;
 use krait_ipc::message::{Actuators, Command, MAX_ACTUATORS, OperatingState, Phase, SlaveState, Transition};
 use krait_ipc::{Reason, Reasons};
@@ -37,7 +37,7 @@ pub(super) fn run(common: &Common, actuator: usize, step_mm: f64) -> anyhow::Res
     let config = described(common)?;
     let n = config.drive.actuator.len();
     ensure!((1..=n).contains(&actuator), "--jog {actuator}: expected 1 to {n}, the actuators of [slave.drive]");
-    let drive = sts3215::open_drive(&config, None)?;
+    let drive = open_drive(&config, None)?;
     drive.traits().check(&config.limits)?;
     let rate_m_per_s = SPEED_M_PER_S.min(0.5 * config.limits.rate_m_per_s);
     let mut jog =

@@ -1,12 +1,14 @@
 //! The counts of the configured actuators where they stand now, as zeros for the configuration. Nothing moves.
+//!
+//! An incremental encoder on CAN has no such count: it is told that what the configuration says is where it stands.
 
 use super::{alone, described};
 use crate::cli::Common;
 use crate::{print, signals};
-use anyhow::Context;
-use krait_drives::Units;
+use krait_drives::cia402::{CanPort, Cia402, home_here};
 use krait_drives::sts3215::{COUNTS_PER_TURN, Sts3215};
-use krait_slave::ActuatorConfig;
+use krait_drives::{OpenError, Seen, Units};
+use krait_slave::{ActuatorConfig, DriveKind, SlaveConfig};
 use serde::Serialize;
 use std::process::ExitCode;
 
@@ -23,15 +25,20 @@ pub(super) fn run(common: &Common, json: bool) -> anyhow::Result<ExitCode> {
     let stop = signals::stop_flag()?;
     let _bus = alone(common, &stop)?;
     let config = described(common)?;
-    // Zeros of before must not keep anybody from new ones.
-    let mut drive = config.drive.clone();
-    drive.actuator.iter_mut().for_each(|actuator| actuator.zero_count = None);
-    let (_port, seen) = Sts3215::open(&drive)?;
+    let seen = match config.drive.kind {
+        DriveKind::Cia402 if config.drive.actuator.iter().any(|actuator| !actuator.is_absolute) => {
+            return tell_drives(&config, json);
+        }
+        _ => counts(config.clone())?,
+    };
     let mut zeros = Vec::new();
-    for (k, actuator) in drive.actuator.iter().enumerate() {
+    for (k, actuator) in config.drive.actuator.iter().enumerate() {
         let zero_count = seen.counts[k];
-        let count = u32::try_from(zero_count).context("an encoder gave a negative count")?;
-        Units::new(&ActuatorConfig { zero_count: Some(count), ..actuator.clone() }, k + 1, COUNTS_PER_TURN)?;
+        let actuator = ActuatorConfig { zero_count: Some(zero_count), ..actuator.clone() };
+        match config.drive.kind {
+            DriveKind::Cia402 => Units::endless(&actuator, k + 1)?,
+            _ => Units::new(&actuator, k + 1, COUNTS_PER_TURN)?,
+        };
         zeros.push(Zero { actuator: k + 1, id: actuator.id, zero_count });
     }
     if json {
@@ -44,5 +51,30 @@ pub(super) fn run(common: &Common, json: bool) -> anyhow::Result<ExitCode> {
         text += &format!("zero_count = {zero_count}  # actuator {actuator}, id {id}\n");
     }
     print::out(&text)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// What encoders read that keep their count without power.
+fn counts(mut config: SlaveConfig) -> Result<Seen, OpenError> {
+    // Zeros of before must not keep anybody from new ones.
+    config.drive.actuator.iter_mut().for_each(|actuator| actuator.zero_count = None);
+    match (config.drive.kind, &config.drive.interface) {
+        (DriveKind::Cia402, Some(interface)) => Ok(Cia402::open(&config, CanPort::open(interface)?)?.1),
+        _ => Ok(Sts3215::open(&config.drive)?.1),
+    }
+}
+
+/// Makes the configured zeros what drives with incremental encoders read where they stand.
+fn tell_drives(config: &SlaveConfig, json: bool) -> anyhow::Result<ExitCode> {
+    home_here(config)?;
+    let actuators = config.drive.actuator.iter().enumerate();
+    let zeros: Vec<Zero> = actuators
+        .filter_map(|(k, actuator)| Some(Zero { actuator: k + 1, id: actuator.id, zero_count: actuator.zero_count? }))
+        .collect();
+    if json {
+        print::json(&zeros)?;
+    } else {
+        print::out("The drives read their zero_count where they stand now, until they lose their power.\n")?;
+    }
     Ok(ExitCode::SUCCESS)
 }

@@ -1,0 +1,114 @@
+//! Tells drives that their zero is where they stand: homing by method 37, which moves nothing, under power for a moment.
+
+use super::node::Order;
+use super::open::{interface, setup};
+use super::port::CanPort;
+use super::scan::set;
+use super::states::{homing, is_failed};
+use super::steps::{HOME_OFFSET, HOMING_METHOD, METHOD_HERE, MODE, MODE_CSP, MODE_HOMING};
+use super::wire::Wire;
+use super::{Cia402, sdo};
+use crate::bus::{ActuatorBus, Seen};
+use crate::error::OpenError;
+use krait_slave::SlaveConfig;
+
+/// How long each part may take, ns.
+const PATIENCE_NS: i64 = 5_000_000_000;
+/// How far what a drive reads afterwards may be from its zero, counts.
+const NEAR_COUNTS: u32 = 50;
+
+/// Makes `zero_count` of each drive what it reads where it stands now; the power is off again afterwards.
+///
+/// # Errors
+/// [`OpenError`].
+pub fn home_here(config: &SlaveConfig) -> Result<(), OpenError> {
+    setup(config)?;
+    let (mut bus, mut seen) = Cia402::open(config, CanPort::open(interface(&config.drive)?)?)?;
+    bus.home(config, &mut seen)
+}
+
+impl<W: Wire> Cia402<W> {
+    /// Homes all drives where they stand.
+    pub(crate) fn home(&mut self, config: &SlaveConfig, seen: &mut Seen) -> Result<(), OpenError> {
+        let zeros: Vec<i32> = config.drive.actuator.iter().map(|actuator| actuator.zero_count.unwrap_or(0)).collect();
+        for (k, zero) in zeros.iter().enumerate() {
+            self.set(k, HOMING_METHOD, METHOD_HERE, 1)?;
+            self.set(k, HOME_OFFSET, zero.cast_unsigned(), 4)?;
+            self.set(k, MODE, MODE_HOMING, 1)?;
+        }
+        let homed = self.home_all(config, seen);
+        // Whatever became of it, nobody stays under power.
+        let off = self
+            .until(config, seen, Order::Off, |bus, seen| !seen.is_powered.iter().take(bus.nodes.len()).any(|on| *on));
+        for k in 0..zeros.len() {
+            self.set(k, MODE, MODE_CSP, 1)?;
+        }
+        homed.and(off)?;
+        for (k, zero) in zeros.into_iter().enumerate() {
+            let found = seen.counts[k];
+            if found.abs_diff(zero) > NEAR_COUNTS {
+                return Err(OpenError::OtherZero { actuator: k + 1, id: self.nodes[k].id, found, expected: zero });
+            }
+        }
+        Ok(())
+    }
+
+    fn home_all(&mut self, config: &SlaveConfig, seen: &mut Seen) -> Result<(), OpenError> {
+        self.until(config, seen, Order::Switch, |bus, seen| {
+            seen.is_powered.iter().take(bus.nodes.len()).all(|on| *on)
+        })?;
+        self.until(config, seen, Order::Home, |bus, _| bus.nodes.iter().all(|node| homing(node.status) == Some(true)))
+    }
+
+    /// Cycles of one order until something holds.
+    fn until(
+        &mut self,
+        config: &SlaveConfig,
+        seen: &mut Seen,
+        order: Order,
+        is_done: impl Fn(&Self, &Seen) -> bool,
+    ) -> Result<(), OpenError> {
+        let end_ns = self.wire.now_ns() + PATIENCE_NS;
+        loop {
+            let now_ns = self.wire.now_ns();
+            let mut goals = self.goals;
+            goals.counts = seen.counts;
+            match order {
+                Order::Switch => self.switch(true, &goals)?,
+                Order::Off => self.switch(false, &goals)?,
+                Order::Ask | Order::Follow | Order::Home => (self.order, self.goals) = (order, goals),
+            }
+            self.ask(seen)?;
+            if is_done(self, seen) {
+                return Ok(());
+            }
+            let failed = self.nodes.iter().position(|node| {
+                order == Order::Home && (homing(node.status) == Some(false) || is_failed(node.status))
+            });
+            if failed.is_some() || now_ns > end_ns {
+                let actuator = failed.unwrap_or(0);
+                let (id, status) = (self.nodes[actuator].id, self.nodes[actuator].status);
+                return Err(OpenError::NotHomed { actuator: actuator + 1, id, status });
+            }
+            self.pass(now_ns + (config.drive.period_ms * 1e6) as i64)?;
+        }
+    }
+
+    fn set(&mut self, k: usize, place: sdo::Place, value: u32, n_bytes: u8) -> Result<(), OpenError> {
+        let id = self.nodes[k].id;
+        self.beat_if_due(self.wire.now_ns())?;
+        match set(&mut self.wire, id, place, value, n_bytes)? {
+            Some(sdo::Reply::Written | sdo::Reply::Value(_)) => Ok(()),
+            None => Err(OpenError::NoAnswer { actuator: k + 1, id }),
+            Some(sdo::Reply::Aborted(code)) => Err(OpenError::Object {
+                actuator: k + 1,
+                id,
+                index: place.0,
+                sub: place.1,
+                code,
+                meaning: sdo::meaning(code),
+                advice: "it cannot be homed where it stands; use its maker's tool",
+            }),
+        }
+    }
+}
