@@ -1,15 +1,15 @@
 //! Effects that a user writes: a formula of shape, loads and columns that adds to a hook.
 //!
-//! Text is parsed by the library exmex over numbers with twelve tangents, one for each name that the formula uses, so that one
-//! evaluation gives the value and its derivative with respect to each of them. Only the operators listed here exist: a formula
+//! Text is parsed by the library exmex over numbers with a tangent for each name that varies, so that one evaluation gives the
+//! value and its derivative with respect to each of them; what holds still costs nothing. Only the operators listed here exist: a formula
 //! can do nothing but arithmetic. Evaluation works on the stack as long as the formula is not longer than what is accepted.
 
 use super::definition::{Class, Definition, Hook, effect};
 use super::formula_error::FormulaError;
-use super::formula_operators::{Arithmetic, FORMULA_FUNCTIONS, Lanes, Numbers};
+use super::formula_operators::{Expression, FORMULA_FUNCTIONS};
 use super::formula_variables::{ALL_HOOKS, FORMULA_VARIABLES, JOINT, STEM_ANGLE, TEMPERATURE, TIME, Values};
 use super::prepared::MAX_PARAMETERS;
-use super::real::{Real, Scalar};
+use super::real::{Dual, Real, Scalar};
 use exmex::prelude::*;
 
 pub(super) static FORMULA: Definition = Definition {
@@ -56,11 +56,16 @@ enum Meaning {
     Parameter(usize),
 }
 
-/// A parsed formula.
+/// Names that vary where a chain is inverted: a load, or the two components of a bend.
+const FEW_NAMES: usize = 2;
+
+/// A parsed formula. The same expression stands there for values with no tangent, few, and as many as there may be names.
 #[derive(Clone, Debug)]
 pub(crate) struct Formula {
     pub hook: Hook,
-    expression: FlatEx<Lanes, Arithmetic, Numbers>,
+    plain: Expression<0>,
+    few: Expression<FEW_NAMES>,
+    all: Expression<MAX_FORMULA_NAMES>,
     names: Vec<Meaning>,
 }
 
@@ -100,16 +105,19 @@ impl Formula {
         if let Some(reason) = refused_text(&formula.text) {
             return Err(FormulaError::Syntax { formula: name(), reason: reason.to_owned() });
         }
-        let expression = FlatEx::<Lanes, Arithmetic, Numbers>::parse(&formula.text)
-            .map_err(|e| FormulaError::Syntax { formula: name(), reason: e.msg().to_owned() })?;
-        let names: Vec<Meaning> =
-            expression.var_names().iter().map(|word| meaning(formula, word)).collect::<Result<_, _>>()?;
-        if names.len() > MAX_FORMULA_NAMES {
-            return Err(FormulaError::TooManyNames { formula: name(), found: names.len(), limit: MAX_FORMULA_NAMES });
+        let parsed = Self::parsed(formula)?;
+        let found = parsed.names.len();
+        if found > MAX_FORMULA_NAMES {
+            return Err(FormulaError::TooManyNames { formula: name(), found, limit: MAX_FORMULA_NAMES });
         }
-        let parsed = Self { hook: formula.hook, expression, names };
         parsed.check_finite(formula)?;
         Ok(parsed)
+    }
+
+    fn parsed(formula: &FormulaText) -> Result<Self, FormulaError> {
+        let all = parse::<MAX_FORMULA_NAMES>(formula)?;
+        let names = all.var_names().iter().map(|word| meaning(formula, word)).collect::<Result<_, _>>()?;
+        Ok(Self { hook: formula.hook, plain: parse(formula)?, few: parse(formula)?, all, names })
     }
 
     pub(crate) fn uses_time(&self) -> bool {
@@ -126,27 +134,28 @@ impl Formula {
 
     /// Value with tangents; `None` where it is not finite.
     pub(crate) fn evaluate<P: Real, S: Scalar<P>>(&self, values: &Values<S>, parameters: &[P]) -> Option<S> {
-        let mut lanes = [Lanes::default(); MAX_FORMULA_NAMES];
-        let own = |name: &Meaning| match *name {
-            Meaning::Variable(k) => values[k],
-            Meaning::Parameter(k) => S::lift(parameters[k]),
-        };
-        for (k, (lane, name)) in lanes.iter_mut().zip(&self.names).enumerate() {
-            *lane = Lanes::seed(own(name).value(), k);
+        let own = self.own(values, |k| S::lift(parameters[k]));
+        let own = own.get(..self.names.len())?;
+        match own.iter().filter(|own| varies(**own)).count() {
+            0 => sum(&self.plain, own),
+            1..=FEW_NAMES => sum(&self.few, own),
+            _ => sum(&self.all, own),
         }
-        let found = self.expression.eval(lanes.get(..self.names.len())?).ok()?;
-        if !(found.value.is_finite() && found.tangent.iter().all(|t| t.is_finite())) {
-            return None;
-        }
-        let mut sum = S::constant(found.value);
-        for (name, slope) in self.names.iter().zip(found.tangent) {
-            let own = own(name);
-            sum += (own - S::constant(own.value())) * S::constant(slope);
-        }
-        Some(sum)
     }
 
-    /// Evaluates on a grid of the workspace.
+    /// What the names stand for.
+    fn own<S: Real>(&self, values: &Values<S>, parameter: impl Fn(usize) -> S) -> [S; MAX_FORMULA_NAMES] {
+        let mut all = [S::constant(0.0); MAX_FORMULA_NAMES];
+        for (own, name) in all.iter_mut().zip(&self.names) {
+            *own = match *name {
+                Meaning::Variable(k) => values[k],
+                Meaning::Parameter(k) => parameter(k),
+            };
+        }
+        all
+    }
+
+    /// Evaluates on a grid of the workspace, with the slope by every name.
     fn check_finite(&self, formula: &FormulaText) -> Result<(), FormulaError> {
         let mut parameters = [0.0; MAX_PARAMETERS];
         for (own, given) in parameters.iter_mut().zip(&formula.parameters) {
@@ -179,7 +188,9 @@ impl Formula {
                         sign,
                         1.0,
                     ];
-                    if self.evaluate(&values, &parameters).is_none() {
+                    let mut own = self.own(&values, |k| parameters[k]).map(Dual::<MAX_FORMULA_NAMES>::constant);
+                    own.iter_mut().enumerate().for_each(|(k, own)| *own = Dual::seed(own.value, k));
+                    if sum(&self.all, own.get(..self.names.len()).unwrap_or(&own)).is_none() {
                         let (formula, text) = (formula.name.clone(), formula.text.clone());
                         return Err(FormulaError::NotFinite { formula, text, bend_rad: bend, delta_rad: delta });
                     }
@@ -188,6 +199,38 @@ impl Formula {
         }
         Ok(())
     }
+}
+
+fn parse<const K: usize>(formula: &FormulaText) -> Result<Expression<K>, FormulaError> {
+    let syntax = |reason: &str| FormulaError::Syntax { formula: formula.name.clone(), reason: reason.to_owned() };
+    Expression::parse(&formula.text).map_err(|error| syntax(error.msg()))
+}
+
+/// Whether a value has a tangent that is not zero.
+fn varies<S: Real>(own: S) -> bool {
+    S::HAS_TANGENTS && own != S::constant(own.value())
+}
+
+/// An expression's value where its names are these, of which no more than K may vary; `None` where it is not finite.
+fn sum<S: Real, const K: usize>(expression: &Expression<K>, own: &[S]) -> Option<S> {
+    let mut lanes = [Dual::<K>::default(); MAX_FORMULA_NAMES];
+    let mut n = 0;
+    for (lane, own) in lanes.iter_mut().zip(own) {
+        *lane = Dual::constant(own.value());
+        if varies(*own) {
+            *lane = Dual::seed(own.value(), n);
+            n += 1;
+        }
+    }
+    let found = expression.eval(lanes.get(..own.len())?).ok()?;
+    if !(found.value.is_finite() && found.tangent.iter().all(|slope| slope.is_finite())) {
+        return None;
+    }
+    let mut sum = S::constant(found.value);
+    for (own, slope) in own.iter().filter(|own| varies(**own)).zip(found.tangent) {
+        sum += (*own - S::constant(own.value())) * S::constant(slope);
+    }
+    Some(sum)
 }
 
 fn meaning(formula: &FormulaText, word: &str) -> Result<Meaning, FormulaError> {
@@ -277,9 +320,7 @@ mod tests {
         let mut values = [Dual::constant(0.2); FORMULA_VARIABLES.len()];
         values[2] = Dual::seed(0.5, 0);
         // Not a formula of the chain: the square root below has no slope at the straight pose.
-        let expression = FlatEx::<Lanes, Arithmetic, Numbers>::parse(text).unwrap();
-        let names = expression.var_names().iter().map(|word| meaning(&formula(text), word).unwrap()).collect();
-        Formula { hook: Hook::Eps, expression, names }.evaluate(&values, &[Dual::seed(0.7, 1)]).unwrap()
+        Formula::parsed(&formula(text)).unwrap().evaluate(&values, &[Dual::seed(0.7, 1)]).unwrap()
     }
 
     #[test]

@@ -1,18 +1,17 @@
 //! The operators and numbers of formulas, for the library that parses them: values with tangents, and nothing but arithmetic.
 
-use super::formula::MAX_FORMULA_NAMES;
 use super::real::{Dual, Real};
-use exmex::{BinOp, MakeOperators, MatchLiteral, Operator};
+use exmex::{BinOp, FlatEx, MakeOperators, MatchLiteral, Operator};
 
-/// A number with a tangent for each name that a formula can use.
-pub(super) type Lanes = Dual<MAX_FORMULA_NAMES>;
+/// An expression over values with K tangents.
+pub(super) type Expression<const K: usize> = FlatEx<Dual<K>, Arithmetic, Numbers>;
 
 /// The operators of formulas.
 #[derive(Clone, Debug)]
 pub(super) struct Arithmetic;
 
-impl MakeOperators<Lanes> for Arithmetic {
-    fn make<'a>() -> Vec<Operator<'a, Lanes>> {
+impl<const K: usize> MakeOperators<Dual<K>> for Arithmetic {
+    fn make<'a>() -> Vec<Operator<'a, Dual<K>>> {
         let bin = |apply, prio, is_commutative| BinOp { apply, prio, is_commutative };
         vec![
             Operator::make_bin_unary("+", bin(|a, b| a + b, 0, true), |a| a),
@@ -22,17 +21,17 @@ impl MakeOperators<Lanes> for Arithmetic {
             Operator::make_bin("^", bin(power, 4, false)),
             Operator::make_bin("min", bin(|a, b| if b.value < a.value { b } else { a }, 5, true)),
             Operator::make_bin("max", bin(|a, b| if b.value > a.value { b } else { a }, 5, true)),
-            Operator::make_unary("abs", Lanes::abs),
-            Operator::make_unary("sign", |a| Lanes::constant(if a.value == 0.0 { 0.0 } else { a.value.signum() })),
-            Operator::make_unary("sqrt", Lanes::sqrt),
-            Operator::make_unary("exp", Lanes::exp),
+            Operator::make_unary("abs", Dual::abs),
+            Operator::make_unary("sign", |a| Dual::constant(if a.value == 0.0 { 0.0 } else { a.value.signum() })),
+            Operator::make_unary("sqrt", Dual::sqrt),
+            Operator::make_unary("exp", Dual::exp),
             Operator::make_unary("ln", |a| a.chain(a.value.ln(), 1.0 / a.value)),
-            Operator::make_unary("sin", Lanes::sin),
-            Operator::make_unary("cos", Lanes::cos),
+            Operator::make_unary("sin", Dual::sin),
+            Operator::make_unary("cos", Dual::cos),
             Operator::make_unary("tan", |a| a.chain(a.value.tan(), 1.0 + a.value.tan().powi(2))),
             Operator::make_unary("atan", |a| a.chain(a.value.atan(), 1.0 / (1.0 + a.value * a.value))),
             Operator::make_unary("tanh", |a| a.chain(a.value.tanh(), 1.0 - a.value.tanh().powi(2))),
-            Operator::make_constant("pi", Lanes::constant(core::f64::consts::PI)),
+            Operator::make_constant("pi", Dual::constant(core::f64::consts::PI)),
         ]
     }
 }
@@ -41,7 +40,7 @@ impl MakeOperators<Lanes> for Arithmetic {
 pub(super) const FORMULA_FUNCTIONS: [&str; 12] =
     ["min", "max", "abs", "sign", "sqrt", "exp", "ln", "sin", "cos", "tan", "atan", "tanh"];
 
-fn power(a: Lanes, b: Lanes) -> Lanes {
+fn power<const K: usize>(a: Dual<K>, b: Dual<K>) -> Dual<K> {
     let value = a.value.powf(b.value);
     let by_a = if b.value == 0.0 { 0.0 } else { b.value * a.value.powf(b.value - 1.0) };
     let by_b = if a.value > 0.0 { value * a.value.ln() } else { 0.0 };
@@ -67,7 +66,7 @@ impl MatchLiteral for Numbers {
     }
 }
 
-impl core::str::FromStr for Lanes {
+impl<const K: usize> core::str::FromStr for Dual<K> {
     type Err = core::num::ParseFloatError;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
