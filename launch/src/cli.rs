@@ -4,6 +4,7 @@ use crate::cli_bench::{BenchArgs, FaultArgs, YardstickVerb};
 use crate::cli_calibrate::CalibrateVerb;
 use crate::cli_console::{ConsoleArgs, WatchArgs};
 use crate::cli_drives::DrivesArgs;
+use crate::cli_experiment::ExperimentVerb;
 use crate::cli_lab::LabVerb;
 use crate::cli_model::ModelVerb;
 use crate::cli_process::ProcessVerb;
@@ -70,6 +71,9 @@ pub enum Verb {
         after_help = "Examples:\n  krait paper\n  krait paper --out /tmp/paper\n  krait paper --json | jq .verdict"
     )]
     Paper(PaperArgs),
+    /// The paper's experiments on a chain of real processes, simulated snake or robot, and its figures from the recording.
+    #[command(subcommand)]
+    Experiment(ExperimentVerb),
     /// Sends a recording's input through freshly started processes: are setpoints and commands the same, bit for bit?
     ///
     /// Exit code 0: identical; 1: the first difference is shown with sample, field, both values, process and versions;
@@ -280,6 +284,9 @@ pub enum MasterKind {
     Browser,
     /// A program that sends poses of a hand by UDP (docs/pose.md).
     Pose,
+    /// The guide of `krait experiment`.
+    #[value(hide = true)]
+    Guide,
 }
 
 /// How often a recording or script engages.

@@ -23,6 +23,7 @@ pub fn enter(metadata: &mut BTreeMap<String, String>, config: &MasterConfig, mas
             let listen = config.pose.listen.map_or_else(|| "no address".to_owned(), |listen| listen.to_string());
             (format!("pose sender, heard at {listen}"), "none (pose sender)".to_owned())
         }
+        (MasterKind::Guide, _) => ("guide of an experiment".to_owned(), "none (guide)".to_owned()),
         (MasterKind::Replay, path) => (reports(path), "none (recorded reports)".to_owned()),
         (MasterKind::Script, path) => {
             let name = path.map_or_else(|| "unnamed".to_owned(), |path| path.display().to_string());

@@ -8,6 +8,7 @@ mod cli_bench;
 mod cli_calibrate;
 mod cli_console;
 mod cli_drives;
+mod cli_experiment;
 mod cli_lab;
 mod cli_lab_data;
 mod cli_model;
@@ -18,6 +19,7 @@ mod config;
 mod device;
 mod doctor;
 mod evidence;
+mod experiment;
 mod fault;
 mod in_force;
 mod log;
@@ -51,6 +53,7 @@ fn main() -> ExitCode {
         Verb::Devices(args) => commands::devices::run(&args),
         Verb::Drives(args) => commands::drives::run(&cli.common, &args),
         Verb::Paper(args) => commands::paper::run(&args),
+        Verb::Experiment(verb) => commands::experiment::run(&cli.common, &verb),
         Verb::Verify(args) => commands::verify::run(&cli.common, &args),
         Verb::State(args) => commands::state::run(&cli.common, &args),
         Verb::Stop => commands::stop::run(&cli.common),

@@ -88,6 +88,16 @@ pub enum MasterError {
         /// What stands there.
         found: String,
     },
+    /// The plan of an experiment is wrong somewhere.
+    #[error("plan {file}: expected {expected}, found {found}; let `krait experiment` write it")]
+    Plan {
+        /// The file.
+        file: String,
+        /// What should be.
+        expected: String,
+        /// What is.
+        found: String,
+    },
     /// A profile is wrong somewhere, or its device is not as it says.
     #[error("profile {file}, {place}: expected {expected}, found {found}; correct it in the profile (docs/hands.md)")]
     Profile {

@@ -128,6 +128,7 @@ impl Master {
                 }
                 SourceEvent::Packet { stamp_ns, sender, packet } => self.take_packet(stamp_ns, sender, packet),
                 SourceEvent::Script(sample) => self.core.on_script(sample),
+                SourceEvent::Mark(mark) => self.marks.send(&Marker { sequence: self.marks.n_sent() + 1, ..mark })?,
                 SourceEvent::Pad { stamp_ns, wish } => {
                     // Counted as a report that is refused.
                     if self.core.on_pad(&wish, stamp_ns).is_ok() {

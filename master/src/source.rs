@@ -2,10 +2,10 @@
 //! none of them.
 
 use crate::{
-    BrowserSource, HidRecording, HidSource, Layout, MasterConfig, MasterCore, MasterError, PoseSource, Profile,
-    RawReport, RecordingSource, Script, ScriptSample, ScriptSource,
+    BrowserSource, GuidePlan, GuideSource, HidRecording, HidSource, Layout, MasterConfig, MasterCore, MasterError,
+    PoseSource, Profile, RawReport, RecordingSource, Script, ScriptSample, ScriptSource,
 };
-use krait_ipc::message::DriveWish;
+use krait_ipc::message::{DriveWish, Marker};
 use krait_ipc::{Bus, clock};
 use rustix::thread::{ClockId, clock_nanosleep_absolute};
 use rustix::time::Timespec;
@@ -30,8 +30,10 @@ pub enum SourceEvent {
         /// Its bytes.
         packet: RawReport,
     },
-    /// What a script asks for at this instant.
+    /// What a script or a guide asks for at this instant.
     Script(ScriptSample),
+    /// What a guide marks at this instant; its number is the process's to give.
+    Mark(Marker),
     /// What a page's drive pad said, and when it was in hand, CLOCK_MONOTONIC, ns.
     Pad {
         /// When it was in hand.
@@ -87,6 +89,8 @@ pub enum SourceChoice {
         /// Whether it begins again after its end.
         looping: bool,
     },
+    /// The guide of an experiment.
+    Guide(GuidePlan),
     /// A script of wanted motion.
     Script {
         /// The script.
@@ -111,6 +115,7 @@ impl SourceChoice {
             Self::Browser => Box::new(BrowserSource::open(bus)?),
             Self::Pose => Box::new(PoseSource::open(&config.pose)?),
             Self::Recording { recording, looping } => Box::new(RecordingSource::new(recording, looping)),
+            Self::Guide(plan) => Box::new(GuideSource::open(bus, plan)?),
             Self::Script { script, looping } => Box::new(ScriptSource::new(script, looping)),
         })
     }
@@ -131,7 +136,7 @@ impl SourceChoice {
             Self::Recording { recording, .. } if recording.header().layout == Some(Layout::Pose) => {
                 MasterCore::with_pose(config)
             }
-            Self::Hid | Self::Recording { .. } | Self::Script { .. } => MasterCore::new(config),
+            Self::Hid | Self::Guide(_) | Self::Recording { .. } | Self::Script { .. } => MasterCore::new(config),
         }
     }
 }

@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use serde::Serialize;
 
 /// Bend and plane of each pose, deg.
-const POSES_DEG: [(f64, f64); 8] =
+pub const POSES_DEG: [(f64, f64); 8] =
     [(15.0, 0.0), (30.0, 0.0), (45.0, 0.0), (60.0, 0.0), (80.0, 0.0), (90.0, 0.0), (60.0, 180.0), (60.0, 90.0)];
 /// The compensations that are drawn over each other.
 const SHOWN: [&str; 3] = ["off", "naive", "motion_sign_1.22_0.089"];

@@ -10,8 +10,8 @@ use krait_model::Snake;
 use krait_report::{Curve, Figure, Sheet, Stroke, Surface};
 use nalgebra::Vector2;
 
-const BEND_AXIS: &str = "commanded bend, deg";
-const DELTA_AXIS: &str = "commanded plane delta, deg";
+pub const BEND_AXIS: &str = "commanded bend, deg";
+pub const DELTA_AXIS: &str = "commanded plane delta, deg";
 /// Distance between the bases of two poses of Fig. 12, mm.
 const STRIP_MM: f64 = 24.0;
 
@@ -214,25 +214,41 @@ fn planes(
 
 /// Each pose drawn in its own wanted plane, one beside the other.
 fn strip(snake: &Snake, poses: &[fig_12::PoseRow]) -> Figure {
-    let mut curves = Vec::new();
-    let mut add = |label: &str, color_idx, stroke, k: usize, delta_deg: f64, b: Vector2<f64>| {
-        let label = if k == 0 { label } else { "" };
-        curves.push(curve(label, color_idx, stroke, shape(snake, b, delta_deg, k as f64 * STRIP_MM)));
-    };
+    let mut strip = Strip::new(snake);
     for (k, row) in poses.iter().enumerate() {
         let wanted = crate::bench::bend_rad(row.bend_deg, row.delta_deg);
-        add("wanted", 4, Stroke::Dashed, k, row.delta_deg, wanted);
+        strip.add("wanted", 4, Stroke::Dashed, k, row.delta_deg, wanted);
         for (reached, color) in row.reached.iter().zip([2, 1, 0]) {
-            add(reached.compensation, color, Stroke::Solid, k, row.delta_deg, reached.bend_rad.into());
+            strip.add(reached.compensation, color, Stroke::Solid, k, row.delta_deg, reached.bend_rad.into());
         }
     }
     figure(
         "fig-12.svg",
         "Fig. 12: poses, each in its own plane of bending",
         ["in the plane of bending, mm; bases 24 mm apart", "along the base axis, mm"],
-        curves,
+        strip.curves,
         "Ours: bends 15, 30, 45, 60, 80, 90 deg at delta = 0, then 60 deg at delta = 180 and 90 deg. The paper's poses are not known.",
     )
+}
+
+/// Arcs side by side.
+pub struct Strip<'a> {
+    snake: &'a Snake,
+    /// The arcs, for a figure.
+    pub curves: Vec<Curve>,
+}
+
+impl<'a> Strip<'a> {
+    /// An empty one.
+    pub fn new(snake: &'a Snake) -> Self {
+        Self { snake, curves: Vec::new() }
+    }
+
+    /// A bend, rad, at place `k`, seen along the normal of a plane; named in the legend where it stands first.
+    pub fn add(&mut self, label: &str, color_idx: usize, stroke: Stroke, k: usize, delta_deg: f64, b: Vector2<f64>) {
+        let label = if k == 0 { label } else { "" };
+        self.curves.push(curve(label, color_idx, stroke, shape(self.snake, b, delta_deg, k as f64 * STRIP_MM)));
+    }
 }
 
 /// The backbone of a bend, a circular arc, seen along the normal of a plane, mm.
@@ -248,7 +264,8 @@ fn shape(snake: &Snake, b: Vector2<f64>, delta_deg: f64, offset_mm: f64) -> Vec<
         .collect()
 }
 
-fn figure(file: &str, title: &str, [x_label, y_label]: [&str; 2], curves: Vec<Curve>, caption: &str) -> Figure {
+/// A picture without a band.
+pub fn figure(file: &str, title: &str, [x_label, y_label]: [&str; 2], curves: Vec<Curve>, caption: &str) -> Figure {
     Figure {
         file: file.to_owned(),
         title: title.to_owned(),
@@ -260,7 +277,8 @@ fn figure(file: &str, title: &str, [x_label, y_label]: [&str; 2], curves: Vec<Cu
     }
 }
 
-fn curve(label: &str, color_idx: usize, stroke: Stroke, points: Vec<(f64, f64)>) -> Curve {
+/// One curve.
+pub fn curve(label: &str, color_idx: usize, stroke: Stroke, points: Vec<(f64, f64)>) -> Curve {
     Curve { label: label.to_owned(), color_idx, stroke, points }
 }
 

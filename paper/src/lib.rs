@@ -10,6 +10,7 @@ mod bench;
 mod bias;
 mod claims;
 mod errors;
+pub mod experiment;
 mod fig_10;
 mod fig_11;
 mod fig_12;

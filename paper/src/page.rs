@@ -19,12 +19,7 @@ figcaption,.note{color:#555;font-size:.92rem;max-width:48rem}\
 /// The page with the pictures in the order of the figures.
 pub fn html(paper: &Paper, pictures: &[String]) -> String {
     let class = if paper.verdict.holds { "verdict" } else { "verdict fails" };
-    let mut page = format!(
-        "<!DOCTYPE html>\n<html xmlns=\"http://www.w3.org/1999/xhtml\" lang=\"en\">\n<head><meta charset=\"utf-8\"/>\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\
-         <title>krait paper</title><style>{STYLE}</style></head>\n<body>\n"
-    );
-    page += "<h1>Actuation compensation for a snake-like robot, regenerated</h1>\n";
+    let mut page = String::from("<h1>Actuation compensation for a snake-like robot, regenerated</h1>\n");
     page += &note(
         "K. Xu and N. Simaan, \"Actuation Compensation for Flexible Surgical Snake-like Robots with Redundant Remote \
          Actuation\", ICRA 2006, doi 10.1109/ROBOT.2006.1642340. The paper's raw data are not available, nor are the points of \
@@ -39,23 +34,39 @@ pub fn html(paper: &Paper, pictures: &[String]) -> String {
     }
     page += "<h2>Figures</h2>\n";
     let captions = paper.figures.iter().map(|f| &f.caption).chain(paper.surfaces.iter().map(|s| &s.caption));
-    for (caption, picture) in captions.zip(pictures) {
-        page += &format!("<figure>{picture}<figcaption>{}</figcaption></figure>\n", escaped(caption));
+    for (caption, svg) in captions.zip(pictures) {
+        page += &picture(svg, caption);
     }
     page += &section("Errors of the paper", &errors(&paper.errors));
-    page += "</body>\n</html>\n";
-    page
+    document("krait paper", &page)
 }
 
-fn section(title: &str, body: &str) -> String {
+/// A page of its own around a body.
+pub fn document(title: &str, body: &str) -> String {
+    format!(
+        "<!DOCTYPE html>\n<html xmlns=\"http://www.w3.org/1999/xhtml\" lang=\"en\">\n<head><meta charset=\"utf-8\"/>\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\
+         <title>{title}</title><style>{STYLE}</style></head>\n<body>\n{body}</body>\n</html>\n"
+    )
+}
+
+/// A picture with what is said about it.
+pub fn picture(svg: &str, caption: &str) -> String {
+    format!("<figure>{svg}<figcaption>{}</figcaption></figure>\n", escaped(caption))
+}
+
+/// A heading with what stands under it.
+pub fn section(title: &str, body: &str) -> String {
     format!("<h2>{}</h2>\n{body}", escaped(title))
 }
 
-fn note(text: &str) -> String {
+/// A sentence in small print.
+pub fn note(text: &str) -> String {
     format!("<p class=\"note\">{}</p>\n", escaped(text))
 }
 
-fn table(table: &Table) -> String {
+/// A table, its first row the header.
+pub fn table(table: &Table) -> String {
     let mut html = String::from("<table>\n");
     for (k, row) in table.rows().iter().enumerate() {
         let tag = if k == 0 { "th" } else { "td" };

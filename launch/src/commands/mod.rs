@@ -10,6 +10,7 @@ pub mod demo;
 pub mod devices;
 pub mod doctor;
 pub mod drives;
+pub mod experiment;
 pub mod export;
 pub mod fault;
 pub mod lab;

@@ -10,7 +10,7 @@ use krait_bridge::{Feed, LiveModel};
 use krait_drives::open_drive;
 use krait_ipc::message::N_LINES;
 use krait_ipc::{Beside, Bus, input};
-use krait_master::{Engage, HidRecording, LiveMotion, MasterConfig, Script, SourceChoice};
+use krait_master::{Engage, GuidePlan, HidRecording, LiveMotion, MasterConfig, Script, SourceChoice};
 use krait_record::{Attachment, RecordConfig};
 use krait_sim::Simulation;
 use krait_slave::{DriveKind, SlaveConfig};
@@ -201,6 +201,8 @@ fn run_master(bus: &Bus, config: &Config, args: &MasterArgs, stop: &AtomicBool) 
         (MasterKind::Replay, None) => SourceChoice::Recording { recording: HidRecording::shipped()?, looping },
         (MasterKind::Replay, Some(path)) => SourceChoice::Recording { recording: HidRecording::load(path)?, looping },
         (MasterKind::Script, Some(path)) => SourceChoice::Script { script: Script::load(path)?, looping },
+        (MasterKind::Guide, Some(path)) => SourceChoice::Guide(GuidePlan::load(path)?),
+        (MasterKind::Guide, None) => bail!("a plan is missing: name it with --input FILE"),
         (MasterKind::Script, None) => bail!("a script is missing: name it with --input FILE"),
     };
     let record_reports = args.record_reports.clone().or_else(|| config.master.record_reports.clone());

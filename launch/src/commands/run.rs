@@ -24,6 +24,9 @@ pub fn run(common: &Common, args: &RunArgs) -> anyhow::Result<ExitCode> {
                 "--engage is for recordings and scripts; a hand engages by its own button, pad or gripper: leave it out"
             )
         }
+        (MasterKind::Guide, _) => {
+            bail!("--master guide is the guide of an experiment; start one with `krait experiment`")
+        }
         (MasterKind::Replay | MasterKind::Script, None) => {
             tracing::warn!("nothing will move: a recording or script engages only with --engage");
         }

@@ -35,6 +35,7 @@ fn master_arguments(options: &ChainOptions) -> Vec<OsString> {
         MasterKind::Script => "script",
         MasterKind::Browser => "browser",
         MasterKind::Pose => "pose",
+        MasterKind::Guide => "guide",
     };
     let mut arguments: Vec<OsString> = vec!["--source".into(), source.into()];
     if let Some(path) = &options.input {
