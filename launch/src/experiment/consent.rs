@@ -18,7 +18,7 @@ pub fn ask(settings: &Settings, engage: bool) -> anyhow::Result<()> {
     let drives = if settings.is_real { "REAL drives" } else { "the simulated snake" };
     let largest_deg = settings.protocol.poses.iter().map(|pose| pose.bend_deg).fold(0.0, f64::max);
     let question = format!(
-        "This homes and moves {drives}, {} times, through {} poses of up to {largest_deg:.0} deg each time.\nGo on? [yes/N] ",
+        "This homes and moves {drives}, {} times, through {} poses of up to {largest_deg:.0} deg each time.\nType yes to go on, anything else to leave it:\n",
         settings.passes.len(),
         settings.protocol.poses.len(),
     );

@@ -105,7 +105,7 @@ pub(super) fn facts(outcome: &Outcome) -> String {
 }
 
 fn in_force(pass: &PassOutcome, own: &LearntReport) -> String {
-    format!("In force at the last pose of {}: {}", pass.compensation, own.sentence())
+    format!("In force at the end, {}: {}", pass.compensation, own.sentence())
 }
 
 /// Every pose as CSV.
