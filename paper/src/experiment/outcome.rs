@@ -1,7 +1,7 @@
 //! What an experiment came to: errors pose by pose, their spread part by part, the bench beside each, and the camera's noise.
 
 use super::measured::{Announced, MeasuredPass, MeasuredPose, announced, measured};
-use super::protocol::{Leg, Part, Protocol};
+use super::protocol::{Leg, Part, Protocol, WantedPose};
 use crate::bench::{Bench, Pose, bend_error_deg, plane_error_deg, vector_error_deg};
 use crate::variants::VariantKind;
 use anyhow::Context;
@@ -231,7 +231,7 @@ impl PoseOutcome {
     fn of(measured: &MeasuredPose, bench: &Pose) -> Self {
         let MeasuredPose { number, wanted, pose, n, at_s, limit, .. } = *measured;
         let deg = |v: Vector2<f64>| v.map(f64::to_degrees).into();
-        let along = pose.wanted_rad.normalize();
+        let along = bend_direction(wanted);
         let across = Vector2::new(-along.y, along.x);
         Self {
             pose: number,
@@ -245,22 +245,28 @@ impl PoseOutcome {
             n_shapes: n,
             q_tilde_mm: (pose.q_tilde_m * 1e3).into(),
             tau_n: pose.tau_tilde_n.into(),
-            bend_error_deg: bend_error(wanted.part, &pose),
+            bend_error_deg: bend_error(wanted, &pose),
             bend_se_deg: measured.se_rad(along).to_degrees(),
             plane_error_deg: plane_error_deg(&pose),
             plane_se_deg: (measured.se_rad(across) / pose.reached_rad.norm()).to_degrees(),
             vector_error_deg: vector_error_deg(&pose),
             bench_deg: deg(bench.reached_rad),
-            bench_bend_error_deg: bend_error(wanted.part, bench),
+            bench_bend_error_deg: bend_error(wanted, bench),
             bench_plane_error_deg: plane_error_deg(bench),
         }
     }
 }
 
+/// The unit vector along which a pose bends.
+fn bend_direction(wanted: WantedPose) -> Vector2<f64> {
+    let (sin, cos) = wanted.delta_deg.to_radians().sin_cos();
+    Vector2::new(cos, sin)
+}
+
 /// On a ramp the error along its plane, as Fig. 10 has it: it keeps its sign through straight.
-fn bend_error(part: Part, pose: &Pose) -> f64 {
-    match part {
-        Part::Up | Part::Back => (pose.reached_rad - pose.wanted_rad).dot(&pose.wanted_rad.normalize()).to_degrees(),
+fn bend_error(wanted: WantedPose, pose: &Pose) -> f64 {
+    match wanted.part {
+        Part::Up | Part::Back => (pose.reached_rad - pose.wanted_rad).dot(&bend_direction(wanted)).to_degrees(),
         Part::Turn | Part::FromStraight | Part::Pose => bend_error_deg(pose),
     }
 }
