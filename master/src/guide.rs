@@ -146,7 +146,7 @@ impl Guide {
             return self.fail(&format!("the setpoint did not arrive in time and is {off_mm:.3} mm away"));
         }
         let tangent = if length(behind_m) > LEASH_M { [0.0; 3] } else { self.advance(left_m, step_s) };
-        let behind_m = minus(self.reference_m.unwrap_or(tip_m), tip_m);
+        // What this step goes is in the tangent; the rest is how far the setpoint was behind before it.
         let velocity = core::array::from_fn(|k| tangent[k] * self.speed_m_per_s + GAIN_PER_S * behind_m[k]);
         GuideStep {
             sample: Some(sample(self.in_view(limited(velocity, 2.0 * self.plan.speed_m_per_s)), true)),

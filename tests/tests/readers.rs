@@ -27,7 +27,7 @@ const MODEL: &str = "format = 1\n[machine]\nkind = \"snake\"\n[[effect]]\nkind =
                      [[effect]]\nkind = \"static-friction\"\nf_s_n = 1.959\n";
 
 /// The commands that read a file, each with the file's place marked.
-const READERS: [&[&str]; 28] = [
+const READERS: [&[&str]; 31] = [
     &["config", "--config", "FILE"],
     &["run", "--config", "FILE"],
     &["run", "--model", "FILE"],
@@ -47,6 +47,9 @@ const READERS: [&[&str]; 28] = [
     &["calibrate", "poses", "--csv", "OUT", "--model", "FILE"],
     &["calibrate", "photo", "FILE"],
     &["run", "--master", "hid", "--profile", "FILE"],
+    &["experiment", "fig10", "--from", "FILE", "--out", "OUT"],
+    &["experiment", "poses", "--poses", "FILE", "--engage", "--out", "OUT"],
+    &["experiment", "fig10", "--model", "FILE", "--engage", "--out", "OUT"],
     &["model", "check", "FILE"],
     &["model", "show", "FILE"],
     &["model", "save-learnt", "FILE", "--out", "OUT"],

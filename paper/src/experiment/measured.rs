@@ -75,6 +75,8 @@ pub(super) struct MeasuredPass {
     pub update: Option<ModelUpdate>,
     /// Whether it came to its end.
     pub is_complete: bool,
+    /// Why it did not, as its master said.
+    pub failed: Option<String>,
 }
 
 /// The experiment that a recording is of.
@@ -105,7 +107,7 @@ struct Track {
 /// Reads the passes of an experiment.
 ///
 /// # Errors
-/// One sentence: it cannot be read, an experiment failed and why, or a pose was not measured.
+/// One sentence: it cannot be read, or a pose that it marks was not measured.
 pub(super) fn measured(path: &Path, announced: &Announced) -> anyhow::Result<Vec<MeasuredPass>> {
     let track = Track::read(path)?;
     let begins = |(_, (_, mark)): &(usize, &(i64, ExperimentMark))| *mark == ExperimentMark::Begins;
@@ -169,7 +171,7 @@ impl Track {
 
     fn pass(&self, protocol: &Protocol, marks: &[(i64, ExperimentMark)]) -> anyhow::Result<MeasuredPass> {
         let begun_ns = marks.first().map_or(0, |(ns, _)| *ns);
-        let mut pass = MeasuredPass { poses: Vec::new(), update: None, is_complete: false };
+        let mut pass = MeasuredPass { poses: Vec::new(), update: None, is_complete: false, failed: None };
         for (ns, mark) in marks {
             match mark {
                 ExperimentMark::AtRest { pose, for_ns } => {
@@ -180,7 +182,7 @@ impl Track {
                     pass.poses.push(measured.with_context(|| format!("pose {pose}"))?);
                     pass.update = self.update_at(begun_ns, *ns);
                 }
-                ExperimentMark::Failed(sentence) => bail!("the experiment failed {sentence}"),
+                ExperimentMark::Failed(sentence) => pass.failed = Some(sentence.clone()),
                 ExperimentMark::Ends => pass.is_complete = pass.poses.len() == protocol.poses.len(),
                 ExperimentMark::Begins => {}
             }
@@ -240,4 +242,65 @@ fn within<T>(rows: &[T], ns: impl Fn(&T) -> i64, from_ns: i64, to_ns: i64) -> &[
 
 fn mean(bends: impl Iterator<Item = Vector2<f64>>, n: usize) -> Vector2<f64> {
     bends.sum::<Vector2<f64>>() / n as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiment::{Before, Side};
+
+    const MS: i64 = 1_000_000;
+
+    /// A second of a snake that stands at 0.5 rad, seen at 50 Hz a tenth of a radian short and with some noise.
+    fn track() -> Track {
+        let every = |step: i64| (0..1000 / step).map(move |k| k * step * MS);
+        let noise = |k: i64| if (k / MS) % 40 == 0 { 0.01 } else { -0.01 };
+        Track {
+            setpoints: every(1).map(|ns| (ns, Vector2::new(0.5, 0.0))).collect(),
+            shapes: every(20).map(|ns| (ns, Vector2::new(0.4 + noise(ns), 0.0))).collect(),
+            encoders: every(1).map(|ns| (ns, [1e-3; 3], [f64::NAN; 3])).collect(),
+            ..Track::default()
+        }
+    }
+
+    fn protocol() -> Protocol {
+        let before = Before { side: Side::None, take_up_deg: 0.0, n_learning_rounds: 0 };
+        Protocol::fig_10(10.0, 20.0, before).expect("a protocol")
+    }
+
+    fn marks(pose: u32, for_ns: i64) -> Vec<(i64, ExperimentMark)> {
+        vec![(0, ExperimentMark::Begins), (900 * MS, ExperimentMark::AtRest { pose, for_ns })]
+    }
+
+    #[test]
+    fn a_pose_is_the_mean_of_its_window_with_the_error_of_a_mean() {
+        let pass = track().pass(&protocol(), &marks(2, 400 * MS)).expect("a pass");
+        assert!(!pass.is_complete, "one pose of three");
+        let pose = pass.poses[0];
+        assert_eq!((pose.number, pose.n), (2, 21));
+        assert!((pose.pose.reached_rad.x - 0.4).abs() < 1e-3 && pose.pose.wanted_rad.x == 0.5, "{pose:?}");
+        let se = pose.se_rad(Vector2::new(1.0, 0.0));
+        assert!((se - 0.01 / 21f64.sqrt()).abs() < 1e-4, "{se}");
+    }
+
+    #[test]
+    fn what_was_not_measured_is_named_and_what_failed_keeps_what_was() {
+        let refused = |track: &Track, marks: &[(i64, ExperimentMark)]| match track.pass(&protocol(), marks) {
+            Err(error) => format!("{error:#}"),
+            Ok(_) => panic!("it was taken"),
+        };
+        assert!(refused(&track(), &marks(2, 40 * MS)).contains("3 shapes"));
+        assert!(refused(&track(), &marks(4, 400 * MS)).contains("a pose 4"));
+        assert!(refused(&track(), &marks(0, 400 * MS)).contains("a pose 0"));
+        let mut moving = track();
+        moving.setpoints[700].1.x = 0.6;
+        assert!(refused(&moving, &marks(1, 400 * MS)).contains("strayed"));
+        let blind = Track { shapes: Vec::new(), ..track() };
+        assert!(refused(&blind, &marks(1, 400 * MS)).contains("camera"));
+
+        let mut failed = marks(1, 400 * MS);
+        failed.push((950 * MS, ExperimentMark::Failed("before or at pose 2, it stuck".to_owned())));
+        let pass = track().pass(&protocol(), &failed).expect("a pass");
+        assert_eq!((pass.poses.len(), pass.failed.as_deref()), (1, Some("before or at pose 2, it stuck")));
+    }
 }

@@ -34,7 +34,7 @@ pub fn write(outcome: &Outcome, snake: &Snake, folder: &Path) -> anyhow::Result<
     let mut body = format!("<h1>{}, measured on a chain that ran</h1>\n", text::title(&outcome.protocol));
     body += &text::facts(outcome).lines().map(page::note).collect::<String>();
     for part in text::sections(outcome) {
-        let notes: String = part.notes.lines().map(page::note).collect();
+        let notes = if part.notes.is_empty() { String::new() } else { page::note(&part.notes.replace('\n', " ")) };
         body += &page::section(&part.title, &(page::table(&part.table) + &notes));
     }
     body += "<h2>Figures</h2>\n";

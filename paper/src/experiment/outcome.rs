@@ -34,6 +34,8 @@ pub struct Outcome {
     pub noise: Noise,
     /// One entry per pass.
     pub passes: Vec<PassOutcome>,
+    /// Compensations whose pass never began.
+    pub never_begun: Vec<String>,
 }
 
 /// What the camera scatters by while nothing moves.
@@ -52,6 +54,8 @@ pub struct PassOutcome {
     pub compensation: String,
     /// Whether every pose was measured.
     pub is_complete: bool,
+    /// Why not, where the experiment failed.
+    pub failed: Option<String>,
     /// What was in force at the last pose, of a model that learns.
     pub learnt: Vec<LearntReport>,
     /// Its parts.
@@ -155,12 +159,13 @@ impl Outcome {
             let bench = on_the_bench(truth, &model.chain, &about.compensation, &announced.protocol)?;
             passes.push(PassOutcome::of(pass, &about.compensation, &model, &bench));
         }
-        Ok(Self { protocol: announced.protocol, noise, passes })
+        let never_begun = announced.passes.iter().skip(passes.len()).map(|pass| pass.compensation.clone()).collect();
+        Ok(Self { protocol: announced.protocol, noise, passes, never_begun })
     }
 
     /// Whether every pass was done to its end.
     pub fn is_complete(&self) -> bool {
-        self.passes.iter().all(|pass| pass.is_complete)
+        self.never_begun.is_empty() && self.passes.iter().all(|pass| pass.is_complete)
     }
 }
 
@@ -184,6 +189,7 @@ impl PassOutcome {
         Self {
             compensation: compensation.to_owned(),
             is_complete: pass.is_complete,
+            failed: pass.failed.clone(),
             learnt: pass.update.as_ref().map_or_else(Vec::new, |update| LearntReport::of(update, &model.learnt)),
             parts: Part::ALL.into_iter().filter_map(|part| PartOutcome::of(part, &poses)).collect(),
             poses,

@@ -99,8 +99,10 @@ pub(super) fn facts(outcome: &Outcome) -> String {
                 pass.poses.len(),
                 protocol.poses.len()
             ));
+            lines.extend(pass.failed.iter().map(|why| format!("Failed: {}: {why}", pass.compensation)));
         }
     }
+    lines.extend(outcome.never_begun.iter().map(|name| format!("Not complete: {name} never began")));
     lines.join("\n")
 }
 
