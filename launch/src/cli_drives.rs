@@ -9,6 +9,9 @@ pub struct DrivesArgs {
     /// Look at this serial port only; by default at every USB serial adapter, or at that of --config.
     #[arg(long, value_name = "PORT")]
     pub port: Option<PathBuf>,
+    /// Look at this CAN interface only; by default at all, or at that of --config. With --emulate: drives live on it.
+    #[arg(long, value_name = "INTERFACE", conflicts_with = "port")]
+    pub interface: Option<String>,
     /// Look at this bit rate only; by default at all that these servos can be set to.
     #[arg(long, value_name = "RATE")]
     pub baud: Option<u32>,
@@ -18,7 +21,8 @@ pub struct DrivesArgs {
     /// Show positions, loads and temperatures anew twice a second, until Ctrl-C.
     #[arg(long, conflicts_with_all = ["zero", "jog", "emulate"])]
     pub watch: bool,
-    /// Print the count of each configured actuator, as its zero_count where lines or joints are now.
+    /// Print the count of each configured actuator, as its zero_count where lines or joints are now. Drives on CAN whose
+    /// encoders forget get their zero_count there (CiA 402, method 37): under power for a moment, without motion.
     #[arg(long, conflicts_with_all = ["jog", "emulate"])]
     pub zero: bool,
     /// Move one configured actuator, numbered from 1: each line on standard input is one step, `-` goes back.
@@ -27,7 +31,7 @@ pub struct DrivesArgs {
     /// Length of a step, mm; at most 0.1.
     #[arg(long, value_name = "MM", default_value_t = 0.1, requires = "jog")]
     pub step_mm: f64,
-    /// Plug in an emulated bus of so many servos, to try krait without hardware; until Ctrl-C.
+    /// Plug in an emulated bus of so many servos, or drives with --interface, to try krait without hardware; until Ctrl-C.
     #[arg(long, value_name = "SERVOS", value_parser = clap::value_parser!(u8).range(1..=12))]
     pub emulate: Option<u8>,
     /// Print what was found as JSON on standard output.

@@ -1,8 +1,8 @@
-//! An emulated bus of servos behind a pseudo-terminal, and the configuration that drives it.
+//! An emulated bus of servos behind a pseudo-terminal, or of drives on a CAN interface, and the configuration that drives it.
 
 use crate::{print, signals};
 use core::time::Duration;
-use krait_drives::emulator::{Emulator, Servo, Wire};
+use krait_drives::emulator::{CanBus, CanDrive, Emulator, Servo, Wire, serve_can};
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 
@@ -30,5 +30,25 @@ pub(super) fn run(n: u8) -> anyhow::Result<ExitCode> {
     while !stop.load(Ordering::Relaxed) {
         std::thread::sleep(LOOK_EVERY);
     }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Lets so many drives live on a CAN interface, prints their configuration on standard output, and runs until Ctrl-C.
+pub(super) fn run_can(n: u8, interface: &str) -> anyhow::Result<ExitCode> {
+    let stop = signals::stop_flag()?;
+    let mut text = format!(
+        "# {n} emulated drives on {interface}, until Ctrl-C. Save these lines as can.toml, then in another terminal:\n\
+         #   krait drives --zero --config can.toml\n\
+         #   krait run --engage --config can.toml\n\
+         [slave.drive]\nkind = \"cia402\"\ninterface = \"{interface}\"\nperiod_ms = 2.0\ntimeout_ms = 1.5\n\
+         speed_counts_per_s = 200000.0\n"
+    );
+    for id in 1..=n {
+        text += &format!(
+            "\n[[slave.drive.actuator]]\nid = {id}\nvendor = 0x555\nproduct = 1\nzero_count = 1000000\nlead_m = 0.002\n"
+        );
+    }
+    print::out(&text)?;
+    serve_can(interface, &CanBus::new((1..=n).map(|id| CanDrive::new(id, 0.0)).collect()), &stop)?;
     Ok(ExitCode::SUCCESS)
 }

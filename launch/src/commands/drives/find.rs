@@ -1,14 +1,18 @@
-//! Looks for servos on the serial ports of this machine, and shows how they are. Only questions are sent.
+//! Looks for servos on the serial ports and drives on the CAN interfaces of this machine, and shows how they are. Only questions
+//! are sent.
 
+use super::find_can::{self, CanNode};
 use crate::cli::Common;
 use crate::cli_drives::DrivesArgs;
 use crate::config::Config;
 use crate::{print, signals};
 use core::time::Duration;
+use krait_drives::cia402::interfaces;
 use krait_drives::sts3215::{BAUDS, FoundServo, Sts3215, ports, scan};
 use krait_drives::{ActuatorBus, Seen, Trouble};
 use krait_ipc::message::MAX_ACTUATORS;
 use krait_report::Table;
+use krait_slave::DriveKind;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -41,40 +45,71 @@ struct Reading {
     complaint: Option<String>,
 }
 
-/// Lists every servo, once or until Ctrl-C.
+/// Any actuator, as `--json` prints it.
+#[derive(Serialize)]
+#[serde(untagged)]
+enum Found<'a> {
+    Servo(&'a Servo),
+    Can(&'a CanNode),
+}
+
+/// Where is looked, and whether the user named it.
+struct Places {
+    ports: Vec<PathBuf>,
+    interfaces: Vec<String>,
+    is_named: bool,
+}
+
+impl Places {
+    /// Options first, then the configuration, then all that this machine has.
+    fn of(common: &Common, args: &DrivesArgs) -> anyhow::Result<Self> {
+        let named = |ports, interfaces| Ok(Self { ports, interfaces, is_named: true });
+        let drive = Config::load(common.config.as_deref())?.slave.drive;
+        match (&args.port, &args.interface, drive.kind) {
+            (Some(port), ..) => named(vec![port.clone()], Vec::new()),
+            (None, Some(interface), _) => named(Vec::new(), vec![interface.clone()]),
+            (None, None, DriveKind::Cia402) if drive.interface.is_some() => {
+                named(Vec::new(), drive.interface.into_iter().collect())
+            }
+            (None, None, _) if drive.port.is_some() => named(drive.port.into_iter().collect(), Vec::new()),
+            _ => Ok(Self { ports: ports(), interfaces: interfaces(), is_named: false }),
+        }
+    }
+
+    fn names(&self) -> String {
+        let ports = self.ports.iter().map(|port| port.display().to_string());
+        ports.chain(self.interfaces.iter().cloned()).collect::<Vec<_>>().join(", ")
+    }
+}
+
+/// Lists every servo and drive, once or until Ctrl-C.
 pub(super) fn run(common: &Common, args: &DrivesArgs) -> anyhow::Result<ExitCode> {
     let stop = signals::stop_flag()?;
-    let configured = Config::load(common.config.as_deref())?.slave.drive.port;
-    let named = args.port.clone().or(configured);
-    let ports: Vec<PathBuf> = named.clone().map_or_else(ports, |port| vec![port]);
-    if ports.is_empty() && !args.json {
+    let places = Places::of(common, args)?;
+    if places.ports.is_empty() && places.interfaces.is_empty() && !args.json {
         print::out(
-            "no USB serial adapter is on this machine; without one, `krait drives --emulate 3` plugs in an emulated bus\n",
+            "no USB serial adapter and no CAN interface is on this machine; without one, `krait drives --emulate 3` plugs in an emulated bus\n",
         )?;
         return Ok(ExitCode::SUCCESS);
     }
-    let one = args.baud.map(|baud| vec![baud]);
-    let bauds = one.as_deref().unwrap_or(&BAUDS);
-    let mut found = Vec::new();
-    for port in &ports {
-        match scan(port, bauds, args.last_id) {
-            Ok(servos) => found.extend(servos.into_iter().map(|servo| (port.as_path(), servo))),
-            // Of several ports one may be somebody else's; the one that was named may not.
-            Err(error) if named.is_none() => tracing::warn!("{error}"),
-            Err(error) => return Err(error.into()),
-        }
-    }
+    let found = find(&places, args)?;
+    let found_can = find_can::find(&places.interfaces, args, places.is_named)?;
     loop {
-        let servos = read(&found)?;
+        let (servos, nodes) = (read(&found)?, find_can::read(&found_can)?);
+        let is_empty = servos.is_empty() && nodes.is_empty();
         if args.json {
-            print::json(&servos)?;
-        } else if servos.is_empty() {
-            let names: Vec<String> = ports.iter().map(|port| port.display().to_string()).collect();
-            print::out(&format!("no servo answers on {}; check power and cable\n", names.join(", ")))?;
-        } else {
+            let all: Vec<Found<'_>> = servos.iter().map(Found::Servo).chain(nodes.iter().map(Found::Can)).collect();
+            print::json(&all)?;
+        } else if is_empty {
+            print::out(&format!("nobody answers on {}; check power and cable\n", places.names()))?;
+        }
+        if !args.json && !servos.is_empty() {
             print::out(&table(&servos).to_string())?;
         }
-        if !args.watch || servos.is_empty() {
+        if !args.json && !nodes.is_empty() {
+            print::out(&find_can::table(&nodes).to_string())?;
+        }
+        if !args.watch || is_empty {
             return Ok(ExitCode::SUCCESS);
         }
         std::thread::sleep(WATCH_EVERY);
@@ -82,6 +117,21 @@ pub(super) fn run(common: &Common, args: &DrivesArgs) -> anyhow::Result<ExitCode
             return Ok(ExitCode::SUCCESS);
         }
     }
+}
+
+/// Looks at all serial ports; of several, one may be somebody else's, the one that was named may not.
+fn find<'a>(places: &'a Places, args: &DrivesArgs) -> anyhow::Result<Vec<(&'a Path, FoundServo)>> {
+    let one = args.baud.map(|baud| vec![baud]);
+    let bauds = one.as_deref().unwrap_or(&BAUDS);
+    let mut found = Vec::new();
+    for port in &places.ports {
+        match scan(port, bauds, args.last_id) {
+            Ok(servos) => found.extend(servos.into_iter().map(|servo| (port.as_path(), servo))),
+            Err(error) if !places.is_named => tracing::warn!("{error}"),
+            Err(error) => return Err(error.into()),
+        }
+    }
+    Ok(found)
 }
 
 /// Reads all servos; each port is open only while it is read.

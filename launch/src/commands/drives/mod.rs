@@ -2,6 +2,7 @@
 
 mod emulate;
 mod find;
+mod find_can;
 mod jog;
 mod zero;
 
@@ -21,7 +22,10 @@ const NAME: &str = "drives";
 /// Does what the options say; without any it looks for actuators and moves nothing.
 pub fn run(common: &Common, args: &DrivesArgs) -> anyhow::Result<ExitCode> {
     match (args.emulate, args.jog) {
-        (Some(n), _) => emulate::run(n),
+        (Some(n), _) => match &args.interface {
+            Some(interface) => emulate::run_can(n, interface),
+            None => emulate::run(n),
+        },
         (None, Some(actuator)) => jog::run(common, actuator, args.step_mm),
         (None, None) if args.zero => zero::run(common, args.json),
         (None, None) => find::run(common, args),

@@ -1,0 +1,120 @@
+//! Looks for drives on the CAN interfaces of this machine, and shows how they are. Only questions are sent.
+
+use crate::cli_drives::DrivesArgs;
+use krait_drives::OpenError;
+use krait_drives::cia402::{CanPort, CanReading, FoundDrive, State, scan, state};
+use krait_report::Table;
+use serde::Serialize;
+
+/// One node, as `--json` prints it. Without a reading it is a stranger, or did not answer twice.
+#[derive(Serialize)]
+pub(super) struct CanNode {
+    interface: String,
+    id: u8,
+    profile: u16,
+    vendor: u32,
+    product: u32,
+    serial: u32,
+    is_known: bool,
+    reading: Option<Reading>,
+}
+
+/// How a drive is.
+#[derive(Serialize)]
+struct Reading {
+    counts: i32,
+    status: u16,
+    state: &'static str,
+    torque_permille: Option<i16>,
+}
+
+/// Nodes by their interface.
+pub(super) type Found = Vec<(String, FoundDrive)>;
+
+/// Looks at some interfaces; of several, one may be down or somebody else's.
+pub(super) fn find(interfaces: &[String], args: &DrivesArgs, is_named: bool) -> Result<Found, OpenError> {
+    let mut found = Vec::new();
+    for interface in interfaces {
+        match CanPort::open(interface).and_then(|mut port| scan(&mut port, args.last_id)) {
+            Ok(drives) => found.extend(drives.into_iter().map(|drive| (interface.clone(), drive))),
+            Err(error) if !is_named => tracing::warn!("{error}"),
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(found)
+}
+
+/// Reads all that are known; each interface is open only while it is read.
+pub(super) fn read(found: &Found) -> Result<Vec<CanNode>, OpenError> {
+    let mut nodes = Vec::new();
+    for group in found.chunk_by(|(a, _), (b, _)| a == b) {
+        let mut port = CanPort::open(&group[0].0)?;
+        for (interface, drive) in group {
+            // A stranger's objects mean something else.
+            let reading = if drive.is_known() { CanReading::of(&mut port, drive.id)? } else { None };
+            nodes.push(CanNode {
+                interface: interface.clone(),
+                id: drive.id,
+                profile: drive.profile,
+                vendor: drive.vendor,
+                product: drive.product,
+                serial: drive.serial,
+                is_known: drive.is_known(),
+                reading: reading.map(|CanReading { status, counts, torque_permille }| Reading {
+                    counts,
+                    status,
+                    state: name(state(status)),
+                    torque_permille,
+                }),
+            });
+        }
+    }
+    Ok(nodes)
+}
+
+fn name(state: State) -> &'static str {
+    match state {
+        State::NotReady => "not ready",
+        State::SwitchOnDisabled => "switch on disabled",
+        State::ReadyToSwitchOn => "ready to switch on",
+        State::SwitchedOn => "switched on",
+        State::OperationEnabled => "operation enabled",
+        State::QuickStopActive => "quick stop active",
+        State::FaultReaction => "fault reaction",
+        State::Fault => "fault",
+    }
+}
+
+/// One row per node.
+pub(super) fn table(nodes: &[CanNode]) -> Table {
+    let heads =
+        ["interface", "id", "drive", "vendor", "product", "serial", "counts", "power", "state", "torque, of rated"];
+    let mut table = Table::new(&heads);
+    for node in nodes {
+        let kind = if node.is_known {
+            "CiA 402".to_owned()
+        } else {
+            format!("stranger (profile {}), never moved", node.profile)
+        };
+        let mut row = vec![node.interface.clone(), node.id.to_string(), kind];
+        row.extend([node.vendor, node.product, node.serial].map(|number| format!("0x{number:08X}")));
+        match &node.reading {
+            None => row.extend(["-", "-", "-", "-"].map(str::to_owned)),
+            Some(reading) => row.extend([
+                reading.counts.to_string(),
+                if ["operation enabled", "quick stop active", "fault reaction"].contains(&reading.state) {
+                    "on"
+                } else {
+                    "off"
+                }
+                .to_owned(),
+                reading.state.to_owned(),
+                reading
+                    .torque_permille
+                    .map_or("-".to_owned(), |permille| format!("{:.1} %", f64::from(permille) * 0.1)),
+            ]),
+        }
+        table.row(row);
+    }
+    table
+}
