@@ -201,3 +201,36 @@ fn servos_are_found_their_zeros_read_and_one_is_moved_by_single_steps_and_never_
     assert_eq!(places, [2048.0, 2108.0, 2048.0, 100.0]);
     assert!(wire.servos.iter().all(|servo| !servo.is_powered()) && wire.servos[3].n_goals == 0);
 }
+
+#[test]
+fn can_drives_that_cannot_be_had_are_refused_in_one_sentence() {
+    let (instance, folder) = (instance_name("can"), TempFolder::new("can"));
+    let path = folder.file("can.toml");
+    let refusal = |drive: &str, arguments: &[&str]| {
+        std::fs::write(&path, format!("[slave.drive]\nkind = \"cia402\"\n{drive}")).expect("written");
+        let ended = Ended::of(&[arguments, &["--config", &path, "--instance", &instance]].concat(), PATIENCE);
+        assert_ne!(ended.code, Some(0));
+        ended.sentence().to_owned()
+    };
+    let drive = "[[slave.drive.actuator]]\nid = 1\nvendor = 0x555\nproduct = 1\n";
+    let there = "interface = \"can77\"\nspeed_counts_per_s = 1e6\n";
+    let three = drive.to_owned() + &drive.replace("id = 1", "id = 2") + &drive.replace("id = 1", "id = 3");
+    let zeroed = three.replace("product = 1\n", "product = 1\nzero_count = 1000000\n");
+    for (text, arguments, words) in [
+        (three.clone(), &["run", "--engage"][..], "interface is missing; name the CAN interface"),
+        (format!("{there}{}", drive.replace("vendor", "# ")), &["run"], "vendor or product is missing"),
+        (format!("{there}{three}"), &["run", "--engage"], "actuator 1 has no zero_count"),
+        (format!("{there}{zeroed}"), &["run", "--engage"], "no CAN interface \"can77\""),
+        (format!("{there}{zeroed}"), &["drives", "--zero"], "no CAN interface \"can77\""),
+        (format!("{there}{zeroed}"), &["drives", "--jog", "1"], "no CAN interface \"can77\""),
+        (format!("{there}{zeroed}"), &["drives"], "no CAN interface \"can77\""),
+        (String::new(), &["drives", "--interface", "lo"], "lo is no CAN interface"),
+        (String::new(), &["drives", "--emulate", "3", "--interface", "can77"], "no CAN interface \"can77\""),
+        (format!("{there}{zeroed}"), &["run", "--master", "browser"], "drives simulated drives only"),
+    ] {
+        // A configuration that does not say enough is refused first.
+        let text = if text.is_empty() { format!("{there}{zeroed}") } else { text };
+        let sentence = refusal(&text, arguments);
+        assert!(sentence.contains(words), "{arguments:?}: {sentence}");
+    }
+}

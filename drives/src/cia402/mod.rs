@@ -25,7 +25,7 @@ mod wire;
 pub use frame::Frame;
 pub use home::home_here;
 pub use open::{open_drive, open_drive_on};
-pub use port::{CanPort, interfaces};
+pub use port::{CanListener, CanPort, interfaces};
 pub use scan::{CanReading, FoundDrive, scan};
 pub use states::{State, state};
 pub use wire::Wire;

@@ -46,6 +46,38 @@ impl CanPort {
     }
 }
 
+/// An interface that others may use too: to listen beside a master, as a rig does.
+#[derive(Debug)]
+pub struct CanListener {
+    socket: CanSocket,
+}
+
+impl CanListener {
+    /// Opens an interface, whoever else has it.
+    ///
+    /// # Errors
+    /// [`OpenError`] where it cannot be had.
+    pub fn open(interface: &str) -> Result<Self, OpenError> {
+        Ok(Self { socket: socket(interface)? })
+    }
+
+    /// The next frame, waited for until an instant; `None`: there was none.
+    ///
+    /// # Errors
+    /// [`BusGone`] when the interface cannot be used any more.
+    pub fn receive(&self, until_ns: i64) -> Result<Option<Frame>, BusGone> {
+        receive(&self.socket, until_ns)
+    }
+
+    /// Sends a frame.
+    ///
+    /// # Errors
+    /// As [`CanListener::receive`].
+    pub fn send(&self, frame: &Frame) -> Result<(), BusGone> {
+        send(&self.socket, frame)
+    }
+}
+
 /// A socket on an interface that is fit for use, without a lock: for who is no master, as emulated drives.
 pub(crate) fn socket(interface: &str) -> Result<CanSocket, OpenError> {
     check(&place(interface)?, interface)?;

@@ -8,6 +8,7 @@ mod model;
 mod parts;
 mod spacemouse;
 mod uhid;
+#[path = "../../vm/verdict.rs"]
 mod verdict;
 
 use anyhow::bail;

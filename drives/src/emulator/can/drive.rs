@@ -11,6 +11,8 @@ use crate::cia402::{
 
 /// Longest time that a step of the motion stands for, s: the axis does not leap after a pause.
 const LONGEST_S: f64 = 0.02;
+/// How fast an axis gains or loses speed, counts/s2: what a stop begins with is a speed that a mass can have.
+const MOST_COUNTS_PER_S2: f64 = 1e8;
 /// Frames that a frozen drive keeps.
 const MOST_KEPT: usize = 4096;
 /// Code of a lost heartbeat.
@@ -276,7 +278,10 @@ impl CanDrive {
                 let most = self.most_counts_per_s * elapsed_s;
                 let step = way.clamp(-most, most);
                 self.place += step;
-                self.speed = if elapsed_s > 0.0 { step / elapsed_s } else { 0.0 };
+                if elapsed_s > 0.0 {
+                    let most = MOST_COUNTS_PER_S2 * elapsed_s;
+                    self.speed += (step / elapsed_s - self.speed).clamp(-most, most);
+                }
             }
             State::QuickStopActive => {
                 let lost = f64::from(self.objects.get(QUICK_STOP_RAMP)) * elapsed_s;

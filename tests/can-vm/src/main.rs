@@ -1,0 +1,78 @@
+//! krait-can-vm: runs inside the virtual machine, lets drives live on a virtual CAN interface and judges krait's bus by them.
+
+#![forbid(unsafe_code)]
+#![allow(clippy::print_stdout, reason = "the serial console is where the verdict is read")]
+
+mod chain;
+mod follow;
+mod monitor;
+mod refusals;
+mod stops;
+#[path = "../../vm/verdict.rs"]
+mod verdict;
+mod world;
+
+use anyhow::Context;
+use std::process::ExitCode;
+use verdict::PartVerdict;
+use world::Kind;
+
+/// One part's name and what it does.
+type Part = (&'static str, Box<dyn Fn() -> anyhow::Result<PartVerdict>>);
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().collect();
+    let words: Vec<&str> = arguments.iter().skip(1).map(String::as_str).collect();
+    let done = match words[..] {
+        ["drive", id] => world::be_drive(id),
+        ["master"] => chain::be_master(),
+        [n_cycles] => n_cycles.parse().context("the number of cycles").map(judge),
+        _ => Err(anyhow::anyhow!("expected a number of cycles, `drive ID` or `master`")),
+    };
+    match done {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::FAILURE,
+        Err(error) => {
+            println!("CAN-VM arguments FAIL {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn judge(n_cycles: usize) -> bool {
+    let mut all = true;
+    for kind in [Kind::Own, Kind::Independent] {
+        if !kind.is_there() {
+            println!("CAN-VM independent SKIPPED the independent slave is not in this machine");
+            continue;
+        }
+        let parts: [Part; 7] = [
+            ("csp_1ms", Box::new(move || follow::csp(kind, 1.0, n_cycles))),
+            ("csp_2ms", Box::new(move || follow::csp(kind, 2.0, n_cycles / 2))),
+            ("frozen", Box::new(move || stops::frozen(kind))),
+            ("power_loss", Box::new(move || stops::power_loss(kind))),
+            ("master_killed", Box::new(move || stops::master_killed(kind))),
+            ("trip", Box::new(move || stops::trip(kind))),
+            ("jam", Box::new(move || stops::jam(kind))),
+        ];
+        for (name, part) in parts.into_iter().filter(|(name, _)| kind.can(name)) {
+            all &= told(&format!("{}_{name}", kind.name()), part());
+        }
+    }
+    all &= told("refusals", refusals::all());
+    println!("CAN-VM verdict {}", if all { "PASS" } else { "FAIL" });
+    all
+}
+
+fn told(name: &str, verdict: anyhow::Result<PartVerdict>) -> bool {
+    match verdict {
+        Ok(verdict) => {
+            println!("CAN-VM {name} {verdict}");
+            verdict.passed()
+        }
+        Err(error) => {
+            println!("CAN-VM {name} FAIL {}", format!("{error:#}").replace('\n', " / "));
+            false
+        }
+    }
+}

@@ -1,0 +1,73 @@
+# Sourced by the rigs: Debian's full kernel under QEMU, without root, KVM or installing anything.
+# One kernel serves all: the cloud kernel has neither CAN nor USB gadgets.
+
+skip() { echo "SKIPPED ALOUD: $*"; exit 77; }
+
+# fetch CACHE: downloads QEMU (with the libraries that this machine lacks), busybox and the kernel, and unpacks them.
+fetch() {
+  local cache=$1 qemu kernel sandbox=()
+  [ ! -e "$cache/complete" ] || return 0
+  [ "$(uname -m)" = x86_64 ] || skip "the rig boots an x86_64 kernel, this machine is $(uname -m)"
+  command -v apt-get >/dev/null && command -v dpkg >/dev/null || skip "apt-get and dpkg are not on this machine"
+  # -s only lists. Packages that would be upgraded are left out: a second libc beside the machine's own breaks QEMU.
+  qemu=$(apt-get install -s --no-install-recommends qemu-system-x86 2>"$cache/apt.log" | awk '/^Inst/ && $3 !~ /^\[/ {print $2}') \
+    || skip "apt-get does not know qemu-system-x86 ($(tail -n 1 "$cache/apt.log")); has apt-get update been run?"
+  kernel=$(apt-cache depends linux-image-amd64 2>/dev/null | sed -n 's/.*Depends: \(linux-image-[0-9][^ ]*\).*/\1/p' | head -n 1)
+  [ -n "$kernel" ] || skip "apt-cache does not know linux-image-amd64; this needs Debian's package lists"
+  [ "$(id -u)" != 0 ] || sandbox=(-o APT::Sandbox::User=root)
+  rm -rf "$cache/debs" "$cache/root" "$cache/kernel"
+  mkdir -p "$cache/debs" "$cache/root" "$cache/kernel"
+  # shellcheck disable=SC2086 # a list of names
+  (cd "$cache/debs" && apt-get "${sandbox[@]}" download $qemu busybox-static "$kernel" >"$cache/apt.log" 2>&1) \
+    || skip "apt-get download failed: $(grep '^E:' "$cache/apt.log" | head -n 1)"
+  for deb in "$cache"/debs/*.deb; do
+    case $deb in */linux-image*) dpkg -x "$deb" "$cache/kernel" ;; *) dpkg -x "$deb" "$cache/root" ;; esac
+  done
+  rm -rf "$cache/debs"
+  touch "$cache/complete"
+}
+
+# begin_tree CACHE TREE INIT: the machine's file system with its first process, which sources /prelude.
+begin_tree() {
+  mkdir -p "$2"/{bin,dev,proc,sys,tmp,lib/modules,lib64}
+  chmod 755 "$2" # mktemp makes it 0700, and then it is closed to everyone but root in the machine
+  install -m 755 "$3" "$2/init"
+  install -m 755 tests/vm/prelude "$2/prelude"
+  install -m 755 "$1/root/bin/busybox" "$2/bin/busybox"
+  : >"$2/lib/modules/order"
+}
+
+# add_program TREE FILE: a program with the libraries that it is linked to, without its symbols.
+add_program() {
+  local file
+  strip -o "$1/bin/$(basename "$2")" "$2"
+  { ldd "$2" 2>/dev/null || true; } | { grep -o '/[^ ]*\.so[^ ]*' || true; } | while read -r file; do
+    install -D -m 755 "$file" "$1$file"
+  done
+}
+
+# add_module CACHE TREE NAME: a kernel module, behind those that it needs.
+add_module() {
+  local name=${3//_/-} file need needs
+  ! grep -qx "$name" "$2/lib/modules/order" || return 0
+  file=$(find "$1/kernel/lib/modules" -name "$name.ko*" -o -name "${name//-/_}.ko*" | head -n 1)
+  [ -n "$file" ] || { echo "the kernel package holds no module $name"; exit 1; }
+  case $file in *.xz) xz -dc "$file" >"$2/lib/modules/$name.ko" ;; *) cp "$file" "$2/lib/modules/$name.ko" ;; esac
+  needs=$(tr '\0' '\n' <"$2/lib/modules/$name.ko" | sed -n 's/^depends=//p' | head -n 1)
+  for need in ${needs//,/ }; do add_module "$1" "$2" "$need"; done
+  echo "$name" >>"$2/lib/modules/order"
+}
+
+# boot CACHE TREE CONSOLE SHIFT SECONDS WORDS: runs the machine until it switches off; an instruction takes 2^SHIFT ns.
+boot() {
+  local usr=$1/root/usr qemu=(qemu-system-x86_64)
+  (cd "$2" && find . | "$1/root/bin/busybox" cpio -o -H newc 2>/dev/null) >"$2.cpio"
+  if [ -x "$usr/bin/qemu-system-x86_64" ]; then
+    qemu=(env "LD_LIBRARY_PATH=$usr/lib/x86_64-linux-gnu:$1/root/lib/x86_64-linux-gnu" "$usr/bin/qemu-system-x86_64")
+    qemu+=(-L "$usr/share/qemu" -L "$usr/share/seabios")
+  fi
+  # One processor whose clock counts instructions and which never waits: a busy host makes it slower, not later.
+  timeout "$5" "${qemu[@]}" -accel tcg -icount shift="$4",sleep=off -M pc -cpu max -m 512 -nodefaults -no-user-config \
+    -display none -serial stdio -no-reboot -kernel "$(find "$1/kernel/boot" -name 'vmlinuz-*' | head -n 1)" -initrd "$2.cpio" \
+    -append "console=ttyS0 panic=-1 quiet $6" </dev/null 2>&1 | tr -d '\r' >"$3"
+}
