@@ -6,6 +6,7 @@
 mod chain;
 mod follow;
 mod monitor;
+mod program;
 mod refusals;
 mod stops;
 #[path = "../../vm/verdict.rs"]
@@ -60,8 +61,15 @@ fn judge(n_cycles: usize) -> bool {
         }
     }
     all &= told("refusals", refusals::all());
+    // The interface is down after them.
+    all &= told("program", refusals::set("up").and_then(|()| program::all()));
     println!("CAN-VM verdict {}", if all { "PASS" } else { "FAIL" });
     all
+}
+
+/// Says what a program said, line by line.
+fn tell(said: &str) {
+    said.lines().for_each(|line| println!("CAN-VM | {line}"));
 }
 
 fn told(name: &str, verdict: anyhow::Result<PartVerdict>) -> bool {

@@ -9,7 +9,8 @@ use krait_drives::cia402::{CanListener, CanPort, Frame, open_drive};
 use krait_slave::Drive;
 use std::process::Command;
 
-fn set(state: &str) -> anyhow::Result<()> {
+/// Sets the interface up or down.
+pub fn set(state: &str) -> anyhow::Result<()> {
     let status = Command::new("/bin/ip").args(["link", "set", INTERFACE, state]).status()?;
     ensure!(status.success(), "ip link set {state}");
     Ok(())

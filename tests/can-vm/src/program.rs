@@ -1,0 +1,117 @@
+//! The real `krait` program on the interface: finds the drives, sets their zero, makes a step, runs a chain, loses its slave.
+
+use crate::monitor::Monitor;
+use crate::verdict::PartVerdict;
+use crate::world::{Drives, INTERFACE, Kind, kill};
+use anyhow::{Context, ensure};
+use core::time::Duration;
+use krait_drives::cia402::{State, state};
+use rustix::process::{Pid, Signal, kill_process};
+use std::process::{Command, Output, Stdio};
+
+const CONFIG: &str = "/tmp/can.toml";
+const ZERO: i32 = 1_000_000;
+/// Largest step of a target in a cycle of 2 ms at the configured 20 mm/s, counts, and one for what arrives late by a tick.
+const MOST_COUNTS: i32 = 600;
+
+/// A program of time sharing, as a user starts it.
+fn krait(arguments: &[&str]) -> Command {
+    let mut command = Command::new("/bin/chrt");
+    command.args(["-o", "0", "/bin/krait"]).args(arguments).stdin(Stdio::null());
+    command
+}
+
+fn done(arguments: &[&str]) -> anyhow::Result<String> {
+    let Output { status, stdout, stderr } = krait(arguments).output().context("krait")?;
+    let (stdout, stderr) = (String::from_utf8_lossy(&stdout), String::from_utf8_lossy(&stderr));
+    ensure!(status.success(), "krait {}: {stdout} {stderr}", arguments.join(" "));
+    Ok(stdout.into_owned())
+}
+
+/// Three drives whose encoders forget, with room for a virtual machine's hiccups.
+fn configure() -> anyhow::Result<()> {
+    let mut text = format!(
+        "[slave.limits]\nrate_m_per_s = 0.02\nfollowing_error_m = 0.002\npull_n = inf\npush_n = inf\n[slave.drive]\nkind = \"cia402\"\n\
+         interface = \"{INTERFACE}\"\nperiod_ms = 2.0\ntimeout_ms = 1.8\nspeed_counts_per_s = 600000.0\n"
+    );
+    for id in 1..=3 {
+        text += &format!(
+            "[[slave.drive.actuator]]\nid = {id}\nvendor = 0x555\nproduct = 1\nzero_count = {ZERO}\nlead_m = 0.002\ncounts_per_turn = 20000\n"
+        );
+    }
+    std::fs::write(CONFIG, text).context(CONFIG)
+}
+
+/// Waits for something on the bus.
+fn until(monitor: &mut Monitor, ms: u32, is_met: impl Fn(&Monitor) -> bool) -> anyhow::Result<bool> {
+    for _ in 0..ms {
+        std::thread::sleep(Duration::from_millis(1));
+        monitor.drain()?;
+        if is_met(monitor) {
+            return Ok(true);
+        }
+    }
+    Ok(false)
+}
+
+/// The slave's process of a chain.
+fn slave() -> anyhow::Result<Pid> {
+    for entry in std::fs::read_dir("/proc")?.flatten() {
+        let words = std::fs::read(entry.path().join("cmdline")).unwrap_or_default();
+        let is_slave = words.split(|byte| *byte == 0).any(|word| word == b"slave") && words.starts_with(b"/bin/krait");
+        if let (true, Ok(number)) = (is_slave, entry.file_name().to_string_lossy().parse()) {
+            return Pid::from_raw(number).context("a process's number");
+        }
+    }
+    anyhow::bail!("the chain has no slave")
+}
+
+/// All that a user does with it.
+pub fn all() -> anyhow::Result<PartVerdict> {
+    configure()?;
+    let _drives = Drives::start(Kind::Own)?;
+    let mut verdict = PartVerdict::default();
+    let found = done(&["drives", "--interface", INTERFACE, "--last-id", "5", "--json"])?;
+    let n = found.matches("\"is_known\"").count();
+    verdict.check("found", n == 3 && found.contains("switch on disabled"), n);
+    let zero = done(&["drives", "--zero", "--config", CONFIG])?;
+    let found = done(&["drives", "--config", CONFIG, "--last-id", "5", "--json"])?;
+    let n = found.matches(&format!("{ZERO},")).count();
+    verdict.check("zeroed", zero.contains("read their zero_count") && n == 3, n);
+
+    let mut monitor = Monitor::new()?;
+    let mut chain = krait(&["run", "--engage", "--no-recording", "--config", CONFIG])
+        .stdout(Stdio::null())
+        .stderr(std::fs::File::create("/tmp/chain.log")?)
+        .spawn()?;
+    let is_far = |monitor: &Monitor| {
+        state(monitor.status[0]) == State::OperationEnabled && monitor.counts[0].abs_diff(ZERO) > 5_000
+    };
+    let moves = until(&mut monitor, 30_000, is_far)?;
+    verdict.check("chain_moves_the_drives", moves, monitor.counts[0] - ZERO);
+    monitor.syncs.clear();
+    until(&mut monitor, 1000, |_| false)?;
+    let most = monitor.steps_since(0).iter().map(|step| step.abs()).max().unwrap_or(0);
+    verdict.check("largest_step_counts", most > 0 && most <= MOST_COUNTS, most);
+
+    kill_process(slave()?, Signal::KILL)?;
+    // They stop by themselves, or because a new slave holds them where they are; the operator would have to engage again.
+    until(&mut monitor, 3000, |_| false)?;
+    let at = monitor.counts;
+    monitor.syncs.clear();
+    until(&mut monitor, 1000, |_| false)?;
+    let is_still = monitor.counts == at;
+    verdict.check("slave_killed_and_nothing_moves_again", is_still, format!("{:?}", state(monitor.status[0])));
+    kill(&chain, Signal::INT)?;
+    let ended = chain.wait()?;
+    monitor.drain()?;
+    let said = std::fs::read_to_string("/tmp/chain.log").unwrap_or_default();
+    verdict.check("chain_ends", ended.code().is_some(), format!("code_{:?}", ended.code()));
+    let status = done(&["drives", "--config", CONFIG, "--last-id", "5", "--json"])?;
+    let n_off = status.matches("switch on disabled").count();
+    verdict.check("off_at_the_end", n_off == 3 && state(monitor.status[0]) != State::OperationEnabled, n_off);
+    if !verdict.passed() {
+        crate::tell(&said);
+    }
+    Ok(verdict)
+}
