@@ -7,7 +7,7 @@
 use crate::diagnose::LoadCell;
 use crate::machine::MachineUnderTest;
 use crate::noise::{FloorSource, NoiseFloor};
-use crate::{LabError, Measurements, Problem};
+use crate::{LabError, LoadUse, Measurements, Problem};
 
 /// Lines, and cells.
 const N: usize = 3;
@@ -120,6 +120,8 @@ pub(crate) struct LoadRows {
     measured_n: [Vec<f64>; N],
     /// Weight of each cell.
     weight: [f64; N],
+    /// Least and largest gain of a cell.
+    gains: [f64; 2],
     n_all_rows: usize,
 }
 
@@ -154,6 +156,7 @@ impl LoadRows {
 
     /// The rows with all three loads among those that are scored; `None` where they are few.
     pub(crate) fn new(data: &Measurements, cells: &Cells, is_scored: impl Fn(usize) -> bool) -> Option<Self> {
+        let LoadUse::Counted { gain_apart } = data.load_use else { return None };
         let loads_n = data.loads_n.as_deref()?;
         let is_whole = |row: &usize| {
             is_scored(*row) && loads_n.get(row * N..(row + 1) * N).is_some_and(|own| own.iter().all(|x| x.is_finite()))
@@ -166,7 +169,14 @@ impl LoadRows {
         let trials = (0..rows.len()).filter(begins).chain([rows.len()]).collect();
         let measured_n = core::array::from_fn(|line| rows.iter().map(|row| loads_n[row * N + line]).collect());
         let weight = cells.sigma_n.map(|sigma_n| cells.sigma_output / sigma_n);
-        Some(Self { rows, trials, measured_n, weight, n_all_rows: data.n_rows() })
+        Some(Self {
+            rows,
+            trials,
+            measured_n,
+            weight,
+            gains: [1.0 - gain_apart, 1.0 + gain_apart],
+            n_all_rows: data.n_rows(),
+        })
     }
 
     /// Loads that count.
@@ -205,6 +215,7 @@ impl LoadRows {
         let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let square = product(&predicted, &predicted);
         let gain = if square > 0.0 { product(&predicted, &measured) / square } else { 1.0 };
+        let gain = gain.clamp(self.gains[0], self.gains[1]);
         (gain, measured, predicted)
     }
 
@@ -302,7 +313,7 @@ mod tests {
             n_outputs: 2,
             trial: vec![0; n],
             loads_n: Some(loads),
-            counts_loads: true,
+            load_use: LoadUse::UNCALIBRATED,
             stem_angle_rad: None,
             temperature_c: None,
             sigma: None,

@@ -28,7 +28,7 @@ mod term;
 pub use add::{AddOptions, Added, add, refit};
 pub use calibrated::disagreements;
 pub use error::LabError;
-pub use measurements::{Measurements, Names, Quantity};
+pub use measurements::{LoadUse, Measurements, Names, Quantity};
 pub use problem::{FEWEST_BLOCKS, Problem, scored_time_s};
 pub use save::save;
 pub use session::{Session, SessionError, open_model};

@@ -32,9 +32,8 @@ pub struct Measurements {
     pub trial: Vec<u32>,
     /// Loads at the actuators, N, push positive, row after row of 3.
     pub loads_n: Option<Vec<f64>>,
-    /// Whether fits count them ([`Measurements::counted_loads_n`]). What krait's own recordings hold is what a drive says of itself (a motor's current, or a simulated
-    /// snake's loads without noise), which is shown and not counted.
-    pub counts_loads: bool,
+    /// What fits make of them.
+    pub load_use: LoadUse,
     /// Angle of the flexible stem, rad.
     pub stem_angle_rad: Option<Vec<f64>>,
     /// Temperature, degrees Celsius.
@@ -45,6 +44,34 @@ pub struct Measurements {
     pub extra: Vec<(String, Vec<f64>)>,
     /// What the file calls inputs and outputs.
     pub names: Names,
+}
+
+/// What fits make of the loads at the actuators.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum LoadUse {
+    /// They are shown and no more: what a drive estimates from a motor's current.
+    Shown,
+    /// They count in the likelihood, by cells whose gain is known to be one, give or take this; infinite where nothing is known
+    /// of it. Where gains are free, loads cannot tell a stiff snake from cells that read too much.
+    Counted {
+        /// Largest distance of a cell's gain from one.
+        gain_apart: f64,
+    },
+}
+
+impl LoadUse {
+    /// Loads of cells that nobody has calibrated.
+    pub const UNCALIBRATED: Self = Self::Counted { gain_apart: f64::INFINITY };
+
+    /// What can be made of both together.
+    fn of_both(self, other: Self) -> Self {
+        match (self, other) {
+            (Self::Counted { gain_apart }, Self::Counted { gain_apart: other }) => {
+                Self::Counted { gain_apart: gain_apart.max(other) }
+            }
+            _ => Self::Shown,
+        }
+    }
 }
 
 /// What a file calls its columns, without units; empty where it uses the lab's own names.
@@ -84,7 +111,7 @@ impl Measurements {
 
     /// Loads at the actuators that fits count, N, row after row of 3.
     pub fn counted_loads_n(&self) -> Option<&[f64]> {
-        self.loads_n.as_deref().filter(|_| self.counts_loads)
+        self.loads_n.as_deref().filter(|_| self.load_use != LoadUse::Shown)
     }
 
     /// Inputs of a row.
@@ -135,7 +162,7 @@ impl Measurements {
                 _ => *own = None,
             };
             join(&mut all.loads_n, part.loads_n);
-            all.counts_loads &= part.counts_loads;
+            all.load_use = all.load_use.of_both(part.load_use);
             join(&mut all.stem_angle_rad, part.stem_angle_rad);
             join(&mut all.temperature_c, part.temperature_c);
             join(&mut all.sigma, part.sigma);
@@ -170,7 +197,7 @@ impl Measurements {
             n_outputs: self.n_outputs,
             trial: rows.iter().filter_map(|&row| self.trial.get(row).copied()).collect(),
             loads_n: pick_option(&self.loads_n, 3),
-            counts_loads: self.counts_loads,
+            load_use: self.load_use,
             stem_angle_rad: pick_option(&self.stem_angle_rad, 1),
             temperature_c: pick_option(&self.temperature_c, 1),
             sigma: pick_option(&self.sigma, 1),

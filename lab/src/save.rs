@@ -1,6 +1,6 @@
 //! A model file with what a fit found: values with their standard errors and origin, and one more line of history.
 
-use crate::machine::setting;
+use crate::machine::{acting, setting};
 use crate::{Added, LabError, Measurements};
 use krait_model::model_file::{FileEffect, HeldOutRms, HistoryEntry, Machine, ModelFile, Origin};
 
@@ -44,6 +44,9 @@ pub fn save(
         }
         effects.push(effect);
     }
+    // As they act, so they stand in the file.
+    let effects =
+        acting(file.effects().len(), &added.terms).into_iter().filter_map(|k| effects.get(k).cloned()).collect();
     let mut history = file.history().to_vec();
     history.push(HistoryEntry {
         effect: what.to_owned(),

@@ -3,7 +3,7 @@
 
 use krait_lab::compare::{Comparison, compare};
 use krait_lab::machine::{MachineUnderTest, SnakeLab};
-use krait_lab::{Measurements, Quantity};
+use krait_lab::{LoadUse, Measurements, Quantity};
 use krait_model::model_file::ModelFile;
 use std::collections::BTreeMap;
 
@@ -35,7 +35,7 @@ fn motion() -> Measurements {
         n_outputs: 2,
         trial: vec![0; n],
         loads_n: None,
-        counts_loads: true,
+        load_use: LoadUse::UNCALIBRATED,
         stem_angle_rad: None,
         temperature_c: None,
         sigma: None,

@@ -2,9 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
 
-use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, Verdict, diagnose};
+use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, Sketch, Verdict, diagnose};
 use krait_lab::machine::{MachineUnderTest, SnakeLab};
-use krait_lab::{AddOptions, Measurements, Quantity, Term, add};
+use krait_lab::{AddOptions, LoadUse, Measurements, Quantity, Term, add};
 use krait_model::model_file::ModelFile;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -45,7 +45,7 @@ fn motion() -> Measurements {
         n_outputs: 2,
         trial: vec![0; ROWS],
         loads_n: None,
-        counts_loads: true,
+        load_use: LoadUse::UNCALIBRATED,
         stem_angle_rad: None,
         temperature_c: None,
         sigma: None,
@@ -113,6 +113,33 @@ fn two_effects_are_found_together() {
     let names: Vec<&str> = found.effects.iter().map(|effect| effect.name.as_str()).collect();
     assert_eq!(names.len(), 2, "{}", found.sentence);
     assert!(names.contains(&"twist"), "{}", found.sentence);
+}
+
+/// The largest difference between two passes of one position, as a part of the largest change.
+fn loop_share(sketch: &Sketch) -> f64 {
+    let most = sketch.change.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    let curve: Vec<(f64, f64)> = sketch.position.iter().copied().zip(sketch.change.iter().copied()).collect();
+    // The first leg goes out, the second a part of the way back.
+    let (out, back) = (&curve[..40], &curve[40..70]);
+    let apart = |own: &(f64, f64)| {
+        let near = out.iter().min_by(|a, b| (a.0 - own.0).abs().total_cmp(&(b.0 - own.0).abs())).unwrap();
+        (near.1 - own.1).abs()
+    };
+    back[5..25].iter().map(apart).fold(0.0, f64::max) / most
+}
+
+#[test]
+fn the_sketch_of_an_effect_shows_its_loop_or_that_it_has_none() {
+    for (hidden, is_loop) in [(term("backlash", &[8e-5]), true), (term("stiffness-scale", &[1.15]), false)] {
+        let found = diagnosed(&made(core::slice::from_ref(&hidden), 5));
+        let sketch = found.effects[0].sketch.clone().unwrap_or_else(|| panic!("{}", found.sentence));
+        assert_eq!((sketch.position.len(), sketch.unit.as_str()), (sketch.change.len(), "deg"));
+        let share = loop_share(&sketch);
+        assert!(if is_loop { share > 0.5 } else { share < 0.05 }, "{}: {share}", hidden.name);
+        let json = found.to_json();
+        assert_eq!(json["effects"][0]["sketch"]["change"].as_array().map(Vec::len), Some(sketch.change.len()));
+        assert!(!json["effects"][0]["sketch"]["position"].as_array().unwrap().iter().any(serde_json::Value::is_null));
+    }
 }
 
 #[test]

@@ -194,6 +194,7 @@ function effectCard(own) {
   const values = Object.entries(own.params).filter(([, value]) => value.free !== false).map(([name, value]) => make('tr', '', make('th', '', name), make('td', 'n', `${value.value.toPrecision(3)} ${value.unit}`), make('td', 'n', `± ${value.se.toPrecision(1)}`)));
   const others = own.class.filter(name => name !== own.effect);
   const words = own.explanation ? [make('p', '', own.explanation.what), make('p', '', make('b', '', 'To check on the machine: '), own.explanation.check)] : [];
+  if (own.sketch) words.splice(1, 0, sketch(own.sketch));
   const card = make('div', 'effect', make('h3', '', own.explanation ? `${own.effect}: ${own.explanation.title}` : own.effect), ...words, make('p', '', `The error falls from ${deg(own.heldout_rms.before)} to ${deg(own.heldout_rms.after)}; it came out best in ${(100 * own.probability).toFixed(0)} of 100 resamplings.`), make('table', '', make('tbody', '', ...values)));
   if (others.length) {
     const group = make('fieldset', '', make('legend', '', `These data cannot tell it from ${others.length} other${others.length > 1 ? 's' : ''}`));
@@ -206,6 +207,18 @@ function effectCard(own) {
     card.append(group);
   }
   return card;
+}
+
+// What an effect alone adds over the position, drawn by the model with the fitted values.
+function sketch({ position, change, unit: own, is_across: isAcross }) {
+  const [width, height, margin] = [300, 120, 8], [left, right] = [Math.min(...position), Math.max(...position)];
+  const [low, high] = [Math.min(0, ...change), Math.max(0, ...change)];
+  const x = value => margin + (width - 2 * margin) * (value - left) / (right - left || 1), y = value => height - margin - (height - 2 * margin) * (value - low) / (high - low || 1);
+  const points = position.map((value, i) => `${x(value).toFixed(1)},${y(change[i]).toFixed(1)}`).join(' ');
+  const picture = drawing(`0 0 ${width} ${height}`, `<path class="zero" d="M${margin} ${y(0).toFixed(1)}H${width - margin}"/><polyline points="${points}"/>`);
+  const mark = own === 'deg' ? '°' : ` ${own}`, span = (a, b, digits) => `${a.toFixed(digits)} to ${b.toFixed(digits)}${mark}`;
+  const says = `It alone adds ${span(low, high, 2)} ${isAcross ? 'across' : 'along'} the motion, drawn over the position from ${span(left, right, 0)}: slowly out and back, and a smaller way inside.`;
+  return make('figure', 'sketch', picture, make('figcaption', '', says));
 }
 
 function askAdd() {

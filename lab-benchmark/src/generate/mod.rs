@@ -23,7 +23,7 @@ pub use seal::{SealError, Sealed, base_model, is_unmodified};
 
 use core::f64::consts::SQRT_2;
 use kind::Draw;
-use krait_lab::{Measurements, Quantity};
+use krait_lab::{LoadUse, Measurements, Quantity};
 use krait_model::{ChainError, MachineParameters};
 use krait_sim::{EffectsTruth, Truth, TruthError};
 use krait_slave::DriveError;
@@ -293,7 +293,7 @@ fn measurements(recipe: &Recipe, readings_m: &[[f64; 3]], seen_rad: &[[f64; 2]])
         n_outputs: 2,
         trial: vec![0; readings_m.len()],
         loads_n: None,
-        counts_loads: true,
+        load_use: LoadUse::UNCALIBRATED,
         stem_angle_rad: None,
         temperature_c: None,
         sigma: None,

@@ -11,7 +11,7 @@ pub use kind::{JOINT_KINDS, JointKind};
 use crate::generate::{Answer, Noise, Purpose, Random};
 use core::f64::consts::TAU;
 use kind::Draw;
-use krait_lab::{Measurements, Quantity};
+use krait_lab::{LoadUse, Measurements, Quantity};
 use plant::{Plant, middle_and_half};
 use std::collections::BTreeMap;
 
@@ -117,7 +117,7 @@ pub fn joints(recipe: &JointRecipe) -> Option<(Measurements, Answer)> {
         n_outputs: 2,
         trial: vec![0; n],
         loads_n: None,
-        counts_loads: true,
+        load_use: LoadUse::UNCALIBRATED,
         stem_angle_rad: None,
         temperature_c: None,
         sigma: None,

@@ -1,6 +1,6 @@
 //! What a diagnosis says, in the words of its machine-readable answer.
 
-use super::{NextExperiment, Structure};
+use super::{NextExperiment, Sketch, Structure};
 use crate::Term;
 use crate::machine::JointsLab;
 use crate::noise::NoiseFloor;
@@ -175,6 +175,8 @@ pub struct FoundEffect {
     pub parameters: Vec<FoundParameter>,
     /// The joint that has it, from 1; `None` for a machine that is one.
     pub joint: Option<usize>,
+    /// What it alone does, where a slow motion shows it.
+    pub sketch: Option<Sketch>,
 }
 
 /// A fitted parameter.

@@ -118,7 +118,22 @@ fn effect(found: &FoundEffect, unit: &str) -> Value {
         "explanation": explanation(&found.name).map(|own| json!({
             "title": own.title, "what": own.what, "check": own.check,
         })),
+        "sketch": found.sketch.as_ref().map(|own| json!({
+            "position": own.position.iter().map(short).collect::<Vec<_>>(),
+            "change": own.change.iter().map(short).collect::<Vec<_>>(),
+            "unit": own.unit,
+            "is_across": own.is_across,
+        })),
     })
+}
+
+/// A number of a picture: five digits are more than a screen shows.
+fn short(value: &f64) -> f64 {
+    if *value == 0.0 {
+        return 0.0;
+    }
+    let step = 10_f64.powf(value.abs().log10().floor() - 4.0);
+    (value / step).round() * step
 }
 
 fn separation(own: &Separation) -> Value {

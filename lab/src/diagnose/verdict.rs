@@ -69,7 +69,7 @@ pub fn diagnose(
     options: &DiagnoseOptions,
 ) -> Result<Diagnosis, LabError> {
     if let Some(joints) = machine.as_joints() {
-        return crate::joint::diagnose(joints, data, options);
+        return crate::joint::diagnose(joints, data, options)?.sketched(machine, data);
     }
     let Prepared { problem: full, floors, excluded, shortest_block_s, loads } = prepare(machine, data)?;
     let rows = working_rows(data, &excluded);
@@ -87,7 +87,9 @@ pub fn diagnose(
     let mut found = run(&search(&work), &floors, is_white, options.max_effects)?;
     found.decide(&search(&work), &search(&full));
     let n_outliers = excluded.len();
-    Case { full: &search(&full), work: &search(&work), floors, loads, found, n_outliers }.conclude()
+    Case { full: &search(&full), work: &search(&work), floors, loads, found, n_outliers }
+        .conclude()?
+        .sketched(machine, data)
 }
 
 /// What the search on the working rows found.
@@ -353,6 +355,7 @@ impl Case<'_> {
                     after: errors[slot + 1],
                     parameters: self.parameters(chosen, slot)?,
                     joint: None,
+                    sketch: None,
                 })
             })
             .collect()

@@ -2,8 +2,9 @@
 //!
 //! Chosen among rows with a measurement, never by row number: a camera may be slower than the encoders, and its frames may fall
 //! between any stride. Every frame of few; of many every second to tenth, still often enough for effects with a memory. Rows
-//! without a measurement are history: as many of them are kept as reversals need. Of very many rows the beginning of each trial
-//! is taken: where a trial begins its history is known.
+//! without a measurement are history: every so many are kept, and those at which an input turns, because hysteresis and the loads
+//! remember just where that was. Of very many rows the beginning of each trial is taken: where a trial begins its history is
+//! known.
 
 use crate::Measurements;
 
@@ -22,6 +23,7 @@ pub(crate) fn working_rows(data: &Measurements, excluded: &[usize]) -> Vec<usize
     let (frame_stride, history_stride) = (stride(n_frames), stride(n - n_frames));
     let expected = n_frames / frame_stride + (n - n_frames) / history_stride;
     let share = (MOST as f64 / expected.max(1) as f64).min(1.0);
+    let turns = turns(data, expected.min(MOST));
     let starts: Vec<usize> = (0..n).filter(|row| data.starts_trial(*row)).collect();
     let mut kept = Vec::with_capacity(expected.min(MOST) + starts.len());
     for (k, &start) in starts.iter().enumerate() {
@@ -31,7 +33,7 @@ pub(crate) fn working_rows(data: &Measurements, excluded: &[usize]) -> Vec<usize
         for (row, &is_frame) in is_frame.iter().enumerate().take(last.min(end)).skip(start) {
             let (count, stride) =
                 if is_frame { (&mut n_frames, frame_stride) } else { (&mut n_others, history_stride) };
-            if *count % stride == 0 || row == start {
+            if *count % stride == 0 || row == start || turns.binary_search(&row).is_ok() {
                 kept.push(row);
             }
             *count += 1;
@@ -39,6 +41,31 @@ pub(crate) fn working_rows(data: &Measurements, excluded: &[usize]) -> Vec<usize
     }
     kept.retain(|row| excluded.binary_search(row).is_err());
     kept
+}
+
+/// The rows at which an input turns, in rising order; none where there are more than `most`: readings that tremble turn everywhere.
+fn turns(data: &Measurements, most: usize) -> Vec<usize> {
+    let mut turns = Vec::new();
+    let mut way = vec![0.0; data.n_inputs];
+    for row in 1..data.n_rows() {
+        if data.starts_trial(row) {
+            way.fill(0.0);
+            continue;
+        }
+        let steps = data.input(row).iter().zip(data.input(row - 1)).map(|(now, before)| now - before);
+        let mut is_turn = false;
+        for (way, step) in way.iter_mut().zip(steps).filter(|(_, step)| *step != 0.0 && step.is_finite()) {
+            is_turn |= *way * step < 0.0;
+            *way = step;
+        }
+        if is_turn {
+            turns.push(row - 1);
+        }
+        if turns.len() > most {
+            return Vec::new();
+        }
+    }
+    turns
 }
 
 /// Every how many of so many rows.
@@ -49,7 +76,7 @@ fn stride(n: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Quantity;
+    use crate::{LoadUse, Quantity};
 
     fn trials(lengths: &[usize]) -> Measurements {
         let n = lengths.iter().sum();
@@ -64,7 +91,7 @@ mod tests {
             n_outputs: 1,
             trial: (0..).zip(lengths).flat_map(|(trial, length)| vec![trial; *length]).collect(),
             loads_n: None,
-            counts_loads: true,
+            load_use: LoadUse::UNCALIBRATED,
             stem_angle_rad: None,
             temperature_c: None,
             sigma: None,

@@ -9,7 +9,7 @@ use crate::diagnose::Diagnosis;
 use crate::diagnose::search::Search;
 use crate::fit::{Fit, fit};
 use crate::machine::{Candidate, MachineUnderTest};
-use crate::{LabError, Measurements, Problem, Quantity, Term};
+use crate::{LabError, LoadUse, Measurements, Problem, Quantity, Term};
 use krait_model::model_file::SnakeMachine;
 use krait_model::{Chain, Circumstances, KnownColumns};
 
@@ -138,7 +138,7 @@ fn measurements(machine: &SnakeMachine) -> Result<Measurements, LabError> {
         n_outputs: 2,
         trial: vec![0; n],
         loads_n: None,
-        counts_loads: true,
+        load_use: LoadUse::UNCALIBRATED,
         stem_angle_rad: None,
         temperature_c: None,
         sigma: None,

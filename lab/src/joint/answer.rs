@@ -234,6 +234,7 @@ fn effect(machine: &JointsLab, own: &Found, slot: usize, place: usize, scale: f6
         probability: own.probabilities[slot],
         parameters: parameters.collect(),
         joint: Some(own.joint + 1),
+        sketch: None,
     })
 }
 

@@ -7,7 +7,7 @@ mod snake_candidates;
 
 pub use joints::JointsLab;
 pub use snake::SnakeLab;
-pub(crate) use snake::nearest;
+pub(crate) use snake::{acting, nearest};
 
 use crate::{LabError, Measurements, Parameter, Term};
 

@@ -39,7 +39,8 @@ impl SnakeLab {
             stem_angle: data.stem_angle_rad.is_some(),
             temperature: data.temperature_c.is_some(),
         };
-        let chain = Chain::new(&self.machine.parameters, self.machine.settings, &self.settings(effects)?, columns)?;
+        let acting: Vec<Term> = acting(self.effects.len(), effects).into_iter().map(|k| effects[k].clone()).collect();
+        let chain = Chain::new(&self.machine.parameters, self.machine.settings, &self.settings(&acting)?, columns)?;
         let mut predictor = chain.predictor();
         for row in 0..data.n_rows() {
             if row > 0 && data.starts_trial(row) {
@@ -96,6 +97,20 @@ impl MachineUnderTest for SnakeLab {
         })?;
         Ok((outputs, Some(loads_n)))
     }
+}
+
+/// The places of effects in the order in which they act on a line from the tip to its drive. The first `n_own` stand as the model
+/// has them; friction along the line that is new comes before that of the cone, which the line reaches last (Xu and Simaan,
+/// Eq. (13): tau~ = e^(2 mu phi) (tau + f_s)). The other way round is another law.
+pub(crate) fn acting(n_own: usize, effects: &[Term]) -> Vec<usize> {
+    let is_along = |k: &usize| ["static-friction", "stribeck-friction"].contains(&effects[*k].name.as_str());
+    let mut order: Vec<usize> = (0..effects.len().min(n_own)).collect();
+    let new = n_own.min(effects.len())..effects.len();
+    for k in new.clone().filter(|k| !is_along(k)).chain(new.filter(is_along)) {
+        let cone = order.iter().position(|own| effects[*own].name == "cone-friction").filter(|_| is_along(&k));
+        order.insert(cone.unwrap_or(order.len()), k);
+    }
+    order
 }
 
 pub(super) fn circumstances(data: &Measurements, row: usize) -> Circumstances {

@@ -2,13 +2,18 @@
 
 use super::check::{self, Place};
 use super::{ColumnMap, Expected, Hashing, ReadError, hex, source};
-use crate::{Measurements, Quantity};
+use crate::{LoadUse, Measurements, Quantity};
 use krait_record::columns::Columns;
-use krait_record::{Missing, Recording};
+use krait_record::{Missing, Recording, attachment};
 use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io;
 use std::path::Path;
+
+/// The attachment with the settings of the chain.
+const CONFIG_ATTACHMENT: &str = "krait.toml";
+/// Loads of a simulated machine are what the machine has; this much is left to effects that are not in the model.
+const SIMULATED_GAIN_APART: f64 = 0.05;
 
 /// How a recording begins.
 pub(super) const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
@@ -37,7 +42,7 @@ pub(super) fn read(path: &Path, file: File, map: &ColumnMap, expected: Expected)
     }
     let mut hashing = Hashing { source: file, hash: Sha256::new() };
     io::copy(&mut hashing, &mut io::sink()).map_err(|source| ReadError::Io { path: path.to_owned(), source })?;
-    let data = measurements(path, &columns, hex(hashing.hash));
+    let data = Measurements { load_use: load_use(&recording), ..measurements(path, &columns, hex(hashing.hash)) };
     let place = Place {
         path,
         rows: "in all of its trials".to_owned(),
@@ -47,6 +52,16 @@ pub(super) fn read(path: &Path, file: File, map: &ColumnMap, expected: Expected)
     };
     check::enough(&place, &data)?;
     Ok(data)
+}
+
+/// Loads count where the drives were simulated; a real drive's are made of a motor's current, and nobody knows how well.
+fn load_use(recording: &Recording) -> LoadUse {
+    let settings = attachment(recording, CONFIG_ATTACHMENT).and_then(|text| text.parse::<toml::Table>().ok());
+    let drive = settings.as_ref().and_then(|own| own.get("slave")?.get("drive")?.get("kind")?.as_str());
+    match drive {
+        Some("sim") => LoadUse::Counted { gain_apart: SIMULATED_GAIN_APART },
+        _ => LoadUse::Shown,
+    }
 }
 
 fn measurements(path: &Path, columns: &Columns, sha256: String) -> Measurements {
@@ -62,7 +77,7 @@ fn measurements(path: &Path, columns: &Columns, sha256: String) -> Measurements 
         n_outputs: 2,
         trial: rows.iter().map(|row| row.trial.saturating_sub(1)).collect(),
         loads_n: columns.has_tau().then(|| rows.iter().flat_map(|row| row.tau_n).collect()),
-        counts_loads: false,
+        load_use: LoadUse::Shown,
         stem_angle_rad: None,
         temperature_c: None,
         sigma: Some(rows.iter().map(|row| row.sigma_bend_rad).collect()),

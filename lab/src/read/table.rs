@@ -6,7 +6,7 @@ use super::csv::Table;
 use super::header::{Plan, in_brackets};
 use super::role::Role;
 use super::unit::Unit;
-use crate::{Measurements, Names, Quantity};
+use crate::{LoadUse, Measurements, Names, Quantity};
 use std::f64::consts::FRAC_PI_2;
 use std::path::Path;
 
@@ -32,7 +32,7 @@ pub(super) fn measurements(path: &Path, mut table: Table, expected: Expected, sh
         outputs,
         n_outputs,
         loads_n: interleave(&mut table, super::role::N_LINES, Role::Load),
-        counts_loads: true,
+        load_use: LoadUse::UNCALIBRATED,
         stem_angle_rad: take(&mut table, Role::StemAngle),
         temperature_c: take(&mut table, Role::Temperature),
         sigma: take(&mut table, Role::Sigma).or_else(|| weight.map(|w| w.iter().map(|w| w.sqrt().recip()).collect())),

@@ -12,6 +12,7 @@ pub mod page;
 pub mod picture;
 mod places;
 mod rows;
+mod sketch;
 mod tables;
 mod waterfall;
 

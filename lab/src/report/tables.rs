@@ -2,6 +2,7 @@
 
 use super::html::{escape, table};
 use super::paragraph;
+use super::sketch;
 use crate::Added;
 use crate::compare::Comparison;
 use crate::diagnose::{Diagnosis, FoundEffect, capital};
@@ -74,9 +75,10 @@ pub(super) fn found(found: &[FoundEffect], unit: &str, is_partial: bool) -> Stri
     let rows: Vec<Vec<String>> = found.iter().map(effect).collect();
     let before = format!("error before ({unit})");
     let mut text = format!("<h2>{heading}</h2>\n");
-    for (name, own) in found.iter().filter_map(|own| Some((&own.name, explanation(&own.name)?))) {
-        text += &format!("<h3>{}: {}</h3>\n", escape(name), escape(own.title));
+    for (effect, own) in found.iter().filter_map(|own| Some((own, explanation(&own.name)?))) {
+        text += &format!("<h3>{}: {}</h3>\n", escape(&effect.name), escape(own.title));
         text += &paragraph(own.what);
+        text += &effect.sketch.as_ref().map_or(String::new(), sketch::svg);
         text += &paragraph(&format!("To check on the machine: {}", own.check));
     }
     text += &table(&["effect", &before, "after", "probability"], &rows);
