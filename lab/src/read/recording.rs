@@ -13,7 +13,7 @@ use std::path::Path;
 /// The attachment with the settings of the chain.
 const CONFIG_ATTACHMENT: &str = "krait.toml";
 /// Loads of a simulated machine are what the machine has; this much is left to effects that are not in the model.
-const SIMULATED_GAIN_APART: f64 = 0.05;
+const SIMULATED_GAIN_APART: f64 = 0.005;
 
 /// How a recording begins.
 pub(super) const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";

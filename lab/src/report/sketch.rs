@@ -30,7 +30,7 @@ pub(super) fn svg(sketch: &Sketch) -> String {
     format!(
         "<figure class=\"sketch\"><svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" width=\"{WIDTH}\" height=\"{HEIGHT}\" role=\"img\" \
          aria-label=\"what it adds over the position\"><line x1=\"{MARGIN}\" y1=\"{zero:.1}\" x2=\"{end}\" y2=\"{zero:.1}\" \
-         stroke=\"#999\"/><polyline points=\"{}\" fill=\"none\" stroke=\"#0072b2\" stroke-width=\"1.5\"/>\
+         stroke=\"#999\"></line><polyline points=\"{}\" fill=\"none\" stroke=\"#0072b2\" stroke-width=\"1.5\"></polyline>\
          <text x=\"{MARGIN}\" y=\"12\" font-size=\"11\">{low:.3} to {high:.3} {unit} {what}</text>\
          <text x=\"{MARGIN}\" y=\"{foot}\" font-size=\"11\">position, {left:.1} to {right:.1} {unit}</text></svg>\
          <figcaption>What this effect alone adds in a slow motion out and back, and in a smaller one inside it.</figcaption>\
