@@ -78,7 +78,7 @@ const TABLE: [Row; 7] = [
         name: "slave",
         core_turn: Some(3),
         when_lost: WhenLost::HoldAndRestart,
-        loss: "the drives are without power until it runs again",
+        loss: "nobody commands the drives until it runs again",
     },
     Row {
         process: Process::Record,

@@ -158,7 +158,7 @@ impl Fault {
             Self::KilledResolve => process(Resolve, Kill, End::Holds, LOST),
             Self::KilledCompensate => process(Compensate, Kill, End::Holds, LOST),
             // The one that comes back knows nothing of the one before.
-            Self::KilledSlave => process(Slave, Kill, End::Holds, Named::Words("the drives are without power")),
+            Self::KilledSlave => process(Slave, Kill, End::Holds, Named::Words("nobody commands the drives")),
             Self::KilledEstimate => process(Estimate, Kill, End::Moves, Named::Words("the motion goes on")),
             Self::KilledRecord => process(Record, Kill, End::Moves, Named::Words("nothing more is recorded")),
             Self::FullDisk => machine(End::Moves, "No space left"),
