@@ -4,6 +4,9 @@ use crate::wall_clock::{WallClock, utc_text};
 use krait_ipc::clock;
 use std::collections::BTreeMap;
 
+/// The attachment with the configuration of the chain, TOML.
+pub const CONFIG_ATTACHMENT: &str = "krait.toml";
+
 /// A file embedded in the recording.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Attachment {

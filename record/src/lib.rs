@@ -55,7 +55,7 @@ mod views;
 mod wall_clock;
 mod writer;
 
-pub use about::{About, Attachment};
+pub use about::{About, Attachment, CONFIG_ATTACHMENT};
 pub use between::samples_between;
 pub use config::RecordConfig;
 pub use contents::{ChannelContents, Contents, Missing};

@@ -4,14 +4,12 @@ use super::check::{self, Place};
 use super::{ColumnMap, Expected, Hashing, ReadError, hex, source};
 use crate::{LoadUse, Measurements, Quantity};
 use krait_record::columns::Columns;
-use krait_record::{Missing, Recording, attachment};
+use krait_record::{CONFIG_ATTACHMENT, Missing, Recording, attachment};
 use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io;
 use std::path::Path;
 
-/// The attachment with the settings of the chain.
-const CONFIG_ATTACHMENT: &str = "krait.toml";
 /// Loads of a simulated machine are what the machine has; this much is left to effects that are not in the model.
 const SIMULATED_GAIN_APART: f64 = 0.005;
 

@@ -11,14 +11,12 @@ use krait_drives::open_drive;
 use krait_ipc::message::N_LINES;
 use krait_ipc::{Beside, Bus, input};
 use krait_master::{Engage, GuidePlan, HidRecording, LiveMotion, MasterConfig, Script, SourceChoice};
-use krait_record::{Attachment, RecordConfig};
+use krait_record::{Attachment, CONFIG_ATTACHMENT, RecordConfig};
 use krait_sim::Simulation;
 use krait_slave::{DriveKind, SlaveConfig};
 use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
 
-/// Name under which a recording embeds the configuration.
-pub const CONFIG_ATTACHMENT: &str = "krait.toml";
 /// Name under which a recording embeds the simulated snake.
 pub const TRUTH_ATTACHMENT: &str = "truth.toml";
 /// Name under which a recording embeds the model file of the chain.
