@@ -6,7 +6,7 @@
 
 use crate::diagnose::LoadCell;
 use crate::machine::MachineUnderTest;
-use crate::noise::{FloorSource, NoiseFloor};
+use crate::noise::{FloorSource, NoiseFloor, bounds};
 use crate::{LabError, LoadUse, Measurements, Problem};
 
 /// Lines, and cells.
@@ -230,7 +230,7 @@ impl LoadRows {
             let sum: f64 = (own[0]..own[1]).map(|k| all[k] - gain * predicted_n[self.rows[k] * N + line]).sum();
             sum / (own[1] - own[0]) as f64
         };
-        let (low, high) = all.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
+        let (low, high) = bounds(all.iter().copied());
         CellFit {
             gain,
             offset_n: self.trials.windows(2).map(offset).collect(),

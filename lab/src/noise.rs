@@ -159,11 +159,15 @@ pub fn rests(data: &Measurements, shortest_s: f64) -> Vec<(usize, usize)> {
     found
 }
 
+/// The least and the largest of values; infinite the wrong way round where there are none.
+pub(crate) fn bounds(values: impl IntoIterator<Item = f64>) -> (f64, f64) {
+    values.into_iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)))
+}
+
 /// Largest range of any input.
 pub fn largest_range(data: &Measurements) -> f64 {
     let range = |k: usize| {
-        let column = data.inputs.iter().skip(k).step_by(data.n_inputs.max(1));
-        let (low, high) = column.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
+        let (low, high) = bounds(data.inputs.iter().skip(k).step_by(data.n_inputs.max(1)).copied());
         high - low
     };
     (0..data.n_inputs).map(range).fold(0.0, f64::max)

@@ -3,6 +3,7 @@
 use super::motion::{self, Motion};
 use super::parts::pair;
 use crate::machine::MachineUnderTest;
+use crate::noise::bounds;
 use crate::{Measurements, Quantity};
 use std::rc::Rc;
 
@@ -162,7 +163,7 @@ fn joints<'a>(machine: &dyn MachineUnderTest, data: &'a Measurements) -> Vec<Dim
     for k in 0..data.n_inputs {
         let value = move |row: usize| data.input(row).get(k).map_or(f64::NAN, |u| u * scale);
         let all = (0..data.n_rows()).map(value);
-        let (low, high) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+        let (low, high) = bounds(all);
         let edges: Vec<f64> = (0..=6).map(|i| low + (high - low) * f64::from(i) / 6.0).collect();
         let position = between(&data.names.input(k), &unit, edges, value);
         let rising = rising(data, k);

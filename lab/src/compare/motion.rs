@@ -1,5 +1,6 @@
 //! What the machine was doing in each row, from the history of its inputs alone, which has no camera noise.
 
+use crate::noise::largest_range;
 use crate::{Measurements, Quantity};
 
 /// Motion of a row's inputs.
@@ -72,14 +73,4 @@ fn step(data: &Measurements, from: usize, to: usize) -> (f64, i8) {
     // Within 45 deg of straight out or straight back.
     let outward = if radial.abs() < core::f64::consts::FRAC_1_SQRT_2 * step { 0 } else { radial.signum() as i8 };
     (step, outward)
-}
-
-/// Largest range of any input.
-fn largest_range(data: &Measurements) -> f64 {
-    let range = |k: usize| {
-        let column = data.inputs.iter().skip(k).step_by(data.n_inputs.max(1));
-        let (low, high) = column.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
-        high - low
-    };
-    (0..data.n_inputs).map(range).fold(0.0, f64::max)
 }

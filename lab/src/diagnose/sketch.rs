@@ -5,6 +5,7 @@
 
 use super::{Diagnosis, FoundEffect};
 use crate::machine::MachineUnderTest;
+use crate::noise::bounds;
 use crate::{LabError, Measurements, Term};
 
 /// Where the motion turns, as shares of the way; the first lap brings hysteresis into its loop and is not drawn.
@@ -126,7 +127,7 @@ fn leg(turns: &[f64]) -> Vec<f64> {
 }
 
 fn range(values: &[f64]) -> f64 {
-    let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
+    let (low, high) = bounds(values.iter().copied());
     high - low
 }
 

@@ -1,6 +1,7 @@
 //! The effects that may be missing from a joint, each with few parameters: where in the chain, what is nonlinear, where to look.
 
 use super::signal::Signal;
+use crate::noise::bounds;
 
 /// One effect, parameter-poor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -126,9 +127,7 @@ impl Kind {
         ];
         // A joint that does not move bends nothing else.
         let moves = |k: &usize| {
-            let column = &signal.inputs[*k];
-            let (low, high) =
-                column.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), u| (l.min(*u), h.max(*u)));
+            let (low, high) = bounds(signal.inputs[*k].iter().copied());
             *k != signal.joint && high - low > 1e-9 * high.abs().max(low.abs()).max(1e-12)
         };
         all.extend((0..signal.inputs.len()).filter(moves).map(Self::Coupling));

@@ -1,6 +1,7 @@
 //! One joint's measurements, ready for fits: what it was told, what was measured, which rows count.
 
 use crate::machine::JointsLab;
+use crate::noise::bounds;
 use crate::{LabError, Measurements};
 use std::sync::Arc;
 
@@ -109,8 +110,7 @@ impl Signal {
         let frames: Vec<usize> = (0..n).filter(|row| measured[*row].is_finite() && !is_excluded(row)).collect();
         let stride = frames.len().div_ceil(most).max(1);
         let inputs: Vec<Vec<f64>> = (0..n_joints).map(|k| column(&data.inputs, k)).collect();
-        let (low, high) =
-            inputs[joint].iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), u| (l.min(*u), h.max(*u)));
+        let (low, high) = bounds(inputs[joint].iter().copied());
         let mut steps: Vec<f64> = step_s.iter().copied().filter(|dt| *dt > 0.0).collect();
         steps.sort_by(f64::total_cmp);
         let mut speeds: Vec<f64> = (1..n)
@@ -151,7 +151,7 @@ impl Signal {
     /// Whether the joint was told to move and did: else nothing can be said of it.
     pub fn moves(&self) -> bool {
         let spread = |values: &mut dyn Iterator<Item = f64>| {
-            let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+            let (low, high) = bounds(values);
             high - low > 1e-9 * high.abs().max(low.abs()).max(1e-9)
         };
         spread(&mut self.base.iter().copied()) && spread(&mut self.rows.iter().map(|&row| self.measured[row]))
@@ -166,8 +166,7 @@ impl Signal {
 
     /// Range of a joint's command.
     pub fn range_of(&self, joint: usize) -> f64 {
-        let (low, high) =
-            self.inputs[joint].iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), u| (l.min(*u), h.max(*u)));
+        let (low, high) = bounds(self.inputs[joint].iter().copied());
         if high > low { high - low } else { 1.0 }
     }
 

@@ -2,6 +2,7 @@
 
 use super::Candidate;
 use crate::Measurements;
+use crate::noise::bounds;
 use core::f64::consts::FRAC_PI_2;
 use krait_model::joints::JointEffect;
 
@@ -34,8 +35,7 @@ pub(super) fn all(data: &Measurements) -> Vec<Candidate> {
 
 fn range(values: &[f64], width: usize) -> f64 {
     let column = |k: usize| values.iter().skip(k).step_by(width.max(1)).filter(|v| v.is_finite());
-    let fold = |(low, high): (f64, f64), v: &f64| (low.min(*v), high.max(*v));
-    let of = |k| column(k).fold((f64::INFINITY, f64::NEG_INFINITY), fold);
+    let of = |k| bounds(column(k).copied());
     let largest = (0..width).map(|k| of(k).1 - of(k).0).filter(|r| r.is_finite()).fold(0.0, f64::max);
     // The reader refuses measurements without any range; other callers get an arbitrary one.
     if largest > 0.0 { largest } else { 1.0 }

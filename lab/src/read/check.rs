@@ -2,6 +2,7 @@
 
 use super::ReadError;
 use crate::Measurements;
+use crate::noise::bounds;
 use std::path::Path;
 
 /// Rows with a measured shape below which no rms means anything.
@@ -55,7 +56,6 @@ pub(super) fn enough(place: &Place, data: &Measurements) -> Result<(), ReadError
 
 /// Least and largest measured value of each column.
 fn ranges(values: &[f64], width: usize) -> impl Iterator<Item = (f64, f64)> {
-    let fold = |(low, high): (f64, f64), &v: &f64| (low.min(v), high.max(v));
     let column = move |k| values.iter().skip(k).step_by(width).filter(|v| v.is_finite());
-    (0..width).map(move |k| column(k).fold((f64::INFINITY, f64::NEG_INFINITY), fold))
+    (0..width).map(move |k| bounds(column(k).copied()))
 }

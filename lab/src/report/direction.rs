@@ -2,6 +2,7 @@
 
 use super::picture::{COLOURS, Picture, output_line, plain, short};
 use super::rows::Rows;
+use crate::noise::bounds;
 use plotly::Scatter;
 use plotly::common::{ErrorData, ErrorType, Line, LineShape, Mode};
 
@@ -49,7 +50,7 @@ pub(super) fn split(rows: &Rows) -> Picture {
 /// Place, mean and twice its standard error in bins of the position; rows in a row are one visit.
 fn means(rows: &Rows, model: usize, axis: usize, counts: &dyn Fn(usize) -> bool) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
     let all = rows.scored.iter().map(|&row| rows.position(row, axis));
-    let (low, high) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
+    let (low, high) = bounds(all);
     let bin_of = |row: usize| {
         let part = (rows.position(row, axis) - low) / (high - low).max(1e-12);
         ((part * N_BINS as f64) as usize).min(N_BINS - 1)

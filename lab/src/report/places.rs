@@ -2,6 +2,7 @@
 
 use super::picture::{Picture, axis, layout, line, short};
 use super::rows::Rows;
+use crate::noise::bounds;
 use plotly::HeatMap;
 use plotly::common::{ColorBar, ColorScale, ColorScalePalette};
 
@@ -54,7 +55,7 @@ fn joints(rows: &Rows, model: usize, name: &str) -> Picture {
     let mut sums = vec![vec![(0.0, 0usize); N_PLACES]; n];
     for (k, own) in sums.iter_mut().enumerate() {
         let all = rows.scored.iter().map(|&row| rows.position(row, k));
-        let (low, high) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
+        let (low, high) = bounds(all);
         for &row in &rows.scored {
             let place = &mut own[cell(rows.position(row, k), low, high)];
             *place = (place.0 + rows.residual(model, row, k).powi(2), place.1 + 1);

@@ -3,7 +3,7 @@
 use super::MOST_POINTS;
 use crate::compare::motion::{self, Motion};
 use crate::machine::MachineUnderTest;
-use crate::noise::largest_range;
+use crate::noise::{bounds, largest_range};
 use crate::{Measurements, Quantity};
 
 /// Measurements and predictions in the unit of errors.
@@ -122,7 +122,7 @@ impl<'a> Rows<'a> {
     pub(super) fn travel(&self, axis: usize) -> Vec<(i8, f64)> {
         let n = self.data.n_rows();
         let all = (0..n).map(|row| self.position(row, axis));
-        let (low, high) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
+        let (low, high) = bounds(all);
         let threshold = REVERSAL * (high - low);
         let (mut extreme, mut turn, mut direction) = (f64::NAN, f64::NAN, 0_i8);
         let mut found = Vec::with_capacity(n);

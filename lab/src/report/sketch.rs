@@ -1,6 +1,7 @@
 //! The sketch of an effect as a small drawing: what it adds over the position, with the size of both written at the axes.
 
 use crate::diagnose::Sketch;
+use crate::noise::bounds;
 use core::fmt::Write;
 
 const WIDTH: f64 = 260.0;
@@ -10,8 +11,8 @@ const MARGIN: f64 = 18.0;
 
 /// The drawing. Equal curves give equal bytes.
 pub(super) fn svg(sketch: &Sketch) -> String {
-    let (left, right) = range(&sketch.position);
-    let (low, high) = range(&sketch.change);
+    let (left, right) = bounds(sketch.position.iter().copied());
+    let (low, high) = bounds(sketch.change.iter().copied());
     let (low, high) = (low.min(0.0), high.max(0.0));
     let place = |value: f64, from: f64, to: f64, length: f64| {
         MARGIN + (length - 2.0 * MARGIN) * (value - from) / (to - from).max(f64::MIN_POSITIVE)
@@ -37,8 +38,4 @@ pub(super) fn svg(sketch: &Sketch) -> String {
          </figure>\n",
         points.trim_end()
     )
-}
-
-fn range(values: &[f64]) -> (f64, f64) {
-    values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)))
 }
