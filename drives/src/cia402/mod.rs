@@ -27,7 +27,7 @@ pub use home::home_here;
 pub use open::{open_drive, open_drive_on};
 pub use port::{CanListener, CanPort, interfaces};
 pub use scan::{CanReading, FoundDrive, scan};
-pub use states::{State, state};
+pub use states::{State, has_torque, state};
 pub use wire::Wire;
 
 pub(crate) use frame::{FROM_DRIVE, HEARTBEAT, MASTER, OPERATIONAL, PRE_OPERATIONAL, SDO_FROM, SDO_TO, SYNC, TO_DRIVE};

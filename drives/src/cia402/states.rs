@@ -71,7 +71,7 @@ pub(crate) fn is_enabled(status: u16) -> bool {
 }
 
 /// Whether the motor may have torque.
-pub(crate) fn has_torque(status: u16) -> bool {
+pub fn has_torque(status: u16) -> bool {
     matches!(state(status), State::OperationEnabled | State::QuickStopActive | State::FaultReaction)
 }
 

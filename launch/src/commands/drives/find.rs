@@ -9,7 +9,7 @@ use crate::{print, signals};
 use core::time::Duration;
 use krait_drives::cia402::interfaces;
 use krait_drives::sts3215::{BAUDS, FoundServo, Sts3215, ports, scan};
-use krait_drives::{ActuatorBus, Seen, Trouble};
+use krait_drives::{ActuatorBus, OpenError, Seen, Trouble};
 use krait_ipc::message::MAX_ACTUATORS;
 use krait_report::Table;
 use krait_slave::DriveKind;
@@ -92,7 +92,9 @@ pub(super) fn run(common: &Common, args: &DrivesArgs) -> anyhow::Result<ExitCode
         )?;
         return Ok(ExitCode::SUCCESS);
     }
-    let found = find(&places, args)?;
+    let one = args.baud.map(|baud| vec![baud]);
+    let bauds = one.as_deref().unwrap_or(&BAUDS);
+    let found = asked(&places.ports, places.is_named, |port| scan(port, bauds, args.last_id))?;
     let found_can = find_can::find(&places.interfaces, args, places.is_named)?;
     loop {
         let (servos, nodes) = (read(&found)?, find_can::read(&found_can)?);
@@ -119,23 +121,25 @@ pub(super) fn run(common: &Common, args: &DrivesArgs) -> anyhow::Result<ExitCode
     }
 }
 
-/// Looks at all serial ports; of several, one may be somebody else's, the one that was named may not.
-fn find<'a>(places: &'a Places, args: &DrivesArgs) -> anyhow::Result<Vec<(&'a Path, FoundServo)>> {
-    let one = args.baud.map(|baud| vec![baud]);
-    let bauds = one.as_deref().unwrap_or(&BAUDS);
+/// Asks at each place who is there; of several, one may be down or somebody else's, the one that was named may not.
+pub(super) fn asked<P, T>(
+    places: &[P],
+    is_named: bool,
+    ask: impl Fn(&P) -> Result<Vec<T>, OpenError>,
+) -> Result<Vec<(&P, T)>, OpenError> {
     let mut found = Vec::new();
-    for port in &places.ports {
-        match scan(port, bauds, args.last_id) {
-            Ok(servos) => found.extend(servos.into_iter().map(|servo| (port.as_path(), servo))),
-            Err(error) if !places.is_named => tracing::warn!("{error}"),
-            Err(error) => return Err(error.into()),
+    for place in places {
+        match ask(place) {
+            Ok(own) => found.extend(own.into_iter().map(|one| (place, one))),
+            Err(error) if !is_named => tracing::warn!("{error}"),
+            Err(error) => return Err(error),
         }
     }
     Ok(found)
 }
 
 /// Reads all servos; each port is open only while it is read.
-fn read(found: &[(&Path, FoundServo)]) -> anyhow::Result<Vec<Servo>> {
+fn read(found: &[(&PathBuf, FoundServo)]) -> anyhow::Result<Vec<Servo>> {
     let mut servos = Vec::new();
     for group in found.chunk_by(|(a, b), (c, d)| (a, b.baud) == (c, d.baud)) {
         for part in group.chunks(MAX_ACTUATORS) {

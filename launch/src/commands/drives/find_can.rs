@@ -1,8 +1,9 @@
 //! Looks for drives on the CAN interfaces of this machine, and shows how they are. Only questions are sent.
 
+use super::find::asked;
 use crate::cli_drives::DrivesArgs;
 use krait_drives::OpenError;
-use krait_drives::cia402::{CanPort, CanReading, FoundDrive, State, scan, state};
+use krait_drives::cia402::{CanPort, CanReading, FoundDrive, State, has_torque, scan, state};
 use krait_report::Table;
 use serde::Serialize;
 
@@ -29,31 +30,23 @@ struct Reading {
 }
 
 /// Nodes by their interface.
-pub(super) type Found = Vec<(String, FoundDrive)>;
+type Found<'a> = Vec<(&'a String, FoundDrive)>;
 
-/// Looks at some interfaces; of several, one may be down or somebody else's.
-pub(super) fn find(interfaces: &[String], args: &DrivesArgs, is_named: bool) -> Result<Found, OpenError> {
-    let mut found = Vec::new();
-    for interface in interfaces {
-        match CanPort::open(interface).and_then(|mut port| scan(&mut port, args.last_id)) {
-            Ok(drives) => found.extend(drives.into_iter().map(|drive| (interface.clone(), drive))),
-            Err(error) if !is_named => tracing::warn!("{error}"),
-            Err(error) => return Err(error),
-        }
-    }
-    Ok(found)
+/// Looks at some interfaces.
+pub(super) fn find<'a>(interfaces: &'a [String], args: &DrivesArgs, is_named: bool) -> Result<Found<'a>, OpenError> {
+    asked(interfaces, is_named, |interface| scan(&mut CanPort::open(interface)?, args.last_id))
 }
 
 /// Reads all that are known; each interface is open only while it is read.
-pub(super) fn read(found: &Found) -> Result<Vec<CanNode>, OpenError> {
+pub(super) fn read(found: &Found<'_>) -> Result<Vec<CanNode>, OpenError> {
     let mut nodes = Vec::new();
     for group in found.chunk_by(|(a, _), (b, _)| a == b) {
-        let mut port = CanPort::open(&group[0].0)?;
+        let mut port = CanPort::open(group[0].0)?;
         for (interface, drive) in group {
             // A stranger's objects mean something else.
             let reading = if drive.is_known() { CanReading::of(&mut port, drive.id)? } else { None };
             nodes.push(CanNode {
-                interface: interface.clone(),
+                interface: (*interface).clone(),
                 id: drive.id,
                 profile: drive.profile,
                 vendor: drive.vendor,
@@ -102,12 +95,7 @@ pub(super) fn table(nodes: &[CanNode]) -> Table {
             None => row.extend(["-", "-", "-", "-"].map(str::to_owned)),
             Some(reading) => row.extend([
                 reading.counts.to_string(),
-                if ["operation enabled", "quick stop active", "fault reaction"].contains(&reading.state) {
-                    "on"
-                } else {
-                    "off"
-                }
-                .to_owned(),
+                if has_torque(reading.status) { "on" } else { "off" }.to_owned(),
                 reading.state.to_owned(),
                 reading
                     .torque_permille
