@@ -16,15 +16,19 @@ pub struct Section {
     pub notes: String,
 }
 
+impl Section {
+    /// The section for a terminal, with an empty line behind it.
+    pub(crate) fn text(&self) -> String {
+        let notes: String = self.notes.lines().map(|line| format!("  {line}\n")).collect();
+        format!("{}\n{}{notes}\n", self.title, self.table)
+    }
+}
+
 /// Everything as text.
 pub fn terminal(paper: &Paper, folder: &Path) -> String {
     let mut text = String::new();
     for section in sections(paper) {
-        text += &format!("{}\n{}", section.title, section.table);
-        for line in section.notes.lines() {
-            text += &format!("  {line}\n");
-        }
-        text.push('\n');
+        text += &section.text();
     }
     text += "What the paper claims\n";
     for claim in &paper.claims {

@@ -8,14 +8,7 @@ use std::path::Path;
 
 /// Everything for a terminal; `folder` has the pictures.
 pub fn terminal(outcome: &Outcome, folder: &Path) -> String {
-    let mut text = String::new();
-    for section in sections(outcome) {
-        text += &format!("{}\n{}", section.title, section.table);
-        for line in section.notes.lines() {
-            text += &format!("  {line}\n");
-        }
-        text.push('\n');
-    }
+    let text: String = sections(outcome).iter().map(Section::text).collect();
     text + &format!("{}\nPage: {}\n", facts(outcome), folder.join("index.html").display())
 }
 
