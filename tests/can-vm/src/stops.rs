@@ -30,6 +30,15 @@ fn check_stop(verdict: &mut PartVerdict, chain: &Chain, when_ns: i64) {
     verdict.check("others", states == [State::OperationEnabled; 2], format!("{:?}/{:?}", states[0], states[1]));
 }
 
+/// Checks that all come under power again once the failure is mended, from where they stand.
+fn check_power_again(verdict: &mut PartVerdict, chain: &mut Chain) -> anyhow::Result<()> {
+    chain.drive.set_power(monotonic_ns(), false)?;
+    chain.rest(100)?;
+    let ticks = chain.power_up()?;
+    verdict.check("power_again_after_ms", chain.drive.failure().is_none(), ticks);
+    Ok(())
+}
+
 /// A drive's processor hangs and goes on 100 ms later.
 pub fn frozen(kind: Kind) -> anyhow::Result<PartVerdict> {
     let drives = Drives::start(kind)?;
@@ -51,11 +60,7 @@ pub fn frozen(kind: Kind) -> anyhow::Result<PartVerdict> {
     let woken = state(chain.monitor.status[BROKEN]);
     verdict.check("woken_is_stopped", woken != State::OperationEnabled, format!("{woken:?}"));
     check_stop(&mut verdict, &chain, when_ns);
-    // Mended: power anew, from where they stand.
-    chain.drive.set_power(monotonic_ns(), false)?;
-    chain.rest(100)?;
-    let ticks = chain.power_up()?;
-    verdict.check("power_again_after_ms", chain.drive.failure().is_none(), ticks);
+    check_power_again(&mut verdict, &mut chain)?;
     Ok(verdict)
 }
 
@@ -82,10 +87,7 @@ pub fn power_loss(kind: Kind) -> anyhow::Result<PartVerdict> {
     let configured = state(chain.monitor.status[BROKEN]);
     verdict.check("back_without_power", configured == State::SwitchOnDisabled, format!("{configured:?}"));
     check_stop(&mut verdict, &chain, when_ns);
-    chain.drive.set_power(monotonic_ns(), false)?;
-    chain.rest(100)?;
-    let ticks = chain.power_up()?;
-    verdict.check("power_again_after_ms", chain.drive.failure().is_none(), ticks);
+    check_power_again(&mut verdict, &mut chain)?;
     Ok(verdict)
 }
 
@@ -106,10 +108,7 @@ pub fn trip(kind: Kind) -> anyhow::Result<PartVerdict> {
     check_stop(&mut verdict, &chain, when_ns);
     let stays = state(chain.monitor.status[BROKEN]);
     verdict.check("stays_in_fault", stays == State::Fault, format!("{stays:?}"));
-    chain.drive.set_power(monotonic_ns(), false)?;
-    chain.rest(100)?;
-    let ticks = chain.power_up()?;
-    verdict.check("power_again_after_ms", chain.drive.failure().is_none(), ticks);
+    check_power_again(&mut verdict, &mut chain)?;
     Ok(verdict)
 }
 
