@@ -6,6 +6,7 @@ use crate::cli_console::{ConsoleArgs, WatchArgs};
 use crate::cli_drives::DrivesArgs;
 use crate::cli_experiment::ExperimentVerb;
 use crate::cli_lab::LabVerb;
+use crate::cli_machine::MachineArgs;
 use crate::cli_model::ModelVerb;
 use crate::cli_process::ProcessVerb;
 use crate::cli_replay::{CompareArgs, ReplayArgs};
@@ -230,15 +231,8 @@ pub struct RunArgs {
     /// which only simulated drives allow.
     #[arg(long, value_enum, value_name = "once|again", num_args = 0..=1, require_equals = true, default_missing_value = "once")]
     pub engage: Option<EngageKind>,
-    /// The drives; by default those of the configuration's table `[slave.drive]`, which are simulated without one.
-    #[arg(long, value_enum)]
-    pub slave: Option<SlaveKind>,
-    /// Truth of the simulated snake (TOML).
-    #[arg(long, value_name = "FILE")]
-    pub truth: Option<PathBuf>,
-    /// Who measures the shape: the drive's own camera, or another program through `krait shape`.
-    #[arg(long, value_enum, value_name = "WHO")]
-    pub shape: Option<ShapeKind>,
+    #[command(flatten)]
+    pub machine: MachineArgs,
     /// The built-in model to run with (`krait model show NAME`).
     #[arg(long, value_enum, value_name = "NAME", conflicts_with = "model")]
     pub compensation: Option<Compensation>,

@@ -1,6 +1,6 @@
 //! The command line of `krait experiment`.
 
-use crate::cli::{ShapeKind, SlaveKind};
+use crate::cli_machine::MachineArgs;
 use crate::in_force::Compensation;
 use clap::{Args, Subcommand, ValueEnum};
 use krait_paper::experiment::{Before, Side};
@@ -118,15 +118,8 @@ pub struct ExperimentArgs {
     /// How long a pose may take beyond its way, to arrive and to come to rest, s.
     #[arg(long, value_name = "SECONDS", default_value_t = 15.0)]
     pub patience_s: f64,
-    /// The drives; by default those of the configuration's table `[slave.drive]`, which are simulated without one.
-    #[arg(long, value_enum)]
-    pub slave: Option<SlaveKind>,
-    /// Truth of the simulated snake (TOML), and of the bench beside it.
-    #[arg(long, value_name = "FILE")]
-    pub truth: Option<PathBuf>,
-    /// Who measures the shape: the drive's own camera, or another program through `krait shape`.
-    #[arg(long, value_enum, value_name = "WHO")]
-    pub shape: Option<ShapeKind>,
+    #[command(flatten)]
+    pub machine: MachineArgs,
     /// Where to write the recording; by default recordings/DATE-experiment.mcap.
     #[arg(long, value_name = "FILE")]
     pub recording: Option<PathBuf>,

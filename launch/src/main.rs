@@ -11,6 +11,7 @@ mod cli_drives;
 mod cli_experiment;
 mod cli_lab;
 mod cli_lab_data;
+mod cli_machine;
 mod cli_model;
 mod cli_process;
 mod cli_replay;

@@ -1,6 +1,6 @@
 //! `krait run`: the chain until Ctrl-C.
 
-use crate::cli::{Common, EngageKind, MasterKind, RunArgs, ShapeKind};
+use crate::cli::{Common, EngageKind, MasterKind, RunArgs};
 use crate::commands::console::Companion;
 use crate::commands::process::{refuse_pad_of_real_drives, refuse_poses_of_real_drives};
 use crate::config::Config;
@@ -11,7 +11,6 @@ use crate::{device, print, signals};
 use anyhow::{bail, ensure};
 use krait_ipc::clock;
 use krait_master::{AXIS_NAMES, Profile};
-use krait_slave::{DriveKind, ShapeSource};
 use std::path::absolute;
 use std::process::ExitCode;
 
@@ -125,19 +124,11 @@ fn discard_empty_recording(config: &Config, args: &RunArgs) {
 
 fn configure(common: &Common, args: &RunArgs) -> anyhow::Result<Config> {
     let mut config = Config::load(common.config.as_deref())?;
-    if let Some(slave) = args.slave {
-        config.slave.drive.kind = slave.kind();
-    }
-    if let Some(truth) = &args.truth {
-        config.slave.truth = Some(absolute(truth)?);
-    }
-    if config.slave.drive.kind != DriveKind::Sim {
-        ensure!(args.truth.is_none(), "--truth is for simulated drives, and these are real; leave it out");
-        ensure!(
-            args.engage != Some(EngageKind::Again),
-            "--engage=again would move real drives again after whatever has stopped them; use --engage, or --slave sim"
-        );
-    }
+    let is_real = args.machine.apply(&mut config)?;
+    ensure!(
+        !is_real || args.engage != Some(EngageKind::Again),
+        "--engage=again would move real drives again after whatever has stopped them; use --engage, or --slave sim"
+    );
     if args.master == MasterKind::Browser {
         ensure!(
             args.input.is_none(),
@@ -164,11 +155,6 @@ fn configure(common: &Common, args: &RunArgs) -> anyhow::Result<Config> {
     if args.master == MasterKind::Pose {
         ensure!(args.input.is_none(), "--input is for recordings and scripts, and a hand has none; leave it out");
         refuse_poses_of_real_drives(&config)?;
-    }
-    match args.shape {
-        Some(ShapeKind::Camera) => config.slave.shape = ShapeSource::Camera,
-        Some(ShapeKind::External) => config.slave.shape = ShapeSource::External,
-        None => {}
     }
     if let Some(model) = &args.model {
         config.model = Some(absolute(model)?);

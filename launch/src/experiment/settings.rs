@@ -1,6 +1,6 @@
 //! The settings of an experiment: one configuration for each pass, and what every pass shares.
 
-use crate::cli::{Common, MasterKind, ShapeKind};
+use crate::cli::{Common, MasterKind};
 use crate::cli_experiment::ExperimentArgs;
 use crate::config::Config;
 use crate::device;
@@ -9,7 +9,6 @@ use anyhow::{Context, ensure};
 use krait_master::{GuideLeg, GuidePlan};
 use krait_model::Snake;
 use krait_paper::experiment::{Announced, AnnouncedPass, METADATA_KEY, Protocol};
-use krait_slave::{DriveKind, ShapeSource};
 use std::path::{PathBuf, absolute};
 
 /// Room that a simulated chain is given beyond the largest bend, rad, and over how much its motion fades there.
@@ -45,19 +44,7 @@ impl Settings {
     /// One sentence: a setting or file that does not fit, or a bend that the chain does not allow.
     pub fn of(common: &Common, args: &ExperimentArgs, protocol: Protocol) -> anyhow::Result<Self> {
         let mut config = Config::load(common.config.as_deref())?;
-        if let Some(slave) = args.slave {
-            config.slave.drive.kind = slave.kind();
-        }
-        let is_real = config.slave.drive.kind != DriveKind::Sim;
-        if let Some(truth) = &args.truth {
-            ensure!(!is_real, "--truth is for simulated drives, and these are real; leave it out");
-            config.slave.truth = Some(absolute(truth)?);
-        }
-        config.slave.shape = match args.shape {
-            Some(ShapeKind::Camera) => ShapeSource::Camera,
-            Some(ShapeKind::External) => ShapeSource::External,
-            None => config.slave.shape,
-        };
+        let is_real = args.machine.apply(&mut config)?;
         let recording = crate::recording_path(args.recording.as_deref(), "experiment")?;
         config.record.path = Some(recording.clone());
         if let Some(model) = &args.model {
