@@ -10,7 +10,7 @@
 //! Failure: no encoders near the exposure, a lost view, samples that are not finite. Such a shape is left out and counted.
 
 use crate::config::EstimateConfig;
-use crate::learning::Estimator;
+use crate::learning::EstimatorCore;
 use crate::ledger::Ledger;
 use crate::pairing::Sighted;
 use crate::step::{BridgeError, seconds_between};
@@ -126,7 +126,7 @@ impl EstimateCore {
     }
 }
 
-impl Estimator for EstimateCore {
+impl EstimatorCore for EstimateCore {
     fn note_state(&mut self, state: &SlaveState) {
         Self::note_state(self, state);
     }

@@ -7,7 +7,7 @@
 
 use crate::JointMachine;
 use crate::config::EstimateConfig;
-use crate::learning::Estimator;
+use crate::learning::EstimatorCore;
 use crate::ledger::Ledger;
 use crate::step::BridgeError;
 use krait_ipc::message::{MAX_JOINTS, ModelUpdate, Shape, SlaveState};
@@ -82,7 +82,7 @@ impl JointEstimateCore {
     }
 }
 
-impl Estimator for JointEstimateCore {
+impl EstimatorCore for JointEstimateCore {
     fn note_state(&mut self, state: &SlaveState) {
         Self::note_state(self, state);
     }

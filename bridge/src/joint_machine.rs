@@ -3,15 +3,15 @@
 use crate::JointModel;
 use crate::config::JointsConfig;
 use crate::joints_error::JointsError;
-use krait_ipc::message::{Actuators, Joints, MAX_ACTUATORS, MAX_JOINTS};
+use krait_ipc::message::{Actuators, JointValues, MAX_ACTUATORS, MAX_JOINTS};
 
 /// Joints that an operator drives.
 #[derive(Clone, Debug)]
 pub struct JointMachine {
     pub(crate) model: JointModel,
     pub(crate) rates: [[f64; 6]; MAX_JOINTS],
-    pub(crate) low_rad: Joints,
-    pub(crate) high_rad: Joints,
+    pub(crate) low_rad: JointValues,
+    pub(crate) high_rad: JointValues,
     pub(crate) margin_rad: f64,
     pub(crate) max_vel_rad_per_s: f64,
     pub(crate) max_accel_rad_per_s2: f64,
@@ -75,12 +75,12 @@ impl JointMachine {
     }
 
     /// Positions or rates in SI as the model counts them; 0 behind the last joint.
-    pub(crate) fn of_model(&self, si: &Joints) -> Joints {
+    pub(crate) fn of_model(&self, si: &JointValues) -> JointValues {
         si.map(|si| si / self.model.y.si)
     }
 }
 
-fn limits(key: &'static str, given: &[f64], n: usize, usual: f64, slides: bool) -> Result<Joints, JointsError> {
+fn limits(key: &'static str, given: &[f64], n: usize, usual: f64, slides: bool) -> Result<JointValues, JointsError> {
     // Zero, where the drives are homed, lies between a joint's limits.
     let (least, most) = (1e-6, if slides { 0.5 } else { 10.0 });
     let (low, high) = if usual < 0.0 { (-most, -least) } else { (least, most) };

@@ -13,7 +13,7 @@ use krait_model::{Change, Learnt, LearntParameter};
 const PATIENCE: Duration = Duration::from_millis(20);
 
 /// A core that learns: it follows the slave's states, and makes an update of each shape.
-pub trait Estimator {
+pub trait EstimatorCore {
     /// Takes a state, also between two shapes. No allocation, no clock.
     fn note_state(&mut self, state: &SlaveState);
     /// Takes a shape and proposes the parameters as they are after it. No allocation, no clock.
@@ -69,14 +69,14 @@ pub fn run_estimate(
     }
 }
 
-fn run(feed: Feed, bus: &Bus, core: impl Estimator, stop: &AtomicBool) -> Result<(), BridgeError> {
+fn run(feed: Feed, bus: &Bus, core: impl EstimatorCore, stop: &AtomicBool) -> Result<(), BridgeError> {
     match feed {
         Feed::Live => live(bus, core, stop),
         Feed::Cued => cued(bus, core, stop),
     }
 }
 
-fn live(bus: &Bus, mut core: impl Estimator, stop: &AtomicBool) -> Result<(), BridgeError> {
+fn live(bus: &Bus, mut core: impl EstimatorCore, stop: &AtomicBool) -> Result<(), BridgeError> {
     let mut states = bus.reader::<SlaveState>(ReadOptions::observing())?;
     let mut shapes = bus.reader::<Shape>(ReadOptions::waking())?;
     let mut updates = bus.writer::<ModelUpdate>()?;
@@ -109,7 +109,7 @@ fn live(bus: &Bus, mut core: impl Estimator, stop: &AtomicBool) -> Result<(), Br
 }
 
 /// In a replay each shape counts after the state of the instant at which it became available, and before the next state.
-fn cued(bus: &Bus, mut core: impl Estimator, stop: &AtomicBool) -> Result<(), BridgeError> {
+fn cued(bus: &Bus, mut core: impl EstimatorCore, stop: &AtomicBool) -> Result<(), BridgeError> {
     let mut states = bus.reader::<SlaveState>(ReadOptions::following())?;
     let mut shapes = bus.reader::<Shape>(ReadOptions::glancing())?;
     let mut updates = bus.writer::<ModelUpdate>()?;

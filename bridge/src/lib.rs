@@ -42,7 +42,7 @@ pub use estimate_joints::JointEstimateCore;
 pub use feed::Feed;
 pub use joint_machine::JointMachine;
 pub use joints_error::JointsError;
-pub use learning::{Estimator, run_estimate};
+pub use learning::{EstimatorCore, run_estimate};
 pub use live_model::{JointModel, LiveModel, Unit};
 pub use resolve::{ResolveCore, run_resolve};
 pub use resolve_joints::JointResolveCore;

@@ -11,7 +11,7 @@
 use crate::JointMachine;
 use crate::config::ResolveConfig;
 use crate::step::{BridgeError, Refused, Step, check_order_and_numbers, reasons_to_hold, stamps_begun, step_s};
-use krait_ipc::message::{Joints, MAX_JOINTS, OperatorInput, Phase, Setpoint, SlaveState};
+use krait_ipc::message::{JointValues, MAX_JOINTS, OperatorInput, Phase, Setpoint, SlaveState};
 use krait_ipc::{Reason, Reasons};
 use krait_model::joints::{JointCompensator, JointInverseSettings};
 
@@ -37,8 +37,8 @@ pub struct JointResolveCore {
 /// What one step leaves to the next.
 #[derive(Clone, Copy, Debug)]
 struct Memory {
-    y_rad: Joints,
-    vel_rad_per_s: Joints,
+    y_rad: JointValues,
+    vel_rad_per_s: JointValues,
     phase: Phase,
     sequence: u64,
     before_ns: Option<i64>,
@@ -128,8 +128,8 @@ impl JointResolveCore {
     }
 
     /// The joint rates for the operator's axes, within the limits; the second value is the common scale that they asked for.
-    fn limited(&self, axes: &[f64; 6], reasons: &mut Reasons) -> (Joints, f64) {
-        let mut vel: Joints = self.machine.rates.map(|row| row.iter().zip(axes).map(|(rate, v)| rate * v).sum());
+    fn limited(&self, axes: &[f64; 6], reasons: &mut Reasons) -> (JointValues, f64) {
+        let mut vel: JointValues = self.machine.rates.map(|row| row.iter().zip(axes).map(|(rate, v)| rate * v).sum());
         let fastest = vel.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
         let mut scale = 1.0;
         if fastest > self.machine.max_vel_rad_per_s {
@@ -149,9 +149,9 @@ impl JointResolveCore {
         (vel, scale)
     }
 
-    fn advance(&mut self, wanted: &Joints, step_s: f64) {
+    fn advance(&mut self, wanted: &JointValues, step_s: f64) {
         let now = self.memory.vel_rad_per_s;
-        let change: Joints = core::array::from_fn(|k| wanted[k] - now[k]);
+        let change: JointValues = core::array::from_fn(|k| wanted[k] - now[k]);
         let sharpest = change.iter().fold(0.0_f64, |most, change| most.max(change.abs()));
         let largest = self.machine.max_accel_rad_per_s2 * step_s;
         let part = if sharpest > largest { largest / sharpest } else { 1.0 };

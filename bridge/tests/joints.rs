@@ -16,7 +16,7 @@ use krait_ipc::message::{
 use krait_ipc::{Reason, Reasons};
 use krait_model::model_file::ModelFile;
 use krait_sim::{JointsTruth, SimulatedJoints};
-use krait_slave::{Drive, Seen};
+use krait_slave::{Drive, SeenShape};
 
 const MS: i64 = 1_000_000;
 const T0_NS: i64 = 1_000_000_000;
@@ -185,7 +185,7 @@ fn learning(learns: bool, warms_up: bool) -> (f64, u64, ModelUpdate, Command) {
         });
         joints.write(now_ns, last.expect("a good setpoint").q_tilde_m).expect("within the travel");
         if let Some(seen) = joints.shape(now_ns) {
-            let Seen::Joints(positions_rad, n_joints) = seen.seen else { panic!("joints are seen") };
+            let SeenShape::Joints(positions_rad, n_joints) = seen.seen else { panic!("joints are seen") };
             n_shapes += 1;
             let mut shape = Shape::of_joints(n_shapes, seen.exposure_ns, now_ns, &positions_rad[..n_joints]);
             shape.joint_variances_rad2 = [seen.sigma_rad * seen.sigma_rad; 8];

@@ -19,7 +19,7 @@ use krait_bridge::{CompensateConfig, CompensateCore, EstimateConfig, EstimateCor
 use krait_ipc::message::{LearningState, ModelUpdate, Setpoint, Shape, SlaveState};
 use krait_model::Chain;
 use krait_sim::{SimulatedSnake, Truth};
-use krait_slave::{Drive, Seen};
+use krait_slave::{Drive, SeenShape};
 
 /// Samples of the loop; at every eighth there is a frame of the camera.
 const TICK_NS: i64 = 2_000_000;
@@ -131,7 +131,7 @@ fn run(chain: &Chain, truth: &Truth, learns: bool) -> Run {
         commanded.push((now_ns, setpoint.bend_rad));
         snake.write(now_ns, command.q_tilde_m).expect("within the stroke");
         let Some(seen) = seen else { continue };
-        let Seen::Bend(seen_rad) = seen.seen else { panic!("a camera on a snake sees a bend") };
+        let SeenShape::Bend(seen_rad) = seen.seen else { panic!("a camera on a snake sees a bend") };
         n_shapes += 1;
         let shape = Shape::of_bend(n_shapes, seen.exposure_ns, now_ns, seen_rad).with_sigma(SIGMA_RAD);
         let update = estimate.step(&shape);

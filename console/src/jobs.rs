@@ -18,7 +18,7 @@ const MOST_SAID: usize = 300;
 /// How a job stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Stage {
+pub enum JobStage {
     /// At work.
     Running,
     /// Its answer is there.
@@ -37,7 +37,7 @@ pub struct JobReport {
     /// The command, as it could be typed.
     pub command: String,
     /// How it stands.
-    pub stage: Stage,
+    pub stage: JobStage,
     /// Its last line of progress, or its sentence of failure.
     pub said: String,
     /// Its answer.
@@ -67,7 +67,7 @@ impl Jobs {
     /// One sentence: another job is at work, or the program cannot be started.
     pub fn start(&self, arguments: &[String]) -> Result<JobReport, String> {
         let mut current = lock(&self.current);
-        if current.as_ref().is_some_and(|job| job.report.stage == Stage::Running) {
+        if current.as_ref().is_some_and(|job| job.report.stage == JobStage::Running) {
             return Err("Another job is at work; cancel it, or wait for it.".to_owned());
         }
         let mut command = Command::new("nice");
@@ -77,7 +77,7 @@ impl Jobs {
         let (stdout, stderr) = (child.stdout.take(), child.stderr.take());
         let id = current.as_ref().map_or(0, |job| job.report.id) + 1;
         let command = format!("krait {}", arguments.join(" "));
-        let report = JobReport { id, command, stage: Stage::Running, said: String::new(), answer: None };
+        let report = JobReport { id, command, stage: JobStage::Running, said: String::new(), answer: None };
         *current = Some(Job { report: report.clone(), child: Some(child) });
         drop(current);
         let listener = stderr.map(|stderr| {
@@ -99,8 +99,8 @@ impl Jobs {
     /// Ends the job that runs.
     pub fn cancel(&self) {
         let mut current = lock(&self.current);
-        if let Some(job) = current.as_mut().filter(|job| job.report.stage == Stage::Running) {
-            job.report.stage = Stage::Cancelled;
+        if let Some(job) = current.as_mut().filter(|job| job.report.stage == JobStage::Running) {
+            job.report.stage = JobStage::Cancelled;
             if let Some(Err(error)) = job.child.as_mut().map(Child::kill) {
                 tracing::warn!(%error, "a job could not be ended");
             }
@@ -143,10 +143,10 @@ fn finish(stdout: ChildStdout, listener: Option<JoinHandle<()>>, slot: &Mutex<Op
         tracing::warn!("what a job said was lost");
     }
     let answer = read.ok().and_then(|_| serde_json::from_slice(&text).ok());
-    if let Some(job) = lock(slot).as_mut().filter(|job| job.report.id == id && job.report.stage == Stage::Running) {
+    if let Some(job) = lock(slot).as_mut().filter(|job| job.report.id == id && job.report.stage == JobStage::Running) {
         // Exit code 1 is an answer too: work that was done and found a failure.
         let has_answer = answer.is_some() && ended.is_ok_and(|status| matches!(status.code(), Some(0 | 1)));
-        job.report.stage = if has_answer { Stage::Done } else { Stage::Failed };
+        job.report.stage = if has_answer { JobStage::Done } else { JobStage::Failed };
         job.report.answer = answer;
     }
 }

@@ -4,7 +4,7 @@
 //! at a time, and the list remembers what it has read.
 
 use krait_ipc::message::OperatingState;
-use krait_record::{ReadError, Recording};
+use krait_record::{Recording, RecordingReadError};
 use krait_schema::{Channel, Sample};
 use serde::Serialize;
 use std::collections::HashMap;
@@ -138,8 +138,8 @@ fn read_entry(path: &Path, (name, bytes, modified_s): &(String, u64, u64)) -> En
 /// A recording as pictures.
 ///
 /// # Errors
-/// [`ReadError`] for a file that is no recording.
-pub fn film_of(path: &Path) -> Result<Film, ReadError> {
+/// [`RecordingReadError`] for a file that is no recording.
+pub fn film_of(path: &Path) -> Result<Film, RecordingReadError> {
     let recording = Recording::open(path)?;
     let spans = recording.contents().channels.values();
     let first = spans.clone().map(|channel| channel.first_log_ns).min().unwrap_or_default();

@@ -2,7 +2,7 @@
 //! `cargo run --release -p krait-drives --example serial_rate -- SECONDS`
 #![allow(clippy::print_stdout, reason = "what an example finds is told on standard output")]
 
-use krait_drives::emulator::{Emulator, Servo, Wire};
+use krait_drives::emulator::{Emulator, Servo, ServoWire};
 use krait_drives::sts3215::Sts3215;
 use krait_drives::{ActuatorBus, Goals, Seen};
 use krait_ipc::clock::monotonic_ns;
@@ -20,7 +20,7 @@ fn own_ns() -> i64 {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let seconds: i64 = std::env::args().nth(1).map_or(Ok(6), |text| text.parse())?;
-    let mut wire = Wire::new((1..=3).map(|id| Servo::new(id, 2048.0)).collect());
+    let mut wire = ServoWire::new((1..=3).map(|id| Servo::new(id, 2048.0)).collect());
     wire.usb_latency = Duration::from_millis(1);
     let emulator = Emulator::start(wire)?;
     let mut bus = Sts3215::to_read(emulator.path(), 1_000_000, vec![1, 2, 3], TIMEOUT)?;

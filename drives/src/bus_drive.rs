@@ -4,7 +4,7 @@ use crate::bus::{ActuatorBus, Seen};
 use crate::cycles::Cycles;
 use crate::exchange::{Exchange, Phase, Report, Wish};
 use crate::newest::Newest;
-use crate::setup::Setup;
+use crate::setup::BusSetup;
 use crate::texts::THREAD_ENDED;
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
@@ -26,7 +26,7 @@ pub struct BusDrive {
     exchange: Arc<Exchange>,
     thread: Option<JoinHandle<()>>,
     traits: DriveTraits,
-    setup: Setup,
+    setup: BusSetup,
     wish: Wish,
     report: Report,
     /// What the slave's side has found, in this turn.
@@ -39,7 +39,7 @@ impl BusDrive {
     ///
     /// # Errors
     /// What the kernel says when it gives no thread.
-    pub fn start<B: ActuatorBus>(bus: B, setup: Setup, seen: Seen, beside: Option<Beside>) -> std::io::Result<Self> {
+    pub fn start<B: ActuatorBus>(bus: B, setup: BusSetup, seen: Seen, beside: Option<Beside>) -> std::io::Result<Self> {
         let mut report = setup.blank_report();
         report.stamp_ns = monotonic_ns();
         for (k, units) in setup.units.iter().enumerate() {

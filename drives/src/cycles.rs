@@ -12,7 +12,7 @@
 use crate::bus::{ActuatorBus, BusGone, Goals, Seen};
 use crate::exchange::{Exchange, Phase, Report, Wish};
 use crate::judge::{Finding, Judge};
-use crate::setup::Setup;
+use crate::setup::BusSetup;
 use crate::units::Units;
 use krait_ipc::message::{Actuators, MAX_ACTUATORS};
 use krait_slave::{ActuatorState, DriveError, DriveMode, OnFault};
@@ -25,7 +25,7 @@ const SLOWEST_COUNTS_PER_S: f64 = 50.0;
 #[derive(Debug)]
 pub(crate) struct Cycles<B> {
     bus: B,
-    setup: Setup,
+    setup: BusSetup,
     exchange: Arc<Exchange>,
     judge: Judge,
     seen: Seen,
@@ -41,7 +41,7 @@ pub(crate) struct Cycles<B> {
 
 impl<B: ActuatorBus> Cycles<B> {
     /// `seen` is what the bus has seen already.
-    pub(crate) fn new(bus: B, setup: Setup, exchange: Arc<Exchange>, seen: Seen, now_ns: i64) -> Self {
+    pub(crate) fn new(bus: B, setup: BusSetup, exchange: Arc<Exchange>, seen: Seen, now_ns: i64) -> Self {
         let judge = Judge::new(setup.n(), setup.lost_cycles, setup.leap_counts, now_ns);
         let mut cycles = Self {
             bus,

@@ -1,7 +1,7 @@
 //! What the slave's step and the bus's thread tell each other.
 
 use crate::bus::PerActuator;
-use crate::newest::{Newest, Words};
+use crate::newest::{AsWords, Newest};
 use core::sync::atomic::AtomicBool;
 use krait_ipc::message::{Actuators, MAX_ACTUATORS};
 use krait_slave::{ActuatorState, DriveError};
@@ -66,7 +66,7 @@ impl Wish {
     }
 }
 
-impl Words<{ Wish::N }> for Wish {
+impl AsWords<{ Wish::N }> for Wish {
     fn to_words(&self) -> [u64; Wish::N] {
         let mut words = [0; Wish::N];
         words[0] = self.stamp_ns.cast_unsigned();
@@ -92,7 +92,7 @@ impl Report {
     const N: usize = 8 + 4 * MAX_ACTUATORS;
 }
 
-impl Words<{ Report::N }> for Report {
+impl AsWords<{ Report::N }> for Report {
     fn to_words(&self) -> [u64; Report::N] {
         let mut words = [0; Report::N];
         words[0] = self.stamp_ns.cast_unsigned();

@@ -23,8 +23,8 @@ mod units;
 pub use bus::{ActuatorBus, BusGone, Goals, PerActuator, Seen, Trouble};
 pub use bus_drive::BusDrive;
 pub use error::OpenError;
-pub use newest::{Newest, Words};
-pub use setup::Setup;
+pub use newest::{AsWords, Newest};
+pub use setup::BusSetup;
 pub use units::Units;
 
 use krait_ipc::Beside;

@@ -14,10 +14,10 @@ use core::sync::atomic::{AtomicU64, Ordering, fence};
 const TRIES: usize = 3;
 
 /// A plain value as words.
-pub trait Words<const N: usize>: Copy {
+pub trait AsWords<const N: usize>: Copy {
     /// The words.
     fn to_words(&self) -> [u64; N];
-    /// The value of words that [`Words::to_words`] made.
+    /// The value of words that [`AsWords::to_words`] made.
     fn from_words(words: &[u64; N]) -> Self;
 }
 
@@ -31,7 +31,7 @@ pub struct Newest<const N: usize> {
 
 impl<const N: usize> Newest<N> {
     /// A place with a first value.
-    pub fn new<T: Words<N>>(first: &T) -> Self {
+    pub fn new<T: AsWords<N>>(first: &T) -> Self {
         Self { counter: AtomicU64::new(0), words: first.to_words().map(AtomicU64::new) }
     }
 
@@ -39,7 +39,7 @@ impl<const N: usize> Newest<N> {
     ///
     /// # Real-time
     /// No allocation, no waiting: `N` + 2 stores.
-    pub fn put<T: Words<N>>(&self, value: &T) {
+    pub fn put<T: AsWords<N>>(&self, value: &T) {
         let counter = self.counter.load(Ordering::Relaxed);
         self.counter.store(counter.wrapping_add(1), Ordering::Relaxed);
         fence(Ordering::Release);
@@ -53,7 +53,7 @@ impl<const N: usize> Newest<N> {
     ///
     /// # Real-time
     /// No allocation, no waiting: at most three times `N` + 2 loads.
-    pub fn get<T: Words<N>>(&self) -> Option<T> {
+    pub fn get<T: AsWords<N>>(&self) -> Option<T> {
         (0..TRIES).find_map(|_| {
             let before = self.counter.load(Ordering::Acquire);
             if before % 2 == 1 {
@@ -73,7 +73,7 @@ mod tests {
     #[derive(Clone, Copy, Debug, PartialEq)]
     struct Same([u64; 40]);
 
-    impl Words<40> for Same {
+    impl AsWords<40> for Same {
         fn to_words(&self) -> [u64; 40] {
             self.0
         }

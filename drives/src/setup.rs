@@ -8,7 +8,7 @@ use krait_slave::{ActuatorState, DriveMode, DriveTraits, OnFault, SlaveConfig};
 
 /// Everything that is fixed while a drive runs.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Setup {
+pub struct BusSetup {
     pub(crate) units: Vec<Units>,
     /// More than any encoder can go between two answers, counts.
     pub(crate) leap_counts: i32,
@@ -23,7 +23,7 @@ pub struct Setup {
     pub(crate) on_fault: OnFault,
 }
 
-impl Setup {
+impl BusSetup {
     /// The setup of a checked configuration with the units of its actuators; an encoder that goes by more than `leap_counts`
     /// between two answers has leapt; a cycle takes `exchange_ns`.
     ///

@@ -3,13 +3,13 @@
 
 mod rig;
 
-use krait_drives::emulator::{Emulator, Servo, Wire};
+use krait_drives::emulator::{Emulator, Servo, ServoWire};
 use krait_drives::sts3215::{self, scan};
 use krait_slave::{Drive, SlaveConfig};
 use rig::{ZERO, config, three};
 
 /// The refusal of a bus that was changed, and of a configuration that was.
-fn refusal(wire: Wire, change: impl Fn(&mut SlaveConfig)) -> String {
+fn refusal(wire: ServoWire, change: impl Fn(&mut SlaveConfig)) -> String {
     let emulator = Emulator::start(wire).unwrap();
     let mut config = config(&emulator);
     change(&mut config);
@@ -26,7 +26,7 @@ fn refusal(wire: Wire, change: impl Fn(&mut SlaveConfig)) -> String {
     sentence
 }
 
-fn broken(change: impl Fn(&mut Wire)) -> String {
+fn broken(change: impl Fn(&mut ServoWire)) -> String {
     let mut wire = three();
     change(&mut wire);
     refusal(wire, |_| ())

@@ -1,7 +1,7 @@
 //! A benchmark that is ended goes on where it was, and what it says is counted from what it wrote.
 #![allow(clippy::unwrap_used, clippy::panic)] // Helpers of tests fail as tests do.
 
-use krait_lab_benchmark::benchmark::{Cell, Group, Options, Outcome, Summary, grid, page, run};
+use krait_lab_benchmark::benchmark::{GridCell, Group, Options, Outcome, Summary, grid, page, run};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -12,7 +12,7 @@ fn options() -> Options {
 }
 
 /// One cell of each of these groups.
-fn cells() -> Vec<Cell> {
+fn cells() -> Vec<GridCell> {
     let all = grid(3, 1, SECONDS);
     [Group::None, Group::Single, Group::Outside]
         .map(|group| all.iter().find(|cell| cell.group == group).unwrap().clone())

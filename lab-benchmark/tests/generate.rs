@@ -3,7 +3,7 @@
 
 use krait_lab::machine::{MachineUnderTest, SnakeLab};
 use krait_lab_benchmark::generate::{
-    Answer, GenerateError, KINDS, Kind, Motion, Noise, Recipe, base_model, generate, pick,
+    Answer, GenerateError, KINDS, Kind, Motion, NoiseKind, Recipe, base_model, generate, pick,
 };
 use krait_model::effects::EffectKind;
 use krait_model::model_file::ModelFile;
@@ -80,7 +80,7 @@ fn equal_recipes_make_equal_bytes_and_other_seeds_others() {
 fn what_is_read_back_is_what_was_generated_and_the_hashes_are_those_of_the_files() {
     let dir = std::env::temp_dir().join(format!("krait-generate-{}", std::process::id()));
     std::fs::create_dir_all(&dir).unwrap();
-    let recipe = Recipe { motion: Motion::Teleop, noise: Noise::Coloured(0.5), ..short("cone", 2.0) };
+    let recipe = Recipe { motion: Motion::Teleop, noise: NoiseKind::Coloured(0.5), ..short("cone", 2.0) };
     let made = generate(&recipe).unwrap();
     let sealed = made.clone().seal(&dir.join("run.csv"), None).unwrap();
     let back =

@@ -5,7 +5,7 @@ use krait_lab::compare::compare;
 use krait_lab::diagnose::{DiagnoseOptions, diagnose};
 use krait_lab::machine::{JointsLab, MachineUnderTest, SnakeLab};
 use krait_lab::read::{ColumnMap, read};
-use krait_lab::report::{Origin, added_page, comparison_page, diagnosis_page, history_page};
+use krait_lab::report::{PageOrigin, added_page, comparison_page, diagnosis_page, history_page};
 use krait_lab::{AddOptions, Measurements, Term, add};
 use krait_lab_benchmark::generate::{Kind, Recipe, generate};
 use krait_model::model_file::ModelFile;
@@ -27,8 +27,8 @@ fn data() -> Measurements {
     data
 }
 
-fn origin() -> Origin<'static> {
-    Origin { command: "krait lab diagnose --data '</script><b>'", version: "1.2.3" }
+fn origin() -> PageOrigin<'static> {
+    PageOrigin { command: "krait lab diagnose --data '</script><b>'", version: "1.2.3" }
 }
 
 /// The page without the embedded script, which is not ours and contains any string.

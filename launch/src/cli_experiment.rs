@@ -3,7 +3,7 @@
 use crate::cli_machine::MachineArgs;
 use crate::in_force::Compensation;
 use clap::{Args, Subcommand, ValueEnum};
-use krait_paper::experiment::{Before, Side};
+use krait_paper::experiment::{ApproachSide, Before};
 use std::path::PathBuf;
 
 /// The experiments.
@@ -23,7 +23,7 @@ pub enum ExperimentVerb {
     #[command(
         after_help = "Examples:\n  krait experiment poses --engage\n  krait experiment poses --engage --poses mine.csv --model better.toml\n  krait experiment poses --from recordings/experiment.mcap"
     )]
-    Poses(PosesArgs),
+    Poses(ExperimentPosesArgs),
 }
 
 /// Options of `krait experiment fig10`.
@@ -70,7 +70,7 @@ pub enum TurnProtocol {
 
 /// Options of `krait experiment poses`.
 #[derive(Clone, Debug, Args)]
-pub struct PosesArgs {
+pub struct ExperimentPosesArgs {
     /// List of poses (CSV with the columns bend_deg,delta_deg); by default those of `krait paper`'s Fig. 12 up to 80 deg.
     #[arg(long, value_name = "FILE")]
     pub poses: Option<PathBuf>,
@@ -149,7 +149,7 @@ pub enum SideChoice {
     None,
 }
 
-impl From<SideChoice> for Side {
+impl From<SideChoice> for ApproachSide {
     fn from(choice: SideChoice) -> Self {
         match choice {
             SideChoice::Below => Self::Below,

@@ -1,7 +1,7 @@
 //! The command line of generated data: `krait lab generate` and `krait lab benchmark`.
 
 use clap::Args;
-use krait_lab_benchmark::generate::{Difficulty, Motion, Noise};
+use krait_lab_benchmark::generate::{Difficulty, Motion, NoiseKind};
 use std::path::PathBuf;
 
 /// Options of `krait lab generate`.
@@ -16,7 +16,7 @@ pub struct GenerateArgs {
     pub size: Vec<f64>,
     /// white, ou:T (half white, half with a correlation time of T s), quantised, outliers, heteroscedastic or drift.
     #[arg(long, default_value = "white", value_parser = noise)]
-    pub noise: Noise,
+    pub noise: NoiseKind,
     /// Standard deviation of each component of the bend vector, degrees.
     #[arg(long, default_value_t = 0.3, value_name = "DEG")]
     pub sigma_deg: f64,
@@ -139,8 +139,8 @@ pub struct BenchmarkArgs {
     pub json: bool,
 }
 
-fn noise(text: &str) -> Result<Noise, String> {
-    Noise::from_name(text)
+fn noise(text: &str) -> Result<NoiseKind, String> {
+    NoiseKind::from_name(text)
         .ok_or_else(|| format!("{text:?} is none of white, ou:T, quantised, outliers, heteroscedastic, drift"))
 }
 

@@ -17,7 +17,7 @@ const TRAJECTORY_START_NS: i64 = 1_000_000_000;
 
 /// A replay before it begins.
 #[derive(Debug)]
-pub struct Setup {
+pub struct ReplaySetup {
     /// What is sent.
     pub program: Program,
     /// The settings of the processes.
@@ -30,7 +30,7 @@ pub struct Setup {
     pub device: [String; 2],
 }
 
-impl Setup {
+impl ReplaySetup {
     /// Reads the file and the settings; files that a recording embeds are written into `folder`.
     ///
     /// # Errors

@@ -16,7 +16,7 @@ const PLANE_STEP_DEG: u32 = 30;
 
 /// Errors in bend and plane, deg.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct Errors {
+pub struct TurnErrors {
     /// Reached minus commanded bend.
     pub bend_deg: Spread,
     /// Angle between the planes.
@@ -35,9 +35,9 @@ pub struct TurnRow {
     /// The bend, deg.
     pub bend_deg: f64,
     /// Bent at delta = 0, then turned once.
-    pub turning: Errors,
+    pub turning: TurnErrors,
     /// Each of 12 planes bent from straight.
-    pub from_straight: Errors,
+    pub from_straight: TurnErrors,
     /// The turn, for pictures.
     #[serde(skip)]
     pub turned: Vec<Pose>,
@@ -83,8 +83,8 @@ fn straight(snake: &Snake, truth: &Truth, variant: &Variant, bend_deg: f64) -> a
     Ok(ends)
 }
 
-fn errors(poses: &[Pose]) -> Errors {
-    Errors {
+fn errors(poses: &[Pose]) -> TurnErrors {
+    TurnErrors {
         bend_deg: spread(poses, bend_error_deg),
         plane_deg: spread(poses, plane_error_deg),
         vector_deg: spread(poses, vector_error_deg),

@@ -1,7 +1,7 @@
 //! The paper as sections of words and tables: for a terminal, and for the page.
 
 use crate::errors::Number;
-use crate::fig_11::{BENDS_DEG, Errors, TurnRow};
+use crate::fig_11::{BENDS_DEG, TurnErrors, TurnRow};
 use crate::{Paper, bias, claims, fig_10, fig_12};
 use krait_report::{Spread, Table};
 use std::path::Path;
@@ -276,7 +276,7 @@ fn turns(rows: &[TurnRow], bend_deg: f64) -> Table {
         Table::new(&["compensation", "turning: bend", "turning: plane", "from straight: bend", "from straight: plane"]);
     let cell = |s: Spread| format!("{:.3} / {:.3}", s.rms, s.max);
     for row in rows.iter().filter(|row| row.bend_deg == bend_deg) {
-        let pair = |e: &Errors| [cell(e.bend_deg), cell(e.plane_deg)];
+        let pair = |e: &TurnErrors| [cell(e.bend_deg), cell(e.plane_deg)];
         let mut cells = vec![row.compensation.to_owned()];
         cells.extend(pair(&row.turning));
         cells.extend(pair(&row.from_straight));

@@ -2,7 +2,7 @@
 
 use crate::chunk::ChunkRecords;
 use crate::contents::{Directory, known_channel};
-use crate::error::ReadError;
+use crate::error::RecordingReadError;
 use crate::framing::{Framing, MAX_RECORD_BYTES, RECORD_HEAD, Step};
 use crate::parse::parse;
 use crate::reader::{Recorded, Recording, behind_magic};
@@ -24,8 +24,8 @@ const END_BYTES: i64 = 9 + 20 + 8;
 /// its recorder was killed, is read through.
 ///
 /// # Errors
-/// [`ReadError`] when the file cannot be read or is no recording of this version; a damaged chunk is passed over.
-pub fn samples_between(path: &Path, log_ns: Range<u64>) -> Result<Vec<Recorded>, ReadError> {
+/// [`RecordingReadError`] when the file cannot be read or is no recording of this version; a damaged chunk is passed over.
+pub fn samples_between(path: &Path, log_ns: Range<u64>) -> Result<Vec<Recorded>, RecordingReadError> {
     match Index::read(path)? {
         Some(mut index) => index.samples(&log_ns),
         None => {
@@ -45,9 +45,9 @@ struct Index {
 
 impl Index {
     /// `None` for a file without an index that can be used.
-    fn read(path: &Path) -> Result<Option<Self>, ReadError> {
+    fn read(path: &Path) -> Result<Option<Self>, RecordingReadError> {
         let mut file = behind_magic(path)?;
-        let failed = |source| ReadError::Io { path: path.to_owned(), offset: 0, source };
+        let failed = |source| RecordingReadError::Io { path: path.to_owned(), offset: 0, source };
         let Some(begin) = summary_begin(&mut file).map_err(failed)? else { return Ok(None) };
         file.seek(SeekFrom::Start(begin)).map_err(failed)?;
         let mut index = Self { path: path.to_owned(), file, directory: Directory::new(), chunks: Vec::new() };
@@ -55,12 +55,13 @@ impl Index {
     }
 
     /// Whether the summary is whole.
-    fn read_summary(&mut self, begin: u64) -> Result<bool, ReadError> {
+    fn read_summary(&mut self, begin: u64) -> Result<bool, RecordingReadError> {
         let mut framing = Framing::at(begin, &mut self.file);
         let mut schemas = BTreeMap::new();
         loop {
             let step = framing.step();
-            let step = step.map_err(|source| ReadError::Io { path: self.path.clone(), offset: begin, source })?;
+            let step =
+                step.map_err(|source| RecordingReadError::Io { path: self.path.clone(), offset: begin, source })?;
             let Step::Record { opcode, offset } = step else { return Ok(matches!(step, Step::End)) };
             if !matches!(opcode, op::SCHEMA | op::CHANNEL | op::CHUNK_INDEX) {
                 continue;
@@ -77,7 +78,7 @@ impl Index {
         }
     }
 
-    fn samples(&mut self, log_ns: &Range<u64>) -> Result<Vec<Recorded>, ReadError> {
+    fn samples(&mut self, log_ns: &Range<u64>) -> Result<Vec<Recorded>, RecordingReadError> {
         let mut found = Vec::new();
         let mut chunk = ChunkRecords::default();
         let overlaps = |c: &ChunkIndex| c.message_start_time < log_ns.end && c.message_end_time >= log_ns.start;
@@ -85,7 +86,7 @@ impl Index {
             self.chunks.iter().filter(|c| overlaps(c)).map(|c| (c.chunk_start_offset, c.chunk_length)).collect();
         for (offset, length) in places {
             let body = self.chunk_body(offset, length);
-            let body = body.map_err(|source| ReadError::Io { path: self.path.clone(), offset, source })?;
+            let body = body.map_err(|source| RecordingReadError::Io { path: self.path.clone(), offset, source })?;
             if let Err(what) = chunk.read(op::CHUNK, &body) {
                 tracing::debug!(offset, what, "a damaged chunk was passed over");
             }
@@ -116,8 +117,8 @@ pub(crate) fn recorded(
     channel: Channel,
     header: &MessageHeader,
     payload: &[u8],
-) -> Result<Recorded, ReadError> {
-    let sample = decode(channel, payload).map_err(|reason| ReadError::Payload {
+) -> Result<Recorded, RecordingReadError> {
+    let sample = decode(channel, payload).map_err(|reason| RecordingReadError::Payload {
         path: path.to_owned(),
         offset,
         topic: channel.topic(),

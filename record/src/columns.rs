@@ -11,7 +11,7 @@
 mod csv;
 mod parquet;
 
-use crate::error::ReadError;
+use crate::error::RecordingReadError;
 use crate::reader::Recording;
 use krait_ipc::message::{Shape, SlaveState, three};
 use krait_schema::Sample;
@@ -60,8 +60,8 @@ impl Columns {
     /// [`crate::Contents::missing`].
     ///
     /// # Errors
-    /// [`ReadError`] when the recording cannot be read.
-    pub fn of(recording: &Recording) -> Result<Self, ReadError> {
+    /// [`RecordingReadError`] when the recording cannot be read.
+    pub fn of(recording: &Recording) -> Result<Self, RecordingReadError> {
         Self::of_parts(core::slice::from_ref(recording))
     }
 
@@ -69,7 +69,7 @@ impl Columns {
     ///
     /// # Errors
     /// As [`Columns::of`].
-    pub fn of_parts(parts: &[Recording]) -> Result<Self, ReadError> {
+    pub fn of_parts(parts: &[Recording]) -> Result<Self, RecordingReadError> {
         let mut builder = Builder::default();
         for part in parts {
             for recorded in part.samples()? {
@@ -82,8 +82,8 @@ impl Columns {
     /// Opens a recording with the parts that follow it and reads its measurements.
     ///
     /// # Errors
-    /// [`ReadError`] when the file cannot be read or is no recording of this version.
-    pub fn read(path: &Path) -> Result<Self, ReadError> {
+    /// [`RecordingReadError`] when the file cannot be read or is no recording of this version.
+    pub fn read(path: &Path) -> Result<Self, RecordingReadError> {
         Self::of_parts(&Recording::open_parts(path)?)
     }
 

@@ -2,7 +2,7 @@
 
 use crate::about::Attachment;
 use crate::chunk::{ChunkRecords, attachment_lengths_add_up};
-use crate::error::ReadError;
+use crate::error::RecordingReadError;
 use crate::framing::{Framing, Step};
 use crate::parse::parse;
 use crate::recover::DROPPED_KEY;
@@ -116,12 +116,16 @@ const MAX_MISSING: usize = 1000;
 pub(crate) type Directory = BTreeMap<u16, Option<Channel>>;
 
 /// Walks through a file behind its magic.
-pub(crate) fn scan(path: &Path, source: impl Read) -> Result<(Contents, Directory), ReadError> {
+pub(crate) fn scan(path: &Path, source: impl Read) -> Result<(Contents, Directory), RecordingReadError> {
     let mut framing = Framing::after_magic(source);
     let mut scan = Scan::new(path);
     loop {
         let step = framing.step();
-        match step.map_err(|source| ReadError::Io { path: path.to_owned(), offset: framing.offset(), source })? {
+        match step.map_err(|source| RecordingReadError::Io {
+            path: path.to_owned(),
+            offset: framing.offset(),
+            source,
+        })? {
             Step::Record { opcode, offset } => scan.record(opcode, offset, framing.body())?,
             Step::TooLong { offset, length } => scan.damaged(offset, format!("it claims to hold {length} bytes")),
             ending => return scan.end(&ending),
@@ -130,12 +134,16 @@ pub(crate) fn scan(path: &Path, source: impl Read) -> Result<(Contents, Director
 }
 
 /// Walks through a file behind its magic as far as its first sample: metadata and attachments stand before it.
-pub(crate) fn scan_beginning(path: &Path, source: impl Read) -> Result<Contents, ReadError> {
+pub(crate) fn scan_beginning(path: &Path, source: impl Read) -> Result<Contents, RecordingReadError> {
     let mut framing = Framing::after_magic(source);
     let mut scan = Scan::new(path);
     loop {
         let step = framing.step();
-        match step.map_err(|source| ReadError::Io { path: path.to_owned(), offset: framing.offset(), source })? {
+        match step.map_err(|source| RecordingReadError::Io {
+            path: path.to_owned(),
+            offset: framing.offset(),
+            source,
+        })? {
             Step::Record { opcode: op::CHUNK | op::MESSAGE | op::DATA_END, .. } if scan.has_header => {
                 return Ok(scan.contents);
             }
@@ -173,7 +181,7 @@ impl<'a> Scan<'a> {
         }
     }
 
-    fn record(&mut self, opcode: u8, offset: u64, body: &[u8]) -> Result<(), ReadError> {
+    fn record(&mut self, opcode: u8, offset: u64, body: &[u8]) -> Result<(), RecordingReadError> {
         match opcode {
             op::CHUNK | op::SCHEMA | op::CHANNEL | op::MESSAGE => self.definitions_and_messages(opcode, offset, body),
             op::ATTACHMENT if !attachment_lengths_add_up(body) => {
@@ -198,11 +206,11 @@ impl<'a> Scan<'a> {
         }
     }
 
-    fn outer(&mut self, record: Record<'_>) -> Result<(), ReadError> {
+    fn outer(&mut self, record: Record<'_>) -> Result<(), RecordingReadError> {
         match record {
             Record::Header(header) if !self.has_header => {
                 if header.profile != crate::writer::PROFILE {
-                    return Err(ReadError::NotKrait { path: self.path.to_owned(), found: header.profile });
+                    return Err(RecordingReadError::NotKrait { path: self.path.to_owned(), found: header.profile });
                 }
                 self.has_header = true;
                 self.contents.library = header.library;
@@ -221,7 +229,7 @@ impl<'a> Scan<'a> {
         Ok(())
     }
 
-    fn definitions_and_messages(&mut self, opcode: u8, offset: u64, body: &[u8]) -> Result<(), ReadError> {
+    fn definitions_and_messages(&mut self, opcode: u8, offset: u64, body: &[u8]) -> Result<(), RecordingReadError> {
         if let Err(what) = self.chunk.read(opcode, body) {
             self.damaged(offset, what);
         }
@@ -252,13 +260,13 @@ impl<'a> Scan<'a> {
         }
     }
 
-    fn end(mut self, ending: &Step) -> Result<(Contents, Directory), ReadError> {
+    fn end(mut self, ending: &Step) -> Result<(Contents, Directory), RecordingReadError> {
         if !self.has_header {
             let offset = match *ending {
                 Step::EndOfFile { offset } | Step::Cut { offset } | Step::Garbage { offset } => offset,
                 _ => mcap::MAGIC.len() as u64,
             };
-            return Err(ReadError::NoHeader { path: self.path.to_owned(), offset });
+            return Err(RecordingReadError::NoHeader { path: self.path.to_owned(), offset });
         }
         for (id, counts) in &self.counts {
             match self.directory.get(id) {
@@ -312,12 +320,12 @@ pub(crate) fn known_channel(
     offset: u64,
     found: &records::Channel,
     schema: Option<&(String, String)>,
-) -> Result<Option<Channel>, ReadError> {
+) -> Result<Option<Channel>, RecordingReadError> {
     if !found.topic.starts_with("/krait/") {
         return Ok(None);
     }
     let (name, encoding) = schema.map_or(("none", ""), |(name, encoding)| (name, encoding));
-    let unknown = |expected: String| ReadError::UnknownSchema {
+    let unknown = |expected: String| RecordingReadError::UnknownSchema {
         path: path.to_owned(),
         offset,
         topic: found.topic.clone(),
@@ -337,7 +345,7 @@ pub(crate) fn known_channel(
         {
             Ok(Some(channel))
         }
-        version => Err(ReadError::Version {
+        version => Err(RecordingReadError::Version {
             path: path.to_owned(),
             offset,
             topic: found.topic.clone(),

@@ -54,7 +54,7 @@ pub enum RecordError {
 
 /// A file could not be read as a recording of krait.
 #[derive(Debug, thiserror::Error)]
-pub enum ReadError {
+pub enum RecordingReadError {
     /// The file could not be opened or read.
     #[error("{} cannot be read at byte {offset}: {source}; check the path and the disk", path.display())]
     Io {

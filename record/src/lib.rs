@@ -26,7 +26,7 @@
 //!         let _positions = command.q_tilde_m;
 //!     }
 //! }
-//! # Ok::<(), krait_record::ReadError>(())
+//! # Ok::<(), krait_record::RecordingReadError>(())
 //! ```
 
 #![forbid(unsafe_code)]
@@ -59,7 +59,7 @@ pub use about::{About, Attachment, CONFIG_ATTACHMENT};
 pub use between::samples_between;
 pub use config::RecordConfig;
 pub use contents::{ChannelContents, Contents, Missing};
-pub use error::{ReadError, RecordError};
+pub use error::{RecordError, RecordingReadError};
 pub use passes::{Pass, PassCounter, attachment, passes_of};
 pub use reader::{Recorded, Recording, Samples};
 pub use recorder::{RecordReport, run};

@@ -1,6 +1,6 @@
 //! A recording taken apart: the messages of each chain that ran in it, channel by channel.
 
-use crate::{ReadError, Recording};
+use crate::{Recording, RecordingReadError};
 use krait_ipc::message::{Command, Message, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState};
 use krait_schema::Sample;
 
@@ -25,8 +25,8 @@ pub struct Pass {
 /// pass; a new part begins none.
 ///
 /// # Errors
-/// [`ReadError`] when the recording cannot be read.
-pub fn passes_of(parts: &[Recording]) -> Result<Vec<Pass>, ReadError> {
+/// [`RecordingReadError`] when the recording cannot be read.
+pub fn passes_of(parts: &[Recording]) -> Result<Vec<Pass>, RecordingReadError> {
     let mut passes = Passes::default();
     let parts = parts.iter().map(Recording::samples).collect::<Result<Vec<_>, _>>()?;
     for recorded in parts.into_iter().flatten() {

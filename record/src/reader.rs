@@ -3,7 +3,7 @@
 use crate::between::recorded;
 use crate::chunk::ChunkRecords;
 use crate::contents::{Contents, Directory, known_channel, scan, scan_beginning, shortened};
-use crate::error::ReadError;
+use crate::error::RecordingReadError;
 use crate::framing::{Framing, Step};
 use crate::parse::parse;
 use crate::parts::NEXT_PART_KEY;
@@ -43,9 +43,9 @@ impl Recording {
     /// Opens a recording and walks through it once, so that everything that is missing or damaged is known.
     ///
     /// # Errors
-    /// [`ReadError`] for a file that cannot be read or is no recording of this version. A cut or damaged recording is no
+    /// [`RecordingReadError`] for a file that cannot be read or is no recording of this version. A cut or damaged recording is no
     /// error: see [`Contents::missing`].
-    pub fn open(path: &Path) -> Result<Self, ReadError> {
+    pub fn open(path: &Path) -> Result<Self, RecordingReadError> {
         let (contents, directory) = scan(path, behind_magic(path)?)?;
         Ok(Self { path: path.to_owned(), contents, directory })
     }
@@ -55,7 +55,7 @@ impl Recording {
     ///
     /// # Errors
     /// As [`Recording::open`].
-    pub fn open_beginning(path: &Path) -> Result<Self, ReadError> {
+    pub fn open_beginning(path: &Path) -> Result<Self, RecordingReadError> {
         let contents = scan_beginning(path, behind_magic(path)?)?;
         Ok(Self { path: path.to_owned(), contents, directory: Directory::new() })
     }
@@ -65,7 +65,7 @@ impl Recording {
     ///
     /// # Errors
     /// As [`Recording::open`].
-    pub fn open_parts(path: &Path) -> Result<Vec<Self>, ReadError> {
+    pub fn open_parts(path: &Path) -> Result<Vec<Self>, RecordingReadError> {
         let mut parts = vec![Self::open(path)?];
         while let Some(next) = parts.last().and_then(Self::next_part) {
             if !next.exists() || parts.iter().any(|part| part.path == next) {
@@ -101,8 +101,8 @@ impl Recording {
     /// Its readable samples, in the order in which they were recorded.
     ///
     /// # Errors
-    /// [`ReadError::Io`] when the file is gone.
-    pub fn samples(&self) -> Result<Samples, ReadError> {
+    /// [`RecordingReadError::Io`] when the file is gone.
+    pub fn samples(&self) -> Result<Samples, RecordingReadError> {
         Ok(Samples {
             path: self.path.clone(),
             directory: self.directory.clone(),
@@ -136,7 +136,7 @@ pub struct Samples {
 }
 
 impl Iterator for Samples {
-    type Item = Result<Recorded, ReadError>;
+    type Item = Result<Recorded, RecordingReadError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         loop {
@@ -171,11 +171,15 @@ impl Samples {
         self.next_part.as_deref()
     }
 
-    fn next_chunk(&mut self) -> Result<(), ReadError> {
+    fn next_chunk(&mut self) -> Result<(), RecordingReadError> {
         self.next_idx = 0;
         self.chunk.clear();
         let step = self.framing.step();
-        match step.map_err(|source| ReadError::Io { path: self.path.clone(), offset: self.framing.offset(), source })? {
+        match step.map_err(|source| RecordingReadError::Io {
+            path: self.path.clone(),
+            offset: self.framing.offset(),
+            source,
+        })? {
             Step::Record { opcode: op::METADATA, .. } => {
                 if let Ok(Record::Metadata(metadata)) = parse(op::METADATA, self.framing.body())
                     && metadata.name == METADATA_END
@@ -197,7 +201,7 @@ impl Samples {
     }
 
     /// A file that was opened by its beginning is known no further than it has been read.
-    fn learn_channels(&mut self, offset: u64) -> Result<(), ReadError> {
+    fn learn_channels(&mut self, offset: u64) -> Result<(), RecordingReadError> {
         for (schema, _) in self.chunk.schemas.drain(..) {
             self.schemas.insert(schema.id, (shortened(schema.name), shortened(schema.encoding)));
         }
@@ -214,18 +218,22 @@ fn part_named(path: &Path, end: &BTreeMap<String, String>) -> Option<PathBuf> {
     Some(path.with_file_name(Path::new(end.get(NEXT_PART_KEY)?).file_name()?))
 }
 
-pub(crate) fn behind_magic(path: &Path) -> Result<BufReader<File>, ReadError> {
-    let failed = |source| ReadError::Io { path: path.to_owned(), offset: 0, source };
+pub(crate) fn behind_magic(path: &Path) -> Result<BufReader<File>, RecordingReadError> {
+    let failed = |source| RecordingReadError::Io { path: path.to_owned(), offset: 0, source };
     let mut file = BufReader::new(input::regular(path, input::ANY_BYTES).map_err(failed)?);
     let mut found = Vec::new();
     file.by_ref().take(MAGIC.len() as u64).read_to_end(&mut found).map_err(failed)?;
     if found == MAGIC {
         Ok(file)
     } else if !found.is_empty() && MAGIC.starts_with(&found) {
-        Err(ReadError::NoHeader { path: path.to_owned(), offset: found.len() as u64 })
+        Err(RecordingReadError::NoHeader { path: path.to_owned(), offset: found.len() as u64 })
     } else if found.len() > VERSION_AT && MAGIC.starts_with(&found[..VERSION_AT]) {
-        Err(ReadError::McapVersion { path: path.to_owned(), offset: VERSION_AT as u64, found: found[VERSION_AT] })
+        Err(RecordingReadError::McapVersion {
+            path: path.to_owned(),
+            offset: VERSION_AT as u64,
+            found: found[VERSION_AT],
+        })
     } else {
-        Err(ReadError::NotMcap { path: path.to_owned(), found })
+        Err(RecordingReadError::NotMcap { path: path.to_owned(), found })
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::chunk::{ChunkRecords, attachment_lengths_add_up};
 use crate::contents::Missing;
-use crate::error::{ReadError, RecordError};
+use crate::error::{RecordError, RecordingReadError};
 use crate::framing::{Framing, RECORD_HEAD, Step};
 use crate::parse::parse;
 use crate::reader::{Recording, behind_magic};
@@ -40,7 +40,7 @@ pub struct Recovered {
 pub enum RecoverError {
     /// The damaged file could not be read, or is none of krait's.
     #[error(transparent)]
-    Read(#[from] ReadError),
+    Read(#[from] RecordingReadError),
     /// The new file could not be written.
     #[error(transparent)]
     Write(#[from] RecordError),
@@ -98,7 +98,8 @@ fn walk(path: &Path, mut visit: impl FnMut(Found<'_>) -> Result<(), RecoverError
     let mut framing = Framing::after_magic(behind_magic(path)?);
     loop {
         let step = framing.step();
-        let step = step.map_err(|source| ReadError::Io { path: path.to_owned(), offset: framing.offset(), source })?;
+        let step =
+            step.map_err(|source| RecordingReadError::Io { path: path.to_owned(), offset: framing.offset(), source })?;
         match step {
             Step::Record { opcode, .. } => visit(Found::Record(opcode, framing.body()))?,
             Step::TooLong { length, .. } => visit(Found::Unreadable(length + RECORD_HEAD))?,
@@ -110,9 +111,9 @@ fn walk(path: &Path, mut visit: impl FnMut(Found<'_>) -> Result<(), RecoverError
     }
 }
 
-fn length(path: &Path) -> Result<u64, ReadError> {
+fn length(path: &Path) -> Result<u64, RecordingReadError> {
     let metadata = std::fs::metadata(path);
-    metadata.map(|m| m.len()).map_err(|source| ReadError::Io { path: path.to_owned(), offset: 0, source })
+    metadata.map(|m| m.len()).map_err(|source| RecordingReadError::Io { path: path.to_owned(), offset: 0, source })
 }
 
 /// Definitions are held in memory; those of a chain take some kilobytes.

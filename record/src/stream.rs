@@ -1,6 +1,6 @@
 //! The samples of some channels of a recording and of all its parts, read as they are asked for: an hour in little memory.
 
-use crate::error::ReadError;
+use crate::error::RecordingReadError;
 use crate::reader::{Recorded, Recording, Samples};
 use krait_schema::Channel;
 use std::path::{Path, PathBuf};
@@ -20,7 +20,7 @@ impl Stream {
     ///
     /// # Errors
     /// As [`Recording::open`].
-    pub fn open(path: &Path, channels: &[Channel]) -> Result<Self, ReadError> {
+    pub fn open(path: &Path, channels: &[Channel]) -> Result<Self, RecordingReadError> {
         let first = Recording::open_beginning(path)?;
         Ok(Self {
             channels: channels.to_vec(),
@@ -32,7 +32,7 @@ impl Stream {
 
     /// Goes on with the part that follows. Returns whether there is one; as in [`Recording::open_parts`], one that is not
     /// there is missing without a word, and a file of another run is none.
-    fn next_part(&mut self) -> Result<bool, ReadError> {
+    fn next_part(&mut self) -> Result<bool, RecordingReadError> {
         let Some(path) = self.samples.next_part().map(Path::to_owned) else { return Ok(false) };
         if !path.exists() || self.parts.contains(&path) {
             return Ok(false);
@@ -48,7 +48,7 @@ impl Stream {
 }
 
 impl Iterator for Stream {
-    type Item = Result<Recorded, ReadError>;
+    type Item = Result<Recorded, RecordingReadError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         loop {

@@ -7,7 +7,7 @@ mod common;
 use common::{chain, fresh_path, plausible, words_of};
 use krait_ipc::message::{Message, Shape};
 use krait_record::{
-    About, Attachment, Missing, ReadError, RecordError, Recorded, Recording, RecordingSink, RecordingWriter,
+    About, Attachment, Missing, RecordError, Recorded, Recording, RecordingReadError, RecordingSink, RecordingWriter,
 };
 use krait_schema::{Channel, Sample};
 use std::collections::BTreeMap;
@@ -114,7 +114,7 @@ fn a_file_cut_at_any_byte_gives_a_readable_prefix_and_says_that_it_is_cut() {
         fs::write(&cut_path, &whole[..cut]).expect("written");
         let recording = match Recording::open(&cut_path) {
             Ok(recording) => recording,
-            Err(error @ (ReadError::NoHeader { .. } | ReadError::NotMcap { .. })) => {
+            Err(error @ (RecordingReadError::NoHeader { .. } | RecordingReadError::NotMcap { .. })) => {
                 assert!(cut < 100, "only a file without its header cannot be opened, not one of {cut} bytes: {error}");
                 continue;
             }

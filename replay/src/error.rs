@@ -1,7 +1,7 @@
 //! Why a recording or trajectory cannot be played, each in one sentence.
 
 use krait_ipc::IpcError;
-use krait_record::{ReadError, RecordError};
+use krait_record::{RecordError, RecordingReadError};
 
 /// A replay could not begin or go on.
 #[derive(Debug, thiserror::Error)]
@@ -11,7 +11,7 @@ pub enum ReplayError {
     Ipc(#[from] IpcError),
     /// The recording cannot be read.
     #[error(transparent)]
-    Read(#[from] ReadError),
+    Read(#[from] RecordingReadError),
     /// The new recording cannot be written.
     #[error(transparent)]
     Record(#[from] RecordError),

@@ -4,8 +4,8 @@
 //! operator's place is taken: at rate s the recorded time passes s times as fast and every velocity is s times as large, so
 //! the path stays the same. The rate rises and falls smoothly, which is the ease-in, the pause and the stop.
 
-use crate::player::{Newest, PlayCounts};
-use crate::program::{Next, PERIOD_NS, Part, Planned, Program, What};
+use crate::player::{NewestPlayed, PlayCounts};
+use crate::program::{Next, PERIOD_NS, Planned, Program, ProgramPart, What};
 use crate::{ReplayError, Turn};
 use krait_ipc::message::{HopStamps, OperatorInput, Setpoint, Shape, SlaveState};
 use krait_ipc::{Bus, ReadOptions, Reader, Reason, Reasons, Writer};
@@ -40,7 +40,7 @@ pub struct LivePlayer {
     n_sent: u64,
     n_late: u64,
     due_ns: i64,
-    newest: Newest,
+    newest: NewestPlayed,
     ready: Option<Ready>,
     last_setpoint: Option<Setpoint>,
     tracking: Tracking,
@@ -58,7 +58,7 @@ struct Ready {
     /// How far it is on the way from the sample before, 0 to 1.
     part: f64,
     /// The part of the program that it belongs to, if it is a sample of its own and not on the way to one.
-    arrives_at: Option<Part>,
+    arrives_at: Option<ProgramPart>,
 }
 
 impl LivePlayer {
@@ -82,7 +82,7 @@ impl LivePlayer {
             n_sent: 0,
             n_late: 0,
             due_ns: 0,
-            newest: Newest::default(),
+            newest: NewestPlayed::default(),
             ready: None,
             last_setpoint: None,
             tracking: Tracking::default(),
@@ -208,11 +208,11 @@ impl LivePlayer {
         }
         // Each sample waits for the one before by the clock; the setpoint that came back last is near enough to steer by.
         let Next::Sample(planned) = self.program.next(self.bend_rad(), true)? else { return Ok(None) };
-        if planned.part == Part::Recorded && !self.has_begun {
+        if planned.part == ProgramPart::Recorded && !self.has_begun {
             self.check_start()?;
             self.rate = 0.0;
         }
-        self.has_begun = planned.part == Part::Recorded;
+        self.has_begun = planned.part == ProgramPart::Recorded;
         Ok(Some((planned, planned.dt_ns.min(LONGEST_GAP_NS) as f64)))
     }
 
@@ -243,7 +243,7 @@ impl LivePlayer {
             let arrives_at = arrives.then_some(planned.part);
             Ok(Some(Ready { what: planned.what, rate, part, arrives_at }))
         };
-        if planned.part != Part::Recorded {
+        if planned.part != ProgramPart::Recorded {
             self.due_ns += planned.dt_ns;
             return ready(1.0, 1.0, true);
         }

@@ -6,7 +6,7 @@
 //! of 256 never overflows, and a replay gives the same bytes at every speed.
 
 use crate::keeper::Keeper;
-use crate::program::{Next, Part, Planned, Program, What};
+use crate::program::{Next, Planned, Program, ProgramPart, What};
 use crate::{ReplayError, Turn};
 use core::time::Duration;
 use krait_ipc::message::{Command, Cue, HopStamps, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState};
@@ -44,18 +44,18 @@ impl PlayCounts {
         self.recorded + self.approach + self.rest
     }
 
-    pub(crate) fn count(&mut self, part: Part) {
+    pub(crate) fn count(&mut self, part: ProgramPart) {
         match part {
-            Part::Approach | Part::LettingGo => self.approach += 1,
-            Part::Recorded => self.recorded += 1,
-            Part::Rest => self.rest += 1,
+            ProgramPart::Approach | ProgramPart::LettingGo => self.approach += 1,
+            ProgramPart::Recorded => self.recorded += 1,
+            ProgramPart::Rest => self.rest += 1,
         }
     }
 }
 
 /// What came out last, for a person who steps through a replay.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Newest {
+pub struct NewestPlayed {
     /// The setpoint.
     pub setpoint: Option<Setpoint>,
     /// The command.
@@ -78,7 +78,7 @@ pub struct Player {
     updates: Reader<ModelUpdate>,
     keeper: Option<Keeper>,
     counts: PlayCounts,
-    newest: Newest,
+    newest: NewestPlayed,
     tracking: Tracking,
     /// The state before the first sample: its sequence number and its instant.
     base: Option<(u64, i64)>,
@@ -115,7 +115,7 @@ impl Player {
             updates: bus.reader(ReadOptions::observing())?,
             keeper,
             counts: PlayCounts::default(),
-            newest: Newest::default(),
+            newest: NewestPlayed::default(),
             tracking: Tracking::default(),
             base: None,
             instants_ns: VecDeque::with_capacity(UNDER_WAY as usize + 1),
@@ -153,7 +153,7 @@ impl Player {
     }
 
     /// What came out last.
-    pub fn newest(&self) -> &Newest {
+    pub fn newest(&self) -> &NewestPlayed {
         &self.newest
     }
 
@@ -280,7 +280,7 @@ impl Player {
                 },
             };
             let is_due = self.now_ns.saturating_add(planned.dt_ns) <= until_ns;
-            if !is_due || (planned.part == Part::Recorded && self.counts.recorded >= last) {
+            if !is_due || (planned.part == ProgramPart::Recorded && self.counts.recorded >= last) {
                 self.pending = Some(planned);
                 break;
             }

@@ -40,7 +40,7 @@ pub struct Planned {
     /// Time since the sample before, ns; > 0.
     pub dt_ns: i64,
     /// What it belongs to.
-    pub part: Part,
+    pub part: ProgramPart,
 }
 
 /// A sample for `resolve`, or one that takes the place of `resolve`'s.
@@ -58,7 +58,7 @@ pub enum What {
 
 /// The parts of a program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
+pub enum ProgramPart {
     /// On the way to the start.
     Approach,
     /// No operator, because the recording begins without one: every stage knows that the engagement has ended before the
@@ -100,7 +100,7 @@ pub struct Program {
     snake: Snake,
     model: ModelHash,
     view_from_base: Rotation3<f64>,
-    part: Part,
+    part: ProgramPart,
     n_in_part: u64,
     approach_from_rad: Option<Vector2<f64>>,
     last_bend_rad: Vector2<f64>,
@@ -138,7 +138,7 @@ impl Program {
             snake,
             model,
             view_from_base: Rotation3::from_axis_angle(&Vector3::z_axis(), view_roll_rad).inverse(),
-            part: Part::Approach,
+            part: ProgramPart::Approach,
             n_in_part: 0,
             approach_from_rad: None,
             last_bend_rad: Vector2::zeros(),
@@ -174,14 +174,14 @@ impl Program {
     /// Leaves out the rest of the score: comes to rest and ends.
     pub fn stop(&mut self) {
         self.n_loops_left = 1;
-        if self.part != Part::Rest {
-            self.enter(Part::Rest);
+        if self.part != ProgramPart::Rest {
+            self.enter(ProgramPart::Rest);
         }
     }
 
     /// Whether only the rest at the very end is left.
     pub(crate) fn is_at_last_rest(&self) -> bool {
-        self.part == Part::Rest && self.n_loops_left == 1
+        self.part == ProgramPart::Rest && self.n_loops_left == 1
     }
 
     /// The next sample. `bend_rad` is the newest setpoint that has come out; `is_idle` says that no sample is under way.
@@ -191,40 +191,40 @@ impl Program {
     pub fn next(&mut self, bend_rad: [f64; 2], is_idle: bool) -> Result<Next, ReplayError> {
         loop {
             let sample = match self.part {
-                Part::Approach if !is_idle && (self.sends_inputs() || self.approach_from_rad.is_none()) => {
+                ProgramPart::Approach if !is_idle && (self.sends_inputs() || self.approach_from_rad.is_none()) => {
                     return Ok(Next::Wait);
                 }
-                Part::Approach if self.n_in_part < N_ABSENT + N_ENGAGING => Some(self.engaging(bend_rad.into())),
-                Part::Approach => self.approach(bend_rad.into()),
-                Part::LettingGo => self.letting_go(),
-                Part::Recorded => self.recorded()?,
-                Part::Rest if self.n_in_part < N_REST => Some(self.rest()),
-                Part::Rest => None,
+                ProgramPart::Approach if self.n_in_part < N_ABSENT + N_ENGAGING => Some(self.engaging(bend_rad.into())),
+                ProgramPart::Approach => self.approach(bend_rad.into()),
+                ProgramPart::LettingGo => self.letting_go(),
+                ProgramPart::Recorded => self.recorded()?,
+                ProgramPart::Rest if self.n_in_part < N_REST => Some(self.rest()),
+                ProgramPart::Rest => None,
             };
             if let Some(sample) = sample {
                 self.n_in_part += 1;
                 return Ok(Next::Sample(sample));
             }
             match self.part {
-                Part::Approach => {
-                    self.enter(Part::LettingGo);
+                ProgramPart::Approach => {
+                    self.enter(ProgramPart::LettingGo);
                     self.read_first()?;
                 }
-                Part::LettingGo => self.enter(Part::Recorded),
-                Part::Recorded => {
+                ProgramPart::LettingGo => self.enter(ProgramPart::Recorded),
+                ProgramPart::Recorded => {
                     self.tally.n_loops += 1;
-                    self.enter(Part::Rest);
+                    self.enter(ProgramPart::Rest);
                 }
-                Part::Rest if self.n_loops_left > 1 => {
+                ProgramPart::Rest if self.n_loops_left > 1 => {
                     self.n_loops_left -= 1;
-                    self.enter(Part::Approach);
+                    self.enter(ProgramPart::Approach);
                 }
-                Part::Rest => return Ok(Next::End),
+                ProgramPart::Rest => return Ok(Next::End),
             }
         }
     }
 
-    fn enter(&mut self, part: Part) {
+    fn enter(&mut self, part: ProgramPart) {
         (self.part, self.n_in_part, self.approach_from_rad, self.last_input_ns) = (part, 0, None, None);
     }
 
@@ -244,7 +244,7 @@ impl Program {
         (begins_absent && self.n_in_part < N_LETTING_GO).then_some(Planned {
             what,
             dt_ns: PERIOD_NS,
-            part: Part::LettingGo,
+            part: ProgramPart::LettingGo,
         })
     }
 
@@ -259,7 +259,7 @@ impl Program {
             let reasons = Reasons::NONE.with(if is_present { Reason::NotEngaged } else { Reason::OperatorAbsent });
             self.setpoint(from, Vector2::zeros(), Phase::Holding, reasons)
         };
-        Planned { what, dt_ns: PERIOD_NS, part: Part::Approach }
+        Planned { what, dt_ns: PERIOD_NS, part: ProgramPart::Approach }
     }
 
     fn approach(&mut self, bend_rad: Vector2<f64>) -> Option<Planned> {
@@ -280,7 +280,7 @@ impl Program {
         let linear_rows = self.snake.j_x_bend(bend_rad).fixed_rows::<3>(0).into_owned();
         let tip_vel_in_view = self.view_from_base * (linear_rows * bend_vel);
         let input = operator_input(tip_vel_in_view.into(), OperatorInput::OPERATOR_PRESENT, DeviceState::Live);
-        Some(Planned { what: What::Input(input), dt_ns: PERIOD_NS, part: Part::Approach })
+        Some(Planned { what: What::Input(input), dt_ns: PERIOD_NS, part: ProgramPart::Approach })
     }
 
     /// From where the slave stands to the start with the least jerk: s = 10 u^3 - 15 u^4 + 6 u^5, fastest 1.875 in the middle.
@@ -296,7 +296,7 @@ impl Program {
         let rate_per_s = 30.0 * (u * (1.0 - u)).powi(2) / time_s;
         self.last_bend_rad = from + way * part;
         let what = self.setpoint(self.last_bend_rad, way * rate_per_s, Phase::Following, Reasons::NONE);
-        Some(Planned { what, dt_ns: PERIOD_NS, part: Part::Approach })
+        Some(Planned { what, dt_ns: PERIOD_NS, part: ProgramPart::Approach })
     }
 
     fn recorded(&mut self) -> Result<Option<Planned>, ReplayError> {
@@ -318,7 +318,7 @@ impl Program {
             self.tally.played_ns = self.tally.played_ns.saturating_add(dt_ns);
         }
         self.tally.n_in_loop = self.tally.n_in_loop.max(self.n_in_part + 1);
-        Ok(Some(Planned { what, dt_ns, part: Part::Recorded }))
+        Ok(Some(Planned { what, dt_ns, part: ProgramPart::Recorded }))
     }
 
     fn rest(&self) -> Planned {
@@ -328,7 +328,7 @@ impl Program {
         } else {
             self.setpoint(self.last_bend_rad, Vector2::zeros(), Phase::Holding, ended)
         };
-        Planned { what, dt_ns: PERIOD_NS, part: Part::Rest }
+        Planned { what, dt_ns: PERIOD_NS, part: ProgramPart::Rest }
     }
 
     fn setpoint(

@@ -3,7 +3,7 @@
 //! The window is that of a snake's score: from [`SCORED_FROM_S`] after the first motion on.
 
 use crate::{SCORED_FROM_S, Spread};
-use krait_ipc::message::{Joints, MAX_JOINTS, Phase, Setpoint, Shape};
+use krait_ipc::message::{JointValues, MAX_JOINTS, Phase, Setpoint, Shape};
 use serde::Serialize;
 
 /// The score of joints in one pass.
@@ -33,8 +33,8 @@ pub struct JointFigure {
 /// Setpoints and measurements of joints, in the order of their instants.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct JointTracking {
-    setpoints: Vec<(i64, Joints)>,
-    measured: Vec<(i64, Joints)>,
+    setpoints: Vec<(i64, JointValues)>,
+    measured: Vec<(i64, JointValues)>,
     first_motion_ns: Option<i64>,
     n: usize,
 }
@@ -73,7 +73,7 @@ impl JointTracking {
                 Some(core::array::from_fn(|k| (measured[k] - wanted[k]) * per_si))
             })
             .collect();
-        let peak = |all: &[(i64, Joints)], k: usize| {
+        let peak = |all: &[(i64, JointValues)], k: usize| {
             all.iter().map(|(_, joints)| joints[k].abs()).fold(0.0, f64::max) * per_si
         };
         let joint = |k: usize| JointFigure {

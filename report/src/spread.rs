@@ -20,11 +20,11 @@ impl Spread {
     /// The spread of some values' magnitudes; all zero, `n` included, for none.
     pub fn of(values: impl IntoIterator<Item: Borrow<f64>>) -> Self {
         let mut sizes: Vec<f64> = values.into_iter().map(|value| value.borrow().abs()).collect();
-        sizes.sort_by(f64::total_cmp);
         let n = sizes.len();
-        let Some(max) = sizes.last().copied() else { return Self::default() };
+        let Some(max) = sizes.iter().copied().max_by(f64::total_cmp) else { return Self::default() };
         let rms = (sizes.iter().map(|size| size * size).sum::<f64>() / n as f64).sqrt();
-        Self { n, rms, p95: sizes[(n - 1) * 95 / 100], max }
+        let (_, p95, _) = sizes.select_nth_unstable_by((n - 1) * 95 / 100, f64::total_cmp);
+        Self { n, rms, p95: *p95, max }
     }
 
     /// The same, or nothing for no values.

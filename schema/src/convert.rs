@@ -9,7 +9,7 @@ mod marker;
 mod recorder;
 
 use crate::proto;
-use krait_ipc::message::{self, Actuators, Joints, MAX_JOINTS};
+use krait_ipc::message::{self, Actuators, JointValues, MAX_JOINTS};
 
 /// A message with a protobuf mirror.
 pub(crate) trait Mirrored: Sized {
@@ -57,7 +57,7 @@ fn covariance([xx, xy, yy]: [f64; 3]) -> Option<proto::Covariance> {
 }
 
 /// Joints that are all NaN, as of a machine that has none, take no room.
-fn joints(values: Joints) -> Option<proto::Joints> {
+fn joints(values: JointValues) -> Option<proto::Joints> {
     let [joint_1, joint_2, joint_3, joint_4, joint_5, joint_6, joint_7, joint_8] = values;
     let are_none = values.iter().all(|value| value.to_bits() == f64::NAN.to_bits());
     (!are_none).then_some(proto::Joints { joint_1, joint_2, joint_3, joint_4, joint_5, joint_6, joint_7, joint_8 })
@@ -68,7 +68,7 @@ fn from_covariance(covariance: Option<proto::Covariance>) -> [f64; 3] {
     [xx, xy, yy]
 }
 
-fn from_joints(joints: Option<proto::Joints>) -> Joints {
+fn from_joints(joints: Option<proto::Joints>) -> JointValues {
     joints.map_or([f64::NAN; MAX_JOINTS], |j| {
         [j.joint_1, j.joint_2, j.joint_3, j.joint_4, j.joint_5, j.joint_6, j.joint_7, j.joint_8]
     })
@@ -97,13 +97,13 @@ fn from_lines(lines: Option<proto::Lines>) -> Actuators {
 }
 
 /// Joints that are zero where there are none; all zero, as of a snake, they take no room.
-fn wanted_joints(values: Joints) -> Option<proto::Joints> {
+fn wanted_joints(values: JointValues) -> Option<proto::Joints> {
     let [joint_1, joint_2, joint_3, joint_4, joint_5, joint_6, joint_7, joint_8] = values;
     let are_none = values.iter().all(|value| value.to_bits() == 0);
     (!are_none).then_some(proto::Joints { joint_1, joint_2, joint_3, joint_4, joint_5, joint_6, joint_7, joint_8 })
 }
 
-fn from_wanted_joints(joints: Option<proto::Joints>) -> Joints {
+fn from_wanted_joints(joints: Option<proto::Joints>) -> JointValues {
     joints.map_or([0.0; MAX_JOINTS], |joints| from_joints(Some(joints)))
 }
 

@@ -63,7 +63,7 @@ pub struct Passed {
 }
 
 /// A refusal with the value that was wrong and its limit (NaN where there is none), in ms, frames or rad.
-pub type Refused = (ShapeRefusal, f64, f64);
+pub type ShapeRefused = (ShapeRefusal, f64, f64);
 
 impl ShapeGate {
     /// A gate that waits for a header.
@@ -102,7 +102,7 @@ impl ShapeGate {
     ///
     /// # Errors
     /// Why it is refused.
-    pub fn pass(&mut self, measured: &Measured, arrival: &Arrival) -> Result<Passed, Refused> {
+    pub fn pass(&mut self, measured: &Measured, arrival: &Arrival) -> Result<Passed, ShapeRefused> {
         self.counts.lines += 1;
         let passed = self.decide(measured, arrival);
         match &passed {
@@ -112,7 +112,7 @@ impl ShapeGate {
         passed
     }
 
-    fn decide(&mut self, measured: &Measured, arrival: &Arrival) -> Result<Passed, Refused> {
+    fn decide(&mut self, measured: &Measured, arrival: &Arrival) -> Result<Passed, ShapeRefused> {
         let no_value = |refusal| (refusal, f64::NAN, f64::NAN);
         let clock = self.clock.as_mut().ok_or(no_value(ShapeRefusal::NoHeader))?;
         let offset_ns = clock.offset_ns(arrival, measured.sent_ns).ok_or(no_value(ShapeRefusal::NoClock))?;
@@ -180,7 +180,7 @@ impl ShapeGate {
 }
 
 /// Numbers must be finite, angles within half a turn, covariances positive.
-fn check_value(value: Option<&Value>) -> Result<(), Refused> {
+fn check_value(value: Option<&Value>) -> Result<(), ShapeRefused> {
     let (angles, variances): (&[f64], &[f64]) = match value {
         None => return Ok(()),
         Some(Value::Bend { bend_rad, covariance_rad2 }) => {

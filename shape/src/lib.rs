@@ -20,7 +20,7 @@ mod process;
 
 pub use clock_map::{Arrival, ClockMap};
 pub use counts::{Counts, ShapeFinding, ShapeRefusal};
-pub use gate::{GateConfig, Passed, Refused, ShapeGate};
+pub use gate::{GateConfig, Passed, ShapeGate, ShapeRefused};
 pub use line::{Header, LineError, MAX_LINE_BYTES, Measured, ShapeLine, SourceClock, Value};
 pub use lines::{Cut, LineReader};
 pub use process::{ShapeError, run};

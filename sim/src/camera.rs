@@ -5,7 +5,7 @@
 use crate::noise::Noise;
 use crate::shutter::Shutter;
 use crate::truth::CameraTruth;
-use krait_slave::{Seen, ShapeReading};
+use krait_slave::{SeenShape, ShapeReading};
 use std::collections::VecDeque;
 
 /// Sights remembered for a wrong clock: the largest error, 0.4 s, at the shortest distance kept.
@@ -46,7 +46,7 @@ impl Camera {
         let noise = self.noise.pair();
         let frame = ShapeReading {
             exposure_ns,
-            seen: Seen::Bend([shown_rad[0] + self.sigma_rad * noise[0], shown_rad[1] + self.sigma_rad * noise[1]]),
+            seen: SeenShape::Bend([shown_rad[0] + self.sigma_rad * noise[0], shown_rad[1] + self.sigma_rad * noise[1]]),
             sigma_rad: self.sigma_rad,
             q_tilde_m,
         };
@@ -104,7 +104,7 @@ mod tests {
     const MS: i64 = 1_000_000;
 
     fn bend_rad(frame: &ShapeReading) -> [f64; 2] {
-        let Seen::Bend(bend_rad) = frame.seen else { panic!("{frame:?} is of no snake") };
+        let SeenShape::Bend(bend_rad) = frame.seen else { panic!("{frame:?} is of no snake") };
         bend_rad
     }
 

@@ -6,7 +6,7 @@ use crate::joints_truth::JointsTruth;
 use crate::noise::Noise;
 use crate::shutter::Shutter;
 use krait_ipc::message::{Actuators, MAX_ACTUATORS, MAX_JOINTS};
-use krait_slave::{Drive, DriveError, DriveReading, DriveTraits, Homing, Seen, ShapeReading, Switching};
+use krait_slave::{Drive, DriveError, DriveReading, DriveTraits, Homing, SeenShape, ShapeReading, Switching};
 
 /// Joints that exist only in numbers, each with a cable and a drive. They start at their zero, without power.
 #[derive(Clone, Debug)]
@@ -69,7 +69,7 @@ impl SimulatedJoints {
         }
         let frame = ShapeReading {
             exposure_ns,
-            seen: Seen::Joints(positions_rad, self.joints.len()),
+            seen: SeenShape::Joints(positions_rad, self.joints.len()),
             sigma_rad: self.camera_noise_rad,
             q_tilde_m: [f64::NAN; 3],
         };
@@ -184,7 +184,7 @@ mod tests {
             }
         }
         assert!((59..=60).contains(&n), "{n} in a second");
-        let Seen::Joints(positions, 5) = newest.unwrap().seen else { panic!("five joints") };
+        let SeenShape::Joints(positions, 5) = newest.unwrap().seen else { panic!("five joints") };
         let truth: Vec<f64> = joints.positions_rad().collect();
         assert!(positions.iter().zip(&truth).all(|(seen, is)| (seen - is).abs() < 6e-3), "{positions:?} for {truth:?}");
         let n_busy = (1001..2000).take_while(|k| joints.home(k * MS).unwrap() == Homing::Busy).count();

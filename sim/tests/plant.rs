@@ -3,7 +3,7 @@
 
 use core::f64::consts::PI;
 use krait_sim::{EffectsTruth, SimulatedSnake, Truth};
-use krait_slave::{Drive, Seen, lines};
+use krait_slave::{Drive, SeenShape, lines};
 use proptest::prelude::*;
 
 const R_M: f64 = 1.684e-3;
@@ -279,8 +279,8 @@ fn the_same_commands_give_the_same_bytes() {
             snake.write(k * 1_000_000, lines(q_m(0.8 * (2.0 * t).sin(), 1.3 * t))).unwrap();
             let reading = snake.read(k * 1_000_000).unwrap();
             let shape = snake.shape(k * 1_000_000).map_or([0.0; 2], |shape| match shape.seen {
-                Seen::Bend(bend_rad) => bend_rad,
-                Seen::Joints(..) => [f64::NAN; 2],
+                SeenShape::Bend(bend_rad) => bend_rad,
+                SeenShape::Joints(..) => [f64::NAN; 2],
             });
             for x in reading.q_tilde_m.into_iter().chain(reading.tau_n).chain(shape) {
                 bytes.extend(x.to_le_bytes());

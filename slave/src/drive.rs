@@ -2,7 +2,7 @@
 
 use crate::DriveTraits;
 pub use crate::drive_error::DriveError;
-use krait_ipc::message::{Actuators, Joints, MAX_ACTUATORS};
+use krait_ipc::message::{Actuators, JointValues, MAX_ACTUATORS};
 
 /// Push-pull actuators with encoders and loads, and perhaps a camera on what they move.
 ///
@@ -125,7 +125,7 @@ pub struct ShapeReading {
     /// Instant of exposure, CLOCK_MONOTONIC, nanoseconds.
     pub exposure_ns: i64,
     /// What it saw.
-    pub seen: Seen,
+    pub seen: SeenShape,
     /// Standard deviation of each number of it, rad (m for a sliding joint).
     pub sigma_rad: f64,
     /// Encoder positions q~ at the instant of exposure, m; NaN where not known. Of joints the camera's maker gives none.
@@ -134,11 +134,11 @@ pub struct ShapeReading {
 
 /// The shape of a machine.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Seen {
+pub enum SeenShape {
     /// Of a snake: bend vector b (cos delta, sin delta), rad.
     Bend([f64; 2]),
     /// Of so many joints: their positions, rad (m for a sliding joint).
-    Joints(Joints, usize),
+    Joints(JointValues, usize),
 }
 
 /// How far the search for the zero is.

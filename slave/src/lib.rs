@@ -30,14 +30,14 @@ mod stops;
 mod watchdog;
 
 pub use config::{ConfigError, SlaveConfig};
-pub use drive::{ActuatorState, Drive, DriveError, DriveReading, Homing, Seen, ShapeReading, Switching};
+pub use drive::{ActuatorState, Drive, DriveError, DriveReading, Homing, SeenShape, ShapeReading, Switching};
 pub use drive_config::{ActuatorConfig, DriveConfig, DriveKind, DriveMode};
 pub use drive_traits::{DriveTraits, OnFault};
 pub use engagement::Engagement;
 pub use findings::{Findings, Note};
 pub use gate::{Gate, GateLimits, Write};
 pub use krait_ipc::message::{Actuators, lines, three};
-pub use limiter::{Limiter, Limits, Situation, Verdict};
+pub use limiter::{Limiter, LimiterVerdict, Limits, Situation};
 pub use operating_state::{OperatingMachine, TransitionRefused};
 pub use process::{SlaveError, run_with_drive};
 pub use shapes::{ShapeSource, Shapes};

@@ -85,7 +85,7 @@ pub struct Situation {
 
 /// What becomes of a command that was admitted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
+pub enum LimiterVerdict {
     /// It would be a jump, or a load is not known; it changes nothing.
     Refuse,
     /// It asks to stand still, is late, or the slave is not ready to move.
@@ -159,15 +159,15 @@ impl Limiter {
     ///
     /// # Real-time
     /// As [`Limiter::admits`].
-    pub fn judge(&self, command: &Command, situation: &Situation, findings: &mut Findings) -> Verdict {
+    pub fn judge(&self, command: &Command, situation: &Situation, findings: &mut Findings) -> LimiterVerdict {
         let late = !self.is_in_time(command, situation.now_ns, findings);
         if late || !situation.ready || command.phase != Phase::Following as u32 {
-            return Verdict::Hold;
+            return LimiterVerdict::Hold;
         }
         let nearness_m = if situation.following { self.limits.step_m } else { self.limits.engage_m };
         let near = is_near(command, situation, nearness_m, findings);
         let known = self.knows_loads(&situation.tau_n, findings);
-        if near && known { Verdict::Move } else { Verdict::Refuse }
+        if near && known { LimiterVerdict::Move } else { LimiterVerdict::Refuse }
     }
 
     /// Whether an operator may engage at this command; says into `findings` what is missing.

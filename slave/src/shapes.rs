@@ -1,7 +1,7 @@
 //! Measured shapes of the drive's own camera, published by the slave unless another program does.
 
 use crate::process::SlaveError;
-use crate::{Drive, Seen, ShapeReading};
+use crate::{Drive, SeenShape, ShapeReading};
 use krait_ipc::message::Shape;
 use krait_ipc::{Bus, IpcError, Writer};
 use serde::{Deserialize, Serialize};
@@ -55,11 +55,11 @@ impl Shapes {
         let Some(writer) = &mut self.writer else { return Ok(()) };
         self.n_seen += 1;
         let shape = match seen.seen {
-            Seen::Bend(bend_rad) => {
+            SeenShape::Bend(bend_rad) => {
                 let shape = Shape::of_bend(self.n_seen, seen.exposure_ns, now_ns, bend_rad);
                 Shape { q_tilde_m: seen.q_tilde_m, ..shape.with_sigma(seen.sigma_rad) }
             }
-            Seen::Joints(joints_rad, n) => {
+            SeenShape::Joints(joints_rad, n) => {
                 let positions_rad = joints_rad.get(..n).unwrap_or(&joints_rad);
                 let mut shape = Shape::of_joints(self.n_seen, seen.exposure_ns, now_ns, positions_rad);
                 shape.joint_variances_rad2.iter_mut().take(n).for_each(|own| *own = seen.sigma_rad * seen.sigma_rad);

@@ -14,10 +14,10 @@
 
 use crate::gate::largest;
 use crate::{
-    ActuatorState, Drive, DriveError, DriveReading, Engagement, Findings, Gate, GateLimits, Homing, Limiter, Note,
-    OperatingMachine, Situation, SlaveConfig, Switching, TransitionRefused, Verdict, Watchdog, Write,
+    ActuatorState, Drive, DriveError, DriveReading, Engagement, Findings, Gate, GateLimits, Homing, Limiter,
+    LimiterVerdict, Note, OperatingMachine, Situation, SlaveConfig, Switching, TransitionRefused, Watchdog, Write,
 };
-use krait_ipc::message::{Command, HopStamps, Joints, MAX_JOINTS, OperatingState, StateCommand, Transition};
+use krait_ipc::message::{Command, HopStamps, JointValues, MAX_JOINTS, OperatingState, StateCommand, Transition};
 use krait_ipc::{Reason, Reasons};
 
 /// Commands come every millisecond; half a period more without one and the slave begins to brake, ns.
@@ -50,7 +50,7 @@ pub struct SlaveCore<D> {
     pub(crate) switching_since_ns: Option<i64>,
     motion: Motion,
     pub(crate) setpoint_bend_rad: [f64; 2],
-    pub(crate) setpoint_joints_rad: Joints,
+    pub(crate) setpoint_joints_rad: JointValues,
     /// Joints that the newest executed command was for.
     pub(crate) n_joints: u32,
     pub(crate) reading: DriveReading,
@@ -202,18 +202,18 @@ impl<D: Drive> SlaveCore<D> {
         self.end_if_changed(command);
         let situation = self.situation(now_ns);
         match self.limiter.judge(command, &situation, &mut findings) {
-            Verdict::Refuse => {
+            LimiterVerdict::Refuse => {
                 if findings.reasons().contains(Reason::LoadUnknown) {
                     self.disengage(Reason::LoadUnknown, None);
                 }
                 self.refuse(now_ns);
             }
-            Verdict::Hold => {
+            LimiterVerdict::Hold => {
                 self.watchdog.feed(now_ns);
                 self.motion = Motion::Held;
                 self.brake(now_ns);
             }
-            Verdict::Move => {
+            LimiterVerdict::Move => {
                 self.watchdog.feed(now_ns);
                 self.go(command, &situation, &mut findings);
             }

@@ -3,7 +3,7 @@
 #![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
 
 use core::time::Duration;
-use krait_drives::emulator::{Emulator, Servo, Wire};
+use krait_drives::emulator::{Emulator, Servo, ServoWire};
 use krait_ipc::message::OperatingState;
 use krait_record::Recording;
 use krait_schema::Sample;
@@ -16,7 +16,7 @@ const PATIENCE: Duration = Duration::from_secs(120);
 const ZERO: f64 = 2048.0;
 
 fn emulator() -> Emulator {
-    Emulator::start(Wire::new((1..=3).map(|id| Servo::new(id, ZERO)).collect())).expect("a pseudo-terminal")
+    Emulator::start(ServoWire::new((1..=3).map(|id| Servo::new(id, ZERO)).collect())).expect("a pseudo-terminal")
 }
 
 /// A configuration for the emulated servos, with patience for a machine under load.

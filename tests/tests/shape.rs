@@ -9,7 +9,7 @@ use krait_ipc::{Bus, Process, ReadOptions, clock, health_channel};
 use krait_record::Recording;
 use krait_schema::Sample;
 use krait_sim::{SimulatedSnake, Truth};
-use krait_slave::{Drive, Seen};
+use krait_slave::{Drive, SeenShape};
 use krait_tests::{Ended, Krait, TempFolder, instance_name, processes_of, wait_until};
 use std::io::Write;
 use std::path::Path;
@@ -37,7 +37,7 @@ fn look(instance: &str, mut out: ChildStdin, stop: &AtomicBool) -> (u64, u64) {
             let Some(seen) = snake.shape(state.sample_ns) else { continue };
             n_frames += 1;
             let (exposure_ns, sent_ns) = (seen.exposure_ns - CLOCK_OFFSET_NS, clock::monotonic_ns() - CLOCK_OFFSET_NS);
-            let Seen::Bend([x, y]) = seen.seen else { panic!("a camera on a snake sees a bend") };
+            let SeenShape::Bend([x, y]) = seen.seen else { panic!("a camera on a snake sees a bend") };
             let variance = seen.sigma_rad * seen.sigma_rad;
             let mut text = format!(
                 "{{\"exposure_ns\": {exposure_ns}, \"sent_ns\": {sent_ns}, \"frame\": {n_frames}, \

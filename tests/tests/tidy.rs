@@ -2,7 +2,7 @@
 
 #![allow(clippy::expect_used, reason = "a panic is how a test fails")]
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -82,6 +82,25 @@ fn no_file_is_longer_than_a_head_can_hold() {
         let n_lines = fs::read_to_string(&path).expect("readable").lines().count();
         assert!(n_lines <= MOST_LINES, "{} has {n_lines} lines", path.display());
     }
+}
+
+#[test]
+fn no_public_type_shares_its_name_with_another() {
+    let mut places: BTreeMap<String, Vec<PathBuf>> = BTreeMap::new();
+    for path in rust_files().into_iter().filter(|path| path.iter().any(|part| part == "src")) {
+        for line in fs::read_to_string(&path).expect("text").lines() {
+            let item = line.trim_start();
+            let declared =
+                ["pub struct ", "pub enum ", "pub trait ", "pub type "].iter().find_map(|kind| item.strip_prefix(kind));
+            let name: Option<String> = declared.map(|rest| rest.chars().take_while(|c| c.is_alphanumeric()).collect());
+            if let Some(name) = name.filter(|name| !name.is_empty()) {
+                places.entry(name).or_default().push(path.clone());
+            }
+        }
+    }
+    assert!(places.len() > 300, "{} public types were found; the search is broken", places.len());
+    let twice: Vec<_> = places.into_iter().filter(|(_, places)| places.len() > 1).collect();
+    assert!(twice.is_empty(), "a reader cannot tell them apart: {twice:#?}");
 }
 
 #[test]

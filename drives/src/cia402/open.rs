@@ -8,7 +8,7 @@ use super::wire::Wire;
 use super::{Cia402, sdo};
 use crate::bus::{ActuatorBus, Goals, Seen};
 use crate::error::OpenError;
-use crate::{BusDrive, Setup, Units};
+use crate::{BusDrive, BusSetup, Units};
 use krait_ipc::Beside;
 use krait_slave::{DriveConfig, SlaveConfig};
 
@@ -51,7 +51,7 @@ pub(crate) fn interface(drive: &DriveConfig) -> Result<&str, OpenError> {
 }
 
 /// Units, period and limits of a configuration.
-pub(crate) fn setup(config: &SlaveConfig) -> Result<Setup, OpenError> {
+pub(crate) fn setup(config: &SlaveConfig) -> Result<BusSetup, OpenError> {
     let drive = &config.drive;
     let mut units = Vec::new();
     for (k, actuator) in drive.actuator.iter().enumerate() {
@@ -60,7 +60,7 @@ pub(crate) fn setup(config: &SlaveConfig) -> Result<Setup, OpenError> {
     // No motor does in a cycle more than twice what it can in all that may be missing.
     let missing_s = f64::from(drive.lost_cycles) * drive.period_ms * 1e-3;
     let leap_counts = (2.0 * drive.speed_counts_per_s * missing_s).max(64.0) as i32;
-    Setup::new(config, units, leap_counts, exchange_ns(drive))
+    BusSetup::new(config, units, leap_counts, exchange_ns(drive))
 }
 
 /// A cycle on the wire: target and answer of each drive, SYNC and a heartbeat, at the worst bit stuffing.

@@ -4,7 +4,7 @@ mod faults;
 mod opening;
 
 use super::*;
-use crate::Setup;
+use crate::BusSetup;
 use crate::cycles::Cycles;
 use crate::emulator::{CanBus, CanDrive, CanWire};
 use crate::exchange::{Exchange, Phase, Report, Wish};
@@ -61,7 +61,7 @@ impl Bench {
     fn new() -> Self {
         let (bus, config) = three();
         let (wire, clock) = bus.own_time();
-        let setup: Setup = open::setup(&config).unwrap_or_else(|error| panic!("{error}"));
+        let setup: BusSetup = open::setup(&config).unwrap_or_else(|error| panic!("{error}"));
         let (can, seen) = Cia402::open(&config, wire).unwrap_or_else(|error| panic!("{error}"));
         let exchange = Arc::new(Exchange {
             wish: Newest::new(&Wish::default()),

@@ -75,7 +75,7 @@ impl Bench {
         // A million counts a turn: rounding is no part of these tests.
         let units = |(k, actuator)| Units::new(actuator, k + 1, 1_000_000).unwrap();
         let units = config.drive.actuator.iter().enumerate().map(units).collect();
-        let setup = Setup::new(&config, units, 500_000, 2 * MS).unwrap_or_else(|error| panic!("{error}"));
+        let setup = BusSetup::new(&config, units, 500_000, 2 * MS).unwrap_or_else(|error| panic!("{error}"));
         let exchange = Arc::new(Exchange {
             wish: Newest::new(&Wish::default()),
             report: Newest::new(&setup.blank_report()),

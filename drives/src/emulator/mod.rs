@@ -10,7 +10,7 @@ mod wire;
 
 pub use can::{CanBus, CanDrive, CanDrives, CanFaults, CanWire, serve as serve_can};
 pub use servo::{Faults, Servo};
-pub use wire::Wire;
+pub use wire::ServoWire;
 
 use core::time::Duration;
 use krait_ipc::clock::monotonic_ns;
@@ -35,7 +35,7 @@ const OVERSLEEP_NS: i64 = 60_000;
 #[derive(Debug)]
 pub struct Emulator {
     path: PathBuf,
-    wire: Arc<Mutex<Wire>>,
+    wire: Arc<Mutex<ServoWire>>,
     ends: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
@@ -45,7 +45,7 @@ impl Emulator {
     ///
     /// # Errors
     /// What the kernel says when it gives no pseudo-terminal.
-    pub fn start(wire: Wire) -> io::Result<Self> {
+    pub fn start(wire: ServoWire) -> io::Result<Self> {
         let host = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)?;
         grantpt(&host)?;
         unlockpt(&host)?;
@@ -74,7 +74,7 @@ impl Emulator {
     }
 
     /// The bus, to look at it or to break it.
-    pub fn wire(&self) -> MutexGuard<'_, Wire> {
+    pub fn wire(&self) -> MutexGuard<'_, ServoWire> {
         self.wire.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -90,7 +90,7 @@ impl Drop for Emulator {
     }
 }
 
-fn serve(host: &OwnedFd, _kept: &File, wire: &Mutex<Wire>, ends: &AtomicBool) -> io::Result<()> {
+fn serve(host: &OwnedFd, _kept: &File, wire: &Mutex<ServoWire>, ends: &AtomicBool) -> io::Result<()> {
     let mut pending = Vec::new();
     let mut buffer = [0; 4096];
     while !ends.load(Ordering::Relaxed) {

@@ -10,7 +10,7 @@ const DELAY_UNIT_NS: i64 = 2_000;
 
 /// A bus with its servos.
 #[derive(Clone, Debug)]
-pub struct Wire {
+pub struct ServoWire {
     /// Bit rate of the servos; a host at another one gets no answer.
     pub baud: u32,
     /// How long the USB adapter holds received bytes.
@@ -59,7 +59,7 @@ pub(crate) fn next_request(pending: &mut Vec<u8>) -> Option<Request> {
     }
 }
 
-impl Wire {
+impl ServoWire {
     /// Sound servos at 1 Mbaud behind an adapter that holds nothing back.
     pub fn new(servos: Vec<Servo>) -> Self {
         let usb_latency = Duration::ZERO;

@@ -23,7 +23,7 @@ pub use scan::{BAUDS, FoundServo, scan};
 use crate::bus::{ActuatorBus, BusGone, Goals, PerActuator, Seen, Trouble};
 use crate::error::OpenError;
 use crate::texts::{CURRENT, HEAT, SENSOR, SEVERAL, VOLTAGE};
-use crate::{BusDrive, Setup, Units};
+use crate::{BusDrive, BusSetup, Units};
 use core::time::Duration;
 use krait_ipc::Beside;
 use krait_ipc::clock::monotonic_ns;
@@ -162,7 +162,7 @@ pub fn open_drive(config: &SlaveConfig, beside: Option<Beside>) -> Result<BusDri
     for (k, actuator) in drive.actuator.iter().enumerate() {
         units.push(Units::new(actuator, k + 1, COUNTS_PER_TURN)?);
     }
-    let setup = Setup::new(config, units, COUNTS_PER_TURN / 2, exchange_ns(drive.actuator.len(), drive.baud))?;
+    let setup = BusSetup::new(config, units, COUNTS_PER_TURN / 2, exchange_ns(drive.actuator.len(), drive.baud))?;
     let (bus, seen) = Sts3215::open(drive)?;
     BusDrive::start(bus, setup, seen, beside).map_err(OpenError::Thread)
 }

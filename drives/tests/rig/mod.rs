@@ -2,7 +2,7 @@
 #![allow(dead_code, reason = "each test file uses a part")]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests fail as tests do")]
 
-use krait_drives::emulator::{Emulator, Servo, Wire};
+use krait_drives::emulator::{Emulator, Servo, ServoWire};
 use krait_drives::{BusDrive, sts3215};
 use krait_ipc::clock::monotonic_ns;
 use krait_slave::{ActuatorConfig, Drive, DriveConfig, DriveKind, DriveReading, Homing, SlaveConfig, Switching, lines};
@@ -12,8 +12,8 @@ use std::time::Duration;
 pub const ZERO: i32 = 2048;
 
 /// Three sound servos near their zero.
-pub fn three() -> Wire {
-    Wire::new((1..=3).map(|id| Servo::new(id, f64::from(ZERO) + f64::from(id))).collect())
+pub fn three() -> ServoWire {
+    ServoWire::new((1..=3).map(|id| Servo::new(id, f64::from(ZERO) + f64::from(id))).collect())
 }
 
 /// A configuration with patience for a loaded machine: nothing here is about absolute times.

@@ -10,7 +10,7 @@ pub const MAX_JOINTS: usize = 8;
 /// One number for each actuator; zeros behind the last.
 pub type Actuators = [f64; MAX_ACTUATORS];
 /// One number for each joint; zeros behind the last.
-pub type Joints = [f64; MAX_JOINTS];
+pub type JointValues = [f64; MAX_JOINTS];
 
 /// The three lines of a snake among the actuators.
 pub const fn lines([line_1, line_2, line_3]: [f64; N_LINES]) -> Actuators {

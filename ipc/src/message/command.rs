@@ -1,6 +1,6 @@
 //! What the actuators shall do: published by `compensate`, read by `slave`.
 
-use super::{Actuators, HopStamps, Joints, MAX_LEARNT, message};
+use super::{Actuators, HopStamps, JointValues, MAX_LEARNT, message};
 use iceoryx2::prelude::ZeroCopySend;
 
 /// Actuator positions, uncompensated and compensated side by side.
@@ -25,7 +25,7 @@ pub struct Command {
     /// The bend vector that this command is for, rad; equals the setpoint's; NaN for joints.
     pub bend_rad: [f64; 2],
     /// The positions of joints that this command is for, rad (m for a sliding joint); equal the setpoint's; zeros for a snake.
-    pub joints_rad: Joints,
+    pub joints_rad: JointValues,
     /// q of Eq. (1): what an inextensible snake would need, or what joints without effects would, m, push positive.
     pub q_uncompensated_m: Actuators,
     /// q~ = q + eps: what the actuators are told, m, push positive.

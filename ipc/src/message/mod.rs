@@ -27,7 +27,7 @@ mod state_command;
 mod state_request;
 mod text;
 
-pub use actuators::{Actuators, Joints, MAX_ACTUATORS, MAX_JOINTS, N_LINES, lines, n_actuators, three, used};
+pub use actuators::{Actuators, JointValues, MAX_ACTUATORS, MAX_JOINTS, N_LINES, lines, n_actuators, three, used};
 pub use command::Command;
 pub use cue::Cue;
 pub use drive_wish::DriveWish;

@@ -1,6 +1,6 @@
 //! Where the machine shall be: published by `resolve`, read by `compensate`.
 
-use super::{Actuators, HopStamps, Joints, message};
+use super::{Actuators, HopStamps, JointValues, message};
 use iceoryx2::prelude::ZeroCopySend;
 
 /// The setpoint, a bend vector or positions of joints, and what follows from it without compensation.
@@ -23,9 +23,9 @@ pub struct Setpoint {
     /// Its rate, rad/s.
     pub bend_vel_rad_per_s: [f64; 2],
     /// Positions of joints, rad (m for a sliding joint); zeros for a snake.
-    pub joints_rad: Joints,
+    pub joints_rad: JointValues,
     /// Their rates, rad/s (m/s).
-    pub joints_vel_rad_per_s: Joints,
+    pub joints_vel_rad_per_s: JointValues,
     /// Actuator rates, m/s. Of a snake those that J~ = (I + J alpha)^-1 J asks for: q~_dot = (J_q_b + alpha_b) b_dot.
     pub q_tilde_vel_m_per_s: Actuators,
     /// End-disk centre in the base frame for this bend, m; NaN for joints.

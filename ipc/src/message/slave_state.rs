@@ -1,6 +1,6 @@
 //! What the actuators do and measure: published by `slave`, read by everyone.
 
-use super::{Actuators, HopStamps, Joints, message};
+use super::{Actuators, HopStamps, JointValues, message};
 use iceoryx2::prelude::ZeroCopySend;
 
 /// CRTK operating state, joint setpoints and encoder measurements of the actuators.
@@ -34,7 +34,7 @@ pub struct SlaveState {
     /// `setpoint` in configuration space: the bend vector that the last accepted command was for, rad; NaN for joints.
     pub setpoint_bend_rad: [f64; 2],
     /// The positions of joints that the last accepted command was for, rad (m for a sliding joint); zeros for a snake.
-    pub setpoint_joints_rad: Joints,
+    pub setpoint_joints_rad: JointValues,
     /// `measured_js` position: the encoders, m, push positive.
     pub measured_q_m: Actuators,
     /// `measured_js` effort: load of each line at its actuator, N, push positive; NaN where not measured.

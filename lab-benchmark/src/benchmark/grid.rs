@@ -1,6 +1,6 @@
 //! The grid of a benchmark: every kind, several sizes, noises and motions, each cell a recipe that follows from one seed.
 
-use crate::generate::{KINDS, Kind, Motion, Noise, Recipe, pick, several};
+use crate::generate::{KINDS, Kind, Motion, NoiseKind, Recipe, pick, several};
 use crate::joints::{JOINT_KINDS, JointKind, JointRecipe, pick_joints};
 
 /// What a cell asks.
@@ -43,7 +43,7 @@ impl Group {
 
 /// One cell.
 #[derive(Clone, Debug)]
-pub struct Cell {
+pub struct GridCell {
     /// Its name, the same on every run: which cells are finished is known by it.
     pub id: String,
     /// What it asks.
@@ -73,15 +73,15 @@ impl Task {
 
 /// Sizes of single effects, in units of the noise's length.
 const SIZES: [f64; 3] = [1.0, 2.0, 4.0];
-const NOISES: [Noise; 8] = [
-    Noise::White,
-    Noise::Coloured(0.2),
-    Noise::Coloured(1.0),
-    Noise::Coloured(3.0),
-    Noise::Quantised,
-    Noise::Outliers,
-    Noise::Heteroscedastic,
-    Noise::Drift,
+const NOISES: [NoiseKind; 8] = [
+    NoiseKind::White,
+    NoiseKind::Coloured(0.2),
+    NoiseKind::Coloured(1.0),
+    NoiseKind::Coloured(3.0),
+    NoiseKind::Quantised,
+    NoiseKind::Outliers,
+    NoiseKind::Heteroscedastic,
+    NoiseKind::Drift,
 ];
 /// Pairs in each round.
 const N_PAIRS: usize = 16;
@@ -91,14 +91,14 @@ const N_SEVERAL: usize = 6;
 const POOR: [&str; 4] = ["backlash", "cone", "delay", "encoder-zero"];
 
 /// The cells of `n_rounds` rounds. More rounds only add cells.
-pub fn grid(seed: u64, n_rounds: usize, seconds: f64) -> Vec<Cell> {
+pub fn grid(seed: u64, n_rounds: usize, seconds: f64) -> Vec<GridCell> {
     let mut cells = Vec::new();
     for round in 0..n_rounds {
         let mut cells_of_round = Vec::new();
-        let mut add = |group: Group, hidden: Vec<(&'static Kind, f64)>, motion: Motion, noise: Noise| {
+        let mut add = |group: Group, hidden: Vec<(&'static Kind, f64)>, motion: Motion, noise: NoiseKind| {
             let own_seed = mixed(seed, round as u64, cells_of_round.len() as u64);
             let recipe = Recipe { hidden, motion, noise, seed: own_seed, seconds, ..Recipe::default() };
-            cells_of_round.push(Cell { id: id(group, &recipe), group, task: Task::Snake(recipe) });
+            cells_of_round.push(GridCell { id: id(group, &recipe), group, task: Task::Snake(recipe) });
         };
         for (k, noise) in NOISES.into_iter().enumerate() {
             for motion in [Motion::Rich, Motion::Teleop] {
@@ -106,14 +106,14 @@ pub fn grid(seed: u64, n_rounds: usize, seconds: f64) -> Vec<Cell> {
             }
             let outside: Vec<&Kind> = KINDS.iter().filter(|kind| !kind.is_known()).collect();
             if let Some(&kind) = outside.get(k) {
-                add(Group::Outside, vec![(kind, 2.0)], Motion::Rich, Noise::White);
-                add(Group::Outside, vec![(kind, 2.0)], Motion::Teleop, Noise::White);
+                add(Group::Outside, vec![(kind, 2.0)], Motion::Rich, NoiseKind::White);
+                add(Group::Outside, vec![(kind, 2.0)], Motion::Teleop, NoiseKind::White);
             }
         }
         for (k, kind) in KINDS.iter().filter(|kind| kind.is_known()).enumerate() {
             for (j, size) in SIZES.into_iter().enumerate() {
                 let motion = if (k + j + round) % 2 == 0 { Motion::Rich } else { Motion::Teleop };
-                let noise = if (k + round) % 3 == 2 { Noise::Coloured(0.5) } else { Noise::White };
+                let noise = if (k + round) % 3 == 2 { NoiseKind::Coloured(0.5) } else { NoiseKind::White };
                 add(Group::Single, vec![(kind, size.min(kind.most_size))], motion, noise);
             }
         }
@@ -121,7 +121,7 @@ pub fn grid(seed: u64, n_rounds: usize, seconds: f64) -> Vec<Cell> {
             let hidden = pick(mixed(seed ^ 0x5eed, round as u64, k as u64), true);
             let sizes: [f64; 2] = [2.5, 1.5];
             let hidden = hidden.into_iter().zip(sizes).map(|(kind, size)| (kind, size.min(kind.most_size))).collect();
-            add(Group::Pair, hidden, if k % 2 == 0 { Motion::Rich } else { Motion::Teleop }, Noise::White);
+            add(Group::Pair, hidden, if k % 2 == 0 { Motion::Rich } else { Motion::Teleop }, NoiseKind::White);
         }
         for k in 0..N_SEVERAL as u64 {
             let own = |salt: u64, n_known: usize, unknown: bool| {
@@ -134,11 +134,11 @@ pub fn grid(seed: u64, n_rounds: usize, seconds: f64) -> Vec<Cell> {
                     .collect::<Vec<_>>()
             };
             let motion = if k % 2 == 0 { Motion::Rich } else { Motion::Teleop };
-            add(Group::Several, own(0x5e7e, 3 + (k % 3) as usize, false), motion, Noise::White);
-            add(Group::Beside, own(0xbe51, 1, true), motion, Noise::White);
+            add(Group::Several, own(0x5e7e, 3 + (k % 3) as usize, false), motion, NoiseKind::White);
+            add(Group::Beside, own(0xbe51, 1, true), motion, NoiseKind::White);
         }
         for kind in POOR.iter().filter_map(|name| Kind::from_name(name)) {
-            add(Group::Poor, vec![(kind, 2.0)], Motion::Ramp, Noise::White);
+            add(Group::Poor, vec![(kind, 2.0)], Motion::Ramp, NoiseKind::White);
         }
         cells.append(&mut cells_of_round);
     }
@@ -152,11 +152,11 @@ fn id(group: Group, recipe: &Recipe) -> String {
 }
 
 /// The cells of `n_rounds` rounds of joints. More rounds only add cells.
-pub fn joint_grid(seed: u64, n_rounds: usize, seconds: f64) -> Vec<Cell> {
+pub fn joint_grid(seed: u64, n_rounds: usize, seconds: f64) -> Vec<GridCell> {
     let mut cells = Vec::new();
     for round in 0..n_rounds {
         let mut n = 0;
-        let mut add = |group: Group, hidden: Vec<(&'static JointKind, f64)>, noise: Noise, every: usize| {
+        let mut add = |group: Group, hidden: Vec<(&'static JointKind, f64)>, noise: NoiseKind, every: usize| {
             n += 1;
             let own_seed = mixed(seed ^ 0x0070_1275, round as u64, n);
             let recipe = JointRecipe {
@@ -171,7 +171,7 @@ pub fn joint_grid(seed: u64, n_rounds: usize, seconds: f64) -> Vec<Cell> {
             let names: Vec<String> =
                 recipe.hidden.iter().map(|(kind, size)| format!("{}={size:.2}", kind.name)).collect();
             let id = format!("joints/{}/{}/{}/{every}/{own_seed:016x}", group.word(), names.join("+"), noise.name());
-            cells.push(Cell { id, group, task: Task::Joints(recipe) });
+            cells.push(GridCell { id, group, task: Task::Joints(recipe) });
         };
         let size =
             |k: u64, low: f64, high: f64| low * (high / low).powf((mixed(seed, round as u64, k) % 997) as f64 / 997.0);
@@ -182,7 +182,7 @@ pub fn joint_grid(seed: u64, n_rounds: usize, seconds: f64) -> Vec<Cell> {
         for (k, kind) in JOINT_KINDS.iter().enumerate() {
             let (group, low, high) =
                 if kind.is_known() { (Group::Single, 1.0, 6.0) } else { (Group::Outside, 1.0, 6.0) };
-            let noise = if (k + round) % 3 == 2 { Noise::Coloured(0.5) } else { Noise::White };
+            let noise = if (k + round) % 3 == 2 { NoiseKind::Coloured(0.5) } else { NoiseKind::White };
             add(group, vec![(kind, size(k as u64, low, high))], noise, if k % 4 == 3 { 5 } else { 1 });
             if !kind.is_known() {
                 add(group, vec![(kind, size(k as u64 + 100, low, high))], noise, 1);
@@ -195,7 +195,7 @@ pub fn joint_grid(seed: u64, n_rounds: usize, seconds: f64) -> Vec<Cell> {
                     |(i, kind): (usize, &'static JointKind)| (kind, size(1000 * salt + 10 * k + i as u64, 1.2, 5.0));
                 kinds.into_iter().enumerate().map(own).collect::<Vec<_>>()
             };
-            let noise = if k % 4 == 3 { Noise::Coloured(0.2) } else { Noise::White };
+            let noise = if k % 4 == 3 { NoiseKind::Coloured(0.2) } else { NoiseKind::White };
             add(Group::Pair, picked(2, false, 1), noise, 1);
             add(Group::Several, picked(3 + (k % 3) as usize, false, 2), noise, 1);
             add(Group::Beside, picked(1, true, 3), noise, 1);

@@ -12,7 +12,7 @@ mod pictures;
 mod summary;
 
 pub use baseline::Baselines;
-pub use grid::{Cell, Group, Task, grid, joint_grid};
+pub use grid::{GridCell, Group, Task, grid, joint_grid};
 pub use outcome::{Outcome, Said};
 pub use page::page;
 pub use summary::{Rate, Summary};
@@ -74,7 +74,7 @@ pub enum BenchmarkError {
 /// [`BenchmarkError`]. What was finished before is kept.
 pub fn run(
     options: &Options,
-    cells: &[Cell],
+    cells: &[GridCell],
     results: &Path,
     progress: impl Fn(usize, usize, &Outcome) + Sync,
 ) -> Result<Vec<Outcome>, BenchmarkError> {
@@ -82,7 +82,7 @@ pub fn run(
     let (lines, before) = read(options, results)?;
     let done: BTreeSet<&str> = before.iter().map(|outcome| outcome.id.as_str()).collect();
     let file = Mutex::new(rewritten(options, results, &lines).map_err(failed)?);
-    let todo: Vec<&Cell> = cells.iter().filter(|cell| !done.contains(cell.id.as_str())).collect();
+    let todo: Vec<&GridCell> = cells.iter().filter(|cell| !done.contains(cell.id.as_str())).collect();
     let n_done = Mutex::new(cells.len() - todo.len());
     let snake = ModelFile::parse(&base_model()).ok().as_ref().and_then(SnakeLab::new);
     let joints = ModelFile::parse(JOINTS_MODEL).ok().as_ref().and_then(JointsLab::new);

@@ -1,7 +1,7 @@
 //! What came of one cell: the diagnosis beside the truth, as one line of the results.
 
 use super::baseline::{self, Baselines};
-use super::{Cell, Group, Task};
+use super::{GridCell, Group, Task};
 use crate::generate::{Answer, generate};
 use crate::joints::joints;
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, FoundEffect, Verdict, diagnose};
@@ -50,7 +50,7 @@ pub struct Said {
 
 impl Outcome {
     /// Works a cell out.
-    pub fn of(cell: &Cell, snake: &SnakeLab, pair: &JointsLab, with_baselines: bool) -> Self {
+    pub fn of(cell: &GridCell, snake: &SnakeLab, pair: &JointsLab, with_baselines: bool) -> Self {
         let mut outcome = Self {
             id: cell.id.clone(),
             group: cell.group.word().to_owned(),
@@ -65,7 +65,13 @@ impl Outcome {
         outcome
     }
 
-    fn fill(&mut self, cell: &Cell, snake: &SnakeLab, pair: &JointsLab, with_baselines: bool) -> Result<(), String> {
+    fn fill(
+        &mut self,
+        cell: &GridCell,
+        snake: &SnakeLab,
+        pair: &JointsLab,
+        with_baselines: bool,
+    ) -> Result<(), String> {
         let (machine, data, answer): (&dyn MachineUnderTest, _, _) = match &cell.task {
             Task::Snake(recipe) => {
                 let made = generate(recipe).map_err(|e| e.to_string())?;

@@ -17,7 +17,7 @@ mod seal;
 pub use answer::Answer;
 pub use kind::{KINDS, Kind};
 pub use motion::Motion;
-pub use noise::Noise;
+pub use noise::NoiseKind;
 pub use quiz::{Difficulty, Judgement, Quiz};
 pub use seal::{SealError, Sealed, base_model, is_unmodified};
 
@@ -42,7 +42,7 @@ pub struct Recipe {
     /// The motion.
     pub motion: Motion,
     /// The camera's noise.
-    pub noise: Noise,
+    pub noise: NoiseKind,
     /// Its standard deviation in each component, rad.
     pub sigma_rad: f64,
     /// Load cells at the actuators with white noise of this standard deviation, N; `None`: no loads are recorded.
@@ -64,7 +64,7 @@ impl Default for Recipe {
         Self {
             hidden: Vec::new(),
             motion: Motion::Rich,
-            noise: Noise::White,
+            noise: NoiseKind::White,
             sigma_rad: 0.3 * core::f64::consts::PI / 180.0,
             load_sigma_n: None,
             seconds: 200.0,

@@ -4,7 +4,7 @@ use super::random::{Purpose, Random};
 
 /// A kind of noise; sigma is the standard deviation of each component of the bend vector.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Noise {
+pub enum NoiseKind {
     /// Independent from row to row.
     White,
     /// Half of the variance white, half with this correlation time, s (Ornstein-Uhlenbeck).
@@ -22,7 +22,7 @@ pub enum Noise {
 /// Correlation time of a wandering camera, s.
 const WANDER_S: f64 = 60.0;
 
-impl Noise {
+impl NoiseKind {
     /// Its name on the command line and in answers.
     pub fn name(self) -> String {
         match self {
@@ -48,7 +48,7 @@ impl Noise {
 
     /// Adds it to shapes, rad.
     pub(crate) fn add_to(self, seen_rad: &mut [[f64; 2]], sigma_rad: f64, period_s: f64, seed: u64) {
-        let mut random = Random::new(seed, Purpose::Noise);
+        let mut random = Random::new(seed, Purpose::NoiseKind);
         let share = 0.5_f64.sqrt();
         let decay = match self {
             Self::Coloured(time_s) => (-period_s / time_s).exp(),
@@ -85,7 +85,13 @@ mod tests {
 
     #[test]
     fn each_kind_has_about_the_deviation_that_was_asked_for_and_comes_back_by_its_name() {
-        let kinds = [Noise::White, Noise::Coloured(0.5), Noise::Quantised, Noise::Heteroscedastic, Noise::Drift];
+        let kinds = [
+            NoiseKind::White,
+            NoiseKind::Coloured(0.5),
+            NoiseKind::Quantised,
+            NoiseKind::Heteroscedastic,
+            NoiseKind::Drift,
+        ];
         for noise in kinds {
             let clean: Vec<[f64; 2]> = (0..60_000).map(|k| [0.6 * (f64::from(k) * 1e-3).sin(), 0.4]).collect();
             let mut noisy = clean.clone();
@@ -93,20 +99,20 @@ mod tests {
             let square: f64 = noisy.iter().zip(&clean).map(|(a, b)| (a[0] - b[0]).powi(2)).sum();
             let sd = (square / 60_000.0).sqrt();
             assert!((sd / 0.01 - 1.0).abs() < 0.15, "{noise:?}: {sd}");
-            assert_eq!(Noise::from_name(&noise.name()), Some(noise));
+            assert_eq!(NoiseKind::from_name(&noise.name()), Some(noise));
         }
-        assert_eq!(Noise::from_name("ou:-1"), None);
-        assert_eq!(Noise::from_name("pink"), None);
+        assert_eq!(NoiseKind::from_name("ou:-1"), None);
+        assert_eq!(NoiseKind::from_name("pink"), None);
     }
 
     #[test]
     fn coloured_noise_is_alike_within_its_time_and_white_noise_is_not() {
-        let alike = |noise: Noise| {
+        let alike = |noise: NoiseKind| {
             let mut noisy = vec![[0.0; 2]; 60_000];
             noise.add_to(&mut noisy, 1.0, 0.02, 3);
             noisy.iter().zip(noisy.iter().skip(5)).map(|(a, b)| a[0] * b[0]).sum::<f64>() / 60_000.0
         };
-        assert!((alike(Noise::Coloured(0.5)) - 0.5 * (-0.2_f64).exp()).abs() < 0.05);
-        assert!(alike(Noise::White).abs() < 0.02);
+        assert!((alike(NoiseKind::Coloured(0.5)) - 0.5 * (-0.2_f64).exp()).abs() < 0.05);
+        assert!(alike(NoiseKind::White).abs() < 0.02);
     }
 }

@@ -8,7 +8,7 @@ mod plant;
 
 pub use kind::{JOINT_KINDS, JointKind};
 
-use crate::generate::{Answer, Noise, Purpose, Random};
+use crate::generate::{Answer, NoiseKind, Purpose, Random};
 use core::f64::consts::TAU;
 use kind::Draw;
 use krait_lab::{LoadUse, Measurements, Quantity};
@@ -23,7 +23,7 @@ pub struct JointRecipe {
     /// Whether joints reach and rest as an operator moves them; else they go up and down by many ways.
     pub is_teleop: bool,
     /// The sensor's noise.
-    pub noise: Noise,
+    pub noise: NoiseKind,
     /// Its standard deviation over a half range of the motion.
     pub sigma: f64,
     /// Length, s.
@@ -41,7 +41,7 @@ impl Default for JointRecipe {
         Self {
             hidden: Vec::new(),
             is_teleop: false,
-            noise: Noise::White,
+            noise: NoiseKind::White,
             sigma: 0.01,
             seconds: 100.0,
             rate_hz: 50.0,

@@ -9,13 +9,11 @@ mod common_mode;
 mod json;
 pub(crate) mod motion;
 mod parts;
-mod spread;
 mod worst;
 
 pub use bins::Bin;
 pub use common_mode::CommonMode;
 pub use parts::Parts;
-pub use spread::Spread;
 
 use crate::cells::load_cells;
 use crate::diagnose::LoadCell;
@@ -24,6 +22,7 @@ use crate::noise::NoiseFloor;
 use crate::prepare::{Prepared, prepare};
 use crate::{LabError, Measurements, Problem};
 use krait_model::model_file::Known;
+use krait_report::Spread;
 use serde::Serialize;
 
 /// How far model and measurement are apart. Errors are in the machine's unit for errors (degrees for angles).

@@ -1,7 +1,7 @@
 //! The error of each row, and its parts along and across the measured bend.
 
-use super::Spread;
 use crate::{Measurements, Quantity};
+use krait_report::Spread;
 
 /// The error of a row, measured minus predicted.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,9 +54,9 @@ impl Parts {
         let angles: Vec<f64> = scored.iter().filter_map(angle).collect();
         let sum: f64 = angles.iter().map(|a| a * a).sum();
         Some(Self {
-            bend: Spread::of(errors.iter().map(|e| e.bend.abs()).collect()),
+            bend: Spread::of(errors.iter().map(|e| e.bend.abs())),
             bend_mean: errors.iter().map(|e| e.bend).sum::<f64>() / n,
-            plane: Spread::of(errors.iter().map(|e| e.plane.abs()).collect()),
+            plane: Spread::of(errors.iter().map(|e| e.plane.abs())),
             plane_mean: errors.iter().map(|e| e.plane).sum::<f64>() / n,
             azimuth_rms: scale * (sum / angles.len().max(1) as f64).sqrt(),
             n_azimuth: angles.len(),

@@ -32,7 +32,7 @@ pub enum ReadError {
     },
     /// A recording of krait that cannot be read.
     #[error(transparent)]
-    Recording(#[from] Box<krait_record::ReadError>),
+    Recording(#[from] Box<krait_record::RecordingReadError>),
     /// A recording that does not hold what was recorded.
     #[error("{}: {missing}; `krait export` writes what is there to a CSV file, which the lab reads", path.display())]
     CutRecording {

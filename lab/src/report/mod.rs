@@ -32,7 +32,7 @@ pub const MOST_POINTS: usize = 5000;
 
 /// What the foot of a page says about its origin.
 #[derive(Clone, Copy, Debug)]
-pub struct Origin<'a> {
+pub struct PageOrigin<'a> {
     /// The command line.
     pub command: &'a str,
     /// The program's version.
@@ -47,7 +47,7 @@ pub fn diagnosis_page(
     machine: &dyn MachineUnderTest,
     data: &Measurements,
     diagnosis: &Diagnosis,
-    origin: Origin,
+    origin: PageOrigin,
 ) -> Result<String, LabError> {
     let calibrated = diagnosis.calibrated.as_ref().map_or(machine, |joints| joints as &dyn MachineUnderTest);
     let given = if diagnosis.calibrated.is_some() { "model after calibration" } else { "model as given" };
@@ -77,7 +77,7 @@ pub fn comparison_page(
     machine: &dyn MachineUnderTest,
     data: &Measurements,
     comparison: &Comparison,
-    origin: Origin,
+    origin: PageOrigin,
 ) -> Result<String, LabError> {
     let calibrated = machine.as_joints().map(|joints| crate::joint::calibrated(joints, data)).transpose()?;
     let machine = calibrated.as_ref().map_or(machine, |joints| joints as &dyn MachineUnderTest);
@@ -98,7 +98,7 @@ pub fn added_page(
     data: &Measurements,
     added: &Added,
     what: &str,
-    origin: Origin,
+    origin: PageOrigin,
 ) -> Result<String, LabError> {
     let calibrated = machine.as_joints().map(|joints| crate::joint::calibrated(joints, data)).transpose()?;
     let machine = calibrated.as_ref().map_or(machine, |joints| joints as &dyn MachineUnderTest);
@@ -115,7 +115,7 @@ pub fn added_page(
 }
 
 /// The page of a model's history; `model` is the file's name.
-pub fn history_page(file: &ModelFile, model: &str, origin: Origin) -> String {
+pub fn history_page(file: &ModelFile, model: &str, origin: PageOrigin) -> String {
     let foot = [["command", origin.command], ["version", origin.version], ["model", model]];
     let foot: Vec<Vec<String>> = foot.iter().map(|row| row.map(str::to_owned).to_vec()).collect();
     let mut page = Page::with_foot(&format!("History of {model}"), &foot);

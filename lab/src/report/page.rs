@@ -1,7 +1,7 @@
 //! The page around pictures and tables: head, style, the pictures' script, foot.
 
 use super::html::{escape, table};
-use super::{Origin, Picture};
+use super::{PageOrigin, Picture};
 use crate::Measurements;
 use plotly::Plot;
 
@@ -23,7 +23,7 @@ footer{margin-top:3rem;color:#555;font-size:.85rem;overflow-wrap:anywhere}";
 
 impl Page {
     /// A page without sections; the foot tells the data's name and hash where there are any.
-    pub fn new(title: &str, origin: Origin, data: &Measurements, seed: Option<u64>) -> Self {
+    pub fn new(title: &str, origin: PageOrigin, data: &Measurements, seed: Option<u64>) -> Self {
         let mut rows = vec![
             vec!["command".to_owned(), origin.command.to_owned()],
             vec!["version".to_owned(), origin.version.to_owned()],

@@ -5,7 +5,7 @@ use crate::commands::lab::refuse_existing;
 use crate::print;
 use crate::recorded::{model_text, settings_of};
 use anyhow::{Context, bail};
-use krait_bridge::{EstimateConfig, EstimateCore, Estimator, JointEstimateCore, JointMachine, LiveModel};
+use krait_bridge::{EstimateConfig, EstimateCore, EstimatorCore, JointEstimateCore, JointMachine, LiveModel};
 use krait_ipc::input;
 use krait_ipc::message::{LearningState, LearntValue, ModelUpdate, Shape, SlaveState};
 use krait_model::model_file::{FileEffect, HeldOutRms, HistoryEntry, ModelFile, Origin};
@@ -185,7 +185,7 @@ impl LastChain {
         })
     }
 
-    fn unexplained_rad(mut self, mut core: impl Estimator) -> f64 {
+    fn unexplained_rad(mut self, mut core: impl EstimatorCore) -> f64 {
         let mut rms_rad = 0.0;
         for (shape_sequence, state_sequence) in self.updates {
             while self.states.front().is_some_and(|state| state.sequence <= state_sequence) {

@@ -5,7 +5,7 @@ use crate::cli_replay::{ReplayArgs, Speed};
 use crate::commands::process::with_attachments;
 use crate::device::{DEVICE_KEY, SERIAL_KEY};
 use crate::replay_orders::{Order, Orders};
-use crate::replay_setup::Setup;
+use crate::replay_setup::ReplaySetup;
 use crate::supervisor::{Cast, ChainOptions, Supervisor};
 use crate::{print, recorded, signals};
 use core::time::Duration;
@@ -71,7 +71,7 @@ struct Figures {
 pub fn run(common: &Common, args: &ReplayArgs) -> anyhow::Result<ExitCode> {
     let stop = signals::stop_flag()?;
     let mut supervisor = Supervisor::new(&recorded::instance_of(&common.instance, "replay"), &stop)?;
-    let setup = Setup::of(common, args, &supervisor.bus().instance().folder())?;
+    let setup = ReplaySetup::of(common, args, &supervisor.bus().instance().folder())?;
     let recording = match args.no_recording {
         true => None,
         false => Some(crate::recording_path(args.recording.as_deref(), "replay")?),
@@ -101,7 +101,7 @@ pub fn run(common: &Common, args: &ReplayArgs) -> anyhow::Result<ExitCode> {
 }
 
 /// What the new recording says about itself.
-fn described(mut setup: Setup, args: &ReplayArgs, recording: Option<&Path>) -> Setup {
+fn described(mut setup: ReplaySetup, args: &ReplayArgs, recording: Option<&Path>) -> ReplaySetup {
     let speed = match args.speed {
         _ if args.step => "step".to_owned(),
         Speed::Max => "max".to_owned(),
@@ -129,7 +129,7 @@ fn time_of(args: &ReplayArgs) -> &'static str {
     if args.real_time { "clock" } else { "recorded" }
 }
 
-fn options(setup: &Setup, recorded_time_ns: Option<i64>) -> ChainOptions {
+fn options(setup: &ReplaySetup, recorded_time_ns: Option<i64>) -> ChainOptions {
     let mut processes = vec![Process::Slave, Process::Estimate, Process::Compensate];
     processes.extend(setup.program.sends_inputs().then_some(Process::Resolve));
     let cast = Cast { processes, recorded_time_ns, comes_back: false };
@@ -144,7 +144,12 @@ fn options(setup: &Setup, recorded_time_ns: Option<i64>) -> ChainOptions {
 }
 
 /// In the recording's own time, to the simulated snake.
-fn play(supervisor: &mut Supervisor, setup: Setup, args: &ReplayArgs, stop: &AtomicBool) -> anyhow::Result<Figures> {
+fn play(
+    supervisor: &mut Supervisor,
+    setup: ReplaySetup,
+    args: &ReplayArgs,
+    stop: &AtomicBool,
+) -> anyhow::Result<Figures> {
     let keeper = setup.config.record.path.as_deref().map(|path| keeper(&setup, supervisor, path)).transpose()?;
     let options = options(&setup, Some(setup.start_ns));
     let mut player = Player::open(supervisor.bus(), setup.program, keeper)?;
@@ -161,7 +166,7 @@ fn play(supervisor: &mut Supervisor, setup: Setup, args: &ReplayArgs, stop: &Ato
 }
 
 /// The clock of a new recording maps the replay's own time to now.
-fn keeper(setup: &Setup, supervisor: &Supervisor, path: &Path) -> anyhow::Result<Keeper> {
+fn keeper(setup: &ReplaySetup, supervisor: &Supervisor, path: &Path) -> anyhow::Result<Keeper> {
     let record = with_attachments(&setup.config)?;
     let instance = supervisor.bus().instance().as_str();
     let mut about = About::run(instance, &record.metadata, record.attachments);
@@ -258,7 +263,7 @@ fn step_line(player: &Player) -> String {
 /// On the machine's clock, to any slave.
 fn play_live(
     supervisor: &mut Supervisor,
-    setup: Setup,
+    setup: ReplaySetup,
     args: &ReplayArgs,
     stop: &AtomicBool,
 ) -> anyhow::Result<Figures> {

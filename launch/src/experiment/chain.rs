@@ -1,7 +1,7 @@
 //! The passes of an experiment: a chain of real processes for each compensation, led by the guide, in one recording.
 
 use super::Settings;
-use super::settings::Pass;
+use super::settings::ExperimentPass;
 use crate::cli::{EngageKind, MasterKind};
 use crate::supervisor::{Cast, ChainOptions, Supervisor};
 use anyhow::{Context, bail};
@@ -43,7 +43,7 @@ pub fn run_passes(instance: &str, settings: &Settings, stop: &AtomicBool) -> any
 fn run_pass(
     supervisor: &mut Supervisor,
     settings: &Settings,
-    pass: &Pass,
+    pass: &ExperimentPass,
     label: &str,
     stop: &AtomicBool,
 ) -> anyhow::Result<()> {

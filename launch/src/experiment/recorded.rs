@@ -6,7 +6,7 @@ use anyhow::{Context, bail};
 use krait_bridge::LiveModel;
 use krait_model::Snake;
 use krait_model::model_file::ModelFile;
-use krait_paper::experiment::{FigureKind, Outcome, PassModel, announced};
+use krait_paper::experiment::{FigureKind, FigureOutcome, PassModel, announced};
 use krait_record::{Recording, attachment};
 use krait_sim::Truth;
 use std::path::Path;
@@ -15,7 +15,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// One sentence that names the recording.
-pub fn outcome_of(path: &Path) -> anyhow::Result<(Outcome, Snake)> {
+pub fn outcome_of(path: &Path) -> anyhow::Result<(FigureOutcome, Snake)> {
     let recording = Recording::open_beginning(path)?;
     let named = || format!("recording {}", path.display());
     let truth = match attachment(&recording, TRUTH_ATTACHMENT) {
@@ -23,7 +23,7 @@ pub fn outcome_of(path: &Path) -> anyhow::Result<(Outcome, Snake)> {
         None => Truth::default(),
     };
     let model_of = |name: &str| model_of(&recording, name);
-    let outcome = Outcome::of(path, &truth, model_of)?;
+    let outcome = FigureOutcome::of(path, &truth, model_of)?;
     let Some(first) = outcome.passes.first() else { bail!("{}: it holds no pass", named()) };
     let snake = Snake::new(model_of(&first.compensation).with_context(named)?.chain.machine())?;
     Ok((outcome, snake))

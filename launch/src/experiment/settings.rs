@@ -20,7 +20,7 @@ pub struct Settings {
     /// What is done in each pass.
     pub protocol: Protocol,
     /// The passes.
-    pub passes: Vec<Pass>,
+    pub passes: Vec<ExperimentPass>,
     /// Where the recording goes.
     pub recording: PathBuf,
     /// Whether the drives are real.
@@ -28,7 +28,7 @@ pub struct Settings {
 }
 
 /// One pass.
-pub struct Pass {
+pub struct ExperimentPass {
     /// The compensation's name.
     pub name: &'static str,
     /// The settings of its chain.
@@ -65,7 +65,7 @@ impl Settings {
             device::enter(&mut config.record.metadata, &config.master, MasterKind::Guide, None);
             config.check()?;
             let plan = plan(&config, args, &protocol, about.learns)?;
-            passes.push(Pass { name, config, plan });
+            passes.push(ExperimentPass { name, config, plan });
         }
         Ok(Self { protocol, passes, recording, is_real })
     }

@@ -247,7 +247,7 @@ fn mean(bends: impl Iterator<Item = Vector2<f64>>, n: usize) -> Vector2<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::experiment::{Before, Side};
+    use crate::experiment::{ApproachSide, Before};
 
     const MS: i64 = 1_000_000;
 
@@ -264,7 +264,7 @@ mod tests {
     }
 
     fn protocol() -> Protocol {
-        let before = Before { side: Side::None, take_up_deg: 0.0, n_learning_rounds: 0 };
+        let before = Before { side: ApproachSide::None, take_up_deg: 0.0, n_learning_rounds: 0 };
         Protocol::fig_10(10.0, 20.0, before).expect("a protocol")
     }
 

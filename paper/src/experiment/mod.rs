@@ -11,8 +11,8 @@ mod protocol;
 mod text;
 
 pub use measured::{Announced, AnnouncedPass, METADATA_KEY, announced};
-pub use outcome::{Errors, Noise, Outcome, PartOutcome, PassModel, PassOutcome, PoseOutcome};
-pub use protocol::{Before, FigureKind, Leg, Part, Protocol, Side, WantedPose};
+pub use outcome::{FigureOutcome, PartOutcome, PassModel, PassOutcome, PoseErrors, PoseOutcome, ReadingNoise};
+pub use protocol::{ApproachSide, Before, FigureKind, Leg, Part, Protocol, WantedPose};
 pub use text::{csv, terminal};
 
 use crate::page;
@@ -24,7 +24,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// A file that cannot be written, by name.
-pub fn write(outcome: &Outcome, snake: &Snake, folder: &Path) -> anyhow::Result<()> {
+pub fn write(outcome: &FigureOutcome, snake: &Snake, folder: &Path) -> anyhow::Result<()> {
     std::fs::create_dir_all(folder).with_context(|| format!("folder {} cannot be made", folder.display()))?;
     let write = |name: &str, text: &str| {
         let path = folder.join(name);

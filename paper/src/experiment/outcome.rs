@@ -27,11 +27,11 @@ pub struct PassModel {
 
 /// An experiment and what it came to.
 #[derive(Debug, Serialize)]
-pub struct Outcome {
+pub struct FigureOutcome {
     /// What was done.
     pub protocol: Protocol,
     /// The camera's noise, from shapes of one pose.
-    pub noise: Noise,
+    pub noise: ReadingNoise,
     /// One entry per pass.
     pub passes: Vec<PassOutcome>,
     /// Compensations whose pass never began.
@@ -40,7 +40,7 @@ pub struct Outcome {
 
 /// What the camera scatters by while nothing moves.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct Noise {
+pub struct ReadingNoise {
     /// Standard deviation of one shape, along x and y together (root of the mean variance), deg.
     pub sd_of_a_shape_deg: f64,
     /// Shapes that it rests on.
@@ -70,16 +70,16 @@ pub struct PartOutcome {
     /// Which.
     pub part: Part,
     /// Error of the bend.
-    pub bend: Errors,
+    pub bend: PoseErrors,
     /// Error of the plane, of poses that bend by 15 deg or more; absent where there are none.
-    pub plane: Option<Errors>,
+    pub plane: Option<PoseErrors>,
     /// Distance of the bend vectors, deg.
     pub vector_deg: Spread,
 }
 
 /// Errors of one kind over the poses of a part.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct Errors {
+pub struct PoseErrors {
     /// Measured minus commanded, deg.
     pub measured_deg: Spread,
     /// Standard error of its root mean square, deg.
@@ -135,7 +135,7 @@ pub struct PoseOutcome {
     pub bench_plane_error_deg: f64,
 }
 
-impl Outcome {
+impl FigureOutcome {
     /// Reads a recording and computes everything from it. `model_of` says what the model of a name was, `truth` what the bench is.
     ///
     /// # Errors
@@ -152,7 +152,7 @@ impl Outcome {
         let Announced { protocol, passes } = announced(&Recording::open_beginning(path)?)?;
         let announced = Announced { protocol, passes };
         let found = measured(path, &announced)?;
-        let noise = Noise::of(&found);
+        let noise = ReadingNoise::of(&found);
         let mut passes = Vec::new();
         for (pass, about) in found.iter().zip(&announced.passes) {
             let model = model_of(&about.compensation)?;
@@ -169,7 +169,7 @@ impl Outcome {
     }
 }
 
-impl Noise {
+impl ReadingNoise {
     fn of(passes: &[MeasuredPass]) -> Self {
         let poses = || passes.iter().flat_map(|pass| &pass.poses);
         let freedom: f64 = poses().map(|pose| (pose.n - 1) as f64).sum();
@@ -203,8 +203,8 @@ impl PartOutcome {
         let has_plane = |pose: &&PoseOutcome| pose.wanted_deg[0] >= PLANE_FROM_DEG;
         Some(Self {
             part,
-            bend: Errors::of(own.iter().map(|p| (p.bend_error_deg, p.bend_se_deg, p.bench_bend_error_deg)))?,
-            plane: Errors::of(
+            bend: PoseErrors::of(own.iter().map(|p| (p.bend_error_deg, p.bend_se_deg, p.bench_bend_error_deg)))?,
+            plane: PoseErrors::of(
                 own.iter()
                     .copied()
                     .filter(has_plane)
@@ -215,7 +215,7 @@ impl PartOutcome {
     }
 }
 
-impl Errors {
+impl PoseErrors {
     /// Of triples of an error, its standard error and the bench's; nothing of none.
     fn of(poses: impl Iterator<Item = (f64, f64, f64)>) -> Option<Self> {
         let poses: Vec<_> = poses.collect();

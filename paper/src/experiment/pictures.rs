@@ -1,6 +1,6 @@
 //! The pictures of an experiment, as `krait paper` draws its own: measured points with their errors over the bench's lines.
 
-use super::outcome::{Outcome, PassOutcome, PoseOutcome};
+use super::outcome::{FigureOutcome, PassOutcome, PoseOutcome};
 use super::protocol::{FigureKind, Part};
 use crate::GOAL_DEG;
 use crate::figures::{BEND_AXIS, DELTA_AXIS, Strip, curve, figure};
@@ -11,7 +11,7 @@ use krait_report::{Figure, Stroke};
 const BARS: f64 = 2.0;
 
 /// Every picture.
-pub(super) fn all(outcome: &Outcome, snake: &Snake) -> Vec<Figure> {
+pub(super) fn all(outcome: &FigureOutcome, snake: &Snake) -> Vec<Figure> {
     match outcome.protocol.figure {
         FigureKind::Fig10 => vec![
             ramp(outcome, Part::Up, "fig-10.svg", "Fig. 10, measured: error of the bend at delta = 0"),
@@ -40,7 +40,7 @@ fn color(compensation: &str, place: usize) -> usize {
     }
 }
 
-fn ramp(outcome: &Outcome, part: Part, file: &str, title: &str) -> Figure {
+fn ramp(outcome: &FigureOutcome, part: Part, file: &str, title: &str) -> Figure {
     let x = |pose: &PoseOutcome| pose.wanted_deg[0];
     let y = |pose: &PoseOutcome| (pose.bend_error_deg, pose.bend_se_deg, pose.bench_bend_error_deg);
     let mut figure = figure(
@@ -55,7 +55,7 @@ fn ramp(outcome: &Outcome, part: Part, file: &str, title: &str) -> Figure {
     figure
 }
 
-fn planes(outcome: &Outcome, part: Part, what: &str) -> Figure {
+fn planes(outcome: &FigureOutcome, part: Part, what: &str) -> Figure {
     let x = |pose: &PoseOutcome| pose.wanted_deg[1];
     let y = |pose: &PoseOutcome| match what {
         "bend" => (pose.bend_error_deg, pose.bend_se_deg, pose.bench_bend_error_deg),
@@ -75,7 +75,7 @@ fn planes(outcome: &Outcome, part: Part, what: &str) -> Figure {
 }
 
 fn curves(
-    outcome: &Outcome,
+    outcome: &FigureOutcome,
     part: Part,
     x: impl Fn(&PoseOutcome) -> f64,
     y: impl Fn(&PoseOutcome) -> (f64, f64, f64),
@@ -96,7 +96,7 @@ fn curves(
     curves
 }
 
-fn strip(outcome: &Outcome, snake: &Snake) -> Figure {
+fn strip(outcome: &FigureOutcome, snake: &Snake) -> Figure {
     let mut strip = Strip::new(snake);
     let is_shown = |(_, pass): &(usize, &PassOutcome)| !pass.poses.is_empty();
     for (k, wanted) in outcome.protocol.poses.iter().enumerate() {

@@ -37,7 +37,7 @@ pub enum FigureKind {
 /// From which side the play of the lines is taken up whenever the snake sets out from straight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Side {
+pub enum ApproachSide {
     /// The snake bends the other way first and comes up through straight: every line already moves as it will.
     Below,
     /// It bends this way first and comes back: every line turns round at straight.
@@ -78,7 +78,7 @@ impl Part {
     }
 }
 
-impl fmt::Display for Side {
+impl fmt::Display for ApproachSide {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Below => "below",
@@ -107,7 +107,7 @@ pub struct Protocol {
     /// What is measured.
     pub figure: FigureKind,
     /// From which side the play is taken up.
-    pub side: Side,
+    pub side: ApproachSide,
     /// Bend by which it is, deg.
     pub take_up_deg: f64,
     /// How often a model that learns is led through the planes to learn from, before the first pose.
@@ -120,7 +120,7 @@ pub struct Protocol {
 #[derive(Clone, Copy, Debug)]
 pub struct Before {
     /// See [`Protocol::side`].
-    pub side: Side,
+    pub side: ApproachSide,
     /// See [`Protocol::take_up_deg`].
     pub take_up_deg: f64,
     /// See [`Protocol::n_learning_rounds`].
@@ -258,12 +258,12 @@ impl Protocol {
     fn set_out(&self, way: &mut Way, plane_deg: f64) {
         way.line(0, 0.0, way.plane_deg);
         match self.side {
-            Side::Below => way.line(0, -self.take_up_deg, plane_deg),
-            Side::Above => {
+            ApproachSide::Below => way.line(0, -self.take_up_deg, plane_deg),
+            ApproachSide::Above => {
                 way.line(0, self.take_up_deg, plane_deg);
                 way.line(0, 0.0, plane_deg);
             }
-            Side::None => {}
+            ApproachSide::None => {}
         }
     }
 }
@@ -337,13 +337,13 @@ fn listed(file: &str, text: &str) -> anyhow::Result<Vec<(f64, f64)>> {
 mod tests {
     use super::*;
 
-    fn before(side: Side, take_up_deg: f64) -> Before {
+    fn before(side: ApproachSide, take_up_deg: f64) -> Before {
         Before { side, take_up_deg, n_learning_rounds: 2 }
     }
 
     #[test]
     fn fig_10_goes_up_and_back_and_ends_straight_with_play_taken_up_from_the_other_side() {
-        let protocol = Protocol::fig_10(20.0, 80.0, before(Side::Below, 10.0)).expect("a protocol");
+        let protocol = Protocol::fig_10(20.0, 80.0, before(ApproachSide::Below, 10.0)).expect("a protocol");
         let parts: Vec<_> = protocol.poses.iter().map(|p| (p.part, p.bend_deg)).collect();
         let up = [20.0, 40.0, 60.0, 80.0].map(|b| (Part::Up, b));
         assert_eq!(parts[..4], up);
@@ -359,7 +359,7 @@ mod tests {
     #[test]
     fn no_way_jumps_and_every_pose_is_where_it_was_wanted() {
         let both = [Part::Turn, Part::FromStraight];
-        for side in [Side::Below, Side::Above, Side::None] {
+        for side in [ApproachSide::Below, ApproachSide::Above, ApproachSide::None] {
             for protocol in [
                 Protocol::fig_10(30.0, 60.0, before(side, 15.0)).expect("Fig. 10"),
                 Protocol::fig_11(30.0, &both, 60.0, before(side, 15.0)).expect("Fig. 11"),
@@ -382,9 +382,9 @@ mod tests {
 
     #[test]
     fn what_cannot_be_is_refused_in_one_sentence() {
-        assert!(Protocol::fig_10(10.0, 95.0, before(Side::Below, 10.0)).is_err());
-        assert!(Protocol::fig_10(f64::NAN, 80.0, before(Side::Below, 10.0)).is_err());
-        assert!(Protocol::fig_11(f64::NAN, &[Part::Turn], 30.0, before(Side::Below, 10.0)).is_err());
+        assert!(Protocol::fig_10(10.0, 95.0, before(ApproachSide::Below, 10.0)).is_err());
+        assert!(Protocol::fig_10(f64::NAN, 80.0, before(ApproachSide::Below, 10.0)).is_err());
+        assert!(Protocol::fig_11(f64::NAN, &[Part::Turn], 30.0, before(ApproachSide::Below, 10.0)).is_err());
         for (text, words) in [
             ("bend,delta\n1,2\n", "line 1"),
             ("bend_deg,delta_deg\n30,0\n# half\n30,nan\n", "line 4"),

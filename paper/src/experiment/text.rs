@@ -1,19 +1,19 @@
 //! The outcome as tables of 80 columns, and as a table of every pose for other programs.
 
-use super::outcome::{Errors, Outcome, PartOutcome, PassOutcome, PoseOutcome};
-use super::protocol::{FigureKind, Protocol, Side};
+use super::outcome::{FigureOutcome, PartOutcome, PassOutcome, PoseErrors, PoseOutcome};
+use super::protocol::{ApproachSide, FigureKind, Protocol};
 use crate::text::Section;
 use krait_report::{LearntReport, Table};
 use std::path::Path;
 
 /// Everything for a terminal; `folder` has the pictures.
-pub fn terminal(outcome: &Outcome, folder: &Path) -> String {
+pub fn terminal(outcome: &FigureOutcome, folder: &Path) -> String {
     let text: String = sections(outcome).iter().map(Section::text).collect();
     text + &format!("{}\nPage: {}\n", facts(outcome), folder.join("index.html").display())
 }
 
 /// The tables: error of the bend, error of the plane.
-pub(super) fn sections(outcome: &Outcome) -> Vec<Section> {
+pub(super) fn sections(outcome: &FigureOutcome) -> Vec<Section> {
     let bend = Section {
         title: format!("{}: error of the bend, deg", title(&outcome.protocol)),
         table: table(outcome, |part| Some(&part.bend)),
@@ -39,7 +39,7 @@ pub(super) fn title(protocol: &Protocol) -> &'static str {
     }
 }
 
-fn table(outcome: &Outcome, errors: impl Fn(&PartOutcome) -> Option<&Errors>) -> Table {
+fn table(outcome: &FigureOutcome, errors: impl Fn(&PartOutcome) -> Option<&PoseErrors>) -> Table {
     let mut table = Table::new(&["compensation", "part", "n", "rms", "se", "bench", "max", "bench", "floor"]);
     for pass in &outcome.passes {
         for part in &pass.parts {
@@ -63,10 +63,10 @@ fn table(outcome: &Outcome, errors: impl Fn(&PartOutcome) -> Option<&Errors>) ->
 }
 
 /// Sentences about the whole: side of the play, the camera, what had been learnt, what is missing.
-pub(super) fn facts(outcome: &Outcome) -> String {
+pub(super) fn facts(outcome: &FigureOutcome) -> String {
     let protocol = &outcome.protocol;
     let play = match protocol.side {
-        Side::None => "not taken up; the snake sets out as homing left it".to_owned(),
+        ApproachSide::None => "not taken up; the snake sets out as homing left it".to_owned(),
         side => {
             format!("taken up from {side} over {} deg on each way out from straight", protocol.take_up_deg)
         }
@@ -104,7 +104,7 @@ fn in_force(pass: &PassOutcome, own: &LearntReport) -> String {
 }
 
 /// Every pose as CSV.
-pub fn csv(outcome: &Outcome) -> String {
+pub fn csv(outcome: &FigureOutcome) -> String {
     let mut csv = String::from(
         "compensation,part,pose,at_s,wanted_bend_deg,wanted_delta_deg,commanded_x_deg,commanded_y_deg,measured_x_deg,\
          measured_y_deg,se_x_deg,se_y_deg,n_shapes,q_tilde1_mm,q_tilde2_mm,q_tilde3_mm,tau1_n,tau2_n,tau3_n,bend_error_deg,\

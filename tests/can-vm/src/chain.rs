@@ -13,14 +13,14 @@ pub const SPEED_M_PER_S: f64 = 0.01;
 const TICK_NS: i64 = 1_000_000;
 
 /// The drive and its watch.
-pub struct Chain {
+pub struct RigChain {
     pub drive: BusDrive,
     pub monitor: Monitor,
     q_m: f64,
     due_ns: i64,
 }
 
-impl Chain {
+impl RigChain {
     /// Opens the drives with a bus period of 1 ms, and gives them power.
     pub fn powered() -> anyhow::Result<Self> {
         let drive = cia402::open_drive(&config(1.0), None)?;
@@ -91,7 +91,7 @@ impl Chain {
 
 /// Drives the drives to and fro until it is killed.
 pub fn be_master() -> anyhow::Result<bool> {
-    let mut chain = Chain::powered()?;
+    let mut chain = RigChain::powered()?;
     chain.go(450)?;
     bail!("nobody has killed it")
 }

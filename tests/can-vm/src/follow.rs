@@ -1,7 +1,7 @@
 //! Cyclic motion: every SYNC must be answered by all, in time, and targets must be reached.
 
 use crate::verdict::PartVerdict;
-use crate::world::{Drives, INTERFACE, Kind, PER_M, config};
+use crate::world::{DriveMake, Drives, INTERFACE, PER_M, config};
 use anyhow::bail;
 use core::f64::consts::TAU;
 use core::time::Duration;
@@ -33,7 +33,7 @@ impl Pace {
 }
 
 /// So many cycles of a push-pull motion of 3 mm at 1 Hz.
-pub fn csp(kind: Kind, period_ms: f64, n: usize) -> anyhow::Result<PartVerdict> {
+pub fn csp(kind: DriveMake, period_ms: f64, n: usize) -> anyhow::Result<PartVerdict> {
     let _drives = Drives::start(kind)?;
     let (mut bus, mut seen) = Cia402::open(&config(period_ms), CanPort::open(INTERFACE)?)?;
     let period_ns = (period_ms * 1e6) as i64;

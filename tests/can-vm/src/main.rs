@@ -16,7 +16,7 @@ mod world;
 use anyhow::Context;
 use std::process::ExitCode;
 use verdict::PartVerdict;
-use world::Kind;
+use world::DriveMake;
 
 /// One part's name and what it does.
 type Part = (&'static str, Box<dyn Fn() -> anyhow::Result<PartVerdict>>);
@@ -42,7 +42,7 @@ fn main() -> ExitCode {
 
 fn judge(n_cycles: usize) -> bool {
     let mut all = true;
-    for kind in [Kind::Own, Kind::Independent] {
+    for kind in [DriveMake::Own, DriveMake::Independent] {
         if !kind.is_there() {
             println!("CAN-VM independent SKIPPED the independent slave is not in this machine");
             continue;

@@ -2,7 +2,7 @@
 
 use crate::monitor::Monitor;
 use crate::verdict::PartVerdict;
-use crate::world::{Drives, INTERFACE, Kind, kill};
+use crate::world::{DriveMake, Drives, INTERFACE, kill};
 use anyhow::{Context, ensure};
 use core::time::Duration;
 use krait_drives::cia402::{State, state};
@@ -69,7 +69,7 @@ fn slave() -> anyhow::Result<Pid> {
 /// All that a user does with it.
 pub fn all() -> anyhow::Result<PartVerdict> {
     configure()?;
-    let _drives = Drives::start(Kind::Own)?;
+    let _drives = Drives::start(DriveMake::Own)?;
     let mut verdict = PartVerdict::default();
     let found = done(&["drives", "--interface", INTERFACE, "--last-id", "5", "--json"])?;
     let n = found.matches("\"is_known\"").count();

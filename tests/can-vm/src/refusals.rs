@@ -1,8 +1,8 @@
 //! What is refused, and with which sentence: an interface that is down, one that is taken, another master.
 
-use crate::chain::Chain;
+use crate::chain::RigChain;
 use crate::verdict::PartVerdict;
-use crate::world::{Drives, INTERFACE, Kind, config};
+use crate::world::{DriveMake, Drives, INTERFACE, config};
 use anyhow::ensure;
 use core::time::Duration;
 use krait_drives::cia402::{CanListener, CanPort, Frame, open_drive};
@@ -34,7 +34,7 @@ pub fn all() -> anyhow::Result<PartVerdict> {
     check(&mut verdict, "taken", &opened(), "in use by another program");
     drop(taken);
 
-    let _drives = Drives::start(Kind::Own)?;
+    let _drives = Drives::start(DriveMake::Own)?;
     let other = CanListener::open(INTERFACE)?;
     let sentence = std::thread::scope(|scope| {
         let opening = scope.spawn(opened);
@@ -47,14 +47,14 @@ pub fn all() -> anyhow::Result<PartVerdict> {
         opening.join().unwrap_or_else(|_| "it panicked".to_owned())
     });
     check(&mut verdict, "second_master", &sentence, "another master is on the CAN bus: it sends SYNC");
-    let mut chain = Chain::powered()?;
+    let mut chain = RigChain::powered()?;
     chain.go(50)?;
     other.send(&Frame::new(0x080, &[]))?;
     let sentence = chain.until_failure(50)?.to_string();
     check(&mut verdict, "second_master_in_motion", &sentence, "does what only a master does");
     drop(chain);
 
-    let mut chain = Chain::powered()?;
+    let mut chain = RigChain::powered()?;
     chain.go(50)?;
     set("down")?;
     // Nothing can be watched any more.

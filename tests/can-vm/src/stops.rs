@@ -1,9 +1,9 @@
 //! One drive, or the master, fails in motion: the others must stop as the recorded targets show, and nothing may resume.
 
-use crate::chain::{Chain, SPEED_M_PER_S};
+use crate::chain::{RigChain, SPEED_M_PER_S};
 use crate::monitor::Monitor;
 use crate::verdict::PartVerdict;
-use crate::world::{BROKEN, Drives, GIVES_UP_MS, INTERFACE, Kind, PER_M, kill};
+use crate::world::{BROKEN, DriveMake, Drives, GIVES_UP_MS, INTERFACE, PER_M, kill};
 use anyhow::Context;
 use core::time::Duration;
 use krait_drives::cia402::{CanPort, CanReading, State, state};
@@ -20,7 +20,7 @@ const MOST_COUNTS: i32 = 300;
 const BRAKE_CYCLES: usize = (2.0 * SPEED_M_PER_S * 1e3) as usize + 1;
 
 /// Checks that the others came to rest in time and by steps within the rate.
-fn check_stop(verdict: &mut PartVerdict, chain: &Chain, when_ns: i64) {
+fn check_stop(verdict: &mut PartVerdict, chain: &RigChain, when_ns: i64) {
     let steps = chain.monitor.steps_since(when_ns);
     let stopped = steps.iter().rposition(|step| *step != 0).map_or(0, |last| last + 1);
     verdict.check("others_still_after_cycles", stopped <= KNOWN_CYCLES + BRAKE_CYCLES, stopped);
@@ -31,7 +31,7 @@ fn check_stop(verdict: &mut PartVerdict, chain: &Chain, when_ns: i64) {
 }
 
 /// Checks that all come under power again once the failure is mended, from where they stand.
-fn check_power_again(verdict: &mut PartVerdict, chain: &mut Chain) -> anyhow::Result<()> {
+fn check_power_again(verdict: &mut PartVerdict, chain: &mut RigChain) -> anyhow::Result<()> {
     chain.drive.set_power(monotonic_ns(), false)?;
     chain.rest(100)?;
     let ticks = chain.power_up()?;
@@ -40,9 +40,9 @@ fn check_power_again(verdict: &mut PartVerdict, chain: &mut Chain) -> anyhow::Re
 }
 
 /// A drive's processor hangs and goes on 100 ms later.
-pub fn frozen(kind: Kind) -> anyhow::Result<PartVerdict> {
+pub fn frozen(kind: DriveMake) -> anyhow::Result<PartVerdict> {
     let drives = Drives::start(kind)?;
-    let mut chain = Chain::powered()?;
+    let mut chain = RigChain::powered()?;
     chain.go(100)?;
     let when_ns = drives.signal(BROKEN, Signal::STOP)?;
     let failure = chain.until_failure(50)?;
@@ -55,7 +55,7 @@ pub fn frozen(kind: Kind) -> anyhow::Result<PartVerdict> {
     chain.go(100)?;
     let ran_mm = f64::from(chain.monitor.counts[BROKEN].abs_diff(before)) / PER_M * 1e3;
     // The independent axis takes any speed at once, here its largest of 60 mm/s, and then stops by 2 m/s2: 0.9 mm.
-    let most_mm = if kind == Kind::Independent { 0.95 } else { 0.1 };
+    let most_mm = if kind == DriveMake::Independent { 0.95 } else { 0.1 };
     verdict.check("ran_after_waking_mm", ran_mm < most_mm, format!("{ran_mm:.3}"));
     let woken = state(chain.monitor.status[BROKEN]);
     verdict.check("woken_is_stopped", woken != State::OperationEnabled, format!("{woken:?}"));
@@ -65,10 +65,10 @@ pub fn frozen(kind: Kind) -> anyhow::Result<PartVerdict> {
 }
 
 /// A drive loses its power and comes back.
-pub fn power_loss(kind: Kind) -> anyhow::Result<PartVerdict> {
+pub fn power_loss(kind: DriveMake) -> anyhow::Result<PartVerdict> {
     let mut drives = Drives::start(kind)?;
     drives.prepare_spare()?;
-    let mut chain = Chain::powered()?;
+    let mut chain = RigChain::powered()?;
     chain.go(100)?;
     let when_ns = drives.signal(BROKEN, Signal::KILL)?;
     let failure = chain.until_failure(50)?;
@@ -92,9 +92,9 @@ pub fn power_loss(kind: Kind) -> anyhow::Result<PartVerdict> {
 }
 
 /// A drive trips, as after too much current.
-pub fn trip(kind: Kind) -> anyhow::Result<PartVerdict> {
+pub fn trip(kind: DriveMake) -> anyhow::Result<PartVerdict> {
     let drives = Drives::start(kind)?;
-    let mut chain = Chain::powered()?;
+    let mut chain = RigChain::powered()?;
     chain.go(100)?;
     let when_ns = drives.signal(BROKEN, Signal::USR1)?;
     let failure = chain.until_failure(50)?;
@@ -113,9 +113,9 @@ pub fn trip(kind: Kind) -> anyhow::Result<PartVerdict> {
 }
 
 /// A drive's axis jams.
-pub fn jam(kind: Kind) -> anyhow::Result<PartVerdict> {
+pub fn jam(kind: DriveMake) -> anyhow::Result<PartVerdict> {
     let drives = Drives::start(kind)?;
-    let mut chain = Chain::powered()?;
+    let mut chain = RigChain::powered()?;
     chain.go(100)?;
     let when_ns = drives.signal(BROKEN, Signal::USR2)?;
     let failure = chain.until_failure(200)?;
@@ -131,7 +131,7 @@ pub fn jam(kind: Kind) -> anyhow::Result<PartVerdict> {
 }
 
 /// The master is killed in motion: drives stop by their heartbeat consumer, and a new master takes them over.
-pub fn master_killed(kind: Kind) -> anyhow::Result<PartVerdict> {
+pub fn master_killed(kind: DriveMake) -> anyhow::Result<PartVerdict> {
     let _drives = Drives::start(kind)?;
     let mut monitor = Monitor::new()?;
     let mut command = Command::new("/bin/krait-can-vm");
@@ -176,7 +176,7 @@ pub fn master_killed(kind: Kind) -> anyhow::Result<PartVerdict> {
     let way_mm = f64::from(second[0].counts.abs_diff(at[0])) / PER_M * 1e3;
     verdict.check("way_after_kill_mm", way_mm < 0.5, format!("{way_mm:.3}"));
     drop(monitor);
-    let mut chain = Chain::powered()?;
+    let mut chain = RigChain::powered()?;
     chain.go(50)?;
     verdict.check("taken_over", chain.drive.failure().is_none(), "yes");
     Ok(verdict)

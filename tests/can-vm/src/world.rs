@@ -26,12 +26,12 @@ const BOOT_NS: i64 = 10_000_000_000;
 
 /// Who wrote the drives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum DriveMake {
     Own,
     Independent,
 }
 
-impl Kind {
+impl DriveMake {
     pub fn name(self) -> &'static str {
         match self {
             Self::Own => "own",
@@ -81,14 +81,14 @@ pub fn config(period_ms: f64) -> SlaveConfig {
 
 /// Three drives.
 pub struct Drives {
-    kind: Kind,
+    kind: DriveMake,
     children: Vec<Child>,
     spare: Option<Child>,
 }
 
 impl Drives {
     /// Starts them and waits until each has said so.
-    pub fn start(kind: Kind) -> anyhow::Result<Self> {
+    pub fn start(kind: DriveMake) -> anyhow::Result<Self> {
         let mut port = CanPort::open(INTERFACE)?;
         let mut drives = Self { kind, children: Vec::new(), spare: None };
         for id in 1..=N {
@@ -102,7 +102,7 @@ impl Drives {
                 has_booted[node - 1] = true;
             }
         }
-        if kind == Kind::Independent {
+        if kind == DriveMake::Independent {
             for id in 1..=N {
                 rest_own_motion(&mut port, id)?;
             }
@@ -115,8 +115,8 @@ impl Drives {
     fn spawn(&self, id: u8, is_spare: bool) -> anyhow::Result<Child> {
         let priority = if usize::from(id) == BROKEN + 1 { ["-o", "0"] } else { ["-f", "40"] };
         let program = match self.kind {
-            Kind::Own => format!("/bin/krait-can-vm drive {id}"),
-            Kind::Independent => format!("{INDEPENDENT} {id} {INTERFACE} /drive.eds follow"),
+            DriveMake::Own => format!("/bin/krait-can-vm drive {id}"),
+            DriveMake::Independent => format!("{INDEPENDENT} {id} {INTERFACE} /drive.eds follow"),
         };
         let waits = if is_spare { format!("until [ -e {GO} ]; do sleep 0.02; done; ") } else { String::new() };
         let mut command = Command::new("/bin/chrt");

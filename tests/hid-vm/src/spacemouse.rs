@@ -1,7 +1,7 @@
 //! A virtual SpaceMouse in the kernel, and a hand that moves its cap.
 
 use crate::model::{Model, SERIAL, VENDOR_ID};
-use crate::uhid::{Identity, Told, Uhid};
+use crate::uhid::{HidIdentity, Told, Uhid};
 use anyhow::{Context, bail};
 use krait_ipc::clock;
 use krait_master::{HidRecording, HidReport, led_report};
@@ -56,7 +56,7 @@ impl SpaceMouse {
     pub fn plug(model: Model) -> anyhow::Result<Self> {
         static N_PLUGGED: AtomicU64 = AtomicU64::new(0);
         let place = format!("krait-vm/{}", N_PLUGGED.fetch_add(1, Ordering::SeqCst));
-        let identity = Identity {
+        let identity = HidIdentity {
             name: model.name(),
             serial: SERIAL,
             place: &place,

@@ -22,7 +22,7 @@ const INPUT2: u32 = 12;
 
 /// Who a device says it is.
 #[derive(Clone, Copy, Debug)]
-pub struct Identity<'a> {
+pub struct HidIdentity<'a> {
     /// Product name, under 128 bytes.
     pub name: &'a str,
     /// Serial number, under 64 bytes.
@@ -55,7 +55,7 @@ impl Uhid {
     ///
     /// # Errors
     /// The kernel has no uhid, or this process may not use it, or the texts or the descriptor are too long.
-    pub fn create(identity: Identity, descriptor: &[u8]) -> anyhow::Result<Self> {
+    pub fn create(identity: HidIdentity, descriptor: &[u8]) -> anyhow::Result<Self> {
         let longest = identity.serial.len().max(identity.place.len());
         ensure!(
             identity.name.len() < 128 && longest < 64 && descriptor.len() <= 4096,

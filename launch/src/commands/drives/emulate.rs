@@ -2,7 +2,7 @@
 
 use crate::{print, signals};
 use core::time::Duration;
-use krait_drives::emulator::{CanBus, CanDrive, Emulator, Servo, Wire, serve_can};
+use krait_drives::emulator::{CanBus, CanDrive, Emulator, Servo, ServoWire, serve_can};
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 
@@ -13,7 +13,7 @@ const USB_LATENCY: Duration = Duration::from_millis(1);
 /// Plugs in so many servos, prints their configuration on standard output, and runs until Ctrl-C.
 pub(super) fn run(n: u8) -> anyhow::Result<ExitCode> {
     let stop = signals::stop_flag()?;
-    let mut wire = Wire::new((1..=n).map(|id| Servo::new(id, 2048.0)).collect());
+    let mut wire = ServoWire::new((1..=n).map(|id| Servo::new(id, 2048.0)).collect());
     wire.usb_latency = USB_LATENCY;
     let emulator = Emulator::start(wire)?;
     let port = emulator.path().display();

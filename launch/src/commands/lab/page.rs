@@ -3,13 +3,13 @@
 use super::shell::quoted;
 use anyhow::Context;
 use krait_lab::LabError;
-use krait_lab::report::Origin;
+use krait_lab::report::PageOrigin;
 use std::path::Path;
 
 /// Makes a page and writes it.
-pub(super) fn write(path: &Path, page: impl FnOnce(Origin) -> Result<String, LabError>) -> anyhow::Result<()> {
+pub(super) fn write(path: &Path, page: impl FnOnce(PageOrigin) -> Result<String, LabError>) -> anyhow::Result<()> {
     let command = command(std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned()));
-    let text = page(Origin { command: &command, version: env!("CARGO_PKG_VERSION") })?;
+    let text = page(PageOrigin { command: &command, version: env!("CARGO_PKG_VERSION") })?;
     std::fs::write(path, text).with_context(|| {
         format!(
             "the report {} could not be written; check that its directory exists and may be written",

@@ -7,7 +7,7 @@ const BACKSPACE: [u8; 2] = [0x7f, 0x08];
 
 /// What a key asks for.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Order {
+pub enum KeyOrder {
     /// The snake shall stop.
     Stop,
     /// The snake shall pause.
@@ -32,13 +32,13 @@ pub struct Keys {
 
 impl Keys {
     /// Takes a byte from the terminal at an instant.
-    pub fn take(&mut self, byte: u8, now_ns: i64) -> Option<Order> {
+    pub fn take(&mut self, byte: u8, now_ns: i64) -> Option<KeyOrder> {
         let Some((at_ns, mut text)) = self.mark.take() else { return self.command(byte, now_ns) };
         match byte {
             ESCAPE => return None,
             b'\n' | b'\r' => {
                 let text = String::from_utf8_lossy(&text).trim().to_owned();
-                return (!text.is_empty()).then_some(Order::Mark { at_ns, text });
+                return (!text.is_empty()).then_some(KeyOrder::Mark { at_ns, text });
             }
             _ if BACKSPACE.contains(&byte) => {
                 // A character may be several bytes long.
@@ -51,11 +51,11 @@ impl Keys {
         None
     }
 
-    fn command(&mut self, byte: u8, now_ns: i64) -> Option<Order> {
+    fn command(&mut self, byte: u8, now_ns: i64) -> Option<KeyOrder> {
         match byte.to_ascii_lowercase() {
-            b's' | b' ' => Some(Order::Stop),
-            b'p' => Some(Order::Pause),
-            b'q' => Some(Order::Quit),
+            b's' | b' ' => Some(KeyOrder::Stop),
+            b'p' => Some(KeyOrder::Pause),
+            b'q' => Some(KeyOrder::Quit),
             b'm' => {
                 self.mark = Some((now_ns, Vec::new()));
                 None
@@ -74,23 +74,26 @@ impl Keys {
 mod tests {
     use super::*;
 
-    fn all(keys: &mut Keys, typed: &str) -> Vec<Order> {
+    fn all(keys: &mut Keys, typed: &str) -> Vec<KeyOrder> {
         typed.bytes().enumerate().filter_map(|(at, byte)| keys.take(byte, at as i64)).collect()
     }
 
     #[test]
     fn a_stop_is_one_key_in_either_case_and_other_keys_do_nothing() {
         let mut keys = Keys::default();
-        assert_eq!(all(&mut keys, "sS x\x1b[Ap?q"), [vec![Order::Stop; 3], vec![Order::Pause, Order::Quit]].concat());
+        assert_eq!(
+            all(&mut keys, "sS x\x1b[Ap?q"),
+            [vec![KeyOrder::Stop; 3], vec![KeyOrder::Pause, KeyOrder::Quit]].concat()
+        );
     }
 
     #[test]
     fn a_mark_is_of_the_instant_of_its_key_and_may_hold_every_letter() {
         let mut keys = Keys::default();
         let text = "vessel, 2\u{b5}".to_owned();
-        assert_eq!(all(&mut keys, "xmvessel, 2\u{e4}\x7f\u{b5}\r"), [Order::Mark { at_ns: 1, text }]);
-        assert_eq!(all(&mut keys, "mabc\x1bs"), [Order::Stop], "escape leaves the mark");
-        assert_eq!(all(&mut keys, "m  \rs"), [Order::Stop], "an empty mark is none");
+        assert_eq!(all(&mut keys, "xmvessel, 2\u{e4}\x7f\u{b5}\r"), [KeyOrder::Mark { at_ns: 1, text }]);
+        assert_eq!(all(&mut keys, "mabc\x1bs"), [KeyOrder::Stop], "escape leaves the mark");
+        assert_eq!(all(&mut keys, "m  \rs"), [KeyOrder::Stop], "an empty mark is none");
         assert_eq!(all(&mut keys, &format!("m{}", "a".repeat(1000))), []);
         assert_eq!(keys.mark().map(|text| text.len()), Some(MOST_BYTES));
     }

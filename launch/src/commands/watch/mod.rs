@@ -12,7 +12,7 @@ use crate::config::Config;
 use crate::terminal::Terminal;
 use crate::{commands, print, signals};
 use core::time::Duration;
-use keys::{Keys, Order};
+use keys::{KeyOrder, Keys};
 use krait_console::{Observer, glance};
 use krait_ipc::message::Transition;
 use krait_ipc::{Bus, StopSwitch, clock};
@@ -124,10 +124,10 @@ fn listen(instance: &str, said: &Arc<Mutex<Said>>, quit: &Arc<AtomicBool>) -> an
     std::thread::spawn(move || {
         for order in orders {
             let outcome = match order {
-                Order::Mark { at_ns, text } => mark::set(&bus, &text, at_ns),
-                Order::Pause => state::ask(&bus, Transition::Pause)
+                KeyOrder::Mark { at_ns, text } => mark::set(&bus, &text, at_ns),
+                KeyOrder::Pause => state::ask(&bus, Transition::Pause)
                     .map(|()| "PAUSED, power on; `krait state resume` lets it go on".to_owned()),
-                Order::Stop | Order::Quit => continue,
+                KeyOrder::Stop | KeyOrder::Quit => continue,
             };
             locked(&told).outcome = outcome.unwrap_or_else(|error| format!("not done: {error:#}"));
         }
@@ -137,13 +137,13 @@ fn listen(instance: &str, said: &Arc<Mutex<Said>>, quit: &Arc<AtomicBool>) -> an
         for byte in std::io::stdin().lock().bytes().map_while(Result::ok) {
             let now_ns = clock::monotonic_ns();
             match keys.take(byte, now_ns) {
-                Some(Order::Stop) => {
+                Some(KeyOrder::Stop) => {
                     let number = switch.press();
                     let mut said = locked(&said);
                     said.outcome = "stop asked for".to_owned();
                     said.stop = Some(Pressed { switch: Arc::clone(&switch), number, at_ns: now_ns });
                 }
-                Some(Order::Quit) => quit.store(true, Ordering::Relaxed),
+                Some(KeyOrder::Quit) => quit.store(true, Ordering::Relaxed),
                 // The other thread ends with the program only.
                 Some(order) => drop(sender.send(order)),
                 None => {}
