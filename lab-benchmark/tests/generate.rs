@@ -15,7 +15,7 @@ fn short(kind: &str, size: f64) -> Recipe {
 
 #[test]
 fn every_kind_has_the_size_that_was_asked_for_and_names_effects_of_the_catalogue() {
-    for kind in KINDS {
+    for kind in Kind::all() {
         // In its first minute a rich motion only goes up and down: nothing that needs a turning plane shows.
         let recipe = Recipe { motion: Motion::Teleop, ..short(kind.name, 1.0) };
         let made = generate(&recipe).unwrap_or_else(|e| panic!("{}: {e}", kind.name));
@@ -50,7 +50,7 @@ fn without_an_effect_the_base_model_explains_everything_but_the_noise() {
 fn with_the_answer_s_parameters_the_model_explains_what_the_plant_made() {
     let mut n_kinds = 0;
     // The screws' phases are part of what they do, and not among what is known.
-    for kind in KINDS.iter().filter(|kind| kind.is_known() && kind.name != "lead-screw") {
+    for kind in Kind::all().filter(|kind| kind.is_known() && kind.name != "lead-screw") {
         let quiet = Recipe { sigma_rad: 0.01 * core::f64::consts::PI / 180.0, ..short(kind.name, 60.0) };
         let made = generate(&quiet).unwrap_or_else(|e| panic!("{}: {e}", kind.name));
         let lab = SnakeLab::new(&ModelFile::parse(&base_model()).unwrap()).unwrap();

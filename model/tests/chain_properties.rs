@@ -176,6 +176,7 @@ fn effects_without_strength_change_nothing() {
         effect(K::HoleClearance, &[("clearance_m", 0.0)]),
         effect(K::ViscousFriction, &[("coefficient_n_s_per_m", 0.0)]),
         EffectSetting::new(K::CrossCoupling),
+        effect(K::InsideExtension, &[("share", 0.0)]),
         EffectSetting::new(K::EncoderZero),
         EffectSetting::new(K::PlaneOffset),
     ];
@@ -222,34 +223,38 @@ fn symmetric() -> Vec<EffectSetting> {
     .to_vec()
 }
 
+/// The others of them, which no list of sixteen has room for.
+fn symmetric_too() -> Vec<EffectSetting> {
+    use EffectKind as K;
+    [K::StiffnessScale, K::InsideExtension, K::Backlash].map(strong).to_vec()
+}
+
 #[test]
 fn turning_the_plane_by_120_degrees_permutes_the_lines() {
     let turn = Rotation2::new(2.0 * PI / 3.0);
-    let chain = defaults(&symmetric());
-    let turned = commands(&chain, bends().map(|b| turn * b));
-    for (here, there) in commands(&chain, bends()).iter().zip(&turned) {
-        let q = here.q_tilde_m;
-        assert!(
-            (there.q_tilde_m - Vector3::new(q.y, q.z, q.x)).norm() < 1e-9 * (1e-3 + q.norm()),
-            "{here:?} {there:?}"
-        );
-    }
     let twisted = [symmetric(), vec![strong(EffectKind::Twist)]].concat();
-    let chain = defaults(&twisted);
-    let turned = commands(&chain, bends().map(|b| turn * b));
-    for (here, there) in commands(&chain, bends()).iter().zip(&turned) {
-        let q = here.q_tilde_m;
-        assert!((there.q_tilde_m - Vector3::new(q.y, q.z, q.x)).norm() < 1e-9 * (1e-3 + q.norm()));
+    for effects in [symmetric(), symmetric_too(), twisted] {
+        let chain = defaults(&effects);
+        let turned = commands(&chain, bends().map(|b| turn * b));
+        for (here, there) in commands(&chain, bends()).iter().zip(&turned) {
+            let q = here.q_tilde_m;
+            assert!(
+                (there.q_tilde_m - Vector3::new(q.y, q.z, q.x)).norm() < 1e-9 * (1e-3 + q.norm()),
+                "{here:?} {there:?}"
+            );
+        }
     }
 }
 
 #[test]
 fn reflecting_the_plane_swaps_lines_2_and_3() {
-    let chain = defaults(&symmetric());
-    let mirrored = commands(&chain, bends().map(|b| Vector2::new(b.x, -b.y)));
-    for (here, there) in commands(&chain, bends()).iter().zip(&mirrored) {
-        let q = here.q_tilde_m;
-        assert!((there.q_tilde_m - Vector3::new(q.x, q.z, q.y)).norm() < 1e-9 * (1e-3 + q.norm()));
+    for effects in [symmetric(), symmetric_too()] {
+        let chain = defaults(&effects);
+        let mirrored = commands(&chain, bends().map(|b| Vector2::new(b.x, -b.y)));
+        for (here, there) in commands(&chain, bends()).iter().zip(&mirrored) {
+            let q = here.q_tilde_m;
+            assert!((there.q_tilde_m - Vector3::new(q.x, q.z, q.y)).norm() < 1e-9 * (1e-3 + q.norm()));
+        }
     }
 }
 
@@ -257,7 +262,7 @@ fn reflecting_the_plane_swaps_lines_2_and_3() {
 fn friction_never_creates_energy_over_a_closed_loop() {
     use EffectKind as K;
     let lossless: Vec<EffectSetting> =
-        vec![EffectSetting::new(K::StiffnessScale), EffectSetting::new(K::ActuatorCompliance)];
+        [K::StiffnessScale, K::ActuatorCompliance, K::InsideExtension].map(EffectSetting::new).to_vec();
     let base_j = work_of_loops(&lossless);
     assert!(base_j.iter().all(|w| w.abs() < 1e-6), "an elastic machine gives back what it takes: {base_j:?}");
     for kind in

@@ -69,6 +69,7 @@ fn chains_of_four() -> Vec<Vec<EffectSetting>> {
         [K::HoleClearance, K::ActuatorCompliance, K::ConeFriction, K::Preload],
         [K::LateralTipForce, K::AxialTipForce, K::StemCoupling, K::Backlash],
         [K::ThermalDrift, K::Formula, K::StaticFriction, K::Latency],
+        [K::InsideExtension, K::DiskFriction, K::ConeFriction, K::Preload],
     ];
     kinds.into_iter().map(|four| four.map(strong).to_vec()).collect()
 }

@@ -11,6 +11,9 @@ pub(super) type Range = (&'static str, f64, f64, f64);
 pub struct LinesTruth {
     /// Compliance of each actuator behind its encoder, m/N; 0 to 1e-4; neutral 0.
     pub actuator_m_per_n: f64,
+    /// Lines stretch inside the snake too, by this share of what their length there gives under their load, 1; 0 to 1.5;
+    /// neutral 0.
+    pub inside: f64,
     /// Share of a line's stretch that comes slowly (standard linear solid), 1; 0 to 0.5; neutral 0.
     pub creep_part: f64,
     /// Time in which it comes, s; 0.05 to 1e5.
@@ -131,6 +134,7 @@ impl Default for LinesTruth {
     fn default() -> Self {
         Self {
             actuator_m_per_n: 0.0,
+            inside: 0.0,
             creep_part: 0.0,
             creep_time_s: 10.0,
             drag_n_s_per_m: 0.0,
@@ -211,6 +215,7 @@ impl LinesTruth {
     pub(super) fn ranges(&self) -> Vec<Range> {
         let mut ranges = vec![
             ("lines.actuator_m_per_n", self.actuator_m_per_n, 0.0, 1e-4),
+            ("lines.inside", self.inside, 0.0, 1.5),
             ("lines.creep_part", self.creep_part, 0.0, 0.5),
             ("lines.creep_time_s", self.creep_time_s, 0.05, 1e5),
             ("lines.drag_n_s_per_m", self.drag_n_s_per_m, 0.0, 1e5),

@@ -5,10 +5,10 @@
 //! s where the line stood in the cone before, find the load τ that the line pushes the disk with.
 //!
 //! ```text
-//! actuator q~ --play h-- p ==cone, compliance c_c, load τ~== s ==holder, compliance c_d, load τ== y
+//! actuator q~ --play h-- p ==cone, compliance c_c, load τ~== s ==holder and snake, compliance c_d(y), load τ== y
 //!
 //! play      p  = clamp(p_before, q~ - h, q~ + h)
-//! holder    s  = y + c_d τ
+//! holder    s  = y + c_d τ,  c_d = c_h + c' (L + y): the piece inside the snake is as long as the bend makes it
 //! cone      p  = s + c_c τ~
 //! friction  lo(τ) <= τ~ <= hi(τ);  s moves in push direction only at hi, in pull direction only at lo
 //!           hi(τ) = max(g x, x / g), x = τ + f_s;   lo(τ) = -hi(-τ);   g = e^(2 μ φ)
@@ -41,11 +41,19 @@ impl Compliance {
     }
 }
 
+/// The piece of line inside the snake: compliance per metre, 1/N, and its length at the straight pose.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Inside {
+    pub(crate) per_metre: Compliance,
+    pub(crate) length_m: f64,
+}
+
 /// The constants of a line.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Line {
     pub(crate) half_play_m: f64,
     pub(crate) holder: Compliance,
+    pub(crate) inside: Inside,
     pub(crate) cone: Compliance,
     /// g = e^(2 μ φ) >= 1.
     pub(crate) capstan: f64,
@@ -85,13 +93,14 @@ impl Line {
     /// The load with which the line pushes the disk when its end there is at `end_m`.
     pub(crate) fn load(&self, memory: Memory, end_m: f64) -> Load {
         let squeeze = memory.play_m - end_m;
-        let stick = (memory.slip_m - end_m) / self.holder.at(memory.slip_m - end_m);
-        let (push, push_slope) = slip(squeeze, self.holder, self.cone, self.capstan, self.static_friction_n);
+        let holder = self.holder_at(end_m);
+        let stick = (memory.slip_m - end_m) / holder.at(memory.slip_m - end_m);
+        let (push, push_slope) = slip(squeeze, holder, self.cone, self.capstan, self.static_friction_n);
         if stick < push {
             return self.slipped(push, push_slope, self.friction_high(push), end_m);
         }
         let (mirrored, pull_slope) =
-            slip(-squeeze, self.holder.mirrored(), self.cone.mirrored(), self.capstan, self.static_friction_n);
+            slip(-squeeze, holder.mirrored(), self.cone.mirrored(), self.capstan, self.static_friction_n);
         if stick > -mirrored {
             return self.slipped(-mirrored, pull_slope, -self.friction_high(mirrored), end_m);
         }
@@ -99,14 +108,28 @@ impl Line {
         Load {
             disk_n: stick,
             actuator_n: cone_m / self.cone.at(cone_m),
-            stiffness_n_per_m: 1.0 / self.holder.at(memory.slip_m - end_m),
+            stiffness_n_per_m: self.lengthened(stick) / holder.at(memory.slip_m - end_m),
             slip_m: memory.slip_m,
         }
     }
 
     fn slipped(&self, disk_n: f64, slope_m_per_n: f64, actuator_n: f64, end_m: f64) -> Load {
-        let slip_m = end_m + self.holder.at(disk_n) * disk_n;
-        Load { disk_n, actuator_n, stiffness_n_per_m: 1.0 / slope_m_per_n, slip_m }
+        let slip_m = end_m + self.holder_at(end_m).at(disk_n) * disk_n;
+        Load { disk_n, actuator_n, stiffness_n_per_m: self.lengthened(disk_n) / slope_m_per_n, slip_m }
+    }
+
+    /// Holder and snake together, with the line's end at this place.
+    fn holder_at(&self, end_m: f64) -> Compliance {
+        let Inside { per_metre, length_m } = self.inside;
+        Compliance {
+            pushed_m_per_n: self.holder.pushed_m_per_n + per_metre.pushed_m_per_n * (length_m + end_m),
+            pulled_m_per_n: self.holder.pulled_m_per_n + per_metre.pulled_m_per_n * (length_m + end_m),
+        }
+    }
+
+    /// By how much more than one the squeeze falls for each metre of the end: the piece inside becomes longer, and gives more.
+    fn lengthened(&self, disk_n: f64) -> f64 {
+        1.0 + self.inside.per_metre.at(disk_n) * disk_n
     }
 
     /// hi(τ).
@@ -139,7 +162,9 @@ mod tests {
     fn line() -> Line {
         let holder = Compliance { pushed_m_per_n: 5e-5, pulled_m_per_n: 6e-5 };
         let cone = Compliance { pushed_m_per_n: 7e-6, pulled_m_per_n: 8e-6 };
-        Line { half_play_m: 1e-4, holder, cone, capstan: 1.28, static_friction_n: 2.0 }
+        let per_metre = Compliance { pushed_m_per_n: 1.2e-4, pulled_m_per_n: 1.3e-4 };
+        let inside = Inside { per_metre, length_m: 0.026 };
+        Line { half_play_m: 1e-4, holder, inside, cone, capstan: 1.28, static_friction_n: 2.0 }
     }
 
     #[test]

@@ -20,7 +20,7 @@
 
 use crate::bending::Bending;
 use crate::ends::Ends;
-use crate::line::{Compliance, Line, Load, Memory};
+use crate::line::{Compliance, Inside, Line, Load, Memory};
 use crate::truth::Truth;
 use core::f64::consts::{FRAC_PI_3, PI};
 
@@ -252,6 +252,7 @@ fn line(truth: &Truth, axial_n: f64, i: usize) -> Line {
     Line {
         half_play_m: truth.effects.play_m / 2.0,
         holder: compliance(holder_m, 0.0),
+        inside: Inside { per_metre: compliance(lines.inside, 0.0), length_m: m.l_m },
         cone: compliance(cone_m, lines.actuator_m_per_n),
         capstan: (2.0 * truth.effects.mu * m.phi_rad).exp(),
         static_friction_n: truth.effects.f_s_n,

@@ -59,6 +59,7 @@ fn every_hidden_effect_shows_and_solves_and_repeats() {
         (LinesTruth::default, BendingTruth::default, EncodersTruth::default, SightTruth::default, SlowTruth::default);
     let hidden = [
         ("actuator compliance", in_lines(LinesTruth { actuator_m_per_n: 5e-6, ..l() })),
+        ("stretch inside the snake", in_lines(LinesTruth { inside: 1.0, ..l() })),
         ("creep", in_lines(LinesTruth { creep_part: 0.1, creep_time_s: 3.0, ..l() })),
         ("drag", in_lines(LinesTruth { drag_n_s_per_m: 1500.0, ..l() })),
         ("rubbing", in_lines(LinesTruth { rub_n: 1.0, ..l() })),

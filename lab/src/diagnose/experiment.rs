@@ -16,10 +16,10 @@ pub struct NextExperiment {
 /// Families of effects, and the experiments that tell members from each other and from other families.
 const FAMILIES: [(&[&str], &str); 9] = [
     (
-        &["stiffness-scale", "actuator-compliance", "radius-error", "camera-scale"],
+        &["stiffness-scale", "actuator-compliance", "radius-error", "camera-scale", "inside-extension"],
         "Hang known weights on the tip at a fixed pose (a load changes the bend through stiffness only), put a dial \
          indicator behind the drive (compliance of the actuators), and turn a target by known angles before the camera \
-         (its scale)",
+         (its scale); the section and modulus of the tubes say what the lines give inside the snake",
     ),
     (
         &["backlash", "static-friction", "bouc-wen", "prandtl-ishlinskii", "stribeck-friction", "bend-friction"],

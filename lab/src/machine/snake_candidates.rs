@@ -30,6 +30,7 @@ fn search(kind: EffectKind) -> Option<Search> {
         EffectKind::ActuatorCompliance => plain(&[("compliance_m_per_n", 0.0, 2e-6)]),
         EffectKind::RadiusError => plain(&[("relative", 0.0, 0.02)]),
         EffectKind::CameraScale => plain(&[("relative", 0.0, 0.02)]),
+        EffectKind::InsideExtension => plain(&[("share", 0.0, 1.0)]),
         EffectKind::Backlash => Search { cells: &[&[("half_width_m", 2e-5)], &[("half_width_m", 5e-5)], &[("half_width_m", 1e-4)], &[("half_width_m", 2e-4)]], ..plain(&[("half_width_m", 0.0, 5e-5)]) },
         EffectKind::StaticFriction => Search { cells: &[&[("f_s_n", 0.5)], &[("f_s_n", 2.0)], &[("f_s_n", 6.0)]], ..plain(&[("f_s_n", 0.0, 2.0)]) },
         EffectKind::BoucWen => Search { shapes: &["transition_m"], cells: &[&[("transition_m", 3e-5)], &[("transition_m", 1e-4)], &[("transition_m", 4e-4)]], ..plain(&[("amplitude_m", 0.0, 6e-5)]) },

@@ -16,7 +16,7 @@ use core::ops::{Add, Mul};
 pub(crate) struct Lines<P, S> {
     /// Displacements at the snake, m: J_q b.
     pub q: [S; 3],
-    /// What clearance and the snake's length along its axis add to them, m.
+    /// What clearance, extension inside the snake and the snake's length along its axis add to them, m.
     shift: [S; 3],
     /// Loads at the snake, N.
     pub tau: [S; 3],
@@ -55,7 +55,7 @@ impl<P: Real> ChainModel<P> {
         let axial = tau_common * P::constant(self.constants.axial_m_per_n);
         let (mut moved, mut shift) = (q, [S::constant(0.0) + axial; 3]);
         if FULL && self.stages.has_any(Stage::Geometry) {
-            moved = self.clear_holes(memory, b, q, tau, now);
+            moved = self.at_base(memory, b, q, tau, now);
             shift = three(|i| moved[i] - q[i] + axial);
         }
         let mut holder = tau.map(Span::point);
@@ -113,17 +113,20 @@ impl<P: Real> ChainModel<P> {
         three(|i| m[0] * self.divide[i][0] + m[1] * self.divide[i][1])
     }
 
+    /// Displacements where the lines leave the snake, m.
     #[inline(never)]
-    fn clear_holes<S: Scalar<P>>(
+    fn at_base<S: Scalar<P>>(
         &self,
         memory: &mut Memory<P>,
         b: [S; 2],
-        mut q: [S; 3],
+        shape: [S; 3],
         tau: [S; 3],
         now: &Now,
     ) -> [S; 3] {
+        let mut q = shape;
         for e in self.stages.of(Stage::Geometry) {
             geometry::apply(e, &mut memory.states, self.constants.r_m, tau, now, &mut q);
+            extension::apply_inside(e, &self.constants, &self.c_d, &shape, &tau, &mut q);
             self.add_formula(e, memory, b, q, tau, now, |i, value| q[i] += value);
         }
         q

@@ -7,7 +7,8 @@
 //! **Where effects enter**, in the order of the inverse; within one place in the order of the list:
 //! 1. *meas*: b from what shall be seen, b_m = f(b), for effects that are in the snake (twist, ...), last in the list first;
 //! 2. *tau, moment*: m <- f(m, b) (load scale, softening, bending friction, tip forces);
-//! 3. *geo*: J_q itself (radius, unequal lines: constant, so that tau follows by virtual work), then q <- f(q, tau);
+//! 3. *geo*: J_q itself (radius, unequal lines: constant, so that tau follows by virtual work), then q <- f(q, tau), and the lines'
+//!    extension inside the snake, which is there before any friction begins;
 //! 4. *tau, line*: tau becomes an interval [T-, T+] of loads in the holder (disks), then [tau~-, tau~+] at the actuator (cone):
 //!    what the line carries when it is about to be drawn back, and when it is about to be pushed. A frictionless line's is a point;
 //! 5. *eps*: A+- = q + (3 L/(E A)) tau_m + T+-/K_d + tau~+-/K_c + eps(q, tau, T+-, tau~+-);

@@ -35,7 +35,10 @@ impl Stage {
                 kind,
                 K::StiffnessScale | K::SuperelasticSoftening | K::BendFriction | K::AxialTipForce | K::LateralTipForce
             ),
-            Self::Geometry => kind == K::HoleClearance || formula == Some(Hook::Geo),
+            Self::Geometry => match kind {
+                K::HoleClearance | K::InsideExtension => true,
+                _ => formula == Some(Hook::Geo),
+            },
             Self::Snake => match kind {
                 K::DiskFriction | K::ViscousFriction | K::StribeckFriction => true,
                 _ => formula == Some(Hook::Tau),

@@ -1,4 +1,4 @@
-//! Effects on the extension of each line: compliance, asymmetry, buckling, hysteresis, creep, temperature, coupling.
+//! Effects on the extension of each line: compliance, extension inside the snake, asymmetry, buckling, hysteresis, creep, temperature, coupling.
 
 use super::EffectKind;
 use super::definition::{Class, Definition, Hook, Needs, effect, parameter};
@@ -17,6 +17,17 @@ pub(super) static ACTUATOR_COMPLIANCE: Definition = Definition {
         "gears, screw, clamp; 1e-6 to 2e-5, engineering",
     )],
     ..effect("actuator-compliance", Hook::Eps, Class::Proportional, "eps += compliance tau~")
+};
+
+pub(super) static INSIDE_EXTENSION: Definition = Definition {
+    parameters: &[parameter(
+        "share",
+        "1",
+        [0.0, 1.5],
+        1.0,
+        "share of the snake's load that lines carry along it; 1 if eta is stiffness, (1 + 1/eta)/2 if it rubs at the disks, unverified",
+    )],
+    ..effect("inside-extension", Hook::Eps, Class::Proportional, "eps_i += share tau_i (L + q_i)/(E A)")
 };
 
 pub(super) static BOUC_WEN: Definition = Definition {
@@ -124,6 +135,26 @@ pub(super) static CROSS_COUPLING: Definition = Definition {
     ],
     ..effect("cross-coupling", Hook::Eps, Class::Coupling, "eps_i += sum over j of k_ij q_j")
 };
+
+/// Adds the lines' extension inside the snake to the displacements at its base, m. `shape` are those of the bent arc alone;
+/// `c_d` the compliances of the lines in the holder, of the length L_d, m/N: the same tubes go on into the snake.
+#[inline]
+pub(crate) fn apply_inside<P: Real, S: Scalar<P>>(
+    e: &Prepared<P>,
+    machine: &Constants,
+    c_d: &[P; 3],
+    shape: &[S; 3],
+    tau: &[S; 3],
+    q: &mut [S; 3],
+) {
+    if e.kind != EffectKind::InsideExtension {
+        return;
+    }
+    for i in 0..3 {
+        let length = shape[i] + P::constant(machine.l_m);
+        q[i] += tau[i] * length * (e.c[0] * c_d[i] * P::constant(1.0 / machine.l_d_m));
+    }
+}
 
 /// What extension effects look at.
 pub(crate) struct Lines<'a, S> {

@@ -14,6 +14,8 @@ pub enum EffectKind {
     RadiusError,
     /// `camera-scale`.
     CameraScale,
+    /// `inside-extension`.
+    InsideExtension,
     /// `backlash`.
     Backlash,
     /// `static-friction`.
@@ -82,11 +84,12 @@ pub enum EffectKind {
 
 impl EffectKind {
     /// All that a snake can have, in the order of the documentation's table.
-    pub const ALL: [Self; 35] = [
+    pub const ALL: [Self; 36] = [
         Self::StiffnessScale,
         Self::ActuatorCompliance,
         Self::RadiusError,
         Self::CameraScale,
+        Self::InsideExtension,
         Self::Backlash,
         Self::StaticFriction,
         Self::BoucWen,
@@ -127,6 +130,7 @@ impl EffectKind {
             Self::ActuatorCompliance => &extension::ACTUATOR_COMPLIANCE,
             Self::RadiusError => &geometry::RADIUS_ERROR,
             Self::CameraScale => &shape::CAMERA_SCALE,
+            Self::InsideExtension => &extension::INSIDE_EXTENSION,
             Self::Backlash => &encoder::BACKLASH,
             Self::StaticFriction => &friction::STATIC_FRICTION,
             Self::BoucWen => &extension::BOUC_WEN,

@@ -5,7 +5,7 @@ use crate::cli_lab_data::GenerateArgs;
 use crate::print;
 use anyhow::{Context, bail};
 use krait_ipc::{clock, input};
-use krait_lab_benchmark::generate::{KINDS, Kind, Recipe, Sealed, base_model, generate, pick};
+use krait_lab_benchmark::generate::{Kind, Recipe, Sealed, base_model, generate, pick};
 use serde_json::json;
 use std::path::Path;
 use std::process::ExitCode;
@@ -99,12 +99,12 @@ fn kind(name: &str) -> anyhow::Result<&'static Kind> {
     if let Some(kind) = Kind::from_name(name) {
         return Ok(kind);
     }
-    let nearest = krait_model::nearest_name(name, KINDS.iter().map(|kind| kind.name)).unwrap_or_default();
+    let nearest = krait_model::nearest_name(name, Kind::all().map(|kind| kind.name)).unwrap_or_default();
     bail!("--kind {name:?} is not one of those that can be hidden; did you mean {nearest}? (--list shows all)")
 }
 
 fn list() -> String {
-    let width = KINDS.iter().map(|kind| kind.name.len()).max().unwrap_or(0);
+    let width = Kind::all().map(|kind| kind.name.len()).max().unwrap_or(0);
     let line = |kind: &Kind| format!("  {:width$}  {} ({})\n", kind.name, kind.about, kind.right.join(", "));
-    format!("What can be hidden, and the effects that count as right:\n{}", KINDS.iter().map(line).collect::<String>())
+    format!("What can be hidden, and the effects that count as right:\n{}", Kind::all().map(line).collect::<String>())
 }
