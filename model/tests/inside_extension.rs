@@ -104,7 +104,7 @@ fn a_common_load_needs_the_length_inside_the_snake_more() {
         1e-4 / common(&chain(effects, settings()))
     };
     let inside = EffectSetting::new(EffectKind::InsideExtension);
-    let more = travel_m(&[inside.clone()]) - travel_m(&[]);
+    let more = travel_m(std::slice::from_ref(&inside)) - travel_m(&[]);
     assert!((more * ea / machine.l_m - 1.0).abs() < 1e-9, "{more}");
     let golden_mm = golden()["L_over_EA_mm_per_N"].as_f64().unwrap();
     assert!((more * 1e3 / golden_mm - 1.0).abs() < TOLERANCE, "{more} {golden_mm}");
