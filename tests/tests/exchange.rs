@@ -129,6 +129,7 @@ fn ordered(console: &Console, model: &str) -> (u16, String) {
 /// What a recording says of its model and of the engagement.
 struct Found {
     models: BTreeSet<u64>,
+    /// When the first command of the recording came.
     was_engaged_at_first: bool,
     was_engaged_later: bool,
     error_deg: f64,
@@ -136,9 +137,11 @@ struct Found {
 
 fn found_in(recording: &str) -> Found {
     let samples = samples_in(recording);
-    let mut states = samples.iter().filter_map(|s| if let Sample::State(state) = s { Some(state) } else { None });
-    let was_engaged_at_first = states.next().is_some_and(|state| state.is_engaged());
-    let was_engaged_later = states.any(|state| state.is_engaged());
+    let state = |s: &Sample| if let Sample::State(state) = s { Some(state.is_engaged()) } else { None };
+    let first = samples.iter().position(|s| matches!(s, Sample::Command(_))).expect("commands");
+    // The slave's word from before the exchange may stand first of all: its watchdog takes its time.
+    let was_engaged_at_first = samples[..first].iter().rev().find_map(state).expect("a state before the first command");
+    let was_engaged_later = samples[first..].iter().filter_map(state).any(|is_engaged| is_engaged);
     let commands = samples.iter().filter_map(|s| if let Sample::Command(c) = s { Some(c.model_hash) } else { None });
     Found { models: commands.collect(), was_engaged_at_first, was_engaged_later, error_deg: error_deg(&samples) }
 }
