@@ -69,8 +69,19 @@ impl JointMachine {
         1.0 / self.cable_m_per_u
     }
 
+    /// How fast each joint goes for each axis of the hand (m/s three times, rad/s three times), rad (m of a sliding joint); zeros
+    /// behind the last joint.
+    pub fn rates(&self) -> &[[f64; 6]; MAX_JOINTS] {
+        &self.rates
+    }
+
+    /// Where joints may be, rad (m of a sliding joint); zeros behind the last.
+    pub fn range_rad(&self) -> [&JointValues; 2] {
+        [&self.low_rad, &self.high_rad]
+    }
+
     /// What stands for one radian where a number is given for angles: one, or the capstan's radius of sliding joints.
-    pub(crate) fn si_per_rad(&self) -> f64 {
+    pub fn si_per_rad(&self) -> f64 {
         self.si_per_rad
     }
 

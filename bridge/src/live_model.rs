@@ -95,6 +95,11 @@ impl LiveModel {
         }
     }
 
+    /// Whether `estimate` has work: it watches every snake for changes, and of joints it only learns parameters.
+    pub fn needs_estimate(&self) -> bool {
+        self.snake().is_some() || !self.learnt().is_empty()
+    }
+
     /// The snake's chain, if it is one.
     pub fn snake(&self) -> Option<&Chain> {
         match self {
@@ -121,6 +126,11 @@ impl JointModel {
     /// Which model it is.
     pub fn hash(&self) -> ModelHash {
         self.hash
+    }
+
+    /// Whether the model's commands are lengths of cable, not angles of a capstan.
+    pub fn is_driven_by_lengths(&self) -> bool {
+        self.u.is_length
     }
 
     /// Whether the joints slide: their positions are lengths.

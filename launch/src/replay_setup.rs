@@ -5,15 +5,22 @@ use crate::cli_replay::ReplayArgs;
 use crate::config::Config;
 use crate::recorded;
 use anyhow::{Context, bail, ensure};
+use krait_bridge::{JointMachine, JointModel, LiveModel};
 use krait_ipc::Process;
 use krait_model::Snake;
 use krait_record::Recording;
-use krait_replay::{Beginning, InputChoice, InputTrack, Program, ReplayError, Score, Trajectory, TrajectoryLimits};
+use krait_replay::{
+    Beginning, InputChoice, InputTrack, Pose, Program, ReplayError, Score, Steering, Trajectory, TrajectoryLimits,
+    pose_of_bend,
+};
 use krait_slave::{DriveConfig, ShapeSource};
 use std::path::{Path, absolute};
 
 /// Where a trajectory's own time begins, ns: after zero, so that nothing comes out negative.
 const TRAJECTORY_START_NS: i64 = 1_000_000_000;
+
+/// A setpoint may stand beyond its limit by so much, which rounding can pass, rad or m.
+const ROUNDING: f64 = 1e-6;
 
 /// A replay before it begins.
 #[derive(Debug)]
@@ -24,6 +31,8 @@ pub struct ReplaySetup {
     pub config: Config,
     /// What the model of the chain is called.
     pub label: &'static str,
+    /// Whether `estimate` takes part.
+    pub has_estimate: bool,
     /// Where the replay's own time begins, ns.
     pub start_ns: i64,
     /// Device and serial number of the hand that is replayed, as the recording names them.
@@ -55,7 +64,8 @@ impl ReplaySetup {
         config.slave.shape = ShapeSource::Camera;
         let config = replaced(common, args, config)?;
         let score = Score::Inputs(InputTrack::new(choice));
-        Self::new(config, score, beginning.start_bend_rad, beginning.first.sample_ns, args.loops)
+        let start = (beginning.start, beginning.n_joints);
+        Self::new(config, score, start, beginning.first.sample_ns, args.loops)
             .map(|setup| Self { device: recorded::device_of(&recording), ..setup })
     }
 
@@ -75,30 +85,56 @@ impl ReplaySetup {
                 args.from
             );
         };
-        let start_bend_rad = trajectory.start_bend_rad();
-        Self::new(config, Score::Trajectory(trajectory), start_bend_rad, TRAJECTORY_START_NS, args.loops)
+        let start = (pose_of_bend(trajectory.start_bend_rad()), 0);
+        Self::new(config, Score::Trajectory(trajectory), start, TRAJECTORY_START_NS, args.loops)
     }
 
     fn new(
         config: Config,
         score: Score,
-        start_bend_rad: [f64; 2],
+        (start, n_joints): (Pose, u32),
         start_ns: i64,
         n_loops: u64,
     ) -> anyhow::Result<Self> {
         let model = config.model()?;
-        let snake = Snake::new(model.snake("krait replay")?.machine())?;
-        let [x, y] = start_bend_rad;
-        let limit = config.resolve.max_bend_rad;
-        // Written so that NaN is refused; a setpoint may stand at its limit, which rounding can pass.
-        if !(0.0..=limit + 1e-6).contains(&x.hypot(y)) {
-            return Err(ReplayError::StartBend { found: start_bend_rad, limit }.into());
+        let of = |n: usize| if n == 0 { "a snake".to_owned() } else { format!("{n} joints") };
+        let n_of_model = model.machine.joints().map_or(0, JointModel::n);
+        if n_joints as usize != n_of_model {
+            return Err(ReplayError::OtherMachine { found: of(n_joints as usize), expected: of(n_of_model) }.into());
         }
-        let program =
-            Program::new(score, start_bend_rad, n_loops, snake, config.resolve.view_roll_rad, model.machine.hash());
+        let steering = match &model.machine {
+            LiveModel::Snake(chain) => {
+                check_bend(&start, config.resolve.max_bend_rad)?;
+                Steering::snake(Snake::new(chain.machine())?, config.resolve.view_roll_rad)
+            }
+            LiveModel::Joints(joints) => {
+                let machine = JointMachine::new(joints, &config.joints)?;
+                check_joints(&start, &machine, joints.n())?;
+                Steering::joints(machine.rates(), joints.n(), machine.si_per_rad(), joints.slides())
+            }
+        };
+        let program = Program::new(score, start, n_loops, steering, model.machine.hash());
         let device = ["trajectory".to_owned(), "none (trajectory)".to_owned()];
-        Ok(Self { program, config, label: model.label, start_ns, device })
+        let has_estimate = model.machine.needs_estimate();
+        Ok(Self { program, config, label: model.label, has_estimate, start_ns, device })
     }
+}
+
+fn check_bend(start: &Pose, limit: f64) -> Result<(), ReplayError> {
+    let found = [start[0], start[1]];
+    // Written so that NaN is refused; a setpoint may stand at its limit, which rounding can pass.
+    let is_within = (0.0..=limit + ROUNDING).contains(&found[0].hypot(found[1]));
+    if is_within { Ok(()) } else { Err(ReplayError::StartBend { found, limit }) }
+}
+
+fn check_joints(start: &Pose, machine: &JointMachine, n: usize) -> Result<(), ReplayError> {
+    let [lows, highs] = machine.range_rad();
+    for (idx, ((&found, &low), &high)) in start.iter().zip(lows).zip(highs).enumerate().take(n) {
+        if !(low - ROUNDING..=high + ROUNDING).contains(&found) {
+            return Err(ReplayError::StartJoint { joint: idx + 1, found, low, high });
+        }
+    }
+    Ok(())
 }
 
 /// The recording's settings, with those of the replaced stages from the command line.

@@ -204,9 +204,7 @@ impl Supervisor {
             self.budget = Some(BudgetWatch::new(options.config.budget)?);
         }
         let is_live = options.cast.recorded_time_ns.is_none();
-        // Of joints only the learnt parameters need `estimate`: nothing watches for changes of them.
-        let model = options.config.model()?;
-        let learns = model.machine.snake().is_some() || !model.machine.learnt().is_empty();
+        let learns = options.config.model()?.machine.needs_estimate();
         let takes_part =
             |process: &Process| options.cast.processes.contains(process) && (learns || *process != Process::Estimate);
         let cast = || Process::START_ORDER.into_iter().filter(takes_part);

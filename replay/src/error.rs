@@ -92,18 +92,18 @@ pub enum ReplayError {
         /// The slave's reasons.
         reasons: String,
     },
-    /// The snake does not stand where the recording begins.
+    /// The machine does not stand where the recording begins.
     #[error(
-        "the slave stands at a bend vector of {found_deg:.2?} deg, expected {expected_deg:.2?} deg within {limit_deg:.2} deg \
-         before the recorded samples begin; nothing recorded was sent"
+        "the slave stands at {found}, expected {expected} within {limit} before the recorded samples begin; nothing recorded \
+         was sent"
     )]
     StartPose {
-        /// Where it stands, deg.
-        found_deg: [f64; 2],
-        /// Where the recording begins, deg.
-        expected_deg: [f64; 2],
-        /// How far it may be away, deg.
-        limit_deg: f64,
+        /// Where it stands, with the unit.
+        found: String,
+        /// Where the recording begins.
+        expected: String,
+        /// How far it may be away.
+        limit: String,
     },
     /// A recorded setpoint from which nothing can begin.
     #[error(
@@ -115,6 +115,31 @@ pub enum ReplayError {
         found: [f64; 2],
         /// Largest bend, rad.
         limit: f64,
+    },
+    /// A recorded setpoint of joints from which nothing can begin.
+    #[error(
+        "its setpoint at the beginning has joint {joint} at {found}, expected {low:.4} to {high:.4}, rad (m of a sliding \
+         joint); choose another beginning with --from, or a recording that is not damaged"
+    )]
+    StartJoint {
+        /// Which joint, from 1.
+        joint: usize,
+        /// Where it is.
+        found: f64,
+        /// Its lower limit.
+        low: f64,
+        /// Its upper limit.
+        high: f64,
+    },
+    /// A recording of another machine than the model's.
+    #[error(
+        "its setpoints are of {found}, expected those of {expected} as the model has; replay it with its own model"
+    )]
+    OtherMachine {
+        /// What the recording holds.
+        found: String,
+        /// What the model is of.
+        expected: String,
     },
     /// A trajectory was refused.
     #[error(transparent)]

@@ -2,6 +2,7 @@
 //! takes no more memory than a minute.
 
 use crate::ReplayError;
+use crate::steering::{Pose, pose_of_setpoint};
 use crate::steps::model_of;
 use core::ops::Range;
 use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
@@ -43,8 +44,10 @@ pub struct InputChoice {
 pub struct Beginning {
     /// The first input in the range.
     pub first: OperatorInput,
-    /// Where the setpoint was when that came, rad.
-    pub start_bend_rad: [f64; 2],
+    /// Where the setpoint was when that came.
+    pub start: Pose,
+    /// Joints of that setpoint; 0 for a snake.
+    pub n_joints: u32,
     /// Which model the pass was compensated with, if it holds a command that says so.
     pub model: Option<ModelHash>,
 }
@@ -216,8 +219,10 @@ impl Beginning {
             });
         };
         let before = setpoints.iter().rev().find(|setpoint| setpoint.input_sequence < first.sequence);
-        let start_bend_rad = before.or(setpoints.first()).map_or([0.0; 2], |setpoint| setpoint.bend_rad);
-        Ok(Self { first, start_bend_rad, model: command.and_then(|command| model_of(&command)) })
+        let before = before.or(setpoints.first());
+        let start = before.map_or_else(Pose::zeros, pose_of_setpoint);
+        let n_joints = before.map_or(0, |setpoint| setpoint.n_joints);
+        Ok(Self { first, start, n_joints, model: command.and_then(|command| model_of(&command)) })
     }
 }
 
@@ -242,7 +247,8 @@ struct Sieve {
 impl Sieve {
     /// The time after the first input, s; `None` for an input that is left out.
     fn takes(&mut self, input: &OperatorInput) -> Option<f64> {
-        let is_hand = input.tip_vel_in_view_m_per_s.iter().all(|v| v.abs() <= MAX_TIP_VEL_M_PER_S);
+        let is_hand = input.tip_vel_in_view_m_per_s.iter().all(|v| v.abs() <= MAX_TIP_VEL_M_PER_S)
+            && input.tip_angular_vel_in_view_rad_per_s.iter().all(|v| v.is_finite());
         let follows = match self.last_ns {
             Some(before_ns) => (1..=MAX_GAP_NS).contains(&input.sample_ns.saturating_sub(before_ns)),
             None => (0..=MAX_START_NS).contains(&input.sample_ns),

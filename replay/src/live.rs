@@ -6,10 +6,11 @@
 
 use crate::player::{NewestPlayed, PlayCounts};
 use crate::program::{Next, PERIOD_NS, Planned, Program, ProgramPart, What};
+use crate::steering::{Pose, pose_of_state};
 use crate::{ReplayError, Turn};
 use krait_ipc::message::{HopStamps, OperatorInput, Setpoint, Shape, SlaveState};
 use krait_ipc::{Bus, ReadOptions, Reader, Reason, Reasons, Writer};
-use krait_report::Tracking;
+use krait_report::Tracked;
 
 /// A step this much longer than the period is not cut in two, ns.
 const LONGEST_STEP_NS: f64 = 1.5e6;
@@ -43,7 +44,7 @@ pub struct LivePlayer {
     newest: NewestPlayed,
     ready: Option<Ready>,
     last_setpoint: Option<Setpoint>,
-    tracking: Tracking,
+    tracking: Tracked,
     has_begun: bool,
     /// Since when an operator has been present, as far as was sent, without being engaged, ns.
     in_vain_since_ns: Option<i64>,
@@ -85,7 +86,7 @@ impl LivePlayer {
             newest: NewestPlayed::default(),
             ready: None,
             last_setpoint: None,
-            tracking: Tracking::default(),
+            tracking: Tracked::default(),
             has_begun: false,
             in_vain_since_ns: None,
         })
@@ -112,8 +113,8 @@ impl LivePlayer {
         &self.program
     }
 
-    /// How well the snake followed.
-    pub fn tracking(&self) -> &Tracking {
+    /// How well the machine followed.
+    pub fn tracking(&self) -> &Tracked {
         &self.tracking
     }
 
@@ -207,7 +208,7 @@ impl LivePlayer {
             return Ok(self.under_way);
         }
         // Each sample waits for the one before by the clock; the setpoint that came back last is near enough to steer by.
-        let Next::Sample(planned) = self.program.next(self.bend_rad(), true)? else { return Ok(None) };
+        let Next::Sample(planned) = self.program.next(&self.newest.pose(), true)? else { return Ok(None) };
         if planned.part == ProgramPart::Recorded && !self.has_begun {
             self.check_start()?;
             self.rate = 0.0;
@@ -216,23 +217,18 @@ impl LivePlayer {
         Ok(Some((planned, planned.dt_ns.min(LONGEST_GAP_NS) as f64)))
     }
 
-    fn bend_rad(&self) -> [f64; 2] {
-        let slave = self.newest.state.map(|state| state.setpoint_bend_rad);
-        self.newest.setpoint.map(|setpoint| setpoint.bend_rad).or(slave).unwrap_or_default()
-    }
-
     /// The slave itself must stand where the recorded samples begin.
     fn check_start(&self) -> Result<(), ReplayError> {
-        let (start, slave) = (self.program.start_bend_rad(), self.newest.state.map(|state| state.setpoint_bend_rad));
-        let found = slave.unwrap_or([f64::NAN; 2]);
-        let distance_rad = (found[0] - start[0]).hypot(found[1] - start[1]);
-        if distance_rad <= START_RAD {
+        let (start, steering) = (self.program.start(), self.program.steering());
+        let found = self.newest.state.as_ref().map_or(Pose::repeat(f64::NAN), pose_of_state);
+        let limit = START_RAD * steering.si_per_rad();
+        if (found - start).norm() <= limit {
             return Ok(());
         }
         Err(ReplayError::StartPose {
-            found_deg: found.map(f64::to_degrees),
-            expected_deg: start.map(f64::to_degrees),
-            limit_deg: START_RAD.to_degrees(),
+            found: steering.words(&found),
+            expected: steering.words(start),
+            limit: steering.distance_words(limit),
         })
     }
 
@@ -287,7 +283,15 @@ impl LivePlayer {
         match what {
             What::Input(input) => {
                 let tip_vel_in_view_m_per_s = input.tip_vel_in_view_m_per_s.map(|v| v * rate);
-                let input = OperatorInput { sequence, sample_ns: now_ns, stamps, tip_vel_in_view_m_per_s, ..input };
+                let tip_angular_vel_in_view_rad_per_s = input.tip_angular_vel_in_view_rad_per_s.map(|v| v * rate);
+                let input = OperatorInput {
+                    sequence,
+                    sample_ns: now_ns,
+                    stamps,
+                    tip_vel_in_view_m_per_s,
+                    tip_angular_vel_in_view_rad_per_s,
+                    ..input
+                };
                 if let Some(inputs) = &mut self.inputs {
                     inputs.send(&input)?;
                 }

@@ -7,11 +7,12 @@
 
 use crate::keeper::Keeper;
 use crate::program::{Next, Planned, Program, ProgramPart, What};
+use crate::steering::{Pose, pose_of_setpoint, pose_of_state};
 use crate::{ReplayError, Turn};
 use core::time::Duration;
 use krait_ipc::message::{Command, Cue, HopStamps, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState};
 use krait_ipc::{Bus, ReadOptions, Reader, Writer, clock};
-use krait_report::Tracking;
+use krait_report::Tracked;
 use krait_schema::Sample;
 use std::collections::VecDeque;
 
@@ -64,6 +65,14 @@ pub struct NewestPlayed {
     pub state: Option<SlaveState>,
 }
 
+impl NewestPlayed {
+    /// The pose of the newest setpoint, or the slave's before there is one.
+    pub(crate) fn pose(&self) -> Pose {
+        let slave = || self.state.as_ref().map(pose_of_state);
+        self.setpoint.as_ref().map(pose_of_setpoint).or_else(slave).unwrap_or_default()
+    }
+}
+
 /// A replay in its own time.
 pub struct Player {
     program: Program,
@@ -77,9 +86,10 @@ pub struct Player {
     shapes: Reader<Shape>,
     updates: Reader<ModelUpdate>,
     keeper: Option<Keeper>,
+    has_estimate: bool,
     counts: PlayCounts,
     newest: NewestPlayed,
-    tracking: Tracking,
+    tracking: Tracked,
     /// The state before the first sample: its sequence number and its instant.
     base: Option<(u64, i64)>,
     /// Instants of the newest samples, the oldest first.
@@ -96,11 +106,12 @@ pub struct Player {
 }
 
 impl Player {
-    /// Opens the channels. The chain must be started after this, in recorded time.
+    /// Opens the channels. The chain must be started after this, in recorded time; `has_estimate` says whether each of its shapes
+    /// leads to a model update.
     ///
     /// # Errors
     /// [`ReplayError::Ipc`] when a channel cannot be had.
-    pub fn open(bus: &Bus, program: Program, keeper: Option<Keeper>) -> Result<Self, ReplayError> {
+    pub fn open(bus: &Bus, program: Program, keeper: Option<Keeper>, has_estimate: bool) -> Result<Self, ReplayError> {
         let has_inputs = program.sends_inputs();
         Ok(Self {
             program,
@@ -114,9 +125,10 @@ impl Player {
             shapes: bus.reader(ReadOptions::observing())?,
             updates: bus.reader(ReadOptions::observing())?,
             keeper,
+            has_estimate,
             counts: PlayCounts::default(),
             newest: NewestPlayed::default(),
-            tracking: Tracking::default(),
+            tracking: Tracked::default(),
             base: None,
             instants_ns: VecDeque::with_capacity(UNDER_WAY as usize + 1),
             shapes_ns: VecDeque::new(),
@@ -162,8 +174,8 @@ impl Player {
         &self.program
     }
 
-    /// How well the snake followed.
-    pub fn tracking(&self) -> &Tracking {
+    /// How well the machine followed.
+    pub fn tracking(&self) -> &Tracked {
         &self.tracking
     }
 
@@ -250,8 +262,10 @@ impl Player {
             keep(&mut self.keeper, Sample::Command(command))?;
         }
         while let Some(shape) = self.shapes.take()?.map(|shape| *shape) {
-            self.shapes_ns.push_back(shape.available_ns);
-            self.shape_sequence = shape.sequence;
+            if self.has_estimate {
+                self.shapes_ns.push_back(shape.available_ns);
+                self.shape_sequence = shape.sequence;
+            }
             self.tracking.shape(&shape);
             keep(&mut self.keeper, Sample::Shape(shape))?;
         }
@@ -270,7 +284,7 @@ impl Player {
         while self.counts.sent() - self.counts.answered < UNDER_WAY {
             let planned = match self.pending.take() {
                 Some(planned) => planned,
-                None => match self.program.next(self.bend_rad(), self.is_idle())? {
+                None => match self.program.next(&self.newest.pose(), self.is_idle())? {
                     Next::Sample(planned) => planned,
                     Next::Wait => break,
                     Next::End => {
@@ -296,12 +310,6 @@ impl Player {
             }
         }
         Ok(ended)
-    }
-
-    /// The newest setpoint's bend, or the slave's before there is one.
-    fn bend_rad(&self) -> [f64; 2] {
-        let slave = self.newest.state.map(|state| state.setpoint_bend_rad);
-        self.newest.setpoint.map(|setpoint| setpoint.bend_rad).or(slave).unwrap_or_default()
     }
 
     fn send(&mut self, planned: &Planned) -> Result<(), ReplayError> {

@@ -1,14 +1,15 @@
 //! What a replay sends, sample by sample: an approach to the start, the recorded samples, and a rest; once or several times.
 //!
-//! The approach steers the snake to where the recording or trajectory begins, slowly, and without knowing anything but the
+//! The approach steers the machine to where the recording or trajectory begins, slowly, and without knowing anything but the
 //! setpoint that came out last. The rest says that no operator is present, so that the setpoint comes to rest and the
 //! slave holds before anything ends.
 
+use crate::steering::{Pose, Steering};
 use crate::{InputTrack, ReplayError, Trajectory};
 use krait_ipc::message::{DeviceState, MAX_JOINTS, N_LINES, OperatorInput, Phase, Setpoint, lines};
 use krait_ipc::{Reason, Reasons};
-use krait_model::{ModelHash, Snake};
-use nalgebra::{Rotation3, Vector2, Vector3};
+use krait_model::ModelHash;
+use nalgebra::{Vector2, Vector6};
 
 /// Time between two samples that the program makes by itself, ns.
 pub(crate) const PERIOD_NS: i64 = 1_000_000;
@@ -21,7 +22,7 @@ const N_ENGAGING: u64 = 48;
 const N_LETTING_GO: u64 = 48;
 /// Samples of a rest: within 0.3 s every setpoint that the limits allow has come to rest and the slave holds.
 const N_REST: u64 = 300;
-/// Fastest approach, rad/s: 17 deg/s, far below what an operator may ask for.
+/// Fastest approach, rad/s (times the capstan's radius for sliding joints): 17 deg/s, far below what an operator may ask for.
 const APPROACH_RAD_PER_S: f64 = 0.3;
 /// How much faster the approach may get from sample to sample, rad/s: full speed after 0.1 s.
 const APPROACH_GAIN_RAD_PER_S: f64 = 3e-3;
@@ -95,13 +96,13 @@ pub enum Score {
 #[derive(Debug)]
 pub struct Program {
     score: Score,
-    start_bend_rad: [f64; 2],
+    start: Pose,
     n_loops_left: u64,
-    snake: Snake,
+    steering: Steering,
     model: ModelHash,
-    view_from_base: Rotation3<f64>,
     part: ProgramPart,
     n_in_part: u64,
+    /// Where a glide of a snake began.
     approach_from_rad: Option<Vector2<f64>>,
     last_bend_rad: Vector2<f64>,
     last_input_ns: Option<i64>,
@@ -122,22 +123,14 @@ pub struct Tally {
 }
 
 impl Program {
-    /// A program that begins at a bend. `view_roll_rad` is that of `resolve`, `model` that of the chain.
-    pub fn new(
-        score: Score,
-        start_bend_rad: [f64; 2],
-        n_loops: u64,
-        snake: Snake,
-        view_roll_rad: f64,
-        model: ModelHash,
-    ) -> Self {
+    /// A program that begins at a pose. `model` is that of the chain; a trajectory is one of a snake.
+    pub fn new(score: Score, start: Pose, n_loops: u64, steering: Steering, model: ModelHash) -> Self {
         Self {
             score,
-            start_bend_rad,
+            start,
             n_loops_left: n_loops,
-            snake,
+            steering,
             model,
-            view_from_base: Rotation3::from_axis_angle(&Vector3::z_axis(), view_roll_rad).inverse(),
             part: ProgramPart::Approach,
             n_in_part: 0,
             approach_from_rad: None,
@@ -153,9 +146,14 @@ impl Program {
         matches!(self.score, Score::Inputs(_))
     }
 
-    /// Where the score begins, rad.
-    pub fn start_bend_rad(&self) -> [f64; 2] {
-        self.start_bend_rad
+    /// Where the score begins.
+    pub fn start(&self) -> &Pose {
+        &self.start
+    }
+
+    /// What moves.
+    pub fn steering(&self) -> &Steering {
+        &self.steering
     }
 
     /// How much of the score has been played.
@@ -184,18 +182,18 @@ impl Program {
         self.part == ProgramPart::Rest && self.n_loops_left == 1
     }
 
-    /// The next sample. `bend_rad` is the newest setpoint that has come out; `is_idle` says that no sample is under way.
+    /// The next sample. `pose` is that of the newest setpoint that has come out; `is_idle` says that no sample is under way.
     ///
     /// # Errors
     /// [`ReplayError::Read`] when the recording cannot be read any further.
-    pub fn next(&mut self, bend_rad: [f64; 2], is_idle: bool) -> Result<Next, ReplayError> {
+    pub fn next(&mut self, pose: &Pose, is_idle: bool) -> Result<Next, ReplayError> {
         loop {
             let sample = match self.part {
                 ProgramPart::Approach if !is_idle && (self.sends_inputs() || self.approach_from_rad.is_none()) => {
                     return Ok(Next::Wait);
                 }
-                ProgramPart::Approach if self.n_in_part < N_ABSENT + N_ENGAGING => Some(self.engaging(bend_rad.into())),
-                ProgramPart::Approach => self.approach(bend_rad.into()),
+                ProgramPart::Approach if self.n_in_part < N_ABSENT + N_ENGAGING => Some(self.engaging(pose)),
+                ProgramPart::Approach => self.approach(pose),
                 ProgramPart::LettingGo => self.letting_go(),
                 ProgramPart::Recorded => self.recorded()?,
                 ProgramPart::Rest if self.n_in_part < N_REST => Some(self.rest()),
@@ -240,7 +238,7 @@ impl Program {
     /// Absent until nothing is under way that still follows the approach; nothing where the recording begins engaged.
     fn letting_go(&self) -> Option<Planned> {
         let begins_absent = self.first_input.is_some_and(|input| input.flags & OperatorInput::OPERATOR_PRESENT == 0);
-        let what = What::Input(operator_input([0.0; 3], 0, DeviceState::Live));
+        let what = What::Input(operator_input(&Vector6::zeros(), 0, DeviceState::Live));
         (begins_absent && self.n_in_part < N_LETTING_GO).then_some(Planned {
             what,
             dt_ns: PERIOD_NS,
@@ -249,37 +247,36 @@ impl Program {
     }
 
     /// Stands still where the snake is, first absent and then present.
-    fn engaging(&mut self, bend_rad: Vector2<f64>) -> Planned {
+    fn engaging(&mut self, pose: &Pose) -> Planned {
         let is_present = self.n_in_part >= N_ABSENT;
         let what = if self.sends_inputs() {
             let flags = if is_present { OperatorInput::OPERATOR_PRESENT } else { 0 };
-            What::Input(operator_input([0.0; 3], flags, DeviceState::Live))
+            What::Input(operator_input(&Vector6::zeros(), flags, DeviceState::Live))
         } else {
-            let from = *self.approach_from_rad.get_or_insert(bend_rad);
+            let from = *self.approach_from_rad.get_or_insert(bend_of(pose));
             let reasons = Reasons::NONE.with(if is_present { Reason::NotEngaged } else { Reason::OperatorAbsent });
             self.setpoint(from, Vector2::zeros(), Phase::Holding, reasons)
         };
         Planned { what, dt_ns: PERIOD_NS, part: ProgramPart::Approach }
     }
 
-    fn approach(&mut self, bend_rad: Vector2<f64>) -> Option<Planned> {
+    fn approach(&mut self, pose: &Pose) -> Option<Planned> {
         let n_moved = self.n_in_part - N_ABSENT - N_ENGAGING;
-        let target = Vector2::from(self.start_bend_rad);
         if self.n_in_part >= MOST_APPROACH {
             return None;
         }
         if !self.sends_inputs() {
-            return self.glide(bend_rad, target, n_moved);
+            return self.glide(bend_of(pose), bend_of(&self.start), n_moved);
         }
-        let way = target - bend_rad;
-        if way.norm() <= ARRIVED_RAD {
+        let si_per_rad = self.steering.si_per_rad();
+        let way = self.start - pose;
+        if way.norm() <= ARRIVED_RAD * si_per_rad {
             return None;
         }
-        let fastest = APPROACH_RAD_PER_S.min(APPROACH_GAIN_RAD_PER_S * (n_moved + 1) as f64);
-        let bend_vel = way * (fastest / way.norm()).min(APPROACH_RATE_PER_S);
-        let linear_rows = self.snake.j_x_bend(bend_rad).fixed_rows::<3>(0).into_owned();
-        let tip_vel_in_view = self.view_from_base * (linear_rows * bend_vel);
-        let input = operator_input(tip_vel_in_view.into(), OperatorInput::OPERATOR_PRESENT, DeviceState::Live);
+        let fastest = APPROACH_RAD_PER_S.min(APPROACH_GAIN_RAD_PER_S * (n_moved + 1) as f64) * si_per_rad;
+        let rate_per_s = way * (fastest / way.norm()).min(APPROACH_RATE_PER_S);
+        let hand = self.steering.hand_velocity(pose, &rate_per_s);
+        let input = operator_input(&hand, OperatorInput::OPERATOR_PRESENT, DeviceState::Live);
         Some(Planned { what: What::Input(input), dt_ns: PERIOD_NS, part: ProgramPart::Approach })
     }
 
@@ -324,7 +321,7 @@ impl Program {
     fn rest(&self) -> Planned {
         let ended = Reasons::NONE.with(Reason::InputEnded).with(Reason::OperatorAbsent);
         let what = if self.sends_inputs() {
-            What::Input(operator_input([0.0; 3], 0, DeviceState::Ended))
+            What::Input(operator_input(&Vector6::zeros(), 0, DeviceState::Ended))
         } else {
             self.setpoint(self.last_bend_rad, Vector2::zeros(), Phase::Holding, ended)
         };
@@ -352,7 +349,7 @@ impl Program {
             q_tilde_vel_m_per_s: lines([f64::NAN; N_LINES]),
             n_actuators: 0,
             n_joints: 0,
-            tip_pos_in_base_m: self.snake.tip_pos_in_base_m(bend_rad).into(),
+            tip_pos_in_base_m: self.steering.tip_pos_in_base_m(bend_rad),
             motion_scale: 1.0,
             model_hash: self.model.0,
             phase: phase as u32,
@@ -362,13 +359,18 @@ impl Program {
     }
 }
 
-fn operator_input(tip_vel_in_view_m_per_s: [f64; 3], flags: u32, device: DeviceState) -> OperatorInput {
+/// The bend vector of a snake's pose.
+fn bend_of(pose: &Pose) -> Vector2<f64> {
+    pose.fixed_rows::<2>(0).into_owned()
+}
+
+fn operator_input(hand: &Vector6<f64>, flags: u32, device: DeviceState) -> OperatorInput {
     OperatorInput {
         sequence: 0,
         sample_ns: 0,
         stamps: krait_ipc::message::HopStamps::default(),
-        tip_vel_in_view_m_per_s,
-        tip_angular_vel_in_view_rad_per_s: [0.0; 3],
+        tip_vel_in_view_m_per_s: [hand[0], hand[1], hand[2]],
+        tip_angular_vel_in_view_rad_per_s: [hand[3], hand[4], hand[5]],
         raw_axes: [0; 6],
         flags,
         buttons: 0,

@@ -3,9 +3,10 @@
 //! Both are laid on top of each other at the first setpoint that follows the operator; a recording without one at its first
 //! setpoint. Samples that are nearest in time are compared.
 
+use crate::joint_tracking::{JointScore, JointTracking};
 use crate::tracking::{self, Tracking, TrackingScore};
 use crate::{LatencyLog, Quantiles, Spread};
-use krait_ipc::message::{OperatingState, SlaveState, three};
+use krait_ipc::message::{Actuators, JointValues, OperatingState, Setpoint, SlaveState};
 use krait_ipc::{Reason, Reasons};
 use krait_record::Pass;
 use serde::Serialize;
@@ -31,6 +32,8 @@ pub struct Side {
     pub length_s: f64,
     /// Length of the difference between the measured and the commanded bend vector, deg; the window of [`TrackingScore`].
     pub tracking_error_deg: Option<Spread>,
+    /// The score of joints, in their own unit; null for a snake.
+    pub joints: Option<JointScore>,
     /// The score counts from this long after the operator's first motion, s.
     pub scored_from_s: f64,
     /// Latency of each hop, microseconds; none where the replay's own time passed, in which nothing takes any.
@@ -53,35 +56,41 @@ pub struct Side {
 /// Curves over time since the first motion, s.
 #[derive(Clone, Debug, Default)]
 pub struct Series {
-    /// Tracking error, deg.
-    pub error_deg: Vec<(f64, f64)>,
-    /// Bend of the setpoint, deg.
+    /// Tracking error, deg; of joints that of the worst, deg or mm.
+    pub error: Vec<(f64, f64)>,
+    /// Bend of a snake's setpoint, deg.
     pub bend_deg: Vec<(f64, f64)>,
     /// Device to drive, microseconds.
     pub latency_us: Vec<(f64, f64)>,
     setpoints: Vec<(f64, [f64; 2])>,
-    commands: Vec<(f64, [f64; 3])>,
+    joints: Vec<(f64, JointValues)>,
+    commands: Vec<(f64, Actuators)>,
 }
 
 /// How far two recordings are apart at the same time since the first motion.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Apart {
-    /// Bend vectors of the setpoints, deg.
-    pub setpoint_deg: Spread,
-    /// Actuator commands, the largest of the three, mm.
+    /// Bend vectors of the setpoints, deg; null unless both are of snakes.
+    pub setpoint_deg: Option<Spread>,
+    /// Setpoints of joints, the largest difference of each instant, in the unit of the joints' score; null unless both are of
+    /// joints that turn, or both of joints that slide.
+    pub setpoint_joints: Option<Spread>,
+    /// Actuator commands, the largest difference of each instant, mm.
     pub command_mm: Spread,
 }
 
 impl Side {
-    /// Sums up a pass.
+    /// Sums up a pass; `slides` says of joints whether their positions are lengths.
     ///
     /// # Errors
     /// [`SideError`].
-    pub fn of(pass: &Pass) -> Result<Self, SideError> {
+    pub fn of(pass: &Pass, slides: Option<bool>) -> Result<Self, SideError> {
         let ends = pass.setpoints.first().zip(pass.setpoints.last());
         let Some((first, last)) = ends else { return Err(SideError::NoSetpoint) };
         let tracking = tracking_of(pass);
-        let zero_ns = tracking.first_motion_ns().unwrap_or(first.sample_ns);
+        let joints = joints_of(pass);
+        let first_motion_ns = if slides.is_some() { joints.first_motion_ns() } else { tracking.first_motion_ns() };
+        let zero_ns = first_motion_ns.unwrap_or(first.sample_ns);
         let score: TrackingScore = tracking.score();
         let state = StateSums::of(&pass.states);
         Ok(Self {
@@ -95,6 +104,7 @@ impl Side {
             ]),
             length_s: seconds(first.sample_ns, last.sample_ns),
             tracking_error_deg: score.error_deg,
+            joints: slides.and_then(|slides| joints.score(slides)),
             scored_from_s: score.scored_from_s,
             latency_us: latencies(&pass.states)?,
             operating_s: state.operating_s,
@@ -102,7 +112,7 @@ impl Side {
             n_faults: state.n_faults,
             n_refused: pass.states.last().map_or(0, |state| state.n_refused),
             reasons: state.reasons,
-            series: Series::of(pass, &tracking, zero_ns),
+            series: Series::of(pass, zero_ns, &tracking, slides.map(|slides| (&joints, slides))),
         })
     }
 }
@@ -111,16 +121,26 @@ impl Apart {
     /// Lays two sides on top of each other; instants that only one of them has do not count.
     pub fn of(a: &Side, b: &Side) -> Self {
         let deg = |x: &[f64; 2], y: &[f64; 2]| (x[0] - y[0]).hypot(x[1] - y[1]).to_degrees();
-        let mm = |x: &[f64; 3], y: &[f64; 3]| (0..3).map(|k| (x[k] - y[k]).abs() * 1e3).fold(0.0, f64::max);
+        let mm = |x: &Actuators, y: &Actuators| largest(x, y) * 1e3;
+        let unit = |side: &Side| side.joints.as_ref().map(|score| score.unit);
+        let both_snakes = a.joints.is_none() && b.joints.is_none();
+        let per_si = unit(a).filter(|_| unit(a) == unit(b)).map(|unit| JointTracking::unit(unit == "mm").1);
+        let joints = |per_si: f64| Spread::of(apart(&a.series.joints, &b.series.joints, |x, y| largest(x, y) * per_si));
         Self {
-            setpoint_deg: Spread::of(apart(&a.series.setpoints, &b.series.setpoints, deg)),
+            setpoint_deg: both_snakes.then(|| Spread::of(apart(&a.series.setpoints, &b.series.setpoints, deg))),
+            setpoint_joints: per_si.map(joints),
             command_mm: Spread::of(apart(&a.series.commands, &b.series.commands, mm)),
         }
     }
 }
 
+/// The largest difference between values of the same place.
+fn largest<const N: usize>(x: &[f64; N], y: &[f64; N]) -> f64 {
+    x.iter().zip(y).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max)
+}
+
 impl Series {
-    fn of(pass: &Pass, tracking: &Tracking, zero_ns: i64) -> Self {
+    fn of(pass: &Pass, zero_ns: i64, tracking: &Tracking, joints: Option<(&JointTracking, bool)>) -> Self {
         let at = |ns: i64| seconds(zero_ns, ns);
         let (mut latency_us, mut newest) = (Vec::new(), 0);
         for state in &pass.states {
@@ -130,18 +150,36 @@ impl Series {
                 latency_us.push((at(to_ns), seconds(from_ns, to_ns) * 1e6));
             }
         }
+        let commands = pass.commands.iter().map(|c| (at(c.sample_ns), c.q_tilde_m)).collect();
+        let Some((joints, slides)) = joints else {
+            let bend_deg = |s: &Setpoint| s.bend_rad[0].hypot(s.bend_rad[1]).to_degrees();
+            return Self {
+                error: tracking.errors().map(|(ns, rad)| (at(ns), rad.to_degrees())).collect(),
+                bend_deg: pass.setpoints.iter().map(|s| (at(s.sample_ns), bend_deg(s))).collect(),
+                latency_us,
+                setpoints: pass.setpoints.iter().map(|s| (at(s.sample_ns), s.bend_rad)).collect(),
+                joints: Vec::new(),
+                commands,
+            };
+        };
+        let (_, per_si) = JointTracking::unit(slides);
+        let worst = |errors: &JointValues| errors.iter().fold(0.0_f64, |most, error| most.max(error.abs())) * per_si;
         Self {
-            error_deg: tracking.errors().map(|(ns, rad)| (at(ns), rad.to_degrees())).collect(),
-            bend_deg: pass
-                .setpoints
-                .iter()
-                .map(|s| (at(s.sample_ns), s.bend_rad[0].hypot(s.bend_rad[1]).to_degrees()))
-                .collect(),
+            error: joints.errors().map(|(ns, errors)| (at(ns), worst(&errors))).collect(),
             latency_us,
-            setpoints: pass.setpoints.iter().map(|s| (at(s.sample_ns), s.bend_rad)).collect(),
-            commands: pass.commands.iter().map(|c| (at(c.sample_ns), three(&c.q_tilde_m))).collect(),
+            joints: pass.setpoints.iter().map(|s| (at(s.sample_ns), s.joints_rad)).collect(),
+            commands,
+            ..Self::default()
         }
     }
+}
+
+/// Setpoints and measurements of joints; none of a snake.
+fn joints_of(pass: &Pass) -> JointTracking {
+    let mut joints = JointTracking::default();
+    pass.setpoints.iter().filter(|setpoint| setpoint.n_joints > 0).for_each(|setpoint| joints.setpoint(setpoint));
+    pass.shapes.iter().for_each(|shape| joints.shape(shape));
+    joints
 }
 
 /// Setpoints and shapes in the order of their instants.

@@ -2,7 +2,7 @@
 //!
 //! The window is that of a snake's score: from [`SCORED_FROM_S`] after the first motion on.
 
-use crate::{SCORED_FROM_S, Spread};
+use crate::{SCORED_FROM_S, Spread, Tracking};
 use krait_ipc::message::{JointValues, MAX_JOINTS, Phase, Setpoint, Shape};
 use serde::Serialize;
 
@@ -30,6 +30,36 @@ pub struct JointFigure {
     pub peak_reached: f64,
 }
 
+/// How well a machine followed, whichever it is.
+#[derive(Clone, Debug, Default)]
+pub struct Tracked {
+    /// A snake's bend vector.
+    pub bend: Tracking,
+    joints: JointTracking,
+}
+
+impl Tracked {
+    /// Takes a setpoint; they come in order.
+    pub fn setpoint(&mut self, setpoint: &Setpoint) {
+        if setpoint.n_joints == 0 {
+            self.bend.setpoint(setpoint);
+        } else {
+            self.joints.setpoint(setpoint);
+        }
+    }
+
+    /// Takes a shape, after the setpoints of its instant of exposure.
+    pub fn shape(&mut self, shape: &Shape) {
+        self.bend.shape(shape);
+        self.joints.shape(shape);
+    }
+
+    /// The score of joints; none for a snake. `slides`: their positions are lengths.
+    pub fn joints(&self, slides: bool) -> Option<JointScore> {
+        self.joints.score(slides)
+    }
+}
+
 /// Setpoints and measurements of joints, in the order of their instants.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct JointTracking {
@@ -49,6 +79,11 @@ impl JointTracking {
         }
     }
 
+    /// When the first setpoint followed an operator, ns.
+    pub(crate) fn first_motion_ns(&self) -> Option<i64> {
+        self.first_motion_ns
+    }
+
     /// Takes a measurement, if it is one of joints.
     pub(crate) fn shape(&mut self, shape: &Shape) {
         if shape.valid_joints_rad().is_some() {
@@ -56,22 +91,32 @@ impl JointTracking {
         }
     }
 
+    /// Every measurement with its errors against the setpoint of its instant, rad (m of a sliding joint).
+    pub(crate) fn errors(&self) -> impl Iterator<Item = (i64, JointValues)> {
+        self.measured.iter().filter_map(|(ns, measured)| {
+            let after = self.setpoints.partition_point(|(at_ns, _)| at_ns <= ns);
+            let (_, wanted) = self.setpoints.get(after.checked_sub(1)?)?;
+            Some((*ns, core::array::from_fn(|k| measured[k] - wanted[k])))
+        })
+    }
+
+    /// The unit of joints, and how many there are of it in one of SI.
+    pub(crate) fn unit(slides: bool) -> (&'static str, f64) {
+        if slides { ("mm", 1e3) } else { ("deg", 1f64.to_degrees()) }
+    }
+
     /// The score; none where there were no joints. `slides`: their positions are lengths.
     pub(crate) fn score(&self, slides: bool) -> Option<JointScore> {
         if self.n == 0 {
             return None;
         }
-        let (unit, per_si) = if slides { ("mm", 1e3) } else { ("deg", 1f64.to_degrees()) };
+        let (unit, per_si) = Self::unit(slides);
         let from_ns = self.first_motion_ns.map(|first_ns| first_ns.saturating_add((SCORED_FROM_S * 1e9) as i64));
-        let scored: Vec<[f64; MAX_JOINTS]> = self
-            .measured
-            .iter()
-            .filter(|(ns, _)| from_ns.is_some_and(|from_ns| *ns >= from_ns))
-            .filter_map(|(ns, measured)| {
-                let after = self.setpoints.partition_point(|(at_ns, _)| at_ns <= ns);
-                let (_, wanted) = self.setpoints.get(after.checked_sub(1)?)?;
-                Some(core::array::from_fn(|k| (measured[k] - wanted[k]) * per_si))
-            })
+        let is_scored = |ns: i64| from_ns.is_some_and(|from_ns| ns >= from_ns);
+        let scored: Vec<JointValues> = self
+            .errors()
+            .filter(|(ns, _)| is_scored(*ns))
+            .map(|(_, errors)| errors.map(|error| error * per_si))
             .collect();
         let peak = |all: &[(i64, JointValues)], k: usize| {
             all.iter().map(|(_, joints)| joints[k].abs()).fold(0.0, f64::max) * per_si

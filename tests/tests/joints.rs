@@ -6,8 +6,10 @@
 use core::time::Duration;
 use krait_record::Recording;
 use krait_schema::Sample;
-use krait_tests::{Ended, TempFolder, instance_name};
+use krait_tests::{Ended, Krait, TempFolder, instance_name, wait_until};
+use rustix::process::Signal;
 use serde_json::Value;
+use std::collections::BTreeSet;
 use std::path::Path;
 
 const PATIENCE: Duration = Duration::from_secs(240);
@@ -66,6 +68,16 @@ fn a_wrist_follows_better_with_its_model_and_its_recording_verifies() {
         verdict["first_difference"].is_null() && verdict["commands_identical"].as_u64() > Some(10_000),
         "{verdict}"
     );
+    // Played again, the wrist does as well, and twice the same.
+    let (one, two) = (folder.file("one.mcap"), folder.file("two.mcap"));
+    let again_deg = replayed(&with, &one)["joints"]["error"]["rms"].as_f64().expect("more than 10 s of motion");
+    assert!(again_deg < 0.25 * off_deg, "{again_deg} deg when played again, {off_deg} deg without the model");
+    assert_eq!(replayed(&with, &two)["samples"]["lost"], 0);
+    let alike = compared(&one, &two);
+    assert!(alike["apart"]["command_mm"]["max"] == 0.0 && alike["apart"]["setpoint_joints"]["max"] == 0.0, "{alike}");
+    let apart = compared(&without, &with);
+    let side = |letter: &str| apart[letter]["joints"]["error"]["rms"].as_f64().unwrap_or_else(|| panic!("{apart}"));
+    assert!((side("a") - off_deg).abs() < 1e-9 && (side("b") - wrist_deg).abs() < 1e-9, "run and compare say the same");
 }
 
 #[test]
@@ -125,8 +137,59 @@ fn eight_sliding_joints_are_driven_in_mm_and_verify() {
     assert!(verified(&recording)["first_difference"].is_null());
     let console = Ended::of(&["run", "--console", "--engage", "--model", &model, "--config", &config], PATIENCE);
     assert!(console.code == Some(2) && console.sentence().contains("the console is for snakes"), "{console:?}");
-    let replay = Ended::of(&["replay", &recording], PATIENCE);
-    assert!(replay.code == Some(2) && replay.sentence().contains("is for snakes"), "{replay:?}");
+    let again = replayed(&recording, &folder.file("again.mcap"));
+    assert!(again["joints"]["unit"] == "mm" && again["samples"]["recorded"].as_u64() > Some(4_000), "{again}");
+}
+
+/// Plays a recording as fast as the processes go, into another.
+fn replayed(recording: &str, again: &str) -> Value {
+    let ended = Ended::of(&["replay", recording, "--speed", "max", "--recording", again, "--json"], PATIENCE);
+    assert_eq!(ended.code, Some(0), "{}\n{}", ended.stdout, ended.stderr);
+    ended.json()
+}
+
+fn compared(a: &str, b: &str) -> Value {
+    let ended = Ended::of(&["compare", a, b, "--json"], PATIENCE);
+    assert_eq!(ended.code, Some(0), "{}\n{}", ended.stdout, ended.stderr);
+    ended.json()
+}
+
+#[test]
+fn joints_take_a_better_model_while_they_run() {
+    let folder = TempFolder::new("exchanged");
+    let (off, recording, second) = (folder.file("off.toml"), folder.file("run.mcap"), folder.file("run-model2.mcap"));
+    std::fs::write(&off, OFF).expect("a file");
+    let other = folder.file("other.toml");
+    std::fs::write(
+        &other,
+        OFF.replace("n = 3", "n = 2").replace("1.0, 1.0, 1.0", "1.0, 1.0").replace("0.0, 0.0, 0.0", "0.0, 0.0"),
+    )
+    .expect("a file");
+    let instance = instance_name("exchanged");
+    let run = ["run", "--engage=again", "--master", "script", "--input", SCRIPT, "--model", &off];
+    let _alone = ALONE.lock();
+    let chain = Krait::start(&[&run[..], &["--instance", &instance, "--recording", &recording]].concat());
+    let grown = wait_until(PATIENCE, || std::fs::metadata(&recording).is_ok_and(|file| file.len() > 200_000));
+    assert!(grown, "it never moved");
+    let exchange = |model: &str| Ended::of(&["model", "exchange", model, "--instance", &instance], PATIENCE);
+    let refused = exchange(&other);
+    assert!(refused.code != Some(0) && refused.stderr.contains("another machine"), "{refused:?}");
+    let taken = exchange(WRIST);
+    assert_eq!(taken.code, Some(0), "{taken:?}");
+    std::thread::sleep(Duration::from_secs(3));
+    chain.signal(Signal::TERM);
+    let ended = chain.end(PATIENCE);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let models = |recording: &str| -> BTreeSet<u64> {
+        let recorded = Recording::open(Path::new(recording)).expect("a recording");
+        let samples = recorded.samples().expect("samples").map(|sample| sample.expect("a sample").sample);
+        samples.filter_map(|sample| if let Sample::Command(c) = sample { Some(c.model_hash) } else { None }).collect()
+    };
+    let (before, after) = (models(&recording), models(&second));
+    assert!(before.len() == 1 && after.len() == 1 && before != after, "{before:?} {after:?}");
+    for recording in [&recording, &second] {
+        assert!(verified(recording)["first_difference"].is_null());
+    }
 }
 
 #[test]

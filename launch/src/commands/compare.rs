@@ -3,7 +3,10 @@
 use crate::cli_replay::CompareArgs;
 use crate::{print, recorded};
 use anyhow::{Context, bail};
-use krait_record::{Recording, passes_of};
+use krait_bridge::{JointModel, LiveModel};
+use krait_model::ModelHash;
+use krait_model::model_file::ModelFile;
+use krait_record::{Pass, Recording, passes_of};
 use krait_report::{Apart, Curve, Figure, Side, Spread, Stroke, TOO_SHORT, Table, svg};
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -65,9 +68,18 @@ fn named(path: &Path, number: u64) -> anyhow::Result<Named> {
     let Some(pass) = passes.get(idx) else {
         bail!("recording {}: pass {number} was asked for and it holds {}", path.display(), passes.len());
     };
-    let side = Side::of(pass).with_context(|| format!("recording {}", path.display()))?;
+    let slides = slides_of(&parts[0], pass).with_context(|| format!("recording {}", path.display()))?;
+    let side = Side::of(pass, slides).with_context(|| format!("recording {}", path.display()))?;
     let missing = parts.iter().flat_map(|part| &part.contents().missing).map(ToString::to_string).collect();
     Ok(Named { recording: path.to_owned(), pass: idx + 1, about: recorded::about(&parts[0]), missing, side })
+}
+
+/// Whether the pass is of joints, and whether those slide.
+fn slides_of(recording: &Recording, pass: &Pass) -> anyhow::Result<Option<bool>> {
+    let is_of_joints = pass.setpoints.first().is_some_and(|setpoint| setpoint.n_joints > 0);
+    let Some(command) = pass.commands.first().filter(|_| is_of_joints) else { return Ok(None) };
+    let model = ModelFile::parse(&recorded::model_text(recording, ModelHash(command.model_hash))?)?;
+    Ok(LiveModel::of(&model)?.joints().map(JointModel::slides))
 }
 
 fn text(comparison: &Comparison) -> String {
@@ -83,9 +95,16 @@ fn text(comparison: &Comparison) -> String {
         }
     }
     text += &format!("{}{}\n", table(&a.side, &b.side), verdict(&a.side, &b.side));
+    let (unit, setpoints) = match (&apart.setpoint_deg, &apart.setpoint_joints) {
+        (Some(deg), _) => ("deg", Some(deg)),
+        (None, of_joints) => (unit_of(&a.side), of_joints.as_ref()),
+    };
+    let setpoints = setpoints.map_or("setpoints of different machines".to_owned(), |apart| {
+        format!("setpoints {:.3} {unit} rms ({:.3} max)", apart.rms, apart.max)
+    });
     text += &format!(
-        "At the same time since the first motion: setpoints {:.3} deg rms ({:.3} max),\n  commands {:.4} mm rms ({:.4} max)\n",
-        apart.setpoint_deg.rms, apart.setpoint_deg.max, apart.command_mm.rms, apart.command_mm.max
+        "At the same time since the first motion: {setpoints},\n  commands {:.4} mm rms ({:.4} max)\n",
+        apart.command_mm.rms, apart.command_mm.max
     );
     for picture in pictures {
         text += &format!("Picture: {}\n", picture.display());
@@ -95,20 +114,33 @@ fn text(comparison: &Comparison) -> String {
 
 /// Which follows better, in one sentence; lengths that differ are said, because errors of other motions do not compare.
 fn verdict(a: &Side, b: &Side) -> String {
-    let sentence = match (&a.tracking_error_deg, &b.tracking_error_deg) {
+    let unit = unit_of(a);
+    if unit != unit_of(b) || a.joints.is_some() != b.joints.is_some() {
+        return "Verdict: none; the two are of different machines.".to_owned();
+    }
+    let sentence = match (error_of(a), error_of(b)) {
         (Some(a), Some(b)) if (a.rms - b.rms).abs() <= ALIKE * a.rms.max(b.rms) => {
             format!("Verdict: both follow alike, within {:.0} %", 100.0 * ALIKE)
         }
         (Some(a), Some(b)) if b.rms < a.rms => {
-            format!("Verdict: B follows better, {:.3} deg rms where A has {:.3}", b.rms, a.rms)
+            format!("Verdict: B follows better, {:.3} {unit} rms where A has {:.3}", b.rms, a.rms)
         }
-        (Some(a), Some(b)) => format!("Verdict: A follows better, {:.3} deg rms where B has {:.3}", a.rms, b.rms),
+        (Some(a), Some(b)) => format!("Verdict: A follows better, {:.3} {unit} rms where B has {:.3}", a.rms, b.rms),
         _ => return "Verdict: none; a tracking error takes more than 10 s of motion on both sides.".to_owned(),
     };
     if (a.length_s - b.length_s).abs() > ALIKE * a.length_s.max(b.length_s) {
         return format!("{sentence}; but their lengths differ, so the motion may be another.");
     }
     format!("{sentence}.")
+}
+
+/// How far off a side was: a snake's bend vector, or all its joints.
+fn error_of(side: &Side) -> Option<&Spread> {
+    side.joints.as_ref().map_or(side.tracking_error_deg.as_ref(), |joints| joints.error.as_ref())
+}
+
+fn unit_of(side: &Side) -> &'static str {
+    side.joints.as_ref().map_or("deg", |joints| joints.unit)
 }
 
 /// Figures of both sides and what B has more.
@@ -121,8 +153,10 @@ fn table(a: &Side, b: &Side) -> Table {
         rows.numbers(&format!("{channel} samples"), count(a), count(b), 0);
     }
     let mut error = |word: &str, figure: fn(&Spread) -> f64| {
-        let of = |side: &Side| side.tracking_error_deg.as_ref().map(figure);
-        rows.with(&format!("tracking error {word}, deg"), of(a), of(b), 3, TOO_SHORT);
+        let units =
+            if unit_of(a) == unit_of(b) { unit_of(a).to_owned() } else { format!("{} and {}", unit_of(a), unit_of(b)) };
+        let of = |side: &Side| error_of(side).map(figure);
+        rows.with(&format!("tracking error {word}, {units}"), of(a), of(b), 3, TOO_SHORT);
     };
     error("rms", |error| error.rms);
     error("p95", |error| error.p95);
@@ -169,7 +203,7 @@ fn write_pictures(folder: &Path, a: &Named, b: &Named) -> anyhow::Result<Vec<Pat
     let (sa, sb) = (&a.side.series, &b.side.series);
     let mut written = Vec::new();
     for (file, title, y_label, pa, pb) in [
-        ("tracking.svg", "Tracking error", "degrees", &sa.error_deg, &sb.error_deg),
+        ("tracking.svg", "Tracking error", unit_of(&a.side), &sa.error, &sb.error),
         ("bend.svg", "Bend of the setpoint", "degrees", &sa.bend_deg, &sb.bend_deg),
         ("latency.svg", "Latency from the device to the drive", "microseconds", &sa.latency_us, &sb.latency_us),
     ] {

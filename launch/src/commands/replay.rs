@@ -13,7 +13,7 @@ use krait_ipc::message::three;
 use krait_ipc::{Process, clock};
 use krait_record::{About, WallClock};
 use krait_replay::{Keeper, LivePlayer, PlayCounts, Player, Program, Turn};
-use krait_report::{SCORED_FROM_S, Spread, TOO_SHORT, Tracking};
+use krait_report::{JointScore, SCORED_FROM_S, Spread, TOO_SHORT, Tracked};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -59,6 +59,8 @@ struct Figures {
     times_real_time: f64,
     /// Measured shape against setpoint, from `scored_from_s` after the first motion on, deg; null for a shorter motion.
     tracking_error_deg: Option<Spread>,
+    /// The same of joints, in their own unit; null for a snake.
+    joints: Option<JointScore>,
     /// See above, s.
     scored_from_s: f64,
     /// Whether it was stopped before its end.
@@ -152,7 +154,7 @@ fn play(
 ) -> anyhow::Result<Figures> {
     let keeper = setup.config.record.path.as_deref().map(|path| keeper(&setup, supervisor, path)).transpose()?;
     let options = options(&setup, Some(setup.start_ns));
-    let mut player = Player::open(supervisor.bus(), setup.program, keeper)?;
+    let mut player = Player::open(supervisor.bus(), setup.program, keeper, setup.has_estimate)?;
     supervisor.start_chain(&options, stop)?;
     player.begin()?;
     let begun_ns = clock::monotonic_ns();
@@ -252,11 +254,20 @@ impl Pace {
 fn step_line(player: &Player) -> String {
     let newest = player.newest();
     let sequence = newest.setpoint.map_or(0, |setpoint| setpoint.input_sequence);
+    let following = newest.state.is_some_and(|state| state.flags & krait_ipc::message::SlaveState::FOLLOWING != 0);
+    let word = if following { "follows" } else { "holds" };
+    if let Some(setpoint) = newest.setpoint.filter(|setpoint| setpoint.n_joints > 0) {
+        let (unit, per_si) =
+            if player.program().steering().slides() { ("mm", 1e3) } else { ("deg", 1f64.to_degrees()) };
+        let n = setpoint.n_joints as usize;
+        let joints: Vec<f64> = setpoint.joints_rad.iter().take(n).map(|joint| joint * per_si).collect();
+        let q_mm: Vec<f64> =
+            newest.command.iter().flat_map(|command| command.q_tilde_m).take(n).map(|q| q * 1e3).collect();
+        return format!("sample {sequence}: joints {joints:.4?} {unit}, q~ {q_mm:.5?} mm, the slave {word}\n");
+    }
     let deg = |bend: Option<[f64; 2]>| bend.unwrap_or([f64::NAN; 2]).map(f64::to_degrees);
     let [x, y] = deg(newest.setpoint.map(|setpoint| setpoint.bend_rad));
     let [a, b, c] = newest.command.map_or([f64::NAN; 3], |command| three(&command.q_tilde_m)).map(|q| q * 1e3);
-    let following = newest.state.is_some_and(|state| state.flags & krait_ipc::message::SlaveState::FOLLOWING != 0);
-    let word = if following { "follows" } else { "holds" };
     format!("sample {sequence}: bend {x:.4} {y:.4} deg, q~ {a:.5} {b:.5} {c:.5} mm, the slave {word}\n")
 }
 
@@ -332,7 +343,7 @@ fn figures(
     args: &ReplayArgs,
     options: &ChainOptions,
     program: &Program,
-    tracking: &Tracking,
+    tracking: &Tracked,
     samples: PlayCounts,
     stopped: bool,
 ) -> Figures {
@@ -352,7 +363,8 @@ fn figures(
         played_s: tally.played_ns as f64 * 1e-9,
         took_s: 0.0,
         times_real_time: 0.0,
-        tracking_error_deg: tracking.score().error_deg,
+        tracking_error_deg: tracking.bend.score().error_deg,
+        joints: tracking.joints(program.steering().slides()),
         scored_from_s: SCORED_FROM_S,
         stopped,
         recording: options.config.record.path.clone(),
@@ -384,8 +396,14 @@ fn sentence(figures: &Figures) -> String {
         text += &format!("Left out: {} recorded samples that resolve would refuse\n", figures.samples_refused);
     }
     text += &format!("Tracking error from {SCORED_FROM_S:.0} s after the first motion on: ");
+    let (error, unit, what) = match &figures.joints {
+        Some(joints) => (joints.error, joints.unit, "joint positions"),
+        None => (*error, "deg", "shapes"),
+    };
     text += &match error {
-        Some(Spread { n, rms, p95, max }) => format!("{rms:.2} deg rms, {p95:.2} p95, {max:.2} max over {n} shapes\n"),
+        Some(Spread { n, rms, p95, max }) => {
+            format!("{rms:.2} {unit} rms, {p95:.2} p95, {max:.2} max over {n} {what}\n")
+        }
         None => format!("{TOO_SHORT}\n"),
     };
     if figures.stopped {

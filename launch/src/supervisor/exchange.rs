@@ -7,6 +7,7 @@ use super::Supervisor;
 use crate::config::Config;
 use crate::in_force::ModelInForce;
 use anyhow::{Context, ensure};
+use krait_bridge::LiveModel;
 use krait_ipc::message::{ModelAnswer, ModelRequest};
 use krait_ipc::{Bus, IpcError, Process, ReadOptions, Reader, Writer, clock};
 use std::path::{Path, PathBuf};
@@ -77,7 +78,11 @@ impl Supervisor {
     }
 
     fn exchange(&mut self, config: Config, is_recording: bool, stop: &AtomicBool) -> anyhow::Result<()> {
-        let running: Vec<Process> = self.processes().into_iter().map(|(process, _)| process).collect();
+        let needs_estimate = config.model()?.machine.needs_estimate();
+        let is_cast = |process: &Process| match process {
+            Process::Estimate => needs_estimate,
+            _ => true,
+        };
         if let Some(options) = &mut self.comes_back {
             options.config = config.clone();
         }
@@ -88,7 +93,7 @@ impl Supervisor {
             self.end_one(Process::Record);
             self.start_recorder(&config, stop)?;
         }
-        for process in RESTING_ON_IT.into_iter().rev().filter(|process| running.contains(process)) {
+        for process in RESTING_ON_IT.into_iter().rev().filter(is_cast) {
             self.spawn(process, &config, &[])?;
             self.wait_until_ready(process, stop)?;
         }
@@ -110,10 +115,10 @@ fn checked(before: &Config, request: &ModelRequest, n_recording: u32, is_recordi
         path.display()
     );
     let old = before.model()?;
-    // What lines and backbones are made of is the model's to say; how long and how wide the snake is, is not.
-    let size =
-        |model: &ModelInForce| model.snake("an exchange").map(|chain| (chain.machine().l_m, chain.machine().r_m));
-    ensure!(size(&model)? == size(&old)?, "it is of another machine than the one that runs; start a chain with it");
+    ensure!(
+        is_same_machine(&model.machine, &old.machine),
+        "it is of another machine than the one that runs; start a chain with it"
+    );
     let mut config = Config { model: Some(path), model_text: Some(model.text), ..before.clone() };
     if is_recording {
         let recording = before.record.path.as_deref().context("the recording has no path")?;
@@ -124,6 +129,20 @@ fn checked(before: &Config, request: &ModelRequest, n_recording: u32, is_recordi
     config.record.metadata.insert("compensation".to_owned(), model.label.to_owned());
     config.check()?;
     Ok(config)
+}
+
+/// What lines and backbones are made of is the model's to say; how long and how wide the snake is, is not, and neither is how
+/// many joints there are and what their numbers mean.
+fn is_same_machine(new: &LiveModel, old: &LiveModel) -> bool {
+    match (new, old) {
+        (LiveModel::Snake(new), LiveModel::Snake(old)) => {
+            (new.machine().l_m, new.machine().r_m) == (old.machine().l_m, old.machine().r_m)
+        }
+        (LiveModel::Joints(new), LiveModel::Joints(old)) => {
+            (new.n(), new.slides(), new.is_driven_by_lengths()) == (old.n(), old.slides(), old.is_driven_by_lengths())
+        }
+        _ => false,
+    }
 }
 
 /// The recording that follows: run.mcap, run-model2.mcap, run-model3.mcap.

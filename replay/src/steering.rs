@@ -1,0 +1,154 @@
+//! How a replay steers a machine as an operator would: where it stands, and the velocities of the hand that bring it elsewhere.
+
+use krait_ipc::message::{MAX_JOINTS, Setpoint, SlaveState};
+use krait_model::Snake;
+use nalgebra::{Rotation3, SMatrix, SVector, Vector2, Vector3, Vector6};
+
+/// Where a machine stands: a snake's bend vector or the positions of joints, rad (m of sliding joints); zeros behind the last.
+pub type Pose = SVector<f64, MAX_JOINTS>;
+
+/// Directions in which no axis moves the joints have smaller singular values than this, as a part of the largest.
+const NO_AXIS: f64 = 1e-9;
+
+/// What a replay must know of a machine to bring it to where the score begins.
+#[derive(Clone, Debug)]
+pub enum Steering {
+    /// A snake: the hand's linear velocity moves its tip.
+    Snake {
+        /// The kinematics.
+        snake: Snake,
+        /// From the base's frame to the operator's view.
+        view_from_base: Rotation3<f64>,
+    },
+    /// Joints: the hand's six velocities turn them by fixed rates.
+    Joints {
+        /// Velocities of the hand for velocities of the joints: the pseudo-inverse of their rates.
+        hand_from_joints: SMatrix<f64, 6, MAX_JOINTS>,
+        /// What stands for one radian where the joints slide, m; 1 where they turn.
+        si_per_rad: f64,
+        /// Whether their positions are lengths.
+        slides: bool,
+        /// How many there are.
+        n: usize,
+    },
+}
+
+impl Steering {
+    /// A snake that is seen with a roll of the view.
+    pub fn snake(snake: Snake, view_roll_rad: f64) -> Self {
+        Self::Snake { snake, view_from_base: Rotation3::from_axis_angle(&Vector3::z_axis(), view_roll_rad).inverse() }
+    }
+
+    /// `n` joints with the rates at which the hand's axes turn them, rad (m) each.
+    pub fn joints(rates: &[[f64; 6]; MAX_JOINTS], n: usize, si_per_rad: f64, slides: bool) -> Self {
+        let rates = SMatrix::<f64, MAX_JOINTS, 6>::from_fn(|joint, axis| rates[joint][axis]);
+        let svd = rates.svd(true, true);
+        let least = NO_AXIS * svd.singular_values.max();
+        // Both bases were asked for, so there is an inverse; without any axis it is zero, and the way has no end.
+        let hand_from_joints = svd.pseudo_inverse(least).unwrap_or_else(|_| SMatrix::zeros());
+        Self::Joints { hand_from_joints, si_per_rad, slides, n }
+    }
+
+    /// The velocities of the hand, linear (m/s) and angular (rad/s), that change the pose at this rate.
+    pub(crate) fn hand_velocity(&self, pose: &Pose, rate_per_s: &Pose) -> Vector6<f64> {
+        match self {
+            Self::Snake { snake, view_from_base } => {
+                let linear_rows = snake.j_x_bend(pose.fixed_rows::<2>(0).into_owned()).fixed_rows::<3>(0).into_owned();
+                let tip = view_from_base * (linear_rows * rate_per_s.fixed_rows::<2>(0));
+                Vector6::new(tip.x, tip.y, tip.z, 0.0, 0.0, 0.0)
+            }
+            Self::Joints { hand_from_joints, .. } => hand_from_joints * rate_per_s,
+        }
+    }
+
+    /// What stands for one radian in the machine's poses.
+    pub(crate) fn si_per_rad(&self) -> f64 {
+        match self {
+            Self::Snake { .. } => 1.0,
+            Self::Joints { si_per_rad, .. } => *si_per_rad,
+        }
+    }
+
+    /// The tip of a snake at a bend, m; NaN for joints.
+    pub(crate) fn tip_pos_in_base_m(&self, bend_rad: Vector2<f64>) -> [f64; 3] {
+        match self {
+            Self::Snake { snake, .. } => snake.tip_pos_in_base_m(bend_rad).into(),
+            Self::Joints { .. } => [f64::NAN; 3],
+        }
+    }
+
+    /// Whether poses are lengths.
+    pub fn slides(&self) -> bool {
+        matches!(self, Self::Joints { slides: true, .. })
+    }
+
+    /// A pose in words, with its unit.
+    pub(crate) fn words(&self, pose: &Pose) -> String {
+        let (what, n) = match self {
+            Self::Snake { .. } => ("a bend vector of", 2),
+            Self::Joints { n, .. } => ("joints at", *n),
+        };
+        let (unit, per_si) = self.shown();
+        let values: Vec<f64> = pose.iter().take(n).map(|value| value * per_si).collect();
+        format!("{what} {values:.2?} {unit}")
+    }
+
+    /// A distance between two poses in words, with its unit.
+    pub(crate) fn distance_words(&self, distance: f64) -> String {
+        let (unit, per_si) = self.shown();
+        format!("{:.2} {unit}", distance * per_si)
+    }
+
+    fn shown(&self) -> (&'static str, f64) {
+        if self.slides() { ("mm", 1e3) } else { ("deg", 1f64.to_degrees()) }
+    }
+}
+
+/// A snake's bend vector as a pose.
+pub fn pose_of_bend(bend_rad: [f64; 2]) -> Pose {
+    let mut pose = Pose::zeros();
+    (pose[0], pose[1]) = (bend_rad[0], bend_rad[1]);
+    pose
+}
+
+/// The pose of a setpoint.
+pub(crate) fn pose_of_setpoint(setpoint: &Setpoint) -> Pose {
+    if setpoint.n_joints == 0 { pose_of_bend(setpoint.bend_rad) } else { Pose::from(setpoint.joints_rad) }
+}
+
+/// The pose that the slave took last; its bend vector is NaN where it drives joints, which begin at their zero.
+pub(crate) fn pose_of_state(state: &SlaveState) -> Pose {
+    if state.setpoint_bend_rad.iter().any(|bend| bend.is_nan()) {
+        Pose::from(state.setpoint_joints_rad)
+    } else {
+        pose_of_bend(state.setpoint_bend_rad)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_hand_s_velocities_turn_the_joints_as_wanted_where_the_axes_can() {
+        let mut rates = [[0.0; 6]; MAX_JOINTS];
+        (rates[0], rates[1]) = ([25.0, 5.0, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 2.0]);
+        let steering = Steering::joints(&rates, 2, 1.0, false);
+        let mut wanted = Pose::zeros();
+        (wanted[0], wanted[1]) = (0.3, -0.1);
+        let hand = steering.hand_velocity(&Pose::zeros(), &wanted);
+        let turned = |joint: usize| -> f64 { rates[joint].iter().zip(hand.iter()).map(|(rate, v)| rate * v).sum() };
+        assert!((turned(0) - 0.3).abs() < 1e-12 && (turned(1) + 0.1).abs() < 1e-12, "{hand}");
+        let none = Steering::joints(&[[0.0; 6]; MAX_JOINTS], 2, 1.0, false);
+        assert_eq!(none.hand_velocity(&Pose::zeros(), &wanted), Vector6::zeros());
+    }
+
+    #[test]
+    fn a_pose_is_said_in_the_machine_s_own_unit() {
+        let mut pose = Pose::zeros();
+        (pose[0], pose[1]) = (1e-3, 2e-3);
+        let slides = Steering::joints(&[[0.0; 6]; MAX_JOINTS], 2, 0.005, true);
+        assert_eq!(slides.words(&pose), "joints at [1.00, 2.00] mm");
+        assert_eq!(slides.distance_words(1e-4), "0.10 mm");
+    }
+}
