@@ -63,7 +63,8 @@ settings! {
         /// For so long it must be beyond the second limit, s: a glitch of the camera ends nothing.
         mismatch_trip_after_s: f64 = 0.5, 0.0..=60.0;
         /// Both limits for a model that learns nothing and states no floor, like `off` and `naive`: it is there to show its error.
-        mismatch_wide_floors: f64 = 400.0, 1.0..=1e6;
+        /// 200: 60 deg, which only a machine that does something else altogether leaves.
+        mismatch_wide_floors: f64 = 200.0, 1.0..=1e6;
         /// How the process waits for setpoints.
         wait: WaitMode = WaitMode::Ahead;
     }

@@ -61,3 +61,38 @@ impl Mismatch {
         seen.has_tripped
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use krait_model::KnownColumns;
+    use krait_model::model_file::ModelFile;
+
+    const NAIVE: &str = "format = 1\n[machine]\nkind = \"snake\"\n";
+
+    /// After how many seconds a constant rest ends the motion, within five; and whether it was warned of.
+    fn found(floor_deg: Option<f64>, rest_deg: f64) -> (Option<f64>, bool) {
+        let file = ModelFile::parse(NAIVE).expect("a model");
+        let chain = file.chain(KnownColumns::default()).expect("a chain").expect("a snake");
+        let chain = chain.with_floor(floor_deg.map(f64::to_radians));
+        let mismatch = Mismatch::of_snake(&chain, &CompensateConfig::default());
+        let (mut seen, mut reasons) = (Seen::default(), Reasons::NONE);
+        let mut judged = |ms: i64| mismatch.trips(&mut seen, rest_deg.to_radians(), ms * 1_000_000, &mut reasons);
+        let ended_s = (0..5000).find(|ms| judged(*ms)).map(|ms| ms as f64 * 1e-3);
+        (ended_s, reasons.contains(Reason::ModelMismatch))
+    }
+
+    #[test]
+    fn limits_are_relative_to_the_floor_that_the_model_states() {
+        let (ended_s, _) = found(Some(0.1), 4.1);
+        assert!(ended_s.is_some_and(|s| (0.4..0.6).contains(&s)), "40 floors of 0.1 deg: {ended_s:?}");
+        assert_eq!(found(Some(0.5), 4.1).0, None, "the same rest is within 40 floors of 0.5 deg");
+    }
+
+    #[test]
+    fn a_model_that_is_there_to_show_its_error_has_a_limit_too_and_a_machine_can_reach_it() {
+        assert_eq!(found(None, 40.0), (None, false), "what a snake without compensation shows");
+        let (ended_s, is_warned) = found(None, 62.0);
+        assert!(ended_s.is_some() && is_warned);
+    }
+}

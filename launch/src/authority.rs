@@ -15,6 +15,8 @@ pub struct Authority {
     waiting: VecDeque<StateRequest>,
     pending: Option<Pending>,
     opened_ns: i64,
+    /// When somebody last asked for less than ENABLED, ns.
+    held_back_ns: Option<i64>,
 }
 
 /// A request whose command is on its way.
@@ -37,6 +39,7 @@ impl Authority {
             waiting: VecDeque::new(),
             pending: None,
             opened_ns: clock::monotonic_ns(),
+            held_back_ns: None,
         })
     }
 
@@ -46,6 +49,11 @@ impl Authority {
     /// As [`Writer::send`].
     pub fn command(&mut self, transition: Transition) -> Result<(), IpcError> {
         self.send(transition, clock::monotonic_ns(), std::process::id()).map(|_| ())
+    }
+
+    /// When somebody last asked for DISABLED or PAUSED, CLOCK_MONOTONIC, ns; a slave that was not there then has not heard it.
+    pub fn held_back_ns(&self) -> Option<i64> {
+        self.held_back_ns
     }
 
     /// Takes what others ask for, one request after the other: commands the slave, and answers when the slave has.
@@ -71,6 +79,9 @@ impl Authority {
         }
         let Some(request) = self.waiting.pop_front() else { return Ok(()) };
         let Some(transition) = request.transition() else { return self.refuse(&request, state) };
+        if matches!(transition, Transition::Disable | Transition::Pause) {
+            self.held_back_ns = Some(now_ns);
+        }
         // The request's own stamp: a stop that came behind it wins.
         let command_sequence = self.send(transition, request.sample_ns, request.sender_pid)?;
         self.pending = Some(Pending { request, command_sequence, give_up_ns: now_ns + PATIENCE_NS });

@@ -6,8 +6,8 @@
 use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use core::time::Duration;
 use std::io::{self, Write, stderr};
-use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::sync::{Arc, OnceLock};
 use tracing_subscriber::fmt::MakeWriter;
 
 /// Lines that wait at most: some hundred kilobytes.
@@ -15,12 +15,24 @@ const N_WAITING: usize = 1024;
 /// How long the end of the program waits for the last lines at most.
 const END_PATIENCE: Duration = Duration::from_millis(200);
 
+/// The queue of this program's standard error.
+static QUEUE: OnceLock<Lines> = OnceLock::new();
+
+/// Puts text for standard error, whole lines or a line that is rewritten, into the queue of the log: nobody waits for it.
+pub fn say(text: &str) {
+    if let Some(lines) = QUEUE.get() {
+        lines.put(text.as_bytes().to_vec());
+    }
+}
+
 /// Starts logging: warnings unless KRAIT_LOG says otherwise (the syntax of tracing's filters). Keep what comes back until the
 /// end of the program.
 pub fn start() -> Log {
     let filter = tracing_subscriber::EnvFilter::try_from_env("KRAIT_LOG")
         .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn,iceoryx2=error"));
     let (log, lines) = Log::new(stderr);
+    // The first queue is the one: a program starts its log once.
+    let _one_log_only = QUEUE.set(lines.clone());
     tracing_subscriber::fmt().with_env_filter(filter).with_writer(lines).init();
     log
 }
@@ -86,6 +98,17 @@ fn write_all(waiting: &Receiver<Order>, n_dropped: &AtomicU64, out: &mut impl Wr
     }
 }
 
+impl Lines {
+    fn put(&self, text: Vec<u8>) {
+        match self.orders.try_send(Order::Write(text)) {
+            Ok(()) => {}
+            Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) => {
+                self.n_dropped.fetch_add(1, Relaxed);
+            }
+        }
+    }
+}
+
 impl<'a> MakeWriter<'a> for Lines {
     type Writer = Line<'a>;
 
@@ -107,13 +130,7 @@ impl Write for Line<'_> {
 
 impl Drop for Line<'_> {
     fn drop(&mut self) {
-        let line = core::mem::take(&mut self.text);
-        match self.lines.orders.try_send(Order::Write(line)) {
-            Ok(()) => {}
-            Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) => {
-                self.lines.n_dropped.fetch_add(1, Relaxed);
-            }
-        }
+        self.lines.put(core::mem::take(&mut self.text));
     }
 }
 

@@ -5,12 +5,13 @@
 //! While nothing moves it says why instead.
 
 use crate::budget::BudgetWatch;
+use crate::log;
 use crate::supervisor::Supervisor;
 use core::time::Duration;
 use krait_console::{LiveTracking, bend_deg, number, plane_deg};
 use krait_ipc::message::{Phase, Setpoint, Shape};
 use krait_ipc::{Bus, Process, ReadOptions, Reader, Reason, Reasons, clock};
-use std::io::{IsTerminal, Write, stderr};
+use std::io::{IsTerminal, stderr};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// How often the chain is looked at; a child that dies is noticed within this time.
@@ -41,7 +42,7 @@ impl Progress {
     /// # Errors
     /// One sentence when a channel cannot be read.
     pub fn new(label: &str, bus: &Bus, seconds: Option<f64>) -> anyhow::Result<Self> {
-        write_out(&format!("{label}\n"));
+        log::say(&format!("{label}\n"));
         Ok(Self {
             seconds,
             setpoints: bus.reader(ReadOptions::glancing())?,
@@ -69,7 +70,7 @@ impl Progress {
             if now_ns >= self.due_ns {
                 self.due_ns = now_ns + if self.is_terminal { TERMINAL_PERIOD_NS } else { FILE_PERIOD_NS };
                 let line = self.line(elapsed_s, now_ns, supervisor);
-                write_out(&if self.is_terminal { format!("\r\x1b[K{line}") } else { format!("{line}\n") });
+                log::say(&if self.is_terminal { format!("\r\x1b[K{line}") } else { format!("{line}\n") });
             }
             if self.seconds.is_some_and(|seconds| elapsed_s >= seconds) {
                 break true;
@@ -80,7 +81,7 @@ impl Progress {
             std::thread::sleep(LOOK_EVERY);
         };
         if self.is_terminal {
-            write_out("\r\x1b[K");
+            log::say("\r\x1b[K");
         }
         Ok(finished)
     }
@@ -133,12 +134,4 @@ fn has_changed(supervisor: &Supervisor) -> bool {
 
 fn most_telling(reasons: Reasons) -> Option<Reason> {
     reasons.iter().next()
-}
-
-/// Progress is a courtesy: a closed standard error must not end a chain.
-fn write_out(text: &str) {
-    let mut out = stderr().lock();
-    if out.write_all(text.as_bytes()).and_then(|()| out.flush()).is_err() {
-        tracing::debug!("standard error is closed");
-    }
 }

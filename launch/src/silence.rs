@@ -9,6 +9,12 @@ pub const HANGS_NS: i64 = 2_000_000_000;
 /// A supervisor that was held up itself heard nothing from anybody: one look counts for at most this, ns.
 const LONGEST_LOOK_NS: i64 = 100_000_000;
 
+/// A process that was started again may take so long until its first word, ns.
+const START_NS: i64 = 10_000_000_000;
+
+/// Stands for the sequence number of the first word of a process that has said none; healths count from one.
+const UNHEARD: u64 = 0;
+
 /// Counts the time since each process was last heard.
 #[derive(Debug, Default)]
 pub struct Silence {
@@ -39,7 +45,12 @@ impl Silence {
         self.silent_ns.remove(&process);
     }
 
-    /// Whether a process that was heard once hangs.
+    /// A process was started again: from now on it is counted, with patience for its start.
+    pub fn expect(&mut self, process: Process) {
+        self.silent_ns.insert(process, (UNHEARD, HANGS_NS - START_NS));
+    }
+
+    /// Whether a process that was heard once, or is expected, hangs.
     pub fn hangs(&self, process: Process) -> bool {
         self.silent_ns.get(&process).is_some_and(|(_, silent_ns)| *silent_ns > HANGS_NS)
     }
@@ -64,6 +75,21 @@ mod tests {
         assert!(!after(60_000, true));
         assert!(!after(1_900, false));
         assert!(after(2_100, false));
+    }
+
+    #[test]
+    fn a_process_that_was_started_again_and_never_speaks_hangs_after_its_start_patience() {
+        let mut silence = Silence::default();
+        silence.expect(Process::Resolve);
+        let hangs_at = |silence: &mut Silence, s: i64| {
+            (0..20).for_each(|tick| silence.look(s * 1_000_000_000 + tick * 50_000_000));
+            silence.hangs(Process::Resolve)
+        };
+        let first = (0..20).find(|s| hangs_at(&mut silence, *s)).expect("it hangs at last");
+        assert!((9..=11).contains(&first), "{first} s");
+        silence.expect(Process::Resolve);
+        silence.heard(Process::Resolve, 1);
+        assert!(!silence.hangs(Process::Resolve));
     }
 
     #[test]

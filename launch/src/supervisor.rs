@@ -4,9 +4,11 @@
 //! and nobody else is, not engaged; every other chain is whole or it ends. What ends does so in an order that lets the
 //! recorder write the last message of every other process.
 
+mod ending;
 mod exchange;
 mod hand;
 mod handover;
+mod slave_again;
 
 use crate::authority::Authority;
 use crate::budget::BudgetWatch;
@@ -21,8 +23,8 @@ use hand::LastHand;
 use handover::arguments_of;
 pub use handover::in_memory;
 use krait_ipc::message::{Health, OperatingState, SlaveState, Transition};
-use krait_ipc::{Bus, Process, ReadOptions, Reader, WhenLost, clock, health_channel};
-use rustix::process::{Pid, Signal, kill_process};
+use krait_ipc::{Bus, Process, ReadOptions, Reader, Reason, Reasons, WhenLost, clock, health_channel};
+use slave_again::{Decision, SlaveAgain};
 use std::ffi::OsString;
 use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
@@ -57,8 +59,8 @@ pub struct Supervisor {
     silence: Silence,
     /// What the chain was started with, if a process of it that is lost shall come back.
     comes_back: Option<ChainOptions>,
-    /// Whether the slave was started again and has yet to be enabled.
-    slave_is_new: bool,
+    /// What becomes of a slave that was started again.
+    slave_again: SlaveAgain,
     losses: Vec<Loss>,
     n_forced: u32,
     /// Requests for another model, where the chain takes them.
@@ -173,7 +175,7 @@ impl Supervisor {
             authority: Authority::open(&bus)?,
             silence: Silence::default(),
             comes_back: None,
-            slave_is_new: false,
+            slave_again: SlaveAgain::open(&bus)?,
             losses: Vec::new(),
             n_forced: 0,
             models: None,
@@ -348,44 +350,53 @@ impl Supervisor {
         if process.when_lost() == WhenLost::GoOn {
             return Ok(());
         }
+        if process == Process::Slave {
+            self.slave_again.lost(self.newest_state.take(), now_ns);
+        }
+        if process == Process::Compensate && self.has_tripped() {
+            bail!(
+                "the chain was ended because its process `compensate` (pid {pid}) {how} after the measured shape had left the model; \
+                 look at the machine, then start the chain anew"
+            );
+        }
         // A recording or script that engages once has done so; its edge from the beginning must not be another.
         let engage = options.engage.filter(|engage| *engage == EngageKind::Again);
         let mut arguments = arguments_of(process, &ChainOptions { engage, ..options.clone() });
         arguments.extend(self.hand.arguments_of(process));
         self.spawn(process, &options.config, &arguments)?;
-        if process == Process::Slave {
-            (self.newest_state, self.slave_is_new) = (None, true);
-        }
+        self.silence.expect(process);
         Ok(())
     }
 
-    /// A slave that was started again is enabled and homed as at the start; that engages nobody.
+    /// A slave that was started again is enabled and homed if the one before was, and nobody has asked for less since; that
+    /// engages nobody.
     fn enable_new_slave(&mut self) -> anyhow::Result<()> {
-        if !self.slave_is_new || !self.is_ready(Process::Slave) {
+        self.slave_again.look(clock::monotonic_ns());
+        if !self.slave_again.is_awaited() || !self.is_ready(Process::Slave) {
             return Ok(());
         }
-        self.slave_is_new = false;
-        self.authority.command(Transition::Enable)?;
-        if self.comes_back.as_ref().is_some_and(|options| !options.config.slave.home_on_start) {
-            self.authority.command(Transition::Home)?;
+        match self.slave_again.decide(self.authority.held_back_ns()) {
+            Some(Decision::Enable { home }) => {
+                self.authority.command(Transition::Enable)?;
+                // With `home_on_start` the slave homes by itself when it is first enabled.
+                if home && self.comes_back.as_ref().is_some_and(|options| !options.config.slave.home_on_start) {
+                    self.authority.command(Transition::Home)?;
+                }
+            }
+            Some(Decision::StayDisabled(why)) => {
+                tracing::warn!(
+                    "the slave was started again and stays DISABLED, because {why}; `krait state enable` enables it"
+                );
+            }
+            None => {}
         }
         Ok(())
     }
 
-    /// Ends the chain, the recorder excepted; what does not end in time is killed. Returns whether all ended by themselves.
-    pub fn end_chain(&mut self) -> bool {
-        self.comes_back = None;
-        let mut all_clean = true;
-        for process in Process::END_ORDER.into_iter().filter(|process| *process != Process::Record) {
-            all_clean &= self.end_one(process);
-        }
-        all_clean
-    }
-
-    /// Ends everything. Returns whether all ended by themselves.
-    pub fn end(&mut self) -> bool {
-        let chain = self.end_chain();
-        self.end_one(Process::Record) && chain
+    /// Whether `compensate` has ended the motion because the measured shape left the model, which its memory alone knows.
+    fn has_tripped(&self) -> bool {
+        let has = |health: &Health| Reasons::from_bits(health.reasons_ever).contains(Reason::MismatchTrip);
+        self.health(Process::Compensate).is_some_and(has)
     }
 
     fn spawn(&mut self, process: Process, config: &Config, arguments: &[OsString]) -> anyhow::Result<()> {
@@ -450,48 +461,5 @@ impl Supervisor {
             }
         }
         Ok(())
-    }
-
-    fn end_one(&mut self, process: Process) -> bool {
-        let Some(position) = self.children.iter().position(|running| running.process == process && !running.ended)
-        else {
-            return true;
-        };
-        let running = &mut self.children[position];
-        running.ended = true;
-        let asked = Pid::from_raw(running.child.id().cast_signed()).map(|pid| kill_process(pid, Signal::TERM));
-        if let Some(Err(error)) = asked {
-            tracing::warn!(process = process.name(), %error, "could not be asked to end");
-        }
-        let deadline_ns = clock::monotonic_ns() + END_PATIENCE.as_nanos() as i64;
-        loop {
-            if let Err(error) = self.take_messages() {
-                tracing::warn!(%error, "the last messages of a process were not taken");
-            }
-            match self.children[position].child.try_wait() {
-                Ok(Some(status)) => return status.success(),
-                Ok(None) if clock::monotonic_ns() < deadline_ns => std::thread::sleep(LOOK_EVERY),
-                Ok(None) | Err(_) => {
-                    self.n_forced += 1;
-                    return self.children[position].kill();
-                }
-            }
-        }
-    }
-}
-
-impl Running {
-    fn kill(&mut self) -> bool {
-        tracing::error!(process = self.process.name(), "did not end in time and was killed");
-        if let Err(error) = self.child.kill().and_then(|()| self.child.wait()) {
-            tracing::error!(process = self.process.name(), %error, "could not be killed");
-        }
-        false
-    }
-}
-
-impl Drop for Supervisor {
-    fn drop(&mut self) {
-        self.end();
     }
 }

@@ -28,6 +28,12 @@ pub fn states_in(recording: &str) -> Vec<SlaveState> {
     samples.filter_map(|sample| if let Sample::State(state) = sample { Some(state) } else { None }).collect()
 }
 
+/// Every command of a recording.
+pub fn commands_in(recording: &str) -> Vec<Command> {
+    let samples = samples_in(recording).into_iter();
+    samples.filter_map(|sample| if let Sample::Command(command) = sample { Some(command) } else { None }).collect()
+}
+
 /// The largest difference of two states' setpoints, m.
 pub fn step_m(before: &SlaveState, after: &SlaveState) -> f64 {
     (0..3).map(|i| (after.setpoint_q_m[i] - before.setpoint_q_m[i]).abs()).fold(0.0, f64::max)

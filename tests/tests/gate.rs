@@ -8,8 +8,8 @@ use krait_ipc::clock::monotonic_ns;
 use krait_ipc::message::{Command, OperatingState, Phase, SlaveState, StateCommand, Transition};
 use krait_ipc::{Bus, ReadOptions, Reason, Reasons};
 use krait_tests::{
-    Ended, Krait, TempFolder, assert_no_jump, instance_name, is_moving, krait_program, signal_process, states_in,
-    wait_for, wait_until,
+    Ended, Krait, TempFolder, assert_no_jump, assert_starts_at_setpoint, commands_in, instance_name, is_moving,
+    krait_program, signal_process, states_in, wait_for, wait_until,
 };
 use rustix::process::{Pid, Signal, kill_process};
 use std::io::Write;
@@ -77,10 +77,17 @@ fn a_stop_from_another_process_pauses_at_once_and_only_a_resume_and_a_new_edge_g
     let resumed = Ended::of(&["state", "resume", "--instance", &instance], PATIENCE);
     assert!(resumed.code == Some(0) && resumed.stdout.starts_with("ENABLED"), "{resumed:?}");
     wait_for(&instance, "engaged anew", SlaveState::is_engaged);
+    wait_for(&instance, "moving again", is_moving);
+    std::thread::sleep(Duration::from_millis(500));
     krait.signal(Signal::INT);
     krait.end(PATIENCE);
     let states = states_in(&path);
     assert_no_jump(&states);
+    let starts = assert_starts_at_setpoint(&commands_in(&path), &states);
+    assert!(
+        starts.iter().any(|start| start.sample_ns > resumed_ns),
+        "the motion after the pause begins where it stood"
+    );
     let between: Vec<&SlaveState> =
         states.iter().filter(|s| (acknowledged_ns..resumed_ns).contains(&s.sample_ns)).collect();
     assert!(between.len() > 10 && between.iter().all(|s| s.operating() == Some(OperatingState::Paused)));

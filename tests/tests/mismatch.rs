@@ -7,7 +7,9 @@ use core::time::Duration;
 use krait_ipc::message::Phase;
 use krait_ipc::{Reason, Reasons};
 use krait_schema::Sample;
-use krait_tests::{Ended, Krait, TempFolder, assert_no_jump, instance_name, samples_in, states_in, wait_for};
+use krait_tests::{
+    Ended, Krait, TempFolder, assert_no_jump, instance_name, samples_in, signal_process, states_in, wait_for,
+};
 use rustix::process::Signal;
 use std::sync::Mutex;
 
@@ -55,8 +57,10 @@ fn a_snake_that_is_grossly_another_than_its_model_warns_and_then_ends_the_motion
     let shown = Ended::of(&["state", "--json", "--instance", &instance], PATIENCE).stdout;
     assert!(shown.contains("\"ModelMismatch\"") && shown.contains("\"MismatchTrip\""), "{shown}");
     std::thread::sleep(Duration::from_millis(1500));
-    krait.signal(Signal::INT);
-    krait.end(PATIENCE);
+    // Only `compensate` remembers that it has tripped: without it, the chain ends instead of moving on.
+    signal_process(&instance, "compensate", Signal::KILL);
+    let ended = krait.end(PATIENCE);
+    assert!(ended.code == Some(2) && ended.stderr.contains("had left the model"), "{ended:?}");
     let states = states_in(&path);
     assert_no_jump(&states);
     let tripped = states.iter().position(|state| has(state.reasons, Reason::MismatchTrip)).expect("it tripped");

@@ -7,8 +7,8 @@ use core::time::Duration;
 use krait_ipc::message::{OperatorInput, SlaveState};
 use krait_schema::Sample;
 use krait_tests::{
-    Ended, Krait, TempFolder, assert_no_jump, instance_name, is_moving, processes_of, samples_in, signal_process,
-    states_in, wait_for, wait_until,
+    Ended, Krait, TempFolder, assert_no_jump, assert_starts_at_setpoint, instance_name, is_moving, processes_of,
+    samples_in, signal_process, states_in, wait_for, wait_until,
 };
 use rustix::process::Signal;
 
@@ -32,6 +32,26 @@ fn lose(instance: &str, victim: &str) {
     wait_for(instance, "held", |state| !state.is_engaged());
     wait_for(instance, "engaged anew", SlaveState::is_engaged);
     wait_for(instance, "moving", is_moving);
+}
+
+/// How often the motion began in a recording across one loss of the slave, each time at the setpoint of the slave.
+fn n_starts(recording: &str) -> usize {
+    let samples = samples_in(recording);
+    let mut newest = 0;
+    let is_anew = |sample: &Sample| match sample {
+        Sample::State(state) => core::mem::replace(&mut newest, state.sequence) > state.sequence,
+        _ => false,
+    };
+    let anew = samples.iter().position(is_anew).expect("the slave began anew");
+    let halves = [&samples[..anew], &samples[anew..]];
+    let n_of = |half: &[Sample]| {
+        let states: Vec<_> =
+            half.iter().filter_map(|s| if let Sample::State(m) = s { Some(*m) } else { None }).collect();
+        let commands: Vec<_> =
+            half.iter().filter_map(|s| if let Sample::Command(m) = s { Some(*m) } else { None }).collect();
+        assert_starts_at_setpoint(&commands, &states).len()
+    };
+    halves.into_iter().map(n_of).sum()
 }
 
 #[test]
@@ -79,6 +99,7 @@ fn a_recording_is_repeated_byte_for_byte_across_the_restart_of_each_process() {
     assert_eq!((&verdict["updates_identical"], &verdict["not_repeated"]), (&n_updates.into(), &0.into()), "{verdict}");
     assert_eq!(verdict["passes"], 1);
     assert_no_jump(&states_in(&path));
+    assert!(n_starts(&path) >= 1 + 4, "all but `estimate` end the motion, which begins anew");
     let text = Ended::of(&["verify", &path], PATIENCE).stdout;
     assert!(text.contains("`resolve` was started again") && text.contains("identical: "), "{text}");
 }

@@ -1,0 +1,75 @@
+//! The end of a chain: every process is asked in order, waited for, and killed where it does not go.
+
+use super::{END_PATIENCE, LOOK_EVERY, Loss, Running, Supervisor};
+use krait_ipc::{Process, clock};
+use rustix::process::{Pid, Signal, kill_process};
+
+impl Supervisor {
+    /// Ends the chain, the recorder excepted; what does not end in time is killed. Returns whether all ended by themselves.
+    pub fn end_chain(&mut self) -> bool {
+        self.comes_back = None;
+        let mut all_clean = true;
+        for process in Process::END_ORDER.into_iter().filter(|process| *process != Process::Record) {
+            all_clean &= self.end_one(process);
+        }
+        all_clean
+    }
+
+    /// Ends everything. Returns whether all ended by themselves.
+    pub fn end(&mut self) -> bool {
+        let chain = self.end_chain();
+        self.end_one(Process::Record) && chain
+    }
+
+    pub(super) fn end_one(&mut self, process: Process) -> bool {
+        let Some(position) = self.children.iter().position(|running| running.process == process && !running.ended)
+        else {
+            return true;
+        };
+        let running = &mut self.children[position];
+        running.ended = true;
+        // Whoever looked last may have been held up since.
+        if let Ok(Some(status)) = running.child.try_wait() {
+            tracing::error!(
+                "process `{process}` (pid {}) had ended before it was asked to: {status}",
+                running.child.id()
+            );
+            self.losses.push(Loss { process, at_ns: clock::monotonic_ns() });
+            return false;
+        }
+        let asked = Pid::from_raw(running.child.id().cast_signed()).map(|pid| kill_process(pid, Signal::TERM));
+        if let Some(Err(error)) = asked {
+            tracing::warn!(process = process.name(), %error, "could not be asked to end");
+        }
+        let deadline_ns = clock::monotonic_ns() + END_PATIENCE.as_nanos() as i64;
+        loop {
+            if let Err(error) = self.take_messages() {
+                tracing::warn!(%error, "the last messages of a process were not taken");
+            }
+            match self.children[position].child.try_wait() {
+                Ok(Some(status)) => return status.success(),
+                Ok(None) if clock::monotonic_ns() < deadline_ns => std::thread::sleep(LOOK_EVERY),
+                Ok(None) | Err(_) => {
+                    self.n_forced += 1;
+                    return self.children[position].kill();
+                }
+            }
+        }
+    }
+}
+
+impl Running {
+    fn kill(&mut self) -> bool {
+        tracing::error!(process = self.process.name(), "did not end in time and was killed");
+        if let Err(error) = self.child.kill().and_then(|()| self.child.wait()) {
+            tracing::error!(process = self.process.name(), %error, "could not be killed");
+        }
+        false
+    }
+}
+
+impl Drop for Supervisor {
+    fn drop(&mut self) {
+        self.end();
+    }
+}

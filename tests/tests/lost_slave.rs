@@ -1,0 +1,107 @@
+//! A slave that is killed and started again is enabled only if the one before was, and nobody has asked for less since; a held
+//! terminal keeps the supervisor from nothing.
+
+#![allow(clippy::expect_used, reason = "a panic is how a test fails")]
+
+use core::time::Duration;
+use krait_ipc::Bus;
+use krait_ipc::message::SlaveState;
+use krait_tests::{
+    Ended, Krait, TempFolder, instance_name, is_moving, krait_program, processes_of, signal_process, states_in,
+    wait_for, wait_until,
+};
+use rustix::process::{Pid, Signal, kill_process};
+use std::io::Write;
+use std::os::fd::OwnedFd;
+use std::process::Stdio;
+use std::sync::Mutex;
+
+const PATIENCE: Duration = Duration::from_secs(240);
+
+/// One chain at a time: two on two cores come late.
+static ALONE: Mutex<()> = Mutex::new(());
+
+fn pid_of(instance: &str, process: &str) -> Option<u32> {
+    processes_of(instance).into_iter().find(|(name, _)| name == process).map(|(_, pid)| pid)
+}
+
+fn state(instance: &str, ask: &[&str]) -> Ended {
+    let shown = Ended::of(&[&["state"], ask, &["--json", "--instance", instance]].concat(), PATIENCE);
+    assert_eq!(shown.code, Some(0), "{ask:?}: {}", shown.stderr);
+    shown
+}
+
+#[test]
+fn a_slave_that_was_disabled_paused_or_stopped_stays_so_when_it_is_started_again() {
+    let _alone = ALONE.lock();
+    let (instance, folder) = (instance_name("lost"), TempFolder::new("lost"));
+    let path = folder.file("run.mcap");
+    let krait = Krait::start(&["run", "--engage=again", "--instance", &instance, "--recording", &path]);
+    wait_for(&instance, "moving", is_moving);
+    let bus = Bus::open(&instance, "test").expect("joined");
+    for before in ["disable", "pause", "stop", "stop while it is away"] {
+        match before {
+            "disable" | "pause" => drop(state(&instance, &[before])),
+            "stop" => assert_eq!(Ended::of(&["stop", "--instance", &instance], PATIENCE).code, Some(0)),
+            _ => {}
+        }
+        let pid = pid_of(&instance, "slave");
+        signal_process(&instance, "slave", Signal::KILL);
+        if before == "stop while it is away" {
+            bus.stop_switch().expect("the switch").press();
+        }
+        let is_back = wait_until(PATIENCE, || pid_of(&instance, "slave").is_some_and(|now| Some(now) != pid));
+        assert!(is_back, "{before}: {:?}", processes_of(&instance));
+        // An Enable of the supervisor's would come with the first look at a slave that is ready.
+        std::thread::sleep(Duration::from_millis(1500));
+        let shown = state(&instance, &[]).json();
+        assert_eq!((&shown["state"], &shown["is_engaged"]), (&"DISABLED".into(), &false.into()), "{before}: {shown}");
+        state(&instance, &["enable"]);
+        wait_for(&instance, "engaged anew", SlaveState::is_engaged);
+    }
+    krait.signal(Signal::INT);
+    let ended = krait.end(PATIENCE);
+    assert_eq!(ended.code, Some(1), "a loss is no success: {}", ended.stderr);
+    for why in ["the one before was DISABLED", "the one before was PAUSED", "a stop was asked for"] {
+        assert!(ended.stderr.contains(&format!("stays DISABLED, because {why}")), "{why}: {}", ended.stderr);
+    }
+    assert!(!states_in(&path).is_empty());
+}
+
+#[test]
+fn a_chain_whose_terminal_stands_still_is_watched_answers_and_ends() {
+    let _alone = ALONE.lock();
+    let (instance, folder) = (instance_name("held"), TempFolder::new("held"));
+    let path = folder.file("run.mcap");
+    let (read_end, write_end) = std::io::pipe().expect("a pipe");
+    // Full, and nobody reads: as a terminal after Ctrl-S.
+    let filled = write_end.try_clone().expect("cloned");
+    rustix::fs::fcntl_setfl(&filled, rustix::fs::OFlags::NONBLOCK).expect("set");
+    let mut filler = std::fs::File::from(OwnedFd::from(filled));
+    while filler.write(&[b'.'; 4096]).is_ok() {}
+    rustix::fs::fcntl_setfl(&filler, rustix::fs::OFlags::empty()).expect("set back");
+    let mut chain = std::process::Command::new(krait_program())
+        .args(["run", "--engage=again", "--instance", &instance, "--recording", &path])
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::from(OwnedFd::from(write_end)))
+        .spawn()
+        .expect("started");
+    wait_for(&instance, "moving", is_moving);
+    // More than one period of the progress line.
+    std::thread::sleep(Duration::from_millis(5500));
+    let pid = pid_of(&instance, "resolve");
+    signal_process(&instance, "resolve", Signal::KILL);
+    let is_back = wait_until(PATIENCE, || pid_of(&instance, "resolve").is_some_and(|now| Some(now) != pid));
+    assert!(is_back, "{:?}", processes_of(&instance));
+    assert_eq!(state(&instance, &["pause"]).json()["state"], "PAUSED");
+    kill_process(Pid::from_child(&chain), Signal::TERM).expect("it lives");
+    let mut status = None;
+    let has_ended = wait_until(PATIENCE, || {
+        status = chain.try_wait().expect("watched");
+        status.is_some()
+    });
+    assert!(has_ended, "{:?}", processes_of(&instance));
+    assert_eq!(status.and_then(|status| status.code()), Some(1), "a loss is no success");
+    drop(read_end);
+}
