@@ -63,8 +63,9 @@ fn a_value_set_in_place_gives_the_commands_of_a_chain_that_was_built_with_it() {
         let label = effect.label().to_owned();
         let neighbours = [strong(EffectKind::StiffnessScale), strong(EffectKind::ConeFriction)];
         let [old, new] = [effect, other].map(|effect| {
-            let others = neighbours.iter().filter(|e| e.kind() != effect.kind()).cloned();
-            let effects: Vec<_> = others.chain([effect.clone()]).collect();
+            let others =
+                neighbours.iter().filter(|e| e.kind() != effect.kind() && effect.kind().excludes() != Some(e.kind()));
+            let effects: Vec<_> = others.chain([&effect]).cloned().collect();
             chain(&effects, ChainSettings::default())
         });
         let (mut set, mut built) = (old.compensator().unwrap(), new.compensator().unwrap());

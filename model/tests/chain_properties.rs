@@ -226,7 +226,7 @@ fn symmetric() -> Vec<EffectSetting> {
 /// The others of them, which no list of sixteen has room for.
 fn symmetric_too() -> Vec<EffectSetting> {
     use EffectKind as K;
-    [K::StiffnessScale, K::InsideExtension, K::Backlash].map(strong).to_vec()
+    [K::StiffnessScale, K::InsideExtension, K::Backlash, K::StaticFriction, K::DistributedCapstan].map(strong).to_vec()
 }
 
 #[test]
@@ -265,9 +265,15 @@ fn friction_never_creates_energy_over_a_closed_loop() {
         [K::StiffnessScale, K::ActuatorCompliance, K::InsideExtension].map(EffectSetting::new).to_vec();
     let base_j = work_of_loops(&lossless);
     assert!(base_j.iter().all(|w| w.abs() < 1e-6), "an elastic machine gives back what it takes: {base_j:?}");
-    for kind in
-        [K::ConeFriction, K::StaticFriction, K::DiskFriction, K::BendFriction, K::ViscousFriction, K::StribeckFriction]
-    {
+    for kind in [
+        K::ConeFriction,
+        K::StaticFriction,
+        K::DiskFriction,
+        K::BendFriction,
+        K::ViscousFriction,
+        K::StribeckFriction,
+        K::DistributedCapstan,
+    ] {
         let work_j = work_of_loops(&[vec![strong(kind)], lossless.clone()].concat());
         assert!(work_j.iter().all(|w| *w > 1e-6), "{}: {work_j:?}", kind.name());
     }

@@ -70,6 +70,8 @@ fn chains_of_four() -> Vec<Vec<EffectSetting>> {
         [K::LateralTipForce, K::AxialTipForce, K::StemCoupling, K::Backlash],
         [K::ThermalDrift, K::Formula, K::StaticFriction, K::Latency],
         [K::InsideExtension, K::DiskFriction, K::ConeFriction, K::Preload],
+        [K::StaticFriction, K::DistributedCapstan, K::TensionCompressionAsymmetry, K::Backlash],
+        [K::StemCoupling, K::DistributedCapstan, K::InsideExtension, K::Preload],
     ];
     kinds.into_iter().map(|four| four.map(strong).to_vec()).collect()
 }

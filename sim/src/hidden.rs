@@ -1,5 +1,6 @@
 //! The truth of effects that a model may lack beyond friction and play: off unless a truth file asks for them.
 
+use crate::truth::MachineTruth;
 use serde::{Deserialize, Serialize};
 
 /// A key of a truth file with the value found and its range: key, found, low, high.
@@ -30,6 +31,9 @@ pub struct LinesTruth {
     pub rub_speed_m_per_s: f64,
     /// Friction at the spacer disks: loads lose e^(this times bend), 1; 0 to 1; neutral 0. Moves the cone's friction there.
     pub disk_mu: f64,
+    /// Radius of the cone's two bends, m, along which its friction is spread; 0 to l_c_m / (2 phi_rad); 0: friction is all at the
+    /// cone's end at the snake.
+    pub cone_radius_m: f64,
     /// Each line's hole is turned round the snake by this, rad; -0.3 to 0.3; neutral 0.
     pub angle_rad: [f64; 3],
     /// Each line's hole is further out by this part of r, 1; -0.3 to 0.3; neutral 0.
@@ -143,6 +147,7 @@ impl Default for LinesTruth {
             rub_breakaway: 0.0,
             rub_speed_m_per_s: 3e-4,
             disk_mu: 0.0,
+            cone_radius_m: 0.0,
             angle_rad: [0.0; 3],
             radius: [0.0; 3],
             softness: [0.0; 3],
@@ -212,7 +217,9 @@ impl Default for SlowTruth {
 }
 
 impl LinesTruth {
-    pub(super) fn ranges(&self) -> Vec<Range> {
+    pub(super) fn ranges(&self, machine: &MachineTruth) -> Vec<Range> {
+        // Two arcs of the angle phi fit into the cone.
+        let largest_m = machine.l_c_m / (2.0 * machine.phi_rad.max(0.01));
         let mut ranges = vec![
             ("lines.actuator_m_per_n", self.actuator_m_per_n, 0.0, 1e-4),
             ("lines.inside", self.inside, 0.0, 1.5),
@@ -224,6 +231,7 @@ impl LinesTruth {
             ("lines.rub_breakaway", self.rub_breakaway, 0.0, 2.0),
             ("lines.rub_speed_m_per_s", self.rub_speed_m_per_s, 1e-5, 0.1),
             ("lines.disk_mu", self.disk_mu, 0.0, 1.0),
+            ("lines.cone_radius_m", self.cone_radius_m, 0.0, largest_m),
         ];
         each(&mut ranges, "lines.angle_rad", &self.angle_rad, 0.3);
         each(&mut ranges, "lines.radius", &self.radius, 0.3);

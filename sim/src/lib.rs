@@ -21,6 +21,7 @@
 mod actuators;
 mod bending;
 mod camera;
+mod cone;
 mod encoders;
 mod ends;
 mod hidden;

@@ -24,6 +24,8 @@
 //! τ_stick = (s - y) / c_d. Whichever branch it is on, τ = clamp(τ_stick, τ_push, τ_pull). This is continuous and falls
 //! with y, so that the equilibrium of the snake on its lines is a convex problem (see `plant`).
 
+use crate::cone::{N_POINTS, SpreadCone};
+
 /// Compliance of a piece of line, m/N, by the sign of its load.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Compliance {
@@ -32,7 +34,7 @@ pub(crate) struct Compliance {
 }
 
 impl Compliance {
-    fn at(self, load_or_length: f64) -> f64 {
+    pub(crate) fn at(self, load_or_length: f64) -> f64 {
         if load_or_length < 0.0 { self.pulled_m_per_n } else { self.pushed_m_per_n }
     }
 
@@ -59,6 +61,8 @@ pub(crate) struct Line {
     pub(crate) capstan: f64,
     /// f_s >= 0.
     pub(crate) static_friction_n: f64,
+    /// Takes the place of `cone`, `capstan` and `static_friction_n` where friction is spread along the cone.
+    pub(crate) spread: Option<SpreadCone>,
 }
 
 /// What a line remembers.
@@ -68,6 +72,8 @@ pub(crate) struct Memory {
     pub(crate) play_m: f64,
     /// s: where the line stood in the cone last.
     pub(crate) slip_m: f64,
+    /// The same for each point of a cone along which friction is spread.
+    pub(crate) points_m: [f64; N_POINTS],
 }
 
 /// The load of a line for a position of its end at the disk.
@@ -75,7 +81,7 @@ pub(crate) struct Memory {
 pub(crate) struct Load {
     /// τ: pushes the disk.
     pub(crate) disk_n: f64,
-    /// τ~: pushes against the actuator.
+    /// τ~: pushes against the actuator; of the last state that was settled where friction is spread along the cone.
     pub(crate) actuator_n: f64,
     /// -dτ/dy > 0.
     pub(crate) stiffness_n_per_m: f64,
@@ -94,6 +100,12 @@ impl Line {
     pub(crate) fn load(&self, memory: Memory, end_m: f64) -> Load {
         let squeeze = memory.play_m - end_m;
         let holder = self.holder_at(end_m);
+        if let Some(spread) = &self.spread {
+            let felt = spread.felt(&memory.points_m, holder, end_m, memory.play_m);
+            let stiffness_n_per_m = self.lengthened(felt.load_n) / felt.give_m_per_n;
+            let actuator_n = spread.actuator_n(&memory.points_m, memory.play_m);
+            return Load { disk_n: felt.load_n, actuator_n, stiffness_n_per_m, slip_m: memory.slip_m };
+        }
         let stick = (memory.slip_m - end_m) / holder.at(memory.slip_m - end_m);
         let (push, push_slope) = slip(squeeze, holder, self.cone, self.capstan, self.static_friction_n);
         if stick < push {
@@ -110,6 +122,25 @@ impl Line {
             actuator_n: cone_m / self.cone.at(cone_m),
             stiffness_n_per_m: self.lengthened(stick) / holder.at(memory.slip_m - end_m),
             slip_m: memory.slip_m,
+        }
+    }
+
+    /// What the line remembers once its end has come to rest here.
+    pub(crate) fn settled(&self, memory: Memory, end_m: f64) -> Memory {
+        match &self.spread {
+            Some(spread) => {
+                let points_m = spread.settled(&memory.points_m, self.holder_at(end_m), end_m, memory.play_m);
+                Memory { points_m, ..memory }
+            }
+            None => Memory { slip_m: self.load(memory, end_m).slip_m, ..memory },
+        }
+    }
+
+    /// Friction at the spacer disks now makes the capstan this, the cone's included where it is at one place.
+    pub(crate) fn rub_at_disks(&mut self, disks: f64, cone: f64) {
+        match &mut self.spread {
+            Some(spread) => spread.set_first_capstan(disks),
+            None => self.capstan = disks * cone,
         }
     }
 
@@ -164,7 +195,7 @@ mod tests {
         let cone = Compliance { pushed_m_per_n: 7e-6, pulled_m_per_n: 8e-6 };
         let per_metre = Compliance { pushed_m_per_n: 1.2e-4, pulled_m_per_n: 1.3e-4 };
         let inside = Inside { per_metre, length_m: 0.026 };
-        Line { half_play_m: 1e-4, holder, inside, cone, capstan: 1.28, static_friction_n: 2.0 }
+        Line { half_play_m: 1e-4, holder, inside, cone, capstan: 1.28, static_friction_n: 2.0, spread: None }
     }
 
     #[test]
@@ -185,7 +216,7 @@ mod tests {
     #[test]
     fn the_actuator_load_stays_within_the_friction_band_and_a_sticking_line_stays_put() {
         let line = line();
-        let memory = Memory { play_m: 1.2e-3, slip_m: 1.0e-3 };
+        let memory = Memory { play_m: 1.2e-3, slip_m: 1.0e-3, ..Memory::default() };
         let mut n_stuck = 0;
         for k in -2000..=2000_i32 {
             let load = line.load(memory, f64::from(k) * 1e-6);
@@ -202,7 +233,7 @@ mod tests {
     #[test]
     fn the_load_falls_with_the_position_of_the_disk_as_its_stiffness_says() {
         let line = line();
-        let memory = Memory { play_m: 0.3e-3, slip_m: 0.25e-3 };
+        let memory = Memory { play_m: 0.3e-3, slip_m: 0.25e-3, ..Memory::default() };
         for k in -100..=100_i32 {
             let (y, dy) = (f64::from(k) * 1.01e-5, 1e-9);
             let (here, there) = (line.load(memory, y), line.load(memory, y + dy));

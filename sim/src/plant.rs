@@ -19,6 +19,7 @@
 //! iterations, not accuracy; so do strong detents. If [`MAX_ITERATIONS`] do not suffice the last iterate is kept and counted.
 
 use crate::bending::Bending;
+use crate::cone::SpreadCone;
 use crate::ends::Ends;
 use crate::line::{Compliance, Inside, Line, Load, Memory};
 use crate::truth::Truth;
@@ -138,8 +139,8 @@ impl Plant {
         self.ends.begin(step_s);
         if self.disk_mu > 0.0 {
             let [x, y] = self.bend_rad();
-            let capstan = self.capstan * (self.disk_mu * x.hypot(y)).exp();
-            self.lines.iter_mut().for_each(|line| line.capstan = capstan);
+            let disks = (self.disk_mu * x.hypot(y)).exp();
+            self.lines.iter_mut().for_each(|line| line.rub_at_disks(disks, self.capstan));
         }
         let more_m = self.ends.more_half_play_m();
         for i in 0..3 {
@@ -151,8 +152,9 @@ impl Plant {
         let mut sum_of_loads = 0.0;
         for i in 0..3 {
             let load = self.line_load(&self.z_m, i);
-            self.memory[i].slip_m = load.slip_m;
-            self.ends.end(i, self.end_m(&self.z_m, i), load.disk_n);
+            let end_m = self.end_m(&self.z_m, i);
+            self.memory[i] = self.lines[i].settled(self.memory[i], end_m + self.ends.stretch_m(i));
+            self.ends.end(i, end_m, load.disk_n);
             sum_of_loads += load.disk_n.abs();
         }
         self.bending.end([self.z_m[0], self.z_m[1]], sum_of_loads);
@@ -249,13 +251,20 @@ fn line(truth: &Truth, axial_n: f64, i: usize) -> Line {
         pushed_m_per_n: length_m / axial_n * (1.0 - asymmetry) * soft + actuator_m_per_n,
         pulled_m_per_n: length_m / axial_n * (1.0 + asymmetry) * soft + actuator_m_per_n,
     };
+    let capstan = (2.0 * truth.effects.mu * m.phi_rad).exp();
+    let spread = (lines.cone_radius_m > 0.0).then(|| {
+        let arc_m = (lines.cone_radius_m * m.phi_rad).min(0.5 * m.l_c_m);
+        let lengths_m = (arc_m, m.l_c_m - 2.0 * arc_m, cone_m - m.l_c_m);
+        SpreadCone::new(lengths_m, capstan, truth.effects.f_s_n, lines.actuator_m_per_n, compliance)
+    });
     Line {
         half_play_m: truth.effects.play_m / 2.0,
         holder: compliance(holder_m, 0.0),
         inside: Inside { per_metre: compliance(lines.inside, 0.0), length_m: m.l_m },
         cone: compliance(cone_m, lines.actuator_m_per_n),
-        capstan: (2.0 * truth.effects.mu * m.phi_rad).exp(),
+        capstan,
         static_friction_n: truth.effects.f_s_n,
+        spread,
     }
 }
 

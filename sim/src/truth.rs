@@ -224,7 +224,7 @@ impl Truth {
             ("camera.noise_rad", c.noise_rad, 0.0, 0.2),
             ("camera.plane_offset_rad", c.plane_offset_rad, -3.2, 3.2),
         ];
-        ranges.extend(self.lines.ranges());
+        ranges.extend(self.lines.ranges(m));
         ranges.extend(self.bending.ranges());
         ranges.extend(self.encoders.ranges());
         ranges.extend(self.sight.ranges());

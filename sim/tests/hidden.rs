@@ -65,6 +65,13 @@ fn every_hidden_effect_shows_and_solves_and_repeats() {
         ("rubbing", in_lines(LinesTruth { rub_n: 1.0, ..l() })),
         ("breakaway", in_lines(LinesTruth { rub_n: 1.0, rub_breakaway: 0.5, ..l() })),
         ("disks", in_lines(LinesTruth { disk_mu: 0.1, ..l() })),
+        (
+            "friction spread along the cone",
+            Truth {
+                effects: EffectsTruth { mu: 0.17, ..EffectsTruth::none() },
+                ..in_lines(LinesTruth { cone_radius_m: 0.02, ..l() })
+            },
+        ),
         ("angles", in_lines(LinesTruth { angle_rad: [0.0, 0.05, -0.05], ..l() })),
         ("radii", in_lines(LinesTruth { radius: [0.0, 0.05, -0.05], ..l() })),
         ("softness", in_lines(LinesTruth { softness: [0.0, 0.1, -0.1], ..l() })),

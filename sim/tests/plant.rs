@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::panic)] // Helpers of tests fail as tests do.
 
 use core::f64::consts::PI;
-use krait_sim::{EffectsTruth, SimulatedSnake, Truth};
+use krait_sim::{EffectsTruth, LinesTruth, SimulatedSnake, Truth};
 use krait_slave::{Drive, SeenShape, lines};
 use proptest::prelude::*;
 
@@ -341,9 +341,12 @@ proptest! {
     #[test]
     fn no_truth_in_range_makes_the_snake_leave_the_numbers(
         effects in any_effects(),
+        (inside, cone_radius_m) in (0.0..1.5, prop_oneof![4 => Just(0.0), 1 => 0.0..0.04]),
         path in prop::collection::vec([-5e-3..5e-3, -5e-3..5e-3, -5e-3..5e-3], 1..6)
     ) {
-        let mut snake = snake(effects);
+        let lines = LinesTruth { inside, cone_radius_m, ..LinesTruth::default() };
+        let mut snake = SimulatedSnake::new(&Truth { effects, lines, ..Truth::default() });
+        snake.set_power(0, true).unwrap();
         for command in path {
             write(&mut snake, command);
             prop_assert!(snake.bend_rad().into_iter().chain(snake.actuator_loads_n()).all(f64::is_finite));

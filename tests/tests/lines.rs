@@ -8,13 +8,15 @@ use krait_model::effects::EffectKind;
 use krait_model::{
     Chain, ChainCompensator, ChainSettings, Circumstances, EffectSetting, KnownColumns, MachineParameters,
 };
-use krait_sim::{LinesTruth, SimulatedSnake, Truth};
+use krait_sim::{EffectsTruth, LinesTruth, SimulatedSnake, Truth};
 use krait_slave::{Drive, lines};
 use nalgebra::Vector2;
 
 const GOLDEN: &str = include_str!("../../model/tests/golden/lines.json");
 /// What the bench's sub-steps and the golden numbers' six digits leave, deg.
 const FLOOR_DEG: f64 = 2e-4;
+/// The same where its cone is made of nine points, deg.
+const FLOOR_OF_POINTS_DEG: f64 = 5e-4;
 
 fn golden(part: &str) -> serde_json::Value {
     serde_json::from_str::<serde_json::Value>(GOLDEN).unwrap()[part].clone()
@@ -80,4 +82,46 @@ fn lines_that_give_inside_the_snake_cost_a_model_without_it_what_the_golden_numb
         let known = Bench::new(truth(), &with).go(pose.0, pose.1);
         assert!(known[0].hypot(known[1]) < FLOOR_DEG, "{known:?}");
     }
+}
+
+fn spread() -> LinesTruth {
+    LinesTruth { cone_radius_m: 0.02, ..LinesTruth::default() }
+}
+
+#[test]
+fn friction_spread_along_the_cone_costs_the_lumped_law_what_the_golden_numbers_say() {
+    for row in golden("b_distributed")["bend_error_of_lumped_inverse_deg"]["rows"].as_array().unwrap() {
+        let [bend_deg, way, expected_deg] = [0, 1, 2].map(|k| row[k].as_f64().unwrap());
+        for (cone, expected_deg) in [(EffectKind::ConeFriction, expected_deg), (EffectKind::DistributedCapstan, 0.0)] {
+            let mut bench = Bench::new(spread(), &four(cone));
+            if way < 0.0 {
+                bench.go(bend_deg + 10.0, 0.0);
+            }
+            let [error_deg, _] = bench.go(bend_deg, 0.0);
+            println!("{bend_deg} {way} {cone:?}: {error_deg}, golden {expected_deg}");
+            assert!((error_deg - expected_deg).abs() < FLOOR_OF_POINTS_DEG, "{error_deg} {expected_deg}");
+        }
+    }
+}
+
+/// The bend at one command on the way up and on the way back, deg apart, with friction in the cone and nothing else that makes a loop.
+fn loop_deg(lines_truth: LinesTruth) -> f64 {
+    let effects = EffectsTruth { load_scale: 1.22, mu: 0.1727, ..EffectsTruth::none() };
+    let mut snake = SimulatedSnake::new(&Truth { effects, lines: lines_truth, ..Truth::default() });
+    snake.set_power(0, true).unwrap();
+    let mut at = |part: f64| {
+        snake.write(0, lines([-4e-3 * part, 2e-3 * part, 2e-3 * part])).unwrap();
+        snake.bend_rad()[0].to_degrees()
+    };
+    let up: Vec<f64> = (0..=200).map(|k| at(f64::from(k) / 200.0)).collect();
+    let back: Vec<f64> = (0..=200).rev().map(|k| at(f64::from(k) / 200.0)).collect();
+    back[100] - up[100]
+}
+
+#[test]
+fn the_loop_of_friction_at_one_place_is_twice_as_wide_as_of_friction_spread_along_the_cone() {
+    let (lumped, spread) = (loop_deg(LinesTruth::default()), loop_deg(spread()));
+    let golden = golden("b_distributed")["loop_ratio_lumped_over_distributed"].as_f64().unwrap();
+    println!("lumped {lumped} deg, spread {spread} deg, ratio {}, golden {golden}", lumped / spread);
+    assert!(spread > 0.3 && (lumped / spread / golden - 1.0).abs() < 0.02, "{lumped} {spread}");
 }

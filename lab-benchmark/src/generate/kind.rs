@@ -6,7 +6,7 @@ use krait_sim::Truth;
 
 const K1: &[&str] = &["stiffness-scale", "radius-error", "camera-scale", "actuator-compliance", "inside-extension"];
 const K2: &[&str] = &["backlash", "static-friction", "bouc-wen", "prandtl-ishlinskii"];
-const K3: &[&str] = &["cone-friction", "disk-friction", "hole-clearance"];
+const K3: &[&str] = &["cone-friction", "disk-friction", "hole-clearance", "distributed-capstan"];
 const K4: &[&str] = &["superelastic-softening", "non-constant-curvature", "axial-tip-force"];
 const K5: &[&str] = &["tension-compression-asymmetry", "line-buckling"];
 const K6: &[&str] = &["latency", "viscous-friction"];
@@ -131,7 +131,7 @@ pub const KINDS: &[Kind] = &[
     Kind { name: "cone", about: "friction of the loaded line round the cone", right: K3, typical: 0.1, most: 1.0, most_size: 8.0,
         apply: |t, a, _| t.effects.mu = a,
         known: |t| vec![("mu", t.effects.mu)] },
-    Kind { name: "disk", about: "friction at the spacer disks", right: &["disk-friction", "cone-friction", "hole-clearance"], typical: 0.1, most: 1.0, most_size: 8.0,
+    Kind { name: "disk", about: "friction at the spacer disks", right: &["disk-friction", "cone-friction", "hole-clearance", "distributed-capstan"], typical: 0.1, most: 1.0, most_size: 8.0,
         apply: |t, a, _| t.lines.disk_mu = a, known: nothing },
     Kind { name: "bend-friction", about: "a moment against any change of bend", right: &["bend-friction"], typical: 5e-4, most: 0.02, most_size: 8.0,
         apply: |t, a, _| t.bending.friction_n_m = a, known: nothing },
@@ -199,4 +199,7 @@ const NAMED: &[Kind] = &[
     Kind { name: "inside", about: "the lines give inside the snake too", right: &["inside-extension", "stiffness-scale", "radius-error", "camera-scale", "actuator-compliance"], typical: 0.5, most: 1.5, most_size: 1.2,
         apply: |t, a, _| t.lines.inside = a,
         known: |t| vec![("share", t.lines.inside)] },
+    Kind { name: "distributed", about: "friction of the loaded line along the cone's bends", right: &["distributed-capstan", "cone-friction", "disk-friction", "hole-clearance"], typical: 0.2, most: 1.0, most_size: 8.0,
+        apply: |t, a, _| { t.effects.mu = a; t.lines.cone_radius_m = 0.02; },
+        known: |t| vec![("mu", t.effects.mu)] },
 ];

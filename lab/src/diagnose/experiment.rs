@@ -27,9 +27,10 @@ const FAMILIES: [(&[&str], &str); 9] = [
          play moves nothing and changes no load, friction makes the load jump, micro-slip moves a little from the start",
     ),
     (
-        &["cone-friction", "disk-friction", "hole-clearance"],
+        &["cone-friction", "distributed-capstan", "disk-friction", "hole-clearance"],
         "Run loops of three amplitudes in one plane: the width of the loop grows with the bend for friction in the cone and \
-         with its square for friction at the disks; bend the stem to change the cone's angle",
+         with its square for friction at the disks; bend the stem to change the cone's angle; weigh one line over the cone: friction \
+         along its bends needs twice the coefficient of friction at one place",
     ),
     (
         &["superelastic-softening", "non-constant-curvature", "axial-tip-force"],

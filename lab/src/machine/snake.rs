@@ -75,7 +75,14 @@ impl MachineUnderTest for SnakeLab {
     }
 
     fn candidates(&self, data: &Measurements) -> Vec<Candidate> {
-        snake_candidates::all(data)
+        let mut all = snake_candidates::all(data);
+        for candidate in &mut all {
+            let other_law = EffectKind::from_name(candidate.name).and_then(EffectKind::excludes).map(EffectKind::name);
+            if let Some(own) = self.effects.iter().find(|own| Some(own.name.as_str()) == other_law) {
+                candidate.cannot = Some(format!("is another law of {}, which the model has", own.name));
+            }
+        }
+        all
     }
 
     fn predict(&self, effects: &[Term], data: &Measurements) -> Result<Vec<f64>, LabError> {
@@ -99,6 +106,9 @@ impl MachineUnderTest for SnakeLab {
     }
 }
 
+/// The laws of friction in the cone.
+const CONE: [&str; 2] = ["cone-friction", "distributed-capstan"];
+
 /// The places of effects in the order in which they act on a line from the tip to its drive. The first `n_own` stand as the model
 /// has them; friction along the line that is new comes before that of the cone, which the line reaches last (Xu and Simaan,
 /// Eq. (13): tau~ = e^(2 mu phi) (tau + f_s)). The other way round is another law.
@@ -107,7 +117,7 @@ pub(crate) fn acting(n_own: usize, effects: &[Term]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..effects.len().min(n_own)).collect();
     let new = n_own.min(effects.len())..effects.len();
     for k in new.clone().filter(|k| !is_along(k)).chain(new.filter(is_along)) {
-        let cone = order.iter().position(|own| effects[*own].name == "cone-friction").filter(|_| is_along(&k));
+        let cone = order.iter().position(|own| CONE.contains(&effects[*own].name.as_str())).filter(|_| is_along(&k));
         order.insert(cone.unwrap_or(order.len()), k);
     }
     order

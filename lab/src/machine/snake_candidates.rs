@@ -36,6 +36,7 @@ fn search(kind: EffectKind) -> Option<Search> {
         EffectKind::BoucWen => Search { shapes: &["transition_m"], cells: &[&[("transition_m", 3e-5)], &[("transition_m", 1e-4)], &[("transition_m", 4e-4)]], ..plain(&[("amplitude_m", 0.0, 6e-5)]) },
         EffectKind::PrandtlIshlinskii => Search { shapes: &["reach_m"], cells: &[&[("reach_m", 2e-4)], &[("reach_m", 6e-4)], &[("reach_m", 2e-3)]], ..plain(&[("w1", 0.0, 0.05), ("w3", 0.0, 0.05), ("w8", 0.0, 0.05)]) },
         EffectKind::ConeFriction => Search { cells: &[&[("mu", 0.05)], &[("mu", 0.2)]], ..plain(&[("mu", 0.0, 0.1)]) },
+        EffectKind::DistributedCapstan => Search { cells: &[&[("mu", 0.05)], &[("mu", 0.2)]], ..plain(&[("mu", 0.0, 0.1)]) },
         EffectKind::DiskFriction => Search { cells: &[&[("mu", 0.03)], &[("mu", 0.1)]], ..plain(&[("mu", 0.0, 0.1)]) },
         EffectKind::BendFriction => Search { cells: &[&[("moment_nm", 2e-4)], &[("moment_nm", 7e-4)], &[("moment_nm", 2e-3)], &[("moment_nm", 5e-3)]], ..plain(&[("moment_nm", 0.0, 5e-4)]) },
         EffectKind::HoleClearance => Search { shapes: &["load_n"], cells: &[&[("load_n", 0.3)], &[("load_n", 3.0)]], ..plain(&[("clearance_m", 0.0, 2e-5)]) },

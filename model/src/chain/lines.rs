@@ -24,6 +24,8 @@ pub(crate) struct Lines<P, S> {
     holder: [Span<S>; 3],
     /// What the cone makes of them.
     cone: [Passage<P>; 3],
+    /// What of them the cone's spring feels: the same, unless friction is spread along the cone.
+    spring: [Passage<P>; 3],
     /// What the effects on the extension add, m.
     added: [Span<S>; 3],
 }
@@ -66,7 +68,12 @@ impl<P: Real> ChainModel<P> {
             let half = if FULL { holder[i].half.value() } else { 0.0 };
             cone::pass::<FULL, P>(&self.cone, &Span { middle: holder[i].middle.value(), half }, now)
         });
-        let mut lines = Lines { q, shift, tau, holder, cone, added: [Span::point(S::constant(0.0)); 3] };
+        let mut spring = cone;
+        if FULL && self.is_spread {
+            let loads = holder.map(|load| Span { middle: load.middle.value(), half: load.half.value() });
+            spring = loads.map(|load| cone::pass_spring(&self.cone, &load, now));
+        }
+        let mut lines = Lines { q, shift, tau, holder, cone, spring, added: [Span::point(S::constant(0.0)); 3] };
         if FULL && self.stages.has_any(Stage::Extension) {
             lines.added = self.extend(memory, b, moved, &lines, now);
         }
@@ -87,10 +94,16 @@ impl<P: Real> ChainModel<P> {
         if FULL { lines.cone[i].of_span(&lines.holder[i]) } else { lines.cone[i].of(lines.tau[i]) }
     }
 
+    /// Mean loads of line i along the cone, N.
+    #[inline(always)]
+    fn spring<const FULL: bool, S: Scalar<P>>(&self, lines: &Lines<P, S>, i: usize) -> Span<S> {
+        if FULL { lines.spring[i].of_span(&lines.holder[i]) } else { self.load::<FULL, S>(lines, i) }
+    }
+
     /// Extensions of line i without play and preload, m: what the positions that draw it back and push it are more than q.
     #[inline(always)]
     pub(crate) fn extension<const FULL: bool, S: Scalar<P>>(&self, lines: &Lines<P, S>, i: usize) -> Span<S> {
-        let (load, c_d, c_c) = (self.load::<FULL, S>(lines, i), self.c_d[i], self.c_c[i]);
+        let (load, c_d, c_c) = (self.spring::<FULL, S>(lines, i), self.c_d[i], self.c_c[i]);
         let holder = &lines.holder[i];
         let (mut middle, mut half) = (lines.shift[i] + holder.middle * c_d + load.middle * c_c, load.half * c_c);
         if FULL {
@@ -159,10 +172,11 @@ impl<P: Real> ChainModel<P> {
         now: &Now,
     ) -> [Span<S>; 3] {
         let holder = three(|i| lines.holder[i].limits());
+        let cone = three(|i| self.spring::<true, S>(lines, i).limits());
         let actuator = three(|i| self.load::<true, S>(lines, i).limits());
         let mut added = [Limits { low: S::constant(0.0), high: S::constant(0.0) }; 3];
         for e in self.stages.of(Stage::Extension) {
-            let looked_at = extension::Lines { q, tau: lines.tau, holder: &holder, actuator: &actuator };
+            let looked_at = extension::Lines { q, tau: lines.tau, holder: &holder, cone: &cone, actuator: &actuator };
             extension::apply(e, &mut memory.states, &self.constants, &looked_at, now, &mut added);
             self.add_formula(e, memory, b, q, lines.tau, now, |i, value| friction::add(&mut added[i], value));
         }

@@ -267,7 +267,7 @@ fn max_bend_rad(model: &ChainModel<f64>, strain_limit: f64) -> f64 {
     (strain_limit / outer_strain(&model.constants, 1.0)).min(0.999 * PI).min(0.9 * model.constants.l_m / longest)
 }
 
-/// Every effect is a snake's, and none stands there twice that may not.
+/// Every effect is a snake's, none stands there twice that may not, and none beside another law of the same thing.
 fn check_repeats(effects: &[EffectSetting]) -> Result<(), ChainError> {
     for (second, effect) in effects.iter().enumerate() {
         if let EffectKind::Joint(own) = effect.kind() {
@@ -280,6 +280,11 @@ fn check_repeats(effects: &[EffectSetting]) -> Result<(), ChainError> {
         };
         if let Some(first) = effects.iter().take(second).position(same) {
             return Err(ChainError::Twice { name: effect.label().to_owned(), first: first + 1, second: second + 1 });
+        }
+        let other_law = |other: &EffectSetting| effect.kind().excludes() == Some(other.kind());
+        if let Some(first) = effects.iter().take(second).position(other_law) {
+            let [first_name, second_name] = [effects[first].kind(), effect.kind()].map(EffectKind::name);
+            return Err(ChainError::TwoLaws { first_name, second_name, first: first + 1, second: second + 1 });
         }
     }
     Ok(())

@@ -47,6 +47,8 @@ pub(crate) struct ChainModel<P> {
     pub c_d: [P; 3],
     pub c_c: [P; 3],
     pub friction_at_snake: bool,
+    /// Whether friction is spread along the cone: what it gives follows the mean load along it.
+    pub is_spread: bool,
     /// Friction behind the holder.
     pub cone: Vec<Rub<P>>,
     /// Half-width of the play, m.
@@ -87,6 +89,7 @@ impl<P: Real> ChainModel<P> {
             delay: first(EffectKind::Latency),
             constants,
             short: stages.is_short(),
+            is_spread: stages.is_spread(),
             cone: cone::program(stages.of(Stage::Cone)),
             stages,
             formulas,
@@ -122,7 +125,7 @@ impl<P: Real> ChainModel<P> {
             }
             _ => {
                 self.stages.set(k, Prepared::constants(kind, &values, &self.constants));
-                if matches!(kind, EffectKind::ConeFriction | EffectKind::StaticFriction | EffectKind::StemCoupling) {
+                if self.stages.of(Stage::Cone).iter().any(|e| e.kind == kind) {
                     cone::write_program(self.stages.of(Stage::Cone), &mut self.cone);
                 }
             }

@@ -279,6 +279,20 @@ pub enum ChainError {
         /// Its second place.
         second: usize,
     },
+    /// Two laws of one thing.
+    #[error(
+        "effects {first_name} and {second_name}, at places {first} and {second}, are two laws of one friction; keep one, remove the other"
+    )]
+    TwoLaws {
+        /// The effect that comes first.
+        first_name: &'static str,
+        /// The other one.
+        second_name: &'static str,
+        /// Place of the first, counted from 1.
+        first: usize,
+        /// Place of the other.
+        second: usize,
+    },
     /// More effects than a chain has places for.
     #[error("the chain has {found} effects, expected at most {limit}; remove some")]
     TooMany {

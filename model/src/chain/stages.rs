@@ -43,7 +43,7 @@ impl Stage {
                 K::DiskFriction | K::ViscousFriction | K::StribeckFriction => true,
                 _ => formula == Some(Hook::Tau),
             },
-            Self::Cone => matches!(kind, K::ConeFriction | K::StaticFriction | K::StemCoupling),
+            Self::Cone => matches!(kind, K::ConeFriction | K::DistributedCapstan | K::StaticFriction | K::StemCoupling),
             Self::Extension => match kind {
                 K::ActuatorCompliance
                 | K::BoucWen
@@ -105,9 +105,16 @@ impl<P: Real> Stages<P> {
         Ok(Self { by_stage, leading_scales })
     }
 
-    /// Whether no effect acts anywhere but in the cone.
+    /// Whether no effect acts anywhere but in the cone, at one place of it.
     pub(crate) fn is_short(&self) -> bool {
-        Stage::ALL.into_iter().all(|stage| stage == Stage::Cone || self.by_stage[stage as usize].is_empty())
+        let only_cone =
+            Stage::ALL.into_iter().all(|stage| stage == Stage::Cone || self.by_stage[stage as usize].is_empty());
+        only_cone && !self.is_spread()
+    }
+
+    /// Whether friction is spread along the cone.
+    pub(crate) fn is_spread(&self) -> bool {
+        self.of(Stage::Cone).iter().any(|e| e.kind == EffectKind::DistributedCapstan)
     }
 
     /// Whether a stage has effects.

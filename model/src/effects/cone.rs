@@ -3,6 +3,8 @@
 //! Every friction there is a constant force, then a capstan: a load T becomes (T +- f_s) g, with g above one where the line moves
 //! against its load and below one where it moves with it. For one line these compose to T times a factor plus an offset, one
 //! pair for a line about to be drawn back and one for a line about to be pushed.
+//!
+//! Where a capstan is spread along the cone, the cone gives by the mean load along it: the same program with the capstan's means.
 
 use super::EffectKind;
 use super::friction::Limits;
@@ -16,6 +18,8 @@ pub(crate) struct Rub<P> {
     force: P,
     more: P,
     less: P,
+    /// What the cone's spring feels in place of `more` and `less`.
+    mean: [P; 2],
     /// Exponent of a capstan in the stem per radian of its angle; zero elsewhere.
     per_stem_rad: P,
 }
@@ -32,9 +36,10 @@ pub(crate) fn write_program<P: Real>(effects: &[Prepared<P>], program: &mut Vec<
     let (zero, one) = (P::constant(0.0), P::constant(1.0));
     program.clear();
     for e in effects {
-        let own = Rub { force: zero, more: one, less: one, per_stem_rad: zero };
+        let own = Rub { force: zero, more: one, less: one, mean: [one; 2], per_stem_rad: zero };
         let own = match e.kind {
-            EffectKind::ConeFriction => Rub { more: e.c[0], less: e.c[1], ..own },
+            EffectKind::ConeFriction => Rub { more: e.c[0], less: e.c[1], mean: [e.c[0], e.c[1]], ..own },
+            EffectKind::DistributedCapstan => Rub { more: e.c[0], less: e.c[1], mean: [e.c[2], e.c[3]], ..own },
             EffectKind::StaticFriction => Rub { force: e.c[0], ..own },
             EffectKind::StemCoupling => Rub { per_stem_rad: e.c[0], ..own },
             _ => continue,
@@ -59,6 +64,20 @@ pub(crate) fn pass<const FULL: bool, P: Real>(program: &[Rub<P>], holder: &Span<
     Passage { factor: Span::between(low.0, high.0), offset: Span::between(low.1, high.1) }
 }
 
+/// The same for the load that the cone's spring feels. Which side each friction is on follows from the load itself.
+pub(crate) fn pass_spring<P: Real>(program: &[Rub<P>], holder: &Span<f64>, now: &Now) -> Passage<P> {
+    let free = (P::constant(1.0), P::constant(0.0));
+    let [low, high] = [(-1.0, holder.low()), (1.0, holder.high())].map(|(side, holder)| {
+        program.iter().fold((free, free), |(load, spring), rub| {
+            let capstan = rub.capstan(now);
+            let mean = if rub.per_stem_rad == P::constant(0.0) { rub.mean } else { capstan };
+            (rub.behind(load, capstan, side, holder), rub.on_spring(load, spring, mean, side, holder))
+        })
+    });
+    let (low, high) = (low.1, high.1);
+    Passage { factor: Span::between(low.0, high.0), offset: Span::between(low.1, high.1) }
+}
+
 impl<P: Real> Rub<P> {
     /// Factor and offset with this friction behind others, for a line that is pushed (`side` 1) or drawn back (-1) by a load in
     /// the holder of `holder`.
@@ -68,6 +87,14 @@ impl<P: Real> Rub<P> {
         let against = side * (holder * factor.value() + offset.value()) >= 0.0;
         let g = if against { more } else { less };
         (factor * g, offset * g)
+    }
+
+    /// The same for what the spring feels, where `load` is the load before this friction and `spring` what of it is felt.
+    fn on_spring(&self, load: (P, P), spring: (P, P), [more, less]: [P; 2], side: f64, holder: f64) -> (P, P) {
+        let force = self.force.chain(side * self.force.value(), side);
+        let against = side * (holder * load.0.value() + (load.1 + force).value()) >= 0.0;
+        let g = if against { more } else { less };
+        (spring.0 * g, (spring.1 + force) * g)
     }
 
     /// Without an angle nothing is known of the stem.

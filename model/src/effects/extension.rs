@@ -163,6 +163,8 @@ pub(crate) struct Lines<'a, S> {
     pub tau: [S; 3],
     /// Loads in the holder.
     pub holder: &'a [Limits<S>; 3],
+    /// Mean loads along the cone.
+    pub cone: &'a [Limits<S>; 3],
     /// Loads at the actuator.
     pub actuator: &'a [Limits<S>; 3],
 }
@@ -179,7 +181,7 @@ pub(crate) fn apply<P: Real, S: Scalar<P>>(
 ) {
     let elastic = P::constant(machine.c_d_m_per_n + machine.c_c_m_per_n);
     for i in 0..3 {
-        let (holder, actuator) = (&lines.holder[i], &lines.actuator[i]);
+        let (holder, cone, actuator) = (&lines.holder[i], &lines.cone[i], &lines.actuator[i]);
         match e.kind {
             EffectKind::ActuatorCompliance => {
                 eps[i].low += actuator.low * e.c[0];
@@ -187,8 +189,8 @@ pub(crate) fn apply<P: Real, S: Scalar<P>>(
             }
             EffectKind::TensionCompressionAsymmetry => {
                 let stretch = |d: S, c: S| d * P::constant(machine.c_d_m_per_n) + c * P::constant(machine.c_c_m_per_n);
-                eps[i].low = eps[i].low - stretch(holder.low, actuator.low).abs() * e.c[0];
-                eps[i].high = eps[i].high - stretch(holder.high, actuator.high).abs() * e.c[0];
+                eps[i].low = eps[i].low - stretch(holder.low, cone.low).abs() * e.c[0];
+                eps[i].high = eps[i].high - stretch(holder.high, cone.high).abs() * e.c[0];
             }
             EffectKind::LineBuckling => {
                 let buckled = |load: S| if load.value() > 0.0 { load * e.c[0] } else { S::constant(0.0) };

@@ -40,6 +40,43 @@ pub(super) static CONE_FRICTION: Definition = Definition {
     )
 };
 
+pub(super) static DISTRIBUTED_CAPSTAN: Definition = Definition {
+    inverse: Inverse::Smoothed,
+    parameters: &[
+        parameter("mu", "1", [0.0, 1.0], 0.1727, "Eq. (13), Table II"),
+        parameter(
+            "arc_share",
+            "1",
+            [0.0, 1.0],
+            0.4935,
+            "share of L_c that lies in the cone's two bends, 2 R phi/L_c; R = 20 mm",
+        )
+        .fixed("a dimension"),
+    ],
+    ..effect(
+        "distributed-capstan",
+        Hook::Tau,
+        Class::LoadHysteresis,
+        "tau~ <- tau e^(+-2 mu phi), and the cone gives m_+- tau/K_c, m the mean of e^(+-mu theta) along it",
+    )
+};
+
+/// The mean load along the cone over the load at its end at the snake, where each of its two bends multiplies the load by e^u and
+/// `arc_share` of its length lies in them.
+pub(super) fn mean_along_cone<P: Real>(u: P, arc_share: P) -> P {
+    let bend = u.exp();
+    // (e^u - 1)/u, the mean over one bend.
+    let x = u.value();
+    let mean = if x.abs() < 1e-4 {
+        u.chain(1.0 + x / 2.0 + x * x / 6.0, 0.5 + x / 3.0 + x * x / 8.0)
+    } else {
+        let mean = x.exp_m1() / x;
+        u.chain(mean, (bend.value() - mean) / x)
+    };
+    let one = P::constant(1.0);
+    mean * (one + bend) * arc_share * P::constant(0.5) + bend * (one - arc_share)
+}
+
 pub(super) static STATIC_FRICTION: Definition = Definition {
     inverse: Inverse::Smoothed,
     parameters: &[parameter(

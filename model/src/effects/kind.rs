@@ -26,6 +26,8 @@ pub enum EffectKind {
     PrandtlIshlinskii,
     /// `cone-friction`.
     ConeFriction,
+    /// `distributed-capstan`.
+    DistributedCapstan,
     /// `disk-friction`.
     DiskFriction,
     /// `bend-friction`.
@@ -84,7 +86,7 @@ pub enum EffectKind {
 
 impl EffectKind {
     /// All that a snake can have, in the order of the documentation's table.
-    pub const ALL: [Self; 36] = [
+    pub const ALL: [Self; 37] = [
         Self::StiffnessScale,
         Self::ActuatorCompliance,
         Self::RadiusError,
@@ -95,6 +97,7 @@ impl EffectKind {
         Self::BoucWen,
         Self::PrandtlIshlinskii,
         Self::ConeFriction,
+        Self::DistributedCapstan,
         Self::DiskFriction,
         Self::BendFriction,
         Self::HoleClearance,
@@ -136,6 +139,7 @@ impl EffectKind {
             Self::BoucWen => &extension::BOUC_WEN,
             Self::PrandtlIshlinskii => &extension::PRANDTL_ISHLINSKII,
             Self::ConeFriction => &friction::CONE_FRICTION,
+            Self::DistributedCapstan => &friction::DISTRIBUTED_CAPSTAN,
             Self::DiskFriction => &friction::DISK_FRICTION,
             Self::BendFriction => &moment::BEND_FRICTION,
             Self::HoleClearance => &geometry::HOLE_CLEARANCE,
@@ -163,6 +167,15 @@ impl EffectKind {
             Self::CrossCoupling => &extension::CROSS_COUPLING,
             Self::Formula => &formula::FORMULA,
             Self::Joint(effect) => effect.definition(),
+        }
+    }
+
+    /// The effect that is another law of the same thing, which no chain may hold beside it.
+    pub fn excludes(self) -> Option<Self> {
+        match self {
+            Self::ConeFriction => Some(Self::DistributedCapstan),
+            Self::DistributedCapstan => Some(Self::ConeFriction),
+            _ => None,
         }
     }
 

@@ -1,6 +1,7 @@
 //! What every effect's step is given: its constants, the machine's constants, and the circumstances of the step.
 
 use super::EffectKind;
+use super::friction::mean_along_cone;
 use super::real::Real;
 use core::f64::consts::PI;
 
@@ -88,6 +89,13 @@ impl<P: Real> Prepared<P> {
             EffectKind::ConeFriction => {
                 c[0] = (parameters[0] * P::constant(2.0 * machine.phi_rad)).exp();
                 c[1] = P::constant(1.0) / c[0];
+            }
+            EffectKind::DistributedCapstan => {
+                let bend = parameters[0] * P::constant(machine.phi_rad);
+                c[0] = (bend + bend).exp();
+                c[1] = P::constant(1.0) / c[0];
+                c[2] = mean_along_cone(bend, parameters[1]);
+                c[3] = mean_along_cone(-bend, parameters[1]);
             }
             EffectKind::LineBuckling => {
                 let k = machine.l_d_m / (4.0 * machine.bending_stiffness_nm2);
