@@ -94,11 +94,12 @@ impl SpreadCone {
         let (load_n, sticks) = self.search(places_m, 0, &start, around, play_m);
         let mut give_m_per_n = holder.at(load_n);
         let (mut x, mut load, mut slope) = (start(load_n), load_n, 1.0);
-        for k in 0..sticks {
-            let next = self.points[k].slid(x > places_m[k], load);
-            slope *= self.points[k].slope(x > places_m[k], load);
-            (x, load) = (x + self.points[k].spring.at(next) * next, next);
-            give_m_per_n += self.points[k].spring.at(next) * slope;
+        for (point, place_m) in self.points.iter().zip(places_m).take(sticks) {
+            let next = point.slid(x > *place_m, load);
+            slope *= point.slope(x > *place_m, load);
+            let spring_m_per_n = point.spring.at(next);
+            (x, load) = (x + spring_m_per_n * next, next);
+            give_m_per_n += spring_m_per_n * slope;
         }
         Felt { load_n, give_m_per_n }
     }
