@@ -17,6 +17,8 @@ pub struct AddOptions {
     pub from_given: bool,
     /// Names of its parameters that the fit frees; empty: those that the catalogue frees, for a formula all.
     pub free: Vec<String>,
+    /// Parameters of the model's own effects that are fitted again with it: effect's label and parameter's name.
+    pub refit: Vec<(String, String)>,
 }
 
 /// A model with a further or refitted effect.
@@ -42,7 +44,7 @@ const FOLDS: usize = 6;
 const ITERATIONS: u32 = 30;
 const TOLERANCE: f64 = 1e-6;
 
-/// Adds an effect behind the model's own and fits it.
+/// Adds an effect behind the model's own and fits it, with the values of those that are to be fitted again.
 ///
 /// # Errors
 /// [`LabError`] for an effect or a parameter that the machine does not have, and where it makes no chain.
@@ -61,9 +63,10 @@ pub fn add(machine: &dyn MachineUnderTest, data: &Measurements, options: &AddOpt
         return Err(LabError::CannotShow { effect: options.term.label().to_owned(), reason });
     }
     let free = places(&options.term, &parameters, &options.free, known.as_ref())?;
+    let again = crate::diagnose::free_variables(machine, &options.refit)?;
     let fitted = match known.filter(|_| !options.from_given && options.free.is_empty()) {
-        Some(candidate) => bench.on_grid(&candidate)?,
-        None => bench.near_values(&options.term, &parameters, &free)?,
+        Some(candidate) => bench.on_grid(&candidate, &again)?,
+        None => bench.near_values(&options.term, &parameters, &free, again)?,
     };
     Ok(bench.report(fitted))
 }
@@ -102,13 +105,13 @@ impl<'a> Bench<'a> {
     }
 
     /// The best of the fits from every cell of the catalogue's grid.
-    fn on_grid(&self, candidate: &Candidate) -> Result<Fit, LabError> {
+    fn on_grid(&self, candidate: &Candidate, again: &[Variable]) -> Result<Fit, LabError> {
         let candidates = [candidate.clone()];
         let search = Search {
             problem: &self.problem,
             candidates: &candidates,
             base: self.machine.effects(),
-            base_variables: &[],
+            base_variables: again,
             seed: 1,
         };
         let best: Option<Trial> = search.every_start(&search.start()?).into_iter().next();
@@ -119,7 +122,13 @@ impl<'a> Bench<'a> {
         fit(&self.problem, &best.fit.effects, &best.fit.variables, ITERATIONS, TOLERANCE)
     }
 
-    fn near_values(&self, term: &Term, parameters: &[Parameter], free: &[usize]) -> Result<Fit, LabError> {
+    fn near_values(
+        &self,
+        term: &Term,
+        parameters: &[Parameter],
+        free: &[usize],
+        again: Vec<Variable>,
+    ) -> Result<Fit, LabError> {
         let mut effects = self.machine.effects().to_vec();
         effects.push(term.clone());
         let place = effects.len() - 1;
@@ -128,7 +137,8 @@ impl<'a> Bench<'a> {
             let size = if term.values[k] == 0.0 { 0.01 * width } else { term.values[k].abs() };
             Variable::new(self.machine, &effects, place, k, size)
         };
-        let variables: Vec<Variable> = free.iter().map(variable).collect::<Result<_, _>>()?;
+        let variables: Vec<Variable> =
+            again.into_iter().map(Ok).chain(free.iter().map(variable)).collect::<Result<_, _>>()?;
         fit(&self.problem, &effects, &variables, ITERATIONS, TOLERANCE)
     }
 

@@ -30,6 +30,6 @@ pub use calibrated::disagreements;
 pub use error::LabError;
 pub use measurements::{LoadUse, Measurements, Names, Quantity};
 pub use problem::{FEWEST_BLOCKS, Problem, scored_time_s};
-pub use save::save;
+pub use save::{fitted_to, save};
 pub use session::{Session, SessionError, open_model};
 pub use term::{Parameter, Term};

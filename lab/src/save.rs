@@ -59,6 +59,21 @@ pub fn save(
     Ok(ModelFile::new(file.machine().clone(), effects, history)?)
 }
 
+/// Parameters whose values were fitted to these very data, by effect's label and parameter's name. With a further effect they take
+/// other values; what was fitted to other data, or written by hand, is held.
+pub fn fitted_to(file: &ModelFile, data: &Measurements) -> Vec<(String, String)> {
+    let is_same = |origin: &Origin| {
+        let mut own = file.history().iter().filter(|entry| entry.data_sha256 == data.sha256);
+        own.any(|entry| Some(&entry.data) == origin.from.as_ref())
+    };
+    let names = |effect: &FileEffect| {
+        let own = effect.setting();
+        let fitted = own.parameter_names().filter(|name| effect.origin(name).is_some_and(is_same));
+        fitted.map(|name| (own.label().to_owned(), name.to_owned())).collect::<Vec<_>>()
+    };
+    file.effects().iter().flat_map(names).collect()
+}
+
 /// Unit of a machine's errors.
 fn unit(machine: &Machine) -> String {
     match machine {

@@ -4,7 +4,7 @@
 
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, Sketch, Verdict, diagnose};
 use krait_lab::machine::{MachineUnderTest, SnakeLab};
-use krait_lab::{AddOptions, LoadUse, Measurements, Quantity, Term, add};
+use krait_lab::{AddOptions, Added, LoadUse, Measurements, Quantity, Term, add, fitted_to, save};
 use krait_model::model_file::ModelFile;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -12,8 +12,10 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 const NOISE_RAD: f64 = 0.005;
 const ROWS: usize = 2400;
 
+const MODEL: &str = "format = 1\n[machine]\nkind = \"snake\"\n";
+
 fn lab() -> SnakeLab {
-    SnakeLab::new(&ModelFile::parse("format = 1\n[machine]\nkind = \"snake\"\n").unwrap()).unwrap()
+    SnakeLab::new(&ModelFile::parse(MODEL).unwrap()).unwrap()
 }
 
 fn term(name: &str, values: &[f64]) -> Term {
@@ -157,13 +159,39 @@ fn an_added_effect_has_its_value_within_its_standard_errors_and_reaches_the_floo
     let mut within = 0;
     for seed in 0..10 {
         let data = made(&[term("backlash", &[7e-5])], 200 + seed);
-        let options = AddOptions { term: term("backlash", &[8.9e-5]), from_given: false, free: Vec::new() };
+        let options =
+            AddOptions { term: term("backlash", &[8.9e-5]), from_given: false, free: Vec::new(), refit: Vec::new() };
         let added = add(&lab(), &data, &options).unwrap();
         let (value, se) = (added.terms[0].values[0], added.uncertainty.robust[0]);
         within += usize::from((value - 7e-5).abs() < 2.0 * se);
         assert!(added.after < 0.8 * added.before && added.after < 1.04 * added.noise_floor.unwrap(), "{}", added.after);
     }
     assert!(within >= 8, "{within} of 10 within two standard errors");
+}
+
+#[test]
+fn an_effect_that_is_added_moves_those_that_were_fitted_to_the_same_data() {
+    let data = made(&[term("backlash", &[7e-5]), term("stiffness-scale", &[1.2])], 31);
+    let options = |name: &str, value, refit| AddOptions {
+        term: term(name, &[value]),
+        from_given: false,
+        free: Vec::new(),
+        refit,
+    };
+    let file = ModelFile::parse(MODEL).unwrap();
+    let alone = add(&lab(), &data, &options("backlash", 8.9e-5, Vec::new())).unwrap();
+    let file = save(&file, &alone, "backlash", &data, "2026-11-22").unwrap();
+    let again = fitted_to(&file, &data);
+    assert_eq!(again, [("backlash".to_owned(), "half_width_m".to_owned())]);
+    let mut other = data.clone();
+    other.sha256 = "of other data".to_owned();
+    assert_eq!(fitted_to(&file, &other), [], "held");
+    let both = |refit| add(&SnakeLab::new(&file).unwrap(), &data, &options("stiffness-scale", 1.1, refit)).unwrap();
+    let (held, both) = (both(Vec::new()), both(again));
+    let off = |added: &Added| (added.terms[0].values[0] / 7e-5 - 1.0).abs();
+    println!("{} held, {} fitted again", held.terms[0].values[0], both.terms[0].values[0]);
+    assert!(off(&held) > 3.0 * off(&both) && off(&both) < 0.05, "{} held, {} fitted again", off(&held), off(&both));
+    assert!(both.after < held.after, "{} held, {} fitted again", held.after, both.after);
 }
 
 #[test]

@@ -114,7 +114,8 @@ fn an_effect_added_to_an_uncalibrated_model_leaves_gain_and_offset_free() {
     let data = joint(&folder.join("davinci-jaw/00.csv"), 1);
     let (file, machine) = model("n = 1\n");
     let term = Term { name: "backlash".to_owned(), values: vec![0.0, 0.0], formula: None };
-    let added = add(&machine, &data, &AddOptions { term, from_given: false, free: Vec::new() }).expect("a fit");
+    let added = add(&machine, &data, &AddOptions { term, from_given: false, free: Vec::new(), refit: Vec::new() })
+        .expect("a fit");
     assert!(added.after < 0.34 && added.before > 1.0, "{} {}", added.before, added.after);
     let better = save(&file, &added, "backlash", &data, "2026-11-22").expect("a model");
     let Machine::Joints(joints) = better.machine() else { panic!("joints") };

@@ -1,4 +1,4 @@
-//! Adding an effect to joints: with gain, offset and every fitted value of the model refitted together.
+//! Adding an effect to joints, fitted together with gain and offset; the model's own effects are held.
 
 use super::answer;
 use super::decide::{candidates, excluded, fast_noise, problem};

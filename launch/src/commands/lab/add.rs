@@ -9,7 +9,7 @@ use krait_bridge::LiveModel;
 use krait_ipc::clock;
 use krait_lab::machine::MachineUnderTest;
 use krait_lab::report::added_page;
-use krait_lab::{AddOptions, Added, Session, Term, add, disagreements, refit as fit_again, save};
+use krait_lab::{AddOptions, Added, Session, Term, add, disagreements, fitted_to, refit as fit_again, save};
 use krait_model::effects::{FormulaParameter, FormulaText, Hook, Inverse};
 use krait_model::model_file::{FileEffect, Machine, ModelFile};
 use krait_report::Table;
@@ -26,7 +26,8 @@ pub fn run(args: &AddArgs) -> anyhow::Result<ExitCode> {
     // Which joint it is on, and which one it feels, is no value to start from.
     let is_start = |name: &str| name != "joint" && name != "from";
     let from_given = args.set.iter().any(|(name, _)| is_start(name)) || term.formula.is_some();
-    let options = AddOptions { term, from_given, free: args.free.clone() };
+    let refit = fitted_to(&session.file, &session.data);
+    let options = AddOptions { term, from_given, free: args.free.clone(), refit };
     let added = add(session.machine.as_ref(), &session.data, &options)?;
     write_page(args.report.as_deref(), &session, &added, &label)?;
     finish(&session, &added, &label, &args.out, args.json)
@@ -107,11 +108,10 @@ fn finish(session: &Session, added: &Added, what: &str, out: &Path, as_json: boo
     std::fs::write(out, file.to_toml())
         .with_context(|| format!("the model file {} could not be written", out.display()))?;
     let calibrated = disagreements(&session.file, added);
-    let unit = session.machine.error_unit().0;
     if as_json {
-        print::json(&answer(added, what, out, unit, &not_compensated(&file), &calibrated))?;
+        print::json(&answer(added, session, what, out, &not_compensated(&file), &calibrated))?;
     } else {
-        let mut told = text(added, what, out, unit, &not_compensated(&file));
+        let mut told = text(added, session, what, out, &not_compensated(&file));
         for sentence in &calibrated {
             told += &format!("{sentence}\n");
         }
@@ -139,26 +139,39 @@ fn not_compensated(file: &ModelFile) -> Vec<String> {
     file.effects().iter().filter_map(sentence).collect()
 }
 
+/// What the fitted parameters are called: beside a new effect's own, those of the model's effects with the effect before them.
+fn keys(added: &Added, session: &Session) -> Vec<String> {
+    let n_old = session.file.effects().len();
+    let is_added = added.terms.len() > n_old;
+    let own = added.variables.iter().map(|variable| match added.terms.get(variable.effect) {
+        Some(term) if is_added && variable.effect < n_old => format!("{}.{}", term.label(), variable.name),
+        _ => variable.name.clone(),
+    });
+    own.collect()
+}
+
 fn answer(
     added: &Added,
+    session: &Session,
     what: &str,
     out: &Path,
-    unit: &str,
     not_compensated: &[String],
     calibrated: &[String],
 ) -> Value {
+    let unit = session.machine.error_unit().0;
     let errors = json!({ "before": added.before, "after": added.after });
     let params: serde_json::Map<String, Value> = added
         .variables
         .iter()
+        .zip(keys(added, session))
         .enumerate()
-        .map(|(k, variable)| {
+        .map(|(k, (variable, key))| {
             let value = json!({
                 "value": variable.value(&added.terms), "se": added.uncertainty.robust.get(k),
                 "se_if_independent": added.uncertainty.naive.get(k), "unit": variable.unit,
                 "on_bound": variable.bound(&added.terms).is_some(),
             });
-            (variable.name.clone(), value)
+            (key, value)
         })
         .collect();
     json!({
@@ -172,11 +185,12 @@ fn answer(
     })
 }
 
-fn text(added: &Added, what: &str, out: &Path, unit: &str, not_compensated: &[String]) -> String {
+fn text(added: &Added, session: &Session, what: &str, out: &Path, not_compensated: &[String]) -> String {
+    let unit = session.machine.error_unit().0;
     let mut table = Table::new(&["parameter", "value", "standard error", "unit", ""]);
-    for (k, variable) in added.variables.iter().enumerate() {
+    for (k, (variable, key)) in added.variables.iter().zip(keys(added, session)).enumerate() {
         table.row(vec![
-            variable.name.clone(),
+            key,
             format!("{:.5e}", variable.value(&added.terms)),
             format!("{:.1e}", added.uncertainty.robust.get(k).copied().unwrap_or(f64::NAN)),
             variable.unit.clone(),
