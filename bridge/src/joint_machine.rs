@@ -4,6 +4,8 @@ use crate::JointModel;
 use crate::config::JointsConfig;
 use crate::joints_error::JointsError;
 use krait_ipc::message::{Actuators, JointValues, MAX_ACTUATORS, MAX_JOINTS};
+use krait_model::ChainError;
+use krait_model::joints::JointImplausible;
 
 /// Joints that an operator drives.
 #[derive(Clone, Debug)]
@@ -50,6 +52,16 @@ impl JointMachine {
             si_per_rad: per_joint,
             model: model.clone(),
         })
+    }
+
+    /// Looks whether the model may steer the machine over the whole ranges of its joints.
+    ///
+    /// # Errors
+    /// [`ChainError`] when it has no inverse at all; inside, [`JointImplausible`] with the place and the numbers.
+    pub fn plausible(&self) -> Result<Result<(), JointImplausible>, ChainError> {
+        let (low, high) = (self.of_model(&self.low_rad), self.of_model(&self.high_rad));
+        let n = self.model.n();
+        self.model.chain.plausible(&low[..n], &high[..n])
     }
 
     /// Commands of the model as positions of the actuators, m.

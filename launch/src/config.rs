@@ -143,13 +143,11 @@ impl Config {
         self.realtime.check()?;
         self.budget.check()?;
         self.joints.check()?;
+        const REFUSED: &str = "the model must not steer a machine";
         match self.model()?.machine {
-            LiveModel::Snake(chain) => {
-                chain.plausible(self.resolve.max_bend_rad)?.context("the model must not steer a machine")?;
-            }
-            LiveModel::Joints(joints) => drop(JointMachine::new(&joints, &self.joints)?),
+            LiveModel::Snake(chain) => chain.plausible(self.resolve.max_bend_rad)?.context(REFUSED),
+            LiveModel::Joints(joints) => JointMachine::new(&joints, &self.joints)?.plausible()?.context(REFUSED),
         }
-        Ok(())
     }
 }
 

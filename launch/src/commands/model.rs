@@ -7,7 +7,7 @@ use crate::commands::{model_compensate, model_exchange, model_learnt};
 use crate::config::Config;
 use crate::print;
 use anyhow::{Context, bail};
-use krait_bridge::LiveModel;
+use krait_bridge::{JointMachine, LiveModel};
 use krait_ipc::input;
 use krait_model::model_file::{
     Assumed, BUILT_IN, FileEffect, Machine, ModelFile, ModelFileError, assumed, built_in, documented_defaults,
@@ -162,10 +162,17 @@ fn described(config: &Config, path: &Path, text: &str, model: &ModelFile) -> Res
     let chain = model.chain(every_column).map_err(whole)?;
     // Asked as `krait run` asks: what that refuses must not be promised here.
     let live = LiveModel::of(model);
-    let not_compensable = live.as_ref().err().map(|error| format!("{error:#}"));
-    let implausible = match live.as_ref().map(|live| live.snake().map(|chain| chain.plausible(LARGEST_BEND_RAD))) {
-        Ok(Some(found)) => found.map_err(whole)?.err().map(|implausible| implausible.to_string()),
-        Ok(None) | Err(_) => None,
+    let mut not_compensable = live.as_ref().err().map(|error| format!("{error:#}"));
+    let implausible = match &live {
+        Ok(LiveModel::Snake(chain)) => chain.plausible(LARGEST_BEND_RAD).map_err(whole)?.err().map(|e| e.to_string()),
+        Ok(LiveModel::Joints(joints)) => match JointMachine::new(joints, &config.joints) {
+            Ok(machine) => machine.plausible().map_err(whole)?.err().map(|e| e.to_string()),
+            Err(error) => {
+                not_compensable = Some(error.to_string());
+                None
+            }
+        },
+        Err(_) => None,
     };
     let within = |chain: &Chain| chain.max_bend_rad().min(config.resolve.max_bend_rad);
     let load_limit = chain.as_ref().map(|chain| first_limit(model, chain, &config.slave.limits, within(chain)));

@@ -155,6 +155,11 @@ impl JointCompensator {
         self.divided(&all)
     }
 
+    /// What the transmission shall make of the last commands, in units of u; 0 behind the last joint.
+    pub(super) fn x_wanted(&self) -> [f64; MAX_JOINTS] {
+        self.x_wanted
+    }
+
     /// The values in force of the parameters that are learnt, in their order; NaN behind the last.
     pub fn learnt(&self) -> &[f64; MAX_LEARNT] {
         &self.values
@@ -209,7 +214,7 @@ impl JointCompensator {
         for _ in 0..MAX_ROUNDS {
             let mut change = 0.0_f64;
             is_reachable = true;
-            x_wanted = self.x_wanted(wanted, &u, at);
+            x_wanted = self.find_x_wanted(wanted, &u, at);
             for joint in 0..n {
                 let found = self.solve(joint, &u, before[joint], x_wanted[joint], at);
                 is_reachable &= found.is_reached;
@@ -244,7 +249,7 @@ impl JointCompensator {
     }
 
     /// What x must be for the wanted positions, if what comes behind G is as it is for these commands.
-    fn x_wanted(&mut self, wanted: &[f64], u: &[f64; MAX_JOINTS], at: &Circumstances) -> [f64; MAX_JOINTS] {
+    fn find_x_wanted(&mut self, wanted: &[f64], u: &[f64; MAX_JOINTS], at: &Circumstances) -> [f64; MAX_JOINTS] {
         self.try_out(u, at);
         let mut before_c = [0.0; MAX_JOINTS];
         for (i, (left, wanted)) in before_c.iter_mut().zip(wanted).enumerate() {

@@ -13,6 +13,7 @@ mod effect;
 mod hysteresis;
 mod inverse;
 mod learner;
+mod plausible;
 mod position;
 mod rate;
 mod slopes;
@@ -22,6 +23,7 @@ pub use effect::JointEffect;
 pub use hysteresis::{REACHES, load_play};
 pub use inverse::{JointCommand, JointCompensator, JointInverseSettings};
 pub use learner::{JointLearner, JointLearnerParameters, JointSight};
+pub use plausible::JointImplausible;
 pub use rate::{lag_step, second_order_ramp, second_order_step};
 
 /// Play of half-width r: p follows x at a distance of at most r.
