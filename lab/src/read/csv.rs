@@ -6,7 +6,7 @@ use super::header::{Column, Plan, plan};
 use super::role::Role;
 use super::{ColumnMap, Expected, ReadError};
 use csv::{ByteRecord, ErrorKind, Reader, ReaderBuilder};
-use std::io::{BufRead, BufReader, Read};
+use std::io::{self, BufRead, BufReader, Read};
 use std::path::Path;
 
 /// A file's columns, in the order of its plan; empty cells are NaN.
@@ -19,10 +19,34 @@ pub(super) struct Table {
     pub last_line: u64,
 }
 
+/// Most bytes that are read for one row, empty lines before it included: what holds no line ends fills no memory.
+const MOST_ROW_BYTES: usize = 1 << 20;
+
+/// A source that gives bounded room to each row.
+struct Bounded<R> {
+    source: R,
+    /// What may still be read for this row.
+    n_left: usize,
+}
+
+impl<R: Read> Read for Bounded<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        if self.n_left == 0 {
+            let text =
+                format!("a row has more than {MOST_ROW_BYTES} bytes, expected rows of cells that end with the line");
+            return Err(io::Error::new(io::ErrorKind::InvalidData, text));
+        }
+        let n = buffer.len().min(self.n_left);
+        let n = self.source.read(buffer.get_mut(..n).unwrap_or_default())?;
+        self.n_left -= n;
+        Ok(n)
+    }
+}
+
 /// A file whose first line was read.
 pub(super) struct Opened<'a, R> {
     path: &'a Path,
-    reader: Reader<BufReader<R>>,
+    reader: Reader<BufReader<Bounded<R>>>,
     record: ByteRecord,
     pub dialect: Dialect,
     pub names: Vec<String>,
@@ -32,7 +56,7 @@ pub(super) struct Opened<'a, R> {
 
 impl<'a, R: Read> Opened<'a, R> {
     pub(super) fn new(path: &'a Path, source: R) -> Result<Self, ReadError> {
-        let mut source = BufReader::with_capacity(1 << 18, source);
+        let mut source = BufReader::with_capacity(1 << 18, Bounded { source, n_left: MOST_ROW_BYTES });
         let start = source.fill_buf().map_err(|source| ReadError::Io { path: path.to_owned(), source })?;
         let dialect = Dialect::of(path, start)?;
         let mut reader = ReaderBuilder::new().has_headers(false).delimiter(dialect.delimiter).from_reader(source);
@@ -48,6 +72,7 @@ impl<'a, R: Read> Opened<'a, R> {
 
     /// The next row and its line.
     pub(super) fn row(&mut self) -> Result<Option<(u64, &ByteRecord)>, ReadError> {
+        self.reader.get_mut().get_mut().n_left = MOST_ROW_BYTES;
         let is_there = self.reader.read_byte_record(&mut self.record);
         let is_there = is_there.map_err(|error| refusal(self.path, self.behind, error))?;
         let line = self.record.position().map_or(0, |at| at.line() + self.behind);
