@@ -33,6 +33,9 @@ pub struct Cli {
     pub verb: Option<Verb>,
 }
 
+/// The chain that is meant where none is named.
+pub const DEFAULT_INSTANCE: &str = "main";
+
 /// Options of every subcommand.
 #[derive(Clone, Debug, Args)]
 pub struct Common {
@@ -40,7 +43,7 @@ pub struct Common {
     #[arg(long, global = true, value_name = "FILE")]
     pub config: Option<PathBuf>,
     /// Name of the chain, so that several can run on one machine.
-    #[arg(long, global = true, value_name = "NAME", default_value = "main")]
+    #[arg(long, global = true, value_name = "NAME", default_value = DEFAULT_INSTANCE)]
     pub instance: String,
 }
 

@@ -48,7 +48,20 @@ const COULD_NOT_RUN: u8 = 2;
 fn main() -> ExitCode {
     let cli = Cli::parse();
     let _until_the_end = log::start();
-    let done = match cli.verb.unwrap_or_default() {
+    let done = signals::survive_full_files().and_then(|()| run(cli));
+    match done {
+        Ok(code) => code,
+        Err(error) => {
+            if !error.is::<supervisor::AlreadyTold>() {
+                complain(&error);
+            }
+            ExitCode::from(COULD_NOT_RUN)
+        }
+    }
+}
+
+fn run(cli: Cli) -> anyhow::Result<ExitCode> {
+    match cli.verb.unwrap_or_default() {
         Verb::Demo(args) => commands::demo::run(&cli.common, &args),
         Verb::Run(args) => commands::run::run(&cli.common, &args),
         Verb::Devices(args) => commands::devices::run(&args),
@@ -67,7 +80,7 @@ fn main() -> ExitCode {
         Verb::Compare(args) => commands::compare::run(&args),
         Verb::Replay(args) => commands::replay::run(&cli.common, &args),
         Verb::Model(verb) => commands::model::run(&cli.common, &verb),
-        Verb::Fault(args) => commands::fault::run(&args),
+        Verb::Fault(args) => commands::fault::run(&cli.common, &args),
         Verb::Doctor(args) => commands::doctor::run(&args),
         Verb::Bench(args) => commands::bench::run(&cli.common, &args),
         Verb::Yardstick(part) => commands::yardstick::run(&cli.common, &part),
@@ -75,15 +88,6 @@ fn main() -> ExitCode {
         Verb::Watch(args) => commands::watch::run(&cli.common, &args),
         Verb::Config => commands::config::run(&cli.common),
         Verb::Process(process) => commands::process::run(&cli.common, &process),
-    };
-    match done {
-        Ok(code) => code,
-        Err(error) => {
-            if !error.is::<supervisor::AlreadyTold>() {
-                complain(&error);
-            }
-            ExitCode::from(COULD_NOT_RUN)
-        }
     }
 }
 

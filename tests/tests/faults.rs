@@ -6,7 +6,7 @@ use core::time::Duration;
 use krait_ipc::{InstanceName, resources_of};
 use krait_record::Recording;
 use krait_schema::Sample;
-use krait_tests::{Krait, TempFolder, instance_name, processes_of, wait_for_motion, wait_until};
+use krait_tests::{Ended, Krait, TempFolder, instance_name, processes_of, wait_for_motion, wait_until};
 use rustix::process::{Pid, Signal, kill_process};
 use std::path::Path;
 
@@ -173,4 +173,13 @@ fn the_slave_stops_by_itself_when_the_operators_side_freezes() {
     assert!(n_stale > 100, "the slave named its reason in {n_stale} states");
     assert!(n_after > 100, "and followed again in {n_after} states");
     assert!(largest_step_m < 0.05, "no step faster than 50 mm/s: {largest_step_m} m/s");
+}
+
+#[test]
+fn faults_that_are_repeated_end_as_they_must_and_leave_nothing() {
+    let ended = Ended::of(&["fault", "--json", "killed-slave", "stalled-resolve", "--repeat", "2"], PATIENCE);
+    let outcomes = ended.json();
+    let outcomes = outcomes.as_array().expect("a list");
+    assert_eq!((ended.code, outcomes.len()), (Some(0), 4), "{ended:?}");
+    assert!(outcomes.iter().all(|outcome| outcome["wrong"].is_null() && !outcome["named"].is_null()), "{ended:?}");
 }

@@ -1,10 +1,11 @@
 //! `krait fault`: breaks a simulated chain on purpose and says whether it ends as it must.
 
+use crate::cli::{Common, DEFAULT_INSTANCE};
 use crate::cli_bench::{FaultArgs, SceneArgs};
 use crate::commands::yardstick;
 use crate::fault::{Fault, FaultOutcome, NOT_BEGUN, Observed, StrikeTime, TinyDisk, judge, play};
 use crate::{print, signals};
-use anyhow::{Context, bail};
+use anyhow::{Context, bail, ensure};
 use clap::ValueEnum;
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
@@ -29,7 +30,11 @@ const DISK_MB: u32 = 16;
 const MEMORY_MB: u32 = 160;
 
 /// Tries the faults that were asked for, one after the other.
-pub fn run(args: &FaultArgs) -> anyhow::Result<ExitCode> {
+pub fn run(common: &Common, args: &FaultArgs) -> anyhow::Result<ExitCode> {
+    ensure!(
+        common.config.is_none() && common.instance == DEFAULT_INSTANCE,
+        "`krait fault` breaks simulated chains of its own with their own configuration; leave out --config and --instance"
+    );
     let stop = signals::stop_flag()?;
     let faults = if args.all { Fault::value_variants() } else { &args.faults[..] };
     if !args.json {
@@ -87,7 +92,7 @@ fn try_one(fault: Fault, moment: StrikeTime, stop: &AtomicBool) -> anyhow::Resul
     };
     if let Some(None) = tiny {
         let skipped = Some("only root can mount a file system to fill it up".to_owned());
-        let outcome = FaultOutcome { wrong: None, skipped, ..judge(fault, &Observed::default(), "") };
+        let outcome = FaultOutcome { wrong: None, skipped, ..judge(fault, moment, &Observed::default(), "") };
         return Ok((outcome, String::new()));
     }
     let (out, said) = (scratch.folder().join("seen.json"), scratch.folder().join("said.txt"));
@@ -100,8 +105,8 @@ fn try_one(fault: Fault, moment: StrikeTime, stop: &AtomicBool) -> anyhow::Resul
     let is_done = wait(command.spawn().context("a scene could not be started")?, stop)?;
     let said = String::from_utf8_lossy(&fs::read(&said).context("what a scene has said")?).into_owned();
     let outcome = match serde_json::from_slice::<Observed>(&fs::read(&out).context("what a scene has seen")?) {
-        Ok(seen) if is_done => judge(fault, &seen, &said),
-        _ => FaultOutcome { wrong: Some("no end".to_owned()), ..judge(fault, &Observed::default(), &said) },
+        Ok(seen) if is_done => judge(fault, moment, &seen, &said),
+        _ => FaultOutcome { wrong: Some("no end".to_owned()), ..judge(fault, moment, &Observed::default(), &said) },
     };
     Ok((outcome, said))
 }

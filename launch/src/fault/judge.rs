@@ -1,13 +1,14 @@
 //! What a recording tells of a fault, and whether that is what must be.
 
 use super::kind::{End, Fault};
+use super::moment::StrikeTime;
 use anyhow::Context;
 use krait_ipc::Reasons;
 use krait_ipc::message::{OperatingState, SlaveState};
 use krait_record::Recording;
 use krait_schema::Sample;
 use serde::{Deserialize, Serialize};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// One write is credited with at most a period of 1 kHz, s.
 const PERIOD_S: f64 = 1e-3;
@@ -33,6 +34,10 @@ pub struct Observed {
     pub reasons: u64,
     /// Commands that the slave refused or skipped.
     pub n_refused: u64,
+    /// Why the recording cannot be read.
+    pub unreadable: Option<String>,
+    /// Files of the instance that are still there.
+    pub left: Vec<PathBuf>,
 }
 
 /// A fault, what must become of the chain, and what did.
@@ -148,11 +153,19 @@ fn end_of(states: &[&SlaveState]) -> Option<End> {
 }
 
 /// Holds what was seen against what must be. `said` is what the chain wrote on standard error.
-pub fn judge(fault: Fault, seen: &Observed, said: &str) -> FaultOutcome {
+pub fn judge(fault: Fault, moment: StrikeTime, seen: &Observed, said: &str) -> FaultOutcome {
     let (_, must, named) = fault.row();
     let named = named.found(Reasons::from_bits(seen.reasons), seen.n_refused, said);
+    // What is over before the watchdog bites need not end the motion; if it does, then as every longer one.
+    let has_passed = fault.may_pass(moment.stall_s) && seen.did == Some(End::Moves);
+    let must = if has_passed { End::Moves } else { must };
+    let named = named.or_else(|| has_passed.then(|| "(over in time)".to_owned()));
     let wrong = if seen.did != Some(must) {
         Some("another end".to_owned())
+    } else if let Some(why) = &seen.unreadable {
+        Some(format!("the recording cannot be read: {why}"))
+    } else if let Some(left) = seen.left.first() {
+        Some(format!("{} files are left, as {}", seen.left.len(), left.display()))
     } else if seen.largest_step > 1.0 {
         Some("a jump".to_owned())
     } else if must != End::Refused && seen.n_moves < 100 {
@@ -203,7 +216,24 @@ mod tests {
 
     fn wrong(states: &[SlaveState], fault: Fault) -> Option<String> {
         let seen = Observed::of(None, states, Some(500 * MS), 30e-3).expect("no file is read");
-        judge(fault, &seen, "").wrong
+        judge(fault, StrikeTime::of(0), &seen, "").wrong
+    }
+
+    #[test]
+    fn a_stall_below_the_watchdog_may_pass_and_what_is_left_or_unreadable_is_wrong() {
+        let wrong = |fault, stall_s, change: fn(&mut Observed)| {
+            let mut seen = Observed::of(None, &states(499), Some(500 * MS), 30e-3).expect("no file is read");
+            change(&mut seen);
+            judge(fault, StrikeTime { wait_s: 0.0, stall_s }, &seen, "").wrong
+        };
+        assert_eq!(wrong(Fault::StalledResolve, 0.015, |_| {}), None);
+        assert_eq!(wrong(Fault::StalledResolve, 0.3, |_| {}).as_deref(), Some("another end"));
+        assert_eq!(wrong(Fault::KilledResolve, 0.015, |_| {}).as_deref(), Some("another end"));
+        assert_eq!(wrong(Fault::StalledEstimate, 0.3, |_| {}), None);
+        let left = wrong(Fault::StalledEstimate, 0.3, |seen| seen.left = vec!["/dev/shm/x".into()]);
+        assert_eq!(left.as_deref(), Some("1 files are left, as /dev/shm/x"));
+        let unreadable = wrong(Fault::StalledEstimate, 0.3, |seen| seen.unreadable = Some("cut".to_owned()));
+        assert_eq!(unreadable.as_deref(), Some("the recording cannot be read: cut"));
     }
 
     #[test]

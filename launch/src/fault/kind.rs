@@ -44,6 +44,10 @@ pub enum Fault {
     StalledCompensate,
     /// `slave` is stopped for 300 ms.
     StalledSlave,
+    /// `estimate` is stopped for 300 ms.
+    StalledEstimate,
+    /// `record` is stopped for 300 ms.
+    StalledRecord,
     /// `resolve` is stopped for good.
     HungResolve,
     /// `master` is killed (SIGKILL).
@@ -117,7 +121,12 @@ pub enum Named {
     ReasonsOr(&'static [Reason], &'static str),
     /// These words, on standard error.
     Words(&'static str),
+    /// Nothing: neither motion nor recording suffer.
+    NotNeeded,
 }
+
+/// The watchdog bites after 50 ms, and a signal takes its time, s.
+const PASSES_S: f64 = 0.07;
 
 impl Fault {
     /// Where it strikes, what must become of the chain, what must name it.
@@ -153,6 +162,8 @@ impl Fault {
             Self::StalledSlave => {
                 process(Slave, Stall, End::Holds, Named::ReasonsOr(&[ChainStalled], "said nothing for"))
             }
+            Self::StalledEstimate => process(Estimate, Stall, End::Moves, Named::NotNeeded),
+            Self::StalledRecord => process(Record, Stall, End::Moves, Named::NotNeeded),
             Self::HungResolve => process(Resolve, Hang, End::Holds, STALLED),
             Self::KilledMaster => process(Master, Kill, End::Holds, LOST),
             Self::KilledResolve => process(Resolve, Kill, End::Holds, LOST),
@@ -169,7 +180,20 @@ impl Fault {
 
     /// Whether the recording holds what came behind the fault.
     pub fn is_recorded(self) -> bool {
-        !matches!(self, Self::WrongVersion | Self::KilledRecord | Self::FullDisk | Self::DeletedRecording)
+        !matches!(
+            self,
+            Self::WrongVersion | Self::KilledRecord | Self::StalledRecord | Self::FullDisk | Self::DeletedRecording
+        )
+    }
+
+    /// Whether there is a recording afterwards, whole or cut.
+    pub fn leaves_recording(self) -> bool {
+        !matches!(self, Self::WrongVersion | Self::DeletedRecording)
+    }
+
+    /// Whether a stall of so many seconds may be over before the watchdog ends the motion.
+    pub fn may_pass(self, stall_s: f64) -> bool {
+        matches!(self.row().0, FaultPlace::Process(_, Blow::Stall)) && stall_s < PASSES_S
     }
 
     /// Its word on the command line.
@@ -200,6 +224,7 @@ impl Named {
             Self::ReasonsOr(any, words) => reason(any).or_else(|| quoted(words)),
             Self::Count => (n_refused > 0).then(|| format!("{n_refused} refused")),
             Self::Words(words) => quoted(words),
+            Self::NotNeeded => Some("(need not be)".to_owned()),
         }
     }
 }

@@ -11,8 +11,8 @@ pub struct StrikeTime {
 
 /// How long a process is stopped the first time, s.
 const STALL_S: f64 = 0.3;
-/// Shortest and longest stall, s: longer than the watchdog; from 2 s on the supervisor kills what it takes for hung.
-const SHORTEST_S: f64 = 0.07;
+/// Shortest and longest stall, s: shorter than the watchdog too; from 2 s on the supervisor kills what it takes for hung.
+const SHORTEST_S: f64 = 0.015;
 const LONGEST_S: f64 = 12.0;
 
 impl StrikeTime {
@@ -46,6 +46,6 @@ mod tests {
         assert!(all.iter().all(|m| (0.0..2.0).contains(&m.wait_s) && (SHORTEST_S..LONGEST_S).contains(&m.stall_s)));
         let early = all.iter().filter(|m| m.wait_s < 1.0).count();
         let short = all.iter().filter(|m| m.stall_s < 1.0).count();
-        assert!((400..600).contains(&early) && (400..650).contains(&short), "{early} early, {short} short");
+        assert!((400..600).contains(&early) && (550..700).contains(&short), "{early} early, {short} short");
     }
 }

@@ -13,7 +13,8 @@ use anyhow::Context;
 use core::fmt::Write;
 use core::sync::atomic::AtomicBool;
 use krait_ipc::message::{Command, Message, OperatingState, Setpoint, SlaveState};
-use krait_ipc::{Bus, Cores, Process, ReadOptions, Realtime};
+use krait_ipc::{Bus, Cores, InstanceName, Process, ReadOptions, Realtime, resources_of};
+use krait_record::Recording;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -61,11 +62,21 @@ pub fn play(fault: Fault, moment: StrikeTime, folder: &Path, stop: &AtomicBool) 
         config.slave.truth = Some(truth);
     }
     let scene = Scene { fault, folder, config, moment, stop };
-    match place {
+    let seen = match place {
         _ if end == End::Refused => scene.refused(),
         FaultPlace::Command | FaultPlace::Input => scene.relayed(place),
         _ => scene.whole(place),
+    }?;
+    let unreadable = fault.leaves_recording().then(|| read_through(&recording_in(fault, folder)).err()).flatten();
+    Ok(Observed { left: scene.left()?, unreadable: unreadable.map(|error| format!("{error:#}")), ..seen })
+}
+
+/// Reads every message of a recording.
+fn read_through(path: &Path) -> anyhow::Result<()> {
+    for recorded in Recording::open(path)?.samples()? {
+        recorded?;
     }
+    Ok(())
 }
 
 /// Where a scene records.
@@ -185,6 +196,15 @@ impl Scene<'_> {
 
     fn wait_for_motion(&self, watch: &mut SceneWatch<'_>) -> anyhow::Result<()> {
         moves_for_a_while(watch, self.moment.wait_s)
+    }
+
+    /// Files of the scene's instances, which have ended, in shared memory and in the private ground.
+    fn left(&self) -> anyhow::Result<Vec<PathBuf>> {
+        let mut left = Vec::new();
+        for side in ["", "-front", "-back"] {
+            left.extend(resources_of(&InstanceName::new(&self.instance(side))?));
+        }
+        Ok(left)
     }
 
     fn instance(&self, side: &str) -> String {
