@@ -14,6 +14,7 @@ use krait_master::{Engage, GuidePlan, HidRecording, LiveMotion, MasterConfig, Sc
 use krait_record::{Attachment, CONFIG_ATTACHMENT, RecordConfig};
 use krait_sim::Simulation;
 use krait_slave::{DriveKind, SlaveConfig};
+use rustix::process::{Resource, getrlimit};
 use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
 
@@ -36,8 +37,7 @@ fn feed(is_cued: bool) -> Feed {
 
 fn run_named(common: &Common, process: &ProcessVerb) -> anyhow::Result<()> {
     let stop = signals::stop_flag()?;
-    signals::survive_full_files()?;
-    check_open_files()?;
+    check_limits()?;
     if let Ok(pid) = std::env::var(supervisor::SUPERVISOR_PID) {
         signals::end_with(pid.parse().with_context(|| format!("{} is {pid:?}", supervisor::SUPERVISOR_PID))?)?;
     }
@@ -110,15 +110,22 @@ fn check_actuators(config: &Config) -> anyhow::Result<()> {
 /// Files that a process of the chain may need: each channel takes some, with each reader and writer that it has.
 const OPEN_FILES: u64 = 512;
 
+/// Size that a file may need: the memory of a channel is one, and the largest takes 5 MB.
+const FILE_BYTES: u64 = 8 << 20;
+
 /// A limit that is too low is named at the start, not by whatever fails in the middle of a motion.
-fn check_open_files() -> anyhow::Result<()> {
-    let limit = rustix::process::getrlimit(rustix::process::Resource::Nofile).current;
-    match limit {
-        Some(found) if found < OPEN_FILES => bail!(
-            "the limit of open files (`ulimit -n`) is {found}, expected at least {OPEN_FILES}; raise it with `ulimit -n {OPEN_FILES}` and start again"
-        ),
-        _ => Ok(()),
-    }
+fn check_limits() -> anyhow::Result<()> {
+    let limit = |resource| getrlimit(resource).current.unwrap_or(u64::MAX);
+    let (files, bytes) = (limit(Resource::Nofile), limit(Resource::Fsize));
+    ensure!(
+        files >= OPEN_FILES,
+        "the limit of open files (`ulimit -n`) is {files}, expected at least {OPEN_FILES}; raise it with `ulimit -n {OPEN_FILES}` and start again"
+    );
+    ensure!(
+        bytes >= FILE_BYTES,
+        "the limit of a file's size (`ulimit -f`) is {bytes} bytes, expected at least {FILE_BYTES} for the memory of a channel; raise it with `ulimit -f unlimited` and start again"
+    );
+    Ok(())
 }
 
 /// Before anything is opened, so that whatever is mapped later is locked as well. What the kernel refuses is told, and the
@@ -131,8 +138,14 @@ fn apply_realtime(config: &Config, instance: &str, process: &ProcessVerb) {
     }
     // The slave must be in time whatever else the machine does with its memory.
     if matches!(process, ProcessVerb::Slave(_)) && !config.realtime.lock_memory {
-        let locked = krait_ipc::lock_what_is_used();
-        tracing::info!(locked, "memory of the slave");
+        if krait_ipc::lock_what_is_used() {
+            tracing::info!("the memory of the slave is locked");
+        } else {
+            tracing::warn!(
+                "the memory of the slave could not be locked, so a page that is swapped out may delay a step; allow it with \
+                 `ulimit -l unlimited` (`memlock unlimited` in /etc/security/limits.conf), `krait doctor` says more"
+            );
+        }
     }
     for refused in config.realtime.apply(core_turn, instance) {
         tracing::warn!(process = process.process().name(), "{refused}");
