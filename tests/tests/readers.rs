@@ -98,6 +98,26 @@ fn a_pipe_a_device_a_directory_and_two_gigabytes_are_refused_by_every_reader() {
     }
 }
 
+#[test]
+fn a_table_of_nothing_just_below_the_largest_size_is_refused_in_little_memory() {
+    let folder = TempFolder::new("nothing");
+    let (model, data) = (folder.file("model.toml"), folder.file("nothing.csv"));
+    fs::write(&model, MODEL).expect("written");
+    fs::File::create(&data).expect("made").set_len((1 << 30) - 1).expect("sparse");
+    for verb in [&["lab", "compare", "--model", model.as_str(), "--data", data.as_str()][..], &["lab", "init", &data]] {
+        // Memory that is asked for, in kB: a program of 60 MB, the stacks of its threads and the table.
+        let limited = std::process::Command::new("sh")
+            .args(["-c", "ulimit -d 262144; exec \"$0\" \"$@\""])
+            .arg(krait_tests::krait_program())
+            .args(verb)
+            .output()
+            .expect("it runs");
+        let said = String::from_utf8_lossy(&limited.stderr);
+        assert_eq!(limited.status.code(), Some(2), "{verb:?}: {said}");
+        assert!(said.contains(&data) && said.contains("a row has more than"), "{verb:?}: {said}");
+    }
+}
+
 /// A copy of a recording with its samples changed.
 fn edited(whole: &str, folder: &TempFolder, name: &str, mut edit: impl FnMut(&mut Sample)) -> String {
     let recording = Recording::open(Path::new(whole)).expect("readable");
@@ -172,4 +192,32 @@ fn a_model_that_is_nonsense_passes_no_check_and_steers_nothing() {
     let run = Ended::of(&["run", "--model", path.as_str(), "--instance", &instance, "--no-recording"], PATIENCE);
     assert_eq!(run.code, Some(2), "{run:?}");
     assert!(run.sentence().contains("must not steer a machine"), "{}", run.stderr);
+}
+
+#[test]
+fn a_model_of_joints_that_is_nonsense_passes_no_check_and_steers_nothing() {
+    let folder = TempFolder::new("joints-nonsense");
+    let wrist =
+        fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/joints/wrist.toml")).expect("there");
+    let formula = "\n[[effect]]\nkind = \"formula\"\nname = \"three\"\nhook = \"joint\"\nformula = \"3\"\n";
+    let files = [
+        ("wrist", wrist.clone(), true),
+        ("slack", wrist.replace("half_width = 0.05", "half_width = 3.0"), false),
+        ("three", wrist + formula, false),
+    ];
+    for (name, text, is_good) in files {
+        let path = folder.file(name);
+        fs::write(&path, text).expect("written");
+        let checked = Ended::of(&["model", "check", path.as_str()], PATIENCE);
+        assert_eq!(checked.code, Some(if is_good { 0 } else { 1 }), "{checked:?}");
+        if is_good {
+            continue;
+        }
+        assert!(checked.stdout.contains("REFUSED") && checked.stdout.contains("corrects the command"), "{checked:?}");
+        let instance = instance_name(name);
+        let run = ["run", "--model", path.as_str(), "--instance", &instance, "--no-recording", "--seconds", "1"];
+        let run = Ended::of(&run, PATIENCE);
+        assert_eq!(run.code, Some(2), "{run:?}");
+        assert!(run.sentence().contains("must not steer a machine"), "{}", run.stderr);
+    }
 }

@@ -1,0 +1,78 @@
+//! Limits that the system sets to a process: each is named in one sentence, and none kills a command.
+
+#![allow(clippy::expect_used, reason = "a panic is how a test fails")]
+
+use core::time::Duration;
+use krait_record::Recording;
+use krait_tests::{Ended, Krait, TempFolder, instance_name, krait_program, processes_of, wait_for_motion};
+use rustix::process::{Pid, Resource, Rlimit, Signal, prlimit};
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+const PATIENCE: Duration = Duration::from_secs(240);
+
+/// Runs krait below a shell that has set a limit.
+fn limited(limit: &str, arguments: &[&str]) -> Output {
+    let script = format!("ulimit {limit}; exec \"$0\" \"$@\"");
+    Command::new("sh").args(["-c", &script]).arg(krait_program()).args(arguments).output().expect("it runs")
+}
+
+fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+#[test]
+fn a_limit_that_is_too_low_for_a_chain_is_named_at_its_start() {
+    for (limit, words) in [
+        ("-n 200", "the limit of open files (`ulimit -n`) is 200, expected at least"),
+        ("-f 100", "the limit of a file's size (`ulimit -f`) is 51200 bytes, expected at least"),
+    ] {
+        let instance = instance_name("limited");
+        let ended = limited(limit, &["slave", "--instance", &instance]);
+        assert_eq!(ended.status.code(), Some(2), "{limit}: {ended:?}");
+        assert!(said(&ended).contains(words), "{limit}: {}", said(&ended));
+    }
+}
+
+#[test]
+fn a_full_file_ends_a_command_with_a_sentence_and_a_recording_without_the_motion() {
+    let (instance, folder) = (instance_name("xfsz"), TempFolder::new("xfsz"));
+    let recording = folder.file("run.mcap");
+    let krait = Krait::start(&["run", "--engage=again", "--instance", &instance, "--recording", &recording]);
+    wait_for_motion(&instance, &recording);
+    let (_, pid) = processes_of(&instance).into_iter().find(|(name, _)| name == "record").expect("it runs");
+    let full = Some(fs::metadata(&recording).expect("there").len() + 10_000);
+    let pid = Pid::from_raw(pid.cast_signed()).expect("a process id");
+    prlimit(Some(pid), Resource::Fsize, Rlimit { current: full, maximum: full }).expect("set");
+    std::thread::sleep(Duration::from_secs(3));
+    krait.signal(Signal::INT);
+    let ended = krait.end(PATIENCE);
+    assert_eq!(ended.code, Some(1), "{}", ended.stderr);
+    assert!(ended.stderr.contains("the motion is not affected"), "{}", ended.stderr);
+    Recording::open(Path::new(&recording)).expect("readable");
+    for verb in ["recover", "export"] {
+        let ended = limited("-f 20", &[verb, &recording, "--out", &folder.file(verb)]);
+        assert_eq!(ended.status.code(), Some(2), "{verb}: {ended:?}");
+        assert!(said(&ended).contains("File too large"), "{verb}: {}", said(&ended));
+    }
+}
+
+#[test]
+fn the_configuration_in_force_has_nothing_of_fault_injection() {
+    let printed = Ended::of(&["config"], PATIENCE);
+    assert_eq!(printed.code, Some(0), "{}", printed.stderr);
+    let keys = printed.stdout.lines().filter(|line| !line.trim_start().starts_with('#'));
+    for key in keys.filter_map(|line| line.split('=').next()) {
+        for word in ["relay", "inject", "burst", "stall", "strike", "unplug"] {
+            assert!(!key.contains(word), "{key:?} has {word:?}");
+        }
+    }
+    // What only a simulated machine has stands in a truth file of its own, and none is named by itself.
+    assert!(!printed.stdout.contains("sticks_at_m"), "{}", printed.stdout);
+    for forbidden in [["fault", "--config", "x.toml", "nan"], ["fault", "--instance", "mine", "nan"]] {
+        let refused = Ended::of(&forbidden, PATIENCE);
+        assert_eq!(refused.code, Some(2), "{refused:?}");
+        assert!(refused.sentence().contains("leave out --config and --instance"), "{}", refused.stderr);
+    }
+}
