@@ -11,11 +11,12 @@ use crate::mismatch::{Mismatch, Seen};
 use crate::reach::{Reach, Wish};
 use crate::step::{
     BridgeError, Refused, Step, check_age, check_model, check_order_and_numbers, seconds_between, stamps_begun, step_s,
+    tell_ages,
 };
 use crate::{Feed, JointCompensateCore, JointMachine, LiveModel, feed};
 use core::sync::atomic::AtomicBool;
 use krait_ipc::message::{
-    Command, MAX_JOINTS, ModelUpdate, N_LINES, Phase, Setpoint, SlaveState, lines as three_lines,
+    Command, Health, MAX_JOINTS, ModelUpdate, N_LINES, Phase, Setpoint, SlaveState, lines as three_lines,
 };
 use krait_ipc::{Bus, Process, Reason, Reasons};
 use krait_model::{Chain, ChainCompensator, Circumstances, ModelHash};
@@ -163,6 +164,15 @@ impl Step for CompensateCore {
 
     fn step(&mut self, setpoint: &Setpoint, begun_ns: i64) -> Result<Command, Refused> {
         Self::step(self, setpoint, begun_ns)
+    }
+
+    fn tell(&self, setpoint: &Setpoint, begun_ns: i64, reasons: Reasons, health: &mut Health) {
+        let state_ns = self.state.map(|state| state.sample_ns);
+        let (setpoint_ms, state_ms) = (self.config.setpoint_stale_ms, self.config.state_stale_ms);
+        let ages =
+            [(Reason::SetpointStale, Some(setpoint.sample_ns), setpoint_ms), (Reason::StateStale, state_ns, state_ms)];
+        tell_ages(ages, begun_ns, reasons, health);
+        self.mismatch.tell(self.blend.innovation_rms_rad(), reasons, health);
     }
 
     fn warm_up(&mut self, setpoint: &Setpoint, now_ns: i64) {

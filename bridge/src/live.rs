@@ -75,6 +75,7 @@ pub(crate) fn run<S: Step>(
                     *out.sent_stamp() = clock::monotonic_ns();
                     outputs.send(&out)?;
                     health.set_now(out.reasons());
+                    core.tell(&input, begun_ns, out.reasons(), health.health_mut());
                 }
                 Err(refused) => {
                     health.health_mut().n_refused += 1;

@@ -7,6 +7,7 @@
 use crate::JointMachine;
 use crate::config::CompensateConfig;
 use crate::step::seconds_between;
+use krait_ipc::message::Health;
 use krait_ipc::{Reason, Reasons};
 use krait_model::Chain;
 
@@ -16,6 +17,8 @@ pub(crate) struct Mismatch {
     warn: f64,
     trip: f64,
     trip_after_s: f64,
+    /// For people: degrees, or millimetres where joints slide.
+    shown_per_si: f64,
 }
 
 /// What was found so far.
@@ -31,21 +34,22 @@ impl Mismatch {
     /// The limits of a snake's model.
     pub(crate) fn of_snake(chain: &Chain, config: &CompensateConfig) -> Self {
         let floor_rad = chain.floor_rad().unwrap_or(config.mismatch_floor_rad);
-        Self::new(floor_rad, chain.learnt().is_empty() && chain.floor_rad().is_none(), config)
+        Self::new(floor_rad, chain.learnt().is_empty() && chain.floor_rad().is_none(), config, 1f64.to_degrees())
     }
 
     /// The limits of a model of joints, whose files state no floor. Sliding joints count a radian as the capstan's radius.
     pub(crate) fn of_joints(machine: &JointMachine, config: &CompensateConfig) -> Self {
         let floor_si = config.mismatch_floor_rad * machine.si_per_rad();
-        Self::new(floor_si, machine.model.chain.learnt().is_empty(), config)
+        let shown_per_si = if machine.model.slides() { 1e3 } else { 1f64.to_degrees() };
+        Self::new(floor_si, machine.model.chain.learnt().is_empty(), config, shown_per_si)
     }
 
-    fn new(floor: f64, shows_its_error: bool, config: &CompensateConfig) -> Self {
+    fn new(floor: f64, shows_its_error: bool, config: &CompensateConfig, shown_per_si: f64) -> Self {
         let [warn, trip] = match shows_its_error {
             true => [config.mismatch_wide_floors; 2],
             false => [config.mismatch_warn_floors, config.mismatch_trip_floors],
         };
-        Self { warn: warn * floor, trip: trip * floor, trip_after_s: config.mismatch_trip_after_s }
+        Self { warn: warn * floor, trip: trip * floor, trip_after_s: config.mismatch_trip_after_s, shown_per_si }
     }
 
     /// Judges what the newest update says was not explained, in the limits' unit, at a sample's instant; says into `reasons`
@@ -59,6 +63,15 @@ impl Mismatch {
         reasons.insert_if(Reason::ModelMismatch, found > self.warn);
         reasons.insert_if(Reason::MismatchTrip, seen.has_tripped);
         seen.has_tripped
+    }
+
+    /// Notes what was not explained beside the limits that it broke.
+    pub(crate) fn tell(&self, found: f64, reasons: Reasons, health: &mut Health) {
+        for (reason, limit) in [(Reason::ModelMismatch, self.warn), (Reason::MismatchTrip, self.trip)] {
+            if reasons.contains(reason) {
+                health.note(reason, found * self.shown_per_si, limit * self.shown_per_si);
+            }
+        }
     }
 }
 

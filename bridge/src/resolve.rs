@@ -12,10 +12,11 @@
 use crate::config::{JointsConfig, ResolveConfig};
 use crate::step::{
     BridgeError, Refused, Step, check_order_and_numbers, reasons_to_hold, seconds_between, stamps_begun, step_s,
+    tell_ages,
 };
 use crate::{Feed, JointMachine, JointResolveCore, LiveModel, feed};
 use core::sync::atomic::AtomicBool;
-use krait_ipc::message::{MAX_JOINTS, OperatorInput, Phase, Setpoint, SlaveState, lines as three_lines};
+use krait_ipc::message::{Health, MAX_JOINTS, OperatorInput, Phase, Setpoint, SlaveState, lines as three_lines};
 use krait_ipc::{Bus, Process, Reason, Reasons};
 use krait_model::{Chain, ChainCompensator, Circumstances, ModelHash, Snake};
 use nalgebra::{Rotation3, Vector2, Vector3};
@@ -218,6 +219,13 @@ impl Step for ResolveCore {
 
     fn step(&mut self, input: &OperatorInput, begun_ns: i64) -> Result<Setpoint, Refused> {
         Self::step(self, input, begun_ns)
+    }
+
+    fn tell(&self, input: &OperatorInput, begun_ns: i64, reasons: Reasons, health: &mut Health) {
+        let state_ns = self.state.map(|state| state.sample_ns);
+        let (input_ms, state_ms) = (self.config.input_stale_ms, self.config.state_stale_ms);
+        let ages = [(Reason::InputStale, Some(input.sample_ns), input_ms), (Reason::StateStale, state_ns, state_ms)];
+        tell_ages(ages, begun_ns, reasons, health);
     }
 
     fn warm_up(&mut self, input: &OperatorInput, now_ns: i64) {

@@ -10,8 +10,10 @@
 
 use crate::JointMachine;
 use crate::config::ResolveConfig;
-use crate::step::{BridgeError, Refused, Step, check_order_and_numbers, reasons_to_hold, stamps_begun, step_s};
-use krait_ipc::message::{JointValues, MAX_JOINTS, OperatorInput, Phase, Setpoint, SlaveState};
+use crate::step::{
+    BridgeError, Refused, Step, check_order_and_numbers, reasons_to_hold, stamps_begun, step_s, tell_ages,
+};
+use krait_ipc::message::{Health, JointValues, MAX_JOINTS, OperatorInput, Phase, Setpoint, SlaveState};
 use krait_ipc::{Reason, Reasons};
 use krait_model::joints::{JointCompensator, JointInverseSettings};
 
@@ -201,6 +203,13 @@ impl Step for JointResolveCore {
 
     fn step(&mut self, input: &OperatorInput, begun_ns: i64) -> Result<Setpoint, Refused> {
         Self::step(self, input, begun_ns)
+    }
+
+    fn tell(&self, input: &OperatorInput, begun_ns: i64, reasons: Reasons, health: &mut Health) {
+        let state_ns = self.state.map(|state| state.sample_ns);
+        let (input_ms, state_ms) = (self.config.input_stale_ms, self.config.state_stale_ms);
+        let ages = [(Reason::InputStale, Some(input.sample_ns), input_ms), (Reason::StateStale, state_ns, state_ms)];
+        tell_ages(ages, begun_ns, reasons, health);
     }
 
     fn warm_up(&mut self, input: &OperatorInput, now_ns: i64) {

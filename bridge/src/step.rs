@@ -2,7 +2,9 @@
 
 use crate::config::{CompensateConfig, ResolveConfig};
 use crate::hop::{Arriving, Departing};
-use krait_ipc::message::{DeviceState, HopStamps, ModelUpdate, OperatingState, OperatorInput, Setpoint, SlaveState};
+use krait_ipc::message::{
+    DeviceState, Health, HopStamps, ModelUpdate, OperatingState, OperatorInput, Setpoint, SlaveState,
+};
 use krait_ipc::{IpcError, Reason, Reasons};
 use krait_model::ModelHash;
 
@@ -76,6 +78,8 @@ pub(crate) trait Step {
     }
     /// One step. Allocates nothing, reads no clock.
     fn step(&mut self, input: &Self::In, begun_ns: i64) -> Result<Self::Out, Refused>;
+    /// Says into the health, for people, by how much the limits are broken that the reasons of a step are about.
+    fn tell(&self, input: &Self::In, begun_ns: i64, reasons: Reasons, health: &mut Health);
     /// Does what a step would do, and forgets it: the next step then finds at hand what it needs. Changes nothing, allocates
     /// nothing.
     fn warm_up(&mut self, input: &Self::In, now_ns: i64);
@@ -168,4 +172,13 @@ pub(crate) fn check_age(
         state.is_none_or(|state| seconds_between(state.sample_ns, begun_ns) * 1e3 > config.state_stale_ms);
     reasons.insert_if(Reason::StateStale, state_stale);
     !stale && !state_stale
+}
+
+/// Notes the ages, ms, of what is too old beside their limits.
+pub(crate) fn tell_ages(ages: [(Reason, Option<i64>, f64); 2], begun_ns: i64, reasons: Reasons, health: &mut Health) {
+    for (reason, sample_ns, limit_ms) in ages {
+        if let Some(sample_ns) = sample_ns.filter(|_| reasons.contains(reason)) {
+            health.note(reason, seconds_between(sample_ns, begun_ns) * 1e3, limit_ms);
+        }
+    }
 }

@@ -43,8 +43,12 @@ fn a_stall_of_each_stage_ends_the_motion_for_good_and_no_write_jumps() {
         let continued_ns = monotonic_ns();
         signal_process(&instance, stage, Signal::CONT);
         std::thread::sleep(Duration::from_millis(1000));
+        let shown = Ended::of(&["state", "--json", "--instance", &instance], PATIENCE).json();
         krait.signal(Signal::INT);
         krait.end(PATIENCE);
+        let held = shown["reasons"].as_array().expect("a list");
+        let is_measured = |held: &serde_json::Value| held["value"].as_f64() > held["limit"].as_f64();
+        assert!(held.iter().any(is_measured), "{stage}: what stood still for how long: {shown}");
         let states = states_in(&path);
         assert_no_jump(&states);
         // The recorded hand takes hold once in a while; what the stall has ended, its old grip does not renew.

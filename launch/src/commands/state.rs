@@ -22,7 +22,12 @@ const PATIENCE_NS: i64 = 5_000_000_000;
 const HOMING_PATIENCE_NS: i64 = 120_000_000_000;
 /// How long the newest message of a channel is waited for where only the state is shown, ns.
 const GLANCE_NS: i64 = 100_000_000;
+/// A process tells its health ten times a second; how long those of the chain are waited for together, ns.
+const HEALTH_NS: i64 = 300_000_000;
 const LOOK_EVERY: Duration = Duration::from_millis(5);
+
+/// Who names reasons with a value and a limit; who is nearest to the drives comes first.
+const NAMING: [Process; 4] = [Process::Slave, Process::Compensate, Process::Resolve, Process::Master];
 
 /// Shows the state, or asks for another one and shows what became of that.
 pub fn run(common: &Common, args: &StateArgs) -> anyhow::Result<ExitCode> {
@@ -85,7 +90,8 @@ fn transition_of(ask: Ask) -> Transition {
 /// What the slave and its supervisor say.
 struct View {
     states: Reader<SlaveState>,
-    healths: Reader<Health>,
+    /// The slave's first: its word counts before the others'.
+    healths: Vec<Reader<Health>>,
     answers: Reader<StateAnswer>,
 }
 
@@ -126,7 +132,10 @@ impl View {
     fn open(bus: &Bus) -> Result<Self, IpcError> {
         Ok(Self {
             states: bus.reader(ReadOptions::observing())?,
-            healths: bus.reader_on(&health_channel(Process::Slave), ReadOptions::observing())?,
+            healths: NAMING
+                .iter()
+                .map(|process| bus.reader_on(&health_channel(*process), ReadOptions::observing()))
+                .collect::<Result<_, _>>()?,
             answers: bus.reader(ReadOptions::waking())?,
         })
     }
@@ -188,11 +197,16 @@ impl View {
         let mut reasons = Reasons::from_bits(state.reasons);
         let warns = command.is_some_and(|own| Reasons::from_bits(own.reasons).contains(Reason::ModelMismatch));
         reasons.insert_if(Reason::ModelMismatch, warns);
-        let health = self.healths.take_newest()?.map(|health| *health);
+        let deadline_ns = clock::monotonic_ns() + HEALTH_NS;
+        let mut healths = Vec::new();
+        for reader in &mut self.healths {
+            healths.extend(newest(reader, deadline_ns.saturating_sub(clock::monotonic_ns()))?);
+        }
         let name = |state: Option<OperatingState>| state.map_or("unknown", OperatingState::name);
         let has = |flag: u32| state.flags & flag != 0;
         let held = |reason: Reason| {
-            let record = health.map(|health| health.records[reason as usize]).filter(|record| record.limit != 0.0);
+            let mut records = healths.iter().map(|health| health.records[reason as usize]);
+            let record = records.find(|record| record.limit != 0.0);
             Held {
                 reason: format!("{reason:?}"),
                 sentence: reason.sentence(),
