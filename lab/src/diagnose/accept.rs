@@ -36,6 +36,13 @@ impl Comparison<'_> {
         self.floor.is_none_or(|floor| rms > NOTHING_LEFT * floor)
     }
 
+    /// Whether another list takes away this part of what a list leaves above the floor; never where the floor is unknown.
+    pub fn takes(&self, list: &Trial, other: &Trial, part: f64) -> bool {
+        let Some(floor) = self.floor else { return false };
+        let above = |trial: &Trial| self.problem.rms(trial.fit.sum_of_squares).powi(2) - floor.powi(2);
+        above(other) <= (1.0 - part) * above(list)
+    }
+
     /// Whether `with` is better than `without` beyond chance (p-value of its search) and by an amount that matters.
     pub fn deserves(&self, without: &Trial, with: &Trial, p_value: f64) -> bool {
         let first = without.found.is_empty();

@@ -3,12 +3,19 @@
 use super::accept::Comparison;
 use super::alternatives::Alternatives;
 use super::search::{Search, Trial};
+use crate::Term;
 use rayon::prelude::*;
 
 /// Lists that are kept at each length.
 const WIDTH: usize = 3;
 /// Candidates that are refined behind each of them.
 const N_NEXT: usize = 6;
+
+/// What every robot of tendons or wires in tubes has, each its own mechanism: a stiffness that is not quite the one of the data
+/// sheet, friction where lines go round bends, friction that does not depend on load, and play.
+const USUAL: [&str; 4] = ["stiffness-scale", "cone-friction", "static-friction", "backlash"];
+/// Of what the beam's best list leaves above the floor, the usual list must take away this part to be taken in its place.
+const MUST_TAKE: f64 = 0.9;
 
 /// The longest list that deserves its length, with the lists that it was chosen from; `None` where nothing does.
 pub(super) fn longer(
@@ -41,6 +48,15 @@ pub(super) fn longer(
         next.truncate(WIDTH);
         beam = next;
     }
+    // One effect of wide reach (a friction that depends on the bend) can imitate three narrow ones better than any of them alone:
+    // then the beam never passes the list that leaves nothing.
+    if max_effects >= USUAL.len()
+        && comparison.leaves_something(&best)
+        && let Some(usual) = usual(search)
+        && comparison.takes(&best, &usual, MUST_TAKE)
+    {
+        (best, rivals) = (usual.clone(), vec![usual]);
+    }
     if best.found.len() <= chosen.found.len() {
         return None;
     }
@@ -55,6 +71,19 @@ pub(super) fn longer(
     }
     let pruned = rivals.first().cloned().unwrap_or(pruned);
     Some((pruned, Alternatives::new(search.problem, rivals, search.seed)))
+}
+
+/// The usual list fitted from the start, with the effects that are not in the model yet; `None` where they make no chain.
+fn usual(search: &Search) -> Option<Trial> {
+    let is_missing = |name: &&&str| !search.base.iter().any(|own| own.name == **name);
+    let place = |name: &str| search.candidates.iter().position(|candidate| candidate.name == name);
+    let found: Vec<usize> = USUAL.iter().filter(is_missing).filter_map(|name| place(name)).collect();
+    let own = found.iter().map(|&k| {
+        let candidate = &search.candidates[k];
+        Some(Term { name: candidate.name.to_owned(), values: candidate.starts.first()?.clone(), formula: None })
+    });
+    let effects: Vec<Term> = search.base.iter().cloned().map(Some).chain(own).collect::<Option<_>>()?;
+    search.fitted(found, &effects).ok().filter(|usual| !search.imitates(usual))
 }
 
 /// The list without the members that do not pay on left-out blocks, weakest first.
