@@ -10,8 +10,8 @@ use krait_ipc::Process;
 use krait_model::Snake;
 use krait_record::Recording;
 use krait_replay::{
-    Beginning, InputChoice, InputTrack, Pose, Program, ReplayError, Score, Steering, Trajectory, TrajectoryLimits,
-    pose_of_bend,
+    Beginning, InputChoice, InputTrack, MachinePose, Program, ReplayError, Score, Steering, Trajectory,
+    TrajectoryLimits, pose_of_bend,
 };
 use krait_slave::{DriveConfig, ShapeSource};
 use std::path::{Path, absolute};
@@ -92,7 +92,7 @@ impl ReplaySetup {
     fn new(
         config: Config,
         score: Score,
-        (start, n_joints): (Pose, u32),
+        (start, n_joints): (MachinePose, u32),
         start_ns: i64,
         n_loops: u64,
     ) -> anyhow::Result<Self> {
@@ -120,14 +120,14 @@ impl ReplaySetup {
     }
 }
 
-fn check_bend(start: &Pose, limit: f64) -> Result<(), ReplayError> {
+fn check_bend(start: &MachinePose, limit: f64) -> Result<(), ReplayError> {
     let found = [start[0], start[1]];
     // Written so that NaN is refused; a setpoint may stand at its limit, which rounding can pass.
     let is_within = (0.0..=limit + ROUNDING).contains(&found[0].hypot(found[1]));
     if is_within { Ok(()) } else { Err(ReplayError::StartBend { found, limit }) }
 }
 
-fn check_joints(start: &Pose, machine: &JointMachine, n: usize) -> Result<(), ReplayError> {
+fn check_joints(start: &MachinePose, machine: &JointMachine, n: usize) -> Result<(), ReplayError> {
     let [lows, highs] = machine.range_rad();
     for (idx, ((&found, &low), &high)) in start.iter().zip(lows).zip(highs).enumerate().take(n) {
         if !(low - ROUNDING..=high + ROUNDING).contains(&found) {

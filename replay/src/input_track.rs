@@ -2,7 +2,7 @@
 //! takes no more memory than a minute.
 
 use crate::ReplayError;
-use crate::steering::{Pose, pose_of_setpoint};
+use crate::steering::{MachinePose, pose_of_setpoint};
 use crate::steps::model_of;
 use core::ops::Range;
 use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
@@ -45,7 +45,7 @@ pub struct Beginning {
     /// The first input in the range.
     pub first: OperatorInput,
     /// Where the setpoint was when that came.
-    pub start: Pose,
+    pub start: MachinePose,
     /// Joints of that setpoint; 0 for a snake.
     pub n_joints: u32,
     /// Which model the pass was compensated with, if it holds a command that says so.
@@ -220,7 +220,7 @@ impl Beginning {
         };
         let before = setpoints.iter().rev().find(|setpoint| setpoint.input_sequence < first.sequence);
         let before = before.or(setpoints.first());
-        let start = before.map_or_else(Pose::zeros, pose_of_setpoint);
+        let start = before.map_or_else(MachinePose::zeros, pose_of_setpoint);
         let n_joints = before.map_or(0, |setpoint| setpoint.n_joints);
         Ok(Self { first, start, n_joints, model: command.and_then(|command| model_of(&command)) })
     }

@@ -6,7 +6,7 @@
 
 use crate::player::{NewestPlayed, PlayCounts};
 use crate::program::{Next, PERIOD_NS, Planned, Program, ProgramPart, What};
-use crate::steering::{Pose, pose_of_state};
+use crate::steering::{MachinePose, pose_of_state};
 use crate::{ReplayError, Turn};
 use krait_ipc::message::{HopStamps, OperatorInput, Setpoint, Shape, SlaveState};
 use krait_ipc::{Bus, ReadOptions, Reader, Reason, Reasons, Writer};
@@ -220,7 +220,7 @@ impl LivePlayer {
     /// The slave itself must stand where the recorded samples begin.
     fn check_start(&self) -> Result<(), ReplayError> {
         let (start, steering) = (self.program.start(), self.program.steering());
-        let found = self.newest.state.as_ref().map_or(Pose::repeat(f64::NAN), pose_of_state);
+        let found = self.newest.state.as_ref().map_or(MachinePose::repeat(f64::NAN), pose_of_state);
         let limit = START_RAD * steering.si_per_rad();
         if (found - start).norm() <= limit {
             return Ok(());

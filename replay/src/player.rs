@@ -7,7 +7,7 @@
 
 use crate::keeper::Keeper;
 use crate::program::{Next, Planned, Program, ProgramPart, What};
-use crate::steering::{Pose, pose_of_setpoint, pose_of_state};
+use crate::steering::{MachinePose, pose_of_setpoint, pose_of_state};
 use crate::{ReplayError, Turn};
 use core::time::Duration;
 use krait_ipc::message::{Command, Cue, HopStamps, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState};
@@ -67,7 +67,7 @@ pub struct NewestPlayed {
 
 impl NewestPlayed {
     /// The pose of the newest setpoint, or the slave's before there is one.
-    pub(crate) fn pose(&self) -> Pose {
+    pub(crate) fn pose(&self) -> MachinePose {
         let slave = || self.state.as_ref().map(pose_of_state);
         self.setpoint.as_ref().map(pose_of_setpoint).or_else(slave).unwrap_or_default()
     }

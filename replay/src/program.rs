@@ -4,7 +4,7 @@
 //! setpoint that came out last. The rest says that no operator is present, so that the setpoint comes to rest and the
 //! slave holds before anything ends.
 
-use crate::steering::{Pose, Steering};
+use crate::steering::{MachinePose, Steering};
 use crate::{InputTrack, ReplayError, Trajectory};
 use krait_ipc::message::{DeviceState, MAX_JOINTS, N_LINES, OperatorInput, Phase, Setpoint, lines};
 use krait_ipc::{Reason, Reasons};
@@ -96,7 +96,7 @@ pub enum Score {
 #[derive(Debug)]
 pub struct Program {
     score: Score,
-    start: Pose,
+    start: MachinePose,
     n_loops_left: u64,
     steering: Steering,
     model: ModelHash,
@@ -124,7 +124,7 @@ pub struct Tally {
 
 impl Program {
     /// A program that begins at a pose. `model` is that of the chain; a trajectory is one of a snake.
-    pub fn new(score: Score, start: Pose, n_loops: u64, steering: Steering, model: ModelHash) -> Self {
+    pub fn new(score: Score, start: MachinePose, n_loops: u64, steering: Steering, model: ModelHash) -> Self {
         Self {
             score,
             start,
@@ -147,7 +147,7 @@ impl Program {
     }
 
     /// Where the score begins.
-    pub fn start(&self) -> &Pose {
+    pub fn start(&self) -> &MachinePose {
         &self.start
     }
 
@@ -186,7 +186,7 @@ impl Program {
     ///
     /// # Errors
     /// [`ReplayError::Read`] when the recording cannot be read any further.
-    pub fn next(&mut self, pose: &Pose, is_idle: bool) -> Result<Next, ReplayError> {
+    pub fn next(&mut self, pose: &MachinePose, is_idle: bool) -> Result<Next, ReplayError> {
         loop {
             let sample = match self.part {
                 ProgramPart::Approach if !is_idle && (self.sends_inputs() || self.approach_from_rad.is_none()) => {
@@ -247,7 +247,7 @@ impl Program {
     }
 
     /// Stands still where the snake is, first absent and then present.
-    fn engaging(&mut self, pose: &Pose) -> Planned {
+    fn engaging(&mut self, pose: &MachinePose) -> Planned {
         let is_present = self.n_in_part >= N_ABSENT;
         let what = if self.sends_inputs() {
             let flags = if is_present { OperatorInput::OPERATOR_PRESENT } else { 0 };
@@ -260,7 +260,7 @@ impl Program {
         Planned { what, dt_ns: PERIOD_NS, part: ProgramPart::Approach }
     }
 
-    fn approach(&mut self, pose: &Pose) -> Option<Planned> {
+    fn approach(&mut self, pose: &MachinePose) -> Option<Planned> {
         let n_moved = self.n_in_part - N_ABSENT - N_ENGAGING;
         if self.n_in_part >= MOST_APPROACH {
             return None;
@@ -360,7 +360,7 @@ impl Program {
 }
 
 /// The bend vector of a snake's pose.
-fn bend_of(pose: &Pose) -> Vector2<f64> {
+fn bend_of(pose: &MachinePose) -> Vector2<f64> {
     pose.fixed_rows::<2>(0).into_owned()
 }
 

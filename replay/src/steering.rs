@@ -5,7 +5,7 @@ use krait_model::Snake;
 use nalgebra::{Rotation3, SMatrix, SVector, Vector2, Vector3, Vector6};
 
 /// Where a machine stands: a snake's bend vector or the positions of joints, rad (m of sliding joints); zeros behind the last.
-pub type Pose = SVector<f64, MAX_JOINTS>;
+pub type MachinePose = SVector<f64, MAX_JOINTS>;
 
 /// Directions in which no axis moves the joints have smaller singular values than this, as a part of the largest.
 const NO_AXIS: f64 = 1e-9;
@@ -50,7 +50,7 @@ impl Steering {
     }
 
     /// The velocities of the hand, linear (m/s) and angular (rad/s), that change the pose at this rate.
-    pub(crate) fn hand_velocity(&self, pose: &Pose, rate_per_s: &Pose) -> Vector6<f64> {
+    pub(crate) fn hand_velocity(&self, pose: &MachinePose, rate_per_s: &MachinePose) -> Vector6<f64> {
         match self {
             Self::Snake { snake, view_from_base } => {
                 let linear_rows = snake.j_x_bend(pose.fixed_rows::<2>(0).into_owned()).fixed_rows::<3>(0).into_owned();
@@ -83,7 +83,7 @@ impl Steering {
     }
 
     /// A pose in words, with its unit.
-    pub(crate) fn words(&self, pose: &Pose) -> String {
+    pub(crate) fn words(&self, pose: &MachinePose) -> String {
         let (what, n) = match self {
             Self::Snake { .. } => ("a bend vector of", 2),
             Self::Joints { n, .. } => ("joints at", *n),
@@ -105,21 +105,21 @@ impl Steering {
 }
 
 /// A snake's bend vector as a pose.
-pub fn pose_of_bend(bend_rad: [f64; 2]) -> Pose {
-    let mut pose = Pose::zeros();
+pub fn pose_of_bend(bend_rad: [f64; 2]) -> MachinePose {
+    let mut pose = MachinePose::zeros();
     (pose[0], pose[1]) = (bend_rad[0], bend_rad[1]);
     pose
 }
 
 /// The pose of a setpoint.
-pub(crate) fn pose_of_setpoint(setpoint: &Setpoint) -> Pose {
-    if setpoint.n_joints == 0 { pose_of_bend(setpoint.bend_rad) } else { Pose::from(setpoint.joints_rad) }
+pub(crate) fn pose_of_setpoint(setpoint: &Setpoint) -> MachinePose {
+    if setpoint.n_joints == 0 { pose_of_bend(setpoint.bend_rad) } else { MachinePose::from(setpoint.joints_rad) }
 }
 
 /// The pose that the slave took last; its bend vector is NaN where it drives joints, which begin at their zero.
-pub(crate) fn pose_of_state(state: &SlaveState) -> Pose {
+pub(crate) fn pose_of_state(state: &SlaveState) -> MachinePose {
     if state.setpoint_bend_rad.iter().any(|bend| bend.is_nan()) {
-        Pose::from(state.setpoint_joints_rad)
+        MachinePose::from(state.setpoint_joints_rad)
     } else {
         pose_of_bend(state.setpoint_bend_rad)
     }
@@ -134,18 +134,18 @@ mod tests {
         let mut rates = [[0.0; 6]; MAX_JOINTS];
         (rates[0], rates[1]) = ([25.0, 5.0, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 2.0]);
         let steering = Steering::joints(&rates, 2, 1.0, false);
-        let mut wanted = Pose::zeros();
+        let mut wanted = MachinePose::zeros();
         (wanted[0], wanted[1]) = (0.3, -0.1);
-        let hand = steering.hand_velocity(&Pose::zeros(), &wanted);
+        let hand = steering.hand_velocity(&MachinePose::zeros(), &wanted);
         let turned = |joint: usize| -> f64 { rates[joint].iter().zip(hand.iter()).map(|(rate, v)| rate * v).sum() };
         assert!((turned(0) - 0.3).abs() < 1e-12 && (turned(1) + 0.1).abs() < 1e-12, "{hand}");
         let none = Steering::joints(&[[0.0; 6]; MAX_JOINTS], 2, 1.0, false);
-        assert_eq!(none.hand_velocity(&Pose::zeros(), &wanted), Vector6::zeros());
+        assert_eq!(none.hand_velocity(&MachinePose::zeros(), &wanted), Vector6::zeros());
     }
 
     #[test]
     fn a_pose_is_said_in_the_machine_s_own_unit() {
-        let mut pose = Pose::zeros();
+        let mut pose = MachinePose::zeros();
         (pose[0], pose[1]) = (1e-3, 2e-3);
         let slides = Steering::joints(&[[0.0; 6]; MAX_JOINTS], 2, 0.005, true);
         assert_eq!(slides.words(&pose), "joints at [1.00, 2.00] mm");
