@@ -11,6 +11,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use std::cell::RefCell;
 use std::io::{BufReader, Read};
+use std::ops::Deref;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
@@ -55,15 +56,41 @@ pub fn shared<T>(bench: T) -> Rc<RefCell<T>> {
     Rc::new(RefCell::new(bench))
 }
 
+/// A file of this test's own, which goes with it and takes what was moved aside along.
+pub struct Fresh(PathBuf);
+
+impl Deref for Fresh {
+    type Target = Path;
+    fn deref(&self) -> &Path {
+        &self.0
+    }
+}
+
+impl AsRef<Path> for Fresh {
+    fn as_ref(&self) -> &Path {
+        &self.0
+    }
+}
+
+impl Drop for Fresh {
+    fn drop(&mut self) {
+        // What was never made need not go.
+        let _none_is_fine = std::fs::remove_file(&self.0);
+        let mut aside = self.0.clone().into_os_string();
+        aside.push(".cut");
+        let _none_is_fine = std::fs::remove_file(aside);
+    }
+}
+
 /// A file of this test's own that does not exist yet; in memory where there is such a place, for each reading is synced.
-pub fn fresh(name: &str) -> PathBuf {
+pub fn fresh(name: &str) -> Fresh {
     let memory = Path::new("/dev/shm");
     let folder = if memory.is_dir() { memory } else { Path::new(env!("CARGO_TARGET_TMPDIR")) };
     let path = folder.join(format!("krait-calibrate-{name}-{}.csv", std::process::id()));
     if path.exists() {
         std::fs::remove_file(&path).unwrap();
     }
-    path
+    Fresh(path)
 }
 
 /// Values with their standard errors over seeds, against the truth: of 100, at least 90 within two standard errors and a

@@ -206,6 +206,10 @@ fn refusal(path: &Path, behind: u64, error: csv::Error) -> ReadError {
     let path = path.to_owned();
     let line = error.position().map_or(1, |at| at.line() + behind);
     match error.into_kind() {
+        // The bound of a row says of itself what was expected.
+        ErrorKind::Io(source) if source.kind() == io::ErrorKind::InvalidData => {
+            ReadError::NotCsv { path, line, reason: source.to_string() }
+        }
         ErrorKind::Io(source) => ReadError::Io { path, source },
         ErrorKind::UnequalLengths { expected_len, len, .. } => {
             ReadError::Cut { path, line, found: len, expected: expected_len }

@@ -222,7 +222,7 @@ mod tests {
     #[test]
     fn a_stall_below_the_watchdog_may_pass_and_what_is_left_or_unreadable_is_wrong() {
         let wrong = |fault, stall_s, change: fn(&mut Observed)| {
-            let mut seen = Observed::of(None, &states(499), Some(500 * MS), 30e-3).expect("no file is read");
+            let mut seen = Observed::of(None, &states(600), Some(500 * MS), 30e-3).expect("no file is read");
             change(&mut seen);
             judge(fault, StrikeTime { wait_s: 0.0, stall_s }, &seen, "").wrong
         };
