@@ -30,10 +30,8 @@ impl Supervisor {
         running.ended = true;
         // Whoever looked last may have been held up since.
         if let Ok(Some(status)) = running.child.try_wait() {
-            tracing::error!(
-                "process `{process}` (pid {}) had ended before it was asked to: {status}",
-                running.child.id()
-            );
+            let (pid, loss) = (running.child.id(), process.loss());
+            tracing::error!("process `{process}` (pid {pid}) had ended before it was asked to: {status}; {loss}");
             self.losses.push(Loss { process, at_ns: clock::monotonic_ns() });
             return false;
         }
