@@ -48,7 +48,7 @@ impl NoiseKind {
 
     /// Adds it to shapes, rad.
     pub(crate) fn add_to(self, seen_rad: &mut [[f64; 2]], sigma_rad: f64, period_s: f64, seed: u64) {
-        let mut random = Random::new(seed, Purpose::NoiseKind);
+        let mut random = Random::new(seed, Purpose::Noise);
         let share = 0.5_f64.sqrt();
         let decay = match self {
             Self::Coloured(time_s) => (-period_s / time_s).exp(),

@@ -14,7 +14,7 @@ pub(crate) enum Purpose {
     /// The motion.
     Motion = 3,
     /// The camera's noise.
-    NoiseKind = 4,
+    Noise = 4,
     /// Errors of the base parameters.
     Machine = 5,
     /// The load cells' noise.
