@@ -15,10 +15,10 @@ mod world;
 pub use browser::{Browser, BrowserPage};
 pub use http::{Console, HttpAnswer, Live, next_of_kind};
 pub use motion::{
-    allowed_m, assert_no_jump, assert_starts_at_setpoint, commands_in, is_moving, samples_in, signal_process,
-    states_in, step_m, wait_for, wait_for_motion,
+    allowed_m, assert_no_jump, assert_starts_at_setpoint, commands_in, is_moving, kill_until_back, samples_in,
+    signal_process, states_in, step_m, wait_for, wait_for_motion,
 };
 pub use pad::{PadPage, pad_losses};
 pub use program::{Ended, Krait, krait_program};
 pub use riddle::{Riddle, hand, krait_json};
-pub use world::{TempFolder, instance_name, processes_of, real_drives, wait_until};
+pub use world::{TempFolder, held_terminal, instance_name, processes_of, real_drives, wait_until};

@@ -92,6 +92,16 @@ pub fn signal_process(instance: &str, process: &str, signal: Signal) {
     send(processes_of(instance).into_iter().find(|(name, _)| name == process).expect("it runs").1, signal);
 }
 
+/// Kills a process of an instance, does what shall happen while it is away, and waits until it was started again.
+pub fn kill_until_back(instance: &str, process: &str, meanwhile: impl FnOnce()) {
+    let pid_now = || processes_of(instance).into_iter().find(|(name, _)| name == process).map(|(_, pid)| pid);
+    let pid = pid_now();
+    signal_process(instance, process, Signal::KILL);
+    meanwhile();
+    let is_back = wait_until(PATIENCE, || pid_now().is_some_and(|now| Some(now) != pid));
+    assert!(is_back, "{process} comes back: {:?}", processes_of(instance));
+}
+
 /// Waits until the slave of an instance with its whole chain says something.
 pub fn wait_for(instance: &str, what: &str, is_so: impl Fn(&SlaveState) -> bool) {
     // A chain starts only where nobody but a tool is in the instance yet: observe it once all of it is there.

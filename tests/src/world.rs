@@ -3,6 +3,8 @@
 use core::sync::atomic::{AtomicU32, Ordering};
 use core::time::Duration;
 use krait_ipc::clock;
+use std::io::{PipeReader, Write};
+use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
 
 /// An instance name that no other test and no other run has.
@@ -47,6 +49,17 @@ pub fn real_drives(folder: &TempFolder) -> String {
     let text = format!("[slave.drive]\nkind = \"sts3215\"\nport = \"/dev/null\"\n{actuators}");
     std::fs::write(&path, text).expect("written");
     path
+}
+
+/// A pipe that is full and that nobody reads: the write end blocks whoever writes to it, as a terminal after Ctrl-S does.
+pub fn held_terminal() -> (PipeReader, OwnedFd) {
+    let (read_end, write_end) = std::io::pipe().expect("a pipe");
+    let filled = write_end.try_clone().expect("cloned");
+    rustix::fs::fcntl_setfl(&filled, rustix::fs::OFlags::NONBLOCK).expect("set");
+    let mut filler = std::fs::File::from(OwnedFd::from(filled));
+    while filler.write(&[b'.'; 4096]).is_ok() {}
+    rustix::fs::fcntl_setfl(&filler, rustix::fs::OFlags::empty()).expect("set back");
+    (read_end, write_end.into())
 }
 
 /// Name of the subcommand and process id of every living process that was started for an instance.

@@ -8,12 +8,10 @@ use krait_ipc::clock::monotonic_ns;
 use krait_ipc::message::{Command, OperatingState, Phase, SlaveState, StateCommand, Transition};
 use krait_ipc::{Bus, ReadOptions, Reason, Reasons};
 use krait_tests::{
-    Ended, Krait, TempFolder, assert_no_jump, assert_starts_at_setpoint, commands_in, instance_name, is_moving,
-    krait_program, signal_process, states_in, wait_for, wait_until,
+    Ended, Krait, TempFolder, assert_no_jump, assert_starts_at_setpoint, commands_in, held_terminal, instance_name,
+    is_moving, krait_program, signal_process, states_in, wait_for, wait_until,
 };
 use rustix::process::{Pid, Signal, kill_process};
-use std::io::Write;
-use std::os::fd::OwnedFd;
 use std::process::Stdio;
 
 const PATIENCE: Duration = Duration::from_secs(240);
@@ -105,13 +103,7 @@ fn a_stop_from_another_process_pauses_at_once_and_only_a_resume_and_a_new_edge_g
 #[test]
 fn a_slave_whose_terminal_stands_still_goes_on() {
     let instance = instance_name("ctrls");
-    let (read_end, write_end) = std::io::pipe().expect("a pipe");
-    // Full, and nobody reads: as a terminal after Ctrl-S.
-    let filled = write_end.try_clone().expect("cloned");
-    rustix::fs::fcntl_setfl(&filled, rustix::fs::OFlags::NONBLOCK).expect("set");
-    let mut filler = std::fs::File::from(OwnedFd::from(filled));
-    while filler.write(&[b'.'; 4096]).is_ok() {}
-    rustix::fs::fcntl_setfl(&filler, rustix::fs::OFlags::empty()).expect("set back");
+    let (read_end, write_end) = held_terminal();
     let bus = Bus::open(&instance, "launch").expect("joined");
     let mut orders = bus.writer::<StateCommand>().expect("the authority");
     let mut commands = bus.writer::<Command>().expect("the writer");
@@ -119,7 +111,7 @@ fn a_slave_whose_terminal_stands_still_goes_on() {
         .args(["slave", "--instance", &instance])
         .stdin(Stdio::null())
         .stdout(Stdio::null())
-        .stderr(Stdio::from(OwnedFd::from(write_end)))
+        .stderr(Stdio::from(write_end))
         .spawn()
         .expect("started");
     let mut states = bus.reader::<SlaveState>(ReadOptions::observing()).expect("read");

@@ -7,12 +7,10 @@ use core::time::Duration;
 use krait_ipc::Bus;
 use krait_ipc::message::SlaveState;
 use krait_tests::{
-    Ended, Krait, TempFolder, instance_name, is_moving, krait_program, processes_of, signal_process, states_in,
-    wait_for, wait_until,
+    Ended, Krait, TempFolder, held_terminal, instance_name, is_moving, kill_until_back, krait_program, processes_of,
+    states_in, wait_for, wait_until,
 };
 use rustix::process::{Pid, Signal, kill_process};
-use std::io::Write;
-use std::os::fd::OwnedFd;
 use std::process::Stdio;
 use std::sync::Mutex;
 
@@ -20,10 +18,6 @@ const PATIENCE: Duration = Duration::from_secs(240);
 
 /// One chain at a time: two on two cores come late.
 static ALONE: Mutex<()> = Mutex::new(());
-
-fn pid_of(instance: &str, process: &str) -> Option<u32> {
-    processes_of(instance).into_iter().find(|(name, _)| name == process).map(|(_, pid)| pid)
-}
 
 fn state(instance: &str, ask: &[&str]) -> Ended {
     let shown = Ended::of(&[&["state"], ask, &["--json", "--instance", instance]].concat(), PATIENCE);
@@ -45,13 +39,11 @@ fn a_slave_that_was_disabled_paused_or_stopped_stays_so_when_it_is_started_again
             "stop" => assert_eq!(Ended::of(&["stop", "--instance", &instance], PATIENCE).code, Some(0)),
             _ => {}
         }
-        let pid = pid_of(&instance, "slave");
-        signal_process(&instance, "slave", Signal::KILL);
-        if before == "stop while it is away" {
-            bus.stop_switch().expect("the switch").press();
-        }
-        let is_back = wait_until(PATIENCE, || pid_of(&instance, "slave").is_some_and(|now| Some(now) != pid));
-        assert!(is_back, "{before}: {:?}", processes_of(&instance));
+        kill_until_back(&instance, "slave", || {
+            if before == "stop while it is away" {
+                bus.stop_switch().expect("the switch").press();
+            }
+        });
         // An Enable of the supervisor's would come with the first look at a slave that is ready.
         std::thread::sleep(Duration::from_millis(1500));
         let shown = state(&instance, &[]).json();
@@ -73,27 +65,18 @@ fn a_chain_whose_terminal_stands_still_is_watched_answers_and_ends() {
     let _alone = ALONE.lock();
     let (instance, folder) = (instance_name("held"), TempFolder::new("held"));
     let path = folder.file("run.mcap");
-    let (read_end, write_end) = std::io::pipe().expect("a pipe");
-    // Full, and nobody reads: as a terminal after Ctrl-S.
-    let filled = write_end.try_clone().expect("cloned");
-    rustix::fs::fcntl_setfl(&filled, rustix::fs::OFlags::NONBLOCK).expect("set");
-    let mut filler = std::fs::File::from(OwnedFd::from(filled));
-    while filler.write(&[b'.'; 4096]).is_ok() {}
-    rustix::fs::fcntl_setfl(&filler, rustix::fs::OFlags::empty()).expect("set back");
+    let (read_end, write_end) = held_terminal();
     let mut chain = std::process::Command::new(krait_program())
         .args(["run", "--engage=again", "--instance", &instance, "--recording", &path])
         .stdin(Stdio::null())
         .stdout(Stdio::null())
-        .stderr(Stdio::from(OwnedFd::from(write_end)))
+        .stderr(Stdio::from(write_end))
         .spawn()
         .expect("started");
     wait_for(&instance, "moving", is_moving);
     // More than one period of the progress line.
     std::thread::sleep(Duration::from_millis(5500));
-    let pid = pid_of(&instance, "resolve");
-    signal_process(&instance, "resolve", Signal::KILL);
-    let is_back = wait_until(PATIENCE, || pid_of(&instance, "resolve").is_some_and(|now| Some(now) != pid));
-    assert!(is_back, "{:?}", processes_of(&instance));
+    kill_until_back(&instance, "resolve", || {});
     assert_eq!(state(&instance, &["pause"]).json()["state"], "PAUSED");
     kill_process(Pid::from_child(&chain), Signal::TERM).expect("it lives");
     let mut status = None;

@@ -7,23 +7,16 @@ use core::time::Duration;
 use krait_ipc::message::{OperatorInput, SlaveState};
 use krait_schema::Sample;
 use krait_tests::{
-    Ended, Krait, TempFolder, assert_no_jump, assert_starts_at_setpoint, instance_name, is_moving, processes_of,
-    samples_in, signal_process, states_in, wait_for, wait_until,
+    Ended, Krait, TempFolder, assert_no_jump, assert_starts_at_setpoint, instance_name, is_moving, kill_until_back,
+    samples_in, states_in, wait_for,
 };
 use rustix::process::Signal;
 
 const PATIENCE: Duration = Duration::from_secs(240);
 
-fn pid_of(instance: &str, process: &str) -> Option<u32> {
-    processes_of(instance).into_iter().find(|(name, _)| name == process).map(|(_, pid)| pid)
-}
-
 /// Kills a process and waits until the chain moves again.
 fn lose(instance: &str, victim: &str) {
-    let pid = pid_of(instance, victim);
-    signal_process(instance, victim, Signal::KILL);
-    let is_back = wait_until(PATIENCE, || pid_of(instance, victim).is_some_and(|now| Some(now) != pid));
-    assert!(is_back, "{victim} comes back: {:?}", processes_of(instance));
+    kill_until_back(instance, victim, || {});
     if victim == "estimate" {
         // Nobody is held by its loss; a second of shapes for the next one.
         std::thread::sleep(Duration::from_millis(1500));
