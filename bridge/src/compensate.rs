@@ -11,7 +11,7 @@ use crate::mismatch::{Mismatch, Seen};
 use crate::reach::{Reach, Wish};
 use crate::step::{
     BridgeError, Refused, Step, check_age, check_model, check_order_and_numbers, seconds_between, stamps_begun, step_s,
-    tell_ages,
+    tell_compensate_ages,
 };
 use crate::{Feed, JointCompensateCore, JointMachine, LiveModel, feed};
 use core::sync::atomic::AtomicBool;
@@ -167,11 +167,7 @@ impl Step for CompensateCore {
     }
 
     fn tell(&self, setpoint: &Setpoint, begun_ns: i64, reasons: Reasons, health: &mut Health) {
-        let state_ns = self.state.map(|state| state.sample_ns);
-        let (setpoint_ms, state_ms) = (self.config.setpoint_stale_ms, self.config.state_stale_ms);
-        let ages =
-            [(Reason::SetpointStale, Some(setpoint.sample_ns), setpoint_ms), (Reason::StateStale, state_ns, state_ms)];
-        tell_ages(ages, begun_ns, reasons, health);
+        tell_compensate_ages(&self.config, self.state.as_ref(), setpoint, begun_ns, reasons, health);
         self.mismatch.tell(self.blend.innovation_rms_rad(), reasons, health);
     }
 

@@ -12,7 +12,7 @@
 use crate::config::{JointsConfig, ResolveConfig};
 use crate::step::{
     BridgeError, Refused, Step, check_order_and_numbers, reasons_to_hold, seconds_between, stamps_begun, step_s,
-    tell_ages,
+    tell_resolve_ages,
 };
 use crate::{Feed, JointMachine, JointResolveCore, LiveModel, feed};
 use core::sync::atomic::AtomicBool;
@@ -222,10 +222,7 @@ impl Step for ResolveCore {
     }
 
     fn tell(&self, input: &OperatorInput, begun_ns: i64, reasons: Reasons, health: &mut Health) {
-        let state_ns = self.state.map(|state| state.sample_ns);
-        let (input_ms, state_ms) = (self.config.input_stale_ms, self.config.state_stale_ms);
-        let ages = [(Reason::InputStale, Some(input.sample_ns), input_ms), (Reason::StateStale, state_ns, state_ms)];
-        tell_ages(ages, begun_ns, reasons, health);
+        tell_resolve_ages(&self.config, self.state.as_ref(), input, begun_ns, reasons, health);
     }
 
     fn warm_up(&mut self, input: &OperatorInput, now_ns: i64) {

@@ -11,7 +11,7 @@
 use crate::JointMachine;
 use crate::config::ResolveConfig;
 use crate::step::{
-    BridgeError, Refused, Step, check_order_and_numbers, reasons_to_hold, stamps_begun, step_s, tell_ages,
+    BridgeError, Refused, Step, check_order_and_numbers, reasons_to_hold, stamps_begun, step_s, tell_resolve_ages,
 };
 use krait_ipc::message::{Health, JointValues, MAX_JOINTS, OperatorInput, Phase, Setpoint, SlaveState};
 use krait_ipc::{Reason, Reasons};
@@ -206,10 +206,7 @@ impl Step for JointResolveCore {
     }
 
     fn tell(&self, input: &OperatorInput, begun_ns: i64, reasons: Reasons, health: &mut Health) {
-        let state_ns = self.state.map(|state| state.sample_ns);
-        let (input_ms, state_ms) = (self.config.input_stale_ms, self.config.state_stale_ms);
-        let ages = [(Reason::InputStale, Some(input.sample_ns), input_ms), (Reason::StateStale, state_ns, state_ms)];
-        tell_ages(ages, begun_ns, reasons, health);
+        tell_resolve_ages(&self.config, self.state.as_ref(), input, begun_ns, reasons, health);
     }
 
     fn warm_up(&mut self, input: &OperatorInput, now_ns: i64) {

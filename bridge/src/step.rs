@@ -174,8 +174,36 @@ pub(crate) fn check_age(
     !stale && !state_stale
 }
 
+/// Notes how old input and state are that `resolve` finds too old; see [`reasons_to_hold`].
+pub(crate) fn tell_resolve_ages(
+    config: &ResolveConfig,
+    state: Option<&SlaveState>,
+    input: &OperatorInput,
+    begun_ns: i64,
+    reasons: Reasons,
+    health: &mut Health,
+) {
+    let input = (Reason::InputStale, Some(input.sample_ns), config.input_stale_ms);
+    let state = (Reason::StateStale, state.map(|state| state.sample_ns), config.state_stale_ms);
+    tell_ages([input, state], begun_ns, reasons, health);
+}
+
+/// Notes how old setpoint and state are that `compensate` finds too old; see [`check_age`].
+pub(crate) fn tell_compensate_ages(
+    config: &CompensateConfig,
+    state: Option<&SlaveState>,
+    setpoint: &Setpoint,
+    begun_ns: i64,
+    reasons: Reasons,
+    health: &mut Health,
+) {
+    let setpoint = (Reason::SetpointStale, Some(setpoint.sample_ns), config.setpoint_stale_ms);
+    let state = (Reason::StateStale, state.map(|state| state.sample_ns), config.state_stale_ms);
+    tell_ages([setpoint, state], begun_ns, reasons, health);
+}
+
 /// Notes the ages, ms, of what is too old beside their limits.
-pub(crate) fn tell_ages(ages: [(Reason, Option<i64>, f64); 2], begun_ns: i64, reasons: Reasons, health: &mut Health) {
+fn tell_ages(ages: [(Reason, Option<i64>, f64); 2], begun_ns: i64, reasons: Reasons, health: &mut Health) {
     for (reason, sample_ns, limit_ms) in ages {
         if let Some(sample_ns) = sample_ns.filter(|_| reasons.contains(reason)) {
             health.note(reason, seconds_between(sample_ns, begun_ns) * 1e3, limit_ms);

@@ -2,6 +2,7 @@
 
 use krait_ipc::message::{MAX_JOINTS, Setpoint, SlaveState};
 use krait_model::Snake;
+use krait_report::joint_unit;
 use nalgebra::{Rotation3, SMatrix, SVector, Vector2, Vector3, Vector6};
 
 /// Where a machine stands: a snake's bend vector or the positions of joints, rad (m of sliding joints); zeros behind the last.
@@ -88,19 +89,20 @@ impl Steering {
             Self::Snake { .. } => ("a bend vector of", 2),
             Self::Joints { n, .. } => ("joints at", *n),
         };
-        let (unit, per_si) = self.shown();
+        let (unit, per_si) = self.unit();
         let values: Vec<f64> = pose.iter().take(n).map(|value| value * per_si).collect();
         format!("{what} {values:.2?} {unit}")
     }
 
     /// A distance between two poses in words, with its unit.
     pub(crate) fn distance_words(&self, distance: f64) -> String {
-        let (unit, per_si) = self.shown();
+        let (unit, per_si) = self.unit();
         format!("{:.2} {unit}", distance * per_si)
     }
 
-    fn shown(&self) -> (&'static str, f64) {
-        if self.slides() { ("mm", 1e3) } else { ("deg", 1f64.to_degrees()) }
+    /// The unit in which poses are shown, and how many of it are one of SI.
+    pub fn unit(&self) -> (&'static str, f64) {
+        joint_unit(self.slides())
     }
 }
 

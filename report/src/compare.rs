@@ -3,7 +3,7 @@
 //! Both are laid on top of each other at the first setpoint that follows the operator; a recording without one at its first
 //! setpoint. Samples that are nearest in time are compared.
 
-use crate::joint_tracking::{JointScore, JointTracking};
+use crate::joint_tracking::{JointScore, JointTracking, joint_unit};
 use crate::tracking::{self, Tracking, TrackingScore};
 use crate::{LatencyLog, Quantiles, Spread};
 use krait_ipc::message::{Actuators, JointValues, OperatingState, Setpoint, SlaveState};
@@ -124,7 +124,7 @@ impl Apart {
         let mm = |x: &Actuators, y: &Actuators| largest(x, y) * 1e3;
         let unit = |side: &Side| side.joints.as_ref().map(|score| score.unit);
         let both_snakes = a.joints.is_none() && b.joints.is_none();
-        let per_si = unit(a).filter(|_| unit(a) == unit(b)).map(|unit| JointTracking::unit(unit == "mm").1);
+        let per_si = unit(a).filter(|_| unit(a) == unit(b)).map(|unit| joint_unit(unit == "mm").1);
         let joints = |per_si: f64| Spread::of(apart(&a.series.joints, &b.series.joints, |x, y| largest(x, y) * per_si));
         Self {
             setpoint_deg: both_snakes.then(|| Spread::of(apart(&a.series.setpoints, &b.series.setpoints, deg))),
@@ -162,7 +162,7 @@ impl Series {
                 commands,
             };
         };
-        let (_, per_si) = JointTracking::unit(slides);
+        let (_, per_si) = joint_unit(slides);
         let worst = |errors: &JointValues| errors.iter().fold(0.0_f64, |most, error| most.max(error.abs())) * per_si;
         Self {
             error: joints.errors().map(|(ns, errors)| (at(ns), worst(&errors))).collect(),

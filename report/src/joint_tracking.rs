@@ -30,6 +30,11 @@ pub struct JointFigure {
     pub peak_reached: f64,
 }
 
+/// The unit in which joints are shown, and how many of it are one of SI: mm where they slide, degrees where they turn.
+pub fn joint_unit(slides: bool) -> (&'static str, f64) {
+    if slides { ("mm", 1e3) } else { ("deg", 1f64.to_degrees()) }
+}
+
 /// How well a machine followed, whichever it is.
 #[derive(Clone, Debug, Default)]
 pub struct Tracked {
@@ -100,17 +105,12 @@ impl JointTracking {
         })
     }
 
-    /// The unit of joints, and how many there are of it in one of SI.
-    pub(crate) fn unit(slides: bool) -> (&'static str, f64) {
-        if slides { ("mm", 1e3) } else { ("deg", 1f64.to_degrees()) }
-    }
-
     /// The score; none where there were no joints. `slides`: their positions are lengths.
     pub(crate) fn score(&self, slides: bool) -> Option<JointScore> {
         if self.n == 0 {
             return None;
         }
-        let (unit, per_si) = Self::unit(slides);
+        let (unit, per_si) = joint_unit(slides);
         let from_ns = self.first_motion_ns.map(|first_ns| first_ns.saturating_add((SCORED_FROM_S * 1e9) as i64));
         let is_scored = |ns: i64| from_ns.is_some_and(|from_ns| ns >= from_ns);
         let scored: Vec<JointValues> = self

@@ -213,8 +213,10 @@ impl Unit {
     fn of_errors(model: &LiveModel) -> Self {
         match model {
             LiveModel::Snake(_) => Self { name: "deg", per_si: 2f64.sqrt().to_degrees() },
-            LiveModel::Joints(joints) if joints.slides() => Self { name: "mm", per_si: 1e3 },
-            LiveModel::Joints(_) => Self { name: "deg", per_si: 1f64.to_degrees() },
+            LiveModel::Joints(joints) => {
+                let (name, per_si) = krait_report::joint_unit(joints.slides());
+                Self { name, per_si }
+            }
         }
     }
 

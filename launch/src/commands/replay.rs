@@ -257,8 +257,7 @@ fn step_line(player: &Player) -> String {
     let following = newest.state.is_some_and(|state| state.flags & krait_ipc::message::SlaveState::FOLLOWING != 0);
     let word = if following { "follows" } else { "holds" };
     if let Some(setpoint) = newest.setpoint.filter(|setpoint| setpoint.n_joints > 0) {
-        let (unit, per_si) =
-            if player.program().steering().slides() { ("mm", 1e3) } else { ("deg", 1f64.to_degrees()) };
+        let (unit, per_si) = player.program().steering().unit();
         let n = setpoint.n_joints as usize;
         let joints: Vec<f64> = setpoint.joints_rad.iter().take(n).map(|joint| joint * per_si).collect();
         let q_mm: Vec<f64> =

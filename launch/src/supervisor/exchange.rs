@@ -79,10 +79,7 @@ impl Supervisor {
 
     fn exchange(&mut self, config: Config, is_recording: bool, stop: &AtomicBool) -> anyhow::Result<()> {
         let needs_estimate = config.model()?.machine.needs_estimate();
-        let is_cast = |process: &Process| match process {
-            Process::Estimate => needs_estimate,
-            _ => true,
-        };
+        let is_cast = |process: &Process| *process != Process::Estimate || needs_estimate;
         if let Some(options) = &mut self.comes_back {
             options.config = config.clone();
         }
