@@ -90,9 +90,9 @@ pub enum Reason {
     JointLimit = 41,
     /// A joint's rate would pass its limit, rad/s.
     JointRateLimit = 42,
-    /// The measured shape is farther from the model's prediction than it should be; value: root mean square, rad.
+    /// The measured shape is farther from the model's prediction than it should be; value: root mean square, deg, or mm of joints that slide.
     ModelMismatch = 43,
-    /// It is so far that nobody may go on with this model; value: root mean square, rad.
+    /// It is so far that nobody may go on with this model; value: as for [`Reason::ModelMismatch`].
     MismatchTrip = 44,
     /// No command of the model brings a joint where it was wanted.
     JointUnreachable = 45,
@@ -209,6 +209,32 @@ impl Reason {
             Self::HandJumped => {
                 "the snake holds still because the hand's pose jumped: let go, look at its tracker, and take hold anew"
             }
+        }
+    }
+}
+
+impl Reason {
+    /// Unit of the value and the limit that come with the reason; empty where both are counts or multiples, or none come.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::InputStale
+            | Self::SetpointStale
+            | Self::CommandStale
+            | Self::StateStale
+            | Self::ShapeStale
+            | Self::ChainStalled
+            | Self::CommandLate => "ms",
+            Self::LatencyBudget => "us",
+            Self::BendLimit | Self::JointLimit => "rad",
+            // Degrees of a bend or of joints that turn, millimetres of joints that slide.
+            Self::ModelMismatch | Self::MismatchTrip => "deg or mm",
+            Self::BendRateLimit | Self::JointRateLimit => "rad/s",
+            Self::StrokeLimit | Self::StepLimit | Self::EasingIn | Self::FollowingError => "m",
+            Self::ActuatorRateLimit => "m/s",
+            Self::ActuatorAccelerationLimit => "m/s^2",
+            Self::ActuatorJerkLimit => "m/s^3",
+            Self::ForceLimit => "N",
+            _ => "",
         }
     }
 }

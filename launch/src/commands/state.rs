@@ -126,6 +126,8 @@ struct Held {
     /// The value that is beyond its limit, in the reason's unit, where there is one.
     value: Option<f64>,
     limit: Option<f64>,
+    /// Of both; empty for counts and multiples.
+    unit: &'static str,
 }
 
 impl View {
@@ -212,6 +214,7 @@ impl View {
                 sentence: reason.sentence(),
                 value: record.map(|record| record.newest),
                 limit: record.map(|record| record.limit),
+                unit: reason.unit(),
             }
         };
         Ok(Shown {
@@ -253,11 +256,24 @@ impl Shown {
         for held in &self.reasons {
             text += &format!("  {}", held.sentence);
             if let (Some(value), Some(limit)) = (held.value, held.limit) {
-                text += &format!(" ({value:.6} beside the limit {limit:.6})");
+                let unit = if held.unit.is_empty() { String::new() } else { format!(" {}", held.unit) };
+                text += &format!(" ({} beside the limit {}{unit})", short(value), short(limit));
             }
             text.push('\n');
         }
         text
+    }
+}
+
+/// A number with four figures; what is tiny or huge by its power of ten.
+fn short(value: f64) -> String {
+    match value.abs() {
+        0.0 => "0".to_owned(),
+        1e-3..1e5 => {
+            let decimals = (3 - value.abs().log10().floor() as i32).clamp(0, 6) as usize;
+            format!("{value:.decimals$}")
+        }
+        _ => format!("{value:.3e}"),
     }
 }
 
@@ -274,4 +290,15 @@ fn refusal(transition: Transition, answer: &StateAnswer) -> anyhow::Result<Strin
         },
         |refused| refused.to_string(),
     ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_value_has_four_figures_whatever_its_size() {
+        let shown = [0.0, 51.26, 0.000_031_4, 1234.56, -0.0123, 3e7].map(short);
+        assert_eq!(shown, ["0", "51.26", "3.140e-5", "1235", "-0.01230", "3.000e7"]);
+    }
 }
