@@ -245,4 +245,34 @@ mod tests {
         assert_eq!(stick.frame().motion, stick.deflected());
         assert!(stick.deflected().is_some());
     }
+
+    #[test]
+    fn whatever_the_kernel_says_an_axis_stays_within_its_limit() {
+        let profile = Profile::parse("stick.toml", STICK).expect("a profile");
+        let mut state = 1_u64;
+        let mut dice = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            // Small numbers, the ends of the range, and anything between.
+            match state >> 62 {
+                0 => (state >> 40) as i32 & 0x1FF,
+                1 => i32::MAX,
+                2 => i32::MIN,
+                _ => (state >> 24) as i32,
+            }
+        };
+        let mut n_opened = 0;
+        for _ in 0..20_000 {
+            let mut info = || AxisInfo { value: dice(), min: dice(), max: dice(), fuzz: dice(), flat: dice() };
+            let Ok(mut stick) = EvdevDecoder::new(&profile, |_| Ok(info())) else { continue };
+            n_opened += 1;
+            for _ in 0..20 {
+                let event = InputEvent { kind: dice() as u16 & 7, code: dice() as u16 & 0x127, value: dice() };
+                if stick.take(event).is_err() {
+                    continue;
+                }
+                assert!(stick.counts.iter().all(|counts| (-350..=350).contains(counts)), "{event:?} {stick:?}");
+            }
+        }
+        assert!(n_opened > 1000, "{n_opened}");
+    }
 }

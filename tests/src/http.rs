@@ -2,7 +2,7 @@
 
 use crate::Krait;
 use std::io::{Read, Write};
-use std::net::TcpStream;
+use std::net::{Shutdown, TcpStream};
 use tungstenite::{Message, WebSocket};
 
 /// A live connection to a console.
@@ -57,16 +57,19 @@ impl Console {
         format!("http://127.0.0.1:{}", self.port)
     }
 
-    /// Sends bytes to a port as they are and reads the answer.
+    /// Sends bytes to the page's port as they are, says that there are no more, and reads the answer.
+    pub fn send_bytes(&self, bytes: &[u8]) -> HttpAnswer {
+        let mut stream = TcpStream::connect(("127.0.0.1", self.port)).expect("it listens");
+        let _refused_early_is_fine = stream.write_all(bytes);
+        let _closed_is_fine = stream.shutdown(Shutdown::Write);
+        answer_on(stream)
+    }
+
+    /// Sends a request to a port as it is and reads the answer.
     fn send(port: u16, text: &str) -> HttpAnswer {
         let mut stream = TcpStream::connect(("127.0.0.1", port)).expect("it listens");
         let _refused_early_is_fine = stream.write_all(text.as_bytes());
-        let mut bytes = Vec::new();
-        let _closed_is_fine = stream.read_to_end(&mut bytes);
-        let text = String::from_utf8_lossy(&bytes).into_owned();
-        let (head, body) = text.split_once("\r\n\r\n").unwrap_or((&text, ""));
-        let status = head.split(' ').nth(1).and_then(|status| status.parse().ok()).unwrap_or(0);
-        HttpAnswer { status, headers: head.to_owned(), body: body.to_owned() }
+        answer_on(stream)
     }
 
     /// A request with headers, closed after its answer.
@@ -129,6 +132,16 @@ impl Console {
     pub fn page(&self) -> Live {
         self.live(Some(&self.origin()), Some(&self.cookie())).expect("the page's own connection")
     }
+}
+
+/// What comes on a connection until its end.
+fn answer_on(mut stream: TcpStream) -> HttpAnswer {
+    let mut bytes = Vec::new();
+    let _closed_is_fine = stream.read_to_end(&mut bytes);
+    let text = String::from_utf8_lossy(&bytes).into_owned();
+    let (head, body) = text.split_once("\r\n\r\n").unwrap_or((&text, ""));
+    let status = head.split(' ').nth(1).and_then(|status| status.parse().ok()).unwrap_or(0);
+    HttpAnswer { status, headers: head.to_owned(), body: body.to_owned() }
 }
 
 fn request(name: &str, port: u16, method: &str, path: &str, headers: &[(&str, &str)], body: &str) -> HttpAnswer {

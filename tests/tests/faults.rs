@@ -121,6 +121,22 @@ fn a_process_that_hangs_is_killed_named_and_started_again() {
 }
 
 #[test]
+fn a_process_that_does_not_end_when_it_is_asked_to_is_killed_and_the_exit_code_says_so() {
+    let (instance, folder) = (instance_name("stuck"), TempFolder::new("stuck"));
+    let recording = folder.file("run.mcap");
+    let krait = start(&instance, &recording);
+    wait_for_motion(&instance, &recording);
+    let pid = processes_of(&instance).into_iter().find(|(name, _)| name == "estimate").expect("it runs").1;
+    kill(pid, Signal::STOP);
+    krait.signal(Signal::INT);
+    let ended = krait.end(PATIENCE);
+    assert_eq!(ended.code, Some(1), "{}", ended.stderr);
+    assert!(ended.stderr.contains("did not end in time and was killed"), "{}", ended.stderr);
+    assert_nothing_is_left(&instance);
+    assert!(commands_in(&recording).1, "the recording is whole");
+}
+
+#[test]
 fn a_killed_supervisor_takes_the_chain_with_it_and_the_next_start_works() {
     let (instance, folder) = (instance_name("orphan"), TempFolder::new("orphan"));
     let first = folder.file("first.mcap");

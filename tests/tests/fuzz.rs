@@ -22,7 +22,10 @@ use krait_sim::Truth;
 use krait_tests::{Ended, TempFolder, instance_name};
 use std::alloc::{GlobalAlloc, Layout as Memory, System};
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+#[path = "fuzz/peers.rs"]
+mod peers;
 
 struct Counting;
 
@@ -144,6 +147,13 @@ fn shipped(path: &str) -> Vec<u8> {
     fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)).expect("shipped")
 }
 
+/// A file of the folder with these bytes.
+fn file_in(folder: &TempFolder, name: &str, bytes: &[u8]) -> PathBuf {
+    let path = PathBuf::from(folder.file(name));
+    fs::write(&path, bytes).expect("written");
+    path
+}
+
 fn readers(folder: &TempFolder) -> Vec<Reader<'_>> {
     let snake = Snake::new(&MachineParameters::default()).expect("the default machine");
     let limits = TrajectoryLimits { max_bend_rad: 1.3, max_bend_vel_rad_per_s: 2.0 };
@@ -168,26 +178,20 @@ fn readers(folder: &TempFolder) -> Vec<Reader<'_>> {
         krait_schema::encode(&recorded.expect("readable").sample, &mut bytes).expect("encoded");
         payloads.push(bytes);
     }
-    let file = |name: &str, bytes: &[u8]| {
-        let path = folder.file(name);
-        fs::write(&path, bytes).expect("written");
-        path
-    };
-    vec![
+    let mut readers = vec![
         Reader {
             name: "mcap",
             seeds: vec![fs::read(&recording).expect("there")],
             n_inputs: 60,
             read: Box::new(move |bytes| {
-                let path = file("fuzz.mcap", bytes);
-                let (path, out) = (Path::new(&path), folder.file("saved.mcap"));
-                if let Ok(recording) = Recording::open(path) {
+                let (path, out) = (file_in(folder, "fuzz.mcap", bytes), folder.file("saved.mcap"));
+                if let Ok(recording) = Recording::open(&path) {
                     let n_samples = recording.samples().map_or(0, Iterator::count);
                     assert!(n_samples < 10_000_000);
-                    let choice = InputChoice { path: path.to_owned(), pass: 1, range_s: 0.0..f64::INFINITY };
+                    let choice = InputChoice { path: path.clone(), pass: 1, range_s: 0.0..f64::INFINITY };
                     drop(Beginning::read(&choice));
                 }
-                drop(recover(path, Path::new(&out)));
+                drop(recover(&path, Path::new(&out)));
                 drop(fs::remove_file(out));
             }),
         },
@@ -256,10 +260,9 @@ fn readers(folder: &TempFolder) -> Vec<Reader<'_>> {
             ],
             n_inputs: 300,
             read: Box::new(move |bytes| {
-                let path = folder.file("fuzz.csv");
-                fs::write(&path, bytes).expect("written");
-                drop(read(Path::new(&path), &ColumnMap::default(), Expected::Snake));
-                drop(propose(Path::new(&path), &ColumnMap::default()));
+                let path = file_in(folder, "fuzz.csv", bytes);
+                drop(read(&path, &ColumnMap::default(), Expected::Snake));
+                drop(propose(&path, &ColumnMap::default()));
             }),
         },
         Reader {
@@ -267,9 +270,8 @@ fn readers(folder: &TempFolder) -> Vec<Reader<'_>> {
             seeds: vec![b"format = 1\n[columns]\ntime_s = { column = \"Stamp\", unit = \"ns\" }\nu1_rad = { column = \"Motor\" }\n".to_vec()],
             n_inputs: 200,
             read: Box::new(move |bytes| {
-                let path = folder.file("fuzz.map.toml");
-                fs::write(&path, bytes).expect("written");
-                drop(ColumnMap::from_file(Path::new(&path)));
+                let path = file_in(folder, "fuzz.map.toml", bytes);
+                drop(ColumnMap::from_file(&path));
             }),
         },
         Reader {
@@ -301,14 +303,15 @@ fn readers(folder: &TempFolder) -> Vec<Reader<'_>> {
             seeds: vec![clicks()],
             n_inputs: 500,
             read: Box::new(move |bytes| {
-                let path = folder.file("fuzz.clicks.csv");
-                fs::write(&path, bytes).expect("written");
-                if let Ok(clicks) = photo::read(Path::new(&path)) {
+                let path = file_in(folder, "fuzz.clicks.csv", bytes);
+                if let Ok(clicks) = photo::read(&path) {
                     drop(photo::bends(&clicks, 0.5));
                 }
             }),
         },
-    ]
+    ];
+    readers.extend(peers::readers(folder));
+    readers
 }
 
 /// A picture from the front: a grid of nine corners, and both edges of both disks.

@@ -57,6 +57,48 @@ fn a_stall_of_each_stage_ends_the_motion_for_good_and_no_write_jumps() {
     }
 }
 
+/// A hand that pushes all the time, as raw reports; its button is down in these spans, s.
+fn pushing_hand(down_s: &[[f64; 2]]) -> String {
+    let mut text = String::from("krait-report-recording 1\ndevice 046d:c626\nlayout split\nreports\n");
+    let mut is_down = false;
+    for ms in (0_i64..8000).step_by(8) {
+        let shall = down_s.iter().any(|[from, to]| (from * 1e3..to * 1e3).contains(&(ms as f64)));
+        if shall != is_down {
+            text += &format!("{} 03{:02x}00\n", ms * 1_000_000 - 1000, u8::from(shall));
+            is_down = shall;
+        }
+        // To and fro, so that the snake stays within its limits.
+        let push = if ms / 400 % 2 == 0 { "8000" } else { "80ff" };
+        text += &format!("{} 01{push}00000000\n", ms * 1_000_000);
+    }
+    let n_reports = text.lines().count() - 4;
+    text + &format!("end {n_reports}\n")
+}
+
+#[test]
+fn a_button_engages_while_it_is_held_or_from_one_press_to_the_next_as_configured() {
+    // Engaged from 0.5 s to 1.5 s and from 2.5 s to 3.5 s, once by holding, once by presses.
+    let modes =
+        [("hold", vec![[0.5, 1.5], [2.5, 3.5]]), ("toggle", vec![[0.5, 0.6], [1.5, 1.6], [2.5, 2.6], [3.5, 3.6]])];
+    for (mode, down_s) in modes {
+        let (instance, folder) = (instance_name(mode), TempFolder::new(mode));
+        let (hand, config, path) = (folder.file("hand.krr"), folder.file("krait.toml"), folder.file("run.mcap"));
+        std::fs::write(&hand, pushing_hand(&down_s)).expect("written");
+        std::fs::write(&config, format!("[master]\npresence = \"{mode}:0\"\n")).expect("written");
+        let run = ["run", "--engage", "--config", &config, "--instance", &instance, "--input", &hand];
+        let ended = Ended::of(&[&run[..], &["--recording", &path, "--seconds", "6"]].concat(), PATIENCE);
+        assert!(matches!(ended.code, Some(0 | 1)), "{mode}: {}", ended.stderr);
+        let states = states_in(&path);
+        assert_no_jump(&states);
+        let edges: Vec<usize> =
+            (1..states.len()).filter(|k| states[k - 1].is_engaged() != states[*k].is_engaged()).collect();
+        assert!(edges.len() == 4, "{mode}: engaged and let go twice, found {} edges", edges.len());
+        // Held still between the two, though the hand pushes on.
+        let between = &states[edges[1] + 50..edges[2]];
+        assert!(between.len() > 500 && between.iter().all(|s| s.setpoint_q_m == between[0].setpoint_q_m), "{mode}");
+    }
+}
+
 #[test]
 fn a_stop_from_another_process_pauses_at_once_and_only_a_resume_and_a_new_edge_go_on() {
     let (instance, folder) = (instance_name("stopped"), TempFolder::new("stopped"));

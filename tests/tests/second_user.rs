@@ -3,9 +3,11 @@
 #![allow(clippy::expect_used, clippy::print_stderr, reason = "a panic is how a test fails; a skipped test says so")]
 
 use core::time::Duration;
+use krait_ipc::message::{OperatingState, OperatorInput};
 use krait_ipc::{InstanceName, ground, resources_of};
 use krait_record::Recording;
-use krait_tests::{Krait, TempFolder, instance_name, krait_program, processes_of, wait_for_motion};
+use krait_schema::Sample;
+use krait_tests::{Ended, Krait, TempFolder, instance_name, krait_program, processes_of, wait_for_motion};
 use rustix::process::{Signal, geteuid};
 use std::fs;
 use std::os::unix::fs::{MetadataExt, PermissionsExt, chown};
@@ -82,6 +84,84 @@ fn every_file_of_a_chain_and_its_recording_is_its_users_alone() {
     assert_eq!(krait.end(PATIENCE).code, Some(0));
 }
 
+/// Every command that reaches a chain that runs, or a file of it; each must fail. `$recording` and `$model` are the chain's.
+const COMMANDS: [&str; 24] = [
+    "stop",
+    "state",
+    "state enable",
+    "state disable",
+    "state pause",
+    "state resume",
+    "state home",
+    "state unhome",
+    "state clear-fault",
+    "state --scale 0.5",
+    "state --lock translation",
+    "state --unlock rotation",
+    "mark hello",
+    "watch --once",
+    "model exchange $model",
+    "verify $recording",
+    "replay $recording",
+    "compare $recording $recording",
+    "export $recording --out /tmp/x-$$.csv",
+    "recover $recording --out /tmp/x-$$.mcap",
+    "console $recording",
+    "model save-learnt $recording --out /tmp/x-$$.toml",
+    "lab diagnose --model $model --data $recording",
+    "experiment poses --from $recording",
+];
+
+/// What publishes without being asked who is there: none may join another user's chain.
+const WRITERS: [&str; 8] = ["master", "resolve", "compensate", "slave", "estimate", "record", "shape", "console"];
+
+/// What the other user does to the files and processes of a chain, and to the chain itself. He says a word in capitals where
+/// he gets through.
+fn attack(instance: &str, recording: &str, model: &str, trap: &str) -> String {
+    let (ground, program) = (ground().display(), krait_program().display());
+    let files = resources_of(&InstanceName::new(instance).expect("a name"));
+    assert!(files.len() > 20, "{files:?}");
+    let files: String = files.iter().map(|file| format!("{}\n", file.display())).collect();
+    let pids: Vec<String> = processes_of(instance).iter().map(|(_, pid)| pid.to_string()).collect();
+    let pids = pids.join(" ");
+    let mut script = format!(
+        "recording={recording} model={model}
+         ls {ground} && echo LISTED
+         touch {ground}/x && echo WROTE
+         for file in {recording} {model} $(cat <<'END'\n{files}END\n); do
+           (cat $file >/dev/null) && echo READ $file
+           (: >> $file) && echo WROTE $file
+           (chmod 666 $file) && echo WROTE $file
+           (mv $file $file.old) && echo MOVED $file
+           rm $file && echo REMOVED $file
+         done
+         for pid in {pids}; do
+           for signal in STOP TERM KILL WINCH; do kill -$signal $pid && echo SIGNALLED; done
+           for part in environ mem maps auxv stack io fd/0 fd/1 fd/3; do
+             (head -c 1 /proc/$pid/$part >/dev/null) && echo READ /proc/$pid/$part
+           done
+           ls /proc/$pid/fd/ /proc/$pid/cwd/ /proc/$pid/root/ /proc/$pid/map_files/ && echo LISTED
+           (echo 0 > /proc/$pid/mem) && echo WROTE
+           (echo 1000 > /proc/$pid/oom_score_adj) && echo WROTE
+           renice -n 5 -p $pid && echo SLOWED
+         done\n"
+    );
+    // His own ground, and one that only looks like his: a link to the other's.
+    for (place, commands) in
+        [("", &COMMANDS[..]), (&format!("XDG_RUNTIME_DIR={trap} "), &[&COMMANDS[..], &WRITERS[..]].concat()[..])]
+    {
+        for command in commands {
+            let begun = format!("{place}timeout 20 {program} {command} --instance {instance} </dev/null");
+            let begun = match command.contains("$recording") && !command.starts_with("replay") {
+                true => begun.replace(&format!(" --instance {instance}"), ""),
+                false => begun,
+            };
+            script += &format!("{begun} >/dev/null; code=$?; [ $code = 2 ] || echo DONE $code: '{place}{command}'\n");
+        }
+    }
+    script
+}
+
 #[test]
 fn another_user_can_neither_read_nor_write_nor_stop_a_chain_that_runs() {
     if !may_be_others() {
@@ -89,34 +169,38 @@ fn another_user_can_neither_read_nor_write_nor_stop_a_chain_that_runs() {
     }
     let _turn = OTHERS_GROUND.lock();
     let (instance, folder) = (instance_name("other"), TempFolder::new("other"));
-    let recording = folder.file("run.mcap");
+    let (recording, model) = (folder.file("run.mcap"), folder.file("model.toml"));
+    fs::write(&model, Ended::of(&["model", "show", "naive"], PATIENCE).stdout).expect("written");
+    fs::set_permissions(&model, fs::Permissions::from_mode(0o600)).expect("mine");
+    // A runtime directory of the other user's in memory, whose `krait` is a link to this user's ground.
+    let trap = format!("/dev/shm/krait-test-{instance}");
+    fs::create_dir(&trap).expect("made");
+    fs::set_permissions(&trap, fs::Permissions::from_mode(0o700)).expect("mine");
+    std::os::unix::fs::symlink(ground(), Path::new(&trap).join("krait")).expect("made");
+    chown(&trap, Some(OTHER), Some(OTHER)).expect("root may");
     let krait = Krait::start(&["run", "--engage=again", "--instance", &instance, "--recording", &recording]);
     wait_for_motion(&instance, &recording);
-    let (ground, program) = (ground().display(), krait_program().display());
-    let pids: Vec<String> = processes_of(&instance).iter().map(|(_, pid)| pid.to_string()).collect();
-    let pids = pids.join(" ");
-    let script = format!(
-        "ls {ground} && echo LISTED
-         touch {ground}/x && echo WROTE
-         cat {recording} && echo READ
-         for pid in {pids}; do
-           kill -STOP $pid && echo STOPPED
-           cat /proc/$pid/environ && echo READ
-           ls /proc/$pid/fd/ && echo LISTED
-           cat /proc/$pid/fd/0 && echo READ
-           head -c 1 /proc/$pid/mem && echo READ
-         done
-         {program} mark hello --instance {instance} && echo MARKED
-         true"
-    );
-    let said = as_other(&script);
-    for word in ["LISTED", "WROTE", "READ", "STOPPED", "MARKED"] {
+    let said = as_other(&attack(&instance, &recording, &model, &trap));
+    fs::remove_dir_all(&trap).expect("removed");
+    for word in ["LISTED", "WROTE", "READ", "SIGNALLED", "MOVED", "REMOVED", "SLOWED", "DONE"] {
         assert!(!said.contains(word), "the other user has {word}:\n{said}");
     }
     assert!(said.contains("no chain runs in instance"), "he sees an instance of his own:\n{said}");
+    assert!(said.contains("krait is not a directory of this user"), "a link to another's ground is refused:\n{said}");
+    assert!(said.contains("Permission denied") && said.contains("not permitted"), "{said}");
     assert_eq!(processes_of(&instance).len(), 7, "all of it still runs");
     krait.signal(Signal::INT);
     assert_eq!(krait.end(PATIENCE).code, Some(0));
+    let whole = Recording::open(Path::new(&recording)).expect("readable");
+    let heard = whole.samples().expect("samples").map(|recorded| recorded.expect("readable").sample);
+    let locks = OperatorInput::TRANSLATION_LOCKED | OperatorInput::ROTATION_LOCKED;
+    let reached = heard.filter(|sample| match sample {
+        Sample::State(state) => state.n_stops != 0 || state.operating() == Some(OperatingState::Paused),
+        Sample::Input(input) => input.scale_permille != 1000 || input.flags & locks != 0,
+        Sample::Marker(_) => true,
+        _ => false,
+    });
+    assert_eq!(reached.count(), 0, "nothing that he asked for has reached the chain");
 }
 
 #[test]
