@@ -64,6 +64,16 @@ impl JointMachine {
         self.model.chain.plausible(&low[..n], &high[..n])
     }
 
+    /// How many joints there are.
+    pub fn n(&self) -> usize {
+        self.model.n()
+    }
+
+    /// Whether positions of the joints are lengths.
+    pub fn slides(&self) -> bool {
+        self.model.slides()
+    }
+
     /// Commands of the model as positions of the actuators, m.
     pub(crate) fn cable_m(&self, u: &[f64]) -> Actuators {
         let mut q_m = [0.0; MAX_ACTUATORS];

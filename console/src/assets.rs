@@ -24,6 +24,7 @@ pub const PAGE: &[Asset] = assets! {
     "/css/frame.css", "text/css; charset=utf-8", "css/frame.css";
     "/css/pages.css", "text/css; charset=utf-8", "css/pages.css";
     "/css/pad.css", "text/css; charset=utf-8", "css/pad.css";
+    "/css/joints.css", "text/css; charset=utf-8", "css/joints.css";
     "/css/library.css", "text/css; charset=utf-8", "css/library.css";
     "/css/narrow.css", "text/css; charset=utf-8", "css/narrow.css";
     "/icon.svg", "image/svg+xml", "icon.svg";
@@ -31,6 +32,7 @@ pub const PAGE: &[Asset] = assets! {
     "/js/shell.js", "text/javascript; charset=utf-8", "js/shell.js";
     "/js/states.js", "text/javascript; charset=utf-8", "js/states.js";
     "/js/operate.js", "text/javascript; charset=utf-8", "js/operate.js";
+    "/js/joints.js", "text/javascript; charset=utf-8", "js/joints.js";
     "/js/commands.js", "text/javascript; charset=utf-8", "js/commands.js";
     "/js/pad.js", "text/javascript; charset=utf-8", "js/pad.js";
     "/js/hand.js", "text/javascript; charset=utf-8", "js/hand.js";

@@ -9,10 +9,14 @@ pub struct Facts {
     pub instance: String,
     /// Whether the drives are simulated.
     pub is_simulated: bool,
-    /// Length of the primary backbone, m.
+    /// Length of the primary backbone, m; 0 for joints.
     pub l_m: f64,
-    /// Pitch radius of the secondary backbones, m.
+    /// Pitch radius of the secondary backbones, m; 0 for joints.
     pub r_m: f64,
+    /// How many actuators there are.
+    pub n_actuators: usize,
+    /// The joints, where the machine has joints and no snake.
+    pub joints: Option<JointFacts>,
     /// Largest bend, rad.
     pub max_bend_rad: f64,
     /// Largest distance of an actuator from its zero, m.
@@ -31,6 +35,19 @@ pub struct Facts {
     pub opens: Option<String>,
     /// What a sample may take, of each hop and then end to end.
     pub budgets: Vec<HopBudget>,
+}
+
+/// Joints, as the page shows them.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct JointFacts {
+    /// Unit in which positions are shown: `deg`, or `mm` where the joints slide.
+    pub unit: &'static str,
+    /// How many of it are a radian, or a metre where the joints slide.
+    pub per_si: f64,
+    /// Where each joint may be, rad (m where it slides).
+    pub low: Vec<f64>,
+    /// As `low`.
+    pub high: Vec<f64>,
 }
 
 /// What a stretch of the way may take, us.

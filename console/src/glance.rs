@@ -19,7 +19,7 @@ pub fn glance(observer: &mut Observer, now_ns: i64) -> Vec<String> {
     let mut lines = vec![format!("{:<12}{}", shown.word().to_uppercase(), shown.sentence())];
     let recording_s = observer.recording_s(&observer.members(), now_ns);
     let newest = observer.newest();
-    let off_deg = observer.error_rms_rad(now_ns).map(f64::to_degrees);
+    let off_deg = observer.tracking().rms(now_ns).map(f64::to_degrees);
     lines.push(operator_line(newest.input.as_ref()));
     if let Some(setpoint) =
         newest.setpoint.filter(|setpoint| newest.fresh_state(now_ns).is_some() && setpoint.n_joints == 0)

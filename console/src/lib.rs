@@ -29,7 +29,7 @@ mod wishes;
 mod words;
 
 pub use error::ConsoleError;
-pub use facts::{Facts, HopBudget};
+pub use facts::{Facts, HopBudget, JointFacts};
 pub use glance::{bend_deg, glance, number, plane_deg};
 pub use observer::Observer;
 pub use server::{Address, ServerSettings, run};

@@ -73,7 +73,7 @@ impl Observer {
         }
         let mut since_last = [None; 3];
         while let Some(setpoint) = self.setpoints.take()? {
-            self.tracking.setpoint(setpoint.sample_ns, setpoint.bend_rad);
+            self.tracking.setpoint(&setpoint);
             add(&mut since_last[0], setpoint.reasons);
             self.newest.setpoint = Some(*setpoint);
         }
@@ -92,7 +92,7 @@ impl Observer {
         }
         let mut reasons = self.chain_reasons.iter().fold(Reasons::NONE, |all, some| all.union(*some));
         while let Some(shape) = self.shapes.take()? {
-            self.tracking.shape(shape.sample_ns, shape.bend_rad);
+            self.tracking.shape(&shape);
             self.newest.shape = Some(*shape);
         }
         if let Some(update) = self.model_updates.take_newest()? {
@@ -128,14 +128,9 @@ impl Observer {
         &self.newest
     }
 
-    /// The root mean square of the tracking error of the last second, rad.
-    pub(crate) fn error_rms_rad(&self, now_ns: i64) -> Option<f64> {
-        self.tracking.rms_rad(now_ns)
-    }
-
-    /// The newest tracking error, rad.
-    pub(crate) fn error_rad(&self) -> Option<f64> {
-        self.tracking.newest_rad()
+    /// How far the machine is from where it shall be.
+    pub(crate) fn tracking(&self) -> &LiveTracking {
+        &self.tracking
     }
 
     /// Reasons that hold, or held so shortly that nobody could have read them.

@@ -49,6 +49,10 @@ pub struct Film {
     pub bend: Vec<Option<[f64; 2]>>,
     /// Commanded bend vector, rad.
     pub setpoint: Vec<Option<[f64; 2]>>,
+    /// Measured positions of joints, rad (m where they slide); empty for a snake.
+    pub joints: Vec<Option<Vec<f64>>>,
+    /// Commanded ones.
+    pub joints_wanted: Vec<Option<Vec<f64>>>,
     /// Operating state.
     pub operating: Vec<&'static str>,
     /// Marks: when, s, and what.
@@ -148,6 +152,7 @@ pub fn film_of(path: &Path) -> Result<Film, RecordingReadError> {
     let step_s = (seconds / MOST_PICTURES as f64).max(1.0 / RATE_HZ);
     let mut film = Film { name: name_of(path), ..Film::default() };
     let (mut bend, mut setpoint, mut operating) = (None, None, "");
+    let (mut joints, mut joints_wanted) = (None, None);
     let mut next_s = 0.0;
     for recorded in recording.samples()? {
         // What is damaged is named in the list; the rest is shown.
@@ -157,18 +162,31 @@ pub fn film_of(path: &Path) -> Result<Film, RecordingReadError> {
             film.t_s.push(next_s);
             film.bend.push(bend);
             film.setpoint.push(setpoint);
+            film.joints.push(joints.clone());
+            film.joints_wanted.push(joints_wanted.clone());
             film.operating.push(operating);
             next_s += step_s;
         }
         match recorded.sample {
-            Sample::Shape(shape) => bend = Some(shape.bend_rad).filter(|bend| bend.iter().all(|b| b.is_finite())),
-            Sample::Setpoint(of) => setpoint = Some(of.bend_rad).filter(|bend| bend.iter().all(|b| b.is_finite())),
+            Sample::Shape(shape) => {
+                bend = Some(shape.bend_rad).filter(|bend| bend.iter().all(|b| b.is_finite()));
+                joints = shape.valid_joints_rad().map(<[f64]>::to_vec);
+            }
+            Sample::Setpoint(of) => {
+                setpoint = Some(of.bend_rad).filter(|bend| bend.iter().all(|b| b.is_finite()));
+                joints_wanted =
+                    of.joints_rad.get(..of.n_joints as usize).filter(|all| !all.is_empty()).map(<[f64]>::to_vec);
+            }
             Sample::State(state) => operating = state.operating().map_or("UNKNOWN", OperatingState::name),
             Sample::Marker(marker) | Sample::DeviceMarker(marker) if film.marks.len() < MOST_MARKS => {
                 film.marks.push((t_s, marker.text().unwrap_or("?").to_owned()));
             }
             _ => {}
         }
+    }
+    if film.joints_wanted.iter().all(Option::is_none) {
+        film.joints.clear();
+        film.joints_wanted.clear();
     }
     Ok(film)
 }

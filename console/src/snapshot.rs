@@ -9,7 +9,7 @@ use crate::pad::PadSeen;
 use crate::processes::ProcessUsage;
 use crate::words::{Shown, ShownState, Words, words_of};
 use krait_ipc::message::{
-    Command, DeviceState, Health, ModelUpdate, OperatorInput, Phase, Setpoint, Shape, SlaveState, three,
+    Command, DeviceState, Health, JointValues, ModelUpdate, OperatorInput, Phase, Setpoint, Shape, SlaveState, used,
 };
 use krait_ipc::{Reason, Reasons};
 use serde::Serialize;
@@ -72,10 +72,12 @@ pub struct Moment {
     pub now_ns: i64,
     /// Reasons that hold or held so shortly that nobody could have read them.
     pub reasons: Reasons,
-    /// Tracking error over a second, rad.
-    pub error_rms_rad: Option<f64>,
-    /// Newest tracking error, rad.
-    pub error_rad: Option<f64>,
+    /// Tracking error over a second, rad; of joints that of the worst, rad (m where it slides).
+    pub error_rms: Option<f64>,
+    /// The same of each joint; zeros behind the last.
+    pub joint_errors_rms: Option<JointValues>,
+    /// Newest tracking error, as `error_rms`.
+    pub error: Option<f64>,
     /// Who has the drive pad; nothing where there is none.
     pub pad: Option<PadSeen>,
 }
@@ -94,7 +96,8 @@ struct Frame<'a> {
     setpoint: Option<[f64; 2]>,
     follows: bool,
     motion_scale: Option<f64>,
-    q_tilde_m: Option<[f64; 3]>,
+    q_tilde_m: Option<Vec<f64>>,
+    joints: Option<Joints>,
     err: Option<f64>,
     err_rms: Option<f64>,
     reasons: Vec<Shortly>,
@@ -107,10 +110,31 @@ struct State<'a> {
     homed: bool,
     engaged: bool,
     busy: bool,
-    q_m: [f64; 3],
+    q_m: Vec<f64>,
     // A load that is not measured is null, never zero.
-    tau_n: [f64; 3],
+    tau_n: Vec<f64>,
     n_refused: u64,
+}
+
+/// Positions of joints, rad (m where they slide); a joint that is not measured is null.
+#[derive(Serialize)]
+struct Joints {
+    wanted: Vec<f64>,
+    measured: Option<Vec<f64>>,
+    err_rms: Option<Vec<f64>>,
+}
+
+impl Joints {
+    fn of(newest: &NewestSamples, moment: &Moment) -> Option<Self> {
+        let setpoint = newest.setpoint.as_ref().filter(|setpoint| setpoint.n_joints > 0)?;
+        let n = (setpoint.n_joints as usize).min(setpoint.joints_rad.len());
+        let measured = newest.fresh_shape(moment.now_ns).and_then(Shape::valid_joints_rad).map(<[f64]>::to_vec);
+        Some(Self {
+            wanted: setpoint.joints_rad[..n].to_vec(),
+            measured: measured.filter(|joints| joints.len() == n),
+            err_rms: moment.joint_errors_rms.map(|errors| errors[..n].to_vec()),
+        })
+    }
 }
 
 #[derive(Serialize)]
@@ -148,8 +172,8 @@ pub fn frame(newest: &NewestSamples, moment: &Moment, facts: &Facts) -> serde_js
             homed: state.flags & SlaveState::IS_HOMED != 0,
             engaged: state.is_engaged(),
             busy: state.flags & SlaveState::IS_BUSY != 0,
-            q_m: three(&state.measured_q_m),
-            tau_n: three(&state.measured_tau_n),
+            q_m: used(&state.measured_q_m, state.n_actuators).to_vec(),
+            tau_n: used(&state.measured_tau_n, state.n_actuators).to_vec(),
             n_refused: state.n_refused,
         }),
         operator: newest.input.map(|input| Operator {
@@ -159,12 +183,13 @@ pub fn frame(newest: &NewestSamples, moment: &Moment, facts: &Facts) -> serde_js
         }),
         bend: shape.and_then(|shape| shape.valid_bend_rad()),
         sigma: shape.map(|shape| shape.sigma_bend_rad()),
-        setpoint: newest.setpoint.map(|setpoint| setpoint.bend_rad),
+        setpoint: newest.setpoint.map(|setpoint| setpoint.bend_rad).filter(|bend| bend.iter().all(|b| b.is_finite())),
         follows: newest.setpoint.and_then(|setpoint| setpoint.phase()) == Some(Phase::Following),
         motion_scale: newest.setpoint.map(|setpoint| setpoint.motion_scale),
-        q_tilde_m: newest.command.map(|command| three(&command.q_tilde_m)),
-        err: moment.error_rad,
-        err_rms: moment.error_rms_rad,
+        q_tilde_m: newest.command.map(|command| used(&command.q_tilde_m, command.n_actuators).to_vec()),
+        joints: Joints::of(newest, moment),
+        err: moment.error,
+        err_rms: moment.error_rms,
         reasons: reasons
             .into_iter()
             .map(|reason| Shortly { id: reason as u32, value: value_of(reason, newest, facts) })
@@ -176,8 +201,8 @@ pub fn frame(newest: &NewestSamples, moment: &Moment, facts: &Facts) -> serde_js
 
 /// Value and limit of a reason, from the messages themselves: what a process's health keeps is the worst ever.
 fn value_of(reason: Reason, newest: &NewestSamples, facts: &Facts) -> Option<String> {
-    let largest = |values: [f64; 3]| {
-        let sizes = values.into_iter().enumerate().map(|(line, value)| (line + 1, value.abs()));
+    let largest = |values: &[f64]| {
+        let sizes = values.iter().enumerate().map(|(line, value)| (line + 1, value.abs()));
         sizes.filter(|(_, size)| size.is_finite()).max_by(|(_, a), (_, b)| a.total_cmp(b))
     };
     match reason {
@@ -186,11 +211,13 @@ fn value_of(reason: Reason, newest: &NewestSamples, facts: &Facts) -> Option<Str
             Some(format!("{:.0}\u{b0} of {:.0}\u{b0}.", x.hypot(y).to_degrees(), facts.max_bend_rad.to_degrees()))
         }
         Reason::StrokeLimit => {
-            let (line, q_m) = largest(three(&newest.command?.q_tilde_m))?;
+            let command = newest.command?;
+            let (line, q_m) = largest(used(&command.q_tilde_m, command.n_actuators))?;
             Some(format!("Line {line}: {:.2} of {:.2} mm.", q_m * 1e3, facts.max_stroke_m * 1e3))
         }
         Reason::ForceLimit => {
-            let (line, tau_n) = largest(three(&newest.state?.measured_tau_n))?;
+            let state = newest.state?;
+            let (line, tau_n) = largest(used(&state.measured_tau_n, state.n_actuators))?;
             Some(format!("Line {line}: {tau_n:.0} of {:.0} N.", facts.max_load_n))
         }
         Reason::OperatorAbsent if newest.input?.is_from_pad() => Some("Hold the drive pad to follow.".to_owned()),

@@ -73,8 +73,9 @@ impl Watch {
                 n,
                 now_ns,
                 reasons: self.observer.reasons(now_ns),
-                error_rms_rad: self.observer.error_rms_rad(now_ns),
-                error_rad: self.observer.error_rad(),
+                error_rms: self.observer.tracking().rms(now_ns),
+                joint_errors_rms: self.observer.tracking().rms_of_each(now_ns),
+                error: self.observer.tracking().newest(),
                 pad: pad.seen(now_ns),
             };
             slots.frame.send_replace((n, snapshot::frame(self.observer.newest(), &moment, facts)?.into()));

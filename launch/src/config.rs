@@ -3,11 +3,12 @@
 use crate::budget::Budget;
 use crate::in_force::{Compensation, ModelInForce};
 use crate::print::wrapped;
-use anyhow::Context;
+use anyhow::{Context, bail};
 use krait_bridge::{CompensateConfig, EstimateConfig, JointMachine, JointsConfig, LiveModel, ResolveConfig};
 use krait_ipc::setting::Setting;
 use krait_ipc::{Realtime, input};
 use krait_master::{MasterConfig, PoseConfig};
+use krait_model::Snake;
 use krait_record::RecordConfig;
 use krait_shape::GateConfig;
 use krait_slave::{ActuatorConfig, DriveConfig, Limits, SlaveConfig};
@@ -145,9 +146,28 @@ impl Config {
         self.joints.check()?;
         const REFUSED: &str = "the model must not steer a machine";
         match self.model()?.machine {
-            LiveModel::Snake(chain) => chain.plausible(self.resolve.max_bend_rad)?.context(REFUSED),
+            LiveModel::Snake(chain) => {
+                self.check_strain(Snake::new(chain.machine())?.axial_stiffness_n())?;
+                chain.plausible(self.resolve.max_bend_rad)?.context(REFUSED)
+            }
             LiveModel::Joints(joints) => JointMachine::new(&joints, &self.joints)?.plausible()?.context(REFUSED),
         }
+    }
+
+    /// The pull that is allowed strains no line beyond what is allowed. `stiffness_n`: E A of a line, N.
+    fn check_strain(&self, stiffness_n: f64) -> anyhow::Result<()> {
+        let Limits { pull_n, strain, .. } = self.slave.limits;
+        // Where loads are not measured, the drives' own torque limit bounds them.
+        if pull_n.is_finite() && pull_n > strain * stiffness_n {
+            bail!(
+                "[slave.limits] pull_n = {pull_n}: it strains a line of this model by {:.2} %, expected at most strain = {:.2} %, \
+                 which is {:.0} N; lower pull_n, or raise strain where the lines' material allows it",
+                100.0 * pull_n / stiffness_n,
+                100.0 * strain,
+                strain * stiffness_n
+            );
+        }
+        Ok(())
     }
 }
 
@@ -212,6 +232,16 @@ mod tests {
         let error = Config::parse("[resolve]\n\nmax_bent_rad = 1.0\n").expect_err("unknown").to_string();
         assert!(error.starts_with("line 3: unknown field `max_bent_rad`"), "{error}");
         assert!(error.ends_with("did you mean `max_bend_rad`?"), "{error}");
+    }
+
+    #[test]
+    fn a_pull_that_strains_a_line_too_far_is_refused_and_one_that_is_not_measured_passes() {
+        let refused = |text: &str| Config::parse(text).expect("parses").check().err().map(|error| error.to_string());
+        let found = refused("[slave.limits]\npull_n = 90.0\n").expect("too far");
+        assert!(found.contains("by 1.14 %") && found.contains("expected at most strain = 1.00 %"), "{found}");
+        let allowed =
+            ["[slave.limits]\npull_n = 90.0\nstrain = 0.02\n", "[slave.limits]\npull_n = inf\npush_n = inf\n"];
+        assert_eq!(allowed.map(refused), [None, None]);
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! Progress on standard error while a chain runs: one line that is rewritten on a terminal, one line a few seconds elsewhere.
 //!
 //! The line fits 80 columns, so that a terminal of the usual size can rewrite it: time, state, bend that was reached of the
-//! bend that was asked for, how far the two are apart (root mean square of a second), bending plane, late and lost samples.
-//! While nothing moves it says why instead.
+//! bend that was asked for, how far the two are apart (root mean square of a second), bending plane, late and lost samples;
+//! of joints the one that is farthest off. While nothing moves it says why instead.
 
 use crate::budget::BudgetWatch;
 use crate::log;
@@ -11,6 +11,7 @@ use core::time::Duration;
 use krait_console::{LiveTracking, bend_deg, number, plane_deg};
 use krait_ipc::message::{Phase, Setpoint, Shape};
 use krait_ipc::{Bus, Process, ReadOptions, Reader, Reason, Reasons, clock};
+use krait_report::joint_unit;
 use std::io::{IsTerminal, stderr};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -27,6 +28,7 @@ const COLUMNS: usize = 80;
 /// Shows what a running chain does.
 pub struct Progress {
     seconds: Option<f64>,
+    slides: bool,
     setpoints: Reader<Setpoint>,
     shapes: Reader<Shape>,
     setpoint: Option<Setpoint>,
@@ -37,14 +39,16 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Looks at the channels of a chain that has just started, and says once which it is; with `seconds`, the chain ends after that time.
+    /// Looks at the channels of a chain that has just started, and says once which it is; with `seconds`, the chain ends after
+    /// that time. `slides`: its joints' positions are lengths.
     ///
     /// # Errors
     /// One sentence when a channel cannot be read.
-    pub fn new(label: &str, bus: &Bus, seconds: Option<f64>) -> anyhow::Result<Self> {
+    pub fn new(label: &str, bus: &Bus, seconds: Option<f64>, slides: bool) -> anyhow::Result<Self> {
         log::say(&format!("{label}\n"));
         Ok(Self {
             seconds,
+            slides,
             setpoints: bus.reader(ReadOptions::glancing())?,
             shapes: bus.reader(ReadOptions::glancing())?,
             setpoint: None,
@@ -88,41 +92,66 @@ impl Progress {
 
     fn take_messages(&mut self) -> anyhow::Result<()> {
         while let Some(setpoint) = self.setpoints.take()? {
-            self.tracking.setpoint(setpoint.sample_ns, setpoint.bend_rad);
+            self.tracking.setpoint(&setpoint);
             self.setpoint = Some(*setpoint);
         }
         while let Some(shape) = self.shapes.take()? {
-            self.tracking.shape(shape.sample_ns, shape.bend_rad);
+            self.tracking.shape(&shape);
             self.shape = Some(*shape);
         }
         Ok(())
     }
 
     fn line(&self, elapsed_s: f64, now_ns: i64, supervisor: &Supervisor) -> String {
+        // Tenths of a second only while there is room for them.
+        let elapsed = if elapsed_s < 100.0 { format!("{elapsed_s:.1}") } else { format!("{elapsed_s:.0}") };
         let time = match self.seconds {
-            Some(seconds) => format!("{elapsed_s:.1} of {seconds:.0} s"),
-            None => format!("{elapsed_s:.1} s"),
+            Some(seconds) => format!("{elapsed} of {seconds:.0} s"),
+            None => format!("{elapsed} s"),
         };
         let follows = self.setpoint.and_then(|setpoint| setpoint.phase()) == Some(Phase::Following);
         let held = self.setpoint.and_then(|s| most_telling(Reasons::from_bits(s.reasons)));
         let what = match held {
             Some(reason) if !follows => format!("holding: {}", reason.sentence()),
             _ if has_changed(supervisor) => format!("following: {}", Reason::ModelChanged.sentence()),
-            _ => self.figures(now_ns, supervisor),
+            _ => {
+                let n_late = supervisor.budget().map_or(0, BudgetWatch::n_late);
+                let healths = Process::ALL.iter().filter_map(|process| supervisor.health(*process));
+                let n_lost: u64 = healths.map(|health| health.n_lost).sum();
+                format!("following  {}, {n_late} late, {n_lost} lost", self.figures(now_ns))
+            }
         };
-        format!("{time:>9}  {what}").chars().take(COLUMNS - 1).collect()
+        format!("{time:>7}  {what}").chars().take(COLUMNS - 1).collect()
     }
 
-    fn figures(&self, now_ns: i64, supervisor: &Supervisor) -> String {
-        let reached = self.shape.map(|shape| shape.bend_rad);
-        let n_lost: u64 = Process::ALL.iter().filter_map(|p| supervisor.health(*p)).map(|health| health.n_lost).sum();
+    fn figures(&self, now_ns: i64) -> String {
+        let Some(setpoint) = self.setpoint else { return "nothing is asked for".to_owned() };
+        if setpoint.n_joints > 0 {
+            return self.joint_figures(&setpoint, now_ns);
+        }
+        let reached = self.shape.and_then(|shape| shape.valid_bend_rad());
         format!(
-            "following  bend {} of {} deg, off {}, plane {}, {} late, {n_lost} lost",
+            "{} of {} deg, off {}, plane {}",
             number(reached.map(bend_deg), 1),
-            number(self.setpoint.map(|s| bend_deg(s.bend_rad)), 1),
-            number(self.tracking.rms_rad(now_ns).map(f64::to_degrees), 2),
+            number(Some(bend_deg(setpoint.bend_rad)), 1),
+            number(self.tracking.rms(now_ns).map(f64::to_degrees), 2),
             number(reached.and_then(plane_deg), 0),
-            supervisor.budget().map_or(0, BudgetWatch::n_late),
+        )
+    }
+
+    /// The joint that is farthest off: where it is and where it shall be.
+    fn joint_figures(&self, setpoint: &Setpoint, now_ns: i64) -> String {
+        let errors = self.tracking.rms_of_each(now_ns).unwrap_or_default();
+        let worst = (0..setpoint.n_joints as usize).max_by(|a, b| errors[*a].total_cmp(&errors[*b])).unwrap_or(0);
+        let (unit, per_si) = joint_unit(self.slides);
+        let reached =
+            self.shape.as_ref().and_then(Shape::valid_joints_rad).and_then(|joints| joints.get(worst).copied());
+        format!(
+            "joint {} {} of {} {unit}, off {}",
+            worst + 1,
+            number(reached.map(|value| value * per_si), 2),
+            number(Some(setpoint.joints_rad[worst] * per_si), 2),
+            number(self.tracking.rms(now_ns).map(|value| value * per_si), 3),
         )
     }
 }

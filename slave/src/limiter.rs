@@ -34,6 +34,9 @@ settings! {
         pull_n: f64 = 60.0;
         /// The same for push, which ends in buckling where a line is not guided.
         push_n: f64 = 60.0;
+        /// Largest strain of a line under pull: load over E A of the model's lines. `krait run` refuses a `pull_n` beyond it.
+        /// 0.01: where the plateau of superelastic NiTi begins.
+        strain: f64 = 0.01, 1e-4..=0.1;
         /// Largest distance of a command from the setpoint while following, m. 0.5 mm: 17 periods at the largest speed, so that
         /// a late burst passes and a leap does not.
         step_m: f64 = 0.5e-3, 1e-5..=5e-3;

@@ -107,6 +107,52 @@ fn keep(page: &mut BrowserPage, name: &str) {
 }
 
 #[test]
+fn joints_are_shown_as_bars_with_their_numbers_live_and_from_a_recording() {
+    let Some(browser) = Browser::start() else { return };
+    let (instance, folder) = (instance_name("bars"), TempFolder::new("bars"));
+    let recording = folder.file("wrist.mcap");
+    let shipped = |name: &str| format!("{}/../docs/joints/{name}", env!("CARGO_MANIFEST_DIR"));
+    let (model, script) = (shipped("wrist.toml"), shipped("wrist.csv"));
+    let run = ["run", "--instance", &instance, "--engage=again", "--console", "--recording", &recording];
+    let mut krait = Krait::start(&[&run[..], &["--master", "script", "--input", &script, "--model", &model]].concat());
+    let console = Console::of(&mut krait);
+    let mut page = browser.page(&console.address, 1280, 800);
+    page.wait_for("the joints follow", "document.documentElement.dataset.shown === 'following'");
+    page.wait_for(
+        "three joints are measured",
+        "[...document.querySelectorAll('#joints .joint b')].filter(b => /^.[0-9.]+°$/.test(b.textContent)).length === 3",
+    );
+    page.wait_for(
+        "and how far each is off",
+        "[...document.querySelectorAll('#joints .joint .off')].every(off => /^off [0-9.]+$/.test(off.textContent))",
+    );
+    assert_eq!(page.value("document.querySelectorAll('#bars .bar').length"), json!(3));
+    let no_snake = "['scene', 'dial'].every(id => document.getElementById(id).getBoundingClientRect().width === 0)";
+    assert_eq!(page.value(no_snake), json!(true), "what is not there is not drawn");
+    for (width, height) in SIZES {
+        page.resize(width, height);
+        page.value("new Promise(done => setTimeout(done, 500))");
+        keep(&mut page, &format!("joints-{width}"));
+        let fits = "[...document.querySelectorAll('#joints .joint')].every(joint => joint.getBoundingClientRect().bottom <= document.querySelector('.strip').getBoundingClientRect().top)";
+        page.wait_for(&format!("the bars fit into {width} x {height}"), fits);
+    }
+    krait.signal(Signal::INT);
+    krait.end(PATIENCE);
+    let mut krait = Krait::start(&["console", &recording, "--instance", &instance]);
+    let mut page = browser.page(&Console::of(&mut krait).address, 1280, 800);
+    page.wait_for("the recording is open", "document.querySelector('.ribbon')?.textContent.includes('not live')");
+    page.value("(() => { const scrub = document.querySelector('.scrub input'); scrub.value = Math.floor(scrub.max / 2); scrub.dispatchEvent(new Event('input')); })()");
+    page.wait_for(
+        "its joints are shown",
+        "[...document.querySelectorAll('.not-live .joint b')].filter(b => /^.[0-9.]+°$/.test(b.textContent)).length === 3",
+    );
+    keep(&mut page, "joints-recorded");
+    krait.signal(Signal::TERM);
+    krait.end(PATIENCE);
+    assert!(page.complaints.iter().all(|said| said.contains("WebSocket")), "{:?}", page.complaints);
+}
+
+#[test]
 fn a_recording_opens_by_itself_where_the_console_was_started_for_it() {
     let Some(browser) = Browser::start() else { return };
     let (instance, folder) = (instance_name("film"), TempFolder::new("film"));

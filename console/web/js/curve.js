@@ -1,4 +1,4 @@
-// A curve of the last seconds on a canvas, with a band for the camera's noise; degrees over time.
+// A curve of the last seconds on a canvas, with a band for the camera's noise; degrees (or what the joints count in) over time.
 
 const LEFT = 40;
 
@@ -8,7 +8,7 @@ export class Curve {
     this.g = canvas.getContext('2d');
     this.seconds = seconds;
     this.points = [];
-    this.top = 1.2;
+    this.top = 0;
     this.size = { width: 0, height: 0, ratio: 1 };
   }
 
@@ -30,12 +30,12 @@ export class Curve {
     this.g.clearRect(0, 0, this.canvas.width, this.canvas.height);
   }
 
-  draw(now, noise, colours) {
+  draw(now, noise, colours, { unit, least }) {
     const { width, height, ratio } = this.size, g = this.g;
     if (!width || !height) return;
     g.setTransform(ratio, 0, 0, ratio, 0, 0);
     g.clearRect(0, 0, width, height);
-    const largest = this.points.reduce((most, [, value]) => value === null ? most : Math.max(most, value), 1.1) * 1.1;
+    const largest = this.points.reduce((most, [, value]) => value === null ? most : Math.max(most, value), least) * 1.1;
     // The scale grows at once and shrinks slowly: a curve that jumps up and down cannot be read.
     this.top = largest > this.top ? largest : this.top + (largest - this.top) * 0.02;
     const x = time => LEFT + (width - LEFT) * (1 - (now - time) / 1000 / this.seconds);
@@ -44,7 +44,7 @@ export class Curve {
       g.fillStyle = colours.s3;
       g.fillRect(LEFT, y(noise), width - LEFT, height - 2 - y(noise));
     }
-    const step = [0.5, 1, 2, 5, 10, 20].find(step => this.top / step < 3) ?? 50;
+    const step = [0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20].find(step => this.top / step < 3) ?? 50;
     g.font = '13px Inter, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif';
     g.textAlign = 'right';
     g.textBaseline = 'middle';
@@ -56,7 +56,7 @@ export class Curve {
       g.lineTo(width, Math.round(y(value)) + 0.5);
       g.stroke();
       g.fillStyle = colours.t3;
-      g.fillText(`${value}°`, LEFT - 8, Math.max(7, Math.min(height - 7, y(value))));
+      g.fillText(`${value}${unit}`, LEFT - 8, Math.max(7, Math.min(height - 7, y(value))));
     }
     g.strokeStyle = colours.trail;
     g.lineWidth = 2;

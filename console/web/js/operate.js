@@ -4,16 +4,24 @@ import { degrees } from './snake.js';
 import { MARKS, STATES, TONES } from './states.js';
 import { on } from './link.js';
 import { play } from './shell.js';
+import { JointBars } from './joints.js';
 
 const $ = id => document.getElementById(id);
 const TEXT_EVERY_MS = 100, OLD_MS = 150;
-let hello = null, facts = null, shown = '', textDue = 0, lastReasons = '', staleSince = null, bars = [], dial = null;
+let hello = null, facts = null, shown = '', textDue = 0, lastReasons = '', staleSince = null, bars = [], dial = null, joints = null;
+
+/// The tracking error in the unit that is shown, and its sign: degrees, or millimetres of joints that slide.
+const off = value => value * (facts.joints ? facts.joints.per_si : degrees(1));
+const unit = () => !facts.joints || facts.joints.unit === 'deg' ? '°' : ' mm';
 
 on('hello', message => {
   hello = message.hello;
   facts = hello.facts;
-  write($('fact-drives').lastElementChild, facts.is_simulated ? 'Simulated snake' : 'Real drives');
+  write($('fact-drives').lastElementChild, !facts.is_simulated ? 'Real drives' : facts.joints ? 'Simulated joints' : 'Simulated snake');
   write($('edge-name'), `limit ${degrees(facts.max_bend_rad).toFixed(0)}°`);
+  document.documentElement.dataset.machine = facts.joints ? 'joints' : 'snake';
+  if (facts.joints) joints = new JointBars($('joints'), facts.joints);
+  write($('lines-title').firstChild, facts.joints ? 'Actuators ' : 'Lines ');
   makeDial();
   makeBars();
 });
@@ -47,6 +55,7 @@ on('stale', ({ hasConnection }) => {
     : `Nothing has arrived for ${seconds} s. What the robot does now is not known here: look at the robot. Connecting again …`);
   for (const id of ['bend-now', 'plane-now', 'off-now']) write($(id), '–');
   write($('error-now'), '');
+  joints?.blank();
   for (const bar of bars) { write(bar.mm, '–'); write(bar.newton, '–'); }
   for (const id of ['need-drives', 'need-operator', 'need-clutch']) need(id, 'unknown', 'unknown', 'unknown');
   write($('need-scale').querySelector('dd span'), '–');
@@ -141,7 +150,7 @@ function makeDial() {
 }
 
 function makeBars() {
-  bars = [1, 2, 3].map(n => {
+  bars = Array.from({ length: facts.n_actuators }, (_, i) => i + 1).map(n => {
     const [fill, told, load] = [make('div', 'fill'), make('div', 'told'), make('div', 'fill')];
     const [mm, newton] = [make('span', 'mm num'), make('span', 'newton num')];
     const track = make('div', 'track', fill, make('div', 'zero'), told);
@@ -164,6 +173,7 @@ function move(frame) {
     element.style.display = bend ? '' : 'none';
     if (bend) { const [x, y] = place(bend); element.setAttribute('transform', `translate(${x.toFixed(2)} ${y.toFixed(2)})`); }
   };
+  if (frame.joints) joints?.move(frame.joints);
   at(dial.seen, frame.bend);
   at(dial.wanted, frame.setpoint);
   const [x, y] = frame.bend ? place(frame.bend) : [0, 0];
@@ -188,8 +198,9 @@ function numbers(frame) {
   // The plane counts anticlockwise from the camera's right; of a straight snake there is none.
   const [x, y] = bend ? onDial(bend) : [0, 0];
   write($('plane-now'), size === null ? '–' : size < 2 ? 'any' : `${((degrees(Math.atan2(-y, x)) + 359.5) % 360).toFixed(0)}°`);
-  write($('off-now'), frame.err_rms === null ? '–' : `${degrees(frame.err_rms).toFixed(1)}°`);
-  write($('error-now'), frame.err_rms === null ? '' : `${degrees(frame.err_rms).toFixed(2)}°`);
+  write($('off-now'), frame.err_rms === null ? '–' : `${off(frame.err_rms).toFixed(1)}${unit()}`);
+  write($('error-now'), frame.err_rms === null ? '' : `${off(frame.err_rms).toFixed(2)}${unit()}`);
+  if (frame.joints) joints?.write(frame.joints);
   bars.forEach(({ mm, newton }, i) => {
     write(mm, state ? signed(state.q_m[i] * 1e3, 2) : '–');
     write(newton, state && state.tau_n[i] !== null ? `${signed(state.tau_n[i], 1)} N` : 'not measured');

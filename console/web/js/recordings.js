@@ -1,6 +1,7 @@
 // Recordings: the list, and a player that shows each as pictures in the same view, framed as not live.
 import { clock, drawing, make, write } from './format.js';
 import { go, turnWithPointer } from './shell.js';
+import { JointBars } from './joints.js';
 import { degrees } from './snake.js';
 import { lend, on, post } from './link.js';
 import { useInLab } from './lab.js';
@@ -8,7 +9,7 @@ import { useInLab } from './lab.js';
 const page = document.getElementById('recordings');
 const SPEEDS = [0.25, 0.5, 1, 2, 5, 20];
 const parts = {};
-let wanted = null, film = null, errors = [], at = 0, isPlaying = false, speed = 1, lastTick = 0, chosen = null, isBuilt = false, wasOpened = false;
+let wanted = null, film = null, errors = [], at = 0, isPlaying = false, speed = 1, lastTick = 0, chosen = null, isBuilt = false, wasOpened = false, facts = null, bars = null;
 
 function build() {
   isBuilt = true;
@@ -23,7 +24,10 @@ function build() {
   parts.canvas = document.createElement('canvas');
   parts.canvas.className = 'scene';
   parts.ribbon = make('div', 'ribbon', 'Choose a recording');
-  const stage = make('div', 'stage not-live', parts.canvas, parts.ribbon);
+  parts.joints = make('div', 'joints');
+  parts.joints.setAttribute('role', 'img');
+  parts.joints.hidden = true;
+  const stage = make('div', 'stage not-live', parts.canvas, parts.joints, parts.ribbon);
   parts.play = make('button', 'prime square', '▶');
   parts.play.setAttribute('aria-label', 'Play or pause');
   parts.time = make('b', 'num', '0:00:00');
@@ -75,6 +79,7 @@ export async function showRecordings() {
 
 /// The recording that the console was started for comes first, once.
 on('hello', ({ hello }) => {
+  facts = hello.facts;
   if (!hello.facts.opens || wasOpened) return;
   wasOpened = true;
   wanted = hello.facts.opens;
@@ -89,9 +94,15 @@ async function open(name) {
   const answer = await fetch(`/recordings/${encodeURIComponent(name)}`);
   if (!answer.ok) { write(parts.ribbon, await answer.text()); return; }
   film = await answer.json();
-  errors = film.t_s.map((_, i) => film.bend[i] && film.setpoint[i] ? degrees(Math.hypot(film.bend[i][0] - film.setpoint[i][0], film.bend[i][1] - film.setpoint[i][1])) : null);
+  const n = film.joints_wanted.find(joints => joints)?.length ?? 0;
+  // Limits and unit of joints are those of the machine that this console was started for.
+  const fits = n > 0 && facts?.joints?.low.length === n;
+  bars = fits ? new JointBars(parts.joints, facts.joints) : null;
+  parts.joints.hidden = !fits;
+  parts.canvas.hidden = n > 0;
+  errors = film.t_s.map((_, i) => n > 0 ? jointError(i) : film.bend[i] && film.setpoint[i] ? degrees(Math.hypot(film.bend[i][0] - film.setpoint[i][0], film.bend[i][1] - film.setpoint[i][1])) : null);
   at = 0;
-  write(parts.ribbon, `Recording ${name.replace(/\.mcap$/, '')} – not live`);
+  write(parts.ribbon, n > 0 && !fits ? `${n} joints of another machine: open them with krait console ${name}` : `Recording ${name.replace(/\.mcap$/, '')} – not live`);
   Object.assign(parts.scrub, { max: Math.max(0, film.t_s.length - 1), disabled: film.t_s.length < 2 });
   write(parts.length, `of ${clock(film.t_s.at(-1) ?? 0)}`);
   curve();
@@ -100,10 +111,16 @@ async function open(name) {
   show();
 }
 
+/// How far the joint that is farthest off is from where it shall be; nothing without this machine's unit.
+function jointError(i) {
+  const [measured, wanted] = [film.joints[i], film.joints_wanted[i]];
+  return bars && measured && wanted?.length === measured.length ? Math.max(...wanted.map((value, k) => Math.abs(measured[k] - value))) * facts.joints.per_si : null;
+}
+
 function curve() {
   const n = errors.length, step = Math.max(1, Math.floor(n / 600)), values = [];
   for (let i = 0; i < n; i += step) values.push(Math.max(0, ...errors.slice(i, i + step).filter(value => value !== null)));
-  const top = Math.max(1, ...values) * 1.1;
+  const top = Math.max(bars ? 0.05 : 1, ...values) * 1.1;
   const points = values.map((value, i) => `${(1000 * i / Math.max(1, values.length - 1)).toFixed(1)} ${(100 - 96 * value / top).toFixed(1)}`);
   const picture = drawing('0 0 1000 100', `<path class="area" d="M0 100L${points.join('L')}L1000 100z"/><path class="line" d="M${points.join('L')}"/>`);
   picture.setAttribute('preserveAspectRatio', 'none');
@@ -117,9 +134,13 @@ function button() { write(parts.play, isPlaying ? '❚❚' : '▶'); }
 function show() {
   if (!film?.t_s.length) return;
   const i = Math.min(film.t_s.length - 1, Math.floor(at));
-  post('picture', { bend: film.bend[i], setpoint: film.setpoint[i] });
+  if (bars) {
+    const picture = { measured: film.joints[i], wanted: film.joints_wanted[i], err_rms: null };
+    bars.move(picture);
+    bars.write(picture);
+  } else post('picture', { bend: film.bend[i], setpoint: film.setpoint[i] });
   write(parts.time, clock(film.t_s[i]));
-  write(parts.off, errors[i] === null ? '–' : `${errors[i].toFixed(1)}°`);
+  write(parts.off, errors[i] === null ? '–' : bars ? `${errors[i].toFixed(2)} ${facts.joints.unit}` : `${errors[i].toFixed(1)}°`);
   write(parts.state, film.operating[i].toLowerCase());
   parts.scrub.value = String(i);
   parts.head.style.left = `${100 * i / Math.max(1, film.t_s.length - 1)}%`;

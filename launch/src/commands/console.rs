@@ -6,10 +6,13 @@ use crate::config::{Config, STANDARD_INPUT};
 use crate::in_force::ModelInForce;
 use crate::{print, recorded, signals, supervisor};
 use anyhow::Context;
-use krait_console::{Facts, HopBudget, ServerSettings};
+use krait_bridge::{JointMachine, LiveModel};
+use krait_console::{Facts, HopBudget, JointFacts, ServerSettings};
 use krait_ipc::Bus;
+use krait_ipc::message::N_LINES;
 use krait_master::Presence;
 use krait_record::Recording;
+use krait_report::joint_unit;
 use krait_slave::DriveKind;
 use rustix::process::{Pid, Signal, kill_process};
 use std::ffi::OsStr;
@@ -109,15 +112,21 @@ impl Drop for Companion {
 }
 
 fn facts_of(instance: &str, config: &Config, model: &ModelInForce) -> anyhow::Result<Facts> {
-    let chain = model.snake("the console")?;
+    let (machine, joints) = match &model.machine {
+        LiveModel::Snake(chain) => (Some(chain.machine()), None),
+        LiveModel::Joints(joints) => (None, Some(JointMachine::new(joints, &config.joints)?)),
+    };
+    let joints = joints.map(|joints| joint_facts(&joints));
     let allowance =
         |a: crate::budget::Allowance| HopBudget { p50_us: a.p50_us, p99_us: a.p99_us, worst_us: a.worst_us };
     let budget = &config.budget;
     Ok(Facts {
         instance: instance.to_owned(),
         is_simulated: config.slave.drive.kind == DriveKind::Sim,
-        l_m: chain.machine().l_m,
-        r_m: chain.machine().r_m,
+        l_m: machine.map_or(0.0, |machine| machine.l_m),
+        r_m: machine.map_or(0.0, |machine| machine.r_m),
+        n_actuators: joints.as_ref().map_or(N_LINES, |joints| joints.low.len()),
+        joints,
         max_bend_rad: config.resolve.max_bend_rad,
         max_stroke_m: config.compensate.max_stroke_m,
         max_load_n: config.compensate.max_load_n,
@@ -128,6 +137,12 @@ fn facts_of(instance: &str, config: &Config, model: &ModelInForce) -> anyhow::Re
         opens: None,
         budgets: budget.hops().into_iter().chain([budget.end_to_end]).map(allowance).collect(),
     })
+}
+
+fn joint_facts(joints: &JointMachine) -> JointFacts {
+    let (unit, per_si) = joint_unit(joints.slides());
+    let [low, high] = joints.range_rad().map(|values| values[..joints.n()].to_vec());
+    JointFacts { unit, per_si, low, high }
 }
 
 fn presence_hint(presence: Presence) -> String {

@@ -84,7 +84,8 @@ fn record_passes(
         supervisor.start_chain(&options, stop)?;
         evidence.processes(mode.name(), &supervisor.processes());
         let label = format!("pass {} of {}, compensation {}", mode as u32 + 1, PASSES.len(), mode.name());
-        let finished = Progress::new(&label, supervisor.bus(), Some(args.seconds))?.show(&mut supervisor, stop)?;
+        let finished =
+            Progress::new(&label, supervisor.bus(), Some(args.seconds), false)?.show(&mut supervisor, stop)?;
         supervisor.end_chain();
         evidence.pass(model, start_ns..clock::monotonic_ns(), &supervisor);
         if !finished {

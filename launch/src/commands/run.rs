@@ -9,6 +9,7 @@ use crate::progress::Progress;
 use crate::supervisor::{Cast, ChainOptions, Supervisor};
 use crate::{device, print, signals};
 use anyhow::{bail, ensure};
+use krait_bridge::JointModel;
 use krait_ipc::clock;
 use krait_master::{AXIS_NAMES, Profile};
 use std::path::absolute;
@@ -34,9 +35,6 @@ pub fn run(common: &Common, args: &RunArgs) -> anyhow::Result<ExitCode> {
     let config = configure(common, args)?;
     name_unused_axes(&config, args.master)?;
     let has_console = args.console || args.master == MasterKind::Browser;
-    if has_console {
-        config.model()?.snake("the console")?;
-    }
     let options = ChainOptions {
         config,
         master: args.master,
@@ -61,7 +59,8 @@ pub fn run(common: &Common, args: &RunArgs) -> anyhow::Result<ExitCode> {
     let start_console = || Companion::start(&common.instance, &options.config, args.json);
     let console = has_console.then(start_console).transpose()?;
     let label = format!("Running, compensation {}; Ctrl-C ends it", model.label);
-    Progress::new(&label, supervisor.bus(), args.seconds)?.show(&mut supervisor, &stop)?;
+    let slides = model.machine.joints().is_some_and(JointModel::slides);
+    Progress::new(&label, supervisor.bus(), args.seconds, slides)?.show(&mut supervisor, &stop)?;
     supervisor.end_chain();
     drop(console);
     // After an exchange the figures are those of the model that the chain ended with, and of its recording.
