@@ -12,6 +12,8 @@ let hello = null, facts = null, shown = '', textDue = 0, lastReasons = '', stale
 
 /// The tracking error in the unit that is shown, and its sign: degrees, or millimetres of joints that slide.
 const off = value => value * (facts.joints ? facts.joints.per_si : degrees(1));
+/// Sentences speak of the snake, which joints are none of.
+const named = text => facts.joints ? text.replace(/\bsnake\b/g, 'robot') : text;
 const unit = () => !facts.joints || facts.joints.unit === 'deg' ? '°' : ' mm';
 
 on('hello', message => {
@@ -93,7 +95,7 @@ function sentence(frame) {
   const worst = frame.reasons.map(reason => hello.reasons[reason.id]);
   const limit = worst.find(reason => reason.banner);
   const failed = worst.find(reason => reason.level === 'fault');
-  const text = frame.shown === 'limited' && limit ? limit.banner : frame.shown === 'fault' && failed ? failed.say : frame.shown === 'holding' && worst.length ? worst[0].say : frame.shown === 'ready' ? `Holding still. ${frame.pad ? 'Hold the drive pad to follow.' : facts.presence_hint}` : frame.shown === 'lost' && frame.pad ? 'Holding still: the page that drives is lost.' : STATES[frame.shown].say;
+  const text = named(frame.shown === 'limited' && limit ? limit.banner : frame.shown === 'fault' && failed ? failed.say : frame.shown === 'holding' && worst.length ? worst[0].say : frame.shown === 'ready' ? `Holding still. ${frame.pad ? 'Hold the drive pad to follow.' : facts.presence_hint}` : frame.shown === 'lost' && frame.pad ? 'Holding still: the page that drives is lost.' : STATES[frame.shown].say);
   write($('sentence'), text);
 }
 
@@ -136,7 +138,7 @@ function list(items, state) {
   lastReasons = key;
   $('reasons').replaceChildren(...items.map(({ level, say, todo }) => {
     const icon = make('i', '', drawing(MARKS[level].box, MARKS[level].inner));
-    return make('li', level, icon, make('span', '', say), make('small', '', todo));
+    return make('li', level, icon, make('span', '', named(say)), make('small', '', named(todo)));
   }));
 }
 

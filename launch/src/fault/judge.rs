@@ -62,14 +62,15 @@ pub struct FaultOutcome {
 }
 
 impl Observed {
-    /// Looks at a recording, or, where there is none, at the states that were heard.
+    /// Looks at a recording, or, where there is none, at the states that were heard: at every step of the whole run, and at
+    /// what became of a fault between its instant, where that is known, and the scene's end.
     ///
     /// # Errors
     /// One sentence when the recording cannot be read.
     pub fn of(
         recording: Option<&Path>,
         heard: &[SlaveState],
-        struck_ns: Option<i64>,
+        (struck_ns, over_ns): (Option<i64>, i64),
         rate_m_per_s: f64,
     ) -> anyhow::Result<Self> {
         let mut seen = Self::default();
@@ -79,8 +80,9 @@ impl Observed {
         };
         let states = if recording.is_some() { &recorded[..] } else { heard };
         seen.steps(states, rate_m_per_s);
-        let after: Vec<&SlaveState> =
-            states.iter().filter(|state| struck_ns.is_none_or(|ns| state.sample_ns >= ns)).collect();
+        let is_after =
+            |state: &&SlaveState| struck_ns.is_none_or(|ns| state.sample_ns >= ns) && state.sample_ns <= over_ns;
+        let after: Vec<&SlaveState> = states.iter().filter(is_after).collect();
         seen.reasons = after.iter().fold(0, |reasons, state| reasons | state.reasons);
         seen.did = end_of(&after);
         seen.rest_ms = struck_ns.zip(last_motion_ns(&after)).map(|(from, to)| (to - from).max(0) as f64 * 1e-6);
@@ -137,13 +139,11 @@ fn last_motion_ns(states: &[&SlaveState]) -> Option<i64> {
 
 fn end_of(states: &[&SlaveState]) -> Option<End> {
     let newest = states.last()?;
-    // The farewell of a slave that was told to end is Disabled and not engaged, whatever it did before.
-    let before_the_end = states.iter().rev().find(|state| state.operating() != Some(OperatingState::Disabled))?;
-    if before_the_end.operating() == Some(OperatingState::Fault) {
+    if newest.operating() == Some(OperatingState::Fault) {
         return Some(End::Fault);
     }
     let stands = newest.sample_ns - last_motion_ns(states)? > STANDS_NS;
-    let was_engaged = before_the_end.is_engaged();
+    let was_engaged = newest.is_engaged();
     let engaged_again = states.windows(2).any(|pair| !pair[0].is_engaged() && pair[1].is_engaged());
     match (stands, was_engaged, engaged_again) {
         (false, true, false) => Some(End::Moves),
@@ -215,14 +215,15 @@ mod tests {
     }
 
     fn wrong(states: &[SlaveState], fault: Fault) -> Option<String> {
-        let seen = Observed::of(None, states, Some(500 * MS), 30e-3).expect("no file is read");
+        let seen = Observed::of(None, states, (Some(500 * MS), i64::MAX), 30e-3).expect("no file is read");
         judge(fault, StrikeTime::of(0), &seen, "").wrong
     }
 
     #[test]
     fn a_stall_below_the_watchdog_may_pass_and_what_is_left_or_unreadable_is_wrong() {
         let wrong = |fault, stall_s, change: fn(&mut Observed)| {
-            let mut seen = Observed::of(None, &states(600), Some(500 * MS), 30e-3).expect("no file is read");
+            let mut seen =
+                Observed::of(None, &states(600), (Some(500 * MS), i64::MAX), 30e-3).expect("no file is read");
             change(&mut seen);
             judge(fault, StrikeTime { wait_s: 0.0, stall_s }, &seen, "").wrong
         };
@@ -250,6 +251,15 @@ mod tests {
         again[900].flags |= SlaveState::ENGAGED;
         assert_eq!(wrong(&again, Fault::Lost).as_deref(), Some("another end"), "nobody has engaged it");
         assert_eq!(wrong(&[], Fault::Lost).as_deref(), Some("another end"));
+    }
+
+    #[test]
+    fn what_the_end_of_a_scene_does_to_a_chain_is_not_taken_for_the_fault() {
+        // It moves until 900 ms, and then the chain is told to end: the slave misses its master and holds.
+        let did =
+            |over_ns| Observed::of(None, &states(400), (Some(500 * MS), over_ns), 30e-3).expect("no file is read").did;
+        assert_eq!(did(850 * MS), Some(End::Moves));
+        assert_eq!(did(i64::MAX), None, "neither: it has moved until now and is not engaged");
     }
 
     #[test]

@@ -13,7 +13,7 @@ use anyhow::Context;
 use core::fmt::Write;
 use core::sync::atomic::AtomicBool;
 use krait_ipc::message::{Command, Message, OperatingState, Setpoint, SlaveState};
-use krait_ipc::{Bus, Cores, InstanceName, Process, ReadOptions, Realtime, resources_of};
+use krait_ipc::{Bus, Cores, InstanceName, Process, ReadOptions, Realtime, clock, resources_of};
 use krait_record::Recording;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -177,14 +177,16 @@ impl Scene<'_> {
         Ok(seen)
     }
 
-    /// Ends the chain and looks at what it has left.
+    /// Ends the chain and looks at what it has left. What became of the fault is judged by what came before this end: the
+    /// master is asked first, and on a busy machine the slave misses it before it is asked itself.
     fn see(&self, mut watch: SceneWatch<'_>, struck_ns: Option<i64>) -> anyhow::Result<Observed> {
+        let over_ns = clock::monotonic_ns();
         for supervisor in watch.supervisors.iter_mut().rev() {
             supervisor.end();
         }
         let limits = &self.config.slave.limits;
         let recording = self.fault.is_recorded().then(|| recording_in(self.fault, self.folder));
-        Observed::of(recording.as_deref(), &watch.states, struck_ns, limits.rate_m_per_s)
+        Observed::of(recording.as_deref(), &watch.states, (struck_ns, over_ns), limits.rate_m_per_s)
     }
 
     fn options(&self, cast: Cast) -> anyhow::Result<ChainOptions> {
