@@ -79,7 +79,7 @@ fn a_recording_and_its_export_are_the_same_measurements() {
     assert_eq!(data.sigma.as_ref().map(|s| s[20]), Some(0.005));
     let csv = path.with_extension("csv");
     let mut bytes = Vec::new();
-    write_csv(&Columns::read(&path).expect("good"), &mut bytes).expect("memory");
+    write_csv(&Columns::read(&path).expect("good"), None, &mut bytes).expect("memory");
     std::fs::write(&csv, bytes).expect("the test folder can be written");
     let exported = snake(&csv);
     let differing = numbers(&exported).iter().zip(numbers(&data)).filter(|(a, b)| **a != *b).count();
@@ -105,7 +105,7 @@ fn a_recording_is_of_a_snake_and_has_its_own_columns() {
     let path = recording("other");
     let joints = ModelFile::parse("format = 1\n[machine]\nkind = \"joints\"\nn = 3\n").expect("a model");
     let sentence = read(&path, &ColumnMap::default(), joints.machine().into()).expect_err("joints").to_string();
-    assert!(sentence.contains("of a snake") && sentence.contains("joints"), "{sentence}");
+    assert!(sentence.contains("a snake, but the model is of 3 joints"), "{sentence}");
     let map: ColumnMap = ["q1_m=a".parse::<Mapping>().expect("well formed")].into_iter().collect();
     let sentence = read(&path, &map, Expected::Snake).expect_err("mapped").to_string();
     assert!(sentence.contains("--map"), "{sentence}");

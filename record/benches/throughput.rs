@@ -76,7 +76,7 @@ fn read(path: &std::path::Path, n_written: Option<usize>) {
     rate("read", n_read, monotonic_ns() - begun_ns, length_s);
     assert_eq!(n_read, n_written.unwrap_or(n_held));
     let begun_ns = monotonic_ns();
-    let n_rows = Columns::of(&recording).expect("readable").rows.len();
+    let n_rows = Columns::of(&recording).expect("readable").n_rows();
     rate("read into columns (rows)", n_rows, monotonic_ns() - begun_ns, length_s);
 }
 

@@ -9,48 +9,47 @@
 //! Encoders mean something only when the drives know their zero: rows begin when the slave is homed and end when it is not.
 
 mod csv;
+mod header;
 mod parquet;
 
 use crate::error::RecordingReadError;
 use crate::reader::Recording;
-use krait_ipc::message::{Shape, SlaveState, three};
+use krait_ipc::message::{JointValues, MAX_ACTUATORS, MAX_JOINTS, Shape, SlaveState, n_actuators};
 use krait_schema::Sample;
 use std::path::Path;
 
 pub use self::parquet::write_parquet;
 pub use csv::write_csv;
+pub use header::ColumnUnits;
 
 /// Furthest that an encoder stamp and an exposure may be apart to count as one measurement, ns: ten rows at 1 kHz.
 pub const PAIRING_LIMIT_NS: i64 = 10_000_000;
 
-/// One measurement of the machine. NaN: not measured.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Row {
-    /// Instant of the encoders since the first row of the recording, s; never falls, and rises within a trial.
-    pub time_s: f64,
-    /// Encoder positions q~ of the three lines, m, push positive.
-    pub q_m: [f64; 3],
-    /// Measured bend vector b (cos delta, sin delta), rad; NaN where the camera gave none.
-    pub bend_rad: [f64; 2],
-    /// Standard deviation of each component of `bend_rad` as the camera states it, rad; NaN where the camera gave none.
-    pub sigma_bend_rad: f64,
-    /// Load of each line at its actuator, N, push positive; NaN where it is not measured.
-    pub tau_n: [f64; 3],
-    /// Counts from 1; a new one begins where the slave was started or homed anew, and the machine's history with it.
-    pub trial: u32,
-}
-
-/// The measurements of a recording.
+/// The measurements of a recording: a row for each sample of the encoders. NaN: not measured.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Columns {
-    /// The rows, in the order of time.
-    pub rows: Vec<Row>,
+    /// How many joints the machine has; 0: a snake.
+    pub n_joints: usize,
+    /// Instant of the encoders since the first row of the recording, s; never falls, and rises within a trial.
+    pub time_s: Vec<f64>,
+    /// Actuators of each row: three lines of a snake.
+    pub n_actuators: usize,
+    /// Encoder positions of the actuators, m, push positive, row after row.
+    pub q_m: Vec<f64>,
+    /// Load of each actuator, N, push positive, row after row; NaN where it is not measured.
+    pub tau_n: Vec<f64>,
+    /// What was measured of the shape, row after row of [`Columns::n_outputs`]: the bend vector b (cos delta, sin delta) of a
+    /// snake, rad, or the positions of joints, rad (m where they slide); NaN where the camera gave none.
+    pub outputs: Vec<f64>,
+    /// Standard deviation of each output of a row as the camera states it (of joints the root mean square), in the outputs'
+    /// unit; NaN where the camera gave none.
+    pub sigma: Vec<f64>,
+    /// Counts from 1; a new one begins where the slave was started or homed anew, and the machine's history with it.
+    pub trial: Vec<u32>,
     /// Shapes that stand in a row.
     pub n_shapes: u64,
     /// Shapes that stand in none: the camera saw nothing, or no row was near enough.
     pub n_shapes_left_out: u64,
-    /// Whether the machine has joints: there are no rows then, because a row is of a snake.
-    pub is_of_joints: bool,
     /// States that became no row: the drives did not know their zero, or the stamp did not rise.
     pub n_states_left_out: u64,
 }
@@ -87,26 +86,41 @@ impl Columns {
         Self::of_parts(&Recording::open_parts(path)?)
     }
 
+    /// Rows.
+    pub fn n_rows(&self) -> usize {
+        self.time_s.len()
+    }
+
+    /// Outputs of each row: two of a snake, one for each joint.
+    pub fn n_outputs(&self) -> usize {
+        if self.n_joints == 0 { 2 } else { self.n_joints }
+    }
+
     /// Whether any row has a load.
     pub fn has_tau(&self) -> bool {
-        self.rows.iter().any(|row| row.tau_n.iter().any(|tau| !tau.is_nan()))
+        self.tau_n.iter().any(|tau| !tau.is_nan())
+    }
+
+    /// Whether the camera gave a shape for a row.
+    pub fn has_shape(&self, row: usize) -> bool {
+        self.outputs.get(row * self.n_outputs()).is_some_and(|first| !first.is_nan())
     }
 }
 
-impl Row {
-    /// Whether the camera gave a shape for this row.
-    pub fn has_shape(&self) -> bool {
-        !self.bend_rad[0].is_nan()
-    }
+/// A shape that waits for its row.
+#[derive(Clone, Copy, Debug)]
+struct Seen {
+    exposed_ns: i64,
+    outputs: JointValues,
+    sigma: f64,
 }
 
 /// Puts measurements together from samples in the order of the file; give it the parts of a rotated recording in turn.
 #[derive(Debug, Default)]
 pub struct Builder {
     columns: Columns,
-    // Stamp of each row, and the distance of its shape's exposure.
     stamps_ns: Vec<i64>,
-    shapes: Vec<(i64, [f64; 2], f64)>,
+    shapes: Vec<Seen>,
     last_sequence: u64,
     was_homed: bool,
     trial: u32,
@@ -124,37 +138,43 @@ impl Builder {
 
     /// The measurements, with each shape in its row.
     pub fn finish(mut self) -> Columns {
-        if self.columns.is_of_joints {
-            return Columns { is_of_joints: true, ..Columns::default() };
-        }
+        let columns = &mut self.columns;
+        let n = columns.n_outputs();
+        (columns.outputs, columns.sigma) =
+            (vec![f64::NAN; n * self.stamps_ns.len()], vec![f64::NAN; self.stamps_ns.len()]);
+        // How far each row's exposure is from its stamp.
         let mut distances_ns = vec![i64::MAX; self.stamps_ns.len()];
-        for (exposed_ns, bend_rad, sigma_bend_rad) in self.shapes {
-            let Some((idx, distance_ns)) = nearest(&self.stamps_ns, exposed_ns) else {
-                self.columns.n_shapes_left_out += 1;
+        for Seen { exposed_ns, outputs, sigma } in self.shapes {
+            let Some((row, distance_ns)) = nearest(&self.stamps_ns, exposed_ns) else {
+                columns.n_shapes_left_out += 1;
                 continue;
             };
-            let (row, taken) = (&mut self.columns.rows[idx], &mut distances_ns[idx]);
+            let taken = &mut distances_ns[row];
             if distance_ns > PAIRING_LIMIT_NS || distance_ns >= *taken {
-                self.columns.n_shapes_left_out += 1;
+                columns.n_shapes_left_out += 1;
                 continue;
             }
-            let replaces_another = *taken != i64::MAX;
-            (row.bend_rad, row.sigma_bend_rad, *taken) = (bend_rad, sigma_bend_rad, distance_ns);
-            self.columns.n_shapes += u64::from(!replaces_another);
-            self.columns.n_shapes_left_out += u64::from(replaces_another);
+            let replaces_another = core::mem::replace(taken, distance_ns) != i64::MAX;
+            columns.outputs[row * n..][..n].copy_from_slice(&outputs[..n]);
+            columns.sigma[row] = sigma;
+            columns.n_shapes += u64::from(!replaces_another);
+            columns.n_shapes_left_out += u64::from(replaces_another);
         }
         self.columns
     }
 
     fn state(&mut self, state: &SlaveState) {
-        self.columns.is_of_joints |= state.n_joints > 0;
+        let n_actuators = n_actuators(state.n_actuators).min(MAX_ACTUATORS);
         let is_measuring = state.flags & SlaveState::IS_HOMED != 0
             && state.flags & SlaveState::IS_BUSY == 0
-            && state.measured_q_m.iter().all(|q| q.is_finite());
+            && state.measured_q_m[..n_actuators].iter().all(|q| q.is_finite());
         let is_new_slave = state.sequence <= self.last_sequence;
         self.last_sequence = state.sequence;
+        // A machine of joints says so from its first command on.
+        self.columns.n_joints = self.columns.n_joints.max((state.n_joints as usize).min(MAX_JOINTS));
         let rises = self.stamps_ns.last().is_none_or(|last_ns| state.sample_ns > *last_ns);
-        if !is_measuring || !rises {
+        let is_same_machine = self.columns.n_actuators == 0 || self.columns.n_actuators == n_actuators;
+        if !is_measuring || !rises || !is_same_machine {
             self.was_homed &= is_measuring && !is_new_slave;
             self.columns.n_states_left_out += 1;
             return;
@@ -163,21 +183,31 @@ impl Builder {
         self.was_homed = true;
         let first_ns = self.stamps_ns.first().copied().unwrap_or(state.sample_ns);
         self.stamps_ns.push(state.sample_ns);
-        self.columns.rows.push(Row {
-            time_s: state.sample_ns.saturating_sub(first_ns) as f64 / 1e9,
-            q_m: three(&state.measured_q_m),
-            bend_rad: [f64::NAN; 2],
-            sigma_bend_rad: f64::NAN,
-            tau_n: three(&state.measured_tau_n),
-            trial: self.trial,
-        });
+        let columns = &mut self.columns;
+        columns.n_actuators = n_actuators;
+        columns.time_s.push(state.sample_ns.saturating_sub(first_ns) as f64 / 1e9);
+        columns.q_m.extend(&state.measured_q_m[..n_actuators]);
+        columns.tau_n.extend(&state.measured_tau_n[..n_actuators]);
+        columns.trial.push(self.trial);
     }
 
     fn shape(&mut self, shape: &Shape) {
-        match shape.valid_bend_rad() {
-            Some(bend_rad) => self.shapes.push((shape.sample_ns, bend_rad, shape.sigma_bend_rad())),
-            None => self.columns.n_shapes_left_out += 1,
-        }
+        let mut outputs = [f64::NAN; MAX_JOINTS];
+        let sigma = match (shape.valid_bend_rad(), shape.valid_joints_rad()) {
+            (Some(bend_rad), _) => {
+                outputs[..2].copy_from_slice(&bend_rad);
+                shape.sigma_bend_rad()
+            }
+            (None, Some(joints)) => {
+                outputs[..joints.len()].copy_from_slice(joints);
+                (shape.joint_variances_rad2[..joints.len()].iter().sum::<f64>() / joints.len() as f64).sqrt()
+            }
+            (None, None) => {
+                self.columns.n_shapes_left_out += 1;
+                return;
+            }
+        };
+        self.shapes.push(Seen { exposed_ns: shape.sample_ns, outputs, sigma });
     }
 }
 

@@ -68,6 +68,7 @@ fn a_wrist_follows_better_with_its_model_and_its_recording_verifies() {
         verdict["first_difference"].is_null() && verdict["commands_identical"].as_u64() > Some(10_000),
         "{verdict}"
     );
+    in_the_lab(&folder, &off, &without);
     // Played again, the wrist does as well, and twice the same.
     let (one, two) = (folder.file("one.mcap"), folder.file("two.mcap"));
     let again_deg = replayed(&with, &one)["joints"]["error"]["rms"].as_f64().expect("more than 10 s of motion");
@@ -78,6 +79,33 @@ fn a_wrist_follows_better_with_its_model_and_its_recording_verifies() {
     let apart = compared(&without, &with);
     let side = |letter: &str| apart[letter]["joints"]["error"]["rms"].as_f64().unwrap_or_else(|| panic!("{apart}"));
     assert!((side("a") - off_deg).abs() < 1e-9 && (side("b") - wrist_deg).abs() < 1e-9, "run and compare say the same");
+}
+
+/// What the chain has recorded without a model of its own tells the lab what is missing: play in each joint. Its export is the
+/// same measurements.
+fn in_the_lab(folder: &TempFolder, model: &str, recording: &str) {
+    let table = folder.file("off.csv");
+    let exported = Ended::of(&["export", recording, "--out", &table], PATIENCE);
+    assert_eq!(exported.code, Some(0), "{exported:?}");
+    let header = std::fs::read_to_string(&table).expect("written").lines().next().map(str::to_owned);
+    assert!(header.is_some_and(|header| header.starts_with("time_s,u1_rad,u2_rad,u3_rad,y1_rad,y2_rad,y3_rad")));
+    let rms = |data: &str| {
+        let compared = Ended::of(&["lab", "compare", "--model", model, "--data", data, "--json"], PATIENCE);
+        assert_eq!(compared.code, Some(0), "{compared:?}");
+        compared.json()["as_given_rms"].as_f64()
+    };
+    let (recorded, exported) = (rms(recording).expect("a figure"), rms(&table).expect("a figure"));
+    assert!((recorded - exported).abs() < 1e-9 * recorded, "{recorded} of the recording, {exported} of the table");
+    let bare = folder.file("bare.toml");
+    std::fs::write(&bare, "format = 1\n[machine]\nkind = \"joints\"\nn = 3\n").expect("a file");
+    let found = Ended::of(&["lab", "diagnose", "--model", &bare, "--data", recording, "--json"], PATIENCE);
+    assert_eq!(found.code, Some(0), "{found:?}");
+    let effects = found.json()["effects"].as_array().cloned().unwrap_or_default();
+    let play = ["backlash", "bouc-wen", "prandtl-ishlinskii"];
+    let has_play = |joint: u64| {
+        effects.iter().any(|own| own["joint"] == joint && own["name"].as_str().is_some_and(|name| play.contains(&name)))
+    };
+    assert!((1..=3).all(has_play), "{effects:?}");
 }
 
 #[test]

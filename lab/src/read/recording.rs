@@ -1,8 +1,11 @@
-//! Measurements from a recording of krait: the encoders of every state, the camera's shape where there is one.
+//! Measurements from a recording of krait: the encoders of every state, the camera's shape where there is one. Joints are
+//! counted as the model counts them: lengths of cable become angles of the capstan that the recorded configuration names.
 
 use super::check::{self, Place};
+use super::unit::{Dimension, Unit};
 use super::{ColumnMap, Expected, Hashing, ReadError, hex, source};
 use crate::{LoadUse, Measurements, Quantity};
+use krait_model::model_file::{Joints, Machine, ModelFile};
 use krait_record::columns::Columns;
 use krait_record::{CONFIG_ATTACHMENT, Missing, Recording, attachment};
 use sha2::{Digest, Sha256};
@@ -10,6 +13,8 @@ use std::fs::File;
 use std::io;
 use std::path::Path;
 
+/// The model file that a chain of joints was driven with, as the recording embeds it.
+const MODEL_ATTACHMENT: &str = "model.toml";
 /// Loads of a simulated machine are what the machine has; this much is left to effects that are not in the model.
 const SIMULATED_GAIN_APART: f64 = 0.005;
 
@@ -21,10 +26,6 @@ pub(super) const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
 /// Messages that the recorder itself counted as lost are no reason to refuse it: among a thousand encoder readings each second
 /// a single one is not missed.
 pub(super) fn read(path: &Path, file: File, map: &ColumnMap, expected: Expected) -> Result<Measurements, ReadError> {
-    if let Expected::Joints(_) = expected {
-        let found = "a recording of krait is of a snake".to_owned();
-        return Err(ReadError::OtherMachine { path: path.to_owned(), found, expected: "joints".to_owned() });
-    }
     if *map != ColumnMap::default() {
         return Err(ReadError::MappedRecording { path: path.to_owned() });
     }
@@ -33,14 +34,26 @@ pub(super) fn read(path: &Path, file: File, map: &ColumnMap, expected: Expected)
         return Err(ReadError::CutRecording { path: path.to_owned(), missing: missing.to_string() });
     }
     let columns = Columns::of(&recording).map_err(Box::new)?;
-    if columns.is_of_joints {
-        let (found, expected) =
-            ("a recording of joints".to_owned(), "one of a snake; joints are read from CSV".to_owned());
+    let scale = match expected {
+        Expected::Snake => (columns.n_joints == 0).then_some([1.0; 2]),
+        Expected::Joints(joints) => (columns.n_joints == joints.n).then(|| joint_scale(&recording, joints)).flatten(),
+    };
+    let Some([u_per_m, y_per_si]) = scale else {
+        let (found, expected) = (
+            machine(columns.n_joints, None),
+            match expected {
+                Expected::Snake => machine(0, None),
+                Expected::Joints(joints) => machine(joints.n, Some(joints)),
+            },
+        );
         return Err(ReadError::OtherMachine { path: path.to_owned(), found, expected });
-    }
+    };
     let mut hashing = Hashing { source: file, hash: Sha256::new() };
     io::copy(&mut hashing, &mut io::sink()).map_err(|source| ReadError::Io { path: path.to_owned(), source })?;
-    let data = Measurements { load_use: load_use(&recording), ..measurements(path, &columns, hex(hashing.hash)) };
+    let data = Measurements {
+        load_use: load_use(&recording),
+        ..measurements(path, columns, [u_per_m, y_per_si], hex(hashing.hash))
+    };
     let place = Place {
         path,
         rows: "in all of its trials".to_owned(),
@@ -62,23 +75,53 @@ fn load_use(recording: &Recording) -> LoadUse {
     }
 }
 
-fn measurements(path: &Path, columns: &Columns, sha256: String) -> Measurements {
-    let rows = &columns.rows;
+/// A machine in words, for a refusal.
+fn machine(n_joints: usize, joints: Option<&Joints>) -> String {
+    match (n_joints, joints) {
+        (0, _) => "a snake".to_owned(),
+        (n, None) => format!("{n} joints"),
+        (n, Some(Joints { u_unit, y_unit, .. })) => format!("{n} joints with u in {u_unit} and y in {y_unit}"),
+    }
+}
+
+/// How many of the model's units are a metre of cable, and a radian (a metre of a sliding joint). Nothing where a unit is none
+/// that a chain drives, or counts another quantity than the recorded joints do.
+fn joint_scale(recording: &Recording, joints: &Joints) -> Option<[f64; 2]> {
+    let settings = attachment(recording, CONFIG_ATTACHMENT).and_then(|text| text.parse::<toml::Table>().ok());
+    let radius_m = settings.and_then(|own| own.get("joints")?.get("capstan_radius_m")?.as_float())?;
+    let driven = attachment(recording, MODEL_ATTACHMENT).and_then(|text| ModelFile::parse(text).ok())?;
+    let Machine::Joints(driven) = driven.machine() else { return None };
+    let (u, y) = (Unit::from_suffix(&joints.u_unit)?, Unit::from_suffix(&joints.y_unit)?);
+    let per_m = match u.dimension {
+        Dimension::Length => 1.0,
+        Dimension::Angle => 1.0 / radius_m,
+        _ => return None,
+    };
+    let is_same = Unit::from_suffix(&driven.y_unit).is_some_and(|own| own.dimension == y.dimension);
+    is_same.then_some([per_m / u.factor, 1.0 / y.factor])
+}
+
+fn measurements(path: &Path, columns: Columns, [u_scale, y_scale]: [f64; 2], sha256: String) -> Measurements {
+    let scaled = |values: Vec<f64>, scale: f64| -> Vec<f64> {
+        if scale == 1.0 { values } else { values.into_iter().map(|value| value * scale).collect() }
+    };
+    let (n_inputs, n_outputs, is_snake) = (columns.n_actuators, columns.n_outputs(), columns.n_joints == 0);
+    let loads_n = (is_snake && columns.has_tau()).then(|| columns.tau_n.clone());
     Measurements {
         source: source(path),
         sha256,
-        quantity: Quantity::Snake,
-        time_s: rows.iter().map(|row| row.time_s).collect(),
-        inputs: rows.iter().flat_map(|row| row.q_m).collect(),
-        n_inputs: 3,
-        outputs: rows.iter().flat_map(|row| row.bend_rad).collect(),
-        n_outputs: 2,
-        trial: rows.iter().map(|row| row.trial.saturating_sub(1)).collect(),
-        loads_n: columns.has_tau().then(|| rows.iter().flat_map(|row| row.tau_n).collect()),
+        quantity: if is_snake { Quantity::Snake } else { Quantity::Joints },
+        time_s: columns.time_s,
+        inputs: scaled(columns.q_m, u_scale),
+        n_inputs,
+        outputs: scaled(columns.outputs, y_scale),
+        n_outputs,
+        trial: columns.trial.iter().map(|trial| trial.saturating_sub(1)).collect(),
+        loads_n,
         load_use: LoadUse::Shown,
         stem_angle_rad: None,
         temperature_c: None,
-        sigma: Some(rows.iter().map(|row| row.sigma_bend_rad).collect()),
+        sigma: Some(scaled(columns.sigma, y_scale)),
         extra: Vec::new(),
         names: crate::Names::default(),
     }

@@ -1,10 +1,13 @@
 //! `krait export FILE`: a recording's measurements as a table that the model lab, and any other program, reads.
 
 use crate::cli::{ExportArgs, ExportFormat};
-use crate::print;
+use crate::commands::process::MODEL_ATTACHMENT;
+use crate::{print, recorded};
 use anyhow::{Context, bail};
-use krait_record::Recording;
-use krait_record::columns::{Columns, write_csv, write_parquet};
+use krait_bridge::{JointMachine, LiveModel};
+use krait_model::model_file::{Machine, ModelFile};
+use krait_record::columns::{ColumnUnits, Columns, write_csv, write_parquet};
+use krait_record::{Recording, attachment};
 use serde::Serialize;
 use std::fs::File;
 use std::io::BufWriter;
@@ -29,23 +32,22 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<ExitCode> {
     refuse_other_ending(args.format, &args.out)?;
     let parts = Recording::open_parts(&args.recording)?;
     let columns = Columns::of_parts(&parts)?;
-    if columns.is_of_joints {
-        bail!("{} is of joints, and `krait export` writes tables of snakes; read it as MCAP", args.recording.display());
-    }
-    if columns.rows.is_empty() {
+    if columns.n_rows() == 0 {
         bail!(
             "{} holds no measurement: a row needs a slave that is homed, and this recording has none; record a run that moves",
             args.recording.display()
         );
     }
-    write(args.format, &columns, &args.out)?;
+    let units = (columns.n_joints > 0).then(|| units_of(&parts[0])).transpose();
+    let units = units.with_context(|| format!("recording {}", args.recording.display()))?;
+    write(args.format, &columns, units.as_ref(), &args.out)?;
     let exported = Exported {
         out: args.out.clone(),
-        rows: columns.rows.len(),
+        rows: columns.n_rows(),
         rows_with_shape: columns.n_shapes,
         shapes_left_out: columns.n_shapes_left_out,
         states_left_out: columns.n_states_left_out,
-        trials: columns.rows.last().map_or(0, |row| row.trial),
+        trials: columns.trial.last().copied().unwrap_or(0),
         missing: parts.iter().flat_map(|part| &part.contents().missing).map(ToString::to_string).collect(),
     };
     if args.json {
@@ -91,14 +93,31 @@ impl Exported {
     }
 }
 
-fn write(format: ExportFormat, columns: &Columns, path: &Path) -> anyhow::Result<()> {
+/// The units of the joints' model, in which the lab then reads the table with that model.
+fn units_of(recording: &Recording) -> anyhow::Result<ColumnUnits> {
+    let config = recorded::settings_of(recording)?;
+    let text = attachment(recording, MODEL_ATTACHMENT).context("it embeds no model of its joints")?;
+    let file = ModelFile::parse(text).context("its attachment model.toml")?;
+    let (LiveModel::Joints(model), Machine::Joints(joints)) = (LiveModel::of(&file)?, file.machine()) else {
+        bail!("it holds joints, and the model that it embeds is of a snake");
+    };
+    let machine = JointMachine::new(&model, &config.joints)?;
+    Ok(ColumnUnits {
+        u_unit: joints.u_unit.clone(),
+        u_per_m: machine.u_per_cable_m(),
+        y_unit: joints.y_unit.clone(),
+        y_per_si: machine.y_per_si(),
+    })
+}
+
+fn write(format: ExportFormat, columns: &Columns, units: Option<&ColumnUnits>, path: &Path) -> anyhow::Result<()> {
     let could_not =
         || format!("{} could not be written; choose a new file in a folder that can be written", path.display());
     let file = File::create_new(path).with_context(could_not)?;
     let mut out = BufWriter::new(file);
     let written = match format {
-        ExportFormat::Csv => write_csv(columns, &mut out).with_context(could_not),
-        ExportFormat::Parquet => write_parquet(columns, &mut out).with_context(could_not),
+        ExportFormat::Csv => write_csv(columns, units, &mut out).with_context(could_not),
+        ExportFormat::Parquet => write_parquet(columns, units, &mut out).with_context(could_not),
     };
     written.inspect_err(|_| {
         if let Err(error) = std::fs::remove_file(path) {

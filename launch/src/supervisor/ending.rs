@@ -3,6 +3,7 @@
 use super::{END_PATIENCE, LOOK_EVERY, Loss, Running, Supervisor};
 use krait_ipc::{Process, clock};
 use rustix::process::{Pid, Signal, kill_process};
+use std::os::unix::process::ExitStatusExt;
 
 impl Supervisor {
     /// Ends the chain, the recorder excepted; what does not end in time is killed. Returns whether all ended by themselves.
@@ -45,7 +46,14 @@ impl Supervisor {
                 tracing::warn!(%error, "the last messages of a process were not taken");
             }
             match self.children[position].child.try_wait() {
-                Ok(Some(status)) => return status.success(),
+                Ok(Some(status)) => {
+                    // Killed before it was asked, and so deep in the disk that it has died only now.
+                    if status.signal().is_some() {
+                        let (pid, loss) = (self.children[position].child.id(), process.loss());
+                        tracing::error!("process `{process}` (pid {pid}) did not end by itself: {status}; {loss}");
+                    }
+                    return status.success();
+                }
                 Ok(None) if clock::monotonic_ns() < deadline_ns => std::thread::sleep(LOOK_EVERY),
                 Ok(None) | Err(_) => {
                     self.n_forced += 1;

@@ -1,32 +1,30 @@
 //! The measurements as CSV, in the columns of the model lab: the unit in each header, an empty cell where nothing was measured.
 
-use super::{Columns, Row};
+use super::header::columns;
+use super::{ColumnUnits, Columns};
 use std::io::{self, Write};
 
-/// Writes a header and one line per row: `time_s,q1_m,q2_m,q3_m,bend_x_rad,bend_y_rad,sigma_bend_rad`, then
-/// `tau1_n,tau2_n,tau3_n` if any load was measured, then `trial`. Every number comes back bit for bit when it is parsed.
+/// Writes a header and one line per row: `time_s,q1_m,q2_m,q3_m,bend_x_rad,bend_y_rad,sigma_bend_rad` of a snake,
+/// `time_s,u1_...,y1_...` of joints in their `units`, then `tau1_n` and so on if any load was measured, then `trial`. Every
+/// number comes back bit for bit when it is parsed.
 ///
 /// # Errors
 /// What the system says.
-pub fn write_csv(columns: &Columns, out: &mut impl Write) -> io::Result<()> {
-    let has_tau = columns.has_tau();
-    out.write_all(b"time_s,q1_m,q2_m,q3_m,bend_x_rad,bend_y_rad,sigma_bend_rad,")?;
-    out.write_all(if has_tau { b"tau1_n,tau2_n,tau3_n,trial\n" } else { b"trial\n" })?;
-    for Row { time_s, q_m, bend_rad, sigma_bend_rad, tau_n, trial } in &columns.rows {
-        write!(out, "{time_s},")?;
-        for value in q_m.iter().chain(bend_rad).chain([sigma_bend_rad]) {
-            cell(out, *value)?;
-        }
-        if has_tau {
-            for value in tau_n {
-                cell(out, *value)?;
+pub fn write_csv(table: &Columns, units: Option<&ColumnUnits>, out: &mut impl Write) -> io::Result<()> {
+    let doubles = columns(table, units);
+    for column in &doubles {
+        write!(out, "{},", column.name)?;
+    }
+    out.write_all(b"trial\n")?;
+    for (row, trial) in table.trial.iter().enumerate() {
+        for column in &doubles {
+            let value = column.value(row);
+            if !value.is_nan() {
+                write!(out, "{value}")?;
             }
+            out.write_all(b",")?;
         }
         writeln!(out, "{trial}")?;
     }
     out.flush()
-}
-
-fn cell(out: &mut impl Write, value: f64) -> io::Result<()> {
-    if value.is_nan() { out.write_all(b",") } else { write!(out, "{value},") }
 }

@@ -49,10 +49,10 @@ fn a_shape_stands_in_the_row_nearest_to_its_exposure_and_every_row_stays() {
     samples.insert(0, shape(70 * MS + 400_000, 0.7));
     samples.push(shape(30 * MS - 400_000, 0.3));
     let found = columns(&samples);
-    assert_eq!((found.rows.len(), found.n_shapes, found.n_shapes_left_out), (100, 2, 0));
-    let with_shape: Vec<_> =
-        found.rows.iter().filter(|row| row.has_shape()).map(|r| (r.time_s, r.bend_rad[0])).collect();
-    assert_eq!(with_shape, [(0.03, 0.3), (0.07, 0.7)]);
+    assert_eq!((found.n_rows(), found.n_shapes, found.n_shapes_left_out), (100, 2, 0));
+    let with_shape: Vec<_> = (0..found.n_rows()).filter(|row| found.has_shape(*row)).collect();
+    let seen: Vec<_> = with_shape.iter().map(|row| (found.time_s[*row], found.outputs[2 * row])).collect();
+    assert_eq!(seen, [(0.03, 0.3), (0.07, 0.7)]);
 }
 
 #[test]
@@ -65,7 +65,7 @@ fn a_shape_that_saw_nothing_or_is_far_from_every_row_or_not_the_nearest_is_left_
     samples.push(shape(4 * MS + 200_000, 4.0));
     let found = columns(&samples);
     assert_eq!((found.n_shapes, found.n_shapes_left_out), (1, 4));
-    assert_eq!(found.rows[4].bend_rad, [3.0, 0.25]);
+    assert_eq!(found.outputs[8..10], [3.0, 0.25]);
     assert_eq!(columns(&[shape(0, 1.0)]).n_shapes_left_out, 1, "without rows there is no place");
 }
 
@@ -83,7 +83,7 @@ fn rows_begin_when_the_drives_know_their_zero_and_each_homing_or_new_slave_is_a_
         state(3, 6 * MS, homed),
     ];
     let found = columns(&samples);
-    let seen: Vec<_> = found.rows.iter().map(|row| (row.time_s, row.trial)).collect();
+    let seen: Vec<_> = found.time_s.iter().copied().zip(found.trial.iter().copied()).collect();
     assert_eq!(seen, [(0.0, 1), (0.001, 1), (0.003, 2), (0.004, 3), (0.005, 3)]);
     assert_eq!(found.n_states_left_out, 3);
 }
@@ -95,20 +95,21 @@ fn parquet_gives_back_every_number_and_a_null_where_nothing_was_measured() {
     let mut samples = homed(50);
     samples.push(shape(7 * MS, 0.1 + 0.7));
     let mut found = columns(&samples);
-    found.rows[3].tau_n = [1.5, f64::NAN, -2.5];
+    found.tau_n[9..12].copy_from_slice(&[1.5, f64::NAN, -2.5]);
     let path = std::env::temp_dir().join(format!("krait-columns-{}.parquet", std::process::id()));
-    write_parquet(&found, std::fs::File::create(&path).expect("made")).expect("written");
+    write_parquet(&found, None, std::fs::File::create(&path).expect("made")).expect("written");
+    let trials = found.trial.clone();
     let reader = SerializedFileReader::new(std::fs::File::open(&path).expect("there")).expect("opened");
     std::fs::remove_file(&path).expect("removed");
     let rows: Vec<_> = reader.get_row_iter(None).expect("rows").map(|row| row.expect("readable")).collect();
-    assert_eq!(rows.len(), found.rows.len());
-    for (row, expected) in rows.iter().zip(&found.rows) {
-        let Row { time_s, q_m: [q1, q2, q3], bend_rad: [bx, by], sigma_bend_rad, tau_n: [t1, t2, t3], trial } =
-            *expected;
+    assert_eq!(rows.len(), found.n_rows());
+    for (row, k) in rows.iter().zip(0..) {
         let names: Vec<_> = row.get_column_iter().map(|(name, _)| name.as_str()).collect();
         let header = "time_s,q1_m,q2_m,q3_m,bend_x_rad,bend_y_rad,sigma_bend_rad,tau1_n,tau2_n,tau3_n,trial";
         assert_eq!(names.join(","), header, "as in the CSV");
-        let doubles = [time_s, q1, q2, q3, bx, by, sigma_bend_rad, t1, t2, t3];
+        let three = |of: &[f64]| of[3 * k..3 * k + 3].to_vec();
+        let shape = [found.outputs[2 * k], found.outputs[2 * k + 1], found.sigma[k]].to_vec();
+        let doubles = [vec![found.time_s[k]], three(&found.q_m), shape, three(&found.tau_n)].concat();
         for ((name, field), expected) in row.get_column_iter().zip(doubles) {
             match field {
                 Field::Double(value) => assert_eq!(value.to_bits(), expected.to_bits(), "{name}"),
@@ -116,7 +117,9 @@ fn parquet_gives_back_every_number_and_a_null_where_nothing_was_measured() {
                 other => panic!("{name} is {other:?}"),
             }
         }
-        assert!(matches!(row.get_column_iter().last(), Some((_, Field::Int(found))) if *found == trial.cast_signed()));
+        assert!(
+            matches!(row.get_column_iter().last(), Some((_, Field::Int(found))) if *found == trials[k].cast_signed())
+        );
     }
 }
 
@@ -127,7 +130,7 @@ fn the_csv_has_a_unit_in_each_header_empty_cells_and_numbers_that_come_back_bit_
     let mut found = columns(&samples);
     let text = |columns: &Columns| {
         let mut bytes = Vec::new();
-        write_csv(columns, &mut bytes).expect("a Vec grows");
+        write_csv(columns, None, &mut bytes).expect("a Vec grows");
         String::from_utf8(bytes).expect("text")
     };
     let lines: Vec<_> = text(&found).lines().map(str::to_owned).collect();
@@ -135,10 +138,30 @@ fn the_csv_has_a_unit_in_each_header_empty_cells_and_numbers_that_come_back_bit_
     assert_eq!(lines[1], "0,0.000001,-0.000001,0.30000000000000004,,,,1");
     let cells: Vec<_> = lines[2].split(',').collect();
     assert_eq!(cells[4].parse::<f64>().expect("a number").to_bits(), (0.1_f64 + 0.7).to_bits());
-    found.rows[0].tau_n = [1.0, 2.0, f64::NAN];
+    found.tau_n[..3].copy_from_slice(&[1.0, 2.0, f64::NAN]);
     assert!(
         text(&found)
             .starts_with("time_s,q1_m,q2_m,q3_m,bend_x_rad,bend_y_rad,sigma_bend_rad,tau1_n,tau2_n,tau3_n,trial\n")
     );
     assert!(text(&found).contains(",,,,1,2,,1\n"), "{}", text(&found));
+}
+
+#[test]
+fn joints_have_as_many_columns_as_there_are_in_the_units_of_their_model() {
+    let mut samples = homed(3);
+    for sample in &mut samples {
+        let Sample::State(state) = sample else { continue };
+        (state.n_joints, state.n_actuators) = (2, 2);
+    }
+    samples.push(Sample::Shape(Shape::of_joints(1, MS, 2 * MS, &[0.5, -0.25])));
+    let found = columns(&samples);
+    assert_eq!((found.n_rows(), found.n_actuators, found.n_outputs()), (3, 2, 2));
+    let units = ColumnUnits { u_unit: "rad".to_owned(), u_per_m: 200.0, y_unit: "mrad".to_owned(), y_per_si: 1000.0 };
+    let mut bytes = Vec::new();
+    write_csv(&found, Some(&units), &mut bytes).expect("a Vec grows");
+    let text = String::from_utf8(bytes).expect("text");
+    let lines: Vec<_> = text.lines().collect();
+    assert_eq!(lines[0], "time_s,u1_rad,u2_rad,y1_mrad,y2_mrad,trial");
+    assert!(lines[1].ends_with(",,,1") && lines[2].ends_with(",500,-250,1"), "{text}");
+    assert!(lines[2].starts_with("0.001,0.0004"), "two micrometres of cable: {text}");
 }
