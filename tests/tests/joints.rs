@@ -103,7 +103,9 @@ fn in_the_lab(folder: &TempFolder, model: &str, recording: &str) {
     let effects = found.json()["effects"].as_array().cloned().unwrap_or_default();
     let play = ["backlash", "bouc-wen", "prandtl-ishlinskii"];
     let has_play = |joint: u64| {
-        effects.iter().any(|own| own["joint"] == joint && own["name"].as_str().is_some_and(|name| play.contains(&name)))
+        effects
+            .iter()
+            .any(|own| own["joint"] == joint && own["effect"].as_str().is_some_and(|name| play.contains(&name)))
     };
     assert!((1..=3).all(has_play), "{effects:?}");
 }
