@@ -45,7 +45,7 @@ pub enum SessionError {
     #[error("no measurements are named, expected at least one file or folder; name it with --data")]
     NoData,
     /// A folder without measurements.
-    #[error("data {path}: a folder without .csv and .mcap files; name a file, or a folder that holds some", path = path.display())]
+    #[error("data {path}: a folder without .csv, .mcap, .parquet and .mat files; name a file, or a folder that holds some", path = path.display())]
     Empty {
         /// The folder.
         path: PathBuf,
@@ -84,6 +84,9 @@ impl Session {
     }
 }
 
+/// How the names of measurements in a folder end.
+const ENDINGS: [&str; 4] = ["csv", "mcap", "parquet", "mat"];
+
 /// The files themselves, and those of folders in the order of their names.
 fn files(data: &[PathBuf]) -> Result<Vec<PathBuf>, SessionError> {
     let mut all = Vec::new();
@@ -97,7 +100,8 @@ fn files(data: &[PathBuf]) -> Result<Vec<PathBuf>, SessionError> {
         let mut own = Vec::new();
         for entry in entries {
             let entry = entry.map_err(unreadable)?.path();
-            let is_one = entry.extension().is_some_and(|end| end == "csv" || end == "mcap");
+            let ending = entry.extension().unwrap_or_default();
+            let is_one = ENDINGS.iter().any(|own| ending == *own);
             own.extend(is_one.then_some(entry));
         }
         if own.is_empty() {

@@ -8,9 +8,9 @@ use std::path::PathBuf;
 /// The lab's subcommands.
 #[derive(Debug, Subcommand)]
 pub enum LabVerb {
-    /// Looks at a CSV file of any machine and proposes which column is what, and a model file to begin with.
+    /// Looks at a file of any machine (CSV, Parquet, MATLAB, ROS 2 bag) and proposes which column is what, and a model file to begin with.
     #[command(
-        after_help = "Examples:\n  krait lab init run.csv\n  krait lab init theirs.csv --map 'u1_deg=Motor A' --map 'y1_deg=Jaw'\n\nIt writes run.map.toml and run.model.toml beside the data and prints the next command. Columns may be separated by commas, semicolons or tabs, fractions begin with a point or a comma, units stand at the end of a name or in brackets, and times are in s, ms, us or ns, also since 1970."
+        after_help = "Examples:\n  krait lab init run.csv\n  krait lab init bag.mcap\n  krait lab init theirs.csv --map 'u1_deg=Motor A' --map 'y1_deg=Jaw'\n\nIt writes run.map.toml and run.model.toml beside the data and prints the next command. Columns may be separated by commas, semicolons or tabs, fractions begin with a point or a comma, units stand at the end of a name or in brackets, and times are in s, ms, us or ns, also since 1970."
     )]
     Init(InitArgs),
     /// How far are model and measurements apart, in which part, and where is it worst?
@@ -61,7 +61,7 @@ pub enum LabVerb {
 /// Options of `krait lab init`.
 #[derive(Clone, Debug, Args)]
 pub struct InitArgs {
-    /// Measurements (CSV).
+    /// Measurements: CSV, Parquet, a MATLAB file of level 5, or a ROS 2 bag (MCAP).
     pub data: PathBuf,
     /// What a column is, where its name does not tell or tells wrongly, again for each: y1_deg=Jaw.
     #[arg(long = "map", value_name = "COLUMN=NAME[:UNIT]")]
@@ -86,7 +86,7 @@ pub struct LabFiles {
     /// Model file (TOML).
     #[arg(long, value_name = "FILE")]
     pub model: PathBuf,
-    /// Measurements: CSV, a recording of krait (MCAP), or a folder of them; again for each recording of the same machine.
+    /// Measurements: CSV, Parquet, MATLAB level 5, a ROS 2 bag or a recording of krait (MCAP), or a folder of them; again for each recording of the same machine.
     #[arg(long, required = true, value_name = "FILE")]
     pub data: Vec<PathBuf>,
     /// The file's own name and unit for a column of the lab, again for each: bend_x_rad=cam.x:deg.

@@ -8,6 +8,8 @@ use std::ops::Range;
 
 /// The largest chunk that can be configured, and a message over it.
 const MAX_UNPACKED_BYTES: u64 = 20 << 20;
+/// A chunk of another program: pictures among its messages make it larger.
+const MAX_FOREIGN_BYTES: u64 = 64 << 20;
 /// Schemas of other programs take some kilobytes.
 const MAX_DEFINITION_BYTES: usize = 256 * 1024;
 
@@ -32,8 +34,17 @@ impl ChunkRecords {
     /// # Errors
     /// What is damaged, in words.
     pub(crate) fn read(&mut self, opcode: u8, body: &[u8]) -> Result<(), String> {
+        self.read_up_to(opcode, body, MAX_UNPACKED_BYTES)
+    }
+
+    /// The same for a record of another program.
+    pub(crate) fn read_foreign(&mut self, opcode: u8, body: &[u8]) -> Result<(), String> {
+        self.read_up_to(opcode, body, MAX_FOREIGN_BYTES)
+    }
+
+    fn read_up_to(&mut self, opcode: u8, body: &[u8], most_bytes: u64) -> Result<(), String> {
         self.clear();
-        let result = if opcode == op::CHUNK { self.unpack(body) } else { self.add(opcode, body) };
+        let result = if opcode == op::CHUNK { self.unpack(body, most_bytes) } else { self.add(opcode, body) };
         result.inspect_err(|_| self.clear())
     }
 
@@ -45,9 +56,9 @@ impl ChunkRecords {
         self.bytes.clear();
     }
 
-    fn unpack(&mut self, body: &[u8]) -> Result<(), String> {
+    fn unpack(&mut self, body: &[u8], most_bytes: u64) -> Result<(), String> {
         check_chunk_lengths(body)?;
-        check_unpacked_length(body)?;
+        check_unpacked_length(body, most_bytes)?;
         let mut length = [0; 9];
         length[0] = op::CHUNK;
         length[1..].copy_from_slice(&(body.len() as u64).to_le_bytes());
@@ -56,7 +67,7 @@ impl ChunkRecords {
                 .with_skip_start_magic(true)
                 .with_skip_end_magic(true)
                 .with_prevalidate_chunk_crcs(true)
-                .with_record_length_limit(usize::try_from(MAX_RECORD_BYTES).unwrap_or(usize::MAX)),
+                .with_record_length_limit(usize::try_from(most_bytes.max(MAX_RECORD_BYTES)).unwrap_or(usize::MAX)),
         );
         let mut rest = std::io::Read::chain(&length[..], body);
         while let Some(event) = reader.next_event() {
@@ -110,11 +121,9 @@ fn check_chunk_lengths(body: &[u8]) -> Result<(), String> {
 
 /// A chunk of a hundred kilobytes can claim, and hold, gigabytes: it is unpacked only if the memory for it is known to be
 /// little.
-fn check_unpacked_length(body: &[u8]) -> Result<(), String> {
+fn check_unpacked_length(body: &[u8], most_bytes: u64) -> Result<(), String> {
     match u64_at(body, 16).ok_or("its header is cut")? {
-        n_bytes if n_bytes > MAX_UNPACKED_BYTES => {
-            Err(format!("it unpacks to {n_bytes} bytes, expected at most {MAX_UNPACKED_BYTES}"))
-        }
+        n_bytes if n_bytes > most_bytes => Err(format!("it unpacks to {n_bytes} bytes, expected at most {most_bytes}")),
         _ => Ok(()),
     }
 }

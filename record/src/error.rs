@@ -91,6 +91,16 @@ pub enum RecordingReadError {
         /// Its length.
         offset: u64,
     },
+    /// A file of another program that is cut or damaged.
+    #[error("{} at byte {offset}: {what}; give a whole copy of the file, or repair it with the program that wrote it", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// Where.
+        offset: u64,
+        /// What is damaged.
+        what: String,
+    },
     /// The file is an MCAP file of somebody else.
     #[error("{} is an MCAP file with profile {found:?}, expected \"krait\"; give a file that `krait` recorded", path.display())]
     NotKrait {

@@ -178,7 +178,19 @@ fn readers(folder: &TempFolder) -> Vec<Reader<'_>> {
         krait_schema::encode(&recorded.expect("readable").sample, &mut bytes).expect("encoded");
         payloads.push(bytes);
     }
+    let tables = |names: &[&str]| names.iter().map(|name| shipped(&format!("lab/tests/data/formats/{name}"))).collect();
+    let look = |name: &'static str| -> Reading<'_> {
+        Box::new(move |bytes| drop(propose(&file_in(folder, name, bytes), &ColumnMap::default())))
+    };
     let mut readers = vec![
+        Reader { name: "bag", seeds: tables(&["jaw.mcap", "rates.mcap"]), n_inputs: 100, read: look("fuzz.bag") },
+        Reader {
+            name: "parquet",
+            seeds: tables(&["jaw.parquet", "other.parquet"]),
+            n_inputs: 200,
+            read: look("fuzz.parquet"),
+        },
+        Reader { name: "matlab", seeds: tables(&["jaw.mat", "struct.mat"]), n_inputs: 200, read: look("fuzz.mat") },
         Reader {
             name: "mcap",
             seeds: vec![fs::read(&recording).expect("there")],

@@ -4,7 +4,7 @@ use super::Column;
 use super::name::{Name, NamedUnit};
 use super::role::Guess;
 use crate::machine::nearest;
-use crate::read::{ColumnMap, ReadError};
+use crate::read::{At, ColumnMap, ReadError};
 use std::path::Path;
 
 const KNOWN: &str = "time_s, trial, u1.. and y1.. of joints, q1_m..q3_m, bend_x_rad, bend_y_rad, theta_l_rad, delta_rad, tau1_n..tau3_n";
@@ -13,7 +13,7 @@ const KNOWN: &str = "time_s, trial, u1.. and y1.. of joints, q1_m..q3_m, bend_x_
 ///
 /// # Errors
 /// [`ReadError::MapSource`] and [`ReadError::MapTarget`].
-pub(super) fn apply(path: &Path, columns: &mut [Column], map: &ColumnMap) -> Result<Option<usize>, ReadError> {
+pub(super) fn apply(path: &Path, at: At, columns: &mut [Column], map: &ColumnMap) -> Result<Option<usize>, ReadError> {
     let mut time = None;
     let mut has_joints = false;
     let mut said = Vec::new();
@@ -21,6 +21,7 @@ pub(super) fn apply(path: &Path, columns: &mut [Column], map: &ColumnMap) -> Res
         let names = || columns.iter().map(Column::name);
         let place = names().position(|name| name == mapping.source).ok_or_else(|| ReadError::MapSource {
             path: path.to_owned(),
+            at,
             column: mapping.source.clone(),
             nearest: nearest(&mapping.source, names()),
         })?;

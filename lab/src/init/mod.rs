@@ -120,14 +120,14 @@ struct Machine {
 /// # Errors
 /// [`InitError`], one sentence.
 pub fn propose(path: &Path, given: &ColumnMap) -> Result<Proposal, InitError> {
-    let Look { dialect, has_decimal_comma, is_whole, columns } = look(path)?;
+    let Look { at, how, is_whole, notes, columns } = look(path)?;
     let refused = |reason: String| InitError::Columns { path: path.to_owned(), reason };
     let column = |looked: Looked| {
         let words = Name::of(&looked.name);
         Column { guess: Guess::of(&words), words, looked, wraps: None }
     };
     let mut columns: Vec<Column> = columns.into_iter().map(column).collect();
-    let given_time = given::apply(path, &mut columns, given)?;
+    let given_time = given::apply(path, at, &mut columns, given)?;
     for own in &mut columns {
         own.wraps = wrap::unwrap(own);
     }
@@ -154,6 +154,7 @@ pub fn propose(path: &Path, given: &ColumnMap) -> Result<Proposal, InitError> {
             column.name()
         ));
     }
+    cautions.extend(notes);
     let mut assigned = vec![("time_s".to_owned(), time.place, Some(time.unit), time.why)];
     let trial = columns.iter().position(is_trial);
     assigned.extend(trial.map(|place| ("trial".to_owned(), place, None, "a label of trials".to_owned())));
@@ -166,7 +167,6 @@ pub fn propose(path: &Path, given: &ColumnMap) -> Result<Proposal, InitError> {
     let file = ModelFile::parse(&model).map_err(|source| InitError::Model { path: path.to_owned(), source })?;
     let data = read(path, &map, file.machine().into())?;
     let scored = |row: &usize| data.is_scored(*row);
-    let comma = if has_decimal_comma { ", decimal comma" } else { "" };
     Ok(Proposal {
         columns: columns
             .iter()
@@ -176,7 +176,7 @@ pub fn propose(path: &Path, given: &ColumnMap) -> Result<Proposal, InitError> {
         is_whole,
         kind,
         machine: sentence,
-        dialect: format!("columns separated by {}s{comma}", dialect.word()),
+        dialect: how,
         rows: data.n_rows(),
         scored_rows: (0..data.n_rows()).filter(scored).count(),
         seconds: data.duration_s(),

@@ -20,10 +20,11 @@ pub(super) enum Guess {
 
 const TIME: [&str; 6] = ["time", "t", "timestamp", "stamp", "elapsed", "zeit"];
 const TRIAL: [&str; 4] = ["trial", "episode", "run", "repetition"];
-const COMMAND: [&str; 15] = [
+const COMMAND: [&str; 16] = [
     "u",
     "cmd",
     "command",
+    "commands",
     "commanded",
     "setpoint",
     "sp",
@@ -55,9 +56,9 @@ const MEASURED: [&str; 14] = [
 ];
 /// Words that say the same of a drive and of what it moves, where no stronger word is there.
 const DRIVE: [&str; 8] = ["drive", "motor", "actuator", "leader", "master", "proximal", "servo", "input"];
-const MOVED: [&str; 16] = [
-    "encoder", "enc", "angle", "pos", "position", "joint", "jaw", "tip", "q", "state", "follower", "distal", "link",
-    "camera", "cam", "marker",
+const MOVED: [&str; 18] = [
+    "encoder", "enc", "angle", "pos", "position", "joint", "jaw", "tip", "q", "state", "states", "joints", "follower",
+    "distal", "link", "camera", "cam", "marker",
 ];
 const OTHER: [(&str, &str); 28] = [
     ("torque", "a torque"),

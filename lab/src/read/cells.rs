@@ -1,12 +1,77 @@
 //! The value of each cell, checked where it stands.
 
 use super::ReadError;
+use super::at::At;
 use super::dialect::Numbers;
 use super::header::{Column, Plan};
 use super::role::Role;
 use super::stamps::Stamps;
 use super::wrap::Turns;
+use std::borrow::Cow;
 use std::path::Path;
+
+/// What stands in a cell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Cell<'a> {
+    Empty,
+    /// Not empty, without blanks round it.
+    Text(&'a [u8]),
+    /// Not NaN.
+    Number(f64),
+    Whole(i64),
+}
+
+impl<'a> Cell<'a> {
+    pub(super) fn of_text(text: &'a [u8]) -> Self {
+        match text.trim_ascii() {
+            [] => Self::Empty,
+            text => Self::Text(text),
+        }
+    }
+
+    /// Its words, as a CSV file would have them.
+    fn words(self) -> Cow<'a, [u8]> {
+        match self {
+            Self::Empty => Cow::Borrowed(&[]),
+            Self::Text(text) => Cow::Borrowed(text),
+            Self::Number(number) => Cow::Owned(number.to_string().into_bytes()),
+            Self::Whole(whole) => Cow::Owned(whole.to_string().into_bytes()),
+        }
+    }
+
+    /// A trial's label.
+    pub(super) fn label(self) -> Vec<u8> {
+        self.words().into_owned()
+    }
+
+    /// Whether a trial has this label.
+    pub(super) fn is_label(self, label: &[u8]) -> bool {
+        *self.words() == *label
+    }
+
+    /// For a sentence.
+    fn shown(self) -> String {
+        let words = self.words();
+        String::from_utf8_lossy(words.get(..40).unwrap_or(&words)).into_owned()
+    }
+
+    fn number(self, numbers: &mut Numbers) -> Option<f64> {
+        match self {
+            Self::Empty => None,
+            Self::Text(text) => numbers.parse(text),
+            Self::Number(number) => Some(number).filter(|number| number.is_finite()),
+            Self::Whole(whole) => Some(whole as f64),
+        }
+    }
+
+    fn whole(self) -> Option<i64> {
+        match self {
+            Self::Text(text) => std::str::from_utf8(text).ok()?.parse().ok(),
+            Self::Whole(whole) => Some(whole),
+            _ => None,
+        }
+    }
+}
 
 /// What was read of a file so far, as far as the next cell depends on it.
 pub(super) struct Cells<'a> {
@@ -29,7 +94,7 @@ impl<'a> Cells<'a> {
     }
 
     /// The value of a cell in the lab's units, by its column's place in the plan; NaN for one that may be empty and is.
-    pub(super) fn value(&mut self, line: u64, place: usize, column: &Column, cell: &[u8]) -> Result<f64, ReadError> {
+    pub(super) fn value(&mut self, at: At, place: usize, column: &Column, cell: Cell) -> Result<f64, ReadError> {
         let Self { path, numbers, stamps, turns } = self;
         let path: &Path = path;
         let may_be_empty = match column.role {
@@ -38,20 +103,20 @@ impl<'a> Cells<'a> {
             Role::Trial => return Ok(0.0),
             _ => true,
         };
-        if cell.is_empty() && may_be_empty {
+        if cell == Cell::Empty && may_be_empty {
             return Ok(f64::NAN);
         }
         // Notes beside the measurements need not be numbers, and do not say how numbers are written.
         if column.role == Role::Extra {
-            return Ok({ *numbers }.parse(cell).unwrap_or(f64::NAN));
+            return Ok(cell.number(&mut { *numbers }).unwrap_or(f64::NAN));
         }
-        let Some(number) = numbers.parse(cell) else {
-            let has_other_mark = numbers.has_other_mark(cell);
-            return Err(not_a_number(path, line, column, cell, may_be_empty, has_other_mark));
+        let Some(number) = cell.number(numbers) else {
+            let has_other_mark = matches!(cell, Cell::Text(text) if numbers.has_other_mark(text));
+            return Err(not_a_number(path, at, column, cell, may_be_empty, has_other_mark));
         };
         let number = turns.get_mut(place).and_then(Option::as_mut).map_or(number, |turns| turns.next(number));
         let value = match column.role {
-            Role::Time => stamps.time_s(cell, number, column.factor),
+            Role::Time => stamps.time_s(cell.whole(), number, column.factor),
             _ => number * column.factor + column.shift,
         };
         let is_beyond = column.limit.as_ref().filter(|(limit, ..)| value.abs() > *limit);
@@ -59,9 +124,9 @@ impl<'a> Cells<'a> {
             matches!(column.role, Role::Sigma) && value <= 0.0 || column.role == Role::Weight && value < 0.0;
         let implausible = |what: &str, advice: &str| ReadError::Implausible {
             path: path.to_owned(),
-            line,
+            at,
             column: column.name.clone(),
-            found: String::from_utf8_lossy(cell).into_owned(),
+            found: cell.shown(),
             reason: format!("{what}; {advice}"),
         };
         match is_beyond {
@@ -74,9 +139,9 @@ impl<'a> Cells<'a> {
 
 fn not_a_number(
     path: &Path,
-    line: u64,
+    at: At,
     column: &Column,
-    cell: &[u8],
+    cell: Cell,
     may_be_empty: bool,
     has_other_mark: bool,
 ) -> ReadError {
@@ -88,11 +153,5 @@ fn not_a_number(
         _ if may_be_empty => "leave the cell empty where nothing was measured",
         _ => "this column needs a number in every row",
     };
-    ReadError::NotNumber {
-        path: path.to_owned(),
-        line,
-        column: column.name.clone(),
-        found: String::from_utf8_lossy(cell.get(..40).unwrap_or(cell)).into_owned(),
-        advice,
-    }
+    ReadError::NotNumber { path: path.to_owned(), at, column: column.name.clone(), found: cell.shown(), advice }
 }

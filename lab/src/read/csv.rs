@@ -1,23 +1,14 @@
 //! Rows of a CSV file into columns of numbers, each cell checked where it stands.
 
-use super::cells::Cells;
-use super::dialect::{Dialect, Numbers};
-use super::header::{Column, Plan, plan};
-use super::role::Role;
+use super::at::At;
+use super::cells::Cell;
+use super::dialect::Dialect;
+use super::header::plan;
+use super::rows::{Rows, Table};
 use super::{ColumnMap, Expected, ReadError};
 use csv::{ByteRecord, ErrorKind, Reader, ReaderBuilder};
 use std::io::{self, BufRead, BufReader, Read};
 use std::path::Path;
-
-/// A file's columns, in the order of its plan; empty cells are NaN.
-pub(super) struct Table {
-    pub plan: Plan,
-    pub columns: Vec<Vec<f64>>,
-    /// Number of each row's trial.
-    pub trial: Vec<u32>,
-    /// Line of the last row.
-    pub last_line: u64,
-}
 
 /// Most bytes that are read for one row, empty lines before it included: what holds no line ends fills no memory.
 const MOST_ROW_BYTES: usize = 1 << 20;
@@ -83,15 +74,12 @@ impl<'a, R: Read> Opened<'a, R> {
 /// Reads a whole file.
 pub(super) fn read(path: &Path, source: impl Read, map: &ColumnMap, expected: Expected) -> Result<Table, ReadError> {
     let mut file = Opened::new(path, source)?;
-    let plan = plan(path, &file.names, map, expected)?;
+    let plan = plan(path, At::Line(1), &file.names, map, expected)?;
     let mut rows = Rows::new(path, plan, file.dialect.numbers());
     while let Some((line, record)) = file.row()? {
-        rows.push(line, record)?;
+        rows.push(At::Line(line), |field| Cell::of_text(record.get(field).unwrap_or_default()))?;
     }
-    if rows.trial.is_empty() {
-        return Err(ReadError::NoRows { path: path.to_owned() });
-    }
-    Ok(rows.end())
+    rows.end()
 }
 
 fn names(path: &Path, record: &ByteRecord) -> Result<Vec<String>, ReadError> {
@@ -103,103 +91,6 @@ fn names(path: &Path, record: &ByteRecord) -> Result<Vec<String>, ReadError> {
         }
     };
     record.iter().map(name).collect()
-}
-
-struct Rows<'a> {
-    path: &'a Path,
-    plan: Plan,
-    columns: Vec<Vec<f64>>,
-    trial: Vec<u32>,
-    label: Vec<u8>,
-    label_field: Option<usize>,
-    time: usize,
-    /// Places of the shape's columns.
-    shape: Vec<usize>,
-    last_line: u64,
-    cells: Cells<'a>,
-}
-
-impl<'a> Rows<'a> {
-    fn new(path: &'a Path, plan: Plan, numbers: Numbers) -> Self {
-        let is_shape = |c: &Column| matches!(c.role, Role::Output(_) | Role::ThetaL | Role::Delta);
-        Self {
-            path,
-            columns: vec![Vec::new(); plan.columns.len()],
-            trial: Vec::new(),
-            label: Vec::new(),
-            label_field: plan.columns.iter().find(|c| c.role == Role::Trial).map(|c| c.field),
-            time: plan.place(Role::Time).unwrap_or(0),
-            shape: plan.columns.iter().enumerate().filter(|(_, c)| is_shape(c)).map(|(k, _)| k).collect(),
-            last_line: 1,
-            cells: Cells::new(path, numbers, &plan),
-            plan,
-        }
-    }
-
-    fn push(&mut self, line: u64, record: &ByteRecord) -> Result<(), ReadError> {
-        self.last_line = line;
-        let is_first = self.next_trial(record);
-        if is_first {
-            self.cells.restart();
-        }
-        for (place, (column, values)) in self.plan.columns.iter().zip(&mut self.columns).enumerate() {
-            let cell = record.get(column.field).unwrap_or_default().trim_ascii();
-            values.push(self.cells.value(line, place, column, cell)?);
-        }
-        if !is_first {
-            self.time_rises(line)?;
-        }
-        self.whole_shape(line)
-    }
-
-    /// Counts this row's trial; true for the first row of one.
-    fn next_trial(&mut self, record: &ByteRecord) -> bool {
-        let label = self.label_field.and_then(|field| record.get(field)).unwrap_or_default().trim_ascii();
-        let Some(&last) = self.trial.last() else {
-            self.label = label.to_owned();
-            self.trial.push(0);
-            return true;
-        };
-        let is_new = label != self.label;
-        if is_new {
-            label.clone_into(&mut self.label);
-        }
-        self.trial.push(last + u32::from(is_new));
-        is_new
-    }
-
-    fn time_rises(&self, line: u64) -> Result<(), ReadError> {
-        let times = self.columns.get(self.time).map_or(&[][..], Vec::as_slice);
-        let [.., before_s, found_s] = *times else { return Ok(()) };
-        if found_s > before_s {
-            return Ok(());
-        }
-        Err(ReadError::Time {
-            path: self.path.to_owned(),
-            line,
-            column: self.plan.names(|role| role == Role::Time),
-            found_s,
-            before_s,
-            how: if found_s == before_s { "the same as the" } else { "before the" },
-        })
-    }
-
-    /// A snake's shape is there or not; joints are measured each by itself.
-    fn whole_shape(&self, line: u64) -> Result<(), ReadError> {
-        let last = |place: &usize| self.columns.get(*place).and_then(|c| c.last()).is_some_and(|v| v.is_finite());
-        let is_snake = self.plan.n_inputs != self.plan.n_outputs;
-        let n_there = self.shape.iter().filter(|place| last(place)).count();
-        if !is_snake || n_there == 0 || n_there == self.shape.len() {
-            return Ok(());
-        }
-        let empty = self.shape.iter().find(|place| !last(place)).and_then(|&place| self.plan.columns.get(place));
-        let column = empty.map_or_else(String::new, |column| column.name.clone());
-        Err(ReadError::HalfShape { path: self.path.to_owned(), line, column })
-    }
-
-    fn end(self) -> Table {
-        Table { plan: self.plan, columns: self.columns, trial: self.trial, last_line: self.last_line }
-    }
 }
 
 fn refusal(path: &Path, behind: u64, error: csv::Error) -> ReadError {

@@ -1,5 +1,6 @@
 //! Why measurements are refused: one sentence with file, line and column, and what to do.
 
+use super::at::At;
 use std::io;
 use std::path::PathBuf;
 
@@ -15,10 +16,18 @@ pub enum ReadError {
         source: io::Error,
     },
     /// A folder, a device or a pipe.
-    #[error("{} is not a regular file; give a CSV file or a recording of krait", path.display())]
+    #[error("{} is not a regular file; give a file of measurements or a recording of krait", path.display())]
     NotAFile {
         /// What was given.
         path: PathBuf,
+    },
+    /// A file of another program that cannot be used as it is.
+    #[error("{}: {reason}", path.display())]
+    Unusable {
+        /// The file.
+        path: PathBuf,
+        /// What was found, what was expected, what to do.
+        reason: String,
     },
     /// Bytes that are no CSV.
     #[error("{} line {line}: {reason}; give a CSV file in UTF-8 whose first line names the columns", path.display())]
@@ -42,19 +51,21 @@ pub enum ReadError {
         missing: String,
     },
     /// Columns of a recording need no other names.
-    #[error("{}: --map is for CSV files, and this is a recording; leave --map out", path.display())]
+    #[error("{}: --map is for files of other programs, and this is a recording of krait; leave --map out", path.display())]
     MappedRecording {
         /// The file.
         path: PathBuf,
     },
     /// A required column is not there.
     #[error(
-        "{} line 1: column {column} is missing; the nearest name there is {nearest:?}: rename it, or map it with --map {column}=NAME",
+        "{}{at}: column {column} is missing; the nearest name there is {nearest:?}: rename it, or map it with --map {column}=NAME",
         path.display()
     )]
     MissingColumn {
         /// The file.
         path: PathBuf,
+        /// Where the names stand.
+        at: At,
         /// The column.
         column: String,
         /// A name of the file that looks like it.
@@ -62,12 +73,14 @@ pub enum ReadError {
     },
     /// A column is there under a name with no unit or with one that is not known.
     #[error(
-        "{} line 1: column {found}, expected {expected} with one of the units {units}; rename it, or map it with --map",
+        "{}{at}: column {found}, expected {expected} with one of the units {units}; rename it, or map it with --map",
         path.display()
     )]
     UnknownUnit {
         /// The file.
         path: PathBuf,
+        /// Where the names stand.
+        at: At,
         /// The column and what is wrong with it.
         found: String,
         /// The quantity.
@@ -76,10 +89,12 @@ pub enum ReadError {
         units: String,
     },
     /// Two columns of one name, or of one quantity.
-    #[error("{} line 1: columns {first} and {second} both give {quantity}; remove or rename one", path.display())]
+    #[error("{}{at}: columns {first} and {second} both give {quantity}; remove or rename one", path.display())]
     DuplicateColumn {
         /// The file.
         path: PathBuf,
+        /// Where the names stand.
+        at: At,
         /// What they give.
         quantity: String,
         /// Place and name of the one.
@@ -127,10 +142,12 @@ pub enum ReadError {
         known: String,
     },
     /// A mapping from a column that the file does not have.
-    #[error("{} line 1: column {column:?} of --map is missing; the nearest name there is {nearest:?}", path.display())]
+    #[error("{}{at}: column {column:?} of --map is missing; the nearest name there is {nearest:?}", path.display())]
     MapSource {
         /// The file.
         path: PathBuf,
+        /// Where the names stand.
+        at: At,
         /// The column.
         column: String,
         /// A name of the file that looks like it.
@@ -152,12 +169,12 @@ pub enum ReadError {
         expected: u64,
     },
     /// A cell that holds no finite number.
-    #[error("{} line {line}, column {column}: {found:?} is no finite number; {advice}", path.display())]
+    #[error("{}{at}, column {column}: {found:?} is no finite number; {advice}", path.display())]
     NotNumber {
         /// The file.
         path: PathBuf,
-        /// Line, from 1.
-        line: u64,
+        /// Where.
+        at: At,
         /// Column.
         column: String,
         /// The cell.
@@ -167,24 +184,24 @@ pub enum ReadError {
     },
     /// One cell of a shape without the other.
     #[error(
-        "{} line {line}, column {column}: empty, but the rest of the shape is there; leave all of its cells empty or none",
+        "{}{at}, column {column}: empty, but the rest of the shape is there; leave all of its cells empty or none",
         path.display()
     )]
     HalfShape {
         /// The file.
         path: PathBuf,
-        /// Line, from 1.
-        line: u64,
+        /// Where.
+        at: At,
         /// The empty column.
         column: String,
     },
     /// A value that no machine of this kind has.
-    #[error("{} line {line}, column {column}: {found} is {reason}", path.display())]
+    #[error("{}{at}, column {column}: {found} is {reason}", path.display())]
     Implausible {
         /// The file.
         path: PathBuf,
-        /// Line, from 1.
-        line: u64,
+        /// Where.
+        at: At,
         /// Column.
         column: String,
         /// The cell.
@@ -194,14 +211,14 @@ pub enum ReadError {
     },
     /// Time stands still or runs backwards within a trial.
     #[error(
-        "{} line {line}, column {column}: time {found_s} s is {how} {before_s} s of the row before; sort the rows, remove doubles, or give each run its own label in a column trial",
+        "{}{at}, column {column}: time {found_s} s is {how} {before_s} s of the row before; sort the rows, remove doubles, or give each run its own label in a column trial",
         path.display()
     )]
     Time {
         /// The file.
         path: PathBuf,
-        /// Line, from 1.
-        line: u64,
+        /// Where.
+        at: At,
         /// Column.
         column: String,
         /// The row's time, s.
@@ -212,10 +229,12 @@ pub enum ReadError {
         how: &'static str,
     },
     /// Nothing below the header.
-    #[error("{} line 1: there are no rows below the header; give a file with measurements", path.display())]
+    #[error("{}{at}: there are no rows below the header; give a file with measurements", path.display())]
     NoRows {
         /// The file.
         path: PathBuf,
+        /// Where the names stand.
+        at: At,
     },
     /// Too little was measured to compare anything.
     #[error("{} {rows}: {what}, expected {expected}; {advice}", path.display())]
@@ -241,4 +260,10 @@ pub enum ReadError {
         /// What the model says.
         expected: String,
     },
+}
+
+impl From<krait_record::RecordingReadError> for ReadError {
+    fn from(error: krait_record::RecordingReadError) -> Self {
+        Self::Recording(Box::new(error))
+    }
 }

@@ -1,5 +1,6 @@
 //! From a file's first line to a plan: which of its columns stands for what, and how its values become SI units.
 
+use super::at::At;
 use super::role::{Role, Wanted};
 use super::unit::{Dimension, Unit};
 use super::{ColumnMap, Expected, ReadError};
@@ -44,8 +45,14 @@ impl Plan {
 }
 
 /// Finds the columns of an expected machine among a file's names.
-pub(super) fn plan(path: &Path, names: &[String], map: &ColumnMap, expected: Expected) -> Result<Plan, ReadError> {
-    let header = Header { path, names };
+pub(super) fn plan(
+    path: &Path,
+    at: At,
+    names: &[String],
+    map: &ColumnMap,
+    expected: Expected,
+) -> Result<Plan, ReadError> {
+    let header = Header { path, at, names };
     header.no_name_twice()?;
     let wanted = expected.wanted();
     targets_exist(map, &wanted)?;
@@ -87,6 +94,7 @@ pub(super) fn plan(path: &Path, names: &[String], map: &ColumnMap, expected: Exp
 
 struct Header<'a> {
     path: &'a Path,
+    at: At,
     names: &'a [String],
 }
 
@@ -102,7 +110,13 @@ impl Header<'_> {
 
     fn duplicate(&self, quantity: String, first: usize, second: usize) -> ReadError {
         let place = |k: usize| format!("{} ({:?})", k + 1, self.names.get(k).map_or("", String::as_str));
-        ReadError::DuplicateColumn { path: self.path.to_owned(), quantity, first: place(first), second: place(second) }
+        ReadError::DuplicateColumn {
+            path: self.path.to_owned(),
+            at: self.at,
+            quantity,
+            first: place(first),
+            second: place(second),
+        }
     }
 
     fn find(&self, wanted: &Wanted, map: &ColumnMap) -> Result<Option<Column>, ReadError> {
@@ -111,7 +125,7 @@ impl Header<'_> {
         {
             let field = self.names.iter().position(|name| *name == mapping.source).ok_or_else(|| {
                 let column = mapping.source.clone();
-                ReadError::MapSource { path: self.path.to_owned(), nearest: self.nearest(&column), column }
+                ReadError::MapSource { path: self.path.to_owned(), at: self.at, nearest: self.nearest(&column), column }
             })?;
             let unit = mapping.unit.map_or(target_unit, |unit| unit.suffix.to_owned());
             let hint = format!("map it with --map {}={}:", mapping.target, mapping.source);
@@ -134,15 +148,14 @@ impl Header<'_> {
                 let hint = format!("call the column {}_", wanted.base);
                 self.column(wanted, field, suffix(wanted, name).unwrap_or(""), &hint).map(Some)
             }
-            (None, Some((name, suffix))) => Err(unknown_unit(self.path, wanted, name, suffix)),
+            (None, Some((name, suffix))) => Err(self.unknown_unit(wanted, name, suffix)),
             (None, None) => Ok(None),
         }
     }
 
     fn column(&self, wanted: &Wanted, field: usize, suffix: &str, hint: &str) -> Result<Column, ReadError> {
         let name = self.names.get(field).cloned().unwrap_or_default();
-        let (factor, shift) =
-            conversion(wanted, suffix).ok_or_else(|| unknown_unit(self.path, wanted, &name, suffix))?;
+        let (factor, shift) = conversion(wanted, suffix).ok_or_else(|| self.unknown_unit(wanted, &name, suffix))?;
         let limit = wanted.limit.map(|(limit, what)| {
             let advice = match wanted.suggestion().filter(|_| factor == 1.0) {
                 Some(unit) => format!("{hint}{unit} if that is what it is in"),
@@ -153,9 +166,26 @@ impl Header<'_> {
         Ok(Column { field, name, role: wanted.role, factor, shift, wraps: None, limit })
     }
 
+    fn unknown_unit(&self, wanted: &Wanted, name: &str, suffix: &str) -> ReadError {
+        let units = match wanted.dimension {
+            Some(Dimension::Number) | None => wanted.unit.clone(),
+            Some(dimension) => dimension.suffixes(),
+        };
+        ReadError::UnknownUnit {
+            path: self.path.to_owned(),
+            at: self.at,
+            found: match suffix {
+                "" => format!("{name:?} has no unit"),
+                _ => format!("{name:?} has the unknown unit {suffix:?}"),
+            },
+            expected: wanted.name(),
+            units,
+        }
+    }
+
     fn missing(&self, wanted: &Wanted) -> ReadError {
         let column = wanted.name();
-        ReadError::MissingColumn { path: self.path.to_owned(), nearest: self.nearest(&column), column }
+        ReadError::MissingColumn { path: self.path.to_owned(), at: self.at, nearest: self.nearest(&column), column }
     }
 
     fn nearest(&self, given: &str) -> String {
@@ -269,20 +299,4 @@ fn conversion(wanted: &Wanted, suffix: &str) -> Option<(f64, f64)> {
     let own = Unit::from_suffix(&wanted.unit)?;
     let unit = Unit::from_suffix(suffix).filter(|unit| unit.dimension == dimension)?;
     Some((unit.factor / own.factor, (unit.shift - own.shift) / own.factor))
-}
-
-fn unknown_unit(path: &Path, wanted: &Wanted, name: &str, suffix: &str) -> ReadError {
-    let units = match wanted.dimension {
-        Some(Dimension::Number) | None => wanted.unit.clone(),
-        Some(dimension) => dimension.suffixes(),
-    };
-    ReadError::UnknownUnit {
-        path: path.to_owned(),
-        found: match suffix {
-            "" => format!("{name:?} has no unit"),
-            _ => format!("{name:?} has the unknown unit {suffix:?}"),
-        },
-        expected: wanted.name(),
-        units,
-    }
 }

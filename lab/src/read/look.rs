@@ -1,9 +1,11 @@
-//! A first look at a CSV file of which nothing is known: its columns as they are, before anything stands for anything.
+//! A first look at a file of which nothing is known: its columns as they are, before anything stands for anything.
 
 use super::ReadError;
+use super::at::At;
 use super::csv::Opened;
-use super::dialect::Dialect;
+use super::format::{Format, Found};
 use krait_ipc::input;
+use std::fs::File;
 use std::path::Path;
 
 /// Cells that are looked at, 160 MB; every row is read and checked afterwards.
@@ -13,10 +15,14 @@ const MOST_COLUMNS: usize = 1000;
 /// A file's columns.
 #[derive(Clone, Debug)]
 pub(crate) struct Look {
-    pub dialect: Dialect,
-    pub has_decimal_comma: bool,
+    /// Where the names of columns stand.
+    pub at: At,
+    /// How the file is written: `columns separated by semicolons, decimal comma`.
+    pub how: String,
     /// Whether every row was looked at.
     pub is_whole: bool,
+    /// What was left out or taken for granted, a sentence each.
+    pub notes: Vec<String>,
     pub columns: Vec<Looked>,
 }
 
@@ -55,8 +61,20 @@ impl Looked {
 
 /// Looks at a file's first rows.
 pub(crate) fn look(path: &Path) -> Result<Look, ReadError> {
+    let Found { file, format } = Format::of(path)?;
+    match format {
+        Format::Csv => look_at_text(path, file),
+        Format::Krait => Err(ReadError::Unusable {
+            path: path.to_owned(),
+            reason: "a recording of krait names its columns itself; give it to `krait lab diagnose` with --data"
+                .to_owned(),
+        }),
+        Format::Grid(read) => Ok(read(path, file)?.look()),
+    }
+}
+
+fn look_at_text(path: &Path, file: File) -> Result<Look, ReadError> {
     let failed = |source| ReadError::Io { path: path.to_owned(), source };
-    let file = super::open(path)?;
     input::check_size(&file, input::TABLE_BYTES).map_err(failed)?;
     let mut file = Opened::new(path, file)?;
     let wrong = |reason: String| ReadError::NotCsv { path: path.to_owned(), line: 1, reason };
@@ -82,5 +100,7 @@ pub(crate) fn look(path: &Path) -> Result<Look, ReadError> {
             column.values.push(value.unwrap_or(f64::NAN));
         }
     }
-    Ok(Look { dialect, has_decimal_comma: numbers.has_decimal_comma(), is_whole, columns })
+    let comma = if numbers.has_decimal_comma() { ", decimal comma" } else { "" };
+    let how = format!("columns separated by {}s{comma}", dialect.word());
+    Ok(Look { at: At::Line(1), how, is_whole, notes: Vec::new(), columns })
 }

@@ -1,21 +1,29 @@
-//! Reads measurements: CSV files of anybody, and krait's own recordings; whatever is doubtful is refused with its place.
+//! Reads measurements: CSV, Parquet, MATLAB files and ROS 2 bags of anybody, and krait's own recordings; whatever is doubtful is refused with its place.
 
+mod at;
 mod cells;
 mod check;
 mod column_map;
 mod csv;
 mod dialect;
 mod error;
+mod format;
+mod grid;
 mod header;
 mod look;
 mod map_file;
+mod matlab;
+mod parquet;
 mod recording;
 mod role;
+mod ros;
+mod rows;
 mod stamps;
 mod table;
 mod unit;
 mod wrap;
 
+pub use at::At;
 pub use column_map::{ColumnMap, Mapping};
 pub use error::ReadError;
 pub(crate) use header::in_brackets;
@@ -26,6 +34,7 @@ pub(crate) use unit::{Dimension, Unit};
 pub(crate) use wrap::Turns;
 
 use crate::Measurements;
+use format::{Format, Found};
 use krait_ipc::input;
 use krait_model::model_file::{Joints, Machine};
 use sha2::{Digest, Sha256};
@@ -68,7 +77,7 @@ impl Expected<'_> {
     }
 }
 
-/// Reads a CSV file or a recording of krait.
+/// Reads a CSV file, a Parquet table, a MATLAB file of level 5, a ROS 2 bag in MCAP, or a recording of krait.
 ///
 /// Everything comes back in SI units and radians, for joints in the model's units. A new label in the column `trial` begins a
 /// trial. `weight` w of a row becomes a standard deviation 1/sqrt(w): only ratios of weights count; a row of weight 0 is history
@@ -78,20 +87,32 @@ impl Expected<'_> {
 /// [`ReadError`], one sentence with file, line and column.
 pub fn read(path: &Path, map: &ColumnMap, expected: Expected) -> Result<Measurements, ReadError> {
     let failed = |source| ReadError::Io { path: path.to_owned(), source };
-    let mut file = open(path)?;
-    let mut start = Vec::new();
-    file.by_ref().take(recording::MAGIC.len() as u64).read_to_end(&mut start).map_err(failed)?;
-    file.rewind().map_err(failed)?;
-    if start == recording::MAGIC {
-        return recording::read(path, file, map, expected);
-    }
-    input::check_size(&file, input::TABLE_BYTES).map_err(failed)?;
-    let mut hashing = Hashing { source: file, hash: Sha256::new() };
-    let table = csv::read(path, &mut hashing, map, expected)?;
+    let Found { mut file, format } = Format::of(path)?;
+    let (table, hash) = match format {
+        Format::Krait => return recording::read(path, file, map, expected),
+        Format::Csv => {
+            input::check_size(&file, input::TABLE_BYTES).map_err(failed)?;
+            let mut hashing = Hashing { source: file, hash: Sha256::new() };
+            let table = csv::read(path, &mut hashing, map, expected)?;
+            (table, hex(hashing.hash))
+        }
+        Format::Grid(grid) => {
+            let table = grid(path, file.try_clone().map_err(failed)?)?.read(path, map, expected)?;
+            file.rewind().map_err(failed)?;
+            (table, sha256(path, file)?)
+        }
+    };
     let place = table::place(path, &table);
-    let data = table::measurements(path, table, expected, hex(hashing.hash));
+    let data = table::measurements(path, table, expected, hash);
     check::enough(&place, &data)?;
     Ok(data)
+}
+
+/// Hash of a whole file.
+fn sha256(path: &Path, file: File) -> Result<String, ReadError> {
+    let mut hashing = Hashing { source: file, hash: Sha256::new() };
+    io::copy(&mut hashing, &mut io::sink()).map_err(|source| ReadError::Io { path: path.to_owned(), source })?;
+    Ok(hex(hashing.hash))
 }
 
 fn open(path: &Path) -> Result<File, ReadError> {

@@ -3,23 +3,18 @@
 
 use super::check::{self, Place};
 use super::unit::{Dimension, Unit};
-use super::{ColumnMap, Expected, Hashing, ReadError, hex, source};
+use super::{ColumnMap, Expected, ReadError, sha256, source};
 use crate::{LoadUse, Measurements, Quantity};
 use krait_model::model_file::{Joints, Machine, ModelFile};
 use krait_record::columns::Columns;
 use krait_record::{CONFIG_ATTACHMENT, Missing, Recording, attachment};
-use sha2::{Digest, Sha256};
 use std::fs::File;
-use std::io;
 use std::path::Path;
 
 /// The model file that a chain of joints was driven with, as the recording embeds it.
 const MODEL_ATTACHMENT: &str = "model.toml";
 /// Loads of a simulated machine are what the machine has; this much is left to effects that are not in the model.
 const SIMULATED_GAIN_APART: f64 = 0.005;
-
-/// How a recording begins.
-pub(super) const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
 
 /// Reads a whole recording. A trial begins where the drives found their zero anew.
 ///
@@ -48,11 +43,9 @@ pub(super) fn read(path: &Path, file: File, map: &ColumnMap, expected: Expected)
         );
         return Err(ReadError::OtherMachine { path: path.to_owned(), found, expected });
     };
-    let mut hashing = Hashing { source: file, hash: Sha256::new() };
-    io::copy(&mut hashing, &mut io::sink()).map_err(|source| ReadError::Io { path: path.to_owned(), source })?;
     let data = Measurements {
         load_use: load_use(&recording),
-        ..measurements(path, columns, [u_per_m, y_per_si], hex(hashing.hash))
+        ..measurements(path, columns, [u_per_m, y_per_si], sha256(path, file)?)
     };
     let place = Place {
         path,

@@ -1,10 +1,11 @@
 //! From a file's columns to measurements: rows interleaved, polar shapes as bend vectors, weights as standard deviations.
 
 use super::Expected;
+use super::at::At;
 use super::check::Place;
-use super::csv::Table;
 use super::header::{Plan, in_brackets};
 use super::role::Role;
+use super::rows::Table;
 use super::unit::Unit;
 use crate::{LoadUse, Measurements, Names, Quantity};
 use std::f64::consts::FRAC_PI_2;
@@ -47,7 +48,11 @@ pub(super) fn place<'a>(path: &'a Path, table: &Table) -> Place<'a> {
     let names = |is_one: fn(Role) -> bool| format!("columns {}", table.plan.names(is_one));
     Place {
         path,
-        rows: format!("lines 2 to {}", table.last_line),
+        rows: match table.last {
+            At::Line(last) => format!("lines 2 to {last}"),
+            At::Row(last) => format!("rows 1 to {last}"),
+            At::Names => String::new(),
+        },
         time: table.plan.names(|role| role == Role::Time),
         inputs: names(|role| matches!(role, Role::Input(_))),
         outputs: names(|role| matches!(role, Role::Output(_) | Role::ThetaL | Role::Delta)),
