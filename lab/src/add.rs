@@ -19,6 +19,8 @@ pub struct AddOptions {
     pub free: Vec<String>,
     /// Parameters of the model's own effects that are fitted again with it: effect's label and parameter's name.
     pub refit: Vec<(String, String)>,
+    /// Name and first trial of each recording, where there are several: of joints each has its own gain and offset.
+    pub recordings: Vec<(String, usize)>,
 }
 
 /// A model with a further or refitted effect.
@@ -51,7 +53,7 @@ const TOLERANCE: f64 = 1e-6;
 pub fn add(machine: &dyn MachineUnderTest, data: &Measurements, options: &AddOptions) -> Result<Added, LabError> {
     let parameters = machine.parameters(&options.term)?;
     if let Some(joints) = machine.as_joints().filter(|_| !options.from_given && options.free.is_empty())
-        && let Some(added) = crate::joint::add(joints, data, &options.term)?
+        && let Some(added) = crate::joint::add(joints, data, options)?
     {
         return Ok(added);
     }

@@ -159,8 +159,13 @@ fn an_added_effect_has_its_value_within_its_standard_errors_and_reaches_the_floo
     let mut within = 0;
     for seed in 0..10 {
         let data = made(&[term("backlash", &[7e-5])], 200 + seed);
-        let options =
-            AddOptions { term: term("backlash", &[8.9e-5]), from_given: false, free: Vec::new(), refit: Vec::new() };
+        let options = AddOptions {
+            term: term("backlash", &[8.9e-5]),
+            from_given: false,
+            free: Vec::new(),
+            refit: Vec::new(),
+            recordings: Vec::new(),
+        };
         let added = add(&lab(), &data, &options).unwrap();
         let (value, se) = (added.terms[0].values[0], added.uncertainty.robust[0]);
         within += usize::from((value - 7e-5).abs() < 2.0 * se);
@@ -177,6 +182,7 @@ fn an_effect_that_is_added_moves_those_that_were_fitted_to_the_same_data() {
         from_given: false,
         free: Vec::new(),
         refit,
+        recordings: Vec::new(),
     };
     let file = ModelFile::parse(MODEL).unwrap();
     let alone = add(&lab(), &data, &options("backlash", 8.9e-5, Vec::new())).unwrap();

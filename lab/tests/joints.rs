@@ -72,8 +72,12 @@ fn errors_of_a_joint_in_millimetres_are_never_called_degrees() {
     assert!(json["base_heldout_rms"].is_number() && json["base_heldout_rms_deg"].is_null(), "{json}");
     assert_eq!(json["effects"][0]["params"]["half_width"]["unit"], "mm", "{json}");
     let term = Term { name: "backlash".to_owned(), values: vec![0.0, 0.0], formula: None };
-    let added = add(&machine, &data, &AddOptions { term, from_given: false, free: Vec::new(), refit: Vec::new() })
-        .expect("a fit");
+    let added = add(
+        &machine,
+        &data,
+        &AddOptions { term, from_given: false, free: Vec::new(), refit: Vec::new(), recordings: Vec::new() },
+    )
+    .expect("a fit");
     let better = save(&file, &added, "backlash", &data, "2026-11-22").expect("a model");
     let text = better.to_toml();
     assert!(text.contains("heldout_rms = {") && text.contains("unit = \"mm\"") && !text.contains("_deg"), "{text}");

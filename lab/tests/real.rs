@@ -114,8 +114,12 @@ fn an_effect_added_to_an_uncalibrated_model_leaves_gain_and_offset_free() {
     let data = joint(&folder.join("davinci-jaw/00.csv"), 1);
     let (file, machine) = model("n = 1\n");
     let term = Term { name: "backlash".to_owned(), values: vec![0.0, 0.0], formula: None };
-    let added = add(&machine, &data, &AddOptions { term, from_given: false, free: Vec::new(), refit: Vec::new() })
-        .expect("a fit");
+    let added = add(
+        &machine,
+        &data,
+        &AddOptions { term, from_given: false, free: Vec::new(), refit: Vec::new(), recordings: Vec::new() },
+    )
+    .expect("a fit");
     assert!(added.after < 0.34 && added.before > 1.0, "{} {}", added.before, added.after);
     let better = save(&file, &added, "backlash", &data, "2026-11-22").expect("a model");
     let Machine::Joints(joints) = better.machine() else { panic!("joints") };
@@ -147,6 +151,13 @@ fn recordings_of_one_machine_share_its_physics_and_keep_their_own_gain_and_offse
     let gains: Vec<_> = found.calibration.iter().filter(|own| own.name == "gain").collect();
     assert_eq!(gains.len(), 2, "each recording has its own");
     assert_eq!(gains[1].recording.as_deref(), Some("09.csv"));
+    let term = Term { name: "backlash".to_owned(), values: vec![0.0, 0.0], formula: None };
+    let recordings = session.recordings.clone();
+    let own = AddOptions { term, from_given: false, free: Vec::new(), refit: Vec::new(), recordings };
+    let added = add(session.machine.as_ref(), &session.data, &own).expect("a fit");
+    // One gain and one offset for both would leave 4 degrees.
+    assert!(added.before < 2.0 && added.after < 0.34, "{} {}", added.before, added.after);
+    assert_eq!(added.calibration.iter().filter_map(|own| own.recording.as_deref()).count(), 4);
     let empty = dir.join("empty");
     std::fs::create_dir_all(&empty).expect("a folder");
     let refused = Session::open_all(&model, &[empty], &ColumnMap::default()).err().expect("refused").to_string();

@@ -146,8 +146,12 @@ fn a_page_of_an_added_effect_shows_it_before_and_after() {
     let (machine, data) = (snake(), data());
     let mut term = Term { name: "backlash".to_owned(), values: Vec::new(), formula: None };
     term.values = machine.parameters(&term).expect("known").iter().map(|own| own.default).collect();
-    let added = add(&machine, &data, &AddOptions { term, from_given: false, free: Vec::new(), refit: Vec::new() })
-        .expect("added");
+    let added = add(
+        &machine,
+        &data,
+        &AddOptions { term, from_given: false, free: Vec::new(), refit: Vec::new(), recordings: Vec::new() },
+    )
+    .expect("added");
     let page = added_page(&machine, &data, &added, "backlash", origin()).expect("a page");
     assert_alone_and_safe(&page);
     assert!(page.contains("half_width_m") && page.contains("Error before and after"));
@@ -181,8 +185,12 @@ fn pages_of_joints_show_each_output_and_no_bend() {
     let compared = compare(&machine, &data).expect("a comparison");
     let mut term = Term { name: "backlash".to_owned(), values: Vec::new(), formula: None };
     term.values = machine.parameters(&term).expect("known").iter().map(|own| own.default).collect();
-    let added = add(&machine, &data, &AddOptions { term, from_given: false, free: Vec::new(), refit: Vec::new() })
-        .expect("added");
+    let added = add(
+        &machine,
+        &data,
+        &AddOptions { term, from_given: false, free: Vec::new(), refit: Vec::new(), recordings: Vec::new() },
+    )
+    .expect("added");
     for page in [
         diagnosis_page(&machine, &data, &found, origin()).expect("a page"),
         comparison_page(&machine, &data, &compared, origin()).expect("a page"),
@@ -204,8 +212,12 @@ fn the_bars_of_an_added_effect_have_whiskers() {
     let (machine, data) = joints("whiskers");
     let mut term = Term { name: "backlash".to_owned(), values: Vec::new(), formula: None };
     term.values = machine.parameters(&term).expect("known").iter().map(|own| own.default).collect();
-    let added = add(&machine, &data, &AddOptions { term, from_given: false, free: Vec::new(), refit: Vec::new() })
-        .expect("added");
+    let added = add(
+        &machine,
+        &data,
+        &AddOptions { term, from_given: false, free: Vec::new(), refit: Vec::new(), recordings: Vec::new() },
+    )
+    .expect("added");
     let page = added_page(&machine, &data, &added, "backlash", origin()).expect("a page");
     let bars = own(&page);
     let bars = &bars[bars.find("Waterfall.").expect("the waterfall")..];

@@ -12,7 +12,7 @@ use super::terms::{self, Value, term};
 use crate::add::Added;
 use crate::fit::{Uncertainty, Variable};
 use crate::machine::{JointsLab, MachineUnderTest};
-use crate::{LabError, Measurements, Term};
+use crate::{AddOptions, LabError, Measurements, Term};
 
 /// Rows of the loss.
 const MOST_ROWS: usize = 10_000;
@@ -21,7 +21,12 @@ const MOST_ROWS: usize = 10_000;
 ///
 /// # Errors
 /// [`LabError`] where the model's own effects make no chain.
-pub(crate) fn add(machine: &JointsLab, data: &Measurements, wanted: &Term) -> Result<Option<Added>, LabError> {
+pub(crate) fn add(machine: &JointsLab, data: &Measurements, options: &AddOptions) -> Result<Option<Added>, LabError> {
+    let wanted = &options.term;
+    let (names, mut first_trials): (Vec<String>, Vec<usize>) = options.recordings.iter().cloned().unzip();
+    if first_trials.is_empty() {
+        first_trials.push(0);
+    }
     let excluded = excluded(machine, data)?;
     let only = wanted.values.first().map_or(0, |joint| joint.round() as usize);
     let mut terms = machine.effects().to_vec();
@@ -30,7 +35,7 @@ pub(crate) fn add(machine: &JointsLab, data: &Measurements, wanted: &Term) -> Re
     let mut calibration = Vec::new();
     let mut is_known = false;
     for joint in 0..data.n_outputs {
-        let signal = Signal::new(machine, data, joint, &excluded, MOST_ROWS, &[0])?;
+        let signal = Signal::new(machine, data, joint, &excluded, MOST_ROWS, &first_trials)?;
         let weight = vec![1.0; signal.rows.len()];
         let loss = Loss { weight: &weight, noise: fast_noise(&signal) };
         let own = candidates(&signal).into_iter().filter(|kind| is_wanted(*kind, wanted)).collect();
@@ -62,7 +67,7 @@ pub(crate) fn add(machine: &JointsLab, data: &Measurements, wanted: &Term) -> Re
                 naive.push(value.se_naive);
             }
         }
-        calibration.extend(answer::of_machine(machine, joint, &values, &[]));
+        calibration.extend(answer::of_machine(machine, joint, &values, &names));
     }
     let (_, scale) = machine.error_unit();
     Ok(is_known.then(|| Added {

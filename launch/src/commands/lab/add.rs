@@ -27,7 +27,8 @@ pub fn run(args: &AddArgs) -> anyhow::Result<ExitCode> {
     let is_start = |name: &str| name != "joint" && name != "from";
     let from_given = args.set.iter().any(|(name, _)| is_start(name)) || term.formula.is_some();
     let refit = fitted_to(&session.file, &session.data);
-    let options = AddOptions { term, from_given, free: args.free.clone(), refit };
+    let recordings = session.recordings.clone();
+    let options = AddOptions { term, from_given, free: args.free.clone(), refit, recordings };
     let added = add(session.machine.as_ref(), &session.data, &options)?;
     write_page(args.report.as_deref(), &session, &added, &label)?;
     finish(&session, &added, &label, &args.out, args.json)
