@@ -1,4 +1,4 @@
-//! The tutorial of the model lab: its commands print what its text says.
+//! The tutorials of the model lab: their commands print what their texts say.
 #![allow(clippy::expect_used, reason = "a panic is how a test fails")]
 
 use std::fs;
@@ -10,11 +10,31 @@ const TOLERANCE: f64 = 0.02;
 
 #[test]
 fn the_tutorial_s_commands_print_what_its_text_says() {
+    let folder = Folder::new("snake");
+    let n_commands = follow("lab-tutorial.md", &["lab-tutorial/base.toml", "lab-tutorial/hidden.csv"], &folder);
+    assert_eq!(n_commands, 4);
+    let page = fs::read_to_string(folder.0.join("why.html")).expect("the page of pictures");
+    assert!(page.contains("Direction split") && page.contains("Travel since the last reversal"));
+    let script = fs::read_to_string(folder.0.join("next.csv")).expect("the script");
+    assert!(script.contains("time_s,tip_vx_m_per_s,tip_vy_m_per_s,tip_vz_m_per_s,operator_present,clutch"));
+}
+
+#[test]
+fn the_jaw_s_commands_print_what_its_text_says() {
+    let folder = Folder::new("jaw");
+    let data = "../lab/tests/data/davinci-jaw";
+    let files = [&format!("{data}/00.csv"), &format!("{data}/09.csv"), "jaw-tutorial/torque.toml"];
+    let n_commands = follow("jaw-tutorial.md", &files, &folder);
+    assert_eq!(n_commands, 8);
+}
+
+/// Runs the commands of a page where these files of `docs` are, and compares what they print with what the page shows.
+fn follow(page: &str, files: &[&str], folder: &Folder) -> usize {
     let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs");
-    let text = fs::read_to_string(docs.join("lab-tutorial.md")).expect("the tutorial");
-    let folder = Folder::new();
-    for name in ["base.toml", "hidden.csv"] {
-        fs::copy(docs.join("lab-tutorial").join(name), folder.0.join(name)).expect("a shipped file");
+    let text = fs::read_to_string(docs.join(page)).expect("the tutorial");
+    for file in files {
+        let name = Path::new(file).file_name().expect("a file");
+        fs::copy(docs.join(file), folder.0.join(name)).expect("a shipped file");
     }
     let mut n_commands = 0;
     for block in text.split("```console\n$ krait ").skip(1) {
@@ -32,11 +52,7 @@ fn the_tutorial_s_commands_print_what_its_text_says() {
         }
         n_commands += 1;
     }
-    assert_eq!(n_commands, 4);
-    let page = fs::read_to_string(folder.0.join("why.html")).expect("the page of pictures");
-    assert!(page.contains("Direction split") && page.contains("Travel since the last reversal"));
-    let script = fs::read_to_string(folder.0.join("next.csv")).expect("the script");
-    assert!(script.contains("time_s,tip_vx_m_per_s,tip_vy_m_per_s,tip_vz_m_per_s,operator_present,clutch"));
+    n_commands
 }
 
 /// Whether a printed line begins with the shown one's words, its numbers nearly the same.
@@ -56,8 +72,8 @@ fn is_near(a: &str, b: &str) -> bool {
 struct Folder(PathBuf);
 
 impl Folder {
-    fn new() -> Self {
-        let path = std::env::temp_dir().join(format!("krait-lab-tutorial-{}", std::process::id()));
+    fn new(name: &str) -> Self {
+        let path = std::env::temp_dir().join(format!("krait-lab-tutorial-{name}-{}", std::process::id()));
         fs::create_dir_all(&path).expect("a folder");
         Self(path)
     }
