@@ -7,6 +7,8 @@ pub enum Quantity {
     Snake,
     /// Joints: commanded and measured positions, in the units that the file names.
     Joints,
+    /// Joints with a force: angles in rad, torque in Nm or current in A, all filtered alike.
+    Force,
 }
 
 /// A table of measurements. Rows are in order of time within each trial.

@@ -78,6 +78,7 @@ pub fn fitted_to(file: &ModelFile, data: &Measurements) -> Vec<(String, String)>
 fn unit(machine: &Machine) -> String {
     match machine {
         Machine::Joints(joints) if joints.y_unit != "rad" => joints.y_unit.clone(),
+        Machine::Force(force) => force.unit.word().to_owned(),
         _ => "deg".to_owned(),
     }
 }

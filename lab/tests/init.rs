@@ -1,7 +1,9 @@
 //! `krait lab init` on the files that people have: real logs in other dialects, and every file that is refused, with its sentence.
 #![allow(clippy::expect_used, clippy::panic, reason = "the helpers of a test fail as the test does")]
 
+use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, Verdict, diagnose};
 use krait_lab::init::{Proposal, propose};
+use krait_lab::machine::ForceLab;
 use krait_lab::read::{ColumnMap, Mapping, read};
 use krait_lab::{Measurements, Session};
 use krait_model::model_file::ModelFile;
@@ -252,4 +254,89 @@ proptest! {
         let read = data(&path, &found);
         prop_assert_eq!(read.inputs, values);
     }
+}
+
+/// A joint by textbook laws: inertia, weight, dry and viscous friction, sticking, friction of the loaded gear; offset and noise.
+struct TextbookJoint {
+    inertia: f64,
+    weight: f64,
+    dry: f64,
+    drag: f64,
+    sticking: f64,
+    gear: f64,
+}
+
+impl TextbookJoint {
+    /// 80 s at 100 Hz on four sines, as a CSV file.
+    fn csv(&self, seed: u64) -> String {
+        let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
+        let mut uniform = || {
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            (state >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        let phases: [f64; 4] = std::array::from_fn(|_| 6.28 * uniform());
+        let mut text = "time_s,q1_deg,tau1_nm\n".to_owned();
+        for k in 0..8000 {
+            let t = f64::from(k) * 0.01;
+            let (mut q, mut speed, mut acceleration) = (0.0, 0.0, 0.0);
+            for ((hz, size), phase) in [(0.13, 0.7), (0.31, 0.35), (0.53, 0.2), (0.97, 0.12)].into_iter().zip(phases) {
+                let w = 6.283_185 * hz;
+                q += size * f64::sin(w * t + phase);
+                speed += size * w * f64::cos(w * t + phase);
+                acceleration -= size * w * w * f64::sin(w * t + phase);
+            }
+            let way = if speed > 0.0 { 1.0 } else { -1.0 };
+            let weight = self.weight * q.sin();
+            let stuck = self.sticking * (-speed * speed / 0.09).exp();
+            let friction = way * (self.dry + stuck + self.gear * weight.abs()) + self.drag * speed;
+            // A sum of twelve even numbers is as good as normal.
+            let mut noise = |sd: f64| sd * ((0..12).map(|_| uniform()).sum::<f64>() - 6.0);
+            let torque = self.inertia * acceleration + weight + friction + 0.05 + noise(0.02);
+            let angle_deg = (q + noise(1e-4)).to_degrees();
+            writeln!(text, "{t:.3},{angle_deg:.5},{torque:.5}").expect("a string");
+        }
+        text
+    }
+}
+
+fn of_force(name: &str, text: &str) -> Diagnosis {
+    let path = file(name, text);
+    let found = proposed(&path);
+    assert_eq!(found.kind, "force", "{}", found.machine);
+    let data = data(&path, &found);
+    let machine = ForceLab::new(&ModelFile::parse(&found.model).expect("a model")).expect("of kind force");
+    diagnose(&machine, &data, &DiagnoseOptions::default()).expect("it can be computed")
+}
+
+#[test]
+fn a_joint_s_torque_is_taken_apart_into_inertia_weight_and_friction() {
+    let joint = TextbookJoint { inertia: 0.05, weight: 1.2, dry: 0.15, drag: 0.08, sticking: 0.0, gear: 0.0 };
+    for seed in [1, 2] {
+        let found = of_force(&format!("force_{seed}"), &joint.csv(seed));
+        let value = |name: &str, parameter: &str| {
+            let effect = found.effects.iter().find(|own| own.name == name);
+            let effect = effect.unwrap_or_else(|| panic!("{name}: {} {:?}", found.sentence, found.candidates));
+            let own = effect.parameters.iter().find(|own| own.name == parameter).expect("a parameter");
+            (own.value, own.se)
+        };
+        for (name, parameter, truth) in [
+            ("inertia", "inertia", 0.05),
+            ("gravity", "sine", 1.2),
+            ("coulomb", "torque", 0.15),
+            ("viscous", "drag", 0.08),
+        ] {
+            let (found, se) = value(name, parameter);
+            assert!((found - truth).abs() < 0.05 * truth, "{name} {parameter}: {found} +- {se:?}, true is {truth}");
+        }
+        assert_eq!(found.effects.len(), 4, "{}", found.sentence);
+    }
+}
+
+#[test]
+fn an_offset_with_noise_is_nothing_missing() {
+    let joint = TextbookJoint { inertia: 0.0, weight: 0.0, dry: 0.0, drag: 0.0, sticking: 0.0, gear: 0.0 };
+    let found = of_force("force_null", &joint.csv(3));
+    assert_eq!(found.verdict, Verdict::None, "{}", found.sentence);
 }

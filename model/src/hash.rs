@@ -3,7 +3,7 @@
 //! It covers the machine, the effects in their order with every value, and what is learnt and how. It does not cover the
 //! bytes of the file, comments, the history, or where a value came from.
 
-use crate::model_file::Joints;
+use crate::model_file::{ForceMachine, Joints};
 use crate::{ChainSettings, EffectSetting, MachineParameters};
 use core::fmt;
 use sha2::{Digest, Sha256};
@@ -81,6 +81,16 @@ pub(crate) fn of_joints(joints: &Joints, effects: &[EffectSetting]) -> ModelHash
     content.numbers(gain.iter().flatten().copied());
     content.numbers(offset.iter().copied());
     [u_unit, y_unit].into_iter().for_each(|unit| content.word(unit));
+    content.effects(effects);
+    content.end()
+}
+
+/// Of a machine of kind force.
+pub(crate) fn of_force(force: &ForceMachine, effects: &[EffectSetting]) -> ModelHash {
+    let mut content = Content(Sha256::new());
+    content.word("force");
+    content.numbers([force.n as f64]);
+    content.word(force.unit.word());
     content.effects(effects);
     content.end()
 }

@@ -71,7 +71,7 @@ pub(super) fn errors(data: &Measurements, predicted: &[f64], scored: &[usize], s
         let own = &predicted[row * width..(row + 1) * width];
         match data.quantity {
             Quantity::Snake => of_snake(pair(data.output(row)), pair(own), scale),
-            Quantity::Joints => {
+            Quantity::Joints | Quantity::Force => {
                 let square: f64 = data.output(row).iter().zip(own).map(|(y, f)| (y - f).powi(2)).sum();
                 RowError { length: scale * square.sqrt(), bend: 0.0, plane: 0.0 }
             }

@@ -1,5 +1,6 @@
 //! What the data themselves cannot show, said before anything is fitted.
 
+use crate::read::CUT_OFF_HZ;
 use crate::{FEWEST_BLOCKS, Measurements, Problem, scored_time_s};
 
 /// Sentences about what these data lack; `in_blocks`: also that the problem has few blocks.
@@ -11,6 +12,12 @@ pub(crate) fn cautions(problem: &Problem, n_outliers: usize, in_blocks: bool) ->
             "{:.0} s of data make {} independent blocks, and a calibrated test needs {FEWEST_BLOCKS}: record at least a minute",
             scored_time_s(data),
             problem.n_blocks
+        ));
+    }
+    let cut_off = data.extra.iter().find(|(name, _)| name == CUT_OFF_HZ).and_then(|(_, values)| values.first());
+    if let Some(cut_off_hz) = cut_off {
+        said.push(format!(
+            "angle, its derivatives and force are filtered alike below {cut_off_hz:.2} Hz; rows near a reversal and at rest do not count"
         ));
     }
     let reversals = reversals(data);

@@ -68,6 +68,10 @@ fn sketch(
     place: usize,
     joint: usize,
 ) -> Result<Option<Sketch>, LabError> {
+    // A slow motion shows no force that depends on speed.
+    if data.quantity == crate::Quantity::Force {
+        return Ok(None);
+    }
     let moved = machine.as_joints().map(|_| joint);
     let Some(motion) = motion(data, moved) else { return Ok(None) };
     let mut without = terms.to_vec();

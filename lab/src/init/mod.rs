@@ -1,5 +1,6 @@
 //! A first proposal for a file of which nothing is known: which machine it is of, which column is what, and a model file.
 
+mod force;
 mod given;
 mod joints;
 mod name;
@@ -24,7 +25,7 @@ pub struct Proposal {
     pub is_whole: bool,
     /// Every column of the file, in its order.
     pub columns: Vec<SeenColumn>,
-    /// `joints` or `snake`.
+    /// `joints`, `snake` or `force`.
     pub kind: &'static str,
     /// The machine in a sentence.
     pub machine: String,
@@ -136,7 +137,10 @@ pub fn propose(path: &Path, given: &ColumnMap) -> Result<Proposal, InitError> {
         own.guess = Guess::Time;
     }
     let Machine { kind, sentence, columns: own, pairs, mut cautions, model } =
-        snake_of(&columns).map_or_else(|| joints_of(&columns).map_err(refused), Ok)?;
+        match snake_of(&columns).or_else(|| force_of(&columns)) {
+            Some(machine) => machine,
+            None => joints_of(&columns).map_err(refused)?,
+        };
     if time.is_guess {
         let name = columns.get(time.place).map_or("", Column::name);
         cautions.insert(
@@ -231,6 +235,24 @@ fn snake_of(columns: &[Column]) -> Option<Machine> {
     })
 }
 
+fn force_of(columns: &[Column]) -> Option<Machine> {
+    let force::Found { columns: assigned, n, unit, cautions } = force::find(columns)?;
+    let several = if n == 1 { "joint" } else { "joints" };
+    let unit = unit.word();
+    Some(Machine {
+        kind: "force",
+        sentence: format!("force, {n} {several} (motion beside a torque or a current in {unit}, and no command)"),
+        columns: assigned,
+        pairs: Vec::new(),
+        cautions,
+        model: format!(
+            "# Proposed by `krait lab init`. It has no effect yet: what the torque or current is made of is found by\n\
+             # `krait lab diagnose`. The sensor's offset is solved for in every fit.\n\
+             format = 1\n\n[machine]\nkind = \"force\"\nn = {n}\nunit = {unit:?}\n"
+        ),
+    })
+}
+
 fn joints_of(columns: &[Column]) -> Result<Machine, String> {
     let pairs = joints::pairs(columns);
     if pairs.is_empty() {
@@ -281,5 +303,5 @@ fn no_pair(columns: &[Column]) -> String {
             still.join(", ")
         );
     }
-    "no snake (three lengths and a bend) and no joint (a command beside a measurement) was recognised in the columns; name them, such as --map u1_deg=NAME --map y1_deg=NAME".to_owned()
+    "no snake (three lengths and a bend), no joint (a command beside a measurement) and no force (a motion beside a torque or current) was recognised in the columns; name them, such as --map u1_deg=NAME --map y1_deg=NAME".to_owned()
 }

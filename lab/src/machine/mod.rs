@@ -1,10 +1,12 @@
 //! What a machine must be able to say about itself so that the lab can compare, diagnose and fit it.
 
+mod force;
 mod joint_candidates;
 mod joints;
 mod snake;
 mod snake_candidates;
 
+pub use force::ForceLab;
 pub use joints::JointsLab;
 pub use snake::SnakeLab;
 pub(crate) use snake::{acting, nearest};
@@ -21,6 +23,7 @@ pub fn machine_of(file: &ModelFile) -> Option<Box<dyn MachineUnderTest>> {
         model_file::Machine::Joints(_) => {
             JointsLab::new(file).map(|joints| Box::new(joints) as Box<dyn MachineUnderTest>)
         }
+        model_file::Machine::Force(_) => ForceLab::new(file).map(|force| Box::new(force) as Box<dyn MachineUnderTest>),
     }
 }
 
@@ -29,6 +32,7 @@ pub(crate) fn setting(machine: &model_file::Machine, term: &Term) -> Result<Effe
     match machine {
         model_file::Machine::Snake(_) => snake::setting(term, snake::kind),
         model_file::Machine::Joints(_) => snake::setting(term, joints::kind),
+        model_file::Machine::Force(_) => snake::setting(term, force::kind),
     }
 }
 

@@ -222,6 +222,10 @@ impl Header<'_> {
                 format!("there are columns for {} joints", commanded.max(measured)),
                 format!("{} joint{}", joints.n, if joints.n == 1 { "" } else { "s" }),
             ),
+            Expected::Force(_) if commanded > 0 && !self.has_base("q1") => other(
+                format!("the columns u1..u{commanded} and y1..y{measured} are those of joints"),
+                "kind force".to_owned(),
+            ),
             _ => Ok(()),
         }
     }

@@ -7,6 +7,7 @@ mod column_map;
 mod csv;
 mod dialect;
 mod error;
+mod force;
 mod format;
 mod grid;
 mod header;
@@ -26,6 +27,7 @@ mod wrap;
 pub use at::At;
 pub use column_map::{ColumnMap, Mapping};
 pub use error::ReadError;
+pub(crate) use force::{CUT_OFF_HZ, column};
 pub(crate) use header::in_brackets;
 pub(crate) use look::{Look, Looked, look};
 pub(crate) use role::N_LINES;
@@ -36,7 +38,7 @@ pub(crate) use wrap::Turns;
 use crate::Measurements;
 use format::{Format, Found};
 use krait_ipc::input;
-use krait_model::model_file::{Joints, Machine};
+use krait_model::model_file::{ForceMachine, Joints, Machine};
 use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io::{self, Read, Seek};
@@ -49,6 +51,8 @@ pub enum Expected<'a> {
     Snake,
     /// Joints: `u1`..`un` and `y1`..`yn` in the model's units.
     Joints(&'a Joints),
+    /// Joints with a force: `q1`..`qn`, rad, and `tau1_nm`.. or `i1_a`..
+    Force(&'a ForceMachine),
 }
 
 impl<'a> From<&'a Machine> for Expected<'a> {
@@ -56,6 +60,7 @@ impl<'a> From<&'a Machine> for Expected<'a> {
         match machine {
             Machine::Snake(_) => Self::Snake,
             Machine::Joints(joints) => Self::Joints(joints),
+            Machine::Force(force) => Self::Force(force),
         }
     }
 }
@@ -65,6 +70,7 @@ impl Expected<'_> {
         match self {
             Self::Snake => role::snake(),
             Self::Joints(joints) => role::joints(joints.n, &joints.u_unit, &joints.y_unit),
+            Self::Force(force) => role::force(force),
         }
     }
 
@@ -73,6 +79,7 @@ impl Expected<'_> {
         match self {
             Self::Snake => (role::N_LINES, 2),
             Self::Joints(joints) => (joints.n, joints.n),
+            Self::Force(force) => (force.n, force.n),
         }
     }
 }
@@ -105,7 +112,10 @@ pub fn read(path: &Path, map: &ColumnMap, expected: Expected) -> Result<Measurem
     let place = table::place(path, &table);
     let data = table::measurements(path, table, expected, hash);
     check::enough(&place, &data)?;
-    Ok(data)
+    let Expected::Force(machine) = expected else { return Ok(data) };
+    let filtered = force::prepare(&place, data, machine)?;
+    check::enough(&place, &filtered)?;
+    Ok(filtered)
 }
 
 /// Hash of a whole file.

@@ -1,6 +1,7 @@
 //! What a column can stand for: its name without a unit, its quantity, and the values that it can have.
 
 use super::unit::Dimension;
+use krait_model::model_file::{ForceMachine, ForceUnit};
 use std::f64::consts::PI;
 
 /// What a column stands for.
@@ -103,6 +104,26 @@ pub(super) fn joints(n: usize, u_unit: &str, y_unit: &str) -> Vec<Wanted> {
     wanted.extend((0..n).map(|i| column(Role::Output(i), format!("y{}", i + 1), y_unit, y_limit)));
     wanted.extend(circumstances());
     wanted.push(column(Role::Sigma, "sigma_y".to_owned(), y_unit, None));
+    wanted
+}
+
+/// The columns of joints with a force.
+pub(super) fn force(machine: &ForceMachine) -> Vec<Wanted> {
+    let mut wanted = vec![time(), trial()];
+    // An arm's wrist may make a few turns.
+    let limit = Some((16.0 * PI, "no angle of a joint in radians: more than eight turns"));
+    wanted.extend((0..machine.n).map(|i| angle(Role::Input(i), &format!("q{}", i + 1), limit)));
+    let (base, unit) = match machine.unit {
+        ForceUnit::NewtonMetre => ("tau", "nm"),
+        ForceUnit::Ampere => ("i", "a"),
+    };
+    wanted.extend((0..machine.n).map(|i| Wanted {
+        role: Role::Output(i),
+        base: format!("{base}{}", i + 1),
+        dimension: Some(Dimension::Number),
+        unit: unit.to_owned(),
+        limit: None,
+    }));
     wanted
 }
 

@@ -26,6 +26,7 @@ pub(super) fn measurements(path: &Path, mut table: Table, expected: Expected, sh
         quantity: match expected {
             Expected::Snake => Quantity::Snake,
             Expected::Joints(_) => Quantity::Joints,
+            Expected::Force(_) => Quantity::Force,
         },
         time_s: take(&mut table, Role::Time).unwrap_or_default(),
         inputs: interleave(&mut table, n_inputs, Role::Input).unwrap_or_default(),
@@ -38,7 +39,7 @@ pub(super) fn measurements(path: &Path, mut table: Table, expected: Expected, sh
         temperature_c: take(&mut table, Role::Temperature),
         sigma: take(&mut table, Role::Sigma).or_else(|| weight.map(|w| w.iter().map(|w| w.sqrt().recip()).collect())),
         extra: extra(&mut table),
-        names: names(&table.plan, n_inputs, n_outputs),
+        names: names(&table.plan, n_inputs, n_outputs, expected),
         trial: table.trial,
     }
 }
@@ -89,17 +90,23 @@ fn outputs(table: &mut Table, n_outputs: usize) -> Vec<f64> {
 }
 
 /// The file's own names, where they are not the lab's.
-fn names(plan: &Plan, n_inputs: usize, n_outputs: usize) -> Names {
+fn names(plan: &Plan, n_inputs: usize, n_outputs: usize, expected: Expected) -> Names {
     let name = |role: Role, own: &str| {
         let found = plan.columns.iter().find(|column| column.role == role)?;
         let stem = stem(&found.name);
         (!stem.eq_ignore_ascii_case(own)).then(|| stem.replace(char::is_control, " "))
     };
-    let is_snake = n_inputs != n_outputs;
+    let is_snake = matches!(expected, Expected::Snake);
     let letter = if is_snake { "q" } else { "u" };
-    let input = |k: usize| name(Role::Input(k), &format!("{letter}{}", k + 1)).unwrap_or_default();
+    let force = matches!(expected, Expected::Force(_));
+    let input = |k: usize| {
+        let own = if force { String::new() } else { format!("{letter}{}", k + 1) };
+        name(Role::Input(k), &own).unwrap_or_default()
+    };
     let output = |k: usize| match is_snake {
         true => name(Role::Output(k), ["bend_x", "bend_y"].get(k).copied().unwrap_or_default()),
+        // A force has no name of the lab's own besides: `y1` would say nothing.
+        false if force => name(Role::Output(k), ""),
         false => name(Role::Output(k), &format!("y{}", k + 1)),
     };
     Names {

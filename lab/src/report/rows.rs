@@ -55,7 +55,7 @@ impl<'a> Rows<'a> {
     pub(super) fn outputs(&self) -> Vec<String> {
         match self.data.quantity {
             Quantity::Snake => ["bend x", "bend y"].map(str::to_owned).to_vec(),
-            Quantity::Joints => (0..self.data.n_outputs).map(|k| self.data.names.output(k)).collect(),
+            Quantity::Joints | Quantity::Force => (0..self.data.n_outputs).map(|k| self.data.names.output(k)).collect(),
         }
     }
 
@@ -63,7 +63,7 @@ impl<'a> Rows<'a> {
     pub(super) fn axes(&self) -> Vec<String> {
         match self.data.quantity {
             Quantity::Snake => ["in-plane", "out-of-plane"].map(str::to_owned).to_vec(),
-            Quantity::Joints => self.outputs(),
+            Quantity::Joints | Quantity::Force => self.outputs(),
         }
     }
 

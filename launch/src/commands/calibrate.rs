@@ -144,6 +144,9 @@ fn machine(model: &Path) -> anyhow::Result<MachineParameters> {
         Some(Machine::Joints(_)) => {
             anyhow::bail!("the model file {} describes joints, expected a snake; give another", model.display())
         }
+        Some(Machine::Force(_)) => {
+            anyhow::bail!("the model file {} describes forces, expected a snake; give another", model.display())
+        }
     }
 }
 

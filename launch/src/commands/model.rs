@@ -189,6 +189,7 @@ fn described(config: &Config, path: &Path, text: &str, model: &ModelFile) -> Res
         machine: match model.machine() {
             Machine::Snake(_) => "snake",
             Machine::Joints(_) => "joints",
+            Machine::Force(_) => "force",
         },
         max_bend_deg: chain.map(|chain| chain.max_bend_rad().to_degrees()),
         not_compensable,

@@ -325,6 +325,11 @@ pub enum ChainError {
         /// Why.
         reason: &'static str,
     },
+    /// A model of forces says nothing about positions.
+    #[error(
+        "the model is of kind force: it says which torque a motion needs, and drives nothing; give a model of a snake or of joints"
+    )]
+    NothingToDrive,
     /// The joints' matrix G determines no commands.
     #[error(
         "the matrix `gain` of the joints has no inverse, or nearly none, so no commands follow from wanted positions; correct it"

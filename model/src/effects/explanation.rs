@@ -170,20 +170,51 @@ static EXPLANATIONS: &[(&str, Explanation)] = &[
     ("rate-limit", words("it cannot go faster",
         "Beyond one speed the joint lags further and further. Slow motion is right.",
         "Look at the drive's speed limit and at the voltage under load.")),
+    ("inertia", words("mass that is sped up",
+        "Torque grows with the acceleration. Link, load and the drive's rotor behind its gear make it.",
+        "Compare it with the masses of link and load; repeat with a known weight at a known arm.")),
+    ("gravity", words("weight",
+        "Torque hangs on the joint's angle, once round a turn. The weight of link and load makes it.",
+        "Hold the joint at several angles; turn the machine on its side and see it change.")),
+    ("coulomb", words("dry friction in the joint",
+        "A torque against the motion, as large at any speed. It turns its sign at every reversal.",
+        "Turn the joint by hand without load; look at preloaded bearings, seals and brakes.")),
+    ("viscous", words("drag of the joint",
+        "A torque against the motion that grows with speed. Grease and the motor's own losses make it.",
+        "Repeat at half the speed; repeat warm, as grease thins.")),
+    ("stribeck", words("the joint sticks at low speed",
+        "Friction is larger at rest and falls once the joint moves. Slow motion goes in jerks.",
+        "Move at constant speeds from very slow to fast and plot the torque; change the grease.")),
+    ("load-coulomb", words("gear friction that grows with load",
+        "The more the gear carries, the more it rubs. Lifting costs more than the weight, and lowering gives back less.",
+        "Lift and lower two weights slowly; look at worm, harmonic and planetary gears.")),
+    ("load-stribeck", words("the loaded gear sticks",
+        "Under load the gear sticks more at rest than in motion. Without load it does not.",
+        "Start from rest under two weights and compare the torque of breaking away.")),
+    ("quadratic-load", words("gear friction bends with load",
+        "Friction grows with the square of the load, beside what grows evenly. Efficiency then changes with load.",
+        "Lift and lower three weights slowly and plot friction against load.")),
+    ("direction-viscous", words("drag differs by direction",
+        "The joint needs more torque one way than the other, and the difference grows with speed.",
+        "Exchange the directions of one motion; look at seals, brushes and one-sided preload.")),
+    ("quadratic-viscous", words("drag grows faster than speed",
+        "Torque grows with the square of speed. Air, churned oil and fans make it.",
+        "Plot torque against speed at constant speeds; look at the oil's level.")),
 ];
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::EffectKind;
+    use crate::effects::{EffectKind, ForceEffect};
     use crate::joints::JointEffect;
     use std::collections::BTreeSet;
 
     #[test]
     fn every_effect_has_words_of_its_own_and_none_are_left_over() {
         let snakes = EffectKind::ALL.into_iter().filter(|kind| *kind != EffectKind::Formula).map(EffectKind::name);
+        let forces = ForceEffect::ALL.into_iter().map(ForceEffect::name);
         let joints = JointEffect::ALL.into_iter().map(|effect| effect.definition().name);
-        let names: BTreeSet<&str> = snakes.chain(joints).collect();
+        let names: BTreeSet<&str> = snakes.chain(joints).chain(forces).collect();
         let told: Vec<&str> = EXPLANATIONS.iter().map(|(name, _)| *name).collect();
         assert_eq!(told.iter().copied().collect::<BTreeSet<_>>(), names);
         assert_eq!(told.len(), names.len(), "one entry each");

@@ -1,6 +1,6 @@
 //! The names of all effects, and where each one's definition is.
 
-use super::{Definition, encoder, extension, formula, friction, geometry, moment, shape};
+use super::{Definition, ForceEffect, encoder, extension, formula, friction, geometry, moment, shape};
 use crate::joints::JointEffect;
 
 /// One effect of `docs/physics/effects.md`.
@@ -82,6 +82,8 @@ pub enum EffectKind {
     Formula,
     /// An effect of joints, which no snake has.
     Joint(JointEffect),
+    /// An effect of a machine of kind force.
+    Force(ForceEffect),
 }
 
 impl EffectKind {
@@ -167,6 +169,7 @@ impl EffectKind {
             Self::CrossCoupling => &extension::CROSS_COUPLING,
             Self::Formula => &formula::FORMULA,
             Self::Joint(effect) => effect.definition(),
+            Self::Force(effect) => effect.definition(),
         }
     }
 

@@ -1,6 +1,7 @@
-//! The two kinds of machine that a model file describes.
+//! The three kinds of machine that a model file describes.
 
-use crate::{ChainSettings, MachineParameters};
+use crate::effects::EffectKind;
+use crate::{ChainError, ChainSettings, EffectSetting, MachineParameters};
 
 /// What the effects are added to.
 #[derive(Clone, Debug, PartialEq)]
@@ -9,6 +10,8 @@ pub enum Machine {
     Snake(SnakeMachine),
     /// Any cable-driven joints.
     Joints(Joints),
+    /// Joints whose torque or current follows from their motion.
+    Force(ForceMachine),
 }
 
 /// A snake on three elastic lines. Friction of the cone is an effect here, not a property of the machine.
@@ -37,6 +40,59 @@ pub struct Joints {
     pub u_unit: String,
     /// Unit of y.
     pub y_unit: String,
+}
+
+/// Joints whose torque or current follows from their motion. The sensor's offset is no key: every prediction solves for it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ForceMachine {
+    /// Number of joints, 1 to 6.
+    pub n: usize,
+    /// What is measured.
+    pub unit: ForceUnit,
+}
+
+impl ForceMachine {
+    /// Refuses an effect that it cannot have.
+    pub(super) fn check(&self, effect: &EffectSetting) -> Result<(), ChainError> {
+        let name = effect.kind().name();
+        if !matches!(effect.kind(), EffectKind::Force(_)) {
+            return Err(ChainError::OtherMachine { name, expected: "force" });
+        }
+        let high = self.n as f64;
+        if let Some(found) = effect.value("joint").filter(|joint| *joint > high) {
+            return Err(ChainError::OutOfBounds {
+                effect: name,
+                key: "joint",
+                found,
+                low: 0.0,
+                high,
+                unit: "(joints)",
+            });
+        }
+        Ok(())
+    }
+}
+
+/// Unit of a joint's torque or current.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ForceUnit {
+    /// Torque, Nm.
+    NewtonMetre,
+    /// Current, A.
+    Ampere,
+}
+
+impl ForceUnit {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::NewtonMetre, Self::Ampere];
+
+    /// The unit as it is shown and stands in model files.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::NewtonMetre => "Nm",
+            Self::Ampere => "A",
+        }
+    }
 }
 
 /// What a model file knows of a number of its machine.

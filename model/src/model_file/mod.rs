@@ -24,7 +24,7 @@ pub use assumed::{Assumed, assumed};
 pub use built_in::{BUILT_IN, built_in};
 pub use error::ModelFileError;
 pub use history::{HeldOutRms, HistoryEntry};
-pub use machine::{Joints, Known, Machine, SnakeMachine};
+pub use machine::{ForceMachine, ForceUnit, Joints, Known, Machine, SnakeMachine};
 pub use write::documented_defaults;
 
 use crate::hash::{self, ModelHash};
@@ -130,7 +130,7 @@ impl ModelFile {
         &self.history
     }
 
-    /// The chain of a snake's model; `None` for joints.
+    /// The chain of a snake's model; `None` for other machines.
     ///
     /// # Errors
     /// [`ChainError::MissingColumn`] where an effect needs a column that is not there.
@@ -150,9 +150,14 @@ impl ModelFile {
     /// The chain of joints; `None` for a snake.
     ///
     /// # Errors
-    /// [`ChainError::MissingColumn`] where a formula needs a column that is not there.
+    /// [`ChainError::MissingColumn`] where a formula needs a column that is not there; [`ChainError::NothingToDrive`] for a model
+    /// of kind force.
     pub fn joint_chain(&self, columns: KnownColumns) -> Result<Option<JointChain>, ChainError> {
-        let Machine::Joints(joints) = &self.machine else { return Ok(None) };
+        let joints = match &self.machine {
+            Machine::Joints(joints) => joints,
+            Machine::Snake(_) => return Ok(None),
+            Machine::Force(_) => return Err(ChainError::NothingToDrive),
+        };
         let effects: Vec<EffectSetting> = self.effects.iter().map(|e| e.setting.clone()).collect();
         JointChain::new(joints, &effects, columns).map(Some)
     }
@@ -163,6 +168,7 @@ impl ModelFile {
         match &self.machine {
             Machine::Snake(snake) => hash::of_snake(&snake.parameters, snake.settings, &effects),
             Machine::Joints(joints) => hash::of_joints(joints, &effects),
+            Machine::Force(force) => hash::of_force(force, &effects),
         }
     }
 
@@ -189,6 +195,7 @@ impl ModelFile {
                 self.chain(EVERY_COLUMN).map(|_| ())
             }
             Machine::Joints(_) => self.joint_chain(EVERY_COLUMN).map(|_| ()),
+            Machine::Force(force) => self.effects.iter().try_for_each(|effect| force.check(&effect.setting)),
         }
     }
 }

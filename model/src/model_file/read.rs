@@ -2,7 +2,7 @@
 
 use super::error::nearest;
 use super::history::{HeldOutRms, HistoryEntry};
-use super::machine::{Joints, Known, Machine, SNAKE_KEYS, SnakeMachine};
+use super::machine::{ForceMachine, ForceUnit, Joints, Known, Machine, SNAKE_KEYS, SnakeMachine};
 use super::{FileEffect, MODEL_FILE_FORMAT, ModelFile, ModelFileError, read_effect};
 use crate::joints::MAX_JOINTS;
 use crate::parameters::in_range;
@@ -36,12 +36,28 @@ pub(super) fn parse(text: &str) -> Result<ModelFile, ModelFileError> {
 }
 
 fn machine(section: &Section) -> Result<Machine, ModelFileError> {
-    let kind = section.text("kind")?.ok_or_else(|| section.missing("kind", "\"snake\" or \"joints\""))?;
+    let kind = section.text("kind")?.ok_or_else(|| section.missing("kind", "\"snake\", \"joints\" or \"force\""))?;
     match kind.value.as_str() {
         "snake" => snake(section).map(Machine::Snake),
         "joints" => joints(section).map(Machine::Joints),
-        _ => Err(kind.unknown("kind", ["snake", "joints"])),
+        "force" => force(section).map(Machine::Force),
+        _ => Err(kind.unknown("kind", ["snake", "joints", "force"])),
     }
+}
+
+/// The largest number of joints of a machine of kind force.
+const MOST_FORCES: usize = 6;
+
+fn force(section: &Section) -> Result<ForceMachine, ModelFileError> {
+    section.only(&["kind", "n", "unit"])?;
+    let n = section.number("n")?.ok_or_else(|| section.missing("n", "the number of joints"))?;
+    if !(n.value.fract() == 0.0 && (1.0..=MOST_FORCES as f64).contains(&n.value)) {
+        return Err(n.out_of_range("n", 1.0, MOST_FORCES as f64, "(a whole number)"));
+    }
+    let unit = section.text("unit")?.ok_or_else(|| section.missing("unit", "\"Nm\" or \"A\""))?;
+    let known = ForceUnit::ALL.into_iter().find(|own| own.word() == unit.value);
+    let known = known.ok_or_else(|| unit.unknown("unit", ForceUnit::ALL.map(ForceUnit::word)))?;
+    Ok(ForceMachine { n: n.value as usize, unit: known })
 }
 
 fn snake(section: &Section) -> Result<SnakeMachine, ModelFileError> {

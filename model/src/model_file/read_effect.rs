@@ -3,7 +3,7 @@
 use super::machine::Machine;
 use super::read::Section;
 use super::{FileEffect, ModelFileError, Origin};
-use crate::effects::{EffectKind, FormulaParameter, FormulaText, Hook};
+use crate::effects::{EffectKind, ForceEffect, FormulaParameter, FormulaText, Hook};
 use crate::joints::JointEffect;
 use crate::{ChainError, EffectSetting, Learn};
 
@@ -25,10 +25,15 @@ pub(super) fn effect(section: &Section, machine: &Machine) -> Result<FileEffect,
             }
             (None, None) => Err(kind.unknown("kind", joint_names())),
         },
+        Machine::Force(_) => {
+            let of_force = ForceEffect::from_name(&kind.value).map(EffectKind::Force);
+            of_force.ok_or_else(|| kind.unknown("kind", ForceEffect::ALL.map(ForceEffect::name)))
+        }
     }?;
     let hooks: &[&str] = match machine {
         Machine::Snake(_) => &["eps", "tau", "geo", "meas", "enc"],
         Machine::Joints(_) => &["joint"],
+        Machine::Force(_) => &[],
     };
     match known {
         EffectKind::Formula => formula(section, hooks),

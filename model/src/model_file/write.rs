@@ -1,6 +1,6 @@
 //! From a model to text that reads back as the same model, with or without what each key means.
 
-use super::machine::{Joints, Known, Machine, SNAKE_KEYS, SnakeMachine};
+use super::machine::{ForceMachine, Joints, Known, Machine, SNAKE_KEYS, SnakeMachine};
 use super::{FileEffect, HistoryEntry, MODEL_FILE_FORMAT, ModelFile, Origin};
 use crate::effects::{Definition, EffectKind, FORMULA_VARIABLES, Inverse};
 use crate::joints::JointEffect;
@@ -14,6 +14,7 @@ pub(super) fn to_toml(file: &ModelFile, documented: bool) -> String {
     match &file.machine {
         Machine::Snake(snake) => out.snake(snake),
         Machine::Joints(joints) => out.joints(joints),
+        Machine::Force(force) => out.force(force),
     }
     file.effects.iter().for_each(|effect| out.effect(effect));
     file.history.iter().for_each(|entry| out.entry(entry));
@@ -92,7 +93,7 @@ impl Out {
     }
 
     fn snake(&mut self, snake: &SnakeMachine) {
-        self.line("kind = \"snake\"", "or \"joints\"");
+        self.line("kind = \"snake\"", "or \"joints\", \"force\"");
         let lines = if snake.parameters.rigid_lines { "rigid" } else { "elastic" };
         self.line(
             &format!("lines = {}", text(lines)),
@@ -129,6 +130,12 @@ impl Out {
         }
         self.line(&format!("u_unit = {}", text(&joints.u_unit)), "unit of the commands; default rad");
         self.line(&format!("y_unit = {}", text(&joints.y_unit)), "unit of the measurements; default rad");
+    }
+
+    fn force(&mut self, force: &ForceMachine) {
+        self.line("kind = \"force\"", "torque or current that a motion needs");
+        self.line(&format!("n = {}", force.n), "number of joints");
+        self.line(&format!("unit = {}", text(force.unit.word())), "Nm or A");
     }
 
     fn effect(&mut self, effect: &FileEffect) {

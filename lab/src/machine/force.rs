@@ -1,0 +1,276 @@
+//! Joints whose torque or current follows from their motion: inertia, gravity and the ladder of servo friction models.
+
+use super::{Candidate, MachineUnderTest, snake};
+use crate::diagnose::screen::{orthonormal, remove};
+use crate::fit::dot;
+use crate::read::column;
+use crate::{LabError, Measurements, Parameter, Term};
+use krait_model::effects::{EffectKind, ForceEffect};
+use krait_model::model_file::{ForceMachine, ModelFile};
+
+/// A machine of kind force with its model.
+#[derive(Clone, Debug)]
+pub struct ForceLab {
+    machine: ForceMachine,
+    effects: Vec<Term>,
+}
+
+impl ForceLab {
+    /// The machine of a model file; `None` if it is of another kind.
+    pub fn new(file: &ModelFile) -> Option<Self> {
+        let krait_model::model_file::Machine::Force(machine) = file.machine() else { return None };
+        let effects = file.effects().iter().map(|effect| snake::term(effect.setting())).collect();
+        Some(Self { machine: machine.clone(), effects })
+    }
+
+    fn unit(&self, unit: &str) -> String {
+        let own = self.machine.unit.word();
+        match unit {
+            "y" => own.to_owned(),
+            "1/y" => format!("1/{own}"),
+            other => other.strip_prefix("y ").map_or_else(|| other.to_owned(), |rest| format!("{own} {rest}")),
+        }
+    }
+
+    /// Force of every row for these effects, without the sensor's offset.
+    fn bare(&self, effects: &[Term], data: &Measurements) -> Result<Vec<f64>, LabError> {
+        let n = data.n_outputs;
+        let kinds = effects.iter().map(|term| effect(&term.name)).collect::<Result<Vec<_>, _>>()?;
+        let mut forces = vec![0.0; n * data.n_rows()];
+        for joint in 0..n {
+            let motion = Motion::of(data, joint)?;
+            let own = |term: &&(&Term, ForceEffect)| {
+                let of = term.0.values.first().copied().map_or(0, |joint| joint.round() as usize);
+                of == 0 || of == joint + 1
+            };
+            let terms: Vec<(&Term, ForceEffect)> = effects.iter().zip(kinds.iter().copied()).collect();
+            for row in 0..data.n_rows() {
+                let now = motion.at(row);
+                let gravity: f64 = terms
+                    .iter()
+                    .filter(own)
+                    .filter(|(_, kind)| *kind == ForceEffect::Gravity)
+                    .map(|(term, kind)| now.force(*kind, &term.values, 0.0))
+                    .sum();
+                let load = now.load.unwrap_or(gravity);
+                forces[row * n + joint] =
+                    terms.iter().filter(own).map(|(term, kind)| now.force(*kind, &term.values, load)).sum();
+            }
+        }
+        Ok(forces)
+    }
+}
+
+/// A joint's columns.
+struct Motion<'a> {
+    data: &'a Measurements,
+    joint: usize,
+    speed: &'a [f64],
+    acceleration: &'a [f64],
+    direction: &'a [f64],
+    load: Option<&'a [f64]>,
+}
+
+/// A joint in one row.
+struct Now {
+    angle: f64,
+    speed: f64,
+    acceleration: f64,
+    direction: f64,
+    load: Option<f64>,
+}
+
+impl<'a> Motion<'a> {
+    fn of(data: &'a Measurements, joint: usize) -> Result<Self, LabError> {
+        let find = |what: &str| {
+            let name = column(what, joint);
+            data.extra.iter().find(|(own, _)| *own == name).map(|(_, values)| values.as_slice())
+        };
+        let (Some(speed), Some(acceleration), Some(direction)) =
+            (find("speed"), find("acceleration"), find("direction"))
+        else {
+            return Err(LabError::OtherMachine {
+                data: data.source.clone(),
+                expected: "force",
+                found: "joints or snake",
+            });
+        };
+        Ok(Self { data, joint, speed, acceleration, direction, load: find("load") })
+    }
+
+    fn at(&self, row: usize) -> Now {
+        Now {
+            angle: self.data.input(row)[self.joint],
+            speed: self.speed[row],
+            acceleration: self.acceleration[row],
+            direction: self.direction[row].signum(),
+            load: self.load.map(|load| load[row]),
+        }
+    }
+}
+
+impl Now {
+    /// An effect's part; values as its definition has them, the joint first.
+    fn force(&self, kind: ForceEffect, values: &[f64], load: f64) -> f64 {
+        let value = |k: usize| values.get(k).copied().unwrap_or(f64::NAN);
+        let falls = || (-(self.speed / value(2)).powi(2)).exp();
+        match kind {
+            ForceEffect::Inertia => value(1) * self.acceleration,
+            ForceEffect::Gravity => value(1) * self.angle.sin() + value(2) * self.angle.cos(),
+            ForceEffect::Coulomb => value(1) * self.direction,
+            ForceEffect::Viscous => value(1) * self.speed,
+            ForceEffect::Stribeck => value(1) * self.direction * falls(),
+            ForceEffect::LoadCoulomb => value(1) * load.abs() * self.direction,
+            ForceEffect::LoadStribeck => value(1) * load.abs() * self.direction * falls(),
+            ForceEffect::QuadraticLoad => value(1) * load * load * self.direction,
+            ForceEffect::DirectionViscous => value(1) * self.speed.abs(),
+            ForceEffect::QuadraticViscous => value(1) * self.speed * self.speed.abs(),
+        }
+    }
+}
+
+impl MachineUnderTest for ForceLab {
+    fn kind(&self) -> &'static str {
+        "force"
+    }
+
+    fn error_unit(&self) -> (&str, f64) {
+        (self.machine.unit.word(), 1.0)
+    }
+
+    fn input_unit(&self) -> &str {
+        "rad"
+    }
+
+    fn effects(&self) -> &[Term] {
+        &self.effects
+    }
+
+    fn parameters(&self, term: &Term) -> Result<Vec<Parameter>, LabError> {
+        let own = kind(&term.name)?.definition().parameters.iter().map(snake::own_parameter);
+        Ok(own.map(|parameter| Parameter { unit: self.unit(&parameter.unit), ..parameter }).collect())
+    }
+
+    fn candidates(&self, data: &Measurements) -> Vec<Candidate> {
+        ForceEffect::ALL.into_iter().map(|effect| candidate(effect, data)).collect()
+    }
+
+    /// The sensor's offset is solved for in each trial: the mean of what is left over the rows that were measured.
+    fn predict(&self, effects: &[Term], data: &Measurements) -> Result<Vec<f64>, LabError> {
+        let mut forces = self.bare(effects, data)?;
+        let n = data.n_outputs;
+        let starts: Vec<usize> = (0..data.n_rows()).filter(|row| data.starts_trial(*row)).collect();
+        for (k, &start) in starts.iter().enumerate() {
+            let end = starts.get(k + 1).copied().unwrap_or(data.n_rows());
+            for joint in 0..n {
+                let places = || (start..end).map(|row| row * n + joint);
+                let left = places().map(|at| data.outputs[at] - forces[at]).filter(|left| left.is_finite());
+                let (sum, count) = left.fold((0.0, 0.0), |(sum, count), left| (sum + left, count + 1.0));
+                if count > 0.0 {
+                    places().for_each(|at| forces[at] += sum / count);
+                }
+            }
+        }
+        Ok(forces)
+    }
+}
+
+/// Where to look for an effect.
+fn candidate(effect: ForceEffect, data: &Measurements) -> Candidate {
+    let definition = effect.definition();
+    let n = data.n_outputs;
+    let neutral: Vec<f64> = definition.parameters.iter().map(|p| p.default).collect();
+    let n_amplitudes = if effect == ForceEffect::Gravity { 2 } else { 1 };
+    let size = 0.1 * crate::noise::bounds(data.outputs.iter().copied().filter(|y| y.is_finite())).1.abs().max(1e-6);
+    let falls = neutral.len() > 1 + n_amplitudes;
+    let velocities: &[f64] = if falls { &[0.02, 0.07, 0.25, 0.8] } else { &[1.0] };
+    let joints: Vec<f64> = if n == 1 { vec![0.0] } else { (1..=n).map(|joint| joint as f64).collect() };
+    let mut starts = Vec::new();
+    for &joint in &joints {
+        for velocity in velocities {
+            let mut start = neutral.clone();
+            start[0] = joint;
+            start[1..=n_amplitudes].fill(if definition.parameters[1].unit == "1" { 0.1 } else { size });
+            if falls {
+                start[1 + n_amplitudes] = *velocity;
+            }
+            starts.push(start);
+        }
+    }
+    Candidate {
+        name: definition.name,
+        class: definition.class.label(),
+        cannot: cannot(effect, data),
+        free: (1..neutral.len()).collect(),
+        amplitudes: (1..=n_amplitudes).collect(),
+        one_sided: n_amplitudes == 1 && definition.parameters[1].low == 0.0,
+        neutral,
+        starts,
+        periodic: None,
+    }
+}
+
+/// Part of an effect's column that no other one of the plain joint makes; below it the motion does not show the effect.
+const LEAST_SHARE: f64 = 0.01;
+
+/// Why this motion cannot show an effect.
+fn cannot(effect: ForceEffect, data: &Measurements) -> Option<String> {
+    let of_load = matches!(effect, ForceEffect::LoadCoulomb | ForceEffect::LoadStribeck | ForceEffect::QuadraticLoad);
+    let plain = [ForceEffect::Inertia, ForceEffect::Gravity, ForceEffect::Coulomb, ForceEffect::Viscous];
+    if !of_load && !plain.contains(&effect) {
+        return None;
+    }
+    let shows = (0..data.n_outputs).any(|joint| {
+        let Ok(motion) = Motion::of(data, joint) else { return false };
+        let rows: Vec<usize> = (0..data.n_rows()).filter(|row| data.is_scored(*row)).collect();
+        let column = |kind: ForceEffect, values: [f64; 3]| -> Vec<f64> {
+            rows.iter().map(|row| motion.at(*row).force(kind, &values, 1.0)).collect()
+        };
+        let unit = [0.0, 1.0, 0.0];
+        let weights = [column(ForceEffect::Gravity, unit), column(ForceEffect::Gravity, [0.0, 0.0, 1.0])];
+        let others: Vec<Vec<f64>> = plain
+            .into_iter()
+            .filter(|kind| *kind != effect && *kind != ForceEffect::Gravity)
+            .map(|kind| column(kind, unit))
+            .collect();
+        if of_load {
+            // Without a recorded load it is the weight that loads the gear.
+            let is_weighed = weights.iter().any(|own| orthogonal_share(own, &others) > LEAST_SHARE);
+            return motion.load.is_some() || is_weighed;
+        }
+        if effect == ForceEffect::Gravity {
+            return weights.iter().any(|own| orthogonal_share(own, &others) > LEAST_SHARE);
+        }
+        let all: Vec<Vec<f64>> = others.into_iter().chain(weights).collect();
+        orthogonal_share(&column(effect, unit), &all) > LEAST_SHARE
+    });
+    (!shows).then(|| "is not observable in this motion".to_owned())
+}
+
+/// Part of a column's sum of squares that no others make, nor a constant.
+fn orthogonal_share(column: &[f64], others: &[Vec<f64>]) -> f64 {
+    let constant = vec![1.0; column.len()];
+    let basis = orthonormal(&[&[constant], others].concat());
+    let mut own = column.to_vec();
+    remove(&basis[..basis.len().min(1)], &mut own);
+    let whole = dot(&own, &own);
+    // A column that hardly changes is the sensor's offset.
+    if whole <= 1e-4 * dot(column, column) {
+        return 0.0;
+    }
+    remove(&basis, &mut own);
+    dot(&own, &own) / whole
+}
+
+fn effect(name: &str) -> Result<ForceEffect, LabError> {
+    ForceEffect::from_name(name).ok_or_else(|| LabError::UnknownEffect {
+        name: name.to_owned(),
+        machine: "force",
+        nearest: super::nearest(name, ForceEffect::ALL.iter().map(|effect| effect.name())),
+    })
+}
+
+/// The effect that a name stands for.
+pub(super) fn kind(name: &str) -> Result<EffectKind, LabError> {
+    effect(name).map(EffectKind::Force)
+}
