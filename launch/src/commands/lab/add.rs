@@ -123,10 +123,7 @@ fn finish(session: &Session, added: &Added, what: &str, out: &Path, as_json: boo
 
 /// What a running chain does not do with a model, a sentence each.
 fn not_compensated(file: &ModelFile) -> Vec<String> {
-    if matches!(file.machine(), Machine::Force(_)) {
-        return Vec::new();
-    }
-    if matches!(file.machine(), Machine::Joints(_)) {
+    if matches!(file.machine(), Machine::Joints(_) | Machine::Force(_)) {
         let refused = LiveModel::of(file).err();
         return refused.map(|why| format!("`krait run` refuses this model: {why}")).into_iter().collect();
     }
