@@ -276,13 +276,13 @@ impl TextbookJoint {
             state ^= state << 17;
             (state >> 11) as f64 / (1_u64 << 53) as f64
         };
-        let phases: [f64; 4] = std::array::from_fn(|_| 6.28 * uniform());
+        let phases: [f64; 4] = std::array::from_fn(|_| std::f64::consts::TAU * uniform());
         let mut text = "time_s,q1_deg,tau1_nm\n".to_owned();
         for k in 0..8000 {
             let t = f64::from(k) * 0.01;
             let (mut q, mut speed, mut acceleration) = (0.0, 0.0, 0.0);
             for ((hz, size), phase) in [(0.13, 0.7), (0.31, 0.35), (0.53, 0.2), (0.97, 0.12)].into_iter().zip(phases) {
-                let w = 6.283_185 * hz;
+                let w = std::f64::consts::TAU * hz;
                 q += size * f64::sin(w * t + phase);
                 speed += size * w * f64::cos(w * t + phase);
                 acceleration -= size * w * w * f64::sin(w * t + phase);
