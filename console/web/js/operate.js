@@ -13,7 +13,7 @@ let hello = null, facts = null, shown = '', textDue = 0, lastReasons = '', stale
 /// The tracking error in the unit that is shown, and its sign: degrees, or millimetres of joints that slide.
 const off = value => value * (facts.joints ? facts.joints.per_si : degrees(1));
 /// Sentences speak of the snake, which joints are none of.
-const named = text => facts.joints ? text.replace(/\bsnake\b/g, 'robot') : text;
+const named = text => facts?.joints ? text.replace(/\bsnake\b/g, 'robot') : text;
 const unit = () => !facts.joints || facts.joints.unit === 'deg' ? '°' : ' mm';
 
 on('hello', message => {
