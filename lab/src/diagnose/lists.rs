@@ -14,8 +14,6 @@ const N_NEXT: usize = 6;
 /// What every robot of tendons or wires in tubes has, each its own mechanism: a stiffness that is not quite the one of the data
 /// sheet, friction where lines go round bends, friction that does not depend on load, and play.
 const USUAL: [&str; 4] = ["stiffness-scale", "cone-friction", "static-friction", "backlash"];
-/// What the torque of every joint is made of.
-const USUAL_OF_FORCE: [&str; 4] = ["inertia", "gravity", "coulomb", "viscous"];
 /// Of what the beam's best list leaves above the floor, the usual list must take away this part to be taken in its place.
 const MUST_TAKE: f64 = 0.9;
 
@@ -79,8 +77,7 @@ pub(super) fn longer(
 fn usual(search: &Search) -> Option<Trial> {
     let is_missing = |name: &&&str| !search.base.iter().any(|own| own.name == **name);
     let place = |name: &str| search.candidates.iter().position(|candidate| candidate.name == name);
-    let names = if place(USUAL_OF_FORCE[0]).is_some() { USUAL_OF_FORCE } else { USUAL };
-    let found: Vec<usize> = names.iter().filter(is_missing).filter_map(|name| place(name)).collect();
+    let found: Vec<usize> = USUAL.iter().filter(is_missing).filter_map(|name| place(name)).collect();
     let own = found.iter().map(|&k| {
         let candidate = &search.candidates[k];
         Some(Term { name: candidate.name.to_owned(), values: candidate.starts.first()?.clone(), formula: None })
