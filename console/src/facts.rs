@@ -15,6 +15,10 @@ pub struct Facts {
     pub r_m: f64,
     /// How many actuators there are.
     pub n_actuators: usize,
+    /// Unit in which the tracking error and the positions of joints are shown: `deg`, or `mm` where joints slide.
+    pub unit: &'static str,
+    /// How many of it are a radian, or a metre where the joints slide.
+    pub per_si: f64,
     /// The joints, where the machine has joints and no snake.
     pub joints: Option<JointFacts>,
     /// Largest bend, rad.
@@ -40,10 +44,6 @@ pub struct Facts {
 /// Joints, as the page shows them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct JointFacts {
-    /// Unit in which positions are shown: `deg`, or `mm` where the joints slide.
-    pub unit: &'static str,
-    /// How many of it are a radian, or a metre where the joints slide.
-    pub per_si: f64,
     /// Where each joint may be, rad (m where it slides).
     pub low: Vec<f64>,
     /// As `low`.

@@ -1,25 +1,24 @@
 // The tracking error before and after the chain took another model: measured while it follows, side by side, live.
-import { make, write } from './format.js';
+import { make, sign, write } from './format.js';
 import { on } from './link.js';
-import { degrees } from './snake.js';
 
 /// Pictures that a figure rests on: the last ten seconds of following.
 const MOST = 600, FEWEST = 60;
-let errors = [], follows = 0, running = null, joints = null;
+let errors = [], follows = 0, running = null, facts = null;
 const meters = new Set();
 
-on('hello', ({ hello }) => { joints = hello.facts.joints; });
+on('hello', ({ hello }) => { facts = hello.facts; });
 on('slow', ({ message }) => { running = message.model; });
 on('frame', ({ frame }) => {
   // The error is that of a second: what lies in it from before the snake followed is no error of the model.
   follows = ['following', 'limited'].includes(frame.shown) ? follows + 1 : 0;
-  if (follows > 120 && frame.err_rms !== null) errors.push(frame.err_rms * (joints ? joints.per_si : degrees(1)));
+  if (follows > 120 && frame.err_rms !== null) errors.push(frame.err_rms * facts.per_si);
   if (errors.length > MOST) errors.shift();
   for (const meter of meters) meter.show();
 });
 
 const rms = () => errors.length < FEWEST ? null : Math.sqrt(errors.reduce((sum, e) => sum + e * e, 0) / errors.length);
-const said = value => value === null ? '–' : `${value.toFixed(2)}${joints?.unit === 'mm' ? ' mm' : '°'}`;
+const said = value => value === null ? '–' : `${value.toFixed(2)}${sign(facts.unit)}`;
 
 /// The figures of one exchange; it begins with those of before.
 export class ErrorMeter {

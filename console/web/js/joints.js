@@ -1,5 +1,5 @@
 // Joints: a bar for each, from its lower to its upper limit, with where it is, where it shall be, and how far it is off.
-import { make, signed, write } from './format.js';
+import { make, sign, signed, write } from './format.js';
 
 export class JointBars {
   /// Fills an element with one row for each joint; `facts` has limits and the unit that is shown.
@@ -7,10 +7,10 @@ export class JointBars {
     this.holder = holder;
     this.facts = facts;
     const digits = facts.unit === 'deg' ? 0 : 1;
-    this.rows = facts.low.map((low, i) => {
+    this.rows = facts.joints.low.map((low, i) => {
       const [seen, told, zero] = [make('div', 'seen'), make('div', 'told'), make('div', 'zero')];
       const [off, at] = [make('span', 'off num'), make('b', 'num')];
-      const [from, to] = [low, facts.high[i]].map(value => make('small', 'num', signed(value * facts.per_si, digits)));
+      const [from, to] = [low, facts.joints.high[i]].map(value => make('small', 'num', signed(value * facts.per_si, digits)));
       const row = make('div', 'joint', make('span', 'id', String(i + 1)), make('div', 'track', zero, seen, told), at, make('div', 'ends', from, to), off);
       zero.style.left = `${100 * this.part(0, i)}%`;
       return { row, seen, told, off, at };
@@ -20,7 +20,7 @@ export class JointBars {
 
   /// Where a position lies between a joint's limits, 0 to 1.
   part(value, i) {
-    const [low, high] = [this.facts.low[i], this.facts.high[i]];
+    const [low, high] = [this.facts.joints.low[i], this.facts.joints.high[i]];
     return Math.max(0, Math.min(1, (value - low) / (high - low)));
   }
 
@@ -36,7 +36,7 @@ export class JointBars {
 
   /// Numbers, ten times a second.
   write({ wanted, measured, err_rms }) {
-    const show = value => `${signed(value * this.facts.per_si, 2)}${this.facts.unit === 'deg' ? '°' : ' mm'}`;
+    const show = value => `${signed(value * this.facts.per_si, 2)}${sign(this.facts.unit)}`;
     this.rows.forEach(({ at, off }, i) => {
       write(at, measured ? show(measured[i]) : 'not measured');
       write(off, err_rms ? `off ${(err_rms[i] * this.facts.per_si).toFixed(2)}` : '');

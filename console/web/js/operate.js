@@ -1,5 +1,5 @@
 // Operate: the banner, what holds the motion back, the dial, the lines; numbers ten times a second, positions with each picture.
-import { clock, drawing, make, signed, write } from './format.js';
+import { clock, drawing, make, sign, signed, write } from './format.js';
 import { degrees } from './snake.js';
 import { MARKS, STATES, TONES } from './states.js';
 import { on } from './link.js';
@@ -11,10 +11,10 @@ const TEXT_EVERY_MS = 100, OLD_MS = 150;
 let hello = null, facts = null, shown = '', textDue = 0, lastReasons = '', staleSince = null, bars = [], dial = null, joints = null;
 
 /// The tracking error in the unit that is shown, and its sign: degrees, or millimetres of joints that slide.
-const off = value => value * (facts.joints ? facts.joints.per_si : degrees(1));
+const off = value => value * facts.per_si;
 /// Sentences speak of the snake, which joints are none of.
 const named = text => facts?.joints ? text.replace(/\bsnake\b/g, 'robot') : text;
-const unit = () => !facts.joints || facts.joints.unit === 'deg' ? '°' : ' mm';
+const unit = () => sign(facts.unit);
 
 on('hello', message => {
   hello = message.hello;
@@ -22,7 +22,7 @@ on('hello', message => {
   write($('fact-drives').lastElementChild, !facts.is_simulated ? 'Real drives' : facts.joints ? 'Simulated joints' : 'Simulated snake');
   write($('edge-name'), `limit ${degrees(facts.max_bend_rad).toFixed(0)}°`);
   document.documentElement.dataset.machine = facts.joints ? 'joints' : 'snake';
-  if (facts.joints) joints = new JointBars($('joints'), facts.joints);
+  if (facts.joints) joints = new JointBars($('joints'), facts);
   write($('lines-title').firstChild, facts.joints ? 'Actuators ' : 'Lines ');
   makeDial();
   makeBars();

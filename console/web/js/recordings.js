@@ -97,7 +97,7 @@ async function open(name) {
   const n = film.joints_wanted.find(joints => joints)?.length ?? 0;
   // Limits and unit of joints are those of the machine that this console was started for.
   const fits = n > 0 && facts?.joints?.low.length === n;
-  bars = fits ? new JointBars(parts.joints, facts.joints) : null;
+  bars = fits ? new JointBars(parts.joints, facts) : null;
   parts.joints.hidden = !fits;
   parts.canvas.hidden = n > 0;
   errors = film.t_s.map((_, i) => n > 0 ? jointError(i) : film.bend[i] && film.setpoint[i] ? degrees(Math.hypot(film.bend[i][0] - film.setpoint[i][0], film.bend[i][1] - film.setpoint[i][1])) : null);
@@ -114,7 +114,7 @@ async function open(name) {
 /// How far the joint that is farthest off is from where it shall be; nothing without this machine's unit.
 function jointError(i) {
   const [measured, wanted] = [film.joints[i], film.joints_wanted[i]];
-  return bars && measured && wanted?.length === measured.length ? Math.max(...wanted.map((value, k) => Math.abs(measured[k] - value))) * facts.joints.per_si : null;
+  return bars && measured && wanted?.length === measured.length ? Math.max(...wanted.map((value, k) => Math.abs(measured[k] - value))) * facts.per_si : null;
 }
 
 function curve() {
@@ -140,7 +140,7 @@ function show() {
     bars.write(picture);
   } else post('picture', { bend: film.bend[i], setpoint: film.setpoint[i] });
   write(parts.time, clock(film.t_s[i]));
-  write(parts.off, errors[i] === null ? '–' : bars ? `${errors[i].toFixed(2)} ${facts.joints.unit}` : `${errors[i].toFixed(1)}°`);
+  write(parts.off, errors[i] === null ? '–' : bars ? `${errors[i].toFixed(2)} ${facts.unit}` : `${errors[i].toFixed(1)}°`);
   write(parts.state, film.operating[i].toLowerCase());
   parts.scrub.value = String(i);
   parts.head.style.left = `${100 * i / Math.max(1, film.t_s.length - 1)}%`;

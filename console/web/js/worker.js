@@ -45,7 +45,7 @@ function takeFrame(message) {
   arrived = performance.now();
   if (!facts) return;
   if (frame.bend && frame.shown !== 'stale') scene?.remember(frame.bend, facts.l_m * 1e3);
-  strip?.add(frame.t_ms, frame.err_rms === null ? null : facts.joints ? frame.err_rms * facts.joints.per_si : degrees(frame.err_rms));
+  strip?.add(frame.t_ms, frame.err_rms === null ? null : frame.err_rms * facts.per_si);
 }
 
 function ping() {
@@ -75,7 +75,7 @@ function paint() {
     const machine = { length: facts.l_m * 1e3, pitch: facts.r_m * 1e3, maxBend: facts.max_bend_rad };
     // Of joints nothing is known but their positions, which the page shows as bars.
     if (!facts.joints) scene?.draw({ bend: frame.bend, setpoint: frame.setpoint, machine, colours, isLimited: frame.shown === 'limited' });
-    strip?.draw(frame.t_ms, frame.sigma ? Math.SQRT2 * degrees(frame.sigma) : 0, colours, { unit: facts.joints?.unit === 'mm' ? '' : '°', least: facts.joints ? 0.1 : 1.1 });
+    strip?.draw(frame.t_ms, frame.sigma ? Math.SQRT2 * degrees(frame.sigma) : 0, colours, { unit: facts.unit === 'mm' ? '' : '°', least: facts.joints ? 0.1 : 1.1 });
   }
   // Glass latency: from the stamp of the state in shared memory to here, where its picture is painted.
   const isPainted = isShown && offset !== null && frame.age_ms !== null;

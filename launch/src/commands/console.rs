@@ -116,6 +116,7 @@ fn facts_of(instance: &str, config: &Config, model: &ModelInForce) -> anyhow::Re
         LiveModel::Snake(chain) => (Some(chain.machine()), None),
         LiveModel::Joints(joints) => (None, Some(JointMachine::new(joints, &config.joints)?)),
     };
+    let (unit, per_si) = joint_unit(joints.as_ref().is_some_and(JointMachine::slides));
     let joints = joints.map(|joints| joint_facts(&joints));
     let allowance =
         |a: crate::budget::Allowance| HopBudget { p50_us: a.p50_us, p99_us: a.p99_us, worst_us: a.worst_us };
@@ -126,6 +127,8 @@ fn facts_of(instance: &str, config: &Config, model: &ModelInForce) -> anyhow::Re
         l_m: machine.map_or(0.0, |machine| machine.l_m),
         r_m: machine.map_or(0.0, |machine| machine.r_m),
         n_actuators: joints.as_ref().map_or(N_LINES, |joints| joints.low.len()),
+        unit,
+        per_si,
         joints,
         max_bend_rad: config.resolve.max_bend_rad,
         max_stroke_m: config.compensate.max_stroke_m,
@@ -140,9 +143,8 @@ fn facts_of(instance: &str, config: &Config, model: &ModelInForce) -> anyhow::Re
 }
 
 fn joint_facts(joints: &JointMachine) -> JointFacts {
-    let (unit, per_si) = joint_unit(joints.slides());
     let [low, high] = joints.range_rad().map(|values| values[..joints.n()].to_vec());
-    JointFacts { unit, per_si, low, high }
+    JointFacts { low, high }
 }
 
 fn presence_hint(presence: Presence) -> String {
