@@ -87,7 +87,7 @@ impl JointMachine {
     }
 
     /// How many units of the model's commands a metre of cable is.
-    pub fn u_per_cable_m(&self) -> f64 {
+    pub(crate) fn u_per_cable_m(&self) -> f64 {
         1.0 / self.cable_m_per_u
     }
 
@@ -105,11 +105,6 @@ impl JointMachine {
     /// What stands for one radian where a number is given for angles: one, or the capstan's radius of sliding joints.
     pub fn si_per_rad(&self) -> f64 {
         self.si_per_rad
-    }
-
-    /// How many units of the model's positions a radian is, or a metre where the joints slide.
-    pub fn y_per_si(&self) -> f64 {
-        1.0 / self.model.y.si
     }
 
     /// Positions or rates in SI as the model counts them; 0 behind the last joint.

@@ -1,6 +1,6 @@
 //! A recording as the settings of a chain: the configuration, the simulated snake and the model file that it embeds.
 
-use crate::commands::process::{BUILT_IN_ATTACHMENT, MODEL_ATTACHMENT, TRUTH_ATTACHMENT};
+use crate::commands::process::{BUILT_IN_ATTACHMENT, TRUTH_ATTACHMENT};
 use crate::config::Config;
 use crate::device::{DEVICE_KEY, SERIAL_KEY};
 use crate::old_settings;
@@ -8,7 +8,7 @@ use anyhow::{Context, bail};
 use krait_bridge::CompensateConfig;
 use krait_model::ModelHash;
 use krait_model::model_file::ModelFile;
-use krait_record::{CONFIG_ATTACHMENT, Recording, attachment};
+use krait_record::{CONFIG_ATTACHMENT, MODEL_ATTACHMENT, Recording, attachment};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 

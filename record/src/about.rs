@@ -6,6 +6,8 @@ use std::collections::BTreeMap;
 
 /// The attachment with the configuration of the chain, TOML.
 pub const CONFIG_ATTACHMENT: &str = "krait.toml";
+/// The attachment with the model file of the chain, TOML.
+pub const MODEL_ATTACHMENT: &str = "model.toml";
 
 /// A file embedded in the recording.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -56,7 +56,7 @@ mod views;
 mod wall_clock;
 mod writer;
 
-pub use about::{About, Attachment, CONFIG_ATTACHMENT};
+pub use about::{About, Attachment, CONFIG_ATTACHMENT, MODEL_ATTACHMENT};
 pub use between::samples_between;
 pub use config::RecordConfig;
 pub use contents::{ChannelContents, Contents, Missing};

@@ -3,7 +3,7 @@
 use super::Column;
 use super::name::NamedUnit;
 use super::role::Guess;
-use crate::read::{Dimension, Unit};
+use crate::read::{Dimension, Unit, force_names};
 use krait_model::model_file::ForceUnit;
 
 /// Joints that a machine of kind force can have.
@@ -38,8 +38,11 @@ pub(super) fn find(columns: &[Column]) -> Option<Found> {
     let currents = numbered(&|column| is_of(column, &CURRENT, &["a"]));
     let angles = numbered(&is_angle);
     // Torque rather than current, where both are there.
-    let (forces, unit, base) =
-        if torques.is_empty() { (currents, ForceUnit::Ampere, "i") } else { (torques, ForceUnit::NewtonMetre, "tau") };
+    let (forces, unit, why) = match torques.is_empty() {
+        true => (currents, ForceUnit::Ampere, "the joint's current"),
+        false => (torques, ForceUnit::NewtonMetre, "the joint's torque"),
+    };
+    let (base, suffix) = force_names(unit);
     let n = forces.len();
     if n == 0 || n > MOST || angles.len() != n {
         return None;
@@ -64,7 +67,6 @@ pub(super) fn find(columns: &[Column]) -> Option<Found> {
             }
         };
         found.columns.push((format!("q{}_rad", k + 1), angle, Some(unit), "the joint's motion".to_owned()));
-        let (why, suffix) = if base == "i" { ("the joint's current", "a") } else { ("the joint's torque", "nm") };
         found.columns.push((format!("{base}{}_{suffix}", k + 1), force, None, why.to_owned()));
     }
     Some(found)

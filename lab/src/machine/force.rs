@@ -39,22 +39,21 @@ impl ForceLab {
         let mut forces = vec![0.0; n * data.n_rows()];
         for joint in 0..n {
             let motion = Motion::of(data, joint)?;
-            let own = |term: &&(&Term, ForceEffect)| {
-                let of = term.0.values.first().copied().map_or(0, |joint| joint.round() as usize);
+            let is_own = |term: &Term| {
+                let of = term.values.first().copied().map_or(0, |joint| joint.round() as usize);
                 of == 0 || of == joint + 1
             };
-            let terms: Vec<(&Term, ForceEffect)> = effects.iter().zip(kinds.iter().copied()).collect();
+            let all = effects.iter().zip(kinds.iter().copied());
+            let terms: Vec<(&Term, ForceEffect)> = all.filter(|(term, _)| is_own(term)).collect();
             for row in 0..data.n_rows() {
                 let now = motion.at(row);
                 let gravity: f64 = terms
                     .iter()
-                    .filter(own)
                     .filter(|(_, kind)| *kind == ForceEffect::Gravity)
                     .map(|(term, kind)| now.force(*kind, &term.values, 0.0))
                     .sum();
                 let load = now.load.unwrap_or(gravity);
-                forces[row * n + joint] =
-                    terms.iter().filter(own).map(|(term, kind)| now.force(*kind, &term.values, load)).sum();
+                forces[row * n + joint] = terms.iter().map(|(term, kind)| now.force(*kind, &term.values, load)).sum();
             }
         }
         Ok(forces)

@@ -7,12 +7,10 @@ use super::{ColumnMap, Expected, ReadError, sha256, source};
 use crate::{LoadUse, Measurements, Quantity};
 use krait_model::model_file::{Joints, Machine, ModelFile};
 use krait_record::columns::Columns;
-use krait_record::{CONFIG_ATTACHMENT, Missing, Recording, attachment};
+use krait_record::{CONFIG_ATTACHMENT, MODEL_ATTACHMENT, Missing, Recording, attachment};
 use std::fs::File;
 use std::path::Path;
 
-/// The model file that a chain of joints was driven with, as the recording embeds it.
-const MODEL_ATTACHMENT: &str = "model.toml";
 /// Loads of a simulated machine are what the machine has; this much is left to effects that are not in the model.
 const SIMULATED_GAIN_APART: f64 = 0.005;
 
@@ -79,9 +77,9 @@ fn machine(n_joints: usize, joints: Option<&Joints>) -> String {
     }
 }
 
-/// How many of the model's units are a metre of cable, and a radian (a metre of a sliding joint). Nothing where a unit is none
-/// that a chain drives, or counts another quantity than the recorded joints do.
-fn joint_scale(recording: &Recording, joints: &Joints) -> Option<[f64; 2]> {
+/// How many units of a model of joints are a metre of cable, and a radian (a metre of a sliding joint), in a recording. Nothing
+/// where a unit is none that a chain drives, or counts another quantity than the recorded joints do.
+pub fn joint_scale(recording: &Recording, joints: &Joints) -> Option<[f64; 2]> {
     let settings = attachment(recording, CONFIG_ATTACHMENT).and_then(|text| text.parse::<toml::Table>().ok());
     let radius_m = settings.and_then(|own| own.get("joints")?.get("capstan_radius_m")?.as_float())?;
     let driven = attachment(recording, MODEL_ATTACHMENT).and_then(|text| ModelFile::parse(text).ok())?;

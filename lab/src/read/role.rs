@@ -107,16 +107,21 @@ pub(super) fn joints(n: usize, u_unit: &str, y_unit: &str) -> Vec<Wanted> {
     wanted
 }
 
+/// How the columns of a force begin, and their unit: `tau1_nm`, `i1_a`.
+pub(crate) fn force_names(unit: ForceUnit) -> (&'static str, &'static str) {
+    match unit {
+        ForceUnit::NewtonMetre => ("tau", "nm"),
+        ForceUnit::Ampere => ("i", "a"),
+    }
+}
+
 /// The columns of joints with a force.
 pub(super) fn force(machine: &ForceMachine) -> Vec<Wanted> {
     let mut wanted = vec![time(), trial()];
     // An arm's wrist may make a few turns.
     let limit = Some((16.0 * PI, "no angle of a joint in radians: more than eight turns"));
     wanted.extend((0..machine.n).map(|i| angle(Role::Input(i), &format!("q{}", i + 1), limit)));
-    let (base, unit) = match machine.unit {
-        ForceUnit::NewtonMetre => ("tau", "nm"),
-        ForceUnit::Ampere => ("i", "a"),
-    };
+    let (base, unit) = force_names(machine.unit);
     wanted.extend((0..machine.n).map(|i| Wanted {
         role: Role::Output(i),
         base: format!("{base}{}", i + 1),

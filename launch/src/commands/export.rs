@@ -1,13 +1,12 @@
 //! `krait export FILE`: a recording's measurements as a table that the model lab, and any other program, reads.
 
 use crate::cli::{ExportArgs, ExportFormat};
-use crate::commands::process::MODEL_ATTACHMENT;
-use crate::{print, recorded};
+use crate::print;
 use anyhow::{Context, bail};
-use krait_bridge::{JointMachine, LiveModel};
+use krait_lab::read::joint_scale;
 use krait_model::model_file::{Machine, ModelFile};
 use krait_record::columns::{ColumnUnits, Columns, write_csv, write_parquet};
-use krait_record::{Recording, attachment};
+use krait_record::{MODEL_ATTACHMENT, Recording, attachment};
 use serde::Serialize;
 use std::fs::File;
 use std::io::BufWriter;
@@ -95,19 +94,14 @@ impl Exported {
 
 /// The units of the joints' model, in which the lab then reads the table with that model.
 fn units_of(recording: &Recording) -> anyhow::Result<ColumnUnits> {
-    let config = recorded::settings_of(recording)?;
     let text = attachment(recording, MODEL_ATTACHMENT).context("it embeds no model of its joints")?;
     let file = ModelFile::parse(text).context("its attachment model.toml")?;
-    let (LiveModel::Joints(model), Machine::Joints(joints)) = (LiveModel::of(&file)?, file.machine()) else {
-        bail!("it holds joints, and the model that it embeds is of a snake");
+    let Machine::Joints(joints) = file.machine() else {
+        bail!("it holds joints, and the model that it embeds is of none");
     };
-    let machine = JointMachine::new(&model, &config.joints)?;
-    Ok(ColumnUnits {
-        u_unit: joints.u_unit.clone(),
-        u_per_m: machine.u_per_cable_m(),
-        y_unit: joints.y_unit.clone(),
-        y_per_si: machine.y_per_si(),
-    })
+    let scale = joint_scale(recording, joints);
+    let [u_per_m, y_per_si] = scale.context("its attachments do not say in which units its joints are counted")?;
+    Ok(ColumnUnits { u_unit: joints.u_unit.clone(), u_per_m, y_unit: joints.y_unit.clone(), y_per_si })
 }
 
 fn write(format: ExportFormat, columns: &Columns, units: Option<&ColumnUnits>, path: &Path) -> anyhow::Result<()> {

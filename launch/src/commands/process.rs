@@ -11,7 +11,7 @@ use krait_drives::open_drive;
 use krait_ipc::message::N_LINES;
 use krait_ipc::{Beside, Bus, input};
 use krait_master::{Engage, GuidePlan, HidRecording, LiveMotion, MasterConfig, Script, SourceChoice};
-use krait_record::{Attachment, CONFIG_ATTACHMENT, RecordConfig};
+use krait_record::{Attachment, CONFIG_ATTACHMENT, MODEL_ATTACHMENT, RecordConfig};
 use krait_sim::Simulation;
 use krait_slave::{DriveKind, SlaveConfig};
 use rustix::process::{Resource, getrlimit};
@@ -20,8 +20,6 @@ use std::sync::atomic::AtomicBool;
 
 /// Name under which a recording embeds the simulated snake.
 pub const TRUTH_ATTACHMENT: &str = "truth.toml";
-/// Name under which a recording embeds the model file of the chain.
-pub const MODEL_ATTACHMENT: &str = "model.toml";
 /// How the names begin under which a recording embeds the built-in model files, which passes of a demo use in turn.
 pub const BUILT_IN_ATTACHMENT: &str = "model-";
 

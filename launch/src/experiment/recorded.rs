@@ -1,13 +1,13 @@
 //! An experiment's recording as its outcome: the models and the simulated snake that it embeds go into the bench beside it.
 
-use crate::commands::process::{BUILT_IN_ATTACHMENT, MODEL_ATTACHMENT, TRUTH_ATTACHMENT};
+use crate::commands::process::{BUILT_IN_ATTACHMENT, TRUTH_ATTACHMENT};
 use crate::in_force::OWN_MODEL;
 use anyhow::{Context, bail};
 use krait_bridge::LiveModel;
 use krait_model::Snake;
 use krait_model::model_file::ModelFile;
 use krait_paper::experiment::{FigureKind, FigureOutcome, PassModel, announced};
-use krait_record::{Recording, attachment};
+use krait_record::{MODEL_ATTACHMENT, Recording, attachment};
 use krait_sim::Truth;
 use std::path::Path;
 
