@@ -19,6 +19,7 @@ mod live;
 mod observer;
 mod pad;
 mod processes;
+mod quiz;
 mod recordings;
 mod server;
 mod snapshot;

@@ -1,6 +1,7 @@
 //! Recordings and the lab over HTTP: lists, films, measurements that a page hands over, jobs. Only a page with the token.
 
 use crate::jobs::Jobs;
+use crate::quiz::Riddles;
 use crate::recordings::{Recordings, film_of};
 use crate::server::{Shared, refuse};
 use axum::Router;
@@ -26,6 +27,7 @@ const BASE_MODEL: &str = "base.toml";
 pub struct Library {
     recordings: Arc<Recordings>,
     folder: PathBuf,
+    riddles: Riddles,
     base_model: String,
     instance: String,
     jobs: Jobs,
@@ -36,8 +38,9 @@ pub struct Library {
 impl Library {
     /// Recordings of a folder; measurements and models in another, which is made when it is needed first.
     pub fn new(recordings: PathBuf, folder: PathBuf, base_model: String, program: PathBuf, instance: String) -> Self {
-        let recordings = Arc::new(Recordings::new(recordings));
-        Self { recordings, folder, base_model, instance, jobs: Jobs::new(program), reader: Semaphore::new(1) }
+        let (recordings, riddles) = (Arc::new(Recordings::new(recordings)), Riddles::new(folder.clone()));
+        let (jobs, reader) = (Jobs::new(program), Semaphore::new(1));
+        Self { recordings, folder, riddles, base_model, instance, jobs, reader }
     }
 
     fn files(&self, ending: &str) -> Vec<String> {
@@ -100,6 +103,14 @@ enum Order {
     Exchange { model: String },
     /// Adds an effect and writes another model.
     Add { model: String, data: String, effect: String, out: String },
+    /// Hides an effect; without a seed, one from the clock.
+    Quiz { level: String, seed: Option<u64> },
+    /// What the model leaves of a riddle.
+    Look { riddle: String },
+    /// Judges a guess; without one the answer is told.
+    Guess { riddle: String, guess: Option<String> },
+    /// How the lab finds what a riddle hides.
+    Solve { riddle: String },
     /// Whether a recording can be repeated byte for byte.
     Verify { data: String },
     /// Two recordings side by side.
@@ -123,7 +134,11 @@ impl Order {
                 .ok_or_else(|| format!("There is no recording {name:?} in the list."))
         };
         match self {
-            Self::Compare { model, data } => lab("compare", model, data),
+            Self::Compare { model, data } => {
+                let mut arguments = lab("compare", model, data)?;
+                arguments.push("--curves".to_owned());
+                Ok(arguments)
+            }
             Self::Diagnose { model, data } => lab("diagnose", model, data),
             Self::Add { model, data, effect, out } => {
                 let is_effect =
@@ -146,6 +161,10 @@ impl Order {
                     ["model", "exchange", &text(library.model(model)?), "--instance", &library.instance, "--json"];
                 Ok(words.map(str::to_owned).to_vec())
             }
+            Self::Quiz { level, seed } => library.riddles.ask(level, *seed),
+            Self::Look { riddle } => library.riddles.look(riddle),
+            Self::Guess { riddle, guess } => library.riddles.check(riddle, guess.as_deref()),
+            Self::Solve { riddle } => library.riddles.solve(riddle),
             Self::Verify { data } => Ok(vec!["verify".to_owned(), recording(data)?, "--json".to_owned()]),
             Self::CompareRecordings { a, b } => {
                 Ok(vec!["compare".to_owned(), recording(a)?, recording(b)?, "--json".to_owned()])
@@ -249,7 +268,7 @@ async fn cancel(State(shared): State<Arc<Shared>>) -> Response {
 
 /// The page that a job has written: a sandboxed document, whose script can reach nothing of the console.
 async fn report(State(shared): State<Arc<Shared>>, Path(verb): Path<String>) -> Response {
-    if !["compare", "diagnose", "add"].contains(&verb.as_str()) {
+    if !["compare", "diagnose", "add", "look", "solve"].contains(&verb.as_str()) {
         return StatusCode::NOT_FOUND.into_response();
     }
     let path = shared.library.folder.join(format!("{verb}.html"));

@@ -5,7 +5,7 @@ use krait_lab::compare::compare;
 use krait_lab::diagnose::{DiagnoseOptions, diagnose};
 use krait_lab::machine::{JointsLab, MachineUnderTest, SnakeLab};
 use krait_lab::read::{ColumnMap, read};
-use krait_lab::report::{PageOrigin, added_page, comparison_page, diagnosis_page, history_page};
+use krait_lab::report::{PageOrigin, added_page, comparison_page, diagnosis_page, history_page, residual_curves};
 use krait_lab::{AddOptions, Measurements, Term, add};
 use krait_lab_benchmark::generate::{Kind, Recipe, generate};
 use krait_model::model_file::ModelFile;
@@ -116,6 +116,14 @@ fn a_page_of_a_comparison_shows_the_error_and_where_it_is() {
     let page = comparison_page(&machine, &data, &found, origin()).expect("a page");
     assert!(page.contains(&format!("{:.4}", found.error.rms)), "the figure of the terminal");
     assert!(page.contains("Where, in numbers") && page.contains("Whole record"));
+
+    let curves = residual_curves(&machine, &data).expect("curves");
+    let [along, across] = &curves.axes[..] else { panic!("two axes: {curves:?}") };
+    let squares = along.residual.iter().zip(&across.residual).map(|(a, b)| a * a + b * b).filter(|s| s.is_finite());
+    let squares: Vec<f64> = squares.collect();
+    let rms = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
+    assert!((rms / found.error.rms - 1.0).abs() < 0.1, "{rms}, {} in all rows", found.error.rms);
+    assert!(curves.time_s.len() <= 1500 && along.direction.len() == curves.time_s.len(), "thinned, and of one length");
 }
 
 #[test]

@@ -121,6 +121,9 @@ pub struct LabCompareArgs {
     /// Print the answer as JSON on standard output.
     #[arg(long)]
     pub json: bool,
+    /// Put the residual over time and over the position into the JSON (`curves`).
+    #[arg(long, requires = "json")]
+    pub curves: bool,
 }
 
 /// Options of `krait lab diagnose`.

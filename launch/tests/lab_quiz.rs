@@ -24,6 +24,10 @@ fn a_riddle_is_asked_guessed_and_told_and_a_changed_one_is_refused() {
     assert_eq!(asked.status.code(), Some(0), "{}", String::from_utf8_lossy(&asked.stderr));
     let choices: Vec<String> = serde_json::from_value(json(&asked)["choices"].clone()).unwrap();
     assert_eq!(choices.len(), 4);
+    assert!(
+        json(&asked)["explanations"].as_array().unwrap().iter().all(|own| own["what"].is_string()),
+        "each in words"
+    );
     let again = krait(&["lab", "quiz", "--seed", "3", "--out", data]);
     assert!(again.status.code() == Some(2), "a riddle that is there is not overwritten");
     let (other, kept) = (folder.join("other.csv"), folder.join("kept.json"));
@@ -39,7 +43,10 @@ fn a_riddle_is_asked_guessed_and_told_and_a_changed_one_is_refused() {
     assert_eq!(json(&guessed(right[0]))["judgement"], "right");
     let wrong = choices.iter().find(|name| *name != right[0]).unwrap();
     let said = json(&guessed(wrong));
-    assert!(said["judgement"] == "wrong" && said["hidden"].is_null(), "a wrong guess tells nothing: {said}");
+    assert!(
+        said["judgement"] == "wrong" && said["hidden"].is_null() && said["effect_rms_deg"].is_null(),
+        "a wrong guess tells nothing: {said}"
+    );
     let told = krait(&["lab", "check", "--data", data, "--give-up"]);
     assert!(told.status.code() == Some(0) && String::from_utf8_lossy(&told.stdout).contains(right[0].as_str()));
     let nonsense = guessed("backlsh");

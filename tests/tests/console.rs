@@ -219,6 +219,10 @@ fn recordings_and_jobs_are_named_from_lists_and_open_to_the_token_alone() {
         r#"{"verb":"compare","model":"../../etc/passwd","data":"broken.mcap"}"#,
         r#"{"verb":"add","model":"base.toml","data":"broken.mcap","effect":"--out","out":"x.toml"}"#,
         r#"{"verb":"add","model":"base.toml","data":"broken.mcap","effect":"backlash","out":"../x.toml"}"#,
+        r#"{"verb":"quiz","level":"--force","seed":1}"#,
+        r#"{"verb":"quiz","level":"easy","seed":1000000}"#,
+        r#"{"verb":"look","riddle":"../../secret.txt"}"#,
+        r#"{"verb":"guess","riddle":"riddle-easy-1.csv","guess":null}"#,
     ] {
         assert_eq!(console.request("POST", "/lab/job", &own, order).status, 409, "{order}");
     }

@@ -180,3 +180,93 @@ fn a_recording_opens_by_itself_where_the_console_was_started_for_it() {
     assert_eq!(none.code, Some(2));
     assert!(none.sentence().contains("none.mcap"), "{none:?}");
 }
+
+#[test]
+fn a_learner_finds_a_hidden_effect_by_keyboard_alone_and_is_told_nothing_before_the_guess() {
+    let Some(browser) = Browser::start() else { return };
+    let (instance, folder) = (instance_name("quiz"), TempFolder::new("quiz"));
+    let lab = folder.file("lab");
+    let mut krait = Krait::start(&["console", "--instance", &instance, "--lab", &lab]);
+    let mut page = browser.page(&Console::of(&mut krait).address, 1280, 800);
+    page.wait_for("the page is there", "location.hash === '' && document.querySelectorAll('#stop').length === 1");
+    page.value("window.heard = ''; window.fetched = fetch; window.fetch = async (...order) => { const answer = await fetched(...order); heard += await answer.clone().text(); return answer; }; 0");
+    page.key("3", u32::from(b'3'));
+    tab_to(&mut page, "document.activeElement.textContent.startsWith('Quiz')");
+    enter(&mut page);
+    let seed = "document.activeElement.name === 'seed'";
+    tab_to(&mut page, seed);
+    page.call("Input.insertText", &json!({ "text": "4e3" }));
+    enter(&mut page);
+    page.wait_for("refused", "document.querySelector('#lab .complaint').textContent === '“4e3” is no number of a riddle; it has one to six digits.'");
+    tab_to(&mut page, seed);
+    page.call("Input.insertText", &json!({ "text": "3" }));
+    enter(&mut page);
+    page.wait_for(
+        "what the model leaves is shown",
+        "document.querySelector('#lab h1').textContent === 'Riddle 3, easy: which effect is hidden?' && document.activeElement.tagName === 'H1' && document.querySelectorAll('#lab .residuals path.trace').length === 2",
+    );
+    for (width, height) in SIZES {
+        page.resize(width, height);
+        for theme in ["light", "dark"] {
+            if page.value("document.documentElement.dataset.theme") != json!(theme) {
+                page.key("t", 84);
+            }
+            keep(&mut page, &format!("quiz-{theme}-{width}"));
+            page.wait_for(
+                &format!("the quiz fits into {width} x {height}"),
+                "document.documentElement.scrollWidth <= innerWidth && (work => work.scrollWidth <= work.clientWidth)(document.querySelector('#lab .work'))",
+            );
+        }
+    }
+    let sealed = std::fs::read_to_string(format!("{lab}/quiz/riddle-easy-3.answer.json")).expect("the sealed answer");
+    let sealed: serde_json::Value = serde_json::from_str(&sealed).expect("JSON");
+    let (hidden, size) = (sealed[0]["right"][0][0].as_str().expect("a name"), sealed[0]["effect_rms_deg"].to_string());
+    let is_told =
+        |page: &mut BrowserPage| page.value(&format!("heard.includes('{size}') || heard.includes('hidden\":[')"));
+    let names = page.value("[...document.querySelectorAll('#lab input[name=guess]')].map(input => input.value)");
+    let names: Vec<&str> = names.as_array().expect("names").iter().filter_map(|name| name.as_str()).collect();
+    assert!(names.len() == 4 && names.contains(&hidden), "{names:?}, hidden is {hidden}");
+    let wrong = names.iter().find(|name| **name != hidden).expect("a wrong one");
+    guess(&mut page, wrong);
+    let refused =
+        format!("document.querySelector('#lab h1').textContent.startsWith('No, it is not {wrong}. With it: ')");
+    page.wait_for("a wrong guess is told so, and why", &refused);
+    assert_eq!(is_told(&mut page), json!(false), "before the right guess the answer is with the server alone");
+    guess(&mut page, hidden);
+    let right = format!("document.querySelector('#lab h1').textContent === 'Right: it is {hidden}.'");
+    page.wait_for("right", &right);
+    page.wait_for("and why", "document.querySelectorAll('#lab .effect p').length === 2");
+    assert_eq!(is_told(&mut page), json!(true));
+    keep(&mut page, "quiz-told");
+    krait.signal(Signal::TERM);
+    krait.end(PATIENCE);
+    assert!(page.complaints.iter().all(|said| said.contains("WebSocket")), "{:?}", page.complaints);
+}
+
+/// Presses Tab until a script says true.
+fn tab_to(page: &mut BrowserPage, place: &str) {
+    for _ in 0..60 {
+        page.key("Tab", 9);
+        if page.value(place) == json!(true) {
+            return;
+        }
+    }
+    panic!("Tab does not lead to {place}");
+}
+
+fn enter(page: &mut BrowserPage) {
+    page.key_half(true, "Enter", 13);
+    page.key_half(false, "Enter", 13);
+}
+
+/// Chooses a name with the arrow keys and sends it with Enter.
+fn guess(page: &mut BrowserPage, name: &str) {
+    tab_to(page, "document.activeElement.name === 'guess'");
+    for _ in 0..8 {
+        page.key("ArrowDown", 40);
+        if page.value("document.querySelector('#lab input[name=guess]:checked')?.value") == json!(name) {
+            return enter(page);
+        }
+    }
+    panic!("the arrow keys do not lead to {name}");
+}

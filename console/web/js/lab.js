@@ -1,12 +1,15 @@
 // The lab, step by step: compare, diagnose, add. Each step opens with its answer as a sentence; the waterfall grows beside it.
 import { ErrorMeter } from './exchange.js';
 import { drawing, make, write } from './format.js';
+import { residualPictures, sketch } from './pictures.js';
+import { showQuiz } from './quiz.js';
 import { MARKS } from './states.js';
+import { prime, reportLink, run, say, second, tile, work } from './work.js';
 
 const page = document.getElementById('lab');
 const STEPS = ['Compare', 'Diagnose', 'Add', 'Run'];
 const parts = {};
-let isBuilt = false, shelf = { models: [], data: [] }, step = 0, results = [], falls = [], effect = null, added = null, isBusy = false;
+let isBuilt = false, shelf = { models: [], data: [] }, step = 0, results = [], falls = [], effect = null, added = null, isQuiz = false;
 
 let unit = '°';
 const deg = value => `${value.toFixed(2)}${unit}`;
@@ -28,11 +31,11 @@ function build() {
   data.append(parts.file, drop);
   const model = make('section', 'card pick', make('h2', '', 'Model'), choice('model', 'Model'));
   parts.steps = make('ol', 'steps');
-  parts.work = make('section', 'card work');
+  parts.quiz = second('Quiz: find the hidden effect', () => { isQuiz = true; draw(); });
   parts.fall = make('div', 'fall-picture');
   parts.fallSays = make('p');
   const fall = make('section', 'card fall', make('h2', '', 'Error after each effect ', make('em', '', 'rms, on data not fitted to')), parts.fall, parts.fallSays);
-  page.replaceChildren(make('div', 'rail', data, model, parts.steps), parts.work, fall);
+  page.replaceChildren(make('div', 'rail', data, model, parts.steps, parts.quiz), work, fall);
   parts.data.addEventListener('change', restart);
   parts.model.addEventListener('change', restart);
   parts.file.addEventListener('change', () => hand(parts.file.files[0]));
@@ -44,7 +47,10 @@ export function useInLab(name) { wanted = name; }
 let wanted = null;
 
 export async function showLab() {
-  if (!isBuilt) { build(); await fill(); restart(); } else await fill();
+  const isFirst = !isBuilt;
+  if (isFirst) { build(); restart(); }
+  await fill();
+  if (isFirst && !isQuiz) draw();
   if (wanted && shelf.data.includes(wanted)) { parts.data.value = wanted; wanted = null; restart(); }
 }
 
@@ -70,63 +76,24 @@ async function hand(file) {
 }
 
 function restart() {
-  [step, results, falls, effect, added] = [0, [], [], null, null];
+  [step, results, falls, effect, added, isQuiz] = [0, [], [], null, null, false];
   draw();
 }
 
 function draw() {
+  page.classList.toggle('asks', isQuiz);
+  parts.quiz.setAttribute('aria-pressed', String(isQuiz));
   parts.steps.replaceChildren(...STEPS.map((name, i) => {
     const isDone = results[i] !== undefined;
     const number = make('i', '', isDone ? drawing(MARKS.yes.box, MARKS.yes.inner) : String(i + 1));
     const button = make('button', '', number, make('span', '', make('b', '', name), make('em', '', results[i]?.short ?? ['How far off?', 'What is missing?', 'Watch the error fall', 'See it follow'][i])));
     // A model that is there already can be run with at once.
     button.disabled = i > results.length && i !== 3;
-    button.addEventListener('click', () => { step = i; draw(); });
-    return make('li', i === step ? 'current' : isDone ? 'done' : '', button);
+    button.addEventListener('click', () => { step = i; isQuiz = false; draw(); });
+    return make('li', i === step && !isQuiz ? 'current' : isDone ? 'done' : '', button);
   }));
-  (results[step]?.draw ?? [askCompare, askDiagnose, askAdd, askRun][step])();
+  (isQuiz ? showQuiz : results[step]?.draw ?? [askCompare, askDiagnose, askAdd, askRun][step])();
   waterfall();
-}
-
-/// A sentence, what stands under it, and buttons.
-function say(title, detail, content = [], buttons = []) {
-  parts.work.replaceChildren(make('div', 'ask', make('h1', '', title), make('p', '', detail)), ...content, make('div', 'acts', ...buttons));
-}
-
-function prime(text, act) {
-  const button = make('button', 'prime', text);
-  button.addEventListener('click', act);
-  return button;
-}
-
-function reportLink(verb) {
-  const link = make('a', 'second', 'Pictures');
-  Object.assign(link, { href: `/lab/report/${verb}`, target: '_blank', rel: 'noopener' });
-  return link;
-}
-
-const tile = (title, number, note = '') => make('div', '', make('span', '', title), make('b', 'num', number), make('em', '', note));
-
-async function run(order, title) {
-  if (isBusy) return null;
-  isBusy = true;
-  try {
-    const started = await fetch('/lab/job', { method: 'POST', body: JSON.stringify(order) });
-    if (!started.ok) { say('This could not be started.', await started.text()); return null; }
-    const said = make('p', 'job-says'), bar = document.createElement('progress');
-    const cancel = make('button', 'second', 'Cancel');
-    cancel.addEventListener('click', () => fetch('/lab/cancel', { method: 'POST' }));
-    say(title, 'The same code as the command; at low priority, so that the robot’s processes come first.', [make('div', 'job', bar, said)], [cancel]);
-    const from = performance.now();
-    for (;;) {
-      await new Promise(resume => setTimeout(resume, 400));
-      const job = await (await fetch('/lab/job')).json();
-      write(said, `${((performance.now() - from) / 1000).toFixed(0)} s  ${job.said}`);
-      if (job.stage === 'done') return job.answer;
-      if (job.stage === 'cancelled') { say('Cancelled.', 'Its process has ended.', [], [prime('Again', draw)]); return null; }
-      if (job.stage === 'failed') { say('This could not be done.', job.said.replace(/^krait: /, ''), [], [prime('Back', draw)]); return null; }
-    }
-  } finally { isBusy = false; }
 }
 
 const files = () => ({ model: parts.model.value, data: parts.data.value });
@@ -137,7 +104,7 @@ function askCompare() {
 }
 
 async function compare() {
-  const answer = await run({ verb: 'compare', ...files() }, 'Comparing …');
+  const answer = await run({ verb: 'compare', ...files() }, 'Comparing …', draw);
   if (!answer) return;
   const { error, rows, where } = answer, named = answer.unit ?? error.unit ?? 'deg', floor = answer.noise_floor ?? error.noise_floor ?? answer.noise_floor_deg ?? null;
   unit = named === 'deg' ? '°' : ` ${named}`;
@@ -148,6 +115,7 @@ async function compare() {
     short: `${error.rms.toFixed(2)}${unit} off${floor === null ? '' : `; noise ${floor.toFixed(2)}${unit}`}`,
     draw: () => say(isNoise ? 'The model explains the measurement.' : `The model is off by ${error.rms.toFixed(2)}${unit}.`, floor === null ? `In ${rows} rows.` : `The measurement’s own noise is ${floor.toFixed(2)}${unit}: ${isNoise ? 'nothing explainable is left' : `${(error.rms / floor).toFixed(1)} times as much`}.`, [
       make('div', 'tiles', tile('rms', `${error.rms.toFixed(2)}${unit}`), tile('95 of 100 within', `${error.p95.toFixed(2)}${unit}`), tile('largest', `${error.max.toFixed(2)}${unit}`), tile('rows', String(rows))),
+      make('h2', '', 'What the model leaves ', make('em', '', 'measured minus predicted')), residualPictures(answer.curves, floor),
       make('h2', '', 'Where it is worst ', make('em', '', 'rms by circumstance')), whereBars(where, floor)], [prime('Diagnose', () => { step = 1; draw(); diagnose(); }), reportLink('compare')]),
   };
   results.length = 1;
@@ -169,7 +137,7 @@ function askDiagnose() {
 }
 
 async function diagnose() {
-  const answer = await run({ verb: 'diagnose', ...files() }, 'Trying every effect …');
+  const answer = await run({ verb: 'diagnose', ...files() }, 'Trying every effect …', draw);
   if (!answer) return;
   const found = answer.effects.length ? answer.effects : answer.partial, n = found.length;
   effect = found[0]?.effect ?? null;
@@ -201,24 +169,12 @@ function effectCard(own) {
     for (const name of [own.effect, ...others]) {
       const radio = document.createElement('input');
       Object.assign(radio, { type: 'radio', name: `class-${own.effect}`, value: name, checked: name === own.effect });
-      radio.addEventListener('change', () => { effect = name; parts.work.querySelector('.prime').textContent = `Add ${name}`; });
+      radio.addEventListener('change', () => { effect = name; work.querySelector('.prime').textContent = `Add ${name}`; });
       group.append(make('label', '', radio, name));
     }
     card.append(group);
   }
   return card;
-}
-
-// What an effect alone adds over the position, drawn by the model with the fitted values.
-function sketch({ position, change, unit: own, is_across: isAcross }) {
-  const [width, height, margin] = [300, 120, 8], [left, right] = [Math.min(...position), Math.max(...position)];
-  const [low, high] = [Math.min(0, ...change), Math.max(0, ...change)];
-  const x = value => margin + (width - 2 * margin) * (value - left) / (right - left || 1), y = value => height - margin - (height - 2 * margin) * (value - low) / (high - low || 1);
-  const points = position.map((value, i) => `${x(value).toFixed(1)},${y(change[i]).toFixed(1)}`).join(' ');
-  const picture = drawing(`0 0 ${width} ${height}`, `<path class="zero" d="M${margin} ${y(0).toFixed(1)}H${width - margin}"/><polyline points="${points}"/>`);
-  const mark = own === 'deg' ? '°' : ` ${own}`, span = (a, b, digits) => `${a.toFixed(digits)} to ${b.toFixed(digits)}${mark}`;
-  const says = `It alone adds ${span(low, high, 2)} ${isAcross ? 'across' : 'along'} the motion, drawn over the position from ${span(left, right, 0)}: slowly out and back, and a smaller way inside.`;
-  return make('figure', 'sketch', picture, make('figcaption', '', says));
 }
 
 function askAdd() {
@@ -227,7 +183,7 @@ function askAdd() {
 
 async function add() {
   const base = parts.model.value.replace(/\.toml$/, ''), out = `${base}-${effect}.toml`;
-  const answer = await run({ verb: 'add', ...files(), effect, out }, `Fitting ${effect} …`);
+  const answer = await run({ verb: 'add', ...files(), effect, out }, `Fitting ${effect} …`, draw);
   if (!answer) return;
   added = out;
   const { before, after } = answer.heldout_rms, floor = answer.noise_floor;
@@ -247,9 +203,7 @@ async function add() {
 }
 
 function again(out) {
-  const button = make('button', 'second', 'Diagnose again with it');
-  button.addEventListener('click', () => { parts.model.value = out; const [kept, floor] = [falls, falls.floor]; restart(); falls = kept; falls.floor = floor; step = 0; draw(); });
-  return button;
+  return second('Diagnose again with it', () => { parts.model.value = out; const [kept, floor] = [falls, falls.floor]; restart(); falls = kept; falls.floor = floor; draw(); });
 }
 
 function askRun() {
@@ -258,7 +212,7 @@ function askRun() {
 }
 
 async function exchange(model) {
-  const meter = new ErrorMeter(), answer = await run({ verb: 'exchange', model }, `Exchanging the model …`);
+  const meter = new ErrorMeter(), answer = await run({ verb: 'exchange', model }, 'Exchanging the model …', draw);
   if (!answer) return;
   meter.exchanged(answer.hash);
   results[3] = { short: 'it runs', draw: () => say(`The chain runs with ${model}.`, 'Take hold anew; the bars show the tracking error of the last ten seconds of following.', [meter.element]) };

@@ -4,6 +4,7 @@
 //! day or on the number of threads. Curves of many rows are thinned to [`MOST_POINTS`] points.
 
 mod correlation;
+mod curves;
 mod direction;
 pub mod html;
 mod memory;
@@ -15,6 +16,8 @@ mod rows;
 mod sketch;
 mod tables;
 mod waterfall;
+
+pub use curves::{AxisCurve, ResidualCurves, residual_curves};
 
 use crate::compare::Comparison;
 use crate::diagnose::Diagnosis;

@@ -4,9 +4,10 @@ use super::page;
 use crate::cli_lab::LabCompareArgs;
 use crate::print;
 use krait_lab::compare::{Bin, Comparison, compare};
-use krait_lab::report::comparison_page;
+use krait_lab::report::{comparison_page, residual_curves};
 use krait_lab::{Names, Session};
 use krait_report::Table;
+use serde_json::json;
 use std::process::ExitCode;
 
 /// Places that the table shows.
@@ -20,7 +21,12 @@ pub fn run(args: &LabCompareArgs) -> anyhow::Result<ExitCode> {
         page::write(path, |origin| comparison_page(session.machine.as_ref(), &session.data, &found, origin))?;
     }
     if args.json {
-        print::json(&found.to_json())?;
+        let mut answer = found.to_json();
+        if args.curves {
+            let curves = residual_curves(session.machine.as_ref(), &session.data)?;
+            answer.as_object_mut().map(|keys| keys.insert("curves".to_owned(), json!(curves)));
+        }
+        print::json(&answer)?;
     } else {
         print::out(&text(&found, &session.data.names))?;
     }

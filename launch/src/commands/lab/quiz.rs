@@ -7,7 +7,7 @@ use anyhow::{Context, bail, ensure};
 use krait_ipc::{clock, input};
 use krait_lab_benchmark::generate::{Answer, Judgement, Quiz, Recipe, Sealed, generate, is_unmodified};
 use krait_model::effects::{EffectKind, Explanation, explanation};
-use serde_json::json;
+use serde_json::{Value, json};
 use std::path::Path;
 use std::process::ExitCode;
 
@@ -24,7 +24,7 @@ pub fn ask(args: &QuizArgs) -> anyhow::Result<ExitCode> {
     if args.json {
         print::json(&json!({
             "data": sealed.data, "model": sealed.model, "answer": sealed.answer, "hashes": sealed.hashes,
-            "choices": riddle.choices,
+            "choices": riddle.choices, "explanations": riddle.choices.iter().map(|name| words(name)).collect::<Vec<_>>(),
         }))?;
     } else {
         print::out(&question(&riddle, &sealed))?;
@@ -60,12 +60,29 @@ pub fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
         Judgement::Wrong => "wrong",
     });
     if args.json {
-        let hidden = is_told.then(|| answer.right.iter().filter_map(|own| own.first()).collect::<Vec<_>>());
-        print::json(&json!({ "judgement": word, "hidden": hidden }))?;
+        print::json(&judged(&answer, word, is_told))?;
     } else {
         print::out(&verdict(args, &answer, judgement, is_told))?;
     }
     Ok(if judgement == Some(Judgement::Wrong) { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+}
+
+/// The judgement; what is hidden and how large it is stand in it only where they may be told.
+fn judged(answer: &Answer, word: Option<&str>, is_told: bool) -> Value {
+    if !is_told {
+        return json!({ "judgement": word, "hidden": null });
+    }
+    let hidden: Vec<&String> = answer.right.iter().filter_map(|own| own.first()).collect();
+    let explanations: Vec<Value> = hidden.iter().map(|name| words(name)).collect();
+    json!({
+        "judgement": word, "hidden": hidden, "explanations": explanations,
+        "effect_rms_deg": answer.effect_rms_deg, "noise_rms_deg": answer.noise_rms_deg,
+    })
+}
+
+/// An effect's own words; null where it has none.
+fn words(name: &str) -> Value {
+    explanation(name).map_or(Value::Null, |own| json!({ "title": own.title, "what": own.what, "check": own.check }))
 }
 
 fn verdict(args: &CheckArgs, answer: &Answer, judgement: Option<Judgement>, is_told: bool) -> String {
