@@ -74,6 +74,14 @@ pub fn cookie<'a>(headers: &'a HeaderMap, name: &str) -> Option<&'a str> {
     pairs.flat_map(|pairs| pairs.split(';')).find_map(|pair| pair.trim().strip_prefix(name)?.strip_prefix('='))
 }
 
+/// The origin of the page that made a request, nothing where it was no page; an error for several, or no text.
+pub fn origin_of(headers: &HeaderMap) -> Result<Option<&str>, ()> {
+    match headers.contains_key(header::ORIGIN) {
+        true => text_of(headers, header::ORIGIN).map(Some).ok_or(()),
+        false => Ok(None),
+    }
+}
+
 fn text_of(headers: &HeaderMap, name: header::HeaderName) -> Option<&str> {
     let mut values = headers.get_all(name).into_iter();
     match (values.next(), values.next()) {
@@ -145,6 +153,8 @@ mod tests {
         assert!(!own.is_host_of(&headers(&[("host", "rebound.example:8123")])));
         let twice = [("origin", "http://127.0.0.1:8123"), ("origin", "http://evil.example")];
         assert!(!own.is_origin_of(&headers(&twice)), "two origins are none");
+        assert_eq!(origin_of(&headers(&twice)), Err(()));
+        assert_eq!(origin_of(&HeaderMap::new()), Ok(None));
     }
 
     #[test]

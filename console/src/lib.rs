@@ -10,6 +10,7 @@ mod accept;
 mod assets;
 mod error;
 mod facts;
+mod foxglove;
 mod glance;
 mod guard;
 mod jobs;
@@ -31,6 +32,7 @@ mod words;
 
 pub use error::ConsoleError;
 pub use facts::{Facts, HopBudget, JointFacts};
+pub use foxglove::FoxgloveSettings;
 pub use glance::{bend_deg, glance, number, plane_deg};
 pub use observer::Observer;
 pub use server::{Address, ServerSettings, run};

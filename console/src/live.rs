@@ -278,13 +278,14 @@ fn acknowledged(id: u64, outcome: WishOutcome) -> Option<Utf8Bytes> {
 
 /// Messages that a page may still send in this second.
 #[derive(Default)]
-struct RateAllowance {
+pub(crate) struct RateAllowance {
     since_ns: i64,
     used: u32,
 }
 
 impl RateAllowance {
-    fn take(&mut self, now_ns: i64) -> bool {
+    /// One more message; whether it may be.
+    pub(crate) fn take(&mut self, now_ns: i64) -> bool {
         if now_ns - self.since_ns > 1_000_000_000 {
             *self = Self { since_ns: now_ns, used: 0 };
         }

@@ -1,6 +1,7 @@
 //! The server: binds this machine's own address only, gives out the page, and runs beside the thread that reads channels.
 
 use crate::facts::Facts;
+use crate::foxglove::{self, FoxgloveSettings, Viewers};
 use crate::guard::{Token, WebOrigin, cookie, page_headers};
 use crate::library::{self, Library};
 use crate::pad::{self, PadDesk};
@@ -30,7 +31,7 @@ const MOST_BODY_BYTES: usize = 4096;
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 
 /// How a console shall run.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct ServerSettings {
     /// Port of the page on 127.0.0.1; 0: any that is free.
     pub port: u16,
@@ -44,6 +45,8 @@ pub struct ServerSettings {
     pub base_model: String,
     /// The krait program, whose subcommands do the lab's work.
     pub program: PathBuf,
+    /// How engineers' own viewers are served, if they are.
+    pub foxglove: Option<FoxgloveSettings>,
 }
 
 /// Where a console is.
@@ -53,6 +56,8 @@ pub struct Address {
     pub page: String,
     /// The stop alone, with a token that is good for nothing else.
     pub stop: String,
+    /// Where engineers' own viewers connect to, if they may, with a token that is good for reading and nothing else.
+    pub foxglove: Option<String>,
 }
 
 /// What every handler knows.
@@ -113,6 +118,9 @@ pub fn run(
         token: stop_token,
         desk: Arc::clone(&desk),
     }));
+    let open = |settings| Viewers::open(Bus::open(&instance, crate::NAME)?, settings, page_origin.clone(), &facts);
+    let (viewers, feed) = settings.foxglove.map(open).transpose()?.unzip();
+    let viewers_address = viewers.as_ref().map(|viewers| viewers.address());
     let shared = Arc::new(Shared {
         origin: page_origin,
         stop_origin,
@@ -134,9 +142,12 @@ pub fn run(
         ),
         stop_url,
     });
-    let router = router(Arc::clone(&shared));
+    let mut router = router(Arc::clone(&shared));
+    if let Some(viewers) = viewers {
+        router = foxglove::added_to(router, viewers);
+    }
     let page = format!("{}/#{}", shared.origin.url(), shared.token.digits());
-    announce(&Address { page, stop: shared.stop_url.clone() });
+    announce(&Address { page, stop: shared.stop_url.clone(), foxglove: viewers_address });
     std::thread::scope(|scope| {
         let watching = std::thread::Builder::new().name("watch".to_owned()).spawn_scoped(scope, || {
             let outcome = Watch::open(bus).and_then(|watch| watch.run(&slots, &pages, &facts, &pad, stop));
@@ -150,6 +161,18 @@ pub fn run(
         let hands = std::thread::Builder::new().name("pad".to_owned());
         let hands = hands.spawn_scoped(scope, move || pad::carry(&driving, &pad_orders, stop));
         let hands = hands.map_err(ConsoleError::Start)?;
+        let reading = feed.map(|feed| {
+            let run = move || {
+                let outcome = feed.run(stop);
+                stop.store(true, Ordering::Relaxed);
+                outcome
+            };
+            std::thread::Builder::new()
+                .name("foxglove".to_owned())
+                .spawn_scoped(scope, run)
+                .map_err(ConsoleError::Start)
+        });
+        let reading = reading.transpose()?;
         runtime.block_on(async {
             tokio::select! {
                 () = accept::serve(listener, router) => {}
@@ -161,7 +184,9 @@ pub fn run(
         let watched = watching.join().unwrap_or_else(|cause| std::panic::resume_unwind(cause));
         let carried = carrying.join().unwrap_or_else(|cause| std::panic::resume_unwind(cause));
         let driven = hands.join().unwrap_or_else(|cause| std::panic::resume_unwind(cause));
-        watched.and(carried).and(driven)
+        let read =
+            reading.map_or(Ok(()), |reading| reading.join().unwrap_or_else(|cause| std::panic::resume_unwind(cause)));
+        watched.and(carried).and(driven).and(read)
     })
 }
 

@@ -21,6 +21,25 @@ pub struct ConsoleArgs {
     /// Folder of the lab's measurements and models; made when it is needed first.
     #[arg(long, value_name = "DIR", default_value = "lab-files")]
     pub lab: PathBuf,
+    /// Serve Foxglove's WebSocket protocol too, read-only, for viewers such as Foxglove and Lichtblick; a third line has its address.
+    #[arg(long, conflicts_with = "recording")]
+    pub foxglove: bool,
+    /// A page of this origin may read as well (https://viewer.example), again for each.
+    #[arg(long, value_name = "ORIGIN", requires = "foxglove", value_parser = origin)]
+    pub foxglove_origin: Vec<String>,
+}
+
+/// An origin as a browser writes it: a scheme, a name, perhaps a port, and nothing behind.
+fn origin(text: &str) -> Result<String, String> {
+    let (scheme, host) = text.split_once("://").unwrap_or_default();
+    let is_plain =
+        |part: &str| !part.is_empty() && part.chars().all(|c| c.is_ascii_alphanumeric() || "-.:[]+".contains(c));
+    match is_plain(scheme) && is_plain(host) && text.chars().all(|c| !c.is_ascii_uppercase()) {
+        true => Ok(text.to_owned()),
+        false => {
+            Err("an origin has a scheme, a name in small letters, perhaps a port: https://viewer.example".to_owned())
+        }
+    }
 }
 
 /// Options of `krait watch`.

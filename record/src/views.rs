@@ -33,7 +33,7 @@ pub struct Views {
 }
 
 /// A derived message and its channel.
-pub(crate) type Derived = (View, Vec<u8>);
+pub type Derived = (View, Vec<u8>);
 
 impl Views {
     /// Draws a snake, if it is one, and the actuators at most `rate_hz` times a second (at least 1); sentences come as they happen.
@@ -52,7 +52,7 @@ impl Views {
     }
 
     /// What there is to draw because of a sample; mostly nothing, and then nothing is allocated.
-    pub(crate) fn of(&mut self, sample: &Sample, clock: WallClock) -> Vec<Derived> {
+    pub fn of(&mut self, sample: &Sample, clock: WallClock) -> Vec<Derived> {
         let stamp = timestamp(clock.wall_ns(sample.sample_ns()));
         let mut derived = Vec::new();
         match sample {

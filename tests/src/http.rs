@@ -106,18 +106,29 @@ impl Console {
     /// # Errors
     /// The status of the refusal.
     pub fn live(&self, origin: Option<&str>, cookie: Option<&str>) -> Result<Live, u16> {
+        let given = [("Origin", origin), ("Cookie", cookie)];
+        let given: Vec<(&str, &str)> = given.into_iter().filter_map(|(name, value)| Some((name, value?))).collect();
+        self.open("/live", &given)
+    }
+
+    /// Opens a connection of messages at a path with chosen headers.
+    ///
+    /// # Errors
+    /// The status of the refusal.
+    pub fn open(&self, path: &str, headers: &[(&str, &str)]) -> Result<Live, u16> {
         let stream = TcpStream::connect(("127.0.0.1", self.port)).expect("it listens");
+        let own = format!("127.0.0.1:{}", self.port);
         let mut request = tungstenite::http::Request::builder()
-            .uri(format!("ws://127.0.0.1:{}/live", self.port))
-            .header("Host", format!("127.0.0.1:{}", self.port))
+            .uri(format!("ws://127.0.0.1:{}{path}", self.port))
             .header("Connection", "Upgrade")
             .header("Upgrade", "websocket")
             .header("Sec-WebSocket-Version", "13")
             .header("Sec-WebSocket-Key", tungstenite::handshake::client::generate_key());
-        for (name, value) in [("Origin", origin), ("Cookie", cookie)] {
-            if let Some(value) = value {
-                request = request.header(name, value);
-            }
+        if !headers.iter().any(|(name, _)| *name == "Host") {
+            request = request.header("Host", own);
+        }
+        for (name, value) in headers {
+            request = request.header(*name, *value);
         }
         match tungstenite::client(request.body(()).expect("a request"), stream) {
             Ok((live, _)) => Ok(live),

@@ -7,11 +7,11 @@ use crate::in_force::ModelInForce;
 use crate::{print, recorded, signals, supervisor};
 use anyhow::Context;
 use krait_bridge::{JointMachine, LiveModel};
-use krait_console::{Facts, HopBudget, JointFacts, ServerSettings};
+use krait_console::{Facts, FoxgloveSettings, HopBudget, JointFacts, ServerSettings};
 use krait_ipc::Bus;
 use krait_ipc::message::N_LINES;
 use krait_master::Presence;
-use krait_record::Recording;
+use krait_record::{RecordConfig, Recording, Views};
 use krait_report::joint_unit;
 use krait_slave::DriveKind;
 use rustix::process::{Pid, Signal, kill_process};
@@ -31,15 +31,21 @@ pub fn run(common: &Common, args: &ConsoleArgs) -> anyhow::Result<ExitCode> {
     if let Ok(pid) = std::env::var(supervisor::SUPERVISOR_PID) {
         signals::end_with(pid.parse().with_context(|| format!("{} is {pid:?}", supervisor::SUPERVISOR_PID))?)?;
     }
-    let (bus, facts) = match &args.recording {
-        Some(path) => of_recording(common, path)?,
+    let (bus, facts, viewers) = match &args.recording {
+        Some(path) => {
+            let (bus, facts) = of_recording(common, path)?;
+            (bus, facts, None)
+        }
         None => {
             let config = Config::load(common.config.as_deref())?;
-            (Bus::open(&common.instance, NAME)?, facts_of(&common.instance, &config, &config.model()?)?)
+            let model = config.model()?;
+            let viewers = args.foxglove.then(|| viewers_of(&config, &model, &args.foxglove_origin)).transpose()?;
+            (Bus::open(&common.instance, NAME)?, facts_of(&common.instance, &config, &model)?, viewers)
         }
     };
     let announce = |address: &krait_console::Address| {
-        if let Err(error) = print::out(&format!("Console: {}\nStop:    {}\n", address.page, address.stop)) {
+        let foxglove = address.foxglove.as_ref().map_or_else(String::new, |address| format!("Foxglove: {address}\n"));
+        if let Err(error) = print::out(&format!("Console: {}\nStop:    {}\n{foxglove}", address.page, address.stop)) {
             tracing::warn!(%error, "the console's address could not be printed");
         }
     };
@@ -50,9 +56,22 @@ pub fn run(common: &Common, args: &ConsoleArgs) -> anyhow::Result<ExitCode> {
         lab: args.lab.clone(),
         base_model: BASE_MODEL.to_owned(),
         program: std::env::current_exe().context("the krait program could not find itself")?,
+        foxglove: viewers,
     };
     krait_console::run(bus, settings, facts, announce, &stop)?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// What engineers' own viewers are served: the machine is drawn as in a recording.
+fn viewers_of(config: &Config, model: &ModelInForce, origins: &[String]) -> anyhow::Result<FoxgloveSettings> {
+    let machine = match &model.machine {
+        LiveModel::Snake(chain) => Some(chain.machine()),
+        LiveModel::Joints(_) => None,
+    };
+    // Without pictures in recordings, viewers have them as often as by default.
+    let rate_hz = if config.record.view_hz == 0 { RecordConfig::default().view_hz } else { config.record.view_hz };
+    let views = Views::new(machine, rate_hz).context("the machine of the model cannot be drawn")?;
+    Ok(FoxgloveSettings { views, origins: origins.to_vec() })
 }
 
 /// An instance of its own, where no chain runs, and the machine that a recording was made with.
