@@ -121,8 +121,13 @@ fn a_hundred_stalled_connections_cost_the_chain_no_sample_and_the_page_no_freshn
     let pages: Vec<_> = (0..20).map(|_| console.page()).collect();
     let halves: Vec<_> = (0..80).map(|idx| stalled(&console, idx % 2 == 0)).collect();
     let mut reading = console.page();
+    let processes = processes_of(&instance);
+    let server = processes.iter().find(|(name, _)| name == "console").expect("the server").1;
+    let (from_s, from_ns) = (cpu_s(server), krait_ipc::clock::monotonic_ns());
     let numbers: Vec<u64> =
         (0..120).map(|_| next_of_kind(&mut reading, "frame")["n"].as_u64().expect("a number")).collect();
+    let share = (cpu_s(server) - from_s) / ((krait_ipc::clock::monotonic_ns() - from_ns) as f64 * 1e-9);
+    assert!(share < 0.5, "the server takes {share} of a core");
     assert!(numbers.windows(2).all(|pair| pair[0] < pair[1]), "newer and newer");
     let frame = next_of_kind(&mut reading, "frame");
     assert_eq!(frame["state"]["operating"], "ENABLED", "{frame}");
@@ -130,6 +135,13 @@ fn a_hundred_stalled_connections_cost_the_chain_no_sample_and_the_page_no_freshn
     let ended = krait.end(PATIENCE);
     assert!(ended.stdout.contains(" 0 lost"), "{ended:?}");
     assert!(processes_of(&instance).is_empty(), "the console ends with its chain");
+}
+
+/// What a process has computed so far, s.
+fn cpu_s(pid: u32) -> f64 {
+    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).expect("it runs");
+    let fields: Vec<&str> = stat.rsplit_once(')').expect("a name").1.split_whitespace().collect();
+    [11, 12].map(|field| fields[field].parse::<f64>().expect("ticks of 10 ms") * 0.01).iter().sum()
 }
 
 fn stalled(console: &Console, says_half: bool) -> TcpStream {

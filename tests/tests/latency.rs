@@ -10,6 +10,9 @@
     reason = "a panic is how a test fails; a measurement is printed"
 )]
 
+#[path = "latency/ten_pages.rs"]
+mod ten_pages;
+
 use core::ops::Range;
 use core::time::Duration;
 use krait_ipc::clock::monotonic_ns;

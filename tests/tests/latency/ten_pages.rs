@@ -1,0 +1,291 @@
+//! What ten pages cost the chain, and how fast they are: one Chromium and nine readers of the live connection, measured beside
+//! the same chain without a console, turn by turn in one run. It prints figures for docs/bench and asserts counts and ratios.
+
+use super::PATIENCE;
+use core::time::Duration;
+use krait_ipc::clock::monotonic_ns;
+use krait_ipc::message::{OperatingState, SlaveState};
+use krait_record::Recording;
+use krait_schema::Sample;
+use krait_tests::{Browser, BrowserPage, Console, Krait, TempFolder, instance_name, next_of_kind, wait_until};
+use rustix::process::Signal;
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Turns; each has a stretch without a console, another one to tell the spread, one with nine readers, one with the browser
+/// besides, one with a diagnosis besides.
+const TURNS: usize = 6;
+const STRETCH: Duration = Duration::from_secs(5);
+/// What has just begun or ended on the machine is over by then.
+const SETTLE: Duration = Duration::from_secs(2);
+/// Pages besides the one in the browser.
+const READERS: usize = 9;
+const STOPS: usize = 60;
+const TICKS_PER_S: f64 = 100.0;
+
+const WAYS: [&str; 5] = ["without", "without, again", "nine readers", "ten pages", "ten pages and a diagnosis"];
+
+/// When a stretch of a way began and ended, ns.
+type Stretches = Vec<(&'static str, i64, i64)>;
+
+#[test]
+#[ignore = "a benchmark of minutes; .ci/long runs it"]
+fn ten_pages_and_a_diagnosis_beside_a_chain() {
+    let Some(browser) = Browser::start() else { return };
+    let (instance, folder) = (instance_name("ten"), TempFolder::new("ten"));
+    let (recording, lab) = (folder.file("ten.mcap"), folder.file("lab"));
+    println!("load before: {}", load());
+    let chain = Krait::start(&["run", "--engage=again", "--instance", &instance, "--recording", &recording]);
+    let mut stretches = Stretches::new();
+    let (mut shares, mut firsts) = (BTreeMap::<&str, Vec<f64>>::new(), Vec::new());
+    let mut painted = Painted::default();
+    for turn in 0..TURNS {
+        std::thread::sleep(SETTLE);
+        for way in &WAYS[..2] {
+            stretches.push(stretch(way));
+        }
+        let mut server = Krait::start(&["console", "--instance", &instance, "--lab", &lab]);
+        let console = Console::of(&mut server);
+        let mut page = browser.page("about:blank", 1280, 800);
+        let ended = AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            let _at_the_end_or_at_a_panic = Ending(&ended);
+            let mut measured = |way: &'static str| {
+                let ticks = cpu_ticks(server.pid());
+                let own = stretch(way);
+                shares.entry(way).or_default().push(share(&own, cpu_ticks(server.pid()) - ticks));
+                stretches.push(own);
+            };
+            for _ in 0..READERS {
+                scope.spawn(|| read_until(&console, &ended));
+            }
+            std::thread::sleep(SETTLE);
+            measured(WAYS[2]);
+            firsts.push(first_picture_ms(&mut page, &console));
+            std::thread::sleep(SETTLE);
+            painted.begin(&mut page);
+            measured(WAYS[3]);
+            painted.end(&mut page);
+            riddle(&console);
+            scope.spawn(|| diagnose_until(&console, &ended));
+            std::thread::sleep(SETTLE);
+            measured(WAYS[4]);
+            if turn == TURNS - 1 {
+                stretches.extend(stops(&mut page, &console));
+            }
+        });
+        page.call("Page.close", &json!({}));
+        server.signal(Signal::TERM);
+        server.end(PATIENCE);
+    }
+    println!("load after: {}", load());
+    chain.signal(Signal::INT);
+    let ended = chain.end(PATIENCE);
+    assert!(ended.stdout.contains(" 0 lost"), "{ended:?}");
+    print_chain(&recording, &stretches);
+    for (way, shares) in &shares {
+        println!("server, {way}: {} % of a core", list(shares.iter().map(|share| 100.0 * share)));
+        assert!(shares.iter().all(|share| *share < 0.5), "the server takes half a core: {shares:?}");
+    }
+    println!("first picture after opening, ms: {}", list(firsts.into_iter()));
+    let (glass, per_s) = painted.found;
+    println!("glass latency, median, ms: {}; pictures a second: {}", list(glass.into_iter()), list(per_s.into_iter()));
+    println!("{}", first_load());
+}
+
+/// Tells the other threads that it is over.
+struct Ending<'a>(&'a AtomicBool);
+
+impl Drop for Ending<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
+fn stretch(way: &'static str) -> (&'static str, i64, i64) {
+    let from_ns = monotonic_ns();
+    std::thread::sleep(STRETCH);
+    (way, from_ns, monotonic_ns())
+}
+
+/// A page without a picture: it takes every frame.
+fn read_until(console: &Console, ended: &AtomicBool) {
+    let mut live = console.page();
+    while !ended.load(Ordering::Relaxed) {
+        next_of_kind(&mut live, "frame");
+    }
+}
+
+fn ordered(console: &Console, order: &Value) -> Value {
+    let (origin, cookie) = (console.origin(), console.cookie());
+    let own = [("Origin", origin.as_str()), ("Cookie", cookie.as_str())];
+    let started = console.request("POST", "/lab/job", &own, &order.to_string());
+    assert_eq!(started.status, 200, "{started:?}");
+    let job = || serde_json::from_str(&console.request("GET", "/lab/job", &own, "").body).expect("JSON");
+    let mut answer: Value = job();
+    assert!(wait_until(PATIENCE, || {
+        answer = job();
+        answer["stage"] != "running"
+    }));
+    answer
+}
+
+/// Hides an effect, for the lab to look for.
+fn riddle(console: &Console) {
+    let made = ordered(console, &json!({ "verb": "quiz", "level": "easy", "seed": 3 }));
+    assert_eq!(made["stage"], "done", "{made}");
+}
+
+fn diagnose_until(console: &Console, ended: &AtomicBool) {
+    while !ended.load(Ordering::Relaxed) {
+        let solved = ordered(console, &json!({ "verb": "solve", "riddle": "riddle-easy-3.csv" }));
+        assert_eq!(solved["stage"], "done", "{solved}");
+    }
+}
+
+/// From the navigation to the first picture that the page says was painted, ms.
+fn first_picture_ms(page: &mut BrowserPage, console: &Console) -> f64 {
+    let watch = "new MutationObserver(() => { if (!window.firstPicture && / ms$/.test(document.querySelector('#fact-live b')?.textContent ?? '')) window.firstPicture = performance.now(); })
+        .observe(document, { subtree: true, childList: true, characterData: true });";
+    page.call("Page.addScriptToEvaluateOnNewDocument", &json!({ "source": watch }));
+    page.call("Page.navigate", &json!({ "url": console.address }));
+    page.wait_for("a picture", "window.firstPicture > 0");
+    page.value("window.firstPicture").as_f64().expect("ms")
+}
+
+/// What the page says of the pictures that it painted.
+#[derive(Default)]
+struct Painted {
+    begun_ns: i64,
+    found: (Vec<f64>, Vec<f64>),
+}
+
+impl Painted {
+    fn begin(&mut self, page: &mut BrowserPage) {
+        page.value("import('/js/link.js').then(({ on }) => { window.glasses = []; on('frame', ({ glass, isPainted }) => { if (isPainted) window.glasses.push(glass); }); return 0; })");
+        self.begun_ns = monotonic_ns();
+    }
+
+    fn end(&mut self, page: &mut BrowserPage) {
+        let found = page.value("[...window.glasses]");
+        let seconds = (monotonic_ns() - self.begun_ns) as f64 * 1e-9;
+        let glasses: Vec<f64> = found.as_array().expect("a list").iter().filter_map(Value::as_f64).collect();
+        self.found.0.push(quantile(&glasses, 0.5));
+        self.found.1.push(glasses.len() as f64 / seconds);
+    }
+}
+
+/// Presses the stop again and again; each stretch begins with the press and ends when the chain follows again.
+fn stops(page: &mut BrowserPage, console: &Console) -> Stretches {
+    let mut live = console.page();
+    let session = next_of_kind(&mut live, "hello")["session"].clone();
+    let place = page.value("(() => { const r = document.getElementById('stop').getBoundingClientRect(); return [r.x + r.width / 2, r.y + r.height / 2]; })()");
+    let place = [0, 1].map(|axis| place[axis].as_f64().expect("a place"));
+    let mut pressed = Stretches::new();
+    for id in 1..=STOPS {
+        assert!(wait_until(PATIENCE, || next_of_kind(&mut live, "frame")["shown"] == "following"), "it follows");
+        // Not always at the same point of the browser's and the drives' periods.
+        std::thread::sleep(Duration::from_millis(200 + (id as u64 * 7) % 17));
+        let from_ns = monotonic_ns();
+        page.mouse_half(true, place);
+        page.mouse_half(false, place);
+        assert!(wait_until(PATIENCE, || next_of_kind(&mut live, "frame")["shown"] == "paused"), "it stops");
+        pressed.push(("stop", from_ns, monotonic_ns()));
+        live.send(tungstenite::Message::text(r#"{"k":"ping","t":0}"#)).expect("sent");
+        let now_ms = next_of_kind(&mut live, "pong")["now_ms"].clone();
+        let wish = json!({ "k": "wish", "id": id, "wish": "resume", "session": session, "at_ms": now_ms });
+        live.send(tungstenite::Message::text(wish.to_string())).expect("sent");
+        assert_eq!(next_of_kind(&mut live, "ack")["is_done"], true);
+    }
+    pressed
+}
+
+fn print_chain(recording: &str, stretches: &Stretches) {
+    let states: Vec<SlaveState> = Recording::open(Path::new(recording))
+        .and_then(|recording| recording.samples())
+        .expect("readable")
+        .filter_map(
+            |recorded| if let Sample::State(state) = recorded.expect("readable").sample { Some(state) } else { None },
+        )
+        .collect();
+    let mut sequence = 0;
+    let mut of_way: BTreeMap<&str, Vec<Vec<f64>>> = BTreeMap::new();
+    for (way, from_ns, to_ns) in stretches.iter().filter(|(way, ..)| *way != "stop") {
+        let inside = states.iter().filter(|state| (*from_ns..*to_ns).contains(&state.stamps.device_ns));
+        let fresh =
+            inside.filter(|state| core::mem::replace(&mut sequence, state.command_sequence) != state.command_sequence);
+        let latencies = fresh.filter(|state| state.stamps.drive_written_ns > 0);
+        of_way
+            .entry(way)
+            .or_default()
+            .push(latencies.map(|state| state.stamps.end_to_end_ns() as f64 * 1e-3).collect());
+    }
+    for way in WAYS {
+        let each = |q: f64| list(of_way[way].iter().map(|own| quantile(own, q)));
+        let all: Vec<f64> = of_way[way].iter().flatten().copied().collect();
+        println!(
+            "chain, {way}: p50 {:.1} us ({}), p99 {:.1} us ({}), {} samples",
+            quantile(&all, 0.5),
+            each(0.5),
+            quantile(&all, 0.99),
+            each(0.99),
+            all.len()
+        );
+        assert!(all.len() > TURNS * 1000, "a chain that runs: {} samples", all.len());
+    }
+    let first_held = |from_ns: i64| {
+        let held = |state: &&SlaveState| state.operating() == Some(OperatingState::Paused);
+        states
+            .iter()
+            .filter(|state| state.sample_ns >= from_ns)
+            .find(held)
+            .map(|state| (state.sample_ns - from_ns) as f64 * 1e-6)
+    };
+    let stops = stretches.iter().filter(|(way, ..)| *way == "stop");
+    let stops: Vec<f64> = stops.map(|(_, from_ns, _)| first_held(*from_ns).expect("it was held")).collect();
+    let at = |q| quantile(&stops, q);
+    println!("stop, press to first held state: p50 {:.1} ms, p99 {:.1} ms, {} presses", at(0.5), at(0.99), stops.len());
+}
+
+/// Bytes of the files that a page loads first, as sent and as gzip packs them.
+fn first_load() -> String {
+    let web = Path::new(env!("CARGO_MANIFEST_DIR")).join("../console/web");
+    let files = [web.join("index.html"), web.join("icon.svg"), web.join("stop.html")].into_iter();
+    let folders = ["css", "js"].map(|folder| std::fs::read_dir(web.join(folder)).expect("a folder"));
+    let files = files.chain(folders.into_iter().flatten().map(|entry| entry.expect("an entry").path()));
+    let (mut n, mut plain, mut packed) = (0, 0, 0);
+    for file in files {
+        let gzip = Command::new("gzip").arg("-9c").arg(&file).stderr(Stdio::null()).output().expect("gzip");
+        (n, plain, packed) =
+            (n + 1, plain + std::fs::metadata(&file).expect("a file").len(), packed + gzip.stdout.len());
+    }
+    assert!(packed < 150_000, "the first load has {packed} bytes");
+    format!("first load: {n} files, {plain} bytes as sent, {packed} packed one by one with gzip -9")
+}
+
+fn cpu_ticks(pid: u32) -> f64 {
+    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).expect("it runs");
+    let fields: Vec<&str> = stat.rsplit_once(')').expect("a name").1.split_whitespace().collect();
+    [11, 12].map(|field| fields[field].parse::<f64>().expect("ticks")).iter().sum()
+}
+
+fn share(&(_, from_ns, to_ns): &(&str, i64, i64), ticks: f64) -> f64 {
+    ticks / TICKS_PER_S / ((to_ns - from_ns) as f64 * 1e-9)
+}
+
+fn quantile(values: &[f64], q: f64) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(((sorted.len() as f64 * q) as usize).min(sorted.len().saturating_sub(1))).copied().unwrap_or(f64::NAN)
+}
+
+fn list(values: impl Iterator<Item = f64>) -> String {
+    values.map(|value| format!("{value:.1}")).collect::<Vec<_>>().join(", ")
+}
+
+fn load() -> String {
+    std::fs::read_to_string("/proc/loadavg").unwrap_or_default().trim().to_owned()
+}
