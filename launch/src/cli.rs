@@ -3,6 +3,7 @@
 use crate::cli_bench::{BenchArgs, FaultArgs, YardstickVerb};
 use crate::cli_calibrate::CalibrateVerb;
 use crate::cli_console::{ConsoleArgs, WatchArgs};
+use crate::cli_devices::DevicesArgs;
 use crate::cli_drives::DrivesArgs;
 use crate::cli_experiment::ExperimentVerb;
 use crate::cli_lab::LabVerb;
@@ -62,7 +63,7 @@ pub enum Verb {
     Run(RunArgs),
     /// The hand controllers on this machine, and what is missing to use them.
     #[command(
-        after_help = "Examples:\n  krait devices\n  krait devices --profile my-pedal.toml\n  krait devices --write-udev 70-krait.rules\n  krait devices --json"
+        after_help = "Examples:\n  krait devices\n  krait devices --profile my-pedal.toml\n  krait devices --write-udev 70-krait.rules\n  krait devices --live --node /dev/input/event5\n  krait devices --calibrate my-stick.toml --node /dev/input/event5\n  krait devices --json"
     )]
     Devices(DevicesArgs),
     /// The actuators on this machine's serial buses; their zeros, single steps, and an emulated bus to try krait without any.
@@ -334,20 +335,6 @@ impl SlaveKind {
             Self::Cia402 => DriveKind::Cia402,
         }
     }
-}
-
-/// Options of `krait devices`.
-#[derive(Clone, Debug, Args)]
-pub struct DevicesArgs {
-    /// A profile of your own (TOML, docs/hands.md) to look for beside the built-in ones.
-    #[arg(long, value_name = "FILE")]
-    pub profile: Option<PathBuf>,
-    /// Write the udev lines that the hand controllers here need into a new file.
-    #[arg(long, value_name = "FILE")]
-    pub write_udev: Option<PathBuf>,
-    /// Print the devices as JSON on standard output.
-    #[arg(long)]
-    pub json: bool,
 }
 
 /// Options of `krait doctor`.

@@ -7,6 +7,7 @@ mod cli;
 mod cli_bench;
 mod cli_calibrate;
 mod cli_console;
+mod cli_devices;
 mod cli_drives;
 mod cli_experiment;
 mod cli_lab;

@@ -132,6 +132,16 @@ pub enum MasterError {
         /// What the kernel said.
         source: std::io::Error,
     },
+    /// A calibration did not find what a profile needs.
+    #[error(
+        "the calibration of {name} cannot be used: {found}; nothing is written: do it again, or give a profile of only the axes that shall be used with --profile"
+    )]
+    Calibration {
+        /// The device.
+        name: String,
+        /// What is wrong with which axis.
+        found: String,
+    },
     /// No such device is plugged in.
     #[error(
         "no hand controller was found: looked for {looked_for}, the HID devices here are {present}; plug it in, or name yours in the setting `device` as \"vid:pid\""

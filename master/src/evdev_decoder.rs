@@ -6,7 +6,7 @@
 //! like every other hand's. A frame of events ends with a synchronisation event; only whole frames count.
 
 use crate::evdev_names::axis_name;
-use crate::{AXIS_LIMIT_COUNTS, HidReport, Profile, ProfileAxis, ProfileButton};
+use crate::{AXIS_LIMIT_COUNTS, HidReport, Profile, ProfileAxis, ProfileButton, WatchedAxis};
 
 /// One event of the kernel, without its time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,11 +17,11 @@ pub(crate) struct InputEvent {
 }
 
 /// Kinds and codes of linux/input-event-codes.h.
-const EV_SYN: u16 = 0;
-const EV_KEY: u16 = 1;
-const EV_ABS: u16 = 3;
+pub(crate) const EV_SYN: u16 = 0;
+pub(crate) const EV_KEY: u16 = 1;
+pub(crate) const EV_ABS: u16 = 3;
 const SYN_REPORT: u16 = 0;
-const SYN_DROPPED: u16 = 3;
+pub(crate) const SYN_DROPPED: u16 = 3;
 
 /// Bytes of the time before kind, code and value.
 const TIME_BYTES: usize = size_of::<libc::timeval>();
@@ -129,6 +129,17 @@ impl EvdevDecoder {
     /// Where the axes are, as a report of its own, while any is deflected.
     pub(crate) fn deflected(&self) -> Option<HidReport> {
         (self.counts != [0; 6]).then_some(HidReport::Motion(self.counts))
+    }
+}
+
+impl ProfileAxis {
+    /// The hand's deflection, counts of -350..=350, that the chain would make of the axis as it is now; none where the value is
+    /// not known, or where profile and device do not fit.
+    pub fn deflection_counts(&self, axis: &WatchedAxis) -> Option<i16> {
+        let [min, max] = axis.range.unwrap_or_default();
+        let value = axis.value?;
+        let scale = Scale::new(self, &AxisInfo { value, min, max, fuzz: axis.noise, flat: 0 }).ok()?;
+        Some(scale.counts(value))
     }
 }
 

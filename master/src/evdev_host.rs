@@ -68,6 +68,12 @@ impl InputDevice {
     }
 }
 
+/// The input device behind a node or a link to one; none where the kernel describes none there.
+pub fn input_at(node: &Path) -> Option<InputDevice> {
+    let node = node.canonicalize().ok()?;
+    inputs().into_iter().find(|device| device.node == node)
+}
+
 /// Every input device of this machine, by the numbers of their nodes.
 pub fn list_inputs() -> Vec<InputDevice> {
     let mut devices = inputs();
@@ -82,7 +88,7 @@ fn inputs() -> Vec<InputDevice> {
     listed(Path::new(SYS), Path::new("/dev/input"))
 }
 
-fn open(node: &Path) -> std::io::Result<File> {
+pub(crate) fn open(node: &Path) -> std::io::Result<File> {
     let flags = (OFlags::NONBLOCK | OFlags::CLOEXEC).bits().cast_signed();
     File::options().read(true).custom_flags(flags).open(node)
 }
@@ -180,7 +186,7 @@ impl EvdevHost {
     }
 }
 
-fn refusal(device: &InputDevice, source: Error) -> MasterError {
+pub(crate) fn refusal(device: &InputDevice, source: Error) -> MasterError {
     let (name, path) = (format!("{:?}", device.name), device.node.display().to_string());
     if source.kind() == ErrorKind::PermissionDenied {
         return MasterError::Unreadable { name, path, source, rule: device.udev_rule(), rules_file: RULES_FILE };

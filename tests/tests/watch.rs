@@ -1,4 +1,5 @@
-//! The glance in a terminal: what it says, and that its keys stop, pause and mark a chain that runs on without it.
+//! The glance in a terminal: what it says, and that its keys stop, pause and mark a chain that runs on without it. And a hand's:
+//! its axes live, and their calibration.
 
 #![allow(clippy::expect_used, reason = "a panic is how a test fails")]
 
@@ -10,6 +11,7 @@ use krait_tests::{
     Ended, Krait, TempFolder, instance_name, is_moving, krait_program, processes_of, wait_for, wait_for_motion,
     wait_until,
 };
+use rustix::fs::{CWD, Mode, mkfifoat};
 use rustix::process::Signal;
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use std::fs::File;
@@ -123,4 +125,69 @@ fn without_a_chain_there_is_nothing_to_watch() {
         ended.sentence().contains("no chain runs in instance") && ended.sentence().contains("krait run"),
         "{ended:?}"
     );
+}
+
+/// Events as the kernel writes them into a node: time, kind, code, value.
+fn events(of: &[(u16, u16, i32)]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    for (kind, code, value) in of.iter().chain([&(0, 0, 0)]) {
+        bytes.extend([0; 16]);
+        bytes.extend(kind.to_ne_bytes());
+        bytes.extend(code.to_ne_bytes());
+        bytes.extend(value.to_ne_bytes());
+    }
+    bytes
+}
+
+/// A stick whose node is a pipe, with `krait devices --calibrate` reading it.
+fn calibrating(folder: &TempFolder, name: &str) -> (Krait, File) {
+    let (node, base) = (folder.file(name), folder.file("base.toml"));
+    let text = "name = \"Stick\"\nid = \"046d:c2ff\"\n[[axis]]\nof = \"x\"\nfrom = \"ABS_X\"\n[[axis]]\nof = \"z\"\nfrom = \"ABS_RZ\"\nsign = \"-\"\n";
+    std::fs::write(&base, text).expect("written");
+    mkfifoat(CWD, &node, Mode::RUSR | Mode::WUSR).expect("made");
+    let out = format!("{node}.toml");
+    let mut krait =
+        Krait::start(&["devices", "--calibrate", &out, "--node", &node, "--profile", &base, "--seconds", "4"]);
+    let mut stick = File::options().write(true).open(&node).expect("krait reads it");
+    stick.write_all(&events(&[(3, 0, 502), (3, 5, 128)])).expect("written");
+    assert!(krait.line().starts_with("Leave it alone"));
+    (krait, stick)
+}
+
+#[test]
+fn a_stick_is_calibrated_into_a_profile_that_shows_its_deflection_and_an_axis_that_was_not_moved_is_named() {
+    let folder = TempFolder::new("calibrate");
+    let (mut krait, mut stick) = calibrating(&folder, "stick");
+    let (mut half, mut half_moved) = calibrating(&folder, "half");
+    for (krait, stick) in [(&mut krait, &mut stick), (&mut half, &mut half_moved)] {
+        assert!(krait.line().starts_with("Move every axis"));
+        stick
+            .write_all(&events(&[(3, 0, 20), (1, 0x121, 1), (3, 0, 1001), (1, 0x120, 1), (3, 0, 506)]))
+            .expect("written");
+    }
+    stick.write_all(&events(&[(3, 5, 0), (3, 5, 255), (3, 5, 128)])).expect("written");
+    let ended = krait.end(PATIENCE);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    assert!(ended.stdout.contains("ABS_X: 20 to 1001, rest 504, noise 4"), "{}", ended.stdout);
+    let refused = half.end(PATIENCE);
+    assert!(refused.code == Some(1) || refused.code == Some(2), "{}", refused.stderr);
+    assert!(refused.sentence().contains("ABS_RZ was never moved; nothing is written"), "{}", refused.stderr);
+    assert!(!Path::new(&folder.file("half.toml")).exists());
+
+    let profile = folder.file("stick.toml");
+    let written = std::fs::read_to_string(&profile).expect("a profile");
+    assert!(written.contains("from = \"BTN_THUMB\"") && written.contains("sign = \"-\""), "{written}");
+    let again = Ended::of(&["devices", "--calibrate", &profile, "--node", &folder.file("half")], PATIENCE);
+    assert!(again.sentence().contains("--force"), "{}", again.stderr);
+    assert_eq!(std::fs::read_to_string(&profile).expect("a profile"), written, "not overwritten");
+    // What the chain makes of it: half of the way from the end of the noise, and a full deflection the other way.
+    let told = folder.file("told");
+    std::fs::write(&told, events(&[(3, 0, 755), (3, 5, 255), (1, 0x121, 1)])).expect("written");
+    let live = Ended::of(&["devices", "--live", "--node", &told, "--profile", &profile], PATIENCE);
+    let last = live.stdout.lines().last().expect("a line");
+    assert_eq!(last, "ABS_X   755 = x  +50 %  ABS_RZ   255 = z -100 %  buttons BTN_THUMB", "{}", live.stderr);
+    let run =
+        ["run", "--master", "hid", "--profile", &profile, "--no-recording", "--instance", &instance_name("stick")];
+    let absent = Ended::of(&run, PATIENCE);
+    assert!(absent.sentence().contains("looked for 046d:c2ff (Stick)"), "the chain reads it: {}", absent.stderr);
 }

@@ -1,6 +1,9 @@
 //! `krait devices`: the hand controllers on this machine, and what is missing to use them.
 
-use crate::cli::DevicesArgs;
+mod calibrate;
+mod live;
+
+use crate::cli_devices::DevicesArgs;
 use crate::print;
 use anyhow::Context;
 use krait_master::{DeviceInfo, InputDevice, Profile, RULES_FILE};
@@ -8,7 +11,7 @@ use krait_report::Table;
 use serde::Serialize;
 use std::fs::File;
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// One device, as `--json` prints it: first what sends raw HID reports, then the nodes of the kernel's input system.
@@ -30,7 +33,18 @@ struct Device {
 }
 
 /// Lists every device that could be a hand, whether krait knows it or a profile is of it, and whether it may be opened.
+/// With `--live` or `--calibrate`: reads one of them.
 pub fn run(args: &DevicesArgs) -> anyhow::Result<ExitCode> {
+    if let Some(path) = &args.calibrate {
+        return calibrate::run(args, path);
+    }
+    if args.live {
+        return live::run(args);
+    }
+    anyhow::ensure!(
+        args.node.is_none() && args.seconds.is_none(),
+        "--node and --seconds are for --live and --calibrate; add one of them, or leave them out for the list"
+    );
     let mut profiles: Vec<Profile> = Profile::shipped()?.into_iter().map(|(_, profile)| profile).collect();
     if let Some(path) = &args.profile {
         // One's own comes first.
@@ -51,6 +65,18 @@ pub fn run(args: &DevicesArgs) -> anyhow::Result<ExitCode> {
         print::out(&(table(&devices).to_string() + &advice(&devices)))?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// The node of the device that shall be read: the one that was named, else the first that the profile is of.
+fn node_of(node: Option<&Path>, profile: &Profile) -> anyhow::Result<PathBuf> {
+    if let Some(node) = node {
+        return Ok(node.to_owned());
+    }
+    let inputs = krait_master::list_inputs();
+    let found = inputs.into_iter().find(|input| input.is_of(profile) && input.has_all_of(profile));
+    found.map(|input| input.node).with_context(|| {
+        format!("no device of the profile {:?} is here; plug it in, or name its node with --node", profile.name)
+    })
 }
 
 fn of_hid(info: DeviceInfo) -> Device {

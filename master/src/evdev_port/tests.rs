@@ -1,7 +1,7 @@
 //! The bytes that the kernel writes, through a pipe: sticks that move, rest, repeat, vanish and cut their events.
 
 use super::*;
-use crate::evdev_decoder::AxisInfo;
+use crate::evdev_decoder::{AxisInfo, InputEvent};
 use crate::{Engage, HidReport, MasterConfig, MasterCore, Presence, Profile};
 use std::io::{PipeReader, PipeWriter, Write, pipe};
 

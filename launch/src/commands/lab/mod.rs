@@ -7,7 +7,7 @@ mod diagnose;
 mod generate;
 mod history;
 mod init;
-mod overwrite;
+pub(in crate::commands) mod overwrite;
 mod page;
 mod quiz;
 mod shell;

@@ -1,0 +1,86 @@
+//! Writes a profile as the text that a person reads and corrects, and makes one for a device that has none.
+
+use crate::evdev_names::{axis_name, button_name};
+use crate::{AXIS_NAMES, InputDevice, Profile, ProfileAxis, ProfileDevice};
+use std::path::Path;
+
+impl Profile {
+    /// The profile of an input device as it names its own axes: `ABS_X` is the hand's x, and so on to `ABS_RZ`; other axes and
+    /// all buttons are left out. `node` stands for a device of which the kernel says nothing.
+    pub fn of_input(device: Option<&InputDevice>, node: &Path, axes: &[u16]) -> Self {
+        let axes = axes.iter().filter_map(|&code| {
+            let axis_idx = usize::from(code);
+            (axis_idx < AXIS_NAMES.len()).then_some(ProfileAxis {
+                axis_idx,
+                code,
+                range: None,
+                rest: None,
+                noise: None,
+                is_negated: false,
+            })
+        });
+        let (name, whose) = match device {
+            Some(device) => (device.name.clone(), ProfileDevice::Id(device.vendor_id, device.product_id)),
+            None => (node.display().to_string(), ProfileDevice::Path(node.to_owned())),
+        };
+        Self { name, device: whose, axes: axes.collect(), buttons: Vec::new() }
+    }
+
+    /// The profile as the text that [`Profile::parse`] reads.
+    pub fn to_text(&self) -> String {
+        let quoted = |text: &str| toml::Value::String(text.to_owned()).to_string();
+        let mut text = format!("name = {}\n", quoted(&self.name));
+        text += &match &self.device {
+            ProfileDevice::Id(vendor_id, product_id) => format!("id = \"{vendor_id:04x}:{product_id:04x}\"\n"),
+            ProfileDevice::Path(path) => format!("path = {}\n", quoted(&path.to_string_lossy())),
+        };
+        for axis in &self.axes {
+            let (of, from) = (AXIS_NAMES[axis.axis_idx], axis_name(axis.code));
+            text += &format!("\n[[axis]]\nof = \"{of}\"\nfrom = \"{from}\"\n");
+            if let Some([low, high]) = axis.range {
+                text += &format!("range = [{low}, {high}]\n");
+            }
+            for (key, value) in [("rest", axis.rest), ("noise", axis.noise)] {
+                if let Some(value) = value {
+                    text += &format!("{key} = {value}\n");
+                }
+            }
+            text += &format!("sign = \"{}\"\n", if axis.is_negated { "-" } else { "+" });
+        }
+        for button in &self.buttons {
+            text += &format!("\n[[button]]\nof = {}\nfrom = \"{}\"\n", button.button, button_name(button.code));
+        }
+        text
+    }
+}
+
+impl ProfileAxis {
+    /// The device's axis, as a profile names it.
+    pub fn name(&self) -> String {
+        axis_name(self.code)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_built_in_profile_is_written_as_it_is_read() {
+        for (name, mut profile) in Profile::shipped().expect("good") {
+            assert_eq!(Profile::parse(name, &profile.to_text()).expect("readable"), profile);
+            profile.name = "a \"stick\"\n\\ of mine".to_owned();
+            profile.device = ProfileDevice::Path("/dev/input/by-id/my \"own\"".into());
+            profile.axes[0].is_negated = true;
+            assert_eq!(Profile::parse(name, &profile.to_text()).expect("readable"), profile);
+        }
+    }
+
+    #[test]
+    fn a_device_without_a_profile_has_its_own_six_axes() {
+        let profile = Profile::of_input(None, Path::new("/tmp/events"), &[0, 5, 6, 16]);
+        let axes: Vec<_> = profile.axes.iter().map(|axis| (axis.axis_idx, axis.code)).collect();
+        assert_eq!(axes, [(0, 0), (5, 5)]);
+        assert_eq!(profile.device, ProfileDevice::Path("/tmp/events".into()));
+    }
+}
