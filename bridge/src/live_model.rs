@@ -57,8 +57,10 @@ impl LiveModel {
     /// # Errors
     /// [`BridgeError`] says why no running chain can use it.
     pub fn of(file: &ModelFile) -> Result<Self, BridgeError> {
+        let calibrated = || file.first_open().map_or(Ok(()), |key| Err(BridgeError::Uncalibrated { key }));
         if let Some(chain) = file.chain(KnownColumns::default())? {
             chain.compensator()?;
+            calibrated()?;
             return Ok(Self::Snake(chain));
         }
         let columns = KnownColumns { time: true, ..KnownColumns::default() };
@@ -73,6 +75,7 @@ impl LiveModel {
                     |key, name: &str| Unit::of(name).ok_or_else(|| JointsError::Unit { key, found: name.to_owned() });
                 let (u, y) = (unit("u_unit", &joints.u_unit)?, unit("y_unit", &joints.y_unit)?);
                 chain.compensator(krait_model::joints::JointInverseSettings::default())?;
+                calibrated()?;
                 Ok(Self::Joints(JointModel { chain, hash: file.hash(), u, y }))
             }
             _ => Err(JointsError::TooMany { found: 0 }.into()),

@@ -20,6 +20,15 @@ pub enum BridgeError {
     /// A model of joints that no chain can drive.
     #[error(transparent)]
     Joints(#[from] crate::JointsError),
+    /// A model of which a number is not known yet.
+    #[error(
+        "{key} of [machine] is not known, expected a number: a chain drives calibrated machines only; \
+         `krait lab fit` or `krait lab add` writes it into the model file"
+    )]
+    Uncalibrated {
+        /// The number's key.
+        key: &'static str,
+    },
     /// The watch for changes cannot be set up so.
     #[error(transparent)]
     Watch(#[from] krait_model::ParameterError),

@@ -246,6 +246,7 @@ fn what_cannot_be_driven_is_refused_in_one_sentence_that_names_it() {
         (joints(9, "", ""), "9 joints, expected 1 to 8"),
         (joints(2, "u_unit = \"steps\"\n", ""), "u_unit = \"steps\": expected rad"),
         (joints(2, "", "[[effect]]\nkind = \"saturation\"\n"), "saturation"),
+        (joints(2, "gain = [1.0, 1.0]\noffset = \"free\"\n", ""), "offset of [machine] is not known"),
     ] {
         let sentence = refused(&text);
         assert!(sentence.contains(words) && !sentence.contains('\n'), "{sentence}");

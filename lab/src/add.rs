@@ -3,6 +3,7 @@
 use crate::diagnose::Calibration;
 use crate::diagnose::search::{Search, Trial};
 use crate::fit::{Fit, Uncertainty, Variable, fit, held_out_output_squares, uncertainty};
+use crate::free::free_variables;
 use crate::machine::{Candidate, MachineUnderTest, nearest};
 use crate::noise::NoiseFloor;
 use crate::prepare::{Prepared, prepare};
@@ -65,7 +66,7 @@ pub fn add(machine: &dyn MachineUnderTest, data: &Measurements, options: &AddOpt
         return Err(LabError::CannotShow { effect: options.term.label().to_owned(), reason });
     }
     let free = places(&options.term, &parameters, &options.free, known.as_ref())?;
-    let again = crate::diagnose::free_variables(machine, &options.refit)?;
+    let again = free_variables(machine, &data.source, &options.refit)?;
     let fitted = match known.filter(|_| !options.from_given && options.free.is_empty()) {
         Some(candidate) => bench.on_grid(&candidate, &again)?,
         None => bench.near_values(&options.term, &parameters, &free, again)?,
@@ -85,7 +86,7 @@ pub fn refit(
     let calibrated = machine.as_joints().map(|joints| crate::joint::calibrated(joints, data)).transpose()?;
     let machine = calibrated.as_ref().map_or(machine, |joints| joints as &dyn MachineUnderTest);
     let bench = Bench::new(machine, data)?;
-    let variables = crate::diagnose::free_variables(machine, free)?;
+    let variables = free_variables(machine, &data.source, free)?;
     let fitted = fit(&bench.problem, machine.effects(), &variables, ITERATIONS, TOLERANCE)?;
     Ok(bench.report(fitted))
 }

@@ -12,6 +12,7 @@ pub mod diagnose;
 mod error;
 pub mod experiment;
 pub mod fit;
+mod free;
 pub mod init;
 mod joint;
 pub mod machine;

@@ -34,7 +34,8 @@ pub(crate) fn prepare<'a>(machine: &'a dyn MachineUnderTest, data: &Measurements
     let shortest_block_s = block_s(&floors, scored_time_s(data));
     let problem = Problem::new(machine, data.clone(), &excluded, shortest_block_s);
     let loads = Usable::of(machine, &problem, floors.sigma().map(|(sigma, _)| sigma), shortest_block_s)?;
-    let problem = problem.with_loads(loads.cells());
+    let noise = floors.sigma().map(|(sigma, _)| sigma).or(floors.differences).unwrap_or(0.0);
+    let problem = problem.with_loads(loads.cells()).with_noise(noise);
     Ok(Prepared { problem, floors, excluded, shortest_block_s, loads })
 }
 

@@ -19,6 +19,8 @@ pub struct Problem<'a> {
     pub n_blocks: usize,
     /// Outputs with a weight, and loads.
     pub n_scored: usize,
+    /// Standard deviation of a row's noise in the outputs' unit, which says how strongly known values draw a fit; zero: not at all.
+    pub noise: f64,
     /// Loads at the actuators, behind the outputs of each row of a residual; `None` where none are scored.
     loads: Option<LoadRows>,
 }
@@ -48,7 +50,12 @@ impl<'a> Problem<'a> {
         }
         let n_scored = weight.iter().filter(|w| **w > 0.0).count();
         let (block, n_blocks) = blocks(&data, &weight, n_scored / width.max(1), shortest_block_s);
-        Self { machine, data, weight, block, n_blocks, n_scored, loads: None }
+        Self { machine, data, weight, block, n_blocks, n_scored, noise: 0.0, loads: None }
+    }
+
+    /// The same with the noise of a row, in the outputs' unit.
+    pub(crate) fn with_noise(self, noise: f64) -> Self {
+        Self { noise, ..self }
     }
 
     /// The same with the loads at the actuators in one likelihood with the outputs, each cell in units of its own noise.
@@ -70,6 +77,7 @@ impl<'a> Problem<'a> {
             block: self.block.clone(),
             n_blocks: self.n_blocks,
             n_scored: self.n_scored_outputs(),
+            noise: self.noise,
             loads: None,
         }
     }

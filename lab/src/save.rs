@@ -1,8 +1,8 @@
 //! A model file with what a fit found: values with their standard errors and origin, and one more line of history.
 
-use crate::machine::{acting, setting};
+use crate::machine::{acting, is_geometry, setting, with_geometry};
 use crate::{Added, LabError, Measurements};
-use krait_model::model_file::{FileEffect, HeldOutRms, HistoryEntry, Machine, ModelFile, Origin};
+use krait_model::model_file::{FileEffect, HeldOutRms, HistoryEntry, Known, Machine, ModelFile, Origin};
 
 /// The file with the effects of a fit. `what` names the effect for the history; `date` is the day, YYYY-MM-DD.
 ///
@@ -15,8 +15,18 @@ pub fn save(
     data: &Measurements,
     date: &str,
 ) -> Result<ModelFile, LabError> {
+    let fitted_here = |se: f64| Known::Fitted { se, from: Some(data.source.clone()), date: Some(date.to_owned()) };
+    let machine = match file.machine() {
+        Machine::Snake(snake) => Machine::Snake(with_geometry(snake, added, fitted_here)),
+        other => other.clone(),
+    };
+    let order = acting(file.effects().len(), &added.terms);
     let mut effects = Vec::with_capacity(added.terms.len());
     for (place, term) in added.terms.iter().enumerate() {
+        if is_geometry(term) {
+            effects.push(None);
+            continue;
+        }
         let mut own = setting(file.machine(), term)?;
         // How a parameter is learnt while the machine moves is not the fit's to change.
         if let Some(old) = file.effects().get(place).map(FileEffect::setting).filter(|old| old.label() == own.label()) {
@@ -42,11 +52,10 @@ pub fn save(
                 effect = effect.with_origin(origin)?;
             }
         }
-        effects.push(effect);
+        effects.push(Some(effect));
     }
     // As they act, so they stand in the file.
-    let effects =
-        acting(file.effects().len(), &added.terms).into_iter().filter_map(|k| effects.get(k).cloned()).collect();
+    let effects = order.into_iter().filter_map(|k| effects.get(k).cloned().flatten()).collect();
     let mut history = file.history().to_vec();
     history.push(HistoryEntry {
         effect: what.to_owned(),
@@ -56,7 +65,7 @@ pub fn save(
         heldout_rms: HeldOutRms { before: added.before, after: added.after, noise_floor: added.noise_floor },
         unit: unit(file.machine()),
     });
-    Ok(ModelFile::new(file.machine().clone(), effects, history)?)
+    Ok(ModelFile::new(machine, effects, history)?)
 }
 
 /// Parameters whose values were fitted to these very data, by effect's label and parameter's name. With a further effect they take

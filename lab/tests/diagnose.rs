@@ -167,7 +167,7 @@ fn an_added_effect_has_its_value_within_its_standard_errors_and_reaches_the_floo
             recordings: Vec::new(),
         };
         let added = add(&lab(), &data, &options).unwrap();
-        let (value, se) = (added.terms[0].values[0], added.uncertainty.robust[0]);
+        let (value, se) = (added.variables[0].value(&added.terms), added.uncertainty.robust[0]);
         within += usize::from((value - 7e-5).abs() < 2.0 * se);
         assert!(added.after < 0.8 * added.before && added.after < 1.04 * added.noise_floor.unwrap(), "{}", added.after);
     }
@@ -209,4 +209,68 @@ fn outliers_are_left_out_and_change_nothing() {
     let found = diagnosed(&data);
     assert_eq!(found.effects[0].name, "twist", "{}", found.sentence);
     assert!(found.rows[2] >= 20, "{} rows left out", found.rows[2]);
+}
+
+/// A snake whose lines lie at another radius and whose wire is stiffer than the model's default, with play.
+fn made_elsewhere(seed: u64) -> Measurements {
+    let text = format!("{MODEL}r_m = 0.00178\ne_pa = 57e9\n");
+    let plant = SnakeLab::new(&ModelFile::parse(&text).unwrap()).unwrap();
+    let mut data = made(&[], seed);
+    let noise: Vec<f64> =
+        data.outputs.iter().zip(lab().predict(&[], &data).unwrap()).map(|(seen, clean)| seen - clean).collect();
+    let list = [plant.effects().to_vec(), vec![term("backlash", &[7e-5])]].concat();
+    data.outputs = plant.predict(&list, &data).unwrap().iter().zip(noise).map(|(clean, noise)| clean + noise).collect();
+    data
+}
+
+fn of_machine(keys: &str) -> (ModelFile, SnakeLab) {
+    let file = ModelFile::parse(&format!("{MODEL}{keys}")).unwrap();
+    let lab = SnakeLab::new(&file).unwrap();
+    (file, lab)
+}
+
+#[test]
+fn free_geometry_is_calibration_and_the_effect_beside_it_is_what_is_missing() {
+    let data = made_elsewhere(41);
+    let options = DiagnoseOptions::default();
+    let (file, open) = of_machine("r_m = \"free\"\ne_pa = \"free\"\n");
+    let found = diagnose(&open, &data, &options).unwrap();
+    assert_eq!((found.verdict, found.effects.len()), (Verdict::Missing, 1), "{}", found.sentence);
+    assert!(found.effects[0].class.iter().any(|name| name == "backlash"), "{}", found.sentence);
+    assert!(found.as_given_rms > 1.02 * found.base_heldout_rms, "{} {}", found.as_given_rms, found.base_heldout_rms);
+    // In bends of up to 54 deg radius and modulus make nearly the same: both are named, and neither runs away.
+    assert_eq!(found.calibration.iter().map(|own| own.name.as_str()).collect::<Vec<_>>(), ["r_m", "e_pa"]);
+    let radius = &found.calibration[0];
+    assert!((radius.value - 0.00178).abs() < 3.0 * radius.se && radius.se < 0.3 * 0.00178, "{radius:?}");
+    let options = AddOptions {
+        term: term("backlash", &[8.9e-5]),
+        from_given: false,
+        free: Vec::new(),
+        refit: Vec::new(),
+        recordings: Vec::new(),
+    };
+    let added = add(&open, &data, &options).unwrap();
+    let saved = save(&file, &added, "backlash", &data, "2026-11-23").unwrap();
+    assert_eq!((file.first_open(), saved.first_open()), (Some("e_pa"), None), "a chain may drive what was fitted");
+    let again = ModelFile::parse(&saved.to_toml()).unwrap();
+    assert_eq!(again, saved);
+    let error = |lab: &SnakeLab| krait_lab::compare::compare(lab, &data).unwrap().error.rms;
+    assert!(error(&SnakeLab::new(&again).unwrap()) < 1.01 * error(&open).min(1.04 * found.noise_floor.unwrap()));
+}
+
+#[test]
+fn a_number_with_a_standard_error_is_drawn_to_its_value_and_the_pull_is_told() {
+    let data = made_elsewhere(42);
+    let radius = |keys: &str| {
+        let (_, lab) = of_machine(keys);
+        let found = diagnose(&lab, &data, &DiagnoseOptions::default()).unwrap();
+        found.calibration.iter().find(|own| own.name == "r_m").cloned().unwrap()
+    };
+    let of = |se: &str| radius(&format!("e_pa = 57e9\nr_m = {{ value = 0.00165, se = {se}, from = \"drawing\" }}\n"));
+    let (tight, loose) = (of("1e-7"), of("1e-4"));
+    assert!((tight.value - 0.00165).abs() < 5e-6 && (loose.value - 0.00178).abs() < 5e-6, "{tight:?} {loose:?}");
+    assert_eq!(loose.prior, Some((0.00165, 1e-4)));
+    // What came from these very data does not count twice.
+    let own = radius("e_pa = 57e9\nr_m = { value = 0.00165, se = 1e-7, from = \"made\" }\n");
+    assert!(own.prior.is_none() && (own.value - 0.00178).abs() < 5e-6, "{own:?}");
 }

@@ -30,7 +30,7 @@ pub enum LabVerb {
     Add(AddArgs),
     /// Fits parameters of the effects that a model already has.
     #[command(
-        after_help = "Example:\n  krait lab fit --free stiffness-scale.eta --model better.toml --data run.csv --out best.toml"
+        after_help = "Example:\n  krait lab fit --free stiffness-scale.eta --model better.toml --data run.csv --out best.toml\n  krait lab fit --free machine.r_m --model base.toml --data run.csv --out calibrated.toml"
     )]
     Fit(FitArgs),
     /// The error after each effect that was added to a model.
@@ -53,7 +53,7 @@ pub enum LabVerb {
     Check(CheckArgs),
     /// How good is the lab? Diagnoses a grid of generated data and scores the answers; goes on where it was ended.
     #[command(
-        after_help = "Examples:\n  krait lab benchmark --out benchmark\n  krait lab benchmark --rounds 20 --seed 7 --out benchmark-7 --json > figures.json"
+        after_help = "Examples:\n  krait lab benchmark --out benchmark\n  krait lab benchmark --rounds 20 --seed 7 --out benchmark-7 --json > figures.json\n  krait lab benchmark --machine joints --groups several,pair --no-baselines --out lists"
     )]
     Benchmark(BenchmarkArgs),
 }
@@ -132,7 +132,7 @@ pub struct DiagnoseArgs {
     /// Model and data.
     #[command(flatten)]
     pub files: LabFiles,
-    /// A parameter of the model's own effects that is not held: EFFECT.PARAMETER, again for each.
+    /// A number of the model's own that is not held: EFFECT.PARAMETER or machine.KEY, again for each.
     #[arg(long, value_name = "EFFECT.PARAMETER", value_parser = effect_parameter)]
     pub free: Vec<(String, String)>,
     /// At most so many effects are sought together.
@@ -166,7 +166,8 @@ pub struct AddArgs {
     /// Overwrite files that are already there.
     #[arg(long)]
     pub force: bool,
-    /// Parameters that the fit frees, by commas; by default those that the catalogue frees, for a formula all.
+    /// Parameters that the fit frees, by commas; by default those that the catalogue frees, for a formula all. With a point,
+    /// EFFECT.PARAMETER or machine.KEY: a number of the model's own that is fitted again.
     #[arg(long, value_delimiter = ',', value_name = "NAME")]
     pub free: Vec<String>,
     /// A parameter's value where the fit starts, and where it stays unless it is free: NAME=VALUE, again for each.
@@ -204,8 +205,8 @@ pub struct FitArgs {
     /// Overwrite files that are already there.
     #[arg(long)]
     pub force: bool,
-    /// What is fitted: EFFECT.PARAMETER, again for each.
-    #[arg(long, required = true, value_name = "EFFECT.PARAMETER", value_parser = effect_parameter)]
+    /// What is fitted: EFFECT.PARAMETER or machine.KEY, again for each; with them what the model file leaves "free".
+    #[arg(long, value_name = "EFFECT.PARAMETER", value_parser = effect_parameter)]
     pub free: Vec<(String, String)>,
     /// Write a page with pictures (HTML, one file, works without a network).
     #[arg(long, value_name = "FILE.html")]
@@ -228,7 +229,7 @@ pub struct HistoryArgs {
     pub json: bool,
 }
 
-fn effect_parameter(text: &str) -> Result<(String, String), String> {
+pub(crate) fn effect_parameter(text: &str) -> Result<(String, String), String> {
     let (effect, parameter) = text
         .rsplit_once('.')
         .ok_or_else(|| format!("{text:?} is not EFFECT.PARAMETER, such as stiffness-scale.eta"))?;

@@ -1,6 +1,7 @@
 //! The command line of generated data: `krait lab generate` and `krait lab benchmark`.
 
 use clap::Args;
+use krait_lab_benchmark::benchmark::Group;
 use krait_lab_benchmark::generate::{Difficulty, Motion, NoiseKind};
 use std::path::PathBuf;
 
@@ -125,6 +126,9 @@ pub struct BenchmarkArgs {
     /// Rounds of the grid, some hundred sets of data each.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1000))]
     pub rounds: u16,
+    /// Only sets of these groups: none, single, pair, several, outside, beside, off-base, poor; the other sets stay as they are.
+    #[arg(long, value_name = "GROUP,...", value_delimiter = ',', value_parser = group)]
+    pub groups: Vec<Group>,
     /// Everything that is drawn follows from it.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
@@ -142,6 +146,11 @@ pub struct BenchmarkArgs {
 fn noise(text: &str) -> Result<NoiseKind, String> {
     NoiseKind::from_name(text)
         .ok_or_else(|| format!("{text:?} is none of white, ou:T, quantised, outliers, heteroscedastic, drift"))
+}
+
+fn group(text: &str) -> Result<Group, String> {
+    let words = Group::ALL.map(Group::word).join(", ");
+    Group::from_word(text).ok_or_else(|| format!("{text:?} is none of {words}"))
 }
 
 fn motion(text: &str) -> Result<Motion, String> {

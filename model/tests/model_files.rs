@@ -4,7 +4,7 @@
 
 use krait_model::effects::EffectKind;
 use krait_model::joints::JointEffect;
-use krait_model::model_file::{FileEffect, Machine, ModelFile, Origin, assumed, documented_defaults};
+use krait_model::model_file::{FileEffect, Known, Machine, ModelFile, Origin, assumed, documented_defaults};
 use krait_model::{ChainSettings, ChainStatus, Circumstances, EffectSetting, KnownColumns};
 use nalgebra::Vector2;
 
@@ -137,7 +137,7 @@ fn values_that_cannot_be_are_refused_with_line_key_and_range() {
         (machine("l_m = nan"), ["line 4", "l_m is NaN"]),
         (machine("strain_limit = 0.5"), ["line 4", "strain_limit is 0.5"]),
         (machine("d_inner_m = 0.001"), ["line 4", "d_inner_m"]),
-        (machine("l_m = \"long\""), ["line 4", "expected a number"]),
+        (machine("l_m = \"long\""), ["line 4", "expected a finite number"]),
         (
             with_effect("kind = \"backlash\"\nhalf_width_m = 0.5"),
             ["line 6", "half_width_m is 0.5, expected 0 to 0.002 m"],
@@ -251,5 +251,26 @@ fn the_guide_holds_every_effect_with_its_equation_and_parameters() {
                 format!("| `{}` | {} | {:?} to {:?} | {:?} | {} |", p.name, p.unit, p.low, p.high, p.default, p.source);
             assert!(guide.contains(&row), "{}: {row}", kind.name());
         }
+    }
+}
+
+#[test]
+fn a_snake_s_geometry_is_held_or_free_or_known_with_a_standard_error() {
+    let text = "format = 1\n[machine]\nkind = \"snake\"\nl_m = 0.03\nr_m = \"free\"\n\
+                e_pa = { value = 5.1e10, se = 2e9, from = \"sheet\", date = \"2026-11-01\" }\n";
+    let file = ModelFile::parse(text).unwrap();
+    assert_eq!((file.first_open(), ModelFile::parse(&file.to_toml()).unwrap()), (Some("r_m"), file.clone()));
+    let Machine::Snake(snake) = file.machine() else { panic!("a snake") };
+    assert_eq!((snake.parameters.l_m, snake.parameters.r_m, snake.parameters.e_pa), (0.03, 1.684e-3, 5.1e10));
+    assert!(matches!(snake.known("e_pa"), Known::Fitted { se, from: Some(from), .. } if *se == 2e9 && from == "sheet"));
+    assert_eq!(snake.known("l_m"), &Known::Held);
+    for (line, words) in [
+        ("strain_limit = \"free\"", "a number"),
+        ("r_m = \"open\"", "\"free\""),
+        ("r_m = { value = 0.1, se = 1e-4 }", "0.0003 to 0.02"),
+        ("r_m = { value = 0.0017, se = -1.0 }", "above zero"),
+    ] {
+        let refused = ModelFile::parse(&format!("format = 1\n[machine]\nkind = \"snake\"\n{line}\n")).unwrap_err();
+        assert!(refused.to_string().contains(words), "{line}: {refused}");
     }
 }

@@ -18,14 +18,21 @@ pub enum Group {
     Several,
     /// A known effect beside one that no known one explains: is it named, and is it said that a rest remains?
     Beside,
+    /// One known effect in a plant whose dimensions are off by up to 5 %, with the geometry free in the model: is the effect named?
+    OffBase,
     /// A one-way ramp, which tells nearly nothing: is the truth among the look-alikes?
     Poor,
 }
 
 impl Group {
     /// Every group.
-    pub const ALL: [Self; 7] =
-        [Self::None, Self::Single, Self::Pair, Self::Outside, Self::Poor, Self::Several, Self::Beside];
+    pub const ALL: [Self; 8] =
+        [Self::None, Self::Single, Self::Pair, Self::Outside, Self::Poor, Self::Several, Self::Beside, Self::OffBase];
+
+    /// The group of that word; `None` if there is none.
+    pub fn from_word(word: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|group| group.word() == word)
+    }
 
     /// Its word.
     pub fn word(self) -> &'static str {
@@ -36,6 +43,7 @@ impl Group {
             Self::Outside => "outside",
             Self::Several => "several",
             Self::Beside => "beside",
+            Self::OffBase => "off-base",
             Self::Poor => "poor",
         }
     }
@@ -87,6 +95,9 @@ const NOISES: [NoiseKind; 8] = [
 const N_PAIRS: usize = 16;
 /// Of a snake, longer lists, and known ones beside unknown ones.
 const N_SEVERAL: usize = 6;
+/// How far the dimensions of a plant are off, as a part of them, and how large the effect beside it is.
+const OFF_BASE: f64 = 0.05;
+const OFF_BASE_SIZE: f64 = 2.0;
 /// Kinds under a one-way ramp.
 const POOR: [&str; 4] = ["backlash", "cone", "delay", "encoder-zero"];
 
@@ -97,7 +108,8 @@ pub fn grid(seed: u64, n_rounds: usize, seconds: f64) -> Vec<GridCell> {
         let mut cells_of_round = Vec::new();
         let mut add = |group: Group, hidden: Vec<(&'static Kind, f64)>, motion: Motion, noise: NoiseKind| {
             let own_seed = mixed(seed, round as u64, cells_of_round.len() as u64);
-            let recipe = Recipe { hidden, motion, noise, seed: own_seed, seconds, ..Recipe::default() };
+            let perturbation = if group == Group::OffBase { OFF_BASE } else { 0.0 };
+            let recipe = Recipe { hidden, motion, noise, seed: own_seed, seconds, perturbation, ..Recipe::default() };
             cells_of_round.push(GridCell { id: id(group, &recipe), group, task: Task::Snake(recipe) });
         };
         for (k, noise) in NOISES.into_iter().enumerate() {
@@ -139,6 +151,10 @@ pub fn grid(seed: u64, n_rounds: usize, seconds: f64) -> Vec<GridCell> {
         }
         for kind in POOR.iter().filter_map(|name| Kind::from_name(name)) {
             add(Group::Poor, vec![(kind, 2.0)], Motion::Ramp, NoiseKind::White);
+        }
+        for (k, kind) in KINDS.iter().filter(|kind| kind.is_known() && !kind.is_of_scale()).enumerate() {
+            let motion = if (k + round) % 2 == 0 { Motion::Rich } else { Motion::Teleop };
+            add(Group::OffBase, vec![(kind, OFF_BASE_SIZE.min(kind.most_size))], motion, NoiseKind::White);
         }
         cells.append(&mut cells_of_round);
     }

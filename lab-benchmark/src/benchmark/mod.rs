@@ -17,7 +17,7 @@ pub use outcome::{Outcome, Said};
 pub use page::page;
 pub use summary::{Rate, Summary};
 
-use crate::generate::base_model;
+use crate::generate::{PERTURBED, base_model};
 use crate::joints::JOINTS_MODEL;
 use krait_ipc::input;
 use krait_lab::machine::{JointsLab, SnakeLab};
@@ -66,6 +66,26 @@ pub enum BenchmarkError {
     },
 }
 
+/// The machines with the models that the lab gets.
+pub struct Labs {
+    /// A snake of elastic lines.
+    snake: SnakeLab,
+    /// The same with every dimension free that a generated plant may have wrong.
+    open_snake: SnakeLab,
+    /// Two joints.
+    joints: JointsLab,
+}
+
+impl Labs {
+    fn new() -> Option<Self> {
+        let free: String = PERTURBED.iter().map(|key| format!("{key} = \"free\"\n")).collect();
+        let open = format!("format = 1\n[machine]\nkind = \"snake\"\n{free}");
+        let snake = |text: &str| ModelFile::parse(text).ok().as_ref().and_then(SnakeLab::new);
+        let joints = ModelFile::parse(JOINTS_MODEL).ok().as_ref().and_then(JointsLab::new)?;
+        Some(Self { snake: snake(&base_model())?, open_snake: snake(&open)?, joints })
+    }
+}
+
 /// Works out every cell (of [`grid`]) that the results do not have yet; returns all of them in the grid's order.
 ///
 /// `progress` hears of every finished cell: how many are done, of how many, and what came of it.
@@ -84,13 +104,11 @@ pub fn run(
     let file = Mutex::new(rewritten(options, results, &lines).map_err(failed)?);
     let todo: Vec<&GridCell> = cells.iter().filter(|cell| !done.contains(cell.id.as_str())).collect();
     let n_done = Mutex::new(cells.len() - todo.len());
-    let snake = ModelFile::parse(&base_model()).ok().as_ref().and_then(SnakeLab::new);
-    let joints = ModelFile::parse(JOINTS_MODEL).ok().as_ref().and_then(JointsLab::new);
-    let (Some(snake), Some(joints)) = (snake, joints) else { return Ok(Vec::new()) };
+    let Some(labs) = Labs::new() else { return Ok(Vec::new()) };
     let finished: Result<Vec<Outcome>, io::Error> = todo
         .par_iter()
         .map(|cell| {
-            let outcome = Outcome::of(cell, &snake, &joints, options.with_baselines);
+            let outcome = Outcome::of(cell, &labs, options.with_baselines);
             append(&file, &outcome)?;
             if let Ok(mut n) = n_done.lock() {
                 *n += 1;

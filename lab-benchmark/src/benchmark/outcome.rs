@@ -1,11 +1,11 @@
 //! What came of one cell: the diagnosis beside the truth, as one line of the results.
 
 use super::baseline::{self, Baselines};
-use super::{GridCell, Group, Task};
+use super::{GridCell, Group, Labs, Task};
 use crate::generate::{Answer, generate};
 use crate::joints::joints;
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, FoundEffect, Verdict, diagnose};
-use krait_lab::machine::{JointsLab, MachineUnderTest, SnakeLab};
+use krait_lab::machine::MachineUnderTest;
 use serde::{Deserialize, Serialize};
 
 /// One finished cell.
@@ -50,7 +50,7 @@ pub struct Said {
 
 impl Outcome {
     /// Works a cell out.
-    pub fn of(cell: &GridCell, snake: &SnakeLab, pair: &JointsLab, with_baselines: bool) -> Self {
+    pub fn of(cell: &GridCell, labs: &Labs, with_baselines: bool) -> Self {
         let mut outcome = Self {
             id: cell.id.clone(),
             group: cell.group.word().to_owned(),
@@ -59,27 +59,22 @@ impl Outcome {
             said: None,
             baselines: None,
         };
-        if let Err(reason) = outcome.fill(cell, snake, pair, with_baselines) {
+        if let Err(reason) = outcome.fill(cell, labs, with_baselines) {
             outcome.refused = Some(reason);
         }
         outcome
     }
 
-    fn fill(
-        &mut self,
-        cell: &GridCell,
-        snake: &SnakeLab,
-        pair: &JointsLab,
-        with_baselines: bool,
-    ) -> Result<(), String> {
+    fn fill(&mut self, cell: &GridCell, labs: &Labs, with_baselines: bool) -> Result<(), String> {
         let (machine, data, answer): (&dyn MachineUnderTest, _, _) = match &cell.task {
             Task::Snake(recipe) => {
                 let made = generate(recipe).map_err(|e| e.to_string())?;
-                (snake, made.measurements, made.answer)
+                let own = if recipe.perturbation > 0.0 { &labs.open_snake } else { &labs.snake };
+                (own, made.measurements, made.answer)
             }
             Task::Joints(recipe) => {
                 let (data, answer) = joints(recipe).ok_or("an effect of this kind cannot be made as large")?;
-                (pair, data, answer)
+                (&labs.joints, data, answer)
             }
         };
         let data = &data;

@@ -42,6 +42,8 @@ fn rates(summary: &Summary) -> String {
         ("Two effects: the first name is one of them".to_owned(), summary.pairs_first),
         ("Outside the library: a known effect was claimed".to_owned(), summary.outside_claimed),
         ("Outside the library: called unknown".to_owned(), summary.outside_unknown),
+        ("Dimensions off by up to 5 %, geometry free: exactly the effect".to_owned(), summary.off_base_exact),
+        ("The same: a look-alike of the effect".to_owned(), summary.off_base_in_class),
         ("One-way ramp: the truth among the look-alikes, or nothing claimed".to_owned(), summary.poor_honest),
         ("95 % intervals that hold the true parameter".to_owned(), summary.coverage),
     ];

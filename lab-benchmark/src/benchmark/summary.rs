@@ -88,6 +88,10 @@ pub struct Summary {
     pub outside_claimed: Rate,
     /// Effects outside the library that were called unknown.
     pub outside_unknown: Rate,
+    /// Wrong dimensions with free geometry: exactly the hidden effect.
+    pub off_base_exact: Rate,
+    /// The same, the hidden effect among the look-alikes of the first name.
+    pub off_base_in_class: Rate,
     /// Ramps: the truth is among the look-alikes, or nothing was claimed.
     pub poor_honest: Rate,
     /// 95 % intervals (value plus or minus two standard errors) that hold the truth.
@@ -112,7 +116,7 @@ impl Summary {
         let group = |group: Group| -> Vec<&Outcome> {
             outcomes.iter().filter(|o| o.group == group.word() && o.said.is_some()).collect()
         };
-        let [none, single, pair, outside, poor, several, beside] = Group::ALL.map(group);
+        let [none, single, pair, outside, poor, several, beside, off_base] = Group::ALL.map(group);
         let known: Vec<&Outcome> = single.iter().chain(&pair).chain(&several).copied().collect();
         let claimed: Vec<&Outcome> = known.iter().filter(|o| o.is_claimed()).copied().collect();
         let verdict = |word: &'static str| move |o: &Outcome| o.said.as_ref().is_some_and(|s| s.verdict == word);
@@ -142,6 +146,8 @@ impl Summary {
             outside_asserted: Rate::of(&outside, Outcome::is_asserted),
             outside_claimed: Rate::of(&outside, Outcome::is_claimed),
             outside_unknown: Rate::of(&outside, verdict("unknown")),
+            off_base_exact: Rate::of(&off_base, Outcome::is_exact),
+            off_base_in_class: Rate::of(&off_base, |o| o.is_asserted() && o.is_in_class()),
             poor_honest: Rate::of(&poor, |o| !o.is_claimed() || o.is_in_class()),
             coverage: coverage(&known),
             over_floor_median: quantile(&over, 0.5),

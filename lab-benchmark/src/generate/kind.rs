@@ -75,6 +75,11 @@ impl Kind {
         KINDS.iter().chain(NAMED)
     }
 
+    /// Whether it scales every bend, as a wrong dimension of the snake does.
+    pub fn is_of_scale(&self) -> bool {
+        self.right.contains(&"radius-error")
+    }
+
     /// Whether an effect of the catalogue explains it.
     pub fn is_known(&self) -> bool {
         self.right != UNKNOWN

@@ -200,6 +200,9 @@ fn weighed_n(load_n: Vec<[f64; 3]>, sigma_n: f64, seed: u64) -> Vec<f64> {
     load_n.into_iter().flatten().map(|load_n| load_n + sigma_n * random.normal()).collect()
 }
 
+/// Keys of the machine that [`Recipe::perturbation`] makes wrong.
+pub const PERTURBED: [&str; 5] = ["l_m", "r_m", "e_pa", "l_d_m", "l_c_m"];
+
 /// The plant without what is hidden.
 fn bare(recipe: &Recipe) -> Truth {
     let mut truth = Truth { effects: EffectsTruth::none(), ..Truth::default() };

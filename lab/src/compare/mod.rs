@@ -17,6 +17,8 @@ pub use parts::Parts;
 
 use crate::cells::load_cells;
 use crate::diagnose::LoadCell;
+use crate::fit::{Variable, fit};
+use crate::free::free_variables;
 use crate::machine::{JointsLab, MachineUnderTest};
 use crate::noise::NoiseFloor;
 use crate::prepare::{Prepared, prepare};
@@ -66,13 +68,16 @@ pub struct Comparison {
     pub worst: String,
 }
 
+const ITERATIONS: u32 = 30;
+const TOLERANCE: f64 = 1e-6;
+
 /// A number of the machine as the comparison used it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Calibrated {
-    /// gain or offset.
-    pub name: &'static str,
-    /// The joint, from 1.
-    pub joint: usize,
+    /// gain or offset; of a snake its key in the model file.
+    pub name: String,
+    /// The joint, from 1; `None` for a snake.
+    pub joint: Option<usize>,
     /// Value.
     pub value: f64,
     /// Its unit.
@@ -103,12 +108,41 @@ pub struct Noise {
 pub fn compare(machine: &dyn MachineUnderTest, data: &Measurements) -> Result<Comparison, LabError> {
     let predicted = machine.predict(machine.effects(), data)?;
     let given = compare_prediction(machine, data, &predicted);
-    let Some(joints) = machine.as_joints() else { return Ok(Comparison { loads: loads(machine, data)?, ..given }) };
+    let Some(joints) = machine.as_joints() else {
+        let fitted =
+            Comparison { loads: loads(machine, data)?, ..with_open_numbers(machine, data, &given)?.unwrap_or(given) };
+        return Ok(fitted);
+    };
     let calibrated = crate::joint::calibrated(joints, data)?;
     let predicted = calibrated.predict(machine.effects(), data)?;
     let calibration = calibration(joints, &calibrated);
     let as_given_rms = given.error.rms;
     Ok(Comparison { as_given_rms, calibration, ..compare_prediction(&calibrated, data, &predicted) })
+}
+
+/// The comparison after a fit of the numbers that a snake's model file leaves open; `None` where it leaves none.
+fn with_open_numbers(
+    machine: &dyn MachineUnderTest,
+    data: &Measurements,
+    given: &Comparison,
+) -> Result<Option<Comparison>, LabError> {
+    let variables = free_variables(machine, &data.source, &[])?;
+    if variables.is_empty() {
+        return Ok(None);
+    }
+    let Prepared { problem, .. } = prepare(machine, data)?;
+    let fitted = fit(&problem, machine.effects(), &variables, ITERATIONS, TOLERANCE)?;
+    let number = |own: &Variable| Calibrated {
+        name: own.name.clone(),
+        joint: None,
+        value: own.value(&fitted.effects),
+        unit: own.unit.clone(),
+        held: false,
+    };
+    let calibration = variables.iter().map(number).collect();
+    let predicted = machine.predict(&fitted.effects, data)?;
+    let as_given_rms = given.as_given_rms;
+    Ok(Some(Comparison { as_given_rms, calibration, ..compare_prediction(machine, data, &predicted) }))
 }
 
 /// The load cells, where loads were recorded that follow the model's.
@@ -129,13 +163,19 @@ fn calibration(given: &JointsLab, calibrated: &JointsLab) -> Vec<Calibrated> {
     let (unit, scale) = given.error_unit();
     let one = |k: usize| {
         let held = |known: &Known| *known == Known::Held;
-        let joint = k + 1;
+        let joint = Some(k + 1);
         let gain = own.gain[k][k];
         let offset = own.offset[k] * scale;
         [
-            Calibrated { name: "gain", joint, value: gain, unit: gain_unit.clone(), held: held(&own.gain_known[k]) },
             Calibrated {
-                name: "offset",
+                name: "gain".to_owned(),
+                joint,
+                value: gain,
+                unit: gain_unit.clone(),
+                held: held(&own.gain_known[k]),
+            },
+            Calibrated {
+                name: "offset".to_owned(),
                 joint,
                 value: offset,
                 unit: unit.to_owned(),

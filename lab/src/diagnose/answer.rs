@@ -100,10 +100,10 @@ impl Diagnosis {
 /// A number of the machine that is no effect.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Calibration {
-    /// Its name: gain, offset, delay.
-    pub name: &'static str,
-    /// The joint, from 1.
-    pub joint: usize,
+    /// Its name: gain, offset, delay; of a snake its key in the model file.
+    pub name: String,
+    /// The joint, from 1; `None` for a snake.
+    pub joint: Option<usize>,
     /// The recording whose own it is, where there are several.
     pub recording: Option<String>,
     /// Value.

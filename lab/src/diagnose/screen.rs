@@ -36,7 +36,8 @@ pub fn screen(problem: &Problem, fit: &Fit, candidates: &[Candidate]) -> Vec<Cel
         .filter(|(_, c)| c.cannot.is_none() && c.periodic.is_none() && !known(c))
         .flat_map(|(k, c)| (0..c.starts.len()).map(move |start| (k, start)))
         .collect();
-    let basis = orthonormal(&fit.slopes);
+    // What is known beside the data can hardly move, and hides no effect.
+    let basis = orthonormal(&fit.free_slopes());
     let mut cells: Vec<Cell> = jobs
         .into_par_iter()
         .filter_map(|(candidate, start)| cell(problem, fit, &basis, &candidates[candidate], candidate, start))

@@ -4,6 +4,7 @@ use super::accept::{Comparison, FOLDS};
 use super::alike::is_alike;
 use super::alternatives::Alternatives;
 use super::answer::{CandidateAnswer, Diagnosis, FoundEffect, FoundParameter, LoadCell, Remaining, Verdict};
+use super::calibration::{calibration, inseparable};
 use super::rhythm::{Rhythm, rhythm};
 use super::screen::{Cell, orthonormal};
 use super::search::{Search, Trial, memory};
@@ -12,11 +13,12 @@ use super::words::{sentence, state};
 use super::working::working_rows;
 use super::{GroupShare, experiment, gate, lists, structure};
 use crate::cells::{Usable, load_cells};
-use crate::fit::{Fit, Variable, dot, held_out_block_squares, held_out_output_squares, uncertainty};
+use crate::fit::{Fit, dot, held_out_block_squares, held_out_output_squares, uncertainty};
+use crate::free::free_variables;
 use crate::machine::{Candidate, MachineUnderTest};
 use crate::noise::{FloorSource, NoiseFloor};
 use crate::prepare::{Prepared, prepare};
-use crate::{LabError, Measurements, Problem, Term};
+use crate::{LabError, Measurements, Problem};
 
 /// How to diagnose.
 #[derive(Clone, Debug, PartialEq)]
@@ -73,9 +75,11 @@ pub fn diagnose(
     }
     let Prepared { problem: full, floors, excluded, shortest_block_s, loads } = prepare(machine, data)?;
     let rows = working_rows(data, &excluded);
-    let work = Problem::new(machine, data.select(&rows), &[], shortest_block_s).with_loads(loads.cells());
+    let work = Problem::new(machine, data.select(&rows), &[], shortest_block_s)
+        .with_loads(loads.cells())
+        .with_noise(full.noise);
     let candidates = machine.candidates(data);
-    let base_variables = free_variables(machine, &options.free)?;
+    let base_variables = free_variables(machine, &data.source, &options.free)?;
     let search = |problem| Search {
         problem,
         candidates: &candidates,
@@ -164,7 +168,8 @@ fn one_or_two(search: &Search, comparison: &Comparison, start: Trial, max_effect
     };
     // Many parameters in one effect may be two simple effects in disguise, but nothing else is periodic in the inputs.
     let periodic = single.found.iter().any(|&k| search.candidates[k].periodic.is_some());
-    let many = !periodic && single.fit.variables.len() > search.base_variables.len() + FEW_PARAMETERS;
+    let n_own = search.base_variables.len();
+    let many = !periodic && single.fit.variables.len() > n_own + FEW_PARAMETERS;
     if max_effects > 1 && (many || comparison.leaves_something(single)) {
         let firsts = search.different(&singles);
         let looks: Vec<(Vec<Cell>, SignFlip)> = firsts.iter().map(|first| search.look(first)).collect();
@@ -181,7 +186,7 @@ fn one_or_two(search: &Search, comparison: &Comparison, start: Trial, max_effect
             let n = search.problem.n_scored as f64 / time;
             let simpler = |pair: &Trial| {
                 let better = (search.badness(single, time) - search.badness(pair, time)) * n;
-                let (own, many) = (pair.fit.variables.len(), single.fit.variables.len());
+                let (own, many) = (pair.fit.variables.len() - n_own, single.fit.variables.len() - n_own);
                 let doubtful = 2 * own <= many || search.imitates(single);
                 better > if doubtful { 0.0 } else { CLOSE_CONTEST } && own <= many
             };
@@ -217,6 +222,7 @@ impl Case<'_> {
         let problem = search.problem;
         let (unit, scale) = problem.machine.error_unit();
         let start = search.start()?;
+        let as_given = problem.outputs_of(&problem.residual(search.base)?);
         let mut chosen = search.fitted(self.found.chosen.found.clone(), &self.found.chosen.fit.effects)?;
         let prefixes = self.order(&mut chosen)?;
         let held_out = |trial: &Trial| held_out_rms(problem, &trial.fit) * scale;
@@ -254,6 +260,8 @@ impl Case<'_> {
             cautions.push(why.clone());
         }
         cautions.extend(loads.iter().flatten().filter_map(LoadCell::caution));
+        let n_own = search.base_variables.len();
+        cautions.extend(inseparable(&chosen.fit, n_own));
         let mut terms = chosen.fit.effects.clone();
         let (effects, partial) = if verdict == Verdict::Unknown {
             (Vec::new(), effects)
@@ -273,9 +281,9 @@ impl Case<'_> {
             loads,
             unit: unit.to_owned(),
             floor_relative_error: 0.0,
-            as_given_rms: problem.rms_of_outputs(squares_of_outputs(problem, &start.fit)) * scale,
+            as_given_rms: problem.rms_of_outputs(dot(&as_given, &as_given)) * scale,
             explained_share: (!effects.is_empty()).then_some(1.0 - remaining.unexplained),
-            calibration: Vec::new(),
+            calibration: calibration(problem, &chosen.fit, n_own),
             calibrated: None,
             noise_floor: floor,
             floor_source: sigma.map_or("the data do not tell", |(_, source): (f64, FloorSource)| source.label()),
@@ -451,39 +459,4 @@ impl Case<'_> {
 /// Error of the outputs on blocks that the fit did not see, in their unit.
 fn held_out_rms(problem: &Problem, fit: &Fit) -> f64 {
     problem.rms_of_outputs(held_out_output_squares(problem, fit, FOLDS).iter().sum())
-}
-
-/// Sum of squares of the outputs alone.
-fn squares_of_outputs(problem: &Problem, fit: &Fit) -> f64 {
-    if problem.loads().is_none() {
-        return fit.sum_of_squares;
-    }
-    let own = problem.outputs_of(&fit.residual);
-    dot(&own, &own)
-}
-
-/// The variables of parameters named by effect's label and parameter's name.
-pub(crate) fn free_variables(
-    machine: &dyn MachineUnderTest,
-    free: &[(String, String)],
-) -> Result<Vec<Variable>, LabError> {
-    let effects = machine.effects();
-    let absent = |name: &str| {
-        let names: Vec<&str> = effects.iter().map(Term::label).collect();
-        let has = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
-        LabError::NotInModel { name: name.to_owned(), has }
-    };
-    free.iter()
-        .map(|(effect, parameter)| {
-            let place = effects.iter().position(|own| own.label() == effect).ok_or_else(|| absent(effect))?;
-            let own = machine.parameters(&effects[place])?;
-            let k = own.iter().position(|p| p.name == *parameter).ok_or_else(|| LabError::UnknownParameter {
-                effect: effect.clone(),
-                name: parameter.clone(),
-                nearest: crate::machine::nearest(parameter, own.iter().map(|p| p.name.as_str())),
-            })?;
-            let size = (0.1 * effects[place].values[k]).abs().max(1e-3 * (own[k].high - own[k].low).min(1e3));
-            Variable::new(machine, effects, place, k, size)
-        })
-        .collect()
 }

@@ -18,8 +18,30 @@ pub struct Fit {
     pub residual: Vec<f64>,
     /// d residual / d step of each variable, row after row.
     pub slopes: Vec<Vec<f64>>,
-    /// Sum of squares of the residuals.
+    /// Sum of squares of the residuals, and of the pulls of known values in units of a row's noise.
     pub sum_of_squares: f64,
+}
+
+impl Fit {
+    /// The slopes of what nothing but the data says.
+    pub(crate) fn free_slopes(&self) -> Vec<Vec<f64>> {
+        let free = self.slopes.iter().zip(&self.variables).filter(|(_, own)| own.prior.is_none());
+        free.map(|(slope, _)| slope.clone()).collect()
+    }
+
+    /// What known values add to J'J and J'r, in the same units.
+    pub(crate) fn pulls(&self, problem: &Problem) -> (DVector<f64>, DVector<f64>) {
+        let noise = problem.noise.powi(2);
+        let n = self.variables.len();
+        let slope = |k: usize| self.variables[k].pull_per_step(&self.effects);
+        let gram = DVector::from_fn(n, |k, _| noise * slope(k).powi(2));
+        (gram, DVector::from_fn(n, |k, _| noise * slope(k) * self.variables[k].pull(&self.effects)))
+    }
+}
+
+/// Sum of squares of the pulls of known values, in units of a row's noise.
+fn pulled(problem: &Problem, effects: &[Term], variables: &[Variable]) -> f64 {
+    problem.noise.powi(2) * variables.iter().map(|own| own.pull(effects).powi(2)).sum::<f64>()
 }
 
 /// How far a difference quotient reaches, in units of the variable's scale.
@@ -41,7 +63,7 @@ pub fn fit(
     let mut here = Fit {
         effects: effects.to_vec(),
         variables: variables.to_vec(),
-        sum_of_squares: square(&residual),
+        sum_of_squares: square(&residual) + pulled(problem, effects, variables),
         slopes: slopes(problem, effects, variables, &residual),
         residual,
     };
@@ -60,7 +82,10 @@ pub fn fit(
 
 /// One step that reduces the sum of squares, or none.
 fn improve(problem: &Problem, here: &Fit, damping: &mut f64) -> Option<Fit> {
-    let (gram, gradient) = normal_equations(&here.slopes, &here.residual);
+    let (mut gram, mut gradient) = normal_equations(&here.slopes, &here.residual);
+    let (pull, pull_gradient) = here.pulls(problem);
+    gram.set_diagonal(&(gram.diagonal() + pull));
+    gradient += pull_gradient;
     for _ in 0..MAX_TRIES {
         let step = solve(here, &gram, &gradient, *damping)?;
         let mut effects = here.effects.clone();
@@ -68,7 +93,7 @@ fn improve(problem: &Problem, here: &Fit, damping: &mut f64) -> Option<Fit> {
             variable.step(&mut effects, *step);
         }
         if let Ok(residual) = problem.residual(&effects) {
-            let sum_of_squares = square(&residual);
+            let sum_of_squares = square(&residual) + pulled(problem, &effects, &here.variables);
             if sum_of_squares < here.sum_of_squares {
                 *damping = (*damping * 0.2).max(1e-9);
                 let variables = here.variables.clone();

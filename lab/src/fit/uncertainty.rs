@@ -19,7 +19,8 @@ pub struct Uncertainty {
 
 /// Standard errors of a fit's variables.
 pub fn uncertainty(problem: &Problem, fit: &Fit) -> Uncertainty {
-    let (mut robust, mut naive) = standard_errors(problem, &fit.slopes, &fit.residual);
+    let (pull, _) = fit.pulls(problem);
+    let (mut robust, mut naive) = standard_errors_with(problem, &fit.slopes, &fit.residual, &pull);
     for (k, variable) in fit.variables.iter().enumerate() {
         let unit = variable.unit_step(&fit.effects).abs();
         robust[k] *= unit;
@@ -30,8 +31,21 @@ pub fn uncertainty(problem: &Problem, fit: &Fit) -> Uncertainty {
 
 /// Standard errors, robust and naive, of what has these slopes; the sandwich over blocks has the factor n/(n - p) for few blocks.
 pub(crate) fn standard_errors(problem: &Problem, slopes: &[Vec<f64>], residual: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    standard_errors_with(problem, slopes, residual, &DVector::zeros(slopes.len()))
+}
+
+/// The same with what is known beside the data, as it stands in J'J.
+fn standard_errors_with(
+    problem: &Problem,
+    slopes: &[Vec<f64>],
+    residual: &[f64],
+    pull: &DVector<f64>,
+) -> (Vec<f64>, Vec<f64>) {
     let n = slopes.len();
-    let (gram, _) = normal_equations(slopes, residual);
+    let (mut gram, _) = normal_equations(slopes, residual);
+    gram.set_diagonal(&(gram.diagonal() + pull));
+    // A known value is one more measurement: its score varies by its own part of J'J times the variance of a row.
+    let known = DMatrix::from_diagonal(pull) * problem.noise.powi(2);
     let inverse = inverse(&gram);
     let scores = block_scores(problem, slopes, residual);
     let n_blocks = scores.len();
@@ -40,9 +54,9 @@ pub(crate) fn standard_errors(problem: &Problem, slopes: &[Vec<f64>], residual: 
         let off = s - &mean;
         sum + &off * off.transpose()
     }) * (n_blocks as f64 / n_blocks.saturating_sub(n).max(1) as f64);
-    let sandwich = &inverse * spread * &inverse;
+    let sandwich = &inverse * (spread + &known) * &inverse;
     let variance = dot(residual, residual) / problem.n_scored.saturating_sub(n).max(1) as f64;
-    let remembered = &inverse * with_memory(problem, slopes, residual) * &inverse * variance;
+    let remembered = &inverse * (with_memory(problem, slopes, residual) * variance + known) * &inverse;
     let naive: Vec<f64> = (0..n).map(|k| (inverse[(k, k)] * variance).max(0.0).sqrt()).collect();
     let widened = student_over_normal(n_blocks.saturating_sub(n).max(2));
     let error = |matrix: &DMatrix<f64>, k: usize| matrix[(k, k)].max(0.0).sqrt();
@@ -130,13 +144,13 @@ fn block_pieces(problem: &Problem, slopes: &[Vec<f64>], residual: &[f64]) -> Vec
 
 /// Squares of the `judged` pieces under steps that the `seen` ones of the other folds ask for.
 fn held_out(problem: &Problem, fit: &Fit, n_folds: usize, seen: &[Piece], judged: &[Piece]) -> Vec<f64> {
-    let n = fit.variables.len();
+    let (pull, pull_gradient) = fit.pulls(problem);
     let mut squares = vec![0.0; problem.n_blocks];
     for fold in 0..n_folds {
         let others = seen.iter().enumerate().filter(|(b, _)| b % n_folds != fold).map(|(_, piece)| piece);
-        let (gram, gradient) = others.fold((DMatrix::zeros(n, n), DVector::zeros(n)), |(gram, gradient), piece| {
-            (gram + &piece.gram, gradient + &piece.gradient)
-        });
+        let start = (DMatrix::from_diagonal(&pull), pull_gradient.clone());
+        let (gram, gradient) =
+            others.fold(start, |(gram, gradient), piece| (gram + &piece.gram, gradient + &piece.gradient));
         let step = -inverse(&gram) * gradient;
         for b in (fold..problem.n_blocks).step_by(n_folds) {
             let Piece { gram, gradient, squares: own } = &judged[b];

@@ -19,6 +19,11 @@ pub struct Variable {
     pub low: f64,
     /// Largest value.
     pub high: f64,
+    /// What is known of it beside the data: a value and its standard error, which draw every fit.
+    pub prior: Option<(f64, f64)>,
+    /// Where a free number of the machine begins, with a wide error: what the data do not tell stays near, and what they tell does
+    /// not feel it.
+    pub(crate) anchor: Option<(f64, f64)>,
     /// Size of a unit step; `None`: the parameter is positive and its logarithm is stepped.
     scale: Option<f64>,
     /// Whether all angles are within its bounds: it has no bounds then.
@@ -53,6 +58,8 @@ impl Variable {
             unit: spec.unit.clone(),
             low: spec.low,
             high: spec.high,
+            prior: None,
+            anchor: None,
             scale: if by_ratio { None } else { Some(size.abs().max(1e-12)) },
             is_angle: spec.unit == "rad" && spec.low <= -PI && spec.high >= PI,
         })
@@ -83,6 +90,16 @@ impl Variable {
     /// d value / d step at the present value.
     pub(crate) fn unit_step(&self, effects: &[Term]) -> f64 {
         self.scale.unwrap_or_else(|| self.value(effects))
+    }
+
+    /// How far it lies from what was known of it before, in standard errors; zero where nothing was.
+    pub(crate) fn pull(&self, effects: &[Term]) -> f64 {
+        self.prior.or(self.anchor).map_or(0.0, |(value, se)| (self.value(effects) - value) / se)
+    }
+
+    /// d pull / d step at the present value; zero where nothing was known.
+    pub(crate) fn pull_per_step(&self, effects: &[Term]) -> f64 {
+        self.prior.or(self.anchor).map_or(0.0, |(_, se)| self.unit_step(effects) / se)
     }
 
     /// Whether it lies on a bound, and which.

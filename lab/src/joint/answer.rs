@@ -291,8 +291,8 @@ fn calibrations(machine: &JointsLab, found: &[Found], options: &DiagnoseOptions)
             own.fit.members.iter().zip(&own.values.members).find(|(m, _)| m.kind == Kind::Latency && m.values[0] < 0.0);
         if let Some((_, values)) = ahead {
             all.extend(values.iter().take(1).map(|value| Calibration {
-                name: "delay",
-                joint: own.joint + 1,
+                name: "delay".to_owned(),
+                joint: Some(own.joint + 1),
                 recording: None,
                 value: value.value,
                 se: value.se,
@@ -316,8 +316,8 @@ pub(super) fn of_machine(
     let gain_unit = format!("{}/{}", machine.joints().y_unit, machine.joints().u_unit);
     let one =
         |name: &'static str, r: usize, number: Number, (value, se): (f64, f64), unit: &str, scale: f64| Calibration {
-            name,
-            joint: joint + 1,
+            name: name.to_owned(),
+            joint: Some(joint + 1),
             recording: recordings.get(r).cloned(),
             value: value * scale,
             se: if matches!(number, Number::Held(_)) { 0.0 } else { se * scale },

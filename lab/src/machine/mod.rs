@@ -1,12 +1,14 @@
 //! What a machine must be able to say about itself so that the lab can compare, diagnose and fit it.
 
 mod force;
+mod geometry;
 mod joint_candidates;
 mod joints;
 mod snake;
 mod snake_candidates;
 
 pub use force::ForceLab;
+pub(crate) use geometry::{is_geometry, with_geometry};
 pub use joints::JointsLab;
 pub use snake::SnakeLab;
 pub(crate) use snake::{acting, nearest};
@@ -59,6 +61,19 @@ pub struct Candidate {
     pub periodic: Option<Periodic>,
 }
 
+/// A number of the machine that its model file leaves to the fits, as a parameter of one entry of [`MachineUnderTest::effects`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct OpenNumber {
+    /// Place of the entry.
+    pub effect: usize,
+    /// Place of the number in it.
+    pub parameter: usize,
+    /// The value and the standard error that the file gives, in the number's unit; `None`: it is free.
+    pub prior: Option<(f64, f64)>,
+    /// The data that this value came from.
+    pub from: Option<String>,
+}
+
 /// An error of the inputs' readings that is periodic in the inputs themselves, with the same period for all and a phase for each.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Periodic {
@@ -103,6 +118,11 @@ pub trait MachineUnderTest: Sync {
     /// # Errors
     /// [`LabError::UnknownEffect`].
     fn parameters(&self, term: &Term) -> Result<Vec<Parameter>, LabError>;
+
+    /// The numbers of the machine itself that every fit finds, or is drawn to.
+    fn open_numbers(&self) -> Vec<OpenNumber> {
+        Vec::new()
+    }
 
     /// Every effect that may be missing, with those that these data cannot show.
     fn candidates(&self, data: &Measurements) -> Vec<Candidate>;

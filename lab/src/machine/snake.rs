@@ -1,6 +1,6 @@
 //! A snake under the lab: the chain's forward model, row by row.
 
-use super::{Candidate, MachineUnderTest, snake_candidates};
+use super::{Candidate, MachineUnderTest, OpenNumber, geometry, snake_candidates};
 use crate::{LabError, Measurements, Parameter, Term};
 use krait_model::effects::{EffectKind, FormulaText};
 use krait_model::model_file::{ModelFile, SnakeMachine};
@@ -12,6 +12,7 @@ use nalgebra::{Vector2, Vector3};
 pub struct SnakeLab {
     machine: SnakeMachine,
     snake: Snake,
+    /// The effects of the model file, and its geometry behind them.
     effects: Vec<Term>,
 }
 
@@ -20,16 +21,19 @@ impl SnakeLab {
     pub fn new(file: &ModelFile) -> Option<Self> {
         let krait_model::model_file::Machine::Snake(machine) = file.machine() else { return None };
         let snake = Snake::new(&machine.parameters).ok()?;
-        let effects = file.effects().iter().map(|effect| term(effect.setting())).collect();
-        Some(Self { machine: *machine, snake, effects })
+        let mut effects: Vec<Term> = file.effects().iter().map(|effect| term(effect.setting())).collect();
+        effects.push(geometry::term(machine));
+        Some(Self { machine: machine.clone(), snake, effects })
     }
 
-    /// The effects as the model has them.
-    ///
-    /// # Errors
-    /// [`LabError::UnknownEffect`] or [`LabError::Chain`] for values out of bounds.
-    pub fn settings(&self, effects: &[Term]) -> Result<Vec<EffectSetting>, LabError> {
-        effects.iter().map(|term| setting(term, kind)).collect()
+    /// The chain of a list of effects, in the order in which they act.
+    fn chain(&self, effects: &[Term], columns: KnownColumns) -> Result<Chain, LabError> {
+        let order = acting(self.effects.len(), effects).into_iter().map(|k| &effects[k]);
+        let settings: Vec<EffectSetting> = order
+            .filter(|term| !geometry::is_geometry(term))
+            .map(|term| setting(term, kind))
+            .collect::<Result<_, _>>()?;
+        Ok(Chain::new(&geometry::in_list(&self.machine, effects), self.machine.settings, &settings, columns)?)
     }
 
     /// The chain's forward model over all rows.
@@ -39,8 +43,7 @@ impl SnakeLab {
             stem_angle: data.stem_angle_rad.is_some(),
             temperature: data.temperature_c.is_some(),
         };
-        let acting: Vec<Term> = acting(self.effects.len(), effects).into_iter().map(|k| effects[k].clone()).collect();
-        let chain = Chain::new(&self.machine.parameters, self.machine.settings, &self.settings(&acting)?, columns)?;
+        let chain = self.chain(effects, columns)?;
         let mut predictor = chain.predictor();
         for row in 0..data.n_rows() {
             if row > 0 && data.starts_trial(row) {
@@ -71,7 +74,14 @@ impl MachineUnderTest for SnakeLab {
         if let Some(formula) = &term.formula {
             return Ok(formula.parameters.iter().map(formula_parameter).collect());
         }
+        if geometry::is_geometry(term) {
+            return Ok(geometry::parameters());
+        }
         Ok(kind(&term.name)?.definition().parameters.iter().map(own_parameter).collect())
+    }
+
+    fn open_numbers(&self) -> Vec<OpenNumber> {
+        geometry::open_numbers(&self.machine, self.effects.len() - 1)
     }
 
     fn candidates(&self, data: &Measurements) -> Vec<Candidate> {

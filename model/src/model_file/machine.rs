@@ -2,6 +2,8 @@
 
 use crate::effects::EffectKind;
 use crate::{ChainError, ChainSettings, EffectSetting, MachineParameters};
+use core::f64::consts::PI;
+use std::collections::BTreeMap;
 
 /// What the effects are added to.
 #[derive(Clone, Debug, PartialEq)]
@@ -15,12 +17,76 @@ pub enum Machine {
 }
 
 /// A snake on three elastic lines. Friction of the cone is an effect here, not a property of the machine.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct SnakeMachine {
     /// Geometry and material.
     pub parameters: MachineParameters,
     /// Settings that are no physics.
     pub settings: ChainSettings,
+    /// What is known of each number of the geometry, by its key; a number that is not here is held.
+    known: BTreeMap<&'static str, Known>,
+}
+
+impl SnakeMachine {
+    /// The machine of these numbers, all of them held.
+    pub fn new(parameters: MachineParameters, settings: ChainSettings) -> Self {
+        Self { parameters, settings, known: BTreeMap::new() }
+    }
+
+    /// The numbers of geometry and material that a fit may free, in the order of the file.
+    pub fn geometry() -> impl Iterator<Item = GeometryKey> {
+        SNAKE_KEYS.iter().filter_map(|key| {
+            let (unit, low, high) = key.geometry?;
+            Some(GeometryKey { name: key.name, unit, low, high, default: (key.get)(&Self::default()) })
+        })
+    }
+
+    /// The value of a number of the geometry; `None` for a name that is none.
+    pub fn value(&self, name: &str) -> Option<f64> {
+        geometry_key(name).map(|key| (key.get)(self))
+    }
+
+    /// What is known of a number.
+    pub fn known(&self, name: &str) -> &Known {
+        self.known.get(name).unwrap_or(&Known::Held)
+    }
+
+    /// The same machine with another value of one number, of which this is known. A name that is none changes nothing.
+    pub fn with(mut self, name: &str, value: f64, known: Known) -> Self {
+        if let Some(key) = geometry_key(name) {
+            (key.set)(&mut self, value);
+            if known == Known::Held {
+                self.known.remove(key.name);
+            } else {
+                self.known.insert(key.name, known);
+            }
+        }
+        self
+    }
+
+    /// The first number that the file says is free: such a machine is not calibrated.
+    pub fn first_open(&self) -> Option<&'static str> {
+        self.known.iter().find(|(_, known)| known.is_open()).map(|(name, _)| *name)
+    }
+}
+
+/// A number of a snake's geometry or material.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GeometryKey {
+    /// Its key in the model file.
+    pub name: &'static str,
+    /// Its unit.
+    pub unit: &'static str,
+    /// Smallest value.
+    pub low: f64,
+    /// Largest value.
+    pub high: f64,
+    /// Value where a file leaves it out: the paper's.
+    pub default: f64,
+}
+
+fn geometry_key(name: &str) -> Option<&'static MachineKey> {
+    SNAKE_KEYS.iter().find(|key| key.name == name && key.geometry.is_some())
 }
 
 /// Joints: y = G u + c, u commanded, y measured.
@@ -126,69 +192,81 @@ impl Known {
 pub(super) struct MachineKey {
     pub name: &'static str,
     pub doc: &'static str,
+    /// Unit, smallest and largest value of a number that a fit may free; `None` for a setting.
+    pub geometry: Option<(&'static str, f64, f64)>,
     pub get: fn(&SnakeMachine) -> f64,
     pub set: fn(&mut SnakeMachine, f64),
 }
 
-/// The keys of a snake's machine; ranges are in [`MachineParameters::check`] and [`ChainSettings`].
+/// The keys of a snake's machine; [`MachineParameters::check`] checks the ranges too.
 pub(super) const SNAKE_KEYS: [MachineKey; 10] = [
     MachineKey {
         name: "l_m",
         doc: "m, 0.005 to 0.5: primary backbone, base disk to end disk",
+        geometry: Some(("m", 0.005, 0.5)),
         get: |m| m.parameters.l_m,
         set: |m, v| m.parameters.l_m = v,
     },
     MachineKey {
         name: "r_m",
         doc: "m, 0.0003 to 0.02: pitch radius of the lines",
+        geometry: Some(("m", 0.0003, 0.02)),
         get: |m| m.parameters.r_m,
         set: |m, v| m.parameters.r_m = v,
     },
     MachineKey {
         name: "e_pa",
         doc: "Pa, 1e9 to 4e11: Young's modulus",
+        geometry: Some(("Pa", 1e9, 4e11)),
         get: |m| m.parameters.e_pa,
         set: |m, v| m.parameters.e_pa = v,
     },
     MachineKey {
         name: "d_outer_m",
         doc: "m, 0.00005 to 0.005: outer diameter of a backbone",
+        geometry: Some(("m", 0.00005, 0.005)),
         get: |m| m.parameters.d_outer_m,
         set: |m, v| m.parameters.d_outer_m = v,
     },
     MachineKey {
         name: "d_inner_m",
         doc: "m, 0 to less than d_outer_m: inner diameter",
+        geometry: Some(("m", 0.0, 0.005)),
         get: |m| m.parameters.d_inner_m,
         set: |m, v| m.parameters.d_inner_m = v,
     },
     MachineKey {
         name: "l_d_m",
         doc: "m, 0.001 to 10: length of a line in the holder",
+        geometry: Some(("m", 0.001, 10.0)),
         get: |m| m.parameters.l_d_m,
         set: |m, v| m.parameters.l_d_m = v,
     },
     MachineKey {
         name: "l_c_m",
         doc: "m, 0.001 to 10: length of a line in the cone",
+        geometry: Some(("m", 0.001, 10.0)),
         get: |m| m.parameters.l_c_m,
         set: |m, v| m.parameters.l_c_m = v,
     },
     MachineKey {
         name: "phi_rad",
         doc: "rad, 0 to pi: angle of each of the cone's two arcs",
+        geometry: Some(("rad", 0.0, PI)),
         get: |m| m.parameters.phi_rad,
         set: |m, v| m.parameters.phi_rad = v,
     },
     MachineKey {
         name: "strain_limit",
         doc: "1, 0.001 to 0.08: strain of the outer fibre (d_outer/2) b / L beyond which no shape is planned",
+        geometry: None,
         get: |m| m.settings.strain_limit,
         set: |m, v| m.settings.strain_limit = v,
     },
     MachineKey {
         name: "transition_m",
         doc: "m, 1e-9 to 0.001: travel over which a line's sign of motion turns in the compensator",
+        geometry: None,
         get: |m| m.settings.transition_m,
         set: |m, v| m.settings.transition_m = v,
     },

@@ -24,7 +24,7 @@ pub use assumed::{Assumed, assumed};
 pub use built_in::{BUILT_IN, built_in};
 pub use error::ModelFileError;
 pub use history::{HeldOutRms, HistoryEntry};
-pub use machine::{ForceMachine, ForceUnit, Joints, Known, Machine, SnakeMachine};
+pub use machine::{ForceMachine, ForceUnit, GeometryKey, Joints, Known, Machine, SnakeMachine};
 pub use write::documented_defaults;
 
 use crate::hash::{self, ModelHash};
@@ -118,6 +118,19 @@ impl ModelFile {
     /// The machine.
     pub fn machine(&self) -> &Machine {
         &self.machine
+    }
+
+    /// The first number of the machine that the file leaves to the fits: such a model is not calibrated. `None`: every number is known.
+    pub fn first_open(&self) -> Option<&'static str> {
+        match &self.machine {
+            Machine::Snake(snake) => snake.first_open(),
+            Machine::Joints(joints) => {
+                let is_open = |known: &[Known]| known.iter().any(Known::is_open);
+                let keys = [("gain", is_open(&joints.gain_known)), ("offset", is_open(&joints.offset_known))];
+                keys.into_iter().find(|(_, open)| *open).map(|(key, _)| key)
+            }
+            Machine::Force(_) => None,
+        }
     }
 
     /// The effects, in the order of the chain.

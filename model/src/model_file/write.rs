@@ -101,10 +101,8 @@ impl Out {
         );
         for key in &SNAKE_KEYS {
             let default = number((key.get)(&SnakeMachine::default()));
-            self.line(
-                &format!("{} = {}", key.name, number((key.get)(snake))),
-                &format!("{}; default {default}", key.doc),
-            );
+            let value = known_number((key.get)(snake), snake.known(key.name));
+            self.line(&format!("{} = {value}", key.name), &format!("{}; default {default}", key.doc));
         }
     }
 
@@ -235,17 +233,20 @@ fn known(values: &[f64], known: &[Known]) -> Option<String> {
     if known.iter().all(|own| *own == Known::Free) {
         return Some("\"free\"".to_owned());
     }
-    let one = |(value, known): (&f64, &Known)| match known {
-        Known::Held => number(*value),
-        // A part of an array cannot be left out.
+    let all: Vec<String> = values.iter().zip(known).map(|(value, known)| known_number(*value, known)).collect();
+    Some(format!("[{}]", all.join(", ")))
+}
+
+/// A number of the machine with what is known of it. A part of an array cannot be left out: what is absent there is free.
+fn known_number(value: f64, known: &Known) -> String {
+    match known {
+        Known::Held => number(value),
         Known::Absent | Known::Free => "\"free\"".to_owned(),
         Known::Fitted { se, from, date } => {
             let origin = Origin { parameter: String::new(), se: Some(*se), from: from.clone(), date: date.clone() };
-            table(*value, None, None, Some(&origin))
+            table(value, None, None, Some(&origin))
         }
-    };
-    let all: Vec<String> = values.iter().zip(known).map(one).collect();
-    Some(format!("[{}]", all.join(", ")))
+    }
 }
 
 fn numbers(values: &[f64]) -> String {

@@ -2,7 +2,7 @@
 
 use super::overwrite::refuse_existing;
 use super::page;
-use crate::cli_lab::{AddArgs, FitArgs, LabFiles};
+use crate::cli_lab::{AddArgs, FitArgs, LabFiles, effect_parameter};
 use crate::print;
 use anyhow::{Context, bail};
 use krait_bridge::LiveModel;
@@ -26,9 +26,14 @@ pub fn run(args: &AddArgs) -> anyhow::Result<ExitCode> {
     // Which joint it is on, and which one it feels, is no value to start from.
     let is_start = |name: &str| name != "joint" && name != "from";
     let from_given = args.set.iter().any(|(name, _)| is_start(name)) || term.formula.is_some();
-    let refit = fitted_to(&session.file, &session.data);
+    // A name with a point is a number of the model's own, which is fitted again.
+    let (own, of_new): (Vec<&String>, Vec<&String>) = args.free.iter().partition(|name| name.contains('.'));
+    let mut refit = fitted_to(&session.file, &session.data);
+    for name in own {
+        refit.push(effect_parameter(name).map_err(anyhow::Error::msg)?);
+    }
     let recordings = session.recordings.clone();
-    let options = AddOptions { term, from_given, free: args.free.clone(), refit, recordings };
+    let options = AddOptions { term, from_given, free: of_new.into_iter().cloned().collect(), refit, recordings };
     let added = add(session.machine.as_ref(), &session.data, &options)?;
     write_page(args.report.as_deref(), &session, &added, &label)?;
     finish(&session, &added, &label, &args.out, args.json)
@@ -38,9 +43,16 @@ pub fn run(args: &AddArgs) -> anyhow::Result<ExitCode> {
 pub fn refit(args: &FitArgs) -> anyhow::Result<ExitCode> {
     refuse_existing(&args.out, args.force)?;
     let session = open(&args.files)?;
+    if args.free.is_empty() && session.machine.open_numbers().is_empty() {
+        bail!(
+            "nothing is free: expected --free EFFECT.PARAMETER, --free machine.KEY, or a number of [machine] in {} that is \"free\"; \
+             name what is to be fitted",
+            args.files.model.display()
+        );
+    }
     let added = fit_again(session.machine.as_ref(), &session.data, &args.free)?;
     let what: Vec<String> = args.free.iter().map(|(effect, parameter)| format!("{effect}.{parameter}")).collect();
-    let what = format!("fit of {}", what.join(", "));
+    let what = if what.is_empty() { "fit of the machine".to_owned() } else { format!("fit of {}", what.join(", ")) };
     write_page(args.report.as_deref(), &session, &added, &what)?;
     finish(&session, &added, &what, &args.out, args.json)
 }
@@ -142,7 +154,7 @@ fn not_compensated(file: &ModelFile) -> Vec<String> {
 
 /// What the fitted parameters are called: beside a new effect's own, those of the model's effects with the effect before them.
 fn keys(added: &Added, session: &Session) -> Vec<String> {
-    let n_old = session.file.effects().len();
+    let n_old = session.machine.effects().len();
     let is_added = added.terms.len() > n_old;
     let own = added.variables.iter().map(|variable| match added.terms.get(variable.effect) {
         Some(term) if is_added && variable.effect < n_old => format!("{}.{}", term.label(), variable.name),

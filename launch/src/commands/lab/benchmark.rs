@@ -10,10 +10,11 @@ use std::process::ExitCode;
 /// Works, prints, writes the page.
 pub fn run(args: &BenchmarkArgs) -> anyhow::Result<ExitCode> {
     let options = Options { seed: args.seed, seconds: args.seconds, with_baselines: !args.no_baselines };
-    let cells = match args.machine {
+    let mut cells = match args.machine {
         BenchmarkMachine::Snake => grid(args.seed, usize::from(args.rounds), args.seconds),
         BenchmarkMachine::Joints => joint_grid(args.seed, usize::from(args.rounds), args.seconds),
     };
+    cells.retain(|cell| args.groups.is_empty() || args.groups.contains(&cell.group));
     let outcomes = work(&options, &cells, &args.out.join("results.jsonl"), progress)?;
     let summary = Summary::new(&outcomes);
     let about = format!(
@@ -63,10 +64,12 @@ fn text(summary: &Summary) -> String {
         ("known beside unknown: a wrong one named", summary.beside_wrong),
         ("outside the library: an effect asserted", summary.outside_asserted),
         ("outside the library: an effect claimed", summary.outside_claimed),
+        ("geometry off 5 % and free: exactly", summary.off_base_exact),
+        ("geometry off 5 % and free: a look-alike", summary.off_base_in_class),
         ("one-way ramp: honest", summary.poor_honest),
         ("intervals that hold the truth", summary.coverage),
     ];
-    for (what, rate) in rows {
+    for (what, rate) in rows.into_iter().filter(|(_, rate)| rate.of > 0) {
         table.row(vec![
             what.to_owned(),
             format!("{:.1} %", 100.0 * rate.rate),

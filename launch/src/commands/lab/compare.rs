@@ -1,5 +1,6 @@
 //! `krait lab compare`: how far model and measurements are apart, in which part, and where it is worst.
 
+use super::diagnose::five_digits;
 use super::page;
 use crate::cli_lab::LabCompareArgs;
 use crate::print;
@@ -43,7 +44,10 @@ fn text(found: &Comparison, names: &Names) -> String {
     if !open.is_empty() {
         let numbers: Vec<String> = open
             .iter()
-            .map(|own| format!("{} of {}: {:.5} {}", own.name, names.joint(own.joint), own.value, own.unit))
+            .map(|own| {
+                let of = own.joint.map_or(String::new(), |joint| format!(" of {}", names.joint(joint)));
+                format!("{}{of}: {} {}", own.name, five_digits(own.value), own.unit)
+            })
             .collect();
         text += &format!("after calibration ({}); {:.3} {unit} rms without\n", numbers.join(", "), found.as_given_rms);
     }

@@ -128,7 +128,14 @@ fn next(args: &DiagnoseArgs, effect: &FoundEffect) -> String {
     let set = effect.joint.map_or(String::new(), |joint| format!(" --set joint={joint}"));
     let (model, better) = (&args.files.model, args.files.model.with_extension("better.toml"));
     let files = data_words(&args.files);
-    format!("Next: krait lab add {}{set} --model {} {files} --out {}\n", effect.name, shell(model), shell(&better))
+    let names: Vec<String> = args.free.iter().map(|(effect, parameter)| format!("{effect}.{parameter}")).collect();
+    let free = if names.is_empty() { String::new() } else { format!(" --free {}", names.join(",")) };
+    format!(
+        "Next: krait lab add {}{set}{free} --model {} {files} --out {}\n",
+        effect.name,
+        shell(model),
+        shell(&better)
+    )
 }
 
 /// What every fit found beside the effects.
@@ -136,18 +143,23 @@ fn calibration(diagnosis: &Diagnosis, names: &Names) -> Table {
     let mut table = Table::new(&["number", "of", "value", "standard error", "unit", ""]);
     for own in diagnosis.calibration.iter().filter(|own| !own.is_held) {
         let drawn = own.prior.map_or(String::new(), |(value, se)| {
-            format!("{:+.1} standard errors from the model file's {value:.5}", (own.value - value) / se)
+            format!("{:+.1} standard errors from the model file's {}", (own.value - value) / se, five_digits(value))
         });
         table.row(vec![
-            own.recording.as_ref().map_or(own.name.to_owned(), |recording| format!("{} of {recording}", own.name)),
-            names.joint(own.joint),
-            format!("{:.5}", own.value),
+            own.recording.as_ref().map_or(own.name.clone(), |recording| format!("{} of {recording}", own.name)),
+            own.joint.map_or("machine".to_owned(), |joint| names.joint(joint)),
+            five_digits(own.value),
             format!("{:.1e}", own.se),
             own.unit.clone(),
             drawn,
         ]);
     }
     table
+}
+
+/// A number with five digits behind the point, or in scientific notation where these say little.
+pub(super) fn five_digits(value: f64) -> String {
+    if value == 0.0 || (0.1..1e5).contains(&value.abs()) { format!("{value:.5}") } else { format!("{value:.4e}") }
 }
 
 /// What the cells read, and what is left of it.

@@ -1,0 +1,60 @@
+//! Which parameters of the model's own a fit frees: those that the user names, and the numbers that the model file leaves to it.
+
+use crate::fit::Variable;
+use crate::machine::{MachineUnderTest, OpenNumber, is_geometry, nearest};
+use crate::{LabError, Term};
+
+/// A unit step of a parameter near zero, as a part of its range, and the widest range that counts.
+const SMALLEST_STEP: f64 = 1e-3;
+const WIDEST: f64 = 1e3;
+
+/// Standard error of a free number of the machine about where it begins, as a part of it: no machine is as far from its drawing.
+const ANCHOR: f64 = 0.3;
+
+/// The variables of parameters named by effect's label and parameter's name, and of the machine's open numbers. A number that the
+/// file drew from these very data, `source`, is free: data do not count twice.
+///
+/// # Errors
+/// [`LabError::NotInModel`] or [`LabError::UnknownParameter`] for a name that is not there.
+pub(crate) fn free_variables(
+    machine: &dyn MachineUnderTest,
+    source: &str,
+    free: &[(String, String)],
+) -> Result<Vec<Variable>, LabError> {
+    let effects = machine.effects();
+    let absent = |name: &str| {
+        let names: Vec<&str> = effects.iter().map(Term::label).collect();
+        let has = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+        LabError::NotInModel { name: name.to_owned(), has }
+    };
+    let mut variables: Vec<Variable> = Vec::with_capacity(free.len());
+    for (effect, parameter) in free {
+        let place = effects.iter().position(|own| own.label() == effect).ok_or_else(|| absent(effect))?;
+        let own = machine.parameters(&effects[place])?;
+        let k = own.iter().position(|p| p.name == *parameter).ok_or_else(|| LabError::UnknownParameter {
+            effect: effect.clone(),
+            name: parameter.clone(),
+            nearest: nearest(parameter, own.iter().map(|p| p.name.as_str())),
+        })?;
+        variables.push(variable(machine, place, k)?);
+    }
+    for OpenNumber { effect, parameter, prior, from } in machine.open_numbers() {
+        if !variables.iter().any(|own| (own.effect, own.parameter) == (effect, parameter)) {
+            let prior = prior.filter(|_| from.as_deref() != Some(source));
+            let mut own = variable(machine, effect, parameter)?;
+            own.prior = prior;
+            variables.push(own);
+        }
+    }
+    Ok(variables)
+}
+
+fn variable(machine: &dyn MachineUnderTest, place: usize, k: usize) -> Result<Variable, LabError> {
+    let effects = machine.effects();
+    let own = machine.parameters(&effects[place])?;
+    let value = effects[place].values[k];
+    let size = (0.1 * value).abs().max(SMALLEST_STEP * (own[k].high - own[k].low).min(WIDEST));
+    let mut variable = Variable::new(machine, effects, place, k, size)?;
+    variable.anchor = is_geometry(&effects[place]).then(|| (value, (ANCHOR * value).abs().max(size)));
+    Ok(variable)
+}
