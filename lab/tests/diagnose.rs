@@ -274,3 +274,26 @@ fn a_number_with_a_standard_error_is_drawn_to_its_value_and_the_pull_is_told() {
     let own = radius("e_pa = 57e9\nr_m = { value = 0.00165, se = 1e-7, from = \"made\" }\n");
     assert!(own.prior.is_none() && (own.value - 0.00178).abs() < 5e-6, "{own:?}");
 }
+
+#[test]
+fn columns_that_are_exchanged_or_negated_are_said_before_any_effect() {
+    type Spoil = fn(&mut Measurements);
+    let cases: [(Spoil, &str); 5] = [
+        (|data| data.inputs.chunks_mut(3).for_each(|row| row.swap(0, 1)), "q1 and q2 are probably exchanged"),
+        (|data| data.outputs.chunks_mut(2).for_each(|row| row[1] = -row[1]), "mirrored"),
+        (|data| data.inputs.iter_mut().for_each(|q| *q = -*q), "negated"),
+        (|data| data.inputs.chunks_mut(3).for_each(|row| row.rotate_left(1)), "numbered from another one"),
+        (|data| data.outputs.iter_mut().for_each(|y| *y = y.to_degrees()), "in degrees"),
+    ];
+    for (spoil, words) in cases {
+        let mut data = made(&[term("backlash", &[6e-5])], 71);
+        spoil(&mut data);
+        let found = diagnosed(&data);
+        assert!(
+            found.sentence.starts_with("the columns first") && found.sentence.contains(words),
+            "{}",
+            found.sentence
+        );
+        assert_eq!((found.verdict, found.effects.len(), found.partial.len()), (Verdict::Unknown, 0, 0), "{words}");
+    }
+}

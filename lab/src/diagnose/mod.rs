@@ -1,6 +1,7 @@
 //! Diagnosis: which effect is missing, how sure that is, and what these data cannot tell.
 //!
 //! 1. The noise floor and outliers, without any model of what is missing (`noise`).
+//!    Columns that another order or unit explains far better are said instead of any effect (`columns`).
 //! 2. Screening of every candidate to first order, and one p-value for the whole search (`screen`, `sign_flip`).
 //! 3. Singles and pairs refined by whole simulations, ranked by what they leave and by their number of parameters (`search`), and
 //!    longer lists by a beam behind them (`lists`).
@@ -12,6 +13,7 @@ mod alike;
 mod alternatives;
 mod answer;
 mod calibration;
+mod columns;
 mod experiment;
 mod gate;
 mod json;

@@ -11,7 +11,7 @@ use super::search::{Search, Trial, memory};
 use super::sign_flip::SignFlip;
 use super::words::{sentence, state};
 use super::working::working_rows;
-use super::{GroupShare, experiment, gate, lists, structure};
+use super::{GroupShare, columns, experiment, gate, lists, structure};
 use crate::cells::{Usable, load_cells};
 use crate::fit::{Fit, dot, held_out_block_squares, held_out_output_squares, uncertainty};
 use crate::free::free_variables;
@@ -88,10 +88,12 @@ pub fn diagnose(
         seed: options.seed,
     };
     let is_white = loads.cells().is_none_or(|cells| cells.is_white);
-    let mut found = run(&search(&work), &floors, is_white, options.max_effects)?;
+    let hint = columns::check(&work, floors.differences)?;
+    let most = if hint.is_some() { 0 } else { options.max_effects };
+    let mut found = run(&search(&work), &floors, is_white, most)?;
     found.decide(&search(&work), &search(&full));
     let n_outliers = excluded.len();
-    Case { full: &search(&full), work: &search(&work), floors, loads, found, n_outliers }
+    Case { full: &search(&full), work: &search(&work), floors, loads, found, n_outliers, hint }
         .conclude()?
         .sketched(machine, data)
 }
@@ -162,7 +164,8 @@ fn run(search: &Search, floors: &NoiseFloor, are_cells_white: bool, max_effects:
 fn one_or_two(search: &Search, comparison: &Comparison, start: Trial, max_effects: usize) -> Findings {
     let (cells, test) = search.look(&start);
     let singles = search.singles(&start, &cells);
-    let Some(single) = singles.first().filter(|single| comparison.deserves(&start, single, test.p_value)) else {
+    let deserves = |single: &&Trial| max_effects > 0 && comparison.deserves(&start, single, test.p_value);
+    let Some(single) = singles.first().filter(deserves) else {
         let alternatives = Alternatives::new(search.problem, vec![start.clone()], search.seed);
         return Findings { chosen: start, cells, test, singles, alternatives, is_beaten: false };
     };
@@ -214,6 +217,8 @@ struct Case<'a> {
     loads: Usable,
     found: Findings,
     n_outliers: usize,
+    /// What is probably wrong with the columns.
+    hint: Option<String>,
 }
 
 impl Case<'_> {
@@ -235,6 +240,7 @@ impl Case<'_> {
         let is_doubtful = |slot: usize| remaining.looks_like.is_some_and(|group| is_alike(class(slot), group));
         let doubtful: Vec<bool> = (0..effects.len()).map(|slot| remaining.structured && is_doubtful(slot)).collect();
         let verdict = match (remaining.structured, effects.is_empty()) {
+            _ if self.hint.is_some() => Verdict::Unknown,
             (true, false)
                 if remaining.unexplained <= 1.0 - PARTLY && self.stands(&chosen) && doubtful.contains(&false) =>
             {
@@ -262,6 +268,7 @@ impl Case<'_> {
         cautions.extend(loads.iter().flatten().filter_map(LoadCell::caution));
         let n_own = search.base_variables.len();
         cautions.extend(inseparable(&chosen.fit, n_own));
+        cautions.extend(self.hint.clone());
         let mut terms = chosen.fit.effects.clone();
         let (effects, partial) = if verdict == Verdict::Unknown {
             (Vec::new(), effects)
@@ -275,7 +282,10 @@ impl Case<'_> {
             (only(stand), only(partial))
         };
         Ok(Diagnosis {
-            sentence: sentence(verdict, &effects, &remaining, after, floor, unit),
+            sentence: match &self.hint {
+                Some(hint) => format!("the columns first: {hint}"),
+                None => sentence(verdict, &effects, &remaining, after, floor, unit),
+            },
             verdict,
             cautions,
             loads,
