@@ -192,8 +192,13 @@ fn an_effect_that_is_added_moves_those_that_were_fitted_to_the_same_data() {
     let mut other = data.clone();
     other.sha256 = "of other data".to_owned();
     assert_eq!(fitted_to(&file, &other), [], "held");
-    let both = |refit| add(&SnakeLab::new(&file).unwrap(), &data, &options("stiffness-scale", 1.1, refit)).unwrap();
-    let (held, both) = (both(Vec::new()), both(again));
+    // A bare number is held.
+    let bare = alone.terms[1].values[0];
+    let bare = format!("{MODEL}[[effect]]\nkind = \"backlash\"\nhalf_width_m = {bare}\n");
+    let with = |file: &ModelFile, refit| {
+        add(&SnakeLab::new(file).unwrap(), &data, &options("stiffness-scale", 1.1, refit)).unwrap()
+    };
+    let (held, both) = (with(&ModelFile::parse(&bare).unwrap(), Vec::new()), with(&file, again));
     let off = |added: &Added| (added.terms[0].values[0] / 7e-5 - 1.0).abs();
     println!("{} held, {} fitted again", held.terms[0].values[0], both.terms[0].values[0]);
     assert!(off(&held) > 3.0 * off(&both) && off(&both) < 0.05, "{} held, {} fitted again", off(&held), off(&both));
@@ -296,4 +301,20 @@ fn columns_that_are_exchanged_or_negated_are_said_before_any_effect() {
         );
         assert_eq!((found.verdict, found.effects.len(), found.partial.len()), (Verdict::Unknown, 0, 0), "{words}");
     }
+}
+
+#[test]
+fn a_calibrated_effect_is_drawn_to_its_value_while_the_next_one_is_sought_and_its_pull_is_told() {
+    let data = made(&[term("backlash", &[7e-5]), term("twist", &[0.04])], 81);
+    let effect = |value: &str| format!("{MODEL}[[effect]]\nkind = \"backlash\"\nhalf_width_m = {value}\n");
+    let asked = |value: &str| {
+        let lab = SnakeLab::new(&ModelFile::parse(&effect(value)).unwrap()).unwrap();
+        diagnose(&lab, &data, &DiagnoseOptions::default()).unwrap()
+    };
+    let found = asked("{ value = 7.6e-5, se = 4e-6, from = \"play.csv\", date = \"2026-11-01\" }");
+    assert_eq!((found.verdict, found.effects[0].name.as_str()), (Verdict::Missing, "twist"), "{}", found.sentence);
+    let play = &found.calibration[0];
+    assert_eq!((play.name.as_str(), play.prior), ("backlash.half_width_m", Some((7.6e-5, 4e-6))));
+    assert!((play.value - 7e-5).abs() < 1.5e-6 && play.se < 2e-6, "the data know it better: {play:?}");
+    assert!(asked("7.6e-5").calibration.is_empty(), "a bare number is held");
 }

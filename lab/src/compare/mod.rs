@@ -120,16 +120,16 @@ pub fn compare(machine: &dyn MachineUnderTest, data: &Measurements) -> Result<Co
     Ok(Comparison { as_given_rms, calibration, ..compare_prediction(&calibrated, data, &predicted) })
 }
 
-/// The comparison after a fit of the numbers that a snake's model file leaves open; `None` where it leaves none.
+/// The comparison after a fit of the numbers that a snake's model file leaves free; `None` where it leaves none.
 fn with_open_numbers(
     machine: &dyn MachineUnderTest,
     data: &Measurements,
     given: &Comparison,
 ) -> Result<Option<Comparison>, LabError> {
-    let variables = free_variables(machine, &data.source, &[])?;
-    if variables.is_empty() {
+    if machine.open_numbers().iter().all(|own| own.prior.is_some()) {
         return Ok(None);
     }
+    let variables = free_variables(machine, &data.source, &[])?;
     let Prepared { problem, .. } = prepare(machine, data)?;
     let fitted = fit(&problem, machine.effects(), &variables, ITERATIONS, TOLERANCE)?;
     let number = |own: &Variable| Calibrated {

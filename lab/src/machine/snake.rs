@@ -3,7 +3,7 @@
 use super::{Candidate, MachineUnderTest, OpenNumber, geometry, snake_candidates};
 use crate::{LabError, Measurements, Parameter, Term};
 use krait_model::effects::{EffectKind, FormulaText};
-use krait_model::model_file::{ModelFile, SnakeMachine};
+use krait_model::model_file::{FileEffect, ModelFile, SnakeMachine};
 use krait_model::{Chain, Circumstances, EffectSetting, KnownColumns, Prediction, Snake};
 use nalgebra::{Vector2, Vector3};
 
@@ -14,6 +14,8 @@ pub struct SnakeLab {
     snake: Snake,
     /// The effects of the model file, and its geometry behind them.
     effects: Vec<Term>,
+    /// What of both a fit finds, or is drawn to.
+    open: Vec<OpenNumber>,
 }
 
 impl SnakeLab {
@@ -22,8 +24,11 @@ impl SnakeLab {
         let krait_model::model_file::Machine::Snake(machine) = file.machine() else { return None };
         let snake = Snake::new(&machine.parameters).ok()?;
         let mut effects: Vec<Term> = file.effects().iter().map(|effect| term(effect.setting())).collect();
+        let mut open: Vec<OpenNumber> =
+            file.effects().iter().enumerate().flat_map(|(place, effect)| known_values(place, effect)).collect();
+        open.extend(geometry::open_numbers(machine, effects.len()));
         effects.push(geometry::term(machine));
-        Some(Self { machine: machine.clone(), snake, effects })
+        Some(Self { machine: machine.clone(), snake, effects, open })
     }
 
     /// The chain of a list of effects, in the order in which they act.
@@ -81,7 +86,7 @@ impl MachineUnderTest for SnakeLab {
     }
 
     fn open_numbers(&self) -> Vec<OpenNumber> {
-        geometry::open_numbers(&self.machine, self.effects.len() - 1)
+        self.open.clone()
     }
 
     fn candidates(&self, data: &Measurements) -> Vec<Candidate> {
@@ -114,6 +119,17 @@ impl MachineUnderTest for SnakeLab {
         })?;
         Ok((outputs, Some(loads_n)))
     }
+}
+
+/// The values of an effect that the model file gives with a standard error.
+fn known_values(place: usize, effect: &FileEffect) -> Vec<OpenNumber> {
+    let known = |(parameter, name): (usize, &str)| {
+        let origin = effect.origin(name)?;
+        let se = origin.se.filter(|se| *se > 0.0)?;
+        let value = effect.setting().value(name)?;
+        Some(OpenNumber { effect: place, parameter, prior: Some((value, se)), from: origin.from.clone() })
+    };
+    effect.setting().parameter_names().enumerate().filter_map(known).collect()
 }
 
 /// The laws of friction in the cone.

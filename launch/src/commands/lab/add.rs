@@ -152,12 +152,13 @@ fn not_compensated(file: &ModelFile) -> Vec<String> {
     file.effects().iter().filter_map(sentence).collect()
 }
 
-/// What the fitted parameters are called: beside a new effect's own, those of the model's effects with the effect before them.
+/// What the fitted parameters are called: with their effect before them, but for a new effect's own and where one effect has all.
 fn keys(added: &Added, session: &Session) -> Vec<String> {
     let n_old = session.machine.effects().len();
     let is_added = added.terms.len() > n_old;
+    let of_one = added.variables.windows(2).all(|pair| pair[0].effect == pair[1].effect);
     let own = added.variables.iter().map(|variable| match added.terms.get(variable.effect) {
-        Some(term) if is_added && variable.effect < n_old => format!("{}.{}", term.label(), variable.name),
+        Some(term) if variable.effect < n_old && (is_added || !of_one) => format!("{}.{}", term.label(), variable.name),
         _ => variable.name.clone(),
     });
     own.collect()

@@ -147,7 +147,7 @@ fn calibration(diagnosis: &Diagnosis, names: &Names) -> Table {
         });
         table.row(vec![
             own.recording.as_ref().map_or(own.name.clone(), |recording| format!("{} of {recording}", own.name)),
-            own.joint.map_or("machine".to_owned(), |joint| names.joint(joint)),
+            own.joint.map_or("model".to_owned(), |joint| names.joint(joint)),
             five_digits(own.value),
             format!("{:.1e}", own.se),
             own.unit.clone(),
