@@ -24,7 +24,7 @@ pub struct ConsoleArgs {
     /// Serve Foxglove's WebSocket protocol too, read-only, for viewers such as Foxglove and Lichtblick; a third line has its address.
     #[arg(long, conflicts_with = "recording")]
     pub foxglove: bool,
-    /// A page of this origin may read as well (https://viewer.example), again for each.
+    /// A page of this origin may read as well (`https://viewer.example`), again for each.
     #[arg(long, value_name = "ORIGIN", requires = "foxglove", value_parser = origin)]
     pub foxglove_origin: Vec<String>,
 }
