@@ -23,7 +23,7 @@ pub enum BridgeError {
     /// A model of which a number is not known yet.
     #[error(
         "{key} of [machine] is not known, expected a number: a chain drives calibrated machines only; \
-         `krait lab fit` or `krait lab add` writes it into the model file"
+         `krait lab compare` finds it from a recording, so write that into the model file"
     )]
     Uncalibrated {
         /// The number's key.
