@@ -80,18 +80,40 @@ impl MachineParameters {
     /// # Errors
     /// [`ParameterError`] naming the first key that is not finite, out of range or at odds with another one.
     pub fn check(&self) -> Result<(), ParameterError> {
-        in_range("l_m", self.l_m, 0.005, 0.5, "m")?;
-        in_range("r_m", self.r_m, 0.0003, 0.02, "m")?;
-        in_range("e_pa", self.e_pa, 1e9, 4e11, "Pa")?;
-        in_range("d_outer_m", self.d_outer_m, 0.00005, 0.005, "m")?;
-        in_range("d_inner_m", self.d_inner_m, 0.0, 0.005, "m")?;
-        in_range("l_d_m", self.l_d_m, 0.001, 10.0, "m")?;
-        in_range("l_c_m", self.l_c_m, 0.001, 10.0, "m")?;
-        in_range("phi_rad", self.phi_rad, 0.0, PI, "rad")?;
+        for range in &RANGES {
+            in_range(range.key, (range.get)(self), range.low, range.high, range.unit)?;
+        }
         below("d_inner_m", self.d_inner_m, self.d_outer_m, "the outer diameter d_outer_m")?;
         // A secondary backbone of length L + q_i has to keep a positive length up to a bend of pi.
         below("r_m", self.r_m, self.l_m / PI, "the length l_m divided by pi")
     }
+}
+
+/// A parameter with its range.
+pub(crate) struct ParameterRange {
+    pub key: &'static str,
+    pub get: fn(&MachineParameters) -> f64,
+    pub low: f64,
+    pub high: f64,
+    pub unit: &'static str,
+}
+
+/// Every parameter that is a number.
+#[rustfmt::skip]
+const RANGES: [ParameterRange; 8] = [
+    ParameterRange { key: "l_m", get: |p| p.l_m, low: 0.005, high: 0.5, unit: "m" },
+    ParameterRange { key: "r_m", get: |p| p.r_m, low: 0.0003, high: 0.02, unit: "m" },
+    ParameterRange { key: "e_pa", get: |p| p.e_pa, low: 1e9, high: 4e11, unit: "Pa" },
+    ParameterRange { key: "d_outer_m", get: |p| p.d_outer_m, low: 0.00005, high: 0.005, unit: "m" },
+    ParameterRange { key: "d_inner_m", get: |p| p.d_inner_m, low: 0.0, high: 0.005, unit: "m" },
+    ParameterRange { key: "l_d_m", get: |p| p.l_d_m, low: 0.001, high: 10.0, unit: "m" },
+    ParameterRange { key: "l_c_m", get: |p| p.l_c_m, low: 0.001, high: 10.0, unit: "m" },
+    ParameterRange { key: "phi_rad", get: |p| p.phi_rad, low: 0.0, high: PI, unit: "rad" },
+];
+
+/// The range of a parameter; `None` for a name that is none.
+pub(crate) fn range_of(key: &str) -> Option<&'static ParameterRange> {
+    RANGES.iter().find(|range| range.key == key)
 }
 
 pub(crate) fn in_range(

@@ -1,8 +1,8 @@
 //! The three kinds of machine that a model file describes.
 
 use crate::effects::EffectKind;
+use crate::parameters::{ParameterRange, range_of};
 use crate::{ChainError, ChainSettings, EffectSetting, MachineParameters};
-use core::f64::consts::PI;
 use std::collections::BTreeMap;
 
 /// What the effects are added to.
@@ -28,15 +28,10 @@ pub struct SnakeMachine {
 }
 
 impl SnakeMachine {
-    /// The machine of these numbers, all of them held.
-    pub fn new(parameters: MachineParameters, settings: ChainSettings) -> Self {
-        Self { parameters, settings, known: BTreeMap::new() }
-    }
-
     /// The numbers of geometry and material that a fit may free, in the order of the file.
     pub fn geometry() -> impl Iterator<Item = GeometryKey> {
         SNAKE_KEYS.iter().filter_map(|key| {
-            let (unit, low, high) = key.geometry?;
+            let &ParameterRange { low, high, unit, .. } = range_of(key.name)?;
             Some(GeometryKey { name: key.name, unit, low, high, default: (key.get)(&Self::default()) })
         })
     }
@@ -86,7 +81,7 @@ pub struct GeometryKey {
 }
 
 fn geometry_key(name: &str) -> Option<&'static MachineKey> {
-    SNAKE_KEYS.iter().find(|key| key.name == name && key.geometry.is_some())
+    SNAKE_KEYS.iter().find(|key| key.name == name && key.is_geometry())
 }
 
 /// Joints: y = G u + c, u commanded, y measured.
@@ -192,81 +187,76 @@ impl Known {
 pub(super) struct MachineKey {
     pub name: &'static str,
     pub doc: &'static str,
-    /// Unit, smallest and largest value of a number that a fit may free; `None` for a setting.
-    pub geometry: Option<(&'static str, f64, f64)>,
     pub get: fn(&SnakeMachine) -> f64,
     pub set: fn(&mut SnakeMachine, f64),
 }
 
-/// The keys of a snake's machine; [`MachineParameters::check`] checks the ranges too.
+impl MachineKey {
+    /// Whether it is a number of the geometry, which a fit may free, and no setting.
+    pub(super) fn is_geometry(&self) -> bool {
+        range_of(self.name).is_some()
+    }
+}
+
+/// The keys of a snake's machine; ranges are in [`MachineParameters::check`] and [`ChainSettings`].
 pub(super) const SNAKE_KEYS: [MachineKey; 10] = [
     MachineKey {
         name: "l_m",
         doc: "m, 0.005 to 0.5: primary backbone, base disk to end disk",
-        geometry: Some(("m", 0.005, 0.5)),
         get: |m| m.parameters.l_m,
         set: |m, v| m.parameters.l_m = v,
     },
     MachineKey {
         name: "r_m",
         doc: "m, 0.0003 to 0.02: pitch radius of the lines",
-        geometry: Some(("m", 0.0003, 0.02)),
         get: |m| m.parameters.r_m,
         set: |m, v| m.parameters.r_m = v,
     },
     MachineKey {
         name: "e_pa",
         doc: "Pa, 1e9 to 4e11: Young's modulus",
-        geometry: Some(("Pa", 1e9, 4e11)),
         get: |m| m.parameters.e_pa,
         set: |m, v| m.parameters.e_pa = v,
     },
     MachineKey {
         name: "d_outer_m",
         doc: "m, 0.00005 to 0.005: outer diameter of a backbone",
-        geometry: Some(("m", 0.00005, 0.005)),
         get: |m| m.parameters.d_outer_m,
         set: |m, v| m.parameters.d_outer_m = v,
     },
     MachineKey {
         name: "d_inner_m",
         doc: "m, 0 to less than d_outer_m: inner diameter",
-        geometry: Some(("m", 0.0, 0.005)),
         get: |m| m.parameters.d_inner_m,
         set: |m, v| m.parameters.d_inner_m = v,
     },
     MachineKey {
         name: "l_d_m",
         doc: "m, 0.001 to 10: length of a line in the holder",
-        geometry: Some(("m", 0.001, 10.0)),
         get: |m| m.parameters.l_d_m,
         set: |m, v| m.parameters.l_d_m = v,
     },
     MachineKey {
         name: "l_c_m",
         doc: "m, 0.001 to 10: length of a line in the cone",
-        geometry: Some(("m", 0.001, 10.0)),
         get: |m| m.parameters.l_c_m,
         set: |m, v| m.parameters.l_c_m = v,
     },
     MachineKey {
         name: "phi_rad",
         doc: "rad, 0 to pi: angle of each of the cone's two arcs",
-        geometry: Some(("rad", 0.0, PI)),
         get: |m| m.parameters.phi_rad,
         set: |m, v| m.parameters.phi_rad = v,
     },
     MachineKey {
         name: "strain_limit",
         doc: "1, 0.001 to 0.08: strain of the outer fibre (d_outer/2) b / L beyond which no shape is planned",
-        geometry: None,
         get: |m| m.settings.strain_limit,
         set: |m, v| m.settings.strain_limit = v,
     },
     MachineKey {
         name: "transition_m",
         doc: "m, 1e-9 to 0.001: travel over which a line's sign of motion turns in the compensator",
-        geometry: None,
         get: |m| m.settings.transition_m,
         set: |m, v| m.settings.transition_m = v,
     },

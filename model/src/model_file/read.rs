@@ -68,7 +68,7 @@ fn snake(section: &Section) -> Result<SnakeMachine, ModelFileError> {
     for key in &SNAKE_KEYS {
         let Some(given) = section.get(key.name) else { continue };
         // A bare number is checked with all others below, which tells its range.
-        if key.geometry.is_some() && as_number(given.get_ref()).is_none() {
+        if key.is_geometry() && as_number(given.get_ref()).is_none() {
             let (value, known) = number_or_free(section, key.name, given, (key.get)(&machine))?;
             machine = machine.with(key.name, value, known);
         } else if let Some(given) = section.number(key.name)? {
