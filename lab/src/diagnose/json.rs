@@ -115,9 +115,7 @@ fn effect(found: &FoundEffect, unit: &str) -> Value {
         "unit": unit,
         "probability": found.probability,
         "params": parameters,
-        "explanation": explanation(&found.name).map(|own| json!({
-            "title": own.title, "what": own.what, "check": own.check,
-        })),
+        "explanation": explanation(&found.name),
         "sketch": found.sketch.as_ref().map(|own| json!({
             "position": own.position.iter().map(short).collect::<Vec<_>>(),
             "change": own.change.iter().map(short).collect::<Vec<_>>(),

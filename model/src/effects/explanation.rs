@@ -2,7 +2,7 @@
 //! report and commands show these texts.
 
 /// An effect in plain words.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Explanation {
     /// What people call it.
     pub title: &'static str,

@@ -24,7 +24,7 @@ pub fn ask(args: &QuizArgs) -> anyhow::Result<ExitCode> {
     if args.json {
         print::json(&json!({
             "data": sealed.data, "model": sealed.model, "answer": sealed.answer, "hashes": sealed.hashes,
-            "choices": riddle.choices, "explanations": riddle.choices.iter().map(|name| words(name)).collect::<Vec<_>>(),
+            "choices": riddle.choices, "explanations": riddle.choices.iter().map(|name| explanation(name)).collect::<Vec<_>>(),
         }))?;
     } else {
         print::out(&question(&riddle, &sealed))?;
@@ -73,16 +73,11 @@ fn judged(answer: &Answer, word: Option<&str>, is_told: bool) -> Value {
         return json!({ "judgement": word, "hidden": null });
     }
     let hidden: Vec<&String> = answer.right.iter().filter_map(|own| own.first()).collect();
-    let explanations: Vec<Value> = hidden.iter().map(|name| words(name)).collect();
+    let explanations: Vec<_> = hidden.iter().map(|name| explanation(name)).collect();
     json!({
         "judgement": word, "hidden": hidden, "explanations": explanations,
         "effect_rms_deg": answer.effect_rms_deg, "noise_rms_deg": answer.noise_rms_deg,
     })
-}
-
-/// An effect's own words; null where it has none.
-fn words(name: &str) -> Value {
-    explanation(name).map_or(Value::Null, |own| json!({ "title": own.title, "what": own.what, "check": own.check }))
 }
 
 fn verdict(args: &CheckArgs, answer: &Answer, judgement: Option<Judgement>, is_told: bool) -> String {
