@@ -2,7 +2,7 @@
 
 use crate::diagnose::Calibration;
 use crate::diagnose::search::{Search, Trial};
-use crate::fit::{Fit, Uncertainty, Variable, fit, held_out_output_squares, uncertainty};
+use crate::fit::{Fit, Uncertainty, Variable, fit_to_end, held_out_output_squares, uncertainty};
 use crate::free::free_variables;
 use crate::machine::{Candidate, MachineUnderTest, nearest};
 use crate::noise::NoiseFloor;
@@ -44,8 +44,6 @@ pub struct Added {
 }
 
 const FOLDS: usize = 6;
-const ITERATIONS: u32 = 30;
-const TOLERANCE: f64 = 1e-6;
 
 /// Adds an effect behind the model's own and fits it, with the values of those that are to be fitted again.
 ///
@@ -87,7 +85,7 @@ pub fn refit(
     let machine = calibrated.as_ref().map_or(machine, |joints| joints as &dyn MachineUnderTest);
     let bench = Bench::new(machine, data)?;
     let variables = free_variables(machine, &data.source, free)?;
-    let fitted = fit(&bench.problem, machine.effects(), &variables, ITERATIONS, TOLERANCE)?;
+    let fitted = fit_to_end(&bench.problem, machine.effects(), &variables)?;
     Ok(bench.report(fitted))
 }
 
@@ -122,7 +120,7 @@ impl<'a> Bench<'a> {
             effect: candidate.name.to_owned(),
             reason: "makes no chain with the model's own effects".to_owned(),
         })?;
-        fit(&self.problem, &best.fit.effects, &best.fit.variables, ITERATIONS, TOLERANCE)
+        fit_to_end(&self.problem, &best.fit.effects, &best.fit.variables)
     }
 
     fn near_values(
@@ -142,7 +140,7 @@ impl<'a> Bench<'a> {
         };
         let variables: Vec<Variable> =
             again.into_iter().map(Ok).chain(free.iter().map(variable)).collect::<Result<_, _>>()?;
-        fit(&self.problem, &effects, &variables, ITERATIONS, TOLERANCE)
+        fit_to_end(&self.problem, &effects, &variables)
     }
 
     fn report(&self, fitted: Fit) -> Added {

@@ -68,6 +68,11 @@ fn made(hidden: &[Term], seed: u64) -> Measurements {
     data
 }
 
+/// Adding an effect from the catalogue's starts.
+fn adding(name: &str, value: f64, refit: Vec<(String, String)>) -> AddOptions {
+    AddOptions { term: term(name, &[value]), from_given: false, free: Vec::new(), refit, recordings: Vec::new() }
+}
+
 fn diagnosed(data: &Measurements) -> Diagnosis {
     diagnose(&lab(), data, &DiagnoseOptions::default()).unwrap()
 }
@@ -159,14 +164,7 @@ fn an_added_effect_has_its_value_within_its_standard_errors_and_reaches_the_floo
     let mut within = 0;
     for seed in 0..10 {
         let data = made(&[term("backlash", &[7e-5])], 200 + seed);
-        let options = AddOptions {
-            term: term("backlash", &[8.9e-5]),
-            from_given: false,
-            free: Vec::new(),
-            refit: Vec::new(),
-            recordings: Vec::new(),
-        };
-        let added = add(&lab(), &data, &options).unwrap();
+        let added = add(&lab(), &data, &adding("backlash", 8.9e-5, Vec::new())).unwrap();
         let (value, se) = (added.variables[0].value(&added.terms), added.uncertainty.robust[0]);
         within += usize::from((value - 7e-5).abs() < 2.0 * se);
         assert!(added.after < 0.8 * added.before && added.after < 1.04 * added.noise_floor.unwrap(), "{}", added.after);
@@ -177,15 +175,8 @@ fn an_added_effect_has_its_value_within_its_standard_errors_and_reaches_the_floo
 #[test]
 fn an_effect_that_is_added_moves_those_that_were_fitted_to_the_same_data() {
     let data = made(&[term("backlash", &[7e-5]), term("stiffness-scale", &[1.2])], 31);
-    let options = |name: &str, value, refit| AddOptions {
-        term: term(name, &[value]),
-        from_given: false,
-        free: Vec::new(),
-        refit,
-        recordings: Vec::new(),
-    };
     let file = ModelFile::parse(MODEL).unwrap();
-    let alone = add(&lab(), &data, &options("backlash", 8.9e-5, Vec::new())).unwrap();
+    let alone = add(&lab(), &data, &adding("backlash", 8.9e-5, Vec::new())).unwrap();
     let file = save(&file, &alone, "backlash", &data, "2026-11-22").unwrap();
     let again = fitted_to(&file, &data);
     assert_eq!(again, [("backlash".to_owned(), "half_width_m".to_owned())]);
@@ -196,7 +187,7 @@ fn an_effect_that_is_added_moves_those_that_were_fitted_to_the_same_data() {
     let bare = alone.terms[1].values[0];
     let bare = format!("{MODEL}[[effect]]\nkind = \"backlash\"\nhalf_width_m = {bare}\n");
     let with = |file: &ModelFile, refit| {
-        add(&SnakeLab::new(file).unwrap(), &data, &options("stiffness-scale", 1.1, refit)).unwrap()
+        add(&SnakeLab::new(file).unwrap(), &data, &adding("stiffness-scale", 1.1, refit)).unwrap()
     };
     let (held, both) = (with(&ModelFile::parse(&bare).unwrap(), Vec::new()), with(&file, again));
     let off = |added: &Added| (added.terms[0].values[0] / 7e-5 - 1.0).abs();
@@ -247,19 +238,18 @@ fn free_geometry_is_calibration_and_the_effect_beside_it_is_what_is_missing() {
     assert_eq!(found.calibration.iter().map(|own| own.name.as_str()).collect::<Vec<_>>(), ["r_m", "e_pa"]);
     let radius = &found.calibration[0];
     assert!((radius.value - 0.00178).abs() < 3.0 * radius.se && radius.se < 0.3 * 0.00178, "{radius:?}");
-    let options = AddOptions {
-        term: term("backlash", &[8.9e-5]),
-        from_given: false,
-        free: Vec::new(),
-        refit: Vec::new(),
-        recordings: Vec::new(),
-    };
-    let added = add(&open, &data, &options).unwrap();
+    let added = add(&open, &data, &adding("backlash", 8.9e-5, Vec::new())).unwrap();
     let saved = save(&file, &added, "backlash", &data, "2026-11-23").unwrap();
     assert_eq!((file.first_open(), saved.first_open()), (Some("e_pa"), None), "a chain may drive what was fitted");
     let again = ModelFile::parse(&saved.to_toml()).unwrap();
     assert_eq!(again, saved);
     let error = |lab: &SnakeLab| krait_lab::compare::compare(lab, &data).unwrap().error.rms;
+    // The curves are those of the calibrated machine, as the figure is.
+    let curves = krait_lab::report::residual_curves(&open, &data).unwrap();
+    let squares: f64 =
+        curves.axes.iter().flat_map(|axis| &axis.residual).filter(|r| r.is_finite()).map(|r| r * r).sum();
+    let drawn = (squares / curves.time_s.len() as f64).sqrt();
+    assert!((drawn / error(&open) - 1.0).abs() < 0.05, "{drawn} drawn, {} said", error(&open));
     assert!(error(&SnakeLab::new(&again).unwrap()) < 1.01 * error(&open).min(1.04 * found.noise_floor.unwrap()));
 }
 

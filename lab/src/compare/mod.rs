@@ -16,10 +16,8 @@ pub use common_mode::CommonMode;
 pub use parts::Parts;
 
 use crate::cells::load_cells;
-use crate::diagnose::LoadCell;
-use crate::fit::{Variable, fit};
-use crate::free::free_variables;
-use crate::machine::{JointsLab, MachineUnderTest};
+use crate::diagnose::{LoadCell, number_name};
+use crate::machine::{JointsLab, MachineUnderTest, OpenNumber};
 use crate::noise::NoiseFloor;
 use crate::prepare::{Prepared, prepare};
 use crate::{LabError, Measurements, Problem};
@@ -68,9 +66,6 @@ pub struct Comparison {
     pub worst: String,
 }
 
-const ITERATIONS: u32 = 30;
-const TOLERANCE: f64 = 1e-6;
-
 /// A number of the machine as the comparison used it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Calibrated {
@@ -108,41 +103,28 @@ pub struct Noise {
 pub fn compare(machine: &dyn MachineUnderTest, data: &Measurements) -> Result<Comparison, LabError> {
     let predicted = machine.predict(machine.effects(), data)?;
     let given = compare_prediction(machine, data, &predicted);
-    let Some(joints) = machine.as_joints() else {
-        let fitted =
-            Comparison { loads: loads(machine, data)?, ..with_open_numbers(machine, data, &given)?.unwrap_or(given) };
-        return Ok(fitted);
+    let Some(calibrated) = machine.calibrated_on(data)? else {
+        return Ok(Comparison { loads: loads(machine, data)?, ..given });
     };
-    let calibrated = crate::joint::calibrated(joints, data)?;
-    let predicted = calibrated.predict(machine.effects(), data)?;
-    let calibration = calibration(joints, &calibrated);
-    let as_given_rms = given.error.rms;
-    Ok(Comparison { as_given_rms, calibration, ..compare_prediction(&calibrated, data, &predicted) })
+    let own = calibrated.as_ref();
+    let calibration = match own.as_joints() {
+        Some(joints) => gains_and_offsets(joints),
+        None => open_numbers(own)?,
+    };
+    let (as_given_rms, loads) = (given.error.rms, loads(own, data)?);
+    let predicted = own.predict(own.effects(), data)?;
+    Ok(Comparison { as_given_rms, calibration, loads, ..compare_prediction(own, data, &predicted) })
 }
 
-/// The comparison after a fit of the numbers that a snake's model file leaves free; `None` where it leaves none.
-fn with_open_numbers(
-    machine: &dyn MachineUnderTest,
-    data: &Measurements,
-    given: &Comparison,
-) -> Result<Option<Comparison>, LabError> {
-    if machine.open_numbers().iter().all(|own| own.prior.is_some()) {
-        return Ok(None);
-    }
-    let variables = free_variables(machine, &data.source, &[])?;
-    let Prepared { problem, .. } = prepare(machine, data)?;
-    let fitted = fit(&problem, machine.effects(), &variables, ITERATIONS, TOLERANCE)?;
-    let number = |own: &Variable| Calibrated {
-        name: own.name.clone(),
-        joint: None,
-        value: own.value(&fitted.effects),
-        unit: own.unit.clone(),
-        held: false,
+/// What a snake's model file leaves open, with the values of a calibrated machine.
+fn open_numbers(calibrated: &dyn MachineUnderTest) -> Result<Vec<Calibrated>, LabError> {
+    let number = |open: OpenNumber| {
+        let entry = &calibrated.effects()[open.effect];
+        let parameter = calibrated.parameters(entry)?.swap_remove(open.parameter);
+        let name = number_name(entry, &parameter.name);
+        Ok(Calibrated { name, joint: None, value: entry.values[open.parameter], unit: parameter.unit, held: false })
     };
-    let calibration = variables.iter().map(number).collect();
-    let predicted = machine.predict(&fitted.effects, data)?;
-    let as_given_rms = given.as_given_rms;
-    Ok(Some(Comparison { as_given_rms, calibration, ..compare_prediction(machine, data, &predicted) }))
+    calibrated.open_numbers().into_iter().map(number).collect()
 }
 
 /// The load cells, where loads were recorded that follow the model's.
@@ -157,10 +139,10 @@ fn loads(machine: &dyn MachineUnderTest, data: &Measurements) -> Result<Option<V
     Ok(predicted_n.map(|own| load_cells(rows, cells, &own, &own)))
 }
 
-fn calibration(given: &JointsLab, calibrated: &JointsLab) -> Vec<Calibrated> {
+fn gains_and_offsets(calibrated: &JointsLab) -> Vec<Calibrated> {
     let own = calibrated.joints();
     let gain_unit = format!("{}/{}", own.y_unit, own.u_unit);
-    let (unit, scale) = given.error_unit();
+    let (unit, scale) = calibrated.error_unit();
     let one = |k: usize| {
         let held = |known: &Known| *known == Known::Held;
         let joint = Some(k + 1);

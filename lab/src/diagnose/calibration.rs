@@ -2,9 +2,9 @@
 
 use super::answer::Calibration;
 use super::screen::{orthonormal, remove};
-use crate::Problem;
-use crate::fit::{Fit, dot, uncertainty};
+use crate::fit::{Fit, Variable, dot, uncertainty};
 use crate::machine::is_geometry;
+use crate::{Problem, Term};
 
 /// A number of whose effect the others can make all but this share is not told apart from them.
 const OWN_SHARE: f64 = 0.03;
@@ -12,10 +12,10 @@ const OWN_SHARE: f64 = 0.03;
 /// The first `n` variables of a fit, which are those of the model's own.
 pub(super) fn calibration(problem: &Problem, fit: &Fit, n: usize) -> Vec<Calibration> {
     let known = uncertainty(problem, fit);
-    let number = |(k, own): (usize, &crate::fit::Variable)| {
+    let number = |(k, own): (usize, &Variable)| {
         let entry = &fit.effects[own.effect];
         Calibration {
-            name: if is_geometry(entry) { own.name.clone() } else { format!("{}.{}", entry.label(), own.name) },
+            name: number_name(entry, &own.name),
             joint: None,
             recording: None,
             value: own.value(&fit.effects),
@@ -26,6 +26,11 @@ pub(super) fn calibration(problem: &Problem, fit: &Fit, n: usize) -> Vec<Calibra
         }
     };
     fit.variables.iter().take(n).enumerate().map(number).collect()
+}
+
+/// What a number of an entry is called: a machine's own by its key, an effect's with the effect before it.
+pub(crate) fn number_name(entry: &Term, name: &str) -> String {
+    if is_geometry(entry) { name.to_owned() } else { format!("{}.{name}", entry.label()) }
 }
 
 /// A sentence that names those of the first `n` variables whose effect the other variables of the fit can make.

@@ -31,6 +31,7 @@ mod working;
 
 pub(crate) use accept::mean_and_error;
 pub use answer::{Calibration, CandidateAnswer, Diagnosis, FoundEffect, FoundParameter, LoadCell, Remaining, Verdict};
+pub(crate) use calibration::number_name;
 pub use experiment::NextExperiment;
 pub(crate) use experiment::{explore, separate};
 pub(crate) use gate::{cautions, reversals};

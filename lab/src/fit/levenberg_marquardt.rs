@@ -80,6 +80,14 @@ pub fn fit(
     Ok(here)
 }
 
+/// The same to the end, for what is written down: not for a search.
+///
+/// # Errors
+/// As [`fit`].
+pub(crate) fn fit_to_end(problem: &Problem, effects: &[Term], variables: &[Variable]) -> Result<Fit, LabError> {
+    fit(problem, effects, variables, 30, 1e-6)
+}
+
 /// One step that reduces the sum of squares, or none.
 fn improve(problem: &Problem, here: &Fit, damping: &mut f64) -> Option<Fit> {
     let (mut gram, mut gradient) = normal_equations(&here.slopes, &here.residual);

@@ -4,8 +4,8 @@ mod levenberg_marquardt;
 mod uncertainty;
 mod variable;
 
-pub(crate) use levenberg_marquardt::dot;
 pub use levenberg_marquardt::{Fit, fit};
+pub(crate) use levenberg_marquardt::{dot, fit_to_end};
 pub use uncertainty::{Uncertainty, held_out_block_squares, uncertainty};
 pub(crate) use uncertainty::{held_out_output_squares, inverse, standard_errors};
 pub use variable::Variable;

@@ -119,6 +119,10 @@ impl MachineUnderTest for JointsLab {
         Some(self)
     }
 
+    fn calibrated_on(&self, data: &Measurements) -> Result<Option<Box<dyn MachineUnderTest>>, LabError> {
+        Ok(Some(Box::new(crate::joint::calibrated(self, data)?)))
+    }
+
     fn effects(&self) -> &[Term] {
         &self.effects
     }

@@ -124,6 +124,14 @@ pub trait MachineUnderTest: Sync {
         Vec::new()
     }
 
+    /// The machine with what its model file leaves to the fits as these data say; `None` where it leaves nothing.
+    ///
+    /// # Errors
+    /// [`LabError::Chain`] where the model as given cannot be computed.
+    fn calibrated_on(&self, _data: &Measurements) -> Result<Option<Box<dyn MachineUnderTest>>, LabError> {
+        Ok(None)
+    }
+
     /// Every effect that may be missing, with those that these data cannot show.
     fn candidates(&self, data: &Measurements) -> Vec<Candidate>;
 

@@ -1,6 +1,9 @@
 //! A snake under the lab: the chain's forward model, row by row.
 
 use super::{Candidate, MachineUnderTest, OpenNumber, geometry, snake_candidates};
+use crate::fit::fit_to_end;
+use crate::free::free_variables;
+use crate::prepare::prepare;
 use crate::{LabError, Measurements, Parameter, Term};
 use krait_model::effects::{EffectKind, FormulaText};
 use krait_model::model_file::{FileEffect, ModelFile, SnakeMachine};
@@ -87,6 +90,15 @@ impl MachineUnderTest for SnakeLab {
 
     fn open_numbers(&self) -> Vec<OpenNumber> {
         self.open.clone()
+    }
+
+    fn calibrated_on(&self, data: &Measurements) -> Result<Option<Box<dyn MachineUnderTest>>, LabError> {
+        if self.open.iter().all(|own| own.prior.is_some()) {
+            return Ok(None);
+        }
+        let variables = free_variables(self, &data.source, &[])?;
+        let effects = fit_to_end(&prepare(self, data)?.problem, &self.effects, &variables)?.effects;
+        Ok(Some(Box::new(Self { effects, ..self.clone() })))
     }
 
     fn candidates(&self, data: &Measurements) -> Vec<Candidate> {

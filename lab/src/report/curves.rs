@@ -42,8 +42,8 @@ pub struct AxisCurve {
 /// # Errors
 /// [`LabError::Chain`] where the model's effects make no chain for these columns.
 pub fn residual_curves(machine: &dyn MachineUnderTest, data: &Measurements) -> Result<ResidualCurves, LabError> {
-    let calibrated = machine.as_joints().map(|joints| crate::joint::calibrated(joints, data)).transpose()?;
-    let machine = calibrated.as_ref().map_or(machine, |joints| joints as &dyn MachineUnderTest);
+    let calibrated = machine.calibrated_on(data)?;
+    let machine = calibrated.as_deref().unwrap_or(machine);
     let rows = Rows::new(machine, data, vec![("model".to_owned(), machine.predict(machine.effects(), data)?)]);
     let step = rows.scored.len().div_ceil(MOST_ROWS).max(1);
     let shown: Vec<usize> = rows.scored.iter().copied().step_by(step).collect();

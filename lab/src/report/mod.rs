@@ -82,8 +82,8 @@ pub fn comparison_page(
     comparison: &Comparison,
     origin: PageOrigin,
 ) -> Result<String, LabError> {
-    let calibrated = machine.as_joints().map(|joints| crate::joint::calibrated(joints, data)).transpose()?;
-    let machine = calibrated.as_ref().map_or(machine, |joints| joints as &dyn MachineUnderTest);
+    let calibrated = machine.calibrated_on(data)?;
+    let machine = calibrated.as_deref().unwrap_or(machine);
     let rows = Rows::new(machine, data, vec![("model".to_owned(), machine.predict(machine.effects(), data)?)]);
     let mut page = Page::new(&format!("Model and measurement: {}", data.source), origin, data, None);
     page.push(tables::comparison(comparison));
