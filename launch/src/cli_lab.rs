@@ -236,6 +236,11 @@ pub(crate) fn effect_parameter(text: &str) -> Result<(String, String), String> {
     Ok((effect.to_owned(), parameter.to_owned()))
 }
 
+/// The same back as text.
+pub(crate) fn dotted(names: &[(String, String)]) -> Vec<String> {
+    names.iter().map(|(effect, parameter)| format!("{effect}.{parameter}")).collect()
+}
+
 fn name_value(text: &str) -> Result<(String, f64), String> {
     let wrong = || format!("{text:?} is not NAME=VALUE, such as half_width_m=1e-4");
     let (name, value) = text.split_once('=').ok_or_else(wrong)?;

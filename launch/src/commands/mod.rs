@@ -21,6 +21,7 @@ pub mod model_exchange;
 mod model_learnt;
 mod model_loads;
 pub mod motion_wish;
+mod overwrite;
 pub mod paper;
 pub mod process;
 pub mod recover;

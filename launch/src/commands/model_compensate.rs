@@ -4,8 +4,8 @@
 //! row to row. Rows should be near enough to show every reversal.
 
 use crate::cli_model::CompensateArgs;
-use crate::commands::lab::refuse_existing;
 use crate::commands::model::text_of;
+use crate::commands::overwrite::refuse_existing;
 use crate::print;
 use anyhow::{Context, bail};
 use core::fmt::Write;

@@ -1,7 +1,7 @@
 //! `krait model save-learnt`: what a chain has learnt while it moved, from its recording into a model file.
 
 use crate::cli_model::SaveLearntArgs;
-use crate::commands::lab::refuse_existing;
+use crate::commands::overwrite::refuse_existing;
 use crate::print;
 use crate::recorded::{model_text, settings_of};
 use anyhow::{Context, bail};

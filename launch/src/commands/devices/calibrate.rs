@@ -2,7 +2,7 @@
 
 use super::node_of;
 use crate::cli_devices::DevicesArgs;
-use crate::commands::lab::overwrite::refuse_existing;
+use crate::commands::overwrite::refuse_existing;
 use crate::{print, signals};
 use anyhow::{Context, bail, ensure};
 use core::time::Duration;

@@ -1,8 +1,8 @@
 //! `krait lab add` and `krait lab fit`: values with standard errors, the error before and after, and the better model file.
 
-use super::overwrite::refuse_existing;
 use super::page;
-use crate::cli_lab::{AddArgs, FitArgs, LabFiles, effect_parameter};
+use crate::cli_lab::{AddArgs, FitArgs, LabFiles, dotted, effect_parameter};
+use crate::commands::overwrite::refuse_existing;
 use crate::print;
 use anyhow::{Context, bail};
 use krait_bridge::LiveModel;
@@ -51,8 +51,8 @@ pub fn refit(args: &FitArgs) -> anyhow::Result<ExitCode> {
         );
     }
     let added = fit_again(session.machine.as_ref(), &session.data, &args.free)?;
-    let what: Vec<String> = args.free.iter().map(|(effect, parameter)| format!("{effect}.{parameter}")).collect();
-    let what = if what.is_empty() { "fit of the machine".to_owned() } else { format!("fit of {}", what.join(", ")) };
+    let names = dotted(&args.free);
+    let what = if names.is_empty() { "fit of the machine".to_owned() } else { format!("fit of {}", names.join(", ")) };
     write_page(args.report.as_deref(), &session, &added, &what)?;
     finish(&session, &added, &what, &args.out, args.json)
 }

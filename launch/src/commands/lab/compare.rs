@@ -25,7 +25,7 @@ pub fn run(args: &LabCompareArgs) -> anyhow::Result<ExitCode> {
         let mut answer = found.to_json();
         if args.curves {
             let curves = residual_curves(session.machine.as_ref(), &session.data)?;
-            answer.as_object_mut().map(|keys| keys.insert("curves".to_owned(), json!(curves)));
+            answer["curves"] = json!(curves);
         }
         print::json(&answer)?;
     } else {

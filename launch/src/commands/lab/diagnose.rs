@@ -2,7 +2,7 @@
 
 use super::page;
 use super::shell::{data_words, shell};
-use crate::cli_lab::DiagnoseArgs;
+use crate::cli_lab::{DiagnoseArgs, dotted};
 use crate::print;
 use anyhow::{Context, bail};
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, FoundEffect, LoadCell, capital, diagnose};
@@ -128,7 +128,7 @@ fn next(args: &DiagnoseArgs, effect: &FoundEffect) -> String {
     let set = effect.joint.map_or(String::new(), |joint| format!(" --set joint={joint}"));
     let (model, better) = (&args.files.model, args.files.model.with_extension("better.toml"));
     let files = data_words(&args.files);
-    let names: Vec<String> = args.free.iter().map(|(effect, parameter)| format!("{effect}.{parameter}")).collect();
+    let names = dotted(&args.free);
     let free = if names.is_empty() { String::new() } else { format!(" --free {}", names.join(",")) };
     format!(
         "Next: krait lab add {}{set}{free} --model {} {files} --out {}\n",

@@ -1,7 +1,7 @@
 //! `krait lab generate`: data with a hidden effect, and the answer sealed in a file of its own.
 
-use super::overwrite::refuse_existing;
 use crate::cli_lab_data::GenerateArgs;
+use crate::commands::overwrite::refuse_existing;
 use crate::print;
 use anyhow::{Context, bail};
 use krait_ipc::{clock, input};

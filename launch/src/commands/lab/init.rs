@@ -1,8 +1,8 @@
 //! `krait lab init`: what a file of measurements holds, and a mapping and a model to begin with.
 
-use super::overwrite::refuse_existing;
 use super::shell::shell;
 use crate::cli_lab::InitArgs;
+use crate::commands::overwrite::refuse_existing;
 use crate::print;
 use anyhow::Context;
 use krait_lab::init::{Proposal, SeenColumn, propose};

@@ -7,13 +7,11 @@ mod diagnose;
 mod generate;
 mod history;
 mod init;
-pub(in crate::commands) mod overwrite;
 mod page;
 mod quiz;
 mod shell;
 
 use crate::cli_lab::LabVerb;
-pub use overwrite::refuse_existing;
 use std::process::ExitCode;
 
 /// Runs a verb of the lab.
