@@ -1,6 +1,8 @@
 //! A headless Chromium and the handful of its DevTools calls that the tests need; no driver between.
 
 use crate::{TempFolder, wait_until};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use core::time::Duration;
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader};
@@ -170,21 +172,6 @@ impl BrowserPage {
     /// The picture as a PNG.
     pub fn picture(&mut self) -> Vec<u8> {
         let answer = self.call("Page.captureScreenshot", &json!({ "format": "png" }));
-        from_base64(answer["data"].as_str().expect("a picture"))
+        STANDARD.decode(answer["data"].as_str().expect("a picture")).expect("base64")
     }
-}
-
-fn from_base64(text: &str) -> Vec<u8> {
-    const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let values = text.bytes().filter_map(|byte| LETTERS.iter().position(|letter| *letter == byte));
-    let (mut bytes, mut bits, mut n_bits) = (Vec::new(), 0usize, 0);
-    for value in values {
-        bits = (bits << 6 | value) & 0xffff;
-        n_bits += 6;
-        if n_bits >= 8 {
-            n_bits -= 8;
-            bytes.push((bits >> n_bits & 0xff) as u8);
-        }
-    }
-    bytes
 }

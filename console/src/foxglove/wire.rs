@@ -4,6 +4,8 @@
 //! reader.
 
 use super::figures;
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use krait_schema::{Channel, Schema, View};
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -132,16 +134,7 @@ pub(super) struct Subscription {
 
 /// Bytes as base64 with padding (RFC 4648).
 fn base64(bytes: &[u8]) -> String {
-    const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for group in bytes.chunks(3) {
-        let bits = group.iter().fold(0, |bits, byte| bits << 8 | usize::from(*byte)) << (8 * (3 - group.len()));
-        for place in 0..4 {
-            let letter = char::from(LETTERS[bits >> (18 - 6 * place) & 63]);
-            text.push(if place <= group.len() { letter } else { '=' });
-        }
-    }
-    text
+    STANDARD.encode(bytes)
 }
 
 #[cfg(test)]
