@@ -102,6 +102,11 @@ impl JointMachine {
         [&self.low_rad, &self.high_rad]
     }
 
+    /// Fastest motion of a joint, rad/s (m/s of sliding joints).
+    pub fn max_vel_per_s(&self) -> f64 {
+        self.max_vel_rad_per_s
+    }
+
     /// What stands for one radian where a number is given for angles: one, or the capstan's radius of sliding joints.
     pub fn si_per_rad(&self) -> f64 {
         self.si_per_rad

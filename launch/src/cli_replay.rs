@@ -9,7 +9,7 @@ use std::path::PathBuf;
 /// Options of `krait replay`.
 #[derive(Clone, Debug, Args)]
 pub struct ReplayArgs {
-    /// A recording (.mcap), or a trajectory (.csv: time_s and bend_x_rad,bend_y_rad | theta_l_rad,delta_rad | tip_x_m,tip_y_m).
+    /// A recording (.mcap), or a trajectory (.csv: time_s and bend_x_rad,bend_y_rad | theta_l_rad,delta_rad | tip_x_m,tip_y_m; of joints time_s,q1_rad,q2_rad and so on).
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
     /// Which of the chains that ran in the recording, from 1.

@@ -11,7 +11,7 @@ use krait_model::Snake;
 use krait_record::Recording;
 use krait_replay::{
     Beginning, InputChoice, InputTrack, MachinePose, Program, ReplayError, Score, Steering, Trajectory,
-    TrajectoryLimits, pose_of_bend,
+    TrajectoryLimits,
 };
 use krait_slave::{DriveConfig, ShapeSource};
 use std::path::{Path, absolute};
@@ -72,12 +72,25 @@ impl ReplaySetup {
     fn of_table(common: &Common, args: &ReplayArgs, to_s: f64) -> anyhow::Result<Self> {
         let config = Config::load(common.config.as_deref())?;
         let config = with_options(args, config)?;
-        let snake = Snake::new(config.model()?.snake("a trajectory")?.machine())?;
-        let limits = TrajectoryLimits {
-            max_bend_rad: config.resolve.max_bend_rad,
-            max_bend_vel_rad_per_s: config.resolve.max_bend_vel_rad_per_s,
+        let (trajectory, n_joints) = match &config.model()?.machine {
+            LiveModel::Snake(chain) => {
+                let limits = TrajectoryLimits::Snake {
+                    snake: &Snake::new(chain.machine())?,
+                    max_bend_rad: config.resolve.max_bend_rad,
+                    max_bend_vel_rad_per_s: config.resolve.max_bend_vel_rad_per_s,
+                };
+                (Trajectory::load(&args.file, &limits)?, 0)
+            }
+            LiveModel::Joints(joints) => {
+                let machine = JointMachine::new(joints, &config.joints)?;
+                let limits = TrajectoryLimits::Joints {
+                    range: machine.range_rad().map(|values| &values[..machine.n()]),
+                    max_vel_per_s: machine.max_vel_per_s(),
+                    slides: machine.slides(),
+                };
+                (Trajectory::load(&args.file, &limits)?, machine.n() as u32)
+            }
         };
-        let trajectory = Trajectory::load(&args.file, &snake, &limits)?;
         let Some(trajectory) = trajectory.between(args.from, to_s) else {
             bail!(
                 "trajectory {}: nothing of it lies between --from {} and --to {to_s}",
@@ -85,7 +98,7 @@ impl ReplaySetup {
                 args.from
             );
         };
-        let start = (pose_of_bend(trajectory.start_bend_rad()), 0);
+        let start = (trajectory.start(), n_joints);
         Self::new(config, Score::Trajectory(trajectory), start, TRAJECTORY_START_NS, args.loops)
     }
 

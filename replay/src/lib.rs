@@ -38,7 +38,7 @@ pub use live::LivePlayer;
 pub use player::{NewestPlayed, PlayCounts, Player, UNDER_WAY};
 pub use program::{Next, Planned, Program, ProgramPart, Score, Tally, What};
 pub use stage::{Compensate, Resolve, Stage};
-pub use steering::{MachinePose, Steering, pose_of_bend};
+pub use steering::{MachinePose, Steering};
 pub use survey::{Restart, Survey};
 pub use trajectory::{Trajectory, TrajectoryError, TrajectoryLimits};
 pub use verifier::{Repetition, Turn, Verifier};

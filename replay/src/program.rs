@@ -9,7 +9,7 @@ use crate::{InputTrack, ReplayError, Trajectory};
 use krait_ipc::message::{DeviceState, MAX_JOINTS, N_LINES, OperatorInput, Phase, Setpoint, lines};
 use krait_ipc::{Reason, Reasons};
 use krait_model::ModelHash;
-use nalgebra::{Vector2, Vector6};
+use nalgebra::Vector6;
 
 /// Time between two samples that the program makes by itself, ns.
 pub(crate) const PERIOD_NS: i64 = 1_000_000;
@@ -88,7 +88,7 @@ pub enum Next {
 pub enum Score {
     /// Operator input, in order, each acceptable to `resolve`.
     Inputs(InputTrack),
-    /// A trajectory of the bend vector.
+    /// A trajectory of the machine's pose.
     Trajectory(Trajectory),
 }
 
@@ -102,9 +102,9 @@ pub struct Program {
     model: ModelHash,
     part: ProgramPart,
     n_in_part: u64,
-    /// Where a glide of a snake began.
-    approach_from_rad: Option<Vector2<f64>>,
-    last_bend_rad: Vector2<f64>,
+    /// Where the glide to a trajectory's start began.
+    approach_from: Option<MachinePose>,
+    last_pose: MachinePose,
     last_input_ns: Option<i64>,
     /// The recording's first sample of this loop, read ahead.
     first_input: Option<OperatorInput>,
@@ -123,7 +123,7 @@ pub struct Tally {
 }
 
 impl Program {
-    /// A program that begins at a pose. `model` is that of the chain; a trajectory is one of a snake.
+    /// A program that begins at a pose. `model` is that of the chain.
     pub fn new(score: Score, start: MachinePose, n_loops: u64, steering: Steering, model: ModelHash) -> Self {
         Self {
             score,
@@ -133,8 +133,8 @@ impl Program {
             model,
             part: ProgramPart::Approach,
             n_in_part: 0,
-            approach_from_rad: None,
-            last_bend_rad: Vector2::zeros(),
+            approach_from: None,
+            last_pose: MachinePose::zeros(),
             last_input_ns: None,
             first_input: None,
             tally: Tally::default(),
@@ -189,7 +189,7 @@ impl Program {
     pub fn next(&mut self, pose: &MachinePose, is_idle: bool) -> Result<Next, ReplayError> {
         loop {
             let sample = match self.part {
-                ProgramPart::Approach if !is_idle && (self.sends_inputs() || self.approach_from_rad.is_none()) => {
+                ProgramPart::Approach if !is_idle && (self.sends_inputs() || self.approach_from.is_none()) => {
                     return Ok(Next::Wait);
                 }
                 ProgramPart::Approach if self.n_in_part < N_ABSENT + N_ENGAGING => Some(self.engaging(pose)),
@@ -223,7 +223,7 @@ impl Program {
     }
 
     fn enter(&mut self, part: ProgramPart) {
-        (self.part, self.n_in_part, self.approach_from_rad, self.last_input_ns) = (part, 0, None, None);
+        (self.part, self.n_in_part, self.approach_from, self.last_input_ns) = (part, 0, None, None);
     }
 
     /// Begins the recording anew and reads its first sample ahead.
@@ -253,9 +253,9 @@ impl Program {
             let flags = if is_present { OperatorInput::OPERATOR_PRESENT } else { 0 };
             What::Input(operator_input(&Vector6::zeros(), flags, DeviceState::Live))
         } else {
-            let from = *self.approach_from_rad.get_or_insert(bend_of(pose));
+            let from = *self.approach_from.get_or_insert(*pose);
             let reasons = Reasons::NONE.with(if is_present { Reason::NotEngaged } else { Reason::OperatorAbsent });
-            self.setpoint(from, Vector2::zeros(), Phase::Holding, reasons)
+            self.setpoint(&from, &MachinePose::zeros(), Phase::Holding, reasons)
         };
         Planned { what, dt_ns: PERIOD_NS, part: ProgramPart::Approach }
     }
@@ -266,7 +266,7 @@ impl Program {
             return None;
         }
         if !self.sends_inputs() {
-            return self.glide(bend_of(pose), bend_of(&self.start), n_moved);
+            return self.glide(pose, n_moved);
         }
         let si_per_rad = self.steering.si_per_rad();
         let way = self.start - pose;
@@ -281,18 +281,19 @@ impl Program {
     }
 
     /// From where the slave stands to the start with the least jerk: s = 10 u^3 - 15 u^4 + 6 u^5, fastest 1.875 in the middle.
-    fn glide(&mut self, bend_rad: Vector2<f64>, target: Vector2<f64>, n_moved: u64) -> Option<Planned> {
-        let from = *self.approach_from_rad.get_or_insert(bend_rad);
-        let way = target - from;
-        let time_s = 1.875 * way.norm() / APPROACH_RAD_PER_S;
+    fn glide(&mut self, pose: &MachinePose, n_moved: u64) -> Option<Planned> {
+        let from = *self.approach_from.get_or_insert(*pose);
+        let way = self.start - from;
+        let si_per_rad = self.steering.si_per_rad();
+        let time_s = 1.875 * way.norm() / (APPROACH_RAD_PER_S * si_per_rad);
         let u = (n_moved + 1) as f64 * PERIOD_NS as f64 * 1e-9 / time_s;
-        if way.norm() <= ARRIVED_RAD || u >= 1.0 {
+        if way.norm() <= ARRIVED_RAD * si_per_rad || u >= 1.0 {
             return None;
         }
         let part = u * u * u * (10.0 + u * (6.0 * u - 15.0));
         let rate_per_s = 30.0 * (u * (1.0 - u)).powi(2) / time_s;
-        self.last_bend_rad = from + way * part;
-        let what = self.setpoint(self.last_bend_rad, way * rate_per_s, Phase::Following, Reasons::NONE);
+        self.last_pose = from + way * part;
+        let what = self.setpoint(&self.last_pose, &(way * rate_per_s), Phase::Following, Reasons::NONE);
         Some(Planned { what, dt_ns: PERIOD_NS, part: ProgramPart::Approach })
     }
 
@@ -306,9 +307,9 @@ impl Program {
                 (What::Input(input), before_ns.map_or(PERIOD_NS, |before_ns| input.sample_ns - before_ns))
             }
             Score::Trajectory(trajectory) => {
-                let Some((bend_rad, bend_vel_rad_per_s)) = trajectory.sample(self.n_in_part) else { return Ok(None) };
-                self.last_bend_rad = bend_rad;
-                (self.setpoint(bend_rad, bend_vel_rad_per_s, Phase::Following, Reasons::NONE), PERIOD_NS)
+                let Some((pose, vel_per_s)) = trajectory.sample(self.n_in_part) else { return Ok(None) };
+                self.last_pose = pose;
+                (self.setpoint(&pose, &vel_per_s, Phase::Following, Reasons::NONE), PERIOD_NS)
             }
         };
         if self.n_in_part > 0 {
@@ -323,33 +324,33 @@ impl Program {
         let what = if self.sends_inputs() {
             What::Input(operator_input(&Vector6::zeros(), 0, DeviceState::Ended))
         } else {
-            self.setpoint(self.last_bend_rad, Vector2::zeros(), Phase::Holding, ended)
+            self.setpoint(&self.last_pose, &MachinePose::zeros(), Phase::Holding, ended)
         };
         Planned { what, dt_ns: PERIOD_NS, part: ProgramPart::Rest }
     }
 
-    fn setpoint(
-        &self,
-        bend_rad: Vector2<f64>,
-        bend_vel_rad_per_s: Vector2<f64>,
-        phase: Phase,
-        reasons: Reasons,
-    ) -> What {
+    fn setpoint(&self, pose: &MachinePose, vel_per_s: &MachinePose, phase: Phase, reasons: Reasons) -> What {
+        let n_joints = self.steering.n_joints();
+        let own = |values: &MachinePose| {
+            let bend = if n_joints == 0 { [values[0], values[1]] } else { [f64::NAN; 2] };
+            (bend, if n_joints == 0 { [0.0; MAX_JOINTS] } else { (*values).into() })
+        };
+        let ((bend_rad, joints_rad), (bend_vel_rad_per_s, joints_vel_rad_per_s)) = (own(pose), own(vel_per_s));
         What::Setpoint(Setpoint {
             sequence: 0,
             sample_ns: 0,
             stamps: krait_ipc::message::HopStamps::default(),
             input_sequence: 0,
             state_sequence: 0,
-            bend_rad: bend_rad.into(),
-            bend_vel_rad_per_s: bend_vel_rad_per_s.into(),
-            joints_rad: [0.0; MAX_JOINTS],
-            joints_vel_rad_per_s: [0.0; MAX_JOINTS],
+            bend_rad,
+            bend_vel_rad_per_s,
+            joints_rad,
+            joints_vel_rad_per_s,
             // A forecast that only `resolve` makes.
             q_tilde_vel_m_per_s: lines([f64::NAN; N_LINES]),
-            n_actuators: 0,
-            n_joints: 0,
-            tip_pos_in_base_m: self.steering.tip_pos_in_base_m(bend_rad),
+            n_actuators: n_joints,
+            n_joints,
+            tip_pos_in_base_m: self.steering.tip_pos_in_base_m(bend_rad.into()),
             motion_scale: 1.0,
             model_hash: self.model.0,
             phase: phase as u32,
@@ -357,11 +358,6 @@ impl Program {
             reasons: reasons.bits(),
         })
     }
-}
-
-/// The bend vector of a snake's pose.
-fn bend_of(pose: &MachinePose) -> Vector2<f64> {
-    pose.fixed_rows::<2>(0).into_owned()
 }
 
 fn operator_input(hand: &Vector6<f64>, flags: u32, device: DeviceState) -> OperatorInput {

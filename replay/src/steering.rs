@@ -70,6 +70,14 @@ impl Steering {
         }
     }
 
+    /// How many joints there are, each with an actuator of its own; 0 for a snake.
+    pub(crate) fn n_joints(&self) -> u32 {
+        match self {
+            Self::Snake { .. } => 0,
+            Self::Joints { n, .. } => *n as u32,
+        }
+    }
+
     /// The tip of a snake at a bend, m; NaN for joints.
     pub(crate) fn tip_pos_in_base_m(&self, bend_rad: Vector2<f64>) -> [f64; 3] {
         match self {
@@ -107,7 +115,7 @@ impl Steering {
 }
 
 /// A snake's bend vector as a pose.
-pub fn pose_of_bend(bend_rad: [f64; 2]) -> MachinePose {
+pub(crate) fn pose_of_bend(bend_rad: [f64; 2]) -> MachinePose {
     let mut pose = MachinePose::zeros();
     (pose[0], pose[1]) = (bend_rad[0], bend_rad[1]);
     pose

@@ -156,7 +156,6 @@ fn file_in(folder: &TempFolder, name: &str, bytes: &[u8]) -> PathBuf {
 
 fn readers(folder: &TempFolder) -> Vec<Reader<'_>> {
     let snake = Snake::new(&MachineParameters::default()).expect("the default machine");
-    let limits = TrajectoryLimits { max_bend_rad: 1.3, max_bend_vel_rad_per_s: 2.0 };
     let script = "time_s,tip_vx_m_per_s,tip_vy_m_per_s,tip_vz_m_per_s\n0,0,0,0\n1,0.01,0,0\n2.5,0,0.01,0\n".as_bytes();
     let reports: Vec<u8> = shipped("master/recordings/default.krr")
         .split_inclusive(|b| *b == b'\n')
@@ -242,7 +241,10 @@ fn readers(folder: &TempFolder) -> Vec<Reader<'_>> {
                 b"time_s,bend_x_rad,bend_y_rad\n0,0,0\n1,0.2,0\n2,0,0.1\n".to_vec(),
             ],
             n_inputs: 300,
-            read: Box::new(move |bytes| drop(Trajectory::parse("fuzz", bytes, &snake, &limits))),
+            read: Box::new(move |bytes| {
+                let limits = TrajectoryLimits::Snake { snake: &snake, max_bend_rad: 1.3, max_bend_vel_rad_per_s: 2.0 };
+                drop(Trajectory::parse("fuzz", bytes, &limits));
+            }),
         },
         Reader {
             name: "truth",

@@ -135,6 +135,38 @@ fn a_wrist_with_a_wrong_play_learns_it_and_keeps_it() {
 }
 
 #[test]
+fn a_wrist_follows_a_trajectory_through_its_rows_and_can_be_sent_it_again() {
+    let folder = TempFolder::new("path");
+    let (table, recording, instance) = (folder.file("path.csv"), folder.file("path.mcap"), instance_name("path"));
+    std::fs::write(&table, "time_s,q1_deg,q2_deg,q3_deg\n0,5,0,0\n1,20,-10,5\n2,0,0,10\n").expect("written");
+    let play = |table: &str| {
+        let on = ["replay", table, "--speed", "max", "--json", "--instance", &instance, "--model", WRIST];
+        Ended::of(&[&on[..], &["--recording", &recording]].concat(), PATIENCE)
+    };
+    let played = play(&table);
+    assert_eq!(played.code, Some(0), "{played:?}");
+    assert_eq!(played.json()["samples"]["recorded"], 2001);
+    // How near a sample comes to the middle row, rad: the setpoints to nothing, the measured joints to the play's remainder.
+    let row = [20f64, -10.0, 5.0].map(f64::to_radians);
+    let beside = |joints: &[f64]| joints.iter().zip(row).map(|(joint, row)| (joint - row).abs()).fold(0.0, f64::max);
+    let mut nearest = [f64::MAX; 2];
+    for message in Recording::open(Path::new(&recording)).expect("a recording").samples().expect("samples") {
+        match message.expect("readable").sample {
+            Sample::Setpoint(setpoint) => nearest[0] = nearest[0].min(beside(&setpoint.joints_rad)),
+            Sample::Shape(shape) => nearest[1] = nearest[1].min(beside(&shape.joints_rad)),
+            _ => {}
+        }
+    }
+    assert!(nearest[0] < 1e-9 && nearest[1] < 2f64.to_radians(), "{nearest:?} rad");
+    let verdict = verified(&recording);
+    assert!(verdict["first_difference"].is_null() && verdict["commands_identical"].as_u64() > Some(2000), "{verdict}");
+    std::fs::write(&table, "time_s,q1_deg,q2_deg,q3_deg\n0,0,0,0\n1,60,0,0\n").expect("written");
+    let refused = play(&table);
+    let sentence = "line 3, column 1: expected joint 1 from -0.8 to 0.8 rad, found 1.04720 rad";
+    assert!(refused.code == Some(2) && refused.stderr.contains(sentence), "{refused:?}");
+}
+
+#[test]
 fn eight_sliding_joints_are_driven_in_mm_and_verify() {
     let folder = TempFolder::new("slides");
     let file = |name: &str, text: String| {
