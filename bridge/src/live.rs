@@ -55,7 +55,7 @@ pub(crate) fn run<S: Step>(
     mut core: S,
     stop: &AtomicBool,
 ) -> Result<(), BridgeError> {
-    let mut inputs = bus.reader::<S::In>(ReadOptions::waking().with_mode(wait))?;
+    let mut inputs = bus.reader::<S::In>(ReadOptions::waking().with_mode(wait).of(process))?;
     let mut beside = Beside::open(bus, S::TAKES_UPDATES)?;
     let mut outputs = bus.writer::<S::Out>()?;
     let mut health = HealthReporter::open(bus, process)?;

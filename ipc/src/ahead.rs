@@ -8,22 +8,30 @@
 //! where: `period` is the mean distance of the messages that follow one another like those before; a hold-up, a pause and
 //! what comes in a burst behind them are left out.
 //!
+//! The processes of a chain wait for one sample after the other, and a core lets in one of them at a time. So they wake one
+//! after the other too, the slave first: a timer that rings late because the core (or the host) slept deeply is the slave's,
+//! and the process that the sample comes to first finds a core that is awake. With one lead for all, a late timer made all of
+//! them wake when the sample was there, and it waited for every warm-up step.
+//!
 //! Failure: messages at no steady rate. They come before the early wake-up and are taken at once, or after it and find a
 //! core that has gone back to sleep: then nothing was gained, and nothing else lost.
 
-/// How early: longer than the kernel's timers are late (50 us), short enough that the core stays awake (docs/bench has the
-/// trial), ns.
+/// How early the process behind `master` wakes: longer than the kernel's timers are late (50 us), short enough that the core
+/// stays awake (docs/bench has the trials), ns.
 const LEAD_NS: i64 = 200_000;
-/// A period shorter than this many leads lets no core sleep deeply.
-const LEADS: i64 = 4;
+/// How much earlier each process behind that one, ns.
+const STEP_NS: i64 = 150_000;
+/// A period shorter than this lets no core sleep deeply, ns; longer than every lead.
+const SHORTEST_PERIOD_NS: i64 = 800_000;
 /// So many distances in a row that are unlike the period are the beginning of another.
 const MOST_UNLIKE: u32 = 4;
 /// What a new distance counts for beside those before.
 const SHARE: i64 = 16;
 
 /// Learns the rate of a channel's messages.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Ahead {
+    lead_ns: i64,
     last_ns: i64,
     /// 0 as long as it is not known.
     period_ns: i64,
@@ -31,6 +39,11 @@ pub(crate) struct Ahead {
 }
 
 impl Ahead {
+    /// For a process that stands so many behind the one that a sample comes to first.
+    pub fn new(n_behind: u8) -> Self {
+        Self { lead_ns: LEAD_NS + STEP_NS * i64::from(n_behind), last_ns: 0, period_ns: 0, n_unlike: 0 }
+    }
+
     /// A message has come.
     pub fn arrived(&mut self, now_ns: i64) {
         let gap_ns = now_ns - core::mem::replace(&mut self.last_ns, now_ns);
@@ -47,8 +60,8 @@ impl Ahead {
 
     /// When to wake ahead of the next message; `None` when that would be in the past, or of no use.
     pub fn rise_ns(&self, now_ns: i64) -> Option<i64> {
-        let rise_ns = self.last_ns + self.period_ns - LEAD_NS;
-        (self.period_ns >= LEADS * LEAD_NS && rise_ns > now_ns).then_some(rise_ns)
+        let rise_ns = self.last_ns + self.period_ns - self.lead_ns;
+        (self.period_ns >= SHORTEST_PERIOD_NS && rise_ns > now_ns).then_some(rise_ns)
     }
 }
 
@@ -59,7 +72,7 @@ mod tests {
     const PERIOD_NS: i64 = 1_000_000;
 
     fn after(gaps_ns: impl IntoIterator<Item = i64>) -> (Ahead, i64) {
-        let (mut ahead, mut now_ns) = (Ahead::default(), 5_000_000_000);
+        let (mut ahead, mut now_ns) = (Ahead::new(0), 5_000_000_000);
         ahead.arrived(now_ns);
         for gap_ns in gaps_ns {
             now_ns += gap_ns;
@@ -100,5 +113,12 @@ mod tests {
         // What has piled up is taken at one go, so the burst itself is not seen.
         let (ahead, now_ns) = after([vec![PERIOD_NS; 50], vec![10 * PERIOD_NS, 10_000, PERIOD_NS]].concat());
         assert_eq!(ahead.rise_ns(now_ns), Some(now_ns + PERIOD_NS - LEAD_NS));
+    }
+
+    #[test]
+    fn the_nearer_to_the_drives_the_earlier_and_all_within_the_shortest_period() {
+        let leads = [0, 1, 2].map(|n_behind| Ahead::new(n_behind).lead_ns);
+        assert_eq!(leads, [200_000, 350_000, 500_000]);
+        assert!(leads.iter().all(|lead_ns| *lead_ns < SHORTEST_PERIOD_NS));
     }
 }

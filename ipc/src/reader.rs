@@ -4,7 +4,7 @@ use crate::ahead::Ahead;
 use crate::bus::{Address, DataService, MAX_READERS, Shm};
 use crate::doorbell::Doorbell;
 use crate::message::Message;
-use crate::{IpcError, clock};
+use crate::{IpcError, Process, clock};
 use core::ops::Deref;
 use core::time::Duration;
 use iceoryx2::identifiers::UniquePublisherId;
@@ -36,12 +36,16 @@ impl WaitMode {
     }
 }
 
+/// Turn of the process that a sample comes to first: the one behind `master`.
+const FIRST_TURN: usize = 1;
+
 /// What a reader wants of its channel.
 #[derive(Clone, Copy, Debug)]
 pub struct ReadOptions {
     wakes: bool,
     buffer: usize,
     mode: WaitMode,
+    n_behind: u8,
 }
 
 impl ReadOptions {
@@ -50,27 +54,34 @@ impl ReadOptions {
 
     /// A stage that is woken by every message.
     pub fn waking() -> Self {
-        Self { wakes: true, buffer: Self::STAGE_BUFFER, mode: WaitMode::Blocking }
+        Self { wakes: true, buffer: Self::STAGE_BUFFER, mode: WaitMode::Blocking, n_behind: 0 }
     }
 
     /// A stage that looks at the channel when something else has woken it. Costs the writer nothing.
     pub fn glancing() -> Self {
-        Self { wakes: false, buffer: Self::STAGE_BUFFER, mode: WaitMode::Blocking }
+        Self { wakes: false, buffer: Self::STAGE_BUFFER, mode: WaitMode::Blocking, n_behind: 0 }
     }
 
     /// An observer that must miss nothing: the largest buffer, never woken, so that it slows nobody.
     pub fn observing() -> Self {
-        Self { wakes: false, buffer: usize::MAX, mode: WaitMode::Blocking }
+        Self { wakes: false, buffer: usize::MAX, mode: WaitMode::Blocking, n_behind: 0 }
     }
 
     /// A follower that must miss nothing and sleeps until there is something: a replay, whose pace is that of its readers.
     pub fn following() -> Self {
-        Self { wakes: true, buffer: usize::MAX, mode: WaitMode::Blocking }
+        Self { wakes: true, buffer: usize::MAX, mode: WaitMode::Blocking, n_behind: 0 }
     }
 
     /// The same, waiting in another way.
     pub fn with_mode(self, mode: WaitMode) -> Self {
         Self { wakes: self.wakes && mode != WaitMode::Polling, mode, ..self }
+    }
+
+    /// The same, for a process of the chain: the nearer it stands to the drives, the earlier it wakes where it wakes ahead of
+    /// a message.
+    pub fn of(self, process: Process) -> Self {
+        let n_behind = process.core_turn().map_or(0, |turn| turn.saturating_sub(FIRST_TURN));
+        Self { n_behind: n_behind as u8, ..self }
     }
 
     pub(crate) fn wakes(&self) -> bool {
@@ -122,7 +133,7 @@ impl<M: Message> Reader<M> {
             },
         )?;
         let mode = options.mode;
-        let ahead = Ahead::default();
+        let ahead = Ahead::new(options.n_behind);
         Ok(Self {
             subscriber,
             doorbell,

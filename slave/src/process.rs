@@ -79,7 +79,7 @@ impl<D: Drive> Process<D> {
         Ok(Self {
             shapes: Shapes::open(bus, &drive, config.shape)?,
             core: SlaveCore::new(drive, config),
-            commands: bus.reader(ReadOptions::waking().with_mode(config.wait))?,
+            commands: bus.reader(ReadOptions::waking().with_mode(config.wait).of(krait_ipc::Process::Slave))?,
             state_commands: bus.reader(ReadOptions::glancing())?,
             stops: Stops::new(bus.stop_switch()?),
             states: bus.writer()?,
