@@ -2,7 +2,7 @@
 
 use crate::cli_bench::{BenchArgs, FaultArgs, YardstickVerb};
 use crate::cli_calibrate::CalibrateVerb;
-use crate::cli_console::{ConsoleArgs, WatchArgs};
+use crate::cli_console::{ConsoleArgs, FoxgloveArgs, WatchArgs};
 use crate::cli_devices::DevicesArgs;
 use crate::cli_drives::DrivesArgs;
 use crate::cli_experiment::ExperimentVerb;
@@ -264,6 +264,8 @@ pub struct RunArgs {
     /// Serve the page of this chain too, and print its address; `--master browser` does so by itself.
     #[arg(long)]
     pub console: bool,
+    #[command(flatten)]
+    pub foxglove: FoxgloveArgs,
     /// Print the figures as JSON on standard output at the end.
     #[arg(long)]
     pub json: bool,

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 #[derive(Clone, Debug, Args)]
 pub struct ConsoleArgs {
     /// A recording to open; the page begins with it, and lists those of its folder.
-    #[arg(value_name = "RECORDING", conflicts_with = "recordings")]
+    #[arg(value_name = "RECORDING", conflicts_with_all = ["recordings", "foxglove"])]
     pub recording: Option<PathBuf>,
     /// Port of the page on this machine; 0: any that is free.
     #[arg(long, default_value_t = 0)]
@@ -21,12 +21,28 @@ pub struct ConsoleArgs {
     /// Folder of the lab's measurements and models; made when it is needed first.
     #[arg(long, value_name = "DIR", default_value = "lab-files")]
     pub lab: PathBuf,
-    /// Serve Foxglove's WebSocket protocol too, read-only, for viewers such as Foxglove and Lichtblick; a third line has its address.
-    #[arg(long, conflicts_with = "recording")]
+    #[command(flatten)]
+    pub foxglove: FoxgloveArgs,
+}
+
+/// Whether viewers of engineers are served beside the page.
+#[derive(Clone, Debug, Default, Args)]
+pub struct FoxgloveArgs {
+    /// Serve Foxglove's WebSocket protocol too, read-only, for viewers such as Foxglove and Lichtblick, beside the page of the
+    /// chain; a third line has its address.
+    #[arg(long)]
     pub foxglove: bool,
     /// A page of this origin may read as well (`https://viewer.example`), again for each.
     #[arg(long, value_name = "ORIGIN", requires = "foxglove", value_parser = origin)]
     pub foxglove_origin: Vec<String>,
+}
+
+impl FoxgloveArgs {
+    /// The same wish on the command line of `krait console`.
+    pub fn words(&self) -> Vec<&str> {
+        let origins = self.foxglove_origin.iter().flat_map(|origin| ["--foxglove-origin", origin]);
+        self.foxglove.then_some("--foxglove").into_iter().chain(origins).collect()
+    }
 }
 
 /// An origin as a browser writes it: a scheme, a name, perhaps a port, and nothing behind.

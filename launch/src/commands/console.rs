@@ -1,7 +1,7 @@
 //! `krait console`: the page of a chain that runs, as a process of its own.
 
 use crate::cli::Common;
-use crate::cli_console::ConsoleArgs;
+use crate::cli_console::{ConsoleArgs, FoxgloveArgs};
 use crate::config::{Config, STANDARD_INPUT};
 use crate::in_force::ModelInForce;
 use crate::{print, recorded, signals, supervisor};
@@ -39,7 +39,11 @@ pub fn run(common: &Common, args: &ConsoleArgs) -> anyhow::Result<ExitCode> {
         None => {
             let config = Config::load(common.config.as_deref())?;
             let model = config.model()?;
-            let viewers = args.foxglove.then(|| viewers_of(&config, &model, &args.foxglove_origin)).transpose()?;
+            let viewers = args
+                .foxglove
+                .foxglove
+                .then(|| viewers_of(&config, &model, &args.foxglove.foxglove_origin))
+                .transpose()?;
             (Bus::open(&common.instance, NAME)?, facts_of(&common.instance, &config, &model)?, viewers)
         }
     };
@@ -102,10 +106,10 @@ impl Companion {
     ///
     /// # Errors
     /// The program cannot be started.
-    pub fn start(instance: &str, config: &Config, is_json: bool) -> anyhow::Result<Self> {
+    pub fn start(instance: &str, config: &Config, viewers: &FoxgloveArgs, is_json: bool) -> anyhow::Result<Self> {
         let program = std::env::current_exe().context("the krait program could not find itself")?;
         let mut command = Command::new(program);
-        command.args([NAME, "--instance", instance, "--config", STANDARD_INPUT]);
+        command.args([NAME, "--instance", instance, "--config", STANDARD_INPUT]).args(viewers.words());
         command.stdin(supervisor::in_memory(config)?).process_group(0);
         if is_json {
             command.stdout(std::io::stderr());
