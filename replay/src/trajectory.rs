@@ -174,45 +174,61 @@ impl Trajectory {
         for n in 0..self.n_samples() {
             let time_s = self.from_s + n as f64 * PERIOD_NS as f64 * 1e-9;
             let (pose, vel_per_s) = self.at(time_s);
-            if let Some((expected, found)) = limits.vel_beyond(&vel_per_s).or_else(|| limits.pose_beyond(&pose)) {
+            if let Some(beyond) = limits.vel_beyond(&vel_per_s).or_else(|| limits.pose_beyond(&pose)) {
                 let line = self.knots.iter().find(|knot| knot.time_s >= time_s).map_or(0, |knot| knot.line);
                 let row = Row { file, line, text: "" };
-                let expected = format!("a curve up to this row with {expected}");
-                return Err(row.refuse(1, &expected, format!("{found} at {time_s:.3} s")));
+                let expected = format!("a curve up to this row with {}", beyond.expected);
+                return Err(row.refuse(1, &expected, format!("{} at {time_s:.3} s", beyond.found)));
             }
         }
         Ok(())
     }
 }
 
+/// What lies outside of the limits.
+struct Beyond {
+    expected: String,
+    found: String,
+    /// The joint, from 0, where it is one joint's position.
+    joint_idx: Option<usize>,
+}
+
 impl TrajectoryLimits<'_> {
-    /// What was expected and what was found, where a pose lies outside. Written so that NaN does.
-    fn pose_beyond(&self, pose: &MachinePose) -> Option<(String, String)> {
+    /// What of a pose lies outside. Written so that NaN does.
+    fn pose_beyond(&self, pose: &MachinePose) -> Option<Beyond> {
         match *self {
             Self::Snake { max_bend_rad, .. } => {
                 let bend_rad = pose[0].hypot(pose[1]);
-                (!(0.0..=max_bend_rad).contains(&bend_rad))
-                    .then(|| (format!("a bend of at most {max_bend_rad} rad"), format!("{bend_rad:.4} rad")))
+                (!(0.0..=max_bend_rad).contains(&bend_rad)).then(|| Beyond {
+                    expected: format!("a bend of at most {max_bend_rad} rad"),
+                    found: format!("{bend_rad:.4} rad"),
+                    joint_idx: None,
+                })
             }
             Self::Joints { range: [lows, highs], .. } => {
-                let joints = lows.iter().zip(highs).zip(pose).enumerate();
-                let mut outside = joints.filter(|(_, ((low, high), found))| !(**low..=**high).contains(*found));
-                outside.next().map(|(idx, ((low, high), found))| {
-                    let unit = self.unit();
-                    (format!("joint {} from {low} to {high} {unit}", idx + 1), format!("{found:.5} {unit}"))
+                let mut joints = lows.iter().zip(highs).zip(pose).enumerate();
+                let outside = joints.find(|(_, ((low, high), found))| !(**low..=**high).contains(*found));
+                outside.map(|(idx, ((low, high), found))| Beyond {
+                    expected: format!("joint {} from {low} to {high} {}", idx + 1, self.unit()),
+                    found: format!("{found:.5} {}", self.unit()),
+                    joint_idx: Some(idx),
                 })
             }
         }
     }
 
     /// The same of a rate.
-    fn vel_beyond(&self, vel_per_s: &MachinePose) -> Option<(String, String)> {
+    fn vel_beyond(&self, vel_per_s: &MachinePose) -> Option<Beyond> {
         let (limit, found) = match *self {
             Self::Snake { max_bend_vel_rad_per_s, .. } => (max_bend_vel_rad_per_s, vel_per_s.norm()),
             Self::Joints { max_vel_per_s, .. } => (max_vel_per_s, vel_per_s.amax()),
         };
         let unit = self.unit();
-        (!(0.0..=limit).contains(&found)).then(|| (format!("at most {limit} {unit}/s"), format!("{found:.3} {unit}/s")))
+        (!(0.0..=limit).contains(&found)).then(|| Beyond {
+            expected: format!("at most {limit} {unit}/s"),
+            found: format!("{found:.3} {unit}/s"),
+            joint_idx: None,
+        })
     }
 
     /// Unit of its poses.
@@ -345,14 +361,18 @@ mod tests {
             (
                 "time_s,q1_rad,q2_rad\n0,0,0\n9,0,0.7\n",
                 false,
-                "line 3, column 1: expected joint 2 from -0.8 to 0.6 rad, found 0.70000 rad",
+                "line 3, column 3: expected joint 2 from -0.8 to 0.6 rad, found 0.70000 rad",
             ),
             (
                 "time_s,q1_rad,q2_rad\n0,0,0\n0.1,0.5,0\n",
                 false,
                 "line 3, column 1: expected a curve up to this row with at most 2 rad/s, found",
             ),
-            ("time_s,q1_mm,q2_mm\n0,0,0\n9,4.5,0\n", true, "expected joint 1 from -0.004 to 0.004 m, found 0.00450 m"),
+            (
+                "time_s,q1_mm,q2_mm\n0,0,0\n9,4.5,0\n",
+                true,
+                "line 3, column 2: expected joint 1 from -0.004 to 0.004 m, found 0.00450 m",
+            ),
         ] {
             let sentence = parse_joints(text, slides).expect_err(text).to_string();
             assert!(sentence.contains(words), "{words:?} is not in: {sentence}");

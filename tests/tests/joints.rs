@@ -162,7 +162,7 @@ fn a_wrist_follows_a_trajectory_through_its_rows_and_can_be_sent_it_again() {
     assert!(verdict["first_difference"].is_null() && verdict["commands_identical"].as_u64() > Some(2000), "{verdict}");
     std::fs::write(&table, "time_s,q1_deg,q2_deg,q3_deg\n0,0,0,0\n1,60,0,0\n").expect("written");
     let refused = play(&table);
-    let sentence = "line 3, column 1: expected joint 1 from -0.8 to 0.8 rad, found 1.04720 rad";
+    let sentence = "line 3, column 2: expected joint 1 from -0.8 to 0.8 rad, found 1.04720 rad";
     assert!(refused.code == Some(2) && refused.stderr.contains(sentence), "{refused:?}");
 }
 

@@ -104,8 +104,9 @@ impl Header {
             return Err(row.refuse(time_column, &expected, format!("{time_s} s")));
         }
         let (pose, column) = values.pose(limits)?;
-        if let Some((expected, found)) = limits.pose_beyond(&pose) {
-            return Err(row.refuse(column, &expected, found));
+        if let Some(beyond) = limits.pose_beyond(&pose) {
+            let joint = beyond.joint_idx.and_then(|idx| values.of(Quantity::Joint(idx)));
+            return Err(row.refuse(joint.map_or(column, |(_, column)| column), &beyond.expected, beyond.found));
         }
         Ok(Knot { time_s, pose, vel_per_s: MachinePose::zeros(), line: row.line })
     }
