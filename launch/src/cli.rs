@@ -265,7 +265,7 @@ pub struct RunArgs {
     #[arg(long)]
     pub console: bool,
     #[command(flatten)]
-    pub foxglove: FoxgloveArgs,
+    pub viewers: FoxgloveArgs,
     /// Print the figures as JSON on standard output at the end.
     #[arg(long)]
     pub json: bool,

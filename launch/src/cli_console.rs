@@ -22,7 +22,7 @@ pub struct ConsoleArgs {
     #[arg(long, value_name = "DIR", default_value = "lab-files")]
     pub lab: PathBuf,
     #[command(flatten)]
-    pub foxglove: FoxgloveArgs,
+    pub viewers: FoxgloveArgs,
 }
 
 /// Whether viewers of engineers are served beside the page.

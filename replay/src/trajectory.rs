@@ -174,11 +174,10 @@ impl Trajectory {
         for n in 0..self.n_samples() {
             let time_s = self.from_s + n as f64 * PERIOD_NS as f64 * 1e-9;
             let (pose, vel_per_s) = self.at(time_s);
-            if let Some(beyond) = limits.vel_beyond(&vel_per_s).or_else(|| limits.pose_beyond(&pose)) {
+            if let Some(beyond) = limits.vel_beyond(&vel_per_s).or_else(|| limits.curve_beyond(&pose)) {
                 let line = self.knots.iter().find(|knot| knot.time_s >= time_s).map_or(0, |knot| knot.line);
                 let row = Row { file, line, text: "" };
-                let expected = format!("a curve up to this row with {}", beyond.expected);
-                return Err(row.refuse(1, &expected, format!("{} at {time_s:.3} s", beyond.found)));
+                return Err(row.refuse(1, &beyond.expected, format!("{} at {time_s:.3} s", beyond.found)));
             }
         }
         Ok(())
@@ -217,6 +216,12 @@ impl TrajectoryLimits<'_> {
         }
     }
 
+    /// The same between two rows.
+    fn curve_beyond(&self, pose: &MachinePose) -> Option<Beyond> {
+        let beyond = self.pose_beyond(pose)?;
+        Some(Beyond { expected: format!("a curve up to this row with {}", beyond.expected), ..beyond })
+    }
+
     /// The same of a rate.
     fn vel_beyond(&self, vel_per_s: &MachinePose) -> Option<Beyond> {
         let (limit, found) = match *self {
@@ -225,7 +230,7 @@ impl TrajectoryLimits<'_> {
         };
         let unit = self.unit();
         (!(0.0..=limit).contains(&found)).then(|| Beyond {
-            expected: format!("at most {limit} {unit}/s"),
+            expected: format!("a motion up to this row of at most {limit} {unit}/s"),
             found: format!("{found:.3} {unit}/s"),
             joint_idx: None,
         })
@@ -324,10 +329,7 @@ mod tests {
             ("time_s,bend_x_rad,bend_y_rad\n0,0,0\n0,0,0\n", "line 3, column 1: expected a time after 0 s"),
             ("time_s,bend_x_rad,bend_y_rad\n0,0\n", "line 2, column 2: expected 3 fields"),
             ("time_s,bend_x_rad,bend_y_rad\n0,0,0\n9,1.4,0\n", "line 3, column 2: expected a bend of at most 1.3 rad"),
-            (
-                "time_s,bend_x_rad,bend_y_rad\n0,0,0\n0.1,1,0\n",
-                "line 3, column 1: expected a curve up to this row with at most 2 rad/s",
-            ),
+            ("time_s,bend_x_rad,bend_y_rad\n0,0,0\n0.1,1,0\n", "line 3, column 1: expected a motion up to this row"),
             ("time_s,tip_x_mm,tip_y_mm\n0,0,0\n9,40,0\n", "line 3, column 2: expected a tip at most"),
             ("time_s,tip_x_mm,tip_y_mm,tip_z_mm\n0,0,0,5\n", "line 2, column 4: expected tip_z within 1 mm"),
             ("time_s,theta_l_rad,delta_rad\n0,1.7,0\n", "line 2, column 2: expected theta_l from 0 to pi/2"),
@@ -366,7 +368,7 @@ mod tests {
             (
                 "time_s,q1_rad,q2_rad\n0,0,0\n0.1,0.5,0\n",
                 false,
-                "line 3, column 1: expected a curve up to this row with at most 2 rad/s, found",
+                "line 3, column 1: expected a motion up to this row of at most 2 rad/s, found",
             ),
             (
                 "time_s,q1_mm,q2_mm\n0,0,0\n9,4.5,0\n",

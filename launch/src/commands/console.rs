@@ -39,11 +39,8 @@ pub fn run(common: &Common, args: &ConsoleArgs) -> anyhow::Result<ExitCode> {
         None => {
             let config = Config::load(common.config.as_deref())?;
             let model = config.model()?;
-            let viewers = args
-                .foxglove
-                .foxglove
-                .then(|| viewers_of(&config, &model, &args.foxglove.foxglove_origin))
-                .transpose()?;
+            let wish = &args.viewers;
+            let viewers = wish.foxglove.then(|| viewers_of(&config, &model, &wish.foxglove_origin)).transpose()?;
             (Bus::open(&common.instance, NAME)?, facts_of(&common.instance, &config, &model)?, viewers)
         }
     };

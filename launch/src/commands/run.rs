@@ -34,7 +34,7 @@ pub fn run(common: &Common, args: &RunArgs) -> anyhow::Result<ExitCode> {
     }
     let config = configure(common, args)?;
     name_unused_axes(&config, args.master)?;
-    let has_console = args.console || args.foxglove.foxglove || args.master == MasterKind::Browser;
+    let has_console = args.console || args.viewers.foxglove || args.master == MasterKind::Browser;
     let options = ChainOptions {
         config,
         master: args.master,
@@ -56,7 +56,7 @@ pub fn run(common: &Common, args: &RunArgs) -> anyhow::Result<ExitCode> {
     }
     let model = options.config.model()?;
     evidence.processes(model.label, &supervisor.processes());
-    let start_console = || Companion::start(&common.instance, &options.config, &args.foxglove, args.json);
+    let start_console = || Companion::start(&common.instance, &options.config, &args.viewers, args.json);
     let console = has_console.then(start_console).transpose()?;
     let label = format!("Running, compensation {}; Ctrl-C ends it", model.label);
     let slides = model.machine.joints().is_some_and(JointModel::slides);
