@@ -4,7 +4,7 @@ use crate::diagnose::Calibration;
 use crate::diagnose::search::{Search, Trial};
 use crate::fit::{Fit, Uncertainty, Variable, fit_to_end, held_out_output_squares, uncertainty};
 use crate::free::free_variables;
-use crate::machine::{Candidate, MachineUnderTest, nearest};
+use crate::machine::{Candidate, FreeJoints, JointsLab, MachineUnderTest, nearest};
 use crate::noise::NoiseFloor;
 use crate::prepare::{Prepared, prepare};
 use crate::{LabError, Measurements, Parameter, Problem, Term};
@@ -54,7 +54,7 @@ pub fn add(machine: &dyn MachineUnderTest, data: &Measurements, options: &AddOpt
     if let Some(joints) = machine.as_joints().filter(|_| !options.from_given && options.free.is_empty())
         && let Some(added) = crate::joint::add(joints, data, options)?
     {
-        return Ok(added);
+        return with_own(joints, data, options, added);
     }
     let calibrated = machine.as_joints().map(|joints| crate::joint::calibrated(joints, data)).transpose()?;
     let machine = calibrated.as_ref().map_or(machine, |joints| joints as &dyn MachineUnderTest);
@@ -64,12 +64,36 @@ pub fn add(machine: &dyn MachineUnderTest, data: &Measurements, options: &AddOpt
         return Err(LabError::CannotShow { effect: options.term.label().to_owned(), reason });
     }
     let free = places(&options.term, &parameters, &options.free, known.as_ref())?;
-    let again = free_variables(machine, &data.source, &options.refit)?;
+    let again = free_variables(machine, data, &options.refit)?;
     let fitted = match known.filter(|_| !options.from_given && options.free.is_empty()) {
         Some(candidate) => bench.on_grid(&candidate, &again)?,
         None => bench.near_values(&options.term, &parameters, &free, again)?,
     };
     Ok(bench.report(fitted))
+}
+
+/// Fits the new effect of joints again, from what was found with the model's own effects held, together with those of their values
+/// that are free or known with a standard error, and with gains and offsets.
+fn with_own(joints: &JointsLab, data: &Measurements, options: &AddOptions, alone: Added) -> Result<Added, LabError> {
+    let machine = FreeJoints::new(joints, data, &alone.calibration, &options.recordings);
+    let n_own = joints.effects().len();
+    let mut variables = free_variables(&machine, data, &options.refit)?;
+    // Beside a gain and an offset that are free themselves a further one is not told.
+    let is_told = |own: &Variable| {
+        let name = joints.effects().get(own.effect).map_or("", |term| term.name.as_str());
+        own.prior.is_some() || !["scale", "offset"].contains(&name)
+    };
+    variables.retain(is_told);
+    if variables.iter().all(|own| own.effect >= n_own) {
+        return Ok(alone);
+    }
+    let mut effects = machine.effects().to_vec();
+    effects.extend_from_slice(&alone.terms[n_own..]);
+    // Behind the machine's own entry.
+    variables.extend(alone.variables.iter().cloned().map(|own| Variable { effect: own.effect + 1, ..own }));
+    let bench = Bench::new(&machine, data)?;
+    let together = bench.report(fit_to_end(&bench.problem, &effects, &variables)?);
+    Ok(machine.without_machine(Added { before: alone.before, ..together }, alone.calibration))
 }
 
 /// Fits parameters of the model's own effects: effect's label and parameter's name.
@@ -84,7 +108,7 @@ pub fn refit(
     let calibrated = machine.as_joints().map(|joints| crate::joint::calibrated(joints, data)).transpose()?;
     let machine = calibrated.as_ref().map_or(machine, |joints| joints as &dyn MachineUnderTest);
     let bench = Bench::new(machine, data)?;
-    let variables = free_variables(machine, &data.source, free)?;
+    let variables = free_variables(machine, data, free)?;
     let fitted = fit_to_end(&bench.problem, machine.effects(), &variables)?;
     Ok(bench.report(fitted))
 }

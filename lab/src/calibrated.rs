@@ -1,16 +1,23 @@
 //! What a calibration wrote into a model file beside what a fit to other data finds: do the two agree?
 
-use crate::Added;
+use crate::{Added, Measurements, fitted_to};
 use krait_model::model_file::ModelFile;
 
 /// Standard errors of both together beyond which two values are not the same.
 const APART: f64 = 3.0;
 
-/// A sentence for each fitted parameter whose value in the file came with a standard error and lies too far away.
-pub fn disagreements(file: &ModelFile, added: &Added) -> Vec<String> {
+/// A sentence for each fitted parameter whose value in the file came with a standard error, from other data than these, and lies too
+/// far away.
+pub fn disagreements(file: &ModelFile, added: &Added, data: &Measurements) -> Vec<String> {
+    let again = fitted_to(file, data);
+    let of_other_data = |place: usize, name: &str| {
+        let label = file.effects().get(place).map_or("", |effect| effect.setting().label());
+        !again.iter().any(|(effect, own)| effect == label && own == name)
+    };
     let robust = |k: usize| added.uncertainty.robust.get(k).copied().unwrap_or(f64::NAN);
     let fitted = added.variables.iter().enumerate();
     fitted
+        .filter(|(_, own)| of_other_data(own.effect, &own.name))
         .filter_map(|(k, own)| disagreement(file, own.effect, &own.name, own.value(&added.terms), robust(k)))
         .collect()
 }

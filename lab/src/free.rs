@@ -2,7 +2,7 @@
 
 use crate::fit::Variable;
 use crate::machine::{MachineUnderTest, OpenNumber, is_geometry, nearest};
-use crate::{LabError, Term};
+use crate::{LabError, Measurements, Term};
 
 /// A unit step of a parameter near zero, as a part of its range, and the widest range that counts.
 const SMALLEST_STEP: f64 = 1e-3;
@@ -12,13 +12,13 @@ const WIDEST: f64 = 1e3;
 const ANCHOR: f64 = 0.3;
 
 /// The variables of parameters named by effect's label and parameter's name, and of the machine's open numbers. A number that the
-/// file drew from these very data, `source`, is free: data do not count twice.
+/// file drew from these very data is free: data do not count twice.
 ///
 /// # Errors
 /// [`LabError::NotInModel`] or [`LabError::UnknownParameter`] for a name that is not there.
 pub(crate) fn free_variables(
     machine: &dyn MachineUnderTest,
-    source: &str,
+    data: &Measurements,
     free: &[(String, String)],
 ) -> Result<Vec<Variable>, LabError> {
     let effects = machine.effects();
@@ -40,7 +40,7 @@ pub(crate) fn free_variables(
     }
     for OpenNumber { effect, parameter, prior, from } in machine.open_numbers() {
         if !variables.iter().any(|own| (own.effect, own.parameter) == (effect, parameter)) {
-            let prior = prior.filter(|_| from.as_deref() != Some(source));
+            let prior = prior.filter(|_| from.as_ref().is_none_or(|own| !own.is(&data.source, &data.sha256)));
             let mut own = variable(machine, effect, parameter)?;
             own.prior = prior;
             variables.push(own);

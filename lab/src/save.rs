@@ -1,7 +1,7 @@
 //! A model file with what a fit found: values with their standard errors and origin, and one more line of history.
 
 use crate::machine::{acting, is_geometry, setting, with_geometry};
-use crate::{Added, LabError, Measurements};
+use crate::{Added, FittedData, LabError, Measurements};
 use krait_model::model_file::{FileEffect, HeldOutRms, HistoryEntry, Known, Machine, ModelFile, Origin};
 
 /// The file with the effects of a fit. `what` names the effect for the history; `date` is the day, YYYY-MM-DD.
@@ -72,8 +72,8 @@ pub fn save(
 /// other values; what was fitted to other data, or written by hand, is held.
 pub fn fitted_to(file: &ModelFile, data: &Measurements) -> Vec<(String, String)> {
     let is_same = |origin: &Origin| {
-        let mut own = file.history().iter().filter(|entry| entry.data_sha256 == data.sha256);
-        own.any(|entry| Some(&entry.data) == origin.from.as_ref())
+        let from = origin.from.as_deref().map(|name| FittedData::of(file, name, origin.date.as_deref()));
+        from.is_some_and(|own| own.is(&data.source, &data.sha256))
     };
     let names = |effect: &FileEffect| {
         let own = effect.setting();

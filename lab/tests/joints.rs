@@ -5,7 +5,7 @@ use krait_lab::compare::compare;
 use krait_lab::diagnose::{DiagnoseOptions, diagnose};
 use krait_lab::machine::{JointsLab, MachineUnderTest};
 use krait_lab::read::{ColumnMap, read};
-use krait_lab::{AddOptions, Measurements, Term, add, save};
+use krait_lab::{AddOptions, Added, Measurements, Term, add, fitted_to, save};
 use krait_model::model_file::ModelFile;
 use std::path::Path;
 
@@ -104,4 +104,78 @@ fn every_candidate_of_joints_is_a_model_that_its_neutral_values_do_not_change() 
             assert_ne!(predict(start), bare, "{} {start:?}", candidate.name);
         }
     }
+}
+
+/// What a cable with this play and a drive with this lag make of a hand's motion, seen with noise; gain 1.1, offset 0.05 rad.
+fn played_then_lagged(half_width: f64, time_s: f64) -> Measurements {
+    let dt_s = 0.02;
+    let at = |row: usize, hz: f64| (core::f64::consts::TAU * hz * dt_s * row as f64).sin();
+    let mut random = 1_u64;
+    let mut noise = || {
+        let mut sum = -6.0;
+        for _ in 0..12 {
+            random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            sum += (random >> 11) as f64 / (1_u64 << 53) as f64;
+        }
+        1e-3 * sum
+    };
+    let n = 3000;
+    let inputs: Vec<f64> = (0..n).map(|row| 0.5 * at(row, 0.11) + 0.2 * at(row, 0.37)).collect();
+    let (mut behind_play, mut behind_lag) = (0.0_f64, 0.0_f64);
+    let outputs = inputs.iter().map(|&u| {
+        let before = behind_play;
+        behind_play = behind_play.clamp(u - half_width, u + half_width);
+        // Small steps of the lag between two rows, over which the position behind the play is a ramp.
+        for step in 0..50 {
+            let position = before + (behind_play - before) * (f64::from(step) + 0.5) / 50.0;
+            behind_lag += (position - behind_lag) * dt_s / 50.0 / time_s;
+        }
+        1.1 * behind_lag + 0.05 + noise()
+    });
+    let outputs = outputs.collect();
+    let time_s = (0..n).map(|row| dt_s * row as f64).collect();
+    Measurements { source: "one.csv".to_owned(), time_s, inputs, outputs, trial: vec![0; n], ..wrist().1 }
+}
+
+#[test]
+fn a_second_effect_of_joints_moves_the_first_that_was_fitted_alone_towards_the_truth() {
+    let data = played_then_lagged(0.03, 0.15);
+    let (file, bare) = machine("n = 1\n");
+    let adding = |machine: &JointsLab, name: &str, data: &Measurements, refit| -> Added {
+        let term = Term { name: name.to_owned(), values: vec![0.0; 2], formula: None };
+        let options = AddOptions { term, from_given: false, free: Vec::new(), refit, recordings: Vec::new() };
+        add(machine, data, &options).expect("a fit")
+    };
+    let half_width = |added: &Added| added.terms[0].values[1];
+    let alone = adding(&bare, "backlash", &data, Vec::new());
+    let first = half_width(&alone);
+    let saved = save(&file, &alone, "backlash", &data, "2026-11-23").expect("a model");
+    let saved = ModelFile::parse(&saved.to_toml()).expect("read back");
+    // The same data under another name are the same; others of this name are not, and the value a prior.
+    let copy = Measurements { source: "copy.csv".to_owned(), ..data.clone() };
+    let other = Measurements { sha256: "of other data".to_owned(), ..data.clone() };
+    let again = fitted_to(&saved, &copy);
+    assert_eq!(again, [("backlash".to_owned(), "half_width".to_owned())]);
+    assert_eq!(fitted_to(&saved, &other), []);
+    let own = JointsLab::new(&saved).expect("joints");
+    let both = adding(&own, "first-order-lag", &copy, again);
+    // A bare number is held.
+    let (_, held) = machine(&format!("n = 1\n[[effect]]\nkind = \"backlash\"\nhalf_width = {first}\n"));
+    let held = adding(&held, "first-order-lag", &data, Vec::new());
+    let drawn = adding(&own, "first-order-lag", &other, Vec::new());
+    let [first, held_at, drawn_to, found] = [first, half_width(&held), half_width(&drawn), half_width(&both)];
+    println!("{first} alone, {held_at} held, {drawn_to} drawn, {found} together");
+    assert!((first - 0.03).abs() > 0.005 && held_at == first, "{first} alone, {held_at} held");
+    assert!((found - 0.03).abs() < 0.1 * (first - 0.03).abs(), "{first} alone, {found} together");
+    assert!((found - drawn_to).abs() > 0.0 && (drawn_to - first).abs() > 0.0, "{drawn_to} drawn");
+    assert!(both.after < held.after, "{} held, {} together", held.after, both.after);
+    let names: Vec<&str> = both.variables.iter().map(|own| own.name.as_str()).collect();
+    assert_eq!(names, ["half_width", "time_s"], "gain and offset are calibration");
+    for (own, (name, truth)) in both.calibration.iter().zip([("gain", 1.1), ("offset", 0.05_f64.to_degrees())]) {
+        assert_eq!(own.name, name);
+        assert!((own.value - truth).abs() < 5.0 * own.se, "{name}: {} +- {}", own.value, own.se);
+    }
+    // Written as fitted to the data of both, gain and offset still left to the next fit.
+    let better = save(&saved, &both, "first-order-lag", &copy, "2026-11-23").expect("a model").to_toml();
+    assert!(better.matches("from = \"copy.csv\"").count() == 2 && !better.contains("gain"), "{better}");
 }

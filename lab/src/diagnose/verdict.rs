@@ -79,7 +79,7 @@ pub fn diagnose(
         .with_loads(loads.cells())
         .with_noise(full.noise);
     let candidates = machine.candidates(data);
-    let base_variables = free_variables(machine, &data.source, &options.free)?;
+    let base_variables = free_variables(machine, data, &options.free)?;
     let search = |problem| Search {
         problem,
         candidates: &candidates,

@@ -25,9 +25,9 @@ pub struct Variable {
     /// not feel it.
     pub(crate) anchor: Option<(f64, f64)>,
     /// Size of a unit step; `None`: the parameter is positive and its logarithm is stepped.
-    scale: Option<f64>,
+    pub(crate) scale: Option<f64>,
     /// Whether all angles are within its bounds: it has no bounds then.
-    is_angle: bool,
+    pub(crate) is_angle: bool,
 }
 
 impl Variable {

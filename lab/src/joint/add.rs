@@ -1,4 +1,4 @@
-//! Adding an effect to joints, fitted together with gain and offset; the model's own effects are held.
+//! Adding an effect to joints, fitted together with gain and offset; the model's own effects are held here, and `crate::add` fits theirs again.
 
 use super::answer;
 use super::decide::{candidates, excluded, fast_noise, problem};

@@ -1,12 +1,12 @@
 //! A snake's geometry and material as one more entry of its list of effects, so that a fit can free its numbers as it frees theirs.
 
 use super::OpenNumber;
-use crate::{Added, Parameter, Term};
+use crate::{Added, FittedData, Parameter, Term};
 use krait_model::MachineParameters;
-use krait_model::model_file::{GeometryKey, Known, SnakeMachine};
+use krait_model::model_file::{GeometryKey, Known, ModelFile, SnakeMachine};
 
 /// The entry's name; `--free machine.r_m` frees a number of it.
-const GEOMETRY: &str = "machine";
+pub(super) const GEOMETRY: &str = "machine";
 
 /// Whether an entry of a list is the geometry.
 pub(crate) fn is_geometry(term: &Term) -> bool {
@@ -46,12 +46,15 @@ pub(crate) fn with_geometry(machine: &SnakeMachine, added: &Added, origin: impl 
 }
 
 /// The numbers that the model file leaves to every fit, or gives with a standard error.
-pub(super) fn open_numbers(machine: &SnakeMachine, place: usize) -> Vec<OpenNumber> {
+pub(super) fn open_numbers(file: &ModelFile, machine: &SnakeMachine, place: usize) -> Vec<OpenNumber> {
     let open = |(parameter, key): (usize, GeometryKey)| {
         let (prior, from) = match machine.known(key.name) {
             Known::Held => return None,
             Known::Absent | Known::Free => (None, None),
-            Known::Fitted { se, from, .. } => (machine.value(key.name).map(|value| (value, *se)), from.clone()),
+            Known::Fitted { se, from, date } => {
+                let data = from.as_deref().map(|name| FittedData::of(file, name, date.as_deref()));
+                (machine.value(key.name).map(|value| (value, *se)), data)
+            }
         };
         Some(OpenNumber { effect: place, parameter, prior, from })
     };

@@ -1,6 +1,6 @@
 //! Joints under the lab: the forward model of `krait_model::joints`, row by row.
 
-use super::{Candidate, MachineUnderTest, joint_candidates, snake};
+use super::{Candidate, MachineUnderTest, OpenNumber, joint_candidates, snake};
 use crate::joint::Number;
 use crate::{LabError, Measurements, Parameter, Term};
 use krait_model::KnownColumns;
@@ -13,6 +13,8 @@ use krait_model::model_file::{Joints, Known, ModelFile};
 pub struct JointsLab {
     joints: Joints,
     effects: Vec<Term>,
+    /// Values of the effects that the model file gives with a standard error.
+    open: Vec<OpenNumber>,
 }
 
 impl JointsLab {
@@ -20,7 +22,9 @@ impl JointsLab {
     pub fn new(file: &ModelFile) -> Option<Self> {
         let krait_model::model_file::Machine::Joints(joints) = file.machine() else { return None };
         let effects = file.effects().iter().map(|effect| snake::term(effect.setting())).collect();
-        Some(Self { joints: joints.clone(), effects })
+        let own = file.effects().iter().enumerate();
+        let open = own.flat_map(|(place, effect)| snake::known_values(file, place, effect)).collect();
+        Some(Self { joints: joints.clone(), effects, open })
     }
 
     /// The same with these gains and offsets.
@@ -133,6 +137,10 @@ impl MachineUnderTest for JointsLab {
         }
         let own = kind(&term.name)?.definition().parameters.iter().map(snake::own_parameter);
         Ok(own.map(|parameter| Parameter { unit: self.unit(&parameter.unit), ..parameter }).collect())
+    }
+
+    fn open_numbers(&self) -> Vec<OpenNumber> {
+        self.open.clone()
     }
 
     fn candidates(&self, data: &Measurements) -> Vec<Candidate> {

@@ -1,6 +1,7 @@
 //! What a machine must be able to say about itself so that the lab can compare, diagnose and fit it.
 
 mod force;
+mod free_joints;
 mod geometry;
 mod joint_candidates;
 mod joints;
@@ -8,12 +9,13 @@ mod snake;
 mod snake_candidates;
 
 pub use force::ForceLab;
+pub(crate) use free_joints::FreeJoints;
 pub(crate) use geometry::{is_geometry, with_geometry};
 pub use joints::JointsLab;
 pub use snake::SnakeLab;
 pub(crate) use snake::{acting, nearest};
 
-use crate::{LabError, Measurements, Parameter, Term};
+use crate::{FittedData, LabError, Measurements, Parameter, Term};
 
 use krait_model::EffectSetting;
 use krait_model::model_file::{self, ModelFile};
@@ -71,7 +73,7 @@ pub struct OpenNumber {
     /// The value and the standard error that the file gives, in the number's unit; `None`: it is free.
     pub prior: Option<(f64, f64)>,
     /// The data that this value came from.
-    pub from: Option<String>,
+    pub from: Option<FittedData>,
 }
 
 /// An error of the inputs' readings that is periodic in the inputs themselves, with the same period for all and a phase for each.

@@ -4,7 +4,7 @@ use super::{Candidate, MachineUnderTest, OpenNumber, geometry, snake_candidates}
 use crate::fit::fit_to_end;
 use crate::free::free_variables;
 use crate::prepare::prepare;
-use crate::{LabError, Measurements, Parameter, Term};
+use crate::{FittedData, LabError, Measurements, Parameter, Term};
 use krait_model::effects::{EffectKind, FormulaText};
 use krait_model::model_file::{FileEffect, ModelFile, SnakeMachine};
 use krait_model::{Chain, Circumstances, EffectSetting, KnownColumns, Prediction, Snake};
@@ -28,8 +28,8 @@ impl SnakeLab {
         let snake = Snake::new(&machine.parameters).ok()?;
         let mut effects: Vec<Term> = file.effects().iter().map(|effect| term(effect.setting())).collect();
         let mut open: Vec<OpenNumber> =
-            file.effects().iter().enumerate().flat_map(|(place, effect)| known_values(place, effect)).collect();
-        open.extend(geometry::open_numbers(machine, effects.len()));
+            file.effects().iter().enumerate().flat_map(|(place, effect)| known_values(file, place, effect)).collect();
+        open.extend(geometry::open_numbers(file, machine, effects.len()));
         effects.push(geometry::term(machine));
         Some(Self { machine: machine.clone(), snake, effects, open })
     }
@@ -96,7 +96,7 @@ impl MachineUnderTest for SnakeLab {
         if self.open.iter().all(|own| own.prior.is_some()) {
             return Ok(None);
         }
-        let variables = free_variables(self, &data.source, &[])?;
+        let variables = free_variables(self, data, &[])?;
         let effects = fit_to_end(&prepare(self, data)?.problem, &self.effects, &variables)?.effects;
         Ok(Some(Box::new(Self { effects, ..self.clone() })))
     }
@@ -134,12 +134,13 @@ impl MachineUnderTest for SnakeLab {
 }
 
 /// The values of an effect that the model file gives with a standard error.
-fn known_values(place: usize, effect: &FileEffect) -> Vec<OpenNumber> {
+pub(super) fn known_values(file: &ModelFile, place: usize, effect: &FileEffect) -> Vec<OpenNumber> {
     let known = |(parameter, name): (usize, &str)| {
         let origin = effect.origin(name)?;
         let se = origin.se.filter(|se| *se > 0.0)?;
         let value = effect.setting().value(name)?;
-        Some(OpenNumber { effect: place, parameter, prior: Some((value, se)), from: origin.from.clone() })
+        let from = origin.from.as_deref().map(|name| FittedData::of(file, name, origin.date.as_deref()));
+        Some(OpenNumber { effect: place, parameter, prior: Some((value, se)), from })
     };
     effect.setting().parameter_names().enumerate().filter_map(known).collect()
 }

@@ -120,7 +120,7 @@ fn finish(session: &Session, added: &Added, what: &str, out: &Path, as_json: boo
     let file = save(&session.file, added, what, &session.data, &date)?;
     std::fs::write(out, file.to_toml())
         .with_context(|| format!("the model file {} could not be written", out.display()))?;
-    let calibrated = disagreements(&session.file, added);
+    let calibrated = disagreements(&session.file, added, &session.data);
     if as_json {
         print::json(&answer(added, session, what, out, &not_compensated(&file), &calibrated))?;
     } else {

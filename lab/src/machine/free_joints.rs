@@ -1,0 +1,157 @@
+//! Joints whose gains and offsets stand in the list of effects too, so that one fit finds them together with the effects' values.
+
+use super::geometry::is_geometry;
+use super::{Candidate, JointsLab, MachineUnderTest, OpenNumber};
+use crate::diagnose::Calibration;
+use crate::joint::Number;
+use crate::noise::bounds;
+use crate::{Added, LabError, Measurements, Parameter, Term};
+
+/// Joints with what is free of them in the list of effects: one entry behind the model's own, which holds gain and offset of each joint
+/// in each recording.
+pub(crate) struct FreeJoints<'a> {
+    joints: &'a JointsLab,
+    effects: Vec<Term>,
+    open: Vec<OpenNumber>,
+    /// First trial of each recording.
+    first_trials: Vec<u32>,
+    /// What counts as a large change of a gain and of an offset.
+    sizes: [f64; 2],
+}
+
+/// Numbers of one joint in one recording: gain and offset.
+const NUMBERS: usize = 2;
+
+impl<'a> FreeJoints<'a> {
+    /// The joints with the gains and offsets that a fit found, which name joint and recording in this order.
+    pub fn new(
+        joints: &'a JointsLab,
+        data: &Measurements,
+        calibration: &[Calibration],
+        recordings: &[(String, usize)],
+    ) -> Self {
+        let (_, scale) = joints.error_unit();
+        let n = joints.joints().n;
+        let mut first_trials: Vec<u32> = recordings.iter().map(|(_, first)| *first as u32).collect();
+        if first_trials.is_empty() {
+            first_trials.push(0);
+        }
+        let place = joints.effects().len();
+        let mut values = vec![0.0; NUMBERS * n * first_trials.len()];
+        let mut open = joints.open_numbers();
+        for joint in 0..n {
+            let known = [("gain", joints.gain_known(joint), 1.0), ("offset", joints.offset_known(joint), scale)];
+            for (which, (name, number, scale)) in known.into_iter().enumerate() {
+                let found = calibration.iter().filter(|own| own.name == name && own.joint == Some(joint + 1));
+                for (recording, found) in found.take(first_trials.len()).enumerate() {
+                    let parameter = NUMBERS * (recording * n + joint) + which;
+                    values[parameter] = found.value / scale;
+                    let prior = match number {
+                        Number::Held(_) => continue,
+                        Number::Free => None,
+                        Number::Near(value, se) => Some((value, se)),
+                    };
+                    open.push(OpenNumber { effect: place, parameter, prior, from: None });
+                }
+            }
+        }
+        let range = |values: &[f64]| {
+            let (low, high) = bounds(values.iter().copied().filter(|value| value.is_finite()));
+            if high > low { high - low } else { 1.0 }
+        };
+        let (u, y) = (range(&data.inputs), range(&data.outputs));
+        let mut effects = joints.effects().to_vec();
+        effects.push(Term { name: super::geometry::GEOMETRY.to_owned(), values, formula: None });
+        Self { joints, effects, open, first_trials, sizes: [y / u, y] }
+    }
+
+    /// What a fit found, with gains and offsets as calibration and no longer in the list.
+    pub fn without_machine(&self, mut added: Added, calibration: Vec<Calibration>) -> Added {
+        let (_, scale) = self.joints.error_unit();
+        let (place, n) = (self.joints.effects().len(), self.joints.joints().n);
+        added.calibration = calibration;
+        for (variable, se) in added.variables.iter().zip(&added.uncertainty.robust).filter(|(v, _)| v.effect == place) {
+            let (of_joint, which) = (variable.parameter / NUMBERS, variable.parameter % NUMBERS);
+            let (name, scale) = if which == 0 { ("gain", 1.0) } else { ("offset", scale) };
+            let own =
+                added.calibration.iter_mut().filter(|own| own.name == name && own.joint == Some(of_joint % n + 1));
+            if let Some(own) = own.into_iter().nth(of_joint / n) {
+                (own.value, own.se) = (scale * variable.value(&added.terms), scale * se);
+            }
+        }
+        let keep: Vec<bool> = added.variables.iter().map(|variable| variable.effect != place).collect();
+        let kept = |values: &[f64]| values.iter().zip(&keep).filter(|(_, keep)| **keep).map(|(v, _)| *v).collect();
+        added.uncertainty.robust = kept(&added.uncertainty.robust);
+        added.uncertainty.naive = kept(&added.uncertainty.naive);
+        added.variables.retain(|variable| variable.effect != place);
+        for variable in added.variables.iter_mut().filter(|variable| variable.effect > place) {
+            variable.effect -= 1;
+        }
+        added.terms.remove(place);
+        added
+    }
+}
+
+impl MachineUnderTest for FreeJoints<'_> {
+    fn kind(&self) -> &'static str {
+        self.joints.kind()
+    }
+
+    fn error_unit(&self) -> (&str, f64) {
+        self.joints.error_unit()
+    }
+
+    fn input_unit(&self) -> &str {
+        self.joints.input_unit()
+    }
+
+    fn effects(&self) -> &[Term] {
+        &self.effects
+    }
+
+    fn parameters(&self, term: &Term) -> Result<Vec<Parameter>, LabError> {
+        if !is_geometry(term) {
+            return self.joints.parameters(term);
+        }
+        let own = |k: usize| {
+            let (which, reach) = (k % NUMBERS, 1e3 * self.sizes[k % NUMBERS]);
+            let name = format!("{}{}", ["gain", "offset"][which], k / NUMBERS + 1);
+            Parameter { name, unit: String::new(), low: -reach, high: reach, default: 0.0 }
+        };
+        Ok((0..term.values.len()).map(own).collect())
+    }
+
+    fn open_numbers(&self) -> Vec<OpenNumber> {
+        self.open.clone()
+    }
+
+    fn candidates(&self, data: &Measurements) -> Vec<Candidate> {
+        self.joints.candidates(data)
+    }
+
+    fn predict(&self, effects: &[Term], data: &Measurements) -> Result<Vec<f64>, LabError> {
+        let Some(machine) = effects.iter().find(|term| is_geometry(term)) else {
+            return self.joints.predict(effects, data);
+        };
+        let own: Vec<Term> = effects.iter().filter(|term| !is_geometry(term)).cloned().collect();
+        let recording = |row: usize| self.first_trials.partition_point(|first| *first <= data.trial[row]).max(1) - 1;
+        let of = |recording: usize, which: usize| -> Vec<f64> {
+            let n = self.joints.joints().n;
+            (0..n).map(|joint| machine.values[NUMBERS * (recording * n + joint) + which]).collect()
+        };
+        let calibrated = |recording: usize| self.joints.calibrated(&of(recording, 0), &of(recording, 1));
+        if self.first_trials.len() == 1 {
+            return calibrated(0).predict(&own, data);
+        }
+        let mut outputs = Vec::with_capacity(data.n_rows() * data.n_outputs);
+        let mut first = 0;
+        while first < data.n_rows() {
+            let this = recording(first);
+            let end = (first..data.n_rows()).find(|row| recording(*row) != this).unwrap_or(data.n_rows());
+            let rows: Vec<usize> = (first..end).collect();
+            outputs.extend(calibrated(this).predict(&own, &data.select(&rows))?);
+            first = end;
+        }
+        Ok(outputs)
+    }
+}
