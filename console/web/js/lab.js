@@ -208,7 +208,7 @@ function again(out) {
 
 function askRun() {
   const model = added ?? parts.model.value;
-  say(`Run the chain with ${model}?`, 'The stages that rest on the model begin anew with it, and so does the recording. The snake holds still until the operator takes hold anew.', [make('pre', '', `krait model exchange ${shelf.folder}/${model}`)], [prime('Run with it', () => exchange(model))]);
+  say(`Run the chain with ${model}?`, 'The stages that rest on the model begin anew with it, and so does the recording. The machine holds still until the operator takes hold anew.', [make('pre', '', `krait model exchange ${shelf.folder}/${model}`)], [prime('Run with it', () => exchange(model))]);
 }
 
 async function exchange(model) {
