@@ -77,13 +77,7 @@ pub fn add(machine: &dyn MachineUnderTest, data: &Measurements, options: &AddOpt
 fn with_own(joints: &JointsLab, data: &Measurements, options: &AddOptions, alone: Added) -> Result<Added, LabError> {
     let machine = FreeJoints::new(joints, data, &alone.calibration, &options.recordings);
     let n_own = joints.effects().len();
-    let mut variables = free_variables(&machine, data, &options.refit)?;
-    // Beside a gain and an offset that are free themselves a further one is not told.
-    let is_told = |own: &Variable| {
-        let name = joints.effects().get(own.effect).map_or("", |term| term.name.as_str());
-        own.prior.is_some() || !["scale", "offset"].contains(&name)
-    };
-    variables.retain(is_told);
+    let mut variables = told(joints, free_variables(&machine, data, &options.refit)?);
     if variables.iter().all(|own| own.effect >= n_own) {
         return Ok(alone);
     }
@@ -96,6 +90,15 @@ fn with_own(joints: &JointsLab, data: &Measurements, options: &AddOptions, alone
     Ok(machine.without_machine(Added { before: alone.before, ..together }, alone.calibration))
 }
 
+/// Effects that do what a joint's gain and offset do.
+const OF_MACHINE: [&str; 2] = ["scale", "offset"];
+
+/// The variables that can be told beside gains and offsets.
+fn told(joints: &JointsLab, variables: Vec<Variable>) -> Vec<Variable> {
+    let name = |own: &Variable| joints.effects().get(own.effect).map_or("", |term| term.name.as_str());
+    variables.into_iter().filter(|own| own.prior.is_some() || !OF_MACHINE.contains(&name(own))).collect()
+}
+
 /// Fits parameters of the model's own effects: effect's label and parameter's name.
 ///
 /// # Errors
@@ -105,6 +108,16 @@ pub fn refit(
     data: &Measurements,
     free: &[(String, String)],
 ) -> Result<Added, LabError> {
+    // A gain or an offset that the user frees by name takes the place of the machine's.
+    let is_asked = |name: &str| free.iter().any(|(effect, _)| effect == name);
+    if let Some(joints) = machine.as_joints().filter(|_| !OF_MACHINE.into_iter().any(is_asked)) {
+        let calibration = crate::joint::calibration(joints, data)?;
+        let machine = FreeJoints::new(joints, data, &calibration, &[]);
+        let variables = told(joints, free_variables(&machine, data, free)?);
+        let bench = Bench::new(&machine, data)?;
+        let fitted = fit_to_end(&bench.problem, machine.effects(), &variables)?;
+        return Ok(machine.without_machine(bench.report(fitted), calibration));
+    }
     let calibrated = machine.as_joints().map(|joints| crate::joint::calibrated(joints, data)).transpose()?;
     let machine = calibrated.as_ref().map_or(machine, |joints| joints as &dyn MachineUnderTest);
     let bench = Bench::new(machine, data)?;

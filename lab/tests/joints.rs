@@ -5,7 +5,7 @@ use krait_lab::compare::compare;
 use krait_lab::diagnose::{DiagnoseOptions, diagnose};
 use krait_lab::machine::{JointsLab, MachineUnderTest};
 use krait_lab::read::{ColumnMap, read};
-use krait_lab::{AddOptions, Added, Measurements, Term, add, fitted_to, save};
+use krait_lab::{AddOptions, Added, Measurements, Term, add, fitted_to, refit, save};
 use krait_model::model_file::ModelFile;
 use std::path::Path;
 
@@ -175,7 +175,17 @@ fn a_second_effect_of_joints_moves_the_first_that_was_fitted_alone_towards_the_t
         assert_eq!(own.name, name);
         assert!((own.value - truth).abs() < 5.0 * own.se, "{name}: {} +- {}", own.value, own.se);
     }
+    // `krait lab fit` of the half width alone finds the same, gain and offset with it.
+    let two = save(&saved, &both, "first-order-lag", &copy, "2026-11-23").expect("a model");
+    let of_one = machine(&format!(
+        "n = 1\n[[effect]]\nkind = \"backlash\"\nhalf_width = {first}\n[[effect]]\nkind = \"first-order-lag\"\ntime_s = {}\n",
+        both.terms[1].values[1]
+    ));
+    let fitted = refit(&of_one.1, &data, &[("backlash".to_owned(), "half_width".to_owned())]).expect("a fit");
+    assert!((half_width(&fitted) - found).abs() < 1e-4, "{} fitted, {found} together", half_width(&fitted));
+    let gain = &fitted.calibration[0];
+    assert!((gain.value - 1.1).abs() < 5.0 * gain.se && gain.se > 0.0, "{gain:?}");
     // Written as fitted to the data of both, gain and offset still left to the next fit.
-    let better = save(&saved, &both, "first-order-lag", &copy, "2026-11-23").expect("a model").to_toml();
+    let better = two.to_toml();
     assert!(better.matches("from = \"copy.csv\"").count() == 2 && !better.contains("gain"), "{better}");
 }

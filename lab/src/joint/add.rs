@@ -1,15 +1,16 @@
 //! Adding an effect to joints, fitted together with gain and offset; the model's own effects are held here, and `crate::add` fits theirs again.
 
 use super::answer;
-use super::decide::{candidates, excluded, fast_noise, problem};
+use super::decide::{calibrated, candidates, excluded, fast_noise, problem};
 use super::floor::floor;
 use super::gate::{Blocks, held_out};
 use super::kind::Kind;
 use super::refine::{Fit, Loss};
 use super::search::Search;
 use super::signal::Signal;
-use super::terms::{self, Value, term};
+use super::terms::{self, Value, Values, term};
 use crate::add::Added;
+use crate::diagnose::Calibration;
 use crate::fit::{Uncertainty, Variable};
 use crate::machine::{JointsLab, MachineUnderTest};
 use crate::{AddOptions, LabError, Measurements, Term};
@@ -79,6 +80,21 @@ pub(crate) fn add(machine: &JointsLab, data: &Measurements, options: &AddOptions
         noise_floor: noise.map(|square: f64| square.sqrt() * scale),
         calibration,
     }))
+}
+
+/// Gain and offset of each joint as these data say, its effects as they are; without standard errors.
+///
+/// # Errors
+/// [`LabError::Chain`] where the model as given cannot be computed.
+pub(crate) fn calibration(machine: &JointsLab, data: &Measurements) -> Result<Vec<Calibration>, LabError> {
+    let calibrated = calibrated(machine, data)?;
+    let own = calibrated.joints();
+    let of = |joint: usize| {
+        let number = |value: f64| vec![(value, 0.0)];
+        let (gains, offsets) = (number(own.gain[joint][joint]), number(own.offset[joint]));
+        answer::of_machine(machine, joint, &Values { gains, offsets, members: Vec::new() }, &[])
+    };
+    Ok((0..own.n).flat_map(of).collect())
 }
 
 fn is_wanted(kind: Kind, wanted: &Term) -> bool {

@@ -20,6 +20,6 @@ mod simulate;
 mod solve;
 mod terms;
 
-pub(crate) use add::add;
+pub(crate) use add::{add, calibration};
 pub(crate) use decide::{calibrated, diagnose};
 pub(crate) use signal::Number;
