@@ -254,6 +254,24 @@ fn free_geometry_is_calibration_and_the_effect_beside_it_is_what_is_missing() {
 }
 
 #[test]
+fn a_camera_that_the_file_leaves_open_is_calibration_and_the_effect_beside_it_is_what_is_missing() {
+    let hidden = [term("backlash", &[7e-5]), term("camera-offset", &[0.02, -0.013])];
+    let data = made(&hidden, 43);
+    let (file, open) =
+        of_machine("[[effect]]\nkind = \"camera-offset\"\noffset_x_rad = \"free\"\noffset_y_rad = \"free\"\n");
+    let found = diagnose(&open, &data, &DiagnoseOptions::default()).unwrap();
+    assert_eq!((found.verdict, found.effects.len()), (Verdict::Missing, 1), "{}", found.sentence);
+    assert!(found.effects[0].class.iter().any(|name| name == "backlash"), "{}", found.sentence);
+    for (own, (name, truth)) in found.calibration.iter().zip([("offset_x_rad", 0.02), ("offset_y_rad", -0.013)]) {
+        assert_eq!(own.name, format!("camera-offset.{name}"));
+        assert!((own.value - truth).abs() < 3.0 * own.se && own.se < 2e-3, "{own:?}");
+    }
+    let added = add(&open, &data, &adding("backlash", 8.9e-5, Vec::new())).unwrap();
+    let saved = save(&file, &added, "backlash", &data, "2026-11-23").unwrap();
+    assert_eq!((file.first_open(), saved.first_open()), (Some("offset_x_rad"), None));
+}
+
+#[test]
 fn a_number_with_a_standard_error_is_drawn_to_its_value_and_the_pull_is_told() {
     let data = made_elsewhere(42);
     let radius = |keys: &str| {

@@ -274,3 +274,23 @@ fn a_snake_s_geometry_is_held_or_free_or_known_with_a_standard_error() {
         assert!(refused.to_string().contains(words), "{line}: {refused}");
     }
 }
+
+#[test]
+fn a_value_of_a_snake_s_effect_may_be_left_to_every_fit() {
+    let text =
+        "format = 1\n[machine]\nkind = \"snake\"\n[[effect]]\nkind = \"camera-offset\"\noffset_x_rad = \"free\"\n";
+    let file = ModelFile::parse(text).unwrap();
+    assert_eq!((file.first_open(), ModelFile::parse(&file.to_toml()).unwrap()), (Some("offset_x_rad"), file.clone()));
+    let effect = &file.effects()[0];
+    assert_eq!((effect.is_free("offset_x_rad"), effect.is_free("offset_y_rad")), (true, false));
+    assert!(FileEffect::new(effect.setting().clone()).with_free("offset").is_err());
+    let joints =
+        "format = 1\n[machine]\nkind = \"joints\"\nn = 1\n[[effect]]\nkind = \"backlash\"\nhalf_width = \"free\"\n";
+    let formula =
+        "[[effect]]\nkind = \"formula\"\nname = \"own\"\nhook = \"meas\"\nformula = \"k\"\nparams = { k = \"free\" }\n";
+    let snake = format!("format = 1\n[machine]\nkind = \"snake\"\n{formula}");
+    for (text, words) in [(joints, "for the effects of a snake"), (snake.as_str(), "expected a number")] {
+        let refused = ModelFile::parse(text).unwrap_err().to_string();
+        assert!(refused.contains(words), "{refused}");
+    }
+}

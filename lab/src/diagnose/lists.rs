@@ -64,8 +64,14 @@ pub(super) fn longer(
     let mut rivals = search.distinct(rivals);
     rivals.retain(|own| own.found.len() == best.found.len() && !search.imitates(own));
     best = rivals.first().cloned().unwrap_or(best);
-    let pruned = prune(search, comparison, best);
-    if pruned.found.len() < rivals.first().map_or(0, |own| own.found.len()) {
+    let mut pruned = prune(search, comparison, best);
+    let narrowed = search.narrowed(&pruned, max_effects).into_iter().find(|own| !search.imitates(own));
+    if let Some(narrowed) = narrowed.filter(|own| own.found != pruned.found) {
+        let swapped = search.distinct([vec![narrowed.clone()], search.swaps(&narrowed)].concat());
+        pruned = prune(search, comparison, swapped.into_iter().find(|own| !search.imitates(own)).unwrap_or(narrowed));
+        rivals.clear();
+    }
+    if rivals.first().is_none_or(|own| own.found.len() != pruned.found.len()) {
         rivals = search.distinct([vec![pruned.clone()], search.swaps(&pruned)].concat());
         rivals.retain(|own| own.found.len() == pruned.found.len());
     }

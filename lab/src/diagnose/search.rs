@@ -45,6 +45,8 @@ const MOST_OF_A_CLASS: usize = 3;
 const N_SECONDS: usize = 5;
 /// Pairs that are refined because they are good together to first order.
 const N_PAIRS: usize = 5;
+/// An effect with so many free numbers can imitate two others at once.
+const WIDE: usize = 4;
 const ITERATIONS: u32 = 10;
 /// A smaller relative gain ends a fit: differences between candidates that matter are larger.
 const TOLERANCE: f64 = 1e-4;
@@ -107,6 +109,30 @@ impl Search<'_> {
             let best = self.varied(self.best_cells(&cells));
             let others = best.into_iter().filter(|cell| cell.candidate != trial.found[slot]);
             jobs.extend(others.take(N_SECONDS).map(|cell| self.with(&rest, &[cell])));
+        }
+        self.refine(jobs)
+    }
+
+    /// A trial with one or, where `n_most` allows it, two narrower effects in place of one of wide reach, which have fewer free
+    /// numbers together; with the trial itself, best first.
+    pub(super) fn narrowed(&self, trial: &Trial, n_most: usize) -> Vec<Trial> {
+        let mut jobs = vec![(trial.found.clone(), trial.fit.effects.clone())];
+        for slot in 0..trial.found.len() {
+            let n_free = self.candidates[trial.found[slot]].free.len();
+            if n_free < WIDE {
+                continue;
+            }
+            let Ok(rest) = self.without(trial, slot) else { continue };
+            let is_new = |cell: &Cell| !rest.found.contains(&cell.candidate) && cell.candidate != trial.found[slot];
+            let cells: Vec<Cell> =
+                screen(self.problem, &rest.fit, self.candidates).into_iter().filter(is_new).collect();
+            let n_of = |cell: &Cell| self.candidates[cell.candidate].free.len();
+            let singles = self.varied(self.best_cells(&cells)).into_iter().filter(|cell| n_of(cell) < n_free);
+            jobs.extend(singles.take(N_SECONDS).map(|cell| self.with(&rest, &[cell])));
+            if trial.found.len() < n_most {
+                let pairs = best_pairs(&cells).into_iter().filter(|(a, b)| n_of(a) + n_of(b) < n_free);
+                jobs.extend(pairs.take(N_PAIRS).map(|(a, b)| self.with(&rest, &[a, b])));
+            }
         }
         self.refine(jobs)
     }

@@ -23,7 +23,7 @@ impl JointsLab {
         let krait_model::model_file::Machine::Joints(joints) = file.machine() else { return None };
         let effects = file.effects().iter().map(|effect| snake::term(effect.setting())).collect();
         let own = file.effects().iter().enumerate();
-        let open = own.flat_map(|(place, effect)| snake::known_values(file, place, effect)).collect();
+        let open = own.flat_map(|(place, effect)| snake::open_values(file, place, effect)).collect();
         Some(Self { joints: joints.clone(), effects, open })
     }
 

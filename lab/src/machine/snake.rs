@@ -28,7 +28,7 @@ impl SnakeLab {
         let snake = Snake::new(&machine.parameters).ok()?;
         let mut effects: Vec<Term> = file.effects().iter().map(|effect| term(effect.setting())).collect();
         let mut open: Vec<OpenNumber> =
-            file.effects().iter().enumerate().flat_map(|(place, effect)| known_values(file, place, effect)).collect();
+            file.effects().iter().enumerate().flat_map(|(place, effect)| open_values(file, place, effect)).collect();
         open.extend(geometry::open_numbers(file, machine, effects.len()));
         effects.push(geometry::term(machine));
         Some(Self { machine: machine.clone(), snake, effects, open })
@@ -133,16 +133,19 @@ impl MachineUnderTest for SnakeLab {
     }
 }
 
-/// The values of an effect that the model file gives with a standard error.
-pub(super) fn known_values(file: &ModelFile, place: usize, effect: &FileEffect) -> Vec<OpenNumber> {
-    let known = |(parameter, name): (usize, &str)| {
+/// The values of an effect that the model file leaves to the fits, or gives with a standard error.
+pub(super) fn open_values(file: &ModelFile, place: usize, effect: &FileEffect) -> Vec<OpenNumber> {
+    let open = |(parameter, name): (usize, &str)| {
+        if effect.is_free(name) {
+            return Some(OpenNumber { effect: place, parameter, prior: None, from: None });
+        }
         let origin = effect.origin(name)?;
         let se = origin.se.filter(|se| *se > 0.0)?;
         let value = effect.setting().value(name)?;
         let from = origin.from.as_deref().map(|name| FittedData::of(file, name, origin.date.as_deref()));
         Some(OpenNumber { effect: place, parameter, prior: Some((value, se)), from })
     };
-    effect.setting().parameter_names().enumerate().filter_map(known).collect()
+    effect.setting().parameter_names().enumerate().filter_map(open).collect()
 }
 
 /// The laws of friction in the cone.

@@ -47,6 +47,7 @@ pub struct ModelFile {
 pub struct FileEffect {
     setting: EffectSetting,
     origins: Vec<Origin>,
+    free: Vec<&'static str>,
 }
 
 /// Where a fitted value comes from.
@@ -65,7 +66,26 @@ pub struct Origin {
 impl FileEffect {
     /// An effect whose values nobody fitted.
     pub fn new(setting: EffectSetting) -> Self {
-        Self { setting, origins: Vec::new() }
+        Self { setting, origins: Vec::new(), free: Vec::new() }
+    }
+
+    /// The same effect with a parameter that the file leaves to every fit; until then it has its default.
+    ///
+    /// # Errors
+    /// [`ChainError::UnknownParameter`] where the catalogue's effect has no such parameter; a formula has none.
+    pub fn with_free(mut self, parameter: &str) -> Result<Self, ChainError> {
+        let known = self.setting.kind().definition().parameters.iter().find(|own| own.name == parameter);
+        let own = known.ok_or_else(|| self.setting.unknown(parameter))?;
+        self.setting = self.setting.with(own.name, own.default)?;
+        self.origins.retain(|origin| origin.parameter != own.name);
+        self.free.retain(|name| *name != own.name);
+        self.free.push(own.name);
+        Ok(self)
+    }
+
+    /// Whether the file leaves a parameter to every fit.
+    pub fn is_free(&self, parameter: &str) -> bool {
+        self.free.contains(&parameter)
     }
 
     /// The same effect with the origin of one value, which replaces an older one.
@@ -120,9 +140,11 @@ impl ModelFile {
         &self.machine
     }
 
-    /// The first number of the machine that the file leaves to the fits: such a model is not calibrated. `None`: every number is known.
+    /// The first number of the machine or of an effect that the file leaves to the fits: such a model is not calibrated. `None`:
+    /// every number is known.
     pub fn first_open(&self) -> Option<&'static str> {
-        match &self.machine {
+        let of_effects = self.effects.iter().flat_map(|effect| effect.free.iter().copied()).next();
+        let of_machine = match &self.machine {
             Machine::Snake(snake) => snake.first_open(),
             Machine::Joints(joints) => {
                 let is_open = |known: &[Known]| known.iter().any(Known::is_open);
@@ -130,7 +152,8 @@ impl ModelFile {
                 keys.into_iter().find(|(_, open)| *open).map(|(key, _)| key)
             }
             Machine::Force(_) => None,
-        }
+        };
+        of_machine.or(of_effects)
     }
 
     /// The effects, in the order of the chain.

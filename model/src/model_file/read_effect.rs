@@ -10,6 +10,9 @@ use crate::{ChainError, EffectSetting, Learn};
 /// How long a learnt parameter takes to drift by its standard deviation where the file does not say, s.
 const DEFAULT_MEMORY_S: f64 = 3600.0;
 
+/// What stands where an effect cannot be free.
+const NO_FREE: &str = "a number (\"free\" is for the effects of a snake)";
+
 /// Reads one effect.
 pub(super) fn effect(section: &Section, machine: &Machine) -> Result<FileEffect, ModelFileError> {
     let kind = section.text("kind")?.ok_or_else(|| section.missing("kind", "the name of an effect"))?;
@@ -51,8 +54,15 @@ fn named(section: &Section, kind: EffectKind) -> Result<FileEffect, ModelFileErr
     known.extend(parameters.iter().map(|p| p.name));
     section.only(&known)?;
     let mut setting = EffectSetting::new(kind);
-    let mut origins = Vec::new();
+    let (mut origins, mut free) = (Vec::new(), Vec::new());
     for parameter in parameters {
+        if let Some(given) = section.get(parameter.name).filter(|given| given.get_ref().as_str() == Some("free")) {
+            if matches!(kind, EffectKind::Joint(_) | EffectKind::Force(_)) {
+                return Err(section.wrong(parameter.name, given, NO_FREE));
+            }
+            free.push(parameter.name);
+            continue;
+        }
         let Some(given) = value(section, parameter.name, None)? else { continue };
         let refused = |source| chain(section, parameter.name, source);
         setting = setting.with(parameter.name, given.value).map_err(refused)?;
@@ -61,7 +71,9 @@ fn named(section: &Section, kind: EffectKind) -> Result<FileEffect, ModelFileErr
         }
         origins.extend(given.origin);
     }
-    with_origins(section, setting, origins)
+    let effect = with_origins(section, setting, origins)?;
+    free.into_iter()
+        .try_fold(effect, |effect, name| effect.with_free(name).map_err(|source| chain(section, name, source)))
 }
 
 fn formula(section: &Section, hooks: &[&str]) -> Result<FileEffect, ModelFileError> {

@@ -159,6 +159,7 @@ impl Out {
         for parameter in definition.parameters {
             let value = setting.value(parameter.name).unwrap_or(parameter.default);
             let shown = match (effect.origin(parameter.name), setting.learn(parameter.name)) {
+                _ if effect.is_free(parameter.name) => "\"free\"".to_owned(),
                 (None, None) => number(value),
                 (origin, learn) => table(value, None, learn, origin),
             };
