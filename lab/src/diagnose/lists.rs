@@ -64,19 +64,46 @@ pub(super) fn longer(
     let mut rivals = search.distinct(rivals);
     rivals.retain(|own| own.found.len() == best.found.len() && !search.imitates(own));
     best = rivals.first().cloned().unwrap_or(best);
-    let mut pruned = prune(search, comparison, best);
-    let narrowed = search.narrowed(&pruned, max_effects).into_iter().find(|own| !search.imitates(own));
-    if let Some(narrowed) = narrowed.filter(|own| own.found != pruned.found) {
-        let swapped = search.distinct([vec![narrowed.clone()], search.swaps(&narrowed)].concat());
-        pruned = prune(search, comparison, swapped.into_iter().find(|own| !search.imitates(own)).unwrap_or(narrowed));
-        rivals.clear();
+    let pruned = prune(search, comparison, best);
+    let Some((best, stand_ins)) = narrower(search, comparison, &pruned, max_effects) else {
+        return Some(with_rivals(search, pruned, rivals));
+    };
+    Some(with_rivals(search, best, stand_ins))
+}
+
+/// A list with the lists of its length that it was chosen from; with stand-ins for each member where there are none.
+fn with_rivals(search: &Search, list: Trial, rivals: Vec<Trial>) -> (Trial, Alternatives) {
+    let mut rivals = search.distinct(rivals);
+    if rivals.first().is_none_or(|own| own.found.len() != list.found.len()) {
+        rivals = search.distinct([vec![list.clone()], search.swaps(&list)].concat());
     }
-    if rivals.first().is_none_or(|own| own.found.len() != pruned.found.len()) {
-        rivals = search.distinct([vec![pruned.clone()], search.swaps(&pruned)].concat());
-        rivals.retain(|own| own.found.len() == pruned.found.len());
+    rivals.retain(|own| own.found.len() == list.found.len() && !search.imitates(own));
+    let best = rivals.first().cloned().unwrap_or(list);
+    (best, Alternatives::new(search.problem, rivals, search.seed))
+}
+
+/// A list that explains more with one or two narrower effects for one of wide reach, with its stand-ins. A step aside that costs
+/// little is allowed: it may be the stand-ins behind it that explain more. A longer list must have fewer free numbers.
+fn narrower(search: &Search, comparison: &Comparison, list: &Trial, max_effects: usize) -> Option<(Trial, Vec<Trial>)> {
+    let others = search.narrowed(list, max_effects).into_iter().filter(|own| own.found != list.found);
+    let aside = others.into_iter().find(|own| !search.imitates(own))?;
+    if comparison.deserves(&aside, list, 0.0) {
+        return None;
     }
-    let pruned = rivals.first().cloned().unwrap_or(pruned);
-    Some((pruned, Alternatives::new(search.problem, rivals, search.seed)))
+    // What was replaced stays out: the step would be undone.
+    let is_gone = |k: &usize| list.found.contains(k) && !aside.found.contains(k);
+    let stand_ins = |of: &Trial| {
+        let mut all = search.swaps(of);
+        all.retain(|own| !own.found.iter().any(is_gone) && !search.imitates(own));
+        all
+    };
+    let first = stand_ins(&aside).into_iter().next().unwrap_or(aside.clone());
+    let stand_ins = stand_ins(&first);
+    let best = prune(search, comparison, stand_ins.first().cloned().unwrap_or(first));
+    let n_free = |own: &Trial| own.fit.variables.len();
+    let is_allowed = best.found.len() <= list.found.len() || n_free(&best) < n_free(list);
+    let ranked = search.distinct(vec![list.clone(), best.clone()]);
+    (is_allowed && ranked.first().is_some_and(|own| own.found == best.found)).then_some((best, stand_ins))
 }
 
 /// The usual list fitted from the start, with the effects that are not in the model yet; `None` where they make no chain.

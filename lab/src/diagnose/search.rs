@@ -45,8 +45,8 @@ const MOST_OF_A_CLASS: usize = 3;
 const N_SECONDS: usize = 5;
 /// Pairs that are refined because they are good together to first order.
 const N_PAIRS: usize = 5;
-/// An effect with so many free numbers can imitate two others at once.
-const WIDE: usize = 4;
+/// An effect with so many free numbers can imitate others, two at once among them.
+const WIDE: usize = 3;
 const ITERATIONS: u32 = 10;
 /// A smaller relative gain ends a fit: differences between candidates that matter are larger.
 const TOLERANCE: f64 = 1e-4;
