@@ -342,6 +342,14 @@ mod tests {
     }
 
     #[test]
+    fn a_table_of_joints_that_is_given_to_a_snake_names_what_is_missing() {
+        let refused = parse("time_s,q1_deg,q2_deg\n0,0,0\n1,1,1\n").expect_err("no snake's table").to_string();
+        assert!(refused.contains("column 2") && refused.contains("--model FILE"), "{refused}");
+        let other = parse("time_s,quality,q2_deg\n0,0,0\n").expect_err("no table").to_string();
+        assert!(!other.contains("--model"), "{other}");
+    }
+
+    #[test]
     fn joints_go_through_their_rows_in_their_own_unit_within_their_limits() {
         let turning = parse_joints("q2_deg,time_s,q1_rad\n0,0,0\n30,1,-0.2\n0,2,0.5\n", false).expect("a table");
         let middle = turning.sample(1000).expect("there").0;

@@ -64,7 +64,11 @@ impl Header {
         let mut columns: Vec<(Quantity, f64)> = Vec::new();
         for (idx, field) in row.fields().enumerate() {
             let new = limits.column(field).filter(|(quantity, _)| !columns.iter().any(|(there, _)| there == quantity));
-            let Some(column) = new else { return Err(row.refuse(idx + 1, &wanted, shown(field))) };
+            let Some(column) = new else {
+                let is_joint = matches!(limits, TrajectoryLimits::Snake { .. }) && names_a_joint(field);
+                let hint = if is_joint { "; for a table of joints give their model with --model FILE" } else { "" };
+                return Err(row.refuse(idx + 1, &format!("{wanted}{hint}"), shown(field)));
+            };
             columns.push(column);
         }
         let is_set = |set: &[Quantity]| set.len() == columns.len() && columns.iter().all(|(q, _)| set.contains(q));
@@ -140,6 +144,12 @@ impl TrajectoryLimits<'_> {
             }
         }
     }
+}
+
+/// Whether a column is one of a table of joints, as q1_deg is.
+fn names_a_joint(field: &str) -> bool {
+    let number = field.strip_prefix('q').and_then(|rest| rest.split_once('_')).map(|(number, _)| number);
+    number.is_some_and(|number| number.parse::<u32>().is_ok())
 }
 
 struct Values<'a> {
