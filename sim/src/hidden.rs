@@ -40,6 +40,8 @@ pub struct LinesTruth {
     pub radius: [f64; 3],
     /// Each line is softer by this part, 1; -0.5 to 0.5; neutral 0.
     pub softness: [f64; 3],
+    /// Lines are softer by this part where they are pushed, 1; 0 to 1e5; neutral 0: tubes. 1e4: cables, which go slack.
+    pub push_softness: f64,
     /// Line i gives by this part of what line j moves, 1, for ij = 12, 13, 21, 23, 31, 32; each -0.3 to 0.3; neutral 0.
     pub coupling: [f64; 6],
 }
@@ -151,6 +153,7 @@ impl Default for LinesTruth {
             angle_rad: [0.0; 3],
             radius: [0.0; 3],
             softness: [0.0; 3],
+            push_softness: 0.0,
             coupling: [0.0; 6],
         }
     }
@@ -232,6 +235,7 @@ impl LinesTruth {
             ("lines.rub_speed_m_per_s", self.rub_speed_m_per_s, 1e-5, 0.1),
             ("lines.disk_mu", self.disk_mu, 0.0, 1.0),
             ("lines.cone_radius_m", self.cone_radius_m, 0.0, largest_m),
+            ("lines.push_softness", self.push_softness, 0.0, 1e5),
         ];
         each(&mut ranges, "lines.angle_rad", &self.angle_rad, 0.3);
         each(&mut ranges, "lines.radius", &self.radius, 0.3);

@@ -20,6 +20,7 @@
 
 mod actuators;
 mod bending;
+mod cables;
 mod camera;
 mod cone;
 mod encoders;
@@ -39,6 +40,7 @@ mod snake;
 mod truth;
 mod truth_error;
 
+pub use cables::CableSnake;
 pub use hidden::{BendingTruth, EncodersTruth, LinesTruth, SightTruth, SlowTruth};
 pub use joints::SimulatedJoints;
 pub use joints_truth::{JointCameraTruth, JointTruth, JointsTruth};

@@ -248,7 +248,7 @@ fn line(truth: &Truth, axial_n: f64, i: usize) -> Line {
         (holder_m, cone_m) = (behind_m, cone_m + holder_m - behind_m);
     }
     let compliance = |length_m: f64, actuator_m_per_n: f64| Compliance {
-        pushed_m_per_n: length_m / axial_n * (1.0 - asymmetry) * soft + actuator_m_per_n,
+        pushed_m_per_n: length_m / axial_n * (1.0 - asymmetry) * soft * (1.0 + lines.push_softness) + actuator_m_per_n,
         pulled_m_per_n: length_m / axial_n * (1.0 + asymmetry) * soft + actuator_m_per_n,
     };
     let capstan = (2.0 * truth.effects.mu * m.phi_rad).exp();

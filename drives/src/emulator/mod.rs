@@ -5,10 +5,12 @@
 //! from the terminal. What a fault does is in [`Faults`].
 
 mod can;
+mod coupling;
 mod servo;
 mod wire;
 
 pub use can::{CanBus, CanDrive, CanDrives, CanFaults, CanWire, serve as serve_can};
+pub use coupling::Coupling;
 pub use servo::{Faults, Servo};
 pub use wire::ServoWire;
 

@@ -42,6 +42,8 @@ pub struct Faults {
     pub late: Duration,
     /// It does not hear goals: `SYNC WRITE` is lost on its way.
     pub is_deaf: bool,
+    /// Its encoder reads what it read.
+    pub is_stuck: bool,
     /// Error byte of every reply: bit 0 supply, 1 encoder, 2 heat, 3 current, 5 overload.
     pub error: u8,
 }
@@ -55,7 +57,8 @@ pub struct Servo {
     pub faults: Faults,
     /// True angle of the shaft, counts, any number of turns.
     pub place: f64,
-    /// Load on the line, part of the servo's largest; beyond `overload` it lets go.
+    /// With what it pulls at its line, part of its largest, in the direction in which that drives the encoder; beyond `overload` it
+    /// lets go.
     pub load: f64,
     /// Load beyond which it lets go.
     pub overload: f64,
@@ -144,8 +147,18 @@ impl Servo {
         self.show();
     }
 
+    /// The line pulls at it from now on.
+    pub(crate) fn carry(&mut self, load: f64) {
+        self.load = load;
+        self.show();
+    }
+
     fn show(&mut self) {
-        let position = self.place.round().rem_euclid(f64::from(COUNTS_PER_TURN)) as u16;
+        let position = if self.faults.is_stuck {
+            self.word(POSITION)
+        } else {
+            self.place.round().rem_euclid(f64::from(COUNTS_PER_TURN)) as u16
+        };
         let load = (self.load.abs() * 1000.0).min(1000.0) as u16 | if self.load < 0.0 { 1 << 10 } else { 0 };
         let current = (self.load.abs() * 400.0) as u16;
         for (address, value) in [(POSITION, position), (LOAD, load), (CURRENT, current)] {

@@ -1,6 +1,6 @@
 //! The wire that emulated servos share: requests in, replies with the instants at which they reach the host.
 
-use crate::emulator::Servo;
+use crate::emulator::{Coupling, Servo};
 use crate::sts3215::packet::{ALL, FRAME, READ, SYNC_READ, SYNC_WRITE, WRITE, checksum, put};
 use core::time::Duration;
 
@@ -19,6 +19,8 @@ pub struct ServoWire {
     pub echoes: bool,
     /// Its servos.
     pub servos: Vec<Servo>,
+    /// What their shafts pull at; none: each keeps the load that it was given.
+    pub coupling: Option<Coupling>,
     /// Requests that were understood.
     pub n_requests: u64,
     busy_until_ns: i64,
@@ -63,7 +65,7 @@ impl ServoWire {
     /// Sound servos at 1 Mbaud behind an adapter that holds nothing back.
     pub fn new(servos: Vec<Servo>) -> Self {
         let usb_latency = Duration::ZERO;
-        Self { baud: 1_000_000, usb_latency, echoes: false, servos, n_requests: 0, busy_until_ns: 0 }
+        Self { baud: 1_000_000, usb_latency, echoes: false, servos, coupling: None, n_requests: 0, busy_until_ns: 0 }
     }
 
     /// The servo with an id.
@@ -88,6 +90,11 @@ impl ServoWire {
         }
         self.n_requests += 1;
         self.servos.iter_mut().for_each(|servo| servo.step(at_ns));
+        if let Some(coupling) = &self.coupling {
+            let places: Vec<f64> = self.servos.iter().map(|servo| servo.place).collect();
+            let loads = coupling.loads(&places);
+            self.servos.iter_mut().zip(loads).for_each(|(servo, load)| servo.carry(load));
+        }
         for (id, registers) in self.execute(request) {
             self.reply(id, registers, &mut at_ns, &mut pieces);
         }

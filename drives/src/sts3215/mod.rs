@@ -53,8 +53,8 @@ const USB_NS: i64 = 1_000_000;
 const QUIET_NS: i64 = 500_000;
 /// How long an answer is waited for while the bus is being opened.
 const OPEN_PATIENCE: Duration = Duration::from_millis(150);
-/// Unit of the present current, A.
-const AMPERE: f64 = 6.5e-3;
+/// Step of the present current, A.
+pub const CURRENT_STEP_A: f64 = 6.5e-3;
 
 /// Servos on one serial port.
 #[derive(Debug)]
@@ -225,7 +225,7 @@ fn take_status(k: usize, answer: &Answer, now_ns: i64, seen: &mut Seen) {
     seen.counts[k] = signed(register(56), 15);
     // Some firmwares give the current without its direction; the duty has it always.
     let direction = if load < 0 { -1.0 } else { 1.0 };
-    seen.current_a[k] = f64::from(current.abs()) * AMPERE * direction;
+    seen.current_a[k] = f64::from(current.abs()) * CURRENT_STEP_A * direction;
     seen.supply_v[k] = f64::from(answer.data[at(62)]) * 0.1;
     seen.temperature_celsius[k] = f64::from(answer.data[at(63)]);
     seen.trouble[k] = trouble(answer.error);

@@ -1,24 +1,34 @@
 //! An emulated bus of servos behind a pseudo-terminal, or of drives on a CAN interface, and the configuration that drives it.
 
 use crate::{print, signals};
+use core::f64::consts::TAU;
 use core::time::Duration;
-use krait_drives::emulator::{CanBus, CanDrive, Emulator, Servo, ServoWire, serve_can};
+use krait_drives::emulator::{CanBus, CanDrive, Coupling, Emulator, Servo, ServoWire, serve_can};
+use krait_sim::{CableSnake, Truth};
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 /// USB adapters hold bytes for at least that long.
 const USB_LATENCY: Duration = Duration::from_millis(1);
+/// Where the emulated servos begin, straight and under tension, counts.
+const ZERO_COUNT: f64 = 2048.0;
+/// Counts of a turn on the spool that a configuration has by default.
+const COUNTS_PER_M: f64 = 4096.0 / (TAU * SPOOL_M);
+const SPOOL_M: f64 = 0.008;
+/// Largest pull of an STS3215 at 7.4 V on it, 1.91 N m, N.
+const LARGEST_N: f64 = 1.91 / SPOOL_M;
 
 /// Plugs in so many servos, prints their configuration on standard output, and runs until Ctrl-C.
 pub(super) fn run(n: u8) -> anyhow::Result<ExitCode> {
     let stop = signals::stop_flag()?;
-    let mut wire = ServoWire::new((1..=n).map(|id| Servo::new(id, 2048.0)).collect());
+    let mut wire = ServoWire::new((1..=n).map(|id| Servo::new(id, ZERO_COUNT)).collect());
     wire.usb_latency = USB_LATENCY;
+    wire.coupling = Some(snakes(usize::from(n) / 3));
     let emulator = Emulator::start(wire)?;
     let port = emulator.path().display();
     let mut text = format!(
-        "# {n} emulated servos at {port}, until Ctrl-C. Save these lines as servos.toml, then in another terminal:\n\
+        "# {n} emulated servos at {port}, until Ctrl-C; three each bend a simulated snake, and feel it. Save these lines as servos.toml, then in another terminal:\n\
          #   krait run --engage --config servos.toml\n\
          [slave.limits]\nrate_m_per_s = 0.02\nfollowing_error_m = 0.001\npull_n = inf\npush_n = inf\n\n\
          [slave.drive]\nkind = \"sts3215\"\nport = \"{port}\"\n"
@@ -31,6 +41,17 @@ pub(super) fn run(n: u8) -> anyhow::Result<ExitCode> {
         std::thread::sleep(LOOK_EVERY);
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Three servos each bend a simulated snake on cables; counts grow where its cables are pushed.
+fn snakes(n: usize) -> Coupling {
+    let mut snakes = vec![CableSnake::new(Truth::default()); n];
+    Coupling::new(move |places| {
+        let groups = snakes.iter_mut().zip(places.chunks_exact(3));
+        let loads_n = groups
+            .flat_map(|(snake, group)| snake.loads_n(core::array::from_fn(|k| (group[k] - ZERO_COUNT) / COUNTS_PER_M)));
+        loads_n.map(|load_n| load_n / LARGEST_N).collect()
+    })
 }
 
 /// Lets so many drives live on a CAN interface, prints their configuration on standard output, and runs until Ctrl-C.

@@ -1,0 +1,32 @@
+//! What emulated servos share behind their shafts: a machine whose loads follow from where all of them are.
+
+use core::fmt::{self, Debug, Formatter};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// From where all shafts are, counts, what each pulls with: part of its largest, in the direction in which that drives the encoder.
+type Loads = dyn FnMut(&[f64]) -> Vec<f64> + Send;
+
+/// A machine that servos move together.
+#[derive(Clone)]
+pub struct Coupling {
+    loads: Arc<Mutex<Loads>>,
+}
+
+impl Coupling {
+    /// A machine: `loads` is given the shafts' places, counts, in the order of the wire's servos, and answers what each pulls with,
+    /// part of its largest, in the direction in which that drives the encoder. Servos behind the last answer carry nothing of it.
+    pub fn new(loads: impl FnMut(&[f64]) -> Vec<f64> + Send + 'static) -> Self {
+        Self { loads: Arc::new(Mutex::new(loads)) }
+    }
+
+    pub(crate) fn loads(&self, places: &[f64]) -> Vec<f64> {
+        let mut loads = self.loads.lock().unwrap_or_else(PoisonError::into_inner);
+        loads(places)
+    }
+}
+
+impl Debug for Coupling {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Coupling").finish_non_exhaustive()
+    }
+}
