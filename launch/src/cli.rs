@@ -66,9 +66,9 @@ pub enum Verb {
         after_help = "Examples:\n  krait devices\n  krait devices --profile my-pedal.toml\n  krait devices --write-udev 70-krait.rules\n  krait devices --live --node /dev/input/event5\n  krait devices --calibrate my-stick.toml --node /dev/input/event5\n  krait devices --json"
     )]
     Devices(DevicesArgs),
-    /// The actuators on this machine's serial buses; their zeros, single steps, and an emulated bus to try krait without any.
+    /// The actuators on this machine's serial buses; their zeros, single steps, directions, and an emulated bus to try krait without any.
     #[command(
-        after_help = "Examples:\n  krait drives\n  krait drives --watch\n  krait drives --zero --config krait.toml\n  krait drives --jog 1 --config krait.toml\n  krait drives --emulate 3"
+        after_help = "Examples:\n  krait drives\n  krait drives --watch\n  krait drives --zero --config krait.toml\n  krait drives --jog 1 --config krait.toml\n  krait drives --calibrate --config krait.toml --out calibrated.toml\n  krait drives --emulate 3"
     )]
     Drives(DrivesArgs),
     /// The paper's tables and figures again, beside the printed values, and its errors with the numbers that show them.

@@ -28,6 +28,16 @@ pub struct DrivesArgs {
     /// Move one configured actuator, numbered from 1: each line on standard input is one step, `-` goes back.
     #[arg(long, value_name = "ACTUATOR", conflicts_with = "emulate")]
     pub jog: Option<usize>,
+    /// Find which way each configured actuator pulls, by moves of at most 0.5 mm either way against the tension of the lines, and
+    /// compare it with its `sign`.
+    #[arg(long, conflicts_with_all = ["zero", "jog", "watch", "emulate"])]
+    pub calibrate: bool,
+    /// With --calibrate: write the configuration with the signs that were found, all else as it was.
+    #[arg(long, value_name = "FILE", requires = "calibrate")]
+    pub out: Option<PathBuf>,
+    /// Overwrite that file.
+    #[arg(long, requires = "out")]
+    pub force: bool,
     /// Length of a step, mm; at most 0.1.
     #[arg(long, value_name = "MM", default_value_t = 0.1, requires = "jog")]
     pub step_mm: f64,

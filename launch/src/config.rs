@@ -58,13 +58,28 @@ impl Config {
     /// One sentence with file, line and key.
     pub fn load(path: Option<&Path>) -> anyhow::Result<Self> {
         let Some(path) = path else { return Ok(Self::default()) };
+        Self::read(&Self::text(path)?, path)
+    }
+
+    /// The text of a configuration, `-` from standard input.
+    ///
+    /// # Errors
+    /// One sentence with the file.
+    pub fn text(path: &Path) -> anyhow::Result<String> {
         let text = if path == Path::new(STANDARD_INPUT) {
             input::text_from(&mut std::io::stdin(), input::CONFIG_BYTES)
         } else {
             input::text(path, input::CONFIG_BYTES)
         };
-        let text = text.with_context(|| format!("the configuration {} could not be read", path.display()))?;
-        let config = Self::parse(&text).with_context(|| format!("configuration {}", path.display()))?;
+        text.with_context(|| format!("the configuration {} could not be read", path.display()))
+    }
+
+    /// Reads and checks the text of a configuration, which is from `path`.
+    ///
+    /// # Errors
+    /// One sentence with file, line and key.
+    pub fn read(text: &str, path: &Path) -> anyhow::Result<Self> {
+        let config = Self::parse(text).with_context(|| format!("configuration {}", path.display()))?;
         config.check().with_context(|| format!("configuration {}", path.display()))?;
         Ok(config)
     }

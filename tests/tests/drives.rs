@@ -160,6 +160,9 @@ fn drives_that_do_not_fit_are_refused_in_one_sentence_before_the_chain_runs() {
 fn refused_beside_a_chain(config: &str, instance: &str) {
     let taken = Ended::of(&["drives", "--jog", "1", "--config", config, "--instance", instance], PATIENCE);
     assert!(taken.sentence().contains("is already running"), "{}", taken.stderr);
+    let calibrate = ["drives", "--calibrate", "--config", config, "--instance", instance];
+    let taken = Ended::of(&calibrate, PATIENCE);
+    assert!(taken.sentence().contains("is already running"), "{}", taken.stderr);
     let other = instance_name("jog");
     let busy = Ended::of(&["drives", "--jog", "1", "--config", config, "--instance", &other], PATIENCE);
     assert!(busy.sentence().contains("is in use by another program"), "{}", busy.stderr);
@@ -200,6 +203,111 @@ fn servos_are_found_their_zeros_read_and_one_is_moved_by_single_steps_and_never_
     // 52 counts from zero are 0.638 mm; 0.1 mm are 8.1 counts.
     assert_eq!(places, [2048.0, 2108.0, 2048.0, 100.0]);
     assert!(wire.servos.iter().all(|servo| !servo.is_powered()) && wire.servos[3].n_goals == 0);
+}
+
+/// Asks for directions; the written file is `out.toml` beside the configuration.
+fn calibrated(folder: &TempFolder, config: &str, instance: &str, more: &[&str]) -> Ended {
+    let out = folder.file("out.toml");
+    let arguments = ["drives", "--calibrate", "--config", config, "--instance", instance, "--out", &out];
+    Ended::of(&[&arguments[..], more].concat(), PATIENCE)
+}
+
+#[test]
+fn directions_are_found_against_the_tension_of_the_simulated_snake_and_only_a_wrong_sign_is_changed() {
+    let (instance, folder) = (instance_name("calibrate"), TempFolder::new("calibrate"));
+    let mut emulated = Krait::start(&["drives", "--emulate", "3"]);
+    let lines: Vec<String> =
+        core::iter::repeat_with(|| emulated.line()).take(40).take_while(|line| line.trim() != "id = 3").collect();
+    let port = lines.iter().find(|line| line.starts_with("port")).expect("a port");
+    // The second one is wound as the others are, and its configuration says that it is not.
+    let text = format!(
+        "[slave]\nwatchdog_ms = 1000.0 # mine\n[slave.limits]\nrate_m_per_s = 0.02\nfollowing_error_m = 0.003\npull_n = inf\n\
+         push_n = inf\n[slave.drive]\nkind = \"sts3215\"\n{port}\nperiod_ms = 8.0\ntimeout_ms = 7.0\nlost_cycles = 20\n\
+         wish_ms = 900.0\n[[slave.drive.actuator]]\nid = 1 # left\nzero_count = 2048\n[[slave.drive.actuator]]\nid = 2\n\
+         zero_count = 2048\nsign = -1 # as wound\n[[slave.drive.actuator]]\nid = 3\nzero_count = 2048\n"
+    );
+    let config = folder.file("krait.toml");
+    std::fs::write(&config, &text).expect("written");
+    let ended = calibrated(&folder, &config, &instance, &["--json"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let found = ended.json();
+    for (k, was) in [1, -1, 1].into_iter().enumerate() {
+        let one = &found["actuators"][k];
+        assert_eq!((&one["sign"], &one["configured_sign"]), (&1.into(), &was.into()), "{found}");
+        let per_mm = |way: &str| one[way].as_f64().expect("a number");
+        assert!(per_mm("load_per_mm_counts_down") > 0.03 && per_mm("load_per_mm_counts_up") < 0.0, "{found}");
+    }
+    let written = std::fs::read_to_string(folder.file("out.toml")).expect("written");
+    assert_eq!(written, text.replace("sign = -1 # as wound", "sign = 1 # as wound"));
+    // What a person has is not overwritten, and servos are back, without power.
+    let again = calibrated(&folder, &config, &instance, &[]);
+    assert!(again.sentence().contains("out.toml is already there"), "{}", again.stderr);
+    let now = Ended::of(&["drives", "--config", &config, "--last-id", "3", "--json"], PATIENCE).json();
+    for servo in now.as_array().expect("servos") {
+        let counts = servo["reading"]["counts"].as_i64().expect("counts");
+        assert!((counts - 2048).abs() <= 1 && servo["reading"]["is_powered"] == false, "{now}");
+    }
+    emulated.signal(Signal::INT);
+    assert_eq!(emulated.end(PATIENCE).code, Some(0));
+}
+
+#[test]
+fn a_calibration_that_gets_no_answer_writes_nothing_and_never_moves_a_stranger() {
+    let (instance, folder, emulator) = (instance_name("deaf"), TempFolder::new("deaf"), emulator());
+    let mut stranger = Servo::new(9, 100.0);
+    stranger.registers[3..5].copy_from_slice(&1284_u16.to_le_bytes());
+    emulator.wire().servos.push(stranger);
+    let config = configuration(&folder, &emulator, "");
+    let text = std::fs::read_to_string(&config).expect("written");
+    std::fs::write(
+        &config,
+        format!("[slave]\nwatchdog_ms = 1000.0\n{text}").replace("20.0", "8.0").replace("18.0", "7.0"),
+    )
+    .expect("written");
+    let refused = |words: &str| {
+        let ended = calibrated(&folder, &config, &instance, &[]);
+        assert_ne!(ended.code, Some(0), "{}", ended.stdout);
+        assert!(
+            ended.sentence().contains("nothing is written") && ended.sentence().contains(words),
+            "{}",
+            ended.stderr
+        );
+        assert!(!Path::new(&folder.file("out.toml")).exists());
+        let wire = emulator.wire().clone();
+        assert!(
+            wire.servos.iter().all(|servo| !servo.is_powered()) && wire.servos[3].n_goals == 0,
+            "{:?}",
+            wire.servos
+        );
+        let places: Vec<f64> = wire.servos.iter().map(|servo| servo.place.round()).collect();
+        assert_eq!(places, [2048.0, 2048.0, 2048.0, 100.0], "where they began");
+    };
+    // Nothing couples these servos: they carry no load.
+    refused("actuator 1 (id 1): its load grows neither way, expected more than");
+    assert!(emulator.wire().servos[0].n_goals > 0);
+    emulator.wire().servos[0].faults.is_stuck = true;
+    refused("actuator 1 (id 1): its encoder does not follow, expected +0.100 mm, found +0.000 mm");
+    emulator.wire().servos[0].faults.is_stuck = false;
+
+    // Ctrl-C and a fault end it where it stands, and take the power.
+    let begun = || {
+        let krait = Krait::start(&["drives", "--calibrate", "--config", &config, "--instance", &instance]);
+        assert!(wait_until(PATIENCE, || farthest(&emulator) > 3.0 && farthest(&emulator) < 1000.0), "it moves");
+        krait
+    };
+    emulator.wire().servos.pop();
+    let interrupted = begun();
+    interrupted.signal(Signal::INT);
+    let ended = interrupted.end(PATIENCE);
+    assert!(ended.sentence().contains("the calibration was ended where the actuators stood"), "{}", ended.stderr);
+    assert!(emulator.wire().servos.iter().all(|servo| !servo.is_powered()));
+    emulator.wire().servos[0].place = ZERO;
+    let failing = begun();
+    emulator.wire().servos[1].faults.is_silent = true;
+    let ended = failing.end(PATIENCE);
+    assert!(ended.sentence().contains("rive 2"), "{}", ended.stderr);
+    emulator.wire().servos.remove(1);
+    assert!(emulator.wire().servos.iter().all(|servo| !servo.is_powered()), "those that hear are without power");
 }
 
 #[test]

@@ -1,9 +1,14 @@
-//! `krait drives`: which actuators are there, how they are, their zeros, single steps; and an emulated bus without hardware.
+//! `krait drives`: which actuators are there, how they are, their zeros, single steps, their directions; and an emulated bus without hardware.
 
+mod calibrate;
+mod directions;
 mod emulate;
 mod find;
 mod find_can;
 mod jog;
+mod loads;
+mod motion;
+mod signs;
 mod zero;
 
 use crate::cli::Common;
@@ -27,6 +32,7 @@ pub fn run(common: &Common, args: &DrivesArgs) -> anyhow::Result<ExitCode> {
             None => emulate::run(n),
         },
         (None, Some(actuator)) => jog::run(common, actuator, args.step_mm),
+        (None, None) if args.calibrate => calibrate::run(common, args),
         (None, None) if args.zero => zero::run(common, args.json),
         (None, None) => find::run(common, args),
     }
@@ -35,11 +41,17 @@ pub fn run(common: &Common, args: &DrivesArgs) -> anyhow::Result<ExitCode> {
 /// The slave's configuration, which must describe real drives.
 fn described(common: &Common) -> anyhow::Result<SlaveConfig> {
     let config = Config::load(common.config.as_deref())?;
+    real(&config)?;
+    Ok(config.slave)
+}
+
+/// Refuses a configuration without real drives.
+fn real(config: &Config) -> anyhow::Result<()> {
     ensure!(
         config.slave.drive.kind != DriveKind::Sim,
         "the configuration describes no real drives; name one with --config whose [slave.drive] does (docs/drives.md)"
     );
-    Ok(config.slave)
+    Ok(())
 }
 
 /// Joins the instance alone, so that no chain runs or starts meanwhile.

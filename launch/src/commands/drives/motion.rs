@@ -1,0 +1,150 @@
+//! Small steps of single actuators through the slave's own limiter, gate and watchdog, in an instance without a chain: what
+//! `--jog` and `--calibrate` share.
+
+use anyhow::{Context, bail};
+use core::time::Duration;
+use krait_drives::BusDrive;
+use krait_ipc::clock::monotonic_ns;
+use krait_ipc::message::{Actuators, Command, MAX_ACTUATORS, OperatingState, Phase, SlaveState, Transition};
+use krait_ipc::{Reason, Reasons};
+use krait_slave::{SlaveConfig, SlaveCore};
+
+/// Longest step, mm.
+pub(super) const LONGEST_MM: f64 = 0.1;
+/// The slave is ticked so often.
+pub(super) const TICK: Duration = Duration::from_millis(1);
+const TICK_S: f64 = 1e-3;
+/// Speed of a step, m/s; less where the limiter allows less.
+const SPEED_M_PER_S: f64 = 2e-3;
+/// Power and zero take less.
+const PATIENCE_TICKS: u32 = 10_000;
+
+/// Actuators under power, whose operator is this program. Dropping it takes the power away.
+pub(super) struct Motion {
+    core: SlaveCore<BusDrive>,
+    sequence: u64,
+    goal_m: Actuators,
+    n: usize,
+    rate_m_per_s: f64,
+}
+
+/// What a step has come to.
+pub(super) struct Step {
+    /// The slave, once the encoder has had time to follow.
+    pub(super) state: SlaveState,
+    /// Why the limiter did not let it be made as asked; the next step begins where it has stopped.
+    pub(super) refused: Option<String>,
+}
+
+impl Motion {
+    /// Power, zero, and the operator at the setpoint.
+    pub(super) fn begin(drive: BusDrive, config: &SlaveConfig) -> anyhow::Result<Self> {
+        let mut motion = Self {
+            core: SlaveCore::new(drive, config),
+            sequence: 0,
+            goal_m: [0.0; MAX_ACTUATORS],
+            n: config.drive.actuator.len(),
+            rate_m_per_s: SPEED_M_PER_S.min(0.5 * config.limits.rate_m_per_s),
+        };
+        motion.core.transition(Transition::Enable, monotonic_ns())?;
+        let mut has_homed = false;
+        for _ in 0..PATIENCE_TICKS {
+            let state = motion.tick()?;
+            if motion.core.is_busy() {
+                continue;
+            }
+            if state.is_ready() {
+                motion.goal_m = state.setpoint_q_m;
+                // The operator lets go, then takes hold.
+                for reasons in [Reasons::NONE.with(Reason::OperatorAbsent), Reasons::NONE] {
+                    motion.command(Phase::Holding, reasons)?;
+                }
+                return Ok(motion);
+            }
+            if !core::mem::replace(&mut has_homed, true) {
+                motion.core.transition(Transition::Home, monotonic_ns())?;
+            }
+        }
+        bail!("the drives were not ready after 10 s")
+    }
+
+    /// Stands where it is; to be called every [`TICK`].
+    pub(super) fn keep(&mut self) -> anyhow::Result<SlaveState> {
+        self.command(Phase::Following, Reasons::NONE)
+    }
+
+    /// One step of the `k`-th, counted from 0, at its own speed; then so many ticks for the encoder to follow.
+    pub(super) fn step(&mut self, k: usize, way_m: f64, settle_ticks: u32) -> anyhow::Result<Step> {
+        let end_m = self.goal_m[k] + way_m;
+        let n_ticks = (way_m.abs() / (self.rate_m_per_s * TICK_S)).ceil().max(1.0);
+        for _ in 0..n_ticks as u32 {
+            self.goal_m[k] += way_m / n_ticks;
+            self.keep()?;
+            std::thread::sleep(TICK);
+        }
+        self.goal_m[k] = end_m;
+        let mut state = self.keep()?;
+        for _ in 0..settle_ticks {
+            std::thread::sleep(TICK);
+            state = self.keep()?;
+        }
+        let mut refused = None;
+        if (state.setpoint_q_m[k] - end_m).abs() > 1e-9 {
+            let reasons: Vec<_> = Reasons::from_bits(state.reasons).iter().map(Reason::sentence).collect();
+            self.goal_m = state.setpoint_q_m;
+            refused = Some(reasons.join("; "));
+        }
+        Ok(Step { state, refused })
+    }
+
+    /// Comes to rest and takes the power away.
+    pub(super) fn end(&mut self) -> anyhow::Result<()> {
+        self.core.hold();
+        for _ in 0..PATIENCE_TICKS {
+            if self.core.is_still() {
+                break;
+            }
+            std::thread::sleep(TICK);
+            self.core.on_tick(monotonic_ns());
+        }
+        self.core.transition(Transition::Disable, monotonic_ns())?;
+        Ok(())
+    }
+
+    fn tick(&mut self) -> anyhow::Result<SlaveState> {
+        std::thread::sleep(TICK);
+        let now_ns = monotonic_ns();
+        self.core.on_tick(now_ns);
+        self.look(now_ns)
+    }
+
+    fn command(&mut self, phase: Phase, reasons: Reasons) -> anyhow::Result<SlaveState> {
+        self.sequence += 1;
+        let now_ns = monotonic_ns();
+        let command = Command {
+            sequence: self.sequence,
+            sample_ns: now_ns,
+            setpoint_sequence: self.sequence,
+            input_sequence: self.sequence,
+            q_tilde_m: self.goal_m,
+            q_uncompensated_m: self.goal_m,
+            n_actuators: self.n as u32,
+            phase: phase as u32,
+            reasons: reasons.bits(),
+            ..Command::default()
+        };
+        self.core.on_command(&command, now_ns);
+        self.core.on_tick(now_ns);
+        self.look(now_ns)
+    }
+
+    /// Reads the drives; a fault ends it.
+    fn look(&mut self, now_ns: i64) -> anyhow::Result<SlaveState> {
+        let state = self.core.report(now_ns);
+        if state.operating() == Some(OperatingState::Fault) {
+            let error = self.core.drive_error().context("the drives are in FAULT")?;
+            return Err(error.into());
+        }
+        Ok(state)
+    }
+}
