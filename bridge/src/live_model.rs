@@ -57,7 +57,8 @@ impl LiveModel {
     /// # Errors
     /// [`BridgeError`] says why no running chain can use it.
     pub fn of(file: &ModelFile) -> Result<Self, BridgeError> {
-        let calibrated = || file.first_open().map_or(Ok(()), |key| Err(BridgeError::Uncalibrated { key }));
+        let uncalibrated = |(key, of): (_, &str)| BridgeError::Uncalibrated { key, of: of.to_owned() };
+        let calibrated = || file.first_open().map_or(Ok(()), |open| Err(uncalibrated(open)));
         if let Some(chain) = file.chain(KnownColumns::default())? {
             chain.compensator()?;
             calibrated()?;

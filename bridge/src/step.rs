@@ -22,12 +22,14 @@ pub enum BridgeError {
     Joints(#[from] crate::JointsError),
     /// A model of which a number is not known yet.
     #[error(
-        "{key} of [machine] is not known, expected a number: a chain drives calibrated machines only; \
+        "{key} of {of} is not known, expected a number: a chain drives calibrated machines only; \
          `krait lab compare` finds it from a recording, so write that into the model file"
     )]
     Uncalibrated {
         /// The number's key.
         key: &'static str,
+        /// What it is of: `[machine]` or an effect.
+        of: String,
     },
     /// The watch for changes cannot be set up so.
     #[error(transparent)]

@@ -13,14 +13,15 @@ pub struct FittedData {
 
 impl FittedData {
     /// The data of this name and day, with their SHA-256 from the file's history; a history with that name on other days alone
-    /// gives those. Of a file whose history does not have the name, a copy under another name counts as other data, and other data
-    /// of that name as the same.
-    pub(crate) fn of(file: &ModelFile, name: &str, date: Option<&str>) -> Self {
+    /// gives those; `None` for a value that came from no data. Of a file whose history does not have the name, a copy under another
+    /// name counts as other data, and other data of that name as the same.
+    pub(crate) fn of(file: &ModelFile, from: Option<&str>, date: Option<&str>) -> Option<Self> {
+        let name = from?;
         let named: Vec<_> = file.history().iter().filter(|entry| entry.data == name).collect();
         let of_day: Vec<_> = named.iter().copied().filter(|entry| entry.date.as_deref() == date).collect();
         let entries = if of_day.is_empty() { named } else { of_day };
         let sha256 = entries.into_iter().flat_map(|entry| parts(&entry.data_sha256)).map(str::to_owned).collect();
-        Self { name: name.to_owned(), sha256 }
+        Some(Self { name: name.to_owned(), sha256 })
     }
 
     /// Whether it is the data of this name and SHA-256: one recording that both have is enough.
@@ -55,14 +56,14 @@ mod tests {
         };
         let text = format!("{MACHINE}{}{}", entry("2026-11-21", "a"), entry("2026-11-22", "b"));
         let file = ModelFile::parse(&text).expect("a model file");
-        let second = FittedData::of(&file, "a.csv", Some("2026-11-22"));
+        let second = FittedData::of(&file, Some("a.csv"), Some("2026-11-22")).expect("data");
         assert!(second.is("copy.csv", &hash("b")), "renamed");
         assert!(second.is("z.csv, copy.csv", &format!("{}, {}", hash("c"), hash("b"))), "one of two recordings");
         assert!(!second.is("a.csv", &hash("a")), "the name of another day's data");
         assert!(!second.is("a.csv", &hash("c")));
         // A name alone, as older files have it.
         let bare = ModelFile::parse(MACHINE).expect("a model file");
-        let by_name = FittedData::of(&bare, "a.csv", None);
+        let by_name = FittedData::of(&bare, Some("a.csv"), None).expect("data");
         assert!(by_name.is("a.csv", &hash("c")) && !by_name.is("copy.csv", &hash("c")));
     }
 }

@@ -72,7 +72,7 @@ pub fn save(
 /// other values; what was fitted to other data, or written by hand, is held.
 pub fn fitted_to(file: &ModelFile, data: &Measurements) -> Vec<(String, String)> {
     let is_same = |origin: &Origin| {
-        let from = origin.from.as_deref().map(|name| FittedData::of(file, name, origin.date.as_deref()));
+        let from = FittedData::of(file, origin.from.as_deref(), origin.date.as_deref());
         from.is_some_and(|own| own.is(&data.source, &data.sha256))
     };
     let names = |effect: &FileEffect| {

@@ -240,7 +240,11 @@ fn free_geometry_is_calibration_and_the_effect_beside_it_is_what_is_missing() {
     assert!((radius.value - 0.00178).abs() < 3.0 * radius.se && radius.se < 0.3 * 0.00178, "{radius:?}");
     let added = add(&open, &data, &adding("backlash", 8.9e-5, Vec::new())).unwrap();
     let saved = save(&file, &added, "backlash", &data, "2026-11-23").unwrap();
-    assert_eq!((file.first_open(), saved.first_open()), (Some("e_pa"), None), "a chain may drive what was fitted");
+    assert_eq!(
+        (file.first_open(), saved.first_open()),
+        (Some(("e_pa", "[machine]")), None),
+        "a chain may drive what was fitted"
+    );
     let again = ModelFile::parse(&saved.to_toml()).unwrap();
     assert_eq!(again, saved);
     let error = |lab: &SnakeLab| krait_lab::compare::compare(lab, &data).unwrap().error.rms;
@@ -268,7 +272,7 @@ fn a_camera_that_the_file_leaves_open_is_calibration_and_the_effect_beside_it_is
     }
     let added = add(&open, &data, &adding("backlash", 8.9e-5, Vec::new())).unwrap();
     let saved = save(&file, &added, "backlash", &data, "2026-11-23").unwrap();
-    assert_eq!((file.first_open(), saved.first_open()), (Some("offset_x_rad"), None));
+    assert_eq!((file.first_open(), saved.first_open()), (Some(("offset_x_rad", "camera-offset")), None));
 }
 
 #[test]

@@ -52,7 +52,7 @@ pub(super) fn open_numbers(file: &ModelFile, machine: &SnakeMachine, place: usiz
             Known::Held => return None,
             Known::Absent | Known::Free => (None, None),
             Known::Fitted { se, from, date } => {
-                let data = from.as_deref().map(|name| FittedData::of(file, name, date.as_deref()));
+                let data = FittedData::of(file, from.as_deref(), date.as_deref());
                 (machine.value(key.name).map(|value| (value, *se)), data)
             }
         };

@@ -142,7 +142,7 @@ pub(super) fn open_values(file: &ModelFile, place: usize, effect: &FileEffect) -
         let origin = effect.origin(name)?;
         let se = origin.se.filter(|se| *se > 0.0)?;
         let value = effect.setting().value(name)?;
-        let from = origin.from.as_deref().map(|name| FittedData::of(file, name, origin.date.as_deref()));
+        let from = FittedData::of(file, origin.from.as_deref(), origin.date.as_deref());
         Some(OpenNumber { effect: place, parameter, prior: Some((value, se)), from })
     };
     effect.setting().parameter_names().enumerate().filter_map(open).collect()

@@ -140,10 +140,9 @@ impl ModelFile {
         &self.machine
     }
 
-    /// The first number of the machine or of an effect that the file leaves to the fits: such a model is not calibrated. `None`:
-    /// every number is known.
-    pub fn first_open(&self) -> Option<&'static str> {
-        let of_effects = self.effects.iter().flat_map(|effect| effect.free.iter().copied()).next();
+    /// The first number that the file leaves to the fits, and what it is of, `[machine]` or an effect: such a model is not calibrated.
+    /// `None`: every number is known.
+    pub fn first_open(&self) -> Option<(&'static str, &str)> {
         let of_machine = match &self.machine {
             Machine::Snake(snake) => snake.first_open(),
             Machine::Joints(joints) => {
@@ -153,7 +152,8 @@ impl ModelFile {
             }
             Machine::Force(_) => None,
         };
-        of_machine.or(of_effects)
+        let mut of_effects = self.effects.iter().filter_map(|own| Some((*own.free.first()?, own.setting.label())));
+        of_machine.map(|key| (key, "[machine]")).or_else(|| of_effects.next())
     }
 
     /// The effects, in the order of the chain.

@@ -153,8 +153,7 @@ impl Hand<'_> {
             sweep.way_m += step_m;
             sweep.after = look.load;
             sweep.went_m = core::array::from_fn(|j| look.q_m[j] - before.q_m[j]);
-            let is_clear = (sweep.after[k].abs() - before.load[k].abs()).abs() > 2.0 * clear;
-            if is_clear || !sweep.has_followed(k) {
+            if sweep.growth(k).abs() > 2.0 * clear || !sweep.has_followed(k) {
                 break;
             }
         }
@@ -182,10 +181,7 @@ impl Hand<'_> {
 
     /// Looks once the last step has had time.
     fn settled(&mut self) -> anyhow::Result<Look> {
-        for _ in 0..self.settle_ticks {
-            self.motion.keep()?;
-            std::thread::sleep(TICK);
-        }
+        self.motion.stand(self.settle_ticks)?;
         self.look()
     }
 

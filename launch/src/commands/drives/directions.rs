@@ -32,7 +32,7 @@ pub(super) struct Sweep {
 
 impl Sweep {
     /// By how much the size of the `j`-th load grew.
-    fn growth(&self, j: usize) -> f64 {
+    pub(super) fn growth(&self, j: usize) -> f64 {
         self.after[j].abs() - self.before[j].abs()
     }
 

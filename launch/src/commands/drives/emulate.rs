@@ -1,10 +1,12 @@
 //! An emulated bus of servos behind a pseudo-terminal, or of drives on a CAN interface, and the configuration that drives it.
 
 use crate::{print, signals};
-use core::f64::consts::TAU;
 use core::time::Duration;
 use krait_drives::emulator::{CanBus, CanDrive, Coupling, Emulator, Servo, ServoWire, serve_can};
+use krait_drives::sts3215::COUNTS_PER_TURN;
+use krait_drives::{OpenError, Units};
 use krait_sim::{CableSnake, Truth};
+use krait_slave::ActuatorConfig;
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 
@@ -13,18 +15,15 @@ const LOOK_EVERY: Duration = Duration::from_millis(50);
 const USB_LATENCY: Duration = Duration::from_millis(1);
 /// Where the emulated servos begin, straight and under tension, counts.
 const ZERO_COUNT: f64 = 2048.0;
-/// Counts of a turn on the spool that a configuration has by default.
-const COUNTS_PER_M: f64 = 4096.0 / (TAU * SPOOL_M);
-const SPOOL_M: f64 = 0.008;
-/// Largest pull of an STS3215 at 7.4 V on it, 1.91 N m, N.
-const LARGEST_N: f64 = 1.91 / SPOOL_M;
+/// Largest torque of an STS3215 at 7.4 V, N m.
+const STALL_NM: f64 = 1.91;
 
 /// Plugs in so many servos, prints their configuration on standard output, and runs until Ctrl-C.
 pub(super) fn run(n: u8) -> anyhow::Result<ExitCode> {
     let stop = signals::stop_flag()?;
     let mut wire = ServoWire::new((1..=n).map(|id| Servo::new(id, ZERO_COUNT)).collect());
     wire.usb_latency = USB_LATENCY;
-    wire.coupling = Some(snakes(usize::from(n) / 3));
+    wire.coupling = Some(snakes(usize::from(n) / 3)?);
     let emulator = Emulator::start(wire)?;
     let port = emulator.path().display();
     let mut text = format!(
@@ -43,15 +42,19 @@ pub(super) fn run(n: u8) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Three servos each bend a simulated snake on cables; counts grow where its cables are pushed.
-fn snakes(n: usize) -> Coupling {
+/// Three servos each bend a simulated snake on cables, on the spools of a configuration that does not say otherwise; counts grow where
+/// its cables are pushed.
+fn snakes(n: usize) -> Result<Coupling, OpenError> {
+    let spool = ActuatorConfig::default();
+    let counts_per_m = Units::new(&spool, 1, COUNTS_PER_TURN)?.magnitude_counts(1.0);
+    let largest_n = STALL_NM / spool.spool_radius_m;
     let mut snakes = vec![CableSnake::new(Truth::default()); n];
-    Coupling::new(move |places| {
+    Ok(Coupling::new(move |places| {
         let groups = snakes.iter_mut().zip(places.chunks_exact(3));
         let loads_n = groups
-            .flat_map(|(snake, group)| snake.loads_n(core::array::from_fn(|k| (group[k] - ZERO_COUNT) / COUNTS_PER_M)));
-        loads_n.map(|load_n| load_n / LARGEST_N).collect()
-    })
+            .flat_map(|(snake, group)| snake.loads_n(core::array::from_fn(|k| (group[k] - ZERO_COUNT) / counts_per_m)));
+        loads_n.map(|load_n| load_n / largest_n).collect()
+    }))
 }
 
 /// Lets so many drives live on a CAN interface, prints their configuration on standard output, and runs until Ctrl-C.

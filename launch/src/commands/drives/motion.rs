@@ -73,6 +73,16 @@ impl Motion {
         self.command(Phase::Following, Reasons::NONE)
     }
 
+    /// Stands for so many ticks.
+    pub(super) fn stand(&mut self, n_ticks: u32) -> anyhow::Result<SlaveState> {
+        let mut state = self.keep()?;
+        for _ in 0..n_ticks {
+            std::thread::sleep(TICK);
+            state = self.keep()?;
+        }
+        Ok(state)
+    }
+
     /// One step of the `k`-th, counted from 0, at its own speed; then so many ticks for the encoder to follow.
     pub(super) fn step(&mut self, k: usize, way_m: f64, settle_ticks: u32) -> anyhow::Result<Step> {
         let end_m = self.goal_m[k] + way_m;
@@ -83,11 +93,7 @@ impl Motion {
             std::thread::sleep(TICK);
         }
         self.goal_m[k] = end_m;
-        let mut state = self.keep()?;
-        for _ in 0..settle_ticks {
-            std::thread::sleep(TICK);
-            state = self.keep()?;
-        }
+        let state = self.stand(settle_ticks)?;
         let mut refused = None;
         if (state.setpoint_q_m[k] - end_m).abs() > 1e-9 {
             let reasons: Vec<_> = Reasons::from_bits(state.reasons).iter().map(Reason::sentence).collect();

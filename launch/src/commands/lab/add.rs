@@ -45,7 +45,7 @@ pub fn refit(args: &FitArgs) -> anyhow::Result<ExitCode> {
     let session = open(&args.files)?;
     if args.free.is_empty() && session.machine.open_numbers().is_empty() {
         bail!(
-            "nothing is free: expected --free EFFECT.PARAMETER, --free machine.KEY, or a number of [machine] in {} that is \"free\"; \
+            "nothing is free: expected --free EFFECT.PARAMETER, --free machine.KEY, or a number in {} that is \"free\"; \
              name what is to be fitted",
             args.files.model.display()
         );
