@@ -17,8 +17,8 @@ pub enum ConsoleError {
         source: std::io::Error,
     },
     /// The kernel's random numbers.
-    #[error("the console cannot read /dev/urandom for its token: {0}")]
-    Random(std::io::Error),
+    #[error("the console gets no random numbers from the kernel for its token: {0}")]
+    Random(rand::rngs::SysError),
     /// The server's own threads.
     #[error("the console cannot start its server: {0}")]
     Start(std::io::Error),

@@ -2,7 +2,8 @@
 
 use crate::ConsoleError;
 use axum::http::{HeaderMap, HeaderValue, header};
-use std::io::Read;
+use rand::TryRng;
+use rand::rngs::SysRng;
 
 /// 128 random bits as 32 hexadecimal digits.
 #[derive(Clone, PartialEq, Eq)]
@@ -21,9 +22,7 @@ impl Token {
     /// [`ConsoleError::Random`].
     pub fn new() -> Result<Self, ConsoleError> {
         let mut bytes = [0u8; 16];
-        std::fs::File::open("/dev/urandom")
-            .and_then(|mut file| file.read_exact(&mut bytes))
-            .map_err(ConsoleError::Random)?;
+        SysRng.try_fill_bytes(&mut bytes).map_err(ConsoleError::Random)?;
         Ok(Self(bytes.iter().map(|byte| format!("{byte:02x}")).collect()))
     }
 
