@@ -22,11 +22,12 @@ const LAST_TURN: usize = 3;
 const CAP_IPC_LOCK: u64 = 1 << 14;
 
 settings! {
-    /// What the four processes between the hand and the drives ask of the kernel. No priority by default: on shared cores a high
-    /// one makes waker and woken compete.
+    /// What the four processes between the hand and the drives ask of the kernel. No priority by default: it takes a right that
+    /// most users lack.
     #[derive(Clone, Debug, PartialEq, Eq)]
     pub struct Realtime in "realtime" {
-        /// SCHED_FIFO priority; 0: time sharing as every other process.
+        /// SCHED_FIFO priority of the slave, each process before it one less, so that a sample goes on to the drives before the
+        /// processes behind it tidy up; 0: time sharing as every other process.
         priority: u8 = 0, 0..=99;
         /// Whether all memory is kept in RAM and the stack is touched beforehand.
         lock_memory: bool = false;
@@ -164,9 +165,15 @@ impl Realtime {
         }
         // Last, so that what is slow above does not run at high priority.
         if self.priority > 0 {
-            refused.extend(set_fifo(self.priority).err());
+            refused.extend(set_fifo(self.priority_of(idx)).err());
         }
         refused
+    }
+
+    /// SCHED_FIFO priority of the `idx`-th of the chain's four processes.
+    fn priority_of(&self, idx: usize) -> u8 {
+        let n_behind = LAST_TURN.saturating_sub(idx) as u8;
+        self.priority.saturating_sub(n_behind).max(1)
     }
 
     /// Slice of the `idx`-th of the chain's four processes, us: the last one's doubled for each process between.
@@ -192,7 +199,10 @@ pub struct Beside {
 impl Beside {
     /// As the calling thread runs now, before [`Realtime::apply`], and below what that will ask for.
     pub fn before(wish: &Realtime) -> Self {
-        Self { cores: sched_getaffinity(None).ok(), priority: wish.priority.saturating_sub(1) }
+        Self {
+            cores: sched_getaffinity(None).ok(),
+            priority: wish.priority.saturating_sub(LAST_TURN as u8 + 1).max(wish.priority.min(1)),
+        }
     }
 
     /// Applies it to the calling thread; one sentence for each wish that was refused.
@@ -346,6 +356,15 @@ mod tests {
         assert_eq!(slices(50_000), [100_000, 100_000, 100_000, 50_000], "what the kernel gives at most");
         let slave = crate::Process::ALL.iter().filter_map(|process| process.core_turn()).max();
         assert_eq!(slave, Some(LAST_TURN));
+    }
+
+    #[test]
+    fn a_process_nearer_to_the_drives_has_the_higher_priority_and_what_works_beside_the_chain_a_lower_one() {
+        let wish = |priority| Realtime { priority, ..Realtime::default() };
+        let priorities = |priority| [0, 1, 2, 3].map(|idx| wish(priority).priority_of(idx));
+        assert_eq!(priorities(40), [37, 38, 39, 40]);
+        assert_eq!(priorities(2), [1, 1, 1, 2], "1 is the lowest");
+        assert_eq!([40, 2, 0].map(|priority| Beside::before(&wish(priority)).priority), [36, 1, 0]);
     }
 
     #[test]

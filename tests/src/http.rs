@@ -143,6 +143,19 @@ impl Console {
     pub fn page(&self) -> Live {
         self.live(Some(&self.origin()), Some(&self.cookie())).expect("the page's own connection")
     }
+
+    /// Opens `n` connections that hang: a fifth are pages that never read, the others say half of a request or nothing.
+    pub fn stalled(&self, n: usize) -> (Vec<Live>, Vec<TcpStream>) {
+        let n_pages = n / 5;
+        let silent = |idx: usize| {
+            let mut stream = TcpStream::connect(("127.0.0.1", self.port)).expect("it listens");
+            if idx.is_multiple_of(2) {
+                stream.write_all(b"GET / HTTP/1.1\r\nHost: ").expect("half a request");
+            }
+            stream
+        };
+        ((0..n_pages).map(|_| self.page()).collect(), (n_pages..n).map(silent).collect())
+    }
 }
 
 /// What comes on a connection until its end.

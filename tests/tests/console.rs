@@ -5,8 +5,6 @@
 use core::time::Duration;
 use krait_tests::{Console, Ended, Krait, TempFolder, instance_name, next_of_kind, processes_of, wait_until};
 use rustix::process::Signal;
-use std::io::Write;
-use std::net::TcpStream;
 use tungstenite::Message;
 
 const PATIENCE: Duration = Duration::from_secs(240);
@@ -117,9 +115,7 @@ fn a_hundred_stalled_connections_cost_the_chain_no_sample_and_the_page_no_freshn
         ["run", "--engage=again", "--instance", &instance, "--console", "--seconds", "8", "--recording", &recording];
     let mut krait = Krait::start(&arguments);
     let console = Console::of(&mut krait);
-    // Pages that never read, connections that say half of what they want, and such that say nothing.
-    let pages: Vec<_> = (0..20).map(|_| console.page()).collect();
-    let halves: Vec<_> = (0..80).map(|idx| stalled(&console, idx % 2 == 0)).collect();
+    let stalled = console.stalled(100);
     let mut reading = console.page();
     let processes = processes_of(&instance);
     let server = processes.iter().find(|(name, _)| name == "console").expect("the server").1;
@@ -131,7 +127,7 @@ fn a_hundred_stalled_connections_cost_the_chain_no_sample_and_the_page_no_freshn
     assert!(numbers.windows(2).all(|pair| pair[0] < pair[1]), "newer and newer");
     let frame = next_of_kind(&mut reading, "frame");
     assert_eq!(frame["state"]["operating"], "ENABLED", "{frame}");
-    drop((pages, halves, reading));
+    drop((stalled, reading));
     let ended = krait.end(PATIENCE);
     assert!(ended.stdout.contains(" 0 lost"), "{ended:?}");
     assert!(processes_of(&instance).is_empty(), "the console ends with its chain");
@@ -142,14 +138,6 @@ fn cpu_s(pid: u32) -> f64 {
     let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).expect("it runs");
     let fields: Vec<&str> = stat.rsplit_once(')').expect("a name").1.split_whitespace().collect();
     [11, 12].map(|field| fields[field].parse::<f64>().expect("ticks of 10 ms") * 0.01).iter().sum()
-}
-
-fn stalled(console: &Console, says_half: bool) -> TcpStream {
-    let mut stream = TcpStream::connect(("127.0.0.1", console.port)).expect("it listens");
-    if says_half {
-        stream.write_all(b"GET / HTTP/1.1\r\nHost: ").expect("half a request");
-    }
-    stream
 }
 
 #[test]

@@ -16,17 +16,28 @@ use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Turns; each has a stretch without a console, another one to tell the spread, one with nine readers, one with the browser
-/// besides, one with a diagnosis besides.
+/// besides, one with a diagnosis besides, one with a hundred connections that hang besides.
 const TURNS: usize = 6;
 const STRETCH: Duration = Duration::from_secs(5);
 /// What has just begun or ended on the machine is over by then.
 const SETTLE: Duration = Duration::from_secs(2);
 /// Pages besides the one in the browser.
 const READERS: usize = 9;
+/// Connections that hang; a fifth of them are pages that never read.
+const STALLED: usize = 100;
+/// Environment variable with the chain's SCHED_FIFO priority; without it the chain shares time as every other process.
+const PRIORITY: &str = "KRAIT_PRIORITY";
 const STOPS: usize = 60;
 const TICKS_PER_S: f64 = 100.0;
 
-const WAYS: [&str; 5] = ["without", "without, again", "nine readers", "ten pages", "ten pages and a diagnosis"];
+const WAYS: [&str; 6] = [
+    "without",
+    "without, again",
+    "nine readers",
+    "ten pages",
+    "ten pages and a diagnosis",
+    "all that and a hundred stalled",
+];
 
 /// When a stretch of a way began and ended, ns.
 type Stretches = Vec<(&'static str, i64, i64)>;
@@ -38,7 +49,12 @@ fn ten_pages_and_a_diagnosis_beside_a_chain() {
     let (instance, folder) = (instance_name("ten"), TempFolder::new("ten"));
     let (recording, lab) = (folder.file("ten.mcap"), folder.file("lab"));
     println!("load before: {}", load());
-    let chain = Krait::start(&["run", "--engage=again", "--instance", &instance, "--recording", &recording]);
+    let config = folder.file("config.toml");
+    let priority = std::env::var(PRIORITY).unwrap_or_else(|_| "0".to_owned());
+    println!("[realtime] priority = {priority}");
+    std::fs::write(&config, format!("[realtime]\npriority = {priority}\n")).expect("written");
+    let arguments = ["run", "--engage=again", "--instance", &instance, "--config", &config, "--recording", &recording];
+    let chain = Krait::start(&arguments);
     let mut stretches = Stretches::new();
     let (mut shares, mut firsts) = (BTreeMap::<&str, Vec<f64>>::new(), Vec::new());
     let mut painted = Painted::default();
@@ -73,6 +89,9 @@ fn ten_pages_and_a_diagnosis_beside_a_chain() {
             scope.spawn(|| diagnose_until(&console, &ended));
             std::thread::sleep(SETTLE);
             measured(WAYS[4]);
+            let stalled = console.stalled(STALLED);
+            measured(WAYS[5]);
+            drop(stalled);
             if turn == TURNS - 1 {
                 stretches.extend(stops(&mut page, &console));
             }
