@@ -41,6 +41,38 @@ fn findings(page: &mut BrowserPage) -> Vec<Value> {
     page.value(script).as_array().expect("a list").clone()
 }
 
+/// The same in the dark and in the light theme, each with where it was found.
+fn findings_in_both_themes(page: &mut BrowserPage, place: &str) -> Vec<String> {
+    let mut broken = Vec::new();
+    for theme in ["dark", "light"] {
+        if page.value("document.documentElement.dataset.theme") != json!(theme) {
+            page.key("t", 84);
+        }
+        page.value("new Promise(done => setTimeout(done, 700))");
+        broken.extend(findings(page).into_iter().map(|found| format!("{place}, {theme}: {found}")));
+    }
+    broken
+}
+
+/// The quiz of the lab from its form to its answer: what to do, what comes then, and how to see that it is there.
+const QUIZ: [(&str, &str, &str); 3] = [
+    (
+        "[...document.querySelectorAll('#lab button')].find(button => button.textContent.startsWith('Quiz')).click()",
+        "the form of the quiz",
+        "document.querySelector('#quiz-new') !== null",
+    ),
+    (
+        "document.querySelector('#quiz-new [name=seed]').value = '3'; document.querySelector('#quiz-new').requestSubmit()",
+        "the question of the quiz",
+        "document.querySelectorAll('#quiz-guess [name=guess]').length === 4 && document.querySelector('#lab .residuals') !== null",
+    ),
+    (
+        "[...document.querySelectorAll('#lab button')].find(button => button.textContent === 'Give up').click()",
+        "the answer of the quiz",
+        "document.querySelectorAll('#lab .effect p').length === 2",
+    ),
+];
+
 #[test]
 #[ignore = "fetches axe-core and takes minutes; .ci/run runs it"]
 fn no_room_of_the_page_breaks_a_serious_rule_and_the_keyboard_alone_suffices() {
@@ -51,24 +83,24 @@ fn no_room_of_the_page_breaks_a_serious_rule_and_the_keyboard_alone_suffices() {
     };
     let (instance, folder) = (instance_name("access"), TempFolder::new("access"));
     let recording = folder.file("run.mcap");
-    let arguments = ["run", "--engage=again", "--console", "--instance", &instance, "--recording", &recording];
-    let mut krait = Krait::start(&arguments);
-    let console = Console::of(&mut krait);
+    let lab = folder.file("lab");
+    let krait = Krait::start(&["run", "--engage=again", "--instance", &instance, "--recording", &recording]);
+    let mut server = Krait::start(&["console", "--instance", &instance, "--lab", &lab]);
+    let console = Console::of(&mut server);
     wait_for_motion(&instance, &recording);
     let mut page = browser.page(&console.address, 1280, 800);
     page.wait_for("the snake follows", "document.documentElement.dataset.shown === 'following'");
     page.value(&axe);
     let mut broken = Vec::new();
-    for theme in ["dark", "light"] {
-        if page.value("document.documentElement.dataset.theme") != json!(theme) {
-            page.key("t", 84);
-        }
-        for (key, tab) in [("1", "operate"), ("2", "latency"), ("3", "lab"), ("4", "recordings")] {
-            page.key(key, u32::from(key.as_bytes()[0]));
-            page.wait_for("the key opens the room", &format!("document.documentElement.dataset.tab === '{tab}'"));
-            page.value("new Promise(done => setTimeout(done, 700))");
-            broken.extend(findings(&mut page).into_iter().map(|found| format!("{tab}, {theme}: {found}")));
-        }
+    for (key, tab) in [("1", "operate"), ("2", "latency"), ("4", "recordings"), ("3", "lab")] {
+        page.key(key, u32::from(key.as_bytes()[0]));
+        page.wait_for("the key opens the room", &format!("document.documentElement.dataset.tab === '{tab}'"));
+        broken.extend(findings_in_both_themes(&mut page, tab));
+    }
+    for (act, what, is_there) in QUIZ {
+        page.value(&format!("{act}; 0"));
+        page.wait_for(what, is_there);
+        broken.extend(findings_in_both_themes(&mut page, what));
     }
     assert!(broken.is_empty(), "{broken:#?}");
     page.key("1", u32::from(b'1'));
@@ -96,6 +128,8 @@ fn no_room_of_the_page_breaks_a_serious_rule_and_the_keyboard_alone_suffices() {
     stop.key_half(false, "Enter", 13);
     let paused = || Ended::of(&["state", "--instance", &instance], PATIENCE).stdout.starts_with("PAUSED");
     assert!(wait_until(PATIENCE, paused), "Enter on the stop stops");
+    server.signal(Signal::TERM);
+    server.end(PATIENCE);
     krait.signal(Signal::INT);
     assert_eq!(krait.end(PATIENCE).code, Some(0));
 }
