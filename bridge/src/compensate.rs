@@ -106,12 +106,15 @@ impl CompensateCore {
         let trips = self.mismatch.trips(&mut self.memory.mismatch, found_rad, setpoint.sample_ns, &mut reasons);
         let first_ns = *self.memory.first_ns.get_or_insert(setpoint.sample_ns);
         let at = Circumstances::at(seconds_between(first_ns, setpoint.sample_ns));
+        let n_faults = self.lines.n_formula_faults();
         let lines = self.lines.step(bend, &at);
+        let is_finite = self.lines.n_formula_faults() == n_faults;
+        reasons.insert_if(Reason::FormulaFault, !is_finite);
         let wish = Wish {
             raw_m: lines.q_tilde_m,
             load_n: lines.tau_n.amax(),
             state: self.state.as_ref(),
-            is_fresh: fresh,
+            is_fresh: fresh && is_finite,
             step_s,
         };
         let q_tilde_m = self.memory.reach.command(&wish, &self.config, &mut reasons);
@@ -134,7 +137,7 @@ impl CompensateCore {
             model_hash: self.model.0,
             learnt: *self.lines.learnt(),
             n_learnt: self.blend.n_learnt(),
-            phase: if fresh && !trips { setpoint.phase } else { Phase::Holding as u32 },
+            phase: if fresh && is_finite && !trips { setpoint.phase } else { Phase::Holding as u32 },
             reasons: reasons.bits(),
         })
     }

@@ -100,13 +100,16 @@ impl JointCompensateCore {
         let at = Circumstances::at(seconds_between(first_ns, setpoint.sample_ns));
         let wanted = self.machine.of_model(&setpoint.joints_rad);
         let wanted = &wanted[..n];
+        let n_faults = self.joints.n_formula_faults();
         let found = self.joints.step(wanted, &at);
+        let is_finite = self.joints.n_formula_faults() == n_faults;
+        reasons.insert_if(Reason::FormulaFault, !is_finite);
         reasons.insert_if(Reason::JointUnreachable, !found.is_reachable);
         let wish = Wish {
             raw_m: SVector::from(self.machine.cable_m(&found.u)),
             load_n: 0.0,
             state: self.state.as_ref(),
-            is_fresh,
+            is_fresh: is_fresh && is_finite,
             step_s,
         };
         let q_tilde_m = self.memory.reach.command(&wish, &self.config, &mut reasons);
@@ -129,7 +132,7 @@ impl JointCompensateCore {
             model_hash: self.machine.model.hash().0,
             learnt: *self.joints.learnt(),
             n_learnt: self.blend.n_learnt(),
-            phase: if is_fresh && !trips { setpoint.phase } else { Phase::Holding as u32 },
+            phase: if is_fresh && is_finite && !trips { setpoint.phase } else { Phase::Holding as u32 },
             reasons: reasons.bits(),
         })
     }

@@ -6,7 +6,7 @@ mod common;
 
 use common::{TICK_NS, chain, compensate, ready_state, setpoint, setpoint_of, update_of, waiting_state};
 use krait_bridge::{CompensateConfig, CompensateCore};
-use krait_ipc::message::{Command, LearntValue, ModelUpdate, Setpoint};
+use krait_ipc::message::{Command, LearntValue, ModelUpdate, Phase, Setpoint};
 use krait_ipc::{Reason, Reasons};
 use krait_model::{MachineParameters, Snake};
 
@@ -160,6 +160,22 @@ fn a_slave_that_fell_silent_stops_the_commands_where_they_are() {
     let after = core.step(&later, later.sample_ns).expect("good numbers");
     assert_eq!(after.q_tilde_m, before.q_tilde_m);
     assert!(has(&after, Reason::StateStale));
+}
+
+/// The root of less than nothing from 20 s on; a model file is checked within the first 16 s.
+#[test]
+fn a_formula_without_a_value_holds_the_commands_where_they_are_and_is_named() {
+    let text = "format = 1\n[machine]\nkind = \"snake\"\n[[effect]]\nkind = \"formula\"\nname = \"ends\"\nhook = \"eps\"\n\
+                formula = \"1e-4 * sqrt(20 - time_s)\"\n";
+    let chain = common::chain_of(text);
+    let mut core = CompensateCore::new(&chain, CompensateConfig::default()).expect("defaults");
+    let setpoint = |sequence| setpoint_of(&chain, sequence, [0.2, 0.0]);
+    let before = follow(&mut core, setpoint(1));
+    let last = follow(&mut core, setpoint(19_000));
+    assert!(!has(&before, Reason::FormulaFault) && !has(&last, Reason::FormulaFault), "{last:?}");
+    let after = follow(&mut core, setpoint(21_000));
+    assert!(has(&after, Reason::FormulaFault) && after.phase == Phase::Holding as u32, "{after:?}");
+    assert_eq!(after.q_tilde_m, last.q_tilde_m);
 }
 
 #[test]

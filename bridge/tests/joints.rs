@@ -10,7 +10,7 @@ use krait_bridge::{
     JointsConfig, LiveModel, ResolveConfig,
 };
 use krait_ipc::message::{
-    Command, DeviceState, HopStamps, LearningState, ModelUpdate, OperatingState, OperatorInput, Setpoint, Shape,
+    Command, DeviceState, HopStamps, LearningState, ModelUpdate, OperatingState, OperatorInput, Phase, Setpoint, Shape,
     SlaveState,
 };
 use krait_ipc::{Reason, Reasons};
@@ -282,4 +282,25 @@ fn a_position_that_no_command_reaches_is_named_and_gets_the_nearest_command() {
     assert!(unreachable(&beyond) && beyond.q_tilde_m.iter().all(|q_m| q_m.is_finite()), "{beyond:?}");
     let back = (401..=800).map(|k| command_at(k, 0.4 - 1e-3 * (k - 400) as f64)).last().expect("400 steps");
     assert!(!unreachable(&back), "{back:?}");
+}
+
+/// The root of less than nothing from 20 s on.
+#[test]
+fn a_formula_of_joints_without_a_value_holds_the_commands_where_they_are_and_is_named() {
+    let text = format!(
+        "{OFF}[[effect]]\nkind = \"formula\"\nname = \"ends\"\nhook = \"joint\"\nformula = \"1e-2 * sqrt(20 - time_s)\"\n"
+    );
+    let machine = machine(&text, &JointsConfig::default());
+    let mut compensate = JointCompensateCore::new(&machine, CompensateConfig::default()).expect("defaults");
+    let mut resolve = JointResolveCore::new(&machine, ResolveConfig::default()).expect("defaults");
+    let mut command_at = |k: i64| {
+        compensate.note_state(&state(k, None));
+        let still = resolve.step(&input(k, [0.0; 3]), T0_NS + k * MS).expect("a good input");
+        compensate.step(&still, T0_NS + k * MS).expect("a good setpoint")
+    };
+    let has_fault = |command: &Command| Reasons::from_bits(command.reasons).contains(Reason::FormulaFault);
+    let [first, last, after] = [1, 19_000, 21_000].map(&mut command_at);
+    assert!(!has_fault(&first) && !has_fault(&last), "{last:?}");
+    assert!(has_fault(&after) && after.phase == Phase::Holding as u32, "{after:?}");
+    assert_eq!(after.q_tilde_m, last.q_tilde_m);
 }

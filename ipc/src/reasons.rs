@@ -98,11 +98,13 @@ pub enum Reason {
     JointUnreachable = 45,
     /// The pose of the hand jumped faster than a hand moves.
     HandJumped = 46,
+    /// A formula of the model has no finite value.
+    FormulaFault = 47,
 }
 
 impl Reason {
     /// Every reason, in the order of its bit.
-    pub const ALL: [Self; 47] = [
+    pub const ALL: [Self; 48] = [
         Self::OperatorAbsent,
         Self::Clutched,
         Self::DeviceLost,
@@ -150,6 +152,7 @@ impl Reason {
         Self::MismatchTrip,
         Self::JointUnreachable,
         Self::HandJumped,
+        Self::FormulaFault,
     ];
 
     /// The reason in words that a surgeon understands.
@@ -208,6 +211,9 @@ impl Reason {
             }
             Self::HandJumped => {
                 "the snake holds still because the hand's pose jumped: let go, look at its tracker, and take hold anew"
+            }
+            Self::FormulaFault => {
+                "the snake holds still because a formula of the model has no finite value here: mend the model file"
             }
         }
     }

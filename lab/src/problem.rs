@@ -113,11 +113,21 @@ impl<'a> Problem<'a> {
     /// The same with the predictions for other inputs.
     pub(crate) fn residual_at(&self, effects: &[Term], inputs: &Measurements) -> Result<Vec<f64>, LabError> {
         let Some(loads) = &self.loads else { return Ok(self.weigh(&self.machine.predict(effects, inputs)?)) };
-        let (predicted, loads_n) = self.machine.predict_with_loads(effects, inputs)?;
-        let left = loads.residual(&loads_n.unwrap_or_default());
+        let (predicted, loads_n) = self.predicted_with_loads(effects, inputs)?;
+        let left = loads.residual(&loads_n);
         let rows = self.weigh(&predicted);
         let rows = rows.chunks(self.data.n_outputs).zip(left.chunks(LoadRows::WIDTH));
         Ok(rows.flat_map(|(outputs, loads)| outputs.iter().chain(loads)).copied().collect())
+    }
+
+    /// Predicted outputs and loads at the actuators, of a machine whose loads are scored.
+    pub(crate) fn predicted_with_loads(
+        &self,
+        effects: &[Term],
+        inputs: &Measurements,
+    ) -> Result<(Vec<f64>, Vec<f64>), LabError> {
+        let (outputs, loads_n) = self.machine.predict_with_loads(effects, inputs)?;
+        Ok((outputs, loads_n.unwrap_or_else(|| unreachable!("loads are scored where the machine predicts them"))))
     }
 
     /// Weighted residuals of predicted outputs.

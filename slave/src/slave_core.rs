@@ -23,14 +23,15 @@ use krait_ipc::{Reason, Reasons};
 /// Commands come every millisecond; half a period more without one and the slave begins to brake, ns.
 pub(crate) const GAP_NS: i64 = 1_500_000;
 /// What a command says of the way before it that ends an engagement: something was lost or stood still.
-/// Or the model is not of this machine.
-const STALLS: [Reason; 6] = [
+/// Or the model is not of this machine, or has no value.
+const STALLS: [Reason; 7] = [
     Reason::DeviceLost,
     Reason::HandJumped,
     Reason::InputStale,
     Reason::SetpointStale,
     Reason::StateStale,
     Reason::MismatchTrip,
+    Reason::FormulaFault,
 ];
 /// What else keeps an operator from engaging, as a command tells it.
 const HOLDS: [Reason; 3] = [Reason::OperatorAbsent, Reason::Clutched, Reason::InputEnded];

@@ -552,7 +552,7 @@ mod probes {
             spoil(&mut command);
             bench.take(&command);
         };
-        let commands: [(Spoil, Reason); 7] = [
+        let commands: [(Spoil, Reason); 8] = [
             (|c| c.input_sequence = 1, Reason::StageRestarted),
             (|c| c.setpoint_sequence = 1, Reason::StageRestarted),
             (|c| c.sequence = 1, Reason::StageRestarted),
@@ -560,6 +560,7 @@ mod probes {
             (|c| c.reasons = 1 << Reason::DeviceLost as u32, Reason::DeviceLost),
             (|c| c.reasons = 1 << Reason::HandJumped as u32, Reason::HandJumped),
             (|c| c.reasons = 1 << Reason::SetpointStale as u32, Reason::SetpointStale),
+            (|c| c.reasons = 1 << Reason::FormulaFault as u32, Reason::FormulaFault),
         ];
         for (spoil, reason) in commands {
             let mut bench = Bench::ready();

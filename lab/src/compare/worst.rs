@@ -12,12 +12,10 @@ const MUCH: f64 = 0.8;
 pub(super) fn sentence(bins: &[Bin], rms: f64, unit: &str) -> String {
     let Some((worst, others)) = telling(bins, rms) else {
         return match turning(bins, rms) {
-            Some((low, high)) => format!(
-                "The error is about as large everywhere, but its mean changes with {}: {:+.2} {unit} {}, {:+.2} {unit} {}.",
+            Some([(low_mean, low), (high_mean, high)]) => format!(
+                "The error is about as large everywhere, but its mean changes with {}: {high_mean:+.2} {unit} {}, {low_mean:+.2} {unit} {}.",
                 high.by,
-                high.mean.unwrap_or(0.0),
                 place(high),
-                low.mean.unwrap_or(0.0),
                 place(low)
             ),
             None => "The error is about the same everywhere.".to_owned(),
@@ -73,20 +71,21 @@ fn telling(bins: &[Bin], rms: f64) -> Option<(&Bin, f64)> {
     best.map(|(_, bin, others)| (bin, others))
 }
 
-/// The bins with the least and the largest mean of the way to sort whose means differ most, where that is much of the error.
-fn turning(bins: &[Bin], rms: f64) -> Option<(&Bin, &Bin)> {
+/// The bins with the least and the largest mean of the way to sort whose means differ most, each with its mean, where that is
+/// much of the error.
+fn turning(bins: &[Bin], rms: f64) -> Option<[(f64, &Bin); 2]> {
     let n = bins.iter().filter(|bin| bin.by == "time").map(|bin| bin.n_rows).sum();
-    let large = || bins.iter().filter(move |bin| bin.is_large(n) && bin.mean.is_some());
-    let mut best: Option<(f64, &Bin, &Bin)> = None;
+    let large = || bins.iter().filter(move |bin| bin.is_large(n)).filter_map(|bin| Some((bin.mean?, bin)));
+    let mut best: Option<(f64, [(f64, &Bin); 2])> = None;
     for low in large() {
-        for high in large().filter(|high| high.by == low.by) {
-            let gap = high.mean.unwrap_or(0.0) - low.mean.unwrap_or(0.0);
-            if gap > MUCH * rms && best.is_none_or(|(most, ..)| gap > most) {
-                best = Some((gap, low, high));
+        for high in large().filter(|high| high.1.by == low.1.by) {
+            let gap = high.0 - low.0;
+            if gap > MUCH * rms && best.is_none_or(|(most, _)| gap > most) {
+                best = Some((gap, [low, high]));
             }
         }
     }
-    best.map(|(_, low, high)| (low, high))
+    best.map(|(_, pair)| pair)
 }
 
 fn place(bin: &Bin) -> String {

@@ -61,7 +61,7 @@ fn columns(problem: &Problem, responses: &[Vec<f64>], period: f64) -> Vec<Vec<f6
 pub(super) fn start(periodic: &Periodic, cell: &Cell, values: &mut [f64]) {
     let mut square = 0.0;
     for (k, &phase) in periodic.phases.iter().enumerate() {
-        let [sine, cosine] = [2 * k, 2 * k + 1].map(|at| cell.factors.get(at).copied().unwrap_or(0.0));
+        let [sine, cosine] = [cell.factors[2 * k], cell.factors[2 * k + 1]];
         values[phase] = cosine.atan2(sine);
         square += (sine * sine + cosine * cosine) / periodic.phases.len() as f64;
     }

@@ -321,7 +321,7 @@ impl Case<'_> {
         let problem = self.full.problem;
         let (Some(rows), Some(cells)) = (problem.loads(), self.loads.cells()) else { return Ok(None) };
         let predicted = |trial: &Trial| -> Result<Vec<f64>, LabError> {
-            Ok(problem.machine.predict_with_loads(&trial.fit.effects, &problem.data)?.1.unwrap_or_default())
+            Ok(problem.predicted_with_loads(&trial.fit.effects, &problem.data)?.1)
         };
         let (before, after) = (predicted(start)?, predicted(chosen)?);
         Ok(Some(load_cells(rows, cells, &before, &after)))

@@ -82,9 +82,8 @@ impl Variable {
 
     /// Sets it, within bounds.
     pub(crate) fn set(&self, effects: &mut [Term], value: f64) {
-        if let Some(own) = effects.get_mut(self.effect).and_then(|term| term.values.get_mut(self.parameter)) {
-            *own = if self.is_angle { turned(value) } else { value.clamp(self.low, self.high) };
-        }
+        effects[self.effect].values[self.parameter] =
+            if self.is_angle { turned(value) } else { value.clamp(self.low, self.high) };
     }
 
     /// d value / d step at the present value.

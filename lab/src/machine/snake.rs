@@ -203,9 +203,10 @@ pub(crate) fn setting(
 
 /// An effect of a model file as the lab sees it.
 pub(crate) fn term(setting: &EffectSetting) -> Term {
+    let value = |name| setting.value(name).unwrap_or_else(|| unreachable!("{name} is one of its parameters"));
     Term {
         name: setting.kind().name().to_owned(),
-        values: setting.parameter_names().map(|name| setting.value(name).unwrap_or(0.0)).collect(),
+        values: setting.parameter_names().map(value).collect(),
         formula: setting.formula_text().cloned(),
     }
 }

@@ -42,7 +42,7 @@ impl<'a> Rows<'a> {
             trial: Vec::new(),
             label: Vec::new(),
             label_field: plan.columns.iter().find(|c| c.role == Role::Trial).map(|c| c.field),
-            time: plan.place(Role::Time).unwrap_or(0),
+            time: plan.place(Role::Time).unwrap_or_else(|| unreachable!("a heading without a time is refused")),
             shape: plan.columns.iter().enumerate().filter(|(_, c)| is_shape(c)).map(|(k, _)| k).collect(),
             last: At::Names,
             cells: Cells::new(path, numbers, &plan),

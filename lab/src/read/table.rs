@@ -28,8 +28,8 @@ pub(super) fn measurements(path: &Path, mut table: Table, expected: Expected, sh
             Expected::Joints(_) => Quantity::Joints,
             Expected::Force(_) => Quantity::Force,
         },
-        time_s: take(&mut table, Role::Time).unwrap_or_default(),
-        inputs: interleave(&mut table, n_inputs, Role::Input).unwrap_or_default(),
+        time_s: planned(take(&mut table, Role::Time)),
+        inputs: planned(interleave(&mut table, n_inputs, Role::Input)),
         n_inputs,
         outputs,
         n_outputs,
@@ -65,13 +65,18 @@ fn take(table: &mut Table, role: Role) -> Option<Vec<f64>> {
     table.columns.get_mut(place).map(std::mem::take)
 }
 
+/// Columns without which a heading is refused, so that every plan has them.
+fn planned(columns: Option<Vec<f64>>) -> Vec<f64> {
+    columns.unwrap_or_else(|| unreachable!("a heading without these columns is refused"))
+}
+
 /// Columns 0 to n-1 of a kind, row after row; `None` unless all are there.
 fn interleave(table: &mut Table, n: usize, role: impl Fn(usize) -> Role) -> Option<Vec<f64>> {
     let columns = (0..n).map(|k| take(table, role(k))).collect::<Option<Vec<_>>>()?;
     let n_rows = table.trial.len();
     let mut rows = Vec::with_capacity(n * n_rows);
     for row in 0..n_rows {
-        rows.extend(columns.iter().map(|column| column.get(row).copied().unwrap_or(f64::NAN)));
+        rows.extend(columns.iter().map(|column| column[row]));
     }
     Some(rows)
 }
@@ -80,8 +85,8 @@ fn outputs(table: &mut Table, n_outputs: usize) -> Vec<f64> {
     if let Some(rows) = interleave(table, n_outputs, Role::Output) {
         return rows;
     }
-    let theta_l_rad = take(table, Role::ThetaL).unwrap_or_default();
-    let delta_rad = take(table, Role::Delta).unwrap_or_default();
+    let theta_l_rad = planned(take(table, Role::ThetaL));
+    let delta_rad = planned(take(table, Role::Delta));
     let bend = |(theta_l, delta): (&f64, &f64)| {
         let bend = FRAC_PI_2 - theta_l;
         [bend * delta.cos(), bend * delta.sin()]

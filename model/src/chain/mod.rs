@@ -240,7 +240,7 @@ type Place = (usize, usize);
 const NOWHERE: Place = (usize::MAX, 0);
 
 fn value_of(effects: &[EffectSetting], k: usize, j: usize) -> f64 {
-    effects.get(k).and_then(|effect| effect.values().get(j)).copied().unwrap_or(0.0)
+    effects[k].values()[j]
 }
 
 fn constants(machine: &MachineParameters, snake: &Snake) -> Constants {

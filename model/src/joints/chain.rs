@@ -46,6 +46,7 @@ pub struct JointPredictor {
     /// Sign of each command's last change.
     motion: [f64; MAX_JOINTS],
     parts: JointParts,
+    n_formula_faults: u64,
 }
 
 /// What a step was made of: y = G (passed + added) + c + behind, joint by joint.
@@ -94,6 +95,7 @@ impl JointChain {
             y: [0.0; MAX_JOINTS],
             motion: [0.0; MAX_JOINTS],
             parts: JointParts::default(),
+            n_formula_faults: 0,
             chain: self.clone(),
         }
     }
@@ -163,6 +165,7 @@ impl JointPredictor {
         self.states.copy_from_slice(&other.states);
         (self.first_s, self.last_s) = (other.first_s, other.last_s);
         (self.u, self.y, self.motion, self.parts) = (other.u, other.y, other.motion, other.parts);
+        self.n_formula_faults = other.n_formula_faults;
     }
 }
 
@@ -216,7 +219,7 @@ impl JointPredictor {
     pub fn step(&mut self, u: &[f64], at: &Circumstances) -> &[f64] {
         let n = self.chain.joints.n;
         if u.len() != n || !u.iter().all(|u| u.is_finite()) {
-            return self.y.get(..n).unwrap_or(&[]);
+            return &self.y[..n];
         }
         let fresh = self.first_s.is_none();
         let first_s = *self.first_s.get_or_insert(at.time_s);
@@ -246,7 +249,12 @@ impl JointPredictor {
         let behind = core::array::from_fn(|k| y[k] - transmitted[k]);
         self.parts = JointParts { passed, added, behind };
         self.y = y;
-        self.y.get(..n).unwrap_or(&[])
+        &self.y[..n]
+    }
+
+    /// How often a formula was not finite since the start, and counted as zero.
+    pub fn n_formula_faults(&self) -> u64 {
+        self.n_formula_faults
     }
 
     /// What the last step was made of.
@@ -276,7 +284,11 @@ impl JointPredictor {
                     }
                     (What::Formula(formula), _) => {
                         let values = joint_values(self.u[joint], before[joint], self.motion[joint], joint, at);
-                        before[joint] + formula.evaluate(&values, &stage.c).unwrap_or(0.0)
+                        before[joint]
+                            + formula.evaluate(&values, &stage.c).unwrap_or_else(|| {
+                                self.n_formula_faults += 1;
+                                0.0
+                            })
                     }
                 };
                 match &stage.what {

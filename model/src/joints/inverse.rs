@@ -155,6 +155,11 @@ impl JointCompensator {
         self.divided(&all)
     }
 
+    /// How often a formula was not finite in a step since the start, and counted as zero.
+    pub fn n_formula_faults(&self) -> u64 {
+        self.memory.n_formula_faults()
+    }
+
     /// What the transmission shall make of the last commands, in units of u; 0 behind the last joint.
     pub(super) fn x_wanted(&self) -> [f64; MAX_JOINTS] {
         self.x_wanted
@@ -243,7 +248,7 @@ impl JointCompensator {
         self.went = core::array::from_fn(|joint| u[joint] - before[joint]);
         self.x_wanted = x_wanted;
         let mut y = [0.0; MAX_JOINTS];
-        y.iter_mut().zip(self.memory.step(u.get(..n).unwrap_or(&[]), at)).for_each(|(own, y)| *own = *y);
+        y.iter_mut().zip(self.memory.step(&u[..n], at)).for_each(|(own, y)| *own = *y);
         self.last = JointCommand { u, y, to_go, is_reachable, is_finite: true };
         self.last
     }
@@ -260,7 +265,7 @@ impl JointCompensator {
 
     fn try_out(&mut self, u: &[f64; MAX_JOINTS], at: &Circumstances) {
         self.trial.remember_as(&self.memory);
-        self.trial.step(u.get(..self.memory.n()).unwrap_or(&[]), at);
+        self.trial.step(&u[..self.memory.n()], at);
     }
 
     /// The command nearest to `start` at which a joint's x is what it shall be, the others' commands being as they are.

@@ -80,7 +80,11 @@ fn level(reason: Reason) -> Level {
         | Reason::SlaveNotHomed
         | Reason::NotEngaged
         | Reason::StopAsked => Level::Info,
-        Reason::RecordingStopped | Reason::DriveFault | Reason::DeviceLost | Reason::HandJumped => Level::Error,
+        Reason::RecordingStopped
+        | Reason::DriveFault
+        | Reason::DeviceLost
+        | Reason::HandJumped
+        | Reason::FormulaFault => Level::Error,
         _ => Level::Warning,
     }
 }

@@ -99,7 +99,8 @@ impl Header {
             values.push((*quantity, number * size, idx + 1));
         }
         let values = Values { row, values: &values };
-        let (time_s, time_column) = values.of(Quantity::Time).unwrap_or_default();
+        let time = values.of(Quantity::Time);
+        let (time_s, time_column) = time.unwrap_or_else(|| unreachable!("a heading without a time is refused"));
         if !(0.0..=MAX_TIME_S).contains(&time_s) || before.is_some_and(|before| time_s <= before.time_s) {
             let expected = before.map_or_else(
                 || "a time from 0 to 86400 s".to_owned(),
