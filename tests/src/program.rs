@@ -30,7 +30,7 @@ pub fn krait_program() -> &'static Path {
     })
 }
 
-/// A krait program that runs.
+/// A krait program that runs; it ends with its test, also where that fails.
 pub struct Krait {
     child: Child,
 }
@@ -98,6 +98,14 @@ impl Krait {
         let (stdout, stderr) = (out.join().expect("read"), err.join().expect("read"));
         assert!(ended, "krait did not end within {patience:?}; it said:\n{stderr}");
         Ended { code: status.code(), stdout, stderr }
+    }
+}
+
+impl Drop for Krait {
+    /// The kernel tells every process of a chain whose supervisor is killed.
+    fn drop(&mut self) {
+        let _ended_already_is_fine = self.child.kill();
+        let _no_zombie = self.child.wait();
     }
 }
 

@@ -1,4 +1,5 @@
-//! The search: single effects, then pairs, each refined by whole simulations and ranked by what it leaves.
+//! The steps of the search: single effects, pairs, next ones, stand-ins and narrower ones, each refined by whole simulations
+//! and ranked by what it leaves.
 
 use super::periodic;
 use super::screen::{Cell, screen};
@@ -145,14 +146,7 @@ impl Search<'_> {
             jobs.extend(self.varied(self.best_cells(cells)).into_iter().take(n).map(|cell| self.with(single, &[cell])));
         }
         jobs.extend(best_pairs(cells).into_iter().take(N_PAIRS).map(|(a, b)| self.with(start, &[a, b])));
-        let mut seen: Vec<Vec<usize>> = Vec::new();
-        jobs.retain(|(found, _)| {
-            let mut sorted = found.clone();
-            sorted.sort_unstable();
-            let fresh = !seen.contains(&sorted);
-            seen.push(sorted);
-            fresh
-        });
+        keep_first(&mut jobs, |(found, _)| found);
         self.refine(jobs)
     }
 
@@ -163,14 +157,7 @@ impl Search<'_> {
             let best = self.varied(self.best_cells(cells));
             jobs.extend(best.into_iter().take(n_next).map(|cell| self.with(parent, &[cell])));
         }
-        let mut seen: Vec<Vec<usize>> = Vec::new();
-        jobs.retain(|(found, _)| {
-            let mut sorted = found.clone();
-            sorted.sort_unstable();
-            let fresh = !seen.contains(&sorted);
-            seen.push(sorted);
-            fresh
-        });
+        keep_first(&mut jobs, |(found, _)| found);
         self.refine(jobs)
     }
 
@@ -188,14 +175,7 @@ impl Search<'_> {
     /// Best first, each set of candidates once.
     pub(super) fn distinct(&self, mut trials: Vec<Trial>) -> Vec<Trial> {
         self.rank(&mut trials);
-        let mut seen: Vec<Vec<usize>> = Vec::new();
-        trials.retain(|trial| {
-            let mut sorted = trial.found.clone();
-            sorted.sort_unstable();
-            let fresh = !seen.contains(&sorted);
-            seen.push(sorted);
-            fresh
-        });
+        keep_first(&mut trials, |trial| &trial.found);
         trials
     }
 
@@ -295,6 +275,20 @@ impl Search<'_> {
         best.sort_by(|a, b| price(a).total_cmp(&price(b)));
         best
     }
+}
+
+/// Keeps the first of those that hold the same candidates in whatever order.
+fn keep_first<T>(all: &mut Vec<T>, found: impl Fn(&T) -> &Vec<usize>) {
+    let mut seen: Vec<Vec<usize>> = Vec::new();
+    all.retain(|own| {
+        let mut sorted = found(own).clone();
+        sorted.sort_unstable();
+        let is_new = !seen.contains(&sorted);
+        if is_new {
+            seen.push(sorted);
+        }
+        is_new
+    });
 }
 
 /// ln(N)/N with N rows that tell something of their own, for noise that is `time` rows long.
