@@ -256,7 +256,9 @@ proptest! {
     }
 }
 
-/// A joint by textbook laws: inertia, weight, dry and viscous friction, sticking, friction of the loaded gear; offset and noise.
+/// A joint by textbook laws: inertia, weight, dry and viscous friction, sticking, friction of the loaded gear, drag of a fluid that
+/// swirls; offset and noise.
+#[derive(Default)]
 struct TextbookJoint {
     inertia: f64,
     weight: f64,
@@ -264,6 +266,7 @@ struct TextbookJoint {
     drag: f64,
     sticking: f64,
     gear: f64,
+    swirl: f64,
 }
 
 impl TextbookJoint {
@@ -290,7 +293,8 @@ impl TextbookJoint {
             let way = if speed > 0.0 { 1.0 } else { -1.0 };
             let weight = self.weight * q.sin();
             let stuck = self.sticking * (-speed * speed / 0.09).exp();
-            let friction = way * (self.dry + stuck + self.gear * weight.abs()) + self.drag * speed;
+            let drag = self.drag * speed + self.swirl * speed * speed.abs();
+            let friction = way * (self.dry + stuck + self.gear * weight.abs()) + drag;
             // A sum of twelve even numbers is as good as normal.
             let mut noise = |sd: f64| sd * ((0..12).map(|_| uniform()).sum::<f64>() - 6.0);
             let torque = self.inertia * acceleration + weight + friction + 0.05 + noise(0.02);
@@ -310,10 +314,48 @@ fn of_force(name: &str, text: &str) -> Diagnosis {
     diagnose(&machine, &data, &DiagnoseOptions::default()).expect("it can be computed")
 }
 
+const PLAIN: TextbookJoint =
+    TextbookJoint { inertia: 0.05, weight: 1.2, dry: 0.15, drag: 0.08, sticking: 0.0, gear: 0.0, swirl: 0.0 };
+
+/// Joints with what is to be named, in the order of names.
+fn joints() -> [(TextbookJoint, &'static [&'static str]); 7] {
+    [
+        (TextbookJoint::default(), &[]),
+        (TextbookJoint { inertia: 0.0, weight: 0.0, ..PLAIN }, &["coulomb", "viscous"]),
+        (PLAIN, &["coulomb", "gravity", "inertia", "viscous"]),
+        (TextbookJoint { sticking: 0.1, ..PLAIN }, &["coulomb", "gravity", "inertia", "stribeck", "viscous"]),
+        (TextbookJoint { gear: 0.15, ..PLAIN }, &["coulomb", "gravity", "inertia", "load-coulomb", "viscous"]),
+        (TextbookJoint { drag: 0.0, swirl: 0.1, ..PLAIN }, &["coulomb", "gravity", "inertia", "quadratic-viscous"]),
+        (TextbookJoint { swirl: 0.1, ..PLAIN }, &["coulomb", "gravity", "inertia", "quadratic-viscous", "viscous"]),
+    ]
+}
+
+fn names_of(joint: &TextbookJoint, seed: u64) -> Vec<String> {
+    let found = of_force(&format!("force_{}_{}_{seed}", joint.sticking + joint.gear, joint.swirl), &joint.csv(seed));
+    let mut names: Vec<String> = found.effects.iter().map(|own| own.name.to_string()).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn kinds_of_friction_are_told_apart() {
+    for (joint, expected) in &joints()[3..6] {
+        assert_eq!(names_of(joint, 2), *expected);
+    }
+}
+
+#[test]
+#[ignore = "counts for docs/lab-force.md, no outcome to hold"]
+fn how_often_kinds_of_friction_are_told_apart() {
+    for (joint, expected) in joints() {
+        let n = (4001..4041).filter(|seed| names_of(&joint, *seed) == expected).count();
+        println!("{n} of 40: {}", expected.join(", "));
+    }
+}
+
 #[test]
 fn a_joint_s_torque_is_taken_apart_into_inertia_weight_and_friction() {
-    let joint = TextbookJoint { inertia: 0.05, weight: 1.2, dry: 0.15, drag: 0.08, sticking: 0.0, gear: 0.0 };
-    // Of the first twenty seeds sixteen give all four; docs/lab-force.md says what the others give.
+    let joint = PLAIN;
     for seed in [2, 3, 5] {
         let found = of_force(&format!("force_{seed}"), &joint.csv(seed));
         let value = |name: &str, parameter: &str| {
@@ -337,7 +379,7 @@ fn a_joint_s_torque_is_taken_apart_into_inertia_weight_and_friction() {
 
 #[test]
 fn an_offset_with_noise_is_nothing_missing() {
-    let joint = TextbookJoint { inertia: 0.0, weight: 0.0, dry: 0.0, drag: 0.0, sticking: 0.0, gear: 0.0 };
+    let joint = TextbookJoint::default();
     let found = of_force("force_null", &joint.csv(3));
     assert_eq!(found.verdict, Verdict::None, "{}", found.sentence);
 }

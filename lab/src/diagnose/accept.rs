@@ -13,8 +13,9 @@ const LEVEL_IN_SLOW_NOISE: f64 = 0.01;
 const ERRORS_IN_SLOW_NOISE: f64 = 2.0;
 /// Level of each further effect: a wrong one costs more than a missed one.
 const LEVEL_OF_NEXT: f64 = 0.01;
-/// A further effect must take away at least this share of what the model as given left above the floor ...
-const SMALLEST_SHARE: f64 = 0.001;
+/// A further effect must take away at least this share of what the list without it leaves above the floor: a share of what the
+/// model as given left would hide small effects behind a large one ...
+const SMALLEST_SHARE: f64 = 0.05;
 /// ... and this much of the floor's own variance.
 const SMALLEST_OF_FLOOR: f64 = 0.03;
 
@@ -25,8 +26,6 @@ pub(super) struct Comparison<'a> {
     pub floor: Option<f64>,
     /// Whether noise is white, as far as the data tell.
     pub is_white: bool,
-    /// Error of the model as given.
-    pub base_rms: f64,
 }
 
 impl Comparison<'_> {
@@ -58,9 +57,10 @@ impl Comparison<'_> {
         let after = held_out_block_squares(self.problem, &with.fit, FOLDS);
         let (gain, error) = mean_and_error(before.iter().zip(&after).map(|(b, a)| b - a));
         let square = |sums: &[f64]| self.problem.rms(sums.iter().sum()).powi(2);
-        let share = square(&before) - square(&after);
+        let (left, share) = (square(&before), square(&before) - square(&after));
+        // Where the floor is not known, all that is left may be explainable.
         let floor = self.floor.unwrap_or(0.0).powi(2);
-        let explainable = (self.base_rms.powi(2) - floor).max(0.0);
+        let explainable = (left - floor).max(0.0);
         let matters = first || (share >= SMALLEST_SHARE * explainable && share >= SMALLEST_OF_FLOOR * floor);
         gain > errors * error && matters
     }

@@ -83,7 +83,8 @@ fn with_rivals(search: &Search, list: Trial, rivals: Vec<Trial>) -> (Trial, Alte
 }
 
 /// A list that explains more with one or two narrower effects for one of wide reach, with its stand-ins. A step aside that costs
-/// little is allowed: it may be the stand-ins behind it that explain more. A longer list must have fewer free numbers.
+/// little is allowed: it may be the stand-ins behind it that explain more. A longer list must have fewer free numbers, or as many
+/// where one that can be stretched into a plainer effect has gone.
 fn narrower(search: &Search, comparison: &Comparison, list: &Trial, max_effects: usize) -> Option<(Trial, Vec<Trial>)> {
     let others = search.narrowed(list, max_effects).into_iter().filter(|own| own.found != list.found);
     let aside = others.into_iter().find(|own| !search.imitates(own))?;
@@ -101,7 +102,9 @@ fn narrower(search: &Search, comparison: &Comparison, list: &Trial, max_effects:
     let stand_ins = stand_ins(&first);
     let best = prune(search, comparison, stand_ins.first().cloned().unwrap_or(first));
     let n_free = |own: &Trial| own.fit.variables.len();
-    let is_allowed = best.found.len() <= list.found.len() || n_free(&best) < n_free(list);
+    let was_stretched = list.found.iter().any(|k| is_gone(k) && search.candidates[*k].highest.is_some());
+    let most = n_free(list) + usize::from(was_stretched);
+    let is_allowed = best.found.len() <= list.found.len() || n_free(&best) < most;
     let ranked = search.distinct(vec![list.clone(), best.clone()]);
     (is_allowed && ranked.first().is_some_and(|own| own.found == best.found)).then_some((best, stand_ins))
 }

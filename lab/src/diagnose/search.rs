@@ -115,12 +115,13 @@ impl Search<'_> {
     }
 
     /// A trial with one or, where `n_most` allows it, two narrower effects in place of one of wide reach, which have fewer free
-    /// numbers together; with the trial itself, best first.
+    /// numbers together, or as many in place of one that can be stretched into a plainer one; with the trial itself, best first.
     pub(super) fn narrowed(&self, trial: &Trial, n_most: usize) -> Vec<Trial> {
         let mut jobs = vec![(trial.found.clone(), trial.fit.effects.clone())];
         for slot in 0..trial.found.len() {
-            let n_free = self.candidates[trial.found[slot]].free.len();
-            if n_free < WIDE {
+            let own = &self.candidates[trial.found[slot]];
+            let most = if own.highest.is_some() { own.free.len() } else { own.free.len() - 1 };
+            if own.highest.is_none() && own.free.len() < WIDE {
                 continue;
             }
             let Ok(rest) = self.without(trial, slot) else { continue };
@@ -128,10 +129,10 @@ impl Search<'_> {
             let cells: Vec<Cell> =
                 screen(self.problem, &rest.fit, self.candidates).into_iter().filter(is_new).collect();
             let n_of = |cell: &Cell| self.candidates[cell.candidate].free.len();
-            let singles = self.varied(self.best_cells(&cells)).into_iter().filter(|cell| n_of(cell) < n_free);
+            let singles = self.varied(self.best_cells(&cells)).into_iter().filter(|cell| n_of(cell) <= most);
             jobs.extend(singles.take(N_SECONDS).map(|cell| self.with(&rest, &[cell])));
             if trial.found.len() < n_most {
-                let pairs = best_pairs(&cells).into_iter().filter(|(a, b)| n_of(a) + n_of(b) < n_free);
+                let pairs = best_pairs(&cells).into_iter().filter(|(a, b)| n_of(a) + n_of(b) <= most);
                 jobs.extend(pairs.take(N_PAIRS).map(|(a, b)| self.with(&rest, &[a, b])));
             }
         }
@@ -250,7 +251,11 @@ impl Search<'_> {
         let first = &candidate.starts[0];
         let size =
             |k: usize| if candidate.amplitudes.contains(&k) { first[k] - candidate.neutral[k] } else { first[k] };
-        let variable = |&k: &usize| Variable::new(self.problem.machine, effects, place, k, size(k).abs().max(1e-9));
+        let variable = |&k: &usize| {
+            let own = Variable::new(self.problem.machine, effects, place, k, size(k).abs().max(1e-9))?;
+            let highest = candidate.highest.filter(|(parameter, _)| *parameter == k).map(|(_, highest)| highest);
+            Ok(Variable { high: own.high.min(highest.unwrap_or(f64::INFINITY)), ..own })
+        };
         candidate.free.iter().map(variable).collect()
     }
 

@@ -145,7 +145,6 @@ fn run(search: &Search, floors: &NoiseFloor, are_cells_white: bool, max_effects:
         problem: search.problem,
         floor: floors.sigma().map(|(sigma, _)| sigma * (search.problem.data.n_outputs as f64).sqrt()),
         is_white: are_cells_white && matches!(floors.sigma(), Some((_, FloorSource::White))),
-        base_rms: search.problem.rms(start.fit.sum_of_squares),
     };
     let mut found = one_or_two(search, &comparison, start, max_effects);
     if (1..max_effects).contains(&found.chosen.found.len()) {

@@ -72,7 +72,7 @@ pub(super) fn values(signal: &Signal, fit: &Fit, problem: &Problem) -> Values {
 }
 
 fn amplitudes(fit: &Fit, at: usize, n: usize) -> &[f64] {
-    &fit.solution.amplitudes[at..at + n]
+    fit.solution.amplitudes.get(at..at + n).unwrap_or(&[])
 }
 
 /// Standard errors by what they belong to.

@@ -182,11 +182,15 @@ fn candidate(effect: ForceEffect, data: &Measurements) -> Candidate {
     let n_amplitudes = if effect == ForceEffect::Gravity { 2 } else { 1 };
     let size = 0.1 * crate::noise::bounds(data.outputs.iter().copied().filter(|y| y.is_finite())).1.abs().max(1e-6);
     let falls = neutral.len() > 1 + n_amplitudes;
-    let velocities: &[f64] = if falls { &[0.02, 0.07, 0.25, 0.8] } else { &[1.0] };
+    let highest = falls.then(|| FALLEN * fast(data));
+    let velocities = match highest {
+        Some(highest) => [1.0, 0.3, 0.1, 0.03].map(|part| part * highest).to_vec(),
+        None => vec![1.0],
+    };
     let joints: Vec<f64> = if n == 1 { vec![0.0] } else { (1..=n).map(|joint| joint as f64).collect() };
     let mut starts = Vec::new();
     for &joint in &joints {
-        for velocity in velocities {
+        for velocity in &velocities {
             let mut start = neutral.clone();
             start[0] = joint;
             start[1..=n_amplitudes].fill(if definition.parameters[1].unit == "1" { 0.1 } else { size });
@@ -205,8 +209,25 @@ fn candidate(effect: ForceEffect, data: &Measurements) -> Candidate {
         one_sided: n_amplitudes == 1 && definition.parameters[1].low == 0.0,
         neutral,
         starts,
+        highest: highest.map(|highest| (1 + n_amplitudes, highest)),
         periodic: None,
     }
+}
+
+/// A friction that falls with speed must have fallen, to e^-4, at a speed that the motion reaches: one that falls at higher speeds
+/// only is dry friction with a drag that is not quite linear.
+const FALLEN: f64 = 0.5;
+
+/// Speed that a twentieth of the scored rows pass, of the fastest joint, rad/s.
+fn fast(data: &Measurements) -> f64 {
+    let of_joint = |joint: usize| {
+        let motion = Motion::of(data, joint).ok()?;
+        let scored = (0..data.n_rows()).filter(|row| data.is_scored(*row));
+        let mut speeds: Vec<f64> = scored.map(|row| motion.speed[row].abs()).collect();
+        speeds.sort_by(f64::total_cmp);
+        speeds.get(speeds.len() * 19 / 20).copied()
+    };
+    (0..data.n_outputs).filter_map(of_joint).fold(1e-3, f64::max)
 }
 
 /// Part of an effect's column that no other one of the plain joint makes; below it the motion does not show the effect.

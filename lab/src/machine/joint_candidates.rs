@@ -144,6 +144,7 @@ fn candidate(effect: JointEffect, search: Search, n: usize) -> Candidate {
         amplitudes,
         neutral,
         starts,
+        highest: None,
         periodic: None,
     }
 }

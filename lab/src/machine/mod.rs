@@ -59,6 +59,8 @@ pub struct Candidate {
     pub one_sided: bool,
     /// Values of all parameters at which to look first: one for each cell of a grid over what is no amplitude.
     pub starts: Vec<Vec<f64>>,
+    /// A parameter, by its place, and the value beyond which this motion cannot tell the effect from a plainer one.
+    pub highest: Option<(usize, f64)>,
     /// How it is periodic in the inputs, if it is: its columns then follow from what a shift of each input does.
     pub periodic: Option<Periodic>,
 }

@@ -111,6 +111,7 @@ fn candidate(kind: EffectKind, search: &Search, data: &Measurements) -> Candidat
         class: definition.class.label(),
         cannot: cannot(definition, data),
         starts,
+        highest: None,
         periodic,
         free: amplitudes.iter().copied().chain(search.shapes.iter().map(|name| place(name))).collect(),
         amplitudes,

@@ -4,7 +4,7 @@
 //! speed and acceleration; the same filter makes force, load and sign of speed. What it does to the linear terms of the model it does
 //! to both sides alike. Its cut-off follows the motion. Rows nearer to each other than the filter's memory would repeat
 //! each other's noise, so that only every so many are kept; the filter's edges are dropped. Where the speed changes its sign within
-//! the filter, or rests, friction may have any value between both directions: such rows are not scored.
+//! the filter, may do so unseen, or rests, friction may have any value between both directions: such rows are not scored.
 
 use super::ReadError;
 use super::check::Place;
@@ -24,6 +24,9 @@ const REACH: f64 = 4.0;
 const APART: f64 = 3.5;
 /// Share of the filter's weight that must see one sign of speed.
 const ONE_SIGN: f64 = 0.98;
+/// A joint that turns back for less time than the filter remembers leaves a speed that only comes near zero: below this part of the
+/// largest speed within the filter's reach the sign is not known. A parabola that just touches zero has a sixteenth.
+const NEAR_ZERO: f64 = 0.125;
 /// A time between rows beyond so many typical ones is a gap, at which the filter begins anew.
 const GAP: f64 = 5.0;
 /// Motion of a joint below this, rad, shows nothing.
@@ -165,6 +168,22 @@ impl Kernels {
     }
 }
 
+/// Sign of the speed in every row; zero where it is not known.
+fn signs(q: &[f64], kernels: &Kernels) -> Vec<f64> {
+    let mut speeds = vec![0.0; q.len()];
+    let inner = kernels.reach..q.len().saturating_sub(kernels.reach);
+    inner.for_each(|middle| speeds[middle] = kernels.apply(&kernels.slope, q, middle));
+    let largest_near = |row: usize| {
+        let near = row.saturating_sub(kernels.reach)..(row + kernels.reach + 1).min(speeds.len());
+        speeds[near].iter().fold(0.0, |most, speed| f64::max(most, speed.abs()))
+    };
+    let sign = |(row, speed): (usize, &f64)| {
+        let is_known = speed.abs() >= NEAR_ZERO * largest_near(row);
+        if is_known { speed.signum() } else { 0.0 }
+    };
+    speeds.iter().enumerate().map(sign).collect()
+}
+
 /// The filter's standard deviation that the motion asks for, in rows: the fastest joint decides.
 fn wanted_sigma(data: &Measurements, sections: &[Section], step_s: f64, sigma: f64) -> f64 {
     let kernels = Kernels::new(sigma);
@@ -228,9 +247,7 @@ impl Filtered {
             let q = on_grid(data, section, step_s, |row| data.inputs[row * n + joint]);
             let force = on_grid(data, section, step_s, |row| data.outputs[row * n + joint]);
             let load = load.map(|load| on_grid(data, section, step_s, |row| load[row]));
-            let inner = kernels.reach..q.len().saturating_sub(kernels.reach);
-            let mut signs = vec![0.0; q.len()];
-            inner.for_each(|middle| signs[middle] = kernels.apply(&kernels.slope, &q, middle).signum());
+            let signs = signs(&q, kernels);
             columns.push((q, force, load, signs));
         }
         let n_grid = columns.first().map_or(0, |(q, ..)| q.len());
