@@ -120,10 +120,10 @@ impl Search<'_> {
         let mut jobs = vec![(trial.found.clone(), trial.fit.effects.clone())];
         for slot in 0..trial.found.len() {
             let own = &self.candidates[trial.found[slot]];
-            let most = if own.highest.is_some() { own.free.len() } else { own.free.len() - 1 };
             if own.highest.is_none() && own.free.len() < WIDE {
                 continue;
             }
+            let most = if own.highest.is_some() { own.free.len() } else { own.free.len() - 1 };
             let Ok(rest) = self.without(trial, slot) else { continue };
             let is_new = |cell: &Cell| !rest.found.contains(&cell.candidate) && cell.candidate != trial.found[slot];
             let cells: Vec<Cell> =

@@ -27,6 +27,8 @@ const ONE_SIGN: f64 = 0.98;
 /// A joint that turns back for less time than the filter remembers leaves a speed that only comes near zero: below this part of the
 /// largest speed within the filter's reach the sign is not known. A parabola that just touches zero has a sixteenth.
 const NEAR_ZERO: f64 = 0.125;
+/// A joint slower than this part of its largest speed rests.
+const RESTS: f64 = 1e-3;
 /// A time between rows beyond so many typical ones is a gap, at which the filter begins anew.
 const GAP: f64 = 5.0;
 /// Motion of a joint below this, rad, shows nothing.
@@ -177,8 +179,13 @@ fn signs(q: &[f64], kernels: &Kernels) -> Vec<f64> {
         let near = row.saturating_sub(kernels.reach)..(row + kernels.reach + 1).min(speeds.len());
         speeds[near].iter().fold(0.0, |most, speed| f64::max(most, speed.abs()))
     };
+    let largest = speeds.iter().fold(0.0, |most, speed| f64::max(most, speed.abs()));
+    let (low, high) = bounds(q.iter().copied().filter(|q| q.is_finite()));
+    if high - low < LEAST_MOTION_RAD {
+        return vec![0.0; q.len()];
+    }
     let sign = |(row, speed): (usize, &f64)| {
-        let is_known = speed.abs() >= NEAR_ZERO * largest_near(row);
+        let is_known = speed.abs() > RESTS * largest && speed.abs() >= NEAR_ZERO * largest_near(row);
         if is_known { speed.signum() } else { 0.0 }
     };
     speeds.iter().enumerate().map(sign).collect()
@@ -295,3 +302,26 @@ impl Filtered {
 
 /// Name of the extra column that holds the filter's cut-off, Hz.
 pub(crate) const CUT_OFF_HZ: &str = "force.cut_off_hz";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sign_is_not_known_at_rest_nor_where_a_joint_may_have_turned_back_unseen() {
+        let kernels = Kernels::new(4.0);
+        let known = |q: &dyn Fn(f64) -> f64| {
+            let q: Vec<f64> = (0..200).map(|k| q(f64::from(k) - 100.0)).collect();
+            signs(&q, &kernels)
+        };
+        assert_eq!(known(&|_| 0.3), [0.0; 200]);
+        // It goes, rests from row 100 on, and is never seen to turn.
+        let stopping = known(&|t| t.min(0.0));
+        assert_eq!((stopping[60], stopping[150]), (1.0, 0.0));
+        // Speed t^2 - 4: back for four rows, which the filter does not see.
+        let turning = known(&|t| t.powi(3) / 3.0 - 4.0 * t);
+        assert_eq!((turning[60], turning[100], turning[140]), (1.0, 0.0, 1.0));
+        // A slow joint moves as well as a fast one.
+        assert!(known(&|t| 1e-4 * t)[20..180].iter().all(|sign| *sign == 1.0));
+    }
+}
