@@ -48,6 +48,8 @@ impl FloorSource {
 const SHORTEST_REST_S: f64 = 1.5;
 /// Pairs of rows in a rest are at least this far apart.
 const PAIR_GAP_S: f64 = 1.0;
+/// A floor below this part of another is no matter of chance.
+const CLEARLY_BELOW: f64 = 0.85;
 /// Rests and differences agree up to this ratio.
 const AGREE: f64 = 1.06;
 
@@ -67,6 +69,12 @@ impl NoiseFloor {
             (Some(fast), None) => Some((fast, FloorSource::Differences)),
             (None, rest) => rest.map(|rest| (rest, FloorSource::Rest)),
         }
+    }
+
+    /// Whether its standard deviation is clearly smaller than another's; false where either is not known.
+    pub(crate) fn is_below(&self, other: &Self) -> bool {
+        let [own, other] = [self, other].map(|floor| floor.sigma().map(|(sigma, _)| sigma));
+        own.zip(other).is_some_and(|(own, other)| own < CLEARLY_BELOW * other)
     }
 }
 

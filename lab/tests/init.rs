@@ -5,7 +5,7 @@ use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, Verdict, diagnose};
 use krait_lab::init::{Proposal, propose};
 use krait_lab::machine::ForceLab;
 use krait_lab::read::{ColumnMap, Mapping, read};
-use krait_lab::{Measurements, Session};
+use krait_lab::{AddOptions, Measurements, Session, Term, add, save};
 use krait_model::model_file::ModelFile;
 use proptest::prelude::*;
 use std::fmt::Write;
@@ -375,6 +375,27 @@ fn a_joint_s_torque_is_taken_apart_into_inertia_weight_and_friction() {
         }
         assert_eq!(found.effects.len(), 4, "{}", found.sentence);
     }
+}
+
+/// Weight that was fitted alone took a part of the friction; in the next diagnosis it is found anew beside what is missing.
+#[test]
+fn what_was_added_from_the_same_data_is_fitted_again_beside_what_is_still_missing() {
+    let path = file("force_steps", PLAIN.csv(2));
+    let found = proposed(&path);
+    let measured = data(&path, &found);
+    let given = ModelFile::parse(&found.model).expect("a model");
+    let machine = ForceLab::new(&given).expect("of kind force");
+    let term = Term { name: "gravity".to_owned(), values: vec![0.0; 3], formula: None };
+    let options = AddOptions { term, from_given: false, free: Vec::new(), refit: Vec::new(), recordings: Vec::new() };
+    let added = add(&machine, &measured, &options).expect("a fit");
+    let better = save(&given, &added, "gravity", &measured, "2026-11-23").expect("a model");
+    let machine = ForceLab::new(&better).expect("of kind force");
+    let found = diagnose(&machine, &measured, &DiagnoseOptions::default()).expect("it can be computed");
+    let mut names: Vec<&str> = found.effects.iter().map(|own| own.name.as_str()).collect();
+    names.sort_unstable();
+    assert_eq!(names, ["coulomb", "inertia", "viscous"], "{}", found.sentence);
+    let sine = found.calibration.iter().find(|own| own.name == "gravity.sine").expect("the weight's");
+    assert!((sine.value - 1.2).abs() < 0.02, "{sine:?}");
 }
 
 #[test]

@@ -73,7 +73,7 @@ pub fn diagnose(
     if let Some(joints) = machine.as_joints() {
         return crate::joint::diagnose(joints, data, options)?.sketched(machine, data);
     }
-    let Prepared { problem: full, floors, excluded, shortest_block_s, loads } = prepare(machine, data)?;
+    let Prepared { problem: full, mut floors, excluded, shortest_block_s, loads } = prepare(machine, data)?;
     let rows = working_rows(data, &excluded);
     let work = Problem::new(machine, data.select(&rows), &[], shortest_block_s)
         .with_loads(loads.cells())
@@ -91,12 +91,25 @@ pub fn diagnose(
     let hint = columns::check(&work, floors.differences)?;
     let most = if hint.is_some() { 0 } else { options.max_effects };
     let mut found = run(&search(&work), &floors, is_white, most)?;
+    // Differences of what a model leaves that is far off hold some of its error too, where rows are few: what the effects leave is
+    // nearer to the noise, and shows whether they are enough.
+    for _ in 0..MOST_FLOORS {
+        let nearer = NoiseFloor::new(&work, &work.outputs_of(&found.chosen.fit.residual));
+        if !nearer.is_below(&floors) {
+            break;
+        }
+        floors = nearer;
+        found = run(&search(&work), &floors, is_white, most)?;
+    }
     found.decide(&search(&work), &search(&full));
     let n_outliers = excluded.len();
     Case { full: &search(&full), work: &search(&work), floors, loads, found, n_outliers, hint }
         .conclude()?
         .sketched(machine, data)
 }
+
+/// The floor is taken anew so many times.
+const MOST_FLOORS: usize = 3;
 
 /// What the search on the working rows found.
 struct Findings {

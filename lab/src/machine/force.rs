@@ -1,6 +1,6 @@
 //! Joints whose torque or current follows from their motion: inertia, gravity and the ladder of servo friction models.
 
-use super::{Candidate, MachineUnderTest, snake};
+use super::{Candidate, MachineUnderTest, OpenNumber, snake};
 use crate::diagnose::screen::{orthonormal, remove};
 use crate::fit::dot;
 use crate::read::column;
@@ -13,6 +13,8 @@ use krait_model::model_file::{ForceMachine, ModelFile};
 pub struct ForceLab {
     machine: ForceMachine,
     effects: Vec<Term>,
+    /// What of them a fit finds, or is drawn to.
+    open: Vec<OpenNumber>,
 }
 
 impl ForceLab {
@@ -20,7 +22,9 @@ impl ForceLab {
     pub fn new(file: &ModelFile) -> Option<Self> {
         let krait_model::model_file::Machine::Force(machine) = file.machine() else { return None };
         let effects = file.effects().iter().map(|effect| snake::term(effect.setting())).collect();
-        Some(Self { machine: machine.clone(), effects })
+        let own = file.effects().iter().enumerate();
+        let open = own.flat_map(|(place, effect)| snake::open_values(file, place, effect)).collect();
+        Some(Self { machine: machine.clone(), effects, open })
     }
 
     fn unit(&self, unit: &str) -> String {
@@ -148,6 +152,10 @@ impl MachineUnderTest for ForceLab {
     fn parameters(&self, term: &Term) -> Result<Vec<Parameter>, LabError> {
         let own = kind(&term.name)?.definition().parameters.iter().map(snake::own_parameter);
         Ok(own.map(|parameter| Parameter { unit: self.unit(&parameter.unit), ..parameter }).collect())
+    }
+
+    fn open_numbers(&self) -> Vec<OpenNumber> {
+        self.open.clone()
     }
 
     fn candidates(&self, data: &Measurements) -> Vec<Candidate> {
