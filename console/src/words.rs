@@ -78,7 +78,7 @@ pub fn words_of(reason: Reason) -> Words {
             "It can hardly move in that direction.",
         ),
         Reason::HandJumped => words(Warn, "The hand\u{2019}s pose jumped.", "Let go, then take hold anew.", ""),
-        Reason::FormulaFault => words(Warn, "A formula of the model has no value here.", "Mend the model file.", ""),
+        Reason::FormulaFault => words(Warn, "A formula of the model has no value.", "Mend the model file.", ""),
         Reason::DeviceLost => words(Warn, "The hand controller is lost.", "Check its plug.", ""),
         Reason::ShapeStale => words(
             Warn,
