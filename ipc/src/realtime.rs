@@ -165,15 +165,19 @@ impl Realtime {
         }
         // Last, so that what is slow above does not run at high priority.
         if self.priority > 0 {
-            refused.extend(set_fifo(self.priority_of(idx)).err());
+            refused.extend(set_fifo(self.priority_of(idx), self.priority).err());
         }
         refused
     }
 
     /// SCHED_FIFO priority of the `idx`-th of the chain's four processes.
     fn priority_of(&self, idx: usize) -> u8 {
-        let n_behind = LAST_TURN.saturating_sub(idx) as u8;
-        self.priority.saturating_sub(n_behind).max(1)
+        self.priority_before_slave(LAST_TURN.saturating_sub(idx))
+    }
+
+    /// SCHED_FIFO priority so many places before the slave: one less for each, at least 1; 0 where none is asked for.
+    fn priority_before_slave(&self, n_places: usize) -> u8 {
+        self.priority.saturating_sub(n_places as u8).max(self.priority.min(1))
     }
 
     /// Slice of the `idx`-th of the chain's four processes, us: the last one's doubled for each process between.
@@ -194,22 +198,22 @@ impl Realtime {
 pub struct Beside {
     cores: Option<CpuSet>,
     priority: u8,
+    /// The slave's: what the user must be given.
+    highest: u8,
 }
 
 impl Beside {
     /// As the calling thread runs now, before [`Realtime::apply`], and below what that will ask for.
     pub fn before(wish: &Realtime) -> Self {
-        Self {
-            cores: sched_getaffinity(None).ok(),
-            priority: wish.priority.saturating_sub(LAST_TURN as u8 + 1).max(wish.priority.min(1)),
-        }
+        let priority = wish.priority_before_slave(LAST_TURN + 1);
+        Self { cores: sched_getaffinity(None).ok(), priority, highest: wish.priority }
     }
 
     /// Applies it to the calling thread; one sentence for each wish that was refused.
     pub fn apply(&self) -> Vec<String> {
         let cores = self.cores.as_ref().map(|cores| sched_setaffinity(None, cores));
         let refused = cores.and_then(Result::err).map(|error| format!("the cores of a thread stay one: {error}"));
-        let below = (self.priority > 0).then(|| set_fifo(self.priority)).and_then(Result::err);
+        let below = (self.priority > 0).then(|| set_fifo(self.priority, self.highest)).and_then(Result::err);
         refused.into_iter().chain(below).collect()
     }
 }
@@ -269,11 +273,11 @@ fn prefault_stack() {
     core::hint::black_box(&mut stack);
 }
 
-/// SCHED_FIFO for the calling thread; threads that it starts later are not given it.
-fn set_fifo(priority: u8) -> Result<(), String> {
+/// SCHED_FIFO for the calling thread; threads that it starts later are not given it. `highest` is the chain's highest priority.
+fn set_fifo(priority: u8, highest: u8) -> Result<(), String> {
     set_policy(libc::SCHED_FIFO | libc::SCHED_RESET_ON_FORK, priority).map_err(|error| {
         format!(
-            "priority {priority} (SCHED_FIFO) was refused: {error}; give the user `rtprio {priority}` in \
+            "priority {priority} (SCHED_FIFO) was refused: {error}; give the user `rtprio {highest}` in \
              /etc/security/limits.d and log in again"
         )
     })

@@ -27,7 +27,7 @@ pub struct BenchArgs {
     /// krait's chain what the configuration says.
     #[arg(long, value_name = "CORE,...")]
     pub cores: Option<Cores>,
-    /// SCHED_FIFO priority of the four processes, 1 to 99; 0: time sharing.
+    /// SCHED_FIFO priority of the last of the four processes, 1 to 99, each one before it one less; 0: time sharing.
     #[arg(long, default_value_t = 0)]
     pub priority: u8,
     /// Keep every core busy with other work meanwhile.

@@ -120,10 +120,11 @@ impl Search<'_> {
         let mut jobs = vec![(trial.found.clone(), trial.fit.effects.clone())];
         for slot in 0..trial.found.len() {
             let own = &self.candidates[trial.found[slot]];
-            if own.highest.is_none() && own.free.len() < WIDE {
-                continue;
-            }
-            let most = if own.highest.is_some() { own.free.len() } else { own.free.len() - 1 };
+            let most = match (own.highest, own.free.len()) {
+                (Some(_), n_free) => n_free,
+                (None, n_free @ WIDE..) => n_free - 1,
+                (None, _) => continue,
+            };
             let Ok(rest) = self.without(trial, slot) else { continue };
             let is_new = |cell: &Cell| !rest.found.contains(&cell.candidate) && cell.candidate != trial.found[slot];
             let cells: Vec<Cell> =

@@ -22,9 +22,7 @@ impl ForceLab {
     pub fn new(file: &ModelFile) -> Option<Self> {
         let krait_model::model_file::Machine::Force(machine) = file.machine() else { return None };
         let effects = file.effects().iter().map(|effect| snake::term(effect.setting())).collect();
-        let own = file.effects().iter().enumerate();
-        let open = own.flat_map(|(place, effect)| snake::open_values(file, place, effect)).collect();
-        Some(Self { machine: machine.clone(), effects, open })
+        Some(Self { machine: machine.clone(), effects, open: snake::open_values(file) })
     }
 
     fn unit(&self, unit: &str) -> String {

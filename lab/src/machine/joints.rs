@@ -22,9 +22,7 @@ impl JointsLab {
     pub fn new(file: &ModelFile) -> Option<Self> {
         let krait_model::model_file::Machine::Joints(joints) = file.machine() else { return None };
         let effects = file.effects().iter().map(|effect| snake::term(effect.setting())).collect();
-        let own = file.effects().iter().enumerate();
-        let open = own.flat_map(|(place, effect)| snake::open_values(file, place, effect)).collect();
-        Some(Self { joints: joints.clone(), effects, open })
+        Some(Self { joints: joints.clone(), effects, open: snake::open_values(file) })
     }
 
     /// The same with these gains and offsets.

@@ -27,8 +27,7 @@ impl SnakeLab {
         let krait_model::model_file::Machine::Snake(machine) = file.machine() else { return None };
         let snake = Snake::new(&machine.parameters).ok()?;
         let mut effects: Vec<Term> = file.effects().iter().map(|effect| term(effect.setting())).collect();
-        let mut open: Vec<OpenNumber> =
-            file.effects().iter().enumerate().flat_map(|(place, effect)| open_values(file, place, effect)).collect();
+        let mut open = open_values(file);
         open.extend(geometry::open_numbers(file, machine, effects.len()));
         effects.push(geometry::term(machine));
         Some(Self { machine: machine.clone(), snake, effects, open })
@@ -133,8 +132,12 @@ impl MachineUnderTest for SnakeLab {
     }
 }
 
-/// The values of an effect that the model file leaves to the fits, or gives with a standard error.
-pub(super) fn open_values(file: &ModelFile, place: usize, effect: &FileEffect) -> Vec<OpenNumber> {
+/// The values of effects that the model file leaves to the fits, or gives with a standard error.
+pub(super) fn open_values(file: &ModelFile) -> Vec<OpenNumber> {
+    file.effects().iter().enumerate().flat_map(|(place, effect)| open_values_of(file, place, effect)).collect()
+}
+
+fn open_values_of(file: &ModelFile, place: usize, effect: &FileEffect) -> Vec<OpenNumber> {
     let open = |(parameter, name): (usize, &str)| {
         if effect.is_free(name) {
             return Some(OpenNumber { effect: place, parameter, prior: None, from: None });

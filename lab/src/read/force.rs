@@ -173,19 +173,17 @@ impl Kernels {
 /// Sign of the speed in every row; zero where it is not known.
 fn signs(q: &[f64], kernels: &Kernels) -> Vec<f64> {
     let mut speeds = vec![0.0; q.len()];
-    let inner = kernels.reach..q.len().saturating_sub(kernels.reach);
-    inner.for_each(|middle| speeds[middle] = kernels.apply(&kernels.slope, q, middle));
-    let largest_near = |row: usize| {
-        let near = row.saturating_sub(kernels.reach)..(row + kernels.reach + 1).min(speeds.len());
-        speeds[near].iter().fold(0.0, |most, speed| f64::max(most, speed.abs()))
-    };
-    let largest = speeds.iter().fold(0.0, |most, speed| f64::max(most, speed.abs()));
     let (low, high) = bounds(q.iter().copied().filter(|q| q.is_finite()));
     if high - low < LEAST_MOTION_RAD {
-        return vec![0.0; q.len()];
+        return speeds;
     }
+    let inner = kernels.reach..q.len().saturating_sub(kernels.reach);
+    inner.for_each(|middle| speeds[middle] = kernels.apply(&kernels.slope, q, middle));
+    let largest_of = |speeds: &[f64]| speeds.iter().fold(0.0, |most, speed| f64::max(most, speed.abs()));
+    let rests_below = RESTS * largest_of(&speeds);
     let sign = |(row, speed): (usize, &f64)| {
-        let is_known = speed.abs() > RESTS * largest && speed.abs() >= NEAR_ZERO * largest_near(row);
+        let near = row.saturating_sub(kernels.reach)..(row + kernels.reach + 1).min(speeds.len());
+        let is_known = speed.abs() > rests_below && speed.abs() >= NEAR_ZERO * largest_of(&speeds[near]);
         if is_known { speed.signum() } else { 0.0 }
     };
     speeds.iter().enumerate().map(sign).collect()
