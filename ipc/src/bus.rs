@@ -189,8 +189,8 @@ impl Bus {
     /// # Errors
     /// [`IpcError::Channel`] when shared memory cannot be had.
     pub fn stop_switch(&self) -> Result<StopSwitch, IpcError> {
-        StopSwitch::open(&self.instance.bell_path("stop"))
-            .map_err(|e| self.address("stop").failed("opening it", e.to_string()))
+        StopSwitch::open(&self.instance.bell_path(StopSwitch::CHANNEL))
+            .map_err(|e| self.address(StopSwitch::CHANNEL).failed("opening it", e.to_string()))
     }
 
     fn doorbell(&self, channel: &str) -> Result<Doorbell, IpcError> {

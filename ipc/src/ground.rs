@@ -8,7 +8,6 @@
 
 use rustix::fs::{Mode, OFlags, RawMode, fstat, fstatfs, mkdir, open};
 use rustix::process::geteuid;
-use std::ffi::OsString;
 use std::io;
 use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
@@ -18,24 +17,48 @@ use std::sync::OnceLock;
 const SHARED_MEMORY: &str = "/dev/shm";
 /// Where a login session has a private directory in memory.
 const SESSION_VARIABLE: &str = "XDG_RUNTIME_DIR";
+/// Where each login has its private directory in memory, by user id, whatever the variable says.
+const LOGINS: &str = "/run/user";
 /// `f_type` of the file systems that live in memory (`man 2 statfs`): tmpfs and ramfs.
 const IN_MEMORY: [u32; 2] = [0x0102_1994, 0x8584_58f6];
 /// Reading, writing and entering by this user alone.
 const PRIVATE: Mode = Mode::RWXU;
 
-/// The directory of this user's instances: `$XDG_RUNTIME_DIR/krait` where that variable names a private directory in memory,
-/// otherwise `/dev/shm/krait-<user id>`. It need not be there yet.
+/// The directory in which this user's instances are made: `$XDG_RUNTIME_DIR/krait` where that variable names a private directory
+/// in memory, else the same of the user's login, else `/dev/shm/krait-<user id>`. It need not be there yet.
 pub fn ground() -> &'static Path {
-    static GROUND: OnceLock<PathBuf> = OnceLock::new();
-    GROUND.get_or_init(|| choose(std::env::var_os(SESSION_VARIABLE)))
+    &grounds()[0]
 }
 
-fn choose(session: Option<OsString>) -> PathBuf {
-    let session = session.map(PathBuf::from).filter(|path| path.is_absolute());
-    match session.filter(|path| open_private(path).is_ok_and(|folder| is_in_memory(&folder))) {
-        Some(session) => session.join("krait"),
-        None => Path::new(SHARED_MEMORY).join(format!("krait-{}", geteuid().as_raw())),
-    }
+/// Every directory in which instances of this user may lie, [`ground`] first: whoever comes from `cron` or `su` has not the
+/// variables of the login that started a chain.
+pub fn grounds() -> &'static [PathBuf] {
+    static GROUNDS: OnceLock<Vec<PathBuf>> = OnceLock::new();
+    GROUNDS.get_or_init(|| {
+        let login = Path::new(LOGINS).join(geteuid().as_raw().to_string());
+        choose(std::env::var_os(SESSION_VARIABLE).map(PathBuf::from), login)
+    })
+}
+
+/// The ground on which one of these names is, as an instance has left them; where none is, the first.
+pub(crate) fn ground_of(names: &[&str]) -> &'static Path {
+    find(grounds(), names)
+}
+
+fn find<'a>(grounds: &'a [PathBuf], names: &[&str]) -> &'a Path {
+    // A directory that another user has made is no ground, whatever lies in it.
+    let has_one =
+        |ground: &&PathBuf| open_private(ground).is_ok() && names.iter().any(|name| ground.join(name).exists());
+    grounds.iter().find(has_one).unwrap_or(&grounds[0])
+}
+
+fn choose(session: Option<PathBuf>, login: PathBuf) -> Vec<PathBuf> {
+    let is_fit = |path: &PathBuf| path.is_absolute() && open_private(path).is_ok_and(|folder| is_in_memory(&folder));
+    let mut grounds: Vec<PathBuf> =
+        session.into_iter().chain([login]).filter(is_fit).map(|path| path.join("krait")).collect();
+    grounds.push(Path::new(SHARED_MEMORY).join(format!("krait-{}", geteuid().as_raw())));
+    grounds.dedup();
+    grounds
 }
 
 /// Makes a private directory, or checks the one that is there.
@@ -51,7 +74,7 @@ pub(crate) fn prepare(folder: &Path) -> io::Result<()> {
 }
 
 /// Opens a directory that belongs to this user and that no other user may enter; a symbolic link is not followed.
-fn open_private(folder: &Path) -> io::Result<OwnedFd> {
+pub(crate) fn open_private(folder: &Path) -> io::Result<OwnedFd> {
     // PATH: a directory that this user may not read shall be refused for its owner, by his number.
     let flags = OFlags::PATH | OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::CLOEXEC;
     let opened = open(folder, flags, Mode::empty());
@@ -148,12 +171,29 @@ mod tests {
 
     #[test]
     fn a_session_directory_is_taken_only_if_it_is_private_and_in_memory() {
-        let place = Place::new("session");
+        let (place, none) = (Place::new("session"), PathBuf::from("/run/user/nobody"));
         let usual = Path::new(SHARED_MEMORY).join(format!("krait-{}", geteuid().as_raw()));
-        assert_eq!(choose(Some(place.0.clone().into())), place.0.join("krait"));
+        let ours = place.0.join("krait");
+        assert_eq!(choose(Some(place.0.clone()), none.clone()), [ours.clone(), usual.clone()]);
+        assert_eq!(choose(None, place.0.clone()), [ours.clone(), usual.clone()], "the login's, without its variable");
+        assert_eq!(choose(Some(place.0.clone()), place.0.clone()), [ours, usual.clone()], "named once");
         fs::set_permissions(&place.0, fs::Permissions::from_mode(0o770)).expect("mode");
-        for session in [Some(place.0.clone().into()), Some("relative".into()), Some("/proc/self".into()), None] {
-            assert_eq!(choose(session), usual);
+        for session in [Some(place.0.clone()), Some("relative".into()), Some("/proc/self".into()), None] {
+            assert_eq!(choose(session, none.clone()), [usual.clone()]);
         }
+    }
+
+    #[test]
+    fn an_instance_is_found_on_whichever_private_ground_it_was_made() {
+        let place = Place::new("found");
+        let grounds: Vec<PathBuf> = ["first", "second"].into_iter().map(|name| place.0.join(name)).collect();
+        assert_eq!(find(&grounds, &["or.lock", "or"]), grounds[0], "nobody has made it, nor a ground");
+        for ground in &grounds {
+            prepare(ground).expect("made");
+        }
+        fs::write(grounds[1].join("or.lock"), "").expect("written");
+        assert_eq!(find(&grounds, &["or.lock", "or"]), grounds[1]);
+        fs::set_permissions(&grounds[1], fs::Permissions::from_mode(0o755)).expect("mode");
+        assert_eq!(find(&grounds, &["or.lock", "or"]), grounds[0], "others may have put the lock there");
     }
 }

@@ -1,12 +1,19 @@
 //! One chain on a machine: its name, and the files that carry it.
 
 use crate::IpcError;
-use crate::ground::ground;
+use crate::ground::ground_of;
 use std::path::{Path, PathBuf};
 
-/// A checked instance name: 1 to 32 of a-z, 0-9, '-' and '_'.
+/// How the name of an instance's lock ends.
+const LOCK: &str = ".lock";
+
+/// A checked instance name: 1 to 32 of a-z, 0-9, '-' and '_'; and where its files are.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct InstanceName(String);
+pub struct InstanceName {
+    name: String,
+    /// Looked up once, so that all that is said of an instance is of one place.
+    ground: &'static Path,
+}
 
 impl InstanceName {
     /// Checks a name.
@@ -18,12 +25,17 @@ impl InstanceName {
         if name.is_empty() || name.len() > 32 || !name.chars().all(allowed) {
             return Err(IpcError::InstanceName { found: name.to_owned() });
         }
-        Ok(Self(name.to_owned()))
+        Ok(Self { name: name.to_owned(), ground: ground_of(&[&format!("{name}{LOCK}"), name]) })
     }
 
     /// The name itself.
     pub fn as_str(&self) -> &str {
-        &self.0
+        &self.name
+    }
+
+    /// The directory in which its files are.
+    pub(crate) fn ground(&self) -> &Path {
+        self.ground
     }
 
     /// The doorbell of a channel: a file of this instance like those of iceoryx2, and removed with them.
@@ -33,12 +45,12 @@ impl InstanceName {
 
     /// The folder of this instance, shared memory included; it exists while the instance has members and goes with the last.
     pub fn folder(&self) -> PathBuf {
-        ground().join(&self.0)
+        self.ground.join(&self.name)
     }
 
     /// The file whose lock says who is in.
     pub fn lock_path(&self) -> PathBuf {
-        ground().join(format!("{}.lock", self.0))
+        self.ground.join(format!("{}{LOCK}", self.name))
     }
 }
 

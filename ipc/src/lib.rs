@@ -46,7 +46,7 @@ pub use bus::Bus;
 pub use doorbell::Doorbell;
 pub use error::IpcError;
 pub use experiment_mark::ExperimentMark;
-pub use ground::ground;
+pub use ground::{ground, grounds};
 pub use health_reporter::{HealthReporter, ReadCounts, health_channel};
 pub use instance::{InstanceName, resources_of};
 pub use message::LatencyLimits;

@@ -1,7 +1,7 @@
 //! Who is in an instance: a shared file lock that the kernel releases even for a killed process, so that the last one out,
 //! or the first one in after a crash, knows that nobody is left and can remove every file of the instance.
 
-use crate::ground::{ground, prepare};
+use crate::ground::prepare;
 use crate::{InstanceName, clock};
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
@@ -28,7 +28,7 @@ impl Membership {
     /// # Errors
     /// The ground is not private, the lock stayed held for [`LOCK_PATIENCE_NS`], or `stop` was set while it was.
     pub(crate) fn join(instance: &InstanceName, stop: &AtomicBool) -> io::Result<Self> {
-        prepare(ground())?;
+        prepare(instance.ground())?;
         let give_up_ns = clock::monotonic_ns() + LOCK_PATIENCE_NS;
         let lock = loop {
             let lock = open_lock(instance)?;
@@ -109,8 +109,8 @@ mod tests {
     use super::*;
 
     fn held(what: &str) -> (InstanceName, File) {
-        prepare(ground()).expect("a private ground");
         let instance = InstanceName::new(&format!("{what}-{}", std::process::id())).expect("a name");
+        prepare(instance.ground()).expect("a private ground");
         let lock = open_lock(&instance).expect("made");
         flock(&lock, FlockOperation::LockExclusive).expect("locked");
         (instance, lock)

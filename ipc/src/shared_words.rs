@@ -6,6 +6,7 @@ use rustix::fs::{FallocateFlags, Mode, OFlags, fallocate, fstat, open};
 use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
 use rustix::process::geteuid;
 use std::io;
+use std::os::fd::OwnedFd;
 use std::path::Path;
 
 /// Words of shared memory, zero at first, the same for every process that opens the same file.
@@ -16,6 +17,8 @@ pub struct SharedWords {
     first: NonNull<AtomicU32>,
     n_words: usize,
 }
+
+const FLAGS: OFlags = OFlags::RDWR.union(OFlags::CLOEXEC).union(OFlags::NOFOLLOW);
 
 // SAFETY: the mapping belongs to this value alone until it is dropped, and atomic words may be used from any thread.
 #[allow(unsafe_code)]
@@ -31,21 +34,33 @@ impl SharedWords {
     /// The file cannot be made or opened, belongs to another user (who could cut it off under this process), or memory is
     /// exhausted.
     pub fn open(path: &Path, n_words: usize) -> io::Result<Self> {
-        let flags = OFlags::CREATE | OFlags::RDWR | OFlags::CLOEXEC | OFlags::NOFOLLOW;
-        let file = open(path, flags, Mode::RUSR | Mode::WUSR)?;
-        let (stat, bytes) = (fstat(&file)?, Self::bytes(n_words));
-        if stat.st_uid != geteuid().as_raw() {
-            return Err(io::Error::new(io::ErrorKind::PermissionDenied, "the file belongs to another user"));
-        }
-        if u64::try_from(stat.st_size).unwrap_or(0) < bytes as u64 {
+        let file = open(path, FLAGS | OFlags::CREATE, Mode::RUSR | Mode::WUSR)?;
+        if !has_room(&file, n_words)? {
             // Room for it as well: a page without would kill whoever touches it.
-            fallocate(&file, FallocateFlags::empty(), 0, bytes as u64)?;
+            fallocate(&file, FallocateFlags::empty(), 0, Self::bytes(n_words) as u64)?;
         }
+        Self::map(&file, n_words)
+    }
+
+    /// Opens a file that somebody has made, and takes no memory for it; nothing where it is not there yet, or not whole.
+    ///
+    /// # Errors
+    /// The file cannot be opened or belongs to another user.
+    pub fn open_existing(path: &Path, n_words: usize) -> io::Result<Option<Self>> {
+        let file = match open(path, FLAGS, Mode::empty()) {
+            Err(rustix::io::Errno::NOENT) => return Ok(None),
+            opened => opened?,
+        };
+        has_room(&file, n_words)?.then(|| Self::map(&file, n_words)).transpose()
+    }
+
+    fn map(file: &OwnedFd, n_words: usize) -> io::Result<Self> {
+        let bytes = Self::bytes(n_words);
         #[allow(unsafe_code)]
         // SAFETY: a fresh mapping at an address of the kernel's choice touches nothing that exists; the file is large enough.
         let start = unsafe {
             let access = ProtFlags::READ | ProtFlags::WRITE;
-            mmap(core::ptr::null_mut(), bytes, access, MapFlags::SHARED | MapFlags::POPULATE, &file, 0)?
+            mmap(core::ptr::null_mut(), bytes, access, MapFlags::SHARED | MapFlags::POPULATE, file, 0)?
         };
         let first = NonNull::new(start.cast()).ok_or(io::ErrorKind::OutOfMemory)?;
         Ok(Self { first, n_words })
@@ -66,10 +81,19 @@ impl SharedWords {
     }
 }
 
+/// Whether a file of this user is as long as the words; where it is, its pages are there too.
+fn has_room(file: &OwnedFd, n_words: usize) -> io::Result<bool> {
+    let stat = fstat(file)?;
+    if stat.st_uid != geteuid().as_raw() {
+        return Err(io::Error::new(io::ErrorKind::PermissionDenied, "the file belongs to another user"));
+    }
+    Ok(u64::try_from(stat.st_size).unwrap_or(0) >= SharedWords::bytes(n_words) as u64)
+}
+
 impl Drop for SharedWords {
     fn drop(&mut self) {
         #[allow(unsafe_code)]
-        // SAFETY: this is the mapping that `open` made, and nothing borrows from it any more.
+        // SAFETY: this is the mapping that `map` made, and nothing borrows from it any more.
         let unmapped = unsafe { munmap(self.first.as_ptr().cast(), Self::bytes(self.n_words)) };
         if let Err(error) = unmapped {
             tracing::warn!(%error, "shared words could not be unmapped");

@@ -7,7 +7,9 @@
 //! at the first before each command that it executes; it stops when that has changed and then repeats the count in the
 //! second. No writer can be in another's way, and none can take a stop back.
 
+use crate::ground::open_private;
 use crate::shared_words::SharedWords;
+use crate::{InstanceName, IpcError};
 use core::sync::atomic::Ordering::SeqCst;
 use std::io;
 use std::path::Path;
@@ -24,8 +26,31 @@ pub struct StopSwitch {
 }
 
 impl StopSwitch {
+    /// Its name among the channels.
+    pub(crate) const CHANNEL: &str = "stop";
+
     pub(crate) fn open(path: &Path) -> io::Result<Self> {
         Ok(Self { words: SharedWords::open(path, N_WORDS)? })
+    }
+
+    /// The stop of an instance that has one, opened without joining the instance: it takes no lock and no memory, so that a stop
+    /// gets through where both have run out. Nothing where nobody has made it, or where the ground is not this user's alone.
+    ///
+    /// # Errors
+    /// [`IpcError::InstanceName`], or [`IpcError::Channel`] when the file that is there cannot be used.
+    pub fn of(instance: &str) -> Result<Option<Self>, IpcError> {
+        let instance = InstanceName::new(instance)?;
+        if open_private(instance.ground()).is_err() {
+            return Ok(None);
+        }
+        let words = SharedWords::open_existing(&instance.bell_path(Self::CHANNEL), N_WORDS);
+        let words = words.map_err(|error| IpcError::Channel {
+            instance: instance.as_str().to_owned(),
+            channel: Self::CHANNEL.to_owned(),
+            doing: "opening it",
+            source_text: error.to_string(),
+        })?;
+        Ok(words.map(|words| Self { words }))
     }
 
     /// Asks for a stop. The number that comes back is obeyed when [`StopSwitch::is_obeyed`] says so.

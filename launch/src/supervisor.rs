@@ -4,6 +4,7 @@
 //! and nobody else is, not engaged; every other chain is whole or it ends. What ends does so in an order that lets the
 //! recorder write the last message of every other process.
 
+mod companion;
 mod ending;
 mod exchange;
 mod hand;
@@ -17,6 +18,7 @@ use crate::commands;
 use crate::config::{Config, STANDARD_INPUT};
 use crate::silence::{HANGS_NS, Silence};
 use anyhow::{Context, bail};
+use companion::Companion;
 use core::time::Duration;
 use exchange::{Exchanged, ModelDesk};
 use hand::LastHand;
@@ -63,6 +65,9 @@ pub struct Supervisor {
     slave_again: SlaveAgain,
     losses: Vec<Loss>,
     n_forced: u32,
+    /// The page beside the chain, if one was asked for.
+    console: Option<Companion>,
+    n_consoles_lost: u32,
     /// Requests for another model, where the chain takes them.
     models: Option<ModelDesk>,
     n_exchanges: u32,
@@ -178,6 +183,8 @@ impl Supervisor {
             slave_again: SlaveAgain::open(&bus)?,
             losses: Vec::new(),
             n_forced: 0,
+            console: None,
+            n_consoles_lost: 0,
             models: None,
             n_exchanges: 0,
             exchanged: None,
@@ -280,7 +287,7 @@ impl Supervisor {
 
     /// Whether every process lived until it was told to end, and then ended by itself.
     pub fn is_unscathed(&self) -> bool {
-        self.losses.is_empty() && self.n_forced == 0
+        self.losses.is_empty() && self.n_forced == 0 && self.n_consoles_lost == 0
     }
 
     /// Looks at every channel and every process once; a process that is lost is started again where that is the rule.
@@ -291,6 +298,7 @@ impl Supervisor {
         self.take_messages()?;
         self.authority.serve(self.newest_state.as_ref())?;
         self.kill_what_hangs()?;
+        self.look_at_console();
         for position in 0..self.children.len() {
             let running = &mut self.children[position];
             if running.ended {

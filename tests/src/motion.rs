@@ -45,8 +45,7 @@ pub fn assert_no_jump(states: &[SlaveState]) {
     let mut n_moved = 0;
     for pair in states.windows(2) {
         let [before, after] = pair else { continue };
-        let seeded = before.flags & SlaveState::IS_BUSY != 0 || before.operating() != after.operating();
-        if seeded || after.sequence != before.sequence + 1 {
+        if after.is_seeded_after(before) || after.sequence != before.sequence + 1 {
             continue;
         }
         let allowed_m = allowed_m(before, after);

@@ -6,7 +6,9 @@ use core::time::Duration;
 use krait_ipc::{InstanceName, resources_of};
 use krait_record::Recording;
 use krait_schema::Sample;
-use krait_tests::{Ended, Krait, TempFolder, instance_name, processes_of, wait_for_motion, wait_until};
+use krait_tests::{
+    Ended, Krait, TempFolder, assert_no_jump, instance_name, processes_of, states_in, wait_for_motion, wait_until,
+};
 use rustix::process::{Pid, Signal, kill_process};
 use std::path::Path;
 
@@ -131,6 +133,57 @@ fn a_process_that_does_not_end_when_it_is_asked_to_is_killed_and_the_exit_code_s
     krait.signal(Signal::INT);
     let ended = krait.end(PATIENCE);
     assert_eq!(ended.code, Some(1), "{}", ended.stderr);
+    assert!(ended.stderr.contains("did not end in time and was killed"), "{}", ended.stderr);
+    assert_nothing_is_left(&instance);
+    assert!(commands_in(&recording).1, "the recording is whole");
+}
+
+/// A chain with a page beside it, what its console is, and where it records.
+fn start_with_console(what: &str, folder: &TempFolder) -> (Krait, String, u32, String) {
+    let (instance, recording) = (instance_name(what), folder.file("run.mcap"));
+    let arguments = ["run", "--console", "--engage=again", "--instance", &instance, "--recording", &recording];
+    let krait = Krait::start(&arguments);
+    wait_for_motion(&instance, &recording);
+    let console = || processes_of(&instance).into_iter().find(|(name, _)| name == "console");
+    assert!(wait_until(PATIENCE, || console().is_some()), "the console has joined");
+    let pid = console().expect("it runs").1;
+    (krait, instance, pid, recording)
+}
+
+/// How often the operator engaged in a chain whose console is killed, after everything else was found as it must be.
+fn engagements_beside_a_killed_console() -> usize {
+    let folder = TempFolder::new("no-page");
+    let (krait, instance, pid, recording) = start_with_console("no-page", &folder);
+    kill(pid, Signal::KILL);
+    let size = || std::fs::metadata(&recording).map_or(0, |file| file.len());
+    let then = size();
+    assert!(wait_until(PATIENCE, || size() > then + 300_000), "the chain runs on");
+    krait.signal(Signal::INT);
+    let ended = krait.end(PATIENCE);
+    assert_eq!(ended.code, Some(1), "a loss is no success: {}", ended.stderr);
+    let expected = format!("process `console` (pid {pid}) ended: signal: 9 (SIGKILL); the motion goes on");
+    assert!(ended.stderr.contains(&expected), "{}", ended.stderr);
+    assert_nothing_is_left(&instance);
+    assert!(commands_in(&recording).1, "no command is lost");
+    let states = states_in(&recording);
+    assert_no_jump(&states);
+    states.windows(2).filter(|pair| !pair[0].is_engaged() && pair[1].is_engaged()).count()
+}
+
+#[test]
+fn a_console_that_is_killed_neither_moves_nor_stops_anything_and_its_end_is_said() {
+    // A machine that stands still for a moment ends an engagement too, and another follows; that is not the console's doing.
+    assert!((0..3).any(|_| engagements_beside_a_killed_console() == 1), "it ended an engagement three times");
+}
+
+#[test]
+fn a_console_that_is_stopped_delays_the_end_and_does_not_prevent_it() {
+    let folder = TempFolder::new("stuck-page");
+    let (krait, instance, pid, recording) = start_with_console("stuck-page", &folder);
+    kill(pid, Signal::STOP);
+    krait.signal(Signal::INT);
+    let ended = krait.end(PATIENCE);
+    assert_eq!(ended.code, Some(1), "a forced end is no success: {}", ended.stderr);
     assert!(ended.stderr.contains("did not end in time and was killed"), "{}", ended.stderr);
     assert_nothing_is_left(&instance);
     assert!(commands_in(&recording).1, "the recording is whole");

@@ -3,8 +3,9 @@
 #![allow(clippy::expect_used, clippy::print_stderr, reason = "a panic is how a test fails; a skipped test says so")]
 
 use core::time::Duration;
+use krait_ipc::message::{OperatingState, SlaveState};
 use krait_record::Recording;
-use krait_tests::{Ended, Krait, TempFolder, instance_name, krait_program, wait_for_motion, wait_until};
+use krait_tests::{Ended, Krait, TempFolder, instance_name, krait_program, states_in, wait_for_motion, wait_until};
 use rustix::process::{Signal, geteuid};
 use std::fs;
 use std::path::Path;
@@ -62,7 +63,8 @@ fn on_ground(ground: &str, arguments: &[&str]) -> Command {
 #[test]
 fn a_chain_without_room_for_its_memory_does_not_start_and_says_how_much_it_needs() {
     let Some(ground) = Tmpfs::mount("tight", 18) else { return };
-    let ended = on_ground(&ground.path(), &["run", "--no-recording", "--seconds", "1"]).output().expect("it runs");
+    let arguments = ["run", "--instance", &instance_name("tight"), "--no-recording", "--seconds", "1"];
+    let ended = on_ground(&ground.path(), &arguments).output().expect("it runs");
     let said = String::from_utf8_lossy(&ended.stderr);
     assert_eq!(ended.status.code(), Some(2), "no signal ends it: {:?} {said}", ended.status);
     assert!(said.contains("kB free, expected at least"), "{said}");
@@ -86,6 +88,43 @@ fn memory_that_fills_up_under_a_chain_that_runs_disturbs_nothing() {
     let contents = Recording::open(Path::new(&recording)).expect("readable").contents().clone();
     assert!(contents.missing.is_empty(), "{:?}", contents.missing);
     assert!(contents.channels[&krait_schema::Channel::Command].n_messages > 5000, "it moved to the end");
+}
+
+#[test]
+fn a_stop_gets_through_although_shared_memory_is_full() {
+    let Some(ground) = Tmpfs::mount("full-stop", 128) else { return };
+    let (instance, folder) = (instance_name("full-stop"), TempFolder::new("full-stop"));
+    let recording = folder.file("run.mcap");
+    let arguments = ["run", "--engage=again", "--instance", &instance, "--recording", &recording, "--seconds", "12"];
+    let run = on_ground(&ground.path(), &arguments).spawn().expect("it starts");
+    let grows = || fs::metadata(&recording).is_ok_and(|file| file.len() > 100_000);
+    assert!(wait_until(PATIENCE, grows), "the chain runs");
+    ground.fill();
+    let stop = on_ground(&ground.path(), &["stop", "--instance", &instance]).output().expect("it runs");
+    let said = String::from_utf8_lossy(&stop.stdout).into_owned() + &String::from_utf8_lossy(&stop.stderr);
+    assert!(stop.status.code() == Some(0) && said.contains("stand still"), "{said}");
+    let ended = run.wait_with_output().expect("it ends");
+    assert!(matches!(ended.status.code(), Some(0 | 1)), "{ended:?}");
+    let stopped: Vec<SlaveState> = states_in(&recording).into_iter().filter(|state| state.n_stops == 1).collect();
+    assert!(stopped.len() > 1000 && stopped.iter().all(|state| !state.is_engaged()), "{} states", stopped.len());
+    assert_eq!(stopped[0].operating(), Some(OperatingState::Paused));
+}
+
+#[test]
+fn a_stop_from_another_login_finds_the_chain_on_its_ground() {
+    let Some(session) = Tmpfs::mount("session", 64) else { return };
+    let (instance, folder) = (instance_name("login"), TempFolder::new("login"));
+    let recording = folder.file("run.mcap");
+    let krait = Krait::start(&["run", "--engage=again", "--instance", &instance, "--recording", &recording]);
+    wait_for_motion(&instance, &recording);
+    // A login that has a private directory of its own, in which the chain is not.
+    for command in ["state", "stop"] {
+        let done = on_ground(&session.path(), &[command, "--instance", &instance]).output().expect("it runs");
+        assert_eq!(done.status.code(), Some(0), "{command}: {done:?}");
+    }
+    krait.signal(Signal::INT);
+    assert_eq!(krait.end(PATIENCE).code, Some(0));
+    assert_eq!(states_in(&recording).last().expect("states").n_stops, 1);
 }
 
 #[test]

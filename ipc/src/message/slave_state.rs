@@ -80,6 +80,13 @@ impl SlaveState {
         self.flags & Self::ENGAGED != 0
     }
 
+    /// Whether the setpoint was put anew between the state before and this one, instead of written by the slave's gate: power came,
+    /// or zero was looked for. What takes power or the engagement away writes through the gate like everything else.
+    pub fn is_seeded_after(&self, before: &Self) -> bool {
+        let had_power = matches!(before.operating(), Some(OperatingState::Enabled | OperatingState::Paused));
+        before.flags & Self::IS_BUSY != 0 || (!had_power && before.operating() != self.operating())
+    }
+
     /// CRTK `is_ready`: Enabled and homed.
     pub fn is_ready(&self) -> bool {
         self.operating() == Some(OperatingState::Enabled) && self.flags & Self::IS_HOMED != 0

@@ -1,8 +1,8 @@
 //! `krait console`: the page of a chain that runs, as a process of its own.
 
 use crate::cli::Common;
-use crate::cli_console::{ConsoleArgs, FoxgloveArgs};
-use crate::config::{Config, STANDARD_INPUT};
+use crate::cli_console::ConsoleArgs;
+use crate::config::Config;
 use crate::in_force::ModelInForce;
 use crate::{print, recorded, signals, supervisor};
 use anyhow::Context;
@@ -14,11 +14,9 @@ use krait_master::Presence;
 use krait_record::{RecordConfig, Recording, Views};
 use krait_report::joint_unit;
 use krait_slave::DriveKind;
-use rustix::process::{Pid, Signal, kill_process};
 use std::ffi::OsStr;
-use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitCode};
+use std::process::ExitCode;
 
 pub use krait_console::NAME;
 
@@ -92,43 +90,6 @@ fn of_recording(common: &Common, path: &Path) -> anyhow::Result<(Bus, Facts)> {
 /// The folder of a file; the one we are in, for a bare name.
 fn folder_of(path: &Path) -> PathBuf {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new(".")).to_path_buf()
-}
-
-/// The console beside a chain: whatever becomes of it, the chain goes on, and it ends with the chain.
-pub struct Companion(Child);
-
-impl Companion {
-    /// Starts the console of an instance as a process of its own. Where standard output is for JSON, its address goes to
-    /// standard error.
-    ///
-    /// # Errors
-    /// The program cannot be started.
-    pub fn start(instance: &str, config: &Config, viewers: &FoxgloveArgs, is_json: bool) -> anyhow::Result<Self> {
-        let program = std::env::current_exe().context("the krait program could not find itself")?;
-        let mut command = Command::new(program);
-        command.args([NAME, "--instance", instance, "--config", STANDARD_INPUT]).args(viewers.words());
-        command.stdin(supervisor::in_memory(config)?).process_group(0);
-        if is_json {
-            command.stdout(std::io::stderr());
-        }
-        if let Some(folder) = config.record.path.as_deref().and_then(Path::parent) {
-            command.arg("--recordings").arg(folder);
-        }
-        command.env(supervisor::SUPERVISOR_PID, std::process::id().to_string());
-        Ok(Self(command.spawn().context("the console could not be started")?))
-    }
-}
-
-impl Drop for Companion {
-    fn drop(&mut self) {
-        let asked = Pid::from_raw(self.0.id().cast_signed()).map(|pid| kill_process(pid, Signal::TERM));
-        if let Some(Err(error)) = asked {
-            tracing::debug!(%error, "the console had already ended");
-        }
-        if let Err(error) = self.0.wait() {
-            tracing::warn!(%error, "the console could not be waited for");
-        }
-    }
 }
 
 fn facts_of(instance: &str, config: &Config, model: &ModelInForce) -> anyhow::Result<Facts> {

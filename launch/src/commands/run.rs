@@ -1,7 +1,6 @@
 //! `krait run`: the chain until Ctrl-C.
 
 use crate::cli::{Common, EngageKind, MasterKind, RunArgs};
-use crate::commands::console::Companion;
 use crate::commands::process::{refuse_pad_of_real_drives, refuse_poses_of_real_drives};
 use crate::config::Config;
 use crate::evidence::Evidence;
@@ -56,13 +55,13 @@ pub fn run(common: &Common, args: &RunArgs) -> anyhow::Result<ExitCode> {
     }
     let model = options.config.model()?;
     evidence.processes(model.label, &supervisor.processes());
-    let start_console = || Companion::start(&common.instance, &options.config, &args.viewers, args.json);
-    let console = has_console.then(start_console).transpose()?;
+    if has_console {
+        supervisor.start_console(&options.config, &args.viewers, args.json)?;
+    }
     let label = format!("Running, compensation {}; Ctrl-C ends it", model.label);
     let slides = model.machine.joints().is_some_and(JointModel::slides);
     Progress::new(&label, supervisor.bus(), args.seconds, slides)?.show(&mut supervisor, &stop)?;
     supervisor.end_chain();
-    drop(console);
     // After an exchange the figures are those of the model that the chain ended with, and of its recording.
     let exchanged = supervisor.exchanged().cloned();
     let (config, start_ns) =

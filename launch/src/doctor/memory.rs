@@ -1,7 +1,7 @@
 //! The private ground of the instances: room, permission, and what dead chains left behind.
 
 use super::Finding;
-use krait_ipc::{InstanceName, ground, resources_of};
+use krait_ipc::{InstanceName, ground, grounds, resources_of};
 use rustix::fs::{FlockOperation, StatVfs, flock, statvfs};
 use std::collections::BTreeSet;
 use std::fs::{self, File};
@@ -43,36 +43,36 @@ fn judge_room(free_mb: u64) -> Finding {
 /// What chains that died left behind.
 pub fn stale() -> Finding {
     const NAME: &str = "dead chains";
-    let stale: Vec<String> = instances().into_iter().filter(|name| is_dead(name)).collect();
+    let stale: Vec<InstanceName> = instances().into_iter().filter(is_dead).collect();
     if stale.is_empty() {
         return Finding::good(NAME, "none left anything behind".to_owned(), "no shared memory is wasted");
     }
-    let count = |name: &String| InstanceName::new(name).map_or(0, |name| resources_of(&name).len());
-    let n_files: usize = stale.iter().map(count).sum();
-    let ground = ground().display();
-    let mend: Vec<String> = stale.iter().map(|name| format!("rm -rf {ground}/{name} {ground}/{name}.lock")).collect();
+    let n_files: usize = stale.iter().map(|name| resources_of(name).len()).sum();
+    let names: Vec<&str> = stale.iter().map(InstanceName::as_str).collect();
+    let remove = |name: &InstanceName| format!("rm -rf {} {}", name.folder().display(), name.lock_path().display());
+    let mend: Vec<String> = stale.iter().map(remove).collect();
     Finding::advice(
         NAME,
-        format!("{} ({n_files} files)", stale.join(", ")),
+        format!("{} ({n_files} files)", names.join(", ")),
         "memory is held until the next chain of the same name starts, which removes it",
         mend.join("; "),
     )
 }
 
-/// Names of every instance that has a file anywhere.
-fn instances() -> BTreeSet<String> {
-    let entries = fs::read_dir(ground()).into_iter().flatten().flatten();
+/// Every instance that has a file anywhere.
+fn instances() -> Vec<InstanceName> {
+    let entries = grounds().iter().filter_map(|ground| fs::read_dir(ground).ok()).flatten().flatten();
     let names = entries.map(|entry| entry.file_name().to_string_lossy().trim_end_matches(".lock").to_owned());
-    names.filter(|name| InstanceName::new(name).is_ok()).collect()
+    let names: BTreeSet<String> = names.collect();
+    names.iter().filter_map(|name| InstanceName::new(name).ok()).collect()
 }
 
 /// Whether nobody is in an instance that has left something: its members share a lock that the kernel releases.
-fn is_dead(name: &str) -> bool {
-    let Ok(name) = InstanceName::new(name) else { return false };
+fn is_dead(name: &InstanceName) -> bool {
     match File::options().read(true).append(true).open(name.lock_path()) {
         // Let go of at once, with the file.
         Ok(lock) => flock(&lock, FlockOperation::NonBlockingLockExclusive).is_ok(),
-        Err(_) => !resources_of(&name).is_empty(),
+        Err(_) => !resources_of(name).is_empty(),
     }
 }
 
@@ -94,12 +94,13 @@ mod tests {
         // Not the name that the doctor himself takes, whom another test asks at the same time.
         let name = format!("doctor-test-{}", std::process::id());
         let bus = krait_ipc::Bus::open(&name, "test").expect("bus");
-        assert!(instances().contains(&name) && !is_dead(&name));
+        let instance = bus.instance().clone();
+        assert!(instances().contains(&instance) && !is_dead(&instance));
         drop(bus);
-        let folder = ground().join(&name);
+        let folder = instance.folder();
         fs::create_dir(&folder).expect("made");
         fs::write(folder.join("left"), [0]).expect("a file as a killed process leaves it");
-        assert!(instances().contains(&name) && is_dead(&name));
+        assert!(instances().contains(&instance) && is_dead(&instance));
         fs::remove_dir_all(&folder).expect("removed");
     }
 }

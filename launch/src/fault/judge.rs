@@ -108,8 +108,7 @@ impl Observed {
     fn steps(&mut self, states: &[SlaveState], rate_m_per_s: f64) {
         for pair in states.windows(2) {
             let [before, after] = pair else { continue };
-            let is_seeded = before.flags & SlaveState::IS_BUSY != 0 || before.operating() != after.operating();
-            if is_seeded || after.sequence <= before.sequence {
+            if after.is_seeded_after(before) || after.sequence <= before.sequence {
                 continue;
             }
             let n_writes = (after.sequence - before.sequence) as f64;
@@ -130,8 +129,7 @@ fn step_m(before: &SlaveState, after: &SlaveState) -> f64 {
 fn last_motion_ns(states: &[&SlaveState]) -> Option<i64> {
     let moved = |pair: &&[&SlaveState]| {
         let [before, after] = pair else { return false };
-        let is_seeded = before.flags & SlaveState::IS_BUSY != 0 || before.operating() != after.operating();
-        after.sequence > before.sequence && !is_seeded && step_m(before, after) > 0.0
+        after.sequence > before.sequence && !after.is_seeded_after(before) && step_m(before, after) > 0.0
     };
     let last = states.windows(2).rfind(moved).map(|pair| pair[1].setpoint_ns);
     last.or(states.first().map(|first| first.setpoint_ns))
@@ -278,5 +276,27 @@ mod tests {
         };
         assert!(step(50 * MS, 30e-6) < 1.0 && step(50 * MS, 32e-6) > 1.0);
         assert!(step(MS / 10, 3.9e-6) < 1.0 && step(MS / 10, 4.1e-6) > 1.0);
+    }
+
+    #[test]
+    fn a_jump_is_seen_also_where_the_motion_ends_and_not_where_power_comes() {
+        let jumps = |before: OperatingState, after: OperatingState, flags: u32| {
+            let mut states = states(600);
+            for state in &mut states[..300] {
+                (state.operating_state, state.flags) = (before as u32, flags);
+            }
+            for state in &mut states[300..] {
+                state.operating_state = after as u32;
+                state.setpoint_q_m[1] += 25e-6;
+            }
+            let seen = Observed::of(None, &states, (None, i64::MAX), 30e-3).expect("no file is read");
+            seen.largest_step > 1.0
+        };
+        use OperatingState::{Disabled, Enabled, Fault, Paused};
+        for (before, after) in [(Enabled, Paused), (Enabled, Fault), (Paused, Enabled), (Enabled, Disabled)] {
+            assert!(jumps(before, after, 0), "{before:?} to {after:?}");
+        }
+        assert!(!jumps(Disabled, Enabled, 0) && !jumps(Fault, Enabled, 0), "power comes");
+        assert!(!jumps(Enabled, Paused, SlaveState::IS_BUSY), "zero is looked for");
     }
 }

@@ -1,9 +1,10 @@
 //! The end of a chain: every process is asked in order, waited for, and killed where it does not go.
 
-use super::{END_PATIENCE, LOOK_EVERY, Loss, Running, Supervisor};
+use super::{END_PATIENCE, LOOK_EVERY, Loss, Supervisor};
 use krait_ipc::{Process, clock};
 use rustix::process::{Pid, Signal, kill_process};
 use std::os::unix::process::ExitStatusExt;
+use std::process::Child;
 
 impl Supervisor {
     /// Ends the chain, the recorder excepted; what does not end in time is killed. Returns whether all ended by themselves.
@@ -18,8 +19,8 @@ impl Supervisor {
 
     /// Ends everything. Returns whether all ended by themselves.
     pub fn end(&mut self) -> bool {
-        let chain = self.end_chain();
-        self.end_one(Process::Record) && chain
+        let (chain, console) = (self.end_chain(), self.end_console());
+        self.end_one(Process::Record) && chain && console
     }
 
     pub(super) fn end_one(&mut self, process: Process) -> bool {
@@ -36,11 +37,8 @@ impl Supervisor {
             self.losses.push(Loss { process, at_ns: clock::monotonic_ns() });
             return false;
         }
-        let asked = Pid::from_raw(running.child.id().cast_signed()).map(|pid| kill_process(pid, Signal::TERM));
-        if let Some(Err(error)) = asked {
-            tracing::warn!(process = process.name(), %error, "could not be asked to end");
-        }
-        let deadline_ns = clock::monotonic_ns() + END_PATIENCE.as_nanos() as i64;
+        ask(process.name(), &running.child);
+        let deadline_ns = deadline_ns();
         loop {
             if let Err(error) = self.take_messages() {
                 tracing::warn!(%error, "the last messages of a process were not taken");
@@ -57,21 +55,33 @@ impl Supervisor {
                 Ok(None) if clock::monotonic_ns() < deadline_ns => std::thread::sleep(LOOK_EVERY),
                 Ok(None) | Err(_) => {
                     self.n_forced += 1;
-                    return self.children[position].kill();
+                    return kill(process.name(), &mut self.children[position].child);
                 }
             }
         }
     }
 }
 
-impl Running {
-    fn kill(&mut self) -> bool {
-        tracing::error!(process = self.process.name(), "did not end in time and was killed");
-        if let Err(error) = self.child.kill().and_then(|()| self.child.wait()) {
-            tracing::error!(process = self.process.name(), %error, "could not be killed");
-        }
-        false
+/// Asks a process to end.
+pub(super) fn ask(name: &str, child: &Child) {
+    let asked = Pid::from_raw(child.id().cast_signed()).map(|pid| kill_process(pid, Signal::TERM));
+    if let Some(Err(error)) = asked {
+        tracing::warn!(process = name, %error, "could not be asked to end");
     }
+}
+
+/// By when a process that was asked now must have ended.
+pub(super) fn deadline_ns() -> i64 {
+    clock::monotonic_ns() + END_PATIENCE.as_nanos() as i64
+}
+
+/// Ends a process by force, which is no clean end.
+pub(super) fn kill(name: &str, child: &mut Child) -> bool {
+    tracing::error!(process = name, "did not end in time and was killed");
+    if let Err(error) = child.kill().and_then(|()| child.wait()) {
+        tracing::error!(process = name, %error, "could not be killed");
+    }
+    false
 }
 
 impl Drop for Supervisor {
