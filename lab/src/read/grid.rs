@@ -10,8 +10,8 @@ use super::rows::{Rows, Table};
 use super::{ColumnMap, Expected, ReadError};
 use std::path::Path;
 
-/// Cells that a table may have, 400 MB: what unpacks to more fills no memory.
-pub(super) const MOST_CELLS: usize = 50_000_000;
+/// Numbers that a table may have, 80 MB: what unpacks to more fills no memory. Other cells weigh more ([`GridCells::WHOLE`]).
+pub(super) const MOST_CELLS: usize = 10_000_000;
 /// Columns that a table may have.
 pub(super) const MOST_COLUMNS: usize = 1000;
 
@@ -46,6 +46,20 @@ pub(super) enum GridCells {
 }
 
 impl GridCells {
+    /// What a whole number weighs, in numbers: it may be missing.
+    pub(super) const WHOLE: usize = 2;
+    /// What a label weighs besides its text, in numbers: a place, a length, and a piece of memory.
+    pub(super) const TEXT: usize = 6;
+
+    /// What they weigh, in numbers.
+    pub(super) fn weight(&self) -> usize {
+        match self {
+            Self::Numbers(own) => own.len(),
+            Self::Whole(own) => Self::WHOLE * own.len(),
+            Self::Texts(own) => Self::TEXT * own.len(),
+        }
+    }
+
     pub(super) fn len(&self) -> usize {
         match self {
             Self::Numbers(own) => own.len(),

@@ -18,8 +18,8 @@ use variable::{Content, MATRIX, Variable, variable, within};
 const N_HEAD: usize = 128;
 /// The element whose content is compressed.
 const COMPRESSED: u32 = 15;
-/// Bytes that a compressed variable may unpack to: those of the largest table in doubles, and a little more.
-const MOST_UNPACKED: u64 = 8 * MOST_CELLS as u64 + (1 << 20);
+/// Bytes that compressed variables may unpack to, all together: what is left out of a table is unpacked to be skipped.
+const MOST_UNPACKED: u64 = 4 << 30;
 /// Columns of a matrix that is taken for several columns of measurements.
 const MOST_WIDTH: usize = 64;
 
@@ -67,12 +67,12 @@ fn variables(mut file: impl Read, n_bytes: u64) -> Result<Vec<Variable>, String>
     };
     let mut stream = Stream::new(&mut file, is_big, n_bytes.saturating_sub(N_HEAD as u64));
     let mut found = Vec::new();
-    let mut n_cells = 0;
+    let (mut n_cells, mut n_left) = (0, MOST_UNPACKED);
     while !stream.is_over() {
         let tag = stream.tag()?;
         let one = match tag.sort {
             MATRIX => within(&mut stream, tag.n_bytes, |inner| variable(inner, 0))?,
-            COMPRESSED => within(&mut stream, tag.n_bytes, unpacked)?,
+            COMPRESSED => within(&mut stream, tag.n_bytes, |packed| unpacked(packed, &mut n_left))?,
             // Other elements hold nothing that a user saved.
             _ => {
                 stream.data(&tag, |_| {})?;
@@ -88,25 +88,26 @@ fn variables(mut file: impl Read, n_bytes: u64) -> Result<Vec<Variable>, String>
     Ok(found)
 }
 
-fn unpacked(packed: &mut Stream) -> Result<Variable, String> {
+fn unpacked(packed: &mut Stream, n_left: &mut u64) -> Result<Variable, String> {
     let is_big = packed.is_big;
     let mut bytes = packed.bytes();
     let mut source = ZlibDecoder::new(&mut bytes);
-    let mut stream = Stream::new(&mut source, is_big, MOST_UNPACKED);
+    let mut stream = Stream::new(&mut source, is_big, *n_left);
     let tag = stream.tag()?;
     if tag.sort != MATRIX {
         return Err(format!("a compressed element of the type {} is no variable", tag.sort));
     }
     let found = within(&mut stream, tag.n_bytes, |inner| variable(inner, 0))?;
+    *n_left = stream.n_left();
     // The next element begins where this one ends, not where unpacking stopped.
     io::copy(&mut bytes, &mut io::sink()).map_err(|error| error.to_string())?;
     Ok(found)
 }
 
-/// Cells of a variable.
+/// What a variable weighs, in numbers.
 fn cells(variable: &Variable) -> usize {
     match &variable.content {
-        Content::Matrix { n_rows, n_columns, .. } => n_rows * n_columns,
+        Content::Matrix { cells, .. } => cells.weight(),
         Content::Struct(fields) => fields.iter().map(cells).sum(),
         Content::Other(_) => 0,
     }

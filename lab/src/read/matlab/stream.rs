@@ -32,6 +32,11 @@ impl<'a> Stream<'a> {
         Ok(Stream { source: &mut *self.source, is_big: self.is_big, n_left: n_bytes })
     }
 
+    /// Bytes that may still be taken.
+    pub(super) fn n_left(&self) -> u64 {
+        self.n_left
+    }
+
     /// Whether nothing is left.
     pub(super) fn is_over(&self) -> bool {
         self.n_left == 0

@@ -81,8 +81,8 @@ fn fields(stream: &mut Stream) -> Result<Content, String> {
             0 => Content::Other("empty".to_owned()),
             n_bytes => within(stream, n_bytes, |inner| variable(inner, 1))?.content,
         };
-        if let Content::Matrix { n_rows, n_columns, .. } = content {
-            n_cells += n_rows * n_columns;
+        if let Content::Matrix { cells, .. } = &content {
+            n_cells += cells.weight();
         }
         found.push(Variable { name, content });
         if n_cells > MOST_CELLS {
@@ -108,7 +108,9 @@ fn matrix(stream: &mut Stream, class: u8, sizes: &[usize]) -> Result<Content, St
     let [n_rows, n_columns] = *sizes else {
         return Ok(Content::Other(format!("an array of {} dimensions", sizes.len())));
     };
-    let n_cells = n_rows.checked_mul(n_columns).filter(|n| *n <= MOST_CELLS);
+    let is_whole = matches!(class, INT64 | UINT64);
+    let most = if is_whole { MOST_CELLS / GridCells::WHOLE } else { MOST_CELLS };
+    let n_cells = n_rows.checked_mul(n_columns).filter(|n| *n <= most);
     let n_cells = n_cells.ok_or_else(|| format!("a variable of {n_rows} x {n_columns} cells is too large"))?;
     if n_cells == 0 {
         return Ok(Content::Other("empty".to_owned()));
@@ -118,14 +120,17 @@ fn matrix(stream: &mut Stream, class: u8, sizes: &[usize]) -> Result<Content, St
     if tag.n_bytes != (n_cells * stored.width()) as u64 {
         return Err(format!("a variable of {n_rows} x {n_columns} cells holds {} bytes", tag.n_bytes));
     }
-    let is_whole = matches!(class, INT64 | UINT64);
-    let mut numbers = Numbers { stored, is_big: stream.is_big, rest: Vec::new(), cells: empty(is_whole) };
+    let mut numbers = Numbers { stored, is_big: stream.is_big, rest: Vec::new(), cells: room(is_whole, n_cells) };
     stream.data(&tag, |piece| numbers.take(piece))?;
     Ok(Content::Matrix { n_rows, n_columns, cells: numbers.cells })
 }
 
-fn empty(is_whole: bool) -> GridCells {
-    if is_whole { GridCells::Whole(Vec::new()) } else { GridCells::Numbers(Vec::new()) }
+fn room(is_whole: bool, n_cells: usize) -> GridCells {
+    if is_whole {
+        GridCells::Whole(Vec::with_capacity(n_cells))
+    } else {
+        GridCells::Numbers(Vec::with_capacity(n_cells))
+    }
 }
 
 /// How numbers are stored, whatever their class: MATLAB takes the narrowest type that holds them.

@@ -1,6 +1,6 @@
 //! One column of a Parquet table: what its type holds, and its values.
 
-use super::super::grid::GridCells;
+use super::super::grid::{GridCells, MOST_CELLS};
 use parquet::basic::{ConvertedType, LogicalType, TimeUnit, Type};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::DataType;
@@ -60,19 +60,34 @@ impl Kind {
     }
 
     /// Room for its values.
-    pub(super) fn empty(self) -> GridCells {
+    pub(super) fn room(self, n_rows: usize) -> GridCells {
         match self {
-            Self::Numbers(_) | Self::Unsigned => GridCells::Numbers(Vec::new()),
-            Self::Whole | Self::Times(_) => GridCells::Whole(Vec::new()),
-            Self::Texts => GridCells::Texts(Vec::new()),
+            Self::Numbers(_) | Self::Unsigned => GridCells::Numbers(Vec::with_capacity(n_rows)),
+            Self::Whole | Self::Times(_) => GridCells::Whole(Vec::with_capacity(n_rows)),
+            Self::Texts => GridCells::Texts(Vec::with_capacity(n_rows)),
         }
     }
 
-    /// Adds a row group's values.
+    /// What a value weighs, in numbers.
+    pub(super) fn weight(self) -> usize {
+        match self {
+            Self::Numbers(_) | Self::Unsigned => 1,
+            Self::Whole | Self::Times(_) => GridCells::WHOLE,
+            Self::Texts => GridCells::TEXT,
+        }
+    }
+
+    /// Adds a row group's values; counts the bytes of labels, of which those beyond [`MOST_CELLS`] are not kept.
     ///
     /// # Errors
     /// What is damaged.
-    pub(super) fn read(self, reader: ColumnReader, n_rows: u64, cells: &mut GridCells) -> Result<(), String> {
+    pub(super) fn read(
+        self,
+        reader: ColumnReader,
+        n_rows: u64,
+        cells: &mut GridCells,
+        n_text_bytes: &mut usize,
+    ) -> Result<(), String> {
         let scale = if let Self::Numbers(power) = self { 10.0_f64.powi(power) } else { 1.0 };
         match (reader, cells) {
             (ColumnReader::BoolColumnReader(own), GridCells::Numbers(out)) => {
@@ -98,9 +113,11 @@ impl Kind {
             (ColumnReader::Int96ColumnReader(own), GridCells::Whole(out)) => {
                 values(own, n_rows, |v| out.push(v.map(|v| epoch_ns(v.data()))))
             }
-            (ColumnReader::ByteArrayColumnReader(own), GridCells::Texts(out)) => {
-                values(own, n_rows, |v| out.push(v.map_or(Box::default(), |v| v.data().into())))
-            }
+            (ColumnReader::ByteArrayColumnReader(own), GridCells::Texts(out)) => values(own, n_rows, |v| {
+                let text = v.map_or(&[][..], |v| v.data());
+                *n_text_bytes += text.len();
+                out.push(if *n_text_bytes > MOST_CELLS { Box::default() } else { text.into() });
+            }),
             _ => Err("a column's values are not of its type".to_owned()),
         }
     }

@@ -48,15 +48,19 @@ pub(super) fn grid(path: &Path, file: File) -> Result<Grid, ReadError> {
     for group in reader.metadata().row_groups() {
         n_rows = usize::try_from(group.num_rows()).ok().and_then(|n| n_rows.checked_add(n)).unwrap_or(usize::MAX);
     }
-    if n_rows.saturating_mul(wanted.len()) > MOST_CELLS {
+    let weight: usize = wanted.iter().map(|(_, kind, _)| kind.weight()).sum();
+    if n_rows.saturating_mul(weight) > MOST_CELLS {
         let n = wanted.len();
         return Err(unusable(format!(
-            "it has {n_rows} rows of {n} columns, expected at most {MOST_CELLS} cells; write fewer columns, or a part of the rows"
+            "it has {n_rows} rows of {n} columns, expected at most {MOST_CELLS} numbers (a label weighs {}, a whole number of 64 bits {}); write fewer columns, or a part of the rows",
+            GridCells::TEXT,
+            GridCells::WHOLE
         )));
     }
+    let mut n_text_bytes = 0;
     let mut columns: Vec<GridColumn> = Vec::with_capacity(wanted.len());
     for (place, kind, name) in wanted {
-        let mut cells = kind.empty();
+        let mut cells = kind.room(n_rows);
         for (number, group) in reader.metadata().row_groups().iter().enumerate() {
             let chunk = group.columns().get(place).ok_or_else(|| damaged("a column is missing".to_owned()))?;
             is_readable(chunk).map_err(|what| unusable(format!("column {name:?} is {what}")))?;
@@ -67,17 +71,17 @@ pub(super) fn grid(path: &Path, file: File) -> Result<Grid, ReadError> {
             // The library panics where a page is damaged inside; what it has read of the column is given up then.
             let read = catch_unwind(AssertUnwindSafe(|| {
                 let own = reader.get_row_group(number).and_then(|group| group.get_column_reader(place));
-                own.map_err(|error| error.to_string()).and_then(|own| kind.read(own, n_rows, &mut cells))
+                own.map_err(|error| error.to_string())
+                    .and_then(|own| kind.read(own, n_rows, &mut cells, &mut n_text_bytes))
             }));
             let read = read.unwrap_or_else(|_panic| Err(format!("a page of column {name:?} is damaged inside")));
             read.map_err(|what| damaged(one_line(&what)))?;
         }
         columns.push(GridColumn { name, cells, is_held: false });
     }
-    let n_texts: usize = columns.iter().map(|column| text_bytes(&column.cells)).sum();
-    if n_texts > MOST_CELLS {
+    if n_text_bytes > MOST_CELLS {
         return Err(unusable(format!(
-            "its labels take {n_texts} bytes, expected at most {MOST_CELLS}; leave them out"
+            "its labels take {n_text_bytes} bytes, expected at most {MOST_CELLS}; leave them out"
         )));
     }
     Ok(Grid { how: "a Parquet table".to_owned(), columns, notes })
@@ -85,13 +89,6 @@ pub(super) fn grid(path: &Path, file: File) -> Result<Grid, ReadError> {
 
 fn one_line(text: &str) -> String {
     text.replace(char::is_control, " ")
-}
-
-fn text_bytes(cells: &GridCells) -> usize {
-    match cells {
-        GridCells::Texts(own) => own.iter().map(|text| text.len()).sum(),
-        _ => 0,
-    }
 }
 
 /// A column of times says their unit in its name.

@@ -1,7 +1,7 @@
 //! Messages of several topics as rows: those of the densest topic, with the others' values where they were measured.
 
 use super::super::ReadError;
-use super::super::grid::{Grid, GridCells, GridColumn};
+use super::super::grid::{Grid, GridCells, GridColumn, MOST_CELLS};
 use super::Topic;
 use std::path::Path;
 
@@ -23,6 +23,14 @@ pub(super) fn merged(path: &Path, topics: &[Topic]) -> Result<Grid, ReadError> {
     }
     rows.sort_unstable();
     rows.dedup();
+    let n_columns: usize = topics.iter().map(|topic| topic.columns.len()).sum();
+    if rows.len().saturating_mul(n_columns + GridCells::WHOLE) > MOST_CELLS {
+        let reason = format!(
+            "its topics make {} rows of {n_columns} columns, expected at most {MOST_CELLS} numbers; cut the bag, or record fewer topics",
+            rows.len()
+        );
+        return Err(ReadError::Unusable { path: path.to_owned(), reason });
+    }
     // Beyond the rows' ends a message belongs to none of them.
     let reach = match rows.as_slice() {
         [first, .., last] => last.saturating_sub(*first) / (rows.len() as i64 - 1),

@@ -12,6 +12,8 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::Path;
 
+/// What the times of a message weigh, in numbers.
+const TIMES: usize = 3;
 /// Topics of other types that a sentence names.
 const MOST_NAMED: usize = 3;
 
@@ -47,8 +49,11 @@ pub(super) fn grid(path: &Path, _file: File) -> Result<Grid, ReadError> {
         let log_ns =
             i64::try_from(log_ns).map_err(|_error| wrong(format!("its log time {log_ns} is no time in ns")))?;
         let values = own.kind.decode(payload).map_err(wrong)?;
-        n_columns += own.push(values, log_ns);
-        n_cells += own.columns.len() + 2;
+        let n_new = own.n_new(&values);
+        let before = own.weight();
+        n_columns += n_new;
+        n_cells += (own.times.len() + 1) * (own.columns.len() + n_new + TIMES) - before;
+        // Before it is taken: a column that begins late is filled up to there.
         match () {
             () if n_columns > MOST_COLUMNS => {
                 Err(unusable(format!("its topics hold more than {MOST_COLUMNS} values; record fewer topics")))
@@ -56,7 +61,10 @@ pub(super) fn grid(path: &Path, _file: File) -> Result<Grid, ReadError> {
             () if n_cells > MOST_CELLS => Err(unusable(format!(
                 "its messages hold more than {MOST_CELLS} values; cut the bag, or record fewer topics"
             ))),
-            () => Ok(()),
+            () => {
+                own.push(values, log_ns);
+                Ok(())
+            }
         }
     })?;
     let topics: Vec<Topic> = topics.into_values().filter(|topic| !topic.columns.is_empty()).collect();
@@ -92,9 +100,22 @@ impl Topic {
         Self { name, kind, times: Vec::new(), columns: Vec::new() }
     }
 
-    /// Takes a message; gives the columns that it is the first to have.
-    fn push(&mut self, values: Values, log_ns: i64) -> usize {
-        let n_before = self.columns.len();
+    /// What it holds weighs, in numbers.
+    fn weight(&self) -> usize {
+        self.times.len() * (self.columns.len() + TIMES)
+    }
+
+    /// How many columns a message is the first to have.
+    fn n_new(&self, values: &Values) -> usize {
+        let is_known = |k: usize, name: &String| {
+            self.columns.get(k).is_some_and(|column| column.name == *name)
+                || self.columns.iter().any(|column| column.name == *name)
+        };
+        values.cells.iter().enumerate().filter(|(k, (name, _))| !is_known(*k, name)).count()
+    }
+
+    /// Takes a message.
+    fn push(&mut self, values: Values, log_ns: i64) {
         // A stamp of zero was never set.
         self.times.push((values.stamp_ns.filter(|stamp| *stamp != 0), log_ns));
         for (k, (name, value)) in values.cells.into_iter().enumerate() {
@@ -113,6 +134,5 @@ impl Topic {
                 }
             }
         }
-        self.columns.len() - n_before
     }
 }
