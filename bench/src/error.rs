@@ -25,6 +25,9 @@ pub enum BenchError {
         /// What the system said.
         source: std::io::Error,
     },
+    /// The kernel's random numbers.
+    #[error("the bench gets no random numbers from the kernel for the names of its files: {0}")]
+    Random(rand::rngs::SysError),
     /// A process could not be started or did not become ready.
     #[error("process {role} of chain {chain} {what}; run the same command again, or leave the chain out with --chains")]
     Process {

@@ -1,7 +1,8 @@
 //! Files of one measurement that go with it, however it ends: a folder, and everything in /dev/shm under its name.
 
 use crate::BenchError;
-use core::sync::atomic::{AtomicU32, Ordering};
+use rand::TryRng;
+use rand::rngs::SysRng;
 use std::fs::{self, DirBuilder};
 use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
@@ -22,8 +23,9 @@ impl Scratch {
     /// # Errors
     /// [`BenchError::File`].
     pub fn new() -> Result<Self, BenchError> {
-        static N_MADE: AtomicU32 = AtomicU32::new(0);
-        let prefix = format!("krait-bench-{}-{}.", std::process::id(), N_MADE.fetch_add(1, Ordering::Relaxed));
+        // Both places are open to every user: a name that nobody can foresee, nobody can take first.
+        let random = SysRng.try_next_u64().map_err(BenchError::Random)?;
+        let prefix = format!("krait-bench-{random:016x}.");
         let folder = std::env::temp_dir().join(prefix.trim_end_matches('.'));
         DirBuilder::new().mode(0o700).create(&folder).map_err(BenchError::file("made", &folder))?;
         Ok(Self { folder, prefix })

@@ -240,6 +240,7 @@ impl Reason {
             Self::ActuatorAccelerationLimit => "m/s^2",
             Self::ActuatorJerkLimit => "m/s^3",
             Self::ForceLimit => "N",
+            Self::LoadUnknown => "lines measured",
             _ => "",
         }
     }

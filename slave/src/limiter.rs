@@ -201,9 +201,10 @@ impl Limiter {
 
     fn knows_loads(&self, tau_n: &Actuators, findings: &mut Findings) -> bool {
         let limited = self.limits.pull_n.is_finite() || self.limits.push_n.is_finite();
-        let known = !limited || tau_n.iter().take(self.n_actuators).all(|tau| tau.is_finite());
+        let n_known = tau_n.iter().take(self.n_actuators).filter(|tau| tau.is_finite()).count();
+        let known = !limited || n_known == self.n_actuators;
         if !known {
-            findings.insert(Reason::LoadUnknown);
+            findings.note(Reason::LoadUnknown, n_known as f64, self.n_actuators as f64);
         }
         known
     }

@@ -205,7 +205,7 @@ impl<D: Drive> SlaveCore<D> {
         match self.limiter.judge(command, &situation, &mut findings) {
             LimiterVerdict::Refuse => {
                 if findings.reasons().contains(Reason::LoadUnknown) {
-                    self.disengage(Reason::LoadUnknown, None);
+                    self.disengage(Reason::LoadUnknown, findings.note_of(Reason::LoadUnknown));
                 }
                 self.refuse(now_ns);
             }

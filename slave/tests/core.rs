@@ -529,6 +529,44 @@ mod probes {
     }
 
     #[test]
+    fn each_condition_that_is_missing_is_named_with_its_value_and_limit() {
+        type Spoil = fn(&mut Bench, &mut Command);
+        /// Late, and not so old that it is not believed at all.
+        const LATE_NS: i64 = 30 * MS;
+        let conditions: [(Reason, Spoil); 3] = [
+            (Reason::CommandLate, |b, c| c.sample_ns = b.now_ns - LATE_NS),
+            (Reason::StepLimit, |_, c| c.q_tilde_m[0] += 3e-4),
+            (Reason::LoadUnknown, |b, _| b.core.drive_mut().tau_n = lines([1.0, f64::NAN, 1.0])),
+        ];
+        for (reason, spoil) in conditions {
+            let mut bench = Bench::ready();
+            bench.ramp(0.0, 0.2e-3);
+            bench.core.transition(Transition::Pause, bench.now_ns).unwrap();
+            bench.core.transition(Transition::Resume, bench.now_ns).unwrap();
+            // Samples never go back in time, late ones neither.
+            for _ in 0..100 {
+                bench.tick();
+            }
+            let q_m = bench.tick().setpoint_q_m;
+            for reasons in [1 << Reason::OperatorAbsent as u32, 0] {
+                bench.now_ns += MS;
+                let mut command = bench.command(q_m);
+                (command.phase, command.reasons) = (Phase::Holding as u32, reasons);
+                spoil(&mut bench, &mut command);
+                bench.core.report(bench.now_ns);
+                bench.take(&command);
+            }
+            let state = bench.core.report(bench.now_ns);
+            assert!(!state.is_engaged() && has(&state, reason), "{reason:?}: {state:?}");
+            let note = bench.core.findings(bench.now_ns).note_of(reason).unwrap();
+            let is_beyond =
+                if reason == Reason::LoadUnknown { note.value < note.limit } else { note.value > note.limit };
+            assert!(is_beyond && note.limit > 0.0, "{reason:?}: {note:?}");
+            assert!(!reason.unit().is_empty(), "{reason:?}");
+        }
+    }
+
+    #[test]
     fn an_operator_who_was_never_seen_absent_moves_nothing() {
         let mut bench =
             Bench { core: SlaveCore::new(Mock::default(), &SlaveConfig::default()), now_ns: MS, sequence: 0 };
@@ -552,14 +590,17 @@ mod probes {
             spoil(&mut command);
             bench.take(&command);
         };
-        let commands: [(Spoil, Reason); 8] = [
+        let commands: [(Spoil, Reason); 11] = [
             (|c| c.input_sequence = 1, Reason::StageRestarted),
             (|c| c.setpoint_sequence = 1, Reason::StageRestarted),
             (|c| c.sequence = 1, Reason::StageRestarted),
             (|c| c.model_hash = 2, Reason::ModelExchanged),
             (|c| c.reasons = 1 << Reason::DeviceLost as u32, Reason::DeviceLost),
             (|c| c.reasons = 1 << Reason::HandJumped as u32, Reason::HandJumped),
+            (|c| c.reasons = 1 << Reason::InputStale as u32, Reason::InputStale),
             (|c| c.reasons = 1 << Reason::SetpointStale as u32, Reason::SetpointStale),
+            (|c| c.reasons = 1 << Reason::StateStale as u32, Reason::StateStale),
+            (|c| c.reasons = 1 << Reason::MismatchTrip as u32, Reason::MismatchTrip),
             (|c| c.reasons = 1 << Reason::FormulaFault as u32, Reason::FormulaFault),
         ];
         for (spoil, reason) in commands {

@@ -15,7 +15,7 @@ use std::thread;
 const DIRECTION: Actuators = lines([-1.0, 0.5, 0.5]);
 
 struct Others {
-    commands: Writer<Command>,
+    commands: Option<Writer<Command>>,
     state_commands: Writer<StateCommand>,
     states: Reader<SlaveState>,
     shapes: Reader<Shape>,
@@ -24,12 +24,14 @@ struct Others {
     n_state_commands: u64,
     seen_shapes: Vec<Shape>,
     seen_health: Option<Health>,
+    // Last: the instance's files go when its last member goes.
+    bus: Bus,
 }
 
 impl Others {
-    fn open(bus: &Bus) -> Self {
+    fn open(bus: Bus) -> Self {
         Self {
-            commands: bus.writer().unwrap(),
+            commands: Some(bus.writer().unwrap()),
             state_commands: bus.writer().unwrap(),
             states: bus.reader(ReadOptions::observing()).unwrap(),
             shapes: bus.reader(ReadOptions::observing()).unwrap(),
@@ -38,7 +40,14 @@ impl Others {
             n_state_commands: 0,
             seen_shapes: Vec::new(),
             seen_health: None,
+            bus,
         }
+    }
+
+    /// Another process becomes the writer of the commands, and goes on with the numbers of the one before.
+    fn exchange_writer(&mut self) {
+        self.commands = None;
+        self.commands = Some(self.bus.writer().unwrap());
     }
 
     fn ask(&mut self, transition: Transition) {
@@ -61,7 +70,8 @@ impl Others {
     fn send(&mut self, way_m: f64, phase: Phase, reasons: u64) {
         self.sequence += 1;
         let q_tilde_m = DIRECTION.map(|d| d * way_m);
-        self.commands
+        let commands = self.commands.as_mut().unwrap();
+        commands
             .send(&Command {
                 sequence: self.sequence,
                 sample_ns: monotonic_ns(),
@@ -138,7 +148,7 @@ fn with_slave(test: &str, config: &SlaveConfig, talk: impl FnOnce(&mut Others)) 
     let instance = format!("t-slave-{test}-{}", std::process::id());
     let stop = AtomicBool::new(false);
     let bus = Bus::open(&instance, "test").unwrap();
-    let mut others = Others::open(&bus);
+    let mut others = Others::open(bus);
     let result = thread::scope(|scope| {
         let slave = scope.spawn(|| {
             let bus = Bus::open(&instance, "slave").unwrap();
@@ -258,6 +268,38 @@ fn a_polling_slave_answers_too_and_a_stop_in_motion_is_smooth() {
     let end = states.last().unwrap();
     let moved_on_um = (-end.setpoint_q_m[0] - 1e-3) * 1e6;
     assert!(moved_on_um > -20.0 && moved_on_um < 500.0, "{moved_on_um} um");
+}
+
+#[test]
+fn a_new_writer_of_the_commands_holds_until_engaged_anew_even_if_it_goes_on_with_their_numbers() {
+    let mut config = SlaveConfig { watchdog_ms: 200.0, ..SlaveConfig::default() };
+    (config.limits.command_age_ms, config.limits.late_ms) = (1000.0, 1000.0);
+    let (_, result) = with_slave("writer", &config, |others| {
+        others.ask(Transition::Enable);
+        others.until("ready", SlaveState::is_ready);
+        others.engage(0.0);
+        for k in 0..=100 {
+            others.go(f64::from(k) * 5e-6);
+        }
+        let way_m = 100.0 * 5e-6;
+        others.until("following", |s| s.flags & SlaveState::FOLLOWING != 0);
+        others.exchange_writer();
+        for _ in 0..20 {
+            others.go(way_m);
+        }
+        let newest = others.sequence;
+        let held = *others.until("named", |s| has(s, Reason::StageRestarted)).last().unwrap();
+        assert!(!held.is_engaged() && held.flags & SlaveState::FOLLOWING == 0, "{held:?}");
+        for k in 0..50 {
+            others.go(way_m + f64::from(k) * 5e-6);
+        }
+        let last = *others.until("heard", |s| s.n_commands >= newest + 50).last().unwrap();
+        assert!(!last.is_engaged() && has(&last, Reason::NotEngaged), "{last:?}");
+        let q_m = others.until("at rest", |s| s.sequence > last.sequence + 50).pop().unwrap().setpoint_q_m;
+        assert!((q_m[0] + way_m).abs() < 0.1e-3, "{q_m:?}: only the braking moved it");
+        others.engage(-q_m[0]);
+    });
+    result.unwrap();
 }
 
 #[test]

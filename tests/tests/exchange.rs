@@ -7,7 +7,8 @@ use krait_ipc::message::Phase;
 use krait_ipc::{Reason, Reasons};
 use krait_schema::Sample;
 use krait_tests::{
-    Browser, BrowserPage, Console, Ended, Krait, TempFolder, instance_name, next_of_kind, samples_in, wait_until,
+    Browser, BrowserPage, Console, Ended, Krait, TempFolder, assert_no_jump, assert_starts_at_setpoint, commands_in,
+    instance_name, next_of_kind, samples_in, states_in, wait_until,
 };
 use rustix::process::Signal;
 use serde_json::json;
@@ -67,6 +68,9 @@ fn a_chain_takes_a_better_model_and_its_error_falls_and_each_recording_can_be_re
     assert!(!after.was_engaged_at_first && after.was_engaged_later, "the operator takes hold anew");
     assert!(after.error_deg < before.error_deg / 4.0, "{} deg, {} deg before", after.error_deg, before.error_deg);
     for recording in [&recording, &second] {
+        let states = states_in(recording);
+        assert_no_jump(&states);
+        assert_starts_at_setpoint(&commands_in(recording), &states);
         let verified = Ended::of(&["verify", recording], PATIENCE);
         assert_eq!(verified.code, Some(0), "{}\n{}", verified.stdout, verified.stderr);
     }

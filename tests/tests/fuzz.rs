@@ -18,7 +18,7 @@ use krait_record::{Recording, recover};
 use krait_replay::{Beginning, InputChoice, Trajectory, TrajectoryLimits};
 use krait_schema::Channel;
 use krait_shape::ShapeLine;
-use krait_sim::Truth;
+use krait_sim::{JointsTruth, Truth};
 use krait_tests::{Ended, TempFolder, instance_name};
 use std::alloc::{GlobalAlloc, Layout as Memory, System};
 use std::fs;
@@ -253,10 +253,17 @@ fn readers(folder: &TempFolder) -> Vec<Reader<'_>> {
             read: Box::new(|bytes| drop(Truth::parse(&String::from_utf8_lossy(bytes), "fuzz"))),
         },
         Reader {
+            name: "joints-truth",
+            seeds: vec![shipped("sim/truth/wrist.toml")],
+            n_inputs: 300,
+            read: Box::new(|bytes| drop(JointsTruth::parse(&String::from_utf8_lossy(bytes), "fuzz", 3))),
+        },
+        Reader {
             name: "model",
             seeds: vec![
                 krait_model::model_file::documented_defaults().into_bytes(),
                 shipped("docs/lab-tutorial/base.toml"),
+                shipped("docs/joints/wrist.toml"),
             ],
             n_inputs: 300,
             read: Box::new(|bytes| {

@@ -15,20 +15,27 @@ use rustix::process::{Pid, Signal, kill_process};
 use std::process::Stdio;
 
 const PATIENCE: Duration = Duration::from_secs(240);
+
 #[test]
-fn a_recording_that_was_not_asked_to_engage_moves_nothing_and_says_so() {
-    let (instance, folder) = (instance_name("lone"), TempFolder::new("lone"));
-    let path = folder.file("run.mcap");
-    let ended =
-        Ended::of(&["run", "--instance", &instance, "--recording", &path, "--seconds", "4", "--json"], PATIENCE);
-    assert!(ended.stderr.contains("--engage"), "{}", ended.stderr);
-    let states = states_in(&path);
-    assert!(states.len() > 100 && states.iter().all(|state| !state.is_engaged() && state.command_sequence == 0));
-    // In the middle of the run: at its end the processes in front of the slave go one by one.
-    let ready: Vec<_> = states.iter().filter(|state| state.is_ready()).collect();
-    let middle = ready.get(ready.len() / 2).expect("it was ready");
-    let reasons = Reasons::from_bits(middle.reasons);
-    assert!(reasons.contains(Reason::NotEngaged) && reasons.contains(Reason::OperatorAbsent), "{middle:?}");
+fn a_recording_or_a_script_that_was_not_asked_to_engage_moves_nothing_and_says_so() {
+    let folder = TempFolder::new("lone");
+    let script = folder.file("script.csv");
+    let hand = "time_s,tip_vx_m_per_s,tip_vy_m_per_s,tip_vz_m_per_s,operator_present\n0,0,0,0,0\n0.5,0.006,0,0,1\n60,0.006,0,0,1\n";
+    std::fs::write(&script, hand).expect("written");
+    for (name, master) in [("recording", &[][..]), ("script", &["--master", "script", "--input", &script])] {
+        let (instance, path) = (instance_name(name), folder.file(&format!("{name}.mcap")));
+        let run = ["run", "--instance", &instance, "--recording", &path, "--seconds", "4", "--json"];
+        let ended = Ended::of(&[&run[..], master].concat(), PATIENCE);
+        assert!(ended.stderr.contains("--engage"), "{name}: {}", ended.stderr);
+        let states = states_in(&path);
+        let is_led = |state: &SlaveState| state.is_engaged() || state.command_sequence != 0;
+        assert!(states.len() > 100 && !states.iter().any(is_led), "{name}");
+        // In the middle of the run: at its end the processes in front of the slave go one by one.
+        let ready: Vec<_> = states.iter().filter(|state| state.is_ready()).collect();
+        let middle = ready.get(ready.len() / 2).expect("it was ready");
+        let reasons = Reasons::from_bits(middle.reasons);
+        assert!(reasons.contains(Reason::NotEngaged) && reasons.contains(Reason::OperatorAbsent), "{name}: {middle:?}");
+    }
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Limits that the system sets to a process: each is named in one sentence, and none kills a command.
 
-#![allow(clippy::expect_used, reason = "a panic is how a test fails")]
+#![allow(clippy::expect_used, clippy::print_stderr, reason = "a panic is how a test fails; a skipped test says so")]
 
 use core::time::Duration;
 use krait_record::Recording;
@@ -8,7 +8,7 @@ use krait_tests::{Ended, Krait, TempFolder, instance_name, krait_program, proces
 use rustix::process::{Pid, Resource, Rlimit, Signal, prlimit};
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 
 const PATIENCE: Duration = Duration::from_secs(240);
 
@@ -55,6 +55,56 @@ fn a_full_file_ends_a_command_with_a_sentence_and_a_recording_without_the_motion
         let ended = limited("-f 20", &[verb, &recording, "--out", &folder.file(verb)]);
         assert_eq!(ended.status.code(), Some(2), "{verb}: {ended:?}");
         assert!(said(&ended).contains("File too large"), "{verb}: {}", said(&ended));
+    }
+}
+
+/// Bytes that a process keeps in RAM, kB, by the kernel's word.
+fn locked_kb(pid: u32) -> u64 {
+    let status = fs::read_to_string(format!("/proc/{pid}/status")).expect("it runs");
+    let line = status.lines().find_map(|line| line.strip_prefix("VmLck:")).expect("a line of it");
+    line.trim().trim_end_matches(" kB").parse().expect("a number")
+}
+
+#[test]
+fn the_slave_keeps_its_memory_in_ram_where_that_is_allowed() {
+    if !krait_ipc::may_lock_all() {
+        eprintln!("SKIPPED: the limit of locked memory does not allow it here");
+        return;
+    }
+    let (instance, folder) = (instance_name("locked"), TempFolder::new("locked"));
+    let recording = folder.file("run.mcap");
+    let krait = Krait::start(&["run", "--engage=again", "--instance", &instance, "--recording", &recording]);
+    wait_for_motion(&instance, &recording);
+    let locked = |name: &str| {
+        let (_, pid) = processes_of(&instance).into_iter().find(|(own, _)| own == name).expect("it runs");
+        locked_kb(pid)
+    };
+    assert!(locked("slave") > 1000, "{} kB", locked("slave"));
+    assert_eq!(locked("record"), 0, "what may wait locks nothing");
+    krait.signal(Signal::INT);
+    assert_eq!(krait.end(PATIENCE).code, Some(0));
+}
+
+#[test]
+fn a_reader_of_what_krait_prints_that_goes_away_ends_nothing_by_a_signal_and_no_motion() {
+    let (instance, folder) = (instance_name("pipe"), TempFolder::new("pipe"));
+    let recording = folder.file("run.mcap");
+    let arguments = ["run", "--engage=again", "--instance", &instance, "--recording", &recording, "--seconds", "4"];
+    let mut chain = Command::new(krait_program());
+    let mut chain = chain.args(arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it starts");
+    drop((chain.stdout.take(), chain.stderr.take()));
+    let ended = chain.wait().expect("it ends");
+    assert!(ended.code().is_some(), "no signal ends it: {ended}");
+    let contents = Recording::open(Path::new(&recording)).expect("readable").contents().clone();
+    assert!(contents.missing.is_empty() && contents.is_indexed, "{:?}", contents.missing);
+    assert!(contents.channels[&krait_schema::Channel::Command].n_messages > 2000, "it moved to the end");
+    for verb in [&["config"][..], &["model", "show", "naive"], &["verify", &recording]] {
+        let mut one = Command::new(krait_program());
+        let mut one = one.args(verb).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it starts");
+        drop(one.stdout.take());
+        let ended = one.wait_with_output().expect("it ends");
+        let said = String::from_utf8_lossy(&ended.stderr);
+        assert!(ended.status.code().is_some() && !said.contains("panicked"), "{verb:?}: {ended:?}");
     }
 }
 

@@ -27,7 +27,7 @@ const MODEL: &str = "format = 1\n[machine]\nkind = \"snake\"\n[[effect]]\nkind =
                      [[effect]]\nkind = \"static-friction\"\nf_s_n = 1.959\n";
 
 /// The commands that read a file, each with the file's place marked.
-const READERS: [&[&str]; 31] = [
+const READERS: [&[&str]; 43] = [
     &["config", "--config", "FILE"],
     &["run", "--config", "FILE"],
     &["run", "--model", "FILE"],
@@ -59,7 +59,22 @@ const READERS: [&[&str]; 31] = [
     &["lab", "diagnose", "--model", "FILE", "--data", "DATA"],
     &["lab", "compare", "--model", "FILE", "--data", "DATA"],
     &["lab", "compare", "--model", "MODEL", "--data", "FILE"],
+    &["lab", "compare", "--model", "MODEL", "--data", "FILE.csv"],
+    &["lab", "compare", "--model", "MODEL", "--data", "FILE.mcap"],
+    &["lab", "compare", "--model", "MODEL", "--data", "FILE.parquet"],
+    &["lab", "compare", "--model", "MODEL", "--data", "FILE.mat"],
+    &["lab", "compare", "--model", "MODEL", "--data", "DATA", "--map-file", "FILE"],
+    &["lab", "init", "FILE.mat"],
+    &["lab", "add", "backlash", "--model", "FILE", "--data", "DATA", "--out", "OUT"],
+    &["lab", "add", "backlash", "--model", "MODEL", "--data", "FILE", "--out", "OUT"],
+    &["lab", "fit", "--model", "MODEL", "--data", "FILE", "--out", "OUT"],
+    &["model", "exchange", "FILE"],
+    &["experiment", "fig10", "--truth", "FILE", "--engage", "--out", "OUT"],
+    &["console", "FILE.mcap", "--recordings", "OUT"],
 ];
+
+/// Some readers go by the ending of the name.
+const ENDINGS: [&str; 4] = ["csv", "mcap", "parquet", "mat"];
 
 #[test]
 fn a_pipe_a_device_a_directory_and_two_gigabytes_are_refused_by_every_reader() {
@@ -74,13 +89,14 @@ fn a_pipe_a_device_a_directory_and_two_gigabytes_are_refused_by_every_reader() {
     fs::write(&model, MODEL).expect("written");
     fs::write(&data, "q1_m,q2_m,q3_m,theta_l_rad,delta_rad\n0,0,0,1.5,0\n").expect("written");
     for path in [pipe, zeros, directory, sparse] {
-        // Some readers go by the ending of the name.
-        std::os::unix::fs::symlink(&path, format!("{path}.csv")).expect("made");
+        for ending in ENDINGS {
+            std::os::unix::fs::symlink(&path, format!("{path}.{ending}")).expect("made");
+        }
         for reader in READERS {
             let (instance, out) = (instance_name("readers"), folder.file("out"));
             let word = |word: &&str| match *word {
                 "FILE" => path.clone(),
-                "FILE.csv" => format!("{path}.csv"),
+                word if word.starts_with("FILE.") => word.replace("FILE", &path),
                 "OUT" => out.clone(),
                 "MODEL" => model.clone(),
                 "DATA" => data.clone(),

@@ -7,7 +7,10 @@ use krait_ipc::message::{OperatingState, OperatorInput};
 use krait_ipc::{InstanceName, ground, resources_of};
 use krait_record::Recording;
 use krait_schema::Sample;
-use krait_tests::{Ended, Krait, TempFolder, instance_name, krait_program, processes_of, wait_for_motion};
+use krait_tests::{
+    Console, Ended, Krait, TempFolder, instance_name, krait_program, processes_of, states_in, wait_for_motion,
+};
+use rustix::fs::{CWD, Mode, mkfifoat};
 use rustix::process::{Signal, geteuid};
 use std::fs;
 use std::os::unix::fs::{MetadataExt, PermissionsExt, chown};
@@ -54,13 +57,24 @@ fn what_another_user_prepares_in_public_directories_is_neither_read_nor_written(
     let trap = Path::new("/tmp/krait").join(&instance);
     fs::create_dir_all(&trap).expect("made");
     std::os::unix::fs::symlink(&victim, trap.join("config.toml")).expect("made");
-    let krait =
-        Krait::start(&["run", "--engage=again", "--instance", &instance, "--recording", &recording, "--seconds", "1"]);
-    let ended = krait.end(PATIENCE);
+    let arguments = ["run", "--engage=again", "--instance", &instance, "--recording", &recording, "--seconds", "1"];
+    let linked = Ended::of(&arguments, PATIENCE);
+    // A pipe from which he would feed faster limits to whoever opens it, and a lock that he holds.
+    fs::remove_file(trap.join("config.toml")).expect("made before");
+    mkfifoat(CWD, trap.join("config.toml"), Mode::RWXU | Mode::RWXG | Mode::RWXO).expect("made");
+    let held = fs::File::create(trap.with_extension("lock")).expect("made");
+    held.lock().expect("his");
+    let (second, piped) = (
+        folder.file("second.mcap"),
+        Ended::of(&[&arguments[..5], &[&folder.file("second.mcap")], &arguments[6..]].concat(), PATIENCE),
+    );
     fs::remove_dir_all(&trap).expect("removed");
-    assert!(matches!(ended.code, Some(0 | 1)), "{}", ended.stderr);
+    fs::remove_file(trap.with_extension("lock")).expect("removed");
     assert_eq!(fs::read_to_string(&victim).expect("there"), "precious");
-    assert!(configuration_of(&recording).contains("max_bend_vel_rad_per_s = 2.0"));
+    for (ended, recording) in [(linked, recording), (piped, second)] {
+        assert!(matches!(ended.code, Some(0 | 1)), "{}", ended.stderr);
+        assert!(configuration_of(&recording).contains("max_bend_vel_rad_per_s = 2.0"));
+    }
 }
 
 #[test]
@@ -85,7 +99,7 @@ fn every_file_of_a_chain_and_its_recording_is_its_users_alone() {
 }
 
 /// Every command that reaches a chain that runs, or a file of it; each must fail. `$recording` and `$model` are the chain's.
-const COMMANDS: [&str; 24] = [
+const COMMANDS: [&str; 38] = [
     "stop",
     "state",
     "state enable",
@@ -110,6 +124,20 @@ const COMMANDS: [&str; 24] = [
     "model save-learnt $recording --out /tmp/x-$$.toml",
     "lab diagnose --model $model --data $recording",
     "experiment poses --from $recording",
+    "experiment fig10 --model $model --engage",
+    "run --no-recording --seconds 1 --engage --model $model",
+    "run --no-recording --seconds 1 --engage --input $recording",
+    "run --no-recording --seconds 1 --config $model",
+    "replay $recording --real-time --engage",
+    "model show $model",
+    "model check $model",
+    "model compensate $model --in $recording --out /tmp/x-$$.csv",
+    "lab init $recording --map-out /tmp/x-$$.toml --model-out /tmp/y-$$.toml",
+    "lab compare --model $model --data $recording",
+    "lab add backlash --model $model --data $recording --out /tmp/x-$$.toml",
+    "lab fit --model $model --data $recording --out /tmp/x-$$.toml",
+    "calibrate photo $recording",
+    "config --config $model",
 ];
 
 /// What publishes without being asked who is there: none may join another user's chain.
@@ -201,6 +229,49 @@ fn another_user_can_neither_read_nor_write_nor_stop_a_chain_that_runs() {
         _ => false,
     });
     assert_eq!(reached.count(), 0, "nothing that he asked for has reached the chain");
+}
+
+#[test]
+fn another_user_gets_nothing_from_the_consoles_ports() {
+    if !may_be_others() {
+        return;
+    }
+    let (instance, folder) = (instance_name("ports"), TempFolder::new("ports"));
+    let recording = folder.file("run.mcap");
+    let run = ["run", "--engage=again", "--console", "--foxglove", "--instance", &instance, "--recording", &recording];
+    let mut krait = Krait::start(&run);
+    let console = Console::of(&mut krait);
+    wait_for_motion(&instance, &recording);
+    let (page, stop) = (console.port, console.stop_port());
+    // What he can guess; the tokens he cannot, and they stand on no command line.
+    let mut script = String::new();
+    for (port, request) in [
+        (page, "GET /live"),
+        (page, "GET /recordings"),
+        (page, "GET /recordings/run.mcap"),
+        (page, "GET /lab/job"),
+        (page, "POST /lab/job"),
+        (page, "POST /token"),
+        (page, "GET /foxglove/00000000000000000000000000000000"),
+        (stop, "GET /stop"),
+        (stop, "POST /stop"),
+        (stop, "POST /stop/00000000000000000000000000000000"),
+    ] {
+        script += &format!(
+            "exec 3<>/dev/tcp/127.0.0.1/{port} && printf '{request} HTTP/1.1\\r\\nHost: 127.0.0.1:{port}\\r\\nOrigin: http://127.0.0.1:{port}\\r\\nContent-Length: 0\\r\\nConnection: close\\r\\n\\r\\n' >&3 && echo \"{request}: $(timeout 5 head -n 1 <&3)\"\n"
+        );
+    }
+    script += "cat /proc/[0-9]*/cmdline | tr '\\0' ' '\n";
+    let said = as_other(&format!("bash <<'END'\n{script}END\n"));
+    krait.signal(Signal::INT);
+    assert_eq!(krait.end(PATIENCE).code, Some(0));
+    let answers: Vec<&str> = said.lines().filter(|line| line.contains("HTTP/1.1 ")).collect();
+    assert_eq!(answers.len(), 10, "{said}");
+    let refused = [" 400", " 401", " 403", " 404", " 405"];
+    assert!(answers.iter().all(|line| refused.iter().any(|code| line.contains(code))), "{said}");
+    let tokens = [console.token.clone(), console.stop_path().replace("/stop/", "")];
+    assert!(said.contains("--recording") && !tokens.iter().any(|token| said.contains(token)), "a command line: {said}");
+    assert!(states_in(&recording).iter().all(|state| state.n_stops == 0), "nothing was stopped");
 }
 
 #[test]

@@ -2,11 +2,11 @@
 
 use crate::cli::Common;
 use crate::config::Config;
+use crate::print;
 use std::process::ExitCode;
 
 /// Prints every key with its value, what it is and what it may be.
-#[allow(clippy::print_stdout)]
 pub fn run(common: &Common) -> anyhow::Result<ExitCode> {
-    print!("{}", Config::load(common.config.as_deref())?.explained()?);
+    print::out(&Config::load(common.config.as_deref())?.explained()?)?;
     Ok(ExitCode::SUCCESS)
 }

@@ -16,6 +16,14 @@ use std::path::Path;
 /// One sentence when it does not run.
 pub fn strike_process(watch: &mut SceneWatch<'_>, process: Process, blow: Blow, stall_s: f64) -> anyhow::Result<i64> {
     let (_, pid) = watch.supervisor_of(process).with_context(|| format!("process `{process}` does not run"))?;
+    strike_pid(watch, pid, blow, stall_s)
+}
+
+/// Strikes the process of a number; returns when, ns.
+///
+/// # Errors
+/// As [`strike_process`].
+pub fn strike_pid(watch: &mut SceneWatch<'_>, pid: u32, blow: Blow, stall_s: f64) -> anyhow::Result<i64> {
     let pid = Pid::from_raw(pid.cast_signed()).context("a process id")?;
     let struck_ns = clock::monotonic_ns();
     kill_process(pid, if blow == Blow::Kill { Signal::KILL } else { Signal::STOP })?;

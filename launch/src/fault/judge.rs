@@ -140,6 +140,9 @@ fn end_of(states: &[&SlaveState]) -> Option<End> {
     if newest.operating() == Some(OperatingState::Fault) {
         return Some(End::Fault);
     }
+    if newest.operating() == Some(OperatingState::Disabled) {
+        return Some(End::Ended);
+    }
     let stands = newest.sample_ns - last_motion_ns(states)? > STANDS_NS;
     let was_engaged = newest.is_engaged();
     let engaged_again = states.windows(2).any(|pair| !pair[0].is_engaged() && pair[1].is_engaged());
@@ -148,6 +151,11 @@ fn end_of(states: &[&SlaveState]) -> Option<End> {
         (true, false, false) => Some(End::Holds),
         _ => None,
     }
+}
+
+/// Whether an end is one in which the snake comes to rest at once, by itself.
+fn is_rest(end: End) -> bool {
+    matches!(end, End::Holds | End::Ended)
 }
 
 /// Holds what was seen against what must be. `said` is what the chain wrote on standard error.
@@ -170,7 +178,7 @@ pub fn judge(fault: Fault, moment: StrikeTime, seen: &Observed, said: &str) -> F
         Some("hardly moved before".to_owned())
     } else if named.is_none() {
         Some("not named".to_owned())
-    } else if must == End::Holds && seen.rest_ms.is_none_or(|rest_ms| rest_ms > REST_MS) {
+    } else if is_rest(must) && seen.rest_ms.is_none_or(|rest_ms| rest_ms > REST_MS) {
         Some("late to rest".to_owned())
     } else {
         None
@@ -180,7 +188,7 @@ pub fn judge(fault: Fault, moment: StrikeTime, seen: &Observed, said: &str) -> F
         must,
         did: seen.did,
         largest_step: seen.largest_step,
-        rest_ms: seen.rest_ms.filter(|_| must == End::Holds),
+        rest_ms: seen.rest_ms.filter(|_| is_rest(must)),
         named,
         wrong,
         skipped: None,

@@ -62,6 +62,14 @@ pub enum Fault {
     KilledEstimate,
     /// `record` is killed.
     KilledRecord,
+    /// The supervisor is stopped for 300 ms.
+    StalledLaunch,
+    /// The supervisor is killed.
+    KilledLaunch,
+    /// The console beside the chain is stopped for 300 ms.
+    StalledConsole,
+    /// The console is killed.
+    KilledConsole,
     /// The disk of the recording is full.
     FullDisk,
     /// The memory of the channels is full.
@@ -81,6 +89,10 @@ pub enum FaultPlace {
     Snake,
     /// A process.
     Process(Process, Blow),
+    /// The supervisor of a chain that a command line has started.
+    Launch(Blow),
+    /// The console beside such a chain.
+    Console(Blow),
     /// The machine around the chain.
     Machine,
 }
@@ -106,6 +118,8 @@ pub enum End {
     Holds,
     /// The drives are without power, in FAULT.
     Fault,
+    /// The chain has ended in order, without power.
+    Ended,
     /// The chain does not start.
     Refused,
 }
@@ -172,6 +186,11 @@ impl Fault {
             Self::KilledSlave => process(Slave, Kill, End::Holds, Named::Words("nobody commands the drives")),
             Self::KilledEstimate => process(Estimate, Kill, End::Moves, Named::Words("the motion goes on")),
             Self::KilledRecord => process(Record, Kill, End::Moves, Named::Words("nothing more is recorded")),
+            Self::StalledLaunch => (FaultPlace::Launch(Stall), End::Moves, Named::NotNeeded),
+            // The kernel tells every process, and nobody is left to say a word.
+            Self::KilledLaunch => (FaultPlace::Launch(Kill), End::Ended, Named::NotNeeded),
+            Self::StalledConsole => (FaultPlace::Console(Stall), End::Moves, Named::NotNeeded),
+            Self::KilledConsole => (FaultPlace::Console(Kill), End::Moves, Named::Words("the motion goes on")),
             Self::FullDisk => machine(End::Moves, "No space left"),
             Self::FullMemory => machine(End::Moves, "kB free, expected at least"),
             Self::DeletedRecording => machine(End::Moves, "it was deleted or moved"),
@@ -209,6 +228,7 @@ impl End {
             Self::Moves => "moves",
             Self::Holds => "holds",
             Self::Fault => "fault",
+            Self::Ended => "ended",
             Self::Refused => "refused",
         }
     }

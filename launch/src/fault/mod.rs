@@ -3,6 +3,7 @@
 //! Messages are broken by a relay between two instances: the stages before the fault run in one, those behind it in the
 //! other, and every process of both is the one that `krait run` starts. So production has no word for a fault.
 
+mod command_line;
 mod harm;
 mod judge;
 mod kind;

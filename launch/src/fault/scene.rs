@@ -1,5 +1,6 @@
 //! One fault on one simulated chain: start it, let it move, break it, see what becomes of it.
 
+use super::command_line::CommandLine;
 use super::harm;
 use super::judge::Observed;
 use super::kind::{Blow, End, Fault, FaultPlace};
@@ -7,6 +8,7 @@ use super::moment::StrikeTime;
 use super::relay::Relay;
 use super::watch::SceneWatch;
 use crate::cli::{EngageKind, MasterKind};
+use crate::commands;
 use crate::config::Config;
 use crate::supervisor::{Cast, ChainOptions, Supervisor};
 use anyhow::Context;
@@ -65,6 +67,7 @@ pub fn play(fault: Fault, moment: StrikeTime, folder: &Path, stop: &AtomicBool) 
     let seen = match place {
         _ if end == End::Refused => scene.refused(),
         FaultPlace::Command | FaultPlace::Input => scene.relayed(place),
+        FaultPlace::Launch(blow) | FaultPlace::Console(blow) => scene.started_by_hand(place, blow),
         _ => scene.whole(place),
     }?;
     let unreadable = fault.leaves_recording().then(|| read_through(&recording_in(fault, folder)).err()).flatten();
@@ -177,6 +180,29 @@ impl Scene<'_> {
         Ok(seen)
     }
 
+    /// A chain that a command line has started, and a blow to its supervisor or to the console beside it.
+    fn started_by_hand(&self, place: FaultPlace, blow: Blow) -> anyhow::Result<Observed> {
+        let bus = Bus::open_unless(&self.instance(""), commands::watch::NAME, self.stop)?;
+        let mut watch = SceneWatch::beside(&bus, self.stop)?;
+        let mut chain = CommandLine::start(&bus, &self.config, &self.script()?, self.folder)?;
+        self.wait_for_motion(&mut watch)?;
+        let is_console = matches!(place, FaultPlace::Console(_));
+        let pid = if is_console { chain.console_pid(&bus)? } else { chain.launch_pid() };
+        let struck_ns = harm::strike_pid(&mut watch, pid, blow, self.moment.stall_s)?;
+        let is_over = |_: &SceneWatch<'_>| match (is_console, blow) {
+            (false, Blow::Kill) => chain.is_gone(&bus),
+            _ => chain.is_whole(&bus, !is_console || blow != Blow::Kill),
+        };
+        watch.until(PATIENCE_S, "what must become of it", is_over)?;
+        watch.run(AFTER_S)?;
+        let over_ns = clock::monotonic_ns();
+        chain.end()?;
+        drop(chain);
+        let seen = self.observed(&watch, (Some(struck_ns), over_ns));
+        drop((watch, bus));
+        seen
+    }
+
     /// Ends the chain and looks at what it has left. What became of the fault is judged by what came before this end: the
     /// master is asked first, and on a busy machine the slave misses it before it is asked itself.
     fn see(&self, mut watch: SceneWatch<'_>, struck_ns: Option<i64>) -> anyhow::Result<Observed> {
@@ -184,16 +210,24 @@ impl Scene<'_> {
         for supervisor in watch.supervisors.iter_mut().rev() {
             supervisor.end();
         }
-        let limits = &self.config.slave.limits;
+        self.observed(&watch, (struck_ns, over_ns))
+    }
+
+    fn observed(&self, watch: &SceneWatch<'_>, span_ns: (Option<i64>, i64)) -> anyhow::Result<Observed> {
         let recording = self.fault.is_recorded().then(|| recording_in(self.fault, self.folder));
-        Observed::of(recording.as_deref(), &watch.states, (struck_ns, over_ns), limits.rate_m_per_s)
+        Observed::of(recording.as_deref(), &watch.states, span_ns, self.config.slave.limits.rate_m_per_s)
     }
 
     fn options(&self, cast: Cast) -> anyhow::Result<ChainOptions> {
-        let script = self.folder.join("circles.csv");
-        write(&script, &circles())?;
+        let script = self.script()?;
         let (config, master, engage) = (self.config.clone(), MasterKind::Script, Some(EngageKind::Once));
         Ok(ChainOptions { config, master, input: Some(script), looped: false, engage, cast })
+    }
+
+    fn script(&self) -> anyhow::Result<PathBuf> {
+        let script = self.folder.join("circles.csv");
+        write(&script, &circles())?;
+        Ok(script)
     }
 
     fn wait_for_motion(&self, watch: &mut SceneWatch<'_>) -> anyhow::Result<()> {

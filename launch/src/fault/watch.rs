@@ -5,7 +5,7 @@ use anyhow::bail;
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use krait_ipc::message::SlaveState;
-use krait_ipc::{ReadOptions, Reader, clock};
+use krait_ipc::{Bus, ReadOptions, Reader, clock};
 
 /// How often the chain is looked at.
 const LOOK_EVERY: Duration = Duration::from_millis(2);
@@ -28,6 +28,14 @@ impl<'a> SceneWatch<'a> {
     pub fn open(slaves: Supervisor, stop: &'a AtomicBool) -> anyhow::Result<Self> {
         let reader = slaves.bus().reader(ReadOptions::observing())?;
         Ok(Self { supervisors: vec![slaves], states: Vec::new(), reader, stop })
+    }
+
+    /// Begins to listen to a chain that another process supervises.
+    ///
+    /// # Errors
+    /// As [`SceneWatch::open`].
+    pub fn beside(bus: &Bus, stop: &'a AtomicBool) -> anyhow::Result<Self> {
+        Ok(Self { supervisors: Vec::new(), states: Vec::new(), reader: bus.reader(ReadOptions::observing())?, stop })
     }
 
     /// The supervisor that has a process.

@@ -238,17 +238,20 @@ fn converse(wire: impl Wire, pass: impl Fn()) {
     }
 }
 
-/// The console of a recording's folder, to which the input is sent as an order, a file, a token, a live message and as it is.
+/// The console of a recording's folder, to which the input is sent as an order, a file, a token, a message of a page and of a
+/// viewer, and as it is.
 fn page(folder: &TempFolder) -> Reader<'static> {
     let (recordings, lab, instance) = (folder.file("no-recordings"), folder.file("lab"), instance_name("fuzzed"));
     fs::create_dir_all(&recordings).expect("made");
-    let started = ["console", "--instance", &instance, "--recordings", &recordings, "--lab", &lab];
+    let started = ["console", "--instance", &instance, "--recordings", &recordings, "--lab", &lab, "--foxglove"];
     let target = RefCell::new(None);
     Reader {
         name: "page",
         seeds: vec![
             br#"{"verb":"add","model":"base.toml","data":"a.csv","effect":"backlash","out":"b.toml"}"#.to_vec(),
             br#"{"k":"wish","id":1,"wish":"enable","session":"0","at_ms":12.5}"#.to_vec(),
+            br#"{"op":"subscribe","subscriptions":[{"id":0,"channelId":3},{"id":1,"channelId":5}]}"#.to_vec(),
+            br#"{"op":"unsubscribe","subscriptionIds":[0,1]}"#.to_vec(),
             br#"{"k":"pad","n":1,"held":true,"x":0.5,"y":-0.25,"session":"0","at_ms":12.5}"#.to_vec(),
             b"GET /recordings/a.mcap HTTP/1.1\r\nHost: 127.0.0.1\r\nCookie: a=b\r\nContent-Length: 3\r\n\r\nabc"
                 .to_vec(),
@@ -266,13 +269,18 @@ struct Target {
     krait: Option<Krait>,
     console: Console,
     cookie: String,
+    /// The path for viewers, token included.
+    viewers: String,
 }
 
 impl Target {
     fn start(arguments: &[String]) -> Self {
         let mut krait = Krait::start(arguments);
         let console = Console::of(&mut krait);
-        Self { cookie: console.cookie(), krait: Some(krait), console }
+        let address = krait.line();
+        let start = format!("Foxglove: ws://127.0.0.1:{}", console.port);
+        let viewers = address.strip_prefix(&start).expect("an address on the same port").to_owned();
+        Self { cookie: console.cookie(), krait: Some(krait), console, viewers }
     }
 
     fn hit(&self, bytes: &[u8]) {
@@ -283,10 +291,14 @@ impl Target {
             let answer = self.console.request("POST", path, &headers, &text);
             assert!((200..500).contains(&answer.status), "{path}: {answer:?}");
         }
-        let mut live = self.console.page();
-        // A message that is too long or no text ends the connection, which may be before it is sent.
-        let _closed_early = live.send(Message::text(text.clone().into_owned()));
-        let _closed_too = live.send(Message::binary(bytes.to_vec()));
+        let protocol = ("Sec-WebSocket-Protocol", "foxglove.websocket.v1");
+        // Those that have gone may still count as there.
+        let viewer = self.console.open(&self.viewers, &[protocol]).ok();
+        for mut live in [Some(self.console.page()), viewer].into_iter().flatten() {
+            // A message that is too long or no text ends the connection, which may be before it is sent.
+            let _closed_early = live.send(Message::text(text.clone().into_owned()));
+            let _closed_too = live.send(Message::binary(bytes.to_vec()));
+        }
     }
 }
 
