@@ -66,6 +66,7 @@ mod script;
 mod script_source;
 mod source;
 mod ticker;
+mod udp_owner;
 
 pub use crate::core::MasterCore;
 pub use axis_map::{AXIS_NAMES, AxisMap, SignedAxis};

@@ -1,16 +1,26 @@
-//! A pose sender on a UDP socket: waits for packets and hands them on, a bounded number at a time. It judges nothing.
+//! A pose sender on a UDP socket: waits for packets and hands them on, a bounded number at a time. It judges nothing but whose
+//! they are: another user of this machine is nobody's hand.
 
 use crate::source::sleep_until;
+use crate::udp_owner::owner_of;
 use crate::{Layout, MasterError, PoseConfig, RawReport, ReportSource, SourceEvent};
 use krait_ipc::clock;
 use rustix::event::{PollFd, PollFlags, poll};
+use rustix::process::geteuid;
 use rustix::time::Timespec;
 use std::io::{Error, ErrorKind};
-use std::net::UdpSocket;
+use std::net::{SocketAddr, UdpSocket};
 
 /// Packets that are taken at one wake-up. A sender that floods keeps the master from its tick no longer than these take; what
 /// does not fit into the kernel's queue (some 270 packets) the kernel throws away.
 const MOST_AT_ONCE: usize = 64;
+
+/// Senders that are remembered as this user's.
+const MOST_KNOWN: usize = 8;
+/// A new sender is looked up in a table of the kernel, at most so often in a time; and at most once in it refusals are told, ns.
+const MOST_LOOK_UPS: u32 = 4;
+const LOOK_UPS_WITHIN_NS: i64 = 100_000_000;
+const TELL_EVERY_NS: i64 = 1_000_000_000;
 
 /// Listens for the packets of a pose sender.
 #[derive(Debug)]
@@ -20,6 +30,63 @@ pub struct PoseSource {
     told_ns: Option<i64>,
     // A failure of the socket is told once, until it works again.
     has_failed: bool,
+    senders: Senders,
+}
+
+/// Whose packets are taken.
+#[derive(Debug, Default)]
+struct Senders {
+    known: Vec<SocketAddr>,
+    /// The newest one that was refused.
+    refused: Option<SocketAddr>,
+    told_ns: Option<i64>,
+    since_ns: i64,
+    n_look_ups: u32,
+}
+
+impl Senders {
+    /// Whether a sender may be heard: this user's own, root's, or one of another machine.
+    fn admit(&mut self, sender: SocketAddr, now_ns: i64) -> bool {
+        if self.known.contains(&sender) {
+            return true;
+        }
+        if self.refused == Some(sender) || !self.may_look_up(now_ns) {
+            return false;
+        }
+        if let Err(why) = look_up(sender) {
+            self.refused = Some(sender);
+            if self.told_ns.is_none_or(|told_ns| now_ns.saturating_sub(told_ns) > TELL_EVERY_NS) {
+                self.told_ns = Some(now_ns);
+                tracing::warn!("poses from {sender} are refused: {why}; run the sender as this user, with one socket");
+            }
+            return false;
+        }
+        if self.known.len() == MOST_KNOWN {
+            self.known.remove(0);
+        }
+        self.known.push(sender);
+        true
+    }
+
+    fn may_look_up(&mut self, now_ns: i64) -> bool {
+        if now_ns.saturating_sub(self.since_ns) > LOOK_UPS_WITHIN_NS {
+            (self.since_ns, self.n_look_ups) = (now_ns, 0);
+        }
+        self.n_look_ups += 1;
+        self.n_look_ups <= MOST_LOOK_UPS
+    }
+}
+
+/// Says why a sender is not to be heard.
+fn look_up(sender: SocketAddr) -> Result<(), String> {
+    let own = geteuid().as_raw();
+    match owner_of(sender) {
+        Ok(Some(user)) if user == own || user == 0 => Ok(()),
+        Ok(Some(user)) => Err(format!("the socket belongs to user id {user}, expected {own}")),
+        Ok(None) if sender.ip().is_loopback() => Err("that socket is closed, so nobody knows whose it was".to_owned()),
+        Ok(None) => Ok(()),
+        Err(error) => Err(format!("whose they are cannot be found out: {error}")),
+    }
 }
 
 impl PoseSource {
@@ -37,7 +104,7 @@ impl PoseSource {
         let socket = UdpSocket::bind(address).map_err(refused)?;
         socket.set_nonblocking(true).map_err(refused)?;
         tracing::info!(%address, "listening for poses; the packets carry no authentication");
-        Ok(Self { socket, n_left: 0, told_ns: None, has_failed: false })
+        Ok(Self { socket, n_left: 0, told_ns: None, has_failed: false, senders: Senders::default() })
     }
 
     fn receive(&mut self, now_ns: i64) -> Option<SourceEvent> {
@@ -46,6 +113,10 @@ impl PoseSource {
             match self.socket.recv_from(&mut buffer) {
                 Ok((n_bytes, sender)) => {
                     self.has_failed = false;
+                    if !self.senders.admit(sender, now_ns) {
+                        self.n_left = self.n_left.checked_sub(1)?;
+                        continue;
+                    }
                     let packet = RawReport::clipped(&buffer[..n_bytes.min(buffer.len())]);
                     return Some(SourceEvent::Packet { stamp_ns: now_ns, sender, packet });
                 }
@@ -99,7 +170,6 @@ impl ReportSource for PoseSource {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::net::SocketAddr;
 
     /// A source on a port that was free, and its address.
     fn source() -> (PoseSource, SocketAddr) {
@@ -124,6 +194,22 @@ mod tests {
             .collect();
         let [a, b] = [a, b].map(|sender| sender.local_addr().expect("bound"));
         assert_eq!(told, [(a, vec![1; 72]), (b, vec![2; 3]), (a, vec![3; RawReport::MAX_BYTES]), (a, Vec::new())]);
+    }
+
+    #[test]
+    fn a_sender_that_nobody_has_any_more_is_not_heard_and_a_look_up_is_rare() {
+        let mut senders = Senders::default();
+        let open = UdpSocket::bind("127.0.0.1:0").expect("a sender");
+        let address = |socket: &UdpSocket| socket.local_addr().expect("bound");
+        let closed = address(&UdpSocket::bind("127.0.0.1:0").expect("a sender"));
+        assert!(!senders.admit(closed, 1) && senders.admit(address(&open), 2));
+        let remote: SocketAddr = "192.0.2.1:9".parse().expect("an address");
+        assert!(senders.admit(remote, 3), "whose a socket of another machine is, nobody can say");
+        let more: Vec<UdpSocket> = (0..3).map(|_| UdpSocket::bind("127.0.0.1:0").expect("a sender")).collect();
+        let admitted = more.iter().filter(|socket| senders.admit(address(socket), 4)).count();
+        assert_eq!(admitted, 1, "four look-ups within a tenth of a second");
+        assert!(more.iter().all(|socket| senders.admit(address(socket), 4 + 2 * LOOK_UPS_WITHIN_NS)));
+        assert!(senders.admit(address(&open), 5), "who is known needs none");
     }
 
     #[test]

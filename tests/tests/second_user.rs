@@ -3,8 +3,10 @@
 #![allow(clippy::expect_used, clippy::print_stderr, reason = "a panic is how a test fails; a skipped test says so")]
 
 use core::time::Duration;
-use krait_ipc::message::{OperatingState, OperatorInput};
+use krait_ipc::clock::monotonic_ns;
+use krait_ipc::message::{OperatingState, OperatorInput, SlaveState};
 use krait_ipc::{InstanceName, ground, resources_of};
+use krait_master::PosePacket;
 use krait_record::Recording;
 use krait_schema::Sample;
 use krait_tests::{
@@ -13,6 +15,7 @@ use krait_tests::{
 use rustix::fs::{CWD, Mode, mkfifoat};
 use rustix::process::{Signal, geteuid};
 use std::fs;
+use std::net::UdpSocket;
 use std::os::unix::fs::{MetadataExt, PermissionsExt, chown};
 use std::os::unix::process::CommandExt;
 use std::path::Path;
@@ -272,6 +275,43 @@ fn another_user_gets_nothing_from_the_consoles_ports() {
     let tokens = [console.token.clone(), console.stop_path().replace("/stop/", "")];
     assert!(said.contains("--recording") && !tokens.iter().any(|token| said.contains(token)), "a command line: {said}");
     assert!(states_in(&recording).iter().all(|state| state.n_stops == 0), "nothing was stopped");
+}
+
+#[test]
+fn another_users_poses_are_refused_with_his_number_and_move_nothing() {
+    if !may_be_others() {
+        return;
+    }
+    let (instance, folder) = (instance_name("poses"), TempFolder::new("poses"));
+    let recording = folder.file("run.mcap");
+    let port = UdpSocket::bind("127.0.0.1:0").and_then(|socket| socket.local_addr()).expect("a port").port();
+    let listen = format!("127.0.0.1:{port}");
+    let run = ["run", "--master", "pose", "--listen", &listen, "--instance", &instance, "--recording", &recording];
+    let krait = Krait::start(&run);
+    wait_for_motion(&instance, &recording);
+    // What takes hold of the snake when this user sends it (`pose_hand`): an open gripper, then a closed one that moves.
+    let mut script = format!("exec 4<>/dev/udp/127.0.0.1/{port}\n");
+    for k in 0..60 {
+        let (gripper, n_times) = if k == 0 { (0.0, 100) } else { (1.0, 5) };
+        let position = [0.1 + 1e-3 * f64::from(k), 0.2, -0.3];
+        let bytes = PosePacket { gripper, position, orientation: [1.0, 0.0, 0.0, 0.0] }.encode();
+        let octal: String = bytes.iter().map(|byte| format!("\\{byte:03o}")).collect();
+        script += &format!("for k in $(seq {n_times}); do printf '{octal}' >&4; read -t 0.002 -u 4 nothing; done\n");
+    }
+    let said = as_other(&format!("bash <<'END'\n{script}echo SENT\nEND\n"));
+    assert!(said.contains("SENT"), "{said}");
+    let until_ns = monotonic_ns();
+    // The same from this user takes hold, so it is the sender that was refused.
+    let own = Command::new("bash").args(["-c", &format!("{script}true")]).status().expect("a shell can be started");
+    krait.signal(Signal::INT);
+    let ended = krait.end(PATIENCE);
+    assert!(own.success() && ended.code == Some(0), "{}", ended.stderr);
+    assert!(ended.stderr.contains("the socket belongs to user id 65534, expected 0"), "{}", ended.stderr);
+    let states = states_in(&recording);
+    let (before, after): (Vec<SlaveState>, Vec<SlaveState>) =
+        states.into_iter().partition(|state| state.sample_ns < until_ns);
+    assert!(before.iter().all(|state| !state.is_engaged() && state.command_sequence == 0), "another's hand");
+    assert!(after.iter().any(|state| state.is_engaged() && state.command_sequence > 0), "this user's own");
 }
 
 #[test]

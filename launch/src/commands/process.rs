@@ -186,7 +186,7 @@ pub fn refuse_poses_of_real_drives(config: &Config) -> anyhow::Result<()> {
     match config.slave.drive.kind {
         DriveKind::Sts3215 | DriveKind::Cia402 if !config.master.pose.real_drives => bail!(
             "--master pose moves real drives only where [master.pose] says `real_drives = true`: its packets carry no \
-             authentication, so whatever program reaches the port can move the robot (docs/pose.md); or try it with --slave sim"
+             authentication, so whatever program of yours reaches the port can move the robot (docs/pose.md); or try it with --slave sim"
         ),
         DriveKind::Sim | DriveKind::Sts3215 | DriveKind::Cia402 => Ok(()),
     }
