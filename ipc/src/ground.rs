@@ -179,7 +179,7 @@ mod tests {
         assert_eq!(choose(Some(place.0.clone()), place.0.clone()), [ours, usual.clone()], "named once");
         fs::set_permissions(&place.0, fs::Permissions::from_mode(0o770)).expect("mode");
         for session in [Some(place.0.clone()), Some("relative".into()), Some("/proc/self".into()), None] {
-            assert_eq!(choose(session, none.clone()), [usual.clone()]);
+            assert_eq!(choose(session, none.clone()), std::slice::from_ref(&usual));
         }
     }
 
