@@ -70,7 +70,7 @@ const READERS: [&[&str]; 43] = [
     &["lab", "fit", "--model", "MODEL", "--data", "FILE", "--out", "OUT"],
     &["model", "exchange", "FILE"],
     &["experiment", "fig10", "--truth", "FILE", "--engage", "--out", "OUT"],
-    &["console", "FILE.mcap", "--recordings", "OUT"],
+    &["console", "FILE.mcap"],
 ];
 
 /// Some readers go by the ending of the name.
