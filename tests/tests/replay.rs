@@ -432,7 +432,7 @@ fn what_cannot_be_played_is_refused_with_one_sentence() {
     let text = folder.file("notes.mcap");
     std::fs::write(&text, "no recording").expect("written");
     let flick = shipped();
-    let cases: [(&[&str], &[&str]); 9] = [
+    let cases: [(&[&str], &[&str]); 10] = [
         (&[&table], &["path.csv, line 3, column 2", "\"ten\""]),
         (&[&text], &["notes.mcap"]),
         (&["/nowhere/run.mcap"], &["/nowhere/run.mcap"]),
@@ -440,6 +440,7 @@ fn what_cannot_be_played_is_refused_with_one_sentence() {
         (&[&flick, "--from", "2", "--to", "1"], &["--from 2 --to 1"]),
         (&[&flick, "--from", "500"], &["no operator input lies between"]),
         (&[&flick, "--model", "better.toml"], &["--replace compensate"]),
+        (&[&flick, "--real-time"], &["--real-time without --engage", "add --engage"]),
         (&[&flick, "--real-time", "--engage", "--speed", "max"], &["--real-time", "needs a speed"]),
         (&[&flick, "--config", "other.toml"], &["brings its own settings", "--replace STAGE"]),
     ];
