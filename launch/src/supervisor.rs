@@ -18,12 +18,12 @@ use crate::commands;
 use crate::config::{Config, STANDARD_INPUT};
 use crate::silence::{HANGS_NS, Silence};
 use anyhow::{Context, bail};
-use companion::Companion;
 use core::time::Duration;
 use exchange::{Exchanged, ModelDesk};
 use hand::LastHand;
 use handover::arguments_of;
-pub use handover::in_memory;
+use handover::in_memory;
+pub use handover::own_program;
 use krait_ipc::message::{Health, OperatingState, SlaveState, Transition};
 use krait_ipc::{Bus, Process, ReadOptions, Reader, Reason, Reasons, WhenLost, clock, health_channel};
 use slave_again::{Decision, SlaveAgain};
@@ -66,7 +66,7 @@ pub struct Supervisor {
     losses: Vec<Loss>,
     n_forced: u32,
     /// The page beside the chain, if one was asked for.
-    console: Option<Companion>,
+    console: Option<Child>,
     n_consoles_lost: u32,
     /// Requests for another model, where the chain takes them.
     models: Option<ModelDesk>,
@@ -408,22 +408,23 @@ impl Supervisor {
     }
 
     fn spawn(&mut self, process: Process, config: &Config, arguments: &[OsString]) -> anyhow::Result<()> {
-        let program = std::env::current_exe().context("the krait program could not find itself")?;
-        let mut command = Command::new(program);
-        command
-            .arg(process.name())
-            .args(["--config", STANDARD_INPUT])
-            .args(["--instance", &self.instance])
-            .args(arguments);
-        // A group of its own: Ctrl-C reaches the supervisor alone, which then ends the processes in order.
-        command.process_group(0).env(SUPERVISOR_PID, std::process::id().to_string());
-        command.stdin(in_memory(config)?).stdout(Stdio::null());
+        let mut command = self.command_of(process.name(), config)?;
+        command.args(arguments).stdout(Stdio::null());
         let child = command.spawn().with_context(|| format!("process `{process}` could not be started"))?;
         tracing::info!(process = process.name(), pid = child.id(), "started");
         // What the one before had said last, and when, is no word of this one.
         self.silence.forget(process);
         self.children.push(Running { process, child, ended: false, hung: false });
         Ok(())
+    }
+
+    /// The start of a command line of this program in the instance, with its configuration as an open file.
+    fn command_of(&self, verb: &str, config: &Config) -> anyhow::Result<Command> {
+        let mut command = Command::new(own_program()?);
+        command.args([verb, "--config", STANDARD_INPUT, "--instance", &self.instance]).stdin(in_memory(config)?);
+        // A group of its own: Ctrl-C reaches the supervisor alone, which then ends the processes in order.
+        command.process_group(0).env(SUPERVISOR_PID, std::process::id().to_string());
+        Ok(command)
     }
 
     fn is_ready(&self, process: Process) -> bool {

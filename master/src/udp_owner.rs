@@ -22,16 +22,17 @@ const N_DIGITS_V6: usize = 32;
 /// # Errors
 /// A table that cannot be read.
 pub(crate) fn owner_of(sender: SocketAddr) -> io::Result<Option<u32>> {
-    let mut owner = None;
     for table in TABLES {
-        match std::fs::read_to_string(table) {
-            Ok(text) => owner = owner.or_else(|| owner_in(&text, sender)),
+        let text = match std::fs::read_to_string(table) {
             // A kernel without IPv6.
-            Err(error) if error.kind() == io::ErrorKind::NotFound => {}
-            Err(error) => return Err(error),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
+            read => read?,
+        };
+        if let Some(user) = owner_in(&text, sender) {
+            return Ok(Some(user));
         }
     }
-    Ok(owner)
+    Ok(None)
 }
 
 /// The same, in the text of a table: the socket that is bound to just this address, else the one that takes every address.

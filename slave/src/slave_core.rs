@@ -204,8 +204,8 @@ impl<D: Drive> SlaveCore<D> {
         let situation = self.situation(now_ns);
         match self.limiter.judge(command, &situation, &mut findings) {
             LimiterVerdict::Refuse => {
-                if findings.reasons().contains(Reason::LoadUnknown) {
-                    self.disengage(Reason::LoadUnknown, findings.note_of(Reason::LoadUnknown));
+                if let Some(loads) = findings.note_of(Reason::LoadUnknown) {
+                    self.disengage(Reason::LoadUnknown, Some(loads));
                 }
                 self.refuse(now_ns);
             }

@@ -21,4 +21,4 @@ pub use motion::{
 pub use pad::{PadPage, pad_losses};
 pub use program::{Ended, Krait, krait_program};
 pub use riddle::{Riddle, hand, krait_json};
-pub use world::{TempFolder, held_terminal, instance_name, processes_of, real_drives, wait_until};
+pub use world::{TempFolder, held_terminal, instance_name, pid_of, processes_of, real_drives, wait_until};

@@ -1,7 +1,7 @@
 //! What the slave did, state by state: waited for while a chain runs, looked up in its recording afterwards.
 
 use crate::program::send;
-use crate::world::{processes_of, wait_until};
+use crate::world::{pid_of, processes_of, wait_until};
 use core::time::Duration;
 use krait_ipc::message::{Command, Phase, SlaveState};
 use krait_ipc::{Bus, ReadOptions};
@@ -88,12 +88,12 @@ pub fn allowed_m(before: &SlaveState, after: &SlaveState) -> f64 {
 
 /// Sends a signal to a process of an instance.
 pub fn signal_process(instance: &str, process: &str, signal: Signal) {
-    send(processes_of(instance).into_iter().find(|(name, _)| name == process).expect("it runs").1, signal);
+    send(pid_of(instance, process).expect("it runs"), signal);
 }
 
 /// Kills a process of an instance, does what shall happen while it is away, and waits until it was started again.
 pub fn kill_until_back(instance: &str, process: &str, meanwhile: impl FnOnce()) {
-    let pid_now = || processes_of(instance).into_iter().find(|(name, _)| name == process).map(|(_, pid)| pid);
+    let pid_now = || pid_of(instance, process);
     let pid = pid_now();
     signal_process(instance, process, Signal::KILL);
     meanwhile();

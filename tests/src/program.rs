@@ -50,7 +50,12 @@ impl Krait {
     /// Starts `krait` with arguments.
     pub fn start(arguments: &[impl AsRef<OsStr>]) -> Self {
         let mut command = Command::new(krait_program());
-        command.args(arguments).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        command.args(arguments);
+        Self::spawned(command)
+    }
+
+    fn spawned(mut command: Command) -> Self {
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         Self { child: command.spawn().expect("krait can be started") }
     }
 
@@ -114,6 +119,13 @@ impl Ended {
     /// Runs `krait` with arguments to its end.
     pub fn of(arguments: &[impl AsRef<OsStr>], patience: Duration) -> Self {
         Krait::start(arguments).end(patience)
+    }
+
+    /// The same below a shell that has set a limit, as in `ulimit -n 200`.
+    pub fn limited(limit: &str, arguments: &[impl AsRef<OsStr>], patience: Duration) -> Self {
+        let mut shell = Command::new("sh");
+        shell.args(["-c", &format!("ulimit {limit}; exec \"$0\" \"$@\"")]).arg(krait_program()).args(arguments);
+        Krait::spawned(shell).end(patience)
     }
 
     /// The JSON object on standard output.

@@ -78,6 +78,11 @@ pub fn processes_of(instance: &str) -> Vec<(String, u32)> {
     found
 }
 
+/// The process id of a process of an instance, if it runs.
+pub fn pid_of(instance: &str, process: &str) -> Option<u32> {
+    processes_of(instance).into_iter().find(|(name, _)| name == process).map(|(_, pid)| pid)
+}
+
 /// Looks every 10 ms whether something has become true.
 pub fn wait_until(patience: Duration, mut done: impl FnMut() -> bool) -> bool {
     let deadline_ns = clock::monotonic_ns() + patience.as_nanos() as i64;

@@ -5,7 +5,7 @@
 use core::time::Duration;
 use flate2::Compression;
 use flate2::write::ZlibEncoder;
-use krait_tests::{TempFolder, krait_program, wait_until};
+use krait_tests::{Ended, TempFolder};
 use mcap::records::MessageHeader;
 use parquet::data_type::{ByteArray, ByteArrayType, DoubleType};
 use parquet::file::properties::WriterProperties;
@@ -14,35 +14,30 @@ use parquet::schema::parser::parse_message_type;
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::Write;
-use std::process::{Command, Output, Stdio};
 use std::sync::Arc;
 
 const PATIENCE: Duration = Duration::from_secs(240);
 
 /// What `krait lab init` says of a file, in little memory.
-fn looked_at(path: &str) -> Output {
+fn looked_at(path: &str) -> Ended {
     let n_bytes = fs::metadata(path).expect("there").len();
     assert!(n_bytes < 30_000_000, "{path}: {n_bytes} bytes are no small file");
-    let mut shell = Command::new("sh");
-    shell.args(["-c", "ulimit -d 262144; exec \"$0\" lab init \"$1\""]).arg(krait_program()).arg(path);
-    let mut child = shell.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("it runs");
-    assert!(wait_until(PATIENCE, || child.try_wait().expect("watched").is_some()), "{path}: it hangs");
-    child.wait_with_output().expect("it has ended")
+    Ended::limited("-d 262144", &["lab", "init", path], PATIENCE)
 }
 
 /// It is refused because it is too large, with what it has.
 fn assert_too_large(path: &str, words: &str) {
     let ended = looked_at(path);
-    let said = String::from_utf8_lossy(&ended.stderr);
-    assert_eq!(ended.status.code(), Some(2), "{path}: {ended:?}");
+    assert_eq!(ended.code, Some(2), "{path}: {ended:?}");
+    let said = ended.stderr;
     assert!(said.starts_with("krait: ") && said.contains(path) && said.contains(words), "{said}");
 }
 
 /// It is read, or refused for what its numbers are: no memory ran out.
 fn assert_fits(path: &str) {
     let ended = looked_at(path);
-    let said = String::from_utf8_lossy(&ended.stderr);
-    assert!(matches!(ended.status.code(), Some(0..=2)), "{path}: {ended:?}");
+    assert!(matches!(ended.code, Some(0..=2)), "{path}: {ended:?}");
+    let said = ended.stderr;
     assert!(!said.contains("too large") && !said.contains("expected at most"), "{said}");
 }
 

@@ -7,7 +7,7 @@ use krait_drives::emulator::{Emulator, Servo, ServoWire};
 use krait_ipc::message::OperatingState;
 use krait_record::Recording;
 use krait_schema::Sample;
-use krait_tests::{Ended, Krait, TempFolder, instance_name, processes_of, wait_until};
+use krait_tests::{Ended, Krait, TempFolder, instance_name, pid_of, wait_until};
 use rustix::process::{Pid, Signal, kill_process};
 use std::io::Write;
 use std::path::Path;
@@ -104,7 +104,7 @@ fn the_chain_follows_on_servos_and_one_that_is_unplugged_stops_the_others_where_
 fn a_slave_that_is_killed_in_motion_leaves_the_servos_at_their_last_goal() {
     let (instance, folder, emulator) = (instance_name("killed"), TempFolder::new("killed"), emulator());
     let krait = in_motion(&instance, &configuration(&folder, &emulator, ""), &folder.file("run.mcap"), &emulator);
-    let slave = || processes_of(&instance).into_iter().find(|(name, _)| name == "slave").map(|(_, pid)| pid);
+    let slave = || pid_of(&instance, "slave");
     let pid = Pid::from_raw(slave().expect("a slave").cast_signed()).expect("a process id");
     // The supervisor is stopped first, so that no second slave touches the bus.
     krait.signal(Signal::STOP);

@@ -7,7 +7,8 @@ use krait_ipc::{InstanceName, resources_of};
 use krait_record::Recording;
 use krait_schema::Sample;
 use krait_tests::{
-    Ended, Krait, TempFolder, assert_no_jump, instance_name, processes_of, states_in, wait_for_motion, wait_until,
+    Ended, Krait, TempFolder, assert_no_jump, instance_name, pid_of, processes_of, states_in, wait_for_motion,
+    wait_until,
 };
 use rustix::process::{Pid, Signal, kill_process};
 use std::path::Path;
@@ -128,7 +129,7 @@ fn a_process_that_does_not_end_when_it_is_asked_to_is_killed_and_the_exit_code_s
     let recording = folder.file("run.mcap");
     let krait = start(&instance, &recording);
     wait_for_motion(&instance, &recording);
-    let pid = processes_of(&instance).into_iter().find(|(name, _)| name == "estimate").expect("it runs").1;
+    let pid = pid_of(&instance, "estimate").expect("it runs");
     kill(pid, Signal::STOP);
     krait.signal(Signal::INT);
     let ended = krait.end(PATIENCE);
@@ -144,9 +145,9 @@ fn start_with_console(what: &str, folder: &TempFolder) -> (Krait, String, u32, S
     let arguments = ["run", "--console", "--engage=again", "--instance", &instance, "--recording", &recording];
     let krait = Krait::start(&arguments);
     wait_for_motion(&instance, &recording);
-    let console = || processes_of(&instance).into_iter().find(|(name, _)| name == "console");
+    let console = || pid_of(&instance, "console");
     assert!(wait_until(PATIENCE, || console().is_some()), "the console has joined");
-    let pid = console().expect("it runs").1;
+    let pid = console().expect("it runs");
     (krait, instance, pid, recording)
 }
 
@@ -214,7 +215,7 @@ fn the_slave_stops_by_itself_when_the_operators_side_freezes() {
     let recording = folder.file("run.mcap");
     let krait = start(&instance, &recording);
     wait_for_motion(&instance, &recording);
-    let pid = processes_of(&instance).into_iter().find(|(name, _)| name == "resolve").expect("it runs").1;
+    let pid = pid_of(&instance, "resolve").expect("it runs");
     kill(pid, Signal::STOP);
     std::thread::sleep(Duration::from_millis(700));
     kill(pid, Signal::CONT);

@@ -19,7 +19,7 @@ use krait_ipc::clock::monotonic_ns;
 use krait_ipc::message::SlaveState;
 use krait_ipc::{Process, Reason, Reasons};
 use krait_schema::Sample;
-use krait_tests::{Ended, Krait, TempFolder, instance_name, krait_program, processes_of, samples_in, wait_for};
+use krait_tests::{Ended, Krait, TempFolder, instance_name, krait_program, pid_of, samples_in, wait_for};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 use std::os::unix::fs::PermissionsExt;
@@ -194,7 +194,7 @@ fn a_peer_that_dies_is_skipped_with_its_last_words_and_the_others_are_measured()
 
 /// `resolve` is stopped for 5 ms of every 10: half of its samples come late, which the slave still executes.
 fn slow_down(instance: &str, for_ms: i64) -> Range<i64> {
-    let pid = processes_of(instance).into_iter().find(|(name, _)| name == "resolve").expect("it runs").1;
+    let pid = pid_of(instance, "resolve").expect("it runs");
     let pid = Pid::from_raw(pid.cast_signed()).expect("a process id");
     let from_ns = monotonic_ns();
     while monotonic_ns() < from_ns + for_ms * 1_000_000 {

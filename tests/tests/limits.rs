@@ -4,23 +4,13 @@
 
 use core::time::Duration;
 use krait_record::Recording;
-use krait_tests::{Ended, Krait, TempFolder, instance_name, krait_program, processes_of, wait_for_motion};
+use krait_tests::{Ended, Krait, TempFolder, instance_name, krait_program, pid_of, wait_for_motion};
 use rustix::process::{Pid, Resource, Rlimit, Signal, prlimit};
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Stdio};
 
 const PATIENCE: Duration = Duration::from_secs(240);
-
-/// Runs krait below a shell that has set a limit.
-fn limited(limit: &str, arguments: &[&str]) -> Output {
-    let script = format!("ulimit {limit}; exec \"$0\" \"$@\"");
-    Command::new("sh").args(["-c", &script]).arg(krait_program()).args(arguments).output().expect("it runs")
-}
-
-fn said(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
 
 #[test]
 fn a_limit_that_is_too_low_for_a_chain_is_named_at_its_start() {
@@ -29,9 +19,9 @@ fn a_limit_that_is_too_low_for_a_chain_is_named_at_its_start() {
         ("-f 100", "the limit of a file's size (`ulimit -f`) is 51200 bytes, expected at least"),
     ] {
         let instance = instance_name("limited");
-        let ended = limited(limit, &["slave", "--instance", &instance]);
-        assert_eq!(ended.status.code(), Some(2), "{limit}: {ended:?}");
-        assert!(said(&ended).contains(words), "{limit}: {}", said(&ended));
+        let ended = Ended::limited(limit, &["slave", "--instance", &instance], PATIENCE);
+        assert_eq!(ended.code, Some(2), "{limit}: {ended:?}");
+        assert!(ended.stderr.contains(words), "{limit}: {}", ended.stderr);
     }
 }
 
@@ -41,7 +31,7 @@ fn a_full_file_ends_a_command_with_a_sentence_and_a_recording_without_the_motion
     let recording = folder.file("run.mcap");
     let krait = Krait::start(&["run", "--engage=again", "--instance", &instance, "--recording", &recording]);
     wait_for_motion(&instance, &recording);
-    let (_, pid) = processes_of(&instance).into_iter().find(|(name, _)| name == "record").expect("it runs");
+    let pid = pid_of(&instance, "record").expect("it runs");
     let full = Some(fs::metadata(&recording).expect("there").len() + 10_000);
     let pid = Pid::from_raw(pid.cast_signed()).expect("a process id");
     prlimit(Some(pid), Resource::Fsize, Rlimit { current: full, maximum: full }).expect("set");
@@ -52,9 +42,9 @@ fn a_full_file_ends_a_command_with_a_sentence_and_a_recording_without_the_motion
     assert!(ended.stderr.contains("the motion is not affected"), "{}", ended.stderr);
     Recording::open(Path::new(&recording)).expect("readable");
     for verb in ["recover", "export"] {
-        let ended = limited("-f 20", &[verb, &recording, "--out", &folder.file(verb)]);
-        assert_eq!(ended.status.code(), Some(2), "{verb}: {ended:?}");
-        assert!(said(&ended).contains("File too large"), "{verb}: {}", said(&ended));
+        let ended = Ended::limited("-f 20", &[verb, &recording, "--out", &folder.file(verb)], PATIENCE);
+        assert_eq!(ended.code, Some(2), "{verb}: {ended:?}");
+        assert!(ended.stderr.contains("File too large"), "{verb}: {}", ended.stderr);
     }
 }
 
@@ -75,10 +65,7 @@ fn the_slave_keeps_its_memory_in_ram_where_that_is_allowed() {
     let recording = folder.file("run.mcap");
     let krait = Krait::start(&["run", "--engage=again", "--instance", &instance, "--recording", &recording]);
     wait_for_motion(&instance, &recording);
-    let locked = |name: &str| {
-        let (_, pid) = processes_of(&instance).into_iter().find(|(own, _)| own == name).expect("it runs");
-        locked_kb(pid)
-    };
+    let locked = |name: &str| locked_kb(pid_of(&instance, name).expect("it runs"));
     assert!(locked("slave") > 1000, "{} kB", locked("slave"));
     assert_eq!(locked("record"), 0, "what may wait locks nothing");
     krait.signal(Signal::INT);

@@ -122,14 +122,9 @@ fn a_table_of_nothing_just_below_the_largest_size_is_refused_in_little_memory() 
     fs::File::create(&data).expect("made").set_len((1 << 30) - 1).expect("sparse");
     for verb in [&["lab", "compare", "--model", model.as_str(), "--data", data.as_str()][..], &["lab", "init", &data]] {
         // Memory that is asked for, in kB: a program of 60 MB, the stacks of its threads and the table.
-        let limited = std::process::Command::new("sh")
-            .args(["-c", "ulimit -d 262144; exec \"$0\" \"$@\""])
-            .arg(krait_tests::krait_program())
-            .args(verb)
-            .output()
-            .expect("it runs");
-        let said = String::from_utf8_lossy(&limited.stderr);
-        assert_eq!(limited.status.code(), Some(2), "{verb:?}: {said}");
+        let ended = Ended::limited("-d 262144", verb, PATIENCE);
+        assert_eq!(ended.code, Some(2), "{verb:?}: {}", ended.stderr);
+        let said = ended.stderr;
         assert!(said.contains(&data) && said.contains("a row has more than"), "{verb:?}: {said}");
     }
 }

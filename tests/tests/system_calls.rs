@@ -4,7 +4,7 @@
 #![allow(clippy::expect_used, clippy::print_stdout, reason = "a panic is how a test fails; a count is printed")]
 
 use core::time::Duration;
-use krait_tests::{Krait, TempFolder, instance_name, processes_of, wait_for_motion};
+use krait_tests::{Krait, TempFolder, instance_name, pid_of, wait_for_motion};
 use rustix::process::Signal;
 use std::process::Command;
 
@@ -38,7 +38,7 @@ fn a_hop_makes_at_most_four_system_calls_a_sample() {
     wait_for_motion(&instance, &recording);
     let mut skipped = false;
     for name in ["resolve", "compensate"] {
-        let pid = processes_of(&instance).into_iter().find(|(process, _)| process == name).expect("it runs").1;
+        let pid = pid_of(&instance, name).expect("it runs");
         let Some(calls) = calls_of(pid, &folder.file(name)) else {
             println!("SKIPPED ALOUD: strace is not installed or may not trace (apt install strace; ptrace_scope 0)");
             skipped = true;

@@ -51,13 +51,18 @@ impl GridCells {
     /// What a label weighs besides its text, in numbers: a place, a length, and a piece of memory.
     pub(super) const TEXT: usize = 6;
 
+    /// What one of them weighs, in numbers.
+    pub(super) fn weight_of_one(&self) -> usize {
+        match self {
+            Self::Numbers(_) => 1,
+            Self::Whole(_) => Self::WHOLE,
+            Self::Texts(_) => Self::TEXT,
+        }
+    }
+
     /// What they weigh, in numbers.
     pub(super) fn weight(&self) -> usize {
-        match self {
-            Self::Numbers(own) => own.len(),
-            Self::Whole(own) => Self::WHOLE * own.len(),
-            Self::Texts(own) => Self::TEXT * own.len(),
-        }
+        self.weight_of_one() * self.len()
     }
 
     pub(super) fn len(&self) -> usize {

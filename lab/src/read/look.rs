@@ -4,13 +4,10 @@ use super::ReadError;
 use super::at::At;
 use super::csv::Opened;
 use super::format::{Format, Found};
+use super::grid::{MOST_CELLS, MOST_COLUMNS};
 use krait_ipc::input;
 use std::fs::File;
 use std::path::Path;
-
-/// Cells that are looked at, 160 MB; every row is read and checked afterwards.
-const MOST_CELLS: usize = 10_000_000;
-const MOST_COLUMNS: usize = 1000;
 
 /// A file's columns.
 #[derive(Clone, Debug)]
@@ -88,6 +85,7 @@ fn look_at_text(path: &Path, file: File) -> Result<Look, ReadError> {
     let mut columns: Vec<Looked> = columns.collect();
     let (dialect, mut numbers) = (file.dialect, file.dialect.numbers());
     let mut is_whole = false;
+    // Of a larger file the beginning is looked at; every row is read and checked afterwards.
     for _ in 0..MOST_CELLS / columns.len().max(1) {
         let Some((_, record)) = file.row()? else {
             is_whole = true;

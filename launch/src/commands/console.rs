@@ -54,7 +54,7 @@ pub fn run(common: &Common, args: &ConsoleArgs) -> anyhow::Result<ExitCode> {
         recordings: args.recording.as_deref().map_or_else(|| args.recordings.clone(), folder_of),
         lab: args.lab.clone(),
         base_model: BASE_MODEL.to_owned(),
-        program: std::env::current_exe().context("the krait program could not find itself")?,
+        program: supervisor::own_program()?,
         foxglove: viewers,
     };
     krait_console::run(bus, settings, facts, announce, &stop)?;

@@ -2,6 +2,7 @@
 
 use crate::commands::{TOOLS, console};
 use crate::config::Config;
+use crate::supervisor::{Cast, own_program};
 use anyhow::{Context, bail};
 use core::time::Duration;
 use krait_ipc::{Bus, clock};
@@ -31,15 +32,14 @@ impl CommandLine {
         let file = folder.join("krait.toml");
         std::fs::write(&file, config.to_toml()?).with_context(|| format!("{} could not be written", file.display()))?;
         let recording = config.record.path.as_deref().context("a scene records")?;
-        let program = std::env::current_exe().context("the krait program could not find itself")?;
-        let mut command = Command::new(program);
+        let mut command = Command::new(own_program()?);
         command.args(["run", "--engage", "--console", "--instance", bus.instance().as_str(), "--master", "script"]);
         let paths = [("--input", script), ("--recording", recording), ("--config", &file)];
         command.args(paths.into_iter().flat_map(|(name, path)| [OsStr::new(name), path.as_os_str()]));
         command.stdin(Stdio::null()).stdout(Stdio::null());
         let child = command.spawn().context("a chain could not be started")?;
         // The stages, the supervisor and the console.
-        let mut chain = Self { child, n_processes: crate::supervisor::Cast::live().processes.len() + 3 };
+        let mut chain = Self { child, n_processes: Cast::live().processes.len() + 3 };
         let give_up_ns = clock::monotonic_ns() + STARTS_WITHIN_NS;
         while chain.pids(bus).len() < chain.n_processes {
             if chain.child.try_wait()?.is_some() || clock::monotonic_ns() > give_up_ns {

@@ -197,10 +197,7 @@ impl Scene<'_> {
         watch.run(AFTER_S)?;
         let over_ns = clock::monotonic_ns();
         chain.end()?;
-        drop(chain);
-        let seen = self.observed(&watch, (Some(struck_ns), over_ns));
-        drop((watch, bus));
-        seen
+        self.observed(&watch, (Some(struck_ns), over_ns))
     }
 
     /// Ends the chain and looks at what it has left. What became of the fault is judged by what came before this end: the

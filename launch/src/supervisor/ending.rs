@@ -3,8 +3,9 @@
 use super::{END_PATIENCE, LOOK_EVERY, Loss, Supervisor};
 use krait_ipc::{Process, clock};
 use rustix::process::{Pid, Signal, kill_process};
+use std::io;
 use std::os::unix::process::ExitStatusExt;
-use std::process::Child;
+use std::process::{Child, ExitStatus};
 
 impl Supervisor {
     /// Ends the chain, the recorder excepted; what does not end in time is killed. Returns whether all ended by themselves.
@@ -38,27 +39,23 @@ impl Supervisor {
             return false;
         }
         ask(process.name(), &running.child);
-        let deadline_ns = deadline_ns();
-        loop {
+        let ended = wait(|| {
             if let Err(error) = self.take_messages() {
                 tracing::warn!(%error, "the last messages of a process were not taken");
             }
-            match self.children[position].child.try_wait() {
-                Ok(Some(status)) => {
-                    // Killed before it was asked, and so deep in the disk that it has died only now.
-                    if status.signal().is_some() {
-                        let (pid, loss) = (self.children[position].child.id(), process.loss());
-                        tracing::error!("process `{process}` (pid {pid}) did not end by itself: {status}; {loss}");
-                    }
-                    return status.success();
-                }
-                Ok(None) if clock::monotonic_ns() < deadline_ns => std::thread::sleep(LOOK_EVERY),
-                Ok(None) | Err(_) => {
-                    self.n_forced += 1;
-                    return kill(process.name(), &mut self.children[position].child);
-                }
-            }
+            self.children[position].child.try_wait()
+        });
+        let child = &mut self.children[position].child;
+        let Some(status) = ended else {
+            self.n_forced += 1;
+            return kill(process.name(), child);
+        };
+        // Killed before it was asked, and so deep in the disk that it has died only now.
+        if status.signal().is_some() {
+            let (pid, loss) = (child.id(), process.loss());
+            tracing::error!("process `{process}` (pid {pid}) did not end by itself: {status}; {loss}");
         }
+        status.success()
     }
 }
 
@@ -70,9 +67,16 @@ pub(super) fn ask(name: &str, child: &Child) {
     }
 }
 
-/// By when a process that was asked now must have ended.
-pub(super) fn deadline_ns() -> i64 {
-    clock::monotonic_ns() + END_PATIENCE.as_nanos() as i64
+/// Looks again and again whether a process that was asked has ended; nothing where it has not in time.
+pub(super) fn wait(mut look: impl FnMut() -> io::Result<Option<ExitStatus>>) -> Option<ExitStatus> {
+    let deadline_ns = clock::monotonic_ns() + END_PATIENCE.as_nanos() as i64;
+    loop {
+        match look() {
+            Ok(Some(status)) => return Some(status),
+            Ok(None) if clock::monotonic_ns() < deadline_ns => std::thread::sleep(LOOK_EVERY),
+            Ok(None) | Err(_) => return None,
+        }
+    }
 }
 
 /// Ends a process by force, which is no clean end.

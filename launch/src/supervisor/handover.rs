@@ -9,9 +9,18 @@ use rustix::fs::{MemfdFlags, memfd_create};
 use std::ffi::OsString;
 use std::fs::File;
 use std::io::{Seek, Write};
+use std::path::PathBuf;
+
+/// The krait program that runs, for another process of it.
+///
+/// # Errors
+/// The system does not say where it is.
+pub fn own_program() -> anyhow::Result<PathBuf> {
+    std::env::current_exe().context("the krait program could not find itself")
+}
 
 /// The complete configuration for a child, as a file that has no name: nobody can put another in its place.
-pub fn in_memory(config: &Config) -> anyhow::Result<File> {
+pub(super) fn in_memory(config: &Config) -> anyhow::Result<File> {
     let could_not = "the configuration could not be handed over";
     let mut file = File::from(memfd_create("krait.toml", MemfdFlags::CLOEXEC).context(could_not)?);
     file.write_all(config.to_toml()?.as_bytes()).and_then(|()| file.rewind()).context(could_not)?;

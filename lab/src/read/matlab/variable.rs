@@ -109,7 +109,7 @@ fn matrix(stream: &mut Stream, class: u8, sizes: &[usize]) -> Result<Content, St
         return Ok(Content::Other(format!("an array of {} dimensions", sizes.len())));
     };
     let is_whole = matches!(class, INT64 | UINT64);
-    let most = if is_whole { MOST_CELLS / GridCells::WHOLE } else { MOST_CELLS };
+    let most = MOST_CELLS / room(is_whole, 0).weight_of_one();
     let n_cells = n_rows.checked_mul(n_columns).filter(|n| *n <= most);
     let n_cells = n_cells.ok_or_else(|| format!("a variable of {n_rows} x {n_columns} cells is too large"))?;
     if n_cells == 0 {

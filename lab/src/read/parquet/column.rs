@@ -68,15 +68,6 @@ impl Kind {
         }
     }
 
-    /// What a value weighs, in numbers.
-    pub(super) fn weight(self) -> usize {
-        match self {
-            Self::Numbers(_) | Self::Unsigned => 1,
-            Self::Whole | Self::Times(_) => GridCells::WHOLE,
-            Self::Texts => GridCells::TEXT,
-        }
-    }
-
     /// Adds a row group's values; counts the bytes of labels, of which those beyond [`MOST_CELLS`] are not kept.
     ///
     /// # Errors

@@ -48,7 +48,7 @@ pub(super) fn grid(path: &Path, file: File) -> Result<Grid, ReadError> {
     for group in reader.metadata().row_groups() {
         n_rows = usize::try_from(group.num_rows()).ok().and_then(|n| n_rows.checked_add(n)).unwrap_or(usize::MAX);
     }
-    let weight: usize = wanted.iter().map(|(_, kind, _)| kind.weight()).sum();
+    let weight: usize = wanted.iter().map(|(_, kind, _)| kind.room(0).weight_of_one()).sum();
     if n_rows.saturating_mul(weight) > MOST_CELLS {
         let n = wanted.len();
         return Err(unusable(format!(
