@@ -196,6 +196,15 @@ fn servos_are_found_their_zeros_read_and_one_is_moved_by_single_steps_and_never_
         let answer = krait.line();
         assert!(answer.starts_with(told), "{answer}");
     }
+    // A stall ends the engagement; the first key after it moves nothing.
+    krait.signal(Signal::STOP);
+    std::thread::sleep(Duration::from_millis(300));
+    krait.signal(Signal::CONT);
+    for (line, said) in [("\n", "the drives had stopped"), ("\n", "told 0.838 mm"), ("-\n", "told 0.738 mm")] {
+        input.write_all(line.as_bytes()).expect("written");
+        let answer = krait.line();
+        assert!(answer.starts_with(said), "{answer}");
+    }
     drop(input);
     assert_eq!(krait.end(PATIENCE).code, Some(0));
     let wire = emulator.wire().clone();

@@ -61,6 +61,14 @@ fn serve(
     while !stop.load(Ordering::Relaxed) {
         match lines.recv_timeout(TICK) {
             Ok(line) => {
+                if motion.take_hold_again()? {
+                    // What was pressed meanwhile was not pressed for this.
+                    while lines.try_recv().is_ok() {}
+                    print::out(
+                        "the drives had stopped, because this program stood still; they are engaged anew, and the next key is a step\n",
+                    )?;
+                    continue;
+                }
                 let way_m = if line.trim() == "-" { -step_m } else { step_m };
                 let step = motion.step(actuator - 1, way_m, SETTLE_TICKS)?;
                 if let Some(why) = step.refused {

@@ -54,11 +54,7 @@ impl Motion {
                 continue;
             }
             if state.is_ready() {
-                motion.goal_m = state.setpoint_q_m;
-                // The operator lets go, then takes hold.
-                for reasons in [Reasons::NONE.with(Reason::OperatorAbsent), Reasons::NONE] {
-                    motion.command(Phase::Holding, reasons)?;
-                }
+                motion.take_hold(&state)?;
                 return Ok(motion);
             }
             if !core::mem::replace(&mut has_homed, true) {
@@ -66,6 +62,25 @@ impl Motion {
             }
         }
         bail!("the drives were not ready after 10 s")
+    }
+
+    /// Engages where the drives stand: the operator lets go, then takes hold.
+    fn take_hold(&mut self, state: &SlaveState) -> anyhow::Result<()> {
+        self.goal_m = state.setpoint_q_m;
+        for reasons in [Reasons::NONE.with(Reason::OperatorAbsent), Reasons::NONE] {
+            self.command(Phase::Holding, reasons)?;
+        }
+        Ok(())
+    }
+
+    /// Engages anew if a stall has ended the engagement, and says whether that was so. Only a key press may ask for this.
+    pub(super) fn take_hold_again(&mut self) -> anyhow::Result<bool> {
+        let state = self.keep()?;
+        if state.is_engaged() {
+            return Ok(false);
+        }
+        self.take_hold(&state)?;
+        Ok(true)
     }
 
     /// Stands where it is; to be called every [`TICK`].
