@@ -1,5 +1,6 @@
 //! Ctrl-C, Ctrl-Z, Ctrl-\, SIGTERM and SIGHUP as one flag, and the promise that a child does not outlive its supervisor.
 
+use crate::supervisor::SUPERVISOR_PID;
 use anyhow::Context;
 use rustix::process::{Signal, getppid, set_parent_process_death_signal};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGTSTP, SIGXFSZ};
@@ -23,13 +24,13 @@ pub fn survive_full_files() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Asks the kernel to end this process (SIGTERM) when its supervisor dies, however that comes about.
-pub fn end_with(supervisor_pid: u32) -> anyhow::Result<()> {
+/// Asks the kernel to end this process (SIGTERM) when the supervisor that has started it dies, however that comes about. Does
+/// nothing where somebody else has started it.
+pub fn end_with_supervisor() -> anyhow::Result<()> {
+    let Ok(pid) = std::env::var(SUPERVISOR_PID) else { return Ok(()) };
+    let pid: u32 = pid.parse().with_context(|| format!("{SUPERVISOR_PID} is {pid:?}"))?;
     set_parent_process_death_signal(Some(Signal::TERM)).context("the supervisor's death could not be subscribed to")?;
     let parent = getppid().map(|pid| pid.as_raw_nonzero().get().unsigned_abs());
-    anyhow::ensure!(
-        parent == Some(supervisor_pid),
-        "the supervisor (process {supervisor_pid}) has already ended, so this process ends too"
-    );
+    anyhow::ensure!(parent == Some(pid), "the supervisor (process {pid}) has already ended, so this process ends too");
     Ok(())
 }

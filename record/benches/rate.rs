@@ -126,7 +126,7 @@ fn record(instance: &str, path: &str) {
             }
             peak_kb()
         });
-        let report = run(&bus, &config, &stop).expect("recorded");
+        let report = run(&bus, &config, || stop.load(Ordering::Relaxed)).expect("recorded");
         let total = report.status.total();
         let part = (cpu_s() - begun_cpu_s) / ((clock::monotonic_ns() - begun_ns) as f64 * 1e-9);
         print!(

@@ -7,7 +7,7 @@ use crate::drain::{Drain, WhenFull};
 use crate::error::RecordError;
 use crate::parts::Parts;
 use crate::syncer::{Failure, Syncer, sync_all};
-use core::sync::atomic::{AtomicBool, Ordering};
+use core::sync::atomic::Ordering;
 use core::time::Duration;
 use krait_ipc::{Bus, HealthReporter, IpcError, Process, Reason, Reasons, clock, set_slice};
 use krait_schema::RecorderStatus;
@@ -37,7 +37,7 @@ pub struct RecordReport {
     pub status: RecorderStatus,
 }
 
-/// Records every channel of an instance until `stop`, then everything that is still in shared memory.
+/// Records every channel of an instance until it is over, asked every 5 ms, then everything that is still in shared memory.
 ///
 /// The first health message says that every channel is read and the file is open. A disk that is full or gone stops the
 /// recording and nothing else: the health says so ([`Reason::RecordingStopped`]), what comes is counted as dropped, and the
@@ -46,7 +46,7 @@ pub struct RecordReport {
 ///
 /// # Errors
 /// [`RecordError`] when the recording could not be begun, or a channel failed; what had been recorded is kept.
-pub fn run(bus: &Bus, config: &RecordConfig, stop: &AtomicBool) -> Result<RecordReport, RecordError> {
+pub fn run(bus: &Bus, config: &RecordConfig, is_over: impl FnMut() -> bool) -> Result<RecordReport, RecordError> {
     config.check()?;
     let instance = bus.instance().as_str();
     let path = config.path.clone().unwrap_or_else(|| Path::new("recordings").join(default_file_name(instance)));
@@ -71,7 +71,7 @@ pub fn run(bus: &Bus, config: &RecordConfig, stop: &AtomicBool) -> Result<Record
         let thread = thread.map_err(|error| died(format!("could not be started: {error}")))?;
         be_punctual();
         let mut feed = Feed { drain: Some(drain), health, shared: &shared, due_ns: i64::MIN };
-        let fed = feed.until(stop);
+        let fed = feed.until(is_over);
         // The end of the queue is what ends the thread.
         feed.drain = None;
         let outcome = thread.join().map_err(|panic| died(format!("died: {panic:?}")))?;
@@ -101,8 +101,8 @@ struct Feed<'a> {
 }
 
 impl Feed<'_> {
-    fn until(&mut self, stop: &AtomicBool) -> Result<(), IpcError> {
-        while !stop.load(Ordering::Relaxed) {
+    fn until(&mut self, mut is_over: impl FnMut() -> bool) -> Result<(), IpcError> {
+        while !is_over() {
             self.take_all(WhenFull::Drop)?;
             self.publish_if_due()?;
             thread::sleep(POLL_PERIOD);

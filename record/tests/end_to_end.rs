@@ -85,7 +85,8 @@ fn beside_a_recorder<T>(
     let mut health = bus.reader_on::<Health>(&health_channel(Process::Record), ReadOptions::waking()).expect("reader");
     let stop = AtomicBool::new(false);
     thread::scope(|scope| {
-        let recorder = scope.spawn(|| run(&Bus::open(instance, "record").expect("bus"), config, &stop));
+        let recorder =
+            scope.spawn(|| run(&Bus::open(instance, "record").expect("bus"), config, || stop.load(Ordering::Relaxed)));
         let is_ready = (0..100).any(|_| health.wait(Duration::from_millis(100)).expect("wait"));
         assert!(is_ready || recorder.is_finished(), "the recorder neither becomes ready nor says why");
         let _writers = act(&bus);
@@ -385,7 +386,7 @@ fn a_recorder_that_is_killed_leaves_everything_up_to_its_last_chunk() {
 fn recorder_that_is_killed() {
     let (Some(path), Ok(name)) = (std::env::var_os(KILLED_PATH), std::env::var(KILLED_INSTANCE)) else { return };
     let config = RecordConfig { path: Some(path.into()), ..RecordConfig::default() };
-    run(&Bus::open(&name, "record").expect("bus"), &config, &AtomicBool::new(false)).expect("killed before it ends");
+    run(&Bus::open(&name, "record").expect("bus"), &config, || false).expect("killed before it ends");
 }
 
 #[test]
@@ -396,7 +397,7 @@ fn a_recording_that_cannot_begin_says_why_and_is_never_ready() {
     let bus = Bus::open(&instance("exists"), "record").expect("bus");
     let mut health =
         bus.reader_on::<Health>(&health_channel(Process::Record), ReadOptions::glancing()).expect("reader");
-    let error = run(&bus, &config, &AtomicBool::new(true)).expect_err("refused");
+    let error = run(&bus, &config, || true).expect_err("refused");
     assert!(error.to_string().contains("there.mcap exists already"), "{error}");
     assert!(health.take().expect("take").is_none());
     assert_eq!(std::fs::read(&path).expect("there"), b"precious");

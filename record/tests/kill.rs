@@ -19,7 +19,6 @@ use krait_ipc::{Bus, Process, ReadOptions, Writer, clock, health_channel};
 use krait_record::{Missing, RecordConfig, Recording, run};
 use krait_schema::{Channel, Sample};
 use std::process::Stdio;
-use std::sync::atomic::AtomicBool;
 use std::thread;
 
 const INSTANCE: &str = "KRAIT_TEST_KILL_INSTANCE";
@@ -92,7 +91,7 @@ fn kill_one(idx: u64) -> f64 {
 fn recorder_to_be_killed() {
     let (Some(path), Ok(name)) = (std::env::var_os(PATH), std::env::var(INSTANCE)) else { return };
     let config = RecordConfig { path: Some(path.into()), ..RecordConfig::default() };
-    run(&Bus::open(&name, "record").expect("bus"), &config, &AtomicBool::new(false)).expect("killed before it ends");
+    run(&Bus::open(&name, "record").expect("bus"), &config, || false).expect("killed before it ends");
 }
 
 /// Another number for each kill and each run: SplitMix64.

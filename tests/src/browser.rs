@@ -45,7 +45,7 @@ impl Browser {
                 }
             }
         }
-        eprintln!("SKIPPED ALOUD: no Chromium on this machine (Debian: apt-get install chromium)");
+        eprintln!("SKIPPED ALOUD: no Chromium that starts on this machine (Debian: apt-get install chromium)");
         None
     }
 

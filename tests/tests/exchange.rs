@@ -51,6 +51,8 @@ fn a_chain_takes_a_better_model_and_its_error_falls_and_each_recording_can_be_re
     match Browser::start() {
         Some(browser) => by_one_click(&mut browser.page(&console.address, 1280, 800)),
         None => {
+            // The recording, too, shall have seconds in which nothing is eased in.
+            std::thread::sleep(Duration::from_secs(6));
             let (status, said) = ordered(&console, "better.toml");
             assert!(status == 200 && said.contains("\"done\""), "{said}");
             follows(&console);
@@ -79,7 +81,7 @@ fn a_chain_takes_a_better_model_and_its_error_falls_and_each_recording_can_be_re
 /// The person chooses the model, presses once, and sees both figures.
 fn by_one_click(page: &mut BrowserPage) {
     page.wait_for("it follows", "document.documentElement.dataset.shown === 'following'");
-    // Figures rest on a second of following and more.
+    // The page's figures rest on seconds of following.
     std::thread::sleep(Duration::from_secs(6));
     page.value("document.querySelector('[data-go=lab]').click()");
     page.wait_for(

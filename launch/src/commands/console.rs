@@ -26,9 +26,7 @@ const BASE_MODEL: &str = include_str!("../../../docs/lab-tutorial/base.toml");
 /// Serves the page until Ctrl-C.
 pub fn run(common: &Common, args: &ConsoleArgs) -> anyhow::Result<ExitCode> {
     let stop = signals::stop_flag()?;
-    if let Ok(pid) = std::env::var(supervisor::SUPERVISOR_PID) {
-        signals::end_with(pid.parse().with_context(|| format!("{} is {pid:?}", supervisor::SUPERVISOR_PID))?)?;
-    }
+    signals::end_with_supervisor()?;
     let (bus, facts, viewers) = match &args.recording {
         Some(path) => {
             let (bus, facts) = of_recording(common, path)?;

@@ -23,7 +23,7 @@ const PATIENCE_NS: i64 = 150_000_000_000;
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 /// Lines of a scene's log that are shown when it ended otherwise than it must.
 const N_SHOWN: usize = 12;
-/// How often a scene is begun again that a busy machine has ended before its fault.
+/// How often a scene is begun again that a busy machine has ended before its fault, or has stood still in.
 const N_MORE: usize = 4;
 /// Room for the recording on a disk that is filled up, and for the memory of a chain, megabytes.
 const DISK_MB: u32 = 16;
@@ -45,8 +45,15 @@ pub fn run(common: &Common, args: &FaultArgs) -> anyhow::Result<ExitCode> {
     for (fault, moment) in plays {
         let (mut outcome, mut said) = try_one(fault, moment, &stop)?;
         let mut n_more = N_MORE;
-        while n_more > 0 && said.contains(NOT_BEGUN) {
+        while n_more > 0 && (said.contains(NOT_BEGUN) || outcome.is_disturbed()) {
             n_more -= 1;
+            if outcome.is_disturbed() {
+                tracing::warn!(
+                    "{}: the machine itself stood still for {:.0} ms, so the fault is tried again",
+                    fault.name(),
+                    outcome.machine_pause_ms
+                );
+            }
             (outcome, said) = try_one(fault, moment, &stop)?;
         }
         if !args.json {

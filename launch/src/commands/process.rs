@@ -9,19 +9,23 @@ use anyhow::{Context, bail, ensure};
 use krait_bridge::{Feed, LiveModel};
 use krait_drives::open_drive;
 use krait_ipc::message::N_LINES;
-use krait_ipc::{Beside, Bus, input};
+use krait_ipc::{Beside, Bus, Process, clock, input};
 use krait_master::{Engage, GuidePlan, HidRecording, LiveMotion, MasterConfig, Script, SourceChoice};
 use krait_record::{Attachment, CONFIG_ATTACHMENT, MODEL_ATTACHMENT, RecordConfig};
 use krait_sim::Simulation;
 use krait_slave::{DriveKind, SlaveConfig};
 use rustix::process::{Resource, getrlimit};
 use std::process::ExitCode;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Name under which a recording embeds the simulated snake.
 pub const TRUTH_ATTACHMENT: &str = "truth.toml";
 /// How the names begin under which a recording embeds the built-in model files, which passes of a demo use in turn.
 pub const BUILT_IN_ATTACHMENT: &str = "model-";
+/// The processes whose last words a recorder waits for, and how long, ns.
+const STAGES: [Process; 5] =
+    [Process::Master, Process::Resolve, Process::Compensate, Process::Estimate, Process::Slave];
+const LAST_WORDS_NS: i64 = 1_000_000_000;
 
 /// Joins the instance and runs the process until it is told to stop.
 pub fn run(common: &Common, process: &ProcessVerb) -> anyhow::Result<ExitCode> {
@@ -36,9 +40,7 @@ fn feed(is_cued: bool) -> Feed {
 fn run_named(common: &Common, process: &ProcessVerb) -> anyhow::Result<()> {
     let stop = signals::stop_flag()?;
     check_limits()?;
-    if let Ok(pid) = std::env::var(supervisor::SUPERVISOR_PID) {
-        signals::end_with(pid.parse().with_context(|| format!("{} is {pid:?}", supervisor::SUPERVISOR_PID))?)?;
-    }
+    signals::end_with_supervisor()?;
     let config = Config::load(common.config.as_deref())?;
     config.check()?;
     let beside = Beside::before(&config.realtime);
@@ -76,11 +78,26 @@ fn run_named(common: &Common, process: &ProcessVerb) -> anyhow::Result<()> {
             }
         },
         ProcessVerb::Record => {
-            let report = krait_record::run(&bus, &with_attachments(&config)?, &stop)?;
+            let report = krait_record::run(&bus, &with_attachments(&config)?, record_until(&bus, &stop))?;
             tracing::info!(?report, "recorded");
         }
     }
     Ok(())
+}
+
+/// When the recorder has to end. A supervisor asks it last; where that was killed, the kernel asks every process at once, and
+/// the last words of the others still belong into the file.
+fn record_until(bus: &Bus, stop: &AtomicBool) -> impl FnMut() -> bool {
+    let mut give_up_ns = None;
+    move || {
+        if !stop.load(Ordering::Relaxed) {
+            return false;
+        }
+        let now_ns = clock::monotonic_ns();
+        let ends_with_it = |name: &str| STAGES.iter().any(|stage| stage.name() == name);
+        let is_alone = !bus.members().iter().any(|(name, _)| ends_with_it(name));
+        is_alone || now_ns > *give_up_ns.get_or_insert(now_ns + LAST_WORDS_NS)
+    }
 }
 
 /// The simulated machine that goes with the model.

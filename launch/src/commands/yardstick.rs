@@ -19,9 +19,7 @@ const FRAME: Duration = Duration::from_millis(16);
 
 /// Becomes one of the processes.
 pub fn run(common: &Common, part: &YardstickVerb) -> anyhow::Result<ExitCode> {
-    if let Ok(pid) = std::env::var(supervisor::SUPERVISOR_PID) {
-        signals::end_with(pid.parse().with_context(|| format!("{} is {pid:?}", supervisor::SUPERVISOR_PID))?)?;
-    }
+    signals::end_with_supervisor()?;
     match part {
         YardstickVerb::Stage(args) => stage(args),
         YardstickVerb::Observe => observe(&common.instance),

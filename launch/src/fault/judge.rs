@@ -34,6 +34,10 @@ pub struct Observed {
     pub reasons: u64,
     /// Commands that the slave refused or skipped.
     pub n_refused: u64,
+    /// From the fault, or where its instant is not known from the first state, to the scene's end, ns.
+    pub span_ns: Option<(i64, i64)>,
+    /// Longest time within that in which a core of the machine ran nothing, ms; 0 where none could have stalled the chain.
+    pub machine_pause_ms: f64,
     /// Why the recording cannot be read.
     pub unreadable: Option<String>,
     /// Files of the instance that are still there.
@@ -55,6 +59,8 @@ pub struct FaultOutcome {
     pub rest_ms: Option<f64>,
     /// What names the fault.
     pub named: Option<String>,
+    /// Longest time after the fault in which the machine itself stood still, ms; 0 where that could not have stalled the chain.
+    pub machine_pause_ms: f64,
     /// What is wrong; nothing where all is as it must be.
     pub wrong: Option<String>,
     /// Why it was not tried.
@@ -83,6 +89,7 @@ impl Observed {
         let is_after =
             |state: &&SlaveState| struck_ns.is_none_or(|ns| state.sample_ns >= ns) && state.sample_ns <= over_ns;
         let after: Vec<&SlaveState> = states.iter().filter(is_after).collect();
+        seen.span_ns = after.first().map(|first| (struck_ns.unwrap_or(first.sample_ns), over_ns));
         seen.reasons = after.iter().fold(0, |reasons, state| reasons | state.reasons);
         seen.did = end_of(&after);
         seen.rest_ms = struck_ns.zip(last_motion_ns(&after)).map(|(from, to)| (to - from).max(0) as f64 * 1e-6);
@@ -190,8 +197,16 @@ pub fn judge(fault: Fault, moment: StrikeTime, seen: &Observed, said: &str) -> F
         largest_step: seen.largest_step,
         rest_ms: seen.rest_ms.filter(|_| is_rest(must)),
         named,
+        machine_pause_ms: seen.machine_pause_ms,
         wrong,
         skipped: None,
+    }
+}
+
+impl FaultOutcome {
+    /// Whether it says nothing of the chain: it ended otherwise than it must, and the machine itself stood still meanwhile.
+    pub fn is_disturbed(&self) -> bool {
+        self.wrong.is_some() && self.machine_pause_ms > 0.0
     }
 }
 
@@ -241,6 +256,17 @@ mod tests {
         assert_eq!(left.as_deref(), Some("1 files are left, as /dev/shm/x"));
         let unreadable = wrong(Fault::StalledEstimate, 0.3, |seen| seen.unreadable = Some("cut".to_owned()));
         assert_eq!(unreadable.as_deref(), Some("the recording cannot be read: cut"));
+    }
+
+    #[test]
+    fn an_end_beside_a_pause_of_the_machine_says_nothing_only_where_it_is_wrong() {
+        let disturbed = |fault, machine_pause_ms| {
+            let seen = Observed::of(None, &states(2), (Some(500 * MS), i64::MAX), 30e-3).expect("no file is read");
+            assert_eq!(seen.span_ns, Some((500 * MS, i64::MAX)));
+            judge(fault, StrikeTime::of(0), &Observed { machine_pause_ms, ..seen }, "").is_disturbed()
+        };
+        assert!(disturbed(Fault::StalledLaunch, 57.0), "it must move and holds");
+        assert!(!disturbed(Fault::StalledLaunch, 0.0) && !disturbed(Fault::Lost, 57.0));
     }
 
     #[test]

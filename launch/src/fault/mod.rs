@@ -8,6 +8,7 @@ mod harm;
 mod judge;
 mod kind;
 mod moment;
+mod pauses;
 mod relay;
 mod scene;
 mod tiny;

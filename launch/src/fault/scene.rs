@@ -5,6 +5,7 @@ use super::harm;
 use super::judge::Observed;
 use super::kind::{Blow, End, Fault, FaultPlace};
 use super::moment::StrikeTime;
+use super::pauses::Pauses;
 use super::relay::Relay;
 use super::watch::SceneWatch;
 use crate::cli::{EngageKind, MasterKind};
@@ -64,14 +65,21 @@ pub fn play(fault: Fault, moment: StrikeTime, folder: &Path, stop: &AtomicBool) 
         config.slave.truth = Some(truth);
     }
     let scene = Scene { fault, folder, config, moment, stop };
+    let pauses = Pauses::above(PRIORITY)?;
     let seen = match place {
         _ if end == End::Refused => scene.refused(),
         FaultPlace::Command | FaultPlace::Input => scene.relayed(place),
         FaultPlace::Launch(blow) | FaultPlace::Console(blow) => scene.started_by_hand(place, blow),
         _ => scene.whole(place),
     }?;
+    let machine_pause_ms = seen.span_ns.map(|(from_ns, to_ns)| pauses.longest_ms(from_ns, to_ns)).unwrap_or_default();
     let unreadable = fault.leaves_recording().then(|| read_through(&recording_in(fault, folder)).err()).flatten();
-    Ok(Observed { left: scene.left()?, unreadable: unreadable.map(|error| format!("{error:#}")), ..seen })
+    Ok(Observed {
+        left: scene.left()?,
+        unreadable: unreadable.map(|error| format!("{error:#}")),
+        machine_pause_ms,
+        ..seen
+    })
 }
 
 /// Reads every message of a recording.

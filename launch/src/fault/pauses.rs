@@ -1,0 +1,94 @@
+//! Whether the machine itself stood still while a fault was tried: on each core a thread above the chain's priority that does
+//! nothing but wake up. What keeps it from waking is no process of krait's.
+
+use core::sync::atomic::{AtomicBool, Ordering};
+use core::time::Duration;
+use krait_ipc::{Cores, Process, Realtime, clock};
+use rustix::thread::sched_getaffinity;
+use std::sync::Arc;
+use std::thread::JoinHandle;
+
+/// How often a core must wake up.
+const EVERY: Duration = Duration::from_millis(2);
+/// A gap between two wakings that could hide a stall of the chain: half of the slave's watchdog, ns.
+const PAUSE_NS: i64 = 25_000_000;
+/// Cores that are listened to.
+const MOST_CORES: usize = 64;
+
+/// A span in which a core ran nothing of ours, ns.
+type Gap = (i64, i64);
+
+/// Threads that listen on every core that this process may use.
+pub struct Pauses {
+    is_over: Arc<AtomicBool>,
+    threads: Vec<JoinHandle<Vec<Gap>>>,
+}
+
+impl Pauses {
+    /// Begins to listen, above a priority of the chain's where that is allowed.
+    ///
+    /// # Errors
+    /// The cores of this process are not known, or a thread could not be started.
+    pub fn above(priority: u8) -> anyhow::Result<Self> {
+        let allowed = sched_getaffinity(None)?;
+        let mut listening = Self { is_over: Arc::default(), threads: Vec::new() };
+        for core in (0..MOST_CORES).filter(|core| allowed.is_set(*core)) {
+            let wish = Realtime { priority: priority + 1, cores: Cores::Named(vec![core]), ..Realtime::ORDINARY };
+            let is_over = listening.is_over.clone();
+            let thread = std::thread::Builder::new().name(format!("core {core}"));
+            listening.threads.push(thread.spawn(move || listen(&wish, &is_over))?);
+        }
+        Ok(listening)
+    }
+
+    /// Ends; the longest pause that any core had between two instants, ms, 0 where none was long enough to stall the chain.
+    pub fn longest_ms(self, from_ns: i64, to_ns: i64) -> f64 {
+        self.is_over.store(true, Ordering::Relaxed);
+        let gaps = self.threads.into_iter().filter_map(|thread| thread.join().ok()).flatten();
+        let within = gaps.filter(|(begin, end)| *end >= from_ns && *begin <= to_ns);
+        within.map(|(begin, end)| (end - begin) as f64 * 1e-6).fold(0.0, f64::max)
+    }
+}
+
+/// Sleeps and wakes up, and notes when that took too long.
+fn listen(wish: &Realtime, is_over: &AtomicBool) -> Vec<Gap> {
+    // Without the priority a busy machine keeps it from waking too, as it does the chain.
+    let refused = Process::Slave.core_turn().map(|turn| wish.apply(turn, ""));
+    for refused in refused.into_iter().flatten() {
+        tracing::debug!("{refused}");
+    }
+    let mut gaps = Vec::new();
+    let mut before_ns = clock::monotonic_ns();
+    while !is_over.load(Ordering::Relaxed) {
+        std::thread::sleep(EVERY);
+        let now_ns = clock::monotonic_ns();
+        if now_ns - before_ns > PAUSE_NS {
+            gaps.push((before_ns, now_ns));
+        }
+        before_ns = now_ns;
+    }
+    gaps
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_gap_counts_where_it_meets_the_span_that_is_asked_for() {
+        let with = |gap: Gap| Pauses { is_over: Arc::default(), threads: vec![std::thread::spawn(move || vec![gap])] };
+        assert_eq!(with((10_000_000, 40_000_000)).longest_ms(0, 20_000_000), 30.0);
+        assert_eq!(with((10_000_000, 40_000_000)).longest_ms(40_000_000, 50_000_000), 30.0);
+        assert_eq!(with((10_000_000, 40_000_000)).longest_ms(41_000_000, 50_000_000), 0.0);
+    }
+
+    #[test]
+    fn every_core_is_listened_to_until_the_end() {
+        let listening = Pauses::above(0).expect("threads");
+        assert!(listening.threads.len() >= std::thread::available_parallelism().expect("cores").get().min(MOST_CORES));
+        std::thread::sleep(4 * EVERY);
+        assert!(listening.threads.iter().all(|thread| !thread.is_finished()));
+        let longest_ms = listening.longest_ms(0, i64::MAX);
+        assert!(longest_ms == 0.0 || longest_ms > PAUSE_NS as f64 * 1e-6, "{longest_ms} ms");
+    }
+}
