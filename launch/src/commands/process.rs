@@ -4,7 +4,7 @@ use crate::cli::{Common, EngageKind, MasterKind};
 use crate::cli_process::{MasterArgs, ProcessVerb};
 use crate::config::Config;
 use crate::in_force::Compensation;
-use crate::{signals, supervisor};
+use crate::signals;
 use anyhow::{Context, bail, ensure};
 use krait_bridge::{Feed, LiveModel};
 use krait_drives::open_drive;
