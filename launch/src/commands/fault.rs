@@ -45,9 +45,9 @@ pub fn run(common: &Common, args: &FaultArgs) -> anyhow::Result<ExitCode> {
     for (fault, moment) in plays {
         let (mut outcome, mut said) = try_one(fault, moment, &stop)?;
         let mut n_more = N_MORE;
-        while n_more > 0 && (said.contains(NOT_BEGUN) || outcome.is_disturbed()) {
+        while n_more > 0 && (said.contains(NOT_BEGUN) || outcome.is_disturbed) {
             n_more -= 1;
-            if outcome.is_disturbed() {
+            if outcome.is_disturbed {
                 tracing::warn!(
                     "{}: the machine itself stood still for {:.0} ms, so the fault is tried again",
                     fault.name(),

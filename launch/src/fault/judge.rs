@@ -63,6 +63,8 @@ pub struct FaultOutcome {
     pub machine_pause_ms: f64,
     /// What is wrong; nothing where all is as it must be.
     pub wrong: Option<String>,
+    /// Whether the machine's pause explains what is wrong: the chain ended otherwise, and nothing jumped, was damaged or left.
+    pub is_disturbed: bool,
     /// Why it was not tried.
     pub skipped: Option<String>,
 }
@@ -190,6 +192,8 @@ pub fn judge(fault: Fault, moment: StrikeTime, seen: &Observed, said: &str) -> F
     } else {
         None
     };
+    // A pause of the machine ends an engagement, as it must; it excuses no jump and no damage.
+    let is_whole = seen.unreadable.is_none() && seen.left.is_empty() && seen.largest_step <= 1.0;
     FaultOutcome {
         fault,
         must,
@@ -198,15 +202,9 @@ pub fn judge(fault: Fault, moment: StrikeTime, seen: &Observed, said: &str) -> F
         rest_ms: seen.rest_ms.filter(|_| is_rest(must)),
         named,
         machine_pause_ms: seen.machine_pause_ms,
+        is_disturbed: wrong.is_some() && is_whole && seen.machine_pause_ms > 0.0,
         wrong,
         skipped: None,
-    }
-}
-
-impl FaultOutcome {
-    /// Whether it says nothing of the chain: it ended otherwise than it must, and the machine itself stood still meanwhile.
-    pub fn is_disturbed(&self) -> bool {
-        self.wrong.is_some() && self.machine_pause_ms > 0.0
     }
 }
 
@@ -259,14 +257,18 @@ mod tests {
     }
 
     #[test]
-    fn an_end_beside_a_pause_of_the_machine_says_nothing_only_where_it_is_wrong() {
-        let disturbed = |fault, machine_pause_ms| {
-            let seen = Observed::of(None, &states(2), (Some(500 * MS), i64::MAX), 30e-3).expect("no file is read");
+    fn a_pause_of_the_machine_excuses_another_end_and_nothing_worse() {
+        let disturbed = |fault, machine_pause_ms, change: fn(&mut Observed)| {
+            let mut seen = Observed::of(None, &states(2), (Some(500 * MS), i64::MAX), 30e-3).expect("no file is read");
             assert_eq!(seen.span_ns, Some((500 * MS, i64::MAX)));
-            judge(fault, StrikeTime::of(0), &Observed { machine_pause_ms, ..seen }, "").is_disturbed()
+            change(&mut seen);
+            judge(fault, StrikeTime::of(0), &Observed { machine_pause_ms, ..seen }, "").is_disturbed
         };
-        assert!(disturbed(Fault::StalledLaunch, 57.0), "it must move and holds");
-        assert!(!disturbed(Fault::StalledLaunch, 0.0) && !disturbed(Fault::Lost, 57.0));
+        assert!(disturbed(Fault::StalledLaunch, 57.0, |_| {}), "it must move and holds");
+        assert!(!disturbed(Fault::StalledLaunch, 0.0, |_| {}) && !disturbed(Fault::Lost, 57.0, |_| {}));
+        assert!(!disturbed(Fault::StalledLaunch, 57.0, |seen| seen.largest_step = 1.1));
+        assert!(!disturbed(Fault::StalledLaunch, 57.0, |seen| seen.unreadable = Some("cut".to_owned())));
+        assert!(!disturbed(Fault::StalledLaunch, 57.0, |seen| seen.left = vec!["/dev/shm/x".into()]));
     }
 
     #[test]
