@@ -52,7 +52,7 @@ pub use instance::{InstanceName, resources_of};
 pub use message::LatencyLimits;
 pub use process::{Process, WhenLost};
 pub use reader::{ReadOptions, Reader, Received, WaitMode};
-pub use realtime::{Beside, Cores, Realtime, RealtimeError, lock_what_is_used, may_lock_all, set_slice};
+pub use realtime::{Beside, Cores, Realtime, RealtimeError, allowed_cores, lock_what_is_used, may_lock_all, set_slice};
 pub use reasons::{Reason, Reasons};
 pub use shared_words::SharedWords;
 pub use stop::StopSwitch;

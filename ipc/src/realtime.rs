@@ -218,10 +218,15 @@ impl Beside {
     }
 }
 
+/// The cores that the calling thread may use; none where the kernel does not tell.
+pub fn allowed_cores() -> Vec<usize> {
+    let Ok(allowed) = sched_getaffinity(None) else { return Vec::new() };
+    (0..MOST_CORES).filter(|core| allowed.is_set(*core)).collect()
+}
+
 /// The core of an instance among those that this process may use: names that end in consecutive numbers take turns.
 fn core_of(instance: &str) -> Option<usize> {
-    let allowed = sched_getaffinity(None).ok()?;
-    let allowed: Vec<usize> = (0..MOST_CORES).filter(|core| allowed.is_set(*core)).collect();
+    let allowed = allowed_cores();
     let sum: usize = instance.bytes().map(usize::from).sum();
     allowed.get(sum % allowed.len().max(1)).copied()
 }

@@ -22,9 +22,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 pub const TRUTH_ATTACHMENT: &str = "truth.toml";
 /// How the names begin under which a recording embeds the built-in model files, which passes of a demo use in turn.
 pub const BUILT_IN_ATTACHMENT: &str = "model-";
-/// The processes whose last words a recorder waits for, and how long, ns.
-const STAGES: [Process; 5] =
-    [Process::Master, Process::Resolve, Process::Compensate, Process::Estimate, Process::Slave];
+/// How long a recorder waits for the last words of the others, ns.
 const LAST_WORDS_NS: i64 = 1_000_000_000;
 
 /// Joins the instance and runs the process until it is told to stop.
@@ -94,8 +92,8 @@ fn record_until(bus: &Bus, stop: &AtomicBool) -> impl FnMut() -> bool {
             return false;
         }
         let now_ns = clock::monotonic_ns();
-        let ends_with_it = |name: &str| STAGES.iter().any(|stage| stage.name() == name);
-        let is_alone = !bus.members().iter().any(|(name, _)| ends_with_it(name));
+        let ends_before = |process| process != Process::Record && Process::END_ORDER.contains(&process);
+        let is_alone = !bus.members().iter().any(|(name, _)| Process::from_name(name).is_some_and(ends_before));
         is_alone || now_ns > *give_up_ns.get_or_insert(now_ns + LAST_WORDS_NS)
     }
 }

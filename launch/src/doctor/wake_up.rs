@@ -3,9 +3,9 @@
 
 use core::sync::atomic::{AtomicBool, Ordering};
 use hdrhistogram::Histogram;
-use krait_ipc::{Cores, Realtime, clock};
+use krait_ipc::{Cores, Realtime, allowed_cores, clock};
 use krait_report::Quantiles;
-use rustix::thread::{ClockId, clock_nanosleep_absolute, sched_getaffinity};
+use rustix::thread::{ClockId, clock_nanosleep_absolute};
 use rustix::time::Timespec;
 use serde::Serialize;
 
@@ -13,8 +13,6 @@ use serde::Serialize;
 const PERIOD_NS: i64 = 1_000_000;
 /// Longest lateness that a histogram holds, ns (10 s).
 const LONGEST_NS: u64 = 10_000_000_000;
-/// Cores that a set can name.
-const MOST_CORES: usize = 1024;
 
 /// Lateness of wake-ups on one core.
 #[derive(Clone, Debug, Serialize)]
@@ -32,10 +30,11 @@ pub struct WakeUp {
 /// Measures every core that this process may use at once, with SCHED_FIFO where that is granted and `priority` is not 0.
 /// Ends early when a stop is asked for.
 pub fn measure(seconds: f64, priority: u8, stop: &AtomicBool) -> Vec<WakeUp> {
-    let Ok(allowed) = sched_getaffinity(None) else { return Vec::new() };
-    let cores = (0..MOST_CORES).filter(|core| allowed.is_set(*core));
     std::thread::scope(|scope| {
-        let threads: Vec<_> = cores.map(|core| scope.spawn(move || on_core(core, seconds, priority, stop))).collect();
+        let threads: Vec<_> = allowed_cores()
+            .into_iter()
+            .map(|core| scope.spawn(move || on_core(core, seconds, priority, stop)))
+            .collect();
         threads.into_iter().filter_map(|thread| thread.join().ok().flatten()).collect()
     })
 }

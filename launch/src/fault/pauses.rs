@@ -3,8 +3,7 @@
 
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
-use krait_ipc::{Cores, Process, Realtime, clock};
-use rustix::thread::sched_getaffinity;
+use krait_ipc::{Cores, Process, Realtime, allowed_cores, clock};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
@@ -12,8 +11,6 @@ use std::thread::JoinHandle;
 const EVERY: Duration = Duration::from_millis(2);
 /// A gap between two wakings that could hide a stall of the chain: half of the slave's watchdog, ns.
 const PAUSE_NS: i64 = 25_000_000;
-/// Cores that are listened to.
-const MOST_CORES: usize = 64;
 
 /// A span in which a core ran nothing of ours, ns.
 type Gap = (i64, i64);
@@ -28,11 +25,10 @@ impl Pauses {
     /// Begins to listen, above a priority of the chain's where that is allowed.
     ///
     /// # Errors
-    /// The cores of this process are not known, or a thread could not be started.
+    /// A thread could not be started.
     pub fn above(priority: u8) -> anyhow::Result<Self> {
-        let allowed = sched_getaffinity(None)?;
         let mut listening = Self { is_over: Arc::default(), threads: Vec::new() };
-        for core in (0..MOST_CORES).filter(|core| allowed.is_set(*core)) {
+        for core in allowed_cores() {
             let wish = Realtime { priority: priority + 1, cores: Cores::Named(vec![core]), ..Realtime::ORDINARY };
             let is_over = listening.is_over.clone();
             let thread = std::thread::Builder::new().name(format!("core {core}"));
@@ -85,7 +81,7 @@ mod tests {
     #[test]
     fn every_core_is_listened_to_until_the_end() {
         let listening = Pauses::above(0).expect("threads");
-        assert!(listening.threads.len() >= std::thread::available_parallelism().expect("cores").get().min(MOST_CORES));
+        assert!(listening.threads.len() >= std::thread::available_parallelism().expect("cores").get());
         std::thread::sleep(4 * EVERY);
         assert!(listening.threads.iter().all(|thread| !thread.is_finished()));
         let longest_ms = listening.longest_ms(0, i64::MAX);
