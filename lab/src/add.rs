@@ -4,6 +4,7 @@ use crate::diagnose::Calibration;
 use crate::diagnose::search::{Search, Trial};
 use crate::fit::{Fit, Uncertainty, Variable, fit_to_end, held_out_output_squares, uncertainty};
 use crate::free::free_variables;
+use crate::joint::{OF_MACHINE, Start, Together, told};
 use crate::machine::{Candidate, FreeJoints, JointsLab, MachineUnderTest, nearest};
 use crate::noise::NoiseFloor;
 use crate::prepare::{Prepared, prepare};
@@ -76,27 +77,21 @@ pub fn add(machine: &dyn MachineUnderTest, data: &Measurements, options: &AddOpt
 /// that are free or known with a standard error, and with gains and offsets.
 fn with_own(joints: &JointsLab, data: &Measurements, options: &AddOptions, alone: Added) -> Result<Added, LabError> {
     let machine = FreeJoints::new(joints, data, &alone.calibration, &options.recordings);
-    let n_own = joints.effects().len();
-    let mut variables = told(joints, free_variables(&machine, data, &options.refit)?);
-    if variables.iter().all(|own| own.effect >= n_own) {
+    let start = Start { terms: &alone.terms, variables: &alone.variables };
+    let Some((effects, variables)) = start.with_own(joints, &machine, data, &options.refit)? else {
         return Ok(alone);
-    }
-    let mut effects = machine.effects().to_vec();
-    effects.extend_from_slice(&alone.terms[n_own..]);
-    // Behind the machine's own entry.
-    variables.extend(alone.variables.iter().cloned().map(|own| Variable { effect: own.effect + 1, ..own }));
+    };
     let bench = Bench::new(&machine, data)?;
-    let together = bench.report(fit_to_end(&bench.problem, &effects, &variables)?);
-    Ok(machine.without_machine(Added { before: alone.before, ..together }, alone.calibration))
+    let found = bench.report(fit_to_end(&bench.problem, &effects, &variables)?);
+    Ok(without_machine(&machine, Added { before: alone.before, ..found }, alone.calibration))
 }
 
-/// Effects that do what a joint's gain and offset do.
-const OF_MACHINE: [&str; 2] = ["scale", "offset"];
-
-/// The variables that can be told beside gains and offsets.
-fn told(joints: &JointsLab, variables: Vec<Variable>) -> Vec<Variable> {
-    let name = |own: &Variable| joints.effects().get(own.effect).map_or("", |term| term.name.as_str());
-    variables.into_iter().filter(|own| own.prior.is_some() || !OF_MACHINE.contains(&name(own))).collect()
+/// What was fitted, with gains and offsets as calibration.
+fn without_machine(machine: &FreeJoints, found: Added, calibration: Vec<Calibration>) -> Added {
+    let Added { terms, variables, uncertainty, before, after, noise_floor, .. } = found;
+    let Together { terms, variables, uncertainty, calibration } =
+        machine.without_machine(Together { terms, variables, uncertainty, calibration });
+    Added { terms, variables, uncertainty, calibration, before, after, noise_floor }
 }
 
 /// Fits parameters of the model's own effects: effect's label and parameter's name.
@@ -111,12 +106,12 @@ pub fn refit(
     // A gain or an offset that the user frees by name takes the place of the machine's.
     let is_asked = |name: &str| free.iter().any(|(effect, _)| effect == name);
     if let Some(joints) = machine.as_joints().filter(|_| !OF_MACHINE.into_iter().any(is_asked)) {
-        let calibration = crate::joint::calibration(joints, data)?;
+        let calibration = crate::joint::calibration(joints, data, &[])?;
         let machine = FreeJoints::new(joints, data, &calibration, &[]);
         let variables = told(joints, free_variables(&machine, data, free)?);
         let bench = Bench::new(&machine, data)?;
         let fitted = fit_to_end(&bench.problem, machine.effects(), &variables)?;
-        return Ok(machine.without_machine(bench.report(fitted), calibration));
+        return Ok(without_machine(&machine, bench.report(fitted), calibration));
     }
     let calibrated = machine.as_joints().map(|joints| crate::joint::calibrated(joints, data)).transpose()?;
     let machine = calibrated.as_ref().map_or(machine, |joints| joints as &dyn MachineUnderTest);

@@ -189,3 +189,34 @@ fn a_second_effect_of_joints_moves_the_first_that_was_fitted_alone_towards_the_t
     let better = two.to_toml();
     assert!(better.matches("from = \"copy.csv\"").count() == 2 && !better.contains("gain"), "{better}");
 }
+
+#[test]
+fn a_play_that_was_fitted_alone_gives_way_when_the_lag_beside_it_is_looked_for() {
+    let data = played_then_lagged(0.03, 0.15);
+    let (file, bare) = machine("n = 1\n");
+    let term = Term { name: "backlash".to_owned(), values: vec![0.0; 2], formula: None };
+    let options = AddOptions { term, from_given: false, free: Vec::new(), refit: Vec::new(), recordings: Vec::new() };
+    let alone = add(&bare, &data, &options).expect("a fit");
+    let wrong = alone.terms[0].values[1];
+    assert!((wrong - 0.03).abs() > 0.005, "{wrong} alone");
+    let saved = save(&file, &alone, "backlash", &data, "2026-11-24").expect("a model");
+    let own = JointsLab::new(&ModelFile::parse(&saved.to_toml()).expect("read back")).expect("joints");
+    let found = diagnose(&own, &data, &DiagnoseOptions::default()).expect("a chain");
+    let named: Vec<&str> = found.effects.iter().map(|effect| effect.name.as_str()).collect();
+    assert_eq!(named, ["first-order-lag"], "{}", found.sentence);
+    let of = |name: &str| found.calibration.iter().find(|own| own.name == name).expect("is reported");
+    let half_width = of("backlash.half_width");
+    assert!((half_width.value - 0.03).abs() < 4.0 * half_width.se && half_width.se < 0.002, "{half_width:?}");
+    let time = &found.effects[0].parameters.iter().find(|own| own.is_free).expect("a time");
+    assert!((time.value - 0.15).abs() < 0.01, "{time:?}");
+    assert!(found.final_heldout_rms < 1.05 * found.noise_floor.expect("white noise"), "{}", found.sentence);
+    assert!(found.base_heldout_rms > found.effects[0].after, "{}", found.base_heldout_rms);
+    // A number of the model that nobody left open is held, unless it is freed by name.
+    let held = format!("n = 1\n[[effect]]\nkind = \"backlash\"\nhalf_width = {wrong}\n");
+    let (_, held) = machine(&held);
+    let free = vec![("backlash".to_owned(), "half_width".to_owned())];
+    let freed = diagnose(&held, &data, &DiagnoseOptions { free, ..DiagnoseOptions::default() }).expect("a chain");
+    assert_eq!(freed.effects.iter().map(|effect| effect.name.as_str()).collect::<Vec<_>>(), ["first-order-lag"]);
+    let held = diagnose(&held, &data, &DiagnoseOptions::default()).expect("a chain");
+    assert!(held.final_heldout_rms > 1.05 * freed.final_heldout_rms, "{}", held.final_heldout_rms);
+}

@@ -1,16 +1,15 @@
 //! Adding an effect to joints, fitted together with gain and offset; the model's own effects are held here, and `crate::add` fits theirs again.
 
 use super::answer;
-use super::decide::{calibrated, candidates, excluded, fast_noise, problem};
+use super::decide::{candidates, excluded, fast_noise, names_and_trials, problem};
 use super::floor::floor;
 use super::gate::{Blocks, held_out};
 use super::kind::Kind;
 use super::refine::{Fit, Loss};
 use super::search::Search;
 use super::signal::Signal;
-use super::terms::{self, Value, Values, term};
+use super::terms::{self, Value, term};
 use crate::add::Added;
-use crate::diagnose::Calibration;
 use crate::fit::{Uncertainty, Variable};
 use crate::machine::{JointsLab, MachineUnderTest};
 use crate::{AddOptions, LabError, Measurements, Term};
@@ -24,10 +23,7 @@ const MOST_ROWS: usize = 10_000;
 /// [`LabError`] where the model's own effects make no chain.
 pub(crate) fn add(machine: &JointsLab, data: &Measurements, options: &AddOptions) -> Result<Option<Added>, LabError> {
     let wanted = &options.term;
-    let (names, mut first_trials): (Vec<String>, Vec<usize>) = options.recordings.iter().cloned().unzip();
-    if first_trials.is_empty() {
-        first_trials.push(0);
-    }
+    let (names, first_trials) = names_and_trials(&options.recordings);
     let excluded = excluded(machine, data)?;
     let only = wanted.values.first().map_or(0, |joint| joint.round() as usize);
     let mut terms = machine.effects().to_vec();
@@ -82,21 +78,6 @@ pub(crate) fn add(machine: &JointsLab, data: &Measurements, options: &AddOptions
     }))
 }
 
-/// Gain and offset of each joint as these data say, its effects as they are; without standard errors.
-///
-/// # Errors
-/// [`LabError::Chain`] where the model as given cannot be computed.
-pub(crate) fn calibration(machine: &JointsLab, data: &Measurements) -> Result<Vec<Calibration>, LabError> {
-    let calibrated = calibrated(machine, data)?;
-    let own = calibrated.joints();
-    let of = |joint: usize| {
-        let number = |value: f64| vec![(value, 0.0)];
-        let (gains, offsets) = (number(own.gain[joint][joint]), number(own.offset[joint]));
-        answer::of_machine(machine, joint, &Values { gains, offsets, members: Vec::new() }, &[])
-    };
-    Ok((0..own.n).flat_map(of).collect())
-}
-
 fn is_wanted(kind: Kind, wanted: &Term) -> bool {
     let from = || wanted.values.get(1).map_or(0, |from| from.round() as usize);
     match kind {
@@ -107,7 +88,7 @@ fn is_wanted(kind: Kind, wanted: &Term) -> bool {
 }
 
 /// The variables of the last effect's fitted values.
-fn fitted_variables<'v>(
+pub(super) fn fitted_variables<'v>(
     machine: &JointsLab,
     terms: &[Term],
     values: &'v [Value],

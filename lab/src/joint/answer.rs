@@ -21,6 +21,8 @@ pub(super) struct Answer<'a> {
     pub data: &'a Measurements,
     pub options: &'a DiagnoseOptions,
     pub found: Vec<Found>,
+    /// Values of the model's own effects that were found with them.
+    pub own_values: &'a [Calibration],
     pub hints: Vec<String>,
     pub n_outliers: usize,
 }
@@ -51,11 +53,11 @@ pub(super) fn frequency(
 /// # Errors
 /// [`LabError`] where the found effects make no chain.
 pub(super) fn diagnosis(answer: Answer) -> Result<Diagnosis, LabError> {
-    let Answer { machine, data, options, found, hints, n_outliers } = answer;
+    let Answer { machine, data, options, found, own_values, hints, n_outliers } = answer;
     let (unit, scale) = machine.error_unit();
     let length = |of: &dyn Fn(&Found) -> f64| found.iter().map(of).sum::<f64>().sqrt() * scale;
     let verdict = if hints.is_empty() { together(&found) } else { Verdict::Unknown };
-    let stands = |own: &Found| matches!(own.verdict, Verdict::Missing | Verdict::Partly) && hints.is_empty();
+    let stands = |own: &Found| own.stands() && hints.is_empty();
     let mut named: Vec<(f64, FoundEffect, Term)> = Vec::new();
     let mut partial: Vec<(f64, FoundEffect)> = Vec::new();
     let mut terms = machine.effects().to_vec();
@@ -76,10 +78,7 @@ pub(super) fn diagnosis(answer: Answer) -> Result<Diagnosis, LabError> {
             }
         }
         if stands(own) {
-            let in_chain = own.fit.members.iter().zip(&own.values.members);
-            let in_chain =
-                in_chain.filter(|(m, _)| !m.kind.is_shape() && (m.kind != Kind::Latency || m.values[0] >= 0.0));
-            terms.extend(in_chain.map(|(m, values)| term(name(m.kind, values), own.joint, values)));
+            terms.extend(own.in_chain().map(|(kind, values)| term(name(kind, values), own.joint, values)));
         }
     }
     named.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -112,7 +111,8 @@ pub(super) fn diagnosis(answer: Answer) -> Result<Diagnosis, LabError> {
     let mut cautions: Vec<String> = hints.clone();
     cautions.extend(cautions_of(&problem, n_outliers));
     cautions.extend(found.iter().flat_map(|own| disagreeing(own, options)));
-    let calibration = calibrations(machine, &found, options);
+    let mut calibration = calibrations(machine, &found, options);
+    calibration.extend_from_slice(own_values);
     let sentence = sentence(&Said {
         verdict,
         found: &found,

@@ -6,14 +6,15 @@ use super::first::first;
 use super::floor::{Floor, floor};
 use super::gate::{Blocks, HeldOut, gate, held_out, in_errors, order};
 use super::kind::Kind;
+use super::own;
 use super::refine::{Fit, Loss, as_given, refine};
 use super::search::{Plan, Search, n_effective};
 use super::signal::Signal;
 use super::simulate::Run;
-use super::solve::Design;
-use super::terms::{self, Values};
+use super::solve::{Design, Solution};
+use super::terms::{self, Value, Values};
 use crate::diagnose::screen::orthonormal;
-use crate::diagnose::{DiagnoseOptions, Diagnosis, GroupShare, Structure, Verdict, rhythm, structure, working_rows};
+use crate::diagnose::{Calibration, DiagnoseOptions, Diagnosis, GroupShare, Structure, Verdict, rhythm, structure, working_rows};
 use crate::machine::{JointsLab, MachineUnderTest};
 use crate::noise::outliers;
 use crate::{LabError, Measurements, Problem, scored_time_s};
@@ -35,8 +36,8 @@ const BEYOND_CHANCE: f64 = 3.0;
 const FEWEST_TIMES: f64 = 15.0;
 /// Effects that explain less than this share are hypotheses.
 const PARTLY: f64 = 0.5;
-/// The same beside a shape that no effect makes: share of what the effects and the shape explain together.
-const BESIDE: f64 = 0.1;
+/// The same beside a shape that no effect makes: share of what is left without the effects.
+const BESIDE: f64 = 0.25;
 /// A rest of structure below this level is no chance.
 const LEVEL_OF_REST: f64 = 0.02;
 /// White noise cannot make an error of this ratio of the floor.
@@ -65,6 +66,21 @@ pub(super) struct Found {
     pub n_blocks: usize,
 }
 
+impl Found {
+    /// Whether the effects of the list are asserted.
+    pub fn stands(&self) -> bool {
+        matches!(self.verdict, Verdict::Missing | Verdict::Partly)
+    }
+
+    /// Its effects as they stand in a chain, which has neither shapes without a name nor measurements that come ahead.
+    pub fn in_chain(&self) -> impl Iterator<Item = (Kind, &Vec<Value>)> {
+        let members = self.fit.members.iter().zip(&self.values.members);
+        members
+            .filter(|(m, _)| !m.kind.is_shape() && (m.kind != Kind::Latency || m.values[0] >= 0.0))
+            .map(|(m, values)| (m.kind, values))
+    }
+}
+
 /// One candidate alone.
 pub(super) struct Single {
     pub kind: Kind,
@@ -85,11 +101,15 @@ pub(crate) fn diagnose(
     let rows = if data.n_rows() > MOST_JUDGED { working_rows(data, &excluded) } else { (0..data.n_rows()).collect() };
     let work = data.select(&rows);
     let left_out: Vec<usize> = (0..rows.len()).filter(|k| excluded.binary_search(&rows[*k]).is_ok()).collect();
-    let case = Case { machine, data, work: &work, excluded: &excluded, left_out: &left_out, options };
     let hints = columns::check(machine, data)?;
-    let found: Vec<Found> =
-        (0..data.n_outputs).into_par_iter().map(|joint| case.joint(joint)).collect::<Result<_, _>>()?;
-    answer::diagnosis(Answer { machine, data, options, found, hints, n_outliers: excluded.len() })
+    let search = |machine: &JointsLab| {
+        let case = Case { machine, data, work: &work, excluded: &excluded, left_out: &left_out, options };
+        (0..data.n_outputs).into_par_iter().map(|joint| case.joint(joint)).collect()
+    };
+    let (own, found) = own::in_turn(machine, &work, options, search)?;
+    let machine = own.as_ref().map_or(machine, |own| &own.joints);
+    let own_values = own.as_ref().map_or(&[][..], |own| &own.values);
+    answer::diagnosis(Answer { machine, data, options, found, own_values, hints, n_outliers: excluded.len() })
 }
 
 /// Rows that stand out from their neighbours, with gain and offset fitted.
@@ -105,15 +125,44 @@ pub(super) fn excluded(machine: &JointsLab, data: &Measurements) -> Result<Vec<u
 /// # Errors
 /// [`LabError::Chain`] where the model as given cannot be computed.
 pub(crate) fn calibrated(machine: &JointsLab, data: &Measurements) -> Result<JointsLab, LabError> {
-    let (mut gains, mut offsets) = (Vec::new(), Vec::new());
-    for joint in 0..data.n_outputs {
-        let signal = Signal::new(machine, data, joint, &[], MOST_JUDGED, &[0])?;
-        let weight = vec![1.0; signal.rows.len()];
-        let fit = as_given(&signal, &[], Loss { weight: &weight, noise: 0.0 });
-        gains.push(fit.solution.gains[0]);
-        offsets.push(fit.solution.offsets[0]);
-    }
+    let solutions = solutions(machine, data, &[0])?;
+    let (gains, offsets): (Vec<f64>, Vec<f64>) = solutions.iter().map(|own| (own.gains[0], own.offsets[0])).unzip();
     Ok(machine.calibrated(&gains, &offsets))
+}
+
+/// Gain and offset of each joint in each recording as these data say, its effects as they are; without standard errors.
+///
+/// # Errors
+/// As [`calibrated`].
+pub(crate) fn calibration(
+    machine: &JointsLab,
+    data: &Measurements,
+    recordings: &[(String, usize)],
+) -> Result<Vec<Calibration>, LabError> {
+    let (names, first_trials) = names_and_trials(recordings);
+    let of = |(joint, own): (usize, Solution)| {
+        let numbers = |values: Vec<f64>| values.into_iter().map(|value| (value, 0.0)).collect();
+        let values = Values { gains: numbers(own.gains), offsets: numbers(own.offsets), members: Vec::new() };
+        answer::of_machine(machine, joint, &values, &names)
+    };
+    Ok(solutions(machine, data, &first_trials)?.into_iter().enumerate().flat_map(of).collect())
+}
+
+/// What the linear solve finds of each joint without further effects.
+fn solutions(machine: &JointsLab, data: &Measurements, recordings: &[usize]) -> Result<Vec<Solution>, LabError> {
+    let of = |joint: usize| {
+        let signal = Signal::new(machine, data, joint, &[], MOST_JUDGED, recordings)?;
+        let weight = vec![1.0; signal.rows.len()];
+        Ok(as_given(&signal, &[], Loss { weight: &weight, noise: 0.0 }).solution)
+    };
+    (0..data.n_outputs).map(of).collect()
+}
+
+/// Names of the recordings, and the first trial of each: one recording begins with the first.
+pub(super) fn names_and_trials(recordings: &[(String, usize)]) -> (Vec<String>, Vec<usize>) {
+    let (names, first_trials): (Vec<String>, Vec<usize>) = recordings.iter().cloned().unzip();
+    let first_trials = if first_trials.is_empty() { vec![0] } else { first_trials };
+    (names, first_trials)
 }
 
 struct Case<'a> {
@@ -199,7 +248,7 @@ impl Case<'_> {
         if let Some((kind, part)) = shape {
             structured = true;
             structure.groups.insert(0, GroupShare { name: kind.name(), share: part, p_value: structure.p_value });
-            explained = beside(last, &fit, &blocks, &before, with_shapes);
+            explained = beside(last, &fit, &blocks, with_shapes);
         }
         let mut verdict = match (n_known == 0, structured) {
             (true, false) => Verdict::None,
@@ -263,11 +312,11 @@ fn strongest_shape(search: &Search, fit: &Fit, blocks: &Blocks, after: &HeldOut)
     shapes.map(share).max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// What the effects of a list take away beside its shapes, as a share of what both take away.
-fn beside(search: &Search, fit: &Fit, blocks: &Blocks, before: &HeldOut, with_shapes: f64) -> f64 {
+/// What the effects of a list take away beside its shapes, as a share of what is left without them.
+fn beside(search: &Search, fit: &Fit, blocks: &Blocks, with_shapes: f64) -> f64 {
     let shapes = search.part(fit, Kind::is_shape, 8);
     let held = held_out(search.signal, &shapes, search.loss, blocks, 3);
-    (held.mean_square - with_shapes) / (before.mean_square - with_shapes).max(1e-300)
+    1.0 - with_shapes / held.mean_square.max(1e-300)
 }
 
 /// What a joint may have. A gain and an offset that the model holds may be wrong; a curve of two terms is looked for only where
@@ -379,7 +428,7 @@ fn classes(search: &Search, fit: &Fit, order: &[Kind], seed: u64) -> (Vec<Vec<Ki
             .into_par_iter()
             .filter_map(|kind| {
                 let other = search.extend(&rest, kind)?;
-                if other.square() > COMPARED * own.square() || other.at_end(search.signal) {
+                if other.square() > COMPARED * own.square() || other.imitates(search.signal) {
                     return None;
                 }
                 Some((kind, held_out(search.signal, &other, search.loss, &blocks, 3)))

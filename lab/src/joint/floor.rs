@@ -24,6 +24,8 @@ pub(super) struct Floor {
 /// Pairs of visits are this far apart, as a part of the record, and this near in history, as a part of the range.
 const APART: f64 = 0.05;
 const NEAR: f64 = 0.01;
+/// What another joint's place counts beside the joint's own.
+const OF_OTHERS: f64 = 0.1;
 const FEWEST_PAIRS: usize = 30;
 const MOST_PAIRS: usize = 200_000;
 /// Visits and differences disagree beyond this ratio: what does not repeat may be noise, or an effect that nobody has found.
@@ -62,13 +64,13 @@ pub(super) fn floor(signal: &Signal, problem: &Problem, fit: &Fit, held_out_rms:
 fn on_visits(signal: &Signal, fit: &Fit) -> Option<(f64, usize)> {
     let histories = histories(signal);
     let gains = &fit.solution.gains;
-    let mut visits: Vec<([f64; 4], usize)> = signal.rows.iter().map(|&row| (histories[row], row)).collect();
+    let mut visits: Vec<(&[f64], usize)> = signal.rows.iter().map(|&row| (histories[row].as_slice(), row)).collect();
     visits.sort_by(|a, b| a.0[0].total_cmp(&b.0[0]).then(a.1.cmp(&b.1)));
     let apart_s = APART * signal.longest_s;
     let (mut sum, mut n_pairs) = (0.0, 0);
     for (i, (a, row)) in visits.iter().enumerate() {
         for (b, other) in visits[i + 1..].iter().take_while(|(b, _)| b[0] - a[0] < NEAR) {
-            let square: f64 = a.iter().zip(b).map(|(x, y)| (x - y).powi(2)).sum();
+            let square: f64 = a.iter().zip(*b).map(|(x, y)| (x - y).powi(2)).sum();
             let far = signal.trial[*row] != signal.trial[*other]
                 || (signal.time_s[*row] - signal.time_s[*other]).abs() > apart_s;
             let (first, second) = (signal.recording(*row), signal.recording(*other));
@@ -86,22 +88,32 @@ fn on_visits(signal: &Signal, fit: &Fit) -> Option<(f64, usize)> {
     (n_pairs >= FEWEST_PAIRS).then(|| ((sum / n_pairs as f64).sqrt(), n_pairs))
 }
 
-/// Place, two plays and a lag of every row, as parts of the range: rows that agree in them have the same history.
-fn histories(signal: &Signal) -> Vec<[f64; 4]> {
+/// Place, two plays and a lag of every row, as parts of the range, and place and play of each other joint, which count less: rows that
+/// agree in them have the same history.
+fn histories(signal: &Signal) -> Vec<Vec<f64>> {
     let own = &signal.inputs[signal.joint];
     let mut state = [0.0; 3];
     let lag_s = 10.0 * signal.typical_step_s;
-    own.iter()
-        .enumerate()
-        .map(|(row, &u)| {
-            if signal.fresh[row] {
-                state = [u; 3];
-            }
-            state[0] = play(state[0], u, 0.05 * signal.range);
-            state[1] = play(state[1], u, 0.2 * signal.range);
-            state[2] += (u - state[2]) * (1.0 - (-signal.step_s[row] / lag_s).exp());
-            let part = |x: f64| (x - u) / signal.range;
-            [u / signal.range, part(state[0]), part(state[1]), part(state[2])]
-        })
-        .collect()
+    let others: Vec<(&Vec<f64>, f64)> = (0..signal.inputs.len())
+        .filter(|k| *k != signal.joint)
+        .map(|k| (&signal.inputs[k], signal.range_of(k)))
+        .collect();
+    let mut plays = vec![0.0; others.len()];
+    let of = |(row, &u): (usize, &f64)| {
+        if signal.fresh[row] {
+            state = [u; 3];
+        }
+        state[0] = play(state[0], u, 0.05 * signal.range);
+        state[1] = play(state[1], u, 0.2 * signal.range);
+        state[2] += (u - state[2]) * (1.0 - (-signal.step_s[row] / lag_s).exp());
+        let part = |x: f64| (x - u) / signal.range;
+        let mut history = vec![u / signal.range, part(state[0]), part(state[1]), part(state[2])];
+        for ((other, range), behind) in others.iter().zip(&mut plays) {
+            let u = other[row];
+            *behind = if signal.fresh[row] { u } else { play(*behind, u, 0.05 * range) };
+            history.extend([OF_OTHERS * u / range, OF_OTHERS * (*behind - u) / range]);
+        }
+        history
+    };
+    own.iter().enumerate().map(of).collect()
 }

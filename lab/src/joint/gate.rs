@@ -126,7 +126,9 @@ pub(super) fn gate(search: &Search, best: &Fit, blocks: &Blocks) -> (Fit, HeldOu
             let part = (held.mean_square - own.mean_square) / held.mean_square.max(1e-300);
             let (errors, smallest) =
                 if kind.is_shape() { (ERRORS_OF_SHAPE, SMALLEST_OF_SHAPE) } else { (ERRORS, SMALLEST_PART) };
-            let stands = in_errors(&held.blocks, &own.blocks) > errors && part > smallest;
+            let place = current.members.iter().position(|m| m.kind == kind);
+            let imitates = place.is_some_and(|i| current.member_imitates(signal, i));
+            let stands = !imitates && in_errors(&held.blocks, &own.blocks) > errors && part > smallest;
             if !stands && weakest.as_ref().is_none_or(|(least, ..)| part < *least) {
                 weakest = Some((part, without, held));
             }

@@ -30,6 +30,7 @@ pub(super) enum Kind {
     Kink,
     Drag,
     Jump,
+    Wander,
     Rhythm,
     Fading,
     Product(usize),
@@ -100,6 +101,10 @@ impl Range {
     }
 }
 
+/// Half-width of the widest play, as a part of the range: a wider one leaves next to nothing of the motion.
+const WIDEST_PLAY: f64 = 0.45;
+/// Half waves over the record that make a slow wandering: the shortest lasts a fifth of the record.
+pub(super) const WAVES: usize = 10;
 /// An error with fewer periods in the whole range is a curve.
 const FEWEST_TURNS: f64 = 3.0;
 
@@ -144,7 +149,7 @@ impl Kind {
             Self::Saturation => Class::Clipped,
             Self::Quadratic | Self::Cubic | Self::Curve => Class::Curve,
             Self::Creep => Class::Creep,
-            Self::LinearDrift | Self::WarmUp => Class::Drift,
+            Self::LinearDrift | Self::WarmUp | Self::Wander => Class::Drift,
             Self::Scale => Class::Proportional,
             Self::Offset => Class::Constant,
             Self::Periodic => Class::Periodic,
@@ -155,8 +160,8 @@ impl Kind {
 
     /// Every shape that a joint's errors can have and no effect of the library makes.
     pub fn shapes(signal: &Signal) -> Vec<Self> {
-        let mut all = vec![Self::Kink, Self::Drag, Self::Jump, Self::Fading];
-        all.extend(signal.has_rhythms.then_some(Self::Rhythm));
+        let mut all =
+            vec![Self::Kink, Self::Drag, Self::Jump, Self::Wander, Self::Rhythm, Self::Fading];
         for kind in Self::all(signal) {
             if let Self::Coupling(k) = kind {
                 all.extend([Self::Product(k), Self::OtherSquare(k), Self::OtherPlay(k)]);
@@ -167,7 +172,7 @@ impl Kind {
 
     /// Whether it is a shape without a name in the library.
     pub fn is_shape(self) -> bool {
-        matches!(self.class(), Class::Shape(_))
+        self == Self::Wander || matches!(self.class(), Class::Shape(_))
     }
 
     /// Its name in answers and model files.
@@ -195,6 +200,7 @@ impl Kind {
             Self::Kink => "the position, with another slope beyond some place",
             Self::Drag => "speed, by a power of it",
             Self::Jump => "time, with a jump",
+            Self::Wander => "time, as a slow wandering",
             Self::Rhythm => "a rhythm in time that the motion does not have",
             Self::Fading => "time, as a gain that changes",
             Self::Product(_) => "the product of two joints' positions",
@@ -222,10 +228,16 @@ impl Kind {
         matches!(self, Self::Backlash | Self::BoucWen | Self::Plays)
     }
 
+    /// Whether it can only lose motion: what it does to the position has the sign of the gain.
+    pub fn lags_behind(self) -> bool {
+        matches!(self, Self::BoucWen | Self::Plays)
+    }
+
     /// Amplitudes that are solved for.
     pub fn n_linear(self) -> usize {
         match self {
             Self::Periodic | Self::Plays | Self::Curve | Self::Rhythm => 2,
+            Self::Wander => WAVES,
             own if own.carries() => 0,
             _ => 1,
         }
@@ -245,7 +257,7 @@ impl Kind {
             Self::Lag => vec![log(0.3 * dt, 8.0_f64.min(s.longest_s / 8.0))],
             Self::SecondOrder => vec![log(0.5, 200.0_f64.min(1.0 / dt)), log(0.15, 3.0)],
             Self::RateLimit => vec![log(0.02 * s.fast, 1.2 * s.fast)],
-            Self::Backlash | Self::BoucWen | Self::Plays => vec![log(2e-3 * r, 0.6 * r)],
+            Self::Backlash | Self::BoucWen | Self::Plays => vec![log(2e-3 * r, WIDEST_PLAY * r)],
             Self::LoadFriction => vec![log(0.005, 0.6)],
             Self::DeadZone => {
                 let scale = Coordinates::Linear(r);
@@ -255,7 +267,7 @@ impl Kind {
                 let most = s.low.abs().max((s.low + r).abs());
                 vec![log(0.2 * most, 1.01 * most)]
             }
-            Self::Creep => vec![open(log(1.0_f64.max(20.0 * dt), s.longest_s / 3.0))],
+            Self::Creep => vec![log(1.0_f64.max(20.0 * dt), s.longest_s / 3.0)],
             Self::WarmUp => vec![open(log(s.longest_s / 8.0, s.longest_s * 0.7))],
             Self::Periodic => vec![open(log((r / 100.0).max(1e-4 * r), r / FEWEST_TURNS))],
             Self::Kink => {
@@ -280,6 +292,7 @@ impl Kind {
             | Self::Scale
             | Self::Offset
             | Self::Fading
+            | Self::Wander
             | Self::Product(_)
             | Self::OtherSquare(_) => Vec::new(),
         }
@@ -320,7 +333,8 @@ impl Kind {
             Self::Jump => one((1..48).map(|k| f64::from(k) / 48.0).collect()),
             Self::Rhythm => {
                 let (low, high) = s.rhythms_hz();
-                one((0..).map(|k| low + 0.5 * f64::from(k) / s.longest_s).take_while(|f| *f < high).collect())
+                let all = (0..).map(|k| low + 0.5 * f64::from(k) / s.longest_s).take_while(|f| *f < high);
+                one(all.filter(|hz| !s.is_of_motion(*hz)).collect())
             }
             Self::OtherPlay(_) => one(steps(0, 7)),
             _ => vec![Vec::new()],

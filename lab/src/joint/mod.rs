@@ -13,6 +13,7 @@ mod first;
 mod floor;
 mod gate;
 mod kind;
+mod own;
 mod refine;
 mod search;
 mod signal;
@@ -20,6 +21,7 @@ mod simulate;
 mod solve;
 mod terms;
 
-pub(crate) use add::{add, calibration};
-pub(crate) use decide::{calibrated, diagnose};
+pub(crate) use add::add;
+pub(crate) use decide::{calibrated, calibration, diagnose};
+pub(crate) use own::{OF_MACHINE, Start, Together, told};
 pub(crate) use signal::Number;

@@ -56,11 +56,24 @@ impl Fit {
         self.members.iter().map(of).sum()
     }
 
-    /// Whether a parameter lies at an end that matters: the effect imitates something else.
-    pub fn at_end(&self, signal: &Signal) -> bool {
-        self.members
-            .iter()
-            .any(|m| m.values.iter().zip(m.kind.ranges(signal)).any(|(value, range)| range.at_end(*value)))
+    /// Whether a member imitates something else: a parameter lies at an end that matters, hysteresis
+    /// runs ahead of the motion, or a rhythm is the motion's.
+    pub fn imitates(&self, signal: &Signal) -> bool {
+        (0..self.members.len()).any(|i| self.member_imitates(signal, i))
+    }
+
+    /// The same of one member.
+    pub fn member_imitates(&self, signal: &Signal, i: usize) -> bool {
+        let own = &self.members[i];
+        let at_end = own.values.iter().zip(own.kind.ranges(signal)).any(|(value, range)| range.at_end(*value));
+        let is_motion = own.kind == Kind::Rhythm && signal.is_of_motion(own.values[0]);
+        at_end || is_motion || own.kind.lags_behind() && self.amplitudes(i).iter().any(|a| a * self.solution.gains[0] < 0.0)
+    }
+
+    /// Amplitudes of a member's columns.
+    fn amplitudes(&self, i: usize) -> &[f64] {
+        let from: usize = self.members[..i].iter().map(|own| own.kind.n_linear()).sum();
+        &self.solution.amplitudes[from..from + self.members[i].kind.n_linear()]
     }
 }
 

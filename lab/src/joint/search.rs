@@ -99,7 +99,7 @@ impl<'a> Search<'a> {
                 break;
             }
         }
-        let inside = self.pool.values().filter(|fit| fit.members.len() <= plan.depth && !fit.at_end(self.signal));
+        let inside = self.pool.values().filter(|fit| fit.members.len() <= plan.depth && !fit.imitates(self.signal));
         let best = inside.min_by(|a, b| self.score(a).total_cmp(&self.score(b)));
         let best = best.unwrap_or_else(|| self.base()).clone();
         self.swap_and_prune(best, plan.depth)
@@ -231,7 +231,7 @@ impl<'a> Search<'a> {
             options.truncate(3);
             let deep: Vec<Fit> = options.par_iter().map(|fit| self.deepen(fit)).collect();
             deep.iter().for_each(|fit| self.remember(fit));
-            let next = deep.into_iter().filter(|fit| !fit.at_end(self.signal));
+            let next = deep.into_iter().filter(|fit| !fit.imitates(self.signal));
             let next = next.min_by(|a, b| self.score(a).total_cmp(&self.score(b)));
             match next.filter(|fit| self.score(fit) < now - 1e-6) {
                 Some(next) => best = next,

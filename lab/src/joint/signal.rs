@@ -44,14 +44,22 @@ pub(super) struct Signal {
     pub typical_step_s: f64,
     /// Length of the longest trial, s.
     pub longest_s: f64,
-    /// Whether a rhythm in time could be told from the motion, which then has none itself.
-    pub has_rhythms: bool,
+    /// The command's own strong waves: a rhythm in time there cannot be told from the motion.
+    pub own_waves: Vec<Wave>,
     /// A speed that is rarely exceeded.
     pub fast: f64,
     /// What the model knows of gain and offset.
     pub gain: Number,
     /// The same for the offset.
     pub offset: Number,
+}
+
+/// A frequency that makes much of a command.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Wave {
+    pub hz: f64,
+    /// Whether it makes nearly all of it.
+    pub is_alone: bool,
 }
 
 /// A number of the machine: held, free, or drawn to a value.
@@ -118,7 +126,7 @@ impl Signal {
             .map(|row| (inputs[joint][row] - inputs[joint][row - 1]).abs() / step_s[row])
             .collect();
         speeds.sort_by(f64::total_cmp);
-        let has_rhythms = !is_periodic(&inputs[joint], &data.time_s, &trial);
+        let own_waves = strong_waves(&inputs[joint], &data.time_s, &trial);
         let at = |sorted: &[f64], part: f64| sorted.get((part * sorted.len() as f64) as usize).copied();
         Ok(Self {
             joint,
@@ -136,7 +144,7 @@ impl Signal {
                 .map(|k| recordings.partition_point(|first| *first <= k).max(1) - 1)
                 .collect(),
             n_recordings: recordings.len().max(1),
-            has_rhythms,
+            own_waves,
             rows: frames.into_iter().step_by(stride).collect(),
             range: if high > low { high - low } else { 1.0 },
             low,
@@ -164,6 +172,13 @@ impl Signal {
         (low, fastest.max(low * 1.2))
     }
 
+    /// Whether the motion has this frequency, Hz, or hysteresis could make it of a motion that is one sine.
+    pub fn is_of_motion(&self, hz: f64) -> bool {
+        let multiples = |wave: &Wave| if wave.is_alone { 1..=HARMONICS } else { 1..=1 };
+        let near = |wave: &Wave| multiples(wave).any(|n| (hz - f64::from(n) * wave.hz).abs() < 1.0 / self.longest_s);
+        self.own_waves.iter().any(near)
+    }
+
     /// Range of a joint's command.
     pub fn range_of(&self, joint: usize) -> f64 {
         let (low, high) = bounds(self.inputs[joint].iter().copied());
@@ -183,13 +198,17 @@ impl Signal {
 
 /// Rhythms that are tried.
 const MOST_RHYTHMS: f64 = 300.0;
-/// A motion of which one frequency has this share of its variance is a rhythm itself.
-const LARGEST_SHARE: f64 = 0.3;
-/// Rows that its spectrum is made of.
+/// A frequency of this share of the command's variance is the motion's own, of this one the motion is mostly one sine.
+const STRONG: f64 = 0.05;
+const ALONE: f64 = 0.6;
+/// Multiples of that sine that count.
+const HARMONICS: u32 = 6;
+/// Rows that the spectrum is made of, and its last half wave.
 const ROWS_OF_SPECTRUM: usize = 2000;
+const HALF_WAVES: u32 = 200;
 
-/// Whether the longest part of a command is mostly one sine.
-fn is_periodic(command: &[f64], time_s: &[f64], trial: &[usize]) -> bool {
+/// Frequencies that make much of the first part of a command; none of one that stands still.
+fn strong_waves(command: &[f64], time_s: &[f64], trial: &[usize]) -> Vec<Wave> {
     let first = trial.iter().position(|own| *own == 0).unwrap_or(0);
     let end = trial.iter().position(|own| *own > 0).unwrap_or(command.len());
     let stride = (end - first).div_ceil(ROWS_OF_SPECTRUM).max(1);
@@ -199,14 +218,15 @@ fn is_periodic(command: &[f64], time_s: &[f64], trial: &[usize]) -> bool {
     let whole: f64 = rows.iter().map(|&row| (command[row] - mean).powi(2)).sum();
     let seconds = rows.last().map_or(0.0, |&row| time_s[row] - time_s[first]);
     if seconds <= 0.0 || whole <= 0.0 {
-        return true;
+        return Vec::new();
     }
-    (2..200).any(|k| {
-        let w = core::f64::consts::TAU * 0.5 * f64::from(k) / seconds;
+    let share = |hz: f64| {
         let (s, c) = rows.iter().fold((0.0, 0.0), |(s, c), &row| {
-            let (sine, cosine) = (w * (time_s[row] - time_s[first])).sin_cos();
+            let (sine, cosine) = (core::f64::consts::TAU * hz * (time_s[row] - time_s[first])).sin_cos();
             (s + (command[row] - mean) * sine, c + (command[row] - mean) * cosine)
         });
-        2.0 * (s * s + c * c) / n / whole > LARGEST_SHARE
-    })
+        2.0 * (s * s + c * c) / n / whole
+    };
+    let all = (2..HALF_WAVES).map(|k| 0.5 * f64::from(k) / seconds).map(|hz| (hz, share(hz)));
+    all.filter(|(_, share)| *share > STRONG).map(|(hz, share)| Wave { hz, is_alone: share > ALONE }).collect()
 }

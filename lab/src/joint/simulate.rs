@@ -1,8 +1,8 @@
 //! A list of effects run over a signal: the position that is passed on, effect by effect, and the columns that amplitudes scale.
 
-use super::kind::Kind;
+use super::kind::{Kind, WAVES};
 use super::signal::Signal;
-use core::f64::consts::TAU;
+use core::f64::consts::{PI, TAU};
 use krait_model::joints::{bouc_wen, lag_step, load_play, play, second_order_ramp, second_order_step};
 use std::sync::Arc;
 
@@ -154,6 +154,10 @@ pub(super) fn columns(s: &Signal, member: &Member, x: &[f64]) -> Vec<Vec<f64>> {
             speed.signum() * speed.abs().powf(values[0])
         })],
         Kind::Jump => vec![on_rows(&|row| if row as f64 >= values[0] * s.n() as f64 { 1.0 } else { 0.0 })],
+        Kind::Wander => {
+            let wave = |n: usize| on_rows(&|row| (PI * n as f64 * row as f64 / s.n() as f64).cos());
+            (1..=WAVES).map(wave).collect()
+        }
         Kind::Rhythm => {
             let wave = |row: usize| (TAU * values[0] * s.time_s[row]).sin_cos();
             vec![on_rows(&|row| wave(row).0), on_rows(&|row| wave(row).1)]

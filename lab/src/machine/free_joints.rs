@@ -3,9 +3,9 @@
 use super::geometry::is_geometry;
 use super::{Candidate, JointsLab, MachineUnderTest, OpenNumber};
 use crate::diagnose::Calibration;
-use crate::joint::Number;
+use crate::joint::{Number, Together};
 use crate::noise::bounds;
-use crate::{Added, LabError, Measurements, Parameter, Term};
+use crate::{LabError, Measurements, Parameter, Term};
 
 /// Joints with what is free of them in the list of effects: one entry behind the model's own, which holds gain and offset of each joint
 /// in each recording.
@@ -66,29 +66,28 @@ impl<'a> FreeJoints<'a> {
     }
 
     /// What a fit found, with gains and offsets as calibration and no longer in the list.
-    pub fn without_machine(&self, mut added: Added, calibration: Vec<Calibration>) -> Added {
+    pub fn without_machine(&self, mut found: Together) -> Together {
         let (_, scale) = self.joints.error_unit();
         let (place, n) = (self.joints.effects().len(), self.joints.joints().n);
-        added.calibration = calibration;
-        for (variable, se) in added.variables.iter().zip(&added.uncertainty.robust).filter(|(v, _)| v.effect == place) {
+        for (variable, se) in found.variables.iter().zip(&found.uncertainty.robust).filter(|(v, _)| v.effect == place) {
             let (of_joint, which) = (variable.parameter / NUMBERS, variable.parameter % NUMBERS);
             let (name, scale) = if which == 0 { ("gain", 1.0) } else { ("offset", scale) };
             let own =
-                added.calibration.iter_mut().filter(|own| own.name == name && own.joint == Some(of_joint % n + 1));
+                found.calibration.iter_mut().filter(|own| own.name == name && own.joint == Some(of_joint % n + 1));
             if let Some(own) = own.into_iter().nth(of_joint / n) {
-                (own.value, own.se) = (scale * variable.value(&added.terms), scale * se);
+                (own.value, own.se) = (scale * variable.value(&found.terms), scale * se);
             }
         }
-        let keep: Vec<bool> = added.variables.iter().map(|variable| variable.effect != place).collect();
+        let keep: Vec<bool> = found.variables.iter().map(|variable| variable.effect != place).collect();
         let kept = |values: &[f64]| values.iter().zip(&keep).filter(|(_, keep)| **keep).map(|(v, _)| *v).collect();
-        added.uncertainty.robust = kept(&added.uncertainty.robust);
-        added.uncertainty.naive = kept(&added.uncertainty.naive);
-        added.variables.retain(|variable| variable.effect != place);
-        for variable in added.variables.iter_mut().filter(|variable| variable.effect > place) {
+        found.uncertainty.robust = kept(&found.uncertainty.robust);
+        found.uncertainty.naive = kept(&found.uncertainty.naive);
+        found.variables.retain(|variable| variable.effect != place);
+        for variable in found.variables.iter_mut().filter(|variable| variable.effect > place) {
             variable.effect -= 1;
         }
-        added.terms.remove(place);
-        added
+        found.terms.remove(place);
+        found
     }
 }
 

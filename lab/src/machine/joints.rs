@@ -35,6 +35,11 @@ impl JointsLab {
         own
     }
 
+    /// The same with these values of its own effects.
+    pub(crate) fn with_effects(&self, effects: &[Term]) -> Self {
+        Self { effects: effects.to_vec(), ..self.clone() }
+    }
+
     /// The machine of the model file.
     pub fn joints(&self) -> &Joints {
         &self.joints
