@@ -47,7 +47,7 @@ pub(crate) fn add(machine: &JointsLab, data: &Measurements, options: &AddOptions
             .min_by(|a, b| a.square().total_cmp(&b.square()));
         is_known |= fitted.is_some();
         let fit = fitted.unwrap_or_else(|| search.base().clone());
-        let times = super::search::n_effective(&signal, &fit);
+        let times = super::search::n_effective(&fit);
         let blocks = Blocks::new(&signal, times);
         let errors = [search.base(), &fit].map(|fit| held_out(&signal, fit, loss, &blocks, 3).mean_square);
         (before, after) = (before + errors[0], after + errors[1]);

@@ -203,7 +203,7 @@ impl Case<'_> {
             parts.map(|(key, fit)| (key.clone(), as_given(&judged, &fit.members, loss))).collect();
         last.pool.extend(parts);
         let best = refine(&judged, &best.members, loss, 8, 1e-6, true);
-        last.n_effective = n_effective(&judged, &best);
+        last.n_effective = n_effective(&best);
         Ok(self.judge(&search, &last, best))
     }
 
@@ -214,7 +214,7 @@ impl Case<'_> {
             if signal.n_recordings >= 3 { Blocks::recordings(signal) } else { Blocks::new(signal, last.n_effective) };
         let before = held_out(signal, &base, loss, &blocks, 3);
         let (mut fit, mut after) = gate(last, &best, &blocks);
-        let times = n_effective(signal, if fit.members.is_empty() { &best } else { &fit });
+        let times = n_effective(if fit.members.is_empty() { &best } else { &fit });
         let problem = problem(self.machine, self.data_of(signal), signal, times);
         let test = first(last, &problem, self.options.seed);
         let gained = in_errors(&before.blocks, &after.blocks);

@@ -5,6 +5,7 @@ use super::refine::{Fit, Loss, as_given, kinds, polish, refine};
 use super::signal::Signal;
 use super::simulate::Member;
 use super::solve::{Design, evaluate, solve, weighted_normal};
+use crate::diagnose::screen::{orthonormal, remove};
 use crate::noise::autocorrelation_time;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -28,6 +29,8 @@ pub(super) struct Search<'a> {
     pub pool: BTreeMap<Vec<Kind>, Fit>,
     /// Rows that tell something of their own.
     pub n_effective: f64,
+    /// Slow waves in time, orthonormal: what they can make of a residual does not tell how many rows tell something of their own.
+    slow: Vec<Vec<f64>>,
 }
 
 /// Price of a parameter, in units of ln N.
@@ -47,8 +50,11 @@ const APART: f64 = 0.6;
 impl<'a> Search<'a> {
     pub fn new(signal: &'a Signal, loss: Loss<'a>, candidates: Vec<Kind>) -> Self {
         let base = as_given(signal, &[], loss);
-        let n_effective = n_effective(signal, &base);
-        Self { signal, loss, candidates, pool: BTreeMap::from([(Vec::new(), base)]), n_effective }
+        let wander = Member::new(signal, Kind::Wander, &[], 0.0);
+        let slow = orthonormal(&super::simulate::columns(signal, &wander, &signal.base));
+        let mut own = Self { signal, loss, candidates, pool: BTreeMap::from([(Vec::new(), base)]), n_effective: 0.0, slow };
+        own.count_rows();
+        own
     }
 
     /// The fit without further effects.
@@ -78,8 +84,7 @@ impl<'a> Search<'a> {
             if extended.is_empty() {
                 break;
             }
-            let lowest = extended.iter().min_by(|a, b| a.square().total_cmp(&b.square()));
-            self.n_effective = lowest.map_or(8.0, |fit| n_effective(self.signal, fit));
+            self.n_effective = self.rows_of(lowest(extended.iter()).unwrap_or_else(|| self.base()));
             let mut rough = extended;
             rough.sort_by(|a, b| self.score(a).total_cmp(&self.score(b)));
             let before = self.pool.values().map(|fit| self.score(fit)).fold(f64::INFINITY, f64::min);
@@ -87,22 +92,48 @@ impl<'a> Search<'a> {
             rough.truncate(2 * plan.width);
             let mut deep: Vec<Fit> = rough.par_iter().map(|fit| self.deepen(fit)).collect();
             deep.iter().for_each(|fit| self.remember(fit));
-            let lowest = self.pool.values().min_by(|a, b| a.square().total_cmp(&b.square()));
-            self.n_effective = lowest.map_or(8.0, |fit| n_effective(self.signal, fit));
+            self.count_rows();
             deep.sort_by(|a, b| self.score(a).total_cmp(&self.score(b)));
             let best = deep.first().map_or(f64::INFINITY, |fit| self.score(fit));
             deep.truncate(plan.width);
             beam = deep;
             // What several effects leave has a long memory, which makes each of them look dear: only what is left without one ends it.
-            let is_short = self.n_effective > ENDS_WITH_WHITE * self.signal.rows.len() as f64;
-            if depth >= DEEP_ENOUGH && best > before + 2.0 && (is_short || depth > DEEP_ENOUGH) {
+            if depth >= DEEP_ENOUGH && best > before + 2.0 && (self.ends_white() || depth > DEEP_ENOUGH) {
                 break;
             }
         }
-        let inside = self.pool.values().filter(|fit| fit.members.len() <= plan.depth && !fit.imitates(self.signal));
-        let best = inside.min_by(|a, b| self.score(a).total_cmp(&self.score(b)));
-        let best = best.unwrap_or_else(|| self.base()).clone();
-        self.swap_and_prune(best, plan.depth)
+        let start = self.inside(plan.depth).min_by(|a, b| self.score(a).total_cmp(&self.score(b)));
+        let start = start.unwrap_or_else(|| self.base()).clone();
+        let best = self.swap_and_prune(start, plan.depth);
+        if self.ends_white() {
+            return best;
+        }
+        // A slow rest makes every list look dear, also that which would be right with one member exchanged.
+        let start = lowest(self.inside(plan.depth)).unwrap_or_else(|| self.base()).clone();
+        let other = self.swap_and_prune(start, plan.depth);
+        if self.score(&other) < self.score(&best) { other } else { best }
+    }
+
+    /// Lists of at most this length whose members are what they say.
+    fn inside(&self, depth: usize) -> impl Iterator<Item = &Fit> {
+        self.pool.values().filter(move |fit| fit.members.len() <= depth && !fit.imitates(self.signal))
+    }
+
+    /// Whether what the best list leaves has nothing more to give.
+    fn ends_white(&self) -> bool {
+        self.n_effective > ENDS_WITH_WHITE * self.signal.rows.len() as f64
+    }
+
+    /// Takes the rows that tell something of their own from what the best list leaves.
+    fn count_rows(&mut self) {
+        self.n_effective = self.rows_of(lowest(self.pool.values()).unwrap_or_else(|| self.base()));
+    }
+
+    /// Rows of the loss that tell something of their own beside a slow wandering, 8 or more.
+    fn rows_of(&self, fit: &Fit) -> f64 {
+        let mut residual = fit.solution.residual.clone();
+        remove(&self.slow, &mut residual);
+        memories(&residual)
     }
 
     fn remember(&mut self, fit: &Fit) {
@@ -209,11 +240,13 @@ impl<'a> Search<'a> {
         polish(self.signal, best, self.loss)
     }
 
-    /// Every member replaced or left out, until nothing gets better.
+    /// Every member replaced or left out, or one more, until nothing gets better.
     fn swap_and_prune(&mut self, mut best: Fit, depth: usize) -> Fit {
         for _ in 0..3 {
-            let now = self.score(&best);
             let mut options = Vec::new();
+            if best.members.len() < depth {
+                options.extend(self.extend_all(core::slice::from_ref(&best)));
+            }
             for kind in best.kinds() {
                 let rest: Vec<Member> = best.members.iter().filter(|own| own.kind != kind).cloned().collect();
                 let key = kinds(&rest);
@@ -231,6 +264,8 @@ impl<'a> Search<'a> {
             options.truncate(3);
             let deep: Vec<Fit> = options.par_iter().map(|fit| self.deepen(fit)).collect();
             deep.iter().for_each(|fit| self.remember(fit));
+            self.count_rows();
+            let now = self.score(&best);
             let next = deep.into_iter().filter(|fit| !fit.imitates(self.signal));
             let next = next.min_by(|a, b| self.score(a).total_cmp(&self.score(b)));
             match next.filter(|fit| self.score(fit) < now - 1e-6) {
@@ -261,6 +296,11 @@ impl<'a> Search<'a> {
     }
 }
 
+/// The fit that leaves least.
+fn lowest<'f>(fits: impl Iterator<Item = &'f Fit>) -> Option<&'f Fit> {
+    fits.min_by(|a, b| a.square().total_cmp(&b.square()))
+}
+
 /// What columns take away from the sum of squares of a residual.
 fn gain(columns: &[Vec<f64>], residual: &[f64], weight: &[f64]) -> f64 {
     let (gram, right) = weighted_normal(columns, residual, weight);
@@ -271,9 +311,12 @@ fn gain(columns: &[Vec<f64>], residual: &[f64], weight: &[f64]) -> f64 {
 }
 
 /// Rows of the loss over the residual's correlation time, 8 or more.
-pub(super) fn n_effective(signal: &Signal, fit: &Fit) -> f64 {
-    let residual = &fit.solution.residual;
+pub(super) fn n_effective(fit: &Fit) -> f64 {
+    memories(&fit.solution.residual)
+}
+
+fn memories(residual: &[f64]) -> f64 {
     let mean = residual.iter().sum::<f64>() / residual.len().max(1) as f64;
     let centred: Vec<f64> = residual.iter().map(|r| r - mean).collect();
-    (signal.rows.len() as f64 / autocorrelation_time(&centred, 1).max(1.0)).max(8.0)
+    (residual.len() as f64 / autocorrelation_time(&centred, 1).max(1.0)).max(8.0)
 }
