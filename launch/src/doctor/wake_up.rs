@@ -3,7 +3,7 @@
 
 use core::sync::atomic::{AtomicBool, Ordering};
 use hdrhistogram::Histogram;
-use krait_ipc::{Cores, Realtime, allowed_cores, clock};
+use krait_ipc::{Cores, Process, Realtime, allowed_cores, clock};
 use krait_report::Quantiles;
 use rustix::thread::{ClockId, clock_nanosleep_absolute};
 use rustix::time::Timespec;
@@ -43,7 +43,8 @@ fn on_core(core: usize, seconds: f64, priority: u8, stop: &AtomicBool) -> Option
     if !(Realtime { cores: Cores::Named(vec![core]), ..Realtime::ORDINARY }).apply(0, "").is_empty() {
         return None;
     }
-    let is_granted = Realtime { priority, ..Realtime::ORDINARY }.apply(0, "").is_empty();
+    // The slave's turn has the priority itself; those before it have less.
+    let is_granted = Realtime { priority, ..Realtime::ORDINARY }.apply(Process::Slave.core_turn()?, "").is_empty();
     let mut histogram = Histogram::<u64>::new_with_bounds(1, LONGEST_NS, 3).ok()?;
     let mut due_ns = clock::monotonic_ns();
     let end_ns = due_ns + (seconds * 1e9) as i64;
