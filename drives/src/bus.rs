@@ -52,6 +52,8 @@ pub struct Seen {
     pub goal_counts: PerActuator<i32>,
     /// Whether each is under power.
     pub is_powered: PerActuator<bool>,
+    /// Whether each says, in its newest answer, that nothing holds its line: its motor has no torque.
+    pub has_let_go: PerActuator<bool>,
     /// What each complains of.
     pub trouble: PerActuator<Trouble>,
     /// Current of the motor, in the direction in which it drives the encoder, A.

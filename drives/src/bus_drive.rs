@@ -69,7 +69,7 @@ impl BusDrive {
     /// Power is switched anew, and what failed before is forgiven.
     fn begin_turn(&mut self, stamp_ns: i64, has_power: bool) {
         let turn = self.wish.turn + 1;
-        self.wish = Wish { stamp_ns, turn, has_power, is_stopped: false, q_m: [f64::NAN; MAX_ACTUATORS] };
+        self.wish = Wish { stamp_ns, turn, has_power, q_m: [f64::NAN; MAX_ACTUATORS], ..Wish::default() };
         self.failure = None;
         self.send(stamp_ns);
     }
@@ -167,6 +167,11 @@ impl Drive for BusDrive {
     fn quick_stop(&mut self, stamp_ns: i64) {
         self.wish.is_stopped = true;
         self.send(stamp_ns);
+    }
+
+    fn stand(&mut self, stamp_ns: i64) {
+        self.wish.stands = true;
+        self.quick_stop(stamp_ns);
     }
 
     fn failure(&self) -> Option<DriveError> {

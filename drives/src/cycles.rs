@@ -5,13 +5,14 @@
 //!
 //! Intuition: each cycle sends the newest wish as it is; nothing is invented between two wishes, because it would pass the
 //! slave's limiter. Whatever fails, all brake to rest by one common factor from where they are, and stay there under power.
-//! Only power that is switched anew ends that.
+//! Only power that is switched anew ends that. Where one says that it has let go, the others may give way ([`crate::relax`]).
 //!
 //! Failure: without a sign of life of the slave for `wish_ms` the same happens. Time is an argument.
 
 use crate::bus::{ActuatorBus, BusGone, Goals, Seen};
 use crate::exchange::{Exchange, Phase, Report, Wish};
 use crate::judge::{Finding, Judge};
+use crate::relax::{Relaxing, suspect};
 use crate::setup::BusSetup;
 use crate::units::Units;
 use krait_ipc::message::{Actuators, MAX_ACTUATORS};
@@ -32,6 +33,7 @@ pub(crate) struct Cycles<B> {
     wish: Wish,
     phase: Phase,
     failure: Option<DriveError>,
+    relaxing: Option<Relaxing>,
     /// Whether power was told to come, in this turn.
     has_switched: bool,
     /// Where the actuators were told to be, m, and how fast that moves, m/s.
@@ -52,6 +54,7 @@ impl<B: ActuatorBus> Cycles<B> {
             wish: Wish::default(),
             phase: Phase::Off,
             failure: None,
+            relaxing: None,
             has_switched: false,
             goal_m: [0.0; MAX_ACTUATORS],
             velocity_m_per_s: [0.0; MAX_ACTUATORS],
@@ -80,7 +83,7 @@ impl<B: ActuatorBus> Cycles<B> {
         let told = told.filter(|_| self.phase != Phase::Switching);
         let told = told.map(|goals| goals.counts);
         if let Some(finding) = self.judge.look(&self.seen, told.as_ref(), self.judged_phase(), now_ns) {
-            self.fail(self.in_metres(finding));
+            self.fail(self.in_metres(finding), now_ns);
         }
         self.report(now_ns);
     }
@@ -101,7 +104,7 @@ impl<B: ActuatorBus> Cycles<B> {
 
     /// Power is switched anew: nothing that was is held against anybody.
     fn begin_turn(&mut self) {
-        self.failure = None;
+        (self.failure, self.relaxing) = (None, None);
         self.judge.begin(&self.seen);
         self.has_switched = false;
         self.rest_where_seen();
@@ -160,14 +163,15 @@ impl<B: ActuatorBus> Cycles<B> {
         let silent_ns = now_ns.saturating_sub(self.wish.stamp_ns);
         if self.phase == Phase::On && silent_ns > self.setup.wish_ns {
             let limit_ms = self.setup.wish_ns as f64 * 1e-6;
-            self.fail(DriveError::Unled { silent_ms: silent_ns as f64 * 1e-6, limit_ms });
+            self.fail(DriveError::Unled { silent_ms: silent_ns as f64 * 1e-6, limit_ms }, now_ns);
         }
         if self.wish.is_stopped {
             self.phase = Phase::Stopped;
         }
         let period_s = self.setup.period_ns as f64 * 1e-9;
         if self.phase == Phase::Stopped {
-            self.brake(period_s);
+            let is_still = self.velocity_m_per_s.iter().all(|v| *v == 0.0);
+            if is_still { self.relax(now_ns) } else { self.brake(period_s) }
         } else if self.wish.is_somewhere() {
             for k in 0..self.setup.n() {
                 self.velocity_m_per_s[k] = (self.wish.q_m[k] - self.goal_m[k]) / period_s;
@@ -204,7 +208,35 @@ impl<B: ActuatorBus> Cycles<B> {
         goals
     }
 
-    fn fail(&mut self, failure: DriveError) {
+    /// Gives way where another has let go; a stop of anybody ends it.
+    fn relax(&mut self, now_ns: i64) {
+        let Some(relaxing) = self.relaxing.as_mut() else { return };
+        let had_begun = relaxing.has_begun();
+        let mut tau_n = [f64::NAN; MAX_ACTUATORS];
+        for (k, units) in self.setup.units.iter().enumerate() {
+            tau_n[k] = units.load_n(&self.seen, k);
+        }
+        let times = (self.setup.n(), now_ns, self.setup.period_ns);
+        let goal_m = relaxing.step(self.goal_m, tau_n, &self.seen, times).filter(|_| !self.wish.stands);
+        if !had_begun && relaxing.has_begun() {
+            tracing::warn!("its line is limp: the others give way to their loads");
+        }
+        match goal_m {
+            Some(goal_m) => {
+                for (k, units) in self.setup.units.iter().enumerate() {
+                    self.goal_m[k] = goal_m[k].clamp(-units.travel_m, units.travel_m);
+                }
+            }
+            None => {
+                if had_begun {
+                    tracing::warn!("the others have given way and hold");
+                }
+                self.relaxing = None;
+            }
+        }
+    }
+
+    fn fail(&mut self, failure: DriveError, now_ns: i64) {
         if self.failure.is_some() {
             return;
         }
@@ -213,12 +245,15 @@ impl<B: ActuatorBus> Cycles<B> {
         if self.phase != Phase::Off {
             let lets_go = self.setup.on_fault == OnFault::PowerOff;
             self.phase = if lets_go { Phase::Off } else { Phase::Stopped };
+            let limp = suspect(&failure).filter(|_| self.setup.on_fault == OnFault::Relax);
+            self.relaxing = limp.map(|limp| Relaxing::new(self.setup.relax, limp, now_ns));
         }
     }
 
     fn gone(&mut self, gone: BusGone, now_ns: i64) {
         self.seen.has_answered = [false; MAX_ACTUATORS];
-        self.fail(DriveError::Bus { what: gone.what });
+        self.relaxing = None;
+        self.fail(DriveError::Bus { what: gone.what }, now_ns);
         self.report(now_ns);
     }
 
@@ -251,7 +286,10 @@ impl<B: ActuatorBus> Cycles<B> {
         report.q_m[k] = if is_followed { units.metres(self.seen.counts[k]) } else { self.goal_m[k] };
         report.tau_n[k] = units.load_n(&self.seen, k);
         report.sampled_ns[k] = self.seen.sampled_ns[k];
-        report.state[k] = self.judge.state(k, &self.seen, self.judged_phase());
+        let state = self.judge.state(k, &self.seen, self.judged_phase());
+        let relaxes =
+            state == ActuatorState::QuickStopped && self.relaxing.is_some_and(|relaxing| relaxing.has_begun());
+        report.state[k] = if relaxes { ActuatorState::Relaxing } else { state };
     }
 
     /// What a dry run would have sent, counts.

@@ -6,6 +6,11 @@ use std::path::PathBuf;
 /// Drives could not be opened; nothing has moved.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
+    /// Lines shall give way to loads that nobody measures.
+    #[error(
+        "[slave.drive] on_fault = \"relax\": these drives do not measure loads, which tell how far to give way; set newton_metre_per_ampere, or on_fault = \"hold\""
+    )]
+    RelaxesBlindly,
     /// No such port.
     #[error("no serial port {}; {there}", .port.display())]
     NoSuchPort {

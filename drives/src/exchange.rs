@@ -23,6 +23,8 @@ pub(crate) struct Wish {
     pub turn: u64,
     pub has_power: bool,
     pub is_stopped: bool,
+    /// Nothing moves any more, also not what a failure may move.
+    pub stands: bool,
     /// Where the actuators shall be, m.
     pub q_m: Actuators,
 }
@@ -58,7 +60,7 @@ pub(crate) struct Report {
 }
 
 impl Wish {
-    const N: usize = 4 + MAX_ACTUATORS;
+    const N: usize = 5 + MAX_ACTUATORS;
 
     /// Whether the slave has said where the actuators shall be, since power was switched.
     pub(crate) fn is_somewhere(&self) -> bool {
@@ -73,7 +75,8 @@ impl AsWords<{ Wish::N }> for Wish {
         words[1] = self.turn;
         words[2] = u64::from(self.has_power);
         words[3] = u64::from(self.is_stopped);
-        put(&mut words[4..], self.q_m.map(f64::to_bits));
+        words[4] = u64::from(self.stands);
+        put(&mut words[5..], self.q_m.map(f64::to_bits));
         words
     }
 
@@ -83,7 +86,8 @@ impl AsWords<{ Wish::N }> for Wish {
             turn: words[1],
             has_power: words[2] == 1,
             is_stopped: words[3] == 1,
-            q_m: core::array::from_fn(|k| f64::from_bits(words[4 + k])),
+            stands: words[4] == 1,
+            q_m: core::array::from_fn(|k| f64::from_bits(words[5 + k])),
         }
     }
 }
@@ -131,8 +135,11 @@ fn put<const N: usize>(place: &mut [u64], words: [u64; N]) {
 }
 
 fn state(word: u64) -> ActuatorState {
-    use ActuatorState::{Faulted, Limp, Lost, Off, On, QuickStopped, Switching};
-    [Off, Switching, On, QuickStopped, Limp, Faulted, Lost].into_iter().find(|s| *s as u64 == word).unwrap_or(Lost)
+    use ActuatorState::{Faulted, Limp, Lost, Off, On, QuickStopped, Relaxing, Switching};
+    [Off, Switching, On, QuickStopped, Limp, Faulted, Lost, Relaxing]
+        .into_iter()
+        .find(|s| *s as u64 == word)
+        .unwrap_or(Lost)
 }
 
 /// A failure as kind, actuator, two numbers and the place of its text in [`TEXTS`].
@@ -203,7 +210,8 @@ mod tests {
 
     #[test]
     fn what_is_handed_over_comes_out_as_it_went_in() {
-        let wish = Wish { stamp_ns: -3, turn: 7, has_power: true, is_stopped: false, q_m: [1.5e-3; MAX_ACTUATORS] };
+        let q_m = [1.5e-3; MAX_ACTUATORS];
+        let wish = Wish { stamp_ns: -3, turn: 7, has_power: true, is_stopped: false, stands: true, q_m };
         assert_eq!(Wish::from_words(&wish.to_words()), wish);
         let mut failures = vec![
             None,
@@ -226,7 +234,7 @@ mod tests {
                     q_m: core::array::from_fn(|k| k as f64),
                     tau_n: core::array::from_fn(|k| -(k as f64)),
                     sampled_ns: core::array::from_fn(|k| -(k as i64)),
-                    state: core::array::from_fn(|k| state(k as u64 % 7)),
+                    state: core::array::from_fn(|k| state(k as u64 % 8)),
                 };
                 assert_eq!(Report::from_words(&report.to_words()), report);
             }

@@ -15,6 +15,7 @@ mod error;
 mod exchange;
 mod judge;
 mod newest;
+mod relax;
 mod setup;
 pub mod sts3215;
 mod texts;

@@ -2,6 +2,7 @@
 
 use crate::OpenError;
 use crate::exchange::{Phase, Report};
+use crate::relax::RelaxLimits;
 use crate::units::Units;
 use krait_ipc::message::MAX_ACTUATORS;
 use krait_slave::{ActuatorState, DriveMode, DriveTraits, OnFault, SlaveConfig};
@@ -21,6 +22,7 @@ pub struct BusSetup {
     pub(crate) speed_counts_per_s: f64,
     pub(crate) mode: DriveMode,
     pub(crate) on_fault: OnFault,
+    pub(crate) relax: RelaxLimits,
 }
 
 impl BusSetup {
@@ -43,6 +45,9 @@ impl BusSetup {
         if let Some(k) = drive.actuator.iter().position(|actuator| actuator.zero_count.is_none()) {
             return Err(OpenError::ZeroNeverSet { actuator: k + 1 });
         }
+        if drive.on_fault == OnFault::Relax && !units.iter().all(Units::measures_load) {
+            return Err(OpenError::RelaxesBlindly);
+        }
         Ok(Self {
             units,
             leap_counts,
@@ -54,6 +59,7 @@ impl BusSetup {
             speed_counts_per_s: drive.speed_counts_per_s,
             mode: drive.mode,
             on_fault: drive.on_fault,
+            relax: RelaxLimits::new(config),
         })
     }
 

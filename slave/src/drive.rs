@@ -48,6 +48,11 @@ pub trait Drive {
     /// Valid in every state.
     fn quick_stop(&mut self, stamp_ns: i64);
 
+    /// Nothing moves any more until power is switched anew, also not what a failure may move.
+    fn stand(&mut self, stamp_ns: i64) {
+        self.quick_stop(stamp_ns);
+    }
+
     /// What has failed since power was last switched; motion is then forbidden, whatever comes back.
     fn failure(&self) -> Option<DriveError> {
         None
@@ -108,6 +113,8 @@ pub enum ActuatorState {
     Faulted = 5,
     /// It does not answer.
     Lost = 6,
+    /// Under power, gives way to its line because another has let go of its own.
+    Relaxing = 7,
 }
 
 /// How far switching the power is.

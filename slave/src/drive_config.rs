@@ -57,8 +57,15 @@ settings! {
         /// does, ms. 100 ms: what is held until then is the newest wish, which the drives reach within a period, so that a hiccup
         /// of the machine moves nothing and is no fault.
         wish_ms: f64 = 100.0, 5.0..=1000.0;
-        /// What a fault does: "hold": brake to rest and stay under power; "power_off": let go.
+        /// What a fault does: "hold": brake to rest and stay under power; "relax": the same, and where the failed one says that it has
+        /// let go of its line, the others give way; "power_off": let go.
         on_fault: OnFault = OnFault::Hold;
+        /// "relax": a line that carries less is let be, N. 2 N: below it a line of some N of tension is nearly slack.
+        relax_n: f64 = 2.0, 0.1..=1000.0;
+        /// "relax": how far each of the others gives way at most, m, at 2 mm/s at most.
+        relax_m: f64 = 0.001, 1e-5..=0.02;
+        /// "relax": after so long since the failure nothing moves any more, ms.
+        relax_ms: f64 = 1000.0, 10.0..=10_000.0;
         /// Largest speed of a servo or motor, counts/s. 3000: STS3215 at 7.4 V.
         speed_counts_per_s: f64 = 3000.0, 50.0..=1e8;
         /// "cia402": how often drives and this program tell each other that they live, ms.

@@ -29,6 +29,8 @@ pub enum OnFault {
     /// The actuators brake to rest and stay under power: right where they would let go of stretched lines.
     #[default]
     Hold,
+    /// As "hold"; where the failed actuator says that it has let go of its line, the others then give way, a bounded way.
+    Relax,
     /// Power is taken away: right where they hold their place without it.
     PowerOff,
 }

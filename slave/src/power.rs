@@ -57,7 +57,7 @@ impl<D: Drive> SlaveCore<D> {
         self.machine.fault();
         let is_safe = match self.drive.traits().on_fault {
             OnFault::PowerOff => self.drive.set_power(now_ns, false).is_ok(),
-            OnFault::Hold => {
+            OnFault::Hold | OnFault::Relax => {
                 self.drive.quick_stop(now_ns);
                 true
             }

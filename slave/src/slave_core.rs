@@ -339,6 +339,9 @@ impl<D: Drive> SlaveCore<D> {
         self.n_stops = self.n_stops.wrapping_add(1);
         self.stop_ns = asked_ns;
         self.disengage(Reason::StopAsked, None);
+        if self.machine.state() == OperatingState::Fault {
+            self.drive.stand(asked_ns);
+        }
         if self.machine.state() == OperatingState::Enabled {
             let paused = self.machine.apply(Transition::Pause);
             debug_assert!(paused.is_ok(), "Enabled may always be paused");

@@ -147,6 +147,7 @@ impl<W: Wire> Cia402<W> {
             seen.goal_counts[k] = self.goals.counts[k];
             seen.is_powered[k] = node.is_powered(self.told);
             seen.trouble[k] = node.trouble(self.told, self.n_tried);
+            seen.has_let_go[k] = !has_torque(node.status);
             let is_known = node.rated_torque_nm > 0.0;
             seen.torque_nm[k] = if is_known { f64::from(node.torque) * 1e-3 * node.rated_torque_nm } else { f64::NAN };
         }

@@ -229,6 +229,7 @@ fn take_status(k: usize, answer: &Answer, now_ns: i64, seen: &mut Seen) {
     seen.supply_v[k] = f64::from(answer.data[at(62)]) * 0.1;
     seen.temperature_celsius[k] = f64::from(answer.data[at(63)]);
     seen.trouble[k] = trouble(answer.error);
+    seen.has_let_go[k] = !seen.is_powered[k];
 }
 
 /// What the error byte of an answer means.

@@ -14,7 +14,9 @@ use super::simulate::Run;
 use super::solve::{Design, Solution};
 use super::terms::{self, Value, Values};
 use crate::diagnose::screen::orthonormal;
-use crate::diagnose::{Calibration, DiagnoseOptions, Diagnosis, GroupShare, Structure, Verdict, rhythm, structure, working_rows};
+use crate::diagnose::{
+    Calibration, DiagnoseOptions, Diagnosis, GroupShare, Structure, Verdict, rhythm, structure, working_rows,
+};
 use crate::machine::{JointsLab, MachineUnderTest};
 use crate::noise::outliers;
 use crate::{LabError, Measurements, Problem, scored_time_s};

@@ -160,8 +160,7 @@ impl Kind {
 
     /// Every shape that a joint's errors can have and no effect of the library makes.
     pub fn shapes(signal: &Signal) -> Vec<Self> {
-        let mut all =
-            vec![Self::Kink, Self::Drag, Self::Jump, Self::Wander, Self::Rhythm, Self::Fading];
+        let mut all = vec![Self::Kink, Self::Drag, Self::Jump, Self::Wander, Self::Rhythm, Self::Fading];
         for kind in Self::all(signal) {
             if let Self::Coupling(k) = kind {
                 all.extend([Self::Product(k), Self::OtherSquare(k), Self::OtherPlay(k)]);

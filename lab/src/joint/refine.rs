@@ -67,7 +67,9 @@ impl Fit {
         let own = &self.members[i];
         let at_end = own.values.iter().zip(own.kind.ranges(signal)).any(|(value, range)| range.at_end(*value));
         let is_motion = own.kind == Kind::Rhythm && signal.is_of_motion(own.values[0]);
-        at_end || is_motion || own.kind.lags_behind() && self.amplitudes(i).iter().any(|a| a * self.solution.gains[0] < 0.0)
+        at_end
+            || is_motion
+            || own.kind.lags_behind() && self.amplitudes(i).iter().any(|a| a * self.solution.gains[0] < 0.0)
     }
 
     /// Amplitudes of a member's columns.

@@ -52,7 +52,8 @@ impl<'a> Search<'a> {
         let base = as_given(signal, &[], loss);
         let wander = Member::new(signal, Kind::Wander, &[], 0.0);
         let slow = orthonormal(&super::simulate::columns(signal, &wander, &signal.base));
-        let mut own = Self { signal, loss, candidates, pool: BTreeMap::from([(Vec::new(), base)]), n_effective: 0.0, slow };
+        let mut own =
+            Self { signal, loss, candidates, pool: BTreeMap::from([(Vec::new(), base)]), n_effective: 0.0, slow };
         own.count_rows();
         own
     }

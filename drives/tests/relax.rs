@@ -1,0 +1,81 @@
+//! One of three emulated servos lets go of its line; the others bend a simulated snake on cables and feel it.
+#![allow(clippy::unwrap_used, clippy::panic)] // Helpers of tests fail as tests do.
+
+mod rig;
+
+use krait_drives::emulator::{Coupling, Emulator, Servo};
+use krait_drives::sts3215;
+use krait_ipc::clock::monotonic_ns;
+use krait_sim::{CableSnake, Truth};
+use krait_slave::{ActuatorState, Drive, OnFault};
+use rig::{Rig, ZERO, config, three};
+use std::time::Duration;
+
+const PER_M: f64 = 4096.0 / (core::f64::consts::TAU * 0.008);
+/// Largest of a servo, N.
+const LARGEST_N: f64 = 200.0;
+const RELAX_M: f64 = 0.4e-3;
+
+/// What became of the servos' places, m, and loads, N, after the second has failed in this way; the states on the way.
+fn after(on_fault: OnFault, fail: fn(&mut Servo), stands: bool) -> ([f64; 3], [f64; 3], bool) {
+    let mut snake = CableSnake::new(Truth::default());
+    let mut wire = three();
+    wire.coupling = Some(Coupling::new(move |places| {
+        let q_m = core::array::from_fn(|k| (places[k] - f64::from(ZERO)) / PER_M);
+        snake.loads_n(q_m).map(|load_n| load_n / LARGEST_N).to_vec()
+    }));
+    let emulator = Emulator::start(wire).unwrap();
+    let mut config = config(&emulator);
+    (config.drive.on_fault, config.drive.relax_m, config.drive.relax_n) = (on_fault, RELAX_M, 0.5);
+    for actuator in &mut config.drive.actuator {
+        // So that loads are what the coupling gives, within a step of the current.
+        actuator.newton_metre_per_ampere = LARGEST_N * 0.008 / (400.0 * 6.5e-3);
+    }
+    let mut rig = Rig { drive: sts3215::open_drive(&config, None).unwrap(), emulator };
+    rig.power_up();
+    rig.cycles(3);
+    let places = |rig: &Rig| [0, 1, 2].map(|k| rig.emulator.wire().servos[k].place / PER_M);
+    let loads = |rig: &Rig| [0, 1, 2].map(|k| rig.emulator.wire().servos[k].load.abs() * LARGEST_N);
+    let (from_m, from_n) = (places(&rig), loads(&rig));
+    fail(&mut rig.emulator.wire().servos[1]);
+    let mut relaxes = false;
+    for _ in 0..1500 {
+        std::thread::sleep(Duration::from_millis(1));
+        let reading = rig.drive.read(monotonic_ns()).unwrap();
+        relaxes |= reading.state[0] == ActuatorState::Relaxing;
+        if stands && rig.drive.failure().is_some() {
+            rig.drive.stand(monotonic_ns());
+        }
+    }
+    let sentence = rig.drive.failure().unwrap().to_string();
+    assert!(sentence.starts_with("Drive 2 failed; the others hold: "), "{sentence}");
+    let (way_m, change_n) = (places(&rig), loads(&rig));
+    // What has ended does not begin again, whatever comes back.
+    rig.emulator.wire().servos[1].faults = Default::default();
+    std::thread::sleep(Duration::from_millis(300));
+    rig.drive.read(monotonic_ns()).unwrap();
+    assert_eq!(places(&rig), way_m);
+    assert!([0, 2].map(|k| rig.emulator.wire().servos[k].is_powered()) == [true; 2]);
+    (core::array::from_fn(|k| way_m[k] - from_m[k]), core::array::from_fn(|k| change_n[k] - from_n[k]), relaxes)
+}
+
+#[test]
+fn where_one_says_that_it_is_limp_the_loads_of_the_others_fall_within_the_bound_and_else_nothing_moves() {
+    let limp: fn(&mut Servo) = |servo| servo.overload = 0.0;
+    let (way_m, change_n, relaxes) = after(OnFault::Relax, limp, false);
+    for k in [0, 2] {
+        assert!(change_n[k] < -1.0, "{change_n:?}");
+        assert!(way_m[k] > 0.0 && way_m[k] <= RELAX_M + 1.0 / PER_M, "{way_m:?}");
+    }
+    assert!(relaxes);
+    let hot: fn(&mut Servo) = |servo| servo.faults.error = 4;
+    let silent: fn(&mut Servo) = |servo| servo.faults.is_silent = true;
+    for (on_fault, fail, stands) in
+        [(OnFault::Hold, limp, false), (OnFault::Relax, hot, false), (OnFault::Relax, silent, false)]
+    {
+        let (way_m, change_n, relaxes) = after(on_fault, fail, stands);
+        assert!([0, 2].iter().all(|k| way_m[*k] == 0.0 && change_n[*k] > -0.5) && !relaxes, "{way_m:?} {change_n:?}");
+    }
+    let (stopped_m, ..) = after(OnFault::Relax, limp, true);
+    assert!([0, 2].iter().all(|k| stopped_m[*k] < 0.75 * way_m[*k]), "a stop ends it: {stopped_m:?} of {way_m:?}");
+}
