@@ -125,7 +125,7 @@ fn slope(
 }
 
 /// The parameter that a normal matrix leaves open.
-fn undetermined(normal: &DMatrix<f64>) -> Option<usize> {
+pub(crate) fn undetermined(normal: &DMatrix<f64>) -> Option<usize> {
     let n = normal.nrows();
     let blind = |k: &usize| normal[(*k, *k)].is_nan() || normal[(*k, *k)] <= 1e-12;
     if let Some(k) = (0..n).find(blind) {

@@ -1,7 +1,7 @@
 //! krait-calibrate: from a real robot to a model file, by readings that a person takes.
 //!
 //! Purpose: friction by hanging weights, play by a dial indicator, bends from photographs of graph paper, and eta with the play
-//! from guided poses; each value with its standard error, or a refusal that says which readings are missing.
+//! from guided poses, the stem's angle from load cells; each value with its standard error, or a refusal that says which readings are missing.
 //!
 //! Terms: a *reading* is one row of a procedure's CSV; *up* is motion towards the actuator against the load, *down* the way
 //! back; the *standard error* (se) of a value is from the stated error of a reading, widened where the readings scatter more.
@@ -21,6 +21,8 @@ mod model;
 pub mod photo;
 pub mod play;
 pub mod poses;
+pub mod stem;
+mod stem_rows;
 
 pub use dialogue::{Dialogue, Reply};
 pub use error::CalibrateError;

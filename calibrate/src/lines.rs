@@ -80,6 +80,7 @@ pub(crate) struct Turning {
     at_m: Vector3<f64>,
     turned_m: Vector3<f64>,
     sign: Vector3<f64>,
+    moved_m: f64,
 }
 
 /// Travel that takes up play and stick: 0.18 mm and 0.13 mm at 60 deg, and a little more.
@@ -89,14 +90,19 @@ const MOVED_M: f64 = 5e-6;
 
 impl Turning {
     pub fn new(at_m: Vector3<f64>) -> Self {
-        Self { at_m, turned_m: at_m, sign: Vector3::zeros() }
+        Self::of(at_m, MOVED_M)
+    }
+
+    /// With encoders that move by less than `moved_m` by themselves.
+    pub fn of(at_m: Vector3<f64>, moved_m: f64) -> Self {
+        Self { at_m, turned_m: at_m, sign: Vector3::zeros(), moved_m: moved_m.max(MOVED_M) }
     }
 
     /// The actuators have gone straight to a place.
     pub fn follow(&mut self, to_m: Vector3<f64>) {
         for i in 0..3 {
             let moved = to_m[i] - self.at_m[i];
-            if moved.abs() < MOVED_M {
+            if moved.abs() < self.moved_m {
                 continue;
             }
             if moved.signum() != self.sign[i] {

@@ -3,12 +3,12 @@
 use crate::CalibrateError;
 use krait_model::EffectSetting;
 use krait_model::effects::EffectKind;
-use krait_model::model_file::{FileEffect, ModelFile, Origin};
+use krait_model::model_file::{FileEffect, Known, Machine, ModelFile, Origin};
 
 /// One value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CalibratedValue {
-    /// The effect, by its name in model files.
+    /// The effect, by its name in model files, or `machine`.
     pub effect: &'static str,
     /// Its parameter.
     pub parameter: &'static str,
@@ -18,6 +18,8 @@ pub struct CalibratedValue {
     pub se: f64,
 }
 
+/// Where the numbers of the machine itself stand.
+const MACHINE: &str = "machine";
 /// Effects that a calibration can add, in the order of the chain: static friction before the capstan's.
 const ORDER: [&str; 4] = ["stiffness-scale", "static-friction", "cone-friction", "backlash"];
 
@@ -35,8 +37,14 @@ pub fn written(
 ) -> Result<String, CalibrateError> {
     let refused = |e: &dyn core::fmt::Display| CalibrateError::Model(e.to_string());
     let file = ModelFile::parse(text.unwrap_or(NEW)).map_err(|e| refused(&e))?;
-    let mut effects = file.effects().to_vec();
+    let (mut machine, mut effects) = (file.machine().clone(), file.effects().to_vec());
     for value in found {
+        if value.effect == MACHINE {
+            let Machine::Snake(snake) = machine else { return Err(refused(&"it describes no snake")) };
+            let known = Known::Fitted { se: value.se, from: Some(from.to_owned()), date: Some(date.to_owned()) };
+            machine = Machine::Snake(snake.with(value.parameter, value.value, known));
+            continue;
+        }
         let at = match effects.iter().position(|e| e.setting().kind().name() == value.effect) {
             Some(at) => at,
             None => insert(&mut effects, value.effect)?,
@@ -57,7 +65,7 @@ pub fn written(
         };
         effects[at] = effect.with_origin(origin).map_err(|e| refused(&e))?;
     }
-    let file = ModelFile::new(file.machine().clone(), effects, file.history().to_vec()).map_err(|e| refused(&e))?;
+    let file = ModelFile::new(machine, effects, file.history().to_vec()).map_err(|e| refused(&e))?;
     Ok(file.to_toml())
 }
 
