@@ -120,3 +120,15 @@ fn what_the_data_do_not_determine_is_said_in_one_sentence() {
     assert!(one_way.sentences().contains("one direction only"), "{}", one_way.sentences());
     assert!(stem(&[], &settings()).unwrap_err().to_string().contains("0 reading(s)"));
 }
+
+#[test]
+fn the_angle_stands_in_the_machine_of_the_model_file_with_its_origin() {
+    let found = stem(&path(true), &settings()).unwrap();
+    let text = krait_calibrate::written(None, &found.calibrated(), "stem.csv", "2026-05-01").unwrap();
+    let file = krait_model::model_file::ModelFile::parse(&text).unwrap();
+    let krait_model::model_file::Machine::Snake(snake) = file.machine() else { panic!("{text}") };
+    assert!((snake.parameters.phi_rad - found.phi_rad().0).abs() < 1e-12, "{text}");
+    let krait_model::model_file::Known::Fitted { se, from, .. } = snake.known("phi_rad") else { panic!("{text}") };
+    assert!((se - found.phi_rad().1).abs() < 1e-12 && from.as_deref() == Some("stem.csv"), "{text}");
+    assert_eq!(file.effects().len(), 3);
+}
