@@ -40,6 +40,7 @@ mod nearest;
 pub mod oracle;
 mod parameters;
 mod recursion;
+pub mod segments;
 mod series;
 mod snake;
 mod statics;

@@ -2,6 +2,7 @@
 
 use super::learn::{Learn, refused};
 use crate::effects::{EffectKind, FormulaError, FormulaText, Hook, Inverse, MAX_PARAMETERS};
+use crate::segments::SegmentsError;
 use crate::{ParameterError, nearest_name};
 
 /// One effect with its parameter values.
@@ -196,6 +197,9 @@ pub enum ChainError {
     /// The machine.
     #[error(transparent)]
     Machine(#[from] ParameterError),
+    /// The machine, of segments.
+    #[error(transparent)]
+    Segments(#[from] SegmentsError),
     /// A formula.
     #[error(transparent)]
     Formula(#[from] FormulaError),

@@ -1,0 +1,181 @@
+//! The bends that segments take for positions of their actuators: equilibrium of all backbones on their lines, with memory.
+//!
+//! Problem: for q~ find bends b and stretches u with
+//!
+//! ```text
+//! J^T tau = eta grad E(b),   u_j E A_j/L_j = sum_(k passes j) tau_k
+//! p_k  = clamp(p_k, q~_k - half_width, q~_k + half_width),   y_k = J_k b + sum_(j <= m) u_j
+//! tau_k = clamp((s_k - y_k)/c_k, pushed, drawn),             c_k = c_d + share l_k(b)/(E A)
+//! ```
+//!
+//! where: s_k is where line k stands in the cone; pushed and drawn are the loads at which it slides there, the solutions of
+//! p - y = c_k tau + c_c hi(tau) and of the same with lo. tau falls with y, so that the energy is convex and Newton's method with a
+//! halved step finds the one equilibrium; afterwards s_k follows the lines that have slid.
+//!
+//! Failure: where [`MAX_ROUNDS`] do not suffice the last iterate is kept and counted. Rigid lines have no loads: the bends then fit
+//! q~ best. Preload and bounds of the model ask for loads and do not matter here: elastic lines share as their lengths say.
+
+use super::{Bends, LineValues, LinesByBends, MAX_BENDS, MAX_SEGMENTS, SegmentChain};
+use nalgebra::{SMatrix, SVector};
+
+/// Newton's rounds in one step; 3 to 6 are usual.
+const MAX_ROUNDS: usize = 40;
+/// Halvings of one step.
+const MAX_HALVINGS: usize = 14;
+/// Largest rest of the equations, N m and N times [`UNIT_M`].
+const REST_NM: f64 = 1e-12;
+/// Unit of the stretches in the unknowns, m: a millimetre weighs as a radian.
+const UNIT_M: f64 = 1e-3;
+
+const N: usize = MAX_BENDS + MAX_SEGMENTS;
+type Unknowns = SVector<f64, N>;
+
+/// Predicts bends step by step; owns the memory of every line.
+#[derive(Clone, Debug)]
+pub struct SegmentPredictor {
+    chain: SegmentChain,
+    unknowns: Unknowns,
+    /// Where the play ends, m.
+    play_m: LineValues,
+    /// Where each line stands in the cone, m.
+    seat_m: LineValues,
+    tau_n: LineValues,
+    n_unsolved: u64,
+}
+
+/// One line at some unknowns.
+struct Loaded {
+    tau_n: f64,
+    /// Compliance of all that moves with the load, m/N.
+    slope: f64,
+    seat_m: f64,
+}
+
+impl SegmentPredictor {
+    pub(super) fn new(chain: &SegmentChain) -> Self {
+        let zeros = LineValues::zeros();
+        Self {
+            chain: chain.clone(),
+            unknowns: Unknowns::zeros(),
+            play_m: zeros,
+            seat_m: zeros,
+            tau_n: zeros,
+            n_unsolved: 0,
+        }
+    }
+
+    /// The bends, rad, for the next positions of the actuators, m; positions that are not finite repeat the last bends.
+    ///
+    /// # Real-time
+    /// No allocation; at most 40 solutions of 9 equations.
+    pub fn step(&mut self, q_tilde_m: &LineValues) -> Bends {
+        if !q_tilde_m.iter().all(|q| q.is_finite()) {
+            return self.bends_rad();
+        }
+        let half_m = self.chain.half_width_m;
+        self.play_m.zip_apply(q_tilde_m, |play, q| *play = play.clamp(q - half_m, q + half_m));
+        let machine = &self.chain.machine;
+        if machine.c_d_m_per_n.iter().all(|give| *give == 0.0) {
+            self.unknowns.fixed_rows_mut::<MAX_BENDS>(0).copy_from(&machine.bends_from_q(&self.play_m));
+            return self.bends_rad();
+        }
+        self.n_unsolved += u64::from(!self.solve());
+        for k in 0..self.chain.machine.n_lines() {
+            let Loaded { tau_n, seat_m, .. } = self.loaded(&self.unknowns, k);
+            (self.tau_n[k], self.seat_m[k]) = (tau_n, seat_m);
+        }
+        self.bends_rad()
+    }
+
+    /// The bends of the newest step, rad.
+    pub fn bends_rad(&self) -> Bends {
+        self.unknowns.fixed_rows::<MAX_BENDS>(0).into()
+    }
+
+    /// Loads of the lines at the snake in the newest step, N, push positive.
+    pub fn tau_n(&self) -> &LineValues {
+        &self.tau_n
+    }
+
+    /// Steps whose equilibrium was not found.
+    pub fn n_unsolved(&self) -> u64 {
+        self.n_unsolved
+    }
+
+    fn solve(&mut self) -> bool {
+        for _ in 0..MAX_ROUNDS {
+            let (rest, tangent) = self.equations(&self.unknowns);
+            if rest.amax() < REST_NM {
+                return true;
+            }
+            let Some(step) = tangent.lu().solve(&(-rest)) else { return false };
+            let slope = rest.dot(&step).abs();
+            let mut part = 1.0;
+            for _ in 0..MAX_HALVINGS {
+                if self.equations(&(self.unknowns + step * part)).0.dot(&step) <= 0.5 * slope {
+                    break;
+                }
+                part *= 0.5;
+            }
+            self.unknowns += step * part;
+        }
+        self.equations(&self.unknowns).0.amax() < 1e3 * REST_NM
+    }
+
+    /// What is left of the equations, and how it changes with the unknowns.
+    fn equations(&self, at: &Unknowns) -> (Unknowns, SMatrix<f64, N, N>) {
+        let (chain, machine) = (&self.chain, &self.chain.machine);
+        let bends_rad: Bends = at.fixed_rows::<MAX_BENDS>(0).into();
+        let (mut rest, mut tangent) = (Unknowns::zeros(), SMatrix::<f64, N, N>::identity());
+        rest.fixed_rows_mut::<MAX_BENDS>(0).copy_from(&(machine.grad_energy_nm(&bends_rad) * chain.eta));
+        let hess = machine.padded(machine.hess_energy_nm(&bends_rad) * chain.eta);
+        tangent.fixed_view_mut::<MAX_BENDS, MAX_BENDS>(0, 0).copy_from(&hess);
+        for j in 0..machine.n() {
+            let stiffness = UNIT_M * UNIT_M / machine.axial_m_per_n[j];
+            rest[MAX_BENDS + j] = stiffness * at[MAX_BENDS + j];
+            tangent[(MAX_BENDS + j, MAX_BENDS + j)] = stiffness;
+        }
+        for k in 0..machine.n_lines() {
+            let Loaded { tau_n, slope, .. } = self.loaded(at, k);
+            let row = Self::row(machine.j(), machine.segment_of(k), k);
+            // The piece inside the snake becomes longer with q, and gives more.
+            let longer = tau_n * chain.inside * machine.give_per_n[k];
+            let mut falls = row / slope;
+            let lengthens = falls.fixed_rows::<MAX_BENDS>(0) * longer;
+            let mut bends = falls.fixed_rows_mut::<MAX_BENDS>(0);
+            bends += lengthens;
+            rest -= row * tau_n;
+            tangent += row * falls.transpose();
+        }
+        (rest, tangent)
+    }
+
+    /// d y_k / d unknowns.
+    fn row(j: &LinesByBends, segment: usize, k: usize) -> Unknowns {
+        let mut row = Unknowns::zeros();
+        row.fixed_rows_mut::<MAX_BENDS>(0).copy_from(&j.row(k).transpose());
+        (0..=segment).for_each(|j| row[MAX_BENDS + j] = UNIT_M);
+        row
+    }
+
+    fn loaded(&self, at: &Unknowns, k: usize) -> Loaded {
+        let (chain, machine) = (&self.chain, &self.chain.machine);
+        let segment = machine.segment_of(k);
+        let q_m = (0..MAX_BENDS).map(|i| machine.j()[(k, i)] * at[i]).sum::<f64>();
+        let end_m = q_m + UNIT_M * (0..=segment).map(|j| at[MAX_BENDS + j]).sum::<f64>();
+        let inside_m = q_m + machine.l_m[..=segment].iter().sum::<f64>();
+        let c_d = machine.c_d_m_per_n[k] + chain.inside * machine.give_per_n[k] * inside_m;
+        let c_c = machine.c_c_m_per_n[k];
+        let slid = |tau_n: f64, slope: f64| Loaded { tau_n, slope, seat_m: end_m + c_d * tau_n };
+        let sticks_n = (self.seat_m[k] - end_m) / c_d;
+        let squeeze_m = self.play_m[k] - end_m;
+        match chain.friction.load_while_pushed(squeeze_m, c_d, c_c) {
+            Some((pushed_n, slope)) if sticks_n < pushed_n => return slid(pushed_n, slope),
+            _ => {}
+        }
+        match chain.friction.load_while_pushed(-squeeze_m, c_d, c_c) {
+            Some((mirrored_n, slope)) if sticks_n > -mirrored_n => slid(-mirrored_n, slope),
+            _ => Loaded { tau_n: sticks_n, slope: c_d, seat_m: self.seat_m[k] },
+        }
+    }
+}

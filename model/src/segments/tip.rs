@@ -1,0 +1,83 @@
+//! Pose of the last disk and its Jacobian: circular arcs, frame after frame, each smooth through its straight pose.
+//!
+//! base_from_tip = T(b_1) T(b_2) ..., where T turns by the rotation vector (b_y, b_x, 0) and ends at L (b_x c, -b_y c, s) with
+//! c = (1 - cos b)/b^2 and s = sin b / b, as [`crate::Snake`]'s. A rate of b_j moves the tip as segment j's own end moves, and turns
+//! all that is behind it about that end.
+
+use super::{Bends, MAX_BENDS, MAX_SEGMENTS, Segments};
+use crate::series::Arc;
+use nalgebra::{Isometry3, Matrix3, Matrix3x2, Rotation3, SMatrix, Translation3, UnitQuaternion, Vector3};
+
+/// One arc: end, rotation, and how both move with the bend vector.
+struct Segment {
+    end_m: Vector3<f64>,
+    rotation: Matrix3<f64>,
+    linear: Matrix3x2<f64>,
+    angular: Matrix3x2<f64>,
+}
+
+impl Segments {
+    /// Pose of the last disk in the base frame, m.
+    pub fn base_from_tip(&self, bends_rad: &Bends) -> Isometry3<f64> {
+        self.base_from_disk(bends_rad, self.n - 1)
+    }
+
+    /// Pose of a segment's disk (from 0) in the base frame, m.
+    pub fn base_from_disk(&self, bends_rad: &Bends, segment: usize) -> Isometry3<f64> {
+        let (mut at_m, mut base_from_here) = (Vector3::zeros(), Matrix3::identity());
+        for j in 0..=segment.min(self.n - 1) {
+            let arc = self.arc(j, bends_rad);
+            at_m += base_from_here * arc.end_m;
+            base_from_here *= arc.rotation;
+        }
+        let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(base_from_here));
+        Isometry3::from_parts(Translation3::from(at_m), rotation)
+    }
+
+    /// Position of the last disk's centre in the base frame, m, and the Jacobian of its twist by the bends, 6x6: linear rows (m/rad), then
+    /// angular rows (rad/rad), base frame.
+    pub fn tip(&self, bends_rad: &Bends) -> (Vector3<f64>, SMatrix<f64, 6, MAX_BENDS>) {
+        let mut ends_m = [Vector3::zeros(); MAX_SEGMENTS];
+        let mut j = SMatrix::<f64, 6, MAX_BENDS>::zeros();
+        let (mut at_m, mut base_from_here) = (Vector3::zeros(), Matrix3::identity());
+        for (idx, end_m) in ends_m.iter_mut().enumerate().take(self.n) {
+            let arc = self.arc(idx, bends_rad);
+            j.fixed_view_mut::<3, 2>(0, 2 * idx).copy_from(&(base_from_here * arc.linear));
+            j.fixed_view_mut::<3, 2>(3, 2 * idx).copy_from(&(base_from_here * arc.angular));
+            at_m += base_from_here * arc.end_m;
+            *end_m = at_m;
+            base_from_here *= arc.rotation;
+        }
+        for (idx, end_m) in ends_m.iter().enumerate().take(self.n) {
+            let lever_m = at_m - end_m;
+            for column in 2 * idx..2 * idx + 2 {
+                let turning = Vector3::new(j[(3, column)], j[(4, column)], j[(5, column)]).cross(&lever_m);
+                (0..3).for_each(|row| j[(row, column)] += turning[row]);
+            }
+        }
+        (at_m, j)
+    }
+
+    fn arc(&self, segment: usize, bends_rad: &Bends) -> Segment {
+        let (bend, l_m) = (self.bend(bends_rad, segment), self.l_m[segment]);
+        let (x, y) = (bend.x, bend.y);
+        let arc = Arc::of_square(bend.norm_squared());
+        let cross = Vector3::new(y, x, 0.0).cross_matrix();
+        let square = cross * cross;
+        let left = Matrix3::identity() + cross * arc.cosc + square * arc.sinc3;
+        let linear = Matrix3x2::new(
+            arc.cosc + x * x * arc.cosc_slope,
+            x * y * arc.cosc_slope,
+            -x * y * arc.cosc_slope,
+            -arc.cosc - y * y * arc.cosc_slope,
+            x * arc.sinc_slope,
+            y * arc.sinc_slope,
+        );
+        Segment {
+            end_m: Vector3::new(x * arc.cosc, -y * arc.cosc, arc.sinc) * l_m,
+            rotation: Matrix3::identity() + cross * arc.sinc + square * arc.cosc,
+            linear: linear * l_m,
+            angular: Matrix3x2::from_columns(&[left.column(1), left.column(0)]),
+        }
+    }
+}
