@@ -144,7 +144,8 @@ pub struct DiagnoseArgs {
     /// Write a page with pictures (HTML, one file, works without a network).
     #[arg(long, value_name = "FILE.html")]
     pub report: Option<PathBuf>,
-    /// Write the next experiment as a script for `krait run --engage --master script --input FILE.csv`, and say what it would decide.
+    /// Write the motion that would tell look-alikes apart, and say what it would decide: of a snake a script for
+    /// `krait run --engage --master script --input FILE.csv`, of joints their commands over time.
     #[arg(long, value_name = "FILE.csv")]
     pub experiment: Option<PathBuf>,
     /// Print the answer as JSON on standard output.

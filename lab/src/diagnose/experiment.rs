@@ -1,16 +1,16 @@
 //! What to do next: the motion that would separate effects that these data cannot tell apart.
 
-use crate::experiment::Separation;
+use crate::experiment::Experiment;
 
 /// The next experiment.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct NextExperiment {
     /// What it separates.
     pub separates: Vec<String>,
     /// What to do, a sentence or two.
     pub instruction: String,
-    /// What the scripted experiment is expected to decide, where that was computed.
-    pub expected_separation: Option<Separation>,
+    /// The motion made for it and what that is expected to decide, where that was computed.
+    pub motion: Option<Experiment>,
 }
 
 /// Families of effects, and the experiments that tell members from each other and from other families.
@@ -76,6 +76,52 @@ const WITH_LOADS: [(&str, &str); 2] = [
     ),
 ];
 
+/// Families of effects of joints, and the experiments that tell members from each other.
+const OF_JOINTS: [(&[&str], &str); 4] = [
+    (
+        &[
+            "backlash",
+            "bouc-wen",
+            "prandtl-ishlinskii",
+            "generalised-prandtl-ishlinskii",
+            "load-friction",
+            "cone-friction",
+        ],
+        "Run slow loops of this joint from its whole range down to a fiftieth of it, each twice: a loop within a play moves nothing, \
+         micro-slip gives a little from the start, and a loop of load friction widens with the distance from the middle",
+    ),
+    (
+        &["latency", "first-order-lag", "second-order", "rate-limit"],
+        "Run fast steps of falling size, and a small sine whose frequency rises to the fastest that the joint can: a delay shifts all \
+         alike, a lag rounds, a second order overshoots, a rate limit bends large steps only",
+    ),
+    (
+        &["creep", "drift", "linear-drift"],
+        "Step to one end and hold for a minute, three times with a minute between: creep starts again at each step, drift goes on",
+    ),
+    (
+        &["quadratic", "cubic", "saturation", "dead-zone", "periodic-error", "scale", "offset"],
+        "Go slowly over the whole range both ways, twice, with a rest every twentieth of it: curves, limits and rhythms follow the place \
+         and repeat, hysteresis does not",
+    ),
+];
+
+/// What helps joints where nothing else is known to.
+const RICH_OF_JOINTS: &str = "Run this joint in nested loops from its whole range to a tenth of it at three speeds, then fast steps of \
+                              falling size with holds of 3 s, while the other joints rest: reversals separate hysteresis from \
+                              everything that has none";
+
+/// The experiment for effects of joints that look alike; `None` where there is nothing to separate.
+pub(crate) fn separate_joints(class: &[String]) -> Option<NextExperiment> {
+    let first = class.first().filter(|_| class.len() > 1)?;
+    let shared = OF_JOINTS
+        .iter()
+        .find(|(names, _)| names.contains(&first.as_str()))
+        .filter(|(names, _)| class.iter().skip(1).all(|other| names.contains(&other.as_str())));
+    let instruction = shared.map_or(RICH_OF_JOINTS, |(_, instruction)| instruction).to_owned();
+    Some(NextExperiment { separates: class.to_vec(), instruction, motion: None })
+}
+
 /// The experiment for effects that look alike; `None` where there is nothing to separate.
 pub(crate) fn separate(class: &[String], n_reversals: usize, has_loads: bool) -> Option<NextExperiment> {
     if class.len() < 2 {
@@ -98,7 +144,7 @@ pub(crate) fn separate(class: &[String], n_reversals: usize, has_loads: bool) ->
         Some(instruction) => instruction.to_owned(),
         None => rich.to_owned(),
     };
-    Some(NextExperiment { separates: class.to_vec(), instruction, expected_separation: None })
+    Some(NextExperiment { separates: class.to_vec(), instruction, motion: None })
 }
 
 /// What helps where nothing known explains the rest.
@@ -107,7 +153,7 @@ pub(crate) fn explore(looks_like: Option<&str>) -> NextExperiment {
         looks_like.map_or(String::new(), |what| format!(" The rest depends on {what}: vary that and keep all else."));
     NextExperiment {
         separates: Vec::new(),
-        expected_separation: None,
+        motion: None,
         instruction: format!(
             "Repeat the same path twice without touching anything: what repeats is the machine, the rest is noise.{about} Then \
              write the rest down as a formula (krait lab add formula --help)."

@@ -1,7 +1,7 @@
 //! The machine-readable answer of a diagnosis: its names and nesting are a contract with other programs.
 
 use super::{Calibration, Diagnosis, FoundEffect, LoadCell};
-use crate::experiment::Separation;
+use crate::experiment::{Experiment, Separation};
 use krait_model::effects::explanation;
 use serde_json::{Map, Value, json};
 
@@ -50,7 +50,9 @@ impl Diagnosis {
             },
             "next_experiment": self.next_experiment.as_ref().map(|next| json!({
                 "separates": next.separates, "do": next.instruction,
-                "expected_separation": next.expected_separation.as_ref().map(separation),
+                "moves": next.motion.as_ref().map(|motion| motion.moves.clone()),
+                "seconds": next.motion.as_ref().map(|motion| motion.seconds),
+                "expected_separation": next.motion.as_ref().and_then(separation),
             })),
             "rows": self.rows[0],
             "scored_rows": self.rows[1],
@@ -134,11 +136,13 @@ fn short(value: &f64) -> f64 {
     (value / step).round() * step
 }
 
-fn separation(own: &Separation) -> Value {
+fn separation(motion: &Experiment) -> Option<Value> {
+    let own = motion.separation.as_ref()?;
     let pairs = own.pairs.iter().map(|pair| {
         json!({
             "truth": pair.truth, "other": pair.other, "lambda_now": pair.lambda_now, "lambda_after": pair.lambda_then,
+            "told": pair.is_told(),
         })
     });
-    json!({ "seconds": own.seconds, "enough": Separation::ENOUGH, "pairs": pairs.collect::<Vec<_>>() })
+    Some(json!({ "seconds": own.seconds, "enough": Separation::ENOUGH, "pairs": pairs.collect::<Vec<_>>() }))
 }

@@ -7,7 +7,7 @@ use super::signal::Number;
 use super::terms::{Values, name, term};
 use crate::diagnose::{
     Calibration, CandidateAnswer, DiagnoseOptions, Diagnosis, FoundEffect, FoundParameter, GroupShare, NextExperiment,
-    Remaining, Structure, Verdict, cautions, explore, reversals, separate, stand_and_take,
+    Remaining, Structure, Verdict, cautions, explore, separate_joints, stand_and_take,
 };
 use crate::machine::{JointsLab, MachineUnderTest};
 use crate::{LabError, Measurements, Names, Problem, Term};
@@ -101,10 +101,9 @@ pub(super) fn diagnosis(answer: Answer) -> Result<Diagnosis, LabError> {
     let gains: Vec<f64> = found.iter().map(|own| own.values.gains[0].0).collect();
     let offsets: Vec<f64> = found.iter().map(|own| own.values.offsets[0].0).collect();
     let calibrated = machine.calibrated(&gains, &offsets);
-    let n_reversals = reversals(data);
     let next_experiment: Option<NextExperiment> = match verdict {
         Verdict::None => None,
-        Verdict::Missing => effects.iter().find_map(|effect| separate(&effect.class, n_reversals, false)),
+        Verdict::Missing => effects.iter().find_map(|effect| separate_joints(&effect.class)),
         _ => Some(explore(remaining.looks_like)),
     };
     let problem = Problem::new(machine, data.clone(), &[], f64::INFINITY);

@@ -45,6 +45,9 @@ pub(crate) struct Start<'a> {
     pub variables: &'a [Variable],
 }
 
+/// Every effect of a fit, and what is free of them.
+type EffectsAndVariables = (Vec<Term>, Vec<Variable>);
+
 impl Start<'_> {
     /// Effects and variables of a fit to joints whose machine is one entry of the list; `None` where nothing of the model's own is free.
     ///
@@ -56,7 +59,7 @@ impl Start<'_> {
         machine: &FreeJoints,
         data: &Measurements,
         again: &[(String, String)],
-    ) -> Result<Option<(Vec<Term>, Vec<Variable>)>, LabError> {
+    ) -> Result<Option<EffectsAndVariables>, LabError> {
         let n_own = joints.effects().len();
         let mut variables = told(joints, free_variables(machine, data, again)?);
         if variables.iter().all(|own| own.effect >= n_own) {

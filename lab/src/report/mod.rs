@@ -54,7 +54,7 @@ pub fn diagnosis_page(
 ) -> Result<String, LabError> {
     let calibrated = diagnosis.calibrated.as_ref().map_or(machine, |joints| joints as &dyn MachineUnderTest);
     let given = if diagnosis.calibrated.is_some() { "model after calibration" } else { "model as given" };
-    let mut models = vec![(given.to_owned(), calibrated.predict(machine.effects(), data)?)];
+    let mut models = vec![(given.to_owned(), calibrated.predict(calibrated.effects(), data)?)];
     let found = if diagnosis.effects.is_empty() { &diagnosis.partial } else { &diagnosis.effects };
     if !found.is_empty() {
         let names: Vec<&str> = found.iter().map(|effect| effect.name.as_str()).collect();

@@ -6,10 +6,9 @@ use crate::cli_lab::{DiagnoseArgs, dotted};
 use crate::print;
 use anyhow::{Context, bail};
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, FoundEffect, LoadCell, capital, diagnose};
-use krait_lab::experiment::{Separation, script, separation};
+use krait_lab::experiment::{Experiment, Separation, experiment};
 use krait_lab::report::diagnosis_page;
 use krait_lab::{Names, Session};
-use krait_model::Snake;
 use krait_model::effects::explanation;
 use krait_model::model_file::Machine;
 use krait_report::Table;
@@ -43,32 +42,57 @@ pub fn run(args: &DiagnoseArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Writes the script, and tells the diagnosis what playing it would decide.
+/// Writes the motion, and tells the diagnosis what playing it would decide.
 fn write_experiment(path: &Path, session: &Session, diagnosis: &mut Diagnosis) -> anyhow::Result<()> {
-    let Machine::Snake(machine) = session.file.machine() else {
-        bail!("--experiment {}: scripts move snakes, and the model is of another kind; leave it out", path.display())
+    let (machine, data) = (session.machine.as_ref(), &session.data);
+    let motion = experiment(machine, session.file.machine(), data, diagnosis, &session.recordings)?;
+    let Some(motion) = motion else {
+        let why = match session.file.machine() {
+            Machine::Force(_) => "motions are made for snakes and joints, and the model is of kind force",
+            _ => "the joint stood still in these data, so that its range is not known; record it in motion",
+        };
+        bail!("--experiment {}: {why}; leave it out", path.display())
     };
-    let snake = Snake::new(&machine.parameters)?;
-    let expected = separation(session.machine.as_ref(), machine, &session.data, diagnosis)?;
-    if let Some(next) = &mut diagnosis.next_experiment {
-        next.expected_separation = expected;
-    }
-    std::fs::write(path, script(&snake)).with_context(|| {
+    std::fs::write(path, &motion.script).with_context(|| {
         format!("the experiment {} could not be written; check that its directory exists", path.display())
-    })
+    })?;
+    if let Some(next) = &mut diagnosis.next_experiment {
+        next.motion = Some(motion);
+    }
+    Ok(())
 }
 
-fn expected(separation: &Separation) -> String {
-    let mut table = Table::new(&["if it is", "against", "lambda now", "after the script"]);
+/// The motion in words, and what it would decide.
+fn expected(motion: &Experiment) -> String {
+    let what = if motion.separation.is_some() { "for the look-alikes" } else { "that shows most" };
+    let mut text = format!("A motion {what}, {:.0} s from rest to rest:\n", motion.seconds);
+    motion.moves.iter().for_each(|own| text += &print::paragraph(&format!("- {own}")));
+    let Some(separation) = &motion.separation else { return text };
+    let mut table = Table::new(&["if it is", "against", "lambda now", "after it", ""]);
     for pair in &separation.pairs {
         let number = |value: f64| format!("{value:.1}");
-        table.row(vec![pair.truth.clone(), pair.other.clone(), number(pair.lambda_now), number(pair.lambda_then)]);
+        let told = if pair.is_told() { "told apart" } else { "not told apart" };
+        table.row(vec![
+            pair.truth.clone(),
+            pair.other.clone(),
+            number(pair.lambda_now),
+            number(pair.lambda_then),
+            told.to_owned(),
+        ]);
     }
-    format!(
-        "Expected from the script of {:.0} s (lambda: likelihood ratio against the wrong one; {:.0} and more tells them apart)\n{table}",
-        separation.seconds,
+    text += &format!(
+        "Expected from it (lambda: likelihood ratio against the wrong one; {:.0} and more tells them apart)\n{table}",
         Separation::ENOUGH
-    )
+    );
+    let left: Vec<String> = separation.left_alike().iter().map(|(a, b)| format!("{a} from {b}")).collect();
+    if !left.is_empty() {
+        text += &print::paragraph(&format!(
+            "It will not tell {}: no motion within what these data show of the machine was found that does. What stands under Next \
+             experiment may need another sensor or a part by itself.",
+            left.join(", nor ")
+        ));
+    }
+    text
 }
 
 fn text(args: &DiagnoseArgs, diagnosis: &Diagnosis, session: &Session) -> String {
@@ -112,7 +136,7 @@ fn text(args: &DiagnoseArgs, diagnosis: &Diagnosis, session: &Session) -> String
     text += &format!("\nCandidates, each added alone ({SHOWN} best)\n{of}{}", candidates(diagnosis, unit));
     if let Some(next) = &diagnosis.next_experiment {
         text += &format!("\nNext experiment: {}\n", next.instruction);
-        text += &next.expected_separation.as_ref().map_or(String::new(), expected);
+        text += &next.motion.as_ref().map_or(String::new(), expected);
     }
     text
 }
