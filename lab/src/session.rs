@@ -4,7 +4,7 @@ use crate::machine::{MachineUnderTest, machine_of};
 use crate::read::{ColumnMap, ReadError, read};
 use crate::{LabError, Measurements};
 use krait_ipc::input;
-use krait_model::model_file::{ModelFile, ModelFileError};
+use krait_model::model_file::{Machine, ModelFile, ModelFileError};
 use std::path::{Path, PathBuf};
 
 /// A model, its machine under the lab, and what was measured.
@@ -124,6 +124,9 @@ pub fn open_model(path: &Path) -> Result<ModelFile, SessionError> {
 }
 
 fn machine(file: &ModelFile) -> Result<Box<dyn MachineUnderTest>, LabError> {
+    if matches!(file.machine(), Machine::Segments(_)) {
+        return Err(LabError::Segments);
+    }
     let found = "a machine of neither kind";
     machine_of(file).ok_or(LabError::OtherMachine { data: "the model".to_owned(), expected: "snake or joints", found })
 }

@@ -19,7 +19,7 @@ pub enum ModelVerb {
     SaveLearnt(SaveLearntArgs),
     /// Turns a table of setpoints into a table of commands, for a controller that krait does not drive.
     #[command(
-        after_help = "Examples:\n  krait model compensate better.toml --in setpoints.csv --out commands.csv\n  krait model compensate docs/joints/wrist.toml --in wrist.csv --out commands.csv\n\nColumns of a snake: time_s, bend_x_rad, bend_y_rad (or _deg); of joints: time_s, y1_<unit>, y2_<unit> ... in the model's unit"
+        after_help = "Examples:\n  krait model compensate better.toml --in setpoints.csv --out commands.csv\n  krait model compensate docs/joints/wrist.toml --in wrist.csv --out commands.csv\n\nColumns of a snake: time_s, bend_x_rad, bend_y_rad (or _deg); of segments: time_s, bend1_rad, plane1_rad, bend2_rad ... (or _deg); of joints: time_s, y1_<unit>, y2_<unit> ... in the model's unit"
     )]
     Compensate(CompensateArgs),
     /// Lets a chain that runs go on with another model file of the same machine; it holds still until the operator takes hold anew.

@@ -4,6 +4,7 @@
 //! bytes of the file, comments, the history, or where a value came from.
 
 use crate::model_file::{ForceMachine, Joints};
+use crate::segments::{LineParameters, SegmentParameters, SegmentsParameters};
 use crate::{ChainSettings, EffectSetting, MachineParameters};
 use core::fmt;
 use sha2::{Digest, Sha256};
@@ -67,6 +68,26 @@ pub(crate) fn of_snake(machine: &MachineParameters, settings: ChainSettings, eff
     let ChainSettings { strain_limit, transition_m } = settings;
     content.numbers([l_m, r_m, e_pa, d_outer_m, d_inner_m, l_d_m, l_c_m, phi_rad, strain_limit, transition_m]);
     content.word(if rigid_lines { "rigid" } else { "elastic" });
+    content.effects(effects);
+    content.end()
+}
+
+/// Of segments.
+pub(crate) fn of_segments(machine: &SegmentsParameters, effects: &[EffectSetting]) -> ModelHash {
+    let mut content = Content(Sha256::new());
+    content.word("segments");
+    let SegmentsParameters { segments, phi_rad, rigid_lines, preload_n, low_n, high_n, settings } = machine;
+    let ChainSettings { strain_limit, transition_m } = *settings;
+    content.numbers([*phi_rad, *preload_n, *low_n, *high_n, strain_limit, transition_m]);
+    content.word(if *rigid_lines { "rigid" } else { "elastic" });
+    content.numbers([segments.len() as f64]);
+    for segment in segments {
+        let SegmentParameters { l_m, e_pa, d_outer_m, d_inner_m, l_d_m, l_c_m, lines } = segment;
+        content.numbers([*l_m, *e_pa, *d_outer_m, *d_inner_m, *l_d_m, *l_c_m, lines.len() as f64]);
+        for LineParameters { azimuth_rad, radius_m } in lines {
+            content.numbers([*azimuth_rad, *radius_m]);
+        }
+    }
     content.effects(effects);
     content.end()
 }

@@ -82,7 +82,7 @@ impl Ground {
                     names,
                 })
             }
-            Machine::Force(_) => None,
+            Machine::Segments(_) | Machine::Force(_) => None,
         }
     }
 

@@ -20,13 +20,14 @@ use crate::{FittedData, LabError, Measurements, Parameter, Term};
 use krait_model::EffectSetting;
 use krait_model::model_file::{self, ModelFile};
 
-/// The machine of a model file; `None` only for a snake whose parameters its own file would refuse.
+/// The machine of a model file; `None` for segments, and for a snake whose parameters its own file would refuse.
 pub fn machine_of(file: &ModelFile) -> Option<Box<dyn MachineUnderTest>> {
     match file.machine() {
         model_file::Machine::Snake(_) => SnakeLab::new(file).map(|snake| Box::new(snake) as Box<dyn MachineUnderTest>),
         model_file::Machine::Joints(_) => {
             JointsLab::new(file).map(|joints| Box::new(joints) as Box<dyn MachineUnderTest>)
         }
+        model_file::Machine::Segments(_) => None,
         model_file::Machine::Force(_) => ForceLab::new(file).map(|force| Box::new(force) as Box<dyn MachineUnderTest>),
     }
 }
@@ -37,6 +38,7 @@ pub(crate) fn setting(machine: &model_file::Machine, term: &Term) -> Result<Effe
         model_file::Machine::Snake(_) => snake::setting(term, snake::kind),
         model_file::Machine::Joints(_) => snake::setting(term, joints::kind),
         model_file::Machine::Force(_) => snake::setting(term, force::kind),
+        model_file::Machine::Segments(_) => Err(LabError::Segments),
     }
 }
 

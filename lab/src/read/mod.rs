@@ -54,12 +54,15 @@ pub enum Expected<'a> {
     Joints(&'a Joints),
     /// Joints with a force: `q1`..`qn`, rad, and `tau1_nm`.. or `i1_a`..
     Force(&'a ForceMachine),
+    /// Segments in series, which the lab does not measure: every file is refused.
+    Segments,
 }
 
 impl<'a> From<&'a Machine> for Expected<'a> {
     fn from(machine: &'a Machine) -> Self {
         match machine {
             Machine::Snake(_) => Self::Snake,
+            Machine::Segments(_) => Self::Segments,
             Machine::Joints(joints) => Self::Joints(joints),
             Machine::Force(force) => Self::Force(force),
         }
@@ -72,6 +75,7 @@ impl Expected<'_> {
             Self::Snake => role::snake(),
             Self::Joints(joints) => role::joints(joints.n, &joints.u_unit, &joints.y_unit),
             Self::Force(force) => role::force(force),
+            Self::Segments => Vec::new(),
         }
     }
 
@@ -81,6 +85,7 @@ impl Expected<'_> {
             Self::Snake => (role::N_LINES, 2),
             Self::Joints(joints) => (joints.n, joints.n),
             Self::Force(force) => (force.n, force.n),
+            Self::Segments => (0, 0),
         }
     }
 }
@@ -94,6 +99,9 @@ impl Expected<'_> {
 /// # Errors
 /// [`ReadError`], one sentence with file, line and column.
 pub fn read(path: &Path, map: &ColumnMap, expected: Expected) -> Result<Measurements, ReadError> {
+    if matches!(expected, Expected::Segments) {
+        return Err(ReadError::Segments { path: path.to_owned() });
+    }
     let failed = |source| ReadError::Io { path: path.to_owned(), source };
     let Found { mut file, format } = Format::of(path)?;
     let (table, hash) = match format {

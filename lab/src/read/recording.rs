@@ -30,7 +30,7 @@ pub(super) fn read(path: &Path, file: File, map: &ColumnMap, expected: Expected)
     let scale = match expected {
         Expected::Snake => (columns.n_joints == 0).then_some([1.0; 2]),
         Expected::Joints(joints) => (columns.n_joints == joints.n).then(|| joint_scale(&recording, joints)).flatten(),
-        Expected::Force(_) => None,
+        Expected::Force(_) | Expected::Segments => None,
     };
     let Some([u_per_m, y_per_si]) = scale else {
         let (found, expected) = (
@@ -39,6 +39,7 @@ pub(super) fn read(path: &Path, file: File, map: &ColumnMap, expected: Expected)
                 Expected::Snake => machine(0, None),
                 Expected::Joints(joints) => machine(joints.n, Some(joints)),
                 Expected::Force(_) => "a torque or a current, which no recording of krait holds for joints".to_owned(),
+                Expected::Segments => "segments, which no recording of krait holds".to_owned(),
             },
         );
         return Err(ReadError::OtherMachine { path: path.to_owned(), found, expected });

@@ -141,6 +141,9 @@ fn machine(model: &Path) -> anyhow::Result<MachineParameters> {
     match file_of(model)?.as_ref().map(ModelFile::machine) {
         None => Ok(MachineParameters::default()),
         Some(Machine::Snake(snake)) => Ok(snake.parameters),
+        Some(Machine::Segments(_)) => {
+            anyhow::bail!("the model file {} describes segments, expected a snake; give another", model.display())
+        }
         Some(Machine::Joints(_)) => {
             anyhow::bail!("the model file {} describes joints, expected a snake; give another", model.display())
         }

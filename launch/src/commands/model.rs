@@ -3,6 +3,7 @@
 use crate::cli::Common;
 use crate::cli_model::{ModelFileArgs, ModelShowArgs, ModelVerb};
 use crate::commands::model_loads::{LoadLimit, first_limit};
+use crate::commands::model_segments::{self, SegmentEntry};
 use crate::commands::{model_compensate, model_exchange, model_learnt};
 use crate::config::Config;
 use crate::print;
@@ -110,6 +111,9 @@ struct Described {
     max_bend_deg: Option<f64>,
     /// Where a line is first at the slave's limit of pull or push; null where none is up to the largest bend.
     load_limit: Option<LoadLimit>,
+    /// The segments from the base on; only of a machine of segments.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    segments: Option<Vec<SegmentEntry>>,
     /// Why the live compensator cannot use it; null where it can.
     not_compensable: Option<String>,
     /// Why it must not steer a machine though every number of it is within bounds; null where it may.
@@ -179,6 +183,7 @@ fn described(config: &Config, path: &Path, text: &str, model: &ModelFile) -> Res
     let load_limit = load_limit.transpose().map_err(|error| whole(error.into()))?.flatten();
     Ok(Described {
         load_limit,
+        segments: model.segment_chain().map_err(whole)?.as_ref().map(model_segments::described),
         file: path.display().to_string(),
         valid: true,
         hash: model.hash().to_string(),
@@ -186,11 +191,7 @@ fn described(config: &Config, path: &Path, text: &str, model: &ModelFile) -> Res
             .into_iter()
             .map(|Assumed { place, key, value, .. }| AssumedKey { place, key, value })
             .collect(),
-        machine: match model.machine() {
-            Machine::Snake(_) => "snake",
-            Machine::Joints(_) => "joints",
-            Machine::Force(_) => "force",
-        },
+        machine: model.machine().kind(),
         max_bend_deg: chain.map(|chain| chain.max_bend_rad().to_degrees()),
         not_compensable,
         implausible,
@@ -237,6 +238,7 @@ fn sentences(found: &Described) -> String {
     if let Some(limit) = found.load_limit {
         text += &load_sentence(&limit);
     }
+    text += &model_segments::sentences(found.segments.as_deref().unwrap_or_default());
     match found.implausible.as_ref().or(found.not_compensable.as_ref()) {
         Some(reason) if found.implausible.is_some() => text += &format!("  it must not steer a machine: {reason}\n"),
         Some(reason) => text += &format!("  `krait run` cannot use it: {reason}\n"),

@@ -5,9 +5,10 @@
 
 use crate::cli_model::CompensateArgs;
 use crate::commands::model::text_of;
+use crate::commands::model_compensate_segments::{Loads, SegmentInverse};
 use crate::commands::overwrite::refuse_existing;
 use crate::print;
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
 use core::fmt::Write;
 use krait_bridge::LiveModel;
 use krait_ipc::input;
@@ -32,6 +33,9 @@ struct Compensated {
     unit: String,
     /// Rows whose setpoint no command reaches; their command is the nearest.
     rows_not_reached: usize,
+    /// Loads of the lines; only of segments.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    loads: Option<Loads>,
 }
 
 /// Writes the commands; exit code 1 where some setpoint cannot be reached.
@@ -45,9 +49,7 @@ pub fn run(args: &CompensateArgs) -> anyhow::Result<ExitCode> {
     let (mut largest_correction, mut rows_not_reached) = (0.0_f64, 0);
     for row in &rows {
         let found = inverse.step(row.time_s, &row.wanted);
-        let Some(found) = found else {
-            bail!("{}, line {}: {}", args.setpoints.display(), row.line, inverse.beyond());
-        };
+        let found = found.map_err(|why| anyhow!("{}, line {}: {why}", args.setpoints.display(), row.line))?;
         rows_not_reached += usize::from(!found.is_reached);
         largest_correction = largest_correction.max(found.correction);
         write!(table, "{}", row.time_s)?;
@@ -58,7 +60,8 @@ pub fn run(args: &CompensateArgs) -> anyhow::Result<ExitCode> {
     }
     std::fs::write(&args.out, table).with_context(|| format!("{} could not be written", args.out.display()))?;
     let (out, unit) = (args.out.display().to_string(), inverse.unit.clone());
-    let answer = Compensated { out, rows: rows.len(), largest_correction, unit, rows_not_reached };
+    let loads = inverse.loads();
+    let answer = Compensated { out, rows: rows.len(), largest_correction, unit, rows_not_reached, loads };
     if args.json {
         print::json(&answer)?;
     } else {
@@ -68,12 +71,12 @@ pub fn run(args: &CompensateArgs) -> anyhow::Result<ExitCode> {
 }
 
 fn sentence(done: &Compensated) -> String {
-    let Compensated { out, rows, largest_correction, unit, rows_not_reached } = done;
+    let Compensated { out, rows, largest_correction, unit, rows_not_reached, loads } = done;
     let mut text = format!("{out} holds {rows} commands; the largest correction is {largest_correction:.3e} {unit}\n");
     if *rows_not_reached > 0 {
         text += &format!("{rows_not_reached} setpoints cannot be reached; their commands are the nearest\n");
     }
-    text
+    text + &loads.as_ref().map_or_else(String::new, Loads::sentence)
 }
 
 /// The inverse of a model, with the columns that it takes and gives.
@@ -86,6 +89,7 @@ struct Inverse {
 
 enum Kind {
     Snake { lines: Box<krait_model::ChainCompensator>, max_bend_rad: f64 },
+    Segments(Box<SegmentInverse>),
     Joints(Box<JointCompensator>),
 }
 
@@ -109,6 +113,10 @@ impl Inverse {
                 unit: joints.u_unit.clone(),
             });
         }
+        if let Some(lines) = SegmentInverse::of(file)? {
+            let (wanted, commanded, unit) = (lines.wanted(), lines.commanded(), "m".to_owned());
+            return Ok(Self { kind: Kind::Segments(Box::new(lines)), wanted, commanded, unit });
+        }
         let model = LiveModel::of(file)?;
         let chain = model.snake().context("the model has no snake")?;
         Ok(Self {
@@ -119,37 +127,39 @@ impl Inverse {
         })
     }
 
-    /// The commands for the next setpoint; `None` for one that is beyond what the machine can bear.
-    fn step(&mut self, time_s: f64, wanted: &[f64]) -> Option<Step> {
+    /// The commands for the next setpoint; for one that is beyond what the machine can bear, why.
+    fn step(&mut self, time_s: f64, wanted: &[f64]) -> Result<Step, String> {
         let at = Circumstances::at(time_s);
         match &mut self.kind {
             Kind::Snake { lines, max_bend_rad } => {
                 let bend_rad = Vector2::new(wanted[0], wanted[1]);
                 if bend_rad.norm() > *max_bend_rad {
-                    return None;
+                    return Err(format!(
+                        "the bend is larger than {max_bend_rad:.3} rad, which the model's strain_limit allows; ask for less"
+                    ));
                 }
                 let found = lines.step(bend_rad, &at);
                 let commands = found.q_tilde_m.iter().copied().collect();
-                Some(Step { commands, correction: found.eps_m.amax(), is_reached: true })
+                Ok(Step { commands, correction: found.eps_m.amax(), is_reached: true })
+            }
+            Kind::Segments(lines) => {
+                let (commands, correction) = lines.step(time_s, wanted)?;
+                Ok(Step { commands, correction, is_reached: true })
             }
             Kind::Joints(joints) => {
                 let plain = joints.without_effects(wanted);
                 let found = joints.step(wanted, &at);
                 let correction =
                     found.u.iter().zip(&plain).fold(0.0_f64, |most, (u, plain)| most.max((u - plain).abs()));
-                Some(Step { commands: found.u[..wanted.len()].to_vec(), correction, is_reached: found.is_reachable })
+                Ok(Step { commands: found.u[..wanted.len()].to_vec(), correction, is_reached: found.is_reachable })
             }
         }
     }
 
-    fn beyond(&self) -> String {
-        match self.kind {
-            Kind::Snake { max_bend_rad, .. } => {
-                format!(
-                    "the bend is larger than {max_bend_rad:.3} rad, which the model's strain_limit allows; ask for less"
-                )
-            }
-            Kind::Joints(_) => "the setpoint is beyond the machine".to_owned(),
+    fn loads(&self) -> Option<Loads> {
+        match &self.kind {
+            Kind::Segments(lines) => Some(lines.loads()),
+            Kind::Snake { .. } | Kind::Joints(_) => None,
         }
     }
 }

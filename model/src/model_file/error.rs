@@ -89,15 +89,17 @@ pub enum ModelFileError {
         /// How many there should be.
         expected: usize,
     },
-    /// An effect makes no sense for a joint.
+    /// An effect makes no sense for a machine of this kind.
     #[error(
-        "line {line}: effect {effect} makes no sense for a machine of kind joints, expected one of {allowed}; remove it"
+        "line {line}: effect {effect} makes no sense for a machine of kind {machine}, expected one of {allowed}; remove it"
     )]
-    NotForJoints {
+    NotForMachine {
         /// Where.
         line: usize,
         /// The effect.
         effect: &'static str,
+        /// The machine's kind.
+        machine: &'static str,
         /// The effects that do.
         allowed: String,
     },

@@ -1,7 +1,8 @@
-//! The three kinds of machine that a model file describes.
+//! The four kinds of machine that a model file describes.
 
 use crate::effects::EffectKind;
 use crate::parameters::{ParameterRange, range_of};
+use crate::segments::SegmentsParameters;
 use crate::{ChainError, ChainSettings, EffectSetting, MachineParameters};
 use std::collections::BTreeMap;
 
@@ -10,6 +11,8 @@ use std::collections::BTreeMap;
 pub enum Machine {
     /// A snake on three elastic lines.
     Snake(SnakeMachine),
+    /// One to three segments in series on three to twelve elastic lines.
+    Segments(SegmentsParameters),
     /// Any cable-driven joints.
     Joints(Joints),
     /// Joints whose torque or current follows from their motion.
@@ -25,6 +28,18 @@ pub struct SnakeMachine {
     pub settings: ChainSettings,
     /// What is known of each number of the geometry, by its key; a number that is not here is held.
     known: BTreeMap<&'static str, Known>,
+}
+
+impl Machine {
+    /// Its word in model files.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Snake(_) => "snake",
+            Self::Segments(_) => "segments",
+            Self::Joints(_) => "joints",
+            Self::Force(_) => "force",
+        }
+    }
 }
 
 impl SnakeMachine {

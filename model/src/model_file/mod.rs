@@ -18,7 +18,10 @@ mod history;
 mod machine;
 mod read;
 mod read_effect;
+mod read_segments;
+mod segment_keys;
 mod write;
+mod write_segments;
 
 pub use assumed::{Assumed, assumed};
 pub use built_in::{BUILT_IN, built_in};
@@ -29,6 +32,7 @@ pub use write::documented_defaults;
 
 use crate::hash::{self, ModelHash};
 use crate::joints::JointChain;
+use crate::segments::SegmentChain;
 use crate::{Chain, ChainError, EffectSetting, KnownColumns, Snake};
 
 /// The only format there is.
@@ -122,6 +126,10 @@ impl ModelFile {
     /// # Errors
     /// [`ChainError`] for anything that a file would be refused for.
     pub fn new(machine: Machine, effects: Vec<FileEffect>, history: Vec<HistoryEntry>) -> Result<Self, ChainError> {
+        let machine = match machine {
+            Machine::Segments(segments) => Machine::Segments(segment_keys::sayable(segments)),
+            other => other,
+        };
         let file = Self { machine, effects, history };
         file.check()?;
         Ok(file)
@@ -150,7 +158,7 @@ impl ModelFile {
                 let keys = [("gain", is_open(&joints.gain_known)), ("offset", is_open(&joints.offset_known))];
                 keys.into_iter().find(|(_, open)| *open).map(|(key, _)| key)
             }
-            Machine::Force(_) => None,
+            Machine::Segments(_) | Machine::Force(_) => None,
         };
         let mut of_effects = self.effects.iter().filter_map(|own| Some((*own.free.first()?, own.setting.label())));
         of_machine.map(|key| (key, "[machine]")).or_else(|| of_effects.next())
@@ -172,8 +180,7 @@ impl ModelFile {
     /// [`ChainError::MissingColumn`] where an effect needs a column that is not there.
     pub fn chain(&self, columns: KnownColumns) -> Result<Option<Chain>, ChainError> {
         let Machine::Snake(snake) = &self.machine else { return Ok(None) };
-        let effects: Vec<EffectSetting> = self.effects.iter().map(|e| e.setting.clone()).collect();
-        let chain = Chain::new(&snake.parameters, snake.settings, &effects, columns)?;
+        let chain = Chain::new(&snake.parameters, snake.settings, &self.settings(), columns)?;
         Ok(Some(chain.with_floor(self.floor_rad())))
     }
 
@@ -187,22 +194,36 @@ impl ModelFile {
     ///
     /// # Errors
     /// [`ChainError::MissingColumn`] where a formula needs a column that is not there; [`ChainError::NothingToDrive`] for a model
-    /// of kind force.
+    /// of kind force, [`ChainError::SegmentsNotDriven`] for one of segments.
     pub fn joint_chain(&self, columns: KnownColumns) -> Result<Option<JointChain>, ChainError> {
         let joints = match &self.machine {
             Machine::Joints(joints) => joints,
             Machine::Snake(_) => return Ok(None),
+            Machine::Segments(_) => return Err(ChainError::SegmentsNotDriven),
             Machine::Force(_) => return Err(ChainError::NothingToDrive),
         };
-        let effects: Vec<EffectSetting> = self.effects.iter().map(|e| e.setting.clone()).collect();
-        JointChain::new(joints, &effects, columns).map(Some)
+        JointChain::new(joints, &self.settings(), columns).map(Some)
+    }
+
+    /// The chain of segments; `None` for other machines.
+    ///
+    /// # Errors
+    /// [`ChainError`] as [`SegmentChain::new`].
+    pub fn segment_chain(&self) -> Result<Option<SegmentChain>, ChainError> {
+        let Machine::Segments(segments) = &self.machine else { return Ok(None) };
+        SegmentChain::new(segments, &self.settings()).map(Some)
+    }
+
+    fn settings(&self) -> Vec<EffectSetting> {
+        self.effects.iter().map(|effect| effect.setting.clone()).collect()
     }
 
     /// Which model it is: a hash of the machine, the effects with their values, and what is learnt; not of the history.
     pub fn hash(&self) -> ModelHash {
-        let effects: Vec<EffectSetting> = self.effects.iter().map(|e| e.setting.clone()).collect();
+        let effects = self.settings();
         match &self.machine {
             Machine::Snake(snake) => hash::of_snake(&snake.parameters, snake.settings, &effects),
+            Machine::Segments(segments) => hash::of_segments(segments, &effects),
             Machine::Joints(joints) => hash::of_joints(joints, &effects),
             Machine::Force(force) => hash::of_force(force, &effects),
         }
@@ -230,6 +251,7 @@ impl ModelFile {
                 Snake::new(&snake.parameters)?;
                 self.chain(EVERY_COLUMN).map(|_| ())
             }
+            Machine::Segments(_) => self.segment_chain().map(|_| ()),
             Machine::Joints(_) => self.joint_chain(EVERY_COLUMN).map(|_| ()),
             Machine::Force(force) => self.effects.iter().try_for_each(|effect| force.check(&effect.setting)),
         }

@@ -3,7 +3,7 @@
 use super::error::nearest;
 use super::history::{HeldOutRms, HistoryEntry};
 use super::machine::{ForceMachine, ForceUnit, Joints, Known, Machine, SNAKE_KEYS, SnakeMachine};
-use super::{FileEffect, MODEL_FILE_FORMAT, ModelFile, ModelFileError, read_effect};
+use super::{FileEffect, MODEL_FILE_FORMAT, ModelFile, ModelFileError, read_effect, read_segments};
 use crate::joints::MAX_JOINTS;
 use crate::parameters::in_range;
 use crate::{ChainError, ParameterError, Snake};
@@ -36,12 +36,15 @@ pub(super) fn parse(text: &str) -> Result<ModelFile, ModelFileError> {
 }
 
 fn machine(section: &Section) -> Result<Machine, ModelFileError> {
-    let kind = section.text("kind")?.ok_or_else(|| section.missing("kind", "\"snake\", \"joints\" or \"force\""))?;
+    let kind = section
+        .text("kind")?
+        .ok_or_else(|| section.missing("kind", "\"snake\", \"segments\", \"joints\" or \"force\""))?;
     match kind.value.as_str() {
         "snake" => snake(section).map(Machine::Snake),
+        "segments" => read_segments::segments(section).map(Machine::Segments),
         "joints" => joints(section).map(Machine::Joints),
         "force" => force(section).map(Machine::Force),
-        _ => Err(kind.unknown("kind", ["snake", "joints", "force"])),
+        _ => Err(kind.unknown("kind", ["snake", "segments", "joints", "force"])),
     }
 }
 
@@ -75,13 +78,7 @@ fn snake(section: &Section) -> Result<SnakeMachine, ModelFileError> {
             (key.set)(&mut machine, given.value);
         }
     }
-    if let Some(lines) = section.text("lines")? {
-        machine.parameters.rigid_lines = match lines.value.as_str() {
-            "elastic" => false,
-            "rigid" => true,
-            _ => return Err(lines.unknown("lines", ["elastic", "rigid"])),
-        };
-    }
+    machine.parameters.rigid_lines = section.rigid_lines()?;
     let checked = Snake::new(&machine.parameters)
         .map(|_| ())
         .and_then(|()| in_range("strain_limit", machine.settings.strain_limit, 0.001, 0.08, "(no unit)"))
@@ -307,14 +304,26 @@ impl<'a> Section<'a> {
         Ok(Some(self.inner(format!("[{key}]"), value, table)))
     }
 
+    /// Whether the lines are taken for rigid; elastic where nothing is said.
+    pub(super) fn rigid_lines(&self) -> Result<bool, ModelFileError> {
+        let Some(lines) = self.text("lines")? else { return Ok(false) };
+        match lines.value.as_str() {
+            "elastic" => Ok(false),
+            "rigid" => Ok(true),
+            _ => Err(lines.unknown("lines", ["elastic", "rigid"])),
+        }
+    }
+
     /// An array of tables within this one.
-    fn sections(&self, key: &str) -> Result<Vec<Section<'a>>, ModelFileError> {
+    pub(super) fn sections(&self, key: &str) -> Result<Vec<Section<'a>>, ModelFileError> {
         let Some(value) = self.get(key) else { return Ok(Vec::new()) };
         let wrong = |value| self.wrong(key, value, "tables, each under a line [[...]]");
         let items = value.get_ref().as_array().ok_or_else(|| wrong(value))?;
         let one = |(k, item): (usize, &'a Spanned<DeValue<'a>>)| {
             let table = item.get_ref().as_table().ok_or_else(|| wrong(item))?;
-            Ok(self.inner(format!("[[{key}]] number {}", k + 1), item, table))
+            let within = self.place.strip_prefix('[').and_then(|own| own.strip_suffix(']'));
+            let path = within.map_or_else(|| key.to_owned(), |own| format!("{own}.{key}"));
+            Ok(self.inner(format!("[[{path}]] number {}", k + 1), item, table))
         };
         items.iter().enumerate().map(one).collect()
     }
@@ -324,9 +333,14 @@ impl<'a> Section<'a> {
     }
 
     fn numbers(&self, key: &str, value: &Spanned<DeValue>, n: usize) -> Result<Vec<f64>, ModelFileError> {
-        let line = self.line_at(value);
+        let numbers = self.all_numbers(key, value)?;
+        count(self.line_at(value), key, numbers.len(), n)?;
+        Ok(numbers)
+    }
+
+    /// The numbers of an array, however many there are.
+    pub(super) fn all_numbers(&self, key: &str, value: &Spanned<DeValue>) -> Result<Vec<f64>, ModelFileError> {
         let items = value.get_ref().as_array().ok_or_else(|| self.wrong(key, value, "an array of numbers"))?;
-        count(line, key, items.len(), n)?;
         let number = |item: &Spanned<DeValue>| match as_number(item.get_ref()) {
             Some(number) if number.is_finite() => Ok(number),
             _ => Err(self.wrong(key, item, "a finite number")),
@@ -347,14 +361,14 @@ impl<'a> Section<'a> {
     }
 }
 
-fn count(line: usize, key: &str, found: usize, expected: usize) -> Result<(), ModelFileError> {
+pub(super) fn count(line: usize, key: &str, found: usize, expected: usize) -> Result<(), ModelFileError> {
     if found == expected {
         return Ok(());
     }
     Err(ModelFileError::Count { line, key: key.to_owned(), found, expected })
 }
 
-fn as_number(value: &DeValue) -> Option<f64> {
+pub(super) fn as_number(value: &DeValue) -> Option<f64> {
     match value {
         DeValue::Float(x) => x.as_str().parse().ok(),
         DeValue::Integer(x) => i64::from_str_radix(x.as_str(), x.radix()).ok().map(|n| n as f64),

@@ -5,6 +5,7 @@ use super::read::Section;
 use super::{FileEffect, ModelFileError, Origin};
 use crate::effects::{EffectKind, ForceEffect, FormulaParameter, FormulaText, Hook};
 use crate::joints::JointEffect;
+use crate::segments::SEGMENT_EFFECTS;
 use crate::{ChainError, EffectSetting, Learn};
 
 /// How long a learnt parameter takes to drift by its standard deviation where the file does not say, s.
@@ -23,10 +24,20 @@ pub(super) fn effect(section: &Section, machine: &Machine) -> Result<FileEffect,
             (Some(effect), _) => Ok(EffectKind::Joint(effect)),
             (None, Some(EffectKind::Formula)) => Ok(EffectKind::Formula),
             (None, Some(other)) => {
+                let (effect, machine) = (other.name(), "joints");
                 let allowed = joint_names().collect::<Vec<_>>().join(", ");
-                Err(ModelFileError::NotForJoints { line: kind.line, effect: other.name(), allowed })
+                Err(ModelFileError::NotForMachine { line: kind.line, effect, machine, allowed })
             }
             (None, None) => Err(kind.unknown("kind", joint_names())),
+        },
+        Machine::Segments(_) => match of_snake {
+            Some(effect) if SEGMENT_EFFECTS.contains(&effect) => Ok(effect),
+            Some(other) => {
+                let (effect, machine) = (other.name(), "segments");
+                let allowed = SEGMENT_EFFECTS.map(EffectKind::name).join(", ");
+                Err(ModelFileError::NotForMachine { line: kind.line, effect, machine, allowed })
+            }
+            None => Err(kind.unknown("kind", SEGMENT_EFFECTS.map(EffectKind::name))),
         },
         Machine::Force(_) => {
             let of_force = ForceEffect::from_name(&kind.value).map(EffectKind::Force);
@@ -36,11 +47,11 @@ pub(super) fn effect(section: &Section, machine: &Machine) -> Result<FileEffect,
     let hooks: &[&str] = match machine {
         Machine::Snake(_) => &["eps", "tau", "geo", "meas", "enc"],
         Machine::Joints(_) => &["joint"],
-        Machine::Force(_) => &[],
+        Machine::Segments(_) | Machine::Force(_) => &[],
     };
     match known {
         EffectKind::Formula => formula(section, hooks),
-        known => named(section, known),
+        known => named(section, known, matches!(machine, Machine::Snake(_))),
     }
 }
 
@@ -48,7 +59,7 @@ fn joint_names() -> impl Iterator<Item = &'static str> {
     JointEffect::ALL.into_iter().map(JointEffect::name).chain(["formula"])
 }
 
-fn named(section: &Section, kind: EffectKind) -> Result<FileEffect, ModelFileError> {
+fn named(section: &Section, kind: EffectKind, may_be_free: bool) -> Result<FileEffect, ModelFileError> {
     let parameters = kind.definition().parameters;
     let mut known = vec!["kind"];
     known.extend(parameters.iter().map(|p| p.name));
@@ -57,7 +68,7 @@ fn named(section: &Section, kind: EffectKind) -> Result<FileEffect, ModelFileErr
     let (mut origins, mut free) = (Vec::new(), Vec::new());
     for parameter in parameters {
         if let Some(given) = section.get(parameter.name).filter(|given| given.get_ref().as_str() == Some("free")) {
-            if matches!(kind, EffectKind::Joint(_) | EffectKind::Force(_)) {
+            if !may_be_free {
                 return Err(section.wrong(parameter.name, given, NO_FREE));
             }
             free.push(parameter.name);

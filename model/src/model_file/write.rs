@@ -1,9 +1,10 @@
 //! From a model to text that reads back as the same model, with or without what each key means.
 
 use super::machine::{ForceMachine, Joints, Known, Machine, SNAKE_KEYS, SnakeMachine};
-use super::{FileEffect, HistoryEntry, MODEL_FILE_FORMAT, ModelFile, Origin};
+use super::{FileEffect, HistoryEntry, MODEL_FILE_FORMAT, ModelFile, Origin, write_segments};
 use crate::effects::{Definition, EffectKind, FORMULA_VARIABLES, Inverse};
 use crate::joints::JointEffect;
+use crate::segments::{SEGMENT_EFFECTS, SegmentParameters, SegmentsParameters};
 use crate::{EffectSetting, Learn};
 
 /// The text of a model file.
@@ -13,6 +14,7 @@ pub(super) fn to_toml(file: &ModelFile, documented: bool) -> String {
     out.line("\n[machine]", "");
     match &file.machine {
         Machine::Snake(snake) => out.snake(snake),
+        Machine::Segments(segments) => write_segments::segments(&mut out, segments),
         Machine::Joints(joints) => out.joints(joints),
         Machine::Force(force) => out.force(force),
     }
@@ -44,12 +46,30 @@ pub fn documented_defaults() -> String {
         let hooks: Vec<_> = variable.hooks.iter().map(|hook| hook.word()).collect();
         out.comment(&format!("  {} [{}], at {}", variable.name, variable.meaning, hooks.join(", ")));
     }
+    let names = SEGMENT_EFFECTS.map(EffectKind::name).join(", ");
     out.comment(
-        "\nThe other kind of machine, any cable-driven joint or instrument; `krait run` drives up to 8 joints.",
+        "\nAnother kind of machine, snakes in series on any lines; no chain drives it. It can have the effects",
     );
+    out.comment(&format!("{names}, as above and not learnt."));
+    for line in documented_segments().lines() {
+        out.comment(line);
+    }
+    out.comment("\nAnother kind of machine, any cable-driven joint or instrument; `krait run` drives up to 8 joints.");
     for line in documented_joints().lines() {
         out.comment(line);
     }
+    out.text
+}
+
+/// Two segments of the paper's dimensions, the second one's lines between those of the first.
+fn documented_segments() -> String {
+    let mut out = Out { text: String::new(), documented: true };
+    out.line("[machine]", "");
+    let of = |first_deg: f64| {
+        SegmentParameters::of_table_i(&[0.0, 120.0, 240.0].map(|deg: f64| (first_deg + deg).to_radians()))
+    };
+    let segments = vec![of(0.0), of(60.0)];
+    write_segments::segments(&mut out, &SegmentsParameters { segments, ..SegmentsParameters::default() });
     out.text
 }
 
@@ -67,13 +87,13 @@ fn documented_joints() -> String {
     out.text
 }
 
-struct Out {
+pub(super) struct Out {
     text: String,
     documented: bool,
 }
 
 impl Out {
-    fn line(&mut self, text: &str, doc: &str) {
+    pub(super) fn line(&mut self, text: &str, doc: &str) {
         self.text.push_str(text);
         if self.documented && !doc.is_empty() {
             self.text.push_str("  # ");
@@ -93,17 +113,21 @@ impl Out {
     }
 
     fn snake(&mut self, snake: &SnakeMachine) {
-        self.line("kind = \"snake\"", "or \"joints\", \"force\"");
-        let lines = if snake.parameters.rigid_lines { "rigid" } else { "elastic" };
-        self.line(
-            &format!("lines = {}", text(lines)),
-            "elastic; or rigid: they give nothing under load, so that no command is compensated for them",
-        );
+        self.line("kind = \"snake\"", "or \"segments\", \"joints\", \"force\"");
+        self.lines(snake.parameters.rigid_lines);
         for key in &SNAKE_KEYS {
             let default = number((key.get)(&SnakeMachine::default()));
             let value = known_number((key.get)(snake), snake.known(key.name));
             self.line(&format!("{} = {value}", key.name), &format!("{}; default {default}", key.doc));
         }
+    }
+
+    pub(super) fn lines(&mut self, are_rigid: bool) {
+        let lines = if are_rigid { "rigid" } else { "elastic" };
+        self.line(
+            &format!("lines = {}", text(lines)),
+            "elastic; or rigid: they give nothing under load, so that no command is compensated for them",
+        );
     }
 
     fn joints(&mut self, joints: &Joints) {
@@ -250,13 +274,13 @@ fn known_number(value: f64, known: &Known) -> String {
     }
 }
 
-fn numbers(values: &[f64]) -> String {
+pub(super) fn numbers(values: &[f64]) -> String {
     let shown: Vec<String> = values.iter().map(|&value| number(value)).collect();
     format!("[{}]", shown.join(", "))
 }
 
 /// The shortest text that reads back as the same number, and that TOML takes for a float.
-fn number(value: f64) -> String {
+pub(super) fn number(value: f64) -> String {
     format!("{value:?}")
 }
 

@@ -15,9 +15,9 @@ pub struct SegmentsParameters {
     pub rigid_lines: bool,
     /// Load that every line would have by itself, N, push positive, -200 to 200: what of it bends nothing is kept.
     pub preload_n: f64,
-    /// Smallest load of a line, N, at most `high_n`; negative infinity for none. A wire drive, which only pulls, has one below.
+    /// Smallest load of a line, N, at most `high_n` and 200; negative infinity for none. A wire drive, which only pulls, has one below.
     pub low_n: f64,
-    /// Largest load of a line, N; infinity for none. A wire drive has a negative one: the least pull.
+    /// Largest load of a line, N, at least -200; infinity for none. A wire drive has a negative one: the least pull.
     pub high_n: f64,
     /// Largest strain of a backbone's outer fibre, and the travel over which a line's sign of motion turns.
     pub settings: ChainSettings,
@@ -168,8 +168,8 @@ impl SegmentsParameters {
         let ChainSettings { strain_limit, transition_m } = self.settings;
         in_range("phi_rad", self.phi_rad, [0.0, PI], "rad")?;
         in_range("preload_n", self.preload_n, [-200.0, 200.0], "N")?;
-        in_range("high_n", self.high_n, [f64::MIN, f64::INFINITY], "N")?;
-        in_range("low_n", self.low_n, [f64::NEG_INFINITY, self.high_n.min(f64::MAX)], "N")?;
+        in_range("high_n", self.high_n, [-200.0, f64::INFINITY], "N")?;
+        in_range("low_n", self.low_n, [f64::NEG_INFINITY, self.high_n.min(200.0)], "N")?;
         in_range("strain_limit", strain_limit, [0.001, 0.08], "(no unit)")?;
         in_range("transition_m", transition_m, [1e-9, 1e-3], "m")?;
         let n = self.segments.len();
@@ -177,8 +177,12 @@ impl SegmentsParameters {
             return Err(SegmentsError::Segments { found: n });
         }
         let n_lines = self.segments.iter().map(|segment| segment.lines.len()).sum();
+        // A line's radius also decides about the segments that it passes: a wrong one is told where it stands.
         for (idx, segment) in self.segments.iter().enumerate() {
-            segment.check(idx + 1, &self.segments[idx..])?;
+            segment.check_numbers(idx + 1)?;
+        }
+        for (idx, segment) in self.segments.iter().enumerate() {
+            segment.check_lines(idx + 1, &self.segments[idx..])?;
         }
         if !(3..=MAX_LINES).contains(&n_lines) {
             return Err(SegmentsError::Lines { found: n_lines });
@@ -188,16 +192,9 @@ impl SegmentsParameters {
 }
 
 impl SegmentParameters {
-    /// Checks segment `segment` (from 1); `passing` are the segments whose lines run in it, this one first.
-    fn check(&self, segment: usize, passing: &[Self]) -> Result<(), SegmentsError> {
-        let check = |key, found, [low, high]: [f64; 2], unit| {
-            // Written so that NaN is out of range.
-            if (low..=high).contains(&found) {
-                Ok(())
-            } else {
-                Err(SegmentsError::OfSegment { segment, key, found, low, high, unit })
-            }
-        };
+    /// Checks each number of segment `segment` (from 1) by itself.
+    fn check_numbers(&self, segment: usize) -> Result<(), SegmentsError> {
+        let check = |key, found, range, unit| of_segment(segment, key, found, range, unit);
         check("l_m", self.l_m, [0.005, 0.5], "m")?;
         check("e_pa", self.e_pa, [1e9, 4e11], "Pa")?;
         check("d_outer_m", self.d_outer_m, [0.00005, 0.005], "m")?;
@@ -208,9 +205,16 @@ impl SegmentParameters {
             check("azimuth_deg", line.azimuth_rad.to_degrees(), [-360.0, 360.0], "deg")?;
             check("r_m", line.radius_m, [0.0003, 0.02], "m")?;
         }
+        Ok(())
+    }
+
+    /// Checks that the lines leave segment `segment` (from 1) its length and can bend it; `passing` are the segments whose lines run
+    /// in it, this one first.
+    fn check_lines(&self, segment: usize, passing: &[Self]) -> Result<(), SegmentsError> {
         // A line of length L + q has to keep a positive length up to a bend of pi.
         let widest_m = passing.iter().flat_map(|own| &own.lines).fold(0.0_f64, |most, line| most.max(line.radius_m));
-        check("l_m", self.l_m, [(1.01 * PI * widest_m).max(0.005), 0.5], "m (more than pi times the largest radius)")?;
+        let shortest_m = (1.01 * PI * widest_m).max(0.005);
+        of_segment(segment, "l_m", self.l_m, [shortest_m, 0.5], "m (more than pi times the largest radius)")?;
         let rows = self.lines.iter().map(|line| {
             let (sin, cos) = line.azimuth_rad.sin_cos();
             [line.radius_m * cos, line.radius_m * sin]
@@ -222,6 +226,18 @@ impl SegmentParameters {
         }
         Ok(())
     }
+}
+
+fn of_segment(
+    segment: usize,
+    key: &'static str,
+    found: f64,
+    [low, high]: [f64; 2],
+    unit: &'static str,
+) -> Result<(), SegmentsError> {
+    // Written so that NaN is out of range.
+    let is_within = (low..=high).contains(&found);
+    if is_within { Ok(()) } else { Err(SegmentsError::OfSegment { segment, key, found, low, high, unit }) }
 }
 
 fn in_range(key: &'static str, found: f64, [low, high]: [f64; 2], unit: &'static str) -> Result<(), SegmentsError> {

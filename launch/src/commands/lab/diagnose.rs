@@ -49,6 +49,7 @@ fn write_experiment(path: &Path, session: &Session, diagnosis: &mut Diagnosis) -
     let Some(motion) = motion else {
         let why = match session.file.machine() {
             Machine::Force(_) => "motions are made for snakes and joints, and the model is of kind force",
+            Machine::Segments(_) => "motions are made for snakes and joints, and the model is of kind segments",
             _ => "the joint stood still in these data, so that its range is not known; record it in motion",
         };
         bail!("--experiment {}: {why}; leave it out", path.display())

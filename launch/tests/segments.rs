@@ -1,0 +1,203 @@
+//! Models of kind segments from outside: the page's commands, commands that bend segments as wanted, and every refusal.
+#![allow(clippy::expect_used, reason = "a panic is how a test fails")]
+
+mod page;
+
+use krait_model::model_file::ModelFile;
+use krait_model::segments::{Bends, LineValues};
+use page::{Folder, follow};
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+const TWO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/segments/two.toml");
+const SETPOINTS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/segments/setpoints.csv");
+
+fn krait(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_krait")).args(args).output().expect("krait starts")
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).expect("text")
+}
+
+fn json(output: &Output) -> serde_json::Value {
+    serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {}", text(&output.stderr)))
+}
+
+fn path(folder: &Folder, name: &str) -> String {
+    folder.0.join(name).to_str().expect("a path of text").to_owned()
+}
+
+/// The shipped model with some text exchanged.
+fn changed(folder: &Folder, old: &str, new: &str) -> String {
+    let model = fs::read_to_string(TWO).expect("the shipped model");
+    assert!(model.contains(old), "{old}");
+    let own = path(folder, "changed.toml");
+    fs::write(&own, model.replacen(old, new, 1)).expect("a model");
+    own
+}
+
+/// The rows of a table, a list of numbers each, and its first line.
+fn table(path: &str) -> (String, Vec<Vec<f64>>) {
+    let text = fs::read_to_string(path).expect("a table");
+    let (header, rows) = text.split_once('\n').expect("a first line");
+    let row = |line: &str| line.split(',').map(|cell| cell.parse().expect("a number")).collect();
+    (header.to_owned(), rows.lines().map(row).collect())
+}
+
+#[test]
+fn the_page_s_commands_print_what_its_text_says() {
+    let folder = Folder::new("segments");
+    let n_commands = follow("segments.md", &["segments/two.toml", "segments/setpoints.csv"], &folder);
+    assert_eq!(n_commands, 3);
+    let page = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/segments.md")).expect("the page");
+    let (header, rows) = table(&path(&folder, "commands.csv"));
+    assert!(page.contains(&header), "the page shows the columns: {header}");
+    assert_eq!(rows.len(), 81);
+}
+
+#[test]
+fn the_commands_bend_the_segments_as_wanted_and_their_loads_are_within_the_bounds() {
+    let folder = Folder::new("segment-commands");
+    let file = ModelFile::parse(&fs::read_to_string(TWO).expect("the shipped model")).expect("a model");
+    let mut forward = file.segment_chain().expect("a chain").expect("segments").predictor();
+    let out = path(&folder, "commands.csv");
+    let done = json(&krait(&["model", "compensate", TWO, "--in", SETPOINTS, "--out", &out, "--json"]));
+    assert_eq!((&done["rows"], &done["rows_not_reached"], &done["unit"]), (&81.into(), &0.into(), &"m".into()));
+    let (header, rows) = table(&out);
+    let columns: Vec<&str> = header.split(',').collect();
+    assert_eq!(columns[..5], ["time_s", "bend1_rad", "plane1_rad", "bend2_rad", "plane2_rad"]);
+    assert_eq!(
+        (columns[5], columns[11], columns[17], columns[23]),
+        ("q1_m", "tau1_n", "tau_tilde1_n", "limiting_line")
+    );
+    let (mut largest_n, mut n_bounded, mut largest_error_rad) = (0.0_f64, 0, 0.0_f64);
+    for (idx, row) in rows.iter().enumerate() {
+        let q_tilde_m = LineValues::from_fn(|k, _| if k < 6 { row[5 + k] } else { 0.0 });
+        let found = forward.step(&q_tilde_m);
+        let (b1, b2) = (row[1], row[3]);
+        let wanted = Bends::from_column_slice(&[
+            b1 * row[2].cos(),
+            b1 * row[2].sin(),
+            b2 * row[4].cos(),
+            b2 * row[4].sin(),
+            0.0,
+            0.0,
+        ]);
+        // Around rest and the turn the lines cross play and friction, within the travel over which their signs turn.
+        if (10..=39).contains(&idx) || (46..=74).contains(&idx) {
+            largest_error_rad = largest_error_rad.max((found - wanted).amax());
+        }
+        for load_n in &row[11..17] {
+            assert!((-60.0 - 1e-9..=40.0 + 1e-9).contains(load_n), "{row:?}");
+            largest_n = largest_n.max(load_n.abs());
+        }
+        let is_at_bound = row[11..17].iter().any(|n| (n + 60.0).abs() < 1e-6 || (n - 40.0).abs() < 1e-6);
+        assert_eq!(row[23] > 0.0, is_at_bound, "{row:?}");
+        n_bounded += usize::from(is_at_bound);
+    }
+    assert!(largest_error_rad < 1e-6, "{largest_error_rad}");
+    let said = done["loads"]["largest"]["load_n"].as_f64().expect("a load").abs();
+    assert!((said - largest_n).abs() < 1e-9, "{said} {largest_n}");
+    assert_eq!(done["loads"]["rows_at_bound"], n_bounded);
+    assert!(done["largest_correction"].as_f64().expect("a length") > 5e-4);
+}
+
+#[test]
+fn the_line_that_limits_is_said_in_each_row_and_at_the_end() {
+    let folder = Folder::new("segment-limits");
+    let model = changed(&folder, "high_n = 40.0", "high_n = 12.0");
+    let out = path(&folder, "commands.csv");
+    let done = krait(&["model", "compensate", &model, "--in", SETPOINTS, "--out", &out]);
+    assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+    let (_, rows) = table(&out);
+    let mut counts = [0; 7];
+    rows.iter().for_each(|row| counts[row[23] as usize] += 1);
+    let n_bounded = 81 - counts[0];
+    let most = (1..7).max_by_key(|&line| counts[line]).expect("a line");
+    assert!(n_bounded > 0 && rows.iter().all(|row| row[11..17].iter().all(|n| *n <= 12.0 + 1e-9)), "{counts:?}");
+    let said = format!("lines are at their bounds in {n_bounded} rows; the one that limits most often is line {most}");
+    assert!(text(&done.stdout).contains(&said), "{said}: {}", text(&done.stdout));
+    let checked = text(&krait(&["model", "check", &model]).stdout);
+    assert!(checked.contains("is the first at its bound of 12 N"), "{checked}");
+}
+
+#[test]
+fn tables_that_cannot_be_used_are_refused_in_one_sentence_and_nothing_is_written() {
+    let folder = Folder::new("segment-refusals");
+    let (setpoints, out) = (path(&folder, "setpoints.csv"), path(&folder, "commands.csv"));
+    let narrow = changed(&folder, "high_n = 40.0", "high_n = 1.0");
+    let header = "time_s,bend1_deg,plane1_deg,bend2_deg,plane2_deg\n";
+    for (model, text_of_table, words) in [
+        (TWO, "time_s,bend1_deg,plane1_deg,bend2_deg\n0,0,0,0\n".to_owned(), "no column plane2_rad"),
+        (TWO, "time_s,bend_x_deg,bend_y_deg\n0,0,0\n".to_owned(), "no column bend1_rad"),
+        (TWO, format!("{header}0,0,0,0,0\n0.1,x,0,0,0\n"), "line 3, bend1_deg: expected a number, found \"x\""),
+        (TWO, format!("{header}0,0,0,0,0\n0.1,1,0,nan,0\n"), "line 3, bend2_deg: expected a number"),
+        (TWO, format!("{header}0,0,0,0,0\n0.1,0,0,1e300,0\n"), "line 3: the bend of segment 2 is larger than"),
+        (TWO, format!("{header}0,-300,0,0,0\n"), "line 2: the bend of segment 1 is larger than"),
+        (TWO, format!("{header}0,0,0,0,0\n0.1,0,1e308,1,1e308\n0,0,0,0,0\n"), "line 4, time_s: 0 does not come after"),
+        (
+            narrow.as_str(),
+            format!("{header}0,0,0,0,0\n0.1,60,0,0,0\n"),
+            "line 3: no loads within low_n and high_n hold these bends: line ",
+        ),
+    ] {
+        fs::write(&setpoints, &text_of_table).expect("a table");
+        let ended = krait(&["model", "compensate", model, "--in", &setpoints, "--out", &out]);
+        let said = text(&ended.stderr);
+        assert_eq!(ended.status.code(), Some(2), "{said}");
+        assert!(said.contains(words) && said.trim_end().lines().count() == 1, "{words}: {said}");
+        assert!(!Path::new(&out).exists(), "nothing is written");
+    }
+}
+
+#[test]
+fn what_does_not_use_segments_yet_says_so_in_one_sentence_and_what_does() {
+    let folder = Folder::new("segment-users");
+    let (data, out) = (path(&folder, "data.csv"), path(&folder, "out.toml"));
+    fs::write(&data, "time_s,q1_m,q2_m,q3_m,bend_x_rad,bend_y_rad\n0,0,0,0,0,0\n").expect("a table");
+    let no_chain = "the model is of kind segments, which no chain drives yet: `krait model compensate`";
+    let no_lab = "the model is of kind segments, which the lab does not measure: use it with `krait model check`";
+    for (args, words) in [
+        (vec!["run", "--model", TWO], no_chain),
+        (vec!["model", "exchange", TWO], no_chain),
+        (vec!["lab", "compare", "--model", TWO, "--data", &data], no_lab),
+        (vec!["lab", "diagnose", "--model", TWO, "--data", &data], no_lab),
+        (vec!["lab", "add", "backlash", "--model", TWO, "--data", &data, "--out", &out], no_lab),
+        (vec!["lab", "fit", "--free", "backlash.half_width_m", "--model", TWO, "--data", &data, "--out", &out], no_lab),
+    ] {
+        let ended = krait(&args);
+        let said = text(&ended.stderr);
+        assert_eq!(ended.status.code(), Some(2), "{args:?}: {said}");
+        assert!(said.contains(words) && said.trim_end().lines().count() == 1, "{args:?}: {said}");
+    }
+    let checked = krait(&["model", "check", TWO, "--json"]);
+    let found = json(&checked);
+    assert_eq!(
+        (checked.status.code(), &found["machine"], &found["valid"]),
+        (Some(0), &"segments".into(), &true.into())
+    );
+    assert!(found["not_compensable"].as_str().expect("a reason").starts_with(no_chain), "{found}");
+    assert_eq!(found["segments"][1]["lines"], serde_json::json!([4, 5, 6]));
+}
+
+#[test]
+fn what_is_shown_is_the_same_model_and_refused_files_name_line_and_key() {
+    let folder = Folder::new("segment-show");
+    let shown = krait(&["model", "show", TWO]);
+    let again = path(&folder, "shown.toml");
+    fs::write(&again, &shown.stdout).expect("a model");
+    let hash = |file: &str| json(&krait(&["model", "check", file, "--json"]))["hash"].clone();
+    assert_eq!(hash(&again), hash(TWO));
+    assert!(
+        text(&shown.stdout).contains("azimuth_deg = [60.0, 180.0, 300.0]  # deg, -360 to 360"),
+        "{}",
+        text(&shown.stdout)
+    );
+    let bad = changed(&folder, "azimuth_deg = [60, 180, 300]", "azimuth_deg = [60, 240]");
+    let checked = krait(&["model", "check", &bad]);
+    assert_eq!(checked.status.code(), Some(1));
+    let said = text(&checked.stdout);
+    assert!(said.contains("changed.toml: line 18: segment 2: its 2 lines lie in one plane"), "{said}");
+}
