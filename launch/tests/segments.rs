@@ -72,8 +72,8 @@ fn the_commands_bend_the_segments_as_wanted_and_their_loads_are_within_the_bound
         (columns[5], columns[11], columns[17], columns[23]),
         ("q1_m", "tau1_n", "tau_tilde1_n", "limiting_line")
     );
-    let (mut largest_n, mut n_bounded, mut largest_error_rad) = (0.0_f64, 0, 0.0_f64);
-    for (idx, row) in rows.iter().enumerate() {
+    let (mut largest_n, mut n_bounded, mut errors_rad) = (0.0_f64, 0, Vec::new());
+    for row in &rows {
         let q_tilde_m = LineValues::from_fn(|k, _| if k < 6 { row[5 + k] } else { 0.0 });
         let found = forward.step(&q_tilde_m);
         let (b1, b2) = (row[1], row[3]);
@@ -85,10 +85,7 @@ fn the_commands_bend_the_segments_as_wanted_and_their_loads_are_within_the_bound
             0.0,
             0.0,
         ]);
-        // Around rest and the turn the lines cross play and friction, within the travel over which their signs turn.
-        if (10..=39).contains(&idx) || (46..=74).contains(&idx) {
-            largest_error_rad = largest_error_rad.max((found - wanted).amax());
-        }
+        errors_rad.push((found - wanted).amax());
         for load_n in &row[11..17] {
             assert!((-60.0 - 1e-9..=40.0 + 1e-9).contains(load_n), "{row:?}");
             largest_n = largest_n.max(load_n.abs());
@@ -97,7 +94,11 @@ fn the_commands_bend_the_segments_as_wanted_and_their_loads_are_within_the_bound
         assert_eq!(row[23] > 0.0, is_at_bound, "{row:?}");
         n_bounded += usize::from(is_at_bound);
     }
-    assert!(largest_error_rad < 1e-6, "{largest_error_rad}");
+    // From rest and at the turn lines cross their play and friction; the model says 12 mrad at most for each that turns.
+    let turned = |idx: usize| (5..=40).contains(&idx) || idx >= 47;
+    for (idx, error_rad) in errors_rad.into_iter().enumerate() {
+        assert!(error_rad < if turned(idx) { 1e-9 } else { 0.012 }, "row {idx}: {error_rad} rad");
+    }
     let said = done["loads"]["largest"]["load_n"].as_f64().expect("a load").abs();
     assert!((said - largest_n).abs() < 1e-9, "{said} {largest_n}");
     assert_eq!(done["loads"]["rows_at_bound"], n_bounded);
@@ -160,7 +161,7 @@ fn what_does_not_use_segments_yet_says_so_in_one_sentence_and_what_does() {
     let no_chain = "the model is of kind segments, which no chain drives yet: `krait model compensate`";
     let no_lab = "the model is of kind segments, which the lab does not measure: use it with `krait model check`";
     for (args, words) in [
-        (vec!["run", "--model", TWO], no_chain),
+        (vec!["run", "--engage", "--model", TWO], no_chain),
         (vec!["model", "exchange", TWO], no_chain),
         (vec!["lab", "compare", "--model", TWO, "--data", &data], no_lab),
         (vec!["lab", "diagnose", "--model", TWO, "--data", &data], no_lab),

@@ -11,7 +11,7 @@ use anyhow::{Context, bail};
 use krait_bridge::{JointMachine, LiveModel};
 use krait_ipc::input;
 use krait_model::model_file::{
-    Assumed, BUILT_IN, FileEffect, Machine, ModelFile, ModelFileError, assumed, built_in, documented_defaults,
+    Assumed, BUILT_IN, FileEffect, ModelFile, ModelFileError, assumed, built_in, documented_defaults,
 };
 use krait_model::{Chain, ChainError, KnownColumns};
 use serde::Serialize;

@@ -7,7 +7,8 @@ use serde::Serialize;
 /// The inverse of a model of segments, with what its rows said so far.
 pub struct SegmentInverse {
     lines: SegmentCompensator,
-    n: usize,
+    /// Largest bend of each segment, rad.
+    max_bend_rad: Vec<f64>,
     n_lines: usize,
     largest: Option<Load>,
     rows_at_bound: [usize; MAX_LINES],
@@ -39,14 +40,17 @@ impl SegmentInverse {
     /// Of a model file; `None` where it is of another machine.
     pub fn of(file: &ModelFile) -> anyhow::Result<Option<Self>> {
         let Some(chain) = file.segment_chain()? else { return Ok(None) };
-        let (n, n_lines) = (chain.machine().n(), chain.machine().n_lines());
+        let n_lines = chain.machine().n_lines();
+        let max_bend_rad = (0..chain.machine().n()).map(|segment| chain.machine().max_bend_rad(segment)).collect();
         let (lines, largest, rows_at_bound) = (chain.compensator(), None, [0; MAX_LINES]);
-        Ok(Some(Self { lines, n, n_lines, largest, rows_at_bound }))
+        Ok(Some(Self { lines, max_bend_rad, n_lines, largest, rows_at_bound }))
     }
 
     /// Columns that a row of setpoints has besides its time.
     pub fn wanted(&self) -> Vec<String> {
-        (1..=self.n).flat_map(|segment| [format!("bend{segment}_rad"), format!("plane{segment}_rad")]).collect()
+        (1..=self.max_bend_rad.len())
+            .flat_map(|segment| [format!("bend{segment}_rad"), format!("plane{segment}_rad")])
+            .collect()
     }
 
     /// Columns that a row of commands has.
@@ -59,8 +63,17 @@ impl SegmentInverse {
 
     /// The commands for the next bends and planes, rad, and the largest correction, m; why there are none, if there are none.
     pub fn step(&mut self, time_s: f64, wanted: &[f64]) -> Result<(Vec<f64>, f64), String> {
+        let too_far = |segment: usize, limit_rad: f64| {
+            let number = segment + 1;
+            format!(
+                "the bend of segment {number} is larger than {limit_rad:.3} rad, which the model's strain_limit allows; ask for less"
+            )
+        };
         let mut bends_rad = Bends::zeros();
         for (segment, pair) in wanted.chunks_exact(2).enumerate() {
+            if pair[0].abs() > self.max_bend_rad[segment] {
+                return Err(too_far(segment, self.max_bend_rad[segment]));
+            }
             let (sin, cos) = pair[1].sin_cos();
             (bends_rad[2 * segment], bends_rad[2 * segment + 1]) = (pair[0] * cos, pair[0] * sin);
         }
@@ -69,12 +82,7 @@ impl SegmentInverse {
         let limiting = match found.status {
             SegmentStatus::Good(Sharing::Bounded { line_idx }) => Some(line_idx),
             SegmentStatus::Good(_) => None,
-            SegmentStatus::BeyondStrain { segment, limit_rad } => {
-                return Err(format!(
-                    "the bend of segment {} is larger than {limit_rad:.3} rad, which the model's strain_limit allows; ask for less",
-                    segment + 1
-                ));
-            }
+            SegmentStatus::BeyondStrain { segment, limit_rad } => return Err(too_far(segment, limit_rad)),
             SegmentStatus::Held(Sharing::Infeasible { line_idx, load_n, limit_n }) => {
                 return Err(format!(
                     "no loads within low_n and high_n hold these bends: line {} would bear {load_n:.1} N, its bound is {limit_n} N; ask for \
