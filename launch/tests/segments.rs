@@ -5,6 +5,7 @@ mod page;
 
 use krait_model::model_file::ModelFile;
 use krait_model::segments::{Bends, LineValues};
+use krait_sim::{MachineTruth, SegmentTruth, SegmentsTruth, SimulatedSegments};
 use page::{Folder, follow};
 use std::fs;
 use std::path::Path;
@@ -201,4 +202,62 @@ fn what_is_shown_is_the_same_model_and_refused_files_name_line_and_key() {
     assert_eq!(checked.status.code(), Some(1));
     let said = text(&checked.stdout);
     assert!(said.contains("changed.toml: line 18: segment 2: its 2 lines lie in one plane"), "{said}");
+}
+
+/// The shipped model's segments as a simulated machine of its own code.
+fn simulated(has_friction: bool) -> SimulatedSegments {
+    let segment = |azimuths_deg: [f64; 3]| SegmentTruth {
+        machine: MachineTruth::default(),
+        azimuths_rad: azimuths_deg.map(f64::to_radians).to_vec(),
+    };
+    let mut truth = SegmentsTruth::ideal(vec![segment([0.0, 120.0, 240.0]), segment([60.0, 180.0, 300.0])]);
+    (truth.load_scale, truth.inside) = (1.22, 1.0);
+    if has_friction {
+        (truth.play_m, truth.mu, truth.f_s_n) = (2.0 * 8.9e-5, 0.1727, 1.959);
+    }
+    SimulatedSegments::new(&truth).expect("a truth")
+}
+
+#[test]
+fn simulated_segments_go_where_the_model_says_without_friction_and_with_it_once_the_lines_have_turned() {
+    let folder = Folder::new("segment-simulated");
+    let text = fs::read_to_string(TWO).expect("the shipped model");
+    let without = path(&folder, "without.toml");
+    fs::write(&without, text.split("[[effect]]\nkind = \"static").next().expect("the first half")).expect("a model");
+    let out = path(&folder, "commands.csv");
+    for (model, has_friction) in [(without.as_str(), false), (TWO, true)] {
+        let done = krait(&["model", "compensate", model, "--in", SETPOINTS, "--out", &out, "--force"]);
+        assert_eq!(done.status.code(), Some(0), "{}", text_of(&done));
+        let mut machine = simulated(has_friction);
+        for (idx, row) in table(&out).1.iter().enumerate() {
+            machine.move_to(&row[5..11]);
+            let turned = !has_friction || (5..=40).contains(&idx) || idx >= 47;
+            for (segment, pair) in row[1..5].chunks(2).enumerate() {
+                let [x, y] = machine.bend_rad(segment);
+                let error_rad = (x - pair[0] * pair[1].cos()).hypot(y - pair[0] * pair[1].sin());
+                assert!(error_rad < if turned { 1e-6 } else { 0.02 }, "row {idx}, segment {segment}: {error_rad} rad");
+            }
+            if turned {
+                for (k, load_n) in machine.loads_n().enumerate() {
+                    assert!((load_n - row[11 + k]).abs() < 1e-4, "row {idx}, line {k}: {load_n} N, {} N", row[11 + k]);
+                }
+            }
+        }
+        assert_eq!(machine.n_unsolved(), 0);
+    }
+    // Nothing of this is small: what the model corrects is most of the motion.
+    let mut machine = simulated(true);
+    let (_, rows) = table(&out);
+    let file = ModelFile::parse(&text).expect("a model");
+    let chain = file.segment_chain().expect("a chain").expect("segments");
+    let top = &rows[40];
+    let mut bends = Bends::zeros();
+    (bends[0], bends[3]) = (top[1], top[3]);
+    machine.move_to(&chain.machine().q_m(&bends).as_slice()[..6]);
+    let [x, _] = machine.bend_rad(0);
+    assert!(x < 0.8 * top[1], "uncompensated, {x} of {} rad", top[1]);
+}
+
+fn text_of(output: &Output) -> String {
+    text(&output.stderr)
 }

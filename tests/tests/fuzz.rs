@@ -264,11 +264,13 @@ fn readers(folder: &TempFolder) -> Vec<Reader<'_>> {
                 krait_model::model_file::documented_defaults().into_bytes(),
                 shipped("docs/lab-tutorial/base.toml"),
                 shipped("docs/joints/wrist.toml"),
+                shipped("docs/segments/two.toml"),
             ],
             n_inputs: 300,
             read: Box::new(|bytes| {
                 if let Ok(file) = ModelFile::parse(&String::from_utf8_lossy(bytes)) {
                     drop(file.chain(KnownColumns::default()));
+                    drop(file.segment_chain().map(|chain| chain.map(|chain| chain.compensator())));
                 }
             }),
         },

@@ -5,7 +5,7 @@
 
 use crate::cli_model::CompensateArgs;
 use crate::commands::model::text_of;
-use crate::commands::model_compensate_segments::{Loads, SegmentInverse};
+use crate::commands::model_compensate_segments::{SegmentInverse, TableLoads};
 use crate::commands::overwrite::refuse_existing;
 use crate::print;
 use anyhow::{Context, anyhow, bail};
@@ -35,7 +35,7 @@ struct Compensated {
     rows_not_reached: usize,
     /// Loads of the lines; only of segments.
     #[serde(skip_serializing_if = "Option::is_none")]
-    loads: Option<Loads>,
+    loads: Option<TableLoads>,
 }
 
 /// Writes the commands; exit code 1 where some setpoint cannot be reached.
@@ -76,7 +76,7 @@ fn sentence(done: &Compensated) -> String {
     if *rows_not_reached > 0 {
         text += &format!("{rows_not_reached} setpoints cannot be reached; their commands are the nearest\n");
     }
-    text + &loads.as_ref().map_or_else(String::new, Loads::sentence)
+    text + &loads.as_ref().map_or_else(String::new, TableLoads::sentence)
 }
 
 /// The inverse of a model, with the columns that it takes and gives.
@@ -156,7 +156,7 @@ impl Inverse {
         }
     }
 
-    fn loads(&self) -> Option<Loads> {
+    fn loads(&self) -> Option<TableLoads> {
         match &self.kind {
             Kind::Segments(lines) => Some(lines.loads()),
             Kind::Snake { .. } | Kind::Joints(_) => None,

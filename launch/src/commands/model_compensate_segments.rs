@@ -16,7 +16,7 @@ pub struct SegmentInverse {
 
 /// The loads of a table, as `--json` prints them.
 #[derive(Serialize)]
-pub struct Loads {
+pub struct TableLoads {
     /// The largest load of any line at the snake.
     largest: Option<Load>,
     /// Rows in which lines are at their bounds.
@@ -114,15 +114,15 @@ impl SegmentInverse {
     }
 
     /// The loads of all rows so far.
-    pub fn loads(&self) -> Loads {
+    pub fn loads(&self) -> TableLoads {
         let rows_at_bound = self.rows_at_bound.iter().sum();
         let most = (0..self.n_lines).rev().max_by_key(|&line| self.rows_at_bound[line]);
         let limiting_line = most.filter(|_| rows_at_bound > 0).map(|line| line + 1);
-        Loads { largest: self.largest, rows_at_bound, limiting_line }
+        TableLoads { largest: self.largest, rows_at_bound, limiting_line }
     }
 }
 
-impl Loads {
+impl TableLoads {
     /// The same in words.
     pub fn sentence(&self) -> String {
         let Some(Load { load_n, line, time_s }) = self.largest else { return String::new() };
