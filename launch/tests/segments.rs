@@ -1,5 +1,5 @@
 //! Models of kind segments from outside: the page's commands, commands that bend segments as wanted, and every refusal.
-#![allow(clippy::expect_used, reason = "a panic is how a test fails")]
+#![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
 
 mod page;
 

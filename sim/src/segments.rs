@@ -199,10 +199,10 @@ impl SimulatedSegments {
 
     /// ∇Φ and ∇²Φ; unknowns of segments that are not there are held at zero.
     fn slopes(&self, z: &Unknowns) -> (Unknowns, Square) {
-        let (mut gradient, mut hessian) = ([0.0; N], [[0.0; N]; N]);
-        for at in PER_SEGMENT * self.backbones.len()..N {
-            hessian[at][at] = 1.0;
-        }
+        let n = PER_SEGMENT * self.backbones.len();
+        let mut gradient = [0.0; N];
+        let mut hessian: Square =
+            core::array::from_fn(|k| core::array::from_fn(|l| if k == l && k >= n { 1.0 } else { 0.0 }));
         for (j, backbone) in self.backbones.iter().enumerate() {
             let at = PER_SEGMENT * j;
             let bend = [z[at], z[at + 1]];
