@@ -11,11 +11,12 @@
 
 use crate::bus::{ActuatorBus, BusGone, Goals, Seen};
 use crate::exchange::{Exchange, Phase, Report, Wish};
+use crate::handover::{Told, record};
 use crate::judge::{Finding, Judge};
 use crate::relax::{Relaxing, suspect};
 use crate::setup::BusSetup;
 use crate::units::Units;
-use krait_ipc::message::{Actuators, MAX_ACTUATORS};
+use krait_ipc::message::{Actuators, DriveCycle, MAX_ACTUATORS};
 use krait_slave::{ActuatorState, DriveError, DriveMode, OnFault};
 use std::sync::Arc;
 
@@ -39,6 +40,12 @@ pub(crate) struct Cycles<B> {
     /// Where the actuators were told to be, m, and how fast that moves, m/s.
     goal_m: Actuators,
     velocity_m_per_s: Actuators,
+    /// When the newest cycle began, ns, its number, and what the bus was told in it.
+    begun_ns: i64,
+    n_cycles: u64,
+    told: Told,
+    /// Cycles that found no room on their way to the slave.
+    n_left_out: u64,
 }
 
 impl<B: ActuatorBus> Cycles<B> {
@@ -51,20 +58,28 @@ impl<B: ActuatorBus> Cycles<B> {
             exchange,
             judge,
             seen,
-            wish: Wish::default(),
+            wish: Wish { q_m: [f64::NAN; MAX_ACTUATORS], ..Wish::default() },
             phase: Phase::Off,
             failure: None,
             relaxing: None,
             has_switched: false,
             goal_m: [0.0; MAX_ACTUATORS],
             velocity_m_per_s: [0.0; MAX_ACTUATORS],
+            begun_ns: now_ns,
+            n_cycles: 0,
+            told: Told::default(),
+            n_left_out: 0,
         };
         cycles.rest_where_seen();
+        let report = cycles.newest_report(now_ns);
+        cycles.hand_over(&report);
         cycles
     }
 
     /// One cycle.
     pub(crate) fn step(&mut self, now_ns: i64, clock: impl Fn() -> i64) {
+        (self.begun_ns, self.told) = (now_ns, Told::default());
+        self.n_cycles += 1;
         if let Some(wish) = self.exchange.wish.get::<Wish>() {
             let is_new_turn = wish.turn != self.wish.turn;
             self.wish = wish;
@@ -74,10 +89,11 @@ impl<B: ActuatorBus> Cycles<B> {
         }
         let told = match self.tell(now_ns) {
             Ok(told) => told,
-            Err(gone) => return self.gone(gone, clock()),
+            Err(gone) => return self.gone(gone, DriveCycle::GONE_TELLING, clock()),
         };
+        self.told.goals = told;
         if let Err(gone) = self.bus.ask(&mut self.seen) {
-            return self.gone(gone, clock());
+            return self.gone(gone, DriveCycle::GONE_ASKING, clock());
         }
         let now_ns = clock();
         let told = told.filter(|_| self.phase != Phase::Switching);
@@ -86,6 +102,11 @@ impl<B: ActuatorBus> Cycles<B> {
             self.fail(self.in_metres(finding), now_ns);
         }
         self.report(now_ns);
+    }
+
+    /// The bus.
+    pub(crate) fn bus_mut(&mut self) -> &mut B {
+        &mut self.bus
     }
 
     /// Whether all actuators are known to be without power.
@@ -125,6 +146,7 @@ impl<B: ActuatorBus> Cycles<B> {
                 // Off is wished for until it is seen: a servo that was switched by somebody else is none of ours.
                 if self.wish.turn > 0 && !self.is_dry() && !self.is_off() {
                     self.bus.switch(false, &Goals::default())?;
+                    self.told.power = Some(false);
                 }
                 Ok(None)
             }
@@ -145,6 +167,7 @@ impl<B: ActuatorBus> Cycles<B> {
                 self.rest_where_seen();
                 let goals = self.goals();
                 self.bus.switch(true, &goals)?;
+                self.told.power = Some(true);
                 self.has_switched = true;
                 Ok(Some(goals))
             }
@@ -250,7 +273,8 @@ impl<B: ActuatorBus> Cycles<B> {
         }
     }
 
-    fn gone(&mut self, gone: BusGone, now_ns: i64) {
+    fn gone(&mut self, gone: BusGone, doing: u32, now_ns: i64) {
+        self.told.gone = doing;
         self.seen.has_answered = [false; MAX_ACTUATORS];
         self.relaxing = None;
         self.fail(DriveError::Bus { what: gone.what }, now_ns);
@@ -267,7 +291,20 @@ impl<B: ActuatorBus> Cycles<B> {
     }
 
     fn report(&mut self, now_ns: i64) {
-        let mut report = self.setup.blank_report();
+        let report = self.newest_report(now_ns);
+        self.exchange.report.put(&report);
+        self.hand_over(&report);
+    }
+
+    /// To the slave, which publishes it; nobody waits where it does not fetch.
+    fn hand_over(&mut self, report: &Report) {
+        let cycle = record(self.begun_ns, self.setup.n(), &self.wish, &self.told, &self.seen, report);
+        let cycle = DriveCycle { cycle: self.n_cycles, n_left_out: self.n_left_out, ..cycle };
+        self.n_left_out += u64::from(!self.exchange.cycles.push(&cycle));
+    }
+
+    fn newest_report(&self, now_ns: i64) -> Report {
+        let mut report = Report::blank();
         (report.stamp_ns, report.turn, report.phase) = (now_ns, self.wish.turn, self.phase);
         report.failure = self.failure;
         let is_bus_gone = matches!(self.failure, Some(DriveError::Bus { .. }));
@@ -277,7 +314,7 @@ impl<B: ActuatorBus> Cycles<B> {
                 report.state[k] = ActuatorState::Lost;
             }
         }
-        self.exchange.report.put(&report);
+        report
     }
 
     fn fill(&self, k: usize, units: &Units, report: &mut Report) {

@@ -2,8 +2,6 @@
 
 use super::*;
 use crate::bus::PerActuator;
-use crate::newest::Newest;
-use core::sync::atomic::AtomicBool;
 use krait_slave::{ActuatorConfig, DriveConfig, SlaveConfig};
 use std::sync::Mutex;
 
@@ -76,11 +74,7 @@ impl Bench {
         let units = |(k, actuator)| Units::new(actuator, k + 1, 1_000_000).unwrap();
         let units = config.drive.actuator.iter().enumerate().map(units).collect();
         let setup = BusSetup::new(&config, units, 500_000, 2 * MS).unwrap_or_else(|error| panic!("{error}"));
-        let exchange = Arc::new(Exchange {
-            wish: Newest::new(&Wish::default()),
-            report: Newest::new(&setup.blank_report()),
-            ends: AtomicBool::new(false),
-        });
+        let exchange = Arc::new(Exchange::new(&Wish::default(), &Report::blank()));
         let truth = Arc::new(Mutex::new(Truth { counts: [500_000; 12], ..Truth::default() }));
         let seen = Seen { counts: [500_000; 12], ..Seen::default() };
         let cycles = Cycles::new(Ideal(Arc::clone(&truth)), setup, Arc::clone(&exchange), seen, 0);
