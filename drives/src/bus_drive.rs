@@ -73,6 +73,11 @@ impl BusDrive {
         self.exchange.wish.get()
     }
 
+    /// Whether this turn of the power is the newest, and nothing has failed in it as far as the slave knows.
+    pub(crate) fn is_sound(&self, turn: u64) -> bool {
+        turn == self.wish.turn && self.failure.is_none()
+    }
+
     /// Lets the slave see a report.
     pub(crate) fn show(&self, report: &Report) {
         self.exchange.report.put(report);

@@ -34,6 +34,8 @@ pub(crate) struct Cycles<B> {
     wish: Wish,
     phase: Phase,
     failure: Option<DriveError>,
+    /// Whether the log has yet to hear of it.
+    is_untold: bool,
     relaxing: Option<Relaxing>,
     /// Whether power was told to come, in this turn.
     has_switched: bool,
@@ -61,6 +63,7 @@ impl<B: ActuatorBus> Cycles<B> {
             wish: Wish { q_m: [f64::NAN; MAX_ACTUATORS], ..Wish::default() },
             phase: Phase::Off,
             failure: None,
+            is_untold: false,
             relaxing: None,
             has_switched: false,
             goal_m: [0.0; MAX_ACTUATORS],
@@ -263,8 +266,7 @@ impl<B: ActuatorBus> Cycles<B> {
         if self.failure.is_some() {
             return;
         }
-        tracing::error!("{failure}");
-        self.failure = Some(failure);
+        (self.failure, self.is_untold) = (Some(failure), true);
         if self.phase != Phase::Off {
             let lets_go = self.setup.on_fault == OnFault::PowerOff;
             self.phase = if lets_go { Phase::Off } else { Phase::Stopped };
@@ -294,6 +296,10 @@ impl<B: ActuatorBus> Cycles<B> {
         let report = self.newest_report(now_ns);
         self.exchange.report.put(&report);
         self.hand_over(&report);
+        // The slave hears of it before the log, which may take a while.
+        if let Some(failure) = self.failure.filter(|_| core::mem::take(&mut self.is_untold)) {
+            tracing::error!("{failure}");
+        }
     }
 
     /// To the slave, which publishes it; nobody waits where it does not fetch.

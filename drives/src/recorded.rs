@@ -5,6 +5,8 @@
 //! Intuition: a recorded cycle says the instant of the wish that it took and when it was over. So it is run before the slave's first
 //! call after that wish, and what it reports is shown to the calls after its end; nothing waits, and time is an argument.
 //!
+//! Whether the slave had seen a failure that came at the very moment of a look is for the caller to say ([`RecordedDrive::show_failures`]).
+//!
 //! Failure: a cycle that is not in the recording is counted and passed over.
 
 use crate::bus::{ActuatorBus, BusGone, Goals, Seen};
@@ -18,6 +20,9 @@ use krait_slave::{Drive, DriveError, DriveReading, DriveTraits, Homing, Switchin
 use std::collections::VecDeque;
 use std::sync::Arc;
 
+/// A failure that is older has been seen, whatever the caller says, ns.
+const SEEN_NS: i64 = 5_000_000;
+
 /// Recorded drives, as the slave's.
 #[derive(Debug)]
 pub struct RecordedDrive {
@@ -30,6 +35,7 @@ pub struct RecordedDrive {
     /// Reports that the slave has yet to see.
     reports: VecDeque<Report>,
     repeated: Repeated,
+    failures_until_ns: i64,
 }
 
 impl RecordedDrive {
@@ -43,7 +49,8 @@ impl RecordedDrive {
         // What was seen at the opening is no cycle of its own.
         exchange.cycles.pop::<DriveCycle>();
         let (recorded, reports, repeated) = (VecDeque::new(), VecDeque::new(), Repeated::default());
-        Self { slave_side, cycles, exchange, recorded, reports, repeated }
+        let failures_until_ns = i64::MAX;
+        Self { slave_side, cycles, exchange, recorded, reports, repeated, failures_until_ns }
     }
 
     /// The cycle that was recorded behind those before.
@@ -56,6 +63,21 @@ impl RecordedDrive {
         &self.repeated
     }
 
+    /// Failures that were reported until an instant are shown to the next calls, later ones only when they are 5 ms old. Without a
+    /// word of this kind a failure is shown like all else, from the instant of its report.
+    pub fn show_failures(&mut self, until_ns: i64) {
+        self.failures_until_ns = until_ns;
+    }
+
+    fn is_shown(&self, report: &Report, now_ns: i64) -> bool {
+        let is_news = report.failure.is_some() && self.slave_side.is_sound(report.turn);
+        let is_old = report.stamp_ns <= now_ns.saturating_sub(SEEN_NS);
+        match self.failures_until_ns {
+            until_ns if is_news && until_ns != i64::MAX => is_old || report.stamp_ns <= until_ns,
+            _ => report.stamp_ns <= now_ns,
+        }
+    }
+
     /// Runs the cycles that the slave's wish of this instant comes too late for, and shows what was over by then.
     fn pass(&mut self, now_ns: i64) {
         while self.recorded.front().is_some_and(|recorded| recorded.wish_ns < now_ns)
@@ -63,7 +85,7 @@ impl RecordedDrive {
         {
             self.run(&recorded);
         }
-        while self.reports.front().is_some_and(|report| report.stamp_ns <= now_ns)
+        while self.reports.front().is_some_and(|report| self.is_shown(report, now_ns))
             && let Some(report) = self.reports.pop_front()
         {
             self.slave_side.show(&report);

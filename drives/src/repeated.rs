@@ -48,7 +48,8 @@ impl Repeated {
 
     pub(crate) fn compare(&mut self, recorded: &DriveCycle, again: &DriveCycle) {
         self.n_cycles += 1;
-        self.n_missing += recorded.cycle.saturating_sub(self.newest.saturating_add(1));
+        let n_between = recorded.cycle.saturating_sub(self.newest.saturating_add(1));
+        self.n_missing = self.n_missing.saturating_add(n_between);
         self.newest = recorded.cycle;
         self.n_failed += u64::from(recorded.failure != 0);
         let found = [wish(recorded, again), told(recorded, again), judged(recorded, again)];

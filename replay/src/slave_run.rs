@@ -6,6 +6,8 @@
 //! stop more, or a tick, and when the drives were written. So the states are the plan by which a slave is run again, alone, without a
 //! process or a clock.
 //!
+//! Whether a failure of the drives that came within some milliseconds was seen in a step is told by the state, too.
+//!
 //! Failure: the instant of a tick that wrote nothing is known to some microseconds only, as is whether an answer that came at that very
 //! moment was seen. What comes out otherwise is counted, not hidden.
 
@@ -42,6 +44,12 @@ pub struct SlaveRun {
     pub n_without_cause: u64,
     /// From the first step to the last, s.
     pub recorded_s: f64,
+}
+
+impl SlaveRun {
+    fn lacks(&mut self, n_steps: u64) {
+        self.n_without_cause = self.n_without_cause.saturating_add(n_steps);
+    }
 }
 
 /// Runs the slave of a pass, from 1, again.
@@ -203,13 +211,17 @@ impl Slave {
             (false, true) => state.setpoint_ns,
             (false, false) => state.sample_ns,
         };
+        // A command that was executed was written before a failure was seen.
+        let has_failed = state.operating() == Some(OperatingState::Fault);
+        let seen_until_ns = |is_seen: bool| if is_seen { state.sample_ns } else { i64::MIN };
+        self.core.drive_mut().show_failures(seen_until_ns(has_failed && !is_executed));
         if state.n_stops != before.n_stops {
             self.core.stop(now_ns);
         }
         // More than were read have no cause, whatever number a file holds.
         let n_said = state.n_commands.saturating_sub(before.n_commands);
         let n_commands = n_said.min(source.commands.len() as u64 + 1);
-        self.run.n_without_cause = self.run.n_without_cause.saturating_add(n_said - n_commands);
+        self.run.lacks(n_said - n_commands);
         let is_asked = state.state_command_sequence != before.state_command_sequence;
         if n_commands > 0 {
             self.go_on_being_busy(&before, state, now_ns);
@@ -225,7 +237,7 @@ impl Slave {
                         tracing::debug!("{refused}");
                     }
                 }
-                None => self.run.n_without_cause += 1,
+                None => self.run.lacks(1),
             }
         } else if ends_here(&before, state) {
             if let Err(refused) = self.core.transition(Transition::Disable, now_ns) {
@@ -235,6 +247,7 @@ impl Slave {
             self.core.on_tick(now_ns);
             self.become_ready(state, now_ns);
         }
+        self.core.drive_mut().show_failures(seen_until_ns(has_failed));
         let again = self.core.report(state.sample_ns);
         let bits = |state: &SlaveState| state.setpoint_q_m.map(f64::to_bits);
         self.run.n_setpoints_differ += u64::from(bits(&again) != bits(state));
@@ -247,7 +260,7 @@ impl Slave {
             None => source.next_command(is_first, by_ns),
         };
         let Some(command) = command else {
-            self.run.n_without_cause += 1;
+            self.run.lacks(1);
             return;
         };
         if self.newest_command.is_none_or(|newest| command.sequence <= newest) {
