@@ -9,15 +9,16 @@
 //!
 //! Failure: without a sign of life of the slave for `wish_ms` the same happens. Time is an argument.
 
+mod report;
+
 use crate::bus::{ActuatorBus, BusGone, Goals, Seen};
-use crate::exchange::{Exchange, Phase, Report, Wish};
-use crate::handover::{Told, record};
+use crate::exchange::{Exchange, Phase, Wish};
+use crate::handover::Told;
 use crate::judge::{Finding, Judge};
 use crate::relax::{Relaxing, suspect};
 use crate::setup::BusSetup;
-use crate::units::Units;
 use krait_ipc::message::{Actuators, DriveCycle, MAX_ACTUATORS};
-use krait_slave::{ActuatorState, DriveError, DriveMode, OnFault};
+use krait_slave::{DriveError, DriveMode, OnFault};
 use std::sync::Arc;
 
 /// Slowest speed that a goal is sent with, counts/s: enough to close the last counts.
@@ -290,49 +291,6 @@ impl<B: ActuatorBus> Cycles<B> {
                 DriveError::Jumped { actuator, by_m: self.setup.units[actuator - 1].magnitude_m(counts as f64) }
             }
         }
-    }
-
-    fn report(&mut self, now_ns: i64) {
-        let report = self.newest_report(now_ns);
-        self.exchange.report.put(&report);
-        self.hand_over(&report);
-        // The slave hears of it before the log, which may take a while.
-        if let Some(failure) = self.failure.filter(|_| core::mem::take(&mut self.is_untold)) {
-            tracing::error!("{failure}");
-        }
-    }
-
-    /// To the slave, which publishes it; nobody waits where it does not fetch.
-    fn hand_over(&mut self, report: &Report) {
-        let cycle = record(self.begun_ns, self.setup.n(), &self.wish, &self.told, &self.seen, report);
-        let cycle = DriveCycle { cycle: self.n_cycles, n_left_out: self.n_left_out, ..cycle };
-        self.n_left_out += u64::from(!self.exchange.cycles.push(&cycle));
-    }
-
-    fn newest_report(&self, now_ns: i64) -> Report {
-        let mut report = Report::blank();
-        (report.stamp_ns, report.turn, report.phase) = (now_ns, self.wish.turn, self.phase);
-        report.failure = self.failure;
-        let is_bus_gone = matches!(self.failure, Some(DriveError::Bus { .. }));
-        for (k, units) in self.setup.units.iter().enumerate() {
-            self.fill(k, units, &mut report);
-            if is_bus_gone {
-                report.state[k] = ActuatorState::Lost;
-            }
-        }
-        report
-    }
-
-    fn fill(&self, k: usize, units: &Units, report: &mut Report) {
-        // Without power nothing follows: a dry run shows what was wished for.
-        let is_followed = !self.is_dry() || self.phase == Phase::Off;
-        report.q_m[k] = if is_followed { units.metres(self.seen.counts[k]) } else { self.goal_m[k] };
-        report.tau_n[k] = units.load_n(&self.seen, k);
-        report.sampled_ns[k] = self.seen.sampled_ns[k];
-        let state = self.judge.state(k, &self.seen, self.judged_phase());
-        let relaxes =
-            state == ActuatorState::QuickStopped && self.relaxing.is_some_and(|relaxing| relaxing.has_begun());
-        report.state[k] = if relaxes { ActuatorState::Relaxing } else { state };
     }
 
     /// What a dry run would have sent, counts.

@@ -2,7 +2,9 @@
 
 use super::*;
 use crate::bus::{PerActuator, Trouble};
-use krait_slave::{ActuatorConfig, DriveConfig, SlaveConfig};
+use crate::exchange::Report;
+use crate::units::Units;
+use krait_slave::{ActuatorConfig, ActuatorState, DriveConfig, SlaveConfig};
 use std::sync::Mutex;
 
 const MS: i64 = 1_000_000;
