@@ -3,14 +3,13 @@
 use crate::bus::{ActuatorBus, Seen};
 use crate::cycles::Cycles;
 use crate::exchange::{Exchange, Phase, Report, Wish};
-use crate::newest::Newest;
 use crate::setup::BusSetup;
 use crate::texts::THREAD_ENDED;
-use core::sync::atomic::{AtomicBool, Ordering};
+use core::sync::atomic::Ordering;
 use core::time::Duration;
 use krait_ipc::Beside;
 use krait_ipc::clock::monotonic_ns;
-use krait_ipc::message::{Actuators, MAX_ACTUATORS};
+use krait_ipc::message::{Actuators, DriveCycle, MAX_ACTUATORS};
 use krait_slave::{Drive, DriveError, DriveReading, DriveTraits, Homing, Switching};
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -40,25 +39,48 @@ impl BusDrive {
     /// # Errors
     /// What the kernel says when it gives no thread.
     pub fn start<B: ActuatorBus>(bus: B, setup: BusSetup, seen: Seen, beside: Option<Beside>) -> std::io::Result<Self> {
-        let mut report = setup.blank_report();
-        report.stamp_ns = monotonic_ns();
-        for (k, units) in setup.units.iter().enumerate() {
-            report.q_m[k] = units.metres(seen.counts[k]);
-            report.tau_n[k] = units.load_n(&seen, k);
-            report.sampled_ns[k] = seen.sampled_ns[k];
-        }
-        let wish = Wish { stamp_ns: monotonic_ns(), q_m: [f64::NAN; MAX_ACTUATORS], ..Wish::default() };
-        let exchange =
-            Arc::new(Exchange { wish: Newest::new(&wish), report: Newest::new(&report), ends: AtomicBool::new(false) });
-        let cycles = Cycles::new(bus, setup.clone(), Arc::clone(&exchange), seen, monotonic_ns());
-        let (theirs, period_ns) = (Arc::clone(&exchange), setup.period_ns);
+        let mut drive = Self::without_thread(setup, &seen, monotonic_ns());
+        let setup = drive.setup.clone();
+        let exchange = Arc::clone(&drive.exchange);
+        let cycles = Cycles::new(bus, setup, Arc::clone(&exchange), seen, monotonic_ns());
+        let (theirs, period_ns) = (exchange, drive.setup.period_ns);
         let thread = std::thread::Builder::new().name("drives".to_owned()).spawn(move || {
             for refused in beside.map(|beside| beside.apply()).unwrap_or_default() {
                 tracing::warn!("the thread of the drives: {refused}");
             }
             run(cycles, &theirs, period_ns);
         })?;
-        Ok(Self { exchange, thread: Some(thread), traits: setup.traits(), setup, wish, report, failure: None })
+        drive.thread = Some(thread);
+        Ok(drive)
+    }
+
+    /// The slave's side alone, of a bus that has seen this.
+    pub(crate) fn without_thread(setup: BusSetup, seen: &Seen, now_ns: i64) -> Self {
+        let mut report = Report::blank();
+        report.stamp_ns = now_ns;
+        for (k, units) in setup.units.iter().enumerate() {
+            report.q_m[k] = units.metres(seen.counts[k]);
+            report.tau_n[k] = units.load_n(seen, k);
+            report.sampled_ns[k] = seen.sampled_ns[k];
+        }
+        let wish = Wish { stamp_ns: now_ns, q_m: [f64::NAN; MAX_ACTUATORS], ..Wish::default() };
+        let exchange = Arc::new(Exchange::new(&wish, &report));
+        Self { exchange, thread: None, traits: setup.traits(), setup, wish, report, failure: None }
+    }
+
+    /// What the slave wants now.
+    pub(crate) fn newest_wish(&self) -> Option<Wish> {
+        self.exchange.wish.get()
+    }
+
+    /// Whether this turn of the power is the newest, and nothing has failed in it as far as the slave knows.
+    pub(crate) fn is_sound(&self, turn: u64) -> bool {
+        turn == self.wish.turn && self.failure.is_none()
+    }
+
+    /// Lets the slave see a report.
+    pub(crate) fn show(&self, report: &Report) {
+        self.exchange.report.put(report);
     }
 
     fn send(&mut self, stamp_ns: i64) {
@@ -85,7 +107,7 @@ impl BusDrive {
         self.failure = self.report.failure.filter(|_| self.report.turn == self.wish.turn);
         let age_ns = stamp_ns.saturating_sub(self.report.stamp_ns);
         if age_ns > self.setup.wish_ns.max(self.setup.period_ns * i64::from(self.setup.lost_cycles)) {
-            let is_over = self.thread.as_ref().is_none_or(JoinHandle::is_finished);
+            let is_over = self.thread.as_ref().is_some_and(JoinHandle::is_finished);
             let late = DriveError::Stale { actuator: 1, age_ms: age_ns as f64 * 1e-6 };
             self.failure = self.failure.or(Some(if is_over { DriveError::Bus { what: THREAD_ENDED } } else { late }));
         }
@@ -176,6 +198,14 @@ impl Drive for BusDrive {
 
     fn failure(&self) -> Option<DriveError> {
         self.failure
+    }
+
+    fn has_bus(&self) -> bool {
+        true
+    }
+
+    fn next_cycle(&mut self) -> Option<DriveCycle> {
+        self.exchange.cycles.pop()
     }
 }
 

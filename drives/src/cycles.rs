@@ -9,14 +9,16 @@
 //!
 //! Failure: without a sign of life of the slave for `wish_ms` the same happens. Time is an argument.
 
+mod report;
+
 use crate::bus::{ActuatorBus, BusGone, Goals, Seen};
-use crate::exchange::{Exchange, Phase, Report, Wish};
+use crate::exchange::{Exchange, Phase, Wish};
+use crate::handover::Told;
 use crate::judge::{Finding, Judge};
 use crate::relax::{Relaxing, suspect};
 use crate::setup::BusSetup;
-use crate::units::Units;
-use krait_ipc::message::{Actuators, MAX_ACTUATORS};
-use krait_slave::{ActuatorState, DriveError, DriveMode, OnFault};
+use krait_ipc::message::{Actuators, DriveCycle, MAX_ACTUATORS};
+use krait_slave::{DriveError, DriveMode, OnFault};
 use std::sync::Arc;
 
 /// Slowest speed that a goal is sent with, counts/s: enough to close the last counts.
@@ -33,12 +35,20 @@ pub(crate) struct Cycles<B> {
     wish: Wish,
     phase: Phase,
     failure: Option<DriveError>,
+    /// Whether the log has yet to hear of it.
+    is_untold: bool,
     relaxing: Option<Relaxing>,
     /// Whether power was told to come, in this turn.
     has_switched: bool,
     /// Where the actuators were told to be, m, and how fast that moves, m/s.
     goal_m: Actuators,
     velocity_m_per_s: Actuators,
+    /// When the newest cycle began, ns, its number, and what the bus was told in it.
+    begun_ns: i64,
+    n_cycles: u64,
+    told: Told,
+    /// Cycles that found no room on their way to the slave.
+    n_left_out: u64,
 }
 
 impl<B: ActuatorBus> Cycles<B> {
@@ -51,20 +61,29 @@ impl<B: ActuatorBus> Cycles<B> {
             exchange,
             judge,
             seen,
-            wish: Wish::default(),
+            wish: Wish { q_m: [f64::NAN; MAX_ACTUATORS], ..Wish::default() },
             phase: Phase::Off,
             failure: None,
+            is_untold: false,
             relaxing: None,
             has_switched: false,
             goal_m: [0.0; MAX_ACTUATORS],
             velocity_m_per_s: [0.0; MAX_ACTUATORS],
+            begun_ns: now_ns,
+            n_cycles: 0,
+            told: Told::default(),
+            n_left_out: 0,
         };
         cycles.rest_where_seen();
+        let report = cycles.newest_report(now_ns);
+        cycles.hand_over(&report);
         cycles
     }
 
     /// One cycle.
     pub(crate) fn step(&mut self, now_ns: i64, clock: impl Fn() -> i64) {
+        (self.begun_ns, self.told) = (now_ns, Told::default());
+        self.n_cycles += 1;
         if let Some(wish) = self.exchange.wish.get::<Wish>() {
             let is_new_turn = wish.turn != self.wish.turn;
             self.wish = wish;
@@ -74,10 +93,11 @@ impl<B: ActuatorBus> Cycles<B> {
         }
         let told = match self.tell(now_ns) {
             Ok(told) => told,
-            Err(gone) => return self.gone(gone, clock()),
+            Err(gone) => return self.gone(gone, DriveCycle::GONE_TELLING, clock()),
         };
+        self.told.goals = told;
         if let Err(gone) = self.bus.ask(&mut self.seen) {
-            return self.gone(gone, clock());
+            return self.gone(gone, DriveCycle::GONE_ASKING, clock());
         }
         let now_ns = clock();
         let told = told.filter(|_| self.phase != Phase::Switching);
@@ -86,6 +106,11 @@ impl<B: ActuatorBus> Cycles<B> {
             self.fail(self.in_metres(finding), now_ns);
         }
         self.report(now_ns);
+    }
+
+    /// The bus.
+    pub(crate) fn bus_mut(&mut self) -> &mut B {
+        &mut self.bus
     }
 
     /// Whether all actuators are known to be without power.
@@ -125,6 +150,7 @@ impl<B: ActuatorBus> Cycles<B> {
                 // Off is wished for until it is seen: a servo that was switched by somebody else is none of ours.
                 if self.wish.turn > 0 && !self.is_dry() && !self.is_off() {
                     self.bus.switch(false, &Goals::default())?;
+                    self.told.power = Some(false);
                 }
                 Ok(None)
             }
@@ -145,6 +171,7 @@ impl<B: ActuatorBus> Cycles<B> {
                 self.rest_where_seen();
                 let goals = self.goals();
                 self.bus.switch(true, &goals)?;
+                self.told.power = Some(true);
                 self.has_switched = true;
                 Ok(Some(goals))
             }
@@ -240,8 +267,7 @@ impl<B: ActuatorBus> Cycles<B> {
         if self.failure.is_some() {
             return;
         }
-        tracing::error!("{failure}");
-        self.failure = Some(failure);
+        (self.failure, self.is_untold) = (Some(failure), true);
         if self.phase != Phase::Off {
             let lets_go = self.setup.on_fault == OnFault::PowerOff;
             self.phase = if lets_go { Phase::Off } else { Phase::Stopped };
@@ -250,7 +276,8 @@ impl<B: ActuatorBus> Cycles<B> {
         }
     }
 
-    fn gone(&mut self, gone: BusGone, now_ns: i64) {
+    fn gone(&mut self, gone: BusGone, doing: u32, now_ns: i64) {
+        self.told.gone = doing;
         self.seen.has_answered = [false; MAX_ACTUATORS];
         self.relaxing = None;
         self.fail(DriveError::Bus { what: gone.what }, now_ns);
@@ -264,32 +291,6 @@ impl<B: ActuatorBus> Cycles<B> {
                 DriveError::Jumped { actuator, by_m: self.setup.units[actuator - 1].magnitude_m(counts as f64) }
             }
         }
-    }
-
-    fn report(&mut self, now_ns: i64) {
-        let mut report = self.setup.blank_report();
-        (report.stamp_ns, report.turn, report.phase) = (now_ns, self.wish.turn, self.phase);
-        report.failure = self.failure;
-        let is_bus_gone = matches!(self.failure, Some(DriveError::Bus { .. }));
-        for (k, units) in self.setup.units.iter().enumerate() {
-            self.fill(k, units, &mut report);
-            if is_bus_gone {
-                report.state[k] = ActuatorState::Lost;
-            }
-        }
-        self.exchange.report.put(&report);
-    }
-
-    fn fill(&self, k: usize, units: &Units, report: &mut Report) {
-        // Without power nothing follows: a dry run shows what was wished for.
-        let is_followed = !self.is_dry() || self.phase == Phase::Off;
-        report.q_m[k] = if is_followed { units.metres(self.seen.counts[k]) } else { self.goal_m[k] };
-        report.tau_n[k] = units.load_n(&self.seen, k);
-        report.sampled_ns[k] = self.seen.sampled_ns[k];
-        let state = self.judge.state(k, &self.seen, self.judged_phase());
-        let relaxes =
-            state == ActuatorState::QuickStopped && self.relaxing.is_some_and(|relaxing| relaxing.has_begun());
-        report.state[k] = if relaxes { ActuatorState::Relaxing } else { state };
     }
 
     /// What a dry run would have sent, counts.

@@ -1,16 +1,18 @@
 //! What the slave's step and the bus's thread tell each other.
 
 use crate::bus::PerActuator;
+use crate::handover::{CycleRing, text, text_number};
 use crate::newest::{AsWords, Newest};
 use core::sync::atomic::AtomicBool;
 use krait_ipc::message::{Actuators, MAX_ACTUATORS};
 use krait_slave::{ActuatorState, DriveError};
 
-/// Both places, and the wish to end.
+/// Both places, the cycles that wait to be recorded, and the wish to end.
 #[derive(Debug)]
 pub(crate) struct Exchange {
     pub wish: Newest<{ Wish::N }>,
     pub report: Newest<{ Report::N }>,
+    pub cycles: CycleRing,
     pub ends: AtomicBool,
 }
 
@@ -92,8 +94,35 @@ impl AsWords<{ Wish::N }> for Wish {
     }
 }
 
+impl Exchange {
+    pub(crate) fn new(wish: &Wish, report: &Report) -> Self {
+        let (wish, report) = (Newest::new(wish), Newest::new(report));
+        Self { wish, report, cycles: CycleRing::new(), ends: AtomicBool::new(false) }
+    }
+}
+
 impl Report {
     const N: usize = 8 + 4 * MAX_ACTUATORS;
+
+    /// Before anything is known.
+    pub(crate) fn blank() -> Self {
+        Self {
+            stamp_ns: 0,
+            turn: 0,
+            phase: Phase::Off,
+            failure: None,
+            q_m: [0.0; MAX_ACTUATORS],
+            tau_n: [0.0; MAX_ACTUATORS],
+            sampled_ns: [0; MAX_ACTUATORS],
+            state: [ActuatorState::Off; MAX_ACTUATORS],
+        }
+    }
+
+    /// Kind of the failure, its actuator, and the place of its text, as they are recorded; zeros without one.
+    pub(crate) fn failure_numbers(&self) -> [u32; 3] {
+        let [kind, actuator, _, _, text] = failure_words(self.failure);
+        [kind as u32, actuator as u32, text as u32]
+    }
 }
 
 impl AsWords<{ Report::N }> for Report {
@@ -144,7 +173,7 @@ fn state(word: u64) -> ActuatorState {
 
 /// A failure as kind, actuator, two numbers and the place of its text in [`TEXTS`].
 fn failure_words(failure: Option<DriveError>) -> [u64; 5] {
-    let text = |what: &'static str| TEXTS.iter().position(|known| *known == what).unwrap_or(0) as u64;
+    let text = |what: &'static str| u64::from(text_number(what));
     match failure {
         Some(DriveError::Lost { actuator, silent_ms }) => [1, actuator as u64, silent_ms.to_bits(), 0, 0],
         Some(DriveError::Tripped { actuator, code, meaning }) => {
@@ -165,7 +194,7 @@ fn failure_words(failure: Option<DriveError>) -> [u64; 5] {
 fn failure(words: &[u64]) -> Option<DriveError> {
     let actuator = words[1] as usize;
     let (first, second) = (f64::from_bits(words[2]), f64::from_bits(words[3]));
-    let text = TEXTS.get(words[4] as usize).copied().unwrap_or(TEXTS[0]);
+    let text = text(words[4] as u32);
     Some(match words[0] {
         1 => DriveError::Lost { actuator, silent_ms: first },
         2 => DriveError::Tripped { actuator, code: words[2] as u32, meaning: text },
@@ -179,7 +208,7 @@ fn failure(words: &[u64]) -> Option<DriveError> {
     })
 }
 
-/// Every text that a failure of a bus may carry.
+/// Every text that a failure of a bus may carry. Recordings name them by their place: new ones come last.
 pub(crate) const TEXTS: [&str; 21] = [
     "of a kind that is not known",
     crate::texts::PORT_GONE,

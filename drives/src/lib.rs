@@ -13,9 +13,13 @@ mod cycles;
 pub mod emulator;
 mod error;
 mod exchange;
+mod handover;
 mod judge;
 mod newest;
+mod recorded;
 mod relax;
+mod repeated;
+mod ring;
 mod setup;
 pub mod sts3215;
 mod texts;
@@ -25,6 +29,8 @@ pub use bus::{ActuatorBus, BusGone, Goals, PerActuator, Seen, Trouble};
 pub use bus_drive::BusDrive;
 pub use error::OpenError;
 pub use newest::{AsWords, Newest};
+pub use recorded::RecordedDrive;
+pub use repeated::{CycleDifference, Repeated};
 pub use setup::BusSetup;
 pub use units::Units;
 
@@ -40,5 +46,17 @@ pub fn open_drive(config: &SlaveConfig, beside: Option<Beside>) -> Result<BusDri
         DriveKind::Sim => Err(OpenError::NoBus),
         DriveKind::Sts3215 => sts3215::open_drive(config, beside),
         DriveKind::Cia402 => cia402::open_drive(config, beside),
+    }
+}
+
+/// Units, period and limits of a configuration's drives, whatever their bus; nothing is opened.
+///
+/// # Errors
+/// [`OpenError`] where the configuration does not fit the kind of drive, or names none.
+pub fn setup_of(config: &SlaveConfig) -> Result<BusSetup, OpenError> {
+    match config.drive.kind {
+        DriveKind::Sim => Err(OpenError::NoBus),
+        DriveKind::Sts3215 => sts3215::setup(config),
+        DriveKind::Cia402 => cia402::setup(config),
     }
 }

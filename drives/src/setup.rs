@@ -1,11 +1,9 @@
 //! What a bus drive needs to know besides its hardware, from the configuration.
 
 use crate::OpenError;
-use crate::exchange::{Phase, Report};
 use crate::relax::RelaxLimits;
 use crate::units::Units;
-use krait_ipc::message::MAX_ACTUATORS;
-use krait_slave::{ActuatorState, DriveMode, DriveTraits, OnFault, SlaveConfig};
+use krait_slave::{DriveMode, DriveTraits, OnFault, SlaveConfig};
 
 /// Everything that is fixed while a drive runs.
 #[derive(Clone, Debug, PartialEq)]
@@ -79,19 +77,6 @@ impl BusSetup {
             delay_ns: 2 * self.period_ns + self.exchange_ns,
             measures_load: self.units.iter().all(|units| units.measures_load()),
             on_fault: self.on_fault,
-        }
-    }
-
-    pub(crate) fn blank_report(&self) -> Report {
-        Report {
-            stamp_ns: 0,
-            turn: 0,
-            phase: Phase::Off,
-            failure: None,
-            q_m: [0.0; MAX_ACTUATORS],
-            tau_n: [0.0; MAX_ACTUATORS],
-            sampled_ns: [0; MAX_ACTUATORS],
-            state: [ActuatorState::Off; MAX_ACTUATORS],
         }
     }
 }

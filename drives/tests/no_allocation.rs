@@ -9,7 +9,7 @@ use allocations::allocations_of;
 use krait_ipc::clock::monotonic_ns;
 use krait_ipc::message::{Command, Phase, Transition};
 use krait_ipc::{Reason, Reasons};
-use krait_slave::{SlaveConfig, SlaveCore, lines};
+use krait_slave::{Drive, SlaveConfig, SlaveCore, lines};
 use rig::Rig;
 use std::time::Duration;
 
@@ -20,7 +20,7 @@ fn commands_ticks_and_reports_of_a_slave_on_servos_allocate_nothing_also_when_on
     (config.limits.following_error_m, config.limits.pull_n, config.limits.push_n) =
         (5e-3, f64::INFINITY, f64::INFINITY);
     let mut core = SlaveCore::new(drive, &config);
-    let mut n_following = 0;
+    let (mut n_following, mut n_cycles) = (0, 0);
     let n = allocations_of(|| {
         core.transition(Transition::Enable, monotonic_ns()).unwrap();
         let mut begin_m = [0.0; 12];
@@ -47,12 +47,14 @@ fn commands_ticks_and_reports_of_a_slave_on_servos_allocate_nothing_also_when_on
                 begin_m = state.setpoint_q_m;
             }
             n_following += u64::from(core.is_following());
+            n_cycles += core::iter::from_fn(|| core.drive_mut().next_cycle()).count();
             if k == 1000 {
                 emulator.wire().servos[1].faults.is_silent = true;
             }
         }
     });
     assert_eq!(n, 0);
+    assert!(n_cycles > 20, "{n_cycles} cycles were fetched");
     assert!(n_following > 100, "it followed in {n_following} ticks");
     let error = core.drive_error().map(|error| error.to_string()).unwrap_or_default();
     assert!(error.starts_with("Drive 2 failed"), "{error}");

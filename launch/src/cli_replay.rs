@@ -1,8 +1,7 @@
 //! The command line of `krait replay` and `krait compare`.
 
-use crate::cli::SlaveKind;
 use crate::in_force::Compensation;
-use clap::Args;
+use clap::{Args, ValueEnum};
 use krait_ipc::Process;
 use std::path::PathBuf;
 
@@ -42,9 +41,10 @@ pub struct ReplayArgs {
     /// Truth of the simulated snake (TOML) for the replaced `slave`.
     #[arg(long, value_name = "FILE")]
     pub truth: Option<PathBuf>,
-    /// The drives.
-    #[arg(long, value_enum, default_value_t = SlaveKind::Sim)]
-    pub slave: SlaveKind,
+    /// The drives. `recorded`: those of the recording, which answer as they did; the slave alone is run again on them, each step at its
+    /// recorded instant, and whatever it wants of them otherwise is counted.
+    #[arg(long, value_enum, default_value_t = ReplaySlave::Sim)]
+    pub slave: ReplaySlave,
     /// On the machine's clock, as for real drives, and not in the recording's own time.
     #[arg(long, conflicts_with = "step")]
     pub real_time: bool,
@@ -61,6 +61,19 @@ pub struct ReplayArgs {
     /// Print the figures as JSON on standard output.
     #[arg(long)]
     pub json: bool,
+}
+
+/// The drives of a replay.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ReplaySlave {
+    /// Simulated drives.
+    Sim,
+    /// The Feetech STS3215 servos that the configuration describes (docs/drives.md).
+    Sts3215,
+    /// The CANopen drives of the profile CiA 402 that the configuration describes (docs/drives.md).
+    Cia402,
+    /// What real drives answered when they were recorded (docs/drives.md).
+    Recorded,
 }
 
 /// Options of `krait compare`.

@@ -1,7 +1,7 @@
 //! What a replay plays and with which settings: a recording's own, but for the stages that are replaced.
 
-use crate::cli::{Common, SlaveKind};
-use crate::cli_replay::ReplayArgs;
+use crate::cli::Common;
+use crate::cli_replay::{ReplayArgs, ReplaySlave};
 use crate::config::Config;
 use crate::recorded;
 use anyhow::{Context, bail, ensure};
@@ -13,7 +13,7 @@ use krait_replay::{
     Beginning, InputChoice, InputTrack, MachinePose, Program, ReplayError, Score, Steering, Trajectory,
     TrajectoryLimits,
 };
-use krait_slave::{DriveConfig, ShapeSource};
+use krait_slave::{DriveConfig, DriveKind, ShapeSource};
 use std::path::{Path, absolute};
 
 /// Where a trajectory's own time begins, ns: after zero, so that nothing comes out negative.
@@ -186,11 +186,12 @@ fn replaced(common: &Common, args: &ReplayArgs, recorded: Config) -> anyhow::Res
 
 fn with_options(args: &ReplayArgs, mut config: Config) -> anyhow::Result<Config> {
     match args.slave {
-        SlaveKind::Sim => config.slave.drive = DriveConfig::default(),
-        kind @ (SlaveKind::Sts3215 | SlaveKind::Cia402) => ensure!(
-            args.real_time && config.slave.drive.kind == kind.kind(),
-            "--slave sts3215 or cia402 moves real drives: it takes --real-time, and --replace slave with a --config that describes them"
-        ),
+        ReplaySlave::Sim => config.slave.drive = DriveConfig::default(),
+        ReplaySlave::Sts3215 => check_real(args, &config, DriveKind::Sts3215)?,
+        ReplaySlave::Cia402 => check_real(args, &config, DriveKind::Cia402)?,
+        ReplaySlave::Recorded => {
+            bail!("--slave recorded takes a recording (.mcap), and {} is none", args.file.display())
+        }
     }
     if let Some(truth) = &args.truth {
         config.slave.truth = Some(absolute(truth)?);
@@ -203,4 +204,12 @@ fn with_options(args: &ReplayArgs, mut config: Config) -> anyhow::Result<Config>
     }
     config.check()?;
     Ok(config)
+}
+
+fn check_real(args: &ReplayArgs, config: &Config, kind: DriveKind) -> anyhow::Result<()> {
+    ensure!(
+        args.real_time && config.slave.drive.kind == kind,
+        "--slave sts3215 or cia402 moves real drives: it takes --real-time, and --replace slave with a --config that describes them"
+    );
+    Ok(())
 }

@@ -8,7 +8,7 @@ use common::{chain, fresh_path, plausible, words_of};
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use krait_ipc::message::{
-    Command, Health, Marker, Message, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState, StateCommand,
+    Command, DriveCycle, Health, Marker, Message, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState, StateCommand,
 };
 use krait_ipc::{Bus, Process, ReadOptions, Reason, Reasons, Received, Writer, clock, health_channel};
 use krait_record::{Missing, RecordConfig, RecordError, RecordReport, Recording, run};
@@ -32,6 +32,7 @@ struct Chain {
     model_update: Writer<ModelUpdate>,
     markers: Writer<Marker>,
     device_markers: Writer<Marker>,
+    drive_cycles: Writer<DriveCycle>,
     healths: BTreeMap<Process, Writer<Health>>,
 }
 
@@ -48,6 +49,7 @@ impl Chain {
             model_update: writer(bus),
             markers: writer(bus),
             device_markers: bus.writer_on(Marker::DEVICE_CHANNEL).expect("writer"),
+            drive_cycles: writer(bus),
             healths: Process::ALL.into_iter().filter(|p| *p != Process::Record).map(health).collect(),
         }
     }
@@ -64,6 +66,7 @@ impl Chain {
             Sample::Health(process, message) => self.healths.get_mut(process).expect("a writer").send(message),
             Sample::Marker(message) => self.markers.send(message),
             Sample::DeviceMarker(message) => self.device_markers.send(message),
+            Sample::DriveCycle(message) => self.drive_cycles.send(message),
             Sample::Recorder(_) => Ok(()),
         }
         .expect("sent");
@@ -105,7 +108,7 @@ fn everything_that_a_chain_publishes_is_in_the_file_bit_for_bit() {
     let config = RecordConfig { path: Some(path.to_path_buf()), ..RecordConfig::default() };
     let begin_ns = clock::monotonic_ns();
     let mut sent: Vec<Sample> = chain(3000, begin_ns).filter(is_from_the_test).collect();
-    for channel in [Channel::StateCommand, Channel::Marker, Channel::DeviceMarker] {
+    for channel in [Channel::StateCommand, Channel::Marker, Channel::DeviceMarker, Channel::DriveCycle] {
         sent.push(plausible(channel, 1, begin_ns));
     }
     let report = beside_a_recorder(&instance("all"), &config, |bus| {

@@ -32,7 +32,7 @@ fn record(name: &str) -> (common::TestPath, Vec<Sample>) {
     let mut writer = RecordingWriter::create(&path, 64 * 1024, &about).expect("created");
     let begin_ns = krait_ipc::clock::monotonic_ns();
     let mut samples: Vec<_> = chain(1000, begin_ns).collect();
-    for channel in [Channel::StateCommand, Channel::Marker, Channel::DeviceMarker] {
+    for channel in [Channel::StateCommand, Channel::Marker, Channel::DeviceMarker, Channel::DriveCycle] {
         samples.push(plausible(channel, 1, begin_ns));
     }
     samples.push(plausible(Channel::Recorder, 1, begin_ns));

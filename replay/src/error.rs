@@ -141,6 +141,31 @@ pub enum ReplayError {
         /// What the model is of.
         expected: String,
     },
+    /// No bus was recorded.
+    #[error(
+        "it holds no cycles of a bus (channel \"drive_cycle\"): its drives were simulated, or it was made before krait recorded \
+         them; replay it without --slave recorded"
+    )]
+    NoCycles,
+    /// The recording begins in the middle of a bus's life.
+    #[error(
+        "its cycles of the bus begin with number {found}, expected 0, what was seen when the bus was opened; choose a recording that \
+         was begun before the slave, or its first part"
+    )]
+    NoOpening {
+        /// The first cycle's number.
+        found: u64,
+    },
+    /// Other drives than were recorded.
+    #[error(
+        "its cycles are of {found} actuators, and [slave.drive] describes {expected}; describe those that were recorded"
+    )]
+    OtherActuators {
+        /// Actuators in the cycles.
+        found: u32,
+        /// Actuators in the configuration.
+        expected: usize,
+    },
     /// A trajectory was refused.
     #[error(transparent)]
     Trajectory(#[from] crate::TrajectoryError),

@@ -6,7 +6,7 @@ use crate::convert::Mirrored;
 use crate::source::{self, SampleSource};
 use crate::status::RecorderStatus;
 use krait_ipc::message::{
-    Command, Health, Marker, Message, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState, StateCommand,
+    Command, DriveCycle, Health, Marker, Message, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState, StateCommand,
 };
 use krait_ipc::{Bus, IpcError, Process, ReadOptions, health_channel};
 use prost::Message as _;
@@ -177,6 +177,8 @@ channels! {
     Marker(Box<Marker>): Marker, Marker::CHANNEL, "marker", "Marker", "marker";
     /// A mark by a button of the operator's device.
     DeviceMarker(Box<Marker>): Marker, Marker::DEVICE_CHANNEL, "marker/device", "Marker", "marker";
+    /// What the bus of real drives was told and what it answered, cycle by cycle.
+    DriveCycle(Box<DriveCycle>): DriveCycle, DriveCycle::CHANNEL, "drive_cycle", "DriveCycle", "drive_cycle";
 }
 
 /// Topics of the processes' health, in the order of [`Process::ALL`].

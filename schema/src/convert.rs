@@ -4,6 +4,7 @@
 //! mirror that holds what its message cannot (a raw axis beyond 16 bits, a reason beyond the last) is refused.
 
 mod chain;
+mod drive_cycle;
 mod health;
 mod marker;
 mod recorder;

@@ -2,7 +2,7 @@
 
 use crate::DriveTraits;
 pub use crate::drive_error::DriveError;
-use krait_ipc::message::{Actuators, JointValues, MAX_ACTUATORS};
+use krait_ipc::message::{Actuators, DriveCycle, JointValues, MAX_ACTUATORS};
 
 /// Push-pull actuators with encoders and loads, and perhaps a camera on what they move.
 ///
@@ -55,6 +55,16 @@ pub trait Drive {
 
     /// What has failed since power was last switched; motion is then forbidden, whatever comes back.
     fn failure(&self) -> Option<DriveError> {
+        None
+    }
+
+    /// Whether the actuators hang on a bus, whose cycles are then the slave's to publish.
+    fn has_bus(&self) -> bool {
+        false
+    }
+
+    /// The next cycle of the bus that has ended, if the actuators hang on one; its `sequence` has no meaning yet.
+    fn next_cycle(&mut self) -> Option<DriveCycle> {
         None
     }
 

@@ -10,6 +10,7 @@
 //! Frames and units: see `docs/NOTATION.md`. SI and radians; push is positive; the bend vector is b (cos delta, sin delta).
 #![forbid(unsafe_code)]
 
+mod bus_cycles;
 mod config;
 mod core_report;
 mod drive;

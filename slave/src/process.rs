@@ -1,5 +1,6 @@
 //! The slave as a process: a thin loop that takes commands from shared memory, writes the drives first and reports after.
 
+use crate::bus_cycles::BusCycles;
 use crate::latency::LatencyWatch;
 use crate::shapes::Shapes;
 use crate::slave_core::GAP_NS;
@@ -65,6 +66,7 @@ struct Process<D> {
     stops: Stops,
     states: Writer<SlaveState>,
     shapes: Shapes,
+    bus_cycles: BusCycles,
     health: HealthReporter,
     started_ns: i64,
     n_writers: u64,
@@ -78,6 +80,7 @@ impl<D: Drive> Process<D> {
     fn open(bus: &Bus, config: &SlaveConfig, drive: D) -> Result<Self, SlaveError> {
         Ok(Self {
             shapes: Shapes::open(bus, &drive, config.shape)?,
+            bus_cycles: BusCycles::open(bus, &drive)?,
             core: SlaveCore::new(drive, config),
             commands: bus.reader(ReadOptions::waking().with_mode(config.wait).of(krait_ipc::Process::Slave))?,
             state_commands: bus.reader(ReadOptions::glancing())?,
@@ -164,6 +167,7 @@ impl<D: Drive> Process<D> {
             self.shapes.put(now_ns, &shape)?;
             self.shapes.wake()?;
         }
+        self.bus_cycles.publish(self.core.drive_mut())?;
         self.count();
         self.health.publish_if_due(now_ns)
     }
@@ -184,8 +188,13 @@ impl<D: Drive> Process<D> {
     fn count(&mut self) {
         self.health.count_readers(&[self.commands.counts(), self.state_commands.counts()]);
         let health = self.health.health_mut();
-        health.n_sent = self.states.n_sent() + self.shapes.n_sent();
+        health.n_sent = self.states.n_sent() + self.shapes.n_sent() + self.bus_cycles.n_sent();
         health.n_refused = self.core.n_refused + self.commands.n_out_of_order();
+    }
+
+    fn publish_last_cycles(&mut self) -> Result<(), IpcError> {
+        while !self.bus_cycles.publish(self.core.drive_mut())? {}
+        Ok(())
     }
 
     /// Brings the motion to rest, removes power, publishes the last health. Goes on where a channel fails: the drives matter more.
@@ -202,6 +211,7 @@ impl<D: Drive> Process<D> {
             tracing::error!("{refused}");
         }
         result = result.and(self.report(TICK_NS));
+        result = result.and(self.publish_last_cycles());
         self.count();
         tracing::info!("the slave has stopped and is disabled");
         result.and(self.health.publish(monotonic_ns()))

@@ -2,6 +2,9 @@
 
 #![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
 
+#[path = "drives/cycles.rs"]
+mod cycles;
+
 use core::time::Duration;
 use krait_drives::emulator::{Emulator, Servo, ServoWire};
 use krait_ipc::message::OperatingState;
@@ -98,6 +101,7 @@ fn the_chain_follows_on_servos_and_one_that_is_unplugged_stops_the_others_where_
     // Encoders come back from the servos: they have moved, and end near where they were told to be.
     let moved = before.iter().filter(|(_, told, read)| told[0].abs() > 5e-4 && (told[0] - read[0]).abs() < 1e-3);
     assert!(moved.count() > 100, "encoders follow the setpoint");
+    cycles::are_whole_and_repeat_the_slave(&recording, &folder, &config);
 }
 
 #[test]

@@ -10,7 +10,7 @@ use std::process::Command;
 /// Nobody holds more than this in the head; tests and generated text may be longer.
 const MOST_LINES: usize = 500;
 /// Endings that say the unit of a float in a message, and words that have none.
-const UNITS: [&str; 19] = [
+const UNITS: [&str; 23] = [
     "_m",
     "_rad",
     "_rad2",
@@ -21,6 +21,11 @@ const UNITS: [&str; 19] = [
     "_m_per_s",
     "_rad_per_s",
     "_m_per_rad",
+    // Of a motor and its encoder.
+    "_counts_per_s",
+    "_a",
+    "_celsius",
+    "_v",
     // The unit of a learnt parameter is the parameter's own, which the model file names.
     "learnt",
     "value",

@@ -24,6 +24,7 @@ mod wire;
 
 pub use frame::Frame;
 pub use home::home_here;
+pub(crate) use open::setup;
 pub use open::{open_drive, open_drive_on};
 pub use port::{CanListener, CanPort, interfaces};
 pub use scan::{CanReading, FoundDrive, scan};

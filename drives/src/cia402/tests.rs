@@ -8,8 +8,7 @@ use crate::BusSetup;
 use crate::cycles::Cycles;
 use crate::emulator::{CanBus, CanDrive, CanWire};
 use crate::exchange::{Exchange, Phase, Report, Wish};
-use crate::newest::Newest;
-use core::sync::atomic::{AtomicBool, AtomicI64, Ordering};
+use core::sync::atomic::{AtomicI64, Ordering};
 use krait_ipc::message::Actuators;
 use krait_slave::{ActuatorConfig, ActuatorState, DriveConfig, DriveKind, SlaveConfig, lines};
 use std::sync::Arc;
@@ -63,11 +62,7 @@ impl Bench {
         let (wire, clock) = bus.own_time();
         let setup: BusSetup = open::setup(&config).unwrap_or_else(|error| panic!("{error}"));
         let (can, seen) = Cia402::open(&config, wire).unwrap_or_else(|error| panic!("{error}"));
-        let exchange = Arc::new(Exchange {
-            wish: Newest::new(&Wish::default()),
-            report: Newest::new(&setup.blank_report()),
-            ends: AtomicBool::new(false),
-        });
+        let exchange = Arc::new(Exchange::new(&Wish::default(), &Report::blank()));
         let cycles = Cycles::new(can, setup, Arc::clone(&exchange), seen, clock.load(Ordering::Relaxed));
         let wish = Wish { q_m: [f64::NAN; 12], ..Wish::default() };
         Self { bus, cycles, exchange, clock, wish, targets: Vec::new() }

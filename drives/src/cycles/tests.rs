@@ -1,10 +1,10 @@
 //! Cycles in a time of their own: what is told to the actuators when one of them fails in motion.
 
 use super::*;
-use crate::bus::PerActuator;
-use crate::newest::Newest;
-use core::sync::atomic::AtomicBool;
-use krait_slave::{ActuatorConfig, DriveConfig, SlaveConfig};
+use crate::bus::{PerActuator, Trouble};
+use crate::exchange::Report;
+use crate::units::Units;
+use krait_slave::{ActuatorConfig, ActuatorState, DriveConfig, SlaveConfig};
 use std::sync::Mutex;
 
 const MS: i64 = 1_000_000;
@@ -19,6 +19,9 @@ struct Truth {
     counts: PerActuator<i32>,
     is_silent: PerActuator<bool>,
     is_gone: bool,
+    /// Overloaded: without torque.
+    is_limp: PerActuator<bool>,
+    current_a: PerActuator<f64>,
 }
 
 impl ActuatorBus for Ideal {
@@ -44,7 +47,9 @@ impl ActuatorBus for Ideal {
         seen.has_answered = truth.is_silent.map(|silent| !silent);
         for k in (0..3).filter(|k| !truth.is_silent[*k]) {
             (seen.counts[k], seen.goal_counts[k]) = (truth.counts[k], truth.counts[k]);
-            seen.is_powered[k] = truth.is_on;
+            (seen.is_powered[k], seen.current_a[k]) = (truth.is_on, truth.current_a[k]);
+            seen.has_let_go[k] = truth.is_limp[k];
+            seen.trouble[k] = if truth.is_limp[k] { Trouble::Limp } else { Trouble::None };
         }
         Ok(())
     }
@@ -63,24 +68,30 @@ struct Bench {
 impl Bench {
     /// Under power, at zero.
     fn new() -> Self {
-        let actuator =
-            |id| ActuatorConfig { id, zero_count: Some(500_000), spool_radius_m: 0.01, ..Default::default() };
+        Self::with(DriveConfig::default())
+    }
+
+    fn with(drive: DriveConfig) -> Self {
+        // A newton is an ampere.
+        let actuator = |id| ActuatorConfig {
+            id,
+            zero_count: Some(500_000),
+            spool_radius_m: 0.01,
+            newton_metre_per_ampere: 0.01,
+            ..Default::default()
+        };
         let drive = DriveConfig {
             speed_counts_per_s: 20_000.0,
             wish_ms: 50.0,
             actuator: [1, 2, 3].map(actuator).to_vec(),
-            ..DriveConfig::default()
+            ..drive
         };
         let config = SlaveConfig { drive, ..SlaveConfig::default() };
         // A million counts a turn: rounding is no part of these tests.
         let units = |(k, actuator)| Units::new(actuator, k + 1, 1_000_000).unwrap();
         let units = config.drive.actuator.iter().enumerate().map(units).collect();
         let setup = BusSetup::new(&config, units, 500_000, 2 * MS).unwrap_or_else(|error| panic!("{error}"));
-        let exchange = Arc::new(Exchange {
-            wish: Newest::new(&Wish::default()),
-            report: Newest::new(&setup.blank_report()),
-            ends: AtomicBool::new(false),
-        });
+        let exchange = Arc::new(Exchange::new(&Wish::default(), &Report::blank()));
         let truth = Arc::new(Mutex::new(Truth { counts: [500_000; 12], ..Truth::default() }));
         let seen = Seen { counts: [500_000; 12], ..Seen::default() };
         let cycles = Cycles::new(Ideal(Arc::clone(&truth)), setup, Arc::clone(&exchange), seen, 0);
@@ -213,4 +224,64 @@ fn a_bus_that_is_gone_is_a_failure_and_every_actuator_is_lost() {
     let report = bench.step();
     assert_eq!(report.failure, Some(DriveError::Bus { what: crate::texts::PORT_GONE }));
     assert_eq!(report.state[..3], [ActuatorState::Lost; 3]);
+}
+
+/// The second lets go in motion while all lines pull with 5 N; so many cycles later. Where each began to give way, and the cycle of
+/// the failure.
+fn limp(relax_m: f64, relax_ms: f64, n_cycles: usize) -> (Bench, Actuators, usize) {
+    let drive = DriveConfig { on_fault: OnFault::Relax, relax_m, relax_ms, ..DriveConfig::default() };
+    let mut bench = Bench::with(drive);
+    bench.truth.lock().unwrap().current_a = [-5.0; 12];
+    bench.go(20);
+    bench.truth.lock().unwrap().is_limp[1] = true;
+    bench.go(1);
+    assert_eq!(bench.report().failure, Some(DriveError::Limp { actuator: 2 }));
+    let failed = bench.goals.len();
+    let mut rest_m = bench.cycles.goal_m;
+    for _ in 0..n_cycles {
+        bench.step();
+        let relaxes = bench.report().state[0] == ActuatorState::Relaxing;
+        if !relaxes && bench.goals.len() < failed + 8 {
+            rest_m = bench.cycles.goal_m;
+        }
+    }
+    (bench, rest_m, failed)
+}
+
+#[test]
+fn who_gives_way_to_a_limp_line_stays_within_its_way_its_speed_and_its_time() {
+    // A load that never falls: the way is the bound.
+    let (mut bench, rest_m, failed) = limp(0.8e-3, 10_000.0, 160);
+    let end_m = bench.cycles.goal_m;
+    for k in [0, 2] {
+        assert!((end_m[k] - rest_m[k] - 0.8e-3).abs() < 1e-9, "{end_m:?} from {rest_m:?}");
+    }
+    assert_eq!(end_m[1], rest_m[1], "the limp one is told nothing else");
+    assert_eq!(bench.report().state[0], ActuatorState::QuickStopped);
+    let recorded: Vec<DriveCycle> = core::iter::from_fn(|| bench.exchange.cycles.pop()).collect();
+    let relaxing = recorded.iter().filter(|cycle| cycle.actuators[0].state == ActuatorState::Relaxing as u32).count();
+    assert!(relaxing > 50, "the record names it: {relaxing}");
+    let steps = |bench: &Bench, from: usize| -> Vec<f64> {
+        bench.goals[from..].windows(2).map(|pair| pair[1][0] - pair[0][0]).collect()
+    };
+    // Braked within five cycles; then never faster than 2 mm/s.
+    assert!(steps(&bench, failed + 5).iter().all(|step| (0.0..=2e-3 * 5e-3 * (1.0 + 1e-9)).contains(step)));
+    bench.go(40);
+    assert_eq!(bench.cycles.goal_m, end_m, "what has ended does not begin again");
+
+    // A time that is over before the way is: nothing moves in any cycle that begins after it.
+    let (bench, rest_m, failed) = limp(0.8e-3, 150.0, 160);
+    let way_m = bench.cycles.goal_m[0] - rest_m[0];
+    assert!(way_m > 0.05e-3 && way_m < 0.4e-3, "{way_m}");
+    let after = steps(&bench, failed + 150 / 5);
+    assert!(after.len() > 100 && after.iter().all(|step| *step == 0.0), "{after:?}");
+
+    // A load that turns round on the way is left where it is.
+    let (mut bench, ..) = limp(0.8e-3, 10_000.0, 30);
+    bench.truth.lock().unwrap().current_a = [5.0; 12];
+    bench.step();
+    let stopped_m = bench.cycles.goal_m;
+    bench.go(40);
+    let late_m = bench.cycles.goal_m;
+    assert!((0..3).all(|k| (late_m[k] - stopped_m[k]).abs() < 1e-5), "{late_m:?} from {stopped_m:?}");
 }

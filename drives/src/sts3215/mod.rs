@@ -157,14 +157,19 @@ impl Sts3215 {
 /// # Errors
 /// [`OpenError`].
 pub fn open_drive(config: &SlaveConfig, beside: Option<Beside>) -> Result<BusDrive, OpenError> {
+    let setup = setup(config)?;
+    let (bus, seen) = Sts3215::open(&config.drive)?;
+    BusDrive::start(bus, setup, seen, beside).map_err(OpenError::Thread)
+}
+
+/// Units, period and limits of a configuration.
+pub(crate) fn setup(config: &SlaveConfig) -> Result<BusSetup, OpenError> {
     let drive = &config.drive;
     let mut units = Vec::new();
     for (k, actuator) in drive.actuator.iter().enumerate() {
         units.push(Units::new(actuator, k + 1, COUNTS_PER_TURN)?);
     }
-    let setup = BusSetup::new(config, units, COUNTS_PER_TURN / 2, exchange_ns(drive.actuator.len(), drive.baud))?;
-    let (bus, seen) = Sts3215::open(drive)?;
-    BusDrive::start(bus, setup, seen, beside).map_err(OpenError::Thread)
+    BusSetup::new(config, units, COUNTS_PER_TURN / 2, exchange_ns(drive.actuator.len(), drive.baud))
 }
 
 /// Time of one cycle of so many servos without return delay, on the wire and in the adapter, ns.

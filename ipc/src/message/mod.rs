@@ -12,6 +12,7 @@
 mod actuators;
 mod command;
 mod cue;
+mod drive_cycle;
 mod drive_wish;
 mod health;
 mod marker;
@@ -30,6 +31,7 @@ mod text;
 pub use actuators::{Actuators, JointValues, MAX_ACTUATORS, MAX_JOINTS, N_LINES, lines, n_actuators, three, used};
 pub use command::Command;
 pub use cue::Cue;
+pub use drive_cycle::{ActuatorCycle, DriveCycle};
 pub use drive_wish::DriveWish;
 pub use health::{Health, N_REASONS_MAX, ReasonRecord};
 pub use marker::{MARKER_TEXT_MAX, Marker, MarkerTextError};

@@ -28,6 +28,7 @@ pub mod paper;
 pub mod process;
 pub mod recover;
 pub mod replay;
+mod replay_slave;
 pub mod run;
 pub mod shape;
 pub mod state;

@@ -1,8 +1,9 @@
 //! `krait replay FILE`: a recording or a trajectory through the real processes, in its own time or on the machine's clock.
 
 use crate::cli::{Common, MasterKind};
-use crate::cli_replay::{ReplayArgs, Speed};
+use crate::cli_replay::{ReplayArgs, ReplaySlave, Speed};
 use crate::commands::process::with_attachments;
+use crate::commands::replay_slave;
 use crate::device::{DEVICE_KEY, SERIAL_KEY};
 use crate::replay_orders::{Order, Orders};
 use crate::replay_setup::ReplaySetup;
@@ -71,6 +72,9 @@ struct Figures {
 
 /// Plays a file and says what came of it.
 pub fn run(common: &Common, args: &ReplayArgs) -> anyhow::Result<ExitCode> {
+    if args.slave == ReplaySlave::Recorded {
+        return replay_slave::run(common, args);
+    }
     let stop = signals::stop_flag()?;
     let mut supervisor = Supervisor::new(&recorded::instance_of(&common.instance, "replay"), &stop)?;
     let setup = ReplaySetup::of(common, args, &supervisor.bus().instance().folder())?;

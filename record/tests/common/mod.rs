@@ -3,8 +3,8 @@
 
 use krait_ipc::Process;
 use krait_ipc::message::{
-    Command, Health, HopStamps, LearntValue, MARKER_TEXT_MAX, MAX_LEARNT, Marker, ModelUpdate, N_REASONS_MAX,
-    OperatorInput, ReasonRecord, Setpoint, Shape, SlaveState, StateCommand,
+    ActuatorCycle, Command, DriveCycle, Health, HopStamps, LearntValue, MARKER_TEXT_MAX, MAX_ACTUATORS, MAX_LEARNT,
+    Marker, ModelUpdate, N_REASONS_MAX, OperatorInput, ReasonRecord, Setpoint, Shape, SlaveState, StateCommand,
 };
 use krait_schema::{Channel, ChannelCounts, RecorderStatus, Sample};
 use std::ops::Deref;
@@ -33,6 +33,7 @@ number! {
     u64: |w| w, |x| x;
     i64: |w: u64| w as i64, |x: i64| x as u64;
     u32: |w: u64| w as u32, u64::from;
+    i32: |w: u64| w as i32, |x: i32| x as u64;
     i16: |w: u64| w as i16, |x: i16| x as u64;
     u16: |w: u64| w as u16, u64::from;
     u8: |w: u64| w as u8, u64::from;
@@ -99,6 +100,14 @@ fields! {
         sequence, sample_ns, pid, reserved, n_received, n_sent, n_lost, n_refused, reasons_now, reasons_ever, records
     }
     Marker { sequence, sample_ns, sender_pid, n_text, text }
+    DriveCycle {
+        sequence, sample_ns, answered_ns, cycle, n_left_out, wish_ns, turn, flags, phase, failure, failure_actuator,
+        failure_text, n_actuators, actuators
+    }
+    ActuatorCycle {
+        wish_q_m, sampled_ns, told_counts_per_s, current_a, torque_nm, temperature_celsius, supply_v, told_counts,
+        goal_counts, counts, n_boots, flags, state, trouble, trouble_code, trouble_text, reserved
+    }
     ChannelCounts { n_written, n_dropped, n_lost, n_out_of_order }
     RecorderStatus { sequence, sample_ns, channels }
 }
@@ -121,6 +130,7 @@ pub fn sample_of(channel: Channel, words: &[u64]) -> Sample {
         Channel::Health(process) => Sample::Health(process, Box::new(Words::take(words))),
         Channel::Marker => Sample::Marker(Box::new(Words::take(words))),
         Channel::DeviceMarker => Sample::DeviceMarker(Box::new(Words::take(words))),
+        Channel::DriveCycle => Sample::DriveCycle(Box::new(Words::take(words))),
         Channel::Recorder => Sample::Recorder(Box::new(Words::take(words))),
     };
     // What stands behind the learnt values says nothing, and is always the same.
@@ -132,6 +142,11 @@ pub fn sample_of(channel: Channel, words: &[u64]) -> Sample {
         Sample::ModelUpdate(update) => {
             update.n_learnt %= MAX_LEARNT as u32 + 1;
             update.learnt[update.n_learnt as usize..].fill(LearntValue::default());
+        }
+        // The same behind the last actuator.
+        Sample::DriveCycle(cycle) => {
+            cycle.n_actuators %= MAX_ACTUATORS as u32 + 1;
+            cycle.actuators[cycle.n_actuators as usize..].fill(ActuatorCycle::default());
         }
         _ => {}
     }
@@ -151,6 +166,7 @@ pub fn words_of(sample: &Sample) -> Vec<u64> {
         Sample::ModelUpdate(message) => message.put(&mut words),
         Sample::Health(_, message) => message.put(&mut words),
         Sample::Marker(message) | Sample::DeviceMarker(message) => message.put(&mut words),
+        Sample::DriveCycle(message) => message.put(&mut words),
         Sample::Recorder(status) => status.put(&mut words),
     }
     words
@@ -209,6 +225,12 @@ pub fn plausible(channel: Channel, sequence: u64, sample_ns: i64) -> Sample {
         }
         Sample::Marker(marker) | Sample::DeviceMarker(marker) => {
             **marker = Marker::new(sequence, sample_ns, &format!("mark {sequence}")).expect("a text");
+        }
+        Sample::DriveCycle(cycle) => {
+            (cycle.n_actuators, cycle.failure) = (3, 1);
+            for (k, actuator) in cycle.actuators.iter_mut().enumerate() {
+                *actuator = if k < 3 { ActuatorCycle { state: 2, ..*actuator } } else { ActuatorCycle::default() };
+            }
         }
         Sample::Recorder(status) => **status = RecorderStatus { sequence, sample_ns, ..RecorderStatus::default() },
     }

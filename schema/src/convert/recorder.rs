@@ -52,6 +52,7 @@ fields! {
     health_shape: Channel::Health(Process::Shape);
     marker: Channel::Marker;
     marker_device: Channel::DeviceMarker;
+    drive_cycle: Channel::DriveCycle;
 }
 
 fn mirror_of(counts: ChannelCounts) -> proto::ChannelCounts {
