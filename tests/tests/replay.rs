@@ -391,6 +391,37 @@ fn a_replay_in_steps_sends_one_sample_for_each_line() {
     assert!(text.contains("Played 3 samples") && text.contains("It was stopped before its end."), "{text}");
 }
 
+/// An option that only one stage has says which stage is meant; what was inferred is said, and the result is the same.
+#[test]
+fn an_option_of_one_stage_replaces_it_without_being_told_so_twice() {
+    let folder = TempFolder::new("inferred");
+    let truth = folder.file("truth.toml");
+    std::fs::write(&truth, "[effects]\nload_scale = 1.3\n").expect("written");
+    let model = format!("{}/../model/models/off.toml", env!("CARGO_MANIFEST_DIR"));
+    let play = |name: &str, options: &[&str]| {
+        let (instance, path) = (instance_name("inferred"), folder.file(&format!("{name}.mcap")));
+        let all = [&["replay", &shipped(), "--speed", "max", "--instance", &instance, "--recording", &path], options];
+        let ended = Ended::of(&all.concat(), PATIENCE);
+        assert_eq!(ended.code, Some(0), "{options:?}: {}", ended.stderr);
+        (read(&path), ended.stderr)
+    };
+    let said = |stderr: &str| stderr.lines().filter(|line| line.contains("replaces")).map(str::to_owned).collect();
+    let cases: [(&[&str], &str, &str); 3] = [
+        (&["--compensation", "off"], "compensate", "--compensation replaces compensate"),
+        (&["--model", &model], "compensate", "--model replaces compensate"),
+        (&["--truth", &truth], "slave", "--truth replaces slave"),
+    ];
+    for (options, stage, words) in cases {
+        let name = options[0].trim_start_matches('-');
+        let (inferred, stderr) = play(&format!("{name}-inferred"), options);
+        let lines: Vec<String> = said(&stderr);
+        assert_eq!(lines, [format!("{words}; the other stages are as recorded")], "{stderr}");
+        let (told, stderr) = play(&format!("{name}-told"), &[options, &["--replace", stage]].concat());
+        assert_eq!(said(&stderr), Vec::<String>::new(), "nothing had to be inferred");
+        told.assert_same(&inferred, words);
+    }
+}
+
 #[test]
 fn two_recordings_are_compared_as_a_table_and_as_pictures() {
     let folder = TempFolder::new("compare");
@@ -439,7 +470,7 @@ fn what_cannot_be_played_is_refused_with_one_sentence() {
         (&[&flick, "--pass", "2"], &["--pass 2", "it holds 1 pass"]),
         (&[&flick, "--from", "2", "--to", "1"], &["--from 2 --to 1"]),
         (&[&flick, "--from", "500"], &["no operator input lies between"]),
-        (&[&flick, "--model", "better.toml"], &["--replace compensate"]),
+        (&[&flick, "--model", "/nowhere/better.toml"], &["/nowhere/better.toml", "could not be read"]),
         (&[&flick, "--real-time"], &["--real-time without --engage", "add --engage"]),
         (&[&flick, "--real-time", "--engage", "--speed", "max"], &["--real-time", "needs a speed"]),
         (&[&flick, "--config", "other.toml"], &["brings its own settings", "--replace STAGE"]),
