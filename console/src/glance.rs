@@ -2,7 +2,7 @@
 //! what holds the motion back, worst first.
 
 use crate::observer::Observer;
-use crate::words::{Level, words_of};
+use crate::words::{Level, Shown, fault_sentence, words_of};
 use krait_ipc::Reason;
 use krait_ipc::message::{OperatorInput, Shape, SlaveState};
 
@@ -16,7 +16,14 @@ const MOST_REASONS: usize = 6;
 /// What a chain does at this instant, as lines of at most 79 characters.
 pub fn glance(observer: &mut Observer, now_ns: i64) -> Vec<String> {
     let shown = observer.shown(now_ns);
-    let mut lines = vec![format!("{:<12}{}", shown.word().to_uppercase(), shown.sentence())];
+    let failed = observer
+        .newest()
+        .fresh_state(now_ns)
+        .filter(|_| matches!(shown, Shown::Fault | Shown::Emergency))
+        .map(fault_sentence);
+    let sentence = failed.unwrap_or_else(|| shown.sentence().to_owned());
+    let word = shown.word().to_uppercase() + " ";
+    let mut lines = vec![format!("{word:<12}{sentence}")];
     let recording_s = observer.recording_s(&observer.members(), now_ns);
     let newest = observer.newest();
     let off_deg = observer.tracking().rms(now_ns).map(f64::to_degrees);

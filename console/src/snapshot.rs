@@ -7,7 +7,7 @@ use crate::facts::Facts;
 use crate::latency::{LiveLatencyReport, stretch_names};
 use crate::pad::PadSeen;
 use crate::processes::ProcessUsage;
-use crate::words::{Shown, ShownState, Words, words_of};
+use crate::words::{Shown, ShownState, Words, fault_sentence, words_of};
 use krait_ipc::message::{
     Command, DeviceState, Health, JointValues, ModelUpdate, OperatorInput, Phase, Setpoint, Shape, SlaveState, used,
 };
@@ -114,6 +114,8 @@ struct State<'a> {
     // A load that is not measured is null, never zero.
     tau_n: Vec<f64>,
     n_refused: u64,
+    /// What is said of a failure of the drives, while they are in FAULT.
+    failure: Option<String>,
 }
 
 /// Positions of joints, rad (m where they slide); a joint that is not measured is null.
@@ -175,6 +177,7 @@ pub fn frame(newest: &NewestSamples, moment: &Moment, facts: &Facts) -> serde_js
             q_m: used(&state.measured_q_m, state.n_actuators).to_vec(),
             tau_n: used(&state.measured_tau_n, state.n_actuators).to_vec(),
             n_refused: state.n_refused,
+            failure: matches!(shown, Shown::Fault | Shown::Emergency).then(|| fault_sentence(state)),
         }),
         operator: newest.input.map(|input| Operator {
             device: input.device().map_or("unknown", device_word),
@@ -219,6 +222,9 @@ fn value_of(reason: Reason, newest: &NewestSamples, facts: &Facts) -> Option<Str
             let state = newest.state?;
             let (line, tau_n) = largest(used(&state.measured_tau_n, state.n_actuators))?;
             Some(format!("Line {line}: {tau_n:.0} of {:.0} N.", facts.max_load_n))
+        }
+        Reason::DriveFault if newest.state?.is_hardware_stopped() => {
+            Some("Release the machine\u{2019}s stop.".to_owned())
         }
         Reason::OperatorAbsent if newest.input?.is_from_pad() => Some("Hold the drive pad to follow.".to_owned()),
         Reason::OperatorAbsent => Some(facts.presence_hint.clone()),

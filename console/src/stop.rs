@@ -18,7 +18,7 @@ const DOCUMENT: &str = include_str!("../web/stop.html");
 const STYLE: &str = include_str!("../web/css/stop.css");
 const SCRIPT: &str = include_str!("../web/js/stop.js");
 /// What the document says before anything was pressed.
-const AT_REST: &str = "holds the snake still";
+const AT_REST: &str = "holds still \u{2013} no emergency stop";
 
 /// What the stop's handlers know.
 pub struct StopShared {

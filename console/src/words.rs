@@ -94,7 +94,7 @@ pub fn words_of(reason: Reason) -> Words {
         Reason::ModelUpdateRefused => words(Warn, "A model update was refused.", "It was out of bounds.", ""),
         Reason::RecordingStopped => words(Warn, "The recording stopped.", "The motion is not affected.", ""),
         Reason::RecordingDropped => words(Warn, "The recording has gaps.", "The motion is not affected.", ""),
-        Reason::DriveFault => words(Fault, "A drive failed; its power is off.", "Clear the fault, then enable.", ""),
+        Reason::DriveFault => words(Fault, "The drives are in fault.", "Clear the fault, then enable.", ""),
         Reason::FollowingError => words(Fault, "The drives do not follow.", "Check the actuators.", ""),
         Reason::CommandStale => words(Fault, "Commands stopped coming.", "The drives hold by themselves.", ""),
         Reason::StateStale => words(Fault, "The drives do not report.", "Look at the robot.", ""),
@@ -122,7 +122,9 @@ pub fn words_of(reason: Reason) -> Words {
 pub enum Shown {
     /// Nothing arrives from the robot.
     Stale,
-    /// A fault removed power.
+    /// The machine's own emergency stop, or another hardware input, took the drives' power: a drive reports it.
+    Emergency,
+    /// The drives failed.
     Fault,
     /// Drive power is off.
     Disabled,
@@ -149,7 +151,8 @@ impl Shown {
     const fn words(self) -> (&'static str, &'static str) {
         match self {
             Self::Stale => ("No picture", "Nothing arrives from the robot."),
-            Self::Fault => ("Fault", "A drive failed; its power is off."),
+            Self::Emergency => ("Emergency stop", "The machine\u{2019}s own stop cut the drives\u{2019} power."),
+            Self::Fault => ("Fault", "The drives failed; nothing may move."),
             Self::Disabled => ("Disabled", "Drive power is off."),
             Self::Homing => ("Homing", "The drives are finding their zero. Keep clear."),
             Self::Paused => ("Paused", "Holding still, power on."),
@@ -170,6 +173,20 @@ impl Shown {
     /// What it means, in one sentence.
     pub const fn sentence(self) -> &'static str {
         self.words().1
+    }
+}
+
+/// What a state in FAULT says of the drives, by their own report; at most 48 characters.
+pub fn fault_sentence(state: &SlaveState) -> String {
+    match (state.failed_drive(), state.flags & SlaveState::OTHERS_HOLD != 0) {
+        (Some(drive), true) if state.is_hardware_stopped() => {
+            format!("Hardware cut drive {drive} off; the others hold.")
+        }
+        _ if state.is_hardware_stopped() => Shown::Emergency.sentence().to_owned(),
+        (Some(drive), true) => format!("Drive {drive} failed; the others hold."),
+        (Some(drive), false) => format!("Drive {drive} failed; the others do not hold."),
+        (None, true) => "The drives failed and hold.".to_owned(),
+        (None, false) => "The drives failed and do not hold.".to_owned(),
     }
 }
 
@@ -195,6 +212,7 @@ impl ShownState<'_> {
     pub fn shown(&self) -> Shown {
         let Some(state) = self.state else { return Shown::Stale };
         match state.operating() {
+            Some(OperatingState::Fault) if state.is_hardware_stopped() => return Shown::Emergency,
             None | Some(OperatingState::Fault) => return Shown::Fault,
             Some(OperatingState::Disabled) => return Shown::Disabled,
             _ if state.flags & SlaveState::IS_BUSY != 0 => return Shown::Homing,
@@ -229,13 +247,49 @@ mod tests {
 
     #[test]
     fn the_page_has_the_same_words_for_a_state() {
-        use Shown::{Clutched, Disabled, Fault, Following, Holding, Homing, Limited, Lost, Paused, Ready, Stale};
+        use Shown::{
+            Clutched, Disabled, Emergency, Fault, Following, Holding, Homing, Limited, Lost, Paused, Ready, Stale,
+        };
         let page = include_str!("../web/js/states.js");
-        for state in [Stale, Fault, Disabled, Homing, Paused, Lost, Clutched, Ready, Holding, Limited, Following] {
+        for state in
+            [Stale, Emergency, Fault, Disabled, Homing, Paused, Lost, Clutched, Ready, Holding, Limited, Following]
+        {
             // On the page the reasons stand beside the state, in a terminal below it.
             let say = state.sentence().replace("stand below", "stand on the right");
+            assert!(say.chars().count() <= 48, "{say}");
             let both = format!("word: '{}', say: '{say}'", state.word());
             assert!(page.contains(&both), "states.js lacks {both}");
+        }
+    }
+
+    #[test]
+    fn a_fault_names_the_drive_and_an_emergency_stop_is_no_fault() {
+        let fault =
+            |flags| SlaveState { operating_state: OperatingState::Fault as u32, flags, ..SlaveState::default() };
+        let shown = |state: &SlaveState| {
+            let all = ShownState {
+                state: Some(state),
+                device: None,
+                is_present: true,
+                is_clutched: false,
+                phase: Some(Phase::Following),
+                reasons: Reasons::NONE,
+            };
+            all.shown()
+        };
+        let second = SlaveState::failed_drive_flags(2);
+        let (failed, stopped) = (fault(second | SlaveState::OTHERS_HOLD), fault(second | SlaveState::HARDWARE_STOP));
+        assert_eq!((shown(&failed), shown(&stopped)), (Shown::Fault, Shown::Emergency));
+        assert_eq!(fault_sentence(&failed), "Drive 2 failed; the others hold.");
+        assert_eq!(fault_sentence(&stopped), Shown::Emergency.sentence());
+        let alone = fault(stopped.flags | SlaveState::OTHERS_HOLD);
+        assert_eq!(fault_sentence(&alone), "Hardware cut drive 2 off; the others hold.");
+        let mut enabled = stopped;
+        enabled.operating_state = OperatingState::Enabled as u32;
+        assert_eq!(shown(&enabled), Shown::Following, "the flag counts in FAULT only");
+        for flags in [0, SlaveState::OTHERS_HOLD, SlaveState::failed_drive_flags(12)] {
+            let sentence = fault_sentence(&fault(flags));
+            assert!(sentence.chars().count() <= 48, "{sentence}");
         }
     }
 

@@ -83,6 +83,11 @@ pub enum Trouble {
         /// What that means.
         meaning: &'static str,
     },
+    /// Hardware has switched it off: an emergency stop, a safe-torque-off or an enable input.
+    HardwareStop {
+        /// Its own number for it; 0: it told none.
+        code: u16,
+    },
 }
 
 /// The bus cannot be used any more.

@@ -185,6 +185,7 @@ fn failure_words(failure: Option<DriveError>) -> [u64; 5] {
         Some(DriveError::Stale { actuator, age_ms }) => [6, actuator as u64, age_ms.to_bits(), 0, 0],
         Some(DriveError::Bus { what }) => [7, 0, 0, 0, text(what)],
         Some(DriveError::Unled { silent_ms, limit_ms }) => [8, 0, silent_ms.to_bits(), limit_ms.to_bits(), 0],
+        Some(DriveError::HardwareStop { actuator, code }) => [9, actuator as u64, u64::from(code), 0, 0],
         None => [0; 5],
         // The bus has no other failures.
         Some(_) => [7, 0, 0, 0, 0],
@@ -204,6 +205,7 @@ fn failure(words: &[u64]) -> Option<DriveError> {
         6 => DriveError::Stale { actuator, age_ms: first },
         7 => DriveError::Bus { what: text },
         8 => DriveError::Unled { silent_ms: first, limit_ms: second },
+        9 => DriveError::HardwareStop { actuator, code: words[2] as u32 },
         _ => return None,
     })
 }
@@ -250,6 +252,7 @@ mod tests {
             Some(DriveError::Jumped { actuator: 3, by_m: -0.02 }),
             Some(DriveError::Stale { actuator: 1, age_ms: 80.0 }),
             Some(DriveError::Unled { silent_ms: 51.0, limit_ms: 50.0 }),
+            Some(DriveError::HardwareStop { actuator: 2, code: 0x9000 }),
         ];
         failures.extend(TEXTS.map(|meaning| Some(DriveError::Tripped { actuator: 4, code: 37, meaning })));
         failures.extend(TEXTS.map(|what| Some(DriveError::Bus { what })));

@@ -54,6 +54,7 @@ pub(crate) fn record(begun_ns: i64, n: usize, wish: &Wish, told: &Told, seen: &S
             Trouble::None => (0, 0, 0),
             Trouble::Limp => (1, 0, 0),
             Trouble::Tripped { code, meaning } => (2, code.into(), text_number(meaning)),
+            Trouble::HardwareStop { code } => (3, code.into(), 0),
         };
         *own = ActuatorCycle {
             wish_q_m: wish.q_m[k],
@@ -94,6 +95,7 @@ pub(crate) fn seen_in(cycle: &DriveCycle) -> Seen {
         seen.trouble[k] = match own.trouble {
             0 => Trouble::None,
             1 => Trouble::Limp,
+            3 => Trouble::HardwareStop { code: own.trouble_code as u16 },
             _ => Trouble::Tripped { code: own.trouble_code as u16, meaning: text(own.trouble_text) },
         };
     }
@@ -212,6 +214,7 @@ mod tests {
             (seen.n_boots[k], seen.current_a[k], seen.torque_nm[k]) = (k as u32, -0.5, 0.25);
             (seen.temperature_celsius[k], seen.supply_v[k]) = (31.0, 7.4);
         }
+        seen.trouble[0] = Trouble::HardwareStop { code: 0x9000 };
         (seen.trouble[1], seen.trouble[2]) =
             (Trouble::Limp, Trouble::Tripped { code: 0x8130, meaning: TEXTS[TEXTS.len() - 1] });
         let mut wish = Wish { stamp_ns: 5, turn: 2, has_power: true, ..Wish::default() };

@@ -88,6 +88,9 @@ impl Judge {
                 Trouble::Tripped { code, meaning } if phase != Phase::Off => {
                     return Some(Finding::Known(DriveError::Tripped { actuator, code: code.into(), meaning }));
                 }
+                Trouble::HardwareStop { code } if phase != Phase::Off => {
+                    return Some(Finding::Known(DriveError::HardwareStop { actuator, code: code.into() }));
+                }
                 _ if is_driven && !seen.is_powered[k] => return Some(Finding::Known(DriveError::Reset { actuator })),
                 _ => {}
             }
@@ -115,6 +118,8 @@ impl Judge {
         match (seen.trouble[k], phase) {
             (Trouble::Limp, _) => ActuatorState::Limp,
             (Trouble::Tripped { .. }, _) => ActuatorState::Faulted,
+            (Trouble::HardwareStop { .. }, _) if !seen.is_powered[k] => ActuatorState::Off,
+            (Trouble::HardwareStop { .. }, _) => ActuatorState::QuickStopped,
             (Trouble::None, Phase::Switching) if !seen.is_powered[k] => ActuatorState::Switching,
             (Trouble::None, _) if !seen.is_powered[k] => ActuatorState::Off,
             (Trouble::None, Phase::Stopped) => ActuatorState::QuickStopped,

@@ -45,9 +45,10 @@ impl RelaxLimits {
 /// The actuator that may have let go of its line, from 0. One that is silent or whose encoder leapt says nothing of the kind.
 pub(crate) fn suspect(failure: &DriveError) -> Option<usize> {
     match failure {
-        DriveError::Limp { actuator } | DriveError::Reset { actuator } | DriveError::Tripped { actuator, .. } => {
-            Some(actuator - 1)
-        }
+        DriveError::Limp { actuator }
+        | DriveError::Reset { actuator }
+        | DriveError::Tripped { actuator, .. }
+        | DriveError::HardwareStop { actuator, .. } => Some(actuator - 1),
         _ => None,
     }
 }

@@ -35,7 +35,7 @@ pub const QUICK_STOPPED: &str = "a quick stop of its own, as when it missed this
 /// It is too far from its target.
 pub const FOLLOWING: &str = "that it does not follow its targets";
 /// It takes no part any more.
-pub const LEFT: &str = "that it has left Operation Enabled by itself, as when its enable input falls";
+pub const LEFT: &str = "that it has left Operation Enabled by itself";
 /// CAN errors.
 pub const COMMUNICATION: &str = "a failure of its communication";
 /// Any other.

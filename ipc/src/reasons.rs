@@ -186,7 +186,7 @@ impl Reason {
             Self::RecordingDropped => "the recorder dropped messages; the motion is not affected",
             Self::InputEnded => "the input has come to its end",
             Self::ShapeStale => "the measured shape is missing or too old",
-            Self::DriveFault => "a drive reported a failure and its power was removed",
+            Self::DriveFault => "a drive failed, so nothing may move until the fault is cleared",
             Self::LatencyBudget => "a command took longer from the hand to the actuators than its budget allows",
             Self::ModelChanged => "something about the snake has changed, and the model no longer explains its shape",
             Self::NotEngaged => "the snake holds still until the operator lets go and takes hold anew",

@@ -94,7 +94,7 @@ pub enum Verb {
     /// ease-in, and all of the slave's own limits. Lines on standard input: `pause`, `resume`, `stop`; with --step an empty
     /// line is the next sample. Ctrl-C comes to rest and ends.
     #[command(
-        after_help = "Examples:\n  krait replay recordings/demo.mcap --pass 3 --speed max\n  krait replay run.mcap --replace compensate --model better.toml --speed max\n  krait replay run.mcap --from 5 --to 12 --loops 3 --speed 4\n  krait replay run.mcap --step\n  krait replay circle.csv --real-time --engage --speed 0.5\n\nWhile it runs it takes the lines pause, resume and stop on standard input; Ctrl-C is a stop: it comes to rest, ends its recording and exits with 0."
+        after_help = "Examples:\n  krait replay recordings/demo.mcap --pass 3 --speed max\n  krait replay run.mcap --model better.toml --speed max\n  krait replay run.mcap --from 5 --to 12 --loops 3 --speed 4\n  krait replay run.mcap --step\n  krait replay circle.csv --real-time --engage --speed 0.5\n\nWhile it runs it takes the lines pause, resume and stop on standard input; Ctrl-C is a stop: it comes to rest, ends its recording and exits with 0."
     )]
     Replay(ReplayArgs),
     /// Lays two recordings side by side: tracking error, latency of each hop, states and faults.

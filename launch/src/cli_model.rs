@@ -6,9 +6,9 @@ use std::path::PathBuf;
 /// What to do with a model file.
 #[derive(Clone, Debug, Subcommand)]
 pub enum ModelVerb {
-    /// Prints a model file with every value, its unit, range, default and source.
+    /// Prints a model file with every value, its unit, range, default and source; without a file the one that `krait run` takes.
     #[command(
-        after_help = "Examples:\n  krait model show better.toml\n  krait model show naive\n  krait model show --defaults > every-effect.toml"
+        after_help = "Examples:\n  krait model show\n  krait model show better.toml\n  krait model show naive\n  krait model show --defaults > every-effect.toml"
     )]
     Show(ModelShowArgs),
     /// Checks a model file; exit code 1 and one sentence with line and key where it is refused.
@@ -82,7 +82,7 @@ pub struct SaveLearntArgs {
 /// Options of `krait model show`.
 #[derive(Clone, Debug, Args)]
 pub struct ModelShowArgs {
-    /// The model file (TOML), or the name of a built-in one: off, naive, estimated.
+    /// The model file (TOML), or the name of a built-in one: off, naive, estimated. By default the one that `krait run` takes.
     pub file: Option<PathBuf>,
     /// Print every effect that there is with its defaults instead.
     #[arg(long, conflicts_with_all = ["file", "json"])]

@@ -29,16 +29,17 @@ pub struct ReplayArgs {
     /// Play it so often.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
     pub loops: u64,
-    /// Run this stage with other settings than the recording's: those of --config, --model, --compensation or --truth.
+    /// Run this stage with other settings than the recording's: those of --config. --model, --compensation and --truth say by
+    /// themselves which stage they are for.
     #[arg(long, value_parser = parse_replaced, value_name = "resolve|compensate|estimate|slave")]
     pub replace: Vec<Process>,
-    /// Model file (TOML) for the replaced `compensate`.
+    /// Model file (TOML) for `compensate` in place of the recorded one.
     #[arg(long, value_name = "FILE")]
     pub model: Option<PathBuf>,
-    /// Mode of the replaced `compensate`.
+    /// Built-in model for `compensate` in place of the recorded one.
     #[arg(long, value_enum, value_name = "NAME", conflicts_with = "model")]
     pub compensation: Option<Compensation>,
-    /// Truth of the simulated snake (TOML) for the replaced `slave`.
+    /// Truth of the simulated snake (TOML) for `slave` in place of the recorded one.
     #[arg(long, value_name = "FILE")]
     pub truth: Option<PathBuf>,
     /// The drives. `recorded`: those of the recording, which answer as they did; the slave alone is run again on them, each step at its

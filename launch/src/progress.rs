@@ -2,14 +2,14 @@
 //!
 //! The line fits 80 columns, so that a terminal of the usual size can rewrite it: time, state, bend that was reached of the
 //! bend that was asked for, how far the two are apart (root mean square of a second), bending plane, late and lost samples;
-//! of joints the one that is farthest off. While nothing moves it says why instead.
+//! of joints the one that is farthest off. While nothing moves it says why instead. A mark stands above it as a line that stays.
 
 use crate::budget::BudgetWatch;
 use crate::log;
 use crate::supervisor::Supervisor;
 use core::time::Duration;
 use krait_console::{LiveTracking, bend_deg, number, plane_deg};
-use krait_ipc::message::{Phase, Setpoint, Shape};
+use krait_ipc::message::{Marker, Phase, Setpoint, Shape};
 use krait_ipc::{Bus, Process, ReadOptions, Reader, Reason, Reasons, clock};
 use krait_report::joint_unit;
 use std::io::{IsTerminal, stderr};
@@ -31,6 +31,7 @@ pub struct Progress {
     slides: bool,
     setpoints: Reader<Setpoint>,
     shapes: Reader<Shape>,
+    marks: Reader<Marker>,
     setpoint: Option<Setpoint>,
     shape: Option<Shape>,
     tracking: LiveTracking,
@@ -51,6 +52,7 @@ impl Progress {
             slides,
             setpoints: bus.reader(ReadOptions::glancing())?,
             shapes: bus.reader(ReadOptions::glancing())?,
+            marks: bus.reader_on(Marker::RECORDED_CHANNEL, ReadOptions::glancing())?,
             setpoint: None,
             shape: None,
             tracking: LiveTracking::default(),
@@ -69,6 +71,13 @@ impl Progress {
             supervisor.look()?;
             supervisor.exchange_if_asked(stop)?;
             self.take_messages()?;
+            while let Some(mark) = self.marks.take()? {
+                // What the recorder took before this chain is another's.
+                if mark.sample_ns >= start_ns {
+                    let line = mark_line(&mark, start_ns);
+                    log::say(&if self.is_terminal { format!("\r\x1b[K{line}\n") } else { format!("{line}\n") });
+                }
+            }
             let now_ns = clock::monotonic_ns();
             let elapsed_s = (now_ns - start_ns) as f64 * 1e-9;
             if now_ns >= self.due_ns {
@@ -154,6 +163,13 @@ impl Progress {
             number(self.tracking.rms(now_ns).map(|value| value * per_si), 3),
         )
     }
+}
+
+/// A mark that the recorder has taken, with the time since the chain's start.
+fn mark_line(mark: &Marker, start_ns: i64) -> String {
+    let time = format!("{:.1} s", (mark.sample_ns - start_ns) as f64 * 1e-9);
+    let line = format!("{time:>7}  mark: {}", mark.text().unwrap_or("(no text)"));
+    line.chars().take(COLUMNS - 1).collect()
 }
 
 fn has_changed(supervisor: &Supervisor) -> bool {

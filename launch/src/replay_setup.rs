@@ -3,7 +3,7 @@
 use crate::cli::Common;
 use crate::cli_replay::{ReplayArgs, ReplaySlave};
 use crate::config::Config;
-use crate::recorded;
+use crate::{log, recorded};
 use anyhow::{Context, bail, ensure};
 use krait_bridge::{JointMachine, JointModel, LiveModel};
 use krait_ipc::Process;
@@ -150,16 +150,13 @@ fn check_joints(start: &MachinePose, machine: &JointMachine, n: usize) -> Result
     Ok(())
 }
 
-/// The recording's settings, with those of the replaced stages from the command line.
+/// The recording's settings, with those of the replaced stages from the command line. An option that is one stage's own says
+/// which stage is meant.
 fn replaced(common: &Common, args: &ReplayArgs, recorded: Config) -> anyhow::Result<Config> {
     let wants = |stage| args.replace.contains(&stage);
-    let needs = |given: bool, stage: Process, option: &str| {
-        ensure!(!given || wants(stage), "{option} changes {stage}: say so with --replace {stage}");
-        Ok(())
-    };
-    needs(args.model.is_some(), Process::Compensate, "--model")?;
-    needs(args.compensation.is_some(), Process::Compensate, "--compensation")?;
-    needs(args.truth.is_some(), Process::Slave, "--truth")?;
+    if let Some(sentence) = inferred(args) {
+        log::say(&sentence);
+    }
     let Some(path) = common.config.as_deref() else { return with_options(args, recorded) };
     ensure!(
         !args.replace.is_empty(),
@@ -182,6 +179,18 @@ fn replaced(common: &Common, args: &ReplayArgs, recorded: Config) -> anyhow::Res
         config.slave = other.slave.clone();
     }
     with_options(args, config)
+}
+
+/// The line that says which stages options replace that --replace does not name; `None` where there are none.
+fn inferred(args: &ReplayArgs) -> Option<String> {
+    let options = [
+        (args.model.is_some(), Process::Compensate, "--model"),
+        (args.compensation.is_some(), Process::Compensate, "--compensation"),
+        (args.truth.is_some(), Process::Slave, "--truth"),
+    ];
+    let unnamed = options.into_iter().filter(|(given, stage, _)| *given && !args.replace.contains(stage));
+    let said: Vec<String> = unnamed.map(|(_, stage, option)| format!("{option} replaces {stage}")).collect();
+    (!said.is_empty()).then(|| format!("{}; the other stages are as recorded\n", said.join(", ")))
 }
 
 fn with_options(args: &ReplayArgs, mut config: Config) -> anyhow::Result<Config> {

@@ -1,7 +1,7 @@
 //! A recording taken apart: the messages of each chain that ran in it, channel by channel.
 
 use crate::{Recording, RecordingReadError};
-use krait_ipc::message::{Command, Message, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState};
+use krait_ipc::message::{Command, Marker, Message, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState};
 use krait_schema::Sample;
 
 /// The messages of one chain, each channel in the order of its sequence numbers.
@@ -19,6 +19,8 @@ pub struct Pass {
     pub updates: Vec<ModelUpdate>,
     /// What the camera saw.
     pub shapes: Vec<Shape>,
+    /// Marks that were set while this chain ran, in their order; those from before the first chain are the first one's.
+    pub marks: Vec<Marker>,
 }
 
 /// Takes the parts of a recording apart, in their order. A channel whose sequence numbers begin anew at 1 begins its next
@@ -27,7 +29,7 @@ pub struct Pass {
 /// # Errors
 /// [`RecordingReadError`] when the recording cannot be read.
 pub fn passes_of(parts: &[Recording]) -> Result<Vec<Pass>, RecordingReadError> {
-    let mut passes = Passes::default();
+    let (mut passes, mut marks) = (Passes::default(), Vec::new());
     let parts = parts.iter().map(Recording::samples).collect::<Result<Vec<_>, _>>()?;
     for recorded in parts.into_iter().flatten() {
         match recorded?.sample {
@@ -37,11 +39,20 @@ pub fn passes_of(parts: &[Recording]) -> Result<Vec<Pass>, RecordingReadError> {
             Sample::State(m) => passes.of(3, m.sequence).states.push(m),
             Sample::ModelUpdate(m) => passes.of(4, m.sequence).updates.push(m),
             Sample::Shape(m) => passes.of(5, m.sequence).shapes.push(m),
+            Sample::Marker(m) | Sample::DeviceMarker(m) => marks.push(*m),
             _ => {}
         }
     }
     for pass in &mut passes.all {
         pass.sort();
+    }
+    marks.sort_by_key(|mark| mark.sample_ns);
+    for mark in marks {
+        let begun = |pass: &Pass| pass.begin_ns().is_some_and(|begin_ns| begin_ns <= mark.sample_ns);
+        let place = passes.all.iter().rposition(begun).unwrap_or(0);
+        if let Some(pass) = passes.all.get_mut(place) {
+            pass.marks.push(mark);
+        }
     }
     Ok(passes.all)
 }
@@ -53,6 +64,12 @@ pub fn attachment<'a>(recording: &'a Recording, name: &str) -> Option<&'a str> {
 }
 
 impl Pass {
+    /// The instant of its first setpoint, or of its first state where it has none, ns.
+    fn begin_ns(&self) -> Option<i64> {
+        let setpoint_ns = self.setpoints.first().map(|setpoint| setpoint.sample_ns);
+        setpoint_ns.or_else(|| self.states.first().map(|state| state.sample_ns))
+    }
+
     /// A file may hold anything in any order; what is looked up must be sorted, each number once.
     fn sort(&mut self) {
         fn sort<M: Message>(messages: &mut Vec<M>) {

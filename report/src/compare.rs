@@ -5,8 +5,8 @@
 
 use crate::joint_tracking::{JointScore, JointTracking, joint_unit};
 use crate::tracking::{self, Tracking, TrackingScore};
-use crate::{LatencyLog, Quantiles, Spread};
-use krait_ipc::message::{Actuators, JointValues, OperatingState, Setpoint, SlaveState};
+use crate::{LatencyLog, PeakBend, Quantiles, Spread};
+use krait_ipc::message::{Actuators, JointValues, Marker, OperatingState, Shape, SlaveState};
 use krait_ipc::{Reason, Reasons};
 use krait_record::Pass;
 use serde::Serialize;
@@ -32,8 +32,12 @@ pub struct Side {
     pub length_s: f64,
     /// Length of the difference between the measured and the commanded bend vector, deg; the window of [`TrackingScore`].
     pub tracking_error_deg: Option<Spread>,
+    /// Largest bend commanded and measured; null for joints, whose score has each joint's.
+    pub peak_bend_deg: Option<PeakBend>,
     /// The score of joints, in their own unit; null for a snake.
     pub joints: Option<JointScore>,
+    /// Marks of the operator, in their order.
+    pub marks: Vec<Mark>,
     /// The score counts from this long after the operator's first motion, s.
     pub scored_from_s: f64,
     /// Latency of each hop, microseconds; none where the replay's own time passed, in which nothing takes any.
@@ -53,6 +57,15 @@ pub struct Side {
     pub series: Series,
 }
 
+/// A word of the operator's about an instant.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Mark {
+    /// Time since the first motion, s.
+    pub at_s: f64,
+    /// What was written.
+    pub text: String,
+}
+
 /// Curves over time since the first motion, s.
 #[derive(Clone, Debug, Default)]
 pub struct Series {
@@ -60,10 +73,14 @@ pub struct Series {
     pub error: Vec<(f64, f64)>,
     /// Bend of a snake's setpoint, deg.
     pub bend_deg: Vec<(f64, f64)>,
+    /// Bend that was measured, deg.
+    pub measured_deg: Vec<(f64, f64)>,
     /// Device to drive, microseconds.
     pub latency_us: Vec<(f64, f64)>,
     setpoints: Vec<(f64, [f64; 2])>,
+    shapes: Vec<(f64, [f64; 2])>,
     joints: Vec<(f64, JointValues)>,
+    measured_joints: Vec<(f64, JointValues)>,
     commands: Vec<(f64, Actuators)>,
 }
 
@@ -75,6 +92,10 @@ pub struct Apart {
     /// Setpoints of joints, the largest difference of each instant, in the unit of the joints' score; null unless both are of
     /// joints that turn, or both of joints that slide.
     pub setpoint_joints: Option<Spread>,
+    /// Measured bend vectors, deg; null unless both are of snakes that were seen at the same time.
+    pub shape_deg: Option<Spread>,
+    /// Measured joints, likewise in the unit of the joints' score.
+    pub shape_joints: Option<Spread>,
     /// Actuator commands, the largest difference of each instant, mm.
     pub command_mm: Spread,
 }
@@ -93,6 +114,11 @@ impl Side {
         let zero_ns = first_motion_ns.unwrap_or(first.sample_ns);
         let score: TrackingScore = tracking.score();
         let state = StateSums::of(&pass.states);
+        let series = Series::of(pass, zero_ns, &tracking, slides.map(|slides| (&joints, slides)));
+        let mark = |mark: &Marker| Mark {
+            at_s: seconds(zero_ns, mark.sample_ns),
+            text: mark.text().unwrap_or("(no text)").to_owned(),
+        };
         Ok(Self {
             samples: BTreeMap::from([
                 ("input", pass.inputs.len()),
@@ -104,7 +130,9 @@ impl Side {
             ]),
             length_s: seconds(first.sample_ns, last.sample_ns),
             tracking_error_deg: score.error_deg,
+            peak_bend_deg: slides.is_none().then(|| series.peak_bend_deg()),
             joints: slides.and_then(|slides| joints.score(slides)),
+            marks: pass.marks.iter().map(mark).collect(),
             scored_from_s: score.scored_from_s,
             latency_us: latencies(&pass.states)?,
             operating_s: state.operating_s,
@@ -112,7 +140,7 @@ impl Side {
             n_faults: state.n_faults,
             n_refused: pass.states.last().map_or(0, |state| state.n_refused),
             reasons: state.reasons,
-            series: Series::of(pass, zero_ns, &tracking, slides.map(|slides| (&joints, slides))),
+            series,
         })
     }
 }
@@ -126,9 +154,14 @@ impl Apart {
         let both_snakes = a.joints.is_none() && b.joints.is_none();
         let per_si = unit(a).filter(|_| unit(a) == unit(b)).map(|unit| joint_unit(unit == "mm").1);
         let joints = |per_si: f64| Spread::of(apart(&a.series.joints, &b.series.joints, |x, y| largest(x, y) * per_si));
+        let (measured_a, measured_b) = (&a.series.measured_joints, &b.series.measured_joints);
+        let measured = |per_si: f64| Spread::of_any(apart(measured_a, measured_b, |x, y| largest(x, y) * per_si));
+        let shapes = || Spread::of_any(apart(&a.series.shapes, &b.series.shapes, deg));
         Self {
             setpoint_deg: both_snakes.then(|| Spread::of(apart(&a.series.setpoints, &b.series.setpoints, deg))),
             setpoint_joints: per_si.map(joints),
+            shape_deg: both_snakes.then(shapes).flatten(),
+            shape_joints: per_si.and_then(measured),
             command_mm: Spread::of(apart(&a.series.commands, &b.series.commands, mm)),
         }
     }
@@ -151,15 +184,19 @@ impl Series {
             }
         }
         let commands = pass.commands.iter().map(|c| (at(c.sample_ns), c.q_tilde_m)).collect();
+        let seen = |shape: &Shape| Some((at(shape.sample_ns), shape.valid_bend_rad()?));
         let Some((joints, slides)) = joints else {
-            let bend_deg = |s: &Setpoint| s.bend_rad[0].hypot(s.bend_rad[1]).to_degrees();
+            let length_deg = |bend_rad: [f64; 2]| bend_rad[0].hypot(bend_rad[1]).to_degrees();
+            let shapes: Vec<(f64, [f64; 2])> = pass.shapes.iter().filter_map(seen).collect();
             return Self {
                 error: tracking.errors().map(|(ns, rad)| (at(ns), rad.to_degrees())).collect(),
-                bend_deg: pass.setpoints.iter().map(|s| (at(s.sample_ns), bend_deg(s))).collect(),
+                bend_deg: pass.setpoints.iter().map(|s| (at(s.sample_ns), length_deg(s.bend_rad))).collect(),
+                measured_deg: shapes.iter().map(|(at_s, bend_rad)| (*at_s, length_deg(*bend_rad))).collect(),
                 latency_us,
                 setpoints: pass.setpoints.iter().map(|s| (at(s.sample_ns), s.bend_rad)).collect(),
-                joints: Vec::new(),
+                shapes,
                 commands,
+                ..Self::default()
             };
         };
         let (_, per_si) = joint_unit(slides);
@@ -168,9 +205,17 @@ impl Series {
             error: joints.errors().map(|(ns, errors)| (at(ns), worst(&errors))).collect(),
             latency_us,
             joints: pass.setpoints.iter().map(|s| (at(s.sample_ns), s.joints_rad)).collect(),
+            measured_joints: joints.measured().map(|(ns, joints)| (at(ns), joints)).collect(),
             commands,
             ..Self::default()
         }
+    }
+}
+
+impl Series {
+    fn peak_bend_deg(&self) -> PeakBend {
+        let peak = |curve: &[(f64, f64)]| curve.iter().map(|(_, deg)| *deg).fold(0.0, f64::max);
+        PeakBend { commanded: peak(&self.bend_deg), reached: peak(&self.measured_deg) }
     }
 }
 

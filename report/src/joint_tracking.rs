@@ -96,6 +96,11 @@ impl JointTracking {
         }
     }
 
+    /// Every measurement, rad (m of a sliding joint).
+    pub(crate) fn measured(&self) -> impl Iterator<Item = (i64, JointValues)> {
+        self.measured.iter().copied()
+    }
+
     /// Every measurement with its errors against the setpoint of its instant, rad (m of a sliding joint).
     pub(crate) fn errors(&self) -> impl Iterator<Item = (i64, JointValues)> {
         self.measured.iter().filter_map(|(ns, measured)| {

@@ -19,7 +19,7 @@ mod surface;
 mod table;
 mod tracking;
 
-pub use compare::{Apart, Series, Side, SideError};
+pub use compare::{Apart, Mark, Series, Side, SideError};
 pub use figure::{Curve, Figure, Sheet, Stroke, Surface};
 pub use joint_tracking::{JointFigure, JointScore, Tracked, joint_unit};
 pub use krait_bench::Quantiles;

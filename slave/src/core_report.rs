@@ -1,6 +1,6 @@
 //! What the slave says of itself after each step: encoders, setpoint, state, and the reasons that hold.
 
-use crate::{Drive, DriveError, Findings, SlaveCore};
+use crate::{ActuatorState, Drive, DriveError, Findings, OnFault, SlaveCore};
 use krait_ipc::message::{OperatingState, SlaveState};
 
 impl<D: Drive> SlaveCore<D> {
@@ -80,6 +80,27 @@ impl<D: Drive> SlaveCore<D> {
         }
         if self.is_state_command_refused {
             flags |= SlaveState::COMMAND_REFUSED;
+        }
+        if let Some(error) = self.drive_error.filter(|_| self.machine.state() == OperatingState::Fault) {
+            flags |= self.failure_flags(&error);
+        }
+        flags
+    }
+
+    /// What is said of a failure besides that there is one.
+    fn failure_flags(&self, error: &DriveError) -> u32 {
+        let mut flags = error.actuator().map_or(0, SlaveState::failed_drive_flags);
+        if matches!(error, DriveError::HardwareStop { .. }) {
+            flags |= SlaveState::HARDWARE_STOP;
+        }
+        let has_power = |state: &ActuatorState| {
+            matches!(state, ActuatorState::On | ActuatorState::QuickStopped | ActuatorState::Relaxing)
+        };
+        let others = self.reading.state.iter().enumerate().take(self.drive.n_actuators());
+        let mut others = others.filter(|(k, _)| error.actuator() != Some(k + 1)).peekable();
+        let keeps_power = self.drive.traits().on_fault != OnFault::PowerOff;
+        if keeps_power && others.peek().is_some() && others.all(|(_, state)| has_power(state)) {
+            flags |= SlaveState::OTHERS_HOLD;
         }
         flags
     }

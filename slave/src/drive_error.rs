@@ -56,6 +56,16 @@ pub enum DriveError {
         /// What that means.
         meaning: &'static str,
     },
+    /// Hardware has switched an actuator off, not this program.
+    #[error(
+        "Drive {actuator} was switched off by hardware (code {code}), as by an emergency stop, a safe-torque-off or an enable input; drives that have power hold; release it, then send `clear-fault` and `enable`"
+    )]
+    HardwareStop {
+        /// Which, from 1.
+        actuator: usize,
+        /// Its own number; 0: it told none.
+        code: u32,
+    },
     /// An actuator has let go by itself.
     #[error(
         "Drive {actuator} failed; the others hold: it was overloaded and has let go of its line; take the load off, then send `clear-fault` and `enable`"
@@ -122,4 +132,23 @@ pub enum DriveError {
         /// The limit, ms.
         limit_ms: f64,
     },
+}
+
+impl DriveError {
+    /// The actuator that it is about, from 1; `None` where it is about all or none.
+    pub fn actuator(&self) -> Option<usize> {
+        match *self {
+            Self::NotFinite { actuator, .. }
+            | Self::OutOfTravel { actuator, .. }
+            | Self::Lost { actuator, .. }
+            | Self::Tripped { actuator, .. }
+            | Self::HardwareStop { actuator, .. }
+            | Self::Limp { actuator }
+            | Self::Reset { actuator }
+            | Self::Jumped { actuator, .. }
+            | Self::Stale { actuator, .. }
+            | Self::FarFromZero { actuator, .. } => Some(actuator),
+            Self::NotPowered | Self::Failed { .. } | Self::Bus { .. } | Self::Unled { .. } => None,
+        }
+    }
 }

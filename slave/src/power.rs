@@ -6,6 +6,7 @@ use krait_ipc::message::{OperatingState, Transition};
 
 /// Drives that are not under power after so long have failed, ns.
 const SWITCHING_NS: i64 = 5_000_000_000;
+const NO_POWER: &str = "they were not under power after 5 s, as while an emergency stop is pressed";
 
 impl<D: Drive> SlaveCore<D> {
     /// Whether power has been asked for and has not come yet.
@@ -36,7 +37,7 @@ impl<D: Drive> SlaveCore<D> {
                 debug_assert!(result.is_ok() || self.machine.state() == OperatingState::Fault, "{result:?}");
             }
             Ok(Switching::Busy) if now_ns.saturating_sub(since_ns) > SWITCHING_NS => {
-                self.fault(DriveError::Failed { what: "they were not under power after 5 s" }, now_ns);
+                self.fault(DriveError::Failed { what: NO_POWER }, now_ns);
             }
             Ok(Switching::Busy) => {
                 self.read(now_ns);

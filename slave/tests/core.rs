@@ -672,6 +672,26 @@ fn power_that_takes_time_is_waited_for_tick_by_tick_and_nothing_moves_before() {
 }
 
 #[test]
+fn a_state_says_that_hardware_took_the_power_until_the_fault_is_cleared_and_never_that_what_is_off_holds() {
+    let stop = DriveError::HardwareStop { actuator: 3, code: 0x9000 };
+    for holds in [true, false] {
+        let mut bench = Bench::with(Mock { holds, ..Mock::default() });
+        bench.ramp(0.0, 1e-3);
+        assert_eq!(bench.tick().failed_drive(), None);
+        bench.core.drive_mut().failure = Some(stop);
+        for state in [bench.tick(), bench.tick()] {
+            assert!(state.operating() == Some(OperatingState::Fault) && state.is_hardware_stopped(), "{state:?}");
+            assert_eq!(state.failed_drive(), Some(3));
+            assert_eq!(state.flags & SlaveState::OTHERS_HOLD != 0, holds, "{state:?}");
+        }
+        bench.core.drive_mut().failure = None;
+        bench.core.transition(Transition::ClearFault, bench.now_ns).unwrap();
+        let state = bench.tick();
+        assert!(!state.is_hardware_stopped() && state.failed_drive().is_none(), "{state:?}");
+    }
+}
+
+#[test]
 fn drives_that_hold_on_a_fault_keep_their_power_and_go_on_only_when_enabled_anew() {
     let mut bench = Bench::with(Mock { holds: true, ..Mock::default() });
     bench.ramp(0.0, 1e-3);
@@ -681,6 +701,8 @@ fn drives_that_hold_on_a_fault_keep_their_power_and_go_on_only_when_enabled_anew
     assert_eq!((state.operating(), bench.core.drive_error()), (Some(OperatingState::Fault), Some(failure)));
     assert!(failure.to_string().starts_with("Drive 2 failed; the others hold"), "{failure}");
     assert!(bench.core.drive().powered && bench.core.drive().n_quick_stops == 1, "under power, told to stop once");
+    assert_eq!(state.failed_drive(), Some(2), "the state names it");
+    assert!(state.flags & SlaveState::OTHERS_HOLD != 0 && !state.is_hardware_stopped());
     bench.core.drive_mut().failure = None;
     let state = bench.go(1e-3);
     assert!(!follows(&state) && state.operating() == Some(OperatingState::Fault), "nothing resumes by itself");

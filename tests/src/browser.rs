@@ -169,6 +169,13 @@ impl BrowserPage {
         }
     }
 
+    /// Fingers on the glass: `touchStart` and `touchMove` with where all of them are, `touchEnd` with those that stay.
+    pub fn touch(&mut self, kind: &str, fingers: &[[f64; 2]]) {
+        let point = |(id, [x, y]): (usize, &[f64; 2])| json!({ "x": x, "y": y, "id": id });
+        let points: Vec<Value> = fingers.iter().enumerate().map(point).collect();
+        self.call("Input.dispatchTouchEvent", &json!({ "type": kind, "touchPoints": points }));
+    }
+
     /// The picture as a PNG.
     pub fn picture(&mut self) -> Vec<u8> {
         let answer = self.call("Page.captureScreenshot", &json!({ "format": "png" }));

@@ -3,8 +3,10 @@
 #![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
 
 use core::time::Duration;
+use krait_ipc::message::{OperatingState, RequestOutcome, StateAnswer, StateRequest, Transition};
+use krait_ipc::{Bus, ReadOptions};
 use krait_tests::{Console, Ended, Krait, TempFolder, instance_name, next_of_kind, processes_of, wait_until};
-use rustix::process::Signal;
+use rustix::process::{Pid, Signal, kill_process};
 use tungstenite::Message;
 
 const PATIENCE: Duration = Duration::from_secs(240);
@@ -188,6 +190,93 @@ fn a_stop_needs_its_own_token_and_origin_and_nothing_else_and_the_drives_confirm
     let refused = wish("resume", &session, false, 0.0);
     assert_eq!(refused["is_done"], false, "{refused}");
     drop(page);
+    assert_eq!(end(krait).code, Some(0));
+}
+
+/// Asks for a stop as the stop's own document does; what it says then.
+fn pressed(console: &Console) -> String {
+    let origin = format!("http://localhost:{}", console.stop_port());
+    let answer = console.at_stop("POST", &console.stop_path(), &[("Origin", &origin)]);
+    assert_eq!(answer.status, 200, "{answer:?}");
+    answer.body
+}
+
+/// A slave that hangs obeys no stop. The server itself, not the page, then asks the supervisor for power off, once more where no
+/// answer comes; where that fails too it says what is left to do. When the slave wakes up it stops and its power is off.
+#[test]
+fn a_stop_that_the_slave_does_not_confirm_becomes_a_disable_and_is_never_called_confirmed() {
+    let instance = instance_name("escalate");
+    let run = ["run", "--instance", &instance, "--engage=again", "--console", "--no-recording"];
+    let mut krait = Krait::start(&run);
+    let console = Console::of(&mut krait);
+    let mut page = console.page();
+    assert!(wait_until(PATIENCE, || next_of_kind(&mut page, "frame")["shown"] == "following"));
+    let bus = Bus::open(&instance, "test").expect("bus");
+    let mut requests = bus.reader::<StateRequest>(ReadOptions::observing()).expect("a reader");
+    let mut asked = move || {
+        let mut all = Vec::new();
+        while let Some(request) = requests.take().expect("taken") {
+            all.push(request.transition());
+        }
+        all
+    };
+    let _of_before = asked();
+    assert!(pressed(&console).contains("the drives confirmed it"), "a slave that lives");
+    assert_eq!(asked(), [], "a stop that is confirmed asks for nothing more");
+
+    let slave = processes_of(&instance).into_iter().find(|(name, _)| name == "slave").expect("a slave").1;
+    let slave = Pid::from_raw(slave.cast_signed()).expect("a process");
+    kill_process(slave, Signal::STOP).expect("frozen");
+    let said = pressed(&console);
+    let escalated = asked();
+    kill_process(slave, Signal::CONT).expect("awake");
+    assert!(said.contains("NOT CONFIRMED. Use the emergency stop of the machine."), "{said}");
+    assert!((1..=2).contains(&escalated.len()), "once, and once more: {escalated:?}");
+    assert!(escalated.iter().all(|transition| *transition == Some(Transition::Disable)), "{escalated:?}");
+    let mut page = console.page();
+    let is_off = wait_until(PATIENCE, || next_of_kind(&mut page, "frame")["state"]["operating"] == "DISABLED");
+    assert!(is_off, "awake, its power is off");
+    krait.signal(Signal::TERM);
+    krait.end(PATIENCE);
+    assert_eq!(processes_of(&instance), [], "no process is left");
+}
+
+/// The same with drives that obey no stop and do as the supervisor says: power is off and the page says so; nothing but a disable
+/// was asked for, and only after the stop. This test is the supervisor.
+#[test]
+fn a_stop_that_only_a_disable_ends_says_that_power_was_turned_off() {
+    let instance = instance_name("disable");
+    let mut krait = Krait::start(&["console", "--instance", &instance]);
+    let console = Console::of(&mut krait);
+    let bus = Bus::open(&instance, "launch").expect("bus");
+    let switch = bus.stop_switch().expect("the stop");
+    let mut requests = bus.reader::<StateRequest>(ReadOptions::observing()).expect("a reader");
+    let mut answers = bus.writer::<StateAnswer>().expect("the authority");
+    let before = switch.asked();
+    let said = std::thread::scope(|scope| {
+        let document = scope.spawn(|| pressed(&console));
+        let mut n_asked = 0;
+        while !document.is_finished() {
+            while let Some(request) = requests.take().expect("taken") {
+                assert_eq!(request.transition(), Some(Transition::Disable));
+                assert_eq!(switch.asked(), before.wrapping_add(1), "after one stop that was asked for");
+                n_asked += 1;
+                let answer = StateAnswer {
+                    sequence: n_asked,
+                    sample_ns: request.sample_ns,
+                    sender_pid: request.sender_pid,
+                    outcome: RequestOutcome::Done as u32,
+                    operating_state: OperatingState::Disabled as u32,
+                    flags: 0,
+                };
+                answers.send(&answer).expect("answered");
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        assert!((1..=2).contains(&n_asked), "{n_asked} requests");
+        document.join().expect("an answer")
+    });
+    assert!(said.contains("power was turned off after") && !said.contains("confirmed it"), "{said}");
     assert_eq!(end(krait).code, Some(0));
 }
 

@@ -4,10 +4,14 @@
 
 #![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
 
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use core::time::Duration;
+use krait_ipc::message::{OperatingState, SlaveState};
+use krait_ipc::{Bus, Reason};
 use krait_tests::{Browser, BrowserPage, Console, Ended, Krait, TempFolder, instance_name, next_of_kind, wait_until};
 use rustix::process::Signal;
 use serde_json::json;
+use std::sync::Arc;
 
 const PATIENCE: Duration = Duration::from_secs(240);
 const SIZES: [(u32, u32); 3] = [(1920, 1080), (1280, 800), (1024, 768)];
@@ -80,6 +84,115 @@ fn a_person_sees_the_robot_stops_it_from_a_page_that_hangs_and_goes_on() {
     let complaints: Vec<_> =
         page.complaints.iter().filter(|said| !said.contains("ERR_CONNECTION") && !said.contains("WebSocket")).collect();
     assert!(complaints.is_empty(), "{complaints:?}");
+}
+
+/// A fault says which drive failed and whether the others hold, by the state's own flags; the machine's own emergency stop is
+/// another state in word, sentence and shape, and the page's STOP says that it is none.
+#[test]
+fn the_machines_emergency_stop_is_a_state_of_its_own_and_a_fault_names_its_drive() {
+    let Some(browser) = Browser::start() else { return };
+    let instance = instance_name("estop");
+    let mut krait = Krait::start(&["console", "--instance", &instance]);
+    let console = Console::of(&mut krait);
+    let stop = console.at_stop("GET", &console.stop_path(), &[]);
+    assert!(stop.status == 200 && stop.body.contains("no emergency stop"), "{stop:?}");
+    // The slave's own message, as a slave with real drives sends it.
+    let bus = Bus::open(&instance, "slave").expect("bus");
+    let flags = Arc::new(AtomicU32::new(0));
+    let sender = Sender::start(bus, Arc::clone(&flags));
+    let mut page = browser.page(&console.address, 1280, 800);
+    let second = SlaveState::failed_drive_flags(2);
+    let mut shapes = Vec::new();
+    for (own, shown, word, sentence) in [
+        (second | SlaveState::OTHERS_HOLD, "fault", "Fault", "Drive 2 failed; the others hold."),
+        (second, "fault", "Fault", "Drive 2 failed; the others do not hold."),
+        (
+            second | SlaveState::HARDWARE_STOP | SlaveState::OTHERS_HOLD,
+            "emergency",
+            "Emergency stop",
+            "Hardware cut drive 2 off; the others hold.",
+        ),
+        (
+            second | SlaveState::HARDWARE_STOP,
+            "emergency",
+            "Emergency stop",
+            "The machine’s own stop cut the drives’ power.",
+        ),
+    ] {
+        flags.store(own, Ordering::Relaxed);
+        page.wait_for(
+            sentence,
+            &format!(
+                "document.documentElement.dataset.shown === '{shown}' && document.getElementById('word').textContent === '{word}' \
+                 && document.getElementById('sentence').textContent === '{sentence}'"
+            ),
+        );
+        shapes.push(page.value("document.getElementById('glyph').innerHTML").to_string());
+        for (width, height) in SIZES {
+            page.resize(width, height);
+            page.value("new Promise(done => setTimeout(done, 300))");
+            keep(&mut page, &format!("{shown}-{width}"));
+            for id in ["word", "sentence"] {
+                let fits = format!(
+                    "(() => {{ const e = document.getElementById('{id}'); return e.scrollWidth <= e.clientWidth; }})()"
+                );
+                page.wait_for(&format!("{word}: the {id} fits into {width}"), &fits);
+            }
+        }
+    }
+    assert!(shapes[0] == shapes[1] && shapes[1] != shapes[2], "told apart without colour");
+    page.wait_for(
+        "what to do first",
+        "document.getElementById('reasons').textContent.includes('Release the machine’s stop.')",
+    );
+    let watched = Ended::of(&["watch", "--once", "--instance", &instance], PATIENCE);
+    assert!(watched.stdout.starts_with("EMERGENCY STOP The machine’s own stop"), "{watched:?}");
+    drop(sender);
+    krait.signal(Signal::TERM);
+    assert_eq!(krait.end(PATIENCE).code, Some(0));
+}
+
+/// Says a state in FAULT, with flags that somebody sets, sixty times a second.
+struct Sender {
+    ends: Arc<AtomicBool>,
+    thread: Option<std::thread::JoinHandle<()>>,
+}
+
+impl Sender {
+    fn start(bus: Bus, flags: Arc<AtomicU32>) -> Self {
+        let ends = Arc::new(AtomicBool::new(false));
+        let until = Arc::clone(&ends);
+        let thread = std::thread::spawn(move || {
+            let mut writer = bus.writer::<SlaveState>().expect("the writer");
+            for sequence in 1.. {
+                let now_ns = krait_ipc::clock::monotonic_ns();
+                let state = SlaveState {
+                    sequence,
+                    sample_ns: now_ns,
+                    operating_state: OperatingState::Fault as u32,
+                    flags: flags.load(Ordering::Relaxed),
+                    n_actuators: 3,
+                    reasons: 1 << Reason::DriveFault as u32,
+                    ..SlaveState::default()
+                };
+                writer.send(&state).expect("sent");
+                if until.load(Ordering::Relaxed) {
+                    return;
+                }
+                std::thread::sleep(Duration::from_millis(16));
+            }
+        });
+        Self { ends, thread: Some(thread) }
+    }
+}
+
+impl Drop for Sender {
+    fn drop(&mut self) {
+        self.ends.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            thread.join().expect("it sent to the end");
+        }
+    }
 }
 
 /// Every text colour beside the card it stands on: 4.5, and 3 for shapes, as the accessibility guidelines ask.

@@ -10,7 +10,8 @@ use krait_ipc::message::{Command, OperatorInput, Setpoint, SlaveState};
 use krait_ipc::{InstanceName, resources_of};
 use krait_record::Recording;
 use krait_schema::Sample;
-use krait_tests::{Ended, TempFolder, instance_name, processes_of};
+use krait_tests::{Console, Ended, Krait, TempFolder, instance_name, next_of_kind, processes_of};
+use rustix::process::Signal;
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -36,6 +37,26 @@ fn the_demo_shows_what_compensation_does_and_its_recording_proves_it() {
     check_rates(&channels);
     check_replay(&recording, &channels);
     check_with_python(&recording, &channels);
+}
+
+/// Whoever has seen the figures is told how to see the snake, and the command is one that works as it stands.
+#[test]
+fn the_demos_last_line_is_a_command_that_opens_the_page() {
+    let (instance, folder) = (instance_name("last"), TempFolder::new("last"));
+    let recording = folder.file("demo.mcap");
+    let all = ["demo", "--seconds", "12", "--instance", &instance, "--recording", &recording];
+    let ended = Ended::of(&all, Duration::from_secs(240));
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let last = ended.stdout.trim_end().lines().next_back().expect("figures");
+    let command = last.split('`').nth(1).and_then(|command| command.strip_prefix("krait ")).expect("a command");
+    assert!(command.contains("run --console"), "{last}");
+    let words: Vec<&str> = command.split(' ').collect();
+    let mut krait = Krait::start(&[&words[..], &["--instance", &instance, "--no-recording"]].concat());
+    let mut live = Console::of(&mut krait).page();
+    let follows = (0..7200).any(|_| next_of_kind(&mut live, "frame")["shown"] == "following");
+    assert!(follows, "the snake moves on the page");
+    krait.signal(Signal::INT);
+    assert_eq!(krait.end(Duration::from_secs(60)).code, Some(0));
 }
 
 fn number(value: &Value) -> f64 {

@@ -1,10 +1,13 @@
-//! Driving from the page in a real Chromium: pointer, keyboard and gamepad, in the directions that the picture shows; what a
+//! Driving from the page in a real Chromium: pointer, touch, keyboard and gamepad, in the directions that the picture shows; what a
 //! page does that hangs or dies. Skipped aloud where there is no Chromium.
 
 #![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
 
 use core::time::Duration;
-use krait_tests::{Browser, BrowserPage, Console, Ended, Krait, PadPage, TempFolder, instance_name, pad_losses};
+use krait_tests::{
+    Browser, BrowserPage, Console, Ended, Krait, PadPage, TempFolder, instance_name, next_of_kind, pad_losses,
+    wait_until,
+};
 use rustix::process::Signal;
 use serde_json::{Value, json};
 
@@ -13,6 +16,8 @@ const PATIENCE: Duration = Duration::from_secs(240);
 const MOST_INPUTS: usize = 150 + 2;
 /// The camera is turned, so that what forgets its roll is seen.
 const ROLL_RAD: f64 = 0.5;
+
+const DIRECTIONS: [[f64; 2]; 4] = [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]];
 
 const READY: &str = "document.documentElement.dataset.shown === 'ready'";
 const MOVES: &str = "['following', 'limited'].includes(document.documentElement.dataset.shown)";
@@ -46,12 +51,16 @@ fn a_person_drives_from_the_page_and_the_picture_the_dial_and_the_pad_agree() {
     );
     see_who_drives_and_take_over(&mut page, &console);
 
-    let mut hand = Hand { centre: centre(&mut page), page: &mut page, console: &console };
-    for direction in [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]] {
+    let centre_of_pad = centre(&mut page);
+    let mut hand = Hand { centre: centre_of_pad, page: &mut page, console: &console, is_touching: false };
+    for direction in DIRECTIONS {
         hand.drive(direction, &format!("by pointer {direction:?}"), Hand::pointer);
     }
     hand.drive([0.0, 1.0], "by keyboard", Hand::keyboard);
-    hand.drive([0.0, -1.0], "by gamepad", Hand::gamepad);
+    hand.drive([0.0, -1.0], "by keyboard", Hand::keyboard);
+    for direction in DIRECTIONS {
+        hand.drive(direction, &format!("by gamepad {direction:?}"), Hand::gamepad);
+    }
     keep(&mut page, "drive");
 
     // A page that hangs with the pad held: the motion stops, and begins anew only after the hand was off the pad.
@@ -83,6 +92,60 @@ fn a_person_drives_from_the_page_and_the_picture_the_dial_and_the_pad_agree() {
     assert_eq!(n_without_hand, 0, "commands that follow nobody");
     let verified = Ended::of(&["verify", &recording], PATIENCE);
     assert_eq!(verified.code, Some(0), "{}\n{}", verified.stdout, verified.stderr);
+}
+
+/// A finger presses the pad, drags, and lets go, in four directions; and a finger stops, also while another one drives.
+#[test]
+fn a_finger_drives_in_four_directions_and_a_finger_stops() {
+    let Some(browser) = Browser::start() else { return };
+    let (folder, instance) = (TempFolder::new("touch"), instance_name("touch"));
+    let config = folder.file("krait.toml");
+    std::fs::write(&config, format!("[resolve]\nview_roll_rad = {ROLL_RAD}\n")).expect("written");
+    let run = ["run", "--master", "browser", "--no-recording", "--config", &config, "--instance", &instance];
+    let mut krait = Krait::start(&run);
+    let console = Console::of(&mut krait);
+    let mut page = browser.page(&console.address, 1280, 800);
+    page.call("Emulation.setTouchEmulationEnabled", &json!({ "enabled": true, "maxTouchPoints": 5 }));
+    page.wait_for("the pad is there", &format!("{READY} && !document.getElementById('pad').hidden"));
+    page.value("window.kinds = new Set(); document.getElementById('pad-field').addEventListener('pointerdown', event => kinds.add(event.pointerType)); 0");
+    page.value("document.getElementById('pad-take').click()");
+    page.wait_for("it has the pad", &says("Yours."));
+    let place = centre(&mut page);
+    let mut hand = Hand { centre: place, page: &mut page, console: &console, is_touching: false };
+    for direction in DIRECTIONS {
+        hand.drive(direction, &format!("by touch {direction:?}"), Hand::touch);
+    }
+    assert_eq!(page.value("[...kinds].join()"), json!("touch"), "by touch and nothing else");
+    assert_eq!(
+        page.value("[scrollX, scrollY, visualViewport.scale].join()"),
+        json!("0,0,1"),
+        "nothing scrolls or zooms"
+    );
+
+    let stop = page.value("(() => { const r = document.getElementById('stop').getBoundingClientRect(); return [r.x + r.width / 2, r.y + r.height / 2]; })()");
+    let stop = pair(&stop);
+    let mut seen = console.page();
+    let mut stops = |page: &mut BrowserPage, fingers: &[[f64; 2]], what: &str| {
+        page.touch("touchStart", fingers);
+        page.wait_for(what, "document.documentElement.dataset.shown === 'paused'");
+        page.touch("touchEnd", &[]);
+        let is_paused = wait_until(PATIENCE, || next_of_kind(&mut seen, "frame")["state"]["operating"] == "PAUSED");
+        assert!(is_paused, "{what}: the drives say so");
+        page.wait_for(
+            "resume is offered",
+            "document.querySelector('.command[data-wish=resume][aria-disabled=false]') !== null",
+        );
+        page.value("document.querySelector('.command[data-wish=resume]').click()");
+        page.wait_for("ready again", READY);
+    };
+    stops(&mut page, &[stop], "one finger stops");
+    page.touch("touchStart", &[place]);
+    page.wait_for("held", "document.getElementById('pad').classList.contains('held')");
+    stops(&mut page, &[place, stop], "a second finger stops while the first one drives");
+    let complaints: Vec<_> = page.complaints.iter().filter(|said| !said.contains("WebSocket")).collect();
+    assert!(complaints.is_empty(), "{complaints:?}");
+    krait.signal(Signal::TERM);
+    assert_eq!(krait.end(PATIENCE).code, Some(0));
 }
 
 /// For half a second of pictures from now on nobody is present.
@@ -147,6 +210,8 @@ struct Hand<'a> {
     page: &'a mut BrowserPage,
     console: &'a Console,
     centre: [f64; 2],
+    /// Whether a finger is on the glass.
+    is_touching: bool,
 }
 
 impl Hand<'_> {
@@ -200,6 +265,22 @@ impl Hand<'_> {
     fn pointer(&mut self, [x, y]: [f64; 2], is_down: bool) {
         const PIXELS: f64 = 40.0;
         self.page.mouse_half(is_down, [self.centre[0] + PIXELS * x, self.centre[1] + PIXELS * y]);
+    }
+
+    /// Presses the middle and drags to the direction, or lets go there.
+    fn touch(&mut self, [x, y]: [f64; 2], is_down: bool) {
+        const PIXELS: f64 = 40.0;
+        match (is_down, std::mem::replace(&mut self.is_touching, is_down)) {
+            (true, _) => {
+                self.page.touch("touchStart", &[self.centre]);
+                for part in [0.25, 0.5, 0.75, 1.0] {
+                    let way = PIXELS * part;
+                    self.page.touch("touchMove", &[[self.centre[0] + way * x, self.centre[1] + way * y]]);
+                }
+            }
+            (false, true) => self.page.touch("touchEnd", &[]),
+            (false, false) => {}
+        }
     }
 
     fn keyboard(&mut self, [_, y]: [f64; 2], is_down: bool) {

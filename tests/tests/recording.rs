@@ -40,8 +40,13 @@ fn a_run_is_marked_rotated_exported_broken_and_recovered() {
         mark.code == Some(0)
     });
     let long_enough = marked && wait_until(PATIENCE, || n_parts(&folder) >= 5);
+    // The chain runs by now: its own progress shows the mark.
+    let again = krait(&["mark", "seen", "by", "all", "--instance", &instance]);
+    assert_eq!(again.code, Some(0), "{}", again.stderr);
+    std::thread::sleep(Duration::from_secs(1));
     run.signal(Signal::INT);
     let ended = run.end(PATIENCE);
+    check_progress(&ended.stderr);
     assert!(marked && long_enough, "a mark is taken while the chain runs: {refused}the chain said: {}", ended.stderr);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     assert_eq!((&ended.json()["recording_is_whole"], &ended.json()["samples"]["lost"]), (&true.into(), &0.into()));
@@ -64,6 +69,19 @@ fn a_run_is_marked_rotated_exported_broken_and_recovered() {
     check_export(&folder, &path);
     // The last but one is two whole seconds of a chain that runs, however long its start took.
     check_recover(&folder, &parts[parts.len() - 2].path().display().to_string());
+}
+
+/// The line of a run has state, error, plane, late and lost samples in 80 columns, and a mark stands in a line of its own.
+fn check_progress(stderr: &str) {
+    let line = stderr.lines().find(|line| line.contains("following  ")).expect("it followed");
+    for word in [" of ", "deg, off ", "plane ", " late, ", " lost"] {
+        assert!(line.contains(word), "{word:?} is not in {line}");
+    }
+    let line = stderr.lines().find(|line| line.contains("mark: ")).expect("a mark");
+    assert!(line.ends_with(" s  mark: seen by all") || line.ends_with(" s  mark: vessel touched"), "{line}");
+    assert!(stderr.lines().any(|line| line.ends_with(" s  mark: seen by all")), "{stderr}");
+    let shown = stderr.lines().filter(|line| line.contains("following  ") || line.contains("mark: "));
+    assert!(shown.clone().all(|line| line.chars().count() < 80), "{stderr}");
 }
 
 fn check_every_part_is_verified(parts: &[Recording], path: &str) {

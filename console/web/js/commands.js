@@ -97,6 +97,12 @@ function stop() {
   $('stop')?.contentWindow?.postMessage('stop', new URL(stopUrl).origin);
 }
 
+/// While a finger holds the pad, the browser gives every further finger to this page, also one that is on the stop's own document.
+function stopByFinger({ pointerType, clientX, clientY }) {
+  const place = $('stop')?.getBoundingClientRect();
+  if (pointerType === 'touch' && place && clientX >= place.left && clientX <= place.right && clientY >= place.top && clientY <= place.bottom) stop();
+}
+
 function pressByKey(key) {
   const at = { e: 0, p: 1, d: 2 }[key.toLowerCase()];
   if (at !== undefined) buttons[at].click();
@@ -104,6 +110,7 @@ function pressByKey(key) {
 
 export function startCommands() {
   for (const button of buttons) button.addEventListener('click', () => press(button));
+  addEventListener('pointerdown', stopByFinger, true);
   addEventListener('keydown', event => {
     if (event.key === 'Escape') {
       event.preventDefault();

@@ -94,8 +94,7 @@ function show(state) {
 function sentence(frame) {
   const worst = frame.reasons.map(reason => hello.reasons[reason.id]);
   const limit = worst.find(reason => reason.banner);
-  const failed = worst.find(reason => reason.level === 'fault');
-  const text = named(frame.shown === 'limited' && limit ? limit.banner : frame.shown === 'fault' && failed ? failed.say : frame.shown === 'holding' && worst.length ? worst[0].say : frame.shown === 'ready' ? `Holding still. ${frame.pad ? 'Hold the drive pad to follow.' : facts.presence_hint}` : frame.shown === 'lost' && frame.pad ? 'Holding still: the page that drives is lost.' : STATES[frame.shown].say);
+  const text = named(frame.shown === 'limited' && limit ? limit.banner : frame.state?.failure ? frame.state.failure : frame.shown === 'holding' && worst.length ? worst[0].say : frame.shown === 'ready' ? `Holding still. ${frame.pad ? 'Hold the drive pad to follow.' : facts.presence_hint}` : frame.shown === 'lost' && frame.pad ? 'Holding still: the page that drives is lost.' : STATES[frame.shown].say);
   write($('sentence'), text);
 }
 
@@ -109,9 +108,9 @@ function need(id, className, mark, word) {
 }
 
 function needs({ state, operator, motion_scale }) {
-  const operating = state.operating;
+  const operating = state.operating, isCut = shown === 'emergency';
   const isMoving = operating === 'ENABLED' && state.homed;
-  if (operating === 'FAULT') need('need-drives', 'bad', 'fault', 'fault');
+  if (operating === 'FAULT') need('need-drives', 'bad', 'fault', isCut ? 'cut off' : 'fault');
   else need('need-drives', '', isMoving ? 'yes' : 'no', state.busy ? 'homing' : operating === 'ENABLED' && !state.homed ? 'not homed' : operating.toLowerCase());
   if (!operator) need('need-operator', 'unknown', 'unknown', 'unknown');
   else if (operator.device === 'lost') need('need-operator', 'odd', 'warn', 'lost');

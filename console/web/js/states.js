@@ -5,7 +5,8 @@ const cut = 'fill="none" stroke="var(--s1)" stroke-linecap="round" stroke-linejo
 
 export const STATES = {
   stale: { word: 'No picture', say: 'Nothing arrives from the robot.', shape: `<rect x="8" y="18" width="80" height="56" rx="6" ${outline} stroke-dasharray="14 12"/><path d="M30 92 66 4" ${outline}/>` },
-  fault: { word: 'Fault', say: 'A drive failed; its power is off.', shape: `<path d="M30 5h36l25 25v36L66 91H30L5 66V30z" fill="currentColor"/><path d="M48 23v31m0 17v1" ${cut} stroke-width="10"/>` },
+  emergency: { word: 'Emergency stop', say: 'The machine’s own stop cut the drives’ power.', shape: `<rect x="8" y="8" width="80" height="80" rx="10" ${outline}/><circle cx="48" cy="48" r="31" fill="currentColor"/><circle cx="48" cy="48" r="17" ${cut} stroke-width="6"/>` },
+  fault: { word: 'Fault', say: 'The drives failed; nothing may move.', shape: `<path d="M30 5h36l25 25v36L66 91H30L5 66V30z" fill="currentColor"/><path d="M48 23v31m0 17v1" ${cut} stroke-width="10"/>` },
   disabled: { word: 'Disabled', say: 'Drive power is off.', shape: `<path d="M27 23a37 37 0 1 0 42 0M48 7v38" ${outline}/>` },
   homing: { word: 'Homing', say: 'The drives are finding their zero. Keep clear.', shape: `<circle cx="48" cy="48" r="40" ${outline} stroke-dasharray="38 25"/><path d="m29 50 19-17 19 17v20H29z" fill="currentColor"/>` },
   paused: { word: 'Paused', say: 'Holding still, power on.', shape: `<rect x="8" y="8" width="80" height="80" rx="14" ${outline}/><path d="M37 32v32m22-32v32" ${outline}/>` },
@@ -30,4 +31,4 @@ export const MARKS = {
 };
 
 /// Two tones or three for a state, in hertz; silence for the rest.
-export const TONES = { following: [660, 880], ready: [440], clutched: [440], paused: [440, 330], disabled: [330], fault: [300, 220, 300], stale: [220, 220], lost: [300, 220] };
+export const TONES = { following: [660, 880], ready: [440], clutched: [440], paused: [440, 330], disabled: [330], emergency: [300, 220, 300], fault: [300, 220, 300], stale: [220, 220], lost: [300, 220] };

@@ -3,7 +3,8 @@
 use super::frame::{Frame, Said, manage};
 use super::sdo::{Place, Reply, download, is_missing, reply, upload};
 use super::states::{
-    DISABLE_VOLTAGE, ENABLE, QUICK_STOP, State, has_torque, is_behind, is_enabled, is_failed, state, toward_enabled,
+    DISABLE_VOLTAGE, ENABLE, QUICK_STOP, State, has_torque, has_voltage, is_behind, is_enabled, is_failed, state,
+    toward_enabled,
 };
 use super::steps::{Need, Step};
 use crate::bus::Trouble;
@@ -70,6 +71,8 @@ pub(crate) struct Node {
     is_double: bool,
     pub n_boots: u32,
     emergency: u16,
+    /// It has said under power that its power stage has voltage; not every drive says so.
+    has_had_voltage: bool,
 }
 
 impl Node {
@@ -93,6 +96,7 @@ impl Node {
             is_double: false,
             n_boots: 0,
             emergency: 0,
+            has_had_voltage: false,
         }
     }
 
@@ -152,6 +156,7 @@ impl Node {
                     (self.is_double, self.is_out) = (true, true);
                 }
                 (self.status, self.counts, self.torque, self.sampled_ns) = (status, counts, torque, now_ns);
+                self.has_had_voltage |= is_enabled(status) && has_voltage(status);
             }
             Said::Object(data) => self.hear_object(data),
         }
@@ -185,6 +190,7 @@ impl Node {
     /// Power is switched anew: what failed before is forgiven.
     pub(crate) fn begin_switching(&mut self) {
         (self.is_out, self.is_double, self.n_missing, self.emergency) = (false, false, 0, 0);
+        self.has_had_voltage = false;
         self.begin_anew();
     }
 
@@ -232,19 +238,38 @@ impl Node {
         let tripped = |code, meaning| Trouble::Tripped { code, meaning };
         if is_failed(self.status) {
             let is_resetting = order == Order::Switch && n_tried < RESET_TRIES;
-            return if is_resetting { Trouble::None } else { tripped(code, meaning(self.emergency)) };
+            return match is_resetting {
+                true => Trouble::None,
+                false if is_external(self.emergency) => Trouble::HardwareStop { code },
+                false => tripped(code, meaning(self.emergency)),
+            };
         }
         if order != Order::Follow {
             return Trouble::None;
         }
         match state(self.status) {
             _ if self.is_double => tripped(UNKNOWN, texts::OUT_OF_STEP),
-            State::QuickStopActive => tripped(code, texts::QUICK_STOPPED),
             State::OperationEnabled if is_behind(self.status) => tripped(BEHIND, texts::FOLLOWING),
             State::OperationEnabled => Trouble::None,
+            _ if is_external(self.emergency) => Trouble::HardwareStop { code },
+            State::QuickStopActive => tripped(code, texts::QUICK_STOPPED),
+            _ if self.is_cut_off() => Trouble::HardwareStop { code: self.emergency },
             _ => tripped(code, texts::LEFT),
         }
     }
+
+    /// Whether it has left Operation Enabled in the way of CiA 402 for hardware that takes the power away: to Switch On Disabled,
+    /// or without voltage where it had some, with no failure told and nobody having asked.
+    fn is_cut_off(&self) -> bool {
+        let is_off = state(self.status) == State::SwitchOnDisabled;
+        let lost_voltage = self.has_had_voltage && !has_voltage(self.status);
+        self.emergency == 0 && (is_off || lost_voltage)
+    }
+}
+
+/// Whether an error code is of CiA 301's class of external errors, as a drive tells an emergency stop.
+fn is_external(code: u16) -> bool {
+    (0x9000..=0x90FF).contains(&code)
 }
 
 /// What an error code of CiA 402 means.

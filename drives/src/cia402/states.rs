@@ -75,6 +75,11 @@ pub fn has_torque(status: u16) -> bool {
     matches!(state(status), State::OperationEnabled | State::QuickStopActive | State::FaultReaction)
 }
 
+/// Whether the drive says that its power stage has voltage.
+pub(crate) fn has_voltage(status: u16) -> bool {
+    status >> 4 & 1 == 1
+}
+
 /// Whether the drive has failed.
 pub(crate) fn is_failed(status: u16) -> bool {
     matches!(state(status), State::FaultReaction | State::Fault)

@@ -27,7 +27,7 @@ pub struct DriveCycle {
     /// 0 off, 1 power is coming, 2 goes where the slave wants, 3 braking or at rest under power.
     pub phase: u32,
     /// What has failed since power was switched: 0 nothing, 1 silent, 2 tripped, 3 limp, 4 started anew, 5 leapt, 6 stale, 7 the bus
-    /// itself, 8 the slave was silent.
+    /// itself, 8 the slave was silent, 9 switched off by hardware.
     pub failure: u32,
     /// Which actuator has failed, from 1; 0: none, or all.
     pub failure_actuator: u32,
@@ -72,7 +72,7 @@ pub struct ActuatorCycle {
     pub flags: u32,
     /// 0 off, 1 switching, 2 on, 3 stopped under power, 4 limp, 5 faulted, 6 lost, 7 relaxing.
     pub state: u32,
-    /// What it complains of: 0 nothing, 1 limp, 2 tripped.
+    /// What it complains of: 0 nothing, 1 limp, 2 tripped, 3 switched off by hardware.
     pub trouble: u32,
     /// Its own number for that, and the place of the words in the list of the drives' words.
     pub trouble_code: u32,

@@ -19,7 +19,8 @@ pub struct SlaveState {
     /// See [`OperatingState`].
     pub operating_state: u32,
     /// Bits of [`SlaveState::IS_HOMED`], [`SlaveState::IS_BUSY`], [`SlaveState::FOLLOWING`], [`SlaveState::ENGAGED`],
-    /// [`SlaveState::COMMAND_REFUSED`].
+    /// [`SlaveState::COMMAND_REFUSED`]; in FAULT also of [`SlaveState::HARDWARE_STOP`], [`SlaveState::OTHERS_HOLD`] and the number of
+    /// [`SlaveState::failed_drive`].
     pub flags: u32,
     /// The operating state that was asked for last, see [`OperatingState`]; after a fault the two differ.
     pub desired_state: u32,
@@ -64,6 +65,30 @@ impl SlaveState {
     pub const ENGAGED: u32 = 8;
     /// Flag: the newest state command was not valid and changed nothing.
     pub const COMMAND_REFUSED: u32 = 16;
+    /// Flag: a drive reports that hardware has taken its power, as an emergency stop does.
+    pub const HARDWARE_STOP: u32 = 32;
+    /// Flag: every drive that has not failed is under power by its own report.
+    pub const OTHERS_HOLD: u32 = 64;
+    /// Place of the failed drive's number among the flags.
+    const FAILED_DRIVE_SHIFT: u32 = 8;
+    const FAILED_DRIVE_MASK: u32 = 0xF;
+
+    /// The flags' bits for a failed drive, from 1.
+    pub fn failed_drive_flags(drive: usize) -> u32 {
+        const { assert!(super::MAX_ACTUATORS <= Self::FAILED_DRIVE_MASK as usize) };
+        (drive.min(super::MAX_ACTUATORS) as u32) << Self::FAILED_DRIVE_SHIFT
+    }
+
+    /// The drive that failed, from 1; `None` where none did, or where it is not one alone.
+    pub fn failed_drive(&self) -> Option<u32> {
+        let drive = self.flags >> Self::FAILED_DRIVE_SHIFT & Self::FAILED_DRIVE_MASK;
+        (drive != 0).then_some(drive)
+    }
+
+    /// Whether a drive reports that hardware has taken its power.
+    pub fn is_hardware_stopped(&self) -> bool {
+        self.flags & Self::HARDWARE_STOP != 0
+    }
 
     /// The typed operating state, or `None` for a value that no version of krait sends.
     pub fn operating(&self) -> Option<OperatingState> {
@@ -103,7 +128,8 @@ pub enum OperatingState {
     Enabled = 1,
     /// Power on, may not move.
     Paused = 2,
-    /// A fault removed power; stays until it clears and `disable` or `enable` is sent.
+    /// The drives failed and nothing may move; stays until it clears and `disable` or `enable` is sent. What becomes of the power
+    /// is the drives' business.
     Fault = 3,
 }
 

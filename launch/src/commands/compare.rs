@@ -1,15 +1,17 @@
 //! `krait compare A B`: two recordings side by side, as a table and as pictures.
 
 use crate::cli_replay::CompareArgs;
-use crate::{print, recorded};
+use crate::commands::compare_table::{COLUMNS, error_of, table, unit_of};
+use crate::print::{self, wrapped};
+use crate::recorded;
 use anyhow::{Context, bail};
 use krait_bridge::{JointModel, LiveModel};
 use krait_model::ModelHash;
 use krait_model::model_file::ModelFile;
 use krait_record::{Pass, Recording, passes_of};
-use krait_report::{Apart, Curve, Figure, Side, Spread, Stroke, TOO_SHORT, Table, svg};
+use krait_report::{Apart, Curve, Figure, Mark, Side, Spread, Stroke, TOO_SHORT, svg};
 use serde::Serialize;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -18,8 +20,6 @@ const N_POINTS: usize = 1500;
 
 /// Tracking errors and lengths that differ by less than this part are alike.
 const ALIKE: f64 = 0.05;
-/// Columns of a row's name; a longer sentence is cut, so that the table stays narrow.
-const NAME_COLUMNS: usize = 44;
 
 /// The comparison, in the shape of `--json`.
 #[derive(Serialize)]
@@ -91,25 +91,54 @@ fn text(comparison: &Comparison) -> String {
             text += &format!("   {}: {value}\n", key.replace('_', " "));
         }
         for sentence in &side.missing {
-            text += &format!("   not whole: {sentence}\n");
+            for line in wrapped(&format!("not whole: {sentence}"), COLUMNS - 3) {
+                text += &format!("   {line}\n");
+            }
         }
     }
-    text += &format!("{}{}\n", table(&a.side, &b.side), verdict(&a.side, &b.side));
-    let (unit, setpoints) = match (&apart.setpoint_deg, &apart.setpoint_joints) {
-        (Some(deg), _) => ("deg", Some(deg)),
-        (None, of_joints) => (unit_of(&a.side), of_joints.as_ref()),
-    };
-    let setpoints = setpoints.map_or("setpoints of different machines".to_owned(), |apart| {
-        format!("setpoints {:.3} {unit} rms ({:.3} max)", apart.rms, apart.max)
-    });
-    text += &format!(
-        "At the same time since the first motion: {setpoints},\n  commands {:.4} mm rms ({:.4} max)\n",
-        apart.command_mm.rms, apart.command_mm.max
-    );
+    text += &table(&a.side, &b.side).to_string();
+    if [a, b].iter().any(|side| error_of(&side.side).is_none()) {
+        text += &format!("  {TOO_SHORT} after the first motion\n");
+    }
+    text += &paragraph(&verdict(&a.side, &b.side));
+    text += &paragraph(&apart_sentence(apart, unit_of(&a.side)));
+    text += "Marks, s since the first motion\n";
+    for (letter, side) in [("A", &a.side), ("B", &b.side)] {
+        text += &marks(letter, &side.marks);
+    }
     for picture in pictures {
         text += &format!("Picture: {}\n", picture.display());
     }
     text
+}
+
+/// A sentence in lines of at most [`COLUMNS`], all but the first a little further in.
+fn paragraph(sentence: &str) -> String {
+    wrapped(sentence, COLUMNS - 2).join("\n  ") + "\n"
+}
+
+/// How far the two are apart at the same time; a measured difference is there only where both were measured at that time.
+fn apart_sentence(apart: &Apart, unit: &str) -> String {
+    let spread = |what: &str, spread: &Spread| format!("{what} {:.3} {unit} rms ({:.3} max)", spread.rms, spread.max);
+    let setpoints = apart.setpoint_deg.as_ref().or(apart.setpoint_joints.as_ref());
+    let setpoints = setpoints.map_or("setpoints of different machines".to_owned(), |apart| spread("setpoints", apart));
+    let bends = apart.shape_deg.as_ref().map(|apart| spread("measured bends", apart));
+    let joints = || apart.shape_joints.as_ref().map(|apart| spread("measured joints", apart));
+    let measured = bends.or_else(joints).unwrap_or("nothing measured at the same time".to_owned());
+    format!(
+        "At the same time since the first motion: {setpoints}, {measured}, commands {:.4} mm rms ({:.4} max)",
+        apart.command_mm.rms, apart.command_mm.max
+    )
+}
+
+/// Marks of a side with the time of each since the first motion, s.
+fn marks(letter: &str, marks: &[Mark]) -> String {
+    let mark = |Mark { at_s, text }: &Mark| {
+        let begin = format!("  {letter} {at_s:>9.3}  ");
+        let lines = wrapped(text, COLUMNS - begin.len());
+        format!("{begin}{}\n", lines.join(&format!("\n{:1$}", "", begin.len())))
+    };
+    if marks.is_empty() { format!("  {letter} none\n") } else { marks.iter().map(mark).collect() }
 }
 
 /// Which follows better, in one sentence; lengths that differ are said, because errors of other motions do not compare.
@@ -134,70 +163,6 @@ fn verdict(a: &Side, b: &Side) -> String {
     format!("{sentence}.")
 }
 
-/// How far off a side was: a snake's bend vector, or all its joints.
-fn error_of(side: &Side) -> Option<&Spread> {
-    side.joints.as_ref().map_or(side.tracking_error_deg.as_ref(), |joints| joints.error.as_ref())
-}
-
-fn unit_of(side: &Side) -> &'static str {
-    side.joints.as_ref().map_or("deg", |joints| joints.unit)
-}
-
-/// Figures of both sides and what B has more.
-fn table(a: &Side, b: &Side) -> Table {
-    let mut rows = Rows(Table::new(&["", "A", "B", "B - A"]));
-    rows.numbers("length, s", Some(a.length_s), Some(b.length_s), 2);
-    let channels: BTreeSet<_> = a.samples.keys().chain(b.samples.keys()).collect();
-    for channel in channels {
-        let count = |side: &Side| Some(side.samples.get(channel).copied().unwrap_or(0) as f64);
-        rows.numbers(&format!("{channel} samples"), count(a), count(b), 0);
-    }
-    let mut error = |word: &str, figure: fn(&Spread) -> f64| {
-        let units =
-            if unit_of(a) == unit_of(b) { unit_of(a).to_owned() } else { format!("{} and {}", unit_of(a), unit_of(b)) };
-        let of = |side: &Side| error_of(side).map(figure);
-        rows.with(&format!("tracking error {word}, {units}"), of(a), of(b), 3, TOO_SHORT);
-    };
-    error("rms", |error| error.rms);
-    error("p95", |error| error.p95);
-    error("max", |error| error.max);
-    let hops: BTreeSet<_> = a.latency_us.keys().chain(b.latency_us.keys()).collect();
-    for hop in hops {
-        let of = |side: &Side| side.latency_us.get(hop.as_str()).map(|q| (q.p50, q.p99));
-        rows.numbers(&format!("{hop} p50, us"), of(a).map(|q| q.0), of(b).map(|q| q.0), 0);
-        rows.numbers(&format!("{hop} p99, us"), of(a).map(|q| q.1), of(b).map(|q| q.1), 0);
-    }
-    rows.numbers("following, s", Some(a.following_s), Some(b.following_s), 2);
-    let states: BTreeSet<_> = a.operating_s.keys().chain(b.operating_s.keys()).collect();
-    for state in states {
-        let of = |side: &Side| Some(side.operating_s.get(*state).copied().unwrap_or(0.0));
-        rows.numbers(&format!("{state}, s"), of(a), of(b), 2);
-    }
-    rows.numbers("faults", Some(a.n_faults as f64), Some(b.n_faults as f64), 0);
-    rows.numbers("commands refused", Some(a.n_refused as f64), Some(b.n_refused as f64), 0);
-    let reasons: BTreeSet<_> = a.reasons.keys().chain(b.reasons.keys()).collect();
-    for reason in reasons {
-        let of = |side: &Side| Some(side.reasons.get(*reason).copied().unwrap_or(0) as f64);
-        rows.numbers(&format!("{reason:.NAME_COLUMNS$}"), of(a), of(b), 0);
-    }
-    rows.0
-}
-
-/// A table whose last column is the difference.
-struct Rows(Table);
-
-impl Rows {
-    fn numbers(&mut self, name: &str, a: Option<f64>, b: Option<f64>, digits: usize) {
-        self.with(name, a, b, digits, "-");
-    }
-
-    fn with(&mut self, name: &str, a: Option<f64>, b: Option<f64>, digits: usize, missing: &str) {
-        let cell = |value: Option<f64>| value.map_or(missing.to_owned(), |value| format!("{value:.digits$}"));
-        let difference = a.zip(b).map_or("-".to_owned(), |(a, b)| format!("{:+.digits$}", b - a));
-        self.0.row(vec![name.to_owned(), cell(a), cell(b), difference]);
-    }
-}
-
 fn write_pictures(folder: &Path, a: &Named, b: &Named) -> anyhow::Result<Vec<PathBuf>> {
     std::fs::create_dir_all(folder).with_context(|| format!("folder {}", folder.display()))?;
     let (sa, sb) = (&a.side.series, &b.side.series);
@@ -205,6 +170,7 @@ fn write_pictures(folder: &Path, a: &Named, b: &Named) -> anyhow::Result<Vec<Pat
     for (file, title, y_label, pa, pb) in [
         ("tracking.svg", "Tracking error", unit_of(&a.side), &sa.error, &sb.error),
         ("bend.svg", "Bend of the setpoint", "degrees", &sa.bend_deg, &sb.bend_deg),
+        ("measured.svg", "Bend that was measured", "degrees", &sa.measured_deg, &sb.measured_deg),
         ("latency.svg", "Latency from the device to the drive", "microseconds", &sa.latency_us, &sb.latency_us),
     ] {
         let curves = [("A", a, pa), ("B", b, pb)].into_iter().enumerate().map(|(color_idx, (letter, side, points))| {
@@ -243,6 +209,18 @@ fn thinned(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_long_mark_goes_on_in_further_lines() {
+        let text = "contact ".repeat(20);
+        let said = marks("A", &[Mark { at_s: 1.25, text }, Mark { at_s: -0.5, text: "begun".to_owned() }]);
+        assert!(said.lines().all(|line| line.chars().count() <= COLUMNS), "{said}");
+        assert!(
+            said.starts_with("  A     1.250  contact contact") && said.contains("\n  A    -0.500  begun\n"),
+            "{said}"
+        );
+        assert_eq!(marks("B", &[]), "  B none\n");
+    }
 
     #[test]
     fn thinning_keeps_the_largest_and_leaves_few_points_as_they_are() {

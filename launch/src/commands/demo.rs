@@ -16,6 +16,8 @@ use std::sync::atomic::AtomicBool;
 
 /// The passes, in the order in which they are shown.
 const PASSES: [Compensation; 3] = Compensation::ALL;
+/// What opens the page for somebody without a device: the recorded hand drives.
+const PAGE: &str = "krait run --console --engage";
 /// A pass shorter than this leaves nothing to score.
 const SHORTEST_PASS_S: f64 = krait_report::SCORED_FROM_S + 2.0;
 
@@ -49,7 +51,8 @@ pub fn run(common: &Common, args: &DemoArgs) -> anyhow::Result<ExitCode> {
         let next = next_thing_to_try(&path.display().to_string());
         print::figures(&figures, &next)?;
         print::out(&format!(
-            "The recorded hand engaged {n_engagements} times in {} passes, by itself, because the drives are simulated\n",
+            "The recorded hand engaged {n_engagements} times in {} passes, by itself, because the drives are simulated\n\
+             Watch it: `{PAGE}` prints the address of a page with the snake in 3-D, the latency and the lab\n",
             PASSES.len()
         ))?;
     }

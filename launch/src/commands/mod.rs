@@ -4,6 +4,7 @@ pub mod bench;
 mod bench_growth;
 pub mod calibrate;
 pub mod compare;
+mod compare_table;
 pub mod config;
 pub mod console;
 pub mod demo;

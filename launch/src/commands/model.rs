@@ -7,11 +7,11 @@ use crate::commands::model_segments::{self, SegmentEntry};
 use crate::commands::{model_compensate, model_exchange, model_learnt};
 use crate::config::Config;
 use crate::print;
-use anyhow::{Context, bail};
+use anyhow::Context;
 use krait_bridge::{JointMachine, LiveModel};
 use krait_ipc::input;
 use krait_model::model_file::{
-    Assumed, BUILT_IN, FileEffect, ModelFile, ModelFileError, assumed, built_in, documented_defaults,
+    Assumed, FileEffect, ModelFile, ModelFileError, assumed, built_in, documented_defaults,
 };
 use krait_model::{Chain, ChainError, KnownColumns};
 use serde::Serialize;
@@ -32,20 +32,24 @@ pub fn run(common: &Common, verb: &ModelVerb) -> anyhow::Result<ExitCode> {
     }
 }
 
+/// Without a file: the model that `krait run` takes with the same configuration.
 fn show(config: &Config, args: &ModelShowArgs) -> anyhow::Result<ExitCode> {
     if args.defaults {
         print::out(&documented_defaults())?;
         return Ok(ExitCode::SUCCESS);
     }
-    let Some(path) = &args.file else {
-        let names = BUILT_IN.map(|(name, _)| name).join(", ");
-        bail!("a model file is missing: name one, or a built-in one ({names}), or ask for --defaults")
+    let (path, text, is_built_in) = match args.file.as_ref().or(config.model.as_ref()) {
+        Some(path) => (path.clone(), text_of(path)?, built_in_of(path).is_some()),
+        None => (config.compensation.name().into(), config.compensation.text().to_owned(), true),
     };
-    let text = text_of(path)?;
     let model = ModelFile::parse(&text).with_context(|| path.display().to_string())?;
     if args.json {
-        print::json(&described(config, path, &text, &model)?)?;
-    } else if built_in_of(path).is_some() {
+        return print::json(&described(config, &path, &text, &model)?).map(|()| ExitCode::SUCCESS);
+    }
+    if args.file.is_none() {
+        print::out(&format!("# {}: the model that `krait run` takes where none is named.\n", path.display()))?;
+    }
+    if is_built_in {
         print::out(&text)?;
     } else {
         print::out(&model.to_documented_toml())?;

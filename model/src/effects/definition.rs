@@ -184,6 +184,9 @@ impl ParameterSpec {
 pub struct Definition {
     /// Name in model files, commands and reports.
     pub name: &'static str,
+    /// What people call it besides, in lower case with hyphens, the word that means it most first: of several effects that a
+    /// word may mean, the one that has it further in front is meant.
+    pub also: &'static [&'static str],
     /// Where it enters.
     pub hook: Hook,
     /// What it looks like.
@@ -215,6 +218,7 @@ pub(crate) const fn parameter(
 pub(crate) const fn effect(name: &'static str, hook: Hook, class: Class, equation: &'static str) -> Definition {
     Definition {
         name,
+        also: &[],
         hook,
         class,
         inverse: Inverse::Exact,

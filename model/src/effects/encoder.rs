@@ -7,6 +7,7 @@ use super::real::{Real, Scalar};
 use core::f64::consts::PI;
 
 pub(super) static BACKLASH: Definition = Definition {
+    also: &["play", "slack", "lost-motion", "deadband", "dead-band", "dead-zone", "clearance", "hysteresis"],
     inverse: Inverse::Smoothed,
     n_states: 3,
     parameters: &[parameter(
@@ -25,6 +26,7 @@ pub(super) static BACKLASH: Definition = Definition {
 };
 
 pub(super) static ENCODER_ZERO: Definition = Definition {
+    also: &["zero", "zero-offset", "slip", "offset", "bias"],
     parameters: &[
         parameter("zero1_m", "m", [-2e-3, 2e-3], 0.0, "reading of encoder 1 at zero; 0.02 to 0.1 mm from homing"),
         parameter("zero2_m", "m", [-2e-3, 2e-3], 0.0, "reading of encoder 2 at zero"),
@@ -34,6 +36,7 @@ pub(super) static ENCODER_ZERO: Definition = Definition {
 };
 
 pub(super) static ENCODER_SCALE: Definition = Definition {
+    also: &["gear-ratio", "lead", "scale", "gain"],
     parameters: &[
         parameter("scale1", "1", [-0.1, 0.1], 0.0, "relative error of encoder 1; 0.1 to 1 %, engineering"),
         parameter("scale2", "1", [-0.1, 0.1], 0.0, "relative error of encoder 2"),
@@ -43,6 +46,7 @@ pub(super) static ENCODER_SCALE: Definition = Definition {
 };
 
 pub(super) static LEAD_SCREW_ERROR: Definition = Definition {
+    also: &["screw-error", "periodic", "ripple"],
     repeatable: true,
     parameters: &[
         parameter("amplitude_m", "m", [0.0, 5e-5], 1e-5, "2 to 20 um, unverified; the reading stays monotone"),
@@ -60,6 +64,7 @@ pub(super) static LEAD_SCREW_ERROR: Definition = Definition {
 };
 
 pub(super) static SATURATION: Definition = Definition {
+    also: &["limit", "clipping"],
     inverse: Inverse::None("an actuator at its force limit follows no command; limit the workspace instead"),
     parameters: &[parameter("limit_n", "N", [0.1, 1000.0], 25.0, "force at which an actuator stalls; a start value")
         .fixed("a threshold")],
@@ -67,6 +72,7 @@ pub(super) static SATURATION: Definition = Definition {
 };
 
 pub(super) static PRELOAD: Definition = Definition {
+    also: &["pretension"],
     parameters: &[parameter("load_n", "N", [-50.0, 50.0], 2.0, "load of every line at encoder zero; a start value")],
     ..effect(
         "preload",

@@ -9,6 +9,7 @@ use super::real::{Real, Scalar};
 use core::f64::consts::PI;
 
 pub(super) static ACTUATOR_COMPLIANCE: Definition = Definition {
+    also: &["compliance", "elasticity"],
     parameters: &[parameter(
         "compliance_m_per_n",
         "m/N",
@@ -31,6 +32,7 @@ pub(super) static INSIDE_EXTENSION: Definition = Definition {
 };
 
 pub(super) static BOUC_WEN: Definition = Definition {
+    also: &["hysteresis"],
     n_states: 6,
     repeatable: true,
     parameters: &[
@@ -48,6 +50,7 @@ pub(super) static BOUC_WEN: Definition = Definition {
 };
 
 pub(super) static PRANDTL_ISHLINSKII: Definition = Definition {
+    also: &["hysteresis"],
     n_states: 24,
     parameters: &[
         parameter("reach_m", "m", [1e-6, 5e-3], 5e-4, "largest threshold; a start value").fixed("a threshold"),
@@ -69,11 +72,13 @@ pub(super) static PRANDTL_ISHLINSKII: Definition = Definition {
 };
 
 pub(super) static TENSION_COMPRESSION_ASYMMETRY: Definition = Definition {
+    also: &["asymmetry"],
     parameters: &[parameter("a", "1", [-0.5, 0.5], 0.05, "relative difference of the compliances; a start value")],
     ..effect("tension-compression-asymmetry", Hook::Eps, Class::Asymmetry, "eps -= a |L_d/(E A) tau + L_c/(E A) tau~|")
 };
 
 pub(super) static LINE_BUCKLING: Definition = Definition {
+    also: &["buckling"],
     parameters: &[parameter(
         "clearance_m",
         "m",
@@ -85,6 +90,7 @@ pub(super) static LINE_BUCKLING: Definition = Definition {
 };
 
 pub(super) static CREEP: Definition = Definition {
+    also: &["relaxation", "viscoelasticity"],
     needs: Needs::Time,
     n_states: 9,
     parameters: &[
@@ -99,6 +105,7 @@ pub(super) static CREEP: Definition = Definition {
 };
 
 pub(super) static THERMAL_DRIFT: Definition = Definition {
+    also: &["temperature", "drift"],
     needs: Needs::Time,
     parameters: &[
         parameter(
@@ -125,6 +132,7 @@ pub(super) static THERMAL_DRIFT: Definition = Definition {
 };
 
 pub(super) static CROSS_COUPLING: Definition = Definition {
+    also: &["crosstalk", "coupling"],
     parameters: &[
         parameter("k12", "1", [-0.4, 0.4], 0.0, "what line 1 takes up when line 2 moves"),
         parameter("k13", "1", [-0.4, 0.4], 0.0, "what line 1 takes up when line 3 moves"),

@@ -89,6 +89,7 @@ const fn torque(name: &'static str, class: Class, equation: &'static str) -> Def
 }
 
 static INERTIA: Definition = Definition {
+    also: &["mass"],
     parameters: &[
         JOINT,
         parameter(
@@ -103,6 +104,7 @@ static INERTIA: Definition = Definition {
 };
 
 static GRAVITY: Definition = Definition {
+    also: &["weight"],
     parameters: &[
         JOINT,
         parameter("sine", "y", SIZE, 0.0, "torque where sin q is one; 0: none"),
@@ -112,16 +114,19 @@ static GRAVITY: Definition = Definition {
 };
 
 static COULOMB: Definition = Definition {
+    also: &["coulomb-friction", "friction", "dry-friction", "static-friction"],
     parameters: &[JOINT, parameter("torque", "y", NOT_NEGATIVE, 0.0, "against motion at any speed; 0: none")],
     ..torque("coulomb", Class::ConstantHysteresis, "tau <- tau + torque s")
 };
 
 static VISCOUS: Definition = Definition {
+    also: &["damping", "viscous-friction", "drag"],
     parameters: &[JOINT, parameter("drag", "y s/rad", NOT_NEGATIVE, 0.0, "torque for each rad/s; 0: none")],
     ..torque("viscous", Class::Rate, "tau <- tau + drag qd")
 };
 
 static STRIBECK: Definition = Definition {
+    also: &["stiction", "stick-slip", "stribeck-friction"],
     parameters: &[
         JOINT,
         parameter("torque", "y", NOT_NEGATIVE, 0.0, "what friction at rest has more than in motion; 0: none"),
@@ -131,6 +136,7 @@ static STRIBECK: Definition = Definition {
 };
 
 static LOAD_COULOMB: Definition = Definition {
+    also: &["load-friction"],
     parameters: &[JOINT, parameter("share", "1", [0.0, 10.0], 0.0, "friction for each unit of load; 0: none")],
     ..torque("load-coulomb", Class::LoadHysteresis, "tau <- tau + share |L| s")
 };

@@ -19,6 +19,7 @@ pub(crate) struct Limits<S> {
 }
 
 pub(super) static DISK_FRICTION: Definition = Definition {
+    also: &["hole-friction"],
     inverse: Inverse::Smoothed,
     parameters: &[parameter("mu", "1", [0.0, 1.0], 0.1, "friction at the spacer disks; 0.05 to 0.2, unverified")],
     ..effect(
@@ -30,6 +31,16 @@ pub(super) static DISK_FRICTION: Definition = Definition {
 };
 
 pub(super) static CONE_FRICTION: Definition = Definition {
+    also: &[
+        "capstan",
+        "capstan-friction",
+        "eytelwein",
+        "slip",
+        "friction",
+        "coulomb-friction",
+        "coulomb",
+        "dry-friction",
+    ],
     inverse: Inverse::Smoothed,
     parameters: &[parameter("mu", "1", [0.0, 1.0], 0.1727, "Eq. (13), Table II")],
     ..effect(
@@ -41,6 +52,7 @@ pub(super) static CONE_FRICTION: Definition = Definition {
 };
 
 pub(super) static DISTRIBUTED_CAPSTAN: Definition = Definition {
+    also: &["capstan", "capstan-friction"],
     inverse: Inverse::Smoothed,
     parameters: &[
         parameter("mu", "1", [0.0, 1.0], 0.1727, "Eq. (13), Table II"),
@@ -78,6 +90,7 @@ pub(super) fn mean_along_cone<P: Real>(u: P, arc_share: P) -> P {
 }
 
 pub(super) static STATIC_FRICTION: Definition = Definition {
+    also: &["coulomb-friction", "friction", "coulomb", "stiction", "dry-friction"],
     inverse: Inverse::Smoothed,
     parameters: &[parameter(
         "f_s_n",
@@ -106,6 +119,7 @@ pub(super) static STEM_COUPLING: Definition = Definition {
 };
 
 pub(super) static VISCOUS_FRICTION: Definition = Definition {
+    also: &["damping", "viscous", "drag"],
     needs: Needs::Time,
     n_states: 3,
     parameters: &[parameter(
@@ -119,6 +133,7 @@ pub(super) static VISCOUS_FRICTION: Definition = Definition {
 };
 
 pub(super) static STRIBECK_FRICTION: Definition = Definition {
+    also: &["stick-slip", "stribeck", "breakaway", "stiction"],
     needs: Needs::Time,
     n_states: 6,
     parameters: &[

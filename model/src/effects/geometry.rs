@@ -11,6 +11,7 @@ use super::real::{Real, Scalar};
 use core::f64::consts::PI;
 
 pub(super) static RADIUS_ERROR: Definition = Definition {
+    also: &["pitch-radius", "radius"],
     parameters: &[parameter(
         "relative",
         "1",
@@ -39,6 +40,7 @@ pub(super) static UNEQUAL_LINES: Definition = Definition {
 };
 
 pub(super) static HOLE_CLEARANCE: Definition = Definition {
+    also: &["clearance", "hole-play"],
     n_states: 3,
     parameters: &[
         parameter("clearance_m", "m", [0.0, 2e-4], 2e-5, "diametral clearance; 0.02 to 0.06 mm, engineering"),

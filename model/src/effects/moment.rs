@@ -10,11 +10,13 @@ use super::prepared::{Constants, Now, Prepared};
 use super::real::{Real, Scalar};
 
 pub(super) static STIFFNESS_SCALE: Definition = Definition {
+    also: &["gain", "scale", "stiffness", "load-scale"],
     parameters: &[parameter("eta", "1", [0.1, 10.0], 1.22, "load scale of Eq. (18); Eq. (22) estimates 1.220")],
     ..effect("stiffness-scale", Hook::Tau, Class::Proportional, "m <- eta m")
 };
 
 pub(super) static SUPERELASTIC_SOFTENING: Definition = Definition {
+    also: &["softening", "plasticity"],
     n_states: 1,
     parameters: &[
         parameter("strain", "1", [0.002, 0.05], 0.01, "outer strain eps_t at which austenite ends; 0.5 to 1 %"),
@@ -32,6 +34,7 @@ pub(super) static SUPERELASTIC_SOFTENING: Definition = Definition {
 };
 
 pub(super) static BEND_FRICTION: Definition = Definition {
+    also: &["internal-friction"],
     n_states: 2,
     parameters: &[
         parameter("moment_nm", "N m", [0.0, 0.05], 5e-4, "Coulomb moment without load; a start value"),
@@ -52,6 +55,7 @@ pub(super) static BEND_FRICTION: Definition = Definition {
 };
 
 pub(super) static AXIAL_TIP_FORCE: Definition = Definition {
+    also: &["follower-force"],
     parameters: &[parameter(
         "force_n",
         "N",
@@ -63,6 +67,7 @@ pub(super) static AXIAL_TIP_FORCE: Definition = Definition {
 };
 
 pub(super) static LATERAL_TIP_FORCE: Definition = Definition {
+    also: &["weight", "gravity", "tip-load"],
     parameters: &[
         parameter("force_x_n", "N", [-5.0, 5.0], 0.1, "force on the end disk along the base's x; a start value"),
         parameter("force_y_n", "N", [-5.0, 5.0], 0.0, "force on the end disk along the base's y; a start value"),

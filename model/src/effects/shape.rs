@@ -12,12 +12,14 @@ use super::real::{Real, Scalar};
 const SENSOR: Inverse = Inverse::NotNeeded("it is in the camera only, and the snake is where it should be");
 
 pub(super) static CAMERA_SCALE: Definition = Definition {
+    also: &["magnification", "camera-gain", "scale", "gain"],
     inverse: SENSOR,
     parameters: &[parameter("relative", "1", [-0.2, 0.2], 0.0, "0.5 to 2 %, engineering")],
     ..effect("camera-scale", Hook::Meas, Class::Proportional, "b_m = (1 + relative) b")
 };
 
 pub(super) static CAMERA_OFFSET: Definition = Definition {
+    also: &["offset", "bias"],
     inverse: SENSOR,
     parameters: &[
         parameter("offset_x_rad", "rad", [-0.5, 0.5], 0.0, "tilt of the view; 0.2 to 1 deg, engineering"),
@@ -27,6 +29,7 @@ pub(super) static CAMERA_OFFSET: Definition = Definition {
 };
 
 pub(super) static LATENCY: Definition = Definition {
+    also: &["delay", "dead-time", "time-delay", "lag"],
     inverse: SENSOR,
     needs: Needs::Time,
     parameters: &[parameter("delay_s", "s", [0.0, 1.0], 0.05, "30 to 100 ms, engineering")],
@@ -34,11 +37,13 @@ pub(super) static LATENCY: Definition = Definition {
 };
 
 pub(super) static PLANE_OFFSET: Definition = Definition {
+    also: &["roll", "rotation"],
     parameters: &[parameter("angle_rad", "rad", [-0.5, 0.5], 0.0, "roll of the assembly; 1 to 5 deg, engineering")],
     ..effect("plane-offset", Hook::Meas, Class::Plane, "delta_m = delta + angle")
 };
 
 pub(super) static TWIST: Definition = Definition {
+    also: &["torsion"],
     parameters: &[parameter("rad_per_rad", "rad/rad", [-0.5, 0.5], 0.0873, "0 to 10 deg per rad; 5, a start value")],
     ..effect("twist", Hook::Meas, Class::Plane, "delta_m = delta + rad_per_rad b")
 };

@@ -8,6 +8,7 @@ const TRAVEL: [f64; 2] = [1e-9, 1e6];
 const SHARE: [f64; 2] = [-10.0, 10.0];
 
 pub(super) static BACKLASH: Definition = Definition {
+    also: &["play", "slack", "lost-motion", "clearance"],
     repeatable: true,
     inverse: Inverse::Smoothed,
     n_states: 1,
@@ -21,6 +22,7 @@ pub(super) static BACKLASH: Definition = Definition {
 };
 
 pub(super) static BOUC_WEN: Definition = Definition {
+    also: &["hysteresis"],
     repeatable: true,
     inverse: Inverse::Smoothed,
     n_states: 2,
@@ -39,6 +41,7 @@ pub(super) static BOUC_WEN: Definition = Definition {
 };
 
 pub(super) static PRANDTL_ISHLINSKII: Definition = Definition {
+    also: &["hysteresis"],
     repeatable: true,
     inverse: Inverse::Smoothed,
     n_states: N_STATES,
@@ -60,6 +63,16 @@ pub(super) static PRANDTL_ISHLINSKII: Definition = Definition {
 };
 
 pub(super) static CONE_FRICTION: Definition = Definition {
+    also: &[
+        "capstan",
+        "capstan-friction",
+        "friction",
+        "coulomb-friction",
+        "coulomb",
+        "dry-friction",
+        "stiction",
+        "static-friction",
+    ],
     repeatable: true,
     inverse: Inverse::Smoothed,
     n_states: 1,

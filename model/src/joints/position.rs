@@ -12,12 +12,14 @@ const LENGTH: [f64; 2] = [0.0, 1e6];
 const PERIOD: [f64; 2] = [1e-9, 1e6];
 
 pub(super) static SCALE: Definition = Definition {
+    also: &["gain", "gear-ratio", "stiffness"],
     repeatable: true,
     parameters: &[JOINT, parameter("scale", "1", [-10.0, 10.0], 0.0, "relative error of the gain; 0: none")],
     ..effect("scale", Hook::Cmd, Class::Proportional, "x <- (1 + scale) x")
 };
 
 pub(super) static OFFSET: Definition = Definition {
+    also: &["zero", "bias", "zero-offset"],
     repeatable: true,
     inverse: Inverse::Exact,
     parameters: &[JOINT, parameter("offset", "y", SIZE, 0.0, "zero of the sensor or of homing; 0: none")],
@@ -45,6 +47,7 @@ pub(super) static QUADRATIC: Definition = Definition {
 };
 
 pub(super) static DEAD_ZONE: Definition = Definition {
+    also: &["dead-band", "deadband"],
     repeatable: true,
     parameters: &[
         JOINT,
@@ -55,6 +58,7 @@ pub(super) static DEAD_ZONE: Definition = Definition {
 };
 
 pub(super) static PERIODIC_ERROR: Definition = Definition {
+    also: &["periodic", "ripple", "eccentricity"],
     repeatable: true,
     parameters: &[
         JOINT,
@@ -81,6 +85,7 @@ pub(super) static CROSS_COUPLING: Definition = Definition {
 };
 
 pub(super) static SATURATION: Definition = Definition {
+    also: &["limit", "clipping"],
     repeatable: true,
     inverse: Inverse::None("no command moves a joint beyond its stop"),
     parameters: &[

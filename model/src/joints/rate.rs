@@ -7,6 +7,7 @@ const SHARE: [f64; 2] = [-1.0, 1.0];
 const SLOW_S: [f64; 2] = [0.1, 1e5];
 
 pub(super) static CREEP: Definition = Definition {
+    also: &["relaxation", "viscoelasticity"],
     repeatable: true,
     needs: Needs::Time,
     n_states: 2,
@@ -21,6 +22,7 @@ pub(super) static CREEP: Definition = Definition {
 };
 
 pub(super) static LATENCY: Definition = Definition {
+    also: &["delay", "dead-time", "time-delay"],
     repeatable: true,
     needs: Needs::Time,
     inverse: Inverse::None("a command in the past"),
@@ -29,6 +31,7 @@ pub(super) static LATENCY: Definition = Definition {
 };
 
 pub(super) static FIRST_ORDER_LAG: Definition = Definition {
+    also: &["lag", "low-pass"],
     repeatable: true,
     needs: Needs::Time,
     inverse: Inverse::None("the rate of the command would be needed"),
@@ -38,6 +41,7 @@ pub(super) static FIRST_ORDER_LAG: Definition = Definition {
 };
 
 pub(super) static DRIFT: Definition = Definition {
+    also: &["temperature", "thermal-drift"],
     repeatable: true,
     needs: Needs::Time,
     parameters: &[
@@ -49,6 +53,7 @@ pub(super) static DRIFT: Definition = Definition {
 };
 
 pub(super) static SECOND_ORDER: Definition = Definition {
+    also: &["resonance", "oscillation"],
     repeatable: true,
     needs: Needs::Time,
     inverse: Inverse::None("the acceleration of the command would be needed"),
@@ -67,6 +72,7 @@ pub(super) static SECOND_ORDER: Definition = Definition {
 };
 
 pub(super) static RATE_LIMIT: Definition = Definition {
+    also: &["speed-limit"],
     repeatable: true,
     needs: Needs::Time,
     inverse: Inverse::None("no command moves a drive faster than it can"),
@@ -79,6 +85,7 @@ pub(super) static RATE_LIMIT: Definition = Definition {
 const NO_LIMIT: f64 = 1e9;
 
 pub(super) static LINEAR_DRIFT: Definition = Definition {
+    also: &["slip"],
     repeatable: true,
     needs: Needs::Time,
     parameters: &[JOINT, parameter("rate", "y/s", [-1e6, 1e6], 0.0, "0: none")],

@@ -135,6 +135,42 @@ fn one_that_jams_or_leaves_by_itself_is_named() {
     others_hold(&mut bench);
 }
 
+/// Three ways in which drives tell an emergency stop: their power is gone without a word, with a code of the class of external
+/// errors, or by a failure with such a code.
+#[test]
+fn an_emergency_stop_of_the_hardware_is_told_from_a_failure() {
+    let press = |code| move |drive: &mut CanDrive, out: &mut Vec<Frame>| drive.press_emergency_stop(code, out);
+    for (code, expected) in [(None, 0), (Some(0x9000), 0x9000)] {
+        let mut bench = broken(press(code));
+        let (n, failure) = until_failure(&mut bench);
+        assert_eq!((n, failure), (1, DriveError::HardwareStop { actuator: 2, code: expected }));
+        others_hold(&mut bench);
+        assert_eq!((bench.states()[1], bench.report().state[1]), (State::SwitchOnDisabled, ActuatorState::Off));
+        bench.wish = Wish { turn: bench.wish.turn + 1, has_power: true, q_m: [f64::NAN; 12], ..Wish::default() };
+        bench.steps(60);
+        assert_eq!(bench.states()[1], State::SwitchOnDisabled, "no power comes while it is pressed");
+        assert_eq!(bench.report().phase, Phase::Switching);
+        bench.bus.lock().drives[1].release_emergency_stop();
+        bench.steps(20);
+        assert_eq!(bench.report().phase, Phase::On, "released, it comes to those who wait for it");
+    }
+    let mut bench = broken(|drive, out| drive.trip(0x9001, out));
+    assert_eq!(until_failure(&mut bench), (1, DriveError::HardwareStop { actuator: 2, code: 0x9001 }));
+    others_hold(&mut bench);
+    // A failure that was told explains why power went; so it is no emergency stop.
+    let mut bench = broken(press(Some(0x3220)));
+    let (_, failure) = until_failure(&mut bench);
+    assert!(matches!(failure, DriveError::Tripped { actuator: 2, code: 0x3220, .. }), "{failure}");
+    // All at once, as one button does it: nothing holds any more, and nobody says so of the drives.
+    let mut bench = Bench::powered();
+    bench.go(20);
+    for k in 0..3 {
+        bench.bus.lock().with(k, press(None));
+    }
+    assert_eq!(until_failure(&mut bench).1, DriveError::HardwareStop { actuator: 1, code: 0 });
+    assert_eq!(bench.report().state[..3], [ActuatorState::Off; 3]);
+}
+
 #[test]
 fn drives_without_a_master_stop_by_themselves_and_do_not_go_on_when_it_is_back() {
     let mut bench = Bench::powered();

@@ -31,6 +31,8 @@ pub struct CanFaults {
     pub is_jammed: bool,
     /// It answers each SYNC twice.
     pub answers_twice: bool,
+    /// Hardware keeps its power stage off, as an emergency stop does: without voltage, and it takes no step toward power.
+    is_cut_off: bool,
 }
 
 /// A drive.
@@ -143,6 +145,19 @@ impl CanDrive {
         self.emergency(code, out);
     }
 
+    /// An emergency stop is pressed: its power is gone, and it tells the code, where it tells any.
+    pub fn press_emergency_stop(&mut self, code: Option<u16>, out: &mut Vec<Frame>) {
+        (self.status, self.speed, self.faults.is_cut_off) = (0x40, 0.0, true);
+        if let Some(code) = code {
+            self.emergency(code, out);
+        }
+    }
+
+    /// The emergency stop is released; power comes only when it is asked for.
+    pub fn release_emergency_stop(&mut self) {
+        self.faults.is_cut_off = false;
+    }
+
     fn emergency(&mut self, code: u16, out: &mut Vec<Frame>) {
         let [low, high] = code.to_le_bytes();
         self.say(SYNC, &[low, high, u8::from(code != 0), 0, 0, 0, 0, 0], out);
@@ -239,13 +254,15 @@ impl CanDrive {
         let is_behind = self.faults.is_jammed && self.counts().abs_diff(self.target) > 500;
         let homed = self.mode() == MODE_HOMING && self.control & 0x1F == 0x1F;
         let of_mode = if homed { 1 << 12 | 1 << 10 } else { u16::from(self.mode() == MODE_CSP) << 12 };
-        self.status | 1 << 9 | of_mode | u16::from(is_behind && self.state() == State::OperationEnabled) << 13
+        let voltage = u16::from(!self.faults.is_cut_off) << 4;
+        self.status | voltage | 1 << 9 | of_mode | u16::from(is_behind && self.state() == State::OperationEnabled) << 13
     }
 
     /// A control word, by the standard's table of transitions.
     fn control(&mut self, control: u16) {
         let rises = control & !core::mem::replace(&mut self.control, control);
         self.status = match (self.state(), control & 0x8F) {
+            (State::SwitchOnDisabled, _) if self.faults.is_cut_off => 0x40,
             (State::Fault, _) if rises & 0x80 != 0 => {
                 self.error = 0;
                 0x40

@@ -164,6 +164,7 @@ fn described(port: &Path, FoundServo { baud, identity }: &FoundServo, k: usize, 
             Trouble::None => None,
             Trouble::Limp => Some("overloaded, has let go".to_owned()),
             Trouble::Tripped { meaning, .. } => Some(meaning.to_owned()),
+            Trouble::HardwareStop { .. } => Some("switched off by hardware, as by an emergency stop".to_owned()),
         },
     };
     Servo {
