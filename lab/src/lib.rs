@@ -28,7 +28,7 @@ mod session;
 mod term;
 
 pub use add::{AddOptions, Added, add, refit};
-pub use calibrated::disagreements;
+pub use calibrated::{disagreements, drawn_away};
 pub use error::LabError;
 pub use measurements::{LoadUse, Measurements, Names, Quantity};
 pub use problem::{FEWEST_BLOCKS, Problem, scored_time_s};

@@ -98,6 +98,16 @@ fn the_jaw_s_gain_is_calibration_and_no_effect() {
     assert!(json["calibration"][0]["value"].is_number() && json["effects"][0]["joint"] == 1, "{json}");
 }
 
+/// Drift and friction by load, which leave half as much on the first recording's own strokes, leave more on the second.
+#[test]
+fn four_strokes_do_not_name_what_another_recording_of_the_same_jaw_denies() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data");
+    let found = diagnosed(&joint(&folder.join("davinci-jaw/00.csv"), 1));
+    let names: Vec<&str> = found.effects.iter().map(|own| own.name.as_str()).collect();
+    assert!(names.len() == 1 && PLAY.contains(&names[0]), "{}", found.sentence);
+    assert_eq!(found.verdict, Verdict::Partly, "{}", found.sentence);
+}
+
 #[test]
 fn a_held_gain_of_the_wrong_sign_is_said_before_anything_is_named() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data");

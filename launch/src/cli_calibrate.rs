@@ -1,5 +1,6 @@
 //! The command line of `krait calibrate`.
 
+use crate::cli_lab::LabFiles;
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
 
@@ -23,6 +24,14 @@ pub enum CalibrateVerb {
         after_help = "Examples:\n  krait calibrate poses --csv poses.csv --model robot.toml --sd-deg 0.5\n  krait calibrate poses --csv try.csv --model try.toml --truth stiff.toml"
     )]
     Poses(PosesArgs),
+    /// The stem's angle phi with eta, play and f_s, from recorded encoders, load cells and bends of both directions.
+    ///
+    /// Columns as for `krait lab`: q1_m to q3_m, tau1_n to tau3_n, bend_x_rad and bend_y_rad or what they are called in the file.
+    /// The model file gives the dimensions, mu (krait calibrate friction) and where phi begins.
+    #[command(
+        after_help = "Examples:\n  krait calibrate stem --model robot.toml --data slow.csv --out calibrated.toml\n  krait calibrate stem --model robot.toml --data recordings/slow.mcap --cell-sd-n 0.2 --bend-sd-deg 0.5"
+    )]
+    Stem(StemArgs),
 }
 
 /// Where readings and values go.
@@ -87,4 +96,27 @@ pub struct PosesArgs {
     /// Practise on the simulated snake of this truth file: it moves, shows its bend, and you type what you see.
     #[arg(long, value_name = "FILE")]
     pub truth: Option<PathBuf>,
+}
+
+/// Options of `krait calibrate stem`.
+#[derive(Clone, Debug, Args)]
+pub struct StemArgs {
+    /// Model and data.
+    #[command(flatten)]
+    pub files: LabFiles,
+    /// Model file with the values; printed only if it is not given.
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+    /// Overwrite that file if it is already there.
+    #[arg(long, requires = "out")]
+    pub force: bool,
+    /// Standard deviation of a load cell, N.
+    #[arg(long, value_name = "N", default_value_t = 0.1)]
+    pub cell_sd_n: f64,
+    /// Standard deviation of each component of a measured bend vector, deg; for rows that do not state their own.
+    #[arg(long, value_name = "DEG", default_value_t = 1.0)]
+    pub bend_sd_deg: f64,
+    /// Standard deviation of an encoder, with all that moves it alike while a reading lasts, um.
+    #[arg(long, value_name = "UM", default_value_t = 5.0)]
+    pub encoder_sd_um: f64,
 }

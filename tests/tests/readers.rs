@@ -27,7 +27,7 @@ const MODEL: &str = "format = 1\n[machine]\nkind = \"snake\"\n[[effect]]\nkind =
                      [[effect]]\nkind = \"static-friction\"\nf_s_n = 1.959\n";
 
 /// The commands that read a file, each with the file's place marked.
-const READERS: [&[&str]; 43] = [
+const READERS: [&[&str]; 45] = [
     &["config", "--config", "FILE"],
     &["run", "--config", "FILE"],
     &["run", "--model", "FILE"],
@@ -46,6 +46,8 @@ const READERS: [&[&str]; 43] = [
     &["calibrate", "poses", "--csv", "FILE", "--model", "MODEL"],
     &["calibrate", "poses", "--csv", "OUT", "--model", "FILE"],
     &["calibrate", "photo", "FILE"],
+    &["calibrate", "stem", "--model", "FILE", "--data", "DATA"],
+    &["calibrate", "stem", "--model", "MODEL", "--data", "FILE"],
     &["run", "--master", "hid", "--profile", "FILE"],
     &["experiment", "fig10", "--from", "FILE", "--out", "OUT"],
     &["experiment", "poses", "--poses", "FILE", "--engage", "--out", "OUT"],

@@ -36,25 +36,26 @@ pub(crate) fn cautions(problem: &Problem, n_outliers: usize, in_blocks: bool) ->
 /// Changes of direction of all inputs together, small ones left out.
 pub(crate) fn reversals(data: &Measurements) -> usize {
     let threshold = 0.02 * crate::noise::largest_range(data);
-    let mut count = 0;
-    for k in 0..data.n_inputs {
-        let mut extreme = f64::NAN;
-        let mut direction = 0.0;
-        for row in 0..data.n_rows() {
-            let own = data.input(row)[k];
-            if data.starts_trial(row) || extreme.is_nan() {
-                (extreme, direction) = (own, 0.0);
-                continue;
-            }
-            let moved = own - extreme;
-            if direction == 0.0 && moved.abs() > threshold {
-                (extreme, direction) = (own, moved.signum());
-            } else if moved * direction > 0.0 {
-                extreme = own;
-            } else if -moved * direction > threshold {
-                count += 1;
-                (extreme, direction) = (own, -direction);
-            }
+    let is_first = |row: usize| data.starts_trial(row);
+    (0..data.n_inputs).map(|k| turns((0..data.n_rows()).map(|row| data.input(row)[k]), is_first, threshold)).sum()
+}
+
+/// How often values turn by more than a threshold; a trial begins anew.
+pub(crate) fn turns(values: impl Iterator<Item = f64>, is_first: impl Fn(usize) -> bool, threshold: f64) -> usize {
+    let (mut count, mut extreme, mut direction) = (0, f64::NAN, 0.0);
+    for (row, own) in values.enumerate() {
+        if is_first(row) || extreme.is_nan() {
+            (extreme, direction) = (own, 0.0);
+            continue;
+        }
+        let moved = own - extreme;
+        if direction == 0.0 && moved.abs() > threshold {
+            (extreme, direction) = (own, moved.signum());
+        } else if moved * direction > 0.0 {
+            extreme = own;
+        } else if -moved * direction > threshold {
+            count += 1;
+            (extreme, direction) = (own, -direction);
         }
     }
     count

@@ -34,7 +34,7 @@ pub use answer::{Calibration, CandidateAnswer, Diagnosis, FoundEffect, FoundPara
 pub(crate) use calibration::number_name;
 pub use experiment::NextExperiment;
 pub(crate) use experiment::{explore, separate_joints};
-pub(crate) use gate::cautions;
+pub(crate) use gate::{cautions, turns};
 pub(crate) use rhythm::rhythm;
 pub use sketch::Sketch;
 pub(crate) use structure::structure;

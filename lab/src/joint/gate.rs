@@ -32,6 +32,10 @@ const ERRORS: f64 = 1.0;
 /// The same for a shape without a name.
 const SMALLEST_OF_SHAPE: f64 = 0.08;
 const ERRORS_OF_SHAPE: f64 = 1.7;
+/// Blocks of a record.
+const BLOCKS: (usize, usize) = (12, 36);
+/// Parts that a motion of fewer strokes is cut into.
+const FEWEST_STROKES: usize = 4;
 /// Trials are blocks from this number on.
 const MANY_TRIALS: usize = 12;
 
@@ -39,13 +43,26 @@ impl Blocks {
     /// Blocks that are as long as the residual's memory asks for; whole trials where there are many.
     pub fn new(signal: &Signal, n_effective: f64) -> Self {
         let n = signal.rows.len();
-        let n_blocks = ((n_effective / 5.0) as usize).clamp(12, 36).min(n.max(1));
+        let n_blocks = ((n_effective / 5.0) as usize).clamp(BLOCKS.0, BLOCKS.1).min(n.max(1));
         if (MANY_TRIALS..=n_blocks.max(MANY_TRIALS)).contains(&signal.n_trials) {
             let mut bounds = vec![0];
             bounds.extend((1..n).filter(|i| signal.trial[signal.rows[*i]] != signal.trial[signal.rows[i - 1]]));
             bounds.push(n);
             return Self { bounds, are_recordings: false };
         }
+        Self::equal(n, n_blocks)
+    }
+
+    /// Blocks as long as a stroke, where the motion of one record has few: blocks within a stroke hide that what was learnt there is
+    /// not so in another stroke.
+    fn strokes(&self, signal: &Signal) -> Option<Self> {
+        let n_strokes = signal.n_strokes();
+        let has_few = n_strokes < BLOCKS.0 && signal.n_trials == 1 && !self.are_recordings;
+        let n = signal.rows.len();
+        has_few.then(|| Self::equal(n, n_strokes.max(FEWEST_STROKES).min(n.max(1))))
+    }
+
+    fn equal(n: usize, n_blocks: usize) -> Self {
         Self { bounds: (0..=n_blocks).map(|b| b * n / n_blocks).collect(), are_recordings: false }
     }
 
@@ -106,37 +123,58 @@ pub(super) fn in_errors(before: &[f64], after: &[f64]) -> f64 {
     mean / error.max(1e-300)
 }
 
-/// What is left of a list after leaving out, weakest first, what does not pay on left-out blocks.
+/// What is left of a list after leaving out, weakest first, what does not pay on left-out blocks; where the motion has few strokes,
+/// beside another member, on left-out strokes too. Strokes thin a list and do not empty it: of two strokes each one's gain and offset
+/// say next to nothing of the other.
 pub(super) fn gate(search: &Search, best: &Fit, blocks: &Blocks) -> (Fit, HeldOut) {
+    let strokes = blocks.strokes(search.signal);
+    let thinned = thin(search, best, blocks, strokes.as_ref());
+    if strokes.is_some() && thinned.0.members.is_empty() { thin(search, best, blocks, None) } else { thinned }
+}
+
+fn thin(search: &Search, best: &Fit, blocks: &Blocks, strokes: Option<&Blocks>) -> (Fit, HeldOut) {
     let signal = search.signal;
+    let judge = |fit: &Fit| {
+        let on_strokes = strokes.map(|strokes| held_out(signal, fit, search.loss, strokes, 3));
+        (held_out(signal, fit, search.loss, blocks, 3), on_strokes)
+    };
     let mut current = best.clone();
-    let mut own = held_out(signal, &current, search.loss, blocks, 3);
+    let mut own = judge(&current);
     while !current.members.is_empty() {
-        let mut weakest: Option<(f64, Fit, HeldOut)> = None;
-        let parts: Vec<(Kind, Fit, HeldOut)> = current
+        let parts: Vec<_> = current
             .kinds()
             .par_iter()
             .map(|kind| {
                 let without = search.part(&current, |own| own != *kind, 8);
-                let held = held_out(signal, &without, search.loss, blocks, 3);
+                let held = judge(&without);
                 (*kind, without, held)
             })
             .collect();
+        let is_alone = parts.len() == 1;
+        let mut weakest: Option<(f64, Fit, _)> = None;
         for (kind, without, held) in parts {
-            let part = (held.mean_square - own.mean_square) / held.mean_square.max(1e-300);
-            let (errors, smallest) =
-                if kind.is_shape() { (ERRORS_OF_SHAPE, SMALLEST_OF_SHAPE) } else { (ERRORS, SMALLEST_PART) };
+            let (part, mut stands) = pays(kind, &held.0, &own.0);
+            if let (Some(held), Some(own), false) = (&held.1, &own.1, is_alone) {
+                stands &= pays(kind, held, own).1;
+            }
             let place = current.members.iter().position(|m| m.kind == kind);
             let imitates = place.is_some_and(|i| current.member_imitates(signal, i));
-            let stands = !imitates && in_errors(&held.blocks, &own.blocks) > errors && part > smallest;
-            if !stands && weakest.as_ref().is_none_or(|(least, ..)| part < *least) {
+            if (imitates || !stands) && weakest.as_ref().is_none_or(|(least, ..)| part < *least) {
                 weakest = Some((part, without, held));
             }
         }
         let Some((_, without, held)) = weakest else { break };
         (current, own) = (without, held);
     }
-    (current, own)
+    (current, own.0)
+}
+
+/// The part of what is left without a member that it takes away, and whether that is enough.
+fn pays(kind: Kind, without: &HeldOut, with: &HeldOut) -> (f64, bool) {
+    let part = (without.mean_square - with.mean_square) / without.mean_square.max(1e-300);
+    let (errors, smallest) =
+        if kind.is_shape() { (ERRORS_OF_SHAPE, SMALLEST_OF_SHAPE) } else { (ERRORS, SMALLEST_PART) };
+    (part, in_errors(&without.blocks, &with.blocks) > errors && part > smallest)
 }
 
 /// The members in the order of what each takes away, averaged over all orders in which they could be added (Shapley).

@@ -1,5 +1,6 @@
 //! One joint's measurements, ready for fits: what it was told, what was measured, which rows count.
 
+use crate::diagnose::turns;
 use crate::machine::JointsLab;
 use crate::noise::bounds;
 use crate::{LabError, Measurements};
@@ -179,6 +180,12 @@ impl Signal {
         self.own_waves.iter().any(near)
     }
 
+    /// Ways from one reversal of the command to the next, with the first and the last of each trial.
+    pub fn n_strokes(&self) -> usize {
+        let command = self.inputs[self.joint].iter().copied();
+        turns(command, |row| self.fresh[row], SMALLEST_TURN * self.range) + self.n_trials
+    }
+
     /// Range of a joint's command.
     pub fn range_of(&self, joint: usize) -> f64 {
         let (low, high) = bounds(self.inputs[joint].iter().copied());
@@ -201,6 +208,8 @@ const MOST_RHYTHMS: f64 = 300.0;
 /// A frequency of this share of the command's variance is the motion's own, of this one the motion is mostly one sine.
 const STRONG: f64 = 0.05;
 const ALONE: f64 = 0.6;
+/// A turn that counts, as a part of the range.
+const SMALLEST_TURN: f64 = 0.02;
 /// Multiples of that sine that count.
 const HARMONICS: u32 = 6;
 /// Rows that the spectrum is made of, and its last half wave.

@@ -27,6 +27,7 @@ pub fn run(verb: &CalibrateVerb) -> anyhow::Result<ExitCode> {
         CalibrateVerb::Play(args) => play(args),
         CalibrateVerb::Photo(args) => photo(args),
         CalibrateVerb::Poses(args) => poses(args),
+        CalibrateVerb::Stem(args) => super::calibrate_stem::run(args),
     }
 }
 
@@ -138,19 +139,18 @@ fn file_of(model: &Path) -> anyhow::Result<Option<ModelFile>> {
 }
 
 fn machine(model: &Path) -> anyhow::Result<MachineParameters> {
-    match file_of(model)?.as_ref().map(ModelFile::machine) {
-        None => Ok(MachineParameters::default()),
-        Some(Machine::Snake(snake)) => Ok(snake.parameters),
-        Some(Machine::Segments(_)) => {
-            anyhow::bail!("the model file {} describes segments, expected a snake; give another", model.display())
-        }
-        Some(Machine::Joints(_)) => {
-            anyhow::bail!("the model file {} describes joints, expected a snake; give another", model.display())
-        }
-        Some(Machine::Force(_)) => {
-            anyhow::bail!("the model file {} describes forces, expected a snake; give another", model.display())
-        }
-    }
+    file_of(model)?.map_or_else(|| Ok(MachineParameters::default()), |file| snake_of(&file, model))
+}
+
+/// Dimensions and material of the snake that a model file describes.
+pub(super) fn snake_of(file: &ModelFile, model: &Path) -> anyhow::Result<MachineParameters> {
+    let other = match file.machine() {
+        Machine::Snake(snake) => return Ok(snake.parameters),
+        Machine::Segments(_) => "segments",
+        Machine::Joints(_) => "joints",
+        Machine::Force(_) => "forces",
+    };
+    anyhow::bail!("the model file {} describes {other}, expected a snake; give another", model.display())
 }
 
 /// mu and f_s of a model file: they must be known before eta and the play are.
@@ -170,21 +170,29 @@ fn friction_of(model: &Path) -> anyhow::Result<(f64, f64)> {
     Ok((mu, f_s_n))
 }
 
-/// Asks, and writes the model file as a whole: a machine that stops leaves the old one or the new one.
+/// Asks, and writes the model file as a whole: a computer that stops leaves the old one or the new one.
 fn save(dialogue: &mut Terminal, files: &Files, found: &[CalibratedValue]) -> anyhow::Result<ExitCode> {
     let model = &files.model;
     if !dialogue.yes(&format!("write to {}? [y/N]", model.display()))? {
         dialogue.say("not written; the readings are kept")?;
         return Ok(ExitCode::FAILURE);
     }
-    let date: String = krait_record::utc_text(clock::wall_ns()).chars().take(10).collect();
     let from = files.csv.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-    let text = written(text_of(model)?.as_deref(), found, &from, &date)?;
+    replaced(model, &written(text_of(model)?.as_deref(), found, &from, &today())?)?;
+    dialogue.say(&format!("written to {}", model.display()))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Today, YYYY-MM-DD.
+pub(super) fn today() -> String {
+    krait_record::utc_text(clock::wall_ns()).chars().take(10).collect()
+}
+
+/// Writes a model file as a whole.
+pub(super) fn replaced(model: &Path, text: &str) -> anyhow::Result<()> {
     let beside = model.with_extension("toml.new");
     std::fs::write(&beside, text)
         .and_then(|()| std::fs::File::open(&beside)?.sync_all())
         .and_then(|()| std::fs::rename(&beside, model))
-        .with_context(|| format!("the model file {} could not be written", model.display()))?;
-    dialogue.say(&format!("written to {}", model.display()))?;
-    Ok(ExitCode::SUCCESS)
+        .with_context(|| format!("the model file {} could not be written", model.display()))
 }

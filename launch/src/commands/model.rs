@@ -10,9 +10,7 @@ use crate::print;
 use anyhow::Context;
 use krait_bridge::{JointMachine, LiveModel};
 use krait_ipc::input;
-use krait_model::model_file::{
-    Assumed, FileEffect, ModelFile, ModelFileError, assumed, built_in, documented_defaults,
-};
+use krait_model::model_file::{Assumed, FileEffect, ModelFile, ModelFileError, assumed, built_in, documented_defaults};
 use krait_model::{Chain, ChainError, KnownColumns};
 use serde::Serialize;
 use std::path::Path;

@@ -9,7 +9,9 @@ use krait_bridge::LiveModel;
 use krait_ipc::clock;
 use krait_lab::machine::MachineUnderTest;
 use krait_lab::report::added_page;
-use krait_lab::{AddOptions, Added, Session, Term, add, disagreements, fitted_to, refit as fit_again, save};
+use krait_lab::{
+    AddOptions, Added, Session, Term, add, disagreements, drawn_away, fitted_to, refit as fit_again, save,
+};
 use krait_model::effects::{FormulaParameter, FormulaText, Hook, Inverse};
 use krait_model::model_file::{FileEffect, Machine, ModelFile};
 use krait_report::Table;
@@ -120,7 +122,8 @@ fn finish(session: &Session, added: &Added, what: &str, out: &Path, as_json: boo
     let file = save(&session.file, added, what, &session.data, &date)?;
     std::fs::write(out, file.to_toml())
         .with_context(|| format!("the model file {} could not be written", out.display()))?;
-    let calibrated = disagreements(&session.file, added, &session.data);
+    let mut calibrated = disagreements(&session.file, added, &session.data);
+    calibrated.extend(drawn_away(&session.file, &added.calibration));
     if as_json {
         print::json(&answer(added, session, what, out, &not_compensated(&file), &calibrated))?;
     } else {

@@ -8,7 +8,7 @@ use anyhow::{Context, bail};
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, FoundEffect, LoadCell, capital, diagnose};
 use krait_lab::experiment::{Experiment, Separation, experiment};
 use krait_lab::report::diagnosis_page;
-use krait_lab::{Names, Session};
+use krait_lab::{Names, Session, drawn_away};
 use krait_model::effects::explanation;
 use krait_model::model_file::Machine;
 use krait_report::Table;
@@ -28,6 +28,7 @@ pub fn run(args: &DiagnoseArgs) -> anyhow::Result<ExitCode> {
         recordings: session.recordings.clone(),
     };
     let mut diagnosis = diagnose(session.machine.as_ref(), &session.data, &options)?;
+    diagnosis.cautions.extend(drawn_away(&session.file, &diagnosis.calibration));
     if let Some(path) = &args.experiment {
         write_experiment(path, &session, &mut diagnosis)?;
     }
