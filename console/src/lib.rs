@@ -37,6 +37,7 @@ pub use glance::{bend_deg, glance, number, plane_deg};
 pub use observer::Observer;
 pub use server::{Address, ServerSettings, run};
 pub use tracking::LiveTracking;
+pub use words::fault_sentence;
 
 use std::sync::atomic::{AtomicU64, AtomicUsize};
 

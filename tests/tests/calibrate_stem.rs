@@ -114,7 +114,7 @@ fn what_the_recording_or_the_model_leaves_open_is_said_and_nothing_is_written() 
             joints,
             "expected a snake",
         ),
-        (at_rest, MODEL, "reading(s)"),
+        (at_rest, MODEL, "expected a machine that moves"),
     ];
     for (table, file, words) in cases {
         std::fs::write(&data, table).expect("written");

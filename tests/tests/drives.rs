@@ -81,6 +81,8 @@ fn the_chain_follows_on_servos_and_one_that_is_unplugged_stops_the_others_where_
     assert!(wire.servos.iter().all(Servo::is_powered), "under power");
     assert_eq!((wire.servos[0].place, wire.servos[2].place), (held[0], held[2]), "nothing resumes by itself");
     let ask = |wish| Ended::of(&["state", wish, "--instance", &instance], PATIENCE);
+    let shown = Ended::of(&["state", "--instance", &instance], PATIENCE).stdout;
+    assert!(shown.contains("FAULT") && shown.contains("Drive 2 failed; the others hold."), "{shown}");
     assert_eq!(ask("clear-fault").code, Some(0));
     let off = wait_until(PATIENCE, || emulator.wire().servos.iter().all(|servo| !servo.is_powered()));
     assert!(off, "DISABLED takes the power away");

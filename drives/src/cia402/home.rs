@@ -38,8 +38,7 @@ impl<W: Wire> Cia402<W> {
         }
         let homed = self.home_all(config, seen);
         // Whatever became of it, nobody stays under power.
-        let off = self
-            .until(config, seen, Order::Off, |bus, seen| !seen.is_powered.iter().take(bus.nodes.len()).any(|on| *on));
+        let off = self.until(config, seen, Order::Off, |_, has_power| !has_power);
         for k in 0..zeros.len() {
             self.set(k, MODE, MODE_CSP, 1)?;
         }
@@ -54,19 +53,17 @@ impl<W: Wire> Cia402<W> {
     }
 
     fn home_all(&mut self, config: &SlaveConfig, seen: &mut Seen) -> Result<(), OpenError> {
-        self.until(config, seen, Order::Switch, |bus, seen| {
-            seen.is_powered.iter().take(bus.nodes.len()).all(|on| *on)
-        })?;
-        self.until(config, seen, Order::Home, |bus, _| bus.nodes.iter().all(|node| homing(node.status) == Some(true)))
+        self.until(config, seen, Order::Switch, |_, has_power| has_power)?;
+        self.until(config, seen, Order::Home, |status, _| homing(status) == Some(true))
     }
 
-    /// Cycles of one order until something holds.
+    /// Cycles of one order until something holds of each drive's status word and of whether it has power.
     fn until(
         &mut self,
         config: &SlaveConfig,
         seen: &mut Seen,
         order: Order,
-        is_done: impl Fn(&Self, &Seen) -> bool,
+        is_done: impl Fn(u16, bool) -> bool,
     ) -> Result<(), OpenError> {
         let end_ns = self.wire.now_ns() + PATIENCE_NS;
         loop {
@@ -79,14 +76,13 @@ impl<W: Wire> Cia402<W> {
                 Order::Ask | Order::Follow | Order::Home => (self.order, self.goals) = (order, goals),
             }
             self.ask(seen)?;
-            if is_done(self, seen) {
-                return Ok(());
-            }
+            let mut all = self.nodes.iter().zip(&seen.is_powered);
+            let Some(late) = all.position(|(node, has_power)| !is_done(node.status, *has_power)) else { return Ok(()) };
             let failed = self.nodes.iter().position(|node| {
                 order == Order::Home && (homing(node.status) == Some(false) || is_failed(node.status))
             });
             if failed.is_some() || now_ns > end_ns {
-                let actuator = failed.unwrap_or(0);
+                let actuator = failed.unwrap_or(late);
                 let (id, status) = (self.nodes[actuator].id, self.nodes[actuator].status);
                 return Err(OpenError::NotHomed { actuator: actuator + 1, id, status });
             }

@@ -5,6 +5,7 @@ use crate::commands::motion_wish;
 use crate::{commands, print};
 use anyhow::{Context, bail};
 use core::time::Duration;
+use krait_console::fault_sentence;
 use krait_ipc::message::{
     Command, Health, Message, OperatingState, OperatorInput, RequestOutcome, SlaveState, StateAnswer, StateRequest,
     Transition,
@@ -114,6 +115,8 @@ struct Shown {
     scale: Option<f64>,
     is_translation_locked: Option<bool>,
     is_rotation_locked: Option<bool>,
+    /// What the drives say of their failure; none but in FAULT.
+    failure: Option<String>,
     /// Why nothing moves, or why motion is limited.
     reasons: Vec<Held>,
 }
@@ -228,6 +231,7 @@ impl View {
             scale: None,
             is_translation_locked: None,
             is_rotation_locked: None,
+            failure: (state.operating() == Some(OperatingState::Fault)).then(|| fault_sentence(&state)),
             reasons: reasons.iter().map(held).collect(),
         })
     }
@@ -252,6 +256,9 @@ impl Shown {
             if is_locked == Some(true) {
                 text += &format!("  No {what} is taken from the hand: it is locked.\n");
             }
+        }
+        if let Some(failure) = &self.failure {
+            text += &format!("  {failure}\n");
         }
         for held in &self.reasons {
             text += &format!("  {}", held.sentence);

@@ -154,6 +154,11 @@ fn homing_where_they_stand_gives_the_zero_and_moves_nothing() {
     for (drive, place) in bus.lock().drives.iter().zip(places) {
         assert_eq!((drive.place, drive.state(), drive.object(0x6060, 0)), (place, State::SwitchOnDisabled, 8));
     }
+    // An emergency stop is pressed on the third: it gets no power, and it is the one that is named.
+    bus.lock().with(2, |drive, out| drive.press_emergency_stop(None, out));
+    let sentence = can.home(&config, &mut seen).unwrap_err().to_string();
+    assert!(sentence.contains("ctuator 3 (id 3)"), "{sentence}");
+    bus.lock().drives[2].release_emergency_stop();
     bus.lock().drives[1].remove_object(0x6098, 0);
     let sentence = can.home(&config, &mut seen).unwrap_err().to_string();
     assert!(sentence.contains("actuator 2 (id 2) refuses object 6098:00"), "{sentence}");
