@@ -7,6 +7,7 @@ use crate::fit::undetermined;
 use crate::lines::Turning;
 use crate::stem_rows::Rows;
 use crate::{CalibrateError, CalibratedValue, LeastSquares};
+use core::ops::RangeInclusive;
 use krait_model::MachineParameters;
 use nalgebra::{DMatrix, Matrix4, Vector2, Vector3, Vector4};
 
@@ -25,6 +26,9 @@ const PARAMETERS: [(&str, f64); 4] =
 const SETTLED: f64 = 1e-6;
 const MAX_ITERATIONS: u32 = 100;
 const MAX_HALVINGS: u32 = 12;
+
+/// What a standard deviation of a bend can be, rad.
+pub const BEND_SD_RAD: RangeInclusive<f64> = 1e-6..=0.2;
 
 /// One row of measurements; NaN where nothing was measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -305,13 +309,13 @@ fn is_flat(step: &Vector4<f64>, covariance: &Matrix4<f64>) -> bool {
 
 fn law(settings: &StemSettings) -> Result<Rows, CalibrateError> {
     let ranges = [
-        ("mu", settings.mu, 1e-3, 1.0, "0.001 to 1"),
-        ("the standard deviation of a load cell", settings.cell_sd_n, 1e-4, 100.0, "0.0001 to 100 N"),
-        ("the standard deviation of a bend", settings.bend_sd_rad, 1e-6, 0.2, "1e-6 to 0.2 rad"),
-        ("the standard deviation of an encoder", settings.encoder_sd_m, 1e-8, 1e-3, "1e-8 to 0.001 m"),
+        ("mu", settings.mu, 1e-3..=1.0, "0.001 to 1"),
+        ("the standard deviation of a load cell", settings.cell_sd_n, 1e-4..=100.0, "0.0001 to 100 N"),
+        ("the standard deviation of a bend", settings.bend_sd_rad, BEND_SD_RAD, "1e-6 to 0.2 rad"),
+        ("the standard deviation of an encoder", settings.encoder_sd_m, 1e-8..=1e-3, "1e-8 to 0.001 m"),
     ];
-    for (name, found, low, high, expected) in ranges {
-        if !(low..=high).contains(&found) {
+    for (name, found, range, expected) in ranges {
+        if !range.contains(&found) {
             return Err(CalibrateError::Setting { name, found, expected });
         }
     }

@@ -4,7 +4,7 @@ use crate::machine::{MachineUnderTest, machine_of};
 use crate::read::{ColumnMap, ReadError, read};
 use crate::{LabError, Measurements};
 use krait_ipc::input;
-use krait_model::model_file::{Machine, ModelFile, ModelFileError};
+use krait_model::model_file::{ModelFile, ModelFileError};
 use std::path::{Path, PathBuf};
 
 /// A model, its machine under the lab, and what was measured.
@@ -70,7 +70,7 @@ impl Session {
     /// [`SessionError`], one sentence.
     pub fn open_all(model: &Path, data: &[PathBuf], map: &ColumnMap) -> Result<Self, SessionError> {
         let file = open_model(model)?;
-        let machine = machine(&file)?;
+        let machine = machine_of(&file)?;
         let mut parts = Vec::new();
         for path in files(data)? {
             parts.push(read(&path, map, file.machine().into())?);
@@ -121,12 +121,4 @@ pub fn open_model(path: &Path) -> Result<ModelFile, SessionError> {
     let text = input::text(path, input::CONFIG_BYTES)
         .map_err(|source| SessionError::Unreadable { path: path.to_owned(), source })?;
     ModelFile::parse(&text).map_err(|source| SessionError::Model { path: path.to_owned(), source })
-}
-
-fn machine(file: &ModelFile) -> Result<Box<dyn MachineUnderTest>, LabError> {
-    if matches!(file.machine(), Machine::Segments(_)) {
-        return Err(LabError::Segments);
-    }
-    let found = "a machine of neither kind";
-    machine_of(file).ok_or(LabError::OtherMachine { data: "the model".to_owned(), expected: "snake or joints", found })
 }

@@ -39,6 +39,7 @@ mod segments_truth;
 mod shutter;
 mod sight;
 mod snake;
+mod solve;
 mod truth;
 mod truth_error;
 

@@ -22,6 +22,7 @@ use crate::bending::Bending;
 use crate::cone::SpreadCone;
 use crate::ends::Ends;
 use crate::line::{Compliance, Inside, Line, Load, Memory};
+use crate::solve::solve_symmetric;
 use crate::truth::Truth;
 use core::f64::consts::{FRAC_PI_3, PI};
 
@@ -279,29 +280,4 @@ fn coupled(holes: [[f64; 2]; 3], coupling: &[f64; 6]) -> [[f64; 2]; 3] {
 
 fn dot(a: &Vec3, b: &Vec3) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-/// Solves A x = b for a symmetric positive definite A by Cholesky's factors; `None` if A is not.
-fn solve_symmetric(a: &[Vec3; 3], b: &Vec3) -> Option<Vec3> {
-    let mut l = [[0.0_f64; 3]; 3];
-    for row in 0..3 {
-        for column in 0..=row {
-            let rest = a[row][column] - (0..column).map(|k| l[row][k] * l[column][k]).sum::<f64>();
-            if row != column {
-                l[row][column] = rest / l[column][column];
-            } else if rest > 0.0 {
-                l[row][row] = rest.sqrt();
-            } else {
-                return None;
-            }
-        }
-    }
-    let mut x = [0.0; 3];
-    for row in 0..3 {
-        x[row] = (b[row] - (0..row).map(|k| l[row][k] * x[k]).sum::<f64>()) / l[row][row];
-    }
-    for row in (0..3).rev() {
-        x[row] = (x[row] - (row + 1..3).map(|k| l[k][row] * x[k]).sum::<f64>()) / l[row][row];
-    }
-    Some(x)
 }

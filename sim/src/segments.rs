@@ -18,6 +18,7 @@
 
 use crate::line::{Compliance, Inside, Line, Load, Memory};
 use crate::segments_truth::{MAX_SEGMENTS, SegmentsTruth, SegmentsTruthError};
+use crate::solve::solve_symmetric;
 use core::f64::consts::PI;
 
 /// Longest step along a path.
@@ -266,29 +267,4 @@ impl Strung {
 
 fn dot(a: &Unknowns, b: &Unknowns) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-/// Solves A x = b for a symmetric positive definite A by Cholesky's factors; `None` if A is not.
-fn solve_symmetric(a: &Square, b: &Unknowns) -> Option<Unknowns> {
-    let mut l = [[0.0_f64; N]; N];
-    for row in 0..N {
-        for column in 0..=row {
-            let rest = a[row][column] - (0..column).map(|k| l[row][k] * l[column][k]).sum::<f64>();
-            if row != column {
-                l[row][column] = rest / l[column][column];
-            } else if rest > 0.0 {
-                l[row][row] = rest.sqrt();
-            } else {
-                return None;
-            }
-        }
-    }
-    let mut x = [0.0; N];
-    for row in 0..N {
-        x[row] = (b[row] - (0..row).map(|k| l[row][k] * x[k]).sum::<f64>()) / l[row][row];
-    }
-    for row in (0..N).rev() {
-        x[row] = (x[row] - (row + 1..N).map(|k| l[k][row] * x[k]).sum::<f64>()) / l[row][row];
-    }
-    Some(x)
 }

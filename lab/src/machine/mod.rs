@@ -20,16 +20,22 @@ use crate::{FittedData, LabError, Measurements, Parameter, Term};
 use krait_model::EffectSetting;
 use krait_model::model_file::{self, ModelFile};
 
-/// The machine of a model file; `None` for segments, and for a snake whose parameters its own file would refuse.
-pub fn machine_of(file: &ModelFile) -> Option<Box<dyn MachineUnderTest>> {
-    match file.machine() {
+/// The machine of a model file.
+///
+/// # Errors
+/// [`LabError::Segments`], which the lab does not measure; [`LabError::OtherMachine`] for a machine whose numbers its own file would
+/// refuse.
+pub fn machine_of(file: &ModelFile) -> Result<Box<dyn MachineUnderTest>, LabError> {
+    let machine = match file.machine() {
         model_file::Machine::Snake(_) => SnakeLab::new(file).map(|snake| Box::new(snake) as Box<dyn MachineUnderTest>),
         model_file::Machine::Joints(_) => {
             JointsLab::new(file).map(|joints| Box::new(joints) as Box<dyn MachineUnderTest>)
         }
-        model_file::Machine::Segments(_) => None,
         model_file::Machine::Force(_) => ForceLab::new(file).map(|force| Box::new(force) as Box<dyn MachineUnderTest>),
-    }
+        model_file::Machine::Segments(_) => return Err(LabError::Segments),
+    };
+    let found = "a machine of neither kind";
+    machine.ok_or(LabError::OtherMachine { data: "the model".to_owned(), expected: "snake or joints", found })
 }
 
 /// A term as an effect of a model file of this machine.

@@ -4,13 +4,14 @@
 //! puts the simulated snake in its place.
 
 use crate::cli_calibrate::{CalibrateVerb, Files, FrictionArgs, PhotoArgs, PlayArgs, PosesArgs};
+use crate::commands::today;
 use crate::print;
 use anyhow::Context;
 use krait_calibrate::{CalibrateError, CalibratedValue, Dialogue, Reply, friction, photo, play, poses, written};
+use krait_ipc::input;
 use krait_ipc::message::{lines, three};
-use krait_ipc::{clock, input};
 use krait_model::MachineParameters;
-use krait_model::model_file::{Machine, ModelFile};
+use krait_model::model_file::{FileEffect, Machine, ModelFile};
 use krait_sim::{SimulatedSnake, Truth};
 use krait_slave::{Drive, DriveError};
 use nalgebra::Vector3;
@@ -144,22 +145,27 @@ fn machine(model: &Path) -> anyhow::Result<MachineParameters> {
 
 /// Dimensions and material of the snake that a model file describes.
 pub(super) fn snake_of(file: &ModelFile, model: &Path) -> anyhow::Result<MachineParameters> {
-    let other = match file.machine() {
-        Machine::Snake(snake) => return Ok(snake.parameters),
-        Machine::Segments(_) => "segments",
-        Machine::Joints(_) => "joints",
-        Machine::Force(_) => "forces",
-    };
-    anyhow::bail!("the model file {} describes {other}, expected a snake; give another", model.display())
+    match file.machine() {
+        Machine::Snake(snake) => Ok(snake.parameters),
+        other => {
+            anyhow::bail!(
+                "the model file {} is of kind {}, expected a snake; give another",
+                model.display(),
+                other.kind()
+            )
+        }
+    }
+}
+
+/// An effect of a model file by its kind's name.
+pub(super) fn effect_of<'f>(file: &'f ModelFile, name: &str) -> Option<&'f FileEffect> {
+    file.effects().iter().find(|effect| effect.setting().kind().name() == name)
 }
 
 /// mu and f_s of a model file: they must be known before eta and the play are.
 fn friction_of(model: &Path) -> anyhow::Result<(f64, f64)> {
     let file = file_of(model)?;
-    let value = |effect: &str, parameter: &str| {
-        let effects = file.as_ref().map(ModelFile::effects).unwrap_or_default();
-        effects.iter().find(|e| e.setting().kind().name() == effect).and_then(|e| e.setting().value(parameter))
-    };
+    let value = |effect: &str, parameter: &str| effect_of(file.as_ref()?, effect)?.setting().value(parameter);
     let found = (value("cone-friction", "mu"), value("static-friction", "f_s_n"));
     let (Some(mu), Some(f_s_n)) = found else {
         anyhow::bail!(
@@ -181,11 +187,6 @@ fn save(dialogue: &mut Terminal, files: &Files, found: &[CalibratedValue]) -> an
     replaced(model, &written(text_of(model)?.as_deref(), found, &from, &today())?)?;
     dialogue.say(&format!("written to {}", model.display()))?;
     Ok(ExitCode::SUCCESS)
-}
-
-/// Today, YYYY-MM-DD.
-pub(super) fn today() -> String {
-    krait_record::utc_text(clock::wall_ns()).chars().take(10).collect()
 }
 
 /// Writes a model file as a whole.

@@ -1,20 +1,17 @@
 //! `krait calibrate stem`: the stem's angle from a recording with load cells, as the lab reads recordings.
 
-use super::calibrate::{replaced, snake_of, today};
+use super::calibrate::{effect_of, replaced, snake_of};
 use super::overwrite::refuse_existing;
+use super::today;
 use crate::cli_calibrate::StemArgs;
 use crate::print;
-use anyhow::{Context, bail};
-use krait_calibrate::stem::{StemRow, StemSettings, stem};
+use anyhow::bail;
+use krait_calibrate::stem::{BEND_SD_RAD, StemRow, StemSettings, stem};
 use krait_calibrate::written;
-use krait_ipc::input;
 use krait_lab::{Measurements, Session};
 use krait_model::model_file::ModelFile;
 use std::path::Path;
 use std::process::ExitCode;
-
-/// What a standard deviation of a bend can be, rad.
-const BEND_SD_RAD: core::ops::RangeInclusive<f64> = 1e-6..=0.2;
 
 /// Fits, prints, and writes the file that is asked for.
 pub fn run(args: &StemArgs) -> anyhow::Result<ExitCode> {
@@ -36,8 +33,7 @@ pub fn run(args: &StemArgs) -> anyhow::Result<ExitCode> {
     let found = stem(&rows(&session.data)?, &settings)?;
     let mut text = found.sentences() + "\n";
     if let Some(out) = &args.out {
-        let old = input::text(model, input::CONFIG_BYTES)
-            .with_context(|| format!("the model file {} could not be read", model.display()))?;
+        let old = session.file.to_toml();
         replaced(out, &written(Some(&old), &found.calibrated(), &session.data.source, &today())?)?;
         text += &format!("written to {}\n", out.display());
     }
@@ -47,8 +43,9 @@ pub fn run(args: &StemArgs) -> anyhow::Result<ExitCode> {
 
 /// mu of the cone with its standard error, 0 where the file states none.
 fn mu_of(file: &ModelFile, model: &Path) -> anyhow::Result<(f64, f64)> {
-    let cone = file.effects().iter().find(|effect| effect.setting().kind().name() == "cone-friction");
-    let Some((cone, mu)) = cone.and_then(|effect| Some((effect, effect.setting().value("mu")?))) else {
+    let Some((cone, mu)) =
+        effect_of(file, "cone-friction").and_then(|effect| Some((effect, effect.setting().value("mu")?)))
+    else {
         bail!(
             "the model file {} has no friction in the cone (effect cone-friction), expected its mu, since only 2 mu phi acts; run \
              `krait calibrate friction` first",

@@ -71,6 +71,11 @@ pub fn refuse_without(bus: &Bus, process: &str, command: &str) -> anyhow::Result
     )
 }
 
+/// Today, YYYY-MM-DD.
+fn today() -> String {
+    krait_record::utc_text(clock::wall_ns()).chars().take(10).collect()
+}
+
 /// Becomes the writer of a channel on which commands take turns; whoever else is asking is soon done.
 ///
 /// # Errors

@@ -2,6 +2,7 @@
 
 use crate::cli_model::SaveLearntArgs;
 use crate::commands::overwrite::refuse_existing;
+use crate::commands::today;
 use crate::print;
 use crate::recorded::{model_text, settings_of};
 use anyhow::{Context, bail};
@@ -223,10 +224,6 @@ impl Unit {
     fn of(&self, rms_rad: f64) -> f64 {
         rms_rad * self.per_si
     }
-}
-
-fn today() -> String {
-    krait_record::utc_text(krait_ipc::clock::wall_ns()).chars().take(10).collect()
 }
 
 fn sha256(path: &Path) -> anyhow::Result<String> {

@@ -95,7 +95,7 @@ pub struct GeometryKey {
     pub default: f64,
 }
 
-fn geometry_key(name: &str) -> Option<&'static MachineKey> {
+fn geometry_key(name: &str) -> Option<&'static NumberKey<SnakeMachine>> {
     SNAKE_KEYS.iter().find(|key| key.name == name && key.is_geometry())
 }
 
@@ -198,15 +198,15 @@ impl Known {
     }
 }
 
-/// One key of a snake's machine.
-pub(super) struct MachineKey {
+/// A number of a machine, or of a part of one, by its key.
+pub(super) struct NumberKey<T> {
     pub name: &'static str,
     pub doc: &'static str,
-    pub get: fn(&SnakeMachine) -> f64,
-    pub set: fn(&mut SnakeMachine, f64),
+    pub get: fn(&T) -> f64,
+    pub set: fn(&mut T, f64),
 }
 
-impl MachineKey {
+impl NumberKey<SnakeMachine> {
     /// Whether it is a number of the geometry, which a fit may free, and no setting.
     pub(super) fn is_geometry(&self) -> bool {
         range_of(self.name).is_some()
@@ -214,62 +214,62 @@ impl MachineKey {
 }
 
 /// The keys of a snake's machine; ranges are in [`MachineParameters::check`] and [`ChainSettings`].
-pub(super) const SNAKE_KEYS: [MachineKey; 10] = [
-    MachineKey {
+pub(super) const SNAKE_KEYS: [NumberKey<SnakeMachine>; 10] = [
+    NumberKey {
         name: "l_m",
         doc: "m, 0.005 to 0.5: primary backbone, base disk to end disk",
         get: |m| m.parameters.l_m,
         set: |m, v| m.parameters.l_m = v,
     },
-    MachineKey {
+    NumberKey {
         name: "r_m",
         doc: "m, 0.0003 to 0.02: pitch radius of the lines",
         get: |m| m.parameters.r_m,
         set: |m, v| m.parameters.r_m = v,
     },
-    MachineKey {
+    NumberKey {
         name: "e_pa",
         doc: "Pa, 1e9 to 4e11: Young's modulus",
         get: |m| m.parameters.e_pa,
         set: |m, v| m.parameters.e_pa = v,
     },
-    MachineKey {
+    NumberKey {
         name: "d_outer_m",
         doc: "m, 0.00005 to 0.005: outer diameter of a backbone",
         get: |m| m.parameters.d_outer_m,
         set: |m, v| m.parameters.d_outer_m = v,
     },
-    MachineKey {
+    NumberKey {
         name: "d_inner_m",
         doc: "m, 0 to less than d_outer_m: inner diameter",
         get: |m| m.parameters.d_inner_m,
         set: |m, v| m.parameters.d_inner_m = v,
     },
-    MachineKey {
+    NumberKey {
         name: "l_d_m",
         doc: "m, 0.001 to 10: length of a line in the holder",
         get: |m| m.parameters.l_d_m,
         set: |m, v| m.parameters.l_d_m = v,
     },
-    MachineKey {
+    NumberKey {
         name: "l_c_m",
         doc: "m, 0.001 to 10: length of a line in the cone",
         get: |m| m.parameters.l_c_m,
         set: |m, v| m.parameters.l_c_m = v,
     },
-    MachineKey {
+    NumberKey {
         name: "phi_rad",
         doc: "rad, 0 to pi: angle of each of the cone's two arcs",
         get: |m| m.parameters.phi_rad,
         set: |m, v| m.parameters.phi_rad = v,
     },
-    MachineKey {
+    NumberKey {
         name: "strain_limit",
         doc: "1, 0.001 to 0.08: strain of the outer fibre (d_outer/2) b / L beyond which no shape is planned",
         get: |m| m.settings.strain_limit,
         set: |m, v| m.settings.strain_limit = v,
     },
-    MachineKey {
+    NumberKey {
         name: "transition_m",
         doc: "m, 1e-9 to 0.001: travel over which a line's sign of motion turns in the compensator",
         get: |m| m.settings.transition_m,

@@ -1,8 +1,9 @@
 //! `[machine]` of kind segments, from text: the whole, and one `[[machine.segment]]` after the other from the base on.
 
 use super::ModelFileError;
+use super::machine::NumberKey;
 use super::read::{Section, as_number, count};
-use super::segment_keys::{NumberKey, SEGMENT_KEYS, WHOLE_KEYS, default_radius_m, default_segment};
+use super::segment_keys::{SEGMENT_KEYS, WHOLE_KEYS, default_radius_m, default_segment};
 use crate::ChainError;
 use crate::segments::{LineParameters, SegmentParameters, Segments, SegmentsParameters};
 

@@ -1,15 +1,8 @@
 //! The keys of a machine of segments: one list that reading, writing and "assumed" share, so that none of them forgets a key.
 
+use super::machine::NumberKey;
 use crate::MachineParameters;
 use crate::segments::{SegmentParameters, SegmentsParameters};
-
-/// One number of a machine, or of one of its segments.
-pub(super) struct NumberKey<T> {
-    pub name: &'static str,
-    pub doc: &'static str,
-    pub get: fn(&T) -> f64,
-    pub set: fn(&mut T, f64),
-}
 
 /// The numbers under `[machine]`; ranges are in [`SegmentsParameters::check`].
 pub(super) const WHOLE_KEYS: [NumberKey<SegmentsParameters>; 6] = [

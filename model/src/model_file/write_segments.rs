@@ -1,7 +1,8 @@
 //! A machine of segments as text that reads back as the same machine, with or without what each key means.
 
+use super::machine::NumberKey;
 use super::segment_keys::{
-    AZIMUTH_DOC, NumberKey, RADIUS_DOC, SEGMENT_KEYS, WHOLE_KEYS, default_radius_m, default_segment, degrees,
+    AZIMUTH_DOC, RADIUS_DOC, SEGMENT_KEYS, WHOLE_KEYS, default_radius_m, default_segment, degrees,
 };
 use super::write::{Out, number, numbers};
 use crate::segments::SegmentsParameters;

@@ -3,10 +3,10 @@
 use super::page;
 use crate::cli_lab::{AddArgs, FitArgs, LabFiles, dotted, effect_parameter};
 use crate::commands::overwrite::refuse_existing;
+use crate::commands::today;
 use crate::print;
 use anyhow::{Context, bail};
 use krait_bridge::LiveModel;
-use krait_ipc::clock;
 use krait_lab::machine::MachineUnderTest;
 use krait_lab::report::added_page;
 use krait_lab::{
@@ -117,9 +117,7 @@ fn formula(args: &AddArgs) -> anyhow::Result<FormulaText> {
 }
 
 fn finish(session: &Session, added: &Added, what: &str, out: &Path, as_json: bool) -> anyhow::Result<ExitCode> {
-    let now = krait_record::utc_text(clock::wall_ns());
-    let date: String = now.chars().take(10).collect();
-    let file = save(&session.file, added, what, &session.data, &date)?;
+    let file = save(&session.file, added, what, &session.data, &today())?;
     std::fs::write(out, file.to_toml())
         .with_context(|| format!("the model file {} could not be written", out.display()))?;
     let mut calibrated = disagreements(&session.file, added, &session.data);
