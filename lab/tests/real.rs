@@ -68,6 +68,16 @@ fn check(folder: &Path, (name, number, effects, largest): Expected) {
     assert!(found.explained_share.is_none_or(|share| share > 0.8), "{name}: {}", found.sentence);
 }
 
+/// Where the other open files are, if this workplace has them.
+fn shared() -> Option<PathBuf> {
+    let shared: PathBuf = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/real");
+    let found = [shared.clone(), PathBuf::from("/work/shared/real")].into_iter().find(|folder| folder.is_dir());
+    if found.is_none() {
+        eprintln!("skipped: {} is not there; the shipped extracts are tested", shared.display());
+    }
+    found
+}
+
 #[test]
 fn play_of_a_jaw_and_lag_of_servos_are_named_without_any_calibration() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data");
@@ -76,14 +86,8 @@ fn play_of_a_jaw_and_lag_of_servos_are_named_without_any_calibration() {
 
 #[test]
 fn the_other_open_files_are_named_as_well() {
-    let shared: PathBuf = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/real");
-    let other = Path::new("/work/shared/real");
-    let folder = if shared.is_dir() { shared.as_path() } else { other };
-    if !folder.is_dir() {
-        eprintln!("skipped: {} is not there; the shipped extracts are tested", shared.display());
-        return;
-    }
-    SHARED.into_iter().for_each(|expected| check(folder, expected));
+    let Some(folder) = shared() else { return };
+    SHARED.into_iter().for_each(|expected| check(&folder, expected));
 }
 
 #[test]
@@ -106,6 +110,29 @@ fn four_strokes_do_not_name_what_another_recording_of_the_same_jaw_denies() {
     let names: Vec<&str> = found.effects.iter().map(|own| own.name.as_str()).collect();
     assert!(names.len() == 1 && PLAY.contains(&names[0]), "{}", found.sentence);
     assert_eq!(found.verdict, Verdict::Partly, "{}", found.sentence);
+}
+
+/// Joint 3 moves there and a part of the way back: nine tenths of what it was sent are play, and its error stands in the last seconds.
+#[test]
+fn a_play_of_nine_tenths_of_the_motion_is_named_alone_and_leaves_the_gain_near_one() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data");
+    let found = diagnosed(&joint(&folder.join("so101/slow_precision_3.csv"), 1));
+    let names: Vec<&str> = found.effects.iter().map(|own| own.name.as_str()).collect();
+    assert_eq!(names, ["backlash"], "{}", found.sentence);
+    let gain = found.calibration.iter().find(|own| own.name == "gain").expect("a gain");
+    assert!((1.02..1.12).contains(&gain.value), "{gain:?}");
+    assert!(found.final_heldout_rms < 0.1 * found.base_heldout_rms, "{}", found.sentence);
+}
+
+/// What stands out from its neighbours in the other joints is left out in this one too: the answer hung on those rows.
+#[test]
+fn the_same_joint_is_named_among_the_others() {
+    let Some(folder) = shared() else { return };
+    let (file, machine) = model("n = 6\n");
+    let all = read(&folder.join("so101/slow_precision.csv"), &ColumnMap::default(), file.machine().into());
+    let found = diagnose(&machine, &all.expect("good data"), &DiagnoseOptions::default()).expect("a chain");
+    let is_play = |own: &&FoundEffect| own.joint == Some(3) && PLAY.contains(&own.name.as_str());
+    assert!(found.effects.iter().any(|own| is_play(&own)), "{}", found.sentence);
 }
 
 #[test]

@@ -34,6 +34,9 @@ const LEVEL: f64 = 0.05;
 /// An effect that takes away this much, beyond so many standard errors, needs no test.
 const OVERWHELMING: f64 = 0.35;
 const BEYOND_CHANCE: f64 = 3.0;
+/// Nor does one that leaves less than this of the mean square: where a motion turns once, the error stands in few blocks, and
+/// neither a standard error over blocks nor the test can see what it takes away.
+const NEXT_TO_NOTHING: f64 = 0.1;
 /// Fewer correlation times than this are too short for any test.
 const FEWEST_TIMES: f64 = 15.0;
 /// Effects that explain less than this share are hypotheses.
@@ -220,7 +223,8 @@ impl Case<'_> {
         let problem = problem(self.machine, self.data_of(signal), signal, times);
         let test = first(last, &problem, self.options.seed);
         let gained = in_errors(&before.blocks, &after.blocks);
-        let overwhelming = after.mean_square < OVERWHELMING * before.mean_square && gained > BEYOND_CHANCE;
+        let left = after.mean_square / before.mean_square.max(1e-300);
+        let overwhelming = left < NEXT_TO_NOTHING || left < OVERWHELMING && gained > BEYOND_CHANCE;
         let mut hypotheses = None;
         let no_known = fit.members.iter().all(|m| m.kind.is_shape());
         let is_chance = if no_known { gained < BEYOND_CHANCE } else { test.p_value > LEVEL && !overwhelming };

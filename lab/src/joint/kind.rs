@@ -101,8 +101,10 @@ impl Range {
     }
 }
 
-/// Half-width of the widest play, as a part of the range: a wider one leaves next to nothing of the motion.
-const WIDEST_PLAY: f64 = 0.45;
+/// Half-width of the widest play, as a part of the range: a wider one leaves less than a twentieth of the motion.
+const WIDEST_PLAY: f64 = 0.475;
+/// The same of hysteresis that also has weights: they and a wide one together imitate a creep.
+const WIDEST_WEIGHTED: f64 = 0.45;
 /// Half waves over the record that make a slow wandering: the shortest lasts a fifth of the record.
 pub(super) const WAVES: usize = 10;
 /// An error with fewer periods in the whole range is a curve.
@@ -256,7 +258,8 @@ impl Kind {
             Self::Lag => vec![log(0.3 * dt, 8.0_f64.min(s.longest_s / 8.0))],
             Self::SecondOrder => vec![log(0.5, 200.0_f64.min(1.0 / dt)), log(0.15, 3.0)],
             Self::RateLimit => vec![log(0.02 * s.fast, 1.2 * s.fast)],
-            Self::Backlash | Self::BoucWen | Self::Plays => vec![log(2e-3 * r, WIDEST_PLAY * r)],
+            Self::Backlash => vec![log(2e-3 * r, WIDEST_PLAY * r)],
+            Self::BoucWen | Self::Plays => vec![log(2e-3 * r, WIDEST_WEIGHTED * r)],
             Self::LoadFriction => vec![log(0.005, 0.6)],
             Self::DeadZone => {
                 let scale = Coordinates::Linear(r);
