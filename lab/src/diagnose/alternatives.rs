@@ -17,7 +17,7 @@ pub(super) struct Alternatives {
 }
 
 /// Errors up to this ratio are the same for a user.
-const SAME: f64 = 1.02;
+pub(crate) const SAME: f64 = 1.02;
 const RESAMPLES: usize = 500;
 /// One-sided 5 % of Student's t for the usual number of blocks.
 const T_ONE_SIDED: f64 = 1.69;

@@ -1,5 +1,6 @@
 //! What to do next: the motion that would separate effects that these data cannot tell apart.
 
+use super::Verdict;
 use crate::experiment::Experiment;
 
 /// The next experiment.
@@ -11,6 +12,13 @@ pub struct NextExperiment {
     pub instruction: String,
     /// The motion made for it and what that is expected to decide, where that was computed.
     pub motion: Option<Experiment>,
+}
+
+impl NextExperiment {
+    /// The same with what another one asks for behind it.
+    fn and_then(self, other: &Self) -> Self {
+        Self { instruction: format!("{}. For the rest: {}", self.instruction, other.instruction), ..self }
+    }
 }
 
 /// Families of effects, and the experiments that tell members from each other and from other families.
@@ -111,14 +119,15 @@ const RICH_OF_JOINTS: &str = "Run this joint in nested loops from its whole rang
                               falling size with holds of 3 s, while the other joints rest: reversals separate hysteresis from \
                               everything that has none";
 
-/// The experiment for effects of joints that look alike; `None` where there is nothing to separate.
-pub(crate) fn separate_joints(class: &[String]) -> Option<NextExperiment> {
+/// The experiment for effects of a joint (from 1) that look alike; `None` where there is nothing to separate.
+pub(crate) fn separate_joints(class: &[String], joint: Option<usize>) -> Option<NextExperiment> {
     let first = class.first().filter(|_| class.len() > 1)?;
     let shared = OF_JOINTS
         .iter()
         .find(|(names, _)| names.contains(&first.as_str()))
         .filter(|(names, _)| class.iter().skip(1).all(|other| names.contains(&other.as_str())));
-    let instruction = shared.map_or(RICH_OF_JOINTS, |(_, instruction)| instruction).to_owned();
+    let instruction = shared.map_or(RICH_OF_JOINTS, |(_, instruction)| instruction);
+    let instruction = joint.map_or(instruction.to_owned(), |joint| format!("On joint {joint}: {instruction}"));
     Some(NextExperiment { separates: class.to_vec(), instruction, motion: None })
 }
 
@@ -147,8 +156,25 @@ pub(crate) fn separate(class: &[String], n_reversals: usize, has_loads: bool) ->
     Some(NextExperiment { separates: class.to_vec(), instruction, motion: None })
 }
 
+/// The experiment that a verdict asks for: what would tell the look-alikes apart, and where a rest remains what would show it.
+pub(crate) fn next(
+    verdict: Verdict,
+    separating: impl FnOnce() -> Option<NextExperiment>,
+    looks_like: Option<&str>,
+) -> Option<NextExperiment> {
+    match verdict {
+        Verdict::None => None,
+        Verdict::Missing => separating(),
+        Verdict::Partly => Some(match separating() {
+            Some(own) => own.and_then(&explore(looks_like)),
+            None => explore(looks_like),
+        }),
+        Verdict::Unknown | Verdict::TooShort => Some(explore(looks_like)),
+    }
+}
+
 /// What helps where nothing known explains the rest.
-pub(crate) fn explore(looks_like: Option<&str>) -> NextExperiment {
+fn explore(looks_like: Option<&str>) -> NextExperiment {
     let about =
         looks_like.map_or(String::new(), |what| format!(" The rest depends on {what}: vary that and keep all else."));
     NextExperiment {

@@ -141,7 +141,7 @@ fn separation(motion: &Experiment) -> Option<Value> {
     let pairs = own.pairs.iter().map(|pair| {
         json!({
             "truth": pair.truth, "other": pair.other, "lambda_now": pair.lambda_now, "lambda_after": pair.lambda_then,
-            "told": pair.is_told(),
+            "part_of_noise_after": pair.part_then, "told": pair.is_told(),
         })
     });
     Some(json!({ "seconds": own.seconds, "enough": Separation::ENOUGH, "pairs": pairs.collect::<Vec<_>>() }))

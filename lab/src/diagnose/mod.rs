@@ -30,10 +30,11 @@ mod words;
 mod working;
 
 pub(crate) use accept::mean_and_error;
+pub(crate) use alternatives::SAME;
 pub use answer::{Calibration, CandidateAnswer, Diagnosis, FoundEffect, FoundParameter, LoadCell, Remaining, Verdict};
 pub(crate) use calibration::number_name;
 pub use experiment::NextExperiment;
-pub(crate) use experiment::{explore, separate_joints};
+pub(crate) use experiment::{next, separate_joints};
 pub(crate) use gate::{cautions, turns};
 pub(crate) use rhythm::rhythm;
 pub use sketch::Sketch;

@@ -263,14 +263,9 @@ impl Case<'_> {
             (false, false) => Verdict::Missing,
         };
         let n_reversals = gate::reversals(&problem.data);
-        let next_experiment = match verdict {
-            Verdict::None => None,
-            Verdict::Missing => {
-                let has_loads = problem.loads().is_some();
-                effects.iter().find_map(|effect| experiment::separate(&effect.class, n_reversals, has_loads))
-            }
-            _ => Some(experiment::explore(remaining.looks_like)),
-        };
+        let has_loads = problem.loads().is_some();
+        let separating = || effects.iter().find_map(|own| experiment::separate(&own.class, n_reversals, has_loads));
+        let next_experiment = experiment::next(verdict, separating, remaining.looks_like);
         let candidates = self.candidates(&effects, scale);
         let loads = self.load_cells(&start, &chosen)?;
         let mut cautions = gate::cautions(problem, self.n_outliers, true);

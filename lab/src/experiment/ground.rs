@@ -137,6 +137,15 @@ impl Ground {
         self.measured_per_s * self.period_s
     }
 
+    /// Values that will be measured on a path: two for each row of a snake, one for each row of a joint.
+    pub fn measured_values(&self, path: &[Vec<f64>]) -> f64 {
+        let of_a_row = match &self.body {
+            Body::Snake(_) => 2.0,
+            Body::Joints { .. } => 1.0,
+        };
+        of_a_row * self.measured_for_each_row() * path.len() as f64
+    }
+
     /// A path as measurements without outputs; a snake's encoders as a compensated elastic snake is told.
     ///
     /// # Errors

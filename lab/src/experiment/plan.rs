@@ -70,7 +70,13 @@ mod tests {
         let of = |lambdas: [f64; 2]| Separation {
             seconds: 1.0,
             pairs: lambdas
-                .map(|lambda_then| Pair { truth: "a".to_owned(), other: "b".to_owned(), lambda_now: 0.0, lambda_then })
+                .map(|lambda_then| Pair {
+                    truth: "a".to_owned(),
+                    other: "b".to_owned(),
+                    lambda_now: 0.0,
+                    lambda_then,
+                    part_then: 1.0,
+                })
                 .into(),
         };
         assert!(does_as_well(&of([11.0, 0.5]), &of([90.0, 2.1])));

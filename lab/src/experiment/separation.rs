@@ -3,12 +3,13 @@
 //! lambda_ij = min over the parameters of j of |y_i - y_j|^2 / sigma^2, where y_i is what the machine would show if effect i,
 //! fitted to the data, were the truth: the likelihood ratio that is expected against j. From 10 on the right one is found in
 //! four of five cases at a level of 1 %. What the model file leaves to the fits (gain and offset of joints, open values) is free
-//! with j, so that calibration can take up what it will. Rows whose noise remembers others count as fewer.
+//! with j, so that calibration can take up what it will. Rows whose noise remembers others count as fewer. In a long motion a
+//! difference may be no chance and still change the error by so little that the diagnosis calls both laws the same.
 
 use super::ground::Ground;
 use super::moves::Move;
 use crate::diagnose::search::Search;
-use crate::diagnose::{FoundEffect, working_rows};
+use crate::diagnose::{FoundEffect, SAME, working_rows};
 use crate::fit::{Fit, Variable, fit};
 use crate::machine::{Candidate, MachineUnderTest};
 use crate::noise::autocorrelation_time;
@@ -32,11 +33,19 @@ pub struct Pair {
     pub lambda_now: f64,
     /// lambda on the experiment alone.
     pub lambda_then: f64,
+    /// Mean square between the two on the experiment, as a part of the noise's.
+    pub part_then: f64,
 }
 
 impl Pair {
-    /// Whether the experiment tells the two apart.
+    /// Whether the experiment tells the two apart: by so much more than chance, and by so much that the diagnosis does not call
+    /// their errors the same.
     pub fn is_told(&self) -> bool {
+        self.is_beyond_chance() && 1.0 + self.part_then > SAME * SAME
+    }
+
+    /// Whether the experiment shows a difference that is no chance, however small.
+    pub fn is_beyond_chance(&self) -> bool {
         self.lambda_then >= Separation::ENOUGH
     }
 }
@@ -155,11 +164,13 @@ impl<'a> Rivals<'a> {
     /// [`LabError::Chain`] where the model makes no chain.
     pub fn separation(&self, ground: &Ground, path: &[Vec<f64>]) -> Result<Separation, LabError> {
         let lambdas = self.lambdas(ground, path, ITERATIONS, TOLERANCE)?;
+        let values = ground.measured_values(path);
         let pair = |(&(truth, other, lambda_now), lambda_then): (&(usize, usize, f64), f64)| Pair {
             truth: self.fits[truth].0.clone(),
             other: self.fits[other].0.clone(),
             lambda_now,
             lambda_then,
+            part_then: lambda_then * self.memory / values,
         };
         Ok(Separation { seconds: ground.seconds(path), pairs: self.pairs.iter().zip(lambdas).map(pair).collect() })
     }

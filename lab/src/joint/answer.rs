@@ -6,8 +6,8 @@ use super::kind::Kind;
 use super::signal::Number;
 use super::terms::{Values, name, term};
 use crate::diagnose::{
-    Calibration, CandidateAnswer, DiagnoseOptions, Diagnosis, FoundEffect, FoundParameter, GroupShare, NextExperiment,
-    Remaining, Structure, Verdict, cautions, explore, separate_joints, stand_and_take,
+    Calibration, CandidateAnswer, DiagnoseOptions, Diagnosis, FoundEffect, FoundParameter, GroupShare, Remaining,
+    Structure, Verdict, cautions, next, separate_joints, stand_and_take,
 };
 use crate::machine::{JointsLab, MachineUnderTest};
 use crate::{LabError, Measurements, Names, Problem, Term};
@@ -101,11 +101,8 @@ pub(super) fn diagnosis(answer: Answer) -> Result<Diagnosis, LabError> {
     let gains: Vec<f64> = found.iter().map(|own| own.values.gains[0].0).collect();
     let offsets: Vec<f64> = found.iter().map(|own| own.values.offsets[0].0).collect();
     let calibrated = machine.calibrated(&gains, &offsets);
-    let next_experiment: Option<NextExperiment> = match verdict {
-        Verdict::None => None,
-        Verdict::Missing => effects.iter().find_map(|effect| separate_joints(&effect.class)),
-        _ => Some(explore(remaining.looks_like)),
-    };
+    let separating = || effects.iter().find_map(|effect| separate_joints(&effect.class, effect.joint));
+    let next_experiment = next(verdict, separating, remaining.looks_like);
     let problem = Problem::new(machine, data.clone(), &[], f64::INFINITY);
     let mut cautions: Vec<String> = hints.clone();
     cautions.extend(cautions_of(&problem, n_outliers));

@@ -15,7 +15,7 @@ use super::solve::{Design, Solution};
 use super::terms::{self, Value, Values};
 use crate::diagnose::screen::orthonormal;
 use crate::diagnose::{
-    Calibration, DiagnoseOptions, Diagnosis, GroupShare, Structure, Verdict, rhythm, structure, working_rows,
+    Calibration, DiagnoseOptions, Diagnosis, GroupShare, SAME, Structure, Verdict, rhythm, structure, working_rows,
 };
 use crate::machine::{JointsLab, MachineUnderTest};
 use crate::noise::outliers;
@@ -413,8 +413,7 @@ fn steps(search: &Search, fit: &Fit, order: &[Kind], blocks: &Blocks, before: &H
     steps
 }
 
-/// Errors up to this ratio are the same for a user, and what is not even this near is not compared.
-const SAME: f64 = 1.02;
+/// What is not even this near is not compared.
 const COMPARED: f64 = 1.3;
 /// One-sided 5 % of Student's t for the usual number of blocks.
 const T_ONE_SIDED: f64 = 1.69;

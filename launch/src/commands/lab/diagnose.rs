@@ -73,7 +73,11 @@ fn expected(motion: &Experiment) -> String {
     let mut table = Table::new(&["if it is", "against", "lambda now", "after it", ""]);
     for pair in &separation.pairs {
         let number = |value: f64| format!("{value:.1}");
-        let told = if pair.is_told() { "told apart" } else { "not told apart" };
+        let told = match (pair.is_told(), pair.is_beyond_chance()) {
+            (true, _) => "told apart",
+            (false, true) => "too small a difference",
+            (false, false) => "not told apart",
+        };
         table.row(vec![
             pair.truth.clone(),
             pair.other.clone(),
