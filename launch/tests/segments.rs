@@ -5,7 +5,7 @@ mod page;
 
 use krait_model::model_file::ModelFile;
 use krait_model::segments::{Bends, LineValues};
-use krait_sim::{MachineTruth, SegmentTruth, SegmentsTruth, SimulatedSegments};
+use krait_sim::{SegmentTruth, SegmentsTruth, SimulatedSegments};
 use page::{Folder, follow};
 use std::fs;
 use std::path::Path;
@@ -207,13 +207,13 @@ fn what_is_shown_is_the_same_model_and_refused_files_name_line_and_key() {
 /// The shipped model's segments as a simulated machine of its own code.
 fn simulated(has_friction: bool) -> SimulatedSegments {
     let segment = |azimuths_deg: [f64; 3]| SegmentTruth {
-        machine: MachineTruth::default(),
         azimuths_rad: azimuths_deg.map(f64::to_radians).to_vec(),
+        ..SegmentTruth::default()
     };
     let mut truth = SegmentsTruth::ideal(vec![segment([0.0, 120.0, 240.0]), segment([60.0, 180.0, 300.0])]);
-    (truth.load_scale, truth.inside) = (1.22, 1.0);
+    (truth.effects.load_scale, truth.effects.inside) = (1.22, 1.0);
     if has_friction {
-        (truth.play_m, truth.mu, truth.f_s_n) = (2.0 * 8.9e-5, 0.1727, 1.959);
+        (truth.effects.play_m, truth.effects.mu, truth.effects.f_s_n) = (2.0 * 8.9e-5, 0.1727, 1.959);
     }
     SimulatedSegments::new(&truth).expect("a truth")
 }

@@ -5,7 +5,7 @@ use crate::commands::overwrite::refuse_existing;
 use crate::commands::today;
 use crate::print;
 use crate::recorded::{model_text, settings_of};
-use anyhow::{Context, bail};
+use anyhow::{Context, bail, ensure};
 use krait_bridge::{EstimateConfig, EstimateCore, EstimatorCore, JointEstimateCore, JointMachine, LiveModel};
 use krait_ipc::input;
 use krait_ipc::message::{LearningState, LearntValue, ModelUpdate, Shape, SlaveState};
@@ -42,6 +42,7 @@ pub fn run(args: &SaveLearntArgs) -> anyhow::Result<ExitCode> {
     let Some(update) = last.update else { bail!("{}: nothing was learnt in it", of_recording()) };
     let file = ModelFile::parse(&model_text(first, ModelHash(update.model_hash)).with_context(of_recording)?)?;
     let model = LiveModel::of(&file)?;
+    ensure!(model.segments().is_none(), "{NOT_LEARNT}");
     let names = model.learnt().to_vec();
     if names.is_empty() {
         bail!("{}: its model learns nothing; say what it shall learn with `learn = {{ sd = ... }}`", of_recording());
@@ -183,6 +184,7 @@ impl LastChain {
                 let machine = JointMachine::new(&model, &settings_of(recording)?.joints)?;
                 self.unexplained_rad(JointEstimateCore::new(&machine, EstimateConfig::default())?)
             }
+            LiveModel::Segments(_) => bail!("{NOT_LEARNT}"),
         })
     }
 
@@ -203,6 +205,9 @@ impl LastChain {
     }
 }
 
+const NOT_LEARNT: &str =
+    "its model is of kind segments, of which nothing is learnt, expected one of a snake or of joints";
+
 /// How errors are told: the length of a bend vector's error in degrees, or the error of one joint.
 struct Unit {
     name: &'static str,
@@ -213,7 +218,7 @@ struct Unit {
 impl Unit {
     fn of_errors(model: &LiveModel) -> Self {
         match model {
-            LiveModel::Snake(_) => Self { name: "deg", per_si: 2f64.sqrt().to_degrees() },
+            LiveModel::Snake(_) | LiveModel::Segments(_) => Self { name: "deg", per_si: 2f64.sqrt().to_degrees() },
             LiveModel::Joints(joints) => {
                 let (name, per_si) = krait_report::joint_unit(joints.slides());
                 Self { name, per_si }

@@ -162,6 +162,11 @@ impl SegmentCompensator {
         self.slopes().1
     }
 
+    /// q~_dot = (J + alpha) b_dot at the newest bends: how fast the actuators go while the bends do, m/s.
+    pub fn rates_m_per_s(&self, bends_vel_rad_per_s: &Bends) -> LineValues {
+        (self.chain.machine.j() + self.alpha_m_per_rad()) * bends_vel_rad_per_s
+    }
+
     /// J~ = (I + J+ alpha)^-1 J+ at the newest bends, rad/m; zero where it does not exist, which no machine within bounds reaches.
     pub fn j_tilde_rad_per_m(&self) -> BendsByLines {
         let pinv = self.chain.machine.pinv();
