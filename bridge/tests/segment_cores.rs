@@ -153,7 +153,8 @@ fn foreign_setpoints_and_bad_numbers_are_refused() {
 fn a_step_of_two_segments_on_six_lines_costs_a_small_multiple_of_the_snake_s() {
     let (mut snake_s, mut two_s) = (Duration::MAX, Duration::MAX);
     for _ in 0..15 {
-        let (mut resolve, mut compensate) = (resolve(ResolveConfig::default()), compensate(CompensateConfig::default()));
+        let (mut resolve, mut compensate) =
+            (resolve(ResolveConfig::default()), compensate(CompensateConfig::default()));
         let begun = Instant::now();
         for k in 1..=2000 {
             resolve.note_state(&ready_state(k));

@@ -5,7 +5,7 @@ use crate::commands::overwrite::refuse_existing;
 use crate::commands::today;
 use crate::print;
 use crate::recorded::{model_text, settings_of};
-use anyhow::{Context, bail, ensure};
+use anyhow::{Context, bail};
 use krait_bridge::{EstimateConfig, EstimateCore, EstimatorCore, JointEstimateCore, JointMachine, LiveModel};
 use krait_ipc::input;
 use krait_ipc::message::{LearningState, LearntValue, ModelUpdate, Shape, SlaveState};
@@ -42,7 +42,6 @@ pub fn run(args: &SaveLearntArgs) -> anyhow::Result<ExitCode> {
     let Some(update) = last.update else { bail!("{}: nothing was learnt in it", of_recording()) };
     let file = ModelFile::parse(&model_text(first, ModelHash(update.model_hash)).with_context(of_recording)?)?;
     let model = LiveModel::of(&file)?;
-    ensure!(model.segments().is_none(), "{NOT_LEARNT}");
     let names = model.learnt().to_vec();
     if names.is_empty() {
         bail!("{}: its model learns nothing; say what it shall learn with `learn = {{ sd = ... }}`", of_recording());
@@ -184,7 +183,9 @@ impl LastChain {
                 let machine = JointMachine::new(&model, &settings_of(recording)?.joints)?;
                 self.unexplained_rad(JointEstimateCore::new(&machine, EstimateConfig::default())?)
             }
-            LiveModel::Segments(_) => bail!("{NOT_LEARNT}"),
+            LiveModel::Segments(_) => {
+                bail!("its model is of kind segments, of which nothing is learnt, expected one of a snake or of joints")
+            }
         })
     }
 
@@ -204,9 +205,6 @@ impl LastChain {
         rms_rad
     }
 }
-
-const NOT_LEARNT: &str =
-    "its model is of kind segments, of which nothing is learnt, expected one of a snake or of joints";
 
 /// How errors are told: the length of a bend vector's error in degrees, or the error of one joint.
 struct Unit {
