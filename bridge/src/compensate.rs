@@ -13,7 +13,7 @@ use crate::step::{
     BridgeError, Refused, Step, check_age, check_model, check_order_and_numbers, seconds_between, stamps_begun, step_s,
     tell_compensate_ages,
 };
-use crate::{Feed, JointCompensateCore, JointMachine, LiveModel, feed};
+use crate::{Feed, JointCompensateCore, JointMachine, LiveModel, SegmentCompensateCore, feed};
 use core::sync::atomic::AtomicBool;
 use krait_ipc::message::{
     Command, Health, MAX_JOINTS, ModelUpdate, N_LINES, Phase, Setpoint, SlaveState, lines as three_lines,
@@ -200,6 +200,9 @@ pub fn run_compensate(
         LiveModel::Joints(model) => {
             let machine = JointMachine::new(model, joints)?;
             feed::run(feed, bus, Process::Compensate, config.wait, JointCompensateCore::new(&machine, config)?, stop)
+        }
+        LiveModel::Segments(model) => {
+            feed::run(feed, bus, Process::Compensate, config.wait, SegmentCompensateCore::new(model, config)?, stop)
         }
     }
 }

@@ -21,6 +21,9 @@ settings! {
         axial_weight: f64 = 0.0, 0.0..=1.0;
         /// Damping of the least-squares inverse of the tip Jacobian, m/rad. More than the snake's length moves nothing.
         damping_m_per_rad: f64 = 0.5e-3, 0.0..=0.02;
+        /// Of segments in series only: how much turning the tip counts beside moving it, m/rad. 1 mm: where the segments cannot do
+        /// both they move it, and where they can a hand that turns turns it.
+        turn_m_per_rad: f64 = 1e-3, 0.0..=0.1;
         /// Roll of the camera's view about the snake's straight axis, rad: `base_from_view` = Rz(view_roll_rad).
         view_roll_rad: f64 = 0.0, -3.2..=3.2;
         /// An operator input older than this when it is taken is not followed, ms.

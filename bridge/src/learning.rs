@@ -52,7 +52,7 @@ pub(crate) fn learnt_values(
 /// The process `krait estimate`: runs until told to stop.
 ///
 /// # Errors
-/// [`BridgeError`] when a channel fails or the configuration is out of range.
+/// [`BridgeError`] when a channel fails or the configuration is out of range, and for segments, of which nothing is learnt.
 pub fn run_estimate(
     bus: &Bus,
     model: &LiveModel,
@@ -66,6 +66,7 @@ pub fn run_estimate(
         LiveModel::Joints(model) => {
             run(feed, bus, JointEstimateCore::new(&JointMachine::new(model, joints)?, config)?, stop)
         }
+        LiveModel::Segments(_) => Err(BridgeError::NothingToLearn),
     }
 }
 

@@ -1,10 +1,12 @@
-//! The model that a chain runs with: a snake, or joints whose commands and positions are brought to SI.
+//! The model that a chain runs with: a snake, joints whose commands and positions are brought to SI, or segments in series.
 
+use crate::config::ResolveConfig;
 use crate::joints_error::JointsError;
 use crate::step::BridgeError;
 use krait_ipc::message::MAX_JOINTS;
 use krait_model::joints::JointChain;
 use krait_model::model_file::{Machine, ModelFile};
+use krait_model::segments::{MAX_SEGMENTS, SegmentChain, SegmentsParameters};
 use krait_model::{Chain, KnownColumns, LearntParameter, ModelHash};
 
 /// A model that every process of a running chain can use.
@@ -15,6 +17,16 @@ pub enum LiveModel {
     Snake(Chain),
     /// Cable-driven joints.
     Joints(JointModel),
+    /// Snakes in series on any lines.
+    Segments(SegmentModel),
+}
+
+/// Segments that can be driven.
+#[derive(Clone, Debug)]
+pub struct SegmentModel {
+    chain: SegmentChain,
+    parameters: SegmentsParameters,
+    hash: ModelHash,
 }
 
 /// Joints that can be driven: their chain, and what its units are in SI.
@@ -64,6 +76,10 @@ impl LiveModel {
             calibrated()?;
             return Ok(Self::Snake(chain));
         }
+        if let (Some(chain), Machine::Segments(parameters)) = (file.segment_chain()?, file.machine()) {
+            calibrated()?;
+            return Ok(Self::Segments(SegmentModel { chain, parameters: parameters.clone(), hash: file.hash() }));
+        }
         let columns = KnownColumns { time: true, ..KnownColumns::default() };
         let chain = file.joint_chain(columns)?;
         match (chain, file.machine()) {
@@ -88,6 +104,7 @@ impl LiveModel {
         match self {
             Self::Snake(chain) => chain.hash(),
             Self::Joints(joints) => joints.hash,
+            Self::Segments(segments) => segments.hash,
         }
     }
 
@@ -96,10 +113,12 @@ impl LiveModel {
         match self {
             Self::Snake(chain) => chain.learnt(),
             Self::Joints(joints) => joints.chain.learnt(),
+            Self::Segments(_) => &[],
         }
     }
 
-    /// Whether `estimate` has work: it watches every snake for changes, and of joints it only learns parameters.
+    /// Whether `estimate` has work: it watches every snake for changes, of joints it only learns parameters, and of
+    /// segments nothing.
     pub fn needs_estimate(&self) -> bool {
         self.snake().is_some() || !self.learnt().is_empty()
     }
@@ -108,16 +127,46 @@ impl LiveModel {
     pub fn snake(&self) -> Option<&Chain> {
         match self {
             Self::Snake(chain) => Some(chain),
-            Self::Joints(_) => None,
+            Self::Joints(_) | Self::Segments(_) => None,
         }
     }
 
     /// The joints, if it is some.
     pub fn joints(&self) -> Option<&JointModel> {
         match self {
-            Self::Snake(_) => None,
+            Self::Snake(_) | Self::Segments(_) => None,
             Self::Joints(joints) => Some(joints),
         }
+    }
+
+    /// The segments, if it is some.
+    pub fn segments(&self) -> Option<&SegmentModel> {
+        match self {
+            Self::Snake(_) | Self::Joints(_) => None,
+            Self::Segments(segments) => Some(segments),
+        }
+    }
+}
+
+impl SegmentModel {
+    /// The segments with their effects.
+    pub fn chain(&self) -> &SegmentChain {
+        &self.chain
+    }
+
+    /// What they are made of.
+    pub fn parameters(&self) -> &SegmentsParameters {
+        &self.parameters
+    }
+
+    /// Which model it is.
+    pub fn hash(&self) -> ModelHash {
+        self.hash
+    }
+
+    /// The largest bend of each segment that `resolve` asks for, rad: the configuration's, and no more than its strain limit allows.
+    pub fn max_bend_rad(&self, config: &ResolveConfig) -> [f64; MAX_SEGMENTS] {
+        core::array::from_fn(|segment| self.chain.machine().max_bend_rad(segment).min(config.max_bend_rad))
     }
 }
 

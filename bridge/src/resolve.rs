@@ -14,7 +14,7 @@ use crate::step::{
     BridgeError, Refused, Step, check_order_and_numbers, reasons_to_hold, seconds_between, stamps_begun, step_s,
     tell_resolve_ages,
 };
-use crate::{Feed, JointMachine, JointResolveCore, LiveModel, feed};
+use crate::{Feed, JointMachine, JointResolveCore, LiveModel, SegmentResolveCore, feed};
 use core::sync::atomic::AtomicBool;
 use krait_ipc::message::{Health, MAX_JOINTS, OperatorInput, Phase, Setpoint, SlaveState, lines as three_lines};
 use krait_ipc::{Bus, Process, Reason, Reasons};
@@ -250,6 +250,9 @@ pub fn run_resolve(
         LiveModel::Joints(model) => {
             let machine = JointMachine::new(model, joints)?;
             feed::run(feed, bus, Process::Resolve, config.wait, JointResolveCore::new(&machine, config)?, stop)
+        }
+        LiveModel::Segments(model) => {
+            feed::run(feed, bus, Process::Resolve, config.wait, SegmentResolveCore::new(model, config)?, stop)
         }
     }
 }

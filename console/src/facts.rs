@@ -9,9 +9,9 @@ pub struct Facts {
     pub instance: String,
     /// Whether the drives are simulated.
     pub is_simulated: bool,
-    /// Length of the primary backbone, m; 0 for joints.
+    /// Length of the primary backbone, m; 0 for joints and segments.
     pub l_m: f64,
-    /// Pitch radius of the secondary backbones, m; 0 for joints.
+    /// Pitch radius of the secondary backbones, m; 0 for joints and segments.
     pub r_m: f64,
     /// How many actuators there are.
     pub n_actuators: usize,
@@ -19,7 +19,7 @@ pub struct Facts {
     pub unit: &'static str,
     /// How many of it are a radian, or a metre where the joints slide.
     pub per_si: f64,
-    /// The joints, where the machine has joints and no snake.
+    /// The joints, or the components of the segments' bend vectors, where the machine is no snake.
     pub joints: Option<JointFacts>,
     /// Largest bend, rad.
     pub max_bend_rad: f64,
@@ -48,6 +48,8 @@ pub struct JointFacts {
     pub low: Vec<f64>,
     /// As `low`.
     pub high: Vec<f64>,
+    /// How many segments in series there are, two places each, in place of joints; 0: joints.
+    pub n_segments: usize,
 }
 
 /// What a stretch of the way may take, us.

@@ -34,7 +34,11 @@ pub fn glance(observer: &mut Observer, now_ns: i64) -> Vec<String> {
         lines.push(bend_line(setpoint.bend_rad, newest.fresh_shape(now_ns), off_deg));
     }
     if let Some(state) = newest.fresh_state(now_ns) {
-        lines.extend(joint_lines(state, newest.fresh_shape(now_ns)));
+        let n_segments = newest.setpoint.map_or(0, |setpoint| setpoint.n_segments());
+        lines.extend(match n_segments {
+            0 => joint_lines(state, newest.fresh_shape(now_ns)),
+            n => segment_lines(n, state, newest.fresh_shape(now_ns)),
+        });
         lines.extend(actuator_lines(state));
     }
     lines.push(latency_line(observer));
@@ -105,6 +109,24 @@ fn joint_lines(state: &SlaveState, shape: Option<&Shape>) -> Vec<String> {
     wanted.enumerate().map(line).collect()
 }
 
+fn segment_lines(n_segments: usize, state: &SlaveState, shape: Option<&Shape>) -> Vec<String> {
+    let of = |values: &[f64], at: usize| Some([*values.get(2 * at)?, *values.get(2 * at + 1)?]);
+    let measured = shape.and_then(Shape::valid_joints_rad).unwrap_or(&[]);
+    let line = |at: usize| {
+        let (measured, wanted) = (of(measured, at), of(&state.setpoint_joints_rad, at));
+        let off = measured.zip(wanted).map(|([x, y], [a, b])| bend_deg([x - a, y - b]));
+        let name = format!("segment {}", at + 1);
+        format!(
+            "{name:<12}{} of {} deg, off {}, plane {} deg",
+            number(measured.map(bend_deg), 1),
+            number(wanted.map(bend_deg), 1),
+            number(off, 2),
+            number(measured.and_then(plane_deg), 0),
+        )
+    };
+    (0..n_segments).map(line).collect()
+}
+
 fn actuator_lines(state: &SlaveState) -> Vec<String> {
     let n = state.n_actuators as usize;
     let line = |(at, (q_m, tau_n)): (usize, (&f64, &f64))| {
@@ -172,6 +194,16 @@ mod tests {
         let lines = actuator_lines(&state);
         assert_eq!(lines.len(), 3);
         assert_eq!(lines[1], "actuator 2    -2.346 mm        - N");
+    }
+
+    #[test]
+    fn each_segment_has_a_line_with_its_bend_error_and_plane() {
+        let mut state = SlaveState { n_joints: 4, n_actuators: 6, ..SlaveState::default() };
+        state.setpoint_joints_rad[..4].copy_from_slice(&[0.5, 0.0, 0.0, 0.4]);
+        let lines = segment_lines(2, &state, Some(&Shape::of_joints(1, 1, 1, &[0.5, 0.0, 0.0, 0.39])));
+        assert_eq!(lines[0], "segment 1   28.6 of 28.6 deg, off 0.00, plane 0 deg");
+        assert_eq!(lines[1], "segment 2   22.3 of 22.9 deg, off 0.57, plane 90 deg");
+        assert_eq!(segment_lines(1, &state, None)[0], "segment 1   - of 28.6 deg, off -, plane - deg");
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! How far the measured shape is from the setpoint at the instant of its exposure, and the root mean square of a second.
 //!
-//! Of a snake: the distance of two bend vectors, rad. Of joints: the joint that is farthest off, rad (m where it slides).
+//! Of a snake: the distance of two bend vectors, rad. Of joints: the joint that is farthest off, rad (m where it slides). Of segments: the
+//! distance of the two bend vectors of the segment that is farthest off, rad.
 
 use krait_ipc::message::{JointValues, MAX_JOINTS, Setpoint, Shape};
 use std::collections::VecDeque;
@@ -14,6 +15,7 @@ const WINDOW_NS: i64 = 1_000_000_000;
 #[derive(Debug, Default)]
 pub struct LiveTracking {
     n_joints: u32,
+    has_segments: bool,
     setpoints: VecDeque<(i64, JointValues)>,
     errors: VecDeque<(i64, JointValues)>,
 }
@@ -22,6 +24,7 @@ impl LiveTracking {
     /// Takes a setpoint; instants that go back, or another kind of machine, begin anew.
     pub fn setpoint(&mut self, setpoint: &Setpoint) {
         let values = if setpoint.n_joints == 0 { of_bend(setpoint.bend_rad) } else { setpoint.joints_rad };
+        self.has_segments = setpoint.n_segments() > 0;
         self.wanted(setpoint.sample_ns, setpoint.n_joints, values);
     }
 
@@ -62,7 +65,7 @@ impl LiveTracking {
         self.rms_of_each(now_ns).map(|each| self.together(&each))
     }
 
-    /// The same of each joint; zeros behind the last.
+    /// The same of each joint, or of each component of the segments' bend vectors; zeros behind the last.
     pub fn rms_of_each(&self, now_ns: i64) -> Option<JointValues> {
         let (mut n, mut sums) = (0u32, [0.0; MAX_JOINTS]);
         for (_, error) in self.errors.iter().filter(|(ns, _)| now_ns - ns <= WINDOW_NS) {
@@ -80,6 +83,7 @@ impl LiveTracking {
     fn together(&self, each: &JointValues) -> f64 {
         match self.n_joints {
             0 => each[0].hypot(each[1]),
+            _ if self.has_segments => each.chunks_exact(2).fold(0.0, |most, own| own[0].hypot(own[1]).max(most)),
             _ => each.iter().fold(0.0, |most, error| error.abs().max(most)),
         }
     }

@@ -237,8 +237,9 @@ pub struct RunArgs {
     pub engage: Option<EngageKind>,
     #[command(flatten)]
     pub machine: MachineArgs,
-    /// The built-in model to run with (`krait model show NAME`).
-    #[arg(long, value_enum, value_name = "NAME", conflicts_with = "model")]
+    /// The built-in model to run with (`krait model show NAME`). Beside a --model of kind segments: those without their effects, with
+    /// lines taken for rigid (off) or elastic ones alone (naive).
+    #[arg(long, value_enum, value_name = "NAME")]
     pub compensation: Option<Compensation>,
     /// The model file (TOML) to run with: the machine, its effects, and what is learnt.
     #[arg(long, value_name = "FILE")]

@@ -37,7 +37,7 @@ pub struct ReplayArgs {
     #[arg(long, value_name = "FILE")]
     pub model: Option<PathBuf>,
     /// Built-in model for `compensate` in place of the recorded one.
-    #[arg(long, value_enum, value_name = "NAME", conflicts_with = "model")]
+    #[arg(long, value_enum, value_name = "NAME")]
     pub compensation: Option<Compensation>,
     /// Truth of the simulated snake (TOML) for `slave` in place of the recorded one.
     #[arg(long, value_name = "FILE")]

@@ -9,6 +9,7 @@ use krait_ipc::setting::Setting;
 use krait_ipc::{Realtime, input};
 use krait_master::{MasterConfig, PoseConfig};
 use krait_model::Snake;
+use krait_model::segments::SegmentParameters;
 use krait_record::RecordConfig;
 use krait_shape::GateConfig;
 use krait_slave::{ActuatorConfig, DriveConfig, Limits, SlaveConfig};
@@ -144,6 +145,19 @@ impl Config {
         Ok(Self { model_text: Some(self.model()?.text), ..self.clone() })
     }
 
+    /// The same with a compensation: the built-in model of that name, or the model that is named already with what the name takes off
+    /// (`keeps_model`), which only segments can be had with.
+    ///
+    /// # Errors
+    /// One sentence where the model cannot be read or is of another kind.
+    pub fn with_compensation(&self, compensation: Compensation, keeps_model: bool) -> anyhow::Result<Self> {
+        if !keeps_model {
+            return Ok(Self { compensation, model: None, ..self.clone() });
+        }
+        let model_text = Some(self.model()?.segments_with(compensation)?.text);
+        Ok(Self { compensation, model_text, ..self.clone() })
+    }
+
     /// Checks every range.
     ///
     /// # Errors
@@ -166,6 +180,10 @@ impl Config {
                 chain.plausible(self.resolve.max_bend_rad)?.context(REFUSED)
             }
             LiveModel::Joints(joints) => JointMachine::new(&joints, &self.joints)?.plausible()?.context(REFUSED),
+            LiveModel::Segments(segments) => {
+                let stiffnesses_n = segments.parameters().segments.iter().map(SegmentParameters::axial_stiffness_n);
+                stiffnesses_n.into_iter().try_for_each(|stiffness_n| self.check_strain(stiffness_n))
+            }
         }
     }
 

@@ -1,11 +1,10 @@
 //! What a run leaves behind to be judged: the recording, the processes, and each process's own counts at its end.
 
 use crate::budget::{BudgetReport, BudgetWatch};
-use crate::in_force::ModelInForce;
+use crate::in_force::{ModelInForce, lanes_of};
 use crate::supervisor::Supervisor;
 use anyhow::Context;
 use core::ops::Range;
-use krait_bridge::JointModel;
 use krait_ipc::{Process, Reason, Reasons};
 use krait_record::Recording;
 use krait_report::{LatencyLog, LatencyReport, PassLog, PassReport};
@@ -142,9 +141,7 @@ impl Evidence {
         let passes = logs
             .iter()
             .zip(&self.passes)
-            .map(|(log, (model, _))| {
-                log.report(model.label, model.machine.learnt(), model.machine.joints().map(JointModel::slides))
-            })
+            .map(|(log, (model, _))| log.report(model.label, model.machine.learnt(), lanes_of(&model.machine)))
             .collect();
         let samples = SampleFigures { lost: self.samples.lost + n_missing_in_recording, ..self.samples };
         Ok(Figures {

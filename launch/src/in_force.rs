@@ -1,11 +1,13 @@
 //! The model that a chain runs with: one text, read once, handed to every process as it is.
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use clap::ValueEnum;
-use krait_bridge::LiveModel;
+use krait_bridge::{JointModel, LiveModel};
 use krait_ipc::input;
-use krait_model::model_file::{ModelFile, built_in};
+use krait_model::model_file::{Machine, ModelFile, built_in};
+use krait_model::segments::SegmentsParameters;
 use krait_model::{Chain, ModelHash};
+use krait_report::Lanes;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -75,9 +77,33 @@ impl ModelInForce {
     /// The chain of a snake.
     ///
     /// # Errors
-    /// One sentence: `what` is for snakes, and the model is of joints.
+    /// One sentence: `what` is for snakes, and the model is of joints or segments.
     pub fn snake(&self, what: &str) -> anyhow::Result<&Chain> {
-        self.machine.snake().with_context(|| format!("{what} is for snakes, and the model is of joints"))
+        self.machine.snake().with_context(|| {
+            let found = if self.machine.segments().is_some() { "segments" } else { "joints" };
+            format!("{what} is for snakes, and the model is of {found}")
+        })
+    }
+
+    /// The same segments without effects: with lines taken for rigid (off), or elastic ones alone (naive); or as they are (estimated).
+    ///
+    /// # Errors
+    /// One sentence for a model of another kind, whose compensation is its own.
+    pub fn segments_with(&self, own: Compensation) -> anyhow::Result<Self> {
+        let file = ModelFile::parse(&self.text)?;
+        let Machine::Segments(segments) = file.machine() else {
+            bail!(
+                "--compensation beside --model takes effects off a model of kind segments, and this one is of kind {}; leave one of the two out",
+                file.machine().kind()
+            );
+        };
+        let rigid_lines = match own {
+            Compensation::Off => true,
+            Compensation::Naive => false,
+            Compensation::Estimated => return Ok(self.clone()),
+        };
+        let bare = Machine::Segments(SegmentsParameters { rigid_lines, ..segments.clone() });
+        Self::parse(&ModelFile::new(bare, Vec::new(), Vec::new())?.to_toml())
     }
 
     /// Checks a model file's text.
@@ -85,8 +111,28 @@ impl ModelInForce {
     /// # Errors
     /// As [`ModelInForce::load`].
     pub fn parse(text: &str) -> anyhow::Result<Self> {
-        let machine = LiveModel::of(&ModelFile::parse(text)?)?;
-        Ok(Self { label: label_of(machine.hash()), text: text.to_owned(), machine })
+        let file = ModelFile::parse(text)?;
+        let machine = LiveModel::of(&file)?;
+        let label = match file.machine() {
+            Machine::Segments(segments) if file.effects().is_empty() => {
+                if segments.rigid_lines {
+                    Compensation::Off.name()
+                } else {
+                    Compensation::Naive.name()
+                }
+            }
+            _ => label_of(machine.hash()),
+        };
+        Ok(Self { label, text: text.to_owned(), machine })
+    }
+}
+
+/// What stands in a message's places for joints; `None` for a snake, which uses none of them.
+pub fn lanes_of(model: &LiveModel) -> Option<Lanes> {
+    match model {
+        LiveModel::Snake(_) => None,
+        LiveModel::Joints(joints) => Some(Lanes::of_joints(JointModel::slides(joints))),
+        LiveModel::Segments(_) => Some(Lanes::Segments),
     }
 }
 
@@ -105,6 +151,18 @@ mod tests {
         for own in Compensation::ALL {
             assert_eq!(ModelInForce::load(None, own).expect("a built-in model").label, own.name());
         }
+    }
+
+    #[test]
+    fn segments_can_be_had_without_their_effects_and_other_models_cannot() {
+        let two = ModelInForce::parse(include_str!("../../docs/segments/two.toml")).expect("segments");
+        let label = |own| two.segments_with(own).expect("segments").label;
+        assert_eq!(Compensation::ALL.map(label), ["off", "naive", OWN_MODEL]);
+        let off = two.segments_with(Compensation::Off).expect("segments");
+        assert_eq!(off.segments_with(Compensation::Off).expect("segments").machine.hash(), off.machine.hash());
+        let snake = ModelInForce::load(None, Compensation::Estimated).expect("a built-in model");
+        let refused = snake.segments_with(Compensation::Off).expect_err("a snake").to_string();
+        assert!(refused.contains("this one is of kind snake"), "{refused}");
     }
 
     #[test]

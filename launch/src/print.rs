@@ -118,9 +118,10 @@ fn passes(passes: &[&PassReport]) -> Table {
     table
 }
 
-/// Error of each joint, and of all together.
+/// Error of each joint or segment, and of all together.
 fn joint_passes(passes: &[&PassReport]) -> Table {
-    let mut table = Table::new(&["compensation", "joint", "rms", "p95", "max", "peak commanded", "reached"]);
+    let each = passes.iter().find_map(|pass| pass.joints.as_ref()).map_or("joint", |score| score.each);
+    let mut table = Table::new(&["compensation", each, "rms", "p95", "max", "peak commanded", "reached"]);
     let numbers = |spread: Option<Spread>| match spread {
         Some(spread) => [spread.rms, spread.p95, spread.max].map(|value| format!("{value:.2}")),
         None => ["-"; 3].map(str::to_owned),

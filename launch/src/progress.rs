@@ -2,16 +2,16 @@
 //!
 //! The line fits 80 columns, so that a terminal of the usual size can rewrite it: time, state, bend that was reached of the
 //! bend that was asked for, how far the two are apart (root mean square of a second), bending plane, late and lost samples;
-//! of joints the one that is farthest off. While nothing moves it says why instead. A mark stands above it as a line that stays.
+//! of joints or segments the one that is farthest off. While nothing moves it says why instead. A mark stands above it as a line that stays.
 
 use crate::budget::BudgetWatch;
 use crate::log;
 use crate::supervisor::Supervisor;
 use core::time::Duration;
 use krait_console::{LiveTracking, bend_deg, number, plane_deg};
-use krait_ipc::message::{Marker, Phase, Setpoint, Shape};
+use krait_ipc::message::{JointValues, Marker, Phase, Setpoint, Shape};
 use krait_ipc::{Bus, Process, ReadOptions, Reader, Reason, Reasons, clock};
-use krait_report::joint_unit;
+use krait_report::{Lanes, joint_unit};
 use std::io::{IsTerminal, stderr};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -135,6 +135,9 @@ impl Progress {
 
     fn figures(&self, now_ns: i64) -> String {
         let Some(setpoint) = self.setpoint else { return "nothing is asked for".to_owned() };
+        if setpoint.n_segments() > 0 {
+            return self.segment_figures(&setpoint, now_ns);
+        }
         if setpoint.n_joints > 0 {
             return self.joint_figures(&setpoint, now_ns);
         }
@@ -145,6 +148,21 @@ impl Progress {
             number(Some(bend_deg(setpoint.bend_rad)), 1),
             number(self.tracking.rms(now_ns).map(f64::to_degrees), 2),
             number(reached.and_then(plane_deg), 0),
+        )
+    }
+
+    /// The segment that is farthest off: its bend and the one that it shall have.
+    fn segment_figures(&self, setpoint: &Setpoint, now_ns: i64) -> String {
+        let of_each = |values: &JointValues| Lanes::Segments.each_of(values).map(f64::to_degrees);
+        let errors = self.tracking.rms_of_each(now_ns).map(|errors| of_each(&errors)).unwrap_or_default();
+        let worst = (0..setpoint.n_segments()).max_by(|a, b| errors[*a].total_cmp(&errors[*b])).unwrap_or(0);
+        let reached = self.shape.filter(|shape| shape.valid_joints_rad().is_some());
+        format!(
+            "segment {} {} of {} deg, off {}",
+            worst + 1,
+            number(reached.map(|shape| of_each(&shape.joints_rad)[worst]), 1),
+            number(Some(of_each(&setpoint.joints_rad)[worst]), 1),
+            number(self.tracking.rms(now_ns).map(f64::to_degrees), 2),
         )
     }
 

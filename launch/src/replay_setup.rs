@@ -5,7 +5,7 @@ use crate::cli_replay::{ReplayArgs, ReplaySlave};
 use crate::config::Config;
 use crate::{log, recorded};
 use anyhow::{Context, bail, ensure};
-use krait_bridge::{JointMachine, JointModel, LiveModel};
+use krait_bridge::{JointMachine, LiveModel};
 use krait_ipc::Process;
 use krait_model::Snake;
 use krait_record::Recording;
@@ -64,7 +64,8 @@ impl ReplaySetup {
         config.slave.shape = ShapeSource::Camera;
         let config = replaced(common, args, config)?;
         let score = Score::Inputs(InputTrack::new(choice));
-        let start = (beginning.start, beginning.n_joints);
+        let start =
+            (beginning.start, Found { n_joints: beginning.n_joints as usize, n_segments: beginning.n_segments });
         Self::new(config, score, start, beginning.first.sample_ns, args.loops)
             .map(|setup| Self { device: recorded::device_of(&recording), ..setup })
     }
@@ -72,14 +73,14 @@ impl ReplaySetup {
     fn of_table(common: &Common, args: &ReplayArgs, to_s: f64) -> anyhow::Result<Self> {
         let config = Config::load(common.config.as_deref())?;
         let config = with_options(args, config)?;
-        let (trajectory, n_joints) = match &config.model()?.machine {
+        let (trajectory, found) = match &config.model()?.machine {
             LiveModel::Snake(chain) => {
                 let limits = TrajectoryLimits::Snake {
                     snake: &Snake::new(chain.machine())?,
                     max_bend_rad: config.resolve.max_bend_rad,
                     max_bend_vel_rad_per_s: config.resolve.max_bend_vel_rad_per_s,
                 };
-                (Trajectory::load(&args.file, &limits)?, 0)
+                (Trajectory::load(&args.file, &limits)?, Found { n_joints: 0, n_segments: 0 })
             }
             LiveModel::Joints(joints) => {
                 let machine = JointMachine::new(joints, &config.joints)?;
@@ -88,8 +89,13 @@ impl ReplaySetup {
                     max_vel_per_s: machine.max_vel_per_s(),
                     slides: machine.slides(),
                 };
-                (Trajectory::load(&args.file, &limits)?, machine.n() as u32)
+                (Trajectory::load(&args.file, &limits)?, Found { n_joints: machine.n(), n_segments: 0 })
             }
+            LiveModel::Segments(_) => bail!(
+                "trajectory {}: tables are for snakes and joints, and the model is of kind segments; replay a recording of them, or make \
+                 commands of a table with `krait model compensate`",
+                args.file.display()
+            ),
         };
         let Some(trajectory) = trajectory.between(args.from, to_s) else {
             bail!(
@@ -98,32 +104,40 @@ impl ReplaySetup {
                 args.from
             );
         };
-        let start = (trajectory.start(), n_joints);
+        let start = (trajectory.start(), found);
         Self::new(config, Score::Trajectory(trajectory), start, TRAJECTORY_START_NS, args.loops)
     }
 
     fn new(
         config: Config,
         score: Score,
-        (start, n_joints): (MachinePose, u32),
+        (start, found): (MachinePose, Found),
         start_ns: i64,
         n_loops: u64,
     ) -> anyhow::Result<Self> {
         let model = config.model()?;
-        let of = |n: usize| if n == 0 { "a snake".to_owned() } else { format!("{n} joints") };
-        let n_of_model = model.machine.joints().map_or(0, JointModel::n);
-        if n_joints as usize != n_of_model {
-            return Err(ReplayError::OtherMachine { found: of(n_joints as usize), expected: of(n_of_model) }.into());
+        let expected = Found::of(&model.machine);
+        if found != expected {
+            return Err(ReplayError::OtherMachine { found: found.words(), expected: expected.words() }.into());
         }
         let steering = match &model.machine {
             LiveModel::Snake(chain) => {
-                check_bend(&start, config.resolve.max_bend_rad)?;
+                check_bend(&[start[0], start[1]], config.resolve.max_bend_rad)?;
                 Steering::snake(Snake::new(chain.machine())?, config.resolve.view_roll_rad)
             }
             LiveModel::Joints(joints) => {
                 let machine = JointMachine::new(joints, &config.joints)?;
                 check_joints(&start, &machine, joints.n())?;
                 Steering::joints(machine.rates(), joints.n(), machine.si_per_rad(), joints.slides())
+            }
+            LiveModel::Segments(segments) => {
+                let machine = segments.chain().machine();
+                for (segment, limit_rad) in
+                    segments.max_bend_rad(&config.resolve).into_iter().enumerate().take(machine.n())
+                {
+                    check_bend(&[start[2 * segment], start[2 * segment + 1]], limit_rad)?;
+                }
+                Steering::segments(machine.clone(), config.resolve.view_roll_rad)
             }
         };
         let program = Program::new(score, start, n_loops, steering, model.machine.hash());
@@ -133,8 +147,37 @@ impl ReplaySetup {
     }
 }
 
-fn check_bend(start: &MachinePose, limit: f64) -> Result<(), ReplayError> {
-    let found = [start[0], start[1]];
+/// What a recording or a model is of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Found {
+    /// Joints, or bends of segments; 0 for a snake.
+    n_joints: usize,
+    /// Segments; 0 for a snake and for joints.
+    n_segments: usize,
+}
+
+impl Found {
+    fn of(model: &LiveModel) -> Self {
+        match model {
+            LiveModel::Snake(_) => Self { n_joints: 0, n_segments: 0 },
+            LiveModel::Joints(joints) => Self { n_joints: joints.n(), n_segments: 0 },
+            LiveModel::Segments(segments) => {
+                let machine = segments.chain().machine();
+                Self { n_joints: machine.n_bends(), n_segments: machine.n() }
+            }
+        }
+    }
+
+    fn words(self) -> String {
+        match (self.n_joints, self.n_segments) {
+            (0, _) => "a snake".to_owned(),
+            (n, 0) => format!("{n} joints"),
+            (_, n) => format!("{n} segments"),
+        }
+    }
+}
+
+fn check_bend(&found: &[f64; 2], limit: f64) -> Result<(), ReplayError> {
     // Written so that NaN is refused; a setpoint may stand at its limit, which rounding can pass.
     let is_within = (0.0..=limit + ROUNDING).contains(&found[0].hypot(found[1]));
     if is_within { Ok(()) } else { Err(ReplayError::StartBend { found, limit }) }
@@ -209,7 +252,8 @@ fn with_options(args: &ReplayArgs, mut config: Config) -> anyhow::Result<Config>
         config.model = Some(absolute(model)?);
     }
     if let Some(compensation) = args.compensation {
-        (config.compensation, config.model) = (compensation, None);
+        let is_of_segments = args.model.is_none() && config.model()?.machine.segments().is_some();
+        config = config.with_compensation(compensation, args.model.is_some() || is_of_segments)?;
     }
     config.check()?;
     Ok(config)

@@ -2,7 +2,6 @@
 
 #![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
 
-use krait_model::ChainError;
 use krait_model::effects::EffectKind;
 use krait_model::model_file::{Machine, ModelFile, assumed, documented_defaults};
 use krait_model::segments::{Bends, SEGMENT_EFFECTS, SegmentParameters, SegmentStatus, SegmentsParameters};
@@ -41,7 +40,7 @@ fn the_shipped_file_is_two_segments_of_the_papers_dimensions() {
     (bends[0], bends[3]) = (0.5, 0.4);
     let command = chain.compensator().step(&bends);
     assert!(matches!(command.status, SegmentStatus::Good(_)), "{:?}", command.status);
-    assert_eq!(file.joint_chain(Default::default()).unwrap_err(), ChainError::SegmentsNotDriven);
+    assert!(file.joint_chain(Default::default()).unwrap().is_none());
     assert!(file.chain(Default::default()).unwrap().is_none() && file.first_open().is_none());
 }
 

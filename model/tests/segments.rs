@@ -84,6 +84,10 @@ fn gradient_hessian_tip_and_alpha_are_the_differences_of_what_they_belong_to() {
         let mut compensator = chain.compensator();
         compensator.step(&b);
         let whole = machine.j() + compensator.alpha_m_per_rad();
+        let vel = bends(&mut draw, machine, 1.0);
+        let rates = compensator.rates_m_per_s(&vel);
+        assert!((rates - whole * vel).amax() < 1e-12, "{rates}");
+        assert!((machine.tip_pos_in_base_m(&b) - machine.tip(&b).0).amax() < 1e-15);
         for i in 0..machine.n_bends() {
             let h = 1e-5;
             let step = Bends::from_fn(|k, _| if k == i { h } else { 0.0 });

@@ -46,8 +46,10 @@ pub struct Beginning {
     pub first: OperatorInput,
     /// Where the setpoint was when that came.
     pub start: MachinePose,
-    /// Joints of that setpoint; 0 for a snake.
+    /// Joints of that setpoint, or bends of its segments; 0 for a snake.
     pub n_joints: u32,
+    /// Segments of that setpoint; 0 for a snake and for joints.
+    pub n_segments: usize,
     /// Which model the pass was compensated with, if it holds a command that says so.
     pub model: Option<ModelHash>,
 }
@@ -222,7 +224,8 @@ impl Beginning {
         let before = before.or(setpoints.first());
         let start = before.map_or_else(MachinePose::zeros, pose_of_setpoint);
         let n_joints = before.map_or(0, |setpoint| setpoint.n_joints);
-        Ok(Self { first, start, n_joints, model: command.and_then(|command| model_of(&command)) })
+        let n_segments = before.map_or(0, Setpoint::n_segments);
+        Ok(Self { first, start, n_joints, n_segments, model: command.and_then(|command| model_of(&command)) })
     }
 }
 

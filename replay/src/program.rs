@@ -348,9 +348,9 @@ impl Program {
             joints_vel_rad_per_s,
             // A forecast that only `resolve` makes.
             q_tilde_vel_m_per_s: lines([f64::NAN; N_LINES]),
-            n_actuators: n_joints,
+            n_actuators: self.steering.n_actuators(),
             n_joints,
-            tip_pos_in_base_m: self.steering.tip_pos_in_base_m(bend_rad.into()),
+            tip_pos_in_base_m: self.steering.tip_pos_in_base_m(pose),
             motion_scale: 1.0,
             model_hash: self.model.0,
             phase: phase as u32,

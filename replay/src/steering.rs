@@ -1,11 +1,13 @@
 //! How a replay steers a machine as an operator would: where it stands, and the velocities of the hand that bring it elsewhere.
 
-use krait_ipc::message::{MAX_JOINTS, Setpoint, SlaveState};
+use krait_ipc::message::{MAX_JOINTS, N_LINES, Setpoint, SlaveState};
 use krait_model::Snake;
-use krait_report::joint_unit;
+use krait_model::segments::{Bends, MAX_BENDS, Segments};
+use krait_report::Lanes;
 use nalgebra::{Rotation3, SMatrix, SVector, Vector2, Vector3, Vector6};
 
-/// Where a machine stands: a snake's bend vector or the positions of joints, rad (m of sliding joints); zeros behind the last.
+/// Where a machine stands: a snake's bend vector, those of all segments, or the positions of joints, rad (m of sliding joints); zeros
+/// behind the last.
 pub type MachinePose = SVector<f64, MAX_JOINTS>;
 
 /// Directions in which no axis moves the joints have smaller singular values than this, as a part of the largest.
@@ -32,12 +34,25 @@ pub enum Steering {
         /// How many there are.
         n: usize,
     },
+    /// Segments in series: the hand's six velocities move their tip.
+    Segments {
+        /// The kinematics.
+        machine: Box<Segments>,
+        /// From the base's frame to the operator's view.
+        view_from_base: Rotation3<f64>,
+    },
 }
 
 impl Steering {
     /// A snake that is seen with a roll of the view.
     pub fn snake(snake: Snake, view_roll_rad: f64) -> Self {
         Self::Snake { snake, view_from_base: Rotation3::from_axis_angle(&Vector3::z_axis(), view_roll_rad).inverse() }
+    }
+
+    /// Segments that are seen with a roll of the view.
+    pub fn segments(machine: Segments, view_roll_rad: f64) -> Self {
+        let view_from_base = Rotation3::from_axis_angle(&Vector3::z_axis(), view_roll_rad).inverse();
+        Self::Segments { machine: Box::new(machine), view_from_base }
     }
 
     /// `n` joints with the rates at which the hand's axes turn them, rad (m) each.
@@ -59,36 +74,63 @@ impl Steering {
                 Vector6::new(tip.x, tip.y, tip.z, 0.0, 0.0, 0.0)
             }
             Self::Joints { hand_from_joints, .. } => hand_from_joints * rate_per_s,
+            Self::Segments { machine, view_from_base } => {
+                let (_, j) = machine.tip(&bends_of(pose));
+                let twist = j * bends_of(rate_per_s);
+                let (linear, angular) = (twist.fixed_rows::<3>(0).into_owned(), twist.fixed_rows::<3>(3).into_owned());
+                let (v, w) = (view_from_base * linear, view_from_base * angular);
+                Vector6::new(v.x, v.y, v.z, w.x, w.y, w.z)
+            }
         }
     }
 
     /// What stands for one radian in the machine's poses.
     pub(crate) fn si_per_rad(&self) -> f64 {
         match self {
-            Self::Snake { .. } => 1.0,
+            Self::Snake { .. } | Self::Segments { .. } => 1.0,
             Self::Joints { si_per_rad, .. } => *si_per_rad,
         }
     }
 
-    /// How many joints there are, each with an actuator of its own; 0 for a snake.
+    /// How many joints there are, or twice the number of segments; 0 for a snake.
     pub(crate) fn n_joints(&self) -> u32 {
         match self {
             Self::Snake { .. } => 0,
             Self::Joints { n, .. } => *n as u32,
+            Self::Segments { machine, .. } => machine.n_bends() as u32,
         }
     }
 
-    /// The tip of a snake at a bend, m; NaN for joints.
-    pub(crate) fn tip_pos_in_base_m(&self, bend_rad: Vector2<f64>) -> [f64; 3] {
+    /// How many actuators a setpoint says that there are, and a command after it; 0 is the three lines of a snake.
+    pub(crate) fn n_actuators(&self) -> u32 {
         match self {
-            Self::Snake { snake, .. } => snake.tip_pos_in_base_m(bend_rad).into(),
-            Self::Joints { .. } => [f64::NAN; 3],
+            Self::Snake { .. } => 0,
+            Self::Joints { n, .. } => *n as u32,
+            Self::Segments { machine, .. } => machine.n_lines() as u32,
         }
     }
 
-    /// Whether poses are lengths.
-    pub fn slides(&self) -> bool {
-        matches!(self, Self::Joints { slides: true, .. })
+    /// Actuators of a command.
+    pub fn n_commanded(&self) -> usize {
+        if let Self::Snake { .. } = self { N_LINES } else { self.n_actuators() as usize }
+    }
+
+    /// The tip of a snake or of segments at a pose, m; NaN for joints.
+    pub(crate) fn tip_pos_in_base_m(&self, pose: &MachinePose) -> [f64; 3] {
+        match self {
+            Self::Snake { snake, .. } => snake.tip_pos_in_base_m(Vector2::new(pose[0], pose[1])).into(),
+            Self::Joints { .. } => [f64::NAN; 3],
+            Self::Segments { machine, .. } => machine.tip_pos_in_base_m(&bends_of(pose)).into(),
+        }
+    }
+
+    /// What the places of poses are; a snake's are shown as one joint's that turns.
+    pub fn lanes(&self) -> Lanes {
+        match self {
+            Self::Segments { .. } => Lanes::Segments,
+            Self::Joints { slides, .. } => Lanes::of_joints(*slides),
+            Self::Snake { .. } => Lanes::Turning,
+        }
     }
 
     /// A pose in words, with its unit.
@@ -96,6 +138,7 @@ impl Steering {
         let (what, n) = match self {
             Self::Snake { .. } => ("a bend vector of", 2),
             Self::Joints { n, .. } => ("joints at", *n),
+            Self::Segments { machine, .. } => ("bend vectors of", machine.n_bends()),
         };
         let (unit, per_si) = self.unit();
         let values: Vec<f64> = pose.iter().take(n).map(|value| value * per_si).collect();
@@ -110,8 +153,14 @@ impl Steering {
 
     /// The unit in which poses are shown, and how many of it are one of SI.
     pub fn unit(&self) -> (&'static str, f64) {
-        joint_unit(self.slides())
+        self.lanes().unit()
     }
+}
+
+/// The bends of segments at a pose.
+fn bends_of(pose: &MachinePose) -> Bends {
+    const _: () = assert!(MAX_BENDS <= MAX_JOINTS);
+    Bends::from_fn(|k, _| pose[k])
 }
 
 /// A snake's bend vector as a pose.

@@ -3,10 +3,10 @@
 //! Both are laid on top of each other at the first setpoint that follows the operator; a recording without one at its first
 //! setpoint. Samples that are nearest in time are compared.
 
-use crate::joint_tracking::{JointScore, JointTracking, joint_unit};
+use crate::joint_tracking::{JointScore, JointTracking, Lanes};
 use crate::tracking::{self, Tracking, TrackingScore};
 use crate::{LatencyLog, PeakBend, Quantiles, Spread};
-use krait_ipc::message::{Actuators, JointValues, Marker, OperatingState, Shape, SlaveState};
+use krait_ipc::message::{Actuators, JointValues, MAX_JOINTS, Marker, OperatingState, Shape, SlaveState};
 use krait_ipc::{Reason, Reasons};
 use krait_record::Pass;
 use serde::Serialize;
@@ -32,10 +32,12 @@ pub struct Side {
     pub length_s: f64,
     /// Length of the difference between the measured and the commanded bend vector, deg; the window of [`TrackingScore`].
     pub tracking_error_deg: Option<Spread>,
-    /// Largest bend commanded and measured; null for joints, whose score has each joint's.
+    /// Largest bend commanded and measured; null for joints and segments, whose score has each one's.
     pub peak_bend_deg: Option<PeakBend>,
-    /// The score of joints, in their own unit; null for a snake.
+    /// The score of joints or segments, in their own unit; null for a snake.
     pub joints: Option<JointScore>,
+    #[serde(skip)]
+    lanes: Option<Lanes>,
     /// Marks of the operator, in their order.
     pub marks: Vec<Mark>,
     /// The score counts from this long after the operator's first motion, s.
@@ -90,7 +92,7 @@ pub struct Apart {
     /// Bend vectors of the setpoints, deg; null unless both are of snakes.
     pub setpoint_deg: Option<Spread>,
     /// Setpoints of joints, the largest difference of each instant, in the unit of the joints' score; null unless both are of
-    /// joints that turn, or both of joints that slide.
+    /// joints that turn, both of joints that slide, or both of segments (then the largest length of a bend vector's).
     pub setpoint_joints: Option<Spread>,
     /// Measured bend vectors, deg; null unless both are of snakes that were seen at the same time.
     pub shape_deg: Option<Spread>,
@@ -101,20 +103,20 @@ pub struct Apart {
 }
 
 impl Side {
-    /// Sums up a pass; `slides` says of joints whether their positions are lengths.
+    /// Sums up a pass; `lanes` says of a machine that is no snake what it is.
     ///
     /// # Errors
     /// [`SideError`].
-    pub fn of(pass: &Pass, slides: Option<bool>) -> Result<Self, SideError> {
+    pub fn of(pass: &Pass, lanes: Option<Lanes>) -> Result<Self, SideError> {
         let ends = pass.setpoints.first().zip(pass.setpoints.last());
         let Some((first, last)) = ends else { return Err(SideError::NoSetpoint) };
         let tracking = tracking_of(pass);
         let joints = joints_of(pass);
-        let first_motion_ns = if slides.is_some() { joints.first_motion_ns() } else { tracking.first_motion_ns() };
+        let first_motion_ns = if lanes.is_some() { joints.first_motion_ns() } else { tracking.first_motion_ns() };
         let zero_ns = first_motion_ns.unwrap_or(first.sample_ns);
         let score: TrackingScore = tracking.score();
         let state = StateSums::of(&pass.states);
-        let series = Series::of(pass, zero_ns, &tracking, slides.map(|slides| (&joints, slides)));
+        let series = Series::of(pass, zero_ns, &tracking, lanes.map(|lanes| (&joints, lanes)));
         let mark = |mark: &Marker| Mark {
             at_s: seconds(zero_ns, mark.sample_ns),
             text: mark.text().unwrap_or("(no text)").to_owned(),
@@ -130,8 +132,9 @@ impl Side {
             ]),
             length_s: seconds(first.sample_ns, last.sample_ns),
             tracking_error_deg: score.error_deg,
-            peak_bend_deg: slides.is_none().then(|| series.peak_bend_deg()),
-            joints: slides.and_then(|slides| joints.score(slides)),
+            peak_bend_deg: lanes.is_none().then(|| series.peak_bend_deg()),
+            joints: lanes.and_then(|lanes| joints.score(lanes)),
+            lanes,
             marks: pass.marks.iter().map(mark).collect(),
             scored_from_s: score.scored_from_s,
             latency_us: latencies(&pass.states)?,
@@ -150,18 +153,21 @@ impl Apart {
     pub fn of(a: &Side, b: &Side) -> Self {
         let deg = |x: &[f64; 2], y: &[f64; 2]| (x[0] - y[0]).hypot(x[1] - y[1]).to_degrees();
         let mm = |x: &Actuators, y: &Actuators| largest(x, y) * 1e3;
-        let unit = |side: &Side| side.joints.as_ref().map(|score| score.unit);
         let both_snakes = a.joints.is_none() && b.joints.is_none();
-        let per_si = unit(a).filter(|_| unit(a) == unit(b)).map(|unit| joint_unit(unit == "mm").1);
-        let joints = |per_si: f64| Spread::of(apart(&a.series.joints, &b.series.joints, |x, y| largest(x, y) * per_si));
+        let lanes = a.lanes.filter(|_| a.lanes == b.lanes);
+        let between = |lanes: Lanes, x: &JointValues, y: &JointValues| {
+            let differences = lanes.each_of(&core::array::from_fn(|k| x[k] - y[k]));
+            largest(&differences, &[0.0; MAX_JOINTS]) * lanes.unit().1
+        };
+        let joints = |lanes| Spread::of(apart(&a.series.joints, &b.series.joints, |x, y| between(lanes, x, y)));
         let (measured_a, measured_b) = (&a.series.measured_joints, &b.series.measured_joints);
-        let measured = |per_si: f64| Spread::of_any(apart(measured_a, measured_b, |x, y| largest(x, y) * per_si));
+        let measured = |lanes| Spread::of_any(apart(measured_a, measured_b, |x, y| between(lanes, x, y)));
         let shapes = || Spread::of_any(apart(&a.series.shapes, &b.series.shapes, deg));
         Self {
             setpoint_deg: both_snakes.then(|| Spread::of(apart(&a.series.setpoints, &b.series.setpoints, deg))),
-            setpoint_joints: per_si.map(joints),
+            setpoint_joints: lanes.map(joints),
             shape_deg: both_snakes.then(shapes).flatten(),
-            shape_joints: per_si.and_then(measured),
+            shape_joints: lanes.and_then(measured),
             command_mm: Spread::of(apart(&a.series.commands, &b.series.commands, mm)),
         }
     }
@@ -173,7 +179,7 @@ fn largest<const N: usize>(x: &[f64; N], y: &[f64; N]) -> f64 {
 }
 
 impl Series {
-    fn of(pass: &Pass, zero_ns: i64, tracking: &Tracking, joints: Option<(&JointTracking, bool)>) -> Self {
+    fn of(pass: &Pass, zero_ns: i64, tracking: &Tracking, joints: Option<(&JointTracking, Lanes)>) -> Self {
         let at = |ns: i64| seconds(zero_ns, ns);
         let (mut latency_us, mut newest) = (Vec::new(), 0);
         for state in &pass.states {
@@ -185,7 +191,7 @@ impl Series {
         }
         let commands = pass.commands.iter().map(|c| (at(c.sample_ns), c.q_tilde_m)).collect();
         let seen = |shape: &Shape| Some((at(shape.sample_ns), shape.valid_bend_rad()?));
-        let Some((joints, slides)) = joints else {
+        let Some((joints, lanes)) = joints else {
             let length_deg = |bend_rad: [f64; 2]| bend_rad[0].hypot(bend_rad[1]).to_degrees();
             let shapes: Vec<(f64, [f64; 2])> = pass.shapes.iter().filter_map(seen).collect();
             return Self {
@@ -199,8 +205,10 @@ impl Series {
                 ..Self::default()
             };
         };
-        let (_, per_si) = joint_unit(slides);
-        let worst = |errors: &JointValues| errors.iter().fold(0.0_f64, |most, error| most.max(error.abs())) * per_si;
+        let (_, per_si) = lanes.unit();
+        let worst = |errors: &JointValues| {
+            lanes.each_of(errors).iter().fold(0.0_f64, |most, error| most.max(error.abs())) * per_si
+        };
         Self {
             error: joints.errors().map(|(ns, errors)| (at(ns), worst(&errors))).collect(),
             latency_us,

@@ -1,4 +1,4 @@
-//! How well joints followed: each measured position against the setpoint of its instant, in the joints' own unit.
+//! How well joints or segments followed: each measured position or bend against the setpoint of its instant, in its own unit.
 //!
 //! The window is that of a snake's score: from [`SCORED_FROM_S`] after the first motion on.
 
@@ -6,20 +6,67 @@ use crate::{SCORED_FROM_S, Spread, Tracking};
 use krait_ipc::message::{JointValues, MAX_JOINTS, Phase, Setpoint, Shape};
 use serde::Serialize;
 
-/// The score of joints in one pass.
+/// What stands in the places of a message that carry joints.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lanes {
+    /// Joints that turn.
+    Turning,
+    /// Joints that slide: their positions are lengths.
+    Sliding,
+    /// Segments in series: two places each, its bend vector.
+    Segments,
+}
+
+impl Lanes {
+    /// Of joints, by whether they slide.
+    pub fn of_joints(slides: bool) -> Self {
+        if slides { Self::Sliding } else { Self::Turning }
+    }
+
+    /// The unit in which they are shown, and how many of it are one of SI.
+    pub fn unit(self) -> (&'static str, f64) {
+        joint_unit(self == Self::Sliding)
+    }
+
+    /// What one of them is called.
+    pub fn each(self) -> &'static str {
+        if self == Self::Segments { "segment" } else { "joint" }
+    }
+
+    /// How many there are in so many places.
+    pub fn count(self, n_places: usize) -> usize {
+        if self == Self::Segments { n_places / 2 } else { n_places }
+    }
+
+    /// One number for each: a joint's own, or the length of a segment's vector; zeros behind the last.
+    pub fn each_of(self, values: &JointValues) -> JointValues {
+        match self {
+            Self::Turning | Self::Sliding => *values,
+            Self::Segments => core::array::from_fn(|k| match values.get(2 * k..2 * k + 2) {
+                Some([x, y]) => x.hypot(*y),
+                _ => 0.0,
+            }),
+        }
+    }
+}
+
+/// The score of joints or segments in one pass.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct JointScore {
     /// Unit of every number here: `deg`, or `mm` where the joints slide.
     pub unit: &'static str,
-    /// Measured less commanded position over all joints; null where there was too little motion.
+    /// What each entry of `joints` is: `joint` or `segment`.
+    pub each: &'static str,
+    /// Measured less commanded position over all joints, or length of the difference of the bend vectors over all segments; null where
+    /// there was too little motion.
     pub error: Option<Spread>,
-    /// The same for each joint, with how far it went.
+    /// The same for each joint or segment, with how far it went.
     pub joints: Vec<JointFigure>,
     /// Measurements that the score rests on.
     pub scored_shapes: usize,
 }
 
-/// What one joint did.
+/// What one joint or segment did; of a segment distances are bends.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct JointFigure {
     /// Measured less commanded position.
@@ -59,9 +106,9 @@ impl Tracked {
         self.joints.shape(shape);
     }
 
-    /// The score of joints; none for a snake. `slides`: their positions are lengths.
-    pub fn joints(&self, slides: bool) -> Option<JointScore> {
-        self.joints.score(slides)
+    /// The score of joints or segments; none for a snake.
+    pub fn joints(&self, lanes: Lanes) -> Option<JointScore> {
+        self.joints.score(lanes)
     }
 }
 
@@ -110,21 +157,22 @@ impl JointTracking {
         })
     }
 
-    /// The score; none where there were no joints. `slides`: their positions are lengths.
-    pub(crate) fn score(&self, slides: bool) -> Option<JointScore> {
+    /// The score; none where there were no joints and no segments.
+    pub(crate) fn score(&self, lanes: Lanes) -> Option<JointScore> {
         if self.n == 0 {
             return None;
         }
-        let (unit, per_si) = joint_unit(slides);
+        let (unit, per_si) = lanes.unit();
+        let n = lanes.count(self.n);
         let from_ns = self.first_motion_ns.map(|first_ns| first_ns.saturating_add((SCORED_FROM_S * 1e9) as i64));
         let is_scored = |ns: i64| from_ns.is_some_and(|from_ns| ns >= from_ns);
         let scored: Vec<JointValues> = self
             .errors()
             .filter(|(ns, _)| is_scored(*ns))
-            .map(|(_, errors)| errors.map(|error| error * per_si))
+            .map(|(_, errors)| lanes.each_of(&errors).map(|error| error * per_si))
             .collect();
         let peak = |all: &[(i64, JointValues)], k: usize| {
-            all.iter().map(|(_, joints)| joints[k].abs()).fold(0.0, f64::max) * per_si
+            all.iter().map(|(_, joints)| lanes.each_of(joints)[k].abs()).fold(0.0, f64::max) * per_si
         };
         let joint = |k: usize| JointFigure {
             error: Spread::of_any(scored.iter().map(|errors| errors[k])),
@@ -133,8 +181,9 @@ impl JointTracking {
         };
         Some(JointScore {
             unit,
-            error: Spread::of_any(scored.iter().flat_map(|errors| errors.iter().copied().take(self.n))),
-            joints: (0..self.n).map(joint).collect(),
+            each: lanes.each(),
+            error: Spread::of_any(scored.iter().flat_map(|errors| errors.iter().copied().take(n))),
+            joints: (0..n).map(joint).collect(),
             scored_shapes: scored.len(),
         })
     }
@@ -157,14 +206,18 @@ mod tests {
         for k in 0..15 * 60_i64 {
             log.shape(&Shape::of_joints(k as u64 + 1, k * s / 60, k * s / 60, &[1.5e-3, -2e-3]));
         }
-        let slides = log.score(true).expect("two joints");
+        let slides = log.score(Lanes::Sliding).expect("two joints");
         assert_eq!((slides.unit, slides.scored_shapes, slides.joints.len()), ("mm", 300, 2));
         let error = slides.joints[0].error.expect("5 s");
         assert!((error.rms - 0.5).abs() < 1e-9 && slides.joints[1].error.expect("5 s").rms < 1e-12, "{slides:?}");
         assert!((slides.joints[1].peak_commanded - 2.0).abs() < 1e-12);
-        let turns = log.score(false).expect("two joints");
+        let turns = log.score(Lanes::Turning).expect("two joints");
         assert_eq!(turns.unit, "deg");
         assert!((turns.joints[0].error.expect("5 s").rms - 0.5e-3_f64.to_degrees()).abs() < 1e-9);
-        assert!(JointTracking::default().score(false).is_none());
+        assert!(JointTracking::default().score(Lanes::Turning).is_none());
+        let segment = log.score(Lanes::Segments).expect("one segment");
+        assert_eq!((segment.each, segment.joints.len()), ("segment", 1));
+        let bend_deg = 1e-3_f64.hypot(2e-3).to_degrees();
+        assert!((segment.joints[0].peak_commanded - bend_deg).abs() < 1e-12, "{segment:?}");
     }
 }

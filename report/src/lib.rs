@@ -21,7 +21,7 @@ mod tracking;
 
 pub use compare::{Apart, Mark, Series, Side, SideError};
 pub use figure::{Curve, Figure, Sheet, Stroke, Surface};
-pub use joint_tracking::{JointFigure, JointScore, Tracked, joint_unit};
+pub use joint_tracking::{JointFigure, JointScore, Lanes, Tracked, joint_unit};
 pub use krait_bench::Quantiles;
 pub use latency::{HopReport, LatencyLog, LatencyReport};
 pub use pass_report::{ChangeReport, LearntReport, PassLog, PassReport, PeakBend};

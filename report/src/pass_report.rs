@@ -2,7 +2,7 @@
 //!
 //! Everything here is computed from the recording alone, so that anyone with the file gets the same figures.
 
-use crate::joint_tracking::{JointScore, JointTracking};
+use crate::joint_tracking::{JointScore, JointTracking, Lanes};
 use crate::tracking::{self, Seen, Tracking, TrackingScore, Wanted, length};
 use krait_ipc::message::{LearningState, ModelUpdate, Setpoint, Shape};
 use krait_model::{ChangeKind, LearntParameter};
@@ -25,9 +25,9 @@ pub struct PassReport {
     /// Tracking error.
     #[serde(flatten)]
     pub tracking: TrackingScore,
-    /// Largest bend over the whole pass; null for joints.
+    /// Largest bend over the whole pass; null for joints and segments, whose score has each one's.
     pub peak_bend_deg: Option<PeakBend>,
-    /// How joints followed, in their own unit; null for a snake.
+    /// How joints or segments followed, in their own unit; null for a snake.
     pub joints: Option<JointScore>,
     /// What was learnt by the end of the pass, in the order of the model file.
     pub learnt: Vec<LearntReport>,
@@ -148,18 +148,18 @@ impl PassLog {
         self.changes.iter().map(report).collect()
     }
 
-    /// What the pass showed; `names` are the parameters that the model of the pass learns, `slides` says of joints whether
-    /// their positions are lengths.
-    pub fn report(&self, compensation: &str, names: &[LearntParameter], slides: Option<bool>) -> PassReport {
+    /// What the pass showed; `names` are the parameters that the model of the pass learns, `lanes` says of a
+    /// machine that is no snake what it is.
+    pub fn report(&self, compensation: &str, names: &[LearntParameter], lanes: Option<Lanes>) -> PassReport {
         let peak = |bends: &mut dyn Iterator<Item = [f64; 2]>| bends.map(length).fold(0.0, f64::max).to_degrees();
         PassReport {
             compensation: compensation.to_owned(),
             tracking: Tracking::of(self.setpoints.iter().copied(), self.shapes.iter().copied()).score(),
-            peak_bend_deg: slides.is_none().then(|| PeakBend {
+            peak_bend_deg: lanes.is_none().then(|| PeakBend {
                 commanded: peak(&mut self.setpoints.iter().map(|(_, bend, _)| *bend)),
                 reached: peak(&mut self.shapes.iter().map(|(_, bend)| *bend)),
             }),
-            joints: slides.and_then(|slides| self.joints.score(slides)),
+            joints: lanes.and_then(|lanes| self.joints.score(lanes)),
             learnt: self.last_update.as_ref().map_or_else(Vec::new, |update| LearntReport::of(update, names)),
             watched_for_changes: self.watched,
             changes: self.change_reports(),

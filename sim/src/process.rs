@@ -1,17 +1,31 @@
 //! The slave process on a simulated machine.
 
-use crate::{JointsTruth, SimulatedJoints, SimulatedSnake, Truth, TruthError};
+use crate::{
+    JointsTruth, SegmentDrives, SegmentTruth, SegmentsTruth, SegmentsTruthError, SimulatedJoints, SimulatedSnake,
+    Truth, TruthError,
+};
 use core::sync::atomic::AtomicBool;
 use krait_ipc::{Bus, IpcError};
 use krait_slave::{ConfigError, SlaveConfig, SlaveError, run_with_drive};
 
 /// Which machine is simulated.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Simulation {
     /// A snake of three lines.
     Snake,
     /// So many cable-driven joints.
     Joints(usize),
+    /// Segments in series, which are these where no truth file describes others of as many lines.
+    Segments(SegmentsOfModel),
+}
+
+/// Dimensions and lines of segments, as the model of the chain has them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SegmentsOfModel {
+    /// From the base to the tip.
+    pub segments: Vec<SegmentTruth>,
+    /// φ: angle of each of the cone's two arcs, rad.
+    pub phi_rad: f64,
 }
 
 /// The slave on a simulated machine could not start or go on.
@@ -23,6 +37,9 @@ pub enum SimError {
     /// The truth file was refused.
     #[error(transparent)]
     Truth(#[from] TruthError),
+    /// Segments like the model's cannot be simulated.
+    #[error("segments with the dimensions of the model cannot be simulated: {0}")]
+    Segments(#[from] SegmentsTruthError),
     /// The limiter would allow what the simulated drives cannot do.
     #[error(
         "slave configuration: limits.stroke_m is {stroke_m}, expected at most the travel {travel_m} m of the simulated drives; lower it, or raise drive.travel_m in the truth file"
@@ -55,6 +72,7 @@ pub fn run(bus: &Bus, config: &SlaveConfig, machine: Simulation, stop: &AtomicBo
     match machine {
         Simulation::Snake => run_with_drive(bus, config, simulated(config)?, stop)?,
         Simulation::Joints(n) => run_with_drive(bus, config, simulated_joints(config, n)?, stop)?,
+        Simulation::Segments(own) => run_with_drive(bus, config, simulated_segments(config, &own)?, stop)?,
     }
     Ok(())
 }
@@ -85,6 +103,20 @@ pub(crate) fn simulated_joints(config: &SlaveConfig, n: usize) -> Result<Simulat
     };
     check_travel(config, truth.drive.travel_m)?;
     Ok(SimulatedJoints::new(&truth))
+}
+
+/// The simulated segments that a configuration asks for.
+///
+/// # Errors
+/// As [`simulated`], and [`SimError::Segments`].
+pub(crate) fn simulated_segments(config: &SlaveConfig, own: &SegmentsOfModel) -> Result<SegmentDrives, SimError> {
+    config.check()?;
+    let truth = match &config.truth {
+        Some(path) => SegmentsTruth::load(path, own)?,
+        None => SegmentsTruth::of(own),
+    };
+    check_travel(config, truth.drive.travel_m)?;
+    Ok(SegmentDrives::new(&truth)?)
 }
 
 fn check_travel(config: &SlaveConfig, travel_m: f64) -> Result<(), SimError> {

@@ -3,7 +3,7 @@
 //! Only the simulation can be had here: a real drive's watchdog, limits and brakes stay on the machine's clock.
 //! Everything else is the slave as ever: the same core, limiter, watchdog and braking, told another time.
 
-use crate::process::{SimError, Simulation, simulated, simulated_joints};
+use crate::process::{SimError, Simulation, simulated, simulated_joints, simulated_segments};
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use krait_ipc::message::{Command, SlaveState, StateCommand, Transition};
@@ -34,6 +34,7 @@ pub fn run_in_recorded_time(
     match machine {
         Simulation::Snake => run_drive(bus, config, simulated(config)?, start_ns, stop),
         Simulation::Joints(n) => run_drive(bus, config, simulated_joints(config, n)?, start_ns, stop),
+        Simulation::Segments(own) => run_drive(bus, config, simulated_segments(config, &own)?, start_ns, stop),
     }
 }
 

@@ -81,11 +81,12 @@ impl SimulatedSegments {
     pub fn new(truth: &SegmentsTruth) -> Result<Self, SegmentsTruthError> {
         truth.check()?;
         let (mut backbones, mut lines) = (Vec::new(), Vec::new());
+        let effects = &truth.effects;
         let mut path_m = 0.0;
-        for (ends_at, segment) in truth.segments.iter().enumerate() {
+        for (ends_at, segment) in truth.segment.iter().enumerate() {
             let m = &segment.machine;
             let axial_n = m.e_pa * PI / 4.0 * (m.d_outer_m.powi(2) - m.d_inner_m.powi(2));
-            let bending_n_m2 = truth.load_scale * m.e_pa * PI / 64.0 * (m.d_outer_m.powi(4) - m.d_inner_m.powi(4));
+            let bending_n_m2 = effects.load_scale * m.e_pa * PI / 64.0 * (m.d_outer_m.powi(4) - m.d_inner_m.powi(4));
             backbones.push(Backbone { length_m: m.l_m, bending_n_m2, axial_n_per_m: axial_n / m.l_m });
             path_m += m.l_m;
             let gives = |length_m: f64| {
@@ -93,16 +94,17 @@ impl SimulatedSegments {
                 Compliance { pushed_m_per_n: m_per_n, pulled_m_per_n: m_per_n }
             };
             let line = Line {
-                half_play_m: truth.play_m / 2.0,
+                half_play_m: effects.play_m / 2.0,
                 holder: gives(m.l_d_m),
-                inside: Inside { per_metre: gives(truth.inside), length_m: path_m },
+                inside: Inside { per_metre: gives(effects.inside), length_m: path_m },
                 cone: gives(m.l_c_m),
-                capstan: (2.0 * truth.mu * truth.phi_rad).exp(),
-                static_friction_n: truth.f_s_n,
+                capstan: (2.0 * effects.mu * truth.phi_rad).exp(),
+                static_friction_n: effects.f_s_n,
                 spread: None,
             };
-            lines.extend(segment.azimuths_rad.iter().map(|azimuth_rad| {
-                let hole_m = [-m.r_m * azimuth_rad.cos(), m.r_m * azimuth_rad.sin()];
+            lines.extend(segment.azimuths_rad.iter().enumerate().map(|(k, azimuth_rad)| {
+                let radius_m = segment.radius_m(k);
+                let hole_m = [-radius_m * azimuth_rad.cos(), radius_m * azimuth_rad.sin()];
                 Strung { line, memory: Memory::default(), ends_at, hole_m, bending_n_m2 }
             }));
         }
@@ -134,6 +136,16 @@ impl SimulatedSegments {
             }
             self.settle();
         }
+    }
+
+    /// How many segments there are.
+    pub fn n_segments(&self) -> usize {
+        self.backbones.len()
+    }
+
+    /// Where the actuators stand, m, segment 1's first.
+    pub fn q_tilde_m(&self) -> &[f64] {
+        &self.q_tilde_m
     }
 
     /// How many lines there are.

@@ -1,5 +1,7 @@
 //! What can be wrong with a truth file, each in one sentence, and the search for the key that was meant.
 
+use crate::SegmentsTruthError;
+
 /// A truth file was refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum TruthError {
@@ -46,6 +48,27 @@ pub enum TruthError {
         found: usize,
         /// Joints of the model.
         expected: usize,
+    },
+    /// Other segments or lines than the model has.
+    #[error(
+        "truth file {file} describes segments of {found:?} lines, expected {expected:?} as in the model; give each segment one [[segment]] \
+         table with as many azimuths_rad, or none at all"
+    )]
+    OtherLines {
+        /// Its path.
+        file: String,
+        /// Lines of each segment in the file.
+        found: Vec<usize>,
+        /// Lines of each segment of the model.
+        expected: Vec<usize>,
+    },
+    /// Segments that cannot be simulated.
+    #[error("truth file {file}: {source}")]
+    Segments {
+        /// Its path.
+        file: String,
+        /// What is wrong.
+        source: SegmentsTruthError,
     },
     /// A value outside its range.
     #[error(

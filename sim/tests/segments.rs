@@ -4,7 +4,7 @@
 use core::f64::consts::PI;
 use krait_ipc::message::lines;
 use krait_sim::{
-    EffectsTruth, LinesTruth, MachineTruth, SegmentTruth, SegmentsTruth, SegmentsTruthError, SimulatedSegments,
+    EffectsTruth, LinesTruth, SegmentEffectsTruth, SegmentTruth, SegmentsTruth, SegmentsTruthError, SimulatedSegments,
     SimulatedSnake, Truth,
 };
 use krait_slave::Drive;
@@ -13,10 +13,7 @@ const R_M: f64 = 1.684e-3;
 const L_M: f64 = 26e-3;
 
 fn segment(azimuths_deg: &[f64]) -> SegmentTruth {
-    SegmentTruth {
-        machine: MachineTruth::default(),
-        azimuths_rad: azimuths_deg.iter().map(|deg| deg.to_radians()).collect(),
-    }
+    SegmentTruth { azimuths_rad: azimuths_deg.iter().map(|deg| deg.to_radians()).collect(), ..SegmentTruth::default() }
 }
 
 fn two() -> SegmentsTruth {
@@ -28,7 +25,7 @@ fn one_segment_of_three_lines_moves_as_the_simulated_snake_does() {
     let effects = EffectsTruth::default();
     let mut one = SegmentsTruth::ideal(vec![segment(&[0.0, 120.0, 240.0])]);
     let EffectsTruth { play_m, load_scale, mu, f_s_n, .. } = effects;
-    (one.play_m, one.load_scale, one.mu, one.f_s_n, one.inside) = (play_m, load_scale, mu, f_s_n, 0.8);
+    one.effects = SegmentEffectsTruth { play_m, load_scale, mu, f_s_n, inside: 0.8 };
     assert!(play_m > 0.0 && mu > 0.0 && f_s_n > 0.0, "the snake's own friction and play");
     let mut segments = SimulatedSegments::new(&one).unwrap();
     let hidden = LinesTruth { inside: 0.8, ..LinesTruth::default() };
@@ -122,7 +119,7 @@ fn a_distal_segment_that_bends_moves_the_proximal_one_too() {
 #[test]
 fn a_path_s_number_of_commands_does_not_matter_and_bad_places_move_nothing() {
     let mut truth = two();
-    (truth.play_m, truth.mu, truth.f_s_n) = (1.8e-4, 0.17, 1.9);
+    (truth.effects.play_m, truth.effects.mu, truth.effects.f_s_n) = (1.8e-4, 0.17, 1.9);
     let there = [-2e-3, 1e-3, 1e-3, 0.5e-3, 1.5e-3, -2e-3];
     let (mut at_once, mut in_steps) =
         (SimulatedSegments::new(&truth).unwrap(), SimulatedSegments::new(&truth).unwrap());
@@ -144,15 +141,15 @@ fn a_path_s_number_of_commands_does_not_matter_and_bad_places_move_nothing() {
 fn truths_that_cannot_be_are_refused() {
     type Edit = fn(&mut SegmentsTruth);
     let edits: [(&str, Edit); 9] = [
-        ("0 segments", |t| t.segments.clear()),
-        ("4 segments", |t| t.segments = vec![segment(&[0.0, 120.0, 240.0]); 4]),
-        ("2 lines", |t| t.segments = vec![segment(&[0.0, 120.0])]),
-        ("13 lines", |t| t.segments[1].azimuths_rad = vec![1.0; 10]),
-        ("mu is NaN", |t| t.mu = f64::NAN),
-        ("play_m is 1", |t| t.play_m = 1.0),
-        ("r_m is 0.02", |t| t.segments[1].machine.r_m = 0.02),
-        ("l_m is 0.026, expected 0.032", |t| t.segments[1].machine.r_m = 0.004),
-        ("azimuths_rad is 7", |t| t.segments[0].azimuths_rad[1] = 7.0),
+        ("0 segments", |t| t.segment.clear()),
+        ("4 segments", |t| t.segment = vec![segment(&[0.0, 120.0, 240.0]); 4]),
+        ("2 lines", |t| t.segment = vec![segment(&[0.0, 120.0])]),
+        ("13 lines", |t| t.segment[1].azimuths_rad = vec![1.0; 10]),
+        ("effects.mu is NaN", |t| t.effects.mu = f64::NAN),
+        ("effects.play_m is 1", |t| t.effects.play_m = 1.0),
+        ("r_m is 0.02", |t| t.segment[1].machine.r_m = 0.02),
+        ("l_m is 0.026, expected 0.032", |t| t.segment[1].machine.r_m = 0.004),
+        ("azimuths_rad is 7", |t| t.segment[0].azimuths_rad[1] = 7.0),
     ];
     for (words, edit) in edits {
         let mut truth = two();

@@ -1,17 +1,29 @@
 // Joints: a bar for each, from its lower to its upper limit, with where it is, where it shall be, and how far it is off.
+// Segments in series: two bars each, for the two components of its bend vector; the arcs themselves are not drawn.
 import { make, sign, signed, write } from './format.js';
+
+/// What each bar is called: the joint's number, or segment and component.
+const namesOf = facts => facts.joints.low.map((_, i) => facts.joints.n_segments > 0 ? `${Math.floor(i / 2) + 1}${'xy'[i % 2]}` : String(i + 1));
+
+/// How far the joint that is farthest off is from where it shall be, or the bend vector of the segment that is, in SI.
+export const farthest = (facts, measured, wanted) => {
+  const apart = wanted.map((value, i) => Math.abs(measured[i] - value));
+  const each = facts.joints.n_segments > 0 ? apart.filter((_, i) => i % 2 === 0).map((x, i) => Math.hypot(x, apart[2 * i + 1])) : apart;
+  return Math.max(...each);
+};
 
 export class JointBars {
   /// Fills an element with one row for each joint; `facts` has limits and the unit that is shown.
   constructor(holder, facts) {
     this.holder = holder;
     this.facts = facts;
+    const names = namesOf(facts);
     const digits = facts.unit === 'deg' ? 0 : 1;
     this.rows = facts.joints.low.map((low, i) => {
       const [seen, told, zero] = [make('div', 'seen'), make('div', 'told'), make('div', 'zero')];
       const [off, at] = [make('span', 'off num'), make('b', 'num')];
       const [from, to] = [low, facts.joints.high[i]].map(value => make('small', 'num', signed(value * facts.per_si, digits)));
-      const row = make('div', 'joint', make('span', 'id', String(i + 1)), make('div', 'track', zero, seen, told), at, make('div', 'ends', from, to), off);
+      const row = make('div', 'joint', make('span', 'id', names[i]), make('div', 'track', zero, seen, told), at, make('div', 'ends', from, to), off);
       zero.style.left = `${100 * this.part(0, i)}%`;
       return { row, seen, told, off, at };
     });
@@ -41,8 +53,9 @@ export class JointBars {
       write(at, measured ? show(measured[i]) : 'not measured');
       write(off, err_rms ? `off ${(err_rms[i] * this.facts.per_si).toFixed(2)}` : '');
     });
-    const told = this.rows.map((_, i) => `joint ${i + 1} ${measured ? show(measured[i]) : 'not measured'}, wanted ${wanted ? show(wanted[i]) : 'nothing'}`);
-    this.holder.setAttribute('aria-label', `${this.rows.length} joints: ${told.join('; ')}.`);
+    const [names, kind] = [namesOf(this.facts), this.facts.joints.n_segments > 0 ? 'components of bend vectors' : 'joints'];
+    const told = this.rows.map((_, i) => `${kind === 'joints' ? 'joint' : 'segment'} ${names[i]} ${measured ? show(measured[i]) : 'not measured'}, wanted ${wanted ? show(wanted[i]) : 'nothing'}`);
+    this.holder.setAttribute('aria-label', `${this.rows.length} ${kind}: ${told.join('; ')}.`);
   }
 
   /// What was shown is too old.

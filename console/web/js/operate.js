@@ -19,11 +19,11 @@ const unit = () => sign(facts.unit);
 on('hello', message => {
   hello = message.hello;
   facts = hello.facts;
-  write($('fact-drives').lastElementChild, !facts.is_simulated ? 'Real drives' : facts.joints ? 'Simulated joints' : 'Simulated snake');
+  write($('fact-drives').lastElementChild, !facts.is_simulated ? 'Real drives' : facts.joints?.n_segments ? 'Simulated segments' : facts.joints ? 'Simulated joints' : 'Simulated snake');
   write($('edge-name'), `limit ${degrees(facts.max_bend_rad).toFixed(0)}°`);
   document.documentElement.dataset.machine = facts.joints ? 'joints' : 'snake';
   if (facts.joints) joints = new JointBars($('joints'), facts);
-  write($('lines-title').firstChild, facts.joints ? 'Actuators ' : 'Lines ');
+  write($('lines-title').firstChild, facts.joints && !facts.joints.n_segments ? 'Actuators ' : 'Lines ');
   makeDial();
   makeBars();
 });

@@ -1,7 +1,7 @@
 // Recordings: the list, and a player that shows each as pictures in the same view, framed as not live.
 import { clock, drawing, make, write } from './format.js';
 import { go, turnWithPointer } from './shell.js';
-import { JointBars } from './joints.js';
+import { JointBars, farthest } from './joints.js';
 import { degrees } from './snake.js';
 import { lend, on, post } from './link.js';
 import { useInLab } from './lab.js';
@@ -111,10 +111,10 @@ async function open(name) {
   show();
 }
 
-/// How far the joint that is farthest off is from where it shall be; nothing without this machine's unit.
+/// How far the joint or segment that is farthest off is from where it shall be; nothing without this machine's unit.
 function jointError(i) {
   const [measured, wanted] = [film.joints[i], film.joints_wanted[i]];
-  return bars && measured && wanted?.length === measured.length ? Math.max(...wanted.map((value, k) => Math.abs(measured[k] - value))) * facts.per_si : null;
+  return bars && measured && wanted?.length === measured.length ? farthest(facts, measured, wanted) * facts.per_si : null;
 }
 
 function curve() {

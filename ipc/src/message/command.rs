@@ -24,7 +24,8 @@ pub struct Command {
     pub model_update_sequence: u64,
     /// The bend vector that this command is for, rad; equals the setpoint's; NaN for joints.
     pub bend_rad: [f64; 2],
-    /// The positions of joints that this command is for, rad (m for a sliding joint); equal the setpoint's; zeros for a snake.
+    /// The positions of joints that this command is for, rad (m for a sliding joint), or the bend vectors of segments; equal the
+    /// setpoint's; zeros for a snake.
     pub joints_rad: JointValues,
     /// q of Eq. (1): what an inextensible snake would need, or what joints without effects would, m, push positive.
     pub q_uncompensated_m: Actuators,
@@ -34,7 +35,7 @@ pub struct Command {
     pub q_tilde_vel_m_per_s: Actuators,
     /// How many actuators it commands; 0: the three lines of a snake.
     pub n_actuators: u32,
-    /// How many joints they move; 0 for a snake.
+    /// How many joints they move, or twice the number of segments; 0 for a snake.
     pub n_joints: u32,
     /// Which model this command rests on: its hash.
     pub model_hash: u64,

@@ -22,13 +22,14 @@ pub struct Setpoint {
     pub bend_rad: [f64; 2],
     /// Its rate, rad/s.
     pub bend_vel_rad_per_s: [f64; 2],
-    /// Positions of joints, rad (m for a sliding joint); zeros for a snake.
+    /// Positions of joints, rad (m for a sliding joint), or the bend vectors of segments in series one after the other, rad; zeros for
+    /// a snake.
     pub joints_rad: JointValues,
     /// Their rates, rad/s (m/s).
     pub joints_vel_rad_per_s: JointValues,
     /// Actuator rates, m/s. Of a snake those that J~ = (I + J alpha)^-1 J asks for: q~_dot = (J_q_b + alpha_b) b_dot.
     pub q_tilde_vel_m_per_s: Actuators,
-    /// End-disk centre in the base frame for this bend, m; NaN for joints.
+    /// End-disk centre in the base frame for this bend or these segments, m; NaN for joints, which tells them from segments.
     pub tip_pos_in_base_m: [f64; 3],
     /// The common factor by which limits shortened the operator's motion, 0..=1.
     pub motion_scale: f64,
@@ -40,7 +41,7 @@ pub struct Setpoint {
     pub reserved: u32,
     /// How many actuators have a rate; 0: the three lines of a snake.
     pub n_actuators: u32,
-    /// How many joints; 0 for a snake.
+    /// How many joints, or twice the number of segments; 0 for a snake.
     pub n_joints: u32,
     /// The set of reasons ([`crate::Reasons`]) that hold at this sample.
     pub reasons: u64,
@@ -49,6 +50,12 @@ pub struct Setpoint {
 message!(Setpoint, "setpoint", 3, super::EVERY_SAMPLE);
 
 impl Setpoint {
+    /// How many segments in series it is for; 0 for a snake and for joints.
+    pub fn n_segments(&self) -> usize {
+        let has_tip = self.tip_pos_in_base_m.iter().all(|m| m.is_finite());
+        if has_tip { (self.n_joints as usize).min(super::MAX_JOINTS) / 2 } else { 0 }
+    }
+
     /// The typed phase, or `None` for a value that no version of krait sends.
     pub fn phase(&self) -> Option<Phase> {
         [Phase::Holding, Phase::Following].into_iter().find(|p| *p as u32 == self.phase)

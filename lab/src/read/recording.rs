@@ -39,7 +39,7 @@ pub(super) fn read(path: &Path, file: File, map: &ColumnMap, expected: Expected)
                 Expected::Snake => machine(0, None),
                 Expected::Joints(joints) => machine(joints.n, Some(joints)),
                 Expected::Force(_) => "a torque or a current, which no recording of krait holds for joints".to_owned(),
-                Expected::Segments => "segments, which no recording of krait holds".to_owned(),
+                Expected::Segments => "segments, which the lab does not measure".to_owned(),
             },
         );
         return Err(ReadError::OtherMachine { path: path.to_owned(), found, expected });

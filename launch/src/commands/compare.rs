@@ -2,14 +2,15 @@
 
 use crate::cli_replay::CompareArgs;
 use crate::commands::compare_table::{COLUMNS, error_of, table, unit_of};
+use crate::in_force::lanes_of;
 use crate::print::{self, wrapped};
 use crate::recorded;
 use anyhow::{Context, bail};
-use krait_bridge::{JointModel, LiveModel};
+use krait_bridge::LiveModel;
 use krait_model::ModelHash;
 use krait_model::model_file::ModelFile;
 use krait_record::{Pass, Recording, passes_of};
-use krait_report::{Apart, Curve, Figure, Mark, Side, Spread, Stroke, TOO_SHORT, svg};
+use krait_report::{Apart, Curve, Figure, Lanes, Mark, Side, Spread, Stroke, TOO_SHORT, svg};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -68,18 +69,18 @@ fn named(path: &Path, number: u64) -> anyhow::Result<Named> {
     let Some(pass) = passes.get(idx) else {
         bail!("recording {}: pass {number} was asked for and it holds {}", path.display(), passes.len());
     };
-    let slides = slides_of(&parts[0], pass).with_context(|| format!("recording {}", path.display()))?;
-    let side = Side::of(pass, slides).with_context(|| format!("recording {}", path.display()))?;
+    let lanes = lanes_of_pass(&parts[0], pass).with_context(|| format!("recording {}", path.display()))?;
+    let side = Side::of(pass, lanes).with_context(|| format!("recording {}", path.display()))?;
     let missing = parts.iter().flat_map(|part| &part.contents().missing).map(ToString::to_string).collect();
     Ok(Named { recording: path.to_owned(), pass: idx + 1, about: recorded::about(&parts[0]), missing, side })
 }
 
-/// Whether the pass is of joints, and whether those slide.
-fn slides_of(recording: &Recording, pass: &Pass) -> anyhow::Result<Option<bool>> {
-    let is_of_joints = pass.setpoints.first().is_some_and(|setpoint| setpoint.n_joints > 0);
-    let Some(command) = pass.commands.first().filter(|_| is_of_joints) else { return Ok(None) };
+/// What the pass is of, where it is of no snake.
+fn lanes_of_pass(recording: &Recording, pass: &Pass) -> anyhow::Result<Option<Lanes>> {
+    let has_lanes = pass.setpoints.first().is_some_and(|setpoint| setpoint.n_joints > 0);
+    let Some(command) = pass.commands.first().filter(|_| has_lanes) else { return Ok(None) };
     let model = ModelFile::parse(&recorded::model_text(recording, ModelHash(command.model_hash))?)?;
-    Ok(LiveModel::of(&model)?.joints().map(JointModel::slides))
+    Ok(lanes_of(&LiveModel::of(&model)?))
 }
 
 fn text(comparison: &Comparison) -> String {

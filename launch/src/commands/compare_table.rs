@@ -92,16 +92,17 @@ impl Rows {
             });
         }
         let joints = |side: &Side| side.joints.as_ref().map_or(0, |score| score.joints.len());
-        let unit = a.joints.as_ref().or(b.joints.as_ref()).map_or("", |score| score.unit);
+        let (each, unit) =
+            a.joints.as_ref().or(b.joints.as_ref()).map_or(("joint", ""), |score| (score.each, score.unit));
         for k in 0..joints(a).max(joints(b)) {
             let of = |side: &Side| {
-                let score = side.joints.as_ref().filter(|score| score.unit == unit)?;
+                let score = side.joints.as_ref().filter(|score| (score.each, score.unit) == (each, unit))?;
                 score.joints.get(k).copied()
             };
-            row(format!("joint {}, largest commanded, {unit}", k + 1), &|side| {
+            row(format!("{each} {}, largest commanded, {unit}", k + 1), &|side| {
                 of(side).map(|joint| joint.peak_commanded)
             });
-            row(format!("joint {}, largest measured, {unit}", k + 1), &|side| {
+            row(format!("{each} {}, largest measured, {unit}", k + 1), &|side| {
                 of(side).filter(|_| is_measured(side)).map(|joint| joint.peak_reached)
             });
         }

@@ -3,16 +3,16 @@
 use crate::cli::Common;
 use crate::cli_console::ConsoleArgs;
 use crate::config::Config;
-use crate::in_force::ModelInForce;
+use crate::in_force::{ModelInForce, lanes_of};
 use crate::{print, recorded, signals, supervisor};
 use anyhow::Context;
-use krait_bridge::{JointMachine, LiveModel};
+use krait_bridge::{JointMachine, LiveModel, SegmentModel};
 use krait_console::{Facts, FoxgloveSettings, HopBudget, JointFacts, ServerSettings};
 use krait_ipc::Bus;
 use krait_ipc::message::N_LINES;
 use krait_master::Presence;
 use krait_record::{RecordConfig, Recording, Views};
-use krait_report::joint_unit;
+use krait_report::Lanes;
 use krait_slave::DriveKind;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -63,7 +63,7 @@ pub fn run(common: &Common, args: &ConsoleArgs) -> anyhow::Result<ExitCode> {
 fn viewers_of(config: &Config, model: &ModelInForce, origins: &[String]) -> anyhow::Result<FoxgloveSettings> {
     let machine = match &model.machine {
         LiveModel::Snake(chain) => Some(chain.machine()),
-        LiveModel::Joints(_) => None,
+        LiveModel::Joints(_) | LiveModel::Segments(_) => None,
     };
     // Without pictures in recordings, viewers have them as often as by default.
     let rate_hz = if config.record.view_hz == 0 { RecordConfig::default().view_hz } else { config.record.view_hz };
@@ -91,12 +91,18 @@ fn folder_of(path: &Path) -> PathBuf {
 }
 
 fn facts_of(instance: &str, config: &Config, model: &ModelInForce) -> anyhow::Result<Facts> {
-    let (machine, joints) = match &model.machine {
-        LiveModel::Snake(chain) => (Some(chain.machine()), None),
-        LiveModel::Joints(joints) => (None, Some(JointMachine::new(joints, &config.joints)?)),
+    let lanes = lanes_of(&model.machine).unwrap_or(Lanes::Turning);
+    let (unit, per_si) = lanes.unit();
+    let (machine, joints, n_actuators) = match &model.machine {
+        LiveModel::Snake(chain) => (Some(chain.machine()), None, N_LINES),
+        LiveModel::Joints(joints) => {
+            let joints = JointMachine::new(joints, &config.joints)?;
+            (None, Some(joint_facts(&joints)), joints.n())
+        }
+        LiveModel::Segments(segments) => {
+            (None, Some(segment_facts(segments, config)), segments.chain().machine().n_lines())
+        }
     };
-    let (unit, per_si) = joint_unit(joints.as_ref().is_some_and(JointMachine::slides));
-    let joints = joints.map(|joints| joint_facts(&joints));
     let allowance =
         |a: crate::budget::Allowance| HopBudget { p50_us: a.p50_us, p99_us: a.p99_us, worst_us: a.worst_us };
     let budget = &config.budget;
@@ -105,7 +111,7 @@ fn facts_of(instance: &str, config: &Config, model: &ModelInForce) -> anyhow::Re
         is_simulated: config.slave.drive.kind == DriveKind::Sim,
         l_m: machine.map_or(0.0, |machine| machine.l_m),
         r_m: machine.map_or(0.0, |machine| machine.r_m),
-        n_actuators: joints.as_ref().map_or(N_LINES, |joints| joints.low.len()),
+        n_actuators,
         unit,
         per_si,
         joints,
@@ -123,7 +129,15 @@ fn facts_of(instance: &str, config: &Config, model: &ModelInForce) -> anyhow::Re
 
 fn joint_facts(joints: &JointMachine) -> JointFacts {
     let [low, high] = joints.range_rad().map(|values| values[..joints.n()].to_vec());
-    JointFacts { low, high }
+    JointFacts { low, high, n_segments: 0 }
+}
+
+/// Both components of each segment's bend vector may be as large as its bend.
+fn segment_facts(segments: &SegmentModel, config: &Config) -> JointFacts {
+    let n_segments = segments.chain().machine().n();
+    let largest_rad = &segments.max_bend_rad(&config.resolve)[..n_segments];
+    let high: Vec<f64> = largest_rad.iter().flat_map(|rad| [*rad; 2]).collect();
+    JointFacts { low: high.iter().map(|rad| -rad).collect(), high, n_segments }
 }
 
 fn presence_hint(presence: Presence) -> String {

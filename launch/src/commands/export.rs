@@ -96,6 +96,10 @@ impl Exported {
 fn units_of(recording: &Recording) -> anyhow::Result<ColumnUnits> {
     let text = attachment(recording, MODEL_ATTACHMENT).context("it embeds no model of its joints")?;
     let file = ModelFile::parse(text).context("its attachment model.toml")?;
+    if let Machine::Segments(_) = file.machine() {
+        let name = |unit: &str| unit.to_owned();
+        return Ok(ColumnUnits { u_unit: name("m"), u_per_m: 1.0, y_unit: name("rad"), y_per_si: 1.0 });
+    }
     let Machine::Joints(joints) = file.machine() else {
         bail!("it holds joints, and the model that it embeds is of none");
     };

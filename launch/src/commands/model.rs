@@ -178,7 +178,8 @@ fn described(config: &Config, path: &Path, text: &str, model: &ModelFile) -> Res
                 None
             }
         },
-        Err(_) => None,
+        // Every effect of segments has its bounds and an inverse of its own.
+        Ok(LiveModel::Segments(_)) | Err(_) => None,
     };
     let within = |chain: &Chain| chain.max_bend_rad().min(config.resolve.max_bend_rad);
     let load_limit = chain.as_ref().map(|chain| first_limit(model, chain, &config.slave.limits, within(chain)));

@@ -183,6 +183,9 @@ impl LastChain {
                 let machine = JointMachine::new(&model, &settings_of(recording)?.joints)?;
                 self.unexplained_rad(JointEstimateCore::new(&machine, EstimateConfig::default())?)
             }
+            LiveModel::Segments(_) => {
+                bail!("its model is of kind segments, of which nothing is learnt, expected one of a snake or of joints")
+            }
         })
     }
 
@@ -213,7 +216,7 @@ struct Unit {
 impl Unit {
     fn of_errors(model: &LiveModel) -> Self {
         match model {
-            LiveModel::Snake(_) => Self { name: "deg", per_si: 2f64.sqrt().to_degrees() },
+            LiveModel::Snake(_) | LiveModel::Segments(_) => Self { name: "deg", per_si: 2f64.sqrt().to_degrees() },
             LiveModel::Joints(joints) => {
                 let (name, per_si) = krait_report::joint_unit(joints.slides());
                 Self { name, per_si }

@@ -11,8 +11,9 @@ use krait_drives::open_drive;
 use krait_ipc::message::N_LINES;
 use krait_ipc::{Beside, Bus, Process, clock, input};
 use krait_master::{Engage, GuidePlan, HidRecording, LiveMotion, MasterConfig, Script, SourceChoice};
+use krait_model::segments::{SegmentParameters, SegmentsParameters};
 use krait_record::{Attachment, CONFIG_ATTACHMENT, MODEL_ATTACHMENT, RecordConfig};
-use krait_sim::Simulation;
+use krait_sim::{MachineTruth, SegmentTruth, SegmentsOfModel, Simulation};
 use krait_slave::{DriveKind, SlaveConfig};
 use rustix::process::{Resource, getrlimit};
 use std::process::ExitCode;
@@ -103,7 +104,26 @@ fn simulation(config: &Config) -> anyhow::Result<Simulation> {
     Ok(match config.model()?.machine {
         LiveModel::Snake(_) => Simulation::Snake,
         LiveModel::Joints(joints) => Simulation::Joints(joints.n()),
+        LiveModel::Segments(segments) => Simulation::Segments(segments_of(segments.parameters())),
     })
+}
+
+/// Segments to be simulated with the dimensions that the model has.
+fn segments_of(model: &SegmentsParameters) -> SegmentsOfModel {
+    let segment = |own: &SegmentParameters| SegmentTruth {
+        azimuths_rad: own.lines.iter().map(|line| line.azimuth_rad).collect(),
+        radii_m: own.lines.iter().map(|line| line.radius_m).collect(),
+        machine: MachineTruth {
+            l_m: own.l_m,
+            e_pa: own.e_pa,
+            d_outer_m: own.d_outer_m,
+            d_inner_m: own.d_inner_m,
+            l_d_m: own.l_d_m,
+            l_c_m: own.l_c_m,
+            ..MachineTruth::default()
+        },
+    };
+    SegmentsOfModel { segments: model.segments.iter().map(segment).collect(), phi_rad: model.phi_rad }
 }
 
 /// Real drives must be as many as the machine of the model has lines or joints.
@@ -111,6 +131,7 @@ fn check_actuators(config: &Config) -> anyhow::Result<()> {
     let (found, expected) = match config.model()?.machine {
         LiveModel::Snake(_) => (config.slave.drive.actuator.len(), N_LINES),
         LiveModel::Joints(joints) => (config.slave.drive.actuator.len(), joints.n()),
+        LiveModel::Segments(segments) => (config.slave.drive.actuator.len(), segments.chain().machine().n_lines()),
     };
     if found != expected {
         bail!(

@@ -14,7 +14,7 @@ use krait_ipc::message::three;
 use krait_ipc::{Process, clock};
 use krait_record::{About, WallClock};
 use krait_replay::{Keeper, LivePlayer, PlayCounts, Player, Program, Turn};
-use krait_report::{JointScore, SCORED_FROM_S, Spread, TOO_SHORT, Tracked};
+use krait_report::{JointScore, Lanes, SCORED_FROM_S, Spread, TOO_SHORT, Tracked};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -264,9 +264,11 @@ fn step_line(player: &Player) -> String {
         let (unit, per_si) = player.program().steering().unit();
         let n = setpoint.n_joints as usize;
         let joints: Vec<f64> = setpoint.joints_rad.iter().take(n).map(|joint| joint * per_si).collect();
+        let n_actuators = player.program().steering().n_commanded();
         let q_mm: Vec<f64> =
-            newest.command.iter().flat_map(|command| command.q_tilde_m).take(n).map(|q| q * 1e3).collect();
-        return format!("sample {sequence}: joints {joints:.4?} {unit}, q~ {q_mm:.5?} mm, the slave {word}\n");
+            newest.command.iter().flat_map(|command| command.q_tilde_m).take(n_actuators).map(|q| q * 1e3).collect();
+        let what = if setpoint.n_segments() > 0 { "bend vectors" } else { "joints" };
+        return format!("sample {sequence}: {what} {joints:.4?} {unit}, q~ {q_mm:.5?} mm, the slave {word}\n");
     }
     let deg = |bend: Option<[f64; 2]>| bend.unwrap_or([f64::NAN; 2]).map(f64::to_degrees);
     let [x, y] = deg(newest.setpoint.map(|setpoint| setpoint.bend_rad));
@@ -367,7 +369,7 @@ fn figures(
         took_s: 0.0,
         times_real_time: 0.0,
         tracking_error_deg: tracking.bend.score().error_deg,
-        joints: tracking.joints(program.steering().slides()),
+        joints: tracking.joints(program.steering().lanes()),
         scored_from_s: SCORED_FROM_S,
         stopped,
         recording: options.config.record.path.clone(),
@@ -400,6 +402,7 @@ fn sentence(figures: &Figures) -> String {
     }
     text += &format!("Tracking error from {SCORED_FROM_S:.0} s after the first motion on: ");
     let (error, unit, what) = match &figures.joints {
+        Some(joints) if joints.each == Lanes::Segments.each() => (joints.error, joints.unit, "bends of segments"),
         Some(joints) => (joints.error, joints.unit, "joint positions"),
         None => (*error, "deg", "shapes"),
     };

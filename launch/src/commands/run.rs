@@ -158,7 +158,7 @@ fn configure(common: &Common, args: &RunArgs) -> anyhow::Result<Config> {
         config.model = Some(absolute(model)?);
     }
     if let Some(compensation) = args.compensation {
-        (config.compensation, config.model) = (compensation, None);
+        config = config.with_compensation(compensation, args.model.is_some())?;
     }
     let wanted = args.recording.clone().or_else(|| config.record.path.clone());
     if !args.no_recording {

@@ -56,6 +56,7 @@ fn model_of(recording: &Recording, name: &str) -> anyhow::Result<PassModel> {
     let text =
         attachment(recording, &file).with_context(|| format!("it embeds no {file}, the model of its pass {name}"))?;
     let model = LiveModel::of(&ModelFile::parse(text)?)?;
-    let chain = model.snake().with_context(|| format!("its pass {name} is of joints, expected a snake"))?.clone();
+    let chain =
+        model.snake().with_context(|| format!("its pass {name} is of joints or segments, expected a snake"))?.clone();
     Ok(PassModel { chain, learnt: model.learnt().to_vec() })
 }

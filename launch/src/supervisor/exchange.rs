@@ -7,7 +7,7 @@ use super::Supervisor;
 use crate::config::Config;
 use crate::in_force::ModelInForce;
 use anyhow::{Context, ensure};
-use krait_bridge::LiveModel;
+use krait_bridge::{LiveModel, SegmentModel};
 use krait_ipc::message::{ModelAnswer, ModelRequest};
 use krait_ipc::{Bus, IpcError, Process, ReadOptions, Reader, Writer, clock};
 use std::path::{Path, PathBuf};
@@ -129,7 +129,7 @@ fn checked(before: &Config, request: &ModelRequest, n_recording: u32, is_recordi
 }
 
 /// What lines and backbones are made of is the model's to say; how long and how wide the snake is, is not, and neither is how
-/// many joints there are and what their numbers mean.
+/// many joints there are and what their numbers mean, nor where the lines of segments run.
 fn is_same_machine(new: &LiveModel, old: &LiveModel) -> bool {
     match (new, old) {
         (LiveModel::Snake(new), LiveModel::Snake(old)) => {
@@ -137,6 +137,13 @@ fn is_same_machine(new: &LiveModel, old: &LiveModel) -> bool {
         }
         (LiveModel::Joints(new), LiveModel::Joints(old)) => {
             (new.n(), new.slides(), new.is_driven_by_lengths()) == (old.n(), old.slides(), old.is_driven_by_lengths())
+        }
+        (LiveModel::Segments(new), LiveModel::Segments(old)) => {
+            let shape = |own: &SegmentModel| {
+                let segments = &own.parameters().segments;
+                segments.iter().map(|segment| (segment.l_m, segment.lines.clone())).collect::<Vec<_>>()
+            };
+            shape(new) == shape(old)
         }
         _ => false,
     }

@@ -334,12 +334,6 @@ pub enum ChainError {
         "the model is of kind force: it says which torque a motion needs, and drives nothing; give a model of a snake or of joints"
     )]
     NothingToDrive,
-    /// Segments are a model that nothing drives yet.
-    #[error(
-        "the model is of kind segments, which no chain drives yet: `krait model compensate` makes commands of its setpoints for another \
-         controller; give a model of a snake or of joints"
-    )]
-    SegmentsNotDriven,
     /// The joints' matrix G determines no commands.
     #[error(
         "the matrix `gain` of the joints has no inverse, or nearly none, so no commands follow from wanted positions; correct it"

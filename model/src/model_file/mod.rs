@@ -190,16 +190,15 @@ impl ModelFile {
         of_angle.filter_map(|entry| entry.heldout_rms.noise_floor).next().map(f64::to_radians)
     }
 
-    /// The chain of joints; `None` for a snake.
+    /// The chain of joints; `None` for a snake and for segments.
     ///
     /// # Errors
     /// [`ChainError::MissingColumn`] where a formula needs a column that is not there; [`ChainError::NothingToDrive`] for a model
-    /// of kind force, [`ChainError::SegmentsNotDriven`] for one of segments.
+    /// of kind force.
     pub fn joint_chain(&self, columns: KnownColumns) -> Result<Option<JointChain>, ChainError> {
         let joints = match &self.machine {
             Machine::Joints(joints) => joints,
-            Machine::Snake(_) => return Ok(None),
-            Machine::Segments(_) => return Err(ChainError::SegmentsNotDriven),
+            Machine::Snake(_) | Machine::Segments(_) => return Ok(None),
             Machine::Force(_) => return Err(ChainError::NothingToDrive),
         };
         JointChain::new(joints, &self.settings(), columns).map(Some)

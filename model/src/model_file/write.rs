@@ -47,9 +47,7 @@ pub fn documented_defaults() -> String {
         out.comment(&format!("  {} [{}], at {}", variable.name, variable.meaning, hooks.join(", ")));
     }
     let names = SEGMENT_EFFECTS.map(EffectKind::name).join(", ");
-    out.comment(
-        "\nAnother kind of machine, snakes in series on any lines; no chain drives it. It can have the effects",
-    );
+    out.comment("\nAnother kind of machine, snakes in series on any lines. It can have the effects");
     out.comment(&format!("{names}, as above and not learnt."));
     for line in documented_segments().lines() {
         out.comment(line);

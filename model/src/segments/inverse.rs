@@ -162,6 +162,28 @@ impl SegmentCompensator {
         self.slopes().1
     }
 
+    /// q~_dot = (J + alpha) b_dot at the newest bends: how fast the actuators go while the bends do, m/s.
+    pub fn rates_m_per_s(&self, bends_vel_rad_per_s: &Bends) -> LineValues {
+        let (chain, machine) = (&self.chain, &self.chain.machine);
+        let SegmentMemory { bends_rad, active, friction, last, .. } = &self.memory;
+        let moments_vel = machine.hess_energy_nm(bends_rad) * bends_vel_rad_per_s * chain.eta;
+        let tau_vel = if active.iter().all(|side| *side == 0) {
+            machine.least_loads_n(&moments_vel)
+        } else {
+            machine.load_slopes(active) * moments_vel
+        };
+        let q_vel = machine.q_m(bends_vel_rad_per_s);
+        let inside_m = machine.inside_m(&last.q_m);
+        let mut rates = q_vel + machine.axial_give_m(&tau_vel);
+        for k in 0..machine.n_lines() {
+            let inside = chain.inside * machine.give_per_n[k] * (tau_vel[k] * inside_m[k] + q_vel[k] * last.tau_n[k]);
+            let (_, slope) = chain.friction.loads(last.tau_n[k]);
+            let cone = machine.c_c_m_per_n[k] * slope.at(friction[k]);
+            rates[k] += inside + tau_vel[k] * (machine.c_d_m_per_n[k] + cone);
+        }
+        rates
+    }
+
     /// J~ = (I + J+ alpha)^-1 J+ at the newest bends, rad/m; zero where it does not exist, which no machine within bounds reaches.
     pub fn j_tilde_rad_per_m(&self) -> BendsByLines {
         let pinv = self.chain.machine.pinv();

@@ -157,6 +157,11 @@ impl SegmentParameters {
         let line = |&azimuth_rad: &f64| LineParameters { azimuth_rad, radius_m: r_m };
         Self { l_m, e_pa, d_outer_m, d_inner_m, l_d_m, l_c_m, lines: azimuths_rad.iter().map(line).collect() }
     }
+
+    /// E A of each of its backbones, N.
+    pub fn axial_stiffness_n(&self) -> f64 {
+        self.e_pa * PI / 4.0 * (self.d_outer_m.powi(2) - self.d_inner_m.powi(2))
+    }
 }
 
 impl SegmentsParameters {

@@ -9,7 +9,7 @@
 //! Damping: k grows from 0 to `damping` as a direction's gain falls from `damping` to 0, in every eigendirection by itself. So the
 //! straight pose, where no segment can advance the tip, costs no other direction anything.
 
-use super::{Bends, MAX_BENDS, Segments};
+use super::{Bends, BendsByBends, MAX_BENDS, Segments};
 use nalgebra::{SMatrix, Vector3, Vector6};
 
 /// How much the components of the tip's motion count beside the lateral ones.
@@ -38,7 +38,8 @@ impl Segments {
     /// Rates of the bends that move the tip as wanted; `twist` is (m/s, rad/s) in the base frame.
     ///
     /// # Real-time
-    /// No allocation; one eigenvalue decomposition of 6x6 with a bounded number of rounds.
+    /// No allocation; two Cholesky factors of 6x6, and where a direction is damped one eigenvalue decomposition with a bounded number of
+    /// rounds.
     pub fn bend_rates(&self, bends_rad: &Bends, twist: &Vector6<f64>, weights: &SegmentRateWeights) -> SegmentRate {
         let SegmentRateWeights { axial, turn_m_per_rad: turn, damping_m_per_rad: damping } = *weights;
         let (tip_pos_in_base_m, j) = self.tip(bends_rad);
@@ -47,7 +48,9 @@ impl Segments {
         let wanted = weighted.transpose() * weight.component_mul(twist);
         let normal = weighted.transpose() * weighted;
         let mut bends_vel_rad_per_s = Bends::zeros();
-        if let Some(eigen) = normal.try_symmetric_eigen(f64::EPSILON, MAX_ROUNDS) {
+        if let Some(undamped) = self.undamped(&normal, &wanted, damping) {
+            bends_vel_rad_per_s = undamped;
+        } else if let Some(eigen) = normal.try_symmetric_eigen(f64::EPSILON, MAX_ROUNDS) {
             for (direction, square) in eigen.eigenvectors.column_iter().zip(eigen.eigenvalues.iter()) {
                 let gain = square.max(0.0).sqrt();
                 let extra = if gain < damping { damping * damping - gain * gain } else { 0.0 };
@@ -62,6 +65,17 @@ impl Segments {
             (0.5 * (lateral.m11 + lateral.m22), (0.5 * (lateral.m11 - lateral.m22)).hypot(lateral.m12));
         let is_near_singular = (middle - half).max(0.0).sqrt() < 4.0 * damping;
         SegmentRate { bends_vel_rad_per_s, tip_pos_in_base_m, is_near_singular }
+    }
+}
+
+impl Segments {
+    /// The same where no direction is damped, for a part of the time: every gain is at least `damping` where what is left of the normal
+    /// matrix without its square still has a Cholesky factor.
+    fn undamped(&self, normal: &BendsByBends, wanted: &Bends, damping: f64) -> Option<Bends> {
+        let mut left = *normal;
+        (0..self.n_bends()).for_each(|k| left[(k, k)] -= damping * damping);
+        self.padded(left).cholesky()?;
+        Some(self.padded(*normal).cholesky()?.solve(wanted))
     }
 }
 

@@ -50,7 +50,7 @@ impl Segments {
 
     /// Loads of least norm with J^T tau = moments, N, push positive.
     pub fn least_loads_n(&self, moments_nm: &Bends) -> LineValues {
-        self.pinv().transpose() * moments_nm
+        self.pinv().tr_mul(moments_nm)
     }
 
     /// What the loads stretch the primary backbones by, u_j of each segment, summed up for each line, m.

@@ -34,6 +34,19 @@ impl Segments {
         Isometry3::from_parts(Translation3::from(at_m), rotation)
     }
 
+    /// Position of the last disk's centre in the base frame, m.
+    pub fn tip_pos_in_base_m(&self, bends_rad: &Bends) -> Vector3<f64> {
+        // From the tip to the base: each arc carries what lies behind it.
+        (0..self.n).rev().fold(Vector3::zeros(), |behind_m, segment| {
+            let bend = self.bend(bends_rad, segment);
+            let arc = Arc::of_square(bend.norm_squared());
+            let axis = Vector3::new(bend.y, bend.x, 0.0);
+            let turned_m = axis.cross(&behind_m);
+            let end_m = Vector3::new(bend.x * arc.cosc, -bend.y * arc.cosc, arc.sinc) * self.l_m[segment];
+            end_m + behind_m + turned_m * arc.sinc + axis.cross(&turned_m) * arc.cosc
+        })
+    }
+
     /// Position of the last disk's centre in the base frame, m, and the Jacobian of its twist by the bends, 6x6: linear rows (m/rad), then
     /// angular rows (rad/rad), base frame.
     pub fn tip(&self, bends_rad: &Bends) -> (Vector3<f64>, SMatrix<f64, 6, MAX_BENDS>) {
