@@ -221,31 +221,43 @@ fn keep(page: &mut BrowserPage, name: &str) {
 
 #[test]
 fn joints_are_shown_as_bars_with_their_numbers_live_and_from_a_recording() {
+    bars_of("joints", ["wrist.toml", "wrist.csv"], [3, 3]);
+}
+
+#[test]
+fn segments_are_shown_as_two_bars_each_with_their_numbers_live_and_from_a_recording() {
+    bars_of("segments", ["two.toml", "tip.csv"], [4, 6]);
+}
+
+/// A machine that no picture is drawn of: its model and script in `docs/`, how many bars it has and how many lines.
+fn bars_of(kind: &str, [model, script]: [&str; 2], [n_bars, n_lines]: [usize; 2]) {
     let Some(browser) = Browser::start() else { return };
-    let (instance, folder) = (instance_name("bars"), TempFolder::new("bars"));
-    let recording = folder.file("wrist.mcap");
-    let shipped = |name: &str| format!("{}/../docs/joints/{name}", env!("CARGO_MANIFEST_DIR"));
-    let (model, script) = (shipped("wrist.toml"), shipped("wrist.csv"));
+    let (instance, folder) = (instance_name("bars"), TempFolder::new(&format!("bars-{kind}")));
+    let recording = folder.file("bars.mcap");
+    let shipped = |name: &str| format!("{}/../docs/{kind}/{name}", env!("CARGO_MANIFEST_DIR"));
+    let (model, script) = (shipped(model), shipped(script));
     let run = ["run", "--instance", &instance, "--engage=again", "--console", "--recording", &recording];
     let mut krait = Krait::start(&[&run[..], &["--master", "script", "--input", &script, "--model", &model]].concat());
     let console = Console::of(&mut krait);
     let mut page = browser.page(&console.address, 1280, 800);
     page.wait_for("the joints follow", "document.documentElement.dataset.shown === 'following'");
-    page.wait_for(
-        "three joints are measured",
-        "[...document.querySelectorAll('#joints .joint b')].filter(b => /^.[0-9.]+°$/.test(b.textContent)).length === 3",
-    );
+    let measured = |within: &str| {
+        format!(
+            "[...document.querySelectorAll('{within} .joint b')].filter(b => /^.[0-9.]+°$/.test(b.textContent)).length === {n_bars}"
+        )
+    };
+    page.wait_for("every bar is measured", &measured("#joints"));
     page.wait_for(
         "and how far each is off",
         "[...document.querySelectorAll('#joints .joint .off')].every(off => /^off [0-9.]+$/.test(off.textContent))",
     );
-    assert_eq!(page.value("document.querySelectorAll('#bars .bar').length"), json!(3));
+    assert_eq!(page.value("document.querySelectorAll('#bars .bar').length"), json!(n_lines));
     let no_snake = "['scene', 'dial'].every(id => document.getElementById(id).getBoundingClientRect().width === 0)";
     assert_eq!(page.value(no_snake), json!(true), "what is not there is not drawn");
     for (width, height) in SIZES {
         page.resize(width, height);
         page.value("new Promise(done => setTimeout(done, 500))");
-        keep(&mut page, &format!("joints-{width}"));
+        keep(&mut page, &format!("{kind}-{width}"));
         let fits = "[...document.querySelectorAll('#joints .joint')].every(joint => joint.getBoundingClientRect().bottom <= document.querySelector('.strip').getBoundingClientRect().top)";
         page.wait_for(&format!("the bars fit into {width} x {height}"), fits);
     }
@@ -255,11 +267,8 @@ fn joints_are_shown_as_bars_with_their_numbers_live_and_from_a_recording() {
     let mut page = browser.page(&Console::of(&mut krait).address, 1280, 800);
     page.wait_for("the recording is open", "document.querySelector('.ribbon')?.textContent.includes('not live')");
     page.value("(() => { const scrub = document.querySelector('.scrub input'); scrub.value = Math.floor(scrub.max / 2); scrub.dispatchEvent(new Event('input')); })()");
-    page.wait_for(
-        "its joints are shown",
-        "[...document.querySelectorAll('.not-live .joint b')].filter(b => /^.[0-9.]+°$/.test(b.textContent)).length === 3",
-    );
-    keep(&mut page, "joints-recorded");
+    page.wait_for("its bars are shown", &measured(".not-live"));
+    keep(&mut page, &format!("{kind}-recorded"));
     krait.signal(Signal::TERM);
     krait.end(PATIENCE);
     assert!(page.complaints.iter().all(|said| said.contains("WebSocket")), "{:?}", page.complaints);

@@ -137,6 +137,7 @@ fn own_work_ns(recording: &str) -> i64 {
 }
 
 #[test]
+#[ignore = "runs six chains in turn; .ci/run runs it"]
 fn two_segments_on_six_lines_cost_little_more_own_work_than_the_snake() {
     let folder = TempFolder::new("own-work");
     let own = |name: &str, round: usize, model: &[&str]| {
