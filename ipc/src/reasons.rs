@@ -219,7 +219,9 @@ impl Reason {
             Self::FormulaFault => {
                 "the snake holds still because a formula of the model has no finite value here: mend the model file"
             }
-            Self::Relaxing => "the lines are being relaxed: the actuators slowly give way to their loads; a stop ends it",
+            Self::Relaxing => {
+                "the lines are being relaxed: the actuators slowly give way to their loads; a stop ends it"
+            }
         }
     }
 }

@@ -8,8 +8,8 @@ use anyhow::{Context, bail};
 use krait_bridge::CompensateConfig;
 use krait_model::ModelHash;
 use krait_model::model_file::ModelFile;
-use krait_slave::OnDisable;
 use krait_record::{CONFIG_ATTACHMENT, MODEL_ATTACHMENT, Recording, attachment};
+use krait_slave::OnDisable;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 

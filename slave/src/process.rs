@@ -250,7 +250,9 @@ impl TransitionLog {
         if core::mem::replace(&mut self.letting_go, core.is_letting_go()) != core.is_letting_go() {
             let largest_n = core.largest_load_n();
             if core.is_letting_go() {
-                tracing::info!("power was asked off: the lines are relaxed first, the largest load is {largest_n:.1} N");
+                tracing::info!(
+                    "power was asked off: the lines are relaxed first, the largest load is {largest_n:.1} N"
+                );
             } else {
                 tracing::info!("the lines were relaxed, the largest load was {largest_n:.1} N when the power went");
             }

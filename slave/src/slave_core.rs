@@ -17,7 +17,8 @@ use crate::gate::largest;
 use crate::relaxing::LettingGo;
 use crate::{
     ActuatorState, Drive, DriveError, DriveReading, Engagement, Findings, Gate, GateLimits, Homing, Limiter,
-    LimiterVerdict, Note, OnDisable, OperatingMachine, RelaxLimits, Situation, SlaveConfig, Switching, TransitionRefused, Watchdog, Write,
+    LimiterVerdict, Note, OnDisable, OperatingMachine, RelaxLimits, Situation, SlaveConfig, Switching,
+    TransitionRefused, Watchdog, Write,
 };
 use krait_ipc::message::{Command, HopStamps, JointValues, MAX_JOINTS, OperatingState, StateCommand, Transition};
 use krait_ipc::{Reason, Reasons};

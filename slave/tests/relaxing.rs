@@ -310,7 +310,11 @@ fn a_fault_in_between_is_named_and_takes_power_at_once_whatever_a_fault_does_oth
             assert_eq!(bench.state.flags & SlaveState::OTHERS_HOLD, 0, "what has no power does not hold");
             // A failure is seen at once; 0.3 mm beside the setpoint take 150 ms at 2 mm/s.
             let lasted_ms = (bench.now_ns - at_ns) / MS;
-            assert!(if is_stuck { (145..200).contains(&lasted_ms) } else { lasted_ms <= 2 }, "{lasted_ms} ms, {}", states.len());
+            assert!(
+                if is_stuck { (145..200).contains(&lasted_ms) } else { lasted_ms <= 2 },
+                "{lasted_ms} ms, {}",
+                states.len()
+            );
             bench.core.drive_mut().failure = None;
             bench.ask(Transition::Disable).unwrap();
             assert!(bench.is(OperatingState::Disabled));
