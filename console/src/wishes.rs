@@ -23,6 +23,8 @@ const AGAIN_NS: i64 = 250_000_000;
 /// The slave obeys a stop within this, or its power is asked off.
 const STOP_PATIENCE: Duration = Duration::from_millis(200);
 const LOOK_EVERY: Duration = Duration::from_millis(2);
+/// Power was asked off where lines are loaded.
+const RELAXES: &str = "The drives relax the lines, then power goes off.";
 
 /// What an operator can wish for, besides a stop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
@@ -135,6 +137,12 @@ impl Desk {
             tokio::time::sleep(LOOK_EVERY).await;
         }
         let off = self.ask(Wish::Disable, clock::monotonic_ns()).await;
+        if off.is_done && off.say == RELAXES {
+            return WishOutcome::done(format!(
+                "The stop was not confirmed, so power was asked off after {} ms: {RELAXES}",
+                since_ms()
+            ));
+        }
         if off.is_done {
             return WishOutcome::done(format!(
                 "The stop was not confirmed, so power was turned off after {} ms.",
@@ -247,6 +255,7 @@ fn outcome_of(wish: Wish, said: &StateAnswer) -> WishOutcome {
     let state = OperatingState::from_u32(said.operating_state).map_or("unknown", OperatingState::name);
     match said.outcome() {
         Some(RequestOutcome::Done) => WishOutcome::done(match wish {
+            Wish::Disable if state == OperatingState::Paused.name() => RELAXES,
             Wish::Enable => "Enabled \u{2013} confirmed by the drives.",
             Wish::Disable => "Disabled \u{2013} confirmed by the drives.",
             Wish::Pause => "Paused \u{2013} confirmed by the drives.",

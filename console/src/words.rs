@@ -106,6 +106,7 @@ pub fn words_of(reason: Reason) -> Words {
         Reason::StageRestarted => words(Warn, "A process began anew.", "Let go, then take hold anew.", ""),
         Reason::ModelExchanged => words(Info, "The model was exchanged.", "Let go, then take hold anew.", ""),
         Reason::StopAsked => words(Hold, "A stop was asked for.", "Resume when the field is clear.", ""),
+        Reason::Relaxing => words(Warn, "The lines are being relaxed.", "Keep clear; a stop ends it.", ""),
         Reason::LoadUnknown => words(Warn, "A line\u{2019}s load is not measured.", "Its limit cannot be kept.", ""),
         Reason::CommandLate => words(Warn, "A command came too late.", "It was not executed; see Latency.", ""),
         Reason::ActuatorAccelerationLimit | Reason::ActuatorJerkLimit => {
@@ -130,6 +131,8 @@ pub enum Shown {
     Disabled,
     /// The drives are finding their zero.
     Homing,
+    /// Power was asked off; before, the drives give way to their lines' loads.
+    Relaxing,
     /// Held still, power on.
     Paused,
     /// The hand controller is lost.
@@ -155,6 +158,7 @@ impl Shown {
             Self::Fault => ("Fault", "The drives failed; nothing may move."),
             Self::Disabled => ("Disabled", "Drive power is off."),
             Self::Homing => ("Homing", "The drives are finding their zero. Keep clear."),
+            Self::Relaxing => ("Relaxing", "The lines are relaxed, then power goes off."),
             Self::Paused => ("Paused", "Holding still, power on."),
             Self::Lost => ("Device lost", "Holding still: the hand controller is lost."),
             Self::Clutched => ("Clutched", "Your hand is free; the snake holds still."),
@@ -216,6 +220,7 @@ impl ShownState<'_> {
             None | Some(OperatingState::Fault) => return Shown::Fault,
             Some(OperatingState::Disabled) => return Shown::Disabled,
             _ if state.flags & SlaveState::IS_BUSY != 0 => return Shown::Homing,
+            Some(OperatingState::Paused) if state.is_letting_go() => return Shown::Relaxing,
             Some(OperatingState::Paused) => return Shown::Paused,
             Some(OperatingState::Enabled) => {}
         }
@@ -248,12 +253,14 @@ mod tests {
     #[test]
     fn the_page_has_the_same_words_for_a_state() {
         use Shown::{
-            Clutched, Disabled, Emergency, Fault, Following, Holding, Homing, Limited, Lost, Paused, Ready, Stale,
+            Clutched, Disabled, Emergency, Fault, Following, Holding, Homing, Limited, Lost, Paused, Ready, Relaxing,
+            Stale,
         };
         let page = include_str!("../web/js/states.js");
-        for state in
-            [Stale, Emergency, Fault, Disabled, Homing, Paused, Lost, Clutched, Ready, Holding, Limited, Following]
-        {
+        for state in [
+            Stale, Emergency, Fault, Disabled, Homing, Relaxing, Paused, Lost, Clutched, Ready, Holding, Limited,
+            Following,
+        ] {
             // On the page the reasons stand beside the state, in a terminal below it.
             let say = state.sentence().replace("stand below", "stand on the right");
             assert!(say.chars().count() <= 48, "{say}");
@@ -291,6 +298,30 @@ mod tests {
             let sentence = fault_sentence(&fault(flags));
             assert!(sentence.chars().count() <= 48, "{sentence}");
         }
+    }
+
+    #[test]
+    fn paused_on_the_way_to_disabled_is_relaxing_until_the_power_has_gone() {
+        let shown = |operating: OperatingState, desired: OperatingState| {
+            let state = SlaveState {
+                operating_state: operating as u32,
+                desired_state: desired as u32,
+                ..SlaveState::default()
+            };
+            let all = ShownState {
+                state: Some(&state),
+                device: None,
+                is_present: true,
+                is_clutched: false,
+                phase: None,
+                reasons: Reasons::NONE,
+            };
+            all.shown()
+        };
+        use OperatingState::{Disabled, Fault, Paused};
+        assert_eq!(shown(Paused, Disabled), Shown::Relaxing);
+        assert_eq!(shown(Paused, Paused), Shown::Paused);
+        assert_eq!((shown(Disabled, Disabled), shown(Fault, Disabled)), (Shown::Disabled, Shown::Fault));
     }
 
     #[test]

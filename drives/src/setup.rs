@@ -1,9 +1,8 @@
 //! What a bus drive needs to know besides its hardware, from the configuration.
 
 use crate::OpenError;
-use crate::relax::RelaxLimits;
 use crate::units::Units;
-use krait_slave::{DriveMode, DriveTraits, OnFault, SlaveConfig};
+use krait_slave::{DriveMode, DriveTraits, OnFault, RelaxLimits, SlaveConfig};
 
 /// Everything that is fixed while a drive runs.
 #[derive(Clone, Debug, PartialEq)]

@@ -100,11 +100,14 @@ pub enum Reason {
     HandJumped = 46,
     /// A formula of the model has no finite value.
     FormulaFault = 47,
+    /// The actuators give way to their lines' loads, because their power is about to go or one has let go of its line; value: the
+    /// largest load, N.
+    Relaxing = 48,
 }
 
 impl Reason {
     /// Every reason, in the order of its bit.
-    pub const ALL: [Self; 48] = [
+    pub const ALL: [Self; 49] = [
         Self::OperatorAbsent,
         Self::Clutched,
         Self::DeviceLost,
@@ -153,6 +156,7 @@ impl Reason {
         Self::JointUnreachable,
         Self::HandJumped,
         Self::FormulaFault,
+        Self::Relaxing,
     ];
 
     /// The reason in words that a surgeon understands.
@@ -215,6 +219,9 @@ impl Reason {
             Self::FormulaFault => {
                 "the snake holds still because a formula of the model has no finite value here: mend the model file"
             }
+            Self::Relaxing => {
+                "the lines are being relaxed: the actuators slowly give way to their loads; a stop ends it"
+            }
         }
     }
 }
@@ -239,7 +246,7 @@ impl Reason {
             Self::ActuatorRateLimit => "m/s",
             Self::ActuatorAccelerationLimit => "m/s^2",
             Self::ActuatorJerkLimit => "m/s^3",
-            Self::ForceLimit => "N",
+            Self::ForceLimit | Self::Relaxing => "N",
             Self::LoadUnknown => "lines measured",
             _ => "",
         }
@@ -256,7 +263,7 @@ impl Reasons {
 
     /// The set with the bits of a message; bits that no reason has are dropped.
     pub fn from_bits(bits: u64) -> Self {
-        Self(bits & ((1 << Reason::ALL.len()) - 1))
+        Self(bits & (u64::MAX >> (crate::message::N_REASONS_MAX - Reason::ALL.len())))
     }
 
     /// The bits, as messages carry them.

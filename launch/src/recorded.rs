@@ -9,6 +9,7 @@ use krait_bridge::CompensateConfig;
 use krait_model::ModelHash;
 use krait_model::model_file::ModelFile;
 use krait_record::{CONFIG_ATTACHMENT, MODEL_ATTACHMENT, Recording, attachment};
+use krait_slave::OnDisable;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -34,6 +35,10 @@ pub fn settings_of(recording: &Recording) -> anyhow::Result<Config> {
         let never = CompensateConfig::NO_MISMATCH_FLOORS;
         let own = &mut config.compensate;
         (own.mismatch_warn_floors, own.mismatch_trip_floors, own.mismatch_wide_floors) = (never, never, never);
+    }
+    if !text.contains("on_disable") {
+        // Made before lines were relaxed: power went at once.
+        config.slave.drive.on_disable = OnDisable::PowerOff;
     }
     Ok(config)
 }

@@ -208,6 +208,18 @@ fn files_of_others_are_refused_with_one_sentence() {
 }
 
 #[test]
+fn health_of_before_there_was_room_for_more_reasons_reads_and_of_other_versions_is_refused() {
+    for (version, reads) in [("1", false), ("2", true), ("3", true), ("4", false)] {
+        let path = fresh_path(&format!("health-{version}.mcap"));
+        fs::write(&path, mcap_with("krait", "/krait/health/slave", "krait.Health", version)).expect("written");
+        match Recording::open(&path) {
+            Ok(recording) => assert!(reads && read(&recording).len() == 1, "version {version}"),
+            Err(error) => assert!(!reads && error.to_string().contains("expected 3"), "{error}"),
+        }
+    }
+}
+
+#[test]
 fn topics_of_others_in_a_recording_are_counted_and_passed_over() {
     let path = fresh_path("mixed.mcap");
     fs::write(&path, mcap_with("krait", "/imu", "sensor.Imu", "")).expect("written");

@@ -177,8 +177,10 @@ impl Slave {
     }
 }
 
-/// Nobody asked: the slave itself ended.
+/// Nobody asked: the slave itself ended. Where somebody had, and lines were relaxed first, the power went in a tick.
 fn ends_here(before: &SlaveState, state: &SlaveState) -> bool {
     let was = before.operating();
-    state.operating() == Some(OperatingState::Disabled) && was.is_some_and(|was| was != OperatingState::Disabled)
+    !before.is_letting_go()
+        && state.operating() == Some(OperatingState::Disabled)
+        && was.is_some_and(|was| was != OperatingState::Disabled)
 }

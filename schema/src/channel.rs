@@ -214,6 +214,8 @@ impl Channel {
             // What they lack are the numbers of actuators and joints, and their absence means the three lines of a snake.
             Self::Setpoint | Self::State => 2,
             Self::Command => 4,
+            // It had room for fewer reasons; only those that left a trace are in the file.
+            Self::Health(_) => 2,
             _ => self.schema().version,
         }
     }

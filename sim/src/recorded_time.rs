@@ -124,7 +124,7 @@ impl<D: Drive> Slave<D> {
                 tracing::warn!(sender_pid = command.sender_pid, "{refused}");
             }
             let mut n_ticks = 0;
-            while self.core.is_busy() && n_ticks < MOST_HOMING_TICKS {
+            while (self.core.is_busy() || self.core.is_letting_go()) && n_ticks < MOST_HOMING_TICKS {
                 self.now_ns += TICK_NS;
                 self.core.on_tick(self.now_ns);
                 n_ticks += 1;

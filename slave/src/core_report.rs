@@ -1,6 +1,6 @@
 //! What the slave says of itself after each step: encoders, setpoint, state, and the reasons that hold.
 
-use crate::{ActuatorState, Drive, DriveError, Findings, OnFault, SlaveCore};
+use crate::{ActuatorState, Drive, DriveError, Findings, SlaveCore};
 use krait_ipc::message::{OperatingState, SlaveState};
 
 impl<D: Drive> SlaveCore<D> {
@@ -98,8 +98,7 @@ impl<D: Drive> SlaveCore<D> {
         };
         let others = self.reading.state.iter().enumerate().take(self.drive.n_actuators());
         let mut others = others.filter(|(k, _)| error.actuator() != Some(k + 1)).peekable();
-        let keeps_power = self.drive.traits().on_fault != OnFault::PowerOff;
-        if keeps_power && others.peek().is_some() && others.all(|(_, state)| has_power(state)) {
+        if self.has_kept_power && others.peek().is_some() && others.all(|(_, state)| has_power(state)) {
             flags |= SlaveState::OTHERS_HOLD;
         }
         flags

@@ -30,12 +30,23 @@ pub enum DriveMode {
     Dry,
 }
 
+/// What comes before the power goes, where somebody asks for that.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum OnDisable {
+    /// The lines are relaxed: the actuators give way to their loads, a bounded way.
+    #[default]
+    Relax,
+    /// Nothing: power is taken away at once.
+    PowerOff,
+}
+
 settings! {
     /// The drives.
     #[derive(Clone, Debug, PartialEq)]
     pub struct DriveConfig in "slave.drive" {
         /// "sim": simulated; "sts3215": Feetech servos on a serial bus; "cia402": CANopen drives on a CAN interface. What follows is
-        /// for a real bus.
+        /// for a real bus, but for `on_disable` and `relax_...`.
         kind: DriveKind = DriveKind::Sim;
         /// "live": they move; "dry": the bus is opened and read, power stays off, and the log says what would be sent.
         mode: DriveMode = DriveMode::Live;
@@ -60,11 +71,14 @@ settings! {
         /// What a fault does: "hold": brake to rest and stay under power; "relax": the same, and where the failed one says that it has
         /// let go of its line, the others give way; "power_off": let go.
         on_fault: OnFault = OnFault::Hold;
+        /// What `disable` does where a line is loaded: "relax": the actuators give way to their loads before power goes; "power_off":
+        /// power goes at once. Simulated drives do the same.
+        on_disable: OnDisable = OnDisable::Relax;
         /// "relax": a line that carries less is let be, N. 2 N: below it a line of some N of tension is nearly slack.
         relax_n: f64 = 2.0, 0.1..=1000.0;
-        /// "relax": how far each of the others gives way at most, m, at 2 mm/s at most.
+        /// "relax": how far each actuator gives way at most, m, at 2 mm/s at most.
         relax_m: f64 = 0.001, 1e-5..=0.02;
-        /// "relax": after so long since the failure nothing moves any more, ms.
+        /// "relax": after so long since the failure nothing moves any more; so long after `disable` power is gone, ms.
         relax_ms: f64 = 1000.0, 10.0..=10_000.0;
         /// Largest speed of a servo or motor, counts/s. 3000: STS3215 at 7.4 V.
         speed_counts_per_s: f64 = 3000.0, 50.0..=1e8;

@@ -7,6 +7,9 @@
 //! | PAUSED | refused | DISABLED | PAUSED | ENABLED | refused: may not move | PAUSED | refused |
 //! | FAULT | ENABLED (retry) | DISABLED (retry) | refused | refused | refused | refused | DISABLED |
 //!
+//! Before DISABLED the lines may have to be relaxed: until then the state is PAUSED, because power is on and no command moves
+//! anything, while DISABLED is desired. There `pause` and `disable` change nothing and the others are refused.
+//!
 //! A command that leaves ENABLED, and `unhome`, end a search for zero that is under way, without a zero. A fault forgets
 //! the zero: what a faulted drive says about it is not trusted. No command enters FAULT.
 
@@ -88,12 +91,27 @@ impl OperatingMachine {
         self.state == OperatingState::Enabled && self.homed && !self.busy
     }
 
+    /// Whether DISABLED was asked for and power has yet to go.
+    pub fn is_letting_go(&self) -> bool {
+        (self.state, self.desired) == (OperatingState::Paused, OperatingState::Disabled)
+    }
+
+    /// DISABLED was asked for where there is power, and something has to be done before it goes: `disable` then makes it so.
+    pub fn let_go(&mut self) {
+        (self.state, self.desired, self.busy) = (OperatingState::Paused, OperatingState::Disabled, false);
+    }
+
     /// Executes a command, or says why not and changes nothing.
     ///
     /// # Errors
     /// [`TransitionRefused::Invalid`].
     pub fn apply(&mut self, transition: Transition) -> Result<(), TransitionRefused> {
         use OperatingState::{Disabled, Enabled, Fault, Paused};
+        if self.is_letting_go() && transition != Transition::Disable {
+            let advice = "the power is about to go; wait until it has";
+            let refused = TransitionRefused::Invalid { transition, state: self.state, advice };
+            return if transition == Transition::Pause { Ok(()) } else { Err(refused) };
+        }
         let next = match (self.state, transition) {
             (Disabled | Enabled | Fault, Transition::Enable) => Enabled,
             (_, Transition::Disable) | (Fault, Transition::ClearFault) => Disabled,
@@ -177,6 +195,22 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn while_power_is_about_to_go_nothing_brings_it_back() {
+        let mut m = machine(Enabled);
+        m.let_go();
+        assert_eq!((m.state(), m.desired(), m.is_ready()), (Paused, Disabled, false));
+        for transition in [Enable, Resume, Home, Unhome, ClearFault] {
+            let before = m;
+            let sentence = m.apply(transition).unwrap_err().to_string();
+            assert!(m == before && sentence.contains("about to go"), "{sentence}");
+        }
+        m.apply(Pause).unwrap();
+        assert!(m.is_letting_go());
+        m.apply(Disable).unwrap();
+        assert!(!m.is_letting_go() && m.state() == Disabled);
     }
 
     #[test]

@@ -56,12 +56,14 @@ impl<D: Drive> SlaveCore<D> {
             return;
         }
         self.machine.fault();
-        let is_safe = match self.drive.traits().on_fault {
-            OnFault::PowerOff => self.drive.set_power(now_ns, false).is_ok(),
-            OnFault::Hold | OnFault::Relax => {
-                self.drive.quick_stop(now_ns);
-                true
-            }
+        // Who asked for power off before the fault gets it: nothing is relaxed any more.
+        let lets_go = self.letting_go.take().is_some() || self.drive.traits().on_fault == OnFault::PowerOff;
+        self.has_kept_power = !lets_go;
+        let is_safe = if lets_go {
+            self.drive.set_power(now_ns, false).is_ok()
+        } else {
+            self.drive.quick_stop(now_ns);
+            true
         };
         // That power could not be removed is worse news than why it should have been.
         self.drive_error =

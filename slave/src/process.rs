@@ -114,6 +114,8 @@ impl<D: Drive> Process<D> {
                     self.tick_due_ns = self.report_due_ns;
                 }
             }
+            // A stop ends what was under way, also lines that are being relaxed; what is asked for now begins behind it.
+            self.take_stops();
             self.take_state_commands()?;
             self.take_stops();
             self.keep_house(monotonic_ns())?;
@@ -152,11 +154,12 @@ impl<D: Drive> Process<D> {
     /// What happens with commands or without.
     fn keep_house(&mut self, now_ns: i64) -> Result<(), IpcError> {
         if now_ns >= self.tick_due_ns {
-            let written_ns = self.core.gate.written_ns();
+            let seen = |core: &SlaveCore<D>| (core.gate.written_ns(), core.is_letting_go());
+            let before = seen(&self.core);
             self.core.on_tick(now_ns);
             self.tick_due_ns = now_ns + TICK_NS;
-            // Every write is reported, so that a recording shows each.
-            if self.core.gate.written_ns() != written_ns {
+            // Every write is reported, so that a recording shows each, and that power went.
+            if seen(&self.core) != before {
                 self.report_due_ns = now_ns;
             }
         }
@@ -200,6 +203,7 @@ impl<D: Drive> Process<D> {
     /// Brings the motion to rest, removes power, publishes the last health. Goes on where a channel fails: the drives matter more.
     fn end(&mut self) -> Result<(), IpcError> {
         self.core.hold();
+        self.core.stop_relaxing();
         let mut result = Ok(());
         let give_up_ns = monotonic_ns() + STOP_PATIENCE_NS;
         while !self.core.is_still() && monotonic_ns() < give_up_ns {
@@ -225,6 +229,7 @@ struct TransitionLog {
     homed: bool,
     following: bool,
     engaged: bool,
+    letting_go: bool,
     n_refused: u64,
     refusal_due_ns: i64,
 }
@@ -241,6 +246,16 @@ impl TransitionLog {
         let homed = core.machine.is_homed();
         if core::mem::replace(&mut self.homed, homed) != homed {
             tracing::info!("the drives {}", if homed { "found their zero" } else { "forgot their zero" });
+        }
+        if core::mem::replace(&mut self.letting_go, core.is_letting_go()) != core.is_letting_go() {
+            let largest_n = core.largest_load_n();
+            if core.is_letting_go() {
+                tracing::info!(
+                    "power was asked off: the lines are relaxed first, the largest load is {largest_n:.1} N"
+                );
+            } else {
+                tracing::info!("the lines were relaxed, the largest load was {largest_n:.1} N when the power went");
+            }
         }
         let following = core.is_following();
         if core::mem::replace(&mut self.following, following) != following {

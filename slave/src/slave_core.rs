@@ -2,20 +2,23 @@
 //!
 //! Every method is a pure step on this state and the drive behind it; time is an argument. Rules that hold throughout:
 //! - The drives move only when Enabled, homed, not busy and engaged, for a command in time that the limiter accepts and that
-//!   follows the operator; and while a motion is being brought to rest. Every write passes the gate.
+//!   follows the operator; and while a motion is being brought to rest or lines are relaxed. Every write passes the gate.
 //! - After every hold (start, enable, pause, home, late commands, a command that asks to stand still) the first command that
 //!   is executed begins at the setpoint.
 //! - Whatever could surprise the operator ends the engagement: see [`crate::Engagement`].
 //! - When commands stop coming in motion, the slave begins to brake at once, long before the watchdog declares them stale:
 //!   so it is at rest within the watchdog's time.
+//! - Whoever asks for `disable` while lines are loaded has them relaxed first: see `relaxing.rs`.
 //! - The setpoint is seeded from the encoders when power comes on and when homing ends, because nothing else knows where
 //!   the actuators are; after a pause and after stale commands it stays what was commanded, because the drives still hold
 //!   that against their load.
 
 use crate::gate::largest;
+use crate::relaxing::LettingGo;
 use crate::{
     ActuatorState, Drive, DriveError, DriveReading, Engagement, Findings, Gate, GateLimits, Homing, Limiter,
-    LimiterVerdict, Note, OperatingMachine, Situation, SlaveConfig, Switching, TransitionRefused, Watchdog, Write,
+    LimiterVerdict, Note, OnDisable, OperatingMachine, RelaxLimits, Situation, SlaveConfig, Switching,
+    TransitionRefused, Watchdog, Write,
 };
 use krait_ipc::message::{Command, HopStamps, JointValues, MAX_JOINTS, OperatingState, StateCommand, Transition};
 use krait_ipc::{Reason, Reasons};
@@ -41,7 +44,7 @@ const HOLDS: [Reason; 3] = [Reason::OperatorAbsent, Reason::Clutched, Reason::In
 pub struct SlaveCore<D> {
     pub(crate) drive: D,
     pub(crate) machine: OperatingMachine,
-    limiter: Limiter,
+    pub(crate) limiter: Limiter,
     pub(crate) watchdog: Watchdog,
     pub(crate) gate: Gate,
     pub(crate) engagement: Engagement,
@@ -50,6 +53,11 @@ pub struct SlaveCore<D> {
     /// Since when power is being switched on, ns.
     pub(crate) switching_since_ns: Option<i64>,
     motion: Motion,
+    pub(crate) relax: RelaxLimits,
+    /// Whether `disable` relaxes the lines.
+    pub(crate) relaxes: bool,
+    /// Power was asked off, and the lines come first.
+    pub(crate) letting_go: Option<LettingGo>,
     pub(crate) setpoint_bend_rad: [f64; 2],
     pub(crate) setpoint_joints_rad: JointValues,
     /// Joints that the newest executed command was for.
@@ -63,6 +71,8 @@ pub struct SlaveCore<D> {
     /// What the newest command met.
     pub(crate) command_findings: Findings,
     pub(crate) drive_error: Option<DriveError>,
+    /// Whether a fault left the power on.
+    pub(crate) has_kept_power: bool,
     pub(crate) sequence: u64,
     pub(crate) n_commands: u64,
     pub(crate) n_refused: u64,
@@ -111,6 +121,9 @@ impl<D: Drive> SlaveCore<D> {
             home_on_start: config.home_on_start,
             switching_since_ns: None,
             motion: Motion::Held,
+            relax: RelaxLimits::new(config),
+            relaxes: config.drive.on_disable == OnDisable::Relax,
+            letting_go: None,
             setpoint_bend_rad: [0.0; 2],
             setpoint_joints_rad: [0.0; MAX_JOINTS],
             n_joints: 0,
@@ -121,6 +134,7 @@ impl<D: Drive> SlaveCore<D> {
             lag_m: 0.0,
             command_findings: Findings::default(),
             drive_error: None,
+            has_kept_power: false,
             sequence: 0,
             n_commands: 0,
             n_refused: 0,
@@ -212,7 +226,7 @@ impl<D: Drive> SlaveCore<D> {
             LimiterVerdict::Hold => {
                 self.watchdog.feed(now_ns);
                 self.motion = Motion::Held;
-                self.brake(now_ns);
+                self.rest(now_ns);
             }
             LimiterVerdict::Move => {
                 self.watchdog.feed(now_ns);
@@ -226,7 +240,7 @@ impl<D: Drive> SlaveCore<D> {
     fn refuse(&mut self, now_ns: i64) {
         self.n_refused += 1;
         self.lag_m = f64::INFINITY;
-        self.brake(now_ns);
+        self.rest(now_ns);
     }
 
     /// Writes the drives for a command, as far as gate, stroke and loads allow.
@@ -257,7 +271,7 @@ impl<D: Drive> SlaveCore<D> {
         self.machine.is_ready() && !self.is_switching()
     }
 
-    fn situation(&self, now_ns: i64) -> Situation {
+    pub(crate) fn situation(&self, now_ns: i64) -> Situation {
         Situation {
             now_ns,
             setpoint_q_m: self.gate.q_m(),
@@ -324,6 +338,7 @@ impl<D: Drive> SlaveCore<D> {
             Some(transition) if command.sample_ns <= self.stop_ns && !ends_motion(transition) => {
                 Err(TransitionRefused::BeforeStop { transition })
             }
+            Some(Transition::Disable) => self.disable(now_ns),
             Some(transition) => self.transition(transition, now_ns),
         };
         (self.state_command_sequence, self.is_state_command_refused) = (command.sequence, result.is_err());
@@ -339,6 +354,7 @@ impl<D: Drive> SlaveCore<D> {
         self.n_stops = self.n_stops.wrapping_add(1);
         self.stop_ns = asked_ns;
         self.disengage(Reason::StopAsked, None);
+        self.stop_relaxing();
         if self.machine.state() == OperatingState::Fault {
             self.drive.stand(asked_ns);
         }
@@ -348,7 +364,7 @@ impl<D: Drive> SlaveCore<D> {
         }
     }
 
-    /// The same for a transition that the process itself wants.
+    /// The same for a transition that the process itself wants; `disable` is then at once.
     ///
     /// # Errors
     /// As [`SlaveCore::on_state_command`].
@@ -360,6 +376,7 @@ impl<D: Drive> SlaveCore<D> {
         let mut switching = Switching::Done;
         if powers_up || matches!(transition, Transition::Disable | Transition::ClearFault) {
             self.switching_since_ns = None;
+            self.letting_go = None;
             switching = match self.drive.set_power(now_ns, powers_up) {
                 Ok(switching) => switching,
                 Err(error) => {
@@ -374,6 +391,9 @@ impl<D: Drive> SlaveCore<D> {
         if transition != Transition::Enable || powers_up {
             self.engagement.clear(None);
             self.hold();
+        }
+        if transition == Transition::Pause {
+            self.stop_relaxing();
         }
         if powers_up {
             match switching {
@@ -392,6 +412,8 @@ impl<D: Drive> SlaveCore<D> {
         self.end_if_stale(now_ns);
         if let Some(since_ns) = self.switching_since_ns {
             self.continue_switching(since_ns, now_ns);
+        } else if self.letting_go.is_some() {
+            self.relax(now_ns);
         } else if self.machine.is_busy() && self.is_still() {
             self.continue_homing(now_ns);
         } else if !self.is_following() || self.watchdog.age_ns(now_ns).is_none_or(|age| age >= GAP_NS) {
@@ -448,8 +470,15 @@ impl<D: Drive> SlaveCore<D> {
         self.gate.rest_at(self.reading.q_tilde_m);
     }
 
+    /// Brakes where no command is executed; who gives way to loads goes on with that.
+    fn rest(&mut self, now_ns: i64) {
+        if self.letting_go.is_none() {
+            self.brake(now_ns);
+        }
+    }
+
     /// Continues a motion that nobody commands any more, slower and slower.
-    fn brake(&mut self, now_ns: i64) {
+    pub(crate) fn brake(&mut self, now_ns: i64) {
         let Some(write) = self.gate.brake(now_ns) else { return };
         let stroke_m = self.limiter.limits().stroke_m;
         let from_m = self.gate.q_m();
@@ -458,7 +487,7 @@ impl<D: Drive> SlaveCore<D> {
         self.write(&write, now_ns);
     }
 
-    fn write(&mut self, write: &Write, now_ns: i64) -> bool {
+    pub(crate) fn write(&mut self, write: &Write, now_ns: i64) -> bool {
         match self.drive.write(now_ns, write.q_m) {
             Ok(()) => {
                 self.gate.commit(write, now_ns);
@@ -488,6 +517,9 @@ impl<D: Drive> SlaveCore<D> {
         if self.machine.state() == OperatingState::Fault {
             findings.insert(Reason::DriveFault);
             findings.note(Reason::FollowingError, self.following_error_m(), self.following_error_limit_m());
+        }
+        if self.gives_way() {
+            findings.note(Reason::Relaxing, self.largest_load_n(), self.relax.load_n);
         }
     }
 }

@@ -15,11 +15,12 @@ let nextId = 1, waiting = new Map(), state = null, shown = 'stale', stopUrl = nu
 function offers() {
   const operating = state?.operating, is = (...names) => shown !== 'stale' && names.includes(operating);
   const first = operating === 'FAULT' ? 'clear-fault' : operating === 'ENABLED' && !state.homed ? 'home' : 'enable';
-  const second = operating === 'PAUSED' ? 'resume' : 'pause';
+  // Power is about to go: only the stop has a meaning.
+  const goes = shown === 'relaxing', second = operating === 'PAUSED' && !goes ? 'resume' : 'pause';
   return [
     [first, first === 'enable' ? is('DISABLED') : shown !== 'stale' && !state?.busy],
-    [second, is('ENABLED', 'PAUSED')],
-    ['disable', is('ENABLED', 'PAUSED', 'FAULT')],
+    [second, !goes && is('ENABLED', 'PAUSED')],
+    ['disable', !goes && is('ENABLED', 'PAUSED', 'FAULT')],
   ];
 }
 

@@ -9,6 +9,7 @@ export const STATES = {
   fault: { word: 'Fault', say: 'The drives failed; nothing may move.', shape: `<path d="M30 5h36l25 25v36L66 91H30L5 66V30z" fill="currentColor"/><path d="M48 23v31m0 17v1" ${cut} stroke-width="10"/>` },
   disabled: { word: 'Disabled', say: 'Drive power is off.', shape: `<path d="M27 23a37 37 0 1 0 42 0M48 7v38" ${outline}/>` },
   homing: { word: 'Homing', say: 'The drives are finding their zero. Keep clear.', shape: `<circle cx="48" cy="48" r="40" ${outline} stroke-dasharray="38 25"/><path d="m29 50 19-17 19 17v20H29z" fill="currentColor"/>` },
+  relaxing: { word: 'Relaxing', say: 'The lines are relaxed, then power goes off.', shape: `<path d="M8 30c14-22 26 22 40 0s26 22 40 0M8 52h80" ${outline}/><path d="M48 62v26m-14-12 14 14 14-14" ${outline}/>` },
   paused: { word: 'Paused', say: 'Holding still, power on.', shape: `<rect x="8" y="8" width="80" height="80" rx="14" ${outline}/><path d="M37 32v32m22-32v32" ${outline}/>` },
   lost: { word: 'Device lost', say: 'Holding still: the hand controller is lost.', shape: `<path d="M48 9 90 84H6z" ${outline}/><path d="m38 46 20 22m0-22L38 68" ${outline}/>` },
   clutched: { word: 'Clutched', say: 'Your hand is free; the snake holds still.', shape: `<path d="M37 12a37 37 0 0 0 0 72z" ${outline}/><path d="M59 12a37 37 0 0 1 0 72z" ${outline}/>` },
@@ -31,4 +32,4 @@ export const MARKS = {
 };
 
 /// Two tones or three for a state, in hertz; silence for the rest.
-export const TONES = { following: [660, 880], ready: [440], clutched: [440], paused: [440, 330], disabled: [330], emergency: [300, 220, 300], fault: [300, 220, 300], stale: [220, 220], lost: [300, 220] };
+export const TONES = { following: [660, 880], ready: [440], clutched: [440], paused: [440, 330], relaxing: [330, 440], disabled: [330], emergency: [300, 220, 300], fault: [300, 220, 300], stale: [220, 220], lost: [300, 220] };

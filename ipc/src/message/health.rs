@@ -4,8 +4,8 @@ use super::message;
 use crate::reasons::{Reason, Reasons};
 use iceoryx2::prelude::ZeroCopySend;
 
-/// Room for reasons in one health message.
-pub const N_REASONS_MAX: usize = 48;
+/// Room for reasons in one health message: as many as a set of reasons has bits.
+pub const N_REASONS_MAX: usize = u64::BITS as usize;
 
 /// Counters of one process since its start.
 #[repr(C)]
@@ -36,7 +36,7 @@ pub struct Health {
     pub records: [ReasonRecord; N_REASONS_MAX],
 }
 
-message!(Health, "health", 2, super::RARE);
+message!(Health, "health", 3, super::RARE);
 
 /// How often a reason held, and its worst value beside its limit, in the reason's own unit.
 #[repr(C)]

@@ -112,6 +112,11 @@ impl SlaveState {
         before.flags & Self::IS_BUSY != 0 || (!had_power && before.operating() != self.operating())
     }
 
+    /// Whether power was asked off and lines are relaxed before it goes: PAUSED, with DISABLED desired.
+    pub fn is_letting_go(&self) -> bool {
+        self.operating() == Some(OperatingState::Paused) && self.desired() == Some(OperatingState::Disabled)
+    }
+
     /// CRTK `is_ready`: Enabled and homed.
     pub fn is_ready(&self) -> bool {
         self.operating() == Some(OperatingState::Enabled) && self.flags & Self::IS_HOMED != 0

@@ -21,6 +21,8 @@ pub const NAME: &str = "state";
 const PATIENCE_NS: i64 = 5_000_000_000;
 /// Homing takes seconds: the largest travel at the slowest speed, and some.
 const HOMING_PATIENCE_NS: i64 = 120_000_000_000;
+/// Lines are relaxed for 10 s at most (`relax_ms`), and some.
+const RELAXING_PATIENCE_NS: i64 = 12_000_000_000;
 /// How long the newest message of a channel is waited for where only the state is shown, ns.
 const GLANCE_NS: i64 = 100_000_000;
 /// A process tells its health ten times a second; how long those of the chain are waited for together, ns.
@@ -159,10 +161,11 @@ impl View {
             Some(RequestOutcome::NoSlave) => bail!("the slave did not answer its supervisor, so nothing changed"),
             Some(RequestOutcome::Refused) | None => bail!("{}", refusal(transition, &answer)?),
         }
-        if transition == Transition::Home || transition == Transition::Enable {
-            self.wait_for_homing()?;
+        match transition {
+            Transition::Home | Transition::Enable => self.wait_for_homing(),
+            Transition::Disable => self.wait_for_power_off(),
+            _ => Ok(()),
         }
-        Ok(())
     }
 
     fn answer_to(&mut self, request: &StateRequest, deadline_ns: i64) -> anyhow::Result<StateAnswer> {
@@ -189,6 +192,18 @@ impl View {
             std::thread::sleep(LOOK_EVERY);
         }
         bail!("the actuators have not found their zero within {} s", HOMING_PATIENCE_NS / 1_000_000_000)
+    }
+
+    /// Lines that are loaded are relaxed first.
+    fn wait_for_power_off(&mut self) -> anyhow::Result<()> {
+        let deadline_ns = clock::monotonic_ns() + RELAXING_PATIENCE_NS;
+        while clock::monotonic_ns() < deadline_ns {
+            if !self.newest()?.is_letting_go() {
+                return Ok(());
+            }
+            std::thread::sleep(LOOK_EVERY);
+        }
+        bail!("the power has not gone within {} s; the slave is stopped", RELAXING_PATIENCE_NS / 1_000_000_000)
     }
 
     fn newest(&mut self) -> anyhow::Result<SlaveState> {
@@ -291,7 +306,7 @@ fn refusal(transition: Transition, answer: &StateAnswer) -> anyhow::Result<Strin
     Ok(refused.map_or_else(
         || {
             format!(
-                "`{}` was refused: a stop came behind it, or the drives failed; `krait state` shows",
+                "`{}` was refused: a stop came behind it, power is about to go, or the drives failed; `krait state` shows",
                 transition.name()
             )
         },

@@ -113,8 +113,8 @@ fields! {
 }
 
 /// Words that the largest message needs.
-pub const MAX_WORDS: usize = 16 + MARKER_TEXT_MAX;
-const _: () = assert!(MARKER_TEXT_MAX >= 4 * N_REASONS_MAX);
+pub const MAX_WORDS: usize = 16 + 4 * N_REASONS_MAX;
+const _: () = assert!(4 * N_REASONS_MAX >= MARKER_TEXT_MAX);
 
 /// The message of a channel that has these words as the bits of its fields, in order.
 pub fn sample_of(channel: Channel, words: &[u64]) -> Sample {

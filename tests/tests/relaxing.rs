@@ -1,0 +1,131 @@
+//! A disable of a bent snake on the real processes: the lines are relaxed first, everybody who looks is told, and the recording shows
+//! that load falls, within the bounds, before power goes.
+
+#![allow(clippy::expect_used, reason = "a panic is how a test fails")]
+
+use core::time::Duration;
+use krait_ipc::message::{OperatingState, SlaveState};
+use krait_ipc::{Process, Reason, Reasons};
+use krait_schema::Sample;
+use krait_tests::{
+    Console, Ended, Krait, TempFolder, assert_no_jump, instance_name, next_of_kind, samples_in, states_in, step_m,
+    wait_for,
+};
+use rustix::process::Signal;
+
+const PATIENCE: Duration = Duration::from_secs(240);
+/// A way that takes seconds, so that everybody has time to look.
+const CONFIG: &str = "[slave.drive]\nrelax_n = 0.5\nrelax_m = 0.008\nrelax_ms = 6000.0\n";
+/// Longest way within which each actuator may go, m, and at what speed, m/s.
+const WAY_M: f64 = 8e-3;
+const RATE_M_PER_S: f64 = 2e-3;
+/// The hand bends the snake for a second and a half, then rests.
+const SCRIPT: &str = "time_s,tip_vx_m_per_s,tip_vy_m_per_s,tip_vz_m_per_s\n0,0.008,0.002,0\n2,0.008,0.002,0\n\
+                      2.01,0,0,0\n120,0,0,0\n";
+
+fn largest_n(state: &SlaveState) -> f64 {
+    state.measured_tau_n.iter().fold(0.0, |largest: f64, tau| largest.max(tau.abs()))
+}
+
+fn has(state: &SlaveState, reason: Reason) -> bool {
+    Reasons::from_bits(state.reasons).contains(reason)
+}
+
+fn is_bent(state: &SlaveState) -> bool {
+    state.is_engaged() && largest_n(state) > 15.0
+}
+
+fn state(instance: &str, ask: &[&str]) -> Ended {
+    let shown = Ended::of(&[&["state"], ask, &["--instance", instance]].concat(), PATIENCE);
+    assert_eq!(shown.code, Some(0), "{ask:?}: {}", shown.stderr);
+    shown
+}
+
+#[test]
+fn a_disable_of_a_bent_snake_relaxes_its_lines_says_so_everywhere_and_a_stop_ends_it() {
+    let (instance, folder) = (instance_name("relax"), TempFolder::new("relax"));
+    let (path, config, script) = (folder.file("run.mcap"), folder.file("krait.toml"), folder.file("hand.csv"));
+    std::fs::write(&config, CONFIG).expect("written");
+    std::fs::write(&script, SCRIPT).expect("written");
+    let run = ["run", "--engage=again", "--console", "--compensation=naive", "--instance", &instance];
+    let more = ["--config", &config, "--recording", &path, "--master", "script", "--input", &script];
+    let mut krait = Krait::start(&[&run[..], &more].concat());
+    let console = Console::of(&mut krait);
+    wait_for(&instance, "bent", is_bent);
+
+    let disabled = std::thread::scope(|scope| {
+        let disabling = scope.spawn(|| state(&instance, &["disable"]));
+        wait_for(&instance, "relaxing", SlaveState::is_letting_go);
+        let told =
+            [state(&instance, &[]).stdout, Ended::of(&["watch", "--once", "--instance", &instance], PATIENCE).stdout];
+        assert!(told[0].starts_with("PAUSED (DISABLED was asked for)"), "{}", told[0]);
+        assert!(
+            told[0].contains(Reason::Relaxing.sentence()) && told[0].contains("beside the limit 0.5000 N"),
+            "{}",
+            told[0]
+        );
+        assert!(told[1].starts_with("RELAXING ") && told[1].contains("The lines are being relaxed."), "{}", told[1]);
+        let frame = next_of_kind(&mut console.page(), "frame");
+        assert_eq!(frame["shown"], "relaxing", "{frame}");
+        disabling.join().expect("it ends")
+    });
+    assert!(disabled.stdout.starts_with("DISABLED"), "it waits until the power has gone: {}", disabled.stdout);
+
+    // Once more, and a stop in between.
+    state(&instance, &["enable"]);
+    wait_for(&instance, "bent again", |state| largest_n(state) > 5.0 && state.is_ready());
+    let until_off = std::thread::scope(|scope| {
+        let disabling = scope.spawn(|| state(&instance, &["disable"]));
+        wait_for(&instance, "relaxing", SlaveState::is_letting_go);
+        let stopped = Ended::of(&["stop", "--instance", &instance], PATIENCE);
+        assert_eq!(stopped.code, Some(0), "{}", stopped.stderr);
+        disabling.join().expect("it ends")
+    });
+    assert!(until_off.stdout.starts_with("DISABLED"), "{}", until_off.stdout);
+    krait.signal(Signal::INT);
+    assert_eq!(krait.end(PATIENCE).code, Some(0));
+    judge(&path);
+}
+
+fn judge(path: &str) {
+    let states = states_in(path);
+    assert_no_jump(&states);
+    let runs: Vec<&[SlaveState]> = states
+        .chunk_by(|before, after| before.is_letting_go() == after.is_letting_go())
+        .filter(|run| run[0].is_letting_go())
+        .collect();
+    assert_eq!(runs.len(), 2);
+    for run in &runs {
+        assert!(run.iter().all(|state| has(state, Reason::Relaxing) && !has(state, Reason::DriveFault)));
+        let end = run[run.len() - 1];
+        let next = states.iter().find(|state| state.sequence == end.sequence + 1).expect("a state behind it");
+        assert_eq!(next.operating(), Some(OperatingState::Disabled));
+        assert_eq!(next.setpoint_q_m, end.setpoint_q_m, "power goes at rest");
+    }
+    let (whole, stopped) = (runs[0], runs[1]);
+    // At rest from where the first step of giving way begins.
+    let (first, last) = (whole[0], whole[whole.len() - 1]);
+    let fastest = whole.windows(2).map(|pair| {
+        let since_s = (pair[1].setpoint_ns - pair[0].setpoint_ns).clamp(0, 1_000_000) as f64 * 1e-9;
+        step_m(&pair[0], &pair[1]) - RATE_M_PER_S * since_s
+    });
+    assert!(fastest.fold(f64::MIN, f64::max) < 1e-8, "never faster than 2 mm/s");
+    assert!(step_m(&first, &last) <= WAY_M && step_m(&first, &last) > 0.5e-3, "{} m", step_m(&first, &last));
+    assert!(largest_n(&last) < 0.5 * largest_n(&first), "{} N of {} N", largest_n(&last), largest_n(&first));
+    println!(
+        "relaxed from {:.1} N to {:.1} N in {} ms",
+        largest_n(&first),
+        largest_n(&last),
+        (last.sample_ns - first.sample_ns) / 1_000_000
+    );
+    let stop = stopped.iter().position(|state| state.n_stops != stopped[0].n_stops);
+    let moved_m = stop.map(|at| step_m(&stopped[at], &stopped[stopped.len() - 1]));
+    assert!(moved_m.is_none_or(|moved_m| moved_m < 10e-6), "{moved_m:?} m behind the stop");
+
+    let told = samples_in(path).into_iter().any(|sample| match sample {
+        Sample::Health(Process::Slave, health) => Reasons::from_bits(health.reasons_now).contains(Reason::Relaxing),
+        _ => false,
+    });
+    assert!(told, "the slave's health names it");
+    assert!(!states.iter().any(|state| has(state, Reason::MismatchTrip)), "the shape is explained all the way");
+}
