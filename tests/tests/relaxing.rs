@@ -113,12 +113,6 @@ fn judge(path: &str) {
     assert!(fastest.fold(f64::MIN, f64::max) < 1e-8, "never faster than 2 mm/s");
     assert!(step_m(&first, &last) <= WAY_M && step_m(&first, &last) > 0.5e-3, "{} m", step_m(&first, &last));
     assert!(largest_n(&last) < 0.5 * largest_n(&first), "{} N of {} N", largest_n(&last), largest_n(&first));
-    println!(
-        "relaxed from {:.1} N to {:.1} N in {} ms",
-        largest_n(&first),
-        largest_n(&last),
-        (last.sample_ns - first.sample_ns) / 1_000_000
-    );
     let stop = stopped.iter().position(|state| state.n_stops != stopped[0].n_stops);
     let moved_m = stop.map(|at| step_m(&stopped[at], &stopped[stopped.len() - 1]));
     assert!(moved_m.is_none_or(|moved_m| moved_m < 10e-6), "{moved_m:?} m behind the stop");
