@@ -2,7 +2,7 @@
 //!
 //! Problem: lines that hold each other stay loaded, and what lets go of loaded lines lets the snake spring.
 //! Intuition: each actuator goes the way that its own line pulls it, slowly, until its load is small; that takes stretch out of lines
-//! and puts none in. It is the only motion without a command, so way, time and speed are bounded and the step is a gate's.
+//! and puts none in. It is a motion without a command, so way, time and speed are bounded and the step is a gate's.
 //! Failure: an actuator whose load is not known stays where it is; a load that turns round is left where it is.
 
 use crate::{Findings, Gate, GateLimits, SlaveConfig};

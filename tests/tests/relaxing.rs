@@ -19,9 +19,8 @@ const CONFIG: &str = "[slave.drive]\nrelax_n = 0.5\nrelax_m = 0.008\nrelax_ms = 
 /// Longest way within which each actuator may go, m, and at what speed, m/s.
 const WAY_M: f64 = 8e-3;
 const RATE_M_PER_S: f64 = 2e-3;
-/// The hand bends the snake for a second and a half, then rests.
-const SCRIPT: &str = "time_s,tip_vx_m_per_s,tip_vy_m_per_s,tip_vz_m_per_s\n0,0.008,0.002,0\n2,0.008,0.002,0\n\
-                      2.01,0,0,0\n120,0,0,0\n";
+/// The hand bends the snake as far as it may.
+const SCRIPT: &str = "time_s,tip_vx_m_per_s,tip_vy_m_per_s,tip_vz_m_per_s\n0,0.008,0.002,0\n240,0.008,0.002,0\n";
 
 fn largest_n(state: &SlaveState) -> f64 {
     state.measured_tau_n.iter().fold(0.0, |largest: f64, tau| largest.max(tau.abs()))
@@ -32,7 +31,7 @@ fn has(state: &SlaveState, reason: Reason) -> bool {
 }
 
 fn is_bent(state: &SlaveState) -> bool {
-    state.is_engaged() && largest_n(state) > 15.0
+    state.is_engaged() && largest_n(state) > 35.0
 }
 
 fn state(instance: &str, ask: &[&str]) -> Ended {
@@ -105,19 +104,15 @@ fn judge(path: &str) {
     let (whole, stopped) = (runs[0], runs[1]);
     // At rest from where the first step of giving way begins.
     let (first, last) = (whole[0], whole[whole.len() - 1]);
-    let fastest = whole.windows(2).map(|pair| {
+    // The motion that was under way is braked first, at 1 m/s2 from 30 mm/s at most.
+    let braked = whole.iter().position(|state| state.sample_ns > first.sample_ns + 40_000_000).expect("it goes on");
+    let fastest = whole[braked..].windows(2).map(|pair| {
         let since_s = (pair[1].setpoint_ns - pair[0].setpoint_ns).clamp(0, 1_000_000) as f64 * 1e-9;
         step_m(&pair[0], &pair[1]) - RATE_M_PER_S * since_s
     });
     assert!(fastest.fold(f64::MIN, f64::max) < 1e-8, "never faster than 2 mm/s");
     assert!(step_m(&first, &last) <= WAY_M && step_m(&first, &last) > 0.5e-3, "{} m", step_m(&first, &last));
     assert!(largest_n(&last) < 0.5 * largest_n(&first), "{} N of {} N", largest_n(&last), largest_n(&first));
-    println!(
-        "relaxed from {:.1} N to {:.1} N in {} ms",
-        largest_n(&first),
-        largest_n(&last),
-        (last.sample_ns - first.sample_ns) / 1_000_000
-    );
     let stop = stopped.iter().position(|state| state.n_stops != stopped[0].n_stops);
     let moved_m = stop.map(|at| step_m(&stopped[at], &stopped[stopped.len() - 1]));
     assert!(moved_m.is_none_or(|moved_m| moved_m < 10e-6), "{moved_m:?} m behind the stop");
