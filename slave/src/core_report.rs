@@ -1,6 +1,8 @@
 //! What the slave says of itself after each step: encoders, setpoint, state, and the reasons that hold.
 
+use crate::gate::largest;
 use crate::{ActuatorState, Drive, DriveError, Findings, SlaveCore};
+use krait_ipc::Reason;
 use krait_ipc::message::{OperatingState, SlaveState};
 
 impl<D: Drive> SlaveCore<D> {
@@ -102,5 +104,39 @@ impl<D: Drive> SlaveCore<D> {
             flags |= SlaveState::OTHERS_HOLD;
         }
         flags
+    }
+
+    /// Distance of the encoders from the setpoint, m.
+    pub(crate) fn following_error_m(&self) -> f64 {
+        largest(core::array::from_fn(|i| self.reading.q_tilde_m[i] - self.gate.q_m()[i]))
+    }
+
+    /// The largest such distance that is no fault, m.
+    pub(crate) fn following_error_limit_m(&self) -> f64 {
+        self.limiter.limits().following_error_m
+    }
+
+    /// The reasons that hold whether a command came or not.
+    pub(crate) fn insert_standing_reasons(&self, now_ns: i64, findings: &mut Findings) {
+        if self.machine.state() != OperatingState::Enabled {
+            findings.insert(Reason::SlaveNotEnabled);
+        }
+        if !self.machine.is_homed() {
+            findings.insert(Reason::SlaveNotHomed);
+        }
+        self.engagement.tell(findings);
+        if self.watchdog.is_stale(now_ns) {
+            match self.watchdog.age_ns(now_ns) {
+                Some(age) => findings.note(Reason::CommandStale, age as f64 * 1e-6, self.watchdog.limit_ms()),
+                None => findings.insert(Reason::CommandStale),
+            }
+        }
+        if self.machine.state() == OperatingState::Fault {
+            findings.insert(Reason::DriveFault);
+            findings.note(Reason::FollowingError, self.following_error_m(), self.following_error_limit_m());
+        }
+        if self.gives_way() {
+            findings.note(Reason::Relaxing, self.largest_load_n(), self.relax.load_n);
+        }
     }
 }

@@ -439,16 +439,6 @@ impl<D: Drive> SlaveCore<D> {
         }
     }
 
-    /// Distance of the encoders from the setpoint, m.
-    pub(crate) fn following_error_m(&self) -> f64 {
-        largest(core::array::from_fn(|i| self.reading.q_tilde_m[i] - self.gate.q_m()[i]))
-    }
-
-    /// The largest such distance that is no fault, m.
-    pub(crate) fn following_error_limit_m(&self) -> f64 {
-        self.limiter.limits().following_error_m
-    }
-
     fn end_if_stale(&mut self, now_ns: i64) {
         if self.is_engaged() && self.watchdog.is_stale(now_ns) {
             let value = self.watchdog.age_ns(now_ns).map_or(f64::NAN, |age| age as f64 * 1e-6);
@@ -497,29 +487,6 @@ impl<D: Drive> SlaveCore<D> {
                 self.fault(error, now_ns);
                 false
             }
-        }
-    }
-
-    pub(crate) fn insert_standing_reasons(&self, now_ns: i64, findings: &mut Findings) {
-        if self.machine.state() != OperatingState::Enabled {
-            findings.insert(Reason::SlaveNotEnabled);
-        }
-        if !self.machine.is_homed() {
-            findings.insert(Reason::SlaveNotHomed);
-        }
-        self.engagement.tell(findings);
-        if self.watchdog.is_stale(now_ns) {
-            match self.watchdog.age_ns(now_ns) {
-                Some(age) => findings.note(Reason::CommandStale, age as f64 * 1e-6, self.watchdog.limit_ms()),
-                None => findings.insert(Reason::CommandStale),
-            }
-        }
-        if self.machine.state() == OperatingState::Fault {
-            findings.insert(Reason::DriveFault);
-            findings.note(Reason::FollowingError, self.following_error_m(), self.following_error_limit_m());
-        }
-        if self.gives_way() {
-            findings.note(Reason::Relaxing, self.largest_load_n(), self.relax.load_n);
         }
     }
 }
