@@ -10,7 +10,7 @@ use crate::config::CompensateConfig;
 use crate::mismatch::{Mismatch, Seen};
 use crate::reach::{Reach, Wish};
 use crate::step::{
-    BridgeError, Refused, Step, check_age, check_model, check_order_and_numbers, seconds_between, stamps_begun, step_s,
+    BridgeError, Refused, Step, check_age, check_joints, check_model, seconds_between, stamps_begun, step_s,
     tell_compensate_ages,
 };
 use krait_ipc::message::{Command, Health, MAX_ACTUATORS, ModelUpdate, Phase, Setpoint, SlaveState};
@@ -81,10 +81,7 @@ impl JointCompensateCore {
     pub fn step(&mut self, setpoint: &Setpoint, begun_ns: i64) -> Result<Command, Refused> {
         let n = self.machine.model.n();
         check_model(self.machine.model.hash(), setpoint.model_hash)?;
-        if setpoint.n_joints as usize != n {
-            return Err(Refused { reason: Reason::OutOfRange, found: f64::from(setpoint.n_joints), limit: n as f64 });
-        }
-        check_order_and_numbers(self.memory.before_ns, setpoint.sample_ns, &setpoint.joints_rad)?;
+        check_joints(self.memory.before_ns, setpoint, n)?;
         let step_s = step_s(self.memory.before_ns, setpoint.sample_ns);
         self.memory.before_ns = Some(setpoint.sample_ns);
 

@@ -9,14 +9,14 @@
 use crate::config::CompensateConfig;
 use crate::live_model::SegmentModel;
 use crate::reach::{Reach, Wish};
+use crate::resolve_segments::of_lanes;
 use crate::step::{
-    BridgeError, Refused, Step, check_age, check_model, check_order_and_numbers, stamps_begun, step_s,
-    tell_compensate_ages,
+    BridgeError, Refused, Step, check_age, check_joints, check_model, stamps_begun, step_s, tell_compensate_ages,
 };
 use krait_ipc::message::{Command, Health, MAX_ACTUATORS, MAX_LEARNT, Phase, Setpoint, SlaveState};
 use krait_ipc::{Reason, Reasons};
 use krait_model::ModelHash;
-use krait_model::segments::{Bends, MAX_LINES, SegmentCompensator, SegmentStatus, Segments};
+use krait_model::segments::{MAX_LINES, SegmentCompensator, SegmentStatus, Segments};
 
 const _: () = assert!(MAX_LINES == MAX_ACTUATORS);
 
@@ -72,16 +72,12 @@ impl SegmentCompensateCore {
     pub fn step(&mut self, setpoint: &Setpoint, begun_ns: i64) -> Result<Command, Refused> {
         let (n_bends, n_lines) = (self.machine.n_bends(), self.machine.n_lines());
         check_model(self.model, setpoint.model_hash)?;
-        let out_of_range = |found, limit| Err(Refused { reason: Reason::OutOfRange, found, limit });
-        if setpoint.n_joints as usize != n_bends {
-            return out_of_range(f64::from(setpoint.n_joints), n_bends as f64);
-        }
-        check_order_and_numbers(self.memory.before_ns, setpoint.sample_ns, &setpoint.joints_rad)?;
-        let bends = Bends::from_fn(|k, _| if k < n_bends { setpoint.joints_rad[k] } else { 0.0 });
+        check_joints(self.memory.before_ns, setpoint, n_bends)?;
+        let bends = of_lanes(&setpoint.joints_rad, n_bends);
         for segment in 0..self.machine.n() {
             let (found, limit) = (bends[2 * segment].hypot(bends[2 * segment + 1]), self.machine.max_bend_rad(segment));
             if found > limit {
-                return out_of_range(found, limit);
+                return Err(Refused { reason: Reason::OutOfRange, found, limit });
             }
         }
         let step_s = step_s(self.memory.before_ns, setpoint.sample_ns);

@@ -11,8 +11,8 @@
 
 use crate::config::{JointsConfig, ResolveConfig};
 use crate::step::{
-    BridgeError, Refused, Step, check_order_and_numbers, reasons_to_hold, seconds_between, stamps_begun, step_s,
-    tell_resolve_ages,
+    BridgeError, MAX_TIP_VEL_M_PER_S, Refused, Step, check_order_and_numbers, reasons_to_hold, seconds_between,
+    stamps_begun, step_s, tell_resolve_ages,
 };
 use crate::{Feed, JointMachine, JointResolveCore, LiveModel, SegmentResolveCore, feed};
 use core::sync::atomic::AtomicBool;
@@ -22,11 +22,9 @@ use krait_model::{Chain, ChainCompensator, Circumstances, ModelHash, Snake};
 use nalgebra::{Rotation3, Vector2, Vector3};
 
 /// The setpoint takes over the slave's own when they are further apart than this, rad (0.1 deg).
-const RESEED_RAD: f64 = 1.7e-3;
+pub(crate) const RESEED_RAD: f64 = 1.7e-3;
 /// A setpoint that moves slower than this has come to rest, rad/s.
-const REST_RAD_PER_S: f64 = 1e-6;
-/// Fastest tip velocity that a message may ask for, m/s; anything beyond is not a hand.
-const MAX_TIP_VEL_M_PER_S: f64 = 1.0;
+pub(crate) const REST_RAD_PER_S: f64 = 1e-6;
 
 /// The pure step of `resolve`.
 #[derive(Clone, Debug)]
@@ -153,19 +151,10 @@ impl ResolveCore {
             bend_vel *= scale;
             reasons.insert(Reason::BendRateLimit);
         }
-        (self.slide_along_bend_limit(bend_vel, reasons), scale)
-    }
-
-    /// Fades out the outward part of the motion near the bend limit; turning the plane and coming back stay free.
-    fn slide_along_bend_limit(&self, bend_vel: Vector2<f64>, reasons: &mut Reasons) -> Vector2<f64> {
-        let Some(outward) = self.memory.bend.try_normalize(1e-9) else { return bend_vel };
-        let outward_vel = bend_vel.dot(&outward);
-        let room = ((self.config.max_bend_rad - self.memory.bend.norm()) / self.config.bend_margin_rad).clamp(0.0, 1.0);
-        if outward_vel <= 0.0 || room >= 1.0 {
-            return bend_vel;
-        }
-        reasons.insert(Reason::BendLimit);
-        bend_vel - outward * (outward_vel * (1.0 - room))
+        let config = &self.config;
+        let slid = slid_along_bend_limit(self.memory.bend, bend_vel, config.max_bend_rad, config.bend_margin_rad);
+        reasons.insert_if(Reason::BendLimit, slid.is_some());
+        (slid.unwrap_or(bend_vel), scale)
     }
 
     fn advance(&mut self, wanted: Vector2<f64>, step_s: f64) {
@@ -206,6 +195,20 @@ impl ResolveCore {
             reasons: reasons.bits(),
         }
     }
+}
+
+/// A bend's rate with its outward part faded out near the bend limit, rad/s; turning the plane and coming back stay free. `None`: as it
+/// was.
+pub(crate) fn slid_along_bend_limit(
+    bend_rad: Vector2<f64>,
+    bend_vel: Vector2<f64>,
+    limit_rad: f64,
+    margin_rad: f64,
+) -> Option<Vector2<f64>> {
+    let outward = bend_rad.try_normalize(1e-9)?;
+    let outward_vel = bend_vel.dot(&outward);
+    let room = ((limit_rad - bend_rad.norm()) / margin_rad).clamp(0.0, 1.0);
+    (outward_vel > 0.0 && room < 1.0).then(|| bend_vel - outward * (outward_vel * (1.0 - room)))
 }
 
 impl Step for ResolveCore {

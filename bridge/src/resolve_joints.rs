@@ -10,9 +10,7 @@
 
 use crate::JointMachine;
 use crate::config::ResolveConfig;
-use crate::step::{
-    BridgeError, Refused, Step, check_order_and_numbers, reasons_to_hold, stamps_begun, step_s, tell_resolve_ages,
-};
+use crate::step::{BridgeError, Refused, Step, check_hand, reasons_to_hold, stamps_begun, step_s, tell_resolve_ages};
 use krait_ipc::message::{Health, JointValues, MAX_JOINTS, OperatorInput, Phase, Setpoint, SlaveState};
 use krait_ipc::{Reason, Reasons};
 use krait_model::joints::{JointCompensator, JointInverseSettings};
@@ -21,9 +19,6 @@ use krait_model::joints::{JointCompensator, JointInverseSettings};
 const RESEED: f64 = 1e-3;
 /// A setpoint whose joints all move slower than this part of the fastest has come to rest.
 const REST: f64 = 1e-6;
-/// Fastest hand that a message may tell of, m/s and rad/s; anything beyond is none.
-const MAX_TIP_VEL_M_PER_S: f64 = 1.0;
-const MAX_ANGULAR_VEL_RAD_PER_S: f64 = 50.0;
 
 /// The pure step of `resolve` for joints.
 #[derive(Clone, Debug)]
@@ -81,14 +76,7 @@ impl JointResolveCore {
     /// # Real-time
     /// No allocation, no clock (`begun_ns` is an argument), no loop longer than the joints.
     pub fn step(&mut self, input: &OperatorInput, begun_ns: i64) -> Result<Setpoint, Refused> {
-        let [x, y, z] = input.tip_vel_in_view_m_per_s;
-        let [rx, ry, rz] = input.tip_angular_vel_in_view_rad_per_s;
-        let axes = [x, y, z, rx, ry, rz];
-        check_order_and_numbers(self.memory.before_ns, input.sample_ns, &axes)?;
-        let limits = [MAX_TIP_VEL_M_PER_S; 3].into_iter().chain([MAX_ANGULAR_VEL_RAD_PER_S; 3]);
-        if let Some((found, limit)) = axes.iter().map(|v| v.abs()).zip(limits).find(|(found, limit)| found > limit) {
-            return Err(Refused { reason: Reason::OutOfRange, found, limit });
-        }
+        let axes = check_hand(self.memory.before_ns, input)?;
         let step_s = step_s(self.memory.before_ns, input.sample_ns);
         self.memory.before_ns = Some(input.sample_ns);
 

@@ -11,9 +11,8 @@
 
 use crate::config::ResolveConfig;
 use crate::live_model::SegmentModel;
-use crate::step::{
-    BridgeError, Refused, Step, check_order_and_numbers, reasons_to_hold, stamps_begun, step_s, tell_resolve_ages,
-};
+use crate::resolve::{RESEED_RAD, REST_RAD_PER_S, slid_along_bend_limit};
+use crate::step::{BridgeError, Refused, Step, check_hand, reasons_to_hold, stamps_begun, step_s, tell_resolve_ages};
 use krait_ipc::message::{Health, JointValues, MAX_JOINTS, OperatorInput, Phase, Setpoint, SlaveState};
 use krait_ipc::{Reason, Reasons};
 use krait_model::ModelHash;
@@ -21,14 +20,6 @@ use krait_model::segments::{
     Bends, MAX_BENDS, MAX_SEGMENTS, SegmentChain, SegmentCompensator, SegmentRateWeights, SegmentStatus,
 };
 use nalgebra::{Rotation3, Vector2, Vector3, Vector6};
-
-/// The setpoint takes over the slave's own when they are further apart than this, rad (0.1 deg).
-const RESEED_RAD: f64 = 1.7e-3;
-/// A setpoint that moves slower than this has come to rest, rad/s.
-const REST_RAD_PER_S: f64 = 1e-6;
-/// Fastest hand that a message may tell of, m/s and rad/s; anything beyond is none.
-const MAX_TIP_VEL_M_PER_S: f64 = 1.0;
-const MAX_ANGULAR_VEL_RAD_PER_S: f64 = 50.0;
 
 /// The pure step of `resolve` for segments.
 #[derive(Clone, Debug)]
@@ -98,15 +89,7 @@ impl SegmentResolveCore {
     /// # Real-time
     /// No allocation, no clock (`begun_ns` is an argument), loops over lines and segments and bounded searches.
     pub fn step(&mut self, input: &OperatorInput, begun_ns: i64) -> Result<Setpoint, Refused> {
-        let (linear, angular) = (input.tip_vel_in_view_m_per_s, input.tip_angular_vel_in_view_rad_per_s);
-        let [vx, vy, vz] = linear;
-        let [wx, wy, wz] = angular;
-        check_order_and_numbers(self.memory.before_ns, input.sample_ns, &[vx, vy, vz, wx, wy, wz])?;
-        for (values, limit) in [(linear, MAX_TIP_VEL_M_PER_S), (angular, MAX_ANGULAR_VEL_RAD_PER_S)] {
-            if let Some(found) = values.into_iter().map(f64::abs).find(|found| *found > limit) {
-                return Err(Refused { reason: Reason::OutOfRange, found, limit });
-            }
-        }
+        let [vx, vy, vz, wx, wy, wz] = check_hand(self.memory.before_ns, input)?;
         let step_s = step_s(self.memory.before_ns, input.sample_ns);
         self.memory.before_ns = Some(input.sample_ns);
 
@@ -115,8 +98,8 @@ impl SegmentResolveCore {
         self.reseed_at_rest();
         let (wanted, motion_scale) = match self.memory.phase {
             Phase::Following => {
-                let (v, w) =
-                    (self.base_from_view * Vector3::from(linear), self.base_from_view * Vector3::from(angular));
+                let v = self.base_from_view * Vector3::new(vx, vy, vz);
+                let w = self.base_from_view * Vector3::new(wx, wy, wz);
                 self.limited(&Vector6::new(v.x, v.y, v.z, w.x, w.y, w.z), &mut reasons)
             }
             Phase::Holding => (Bends::zeros(), 0.0),
@@ -141,8 +124,7 @@ impl SegmentResolveCore {
         if !is_at_rest || is_ours {
             return;
         }
-        let own =
-            Bends::from_fn(|k, _| if k < self.chain.machine().n_bends() { state.setpoint_joints_rad[k] } else { 0.0 });
+        let own = of_lanes(&state.setpoint_joints_rad, self.chain.machine().n_bends());
         let is_allowed = (0..MAX_SEGMENTS).all(|segment| bend_of(&own, segment).norm() <= self.max_bend_rad[segment]);
         if is_allowed && (own - self.memory.bends).amax() > RESEED_RAD {
             self.memory.bends = own;
@@ -162,22 +144,14 @@ impl SegmentResolveCore {
             reasons.insert(Reason::BendRateLimit);
         }
         for segment in 0..self.chain.machine().n() {
-            self.slide_along_bend_limit(&mut vel, segment, reasons);
+            let (bend, own) = (bend_of(&self.memory.bends, segment), bend_of(&vel, segment));
+            let (limit_rad, margin_rad) = (self.max_bend_rad[segment], self.config.bend_margin_rad);
+            if let Some(slid) = slid_along_bend_limit(bend, own, limit_rad, margin_rad) {
+                reasons.insert(Reason::BendLimit);
+                vel.fixed_rows_mut::<2>(2 * segment).copy_from(&slid);
+            }
         }
         (vel, scale)
-    }
-
-    /// Fades out the outward part of a segment's motion near its bend limit, as with a snake.
-    fn slide_along_bend_limit(&self, vel: &mut Bends, segment: usize, reasons: &mut Reasons) {
-        let bend = bend_of(&self.memory.bends, segment);
-        let Some(outward) = bend.try_normalize(1e-9) else { return };
-        let outward_vel = bend_of(vel, segment).dot(&outward);
-        let room = ((self.max_bend_rad[segment] - bend.norm()) / self.config.bend_margin_rad).clamp(0.0, 1.0);
-        if outward_vel > 0.0 && room < 1.0 {
-            reasons.insert(Reason::BendLimit);
-            let mut own = vel.fixed_rows_mut::<2>(2 * segment);
-            own -= outward * (outward_vel * (1.0 - room));
-        }
     }
 
     /// Moves the setpoint on, unless no loads within the lines' bounds hold the segments there.
@@ -228,9 +202,15 @@ impl SegmentResolveCore {
     }
 }
 
-/// Bends as the messages carry them: where joints stand.
-pub(crate) fn in_lanes(bends: &Bends) -> JointValues {
-    const _: () = assert!(MAX_BENDS <= MAX_JOINTS);
+const _: () = assert!(MAX_BENDS <= MAX_JOINTS);
+
+/// So many bends of a message, where joints stand; zeros behind the last.
+pub(crate) fn of_lanes(values: &JointValues, n_bends: usize) -> Bends {
+    Bends::from_fn(|k, _| if k < n_bends { values[k] } else { 0.0 })
+}
+
+/// Bends as the messages carry them.
+fn in_lanes(bends: &Bends) -> JointValues {
     let mut lanes = [0.0; MAX_JOINTS];
     lanes[..MAX_BENDS].copy_from_slice(bends.as_slice());
     lanes

@@ -137,6 +137,31 @@ pub(crate) fn check_order_and_numbers(before_ns: Option<i64>, sample_ns: i64, nu
     }
 }
 
+/// Fastest hand that a message may tell of, m/s and rad/s; anything beyond is none.
+pub(crate) const MAX_TIP_VEL_M_PER_S: f64 = 1.0;
+const MAX_ANGULAR_VEL_RAD_PER_S: f64 = 50.0;
+
+/// The hand's six axes in the view, m/s and rad/s, or a refusal as of [`check_order_and_numbers`] or where it is no hand's.
+pub(crate) fn check_hand(before_ns: Option<i64>, input: &OperatorInput) -> Result<[f64; 6], Refused> {
+    let [x, y, z] = input.tip_vel_in_view_m_per_s;
+    let [rx, ry, rz] = input.tip_angular_vel_in_view_rad_per_s;
+    let axes = [x, y, z, rx, ry, rz];
+    check_order_and_numbers(before_ns, input.sample_ns, &axes)?;
+    let limits = [MAX_TIP_VEL_M_PER_S; 3].into_iter().chain([MAX_ANGULAR_VEL_RAD_PER_S; 3]);
+    match axes.iter().map(|v| v.abs()).zip(limits).find(|(found, limit)| found > limit) {
+        Some((found, limit)) => Err(Refused { reason: Reason::OutOfRange, found, limit }),
+        None => Ok(axes),
+    }
+}
+
+/// Refuses a setpoint of another number of joints, or of bends, than the machine has; else as [`check_order_and_numbers`].
+pub(crate) fn check_joints(before_ns: Option<i64>, setpoint: &Setpoint, n: usize) -> Result<(), Refused> {
+    if setpoint.n_joints as usize != n {
+        return Err(Refused { reason: Reason::OutOfRange, found: f64::from(setpoint.n_joints), limit: n as f64 });
+    }
+    check_order_and_numbers(before_ns, setpoint.sample_ns, &setpoint.joints_rad)
+}
+
 /// The stamps of a step's output: those of its input, and when this stage had it in hand.
 pub(crate) fn stamps_begun(input: &HopStamps, enter: impl FnOnce(&mut HopStamps)) -> HopStamps {
     let mut stamps = *input;

@@ -95,7 +95,6 @@ fn the_tip_goes_as_the_hand_does_and_messages_say_that_they_are_of_segments() {
     let bends = Bends::from_column_slice(&setpoint.joints_rad[..6]);
     let turned = chain.chain().machine().base_from_tip(&bends).rotation.scaled_axis();
     assert!((0.28..=0.3).contains(&turned.y) && turned.x.abs() < 1e-3, "{turned} rad in a second at 0.3 rad/s");
-    // The forecast of the actuators' rates is the slope of the commands.
     let moved = |k: usize| command.q_tilde_m[k] - command.q_uncompensated_m[k];
     assert!((0..6).any(|k| moved(k).abs() > 1e-4), "effects are compensated");
 }
@@ -150,27 +149,27 @@ fn foreign_setpoints_and_bad_numbers_are_refused() {
 /// Time of 2000 steps of both stages of a snake and of two segments in turn, the best of each.
 #[test]
 fn a_step_of_two_segments_on_six_lines_costs_a_small_multiple_of_the_snake_s() {
+    let timed = |step: &mut dyn FnMut(&OperatorInput, &SlaveState, i64) -> Command| {
+        let begun_ns = clock::monotonic_ns();
+        for k in 1..=2000 {
+            core::hint::black_box(step(&hand(k), &ready_state(k), now_ns(k)));
+        }
+        clock::monotonic_ns() - begun_ns
+    };
     let (mut snake_ns, mut two_ns) = (i64::MAX, i64::MAX);
     for _ in 0..15 {
-        let (mut resolve, mut compensate) =
-            (resolve(ResolveConfig::default()), compensate(CompensateConfig::default()));
-        let begun_ns = clock::monotonic_ns();
-        for k in 1..=2000 {
-            resolve.note_state(&ready_state(k));
-            compensate.note_state(&ready_state(k));
-            let setpoint = resolve.step(&hand(k), now_ns(k)).expect("good");
-            core::hint::black_box(compensate.step(&setpoint, now_ns(k)).expect("good"));
-        }
-        snake_ns = snake_ns.min(clock::monotonic_ns() - begun_ns);
-        let (mut resolve, mut compensate) = cores(TWO);
-        let begun_ns = clock::monotonic_ns();
-        for k in 1..=2000 {
-            resolve.note_state(&ready_state(k));
-            compensate.note_state(&ready_state(k));
-            let setpoint = resolve.step(&hand(k), now_ns(k)).expect("good");
-            core::hint::black_box(compensate.step(&setpoint, now_ns(k)).expect("good"));
-        }
-        two_ns = two_ns.min(clock::monotonic_ns() - begun_ns);
+        let (mut a, mut b) = (resolve(ResolveConfig::default()), compensate(CompensateConfig::default()));
+        snake_ns = snake_ns.min(timed(&mut |hand, state, now_ns| {
+            a.note_state(state);
+            b.note_state(state);
+            b.step(&a.step(hand, now_ns).expect("good"), now_ns).expect("good")
+        }));
+        let (mut a, mut b) = cores(TWO);
+        two_ns = two_ns.min(timed(&mut |hand, state, now_ns| {
+            a.note_state(state);
+            b.note_state(state);
+            b.step(&a.step(hand, now_ns).expect("good"), now_ns).expect("good")
+        }));
     }
     let ratio = two_ns as f64 / snake_ns as f64;
     println!("both steps: a snake {} ns, two segments {} ns, {ratio:.2} times", snake_ns / 2000, two_ns / 2000);

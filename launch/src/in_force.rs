@@ -115,11 +115,8 @@ impl ModelInForce {
         let machine = LiveModel::of(&file)?;
         let label = match file.machine() {
             Machine::Segments(segments) if file.effects().is_empty() => {
-                if segments.rigid_lines {
-                    Compensation::Off.name()
-                } else {
-                    Compensation::Naive.name()
-                }
+                let bare = if segments.rigid_lines { Compensation::Off } else { Compensation::Naive };
+                bare.name()
             }
             _ => label_of(machine.hash()),
         };

@@ -1,5 +1,6 @@
 //! What the actuators of every simulated machine have in common: power, hard stops, the search for zero, encoder steps.
 
+use crate::noise::Noise;
 use crate::truth::DriveTruth;
 use krait_slave::{ActuatorState, Actuators, DriveError, DriveReading, DriveTraits, OnFault};
 
@@ -65,6 +66,12 @@ impl SimulatedActuators {
         let farthest_m = from_m.iter().fold(0.0_f64, |m, q| m.max(q.abs()));
         let step_m = self.truth.home_speed_m_per_s * elapsed_ns as f64 * 1e-9;
         if farthest_m <= step_m { 0.0 } else { 1.0 - step_m / farthest_m }
+    }
+
+    /// What an encoder shows of a place, m.
+    pub(crate) fn shown_m(&self, place_m: f64, noise: &mut Noise) -> f64 {
+        let noise = if self.truth.encoder_noise_m > 0.0 { noise.pair()[0] } else { 0.0 };
+        self.quantised(place_m + self.truth.encoder_noise_m * noise)
     }
 
     /// Standard deviation of the encoders, m.

@@ -96,8 +96,7 @@ impl Drive for SimulatedJoints {
     fn read(&mut self, stamp_ns: i64) -> Result<DriveReading, DriveError> {
         let (mut q_tilde_m, mut tau_n) = ([0.0; MAX_ACTUATORS], [0.0; MAX_ACTUATORS]);
         for (k, joint) in self.joints.iter().enumerate() {
-            let noise = if self.actuators.encoder_noise_m() > 0.0 { self.encoder_noise.pair()[0] } else { 0.0 };
-            q_tilde_m[k] = self.actuators.quantised(self.place_m[k] + self.actuators.encoder_noise_m() * noise);
+            q_tilde_m[k] = self.actuators.shown_m(self.place_m[k], &mut self.encoder_noise);
             tau_n[k] = joint.load_n();
         }
         Ok(self.actuators.reading(self.joints.len(), stamp_ns, (q_tilde_m, tau_n)))

@@ -88,9 +88,7 @@ impl JointsTruth {
     /// [`TruthError`]: unreadable, not TOML, an unknown key, a value of the wrong kind or out of its range, another number of
     /// joints.
     pub fn load(path: &Path, n: usize) -> Result<Self, TruthError> {
-        let file = path.display().to_string();
-        let text = krait_ipc::input::text(path, krait_ipc::input::CONFIG_BYTES)
-            .map_err(|source| TruthError::Unreadable { file: file.clone(), source_text: source.to_string() })?;
+        let (file, text) = truth_error::file_and_text(path)?;
         Self::parse(&text, &file, n)
     }
 
@@ -115,17 +113,15 @@ impl JointsTruth {
         if self.joint.len() != n || n == 0 || n > MAX_JOINTS {
             return Err(TruthError::OtherNumber { file: file.to_owned(), found: self.joint.len(), expected: n });
         }
-        let (d, c) = (&self.drive, &self.camera);
-        let shared = [
-            ("drive.travel_m", d.travel_m, 1e-3, 0.5),
-            ("drive.home_speed_m_per_s", d.home_speed_m_per_s, 1e-4, 0.1),
-            ("drive.encoder_resolution_m", d.encoder_resolution_m, 0.0, 1e-4),
-            ("drive.encoder_noise_m", d.encoder_noise_m, 0.0, 1e-4),
+        let c = &self.camera;
+        let camera = [
             ("camera.rate_hz", c.rate_hz, 1.0, 240.0),
             ("camera.latency_s", c.latency_s, 0.0, 0.2),
             ("camera.noise_rad", c.noise_rad, 0.0, 0.2),
         ];
-        for (key, found, low, high) in shared.into_iter().chain(self.joint.iter().flat_map(JointTruth::ranges)) {
+        for (key, found, low, high) in
+            self.drive.ranges(0.5).into_iter().chain(camera).chain(self.joint.iter().flat_map(JointTruth::ranges))
+        {
             // Written so that NaN is out of range.
             if !(low..=high).contains(&found) {
                 return Err(TruthError::OutOfRange { file: file.to_owned(), key, low, high, found });

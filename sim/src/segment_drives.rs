@@ -119,8 +119,7 @@ impl Drive for SegmentDrives {
             *own = load_n;
         }
         for q_m in q_tilde_m.iter_mut().take(self.plant.n_lines()) {
-            let noise = if self.actuators.encoder_noise_m() > 0.0 { self.encoder_noise.pair()[0] } else { 0.0 };
-            *q_m = self.actuators.quantised(*q_m + self.actuators.encoder_noise_m() * noise);
+            *q_m = self.actuators.shown_m(*q_m, &mut self.encoder_noise);
         }
         Ok(self.actuators.reading(self.n(), stamp_ns, (q_tilde_m, tau_n)))
     }

@@ -133,9 +133,7 @@ impl SegmentsTruth {
     /// [`TruthError`]: unreadable, not TOML, an unknown key, a value of the wrong kind or out of its range, other numbers of segments
     /// or lines.
     pub fn load(path: &Path, own: &SegmentsOfModel) -> Result<Self, TruthError> {
-        let file = path.display().to_string();
-        let text = krait_ipc::input::text(path, krait_ipc::input::CONFIG_BYTES)
-            .map_err(|source| TruthError::Unreadable { file: file.clone(), source_text: source.to_string() })?;
+        let (file, text) = truth_error::file_and_text(path)?;
         Self::parse(&text, &file, own)
     }
 
@@ -175,7 +173,7 @@ impl SegmentsTruth {
                 number("radii_m of a segment", own.radii_m.len(), n, n)?;
             }
         }
-        let (e, d, c) = (&self.effects, &self.drive, &self.camera);
+        let e = &self.effects;
         let whole = [
             ("phi_rad", self.phi_rad, 0.0, 3.2),
             ("effects.play_m", e.play_m, 0.0, 2e-3),
@@ -183,15 +181,8 @@ impl SegmentsTruth {
             ("effects.mu", e.mu, 0.0, 1.0),
             ("effects.f_s_n", e.f_s_n, 0.0, 20.0),
             ("effects.inside", e.inside, 0.0, 1.5),
-            ("drive.travel_m", d.travel_m, 1e-3, 2e-2),
-            ("drive.home_speed_m_per_s", d.home_speed_m_per_s, 1e-4, 0.1),
-            ("drive.encoder_resolution_m", d.encoder_resolution_m, 0.0, 1e-4),
-            ("drive.encoder_noise_m", d.encoder_noise_m, 0.0, 1e-4),
-            ("camera.rate_hz", c.rate_hz, 1.0, 240.0),
-            ("camera.latency_s", c.latency_s, 0.0, 0.2),
-            ("camera.noise_rad", c.noise_rad, 0.0, 0.2),
-            ("camera.plane_offset_rad", c.plane_offset_rad, -3.2, 3.2),
         ];
+        let whole = whole.into_iter().chain(self.drive.ranges(2e-2)).chain(self.camera.ranges());
         let of_segments = self.segment.iter().flat_map(|segment| {
             let m = &segment.machine;
             let own = [
@@ -209,7 +200,7 @@ impl SegmentsTruth {
             let widest_m = self.segment[idx..].iter().fold(0.0_f64, |most, own| most.max(own.widest_m()));
             ("l_m", segment.machine.l_m, (8.0 * widest_m).max(5e-3), 0.2)
         });
-        for (key, found, low, high) in whole.into_iter().chain(of_segments).chain(lengths) {
+        for (key, found, low, high) in whole.chain(of_segments).chain(lengths) {
             // Written so that NaN is out of range.
             if !(low..=high).contains(&found) {
                 return Err(SegmentsTruthError::OutOfRange { key, low, high, found });

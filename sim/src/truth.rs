@@ -145,6 +145,29 @@ impl Default for CameraTruth {
     }
 }
 
+impl DriveTruth {
+    /// `most_m`: the longest travel that the machine has room for, m.
+    pub(crate) fn ranges(&self, most_m: f64) -> [Range; 4] {
+        [
+            ("drive.travel_m", self.travel_m, 1e-3, most_m),
+            ("drive.home_speed_m_per_s", self.home_speed_m_per_s, 1e-4, 0.1),
+            ("drive.encoder_resolution_m", self.encoder_resolution_m, 0.0, 1e-4),
+            ("drive.encoder_noise_m", self.encoder_noise_m, 0.0, 1e-4),
+        ]
+    }
+}
+
+impl CameraTruth {
+    pub(crate) fn ranges(&self) -> [Range; 4] {
+        [
+            ("camera.rate_hz", self.rate_hz, 1.0, 240.0),
+            ("camera.latency_s", self.latency_s, 0.0, 0.2),
+            ("camera.noise_rad", self.noise_rad, 0.0, 0.2),
+            ("camera.plane_offset_rad", self.plane_offset_rad, -3.2, 3.2),
+        ]
+    }
+}
+
 impl EffectsTruth {
     /// Every effect at its neutral value: elastic lines alone.
     pub fn none() -> Self {
@@ -158,9 +181,7 @@ impl Truth {
     /// # Errors
     /// [`TruthError`]: unreadable, not TOML, an unknown key, a value of the wrong kind or out of its range.
     pub fn load(path: &Path) -> Result<Self, TruthError> {
-        let file = path.display().to_string();
-        let text = krait_ipc::input::text(path, krait_ipc::input::CONFIG_BYTES)
-            .map_err(|source| TruthError::Unreadable { file: file.clone(), source_text: source.to_string() })?;
+        let (file, text) = truth_error::file_and_text(path)?;
         Self::parse(&text, &file)
     }
 
@@ -196,7 +217,7 @@ impl Truth {
     }
 
     fn ranges(&self) -> Vec<Range> {
-        let (m, e, d, c) = (&self.machine, &self.effects, &self.drive, &self.camera);
+        let (m, e) = (&self.machine, &self.effects);
         let mut ranges = vec![
             ("machine.l_m", m.l_m, 5e-3, 0.2),
             // The lines inside a bend must keep a length at every bend that the travel of the actuators allows.
@@ -214,16 +235,10 @@ impl Truth {
             ("effects.asymmetry", e.asymmetry, -0.5, 0.5),
             ("effects.tip_force_in_base_n", e.tip_force_in_base_n[0], -1.0, 1.0),
             ("effects.tip_force_in_base_n", e.tip_force_in_base_n[1], -1.0, 1.0),
-            // Pushed and pulled lines together can shorten a backbone by 4/3 of the travel at most.
-            ("drive.travel_m", d.travel_m, 1e-3, 2e-2_f64.min(m.l_m / 2.0)),
-            ("drive.home_speed_m_per_s", d.home_speed_m_per_s, 1e-4, 0.1),
-            ("drive.encoder_resolution_m", d.encoder_resolution_m, 0.0, 1e-4),
-            ("drive.encoder_noise_m", d.encoder_noise_m, 0.0, 1e-4),
-            ("camera.rate_hz", c.rate_hz, 1.0, 240.0),
-            ("camera.latency_s", c.latency_s, 0.0, 0.2),
-            ("camera.noise_rad", c.noise_rad, 0.0, 0.2),
-            ("camera.plane_offset_rad", c.plane_offset_rad, -3.2, 3.2),
         ];
+        // Pushed and pulled lines together can shorten a backbone by 4/3 of the travel at most.
+        ranges.extend(self.drive.ranges(2e-2_f64.min(m.l_m / 2.0)));
+        ranges.extend(self.camera.ranges());
         ranges.extend(self.lines.ranges(m));
         ranges.extend(self.bending.ranges());
         ranges.extend(self.encoders.ranges());

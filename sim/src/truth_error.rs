@@ -1,6 +1,7 @@
 //! What can be wrong with a truth file, each in one sentence, and the search for the key that was meant.
 
 use crate::SegmentsTruthError;
+use std::path::Path;
 
 /// A truth file was refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -86,6 +87,15 @@ pub enum TruthError {
         /// The value found.
         found: f64,
     },
+}
+
+/// A truth file's path, as sentences name it, and its text.
+pub(crate) fn file_and_text(path: &Path) -> Result<(String, String), TruthError> {
+    let file = path.display().to_string();
+    match krait_ipc::input::text(path, krait_ipc::input::CONFIG_BYTES) {
+        Ok(text) => Ok((file, text)),
+        Err(source) => Err(TruthError::Unreadable { file, source_text: source.to_string() }),
+    }
 }
 
 /// Makes one sentence of a parser's error.

@@ -11,8 +11,6 @@ use std::path::Path;
 const PATIENCE: Duration = Duration::from_secs(240);
 /// When the play appears, s after the first command.
 const APPEARS_S: f64 = 14.0;
-/// How often a run is repeated in which the machine was too busy for commands to come in time.
-const TRIES: usize = 4;
 
 /// A snake that is just what the model says, until its lines have play.
 const TRUTH: &str = "[effects]\nplay_m = 0.0\nload_scale = 1.0\nmu = 0.0\nf_s_n = 0.0\n\
@@ -29,20 +27,13 @@ fn a_play_that_appears_while_the_chain_runs_is_seen_told_and_recorded() {
     };
     let (truth, model) = (file("truth.toml", TRUTH), file("model.toml", MODEL));
     let (config, recording) = (file("krait.toml", CONFIG), folder.file("run.mcap"));
-    let ended = (0..TRIES)
-        .map(|_| {
-            let instance = instance_name("change");
-            let mut arguments =
-                vec!["run", "--engage=again", "--seconds", "24", "--instance", &instance, "--config", &config];
-            arguments.extend(["--truth", &truth, "--model", &model, "--recording", &recording]);
-            Ended::of(&arguments, PATIENCE)
-        })
-        .find(|ended| {
-            // The drives stopped by themselves on a busy machine: there was no motion to learn from.
-            let came_in_time = !ended.stderr.contains("too old to be trusted");
-            came_in_time || std::fs::remove_file(&recording).is_err()
-        })
-        .unwrap_or_else(|| panic!("in {TRIES} runs commands came too late: this machine is too busy"));
+    let ended = Ended::in_time(&recording, || {
+        let instance = instance_name("change");
+        let mut arguments =
+            vec!["run", "--engage=again", "--seconds", "24", "--instance", &instance, "--config", &config];
+        arguments.extend(["--truth", &truth, "--model", &model, "--recording", &recording]);
+        Ended::of(&arguments, PATIENCE)
+    });
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     let told = ended.stdout.lines().find_map(|line| line.trim().strip_prefix("Something changed at t = "));
     let told = told.unwrap_or_else(|| panic!("nothing was told:\n{}", ended.stdout));

@@ -13,8 +13,6 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 const PATIENCE: Duration = Duration::from_secs(240);
-/// How often a run is repeated in which the machine was too busy for commands to come in time.
-const TRIES: usize = 4;
 const WRIST: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/joints/wrist.toml");
 const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/joints/wrist.csv");
 const OFF: &str = "format = 1\n[machine]\nkind = \"joints\"\nn = 3\ngain = [1.0, 1.0, 1.0]\noffset = [0.0, 0.0, 0.0]\n";
@@ -31,13 +29,8 @@ fn run(model: &str, recording: &str, seconds: &str, more: &[&str]) -> Value {
         arguments.extend(more);
         Ended::of(&arguments, PATIENCE)
     };
-    let in_time = |ended: &Ended| {
-        let came_in_time = !ended.stderr.contains("too old to be trusted");
-        came_in_time || std::fs::remove_file(recording).is_err()
-    };
     let _alone = ALONE.lock();
-    let ended = (0..TRIES).map(|_| once()).find(in_time);
-    let ended = ended.unwrap_or_else(|| panic!("in {TRIES} runs commands came too late: this machine is too busy"));
+    let ended = Ended::in_time(recording, once);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     ended.json()
 }

@@ -89,9 +89,6 @@ fn a_one_way_ramp_cannot_tell_and_the_lab_says_so_and_asks_for_reversals() {
     assert!(["revers", "back", "up and down"].iter().any(|word| text.contains(word)), "{text}");
 }
 
-/// How often a run is repeated in which the machine was too busy for commands to come in time.
-const TRIES: usize = 4;
-
 /// Runs the chain on the plant that hides the riddle's effect, compensated by one of its models: tracking error, degrees.
 fn live_deg(riddle: &Riddle, model: &str, recording: &str) -> f64 {
     let (truth, model) = (riddle.file("truth.toml"), riddle.file(model));
@@ -100,19 +97,13 @@ fn live_deg(riddle: &Riddle, model: &str, recording: &str) -> f64 {
 
 /// Runs the chain with these options: tracking error, degrees.
 fn run_deg(options: &[&str], recording: &str) -> f64 {
-    for _ in 0..TRIES {
+    let ended = Ended::in_time(recording, || {
         let instance = instance_name("hidden");
         let run = ["run", "--engage=again", "--json", "--instance", &instance, "--recording", recording];
-        let ended = Ended::of(&[&run[..], options].concat(), PATIENCE);
-        if ended.stderr.contains("too old to be trusted") {
-            // The drives stopped by themselves, as they must; what they tracked meanwhile says nothing about the model.
-            std::fs::remove_file(recording).expect("a recording to make again");
-            continue;
-        }
-        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
-        return ended.json()["passes"][0]["error_deg"]["rms"].as_f64().expect("a figure");
-    }
-    panic!("in {TRIES} runs commands came too late: this machine is too busy to judge how the chain tracks")
+        Ended::of(&[&run[..], options].concat(), PATIENCE)
+    });
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    ended.json()["passes"][0]["error_deg"]["rms"].as_f64().expect("a figure")
 }
 
 /// Lab's way to a better model from a recording with the base model: the factor that it predicts.

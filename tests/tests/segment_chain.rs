@@ -11,8 +11,6 @@ use serde_json::Value;
 use std::path::Path;
 
 const PATIENCE: Duration = Duration::from_secs(240);
-/// How often a run is repeated in which the machine was too busy for commands to come in time.
-const TRIES: usize = 4;
 const TWO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/segments/two.toml");
 const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/segments/tip.csv");
 /// What the camera of the simulated segments adds to each bend vector, deg: 0.3 along each axis.
@@ -34,13 +32,8 @@ fn run_model(recording: &str, seconds: &str, more: &[&str]) -> Value {
         arguments.extend(more);
         Ended::of(&arguments, PATIENCE)
     };
-    let in_time = |ended: &Ended| {
-        let came_in_time = !ended.stderr.contains("too old to be trusted");
-        came_in_time || std::fs::remove_file(recording).is_err()
-    };
     let _alone = ALONE.lock();
-    let ended = (0..TRIES).map(|_| once()).find(in_time);
-    let ended = ended.unwrap_or_else(|| panic!("in {TRIES} runs commands came too late: this machine is too busy"));
+    let ended = Ended::in_time(recording, once);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     ended.json()
 }

@@ -58,9 +58,8 @@ impl Segments {
             pinv: BendsByLines::zeros(),
         };
         for (idx, segment) in parameters.segments.iter().enumerate() {
-            let area_m2 = PI / 4.0 * (segment.d_outer_m.powi(2) - segment.d_inner_m.powi(2));
             let bending_nm2 = segment.e_pa * PI / 64.0 * (segment.d_outer_m.powi(4) - segment.d_inner_m.powi(4));
-            let per_n = give / (segment.e_pa * area_m2);
+            let per_n = give / segment.axial_stiffness_n();
             own.l_m[idx] = segment.l_m;
             own.primary_nm2[idx] = bending_nm2;
             own.axial_m_per_n[idx] = segment.l_m * per_n;

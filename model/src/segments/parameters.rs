@@ -160,7 +160,7 @@ impl SegmentParameters {
 
     /// E A of each of its backbones, N.
     pub fn axial_stiffness_n(&self) -> f64 {
-        self.e_pa * PI / 4.0 * (self.d_outer_m.powi(2) - self.d_inner_m.powi(2))
+        self.e_pa * (PI / 4.0 * (self.d_outer_m.powi(2) - self.d_inner_m.powi(2)))
     }
 }
 
