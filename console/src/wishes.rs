@@ -24,7 +24,7 @@ const AGAIN_NS: i64 = 250_000_000;
 const STOP_PATIENCE: Duration = Duration::from_millis(200);
 const LOOK_EVERY: Duration = Duration::from_millis(2);
 /// Power was asked off where lines are loaded.
-const RELAXES: &str = "The drives relax the lines, then power goes off.";
+const RELAXES: &str = "Relaxing, then power goes off.";
 
 /// What an operator can wish for, besides a stop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
@@ -139,7 +139,7 @@ impl Desk {
         let off = self.ask(Wish::Disable, clock::monotonic_ns()).await;
         if off.is_done && off.say == RELAXES {
             return WishOutcome::done(format!(
-                "The stop was not confirmed, so power was asked off after {} ms: {RELAXES}",
+                "The stop was not confirmed, so power was asked off after {} ms. {RELAXES}",
                 since_ms()
             ));
         }
@@ -252,10 +252,15 @@ fn answer(asked: Asked, outcome: WishOutcome) {
 }
 
 fn outcome_of(wish: Wish, said: &StateAnswer) -> WishOutcome {
-    let state = OperatingState::from_u32(said.operating_state).map_or("unknown", OperatingState::name);
+    let operating = OperatingState::from_u32(said.operating_state);
+    let state = operating.map_or("unknown", OperatingState::name);
+    let lets_go = said.flags & StateAnswer::LETTING_GO != 0;
+    // A pause of lines that are being relaxed ends that, and power may have gone before the supervisor looked.
+    let has_let_go = lets_go || operating == Some(OperatingState::Disabled);
     match said.outcome() {
         Some(RequestOutcome::Done) => WishOutcome::done(match wish {
-            Wish::Disable if state == OperatingState::Paused.name() => RELAXES,
+            Wish::Disable if lets_go => RELAXES,
+            Wish::Pause if has_let_go => "The lines are not relaxed any further: power goes off, as was asked before.",
             Wish::Enable => "Enabled \u{2013} confirmed by the drives.",
             Wish::Disable => "Disabled \u{2013} confirmed by the drives.",
             Wish::Pause => "Paused \u{2013} confirmed by the drives.",
@@ -267,5 +272,26 @@ fn outcome_of(wish: Wish, said: &StateAnswer) -> WishOutcome {
         Some(RequestOutcome::Refused) | None => {
             WishOutcome::not_done(format!("Refused: the drives are {}.", state.to_lowercase()))
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pause_of_lines_that_are_relaxed_is_told_that_power_goes() {
+        let said = |operating: OperatingState, flags: u32| {
+            let (outcome, operating_state) = (RequestOutcome::Done as u32, operating as u32);
+            let answer = StateAnswer { sequence: 1, sample_ns: 1, sender_pid: 1, outcome, operating_state, flags };
+            [Wish::Pause, Wish::Disable].map(|wish| outcome_of(wish, &answer).say)
+        };
+        let [pause, disable] = said(OperatingState::Paused, StateAnswer::LETTING_GO);
+        assert!(pause.ends_with("power goes off, as was asked before.") && disable == RELAXES, "{pause}, {disable}");
+        // The power had gone before the supervisor looked.
+        let [pause, disable] = said(OperatingState::Disabled, 0);
+        assert!(pause.ends_with("power goes off, as was asked before."), "{pause}");
+        assert_eq!(disable, "Disabled \u{2013} confirmed by the drives.");
+        assert_eq!(said(OperatingState::Paused, 0)[0], "Paused \u{2013} confirmed by the drives.");
     }
 }

@@ -56,7 +56,7 @@ impl BusSetup {
             speed_counts_per_s: drive.speed_counts_per_s,
             mode: drive.mode,
             on_fault: drive.on_fault,
-            relax: RelaxLimits::new(config),
+            relax: RelaxLimits::of_fault(config),
         })
     }
 

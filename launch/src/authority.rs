@@ -121,7 +121,7 @@ impl Authority {
             sender_pid: request.sender_pid,
             outcome: outcome as u32,
             operating_state: state.operating_state,
-            flags: state.flags,
+            flags: state.flags | if state.is_letting_go() { StateAnswer::LETTING_GO } else { 0 },
         })
     }
 }

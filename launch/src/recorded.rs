@@ -40,6 +40,11 @@ pub fn settings_of(recording: &Recording) -> anyhow::Result<Config> {
         // Made before lines were relaxed: power went at once.
         config.slave.drive.on_disable = OnDisable::PowerOff;
     }
+    if !text.contains("disable_relax_m") {
+        // Made when a disable went no further than a fault.
+        let drive = &mut config.slave.drive;
+        (drive.disable_relax_m, drive.disable_relax_ms) = (drive.relax_m, drive.relax_ms);
+    }
     Ok(config)
 }
 

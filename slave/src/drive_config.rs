@@ -46,7 +46,7 @@ settings! {
     #[derive(Clone, Debug, PartialEq)]
     pub struct DriveConfig in "slave.drive" {
         /// "sim": simulated; "sts3215": Feetech servos on a serial bus; "cia402": CANopen drives on a CAN interface. What follows is
-        /// for a real bus, but for `on_disable` and `relax_...`.
+        /// for a real bus, but for `on_disable`, `relax_n` and `disable_relax_...`.
         kind: DriveKind = DriveKind::Sim;
         /// "live": they move; "dry": the bus is opened and read, power stays off, and the log says what would be sent.
         mode: DriveMode = DriveMode::Live;
@@ -74,12 +74,18 @@ settings! {
         /// What `disable` does where a line is loaded: "relax": the actuators give way to their loads before power goes; "power_off":
         /// power goes at once. Simulated drives do the same.
         on_disable: OnDisable = OnDisable::Relax;
-        /// "relax": a line that carries less is let be, N. 2 N: below it a line of some N of tension is nearly slack.
+        /// "relax", of both: a line that carries less is let be, N. 2 N: below it a line of some N of tension is nearly slack.
         relax_n: f64 = 2.0, 0.1..=1000.0;
-        /// "relax": how far each actuator gives way at most, m, at 2 mm/s at most.
+        /// `on_fault = "relax"`: how far each actuator gives way at most, m, at 2 mm/s at most. 1 mm: nobody asked for this motion,
+        /// and a drive is broken.
         relax_m: f64 = 0.001, 1e-5..=0.02;
-        /// "relax": after so long since the failure nothing moves any more; so long after `disable` power is gone, ms.
+        /// `on_fault = "relax"`: after so long since the failure nothing moves any more, ms.
         relax_ms: f64 = 1000.0, 10.0..=10_000.0;
+        /// `on_disable = "relax"`: how far each actuator gives way at most, m, at 2 mm/s at most. 6 mm: from its bend limit the snake
+        /// of the paper goes back to small loads; it would spring there if power went at once.
+        disable_relax_m: f64 = 0.006, 1e-5..=0.02;
+        /// `on_disable = "relax"`: power is gone so long after `disable`, ms.
+        disable_relax_ms: f64 = 4000.0, 10.0..=10_000.0;
         /// Largest speed of a servo or motor, counts/s. 3000: STS3215 at 7.4 V.
         speed_counts_per_s: f64 = 3000.0, 50.0..=1e8;
         /// "cia402": how often drives and this program tell each other that they live, ms.

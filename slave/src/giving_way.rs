@@ -26,12 +26,21 @@ pub struct RelaxLimits {
 }
 
 impl RelaxLimits {
-    /// Those of a checked configuration.
-    pub fn new(config: &SlaveConfig) -> Self {
+    /// Where one antagonist has let go, as a checked configuration says.
+    pub fn of_fault(config: &SlaveConfig) -> Self {
+        Self::new(config, config.drive.relax_m, config.drive.relax_ms)
+    }
+
+    /// Where power is asked off, as a checked configuration says.
+    pub fn of_disable(config: &SlaveConfig) -> Self {
+        Self::new(config, config.drive.disable_relax_m, config.drive.disable_relax_ms)
+    }
+
+    fn new(config: &SlaveConfig, way_m: f64, time_ms: f64) -> Self {
         Self {
             load_n: config.drive.relax_n,
-            way_m: config.drive.relax_m,
-            time_ns: (config.drive.relax_ms * 1e6) as i64,
+            way_m,
+            time_ns: (time_ms * 1e6) as i64,
             gate: GateLimits {
                 rate_m_per_s: RATE_M_PER_S.min(config.limits.rate_m_per_s),
                 acceleration_m_per_s2: config.deceleration_m_per_s2,

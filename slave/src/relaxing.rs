@@ -11,7 +11,7 @@
 //! | a stop, a pause | brake, power goes |
 //! | `disable` again | nothing changes, the time runs on |
 //! | a fault: a drive fails, or does not follow | power goes at once; FAULT names it |
-//! | `relax_ms` are over | power goes, whatever moves |
+//! | `disable_relax_ms` are over | power goes, whatever moves |
 //!
 //! Failure: a slave that is not ticked does nothing; its drives' own watchdog is then what is left.
 

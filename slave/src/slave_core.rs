@@ -121,7 +121,7 @@ impl<D: Drive> SlaveCore<D> {
             home_on_start: config.home_on_start,
             switching_since_ns: None,
             motion: Motion::Held,
-            relax: RelaxLimits::new(config),
+            relax: RelaxLimits::of_disable(config),
             relaxes: config.drive.on_disable == OnDisable::Relax,
             letting_go: None,
             setpoint_bend_rad: [0.0; 2],

@@ -181,7 +181,9 @@ impl<I: Iterator<Item = f64>> LastAt for I {}
 
 #[test]
 fn a_disable_brakes_relaxes_the_lines_within_way_speed_and_time_and_then_takes_power() {
-    let mut bench = Bench::bent(&SlaveConfig::default(), false, 2e-3);
+    let mut config = SlaveConfig::default();
+    (config.drive.disable_relax_m, config.drive.disable_relax_ms) = (1e-3, 1000.0);
+    let mut bench = Bench::bent(&config, false, 2e-3);
     bench.ask(Transition::Disable).unwrap();
     assert!(bench.state.is_letting_go() && bench.core.drive().is_on && !bench.state.is_engaged());
     assert!(bench.has(Reason::Relaxing) && bench.has(Reason::SlaveNotEnabled));
@@ -200,6 +202,24 @@ fn a_disable_brakes_relaxes_the_lines_within_way_speed_and_time_and_then_takes_p
     let braking_m = steps_m(&states).take(40).fold(0.0, f64::max);
     assert!(braking_m <= 10e-6 && steps_m(&states).skip(40).all(|step| step <= STEP_M), "{braking_m}");
     assert!(states.iter().all(|state| state.flags & (SlaveState::FOLLOWING | SlaveState::IS_BUSY) == 0));
+}
+
+/// Nobody need set anything: from the bend limit the snake of the paper goes back to loads that are let be.
+#[test]
+fn by_default_a_snake_at_its_bend_limit_loses_its_load_before_its_power() {
+    let config = SlaveConfig::default();
+    // 80 deg of bend.
+    let at_limit_m = 5.0e-3;
+    let mut bench = Bench::bent(&config, false, at_limit_m);
+    let bent_n = largest_n(&bench.state);
+    bench.ask(Transition::Disable).unwrap();
+    let states = bench.until_off();
+    let (rest, lasted_ms) = at_rest(&states);
+    let (way_m, left_n) = (way_m(&rest, &bench.state), largest_n(&states[states.len() - 1]));
+    assert!(bent_n > 10.0 * config.drive.relax_n && left_n <= 1.01 * config.drive.relax_n, "{bent_n} to {left_n} N");
+    assert!(way_m < 0.95 * config.drive.disable_relax_m, "{way_m} m: the bounds are not what ends it");
+    assert!((lasted_ms as f64) < 0.95 * config.drive.disable_relax_ms, "{lasted_ms} ms");
+    assert!(steps_m(&states).all(|step| step <= 10e-6), "nothing springs");
 }
 
 #[test]
@@ -325,7 +345,7 @@ fn a_fault_in_between_is_named_and_takes_power_at_once_whatever_a_fault_does_oth
 #[test]
 fn power_goes_when_the_time_is_over_also_in_motion_and_after_a_gap() {
     let mut config = SlaveConfig::default();
-    config.drive.relax_ms = 100.0;
+    config.drive.disable_relax_ms = 100.0;
     let mut bench = Bench::bent(&config, false, 2e-3);
     bench.ask(Transition::Disable).unwrap();
     let states = bench.until_off();
@@ -335,21 +355,21 @@ fn power_goes_when_the_time_is_over_also_in_motion_and_after_a_gap() {
     assert!(steps[steps.len() - 1] < 0.5 * STEP_M, "it comes to rest before: {:?}", &steps[steps.len() - 6..]);
 
     // Shorter than the braking of the motion that was under way.
-    config.drive.relax_ms = 10.0;
+    config.drive.disable_relax_ms = 10.0;
     (config.deceleration_m_per_s2, config.watchdog_ms) = (0.7, 50.0);
     let mut bench = Bench::bent(&config, false, 2e-3);
     bench.ask(Transition::Disable).unwrap();
     let states = bench.until_off();
     assert!(states[states.len() - 1].sample_ns - states[0].sample_ns <= 11 * MS);
 
-    // A slave that stood still for two seconds does not go on where it was.
+    // A slave that stood still until the time was over does not go on where it was.
     let mut bench = Bench::bent(&SlaveConfig::default(), false, 2e-3);
     bench.ask(Transition::Disable).unwrap();
     for _ in 0..100 {
         bench.tick();
     }
     let before = bench.state;
-    bench.now_ns += 2000 * MS;
+    bench.now_ns += 5000 * MS;
     bench.tick();
     assert!(bench.is(OperatingState::Disabled) && way_m(&before, &bench.state) == 0.0);
 }

@@ -82,6 +82,14 @@ impl Console {
         request("localhost", self.stop_port(), method, path, headers, "")
     }
 
+    /// Asks for a stop as the stop's own document does; what it says then.
+    pub fn press_stop(&self) -> String {
+        let origin = format!("http://localhost:{}", self.stop_port());
+        let answer = self.at_stop("POST", &self.stop_path(), &[("Origin", &origin)]);
+        assert_eq!(answer.status, 200, "{answer:?}");
+        answer.body
+    }
+
     /// Path of the stop's document, token included.
     pub fn stop_path(&self) -> String {
         format!("/stop/{}", self.stop.rsplit_once('/').expect("a token").1)

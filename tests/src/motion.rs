@@ -102,7 +102,7 @@ pub fn kill_until_back(instance: &str, process: &str, meanwhile: impl FnOnce()) 
 }
 
 /// Waits until the slave of an instance with its whole chain says something.
-pub fn wait_for(instance: &str, what: &str, is_so: impl Fn(&SlaveState) -> bool) {
+pub fn wait_for(instance: &str, what: &str, is_so: impl Fn(&SlaveState) -> bool) -> SlaveState {
     // A chain starts only where nobody but a tool is in the instance yet: observe it once all of it is there.
     assert!(wait_until(PATIENCE, || processes_of(instance).len() >= 7), "{:?}", processes_of(instance));
     let bus = Bus::open(instance, "test").expect("joined");
@@ -113,6 +113,7 @@ pub fn wait_for(instance: &str, what: &str, is_so: impl Fn(&SlaveState) -> bool)
         last.as_ref().is_some_and(&is_so)
     });
     assert!(found, "never {what}; last {last:?}");
+    last.expect("found")
 }
 
 /// Waits until all processes of an instance run and its recording holds commands: an interrupt before that ends a start,

@@ -193,14 +193,6 @@ fn a_stop_needs_its_own_token_and_origin_and_nothing_else_and_the_drives_confirm
     assert_eq!(end(krait).code, Some(0));
 }
 
-/// Asks for a stop as the stop's own document does; what it says then.
-fn pressed(console: &Console) -> String {
-    let origin = format!("http://localhost:{}", console.stop_port());
-    let answer = console.at_stop("POST", &console.stop_path(), &[("Origin", &origin)]);
-    assert_eq!(answer.status, 200, "{answer:?}");
-    answer.body
-}
-
 /// A slave that hangs obeys no stop. The server itself, not the page, then asks the supervisor for power off, once more where no
 /// answer comes; where that fails too it says what is left to do. When the slave wakes up it stops and its power is off.
 #[test]
@@ -221,13 +213,13 @@ fn a_stop_that_the_slave_does_not_confirm_becomes_a_disable_and_is_never_called_
         all
     };
     let _of_before = asked();
-    assert!(pressed(&console).contains("the drives confirmed it"), "a slave that lives");
+    assert!(console.press_stop().contains("the drives confirmed it"), "a slave that lives");
     assert_eq!(asked(), [], "a stop that is confirmed asks for nothing more");
 
     let slave = processes_of(&instance).into_iter().find(|(name, _)| name == "slave").expect("a slave").1;
     let slave = Pid::from_raw(slave.cast_signed()).expect("a process");
     kill_process(slave, Signal::STOP).expect("frozen");
-    let said = pressed(&console);
+    let said = console.press_stop();
     let escalated = asked();
     kill_process(slave, Signal::CONT).expect("awake");
     assert!(said.contains("NOT CONFIRMED. Use the emergency stop of the machine."), "{said}");
@@ -254,7 +246,7 @@ fn a_stop_that_only_a_disable_ends_says_that_power_was_turned_off() {
     let mut answers = bus.writer::<StateAnswer>().expect("the authority");
     let before = switch.asked();
     let said = std::thread::scope(|scope| {
-        let document = scope.spawn(|| pressed(&console));
+        let document = scope.spawn(|| console.press_stop());
         let mut n_asked = 0;
         while !document.is_finished() {
             while let Some(request) = requests.take().expect("taken") {

@@ -8,7 +8,9 @@ use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use core::time::Duration;
 use krait_ipc::message::{OperatingState, SlaveState};
 use krait_ipc::{Bus, Reason};
-use krait_tests::{Browser, BrowserPage, Console, Ended, Krait, TempFolder, instance_name, next_of_kind, wait_until};
+use krait_tests::{
+    Browser, BrowserPage, Console, Ended, Krait, TempFolder, instance_name, next_of_kind, wait_for, wait_until,
+};
 use rustix::process::Signal;
 use serde_json::json;
 use std::sync::Arc;
@@ -196,6 +198,44 @@ impl Drop for Sender {
 }
 
 /// Every text colour beside the card it stands on: 4.5, and 3 for shapes, as the accessibility guidelines ask.
+/// Power that is asked off where lines are loaded goes behind the load: a state of its own with a word and a sentence, in which
+/// nothing but the stop has a meaning.
+#[test]
+fn lines_that_are_relaxed_before_power_goes_are_shown_and_only_the_stop_is_left() {
+    let Some(browser) = Browser::start() else { return };
+    let (instance, folder) = (instance_name("relaxed"), TempFolder::new("relaxed"));
+    let (config, script) = (folder.file("krait.toml"), folder.file("hand.csv"));
+    std::fs::write(&config, "[slave.drive]\nrelax_n = 0.5\ndisable_relax_m = 0.008\ndisable_relax_ms = 10000.0\n")
+        .expect("written");
+    std::fs::write(
+        &script,
+        "time_s,tip_vx_m_per_s,tip_vy_m_per_s,tip_vz_m_per_s\n0,0.008,0.002,0\n240,0.008,0.002,0\n",
+    )
+    .expect("written");
+    let run = ["run", "--instance", &instance, "--engage", "--console", "--no-recording"];
+    let more = ["--compensation=naive", "--config", &config, "--master", "script", "--input", &script];
+    let mut krait = Krait::start(&[&run[..], &more].concat());
+    let console = Console::of(&mut krait);
+    let mut page = browser.page(&console.address, 1280, 800);
+    page.wait_for("following", "document.documentElement.dataset.shown === 'following'");
+    wait_for(&instance, "bent", |state| state.measured_tau_n.iter().any(|tau| tau.abs() > 35.0));
+    page.value("document.querySelector('.command[data-wish=disable]').click()");
+    page.wait_for("relaxing", "document.documentElement.dataset.shown === 'relaxing'");
+    page.wait_for("the word", "document.getElementById('word').textContent === 'Relaxing'");
+    page.wait_for("why", "document.body.innerText.includes('The lines are being relaxed.')");
+    page.wait_for("the answer", "document.body.innerText.includes('Relaxing, then power goes off.')");
+    keep(&mut page, "relaxing");
+    assert_eq!(
+        page.value("document.querySelectorAll('.command[aria-disabled=false]').length"),
+        json!(0),
+        "only the stop"
+    );
+    console.press_stop();
+    page.wait_for("off", "document.documentElement.dataset.shown === 'disabled'");
+    krait.signal(Signal::TERM);
+    krait.end(PATIENCE);
+}
+
 fn assert_contrast(page: &mut BrowserPage, theme: &str) {
     let ratios = page.value(
         "(() => {

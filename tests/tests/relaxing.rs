@@ -4,18 +4,18 @@
 #![allow(clippy::expect_used, reason = "a panic is how a test fails")]
 
 use core::time::Duration;
-use krait_ipc::message::{OperatingState, SlaveState};
-use krait_ipc::{Process, Reason, Reasons};
+use krait_ipc::message::{OperatingState, SlaveState, StateRequest, Transition};
+use krait_ipc::{Bus, Process, ReadOptions, Reason, Reasons};
 use krait_schema::Sample;
 use krait_tests::{
-    Console, Ended, Krait, TempFolder, assert_no_jump, instance_name, next_of_kind, samples_in, states_in, step_m,
-    wait_for,
+    Console, Ended, Krait, TempFolder, assert_no_jump, instance_name, next_of_kind, processes_of, samples_in,
+    states_in, step_m, wait_for,
 };
-use rustix::process::Signal;
+use rustix::process::{Pid, Signal, kill_process};
 
 const PATIENCE: Duration = Duration::from_secs(240);
 /// A way that takes seconds, so that everybody has time to look.
-const CONFIG: &str = "[slave.drive]\nrelax_n = 0.5\nrelax_m = 0.008\nrelax_ms = 6000.0\n";
+const CONFIG: &str = "[slave.drive]\nrelax_n = 0.5\ndisable_relax_m = 0.008\ndisable_relax_ms = 6000.0\n";
 /// Longest way within which each actuator may go, m, and at what speed, m/s.
 const WAY_M: f64 = 8e-3;
 const RATE_M_PER_S: f64 = 2e-3;
@@ -84,6 +84,52 @@ fn a_disable_of_a_bent_snake_relaxes_its_lines_says_so_everywhere_and_a_stop_end
     krait.signal(Signal::INT);
     assert_eq!(krait.end(PATIENCE).code, Some(0));
     judge(&path);
+}
+
+/// A slave that hangs confirms no stop, so the page's server asks for power off. The slave that wakes up then stops and relaxes the
+/// lines of the bent snake before the power goes, and the page has said so.
+#[test]
+fn power_that_the_page_s_server_asks_off_behind_an_unconfirmed_stop_goes_behind_the_load() {
+    let (instance, folder) = (instance_name("unconfirmed"), TempFolder::new("unconfirmed"));
+    let (path, script) = (folder.file("run.mcap"), folder.file("hand.csv"));
+    std::fs::write(&script, SCRIPT).expect("written");
+    let run = ["run", "--engage", "--console", "--compensation=naive", "--instance", &instance];
+    let mut krait =
+        Krait::start(&[&run[..], &["--recording", &path, "--master", "script", "--input", &script]].concat());
+    let console = Console::of(&mut krait);
+    let bent = wait_for(&instance, "bent", is_bent);
+    let bus = Bus::open(&instance, "test").expect("bus");
+    let mut requests = bus.reader::<StateRequest>(ReadOptions::observing()).expect("a reader");
+    let slave = processes_of(&instance).into_iter().find(|(name, _)| name == "slave").expect("a slave").1;
+    let slave = Pid::from_raw(slave.cast_signed()).expect("a process");
+
+    kill_process(slave, Signal::STOP).expect("frozen");
+    let said = std::thread::scope(|scope| {
+        let document = scope.spawn(|| console.press_stop());
+        let asks = |request: &StateRequest| request.transition() == Some(Transition::Disable);
+        while !document.is_finished() && !requests.take().expect("taken").is_some_and(|request| asks(&request)) {
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        kill_process(slave, Signal::CONT).expect("awake");
+        document.join().expect("an answer")
+    });
+    assert!(said.contains("The stop was not confirmed, so power was asked off after"), "{said}");
+    assert!(said.contains("Relaxing, then power goes off."), "{said}");
+    wait_for(&instance, "off", |state| state.operating() == Some(OperatingState::Disabled));
+    krait.signal(Signal::INT);
+    assert_eq!(krait.end(PATIENCE).code, Some(0));
+
+    let states = states_in(&path);
+    assert_no_jump(&states);
+    let relaxing: Vec<&SlaveState> = states.iter().filter(|state| state.is_letting_go()).collect();
+    let last = relaxing.last().expect("it relaxes");
+    assert!(relaxing.iter().all(|state| state.n_stops == bent.n_stops + 1), "behind the stop");
+    assert!(
+        largest_n(last) < 0.1 * largest_n(&bent),
+        "{} of {} N with the default bounds",
+        largest_n(last),
+        largest_n(&bent)
+    );
 }
 
 fn judge(path: &str) {

@@ -51,13 +51,16 @@ pub struct StateAnswer {
     pub outcome: u32,
     /// The slave's operating state then, see [`super::OperatingState`].
     pub operating_state: u32,
-    /// The slave's flags then, as in [`super::SlaveState`].
+    /// The slave's flags then, as in [`super::SlaveState`], and [`StateAnswer::LETTING_GO`].
     pub flags: u32,
 }
 
 message!(StateAnswer, "state_answer", 1, super::RARE);
 
 impl StateAnswer {
+    /// Power was asked off and goes as soon as the actuators are at rest, see [`super::SlaveState::is_letting_go`].
+    pub const LETTING_GO: u32 = 1 << 31;
+
     /// Whether this is the answer to a request.
     pub fn is_to(&self, request: &StateRequest) -> bool {
         (self.sender_pid, self.sample_ns) == (request.sender_pid, request.sample_ns)

@@ -21,7 +21,7 @@ pub const NAME: &str = "state";
 const PATIENCE_NS: i64 = 5_000_000_000;
 /// Homing takes seconds: the largest travel at the slowest speed, and some.
 const HOMING_PATIENCE_NS: i64 = 120_000_000_000;
-/// Lines are relaxed for 10 s at most (`relax_ms`), and some.
+/// Lines are relaxed for 10 s at most (`disable_relax_ms`), and some.
 const RELAXING_PATIENCE_NS: i64 = 12_000_000_000;
 /// How long the newest message of a channel is waited for where only the state is shown, ns.
 const GLANCE_NS: i64 = 100_000_000;
