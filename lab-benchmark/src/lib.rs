@@ -4,5 +4,9 @@
 #![forbid(unsafe_code)]
 
 pub mod benchmark;
+pub mod force;
 pub mod generate;
 pub mod joints;
+mod truth;
+
+pub use truth::Truth;

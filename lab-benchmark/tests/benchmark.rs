@@ -55,7 +55,7 @@ fn a_benchmark_that_was_ended_goes_on_without_the_line_that_was_cut_short() {
 /// What does not depend on the last digit of a number that was written and read back.
 fn short(outcome: &Outcome) -> (String, String, Vec<String>, String) {
     let said = outcome.said.as_ref().unwrap();
-    (outcome.id.clone(), said.verdict.clone(), said.named.clone(), format!("{:.9}", said.final_deg))
+    (outcome.id.clone(), said.verdict.clone(), said.named.clone(), format!("{:.9}", said.final_error))
 }
 
 fn the_figures_are_those_of_the_lines(outcomes: &[Outcome]) {
@@ -64,9 +64,9 @@ fn the_figures_are_those_of_the_lines(outcomes: &[Outcome]) {
     assert_eq!(summary.top_1.n, usize::from(outcomes.iter().any(|o| o.group == "single" && o.is_top_1())));
     assert_eq!(summary.baselines.len(), 3);
     let baselines = outcomes.iter().find(|o| o.group == "single").unwrap().baselines.as_ref().unwrap();
-    let noise = outcomes[1].truth.as_ref().unwrap().noise_rms_deg;
+    let noise = outcomes[1].truth.as_ref().unwrap().noise_rms;
     assert!((baselines.oracle_deg.unwrap() / noise - 1.0).abs() < 0.1, "the true effect leaves the noise");
-    assert!(baselines.generic_deg < outcomes[1].truth.as_ref().unwrap().base_rms_deg);
+    assert!(baselines.generic_deg < outcomes[1].truth.as_ref().unwrap().base_rms);
     let html = page(&summary, outcomes, "three < four");
     let script = html.find("<script").unwrap()..html.find("</script>").unwrap();
     let own = format!("{}{}", &html[..script.start], &html[script.end..]);

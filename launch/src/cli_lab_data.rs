@@ -112,6 +112,8 @@ pub enum BenchmarkMachine {
     Snake,
     /// Two simulated joints.
     Joints,
+    /// One simulated joint with its torque.
+    Force,
 }
 
 /// Options of `krait lab benchmark`.
@@ -120,7 +122,7 @@ pub struct BenchmarkArgs {
     /// Where results.jsonl and report.html go; results that are there already are kept and not computed again.
     #[arg(long, value_name = "DIR", default_value = "benchmark")]
     pub out: PathBuf,
-    /// Whose data: the simulated snake's, or two simulated joints'.
+    /// Whose data: the simulated snake's, two simulated joints', or a joint's with its torque.
     #[arg(long, value_enum, default_value_t = BenchmarkMachine::Snake)]
     pub machine: BenchmarkMachine,
     /// Rounds of the grid, some hundred sets of data each.

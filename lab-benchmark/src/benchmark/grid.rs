@@ -1,5 +1,6 @@
 //! The grid of a benchmark: every kind, several sizes, noises and motions, each cell a recipe that follows from one seed.
 
+use crate::force::{FORCE_KINDS, ForceKind, ForceRecipe, pick_force};
 use crate::generate::{KINDS, Kind, Motion, NoiseKind, Recipe, pick, several};
 use crate::joints::{JOINT_KINDS, JointKind, JointRecipe, pick_joints};
 
@@ -67,6 +68,8 @@ pub enum Task {
     Snake(Recipe),
     /// Of two joints.
     Joints(JointRecipe),
+    /// Of a joint's torque.
+    Force(ForceRecipe),
 }
 
 impl Task {
@@ -75,6 +78,7 @@ impl Task {
         match self {
             Self::Snake(recipe) => recipe.seed,
             Self::Joints(recipe) => recipe.seed,
+            Self::Force(recipe) => recipe.seed,
         }
     }
 }
@@ -215,6 +219,56 @@ pub fn joint_grid(seed: u64, n_rounds: usize, seconds: f64) -> Vec<GridCell> {
             add(Group::Pair, picked(2, false, 1), noise, 1);
             add(Group::Several, picked(3 + (k % 3) as usize, false, 2), noise, 1);
             add(Group::Beside, picked(1, true, 3), noise, 1);
+        }
+    }
+    cells
+}
+
+/// The cells of `n_rounds` rounds of a joint's torque. More rounds only add cells.
+pub fn force_grid(seed: u64, n_rounds: usize, seconds: f64) -> Vec<GridCell> {
+    let mut cells = Vec::new();
+    for round in 0..n_rounds {
+        let mut n = 0;
+        let mut add = |group: Group, kinds: Vec<&'static ForceKind>, noise: NoiseKind, (low, high): (f64, f64)| {
+            n += 1;
+            let own_seed = mixed(seed ^ 0x0f0_12ce, round as u64, n);
+            let size = |k: usize| {
+                let part = (mixed(own_seed, k as u64, 1) % 997) as f64 / 997.0;
+                low * (high / low).powf(part)
+            };
+            let recipe = ForceRecipe {
+                hidden: kinds.into_iter().enumerate().map(|(k, kind)| (kind, size(k))).collect(),
+                sweeps: n % 2 == 0,
+                has_load: n % 3 == 0,
+                noise,
+                seed: own_seed,
+                seconds,
+                ..ForceRecipe::default()
+            };
+            let names: Vec<String> =
+                recipe.hidden.iter().map(|(kind, size)| format!("{}={size:.2}", kind.name)).collect();
+            let id = format!("force/{}/{}/{}/{own_seed:016x}", group.word(), names.join("+"), noise.name());
+            cells.push(GridCell { id, group, task: Task::Force(recipe) });
+        };
+        for noise in NOISES {
+            add(Group::None, Vec::new(), noise, (1.0, 1.0));
+            add(Group::None, Vec::new(), noise, (1.0, 1.0));
+        }
+        // Friction of the loaded gear is a second effect beside its load.
+        for (k, kind) in FORCE_KINDS.iter().filter(|kind| !kind.needs_load).enumerate() {
+            let group = if kind.is_known() { Group::Single } else { Group::Outside };
+            let noise = if (k + round) % 3 == 2 { NoiseKind::Coloured(0.2) } else { NoiseKind::White };
+            add(group, vec![kind], noise, (0.5, 6.0));
+            add(group, vec![kind], NoiseKind::White, (0.5, 6.0));
+        }
+        for k in 0..N_PAIRS as u64 {
+            let picked = |n_known: usize, unknown: bool, salt: u64| {
+                pick_force(mixed(seed ^ salt, round as u64, k), n_known, unknown)
+            };
+            let noise = if k % 4 == 3 { NoiseKind::Coloured(0.2) } else { NoiseKind::White };
+            add(Group::Pair, picked(2, false, 1), noise, (1.0, 6.0));
+            add(Group::Several, picked(3 + (k % 3) as usize, false, 2), noise, (1.0, 6.0));
+            add(Group::Beside, picked(1, true, 3), noise, (1.0, 6.0));
         }
     }
     cells

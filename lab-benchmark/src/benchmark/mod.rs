@@ -12,15 +12,16 @@ mod pictures;
 mod summary;
 
 pub use baseline::Baselines;
-pub use grid::{GridCell, Group, Task, grid, joint_grid};
+pub use grid::{GridCell, Group, Task, force_grid, grid, joint_grid};
 pub use outcome::{Outcome, Said};
 pub use page::page;
 pub use summary::{Rate, Summary};
 
+use crate::force::FORCE_MODEL;
 use crate::generate::{PERTURBED, base_model};
 use crate::joints::JOINTS_MODEL;
 use krait_ipc::input;
-use krait_lab::machine::{JointsLab, SnakeLab};
+use krait_lab::machine::{ForceLab, JointsLab, SnakeLab};
 use krait_model::model_file::ModelFile;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -74,6 +75,8 @@ pub struct Labs {
     open_snake: SnakeLab,
     /// Two joints.
     joints: JointsLab,
+    /// One joint with its torque.
+    force: ForceLab,
 }
 
 impl Labs {
@@ -82,7 +85,8 @@ impl Labs {
         let open = format!("format = 1\n[machine]\nkind = \"snake\"\n{free}");
         let snake = |text: &str| ModelFile::parse(text).ok().as_ref().and_then(SnakeLab::new);
         let joints = ModelFile::parse(JOINTS_MODEL).ok().as_ref().and_then(JointsLab::new)?;
-        Some(Self { snake: snake(&base_model())?, open_snake: snake(&open)?, joints })
+        let force = ModelFile::parse(FORCE_MODEL).ok().as_ref().and_then(ForceLab::new)?;
+        Some(Self { snake: snake(&base_model())?, open_snake: snake(&open)?, joints, force })
     }
 }
 

@@ -2,8 +2,11 @@
 
 use super::baseline::{self, Baselines};
 use super::{GridCell, Group, Labs, Task};
-use crate::generate::{Answer, generate};
+use crate::Truth;
+use crate::force::force;
+use crate::generate::generate;
 use crate::joints::joints;
+use krait_lab::Measurements;
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, FoundEffect, Verdict, diagnose};
 use krait_lab::machine::MachineUnderTest;
 use serde::{Deserialize, Serialize};
@@ -18,7 +21,7 @@ pub struct Outcome {
     /// Why there is no result, if there is none: data of such a recipe cannot be made, or not be diagnosed.
     pub refused: Option<String>,
     /// What was hidden.
-    pub truth: Option<Answer>,
+    pub truth: Option<Truth>,
     /// What the lab said.
     pub said: Option<Said>,
     /// What the baselines said.
@@ -36,10 +39,10 @@ pub struct Said {
     pub classes: Vec<Vec<String>>,
     /// The three best candidates by themselves.
     pub best: Vec<String>,
-    /// Error with the effects on data left out, degrees.
-    pub final_deg: f64,
-    /// The noise floor as found, degrees.
-    pub floor_deg: Option<f64>,
+    /// Error with the effects on data left out, in the truth's unit.
+    pub final_error: f64,
+    /// The noise floor as found, in the same.
+    pub floor: Option<f64>,
     /// Whether structure remains.
     pub structured: bool,
     /// The next experiment.
@@ -66,19 +69,26 @@ impl Outcome {
     }
 
     fn fill(&mut self, cell: &GridCell, labs: &Labs, with_baselines: bool) -> Result<(), String> {
-        let (machine, data, answer): (&dyn MachineUnderTest, _, _) = match &cell.task {
+        let (machine, data, truth): (&dyn MachineUnderTest, _, _) = match &cell.task {
             Task::Snake(recipe) => {
                 let made = generate(recipe).map_err(|e| e.to_string())?;
                 let own = if recipe.perturbation > 0.0 { &labs.open_snake } else { &labs.snake };
-                (own, made.measurements, made.answer)
+                // Both components of the bend.
+                (own, made.measurements, Truth::of_answer(made.answer, core::f64::consts::SQRT_2))
             }
             Task::Joints(recipe) => {
                 let (data, answer) = joints(recipe).ok_or("an effect of this kind cannot be made as large")?;
-                (&labs.joints, data, answer)
+                (&labs.joints, data, Truth::of_answer(answer, 1.0))
+            }
+            Task::Force(recipe) => {
+                let (data, truth, noise) = force(recipe).ok_or("the others make this part in this motion")?;
+                let filtered = |data| labs.force.filtered(data).map_err(|e| e.to_string());
+                let noise_rms = scored_rms(&filtered(noise)?);
+                (&labs.force, filtered(data)?, Truth { noise_rms, ..truth })
             }
         };
         let data = &data;
-        let truth = self.truth.insert(answer);
+        let truth = self.truth.insert(truth);
         let options = DiagnoseOptions { seed: cell.task.seed() % 1_000_003, ..DiagnoseOptions::default() };
         let diagnosis = diagnose(machine, data, &options).map_err(|e| e.to_string())?;
         self.said = Some(said(&diagnosis, truth));
@@ -144,13 +154,20 @@ impl Outcome {
     /// Held-out error in units of the noise that was really added.
     pub fn over_floor(&self) -> Option<f64> {
         let (truth, said) = (self.truth.as_ref()?, self.said.as_ref()?);
-        Some(said.final_deg / truth.noise_rms_deg)
+        Some(said.final_error / truth.noise_rms)
     }
 
     fn is_right_first<'a>(&'a self, names: impl Fn(&'a Said) -> Vec<&'a String>) -> bool {
         let (Some(truth), Some(said)) = (&self.truth, &self.said) else { return false };
         names(said).into_iter().any(|name| truth.right.first().is_some_and(|right| right.contains(name)))
     }
+}
+
+/// Root mean square over the rows that are compared.
+fn scored_rms(data: &Measurements) -> f64 {
+    let rows = (0..data.n_rows()).filter(|row| data.is_scored(*row));
+    let (sum, n) = rows.fold((0.0, 0.0), |(sum, n), row| (sum + data.outputs[row].powi(2), n + 1.0));
+    (sum / n).sqrt()
 }
 
 /// Whether each truth has a name of its own and no name is left over.
@@ -168,22 +185,22 @@ fn matched(right: &[&Vec<String>], named: &[String]) -> usize {
     with.max().unwrap_or(0).max(matched(right, others))
 }
 
-fn said(diagnosis: &Diagnosis, truth: &Answer) -> Said {
+fn said(diagnosis: &Diagnosis, truth: &Truth) -> Said {
     let found = if diagnosis.effects.is_empty() { &diagnosis.partial } else { &diagnosis.effects };
     Said {
         verdict: diagnosis.verdict.word().to_owned(),
         named: found.iter().map(|effect| effect.name.clone()).collect(),
         classes: found.iter().map(|effect| effect.class.clone()).collect(),
         best: diagnosis.candidates.iter().take(3).map(|candidate| candidate.name.to_owned()).collect(),
-        final_deg: diagnosis.final_heldout_rms,
-        floor_deg: diagnosis.noise_floor,
+        final_error: diagnosis.final_heldout_rms,
+        floor: diagnosis.noise_floor,
         structured: diagnosis.remaining.structured,
         next: diagnosis.next_experiment.as_ref().map(|next| next.instruction.clone()),
         known: found.iter().flat_map(|effect| known(effect, truth)).collect(),
     }
 }
 
-fn known(effect: &FoundEffect, truth: &Answer) -> Vec<(String, f64, f64, f64)> {
+fn known(effect: &FoundEffect, truth: &Truth) -> Vec<(String, f64, f64, f64)> {
     let Some(values) = truth.known.get(&effect.name) else { return Vec::new() };
     let row = |own: &krait_lab::diagnose::FoundParameter| {
         let truth = *values.get(&own.name)?;

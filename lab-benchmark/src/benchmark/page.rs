@@ -113,11 +113,11 @@ fn failures(outcomes: &[Outcome]) -> String {
             _ => said.verdict != "unknown",
         };
         if is_wrong {
-            let size = truth.effect_rms_deg / (2.0_f64.sqrt() * truth.sigma_deg);
+            let size = truth.effect_rms / truth.noise_length;
             let cells: [&dyn Display; 7] = [
                 &escape(&truth.kind),
                 &format!("{size:.2}"),
-                &truth.traj,
+                &truth.motion,
                 &truth.noise,
                 &said.verdict,
                 &escape(&said.named.join(", ")),

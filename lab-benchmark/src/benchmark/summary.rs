@@ -2,6 +2,7 @@
 
 use super::outcome::is_exact;
 use super::{Group, Outcome};
+use crate::Truth;
 use krait_lab::diagnose::Verdict;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -129,7 +130,7 @@ impl Summary {
             right_none: Rate::of(&none, verdict("none")),
             top_1: Rate::of(&single, Outcome::is_top_1),
             top_1_by_size: by(&single, size, Outcome::is_top_1),
-            top_1_by_motion: by(&single, |t| t.traj.clone(), Outcome::is_top_1),
+            top_1_by_motion: by(&single, |t| t.motion.clone(), Outcome::is_top_1),
             in_class: Rate::of(&single, Outcome::is_in_class),
             top_3: Rate::of(&single, Outcome::is_top_3),
             claimed_right: Rate::of(&single, |o| o.is_claimed() && o.is_top_1()),
@@ -167,14 +168,14 @@ fn part(cells: &[&Outcome], of: impl Fn((usize, usize, usize)) -> (usize, usize)
     Rate::new(n, of)
 }
 
-fn size(truth: &crate::generate::Answer) -> String {
+fn size(truth: &Truth) -> String {
     truth.size.first().map_or_else(String::new, |size| format!("{size:.1}"))
 }
 
 /// A rate for each value of a property, and over all.
 fn by(
     cells: &[&Outcome],
-    property: impl Fn(&crate::generate::Answer) -> String,
+    property: impl Fn(&Truth) -> String,
     holds: impl Fn(&Outcome) -> bool,
 ) -> BTreeMap<String, Rate> {
     let mut counts: BTreeMap<String, (usize, usize)> = BTreeMap::new();
@@ -225,7 +226,7 @@ fn baselines(none: &[&Outcome], single: &[&Outcome], pair: &[&Outcome]) -> BTree
 }
 
 fn median_over(cells: &[&Outcome], error: impl Fn(&Outcome) -> Option<f64>) -> f64 {
-    let ratio = |o: &&Outcome| Some(error(o)? / o.truth.as_ref()?.noise_rms_deg);
+    let ratio = |o: &&Outcome| Some(error(o)? / o.truth.as_ref()?.noise_rms);
     let mut ratios: Vec<f64> = cells.iter().filter_map(ratio).collect();
     ratios.sort_by(f64::total_cmp);
     quantile(&ratios, 0.5)

@@ -3,7 +3,7 @@
 use super::{Candidate, MachineUnderTest, OpenNumber, snake};
 use crate::diagnose::screen::{orthonormal, remove};
 use crate::fit::dot;
-use crate::read::column;
+use crate::read::{self, ReadError, column};
 use crate::{LabError, Measurements, Parameter, Term};
 use krait_model::effects::{EffectKind, ForceEffect};
 use krait_model::model_file::{ForceMachine, ModelFile};
@@ -23,6 +23,14 @@ impl ForceLab {
         let krait_model::model_file::Machine::Force(machine) = file.machine() else { return None };
         let effects = file.effects().iter().map(|effect| snake::term(effect.setting())).collect();
         Some(Self { machine: machine.clone(), effects, open: snake::open_values(file) })
+    }
+
+    /// Measurements as they were recorded, filtered as those of a file are; load in columns `load1_nm`.
+    ///
+    /// # Errors
+    /// [`ReadError::TooLittle`]: a joint does not move, or its force does not change.
+    pub fn filtered(&self, data: Measurements) -> Result<Measurements, ReadError> {
+        read::filtered(data, &self.machine)
     }
 
     fn unit(&self, unit: &str) -> String {

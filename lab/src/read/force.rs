@@ -11,6 +11,7 @@ use super::check::Place;
 use crate::Measurements;
 use crate::noise::bounds;
 use krait_model::model_file::ForceMachine;
+use std::path::PathBuf;
 
 /// Cut-off (-3 dB) for each rms frequency of the speed.
 const CUT_OFF: f64 = 8.0;
@@ -43,6 +44,17 @@ pub(crate) fn column(what: &str, joint: usize) -> String {
 struct Section {
     trial: u32,
     rows: std::ops::Range<usize>,
+}
+
+/// Filters and thins measurements that were recorded: what reading a file of this machine does.
+///
+/// # Errors
+/// [`ReadError::TooLittle`]: a joint does not move, or its force does not change.
+pub(crate) fn filtered(data: Measurements, machine: &ForceMachine) -> Result<Measurements, ReadError> {
+    let path = PathBuf::from(&data.source);
+    let [time, inputs, outputs] = ["time_s", "the angles", "the forces"].map(str::to_owned);
+    let place = Place { path: &path, rows: format!("rows 1 to {}", data.n_rows()), time, inputs, outputs };
+    prepare(&place, data, machine)
 }
 
 /// Filters and thins measurements as they were read.
