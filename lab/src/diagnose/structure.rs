@@ -3,6 +3,7 @@
 //! Each group's columns are made orthogonal to what the fit can do and tested by sign flips of blocks, all groups together.
 //! The share of the residual's variance that a group explains on blocks it was not fitted to says what the rest looks like.
 
+use super::force_rest;
 use super::screen::{Cell, block_moments, remove, total};
 use super::sign_flip::sign_flip;
 use crate::fit::inverse;
@@ -32,14 +33,17 @@ pub struct GroupShare {
 }
 
 /// A group of columns.
-struct Group {
-    name: &'static str,
-    columns: Vec<Vec<f64>>,
+pub(super) struct Group {
+    pub name: &'static str,
+    pub columns: Vec<Vec<f64>>,
 }
 
 /// Tests what a fit leaves; `residual` weighted, `basis` orthonormal, `predicted` the outputs that the fit predicts.
 pub fn structure(problem: &Problem, residual: &[f64], basis: &[Vec<f64>], predicted: &[f64], seed: u64) -> Structure {
-    let mut groups = groups(problem, predicted);
+    let mut groups = match problem.data.quantity {
+        Quantity::Force => force_rest::groups(&problem.data),
+        Quantity::Snake | Quantity::Joints => groups(problem, predicted),
+    };
     for column in groups.iter_mut().flat_map(|group| &mut group.columns) {
         column.iter_mut().zip(&problem.weight).for_each(|(x, w)| *x *= w);
         remove(basis, column);
@@ -74,7 +78,7 @@ fn cell(problem: &Problem, group: &Group, residual: &[f64]) -> Cell {
 }
 
 /// 1 - (error after the columns) / (error before) on folds that the factors did not see.
-fn held_out_share(problem: &Problem, blocks: &[(DVector<f64>, DMatrix<f64>)], residual: &[f64]) -> f64 {
+pub(super) fn held_out_share(problem: &Problem, blocks: &[(DVector<f64>, DMatrix<f64>)], residual: &[f64]) -> f64 {
     const FOLDS: usize = 6;
     let before: f64 = problem.block_sums(|k| residual[k] * residual[k]).iter().sum();
     let (score, gram) = total(blocks);

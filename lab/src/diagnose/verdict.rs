@@ -11,14 +11,15 @@ use super::search::{Search, Trial, memory};
 use super::sign_flip::SignFlip;
 use super::words::{sentence, state};
 use super::working::working_rows;
-use super::{GroupShare, columns, experiment, gate, lists, structure};
+use super::{GroupShare, columns, experiment, force_rest, gate, lists, structure};
 use crate::cells::{Usable, load_cells};
 use crate::fit::{Fit, dot, held_out_block_squares, held_out_output_squares, uncertainty};
 use crate::free::free_variables;
 use crate::machine::{Candidate, MachineUnderTest};
 use crate::noise::{FloorSource, NoiseFloor};
 use crate::prepare::{Prepared, prepare};
-use crate::{LabError, Measurements, Problem};
+use crate::read::scatter_before_filter;
+use crate::{LabError, Measurements, Problem, Quantity};
 
 /// How to diagnose.
 #[derive(Clone, Debug, PartialEq)]
@@ -56,6 +57,9 @@ const AT_FLOOR: f64 = 1.04;
 const LEVEL_OF_REST: f64 = 0.02;
 /// White noise cannot make an error of this ratio of the floor, whatever the test of structure sees.
 const BEYOND_DOUBT: f64 = 1.1;
+/// Nor does slow noise that nothing shows at rest make more than this ratio of what changes from row to row: a sensor that wanders by
+/// more is not taken for granted.
+const BEYOND_ROWS: f64 = 2.0;
 /// Effects that explain less than this share are hypotheses.
 const PARTLY: f64 = 0.5;
 /// What looks different must leave this much more.
@@ -250,14 +254,17 @@ impl Case<'_> {
         let effects = self.effects(&chosen, &prefixes, before)?;
         let class = |slot: usize| self.full.candidates[chosen.found[slot]].class;
         let is_doubtful = |slot: usize| remaining.looks_like.is_some_and(|group| is_alike(class(slot), group));
-        let doubtful: Vec<bool> = (0..effects.len()).map(|slot| remaining.structured && is_doubtful(slot)).collect();
+        let is_force = problem.data.quantity == Quantity::Force;
+        let mut doubtful: Vec<bool> =
+            (0..effects.len()).map(|slot| remaining.structured && is_doubtful(slot)).collect();
+        if is_force && remaining.structured {
+            let stand = force_rest::standing(problem, &chosen.fit, search.base.len(), search.seed)?;
+            doubtful = stand.into_iter().map(|stands| !stands).collect();
+        }
+        let explains = || remaining.unexplained <= 1.0 - PARTLY && self.stands(&chosen);
         let verdict = match (remaining.structured, effects.is_empty()) {
             _ if self.hint.is_some() => Verdict::Unknown,
-            (true, false)
-                if remaining.unexplained <= 1.0 - PARTLY && self.stands(&chosen) && doubtful.contains(&false) =>
-            {
-                Verdict::Partly
-            }
+            (true, false) if (is_force || explains()) && doubtful.contains(&false) => Verdict::Partly,
             (true, _) => Verdict::Unknown,
             (false, true) => Verdict::None,
             (false, false) => Verdict::Missing,
@@ -426,15 +433,32 @@ impl Case<'_> {
                 .insert(0, GroupShare { name: "a rhythm in time that the motion does not have", share, p_value });
             structure.p_value = structure.p_value.min(p_value);
         }
+        if problem.data.quantity == Quantity::Force {
+            // What depends on angle and speed has sums and differences of the motion's frequencies, which the motion does not have.
+            structure.groups.sort_by(|a, b| b.share.total_cmp(&a.share));
+        }
         let above = |rms: f64| (rms.powi(2) - floor.unwrap_or(0.0).powi(2)).max(0.0);
         let unexplained = if above(before) > 0.0 { (above(after) / above(before)).min(1.0) } else { 0.0 };
         let at_floor = floor.is_some_and(|floor| after <= AT_FLOOR * floor);
         let beyond_doubt = white && floor.is_some_and(|floor| after > BEYOND_DOUBT * floor);
         let foreseeable = structure.groups.first().is_some_and(|group| group.share > if white { 0.03 } else { 0.1 });
+        let (_, scale) = problem.machine.error_unit();
+        // A filter takes away what changes from row to row, so that what it leaves may be far above its floor and slow noise all the same.
+        let rows = scatter_before_filter(&problem.data).or(self.floors.differences);
+        let rows = rows.map(|sigma| sigma * (problem.data.n_outputs as f64).sqrt() * scale);
+        let beyond_rows = rows.is_some_and(|rows| after > BEYOND_ROWS * rows);
         let structured = rhythm.is_some()
+            || beyond_rows
             || self.found.is_beaten
             || chosen.found.len() > 1 && self.full.imitates(chosen)
             || !at_floor && (structure.p_value < LEVEL_OF_REST || beyond_doubt || foreseeable);
+        // A slow wave may be the sensor's wandering: it names what remains, and does not say that something does.
+        if structured && problem.data.quantity == Quantity::Force {
+            let share = force_rest::wave_share(problem, &residual);
+            if share > structure.groups.first().map_or(0.0, |group| group.share) {
+                structure.groups.insert(0, GroupShare { name: "time", share, p_value: structure.p_value });
+            }
+        }
         Ok(Remaining {
             structured,
             p_value: structure.p_value,

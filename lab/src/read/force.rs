@@ -103,7 +103,30 @@ pub(super) fn prepare(place: &Place, data: Measurements, machine: &ForceMachine)
     for section in &sections {
         out.add(&data, section, step_s, &kernels, stride, &loads);
     }
-    Ok(out.into_measurements(data, 1.0 / (step_s * sigma / SIGMA_OF_PERIOD)))
+    let row_noise = row_noise(&data);
+    Ok(out.into_measurements(data, 1.0 / (step_s * sigma / SIGMA_OF_PERIOD), row_noise))
+}
+
+/// Standard deviation of what changes from row to row of the forces before the filter: third differences, root mean square over 20.
+fn row_noise(data: &Measurements) -> f64 {
+    let n = data.n_outputs;
+    let (mut sum, mut count) = (0.0, 0.0);
+    for row in (3..data.n_rows()).filter(|row| (0..3).all(|back| !data.starts_trial(row - back))) {
+        for joint in 0..n {
+            let at = |back: usize| data.outputs[(row - back) * n + joint];
+            let third = at(0) - 3.0 * at(1) + 3.0 * at(2) - at(3);
+            if third.is_finite() {
+                sum += third * third / 20.0;
+                count += 1.0;
+            }
+        }
+    }
+    (sum / f64::max(count, 1.0)).sqrt()
+}
+
+/// What the rows of filtered forces scattered by before the filter, in the forces' unit; `None` for other measurements.
+pub(crate) fn scatter_before_filter(data: &Measurements) -> Option<f64> {
+    data.extra.iter().find(|(name, _)| name == ROW_NOISE)?.1.first().copied()
 }
 
 fn typical_step_s(data: &Measurements) -> f64 {
@@ -291,10 +314,11 @@ impl Filtered {
         }
     }
 
-    fn into_measurements(self, data: Measurements, cut_off_hz: f64) -> Measurements {
+    fn into_measurements(self, data: Measurements, cut_off_hz: f64, row_noise: f64) -> Measurements {
         let n_rows = self.time_s.len();
         let mut extra = self.extra;
         extra.push((CUT_OFF_HZ.to_owned(), vec![cut_off_hz; n_rows]));
+        extra.push((ROW_NOISE.to_owned(), vec![row_noise; n_rows]));
         Measurements {
             time_s: self.time_s,
             inputs: self.angles,
@@ -312,6 +336,8 @@ impl Filtered {
 
 /// Name of the extra column that holds the filter's cut-off, Hz.
 pub(crate) const CUT_OFF_HZ: &str = "force.cut_off_hz";
+/// Name of the extra column that holds the scatter of the rows before the filter, in the forces' unit.
+const ROW_NOISE: &str = "force.row_noise";
 
 #[cfg(test)]
 mod tests {

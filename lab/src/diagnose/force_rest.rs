@@ -1,0 +1,152 @@
+//! What remains of a force, in shapes of angle, direction, speed and time that name no physics; and which effects stand beside them.
+//!
+//! Problem: a part of the force that no effect makes is taken for one that is nearly like it: a cable that stiffens for weight, friction
+//! that differs along the way for dry friction.
+//! Intuition: an effect stands where it takes away much that these shapes cannot, on blocks that neither was fitted to.
+
+use super::screen::{block_moments, orthonormal};
+use super::structure::{Group, held_out_share, structure};
+use crate::fit::{Fit, dot};
+use crate::noise::bounds;
+use crate::read::column;
+use crate::{LabError, Measurements, Problem};
+use core::f64::consts::TAU;
+
+/// An effect takes away at least this share of what the shapes and the other effects leave.
+const BESIDE: f64 = 0.25;
+/// A shape that takes away less of the rest is not put beside the effects, and no more than so many are.
+const LEAST_SHARE: f64 = 0.1;
+const MOST_SHAPES: usize = 3;
+/// Powers of the angle, and of the angle where friction differs along the way.
+const N_ANGLE: usize = 10;
+const N_PLACES: usize = 5;
+/// Slow waves have up to so many periods in a record, ...
+const MOST_PERIODS: f64 = 12.0;
+/// ... in steps of this part of one.
+const STEP: f64 = 0.25;
+
+/// Shapes of each joint, by what they depend on.
+pub(super) fn groups(data: &Measurements) -> Vec<Group> {
+    let mut groups: Vec<Group> = ["the pose", "direction of motion", "speed", "time", "direction of motion, and time"]
+        .map(|name| Group { name, columns: Vec::new() })
+        .into();
+    for joint in 0..data.n_outputs {
+        let of = |what: &str| {
+            let name = column(what, joint);
+            let found = data.extra.iter().find(|(own, _)| *own == name).map(|(_, values)| values.as_slice());
+            found.unwrap_or_else(|| unreachable!("measurements of kind force hold {name}"))
+        };
+        let (speed, direction) = (of("speed"), of("direction"));
+        let angle = spread(data.inputs.iter().skip(joint).step_by(data.n_inputs).copied());
+        let time = spread(data.time_s.iter().copied());
+        let fastest = speed.iter().fold(f64::MIN_POSITIVE, |most, v| most.max(v.abs()));
+        let sign = |row: usize| direction[row].signum();
+        let mut add = |group: usize, value: &dyn Fn(usize) -> f64| {
+            let mut own = vec![0.0; data.outputs.len()];
+            (0..data.n_rows()).for_each(|row| own[row * data.n_outputs + joint] = value(row));
+            groups[group].columns.push(own);
+        };
+        (1..=N_ANGLE).for_each(|k| add(0, &|row| chebyshev(k, angle[row])));
+        (0..N_PLACES).for_each(|k| add(1, &|row| sign(row) * chebyshev(k, angle[row])));
+        for power in 1..=3 {
+            add(2, &|row| (speed[row] / fastest).powi(power));
+        }
+        add(2, &|row| (speed[row] / fastest).abs());
+        add(3, &|row| time[row]);
+        for quarter in [-0.5, 0.0, 0.5] {
+            add(3, &|row| if time[row] >= quarter { 1.0 } else { 0.0 });
+        }
+        (0..4).for_each(|k| add(4, &|row| sign(row) * chebyshev(k, time[row])));
+    }
+    groups
+}
+
+/// Which of the effects behind the model's own stand beside what remains. `fit` is of `problem`.
+///
+/// # Errors
+/// [`LabError`] where effects make no chain.
+pub(super) fn standing(problem: &Problem, fit: &Fit, n_own: usize, seed: u64) -> Result<Vec<bool>, LabError> {
+    let mut shapes = vec![weighted(problem, vec![1.0; problem.data.outputs.len()])];
+    let predicted = problem.machine.predict(&fit.effects, &problem.data)?;
+    for _ in 0..MOST_SHAPES {
+        let basis = orthonormal(&[fit.slopes.as_slice(), &shapes].concat());
+        let mut left = fit.residual.clone();
+        super::screen::remove(&basis, &mut left);
+        let rest = structure(problem, &left, &basis, &predicted, seed);
+        let wave = slow_wave(problem, &left);
+        let wave_share = held_out_share(problem, &block_moments(problem, &wave, &left), &left);
+        match rest.groups.first().filter(|group| group.share > LEAST_SHARE.max(wave_share)) {
+            Some(group) => {
+                let own = groups(&problem.data).into_iter().find(|own| own.name == group.name);
+                shapes.extend(own.into_iter().flat_map(|own| own.columns).map(|own| weighted(problem, own)));
+            }
+            None if wave_share > LEAST_SHARE => shapes.extend(wave),
+            None => break,
+        }
+    }
+    (n_own..fit.effects.len())
+        .map(|place| {
+            let mut without = fit.effects.clone();
+            without.remove(place);
+            let target = problem.residual(&without)?;
+            let of = |is_own: bool| {
+                fit.variables.iter().zip(&fit.slopes).filter(move |(v, _)| (v.effect == place) == is_own)
+            };
+            let others: Vec<Vec<f64>> =
+                shapes.iter().cloned().chain(of(false).map(|(_, slope)| slope.clone())).collect();
+            let all: Vec<Vec<f64>> = others.iter().cloned().chain(of(true).map(|(_, slope)| slope.clone())).collect();
+            let left = |columns: &[Vec<f64>]| {
+                // What is nearly the same as others would only spoil the inverse.
+                let own = orthonormal(columns);
+                1.0 - held_out_share(problem, &block_moments(problem, &own, &target), &target)
+            };
+            Ok(1.0 - left(&all) / left(&others).max(f64::MIN_POSITIVE) >= BESIDE)
+        })
+        .collect()
+}
+
+/// How much of what is left the strongest slow wave takes away on blocks that it was not fitted to.
+pub(super) fn wave_share(problem: &Problem, residual: &[f64]) -> f64 {
+    held_out_share(problem, &block_moments(problem, &slow_wave(problem, residual), residual), residual)
+}
+
+/// Sine and cosine of the time at the frequency that fits best, for each joint.
+fn slow_wave(problem: &Problem, residual: &[f64]) -> Vec<Vec<f64>> {
+    let data = &problem.data;
+    let (low, high) = bounds(data.time_s.iter().copied());
+    let n = data.n_outputs;
+    let at = |periods: f64, joint: usize| -> Vec<Vec<f64>> {
+        let mut waves = vec![vec![0.0; data.outputs.len()]; 2];
+        for row in 0..data.n_rows() {
+            let place = row * n + joint;
+            let (sine, cosine) = (TAU * periods * (data.time_s[row] - low) / (high - low).max(1e-9)).sin_cos();
+            (waves[0][place], waves[1][place]) = (sine * problem.weight[place], cosine * problem.weight[place]);
+        }
+        waves
+    };
+    let of = |joint: usize| {
+        let power = |periods: f64| -> f64 {
+            orthonormal(&at(periods, joint)).iter().map(|wave| dot(wave, residual).powi(2)).sum()
+        };
+        let steps = (1..=(MOST_PERIODS / STEP) as usize).map(|k| STEP * (1 + k) as f64);
+        let best = steps.map(|periods| (periods, power(periods))).max_by(|a, b| a.1.total_cmp(&b.1));
+        best.map_or(Vec::new(), |(periods, _)| at(periods, joint))
+    };
+    (0..n).flat_map(of).collect()
+}
+
+fn weighted(problem: &Problem, mut column: Vec<f64>) -> Vec<f64> {
+    column.iter_mut().zip(&problem.weight).for_each(|(x, w)| *x *= w);
+    column
+}
+
+/// Values spread over -1 to 1.
+fn spread(values: impl Iterator<Item = f64> + Clone) -> Vec<f64> {
+    let (low, high) = bounds(values.clone());
+    values.map(|x| (2.0 * x - low - high) / (high - low).max(f64::MIN_POSITIVE)).collect()
+}
+
+/// Chebyshev's polynomial: no two of them are alike within -1 to 1.
+fn chebyshev(k: usize, x: f64) -> f64 {
+    (k as f64 * x.clamp(-1.0, 1.0).acos()).cos()
+}
