@@ -84,8 +84,8 @@ pub(crate) struct EvdevDecoder {
     counts: [i16; 6],
     bits: u32,
     told: ([i16; 6], u32),
-    /// When the axes were told last, us.
-    told_us: i64,
+    /// When the axes were told last, us; after silence, of which there is no stamp, the next one.
+    told_us: Option<i64>,
     is_window_over: bool,
 }
 
@@ -135,7 +135,7 @@ impl EvdevDecoder {
             counts: [0; 6],
             bits: 0,
             told: ([0; 6], 0),
-            told_us: i64::MIN,
+            told_us: None,
             is_window_over: false,
         };
         decoder.ask(device).map_err(|error| error.to_string())?;
@@ -228,14 +228,15 @@ impl EvdevDecoder {
     /// What has changed since the frame before. Of a deflection each window is told, and where there is none, as often: other axes
     /// and keys may keep the device from falling silent.
     fn frame(&mut self, now_us: i64) -> Frame {
-        let is_fresh = (self.told_us..self.told_us.saturating_add(WINDOW_US)).contains(&now_us);
+        let told_us = *self.told_us.get_or_insert(now_us);
+        let is_fresh = (told_us..told_us.saturating_add(WINDOW_US)).contains(&now_us);
         let is_due = self.counts != [0; 6] && (!is_fresh || self.is_window_over);
         let frame = Frame {
             motion: (is_due || self.told.0 != self.counts).then_some(HidReport::Motion(self.counts)),
             buttons: (self.told.1 != self.bits).then_some(HidReport::Buttons(self.bits)),
         };
         if frame.motion.is_some() {
-            self.told_us = now_us;
+            self.told_us = Some(now_us);
         }
         (self.told, self.is_window_over) = ((self.counts, self.bits), false);
         frame
@@ -247,6 +248,7 @@ impl EvdevDecoder {
         if self.window.end_by_silence() {
             self.put_speeds();
         }
+        self.told_us = None;
         let before = std::mem::replace(&mut self.told.0, self.counts);
         (self.counts != [0; 6] || before != self.counts).then_some(HidReport::Motion(self.counts))
     }

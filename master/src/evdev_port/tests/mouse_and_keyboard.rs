@@ -61,6 +61,18 @@ fn a_way_is_a_speed_that_ends_with_it_and_no_count_is_lost() {
 }
 
 #[test]
+fn a_window_that_silence_ended_is_told_once_whatever_comes_next() {
+    let (mut writer, _, mut port) = shipped("mouse");
+    let mut reports = Vec::new();
+    // A count every 20 ms: no window is followed by another, and none is at rest.
+    for k in 0..10_i64 {
+        writer.write_all(&bytes_at(k * 20_000, &[(2, 0, 1), SYN])).expect("written");
+        reports.extend([read(&mut port), read(&mut port)]);
+    }
+    assert_eq!(reports, [None, Some(x(11))].repeat(10));
+}
+
+#[test]
 fn a_speed_is_bounded_and_a_wheel_counts_once_whatever_twin_of_it_speaks() {
     let (mut writer, _, mut port) = shipped("mouse");
     writer.write_all(&bytes_at(0, &[(2, 0, i32::MAX), (2, 0, i32::MAX), SYN])).expect("written");
