@@ -67,6 +67,7 @@ fn run_usb_parts(fault: DeviceFault) -> bool {
         ("tablet", part(|qmp, _| parts::tablet(qmp))),
         ("keyboard", part(parts::keyboard)),
         ("usb_control", part(|qmp, _| parts::usb_control(qmp))),
+        ("usb_chain", part(|qmp, _| parts::usb_chain(qmp))),
         ("replug", part(|qmp, _| parts::replug(qmp))),
     ])
 }

@@ -5,6 +5,7 @@ mod devices;
 mod malformed;
 mod receiver;
 mod unplug;
+mod usb_chain;
 mod usb_keyboard;
 mod usb_pointer;
 
@@ -13,5 +14,6 @@ pub use devices::{devices, unreadable};
 pub use malformed::malformed;
 pub use receiver::receiver;
 pub use unplug::unplug;
+pub use usb_chain::chain as usb_chain;
 pub use usb_keyboard::{control as usb_control, keyboard, replug};
 pub use usb_pointer::{mouse, tablet};

@@ -7,6 +7,8 @@ use crate::usb_hand::{Scene, Stranger, UsbHand, due, plugged, profile_for, unplu
 use crate::verdict::PartVerdict;
 use anyhow::Context;
 use krait_master::{AXIS_LIMIT_COUNTS, HidReport, Profile};
+use std::thread::sleep;
+use std::time::Duration;
 
 const MOUSE: (&str, &str) = ("usb-mouse", "USB Mouse");
 const TABLET: (&str, &str) = ("usb-tablet", "USB Tablet");
@@ -16,9 +18,9 @@ const WINDOW_S: f64 = 0.016;
 /// Largest place that QEMU tells.
 const PLACE_MAX: i32 = 32767;
 const N_MOVES: i32 = 40;
-/// Moves without a pause, and counts of each.
-const N_FAST: i32 = 200;
-const FAST_COUNTS: i32 = 2;
+/// Moves of a count each in one go, and the pause between two: half of the full speed at most, so that no window is cut off.
+const N_FAST: i32 = 400;
+const FAST_PAUSE: Duration = Duration::from_millis(1);
 
 const LIMIT: f64 = AXIS_LIMIT_COUNTS as f64;
 const REST: HidReport = HidReport::Motion([0; 6]);
@@ -41,9 +43,10 @@ pub fn mouse(qmp: &mut Qmp, fault: DeviceFault) -> anyhow::Result<PartVerdict> {
     let scene = mouse_scene();
     let heard = hand.play(qmp, &scene, fault)?;
     verdict.check("in_order", heard == due(&scene), format!("{}/{}", heard.len(), due(&scene).len()));
-    // A way without pauses is cut into windows, and QEMU may join two moves; every count is in one of them.
+    // A way in one go is cut into windows, and QEMU may join two moves; every count is in one of them.
     for _ in 0..N_FAST {
-        qmp.act(&[Act::Move("x", FAST_COUNTS)])?;
+        qmp.act(&[Act::Move("x", 1)])?;
+        sleep(FAST_PAUSE);
     }
     let mut sum = 0.0;
     let mut n_windows = 0;
@@ -52,7 +55,7 @@ pub fn mouse(qmp: &mut Qmp, fault: DeviceFault) -> anyhow::Result<PartVerdict> {
         sum += f64::from(counts[0]) / LIMIT * FULL_COUNTS_PER_S * WINDOW_S;
         n_windows += u32::from(counts[0] != 0);
     }
-    let all = f64::from(N_FAST * FAST_COUNTS);
+    let all = f64::from(N_FAST);
     let rounding = f64::from(n_windows) * 0.5 / LIMIT * FULL_COUNTS_PER_S * WINDOW_S;
     verdict.check("fast_counts", (sum - all).abs() <= rounding, format!("{sum:.1}/{all}in{n_windows}"));
     let n_stolen = stranger.heard();
