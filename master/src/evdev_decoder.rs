@@ -24,6 +24,7 @@ pub(crate) const EV_SYN: u16 = 0;
 pub(crate) const EV_KEY: u16 = 1;
 pub(crate) const EV_REL: u16 = 2;
 pub(crate) const EV_ABS: u16 = 3;
+pub(crate) const EV_LED: u16 = 0x11;
 pub(crate) const SYN_REPORT: u16 = 0;
 pub(crate) const SYN_DROPPED: u16 = 3;
 /// Values of a key: let go, pressed. 2 is a key that repeats: it is still down, and nothing new.
@@ -51,6 +52,15 @@ impl InputEvent {
             code: u16::from_ne_bytes([c0, c1]),
             value: i32::from_ne_bytes([v0, v1, v2, v3]),
         }
+    }
+
+    /// An event to the kernel, which gives it a time of its own.
+    pub(crate) fn to_kernel(kind: u16, code: u16, value: i32) -> [u8; Self::N_BYTES] {
+        let mut bytes = [0; Self::N_BYTES];
+        bytes[TIME_BYTES..TIME_BYTES + 2].copy_from_slice(&kind.to_ne_bytes());
+        bytes[TIME_BYTES + 2..TIME_BYTES + 4].copy_from_slice(&code.to_ne_bytes());
+        bytes[TIME_BYTES + 4..].copy_from_slice(&value.to_ne_bytes());
+        bytes
     }
 }
 
@@ -177,11 +187,7 @@ impl EvdevDecoder {
         match (event.kind, event.code) {
             (EV_SYN, SYN_DROPPED) => return Err(Break::EventsLost),
             (EV_SYN, SYN_REPORT) => return Ok(Some(self.frame(event.stamp_us))),
-            (EV_REL, code) => {
-                if self.axes.iter().any(|(_, state)| matches!(state, AxisState::Way(own, _) if *own == code)) {
-                    self.window.add(code, event.value, event.stamp_us);
-                }
-            }
+            (EV_REL, code) if self.has_way(code) => self.window.add(code, event.value, event.stamp_us),
             (EV_ABS, code) => {
                 for (axis, state) in &self.axes {
                     if let AxisState::Place(own, scale) = state
@@ -200,6 +206,10 @@ impl EvdevDecoder {
             _ => {}
         }
         Ok(None)
+    }
+
+    fn has_way(&self, code: u16) -> bool {
+        self.axes.iter().any(|(_, state)| matches!(state, AxisState::Way(own, _) if *own == code))
     }
 
     fn put_key(&mut self, code: u16, is_pressed: bool) {

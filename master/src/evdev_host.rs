@@ -103,7 +103,7 @@ pub fn input_at(node: &Path) -> Option<InputDevice> {
 pub fn list_inputs() -> Vec<InputDevice> {
     let mut devices = inputs();
     for device in &mut devices {
-        device.may_open = open(&device.node).is_ok();
+        device.may_open = open(&device.node, false).is_ok();
     }
     devices
 }
@@ -113,9 +113,10 @@ fn inputs() -> Vec<InputDevice> {
     listed(Path::new(SYS), Path::new("/dev/input"))
 }
 
-pub(crate) fn open(node: &Path) -> std::io::Result<File> {
+/// Opens a node to read it, and to write too where a light shall be switched.
+pub(crate) fn open(node: &Path, has_light: bool) -> std::io::Result<File> {
     let flags = (OFlags::NONBLOCK | OFlags::CLOEXEC).bits().cast_signed();
-    File::options().read(true).custom_flags(flags).open(node)
+    File::options().read(true).write(has_light).custom_flags(flags).open(node)
 }
 
 fn listed(sys: &Path, dev: &Path) -> Vec<InputDevice> {
@@ -167,7 +168,7 @@ impl HidHost for EvdevHost {
     fn open(&mut self, _choice: &DeviceChoice) -> Result<OpenPort, MasterError> {
         let device = self.chosen(&inputs())?;
         let refused = |source: Error| refusal(&device, source);
-        let file = open(&device.node).map_err(refused)?;
+        let file = open(&device.node, self.profile.light.is_some()).map_err(refused)?;
         // While it is open its node keeps its name: is it still the same device?
         let again = inputs().into_iter().find(|now| now.node == device.node);
         if again.is_none_or(|now| (now.vendor_id, now.product_id) != (device.vendor_id, device.product_id)) {
@@ -183,7 +184,7 @@ impl HidHost for EvdevHost {
             found,
         })?;
         let vid_pid = (device.vendor_id, device.product_id);
-        Ok(OpenPort { port: Box::new(EvdevPort::new(file, decoder)), vid_pid })
+        Ok(OpenPort { port: Box::new(EvdevPort::new(file, decoder, self.profile.light)), vid_pid })
     }
 }
 

@@ -2,10 +2,10 @@
 
 #![allow(unsafe_code, reason = "an ioctl is a call of the kernel with a pointer")]
 
-use crate::evdev_decoder::AxisInfo;
+use crate::evdev_decoder::{AxisInfo, EV_LED, EV_SYN, InputEvent, SYN_REPORT};
 use crate::evdev_names::KEY_MAX;
 use std::fs::File;
-use std::io::{Error, Result};
+use std::io::{Error, Result, Write};
 use std::os::fd::{AsFd, AsRawFd};
 
 /// `EVIOCGRAB`: `_IOW('E', 0x90, int)`.
@@ -18,13 +18,16 @@ const KEYS_BYTES: usize = KEY_MAX as usize / 8 + 1;
 /// `EVIOCGKEY(KEYS_BYTES)`: `_IOC(_IOC_READ, 'E', 0x18, KEYS_BYTES)`.
 const KEYS_DOWN: u32 = 0x8000_4518 | (KEYS_BYTES as u32) << 16;
 
-/// What an open device says of itself when it is asked.
+/// What an open device says of itself when it is asked, and its lights.
 pub(crate) trait InputState {
     /// An absolute axis; zeros for one that the device does not have.
     fn axis_info(&self, code: u16) -> Result<AxisInfo>;
 
     /// Its keys and buttons that are down. What it has told of keys and was not read yet is then gone.
     fn keys_down(&self) -> Result<KeysDown>;
+
+    /// Switches a light on or off; one that it does not have stays dark.
+    fn set_light(&self, code: u16, is_on: bool) -> Result<()>;
 }
 
 /// Keys and buttons, by the kernel's numbers.
@@ -72,6 +75,12 @@ impl InputState for File {
         let answer = unsafe { libc::ioctl(self.as_fd().as_raw_fd(), KEYS_DOWN as _, bytes.as_mut_ptr()) };
         if answer < 0 { Err(Error::last_os_error()) } else { Ok(KeysDown(bytes)) }
     }
+
+    fn set_light(&self, code: u16, is_on: bool) -> Result<()> {
+        let events = [InputEvent::to_kernel(EV_LED, code, is_on.into()), InputEvent::to_kernel(EV_SYN, SYN_REPORT, 0)];
+        let mut file = self;
+        file.write_all(&events.concat())
+    }
 }
 
 /// Makes this descriptor the only one that the device's events go to, until it is closed.
@@ -93,5 +102,9 @@ impl<A: Fn(u16) -> AxisInfo, K: Fn() -> Vec<u16>> InputState for Answers<A, K> {
 
     fn keys_down(&self) -> Result<KeysDown> {
         Ok(self.1().into_iter().collect())
+    }
+
+    fn set_light(&self, _: u16, _: bool) -> Result<()> {
+        Ok(())
     }
 }

@@ -182,6 +182,21 @@ const BUTTONS: [(&str, u16); 144] = [
     ("BTN_DPAD_RIGHT", 0x223),
 ];
 
+/// Lights.
+const LIGHTS: [(&str, u16); 11] = [
+    ("LED_NUML", 0),
+    ("LED_CAPSL", 1),
+    ("LED_SCROLLL", 2),
+    ("LED_COMPOSE", 3),
+    ("LED_KANA", 4),
+    ("LED_SLEEP", 5),
+    ("LED_SUSPEND", 6),
+    ("LED_MUTE", 7),
+    ("LED_MISC", 8),
+    ("LED_MAIL", 9),
+    ("LED_CHARGING", 10),
+];
+
 /// Largest number of an absolute axis and of a button.
 const ABS_MAX: u16 = 0x3f;
 pub(crate) const KEY_MAX: u16 = 0x2ff;
@@ -194,6 +209,16 @@ pub(crate) fn axis_code(text: &str) -> Option<u16> {
 /// The number of an axis that tells a way, by its name only: a number is that of an absolute one.
 pub(crate) fn way_code(text: &str) -> Option<u16> {
     WAYS.iter().find(|(name, _)| *name == text).map(|(_, code)| *code)
+}
+
+/// The number of a light, by its name.
+pub(crate) fn light_code(text: &str) -> Option<u16> {
+    LIGHTS.iter().find(|(name, _)| *name == text).map(|(_, code)| *code)
+}
+
+/// The name of a light's number, or the number.
+pub(crate) fn light_name(code: u16) -> String {
+    name_of(&LIGHTS, code)
 }
 
 /// The number of a button or key, by its name or itself.

@@ -22,13 +22,14 @@ pub(crate) struct EvdevPort<F> {
     reader: EventReader<F>,
     decoder: EvdevDecoder,
     ready: [Option<HidReport>; 2],
+    light: Option<u16>,
 }
 
 impl<F: Read + AsFd + InputState + Send> EvdevPort<F> {
     /// A port on an open node that does not block.
-    pub(crate) fn new(file: F, mut decoder: EvdevDecoder) -> Self {
+    pub(crate) fn new(file: F, mut decoder: EvdevDecoder, light: Option<u16>) -> Self {
         let ready = [decoder.on_silence(), None];
-        Self { reader: EventReader::new(file), decoder, ready }
+        Self { reader: EventReader::new(file), decoder, ready, light }
     }
 
     /// Goes through what was read, up to the end of a frame that has something to tell.
@@ -78,7 +79,12 @@ impl<F: Read + AsFd + InputState + Send> HidPort for EvdevPort<F> {
         Ok(raw.as_bytes().len())
     }
 
-    fn set_light(&mut self, _is_on: bool) {}
+    fn set_light(&mut self, is_on: bool) {
+        let Some(light) = self.light else { return };
+        if let Err(error) = self.reader.file().set_light(light, is_on) {
+            tracing::debug!(%error, "the device did not take its light");
+        }
+    }
 }
 
 #[cfg(test)]

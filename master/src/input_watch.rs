@@ -83,7 +83,7 @@ impl InputWatch {
             Some(device) => refusal(device, source),
             None => MasterError::File { path: node.to_owned(), doing: "read", source },
         };
-        let file = open(node).map_err(refused)?;
+        let file = open(node, false).map_err(refused)?;
         let is_node = file.metadata().map_err(refused)?.file_type().is_char_device();
         let mut axes = Vec::new();
         if is_node {

@@ -23,7 +23,7 @@
 //! and the noise, and rest is the middle. An axis may also come from a way or from two keys ([`AxisFrom`]).
 
 use crate::evdev_host::FIRST_BUTTON;
-use crate::evdev_names::{button_code, button_name};
+use crate::evdev_names::{button_code, button_name, light_code};
 use crate::profile_axis::{ReadAxis, Wrong, wrong};
 use crate::recording::read_bounded;
 use crate::recording_lines::parse_vid_pid;
@@ -49,6 +49,8 @@ pub struct Profile {
     pub buttons: Vec<ProfileButton>,
     /// The key, by the kernel's number, that ends the motion and gives the device back to the rest of the machine.
     pub release: Option<u16>,
+    /// The light, by the kernel's number, that is on while krait has the device; one that the device does not have stays dark.
+    pub light: Option<u16>,
 }
 
 /// Which device a profile is of. A keyboard is one only if somebody names it.
@@ -155,7 +157,12 @@ impl Profile {
                 return Err(refuse("the head".to_owned(), "either id or path of the device", found.to_owned()));
             }
         };
-        let mut profile = Self { name: read.name, device, axes: Vec::new(), buttons: Vec::new(), release: None };
+        let light = read.light.as_deref().map(|name| {
+            let expected = "a light of the kernel as in \"LED_SCROLLL\"";
+            light_code(name).ok_or_else(|| refuse("key light".to_owned(), expected, format!("{name:?}")))
+        });
+        let light = light.transpose()?;
+        let mut profile = Self { name: read.name, device, axes: Vec::new(), buttons: Vec::new(), release: None, light };
         for (idx, axis) in read.axis.iter().enumerate() {
             let checked = axis.checked(&profile.axes);
             let checked = checked
@@ -245,6 +252,7 @@ struct Read {
     id: Option<String>,
     path: Option<PathBuf>,
     release: Option<String>,
+    light: Option<String>,
     #[serde(default)]
     axis: Vec<ReadAxis>,
     #[serde(default)]
@@ -383,6 +391,7 @@ mod tests {
             ("\"KEY_SPACE\"", "\"KEY_W\"", "button 1, key from: expected each button and key"),
             ("release = \"KEY_ESC\"\n", "", "key release: expected a key that gives the keyboard back"),
             ("\"KEY_ESC\"", "\"KEY_W\"", "key release: expected a key that is no axis and no button"),
+            ("release", "light = \"LED_SCROLL\"\nrelease", "key light: expected a light of the kernel"),
             ("\"KEY_ESC\"", "\"ESCAPE\"", "key release: expected a key of the kernel"),
         ] {
             refused(KEYS, from, to, words);

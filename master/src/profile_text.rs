@@ -1,6 +1,6 @@
 //! Writes a profile as the text that a person reads and corrects, and makes one for a device that has none.
 
-use crate::evdev_names::{axis_name, button_name};
+use crate::evdev_names::{axis_name, button_name, light_name};
 use crate::{AXIS_NAMES, AxisFrom, AxisPlace, InputDevice, Profile, ProfileAxis, ProfileDevice};
 use std::path::Path;
 
@@ -17,7 +17,7 @@ impl Profile {
             Some(device) => (device.name.clone(), ProfileDevice::Id(device.vendor_id, device.product_id)),
             None => (node.display().to_string(), ProfileDevice::Path(node.to_owned())),
         };
-        Self { name, device: whose, axes: axes.collect(), buttons: Vec::new(), release: None }
+        Self { name, device: whose, axes: axes.collect(), buttons: Vec::new(), release: None, light: None }
     }
 
     /// The profile as the text that [`Profile::parse`] reads.
@@ -31,6 +31,9 @@ impl Profile {
         };
         if let Some(key) = self.release {
             text += &format!("release = \"{}\"\n", button_name(key));
+        }
+        if let Some(light) = self.light {
+            text += &format!("light = \"{}\"\n", light_name(light));
         }
         for axis in &self.axes {
             text += &format!("\n[[axis]]\nof = \"{}\"\n", AXIS_NAMES[axis.axis_idx]);

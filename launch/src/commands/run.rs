@@ -149,10 +149,10 @@ fn configure(common: &Common, args: &RunArgs) -> anyhow::Result<Config> {
     if let Some(node) = &args.node {
         config.master.node = Some(absolute(node)?);
     }
-    if let (MasterKind::Hid, Some(profile)) = (args.master, &config.master.profile) {
-        if let Some(warning) = Profile::of_device(profile, config.master.node.as_deref())?.warning() {
-            tracing::warn!("{warning}");
-        }
+    if let (MasterKind::Hid, Some(profile)) = (args.master, &config.master.profile)
+        && let Some(warning) = Profile::of_device(profile, config.master.node.as_deref())?.warning()
+    {
+        tracing::warn!("{warning}");
     }
     config.master.pose.listen = args.listen.or(config.master.pose.listen);
     if args.master == MasterKind::Pose {

@@ -17,7 +17,8 @@ const SYN: (u16, u16, i32) = (0, 0, 0);
 /// A node whose events come through a pipe, and which answers that its keys are these and its axes where they were put.
 struct Node {
     pipe: PipeReader,
-    now: Arc<Mutex<(i32, Vec<u16>)>>,
+    now: Now,
+    lights: Arc<Mutex<Vec<(u16, bool)>>>,
 }
 
 impl Read for Node {
@@ -40,6 +41,11 @@ impl InputState for Node {
     fn keys_down(&self) -> std::io::Result<KeysDown> {
         Ok(self.now.lock().expect("now").1.iter().copied().collect())
     }
+
+    fn set_light(&self, code: u16, is_on: bool) -> std::io::Result<()> {
+        self.lights.lock().expect("lights").push((code, is_on));
+        Ok(())
+    }
 }
 
 type Now = Arc<Mutex<(i32, Vec<u16>)>>;
@@ -47,9 +53,9 @@ type Now = Arc<Mutex<(i32, Vec<u16>)>>;
 fn opened(profile: &Profile) -> (PipeWriter, Now, EvdevPort<Node>) {
     let (pipe, writer) = pipe().expect("a pipe");
     let now = Arc::new(Mutex::new((511, Vec::new())));
-    let node = Node { pipe, now: Arc::clone(&now) };
+    let node = Node { pipe, now: Arc::clone(&now), lights: Arc::default() };
     let decoder = EvdevDecoder::new(profile, &node).expect("a decoder");
-    (writer, now, EvdevPort::new(node, decoder))
+    (writer, now, EvdevPort::new(node, decoder, profile.light))
 }
 
 fn stick() -> (PipeWriter, EvdevPort<Node>) {

@@ -156,9 +156,9 @@ fn keys_are_asked_for_after_dropped_events_and_at_the_beginning_and_a_held_butto
     // Another port on the same keys begins with them.
     let profile = Profile::load(Path::new("keyboard")).expect("built in");
     let (reader, _writer) = pipe().expect("a pipe");
-    let node = Node { pipe: reader, now };
+    let node = Node { pipe: reader, now, lights: Arc::default() };
     let decoder = EvdevDecoder::new(&profile, &node).expect("a decoder");
-    assert_eq!(read(&mut EvdevPort::new(node, decoder)), Some(x(-175)));
+    assert_eq!(read(&mut EvdevPort::new(node, decoder, None)), Some(x(-175)));
 }
 
 #[test]
@@ -176,6 +176,16 @@ fn a_keyboard_is_given_back_by_its_key_also_where_the_press_was_dropped_and_unpl
         let (writer, _, mut port) = shipped(name);
         drop(writer);
         assert!(matches!(port.read(&mut buffer, Duration::ZERO), Err(ReadFailure::Gone(_))));
+    }
+}
+
+#[test]
+fn the_light_of_the_profile_is_the_ports_and_no_profile_no_light() {
+    for (name, due) in [("keyboard", vec![(2, true), (2, false)]), ("mouse", Vec::new())] {
+        let (_writer, _, mut port) = shipped(name);
+        port.set_light(true);
+        port.set_light(false);
+        assert_eq!(*port.reader.file().lights.lock().expect("lights"), due, "{name}");
     }
 }
 

@@ -4,6 +4,7 @@ use crate::qmp::{Act, Qmp};
 use crate::spacemouse::DeviceFault;
 use crate::usb_hand::{Scene, Stranger, UsbHand, due, plugged, profile_for, unplugged};
 use crate::verdict::PartVerdict;
+use anyhow::{Context, bail};
 use krait_ipc::clock;
 use krait_master::{HidReport, ProfileDevice};
 use std::thread::sleep;
@@ -31,6 +32,8 @@ fn moved(axes: [i16; 6]) -> Vec<HidReport> {
 pub fn keyboard(qmp: &mut Qmp, fault: DeviceFault) -> anyhow::Result<PartVerdict> {
     let mut verdict = PartVerdict::default();
     let device = plugged(qmp, KEYBOARD.0, KEYBOARD.1)?;
+    let lit = is_lit()?;
+    verdict.check("dark_before", !lit, !lit);
     let profile = profile_for("keyboard", &device)?;
     let mut stranger = Stranger::at(&device)?;
     // Enter has started krait and is not let go yet.
@@ -39,10 +42,13 @@ pub fn keyboard(qmp: &mut Qmp, fault: DeviceFault) -> anyhow::Result<PartVerdict
     sleep(LOOKED_AT);
     verdict.check("waits_for_let_go", !taking.is_finished(), taking.is_finished());
     qmp.act(&key("ret", false))?;
-    let mut hand = taking.join().map_err(|_| anyhow::anyhow!("the thread that takes the keyboard died"))??;
+    let Ok(taken) = taking.join() else { bail!("the thread that takes the keyboard died") };
+    let mut hand = taken?;
     let n_enter = stranger.heard();
     verdict.check("enter_let_go", n_enter > 0, n_enter);
 
+    let lit = is_lit()?;
+    verdict.check("lit", lit, lit);
     let scene = scene();
     let heard = hand.play(qmp, &scene, fault)?;
     verdict.check("in_order", heard == due(&scene), format!("{}/{}", heard.len(), due(&scene).len()));
@@ -71,9 +77,19 @@ pub fn keyboard(qmp: &mut Qmp, fault: DeviceFault) -> anyhow::Result<PartVerdict
     // Longer than the pause between two searches.
     let again = hand.next(1_500_000_000);
     verdict.check("not_taken_again", again.is_none() && !hand.was_found, hand.was_found);
+    let lit = is_lit()?;
+    verdict.check("dark_again", !lit, !lit);
     drop(hand);
     unplugged(qmp, KEYBOARD.0, KEYBOARD.1)?;
     Ok(verdict)
+}
+
+/// Whether the kernel has the light of the built-in profile on.
+fn is_lit() -> anyhow::Result<bool> {
+    let mut lights = std::fs::read_dir("/sys/class/leds")?.flatten();
+    let light = lights.find(|light| light.file_name().to_string_lossy().ends_with("::scrolllock"));
+    let path = light.context("the keyboard has no light")?.path().join("brightness");
+    Ok(std::fs::read_to_string(path)?.trim() != "0")
 }
 
 fn scene() -> Scene {
