@@ -63,7 +63,7 @@ pub enum Verb {
     Run(RunArgs),
     /// The hand controllers on this machine, and what is missing to use them.
     #[command(
-        after_help = "Examples:\n  krait devices\n  krait devices --profile my-pedal.toml\n  krait devices --write-udev 70-krait.rules\n  krait devices --live --node /dev/input/event5\n  krait devices --calibrate my-stick.toml --node /dev/input/event5\n  krait devices --json"
+        after_help = "Examples:\n  krait devices\n  krait devices --profile my-pedal.toml\n  krait devices --profile mouse --node /dev/input/event4\n  krait devices --write-udev 70-krait.rules\n  krait devices --live --node /dev/input/event5\n  krait devices --calibrate my-stick.toml --node /dev/input/event5\n  krait devices --json"
     )]
     Devices(DevicesArgs),
     /// The actuators on this machine's serial buses; their zeros, single steps, directions, and an emulated bus to try krait without any.
@@ -225,9 +225,12 @@ pub struct RunArgs {
     /// The report recording (replay) or the script to play; by default the shipped recording, over and over.
     #[arg(long, value_name = "FILE")]
     pub input: Option<PathBuf>,
-    /// Profile of a joystick, gamepad or pedal (docs/hands.md), for `--master hid`.
+    /// Profile of a joystick, gamepad, pedal, mouse or keyboard (docs/hands.md), for `--master hid`.
     #[arg(long, value_name = "FILE")]
     pub profile: Option<PathBuf>,
+    /// The device that --profile is of, as in /dev/input/by-id/...-event-mouse; without it that which the profile names.
+    #[arg(long, value_name = "NODE", requires = "profile")]
+    pub node: Option<PathBuf>,
     /// The address of this machine on which poses are awaited, for `--master pose`.
     #[arg(long, value_name = "ADDRESS:PORT")]
     pub listen: Option<SocketAddr>,

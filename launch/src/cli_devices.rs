@@ -21,7 +21,8 @@ pub struct DevicesArgs {
     /// of --profile, else ABS_X to ABS_RZ; buttons likewise, else those pressed meanwhile, in that order.
     #[arg(long, value_name = "FILE")]
     pub calibrate: Option<PathBuf>,
-    /// The device for --live and --calibrate: a node of the kernel's input system, or a pipe that holds what one tells.
+    /// The device for --live and --calibrate: a node of the kernel's input system, or a pipe that holds what one tells. Without both:
+    /// the node that --profile is of.
     #[arg(long, value_name = "NODE")]
     pub node: Option<PathBuf>,
     /// How long to show, or to calibrate (20 s by default, at least 3), s.

@@ -14,9 +14,7 @@ pub const SERIAL_KEY: &str = "device_serial";
 /// is named as that, and the serial number says that there is none.
 pub fn enter(metadata: &mut BTreeMap<String, String>, config: &MasterConfig, master: MasterKind, input: Option<&Path>) {
     let (device, serial) = match (master, input) {
-        (MasterKind::Hid, _) if config.profile.is_some() => {
-            (profiled(config.profile.as_deref()), "none (it tells none)".to_owned())
-        }
+        (MasterKind::Hid, _) if config.profile.is_some() => (profiled(config), "none (it tells none)".to_owned()),
         (MasterKind::Hid, _) => live(krait_master::chosen_device(&config.device)),
         (MasterKind::Browser, _) => ("drive pad of the console's page".to_owned(), "none (drive pad)".to_owned()),
         (MasterKind::Pose, _) => {
@@ -34,11 +32,13 @@ pub fn enter(metadata: &mut BTreeMap<String, String>, config: &MasterConfig, mas
     metadata.insert(SERIAL_KEY.to_owned(), serial);
 }
 
-fn profiled(path: Option<&Path>) -> String {
-    match path.map(Profile::load) {
+fn profiled(config: &MasterConfig) -> String {
+    let path = config.profile.as_deref();
+    match path.map(|path| Profile::of_device(path, config.node.as_deref())) {
         Some(Ok(profile)) => match profile.device {
             ProfileDevice::Id(vendor_id, product_id) => format!("{vendor_id:04x}:{product_id:04x} {}", profile.name),
             ProfileDevice::Path(node) => format!("{} {}", node.display(), profile.name),
+            ProfileDevice::Unnamed => profile.name,
         },
         // The master refuses it with a sentence of its own.
         Some(Err(_)) | None => "none at the start".to_owned(),

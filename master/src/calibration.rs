@@ -1,4 +1,4 @@
-//! Finds rest, range and noise of each axis of a hand from what it tells while nobody touches it and while all of it is moved.
+//! Finds rest, range and noise of each absolute axis of a hand from what it tells while nobody touches it and while all of it is moved.
 //!
 //! noise = 1.5 s + 1 count,   s = (largest - smallest value at rest) / 2
 //!
@@ -6,7 +6,7 @@
 //! the values at rest, the range is from the smallest to the largest value of all.
 
 use crate::evdev_names::axis_name;
-use crate::{InputChange, MasterError, Profile, ProfileButton, WatchedAxis};
+use crate::{AxisFrom, AxisPlace, InputChange, MasterError, Profile, ProfileAxis, ProfileButton, WatchedAxis};
 
 /// What of an axis' range, as the kernel tells it, must at least have been moved through.
 const LEAST_PART: f64 = 0.5;
@@ -43,10 +43,10 @@ struct Followed {
 }
 
 impl HandCalibration {
-    /// For the axes of a profile, whose device is as `watched` says. Buttons are those of the profile or, if it has none, those
+    /// For the absolute axes of a profile, whose device is as `watched` says; its others have nothing to be found out. Buttons are those of the profile or, if it has none, those
     /// that are pressed while all is moved, in that order.
     pub fn new(profile: Profile, watched: &[WatchedAxis]) -> Self {
-        let axes = profile.axes.iter().map(|axis| {
+        let axes = profile.axes.iter().filter_map(ProfileAxis::place).map(|axis| {
             let of_it = watched.iter().find(|watched| watched.code == axis.code);
             Followed {
                 code: axis.code,
@@ -89,10 +89,11 @@ impl HandCalibration {
                 }
             }
             InputChange::Button(code, true) if self.phase == Phase::Range && !self.has_buttons => {
+                let is_taken = self.profile.keys().chain(self.profile.release).any(|known| known == code);
                 let buttons = &mut self.profile.buttons;
                 if let Ok(button) = u8::try_from(buttons.len())
                     && button < N_BUTTONS
-                    && buttons.iter().all(|known| known.code != code)
+                    && !is_taken
                 {
                     buttons.push(ProfileButton { button, code });
                 }
@@ -107,12 +108,14 @@ impl HandCalibration {
     /// [`MasterError::Calibration`], which names every axis that cannot be used, and why.
     pub fn finish(mut self) -> Result<Profile, MasterError> {
         let mut refused: Vec<String> = Vec::new();
-        for (axis, followed) in self.profile.axes.iter_mut().zip(&self.axes) {
+        let places = self.profile.axes.iter_mut().filter(|axis| axis.place().is_some());
+        for (axis, followed) in places.zip(&self.axes) {
             match followed.measured() {
                 Ok((range, rest, noise)) => {
-                    (axis.range, axis.rest, axis.noise) = (Some(range), Some(rest), Some(noise));
+                    let (range, rest, noise) = (Some(range), Some(rest), Some(noise));
+                    axis.from = AxisFrom::Place(AxisPlace { code: followed.code, range, rest, noise });
                 }
-                Err(why) => refused.push(format!("{} {why}", axis_name(axis.code))),
+                Err(why) => refused.push(format!("{} {why}", axis_name(followed.code))),
             }
         }
         if self.axes.is_empty() {
@@ -215,11 +218,11 @@ mod tests {
         let profile = calibrated([&[500, 504], &[502, 20, 1001], &[508, 506]], [&[0], &[0, 1023, 0], &[0, 3]])
             .expect("a good calibration");
         // At rest 500 to 508 of either time: the middle, 3/4 of the way between them, rounded up, and 1.
-        let x = &profile.axes[0];
+        let x = profile.axes[0].place().expect("a place");
         assert_eq!((x.range, x.rest, x.noise), (Some([20, 1001]), Some(504), Some(7)));
-        let throttle = &profile.axes[1];
+        let throttle = profile.axes[1].place().expect("a place");
         assert_eq!((throttle.range, throttle.rest, throttle.noise), (Some([0, 1023]), Some(1), Some(4)));
-        assert!(throttle.is_negated && throttle.axis_idx == 5, "where it belongs is the profile's");
+        assert!(profile.axes[1].is_negated && profile.axes[1].axis_idx == 5, "where it belongs is the profile's");
         let buttons: Vec<(u8, u16)> = profile.buttons.iter().map(|button| (button.button, button.code)).collect();
         assert_eq!(buttons, [(0, 0x121), (1, 0x120)], "in the order of pressing, only while all is moved");
         assert_eq!(Profile::parse("written", &profile.to_text()).expect("readable"), profile);

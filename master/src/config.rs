@@ -42,6 +42,9 @@ settings! {
         /// Profile (TOML, docs/hands.md) of a device of the kernel's input system, which is then read instead of `device`; none
         /// by default.
         profile: Option<PathBuf> = None;
+        /// Node of the kernel's input system that is the profile's device, as in `/dev/input/by-id/...-event-mouse`; none by default:
+        /// the one that the profile names.
+        node: Option<PathBuf> = None;
         /// The hand that a pose sender follows (`--master pose`).
         pose: PoseConfig = PoseConfig::default();
         /// Whether a recording or a script begins only when the slave is enabled and homed.
@@ -68,6 +71,9 @@ impl MasterConfig {
         if !self.axis_map.is_one_to_one() {
             let axes = self.axis_map.axes().map(String::from);
             return Err(refusal("axis_map", axes.join(", "), "three different device axes for view_x, view_y, view_z"));
+        }
+        if let (Some(node), None) = (&self.node, &self.profile) {
+            return Err(refusal("node", node.display(), "a `profile` that says what is what on it"));
         }
         self.check_buttons()
     }
@@ -134,6 +140,10 @@ mod tests {
         assert!(refused(|c| c.dead_zone_ratio = f64::NAN).contains("dead_zone_ratio = NaN"));
         assert!(refused(|c| c.full_speed_m_per_s = 1.0).contains("full_speed_m_per_s = 1: expected"));
         assert!(refused(|c| c.axis_map.view_x = c.axis_map.view_y).contains("axis_map = +z, +z, -y"));
+        assert!(
+            refused(|c| c.node = Some("/dev/input/event3".into()))
+                .contains("node = /dev/input/event3: expected a `prof")
+        );
         assert!(refused(|c| c.clutch = Clutch::Hold(0)).contains("another button"));
     }
 

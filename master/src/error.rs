@@ -110,6 +110,26 @@ pub enum MasterError {
         /// What stands there.
         found: String,
     },
+    /// A profile of any mouse or keyboard, and nobody has said which one.
+    #[error(
+        "profile {}: expected the node of the device that shall be taken, found none; no mouse or keyboard is taken unasked: name yours with --node or `[master] node` (`krait devices` lists them)", profile.display()
+    )]
+    NoNode {
+        /// The profile.
+        profile: PathBuf,
+    },
+    /// A keyboard's keys are held down while it shall be taken.
+    #[error(
+        "hand controller {name} at {path} is not taken while {keys} is held down: whoever hears it now would never hear it let go; let go of all keys and start again"
+    )]
+    KeysHeld {
+        /// Its name.
+        name: String,
+        /// Its node.
+        path: String,
+        /// The keys.
+        keys: String,
+    },
     /// No input device is that of the profile.
     #[error(
         "no hand controller of the profile was found: looked for {looked_for}, the input devices here are {present}; plug it in, or name yours in the profile"

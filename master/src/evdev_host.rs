@@ -1,19 +1,29 @@
 //! Finds and opens the device of a profile among the kernel's input devices, and says in plain words what stands in the way.
 
 use crate::evdev_decoder::EvdevDecoder;
-use crate::evdev_ioctl::{axis_info, grab};
-use crate::evdev_names::{axis_name, button_name};
+use crate::evdev_ioctl::{InputState, KeysDown, grab};
+use crate::evdev_names::{axis_name, button_name, way_name};
 use crate::evdev_port::EvdevPort;
 use crate::hid::{HidHost, OpenPort, RULES_FILE};
-use crate::{DeviceChoice, MasterError, Profile, ProfileDevice};
+use crate::{AxisFrom, DeviceChoice, MasterError, Profile, ProfileAxis, ProfileDevice};
+use krait_ipc::clock;
 use rustix::fs::OFlags;
 use std::fs::{File, read_to_string};
 use std::io::{Error, ErrorKind};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 /// Where the kernel describes its input devices.
 const SYS: &str = "/sys/class/input";
+
+/// The kernel's numbers below this one are keys of keyboards; above are buttons.
+pub(crate) const FIRST_BUTTON: u16 = 0x100;
+/// Buttons of mice.
+const MOUSE_BUTTONS: core::ops::RangeInclusive<u16> = 0x110..=0x117;
+/// How long keys that are down are waited for, ns, and how often they are asked for.
+const HELD_PATIENCE_NS: i64 = 2_000_000_000;
+const LOOK_AGAIN: Duration = Duration::from_millis(10);
 
 /// An input device of this machine, a node of it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -26,8 +36,10 @@ pub struct InputDevice {
     pub product_id: u16,
     /// What it calls itself.
     pub name: String,
-    /// Numbers of its axes.
+    /// Numbers of its absolute axes.
     pub axes: Vec<u16>,
+    /// Numbers of its axes that tell a way.
+    pub ways: Vec<u16>,
     /// Numbers of its buttons and keys.
     pub buttons: Vec<u16>,
     /// Whether this process may open it for reading.
@@ -37,13 +49,18 @@ pub struct InputDevice {
 impl InputDevice {
     /// Whether it has every axis and button of a profile.
     pub fn has_all_of(&self, profile: &Profile) -> bool {
-        profile.axes.iter().all(|axis| self.axes.contains(&axis.code))
-            && profile.buttons.iter().all(|button| self.buttons.contains(&button.code))
+        let has = |axis: &ProfileAxis| match axis.from {
+            AxisFrom::Place(place) => self.axes.contains(&place.code),
+            AxisFrom::Way { code, .. } => self.ways.contains(&code),
+            AxisFrom::Keys { .. } => true,
+        };
+        profile.axes.iter().all(has) && profile.keys().chain(profile.release).all(|key| self.buttons.contains(&key))
     }
 
     /// Its axes, as a profile names them.
     pub fn axis_names(&self) -> Vec<String> {
-        self.axes.iter().map(|code| axis_name(*code)).collect()
+        let places = self.axes.iter().map(|code| axis_name(*code));
+        places.chain(self.ways.iter().map(|code| way_name(*code))).collect()
     }
 
     /// Its buttons and keys, as a profile names them.
@@ -56,13 +73,21 @@ impl InputDevice {
         match &profile.device {
             ProfileDevice::Id(vendor_id, product_id) => (self.vendor_id, self.product_id) == (*vendor_id, *product_id),
             ProfileDevice::Path(path) => path.canonicalize().is_ok_and(|node| node == self.node),
+            ProfileDevice::Unnamed => false,
         }
     }
 
-    /// The line for udev that lets the user of this seat open the device, and nobody's keyboard.
+    /// The line for udev that lets the user of this seat open the device, and nobody's keyboard: a wireless receiver may serve a mouse
+    /// and a keyboard under one vendor and product, so that its name counts too, where udev can take it as it is.
     pub fn udev_rule(&self) -> String {
+        let is_plain = |c: char| c.is_ascii_alphanumeric() || " ._-:()/+,".contains(c);
+        let name = if !self.name.is_empty() && self.name.chars().all(is_plain) {
+            format!(", ATTRS{{name}}==\"{}\"", self.name)
+        } else {
+            String::new()
+        };
         format!(
-            "KERNEL==\"event*\", ATTRS{{id/vendor}}==\"{:04x}\", ATTRS{{id/product}}==\"{:04x}\", MODE=\"0660\", TAG+=\"uaccess\"",
+            "KERNEL==\"event*\", ATTRS{{id/vendor}}==\"{:04x}\", ATTRS{{id/product}}==\"{:04x}\"{name}, MODE=\"0660\", TAG+=\"uaccess\"",
             self.vendor_id, self.product_id
         )
     }
@@ -78,7 +103,7 @@ pub fn input_at(node: &Path) -> Option<InputDevice> {
 pub fn list_inputs() -> Vec<InputDevice> {
     let mut devices = inputs();
     for device in &mut devices {
-        device.may_open = open(&device.node).is_ok();
+        device.may_open = open(&device.node, false).is_ok();
     }
     devices
 }
@@ -88,9 +113,10 @@ fn inputs() -> Vec<InputDevice> {
     listed(Path::new(SYS), Path::new("/dev/input"))
 }
 
-pub(crate) fn open(node: &Path) -> std::io::Result<File> {
+/// Opens a node to read it, and to write too where a light shall be switched.
+pub(crate) fn open(node: &Path, has_light: bool) -> std::io::Result<File> {
     let flags = (OFlags::NONBLOCK | OFlags::CLOEXEC).bits().cast_signed();
-    File::options().read(true).custom_flags(flags).open(node)
+    File::options().read(true).write(has_light).custom_flags(flags).open(node)
 }
 
 fn listed(sys: &Path, dev: &Path) -> Vec<InputDevice> {
@@ -115,6 +141,7 @@ fn described(folder: &Path, node: PathBuf) -> Option<InputDevice> {
         product_id: id("id/product")?,
         name: text("name").unwrap_or_default(),
         axes: bits(&text("capabilities/abs").unwrap_or_default()),
+        ways: bits(&text("capabilities/rel").unwrap_or_default()),
         buttons: bits(&text("capabilities/key").unwrap_or_default()),
         may_open: false,
         node,
@@ -141,14 +168,15 @@ impl HidHost for EvdevHost {
     fn open(&mut self, _choice: &DeviceChoice) -> Result<OpenPort, MasterError> {
         let device = self.chosen(&inputs())?;
         let refused = |source: Error| refusal(&device, source);
-        let file = open(&device.node).map_err(refused)?;
+        let file = open(&device.node, self.profile.light.is_some()).map_err(refused)?;
         // While it is open its node keeps its name: is it still the same device?
         let again = inputs().into_iter().find(|now| now.node == device.node);
         if again.is_none_or(|now| (now.vendor_id, now.product_id) != (device.vendor_id, device.product_id)) {
             return Err(refusal(&device, Error::other("another device has taken its node")));
         }
+        wait_until_let_go(&file, &device)?;
         grab(&file).map_err(refused)?;
-        let decoder = EvdevDecoder::new(&self.profile, |code| axis_info(&file, code));
+        let decoder = EvdevDecoder::new(&self.profile, &file);
         let decoder = decoder.map_err(|found| MasterError::Profile {
             file: self.profile.name.clone(),
             place: format!("device {}", device.node.display()),
@@ -156,7 +184,7 @@ impl HidHost for EvdevHost {
             found,
         })?;
         let vid_pid = (device.vendor_id, device.product_id);
-        Ok(OpenPort { port: Box::new(EvdevPort::new(file, decoder)), vid_pid })
+        Ok(OpenPort { port: Box::new(EvdevPort::new(file, decoder, self.profile.light)), vid_pid })
     }
 }
 
@@ -168,6 +196,7 @@ impl EvdevHost {
             let wanted = match &self.profile.device {
                 ProfileDevice::Id(vendor_id, product_id) => format!("{vendor_id:04x}:{product_id:04x}"),
                 ProfileDevice::Path(path) => path.display().to_string(),
+                ProfileDevice::Unnamed => "a device that nobody has named".to_owned(),
             };
             let named = |device: &InputDevice| {
                 format!(
@@ -186,6 +215,27 @@ impl EvdevHost {
     }
 }
 
+/// Waits until no key of a keyboard and no button of a mouse is down: whoever hears the device now would never hear it let go,
+/// after Enter has started krait for one.
+fn wait_until_let_go(file: &impl InputState, device: &InputDevice) -> Result<(), MasterError> {
+    let types = |code: &u16| *code < FIRST_BUTTON || MOUSE_BUTTONS.contains(code);
+    let keys: Vec<u16> = device.buttons.iter().copied().filter(types).collect();
+    let until_ns = clock::monotonic_ns() + HELD_PATIENCE_NS;
+    while !keys.is_empty() {
+        let down: KeysDown = file.keys_down().map_err(|source| refusal(device, source))?;
+        let held: Vec<String> = keys.iter().filter(|key| down.contains(**key)).map(|key| button_name(*key)).collect();
+        if held.is_empty() {
+            break;
+        }
+        if clock::monotonic_ns() > until_ns {
+            let (name, path) = (format!("{:?}", device.name), device.node.display().to_string());
+            return Err(MasterError::KeysHeld { name, path, keys: held.join(", ") });
+        }
+        std::thread::sleep(LOOK_AGAIN);
+    }
+    Ok(())
+}
+
 pub(crate) fn refusal(device: &InputDevice, source: Error) -> MasterError {
     let (name, path) = (format!("{:?}", device.name), device.node.display().to_string());
     if source.kind() == ErrorKind::PermissionDenied {
@@ -197,6 +247,9 @@ pub(crate) fn refusal(device: &InputDevice, source: Error) -> MasterError {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::evdev_decoder::AxisInfo;
+    use crate::evdev_ioctl::Answers;
+    use std::cell::Cell;
 
     /// A description as the kernel writes it, of a stick and of a keyboard with the same ids.
     fn described_inputs(of: &str) -> Vec<InputDevice> {
@@ -244,10 +297,26 @@ mod tests {
     fn a_device_that_may_not_be_opened_is_told_with_its_own_rule() {
         let devices = described_inputs("refused");
         let text = refusal(&devices[1], Error::from(ErrorKind::PermissionDenied)).to_string();
-        let rule =
-            r#"KERNEL=="event*", ATTRS{id/vendor}=="046d", ATTRS{id/product}=="c215", MODE="0660", TAG+="uaccess""#;
+        let rule = r#"KERNEL=="event*", ATTRS{id/vendor}=="046d", ATTRS{id/product}=="c215", ATTRS{name}=="Stick", MODE="0660", TAG+="uaccess""#;
         assert!(text.contains(rule) && text.contains("/nowhere/event12"), "{text}");
         let busy = refusal(&devices[1], Error::from(ErrorKind::ResourceBusy)).to_string();
         assert!(busy.contains("another program") && !busy.contains("udevadm"), "{busy}");
+    }
+
+    #[test]
+    fn a_keyboard_is_taken_when_its_keys_are_up_and_no_other_button_is_waited_for() {
+        let devices = described_inputs("let-go");
+        let n_asked = Cell::new(0);
+        let let_go_later = || {
+            n_asked.set(n_asked.get() + 1);
+            if n_asked.get() < 3 { vec![28] } else { Vec::new() }
+        };
+        wait_until_let_go(&Answers(|_| AxisInfo::default(), let_go_later), &devices[0]).expect("let go");
+        assert_eq!(n_asked.get(), 3);
+        let held = Answers(|_| AxisInfo::default(), || vec![28]);
+        let refused = wait_until_let_go(&held, &devices[0]).expect_err("held").to_string();
+        assert!(refused.contains("KEY_ENTER is held down") && refused.contains("let go of all keys"), "{refused}");
+        let latched = Answers(|_| AxisInfo::default(), || vec![0x120]);
+        wait_until_let_go(&latched, &devices[1]).expect("a stick's own");
     }
 }

@@ -1,57 +1,76 @@
 //! A device of the kernel's input system as a port: its events become the reports of a hand.
 //!
 //! The kernel tells of an axis only when it changes, and of an unplugging at once. So while a port is deflected and its device
-//! is there, it repeats where the axes are: the silence that follows then means what it means for every other hand.
+//! is there, it repeats where the axes are: the silence that follows then means what it means for every other hand. A way ends by
+//! silence, so that a mouse that is held still holds still.
 
-use crate::evdev_decoder::EvdevDecoder;
+use crate::evdev_decoder::{Break, EvdevDecoder};
+use crate::evdev_ioctl::InputState;
 use crate::evdev_reader::EventReader;
 use crate::hid::{HidPort, ReadFailure};
+use crate::way_window::WINDOW_US;
 use crate::{HidReport, RawReport};
 use std::io::Read;
 use std::os::fd::AsFd;
 use std::time::Duration;
 
-/// How often a deflection is repeated: as often as the slowest SpaceMouse sends one.
-const REPEAT: Duration = Duration::from_millis(16);
+/// How often a deflection is repeated: as often as the slowest SpaceMouse sends one, and as long as a window of ways.
+const REPEAT: Duration = Duration::from_micros(WINDOW_US as u64);
 
 /// An open device: a node of the kernel, or a test's pipe.
 pub(crate) struct EvdevPort<F> {
     reader: EventReader<F>,
     decoder: EvdevDecoder,
     ready: [Option<HidReport>; 2],
+    light: Option<u16>,
 }
 
-impl<F: Read + AsFd + Send> EvdevPort<F> {
+impl<F: Read + AsFd + InputState + Send> EvdevPort<F> {
     /// A port on an open node that does not block.
-    pub(crate) fn new(file: F, mut decoder: EvdevDecoder) -> Self {
-        let ready = [decoder.frame().motion, None];
-        Self { reader: EventReader::new(file), decoder, ready }
+    pub(crate) fn new(file: F, mut decoder: EvdevDecoder, light: Option<u16>) -> Self {
+        let ready = [decoder.on_silence(), None];
+        Self { reader: EventReader::new(file), decoder, ready, light }
     }
 
-    /// Goes through what was read, up to the end of a frame that has changed something.
+    /// Goes through what was read, up to the end of a frame that has something to tell.
     fn next_frame(&mut self) -> Result<bool, ReadFailure> {
         while let Some(event) = self.reader.next_event() {
-            let lost = |_| ReadFailure::Gone("the kernel has dropped events; the device is opened anew".to_owned());
-            if let Some(frame) = self.decoder.take(event).map_err(lost)? {
-                self.ready = [frame.motion, frame.buttons];
-                if self.ready != [None; 2] {
-                    return Ok(true);
-                }
+            match self.decoder.take(event) {
+                Ok(Some(frame)) => self.ready = [frame.motion, frame.buttons],
+                Ok(None) => {}
+                Err(Break::GivenBack) => return Err(ReadFailure::GivenBack),
+                Err(Break::EventsLost) => return Err(self.ask()),
+            }
+            if self.ready != [None; 2] {
+                return Ok(true);
             }
         }
         Ok(false)
     }
+
+    /// Asks the device how it is, after events of it were lost. It is kept meanwhile: what a keyboard told then would be typed.
+    fn ask(&mut self) -> ReadFailure {
+        // What was read is older than the answer.
+        self.reader.forget();
+        match self.decoder.ask(self.reader.file()) {
+            Ok(true) => ReadFailure::GivenBack,
+            Ok(false) => {
+                self.ready = self.decoder.whole().map(Some);
+                ReadFailure::Dropped
+            }
+            Err(error) => ReadFailure::Gone(error.to_string()),
+        }
+    }
 }
 
-impl<F: Read + AsFd + Send> HidPort for EvdevPort<F> {
+impl<F: Read + AsFd + InputState + Send> HidPort for EvdevPort<F> {
     fn read(&mut self, buffer: &mut [u8; RawReport::MAX_BYTES], timeout: Duration) -> Result<usize, ReadFailure> {
         if self.ready == [None; 2] && !self.next_frame()? {
-            let repeats = self.decoder.deflected();
-            let patience = if repeats.is_some() { timeout.min(REPEAT) } else { timeout };
+            let patience = if self.decoder.waits_for_silence() { timeout.min(REPEAT) } else { timeout };
             if self.reader.wait(patience)? {
                 self.next_frame()?;
             } else {
-                self.ready = [repeats, None];
+                self.ready = [self.decoder.on_silence(), None];
             }
         }
         let Some(report) = self.ready.iter_mut().find_map(Option::take) else { return Ok(0) };
@@ -60,7 +79,12 @@ impl<F: Read + AsFd + Send> HidPort for EvdevPort<F> {
         Ok(raw.as_bytes().len())
     }
 
-    fn set_light(&mut self, _is_on: bool) {}
+    fn set_light(&mut self, is_on: bool) {
+        let Some(light) = self.light else { return };
+        if let Err(error) = self.reader.file().set_light(light, is_on) {
+            tracing::debug!(%error, "the device did not take its light");
+        }
+    }
 }
 
 #[cfg(test)]

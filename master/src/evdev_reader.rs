@@ -34,6 +34,16 @@ impl<F: Read + AsFd> EventReader<F> {
         Some(InputEvent::decode(bytes))
     }
 
+    /// The open node.
+    pub(crate) fn file(&self) -> &F {
+        &self.file
+    }
+
+    /// Throws away what was read and not taken apart.
+    pub(crate) fn forget(&mut self) {
+        (self.from, self.to) = (0, 0);
+    }
+
     /// Waits for events and reads them; false when the time is up.
     pub(crate) fn wait(&mut self, timeout: Duration) -> Result<bool, ReadFailure> {
         // A second at most: the nanoseconds fit.

@@ -24,6 +24,10 @@ pub(crate) enum ReadFailure {
     Interrupted,
     /// The device is gone, in the words of hidapi.
     Gone(String),
+    /// What the device told was lost in part; it is there, and what it tells next is whole.
+    Dropped,
+    /// Its user has pressed the key that gives it back.
+    GivenBack,
 }
 
 /// An open device, real or a test's.

@@ -126,13 +126,22 @@ struct Reader {
 impl Reader {
     fn run(mut self, mut opened: OpenPort) {
         loop {
-            self.read_until_gone(opened.port.as_mut());
+            let is_given_back = self.read_until_gone(opened.port.as_mut());
             if self.is_stopped() {
                 opened.port.set_light(false);
                 return;
             }
             self.push(SourceEvent::Unplugged);
+            if is_given_back {
+                opened.port.set_light(false);
+            }
             drop(opened);
+            if is_given_back {
+                tracing::warn!(
+                    "the hand controller was given back by its key; nothing moves, and it is taken again only by another start"
+                );
+                return;
+            }
             match self.search() {
                 Some(found) => opened = found,
                 None => return,
@@ -141,7 +150,8 @@ impl Reader {
         }
     }
 
-    fn read_until_gone(&self, port: &mut dyn HidPort) {
+    /// True if the device's user has given it back.
+    fn read_until_gone(&self, port: &mut dyn HidPort) -> bool {
         port.set_light(true);
         let mut buffer = [0_u8; RawReport::MAX_BYTES];
         while !self.is_stopped() {
@@ -153,10 +163,17 @@ impl Reader {
                 }
                 Err(ReadFailure::Gone(source_text)) => {
                     tracing::warn!(%source_text, "the hand controller was lost; looking for it");
-                    return;
+                    return false;
                 }
+                Err(ReadFailure::Dropped) => {
+                    tracing::warn!("the kernel has dropped events of the hand controller; presence must be given anew");
+                    self.push(SourceEvent::Unplugged);
+                    self.push(SourceEvent::Plugged);
+                }
+                Err(ReadFailure::GivenBack) => return true,
             }
         }
+        false
     }
 
     /// Looks for the device again and again. There is no device to be read meanwhile, so its slowness delays nothing. A

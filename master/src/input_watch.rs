@@ -1,18 +1,20 @@
 //! What an input device says from moment to moment, in its own counts and by the kernel's names: to look at it, and to calibrate it.
 
-use crate::evdev_decoder::{EV_ABS, EV_KEY, EV_SYN, SYN_DROPPED};
+use crate::axis_scale::PlaceScale;
+use crate::evdev_decoder::{AxisInfo, EV_ABS, EV_KEY, EV_REL, EV_SYN, SYN_DROPPED};
 use crate::evdev_host::{input_at, open, refusal};
-use crate::evdev_ioctl::{axis_info, grab};
-use crate::evdev_names::{axis_name, button_name};
+use crate::evdev_ioctl::{InputState, grab};
+use crate::evdev_names::{axis_name, button_name, way_name};
 use crate::evdev_reader::EventReader;
 use crate::hid::ReadFailure;
-use crate::{InputDevice, MasterError};
+use crate::way_window::WayWindow;
+use crate::{AxisFrom, InputDevice, MasterError, ProfileAxis};
 use std::fs::File;
 use std::os::unix::fs::FileTypeExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// An axis of a device that is watched.
+/// An absolute axis of a device that is watched.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct WatchedAxis {
     /// The kernel's number of it.
@@ -32,6 +34,22 @@ impl WatchedAxis {
     }
 }
 
+/// An axis that tells a way, of a device that is watched.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct WatchedWay {
+    /// The kernel's number of it.
+    pub code: u16,
+    /// The way so far, counts.
+    pub counts: i64,
+}
+
+impl WatchedWay {
+    /// As a profile names it.
+    pub fn name(&self) -> String {
+        way_name(self.code)
+    }
+}
+
 /// What a device has told.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InputChange {
@@ -48,6 +66,8 @@ pub struct InputWatch {
     node: PathBuf,
     device: Option<InputDevice>,
     axes: Vec<WatchedAxis>,
+    ways: Vec<WatchedWay>,
+    window: WayWindow,
     pressed: Vec<u16>,
 }
 
@@ -63,12 +83,12 @@ impl InputWatch {
             Some(device) => refusal(device, source),
             None => MasterError::File { path: node.to_owned(), doing: "read", source },
         };
-        let file = open(node).map_err(refused)?;
+        let file = open(node, false).map_err(refused)?;
         let is_node = file.metadata().map_err(refused)?.file_type().is_char_device();
         let mut axes = Vec::new();
         if is_node {
             for &code in device.iter().flat_map(|device| &device.axes) {
-                let info = axis_info(&file, code).map_err(refused)?;
+                let info = file.axis_info(code).map_err(refused)?;
                 let range = (info.min < info.max).then_some([info.min, info.max]);
                 axes.push(WatchedAxis { code, value: Some(info.value), range, noise: info.fuzz.max(info.flat) });
             }
@@ -76,7 +96,9 @@ impl InputWatch {
                 grab(&file).map_err(refused)?;
             }
         }
-        Ok(Self { reader: EventReader::new(file), node: node.to_owned(), device, axes, pressed: Vec::new() })
+        let ways = device.iter().flat_map(|device| &device.ways).map(|&code| WatchedWay { code, counts: 0 }).collect();
+        let (reader, node) = (EventReader::new(file), node.to_owned());
+        Ok(Self { reader, node, device, axes, ways, window: WayWindow::default(), pressed: Vec::new() })
     }
 
     /// What the kernel says of the device; nothing for a pipe or file.
@@ -87,6 +109,31 @@ impl InputWatch {
     /// Its axes as they are now.
     pub fn axes(&self) -> &[WatchedAxis] {
         &self.axes
+    }
+
+    /// How far it has gone so far.
+    pub fn ways(&self) -> &[WatchedWay] {
+        &self.ways
+    }
+
+    /// The hand's deflection, counts of -350..=350, that the chain would make of an axis as the device is now; none where that is not
+    /// known, or where profile and device do not fit.
+    pub fn deflection_counts(&self, axis: &ProfileAxis) -> Option<i16> {
+        match axis.from {
+            AxisFrom::Place(place) => {
+                let watched = self.axes.iter().find(|watched| watched.code == place.code)?;
+                let ([min, max], value) = (watched.range.unwrap_or_default(), watched.value?);
+                let scale =
+                    PlaceScale::new(&place, &AxisInfo { value, min, max, fuzz: watched.noise, flat: 0 }).ok()?;
+                Some(axis.counts_of_place(&scale, value))
+            }
+            AxisFrom::Way { code, full_counts_per_s } => {
+                Some(axis.counts_of_speed(self.window.counts_per_s(code), full_counts_per_s))
+            }
+            AxisFrom::Keys { plus, minus, deflection_ratio } => {
+                Some(axis.counts_of_keys([plus, minus].map(|key| self.pressed.contains(&key)), deflection_ratio))
+            }
+        }
     }
 
     /// The names of the buttons that are down, in the order in which they were pressed.
@@ -101,11 +148,16 @@ impl InputWatch {
     pub fn wait(&mut self, timeout: Duration, mut on_change: impl FnMut(InputChange)) -> Result<bool, MasterError> {
         match self.reader.wait(timeout) {
             Ok(true) => {}
-            Ok(false) | Err(ReadFailure::Interrupted) => return Ok(true),
-            Err(ReadFailure::Gone(_)) if self.device.is_none() => return Ok(false),
-            Err(ReadFailure::Gone(why)) => return Err(self.lost(why)),
+            Ok(false) => {
+                self.window.end_by_silence();
+                return Ok(true);
+            }
+            Err(ReadFailure::Gone(why)) if self.device.is_some() => return Err(self.lost(why)),
+            Err(ReadFailure::Gone(_)) => return Ok(false),
+            Err(_) => return Ok(true),
         }
         while let Some(event) = self.reader.next_event() {
+            self.window.advance(event.stamp_us);
             match (event.kind, event.code) {
                 (EV_SYN, SYN_DROPPED) => return Err(self.lost("the kernel has dropped events".to_owned())),
                 (EV_ABS, code) => {
@@ -114,6 +166,13 @@ impl InputWatch {
                         None => self.axes.push(WatchedAxis { code, value: Some(event.value), range: None, noise: 0 }),
                     }
                     on_change(InputChange::Axis(code, event.value));
+                }
+                (EV_REL, code) => {
+                    self.window.add(code, event.value, event.stamp_us);
+                    match self.ways.iter_mut().find(|way| way.code == code) {
+                        Some(way) => way.counts = way.counts.saturating_add(event.value.into()),
+                        None => self.ways.push(WatchedWay { code, counts: event.value.into() }),
+                    }
                 }
                 (EV_KEY, code) => {
                     let is_down = event.value != 0;

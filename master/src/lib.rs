@@ -21,6 +21,7 @@
 //! ```
 
 mod axis_map;
+mod axis_scale;
 mod browser_source;
 mod calibration;
 mod config;
@@ -54,6 +55,7 @@ mod pose_source;
 mod presence;
 mod process;
 mod profile;
+mod profile_axis;
 mod profile_text;
 mod raw_report;
 mod recording;
@@ -67,6 +69,7 @@ mod script_source;
 mod source;
 mod ticker;
 mod udp_owner;
+mod way_window;
 
 pub use crate::core::MasterCore;
 pub use axis_map::{AXIS_NAMES, AxisMap, SignedAxis};
@@ -85,7 +88,7 @@ pub use guide_plan::{GuideLeg, GuidePlan};
 pub use guide_source::GuideSource;
 pub use hid::{RULES_FILE, chosen_device};
 pub use hid_source::HidSource;
-pub use input_watch::{InputChange, InputWatch, WatchedAxis};
+pub use input_watch::{InputChange, InputWatch, WatchedAxis, WatchedWay};
 pub use live_motion::LiveMotion;
 pub use operator::{Hand, Operator, OperatorMotion};
 pub use pad::{PadLease, PadRefusal};
@@ -95,7 +98,8 @@ pub use pose_packet::{PosePacket, PoseRefusal};
 pub use pose_source::PoseSource;
 pub use presence::{Clutch, Presence, PressButton};
 pub use process::run;
-pub use profile::{Profile, ProfileAxis, ProfileButton, ProfileDevice};
+pub use profile::{Profile, ProfileButton, ProfileDevice};
+pub use profile_axis::{AxisFrom, AxisPlace, ProfileAxis};
 pub use raw_report::RawReport;
 pub use recording::{HidRecording, RecordingHeader};
 pub use recording_source::RecordingSource;

@@ -20,12 +20,14 @@
 //!
 //! `of` is the hand's axis (+x right, +y towards the user, +z down, rx, ry, rz about them) or button; `from` the kernel's name
 //! for the device's. `range`, `rest` and `noise` are in the device's own counts and may be left out: the kernel tells the range
-//! and the noise, and rest is the middle.
+//! and the noise, and rest is the middle. An axis may also come from a way or from two keys ([`AxisFrom`]).
 
-use crate::evdev_names::{axis_code, button_code};
+use crate::evdev_host::FIRST_BUTTON;
+use crate::evdev_names::{button_code, button_name, light_code};
+use crate::profile_axis::{ReadAxis, Wrong, wrong};
 use crate::recording::read_bounded;
 use crate::recording_lines::parse_vid_pid;
-use crate::{AXIS_NAMES, MasterError};
+use crate::{AxisFrom, MasterError, ProfileAxis};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
@@ -45,6 +47,10 @@ pub struct Profile {
     pub axes: Vec<ProfileAxis>,
     /// Its buttons that are the hand's.
     pub buttons: Vec<ProfileButton>,
+    /// The key, by the kernel's number, that ends the motion and gives the device back to the rest of the machine.
+    pub release: Option<u16>,
+    /// The light, by the kernel's number, that is on while krait has the device; one that the device does not have stays dark.
+    pub light: Option<u16>,
 }
 
 /// Which device a profile is of. A keyboard is one only if somebody names it.
@@ -54,23 +60,8 @@ pub enum ProfileDevice {
     Id(u16, u16),
     /// The one behind this node, as in `/dev/input/by-id/...-event-joystick`.
     Path(PathBuf),
-}
-
-/// One of the device's axes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ProfileAxis {
-    /// The hand's axis: x, y, z, rx, ry, rz = 0..=5.
-    pub axis_idx: usize,
-    /// The kernel's number of the device's axis.
-    pub code: u16,
-    /// Smallest and largest value, counts; none: as the kernel says.
-    pub range: Option<[i32; 2]>,
-    /// Value at rest, counts; none: the middle of the range.
-    pub rest: Option<i32>,
-    /// How far the value strays at rest, counts; none: as the kernel says.
-    pub noise: Option<i32>,
-    /// Whether larger values are the hand's negative direction.
-    pub is_negated: bool,
+    /// None: a built-in profile of a mouse or keyboard, of which the user must say which. No device is ever chosen for it.
+    Unnamed,
 }
 
 /// One of the device's buttons.
@@ -83,9 +74,11 @@ pub struct ProfileButton {
 }
 
 /// The profiles that are built in, by their names.
-const SHIPPED: [(&str, &str); 2] = [
+const SHIPPED: [(&str, &str); 4] = [
     ("extreme-3d-pro", include_str!("../profiles/extreme-3d-pro.toml")),
     ("xbox-360", include_str!("../profiles/xbox-360.toml")),
+    ("mouse", include_str!("../profiles/mouse.toml")),
+    ("keyboard", include_str!("../profiles/keyboard.toml")),
 ];
 
 impl Profile {
@@ -100,6 +93,21 @@ impl Profile {
     /// Whether a path is the name of a built-in profile.
     pub fn is_shipped(path: &Path) -> bool {
         SHIPPED.iter().any(|(name, _)| path == Path::new(name))
+    }
+
+    /// Reads a profile, and takes the device behind `node`, if one is given, for the profile's own.
+    ///
+    /// # Errors
+    /// As [`Profile::load`]; [`MasterError::NoNode`] for a profile that names no device, without a node.
+    pub fn of_device(path: &Path, node: Option<&Path>) -> Result<Self, MasterError> {
+        let mut profile = Self::load(path)?;
+        if let Some(node) = node {
+            profile.device = ProfileDevice::Path(node.to_owned());
+        }
+        match profile.device {
+            ProfileDevice::Unnamed => Err(MasterError::NoNode { profile: path.to_owned() }),
+            _ => Ok(profile),
+        }
     }
 
     /// Reads a file, or a built-in profile by its name.
@@ -143,14 +151,20 @@ impl Profile {
                 None => return Err(refuse("id".to_owned(), "vendor:product as in \"046d:c215\"", format!("{id:?}"))),
             },
             (None, Some(path)) => ProfileDevice::Path(path.clone()),
+            (None, None) if Self::is_shipped(Path::new(file)) => ProfileDevice::Unnamed,
             (id, _) => {
                 let found = if id.is_some() { "both" } else { "neither" };
                 return Err(refuse("the head".to_owned(), "either id or path of the device", found.to_owned()));
             }
         };
-        let mut profile = Self { name: read.name, device, axes: Vec::new(), buttons: Vec::new() };
+        let light = read.light.as_deref().map(|name| {
+            let expected = "a light of the kernel as in \"LED_SCROLLL\"";
+            light_code(name).ok_or_else(|| refuse("key light".to_owned(), expected, format!("{name:?}")))
+        });
+        let light = light.transpose()?;
+        let mut profile = Self { name: read.name, device, axes: Vec::new(), buttons: Vec::new(), release: None, light };
         for (idx, axis) in read.axis.iter().enumerate() {
-            let checked = profile.axis(axis);
+            let checked = axis.checked(&profile.axes);
             let checked = checked
                 .map_err(|(key, expected, found)| refuse(format!("axis {}, key {key}", idx + 1), expected, found))?;
             profile.axes.push(checked);
@@ -164,44 +178,53 @@ impl Profile {
         if profile.axes.is_empty() && profile.buttons.is_empty() {
             return Err(refuse("the file".to_owned(), "at least one [[axis]] or [[button]]", "none".to_owned()));
         }
+        let release = profile.release(read.release.as_deref());
+        profile.release = release.map_err(|(key, expected, found)| refuse(format!("key {key}"), expected, found))?;
         Ok(profile)
     }
 
-    fn axis(&self, read: &ReadAxis) -> Result<ProfileAxis, Wrong> {
-        let axis_idx = AXIS_NAMES.iter().position(|name| *name == read.of);
-        let axis_idx = axis_idx.ok_or_else(|| wrong("of", "x, y, z, rx, ry or rz", &read.of))?;
-        let code = axis_code(&read.from);
-        let code =
-            code.ok_or_else(|| wrong("from", "an axis of the kernel as in \"ABS_X\", or its number", &read.from))?;
-        if self.axes.iter().any(|axis| axis.axis_idx == axis_idx || axis.code == code) {
-            return Err(wrong("of", "each axis of hand and device at most once", &read.of));
-        }
-        if let Some([low, high]) = read.range
-            && low >= high
-        {
-            return Err(wrong(
-                "range",
-                "the smaller value first, and another one after it",
-                &format!("[{low}, {high}]"),
-            ));
-        }
-        if let (Some([low, high]), Some(rest)) = (read.range, read.rest)
-            && !(low..=high).contains(&rest)
-        {
-            return Err(wrong("rest", "a value within the range", &rest.to_string()));
-        }
-        if let Some(noise) = read.noise {
-            let widest = read.range.map_or(i64::from(i32::MAX), |[low, high]| (i64::from(high) - i64::from(low)) / 4);
-            if noise < 0 || i64::from(noise) > widest {
-                return Err(wrong("noise", "0 to a quarter of the range", &noise.to_string()));
-            }
-        }
-        let is_negated = match read.sign.as_str() {
-            "+" => false,
-            "-" => true,
-            other => return Err(wrong("sign", "\"+\" or \"-\"", other)),
+    /// A person at a keyboard that types nowhere else needs a key that ends this.
+    fn release(&self, read: Option<&str>) -> Result<Option<u16>, Wrong> {
+        let Some(text) = read else {
+            let is_keyboard = self.axes.iter().any(|axis| axis.keys().any(|key| key < FIRST_BUTTON));
+            let expected = "a key that gives the keyboard back, as in release = \"KEY_ESC\"";
+            return if is_keyboard { Err(("release", expected, "none".to_owned())) } else { Ok(None) };
         };
-        Ok(ProfileAxis { axis_idx, code, range: read.range, rest: read.rest, noise: read.noise, is_negated })
+        match button_code(text) {
+            Some(code) if self.keys().any(|key| key == code) => {
+                Err(wrong("release", "a key that is no axis and no button of the hand", text))
+            }
+            Some(code) => Ok(Some(code)),
+            None => Err(wrong("release", "a key of the kernel as in \"KEY_ESC\", or its number", text)),
+        }
+    }
+
+    /// Every key and button of the device that is the hand's.
+    pub(crate) fn keys(&self) -> impl Iterator<Item = u16> {
+        self.buttons.iter().map(|button| button.code).chain(self.axes.iter().flat_map(ProfileAxis::keys))
+    }
+
+    /// What a person must know before a mouse or keyboard is taken: that nothing else hears it, and how to get it back. None for a
+    /// hand that does nothing else anyway.
+    pub fn warning(&self) -> Option<String> {
+        let is_keyboard = self.keys().chain(self.release).any(|key| key < FIRST_BUTTON);
+        let is_mouse = self.axes.iter().any(|axis| matches!(axis.from, AxisFrom::Way { .. }));
+        let device = match &self.device {
+            ProfileDevice::Path(node) => format!("{:?} at {}", self.name, node.display()),
+            ProfileDevice::Id(..) | ProfileDevice::Unnamed => format!("{:?}", self.name),
+        };
+        let taken = format!("{device} is taken while krait runs: nothing else on this machine hears it");
+        match self.release.map(button_name) {
+            Some(key) if is_keyboard => {
+                Some(format!("{taken}, not even Ctrl-C typed on it; {key} ends the motion and gives it back"))
+            }
+            Some(key) => Some(format!("{taken}; {key} ends the motion and gives it back")),
+            None if is_keyboard => {
+                Some(format!("{taken}, not even Ctrl-C typed on it; end krait from another keyboard"))
+            }
+            None if is_mouse => Some(format!("{taken}; it is given back when krait ends")),
+            None => None,
+        }
     }
 
     fn button(&self, read: &ReadButton) -> Result<ProfileButton, Wrong> {
@@ -209,8 +232,8 @@ impl Profile {
             return Err(wrong("of", "each button from 0 to 31 at most once", &read.of.to_string()));
         }
         match button_code(&read.from) {
-            Some(code) if self.buttons.iter().any(|button| button.code == code) => {
-                Err(wrong("from", "each button of the device at most once", &read.from))
+            Some(code) if self.keys().any(|key| key == code) => {
+                Err(wrong("from", "each button and key of the device at most once", &read.from))
             }
             Some(code) => Ok(ProfileButton { button: read.of, code }),
             None => Err(wrong(
@@ -222,36 +245,18 @@ impl Profile {
     }
 }
 
-/// Key, what was expected, what was found.
-type Wrong = (&'static str, &'static str, String);
-
-fn wrong(key: &'static str, expected: &'static str, found: &str) -> Wrong {
-    let shown: String = found.chars().take(40).collect();
-    (key, expected, format!("{shown:?}"))
-}
-
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Read {
     name: String,
     id: Option<String>,
     path: Option<PathBuf>,
+    release: Option<String>,
+    light: Option<String>,
     #[serde(default)]
     axis: Vec<ReadAxis>,
     #[serde(default)]
     button: Vec<ReadButton>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct ReadAxis {
-    of: String,
-    from: String,
-    range: Option<[i32; 2]>,
-    rest: Option<i32>,
-    noise: Option<i32>,
-    #[serde(default = "plus")]
-    sign: String,
 }
 
 #[derive(Deserialize)]
@@ -261,31 +266,65 @@ struct ReadButton {
     from: String,
 }
 
-fn plus() -> String {
-    "+".to_owned()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::AxisPlace;
 
     const GOOD: &str = "name = \"Stick\"\nid = \"046d:c215\"\n[[axis]]\nof = \"x\"\nfrom = \"ABS_X\"\nrange = [0, 1023]\nrest = 512\nnoise = 12\n[[axis]]\nof = \"y\"\nfrom = \"1\"\nsign = \"-\"\n[[button]]\nof = 0\nfrom = \"BTN_TRIGGER\"\n";
+    const KEYS: &str = "name = \"Keys\"\nid = \"046d:c31c\"\nrelease = \"KEY_ESC\"\n[[axis]]\nof = \"y\"\nfrom = \"REL_WHEEL\"\nfull_counts_per_s = 60\n[[axis]]\nof = \"x\"\nplus = \"KEY_D\"\nminus = \"KEY_A\"\n[[axis]]\nof = \"z\"\nplus = \"KEY_S\"\nminus = \"KEY_W\"\n[[axis]]\nof = \"rz\"\nfrom = \"REL_HWHEEL\"\nfull_counts_per_s = 6\n[[button]]\nof = 0\nfrom = \"KEY_SPACE\"\n";
+
+    /// A profile with one thing made wrong is refused with these words.
+    fn refused(good: &str, from: &str, to: &str, words: &str) {
+        assert!(good.contains(from), "{from}");
+        let error = Profile::parse("stick.toml", &good.replacen(from, to, 1)).expect_err(words).to_string();
+        assert!(error.starts_with("profile stick.toml, ") && error.contains(words), "{error}");
+        assert!(!error.contains('\n') && error.contains("correct it"), "{error}");
+    }
 
     #[test]
     fn a_profile_is_read_and_says_what_is_what() {
         let profile = Profile::parse("stick.toml", GOOD).expect("a profile");
         assert_eq!(profile.device, ProfileDevice::Id(0x046d, 0xc215));
-        let x = ProfileAxis {
-            axis_idx: 0,
-            code: 0,
-            range: Some([0, 1023]),
-            rest: Some(512),
-            noise: Some(12),
-            is_negated: false,
-        };
-        let y = ProfileAxis { axis_idx: 1, code: 1, range: None, rest: None, noise: None, is_negated: true };
+        let place = AxisPlace { code: 0, range: Some([0, 1023]), rest: Some(512), noise: Some(12) };
+        let x = ProfileAxis { axis_idx: 0, is_negated: false, from: AxisFrom::Place(place) };
+        let y = ProfileAxis { axis_idx: 1, is_negated: true, from: AxisFrom::Place(AxisPlace::of(1)) };
         assert_eq!(profile.axes, [x, y]);
         assert_eq!(profile.buttons, [ProfileButton { button: 0, code: 0x120 }]);
+        assert_eq!((profile.release, profile.warning()), (None, None), "a stick does nothing else anyway");
+    }
+
+    #[test]
+    fn ways_and_keys_are_axes_and_a_keyboard_says_how_it_is_given_back() {
+        let profile = Profile::parse("keys.toml", KEYS).expect("a profile");
+        let way = AxisFrom::Way { code: 8, full_counts_per_s: 60.0 };
+        let keys = AxisFrom::Keys { plus: 32, minus: 30, deflection_ratio: 0.5 };
+        assert_eq!([0, 1].map(|idx| profile.axes[idx].from), [way, keys], "0.5 where nothing is said");
+        assert_eq!((profile.release, profile.axes[1].name()), (Some(1), "KEY_D/KEY_A".to_owned()));
+        let said = profile.warning().expect("a warning");
+        assert!(
+            said.contains("not even Ctrl-C") && said.contains("KEY_ESC ends the motion and gives it back"),
+            "{said}"
+        );
+        let pedal = "name = \"Pedal\"\nid = \"0c45:7403\"\n[[button]]\nof = 0\nfrom = \"KEY_B\"\n";
+        let said = Profile::parse("pedal.toml", pedal).expect("without a release").warning().expect("a warning");
+        assert!(said.contains("from another keyboard"), "{said}");
+    }
+
+    #[test]
+    fn a_mouse_or_keyboard_is_nobodys_until_its_node_is_named() {
+        for name in ["mouse", "keyboard"] {
+            let refused = Profile::of_device(Path::new(name), None).expect_err("which one?").to_string();
+            assert!(refused.contains(name) && refused.contains("--node"), "{refused}");
+            let node = Path::new("/dev/input/by-id/mine");
+            let profile = Profile::of_device(Path::new(name), Some(node)).expect("named");
+            assert_eq!(profile.device, ProfileDevice::Path(node.to_owned()));
+            let said = profile.warning().expect("it says what it takes");
+            assert!(said.contains("/dev/input/by-id/mine"), "{said}");
+        }
+        assert!(Profile::of_device(Path::new("xbox-360"), None).is_ok());
+        let own = "name = \"My mouse\"\n[[axis]]\nof = \"x\"\nfrom = \"REL_X\"\nfull_counts_per_s = 900\n";
+        assert!(Profile::parse("own.toml", own).is_err(), "one's own names its device");
     }
 
     #[test]
@@ -295,6 +334,7 @@ mod tests {
         for (name, profile) in shipped {
             assert_eq!(Profile::load(Path::new(name)).expect("by its name"), profile);
             assert!(profile.axes.len() >= 3 && profile.buttons.len() == 3, "presence, clutch and mark");
+            assert_eq!(profile.device == ProfileDevice::Unnamed, ["mouse", "keyboard"].contains(&name));
         }
     }
 
@@ -305,7 +345,11 @@ mod tests {
             ("id = \"046d:c215\"\n", "", "expected either id or path of the device, found neither"),
             ("id = \"046d:c215\"", "id = \"046d:c215\"\npath = \"/dev/input/event3\"", "found both"),
             ("\"x\"", "\"w\"", "axis 1, key of: expected x, y, z, rx, ry or rz, found \"w\""),
-            ("\"ABS_X\"", "\"REL_X\"", "axis 1, key from"),
+            ("\"ABS_X\"", "\"REL_X\"", "axis 1, key range: expected none: a way"),
+            ("\"ABS_X\"", "\"ABS_XX\"", "axis 1, key from: expected an axis of the kernel"),
+            ("sign = \"-\"", "full_counts_per_s = 9", "axis 2, key full_counts_per_s: expected it only for a way"),
+            ("sign = \"-\"", "deflection = 0.5", "axis 2, key deflection: expected it only beside"),
+            ("sign = \"-\"", "plus = \"KEY_A\"", "axis 2, key from: expected either `from`, or the two keys"),
             ("[0, 1023]", "[1023, 0]", "axis 1, key range"),
             ("512", "1024", "axis 1, key rest: expected a value within the range"),
             ("noise = 12", "noise = 300", "axis 1, key noise: expected 0 to a quarter of the range"),
@@ -318,10 +362,39 @@ mod tests {
             ("of = 0", "of = zero", "line 14"),
             ("name", "nome", "line 1"),
         ] {
-            assert!(GOOD.contains(from), "{from}");
-            let error = Profile::parse("stick.toml", &GOOD.replacen(from, to, 1)).expect_err("faulty").to_string();
-            assert!(error.starts_with("profile stick.toml, ") && error.contains(words), "{error}");
-            assert!(!error.contains('\n') && error.contains("correct it"), "{error}");
+            refused(GOOD, from, to, words);
+        }
+        for (from, to, words) in [
+            (
+                "full_counts_per_s = 60\n",
+                "",
+                "axis 1, key full_counts_per_s: expected the speed that is a full deflection, 1 to",
+            ),
+            ("full_counts_per_s = 60", "full_counts_per_s = 0", "found \"0\""),
+            ("full_counts_per_s = 60", "full_counts_per_s = nan", "found \"NaN\""),
+            ("minus = \"KEY_A\"\n", "", "axis 2, key from: expected either `from`, or the two keys `plus` and `minus`"),
+            ("\"KEY_A\"", "\"KEY_D\"", "axis 2, key minus: expected another key"),
+            ("\"KEY_A\"", "\"REL_X\"", "axis 2, key minus: expected a key of the kernel"),
+            (
+                "minus = \"KEY_A\"",
+                "minus = \"KEY_A\"\ndeflection = 1.5",
+                "key deflection: expected 0.05 to 1 of the full",
+            ),
+            ("minus = \"KEY_A\"", "minus = \"KEY_A\"\nrest = 5", "axis 2, key rest: expected none: keys have only"),
+            (
+                "\"KEY_S\"",
+                "\"KEY_A\"",
+                "axis 3, key of: expected each axis of hand and device, and each key, at most once",
+            ),
+            ("REL_HWHEEL", "REL_WHEEL", "axis 4, key of: expected each axis of hand and device"),
+            ("REL_HWHEEL", "REL_WHEEL_HI_RES", "(a wheel by one of its two names)"),
+            ("\"KEY_SPACE\"", "\"KEY_W\"", "button 1, key from: expected each button and key"),
+            ("release = \"KEY_ESC\"\n", "", "key release: expected a key that gives the keyboard back"),
+            ("\"KEY_ESC\"", "\"KEY_W\"", "key release: expected a key that is no axis and no button"),
+            ("release", "light = \"LED_SCROLL\"\nrelease", "key light: expected a light of the kernel"),
+            ("\"KEY_ESC\"", "\"ESCAPE\"", "key release: expected a key of the kernel"),
+        ] {
+            refused(KEYS, from, to, words);
         }
         let nothing =
             Profile::parse("empty.toml", "name = \"x\"\nid = \"046d:c215\"\n").expect_err("nothing").to_string();

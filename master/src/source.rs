@@ -109,7 +109,7 @@ impl SourceChoice {
     pub fn open(self, bus: &Bus, config: &MasterConfig) -> Result<Box<dyn ReportSource>, MasterError> {
         Ok(match self {
             Self::Hid => Box::new(match &config.profile {
-                Some(path) => HidSource::open_profile(Profile::load(path)?)?,
+                Some(path) => HidSource::open_profile(Profile::of_device(path, config.node.as_deref())?)?,
                 None => HidSource::open(&config.device)?,
             }),
             Self::Browser => Box::new(BrowserSource::open(bus)?),

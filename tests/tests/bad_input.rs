@@ -85,6 +85,17 @@ fn a_profile_that_is_faulty_or_of_no_device_here_is_refused_with_its_place() {
         &["nowhere.toml", "could not be read"],
     );
     assert_says(&refused(&["--profile", &absent]), &["--profile", "--master hid"]);
+    // No mouse and no keyboard is taken because it is the first one.
+    for name in ["mouse", "keyboard"] {
+        assert_says(
+            &refused(&[&hid[..], &[name]].concat()),
+            &[name, "--node", "no mouse or keyboard is taken unasked"],
+        );
+        assert_says(
+            &refused(&[&hid[..], &[name, "--node", "/dev/input/by-id/nobodys"]].concat()),
+            &["/dev/input/by-id/nobodys", "plug it in"],
+        );
+    }
 }
 
 #[test]

@@ -307,7 +307,13 @@ fn readers(folder: &TempFolder) -> Vec<Reader<'_>> {
         },
         Reader {
             name: "profile",
-            seeds: vec![shipped("master/profiles/extreme-3d-pro.toml"), shipped("master/profiles/xbox-360.toml")],
+            seeds: vec![
+                shipped("master/profiles/extreme-3d-pro.toml"),
+                shipped("master/profiles/xbox-360.toml"),
+                // As somebody's own: with a device.
+                [b"id = \"0627:0001\"\n", &shipped("master/profiles/mouse.toml")[..]].concat(),
+                [b"id = \"0627:0001\"\n", &shipped("master/profiles/keyboard.toml")[..]].concat(),
+            ],
             n_inputs: 1000,
             read: Box::new(|bytes| drop(Profile::parse("fuzz", &String::from_utf8_lossy(bytes)))),
         },

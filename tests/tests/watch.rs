@@ -191,3 +191,25 @@ fn a_stick_is_calibrated_into_a_profile_that_shows_its_deflection_and_an_axis_th
     let absent = Ended::of(&run, PATIENCE);
     assert!(absent.sentence().contains("looked for 046d:c2ff (Stick)"), "the chain reads it: {}", absent.stderr);
 }
+
+#[test]
+fn a_mouse_and_a_keyboard_are_shown_with_their_deflection_and_have_nothing_to_be_calibrated() {
+    let folder = TempFolder::new("mouse");
+    for (name, told, line) in [
+        ("mouse", &[(2, 0, 16), (2, 0, -3), (1, 0x110, 1)][..], "REL_X   +13 = x   +0 %  buttons BTN_LEFT"),
+        (
+            "keyboard",
+            &[(1, 106, 1), (1, 106, 2), (1, 108, 1), (1, 103, 1)],
+            "KEY_RIGHT/KEY_LEFT = x  +50 %  KEY_DOWN/KEY_UP = z   +0 %  KEY_PAGEDOWN/KEY_PAGEUP = y   +0 %  KEY_E/KEY_Q = rz   +0 %  buttons KEY_RIGHT KEY_DOWN KEY_UP",
+        ),
+    ] {
+        let file = folder.file(name);
+        std::fs::write(&file, events(told)).expect("written");
+        let live = Ended::of(&["devices", "--live", "--node", &file, "--profile", name], PATIENCE);
+        assert_eq!(live.stdout.lines().last(), Some(line), "{}", live.stderr);
+        let out = folder.file("out.toml");
+        let refused = Ended::of(&["devices", "--calibrate", &out, "--node", &file, "--profile", name], PATIENCE);
+        assert!(refused.sentence().contains("have neither rest nor range"), "{}", refused.stderr);
+        assert!(!Path::new(&out).exists());
+    }
+}

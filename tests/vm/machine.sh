@@ -58,7 +58,9 @@ add_module() {
   echo "$name" >>"$2/lib/modules/order"
 }
 
-# boot CACHE TREE CONSOLE SHIFT SECONDS WORDS: runs the machine until it switches off; an instruction takes 2^SHIFT ns.
+# boot CACHE TREE CONSOLE CLOCK SECONDS WORDS [OPTION...]: runs the machine until it switches off. CLOCK is QEMU's -icount: with
+# shift=N an instruction takes 2^N ns, with sleep=off the machine never waits, with sleep=on it waits as long as the host does. OPTIONs
+# are QEMU's.
 boot() {
   local usr=$1/root/usr qemu=(qemu-system-x86_64)
   (cd "$2" && find . | "$1/root/bin/busybox" cpio -o -H newc 2>/dev/null) >"$2.cpio"
@@ -66,8 +68,8 @@ boot() {
     qemu=(env "LD_LIBRARY_PATH=$usr/lib/x86_64-linux-gnu:$1/root/lib/x86_64-linux-gnu" "$usr/bin/qemu-system-x86_64")
     qemu+=(-L "$usr/share/qemu" -L "$usr/share/seabios")
   fi
-  # One processor whose clock counts instructions and which never waits: a busy host makes it slower, not later.
-  timeout "$5" "${qemu[@]}" -accel tcg -icount shift="$4",sleep=off -M pc -cpu max -m 512 -nodefaults -no-user-config \
+  # One processor whose clock counts instructions: a busy host makes it slower, not later.
+  timeout "$5" "${qemu[@]}" -accel tcg -icount "$4" -M pc -cpu max -m 512 -nodefaults -no-user-config \
     -display none -serial stdio -no-reboot -kernel "$(find "$1/kernel/boot" -name 'vmlinuz-*' | head -n 1)" -initrd "$2.cpio" \
-    -append "console=ttyS0 panic=-1 quiet $6" </dev/null 2>&1 | tr -d '\r' >"$3"
+    -append "console=ttyS0 panic=-1 quiet $6" "${@:7}" </dev/null 2>&1 | tr -d '\r' >"$3"
 }

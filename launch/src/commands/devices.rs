@@ -6,7 +6,7 @@ mod live;
 use crate::cli_devices::DevicesArgs;
 use crate::print;
 use anyhow::Context;
-use krait_master::{DeviceInfo, InputDevice, Profile, RULES_FILE};
+use krait_master::{DeviceInfo, InputDevice, MasterError, Profile, ProfileDevice, RULES_FILE};
 use krait_report::Table;
 use serde::Serialize;
 use std::fs::File;
@@ -24,6 +24,8 @@ struct Device {
     serial: String,
     /// The name of the hand controller if krait knows its reports or a profile is of it.
     known_as: Option<String>,
+    /// The built-in profile that would fit a mouse or keyboard, which is a hand only where it is named with `--node`.
+    could_be: Option<&'static str>,
     may_open: bool,
     /// Axes and buttons of an input node, as a profile names them.
     axes: Vec<String>,
@@ -42,16 +44,18 @@ pub fn run(args: &DevicesArgs) -> anyhow::Result<ExitCode> {
         return live::run(args);
     }
     anyhow::ensure!(
-        args.node.is_none() && args.seconds.is_none(),
-        "--node and --seconds are for --live and --calibrate; add one of them, or leave them out for the list"
+        args.seconds.is_none(),
+        "--seconds is for --live and --calibrate; add one of them, or leave it out for the list"
     );
-    let mut profiles: Vec<Profile> = Profile::shipped()?.into_iter().map(|(_, profile)| profile).collect();
-    if let Some(path) = &args.profile {
-        // One's own comes first.
-        profiles.insert(0, Profile::load(path)?);
-    }
+    anyhow::ensure!(
+        args.node.is_none() || args.profile.is_some(),
+        "--node says which device --profile is of, or is for --live and --calibrate; add one of them, or leave it out for the list"
+    );
+    // One's own comes first.
+    let own = args.profile.as_deref().map(|path| profile_of(path, args.node.as_deref())).transpose()?;
+    let shipped = Profile::shipped()?;
     let mut devices: Vec<Device> = krait_master::list_devices()?.into_iter().map(of_hid).collect();
-    devices.extend(krait_master::list_inputs().into_iter().map(|input| of_input(input, &profiles)));
+    devices.extend(krait_master::list_inputs().into_iter().map(|input| of_input(input, own.as_ref(), &shipped)));
     if let Some(path) = &args.write_udev {
         write_rules(path, &rules(&devices))?;
     }
@@ -65,6 +69,11 @@ pub fn run(args: &DevicesArgs) -> anyhow::Result<ExitCode> {
         print::out(&(table(&devices).to_string() + &advice(&devices)))?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// A profile, of the device that was named for it if one was.
+fn profile_of(path: &Path, node: Option<&Path>) -> Result<Profile, MasterError> {
+    node.map_or_else(|| Profile::load(path), |node| Profile::of_device(path, Some(node)))
 }
 
 /// The node of the device that shall be read: the one that was named, else the first that the profile is of.
@@ -88,16 +97,21 @@ fn of_hid(info: DeviceInfo) -> Device {
         product: info.product,
         serial: info.serial,
         known_as: info.known.map(|known| known.name.to_owned()),
+        could_be: None,
         may_open: info.may_open,
         axes: Vec::new(),
         buttons: Vec::new(),
     }
 }
 
-fn of_input(input: InputDevice, profiles: &[Profile]) -> Device {
-    let fitting = profiles.iter().find(|profile| input.is_of(profile) && input.has_all_of(profile));
+fn of_input(input: InputDevice, own: Option<&Profile>, shipped: &[(&'static str, Profile)]) -> Device {
+    let mut profiles = own.into_iter().chain(shipped.iter().map(|(_, profile)| profile));
+    let fitting = profiles.find(|profile| input.is_of(profile) && input.has_all_of(profile));
+    let unnamed =
+        shipped.iter().find(|(_, profile)| profile.device == ProfileDevice::Unnamed && input.has_all_of(profile));
     Device {
         known_as: fitting.map(|profile| profile.name.clone()),
+        could_be: unnamed.map(|(name, _)| *name).filter(|_| fitting.is_none()),
         udev_rule: input.udev_rule(),
         axes: input.axis_names(),
         buttons: input.button_names(),
@@ -125,7 +139,7 @@ fn rules(devices: &[Device]) -> Vec<&str> {
 fn write_rules(path: &Path, lines: &[&str]) -> anyhow::Result<()> {
     anyhow::ensure!(
         !lines.is_empty(),
-        "{} was not written: no hand controller that krait or a profile knows is here; plug it in, or name its profile with --profile",
+        "{} was not written: no hand controller that krait or a profile knows is here; plug it in, or name its profile with --profile, and of a mouse or keyboard its node with --node too",
         path.display()
     );
     let text = format!("# Hand controllers of krait, for the user at this seat.\n{}\n", lines.join("\n"));
@@ -136,7 +150,14 @@ fn write_rules(path: &Path, lines: &[&str]) -> anyhow::Result<()> {
 
 fn advice(devices: &[Device]) -> String {
     let missing = devices.iter().filter(|device| device.known_as.is_some() && !device.may_open);
-    missing.map(|device| format!("\n{} needs this line in {RULES_FILE}, then `sudo udevadm control --reload && sudo udevadm trigger`:\n  {}\n", device.path, device.udev_rule)).collect()
+    let mut said: String = missing.map(|device| format!("\n{} needs this line in {RULES_FILE}, then `sudo udevadm control --reload && sudo udevadm trigger`:\n  {}\n", device.path, device.udev_rule)).collect();
+    if let Some((device, name)) = devices.iter().find_map(|device| Some((device, device.could_be?))) {
+        said += &format!(
+            "\nA mouse or keyboard is a hand only where you name it, and then it does nothing else: `krait run --master hid --profile {name} --node {}`.\n",
+            device.path
+        );
+    }
+    said
 }
 
 fn table(devices: &[Device]) -> Table {
@@ -149,7 +170,9 @@ fn table(devices: &[Device]) -> Table {
             device.path.clone(),
             format!("{:04x}:{:04x}", device.vendor_id, device.product_id),
             device.product.clone(),
-            device.known_as.clone().unwrap_or_else(|| "no".to_owned()),
+            device.known_as.clone().unwrap_or_else(|| {
+                device.could_be.map_or_else(|| "no".to_owned(), |name| format!("with --profile {name}"))
+            }),
             count(&device.axes),
             count(&device.buttons),
             if device.may_open { "yes".to_owned() } else { "no".to_owned() },
@@ -169,13 +192,14 @@ mod tests {
             product_id: 0xc215,
             name: "Stick".to_owned(),
             axes: axes.to_vec(),
+            ways: Vec::new(),
             buttons: vec![0x120, 0x121, 0x122],
             may_open,
         }
     }
 
-    fn shipped() -> Vec<Profile> {
-        Profile::shipped().expect("good").into_iter().map(|(_, profile)| profile).collect()
+    fn shipped() -> Vec<(&'static str, Profile)> {
+        Profile::shipped().expect("good")
     }
 
     #[test]
@@ -185,7 +209,7 @@ mod tests {
             stick("/dev/input/event6", &[0, 1, 5], false),
             stick("/dev/input/event7", &[0], false),
         ];
-        let devices: Vec<Device> = nodes.into_iter().map(|node| of_input(node, &shipped())).collect();
+        let devices: Vec<Device> = nodes.into_iter().map(|node| of_input(node, None, &shipped())).collect();
         let names: Vec<Option<&str>> = devices.iter().map(|device| device.known_as.as_deref()).collect();
         assert_eq!(names, [Some("Logitech Extreme 3D Pro"), Some("Logitech Extreme 3D Pro"), None]);
         assert_eq!((devices[0].axes[2].as_str(), devices[0].buttons[0].as_str()), ("ABS_RZ", "BTN_TRIGGER"));
@@ -200,5 +224,40 @@ mod tests {
         std::fs::remove_file(&path).expect("removed");
         assert!(write_rules(&path, &[]).expect_err("nothing to write").to_string().contains("--profile"));
         assert!(!path.exists());
+    }
+
+    #[test]
+    fn a_mouse_and_a_keyboard_are_told_what_they_could_be_and_get_no_rule_before_they_are_named() {
+        let mouse = InputDevice {
+            ways: vec![0, 1, 8, 11],
+            buttons: vec![0x110, 0x111, 0x112],
+            name: "Wheel [Mouse]".to_owned(),
+            ..stick("/dev/input/event3", &[], true)
+        };
+        let keyboard = InputDevice {
+            buttons: (1..120).collect(),
+            name: "Keys".to_owned(),
+            ..stick("/dev/input/event4", &[], false)
+        };
+        let devices = [mouse.clone(), keyboard.clone()].map(|input| of_input(input, None, &shipped()));
+        assert_eq!([0, 1].map(|idx| devices[idx].could_be), [Some("mouse"), Some("keyboard")]);
+        assert_eq!(devices[0].axes, ["REL_X", "REL_Y", "REL_WHEEL", "REL_WHEEL_HI_RES"]);
+        assert!(rules(&devices).is_empty(), "nobody has named them");
+        let said = advice(&devices);
+        assert!(
+            said.contains("--profile mouse --node /dev/input/event3") && !said.contains("needs this line"),
+            "{said}"
+        );
+        assert!(table(&devices).to_string().contains("with --profile keyboard"));
+        let own = Profile::parse(
+            "own.toml",
+            "name = \"Mine\"\nid = \"046d:c215\"\nrelease = \"KEY_ESC\"\n[[axis]]\nof = \"x\"\nplus = \"KEY_D\"\nminus = \"KEY_A\"\n",
+        );
+        let own = own.expect("a profile");
+        let devices = [mouse, keyboard].map(|input| of_input(input, Some(&own), &shipped()));
+        assert_eq!((devices[0].known_as.as_deref(), devices[1].known_as.as_deref()), (None, Some("Mine")));
+        let lines = rules(&devices);
+        assert!(lines.len() == 1 && lines[0].contains("ATTRS{name}==\"Keys\""), "{lines:?}");
+        assert!(!devices[0].udev_rule.contains("ATTRS{name}"), "brackets mean something to udev");
     }
 }

@@ -146,8 +146,13 @@ fn configure(common: &Common, args: &RunArgs) -> anyhow::Result<Config> {
         let is_name = Profile::is_shipped(profile);
         config.master.profile = Some(if is_name { profile.clone() } else { absolute(profile)? });
     }
-    if let (MasterKind::Hid, Some(profile)) = (args.master, &config.master.profile) {
-        Profile::load(profile)?;
+    if let Some(node) = &args.node {
+        config.master.node = Some(absolute(node)?);
+    }
+    if let (MasterKind::Hid, Some(profile)) = (args.master, &config.master.profile)
+        && let Some(warning) = Profile::of_device(profile, config.master.node.as_deref())?.warning()
+    {
+        tracing::warn!("{warning}");
     }
     config.master.pose.listen = args.listen.or(config.master.pose.listen);
     if args.master == MasterKind::Pose {

@@ -8,6 +8,8 @@ enum Act {
     HidReport(Vec<u8>),
     Signal,
     Vanish,
+    Drop,
+    GiveBack,
 }
 
 struct FakePort(Arc<std::sync::Mutex<mpsc::Receiver<Act>>>, Arc<AtomicU64>);
@@ -20,6 +22,8 @@ impl HidPort for FakePort {
                 Ok(bytes.len())
             }
             Ok(Act::Signal) => Err(ReadFailure::Interrupted),
+            Ok(Act::Drop) => Err(ReadFailure::Dropped),
+            Ok(Act::GiveBack) => Err(ReadFailure::GivenBack),
             Ok(Act::Vanish) => Err(ReadFailure::Gone("unexpected poll error (device disconnected)".to_owned())),
             Err(_) => Ok(0),
         }
@@ -94,6 +98,30 @@ fn an_unplugged_device_is_told_and_found_again_after_failed_searches() {
     assert!(matches!(wait_for_event(&mut source), SourceEvent::Plugged));
     acts.send(Act::HidReport(vec![3, 1])).expect("report");
     assert!(matches!(wait_for_event(&mut source), SourceEvent::HidReport { .. }));
+}
+
+#[test]
+fn dropped_events_are_a_loss_of_what_was_known_and_the_same_port_goes_on() {
+    let (acts, light, mut source) = device(u32::MAX);
+    acts.send(Act::Drop).expect("drop");
+    acts.send(Act::HidReport(vec![3, 1])).expect("report");
+    assert!(matches!(wait_for_event(&mut source), SourceEvent::Unplugged));
+    assert!(matches!(wait_for_event(&mut source), SourceEvent::Plugged));
+    assert!(matches!(wait_for_event(&mut source), SourceEvent::HidReport { .. }), "without a search, which would fail");
+    assert_eq!(light.load(Ordering::SeqCst), 1);
+}
+
+#[test]
+fn a_device_that_was_given_back_is_lost_and_not_taken_again() {
+    let (acts, light, mut source) = device(0);
+    acts.send(Act::GiveBack).expect("give back");
+    acts.send(Act::HidReport(vec![3, 1])).expect("nobody reads it");
+    assert!(matches!(wait_for_event(&mut source), SourceEvent::Unplugged));
+    while !source.thread.as_ref().is_some_and(JoinHandle::is_finished) {
+        std::thread::yield_now();
+    }
+    assert!(source.next_event(0).is_none(), "no search, no report");
+    assert_eq!(light.load(Ordering::SeqCst), 0);
 }
 
 #[test]

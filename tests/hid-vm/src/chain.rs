@@ -72,11 +72,19 @@ impl VmChain {
     /// # Errors
     /// It ended or did not come up.
     pub fn start(name: &str, user: User, seconds: f64) -> anyhow::Result<Self> {
+        Self::start_with(name, user, seconds, &[])
+    }
+
+    /// The same with more arguments.
+    ///
+    /// # Errors
+    /// It ended or did not come up.
+    pub fn start_with(name: &str, user: User, seconds: f64, more: &[&str]) -> anyhow::Result<Self> {
         let recording = PathBuf::from(format!("/tmp/{name}.mcap"));
         let (path, seconds) = (recording.display().to_string(), seconds.to_string());
         let arguments =
             ["run", "--master", "hid", "--json", "--seconds", &seconds, "--recording", &path, "--instance", name];
-        let mut child = command(user, &arguments)
+        let mut child = command(user, &[&arguments[..], more].concat())
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())

@@ -6,18 +6,24 @@
 mod chain;
 mod model;
 mod parts;
+mod qmp;
 mod spacemouse;
 mod uhid;
+mod usb_hand;
 #[path = "../../vm/verdict.rs"]
 mod verdict;
 
 use anyhow::bail;
+use qmp::Qmp;
 use spacemouse::DeviceFault;
+use std::cell::RefCell;
 use std::process::ExitCode;
+use std::rc::Rc;
 use verdict::PartVerdict;
 
 fn main() -> ExitCode {
     let all = match fault() {
+        Ok(fault) if std::env::var("KRAIT_HID_VM_PARTS").as_deref() == Ok("usb") => run_usb_parts(fault),
         Ok(fault) => run_parts(fault),
         Err(error) => {
             println!("HID-VM arguments FAIL {error:#}");
@@ -29,10 +35,10 @@ fn main() -> ExitCode {
 }
 
 /// One part's name and what it does.
-type Part = (&'static str, Box<dyn Fn() -> anyhow::Result<PartVerdict>>);
+type Part = (&'static str, Box<dyn FnMut() -> anyhow::Result<PartVerdict>>);
 
 fn run_parts(fault: DeviceFault) -> bool {
-    let parts: [Part; 7] = [
+    run_all([
         ("devices", Box::new(parts::devices)),
         ("chain", Box::new(move || parts::chain(fault))),
         ("control", Box::new(parts::control)),
@@ -40,9 +46,35 @@ fn run_parts(fault: DeviceFault) -> bool {
         ("receiver", Box::new(parts::receiver)),
         ("unreadable", Box::new(parts::unreadable)),
         ("malformed", Box::new(parts::malformed)),
-    ];
+    ])
+}
+
+/// Those that need QEMU's own devices, in a machine that can ask for them.
+fn run_usb_parts(fault: DeviceFault) -> bool {
+    let qmp = match Qmp::open() {
+        Ok(qmp) => Rc::new(RefCell::new(qmp)),
+        Err(error) => {
+            println!("HID-VM qmp FAIL {error:#}");
+            return false;
+        }
+    };
+    let part = |part: fn(&mut Qmp, DeviceFault) -> anyhow::Result<PartVerdict>| {
+        let qmp = Rc::clone(&qmp);
+        Box::new(move || part(&mut qmp.borrow_mut(), fault))
+    };
+    run_all([
+        ("mouse", part(parts::mouse)),
+        ("tablet", part(|qmp, _| parts::tablet(qmp))),
+        ("keyboard", part(parts::keyboard)),
+        ("usb_control", part(|qmp, _| parts::usb_control(qmp))),
+        ("usb_chain", part(|qmp, _| parts::usb_chain(qmp))),
+        ("replug", part(|qmp, _| parts::replug(qmp))),
+    ])
+}
+
+fn run_all<const N: usize>(parts: [Part; N]) -> bool {
     let mut all = true;
-    for (name, part) in parts {
+    for (name, mut part) in parts {
         match part() {
             Ok(verdict) => {
                 all &= verdict.passed();

@@ -7,7 +7,7 @@ use crate::{print, signals};
 use anyhow::{Context, bail, ensure};
 use core::time::Duration;
 use krait_ipc::clock::monotonic_ns;
-use krait_master::{HandCalibration, InputWatch, Profile};
+use krait_master::{HandCalibration, InputWatch, Profile, ProfileAxis};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -37,6 +37,16 @@ pub(super) fn run(args: &DevicesArgs, path: &Path) -> anyhow::Result<ExitCode> {
             bail!("which device? name its node with --node (`krait devices` lists them), or its profile with --profile")
         }
     };
+    if let Some(profile) = &profile
+        && !profile.axes.iter().any(|axis| axis.place().is_some())
+    {
+        let names: Vec<String> = profile.axes.iter().map(ProfileAxis::name).collect();
+        bail!(
+            "nothing of the profile {:?} can be calibrated: {} have neither rest nor range; set `full_counts_per_s` of a way and `deflection` of keys in a profile of your own (docs/hands.md), and look at them with `krait devices --live`",
+            profile.name,
+            names.join(", ")
+        );
+    }
     let stop = signals::stop_flag()?;
     // Only looked at first: of a device without axes, a keyboard may be, nothing shall be taken away.
     let looked = InputWatch::open(&node, false)?;
@@ -48,7 +58,7 @@ pub(super) fn run(args: &DevicesArgs, path: &Path) -> anyhow::Result<ExitCode> {
     let profile = profile.unwrap_or_else(|| Profile::of_input(looked.device(), &node, &named));
     ensure!(
         !profile.axes.is_empty(),
-        "{} has no axis that a hand could have (ABS_X to ABS_RZ); name its axes in a profile and that with --profile",
+        "{} has no axis with rest and range (ABS_X to ABS_RZ), so that nothing can be calibrated; of a mouse or keyboard use `--profile mouse` or `--profile keyboard` as it is (docs/hands.md), of another hand name its axes in a profile and that with --profile",
         node.display()
     );
     // A pipe is opened once: what it has told is gone.
@@ -90,8 +100,8 @@ pub(super) fn run(args: &DevicesArgs, path: &Path) -> anyhow::Result<ExitCode> {
     );
     std::fs::write(path, text)
         .with_context(|| format!("{} could not be written; name a file in a folder of yours", path.display()))?;
-    for axis in &profile.axes {
-        if let (Some([low, high]), Some(rest), Some(noise)) = (axis.range, axis.rest, axis.noise) {
+    for (axis, place) in profile.axes.iter().filter_map(|axis| Some((axis, axis.place()?))) {
+        if let (Some([low, high]), Some(rest), Some(noise)) = (place.range, place.rest, place.noise) {
             print::out(&format!("{}: {low} to {high}, rest {rest}, noise {noise}\n", axis.name()))?;
         }
     }

@@ -7,7 +7,8 @@ use anyhow::ensure;
 use core::time::Duration;
 use krait_ipc::clock::monotonic_ns;
 use krait_master::{
-    AXIS_LIMIT_COUNTS, AXIS_NAMES, Decoder, DeviceChoice, HidSource, InputWatch, Profile, ReportSource, SourceEvent,
+    AXIS_LIMIT_COUNTS, AXIS_NAMES, Decoder, DeviceChoice, HidSource, InputWatch, Profile, ProfileAxis, ReportSource,
+    SourceEvent,
 };
 use std::io::IsTerminal;
 use std::process::ExitCode;
@@ -72,16 +73,24 @@ impl Shown for Input {
 
     fn line(&self) -> String {
         let mut parts = Vec::new();
+        let known = self.profile.iter().flat_map(|profile| &profile.axes);
+        let part = |told: String, name: &str| {
+            let deflection = known.clone().find(|known| known.name() == name);
+            let deflection = deflection.and_then(|known| Some((known, self.watch.deflection_counts(known)?)));
+            match deflection {
+                Some((known, counts)) => format!("{told} = {} {}", AXIS_NAMES[known.axis_idx], percent(counts)),
+                None => told,
+            }
+        };
         for axis in self.watch.axes() {
             let Some(value) = axis.value else { continue };
-            let part = format!("{} {value:5}", axis.name());
-            let of_profile =
-                self.profile.iter().flat_map(|profile| &profile.axes).find(|known| known.code == axis.code);
-            let deflection = of_profile.and_then(|known| Some((known, known.deflection_counts(axis)?)));
-            parts.push(match deflection {
-                Some((known, counts)) => format!("{part} = {} {}", AXIS_NAMES[known.axis_idx], percent(counts)),
-                None => part,
-            });
+            parts.push(part(format!("{} {value:5}", axis.name()), &axis.name()));
+        }
+        for way in self.watch.ways() {
+            parts.push(part(format!("{} {:+5}", way.name(), way.counts), &way.name()));
+        }
+        for keys in known.clone().filter(|known| known.keys().next().is_some()).map(ProfileAxis::name) {
+            parts.push(part(keys.clone(), &keys));
         }
         parts.push(buttons(&self.watch.pressed()));
         parts.join("  ")

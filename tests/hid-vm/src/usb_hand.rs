@@ -1,0 +1,162 @@
+//! A USB device of QEMU's own as krait's hand: krait's own code finds, takes and reads it, and a stranger listens at the same node.
+
+use crate::qmp::{Act, Qmp};
+use crate::spacemouse::{DeviceFault, wait_for};
+use anyhow::Context;
+use krait_ipc::clock;
+use krait_master::{HidReport, HidSource, InputDevice, Profile, ReportSource, SourceEvent, list_inputs};
+use std::fs::File;
+use std::io::Read;
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::Path;
+use std::time::Duration;
+
+/// How long something that must come is waited for, ns: a busy host may be slow.
+const PATIENCE_NS: i64 = 2_000_000_000;
+/// Silence after which nothing more comes, ns: many windows of a way.
+const SILENCE_NS: i64 = 300_000_000;
+
+/// Plugs a device in and waits for its node.
+///
+/// # Errors
+/// QEMU refuses, or the kernel makes no node of that name.
+pub fn plugged(qmp: &mut Qmp, driver: &str, name: &str) -> anyhow::Result<InputDevice> {
+    qmp.plug(driver)?;
+    let mut found = None;
+    wait_for("the node of QEMU's device", || {
+        found = list_inputs().into_iter().find(|input| input.name.contains(name) && input.may_open);
+        found.is_some()
+    })?;
+    found.context("the node has gone again")
+}
+
+/// Pulls it out and waits until its node is gone.
+///
+/// # Errors
+/// QEMU refuses, or the kernel keeps the node.
+pub fn unplugged(qmp: &mut Qmp, driver: &str, name: &str) -> anyhow::Result<()> {
+    qmp.unplug(driver)?;
+    wait_for("the end of the node of QEMU's device", || !list_inputs().iter().any(|input| input.name.contains(name)))
+}
+
+/// A built-in profile for a device.
+///
+/// # Errors
+/// The profile is bad.
+pub fn profile_for(name: &str, device: &InputDevice) -> anyhow::Result<Profile> {
+    Ok(Profile::of_device(Path::new(name), Some(&device.node))?)
+}
+
+/// The hand as krait reads it.
+pub struct UsbHand {
+    source: HidSource,
+    /// The newest motion: a port repeats it, and that is no news.
+    motion: Option<HidReport>,
+    /// Whether the device was lost, and whether it was found again, since this was looked at.
+    pub was_lost: bool,
+    /// Whether it was found again.
+    pub was_found: bool,
+}
+
+impl UsbHand {
+    /// Takes the device of a profile.
+    ///
+    /// # Errors
+    /// krait cannot.
+    pub fn take(profile: Profile) -> anyhow::Result<Self> {
+        let source = HidSource::open_profile(profile)?;
+        Ok(Self { source, motion: None, was_lost: false, was_found: false })
+    }
+
+    /// The next report that says something new; none when the time is up, ns.
+    pub fn next(&mut self, patience_ns: i64) -> Option<HidReport> {
+        let until_ns = clock::monotonic_ns() + patience_ns;
+        while clock::monotonic_ns() < until_ns {
+            self.source.wait_until(until_ns.min(clock::monotonic_ns() + 20_000_000));
+            match self.source.next_event(clock::monotonic_ns()) {
+                Some(SourceEvent::HidReport { report, .. }) => {
+                    // What krait cannot decode would be missing in the sequence.
+                    let Ok(report) = HidReport::decode(report.as_bytes()) else { continue };
+                    if report.is_motion() && self.motion.replace(report) == Some(report) {
+                        continue;
+                    }
+                    return Some(report);
+                }
+                Some(SourceEvent::Unplugged) => (self.was_lost, self.motion) = (true, None),
+                Some(SourceEvent::Plugged) => self.was_found = true,
+                _ => {}
+            }
+        }
+        None
+    }
+
+    /// The axes of the next motion, also where they are as before; none after silence.
+    pub fn next_motion(&mut self) -> Option<[i16; 6]> {
+        let until_ns = clock::monotonic_ns() + SILENCE_NS;
+        loop {
+            self.motion = None;
+            match self.next(until_ns - clock::monotonic_ns())? {
+                HidReport::Motion(axes) => return Some(axes),
+                _ => continue,
+            }
+        }
+    }
+
+    /// Waits for something that is seen while reports go by.
+    ///
+    /// # Errors
+    /// It does not come about.
+    pub fn wait_for(&mut self, what: &str, done: impl Fn(&Self) -> bool) -> anyhow::Result<()> {
+        wait_for(what, || {
+            self.next(10_000_000);
+            done(self)
+        })
+    }
+
+    /// Plays a scene: each act, and what krait must make of it before the next. Gives what it made of all of them, and what came
+    /// behind the last. A fault leaves out the act in the middle.
+    ///
+    /// # Errors
+    /// QEMU refuses.
+    pub fn play(&mut self, qmp: &mut Qmp, scene: &Scene, fault: DeviceFault) -> anyhow::Result<Vec<HidReport>> {
+        let mut heard = Vec::new();
+        for (idx, (acts, due)) in scene.iter().enumerate() {
+            let is_spoiled = fault == DeviceFault::Drop && idx == scene.len() / 2;
+            if !is_spoiled {
+                qmp.act(acts)?;
+            }
+            heard.extend(due.iter().map_while(|_| self.next(PATIENCE_NS)));
+        }
+        heard.extend(std::iter::from_fn(|| self.next(SILENCE_NS)));
+        Ok(heard)
+    }
+}
+
+/// What a person does, and the reports that must come of it.
+pub type Scene = Vec<(Vec<Act>, Vec<HidReport>)>;
+
+/// All reports of a scene.
+pub fn due(scene: &Scene) -> Vec<HidReport> {
+    scene.iter().flat_map(|(_, due)| due.iter().copied()).collect()
+}
+
+/// Another program that reads the same node, and may.
+pub struct Stranger(File);
+
+impl Stranger {
+    /// Begins to listen.
+    ///
+    /// # Errors
+    /// The node cannot be opened.
+    pub fn at(device: &InputDevice) -> anyhow::Result<Self> {
+        let file = File::options().read(true).custom_flags(libc::O_NONBLOCK).open(&device.node);
+        Ok(Self(file.with_context(|| device.node.display().to_string())?))
+    }
+
+    /// Bytes that came since, up to some kilobytes.
+    pub fn heard(&mut self) -> usize {
+        std::thread::sleep(Duration::from_millis(50));
+        let mut bytes = [0; 4096];
+        self.0.read(&mut bytes).unwrap_or(0)
+    }
+}
