@@ -49,7 +49,8 @@ fn run_named(common: &Common, process: &ProcessVerb) -> anyhow::Result<()> {
         ProcessVerb::Master(args) => run_master(&bus, &config, args, &stop)?,
         ProcessVerb::Resolve(args) => {
             let machine = &config.model()?.machine;
-            krait_bridge::run_resolve(&bus, machine, config.resolve, &config.joints, feed(args.cued), &stop)?;
+            let feed = feed(args.cued);
+            krait_bridge::run_resolve(&bus, machine, config.resolve, &config.joints, config.gripper, feed, &stop)?;
         }
         ProcessVerb::Compensate(args) => {
             let machine = &config.model()?.machine;
@@ -102,7 +103,7 @@ fn record_until(bus: &Bus, stop: &AtomicBool) -> impl FnMut() -> bool {
 /// The simulated machine that goes with the model.
 fn simulation(config: &Config) -> anyhow::Result<Simulation> {
     Ok(match config.model()?.machine {
-        LiveModel::Snake(_) => Simulation::Snake,
+        LiveModel::Snake(chain) => Simulation::Snake(chain.gripper().map(|gripper| gripper.numbers().wire_m_per_rad)),
         LiveModel::Joints(joints) => Simulation::Joints(joints.n()),
         LiveModel::Segments(segments) => Simulation::Segments(segments_of(segments.parameters())),
     })
@@ -129,6 +130,10 @@ fn segments_of(model: &SegmentsParameters) -> SegmentsOfModel {
 /// Real drives must be as many as the machine of the model has lines or joints.
 fn check_actuators(config: &Config) -> anyhow::Result<()> {
     let (found, expected) = match config.model()?.machine {
+        LiveModel::Snake(chain) if chain.gripper().is_some() => bail!(
+            "the model has a [gripper], and [slave.drive] names real drives, which krait drives without one only; leave [gripper] out of the \
+             model, or try it with --slave sim"
+        ),
         LiveModel::Snake(_) => (config.slave.drive.actuator.len(), N_LINES),
         LiveModel::Joints(joints) => (config.slave.drive.actuator.len(), joints.n()),
         LiveModel::Segments(segments) => (config.slave.drive.actuator.len(), segments.chain().machine().n_lines()),
