@@ -164,7 +164,11 @@ impl CompensateCore {
             return Err(Refused { reason: Reason::OutOfRange, found: found as f64, limit: self.n_actuators as f64 });
         }
         let jaw_rad = setpoint.joints_rad[JAW];
-        if jaw_rad.is_finite() { Ok(()) } else { Err(Refused { reason: Reason::NotFinite, found: jaw_rad, limit: f64::MAX }) }
+        if jaw_rad.is_finite() {
+            Ok(())
+        } else {
+            Err(Refused { reason: Reason::NotFinite, found: jaw_rad, limit: f64::MAX })
+        }
     }
 
     /// Does what [`CompensateCore::step`] does and forgets it, so that the processor has at hand what the next step needs.

@@ -8,8 +8,8 @@
 
 use crate::config::CompensateConfig;
 use crate::reach::{Reach, Wish};
-use krait_ipc::Reasons;
 use krait_ipc::Reason;
+use krait_ipc::Reasons;
 use krait_ipc::message::{Command, GRIPPER_WIRE, JAW, N_WITH_GRIPPER, Setpoint, SlaveState};
 use krait_model::gripper::Gripper;
 use krait_model::joints::{JointCompensator, JointInverseSettings};

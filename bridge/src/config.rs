@@ -205,7 +205,8 @@ mod tests {
         assert!(error.to_string().starts_with("[resolve] max_bend_rad = 60: expected 0.05 to 1.57"), "{error}");
         let error = CompensateConfig { max_load_n: f64::NAN, ..CompensateConfig::default() }.check().expect_err("NaN");
         assert_eq!(error.key, "max_load_n");
-        let error = GripperConfig { open_per_turn: [0.0, 11.0, 0.0], ..GripperConfig::default() }.check().expect_err("11");
+        let error =
+            GripperConfig { open_per_turn: [0.0, 11.0, 0.0], ..GripperConfig::default() }.check().expect_err("11");
         assert!(error.to_string().starts_with("[gripper] open_per_turn = 11: expected -10 to 10"), "{error}");
     }
 }

@@ -12,8 +12,8 @@
 use crate::config::{GripperConfig, JointsConfig, ResolveConfig};
 use crate::resolve_jaw::JawMotion;
 use crate::step::{
-    BridgeError, MAX_TIP_VEL_M_PER_S, Refused, Step, check_hand, check_order_and_numbers, reasons_to_hold, seconds_between,
-    stamps_begun, step_s, tell_resolve_ages,
+    BridgeError, MAX_TIP_VEL_M_PER_S, Refused, Step, check_hand, check_order_and_numbers, reasons_to_hold,
+    seconds_between, stamps_begun, step_s, tell_resolve_ages,
 };
 use crate::{Feed, JointMachine, JointResolveCore, LiveModel, SegmentResolveCore, feed};
 use core::sync::atomic::AtomicBool;

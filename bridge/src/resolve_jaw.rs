@@ -86,8 +86,13 @@ impl JawMotion {
     }
 
     fn limited(&self, input: &OperatorInput, reasons: &mut Reasons) -> f64 {
-        let turned: f64 =
-            self.config.open_per_turn.iter().zip(input.tip_angular_vel_in_view_rad_per_s).map(|(part, w)| part * w).sum();
+        let turned: f64 = self
+            .config
+            .open_per_turn
+            .iter()
+            .zip(input.tip_angular_vel_in_view_rad_per_s)
+            .map(|(part, w)| part * w)
+            .sum();
         let asked = input.jaw_direction() * self.config.button_rad_per_s + turned;
         let most = self.max_vel_rad_per_s;
         reasons.insert_if(Reason::JointRateLimit, asked.abs() > most);

@@ -4,7 +4,9 @@ use crate::budget::Budget;
 use crate::in_force::{Compensation, ModelInForce};
 use crate::print::wrapped;
 use anyhow::{Context, bail};
-use krait_bridge::{CompensateConfig, EstimateConfig, GripperConfig, JointMachine, JointsConfig, LiveModel, ResolveConfig};
+use krait_bridge::{
+    CompensateConfig, EstimateConfig, GripperConfig, JointMachine, JointsConfig, LiveModel, ResolveConfig,
+};
 use krait_ipc::setting::Setting;
 use krait_ipc::{Realtime, input};
 use krait_master::{MasterConfig, PoseConfig};
@@ -13,7 +15,7 @@ use krait_model::gripper::Gripper;
 use krait_model::segments::SegmentParameters;
 use krait_record::RecordConfig;
 use krait_shape::GateConfig;
-use krait_slave::{ActuatorConfig, DriveConfig, Limits, SlaveConfig};
+use krait_slave::{ActuatorConfig, DriveConfig, DriveKind, Limits, SlaveConfig};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -194,6 +196,12 @@ impl Config {
 
     /// The model of a gripper may steer a jaw, and the wire's way is within what a command may be.
     fn check_gripper(&self, gripper: &Gripper) -> anyhow::Result<()> {
+        if self.slave.drive.kind != DriveKind::Sim {
+            bail!(
+                "the model has a [gripper], and [slave.drive] names real drives, with which krait drives no gripper yet; leave [gripper] out \
+                 of the model, or try it with --slave sim"
+            );
+        }
         let (found_m, stroke_m) = (gripper.travel_m(), self.compensate.max_stroke_m);
         if found_m > stroke_m {
             bail!(

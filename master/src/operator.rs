@@ -107,7 +107,8 @@ impl Operator {
             };
         let is_clutched = self.clutch.is_in(hand.buttons);
         let moves = is_present && !is_clutched;
-        let jaw = if moves { jaw_flags(self.jaw_open.is_in(hand.buttons), self.jaw_close.is_in(hand.buttons)) } else { 0 };
+        let jaw =
+            if moves { jaw_flags(self.jaw_open.is_in(hand.buttons), self.jaw_close.is_in(hand.buttons)) } else { 0 };
         OperatorMotion {
             tip_vel_in_view_m_per_s: if moves { vel } else { [0.0; 3] },
             tip_angular_vel_in_view_rad_per_s: if moves { turn } else { [0.0; 3] },

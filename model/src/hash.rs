@@ -77,7 +77,8 @@ pub(crate) fn of_snake(
     content.effects(effects);
     if let Some(gripper) = gripper {
         content.word("gripper");
-        let GripperNumbers { wire_m_per_rad, range_deg: [closed_deg, open_deg], max_vel_deg_per_s } = *gripper.numbers();
+        let GripperNumbers { wire_m_per_rad, range_deg: [closed_deg, open_deg], max_vel_deg_per_s } =
+            *gripper.numbers();
         content.numbers([wire_m_per_rad, closed_deg, open_deg, max_vel_deg_per_s]);
         content.effects(gripper.effects());
     }

@@ -1,6 +1,6 @@
 //! How a replay steers a machine as an operator would: where it stands, and the velocities of the hand that bring it elsewhere.
 
-use krait_ipc::message::{MAX_JOINTS, N_LINES, Setpoint, SlaveState};
+use krait_ipc::message::{MAX_JOINTS, N_WITH_GRIPPER, Setpoint, SlaveState, n_actuators};
 use krait_model::Snake;
 use krait_model::segments::{Bends, MAX_BENDS, Segments};
 use krait_report::Lanes;
@@ -22,6 +22,8 @@ pub enum Steering {
         snake: Snake,
         /// From the base's frame to the operator's view.
         view_from_base: Rotation3<f64>,
+        /// Whether it has a gripper, whose jaw a trajectory leaves at its zero.
+        has_gripper: bool,
     },
     /// Joints: the hand's six velocities turn them by fixed rates.
     Joints {
@@ -44,9 +46,10 @@ pub enum Steering {
 }
 
 impl Steering {
-    /// A snake that is seen with a roll of the view.
-    pub fn snake(snake: Snake, view_roll_rad: f64) -> Self {
-        Self::Snake { snake, view_from_base: Rotation3::from_axis_angle(&Vector3::z_axis(), view_roll_rad).inverse() }
+    /// A snake, and whether it has a gripper, that is seen with a roll of the view.
+    pub fn snake(snake: Snake, has_gripper: bool, view_roll_rad: f64) -> Self {
+        let view_from_base = Rotation3::from_axis_angle(&Vector3::z_axis(), view_roll_rad).inverse();
+        Self::Snake { snake, view_from_base, has_gripper }
     }
 
     /// Segments that are seen with a roll of the view.
@@ -68,7 +71,7 @@ impl Steering {
     /// The velocities of the hand, linear (m/s) and angular (rad/s), that change the pose at this rate.
     pub(crate) fn hand_velocity(&self, pose: &MachinePose, rate_per_s: &MachinePose) -> Vector6<f64> {
         match self {
-            Self::Snake { snake, view_from_base } => {
+            Self::Snake { snake, view_from_base, .. } => {
                 let linear_rows = snake.j_x_bend(pose.fixed_rows::<2>(0).into_owned()).fixed_rows::<3>(0).into_owned();
                 let tip = view_from_base * (linear_rows * rate_per_s.fixed_rows::<2>(0));
                 Vector6::new(tip.x, tip.y, tip.z, 0.0, 0.0, 0.0)
@@ -104,6 +107,7 @@ impl Steering {
     /// How many actuators a setpoint says that there are, and a command after it; 0 is the three lines of a snake.
     pub(crate) fn n_actuators(&self) -> u32 {
         match self {
+            Self::Snake { has_gripper: true, .. } => N_WITH_GRIPPER as u32,
             Self::Snake { .. } => 0,
             Self::Joints { n, .. } => *n as u32,
             Self::Segments { machine, .. } => machine.n_lines() as u32,
@@ -112,7 +116,7 @@ impl Steering {
 
     /// Actuators of a command.
     pub fn n_commanded(&self) -> usize {
-        if let Self::Snake { .. } = self { N_LINES } else { self.n_actuators() as usize }
+        n_actuators(self.n_actuators())
     }
 
     /// The tip of a snake or of segments at a pose, m; NaN for joints.

@@ -131,7 +131,11 @@ mod tests {
         pull_to(&mut joint, 0.0);
         let truth = &joint.truth;
         let pull_n = truth.cable_n_per_m * (1e-3 - 0.5 * truth.slack_m);
-        assert!((joint.pulley_m() - 1e-3).abs() < 1e-12 && (joint.load_n() + pull_n).abs() < 1e-6, "{}", joint.load_n());
+        assert!(
+            (joint.pulley_m() - 1e-3).abs() < 1e-12 && (joint.load_n() + pull_n).abs() < 1e-6,
+            "{}",
+            joint.load_n()
+        );
         pull_to(&mut joint, 3e-3);
         assert!(joint.pulley_m() > 2e-3, "and it opens again");
     }

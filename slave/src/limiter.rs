@@ -207,7 +207,10 @@ impl Limiter {
     }
 
     fn knows_loads(&self, tau_n: &Actuators, findings: &mut Findings) -> bool {
-        let limited = self.limits.pull_n.is_finite() || self.limits.push_n.is_finite();
+        let has_jaw = self.n_together < self.n_actuators;
+        let limited = self.limits.pull_n.is_finite()
+            || self.limits.push_n.is_finite()
+            || (has_jaw && self.limits.jaw_n.is_finite());
         let n_known = tau_n.iter().take(self.n_actuators).filter(|tau| tau.is_finite()).count();
         let known = !limited || n_known == self.n_actuators;
         if !known {

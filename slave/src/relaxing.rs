@@ -70,7 +70,11 @@ impl<D: Drive> SlaveCore<D> {
 
     /// The largest load of actuators that hold each other, N; NaN where none is known. Whatever a gripper holds is let be.
     pub fn largest_load_n(&self) -> f64 {
-        self.reading.tau_n.iter().take(self.drive.traits().n_together).fold(f64::NAN, |largest, tau| tau.abs().max(largest))
+        self.reading
+            .tau_n
+            .iter()
+            .take(self.drive.traits().n_together)
+            .fold(f64::NAN, |largest, tau| tau.abs().max(largest))
     }
 
     /// Whether there is something to relax, and everything is known that it takes.

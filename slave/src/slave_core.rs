@@ -17,9 +17,8 @@ use crate::gate::largest;
 use crate::gates::{Gates, Writes};
 use crate::relaxing::LettingGo;
 use crate::{
-    ActuatorState, Drive, DriveError, DriveReading, Engagement, Findings, GateLimits, Homing, Limiter,
-    LimiterVerdict, Note, OnDisable, OperatingMachine, RelaxLimits, Situation, SlaveConfig, Switching,
-    TransitionRefused, Watchdog,
+    ActuatorState, Drive, DriveError, DriveReading, Engagement, Findings, GateLimits, Homing, Limiter, LimiterVerdict,
+    Note, OnDisable, OperatingMachine, RelaxLimits, Situation, SlaveConfig, Switching, TransitionRefused, Watchdog,
 };
 use krait_ipc::message::{Command, HopStamps, JointValues, MAX_JOINTS, OperatingState, StateCommand, Transition};
 use krait_ipc::{Reason, Reasons};

@@ -130,10 +130,6 @@ fn segments_of(model: &SegmentsParameters) -> SegmentsOfModel {
 /// Real drives must be as many as the machine of the model has lines or joints.
 fn check_actuators(config: &Config) -> anyhow::Result<()> {
     let (found, expected) = match config.model()?.machine {
-        LiveModel::Snake(chain) if chain.gripper().is_some() => bail!(
-            "the model has a [gripper], and [slave.drive] names real drives, which krait drives without one only; leave [gripper] out of the \
-             model, or try it with --slave sim"
-        ),
         LiveModel::Snake(_) => (config.slave.drive.actuator.len(), N_LINES),
         LiveModel::Joints(joints) => (config.slave.drive.actuator.len(), joints.n()),
         LiveModel::Segments(segments) => (config.slave.drive.actuator.len(), segments.chain().machine().n_lines()),

@@ -1,7 +1,7 @@
 //! From a model to text that reads back as the same model, with or without what each key means.
 
-use super::machine::{ForceMachine, Joints, Known, Machine, SNAKE_KEYS, SnakeMachine};
 use super::gripper::{self, FileGripper};
+use super::machine::{ForceMachine, Joints, Known, Machine, SNAKE_KEYS, SnakeMachine};
 use super::{FileEffect, HistoryEntry, MODEL_FILE_FORMAT, ModelFile, Origin, write_segments};
 use crate::effects::{Definition, EffectKind, FORMULA_VARIABLES, Inverse};
 use crate::joints::JointEffect;
@@ -50,7 +50,9 @@ pub fn documented_defaults() -> String {
         let hooks: Vec<_> = variable.hooks.iter().map(|hook| hook.word()).collect();
         out.comment(&format!("  {} [{}], at {}", variable.name, variable.meaning, hooks.join(", ")));
     }
-    out.comment("\nA gripper at the end of a snake; its wire's effects are those of joints, below, each as [[gripper.effect]].");
+    out.comment(
+        "\nA gripper at the end of a snake; its wire's effects are those of joints, below, each as [[gripper.effect]].",
+    );
     let mut own = Out { text: String::new(), documented: true };
     if let Ok(example) = FileGripper::example() {
         gripper::write(&mut own, &example);
