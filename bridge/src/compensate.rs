@@ -152,7 +152,7 @@ impl CompensateCore {
             reasons: reasons.bits(),
         };
         if let Some(jaw) = &self.jaw {
-            jaw.into_command(setpoint, &mut command);
+            jaw.add_to(setpoint, &mut command);
         }
         Ok(command)
     }

@@ -86,7 +86,7 @@ impl JawWire {
     }
 
     /// Puts the wire beside the lines.
-    pub(crate) fn into_command(&self, setpoint: &Setpoint, command: &mut Command) {
+    pub(crate) fn add_to(&self, setpoint: &Setpoint, command: &mut Command) {
         command.joints_rad[JAW] = setpoint.joints_rad[JAW];
         command.q_uncompensated_m[GRIPPER_WIRE] = self.q_uncompensated_m;
         command.q_tilde_m[GRIPPER_WIRE] = self.q_tilde_m;

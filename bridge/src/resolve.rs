@@ -124,7 +124,7 @@ impl ResolveCore {
         }
         let mut setpoint = self.setpoint(input, begun_ns, motion_scale, reasons);
         if let Some(jaw) = &self.jaw {
-            jaw.into_setpoint(&mut setpoint);
+            jaw.add_to(&mut setpoint);
         }
         Ok(setpoint)
     }

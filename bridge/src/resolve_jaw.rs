@@ -103,7 +103,7 @@ impl JawMotion {
     }
 
     /// Puts the jaw beside the snake.
-    pub(crate) fn into_setpoint(&self, setpoint: &mut Setpoint) {
+    pub(crate) fn add_to(&self, setpoint: &mut Setpoint) {
         let JawMemory { jaw_rad, vel_rad_per_s } = self.memory;
         (setpoint.joints_rad[JAW], setpoint.joints_vel_rad_per_s[JAW]) = (jaw_rad, vel_rad_per_s);
         setpoint.q_tilde_vel_m_per_s[GRIPPER_WIRE] = self.wire_m_per_rad * vel_rad_per_s;

@@ -39,7 +39,7 @@ fn shipped() -> Chain {
 fn hand(n: u64) -> OperatorInput {
     let phase = n as f64 * 2e-3;
     let mut input = input(n, [0.012 * phase.cos(), 0.009 * (1.3 * phase).sin(), 0.0]);
-    input.flags |= if n / 1000 % 2 == 0 { OperatorInput::JAW_OPENS } else { OperatorInput::JAW_CLOSES };
+    input.flags |= if (n / 1000).is_multiple_of(2) { OperatorInput::JAW_OPENS } else { OperatorInput::JAW_CLOSES };
     input
 }
 
@@ -247,8 +247,6 @@ fn the_first_command_after_a_hold_is_where_the_slave_has_the_jaws_wire_and_is_ea
     let setpoint = cores.resolve.step(&hand(501), hand(501).sample_ns).expect("a good input");
     let command = cores.compensate.step(&setpoint, setpoint.sample_ns).expect("a good setpoint");
     assert_eq!(command.q_tilde_m[GRIPPER_WIRE], held.setpoint_q_m[GRIPPER_WIRE]);
-    for line in 0..N_LINES {
-        let step_m = (command.q_tilde_m[line] - before[line]).abs();
-        assert!(step_m > 0.0 && step_m < 5e-5, "line {line} goes on: {step_m}");
-    }
+    let ways_m = command.q_tilde_m.iter().zip(before).take(N_LINES).map(|(now, before)| (now - before).abs());
+    assert!(ways_m.into_iter().all(|way_m| way_m > 0.0 && way_m < 5e-5), "the lines go on: {command:?}");
 }

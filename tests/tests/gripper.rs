@@ -105,6 +105,23 @@ fn what_the_messages_hold(with: &str, without: &str) {
     assert!(shape.valid_jaw_rad().is_none() && shape.joints_rad.iter().all(|own| own.is_nan()), "{shape:?}");
 }
 
+fn jaw_setpoints_rad(recording: &str) -> Vec<(i64, f64)> {
+    let samples = Recording::open(Path::new(recording)).expect("a recording").samples().expect("samples");
+    let jaw = |sample| if let Sample::Setpoint(own) = sample { Some((own.sample_ns, own.jaw_rad()?)) } else { None };
+    samples.filter_map(|recorded| jaw(recorded.expect("readable").sample)).collect()
+}
+
+/// The script leaves it where it is from 2 s to 4 s.
+fn jaw_rad_in_the_third_second(recording: &str) -> f64 {
+    let all = jaw_setpoints_rad(recording);
+    let from_ns = all.first().expect("setpoints").0 + 3_000_000_000;
+    all.iter().find(|(at_ns, _)| *at_ns > from_ns).expect("17 s").1
+}
+
+fn last_jaw_rad(recording: &str) -> f64 {
+    jaw_setpoints_rad(recording).last().expect("setpoints").1
+}
+
 fn what_is_made_of_it(folder: &TempFolder, off: &str, full: &str) {
     let (one, two) = (folder.file("one.mcap"), folder.file("two.mcap"));
     for again in [&one, &two] {
@@ -125,11 +142,16 @@ fn what_is_made_of_it(folder: &TempFolder, off: &str, full: &str) {
     let has_jaw = |line: &&str| line.split(',').nth(12).is_some_and(|cell| !cell.is_empty());
     let n_seen = text.lines().skip(1).filter(has_jaw).count();
     assert!(n_seen > 500, "{n_seen} rows with a measured jaw");
+    // Played from the middle, it begins with the jaw where it was.
+    let middle = folder.file("middle.mcap");
+    done(&["replay", full, "--from", "3", "--to", "3.5", "--speed", "max", "--recording", &middle, "--json"]);
+    let (was_rad, begins_rad) = (jaw_rad_in_the_third_second(full), last_jaw_rad(&middle));
+    assert!(was_rad > 0.5 && (begins_rad - was_rad).abs() < 0.03, "{begins_rad} rad, and it was {was_rad}");
     // The lab reads it like any snake's.
     let compared = Ended::of(&["lab", "compare", "--model", SHIPPED, "--data", full, "--json"], PATIENCE);
     assert_eq!(compared.code, Some(0), "{compared:?}");
     let path = folder.file("path.csv");
-    std::fs::write(&path, "time_s,bend_deg,plane_deg\n0,0,0\n1,10,0\n2,0,0\n").expect("written");
+    std::fs::write(&path, "time_s,bend_x_deg,bend_y_deg\n0,0,0\n1,10,0\n2,0,0\n").expect("written");
     let played = done(&["replay", &path, "--model", SHIPPED, "--recording", &folder.file("path.mcap"), "--json"]);
     assert_eq!(played["samples"]["lost"], 0, "{played}");
 }
