@@ -65,6 +65,7 @@ fn a_jaw_follows_its_buttons_while_the_snake_bends_better_with_its_effects_and_v
     assert!(plain_pass["jaw"].is_null(), "{plain_pass}");
     assert!(off_deg > 2.0, "an uncompensated jaw misses by {off_deg} deg");
     assert!(full_deg < 0.35 * off_deg, "{full_deg} deg with the wire's effects, {off_deg} deg without");
+    assert!(full_deg < 1.5 * CAMERA_DEG, "{full_deg} deg, and the camera alone has {CAMERA_DEG}");
     let jaw = &full_pass["jaw"]["joints"][0];
     assert!(jaw["peak_reached"].as_f64() > Some(30.0), "{jaw}");
     // The snake bends as well with a gripper as without: to the camera's noise.
