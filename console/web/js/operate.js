@@ -25,6 +25,7 @@ on('hello', message => {
   if (facts.joints) joints = new JointBars($('joints'), facts);
   write($('lines-title').firstChild, facts.joints && !facts.joints.n_segments ? 'Actuators ' : facts.jaw ? 'Lines and jaw ' : 'Lines ');
   $('jaw').hidden = !facts.jaw;
+  document.documentElement.toggleAttribute('data-jaw', Boolean(facts.jaw));
   if (facts.jaw) [$('jaw-bar').min, $('jaw-bar').max] = facts.jaw.map(degrees);
   makeDial();
   makeBars();
