@@ -6,6 +6,7 @@
 //! Failure: stale or foreign samples. The command then repeats the last one, with the reasons named.
 
 use crate::blend::Blend;
+use crate::compensate_jaw::{JawStep, JawWire};
 use crate::config::{CompensateConfig, JointsConfig};
 use crate::mismatch::{Mismatch, Seen};
 use crate::reach::{Reach, Wish};
@@ -16,7 +17,8 @@ use crate::step::{
 use crate::{Feed, JointCompensateCore, JointMachine, LiveModel, SegmentCompensateCore, feed};
 use core::sync::atomic::AtomicBool;
 use krait_ipc::message::{
-    Command, Health, MAX_JOINTS, ModelUpdate, N_LINES, Phase, Setpoint, SlaveState, lines as three_lines,
+    Command, Health, JAW, MAX_JOINTS, ModelUpdate, N_LINES, N_WITH_GRIPPER, Phase, Setpoint, SlaveState,
+    lines as three_lines, n_actuators,
 };
 use krait_ipc::{Bus, Process, Reason, Reasons};
 use krait_model::{Chain, ChainCompensator, Circumstances, ModelHash};
@@ -35,6 +37,8 @@ pub struct CompensateCore {
     state: Option<SlaveState>,
     mismatch: Mismatch,
     memory: Memory,
+    jaw: Option<JawWire>,
+    n_actuators: usize,
 }
 
 /// What one step leaves to the next, beside the lines' own memory.
@@ -62,6 +66,8 @@ impl CompensateCore {
             state: None,
             mismatch: Mismatch::of_snake(chain, &config),
             memory: Memory::default(),
+            jaw: chain.gripper().map(JawWire::new).transpose()?,
+            n_actuators: if chain.gripper().is_some() { N_WITH_GRIPPER } else { N_LINES },
         })
     }
 
@@ -93,6 +99,7 @@ impl CompensateCore {
         if bend.norm() > MAX_BEND_RAD {
             return Err(Refused { reason: Reason::OutOfRange, found: bend.norm(), limit: MAX_BEND_RAD });
         }
+        self.check_gripper(setpoint)?;
         let step_s = step_s(self.memory.before_ns, setpoint.sample_ns);
         self.memory.before_ns = Some(setpoint.sample_ns);
 
@@ -108,7 +115,11 @@ impl CompensateCore {
         let at = Circumstances::at(seconds_between(first_ns, setpoint.sample_ns));
         let n_faults = self.lines.n_formula_faults();
         let lines = self.lines.step(bend, &at);
-        let is_finite = self.lines.n_formula_faults() == n_faults;
+        let mut is_finite = self.lines.n_formula_faults() == n_faults;
+        if let Some(jaw) = &mut self.jaw {
+            let step = JawStep { at: &at, state: self.state.as_ref(), is_fresh: fresh && is_finite, step_s };
+            is_finite &= jaw.step(setpoint, &step, &self.config, &mut reasons);
+        }
         reasons.insert_if(Reason::FormulaFault, !is_finite);
         let wish = Wish {
             raw_m: lines.q_tilde_m,
@@ -119,7 +130,7 @@ impl CompensateCore {
         };
         let q_tilde_m = self.memory.reach.command(&wish, &self.config, &mut reasons);
         self.memory.sequence += 1;
-        Ok(Command {
+        let mut command = Command {
             sequence: self.memory.sequence,
             sample_ns: setpoint.sample_ns,
             stamps: stamps_begun(&setpoint.stamps, |s| s.compensate_begun_ns = begun_ns),
@@ -139,15 +150,35 @@ impl CompensateCore {
             n_learnt: self.blend.n_learnt(),
             phase: if fresh && is_finite && !trips { setpoint.phase } else { Phase::Holding as u32 },
             reasons: reasons.bits(),
-        })
+        };
+        if let Some(jaw) = &self.jaw {
+            jaw.add_to(setpoint, &mut command);
+        }
+        Ok(command)
+    }
+
+    /// A setpoint for a gripper that the model has not, or without the one that it has, is of another machine.
+    fn check_gripper(&self, setpoint: &Setpoint) -> Result<(), Refused> {
+        let found = n_actuators(setpoint.n_actuators);
+        if found != self.n_actuators {
+            return Err(Refused { reason: Reason::OutOfRange, found: found as f64, limit: self.n_actuators as f64 });
+        }
+        let jaw_rad = setpoint.joints_rad[JAW];
+        if jaw_rad.is_finite() {
+            Ok(())
+        } else {
+            Err(Refused { reason: Reason::NotFinite, found: jaw_rad, limit: f64::MAX })
+        }
     }
 
     /// Does what [`CompensateCore::step`] does and forgets it, so that the processor has at hand what the next step needs.
     /// No step comes out differently for it.
     pub fn warm_up(&mut self, setpoint: &Setpoint, begun_ns: i64) {
         let (memory, lines) = (self.memory, self.lines.memory());
+        self.jaw.iter_mut().for_each(JawWire::keep);
         let _forgotten = core::hint::black_box(self.step(setpoint, begun_ns));
         self.memory = memory;
+        self.jaw.iter_mut().for_each(JawWire::forget);
         self.lines.restore(&lines);
     }
 }

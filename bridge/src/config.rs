@@ -1,6 +1,6 @@
 //! What can be set about the bridge: every value with its unit, default, range and reason.
 
-use krait_ipc::setting::SettingError;
+use krait_ipc::setting::{SettingError, check};
 use krait_ipc::{WaitMode, settings};
 
 settings! {
@@ -114,6 +114,35 @@ settings! {
     }
 }
 
+settings! {
+    /// `resolve` with a snake that has a gripper: how the operator's hand moves the jaw.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct GripperConfig in "gripper" {
+        /// Speed of the jaw while a button (`jaw_open`, `jaw_close` in [master]) asks for it, rad/s; never more than the model's
+        /// `max_vel_deg_per_s`. 0.8: a jaw of 60 deg closes in 1.3 s.
+        button_rad_per_s: f64 = 0.8, 0.01..=12.0;
+        /// How far the jaw opens for each radian that the hand turns about x, y and z of the view, 1; -10 to 10 each. Zeros: turning,
+        /// which a snake has no other use for, does not move it.
+        open_per_turn: [f64; 3] = [0.0; 3];
+        /// The motion towards an end of the jaw's range fades out over this much, rad.
+        margin_rad: f64 = 3f64.to_radians(), 0.001..=0.5;
+        /// Largest change of the jaw's rate, rad/s^2.
+        max_accel_rad_per_s2: f64 = 20.0, 0.1..=2000.0;
+    }
+}
+
+impl GripperConfig {
+    /// Checks every range.
+    ///
+    /// # Errors
+    /// [`SettingError`] names the first key that is outside its range.
+    pub fn check(&self) -> Result<(), SettingError> {
+        let range = (-10.0, 10.0);
+        self.open_per_turn.iter().try_for_each(|part| check((Self::TABLE, "open_per_turn"), *part, range, 0.0))?;
+        self.check_ranges()
+    }
+}
+
 impl ResolveConfig {
     /// Checks every range.
     ///
@@ -167,6 +196,7 @@ mod tests {
         CompensateConfig::default().check().expect("compensate");
         EstimateConfig::default().check().expect("estimate");
         JointsConfig::default().check().expect("joints");
+        GripperConfig::default().check().expect("gripper");
     }
 
     #[test]
@@ -175,5 +205,8 @@ mod tests {
         assert!(error.to_string().starts_with("[resolve] max_bend_rad = 60: expected 0.05 to 1.57"), "{error}");
         let error = CompensateConfig { max_load_n: f64::NAN, ..CompensateConfig::default() }.check().expect_err("NaN");
         assert_eq!(error.key, "max_load_n");
+        let error =
+            GripperConfig { open_per_turn: [0.0, 11.0, 0.0], ..GripperConfig::default() }.check().expect_err("11");
+        assert!(error.to_string().starts_with("[gripper] open_per_turn = 11: expected -10 to 10"), "{error}");
     }
 }

@@ -14,6 +14,7 @@
 
 mod blend;
 mod compensate;
+mod compensate_jaw;
 mod compensate_joints;
 mod compensate_segments;
 mod config;
@@ -32,6 +33,7 @@ mod mismatch;
 mod pairing;
 mod reach;
 mod resolve;
+mod resolve_jaw;
 mod resolve_joints;
 mod resolve_segments;
 mod step;
@@ -39,7 +41,7 @@ mod step;
 pub use compensate::{CompensateCore, run_compensate};
 pub use compensate_joints::JointCompensateCore;
 pub use compensate_segments::SegmentCompensateCore;
-pub use config::{CompensateConfig, EstimateConfig, JointsConfig, ResolveConfig};
+pub use config::{CompensateConfig, EstimateConfig, GripperConfig, JointsConfig, ResolveConfig};
 pub use estimate::EstimateCore;
 pub use estimate_joints::JointEstimateCore;
 pub use feed::Feed;

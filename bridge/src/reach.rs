@@ -4,7 +4,7 @@
 //! follow, it is taken anew at every sample, so that the command equals the slave's setpoint; then it is let go.
 
 use crate::config::CompensateConfig;
-use krait_ipc::message::SlaveState;
+use krait_ipc::message::{GRIPPER_WIRE, SlaveState};
 use krait_ipc::{Reason, Reasons};
 use nalgebra::SVector;
 
@@ -14,6 +14,10 @@ const EASED_M: f64 = 1e-9;
 /// What one command leaves to the next, for N actuators.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Reach<const N: usize> {
+    /// Place of its first actuator.
+    first: usize,
+    /// The slave's word that these actuators follow.
+    following: u32,
     offset_m: SVector<f64, N>,
     command_m: Option<SVector<f64, N>>,
     load_n: f64,
@@ -21,7 +25,15 @@ pub(crate) struct Reach<const N: usize> {
 
 impl<const N: usize> Default for Reach<N> {
     fn default() -> Self {
-        Self { offset_m: SVector::zeros(), command_m: None, load_n: 0.0 }
+        let following = SlaveState::FOLLOWING;
+        Self { first: 0, following, offset_m: SVector::zeros(), command_m: None, load_n: 0.0 }
+    }
+}
+
+impl Reach<1> {
+    /// For the actuator behind a snake's lines, which stands alone.
+    pub(crate) fn behind_lines() -> Self {
+        Self { first: GRIPPER_WIRE, following: SlaveState::JAW_FOLLOWING, ..Self::default() }
     }
 }
 
@@ -56,8 +68,8 @@ impl<const N: usize> Reach<N> {
     /// The offset that makes the first command equal the slave's setpoint, and then fades.
     fn offset_for(&mut self, wish: &Wish<'_, N>, config: &CompensateConfig, reasons: &mut Reasons) -> SVector<f64, N> {
         let Some(state) = wish.state else { return self.offset_m };
-        if state.flags & SlaveState::FOLLOWING == 0 {
-            self.offset_m = SVector::from_fn(|i, _| state.setpoint_q_m[i]) - wish.raw_m;
+        if state.flags & self.following == 0 {
+            self.offset_m = SVector::from_fn(|i, _| state.setpoint_q_m[self.first + i]) - wish.raw_m;
             self.command_m = None;
         } else {
             let distance_m = self.offset_m.norm();

@@ -9,10 +9,11 @@
 //!
 //! Failure: no operator, no slave, stale samples. The setpoint then comes to rest within the acceleration limit and holds.
 
-use crate::config::{JointsConfig, ResolveConfig};
+use crate::config::{GripperConfig, JointsConfig, ResolveConfig};
+use crate::resolve_jaw::JawMotion;
 use crate::step::{
-    BridgeError, MAX_TIP_VEL_M_PER_S, Refused, Step, check_order_and_numbers, reasons_to_hold, seconds_between,
-    stamps_begun, step_s, tell_resolve_ages,
+    BridgeError, MAX_TIP_VEL_M_PER_S, Refused, Step, check_hand, check_order_and_numbers, reasons_to_hold,
+    seconds_between, stamps_begun, step_s, tell_resolve_ages,
 };
 use crate::{Feed, JointMachine, JointResolveCore, LiveModel, SegmentResolveCore, feed};
 use core::sync::atomic::AtomicBool;
@@ -36,6 +37,7 @@ pub struct ResolveCore {
     base_from_view: Rotation3<f64>,
     state: Option<SlaveState>,
     memory: Memory,
+    jaw: Option<JawMotion>,
 }
 
 /// What one step leaves to the next, beside the lines' own memory.
@@ -72,7 +74,17 @@ impl ResolveCore {
                 first_ns: None,
                 before_ns: None,
             },
+            jaw: chain.gripper().map(|gripper| JawMotion::new(gripper, GripperConfig::default())),
         })
+    }
+
+    /// The same with a gripper that is driven so; without one nothing changes.
+    ///
+    /// # Errors
+    /// [`BridgeError::Config`] for values out of range.
+    pub fn with_gripper(self, chain: &Chain, config: GripperConfig) -> Result<Self, BridgeError> {
+        config.check()?;
+        Ok(Self { jaw: chain.gripper().map(|gripper| JawMotion::new(gripper, config)), ..self })
     }
 
     /// Notes the newest slave state; it counts from the next step on, and that step names it.
@@ -93,6 +105,9 @@ impl ResolveCore {
         if velocity.amax() > MAX_TIP_VEL_M_PER_S {
             return Err(Refused { reason: Reason::OutOfRange, found: velocity.amax(), limit: MAX_TIP_VEL_M_PER_S });
         }
+        if self.jaw.is_some() {
+            check_hand(self.memory.before_ns, input)?;
+        }
         let step_s = step_s(self.memory.before_ns, input.sample_ns);
         self.memory.before_ns = Some(input.sample_ns);
 
@@ -104,14 +119,25 @@ impl ResolveCore {
             Phase::Holding => (Vector2::zeros(), 0.0),
         };
         self.advance(wanted, step_s);
-        Ok(self.setpoint(input, begun_ns, motion_scale, reasons))
+        if let Some(jaw) = &mut self.jaw {
+            jaw.step(input, self.state.as_ref(), self.memory.phase == Phase::Following, step_s, &mut reasons);
+        }
+        let mut setpoint = self.setpoint(input, begun_ns, motion_scale, reasons);
+        if let Some(jaw) = &self.jaw {
+            jaw.add_to(&mut setpoint);
+        }
+        Ok(setpoint)
     }
 
     /// Does what [`ResolveCore::step`] does and forgets it, so that the processor has at hand what the next step needs.
     pub fn warm_up(&mut self, input: &OperatorInput, begun_ns: i64) {
         let (memory, lines) = (self.memory, self.lines.memory());
+        let jaw = self.jaw.as_ref().map(JawMotion::memory);
         let _forgotten = core::hint::black_box(self.step(input, begun_ns));
         self.memory = memory;
+        if let (Some(own), Some(jaw)) = (&mut self.jaw, jaw) {
+            own.restore(jaw);
+        }
         self.lines.restore(&lines);
     }
 
@@ -243,12 +269,14 @@ pub fn run_resolve(
     model: &LiveModel,
     config: ResolveConfig,
     joints: &JointsConfig,
+    gripper: GripperConfig,
     feed: Feed,
     stop: &AtomicBool,
 ) -> Result<(), BridgeError> {
     match model {
         LiveModel::Snake(chain) => {
-            feed::run(feed, bus, Process::Resolve, config.wait, ResolveCore::new(chain, config)?, stop)
+            let core = ResolveCore::new(chain, config)?.with_gripper(chain, gripper)?;
+            feed::run(feed, bus, Process::Resolve, config.wait, core, stop)
         }
         LiveModel::Joints(model) => {
             let machine = JointMachine::new(model, joints)?;

@@ -128,9 +128,8 @@ impl JointResolveCore {
             reasons.insert(Reason::JointRateLimit);
         }
         for (k, v) in vel.iter_mut().enumerate() {
-            let y = self.memory.y_rad[k];
-            let left = if *v > 0.0 { self.machine.high_rad[k] - y } else { y - self.machine.low_rad[k] };
-            let room = (left / self.machine.margin_rad).clamp(0.0, 1.0);
+            let range = [self.machine.low_rad[k], self.machine.high_rad[k]];
+            let room = room(*v, self.memory.y_rad[k], range, self.machine.margin_rad);
             if *v != 0.0 && room < 1.0 {
                 reasons.insert(Reason::JointLimit);
                 *v *= room;
@@ -178,6 +177,12 @@ impl JointResolveCore {
             reasons: reasons.bits(),
         }
     }
+}
+
+/// How much of a rate is left near the end of a range that it goes to, 0 to 1.
+pub(crate) fn room(vel: f64, y: f64, [low, high]: [f64; 2], margin: f64) -> f64 {
+    let left = if vel > 0.0 { high - y } else { y - low };
+    (left / margin).clamp(0.0, 1.0)
 }
 
 impl Step for JointResolveCore {

@@ -21,6 +21,8 @@ pub struct Facts {
     pub per_si: f64,
     /// The joints, or the components of the segments' bend vectors, where the machine is no snake.
     pub joints: Option<JointFacts>,
+    /// The jaw of a snake's gripper closed and open, rad, where it has one; its wire is the last actuator.
+    pub jaw: Option<[f64; 2]>,
     /// Largest bend, rad.
     pub max_bend_rad: f64,
     /// Largest distance of an actuator from its zero, m.

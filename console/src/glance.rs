@@ -32,6 +32,7 @@ pub fn glance(observer: &mut Observer, now_ns: i64) -> Vec<String> {
         newest.setpoint.filter(|setpoint| newest.fresh_state(now_ns).is_some() && setpoint.n_joints == 0)
     {
         lines.push(bend_line(setpoint.bend_rad, newest.fresh_shape(now_ns), off_deg));
+        lines.extend(setpoint.jaw_rad().map(|jaw_rad| jaw_line(jaw_rad, newest.fresh_shape(now_ns))));
     }
     if let Some(state) = newest.fresh_state(now_ns) {
         let n_segments = newest.setpoint.map_or(0, |setpoint| setpoint.n_segments());
@@ -96,6 +97,12 @@ fn bend_line(wanted: [f64; 2], shape: Option<&Shape>, off_deg: Option<f64>) -> S
         number(off_deg, 2),
         number(measured.and_then(plane_deg), 0),
     )
+}
+
+/// Where the jaw of a gripper is and shall be.
+fn jaw_line(wanted_rad: f64, shape: Option<&Shape>) -> String {
+    let measured_deg = shape.and_then(Shape::valid_jaw_rad).map(f64::to_degrees);
+    format!("jaw         {} of {} deg open", number(measured_deg, 1), number(Some(wanted_rad.to_degrees()), 1))
 }
 
 fn joint_lines(state: &SlaveState, shape: Option<&Shape>) -> Vec<String> {
@@ -204,6 +211,13 @@ mod tests {
         assert_eq!(lines[0], "segment 1   28.6 of 28.6 deg, off 0.00, plane 0 deg");
         assert_eq!(lines[1], "segment 2   22.3 of 22.9 deg, off 0.57, plane 90 deg");
         assert_eq!(segment_lines(1, &state, None)[0], "segment 1   - of 28.6 deg, off -, plane - deg");
+    }
+
+    #[test]
+    fn a_jaw_is_told_beside_where_it_shall_be_and_with_a_dash_where_nobody_sees_it() {
+        let shape = Shape::of_bend(1, 1, 1, [0.5, 0.5]);
+        assert_eq!(jaw_line(0.5, Some(&shape.with_jaw(0.48, 0.01))), "jaw         27.5 of 28.6 deg open");
+        assert_eq!(jaw_line(0.5, Some(&shape)), "jaw         - of 28.6 deg open");
     }
 
     #[test]

@@ -9,7 +9,8 @@ use crate::pad::PadSeen;
 use crate::processes::ProcessUsage;
 use crate::words::{Shown, ShownState, Words, fault_sentence, words_of};
 use krait_ipc::message::{
-    Command, DeviceState, Health, JointValues, ModelUpdate, OperatorInput, Phase, Setpoint, Shape, SlaveState, used,
+    Command, DeviceState, GRIPPER_WIRE, Health, JointValues, ModelUpdate, N_LINES, OperatorInput, Phase, Setpoint,
+    Shape, SlaveState, used,
 };
 use krait_ipc::{Reason, Reasons};
 use serde::Serialize;
@@ -98,6 +99,7 @@ struct Frame<'a> {
     motion_scale: Option<f64>,
     q_tilde_m: Option<Vec<f64>>,
     joints: Option<Joints>,
+    jaw: Option<Jaw>,
     err: Option<f64>,
     err_rms: Option<f64>,
     reasons: Vec<Shortly>,
@@ -137,6 +139,13 @@ impl Joints {
             err_rms: moment.joint_errors_rms.map(|errors| errors[..n].to_vec()),
         })
     }
+}
+
+/// The jaw of a snake's gripper, rad; null where it is not measured.
+#[derive(Serialize)]
+struct Jaw {
+    wanted: f64,
+    measured: Option<f64>,
 }
 
 #[derive(Serialize)]
@@ -191,6 +200,11 @@ pub fn frame(newest: &NewestSamples, moment: &Moment, facts: &Facts) -> serde_js
         motion_scale: newest.setpoint.map(|setpoint| setpoint.motion_scale),
         q_tilde_m: newest.command.map(|command| used(&command.q_tilde_m, command.n_actuators).to_vec()),
         joints: Joints::of(newest, moment),
+        jaw: newest
+            .setpoint
+            .as_ref()
+            .and_then(Setpoint::jaw_rad)
+            .map(|wanted| Jaw { wanted, measured: shape.and_then(Shape::valid_jaw_rad) }),
         err: moment.error,
         err_rms: moment.error_rms,
         reasons: reasons
@@ -220,7 +234,16 @@ fn value_of(reason: Reason, newest: &NewestSamples, facts: &Facts) -> Option<Str
         }
         Reason::ForceLimit => {
             let state = newest.state?;
-            let (line, tau_n) = largest(used(&state.measured_tau_n, state.n_actuators))?;
+            let mut loads_n = used(&state.measured_tau_n, state.n_actuators);
+            if facts.jaw.is_some() {
+                loads_n = loads_n.get(..N_LINES)?;
+                let jaw_n = state.measured_tau_n[GRIPPER_WIRE];
+                // The jaw's wire has a limit of its own, below that of any line.
+                if largest(loads_n).is_none_or(|(_, tau_n)| tau_n < facts.max_load_n) {
+                    return Some(format!("The jaw\u{2019}s wire: {:.0} N.", jaw_n.abs()));
+                }
+            }
+            let (line, tau_n) = largest(loads_n)?;
             Some(format!("Line {line}: {tau_n:.0} of {:.0} N.", facts.max_load_n))
         }
         Reason::DriveFault if newest.state?.is_hardware_stopped() => {

@@ -69,6 +69,7 @@ impl BusSetup {
         let per_actuator = |of: &dyn Fn(&Units) -> f64| core::array::from_fn(|k| self.units.get(k).map_or(0.0, of));
         DriveTraits {
             n_actuators: self.n(),
+            n_together: self.n(),
             period_ns: self.period_ns,
             travel_m: per_actuator(&|units| units.travel_m),
             rate_m_per_s: per_actuator(&|units| units.magnitude_m(self.speed_counts_per_s)),

@@ -4,15 +4,18 @@ use crate::budget::Budget;
 use crate::in_force::{Compensation, ModelInForce};
 use crate::print::wrapped;
 use anyhow::{Context, bail};
-use krait_bridge::{CompensateConfig, EstimateConfig, JointMachine, JointsConfig, LiveModel, ResolveConfig};
+use krait_bridge::{
+    CompensateConfig, EstimateConfig, GripperConfig, JointMachine, JointsConfig, LiveModel, ResolveConfig,
+};
 use krait_ipc::setting::Setting;
 use krait_ipc::{Realtime, input};
 use krait_master::{MasterConfig, PoseConfig};
 use krait_model::Snake;
+use krait_model::gripper::Gripper;
 use krait_model::segments::SegmentParameters;
 use krait_record::RecordConfig;
 use krait_shape::GateConfig;
-use krait_slave::{ActuatorConfig, DriveConfig, Limits, SlaveConfig};
+use krait_slave::{ActuatorConfig, DriveConfig, DriveKind, Limits, SlaveConfig};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -38,6 +41,8 @@ pub struct Config {
     pub compensate: CompensateConfig,
     /// How the operator moves joints, where the model is of joints.
     pub joints: JointsConfig,
+    /// How the operator moves the jaw, where the model has a gripper.
+    pub gripper: GripperConfig,
     /// Learning the model.
     pub estimate: EstimateConfig,
     /// The drives.
@@ -173,10 +178,12 @@ impl Config {
         self.realtime.check()?;
         self.budget.check()?;
         self.joints.check()?;
+        self.gripper.check()?;
         const REFUSED: &str = "the model must not steer a machine";
         match self.model()?.machine {
             LiveModel::Snake(chain) => {
                 self.check_strain(Snake::new(chain.machine())?.axial_stiffness_n())?;
+                chain.gripper().map_or(Ok(()), |gripper| self.check_gripper(gripper))?;
                 chain.plausible(self.resolve.max_bend_rad)?.context(REFUSED)
             }
             LiveModel::Joints(joints) => JointMachine::new(&joints, &self.joints)?.plausible()?.context(REFUSED),
@@ -185,6 +192,26 @@ impl Config {
                 stiffnesses_n.into_iter().try_for_each(|stiffness_n| self.check_strain(stiffness_n))
             }
         }
+    }
+
+    /// The model of a gripper may steer a jaw, and the wire's way is within what a command may be.
+    fn check_gripper(&self, gripper: &Gripper) -> anyhow::Result<()> {
+        if self.slave.drive.kind != DriveKind::Sim {
+            bail!(
+                "the model has a [gripper], and [slave.drive] names real drives, with which krait drives no gripper yet; leave [gripper] out \
+                 of the model, or try it with --slave sim"
+            );
+        }
+        let (found_m, stroke_m) = (gripper.travel_m(), self.compensate.max_stroke_m);
+        if found_m > stroke_m {
+            bail!(
+                "[gripper] of the model: its wire goes {:.2} mm from its zero, expected at most [compensate] max_stroke_m = {:.2} mm; \
+                 make range_deg or wire_m_per_rad smaller, or max_stroke_m larger",
+                found_m * 1e3,
+                stroke_m * 1e3
+            );
+        }
+        gripper.plausible()?.context("[gripper] of the model must not steer a jaw")
     }
 
     /// The pull that is allowed strains no line beyond what is allowed. `stiffness_n`: E A of a line, N.
@@ -215,6 +242,7 @@ fn settings_of(table: &str) -> &'static [Setting] {
         ResolveConfig::TABLE => ResolveConfig::SETTINGS,
         CompensateConfig::TABLE => CompensateConfig::SETTINGS,
         JointsConfig::TABLE => JointsConfig::SETTINGS,
+        GripperConfig::TABLE => GripperConfig::SETTINGS,
         EstimateConfig::TABLE => EstimateConfig::SETTINGS,
         SlaveConfig::TABLE => SlaveConfig::SETTINGS,
         Limits::TABLE => Limits::SETTINGS,

@@ -32,6 +32,7 @@ pub fn figures(figures: &Figures, next: &str) -> anyhow::Result<()> {
     if !joints.is_empty() {
         text += &joint_passes(&joints).to_string();
     }
+    figures.passes.iter().for_each(|pass| text += &jaw_line(pass));
     if figures.passes.iter().any(|pass| match &pass.joints {
         Some(joints) => joints.error.is_none(),
         None => pass.tracking.error_deg.is_none(),
@@ -116,6 +117,19 @@ fn passes(passes: &[&PassReport]) -> Table {
         table.row(cells);
     }
     table
+}
+
+/// How the jaw of a gripper followed, where there is one.
+fn jaw_line(pass: &PassReport) -> String {
+    let Some(jaw) = pass.jaw.as_ref().and_then(|score| score.joints.first()) else { return String::new() };
+    let error = jaw.error.map_or("no error: too little motion".to_owned(), |error| {
+        format!("{:.2} rms, {:.2} p95, {:.2} max", error.rms, error.p95, error.max)
+    });
+    let PassReport { compensation, .. } = pass;
+    format!(
+        "  jaw, {compensation}: {error}; widest {:.1} commanded, {:.1} reached\n",
+        jaw.peak_commanded, jaw.peak_reached
+    )
 }
 
 /// Error of each joint or segment, and of all together.

@@ -123,7 +123,8 @@ impl ReplaySetup {
         let steering = match &model.machine {
             LiveModel::Snake(chain) => {
                 check_bend(&[start[0], start[1]], config.resolve.max_bend_rad)?;
-                Steering::snake(Snake::new(chain.machine())?, config.resolve.view_roll_rad)
+                let has_gripper = chain.gripper().is_some();
+                Steering::snake(Snake::new(chain.machine())?, has_gripper, config.resolve.view_roll_rad)
             }
             LiveModel::Joints(joints) => {
                 let machine = JointMachine::new(joints, &config.joints)?;

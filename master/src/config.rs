@@ -1,6 +1,6 @@
 //! The master's settings: one documented struct, checked once at load, so that no step meets a value out of range.
 
-use crate::{AxisMap, Clutch, DeviceChoice, Engage, LiveMotion, MasterError, PoseConfig, Presence, PressButton};
+use crate::{AxisMap, DeviceChoice, Engage, HoldButton, LiveMotion, MasterError, PoseConfig, Presence, PressButton};
 use krait_ipc::settings;
 use std::path::PathBuf;
 
@@ -24,7 +24,11 @@ settings! {
         /// What counts as the operator's presence: `hold:<button>` or `toggle:<button>`.
         presence: Presence = Presence::Toggle(0);
         /// What counts as the clutch: `none` or `hold:<button>`.
-        clutch: Clutch = Clutch::Hold(1);
+        clutch: HoldButton = HoldButton::Hold(1);
+        /// What opens the jaw of a gripper while it is held: `none` or `hold:<button>`.
+        jaw_open: HoldButton = HoldButton::None;
+        /// What closes it; while both are held it stays.
+        jaw_close: HoldButton = HoldButton::None;
         /// What sets a mark in the recording: `none` or `press:<button>`. `press:2`: the first button that steers nothing.
         mark: PressButton = PressButton::Press(2);
         /// What turns fine motion on and off while it moves: `none` or `press:<button>`.
@@ -81,21 +85,23 @@ impl MasterConfig {
     /// One press shall do one thing.
     fn check_buttons(&self) -> Result<(), MasterError> {
         let (Presence::Hold(presence) | Presence::Toggle(presence)) = self.presence;
-        let clutch = if let Clutch::Hold(button) = self.clutch { Some(button) } else { None };
-        let presses = [
-            ("mark", self.mark),
-            ("fine", self.fine),
-            ("lock_translation", self.lock_translation),
-            ("lock_rotation", self.lock_rotation),
+        let clutch = self.clutch.button();
+        let others = [
+            ("mark", self.mark.button(), String::from(self.mark)),
+            ("fine", self.fine.button(), self.fine.into()),
+            ("lock_translation", self.lock_translation.button(), self.lock_translation.into()),
+            ("lock_rotation", self.lock_rotation.button(), self.lock_rotation.into()),
+            ("jaw_open", self.jaw_open.button(), self.jaw_open.into()),
+            ("jaw_close", self.jaw_close.button(), self.jaw_close.into()),
         ];
         if clutch == Some(presence) {
             return Err(refusal("clutch", String::from(self.clutch), "another button than the one for presence"));
         }
-        for (idx, (field, press)) in presses.into_iter().enumerate() {
-            let steers = press.button().is_some_and(|button| button == presence || Some(button) == clutch);
-            let again = press != PressButton::None && presses[..idx].iter().any(|(_, other)| *other == press);
+        for (idx, (field, button, text)) in others.iter().enumerate() {
+            let steers = button.is_some_and(|button| button == presence || Some(button) == clutch);
+            let again = button.is_some() && others[..idx].iter().any(|(_, other, _)| other == button);
             if steers || again {
-                return Err(refusal(field, String::from(press), "another button than those that do something else"));
+                return Err(refusal(field, text, "another button than those that do something else"));
             }
         }
         Ok(())
@@ -144,7 +150,7 @@ mod tests {
             refused(|c| c.node = Some("/dev/input/event3".into()))
                 .contains("node = /dev/input/event3: expected a `prof")
         );
-        assert!(refused(|c| c.clutch = Clutch::Hold(0)).contains("another button"));
+        assert!(refused(|c| c.clutch = HoldButton::Hold(0)).contains("another button"));
     }
 
     #[test]
@@ -154,6 +160,8 @@ mod tests {
             |c| c.fine = PressButton::Press(1),
             |c| c.lock_rotation = PressButton::Press(2),
             |c| (c.lock_translation, c.lock_rotation) = (PressButton::Press(7), PressButton::Press(7)),
+            |c| c.jaw_open = HoldButton::Hold(2),
+            |c| (c.jaw_open, c.jaw_close) = (HoldButton::Hold(4), HoldButton::Hold(4)),
         ] {
             assert!(refused(change).contains("another button than those that do something else"));
         }
@@ -166,7 +174,7 @@ mod tests {
             ("rate_khz = 1", "rate_khz"),
             ("presence = \"maybe\"", "toggle:<0..31>"),
             ("presence = \"hold:32\"", "hold:<0..31>"),
-            ("clutch = \"toggle:1\"", "is no clutch"),
+            ("clutch = \"toggle:1\"", "is no button to hold"),
             ("axis_map = { view_x = \"+q\" }", "is no device axis"),
             ("device = \"046d\"", "vid:pid"),
         ] {

@@ -2,7 +2,7 @@
 
 use crate::grip::Grip;
 use crate::live_motion::{LiveMotion, Presses};
-use crate::operator::flags;
+use crate::operator::{flags, jaw_flags};
 use crate::pad::{PadLease, PadRefusal};
 use crate::{Decoder, DeviceMonitor, Hand, HidReport, MasterConfig, MasterError, Operator, OperatorMotion, Refusal};
 use crate::{PoseHand, PoseRefusal, ReportCounts, Response, ScriptSample};
@@ -200,7 +200,7 @@ impl MasterCore {
         let device = self.device_state(now_ns);
         let mut motion = self.motion(device, now_ns);
         if !self.grip.holds(motion.flags & OperatorInput::OPERATOR_PRESENT != 0, now_ns) {
-            motion.flags &= !OperatorInput::OPERATOR_PRESENT;
+            motion.flags &= !(OperatorInput::OPERATOR_PRESENT | OperatorInput::JAW_OPENS | OperatorInput::JAW_CLOSES);
             motion.tip_vel_in_view_m_per_s = [0.0; 3];
             motion.tip_angular_vel_in_view_rad_per_s = [0.0; 3];
         }
@@ -302,7 +302,8 @@ impl MasterCore {
         match self.script {
             Some(sample) if !self.is_ended => {
                 let (tip_vel_in_view_m_per_s, tip_angular_vel_in_view_rad_per_s) = sample.effective();
-                let flags = flags(sample.is_present, sample.is_clutched);
+                let jaw = sample.effective_jaw();
+                let flags = flags(sample.is_present, sample.is_clutched) | jaw_flags(jaw > 0, jaw < 0);
                 OperatorMotion { tip_vel_in_view_m_per_s, tip_angular_vel_in_view_rad_per_s, flags }
             }
             _ => self.operator.step(&Hand { axes: self.decoder.axes(), buttons: self.decoder.buttons(), device }),

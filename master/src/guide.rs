@@ -257,6 +257,7 @@ fn sample(tip_vel_in_view_m_per_s: [f64; 3], is_present: bool) -> ScriptSample {
         tip_angular_vel_in_view_rad_per_s: [0.0; 3],
         is_present,
         is_clutched: false,
+        jaw: 0,
     }
 }
 

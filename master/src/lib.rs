@@ -96,7 +96,7 @@ pub use pose_config::PoseConfig;
 pub use pose_hand::PoseHand;
 pub use pose_packet::{PosePacket, PoseRefusal};
 pub use pose_source::PoseSource;
-pub use presence::{Clutch, Presence, PressButton};
+pub use presence::{HoldButton, Presence, PressButton};
 pub use process::run;
 pub use profile::{Profile, ProfileButton, ProfileDevice};
 pub use profile_axis::{AxisFrom, AxisPlace, ProfileAxis};

@@ -1,7 +1,7 @@
 //! What the operator wants: velocity, presence and clutch from the state of the hand controller. Pure, allocates nothing.
 
 use crate::presence::is_down;
-use crate::{Clutch, MasterConfig, Presence, PressButton, Response};
+use crate::{HoldButton, MasterConfig, Presence, PressButton, Response};
 use krait_ipc::message::{DeviceState, OperatorInput};
 
 /// The hand controller at one instant.
@@ -34,7 +34,9 @@ pub struct OperatorMotion {
 pub struct Operator {
     response: Response,
     presence: Presence,
-    clutch: Clutch,
+    clutch: HoldButton,
+    jaw_open: HoldButton,
+    jaw_close: HoldButton,
     mark: PressButton,
     is_marked: bool,
     buttons: u32,
@@ -49,6 +51,8 @@ impl Operator {
             response: Response::new(config),
             presence: config.presence,
             clutch: config.clutch,
+            jaw_open: config.jaw_open,
+            jaw_close: config.jaw_close,
             mark: config.mark,
             is_marked: false,
             buttons: 0,
@@ -101,17 +105,26 @@ impl Operator {
                 Presence::Hold(button) => !self.must_rest_first && is_down(hand.buttons, button),
                 Presence::Toggle(_) => self.is_toggled_on,
             };
-        let is_clutched = matches!(self.clutch, Clutch::Hold(button) if is_down(hand.buttons, button));
+        let is_clutched = self.clutch.is_in(hand.buttons);
         let moves = is_present && !is_clutched;
+        let jaw =
+            if moves { jaw_flags(self.jaw_open.is_in(hand.buttons), self.jaw_close.is_in(hand.buttons)) } else { 0 };
         OperatorMotion {
             tip_vel_in_view_m_per_s: if moves { vel } else { [0.0; 3] },
             tip_angular_vel_in_view_rad_per_s: if moves { turn } else { [0.0; 3] },
-            flags: flags(is_present, is_clutched),
+            flags: flags(is_present, is_clutched) | jaw,
         }
     }
 }
 
-/// The bits of [`OperatorInput::flags`].
+/// The bits of [`OperatorInput::flags`] for a jaw that is asked to move.
+pub(crate) fn jaw_flags(opens: bool, closes: bool) -> u32 {
+    let opens = if opens { OperatorInput::JAW_OPENS } else { 0 };
+    let closes = if closes { OperatorInput::JAW_CLOSES } else { 0 };
+    opens | closes
+}
+
+/// The bits of [`OperatorInput::flags`] for presence and clutch.
 pub(crate) fn flags(is_present: bool, is_clutched: bool) -> u32 {
     let present = if is_present { OperatorInput::OPERATOR_PRESENT } else { 0 };
     let clutched = if is_clutched { OperatorInput::CLUTCH } else { 0 };
@@ -191,6 +204,25 @@ mod tests {
         let mut without = Operator::new(&MasterConfig { mark: PressButton::None, ..MasterConfig::default() });
         without.on_buttons(u32::MAX);
         assert_eq!(without.take_mark(), None);
+    }
+
+    #[test]
+    fn the_jaw_is_asked_to_move_while_its_button_is_held_by_a_present_operator_and_the_clutch_is_up() {
+        let mut op = Operator::new(&MasterConfig {
+            jaw_open: HoldButton::Hold(4),
+            jaw_close: HoldButton::Hold(5),
+            ..MasterConfig::default()
+        });
+        let asked = |op: &mut Operator, buttons, device| {
+            let flags = op.step(&Hand { axes: [0; 6], buttons, device }).flags;
+            flags & (OperatorInput::JAW_OPENS | OperatorInput::JAW_CLOSES)
+        };
+        assert_eq!(asked(&mut op, 1 << 4, DeviceState::Live), 0, "nobody is present");
+        op.on_buttons(1);
+        assert_eq!(asked(&mut op, 1 << 4, DeviceState::Live), OperatorInput::JAW_OPENS);
+        assert_eq!(asked(&mut op, 1 << 5, DeviceState::AtRest), OperatorInput::JAW_CLOSES);
+        assert_eq!(asked(&mut op, 1 << 5 | 1 << 1, DeviceState::Live), 0, "the clutch is pressed");
+        assert_eq!(asked(&mut op, 1 << 5, DeviceState::Lost), 0, "the device is lost");
     }
 
     #[test]

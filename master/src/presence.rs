@@ -1,4 +1,4 @@
-//! How an operator says "I am here" and "hold still": the dead-man and the clutch, as a configuration names them.
+//! How an operator says "I am here", "hold still" and "open": dead-man, clutch and other buttons, as a configuration names them.
 
 use serde::{Deserialize, Serialize};
 
@@ -15,11 +15,11 @@ pub enum Presence {
     Toggle(u8),
 }
 
-/// What counts as the clutch; while it is pressed the hand moves and the snake does not.
+/// A button that does something while it is held: the clutch, a jaw that opens or closes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(try_from = "String", into = "String")]
-pub enum Clutch {
-    /// There is no clutch.
+pub enum HoldButton {
+    /// No button does.
     None,
     /// While this button is held: `hold:<button>`.
     Hold(u8),
@@ -41,6 +41,21 @@ impl PressButton {
         match self {
             Self::None => None,
             Self::Press(button) => Some(button),
+        }
+    }
+
+    /// Whether it is among these buttons.
+    pub(crate) fn is_in(self, buttons: u32) -> bool {
+        self.button().is_some_and(|button| is_down(buttons, button))
+    }
+}
+
+impl HoldButton {
+    /// The button, if there is one.
+    pub(crate) fn button(self) -> Option<u8> {
+        match self {
+            Self::None => None,
+            Self::Hold(button) => Some(button),
         }
     }
 
@@ -92,7 +107,7 @@ impl From<Presence> for String {
     }
 }
 
-impl TryFrom<String> for Clutch {
+impl TryFrom<String> for HoldButton {
     type Error = String;
     fn try_from(text: String) -> Result<Self, String> {
         match (text.as_str(), text.split_once(':')) {
@@ -100,15 +115,15 @@ impl TryFrom<String> for Clutch {
             (_, Some(("hold", button))) => button_of(button).map(Self::Hold),
             _ => None,
         }
-        .ok_or_else(|| format!("{text:?} is no clutch, expected \"none\" or \"hold:<0..31>\""))
+        .ok_or_else(|| format!("{text:?} is no button to hold, expected \"none\" or \"hold:<0..31>\""))
     }
 }
 
-impl From<Clutch> for String {
-    fn from(clutch: Clutch) -> Self {
-        match clutch {
-            Clutch::None => "none".to_owned(),
-            Clutch::Hold(button) => format!("hold:{button}"),
+impl From<HoldButton> for String {
+    fn from(hold: HoldButton) -> Self {
+        match hold {
+            HoldButton::None => "none".to_owned(),
+            HoldButton::Hold(button) => format!("hold:{button}"),
         }
     }
 }

@@ -2,16 +2,16 @@
 //!
 //! ```text
 //! # comments and empty lines are skipped
-//! time_s,tip_vx_m_per_s,tip_vy_m_per_s,tip_vz_m_per_s,operator_present,clutch
-//! 0,    0,     0, 0, 1, 0
-//! 1.5,  0.010, 0, 0, 1, 0
-//! 3,    0,     0, 0, 1, 0
+//! time_s,tip_vx_m_per_s,tip_vy_m_per_s,tip_vz_m_per_s,operator_present,clutch,jaw
+//! 0,    0,     0, 0, 1, 0, 0
+//! 1.5,  0.010, 0, 0, 1, 0, 1
+//! 3,    0,     0, 0, 1, 0, 0
 //! ```
 //!
 //! Velocities are in the view frame (x right, y down, z away), at most 0.1 m/s each, and are interpolated linearly between
 //! rows; a step is two rows a little apart. Behind them may stand how fast the hand turns (`tip_wx_rad_per_s` and so on, at
-//! most 10 rad/s each), for machines that have joints to be turned by it. The last two columns may be absent (present, not
-//! clutched); they hold from their row to the next. Time starts at 0 or later and increases; before the first row nothing moves, after the last the
+//! most 10 rad/s each), for machines that have joints to be turned by it. The last three columns may be absent (present, not
+//! clutched, no jaw asked to move); they hold from their row to the next. Time starts at 0 or later and increases; before the first row nothing moves, after the last the
 //! script has ended. A script bypasses axis map, dead zone, curve and presence button: it says what they would have said.
 
 use crate::MasterError;
@@ -25,7 +25,7 @@ const MAX_TIME_S: f64 = 86_400.0;
 const MAX_TURN_RAD_PER_S: f64 = 10.0;
 /// Columns without turning, and with it.
 const COLUMNS: &[&str] =
-    &["time_s", "tip_vx_m_per_s", "tip_vy_m_per_s", "tip_vz_m_per_s", "operator_present", "clutch"];
+    &["time_s", "tip_vx_m_per_s", "tip_vy_m_per_s", "tip_vz_m_per_s", "operator_present", "clutch", "jaw"];
 const TURNING_COLUMNS: &[&str] = &[
     "time_s",
     "tip_vx_m_per_s",
@@ -36,9 +36,12 @@ const TURNING_COLUMNS: &[&str] = &[
     "tip_wz_rad_per_s",
     "operator_present",
     "clutch",
+    "jaw",
 ];
 /// Columns that no script lacks.
 const N_NEEDED: usize = 4;
+/// Columns at the end that one may lack.
+const N_OPTIONAL: usize = 3;
 
 /// What a script asks for at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,6 +54,8 @@ pub struct ScriptSample {
     pub is_present: bool,
     /// Whether the clutch is pressed.
     pub is_clutched: bool,
+    /// Which way the jaw of a gripper shall go: 1 open, -1 closed, 0 neither.
+    pub jaw: i8,
 }
 
 impl ScriptSample {
@@ -60,13 +65,22 @@ impl ScriptSample {
         tip_angular_vel_in_view_rad_per_s: [0.0; 3],
         is_present: false,
         is_clutched: false,
+        jaw: 0,
     };
 
     /// What may reach the robot, m/s and rad/s: zero without presence or with the clutch pressed.
     pub(crate) fn effective(&self) -> ([f64; 3], [f64; 3]) {
-        let counts = self.is_present && !self.is_clutched;
-        let from = if counts { self } else { &Self::NOBODY };
+        let from = if self.counts() { self } else { &Self::NOBODY };
         (from.tip_vel_in_view_m_per_s, from.tip_angular_vel_in_view_rad_per_s)
+    }
+
+    /// Which way a jaw may go: 0 likewise.
+    pub(crate) fn effective_jaw(&self) -> i8 {
+        if self.counts() { self.jaw } else { 0 }
+    }
+
+    fn counts(&self) -> bool {
+        self.is_present && !self.is_clutched
     }
 }
 
@@ -153,7 +167,7 @@ impl<'a> Row<'a> {
         let n_columns = self.fields().count();
         let is_turning = self.fields().nth(N_NEEDED).is_some_and(|field| field == TURNING_COLUMNS[N_NEEDED].as_bytes());
         let (columns, n_needed) =
-            if is_turning { (TURNING_COLUMNS, TURNING_COLUMNS.len() - 2) } else { (COLUMNS, N_NEEDED) };
+            if is_turning { (TURNING_COLUMNS, TURNING_COLUMNS.len() - N_OPTIONAL) } else { (COLUMNS, N_NEEDED) };
         for (idx, field) in self.fields().enumerate() {
             match columns.get(idx) {
                 Some(name) if field == name.as_bytes() => {}
@@ -181,6 +195,7 @@ impl<'a> Row<'a> {
                 "time_s" => time_s = number,
                 "operator_present" => sample.is_present = number != 0.0,
                 "clutch" => sample.is_clutched = number != 0.0,
+                "jaw" => sample.jaw = number as i8,
                 _ if idx < N_NEEDED => sample.tip_vel_in_view_m_per_s[idx - 1] = number,
                 _ => sample.tip_angular_vel_in_view_rad_per_s[idx - N_NEEDED] = number,
             }
@@ -197,6 +212,7 @@ impl<'a> Row<'a> {
         let (is_allowed, expected): (fn(f64) -> bool, &str) = match name {
             "time_s" => (|v| (0.0..=MAX_TIME_S).contains(&v), "a time from 0 to 86400 s"),
             "operator_present" | "clutch" => (|v| v == 0.0 || v == 1.0, "0 or 1"),
+            "jaw" => (|v| [-1.0, 0.0, 1.0].contains(&v), "-1 (close), 0 or 1 (open)"),
             _ if column_idx < N_NEEDED => (|v| v.abs() <= MAX_VEL_M_PER_S, "a velocity from -0.1 to 0.1 m/s"),
             _ => (|v| v.abs() <= MAX_TURN_RAD_PER_S, "an angular velocity from -10 to 10 rad/s"),
         };

@@ -32,6 +32,7 @@ fn no_report_tick_or_event_allocates() {
             tip_angular_vel_in_view_rad_per_s: [0.1; 3],
             is_present: true,
             is_clutched: false,
+            jaw: 1,
         });
         std::hint::black_box(core.on_tick(i64::MAX));
         for frame in 1..500 {

@@ -36,6 +36,18 @@ fn the_flag_columns_may_be_absent() {
 }
 
 #[test]
+fn a_jaw_is_asked_to_open_or_close_from_its_row_on_and_anything_else_is_refused() {
+    let head = HEAD.trim_end();
+    let script =
+        Script::parse("s.csv", format!("{head},jaw\n0,0,0,0,1,0,1\n1,0,0,0,1,0,-1\n2,0,0,0,1,0,0\n").as_bytes());
+    let script = script.expect("script");
+    let asked = [500_000_000, 1_500_000_000, 2_000_000_000].map(|ns| script.at(ns).expect("a row").jaw);
+    assert_eq!(asked, [1, -1, 0]);
+    let wrong = refused(&format!("{head},jaw\n0,0,0,0,1,0,0.5\n"));
+    assert!(wrong.contains("line 2, column 7: expected -1 (close), 0 or 1 (open), found \"0.5\""), "{wrong}");
+}
+
+#[test]
 fn a_hand_that_turns_has_three_columns_more() {
     let head = "time_s,tip_vx_m_per_s,tip_vy_m_per_s,tip_vz_m_per_s,tip_wx_rad_per_s,tip_wy_rad_per_s,tip_wz_rad_per_s";
     let text = format!("{head},operator_present,clutch\n0,0.01,0,0,0,0,0,1,0\n2,0,0,0.02,0.5,-1,4,1,1\n");

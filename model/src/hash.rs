@@ -3,6 +3,7 @@
 //! It covers the machine, the effects in their order with every value, and what is learnt and how. It does not cover the
 //! bytes of the file, comments, the history, or where a value came from.
 
+use crate::gripper::{Gripper, GripperNumbers};
 use crate::model_file::{ForceMachine, Joints};
 use crate::segments::{LineParameters, SegmentParameters, SegmentsParameters};
 use crate::{ChainSettings, EffectSetting, MachineParameters};
@@ -61,7 +62,12 @@ impl Content {
 }
 
 /// Of a snake.
-pub(crate) fn of_snake(machine: &MachineParameters, settings: ChainSettings, effects: &[EffectSetting]) -> ModelHash {
+pub(crate) fn of_snake(
+    machine: &MachineParameters,
+    settings: ChainSettings,
+    effects: &[EffectSetting],
+    gripper: Option<&Gripper>,
+) -> ModelHash {
     let mut content = Content(Sha256::new());
     content.word("snake");
     let MachineParameters { l_m, r_m, e_pa, d_outer_m, d_inner_m, l_d_m, l_c_m, phi_rad, rigid_lines } = *machine;
@@ -69,6 +75,13 @@ pub(crate) fn of_snake(machine: &MachineParameters, settings: ChainSettings, eff
     content.numbers([l_m, r_m, e_pa, d_outer_m, d_inner_m, l_d_m, l_c_m, phi_rad, strain_limit, transition_m]);
     content.word(if rigid_lines { "rigid" } else { "elastic" });
     content.effects(effects);
+    if let Some(gripper) = gripper {
+        content.word("gripper");
+        let GripperNumbers { wire_m_per_rad, range_deg: [closed_deg, open_deg], max_vel_deg_per_s } =
+            *gripper.numbers();
+        content.numbers([wire_m_per_rad, closed_deg, open_deg, max_vel_deg_per_s]);
+        content.effects(gripper.effects());
+    }
     content.end()
 }
 

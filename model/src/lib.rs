@@ -29,6 +29,7 @@
 mod chain;
 mod change;
 pub mod effects;
+pub mod gripper;
 mod hash;
 mod jacobian;
 pub mod joints;

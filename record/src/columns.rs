@@ -14,7 +14,9 @@ mod parquet;
 
 use crate::error::RecordingReadError;
 use crate::reader::Recording;
-use krait_ipc::message::{JointValues, MAX_ACTUATORS, MAX_JOINTS, Shape, SlaveState, n_actuators};
+use krait_ipc::message::{
+    JointValues, MAX_ACTUATORS, MAX_JOINTS, N_LINES, N_WITH_GRIPPER, Shape, SlaveState, n_actuators,
+};
 use krait_schema::Sample;
 use std::path::Path;
 
@@ -44,6 +46,8 @@ pub struct Columns {
     /// Standard deviation of each output of a row as the camera states it (of joints the root mean square), in the outputs'
     /// unit; NaN where the camera gave none.
     pub sigma: Vec<f64>,
+    /// The gripper of a snake that has one.
+    pub jaw: Option<JawColumns>,
     /// Counts from 1; a new one begins where the slave was started or homed anew, and the machine's history with it.
     pub trial: Vec<u32>,
     /// Shapes that stand in a row.
@@ -52,6 +56,34 @@ pub struct Columns {
     pub n_shapes_left_out: u64,
     /// States that became no row: the drives did not know their zero, or the stamp did not rise.
     pub n_states_left_out: u64,
+}
+
+/// What was measured of a snake's gripper, a number for each row; NaN: not measured.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct JawColumns {
+    /// Encoder position of its wire, m, push positive.
+    pub wire_m: Vec<f64>,
+    /// Load of its wire at the actuator, N, push positive.
+    pub wire_n: Vec<f64>,
+    /// Angle of the jaw, rad.
+    pub jaw_rad: Vec<f64>,
+}
+
+impl JawColumns {
+    /// Takes the wire of a gripper out of rows of four actuators, which become rows of three lines.
+    fn taken_from(q_m: &mut Vec<f64>, tau_n: &mut Vec<f64>) -> Self {
+        let take = |all: &mut Vec<f64>| {
+            let own = all.iter().skip(N_LINES).step_by(N_WITH_GRIPPER).copied().collect();
+            let mut place = 0;
+            all.retain(|_| {
+                place += 1;
+                place % N_WITH_GRIPPER != 0
+            });
+            own
+        };
+        let (wire_m, wire_n): (Vec<f64>, Vec<f64>) = (take(q_m), take(tau_n));
+        Self { jaw_rad: vec![f64::NAN; wire_m.len()], wire_m, wire_n }
+    }
 }
 
 impl Columns {
@@ -113,6 +145,7 @@ struct Seen {
     exposed_ns: i64,
     outputs: JointValues,
     sigma: f64,
+    jaw_rad: f64,
 }
 
 /// Puts measurements together from samples in the order of the file; give it the parts of a rotated recording in turn.
@@ -139,12 +172,17 @@ impl Builder {
     /// The measurements, with each shape in its row.
     pub fn finish(mut self) -> Columns {
         let columns = &mut self.columns;
+        // Four actuators and no joints are a snake's three lines and its gripper's wire.
+        if columns.n_joints == 0 && columns.n_actuators == N_WITH_GRIPPER {
+            columns.jaw = Some(JawColumns::taken_from(&mut columns.q_m, &mut columns.tau_n));
+            columns.n_actuators = N_LINES;
+        }
         let n = columns.n_outputs();
         (columns.outputs, columns.sigma) =
             (vec![f64::NAN; n * self.stamps_ns.len()], vec![f64::NAN; self.stamps_ns.len()]);
         // How far each row's exposure is from its stamp.
         let mut distances_ns = vec![i64::MAX; self.stamps_ns.len()];
-        for Seen { exposed_ns, outputs, sigma } in self.shapes {
+        for Seen { exposed_ns, outputs, sigma, jaw_rad } in self.shapes {
             let Some((row, distance_ns)) = nearest(&self.stamps_ns, exposed_ns) else {
                 columns.n_shapes_left_out += 1;
                 continue;
@@ -157,6 +195,9 @@ impl Builder {
             let replaces_another = core::mem::replace(taken, distance_ns) != i64::MAX;
             columns.outputs[row * n..][..n].copy_from_slice(&outputs[..n]);
             columns.sigma[row] = sigma;
+            if let Some(jaw) = &mut columns.jaw {
+                jaw.jaw_rad[row] = jaw_rad;
+            }
             columns.n_shapes += u64::from(!replaces_another);
             columns.n_shapes_left_out += u64::from(replaces_another);
         }
@@ -207,7 +248,8 @@ impl Builder {
                 return;
             }
         };
-        self.shapes.push(Seen { exposed_ns: shape.sample_ns, outputs, sigma });
+        let jaw_rad = shape.valid_jaw_rad().unwrap_or(f64::NAN);
+        self.shapes.push(Seen { exposed_ns: shape.sample_ns, outputs, sigma, jaw_rad });
     }
 }
 

@@ -8,7 +8,7 @@ mod log;
 mod scene;
 
 use crate::wall_clock::WallClock;
-use krait_ipc::message::{Actuators, MAX_ACTUATORS, Setpoint, Shape, SlaveState, n_actuators};
+use krait_ipc::message::{Actuators, GRIPPER_WIRE, MAX_ACTUATORS, Setpoint, Shape, SlaveState, n_actuators};
 use krait_model::{MachineParameters, ParameterError, Snake};
 use krait_schema::generated::foxglove;
 use krait_schema::generated::google::protobuf::Timestamp;
@@ -63,7 +63,7 @@ impl Views {
                 self.setpoint(setpoint, stamp, &mut derived);
             }
             Sample::State(state) if is_due(&mut self.state_period, state.sample_ns, self.period_ns) => {
-                joints(state, stamp, &mut derived);
+                joints(state, self.snake.is_some(), stamp, &mut derived);
             }
             _ => {}
         }
@@ -107,11 +107,11 @@ fn tip(snake: &Snake, view: View, frame: &str, bend_rad: Vector2<f64>, stamp: Ti
     derived.push((view, pose.encode_to_vec()));
 }
 
-fn joints(state: &SlaveState, stamp: Timestamp, derived: &mut Vec<Derived>) {
+fn joints(state: &SlaveState, is_snake: bool, stamp: Timestamp, derived: &mut Vec<Derived>) {
     let n_actuators = n_actuators(state.n_actuators).min(MAX_ACTUATORS);
     let mut add = |view, positions_m: Actuators, efforts_n: Option<Actuators>| {
         let joint = |idx: usize| foxglove::JointState {
-            name: format!("line_{}", idx + 1),
+            name: if is_snake && idx == GRIPPER_WIRE { "gripper_wire".to_owned() } else { format!("line_{}", idx + 1) },
             position: Some(positions_m[idx]),
             effort: efforts_n.map(|tau_n| tau_n[idx]).filter(|tau_n| !tau_n.is_nan()),
             ..foxglove::JointState::default()

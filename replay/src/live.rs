@@ -222,7 +222,10 @@ impl LivePlayer {
         let (start, steering) = (self.program.start(), self.program.steering());
         let found = self.newest.state.as_ref().map_or(MachinePose::repeat(f64::NAN), pose_of_state);
         let limit = START_RAD * steering.si_per_rad();
-        if (found - start).norm() <= limit {
+        let mut way = found - start;
+        // A jaw may still be coming to rest; its button has brought it as near as it can.
+        steering.jaw_taken_from(&mut way);
+        if way.norm() <= limit {
             return Ok(());
         }
         Err(ReplayError::StartPose {

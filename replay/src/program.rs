@@ -6,7 +6,7 @@
 
 use crate::steering::{MachinePose, Steering};
 use crate::{InputTrack, ReplayError, Trajectory};
-use krait_ipc::message::{DeviceState, MAX_JOINTS, N_LINES, OperatorInput, Phase, Setpoint, lines};
+use krait_ipc::message::{DeviceState, N_LINES, OperatorInput, Phase, Setpoint, lines};
 use krait_ipc::{Reason, Reasons};
 use krait_model::ModelHash;
 use nalgebra::Vector6;
@@ -269,14 +269,15 @@ impl Program {
             return self.glide(pose, n_moved);
         }
         let si_per_rad = self.steering.si_per_rad();
-        let way = self.start - pose;
-        if way.norm() <= ARRIVED_RAD * si_per_rad {
+        let mut way = self.start - pose;
+        let jaw = self.steering.jaw_taken_from(&mut way);
+        if way.norm() <= ARRIVED_RAD * si_per_rad && jaw == 0 {
             return None;
         }
         let fastest = APPROACH_RAD_PER_S.min(APPROACH_GAIN_RAD_PER_S * (n_moved + 1) as f64) * si_per_rad;
         let rate_per_s = way * (fastest / way.norm()).min(APPROACH_RATE_PER_S);
         let hand = self.steering.hand_velocity(pose, &rate_per_s);
-        let input = operator_input(&hand, OperatorInput::OPERATOR_PRESENT, DeviceState::Live);
+        let input = operator_input(&hand, OperatorInput::OPERATOR_PRESENT | jaw, DeviceState::Live);
         Some(Planned { what: What::Input(input), dt_ns: PERIOD_NS, part: ProgramPart::Approach })
     }
 
@@ -333,7 +334,7 @@ impl Program {
         let n_joints = self.steering.n_joints();
         let own = |values: &MachinePose| {
             let bend = if n_joints == 0 { [values[0], values[1]] } else { [f64::NAN; 2] };
-            (bend, if n_joints == 0 { [0.0; MAX_JOINTS] } else { (*values).into() })
+            (bend, self.steering.joint_values(values))
         };
         let ((bend_rad, joints_rad), (bend_vel_rad_per_s, joints_vel_rad_per_s)) = (own(pose), own(vel_per_s));
         What::Setpoint(Setpoint {

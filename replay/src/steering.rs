@@ -1,14 +1,21 @@
 //! How a replay steers a machine as an operator would: where it stands, and the velocities of the hand that bring it elsewhere.
 
-use krait_ipc::message::{MAX_JOINTS, N_LINES, Setpoint, SlaveState};
+use krait_ipc::message::{
+    JAW, JointValues, MAX_JOINTS, N_WITH_GRIPPER, OperatorInput, Setpoint, SlaveState, n_actuators,
+};
 use krait_model::Snake;
 use krait_model::segments::{Bends, MAX_BENDS, Segments};
 use krait_report::Lanes;
 use nalgebra::{Rotation3, SMatrix, SVector, Vector2, Vector3, Vector6};
 
-/// Where a machine stands: a snake's bend vector, those of all segments, or the positions of joints, rad (m of sliding joints); zeros
-/// behind the last.
+/// Where a machine stands: a snake's bend vector and the jaw of its gripper ([`JAW_PLACE`]), the bend vectors of all segments, or the
+/// positions of joints, rad (m of sliding joints); zeros behind the last.
 pub type MachinePose = SVector<f64, MAX_JOINTS>;
+
+/// The jaw of a gripper in a snake's pose.
+const JAW_PLACE: usize = 2;
+/// Nearer to where it shall be than this a jaw is let go of by its button, rad: it comes to rest within as much.
+const JAW_NEAR_RAD: f64 = 0.02;
 
 /// Directions in which no axis moves the joints have smaller singular values than this, as a part of the largest.
 const NO_AXIS: f64 = 1e-9;
@@ -22,6 +29,8 @@ pub enum Steering {
         snake: Snake,
         /// From the base's frame to the operator's view.
         view_from_base: Rotation3<f64>,
+        /// Whether it has a gripper; a trajectory leaves its jaw at zero.
+        has_gripper: bool,
     },
     /// Joints: the hand's six velocities turn them by fixed rates.
     Joints {
@@ -44,9 +53,10 @@ pub enum Steering {
 }
 
 impl Steering {
-    /// A snake that is seen with a roll of the view.
-    pub fn snake(snake: Snake, view_roll_rad: f64) -> Self {
-        Self::Snake { snake, view_from_base: Rotation3::from_axis_angle(&Vector3::z_axis(), view_roll_rad).inverse() }
+    /// A snake, and whether it has a gripper, that is seen with a roll of the view.
+    pub fn snake(snake: Snake, has_gripper: bool, view_roll_rad: f64) -> Self {
+        let view_from_base = Rotation3::from_axis_angle(&Vector3::z_axis(), view_roll_rad).inverse();
+        Self::Snake { snake, view_from_base, has_gripper }
     }
 
     /// Segments that are seen with a roll of the view.
@@ -68,7 +78,7 @@ impl Steering {
     /// The velocities of the hand, linear (m/s) and angular (rad/s), that change the pose at this rate.
     pub(crate) fn hand_velocity(&self, pose: &MachinePose, rate_per_s: &MachinePose) -> Vector6<f64> {
         match self {
-            Self::Snake { snake, view_from_base } => {
+            Self::Snake { snake, view_from_base, .. } => {
                 let linear_rows = snake.j_x_bend(pose.fixed_rows::<2>(0).into_owned()).fixed_rows::<3>(0).into_owned();
                 let tip = view_from_base * (linear_rows * rate_per_s.fixed_rows::<2>(0));
                 Vector6::new(tip.x, tip.y, tip.z, 0.0, 0.0, 0.0)
@@ -82,6 +92,27 @@ impl Steering {
                 Vector6::new(v.x, v.y, v.z, w.x, w.y, w.z)
             }
         }
+    }
+
+    /// The way of a jaw taken out of a pose's way, and the flags of a hand that holds the button for it.
+    pub(crate) fn jaw_taken_from(&self, way: &mut MachinePose) -> u32 {
+        let Self::Snake { has_gripper: true, .. } = self else { return 0 };
+        let jaw_rad = core::mem::replace(&mut way[JAW_PLACE], 0.0);
+        match jaw_rad.abs() > JAW_NEAR_RAD {
+            true if jaw_rad > 0.0 => OperatorInput::JAW_OPENS,
+            true => OperatorInput::JAW_CLOSES,
+            false => 0,
+        }
+    }
+
+    /// What stands in a message's places for joints at a pose, or for a rate of it.
+    pub(crate) fn joint_values(&self, pose: &MachinePose) -> JointValues {
+        let mut values = [0.0; MAX_JOINTS];
+        match self {
+            Self::Snake { has_gripper, .. } => values[JAW] = if *has_gripper { pose[JAW_PLACE] } else { 0.0 },
+            Self::Joints { .. } | Self::Segments { .. } => values = (*pose).into(),
+        }
+        values
     }
 
     /// What stands for one radian in the machine's poses.
@@ -104,6 +135,7 @@ impl Steering {
     /// How many actuators a setpoint says that there are, and a command after it; 0 is the three lines of a snake.
     pub(crate) fn n_actuators(&self) -> u32 {
         match self {
+            Self::Snake { has_gripper: true, .. } => N_WITH_GRIPPER as u32,
             Self::Snake { .. } => 0,
             Self::Joints { n, .. } => *n as u32,
             Self::Segments { machine, .. } => machine.n_lines() as u32,
@@ -112,7 +144,7 @@ impl Steering {
 
     /// Actuators of a command.
     pub fn n_commanded(&self) -> usize {
-        if let Self::Snake { .. } = self { N_LINES } else { self.n_actuators() as usize }
+        n_actuators(self.n_actuators())
     }
 
     /// The tip of a snake or of segments at a pose, m; NaN for joints.
@@ -172,16 +204,23 @@ pub(crate) fn pose_of_bend(bend_rad: [f64; 2]) -> MachinePose {
 
 /// The pose of a setpoint.
 pub(crate) fn pose_of_setpoint(setpoint: &Setpoint) -> MachinePose {
-    if setpoint.n_joints == 0 { pose_of_bend(setpoint.bend_rad) } else { MachinePose::from(setpoint.joints_rad) }
+    if setpoint.n_joints > 0 {
+        return MachinePose::from(setpoint.joints_rad);
+    }
+    let mut pose = pose_of_bend(setpoint.bend_rad);
+    pose[JAW_PLACE] = setpoint.jaw_rad().unwrap_or(0.0);
+    pose
 }
 
 /// The pose that the slave took last; its bend vector is NaN where it drives joints, which begin at their zero.
 pub(crate) fn pose_of_state(state: &SlaveState) -> MachinePose {
     if state.setpoint_bend_rad.iter().any(|bend| bend.is_nan()) {
-        MachinePose::from(state.setpoint_joints_rad)
-    } else {
-        pose_of_bend(state.setpoint_bend_rad)
+        return MachinePose::from(state.setpoint_joints_rad);
     }
+    let mut pose = pose_of_bend(state.setpoint_bend_rad);
+    // Zero where there is no gripper.
+    pose[JAW_PLACE] = state.setpoint_joints_rad[JAW];
+    pose
 }
 
 #[cfg(test)]

@@ -36,6 +36,8 @@ pub struct Side {
     pub peak_bend_deg: Option<PeakBend>,
     /// The score of joints or segments, in their own unit; null for a snake.
     pub joints: Option<JointScore>,
+    /// The score of a snake's gripper, as one joint; null without one.
+    pub jaw: Option<JointScore>,
     #[serde(skip)]
     lanes: Option<Lanes>,
     /// Marks of the operator, in their order.
@@ -134,6 +136,7 @@ impl Side {
             tracking_error_deg: score.error_deg,
             peak_bend_deg: lanes.is_none().then(|| series.peak_bend_deg()),
             joints: lanes.and_then(|lanes| joints.score(lanes)),
+            jaw: jaw_of(pass).score(Lanes::Turning),
             lanes,
             marks: pass.marks.iter().map(mark).collect(),
             scored_from_s: score.scored_from_s,
@@ -233,6 +236,14 @@ fn joints_of(pass: &Pass) -> JointTracking {
     pass.setpoints.iter().filter(|setpoint| setpoint.n_joints > 0).for_each(|setpoint| joints.setpoint(setpoint));
     pass.shapes.iter().for_each(|shape| joints.shape(shape));
     joints
+}
+
+/// The same of a snake's gripper.
+fn jaw_of(pass: &Pass) -> JointTracking {
+    let mut jaw = JointTracking::default();
+    pass.setpoints.iter().for_each(|setpoint| jaw.jaw_setpoint(setpoint));
+    pass.shapes.iter().for_each(|shape| jaw.jaw_shape(shape));
+    jaw
 }
 
 /// Setpoints and shapes in the order of their instants.

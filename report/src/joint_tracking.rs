@@ -131,6 +131,18 @@ impl JointTracking {
         }
     }
 
+    /// Takes where the jaw of a snake's gripper shall be, as one joint.
+    pub(crate) fn jaw_setpoint(&mut self, setpoint: &Setpoint) {
+        if let Some(jaw_rad) = setpoint.jaw_rad() {
+            self.setpoint(&Setpoint { n_joints: 1, joints_rad: one(jaw_rad), ..*setpoint });
+        }
+    }
+
+    /// Takes a measurement of the jaw, if it is one.
+    pub(crate) fn jaw_shape(&mut self, shape: &Shape) {
+        self.measured.extend(shape.valid_jaw_rad().map(|jaw_rad| (shape.sample_ns, one(jaw_rad))));
+    }
+
     /// When the first setpoint followed an operator, ns.
     pub(crate) fn first_motion_ns(&self) -> Option<i64> {
         self.first_motion_ns
@@ -187,6 +199,13 @@ impl JointTracking {
             scored_shapes: scored.len(),
         })
     }
+}
+
+/// The values of one joint.
+fn one(value: f64) -> JointValues {
+    let mut values = [0.0; MAX_JOINTS];
+    values[0] = value;
+    values
 }
 
 #[cfg(test)]

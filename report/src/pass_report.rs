@@ -29,6 +29,8 @@ pub struct PassReport {
     pub peak_bend_deg: Option<PeakBend>,
     /// How joints or segments followed, in their own unit; null for a snake.
     pub joints: Option<JointScore>,
+    /// How the jaw of a snake's gripper followed, as one joint; null without one.
+    pub jaw: Option<JointScore>,
     /// What was learnt by the end of the pass, in the order of the model file.
     pub learnt: Vec<LearntReport>,
     /// Whether the watch for changes had learnt what is normal before the pass ended.
@@ -107,6 +109,7 @@ pub struct PassLog {
     setpoints: Vec<Wanted>,
     shapes: Vec<Seen>,
     joints: JointTracking,
+    jaw: JointTracking,
     last_update: Option<ModelUpdate>,
     changes: Vec<(i64, u32)>,
     watched: bool,
@@ -115,6 +118,7 @@ pub struct PassLog {
 impl PassLog {
     /// Takes a setpoint.
     pub fn setpoint(&mut self, setpoint: &Setpoint) {
+        self.jaw.jaw_setpoint(setpoint);
         match setpoint.n_joints {
             0 => self.setpoints.push(tracking::wanted(setpoint)),
             _ => self.joints.setpoint(setpoint),
@@ -124,6 +128,7 @@ impl PassLog {
     /// Takes a measured shape.
     pub fn shape(&mut self, shape: &Shape) {
         self.joints.shape(shape);
+        self.jaw.jaw_shape(shape);
         if let Some(bend_rad) = shape.valid_bend_rad() {
             self.shapes.push((shape.sample_ns, bend_rad));
         }
@@ -160,6 +165,7 @@ impl PassLog {
                 reached: peak(&mut self.shapes.iter().map(|(_, bend)| *bend)),
             }),
             joints: lanes.and_then(|lanes| self.joints.score(lanes)),
+            jaw: self.jaw.score(Lanes::Turning),
             learnt: self.last_update.as_ref().map_or_else(Vec::new, |update| LearntReport::of(update, names)),
             watched_for_changes: self.watched,
             changes: self.change_reports(),

@@ -2,6 +2,7 @@
 //!
 //! A camera whose clock is wrong stamps a frame that shows the past; it remembers what it needs of it.
 
+use crate::gripper::SimulatedGripper;
 use crate::noise::Noise;
 use crate::shutter::Shutter;
 use crate::truth::CameraTruth;
@@ -37,9 +38,15 @@ impl Camera {
         }
     }
 
-    /// Tells the camera that the snake stood like this until `stamp_ns`. Exposes if an instant of the grid has passed
+    /// Tells the camera that the snake, and its gripper, stood like this until `stamp_ns`. Exposes if an instant of the grid has passed
     /// since it was told last; of several that passed at once only the newest gives a frame.
-    pub(crate) fn observe(&mut self, stamp_ns: i64, bend_rad: [f64; 2], q_tilde_m: [f64; 3]) {
+    pub(crate) fn observe(
+        &mut self,
+        stamp_ns: i64,
+        bend_rad: [f64; 2],
+        q_tilde_m: [f64; 3],
+        gripper: Option<&mut SimulatedGripper>,
+    ) {
         self.remember(stamp_ns, bend_rad);
         let Some(exposure_ns) = self.shutter.exposes(stamp_ns) else { return };
         let shown_rad = self.turned(self.past(exposure_ns).unwrap_or(bend_rad));
@@ -47,6 +54,7 @@ impl Camera {
         let frame = ShapeReading {
             exposure_ns,
             seen: SeenShape::Bend([shown_rad[0] + self.sigma_rad * noise[0], shown_rad[1] + self.sigma_rad * noise[1]]),
+            jaw_rad: gripper.map_or(f64::NAN, |gripper| gripper.seen_rad(self.sigma_rad)),
             sigma_rad: self.sigma_rad,
             q_tilde_m,
         };
@@ -112,7 +120,7 @@ mod tests {
         let mut camera = Camera::new(truth, 0.0);
         let mut frames = Vec::new();
         for ms in 0..1000 {
-            camera.observe(ms * MS, [ms as f64, 0.0], [0.0; 3]);
+            camera.observe(ms * MS, [ms as f64, 0.0], [0.0; 3], None);
             while let Some(frame) = camera.take(ms * MS) {
                 frames.push((ms * MS, frame));
             }
@@ -156,7 +164,7 @@ mod tests {
         let mut camera = Camera::new(&CameraTruth { noise_rad: 0.0, ..CameraTruth::default() }, 0.05);
         let mut shown = Vec::new();
         for ms in 0..1000 {
-            camera.observe(ms * MS, [ms as f64, 0.0], [0.0; 3]);
+            camera.observe(ms * MS, [ms as f64, 0.0], [0.0; 3], None);
             while let Some(frame) = camera.take(ms * MS) {
                 shown.push(frame.exposure_ns as f64 / 1e6 - bend_rad(&frame)[0]);
             }

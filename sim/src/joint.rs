@@ -20,12 +20,19 @@ pub(crate) struct Joint {
     truth: JointTruth,
     pulley_m: f64,
     cable_m: f64,
+    /// Once it was beyond this place, the pulley goes no further back, m.
+    stop_m: f64,
 }
 
 impl Joint {
     /// A joint at rest at its zero, its cable slack.
     pub(crate) fn new(truth: &JointTruth) -> Self {
-        Self { truth: truth.clone(), pulley_m: 0.0, cable_m: 0.0 }
+        Self { truth: truth.clone(), pulley_m: 0.0, cable_m: 0.0, stop_m: f64::NEG_INFINITY }
+    }
+
+    /// The same with something hard in its way back, m of cable, once it was beyond that.
+    pub(crate) fn that_stops_at(self, stop_m: f64) -> Self {
+        Self { stop_m, ..self }
     }
 
     /// Moves the drive's end of the cable; the pulley then has a time to follow, above 0.
@@ -50,7 +57,8 @@ impl Joint {
                 far_m = middle_m;
             }
         }
-        self.pulley_m = 0.5 * (near_m + far_m);
+        let stop_m = if from_m >= self.stop_m { self.stop_m } else { f64::NEG_INFINITY };
+        self.pulley_m = (0.5 * (near_m + far_m)).max(stop_m);
     }
 
     /// What cable and spring do to a pulley at a place, N.
@@ -111,6 +119,25 @@ mod tests {
         assert!((joint.pulley_m() - up_m).abs() < 1e-12, "inside the dead band nothing moves");
         pull_to(&mut joint, 3e-3 - 1.5 * lost_m);
         assert!(joint.pulley_m() < up_m - 0.3 * lost_m, "behind it, it moves");
+    }
+
+    #[test]
+    fn a_pulley_stops_at_what_is_in_its_way_back_and_its_load_grows() {
+        let mut joint = joint().that_stops_at(1e-3);
+        pull_to(&mut joint, 0.5e-3);
+        pull_to(&mut joint, 0.0);
+        assert!(joint.pulley_m() < 0.5e-3, "it was not there yet");
+        pull_to(&mut joint, 3e-3);
+        pull_to(&mut joint, 0.0);
+        let truth = &joint.truth;
+        let pull_n = truth.cable_n_per_m * (1e-3 - 0.5 * truth.slack_m);
+        assert!(
+            (joint.pulley_m() - 1e-3).abs() < 1e-12 && (joint.load_n() + pull_n).abs() < 1e-6,
+            "{}",
+            joint.load_n()
+        );
+        pull_to(&mut joint, 3e-3);
+        assert!(joint.pulley_m() > 2e-3, "and it opens again");
     }
 
     #[test]

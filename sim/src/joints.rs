@@ -70,6 +70,7 @@ impl SimulatedJoints {
         let frame = ShapeReading {
             exposure_ns,
             seen: SeenShape::Joints(positions_rad, self.joints.len()),
+            jaw_rad: f64::NAN,
             sigma_rad: self.camera_noise_rad,
             q_tilde_m: [f64::NAN; 3],
         };

@@ -25,6 +25,7 @@ mod camera;
 mod cone;
 mod encoders;
 mod ends;
+mod gripper;
 mod hidden;
 mod joint;
 mod joints;
@@ -45,6 +46,7 @@ mod truth;
 mod truth_error;
 
 pub use cables::CableSnake;
+pub use gripper::GripperTruth;
 pub use hidden::{BendingTruth, EncodersTruth, LinesTruth, SightTruth, SlowTruth};
 pub use joints::SimulatedJoints;
 pub use joints_truth::{JointCameraTruth, JointTruth, JointsTruth};

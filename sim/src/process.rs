@@ -11,8 +11,8 @@ use krait_slave::{ConfigError, SlaveConfig, SlaveError, run_with_drive};
 /// Which machine is simulated.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Simulation {
-    /// A snake of three lines.
-    Snake,
+    /// A snake of three lines, and the metres of wire for one radian of the jaw as its model has them, where that has a gripper.
+    Snake(Option<f64>),
     /// So many cable-driven joints.
     Joints(usize),
     /// Segments in series, which are these where no truth file describes others of as many lines.
@@ -70,25 +70,25 @@ impl From<IpcError> for SimError {
 /// [`SimError`]; whatever happens the drives are stopped smoothly and disabled first.
 pub fn run(bus: &Bus, config: &SlaveConfig, machine: Simulation, stop: &AtomicBool) -> Result<(), SimError> {
     match machine {
-        Simulation::Snake => run_with_drive(bus, config, simulated(config)?, stop)?,
+        Simulation::Snake(gripper) => run_with_drive(bus, config, simulated(config, gripper)?, stop)?,
         Simulation::Joints(n) => run_with_drive(bus, config, simulated_joints(config, n)?, stop)?,
         Simulation::Segments(own) => run_with_drive(bus, config, simulated_segments(config, &own)?, stop)?,
     }
     Ok(())
 }
 
-/// The simulated snake that a configuration asks for.
+/// The simulated snake that a configuration asks for, with a gripper where the model has one ([`Simulation::Snake`]).
 ///
 /// # Errors
 /// [`SimError`] when configuration or truth file are refused, or do not fit each other.
-pub fn simulated(config: &SlaveConfig) -> Result<SimulatedSnake, SimError> {
+pub fn simulated(config: &SlaveConfig, gripper: Option<f64>) -> Result<SimulatedSnake, SimError> {
     config.check()?;
     let truth = match &config.truth {
         Some(path) => Truth::load(path)?,
         None => Truth::default(),
     };
     check_travel(config, truth.drive.travel_m)?;
-    Ok(SimulatedSnake::new(&truth))
+    Ok(gripper.map_or_else(|| SimulatedSnake::new(&truth), |wire| SimulatedSnake::with_gripper(&truth, wire)))
 }
 
 /// The simulated joints that a configuration asks for.

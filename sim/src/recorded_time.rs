@@ -32,7 +32,7 @@ pub fn run_in_recorded_time(
     stop: &AtomicBool,
 ) -> Result<(), SimError> {
     match machine {
-        Simulation::Snake => run_drive(bus, config, simulated(config)?, start_ns, stop),
+        Simulation::Snake(gripper) => run_drive(bus, config, simulated(config, gripper)?, start_ns, stop),
         Simulation::Joints(n) => run_drive(bus, config, simulated_joints(config, n)?, start_ns, stop),
         Simulation::Segments(own) => run_drive(bus, config, simulated_segments(config, &own)?, start_ns, stop),
     }

@@ -83,6 +83,7 @@ impl SegmentDrives {
         let frame = ShapeReading {
             exposure_ns,
             seen: SeenShape::Joints(seen_rad, 2 * self.plant.n_segments()),
+            jaw_rad: f64::NAN,
             sigma_rad: self.camera_noise_rad,
             q_tilde_m: [f64::NAN; 3],
         };

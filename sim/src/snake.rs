@@ -3,11 +3,12 @@
 use crate::actuators::SimulatedActuators;
 use crate::camera::Camera;
 use crate::encoders::Encoders;
+use crate::gripper::SimulatedGripper;
 use crate::noise::Noise;
 use crate::plant::Plant;
 use crate::sight::Sight;
 use crate::truth::Truth;
-use krait_ipc::message::{Actuators, N_LINES, lines, three};
+use krait_ipc::message::{Actuators, GRIPPER_WIRE, N_LINES, N_WITH_GRIPPER, lines, three};
 use krait_slave::{Drive, DriveError, DriveReading, DriveTraits, Homing, ShapeReading, Switching};
 
 /// While commands come faster than this, the time between them belongs to their motions; slower, and a snake that is looked
@@ -29,6 +30,7 @@ pub struct SimulatedSnake {
     /// Where the actuators were told to go: a drive returns when it has been told, and the snake is moved when it is next
     /// looked at, so that solving its equilibrium is no part of a command's latency.
     target_m: Option<[f64; 3]>,
+    gripper: Option<SimulatedGripper>,
 }
 
 impl SimulatedSnake {
@@ -44,7 +46,19 @@ impl SimulatedSnake {
             stamp_ns: i64::MIN,
             moved_ns: i64::MIN,
             target_m: None,
+            gripper: None,
         }
+    }
+
+    /// The same with a gripper at its end, of which the model says how many metres of wire one radian of the jaw is.
+    pub fn with_gripper(truth: &Truth, model_m_per_rad: f64) -> Self {
+        let gripper = SimulatedGripper::new(&truth.gripper, model_m_per_rad, truth.camera.seed);
+        Self { gripper: Some(gripper), ..Self::new(truth) }
+    }
+
+    /// The true angle of the jaw, rad, as it stands after the last look; what no sensor tells exactly.
+    pub fn jaw_rad(&self) -> Option<f64> {
+        self.gripper.as_ref().map(SimulatedGripper::jaw_rad)
     }
 
     /// The true bend vector, rad: what no sensor tells exactly.
@@ -101,10 +115,13 @@ impl SimulatedSnake {
     /// The camera sees the snake as it stood until now.
     fn observe(&mut self, stamp_ns: i64) {
         self.settle();
+        if let Some(gripper) = self.gripper.as_mut().filter(|_| self.stamp_ns != i64::MIN) {
+            gripper.wait(stamp_ns.saturating_sub(self.stamp_ns));
+        }
         self.stamp_ns = self.stamp_ns.max(stamp_ns);
         let q_tilde_m = self.encoders.read_m(self.plant.q_tilde_m()).map(|q| self.actuators.quantised(q));
         let seen_rad = self.sight.seen_rad(self.stamp_ns, self.plant.bend_rad());
-        self.camera.observe(self.stamp_ns, seen_rad, q_tilde_m);
+        self.camera.observe(self.stamp_ns, seen_rad, q_tilde_m, self.gripper.as_mut());
     }
 
     /// Lets time pass where nobody commands.
@@ -115,6 +132,15 @@ impl SimulatedSnake {
             self.stamp_ns = self.stamp_ns.max(stamp_ns);
             self.move_to(self.plant.q_tilde_m());
         }
+    }
+
+    /// Brings the jaw's drive nearer to its zero; whether it is there, or there is none.
+    fn home_jaw(&mut self, elapsed_ns: i64) -> bool {
+        let Some(gripper) = &mut self.gripper else { return true };
+        let from_m = gripper.place_m();
+        let part = self.actuators.home_part(&[from_m], elapsed_ns);
+        gripper.go_to(from_m * part);
+        part == 0.0
     }
 
     /// Moves the actuators from where they were at the last motion to a place now.
@@ -128,18 +154,20 @@ impl SimulatedSnake {
 
 impl Drive for SimulatedSnake {
     fn n_actuators(&self) -> usize {
-        N_LINES
+        if self.gripper.is_some() { N_WITH_GRIPPER } else { N_LINES }
     }
 
     fn traits(&self) -> DriveTraits {
-        self.actuators.traits(N_LINES)
+        DriveTraits { n_together: N_LINES, ..self.actuators.traits(self.n_actuators()) }
     }
 
     fn write(&mut self, stamp_ns: i64, q_tilde_m: Actuators) -> Result<(), DriveError> {
-        let q_tilde_m = three(&q_tilde_m);
-        self.actuators.check(&q_tilde_m)?;
+        self.actuators.check(&q_tilde_m[..self.n_actuators()])?;
         self.observe(stamp_ns);
-        self.target_m = Some(self.encoders.place_m(q_tilde_m));
+        self.target_m = Some(self.encoders.place_m(three(&q_tilde_m)));
+        if let Some(gripper) = &mut self.gripper {
+            gripper.go_to(q_tilde_m[GRIPPER_WIRE]);
+        }
         Ok(())
     }
 
@@ -152,9 +180,13 @@ impl Drive for SimulatedSnake {
                 *q += self.actuators.encoder_noise_m() * noise;
             }
         }
-        let tau_n = lines(self.plant.actuator_loads_n());
-        let q_tilde_m = lines(q_tilde_m.map(|q| self.actuators.quantised(q)));
-        Ok(self.actuators.reading(N_LINES, stamp_ns, (q_tilde_m, tau_n)))
+        let mut tau_n = lines(self.plant.actuator_loads_n());
+        let mut q_tilde_m = lines(q_tilde_m.map(|q| self.actuators.quantised(q)));
+        if let Some(gripper) = &mut self.gripper {
+            q_tilde_m[GRIPPER_WIRE] = self.actuators.shown_m(gripper.place_m(), gripper.encoder_noise());
+            tau_n[GRIPPER_WIRE] = gripper.load_n();
+        }
+        Ok(self.actuators.reading(self.n_actuators(), stamp_ns, (q_tilde_m, tau_n)))
     }
 
     fn home(&mut self, stamp_ns: i64) -> Result<Homing, DriveError> {
@@ -164,7 +196,8 @@ impl Drive for SimulatedSnake {
         let elapsed_ns = stamp_ns.saturating_sub(self.stamp_ns);
         self.observe(stamp_ns);
         let part = self.actuators.home_part(&from, elapsed_ns);
-        if part == 0.0 {
+        let is_jaw_home = self.home_jaw(elapsed_ns);
+        if part == 0.0 && is_jaw_home {
             self.move_to(self.encoders.place_m([0.0; 3]));
             return Ok(Homing::Done);
         }

@@ -1,5 +1,6 @@
 //! The truth file: what the simulated snake really is, including effects that the model may lack.
 
+use crate::gripper::GripperTruth;
 use crate::hidden::{BendingTruth, EncodersTruth, LinesTruth, Range, SightTruth, SlowTruth};
 use crate::truth_error::{self, TruthError};
 use serde::{Deserialize, Serialize};
@@ -23,6 +24,8 @@ pub struct Truth {
     pub sight: SightTruth,
     /// What changes with time; nothing by default.
     pub slow: SlowTruth,
+    /// Its gripper, where the model has one.
+    pub gripper: GripperTruth,
     /// Actuators and encoders.
     pub drive: DriveTruth,
     /// The camera that measures its shape.
@@ -244,6 +247,7 @@ impl Truth {
         ranges.extend(self.encoders.ranges());
         ranges.extend(self.sight.ranges());
         ranges.extend(self.slow.ranges());
+        ranges.extend(self.gripper.ranges());
         ranges
     }
 }
@@ -292,6 +296,7 @@ mod tests {
             ("[encoders]\nzero_m = [0.0, nan, 0.0]", "encoders.zero_m"),
             ("[sight]\nclock_error_s = -0.1", "sight.clock_error_s"),
             ("[slow]\ntime_s = 0.0", "slow.time_s"),
+            ("[gripper]\nradius_m = 1e-5", "gripper.radius_m"),
         ] {
             let sentence = Truth::parse(text, "t.toml").unwrap_err().to_string();
             assert!(sentence.contains("t.toml") && sentence.contains(key) && sentence.contains(" to "), "{sentence}");

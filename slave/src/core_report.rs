@@ -74,8 +74,12 @@ impl<D: Drive> SlaveCore<D> {
         if self.is_busy() {
             flags |= SlaveState::IS_BUSY;
         }
-        if self.follows_closely() {
+        let [follows, jaw_follows] = self.follow_closely();
+        if follows {
             flags |= SlaveState::FOLLOWING;
+        }
+        if jaw_follows && self.gate.has_one_alone() {
+            flags |= SlaveState::JAW_FOLLOWING;
         }
         if self.is_engaged() {
             flags |= SlaveState::ENGAGED;

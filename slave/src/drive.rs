@@ -143,6 +143,8 @@ pub struct ShapeReading {
     pub exposure_ns: i64,
     /// What it saw.
     pub seen: SeenShape,
+    /// Angle of the jaw of a snake's gripper, rad; NaN where there is none.
+    pub jaw_rad: f64,
     /// Standard deviation of each number of it, rad (m for a sliding joint).
     pub sigma_rad: f64,
     /// Encoder positions q~ at the instant of exposure, m; NaN where not known. Of joints the camera's maker gives none.

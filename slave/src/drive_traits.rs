@@ -8,6 +8,9 @@ use krait_ipc::message::Actuators;
 pub struct DriveTraits {
     /// How many actuators there are.
     pub n_actuators: usize,
+    /// How many of them, from the first, hold each other through one machine: all, or all but the last, a gripper's wire, which
+    /// stands alone.
+    pub n_together: usize,
     /// Period at which actuators are told and asked, ns.
     pub period_ns: i64,
     /// How far each may go from zero, either way, m.
@@ -36,6 +39,11 @@ pub enum OnFault {
 }
 
 impl DriveTraits {
+    /// The place of the actuator that stands alone, from 0, if one does.
+    pub fn alone(&self) -> Option<usize> {
+        (self.n_together < self.n_actuators).then_some(self.n_together)
+    }
+
     /// Whether the drives can do what the limits allow.
     ///
     /// # Errors
@@ -75,6 +83,7 @@ mod tests {
 
     const ABLE: DriveTraits = DriveTraits {
         n_actuators: 3,
+        n_together: 3,
         period_ns: 5_000_000,
         travel_m: [6e-3; MAX_ACTUATORS],
         rate_m_per_s: [0.04; MAX_ACTUATORS],

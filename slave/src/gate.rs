@@ -11,7 +11,7 @@
 //!
 //! Failure: drives that were not written for [`REST_NS`] have come to rest by themselves; the motion begins anew.
 
-use crate::Findings;
+use crate::{Findings, SlaveConfig};
 use krait_ipc::Reason;
 use krait_ipc::message::{Actuators, MAX_ACTUATORS};
 
@@ -39,6 +39,18 @@ pub struct GateLimits {
     pub jerk_m_per_s3: f64,
     /// Deceleration of a motion that nobody commands any more, m/s^2.
     pub deceleration_m_per_s2: f64,
+}
+
+impl GateLimits {
+    /// Those of a checked configuration.
+    pub(crate) fn of(config: &SlaveConfig) -> Self {
+        Self {
+            rate_m_per_s: config.limits.rate_m_per_s,
+            acceleration_m_per_s2: config.limits.acceleration_m_per_s2,
+            jerk_m_per_s3: config.limits.jerk_m_per_s3,
+            deceleration_m_per_s2: config.deceleration_m_per_s2,
+        }
+    }
 }
 
 /// The motion of the drives' setpoint.

@@ -20,6 +20,7 @@ mod drive_traits;
 mod engagement;
 mod findings;
 mod gate;
+mod gates;
 mod giving_way;
 mod latency;
 mod limiter;

@@ -2,11 +2,12 @@
 //!
 //! Refused: not finite, for another number of actuators, unknown phase or reasons, out of order, too old or from the future, a jump away from the setpoint, a
 //! load that is limited and not measured. Held: late. Shortened, all actuators by one common factor so that the
-//! direction stays: stroke, load. Rate, acceleration and jerk are the gate's.
+//! direction stays, but for one that stands alone: stroke, load. Rate, acceleration and jerk are the gate's.
 
 use crate::Findings;
 use crate::gate::largest;
-use krait_ipc::message::{Actuators, Command, MAX_JOINTS, Phase, n_actuators};
+use crate::gates::Parts;
+use krait_ipc::message::{Actuators, Command, JAW, MAX_JOINTS, Phase, n_actuators};
 use krait_ipc::setting::{SettingError, check};
 use krait_ipc::{Reason, Reasons, settings};
 
@@ -34,6 +35,9 @@ settings! {
         pull_n: f64 = 60.0;
         /// The same for push, which ends in buckling where a line is not guided.
         push_n: f64 = 60.0;
+        /// Measured load of a gripper's wire, pull or push, beyond which it is not increased further, N; 0.1 to 500, or inf. It bounds
+        /// what the jaw holds with: 15 N of the wire at a jaw of 2 mm/rad are 0.03 Nm.
+        jaw_n: f64 = 15.0;
         /// Largest strain of a line under pull: load over E A of the model's lines. `krait run` refuses a `pull_n` beyond it.
         /// 0.01: where the plateau of superelastic NiTi begins.
         strain: f64 = 0.01, 1e-4..=0.1;
@@ -65,6 +69,9 @@ impl Limits {
             if load_n != f64::INFINITY {
                 check((Self::TABLE, key), load_n, (1.0, 500.0), 60)?;
             }
+        }
+        if self.jaw_n != f64::INFINITY {
+            check((Self::TABLE, "jaw_n"), self.jaw_n, (0.1, 500.0), 15)?;
         }
         check((Self::TABLE, "engage_m"), self.engage_m, (1e-6, self.step_m), 0.1e-3)?;
         check((Self::TABLE, "late_ms"), self.late_ms, (1.0, self.command_age_ms), 10)
@@ -102,14 +109,16 @@ pub enum LimiterVerdict {
 pub struct Limiter {
     limits: Limits,
     n_actuators: usize,
+    /// The actuators before this one hold each other; one behind them stands alone.
+    n_together: usize,
     last_sequence: u64,
     last_sample_ns: i64,
 }
 
 impl Limiter {
-    /// A limiter before so many actuators that has seen no command yet.
-    pub fn new(limits: Limits, n_actuators: usize) -> Self {
-        Self { limits, n_actuators, last_sequence: 0, last_sample_ns: i64::MIN }
+    /// A limiter before so many actuators, of which the first ones hold each other, that has seen no command yet.
+    pub fn new(limits: Limits, n_actuators: usize, n_together: usize) -> Self {
+        Self { limits, n_actuators, n_together, last_sequence: 0, last_sample_ns: i64::MIN }
     }
 
     /// The limits.
@@ -181,14 +190,12 @@ impl Limiter {
         in_time && near && known
     }
 
-    /// The part of a way that stroke and loads allow, 0 to 1.
-    pub fn confine(&self, situation: &Situation, to_m: &Actuators, findings: &mut Findings) -> f64 {
+    /// The parts of a way that stroke and loads allow, 0 to 1.
+    pub(crate) fn confine(&self, situation: &Situation, to_m: &Actuators, findings: &mut Findings) -> Parts {
         let change_m: Actuators = core::array::from_fn(|i| to_m[i] - situation.setpoint_q_m[i]);
-        self.stroke_scale(&situation.setpoint_q_m, &change_m, findings).min(self.load_scale(
-            &situation.tau_n,
-            &change_m,
-            findings,
-        ))
+        let of_stroke = self.stroke_scale(&situation.setpoint_q_m, &change_m, findings);
+        let of_load = self.load_scale(&situation.tau_n, &change_m, findings);
+        core::array::from_fn(|group| of_stroke[group].min(of_load[group]))
     }
 
     fn is_in_time(&self, command: &Command, now_ns: i64, findings: &mut Findings) -> bool {
@@ -200,7 +207,10 @@ impl Limiter {
     }
 
     fn knows_loads(&self, tau_n: &Actuators, findings: &mut Findings) -> bool {
-        let limited = self.limits.pull_n.is_finite() || self.limits.push_n.is_finite();
+        let has_jaw = self.n_together < self.n_actuators;
+        let limited = self.limits.pull_n.is_finite()
+            || self.limits.push_n.is_finite()
+            || (has_jaw && self.limits.jaw_n.is_finite());
         let n_known = tau_n.iter().take(self.n_actuators).filter(|tau| tau.is_finite()).count();
         let known = !limited || n_known == self.n_actuators;
         if !known {
@@ -209,40 +219,51 @@ impl Limiter {
         known
     }
 
-    fn stroke_scale(&self, from_m: &Actuators, change_m: &Actuators, findings: &mut Findings) -> f64 {
+    /// 1 for the actuator that stands alone, 0 for those that hold each other.
+    fn group(&self, actuator: usize) -> usize {
+        usize::from(actuator >= self.n_together)
+    }
+
+    fn stroke_scale(&self, from_m: &Actuators, change_m: &Actuators, findings: &mut Findings) -> Parts {
         let limit_m = self.limits.stroke_m;
-        let mut scale: f64 = 1.0;
-        for (from, change) in from_m.iter().zip(change_m) {
+        let mut scales: Parts = [1.0; 2];
+        for (actuator, (from, change)) in from_m.iter().zip(change_m).enumerate() {
             let target = from + change;
             // Only outward motion is limited: the way back in is always free.
             if target.abs() > limit_m && target.abs() > from.abs() {
                 findings.note(Reason::StrokeLimit, target.abs(), limit_m);
                 let room = limit_m.copysign(target) - from;
-                scale = scale.min((room / change).clamp(0.0, 1.0));
+                let scale = &mut scales[self.group(actuator)];
+                *scale = scale.min((room / change).clamp(0.0, 1.0));
             }
         }
-        scale
+        scales
     }
 
-    fn load_scale(&self, tau_n: &Actuators, change_m: &Actuators, findings: &mut Findings) -> f64 {
-        let mut scale = 1.0;
-        for (tau, change) in tau_n.iter().zip(change_m) {
-            let limit_n = if *tau > 0.0 { self.limits.push_n } else { self.limits.pull_n };
+    fn load_scale(&self, tau_n: &Actuators, change_m: &Actuators, findings: &mut Findings) -> Parts {
+        let mut scales = [1.0; 2];
+        for (actuator, (tau, change)) in tau_n.iter().zip(change_m).enumerate() {
+            let limit_n = match (self.group(actuator), *tau > 0.0) {
+                (0, true) => self.limits.push_n,
+                (0, false) => self.limits.pull_n,
+                _ => self.limits.jaw_n,
+            };
             if tau.abs() > limit_n && tau * change > 0.0 {
                 findings.note(Reason::ForceLimit, tau.abs(), limit_n);
-                scale = 0.0;
+                scales[self.group(actuator)] = 0.0;
             }
         }
-        scale
+        scales
     }
 }
 
-/// What a command is for: a bend, or positions of joints.
-fn wanted(command: &Command) -> &[f64] {
-    match command.n_joints {
-        0 => &command.bend_rad,
-        n_joints => &command.joints_rad[..(n_joints as usize).min(MAX_JOINTS)],
-    }
+/// What a command is for: a bend, and the jaw of a gripper, or positions of joints.
+fn wanted(command: &Command) -> impl Iterator<Item = &f64> {
+    let (bend, n_joints): (&[f64], _) = match command.n_joints {
+        0 => (&command.bend_rad, JAW + 1),
+        n_joints => (&[], (n_joints as usize).min(MAX_JOINTS)),
+    };
+    bend.iter().chain(&command.joints_rad[..n_joints])
 }
 
 fn is_near(command: &Command, situation: &Situation, nearness_m: f64, findings: &mut Findings) -> bool {

@@ -68,9 +68,13 @@ impl<D: Drive> SlaveCore<D> {
         self.letting_go.is_some() || self.reading.state.contains(&ActuatorState::Relaxing)
     }
 
-    /// The largest load, N; NaN where none is known.
+    /// The largest load of actuators that hold each other, N; NaN where none is known. Whatever a gripper holds is let be.
     pub fn largest_load_n(&self) -> f64 {
-        self.reading.tau_n.iter().take(self.drive.n_actuators()).fold(f64::NAN, |largest, tau| tau.abs().max(largest))
+        self.reading
+            .tau_n
+            .iter()
+            .take(self.drive.traits().n_together)
+            .fold(f64::NAN, |largest, tau| tau.abs().max(largest))
     }
 
     /// Whether there is something to relax, and everything is known that it takes.
@@ -89,7 +93,7 @@ impl<D: Drive> SlaveCore<D> {
     /// One tick of it.
     pub(crate) fn relax(&mut self, now_ns: i64) {
         let knows_lines = self.knows_lines();
-        let (n, q_m, loads_n) = (self.drive.n_actuators(), self.gate.q_m(), self.reading.tau_n);
+        let (n, q_m, loads_n) = (self.drive.traits().n_together, self.gate.q_m(), self.reading.tau_n);
         let is_still = self.is_still();
         let Some(letting_go) = &mut self.letting_go else { return };
         let until_ns = letting_go.way.until_ns();
@@ -115,9 +119,9 @@ impl<D: Drive> SlaveCore<D> {
     fn give_way(&mut self, goal_m: Actuators, now_ns: i64) {
         let (situation, mut findings) = (self.situation(now_ns), Findings::default());
         let whole = self.gate.toward(goal_m, [0.0; MAX_ACTUATORS], now_ns, &mut findings);
-        let part = self.limiter.confine(&situation, &whole.q_m, &mut findings);
-        self.write(&if part < 1.0 { self.gate.part_of(&whole, part) } else { whole }, now_ns);
-        if part == 0.0 {
+        let parts = self.limiter.confine(&situation, &whole.q_m, &mut findings);
+        self.write(&self.gate.part_of(&whole, parts), now_ns);
+        if parts[0] == 0.0 {
             self.stop_relaxing();
         }
     }

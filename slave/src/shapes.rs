@@ -57,7 +57,8 @@ impl Shapes {
         let shape = match seen.seen {
             SeenShape::Bend(bend_rad) => {
                 let shape = Shape::of_bend(self.n_seen, seen.exposure_ns, now_ns, bend_rad);
-                Shape { q_tilde_m: seen.q_tilde_m, ..shape.with_sigma(seen.sigma_rad) }
+                let shape = shape.with_sigma(seen.sigma_rad).with_jaw(seen.jaw_rad, seen.sigma_rad);
+                Shape { q_tilde_m: seen.q_tilde_m, ..shape }
             }
             SeenShape::Joints(joints_rad, n) => {
                 let positions_rad = joints_rad.get(..n).unwrap_or(&joints_rad);

@@ -14,11 +14,11 @@
 //!   that against their load.
 
 use crate::gate::largest;
+use crate::gates::{Gates, Writes};
 use crate::relaxing::LettingGo;
 use crate::{
-    ActuatorState, Drive, DriveError, DriveReading, Engagement, Findings, Gate, GateLimits, Homing, Limiter,
-    LimiterVerdict, Note, OnDisable, OperatingMachine, RelaxLimits, Situation, SlaveConfig, Switching,
-    TransitionRefused, Watchdog, Write,
+    ActuatorState, Drive, DriveError, DriveReading, Engagement, Findings, GateLimits, Homing, Limiter, LimiterVerdict,
+    Note, OnDisable, OperatingMachine, RelaxLimits, Situation, SlaveConfig, Switching, TransitionRefused, Watchdog,
 };
 use krait_ipc::message::{Command, HopStamps, JointValues, MAX_JOINTS, OperatingState, StateCommand, Transition};
 use krait_ipc::{Reason, Reasons};
@@ -46,7 +46,7 @@ pub struct SlaveCore<D> {
     pub(crate) machine: OperatingMachine,
     pub(crate) limiter: Limiter,
     pub(crate) watchdog: Watchdog,
-    pub(crate) gate: Gate,
+    pub(crate) gate: Gates,
     pub(crate) engagement: Engagement,
     origin: Origin,
     pub(crate) home_on_start: bool,
@@ -66,8 +66,9 @@ pub struct SlaveCore<D> {
     pub(crate) stamps: HopStamps,
     pub(crate) is_unstamped: bool,
     pub(crate) command_sequence: u64,
-    /// Distance of the newest command from the setpoint that it has led to, m.
-    lag_m: f64,
+    /// Distance of the newest command from the setpoint that it has led to, m: of actuators that hold each other, and of one that
+    /// stands alone.
+    lag_m: [f64; 2],
     /// What the newest command met.
     pub(crate) command_findings: Findings,
     pub(crate) drive_error: Option<DriveError>,
@@ -106,16 +107,11 @@ impl<D: Drive> SlaveCore<D> {
     pub fn new(drive: D, config: &SlaveConfig) -> Self {
         let unread = core::array::from_fn(|k| if k < drive.n_actuators() { f64::NAN } else { 0.0 });
         Self {
-            limiter: Limiter::new(config.limits.clone(), drive.n_actuators()),
-            drive,
+            limiter: Limiter::new(config.limits.clone(), drive.n_actuators(), drive.traits().n_together),
             machine: OperatingMachine::default(),
             watchdog: Watchdog::new(config.watchdog_ms),
-            gate: Gate::new(GateLimits {
-                rate_m_per_s: config.limits.rate_m_per_s,
-                acceleration_m_per_s2: config.limits.acceleration_m_per_s2,
-                jerk_m_per_s3: config.limits.jerk_m_per_s3,
-                deceleration_m_per_s2: config.deceleration_m_per_s2,
-            }),
+            gate: Gates::new(GateLimits::of(config), drive.traits().alone()),
+            drive,
             engagement: Engagement::default(),
             origin: Origin::default(),
             home_on_start: config.home_on_start,
@@ -131,7 +127,7 @@ impl<D: Drive> SlaveCore<D> {
             stamps: HopStamps::default(),
             is_unstamped: false,
             command_sequence: 0,
-            lag_m: 0.0,
+            lag_m: [0.0; 2],
             command_findings: Findings::default(),
             drive_error: None,
             has_kept_power: false,
@@ -186,9 +182,10 @@ impl<D: Drive> SlaveCore<D> {
         self.engagement.is_engaged()
     }
 
-    /// Whether the setpoint is the newest command, but for what the gate has yet to make up for.
-    pub(crate) fn follows_closely(&self) -> bool {
-        self.is_following() && self.lag_m <= self.limiter.limits().engage_m
+    /// Whether the setpoint is the newest command, but for what the gate has yet to make up for: of actuators that hold each other, and
+    /// of one that stands alone.
+    pub(crate) fn follow_closely(&self) -> [bool; 2] {
+        self.lag_m.map(|lag_m| self.is_following() && lag_m <= self.limiter.limits().engage_m)
     }
 
     /// Another process writes the commands from now on.
@@ -239,7 +236,7 @@ impl<D: Drive> SlaveCore<D> {
 
     fn refuse(&mut self, now_ns: i64) {
         self.n_refused += 1;
-        self.lag_m = f64::INFINITY;
+        self.lag_m = [f64::INFINITY; 2];
         self.rest(now_ns);
     }
 
@@ -251,14 +248,11 @@ impl<D: Drive> SlaveCore<D> {
             findings.note(Reason::ActuatorRateLimit, largest(forecast), rate);
         }
         let whole = self.gate.toward(command.q_tilde_m, forecast, situation.now_ns, findings);
-        let part = self.limiter.confine(situation, &whole.q_m, findings);
-        let write = if part < 1.0 { self.gate.part_of(&whole, part) } else { whole };
-        if !self.write(&write, situation.now_ns) {
+        let parts = self.limiter.confine(situation, &whole.q_m, findings);
+        if !self.write(&self.gate.part_of(&whole, parts), situation.now_ns) {
             return;
         }
-        let q_m = self.gate.q_m();
-        self.lag_m =
-            if part < 1.0 { f64::INFINITY } else { largest(core::array::from_fn(|i| command.q_tilde_m[i] - q_m[i])) };
+        self.lag_m = self.gate.lags_m(command.q_tilde_m, parts);
         self.motion = Motion::Following;
         self.setpoint_bend_rad = command.bend_rad;
         (self.setpoint_joints_rad, self.n_joints) = (command.joints_rad, command.n_joints);
@@ -473,11 +467,11 @@ impl<D: Drive> SlaveCore<D> {
         let stroke_m = self.limiter.limits().stroke_m;
         let from_m = self.gate.q_m();
         let stays = write.q_m.iter().zip(from_m).all(|(q_m, from_m)| q_m.abs() <= stroke_m.max(from_m.abs()));
-        let write = if stays { write } else { self.gate.part_of(&write, 0.0) };
+        let write = if stays { write } else { self.gate.part_of(&write, [0.0; 2]) };
         self.write(&write, now_ns);
     }
 
-    pub(crate) fn write(&mut self, write: &Write, now_ns: i64) -> bool {
+    pub(crate) fn write(&mut self, write: &Writes, now_ns: i64) -> bool {
         match self.drive.write(now_ns, write.q_m) {
             Ok(()) => {
                 self.gate.commit(write, now_ns);

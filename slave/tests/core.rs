@@ -19,6 +19,8 @@ struct Mock {
     tau_n: Actuators,
     /// Actuators beyond three.
     n_more: usize,
+    /// Whether the last one is a gripper's wire.
+    has_gripper: bool,
     is_frozen: bool,
     is_dead: bool,
     powered: bool,
@@ -53,6 +55,7 @@ impl Drive for Mock {
     fn traits(&self) -> DriveTraits {
         DriveTraits {
             n_actuators: self.n_actuators(),
+            n_together: self.n_actuators() - usize::from(self.has_gripper),
             period_ns: MS,
             travel_m: [0.02; 12],
             rate_m_per_s: [f64::INFINITY; 12],

@@ -152,7 +152,7 @@ fn with_slave(test: &str, config: &SlaveConfig, talk: impl FnOnce(&mut Others)) 
     let result = thread::scope(|scope| {
         let slave = scope.spawn(|| {
             let bus = Bus::open(&instance, "slave").unwrap();
-            run(&bus, config, Simulation::Snake, &stop)
+            run(&bus, config, Simulation::Snake(None), &stop)
         });
         let _stops = Stops(&stop);
         assert!(others.health.wait(Duration::from_secs(20)).unwrap(), "the slave says that it is ready");
@@ -308,13 +308,13 @@ fn shapes_of_another_program_have_the_channel_to_themselves() {
     let bus = Bus::open(&instance, "vision").unwrap();
     let _vision = bus.writer::<Shape>().unwrap();
     let sentence =
-        run(&bus, &SlaveConfig::default(), Simulation::Snake, &AtomicBool::new(false)).unwrap_err().to_string();
+        run(&bus, &SlaveConfig::default(), Simulation::Snake(None), &AtomicBool::new(false)).unwrap_err().to_string();
     assert!(
         sentence.contains("already publishes measured shapes") && sentence.contains("--shape external"),
         "{sentence}"
     );
     let config = SlaveConfig { shape: ShapeSource::External, ..SlaveConfig::default() };
-    run(&bus, &config, Simulation::Snake, &AtomicBool::new(true)).unwrap();
+    run(&bus, &config, Simulation::Snake(None), &AtomicBool::new(true)).unwrap();
 }
 
 #[test]
@@ -322,13 +322,13 @@ fn a_bad_configuration_or_truth_is_refused_before_anything_is_opened() {
     let bus = Bus::open(&format!("t-slave-bad-{}", std::process::id()), "slave").unwrap();
     let stop = AtomicBool::new(false);
     let missing = SlaveConfig { truth: Some("/nowhere/truth.toml".into()), ..SlaveConfig::default() };
-    let sentence = run(&bus, &missing, Simulation::Snake, &stop).unwrap_err().to_string();
+    let sentence = run(&bus, &missing, Simulation::Snake(None), &stop).unwrap_err().to_string();
     assert!(sentence.contains("/nowhere/truth.toml"), "{sentence}");
     let mut far = SlaveConfig::default();
     far.limits.stroke_m = 9e-3;
-    let sentence = run(&bus, &far, Simulation::Snake, &stop).unwrap_err().to_string();
+    let sentence = run(&bus, &far, Simulation::Snake(None), &stop).unwrap_err().to_string();
     assert!(sentence.contains("limits.stroke_m") && sentence.contains("travel"), "{sentence}");
     let slow = SlaveConfig { watchdog_ms: 10.0, ..SlaveConfig::default() };
-    let sentence = run(&bus, &slow, Simulation::Snake, &stop).unwrap_err().to_string();
+    let sentence = run(&bus, &slow, Simulation::Snake(None), &stop).unwrap_err().to_string();
     assert!(sentence.contains("watchdog_ms"), "{sentence}");
 }

@@ -23,7 +23,10 @@ on('hello', message => {
   write($('edge-name'), `limit ${degrees(facts.max_bend_rad).toFixed(0)}°`);
   document.documentElement.dataset.machine = facts.joints ? 'joints' : 'snake';
   if (facts.joints) joints = new JointBars($('joints'), facts);
-  write($('lines-title').firstChild, facts.joints && !facts.joints.n_segments ? 'Actuators ' : 'Lines ');
+  write($('lines-title').firstChild, facts.joints && !facts.joints.n_segments ? 'Actuators ' : facts.jaw ? 'Lines and jaw ' : 'Lines ');
+  $('jaw').hidden = !facts.jaw;
+  document.documentElement.toggleAttribute('data-jaw', Boolean(facts.jaw));
+  if (facts.jaw) [$('jaw-bar').min, $('jaw-bar').max] = facts.jaw.map(degrees);
   makeDial();
   makeBars();
 });
@@ -58,6 +61,7 @@ on('stale', ({ hasConnection }) => {
   for (const id of ['bend-now', 'plane-now', 'off-now']) write($(id), '–');
   write($('error-now'), '');
   joints?.blank();
+  write($('jaw-now'), '–');
   for (const bar of bars) { write(bar.mm, '–'); write(bar.newton, '–'); }
   for (const id of ['need-drives', 'need-operator', 'need-clutch']) need(id, 'unknown', 'unknown', 'unknown');
   write($('need-scale').querySelector('dd span'), '–');
@@ -155,7 +159,7 @@ function makeBars() {
     const [fill, told, load] = [make('div', 'fill'), make('div', 'told'), make('div', 'fill')];
     const [mm, newton] = [make('span', 'mm num'), make('span', 'newton num')];
     const track = make('div', 'track', fill, make('div', 'zero'), told);
-    const bar = make('div', 'bar', make('span', 'id', String(n)), track, mm, make('div', 'track load', load), newton);
+    const bar = make('div', 'bar', make('span', 'id', facts.jaw && n === facts.n_actuators ? 'J' : String(n)), track, mm, make('div', 'track load', load), newton);
     return { bar, fill, told, load, mm, newton, track };
   });
   $('bars').replaceChildren(...bars.map(({ bar }) => bar));
@@ -202,6 +206,12 @@ function numbers(frame) {
   write($('off-now'), frame.err_rms === null ? '–' : `${off(frame.err_rms).toFixed(1)}${unit()}`);
   write($('error-now'), frame.err_rms === null ? '' : `${off(frame.err_rms).toFixed(2)}${unit()}`);
   if (frame.joints) joints?.write(frame.joints);
+  if (frame.jaw) {
+    const [seen, told] = [frame.jaw.measured, frame.jaw.wanted].map(value => value === null ? null : degrees(value));
+    // Without a camera on it, the bar shows nothing: a wanted angle is no opening.
+    $('jaw-bar').value = seen ?? $('jaw-bar').min;
+    write($('jaw-now'), `${seen === null ? 'not measured' : `${seen.toFixed(0)}°`} of ${told.toFixed(0)}°`);
+  }
   bars.forEach(({ mm, newton }, i) => {
     write(mm, state ? signed(state.q_m[i] * 1e3, 2) : '–');
     write(newton, state && state.tau_n[i] !== null ? `${signed(state.tau_n[i], 1)} N` : 'not measured');

@@ -4,6 +4,12 @@
 pub const MAX_ACTUATORS: usize = 12;
 /// Lines of a snake.
 pub const N_LINES: usize = 3;
+/// The actuator of a gripper's wire, from 0: behind the three lines of a snake, the last.
+pub const GRIPPER_WIRE: usize = N_LINES;
+/// Actuators of a snake with a gripper.
+pub const N_WITH_GRIPPER: usize = N_LINES + 1;
+/// The place of a snake's jaw among the positions of joints, of which a snake has none besides.
+pub const JAW: usize = 0;
 /// The most joints that a machine has.
 pub const MAX_JOINTS: usize = 8;
 

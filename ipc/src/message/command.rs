@@ -25,7 +25,7 @@ pub struct Command {
     /// The bend vector that this command is for, rad; equals the setpoint's; NaN for joints.
     pub bend_rad: [f64; 2],
     /// The positions of joints that this command is for, rad (m for a sliding joint), or the bend vectors of segments; equal the
-    /// setpoint's; zeros for a snake.
+    /// setpoint's; zeros for a snake, but for the jaw of its gripper in the place [`super::JAW`].
     pub joints_rad: JointValues,
     /// q of Eq. (1): what an inextensible snake would need, or what joints without effects would, m, push positive.
     pub q_uncompensated_m: Actuators,
@@ -33,7 +33,7 @@ pub struct Command {
     pub q_tilde_m: Actuators,
     /// Actuator rates that the model asks for, m/s; copied from the setpoint, NaN where nobody has computed them.
     pub q_tilde_vel_m_per_s: Actuators,
-    /// How many actuators it commands; 0: the three lines of a snake.
+    /// How many actuators it commands; 0: the three lines of a snake; [`super::N_WITH_GRIPPER`] and no joints: these and its gripper's wire.
     pub n_actuators: u32,
     /// How many joints they move, or twice the number of segments; 0 for a snake.
     pub n_joints: u32,

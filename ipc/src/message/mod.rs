@@ -28,7 +28,10 @@ mod state_command;
 mod state_request;
 mod text;
 
-pub use actuators::{Actuators, JointValues, MAX_ACTUATORS, MAX_JOINTS, N_LINES, lines, n_actuators, three, used};
+pub use actuators::{
+    Actuators, GRIPPER_WIRE, JAW, JointValues, MAX_ACTUATORS, MAX_JOINTS, N_LINES, N_WITH_GRIPPER, lines, n_actuators,
+    three, used,
+};
 pub use command::Command;
 pub use cue::Cue;
 pub use drive_cycle::{ActuatorCycle, DriveCycle};

@@ -21,7 +21,8 @@ pub struct OperatorInput {
     /// The device's own six axes of the newest report, in its counts (x, y, z, rx, ry, rz).
     pub raw_axes: [i16; 6],
     /// Bits of [`OperatorInput::OPERATOR_PRESENT`], [`OperatorInput::CLUTCH`], [`OperatorInput::TRANSLATION_LOCKED`],
-    /// [`OperatorInput::ROTATION_LOCKED`], [`OperatorInput::FROM_PAD`], [`OperatorInput::HAND_JUMPED`].
+    /// [`OperatorInput::ROTATION_LOCKED`], [`OperatorInput::FROM_PAD`], [`OperatorInput::HAND_JUMPED`], [`OperatorInput::JAW_OPENS`],
+    /// [`OperatorInput::JAW_CLOSES`].
     pub flags: u32,
     /// The device's buttons, bit n = button n.
     pub buttons: u32,
@@ -52,6 +53,10 @@ impl OperatorInput {
     pub const FROM_PAD: u32 = 16;
     /// Flag: the pose of the hand jumped; it counts as gone until it has let go.
     pub const HAND_JUMPED: u32 = 32;
+    /// Flag: the jaw of a gripper shall open while this holds.
+    pub const JAW_OPENS: u32 = 64;
+    /// Flag: it shall close; with both it stays.
+    pub const JAW_CLOSES: u32 = 128;
 
     /// Whether the operator is present.
     pub fn operator_present(&self) -> bool {
@@ -66,6 +71,12 @@ impl OperatorInput {
     /// Whether the motion comes from the drive pad of a page.
     pub fn is_from_pad(&self) -> bool {
         self.flags & Self::FROM_PAD != 0
+    }
+
+    /// Which way the jaw of a gripper is asked to go: 1 open, -1 closed, 0 neither.
+    pub fn jaw_direction(&self) -> f64 {
+        let asks = |flag| f64::from(u8::from(self.flags & flag != 0));
+        asks(Self::JAW_OPENS) - asks(Self::JAW_CLOSES)
     }
 
     /// The typed device state, or `None` for a value that no version of krait sends.

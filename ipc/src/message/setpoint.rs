@@ -23,7 +23,7 @@ pub struct Setpoint {
     /// Its rate, rad/s.
     pub bend_vel_rad_per_s: [f64; 2],
     /// Positions of joints, rad (m for a sliding joint), or the bend vectors of segments in series one after the other, rad; zeros for
-    /// a snake.
+    /// a snake, but for the jaw of its gripper in the place [`super::JAW`].
     pub joints_rad: JointValues,
     /// Their rates, rad/s (m/s).
     pub joints_vel_rad_per_s: JointValues,
@@ -39,7 +39,7 @@ pub struct Setpoint {
     pub phase: u32,
     /// Padding, zero.
     pub reserved: u32,
-    /// How many actuators have a rate; 0: the three lines of a snake.
+    /// How many actuators have a rate; 0: the three lines of a snake; [`super::N_WITH_GRIPPER`] and no joints: these and its gripper's wire.
     pub n_actuators: u32,
     /// How many joints, or twice the number of segments; 0 for a snake.
     pub n_joints: u32,
@@ -54,6 +54,12 @@ impl Setpoint {
     pub fn n_segments(&self) -> usize {
         let has_tip = self.tip_pos_in_base_m.iter().all(|m| m.is_finite());
         if has_tip { (self.n_joints as usize).min(super::MAX_JOINTS) / 2 } else { 0 }
+    }
+
+    /// Where the jaw of a snake's gripper shall be, rad; `None` for other machines and a snake without one.
+    pub fn jaw_rad(&self) -> Option<f64> {
+        let has_gripper = self.n_joints == 0 && self.n_actuators as usize == super::N_WITH_GRIPPER;
+        has_gripper.then(|| self.joints_rad[super::JAW])
     }
 
     /// The typed phase, or `None` for a value that no version of krait sends.

@@ -24,7 +24,8 @@ pub struct Shape {
     pub bend_covariance_rad2: [f64; 3],
     /// Actuator positions q~ at the instant of exposure, m; NaN where the maker does not know them.
     pub q_tilde_m: [f64; 3],
-    /// Measured positions of the joints, rad (m for a sliding joint); NaN for a snake and behind the last joint.
+    /// Measured positions of the joints, rad (m for a sliding joint); NaN for a snake and behind the last joint. Of a snake with a gripper
+    /// the measured jaw in the place [`super::JAW`].
     pub joints_rad: [f64; MAX_JOINTS],
     /// Their variances as the maker states them, rad^2; NaN where it states none.
     pub joint_variances_rad2: [f64; MAX_JOINTS],
@@ -115,6 +116,20 @@ impl Shape {
         is_valid.then_some(self.bend_rad)
     }
 
+    /// The same shape of a snake with the measured jaw of its gripper, rad, and its standard deviation; NaN changes nothing.
+    pub fn with_jaw(mut self, jaw_rad: f64, sigma_rad: f64) -> Self {
+        if jaw_rad.is_finite() {
+            (self.joints_rad[super::JAW], self.joint_variances_rad2[super::JAW]) = (jaw_rad, sigma_rad * sigma_rad);
+        }
+        self
+    }
+
+    /// The jaw of a snake's gripper, rad, if this is a valid measurement of one.
+    pub fn valid_jaw_rad(&self) -> Option<f64> {
+        let jaw_rad = self.joints_rad[super::JAW];
+        (self.n_joints == 0 && self.valid_bend_rad().is_some() && jaw_rad.is_finite()).then_some(jaw_rad)
+    }
+
     /// The positions of the joints, if this is a valid measurement of some.
     pub fn valid_joints_rad(&self) -> Option<&[f64]> {
         let positions = self.joints_rad.get(..self.n_joints as usize)?;
@@ -139,6 +154,17 @@ mod tests {
         assert_eq!(Shape::lost(1, 2, 3).valid_bend_rad(), None);
         assert_eq!(shape.valid_joints_rad(), None);
         assert!(Shape::of_bend(1, 2, 3, [0.0; 2]).sigma_bend_rad().is_nan(), "none is stated");
+    }
+
+    #[test]
+    fn a_jaw_is_shown_beside_a_bend_and_is_no_joint() {
+        let shape = Shape::of_bend(1, 2, 3, [0.3, -0.4]);
+        assert_eq!((shape.valid_jaw_rad(), shape.with_jaw(f64::NAN, 0.1).valid_jaw_rad()), (None, None));
+        let shown = shape.with_jaw(0.5, 0.01);
+        assert_eq!((shown.valid_jaw_rad(), shown.valid_bend_rad()), (Some(0.5), Some([0.3, -0.4])));
+        assert_eq!(shown.valid_joints_rad(), None);
+        assert_eq!(Shape::of_joints(1, 2, 3, &[0.1]).valid_jaw_rad(), None);
+        assert_eq!(Shape { validity: Validity::Outlying as u32, ..shown }.valid_jaw_rad(), None);
     }
 
     #[test]

@@ -19,7 +19,7 @@ pub struct SlaveState {
     /// See [`OperatingState`].
     pub operating_state: u32,
     /// Bits of [`SlaveState::IS_HOMED`], [`SlaveState::IS_BUSY`], [`SlaveState::FOLLOWING`], [`SlaveState::ENGAGED`],
-    /// [`SlaveState::COMMAND_REFUSED`]; in FAULT also of [`SlaveState::HARDWARE_STOP`], [`SlaveState::OTHERS_HOLD`] and the number of
+    /// [`SlaveState::COMMAND_REFUSED`], [`SlaveState::JAW_FOLLOWING`]; in FAULT also of [`SlaveState::HARDWARE_STOP`], [`SlaveState::OTHERS_HOLD`] and the number of
     /// [`SlaveState::failed_drive`].
     pub flags: u32,
     /// The operating state that was asked for last, see [`OperatingState`]; after a fault the two differ.
@@ -34,7 +34,8 @@ pub struct SlaveState {
     pub setpoint_q_m: Actuators,
     /// `setpoint` in configuration space: the bend vector that the last accepted command was for, rad; NaN for joints.
     pub setpoint_bend_rad: [f64; 2],
-    /// The positions of joints that the last accepted command was for, rad (m for a sliding joint); zeros for a snake.
+    /// The positions of joints that the last accepted command was for, rad (m for a sliding joint); zeros for a snake, but for the jaw of
+    /// its gripper in the place [`super::JAW`].
     pub setpoint_joints_rad: JointValues,
     /// `measured_js` position: the encoders, m, push positive.
     pub measured_q_m: Actuators,
@@ -69,6 +70,8 @@ impl SlaveState {
     pub const HARDWARE_STOP: u32 = 32;
     /// Flag: every drive that has not failed is under power by its own report.
     pub const OTHERS_HOLD: u32 = 64;
+    /// Flag: the actuator that stands alone, a gripper's wire, was written as the newest command has it.
+    pub const JAW_FOLLOWING: u32 = 128;
     /// Place of the failed drive's number among the flags.
     const FAILED_DRIVE_SHIFT: u32 = 8;
     const FAILED_DRIVE_MASK: u32 = 0xF;

@@ -91,6 +91,14 @@ impl Rows {
                 side.peak_bend_deg.filter(|_| is_measured(side)).map(|peak| peak.reached)
             });
         }
+        if a.jaw.is_some() || b.jaw.is_some() {
+            let of = |side: &Side| side.jaw.as_ref()?.joints.first().copied();
+            row("jaw, error rms, deg".to_owned(), &|side| of(side)?.error.map(|error| error.rms));
+            row("jaw, largest commanded, deg".to_owned(), &|side| of(side).map(|jaw| jaw.peak_commanded));
+            row("jaw, largest measured, deg".to_owned(), &|side| {
+                of(side).filter(|_| is_measured(side)).map(|jaw| jaw.peak_reached)
+            });
+        }
         let joints = |side: &Side| side.joints.as_ref().map_or(0, |score| score.joints.len());
         let (each, unit) =
             a.joints.as_ref().or(b.joints.as_ref()).map_or(("joint", ""), |score| (score.each, score.unit));

@@ -9,8 +9,10 @@ use anyhow::Context;
 use krait_bridge::{JointMachine, LiveModel, SegmentModel};
 use krait_console::{Facts, FoxgloveSettings, HopBudget, JointFacts, ServerSettings};
 use krait_ipc::Bus;
-use krait_ipc::message::N_LINES;
+use krait_ipc::message::{N_LINES, N_WITH_GRIPPER};
 use krait_master::Presence;
+use krait_model::Chain;
+use krait_model::gripper::Gripper;
 use krait_record::{RecordConfig, Recording, Views};
 use krait_report::Lanes;
 use krait_slave::DriveKind;
@@ -94,7 +96,10 @@ fn facts_of(instance: &str, config: &Config, model: &ModelInForce) -> anyhow::Re
     let lanes = lanes_of(&model.machine).unwrap_or(Lanes::Turning);
     let (unit, per_si) = lanes.unit();
     let (machine, joints, n_actuators) = match &model.machine {
-        LiveModel::Snake(chain) => (Some(chain.machine()), None, N_LINES),
+        LiveModel::Snake(chain) => {
+            let n_actuators = if chain.gripper().is_some() { N_WITH_GRIPPER } else { N_LINES };
+            (Some(chain.machine()), None, n_actuators)
+        }
         LiveModel::Joints(joints) => {
             let joints = JointMachine::new(joints, &config.joints)?;
             (None, Some(joint_facts(&joints)), joints.n())
@@ -115,6 +120,7 @@ fn facts_of(instance: &str, config: &Config, model: &ModelInForce) -> anyhow::Re
         unit,
         per_si,
         joints,
+        jaw: model.machine.snake().and_then(Chain::gripper).map(Gripper::range_rad),
         max_bend_rad: config.resolve.max_bend_rad,
         max_stroke_m: config.compensate.max_stroke_m,
         max_load_n: config.compensate.max_load_n,

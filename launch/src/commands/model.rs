@@ -10,6 +10,7 @@ use crate::print;
 use anyhow::Context;
 use krait_bridge::{JointMachine, LiveModel};
 use krait_ipc::input;
+use krait_model::gripper::Gripper;
 use krait_model::model_file::{Assumed, FileEffect, ModelFile, ModelFileError, assumed, built_in, documented_defaults};
 use krait_model::{Chain, ChainError, KnownColumns};
 use serde::Serialize;
@@ -116,6 +117,9 @@ struct Described {
     /// The segments from the base on; only of a machine of segments.
     #[serde(skip_serializing_if = "Option::is_none")]
     segments: Option<Vec<SegmentEntry>>,
+    /// The gripper; only of a snake that has one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    gripper: Option<GripperEntry>,
     /// Why the live compensator cannot use it; null where it can.
     not_compensable: Option<String>,
     /// Why it must not steer a machine though every number of it is within bounds; null where it may.
@@ -124,6 +128,17 @@ struct Described {
     /// Keys that the file leaves out, and what is assumed for them.
     assumed: Vec<AssumedKey>,
     n_history: usize,
+}
+
+/// A gripper, as `--json` prints it.
+#[derive(Serialize)]
+struct GripperEntry {
+    /// The jaw closed and open, deg.
+    range_deg: [f64; 2],
+    /// The way of the wire from the jaw's zero, m.
+    travel_m: f64,
+    /// The effects of its wire.
+    effects: Vec<&'static str>,
 }
 
 #[derive(Serialize)]
@@ -170,7 +185,11 @@ fn described(config: &Config, path: &Path, text: &str, model: &ModelFile) -> Res
     let live = LiveModel::of(model);
     let mut not_compensable = live.as_ref().err().map(|error| format!("{error:#}"));
     let implausible = match &live {
-        Ok(LiveModel::Snake(chain)) => chain.plausible(LARGEST_BEND_RAD).map_err(whole)?.err().map(|e| e.to_string()),
+        Ok(LiveModel::Snake(chain)) => {
+            let of_snake = chain.plausible(LARGEST_BEND_RAD).map_err(whole)?.err().map(|error| error.to_string());
+            let of_gripper = chain.gripper().map(Gripper::plausible).transpose().map_err(whole)?.and_then(Result::err);
+            of_snake.or(of_gripper.map(|error| format!("its gripper: {error}")))
+        }
         Ok(LiveModel::Joints(joints)) => match JointMachine::new(joints, &config.joints) {
             Ok(machine) => machine.plausible().map_err(whole)?.err().map(|e| e.to_string()),
             Err(error) => {
@@ -187,6 +206,11 @@ fn described(config: &Config, path: &Path, text: &str, model: &ModelFile) -> Res
     Ok(Described {
         load_limit,
         segments: model.segment_chain().map_err(whole)?.as_ref().map(model_segments::described),
+        gripper: chain.as_ref().and_then(Chain::gripper).map(|gripper| GripperEntry {
+            range_deg: gripper.numbers().range_deg,
+            travel_m: gripper.travel_m(),
+            effects: gripper.effects().iter().map(|effect| effect.kind().name()).collect(),
+        }),
         file: path.display().to_string(),
         valid: true,
         hash: model.hash().to_string(),
@@ -240,6 +264,10 @@ fn sentences(found: &Described) -> String {
     }
     if let Some(limit) = found.load_limit {
         text += &load_sentence(&limit);
+    }
+    if let Some(GripperEntry { range_deg: [closed, open], travel_m, effects }) = &found.gripper {
+        let with = if effects.is_empty() { "no effects".to_owned() } else { effects.join(", ") };
+        text += &format!("  gripper: {closed} to {open} deg, {:.2} mm of wire, with {with}\n", travel_m * 1e3);
     }
     text += &model_segments::sentences(found.segments.as_deref().unwrap_or_default());
     match found.implausible.as_ref().or(found.not_compensable.as_ref()) {

@@ -49,7 +49,8 @@ fn run_named(common: &Common, process: &ProcessVerb) -> anyhow::Result<()> {
         ProcessVerb::Master(args) => run_master(&bus, &config, args, &stop)?,
         ProcessVerb::Resolve(args) => {
             let machine = &config.model()?.machine;
-            krait_bridge::run_resolve(&bus, machine, config.resolve, &config.joints, feed(args.cued), &stop)?;
+            let feed = feed(args.cued);
+            krait_bridge::run_resolve(&bus, machine, config.resolve, &config.joints, config.gripper, feed, &stop)?;
         }
         ProcessVerb::Compensate(args) => {
             let machine = &config.model()?.machine;
@@ -102,7 +103,7 @@ fn record_until(bus: &Bus, stop: &AtomicBool) -> impl FnMut() -> bool {
 /// The simulated machine that goes with the model.
 fn simulation(config: &Config) -> anyhow::Result<Simulation> {
     Ok(match config.model()?.machine {
-        LiveModel::Snake(_) => Simulation::Snake,
+        LiveModel::Snake(chain) => Simulation::Snake(chain.gripper().map(|gripper| gripper.numbers().wire_m_per_rad)),
         LiveModel::Joints(joints) => Simulation::Joints(joints.n()),
         LiveModel::Segments(segments) => Simulation::Segments(segments_of(segments.parameters())),
     })

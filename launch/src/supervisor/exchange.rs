@@ -10,6 +10,7 @@ use anyhow::{Context, ensure};
 use krait_bridge::{LiveModel, SegmentModel};
 use krait_ipc::message::{ModelAnswer, ModelRequest};
 use krait_ipc::{Bus, IpcError, Process, ReadOptions, Reader, Writer, clock};
+use krait_model::Chain;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
@@ -133,7 +134,8 @@ fn checked(before: &Config, request: &ModelRequest, n_recording: u32, is_recordi
 fn is_same_machine(new: &LiveModel, old: &LiveModel) -> bool {
     match (new, old) {
         (LiveModel::Snake(new), LiveModel::Snake(old)) => {
-            (new.machine().l_m, new.machine().r_m) == (old.machine().l_m, old.machine().r_m)
+            let size = |own: &Chain| (own.machine().l_m, own.machine().r_m, own.gripper().is_some());
+            size(new) == size(old)
         }
         (LiveModel::Joints(new), LiveModel::Joints(old)) => {
             (new.n(), new.slides(), new.is_driven_by_lengths()) == (old.n(), old.slides(), old.is_driven_by_lengths())

@@ -58,6 +58,7 @@ pub use tangents::{CommandTangents, PredictionTangents, PredictorTangents};
 use crate::effects::formula::Formula;
 use crate::effects::prepared::Constants;
 use crate::effects::{Dual, EffectKind, Inverse, Needs, Real};
+use crate::gripper::Gripper;
 use crate::hash::{self, ModelHash};
 use crate::parameters::in_range;
 use crate::{MachineParameters, Snake};
@@ -78,6 +79,7 @@ pub struct Chain {
     /// No shape beyond this bend is planned, rad.
     max_bend_rad: f64,
     floor_rad: Option<f64>,
+    gripper: Option<Arc<Gripper>>,
 }
 
 impl Chain {
@@ -106,8 +108,8 @@ impl Chain {
         let model = ChainModel::new(constants, effects, Arc::clone(&formulas), value)?;
         let max_bend_rad = max_bend_rad(&model, settings.strain_limit);
         let learnt = learn::learnt(effects)?;
-        let (machine, effects, floor_rad) = (*machine, effects.to_vec(), None);
-        Ok(Self { machine, effects, learnt, formulas, model, settings, max_bend_rad, floor_rad })
+        let (machine, effects, floor_rad, gripper) = (*machine, effects.to_vec(), None, None);
+        Ok(Self { machine, effects, learnt, formulas, model, settings, max_bend_rad, floor_rad, gripper })
     }
 
     /// The inverse: turns setpoints into actuator positions. Starts at rest at the straight pose.
@@ -184,9 +186,19 @@ impl Chain {
         self.floor_rad
     }
 
+    /// The same chain with a gripper at its end, or none.
+    pub fn with_gripper(self, gripper: Option<Gripper>) -> Self {
+        Self { gripper: gripper.map(Arc::new), ..self }
+    }
+
+    /// The gripper at its end, if there is one.
+    pub fn gripper(&self) -> Option<&Gripper> {
+        self.gripper.as_deref()
+    }
+
     /// Which model it is.
     pub fn hash(&self) -> ModelHash {
-        hash::of_snake(&self.machine, self.settings, &self.effects)
+        hash::of_snake(&self.machine, self.settings, &self.effects, self.gripper())
     }
 
     /// The effects, in order.

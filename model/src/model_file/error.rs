@@ -103,6 +103,14 @@ pub enum ModelFileError {
         /// The effects that do.
         allowed: String,
     },
+    /// A gripper on a machine that has no place for one.
+    #[error("line {line}: [gripper] is for a machine of kind snake, and this one is of kind {machine}; remove it")]
+    NoGripper {
+        /// Where.
+        line: usize,
+        /// The machine's kind.
+        machine: &'static str,
+    },
     /// The machine or the chain refuses it.
     #[error("line {line}: {source}")]
     Chain {

@@ -1,6 +1,8 @@
 //! The four kinds of machine that a model file describes.
 
+use super::gripper::FileGripper;
 use crate::effects::EffectKind;
+use crate::gripper::Gripper;
 use crate::parameters::{ParameterRange, range_of};
 use crate::segments::SegmentsParameters;
 use crate::{ChainError, ChainSettings, EffectSetting, MachineParameters};
@@ -28,6 +30,8 @@ pub struct SnakeMachine {
     pub settings: ChainSettings,
     /// What is known of each number of the geometry, by its key; a number that is not here is held.
     known: BTreeMap<&'static str, Known>,
+    /// The gripper, if there is one.
+    pub(super) gripper: Option<Box<FileGripper>>,
 }
 
 impl Machine {
@@ -72,6 +76,11 @@ impl SnakeMachine {
             }
         }
         self
+    }
+
+    /// The gripper, if there is one.
+    pub fn gripper(&self) -> Option<&Gripper> {
+        self.gripper.as_ref().map(|own| &own.gripper)
     }
 
     /// The first number that the file says is free: such a machine is not calibrated.

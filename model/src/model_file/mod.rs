@@ -14,6 +14,7 @@
 mod assumed;
 mod built_in;
 mod error;
+mod gripper;
 mod history;
 mod machine;
 mod read;
@@ -181,7 +182,7 @@ impl ModelFile {
     pub fn chain(&self, columns: KnownColumns) -> Result<Option<Chain>, ChainError> {
         let Machine::Snake(snake) = &self.machine else { return Ok(None) };
         let chain = Chain::new(&snake.parameters, snake.settings, &self.settings(), columns)?;
-        Ok(Some(chain.with_floor(self.floor_rad())))
+        Ok(Some(chain.with_floor(self.floor_rad()).with_gripper(snake.gripper().cloned())))
     }
 
     /// What of its error is the measurement's own, rad, as the newest entry of the history says that knows it.
@@ -221,7 +222,7 @@ impl ModelFile {
     pub fn hash(&self) -> ModelHash {
         let effects = self.settings();
         match &self.machine {
-            Machine::Snake(snake) => hash::of_snake(&snake.parameters, snake.settings, &effects),
+            Machine::Snake(snake) => hash::of_snake(&snake.parameters, snake.settings, &effects, snake.gripper()),
             Machine::Segments(segments) => hash::of_segments(segments, &effects),
             Machine::Joints(joints) => hash::of_joints(joints, &effects),
             Machine::Force(force) => hash::of_force(force, &effects),

@@ -3,7 +3,7 @@
 use super::error::nearest;
 use super::history::{HeldOutRms, HistoryEntry};
 use super::machine::{ForceMachine, ForceUnit, Joints, Known, Machine, SNAKE_KEYS, SnakeMachine};
-use super::{FileEffect, MODEL_FILE_FORMAT, ModelFile, ModelFileError, read_effect, read_segments};
+use super::{FileEffect, MODEL_FILE_FORMAT, ModelFile, ModelFileError, gripper, read_effect, read_segments};
 use crate::joints::MAX_JOINTS;
 use crate::parameters::in_range;
 use crate::{ChainError, ParameterError, Snake};
@@ -17,7 +17,7 @@ pub(super) fn parse(text: &str) -> Result<ModelFile, ModelFileError> {
         reason: error.message().replace('\n', ", "),
     })?;
     let root = Section { text, place: "the file".to_owned(), line: 1, table: root.get_ref() };
-    root.only(&["format", "machine", "effect", "history"])?;
+    root.only(&["format", "machine", "effect", "gripper", "history"])?;
     let format = root.number("format")?.ok_or_else(|| root.missing("format", "format = 1"))?;
     if format.value != MODEL_FILE_FORMAT as f64 {
         return Err(ModelFileError::OutOfRange {
@@ -29,7 +29,13 @@ pub(super) fn parse(text: &str) -> Result<ModelFile, ModelFileError> {
             unit: "(the only format there is)",
         });
     }
-    let machine = machine(&root.section("machine")?.ok_or_else(|| root.missing("machine", "a table [machine]"))?)?;
+    let mut machine = machine(&root.section("machine")?.ok_or_else(|| root.missing("machine", "a table [machine]"))?)?;
+    if let Some(section) = root.section("gripper")? {
+        let Machine::Snake(snake) = &mut machine else {
+            return Err(ModelFileError::NoGripper { line: section.line, machine: machine.kind() });
+        };
+        snake.gripper = Some(Box::new(gripper::gripper(&section)?));
+    }
     let effects = effects(&root, &machine)?;
     let history = root.sections("history")?.iter().map(history_entry).collect::<Result<_, _>>()?;
     Ok(ModelFile { machine, effects, history })

@@ -1,5 +1,6 @@
 //! From a model to text that reads back as the same model, with or without what each key means.
 
+use super::gripper::{self, FileGripper};
 use super::machine::{ForceMachine, Joints, Known, Machine, SNAKE_KEYS, SnakeMachine};
 use super::{FileEffect, HistoryEntry, MODEL_FILE_FORMAT, ModelFile, Origin, write_segments};
 use crate::effects::{Definition, EffectKind, FORMULA_VARIABLES, Inverse};
@@ -18,7 +19,10 @@ pub(super) fn to_toml(file: &ModelFile, documented: bool) -> String {
         Machine::Joints(joints) => out.joints(joints),
         Machine::Force(force) => out.force(force),
     }
-    file.effects.iter().for_each(|effect| out.effect(effect));
+    file.effects.iter().for_each(|effect| out.effect("effect", effect));
+    if let Machine::Snake(SnakeMachine { gripper: Some(own), .. }) = &file.machine {
+        gripper::write(&mut out, own);
+    }
     file.history.iter().for_each(|entry| out.entry(entry));
     out.text
 }
@@ -36,7 +40,7 @@ pub fn documented_defaults() -> String {
     out.comment("learnt while the machine moves with, for example, `eta = { value = 1.0, learn = { sd = 0.3, memory_s = 3600.0 } }`.");
     let mut effects = Out { text: String::new(), documented: true };
     for kind in EffectKind::ALL.into_iter().filter(|kind| *kind != EffectKind::Formula) {
-        effects.effect(&FileEffect::new(EffectSetting::new(kind)));
+        effects.effect("effect", &FileEffect::new(EffectSetting::new(kind)));
     }
     for line in effects.text.lines() {
         out.comment(line);
@@ -45,6 +49,16 @@ pub fn documented_defaults() -> String {
     for variable in FORMULA_VARIABLES {
         let hooks: Vec<_> = variable.hooks.iter().map(|hook| hook.word()).collect();
         out.comment(&format!("  {} [{}], at {}", variable.name, variable.meaning, hooks.join(", ")));
+    }
+    out.comment(
+        "\nA gripper at the end of a snake; its wire's effects are those of joints, below, each as [[gripper.effect]].",
+    );
+    let mut own = Out { text: String::new(), documented: true };
+    if let Ok(example) = FileGripper::example() {
+        gripper::write(&mut own, &example);
+    }
+    for line in own.text.lines() {
+        out.comment(line);
     }
     let names = SEGMENT_EFFECTS.map(EffectKind::name).join(", ");
     out.comment("\nAnother kind of machine, snakes in series on any lines. It can have the effects");
@@ -80,7 +94,7 @@ fn documented_joints() -> String {
     let (gain_known, offset_known) = (vec![Known::Held], vec![Known::Held]);
     out.joints(&Joints { n: 1, gain, gain_known, offset, offset_known, u_unit: unit.clone(), y_unit: unit });
     for effect in JointEffect::ALL {
-        out.effect(&FileEffect::new(EffectSetting::new(EffectKind::Joint(effect))));
+        out.effect("effect", &FileEffect::new(EffectSetting::new(EffectKind::Joint(effect))));
     }
     out.text
 }
@@ -158,10 +172,11 @@ impl Out {
         self.line(&format!("unit = {}", text(force.unit.word())), "Nm or A");
     }
 
-    fn effect(&mut self, effect: &FileEffect) {
+    /// An effect in a table of this name.
+    pub(super) fn effect(&mut self, under: &str, effect: &FileEffect) {
         let setting = effect.setting();
         let definition = setting.kind().definition();
-        self.line("\n[[effect]]", &about(definition));
+        self.line(&format!("\n[[{under}]]"), &about(definition));
         self.line(&format!("kind = {}", text(definition.name)), definition.equation);
         if let Some(formula) = setting.formula_text() {
             self.line(&format!("name = {}", text(&formula.name)), "");

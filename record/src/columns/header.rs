@@ -59,5 +59,10 @@ pub(super) fn columns<'a>(columns: &'a Columns, units: Option<&ColumnUnits>) -> 
     if columns.has_tau() {
         table(&|k| format!("tau{}_n", k + 1), &columns.tau_n, n, 1.0);
     }
+    if let Some(jaw) = &columns.jaw {
+        for (name, values) in [("jaw_wire_m", &jaw.wire_m), ("jaw_wire_n", &jaw.wire_n), ("jaw_rad", &jaw.jaw_rad)] {
+            table(&|_| name.to_owned(), values, 1, 1.0);
+        }
+    }
     all
 }

@@ -166,3 +166,29 @@ fn joints_have_as_many_columns_as_there_are_in_the_units_of_their_model() {
     let u1_rad: f64 = lines[2].split(',').nth(1).expect("a cell").parse().expect("a number");
     assert!((u1_rad - 200.0 * 2e-6).abs() < 1e-12, "two micrometres of cable: {text}");
 }
+
+#[test]
+fn the_wire_and_the_jaw_of_a_gripper_have_columns_of_their_own_and_the_lines_stay_three() {
+    let mut samples = homed(3);
+    for sample in &mut samples {
+        let Sample::State(state) = sample else { continue };
+        state.n_actuators = 4;
+        (state.measured_q_m[3], state.measured_tau_n[3]) = (1e-3 * state.sequence as f64, -2.0);
+    }
+    samples.push(Sample::Shape(Shape::of_bend(1, MS, 2 * MS, [0.3, 0.25]).with_sigma(0.007).with_jaw(0.5, 0.007)));
+    let found = columns(&samples);
+    assert_eq!((found.n_rows(), found.n_actuators, found.q_m.len(), found.tau_n.len()), (3, 3, 9, 9));
+    let jaw = found.jaw.as_ref().expect("a gripper");
+    assert_eq!((&jaw.wire_m[..], &jaw.wire_n[..]), (&[1e-3, 2e-3, 3e-3][..], &[-2.0; 3][..]));
+    assert!(jaw.jaw_rad[0].is_nan() && jaw.jaw_rad[1] == 0.5, "{jaw:?}");
+    assert_eq!(found.q_m[3..6], columns(&homed(3)).q_m[3..6]);
+    let mut bytes = Vec::new();
+    write_csv(&found, None, &mut bytes).expect("a Vec grows");
+    let text = String::from_utf8(bytes).expect("text");
+    let lines: Vec<_> = text.lines().collect();
+    assert_eq!(
+        lines[0],
+        "time_s,q1_m,q2_m,q3_m,bend_x_rad,bend_y_rad,sigma_bend_rad,jaw_wire_m,jaw_wire_n,jaw_rad,trial"
+    );
+    assert!(lines[2].ends_with(",0.007,0.002,-2,0.5,1") && lines[1].ends_with(",,0.001,-2,,1"), "{text}");
+}
