@@ -4,8 +4,8 @@
 //! that differs along the way for dry friction.
 //! Intuition: an effect stands where it takes away much that these shapes cannot, on blocks that neither was fitted to.
 
-use super::screen::{block_moments, orthonormal};
-use super::structure::{Group, held_out_share, structure};
+use super::screen::{block_moments, orthonormal, remove};
+use super::structure::{Group, GroupShare, Structure, held_out_share, structure};
 use crate::fit::{Fit, dot};
 use crate::noise::bounds;
 use crate::read::column;
@@ -71,7 +71,7 @@ pub(super) fn standing(problem: &Problem, fit: &Fit, n_own: usize, seed: u64) ->
     for _ in 0..MOST_SHAPES {
         let basis = orthonormal(&[fit.slopes.as_slice(), &shapes].concat());
         let mut left = fit.residual.clone();
-        super::screen::remove(&basis, &mut left);
+        remove(&basis, &mut left);
         let rest = structure(problem, &left, &basis, &predicted, seed);
         let wave = slow_wave(problem, &left);
         let wave_share = held_out_share(problem, &block_moments(problem, &wave, &left), &left);
@@ -105,9 +105,16 @@ pub(super) fn standing(problem: &Problem, fit: &Fit, n_own: usize, seed: u64) ->
         .collect()
 }
 
-/// How much of what is left the strongest slow wave takes away on blocks that it was not fitted to.
-pub(super) fn wave_share(problem: &Problem, residual: &[f64]) -> f64 {
-    held_out_share(problem, &block_moments(problem, &slow_wave(problem, residual), residual), residual)
+/// Puts first what the rest depends on most.
+///
+/// What depends on angle and speed has sums and differences of the motion's frequencies, so that a rhythm stands behind a shape that
+/// takes more. A slow wave may be the sensor's wandering: it names a rest, and does not say that there is one.
+pub(super) fn name_rest(problem: &Problem, residual: &[f64], is_structured: bool, rest: &mut Structure) {
+    if is_structured {
+        let share = held_out_share(problem, &block_moments(problem, &slow_wave(problem, residual), residual), residual);
+        rest.groups.push(GroupShare { name: "time", share, p_value: rest.p_value });
+    }
+    rest.groups.sort_by(|a, b| b.share.total_cmp(&a.share));
 }
 
 /// Sine and cosine of the time at the frequency that fits best, for each joint.

@@ -433,10 +433,6 @@ impl Case<'_> {
                 .insert(0, GroupShare { name: "a rhythm in time that the motion does not have", share, p_value });
             structure.p_value = structure.p_value.min(p_value);
         }
-        if problem.data.quantity == Quantity::Force {
-            // What depends on angle and speed has sums and differences of the motion's frequencies, which the motion does not have.
-            structure.groups.sort_by(|a, b| b.share.total_cmp(&a.share));
-        }
         let above = |rms: f64| (rms.powi(2) - floor.unwrap_or(0.0).powi(2)).max(0.0);
         let unexplained = if above(before) > 0.0 { (above(after) / above(before)).min(1.0) } else { 0.0 };
         let at_floor = floor.is_some_and(|floor| after <= AT_FLOOR * floor);
@@ -452,12 +448,8 @@ impl Case<'_> {
             || self.found.is_beaten
             || chosen.found.len() > 1 && self.full.imitates(chosen)
             || !at_floor && (structure.p_value < LEVEL_OF_REST || beyond_doubt || foreseeable);
-        // A slow wave may be the sensor's wandering: it names what remains, and does not say that something does.
-        if structured && problem.data.quantity == Quantity::Force {
-            let share = force_rest::wave_share(problem, &residual);
-            if share > structure.groups.first().map_or(0.0, |group| group.share) {
-                structure.groups.insert(0, GroupShare { name: "time", share, p_value: structure.p_value });
-            }
+        if problem.data.quantity == Quantity::Force {
+            force_rest::name_rest(problem, &residual, structured, &mut structure);
         }
         Ok(Remaining {
             structured,
