@@ -280,7 +280,8 @@ mod tests {
         let text = config.explained().expect("toml");
         assert_eq!(Config::parse(&text).expect("parses"), config);
         let lines: Vec<&str> = text.lines().collect();
-        let bare = lines.windows(2).filter(|pair| pair[1].contains(" = ") && !pair[0].starts_with("# "));
+        let is_value = |line: &str| line.contains(" = ") && !line.starts_with('#');
+        let bare = lines.windows(2).filter(|pair| is_value(pair[1]) && !pair[0].starts_with("# "));
         let bare: Vec<&str> =
             bare.map(|pair| pair[1]).filter(|line| !line.contains("floors") && !line.contains("_us = ")).collect();
         // Budgets are explained in their guide; the axes under `axis_map`.
