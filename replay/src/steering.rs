@@ -8,7 +8,7 @@ use krait_model::segments::{Bends, MAX_BENDS, Segments};
 use krait_report::Lanes;
 use nalgebra::{Rotation3, SMatrix, SVector, Vector2, Vector3, Vector6};
 
-/// Where a machine stands: a snake's bend vector and the jaw of its gripper ([`JAW_PLACE`]), the bend vectors of all segments, or the
+/// Where a machine stands: a snake's bend vector and the jaw of its gripper (`JAW_PLACE`), the bend vectors of all segments, or the
 /// positions of joints, rad (m of sliding joints); zeros behind the last.
 pub type MachinePose = SVector<f64, MAX_JOINTS>;
 
