@@ -7,13 +7,15 @@ use crate::verdict::PartVerdict;
 use anyhow::Context;
 use krait_ipc::clock;
 use krait_ipc::message::DeviceState;
-use krait_master::{Profile, ProfileDevice};
+use krait_master::{HidRecording, HidReport, Profile, ProfileDevice};
 use std::path::Path;
 use std::thread::sleep;
 use std::time::Duration;
 
 const KEYBOARD: (&str, &str) = ("usb-kbd", "USB Keyboard");
 const PROFILE: &str = "/tmp/keys.toml";
+const CONFIG: &str = "/tmp/keys-chain.toml";
+const REPORTS: &str = "/tmp/keys.krr";
 /// How long a key is held that shall bend the snake, and how long it is looked at afterwards.
 const HELD: Duration = Duration::from_millis(700);
 const LOOKED_AT: Duration = Duration::from_millis(700);
@@ -30,7 +32,8 @@ pub fn chain(qmp: &mut Qmp) -> anyhow::Result<PartVerdict> {
     let mut profile = Profile::load(Path::new("keyboard"))?;
     profile.device = ProfileDevice::Id(device.vendor_id, device.product_id);
     std::fs::write(PROFILE, profile.to_text()).context(PROFILE)?;
-    let chain = VmChain::start_with("keys", User::Root, 8.0, &["--profile", PROFILE])?;
+    std::fs::write(CONFIG, format!("[master]\nrecord_reports = \"{REPORTS}\"\n")).context(CONFIG)?;
+    let chain = VmChain::start_with("keys", User::Root, 8.0, &["--profile", PROFILE, "--config", CONFIG])?;
 
     // Presence, an arrow, and the plug.
     let bent_ns = clock::monotonic_ns();
@@ -78,6 +81,13 @@ pub fn chain(qmp: &mut Qmp) -> anyhow::Result<PartVerdict> {
         verdict.check(name, device == Some(DeviceState::Lost), format!("{device:?}"));
     }
     verdict.check("given_back", n_given_back > 0, n_given_back);
+    // What the chain recorded of the hand is all that it took.
+    let (recording, n_taken) =
+        (HidRecording::load(Path::new(REPORTS))?, journal.inputs.last().map(|input| input.n_reports));
+    let n_recorded = recording.n_reports() as u64;
+    let is_whole =
+        n_taken == Some(n_recorded) && recording.reports().all(|(_, bytes)| HidReport::decode(bytes).is_ok());
+    verdict.check("recorded", is_whole, format!("{n_recorded}/{n_taken:?}"));
     verdict.check("exit_code", ended.code == Some(0), format!("{:?}", ended.code));
     if !verdict.passed() {
         verdict.check("said", false, format!("{:?}", ended.stderr));
