@@ -9,4 +9,4 @@ pub mod generate;
 pub mod joints;
 mod truth;
 
-pub use truth::Truth;
+pub use truth::HiddenTruth;

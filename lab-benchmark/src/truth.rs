@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 /// The truth of one cell. Errors are in `unit`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Truth {
+pub struct HiddenTruth {
     /// Names of the plant's kinds joined by `+`; `none` for nothing.
     pub kind: String,
     /// For each hidden effect the names of effects that count as right; `none` or `unknown` where no effect does.
@@ -33,7 +33,7 @@ pub struct Truth {
     pub seed: u64,
 }
 
-impl Truth {
+impl HiddenTruth {
     /// That of generated data in degrees; a noise length is so many standard deviations of one component.
     pub(crate) fn of_answer(answer: Answer, deviations: f64) -> Self {
         Self {

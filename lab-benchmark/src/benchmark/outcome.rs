@@ -2,7 +2,7 @@
 
 use super::baseline::{self, Baselines};
 use super::{GridCell, Group, Labs, Task};
-use crate::Truth;
+use crate::HiddenTruth;
 use crate::force::force;
 use crate::generate::generate;
 use crate::joints::joints;
@@ -21,7 +21,7 @@ pub struct Outcome {
     /// Why there is no result, if there is none: data of such a recipe cannot be made, or not be diagnosed.
     pub refused: Option<String>,
     /// What was hidden.
-    pub truth: Option<Truth>,
+    pub truth: Option<HiddenTruth>,
     /// What the lab said.
     pub said: Option<Said>,
     /// What the baselines said.
@@ -74,17 +74,17 @@ impl Outcome {
                 let made = generate(recipe).map_err(|e| e.to_string())?;
                 let own = if recipe.perturbation > 0.0 { &labs.open_snake } else { &labs.snake };
                 // Both components of the bend.
-                (own, made.measurements, Truth::of_answer(made.answer, core::f64::consts::SQRT_2))
+                (own, made.measurements, HiddenTruth::of_answer(made.answer, core::f64::consts::SQRT_2))
             }
             Task::Joints(recipe) => {
                 let (data, answer) = joints(recipe).ok_or("an effect of this kind cannot be made as large")?;
-                (&labs.joints, data, Truth::of_answer(answer, 1.0))
+                (&labs.joints, data, HiddenTruth::of_answer(answer, 1.0))
             }
             Task::Force(recipe) => {
                 let (data, truth, noise) = force(recipe).ok_or("the others make this part in this motion")?;
                 let filtered = |data| labs.force.filtered(data).map_err(|e| e.to_string());
                 let noise_rms = scored_rms(&filtered(noise)?);
-                (&labs.force, filtered(data)?, Truth { noise_rms, ..truth })
+                (&labs.force, filtered(data)?, HiddenTruth { noise_rms, ..truth })
             }
         };
         let data = &data;
@@ -185,7 +185,7 @@ fn matched(right: &[&Vec<String>], named: &[String]) -> usize {
     with.max().unwrap_or(0).max(matched(right, others))
 }
 
-fn said(diagnosis: &Diagnosis, truth: &Truth) -> Said {
+fn said(diagnosis: &Diagnosis, truth: &HiddenTruth) -> Said {
     let found = if diagnosis.effects.is_empty() { &diagnosis.partial } else { &diagnosis.effects };
     Said {
         verdict: diagnosis.verdict.word().to_owned(),
@@ -200,7 +200,7 @@ fn said(diagnosis: &Diagnosis, truth: &Truth) -> Said {
     }
 }
 
-fn known(effect: &FoundEffect, truth: &Truth) -> Vec<(String, f64, f64, f64)> {
+fn known(effect: &FoundEffect, truth: &HiddenTruth) -> Vec<(String, f64, f64, f64)> {
     let Some(values) = truth.known.get(&effect.name) else { return Vec::new() };
     let row = |own: &krait_lab::diagnose::FoundParameter| {
         let truth = *values.get(&own.name)?;

@@ -2,7 +2,7 @@
 
 use super::outcome::is_exact;
 use super::{Group, Outcome};
-use crate::Truth;
+use crate::HiddenTruth;
 use krait_lab::diagnose::Verdict;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -168,14 +168,14 @@ fn part(cells: &[&Outcome], of: impl Fn((usize, usize, usize)) -> (usize, usize)
     Rate::new(n, of)
 }
 
-fn size(truth: &Truth) -> String {
+fn size(truth: &HiddenTruth) -> String {
     truth.size.first().map_or_else(String::new, |size| format!("{size:.1}"))
 }
 
 /// A rate for each value of a property, and over all.
 fn by(
     cells: &[&Outcome],
-    property: impl Fn(&Truth) -> String,
+    property: impl Fn(&HiddenTruth) -> String,
     holds: impl Fn(&Outcome) -> bool,
 ) -> BTreeMap<String, Rate> {
     let mut counts: BTreeMap<String, (usize, usize)> = BTreeMap::new();

@@ -9,7 +9,7 @@ mod plant;
 
 pub use kind::{FORCE_KINDS, ForceKind};
 
-use crate::Truth;
+use crate::HiddenTruth;
 use crate::generate::{NoiseKind, Purpose, Random};
 use kind::Draw;
 use krait_lab::{LoadUse, Measurements, Names, Quantity};
@@ -60,7 +60,7 @@ const LEAST_OWN: f64 = 0.02;
 
 /// Measurements as they are recorded, their truth, and the sensor's noise by itself in the same place as the torque; `None` where a
 /// part is made by the others in this motion.
-pub fn force(recipe: &ForceRecipe) -> Option<(Measurements, Truth, Measurements)> {
+pub fn force(recipe: &ForceRecipe) -> Option<(Measurements, HiddenTruth, Measurements)> {
     let period_s = 1.0 / recipe.rate_hz;
     let n = (recipe.seconds * recipe.rate_hz).round() as usize;
     let mut moments = motion(&mut Random::new(recipe.seed, Purpose::Motion), n, period_s, recipe.sweeps);
@@ -102,7 +102,7 @@ pub fn force(recipe: &ForceRecipe) -> Option<(Measurements, Truth, Measurements)
     let mut cells = Random::new(recipe.seed, Purpose::Loads);
     let loads_nm: Vec<f64> = moments.iter().map(|now| now.load + recipe.sigma_nm * cells.normal()).collect();
     let extra = if recipe.has_load { vec![("load1_nm".to_owned(), loads_nm)] } else { Vec::new() };
-    let truth = Truth {
+    let truth = HiddenTruth {
         kind: name(recipe),
         right: right(recipe),
         known: made
