@@ -17,8 +17,8 @@ use crate::step::{
 use crate::{Feed, JointCompensateCore, JointMachine, LiveModel, SegmentCompensateCore, feed};
 use core::sync::atomic::AtomicBool;
 use krait_ipc::message::{
-    Command, Health, JAW, MAX_JOINTS, ModelUpdate, N_LINES, N_WITH_GRIPPER, Phase, Setpoint, SlaveState,
-    lines as three_lines, n_actuators,
+    Command, Health, JAW, MAX_JOINTS, ModelUpdate, N_LINES, Phase, Setpoint, SlaveState, lines as three_lines,
+    n_actuators, n_of_snake,
 };
 use krait_ipc::{Bus, Process, Reason, Reasons};
 use krait_model::{Chain, ChainCompensator, Circumstances, ModelHash};
@@ -67,7 +67,7 @@ impl CompensateCore {
             mismatch: Mismatch::of_snake(chain, &config),
             memory: Memory::default(),
             jaw: chain.gripper().map(JawWire::new).transpose()?,
-            n_actuators: if chain.gripper().is_some() { N_WITH_GRIPPER } else { N_LINES },
+            n_actuators: n_of_snake(chain.gripper().is_some()),
         })
     }
 

@@ -52,3 +52,12 @@ impl HiddenTruth {
         }
     }
 }
+
+/// Names of what is hidden joined by `+`, and for each the names that count as right; `none` for nothing.
+pub(crate) fn names<R: AsRef<[&'static str]>>(
+    hidden: impl Iterator<Item = (&'static str, R)>,
+) -> (String, Vec<Vec<String>>) {
+    let owned = |names: R| names.as_ref().iter().map(|&name| name.to_owned()).collect();
+    let (kinds, right): (Vec<&str>, Vec<Vec<String>>) = hidden.map(|(kind, right)| (kind, owned(right))).unzip();
+    if kinds.is_empty() { ("none".to_owned(), vec![vec!["none".to_owned()]]) } else { (kinds.join("+"), right) }
+}

@@ -182,6 +182,39 @@ impl Measurements {
         (all, recordings)
     }
 
+    /// One trial with inputs and outputs and nothing else; loads that are added count, of cells that nobody has calibrated.
+    pub fn bare(
+        source: String,
+        quantity: Quantity,
+        time_s: Vec<f64>,
+        (inputs, n_inputs): (Vec<f64>, usize),
+        (outputs, n_outputs): (Vec<f64>, usize),
+    ) -> Self {
+        Self {
+            source,
+            sha256: String::new(),
+            quantity,
+            trial: vec![0; time_s.len()],
+            time_s,
+            inputs,
+            n_inputs,
+            outputs,
+            n_outputs,
+            loads_n: None,
+            load_use: LoadUse::UNCALIBRATED,
+            stem_angle_rad: None,
+            temperature_c: None,
+            sigma: None,
+            extra: Vec::new(),
+            names: Names::default(),
+        }
+    }
+
+    /// Another column by its name; `None` if there is none.
+    pub(crate) fn extra(&self, name: &str) -> Option<&[f64]> {
+        self.extra.iter().find(|(own, _)| own == name).map(|(_, values)| values.as_slice())
+    }
+
     /// The rows of these numbers, in their order.
     pub fn select(&self, rows: &[usize]) -> Self {
         let pick = |values: &[f64], width: usize| -> Vec<f64> {

@@ -3,7 +3,7 @@
 
 use krait_lab::compare::{Comparison, compare};
 use krait_lab::machine::{MachineUnderTest, SnakeLab};
-use krait_lab::{LoadUse, Measurements, Quantity};
+use krait_lab::{Measurements, Quantity};
 use krait_model::model_file::ModelFile;
 use std::collections::BTreeMap;
 
@@ -24,24 +24,7 @@ fn motion() -> Measurements {
         inputs.extend([0.0, 1.0, 2.0].map(|i: f64| size_m * (azimuth + i * core::f64::consts::TAU / 3.0).cos()));
     }
     let n = time_s.len();
-    Measurements {
-        source: "motion".to_owned(),
-        sha256: String::new(),
-        quantity: Quantity::Snake,
-        time_s,
-        inputs,
-        n_inputs: 3,
-        outputs: vec![f64::NAN; 2 * n],
-        n_outputs: 2,
-        trial: vec![0; n],
-        loads_n: None,
-        load_use: LoadUse::UNCALIBRATED,
-        stem_angle_rad: None,
-        temperature_c: None,
-        sigma: None,
-        extra: Vec::new(),
-        names: krait_lab::Names::default(),
-    }
+    Measurements::bare("motion".to_owned(), Quantity::Snake, time_s, (inputs, 3), (vec![f64::NAN; 2 * n], 2))
 }
 
 /// What a machine would show, changed by row.

@@ -8,7 +8,7 @@ use crate::noise::Noise;
 use crate::plant::Plant;
 use crate::sight::Sight;
 use crate::truth::Truth;
-use krait_ipc::message::{Actuators, GRIPPER_WIRE, N_LINES, N_WITH_GRIPPER, lines, three};
+use krait_ipc::message::{Actuators, GRIPPER_WIRE, N_LINES, lines, n_of_snake, three};
 use krait_slave::{Drive, DriveError, DriveReading, DriveTraits, Homing, ShapeReading, Switching};
 
 /// While commands come faster than this, the time between them belongs to their motions; slower, and a snake that is looked
@@ -154,7 +154,7 @@ impl SimulatedSnake {
 
 impl Drive for SimulatedSnake {
     fn n_actuators(&self) -> usize {
-        if self.gripper.is_some() { N_WITH_GRIPPER } else { N_LINES }
+        n_of_snake(self.gripper.is_some())
     }
 
     fn traits(&self) -> DriveTraits {

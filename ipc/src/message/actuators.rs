@@ -8,6 +8,11 @@ pub const N_LINES: usize = 3;
 pub const GRIPPER_WIRE: usize = N_LINES;
 /// Actuators of a snake with a gripper.
 pub const N_WITH_GRIPPER: usize = N_LINES + 1;
+/// Actuators of a snake.
+pub const fn n_of_snake(has_gripper: bool) -> usize {
+    if has_gripper { N_WITH_GRIPPER } else { N_LINES }
+}
+
 /// The place of a snake's jaw among the positions of joints, of which a snake has none besides.
 pub const JAW: usize = 0;
 /// The most joints that a machine has.

@@ -30,7 +30,7 @@ mod text;
 
 pub use actuators::{
     Actuators, GRIPPER_WIRE, JAW, JointValues, MAX_ACTUATORS, MAX_JOINTS, N_LINES, N_WITH_GRIPPER, lines, n_actuators,
-    three, used,
+    n_of_snake, three, used,
 };
 pub use command::Command;
 pub use cue::Cue;

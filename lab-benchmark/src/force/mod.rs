@@ -12,7 +12,7 @@ pub use kind::{FORCE_KINDS, ForceKind};
 use crate::HiddenTruth;
 use crate::generate::{NoiseKind, Purpose, Random};
 use kind::Draw;
-use krait_lab::{LoadUse, Measurements, Names, Quantity};
+use krait_lab::{Measurements, Quantity};
 use plant::{Moment, beyond, column, motion};
 
 /// What to make.
@@ -58,7 +58,7 @@ const ENCODER_RAD: f64 = 1e-4;
 /// A part of which neither an offset nor the others leave so much cannot be told from them by anybody.
 const LEAST_OWN: f64 = 0.02;
 
-/// Measurements as they are recorded, their truth, and the sensor's noise by itself in the same place as the torque; `None` where a
+/// Measurements as they are recorded, their truth with the noise of a recorded row, and the sensor's noise by itself in the same place as the torque; `None` where a
 /// part is made by the others in this motion.
 pub fn force(recipe: &ForceRecipe) -> Option<(Measurements, HiddenTruth, Measurements)> {
     let period_s = 1.0 / recipe.rate_hz;
@@ -102,9 +102,10 @@ pub fn force(recipe: &ForceRecipe) -> Option<(Measurements, HiddenTruth, Measure
     let mut cells = Random::new(recipe.seed, Purpose::Loads);
     let loads_nm: Vec<f64> = moments.iter().map(|now| now.load + recipe.sigma_nm * cells.normal()).collect();
     let extra = if recipe.has_load { vec![("load1_nm".to_owned(), loads_nm)] } else { Vec::new() };
+    let (kind, right) = crate::truth::names(recipe.hidden.iter().map(|(kind, _)| (kind.name, [kind.right])));
     let truth = HiddenTruth {
-        kind: name(recipe),
-        right: right(recipe),
+        kind,
+        right,
         known: made
             .iter()
             .filter(|(kind, ..)| kind.is_known())
@@ -120,28 +121,13 @@ pub fn force(recipe: &ForceRecipe) -> Option<(Measurements, HiddenTruth, Measure
         noise_length: recipe.sigma_nm,
         base_rms: effect_nm.hypot(recipe.sigma_nm),
         effect_rms: effect_nm,
-        // Known behind the lab's filter only.
-        noise_rms: f64::NAN,
+        noise_rms: recipe.sigma_nm,
         seed: recipe.seed,
     };
-    let data = Measurements {
-        source: format!("force from seed {}", recipe.seed),
-        sha256: String::new(),
-        quantity: Quantity::Force,
-        time_s: (0..n).map(|k| k as f64 * period_s).collect(),
-        inputs: angles,
-        n_inputs: 1,
-        outputs: clean.iter().zip(&noise_nm).map(|(clean, noise)| clean + noise + offset_nm).collect(),
-        n_outputs: 1,
-        trial: vec![0; n],
-        loads_n: None,
-        load_use: LoadUse::UNCALIBRATED,
-        stem_angle_rad: None,
-        temperature_c: None,
-        sigma: None,
-        extra,
-        names: Names::default(),
-    };
+    let torques_nm = clean.iter().zip(&noise_nm).map(|(clean, noise)| clean + noise + offset_nm).collect();
+    let (source, time_s) = (format!("force from seed {}", recipe.seed), moments.iter().map(|now| now.time_s).collect());
+    let bare = Measurements::bare(source, Quantity::Force, time_s, (angles, 1), (torques_nm, 1));
+    let data = Measurements { extra, ..bare };
     let noise_alone = Measurements { outputs: noise_nm, ..data.clone() };
     Some((data, truth, noise_alone))
 }
@@ -183,18 +169,6 @@ pub fn pick_force(seed: u64, n_known: usize, with_unknown: bool) -> Vec<&'static
         }
     }
     picked
-}
-
-fn name(recipe: &ForceRecipe) -> String {
-    let names: Vec<&str> = recipe.hidden.iter().map(|(kind, _)| kind.name).collect();
-    if names.is_empty() { "none".to_owned() } else { names.join("+") }
-}
-
-fn right(recipe: &ForceRecipe) -> Vec<Vec<String>> {
-    if recipe.hidden.is_empty() {
-        return vec![vec!["none".to_owned()]];
-    }
-    recipe.hidden.iter().map(|(kind, _)| vec![kind.right.to_owned()]).collect()
 }
 
 #[cfg(test)]

@@ -46,10 +46,7 @@ pub struct Answer {
 impl Answer {
     pub(super) fn new(recipe: &Recipe, truth: &Truth, [base, effect, noise]: [f64; 3], rows: usize) -> Self {
         let kinds: Vec<&Kind> = recipe.hidden.iter().map(|&(kind, _)| kind).collect();
-        let names: Vec<&str> = kinds.iter().map(|kind| kind.name).collect();
-        let right = kinds.iter().map(|kind| kind.right.iter().map(|&name| name.to_owned()).collect()).collect();
-        let none = || ("none".to_owned(), vec![vec!["none".to_owned()]]);
-        let (kind, right) = if kinds.is_empty() { none() } else { (names.join("+"), right) };
+        let (kind, right) = crate::truth::names(kinds.iter().map(|kind| (kind.name, kind.right)));
         // With dimensions that are off, no parameter of the catalogue has to come to the plant's.
         let is_exact = recipe.perturbation == 0.0;
         let known = kinds.iter().filter(|kind| is_exact && kind.is_known()).map(|kind| {

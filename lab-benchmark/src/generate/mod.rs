@@ -23,7 +23,7 @@ pub use seal::{SealError, Sealed, base_model, is_unmodified};
 
 use core::f64::consts::SQRT_2;
 use kind::Draw;
-use krait_lab::{LoadUse, Measurements, Quantity};
+use krait_lab::{Measurements, Quantity};
 use krait_model::{ChainError, MachineParameters};
 use krait_sim::{EffectsTruth, Truth, TruthError};
 use krait_slave::DriveError;
@@ -281,26 +281,8 @@ fn check(recipe: &Recipe) -> Result<(), GenerateError> {
 }
 
 fn measurements(recipe: &Recipe, readings_m: &[[f64; 3]], seen_rad: &[[f64; 2]]) -> Measurements {
-    Measurements {
-        source: format!("generated from seed {}", recipe.seed),
-        sha256: String::new(),
-        quantity: Quantity::Snake,
-        time_s: (0..readings_m.len()).map(|k| k as f64 / recipe.rate_hz).collect(),
-        inputs: readings_m.concat(),
-        n_inputs: 3,
-        outputs: seen_rad
-            .iter()
-            .enumerate()
-            .flat_map(|(row, seen)| if recipe.sees(row) { *seen } else { [f64::NAN; 2] })
-            .collect(),
-        n_outputs: 2,
-        trial: vec![0; readings_m.len()],
-        loads_n: None,
-        load_use: LoadUse::UNCALIBRATED,
-        stem_angle_rad: None,
-        temperature_c: None,
-        sigma: None,
-        extra: Vec::new(),
-        names: krait_lab::Names::default(),
-    }
+    let time_s = (0..readings_m.len()).map(|k| k as f64 / recipe.rate_hz).collect();
+    let seen = seen_rad.iter().enumerate().flat_map(|(row, seen)| if recipe.sees(row) { *seen } else { [f64::NAN; 2] });
+    let source = format!("generated from seed {}", recipe.seed);
+    Measurements::bare(source, Quantity::Snake, time_s, (readings_m.concat(), 3), (seen.collect(), 2))
 }

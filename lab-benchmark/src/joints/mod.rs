@@ -11,7 +11,7 @@ pub use kind::{JOINT_KINDS, JointKind};
 use crate::generate::{Answer, NoiseKind, Purpose, Random};
 use core::f64::consts::TAU;
 use kind::Draw;
-use krait_lab::{LoadUse, Measurements, Quantity};
+use krait_lab::{Measurements, Quantity};
 use plant::{Plant, middle_and_half};
 use std::collections::BTreeMap;
 
@@ -86,11 +86,12 @@ pub fn joints(recipe: &JointRecipe) -> Option<(Measurements, Answer)> {
         [0, 1].map(|k| if is_measured(row) { gains[k] * seen[k] + offsets[k] } else { f64::NAN })
     };
     let outputs: Vec<f64> = seen.iter().enumerate().flat_map(output).collect();
+    let (kind, right) = crate::truth::names(recipe.hidden.iter().map(|(kind, _)| (kind.name, kind.right)));
     let deg = 180.0 / core::f64::consts::PI * gains[0].abs();
     let answer = Answer {
         file: String::new(),
-        kind: name(recipe),
-        right: right(recipe),
+        kind,
+        right,
         params: BTreeMap::new(),
         known: known(recipe, &plant),
         traj: if recipe.is_teleop { "teleop" } else { "stairs" }.to_owned(),
@@ -106,24 +107,10 @@ pub fn joints(recipe: &JointRecipe) -> Option<(Measurements, Answer)> {
         seed: recipe.seed,
         perturbation: 0.0,
     };
-    let data = Measurements {
-        source: format!("joints from seed {}", recipe.seed),
-        sha256: String::new(),
-        quantity: Quantity::Joints,
-        time_s: (0..n).map(|k| k as f64 * period_s).collect(),
-        inputs: own.iter().zip(&other).flat_map(|(a, b)| [*a, *b]).collect(),
-        n_inputs: 2,
-        outputs,
-        n_outputs: 2,
-        trial: vec![0; n],
-        loads_n: None,
-        load_use: LoadUse::UNCALIBRATED,
-        stem_angle_rad: None,
-        temperature_c: None,
-        sigma: None,
-        extra: Vec::new(),
-        names: krait_lab::Names::default(),
-    };
+    let time_s = (0..n).map(|k| k as f64 * period_s).collect();
+    let inputs = own.iter().zip(&other).flat_map(|(a, b)| [*a, *b]).collect();
+    let source = format!("joints from seed {}", recipe.seed);
+    let data = Measurements::bare(source, Quantity::Joints, time_s, (inputs, 2), (outputs, 2));
     Some((data, answer))
 }
 
@@ -145,20 +132,6 @@ pub fn pick_joints(seed: u64, n_known: usize, with_unknown: bool) -> Vec<&'stati
         }
     }
     picked
-}
-
-fn name(recipe: &JointRecipe) -> String {
-    let names: Vec<&str> = recipe.hidden.iter().map(|(kind, _)| kind.name).collect();
-    if names.is_empty() { "none".to_owned() } else { names.join("+") }
-}
-
-fn right(recipe: &JointRecipe) -> Vec<Vec<String>> {
-    let of = |names: &[&str]| names.iter().map(|&name| name.to_owned()).collect();
-    if recipe.hidden.is_empty() {
-        vec![of(&["none"])]
-    } else {
-        recipe.hidden.iter().map(|(kind, _)| of(kind.right)).collect()
-    }
 }
 
 fn known(recipe: &JointRecipe, plant: &Plant) -> BTreeMap<String, BTreeMap<String, f64>> {

@@ -5,7 +5,7 @@
 //! Intuition: an effect stands where it takes away much that these shapes cannot, on blocks that neither was fitted to.
 
 use super::screen::{block_moments, orthonormal, remove};
-use super::structure::{Group, GroupShare, Structure, held_out_share, structure};
+use super::structure::{Group, GroupShare, Structure, held_out_share, of_groups};
 use crate::fit::{Fit, dot};
 use crate::noise::bounds;
 use crate::read::column;
@@ -33,8 +33,7 @@ pub(super) fn groups(data: &Measurements) -> Vec<Group> {
     for joint in 0..data.n_outputs {
         let of = |what: &str| {
             let name = column(what, joint);
-            let found = data.extra.iter().find(|(own, _)| *own == name).map(|(_, values)| values.as_slice());
-            found.unwrap_or_else(|| unreachable!("measurements of kind force hold {name}"))
+            data.extra(&name).unwrap_or_else(|| unreachable!("measurements of kind force hold {name}"))
         };
         let (speed, direction) = (of("speed"), of("direction"));
         let angle = spread(data.inputs.iter().skip(joint).step_by(data.n_inputs).copied());
@@ -67,18 +66,18 @@ pub(super) fn groups(data: &Measurements) -> Vec<Group> {
 /// [`LabError`] where effects make no chain.
 pub(super) fn standing(problem: &Problem, fit: &Fit, n_own: usize, seed: u64) -> Result<Vec<bool>, LabError> {
     let mut shapes = vec![weighted(problem, vec![1.0; problem.data.outputs.len()])];
-    let predicted = problem.machine.predict(&fit.effects, &problem.data)?;
+    let groups = groups(&problem.data);
     for _ in 0..MOST_SHAPES {
         let basis = orthonormal(&[fit.slopes.as_slice(), &shapes].concat());
         let mut left = fit.residual.clone();
         remove(&basis, &mut left);
-        let rest = structure(problem, &left, &basis, &predicted, seed);
+        let rest = of_groups(problem, &left, &basis, groups.clone(), seed);
         let wave = slow_wave(problem, &left);
-        let wave_share = held_out_share(problem, &block_moments(problem, &wave, &left), &left);
+        let wave_share = share(problem, &wave, &left);
         match rest.groups.first().filter(|group| group.share > LEAST_SHARE.max(wave_share)) {
             Some(group) => {
-                let own = groups(&problem.data).into_iter().find(|own| own.name == group.name);
-                shapes.extend(own.into_iter().flat_map(|own| own.columns).map(|own| weighted(problem, own)));
+                let own = groups.iter().filter(|own| own.name == group.name).flat_map(|own| &own.columns);
+                shapes.extend(own.map(|own| weighted(problem, own.clone())));
             }
             None if wave_share > LEAST_SHARE => shapes.extend(wave),
             None => break,
@@ -97,8 +96,7 @@ pub(super) fn standing(problem: &Problem, fit: &Fit, n_own: usize, seed: u64) ->
             let all: Vec<Vec<f64>> = others.iter().cloned().chain(of(true).map(|(_, slope)| slope.clone())).collect();
             let left = |columns: &[Vec<f64>]| {
                 // What is nearly the same as others would only spoil the inverse.
-                let own = orthonormal(columns);
-                1.0 - held_out_share(problem, &block_moments(problem, &own, &target), &target)
+                1.0 - share(problem, &orthonormal(columns), &target)
             };
             Ok(1.0 - left(&all) / left(&others).max(f64::MIN_POSITIVE) >= BESIDE)
         })
@@ -111,10 +109,15 @@ pub(super) fn standing(problem: &Problem, fit: &Fit, n_own: usize, seed: u64) ->
 /// takes more. A slow wave may be the sensor's wandering: it names a rest, and does not say that there is one.
 pub(super) fn name_rest(problem: &Problem, residual: &[f64], is_structured: bool, rest: &mut Structure) {
     if is_structured {
-        let share = held_out_share(problem, &block_moments(problem, &slow_wave(problem, residual), residual), residual);
+        let share = share(problem, &slow_wave(problem, residual), residual);
         rest.groups.push(GroupShare { name: "time", share, p_value: rest.p_value });
     }
     rest.groups.sort_by(|a, b| b.share.total_cmp(&a.share));
+}
+
+/// How much of a residual columns take away on blocks that they were not fitted to.
+fn share(problem: &Problem, columns: &[Vec<f64>], residual: &[f64]) -> f64 {
+    held_out_share(problem, &block_moments(problem, columns, residual), residual)
 }
 
 /// Sine and cosine of the time at the frequency that fits best, for each joint.

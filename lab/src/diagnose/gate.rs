@@ -14,8 +14,7 @@ pub(crate) fn cautions(problem: &Problem, n_outliers: usize, in_blocks: bool) ->
             problem.n_blocks
         ));
     }
-    let cut_off = data.extra.iter().find(|(name, _)| name == CUT_OFF_HZ).and_then(|(_, values)| values.first());
-    if let Some(cut_off_hz) = cut_off {
+    if let Some(cut_off_hz) = data.extra(CUT_OFF_HZ).and_then(<[f64]>::first) {
         said.push(format!(
             "angle, its derivatives and force are filtered alike below {cut_off_hz:.2} Hz; rows near a reversal and at rest do not count"
         ));

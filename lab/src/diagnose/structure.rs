@@ -33,6 +33,7 @@ pub struct GroupShare {
 }
 
 /// A group of columns.
+#[derive(Clone)]
 pub(super) struct Group {
     pub name: &'static str,
     pub columns: Vec<Vec<f64>>,
@@ -40,10 +41,21 @@ pub(super) struct Group {
 
 /// Tests what a fit leaves; `residual` weighted, `basis` orthonormal, `predicted` the outputs that the fit predicts.
 pub fn structure(problem: &Problem, residual: &[f64], basis: &[Vec<f64>], predicted: &[f64], seed: u64) -> Structure {
-    let mut groups = match problem.data.quantity {
+    let groups = match problem.data.quantity {
         Quantity::Force => force_rest::groups(&problem.data),
         Quantity::Snake | Quantity::Joints => groups(problem, predicted),
     };
+    of_groups(problem, residual, basis, groups, seed)
+}
+
+/// The same for these groups.
+pub(super) fn of_groups(
+    problem: &Problem,
+    residual: &[f64],
+    basis: &[Vec<f64>],
+    mut groups: Vec<Group>,
+    seed: u64,
+) -> Structure {
     for column in groups.iter_mut().flat_map(|group| &mut group.columns) {
         column.iter_mut().zip(&problem.weight).for_each(|(x, w)| *x *= w);
         remove(basis, column);

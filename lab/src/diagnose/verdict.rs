@@ -255,12 +255,12 @@ impl Case<'_> {
         let class = |slot: usize| self.full.candidates[chosen.found[slot]].class;
         let is_doubtful = |slot: usize| remaining.looks_like.is_some_and(|group| is_alike(class(slot), group));
         let is_force = problem.data.quantity == Quantity::Force;
-        let mut doubtful: Vec<bool> =
-            (0..effects.len()).map(|slot| remaining.structured && is_doubtful(slot)).collect();
-        if is_force && remaining.structured {
+        let doubtful: Vec<bool> = if is_force && remaining.structured {
             let stand = force_rest::standing(problem, &chosen.fit, search.base.len(), search.seed)?;
-            doubtful = stand.into_iter().map(|stands| !stands).collect();
-        }
+            stand.into_iter().map(|stands| !stands).collect()
+        } else {
+            (0..effects.len()).map(|slot| remaining.structured && is_doubtful(slot)).collect()
+        };
         let explains = || remaining.unexplained <= 1.0 - PARTLY && self.stands(&chosen);
         let verdict = match (remaining.structured, effects.is_empty()) {
             _ if self.hint.is_some() => Verdict::Unknown,

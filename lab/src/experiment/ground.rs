@@ -3,7 +3,7 @@
 use super::moves::{Move, Pen, of_joint, of_snake};
 use crate::diagnose::Diagnosis;
 use crate::noise::bounds;
-use crate::{LabError, LoadUse, Measurements, Names, Quantity};
+use crate::{LabError, Measurements, Names, Quantity};
 use krait_model::model_file::{Joints, Machine, SnakeMachine};
 use krait_model::{Chain, Circumstances, KnownColumns, Snake};
 use nalgebra::Vector2;
@@ -157,24 +157,8 @@ impl Ground {
             Body::Snake(machine) => (Quantity::Snake, encoders(machine, path, &time_s)?, 3, 2),
             Body::Joints { joints, .. } => (Quantity::Joints, path.concat(), joints.n, joints.n),
         };
-        Ok(Measurements {
-            source: "the experiment".to_owned(),
-            sha256: String::new(),
-            quantity,
-            time_s,
-            inputs,
-            n_inputs,
-            outputs: vec![0.0; n_outputs * n],
-            n_outputs,
-            trial: vec![0; n],
-            loads_n: None,
-            load_use: LoadUse::UNCALIBRATED,
-            stem_angle_rad: None,
-            temperature_c: None,
-            sigma: None,
-            extra: Vec::new(),
-            names: Names::default(),
-        })
+        let outputs = (vec![0.0; n_outputs * n], n_outputs);
+        Ok(Measurements::bare("the experiment".to_owned(), quantity, time_s, (inputs, n_inputs), outputs))
     }
 }
 

@@ -91,10 +91,7 @@ struct Now {
 
 impl<'a> Motion<'a> {
     fn of(data: &'a Measurements, joint: usize) -> Result<Self, LabError> {
-        let find = |what: &str| {
-            let name = column(what, joint);
-            data.extra.iter().find(|(own, _)| *own == name).map(|(_, values)| values.as_slice())
-        };
+        let find = |what: &str| data.extra(&column(what, joint));
         let (Some(speed), Some(acceleration), Some(direction)) =
             (find("speed"), find("acceleration"), find("direction"))
         else {

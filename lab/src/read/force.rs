@@ -126,7 +126,7 @@ fn row_noise(data: &Measurements) -> f64 {
 
 /// What the rows of filtered forces scattered by before the filter, in the forces' unit; `None` for other measurements.
 pub(crate) fn scatter_before_filter(data: &Measurements) -> Option<f64> {
-    data.extra.iter().find(|(name, _)| name == ROW_NOISE)?.1.first().copied()
+    data.extra(ROW_NOISE)?.first().copied()
 }
 
 fn typical_step_s(data: &Measurements) -> f64 {

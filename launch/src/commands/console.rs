@@ -9,7 +9,7 @@ use anyhow::Context;
 use krait_bridge::{JointMachine, LiveModel, SegmentModel};
 use krait_console::{Facts, FoxgloveSettings, HopBudget, JointFacts, ServerSettings};
 use krait_ipc::Bus;
-use krait_ipc::message::{N_LINES, N_WITH_GRIPPER};
+use krait_ipc::message::n_of_snake;
 use krait_master::Presence;
 use krait_model::Chain;
 use krait_model::gripper::Gripper;
@@ -96,10 +96,7 @@ fn facts_of(instance: &str, config: &Config, model: &ModelInForce) -> anyhow::Re
     let lanes = lanes_of(&model.machine).unwrap_or(Lanes::Turning);
     let (unit, per_si) = lanes.unit();
     let (machine, joints, n_actuators) = match &model.machine {
-        LiveModel::Snake(chain) => {
-            let n_actuators = if chain.gripper().is_some() { N_WITH_GRIPPER } else { N_LINES };
-            (Some(chain.machine()), None, n_actuators)
-        }
+        LiveModel::Snake(chain) => (Some(chain.machine()), None, n_of_snake(chain.gripper().is_some())),
         LiveModel::Joints(joints) => {
             let joints = JointMachine::new(joints, &config.joints)?;
             (None, Some(joint_facts(&joints)), joints.n())
