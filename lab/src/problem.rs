@@ -1,11 +1,13 @@
 //! Measurements made ready for statistics: which rows count, how much, and the blocks of time that resampling keeps together.
 
 use crate::cells::{Cells, LoadRows};
+use crate::diagnose::screen::{orthonormal, remove};
 use crate::machine::MachineUnderTest;
 use crate::{LabError, Measurements, Term};
 use rayon::prelude::*;
 
 /// A machine, its measurements, and what of them is scored.
+#[derive(Clone)]
 pub struct Problem<'a> {
     /// The machine.
     pub machine: &'a dyn MachineUnderTest,
@@ -23,6 +25,8 @@ pub struct Problem<'a> {
     pub noise: f64,
     /// Loads at the actuators, behind the outputs of each row of a residual; `None` where none are scored.
     loads: Option<LoadRows>,
+    /// Shapes that stand beside the effects, orthonormal: a residual is what they leave of it.
+    beside: Vec<Vec<f64>>,
 }
 
 /// Signs of fewer blocks than this cannot reach a small p-value.
@@ -50,7 +54,7 @@ impl<'a> Problem<'a> {
         }
         let n_scored = weight.iter().filter(|w| **w > 0.0).count();
         let (block, n_blocks) = blocks(&data, &weight, n_scored / width.max(1), shortest_block_s);
-        Self { machine, data, weight, block, n_blocks, n_scored, noise: 0.0, loads: None }
+        Self { machine, data, weight, block, n_blocks, n_scored, noise: 0.0, loads: None, beside: Vec::new() }
     }
 
     /// The same with the noise of a row, in the outputs' unit.
@@ -68,18 +72,14 @@ impl<'a> Problem<'a> {
         self
     }
 
-    /// The same measurements without the loads.
+    /// The same with shapes beside the effects, which every fit may make as large as it likes; `columns` are weighted as residuals are.
+    pub(crate) fn beside(&self, columns: &[Vec<f64>]) -> Self {
+        Self { beside: orthonormal(columns), ..self.clone() }
+    }
+
+    /// The same measurements without the loads, and without shapes beside the effects.
     pub(crate) fn of_outputs(&self) -> Self {
-        Self {
-            machine: self.machine,
-            data: self.data.clone(),
-            weight: self.weight.clone(),
-            block: self.block.clone(),
-            n_blocks: self.n_blocks,
-            n_scored: self.n_scored_outputs(),
-            noise: self.noise,
-            loads: None,
-        }
+        Self { n_scored: self.n_scored_outputs(), loads: None, beside: Vec::new(), ..self.clone() }
     }
 
     /// The loads, where they are scored.
@@ -112,12 +112,18 @@ impl<'a> Problem<'a> {
 
     /// The same with the predictions for other inputs.
     pub(crate) fn residual_at(&self, effects: &[Term], inputs: &Measurements) -> Result<Vec<f64>, LabError> {
-        let Some(loads) = &self.loads else { return Ok(self.weigh(&self.machine.predict(effects, inputs)?)) };
-        let (predicted, loads_n) = self.predicted_with_loads(effects, inputs)?;
-        let left = loads.residual(&loads_n);
-        let rows = self.weigh(&predicted);
-        let rows = rows.chunks(self.data.n_outputs).zip(left.chunks(LoadRows::WIDTH));
-        Ok(rows.flat_map(|(outputs, loads)| outputs.iter().chain(loads)).copied().collect())
+        let mut residual = match &self.loads {
+            None => self.weigh(&self.machine.predict(effects, inputs)?),
+            Some(loads) => {
+                let (predicted, loads_n) = self.predicted_with_loads(effects, inputs)?;
+                let left = loads.residual(&loads_n);
+                let rows = self.weigh(&predicted);
+                let rows = rows.chunks(self.data.n_outputs).zip(left.chunks(LoadRows::WIDTH));
+                rows.flat_map(|(outputs, loads)| outputs.iter().chain(loads)).copied().collect()
+            }
+        };
+        remove(&self.beside, &mut residual);
+        Ok(residual)
     }
 
     /// Predicted outputs and loads at the actuators, of a machine whose loads are scored.

@@ -15,6 +15,7 @@ mod answer;
 mod calibration;
 mod columns;
 mod experiment;
+mod findings;
 mod force_rest;
 mod gate;
 mod json;

@@ -52,7 +52,15 @@ const ITERATIONS: u32 = 10;
 /// A smaller relative gain ends a fit: differences between candidates that matter are larger.
 const TOLERANCE: f64 = 1e-4;
 
-impl Search<'_> {
+impl<'a> Search<'a> {
+    /// The same search on another problem of the machine.
+    pub(super) fn on<'b>(&self, problem: &'b Problem<'b>) -> Search<'b>
+    where
+        'a: 'b,
+    {
+        Search { problem, ..*self }
+    }
+
     /// The fit without any further effect.
     ///
     /// # Errors

@@ -1,19 +1,19 @@
 //! The diagnosis from beginning to end.
 
-use super::accept::{Comparison, FOLDS};
+use super::accept::FOLDS;
 use super::alike::is_alike;
-use super::alternatives::Alternatives;
 use super::answer::{CandidateAnswer, Diagnosis, FoundEffect, FoundParameter, LoadCell, Remaining, Verdict};
 use super::calibration::{calibration, inseparable};
+use super::findings::{Findings, run};
+use super::force_rest::Shapes;
 use super::rhythm::{Rhythm, rhythm};
-use super::screen::{Cell, orthonormal};
-use super::search::{Search, Trial, memory};
-use super::sign_flip::SignFlip;
+use super::screen::orthonormal;
+use super::search::{Search, Trial};
 use super::words::{sentence, state};
 use super::working::working_rows;
 use super::{GroupShare, columns, experiment, force_rest, gate, lists, structure};
 use crate::cells::{Usable, load_cells};
-use crate::fit::{Fit, dot, held_out_block_squares, held_out_output_squares, uncertainty};
+use crate::fit::{Fit, dot, fit, held_out_block_squares, held_out_output_squares, uncertainty};
 use crate::free::free_variables;
 use crate::machine::{Candidate, MachineUnderTest};
 use crate::noise::{FloorSource, NoiseFloor};
@@ -47,10 +47,6 @@ impl DiagnoseOptions {
     }
 }
 
-/// Effects with more free parameters than this may be two simple ones in disguise.
-const FEW_PARAMETERS: usize = 2;
-/// Of a pair, neither effect may have more look-alikes than this that are as simple.
-const MOST_LOOK_ALIKES: usize = 7;
 /// Final error up to this ratio of the floor is the floor.
 const AT_FLOOR: f64 = 1.04;
 /// A rest of structure below this level is no chance.
@@ -107,128 +103,48 @@ pub fn diagnose(
     }
     found.decide(&search(&work), &search(&full));
     let n_outliers = excluded.len();
-    Case { full: &search(&full), work: &search(&work), floors, loads, found, n_outliers, hint }
-        .conclude()?
-        .sketched(machine, data)
+    let (all_rows, working_rows) = (search(&full), search(&work));
+    let alone = [&all_rows, &working_rows];
+    let case = Case { full: alone[0], work: alone[1], alone, beside: None, floors, loads, found, n_outliers, hint };
+    if !case.leaves_a_force()? {
+        return case.conclude()?.sketched(machine, data);
+    }
+    // What no effect makes is put beside the effects shape by shape, and the search is begun anew beside each.
+    let mut shapes = Shapes::default();
+    let mut last_fit = case.chosen()?.fit;
+    let mut last: Option<(Problem, Problem, Findings)> = None;
+    while shapes.grow(last.as_ref().map_or(&full, |(full, ..)| full), &last_fit, options.seed) {
+        let (full, work) = (full.beside(&shapes.columns(&full)), work.beside(&shapes.columns(&work)));
+        let mut found = run(&alone[0].on(&work), &case.floors, is_white, most)?;
+        found.decide(&alone[0].on(&work), &alone[0].on(&full));
+        last_fit = alone[0].on(&full).fitted(found.chosen.found.clone(), &found.chosen.fit.effects)?.fit;
+        last = Some((full, work, found));
+    }
+    let Some((full, work, found)) = last else { return case.conclude()?.sketched(machine, data) };
+    let beside = Beside { full: &alone[0].on(&full), work: &alone[0].on(&work), shapes: &shapes };
+    case.or_beside(beside, found)?.conclude()?.sketched(machine, data)
 }
 
 /// The floor is taken anew so many times.
 const MOST_FLOORS: usize = 3;
 
-/// What the search on the working rows found.
-struct Findings {
-    cells: Vec<Cell>,
-    test: SignFlip,
-    singles: Vec<Trial>,
-    chosen: Trial,
-    alternatives: Alternatives,
-    /// Whether effects at the edge of what is physical would explain clearly more: the chosen ones are not the truth then.
-    is_beaten: bool,
-}
-
-/// The best trials are compared on all rows where there are up to this many times as many.
-const MORE_ROWS: usize = 4;
-/// So many are compared ...
-const CLOSEST: usize = 4;
-/// ... while they are within this of the best on the working rows, in units of -2 ln likelihood.
-const CLOSE_CONTEST: f64 = 40.0;
-
-impl Findings {
-    /// Chooses among the closest trials with all rows, of which the working rows are a part.
-    fn decide(&mut self, work: &Search, full: &Search) {
-        let (n, n_all) = (work.problem.n_scored, full.problem.n_scored);
-        if self.chosen.found.is_empty() || n_all <= n || n_all > MORE_ROWS * n {
-            return;
-        }
-        let trials = &self.alternatives.trials;
-        let time = memory(work.problem, trials);
-        let badness = |trial: &Trial| work.badness(trial, time);
-        let Some(best) = trials.first().map(badness) else { return };
-        let close = |trial: &&Trial| (badness(trial) - best) * n as f64 / time < CLOSE_CONTEST;
-        let refit = |trial: &Trial| full.fitted(trial.found.clone(), &trial.fit.effects).ok();
-        let mut again: Vec<Trial> = trials.iter().take_while(close).take(CLOSEST).filter_map(refit).collect();
-        full.rank(&mut again);
-        let place = again.first().and_then(|best| trials.iter().position(|own| own.found == best.found));
-        if let Some(place) = place.filter(|place| *place > 0) {
-            self.alternatives.prefer(place);
-            self.chosen = self.alternatives.trials[0].clone();
-        }
-    }
-}
-
-fn run(search: &Search, floors: &NoiseFloor, are_cells_white: bool, max_effects: usize) -> Result<Findings, LabError> {
-    let start = search.start()?;
-    let comparison = Comparison {
-        problem: search.problem,
-        floor: floors.sigma().map(|(sigma, _)| sigma * (search.problem.data.n_outputs as f64).sqrt()),
-        is_white: are_cells_white && matches!(floors.sigma(), Some((_, FloorSource::White))),
-    };
-    let mut found = one_or_two(search, &comparison, start, max_effects);
-    if (1..max_effects).contains(&found.chosen.found.len()) {
-        let shorter = &found.alternatives.trials;
-        if let Some((chosen, alternatives)) = lists::longer(search, &comparison, &found.chosen, shorter, max_effects) {
-            // An effect that almost anything could stand in for is the imperfection of another one's equation.
-            if (0..chosen.found.len()).all(|slot| alternatives.n_as_simple(slot) <= MOST_LOOK_ALIKES) {
-                found = Findings { chosen, alternatives, is_beaten: false, ..found };
-            }
-        }
-    }
-    Ok(found)
-}
-
-/// None, one or two effects.
-fn one_or_two(search: &Search, comparison: &Comparison, start: Trial, max_effects: usize) -> Findings {
-    let (cells, test) = search.look(&start);
-    let singles = search.singles(&start, &cells);
-    let deserves = |single: &&Trial| max_effects > 0 && comparison.deserves(&start, single, test.p_value);
-    let Some(single) = singles.first().filter(deserves) else {
-        let alternatives = Alternatives::new(search.problem, vec![start.clone()], search.seed);
-        return Findings { chosen: start, cells, test, singles, alternatives, is_beaten: false };
-    };
-    // Many parameters in one effect may be two simple effects in disguise, but nothing else is periodic in the inputs.
-    let periodic = single.found.iter().any(|&k| search.candidates[k].periodic.is_some());
-    let n_own = search.base_variables.len();
-    let many = !periodic && single.fit.variables.len() > n_own + FEW_PARAMETERS;
-    if max_effects > 1 && (many || comparison.leaves_something(single)) {
-        let firsts = search.different(&singles);
-        let looks: Vec<(Vec<Cell>, SignFlip)> = firsts.iter().map(|first| search.look(first)).collect();
-        let p_value = looks.first().map_or(1.0, |(_, test)| test.p_value);
-        if many || p_value < 0.05 {
-            let second_cells: Vec<Vec<Cell>> = looks.into_iter().map(|(cells, _)| cells).collect();
-            let mut pairs = search.pairs(&start, &cells, &firsts, &second_cells);
-            if let Some(best) = pairs.first().cloned() {
-                pairs.extend(search.swaps(&best));
-            }
-            let (imitations, pairs) = search.distinct(pairs).into_iter().partition(|pair| search.imitates(pair));
-            let (imitations, pairs): (Vec<Trial>, Vec<Trial>) = (imitations, pairs);
-            let time = memory(search.problem, &pairs);
-            let n = search.problem.n_scored as f64 / time;
-            let simpler = |pair: &Trial| {
-                let better = (search.badness(single, time) - search.badness(pair, time)) * n;
-                let (own, many) = (pair.fit.variables.len() - n_own, single.fit.variables.len() - n_own);
-                let doubtful = 2 * own <= many || search.imitates(single);
-                better > if doubtful { 0.0 } else { CLOSE_CONTEST } && own <= many
-            };
-            let deserves = |pair: &&Trial| comparison.deserves(single, pair, p_value) || simpler(pair);
-            if let Some(pair) = pairs.first().filter(deserves).cloned() {
-                let alternatives = Alternatives::new(search.problem, pairs, search.seed);
-                // A second effect that almost anything could stand in for is the imperfection of the first one's equation.
-                if (0..pair.found.len()).all(|slot| alternatives.n_as_simple(slot) <= MOST_LOOK_ALIKES) {
-                    let better = |own: &Trial| search.badness(&pair, time) - search.badness(own, time);
-                    let is_beaten = imitations.iter().any(|own| better(own) * n > CLOSE_CONTEST);
-                    return Findings { chosen: pair, cells, test, singles, alternatives, is_beaten };
-                }
-            }
-        }
-    }
-    let alternatives = Alternatives::new(search.problem, singles.clone(), search.seed);
-    Findings { chosen: single.clone(), cells, test, singles, alternatives, is_beaten: false }
+/// Searches on all and on the working rows beside these shapes.
+struct Beside<'a> {
+    full: &'a Search<'a>,
+    work: &'a Search<'a>,
+    shapes: &'a Shapes,
 }
 
 /// Everything that a conclusion needs.
 struct Case<'a> {
+    /// On all rows.
     full: &'a Search<'a>,
+    /// On the working rows.
     work: &'a Search<'a>,
+    /// The same two with nothing beside the effects: what a model file with these effects leaves.
+    alone: [&'a Search<'a>; 2],
+    /// Shapes of a force's rest that `full` and `work` have beside the effects.
+    beside: Option<&'a Shapes>,
     floors: NoiseFloor,
     loads: Usable,
     found: Findings,
@@ -237,27 +153,81 @@ struct Case<'a> {
     hint: Option<String>,
 }
 
-impl Case<'_> {
+impl<'a> Case<'a> {
+    /// Whether this is a force of which the chosen effects leave something.
+    fn leaves_a_force(&self) -> Result<bool, LabError> {
+        if self.full.problem.data.quantity != Quantity::Force || self.hint.is_some() {
+            return Ok(false);
+        }
+        let chosen = self.chosen()?;
+        let [before, after] = [&self.full.start()?, &chosen].map(|own| self.error(own));
+        Ok(self.remaining(&chosen, before, after, self.floor())?.structured)
+    }
+
+    /// Takes what was found beside shapes, where at least as many effects stand there.
+    fn or_beside(mut self, other: Beside<'a>, mut found: Findings) -> Result<Self, LabError> {
+        let n_standing = |case: &Self| -> Result<usize, LabError> {
+            Ok(case.standing(&case.chosen()?)?.into_iter().filter(|stands| *stands).count())
+        };
+        let before = n_standing(&self)?;
+        self.found.exchange_choice(&mut found);
+        (self.full, self.work, self.beside) = (other.full, other.work, Some(other.shapes));
+        if n_standing(&self)? < before.max(1) {
+            self.found.exchange_choice(&mut found);
+            ([self.full, self.work], self.beside) = (self.alone, None);
+        }
+        Ok(self)
+    }
+
+    /// The chosen effects, fitted to all rows.
+    fn chosen(&self) -> Result<Trial, LabError> {
+        self.full.fitted(self.found.chosen.found.clone(), &self.found.chosen.fit.effects)
+    }
+
+    /// Error on blocks that a fit did not see, in the unit of errors; of a fit with nothing beside the effects.
+    fn error(&self, trial: &Trial) -> f64 {
+        let problem = self.alone[0].problem;
+        held_out_rms(problem, &trial.fit) * problem.machine.error_unit().1
+    }
+
+    /// The floor in the unit of errors.
+    fn floor(&self) -> Option<f64> {
+        let problem = self.full.problem;
+        let whole = (problem.data.n_outputs as f64).sqrt() * problem.machine.error_unit().1;
+        self.floors.sigma().map(|(sigma, _)| sigma * whole)
+    }
+
+    /// Which of the effects stand beside the shapes of a force's rest.
+    fn standing(&self, chosen: &Trial) -> Result<Vec<bool>, LabError> {
+        let own = match self.beside {
+            Some(_) => Shapes::default(),
+            None => Shapes::left_by(self.full.problem, &chosen.fit, self.full.seed),
+        };
+        let problem = self.alone[0].problem;
+        // Here: with nothing taken out of residuals and slopes.
+        let here = fit(problem, &chosen.fit.effects, &chosen.fit.variables, 0, 0.0)?;
+        force_rest::standing(problem, &here, self.full.base.len(), self.beside.unwrap_or(&own))
+    }
+
     fn conclude(self) -> Result<Diagnosis, LabError> {
         let search = self.full;
         let problem = search.problem;
         let (unit, scale) = problem.machine.error_unit();
-        let start = search.start()?;
+        let start = self.alone[0].start()?;
         let as_given = problem.outputs_of(&problem.residual(search.base)?);
-        let mut chosen = search.fitted(self.found.chosen.found.clone(), &self.found.chosen.fit.effects)?;
+        let mut chosen = self.chosen()?;
         let prefixes = self.order(&mut chosen)?;
-        let held_out = |trial: &Trial| held_out_rms(problem, &trial.fit) * scale;
-        let (before, after) = (held_out(&start), held_out(&chosen));
+        let alone = self.alone[0].fitted(chosen.found.clone(), &chosen.fit.effects)?;
+        let (before, after) = (self.error(&start), self.error(&alone));
         let sigma = self.floors.sigma();
-        let floor = sigma.map(|(sigma, _)| sigma * (problem.data.n_outputs as f64).sqrt() * scale);
+        let floor = self.floor();
         let remaining = self.remaining(&chosen, before, after, floor)?;
-        let effects = self.effects(&chosen, &prefixes, before)?;
+        let effects = self.effects(&chosen, &prefixes, [before, after])?;
         let class = |slot: usize| self.full.candidates[chosen.found[slot]].class;
         let is_doubtful = |slot: usize| remaining.looks_like.is_some_and(|group| is_alike(class(slot), group));
         let is_force = problem.data.quantity == Quantity::Force;
         let doubtful: Vec<bool> = if is_force && remaining.structured {
-            let stand = force_rest::standing(problem, &chosen.fit, search.base.len(), search.seed)?;
-            stand.into_iter().map(|stands| !stands).collect()
+            self.standing(&chosen)?.into_iter().map(|stands| !stands).collect()
         } else {
             (0..effects.len()).map(|slot| remaining.structured && is_doubtful(slot)).collect()
         };
@@ -360,7 +330,7 @@ impl Case<'_> {
         if chosen.found.len() < 2 {
             return Ok(Vec::new());
         }
-        let (order, prefixes) = lists::order(self.work, chosen);
+        let (order, prefixes) = lists::order(self.alone[1], chosen);
         let base = self.full.base.len();
         let mut effects = chosen.fit.effects[..base].to_vec();
         effects.extend(order.iter().map(|&i| chosen.fit.effects[base + i].clone()));
@@ -369,12 +339,12 @@ impl Case<'_> {
         Ok(prefixes)
     }
 
-    fn effects(&self, chosen: &Trial, prefixes: &[Trial], base_rms: f64) -> Result<Vec<FoundEffect>, LabError> {
-        let problem = self.full.problem;
+    fn effects(&self, chosen: &Trial, prefixes: &[Trial], ends: [f64; 2]) -> Result<Vec<FoundEffect>, LabError> {
+        let problem = self.alone[1].problem;
         let (_, scale) = problem.machine.error_unit();
-        let mut errors = vec![base_rms];
-        errors.extend(prefixes.iter().map(|own| held_out_rms(self.work.problem, &own.fit) * scale));
-        errors.push(held_out_rms(problem, &chosen.fit) * scale);
+        let mut errors = vec![ends[0]];
+        errors.extend(prefixes.iter().map(|own| held_out_rms(problem, &own.fit) * scale));
+        errors.push(ends[1]);
         (0..chosen.found.len())
             .map(|slot| {
                 let place = self.found.chosen.found.iter().position(|k| *k == chosen.found[slot]).unwrap_or(slot);
@@ -471,7 +441,7 @@ impl Case<'_> {
             let visible = cells().map(|(cell, _)| cell.visible).fold(0.0, f64::max);
             let refined = self.found.singles.iter().find(|trial| trial.found == [k]);
             let squares = match refined {
-                Some(trial) => Some(held_out_block_squares(self.work.problem, &trial.fit, FOLDS).iter().sum()),
+                Some(trial) => Some(held_out_block_squares(self.alone[1].problem, &trial.fit, FOLDS).iter().sum()),
                 None => cells().map(|(cell, _)| cell.sum_of_squares).reduce(f64::min),
             };
             CandidateAnswer {

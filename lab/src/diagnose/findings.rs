@@ -1,0 +1,141 @@
+//! What the search finds on the working rows: none, one or two effects, and longer lists behind them.
+
+use super::accept::Comparison;
+use super::alternatives::Alternatives;
+use super::lists;
+use super::screen::Cell;
+use super::search::{Search, Trial, memory};
+use super::sign_flip::SignFlip;
+use crate::LabError;
+use crate::noise::{FloorSource, NoiseFloor};
+
+/// Effects with more free parameters than this may be two simple ones in disguise.
+const FEW_PARAMETERS: usize = 2;
+/// Of a pair, neither effect may have more look-alikes than this that are as simple.
+const MOST_LOOK_ALIKES: usize = 7;
+
+/// What the search on the working rows found.
+pub(super) struct Findings {
+    pub cells: Vec<Cell>,
+    pub test: SignFlip,
+    pub singles: Vec<Trial>,
+    pub chosen: Trial,
+    pub alternatives: Alternatives,
+    /// Whether effects at the edge of what is physical would explain clearly more: the chosen ones are not the truth then.
+    pub is_beaten: bool,
+}
+
+/// The best trials are compared on all rows where there are up to this many times as many.
+const MORE_ROWS: usize = 4;
+/// So many are compared ...
+const CLOSEST: usize = 4;
+/// ... while they are within this of the best on the working rows, in units of -2 ln likelihood.
+const CLOSE_CONTEST: f64 = 40.0;
+
+impl Findings {
+    /// Exchanges what was chosen; what each candidate is by itself stays.
+    pub(super) fn exchange_choice(&mut self, other: &mut Self) {
+        core::mem::swap(&mut self.chosen, &mut other.chosen);
+        core::mem::swap(&mut self.alternatives, &mut other.alternatives);
+        core::mem::swap(&mut self.is_beaten, &mut other.is_beaten);
+    }
+
+    /// Chooses among the closest trials with all rows, of which the working rows are a part.
+    pub(super) fn decide(&mut self, work: &Search, full: &Search) {
+        let (n, n_all) = (work.problem.n_scored, full.problem.n_scored);
+        if self.chosen.found.is_empty() || n_all <= n || n_all > MORE_ROWS * n {
+            return;
+        }
+        let trials = &self.alternatives.trials;
+        let time = memory(work.problem, trials);
+        let badness = |trial: &Trial| work.badness(trial, time);
+        let Some(best) = trials.first().map(badness) else { return };
+        let close = |trial: &&Trial| (badness(trial) - best) * n as f64 / time < CLOSE_CONTEST;
+        let refit = |trial: &Trial| full.fitted(trial.found.clone(), &trial.fit.effects).ok();
+        let mut again: Vec<Trial> = trials.iter().take_while(close).take(CLOSEST).filter_map(refit).collect();
+        full.rank(&mut again);
+        let place = again.first().and_then(|best| trials.iter().position(|own| own.found == best.found));
+        if let Some(place) = place.filter(|place| *place > 0) {
+            self.alternatives.prefer(place);
+            self.chosen = self.alternatives.trials[0].clone();
+        }
+    }
+}
+
+/// The best list of effects on the working rows.
+///
+/// # Errors
+/// [`LabError`] where the model as given makes no chain.
+pub(super) fn run(
+    search: &Search,
+    floors: &NoiseFloor,
+    are_cells_white: bool,
+    max_effects: usize,
+) -> Result<Findings, LabError> {
+    let start = search.start()?;
+    let comparison = Comparison {
+        problem: search.problem,
+        floor: floors.sigma().map(|(sigma, _)| sigma * (search.problem.data.n_outputs as f64).sqrt()),
+        is_white: are_cells_white && matches!(floors.sigma(), Some((_, FloorSource::White))),
+    };
+    let mut found = one_or_two(search, &comparison, start, max_effects);
+    if (1..max_effects).contains(&found.chosen.found.len()) {
+        let shorter = &found.alternatives.trials;
+        if let Some((chosen, alternatives)) = lists::longer(search, &comparison, &found.chosen, shorter, max_effects) {
+            // An effect that almost anything could stand in for is the imperfection of another one's equation.
+            if (0..chosen.found.len()).all(|slot| alternatives.n_as_simple(slot) <= MOST_LOOK_ALIKES) {
+                found = Findings { chosen, alternatives, is_beaten: false, ..found };
+            }
+        }
+    }
+    Ok(found)
+}
+
+/// None, one or two effects.
+fn one_or_two(search: &Search, comparison: &Comparison, start: Trial, max_effects: usize) -> Findings {
+    let (cells, test) = search.look(&start);
+    let singles = search.singles(&start, &cells);
+    let deserves = |single: &&Trial| max_effects > 0 && comparison.deserves(&start, single, test.p_value);
+    let Some(single) = singles.first().filter(deserves) else {
+        let alternatives = Alternatives::new(search.problem, vec![start.clone()], search.seed);
+        return Findings { chosen: start, cells, test, singles, alternatives, is_beaten: false };
+    };
+    // Many parameters in one effect may be two simple effects in disguise, but nothing else is periodic in the inputs.
+    let periodic = single.found.iter().any(|&k| search.candidates[k].periodic.is_some());
+    let n_own = search.base_variables.len();
+    let many = !periodic && single.fit.variables.len() > n_own + FEW_PARAMETERS;
+    if max_effects > 1 && (many || comparison.leaves_something(single)) {
+        let firsts = search.different(&singles);
+        let looks: Vec<(Vec<Cell>, SignFlip)> = firsts.iter().map(|first| search.look(first)).collect();
+        let p_value = looks.first().map_or(1.0, |(_, test)| test.p_value);
+        if many || p_value < 0.05 {
+            let second_cells: Vec<Vec<Cell>> = looks.into_iter().map(|(cells, _)| cells).collect();
+            let mut pairs = search.pairs(&start, &cells, &firsts, &second_cells);
+            if let Some(best) = pairs.first().cloned() {
+                pairs.extend(search.swaps(&best));
+            }
+            let (imitations, pairs) = search.distinct(pairs).into_iter().partition(|pair| search.imitates(pair));
+            let (imitations, pairs): (Vec<Trial>, Vec<Trial>) = (imitations, pairs);
+            let time = memory(search.problem, &pairs);
+            let n = search.problem.n_scored as f64 / time;
+            let simpler = |pair: &Trial| {
+                let better = (search.badness(single, time) - search.badness(pair, time)) * n;
+                let (own, many) = (pair.fit.variables.len() - n_own, single.fit.variables.len() - n_own);
+                let doubtful = 2 * own <= many || search.imitates(single);
+                better > if doubtful { 0.0 } else { CLOSE_CONTEST } && own <= many
+            };
+            let deserves = |pair: &&Trial| comparison.deserves(single, pair, p_value) || simpler(pair);
+            if let Some(pair) = pairs.first().filter(deserves).cloned() {
+                let alternatives = Alternatives::new(search.problem, pairs, search.seed);
+                // A second effect that almost anything could stand in for is the imperfection of the first one's equation.
+                if (0..pair.found.len()).all(|slot| alternatives.n_as_simple(slot) <= MOST_LOOK_ALIKES) {
+                    let better = |own: &Trial| search.badness(&pair, time) - search.badness(own, time);
+                    let is_beaten = imitations.iter().any(|own| better(own) * n > CLOSE_CONTEST);
+                    return Findings { chosen: pair, cells, test, singles, alternatives, is_beaten };
+                }
+            }
+        }
+    }
+    let alternatives = Alternatives::new(search.problem, singles.clone(), search.seed);
+    Findings { chosen: single.clone(), cells, test, singles, alternatives, is_beaten: false }
+}
