@@ -3,7 +3,9 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a panic is how a test fails")]
 
 use krait_model::model_file::{Machine, ModelFile};
-use krait_model::segments::{Bends, LineValues, MAX_BENDS, MAX_LINES, SEGMENT_EFFECTS, SegmentChain};
+use krait_model::segments::{
+    Bends, LineValues, MAX_BENDS, MAX_LINES, SEGMENT_EFFECTS, SegmentChain, SegmentsParameters,
+};
 use krait_model::{Circumstances, EffectSetting, Learn, MAX_LEARNT, SlopedPredictor};
 use nalgebra::SMatrix;
 
@@ -11,14 +13,17 @@ const KEYS: [&str; 5] = ["eta", "share", "f_s_n", "mu", "half_width_m"];
 const VALUES: [f64; 5] = [1.22, 1.0, 1.959, 0.1727, 8.9e-5];
 const SDS: [f64; 5] = [0.1, 0.1, 0.2, 0.02, 1e-5];
 
+fn effects(values: [f64; 5]) -> [EffectSetting; 5] {
+    core::array::from_fn(|k| {
+        let effect = EffectSetting::new(SEGMENT_EFFECTS[k]).with(KEYS[k], values[k]).unwrap();
+        effect.with_learn(KEYS[k], Learn { sd: SDS[k], memory_s: 1e6 }).unwrap()
+    })
+}
+
 fn chain(values: [f64; 5]) -> SegmentChain {
     let file = ModelFile::parse(include_str!("../../docs/segments/two.toml")).unwrap();
     let Machine::Segments(machine) = file.machine() else { panic!("segments") };
-    let effects = core::array::from_fn::<_, 5, _>(|k| {
-        let effect = EffectSetting::new(SEGMENT_EFFECTS[k]).with(KEYS[k], values[k]).unwrap();
-        effect.with_learn(KEYS[k], Learn { sd: SDS[k], memory_s: 1e6 }).unwrap()
-    });
-    SegmentChain::new(machine, &effects).unwrap()
+    SegmentChain::new(machine, &effects(values)).unwrap()
 }
 
 /// Positions of the actuators that bend both segments to and fro, the same for every chain.
@@ -81,4 +86,16 @@ fn new_values_move_the_memory_to_where_it_would_be() {
         let (left_rad, whole_rad) = ((found - new[k]).amax(), (old[k] - new[k]).amax());
         assert!(left_rad < 0.1 * whole_rad, "step {k}: {left_rad} rad of {whole_rad} rad");
     }
+}
+
+/// Rigid lines have no loads: of the five the play alone shows, and every segment has it.
+#[test]
+fn of_rigid_lines_the_play_alone_has_slopes() {
+    let file = ModelFile::parse(include_str!("../../docs/segments/two.toml")).unwrap();
+    let Machine::Segments(machine) = file.machine() else { panic!("segments") };
+    let rigid = SegmentsParameters { rigid_lines: true, ..machine.clone() };
+    let mut tangents = SegmentChain::new(&rigid, &effects(VALUES)).unwrap().learning_predictor();
+    let slopes = positions().iter().map(|q| tangents.step(q, &Circumstances::at(0.0)).1).collect::<Vec<_>>();
+    let largest = |lane: usize| slopes.iter().map(|own| own.column(lane).amax()).fold(0.0, f64::max);
+    assert!((0..4).all(|lane| largest(lane) == 0.0) && largest(4) > 1e-3, "{}", largest(4));
 }
