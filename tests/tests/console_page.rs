@@ -318,8 +318,10 @@ fn bars_of(kind: &str, [model, script]: [&str; 2], [n_bars, n_lines]: [usize; 2]
     if is_drawn {
         let lines = format!("{}.every(n => n > 100)", painted("#scene"));
         page.wait_for("lines of every colour are drawn", &lines);
-        let seen = page.value("document.getElementById('scene').getAttribute('aria-label')").to_string();
-        assert!(seen.contains("The segments bend ") && seen.contains(" and "), "{seen}");
+        page.wait_for(
+            "the picture says how far each bends",
+            "/^The segments bend [0-9]+ and [0-9]+ degrees/.test(document.getElementById('scene').getAttribute('aria-label'))",
+        );
     }
     let below = if is_drawn { "#bars" } else { ".strip" };
     for (width, height) in SIZES {

@@ -74,7 +74,7 @@ impl SegmentTangents {
         }
     }
 
-    /// d tau_k at constant unknowns, and what a newton more there lengthens the line by, d c_d.
+    /// d tau_k at constant unknowns, and d c_d of the line there.
     fn load(&self, loaded: &Loaded, k: usize) -> (Row, Row) {
         let (chain, machine) = (&self.plain.chain, &self.plain.chain.machine);
         let Loaded { tau_n, slope, side, .. } = *loaded;
