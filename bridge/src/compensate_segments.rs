@@ -4,16 +4,18 @@
 //! Problem: q~ = q + eps(b; memory of the model's effects) for each line, by [`krait_model::segments::SegmentCompensator`].
 //!
 //! Failure: stale or foreign samples, and bends that no loads within the lines' bounds hold. The command then repeats the last one,
-//! with the reasons named. Nothing of segments is learnt, so no model update is taken.
+//! with the reasons named.
 
+use crate::blend::Blend;
 use crate::config::CompensateConfig;
 use crate::live_model::SegmentModel;
+use crate::mismatch::{Mismatch, Seen};
 use crate::reach::{Reach, Wish};
 use crate::resolve_segments::of_lanes;
 use crate::step::{
     BridgeError, Refused, Step, check_age, check_joints, check_model, stamps_begun, step_s, tell_compensate_ages,
 };
-use krait_ipc::message::{Command, Health, MAX_ACTUATORS, MAX_LEARNT, Phase, Setpoint, SlaveState};
+use krait_ipc::message::{Command, Health, MAX_ACTUATORS, ModelUpdate, Phase, Setpoint, SlaveState};
 use krait_ipc::{Reason, Reasons};
 use krait_model::ModelHash;
 use krait_model::segments::{MAX_LINES, SegmentCompensator, SegmentStatus, Segments};
@@ -25,9 +27,11 @@ const _: () = assert!(MAX_LINES == MAX_ACTUATORS);
 pub struct SegmentCompensateCore {
     machine: Segments,
     lines: SegmentCompensator,
+    blend: Blend,
     model: ModelHash,
     config: CompensateConfig,
     state: Option<SlaveState>,
+    mismatch: Mismatch,
     memory: Memory,
 }
 
@@ -37,10 +41,11 @@ struct Memory {
     reach: Reach<MAX_ACTUATORS>,
     sequence: u64,
     before_ns: Option<i64>,
+    mismatch: Seen,
 }
 
 impl SegmentCompensateCore {
-    /// A compensator in the straight pose.
+    /// A compensator in the straight pose, with the values that the model file begins with.
     ///
     /// # Errors
     /// [`BridgeError::Config`] for values out of range.
@@ -49,9 +54,11 @@ impl SegmentCompensateCore {
         Ok(Self {
             machine: model.chain().machine().clone(),
             lines: model.chain().compensator(),
+            blend: Blend::new(model.chain().learnt()),
             model: model.hash(),
             config,
             state: None,
+            mismatch: Mismatch::of_segments(model, &config),
             memory: Memory::default(),
         })
     }
@@ -59,6 +66,14 @@ impl SegmentCompensateCore {
     /// Notes the newest slave state; it counts from the next step on, and that step names it.
     pub fn note_state(&mut self, state: &SlaveState) {
         self.state = Some(*state);
+    }
+
+    /// Notes a model update; it is blended in from the next step on, and every step names the newest.
+    ///
+    /// # Errors
+    /// As [`crate::CompensateCore::note_update`].
+    pub fn note_update(&mut self, update: &ModelUpdate) -> Result<(), Refused> {
+        self.blend.note(self.model, update)
     }
 
     /// One step for one setpoint.
@@ -84,7 +99,13 @@ impl SegmentCompensateCore {
         self.memory.before_ns = Some(setpoint.sample_ns);
 
         let mut reasons = Reasons::from_bits(setpoint.reasons);
+        if let Some(values) = self.blend.next(self.lines.learnt(), self.config.blend_sds_per_s, step_s) {
+            self.lines.set_learnt(&values);
+            reasons.insert(Reason::ModelBlending);
+        }
         let is_fresh = check_age(&self.config, self.state.as_ref(), setpoint, begun_ns, &mut reasons);
+        let found_rad = self.blend.innovation_rms_rad();
+        let trips = self.mismatch.trips(&mut self.memory.mismatch, found_rad, setpoint.sample_ns, &mut reasons);
         let lines = self.lines.step(&bends);
         reasons.insert_if(Reason::ForceLimit, matches!(lines.status, SegmentStatus::Held(_)));
         let wish =
@@ -98,7 +119,7 @@ impl SegmentCompensateCore {
             setpoint_sequence: setpoint.sequence,
             input_sequence: setpoint.input_sequence,
             state_sequence: self.state.map_or(0, |s| s.sequence),
-            model_update_sequence: 0,
+            model_update_sequence: self.blend.update_sequence(),
             bend_rad: [f64::NAN; 2],
             joints_rad: setpoint.joints_rad,
             q_uncompensated_m: self.machine.q_m(&bends).into(),
@@ -107,9 +128,9 @@ impl SegmentCompensateCore {
             n_actuators: n_lines as u32,
             n_joints: n_bends as u32,
             model_hash: self.model.0,
-            learnt: [f64::NAN; MAX_LEARNT],
-            n_learnt: 0,
-            phase: if is_fresh { setpoint.phase } else { Phase::Holding as u32 },
+            learnt: *self.lines.learnt(),
+            n_learnt: self.blend.n_learnt(),
+            phase: if is_fresh && !trips { setpoint.phase } else { Phase::Holding as u32 },
             reasons: reasons.bits(),
         })
     }
@@ -126,10 +147,14 @@ impl SegmentCompensateCore {
 impl Step for SegmentCompensateCore {
     type In = Setpoint;
     type Out = Command;
-    const TAKES_UPDATES: bool = false;
+    const TAKES_UPDATES: bool = true;
 
     fn note_state(&mut self, state: &SlaveState) {
         Self::note_state(self, state);
+    }
+
+    fn note_update(&mut self, update: &ModelUpdate) -> Result<(), Refused> {
+        Self::note_update(self, update)
     }
 
     fn step(&mut self, setpoint: &Setpoint, begun_ns: i64) -> Result<Command, Refused> {
@@ -138,6 +163,7 @@ impl Step for SegmentCompensateCore {
 
     fn tell(&self, setpoint: &Setpoint, begun_ns: i64, reasons: Reasons, health: &mut Health) {
         tell_compensate_ages(&self.config, self.state.as_ref(), setpoint, begun_ns, reasons, health);
+        self.mismatch.tell(self.blend.innovation_rms_rad(), reasons, health);
     }
 
     fn warm_up(&mut self, setpoint: &Setpoint, now_ns: i64) {

@@ -12,12 +12,12 @@ use crate::ledger::Ledger;
 use crate::step::BridgeError;
 use krait_ipc::message::{MAX_JOINTS, ModelUpdate, Shape, SlaveState};
 use krait_ipc::{Reason, Reasons};
-use krait_model::joints::{JointLearner, JointLearnerParameters, JointSight};
-use krait_model::{Change, Learning};
+use krait_model::joints::{JointLearner, JointSight};
+use krait_model::{Change, Learning, VectorLearnerParameters};
 
 /// Travel of a drive from which on its play is known to be taken up, and from which on a shape says something new, m.
-const KNOWN_AFTER_M: f64 = 0.4e-3;
-const REST_TRAVEL_M: f64 = 20e-6;
+pub(crate) const KNOWN_AFTER_M: f64 = 0.4e-3;
+pub(crate) const REST_TRAVEL_M: f64 = 20e-6;
 
 /// The pure step of `estimate` for joints.
 #[derive(Clone, Debug)]
@@ -35,13 +35,14 @@ impl JointEstimateCore {
     /// [`BridgeError::Config`] for values out of range.
     pub fn new(machine: &JointMachine, config: EstimateConfig) -> Result<Self, BridgeError> {
         config.check()?;
-        let parameters = JointLearnerParameters {
+        let parameters = VectorLearnerParameters {
             outlier_sigmas: config.outlier_sigmas,
             known_after: KNOWN_AFTER_M * machine.u_per_cable_m(),
+            n_known: 1,
             rest_travel: REST_TRAVEL_M * machine.u_per_cable_m(),
         };
         Ok(Self {
-            learner: JointLearner::new(&machine.model.chain, parameters),
+            learner: machine.model.chain.learner(parameters),
             machine: machine.clone(),
             config,
             ledger: Ledger::new(config.max_state_gap_ms),

@@ -1,8 +1,8 @@
-//! The process that learns: what the estimators of snakes and of joints have in common, and the loops that feed them.
+//! The process that learns: what the estimators of all machines have in common, and the loops that feed them.
 
 use crate::config::{EstimateConfig, JointsConfig};
 use crate::step::BridgeError;
-use crate::{EstimateCore, Feed, JointEstimateCore, JointMachine, LiveModel};
+use crate::{EstimateCore, Feed, JointEstimateCore, JointMachine, LiveModel, SegmentEstimateCore};
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use krait_ipc::message::{LearningState, LearntValue, MAX_LEARNT, Message, ModelUpdate, Shape, SlaveState};
@@ -52,7 +52,7 @@ pub(crate) fn learnt_values(
 /// The process `krait estimate`: runs until told to stop.
 ///
 /// # Errors
-/// [`BridgeError`] when a channel fails or the configuration is out of range, and for segments, of which nothing is learnt.
+/// [`BridgeError`] when a channel fails or the configuration is out of range.
 pub fn run_estimate(
     bus: &Bus,
     model: &LiveModel,
@@ -66,7 +66,7 @@ pub fn run_estimate(
         LiveModel::Joints(model) => {
             run(feed, bus, JointEstimateCore::new(&JointMachine::new(model, joints)?, config)?, stop)
         }
-        LiveModel::Segments(_) => Err(BridgeError::NothingToLearn),
+        LiveModel::Segments(model) => run(feed, bus, SegmentEstimateCore::new(model, config)?, stop),
     }
 }
 

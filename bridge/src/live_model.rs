@@ -113,12 +113,11 @@ impl LiveModel {
         match self {
             Self::Snake(chain) => chain.learnt(),
             Self::Joints(joints) => joints.chain.learnt(),
-            Self::Segments(_) => &[],
+            Self::Segments(segments) => segments.chain.learnt(),
         }
     }
 
-    /// Whether `estimate` has work: it watches every snake for changes, of joints it only learns parameters, and of
-    /// segments nothing.
+    /// Whether `estimate` has work: it watches every snake for changes, of joints and segments it only learns parameters.
     pub fn needs_estimate(&self) -> bool {
         self.snake().is_some() || !self.learnt().is_empty()
     }

@@ -4,9 +4,9 @@
 //! What is judged comes with the model updates: what the values in force did not explain of the newest shapes in motion. Those
 //! are named in every command, so that a repetition judges alike.
 
-use crate::JointMachine;
 use crate::config::CompensateConfig;
 use crate::step::seconds_between;
+use crate::{JointMachine, SegmentModel};
 use krait_ipc::message::Health;
 use krait_ipc::{Reason, Reasons};
 use krait_model::Chain;
@@ -42,6 +42,12 @@ impl Mismatch {
         let floor_si = config.mismatch_floor_rad * machine.si_per_rad();
         let shown_per_si = if machine.model.slides() { 1e3 } else { 1f64.to_degrees() };
         Self::new(floor_si, machine.model.chain.learnt().is_empty(), config, shown_per_si)
+    }
+
+    /// The limits of a model of segments, whose files state no floor.
+    pub(crate) fn of_segments(model: &SegmentModel, config: &CompensateConfig) -> Self {
+        let shows_its_error = model.chain().learnt().is_empty();
+        Self::new(config.mismatch_floor_rad, shows_its_error, config, 1f64.to_degrees())
     }
 
     fn new(floor: f64, shows_its_error: bool, config: &CompensateConfig, shown_per_si: f64) -> Self {

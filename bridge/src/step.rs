@@ -31,11 +31,6 @@ pub enum BridgeError {
         /// What it is of: `[machine]` or an effect.
         of: String,
     },
-    /// Segments, of which nothing is learnt.
-    #[error(
-        "`estimate` learns of snakes and joints, and the model is of kind segments; leave it out, as `krait run` does"
-    )]
-    NothingToLearn,
     /// The watch for changes cannot be set up so.
     #[error(transparent)]
     Watch(#[from] krait_model::ParameterError),

@@ -50,8 +50,26 @@ pub struct JointFacts {
     pub low: Vec<f64>,
     /// As `low`.
     pub high: Vec<f64>,
-    /// How many segments in series there are, two places each, in place of joints; 0: joints.
-    pub n_segments: usize,
+    /// The segments in series, two places each, in place of joints; none: joints.
+    pub segments: Vec<SegmentFacts>,
+}
+
+/// A segment, as the page draws it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SegmentFacts {
+    /// Length of its primary backbone, m.
+    pub l_m: f64,
+    /// The lines that end at its disk.
+    pub lines: Vec<LineFacts>,
+}
+
+/// A line, which runs at the same place through every segment before its own.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct LineFacts {
+    /// Azimuth about the primary backbone, rad.
+    pub azimuth_rad: f64,
+    /// Distance from the primary backbone, m.
+    pub r_m: f64,
 }
 
 /// What a stretch of the way may take, us.

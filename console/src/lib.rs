@@ -31,7 +31,7 @@ mod wishes;
 mod words;
 
 pub use error::ConsoleError;
-pub use facts::{Facts, HopBudget, JointFacts};
+pub use facts::{Facts, HopBudget, JointFacts, LineFacts, SegmentFacts};
 pub use foxglove::FoxgloveSettings;
 pub use glance::{bend_deg, glance, number, plane_deg};
 pub use observer::Observer;

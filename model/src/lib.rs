@@ -46,6 +46,7 @@ mod series;
 mod snake;
 mod statics;
 mod tip;
+mod vector_learner;
 
 pub use chain::{
     Chain, ChainCommand, ChainCompensator, ChainError, ChainMemory, ChainSettings, ChainStatus, Circumstances,
@@ -62,3 +63,4 @@ pub use parameters::{MachineParameters, ParameterError};
 pub use recursion::{Learning, Learnt};
 pub use snake::Snake;
 pub use tip::DampedRate;
+pub use vector_learner::{SlopedPredictor, VectorLearner, VectorLearnerParameters, VectorSight};

@@ -219,8 +219,8 @@ fn effects_that_segments_cannot_have_or_not_so_are_refused() {
             "line 10: `half_width_m` is of kind string, expected a number",
         ),
         (
-            "kind = \"backlash\"\nhalf_width_m = { value = 1e-4, learn = { sd = 1e-5 } }",
-            "line 8: effect backlash: half_width_m is a value of segments, which cannot be learnt",
+            "kind = \"backlash\"\nhalf_width_m = { value = 1e-4, learn = { sd = -1e-5 } }",
+            "line 10: effect backlash: half_width_m shall be learnt with sd = -0.00001, expected a standard deviation above zero",
         ),
         ("kind = \"cone-friction\"\nmu = -1", "line 10: effect cone-friction: mu is -1"),
     ] {

@@ -265,11 +265,31 @@ fn joints_are_shown_as_bars_with_their_numbers_live_and_from_a_recording() {
 }
 
 #[test]
-fn segments_are_shown_as_two_bars_each_with_their_numbers_live_and_from_a_recording() {
+fn segments_are_drawn_with_two_bars_each_and_their_numbers_live_and_from_a_recording() {
     bars_of("segments", ["two.toml", "tip.csv"], [4, 6]);
 }
 
-/// A machine that no picture is drawn of: its model and script in `docs/`, how many bars it has and how many lines.
+/// How many points of a canvas have the colour of each of the three kinds of lines, nearly.
+fn painted(canvas: &str) -> String {
+    format!(
+        "(() => {{
+            const own = document.querySelector('{canvas}'), copy = document.createElement('canvas');
+            [copy.width, copy.height] = [own.clientWidth, own.clientHeight];
+            const g = copy.getContext('2d');
+            g.drawImage(own, 0, 0, copy.width, copy.height);
+            const {{ data }} = g.getImageData(0, 0, copy.width, copy.height), style = getComputedStyle(document.documentElement);
+            return [1, 2, 3].map(line => {{
+                const hex = style.getPropertyValue('--line-' + line).trim(), rgb = [1, 3, 5].map(i => parseInt(hex.slice(i, i + 2), 16));
+                let n = 0;
+                for (let at = 0; at < data.length; at += 4) n += rgb.every((value, i) => Math.abs(value - data[at + i]) < 12) && data[at + 3] > 200;
+                return n;
+            }});
+        }})()"
+    )
+}
+
+/// A machine that is no snake: its model and script in `docs/`, how many bars it has and how many lines. Joints are bars in the place
+/// of a picture, segments are drawn and have their bars beside it.
 fn bars_of(kind: &str, [model, script]: [&str; 2], [n_bars, n_lines]: [usize; 2]) {
     let Some(browser) = Browser::start() else { return };
     let (instance, folder) = (instance_name("bars"), TempFolder::new(&format!("bars-{kind}")));
@@ -292,14 +312,26 @@ fn bars_of(kind: &str, [model, script]: [&str; 2], [n_bars, n_lines]: [usize; 2]
         "[...document.querySelectorAll('#joints .joint .off')].every(off => /^off [0-9.]+$/.test(off.textContent))",
     );
     assert_eq!(page.value("document.querySelectorAll('#bars .bar').length"), json!(n_lines));
-    let no_snake = "['scene', 'dial'].every(id => document.getElementById(id).getBoundingClientRect().width === 0)";
-    assert_eq!(page.value(no_snake), json!(true), "what is not there is not drawn");
+    let is_drawn = kind == "segments";
+    let no_picture = "['scene', 'dial'].map(id => document.getElementById(id).getBoundingClientRect().width === 0)";
+    assert_eq!(page.value(no_picture), json!([!is_drawn, true]), "what is not there is not drawn");
+    if is_drawn {
+        let lines = format!("{}.every(n => n > 100)", painted("#scene"));
+        page.wait_for("lines of every colour are drawn", &lines);
+        page.wait_for(
+            "the picture says how far each bends",
+            "/^The segments bend [0-9]+ and [0-9]+ degrees/.test(document.getElementById('scene').getAttribute('aria-label'))",
+        );
+    }
+    let below = if is_drawn { "#bars" } else { ".strip" };
     for (width, height) in SIZES {
         page.resize(width, height);
         page.value("new Promise(done => setTimeout(done, 500))");
         keep(&mut page, &format!("{kind}-{width}"));
-        let fits = "[...document.querySelectorAll('#joints .joint')].every(joint => joint.getBoundingClientRect().bottom <= document.querySelector('.strip').getBoundingClientRect().top)";
-        page.wait_for(&format!("the bars fit into {width} x {height}"), fits);
+        let fits = format!(
+            "[...document.querySelectorAll('#joints .joint')].every(joint => joint.getBoundingClientRect().bottom <= document.querySelector('{below}').getBoundingClientRect().top)"
+        );
+        page.wait_for(&format!("the bars fit into {width} x {height}"), &fits);
     }
     krait.signal(Signal::INT);
     krait.end(PATIENCE);
@@ -308,6 +340,10 @@ fn bars_of(kind: &str, [model, script]: [&str; 2], [n_bars, n_lines]: [usize; 2]
     page.wait_for("the recording is open", "document.querySelector('.ribbon')?.textContent.includes('not live')");
     page.value("(() => { const scrub = document.querySelector('.scrub input'); scrub.value = Math.floor(scrub.max / 2); scrub.dispatchEvent(new Event('input')); })()");
     page.wait_for("its bars are shown", &measured(".not-live"));
+    if is_drawn {
+        let lines = format!("{}.every(n => n > 100)", painted(".not-live canvas"));
+        page.wait_for("the recorded segments are drawn", &lines);
+    }
     keep(&mut page, &format!("{kind}-recorded"));
     krait.signal(Signal::TERM);
     krait.end(PATIENCE);

@@ -265,6 +265,7 @@ fn readers(folder: &TempFolder) -> Vec<Reader<'_>> {
                 shipped("docs/lab-tutorial/base.toml"),
                 shipped("docs/joints/wrist.toml"),
                 shipped("docs/segments/two.toml"),
+                shipped("docs/segments/learn.toml"),
             ],
             n_inputs: 300,
             read: Box::new(|bytes| {

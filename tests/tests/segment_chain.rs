@@ -12,6 +12,7 @@ use std::path::Path;
 
 const PATIENCE: Duration = Duration::from_secs(240);
 const TWO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/segments/two.toml");
+const LEARN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/segments/learn.toml");
 const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/segments/tip.csv");
 /// What the camera of the simulated segments adds to each bend vector, deg: 0.3 along each axis.
 const FLOOR_DEG: f64 = 0.3 * core::f64::consts::SQRT_2;
@@ -105,6 +106,54 @@ fn two_segments_follow_better_with_every_compensation_down_to_the_camera_s_error
     let header = std::fs::read_to_string(&table).expect("written").lines().next().map(str::to_owned).expect("a header");
     assert!(header.starts_with("time_s,u1_m,u2_m,u3_m,u4_m,u5_m,u6_m,y1_rad,y2_rad,y3_rad,y4_rad"), "{header}");
     what_does_not_apply(&folder, &full);
+}
+
+#[test]
+fn two_segments_learn_a_wrong_stiffness_and_play_down_to_the_error_of_the_right_model_and_verify() {
+    let folder = TempFolder::new("segments-learn");
+    let [off, naive, wrong, learnt, right] =
+        ["off", "naive", "wrong", "learnt", "right"].map(|name| folder.file(&format!("{name}.mcap")));
+    let fixed = folder.file("fixed.toml");
+    let text = std::fs::read_to_string(LEARN).expect("the shipped model");
+    std::fs::write(&fixed, text.replace(", learn = { sd = 0.3, memory_s = 3600.0 }", "")).expect("written");
+    let truth = concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/truth/two.toml");
+    let scored = |recording: &str, model: &str, more: &[&str]| {
+        let figures = run_model(recording, "16", &[&["--model", model, "--truth", truth], more].concat());
+        (rms_deg(&figures["passes"][0]["joints"]), figures)
+    };
+    let (off_deg, _) = scored(&off, LEARN, &["--compensation", "off"]);
+    let (naive_deg, _) = scored(&naive, LEARN, &["--compensation", "naive"]);
+    let (wrong_deg, _) = scored(&wrong, &fixed, &[]);
+    let (learnt_deg, figures) = scored(&learnt, LEARN, &[]);
+    let (right_deg, _) = scored(&right, TWO, &[]);
+    println!(
+        "off {off_deg:.3}, naive {naive_deg:.3}, stiffness wrong and play learnt {wrong_deg:.3}, both learnt {learnt_deg:.3}, \
+         right {right_deg:.3} deg; the camera alone {FLOOR_DEG:.3}; {}",
+        figures["passes"][0]["learnt"]
+    );
+    assert!(naive_deg < 0.5 * off_deg && learnt_deg < 0.4 * naive_deg, "{off_deg} {naive_deg} {learnt_deg} deg");
+    assert!(
+        wrong_deg > 1.5 * learnt_deg,
+        "{wrong_deg} deg with the wrong stiffness, {learnt_deg} deg when it is learnt"
+    );
+    assert!(learnt_deg < 1.1 * right_deg && learnt_deg < 1.2 * FLOOR_DEG, "{learnt_deg} of {right_deg} deg");
+    for (own, (name, expected, near)) in
+        [("stiffness-scale.eta", 1.22, 0.03), ("backlash.half_width_m", 8.9e-5, 1.5e-5)].into_iter().enumerate()
+    {
+        let own = &figures["passes"][0]["learnt"][own];
+        let value = own["value"].as_f64().expect("a value");
+        assert!(own["name"] == name && (value - expected).abs() < near, "{own}: the truth has {expected}");
+    }
+    let verdict = done(&["verify", &learnt, "--json"]);
+    assert!(verdict["first_difference"].is_null() && verdict["updates_identical"].as_u64() > Some(500), "{verdict}");
+    // What was learnt is kept in a model file, and that file is a model.
+    let kept = folder.file("kept.toml");
+    let saved = done(&["model", "save-learnt", &learnt, "--out", &kept, "--json"]);
+    let unexplained = |at: usize| saved["unexplained"][at].as_f64().expect("an error");
+    assert!(saved["unexplained_unit"] == "deg" && unexplained(1) < 0.5 * unexplained(0), "{saved}");
+    let checked = done(&["model", "check", &kept, "--json"]);
+    let eta = checked["effects"][0]["parameters"][0]["value"].as_f64().expect("a value");
+    assert!((eta - 1.22).abs() < 0.03, "{checked}");
 }
 
 /// Own work of a sample, everything between a stage's waking and its sending of all stages together: median of a recording, ns.

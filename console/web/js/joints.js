@@ -1,14 +1,14 @@
 // Joints: a bar for each, from its lower to its upper limit, with where it is, where it shall be, and how far it is off.
-// Segments in series: two bars each, for the two components of its bend vector; the arcs themselves are not drawn.
+// Segments in series: two bars each, for the two components of its bend vector, beside the picture of their arcs.
 import { make, sign, signed, write } from './format.js';
 
 /// What each bar is called: the joint's number, or segment and component.
-const namesOf = facts => facts.joints.low.map((_, i) => facts.joints.n_segments > 0 ? `${Math.floor(i / 2) + 1}${'xy'[i % 2]}` : String(i + 1));
+const namesOf = facts => facts.joints.low.map((_, i) => facts.joints.segments.length ? `${Math.floor(i / 2) + 1}${'xy'[i % 2]}` : String(i + 1));
 
 /// How far the joint that is farthest off is from where it shall be, or the bend vector of the segment that is, in SI.
 export const farthest = (facts, measured, wanted) => {
   const apart = wanted.map((value, i) => Math.abs(measured[i] - value));
-  const each = facts.joints.n_segments > 0 ? apart.filter((_, i) => i % 2 === 0).map((x, i) => Math.hypot(x, apart[2 * i + 1])) : apart;
+  const each = facts.joints.segments.length ? apart.filter((_, i) => i % 2 === 0).map((x, i) => Math.hypot(x, apart[2 * i + 1])) : apart;
   return Math.max(...each);
 };
 
@@ -53,7 +53,7 @@ export class JointBars {
       write(at, measured ? show(measured[i]) : 'not measured');
       write(off, err_rms ? `off ${(err_rms[i] * this.facts.per_si).toFixed(2)}` : '');
     });
-    const [names, kind] = [namesOf(this.facts), this.facts.joints.n_segments > 0 ? 'components of bend vectors' : 'joints'];
+    const [names, kind] = [namesOf(this.facts), this.facts.joints.segments.length ? 'components of bend vectors' : 'joints'];
     const told = this.rows.map((_, i) => `${kind === 'joints' ? 'joint' : 'segment'} ${names[i]} ${measured ? show(measured[i]) : 'not measured'}, wanted ${wanted ? show(wanted[i]) : 'nothing'}`);
     this.holder.setAttribute('aria-label', `${this.rows.length} ${kind}: ${told.join('; ')}.`);
   }

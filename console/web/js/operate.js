@@ -1,6 +1,6 @@
 // Operate: the banner, what holds the motion back, the dial, the lines; numbers ten times a second, positions with each picture.
 import { clock, drawing, make, sign, signed, write } from './format.js';
-import { degrees } from './snake.js';
+import { degrees, pairs } from './snake.js';
 import { MARKS, STATES, TONES } from './states.js';
 import { on } from './link.js';
 import { play } from './shell.js';
@@ -19,11 +19,13 @@ const unit = () => sign(facts.unit);
 on('hello', message => {
   hello = message.hello;
   facts = hello.facts;
-  write($('fact-drives').lastElementChild, !facts.is_simulated ? 'Real drives' : facts.joints?.n_segments ? 'Simulated segments' : facts.joints ? 'Simulated joints' : 'Simulated snake');
+  write($('fact-drives').lastElementChild, !facts.is_simulated ? 'Real drives' : facts.joints?.segments.length ? 'Simulated segments' : facts.joints ? 'Simulated joints' : 'Simulated snake');
   write($('edge-name'), `limit ${degrees(facts.max_bend_rad).toFixed(0)}°`);
-  document.documentElement.dataset.machine = facts.joints ? 'joints' : 'snake';
+  document.documentElement.dataset.machine = facts.joints?.segments.length ? 'segments' : facts.joints ? 'joints' : 'snake';
   if (facts.joints) joints = new JointBars($('joints'), facts);
-  write($('lines-title').firstChild, facts.joints && !facts.joints.n_segments ? 'Actuators ' : facts.jaw ? 'Lines and jaw ' : 'Lines ');
+  // Beside the picture, not in its place.
+  if (facts.joints?.segments.length) $('bends').append($('joints'));
+  write($('lines-title').firstChild, facts.joints && !facts.joints.segments.length ? 'Actuators ' : facts.jaw ? 'Lines and jaw ' : 'Lines ');
   $('jaw').hidden = !facts.jaw;
   document.documentElement.toggleAttribute('data-jaw', Boolean(facts.jaw));
   if (facts.jaw) [$('jaw-bar').min, $('jaw-bar').max] = facts.jaw.map(degrees);
@@ -216,6 +218,8 @@ function numbers(frame) {
     write(mm, state ? signed(state.q_m[i] * 1e3, 2) : '–');
     write(newton, state && state.tau_n[i] !== null ? `${signed(state.tau_n[i], 1)} N` : 'not measured');
   });
-  const text = size === null ? 'The camera sees nothing.' : `The snake bends ${size.toFixed(0)} degrees; it is off by ${frame.err_rms === null ? 'an unknown angle' : `${degrees(frame.err_rms).toFixed(1)} degrees`}.`;
+  const text = frame.joints?.measured && facts.joints.segments.length
+    ? `The segments bend ${pairs(frame.joints.measured).map(own => degrees(Math.hypot(...own)).toFixed(0)).join(' and ')} degrees.`
+    : size === null ? 'The camera sees nothing.' : `The snake bends ${size.toFixed(0)} degrees; it is off by ${frame.err_rms === null ? 'an unknown angle' : `${degrees(frame.err_rms).toFixed(1)} degrees`}.`;
   if (textDue % 1000 < TEXT_EVERY_MS) $('scene').setAttribute('aria-label', `${text} Arrow keys turn the view, plus and minus zoom.`);
 }

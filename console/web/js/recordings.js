@@ -99,7 +99,8 @@ async function open(name) {
   const fits = n > 0 && facts?.joints?.low.length === n;
   bars = fits ? new JointBars(parts.joints, facts) : null;
   parts.joints.hidden = !fits;
-  parts.canvas.hidden = n > 0;
+  const isDrawn = n === 0 || (fits && facts.joints.segments.length > 0);
+  parts.canvas.hidden = !isDrawn;
   errors = film.t_s.map((_, i) => n > 0 ? jointError(i) : film.bend[i] && film.setpoint[i] ? degrees(Math.hypot(film.bend[i][0] - film.setpoint[i][0], film.bend[i][1] - film.setpoint[i][1])) : null);
   at = 0;
   write(parts.ribbon, n > 0 && !fits ? `${n} joints of another machine: open them with krait console ${name}` : `Recording ${name.replace(/\.mcap$/, '')} – not live`);
@@ -134,11 +135,12 @@ function button() { write(parts.play, isPlaying ? '❚❚' : '▶'); }
 function show() {
   if (!film?.t_s.length) return;
   const i = Math.min(film.t_s.length - 1, Math.floor(at));
+  const joints = { measured: film.joints[i], wanted: film.joints_wanted[i], err_rms: null };
   if (bars) {
-    const picture = { measured: film.joints[i], wanted: film.joints_wanted[i], err_rms: null };
-    bars.move(picture);
-    bars.write(picture);
-  } else post('picture', { bend: film.bend[i], setpoint: film.setpoint[i] });
+    bars.move(joints);
+    bars.write(joints);
+  }
+  if (!parts.canvas.hidden) post('picture', { bend: film.bend[i], setpoint: film.setpoint[i], joints });
   write(parts.time, clock(film.t_s[i]));
   write(parts.off, errors[i] === null ? '–' : bars ? `${errors[i].toFixed(2)} ${facts.unit}` : `${errors[i].toFixed(1)}°`);
   write(parts.state, film.operating[i].toLowerCase());

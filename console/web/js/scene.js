@@ -1,9 +1,11 @@
-// The picture of the snake: floor, workspace, measured body, trail of the tip, and the commanded shape as a ghost.
-import { TURN, VIEWS, cameraFor, circle, cross, degrees, flat, frameAt, minus, pointIn, unit, viewNamed } from './snake.js';
+// The picture of the snake, or of segments in series: floor, workspace of a snake, measured body, trail of the tip, and the commanded shape
+// as a ghost.
+import { TURN, VIEWS, arcsOf, cameraFor, circle, cross, degrees, flat, frameAt, minus, pointIn, tipOf, unit, viewNamed } from './snake.js';
 import { arrow, base, disk, tubePiece } from './solids.js';
 
 const N_DISKS = 9, PIECES = 27, TUBE = 0.38, FLOOR = -2.45;
-const TARGET = [0, 0, 11.2];
+/// Where the camera looks at a snake of this length, mm; a longer machine is seen from as much further away.
+const TARGET = 11.2, LENGTH = 26;
 /// Off by this much the ghost begins to stand out, degrees, and then over this much more.
 const GHOST_FROM = 0.6, GHOST_OVER = 1.6;
 
@@ -38,8 +40,8 @@ export class Scene {
   preset(name, roll) { this.goal = viewNamed(name, roll); }
 
   /// Remembers where the tip was, for about four seconds of pictures.
-  remember(bend, length) {
-    this.trail.push(frameAt(bend, 1, length).centre);
+  remember(bends, machine) {
+    this.trail.push(tipOf(bends, machine).centre);
     if (this.trail.length > 240) this.trail.shift();
   }
 
@@ -49,7 +51,7 @@ export class Scene {
     this.g.clearRect(0, 0, this.canvas.width, this.canvas.height);
   }
 
-  draw({ bend, setpoint, machine, colours, isLimited }) {
+  draw({ bends, wanted, machine, colours, isLimited }) {
     const { width, height, ratio } = this.size, g = this.g;
     if (!width || !height) return;
     this.approach();
@@ -58,24 +60,26 @@ export class Scene {
     g.lineJoin = 'round';
     // A narrow window steps back so that the whole workspace stays in it. The far distance at a small height leaves room for the strip.
     const distance = this.view.distance * Math.max(1, 1.25 * height / width) * (height < 560 ? 1.08 : 1);
-    const camera = cameraFor({ ...this.view, distance }, TARGET, width, height);
+    const size = machine.isOne ? 1 : machine.length / LENGTH;
+    const camera = cameraFor({ ...this.view, distance: distance * size }, [0, 0, TARGET * size], width, height);
     // From behind the base, as the camera sees it, base and floor would hide everything.
     const isBehind = this.view.elevation < -0.5;
-    const workspace = isFront => this.workspace(camera, machine, colours, isLimited, isFront);
-    if (!isBehind) this.floor(camera, colours);
+    // Where the tip of segments in series can be has no edge that the model knows.
+    const workspace = isFront => machine.isOne && this.workspace(camera, machine, colours, isLimited, isFront);
+    if (!isBehind) this.floor(camera, colours, size);
     workspace(false);
     if (!isBehind) base(g, camera, { low: flat(FLOOR), top: flat(-0.25), low_radius: 3.6, top_radius: 3.1 }, colours.base, colours.deep, colours.metal);
-    if (bend) this.body(camera, bend, machine, colours);
+    if (bends) this.body(camera, bends, machine, colours);
     workspace(true);
     this.path(camera, colours);
-    if (setpoint) this.wanted(camera, setpoint, bend, machine, colours);
-    if (bend) {
-      const tip = frameAt(bend, 1, machine.length);
+    if (wanted) this.wanted(camera, wanted, bends, machine, colours);
+    if (bends) {
+      const tip = tipOf(bends, machine);
       arrow(g, camera, tip, tip.x, colours.axisX, 'x');
       arrow(g, camera, tip, tip.y, colours.axisY, 'y');
       arrow(g, camera, tip, tip.tangent, colours.axisZ, 'z');
     }
-    this.numbers(camera, colours, isBehind);
+    this.numbers(camera, machine, colours, isBehind, size);
   }
 
   approach() {
@@ -102,10 +106,10 @@ export class Scene {
     g.globalAlpha = 1;
   }
 
-  floor(camera, colours) {
-    for (const radius of [5, 10, 15, 20]) this.stroke(camera, circle(flat(FLOOR), radius, { n: 64 }), colours.floor, 1, 0.9);
+  floor(camera, colours, size) {
+    for (const radius of [5, 10, 15, 20]) this.stroke(camera, circle(flat(FLOOR), radius * size, { n: 64 }), colours.floor, 1, 0.9);
     for (let i = 0; i < 4; i++) {
-      const [x, y] = [20 * Math.cos(i * TURN / 8), 20 * Math.sin(i * TURN / 8)];
+      const [x, y] = [20 * size * Math.cos(i * TURN / 8), 20 * size * Math.sin(i * TURN / 8)];
       this.stroke(camera, [[x, y, FLOOR], [-x, -y, FLOOR]], colours.floor, 1, 0.9);
     }
   }
@@ -130,10 +134,18 @@ export class Scene {
     halfRing(machine.maxBend, isLimited ? colours.warn : colours.edge, isLimited ? 3.2 : 2.2, isLimited ? 1 : 0.65);
   }
 
-  body(camera, bend, machine, colours) {
+  body(camera, bends, machine, colours) {
     const solids = [];
+    arcsOf(bends, machine).forEach((frameOf, j) => this.segment(camera, frameOf, machine.segments[j], colours, solids));
+    solids.sort((a, b) => b.depth - a.depth);
+    for (const solid of solids) solid.paint();
+  }
+
+  /// One segment: its backbone, every line that runs in it, and its disks.
+  segment(camera, frameOf, { lines, pitch }, colours, solids) {
+    const frames = Array.from({ length: PIECES + 1 }, (_, i) => frameOf(i / PIECES));
     const tube = (azimuth, radius, thickness, colour) => {
-      const at = i => camera.project(pointIn(frameAt(bend, i / PIECES, machine.length), radius * Math.cos(azimuth), radius * Math.sin(azimuth)));
+      const at = i => camera.project(pointIn(frames[i], radius * Math.cos(azimuth), radius * Math.sin(azimuth)));
       let last = at(0);
       for (let i = 1; i <= PIECES; i++) {
         const next = at(i);
@@ -142,13 +154,11 @@ export class Scene {
       }
     };
     tube(0, 0, TUBE * 0.92, colours.core);
-    [colours.line1, colours.line2, colours.line3].forEach((colour, i) => tube(i * TURN / 3, machine.pitch, TUBE, colour));
+    for (const { n, azimuth, radius } of lines) tube(azimuth, radius, TUBE, colourOf(n, colours));
     for (let i = 1; i <= N_DISKS; i++) {
       const isEnd = i === N_DISKS;
-      solids.push(disk(this.g, camera, frameAt(bend, i / N_DISKS, machine.length), machine.pitch + 0.62, isEnd ? 0.9 : 0.36, colours.metal, colours.deep));
+      solids.push(disk(this.g, camera, frameOf(i / N_DISKS), pitch + 0.62, isEnd ? 0.9 : 0.36, colours.metal, colours.deep));
     }
-    solids.sort((a, b) => b.depth - a.depth);
-    for (const solid of solids) solid.paint();
   }
 
   path(camera, colours) {
@@ -161,31 +171,35 @@ export class Scene {
   }
 
   /// The commanded shape: a ring where the tip shall be, and the outline of the body as far as it differs.
-  wanted(camera, setpoint, bend, machine, colours) {
-    const off = bend ? degrees(Math.hypot(bend[0] - setpoint[0], bend[1] - setpoint[1])) : Infinity;
+  wanted(camera, wanted, bends, machine, colours) {
+    const off = bends ? degrees(Math.max(...bends.map((bend, j) => Math.hypot(bend[0] - wanted[j][0], bend[1] - wanted[j][1])))) : Infinity;
     const shown = Math.min(1, Math.max(0, (off - GHOST_FROM) / GHOST_OVER));
     this.ghost += (shown - this.ghost) * 0.12;
-    const radius = machine.pitch + 0.56;
+    arcsOf(wanted, machine).forEach((frameOf, j) => this.outline(camera, frameOf, machine.segments[j].pitch + 0.56, colours));
+    this.stroke(camera, circle(tipOf(wanted, machine), machine.segments.at(-1).pitch + 1.06), colours.ghost, 3, 0.95);
+  }
+
+  outline(camera, frameOf, radius, colours) {
     for (let i = 1; i < N_DISKS; i++) {
-      this.stroke(camera, circle(frameAt(setpoint, i / N_DISKS, machine.length), radius), colours.ghost, 1.3, 0.06 + 0.42 * this.ghost);
+      this.stroke(camera, circle(frameOf(i / N_DISKS), radius), colours.ghost, 1.3, 0.06 + 0.42 * this.ghost);
     }
     for (const sign of [-1, 1]) {
       const rail = Array.from({ length: PIECES + 1 }, (_, i) => {
-        const frame = frameAt(setpoint, i / PIECES, machine.length);
+        const frame = frameOf(i / PIECES);
         const aside = unit(cross(frame.tangent, minus(camera.eye, frame.centre)));
         return frame.centre.map((c, j) => c + sign * radius * aside[j]);
       });
       this.stroke(camera, rail, colours.ghost, 1.4, 0.1 + 0.5 * this.ghost);
     }
-    this.stroke(camera, circle(frameAt(setpoint, 1, machine.length), machine.pitch + 1.06), colours.ghost, 3, 0.95);
   }
 
-  numbers(camera, colours, isBehind) {
+  /// A number beside each line at the base; those of the next segments further out.
+  numbers(camera, { lines }, colours, isBehind, size) {
     const g = this.g;
-    [colours.line1, colours.line2, colours.line3].forEach((colour, i) => {
-      const radius = isBehind ? 4 : 5.1, azimuth = i * TURN / 3;
+    for (const { n, ends, azimuth } of lines) {
+      const radius = ((isBehind ? 4 : 5.1) + 2.4 * ends) * size;
       const [x, y] = camera.project([radius * Math.cos(azimuth), radius * Math.sin(azimuth), isBehind ? 0 : -1.2]);
-      g.fillStyle = colour;
+      g.fillStyle = colourOf(n, colours);
       g.beginPath();
       g.arc(x, y, 13, 0, TURN);
       g.fill();
@@ -193,7 +207,10 @@ export class Scene {
       g.font = '700 16px Inter, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif';
       g.textAlign = 'center';
       g.textBaseline = 'middle';
-      g.fillText(String(i + 1), x, y + 1);
-    });
+      g.fillText(String(n + 1), x, y + 1);
+    }
   }
 }
+
+/// Lines take three colours in turn, as their bars do.
+const colourOf = (n, colours) => [colours.line1, colours.line2, colours.line3][n % 3];

@@ -1,4 +1,5 @@
-// The shape of the snake and the camera that looks at it: pure geometry, millimetres in the frame `base` of docs/NOTATION.md.
+// The shape of a snake, or of several in series, and the camera that looks at it: pure geometry, millimetres in the frame `base` of
+// docs/NOTATION.md.
 
 export const TURN = 2 * Math.PI;
 export const degrees = radians => radians * 180 / Math.PI;
@@ -24,6 +25,42 @@ export function frameAt(bend, s, length) {
 
 /// A point given in a frame.
 export const pointIn = (frame, x, y, z = 0) => [0, 1, 2].map(i => frame.centre[i] + x * frame.x[i] + y * frame.y[i] + z * frame.tangent[i]);
+
+/// A frame that is given in another one, given like that one.
+function within(outer, inner) {
+  const turned = v => [0, 1, 2].map(i => v[0] * outer.x[i] + v[1] * outer.y[i] + v[2] * outer.tangent[i]);
+  return { centre: pointIn(outer, ...inner.centre), x: turned(inner.x), y: turned(inner.y), tangent: turned(inner.tangent) };
+}
+
+/// The segments of a machine, the snake's one or those in series: length, the lines that run in it, and whether each ends there. A line
+/// keeps its place in every segment that it passes.
+export function machineOf(facts) {
+  const own = facts.joints?.segments ?? [{ l_m: facts.l_m, lines: [0, 1, 2].map(i => ({ azimuth_rad: i * TURN / 3, r_m: facts.r_m })) }];
+  let n = 0;
+  const lines = own.flatMap(({ lines }, j) => lines.map(({ azimuth_rad, r_m }) => ({ n: n++, ends: j, azimuth: azimuth_rad, radius: r_m * 1e3 })));
+  const segments = own.map(({ l_m }, j) => {
+    const passing = lines.filter(line => line.ends >= j);
+    return { length: l_m * 1e3, lines: passing, pitch: Math.max(...passing.map(line => line.radius)) };
+  });
+  const length = segments.reduce((sum, segment) => sum + segment.length, 0);
+  return { segments, lines, length, maxBend: facts.max_bend_rad, isOne: !facts.joints };
+}
+
+/// Bend vectors of all segments from the numbers that stand one after the other; nothing where nothing was measured.
+export const pairs = values => values ? values.flatMap((x, i) => i % 2 ? [] : [[x, values[i + 1]]]) : null;
+
+/// For each segment its frame at a part s (0 to 1) of its arc; a segment stands on the end of the one before.
+export function arcsOf(bends, { segments }) {
+  let foot = null;
+  return segments.map(({ length }, j) => {
+    const on = foot, at = s => on ? within(on, frameAt(bends[j], s, length)) : frameAt(bends[j], s, length);
+    foot = at(1);
+    return at;
+  });
+}
+
+/// The frame of the last disk.
+export const tipOf = (bends, machine) => arcsOf(bends, machine).at(-1)(1);
 
 /// A frame that lies flat at a height.
 export const flat = z => ({ centre: [0, 0, z], x: [1, 0, 0], y: [0, 1, 0], tangent: [0, 0, 1] });

@@ -1,11 +1,11 @@
 // The worker: keeps the live connection, paints the pictures, and blanks them when nothing new arrives, even if the page hangs.
 import { Curve } from './curve.js';
 import { Scene } from './scene.js';
-import { degrees } from './snake.js';
+import { degrees, machineOf, pairs } from './snake.js';
 
 const STALE_MS = 500, PATIENCE_MS = [0, 500, 1000, 2000, 5000], PING_EVERY_MS = 1000;
 const canvases = {};
-let scene = null, strip = null, replay = null, socket = null, colours = null, facts = null, frame = null;
+let scene = null, strip = null, replay = null, socket = null, colours = null, facts = null, machine = null, frame = null;
 let arrived = -Infinity, attempt = 0, isShown = true, isBlank = true, session = null, offset = null, bestTrip = Infinity, lastShape = null, recorded = null, glass = null;
 
 const tell = (k, rest) => postMessage({ k, ...rest });
@@ -29,6 +29,8 @@ function take(message) {
       if (session !== null && session !== message.session) return tell('reload', {});
       session = message.session;
       facts = message.facts;
+      // Of joints nothing is known but their positions, which the page shows as bars.
+      machine = facts.joints && !facts.joints.segments.length ? null : machineOf(facts);
       return tell('hello', { hello: message });
     case 'pong': {
       // The shortest trip knows the other clock best.
@@ -44,8 +46,15 @@ function takeFrame(message) {
   frame = message;
   arrived = performance.now();
   if (!facts) return;
-  if (frame.bend && frame.shown !== 'stale') scene?.remember(frame.bend, facts.l_m * 1e3);
+  const bends = machine && shapeOf(frame).bends;
+  if (bends && frame.shown !== 'stale') scene?.remember(bends, machine);
   strip?.add(frame.t_ms, frame.err_rms === null ? null : frame.err_rms * facts.per_si);
+}
+
+/// Measured and wanted bend vectors of a frame, or of a picture of a recording.
+function shapeOf({ bend, setpoint, joints }) {
+  if (machine.isOne) return { bends: bend && [bend], wanted: setpoint && [setpoint] };
+  return { bends: pairs(joints?.measured), wanted: pairs(joints?.wanted) };
 }
 
 function ping() {
@@ -72,9 +81,7 @@ function paint() {
   lastShape = frame;
   isBlank = false;
   if (isShown && colours && facts) {
-    const machine = { length: facts.l_m * 1e3, pitch: facts.r_m * 1e3, maxBend: facts.max_bend_rad };
-    // Of joints nothing is known but their positions, which the page shows as bars.
-    if (!facts.joints) scene?.draw({ bend: frame.bend, setpoint: frame.setpoint, machine, colours, isLimited: frame.shown === 'limited' });
+    if (machine) scene?.draw({ ...shapeOf(frame), machine, colours, isLimited: frame.shown === 'limited' });
     strip?.draw(frame.t_ms, frame.sigma ? Math.SQRT2 * degrees(frame.sigma) : 0, colours, { unit: facts.unit === 'mm' ? '' : '°', least: facts.joints ? 0.1 : 1.1 });
   }
   // Glass latency: from the stamp of the state in shared memory to here, where its picture is painted.
@@ -85,9 +92,8 @@ function paint() {
 
 /// A picture of a recording: painted when it changes, and by nothing that is live.
 function paintReplay() {
-  if (!replay || !recorded || !facts || !colours) return;
-  const machine = { length: facts.l_m * 1e3, pitch: facts.r_m * 1e3, maxBend: facts.max_bend_rad };
-  replay.draw({ bend: recorded.bend, setpoint: recorded.setpoint, machine, colours, isLimited: false });
+  if (!replay || !recorded || !machine || !colours) return;
+  replay.draw({ ...shapeOf(recorded), machine, colours, isLimited: false });
 }
 
 onmessage = ({ data }) => {
@@ -100,7 +106,13 @@ onmessage = ({ data }) => {
       break;
     case 'size': ({ scene, strip, replay })[data.name]?.resize(data.width, data.height, data.ratio); lastShape = null; if (data.name === 'replay') paintReplay(); break;
     case 'colours': colours = data.colours; lastShape = null; paintReplay(); break;
-    case 'picture': recorded = data; if (facts && data.bend) replay?.remember(data.bend, facts.l_m * 1e3); paintReplay(); break;
+    case 'picture': {
+      recorded = data;
+      const bends = machine && shapeOf(data).bends;
+      if (bends) replay?.remember(bends, machine);
+      paintReplay();
+      break;
+    }
     case 'forget': replay?.clear(); break;
     case 'turn': ({ scene, replay })[data.name]?.turn(data.azimuth, data.elevation); lastShape = null; paintReplay(); break;
     case 'zoom': ({ scene, replay })[data.name]?.zoom(data.factor); lastShape = null; paintReplay(); break;

@@ -7,12 +7,13 @@ use crate::in_force::{ModelInForce, lanes_of};
 use crate::{print, recorded, signals, supervisor};
 use anyhow::Context;
 use krait_bridge::{JointMachine, LiveModel, SegmentModel};
-use krait_console::{Facts, FoxgloveSettings, HopBudget, JointFacts, ServerSettings};
+use krait_console::{Facts, FoxgloveSettings, HopBudget, JointFacts, LineFacts, SegmentFacts, ServerSettings};
 use krait_ipc::Bus;
 use krait_ipc::message::n_of_snake;
 use krait_master::Presence;
 use krait_model::Chain;
 use krait_model::gripper::Gripper;
+use krait_model::segments::{LineParameters, SegmentParameters};
 use krait_record::{RecordConfig, Recording, Views};
 use krait_report::Lanes;
 use krait_slave::DriveKind;
@@ -132,7 +133,7 @@ fn facts_of(instance: &str, config: &Config, model: &ModelInForce) -> anyhow::Re
 
 fn joint_facts(joints: &JointMachine) -> JointFacts {
     let [low, high] = joints.range_rad().map(|values| values[..joints.n()].to_vec());
-    JointFacts { low, high, n_segments: 0 }
+    JointFacts { low, high, segments: Vec::new() }
 }
 
 /// Both components of each segment's bend vector may be as large as its bend.
@@ -140,7 +141,10 @@ fn segment_facts(segments: &SegmentModel, config: &Config) -> JointFacts {
     let n_segments = segments.chain().machine().n();
     let largest_rad = &segments.max_bend_rad(&config.resolve)[..n_segments];
     let high: Vec<f64> = largest_rad.iter().flat_map(|rad| [*rad; 2]).collect();
-    JointFacts { low: high.iter().map(|rad| -rad).collect(), high, n_segments }
+    let line = |own: &LineParameters| LineFacts { azimuth_rad: own.azimuth_rad, r_m: own.radius_m };
+    let segment = |own: &SegmentParameters| SegmentFacts { l_m: own.l_m, lines: own.lines.iter().map(line).collect() };
+    let segments = segments.parameters().segments.iter().map(segment).collect();
+    JointFacts { low: high.iter().map(|rad| -rad).collect(), high, segments }
 }
 
 fn presence_hint(presence: Presence) -> String {

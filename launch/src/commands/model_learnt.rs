@@ -6,7 +6,9 @@ use crate::commands::today;
 use crate::print;
 use crate::recorded::{model_text, settings_of};
 use anyhow::{Context, bail};
-use krait_bridge::{EstimateConfig, EstimateCore, EstimatorCore, JointEstimateCore, JointMachine, LiveModel};
+use krait_bridge::{
+    EstimateConfig, EstimateCore, EstimatorCore, JointEstimateCore, JointMachine, LiveModel, SegmentEstimateCore,
+};
 use krait_ipc::input;
 use krait_ipc::message::{LearningState, LearntValue, ModelUpdate, Shape, SlaveState};
 use krait_model::model_file::{FileEffect, HeldOutRms, HistoryEntry, ModelFile, Origin};
@@ -183,8 +185,8 @@ impl LastChain {
                 let machine = JointMachine::new(&model, &settings_of(recording)?.joints)?;
                 self.unexplained_rad(JointEstimateCore::new(&machine, EstimateConfig::default())?)
             }
-            LiveModel::Segments(_) => {
-                bail!("its model is of kind segments, of which nothing is learnt, expected one of a snake or of joints")
+            LiveModel::Segments(model) => {
+                self.unexplained_rad(SegmentEstimateCore::new(&model, EstimateConfig::default())?)
             }
         })
     }

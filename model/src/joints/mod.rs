@@ -12,7 +12,6 @@ mod chain;
 mod effect;
 mod hysteresis;
 mod inverse;
-mod learner;
 mod plausible;
 mod position;
 mod rate;
@@ -22,7 +21,6 @@ pub use chain::{JointChain, JointParts, JointPredictor};
 pub use effect::JointEffect;
 pub use hysteresis::{REACHES, load_play};
 pub use inverse::{JointCommand, JointCompensator, JointInverseSettings};
-pub use learner::{JointLearner, JointLearnerParameters, JointSight};
 pub use plausible::JointImplausible;
 pub use rate::{lag_step, second_order_ramp, second_order_step};
 
@@ -39,6 +37,19 @@ pub fn bouc_wen(z: f64, dx: f64, travel: f64, gamma: f64) -> f64 {
 }
 
 use crate::effects::ParameterSpec;
+use crate::vector_learner::{VectorLearner, VectorLearnerParameters, VectorSight};
+
+/// Learns parameters of joints; see [`VectorLearner`].
+pub type JointLearner = VectorLearner<slopes::JointSlopes, MAX_JOINTS, MAX_JOINTS>;
+/// What a model of joints saw at an instant.
+pub type JointSight = VectorSight<MAX_JOINTS, MAX_JOINTS>;
+
+impl JointChain {
+    /// A learner of the parameters that the chain names, which starts from the values of the model file.
+    pub fn learner(&self, parameters: VectorLearnerParameters) -> JointLearner {
+        VectorLearner::new(slopes::JointSlopes::new(self), self.learnt(), self.n(), parameters)
+    }
+}
 
 /// The largest number of joints.
 pub const MAX_JOINTS: usize = 16;

@@ -4,7 +4,7 @@ use super::friction::Friction;
 use super::sharing::LoadSharing;
 use super::{LineValues, SegmentCompensator, SegmentPredictor, Segments, SegmentsError, SegmentsParameters};
 use crate::effects::EffectKind;
-use crate::{ChainError, EffectSetting};
+use crate::{ChainError, EffectSetting, LearntParameter, MAX_LEARNT};
 
 /// The effects that segments can have.
 pub const SEGMENT_EFFECTS: [EffectKind; 5] = [
@@ -27,14 +27,16 @@ pub struct SegmentChain {
     pub(super) inside: f64,
     pub(super) friction: Friction,
     pub(super) half_width_m: f64,
+    learnt: Vec<LearntParameter>,
+    /// The effect of each of them; each has one parameter, and all of them can be learnt.
+    pub(super) lanes: Vec<EffectKind>,
 }
 
 impl SegmentChain {
     /// Checks machine and effects.
     ///
     /// # Errors
-    /// [`ChainError`] for a machine that is none, an effect that segments cannot have or have already, and a parameter that shall be
-    /// learnt.
+    /// [`ChainError`] for a machine that is none, and an effect that segments cannot have or have already.
     pub fn new(parameters: &SegmentsParameters, effects: &[EffectSetting]) -> Result<Self, ChainError> {
         let machine = Segments::new(parameters)?;
         let value = |kind: EffectKind, key, without| {
@@ -49,10 +51,6 @@ impl SegmentChain {
             if let Some(first) = effects[..second].iter().position(|before| before.kind() == effect.kind()) {
                 return Err(ChainError::Twice { name: name.to_owned(), first: first + 1, second: second + 1 });
             }
-            if let Some(key) = effect.parameter_names().find(|key| effect.learn(key).is_some()) {
-                let (effect, key, reason) = (name.to_owned(), key.to_owned(), "a value of segments");
-                return Err(ChainError::NotLearnt { effect, key, reason });
-            }
         }
         let place = |kind| effects.iter().position(|effect| effect.kind() == kind);
         if place(EffectKind::ConeFriction) < place(EffectKind::StaticFriction)
@@ -61,6 +59,8 @@ impl SegmentChain {
             return Err(SegmentsError::ConeFirst.into());
         }
         let mu = value(EffectKind::ConeFriction, "mu", 0.0);
+        let learnt = crate::chain::learnt(effects)?;
+        let lanes = learnt.iter().filter_map(|own| effects.get(own.effect)).map(EffectSetting::kind).collect();
         Ok(Self {
             sharing: LoadSharing {
                 low_n: LineValues::repeat(parameters.low_n),
@@ -72,9 +72,11 @@ impl SegmentChain {
             inside: value(EffectKind::InsideExtension, "share", 0.0),
             friction: Friction {
                 f_s_n: value(EffectKind::StaticFriction, "f_s_n", 0.0),
-                capstan: (2.0 * mu * machine.phi_rad).exp(),
+                capstan: capstan(mu, &machine),
             },
             half_width_m: value(EffectKind::Backlash, "half_width_m", 0.0),
+            learnt,
+            lanes,
             machine,
         })
     }
@@ -94,6 +96,31 @@ impl SegmentChain {
         self.eta
     }
 
+    /// The parameters that are learnt while the machine moves, in the order of the effects.
+    pub fn learnt(&self) -> &[LearntParameter] {
+        &self.learnt
+    }
+
+    /// The values that these begin with; NaN behind the last.
+    pub(super) fn start_values(&self) -> [f64; MAX_LEARNT] {
+        core::array::from_fn(|lane| self.learnt.get(lane).map_or(f64::NAN, |own| own.start))
+    }
+
+    /// Sets the learnt parameters, in their order; a value that is not finite stays as it is. Allocates nothing.
+    pub(super) fn set(&mut self, values: &[f64; MAX_LEARNT]) {
+        for (lane, &value) in values.iter().enumerate().take(self.lanes.len()).filter(|(_, value)| value.is_finite()) {
+            match self.lanes[lane] {
+                EffectKind::StiffnessScale => self.eta = value,
+                EffectKind::InsideExtension => self.inside = value,
+                EffectKind::StaticFriction => self.friction.f_s_n = value,
+                EffectKind::ConeFriction => self.friction.capstan = capstan(value, &self.machine),
+                EffectKind::Backlash => self.half_width_m = value,
+                // No other effect is one of SEGMENT_EFFECTS.
+                _ => {}
+            }
+        }
+    }
+
     /// A compensator that begins straight and at rest.
     pub fn compensator(&self) -> SegmentCompensator {
         SegmentCompensator::new(self)
@@ -103,4 +130,9 @@ impl SegmentChain {
     pub fn predictor(&self) -> SegmentPredictor {
         SegmentPredictor::new(self)
     }
+}
+
+/// g of the cone's two arcs.
+fn capstan(mu: f64, machine: &Segments) -> f64 {
+    (2.0 * mu * machine.phi_rad).exp()
 }

@@ -27,28 +27,32 @@ const REST_NM: f64 = 1e-12;
 /// Unit of the stretches in the unknowns, m: a millimetre weighs as a radian.
 const UNIT_M: f64 = 1e-3;
 
-const N: usize = MAX_BENDS + MAX_SEGMENTS;
-type Unknowns = SVector<f64, N>;
+pub(super) const N: usize = MAX_BENDS + MAX_SEGMENTS;
+pub(super) type Unknowns = SVector<f64, N>;
 
 /// Predicts bends step by step; owns the memory of every line.
 #[derive(Clone, Debug)]
 pub struct SegmentPredictor {
-    chain: SegmentChain,
-    unknowns: Unknowns,
+    pub(super) chain: SegmentChain,
+    pub(super) unknowns: Unknowns,
     /// Where the play ends, m.
-    play_m: LineValues,
+    pub(super) play_m: LineValues,
     /// Where each line stands in the cone, m.
-    seat_m: LineValues,
+    pub(super) seat_m: LineValues,
     tau_n: LineValues,
     n_unsolved: u64,
 }
 
 /// One line at some unknowns.
-struct Loaded {
-    tau_n: f64,
+pub(super) struct Loaded {
+    pub tau_n: f64,
     /// Compliance of all that moves with the load, m/N.
-    slope: f64,
-    seat_m: f64,
+    pub slope: f64,
+    pub seat_m: f64,
+    /// 1 while it slides pushed, -1 drawn back, 0 while it sticks in the cone.
+    pub side: f64,
+    /// Compliance between snake and cone, m/N.
+    pub c_d_m_per_n: f64,
 }
 
 impl SegmentPredictor {
@@ -69,22 +73,39 @@ impl SegmentPredictor {
     /// # Real-time
     /// No allocation; at most 40 solutions of 9 equations.
     pub fn step(&mut self, q_tilde_m: &LineValues) -> Bends {
-        if !q_tilde_m.iter().all(|q| q.is_finite()) {
-            return self.bends_rad();
+        if q_tilde_m.iter().all(|q| q.is_finite()) {
+            self.balance(q_tilde_m);
+            self.settle();
         }
+        self.bends_rad()
+    }
+
+    /// Whether the lines are taken for rigid.
+    pub(super) fn is_rigid(&self) -> bool {
+        self.chain.machine.c_d_m_per_n.iter().all(|give| *give == 0.0)
+    }
+
+    /// The equilibrium for finite positions of the actuators, m; where the lines stand in the cone is still that of before.
+    pub(super) fn balance(&mut self, q_tilde_m: &LineValues) {
         let half_m = self.chain.half_width_m;
         self.play_m.zip_apply(q_tilde_m, |play, q| *play = play.clamp(q - half_m, q + half_m));
-        let machine = &self.chain.machine;
-        if machine.c_d_m_per_n.iter().all(|give| *give == 0.0) {
-            self.unknowns.fixed_rows_mut::<MAX_BENDS>(0).copy_from(&machine.bends_from_q(&self.play_m));
-            return self.bends_rad();
+        if self.is_rigid() {
+            let bends_rad = self.chain.machine.bends_from_q(&self.play_m);
+            self.unknowns.fixed_rows_mut::<MAX_BENDS>(0).copy_from(&bends_rad);
+        } else {
+            self.n_unsolved += u64::from(!self.solve());
         }
-        self.n_unsolved += u64::from(!self.solve());
+    }
+
+    /// The lines that have slid stand where the equilibrium has them.
+    pub(super) fn settle(&mut self) {
+        if self.is_rigid() {
+            return;
+        }
         for k in 0..self.chain.machine.n_lines() {
             let Loaded { tau_n, seat_m, .. } = self.loaded(&self.unknowns, k);
             (self.tau_n[k], self.seat_m[k]) = (tau_n, seat_m);
         }
-        self.bends_rad()
     }
 
     /// The bends of the newest step, rad.
@@ -123,7 +144,7 @@ impl SegmentPredictor {
     }
 
     /// What is left of the equations, and how it changes with the unknowns.
-    fn equations(&self, at: &Unknowns) -> (Unknowns, SMatrix<f64, N, N>) {
+    pub(super) fn equations(&self, at: &Unknowns) -> (Unknowns, SMatrix<f64, N, N>) {
         let (chain, machine) = (&self.chain, &self.chain.machine);
         let bends_rad: Bends = at.fixed_rows::<MAX_BENDS>(0).into();
         let (mut rest, mut tangent) = (Unknowns::zeros(), SMatrix::<f64, N, N>::identity());
@@ -136,46 +157,62 @@ impl SegmentPredictor {
             tangent[(MAX_BENDS + j, MAX_BENDS + j)] = stiffness;
         }
         for k in 0..machine.n_lines() {
-            let Loaded { tau_n, slope, .. } = self.loaded(at, k);
+            let loaded = self.loaded(at, k);
             let row = Self::row(machine.j(), machine.segment_of(k), k);
-            // The piece inside the snake becomes longer with q, and gives more.
-            let longer = tau_n * chain.inside * machine.give_per_n[k];
-            let mut falls = row / slope;
-            let lengthens = falls.fixed_rows::<MAX_BENDS>(0) * longer;
-            let mut bends = falls.fixed_rows_mut::<MAX_BENDS>(0);
-            bends += lengthens;
-            rest -= row * tau_n;
-            tangent += row * falls.transpose();
+            rest -= row * loaded.tau_n;
+            tangent += row * self.falls(&loaded, &row, k).transpose();
         }
         (rest, tangent)
     }
 
+    /// -d tau_k / d unknowns.
+    pub(super) fn falls(&self, loaded: &Loaded, row: &Unknowns, k: usize) -> Unknowns {
+        // The piece inside the snake becomes longer with q, and gives more.
+        let longer = loaded.tau_n * self.chain.inside * self.chain.machine.give_per_n[k];
+        let mut falls = row / loaded.slope;
+        let mut bends = falls.fixed_rows_mut::<MAX_BENDS>(0);
+        bends *= 1.0 + longer;
+        falls
+    }
+
     /// d y_k / d unknowns.
-    fn row(j: &LinesByBends, segment: usize, k: usize) -> Unknowns {
+    pub(super) fn row(j: &LinesByBends, segment: usize, k: usize) -> Unknowns {
         let mut row = Unknowns::zeros();
         row.fixed_rows_mut::<MAX_BENDS>(0).copy_from(&j.row(k).transpose());
         (0..=segment).for_each(|j| row[MAX_BENDS + j] = UNIT_M);
         row
     }
 
-    fn loaded(&self, at: &Unknowns, k: usize) -> Loaded {
-        let (chain, machine) = (&self.chain, &self.chain.machine);
+    /// What line k has inside the snake, m, and where it ends, m.
+    pub(super) fn inside_and_end_m(&self, at: &Unknowns, k: usize) -> (f64, f64) {
+        let machine = &self.chain.machine;
         let segment = machine.segment_of(k);
         let q_m = (0..MAX_BENDS).map(|i| machine.j()[(k, i)] * at[i]).sum::<f64>();
         let end_m = q_m + UNIT_M * (0..=segment).map(|j| at[MAX_BENDS + j]).sum::<f64>();
-        let inside_m = q_m + machine.l_m[..=segment].iter().sum::<f64>();
+        (q_m + machine.l_m[..=segment].iter().sum::<f64>(), end_m)
+    }
+
+    pub(super) fn loaded(&self, at: &Unknowns, k: usize) -> Loaded {
+        let (chain, machine) = (&self.chain, &self.chain.machine);
+        let (inside_m, end_m) = self.inside_and_end_m(at, k);
         let c_d = machine.c_d_m_per_n[k] + chain.inside * machine.give_per_n[k] * inside_m;
         let c_c = machine.c_c_m_per_n[k];
-        let slid = |tau_n: f64, slope: f64| Loaded { tau_n, slope, seat_m: end_m + c_d * tau_n };
+        let slid = |tau_n: f64, slope: f64, side: f64| Loaded {
+            tau_n,
+            slope,
+            seat_m: end_m + c_d * tau_n,
+            side,
+            c_d_m_per_n: c_d,
+        };
         let sticks_n = (self.seat_m[k] - end_m) / c_d;
         let squeeze_m = self.play_m[k] - end_m;
         match chain.friction.load_while_pushed(squeeze_m, c_d, c_c) {
-            Some((pushed_n, slope)) if sticks_n < pushed_n => return slid(pushed_n, slope),
+            Some((pushed_n, slope)) if sticks_n < pushed_n => return slid(pushed_n, slope, 1.0),
             _ => {}
         }
         match chain.friction.load_while_pushed(-squeeze_m, c_d, c_c) {
-            Some((mirrored_n, slope)) if sticks_n > -mirrored_n => slid(-mirrored_n, slope),
-            _ => Loaded { tau_n: sticks_n, slope: c_d, seat_m: self.seat_m[k] },
+            Some((mirrored_n, slope)) if sticks_n > -mirrored_n => slid(-mirrored_n, slope, -1.0),
+            _ => Loaded { tau_n: sticks_n, slope: c_d, seat_m: self.seat_m[k], side: 0.0, c_d_m_per_n: c_d },
         }
     }
 }

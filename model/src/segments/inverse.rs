@@ -10,6 +10,7 @@
 use super::friction::Span;
 use super::sharing::{ActiveSet, SharedLoads};
 use super::{Bends, BendsByBends, BendsByLines, LineValues, LinesByBends, MAX_LINES, SegmentChain, Sharing};
+use crate::MAX_LEARNT;
 use nalgebra::SMatrix;
 
 /// What there is to say about a command.
@@ -48,7 +49,7 @@ pub struct SegmentCommand {
 }
 
 /// Everything that a [`SegmentCompensator`] remembers from one step to the next.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug)]
 pub struct SegmentMemory {
     bends_rad: Bends,
     active: ActiveSet,
@@ -56,6 +57,8 @@ pub struct SegmentMemory {
     play: LineValues,
     track: Track,
     last: SegmentCommand,
+    /// Values in force of what is learnt; NaN behind the last.
+    learnt: [f64; MAX_LEARNT],
 }
 
 /// Where the lines are.
@@ -105,6 +108,7 @@ impl SegmentCompensator {
             play: zeros,
             track: plan.track,
             last,
+            learnt: chain.start_values(),
         };
         let mut own = Self { friction_travel_m: zeros, play_travel_m: zeros, chain: chain.clone(), memory };
         // The transition is measured in travel of q; seats and ends travel further by the slope of the extension.
@@ -152,6 +156,27 @@ impl SegmentCompensator {
         last
     }
 
+    /// The values in force of the parameters that the chain learns, in their order; NaN behind the last.
+    pub fn learnt(&self) -> &[f64; MAX_LEARNT] {
+        &self.memory.learnt
+    }
+
+    /// Sets the values of the learnt parameters, in their order; what is not finite stays as it is.
+    ///
+    /// The next command changes by what the new values ask for: whoever calls this makes the steps small.
+    ///
+    /// # Real-time
+    /// No allocation.
+    pub fn set_learnt(&mut self, values: &[f64; MAX_LEARNT]) {
+        for (own, value) in self.memory.learnt.iter_mut().zip(values) {
+            // A lane without a parameter is NaN, and stays so.
+            if own.is_finite() && value.is_finite() {
+                *own = *value;
+            }
+        }
+        self.chain.set(&self.memory.learnt);
+    }
+
     /// Displacements of the lines for bends without any effect, m.
     pub fn without_effects(&self, bends_rad: &Bends) -> LineValues {
         self.chain.machine.q_m(bends_rad)
@@ -196,9 +221,10 @@ impl SegmentCompensator {
         self.memory
     }
 
-    /// Forgets every step since this was its memory.
+    /// Forgets every step since this was its memory, and every value that was set since.
     pub fn restore(&mut self, memory: &SegmentMemory) {
         self.memory = *memory;
+        self.chain.set(&self.memory.learnt);
     }
 
     fn held(&mut self, status: SegmentStatus) -> SegmentCommand {

@@ -25,6 +25,7 @@ mod parameters;
 mod rate;
 mod sharing;
 mod statics;
+mod tangents;
 mod tip;
 
 pub use chain::{SEGMENT_EFFECTS, SegmentChain};
@@ -34,7 +35,9 @@ pub use machine::Segments;
 pub use parameters::{LineParameters, SegmentParameters, SegmentsError, SegmentsParameters};
 pub use rate::{SegmentRate, SegmentRateWeights};
 pub use sharing::{LoadSharing, SharedLoads, Sharing};
+pub use tangents::SegmentTangents;
 
+use crate::vector_learner::{VectorLearner, VectorLearnerParameters, VectorSight};
 use nalgebra::{SMatrix, SVector};
 
 /// The largest number of segments.
@@ -54,3 +57,19 @@ pub type LinesByBends = SMatrix<f64, MAX_LINES, MAX_BENDS>;
 pub type BendsByLines = SMatrix<f64, MAX_BENDS, MAX_LINES>;
 /// One row and one column for each component of the bends.
 pub type BendsByBends = SMatrix<f64, MAX_BENDS, MAX_BENDS>;
+/// Learns parameters of segments; see [`VectorLearner`].
+pub type SegmentLearner = VectorLearner<SegmentTangents, MAX_BENDS, MAX_LINES>;
+/// What a model of segments saw at an instant: bends, rad, for positions of the actuators, m.
+pub type SegmentSight = VectorSight<MAX_BENDS, MAX_LINES>;
+
+impl SegmentChain {
+    /// The forward model with slopes by the parameters that the chain learns.
+    pub fn learning_predictor(&self) -> SegmentTangents {
+        SegmentTangents::new(self)
+    }
+
+    /// A learner of the parameters that the chain names, which starts from the values of the model file.
+    pub fn learner(&self, parameters: VectorLearnerParameters) -> SegmentLearner {
+        VectorLearner::new(self.learning_predictor(), self.learnt(), self.machine.n_bends(), parameters)
+    }
+}
