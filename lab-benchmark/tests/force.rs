@@ -48,6 +48,8 @@ fn an_effect_beside_what_no_effect_makes_is_named_and_the_rest_is_said() {
         ("x_hold", "mass", "inertia"),
         ("x_sway", "drag", "viscous"),
         ("x_rough-place", "mass", "inertia"),
+        ("x_rough-place", "swirl", "quadratic-viscous"),
+        ("x_warming", "mass", "inertia"),
     ];
     for (seed, (unknown, known, name)) in (50..).zip(pairs) {
         let found = diagnosed(&[(unknown, 4.0), (known, 3.0)], seed % 2 == 0, seed);
@@ -63,4 +65,32 @@ fn the_friction_of_a_loaded_servo_is_taken_apart() {
         assert_eq!(found.verdict, Verdict::Missing, "{}", found.sentence);
         assert_eq!(names(&found), ["coulomb", "gravity", "inertia", "load-coulomb", "viscous"], "{}", found.sentence);
     }
+}
+
+#[test]
+fn dry_friction_stands_beside_friction_that_differs_where_it_is_most_of_it() {
+    for (seed, unknown) in [(70, "x_warming"), (71, "x_rough-place")] {
+        let found = diagnosed(&[(unknown, 2.0), ("dry", 5.0)], false, seed);
+        assert_eq!((found.verdict, names(&found)), (Verdict::Partly, vec!["coulomb"]), "{unknown}: {}", found.sentence);
+        let alone = diagnosed(&[(unknown, 4.0)], false, seed);
+        assert_eq!(alone.verdict, Verdict::Unknown, "{unknown}: {}", alone.sentence);
+    }
+}
+
+/// The filter passes over the law as well as over the recorded force: what changes near rest is not smeared into a bias.
+#[test]
+fn the_interval_of_sticking_holds_the_truth() {
+    let machine = ForceLab::new(&ModelFile::parse(FORCE_MODEL).expect("a model")).expect("of kind force");
+    let holds = |seed: u64| {
+        let kind = ForceKind::from_name("sticking").expect("a kind");
+        let recipe = ForceRecipe { hidden: vec![(kind, 4.0)], sweeps: seed % 2 == 0, seed, ..ForceRecipe::default() };
+        let (data, truth, _) = force(&recipe).expect("data");
+        let data = machine.filtered(data).expect("filtered");
+        let found = diagnose(&machine, &data, &DiagnoseOptions::default()).expect("it can be computed");
+        let torque = found.effects.first().and_then(|own| own.parameters.iter().find(|own| own.name == "torque"));
+        let torque = torque.unwrap_or_else(|| panic!("seed {seed}: {}", found.sentence));
+        (torque.value - truth.known["stribeck"]["torque"]).abs() <= 2.0 * torque.se
+    };
+    let n = (100..120).filter(|seed| holds(*seed)).count();
+    assert!(n >= 17, "{n} of 20 intervals of two standard errors hold the truth");
 }

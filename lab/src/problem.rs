@@ -97,6 +97,16 @@ impl<'a> Problem<'a> {
         self.n_scored - self.loads.as_ref().map_or(0, LoadRows::n_scored)
     }
 
+    /// A value of every output in the units of a residual, and laid out as one: the loads' entries are zero.
+    pub(crate) fn laid_out(&self, mut column: Vec<f64>) -> Vec<f64> {
+        column.iter_mut().zip(&self.weight).for_each(|(x, w)| *x *= w);
+        if self.loads.is_none() {
+            return column;
+        }
+        let row = |outputs: &[f64]| outputs.iter().copied().chain([0.0; LoadRows::WIDTH]).collect::<Vec<_>>();
+        column.chunks(self.data.n_outputs).flat_map(row).collect()
+    }
+
     /// The outputs' entries of a residual or a slope, row after row.
     pub(crate) fn outputs_of(&self, entries: &[f64]) -> Vec<f64> {
         entries.chunks(self.width()).flat_map(|row| row.iter().take(self.data.n_outputs)).copied().collect()

@@ -9,9 +9,9 @@
 //! 5. Look-alikes and their probabilities by resampling blocks (`alternatives`); what is left (`structure`); the verdict.
 
 mod accept;
-mod alike;
 mod alternatives;
 mod answer;
+mod beside;
 mod calibration;
 mod columns;
 mod experiment;

@@ -11,6 +11,8 @@ use rayon::prelude::*;
 /// A line in the spectrum.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Rhythm {
+    /// Its frequency, Hz.
+    pub hz: f64,
     /// Share of the residual's variance.
     pub share: f64,
     /// Probability of such a line by chance, over all frequencies.
@@ -72,7 +74,11 @@ pub(crate) fn rhythm(problem: &Problem, residual: &[f64]) -> Option<Rhythm> {
         let inputs = power(&data.inputs, data.n_inputs);
         share(inputs[best], &data.inputs, data.n_inputs) > LARGEST_OF_MOTION
     };
-    (p_value < LEVEL && own > SMALLEST_SHARE && !moves()).then_some(Rhythm { share: own, p_value })
+    (p_value < LEVEL && own > SMALLEST_SHARE && !moves()).then_some(Rhythm {
+        hz: frequencies[best],
+        share: own,
+        p_value,
+    })
 }
 
 /// First row and end of stretches within trials, the same number of rows each.

@@ -221,14 +221,16 @@ impl<'a> Search<'a> {
     /// Whether a shape (no amplitude) ended at the edge of what is physical: the effect imitates something else. A drift
     /// whose time constant is at its upper limit is still a drift; one at its lower limit is an offset.
     pub fn imitates(&self, trial: &Trial) -> bool {
-        trial.fit.variables.iter().any(|variable| {
-            let own = variable.effect.checked_sub(self.base.len()).and_then(|slot| trial.found.get(slot));
-            own.map(|&k| &self.candidates[k]).is_some_and(|candidate| {
-                let endless = candidate.class == Class::Drift.label();
-                !candidate.amplitudes.contains(&variable.parameter)
-                    && variable.bound(&trial.fit.effects).is_some_and(|bound| !endless || bound == variable.low)
-            })
-        })
+        (0..trial.found.len()).any(|slot| self.is_imitation(trial, slot))
+    }
+
+    /// Whether the effect in this place of a trial does.
+    pub(super) fn is_imitation(&self, trial: &Trial, slot: usize) -> bool {
+        let candidate = &self.candidates[trial.found[slot]];
+        let endless = candidate.class == Class::Drift.label();
+        let own = trial.fit.variables.iter().filter(|variable| variable.effect == self.base.len() + slot);
+        own.filter(|variable| !candidate.amplitudes.contains(&variable.parameter))
+            .any(|variable| variable.bound(&trial.fit.effects).is_some_and(|bound| !endless || bound == variable.low))
     }
 
     /// Puts the best first.

@@ -41,11 +41,16 @@ pub(super) struct Group {
 
 /// Tests what a fit leaves; `residual` weighted, `basis` orthonormal, `predicted` the outputs that the fit predicts.
 pub fn structure(problem: &Problem, residual: &[f64], basis: &[Vec<f64>], predicted: &[f64], seed: u64) -> Structure {
-    let groups = match problem.data.quantity {
-        Quantity::Force => force_rest::groups(&problem.data),
+    of_groups(problem, residual, basis, dictionary(problem, predicted, true), seed)
+}
+
+/// What a rest is looked for in; `predicted` outputs say where the machine is and how it moves. `with_steady`: of a force's friction also
+/// what is the same everywhere.
+pub(super) fn dictionary(problem: &Problem, predicted: &[f64], with_steady: bool) -> Vec<Group> {
+    match problem.data.quantity {
+        Quantity::Force => force_rest::groups(&problem.data, with_steady),
         Quantity::Snake | Quantity::Joints => groups(problem, predicted),
-    };
-    of_groups(problem, residual, basis, groups, seed)
+    }
 }
 
 /// The same for these groups.

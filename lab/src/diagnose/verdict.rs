@@ -1,17 +1,16 @@
 //! The diagnosis from beginning to end.
 
 use super::accept::FOLDS;
-use super::alike::is_alike;
 use super::answer::{CandidateAnswer, Diagnosis, FoundEffect, FoundParameter, LoadCell, Remaining, Verdict};
+use super::beside::{Shapes, Standing};
 use super::calibration::{calibration, inseparable};
 use super::findings::{Findings, run};
-use super::force_rest::Shapes;
 use super::rhythm::{Rhythm, rhythm};
 use super::screen::orthonormal;
 use super::search::{Search, Trial};
 use super::words::{sentence, state};
 use super::working::working_rows;
-use super::{GroupShare, columns, experiment, force_rest, gate, lists, structure};
+use super::{GroupShare, beside, columns, experiment, force_rest, gate, lists, structure};
 use crate::cells::{Usable, load_cells};
 use crate::fit::{Fit, dot, fit, held_out_block_squares, held_out_output_squares, uncertainty};
 use crate::free::free_variables;
@@ -53,13 +52,14 @@ const AT_FLOOR: f64 = 1.04;
 const LEVEL_OF_REST: f64 = 0.02;
 /// White noise cannot make an error of this ratio of the floor, whatever the test of structure sees.
 const BEYOND_DOUBT: f64 = 1.1;
+/// An effect stands where it takes this share of what shapes and the other effects leave, a force's and a snake's.
+const BESIDE: f64 = 0.25;
+const BESIDE_OF_SNAKE: f64 = 0.4;
 /// Nor does slow noise that nothing shows at rest make more than this ratio of what changes from row to row: a sensor that wanders by
 /// more is not taken for granted.
 const BEYOND_ROWS: f64 = 2.0;
-/// Effects that explain less than this share are hypotheses.
-const PARTLY: f64 = 0.5;
-/// What looks different must leave this much more.
-const CLEARLY: f64 = 1.5;
+/// A slow wave that is more than this share of a force's rest is a rest.
+const SLOW_REST: f64 = 0.6;
 
 /// Says which effect is missing from a machine's model, or none, or that it cannot be said.
 ///
@@ -106,15 +106,15 @@ pub fn diagnose(
     let (all_rows, working_rows) = (search(&full), search(&work));
     let alone = [&all_rows, &working_rows];
     let case = Case { full: alone[0], work: alone[1], alone, beside: None, floors, loads, found, n_outliers, hint };
-    if !case.leaves_a_force()? {
+    if !case.leaves_shapes()? {
         return case.conclude()?.sketched(machine, data);
     }
     // What no effect makes is put beside the effects shape by shape, and the search is begun anew beside each.
-    let mut shapes = Shapes::default();
     let mut last_fit = case.chosen()?.fit;
+    let mut shapes = Shapes::none(&last_fit.effects);
     let mut last: Option<(Problem, Problem, Findings)> = None;
-    while shapes.grow(last.as_ref().map_or(&full, |(full, ..)| full), &last_fit, options.seed) {
-        let (full, work) = (full.beside(&shapes.columns(&full)), work.beside(&shapes.columns(&work)));
+    while shapes.grow(last.as_ref().map_or(&full, |(full, ..)| full), &last_fit, options.seed)? {
+        let (full, work) = (full.beside(&shapes.columns(&full)?), work.beside(&shapes.columns(&work)?));
         let mut found = run(&alone[0].on(&work), &case.floors, is_white, most)?;
         found.decide(&alone[0].on(&work), &alone[0].on(&full));
         last_fit = alone[0].on(&full).fitted(found.chosen.found.clone(), &found.chosen.fit.effects)?.fit;
@@ -143,7 +143,7 @@ struct Case<'a> {
     work: &'a Search<'a>,
     /// The same two with nothing beside the effects: what a model file with these effects leaves.
     alone: [&'a Search<'a>; 2],
-    /// Shapes of a force's rest that `full` and `work` have beside the effects.
+    /// Shapes that `full` and `work` have beside the effects.
     beside: Option<&'a Shapes>,
     floors: NoiseFloor,
     loads: Usable,
@@ -154,14 +154,12 @@ struct Case<'a> {
 }
 
 impl<'a> Case<'a> {
-    /// Whether this is a force of which the chosen effects leave something.
-    fn leaves_a_force(&self) -> Result<bool, LabError> {
-        if self.full.problem.data.quantity != Quantity::Force || self.hint.is_some() {
-            return Ok(false);
-        }
+    /// Whether the chosen effects leave something that no noise makes and that shapes make.
+    fn leaves_shapes(&self) -> Result<bool, LabError> {
         let chosen = self.chosen()?;
         let [before, after] = [&self.full.start()?, &chosen].map(|own| self.error(own));
-        Ok(self.remaining(&chosen, before, after, self.floor())?.structured)
+        let is_left = self.hint.is_none() && self.remaining(&chosen, before, after, self.floor())?.structured;
+        Ok(is_left && self.is_made(&self.beside_shapes(&chosen)?))
     }
 
     /// Takes what was found beside shapes, where at least as many effects stand there.
@@ -197,16 +195,35 @@ impl<'a> Case<'a> {
         self.floors.sigma().map(|(sigma, _)| sigma * whole)
     }
 
-    /// Which of the effects stand beside the shapes of a force's rest.
-    fn standing(&self, chosen: &Trial) -> Result<Vec<bool>, LabError> {
-        let own = match self.beside {
-            Some(_) => Shapes::default(),
-            None => Shapes::left_by(self.full.problem, &chosen.fit, self.full.seed),
-        };
+    /// What the effects do beside the shapes of the search, or beside those of what they leave.
+    fn beside_shapes(&self, chosen: &Trial) -> Result<Standing, LabError> {
+        let mut own = Shapes::none(&chosen.fit.effects);
+        if self.beside.is_none() {
+            while own.grow(self.full.problem, &chosen.fit, self.full.seed)? {}
+        }
         let problem = self.alone[0].problem;
         // Here: with nothing taken out of residuals and slopes.
         let here = fit(problem, &chosen.fit.effects, &chosen.fit.variables, 0, 0.0)?;
-        force_rest::standing(problem, &here, self.full.base.len(), self.beside.unwrap_or(&own))
+        beside::standing(problem, &here, self.full.base.len(), self.beside.unwrap_or(&own))
+    }
+
+    /// Whether effects and shapes make everything; a force's need not, as its shapes are finer.
+    fn is_made(&self, standing: &Standing) -> bool {
+        let left = standing.left_rms * self.full.problem.machine.error_unit().1;
+        self.is_force() || self.floor().is_some_and(|floor| left <= BEYOND_DOUBT * floor)
+    }
+
+    fn is_force(&self) -> bool {
+        self.full.problem.data.quantity == Quantity::Force
+    }
+
+    /// Which of the effects stand beside what no effect makes.
+    fn standing(&self, chosen: &Trial) -> Result<Vec<bool>, LabError> {
+        let standing = self.beside_shapes(chosen)?;
+        let is_made = self.is_made(&standing);
+        let least = if self.is_force() { BESIDE } else { BESIDE_OF_SNAKE };
+        let stands = |(slot, share): (usize, &f64)| is_made && *share >= least && !self.full.is_imitation(chosen, slot);
+        Ok(standing.shares.iter().enumerate().map(stands).collect())
     }
 
     fn conclude(self) -> Result<Diagnosis, LabError> {
@@ -223,18 +240,14 @@ impl<'a> Case<'a> {
         let floor = self.floor();
         let remaining = self.remaining(&chosen, before, after, floor)?;
         let effects = self.effects(&chosen, &prefixes, [before, after])?;
-        let class = |slot: usize| self.full.candidates[chosen.found[slot]].class;
-        let is_doubtful = |slot: usize| remaining.looks_like.is_some_and(|group| is_alike(class(slot), group));
-        let is_force = problem.data.quantity == Quantity::Force;
-        let doubtful: Vec<bool> = if is_force && remaining.structured {
+        let doubtful: Vec<bool> = if remaining.structured {
             self.standing(&chosen)?.into_iter().map(|stands| !stands).collect()
         } else {
-            (0..effects.len()).map(|slot| remaining.structured && is_doubtful(slot)).collect()
+            vec![false; effects.len()]
         };
-        let explains = || remaining.unexplained <= 1.0 - PARTLY && self.stands(&chosen);
         let verdict = match (remaining.structured, effects.is_empty()) {
             _ if self.hint.is_some() => Verdict::Unknown,
-            (true, false) if (is_force || explains()) && doubtful.contains(&false) => Verdict::Partly,
+            (true, false) if doubtful.contains(&false) => Verdict::Partly,
             (true, _) => Verdict::Unknown,
             (false, true) => Verdict::None,
             (false, false) => Verdict::Missing,
@@ -311,20 +324,6 @@ impl<'a> Case<'a> {
         Ok(Some(load_cells(rows, cells, &before, &after)))
     }
 
-    /// Whether the effects are more than imitations: none at the edge of what is physical, and what explains most is
-    /// clearly better than everything that looks different.
-    fn stands(&self, chosen: &Trial) -> bool {
-        let class = |trial: &Trial| trial.found.first().map(|&k| self.full.candidates[k].class);
-        let singles = &self.found.singles;
-        let best = singles.first();
-        let rival = singles.iter().find(|own| class(own) != best.and_then(class));
-        let is_clear = match (best, rival) {
-            (Some(best), Some(rival)) => rival.fit.sum_of_squares > CLEARLY * best.fit.sum_of_squares,
-            _ => true,
-        };
-        is_clear && !self.found.is_beaten && !self.full.imitates(chosen)
-    }
-
     /// Puts the effect that brings most first, and gives the fits of the first one, two ... on the working rows.
     fn order(&self, chosen: &mut Trial) -> Result<Vec<Trial>, LabError> {
         if chosen.found.len() < 2 {
@@ -397,7 +396,7 @@ impl<'a> Case<'a> {
         // A floor of slow noise contains a rhythm, so that an error at the floor says nothing about one.
         let white = matches!(self.floors.sigma(), Some((_, FloorSource::White)));
         let rhythm = if white { None } else { rhythm(problem, &residual) };
-        if let Some(Rhythm { share, p_value }) = rhythm {
+        if let Some(Rhythm { share, p_value, .. }) = rhythm {
             structure
                 .groups
                 .insert(0, GroupShare { name: "a rhythm in time that the motion does not have", share, p_value });
@@ -413,12 +412,16 @@ impl<'a> Case<'a> {
         let rows = scatter_before_filter(&problem.data).or(self.floors.differences);
         let rows = rows.map(|sigma| sigma * (problem.data.n_outputs as f64).sqrt() * scale);
         let beyond_rows = rows.is_some_and(|rows| after > BEYOND_ROWS * rows);
+        // Beside effects that stand, a slow wave that is most of the rest is told, although a sensor may wander like that.
+        let is_slow = || force_rest::slow_share(problem, &residual) > SLOW_REST;
+        let has_slow_rest = self.is_force() && !chosen.found.is_empty() && !at_floor && is_slow();
         let structured = rhythm.is_some()
             || beyond_rows
+            || has_slow_rest
             || self.found.is_beaten
             || chosen.found.len() > 1 && self.full.imitates(chosen)
             || !at_floor && (structure.p_value < LEVEL_OF_REST || beyond_doubt || foreseeable);
-        if problem.data.quantity == Quantity::Force {
+        if self.is_force() {
             force_rest::name_rest(problem, &residual, structured, &mut structure);
         }
         Ok(Remaining {

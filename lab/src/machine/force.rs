@@ -3,7 +3,7 @@
 use super::{Candidate, MachineUnderTest, OpenNumber, snake};
 use crate::diagnose::screen::{orthonormal, remove};
 use crate::fit::dot;
-use crate::read::{self, ReadError, column};
+use crate::read::{self, ReadError, column, filter_s};
 use crate::{LabError, Measurements, Parameter, Term};
 use krait_model::effects::{EffectKind, ForceEffect};
 use krait_model::model_file::{ForceMachine, ModelFile};
@@ -78,6 +78,8 @@ struct Motion<'a> {
     acceleration: &'a [f64],
     direction: &'a [f64],
     load: Option<&'a [f64]>,
+    /// Standard deviation of the filter in time, s.
+    filter_s: f64,
 }
 
 /// A joint in one row.
@@ -87,13 +89,16 @@ struct Now {
     acceleration: f64,
     direction: f64,
     load: Option<f64>,
+    /// How far angle and speed spread within the filter, rad and rad/s.
+    angle_spread: f64,
+    speed_spread: f64,
 }
 
 impl<'a> Motion<'a> {
     fn of(data: &'a Measurements, joint: usize) -> Result<Self, LabError> {
         let find = |what: &str| data.extra(&column(what, joint));
-        let (Some(speed), Some(acceleration), Some(direction)) =
-            (find("speed"), find("acceleration"), find("direction"))
+        let (Some(speed), Some(acceleration), Some(direction), Some(filter_s)) =
+            (find("speed"), find("acceleration"), find("direction"), filter_s(data))
         else {
             return Err(LabError::OtherMachine {
                 data: data.source.clone(),
@@ -101,7 +106,7 @@ impl<'a> Motion<'a> {
                 found: "joints or snake",
             });
         };
-        Ok(Self { data, joint, speed, acceleration, direction, load: find("load") })
+        Ok(Self { data, joint, speed, acceleration, direction, load: find("load"), filter_s })
     }
 
     fn at(&self, row: usize) -> Now {
@@ -111,18 +116,28 @@ impl<'a> Motion<'a> {
             acceleration: self.acceleration[row],
             direction: self.direction[row].signum(),
             load: self.load.map(|load| load[row]),
+            angle_spread: self.speed[row].abs() * self.filter_s,
+            speed_spread: self.acceleration[row].abs() * self.filter_s,
         }
     }
 }
 
 impl Now {
     /// An effect's part; values as its definition has them, the joint first.
+    ///
+    /// The recorded force passed the filter, so what is not linear passes it too: within a Gaussian filter angle and speed run nearly
+    /// straight, and the mean of each law over such a stretch has a closed form.
     fn force(&self, kind: ForceEffect, values: &[f64], load: f64) -> f64 {
         let value = |k: usize| values.get(k).copied().unwrap_or(f64::NAN);
-        let falls = || (-(self.speed / value(2)).powi(2)).exp();
+        let falls = || {
+            let width = value(2).powi(2) + 2.0 * self.speed_spread.powi(2);
+            (value(2).powi(2) / width).sqrt() * (-self.speed.powi(2) / width).exp()
+        };
         match kind {
             ForceEffect::Inertia => value(1) * self.acceleration,
-            ForceEffect::Gravity => value(1) * self.angle.sin() + value(2) * self.angle.cos(),
+            ForceEffect::Gravity => {
+                (value(1) * self.angle.sin() + value(2) * self.angle.cos()) * (-0.5 * self.angle_spread.powi(2)).exp()
+            }
             ForceEffect::Coulomb => value(1) * self.direction,
             ForceEffect::Viscous => value(1) * self.speed,
             ForceEffect::Stribeck => value(1) * self.direction * falls(),
@@ -130,7 +145,9 @@ impl Now {
             ForceEffect::LoadStribeck => value(1) * load.abs() * self.direction * falls(),
             ForceEffect::QuadraticLoad => value(1) * load * load * self.direction,
             ForceEffect::DirectionViscous => value(1) * self.speed.abs(),
-            ForceEffect::QuadraticViscous => value(1) * self.speed * self.speed.abs(),
+            ForceEffect::QuadraticViscous => {
+                value(1) * self.speed.signum() * (self.speed.powi(2) + self.speed_spread.powi(2))
+            }
         }
     }
 }

@@ -129,6 +129,12 @@ pub(crate) fn scatter_before_filter(data: &Measurements) -> Option<f64> {
     data.extra(ROW_NOISE)?.first().copied()
 }
 
+/// Standard deviation in time of the filter that these forces passed, s; `None` for other measurements.
+pub(crate) fn filter_s(data: &Measurements) -> Option<f64> {
+    let cut_off_hz = data.extra(CUT_OFF_HZ)?.first()?;
+    Some(SIGMA_OF_PERIOD / cut_off_hz)
+}
+
 fn typical_step_s(data: &Measurements) -> f64 {
     let mut steps: Vec<f64> = (1..data.n_rows())
         .filter(|row| !data.starts_trial(*row))

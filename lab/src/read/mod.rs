@@ -27,7 +27,7 @@ mod wrap;
 pub use at::At;
 pub use column_map::{ColumnMap, Mapping};
 pub use error::ReadError;
-pub(crate) use force::{CUT_OFF_HZ, column, filtered, scatter_before_filter};
+pub(crate) use force::{CUT_OFF_HZ, column, filter_s, filtered, scatter_before_filter};
 pub(crate) use header::in_brackets;
 pub(crate) use look::{Look, Looked, look};
 pub use recording::joint_scale;

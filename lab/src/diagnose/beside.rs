@@ -1,0 +1,206 @@
+//! Which effects stand beside what no effect makes.
+//!
+//! Problem: a part of the truth that no effect makes is taken for one that is nearly like it: a cable that stiffens for weight, friction
+//! that differs along the way for dry friction, a snake that prefers some planes for coupled lines.
+//! Intuition: what remains is put beside the effects in shapes that name no physics, and an effect stands where it takes away much that
+//! these shapes cannot, on blocks that neither was fitted to.
+
+use super::force_rest::{FRICTION, slow_wave};
+use super::rhythm::rhythm;
+use super::screen::{block_moments, orthonormal, remove};
+use super::structure::{dictionary, held_out_share, of_groups};
+use crate::fit::{Fit, dot};
+use crate::noise::bounds;
+use crate::{LabError, Problem, Quantity, Term};
+use core::f64::consts::TAU;
+
+/// A shape that takes away less of the rest is not put beside the effects, and no more than so many are.
+const LEAST_SHARE: f64 = 0.1;
+const MOST_SHAPES: usize = 3;
+/// A jump is looked for at the ends of so many equal parts of the record.
+const N_JUMPS: usize = 80;
+/// Dry friction is at least this part of the friction that it and shapes of friction make: every friction that differs has a mean.
+const STEADY: f64 = 0.65;
+const DRY: &str = "coulomb";
+
+/// A shape that what remains has.
+enum Shape {
+    /// All columns of the group of this name.
+    Group(&'static str),
+    /// A wave in time with so many periods in the record, for each output.
+    Wave(Vec<f64>),
+    /// All outputs are shifted from this time on, s.
+    Jump(f64),
+}
+
+/// Shapes that stand beside effects, the one that takes most first.
+pub(super) struct Shapes {
+    /// The effects whose prediction says where the machine is and how it moves.
+    at: Vec<Term>,
+    shapes: Vec<Shape>,
+}
+
+impl Shapes {
+    /// None yet, of a machine that is where these effects put it.
+    pub(super) fn none(at: &[Term]) -> Self {
+        Self { at: at.to_vec(), shapes: Vec::new() }
+    }
+
+    /// Takes up the shape that takes most of what a fit and these shapes leave; whether there is one.
+    ///
+    /// # Errors
+    /// [`LabError`] where effects make no chain.
+    pub(super) fn grow(&mut self, problem: &Problem, fit: &Fit, seed: u64) -> Result<bool, LabError> {
+        if self.shapes.len() == MOST_SHAPES {
+            return Ok(false);
+        }
+        let outputs = problem.of_outputs();
+        let slopes: Vec<Vec<f64>> = fit.slopes.iter().map(|slope| problem.outputs_of(slope)).collect();
+        let basis = orthonormal(&[slopes, self.columns(&outputs)?].concat());
+        let mut left = problem.outputs_of(&fit.residual);
+        remove(&basis, &mut left);
+        let predicted = problem.machine.predict(&self.at, &problem.data)?;
+        let rest = of_groups(&outputs, &left, &basis, dictionary(&outputs, &predicted, false), seed);
+        let periods = match problem.data.quantity {
+            Quantity::Force => Some(slow_wave(&outputs, &left)),
+            Quantity::Snake | Quantity::Joints => rhythm(&outputs, &left).map(|rhythm| {
+                let (low, high) = bounds(problem.data.time_s.iter().copied());
+                vec![rhythm.hz * (high - low); problem.data.n_outputs]
+            }),
+        };
+        let jump_s = best_jump(&outputs, &left);
+        let share_of = |shape: &Shape| share(&outputs, &shape.in_time(&outputs), &left);
+        let in_time = periods.map(Shape::Wave).into_iter().chain([Shape::Jump(jump_s)]);
+        let best = in_time.map(|shape| (share_of(&shape), shape)).max_by(|a, b| a.0.total_cmp(&b.0));
+        let group = rest.groups.first().map(|group| (group.share, Shape::Group(group.name)));
+        let best = best.into_iter().chain(group).filter(|(share, _)| *share > LEAST_SHARE);
+        let Some((_, shape)) = best.max_by(|a, b| a.0.total_cmp(&b.0)) else { return Ok(false) };
+        self.shapes.push(shape);
+        Ok(true)
+    }
+
+    /// Their columns with an offset of each output, weighted and laid out as the problem's residuals are.
+    ///
+    /// # Errors
+    /// [`LabError`] where the effects of [`Self::none`] make no chain.
+    pub(super) fn columns(&self, problem: &Problem) -> Result<Vec<Vec<f64>>, LabError> {
+        self.columns_of(problem, |_| true)
+    }
+
+    fn columns_of(&self, problem: &Problem, is_wanted: impl Fn(&Shape) -> bool) -> Result<Vec<Vec<f64>>, LabError> {
+        let n = problem.data.n_outputs;
+        let one =
+            |output: usize| (0..problem.data.outputs.len()).map(|k| f64::from(u8::from(k % n == output))).collect();
+        let mut columns: Vec<Vec<f64>> = (0..n).map(|output| problem.laid_out(one(output))).collect();
+        let wanted: Vec<&Shape> = self.shapes.iter().filter(|shape| is_wanted(shape)).collect();
+        if wanted.iter().any(|shape| matches!(shape, Shape::Group(_))) {
+            let predicted = problem.machine.predict(&self.at, &problem.data)?;
+            let is_own = |name: &str| wanted.iter().any(|shape| matches!(shape, Shape::Group(own) if *own == name));
+            let groups = dictionary(problem, &predicted, false).into_iter().filter(|group| is_own(group.name));
+            columns.extend(groups.flat_map(|group| group.columns).map(|own| problem.laid_out(own)));
+        }
+        columns.extend(wanted.iter().flat_map(|shape| shape.in_time(problem)));
+        Ok(columns)
+    }
+}
+
+impl Shape {
+    /// The columns of a shape in time, weighted and laid out as residuals are; none for a group.
+    fn in_time(&self, problem: &Problem) -> Vec<Vec<f64>> {
+        match self {
+            Self::Group(_) => Vec::new(),
+            Self::Wave(periods) => waves(problem, periods),
+            Self::Jump(from_s) => jump(problem, *from_s),
+        }
+    }
+}
+
+/// What effects do beside shapes.
+pub(super) struct Standing {
+    /// The share that each effect behind the model's own takes of what the shapes and the others leave; 0 for dry friction that is no
+    /// more than the mean of friction that differs.
+    pub shares: Vec<f64>,
+    /// What effects and shapes leave together, root mean square in the outputs' unit.
+    pub left_rms: f64,
+}
+
+/// What the effects behind the model's own do beside these shapes; `fit` has nothing taken out of its residuals and slopes.
+///
+/// # Errors
+/// [`LabError`] where effects make no chain.
+pub(super) fn standing(problem: &Problem, fit: &Fit, n_own: usize, shapes: &Shapes) -> Result<Standing, LabError> {
+    let every = shapes.columns(problem)?;
+    let is_friction = |shape: &Shape| matches!(shape, Shape::Group(name) if FRICTION.contains(name));
+    let steady = shapes.columns_of(problem, |shape| !is_friction(shape))?;
+    let mut left = problem.outputs_of(&fit.residual);
+    let all = [every.as_slice(), &fit.slopes].concat();
+    remove(&orthonormal(&all.iter().map(|own| problem.outputs_of(own)).collect::<Vec<_>>()), &mut left);
+    let share_of = |place: usize| -> Result<f64, LabError> {
+        let mut without = fit.effects.clone();
+        without.remove(place);
+        let target = problem.residual(&without)?;
+        let slopes = |is_own: bool| {
+            let own = fit.variables.iter().zip(&fit.slopes).filter(move |(v, _)| (v.effect == place) == is_own);
+            own.map(|(_, slope)| slope.clone()).collect::<Vec<_>>()
+        };
+        // What is nearly the same as others would only spoil the inverse.
+        let taken = |columns: &[&[Vec<f64>]]| share(problem, &orthonormal(&columns.concat()), &target);
+        let (own, others) = (slopes(true), slopes(false));
+        let [all, without] = [taken(&[&every, &others, &own]), taken(&[&every, &others])];
+        if fit.effects[place].name == DRY {
+            let [none, dry] = [taken(&[&steady, &others]), taken(&[&steady, &others, &own])];
+            if dry - none < STEADY * (all - none) {
+                return Ok(0.0);
+            }
+        }
+        Ok((all - without) / (1.0 - without).max(f64::MIN_POSITIVE))
+    };
+    let shares = (n_own..fit.effects.len()).map(share_of).collect::<Result<_, _>>()?;
+    Ok(Standing { shares, left_rms: problem.rms_of_outputs(dot(&left, &left)) })
+}
+
+/// How much of a residual columns take away on blocks that they were not fitted to.
+pub(super) fn share(problem: &Problem, columns: &[Vec<f64>], residual: &[f64]) -> f64 {
+    held_out_share(problem, &block_moments(problem, columns, residual), residual)
+}
+
+/// Waves of so many periods in the record, for each output.
+pub(super) fn waves(problem: &Problem, periods: &[f64]) -> Vec<Vec<f64>> {
+    periods.iter().enumerate().flat_map(|(output, &periods)| wave(problem, output, periods)).collect()
+}
+
+/// Sine and cosine of the time in one output, weighted and laid out as residuals are.
+pub(super) fn wave(problem: &Problem, output: usize, periods: f64) -> [Vec<f64>; 2] {
+    let data = &problem.data;
+    let (low, high) = bounds(data.time_s.iter().copied());
+    let mut waves = [vec![0.0; data.outputs.len()], vec![0.0; data.outputs.len()]];
+    for (row, time_s) in data.time_s.iter().enumerate() {
+        let place = row * data.n_outputs + output;
+        let (sine, cosine) = (TAU * periods * (time_s - low) / (high - low).max(1e-9)).sin_cos();
+        (waves[0][place], waves[1][place]) = (sine, cosine);
+    }
+    waves.map(|wave| problem.laid_out(wave))
+}
+
+/// Every output shifted from this time on, weighted and laid out as residuals are.
+fn jump(problem: &Problem, from_s: f64) -> Vec<Vec<f64>> {
+    let n = problem.data.n_outputs;
+    let after = |k: usize| problem.data.time_s[k / n] >= from_s;
+    let column = |output: usize| {
+        (0..problem.data.outputs.len()).map(|k| f64::from(u8::from(k % n == output && after(k)))).collect()
+    };
+    (0..n).map(|output| problem.laid_out(column(output))).collect()
+}
+
+/// The time of the jump that takes most of a residual, s.
+fn best_jump(problem: &Problem, residual: &[f64]) -> f64 {
+    let (low, high) = bounds(problem.data.time_s.iter().copied());
+    let at = |k: usize| low + (high - low) * k as f64 / N_JUMPS as f64;
+    let offset = jump(problem, low);
+    let power = |from_s: f64| -> f64 {
+        let basis = orthonormal(&[offset.clone(), jump(problem, from_s)].concat());
+        basis.iter().map(|own| dot(own, residual).powi(2)).sum()
+    };
+    let all = (1..N_JUMPS).map(|k| (at(k), power(at(k))));
+    all.fold((low, f64::NEG_INFINITY), |best, own| if own.1 > best.1 { own } else { best }).0
+}
