@@ -60,13 +60,12 @@ fn model(values: &[f64; 4], learns: bool) -> SegmentModel {
 }
 
 fn truth(seed: u64) -> SegmentsTruth {
-    let mut truth = SegmentsTruth::default();
-    truth.segment = [[0.0, 120.0, 240.0], [60.0, 180.0, 300.0]]
-        .map(|degrees: [f64; 3]| SegmentTruth {
-            azimuths_rad: degrees.map(f64::to_radians).to_vec(),
-            ..SegmentTruth::default()
-        })
-        .to_vec();
+    let segment = |degrees: [f64; 3]| SegmentTruth {
+        azimuths_rad: degrees.map(f64::to_radians).to_vec(),
+        ..SegmentTruth::default()
+    };
+    let segments = [[0.0, 120.0, 240.0], [60.0, 180.0, 300.0]].map(segment).to_vec();
+    let mut truth = SegmentsTruth { segment: segments, ..SegmentsTruth::default() };
     (truth.camera.rate_hz, truth.camera.noise_rad, truth.camera.seed) = (CAMERA_HZ, SIGMA_RAD, seed);
     truth
 }
