@@ -157,6 +157,42 @@ fn what_is_made_of_it(folder: &TempFolder, off: &str, full: &str) {
     assert_eq!(played["samples"]["lost"], 0, "{played}");
 }
 
+/// A wire with more play and another lever than the model says: the lab reads the jaw as a joint and names the play with its size, which
+/// is half the slack and what the friction stretches the wire by.
+#[test]
+fn what_the_simulated_gripper_hides_the_lab_names_from_a_recording() {
+    let folder = TempFolder::new("gripper-hidden");
+    let bare = model_until(&folder, "[[gripper.effect]]", "bare.toml");
+    let [truth, recording, table] = ["truth.toml", "hidden.mcap", "jaw.csv"].map(|name| folder.file(name));
+    let (slack_m, friction_n, wire_n_per_m) = (6e-4, 2.0, 20e3);
+    std::fs::write(
+        &truth,
+        format!(
+            "[gripper]\nradius_m = 0.0021\nslack_m = {slack_m}\nfriction_n = {friction_n}\ncable_n_per_m = {wire_n_per_m}\n"
+        ),
+    )
+    .expect("written");
+    run(&bare, &recording, &["--truth", &truth]);
+    let exported = done(&["export", &recording, "--jaw", "--out", &table, "--json"]);
+    assert!(exported["rows_with_shape"].as_u64() > Some(500), "{exported}");
+    let initialised = Ended::of(&["lab", "init", &table], PATIENCE);
+    assert_eq!(initialised.code, Some(0), "{initialised:?}");
+    let found = done(&["lab", "diagnose", "--model", &folder.file("jaw.model.toml"), "--data", &table, "--json"]);
+    let (effect, half_m) = (&found["effects"][0], slack_m / 2.0 + friction_n / wire_n_per_m);
+    assert_eq!((found["verdict"].as_str(), effect["effect"].as_str()), (Some("missing"), Some("backlash")), "{found}");
+    let half_width_m = effect["params"]["half_width"]["value"].as_f64().expect("a size");
+    assert!((half_width_m / half_m - 1.0).abs() < 0.02, "{half_width_m} m, and it is {half_m}");
+    let gain = found["calibration"][0]["value"].as_f64().expect("a gain");
+    assert!((gain * 0.0021 - 1.0).abs() < 0.02, "{gain} rad/m, and it is {}", 1.0 / 0.0021);
+    // A snake without a gripper has no jaw to export.
+    let without = folder.file("without.mcap");
+    let plain = ["run", "--engage=again", "--seconds", "2", "--recording", &without];
+    let instance = instance_name("gripper");
+    assert!(matches!(Ended::of(&[&plain[..], &["--instance", &instance]].concat(), PATIENCE).code, Some(0 | 1)));
+    let refused = Ended::of(&["export", &without, "--jaw", "--out", &folder.file("none.csv")], PATIENCE);
+    assert!(refused.code == Some(2) && refused.sentence().contains("holds no jaw"), "{refused:?}");
+}
+
 #[test]
 fn what_cannot_be_done_with_a_gripper_is_refused_in_one_sentence() {
     let folder = TempFolder::new("gripper-refused");

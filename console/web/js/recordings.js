@@ -138,7 +138,7 @@ function show() {
     const picture = { measured: film.joints[i], wanted: film.joints_wanted[i], err_rms: null };
     bars.move(picture);
     bars.write(picture);
-  } else post('picture', { bend: film.bend[i], setpoint: film.setpoint[i] });
+  } else post('picture', { bend: film.bend[i], setpoint: film.setpoint[i], jaw: film.jaw_wanted.length ? { measured: film.jaw[i], wanted: film.jaw_wanted[i] } : null });
   write(parts.time, clock(film.t_s[i]));
   write(parts.off, errors[i] === null ? '–' : bars ? `${errors[i].toFixed(2)} ${facts.unit}` : `${errors[i].toFixed(1)}°`);
   write(parts.state, film.operating[i].toLowerCase());

@@ -1,6 +1,6 @@
-// The picture of the snake: floor, workspace, measured body, trail of the tip, and the commanded shape as a ghost.
-import { TURN, VIEWS, cameraFor, circle, cross, degrees, flat, frameAt, minus, pointIn, unit, viewNamed } from './snake.js';
-import { arrow, base, disk, tubePiece } from './solids.js';
+// The picture of the snake: floor, workspace, measured body, trail of the tip, the jaw of a gripper, and the commanded shape as a ghost.
+import { TURN, VIEWS, cameraFor, circle, cross, degrees, fingers, flat, frameAt, minus, pointIn, unit, viewNamed } from './snake.js';
+import { arrow, base, disk, finger, tubePiece } from './solids.js';
 
 const N_DISKS = 9, PIECES = 27, TUBE = 0.38, FLOOR = -2.45;
 const TARGET = [0, 0, 11.2];
@@ -49,7 +49,8 @@ export class Scene {
     this.g.clearRect(0, 0, this.canvas.width, this.canvas.height);
   }
 
-  draw({ bend, setpoint, machine, colours, isLimited }) {
+  /// `jaw` is how far a gripper is and shall be open, rad, null where that is not known; none for a snake without one.
+  draw({ bend, setpoint, jaw, machine, colours, isLimited }) {
     const { width, height, ratio } = this.size, g = this.g;
     if (!width || !height) return;
     this.approach();
@@ -65,10 +66,10 @@ export class Scene {
     if (!isBehind) this.floor(camera, colours);
     workspace(false);
     if (!isBehind) base(g, camera, { low: flat(FLOOR), top: flat(-0.25), low_radius: 3.6, top_radius: 3.1 }, colours.base, colours.deep, colours.metal);
-    if (bend) this.body(camera, bend, machine, colours);
+    if (bend) this.body(camera, bend, jaw?.measured ?? null, machine, colours);
     workspace(true);
     this.path(camera, colours);
-    if (setpoint) this.wanted(camera, setpoint, bend, machine, colours);
+    if (setpoint) this.wanted(camera, setpoint, bend, jaw?.wanted ?? null, machine, colours);
     if (bend) {
       const tip = frameAt(bend, 1, machine.length);
       arrow(g, camera, tip, tip.x, colours.axisX, 'x');
@@ -130,7 +131,7 @@ export class Scene {
     halfRing(machine.maxBend, isLimited ? colours.warn : colours.edge, isLimited ? 3.2 : 2.2, isLimited ? 1 : 0.65);
   }
 
-  body(camera, bend, machine, colours) {
+  body(camera, bend, opening, machine, colours) {
     const solids = [];
     const tube = (azimuth, radius, thickness, colour) => {
       const at = i => camera.project(pointIn(frameAt(bend, i / PIECES, machine.length), radius * Math.cos(azimuth), radius * Math.sin(azimuth)));
@@ -147,6 +148,9 @@ export class Scene {
       const isEnd = i === N_DISKS;
       solids.push(disk(this.g, camera, frameAt(bend, i / N_DISKS, machine.length), machine.pitch + 0.62, isEnd ? 0.9 : 0.36, colours.metal, colours.deep));
     }
+    if (opening !== null) {
+      for (const points of fingers(frameAt(bend, 1, machine.length), opening)) solids.push(...finger(this.g, points.map(camera.project), colours.metal, colours.deep));
+    }
     solids.sort((a, b) => b.depth - a.depth);
     for (const solid of solids) solid.paint();
   }
@@ -161,7 +165,7 @@ export class Scene {
   }
 
   /// The commanded shape: a ring where the tip shall be, and the outline of the body as far as it differs.
-  wanted(camera, setpoint, bend, machine, colours) {
+  wanted(camera, setpoint, bend, opening, machine, colours) {
     const off = bend ? degrees(Math.hypot(bend[0] - setpoint[0], bend[1] - setpoint[1])) : Infinity;
     const shown = Math.min(1, Math.max(0, (off - GHOST_FROM) / GHOST_OVER));
     this.ghost += (shown - this.ghost) * 0.12;
@@ -177,7 +181,9 @@ export class Scene {
       });
       this.stroke(camera, rail, colours.ghost, 1.4, 0.1 + 0.5 * this.ghost);
     }
-    this.stroke(camera, circle(frameAt(setpoint, 1, machine.length), machine.pitch + 1.06), colours.ghost, 3, 0.95);
+    const tip = frameAt(setpoint, 1, machine.length);
+    this.stroke(camera, circle(tip, machine.pitch + 1.06), colours.ghost, 3, 0.95);
+    if (opening !== null) for (const points of fingers(tip, opening)) this.stroke(camera, points, colours.ghost, 2.4, 0.95);
   }
 
   numbers(camera, colours, isBehind) {

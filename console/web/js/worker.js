@@ -74,7 +74,7 @@ function paint() {
   if (isShown && colours && facts) {
     const machine = { length: facts.l_m * 1e3, pitch: facts.r_m * 1e3, maxBend: facts.max_bend_rad };
     // Of joints nothing is known but their positions, which the page shows as bars.
-    if (!facts.joints) scene?.draw({ bend: frame.bend, setpoint: frame.setpoint, machine, colours, isLimited: frame.shown === 'limited' });
+    if (!facts.joints) scene?.draw({ bend: frame.bend, setpoint: frame.setpoint, jaw: opened(frame.jaw), machine, colours, isLimited: frame.shown === 'limited' });
     strip?.draw(frame.t_ms, frame.sigma ? Math.SQRT2 * degrees(frame.sigma) : 0, colours, { unit: facts.unit === 'mm' ? '' : '°', least: facts.joints ? 0.1 : 1.1 });
   }
   // Glass latency: from the stamp of the state in shared memory to here, where its picture is painted.
@@ -83,11 +83,18 @@ function paint() {
   tell('frame', { frame, age, glass, isPainted });
 }
 
+/// How far a jaw is and shall be open: the angle from where it is closed.
+function opened(jaw) {
+  if (!jaw || !facts.jaw) return null;
+  const from = value => value === null ? null : Math.max(0, value - facts.jaw[0]);
+  return { measured: from(jaw.measured), wanted: from(jaw.wanted) };
+}
+
 /// A picture of a recording: painted when it changes, and by nothing that is live.
 function paintReplay() {
   if (!replay || !recorded || !facts || !colours) return;
   const machine = { length: facts.l_m * 1e3, pitch: facts.r_m * 1e3, maxBend: facts.max_bend_rad };
-  replay.draw({ bend: recorded.bend, setpoint: recorded.setpoint, machine, colours, isLimited: false });
+  replay.draw({ bend: recorded.bend, setpoint: recorded.setpoint, jaw: opened(recorded.jaw), machine, colours, isLimited: false });
 }
 
 onmessage = ({ data }) => {
@@ -120,7 +127,7 @@ onmessage = ({ data }) => {
     case 'hand':
       // The page's instant on the server's clock; where the way is blocked nothing queues up.
       if (socket?.readyState === WebSocket.OPEN && offset !== null && socket.bufferedAmount === 0) {
-        socket.send(JSON.stringify({ k: 'pad', n: data.n, held: data.held, x: data.x, y: data.y, session, at_ms: data.at - performance.timeOrigin + offset }));
+        socket.send(JSON.stringify({ k: 'pad', n: data.n, held: data.held, x: data.x, y: data.y, jaw: data.jaw, session, at_ms: data.at - performance.timeOrigin + offset }));
       }
       break;
     case 'connect': connect(); setInterval(ping, PING_EVERY_MS); requestAnimationFrame(paint); break;
