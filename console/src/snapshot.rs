@@ -10,8 +10,7 @@ use crate::pad::PadSeen;
 use crate::processes::ProcessUsage;
 use crate::words::{Shown, ShownState, Words, fault_sentence, words_of};
 use krait_ipc::message::{
-    Command, DeviceState, Health, JointValues, ModelUpdate, OperatorInput, Phase, Setpoint,
-    Shape, SlaveState, used,
+    Command, DeviceState, Health, JointValues, ModelUpdate, OperatorInput, Phase, Setpoint, Shape, SlaveState, used,
 };
 use krait_ipc::{Reason, Reasons};
 use serde::Serialize;

@@ -1,7 +1,7 @@
 //! The page's words: the state that is shown, and what holds the motion back, worst first.
 
-use krait_ipc::message::{DeviceState, OperatingState, Phase, SlaveState};
 use krait_ipc::Reason;
+use krait_ipc::message::{DeviceState, OperatingState, Phase, SlaveState};
 use serde::Serialize;
 
 /// How much a reason matters; the order is that of the list on the page.
@@ -115,9 +115,12 @@ pub fn words_of(reason: Reason) -> Words {
         Reason::ActuatorAccelerationLimit | Reason::ActuatorJerkLimit => {
             words(Info, "The motion was softened.", "An actuator starts no faster.", "")
         }
-        Reason::JointLimit => {
-            words(Warn, "A joint is at the end of its range.", "Steer back to go on.", "End of a joint\u{2019}s range \u{2013} steer back.")
-        }
+        Reason::JointLimit => words(
+            Warn,
+            "A joint is at the end of its range.",
+            "Steer back to go on.",
+            "End of a joint\u{2019}s range \u{2013} steer back.",
+        ),
         Reason::JointUnreachable => words(
             Warn,
             "No command brings a joint there.",
@@ -268,14 +271,16 @@ mod tests {
             let Words { level, say, todo, banner } = words_of(reason);
             assert!(say != reason.sentence(), "{reason:?} has the chain's sentence and no words of its own");
             let is_sentence = |text: &str| {
-                text.starts_with(|first: char| first.is_uppercase()) && text.ends_with(['.', '!']) && !text.contains("  ")
+                text.starts_with(|first: char| first.is_uppercase())
+                    && text.ends_with(['.', '!'])
+                    && !text.contains("  ")
             };
             assert!(is_sentence(say) && say.chars().count() <= 40, "{reason:?}: {say}");
             assert!(todo.is_empty() || is_sentence(todo) && todo.chars().count() <= 56, "{reason:?}: {todo}");
             assert!(banner.is_empty() || is_sentence(banner) && banner.chars().count() <= 48, "{reason:?}: {banner}");
             let name = serde_json::to_value(level).expect("a word");
             let name = name.as_str().expect("a word");
-            assert!(marks.contains(&format!("  {name}: {{")), "{reason:?}: states.js has no mark for {name}");
+            assert!(marks.contains(&format!("\n  {name}: mark(")), "{reason:?}: states.js has no mark for {name}");
             let n_alike = Reason::ALL.iter().filter(|other| words_of(**other).say == say).count();
             let are_softened = matches!(reason, Reason::ActuatorAccelerationLimit | Reason::ActuatorJerkLimit);
             assert_eq!(n_alike, if are_softened { 2 } else { 1 }, "{reason:?}: two reasons that say the same: {say}");

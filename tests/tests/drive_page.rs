@@ -218,9 +218,9 @@ fn a_jaw_moves_while_its_button_is_held_and_the_picture_shows_how_far_it_is_open
     page.key_half(true, "c", u32::from(b'C'));
     assert_holds_still(&console);
     page.key_half(false, "c", u32::from(b'C'));
-    the_picture_has_its_fingers(&mut page);
     let complaints: Vec<_> = page.complaints.iter().filter(|said| !said.contains("WebSocket")).collect();
     assert!(complaints.is_empty(), "{complaints:?}");
+    the_picture_has_its_fingers(&mut page);
     krait.signal(Signal::TERM);
     assert_eq!(krait.end(PATIENCE).code, Some(0));
     let verified = Ended::of(&["verify", &recording], PATIENCE);

@@ -7,7 +7,8 @@ use core::time::Duration;
 use krait_ipc::message::{GRIPPER_WIRE, SlaveState};
 use krait_record::Recording;
 use krait_schema::Sample;
-use krait_tests::{Ended, TempFolder, instance_name};
+use krait_tests::{Console, Ended, Krait, PadPage, TempFolder, instance_name};
+use rustix::process::Signal;
 use serde_json::Value;
 use std::path::Path;
 
@@ -155,6 +156,40 @@ fn what_is_made_of_it(folder: &TempFolder, off: &str, full: &str) {
     std::fs::write(&path, "time_s,bend_x_deg,bend_y_deg\n0,0,0\n1,10,0\n2,0,0\n").expect("written");
     let played = done(&["replay", &path, "--model", SHIPPED, "--recording", &folder.file("path.mcap"), "--json"]);
     assert_eq!(played["samples"]["lost"], 0, "{played}");
+}
+
+/// Something hard between the jaws and a close button that is held: the page and the terminal say that the jaw holds, with its load,
+/// and nothing of it is a limit of the snake, which goes on.
+#[test]
+fn a_jaw_that_holds_something_is_told_as_that_and_limits_nothing_else() {
+    let folder = TempFolder::new("gripper-holds");
+    let [truth, script] = ["truth.toml", "close.csv"].map(|name| folder.file(name));
+    std::fs::write(&truth, "[gripper]\nobject_rad = 0.35\n").expect("written");
+    let to_and_fro: String =
+        (3..60).map(|s| format!("{s},{},0,0,1,0,-1\n", if s % 2 == 0 { 0.006 } else { -0.006 })).collect();
+    let head = "time_s,tip_vx_m_per_s,tip_vy_m_per_s,tip_vz_m_per_s,operator_present,clutch,jaw\n0,0,0,0,1,0,0\n1,0,0,0,1,0,1\n";
+    std::fs::write(&script, head.to_owned() + &to_and_fro).expect("written");
+    let _alone = ALONE.lock();
+    let instance = instance_name("gripper");
+    let run = ["run", "--engage=again", "--console", "--no-recording", "--instance", &instance, "--model", SHIPPED];
+    let more = ["--master", "script", "--input", &script, "--truth", &truth];
+    let mut krait = Krait::start(&[&run[..], &more].concat());
+    let mut page = PadPage::open(&Console::of(&mut krait));
+    let told = |frame: &Value| {
+        let mut reasons = frame["reasons"].as_array().into_iter().flatten();
+        reasons.find(|reason| reason["words"]["say"] == "The jaw holds as hard as it may.").cloned()
+    };
+    let frame = page.until("the jaw holds", |_, frame| told(frame).is_some());
+    let reason = told(&frame).expect("told");
+    assert!(reason["value"].as_str().is_some_and(|value| value.ends_with("of 15 N.")), "{frame}");
+    assert!(frame["shown"] == "following" && reason["words"]["level"] == "info", "{frame}");
+    let watched = Ended::of(&["watch", "--once", "--instance", &instance], PATIENCE);
+    assert!(
+        watched.stdout.contains("note        The jaw holds as hard as it may. It closes no further"),
+        "{watched:?}"
+    );
+    krait.signal(Signal::TERM);
+    krait.end(PATIENCE);
 }
 
 /// A wire with more play and another lever than the model says: the lab reads the jaw as a joint and names the play with its size, which
