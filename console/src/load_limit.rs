@@ -92,7 +92,8 @@ impl AtLimit {
                 let tau_n = state.measured_tau_n[GRIPPER_WIRE].abs();
                 Some(format!("Its wire: {tau_n:.0} of {:.0} N.", facts.max_jaw_n))
             }
-            Self::Foretold => Some(format!("More than {:.0} N on a line.", facts.max_load_n)),
+            // The bounds of lines through segments stand in the model, not in the configuration.
+            Self::Foretold => facts.joints.is_none().then(|| format!("More than {:.0} N on a line.", facts.max_load_n)),
         }
     }
 }

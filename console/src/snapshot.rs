@@ -321,6 +321,7 @@ pub fn processes(usages: Vec<ProcessUsage>, newest: &NewestSamples, now_ns: i64)
         let health = health_of(&usage);
         let reasons = health.map(|health| Reasons::from_bits(health.reasons_now));
         // What holds the motion still is no fault of a process.
+        let words_of = |reason| newest.words_of(reason, now_ns);
         let worst = reasons.and_then(|reasons| reasons.iter().map(words_of).min_by_key(|words| words.level));
         let told = worst.filter(|words| words.level <= crate::words::Level::Warn);
         ProcessRow {

@@ -481,7 +481,7 @@ mod tests {
             core.on_pad(&wish(frame, 10, DriveWish::HELD | asks, [0; 2]), 10 * MS).expect("held");
             assert_eq!(core.on_tick(10 * MS).flags & jaw, told, "the jaw as it is asked");
         }
-        let mut off = core.clone();
+        let mut off = core;
         off.on_pad(&wish(9, 10, DriveWish::JAW_OPENS, [0; 2]), 10 * MS).expect("off the pad");
         assert_eq!(off.on_tick(10 * MS).flags, OperatorInput::FROM_PAD, "a jaw that nobody holds");
         let n_present = (11..400).take_while(|ms| core.on_tick(ms * MS).operator_present()).count();
