@@ -66,7 +66,7 @@ impl CompensateCore {
             state: None,
             mismatch: Mismatch::of_snake(chain, &config),
             memory: Memory::default(),
-            jaw: chain.gripper().map(JawWire::new).transpose()?,
+            jaw: chain.gripper().map(|gripper| JawWire::new(gripper, &config)).transpose()?,
             n_actuators: n_of_snake(chain.gripper().is_some()),
         })
     }

@@ -16,6 +16,9 @@ use krait_model::joints::{JointCompensator, JointInverseSettings};
 use krait_model::{ChainError, Circumstances};
 use nalgebra::SVector;
 
+/// Part of the largest rate of an actuator at which a play is crossed.
+const PART_OF_RATE: f64 = 0.9;
+
 /// The wire of a snake's gripper.
 #[derive(Clone, Debug)]
 pub(crate) struct JawWire {
@@ -38,9 +41,13 @@ pub(crate) struct JawStep<'a> {
 }
 
 impl JawWire {
-    /// At rest at the jaw's zero.
-    pub(crate) fn new(gripper: &Gripper) -> Result<Self, ChainError> {
-        let joint = gripper.chain().compensator(JointInverseSettings::default())?;
+    /// At rest at the jaw's zero. Where the jaw turns back, its wire crosses its play as fast as the actuator may at the jaw's fastest
+    /// motion and no faster, so that a play that is crossed is no limit that holds anything back.
+    pub(crate) fn new(gripper: &Gripper, config: &CompensateConfig) -> Result<Self, ChainError> {
+        let fastest_m_per_s = gripper.numbers().wire_m_per_rad * gripper.numbers().max_vel_deg_per_s.to_radians();
+        let usual = JointInverseSettings::default();
+        let reversal_gain = (PART_OF_RATE * config.max_rate_m_per_s / fastest_m_per_s).clamp(1.0, usual.reversal_gain);
+        let joint = gripper.chain().compensator(JointInverseSettings { reversal_gain, ..usual })?;
         let (spare, reach) = (joint.clone(), Reach::behind_lines());
         Ok(Self { joint, spare, reach, spare_reach: reach, q_uncompensated_m: 0.0, q_tilde_m: 0.0 })
     }

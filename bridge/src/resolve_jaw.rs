@@ -97,9 +97,8 @@ impl JawMotion {
         let most = self.max_vel_rad_per_s;
         reasons.insert_if(Reason::JointRateLimit, asked.abs() > most);
         let vel = asked.clamp(-most, most);
-        let room = room(vel, self.memory.jaw_rad, self.range_rad, self.config.margin_rad);
-        reasons.insert_if(Reason::JointLimit, vel != 0.0 && room < 1.0);
-        vel * room
+        // Closed and open are where a jaw usually stands, and nothing to be told.
+        vel * room(vel, self.memory.jaw_rad, self.range_rad, self.config.margin_rad)
     }
 
     /// Puts the jaw beside the snake.

@@ -27,8 +27,14 @@ pub struct Facts {
     pub max_bend_rad: f64,
     /// Largest distance of an actuator from its zero, m.
     pub max_stroke_m: f64,
-    /// Largest load of a line, N.
+    /// Largest load of a line by the model, N.
     pub max_load_n: f64,
+    /// Largest measured load of a line that is pulled, N; infinite where loads are not measured.
+    pub max_pull_n: f64,
+    /// As `max_pull_n`, pushed.
+    pub max_push_n: f64,
+    /// As `max_pull_n`, of a gripper's wire either way.
+    pub max_jaw_n: f64,
     /// Roll of the camera's view about the straight snake, rad.
     pub view_roll_rad: f64,
     /// Name of the compensation.

@@ -2,7 +2,7 @@
 //! what holds the motion back, worst first.
 
 use crate::observer::Observer;
-use crate::words::{Level, Shown, fault_sentence, words_of};
+use crate::words::{Level, Shown, fault_sentence};
 use krait_ipc::Reason;
 use krait_ipc::message::{OperatorInput, Shape, SlaveState};
 
@@ -161,9 +161,10 @@ fn recording_words(recording_s: Option<f64>, marks: Option<(u64, &str)>) -> Stri
 
 fn reason_lines(observer: &Observer, now_ns: i64) -> Vec<String> {
     let mut reasons: Vec<Reason> = observer.reasons(now_ns).iter().collect();
-    reasons.sort_by_key(|reason| words_of(*reason).level);
+    let newest = observer.newest();
+    reasons.sort_by_key(|reason| newest.words_of(*reason, now_ns).level);
     let line = |reason: &Reason| {
-        let words = words_of(*reason);
+        let words = newest.words_of(*reason, now_ns);
         let level = match words.level {
             Level::Fault => "FAULT",
             Level::Warn => "WARNING",

@@ -17,6 +17,7 @@ mod jobs;
 mod latency;
 mod library;
 mod live;
+mod load_limit;
 mod observer;
 mod pad;
 mod processes;

@@ -70,6 +70,8 @@ enum Said {
         x: f64,
         /// Part of the full deflection down.
         y: f64,
+        /// The jaw of a gripper: 1 opens, -1 closes, 0 stays.
+        jaw: i8,
         /// The session that the page knows.
         session: String,
         /// When the hand was like this, on the server's clock, ms.
@@ -219,10 +221,10 @@ impl Listener {
                 self.answer_later(id, async move { shared.pad.take(page).await });
                 None
             }
-            Ok(Said::Pad { n, held, x, y, session, at_ms }) => {
+            Ok(Said::Pad { n, held, x, y, jaw, session, at_ms }) => {
                 let age_ms = age_ms(at_ms);
                 if self.shared.session.is(&session) && age_ms >= -CLOCKS_APART_MS {
-                    self.shared.pad.hear(self.page, PadFrame { n, held, x, y }, instant_ns(age_ms));
+                    self.shared.pad.hear(self.page, PadFrame { n, held, x, y, jaw }, instant_ns(age_ms));
                 }
                 None
             }

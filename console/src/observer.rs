@@ -84,6 +84,7 @@ impl Observer {
         while let Some(state) = self.states.take()? {
             self.latency.state(&state, worst_us);
             add(&mut since_last[2], state.reasons);
+            self.newest.loads.note(&state);
             self.newest.state = Some(*state);
         }
         // A channel that said nothing since the last look still means what it said before.

@@ -29,9 +29,22 @@ pub struct PadFrame {
     pub x: f64,
     /// Down as the camera sees, likewise.
     pub y: f64,
+    /// The jaw of a gripper: 1 opens, -1 closes, 0 stays.
+    pub jaw: i8,
 }
 
 impl PadFrame {
+    /// The flags of the message; nothing for what no pad can say.
+    fn flags(&self) -> Option<u32> {
+        let jaw = match self.jaw {
+            0 => 0,
+            1 => DriveWish::JAW_OPENS,
+            -1 => DriveWish::JAW_CLOSES,
+            _ => return None,
+        };
+        Some(if self.held { DriveWish::HELD | jaw } else { 0 })
+    }
+
     /// Thousandths of the full deflection; nothing for what no pad can say.
     fn deflection_permille(&self) -> Option<[i32; 2]> {
         let is_part = |part: f64| (-1.0..=1.0).contains(&part);
@@ -190,12 +203,11 @@ impl PadDesk {
     /// Passes on what the page that has the pad says of an instant; anything else is no word of a hand.
     pub fn hear(&self, page: u64, frame: PadFrame, sample_ns: i64) {
         let is_late = clock::monotonic_ns() - sample_ns > DriveWish::LEASE_NS;
-        let Some(deflection_permille) = frame.deflection_permille() else { return };
+        let (Some(deflection_permille), Some(flags)) = (frame.deflection_permille(), frame.flags()) else { return };
         if frame.held && is_late || !self.turns().hear(page, frame.held, sample_ns) {
             return;
         }
-        let (frame, flags) = (frame.n, if frame.held { DriveWish::HELD } else { 0 });
-        self.pass_on(DriveWish { frame, flags, deflection_permille, sample_ns, ..let_go(page) });
+        self.pass_on(DriveWish { frame: frame.n, flags, deflection_permille, sample_ns, ..let_go(page) });
     }
 
     /// A page is gone: if it has the pad, its hand is off it.
@@ -254,10 +266,18 @@ mod tests {
 
     #[test]
     fn a_deflection_is_a_part_of_the_full_one_or_nothing() {
-        let frame = |x, y| PadFrame { n: 1, held: true, x, y }.deflection_permille();
+        let frame = |x, y| PadFrame { n: 1, held: true, x, y, jaw: 0 }.deflection_permille();
         assert_eq!(frame(-1.0, 0.2504), Some([-1000, 250]));
         for nonsense in [f64::NAN, f64::INFINITY, 1.0001, -2.0] {
             assert_eq!((frame(nonsense, 0.0), frame(0.0, nonsense)), (None, None));
         }
+    }
+    #[test]
+    fn a_jaw_opens_or_closes_while_the_pad_is_held_or_says_nothing() {
+        let flags = |held, jaw| PadFrame { n: 1, held, x: 0.0, y: 0.0, jaw }.flags();
+        assert_eq!(flags(true, 1), Some(DriveWish::HELD | DriveWish::JAW_OPENS));
+        assert_eq!(flags(true, -1), Some(DriveWish::HELD | DriveWish::JAW_CLOSES));
+        assert_eq!((flags(true, 0), flags(false, 1)), (Some(DriveWish::HELD), Some(0)));
+        assert_eq!((flags(true, 2), flags(false, i8::MIN)), (None, None));
     }
 }

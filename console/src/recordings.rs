@@ -53,6 +53,10 @@ pub struct Film {
     pub joints: Vec<Option<Vec<f64>>>,
     /// Commanded ones.
     pub joints_wanted: Vec<Option<Vec<f64>>>,
+    /// Measured angle of a gripper's jaw, rad; empty for a machine without one.
+    pub jaw: Vec<Option<f64>>,
+    /// Commanded one.
+    pub jaw_wanted: Vec<Option<f64>>,
     /// Operating state.
     pub operating: Vec<&'static str>,
     /// Marks: when, s, and what.
@@ -153,6 +157,7 @@ pub fn film_of(path: &Path) -> Result<Film, RecordingReadError> {
     let mut film = Film { name: name_of(path), ..Film::default() };
     let (mut bend, mut setpoint, mut operating) = (None, None, "");
     let (mut joints, mut joints_wanted) = (None, None);
+    let (mut jaw, mut jaw_wanted) = (None, None);
     let mut next_s = 0.0;
     for recorded in recording.samples()? {
         // What is damaged is named in the list; the rest is shown.
@@ -164,16 +169,20 @@ pub fn film_of(path: &Path) -> Result<Film, RecordingReadError> {
             film.setpoint.push(setpoint);
             film.joints.push(joints.clone());
             film.joints_wanted.push(joints_wanted.clone());
+            film.jaw.push(jaw);
+            film.jaw_wanted.push(jaw_wanted);
             film.operating.push(operating);
             next_s += step_s;
         }
         match recorded.sample {
             Sample::Shape(shape) => {
                 bend = Some(shape.bend_rad).filter(|bend| bend.iter().all(|b| b.is_finite()));
+                jaw = shape.valid_jaw_rad();
                 joints = shape.valid_joints_rad().map(<[f64]>::to_vec);
             }
             Sample::Setpoint(of) => {
                 setpoint = Some(of.bend_rad).filter(|bend| bend.iter().all(|b| b.is_finite()));
+                jaw_wanted = of.jaw_rad();
                 joints_wanted =
                     of.joints_rad.get(..of.n_joints as usize).filter(|all| !all.is_empty()).map(<[f64]>::to_vec);
             }
@@ -187,6 +196,10 @@ pub fn film_of(path: &Path) -> Result<Film, RecordingReadError> {
     if film.joints_wanted.iter().all(Option::is_none) {
         film.joints.clear();
         film.joints_wanted.clear();
+    }
+    if film.jaw_wanted.iter().all(Option::is_none) {
+        film.jaw.clear();
+        film.jaw_wanted.clear();
     }
     Ok(film)
 }

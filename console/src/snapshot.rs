@@ -5,12 +5,12 @@
 
 use crate::facts::Facts;
 use crate::latency::{LiveLatencyReport, stretch_names};
+use crate::load_limit::LoadsTold;
 use crate::pad::PadSeen;
 use crate::processes::ProcessUsage;
 use crate::words::{Shown, ShownState, Words, fault_sentence, words_of};
 use krait_ipc::message::{
-    Command, DeviceState, GRIPPER_WIRE, Health, JointValues, ModelUpdate, N_LINES, OperatorInput, Phase, Setpoint,
-    Shape, SlaveState, used,
+    Command, DeviceState, Health, JointValues, ModelUpdate, OperatorInput, Phase, Setpoint, Shape, SlaveState, used,
 };
 use krait_ipc::{Reason, Reasons};
 use serde::Serialize;
@@ -35,6 +35,8 @@ pub struct NewestSamples {
     pub shape: Option<Shape>,
     /// What the estimator learnt.
     pub model_update: Option<ModelUpdate>,
+    /// Whose load was at its limit, and when.
+    pub loads: LoadsTold,
     /// The processes.
     pub healths: Vec<(krait_ipc::Process, Option<Health>)>,
 }
@@ -50,6 +52,14 @@ impl NewestSamples {
         self.shape.as_ref().filter(|shape| now_ns - shape.sample_ns < SHAPE_STALE_NS)
     }
 
+    /// The words of a reason at an instant.
+    pub fn words_of(&self, reason: Reason, now_ns: i64) -> Words {
+        match reason {
+            Reason::ForceLimit => self.loads.at_limit(now_ns).words(),
+            _ => words_of(reason),
+        }
+    }
+
     /// The state to be shown while these reasons hold.
     pub fn shown(&self, now_ns: i64, reasons: Reasons) -> Shown {
         let circumstances = ShownState {
@@ -58,7 +68,7 @@ impl NewestSamples {
             is_present: self.input.is_some_and(|input| input.operator_present()),
             is_clutched: self.input.is_some_and(|input| input.clutch_pressed()),
             phase: self.setpoint.and_then(|setpoint| setpoint.phase()),
-            reasons,
+            is_limited: reasons.iter().any(|reason| !self.words_of(reason, now_ns).banner.is_empty()),
         };
         circumstances.shown()
     }
@@ -155,11 +165,13 @@ struct Operator {
     clutch: bool,
 }
 
-/// A reason of the frame: its number, and value and limit where both are known.
+/// A reason of the frame: its number, value and limit where both are known, and words in place of those of the hello where it has
+/// several causes.
 #[derive(Serialize)]
 struct Shortly {
     id: u32,
     value: Option<String>,
+    words: Option<Words>,
 }
 
 /// One frame.
@@ -171,7 +183,7 @@ pub fn frame(newest: &NewestSamples, moment: &Moment, facts: &Facts) -> serde_js
     let shape = newest.fresh_shape(moment.now_ns);
     let shown = newest.shown(moment.now_ns, moment.reasons);
     let mut reasons: Vec<Reason> = moment.reasons.iter().collect();
-    reasons.sort_by_key(|reason| words_of(*reason).level);
+    reasons.sort_by_key(|reason| newest.words_of(*reason, moment.now_ns).level);
     let frame = Frame {
         k: "frame",
         n: moment.n,
@@ -209,7 +221,11 @@ pub fn frame(newest: &NewestSamples, moment: &Moment, facts: &Facts) -> serde_js
         err_rms: moment.error_rms,
         reasons: reasons
             .into_iter()
-            .map(|reason| Shortly { id: reason as u32, value: value_of(reason, newest, facts) })
+            .map(|reason| Shortly {
+                id: reason as u32,
+                value: value_of(reason, newest, facts, moment.now_ns),
+                words: (reason == Reason::ForceLimit).then(|| newest.words_of(reason, moment.now_ns)),
+            })
             .collect(),
         pad: moment.pad,
     };
@@ -217,7 +233,7 @@ pub fn frame(newest: &NewestSamples, moment: &Moment, facts: &Facts) -> serde_js
 }
 
 /// Value and limit of a reason, from the messages themselves: what a process's health keeps is the worst ever.
-fn value_of(reason: Reason, newest: &NewestSamples, facts: &Facts) -> Option<String> {
+fn value_of(reason: Reason, newest: &NewestSamples, facts: &Facts, now_ns: i64) -> Option<String> {
     let largest = |values: &[f64]| {
         let sizes = values.iter().enumerate().map(|(line, value)| (line + 1, value.abs()));
         sizes.filter(|(_, size)| size.is_finite()).max_by(|(_, a), (_, b)| a.total_cmp(b))
@@ -232,20 +248,7 @@ fn value_of(reason: Reason, newest: &NewestSamples, facts: &Facts) -> Option<Str
             let (line, q_m) = largest(used(&command.q_tilde_m, command.n_actuators))?;
             Some(format!("Line {line}: {:.2} of {:.2} mm.", q_m * 1e3, facts.max_stroke_m * 1e3))
         }
-        Reason::ForceLimit => {
-            let state = newest.state?;
-            let mut loads_n = used(&state.measured_tau_n, state.n_actuators);
-            if facts.jaw.is_some() {
-                loads_n = loads_n.get(..N_LINES)?;
-                let jaw_n = state.measured_tau_n[GRIPPER_WIRE];
-                // The jaw's wire has a limit of its own, below that of any line.
-                if largest(loads_n).is_none_or(|(_, tau_n)| tau_n < facts.max_load_n) {
-                    return Some(format!("The jaw\u{2019}s wire: {:.0} N.", jaw_n.abs()));
-                }
-            }
-            let (line, tau_n) = largest(loads_n)?;
-            Some(format!("Line {line}: {tau_n:.0} of {:.0} N.", facts.max_load_n))
-        }
+        Reason::ForceLimit => newest.loads.at_limit(now_ns).value(newest, facts),
         Reason::DriveFault if newest.state?.is_hardware_stopped() => {
             Some("Release the machine\u{2019}s stop.".to_owned())
         }
@@ -318,6 +321,7 @@ pub fn processes(usages: Vec<ProcessUsage>, newest: &NewestSamples, now_ns: i64)
         let health = health_of(&usage);
         let reasons = health.map(|health| Reasons::from_bits(health.reasons_now));
         // What holds the motion still is no fault of a process.
+        let words_of = |reason| newest.words_of(reason, now_ns);
         let worst = reasons.and_then(|reasons| reasons.iter().map(words_of).min_by_key(|words| words.level));
         let told = worst.filter(|words| words.level <= crate::words::Level::Warn);
         ProcessRow {

@@ -1,7 +1,7 @@
 //! The page's words: the state that is shown, and what holds the motion back, worst first.
 
+use krait_ipc::Reason;
 use krait_ipc::message::{DeviceState, OperatingState, Phase, SlaveState};
-use krait_ipc::{Reason, Reasons};
 use serde::Serialize;
 
 /// How much a reason matters; the order is that of the list on the page.
@@ -49,6 +49,9 @@ pub fn words_of(reason: Reason) -> Words {
         Reason::ModelBlending => words(Info, "The model is being changed smoothly.", "", ""),
         Reason::BendLimit => {
             words(Warn, "Largest bend reached.", "Steer back to go on.", "Largest bend reached \u{2013} steer back.")
+        }
+        Reason::JointRateLimit => {
+            words(Warn, "A joint is at its fastest.", "It follows more slowly.", "Faster than a joint may move.")
         }
         Reason::BendRateLimit => {
             words(Warn, "Fastest bending reached.", "The snake follows more slowly.", "Faster than the snake may bend.")
@@ -112,8 +115,30 @@ pub fn words_of(reason: Reason) -> Words {
         Reason::ActuatorAccelerationLimit | Reason::ActuatorJerkLimit => {
             words(Info, "The motion was softened.", "An actuator starts no faster.", "")
         }
-        // What has no words of its own is a refusal, and the chain's sentence says of what.
-        _ => words(Fault, reason.sentence(), "", ""),
+        Reason::JointLimit => words(
+            Warn,
+            "A joint is at the end of its range.",
+            "Steer back to go on.",
+            "End of a joint\u{2019}s range \u{2013} steer back.",
+        ),
+        Reason::JointUnreachable => words(
+            Warn,
+            "No command brings a joint there.",
+            "By the model; it gets the nearest one.",
+            "A joint cannot reach that \u{2013} steer back.",
+        ),
+        Reason::ModelMismatch => {
+            words(Warn, "The measured shape is off the model.", "Look at the camera and the model.", "")
+        }
+        Reason::MismatchTrip => {
+            words(Fault, "The measured shape is far off the model.", "Look at camera and model; start anew.", "")
+        }
+        Reason::OtherModel => {
+            words(Fault, "Two processes mean different machines.", "Start all with one model; see Latency.", "")
+        }
+        Reason::NotFinite => words(Fault, "A message without a number was refused.", "See Latency.", ""),
+        Reason::OutOfRange => words(Fault, "A message out of range was refused.", "See Latency.", ""),
+        Reason::OutOfOrder => words(Fault, "A message out of order was refused.", "See Latency.", ""),
     }
 }
 
@@ -207,8 +232,8 @@ pub struct ShownState<'a> {
     pub is_clutched: bool,
     /// Whether the setpoint follows.
     pub phase: Option<Phase>,
-    /// Everything that holds.
-    pub reasons: Reasons,
+    /// Whether a limit shortens the motion.
+    pub is_limited: bool,
 }
 
 impl ShownState<'_> {
@@ -224,12 +249,11 @@ impl ShownState<'_> {
             Some(OperatingState::Paused) => return Shown::Paused,
             Some(OperatingState::Enabled) => {}
         }
-        let limits = || self.reasons.iter().any(|reason| !words_of(reason).banner.is_empty());
         match self.phase {
             _ if self.device == Some(DeviceState::Lost) => Shown::Lost,
             _ if self.is_clutched => Shown::Clutched,
             _ if !self.is_present => Shown::Ready,
-            Some(Phase::Following) if limits() => Shown::Limited,
+            Some(Phase::Following) if self.is_limited => Shown::Limited,
             Some(Phase::Following) => Shown::Following,
             Some(Phase::Holding) | None => Shown::Holding,
         }
@@ -241,12 +265,25 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_banner_sentence_fits_at_every_width_and_every_reason_has_words() {
+    fn every_reason_has_words_of_its_own_that_fit_and_a_level_whose_mark_the_page_has() {
+        let marks = include_str!("../web/js/states.js").split_once("export const MARKS").expect("marks").1;
         for reason in Reason::ALL {
-            let words = words_of(reason);
-            assert!(words.banner.chars().count() <= 48, "{reason:?}");
-            let is_own = words.say != reason.sentence();
-            assert!(!is_own || words.say.chars().count() <= 40, "{reason:?}: {}", words.say);
+            let Words { level, say, todo, banner } = words_of(reason);
+            assert!(say != reason.sentence(), "{reason:?} has the chain's sentence and no words of its own");
+            let is_sentence = |text: &str| {
+                text.starts_with(|first: char| first.is_uppercase())
+                    && text.ends_with(['.', '!'])
+                    && !text.contains("  ")
+            };
+            assert!(is_sentence(say) && say.chars().count() <= 40, "{reason:?}: {say}");
+            assert!(todo.is_empty() || is_sentence(todo) && todo.chars().count() <= 56, "{reason:?}: {todo}");
+            assert!(banner.is_empty() || is_sentence(banner) && banner.chars().count() <= 48, "{reason:?}: {banner}");
+            let name = serde_json::to_value(level).expect("a word");
+            let name = name.as_str().expect("a word");
+            assert!(marks.contains(&format!("\n  {name}: mark(")), "{reason:?}: states.js has no mark for {name}");
+            let n_alike = Reason::ALL.iter().filter(|other| words_of(**other).say == say).count();
+            let are_softened = matches!(reason, Reason::ActuatorAccelerationLimit | Reason::ActuatorJerkLimit);
+            assert_eq!(n_alike, if are_softened { 2 } else { 1 }, "{reason:?}: two reasons that say the same: {say}");
         }
     }
 
@@ -280,7 +317,7 @@ mod tests {
                 is_present: true,
                 is_clutched: false,
                 phase: Some(Phase::Following),
-                reasons: Reasons::NONE,
+                is_limited: false,
             };
             all.shown()
         };
@@ -314,7 +351,7 @@ mod tests {
                 is_present: true,
                 is_clutched: false,
                 phase: None,
-                reasons: Reasons::NONE,
+                is_limited: false,
             };
             all.shown()
         };
@@ -332,7 +369,7 @@ mod tests {
             is_present: true,
             is_clutched: false,
             phase: Some(Phase::Following),
-            reasons: Reasons::NONE,
+            is_limited: false,
         };
         assert_eq!(nothing.shown(), Shown::Stale);
     }

@@ -38,7 +38,7 @@ pub enum Reason {
     StrokeLimit = 15,
     /// An actuator's rate would pass its limit, m/s.
     ActuatorRateLimit = 16,
-    /// A line's load would pass its limit, N.
+    /// The load of a line or of a gripper's wire would pass its limit, N.
     ForceLimit = 17,
     /// A command was too far from the slave's setpoint, m.
     StepLimit = 18,
@@ -179,7 +179,7 @@ impl Reason {
             Self::BendRateLimit => "the motion was slowed to the fastest bending that is allowed",
             Self::StrokeLimit => "an actuator is at the end of its stroke",
             Self::ActuatorRateLimit => "the motion was slowed to an actuator's fastest speed",
-            Self::ForceLimit => "a line carries the largest load that is allowed",
+            Self::ForceLimit => "a line, or the wire of a gripper, carries the largest load that is allowed",
             Self::StepLimit => "a command was too far from where the actuators are and was refused",
             Self::NearSingular => "the motion was damped because the snake can hardly move in that direction",
             Self::ModelUpdateRefused => "a model update was refused because it was out of bounds",

@@ -469,6 +469,9 @@ pub struct ExportArgs {
     /// The table; an existing file is never overwritten.
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
+    /// Only the gripper's jaw, as one joint that `krait lab` reads: the wire u1_m, the jaw y1_rad, the wire's load tau1_n.
+    #[arg(long)]
+    pub jaw: bool,
     /// Print what was exported as JSON on standard output.
     #[arg(long)]
     pub json: bool,

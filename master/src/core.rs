@@ -292,11 +292,11 @@ impl MasterCore {
             };
         }
         if let Some((lease, response)) = &self.pad {
-            let held = lease.deflection_permille();
+            let (held, [opens, closes]) = (lease.deflection_permille(), lease.jaw());
             return OperatorMotion {
                 tip_vel_in_view_m_per_s: held.map_or([0.0; 3], |held| response.pad_vel_in_view_m_per_s(held)),
                 tip_angular_vel_in_view_rad_per_s: [0.0; 3],
-                flags: flags(held.is_some(), false) | OperatorInput::FROM_PAD,
+                flags: flags(held.is_some(), false) | jaw_flags(opens, closes) | OperatorInput::FROM_PAD,
             };
         }
         match self.script {
@@ -472,10 +472,22 @@ mod tests {
             assert_eq!((input.tip_vel_in_view_m_per_s, input.operator_present()), (moves, true));
             assert_eq!(input.raw_axes[..2].iter().map(|axis| i32::from(*axis)).collect::<Vec<_>>(), deflection);
         }
+        let jaw = OperatorInput::JAW_OPENS | OperatorInput::JAW_CLOSES;
+        for (frame, asks, told) in [
+            (6, DriveWish::JAW_OPENS, OperatorInput::JAW_OPENS),
+            (7, DriveWish::JAW_CLOSES, OperatorInput::JAW_CLOSES),
+            (8, DriveWish::JAW_OPENS | DriveWish::JAW_CLOSES, jaw),
+        ] {
+            core.on_pad(&wish(frame, 10, DriveWish::HELD | asks, [0; 2]), 10 * MS).expect("held");
+            assert_eq!(core.on_tick(10 * MS).flags & jaw, told, "the jaw as it is asked");
+        }
+        let mut off = core;
+        off.on_pad(&wish(9, 10, DriveWish::JAW_OPENS, [0; 2]), 10 * MS).expect("off the pad");
+        assert_eq!(off.on_tick(10 * MS).flags, OperatorInput::FROM_PAD, "a jaw that nobody holds");
         let n_present = (11..400).take_while(|ms| core.on_tick(ms * MS).operator_present()).count();
         assert_eq!(n_present, 150, "ticks after the instant of the newest frame");
         let lost = core.on_tick(400 * MS);
-        assert_eq!((lost.device(), lost.flags, lost.n_reports), (Some(DeviceState::Lost), OperatorInput::FROM_PAD, 5));
+        assert_eq!((lost.device(), lost.flags, lost.n_reports), (Some(DeviceState::Lost), OperatorInput::FROM_PAD, 8));
         assert_eq!((lost.tip_vel_in_view_m_per_s, lost.raw_axes), ([0.0; 3], [0; 6]));
         let mut without = self::core();
         assert_eq!(without.on_pad(&wish(1, 0, 0, [0, 0]), 0), Err(PadRefusal::OutOfRange), "another device");

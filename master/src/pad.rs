@@ -44,6 +44,7 @@ struct Driver {
 struct Held {
     since_ns: i64,
     deflection_permille: [i32; 2],
+    jaw: [bool; 2],
 }
 
 impl PadLease {
@@ -80,6 +81,11 @@ impl PadLease {
     /// The deflection along view x and y while the pad is held, thousandths.
     pub fn deflection_permille(&self) -> Option<[i32; 2]> {
         self.held.map(|held| held.deflection_permille)
+    }
+
+    /// Whether the jaw of a gripper shall open, and whether it shall close, while the pad is held.
+    pub fn jaw(&self) -> [bool; 2] {
+        self.held.map_or([false; 2], |held| held.jaw)
     }
 
     /// What is known of the pad.
@@ -124,7 +130,8 @@ impl PadLease {
         if driver.must_let_go {
             return Err(PadRefusal::LetGoFirst);
         }
-        self.held = Some(Held { since_ns: wish.sample_ns, deflection_permille: wish.deflection_permille });
+        let DriveWish { sample_ns: since_ns, deflection_permille, .. } = *wish;
+        self.held = Some(Held { since_ns, deflection_permille, jaw: wish.jaw() });
         Ok(())
     }
 }
@@ -218,7 +225,7 @@ mod tests {
     fn to_let_go_counts_however_old_it_is_and_nonsense_never_does() {
         let mut pad = held();
         for nonsense in [
-            DriveWish { flags: 3, ..wish(1, 3, 0, true) },
+            DriveWish { flags: 8 + 1, ..wish(1, 3, 0, true) },
             DriveWish { deflection_permille: [1001, 0], ..wish(1, 3, 0, true) },
             DriveWish { deflection_permille: [0, i32::MIN], ..wish(1, 3, 0, true) },
         ] {

@@ -118,6 +118,25 @@ impl Columns {
         Self::of_parts(&Recording::open_parts(path)?)
     }
 
+    /// The gripper of a snake alone, as a machine of one joint: the wire is its command, the jaw its position. `None` for a
+    /// recording without one.
+    pub fn of_jaw(self) -> Option<Self> {
+        let JawColumns { wire_m, wire_n, jaw_rad } = self.jaw?;
+        let n_shapes = jaw_rad.iter().filter(|rad| !rad.is_nan()).count() as u64;
+        Some(Self {
+            n_joints: 1,
+            n_actuators: 1,
+            q_m: wire_m,
+            tau_n: wire_n,
+            sigma: vec![f64::NAN; jaw_rad.len()],
+            outputs: jaw_rad,
+            jaw: None,
+            n_shapes,
+            n_shapes_left_out: self.n_shapes_left_out + self.n_shapes - n_shapes,
+            ..self
+        })
+    }
+
     /// Rows.
     pub fn n_rows(&self) -> usize {
         self.time_s.len()

@@ -134,15 +134,6 @@ impl SimulatedSnake {
         }
     }
 
-    /// Brings the jaw's drive nearer to its zero; whether it is there, or there is none.
-    fn home_jaw(&mut self, elapsed_ns: i64) -> bool {
-        let Some(gripper) = &mut self.gripper else { return true };
-        let from_m = gripper.place_m();
-        let part = self.actuators.home_part(&[from_m], elapsed_ns);
-        gripper.go_to(from_m * part);
-        part == 0.0
-    }
-
     /// Moves the actuators from where they were at the last motion to a place now.
     fn move_to(&mut self, place_m: [f64; 3]) {
         let elapsed_ns = if self.moved_ns == i64::MIN { 0 } else { self.stamp_ns - self.moved_ns };
@@ -189,6 +180,7 @@ impl Drive for SimulatedSnake {
         Ok(self.actuators.reading(self.n_actuators(), stamp_ns, (q_tilde_m, tau_n)))
     }
 
+    /// The jaw stays where it is: it may hold something.
     fn home(&mut self, stamp_ns: i64) -> Result<Homing, DriveError> {
         self.settle();
         let from = self.reading_m();
@@ -196,8 +188,7 @@ impl Drive for SimulatedSnake {
         let elapsed_ns = stamp_ns.saturating_sub(self.stamp_ns);
         self.observe(stamp_ns);
         let part = self.actuators.home_part(&from, elapsed_ns);
-        let is_jaw_home = self.home_jaw(elapsed_ns);
-        if part == 0.0 && is_jaw_home {
+        if part == 0.0 {
             self.move_to(self.encoders.place_m([0.0; 3]));
             return Ok(Homing::Done);
         }

@@ -31,7 +31,8 @@ pub trait Drive {
     fn read(&mut self, stamp_ns: i64) -> Result<DriveReading, DriveError>;
 
     /// Begins or continues the search for the drives' zero; called every tick until it says [`Homing::Done`]. A search
-    /// that is not continued is abandoned.
+    /// that is not continued is abandoned. The actuator that stands alone, a gripper's wire, stays where it is: its jaw may hold
+    /// something.
     ///
     /// # Errors
     /// [`DriveError`] when the search fails.

@@ -20,7 +20,7 @@ use crate::{
     ActuatorState, Drive, DriveError, DriveReading, Engagement, Findings, GateLimits, Homing, Limiter, LimiterVerdict,
     Note, OnDisable, OperatingMachine, RelaxLimits, Situation, SlaveConfig, Switching, TransitionRefused, Watchdog,
 };
-use krait_ipc::message::{Command, HopStamps, JointValues, MAX_JOINTS, OperatingState, StateCommand, Transition};
+use krait_ipc::message::{Command, HopStamps, JAW, JointValues, MAX_JOINTS, OperatingState, StateCommand, Transition};
 use krait_ipc::{Reason, Reasons};
 
 /// Commands come every millisecond; half a period more without one and the slave begins to brake, ns.
@@ -446,7 +446,12 @@ impl<D: Drive> SlaveCore<D> {
             Ok(Homing::Done) => {
                 self.machine.homing_done();
                 self.setpoint_bend_rad = [0.0; 2];
+                // A jaw was not moved: it is where it was last told to be.
+                let jaw_rad = self.setpoint_joints_rad[JAW];
                 self.setpoint_joints_rad = [0.0; MAX_JOINTS];
+                if self.drive.traits().alone().is_some() {
+                    self.setpoint_joints_rad[JAW] = jaw_rad;
+                }
             }
             Err(error) => return self.fault(error, now_ns),
         }

@@ -207,18 +207,23 @@ fn a_stop_brakes_the_jaw_like_the_lines_and_it_stays_there() {
     assert!((before.setpoint_q_m[GRIPPER_WIRE] - 600e-6).abs() < 2e-5, "{before:?}");
 }
 
+/// What the jaw holds it goes on holding while the lines find their zero, and it moves on from there.
 #[test]
-fn homing_brings_the_jaw_to_its_drives_zero_and_commands_for_three_lines_are_refused() {
-    let mut bench = Bench::new(&SlaveConfig::default(), -4.0);
-    for _ in 0..300 {
-        bench.go(2e-6, 2e-6);
-    }
+fn homing_leaves_the_jaw_where_it_holds_and_commands_for_three_lines_are_refused() {
+    let (mut bench, before) = gripping(&SlaveConfig::default());
+    let (held_rad, held_n) = (bench.jaw_rad(), before.measured_tau_n[GRIPPER_WIRE]);
+    assert!(held_n < -10.0 && before.setpoint_q_m[0].abs() > 1e-3, "it holds, and the snake is bent: {before:?}");
     bench.core.transition(Transition::Home, bench.now_ns).unwrap();
     let mut state = bench.tick();
     for _ in 0..2000 {
         state = bench.tick();
+        assert_eq!(state.measured_q_m[GRIPPER_WIRE], before.measured_q_m[GRIPPER_WIRE], "{state:?}");
     }
-    assert_eq!((state.setpoint_q_m, state.setpoint_joints_rad), ([0.0; 12], [0.0; 8]), "{state:?}");
+    assert_eq!((&state.setpoint_q_m[..N_LINES], state.setpoint_bend_rad), (&[0.0; N_LINES][..], [0.0; 2]), "{state:?}");
+    let setpoint_m = [&state, &before].map(|state| state.setpoint_q_m[GRIPPER_WIRE]);
+    assert!((setpoint_m[0] - setpoint_m[1]).abs() < 1e-9, "{setpoint_m:?} m");
+    assert_eq!(state.setpoint_joints_rad, before.setpoint_joints_rad, "the jaw is where it was told to be");
+    assert!((bench.jaw_rad() - held_rad).abs() < 1e-9 && (state.measured_tau_n[GRIPPER_WIRE] - held_n).abs() < 0.1);
     assert!(state.flags & SlaveState::IS_BUSY == 0);
     let n_refused = state.n_refused;
     bench.sequence += 1;

@@ -24,11 +24,17 @@ pub struct Browser {
 
 impl Browser {
     /// Starts a browser; `None`, said aloud, where there is none.
-    #[allow(clippy::print_stderr, reason = "what is skipped is said aloud")]
     pub fn start() -> Option<Self> {
+        Self::start_at(0)
+    }
+
+    /// The same with a nice value, which every process of the browser has then.
+    #[allow(clippy::print_stderr, reason = "what is skipped is said aloud")]
+    pub fn start_at(nice: u8) -> Option<Self> {
         let profile = TempFolder::new("chromium");
         for program in PROGRAMS {
-            let mut command = Command::new(program);
+            let mut command = Command::new("nice");
+            command.arg("-n").arg(nice.to_string()).arg(program);
             command.args(["--headless=new", "--disable-gpu", "--no-sandbox", "--remote-debugging-port=0"]);
             command.args(["--no-first-run", "--hide-scrollbars", "--disable-extensions"]);
             command.arg(format!("--user-data-dir={}", profile.path().display())).arg("about:blank");

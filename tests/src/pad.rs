@@ -57,8 +57,7 @@ impl PadPage {
     /// Says something of the pad, with fields in place of what is right.
     pub fn say(&mut self, held: bool, [x, y]: [f64; 2], at_ms: &Value, wrong: &Value) {
         self.n += 1;
-        let mut said =
-            json!({ "k": "pad", "n": self.n, "held": held, "x": x, "y": y, "session": self.session, "at_ms": at_ms });
+        let mut said = json!({ "k": "pad", "n": self.n, "held": held, "x": x, "y": y, "jaw": 0, "session": self.session, "at_ms": at_ms });
         for (key, value) in wrong.as_object().into_iter().flatten() {
             said[key] = value.clone();
         }

@@ -106,6 +106,8 @@ fn nothing_wrong_renews_the_lease(page: &mut PadPage) {
         json!({ "y": -1.5 }),
         json!({ "x": "NaN" }),
         json!({ "x": null }),
+        json!({ "jaw": 2 }),
+        json!({ "jaw": 0.5 }),
         json!({ "session": "another" }),
         json!({ "n": page.n }),
         json!({ "n": -1 }),

@@ -3,6 +3,7 @@
 
 #![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
 
+use core::cell::Cell;
 use core::time::Duration;
 use krait_tests::{
     Browser, BrowserPage, Console, Ended, Krait, PadPage, TempFolder, instance_name, next_of_kind, pad_losses,
@@ -49,6 +50,7 @@ fn a_person_drives_from_the_page_and_the_picture_the_dial_and_the_pad_agree() {
         "the pad is there and nothing is engaged",
         &format!("{READY} && !document.getElementById('pad').hidden"),
     );
+    assert_eq!(page.value("document.getElementById('pad-jaw').hidden"), json!(true), "without a gripper, no jaw");
     see_who_drives_and_take_over(&mut page, &console);
 
     let centre_of_pad = centre(&mut page);
@@ -148,6 +150,169 @@ fn a_finger_drives_in_four_directions_and_a_finger_stops() {
     assert_eq!(krait.end(PATIENCE).code, Some(0));
 }
 
+/// A jaw opens and closes while one of its buttons is held: by pointer, beside a finger on the pad, by key and by gamepad; the picture
+/// has its two fingers at the measured angle, and the snake does not bend.
+#[test]
+fn a_jaw_moves_while_its_button_is_held_and_the_picture_shows_how_far_it_is_open() {
+    let Some(browser) = Browser::start() else { return };
+    let (folder, instance) = (TempFolder::new("pad-jaw"), instance_name("pad-jaw"));
+    let recording = folder.file("jaw.mcap");
+    let model = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/gripper/snake.toml");
+    let run = ["run", "--master", "browser", "--instance", &instance, "--recording", &recording, "--model", model];
+    let mut krait = Krait::start(&run);
+    let console = Console::of(&mut krait);
+    let mut page = browser.page(&console.address, 1280, 800);
+    page.call("Emulation.setTouchEmulationEnabled", &json!({ "enabled": true, "maxTouchPoints": 5 }));
+    page.wait_for("the jaw has buttons", &format!("{READY} && !document.getElementById('pad-jaw').hidden"));
+    page.value("document.getElementById('pad-take').click()");
+    page.wait_for("it has the pad", &says("Yours."));
+    let [opens, closes] = ["1", "-1"].map(|jaw| middle(&mut page, &format!("[data-jaw=\"{jaw}\"]")));
+    let field = centre(&mut page);
+
+    let mut jaw = Jaw { page: &mut page, console: &console };
+    jaw.moves("by pointer", true, &|page, is_down| page.mouse_half(is_down, opens));
+    jaw.page.wait_for("ready", READY);
+    for (width, height) in [(1920, 1080), (1280, 800), (1024, 768)] {
+        jaw.page.resize(width, height);
+        for theme in ["light", "dark"] {
+            jaw.page.value(&format!(
+                "if (document.documentElement.dataset.theme !== '{theme}') document.getElementById('theme').click()"
+            ));
+            jaw.page.value("new Promise(done => setTimeout(done, 500))");
+            keep(jaw.page, &format!("jaw-{theme}-{width}"));
+            let bars = "document.querySelector('#bars .bar:last-child').getBoundingClientRect().bottom <= document.querySelector('.lines').getBoundingClientRect().bottom";
+            jaw.page.wait_for(&format!("all bars fit into {width} x {height}"), bars);
+            let fits = "['#pad', '.strip'].map(name => document.querySelector(name).getBoundingClientRect()).every((r, _, [pad, strip]) => pad.bottom <= strip.top && pad.top >= document.getElementById('stage').getBoundingClientRect().top)";
+            jaw.page.wait_for(&format!("the pad fits into {width} x {height}"), fits);
+        }
+    }
+    jaw.page.resize(1280, 800);
+    let is_touching = Cell::new(false);
+    jaw.moves("by a second finger", false, &|page, is_down| match (is_down, is_touching.replace(is_down)) {
+        (true, _) => {
+            page.touch("touchStart", &[field]);
+            page.touch("touchStart", &[field, closes]);
+        }
+        (false, true) => page.touch("touchEnd", &[]),
+        (false, false) => {}
+    });
+    let by_key = |letter: &'static str| {
+        move |page: &mut BrowserPage, is_down: bool| {
+            page.value("document.getElementById('pad-field').focus()");
+            page.key_half(is_down, " ", 32);
+            page.key_half(is_down, letter, u32::from(letter.to_ascii_uppercase().as_bytes()[0]));
+        }
+    };
+    jaw.moves("by key", true, &by_key("o"));
+    jaw.moves("by key", false, &by_key("c"));
+    jaw.moves("by Space on its button", true, &|page, is_down| {
+        page.value("document.querySelector('[data-jaw=\"1\"]').focus()");
+        page.key_half(is_down, " ", 32);
+    });
+    for (how, opens) in [("by a gamepad's lowest button", false), ("by a gamepad's highest button", true)] {
+        jaw.moves(how, opens, &|page, is_down| plug_in(page, [0.0; 2], is_down, Some(if opens { 3 } else { 0 })));
+    }
+
+    // A key of the jaw without Space is no hand on the pad.
+    page.value("document.getElementById('pad-field').focus()");
+    page.key_half(true, "c", u32::from(b'C'));
+    assert_holds_still(&console);
+    page.key_half(false, "c", u32::from(b'C'));
+    let complaints: Vec<_> = page.complaints.iter().filter(|said| !said.contains("WebSocket")).collect();
+    assert!(complaints.is_empty(), "{complaints:?}");
+    the_picture_has_its_fingers(&mut page);
+    krait.signal(Signal::TERM);
+    assert_eq!(krait.end(PATIENCE).code, Some(0));
+    let verified = Ended::of(&["verify", &recording], PATIENCE);
+    assert_eq!(verified.code, Some(0), "{}\n{}", verified.stdout, verified.stderr);
+    the_recorded_jaw_is_drawn(&browser, &recording, &instance);
+}
+
+/// A person at the jaw.
+struct Jaw<'a> {
+    page: &'a mut BrowserPage,
+    console: &'a Console,
+}
+
+impl Jaw<'_> {
+    /// Holds until the measured jaw has moved the wanted way, lets go, and sees it stand still.
+    fn moves(&mut self, how: &str, opens: bool, act: &dyn Fn(&mut BrowserPage, bool)) {
+        let mut seen = PadPage::open(self.console);
+        let angle = |frame: &Value| frame["jaw"]["measured"].as_f64().map(f64::to_degrees);
+        let bend = |frame: &Value| pair(&frame["bend"]).map(f64::to_degrees);
+        let before = seen.until("measured", |_, frame| angle(frame).is_some() && frame["shown"] == "ready");
+        let from_deg = angle(&before).expect("measured");
+        // It opens further than it closes, so that there is something left to close.
+        let (wanted_deg, mut moved_deg) = (if opens { 20.0 } else { 12.0 }, 0.0_f64);
+        for _ in 0..200 {
+            if self.page.value(MOVES) != json!(true) {
+                act(self.page, false);
+                self.page.wait_for("off the pad", READY);
+                act(self.page, true);
+            }
+            let now = seen.until("measured", |_, frame| angle(frame).is_some());
+            moved_deg = angle(&now).expect("measured") - from_deg;
+            if moved_deg.abs() > wanted_deg {
+                break;
+            }
+        }
+        act(self.page, false);
+        self.page.wait_for("let go", READY);
+        let way_deg = if opens { moved_deg } else { -moved_deg };
+        assert!(way_deg > wanted_deg, "{how}: it moved by {moved_deg} deg");
+        let mut after = PadPage::open(self.console);
+        let rests = after.until("measured at rest", |_, frame| angle(frame).is_some() && frame["shown"] == "ready");
+        let later = (0..30).map(|_| after.frame()).filter(|frame| angle(frame).is_some()).last().expect("pictures");
+        let crept_deg = angle(&later).expect("measured") - angle(&rests).expect("measured");
+        assert!(crept_deg.abs() < 3.0, "{how}: it went on by {crept_deg} deg");
+        let [[x, y], [a, b]] = [bend(&later), bend(&before)];
+        assert!((x - a).hypot(y - b) < 3.0, "{how}: the snake bent from {before} to {later}");
+    }
+}
+
+/// The painter itself, on a canvas that a test can read: with a jaw the ends of both fingers are painted, and nothing else of a picture
+/// without one is there.
+fn the_picture_has_its_fingers(page: &mut BrowserPage) {
+    let painted = page.value(
+        "(async () => {
+            const [{ Scene }, { VIEWS, cameraFor, fingers, frameAt }] = [await import('/js/scene.js'), await import('/js/snake.js')];
+            const style = getComputedStyle(document.documentElement), metal = style.getPropertyValue('--metal').trim();
+            const colours = new Proxy({}, { get: () => metal });
+            const machine = { length: 25, pitch: 3, maxBend: 1.2 }, bend = [0.3, 0.2];
+            const pixels = jaw => {
+                const scene = new Scene(new OffscreenCanvas(800, 800));
+                scene.resize(800, 800, 1);
+                scene.draw({ bend, setpoint: null, jaw, machine, colours, isLimited: false });
+                return scene;
+            };
+            const of = opening => {
+                const [without, seen] = [null, { measured: opening, wanted: null }].map(pixels);
+                const camera = cameraFor({ ...VIEWS.oblique, distance: VIEWS.oblique.distance * 1.25 }, [0, 0, 11.2], 800, 800);
+                const ends = fingers(frameAt(bend, 1, 25), opening).map(points => camera.project(points.at(-1)));
+                const at = (scene, [x, y]) => scene.g.getImageData(Math.round(x), Math.round(y), 1, 1).data.join();
+                return { differ: ends.map(end => at(without, end) !== at(seen, end)), apart: Math.hypot(ends[0][0] - ends[1][0], ends[0][1] - ends[1][1]) };
+            };
+            const [open, shut] = [of(0.8), of(0.0)];
+            return { differ: [...open.differ, ...shut.differ], wider: open.apart > 2 * shut.apart };
+        })()",
+    );
+    assert_eq!(painted, json!({ "differ": [true, true, true, true], "wider": true }));
+}
+
+/// The film of a recording has the jaw's angles, measured and wanted.
+fn the_recorded_jaw_is_drawn(browser: &Browser, recording: &str, instance: &str) {
+    let mut krait = Krait::start(&["console", recording, "--instance", instance]);
+    let mut page = browser.page(&Console::of(&mut krait).address, 1280, 800);
+    page.wait_for("the recording is open", "document.querySelector('.ribbon')?.textContent.includes('not live')");
+    let opened = page.value("fetch('/recordings/jaw.mcap').then(answer => answer.json()).then(film => [Math.max(...film.jaw), Math.max(...film.jaw_wanted), film.jaw.length === film.t_s.length])");
+    assert!(opened[0].as_f64() > Some(0.2) && opened[1].as_f64() > Some(0.2) && opened[2] == true, "{opened}");
+    page.value("(() => { const scrub = document.querySelector('.scrub input'); scrub.value = Math.floor(scrub.max / 4); scrub.dispatchEvent(new Event('input')); })()");
+    page.value("new Promise(done => setTimeout(done, 500))");
+    keep(&mut page, "jaw-recorded");
+    krait.signal(Signal::TERM);
+    krait.end(PATIENCE);
+}
+
 /// For half a second of pictures from now on nobody is present.
 fn assert_holds_still(console: &Console) {
     let mut now = PadPage::open(console);
@@ -197,8 +362,26 @@ fn hold(page: &mut BrowserPage, place: [f64; 2]) {
 }
 
 fn centre(page: &mut BrowserPage) -> [f64; 2] {
-    let script = "(() => { const r = document.getElementById('pad-field').getBoundingClientRect(); return [r.x + r.width / 2, r.y + r.height / 2]; })()";
-    pair(&page.value(script))
+    middle(page, "#pad-field")
+}
+
+/// The middle of an element.
+fn middle(page: &mut BrowserPage, selector: &str) -> [f64; 2] {
+    let script = "(r => [r.x + r.width / 2, r.y + r.height / 2])(document.querySelector(".to_owned()
+        + &json!(selector).to_string()
+        + ").getBoundingClientRect())";
+    pair(&page.value(&script))
+}
+
+/// No gamepad can be plugged in here: the browser's function says what one would whose right shoulder button is held, and perhaps
+/// another one.
+fn plug_in(page: &mut BrowserPage, axes: [f64; 2], is_held: bool, button: Option<usize>) {
+    page.call("Emulation.setFocusEmulationEnabled", &json!({ "enabled": true }));
+    let down = if is_held { json!([5, button]) } else { json!([]) };
+    page.value(&format!(
+        "navigator.getGamepads = () => [null, {{ connected: true, mapping: 'standard', axes: [{}, {}, 0, 0], buttons: Array.from({{ length: 17 }}, (_, i) => ({{ pressed: {down}.includes(i) }})) }}]; 0",
+        axes[0], axes[1]
+    ));
 }
 
 fn pair(value: &Value) -> [f64; 2] {
@@ -290,13 +473,8 @@ impl Hand<'_> {
         self.page.key_half(is_down, arrow, code);
     }
 
-    /// No gamepad can be plugged in here: the browser's function says what one would.
     fn gamepad(&mut self, [x, y]: [f64; 2], is_down: bool) {
-        self.page.call("Emulation.setFocusEmulationEnabled", &json!({ "enabled": true }));
-        self.page.value(&format!(
-            "navigator.getGamepads = () => [null, {{ connected: true, mapping: 'standard', axes: [{}, {}, 0, 0], buttons: Array.from({{ length: 17 }}, (_, i) => ({{ pressed: {is_down} && i === 5 }})) }}]; 0",
-            0.8 * x, 0.8 * y
-        ));
+        plug_in(self.page, [0.8 * x, 0.8 * y], is_down, None);
     }
 }
 

@@ -7,7 +7,8 @@ use core::time::Duration;
 use krait_ipc::message::{GRIPPER_WIRE, SlaveState};
 use krait_record::Recording;
 use krait_schema::Sample;
-use krait_tests::{Ended, TempFolder, instance_name};
+use krait_tests::{Console, Ended, Krait, PadPage, TempFolder, instance_name};
+use rustix::process::Signal;
 use serde_json::Value;
 use std::path::Path;
 
@@ -155,6 +156,77 @@ fn what_is_made_of_it(folder: &TempFolder, off: &str, full: &str) {
     std::fs::write(&path, "time_s,bend_x_deg,bend_y_deg\n0,0,0\n1,10,0\n2,0,0\n").expect("written");
     let played = done(&["replay", &path, "--model", SHIPPED, "--recording", &folder.file("path.mcap"), "--json"]);
     assert_eq!(played["samples"]["lost"], 0, "{played}");
+}
+
+/// Something hard between the jaws and a close button that is held: the page and the terminal say that the jaw holds, with its load,
+/// and it is no limit of the snake.
+#[test]
+fn a_jaw_that_holds_something_is_told_as_that_and_limits_nothing_else() {
+    let folder = TempFolder::new("gripper-holds");
+    let [truth, script] = ["truth.toml", "close.csv"].map(|name| folder.file(name));
+    std::fs::write(&truth, "[gripper]\nobject_rad = 0.35\n").expect("written");
+    let closes = "2,0,0,0,1,0,-1\n120,0,0,0,1,0,-1\n";
+    let head = "time_s,tip_vx_m_per_s,tip_vy_m_per_s,tip_vz_m_per_s,operator_present,clutch,jaw\n0,0,0,0,1,0,0\n1,0,0,0,1,0,1\n";
+    std::fs::write(&script, head.to_owned() + closes).expect("written");
+    let _alone = ALONE.lock();
+    let instance = instance_name("gripper");
+    let run = ["run", "--engage=again", "--console", "--no-recording", "--instance", &instance, "--model", SHIPPED];
+    let more = ["--master", "script", "--input", &script, "--truth", &truth];
+    let mut krait = Krait::start(&[&run[..], &more].concat());
+    let mut page = PadPage::open(&Console::of(&mut krait));
+    let told = |frame: &Value| {
+        let mut reasons = frame["reasons"].as_array().into_iter().flatten();
+        reasons.find(|reason| reason["words"]["say"] == "The jaw holds as hard as it may.").cloned()
+    };
+    // What crossed its play on the way there is told for some time.
+    let holds = |frame: &Value| told(frame).is_some() && frame["shown"] == "following";
+    let frame = page.until("the jaw holds", |_, frame| holds(frame));
+    let reason = told(&frame).expect("told");
+    assert!(reason["value"].as_str().is_some_and(|value| value.ends_with("of 15 N.")), "{frame}");
+    assert_eq!(reason["words"]["level"], "info", "{frame}");
+    let watched = Ended::of(&["watch", "--once", "--instance", &instance], PATIENCE);
+    assert!(
+        watched.stdout.contains("note        The jaw holds as hard as it may. It closes no further"),
+        "{watched:?}"
+    );
+    krait.signal(Signal::TERM);
+    krait.end(PATIENCE);
+}
+
+/// A wire with more play and another lever than the model says: the lab reads the jaw as a joint and names the play with its size, which
+/// is half the slack and what the friction stretches the wire by.
+#[test]
+fn what_the_simulated_gripper_hides_the_lab_names_from_a_recording() {
+    let folder = TempFolder::new("gripper-hidden");
+    let bare = model_until(&folder, "[[gripper.effect]]", "bare.toml");
+    let [truth, recording, table] = ["truth.toml", "hidden.mcap", "jaw.csv"].map(|name| folder.file(name));
+    let (slack_m, friction_n, wire_n_per_m) = (6e-4, 2.0, 20e3);
+    std::fs::write(
+        &truth,
+        format!(
+            "[gripper]\nradius_m = 0.0021\nslack_m = {slack_m}\nfriction_n = {friction_n}\ncable_n_per_m = {wire_n_per_m}\n"
+        ),
+    )
+    .expect("written");
+    run(&bare, &recording, &["--truth", &truth]);
+    let exported = done(&["export", &recording, "--jaw", "--out", &table, "--json"]);
+    assert!(exported["rows_with_shape"].as_u64() > Some(500), "{exported}");
+    let initialised = Ended::of(&["lab", "init", &table], PATIENCE);
+    assert_eq!(initialised.code, Some(0), "{initialised:?}");
+    let found = done(&["lab", "diagnose", "--model", &folder.file("jaw.model.toml"), "--data", &table, "--json"]);
+    let (effect, half_m) = (&found["effects"][0], slack_m / 2.0 + friction_n / wire_n_per_m);
+    assert_eq!((found["verdict"].as_str(), effect["effect"].as_str()), (Some("missing"), Some("backlash")), "{found}");
+    let half_width_m = effect["params"]["half_width"]["value"].as_f64().expect("a size");
+    assert!((half_width_m / half_m - 1.0).abs() < 0.02, "{half_width_m} m, and it is {half_m}");
+    let gain = found["calibration"][0]["value"].as_f64().expect("a gain");
+    assert!((gain * 0.0021 - 1.0).abs() < 0.02, "{gain} rad/m, and it is {}", 1.0 / 0.0021);
+    // A snake without a gripper has no jaw to export.
+    let without = folder.file("without.mcap");
+    let plain = ["run", "--engage=again", "--seconds", "2", "--recording", &without];
+    let instance = instance_name("gripper");
+    assert!(matches!(Ended::of(&[&plain[..], &["--instance", &instance]].concat(), PATIENCE).code, Some(0 | 1)));
+    let refused = Ended::of(&["export", &without, "--jaw", "--out", &folder.file("none.csv")], PATIENCE);
+    assert!(refused.code == Some(2) && refused.sentence().contains("holds no jaw"), "{refused:?}");
 }
 
 #[test]

@@ -97,8 +97,11 @@ function show(state) {
   play(TONES[state] ?? []);
 }
 
+/// The words of a reason: those of this instant, where it has several causes.
+const wordsOf = reason => reason.words ?? hello.reasons[reason.id];
+
 function sentence(frame) {
-  const worst = frame.reasons.map(reason => hello.reasons[reason.id]);
+  const worst = frame.reasons.map(wordsOf);
   const limit = worst.find(reason => reason.banner);
   const text = named(frame.shown === 'limited' && limit ? limit.banner : frame.state?.failure ? frame.state.failure : frame.shown === 'holding' && worst.length ? worst[0].say : frame.shown === 'ready' ? `Holding still. ${frame.pad ? 'Hold the drive pad to follow.' : facts.presence_hint}` : frame.shown === 'lost' && frame.pad ? 'Holding still: the page that drives is lost.' : STATES[frame.shown].say);
   write($('sentence'), text);
@@ -128,7 +131,7 @@ function needs({ state, operator, motion_scale }) {
 
 function reasons(frame) {
   const items = frame.reasons.slice(0, 4).map(reason => {
-    const words = hello.reasons[reason.id];
+    const words = wordsOf(reason);
     return { level: words.level, say: words.say, todo: [reason.value, words.todo].filter(Boolean).join(' ') };
   });
   // Silence is no good news: only while it follows does nothing hold it back.
@@ -221,5 +224,6 @@ function numbers(frame) {
   const text = frame.joints?.measured && facts.joints.segments.length
     ? `The segments bend ${pairs(frame.joints.measured).map(own => degrees(Math.hypot(...own)).toFixed(0)).join(' and ')} degrees.`
     : size === null ? 'The camera sees nothing.' : `The snake bends ${size.toFixed(0)} degrees; it is off by ${frame.err_rms === null ? 'an unknown angle' : `${degrees(frame.err_rms).toFixed(1)} degrees`}.`;
-  if (textDue % 1000 < TEXT_EVERY_MS) $('scene').setAttribute('aria-label', `${text} Arrow keys turn the view, plus and minus zoom.`);
+  const jaw = frame.jaw ? ` Its jaw is ${frame.jaw.measured === null ? 'not measured' : `open by ${degrees(frame.jaw.measured - facts.jaw[0]).toFixed(0)} degrees`}.` : '';
+  if (textDue % 1000 < TEXT_EVERY_MS) $('scene').setAttribute('aria-label', `${text}${jaw} Arrow keys turn the view, plus and minus zoom.`);
 }

@@ -140,7 +140,8 @@ function show() {
     bars.move(joints);
     bars.write(joints);
   }
-  if (!parts.canvas.hidden) post('picture', { bend: film.bend[i], setpoint: film.setpoint[i], joints });
+  const jaw = film.jaw_wanted.length ? { measured: film.jaw[i], wanted: film.jaw_wanted[i] } : null;
+  if (!parts.canvas.hidden) post('picture', { bend: film.bend[i], setpoint: film.setpoint[i], joints, jaw });
   write(parts.time, clock(film.t_s[i]));
   write(parts.off, errors[i] === null ? '–' : bars ? `${errors[i].toFixed(2)} ${facts.unit}` : `${errors[i].toFixed(1)}°`);
   write(parts.state, film.operating[i].toLowerCase());

@@ -1,7 +1,7 @@
-// The picture of the snake, or of segments in series: floor, workspace of a snake, measured body, trail of the tip, and the commanded shape
-// as a ghost.
-import { TURN, VIEWS, arcsOf, cameraFor, circle, cross, degrees, flat, frameAt, minus, pointIn, tipOf, unit, viewNamed } from './snake.js';
-import { arrow, base, disk, tubePiece } from './solids.js';
+// The picture of the snake, or of segments in series: floor, workspace of a snake, measured body, trail of the tip, the jaw of a gripper, and
+// the commanded shape as a ghost.
+import { TURN, VIEWS, arcsOf, cameraFor, circle, cross, degrees, fingers, flat, frameAt, minus, pointIn, tipOf, unit, viewNamed } from './snake.js';
+import { arrow, base, disk, finger, tubePiece } from './solids.js';
 
 const N_DISKS = 9, PIECES = 27, TUBE = 0.38, FLOOR = -2.45;
 /// Where the camera looks at a snake of this length, mm; a longer machine is seen from as much further away.
@@ -51,7 +51,8 @@ export class Scene {
     this.g.clearRect(0, 0, this.canvas.width, this.canvas.height);
   }
 
-  draw({ bends, wanted, machine, colours, isLimited }) {
+  /// `jaw` is how far a gripper is and shall be open, rad, null where that is not known; none for a machine without one.
+  draw({ bends, wanted, jaw, machine, colours, isLimited }) {
     const { width, height, ratio } = this.size, g = this.g;
     if (!width || !height) return;
     this.approach();
@@ -69,10 +70,10 @@ export class Scene {
     if (!isBehind) this.floor(camera, colours, size);
     workspace(false);
     if (!isBehind) base(g, camera, { low: flat(FLOOR), top: flat(-0.25), low_radius: 3.6, top_radius: 3.1 }, colours.base, colours.deep, colours.metal);
-    if (bends) this.body(camera, bends, machine, colours);
+    if (bends) this.body(camera, bends, jaw?.measured ?? null, machine, colours);
     workspace(true);
     this.path(camera, colours);
-    if (wanted) this.wanted(camera, wanted, bends, machine, colours);
+    if (wanted) this.wanted(camera, wanted, bends, jaw?.wanted ?? null, machine, colours);
     if (bends) {
       const tip = tipOf(bends, machine);
       arrow(g, camera, tip, tip.x, colours.axisX, 'x');
@@ -134,9 +135,12 @@ export class Scene {
     halfRing(machine.maxBend, isLimited ? colours.warn : colours.edge, isLimited ? 3.2 : 2.2, isLimited ? 1 : 0.65);
   }
 
-  body(camera, bends, machine, colours) {
+  body(camera, bends, opening, machine, colours) {
     const solids = [];
     arcsOf(bends, machine).forEach((frameOf, j) => this.segment(camera, frameOf, machine.segments[j], colours, solids));
+    if (opening !== null) {
+      for (const points of fingers(tipOf(bends, machine), opening)) solids.push(...finger(this.g, points.map(camera.project), colours.metal, colours.deep));
+    }
     solids.sort((a, b) => b.depth - a.depth);
     for (const solid of solids) solid.paint();
   }
@@ -171,12 +175,14 @@ export class Scene {
   }
 
   /// The commanded shape: a ring where the tip shall be, and the outline of the body as far as it differs.
-  wanted(camera, wanted, bends, machine, colours) {
+  wanted(camera, wanted, bends, opening, machine, colours) {
     const off = bends ? degrees(Math.max(...bends.map((bend, j) => Math.hypot(bend[0] - wanted[j][0], bend[1] - wanted[j][1])))) : Infinity;
     const shown = Math.min(1, Math.max(0, (off - GHOST_FROM) / GHOST_OVER));
     this.ghost += (shown - this.ghost) * 0.12;
     arcsOf(wanted, machine).forEach((frameOf, j) => this.outline(camera, frameOf, machine.segments[j].pitch + 0.56, colours));
-    this.stroke(camera, circle(tipOf(wanted, machine), machine.segments.at(-1).pitch + 1.06), colours.ghost, 3, 0.95);
+    const tip = tipOf(wanted, machine);
+    this.stroke(camera, circle(tip, machine.segments.at(-1).pitch + 1.06), colours.ghost, 3, 0.95);
+    if (opening !== null) for (const points of fingers(tip, opening)) this.stroke(camera, points, colours.ghost, 2.4, 0.95);
   }
 
   outline(camera, frameOf, radius, colours) {

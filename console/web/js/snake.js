@@ -73,6 +73,18 @@ export function circle(frame, radius, { from = 0, to = TURN, z = 0, n = 40 } = {
   });
 }
 
+/// Length of a finger of the jaw, mm, and of each from the middle. A model has the jaw's angle; its size, and the plane in which it
+/// opens, which is that of the tip's x here, are made up, and the page says so.
+export const FINGER = 5, FINGER_ASIDE = 0.7;
+
+/// Both fingers of a jaw at a frame, each as points from its root to its end; `opening` is the angle between them, rad.
+export function fingers(frame, opening) {
+  return [-1, 1].map(side => [0, 1 / 3, 2 / 3, 1].map(part => {
+    const along = FINGER * part;
+    return pointIn(frame, side * (FINGER_ASIDE + along * Math.sin(opening / 2)), 0, 0.45 + along * Math.cos(opening / 2));
+  }));
+}
+
 /// Views by name. `camera` looks along the straight snake, as the frame `view` does: x right, y down.
 export const VIEWS = {
   oblique: { azimuth: -0.62, elevation: 0.30, distance: 85 },

@@ -52,6 +52,9 @@ export function tubePiece(g, a, b, radius, colour, deep) {
   } };
 }
 
+/// A finger of a jaw along projected points, thinner towards its end.
+export const finger = (g, points, colour, deep) => points.slice(1).map((point, i) => tubePiece(g, points[i], point, 0.62 - 0.14 * i, colour, deep));
+
 /// A disk across a frame.
 export function disk(g, camera, frame, radius, thickness, colour, deep) {
   return { depth: camera.project(frame.centre)[2], paint: () => {

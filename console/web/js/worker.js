@@ -81,7 +81,7 @@ function paint() {
   lastShape = frame;
   isBlank = false;
   if (isShown && colours && facts) {
-    if (machine) scene?.draw({ ...shapeOf(frame), machine, colours, isLimited: frame.shown === 'limited' });
+    if (machine) scene?.draw({ ...shapeOf(frame), jaw: opened(frame.jaw), machine, colours, isLimited: frame.shown === 'limited' });
     strip?.draw(frame.t_ms, frame.sigma ? Math.SQRT2 * degrees(frame.sigma) : 0, colours, { unit: facts.unit === 'mm' ? '' : '°', least: facts.joints ? 0.1 : 1.1 });
   }
   // Glass latency: from the stamp of the state in shared memory to here, where its picture is painted.
@@ -90,10 +90,17 @@ function paint() {
   tell('frame', { frame, age, glass, isPainted });
 }
 
+/// How far a jaw is and shall be open: the angle from where it is closed.
+function opened(jaw) {
+  if (!jaw || !facts.jaw) return null;
+  const from = value => value === null ? null : Math.max(0, value - facts.jaw[0]);
+  return { measured: from(jaw.measured), wanted: from(jaw.wanted) };
+}
+
 /// A picture of a recording: painted when it changes, and by nothing that is live.
 function paintReplay() {
   if (!replay || !recorded || !machine || !colours) return;
-  replay.draw({ ...shapeOf(recorded), machine, colours, isLimited: false });
+  replay.draw({ ...shapeOf(recorded), jaw: opened(recorded.jaw), machine, colours, isLimited: false });
 }
 
 onmessage = ({ data }) => {
@@ -132,7 +139,7 @@ onmessage = ({ data }) => {
     case 'hand':
       // The page's instant on the server's clock; where the way is blocked nothing queues up.
       if (socket?.readyState === WebSocket.OPEN && offset !== null && socket.bufferedAmount === 0) {
-        socket.send(JSON.stringify({ k: 'pad', n: data.n, held: data.held, x: data.x, y: data.y, session, at_ms: data.at - performance.timeOrigin + offset }));
+        socket.send(JSON.stringify({ k: 'pad', n: data.n, held: data.held, x: data.x, y: data.y, jaw: data.jaw, session, at_ms: data.at - performance.timeOrigin + offset }));
       }
       break;
     case 'connect': connect(); setInterval(ping, PING_EVERY_MS); requestAnimationFrame(paint); break;

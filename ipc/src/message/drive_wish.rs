@@ -18,17 +18,21 @@ pub struct DriveWish {
     pub frame: u64,
     /// Process id of the console.
     pub sender_pid: u32,
-    /// Bit of [`DriveWish::HELD`].
+    /// Bits of [`DriveWish::HELD`], [`DriveWish::JAW_OPENS`], [`DriveWish::JAW_CLOSES`].
     pub flags: u32,
     /// Deflection along x (right) and y (down) of the `view` frame, thousandths of the full one, [`DriveWish::FULL_PERMILLE`].
     pub deflection_permille: [i32; 2],
 }
 
-message!(DriveWish, "drive_wish", 1, super::RARE);
+message!(DriveWish, "drive_wish", 2, super::RARE);
 
 impl DriveWish {
     /// Flag: the pad is held. Nothing moves without it.
     pub const HELD: u32 = 1;
+    /// Flag: the jaw of a gripper shall open while the pad is held; with [`DriveWish::JAW_CLOSES`] beside it, it stays.
+    pub const JAW_OPENS: u32 = 2;
+    /// Flag: the jaw of a gripper shall close while the pad is held.
+    pub const JAW_CLOSES: u32 = 4;
     /// How long a held pad counts, ns from the instant that the wish is about.
     pub const LEASE_NS: i64 = 150_000_000;
     /// A full deflection, thousandths.
@@ -39,9 +43,15 @@ impl DriveWish {
         self.flags & Self::HELD != 0
     }
 
+    /// Whether the jaw shall open, and whether it shall close.
+    pub fn jaw(&self) -> [bool; 2] {
+        [Self::JAW_OPENS, Self::JAW_CLOSES].map(|flag| self.flags & flag != 0)
+    }
+
     /// Whether it says what a pad can say.
     pub fn is_valid(&self) -> bool {
         let is_within = |permille: i32| (-Self::FULL_PERMILLE..=Self::FULL_PERMILLE).contains(&permille);
-        self.flags & !Self::HELD == 0 && self.deflection_permille.into_iter().all(is_within)
+        self.flags & !(Self::HELD | Self::JAW_OPENS | Self::JAW_CLOSES) == 0
+            && self.deflection_permille.into_iter().all(is_within)
     }
 }

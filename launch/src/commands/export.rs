@@ -37,7 +37,8 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<ExitCode> {
             args.recording.display()
         );
     }
-    let units = (columns.n_joints > 0).then(|| units_of(&parts[0])).transpose();
+    let columns = if args.jaw { jaw_of(columns, &args.recording)? } else { columns };
+    let units = (columns.n_joints > 0 && !args.jaw).then(|| units_of(&parts[0])).transpose();
     let units = units.with_context(|| format!("recording {}", args.recording.display()))?;
     write(args.format, &columns, units.as_ref(), &args.out)?;
     let exported = Exported {
@@ -55,6 +56,19 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<ExitCode> {
         print::out(&exported.text())?
     }
     Ok(if exported.missing.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// The jaw alone.
+fn jaw_of(columns: Columns, recording: &Path) -> anyhow::Result<Columns> {
+    let none = || format!("{} holds no jaw: its machine has no gripper; leave --jaw out", recording.display());
+    let jaw = columns.of_jaw().with_context(none)?;
+    if jaw.n_shapes == 0 {
+        bail!(
+            "{} holds no measured angle of the jaw, and the lab needs one: its camera saw none; leave --jaw out",
+            recording.display()
+        );
+    }
+    Ok(jaw)
 }
 
 /// A file whose name promises another format would be opened by a program that cannot read it.

@@ -191,4 +191,11 @@ fn the_wire_and_the_jaw_of_a_gripper_have_columns_of_their_own_and_the_lines_sta
         "time_s,q1_m,q2_m,q3_m,bend_x_rad,bend_y_rad,sigma_bend_rad,jaw_wire_m,jaw_wire_n,jaw_rad,trial"
     );
     assert!(lines[2].ends_with(",0.007,0.002,-2,0.5,1") && lines[1].ends_with(",,0.001,-2,,1"), "{text}");
+    let jaw = found.of_jaw().expect("a gripper");
+    assert_eq!((jaw.n_rows(), jaw.n_joints, jaw.n_shapes), (3, 1, 1));
+    let mut bytes = Vec::new();
+    write_csv(&jaw, None, &mut bytes).expect("a Vec grows");
+    let text = String::from_utf8(bytes).expect("text");
+    assert_eq!(text, "time_s,u1_m,y1_rad,tau1_n,trial\n0,0.001,,-2,1\n0.001,0.002,0.5,-2,1\n0.002,0.003,,-2,1\n");
+    assert_eq!(columns(&homed(3)).of_jaw(), None, "a snake without a gripper");
 }
