@@ -75,6 +75,12 @@ pub struct MasterArgs {
     /// Locks to begin with, bits of an input's flags; likewise.
     #[arg(long, hide = true, default_value_t = 0)]
     pub locks: u32,
+    /// A master of this chain was lost before: what that has recorded of the hand stays as it is; likewise.
+    #[arg(long, hide = true)]
+    pub started_again: bool,
+    /// The user of the live device has given it back: take none; likewise.
+    #[arg(long, hide = true)]
+    pub given_back: bool,
     /// Also write every raw report to this file, to be replayed later.
     #[arg(long, value_name = "FILE")]
     pub record_reports: Option<PathBuf>,

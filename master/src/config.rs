@@ -49,6 +49,8 @@ settings! {
         /// Node of the kernel's input system that is the profile's device, as in `/dev/input/by-id/...-event-mouse`; none by default:
         /// the one that the profile names.
         node: Option<PathBuf> = None;
+        /// Socket of spacenavd, as in "/run/spnav.sock" (docs/hands.md), through which the device is then read; none by default.
+        spacenavd: Option<PathBuf> = None;
         /// The hand that a pose sender follows (`--master pose`).
         pose: PoseConfig = PoseConfig::default();
         /// Whether a recording or a script begins only when the slave is enabled and homed.
@@ -78,6 +80,13 @@ impl MasterConfig {
         }
         if let (Some(node), None) = (&self.node, &self.profile) {
             return Err(refusal("node", node.display(), "a `profile` that says what is what on it"));
+        }
+        if let (Some(socket), Some(_)) = (&self.spacenavd, &self.profile) {
+            return Err(refusal(
+                "spacenavd",
+                socket.display(),
+                "no `profile` beside it: the daemon says itself what is what",
+            ));
         }
         self.check_buttons()
     }
@@ -150,6 +159,9 @@ mod tests {
             refused(|c| c.node = Some("/dev/input/event3".into()))
                 .contains("node = /dev/input/event3: expected a `prof")
         );
+        let both =
+            |c: &mut MasterConfig| (c.spacenavd, c.profile) = (Some("/run/spnav.sock".into()), Some("mouse".into()));
+        assert!(refused(both).contains("spacenavd = /run/spnav.sock: expected no `profile`"));
         assert!(refused(|c| c.clutch = HoldButton::Hold(0)).contains("another button"));
     }
 

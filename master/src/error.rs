@@ -162,6 +162,17 @@ pub enum MasterError {
         /// What is wrong with which axis.
         found: String,
     },
+    /// spacenavd cannot be heard.
+    #[error(
+        "spacenavd cannot be heard at {}: {source}; start it (`sudo systemctl start spacenavd`), name its socket in `spacenavd` of [master], or leave that out to read the device without it",
+        path.display()
+    )]
+    Spacenavd {
+        /// Its socket.
+        path: PathBuf,
+        /// What the kernel said.
+        source: std::io::Error,
+    },
     /// No such device is plugged in.
     #[error(
         "no hand controller was found: looked for {looked_for}, the HID devices here are {present}; plug it in, or name yours in the setting `device` as \"vid:pid\""

@@ -168,7 +168,7 @@ impl HidHost for EvdevHost {
     fn open(&mut self, _choice: &DeviceChoice) -> Result<OpenPort, MasterError> {
         let device = self.chosen(&inputs())?;
         let refused = |source: Error| refusal(&device, source);
-        let file = open(&device.node, self.profile.light.is_some()).map_err(refused)?;
+        let file = open(&device.node, !self.profile.lights.is_empty()).map_err(refused)?;
         // While it is open its node keeps its name: is it still the same device?
         let again = inputs().into_iter().find(|now| now.node == device.node);
         if again.is_none_or(|now| (now.vendor_id, now.product_id) != (device.vendor_id, device.product_id)) {
@@ -184,7 +184,7 @@ impl HidHost for EvdevHost {
             found,
         })?;
         let vid_pid = (device.vendor_id, device.product_id);
-        Ok(OpenPort { port: Box::new(EvdevPort::new(file, decoder, self.profile.light)), vid_pid })
+        Ok(OpenPort { port: Box::new(EvdevPort::new(file, decoder, &self.profile.lights)), vid_pid })
     }
 }
 

@@ -1,4 +1,4 @@
-//! The questions that only the kernel's input system answers, and nothing else: an axis, the keys that are down, to be the only reader.
+//! The questions that only the kernel's input system answers, and nothing else: an axis, the keys that are down, the lights that are on, to be the only reader.
 
 #![allow(unsafe_code, reason = "an ioctl is a call of the kernel with a pointer")]
 
@@ -18,6 +18,11 @@ const KEYS_BYTES: usize = KEY_MAX as usize / 8 + 1;
 /// `EVIOCGKEY(KEYS_BYTES)`: `_IOC(_IOC_READ, 'E', 0x18, KEYS_BYTES)`.
 const KEYS_DOWN: u32 = 0x8000_4518 | (KEYS_BYTES as u32) << 16;
 
+/// Bits of the kernel's list of lights, of which it writes as many bytes as it has.
+pub(crate) type Lit = u64;
+/// `EVIOCGLED(8)`: `_IOC(_IOC_READ, 'E', 0x19, 8)`.
+const LIT: u32 = 0x8000_4519 | (size_of::<Lit>() as u32) << 16;
+
 /// What an open device says of itself when it is asked, and its lights.
 pub(crate) trait InputState {
     /// An absolute axis; zeros for one that the device does not have.
@@ -25,6 +30,9 @@ pub(crate) trait InputState {
 
     /// Its keys and buttons that are down. What it has told of keys and was not read yet is then gone.
     fn keys_down(&self) -> Result<KeysDown>;
+
+    /// Its lights that are on, a bit each.
+    fn lit(&self) -> Result<Lit>;
 
     /// Switches a light on or off; one that it does not have stays dark.
     fn set_light(&self, code: u16, is_on: bool) -> Result<()>;
@@ -76,6 +84,14 @@ impl InputState for File {
         if answer < 0 { Err(Error::last_os_error()) } else { Ok(KeysDown(bytes)) }
     }
 
+    fn lit(&self) -> Result<Lit> {
+        let mut bytes = [0; size_of::<Lit>()];
+        // SAFETY: the descriptor is open for as long as the borrow, and the kernel writes at most as many bytes as the request's own
+        // bits say, for which there is room.
+        let answer = unsafe { libc::ioctl(self.as_fd().as_raw_fd(), LIT as _, bytes.as_mut_ptr()) };
+        if answer < 0 { Err(Error::last_os_error()) } else { Ok(Lit::from_ne_bytes(bytes)) }
+    }
+
     fn set_light(&self, code: u16, is_on: bool) -> Result<()> {
         let events = [InputEvent::to_kernel(EV_LED, code, is_on.into()), InputEvent::to_kernel(EV_SYN, SYN_REPORT, 0)];
         let mut file = self;
@@ -102,6 +118,10 @@ impl<A: Fn(u16) -> AxisInfo, K: Fn() -> Vec<u16>> InputState for Answers<A, K> {
 
     fn keys_down(&self) -> Result<KeysDown> {
         Ok(self.1().into_iter().collect())
+    }
+
+    fn lit(&self) -> Result<Lit> {
+        Ok(0)
     }
 
     fn set_light(&self, _: u16, _: bool) -> Result<()> {

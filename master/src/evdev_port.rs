@@ -4,10 +4,11 @@
 //! is there, it repeats where the axes are: the silence that follows then means what it means for every other hand. A way ends by
 //! silence, so that a mouse that is held still holds still.
 
-use crate::evdev_decoder::{Break, EvdevDecoder};
+use crate::evdev_decoder::{Break, EvdevDecoder, InputEvent};
 use crate::evdev_ioctl::InputState;
-use crate::evdev_reader::EventReader;
 use crate::hid::{HidPort, ReadFailure};
+use crate::lights::{LightRole, Lights};
+use crate::piece_reader::PieceReader;
 use crate::way_window::WINDOW_US;
 use crate::{HidReport, RawReport};
 use std::io::Read;
@@ -19,23 +20,37 @@ const REPEAT: Duration = Duration::from_micros(WINDOW_US as u64);
 
 /// An open device: a node of the kernel, or a test's pipe.
 pub(crate) struct EvdevPort<F> {
-    reader: EventReader<F>,
+    reader: PieceReader<F, { InputEvent::N_BYTES }>,
     decoder: EvdevDecoder,
     ready: [Option<HidReport>; 2],
-    light: Option<u16>,
+    /// Lights, and how each was before the device was taken.
+    lights: Vec<(LightRole, u16, bool)>,
 }
 
 impl<F: Read + AsFd + InputState + Send> EvdevPort<F> {
     /// A port on an open node that does not block.
-    pub(crate) fn new(file: F, mut decoder: EvdevDecoder, light: Option<u16>) -> Self {
+    pub(crate) fn new(file: F, mut decoder: EvdevDecoder, lights: &[(LightRole, u16)]) -> Self {
         let ready = [decoder.on_silence(), None];
-        Self { reader: EventReader::new(file), decoder, ready, light }
+        // Of a device that does not say it, they go out at the end.
+        let lit = if lights.is_empty() { None } else { file.lit().ok() };
+        let lights = lights.iter().map(|(role, code)| (*role, *code, lit.is_some_and(|lit| lit >> code & 1 == 1)));
+        let lights = lights.collect();
+        Self { reader: PieceReader::new(file), decoder, ready, lights }
+    }
+
+    /// Switches each light; the kernel troubles the device only where that changes something.
+    fn switch(&self, is_on: impl Fn(LightRole, bool) -> bool) {
+        for (role, code, was_on) in &self.lights {
+            if let Err(error) = self.reader.file().set_light(*code, is_on(*role, *was_on)) {
+                tracing::debug!(%error, "the device did not take its light");
+            }
+        }
     }
 
     /// Goes through what was read, up to the end of a frame that has something to tell.
     fn next_frame(&mut self) -> Result<bool, ReadFailure> {
-        while let Some(event) = self.reader.next_event() {
-            match self.decoder.take(event) {
+        while let Some(bytes) = self.reader.next_piece() {
+            match self.decoder.take(InputEvent::decode(&bytes)) {
                 Ok(Some(frame)) => self.ready = [frame.motion, frame.buttons],
                 Ok(None) => {}
                 Err(Break::GivenBack) => return Err(ReadFailure::GivenBack),
@@ -79,11 +94,12 @@ impl<F: Read + AsFd + InputState + Send> HidPort for EvdevPort<F> {
         Ok(raw.as_bytes().len())
     }
 
-    fn set_light(&mut self, is_on: bool) {
-        let Some(light) = self.light else { return };
-        if let Err(error) = self.reader.file().set_light(light, is_on) {
-            tracing::debug!(%error, "the device did not take its light");
-        }
+    fn show(&mut self, lights: Lights) {
+        self.switch(|role, _| lights.is_lit(role));
+    }
+
+    fn rest_lights(&mut self) {
+        self.switch(|_, was_on| was_on);
     }
 }
 

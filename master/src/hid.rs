@@ -2,6 +2,7 @@
 
 use crate::devices::{DeviceChoice, DeviceInfo, KNOWN_DEVICES, known_device};
 use crate::hid_nodes::HidNodes;
+use crate::lights::{LightRole, Lights};
 use crate::{MasterError, RawReport};
 use hidapi::{HidApi, HidDevice, HidError};
 use std::ffi::CString;
@@ -35,8 +36,11 @@ pub(crate) trait HidPort: Send {
     /// Waits for a report and returns its length; 0 when the time is up.
     fn read(&mut self, buffer: &mut [u8; RawReport::MAX_BYTES], timeout: Duration) -> Result<usize, ReadFailure>;
 
-    /// Switches the light. A device without one stays dark; that is no failure.
-    fn set_light(&mut self, is_on: bool);
+    /// Switches the lights. A device without one stays dark; that is no failure.
+    fn show(&mut self, lights: Lights);
+
+    /// Leaves the lights as they were before the device was taken.
+    fn rest_lights(&mut self);
 }
 
 /// Where ports come from, real or a test's.
@@ -84,7 +88,18 @@ fn chosen<'a>(api: &HidApi, choice: &DeviceChoice, devices: &'a [DeviceInfo]) ->
     wanted.ok_or_else(|| no_device(choice, devices))
 }
 
-struct SystemPort(HidDevice);
+/// An open node, and whether its light is known to be on or off.
+struct SystemPort(HidDevice, Option<bool>);
+
+impl SystemPort {
+    fn set_light(&mut self, is_on: bool) {
+        if self.1.replace(is_on) != Some(is_on)
+            && let Err(error) = self.0.write(&crate::led_report(is_on))
+        {
+            tracing::debug!(%error, "the device did not take its light's report");
+        }
+    }
+}
 
 impl HidPort for SystemPort {
     fn read(&mut self, buffer: &mut [u8; RawReport::MAX_BYTES], timeout: Duration) -> Result<usize, ReadFailure> {
@@ -95,10 +110,12 @@ impl HidPort for SystemPort {
         })
     }
 
-    fn set_light(&mut self, is_on: bool) {
-        if let Err(error) = self.0.write(&crate::led_report(is_on)) {
-            tracing::debug!(%error, "the device did not take its light's report");
-        }
+    fn show(&mut self, lights: Lights) {
+        self.set_light(lights.is_lit(LightRole::All));
+    }
+
+    fn rest_lights(&mut self) {
+        self.set_light(false);
     }
 }
 
@@ -111,7 +128,7 @@ fn open_node(api: &HidApi, choice: &DeviceChoice, node: &DeviceInfo) -> Result<B
     if !choice.admits(vendor_id, product_id, &serial) {
         return Err(no_device(choice, &list_hid()?));
     }
-    Ok(Box::new(SystemPort(port)))
+    Ok(Box::new(SystemPort(port, None)))
 }
 
 /// Whether two nodes cannot be told apart by vendor, product and serial number.

@@ -2,6 +2,7 @@
 //! vendor and product, and only the first push of the cap shows which of them is the hand.
 
 use crate::hid::{HidPort, ReadFailure};
+use crate::lights::Lights;
 use crate::{HidReport, RawReport};
 use std::time::Duration;
 
@@ -21,7 +22,7 @@ impl HidNodes {
     /// Closes every other node.
     fn keep(&mut self, hand_idx: usize) {
         let hand = self.0.swap_remove(hand_idx);
-        self.set_light(false);
+        self.rest_lights();
         self.0 = vec![hand];
     }
 }
@@ -46,8 +47,12 @@ impl HidPort for HidNodes {
         Ok(0)
     }
 
-    fn set_light(&mut self, is_on: bool) {
-        self.0.iter_mut().for_each(|node| node.set_light(is_on));
+    fn show(&mut self, lights: Lights) {
+        self.0.iter_mut().for_each(|node| node.show(lights));
+    }
+
+    fn rest_lights(&mut self) {
+        self.0.iter_mut().for_each(|node| node.rest_lights());
     }
 }
 
@@ -59,6 +64,7 @@ fn is_of_a_hand(bytes: &[u8]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lights::LightRole;
     use std::collections::VecDeque;
     use std::sync::{Arc, Mutex};
 
@@ -81,8 +87,12 @@ mod tests {
             Ok(report.len())
         }
 
-        fn set_light(&mut self, is_on: bool) {
-            self.0.lock().expect("node").is_lit = is_on;
+        fn show(&mut self, lights: Lights) {
+            self.0.lock().expect("node").is_lit = lights.is_lit(LightRole::All);
+        }
+
+        fn rest_lights(&mut self) {
+            self.0.lock().expect("node").is_lit = false;
         }
     }
 
@@ -104,7 +114,7 @@ mod tests {
     #[test]
     fn the_node_that_speaks_as_a_hand_is_kept_and_the_others_are_left_alone() {
         let (nodes, mut port) = nodes([&[], &[&[3, 1, 0], &[3, 0, 0]], &[]]);
-        port.set_light(true);
+        port.show(Lights::default());
         assert_eq!(read(&mut port), [3, 1, 0]);
         let lit = nodes.each_ref().map(|node| node.lock().expect("node").is_lit);
         assert_eq!(lit, [false, true, false]);

@@ -3,12 +3,15 @@
 
 use crate::evdev_host::EvdevHost;
 use crate::hid::{HidHost, HidPort, OpenPort, ReadFailure, SystemHost};
+use crate::lights::Lights;
 use crate::source::sleep_until;
+use crate::spacenavd::SpacenavHost;
 use crate::{DeviceChoice, MasterError, Profile, RawReport, ReportSource, SourceEvent};
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, TrySendError, bounded};
 use krait_ipc::clock;
+use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -36,6 +39,8 @@ struct Shared {
     n_drained: AtomicU64,
     // An unplugging or plugging in went with the oldest events.
     missed_plug: AtomicBool,
+    /// [`Lights::bits`] that the device shall show.
+    lights: AtomicU8,
 }
 
 impl HidSource {
@@ -57,10 +62,18 @@ impl HidSource {
         Self::open_on(Box::new(EvdevHost { profile }), &DeviceChoice::Any, SEARCH_PAUSE)
     }
 
+    /// The same for the hand behind spacenavd, which listens at a path.
+    ///
+    /// # Errors
+    /// [`MasterError::Spacenavd`] or [`MasterError::Thread`].
+    pub fn open_spacenavd(socket: &Path) -> Result<Self, MasterError> {
+        Self::open_on(Box::new(SpacenavHost { socket: socket.to_owned() }), &DeviceChoice::Any, SEARCH_PAUSE)
+    }
+
     fn open_on(mut host: Box<dyn HidHost>, choice: &DeviceChoice, pause: Duration) -> Result<Self, MasterError> {
         let opened = host.open(choice)?;
         let (sender, events) = bounded(QUEUE);
-        let shared = Arc::new(Shared::default());
+        let shared = Arc::new(Shared { lights: Lights::default().bits().into(), ..Shared::default() });
         let vid_pid = opened.vid_pid;
         let choice = choice.clone();
         let reader =
@@ -102,6 +115,10 @@ impl ReportSource for HidSource {
     fn vid_pid(&self) -> Option<(u16, u16)> {
         Some(self.vid_pid)
     }
+
+    fn show(&mut self, lights: Lights) {
+        self.shared.lights.store(lights.bits(), Ordering::Relaxed);
+    }
 }
 
 impl Drop for HidSource {
@@ -128,20 +145,19 @@ impl Reader {
         loop {
             let is_given_back = self.read_until_gone(opened.port.as_mut());
             if self.is_stopped() {
-                opened.port.set_light(false);
+                opened.port.rest_lights();
                 return;
             }
-            self.push(SourceEvent::Unplugged);
             if is_given_back {
-                opened.port.set_light(false);
-            }
-            drop(opened);
-            if is_given_back {
+                self.push(SourceEvent::GivenBack);
+                opened.port.rest_lights();
                 tracing::warn!(
                     "the hand controller was given back by its key; nothing moves, and it is taken again only by another start"
                 );
                 return;
             }
+            self.push(SourceEvent::Unplugged);
+            drop(opened);
             match self.search() {
                 Some(found) => opened = found,
                 None => return,
@@ -152,9 +168,13 @@ impl Reader {
 
     /// True if the device's user has given it back.
     fn read_until_gone(&self, port: &mut dyn HidPort) -> bool {
-        port.set_light(true);
         let mut buffer = [0_u8; RawReport::MAX_BYTES];
+        let mut shown = None;
         while !self.is_stopped() {
+            let lights = Lights::from_bits(self.shared.lights.load(Ordering::Relaxed));
+            if shown.replace(lights) != Some(lights) {
+                port.show(lights);
+            }
             match port.read(&mut buffer, READ_TIMEOUT) {
                 Ok(0) | Err(ReadFailure::Interrupted) => {}
                 Ok(n_bytes) => {

@@ -1,12 +1,12 @@
 //! What an input device says from moment to moment, in its own counts and by the kernel's names: to look at it, and to calibrate it.
 
 use crate::axis_scale::PlaceScale;
-use crate::evdev_decoder::{AxisInfo, EV_ABS, EV_KEY, EV_REL, EV_SYN, SYN_DROPPED};
+use crate::evdev_decoder::{AxisInfo, EV_ABS, EV_KEY, EV_REL, EV_SYN, InputEvent, SYN_DROPPED};
 use crate::evdev_host::{input_at, open, refusal};
 use crate::evdev_ioctl::{InputState, grab};
 use crate::evdev_names::{axis_name, button_name, way_name};
-use crate::evdev_reader::EventReader;
 use crate::hid::ReadFailure;
+use crate::piece_reader::PieceReader;
 use crate::way_window::WayWindow;
 use crate::{AxisFrom, InputDevice, MasterError, ProfileAxis};
 use std::fs::File;
@@ -62,7 +62,7 @@ pub enum InputChange {
 /// An input device that is watched: a node of the kernel, or a pipe or file that holds what a node tells.
 #[derive(Debug)]
 pub struct InputWatch {
-    reader: EventReader<File>,
+    reader: PieceReader<File, { InputEvent::N_BYTES }>,
     node: PathBuf,
     device: Option<InputDevice>,
     axes: Vec<WatchedAxis>,
@@ -97,7 +97,7 @@ impl InputWatch {
             }
         }
         let ways = device.iter().flat_map(|device| &device.ways).map(|&code| WatchedWay { code, counts: 0 }).collect();
-        let (reader, node) = (EventReader::new(file), node.to_owned());
+        let (reader, node) = (PieceReader::new(file), node.to_owned());
         Ok(Self { reader, node, device, axes, ways, window: WayWindow::default(), pressed: Vec::new() })
     }
 
@@ -156,7 +156,8 @@ impl InputWatch {
             Err(ReadFailure::Gone(_)) => return Ok(false),
             Err(_) => return Ok(true),
         }
-        while let Some(event) = self.reader.next_event() {
+        while let Some(bytes) = self.reader.next_piece() {
+            let event = InputEvent::decode(&bytes);
             self.window.advance(event.stamp_us);
             match (event.kind, event.code) {
                 (EV_SYN, SYN_DROPPED) => return Err(self.lost("the kernel has dropped events".to_owned())),

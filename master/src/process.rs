@@ -1,5 +1,6 @@
 //! The master's loop: wait, ask the source, publish at the tick and at once after a report. It decides nothing.
 
+use crate::feedback::Feedback;
 use crate::report_log::ReportLog;
 use crate::ticker::Ticker;
 use crate::{
@@ -27,6 +28,7 @@ pub fn run(bus: &Bus, config: &MasterConfig, source: SourceChoice, stop: &Atomic
     let waits_for_slave = config.start_when_ready && source.has_beginning();
     let slave = if waits_for_slave { Some(bus.reader(ReadOptions::glancing())?) } else { None };
     let engaged = if config.engage == Engage::Again { Some(bus.reader(ReadOptions::glancing())?) } else { None };
+    let feedback = if matches!(source, SourceChoice::Hid) { Some(Feedback::open(bus, config.rate_hz)?) } else { None };
     let source = source.open(bus, config)?;
     let log = match &config.record_reports {
         Some(path) => Some(ReportLog::create(path, source.vid_pid().unwrap_or_default(), source.layout())?),
@@ -51,6 +53,7 @@ pub fn run(bus: &Bus, config: &MasterConfig, source: SourceChoice, stop: &Atomic
         device_ns,
         has_log_dropped,
         told_refusals,
+        feedback,
     };
     master.run(config.period_ns(), stop)
 }
@@ -75,6 +78,8 @@ struct Master {
     has_log_dropped: bool,
     // Kinds of refused packets that were told of, a bit each.
     told_refusals: u32,
+    // Present if the source is a live device, which may have lights.
+    feedback: Option<Feedback>,
 }
 
 impl Master {
@@ -90,9 +95,11 @@ impl Master {
             let now_ns = clock::monotonic_ns();
             self.begin_when_ready(now_ns)?;
             self.take_events(now_ns)?;
+            let n_before = ticker.n_ticks();
             if ticker.is_due(now_ns, self.device_ns.is_some()) {
                 self.publish(now_ns)?;
                 self.health.publish_if_due(now_ns)?;
+                self.show(ticker.n_ticks() - n_before)?;
             }
         }
         let (n_sent, counts) = (self.inputs.n_sent(), *self.core.counts());
@@ -101,6 +108,15 @@ impl Master {
             tracing::warn!(n_packets, "in all: {}", refusal.sentence());
         }
         self.health.publish(clock::monotonic_ns())?;
+        Ok(())
+    }
+
+    fn show(&mut self, n_ticks: u64) -> Result<(), MasterError> {
+        if let Some(feedback) = &mut self.feedback
+            && let Some(lights) = feedback.on_ticks(n_ticks)?
+        {
+            self.source.show(lights);
+        }
         Ok(())
     }
 
@@ -138,6 +154,7 @@ impl Master {
                 SourceEvent::Drained(n_reports) => self.core.on_drained(n_reports),
                 SourceEvent::Unplugged => self.core.on_unplugged(),
                 SourceEvent::Plugged => self.core.on_plugged(),
+                SourceEvent::GivenBack => self.core.on_given_back(),
                 SourceEvent::Restarted => self.core.on_restarted(),
                 SourceEvent::Ended => self.core.on_ended(),
             }

@@ -27,7 +27,7 @@ use crate::evdev_names::{button_code, button_name, light_code};
 use crate::profile_axis::{ReadAxis, Wrong, wrong};
 use crate::recording::read_bounded;
 use crate::recording_lines::parse_vid_pid;
-use crate::{AxisFrom, MasterError, ProfileAxis};
+use crate::{AxisFrom, LightRole, MasterError, ProfileAxis};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
@@ -49,8 +49,8 @@ pub struct Profile {
     pub buttons: Vec<ProfileButton>,
     /// The key, by the kernel's number, that ends the motion and gives the device back to the rest of the machine.
     pub release: Option<u16>,
-    /// The light, by the kernel's number, that is on while krait has the device; one that the device does not have stays dark.
-    pub light: Option<u16>,
+    /// What lights, by the kernel's numbers, are for while krait has the device; one that the device does not have stays dark.
+    pub lights: Vec<(LightRole, u16)>,
 }
 
 /// Which device a profile is of. A keyboard is one only if somebody names it.
@@ -157,12 +157,10 @@ impl Profile {
                 return Err(refuse("the head".to_owned(), "either id or path of the device", found.to_owned()));
             }
         };
-        let light = read.light.as_deref().map(|name| {
-            let expected = "a light of the kernel as in \"LED_SCROLLL\"";
-            light_code(name).ok_or_else(|| refuse("key light".to_owned(), expected, format!("{name:?}")))
-        });
-        let light = light.transpose()?;
-        let mut profile = Self { name: read.name, device, axes: Vec::new(), buttons: Vec::new(), release: None, light };
+        let lights = read.lights();
+        let lights = lights.map_err(|(key, expected, found)| refuse(format!("key {key}"), expected, found))?;
+        let mut profile =
+            Self { name: read.name, device, axes: Vec::new(), buttons: Vec::new(), release: None, lights };
         for (idx, axis) in read.axis.iter().enumerate() {
             let checked = axis.checked(&profile.axes);
             let checked = checked
@@ -254,9 +252,42 @@ struct Read {
     release: Option<String>,
     light: Option<String>,
     #[serde(default)]
+    lights: ReadLights,
+    #[serde(default)]
     axis: Vec<ReadAxis>,
     #[serde(default)]
     button: Vec<ReadButton>,
+}
+
+impl Read {
+    fn lights(&self) -> Result<Vec<(LightRole, u16)>, Wrong> {
+        let ReadLights { engaged, limit, fault } = &self.lights;
+        let named = [
+            ("light", LightRole::All, &self.light),
+            ("lights.engaged", LightRole::Engaged, engaged),
+            ("lights.limit", LightRole::Limit, limit),
+            ("lights.fault", LightRole::Fault, fault),
+        ];
+        let mut lights: Vec<(LightRole, u16)> = Vec::new();
+        for (key, role, name) in named {
+            let Some(name) = name else { continue };
+            let code = light_code(name);
+            let code = code.ok_or_else(|| wrong(key, "a light of the kernel as in \"LED_SCROLLL\"", name))?;
+            if lights.iter().any(|(_, other)| *other == code) {
+                return Err(wrong(key, "each light of the device at most once", name));
+            }
+            lights.push((role, code));
+        }
+        Ok(lights)
+    }
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ReadLights {
+    engaged: Option<String>,
+    limit: Option<String>,
+    fault: Option<String>,
 }
 
 #[derive(Deserialize)]
@@ -392,6 +423,17 @@ mod tests {
             ("release = \"KEY_ESC\"\n", "", "key release: expected a key that gives the keyboard back"),
             ("\"KEY_ESC\"", "\"KEY_W\"", "key release: expected a key that is no axis and no button"),
             ("release", "light = \"LED_SCROLL\"\nrelease", "key light: expected a light of the kernel"),
+            (
+                "release",
+                "lights = { limit = \"LED_CAPS\" }\nrelease",
+                "key lights.limit: expected a light of the kernel",
+            ),
+            (
+                "release",
+                "light = \"LED_MUTE\"\nlights = { fault = \"LED_MUTE\" }\nrelease",
+                "key lights.fault: expected each light",
+            ),
+            ("release", "lights = { taken = \"LED_MUTE\" }\nrelease", "line 3"),
             ("\"KEY_ESC\"", "\"ESCAPE\"", "key release: expected a key of the kernel"),
         ] {
             refused(KEYS, from, to, words);

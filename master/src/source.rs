@@ -1,6 +1,8 @@
 //! Where reports come from: one small trait for the live device, a recording and a script, so that the process loop knows
 //! none of them.
 
+use crate::given_back_source::GivenBackSource;
+use crate::lights::Lights;
 use crate::{
     BrowserSource, GuidePlan, GuideSource, HidRecording, HidSource, Layout, MasterConfig, MasterCore, MasterError,
     PoseSource, Profile, RawReport, RecordingSource, Script, ScriptSample, ScriptSource,
@@ -47,6 +49,8 @@ pub enum SourceEvent {
     Unplugged,
     /// A device is there again.
     Plugged,
+    /// The device's user has given it back by its key: it is taken again only by another start.
+    GivenBack,
     /// The recording or script begins again.
     Restarted,
     /// The recording or script is at its end.
@@ -67,6 +71,9 @@ pub trait ReportSource {
     /// Vendor and product of the device whose reports these are; `None` for a script.
     fn vid_pid(&self) -> Option<(u16, u16)>;
 
+    /// Has the device show something on its lights, if it has any; nobody waits for it.
+    fn show(&mut self, _lights: Lights) {}
+
     /// How those reports are laid out, where it is known.
     fn layout(&self) -> Option<Layout> {
         self.vid_pid().and_then(|(vendor_id, product_id)| crate::devices::layout_of(vendor_id, product_id))
@@ -78,6 +85,8 @@ pub trait ReportSource {
 pub enum SourceChoice {
     /// The live device that the configuration names.
     Hid,
+    /// None: the user of the live device has given it back, and this master was started again after that.
+    GivenBack,
     /// The drive pad of the console's pages.
     Browser,
     /// A pose sender, on the address that the configuration names.
@@ -104,14 +113,16 @@ impl SourceChoice {
     /// Opens the source.
     ///
     /// # Errors
-    /// For a live device as [`HidSource::open`] or, with a profile, [`HidSource::open_profile`], for pages as [`BrowserSource::open`], for poses as
+    /// For a live device as [`HidSource::open`] or, with a profile, [`HidSource::open_profile`], or [`HidSource::open_spacenavd`], for pages as [`BrowserSource::open`], for poses as
     /// [`PoseSource::open`]; the others cannot fail any more.
     pub fn open(self, bus: &Bus, config: &MasterConfig) -> Result<Box<dyn ReportSource>, MasterError> {
         Ok(match self {
-            Self::Hid => Box::new(match &config.profile {
-                Some(path) => HidSource::open_profile(Profile::of_device(path, config.node.as_deref())?)?,
-                None => HidSource::open(&config.device)?,
+            Self::Hid => Box::new(match (&config.profile, &config.spacenavd) {
+                (Some(path), _) => HidSource::open_profile(Profile::of_device(path, config.node.as_deref())?)?,
+                (None, Some(socket)) => HidSource::open_spacenavd(socket)?,
+                (None, None) => HidSource::open(&config.device)?,
             }),
+            Self::GivenBack => Box::new(GivenBackSource::default()),
             Self::Browser => Box::new(BrowserSource::open(bus)?),
             Self::Pose => Box::new(PoseSource::open(&config.pose)?),
             Self::Recording { recording, looping } => Box::new(RecordingSource::new(recording, looping)),
@@ -122,7 +133,7 @@ impl SourceChoice {
 
     /// Whether this source waits for a start; a live hand does not.
     pub(crate) fn has_beginning(&self) -> bool {
-        !matches!(self, Self::Hid | Self::Browser | Self::Pose)
+        !matches!(self, Self::Hid | Self::GivenBack | Self::Browser | Self::Pose)
     }
 
     /// The core that knows what this source tells.
@@ -136,7 +147,9 @@ impl SourceChoice {
             Self::Recording { recording, .. } if recording.header().layout == Some(Layout::Pose) => {
                 MasterCore::with_pose(config)
             }
-            Self::Hid | Self::Guide(_) | Self::Recording { .. } | Self::Script { .. } => MasterCore::new(config),
+            Self::Hid | Self::GivenBack | Self::Guide(_) | Self::Recording { .. } | Self::Script { .. } => {
+                MasterCore::new(config)
+            }
         }
     }
 }

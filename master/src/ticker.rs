@@ -5,18 +5,24 @@
 pub(crate) struct Ticker {
     due_ns: i64,
     period_ns: i64,
+    n_ticks: u64,
     n_skipped: u64,
     may_publish_at_once: bool,
 }
 
 impl Ticker {
     pub(crate) fn new(now_ns: i64, period_ns: i64) -> Self {
-        Self { due_ns: now_ns + period_ns, period_ns, n_skipped: 0, may_publish_at_once: true }
+        Self { due_ns: now_ns + period_ns, period_ns, n_ticks: 0, n_skipped: 0, may_publish_at_once: true }
     }
 
     /// The next instant of the grid.
     pub(crate) fn due_ns(&self) -> i64 {
         self.due_ns
+    }
+
+    /// Ticks so far, skipped ones among them.
+    pub(crate) fn n_ticks(&self) -> u64 {
+        self.n_ticks
     }
 
     /// Ticks that were skipped because the process came too late for them.
@@ -31,6 +37,7 @@ impl Ticker {
             let n_late = (now_ns - self.due_ns) / self.period_ns;
             self.due_ns += (n_late + 1) * self.period_ns;
             self.n_skipped += n_late.unsigned_abs();
+            self.n_ticks += n_late.unsigned_abs() + 1;
             self.may_publish_at_once = true;
             return true;
         }
@@ -48,7 +55,7 @@ mod tests {
         assert!(!ticker.is_due(9, false));
         assert!(ticker.is_due(10, false));
         assert!(ticker.is_due(57, false), "due at 20, and late by three whole periods");
-        assert_eq!((ticker.due_ns(), ticker.n_skipped()), (60, 3));
+        assert_eq!((ticker.due_ns(), ticker.n_skipped(), ticker.n_ticks()), (60, 3, 5));
         assert!(!ticker.is_due(59, false) && ticker.is_due(60, false), "the grid stays where it was");
     }
 

@@ -52,7 +52,10 @@ fn a_recording_is_repeated_byte_for_byte_across_the_restart_of_each_process() {
     let victims = ["resolve", "compensate", "estimate", "slave", "master"];
     let (instance, folder) = (instance_name("again"), TempFolder::new("again"));
     let path = folder.file("run.mcap");
-    let krait = Krait::start(&["run", "--engage=again", "--instance", &instance, "--recording", &path]);
+    let (config, reports) = (folder.file("krait.toml"), folder.file("hand.krr"));
+    std::fs::write(&config, format!("[master]\nrecord_reports = {reports:?}\n")).expect("written");
+    let run = ["run", "--engage=again", "--instance", &instance, "--recording", &path, "--config", &config];
+    let krait = Krait::start(&run);
     wait_for(&instance, "moving", is_moving);
     let slower = Ended::of(&["state", "--instance", &instance, "--scale", "0.8", "--lock", "rotation"], PATIENCE);
     assert_eq!(slower.code, Some(0), "{}", slower.stderr);
@@ -60,7 +63,11 @@ fn a_recording_is_repeated_byte_for_byte_across_the_restart_of_each_process() {
         lose(&instance, victim);
     }
     krait.signal(Signal::INT);
-    assert_eq!(krait.end(PATIENCE).code, Some(1), "a loss is no success");
+    let ended = krait.end(PATIENCE);
+    assert_eq!(ended.code, Some(1), "a loss is no success");
+    // The master that came back could not write on in the file of the one before, and let it be.
+    assert!(ended.stderr.contains("not recorded any more"), "{}", ended.stderr);
+    assert!(std::fs::read_to_string(&reports).expect("still there").lines().count() > 100);
 
     let verified = Ended::of(&["verify", "--json", &path], PATIENCE);
     assert_eq!(verified.code, Some(0), "{}{}", verified.stderr, verified.stdout);

@@ -27,6 +27,29 @@ fetch() {
   touch "$cache/complete"
 }
 
+# fetch_with_needs CACHE PACKAGE: a program's package with what it needs and this machine lacks, unpacked beside QEMU; false where it cannot be had.
+fetch_with_needs() {
+  local cache=$1 name=$2 packages sandbox=()
+  [ ! -e "$cache/complete-$name" ] || return 0
+  packages=$(apt-get install -s --no-install-recommends "$name" 2>"$cache/apt.log" | awk '/^Inst/ && $3 !~ /^\[/ {print $2}') || return 1
+  [ -n "$packages" ] || packages=$name
+  [ "$(id -u)" != 0 ] || sandbox=(-o APT::Sandbox::User=root)
+  rm -rf "$cache/debs" && mkdir -p "$cache/debs"
+  # shellcheck disable=SC2086 # a list of names
+  (cd "$cache/debs" && apt-get "${sandbox[@]}" download $packages >"$cache/apt.log" 2>&1) || return 1
+  for deb in "$cache"/debs/*.deb; do dpkg -x "$deb" "$cache/root"; done
+  rm -rf "$cache/debs"
+  touch "$cache/complete-$name"
+}
+
+# add_debian_program CACHE TREE PATH: a program that was unpacked, with its libraries from there or from this machine.
+add_debian_program() {
+  local root=$1/root file
+  install -D -m 755 "$root/$3" "$2/bin/$(basename "$3")"
+  { LD_LIBRARY_PATH=$root/usr/lib/x86_64-linux-gnu:$root/lib/x86_64-linux-gnu ldd "$root/$3" || true; } | { grep -o '/[^ ]*\.so[^ ]*' || true; } \
+    | while read -r file; do install -D -m 755 "$file" "$2${file#"$root"}"; done
+}
+
 # begin_tree CACHE TREE INIT: the machine's file system with its first process, which sources /prelude.
 begin_tree() {
   mkdir -p "$2"/{bin,dev,proc,sys,tmp,lib/modules,lib64}
@@ -44,6 +67,34 @@ add_program() {
   { ldd "$2" 2>/dev/null || true; } | { grep -o '/[^ ]*\.so[^ ]*' || true; } | while read -r file; do
     install -D -m 755 "$file" "$1$file"
   done
+}
+
+# add_python TREE PACKAGES SCRIPT: this machine's Python with what a script of two arguments loads before its main part, from PACKAGES and from
+# Python's own library, compiled, and a program of the script's name.
+add_python() {
+  local script=$3 name python prefix file
+  name=$(basename "$script" .py)
+  python=$(python3 -c 'import os, sys; print(os.path.realpath(sys.executable))')
+  prefix=$(python3 -c 'import sys; print(sys.base_prefix)')
+  add_program "$1" "$python"
+  install -D -m 644 "$script" "$1/python/$name.py"
+  # -S: nothing of this machine's own packages.
+  PYTHONPATH=$2:$(dirname "$script") PYTHONDONTWRITEBYTECODE=1 python3 -S -c "
+import sys, $name, can.interfaces.socketcan, encodings.idna, encodings.ascii, encodings.latin_1
+print(*{m.__file__ for m in sys.modules.values() if getattr(m, '__file__', None)}, sep='\n')" | grep -v "/$name.py\$" | while read -r file; do
+    case $file in "$2"/*) install -D -m 644 "$file" "$1/python/${file#"$2"/}" ;; *) install -D -m 644 "$file" "$1$file" ;; esac
+    case $file in *.so) { ldd "$file" 2>/dev/null || true; } | { grep -o '/[^ ]*\.so[^ ]*' || true; } | while read -r library; do
+      [ -e "$1$library" ] || install -D -m 755 "$library" "$1$library"
+    done ;; esac
+  done
+  # Packages say their version by their folder of metadata.
+  (cd "$2" && find . -path './*.dist-info/METADATA' -exec cp --parents {} "$1/python" \;)
+  mkdir -p "$1$prefix/$(python3 -c 'import sys; print("lib/python%d.%d/lib-dynload" % sys.version_info[:2])')"
+  # Without a date of their sources, which the machine's file system does not keep.
+  python3 -m compileall -q --invalidation-mode unchecked-hash "$1/python" "$1$prefix/lib"
+  printf '#!/bin/sh\nPYTHONHOME=%s PYTHONPATH=/python exec /bin/%s -S /python/%s.py "$@"\n' "$prefix" "$(basename "$python")" "$name" \
+    >"$1/bin/$name"
+  chmod 755 "$1/bin/$name"
 }
 
 # add_module CACHE TREE NAME: a kernel module, behind those that it needs.

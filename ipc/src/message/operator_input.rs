@@ -22,7 +22,7 @@ pub struct OperatorInput {
     pub raw_axes: [i16; 6],
     /// Bits of [`OperatorInput::OPERATOR_PRESENT`], [`OperatorInput::CLUTCH`], [`OperatorInput::TRANSLATION_LOCKED`],
     /// [`OperatorInput::ROTATION_LOCKED`], [`OperatorInput::FROM_PAD`], [`OperatorInput::HAND_JUMPED`], [`OperatorInput::JAW_OPENS`],
-    /// [`OperatorInput::JAW_CLOSES`].
+    /// [`OperatorInput::JAW_CLOSES`], [`OperatorInput::GIVEN_BACK`].
     pub flags: u32,
     /// The device's buttons, bit n = button n.
     pub buttons: u32,
@@ -57,6 +57,8 @@ impl OperatorInput {
     pub const JAW_OPENS: u32 = 64;
     /// Flag: it shall close; with both it stays.
     pub const JAW_CLOSES: u32 = 128;
+    /// Flag: the device's user has given it back to the rest of the machine; nobody takes it again but another start.
+    pub const GIVEN_BACK: u32 = 256;
 
     /// Whether the operator is present.
     pub fn operator_present(&self) -> bool {
@@ -77,6 +79,11 @@ impl OperatorInput {
     pub fn jaw_direction(&self) -> f64 {
         let asks = |flag| f64::from(u8::from(self.flags & flag != 0));
         asks(Self::JAW_OPENS) - asks(Self::JAW_CLOSES)
+    }
+
+    /// Whether the device was given back by its user.
+    pub fn is_given_back(&self) -> bool {
+        self.flags & Self::GIVEN_BACK != 0
     }
 
     /// The typed device state, or `None` for a value that no version of krait sends.

@@ -232,6 +232,7 @@ pub fn refuse_poses_of_real_drives(config: &Config) -> anyhow::Result<()> {
 fn run_master(bus: &Bus, config: &Config, args: &MasterArgs, stop: &AtomicBool) -> anyhow::Result<()> {
     let (input, looping) = (args.input.as_deref(), args.looped);
     let source = match (args.kind, input) {
+        (MasterKind::Hid, None) if args.given_back => SourceChoice::GivenBack,
         (MasterKind::Hid, None) => SourceChoice::Hid,
         (MasterKind::Browser, None) => {
             refuse_pad_of_real_drives(config.slave.drive.kind)?;
@@ -252,6 +253,13 @@ fn run_master(bus: &Bus, config: &Config, args: &MasterArgs, stop: &AtomicBool) 
         (MasterKind::Script, None) => bail!("a script is missing: name it with --input FILE"),
     };
     let record_reports = args.record_reports.clone().or_else(|| config.master.record_reports.clone());
+    let record_reports = record_reports.filter(|path| {
+        if args.started_again {
+            let path = path.display();
+            tracing::warn!(%path, "the hand's reports are not recorded any more, because the master was started again; the file holds those of before");
+        }
+        !args.started_again
+    });
     let engage = match args.engage {
         None => Engage::Never,
         Some(EngageKind::Once) => Engage::Once,

@@ -4,7 +4,7 @@ mod mouse_and_keyboard;
 
 use super::*;
 use crate::evdev_decoder::AxisInfo;
-use crate::evdev_ioctl::KeysDown;
+use crate::evdev_ioctl::{KeysDown, Lit};
 use crate::{Engage, HidReport, MasterConfig, MasterCore, Presence, Profile};
 use std::io::{PipeReader, PipeWriter, Write, pipe};
 use std::os::fd::BorrowedFd;
@@ -42,6 +42,10 @@ impl InputState for Node {
         Ok(self.now.lock().expect("now").1.iter().copied().collect())
     }
 
+    fn lit(&self) -> std::io::Result<Lit> {
+        Ok(1 << 0)
+    }
+
     fn set_light(&self, code: u16, is_on: bool) -> std::io::Result<()> {
         self.lights.lock().expect("lights").push((code, is_on));
         Ok(())
@@ -55,7 +59,7 @@ fn opened(profile: &Profile) -> (PipeWriter, Now, EvdevPort<Node>) {
     let now = Arc::new(Mutex::new((511, Vec::new())));
     let node = Node { pipe, now: Arc::clone(&now), lights: Arc::default() };
     let decoder = EvdevDecoder::new(profile, &node).expect("a decoder");
-    (writer, now, EvdevPort::new(node, decoder, profile.light))
+    (writer, now, EvdevPort::new(node, decoder, &profile.lights))
 }
 
 fn stick() -> (PipeWriter, EvdevPort<Node>) {

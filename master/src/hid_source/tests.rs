@@ -1,6 +1,8 @@
 //! The live device's thread against devices that signal, vanish, come back and flood.
 
 use super::*;
+use crate::LightRole;
+use crate::lights::{HandState, LightShow};
 use std::sync::mpsc;
 
 /// What a test's device does at its next read.
@@ -29,8 +31,12 @@ impl HidPort for FakePort {
         }
     }
 
-    fn set_light(&mut self, is_on: bool) {
-        self.1.store(u64::from(is_on), Ordering::SeqCst);
+    fn show(&mut self, lights: Lights) {
+        self.1.store(u64::from(lights.is_lit(LightRole::All)), Ordering::SeqCst);
+    }
+
+    fn rest_lights(&mut self) {
+        self.1.store(0, Ordering::SeqCst);
     }
 }
 
@@ -49,6 +55,8 @@ impl HidHost for FakeHost {
             return Err(MasterError::NoDevice { looked_for: choice.to_string(), present: "none".to_owned() });
         }
         self.n_opened += 1;
+        // How its light is nobody knows.
+        self.light.store(7, Ordering::SeqCst);
         let port = Box::new(FakePort(Arc::clone(&self.acts), Arc::clone(&self.light)));
         Ok(OpenPort { port, vid_pid: (0x046d, 0xc626) })
     }
@@ -116,7 +124,7 @@ fn a_device_that_was_given_back_is_lost_and_not_taken_again() {
     let (acts, light, mut source) = device(0);
     acts.send(Act::GiveBack).expect("give back");
     acts.send(Act::HidReport(vec![3, 1])).expect("nobody reads it");
-    assert!(matches!(wait_for_event(&mut source), SourceEvent::Unplugged));
+    assert!(matches!(wait_for_event(&mut source), SourceEvent::GivenBack));
     while !source.thread.as_ref().is_some_and(JoinHandle::is_finished) {
         std::thread::yield_now();
     }
@@ -140,4 +148,27 @@ fn the_newest_reports_survive_a_stalled_loop_and_the_dropped_ones_are_counted() 
         let SourceEvent::HidReport { report, .. } = wait_for_event(&mut source) else { panic!("a report") };
         assert_eq!(report.as_bytes(), (k as u16).to_le_bytes());
     }
+}
+
+#[test]
+fn the_light_follows_the_chain_without_a_report_and_a_device_that_comes_back_is_lit_as_the_chain_is() {
+    let (acts, light, mut source) = device(0);
+    let mut show = LightShow::new(1000);
+    let becomes = |is_on: u64| {
+        (0..10_000).any(|_| {
+            std::thread::sleep(Duration::from_millis(1));
+            light.load(Ordering::SeqCst) == is_on
+        })
+    };
+    assert!(becomes(1), "taken");
+    source.show(show.look(Some(HandState::Limit)));
+    assert!(becomes(0), "the first gap of a limit");
+    source.show(show.look(Some(HandState::Engaged)));
+    assert!(becomes(1));
+    source.show(show.look(Some(HandState::Limit)));
+    assert!(becomes(0));
+    acts.send(Act::Vanish).expect("vanish");
+    assert!(matches!(wait_for_event(&mut source), SourceEvent::Unplugged));
+    assert!(matches!(wait_for_event(&mut source), SourceEvent::Plugged));
+    assert!(becomes(0), "still at the limit");
 }

@@ -21,9 +21,9 @@ pub struct RigChain {
 }
 
 impl RigChain {
-    /// Opens the drives with a bus period of 1 ms, and gives them power.
-    pub fn powered() -> anyhow::Result<Self> {
-        let drive = cia402::open_drive(&config(1.0), None)?;
+    /// Opens the drives with a bus period, ms, and gives them power.
+    pub fn powered(period_ms: f64) -> anyhow::Result<Self> {
+        let drive = cia402::open_drive(&config(period_ms), None)?;
         let mut chain = Self { drive, monitor: Monitor::new()?, q_m: 0.0, due_ns: monotonic_ns() };
         chain.power_up()?;
         Ok(chain)
@@ -90,8 +90,8 @@ impl RigChain {
 }
 
 /// Drives the drives to and fro until it is killed.
-pub fn be_master() -> anyhow::Result<bool> {
-    let mut chain = RigChain::powered()?;
+pub fn be_master(period_ms: f64) -> anyhow::Result<bool> {
+    let mut chain = RigChain::powered(period_ms)?;
     chain.go(450)?;
     bail!("nobody has killed it")
 }

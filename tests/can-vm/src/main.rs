@@ -26,9 +26,9 @@ fn main() -> ExitCode {
     let words: Vec<&str> = arguments.iter().skip(1).map(String::as_str).collect();
     let done = match words[..] {
         ["drive", id] => world::be_drive(id),
-        ["master"] => chain::be_master(),
+        ["master", period_ms] => period_ms.parse().context("the bus's period").and_then(chain::be_master),
         [n_cycles] => n_cycles.parse().context("the number of cycles").map(judge),
-        _ => Err(anyhow::anyhow!("expected a number of cycles, `drive ID` or `master`")),
+        _ => Err(anyhow::anyhow!("expected a number of cycles, `drive ID` or `master PERIOD_MS`")),
     };
     match done {
         Ok(true) => ExitCode::SUCCESS,
@@ -42,12 +42,13 @@ fn main() -> ExitCode {
 
 fn judge(n_cycles: usize) -> bool {
     let mut all = true;
-    for kind in [DriveMake::Own, DriveMake::Independent] {
+    for kind in [DriveMake::Own, DriveMake::Independent, DriveMake::Canopen] {
         if !kind.is_there() {
-            println!("CAN-VM independent SKIPPED the independent slave is not in this machine");
+            println!("CAN-VM {} SKIPPED these drives are not in this machine", kind.name());
             continue;
         }
-        let parts: [Part; 7] = [
+        let parts: [Part; 8] = [
+            ("csp_10ms", Box::new(move || follow::csp(kind, 10.0, n_cycles / 10))),
             ("csp_1ms", Box::new(move || follow::csp(kind, 1.0, n_cycles))),
             ("csp_2ms", Box::new(move || follow::csp(kind, 2.0, n_cycles / 2))),
             ("frozen", Box::new(move || stops::frozen(kind))),
@@ -63,6 +64,7 @@ fn judge(n_cycles: usize) -> bool {
     all &= told("refusals", refusals::all());
     // The interface is down after them.
     all &= told("program", refusals::set("up").and_then(|()| program::all()));
+    all &= told("calibrate", program::calibrate());
     println!("CAN-VM verdict {}", if all { "PASS" } else { "FAIL" });
     all
 }

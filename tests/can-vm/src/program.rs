@@ -10,6 +10,7 @@ use rustix::process::{Pid, Signal, kill_process};
 use std::process::{Command, Output, Stdio};
 
 const CONFIG: &str = "/tmp/can.toml";
+const TURNED: &str = "/tmp/turned.toml";
 const ZERO: i32 = 1_000_000;
 /// Largest step of a target in a cycle of 2 ms at the configured 20 mm/s, counts, and one for what arrives late by a tick.
 const MOST_COUNTS: i32 = 600;
@@ -112,6 +113,35 @@ pub fn all() -> anyhow::Result<PartVerdict> {
     verdict.check("off_at_the_end", n_off == 3 && state(monitor.status[0]) != State::OperationEnabled, n_off);
     if !verdict.passed() {
         crate::tell(&said);
+    }
+    Ok(verdict)
+}
+
+/// Emulated drives of one program bend a simulated snake and feel it, so that `--calibrate` finds their directions and a disable relaxes
+/// their lines.
+pub fn calibrate() -> anyhow::Result<PartVerdict> {
+    let mut verdict = PartVerdict::default();
+    let mut monitor = Monitor::new()?;
+    let mut emulated = krait(&["drives", "--emulate", "3", "--interface", INTERFACE])
+        .stdout(std::fs::File::create(CONFIG)?)
+        .spawn()
+        .context("emulated drives")?;
+    let has_begun = until(&mut monitor, 10_000, |monitor| monitor.n_boots.iter().all(|n| *n > 0))?;
+    verdict.check("emulated", has_begun, has_begun);
+    done(&["drives", "--zero", "--config", CONFIG])?;
+    let found = done(&["drives", "--calibrate", "--config", CONFIG])?;
+    let n_right = found.matches(" right").count();
+    verdict.check("directions_right", n_right == 3, n_right);
+    let turned = std::fs::read_to_string(CONFIG)?.replacen("id = 2\n", "id = 2\nsign = -1\n", 1);
+    std::fs::write(TURNED, turned).context(TURNED)?;
+    let found = krait(&["drives", "--calibrate", "--config", TURNED]).output().context("krait")?;
+    let found = String::from_utf8_lossy(&found.stdout).into_owned();
+    let (n_right, n_reversed) = (found.matches(" right").count(), found.matches(" reversed").count());
+    verdict.check("one_reversed", (n_right, n_reversed) == (2, 1), format!("{n_right},{n_reversed}"));
+    kill(&emulated, Signal::INT)?;
+    emulated.wait()?;
+    if !verdict.passed() {
+        crate::tell(&found);
     }
     Ok(verdict)
 }

@@ -47,14 +47,14 @@ pub fn all() -> anyhow::Result<PartVerdict> {
         opening.join().unwrap_or_else(|_| "it panicked".to_owned())
     });
     check(&mut verdict, "second_master", &sentence, "another master is on the CAN bus: it sends SYNC");
-    let mut chain = RigChain::powered()?;
+    let mut chain = RigChain::powered(1.0)?;
     chain.go(50)?;
     other.send(&Frame::new(0x080, &[]))?;
     let sentence = chain.until_failure(50)?.to_string();
     check(&mut verdict, "second_master_in_motion", &sentence, "does what only a master does");
     drop(chain);
 
-    let mut chain = RigChain::powered()?;
+    let mut chain = RigChain::powered(1.0)?;
     chain.go(50)?;
     set("down")?;
     // Nothing can be watched any more.

@@ -18,6 +18,7 @@ pub const GIVES_UP_MS: u32 = 100;
 /// The drive to which things happen, counted from 0.
 pub const BROKEN: usize = 1;
 const INDEPENDENT: &str = "/bin/fake402";
+const CANOPEN: &str = "/bin/canopen_drive";
 const N: u8 = 3;
 /// The file that lets a spare process begin.
 const GO: &str = "/tmp/go";
@@ -29,6 +30,8 @@ const BOOT_NS: i64 = 10_000_000_000;
 pub enum DriveMake {
     Own,
     Independent,
+    /// On python-canopen's local node.
+    Canopen,
 }
 
 impl DriveMake {
@@ -36,16 +39,34 @@ impl DriveMake {
         match self {
             Self::Own => "own",
             Self::Independent => "independent",
+            Self::Canopen => "canopen",
         }
     }
 
     pub fn is_there(self) -> bool {
-        self == Self::Own || Path::new(INDEPENDENT).exists()
+        match self {
+            Self::Own => true,
+            Self::Independent => Path::new(INDEPENDENT).exists(),
+            Self::Canopen => Path::new(CANOPEN).exists(),
+        }
+    }
+
+    /// Period of the bus in which they stop and start, ms: an interpreter takes its time.
+    pub fn period_ms(self) -> f64 {
+        match self {
+            Self::Own | Self::Independent => 1.0,
+            Self::Canopen => 10.0,
+        }
     }
 
     /// Whether a part can be done with these drives: only the independent ones trip and jam by a signal.
     pub fn can(self, part: &str) -> bool {
-        self == Self::Independent || !["trip", "jam"].contains(&part)
+        match part {
+            "trip" | "jam" => self == Self::Independent,
+            "csp_10ms" => self == Self::Canopen,
+            "csp_1ms" | "csp_2ms" => self != Self::Canopen,
+            _ => true,
+        }
     }
 }
 
@@ -117,6 +138,7 @@ impl Drives {
         let program = match self.kind {
             DriveMake::Own => format!("/bin/krait-can-vm drive {id}"),
             DriveMake::Independent => format!("{INDEPENDENT} {id} {INTERFACE} /drive.eds follow"),
+            DriveMake::Canopen => format!("{CANOPEN} {id} {INTERFACE}"),
         };
         let waits = if is_spare { format!("until [ -e {GO} ]; do sleep 0.02; done; ") } else { String::new() };
         let mut command = Command::new("/bin/chrt");

@@ -111,15 +111,24 @@ impl VmChain {
     ///
     /// # Errors
     /// It could not be watched, or left no recording that can be read.
-    pub fn end(mut self) -> anyhow::Result<(VmEnded, Journal)> {
+    pub fn end(self) -> anyhow::Result<(VmEnded, Journal)> {
+        let (ended, journal, recording) = self.end_with_recording()?;
+        std::fs::remove_file(&recording).context("removing a recording")?;
+        Ok((ended, journal))
+    }
+
+    /// The same, and the recording stays where it is.
+    ///
+    /// # Errors
+    /// As [`VmChain::end`].
+    pub fn end_with_recording(mut self) -> anyhow::Result<(VmEnded, Journal, PathBuf)> {
         let status = self.child.wait().context("waiting for krait")?;
         let stdout = self.stdout.join().unwrap_or_default();
         ensure!(self.stderr.join().is_ok(), "the thread that listens to krait died");
         let stderr = self.said.lock().map_or_else(|_| String::new(), |said| said.clone());
         let ended = VmEnded { code: status.code(), stdout, stderr };
         let journal = Journal::read(&self.recording).with_context(|| ended.stderr.clone())?;
-        std::fs::remove_file(&self.recording).context("removing a recording")?;
-        Ok((ended, journal))
+        Ok((ended, journal, self.recording))
     }
 
     fn said(&self) -> String {
@@ -176,6 +185,30 @@ impl Journal {
     pub fn master_reasons(&self) -> Reasons {
         self.master.as_ref().map_or(Reasons::NONE, |health| Reasons::from_bits(health.reasons_ever))
     }
+}
+
+/// The process of the chain that a word of krait's command line names, and nobody else in this machine.
+///
+/// # Errors
+/// There is none.
+pub fn pid_of(verb: &str) -> anyhow::Result<String> {
+    let entries = std::fs::read_dir("/proc").context("/proc")?.flatten();
+    let mut pids = entries.filter_map(|entry| entry.file_name().into_string().ok());
+    let is_it = |pid: &String| {
+        let line = std::fs::read_to_string(format!("/proc/{pid}/cmdline")).unwrap_or_default();
+        line.split('\0').nth(1) == Some(verb) && line.split('\0').any(|word| word == "--instance")
+    };
+    pids.find(is_it).with_context(|| format!("no process `{verb}`"))
+}
+
+/// Sends it a signal, by name.
+///
+/// # Errors
+/// There is no such process, or it cannot be signalled.
+pub fn signal(verb: &str, signal: &str) -> anyhow::Result<()> {
+    let status = Command::new("/bin/kill").args([&format!("-{signal}"), &pid_of(verb)?]).status().context("kill")?;
+    ensure!(status.success(), "process `{verb}` could not be signalled");
+    Ok(())
 }
 
 fn command(user: User, arguments: &[&str]) -> Command {

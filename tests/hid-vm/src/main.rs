@@ -4,9 +4,11 @@
 #![allow(clippy::print_stdout, reason = "the serial console is where the verdict is read")]
 
 mod chain;
+mod codes;
 mod model;
 mod parts;
 mod qmp;
+mod repeated;
 mod spacemouse;
 mod uhid;
 mod usb_hand;
@@ -38,15 +40,23 @@ fn main() -> ExitCode {
 type Part = (&'static str, Box<dyn FnMut() -> anyhow::Result<PartVerdict>>);
 
 fn run_parts(fault: DeviceFault) -> bool {
-    run_all([
-        ("devices", Box::new(parts::devices)),
-        ("chain", Box::new(move || parts::chain(fault))),
-        ("control", Box::new(parts::control)),
-        ("unplug", Box::new(parts::unplug)),
-        ("receiver", Box::new(parts::receiver)),
-        ("unreadable", Box::new(parts::unreadable)),
-        ("malformed", Box::new(parts::malformed)),
-    ])
+    let has_daemon = parts::has_spacenavd();
+    if !has_daemon {
+        println!("HID-VM spacenavd SKIPPED the daemon is not in this machine");
+    }
+    (!has_daemon || run_all([("spacenavd", Box::new(parts::spacenavd))]))
+        & run_all([
+            ("devices", Box::new(parts::devices)),
+            ("chain", Box::new(move || parts::chain(fault))),
+            ("control", Box::new(parts::control)),
+            ("unplug", Box::new(parts::unplug)),
+            ("receiver", Box::new(parts::receiver)),
+            ("unreadable", Box::new(parts::unreadable)),
+            ("malformed", Box::new(parts::malformed)),
+            ("lights", Box::new(parts::lights)),
+            ("two_hands", Box::new(move || parts::two_hands(fault))),
+            ("two_control", Box::new(parts::two_control)),
+        ])
 }
 
 /// Those that need QEMU's own devices, in a machine that can ask for them.
@@ -69,12 +79,20 @@ fn run_usb_parts(fault: DeviceFault) -> bool {
         ("usb_control", part(|qmp, _| parts::usb_control(qmp))),
         ("usb_chain", part(|qmp, _| parts::usb_chain(qmp))),
         ("replug", part(|qmp, _| parts::replug(qmp))),
+        ("usb_two", part(parts::usb_two)),
+        ("usb_two_control", part(|qmp, _| parts::usb_two_control(qmp))),
+        ("usb_lights", part(|qmp, _| parts::usb_lights(qmp))),
+        ("usb_restart", part(|qmp, _| parts::usb_restart(qmp))),
+        ("mouse_repeated", part(|qmp, _| parts::mouse_repeated(qmp))),
+        ("keyboard_repeated", part(|qmp, _| parts::keyboard_repeated(qmp))),
     ])
 }
 
 fn run_all<const N: usize>(parts: [Part; N]) -> bool {
     let mut all = true;
-    for (name, mut part) in parts {
+    let only = std::env::var("KRAIT_HID_VM_ONLY").unwrap_or_default();
+    let is_wanted = |name: &str| only.is_empty() || only.split(',').any(|wanted| wanted == name);
+    for (name, mut part) in parts.into_iter().filter(|(name, _)| is_wanted(name)) {
         match part() {
             Ok(verdict) => {
                 all &= verdict.passed();

@@ -16,6 +16,8 @@ pub enum Model {
     /// A Compact whose descriptor gives the translation report only one axis. The kernel may drop what is shorter than
     /// declared, so that of such a device more gets through.
     ShortCompact,
+    /// A Compact whose axes tell where the cap is, as the kernel makes those of a SpaceNavigator: it tells each only when it changes.
+    AbsoluteCompact,
     /// A node of the Universal Receiver on which a hand controller may speak, both halves in one report.
     ReceiverHand,
     /// A node of the Universal Receiver on which a mouse may speak.
@@ -26,7 +28,7 @@ impl Model {
     /// USB product id.
     pub fn product_id(self) -> u16 {
         match self {
-            Self::Compact | Self::ShortCompact => 0xc635,
+            Self::Compact | Self::ShortCompact | Self::AbsoluteCompact => 0xc635,
             Self::ReceiverHand | Self::ReceiverMouse => 0xc652,
         }
     }
@@ -34,7 +36,7 @@ impl Model {
     /// Product name.
     pub fn name(self) -> &'static str {
         match self {
-            Self::Compact | Self::ShortCompact => "SpaceMouse Compact",
+            Self::Compact | Self::ShortCompact | Self::AbsoluteCompact => "SpaceMouse Compact",
             Self::ReceiverHand | Self::ReceiverMouse => "3Dconnexion Universal Receiver",
         }
     }
@@ -48,6 +50,13 @@ impl Model {
     pub fn descriptor(self) -> Vec<u8> {
         match self {
             Self::Compact => hand([axes(1, 0x30, 3), axes(2, 0x33, 3)].concat()),
+            Self::AbsoluteCompact => {
+                let absolute = |axes: Vec<u8>| {
+                    let [kept @ .., _relative, end] = &axes[..] else { return axes };
+                    [kept, &[0x02, *end]].concat()
+                };
+                hand([absolute(axes(1, 0x30, 3)), absolute(axes(2, 0x33, 3))].concat())
+            }
             Self::ShortCompact => hand([axes(1, 0x30, 1), axes(2, 0x33, 3)].concat()),
             Self::ReceiverHand => hand(axes(1, 0x30, 6)),
             Self::ReceiverMouse => {

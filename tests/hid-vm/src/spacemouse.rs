@@ -7,8 +7,8 @@ use krait_ipc::clock;
 use krait_master::{HidRecording, HidReport, led_report};
 use std::fs::{self, Permissions};
 use std::os::unix::fs::PermissionsExt;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -40,12 +40,18 @@ pub struct SpaceMouse {
     pub n_sent: u64,
 }
 
-/// The output reports that reached the device.
-#[derive(Debug, Default)]
-struct Lights {
-    n_on: AtomicU64,
-    n_off: AtomicU64,
-    n_other: AtomicU64,
+/// The output reports that reached the device, and when.
+type Lights = Mutex<Vec<(i64, Switched)>>;
+
+/// What an output report did to the light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Switched {
+    /// Switched it on.
+    On,
+    /// Switched it off.
+    Off,
+    /// Something else.
+    Nothing,
 }
 
 impl SpaceMouse {
@@ -89,18 +95,17 @@ impl SpaceMouse {
         fs::set_permissions(self.node()?, Permissions::from_mode(mode)).context("permissions of a node")
     }
 
-    /// Waits until krait has switched the light on: from then on it reads.
+    /// Waits until krait has switched the light, on or off: from then on it reads.
     ///
     /// # Errors
     /// It does not come about.
     pub fn wait_until_read(&self) -> anyhow::Result<()> {
-        wait_for("the light that says that krait reads", || self.lights.n_on.load(Ordering::SeqCst) > 0)
+        wait_for("the light that says that krait reads", || !self.lit().is_empty())
     }
 
-    /// Output reports received: light on, light off, anything else.
-    pub fn lights(&self) -> [u64; 3] {
-        let Lights { n_on, n_off, n_other } = &*self.lights;
-        [n_on, n_off, n_other].map(|n| n.load(Ordering::SeqCst))
+    /// Output reports received, CLOCK_MONOTONIC, ns.
+    pub fn lit(&self) -> Vec<(i64, Switched)> {
+        self.lights.lock().map_or_else(|_| Vec::new(), |lights| lights.clone())
     }
 
     /// Sends raw bytes.
@@ -214,14 +219,16 @@ pub fn wait_for(what: &str, mut done: impl FnMut() -> bool) -> anyhow::Result<()
 /// Ends when the device does.
 fn listen(uhid: &mut Uhid, lights: &Lights) {
     loop {
-        let counter = match uhid.next() {
-            Ok(Told::Output(bytes)) if bytes == led_report(true) => &lights.n_on,
-            Ok(Told::Output(bytes)) if bytes == led_report(false) => &lights.n_off,
-            Ok(Told::Output(_)) => &lights.n_other,
+        let what = match uhid.next() {
+            Ok(Told::Output(bytes)) if bytes == led_report(true) => Switched::On,
+            Ok(Told::Output(bytes)) if bytes == led_report(false) => Switched::Off,
+            Ok(Told::Output(_)) => Switched::Nothing,
             Ok(Told::Other) => continue,
             Ok(Told::Stop) | Err(_) => return,
         };
-        counter.fetch_add(1, Ordering::SeqCst);
+        if let Ok(mut lights) = lights.lock() {
+            lights.push((clock::monotonic_ns(), what));
+        }
     }
 }
 

@@ -12,9 +12,9 @@ use std::path::Path;
 use std::time::Duration;
 
 /// How long something that must come is waited for, ns: a busy host may be slow.
-const PATIENCE_NS: i64 = 2_000_000_000;
+pub const PATIENCE_NS: i64 = 2_000_000_000;
 /// Silence after which nothing more comes, ns: many windows of a way.
-const SILENCE_NS: i64 = 300_000_000;
+pub const SILENCE_NS: i64 = 300_000_000;
 
 /// Plugs a device in and waits for its node.
 ///
@@ -82,7 +82,7 @@ impl UsbHand {
                     }
                     return Some(report);
                 }
-                Some(SourceEvent::Unplugged) => (self.was_lost, self.motion) = (true, None),
+                Some(SourceEvent::Unplugged | SourceEvent::GivenBack) => (self.was_lost, self.motion) = (true, None),
                 Some(SourceEvent::Plugged) => self.was_found = true,
                 _ => {}
             }

@@ -48,6 +48,8 @@ pub struct CanDrive {
     pub most_counts_per_s: f64,
     /// Torque for a count away from where it was made, parts of a thousand of the rated one: a spring.
     pub permille_per_count: f64,
+    /// Part of the rated torque that its axis carries besides, in the direction in which that drives the encoder.
+    pub load: f64,
     /// Number of targets that it was told.
     pub n_targets: u64,
     /// What the encoder reads at the true place 0.
@@ -68,6 +70,9 @@ pub struct CanDrive {
 }
 
 impl CanDrive {
+    /// Its rated torque, N m: object 6076.
+    pub const RATED_NM: f64 = 0.1;
+
     /// A sound drive without configuration at a place.
     pub fn new(id: u8, place: f64) -> Self {
         Self {
@@ -77,6 +82,7 @@ impl CanDrive {
             place,
             most_counts_per_s: 1e6,
             permille_per_count: 0.0,
+            load: 0.0,
             n_targets: 0,
             offset: 0.0,
             nmt: PRE_OPERATIONAL,
@@ -242,7 +248,7 @@ impl CanDrive {
     }
 
     fn torque(&self) -> i16 {
-        (self.place * self.permille_per_count).clamp(-3000.0, 3000.0) as i16
+        (self.place * self.permille_per_count + 1e3 * self.load).clamp(-3000.0, 3000.0) as i16
     }
 
     fn mode(&self) -> u32 {

@@ -7,7 +7,8 @@ pub use drive::{CanDrive, CanFaults};
 
 use crate::bus::BusGone;
 use crate::cia402::port::{receive, send, socket};
-use crate::cia402::{Frame, Wire};
+use crate::cia402::{Frame, SYNC, Wire};
+use crate::emulator::Coupling;
 use crate::error::OpenError;
 use core::time::Duration;
 use krait_ipc::clock::monotonic_ns;
@@ -25,6 +26,8 @@ pub struct CanDrives {
     pub drives: Vec<CanDrive>,
     /// What the master hears next.
     to_master: VecDeque<Frame>,
+    /// What their axes pull at; none: each keeps the load that it was given.
+    pub coupling: Option<Coupling>,
     /// Number of frames that the master has sent.
     pub n_frames: u64,
     /// What every send and receive fails with, as of an interface that is down.
@@ -79,6 +82,18 @@ impl CanDrives {
         self.n_frames += 1;
         for drive in &mut self.drives {
             drive.take(frame, now_ns, out);
+        }
+        // Axes move at a SYNC.
+        if frame.id() == SYNC {
+            self.couple();
+        }
+    }
+
+    fn couple(&mut self) {
+        if let Some(coupling) = &self.coupling {
+            let places: Vec<f64> = self.drives.iter().map(|drive| drive.place).collect();
+            let loads = coupling.loads(&places);
+            self.drives.iter_mut().zip(loads).for_each(|(drive, load)| drive.load = load);
         }
     }
 

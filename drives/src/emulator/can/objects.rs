@@ -44,7 +44,7 @@ impl Objects {
             (POSITION, 0, 4),
             (TORQUE, 0, 2),
             // Rated torque, mN m; bit 7: cyclic synchronous position, bit 5: homing.
-            ((0x6076, 0), 100, 4),
+            ((0x6076, 0), (1e3 * super::CanDrive::RATED_NM) as u32, 4),
             ((0x6502, 0), 0xA0, 4),
         ];
         for (place, value, n_bytes) in constant {

@@ -2,9 +2,9 @@
 
 use crate::{print, signals};
 use core::time::Duration;
+use krait_drives::Units;
 use krait_drives::emulator::{CanBus, CanDrive, Coupling, Emulator, Servo, ServoWire, serve_can};
 use krait_drives::sts3215::COUNTS_PER_TURN;
-use krait_drives::{OpenError, Units};
 use krait_sim::{CableSnake, Truth};
 use krait_slave::ActuatorConfig;
 use std::process::ExitCode;
@@ -17,13 +17,17 @@ const USB_LATENCY: Duration = Duration::from_millis(1);
 const ZERO_COUNT: f64 = 2048.0;
 /// Largest torque of an STS3215 at 7.4 V, N m.
 const STALL_NM: f64 = 1.91;
+/// Lead of the emulated CAN drives' screws, m.
+const CAN_LEAD_M: f64 = 0.002;
 
 /// Plugs in so many servos, prints their configuration on standard output, and runs until Ctrl-C.
 pub(super) fn run(n: u8) -> anyhow::Result<ExitCode> {
     let stop = signals::stop_flag()?;
     let mut wire = ServoWire::new((1..=n).map(|id| Servo::new(id, ZERO_COUNT)).collect());
     wire.usb_latency = USB_LATENCY;
-    wire.coupling = Some(snakes(usize::from(n) / 3)?);
+    let spool = ActuatorConfig::default();
+    let counts_per_m = Units::new(&spool, 1, COUNTS_PER_TURN)?.magnitude_counts(1.0);
+    wire.coupling = Some(snakes(n, ZERO_COUNT, counts_per_m, STALL_NM / spool.spool_radius_m));
     let emulator = Emulator::start(wire)?;
     let port = emulator.path().display();
     let mut text = format!(
@@ -42,26 +46,23 @@ pub(super) fn run(n: u8) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Three servos each bend a simulated snake on cables, on the spools of a configuration that does not say otherwise; counts grow where
-/// its cables are pushed.
-fn snakes(n: usize) -> Result<Coupling, OpenError> {
-    let spool = ActuatorConfig::default();
-    let counts_per_m = Units::new(&spool, 1, COUNTS_PER_TURN)?.magnitude_counts(1.0);
-    let largest_n = STALL_NM / spool.spool_radius_m;
-    let mut snakes = vec![CableSnake::new(Truth::default()); n];
-    Ok(Coupling::new(move |places| {
+/// Three actuators each bend a simulated snake on cables, from their zero and with so many counts a metre; loads are parts of the largest
+/// one. Counts grow where cables are pushed.
+fn snakes(n: u8, zero: f64, counts_per_m: f64, largest_n: f64) -> Coupling {
+    let mut snakes = vec![CableSnake::new(Truth::default()); usize::from(n) / 3];
+    Coupling::new(move |places| {
         let groups = snakes.iter_mut().zip(places.chunks_exact(3));
-        let loads_n = groups
-            .flat_map(|(snake, group)| snake.loads_n(core::array::from_fn(|k| (group[k] - ZERO_COUNT) / counts_per_m)));
+        let loads_n =
+            groups.flat_map(|(snake, group)| snake.loads_n(core::array::from_fn(|k| (group[k] - zero) / counts_per_m)));
         loads_n.map(|load_n| load_n / largest_n).collect()
-    }))
+    })
 }
 
 /// Lets so many drives live on a CAN interface, prints their configuration on standard output, and runs until Ctrl-C.
 pub(super) fn run_can(n: u8, interface: &str) -> anyhow::Result<ExitCode> {
     let stop = signals::stop_flag()?;
     let mut text = format!(
-        "# {n} emulated drives on {interface}, until Ctrl-C. Save these lines as can.toml, then in another terminal:\n\
+        "# {n} emulated drives on {interface}, until Ctrl-C; three each bend a simulated snake, and feel it. Save these lines as can.toml, then in another terminal:\n\
          #   krait drives --zero --config can.toml\n\
          #   krait run --engage --config can.toml\n\
          [slave.drive]\nkind = \"cia402\"\ninterface = \"{interface}\"\nperiod_ms = 2.0\ntimeout_ms = 1.5\n\
@@ -69,10 +70,15 @@ pub(super) fn run_can(n: u8, interface: &str) -> anyhow::Result<ExitCode> {
     );
     for id in 1..=n {
         text += &format!(
-            "\n[[slave.drive.actuator]]\nid = {id}\nvendor = 0x555\nproduct = 1\nzero_count = 1000000\nlead_m = 0.002\n"
+            "\n[[slave.drive.actuator]]\nid = {id}\nvendor = 0x555\nproduct = 1\nzero_count = 1000000\nlead_m = {CAN_LEAD_M}\n"
         );
     }
     print::out(&text)?;
-    serve_can(interface, &CanBus::new((1..=n).map(|id| CanDrive::new(id, 0.0)).collect()), &stop)?;
+    let bus = CanBus::new((1..=n).map(|id| CanDrive::new(id, 0.0)).collect());
+    let screw = ActuatorConfig { lead_m: Some(CAN_LEAD_M), ..ActuatorConfig::default() };
+    let units = Units::endless(&screw, 1)?;
+    let largest_n = CanDrive::RATED_NM * units.newton_per_newton_metre.abs();
+    bus.lock().coupling = Some(snakes(n, 0.0, units.magnitude_counts(1.0), largest_n));
+    serve_can(interface, &bus, &stop)?;
     Ok(ExitCode::SUCCESS)
 }

@@ -1,6 +1,8 @@
 //! Mice and keyboards: ways that are speeds, keys that are axes, and a keyboard that its user takes back.
 
 use super::*;
+use crate::LightRole;
+use crate::lights::{HandState, LightShow};
 use crate::{DeviceMonitor, HidRecording, HidRecordingWriter, Layout, RecordingHeader};
 use std::path::Path;
 
@@ -158,7 +160,7 @@ fn keys_are_asked_for_after_dropped_events_and_at_the_beginning_and_a_held_butto
     let (reader, _writer) = pipe().expect("a pipe");
     let node = Node { pipe: reader, now, lights: Arc::default() };
     let decoder = EvdevDecoder::new(&profile, &node).expect("a decoder");
-    assert_eq!(read(&mut EvdevPort::new(node, decoder, None)), Some(x(-175)));
+    assert_eq!(read(&mut EvdevPort::new(node, decoder, &[])), Some(x(-175)));
 }
 
 #[test]
@@ -180,13 +182,26 @@ fn a_keyboard_is_given_back_by_its_key_also_where_the_press_was_dropped_and_unpl
 }
 
 #[test]
-fn the_light_of_the_profile_is_the_ports_and_no_profile_no_light() {
-    for (name, due) in [("keyboard", vec![(2, true), (2, false)]), ("mouse", Vec::new())] {
-        let (_writer, _, mut port) = shipped(name);
-        port.set_light(true);
-        port.set_light(false);
-        assert_eq!(*port.reader.file().lights.lock().expect("lights"), due, "{name}");
-    }
+fn the_lights_of_the_profile_are_the_ports_and_are_left_as_they_were() {
+    const STATES: [HandState; 4] = [HandState::Taken, HandState::Engaged, HandState::Limit, HandState::Fault];
+    let switched = |profile: &Profile| {
+        let (_writer, _, mut port) = opened(profile);
+        let mut show = LightShow::new(1000);
+        for state in STATES {
+            port.show(show.look(Some(state)));
+        }
+        port.rest_lights();
+        let all = port.reader.file().lights.lock().expect("lights").clone();
+        all.chunks(profile.lights.len().max(1)).map(<[_]>::to_vec).collect::<Vec<_>>()
+    };
+    let keyboard = Profile::load(Path::new("keyboard")).expect("built in");
+    let due =
+        [[true, false, false], [true, false, false], [true, true, false], [false, false, true], [true, false, false]];
+    let due = due.map(|lit| (0..3_u16).zip(lit).collect::<Vec<_>>());
+    assert_eq!(switched(&keyboard), due, "Num Lock was on before and is again");
+    let one = Profile { lights: vec![(LightRole::All, 2)], ..keyboard };
+    assert_eq!(switched(&one), [true, true, false, true, false].map(|is_on| vec![(2, is_on)]));
+    assert!(switched(&Profile::load(Path::new("mouse")).expect("built in")).is_empty());
 }
 
 #[test]

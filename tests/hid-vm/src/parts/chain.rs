@@ -2,15 +2,19 @@
 
 use crate::chain::{User, VmChain};
 use crate::model::Model;
-use crate::spacemouse::{DeviceFault, SpaceMouse};
+use crate::repeated;
+use crate::spacemouse::{DeviceFault, SpaceMouse, Switched};
 use crate::verdict::PartVerdict;
 use anyhow::Context;
 use krait_ipc::message::DeviceState;
+use std::path::Path;
 
 /// How much of the shipped recording is played, s: one stroke to 55 deg and a part of a rotation of the plane.
 const PLAY_S: f64 = 3.0;
 /// What the chain runs beyond that, s: sockets, a rest, and what the machine spends on waking up.
 const MORE_S: f64 = 0.7;
+const CONFIG: &str = "/tmp/chain.toml";
+const REPORTS: &str = "/tmp/chain.krr";
 /// The recording's first stroke goes to 55 deg; a chain that lost a part of it gets less far.
 const LEAST_COMMANDED_DEG: f64 = 50.0;
 /// The simulated lines take some of the motion away before the estimator knows them.
@@ -19,11 +23,15 @@ const LEAST_REACHED_DEG: f64 = 35.0;
 /// The shipped recording through the kernel: every report counted, nothing lost, the snake bends.
 pub fn chain(fault: DeviceFault) -> anyhow::Result<PartVerdict> {
     let mut mouse = SpaceMouse::plug(Model::Compact)?;
-    let chain = VmChain::start("chain", User::Root, PLAY_S + MORE_S)?;
+    std::fs::write(CONFIG, format!("[master]\nrecord_reports = \"{REPORTS}\"\n")).context(CONFIG)?;
+    if std::fs::exists(REPORTS)? {
+        std::fs::remove_file(REPORTS).context(REPORTS)?;
+    }
+    let chain = VmChain::start_with("chain", User::Root, PLAY_S + MORE_S, &["--config", CONFIG])?;
     mouse.wait_until_read()?;
     let n_due = mouse.play(PLAY_S, fault)?;
-    let (ended, journal) = chain.end()?;
-    let lights = mouse.lights();
+    let (ended, journal, recording) = chain.end_with_recording()?;
+    let lit = mouse.lit();
     mouse.unplug()?;
 
     let mut verdict = PartVerdict::default();
@@ -44,9 +52,14 @@ pub fn chain(fault: DeviceFault) -> anyhow::Result<PartVerdict> {
     verdict.check("whole", figures["recording_is_whole"] == true, &figures["recording_is_whole"]);
     verdict.check("device_lost", n_lost_states == 0, n_lost_states);
     verdict.check("at_rest_last", last.device() == Some(DeviceState::AtRest), format!("{:?}", last.device()));
-    verdict.check("lights", lights == [1, 1, 0], format!("{lights:?}").replace(' ', ""));
+    let is_dark = lit.last().is_some_and(|(_, what)| *what == Switched::Off);
+    verdict.check("dark_at_end", is_dark, lit.len());
     let end_to_end_us = figure("/latency_us/end_to_end/p50");
     verdict.check("virtual_us_p50", end_to_end_us.is_finite(), format!("{end_to_end_us:.0}"));
+    match fault {
+        DeviceFault::None => repeated::judge(&mut verdict, &journal, Path::new(REPORTS), &recording)?,
+        DeviceFault::Silent | DeviceFault::Drop => std::fs::remove_file(recording).context("removing a recording")?,
+    }
     Ok(verdict)
 }
 

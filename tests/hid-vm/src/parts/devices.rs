@@ -59,7 +59,11 @@ pub fn unreadable() -> anyhow::Result<PartVerdict> {
 
 fn listed(user: User) -> anyhow::Result<Vec<serde_json::Value>> {
     let ended = VmEnded::of(user, &["devices", "--json"])?;
-    Ok(ended.json()?.as_array().context("no list of devices")?.clone())
+    let all = ended.json()?.as_array().context("no list of devices")?.clone();
+    // The same device is among the input devices too.
+    let is_hidraw =
+        |device: &serde_json::Value| device["path"].as_str().is_some_and(|path| path.starts_with("/dev/hidraw"));
+    Ok(all.into_iter().filter(is_hidraw).collect())
 }
 
 /// Whether `krait devices` tells nobody that the only device may be opened.

@@ -2,7 +2,7 @@
 
 use crate::chain::{User, VmChain};
 use crate::model::Model;
-use crate::spacemouse::SpaceMouse;
+use crate::spacemouse::{SpaceMouse, Switched};
 use crate::verdict::PartVerdict;
 use anyhow::Context;
 use krait_ipc::clock;
@@ -39,10 +39,13 @@ pub fn receiver() -> anyhow::Result<PartVerdict> {
     verdict.check("moved_deg", moved_deg > MOVED_DEG, format!("{moved_deg:.1}"));
     verdict.check("reports", last.n_reports == hand.n_sent, format!("{}/{}", last.n_reports, hand.n_sent));
     verdict.check("refused", last.n_refused == 0, last.n_refused);
-    let [[unpaired_on, unpaired_off, _], hand_lights] = [unpaired.lights(), hand.lights()];
-    verdict.check("hand_lights", hand_lights == [1, 1, 0], format!("{hand_lights:?}").replace(' ', ""));
+    let switched = |device: &SpaceMouse, to| device.lit().iter().filter(|(_, what)| *what == to).count();
+    let [unpaired_on, unpaired_off] = [Switched::On, Switched::Off].map(|to| switched(&unpaired, to));
+    let (n_on, hand_lit) = (switched(&hand, Switched::On), hand.lit());
+    let is_dark = hand_lit.last().is_some_and(|(_, what)| *what == Switched::Off);
+    verdict.check("hand_lights", n_on > 0 && is_dark, format!("{n_on}/{}", hand_lit.len()));
     verdict.check("unpaired_lights", unpaired_on == unpaired_off, format!("{unpaired_on},{unpaired_off}"));
-    verdict.check("mouse_lights", mouse.lights() == [0; 3], format!("{:?}", mouse.lights()).replace(' ', ""));
+    verdict.check("mouse_lights", mouse.lit().is_empty(), mouse.lit().len());
     verdict.check("exit_code", ended.code == Some(0), format!("{:?}", ended.code));
     for device in [unpaired, mouse, hand] {
         device.unplug()?;

@@ -28,7 +28,7 @@ struct Instants {
     pressed: i64,
     released: i64,
     /// How often krait had lit the second device before it was allowed to open it.
-    n_lit_too_early: u64,
+    n_lit_too_early: usize,
 }
 
 /// The snake comes to rest, the loss is named, the chain goes on; the device comes back and moves it after a press only.
@@ -56,7 +56,7 @@ fn play(mut mouse: SpaceMouse) -> anyhow::Result<(Instants, SpaceMouse)> {
     sleep(Duration::from_millis(700));
     let mut mouse = SpaceMouse::plug(Model::Compact)?;
     sleep(UDEV_DELAY);
-    let n_lit_too_early = mouse.lights()[0];
+    let n_lit_too_early = mouse.lit().len();
     mouse.permit(0o666)?;
     mouse.wait_until_read()?;
     let plugged = clock::monotonic_ns();

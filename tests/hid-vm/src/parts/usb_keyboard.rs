@@ -10,7 +10,7 @@ use krait_master::{HidReport, ProfileDevice};
 use std::thread::sleep;
 use std::time::Duration;
 
-const KEYBOARD: (&str, &str) = ("usb-kbd", "USB Keyboard");
+pub const KEYBOARD: (&str, &str) = ("usb-kbd", "USB Keyboard");
 /// Vendor and product of every USB device of QEMU's.
 const QEMU_ID: (u16, u16) = (0x0627, 1);
 /// How often the keyboard is pulled out while a key is down.
@@ -87,12 +87,12 @@ pub fn keyboard(qmp: &mut Qmp, fault: DeviceFault) -> anyhow::Result<PartVerdict
 /// Whether the kernel has the light of the built-in profile on.
 fn is_lit() -> anyhow::Result<bool> {
     let mut lights = std::fs::read_dir("/sys/class/leds")?.flatten();
-    let light = lights.find(|light| light.file_name().to_string_lossy().ends_with("::scrolllock"));
+    let light = lights.find(|light| light.file_name().to_string_lossy().ends_with("::numlock"));
     let path = light.context("the keyboard has no light")?.path().join("brightness");
     Ok(std::fs::read_to_string(path)?.trim() != "0")
 }
 
-fn scene() -> Scene {
+pub fn scene() -> Scene {
     let mut scene: Scene = Vec::new();
     let axes = [("right", "left", 0), ("down", "up", 2), ("pgdn", "pgup", 1), ("e", "q", 5)];
     for (plus, minus, axis_idx) in axes {

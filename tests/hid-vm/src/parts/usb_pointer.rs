@@ -10,7 +10,7 @@ use krait_master::{AXIS_LIMIT_COUNTS, HidReport, Profile};
 use std::thread::sleep;
 use std::time::Duration;
 
-const MOUSE: (&str, &str) = ("usb-mouse", "USB Mouse");
+pub const MOUSE: (&str, &str) = ("usb-mouse", "USB Mouse");
 const TABLET: (&str, &str) = ("usb-tablet", "USB Tablet");
 /// Full speed of the built-in profile, counts/s, and the window, s.
 const FULL_COUNTS_PER_S: f64 = 2000.0;
@@ -68,7 +68,7 @@ pub fn mouse(qmp: &mut Qmp, fault: DeviceFault) -> anyhow::Result<PartVerdict> {
     Ok(verdict)
 }
 
-fn mouse_scene() -> Scene {
+pub fn mouse_scene() -> Scene {
     let counts =
         |moved: i32| (f64::from(moved) / (FULL_COUNTS_PER_S * WINDOW_S) * LIMIT).round().clamp(-LIMIT, LIMIT) as i16;
     let mut scene: Scene = (1..=N_MOVES)

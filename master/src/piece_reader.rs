@@ -1,6 +1,6 @@
-//! Takes whole events of the kernel's input system out of an open node, or out of a pipe or file that holds what such a node tells.
+//! Takes whole pieces of a fixed size, such as the kernel's input events, out of an open node or socket, or out of a pipe or file that holds
+//! what such a one tells.
 
-use crate::evdev_decoder::InputEvent;
 use crate::hid::ReadFailure;
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::io::Errno;
@@ -9,29 +9,29 @@ use std::io::{ErrorKind, Read};
 use std::os::fd::AsFd;
 use std::time::Duration;
 
-/// Events that are read at once.
-const MOST_EVENTS: usize = 64;
+/// Pieces that are read at once.
+const MOST_PIECES: usize = 64;
 
-/// An open node and what was read of it and not taken apart yet.
+/// An open node and what was read of it and not taken apart yet, in pieces of `N` bytes.
 #[derive(Debug)]
-pub(crate) struct EventReader<F> {
+pub(crate) struct PieceReader<F, const N: usize> {
     file: F,
-    buffer: [u8; MOST_EVENTS * InputEvent::N_BYTES],
+    buffer: [[u8; N]; MOST_PIECES],
     from: usize,
     to: usize,
 }
 
-impl<F: Read + AsFd> EventReader<F> {
+impl<F: Read + AsFd, const N: usize> PieceReader<F, N> {
     /// A reader of an open node that does not block.
     pub(crate) fn new(file: F) -> Self {
-        Self { file, buffer: [0; MOST_EVENTS * InputEvent::N_BYTES], from: 0, to: 0 }
+        Self { file, buffer: [[0; N]; MOST_PIECES], from: 0, to: 0 }
     }
 
-    /// The next event that was read.
-    pub(crate) fn next_event(&mut self) -> Option<InputEvent> {
-        let (bytes, _) = self.buffer[self.from..self.to].split_first_chunk()?;
-        self.from += InputEvent::N_BYTES;
-        Some(InputEvent::decode(bytes))
+    /// The next piece that was read.
+    pub(crate) fn next_piece(&mut self) -> Option<[u8; N]> {
+        let (bytes, _) = self.buffer.as_flattened()[self.from..self.to].split_first_chunk()?;
+        self.from += N;
+        Some(*bytes)
     }
 
     /// The open node.
@@ -44,7 +44,7 @@ impl<F: Read + AsFd> EventReader<F> {
         (self.from, self.to) = (0, 0);
     }
 
-    /// Waits for events and reads them; false when the time is up.
+    /// Waits for bytes and reads them; false when the time is up.
     pub(crate) fn wait(&mut self, timeout: Duration) -> Result<bool, ReadFailure> {
         // A second at most: the nanoseconds fit.
         let timeout = Timespec {
@@ -60,10 +60,11 @@ impl<F: Read + AsFd> EventReader<F> {
     }
 
     fn fill(&mut self) -> Result<(), ReadFailure> {
-        // The kernel hands out whole events; a pipe may cut one.
-        self.buffer.copy_within(self.from..self.to, 0);
+        // The kernel hands out whole events; a pipe or socket may cut a piece.
+        let buffer = self.buffer.as_flattened_mut();
+        buffer.copy_within(self.from..self.to, 0);
         (self.from, self.to) = (0, self.to - self.from);
-        match self.file.read(&mut self.buffer[self.to..]) {
+        match self.file.read(&mut buffer[self.to..]) {
             Ok(0) => Err(ReadFailure::Gone("the device has come to its end".to_owned())),
             Ok(n_bytes) => {
                 self.to += n_bytes;

@@ -1,0 +1,32 @@
+//! Looks at what the chain does with the hand's motion, for the hand's lights.
+
+use crate::MasterError;
+use crate::lights::{HandState, LightShow, Lights};
+use krait_ipc::message::{Command, SlaveState};
+use krait_ipc::{Bus, ReadOptions, Reader};
+
+/// The channels that say it, and the show that counts.
+pub(crate) struct Feedback {
+    states: Reader<SlaveState>,
+    commands: Reader<Command>,
+    show: LightShow,
+}
+
+impl Feedback {
+    /// For a master of so many ticks a second.
+    pub(crate) fn open(bus: &Bus, rate_hz: u32) -> Result<Self, MasterError> {
+        let states = bus.reader(ReadOptions::glancing())?;
+        Ok(Self { states, commands: bus.reader(ReadOptions::glancing())?, show: LightShow::new(rate_hz) })
+    }
+
+    /// Counts ticks, and says what the lights show where it was time to look.
+    pub(crate) fn on_ticks(&mut self, n_ticks: u64) -> Result<Option<Lights>, MasterError> {
+        if !self.show.count(n_ticks) {
+            return Ok(None);
+        }
+        // Of commands only news counts: what was the limit before a chain stood still is none of now.
+        let reasons = self.commands.take_newest()?.map_or(0, |command| command.reasons);
+        let seen = self.states.take_newest()?.map(|state| HandState::of(&state, reasons));
+        Ok(Some(self.show.look(seen)))
+    }
+}

@@ -1,0 +1,55 @@
+//! Whether a chain made of its hand's reports what the same reports make out of a file: the operator's inputs through the same core, and
+//! setpoints and commands through `krait verify`.
+
+use crate::chain::{Journal, User, VmEnded};
+use crate::verdict::PartVerdict;
+use anyhow::Context;
+use krait_ipc::message::{HopStamps, OperatorInput};
+use krait_master::{Engage, HidRecording, MasterConfig, MasterCore};
+use std::path::Path;
+
+/// Judges a chain by its own recording and by the file of its reports, with a control: without one report it must not hold.
+///
+/// # Errors
+/// A file cannot be read, or no report had come.
+pub fn judge(verdict: &mut PartVerdict, journal: &Journal, reports: &Path, recording: &Path) -> anyhow::Result<()> {
+    let file = HidRecording::load(reports)?;
+    let reports: Vec<(i64, &[u8])> = file.reports().collect();
+    let n_inputs = journal.inputs.len();
+    let n_equal = n_equal_inputs(journal, &reports)?;
+    verdict.check("inputs_equal", n_inputs > 1000 && n_equal == n_inputs, format!("{n_equal}/{n_inputs}"));
+    let mut spoiled = reports.clone();
+    spoiled.remove(reports.len() / 2);
+    let n_spoiled = n_equal_inputs(journal, &spoiled)?;
+    verdict.check("control_differs", n_spoiled < n_inputs, format!("{n_spoiled}/{n_inputs}"));
+
+    let verified = VmEnded::of(User::Root, &["verify", &recording.display().to_string(), "--json"])?;
+    let figures = verified.json()?;
+    let n_commands = figures["commands_identical"].as_u64().unwrap_or(0);
+    let is_same = verified.code == Some(0) && figures["first_difference"].is_null() && n_commands > 1000;
+    verdict.check("commands_equal", is_same, format!("{n_commands}in{}B", figures["bytes_identical"]));
+    std::fs::remove_file(recording).context("removing a recording")
+}
+
+/// How many inputs come out the same, byte for byte, but for the stamps of when they were sent.
+fn n_equal_inputs(journal: &Journal, reports: &[(i64, &[u8])]) -> anyhow::Result<usize> {
+    // The file counts from its first report; the input that carries the first says when that was.
+    let first = journal.inputs.iter().find(|input| input.n_reports > 0).context("no report has come")?;
+    let newest = reports.get(first.n_reports as usize - 1).context("the file lacks reports")?;
+    let zero_ns = first.stamps.device_ns - newest.0;
+    let mut core = MasterCore::new(&MasterConfig { engage: Engage::Once, ..MasterConfig::default() })?;
+    let mut left = reports.iter();
+    let mut n_equal = 0;
+    for input in &journal.inputs {
+        while core.counts().n_decoded < input.n_reports
+            && let Some((stamp_ns, bytes)) = left.next()
+        {
+            // A refusal is counted, and the count is part of the input.
+            let _counted = core.on_report(bytes, zero_ns + stamp_ns);
+        }
+        let again = core.on_tick(input.sample_ns);
+        let bare = |input: &OperatorInput| OperatorInput { stamps: HopStamps::default(), ..*input };
+        n_equal += usize::from(bare(&again) == bare(input));
+    }
+    Ok(n_equal)
+}
