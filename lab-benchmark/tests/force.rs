@@ -83,7 +83,8 @@ fn the_interval_of_sticking_holds_the_truth() {
     let machine = ForceLab::new(&ModelFile::parse(FORCE_MODEL).expect("a model")).expect("of kind force");
     let holds = |seed: u64| {
         let kind = ForceKind::from_name("sticking").expect("a kind");
-        let recipe = ForceRecipe { hidden: vec![(kind, 4.0)], sweeps: seed.is_multiple_of(2), seed, ..ForceRecipe::default() };
+        let recipe =
+            ForceRecipe { hidden: vec![(kind, 4.0)], sweeps: seed.is_multiple_of(2), seed, ..ForceRecipe::default() };
         let (data, truth, _) = force(&recipe).expect("data");
         let data = machine.filtered(data).expect("filtered");
         let found = diagnose(&machine, &data, &DiagnoseOptions::default()).expect("it can be computed");
