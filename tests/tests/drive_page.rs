@@ -228,6 +228,9 @@ fn a_jaw_moves_while_its_button_is_held_and_the_picture_shows_how_far_it_is_open
     the_recorded_jaw_is_drawn(&browser, &recording, &instance);
 }
 
+/// The jaw of docs/gripper/snake.toml is open, deg; closed it is at zero.
+const OPEN_DEG: f64 = 60.0;
+
 /// A person at the jaw.
 struct Jaw<'a> {
     page: &'a mut BrowserPage,
@@ -242,9 +245,12 @@ impl Jaw<'_> {
         let bend = |frame: &Value| pair(&frame["bend"]).map(f64::to_degrees);
         let before = seen.until("measured", |_, frame| angle(frame).is_some() && frame["shown"] == "ready");
         let from_deg = angle(&before).expect("measured");
-        // It opens further than it closes, so that there is something left to close.
-        let (wanted_deg, mut moved_deg) = (if opens { 20.0 } else { 12.0 }, 0.0_f64);
-        for _ in 0..200 {
+        // Half of the way to the end at most: on a busy machine it goes on for a while before it is let go.
+        let room_deg = if opens { OPEN_DEG - from_deg } else { from_deg };
+        let (wanted_deg, mut moved_deg) = ((0.5 * room_deg).min(20.0), 0.0_f64);
+        assert!(wanted_deg > 3.0, "{how}: the jaw stands at {from_deg} deg");
+        // Half a minute of pictures: a busy machine may take the button from the page between two of them.
+        for _ in 0..1800 {
             if self.page.value(MOVES) != json!(true) {
                 act(self.page, false);
                 self.page.wait_for("off the pad", READY);
@@ -275,14 +281,14 @@ impl Jaw<'_> {
 fn the_picture_has_its_fingers(page: &mut BrowserPage) {
     let painted = page.value(
         "(async () => {
-            const [{ Scene }, { VIEWS, cameraFor, fingers, frameAt }] = [await import('/js/scene.js'), await import('/js/snake.js')];
+            const [{ Scene }, { VIEWS, cameraFor, fingers, frameAt, machineOf }] = [await import('/js/scene.js'), await import('/js/snake.js')];
             const style = getComputedStyle(document.documentElement), metal = style.getPropertyValue('--metal').trim();
             const colours = new Proxy({}, { get: () => metal });
-            const machine = { length: 25, pitch: 3, maxBend: 1.2 }, bend = [0.3, 0.2];
+            const machine = machineOf({ joints: null, l_m: 0.025, r_m: 0.003, max_bend_rad: 1.2 }), bend = [0.3, 0.2];
             const pixels = jaw => {
                 const scene = new Scene(new OffscreenCanvas(800, 800));
                 scene.resize(800, 800, 1);
-                scene.draw({ bend, setpoint: null, jaw, machine, colours, isLimited: false });
+                scene.draw({ bends: [bend], wanted: null, jaw, machine, colours, isLimited: false });
                 return scene;
             };
             const of = opening => {
