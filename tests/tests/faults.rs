@@ -88,7 +88,9 @@ fn lose(victim: &str, signal: Signal) -> String {
     let n_then = if victim == "record" { 6 } else { 7 };
     let is_back = || {
         let now = processes_of(&instance);
-        now.len() == n_then && now.iter().all(|(_, now)| *now != pid)
+        // A process that has not begun its own program yet has its parent's name.
+        let is_itself = victim == "record" || now.iter().any(|(name, _)| name == victim);
+        now.len() == n_then && is_itself && now.iter().all(|(_, now)| *now != pid)
     };
     assert!(wait_until(PATIENCE, is_back), "{victim}: {:?}", processes_of(&instance));
     let others = |all: Vec<(String, u32)>| all.into_iter().filter(|(name, _)| name != victim).collect::<Vec<_>>();
