@@ -88,10 +88,7 @@ impl Shapes {
     }
 
     fn columns_of(&self, problem: &Problem, is_wanted: impl Fn(&Shape) -> bool) -> Result<Vec<Vec<f64>>, LabError> {
-        let n = problem.data.n_outputs;
-        let one =
-            |output: usize| (0..problem.data.outputs.len()).map(|k| f64::from(u8::from(k % n == output))).collect();
-        let mut columns: Vec<Vec<f64>> = (0..n).map(|output| problem.laid_out(one(output))).collect();
+        let mut columns = jump(problem, f64::NEG_INFINITY);
         let wanted: Vec<&Shape> = self.shapes.iter().filter(|shape| is_wanted(shape)).collect();
         if wanted.iter().any(|shape| matches!(shape, Shape::Group(_))) {
             let predicted = problem.machine.predict(&self.at, &problem.data)?;
@@ -196,7 +193,7 @@ fn jump(problem: &Problem, from_s: f64) -> Vec<Vec<f64>> {
 fn best_jump(problem: &Problem, residual: &[f64]) -> f64 {
     let (low, high) = bounds(problem.data.time_s.iter().copied());
     let at = |k: usize| low + (high - low) * k as f64 / N_JUMPS as f64;
-    let offset = jump(problem, low);
+    let offset = jump(problem, f64::NEG_INFINITY);
     let power = |from_s: f64| -> f64 {
         let basis = orthonormal(&[offset.clone(), jump(problem, from_s)].concat());
         basis.iter().map(|own| dot(own, residual).powi(2)).sum()

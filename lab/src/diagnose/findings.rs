@@ -33,6 +33,14 @@ const CLOSEST: usize = 4;
 const CLOSE_CONTEST: f64 = 40.0;
 
 impl Findings {
+    /// What was chosen, fitted to the problem of another search.
+    ///
+    /// # Errors
+    /// [`LabError::Chain`] where the effects make no chain.
+    pub(super) fn chosen_on(&self, search: &Search) -> Result<Trial, LabError> {
+        search.fitted(self.chosen.found.clone(), &self.chosen.fit.effects)
+    }
+
     /// Exchanges what was chosen; what each candidate is by itself stays.
     pub(super) fn exchange_choice(&mut self, other: &mut Self) {
         core::mem::swap(&mut self.chosen, &mut other.chosen);

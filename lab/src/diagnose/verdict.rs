@@ -103,45 +103,54 @@ pub fn diagnose(
     }
     found.decide(&search(&work), &search(&full));
     let n_outliers = excluded.len();
-    let (all_rows, working_rows) = (search(&full), search(&work));
-    let alone = [&all_rows, &working_rows];
+    let alone = [&search(&full), &search(&work)];
     let case = Case { full: alone[0], work: alone[1], alone, beside: None, floors, loads, found, n_outliers, hint };
-    if !case.leaves_shapes()? {
-        return case.conclude()?.sketched(machine, data);
+    let (start, chosen) = (alone[0].start()?, case.found.chosen_on(alone[0])?);
+    if !case.leaves_shapes(&start, &chosen)? {
+        return case.conclude(&start, chosen)?.sketched(machine, data);
     }
     // What no effect makes is put beside the effects shape by shape, and the search is begun anew beside each.
-    let mut last_fit = case.chosen()?.fit;
-    let mut shapes = Shapes::none(&last_fit.effects);
-    let mut last: Option<(Problem, Problem, Findings)> = None;
-    while shapes.grow(last.as_ref().map_or(&full, |(full, ..)| full), &last_fit, options.seed)? {
-        let (full, work) = (full.beside(&shapes.columns(&full)?), work.beside(&shapes.columns(&work)?));
+    let shaped = case.shaped();
+    let mut shapes = Shapes::none(&chosen.fit.effects);
+    let mut last: Option<(Problem, Problem, Findings, Trial)> = None;
+    loop {
+        let (problem, fit) = last.as_ref().map_or((shaped, &chosen.fit), |(full, .., own)| (full, &own.fit));
+        if !shapes.grow(problem, fit, options.seed)? {
+            break;
+        }
+        let (full, work) = (shaped.beside(&shapes.columns(shaped)?), work.beside(&shapes.columns(&work)?));
         let mut found = run(&alone[0].on(&work), &case.floors, is_white, most)?;
         found.decide(&alone[0].on(&work), &alone[0].on(&full));
-        last_fit = alone[0].on(&full).fitted(found.chosen.found.clone(), &found.chosen.fit.effects)?.fit;
-        last = Some((full, work, found));
+        let own = found.chosen_on(&alone[0].on(&full))?;
+        last = Some((full, work, found, own));
     }
-    let Some((full, work, found)) = last else { return case.conclude()?.sketched(machine, data) };
-    let beside = Beside { full: &alone[0].on(&full), work: &alone[0].on(&work), shapes: &shapes };
-    case.or_beside(beside, found)?.conclude()?.sketched(machine, data)
+    let Some((full, work, found, own)) = last else { return case.conclude(&start, chosen)?.sketched(machine, data) };
+    let beside = Beside { full: &alone[0].on(&full), work: &alone[0].on(&work), shapes: &shapes, found };
+    let (case, chosen) = case.or_beside(chosen, beside, own)?;
+    case.conclude(&start, chosen)?.sketched(machine, data)
 }
 
 /// The floor is taken anew so many times.
 const MOST_FLOORS: usize = 3;
 
-/// Searches on all and on the working rows beside these shapes.
+/// Of more rows than this shapes are made on the working ones alone: their columns would fill the memory.
+const MOST_SHAPED: usize = 30_000;
+
+/// Searches on all and on the working rows beside these shapes, and what they found.
 struct Beside<'a> {
     full: &'a Search<'a>,
     work: &'a Search<'a>,
     shapes: &'a Shapes,
+    found: Findings,
 }
 
 /// Everything that a conclusion needs.
 struct Case<'a> {
-    /// On all rows.
+    /// On all rows; beside shapes on those of [`Case::shaped`].
     full: &'a Search<'a>,
     /// On the working rows.
     work: &'a Search<'a>,
-    /// The same two with nothing beside the effects: what a model file with these effects leaves.
+    /// On all and on the working rows with nothing beside the effects: what a model file with these effects leaves.
     alone: [&'a Search<'a>; 2],
     /// Shapes that `full` and `work` have beside the effects.
     beside: Option<&'a Shapes>,
@@ -155,31 +164,33 @@ struct Case<'a> {
 
 impl<'a> Case<'a> {
     /// Whether the chosen effects leave something that no noise makes and that shapes make.
-    fn leaves_shapes(&self) -> Result<bool, LabError> {
-        let chosen = self.chosen()?;
-        let [before, after] = [&self.full.start()?, &chosen].map(|own| self.error(own));
-        let is_left = self.hint.is_none() && self.remaining(&chosen, before, after, self.floor())?.structured;
-        Ok(is_left && self.is_made(&self.beside_shapes(&chosen)?))
+    fn leaves_shapes(&self, start: &Trial, chosen: &Trial) -> Result<bool, LabError> {
+        let [before, after] = [start, chosen].map(|own| self.error(own));
+        let is_left = self.hint.is_none() && self.remaining(chosen, before, after, self.floor())?.structured;
+        Ok(is_left && self.is_made(&self.beside_shapes(chosen)?))
     }
 
     /// Takes what was found beside shapes, where at least as many effects stand there.
-    fn or_beside(mut self, other: Beside<'a>, mut found: Findings) -> Result<Self, LabError> {
-        let n_standing = |case: &Self| -> Result<usize, LabError> {
-            Ok(case.standing(&case.chosen()?)?.into_iter().filter(|stands| *stands).count())
+    fn or_beside(mut self, chosen: Trial, beside: Beside<'a>, other: Trial) -> Result<(Self, Trial), LabError> {
+        let n_standing = |case: &Self, chosen: &Trial| -> Result<usize, LabError> {
+            Ok(case.standing(chosen)?.into_iter().filter(|stands| *stands).count())
         };
-        let before = n_standing(&self)?;
+        let before = n_standing(&self, &chosen)?;
+        let mut found = beside.found;
         self.found.exchange_choice(&mut found);
-        (self.full, self.work, self.beside) = (other.full, other.work, Some(other.shapes));
-        if n_standing(&self)? < before.max(1) {
-            self.found.exchange_choice(&mut found);
-            ([self.full, self.work], self.beside) = (self.alone, None);
+        (self.full, self.work, self.beside) = (beside.full, beside.work, Some(beside.shapes));
+        if n_standing(&self, &other)? >= before.max(1) {
+            return Ok((self, other));
         }
-        Ok(self)
+        self.found.exchange_choice(&mut found);
+        ([self.full, self.work], self.beside) = (self.alone, None);
+        Ok((self, chosen))
     }
 
-    /// The chosen effects, fitted to all rows.
-    fn chosen(&self) -> Result<Trial, LabError> {
-        self.full.fitted(self.found.chosen.found.clone(), &self.found.chosen.fit.effects)
+    /// The problem on which shapes are made.
+    fn shaped(&self) -> &'a Problem<'a> {
+        let [full, work] = self.alone.map(|search| search.problem);
+        if full.data.n_rows() <= MOST_SHAPED { full } else { work }
     }
 
     /// Error on blocks that a fit did not see, in the unit of errors; of a fit with nothing beside the effects.
@@ -197,13 +208,13 @@ impl<'a> Case<'a> {
 
     /// What the effects do beside the shapes of the search, or beside those of what they leave.
     fn beside_shapes(&self, chosen: &Trial) -> Result<Standing, LabError> {
-        let mut own = Shapes::none(&chosen.fit.effects);
-        if self.beside.is_none() {
-            while own.grow(self.full.problem, &chosen.fit, self.full.seed)? {}
-        }
-        let problem = self.alone[0].problem;
+        let problem = self.shaped();
         // Here: with nothing taken out of residuals and slopes.
         let here = fit(problem, &chosen.fit.effects, &chosen.fit.variables, 0, 0.0)?;
+        let mut own = Shapes::none(&chosen.fit.effects);
+        if self.beside.is_none() {
+            while own.grow(problem, &here, self.full.seed)? {}
+        }
         beside::standing(problem, &here, self.full.base.len(), self.beside.unwrap_or(&own))
     }
 
@@ -226,16 +237,17 @@ impl<'a> Case<'a> {
         Ok(standing.shares.iter().enumerate().map(stands).collect())
     }
 
-    fn conclude(self) -> Result<Diagnosis, LabError> {
-        let search = self.full;
+    fn conclude(self, start: &Trial, mut chosen: Trial) -> Result<Diagnosis, LabError> {
+        let search = self.alone[0];
         let problem = search.problem;
         let (unit, scale) = problem.machine.error_unit();
-        let start = self.alone[0].start()?;
         let as_given = problem.outputs_of(&problem.residual(search.base)?);
-        let mut chosen = self.chosen()?;
         let prefixes = self.order(&mut chosen)?;
-        let alone = self.alone[0].fitted(chosen.found.clone(), &chosen.fit.effects)?;
-        let (before, after) = (self.error(&start), self.error(&alone));
+        let before = self.error(start);
+        let after = match self.beside {
+            None => self.error(&chosen),
+            Some(_) => self.error(&search.fitted(chosen.found.clone(), &chosen.fit.effects)?),
+        };
         let sigma = self.floors.sigma();
         let floor = self.floor();
         let remaining = self.remaining(&chosen, before, after, floor)?;
@@ -257,7 +269,7 @@ impl<'a> Case<'a> {
         let separating = || effects.iter().find_map(|own| experiment::separate(&own.class, n_reversals, has_loads));
         let next_experiment = experiment::next(verdict, separating, remaining.looks_like);
         let candidates = self.candidates(&effects, scale);
-        let loads = self.load_cells(&start, &chosen)?;
+        let loads = self.load_cells(start, &chosen)?;
         let mut cautions = gate::cautions(problem, self.n_outliers, true);
         if let Usable::No(why) = &self.loads {
             cautions.push(why.clone());
@@ -290,7 +302,7 @@ impl<'a> Case<'a> {
             floor_relative_error: 0.0,
             as_given_rms: problem.rms_of_outputs(dot(&as_given, &as_given)) * scale,
             explained_share: (!effects.is_empty()).then_some(1.0 - remaining.unexplained),
-            calibration: calibration(problem, &chosen.fit, n_own),
+            calibration: calibration(self.full.problem, &chosen.fit, n_own),
             calibrated: None,
             noise_floor: floor,
             floor_source: sigma.map_or("the data do not tell", |(_, source): (f64, FloorSource)| source.label()),
@@ -315,7 +327,7 @@ impl<'a> Case<'a> {
 
     /// What the load cells were found to read, with the model as given and with the effects.
     fn load_cells(&self, start: &Trial, chosen: &Trial) -> Result<Option<Vec<LoadCell>>, LabError> {
-        let problem = self.full.problem;
+        let problem = self.alone[0].problem;
         let (Some(rows), Some(cells)) = (problem.loads(), self.loads.cells()) else { return Ok(None) };
         let predicted = |trial: &Trial| -> Result<Vec<f64>, LabError> {
             Ok(problem.predicted_with_loads(&trial.fit.effects, &problem.data)?.1)
