@@ -272,6 +272,7 @@ mod tests {
             assert_eq!((frame(nonsense, 0.0), frame(0.0, nonsense)), (None, None));
         }
     }
+
     #[test]
     fn a_jaw_opens_or_closes_while_the_pad_is_held_or_says_nothing() {
         let flags = |held, jaw| PadFrame { n: 1, held, x: 0.0, y: 0.0, jaw }.flags();

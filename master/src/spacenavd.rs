@@ -121,8 +121,8 @@ impl<F: Read + AsFd + Send> HidPort for SpacenavPort<F> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{HidSource, ReportSource, SourceEvent};
-    use krait_ipc::clock;
+    use crate::hid_source::tests::wait_for_event;
+    use crate::{HidSource, SourceEvent};
     use std::io::Write;
     use std::os::unix::net::{UnixListener, UnixStream};
 
@@ -185,16 +185,6 @@ mod tests {
         (UnixListener::bind(&path).expect("a socket"), path)
     }
 
-    fn next(source: &mut HidSource) -> SourceEvent {
-        for _ in 0..10_000 {
-            source.wait_until(clock::monotonic_ns() + 1_000_000);
-            if let Some(event) = source.next_event(clock::monotonic_ns()) {
-                return event;
-            }
-        }
-        panic!("no event came");
-    }
-
     #[test]
     fn the_end_of_the_daemon_is_the_loss_of_the_hand_and_another_one_is_found() {
         let (listener, path) = daemon("restart");
@@ -202,12 +192,12 @@ mod tests {
         let serve = |listener: &UnixListener| -> UnixStream { listener.accept().expect("a client").0 };
         for is_first in [true, false] {
             let mut client = serve(&listener);
-            assert!(is_first || matches!(next(&mut source), SourceEvent::Plugged));
+            assert!(is_first || matches!(wait_for_event(&mut source), SourceEvent::Plugged));
             client.write_all(&event([0, 100, 0, 0, 0, 0, 0, 0])).expect("written");
-            let SourceEvent::HidReport { report, .. } = next(&mut source) else { panic!("a report") };
+            let SourceEvent::HidReport { report, .. } = wait_for_event(&mut source) else { panic!("a report") };
             assert_eq!(HidReport::decode(report.as_bytes()), Ok(HidReport::Motion([100, 0, 0, 0, 0, 0])));
             drop(client);
-            assert!(matches!(next(&mut source), SourceEvent::Unplugged));
+            assert!(matches!(wait_for_event(&mut source), SourceEvent::Unplugged));
         }
         drop(source);
         std::fs::remove_file(path).expect("removed");

@@ -72,7 +72,7 @@ fn device(n_absent: u32) -> (mpsc::Sender<Act>, Arc<AtomicU64>, HidSource) {
 }
 
 /// The next event, waiting as the process loop does.
-fn wait_for_event(source: &mut HidSource) -> SourceEvent {
+pub(crate) fn wait_for_event(source: &mut HidSource) -> SourceEvent {
     for _ in 0..10_000 {
         source.wait_until(clock::monotonic_ns() + 1_000_000);
         if let Some(event) = source.next_event(clock::monotonic_ns()) {

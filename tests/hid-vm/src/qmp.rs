@@ -2,9 +2,11 @@
 //! QEMU's making in and out and works them as a person would.
 
 use anyhow::{Context, bail};
+use core::time::Duration;
 use serde_json::{Value, json};
 use std::fs::{File, OpenOptions};
 use std::io::{BufRead, BufReader, Write};
+use std::thread::sleep;
 
 /// The serial port, which /init has made transparent.
 const PORT: &str = "/dev/ttyS1";
@@ -81,6 +83,18 @@ impl Qmp {
     pub fn act(&mut self, acts: &[Act]) -> anyhow::Result<()> {
         let events: Vec<Value> = acts.iter().map(Act::event).collect();
         self.ask("input-send-event", &json!({ "events": events }))
+    }
+
+    /// Presses a key and lets it go.
+    ///
+    /// # Errors
+    /// QEMU refuses.
+    pub fn press(&mut self, key: &'static str) -> anyhow::Result<()> {
+        for is_down in [true, false] {
+            self.act(&[Act::Key(key, is_down)])?;
+            sleep(Duration::from_millis(40));
+        }
+        Ok(())
     }
 }
 

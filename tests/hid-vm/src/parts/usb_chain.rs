@@ -37,7 +37,7 @@ pub fn chain(qmp: &mut Qmp) -> anyhow::Result<PartVerdict> {
 
     // Presence, an arrow, and the plug.
     let bent_ns = clock::monotonic_ns();
-    press(qmp, "spc")?;
+    qmp.press("spc")?;
     qmp.act(&[Act::Key("right", true)])?;
     sleep(HELD);
     let unplugged_ns = clock::monotonic_ns();
@@ -52,14 +52,14 @@ pub fn chain(qmp: &mut Qmp) -> anyhow::Result<PartVerdict> {
     qmp.act(&[Act::Key("left", true)])?;
     sleep(HELD);
     let pressed_ns = clock::monotonic_ns();
-    press(qmp, "spc")?;
+    qmp.press("spc")?;
     sleep(HELD);
     let escaped_ns = clock::monotonic_ns();
     let mut stranger = Stranger::at(&device)?;
-    press(qmp, "esc")?;
+    qmp.press("esc")?;
     sleep(LOOKED_AT);
     let looked_ns = clock::monotonic_ns();
-    press(qmp, "a")?;
+    qmp.press("a")?;
     let n_given_back = stranger.heard();
     qmp.act(&[Act::Key("left", false)])?;
     let (ended, journal) = chain.end()?;
@@ -93,12 +93,4 @@ pub fn chain(qmp: &mut Qmp) -> anyhow::Result<PartVerdict> {
         verdict.check("said", false, format!("{:?}", ended.stderr));
     }
     Ok(verdict)
-}
-
-fn press(qmp: &mut Qmp, key: &'static str) -> anyhow::Result<()> {
-    for is_down in [true, false] {
-        qmp.act(&[Act::Key(key, is_down)])?;
-        sleep(Duration::from_millis(40));
-    }
-    Ok(())
 }

@@ -72,7 +72,7 @@ pub fn lights(qmp: &mut Qmp) -> anyhow::Result<PartVerdict> {
         verdict.check(name, is_met(&codes), words);
     };
     judge("taken", watched.watch(CODE, SETTLED_NS)?, |[e, l, f]| e.is_wink() && l.is_dark() && f.is_dark());
-    press(qmp, "spc")?;
+    qmp.press("spc")?;
     let engaged = watched.watch(Duration::from_millis(1200), SETTLED_NS)?;
     judge("engaged", engaged, |[e, l, f]| e.is_steady() && l.is_dark() && f.is_dark());
     qmp.act(&[Act::Key("right", true)])?;
@@ -83,7 +83,7 @@ pub fn lights(qmp: &mut Qmp) -> anyhow::Result<PartVerdict> {
     let silent = watched.watch(STOPPED, 2 * SETTLED_NS)?;
     signal("slave", "CONT")?;
     judge("fault", silent, |[e, l, f]| e.is_dark() && l.is_dark() && f.is_fast());
-    press(qmp, "esc")?;
+    qmp.press("esc")?;
     sleep(Duration::from_millis(300));
     let after = watched.look()?;
     verdict.check("as_before", after == before, format!("{after:?}").replace(' ', ""));
@@ -95,12 +95,4 @@ pub fn lights(qmp: &mut Qmp) -> anyhow::Result<PartVerdict> {
         verdict.check("said", false, format!("{:?}", ended.stderr));
     }
     Ok(verdict)
-}
-
-fn press(qmp: &mut Qmp, key: &'static str) -> anyhow::Result<()> {
-    for is_down in [true, false] {
-        qmp.act(&[Act::Key(key, is_down)])?;
-        sleep(Duration::from_millis(40));
-    }
-    Ok(())
 }

@@ -1,7 +1,7 @@
 //! A master that is killed is started again: it takes the keyboard again, but not one that its user has given back.
 
 use crate::chain::{User, VmChain, pid_of, signal};
-use crate::qmp::{Act, Qmp};
+use crate::qmp::Qmp;
 use crate::spacemouse::wait_for;
 use crate::usb_hand::{Stranger, plugged, unplugged};
 use crate::verdict::PartVerdict;
@@ -26,7 +26,7 @@ pub fn restart(qmp: &mut Qmp) -> anyhow::Result<PartVerdict> {
     typed(qmp)?;
     let n_taken = stranger.heard();
     verdict.check("taken_again", n_taken == 0, n_taken);
-    press(qmp, "esc")?;
+    qmp.press("esc")?;
     sleep(Duration::from_millis(300));
     let escaped_ns = clock::monotonic_ns();
     stranger.heard();
@@ -61,13 +61,5 @@ fn kill_master() -> anyhow::Result<()> {
 }
 
 fn typed(qmp: &mut Qmp) -> anyhow::Result<()> {
-    press(qmp, "a")
-}
-
-fn press(qmp: &mut Qmp, key: &'static str) -> anyhow::Result<()> {
-    for is_down in [true, false] {
-        qmp.act(&[Act::Key(key, is_down)])?;
-        sleep(Duration::from_millis(40));
-    }
-    Ok(())
+    qmp.press("a")
 }
