@@ -7,7 +7,8 @@
 //! Intuition: in the bend vector nothing is singular at the straight pose; far out, where the tip moves mostly along
 //! itself, damping keeps the rates small. What the snake cannot do (twist, advance) is left out, not approximated.
 //!
-//! Failure: no operator, no slave, stale samples. The setpoint then comes to rest within the acceleration limit and holds.
+//! Failure: no operator, no slave, stale samples. The setpoint then stands at once, as it does in the slave, which brakes the actuators
+//! by itself: a setpoint that braked here and came back would turn the lines within their play, which they never did.
 
 use crate::config::{GripperConfig, JointsConfig, ResolveConfig};
 use crate::resolve_jaw::JawMotion;
@@ -113,6 +114,9 @@ impl ResolveCore {
 
         let mut reasons = reasons_to_hold(&self.config, self.state.as_ref(), input, begun_ns);
         self.memory.phase = if reasons.is_empty() { Phase::Following } else { Phase::Holding };
+        if self.memory.phase == Phase::Holding {
+            self.memory.bend_vel = Vector2::zeros();
+        }
         self.reseed_at_rest();
         let (wanted, motion_scale) = match self.memory.phase {
             Phase::Following => self.limited(self.base_from_view * velocity, &mut reasons),

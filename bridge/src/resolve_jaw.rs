@@ -2,7 +2,7 @@
 //!
 //! Problem: integrate y_dot = rate times (open - close) + turning, with y between closed and open, and rate and its change bounded.
 //!
-//! Failure: as the snake's own; where its setpoint holds, the jaw comes to rest within the acceleration limit and holds.
+//! Failure: as the snake's own; where its setpoint holds, the jaw's stands at once, as the slave's does.
 
 use crate::config::GripperConfig;
 use crate::resolve_joints::room;
@@ -64,6 +64,9 @@ impl JawMotion {
         step_s: f64,
         reasons: &mut Reasons,
     ) {
+        if !follows {
+            self.memory.vel_rad_per_s = 0.0;
+        }
         self.reseed_at_rest(state);
         let wanted = if follows { self.limited(input, reasons) } else { 0.0 };
         let largest = self.config.max_accel_rad_per_s2 * step_s;

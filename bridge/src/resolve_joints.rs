@@ -6,7 +6,7 @@
 //! Intuition: one common factor shortens all joints where one is too fast, so that the direction of the motion stays; a joint
 //! near its limit slows down by itself, so that the others go on.
 //!
-//! Failure: as in `resolve` of a snake; the setpoint comes to rest within the acceleration limit and holds.
+//! Failure: as in `resolve` of a snake; the setpoint then stands at once, as the slave does.
 
 use crate::JointMachine;
 use crate::config::ResolveConfig;
@@ -82,6 +82,9 @@ impl JointResolveCore {
 
         let mut reasons = reasons_to_hold(&self.config, self.state.as_ref(), input, begun_ns);
         self.memory.phase = if reasons.is_empty() { Phase::Following } else { Phase::Holding };
+        if self.memory.phase == Phase::Holding {
+            self.memory.vel_rad_per_s = [0.0; MAX_JOINTS];
+        }
         self.reseed_at_rest();
         let (wanted, motion_scale) = match self.memory.phase {
             Phase::Following => self.limited(&axes, &mut reasons),

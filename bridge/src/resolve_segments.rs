@@ -7,7 +7,7 @@
 //! Intuition: a hand that pushes sideways gets that, and what freedom is left turns the tip as the hand turns. Bends that no loads
 //! within the lines' bounds hold are not gone to: the setpoint stands at their border, and every way back is free.
 //!
-//! Failure: as in `resolve` of a snake; the setpoint comes to rest within the acceleration limit and holds.
+//! Failure: as in `resolve` of a snake; the setpoint then stands at once, as the slave does.
 
 use crate::config::ResolveConfig;
 use crate::live_model::SegmentModel;
@@ -95,6 +95,9 @@ impl SegmentResolveCore {
 
         let mut reasons = reasons_to_hold(&self.config, self.state.as_ref(), input, begun_ns);
         self.memory.phase = if reasons.is_empty() { Phase::Following } else { Phase::Holding };
+        if self.memory.phase == Phase::Holding {
+            self.memory.bends_vel = Bends::zeros();
+        }
         self.reseed_at_rest();
         let (wanted, motion_scale) = match self.memory.phase {
             Phase::Following => {

@@ -134,6 +134,45 @@ fn the_jaw_goes_as_its_buttons_say_within_its_range_and_only_for_a_present_opera
     assert!(shut.jaw_rad() >= Some(0.0) && shut.jaw_rad() < Some(1e-3), "{shut:?}");
 }
 
+/// A slave that holds at once, where it was last told to follow: what `resolve` brakes through meanwhile nobody carries out.
+fn holding_state(n: u64, followed: Option<&Command>, is_held: bool) -> SlaveState {
+    let state = state(n, followed);
+    SlaveState { flags: if is_held { state.flags & !SlaveState::JAW_FOLLOWING } else { state.flags }, ..state }
+}
+
+#[test]
+fn taken_hold_of_again_and_again_the_wire_stays_within_its_play_of_the_jaw() {
+    let mut cores = Cores::new(&shipped());
+    let mut followed: Option<Command> = None;
+    let (mut n, mut is_held) = (0, false);
+    // Opened wide, and closed in short pulls with the hand off between them.
+    let pulls = core::iter::once((OperatorInput::JAW_OPENS, 1000)).chain([(OperatorInput::JAW_CLOSES, 60); 12]);
+    for (jaw, n_ms) in pulls {
+        for (flags, n_ms) in [(OperatorInput::OPERATOR_PRESENT | jaw, n_ms), (0, 150)] {
+            for _ in 0..n_ms {
+                n += 1;
+                let state = holding_state(n, followed.as_ref(), is_held);
+                cores.resolve.note_state(&state);
+                cores.compensate.note_state(&state);
+                let input = OperatorInput { flags, ..input(n, [0.0; 3]) };
+                let setpoint = cores.resolve.step(&input, input.sample_ns).expect("a good input");
+                let command = cores.compensate.step(&setpoint, input.sample_ns).expect("a good setpoint");
+                is_held = command.phase != Phase::Following as u32;
+                if !is_held {
+                    followed = Some(command);
+                }
+                let (wire_m, jaw_rad) =
+                    (followed.map_or(0.0, |own| own.q_tilde_m[GRIPPER_WIRE]), command.joints_rad[JAW]);
+                let off_m = wire_m - 0.002 * jaw_rad;
+                // Half of the play, and what is crossed before a new hold has eased in.
+                assert!(off_m.abs() < 2.5e-4, "{n}: the wire stands {:.3} mm off a jaw at {jaw_rad} rad", 1e3 * off_m);
+            }
+        }
+    }
+    let jaw_rad = followed.expect("it followed").joints_rad[JAW];
+    assert!(jaw_rad > 0.1, "still open: {jaw_rad}");
+}
+
 #[test]
 fn turning_the_hand_moves_the_jaw_where_the_configuration_says_so_and_is_checked() {
     let chain = shipped();

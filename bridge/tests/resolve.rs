@@ -103,25 +103,6 @@ fn each_reason_to_hold_holds_alone_and_is_named() {
 }
 
 #[test]
-fn letting_go_of_the_operator_present_switch_stops_the_snake_smoothly() {
-    let mut core = resolve(ResolveConfig::default());
-    for n in 1..=200 {
-        follow(&mut core, input(n, [0.02, 0.0, 0.0]));
-    }
-    let mut before = 0.02 / 0.013;
-    let mut n_stopping = 0;
-    for n in 201..=400 {
-        let absent = OperatorInput { flags: 0, ..input(n, [0.02, 0.0, 0.0]) };
-        let speed = length(follow(&mut core, absent).bend_vel_rad_per_s);
-        assert!(speed <= before, "it only gets slower");
-        before = speed;
-        n_stopping += u32::from(speed > 0.0);
-    }
-    assert_eq!(before, 0.0);
-    assert!((10..80).contains(&n_stopping), "it takes {n_stopping} ms to stop");
-}
-
-#[test]
 fn the_bend_never_passes_its_limit_and_the_plane_can_still_turn() {
     let config = ResolveConfig { max_bend_rad: 0.6, ..ResolveConfig::default() };
     let mut core = resolve(config);
