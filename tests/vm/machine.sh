@@ -5,8 +5,11 @@ skip() { echo "SKIPPED ALOUD: $*"; exit 77; }
 
 # fetch CACHE: downloads QEMU (with the libraries that this machine lacks), busybox and the kernel, and unpacks them.
 fetch() {
-  local cache=$1 qemu kernel sandbox=()
-  [ ! -e "$cache/complete" ] || return 0
+  local cache=$1 qemu kernel lock sandbox=()
+  # Two rigs may begin at once.
+  exec {lock}>"$cache/lock"
+  flock "$lock"
+  [ ! -e "$cache/complete" ] || { exec {lock}>&-; return 0; }
   [ "$(uname -m)" = x86_64 ] || skip "the rig boots an x86_64 kernel, this machine is $(uname -m)"
   command -v apt-get >/dev/null && command -v dpkg >/dev/null || skip "apt-get and dpkg are not on this machine"
   # -s only lists. Packages that would be upgraded are left out: a second libc beside the machine's own breaks QEMU.
@@ -25,6 +28,7 @@ fetch() {
   done
   rm -rf "$cache/debs"
   touch "$cache/complete"
+  exec {lock}>&-
 }
 
 # fetch_with_needs CACHE PACKAGE: a program's package with what it needs and this machine lacks, unpacked beside QEMU; false where it cannot be had.
