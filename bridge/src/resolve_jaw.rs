@@ -79,11 +79,13 @@ impl JawMotion {
     /// At rest the setpoint is the slave's own, as with the snake.
     fn reseed_at_rest(&mut self, state: Option<&SlaveState>) {
         let Some(state) = state else { return };
-        let (own, [closed, open]) = (state.setpoint_joints_rad[JAW], self.range_rad);
+        let [closed, open] = self.range_rad;
+        // A jaw that an encoder finds outside its range begins at the end of it.
+        let own = state.setpoint_joints_rad[JAW].clamp(closed, open);
         let is_at_rest = self.memory.vel_rad_per_s.abs() < REST * self.max_vel_rad_per_s;
         let is_ours = state.flags & SlaveState::JAW_FOLLOWING != 0;
         let is_far = (own - self.memory.jaw_rad).abs() > RESEED * (open - closed);
-        if is_at_rest && !is_ours && is_far && (closed..=open).contains(&own) {
+        if is_at_rest && !is_ours && is_far && own.is_finite() {
             self.memory.jaw_rad = own;
         }
     }

@@ -271,8 +271,9 @@ impl<B: ActuatorBus> Cycles<B> {
         if self.phase != Phase::Off {
             let lets_go = self.setup.on_fault == OnFault::PowerOff;
             self.phase = if lets_go { Phase::Off } else { Phase::Stopped };
-            let limp = suspect(&failure).filter(|_| self.setup.on_fault == OnFault::Relax);
-            self.relaxing = limp.map(|limp| Relaxing::new(self.setup.relax, limp, now_ns));
+            let BusSetup { n_together, relax, on_fault, .. } = self.setup;
+            let limp = suspect(&failure, n_together).filter(|_| on_fault == OnFault::Relax);
+            self.relaxing = limp.map(|limp| Relaxing::new(relax, (limp, n_together), now_ns));
         }
     }
 

@@ -7,15 +7,16 @@ use crate::bus::Seen;
 use krait_ipc::message::Actuators;
 use krait_slave::{DriveError, GivingWay, RelaxLimits};
 
-/// The actuator that may have let go of its line, from 0. One that is silent or whose encoder leapt says nothing of the kind.
-pub(crate) fn suspect(failure: &DriveError) -> Option<usize> {
-    match failure {
+/// The actuator that may have let go of its line, from 0; `n_together`: who stands behind those that hold each other held none of theirs. One that is silent or whose encoder leapt says nothing of the kind.
+pub(crate) fn suspect(failure: &DriveError, n_together: usize) -> Option<usize> {
+    let suspect = match failure {
         DriveError::Limp { actuator }
         | DriveError::Reset { actuator }
         | DriveError::Tripped { actuator, .. }
         | DriveError::HardwareStop { actuator, .. } => Some(actuator - 1),
         _ => None,
-    }
+    };
+    suspect.filter(|k| *k < n_together)
 }
 
 /// The others while one is limp.
@@ -23,11 +24,12 @@ pub(crate) fn suspect(failure: &DriveError) -> Option<usize> {
 pub(crate) struct Relaxing {
     way: GivingWay,
     limp: usize,
+    n_together: usize,
 }
 
 impl Relaxing {
-    pub(crate) fn new(limits: RelaxLimits, limp: usize, now_ns: i64) -> Self {
-        Self { way: GivingWay::new(limits, now_ns), limp }
+    pub(crate) fn new(limits: RelaxLimits, (limp, n_together): (usize, usize), now_ns: i64) -> Self {
+        Self { way: GivingWay::new(limits, now_ns), limp, n_together }
     }
 
     pub(crate) fn has_begun(&self) -> bool {
@@ -51,7 +53,8 @@ impl Relaxing {
             let holds = seen.has_answered[self.limp] && self.has_begun() && !seen.has_let_go[self.limp];
             return (!holds).then_some(goal_m);
         }
-        let loads_n = core::array::from_fn(|k| if k < n && k != self.limp { tau_n[k] } else { 0.0 });
+        // A gripper's wire stays: what its jaw holds it goes on holding.
+        let loads_n = core::array::from_fn(|k| if k < self.n_together && k != self.limp { tau_n[k] } else { 0.0 });
         self.way.step(goal_m, loads_n, (now_ns, period_ns))
     }
 }

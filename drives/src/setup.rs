@@ -20,6 +20,9 @@ pub struct BusSetup {
     pub(crate) mode: DriveMode,
     pub(crate) on_fault: OnFault,
     pub(crate) relax: RelaxLimits,
+    /// How many, from the first, hold each other; one behind them is a gripper's.
+    pub(crate) n_together: usize,
+    pub(crate) jaw_m_per_rad: Option<f64>,
 }
 
 impl BusSetup {
@@ -57,6 +60,8 @@ impl BusSetup {
             mode: drive.mode,
             on_fault: drive.on_fault,
             relax: RelaxLimits::of_fault(config),
+            n_together: drive.n_together(),
+            jaw_m_per_rad: drive.jaw_m_per_rad(),
         })
     }
 
@@ -69,7 +74,8 @@ impl BusSetup {
         let per_actuator = |of: &dyn Fn(&Units) -> f64| core::array::from_fn(|k| self.units.get(k).map_or(0.0, of));
         DriveTraits {
             n_actuators: self.n(),
-            n_together: self.n(),
+            n_together: self.n_together,
+            jaw_m_per_rad: self.jaw_m_per_rad,
             period_ns: self.period_ns,
             travel_m: per_actuator(&|units| units.travel_m),
             rate_m_per_s: per_actuator(&|units| units.magnitude_m(self.speed_counts_per_s)),

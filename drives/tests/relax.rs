@@ -3,7 +3,7 @@
 
 mod rig;
 
-use krait_drives::emulator::{Coupling, Emulator, Servo};
+use krait_drives::emulator::{Coupling, Emulator, Servo, ServoWire};
 use krait_drives::sts3215;
 use krait_ipc::clock::monotonic_ns;
 use krait_sim::{CableSnake, Truth};
@@ -78,4 +78,42 @@ fn where_one_says_that_it_is_limp_the_loads_of_the_others_fall_within_the_bound_
     }
     let (stopped_m, ..) = after(OnFault::Relax, limp, true);
     assert!([0, 2].iter().all(|k| stopped_m[*k] < 0.75 * way_m[*k]), "a stop ends it: {stopped_m:?} of {way_m:?}");
+}
+
+/// Whether lines 1 and 3, and the jaw's wire, gave way after the servo of this number, from 0, has let go of what it held.
+fn with_a_jaw_gave_way(limp: usize) -> [bool; 2] {
+    let mut snake = CableSnake::new(Truth::default());
+    let mut wire = ServoWire::new((1..=4).map(|id| Servo::new(id, f64::from(ZERO) + f64::from(id))).collect());
+    wire.coupling = Some(Coupling::new(move |places| {
+        let q_m = core::array::from_fn(|k| (places[k] - f64::from(ZERO)) / PER_M);
+        // The jaw pulls at something with 20 N.
+        snake.loads_n(q_m).into_iter().chain([-20.0]).map(|load_n| load_n / LARGEST_N).collect()
+    }));
+    let emulator = Emulator::start(wire).unwrap();
+    let mut config = config(&emulator);
+    (config.drive.on_fault, config.drive.relax_m, config.drive.relax_n) = (OnFault::Relax, RELAX_M, 0.5);
+    for actuator in &mut config.drive.actuator {
+        actuator.newton_metre_per_ampere = LARGEST_N * 0.008 / (400.0 * 6.5e-3);
+    }
+    config.drive.actuator[3].jaw_m_per_rad = Some(0.002);
+    let mut rig = Rig { drive: sts3215::open_drive(&config, None).unwrap(), emulator };
+    assert_eq!((rig.drive.traits().n_together, rig.drive.traits().alone()), (3, Some(3)));
+    rig.power_up();
+    rig.cycles(3);
+    let goals = rig.goals();
+    rig.emulator.wire().servos[limp].overload = 0.0;
+    for _ in 0..1500 {
+        std::thread::sleep(Duration::from_millis(1));
+        rig.drive.read(monotonic_ns()).unwrap();
+    }
+    let sentence = rig.drive.failure().unwrap().to_string();
+    assert!(sentence.starts_with(&format!("Drive {} failed; the others hold: ", limp + 1)), "{sentence}");
+    let went = rig.goals();
+    [[0, 2].iter().any(|k| went[*k] != goals[*k]), went[3] != goals[3]]
+}
+
+#[test]
+fn a_jaw_goes_on_holding_while_lines_give_way_and_no_line_gives_way_for_a_jaw() {
+    assert_eq!(with_a_jaw_gave_way(1), [true, false]);
+    assert_eq!(with_a_jaw_gave_way(3), [false, false]);
 }

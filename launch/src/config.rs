@@ -3,6 +3,7 @@
 use crate::budget::Budget;
 use crate::in_force::{Compensation, ModelInForce};
 use crate::print::wrapped;
+use crate::real_drives;
 use anyhow::{Context, bail};
 use krait_bridge::{
     CompensateConfig, EstimateConfig, GripperConfig, JointMachine, JointsConfig, LiveModel, ResolveConfig,
@@ -194,14 +195,19 @@ impl Config {
         }
     }
 
+    /// Real drives must be those of the model's machine; to be asked when it is clear which model that is.
+    ///
+    /// # Errors
+    /// As [`real_drives::check`].
+    pub fn check_drives(&self) -> anyhow::Result<()> {
+        match self.slave.drive.kind {
+            DriveKind::Sim => Ok(()),
+            DriveKind::Sts3215 | DriveKind::Cia402 => real_drives::check(&self.slave.drive, &self.model()?.machine),
+        }
+    }
+
     /// The model of a gripper may steer a jaw, and the wire's way is within what a command may be.
     fn check_gripper(&self, gripper: &Gripper) -> anyhow::Result<()> {
-        if self.slave.drive.kind != DriveKind::Sim {
-            bail!(
-                "the model has a [gripper], and [slave.drive] names real drives, with which krait drives no gripper yet; leave [gripper] out \
-                 of the model, or try it with --slave sim"
-            );
-        }
         let (found_m, stroke_m) = (gripper.travel_m(), self.compensate.max_stroke_m);
         if found_m > stroke_m {
             bail!(

@@ -28,6 +28,7 @@ mod log;
 mod old_settings;
 mod print;
 mod progress;
+mod real_drives;
 mod recorded;
 mod replay_orders;
 mod replay_setup;

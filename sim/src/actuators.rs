@@ -27,6 +27,7 @@ impl SimulatedActuators {
         DriveTraits {
             n_actuators,
             n_together: n_actuators,
+            jaw_m_per_rad: None,
             period_ns: PERIOD_NS,
             travel_m: core::array::from_fn(|k| if k < n_actuators { self.truth.travel_m } else { 0.0 }),
             rate_m_per_s: core::array::from_fn(|k| if k < n_actuators { f64::INFINITY } else { 0.0 }),

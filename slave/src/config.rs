@@ -98,6 +98,14 @@ pub enum ConfigError {
         /// The other, N.
         push_n: f64,
     },
+    /// The same for a gripper's wire.
+    #[error(
+        "[slave.limits] jaw_n = {jaw_n}: these drives do not measure the load of the jaw's wire, and motion would be refused; set it to inf and bound the load in the drive (torque_limit)"
+    )]
+    JawLoadNotMeasured {
+        /// The limit, N.
+        jaw_n: f64,
+    },
 }
 
 impl SlaveConfig {

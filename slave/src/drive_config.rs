@@ -126,6 +126,9 @@ settings! {
         efficiency: f64 = 1.0, 0.01..=1.0;
         /// Turns of the encoder for one of the spool or screw.
         gear: f64 = 1.0, 0.01..=1000.0;
+        /// Where its line is the wire of a gripper: m of wire for one radian of the jaw, as the model's `wire_m_per_rad`. Only the
+        /// last actuator, behind the snake's lines: no line loads it, and it has a gate and a load limit of its own.
+        jaw_m_per_rad: Option<f64> = None;
         /// How far it may go from zero, either way, m.
         travel_m: f64 = 0.006, 1e-4..=0.1;
         /// Largest torque, part of the servo's own, or of the drive's rated one (object 6072).
@@ -169,6 +172,7 @@ impl DriveConfig {
         }
         for (k, actuator) in self.actuator.iter().enumerate() {
             actuator.check_ranges()?;
+            actuator.check_jaw(k + 1, n)?;
             if actuator.sign.abs() != 1 {
                 return refuse(format!("actuator {}: sign = {}, expected 1 or -1", k + 1, actuator.sign));
             }
@@ -188,7 +192,34 @@ impl DriveConfig {
     }
 }
 
+impl DriveConfig {
+    /// How many actuators, from the first, hold each other through one machine: all, or all but a gripper's.
+    pub fn n_together(&self) -> usize {
+        self.actuator.len() - usize::from(self.jaw_m_per_rad().is_some())
+    }
+
+    /// The wire of a gripper for one radian of its jaw, m, where the last actuator is that of a gripper.
+    pub fn jaw_m_per_rad(&self) -> Option<f64> {
+        self.actuator.last().and_then(|actuator| actuator.jaw_m_per_rad)
+    }
+}
+
 impl ActuatorConfig {
+    /// A gripper's wire comes behind lines; this is the `actuator`-th of `n`, from 1.
+    fn check_jaw(&self, actuator: usize, n: usize) -> Result<(), ConfigError> {
+        let Some(jaw_m_per_rad) = self.jaw_m_per_rad else { return Ok(()) };
+        let what = if actuator < n || n == 1 {
+            format!(
+                "jaw_m_per_rad: expected at the last of several, behind the snake's lines, found at {actuator} of {n}"
+            )
+        } else if !(1e-4..=0.02).contains(&jaw_m_per_rad) {
+            format!("jaw_m_per_rad = {jaw_m_per_rad}, expected 0.0001 to 0.02 m for one radian")
+        } else {
+            return Ok(());
+        };
+        Err(ConfigError::Drives { what: format!("actuator {actuator}: {what}") })
+    }
+
     /// What only a drive on CAN needs; it is the `actuator`-th, from 1.
     fn check_can(&self, actuator: usize) -> Result<(), ConfigError> {
         let refuse = |what: String| Err(ConfigError::Drives { what: format!("actuator {actuator}: {what}") });
@@ -229,6 +260,11 @@ mod tests {
             (format!("{bus}{servo}sign = 0"), "sign = 0"),
             (format!("{bus}{servo}{servo}"), "actuators 1 and 2 both have id 1"),
             (format!("{bus}{servo}travel_m = 1.0"), "travel_m = 1"),
+            (
+                format!("{bus}{servo}jaw_m_per_rad = 0.002"),
+                "at the last of several, behind the snake's lines, found at 1 of 1",
+            ),
+            (format!("{bus}{servo}[[actuator]]\nid = 2\njaw_m_per_rad = 0.2"), "actuator 2: jaw_m_per_rad = 0.2"),
             ("kind = \"cia402\"".to_owned(), "interface is missing"),
             (format!("{can}{servo}"), "vendor or product is missing"),
             (format!("{can}{drive}lead_m = 2.0"), "lead_m = 2"),

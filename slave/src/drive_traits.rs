@@ -11,6 +11,9 @@ pub struct DriveTraits {
     /// How many of them, from the first, hold each other through one machine: all, or all but the last, a gripper's wire, which
     /// stands alone.
     pub n_together: usize,
+    /// Where the drives know by their encoders where the jaw stands when power comes, m of wire for one radian of it. None: where it was
+    /// last told to be.
+    pub jaw_m_per_rad: Option<f64>,
     /// Period at which actuators are told and asked, ns.
     pub period_ns: i64,
     /// How far each may go from zero, either way, m.
@@ -72,6 +75,9 @@ impl DriveTraits {
         if !self.measures_load && (limits.pull_n.is_finite() || limits.push_n.is_finite()) {
             return Err(ConfigError::LoadsNotMeasured { pull_n: limits.pull_n, push_n: limits.push_n });
         }
+        if !self.measures_load && self.alone().is_some() && limits.jaw_n.is_finite() {
+            return Err(ConfigError::JawLoadNotMeasured { jaw_n: limits.jaw_n });
+        }
         Ok(())
     }
 }
@@ -84,6 +90,7 @@ mod tests {
     const ABLE: DriveTraits = DriveTraits {
         n_actuators: 3,
         n_together: 3,
+        jaw_m_per_rad: None,
         period_ns: 5_000_000,
         travel_m: [6e-3; MAX_ACTUATORS],
         rate_m_per_s: [0.04; MAX_ACTUATORS],
@@ -109,6 +116,11 @@ mod tests {
             let sentence = drives.check(&limits).unwrap_err().to_string();
             assert!(sentence.contains("[slave.limits]") && sentence.contains(key), "{sentence}");
         }
+        let limits_without_lines = Limits { pull_n: f64::INFINITY, push_n: f64::INFINITY, ..limits.clone() };
+        let blind = DriveTraits { measures_load: false, ..ABLE };
+        assert_eq!(blind.check(&limits_without_lines), Ok(()), "no jaw, no limit of it");
+        let sentence = DriveTraits { n_together: 2, ..blind }.check(&limits_without_lines).unwrap_err().to_string();
+        assert!(sentence.contains("[slave.limits] jaw_n = 15"), "{sentence}");
         short.n_actuators = 1;
         assert_eq!(short.check(&limits), Ok(()), "actuators behind the last do not count");
     }

@@ -22,6 +22,7 @@ mod findings;
 mod gate;
 mod gates;
 mod giving_way;
+mod jaw;
 mod latency;
 mod limiter;
 mod operating_state;

@@ -22,6 +22,7 @@ impl<D: Drive> SlaveCore<D> {
             return Err(error.into());
         }
         self.gate.rest_at(self.reading.q_tilde_m);
+        self.find_jaw();
         if self.home_on_start && !self.machine.is_homed() && self.machine.state() == OperatingState::Enabled {
             self.machine.apply(Transition::Home)?;
         }

@@ -20,7 +20,7 @@ use crate::{
     ActuatorState, Drive, DriveError, DriveReading, Engagement, Findings, GateLimits, Homing, Limiter, LimiterVerdict,
     Note, OnDisable, OperatingMachine, RelaxLimits, Situation, SlaveConfig, Switching, TransitionRefused, Watchdog,
 };
-use krait_ipc::message::{Command, HopStamps, JAW, JointValues, MAX_JOINTS, OperatingState, StateCommand, Transition};
+use krait_ipc::message::{Command, HopStamps, JointValues, MAX_JOINTS, OperatingState, StateCommand, Transition};
 use krait_ipc::{Reason, Reasons};
 
 /// Commands come every millisecond; half a period more without one and the slave begins to brake, ns.
@@ -62,6 +62,8 @@ pub struct SlaveCore<D> {
     pub(crate) setpoint_joints_rad: JointValues,
     /// Joints that the newest executed command was for.
     pub(crate) n_joints: u32,
+    /// Where a gripper's wire was last told to be, m.
+    pub(crate) jaw_wire_m: f64,
     pub(crate) reading: DriveReading,
     pub(crate) stamps: HopStamps,
     pub(crate) is_unstamped: bool,
@@ -123,6 +125,7 @@ impl<D: Drive> SlaveCore<D> {
             setpoint_bend_rad: [0.0; 2],
             setpoint_joints_rad: [0.0; MAX_JOINTS],
             n_joints: 0,
+            jaw_wire_m: 0.0,
             reading: DriveReading::at_once(0, 0, (unread, unread), ActuatorState::Off),
             stamps: HopStamps::default(),
             is_unstamped: false,
@@ -256,6 +259,7 @@ impl<D: Drive> SlaveCore<D> {
         self.motion = Motion::Following;
         self.setpoint_bend_rad = command.bend_rad;
         (self.setpoint_joints_rad, self.n_joints) = (command.joints_rad, command.n_joints);
+        self.note_jaw();
         self.command_sequence = command.sequence;
         self.stamps = HopStamps { slave_begun_ns: situation.now_ns, drive_written_ns: 0, ..command.stamps };
         self.is_unstamped = true;
@@ -445,13 +449,7 @@ impl<D: Drive> SlaveCore<D> {
             Ok(Homing::Busy) => {}
             Ok(Homing::Done) => {
                 self.machine.homing_done();
-                self.setpoint_bend_rad = [0.0; 2];
-                // A jaw was not moved: it is where it was last told to be.
-                let jaw_rad = self.setpoint_joints_rad[JAW];
-                self.setpoint_joints_rad = [0.0; MAX_JOINTS];
-                if self.drive.traits().alone().is_some() {
-                    self.setpoint_joints_rad[JAW] = jaw_rad;
-                }
+                self.zero_setpoint();
             }
             Err(error) => return self.fault(error, now_ns),
         }

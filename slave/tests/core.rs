@@ -56,6 +56,7 @@ impl Drive for Mock {
         DriveTraits {
             n_actuators: self.n_actuators(),
             n_together: self.n_actuators() - usize::from(self.has_gripper),
+            jaw_m_per_rad: None,
             period_ns: MS,
             travel_m: [0.02; 12],
             rate_m_per_s: [f64::INFINITY; 12],

@@ -4,6 +4,8 @@
 
 #[path = "drives/cycles.rs"]
 mod cycles;
+#[path = "drives/gripper.rs"]
+mod gripper;
 
 use core::time::Duration;
 use krait_drives::emulator::{Emulator, Servo, ServoWire};
@@ -22,13 +24,25 @@ fn emulator() -> Emulator {
     Emulator::start(ServoWire::new((1..=3).map(|id| Servo::new(id, ZERO)).collect())).expect("a pseudo-terminal")
 }
 
-/// A configuration for the emulated servos, with patience for a machine under load.
+/// A configuration for three emulated servos.
 fn configuration(folder: &TempFolder, emulator: &Emulator, more: &str) -> String {
+    configuration_of(folder, emulator, 3, "", more, "")
+}
+
+/// The same for `n`, with patience for a machine under load: more limits, more of the drives, and more of the last actuator.
+fn configuration_of(
+    folder: &TempFolder,
+    emulator: &Emulator,
+    n: u8,
+    limits: &str,
+    more: &str,
+    of_last: &str,
+) -> String {
     let actuators: String =
-        (1..=3).map(|id| format!("[[slave.drive.actuator]]\nid = {id}\nzero_count = 2048\n")).collect();
+        (1..=n).map(|id| format!("[[slave.drive.actuator]]\nid = {id}\nzero_count = 2048\n")).collect();
     let text = format!(
-        "[slave.limits]\nrate_m_per_s = 0.01\nfollowing_error_m = 0.003\npull_n = inf\npush_n = inf\n\
-         [slave.drive]\nkind = \"sts3215\"\nport = \"{}\"\nperiod_ms = 20.0\ntimeout_ms = 18.0\nlost_cycles = 8\nwish_ms = 900.0\n{more}\n{actuators}",
+        "[slave.limits]\nrate_m_per_s = 0.01\nfollowing_error_m = 0.003\npull_n = inf\npush_n = inf\n{limits}\
+         [slave.drive]\nkind = \"sts3215\"\nport = \"{}\"\nperiod_ms = 20.0\ntimeout_ms = 18.0\nlost_cycles = 8\nwish_ms = 900.0\n{more}\n{actuators}{of_last}",
         emulator.path().display()
     );
     let path = folder.file("krait.toml");

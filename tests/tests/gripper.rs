@@ -259,7 +259,7 @@ fn what_cannot_be_done_with_a_gripper_is_refused_in_one_sentence() {
         ),
         (
             &["run", "--model", SHIPPED, "--config", &drives, "--no-recording", "--seconds", "1"],
-            "the model has a [gripper], and [slave.drive] names real drives",
+            "describes 3 actuators, and the machine of the model has 4 with its gripper's wire, the last",
         ),
     ] {
         let instance = instance_name("gripper");

@@ -25,7 +25,7 @@ pub fn config(emulator: &Emulator) -> SlaveConfig {
         period_ms: 40.0,
         timeout_ms: 35.0,
         wish_ms: 1000.0,
-        actuator: (1..=3).map(actuator).collect(),
+        actuator: (1..=emulator.wire().servos.len() as u32).map(actuator).collect(),
         ..DriveConfig::default()
     };
     SlaveConfig { drive, ..SlaveConfig::default() }

@@ -8,7 +8,6 @@ use crate::signals;
 use anyhow::{Context, bail, ensure};
 use krait_bridge::{Feed, LiveModel};
 use krait_drives::open_drive;
-use krait_ipc::message::N_LINES;
 use krait_ipc::{Beside, Bus, Process, clock, input};
 use krait_master::{Engage, GuidePlan, HidRecording, LiveMotion, MasterConfig, Script, SourceChoice};
 use krait_model::segments::{SegmentParameters, SegmentsParameters};
@@ -70,7 +69,7 @@ fn run_named(common: &Common, process: &ProcessVerb) -> anyhow::Result<()> {
                 match slave.drive.kind {
                     DriveKind::Sim => krait_sim::run(&bus, &slave, simulation(&config)?, &stop)?,
                     DriveKind::Sts3215 | DriveKind::Cia402 => {
-                        check_actuators(&config)?;
+                        config.check_drives()?;
                         let drive = open_drive(&slave, Some(beside))?;
                         krait_slave::run_with_drive(&bus, &slave, drive, &stop)?;
                     }
@@ -125,21 +124,6 @@ fn segments_of(model: &SegmentsParameters) -> SegmentsOfModel {
         },
     };
     SegmentsOfModel { segments: model.segments.iter().map(segment).collect(), phi_rad: model.phi_rad }
-}
-
-/// Real drives must be as many as the machine of the model has lines or joints.
-fn check_actuators(config: &Config) -> anyhow::Result<()> {
-    let (found, expected) = match config.model()?.machine {
-        LiveModel::Snake(_) => (config.slave.drive.actuator.len(), N_LINES),
-        LiveModel::Joints(joints) => (config.slave.drive.actuator.len(), joints.n()),
-        LiveModel::Segments(segments) => (config.slave.drive.actuator.len(), segments.chain().machine().n_lines()),
-    };
-    if found != expected {
-        bail!(
-            "[slave.drive] describes {found} actuators, and the machine of the model has {expected}; describe as many, or name its model"
-        );
-    }
-    Ok(())
 }
 
 /// Files that a process of the chain may need: each channel takes some, with each reader and writer that it has.

@@ -178,6 +178,7 @@ fn configure(common: &Common, args: &RunArgs) -> anyhow::Result<Config> {
     config.record.metadata.insert("run".to_owned(), "run".to_owned());
     device::enter(&mut config.record.metadata, &config.master, args.master, args.input.as_deref());
     config.check()?;
+    config.check_drives()?;
     config.record.metadata.insert("compensation".to_owned(), config.model()?.label.to_owned());
     Ok(config)
 }

@@ -74,7 +74,7 @@ pub(super) fn run(common: &Common, args: &DrivesArgs) -> anyhow::Result<ExitCode
     if !args.json {
         print::out(&format!(
             "Each of {} actuators moves by at most {} mm either way while the others hold; Ctrl-C ends it and takes the power.\n",
-            units.len(),
+            slave.drive.n_together(),
             f64::from(MOST_STEPS) * LONGEST_MM
         ))?;
     }
@@ -85,7 +85,8 @@ pub(super) fn run(common: &Common, args: &DrivesArgs) -> anyhow::Result<ExitCode
     ended?;
     agree(&answers, &ways).context("nothing is written")?;
     let found: Vec<Found> = (0..answers.len()).map(|k| found(&slave, k, &answers[k], ways[k])).collect();
-    let signs: Vec<i32> = found.iter().map(|found| found.sign).collect();
+    let jaw = slave.drive.actuator.get(found.len()..).unwrap_or_default();
+    let signs: Vec<i32> = found.iter().map(|found| found.sign).chain(jaw.iter().map(|own| own.sign)).collect();
     if let Some(out) = &args.out {
         let text = with_signs(&text, &signs)?;
         // Somebody may have made it meanwhile.
@@ -94,6 +95,12 @@ pub(super) fn run(common: &Common, args: &DrivesArgs) -> anyhow::Result<ExitCode
             .with_context(|| format!("{} could not be written; name a file in a folder of yours", out.display()))?;
     }
     tell(found, args)?;
+    if !jaw.is_empty() && !args.json {
+        print::out(&format!(
+            "Actuator {} is a gripper's and was not moved: --jog shows which way it opens the jaw.\n",
+            signs.len()
+        ))?;
+    }
     Ok(ExitCode::SUCCESS)
 }
 
@@ -117,7 +124,8 @@ struct Look {
 impl Hand<'_> {
     fn ask_all(&mut self) -> anyhow::Result<(Vec<Answer>, Vec<f64>)> {
         let (mut answers, mut ways) = (Vec::new(), Vec::new());
-        for k in 0..self.units.len() {
+        // A gripper's wire stands alone: no other line tells whether it pulls, and its jaw may have nothing to pull against.
+        for k in 0..self.slave.drive.n_together() {
             let answer = self.ask(k)?;
             ways.push(pull_way(k, &answer)?);
             answers.push(answer);
