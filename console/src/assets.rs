@@ -40,6 +40,7 @@ pub const PAGE: &[Asset] = assets! {
     "/js/recordings.js", "text/javascript; charset=utf-8", "js/recordings.js";
     "/js/lab.js", "text/javascript; charset=utf-8", "js/lab.js";
     "/js/quiz.js", "text/javascript; charset=utf-8", "js/quiz.js";
+    "/js/verdict.js", "text/javascript; charset=utf-8", "js/verdict.js";
     "/js/work.js", "text/javascript; charset=utf-8", "js/work.js";
     "/js/pictures.js", "text/javascript; charset=utf-8", "js/pictures.js";
     "/js/latency.js", "text/javascript; charset=utf-8", "js/latency.js";

@@ -2,7 +2,7 @@
 
 use krait_ipc::Process;
 use serde::Serialize;
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::fs;
 
 /// A process of the instance, as the kernel sees it.
@@ -24,7 +24,7 @@ pub struct ProcessUsage {
 #[derive(Debug, Default)]
 pub struct Processes {
     last: HashMap<u32, (i64, u64)>,
-    pids: HashMap<String, (u32, u32)>,
+    pids: HashMap<String, (BTreeSet<u32>, u32)>,
 }
 
 impl Processes {
@@ -33,7 +33,17 @@ impl Processes {
         let mut seen = HashMap::new();
         let mut usages = Vec::new();
         // One process may be in the instance more than once.
-        let members: std::collections::BTreeSet<_> = members.into_iter().collect();
+        let members: BTreeSet<_> = members.into_iter().collect();
+        let mut pids: HashMap<&str, BTreeSet<u32>> = HashMap::new();
+        for (name, pid) in &members {
+            pids.entry(name).or_default().insert(*pid);
+        }
+        for (name, now) in pids {
+            let (known, n_restarts) = self.pids.entry(name.to_owned()).or_insert_with(|| (now.clone(), 0));
+            // Whoever comes beside the others takes nobody's place.
+            *n_restarts += now.difference(known).count().min(known.difference(&now).count()) as u32;
+            *known = now;
+        }
         for (name, pid) in members {
             let cpu_ns = cpu_ns(pid);
             let before = self.last.get(&pid);
@@ -46,11 +56,7 @@ impl Processes {
             if let Some(cpu_ns) = cpu_ns {
                 seen.insert(pid, (now_ns, cpu_ns));
             }
-            let known = self.pids.entry(name.clone()).or_insert((pid, 0));
-            if known.0 != pid {
-                *known = (pid, known.1 + 1);
-            }
-            let n_restarts = known.1;
+            let n_restarts = self.pids.get(&name).map_or(0, |(_, n_restarts)| *n_restarts);
             usages.push(ProcessUsage { name, pid, cpu_percent, memory_bytes: memory_bytes(pid), n_restarts });
         }
         self.last = seen;
@@ -78,4 +84,28 @@ fn memory_bytes(pid: u32) -> Option<u64> {
     let text = fs::read_to_string(format!("/proc/{pid}/status")).ok()?;
     let line = text.lines().find(|line| line.starts_with("VmRSS:"))?;
     line.split_whitespace().nth(1)?.parse::<u64>().ok().map(|kilobytes| kilobytes * 1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_restart_is_a_place_that_another_has_taken_and_two_of_one_name_are_none() {
+        let mut processes = Processes::default();
+        let mut restarts = |pids: &[(&str, u32)]| -> Vec<u32> {
+            let members = pids.iter().map(|(name, pid)| ((*name).to_owned(), *pid)).collect();
+            processes.look(members, 0).iter().map(|usage| usage.n_restarts).collect()
+        };
+        // Ids that no process has: nothing is read of them.
+        let [a, b, c, d] = [u32::MAX, u32::MAX - 1, u32::MAX - 2, u32::MAX - 3];
+        assert_eq!(restarts(&[("slave", a), ("console", b)]), [0, 0]);
+        for _ in 0..3 {
+            assert_eq!(restarts(&[("slave", a), ("console", b), ("console", c)]), [0, 0, 0], "one page server more");
+        }
+        assert_eq!(restarts(&[("console", b), ("console", c)]), [0, 0], "the slave is gone");
+        assert_eq!(restarts(&[("slave", d), ("console", b), ("console", c)]), [1, 0, 0], "and another takes its place");
+        assert_eq!(restarts(&[("slave", d), ("console", a), ("console", c)]), [1, 1, 1], "one server for another");
+        assert_eq!(restarts(&[("slave", d), ("console", c)]), [1, 1]);
+    }
 }

@@ -8,7 +8,7 @@ use crate::latency::{LiveLatencyReport, stretch_names};
 use crate::load_limit::LoadsTold;
 use crate::pad::PadSeen;
 use crate::processes::ProcessUsage;
-use crate::words::{Shown, ShownState, Words, fault_sentence, words_of};
+use crate::words::{Level, Shown, ShownState, Words, fault_sentence, words_of};
 use krait_ipc::message::{
     Command, DeviceState, Health, JointValues, ModelUpdate, OperatorInput, Phase, Setpoint, Shape, SlaveState, used,
 };
@@ -41,6 +41,14 @@ pub struct NewestSamples {
     pub healths: Vec<(krait_ipc::Process, Option<Health>)>,
 }
 
+/// A page that drives has no plug.
+const PAD_LOST: Words = Words {
+    level: Level::Warn,
+    say: "The page that drives is lost.",
+    todo: "Let go of its pad, then hold it anew.",
+    banner: "",
+};
+
 impl NewestSamples {
     /// The state, where it is fresh enough to be a picture.
     pub fn fresh_state(&self, now_ns: i64) -> Option<&SlaveState> {
@@ -56,6 +64,7 @@ impl NewestSamples {
     pub fn words_of(&self, reason: Reason, now_ns: i64) -> Words {
         match reason {
             Reason::ForceLimit => self.loads.at_limit(now_ns).words(),
+            Reason::DeviceLost if self.input.is_some_and(|input| input.is_from_pad()) => PAD_LOST,
             _ => words_of(reason),
         }
     }
@@ -224,7 +233,8 @@ pub fn frame(newest: &NewestSamples, moment: &Moment, facts: &Facts) -> serde_js
             .map(|reason| Shortly {
                 id: reason as u32,
                 value: value_of(reason, newest, facts, moment.now_ns),
-                words: (reason == Reason::ForceLimit).then(|| newest.words_of(reason, moment.now_ns)),
+                words: matches!(reason, Reason::ForceLimit | Reason::DeviceLost)
+                    .then(|| newest.words_of(reason, moment.now_ns)),
             })
             .collect(),
         pad: moment.pad,
@@ -304,7 +314,7 @@ pub struct ProcessRow {
     /// How its worst reason of now is put; null where nothing holds.
     pub says: Option<&'static str>,
     /// The level of that reason.
-    pub level: Option<crate::words::Level>,
+    pub level: Option<Level>,
     /// Whether its last word is older than a second.
     pub is_silent: bool,
 }
@@ -323,7 +333,7 @@ pub fn processes(usages: Vec<ProcessUsage>, newest: &NewestSamples, now_ns: i64)
         // What holds the motion still is no fault of a process.
         let words_of = |reason| newest.words_of(reason, now_ns);
         let worst = reasons.and_then(|reasons| reasons.iter().map(words_of).min_by_key(|words| words.level));
-        let told = worst.filter(|words| words.level <= crate::words::Level::Warn);
+        let told = worst.filter(|words| words.level <= Level::Warn);
         ProcessRow {
             n_lost: health.map(|health| health.n_lost),
             n_refused: health.map(|health| health.n_refused),

@@ -112,8 +112,14 @@ pub fn words_of(reason: Reason) -> Words {
         Reason::Relaxing => words(Warn, "The lines are being relaxed.", "Keep clear; a stop ends it.", ""),
         Reason::LoadUnknown => words(Warn, "A line\u{2019}s load is not measured.", "Its limit cannot be kept.", ""),
         Reason::CommandLate => words(Warn, "A command came too late.", "It was not executed; see Latency.", ""),
-        Reason::ActuatorAccelerationLimit | Reason::ActuatorJerkLimit => {
-            words(Info, "The motion was softened.", "An actuator starts no faster.", "")
+        Reason::ActuatorAccelerationLimit => words(
+            Info,
+            "An actuator changes speed no faster.",
+            "The motion is softened to its largest acceleration.",
+            "",
+        ),
+        Reason::ActuatorJerkLimit => {
+            words(Info, "An actuator starts and brakes no harder.", "The motion is softened to its largest jerk.", "")
         }
         Reason::JointLimit => words(
             Warn,
@@ -282,8 +288,7 @@ mod tests {
             let name = name.as_str().expect("a word");
             assert!(marks.contains(&format!("\n  {name}: mark(")), "{reason:?}: states.js has no mark for {name}");
             let n_alike = Reason::ALL.iter().filter(|other| words_of(**other).say == say).count();
-            let are_softened = matches!(reason, Reason::ActuatorAccelerationLimit | Reason::ActuatorJerkLimit);
-            assert_eq!(n_alike, if are_softened { 2 } else { 1 }, "{reason:?}: two reasons that say the same: {say}");
+            assert_eq!(n_alike, 1, "{reason:?}: two reasons that say the same: {say}");
         }
     }
 

@@ -4,16 +4,15 @@
 
 #![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
 
-use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use core::time::Duration;
-use krait_ipc::message::{OperatingState, SlaveState};
-use krait_ipc::{Bus, Reason};
+use krait_ipc::Reason;
+use krait_ipc::message::SlaveState;
 use krait_tests::{
-    Browser, BrowserPage, Console, Ended, Krait, TempFolder, instance_name, next_of_kind, wait_for, wait_until,
+    Browser, BrowserPage, Console, Ended, FaultSender, Krait, TempFolder, instance_name, next_of_kind, wait_for,
+    wait_until,
 };
 use rustix::process::Signal;
 use serde_json::json;
-use std::sync::Arc;
 
 const PATIENCE: Duration = Duration::from_secs(240);
 const SIZES: [(u32, u32); 3] = [(1920, 1080), (1280, 800), (1024, 768)];
@@ -99,9 +98,7 @@ fn the_machines_emergency_stop_is_a_state_of_its_own_and_a_fault_names_its_drive
     let stop = console.at_stop("GET", &console.stop_path(), &[]);
     assert!(stop.status == 200 && stop.body.contains("no emergency stop"), "{stop:?}");
     // The slave's own message, as a slave with real drives sends it.
-    let bus = Bus::open(&instance, "slave").expect("bus");
-    let flags = Arc::new(AtomicU32::new(0));
-    let sender = Sender::start(bus, Arc::clone(&flags));
+    let sender = FaultSender::start(&instance);
     let mut page = browser.page(&console.address, 1280, 800);
     let second = SlaveState::failed_drive_flags(2);
     let mut shapes = Vec::new();
@@ -121,7 +118,7 @@ fn the_machines_emergency_stop_is_a_state_of_its_own_and_a_fault_names_its_drive
             "The machine’s own stop cut the drives’ power.",
         ),
     ] {
-        flags.store(own, Ordering::Relaxed);
+        sender.say(own, &[Reason::DriveFault]);
         page.wait_for(
             sentence,
             &format!(
@@ -154,50 +151,6 @@ fn the_machines_emergency_stop_is_a_state_of_its_own_and_a_fault_names_its_drive
     assert_eq!(krait.end(PATIENCE).code, Some(0));
 }
 
-/// Says a state in FAULT, with flags that somebody sets, sixty times a second.
-struct Sender {
-    ends: Arc<AtomicBool>,
-    thread: Option<std::thread::JoinHandle<()>>,
-}
-
-impl Sender {
-    fn start(bus: Bus, flags: Arc<AtomicU32>) -> Self {
-        let ends = Arc::new(AtomicBool::new(false));
-        let until = Arc::clone(&ends);
-        let thread = std::thread::spawn(move || {
-            let mut writer = bus.writer::<SlaveState>().expect("the writer");
-            for sequence in 1.. {
-                let now_ns = krait_ipc::clock::monotonic_ns();
-                let state = SlaveState {
-                    sequence,
-                    sample_ns: now_ns,
-                    operating_state: OperatingState::Fault as u32,
-                    flags: flags.load(Ordering::Relaxed),
-                    n_actuators: 3,
-                    reasons: 1 << Reason::DriveFault as u32,
-                    ..SlaveState::default()
-                };
-                writer.send(&state).expect("sent");
-                if until.load(Ordering::Relaxed) {
-                    return;
-                }
-                std::thread::sleep(Duration::from_millis(16));
-            }
-        });
-        Self { ends, thread: Some(thread) }
-    }
-}
-
-impl Drop for Sender {
-    fn drop(&mut self) {
-        self.ends.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
-            thread.join().expect("it sent to the end");
-        }
-    }
-}
-
-/// Every text colour beside the card it stands on: 4.5, and 3 for shapes, as the accessibility guidelines ask.
 /// Power that is asked off where lines are loaded goes behind the load: a state of its own with a word and a sentence, in which
 /// nothing but the stop has a meaning.
 #[test]
@@ -236,6 +189,7 @@ fn lines_that_are_relaxed_before_power_goes_are_shown_and_only_the_stop_is_left(
     krait.end(PATIENCE);
 }
 
+/// Every text colour beside the card it stands on: 4.5, and 3 for shapes, as the accessibility guidelines ask.
 fn assert_contrast(page: &mut BrowserPage, theme: &str) {
     let ratios = page.value(
         "(() => {

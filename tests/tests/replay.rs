@@ -7,7 +7,7 @@ use krait_ipc::message::{Command, Marker, ModelUpdate, OperatorInput, Phase, Set
 use krait_ipc::{InstanceName, resources_of};
 use krait_record::{About, Recording, RecordingWriter};
 use krait_schema::Sample;
-use krait_tests::{Ended, Krait, TempFolder, instance_name, krait_program, processes_of};
+use krait_tests::{Ended, Krait, TempFolder, instance_name, krait_program, processes_of, rewrite};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -92,19 +92,6 @@ fn verify(path: &str) -> (Option<i32>, Value) {
 
 fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
-}
-
-/// Writes a recording anew with some samples changed.
-fn rewrite(from: &str, to: &str, mut change: impl FnMut(&mut Sample)) {
-    let recording = Recording::open(Path::new(from)).expect("readable");
-    let about = About::run("changed", &BTreeMap::new(), recording.contents().attachments.clone());
-    let mut writer = RecordingWriter::create(Path::new(to), 1 << 18, &about).expect("created");
-    for recorded in recording.samples().expect("samples") {
-        let mut sample = recorded.expect("readable").sample;
-        change(&mut sample);
-        writer.write(&sample, sample.sample_ns()).expect("written");
-    }
-    writer.finish(&BTreeMap::new()).expect("finished");
 }
 
 #[test]

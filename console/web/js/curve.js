@@ -44,7 +44,7 @@ export class Curve {
       g.fillStyle = colours.s3;
       g.fillRect(LEFT, y(noise), width - LEFT, height - 2 - y(noise));
     }
-    const step = [0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20].find(step => this.top / step < 3) ?? 50;
+    const step = [0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20].find(step => this.top / step < 3 && (height - 8) * step / this.top >= 20) ?? 50;
     g.font = '13px Inter, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif';
     g.textAlign = 'right';
     g.textBaseline = 'middle';

@@ -16,6 +16,9 @@ export const clock = s => {
   return `${Math.floor(whole / 3600)}:${two(Math.floor(whole / 60) % 60)}:${two(whole % 60)}`;
 };
 
+/// The same with tenths, for an instant of a film.
+export const instant = s => `${clock(s)}.${Math.floor(Math.max(0, s) * 10) % 10}`;
+
 /// An element with a class, text, and children.
 export function make(tag, className = '', ...content) {
   const element = document.createElement(tag);

@@ -74,7 +74,7 @@ function show({ latency, processes, n_lost_here, n_pages, n_skipped }) {
   set('glass', sorted.length ? `${sorted[sorted.length >> 1].toFixed(0)} ms` : '–', 'median of those painted; goal 30 ms');
   set('pages', String(n_pages), `${thousands(n_skipped)} pictures skipped by slow ones`);
   hops.forEach((row, i) => hop(row, latency.stretches[i], hello.facts.budgets[i], latency.n));
-  procs.replaceChildren(...processes.map(processRow));
+  procs.replaceChildren(...processes.flatMap(processRow));
   past(latency.seconds, budget);
 }
 
@@ -106,14 +106,21 @@ function verdict(cell, level, text) {
 function processRow(process) {
   const number = (value, digits = 0) => value === null ? '–' : digits ? value.toFixed(digits) : thousands(value);
   const cell = (text, className = 'n') => make('td', className, text);
-  const well = process.says ? [process.level, process.says] : process.is_silent ? ['warn', 'silent'] : ['ok', 'well'];
+  const well = process.says ? [process.level, process.level === 'fault' ? 'fault' : 'look'] : process.is_silent ? ['warn', 'silent'] : ['ok', 'well'];
   const says = make('td');
   verdict(says, ...well);
-  return make('tr', '', make('th', '', process.name), cell(String(process.pid), 'n pid'), cell(process.cpu_percent === null ? '–' : `${process.cpu_percent.toFixed(1)} %`), cell(process.memory_bytes === null ? '–' : `${(process.memory_bytes / 1e6).toFixed(0)} MB`), cell(number(process.n_lost)), cell(number(process.n_refused)), cell(number(process.n_restarts)), says);
+  const row = make('tr', '', make('th', '', process.name), cell(String(process.pid), 'n pid'), cell(process.cpu_percent === null ? '–' : `${process.cpu_percent.toFixed(1)} %`), cell(process.memory_bytes === null ? '–' : `${(process.memory_bytes / 1e6).toFixed(0)} MB`), cell(number(process.n_lost)), cell(number(process.n_refused)), cell(number(process.n_restarts)), says);
+  if (!process.says) return [row];
+  const why = make('td', 'why-so', process.says);
+  why.colSpan = 8;
+  row.className = 'has-why';
+  return [row, make('tr', '', why)];
 }
 
 function past(seconds, budget) {
-  const [width, height, left, low] = [540, 170, 56, 22];
+  // As large as its place is, so that its letters are as large as others.
+  const old = history.querySelector('svg'), [left, low] = [62, 22];
+  const [width, height] = old?.clientWidth ? [old.clientWidth, old.clientHeight] : [540, 170];
   const known = seconds.filter(Boolean);
   const top = Math.max(budget.p99_us, ...known.map(s => s.worst_us), 1000) * 1.3, bottom = Math.min(10, ...known.map(s => s.p50_us));
   const x = i => left + (width - left) * (60 - seconds.length + i + 1) / 60;
@@ -123,6 +130,5 @@ function past(seconds, budget) {
   for (let us = 10 ** Math.ceil(Math.log10(bottom)); us < top; us *= 10) grid += `<path class="grid" d="M${left} ${y(us)}H${width}"/><text x="${left - 8}" y="${y(us) + 4}" text-anchor="end">${micros(us).replace('.0', '')}</text>`;
   for (const s of [60, 40, 20, 0]) grid += `<text x="${left + (width - left) * (60 - s) / 60}" y="${height - 4}" text-anchor="${s === 0 ? 'end' : s === 60 ? 'start' : 'middle'}">${s ? `−${s} s` : 'now'}</text>`;
   const picture = drawing(`0 0 ${width} ${height}`, `${grid}<path class="allowed" d="M${left} ${y(budget.p99_us)}H${width}"/><path class="worst" d="${line('worst_us')}"/><path class="p99" d="${line('p99_us')}"/><path class="p50" d="${line('p50_us')}"/>`);
-  const old = history.querySelector('svg');
   if (old) old.replaceWith(picture); else history.append(picture);
 }

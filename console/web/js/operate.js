@@ -8,7 +8,7 @@ import { JointBars } from './joints.js';
 
 const $ = id => document.getElementById(id);
 const TEXT_EVERY_MS = 100, OLD_MS = 150;
-let hello = null, facts = null, shown = '', textDue = 0, lastReasons = '', staleSince = null, bars = [], dial = null, joints = null;
+let hello = null, facts = null, shown = '', textDue = 0, lastReasons = '', reasonRows = [], staleSince = null, bars = [], dial = null, joints = null;
 
 /// The tracking error in the unit that is shown, and its sign: degrees, or millimetres of joints that slide.
 const off = value => value * facts.per_si;
@@ -38,8 +38,10 @@ on('frame', ({ frame, age, glass }) => {
   const now = performance.now();
   staleSince = null;
   move(frame);
+  // Another state has other words at once: its name beside the sentence of the one before would contradict it.
+  const isNew = frame.shown !== shown;
   show(frame.shown);
-  if (now < textDue) return;
+  if (!isNew && now < textDue) return;
   textDue = now + TEXT_EVERY_MS;
   numbers(frame);
   sentence(frame);
@@ -130,7 +132,7 @@ function needs({ state, operator, motion_scale }) {
 }
 
 function reasons(frame) {
-  const items = frame.reasons.slice(0, 4).map(reason => {
+  const items = frame.reasons.map(reason => {
     const words = wordsOf(reason);
     return { level: words.level, say: words.say, todo: [reason.value, words.todo].filter(Boolean).join(' ') };
   });
@@ -144,11 +146,30 @@ function list(items, state) {
   const key = state + JSON.stringify(items);
   if (key === lastReasons) return;
   lastReasons = key;
-  $('reasons').replaceChildren(...items.map(({ level, say, todo }) => {
+  reasonRows = items.map(({ level, say, todo }) => {
     const icon = make('i', '', drawing(MARKS[level].box, MARKS[level].inner));
     return make('li', level, icon, make('span', '', named(say)), make('small', '', named(todo)));
-  }));
+  });
+  fit();
 }
+
+/// As much as the card has room for, and none of it cut: what to do goes first, then size, and what is left out is counted.
+function fit() {
+  const list = $('reasons'), card = list.parentElement, isCut = () => card.scrollHeight > card.clientHeight;
+  let n = reasonRows.length;
+  list.replaceChildren(...reasonRows);
+  write($('why-more'), '');
+  list.className = '';
+  // A page that is not in front has no height.
+  if (!card.clientHeight) return;
+  for (const size of ['', 'first-todo', 'no-todo', 'no-todo small']) {
+    list.className = size;
+    if (!isCut()) return;
+  }
+  while (n > 1 && isCut()) reasonRows[--n].remove();
+  write($('why-more'), `and ${reasonRows.length - n} more`);
+}
+new ResizeObserver(fit).observe($('reasons').parentElement);
 
 function makeDial() {
   const most = degrees(facts.max_bend_rad), ring = part => `<circle class="rings" r="${100 * part}"/>`;
@@ -207,7 +228,7 @@ function numbers(frame) {
   write($('bend-now'), size === null ? '–' : `${size.toFixed(1)}°`);
   // The plane counts anticlockwise from the camera's right; of a straight snake there is none.
   const [x, y] = bend ? onDial(bend) : [0, 0];
-  write($('plane-now'), size === null ? '–' : size < 2 ? 'any' : `${((degrees(Math.atan2(-y, x)) + 359.5) % 360).toFixed(0)}°`);
+  write($('plane-now'), size === null ? '–' : size < 2 ? 'any' : `${Math.round(degrees(Math.atan2(-y, x)) + 360) % 360}°`);
   write($('off-now'), frame.err_rms === null ? '–' : `${off(frame.err_rms).toFixed(1)}${unit()}`);
   write($('error-now'), frame.err_rms === null ? '' : `${off(frame.err_rms).toFixed(2)}${unit()}`);
   if (frame.joints) joints?.write(frame.joints);

@@ -1,10 +1,13 @@
 // Recordings: the list, and a player that shows each as pictures in the same view, framed as not live.
-import { clock, drawing, make, write } from './format.js';
+import { clock, drawing, instant, make, write } from './format.js';
 import { go, turnWithPointer } from './shell.js';
 import { JointBars, farthest } from './joints.js';
 import { degrees } from './snake.js';
 import { lend, on, post } from './link.js';
 import { useInLab } from './lab.js';
+import { MARKS } from './states.js';
+import { verdictOf } from './verdict.js';
+import { ended } from './work.js';
 
 const page = document.getElementById('recordings');
 const SPEEDS = [0.25, 0.5, 1, 2, 5, 20];
@@ -19,7 +22,8 @@ function build() {
   parts.use = make('button', 'second', 'Use in Lab');
   parts.folder = make('em');
   const list = make('section', 'card list', make('h2', '', 'Recordings ', parts.folder), make('div', 'rows', make('table', '', make('thead', '', titles), parts.rows)), make('div', 'acts', parts.use, parts.compare));
-  parts.verdict = make('p', 'job-says');
+  parts.verdict = make('p', 'verdict-says');
+  parts.verdict.setAttribute('role', 'status');
   list.append(parts.verdict);
   parts.canvas = document.createElement('canvas');
   parts.canvas.className = 'scene';
@@ -30,7 +34,7 @@ function build() {
   const stage = make('div', 'stage not-live', parts.canvas, parts.joints, parts.ribbon);
   parts.play = make('button', 'prime square', '▶');
   parts.play.setAttribute('aria-label', 'Play or pause');
-  parts.time = make('b', 'num', '0:00:00');
+  parts.time = make('b', 'num', '0:00:00.0');
   parts.length = make('span', 'num');
   parts.speed = document.createElement('select');
   parts.speed.setAttribute('aria-label', 'Speed');
@@ -73,7 +77,7 @@ export async function showRecordings() {
     row.dataset.name = entry.name;
     return row;
   }));
-  if (!entries.length) write(parts.verdict, 'No recording is in this folder yet; `krait run` makes one.');
+  if (!entries.length) write(parts.verdict, 'No recording is in this folder yet; krait run makes one.');
   if (wanted) { const name = wanted; wanted = null; await open(name); }
 }
 
@@ -105,7 +109,7 @@ async function open(name) {
   at = 0;
   write(parts.ribbon, n > 0 && !fits ? `${n} joints of another machine: open them with krait console ${name}` : `Recording ${name.replace(/\.mcap$/, '')} – not live`);
   Object.assign(parts.scrub, { max: Math.max(0, film.t_s.length - 1), disabled: film.t_s.length < 2 });
-  write(parts.length, `of ${clock(film.t_s.at(-1) ?? 0)}`);
+  write(parts.length, `of ${instant(film.t_s.at(-1) ?? 0)}`);
   curve();
   post('forget');
   button();
@@ -142,7 +146,7 @@ function show() {
   }
   const jaw = film.jaw_wanted.length ? { measured: film.jaw[i], wanted: film.jaw_wanted[i] } : null;
   if (!parts.canvas.hidden) post('picture', { bend: film.bend[i], setpoint: film.setpoint[i], joints, jaw });
-  write(parts.time, clock(film.t_s[i]));
+  write(parts.time, instant(film.t_s[i]));
   write(parts.off, errors[i] === null ? '–' : bars ? `${errors[i].toFixed(2)} ${facts.unit}` : `${errors[i].toFixed(1)}°`);
   write(parts.state, film.operating[i].toLowerCase());
   parts.scrub.value = String(i);
@@ -159,18 +163,20 @@ function tick(now) {
   show();
 }
 
+/// A verdict, or what is under way: a mark, a word, a sentence.
+function tell({ mark = 'info', word = '', say }) {
+  parts.verdict.replaceChildren(make('i', mark, drawing(MARKS[mark].box, MARKS[mark].inner)), make('span', '', make('b', '', word), ` ${say}`));
+}
+
 async function verify() {
-  if (!chosen) return;
-  const answer = await fetch('/lab/job', { method: 'POST', body: JSON.stringify({ verb: 'verify', data: chosen }) });
-  if (!answer.ok) { write(parts.verdict, await answer.text()); return; }
-  write(parts.verdict, 'Sending its input through fresh processes …');
-  for (;;) {
-    await new Promise(resume => setTimeout(resume, 500));
-    const job = await (await fetch('/lab/job')).json();
-    if (job?.stage === 'running') { write(parts.verdict, job.said || 'At work …'); continue; }
-    write(parts.verdict, job?.answer ? `Verified: ${job.answer.identical ?? job.answer.is_identical ?? job.answer.verdict ?? 'see the command'}` : job?.said ?? 'No answer.');
-    return;
-  }
+  if (parts.compare.getAttribute('aria-disabled') === 'true') return;
+  if (!chosen) { tell({ say: 'Choose a recording first.' }); return; }
+  const name = chosen.replace(/\.mcap$/, ''), own = verdict => tell({ ...verdict, say: `${name}: ${verdict.say}` });
+  parts.compare.setAttribute('aria-disabled', 'true');
+  own({ say: 'Its input goes through fresh processes …' });
+  const job = await ended({ verb: 'verify', data: chosen }, said => { if (said) own({ say: said }); });
+  parts.compare.setAttribute('aria-disabled', 'false');
+  own(verdictOf(job));
 }
 
 on('hello', ({ hello }) => { if (isBuilt) write(parts.folder, hello.facts.instance); });

@@ -29,25 +29,37 @@ export function reportLink(verb, text = 'Pictures') {
 
 export const tile = (title, number, note = '') => make('div', '', make('span', '', title), make('b', 'num', number), make('em', '', note));
 
+/// Has a job done: its report when it has ended, `refused` where it could not begin. `tell` hears its progress.
+export async function ended(order, tell) {
+  const without = (stage, said) => ({ stage, said, answer: null });
+  try {
+    const started = await fetch('/lab/job', { method: 'POST', body: JSON.stringify(order) });
+    if (!started.ok) return without('refused', await started.text());
+    const { id } = await started.json();
+    for (;;) {
+      await new Promise(resume => setTimeout(resume, 400));
+      const job = await (await fetch('/lab/job')).json();
+      // The console keeps one job, and the next one may be another page's.
+      if (job?.id !== id) return without('failed', 'Another page has begun another job, and the answer of this one is gone.');
+      tell(job.said);
+      if (job.stage !== 'running') return job;
+    }
+  } catch { return without('failed', 'The console does not answer.'); }
+}
+
 /// Has a job done and gives its answer; null where there is none, which is said. `back` shows what stood here before.
 export async function run(order, title, back) {
   if (isBusy) { say('Another job is at work.', 'Wait for it; its answer appears here.'); return null; }
   isBusy = true;
-  try {
-    const started = await fetch('/lab/job', { method: 'POST', body: JSON.stringify(order) });
-    if (!started.ok) { say('This could not be started.', await started.text(), [], [prime('Back', back)]); return null; }
-    const said = make('p', 'job-says'), bar = document.createElement('progress');
-    bar.setAttribute('aria-label', title);
-    const cancel = second('Cancel', () => fetch('/lab/cancel', { method: 'POST' }));
-    say(title, 'The same code as the command; at low priority, so that the robot’s processes come first.', [make('div', 'job', bar, said)], [cancel]);
-    const from = performance.now();
-    for (;;) {
-      await new Promise(resume => setTimeout(resume, 400));
-      const job = await (await fetch('/lab/job')).json();
-      write(said, `${((performance.now() - from) / 1000).toFixed(0)} s  ${job.said}`);
-      if (job.stage === 'done') return job.answer;
-      if (job.stage === 'cancelled') { say('Cancelled.', 'Its process has ended.', [], [prime('Again', back)]); return null; }
-      if (job.stage === 'failed') { say('This could not be done.', job.said.replace(/^krait: /, ''), [], [prime('Back', back)]); return null; }
-    }
-  } finally { isBusy = false; }
+  const said = make('p', 'job-says'), bar = document.createElement('progress');
+  bar.setAttribute('aria-label', title);
+  const cancel = second('Cancel', () => fetch('/lab/cancel', { method: 'POST' }));
+  say(title, 'The same code as the command; at low priority, so that the robot’s processes come first.', [make('div', 'job', bar, said)], [cancel]);
+  const from = performance.now();
+  const job = await ended(order, words => write(said, `${((performance.now() - from) / 1000).toFixed(0)} s  ${words}`));
+  isBusy = false;
+  if (job.stage === 'done') return job.answer;
+  if (job.stage === 'cancelled') say('Cancelled.', 'Its process has ended.', [], [prime('Again', back)]);
+  else say(job.stage === 'refused' ? 'This could not be started.' : 'This could not be done.', job.said.replace(/^krait: /, ''), [], [prime('Back', back)]);
+  return null;
 }

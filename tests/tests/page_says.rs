@@ -1,0 +1,178 @@
+//! What the page says is whole and true: every reason can be read in its card, and "Verified" is what was verified.
+//! Skipped aloud where there is no Chromium.
+
+#![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
+
+use core::time::Duration;
+use krait_ipc::Reason;
+use krait_ipc::message::SlaveState;
+use krait_schema::Sample;
+use krait_tests::{
+    Browser, BrowserPage, Console, FaultSender, Krait, TempFolder, instance_name, next_of_kind, rewrite,
+};
+use rustix::process::Signal;
+use serde_json::json;
+
+const PATIENCE: Duration = Duration::from_secs(240);
+const SIZES: [(u32, u32); 3] = [(1280, 800), (1024, 768), (1920, 1080)];
+
+/// How far each card of the side column holds more than it shows, and whether what shows the state's reasons lies within it.
+const CUT: &str = "(() => {
+    const cards = [...document.querySelectorAll('.side > .card')].filter(card => card.clientHeight);
+    const cut = cards.filter(card => card.scrollHeight > card.clientHeight || card.scrollWidth > card.clientWidth);
+    const end = document.querySelector('.why').getBoundingClientRect().bottom;
+    const below = [...document.querySelectorAll('#reasons li')].filter(row => row.getBoundingClientRect().bottom > end);
+    const foot = document.querySelector('.foot').getBoundingClientRect().top;
+    const under = cards.filter(card => card.getBoundingClientRect().bottom > foot);
+    const wide = [...document.querySelectorAll('.big > div')].filter(row => row.scrollWidth > row.clientWidth);
+    const name = element => `${element.className} ${element.scrollHeight} of ${element.clientHeight}: ${element.textContent}`;
+    return [...cut, ...below, ...under, ...wide].map(name).join('; ');
+})()";
+
+/// The longest sentences of the chain, three at a time, as drives say them: none is cut, none is left out, and no other card is
+/// pushed off for them. More than there is room for are counted.
+#[test]
+fn three_reasons_are_read_whole_at_every_size_and_more_are_counted() {
+    let Some(browser) = Browser::start() else { return };
+    let instance = instance_name("reasons");
+    let mut krait = Krait::start(&["console", "--instance", &instance]);
+    let console = Console::of(&mut krait);
+    let hello = next_of_kind(&mut console.page(), "hello");
+    let of = |reason: &Reason| {
+        let named =
+            hello["reasons"].as_array().expect("reasons").iter().find(|named| named["name"] == format!("{reason:?}"));
+        named.and_then(|named| named["say"].as_str()).expect("a sentence").to_owned()
+    };
+    let mut reasons = Reason::ALL.to_vec();
+    reasons.sort_by_key(|reason| core::cmp::Reverse(of(reason).chars().count()));
+    let sender = FaultSender::start(&instance);
+    let mut page = browser.page(&console.address, 1280, 800);
+    page.wait_for("a fault", "document.documentElement.dataset.shown === 'fault'");
+    for three in reasons[..12].chunks(3) {
+        sender.say(SlaveState::failed_drive_flags(2), three);
+        let mut says: Vec<String> = three.iter().map(of).collect();
+        says.sort();
+        let are_shown = format!(
+            "JSON.stringify([...document.querySelectorAll('#reasons span')].map(span => span.textContent).sort()) === JSON.stringify({})",
+            json!(says)
+        );
+        for (width, height) in SIZES {
+            page.resize(width, height);
+            for theme in ["dark", "light"] {
+                in_theme(&mut page, theme);
+                page.wait_for(&format!("all three at {width}: {says:?}"), &are_shown);
+                page.value("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))");
+                assert_eq!(page.value(CUT), json!(""), "{width} x {height}, {theme}: {says:?}");
+                assert_eq!(page.text("#why-more"), "", "{width} x {height}, {theme}: {says:?}");
+                keep(&mut page, &format!("reasons-{theme}-{width}"));
+            }
+        }
+    }
+    page.resize(1024, 768);
+    sender.say(SlaveState::failed_drive_flags(2), &reasons[..9]);
+    page.wait_for(
+        "what there is no room for is counted",
+        "document.querySelectorAll('#reasons li').length + Number(/^and ([0-9]+) more$/.exec(document.getElementById('why-more').textContent)?.[1]) === 9",
+    );
+    assert_eq!(page.value(CUT), json!(""), "nine reasons");
+    keep(&mut page, "reasons-nine");
+    drop(sender);
+    krait.signal(Signal::TERM);
+    krait.end(PATIENCE);
+}
+
+/// A recording as it was made, one with a command that is another by one bit, one with an input too few, and none at all.
+#[test]
+fn verify_on_the_page_tells_the_same_from_another_from_what_nobody_knows() {
+    let Some(browser) = Browser::start() else { return };
+    let (instance, folder) = (instance_name("verdict"), TempFolder::new("verdict"));
+    let shipped = format!("{}/recordings/flick.mcap", env!("CARGO_MANIFEST_DIR"));
+    std::fs::copy(&shipped, folder.file("same.mcap")).expect("copied");
+    rewrite(&shipped, &folder.file("bit.mcap"), |sample| match sample {
+        Sample::Command(command) if command.sequence == 400 => {
+            command.q_tilde_m[1] = f64::from_bits(command.q_tilde_m[1].to_bits() ^ 1);
+        }
+        _ => {}
+    });
+    rewrite(&shipped, &folder.file("gap.mcap"), |sample| match sample {
+        Sample::Input(input) if input.sequence == 300 => input.sequence = 299,
+        _ => {}
+    });
+    let (recordings, lab) = (folder.path().display().to_string(), folder.file("lab"));
+    let mut krait = Krait::start(&["console", "--instance", &instance, "--recordings", &recordings, "--lab", &lab]);
+    let mut page = browser.page(&Console::of(&mut krait).address, 1280, 800);
+    page.wait_for("the page is there", "location.hash === '' && document.querySelectorAll('#stop').length === 1");
+    page.value("document.querySelector('[data-go=recordings]').click()");
+    page.wait_for("the list", "document.querySelectorAll('#recordings tbody tr').length === 3");
+    press_verify(&mut page);
+    page.wait_for(
+        "nothing is chosen",
+        "document.querySelector('.verdict-says').textContent.includes('Choose a recording')",
+    );
+    for (name, mark, verdict, why) in [
+        (
+            "same",
+            "ok",
+            "Verified. same: ",
+            "setpoints, [0-9\u{202f}]+ commands and [0-9]+ model updates came out of fresh processes byte for byte[.]$",
+        ),
+        (
+            "bit",
+            "fault",
+            "Differs. bit: First in output 400 of compensate, run 1: q_tilde_m was ",
+            "message.* before it came out the same",
+        ),
+        ("gap", "warn", "Could not be verified. gap: ", "message 300 of channel \"input\""),
+    ] {
+        page.value(&format!("document.querySelector('#recordings tr[data-name=\"{name}.mcap\"] button').click()"));
+        page.wait_for(
+            "it is chosen",
+            &format!("document.querySelector('#recordings tr.chosen')?.dataset.name === '{name}.mcap'"),
+        );
+        press_verify(&mut page);
+        page.wait_for(
+            "a verdict",
+            "/^(Verified|Differs|Could not)/.test(document.querySelector('.verdict-says').textContent)",
+        );
+        let said = page.text(".verdict-says");
+        assert!(said.starts_with(verdict), "{name}: {said}");
+        assert_eq!(
+            page.value(&format!("new RegExp({}).test({})", json!(why), json!(said))),
+            json!(true),
+            "{name}: {said}"
+        );
+        assert_eq!(page.value("document.querySelector('.verdict-says i').className"), json!(mark), "{name}: {said}");
+        let is_cut = "(says => says.scrollHeight > says.clientHeight || says.scrollWidth > says.clientWidth)(document.querySelector('.verdict-says'))";
+        assert_eq!(page.value(is_cut), json!(false), "{name}: {said}");
+        keep(&mut page, &format!("verdict-{name}"));
+    }
+    // What is no answer of a verification is never taken for one.
+    let strange = "import('/js/verdict.js').then(({ verdictOf }) => [{}, null, { identical: true }, { setpoints_identical: 9 },
+        { setpoints_identical: 0, commands_identical: 0, updates_identical: 0, not_repeated: 0, behind_cut: 0, first_difference: null, missing: [] },
+        { setpoints_identical: 9, commands_identical: 9, updates_identical: 0, not_repeated: 2, behind_cut: 0, first_difference: null, missing: [] }]
+        .map(answer => verdictOf({ stage: 'done', said: '', answer }).word).concat(['cancelled', 'failed', 'refused'].map(stage => verdictOf({ stage, said: '', answer: null }).word)))";
+    assert_eq!(page.value(strange), json!(vec!["Could not be verified."; 9]));
+    krait.signal(Signal::TERM);
+    krait.end(PATIENCE);
+    assert!(page.complaints.iter().all(|said| said.contains("WebSocket")), "{:?}", page.complaints);
+}
+
+fn press_verify(page: &mut BrowserPage) {
+    page.value(
+        "[...document.querySelectorAll('#recordings button')].find(button => button.textContent === 'Verify').click()",
+    );
+}
+
+fn in_theme(page: &mut BrowserPage, theme: &str) {
+    page.value(&format!(
+        "if (document.documentElement.dataset.theme !== '{theme}') document.getElementById('theme').click(); 0"
+    ));
+}
+
+/// Keeps a picture where somebody wants to look at it.
+fn keep(page: &mut BrowserPage, name: &str) {
+    if let Ok(folder) = std::env::var("KRAIT_SHOTS") {
+        std::fs::create_dir_all(&folder).expect("a folder");
+        std::fs::write(format!("{folder}/{name}.png"), page.picture()).expect("written");
+    }
+}
