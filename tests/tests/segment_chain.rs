@@ -250,7 +250,7 @@ fn what_does_not_apply(folder: &TempFolder, recording: &str) {
             &["replay", path.as_str(), "--model", TWO][..],
             "tables are for snakes and joints, and the model is of kind segments",
         ),
-        (&["model", "save-learnt", recording, "--out", &kept], "nothing was learnt in it"),
+        (&["model", "save-learnt", recording, "--out", &kept], "its model learns nothing"),
         (&["lab", "compare", "--model", TWO, "--data", recording], "kind segments, which the lab does not measure"),
         (
             &["run", "--model", &snake, "--compensation", "off", "--no-recording", "--seconds", "1"],
