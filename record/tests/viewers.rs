@@ -112,8 +112,8 @@ fn near(found: Vector3<f64>, expected: Vector3<f64>, what: &str) {
 
 /// Where a frame was last, in the base frame.
 fn frame(read: &Read, name: &str) -> Isometry3<f64> {
-    let all = decoded::<FrameTransforms>(read, "/tf").into_iter().flat_map(|message| message.transforms);
-    let own = all.filter(|own| own.child_frame_id == name).next_back().unwrap_or_else(|| panic!("no {name}"));
+    let mut all = decoded::<FrameTransforms>(read, "/tf").into_iter().flat_map(|message| message.transforms);
+    let own = all.rfind(|own| own.child_frame_id == name).unwrap_or_else(|| panic!("no {name}"));
     assert_eq!(own.parent_frame_id, "base");
     let (to, turn) = (own.translation.expect("set"), own.rotation.expect("set"));
     let turn = UnitQuaternion::from_quaternion(Quaternion::new(turn.w, turn.x, turn.y, turn.z));
