@@ -9,6 +9,7 @@
 //!
 //! Failure: no encoders near the exposure, a lost view, samples that are not finite. Such a shape is left out and counted.
 
+use crate::changes::Changes;
 use crate::config::EstimateConfig;
 use crate::learning::EstimatorCore;
 use crate::ledger::Ledger;
@@ -22,7 +23,7 @@ use krait_model::{
 use nalgebra::{Vector2, Vector3};
 
 /// Actuators that moved less than this between two shapes stand still for the watch: it asks about motion, m.
-const MOVED_M: f64 = 5e-6;
+pub(crate) const MOVED_M: f64 = 5e-6;
 
 /// The pure step of `estimate`.
 #[derive(Clone, Debug)]
@@ -33,9 +34,7 @@ pub struct EstimateCore {
     ledger: Ledger<Sight>,
     watch: ChangeWatch,
     compared: Option<Sighted<Sight>>,
-    n_changes: u64,
-    changed_ns: i64,
-    change: Option<Change>,
+    changes: Changes,
 }
 
 impl EstimateCore {
@@ -53,9 +52,7 @@ impl EstimateCore {
             ledger: Ledger::new(config.max_state_gap_ms),
             watch: ChangeWatch::new(ChangeParameters { false_alarms_per_hour, learn_s })?,
             compared: None,
-            n_changes: 0,
-            changed_ns: 0,
-            change: None,
+            changes: Changes::default(),
         })
     }
 
@@ -81,18 +78,13 @@ impl EstimateCore {
         });
         let (learner, rms_rad) = (&self.learner, self.learner.innovation_rms_rad());
         let learnt = |lane| learner.learnt(lane);
-        ModelUpdate {
-            n_changes: self.n_changes,
-            changed_ns: self.changed_ns,
-            change_kind: self.change.map_or(0, |change| change.kind.number()),
-            is_watching: u32::from(self.watch.is_watching()),
-            ..self.ledger.update(shape, taken, self.model, rms_rad, learner.parameters(), learnt)
-        }
+        let update = self.ledger.update(shape, taken, self.model, rms_rad, learner.parameters(), learnt);
+        self.changes.told(self.watch.is_watching(), update)
     }
 
     /// The newest change that was seen.
     pub fn change(&self) -> Option<Change> {
-        self.change
+        self.changes.newest()
     }
 
     /// Shows the watch what the model does not explain of a shape, if the actuators have moved since the one before.
@@ -111,9 +103,7 @@ impl EstimateCore {
             dt_s: seconds_between(before.stamp_ns, encoders.stamp_ns),
         };
         if let Some(change) = self.watch.observe(&seen) {
-            self.n_changes += 1;
-            self.changed_ns = shape.sample_ns;
-            self.change = Some(change);
+            self.changes.note(change, 0, shape.sample_ns);
         }
     }
 
@@ -121,7 +111,7 @@ impl EstimateCore {
     pub fn reasons(&self, now_ns: i64) -> Reasons {
         let mut reasons = Reasons::NONE;
         reasons.insert_if(Reason::ShapeStale, self.ledger.is_silent(now_ns));
-        reasons.insert_if(Reason::ModelChanged, self.n_changes > 0);
+        reasons.insert_if(Reason::ModelChanged, self.changes.newest().is_some());
         reasons
     }
 }
@@ -140,6 +130,6 @@ impl EstimatorCore for EstimateCore {
     }
 
     fn change(&self) -> Option<Change> {
-        self.change
+        self.changes.newest()
     }
 }

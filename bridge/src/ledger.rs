@@ -93,7 +93,7 @@ impl<S: Copy + Default> Ledger<S> {
             change_kind: 0,
             is_watching: 0,
             n_learnt: parameters.len() as u32,
-            reserved: 0,
+            changed_segment: 0,
             learnt: learnt_values(parameters, learnt),
         }
     }

@@ -13,6 +13,7 @@
 //! depends on is named in its output by sequence number, so that recorded input gives byte-identical commands.
 
 mod blend;
+mod changes;
 mod compensate;
 mod compensate_jaw;
 mod compensate_joints;
@@ -38,6 +39,7 @@ mod resolve_jaw;
 mod resolve_joints;
 mod resolve_segments;
 mod step;
+mod watch_segments;
 
 pub use compensate::{CompensateCore, run_compensate};
 pub use compensate_joints::JointCompensateCore;

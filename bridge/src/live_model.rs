@@ -117,9 +117,9 @@ impl LiveModel {
         }
     }
 
-    /// Whether `estimate` has work: it watches every snake for changes, of joints and segments it only learns parameters.
+    /// Whether `estimate` has work: it watches every snake and all segments for changes, of joints it only learns parameters.
     pub fn needs_estimate(&self) -> bool {
-        self.snake().is_some() || !self.learnt().is_empty()
+        !matches!(self, Self::Joints(_)) || !self.learnt().is_empty()
     }
 
     /// The snake's chain, if it is one.

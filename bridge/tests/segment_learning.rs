@@ -13,24 +13,22 @@
 #[path = "../../tests/support/allocations.rs"]
 mod allocations;
 mod common;
+#[path = "common/segments.rs"]
+mod segments;
 
 use allocations::allocations_of;
 use common::{T0_NS, ready_state, setpoint};
-use core::f64::consts::PI;
 use krait_bridge::{
     CompensateConfig, EstimateConfig, EstimatorCore, LiveModel, SegmentCompensateCore, SegmentEstimateCore,
     SegmentModel,
 };
 use krait_ipc::message::{Command, LearningState, ModelUpdate, Setpoint, Shape, SlaveState};
 use krait_model::model_file::ModelFile;
-use krait_sim::{SegmentDrives, SegmentTruth, SegmentsTruth};
+use krait_sim::SegmentDrives;
 use krait_slave::{Drive, SeenShape};
+use segments::{SIGMA_RAD, TICK_NS, bends_rad, truth};
 
 const TWO: &str = include_str!("../../docs/segments/two.toml");
-/// Samples of the loop; at every eighth there is a frame of the camera.
-const TICK_NS: i64 = 2_000_000;
-const CAMERA_HZ: f64 = 62.5;
-const SIGMA_RAD: f64 = 0.3 * PI / 180.0;
 const SECONDS: f64 = 40.0;
 /// The score counts from here on.
 const LEARNT_AFTER_S: f64 = 20.0;
@@ -57,31 +55,6 @@ fn model(values: &[f64; 4], learns: bool) -> SegmentModel {
     }
     let model = LiveModel::of(&ModelFile::parse(&text).expect("a model")).expect("it can be driven");
     model.segments().expect("segments").clone()
-}
-
-fn truth(seed: u64) -> SegmentsTruth {
-    let segment = |degrees: [f64; 3]| SegmentTruth {
-        azimuths_rad: degrees.map(f64::to_radians).to_vec(),
-        ..SegmentTruth::default()
-    };
-    let segments = [[0.0, 120.0, 240.0], [60.0, 180.0, 300.0]].map(segment).to_vec();
-    let mut truth = SegmentsTruth { segment: segments, ..SegmentsTruth::default() };
-    (truth.camera.rate_hz, truth.camera.noise_rad, truth.camera.seed) = (CAMERA_HZ, SIGMA_RAD, seed);
-    truth
-}
-
-/// Where both segments shall be: each to and fro in planes all round, with rests.
-fn bends_rad(t_s: f64) -> [f64; 8] {
-    let smooth = |x: f64| 0.5 - 0.5 * (PI * x.clamp(0.0, 1.0)).cos();
-    let one = |period_s: f64, largest: f64, first: f64| {
-        let (stroke, u) = ((t_s / period_s).floor(), (t_s / period_s).fract());
-        let b = largest * (0.6 + 0.4 * (0.37 * stroke).fract()) * (smooth(u / 0.4) - smooth((u - 0.55) / 0.4));
-        let side = if stroke % 2.0 == 0.0 { 0.9 } else { -0.9 };
-        let delta = first + 2.4 * stroke + side * smooth((u - 0.3) / 0.4);
-        [b * delta.cos(), b * delta.sin()]
-    };
-    let ([a, b], [c, d]) = (one(4.0, 0.6, 0.0), one(3.1, 0.7, 1.0));
-    [a, b, c, d, 0.0, 0.0, 0.0, 0.0]
 }
 
 /// What a run showed.

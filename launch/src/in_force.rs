@@ -7,6 +7,7 @@ use krait_ipc::input;
 use krait_model::model_file::{Machine, ModelFile, built_in};
 use krait_model::segments::SegmentsParameters;
 use krait_model::{Chain, ModelHash};
+use krait_record::DrawnMachine;
 use krait_report::Lanes;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -130,6 +131,15 @@ pub fn lanes_of(model: &LiveModel) -> Option<Lanes> {
         LiveModel::Snake(_) => None,
         LiveModel::Joints(joints) => Some(Lanes::of_joints(JointModel::slides(joints))),
         LiveModel::Segments(_) => Some(Lanes::Segments),
+    }
+}
+
+/// What viewers draw of a machine; joints have no shape that a model knows.
+pub fn drawn_of(model: &LiveModel) -> Option<DrawnMachine> {
+    match model {
+        LiveModel::Snake(chain) => Some(DrawnMachine::Snake(*chain.machine())),
+        LiveModel::Joints(_) => None,
+        LiveModel::Segments(segments) => Some(DrawnMachine::Segments(segments.parameters().clone())),
     }
 }
 

@@ -62,13 +62,14 @@ pub struct VectorLearner<P, const Y: usize, const U: usize> {
     n: usize,
     travelled: Option<[[f64; U]; 2]>,
     last_used: Option<VectorSight<Y, U>>,
+    innovation: Option<SVector<f64, Y>>,
 }
 
 impl<P: SlopedPredictor<Y, U>, const Y: usize, const U: usize> VectorLearner<P, Y, U> {
     /// Starts from the values of the model file; `n` numbers are measured.
     pub(crate) fn new(predictor: P, learnt: &[LearntParameter], n: usize, parameters: VectorLearnerParameters) -> Self {
         let recursion = Recursion::new(learnt, parameters.outlier_sigmas);
-        Self { parameters, predictor, recursion, n, travelled: None, last_used: None }
+        Self { parameters, predictor, recursion, n, travelled: None, last_used: None, innovation: None }
     }
 
     /// Follows the drives at their full rate: `u` are their readings as commands, in units of u.
@@ -92,6 +93,7 @@ impl<P: SlopedPredictor<Y, U>, const Y: usize, const U: usize> VectorLearner<P, 
     /// # Real-time
     /// No allocation.
     pub fn take(&mut self, y: &[f64], sigma: &[f64], seen: &VectorSight<Y, U>, dt_s: f64) -> Learning {
+        self.innovation = None;
         let is_complete = y.len() == self.n && sigma.len() == self.n && dt_s >= 0.0;
         if !is_complete || !sigma.iter().all(|sigma| *sigma > 0.0) {
             return Learning::NotFinite;
@@ -105,6 +107,8 @@ impl<P: SlopedPredictor<Y, U>, const Y: usize, const U: usize> VectorLearner<P, 
         };
         let is_finite = residual.r.iter().chain(residual.g.iter()).all(|own| own.is_finite());
         let Some(spread) = self.recursion.spread(&residual).filter(|_| is_finite) else { return Learning::NotFinite };
+        let unexplained = self.recursion.unexplained(&residual);
+        self.innovation = spread.l().solve_lower_triangular(&unexplained);
         let is_known = |[low, high]: [[f64; U]; 2]| {
             let far = low.iter().zip(&high).filter(|(low, high)| *high - *low > self.parameters.known_after);
             far.count() >= self.parameters.n_known
@@ -115,7 +119,6 @@ impl<P: SlopedPredictor<Y, U>, const Y: usize, const U: usize> VectorLearner<P, 
         if !self.last_used.is_none_or(|last| self.is_new(&last, seen, &per_sigma)) {
             return Learning::AtRest;
         }
-        let unexplained = self.recursion.unexplained(&residual);
         // In the numbers' unit again.
         let mean_square =
             sigma.iter().zip(unexplained.iter()).map(|(s, r)| (s * r).powi(2)).sum::<f64>() / self.n as f64;
@@ -132,6 +135,12 @@ impl<P: SlopedPredictor<Y, U>, const Y: usize, const U: usize> VectorLearner<P, 
         let moved = last.u.iter().zip(&now.u).any(|(last, now)| (now - last).abs() >= self.parameters.rest_travel);
         let change = now.slopes - last.slopes;
         moved || change.row_iter().enumerate().any(|(k, row)| row.amax() * per_sigma(k) >= NEW_SLOPE)
+    }
+
+    /// What the values in force did not explain of the newest measurement, in standard deviations (each number without what it shares
+    /// with those before it), outliers and measurements at rest too; `None` for one that is none.
+    pub fn innovation(&self) -> Option<SVector<f64, Y>> {
+        self.innovation
     }
 
     /// Root mean square of what was not explained of the newest measurements in motion, in units of y; 0 before the first.

@@ -8,9 +8,8 @@ mod common;
 
 use common::{chain, fresh_path};
 use krait_ipc::clock::monotonic_ns;
-use krait_model::MachineParameters;
 use krait_record::columns::Columns;
-use krait_record::{About, Contents, Recording, RecordingWriter, Views, samples_between};
+use krait_record::{About, Contents, DrawnMachine, Recording, RecordingWriter, Views, samples_between};
 use std::collections::BTreeMap;
 
 /// Length of the recording that is written without an argument, s.
@@ -35,7 +34,7 @@ fn main() {
 
 fn write(path: &std::path::Path, length_s: u64) -> (usize, u64) {
     let about = About::run("bench", &BTreeMap::new(), Vec::new());
-    let views = Views::new(Some(&MachineParameters::default()), 30).expect("the default machine");
+    let views = Views::new(Some(&DrawnMachine::default()), 30).expect("the default machine");
     let mut writer = RecordingWriter::create(path, 256 * 1024, &about).expect("created").with_views(Some(views));
     let (mut n_written, mut making_ns) = (0, 0);
     let begun_ns = monotonic_ns();

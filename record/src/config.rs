@@ -2,11 +2,10 @@
 
 use crate::about::Attachment;
 use crate::error::RecordError;
-use crate::views::Views;
+use crate::views::{DrawnMachine, Views};
 use core::time::Duration;
 use krait_ipc::setting::check;
 use krait_ipc::settings;
-use krait_model::MachineParameters;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -34,16 +33,16 @@ settings! {
         rotate_bytes: u64 = 1_000_000_000, 0..=1_u64 << 40;
         /// Age from which on a file is ended and the next one begun, s; 0: never. 3600, for the same reason.
         rotate_s: u64 = 3600, 0..=86_400;
-        /// How often the snake is drawn for viewers, Hz; 0: never. 30: smooth to the eye, a few percent of the recording.
+        /// How often the machine is drawn for viewers, Hz; 0: never. 30: smooth to the eye, a few percent of the recording.
         view_hz: u32 = 30, 0..=60;
         /// Further keys and values of the metadata record `krait`: `run_id` and `compensation` are filled in if missing.
         metadata: BTreeMap<String, String> = BTreeMap::new();
         /// Files to embed, such as the configuration in force. Given by the program, not by the configuration file.
         #[serde(skip)]
         attachments: Vec<Attachment> = Vec::new();
-        /// The snake that is drawn; none where the machine is another. Given by the program.
+        /// The machine that is drawn; none where it has no shape that a model knows. Given by the program.
         #[serde(skip)]
-        machine: Option<MachineParameters> = Some(MachineParameters::default());
+        machine: Option<DrawnMachine> = Some(DrawnMachine::default());
     }
 }
 

@@ -11,7 +11,7 @@ pub enum RecordError {
     Ipc(#[from] krait_ipc::IpcError),
     /// The machine to be drawn cannot be.
     #[error(transparent)]
-    Machine(#[from] krait_model::ParameterError),
+    Machine(#[from] krait_model::ChainError),
     /// A setting is out of its range.
     #[error(transparent)]
     Setting(#[from] krait_ipc::setting::SettingError),

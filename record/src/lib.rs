@@ -68,6 +68,6 @@ pub use recorder::{RecordReport, run};
 pub use recover::{RecoverError, Recovered, recover};
 pub use sink::RecordingSink;
 pub use stream::Stream;
-pub use views::{Derived, Views};
+pub use views::{Derived, DrawnMachine, Views};
 pub use wall_clock::{WallClock, utc_text};
 pub use writer::RecordingWriter;

@@ -4,16 +4,20 @@
 //! their cost stays small beside the channels themselves. They hold nothing that the krait channels do not hold; readers of
 //! krait pass over them. Frames and names are those of `docs/NOTATION.md` and of CRTK.
 
+mod body;
 mod log;
 mod scene;
 
+pub use body::DrawnMachine;
+
 use crate::wall_clock::WallClock;
+use body::Body;
 use krait_ipc::message::{Actuators, GRIPPER_WIRE, MAX_ACTUATORS, Setpoint, Shape, SlaveState, n_actuators};
-use krait_model::{MachineParameters, ParameterError, Snake};
+use krait_model::ChainError;
+use krait_model::segments::Bends;
 use krait_schema::generated::foxglove;
 use krait_schema::generated::google::protobuf::Timestamp;
 use krait_schema::{Sample, View};
-use nalgebra::Vector2;
 use prost::Message;
 
 /// The frame that everything is drawn in.
@@ -23,7 +27,7 @@ const BASE: &str = "base";
 #[derive(Debug)]
 pub struct Views {
     /// None: there is nothing to draw but actuators.
-    snake: Option<Snake>,
+    body: Option<Body>,
     period_ns: i64,
     // The period in which a shape, a setpoint and a state were last drawn.
     shape_period: Option<i64>,
@@ -36,13 +40,14 @@ pub struct Views {
 pub type Derived = (View, Vec<u8>);
 
 impl Views {
-    /// Draws a snake, if it is one, and the actuators at most `rate_hz` times a second (at least 1); sentences come as they happen.
+    /// Draws a machine, if it can be drawn, and the actuators at most `rate_hz` times a second (at least 1); sentences come as they
+    /// happen.
     ///
     /// # Errors
-    /// [`ParameterError`] for a machine that cannot be.
-    pub fn new(machine: Option<&MachineParameters>, rate_hz: u32) -> Result<Self, ParameterError> {
+    /// [`ChainError`] for a machine that cannot be.
+    pub fn new(machine: Option<&DrawnMachine>, rate_hz: u32) -> Result<Self, ChainError> {
         Ok(Self {
-            snake: machine.map(Snake::new).transpose()?,
+            body: machine.map(Body::new).transpose()?,
             period_ns: 1_000_000_000 / i64::from(rate_hz.max(1)),
             shape_period: None,
             setpoint_period: None,
@@ -63,7 +68,7 @@ impl Views {
                 self.setpoint(setpoint, stamp, &mut derived);
             }
             Sample::State(state) if is_due(&mut self.state_period, state.sample_ns, self.period_ns) => {
-                joints(state, self.snake.is_some(), stamp, &mut derived);
+                joints(state, self.body.as_ref().is_some_and(Body::is_snake), stamp, &mut derived);
             }
             _ => {}
         }
@@ -74,22 +79,24 @@ impl Views {
     }
 
     fn shape(&self, shape: &Shape, stamp: Timestamp, derived: &mut Vec<Derived>) {
-        let bend_rad = shape.valid_bend_rad().map(Vector2::from);
-        let Some((bend_rad, snake)) = bend_rad.zip(self.snake.as_ref()) else { return };
-        tip(snake, View::MeasuredCp, "tip", bend_rad, stamp, derived);
-        derived.push((View::Scene, scene::measured(snake, bend_rad, stamp).encode_to_vec()));
+        let Some(body) = &self.body else { return };
+        let Some(bends_rad) = body.measured(shape) else { return };
+        tip(body, View::MeasuredCp, "tip", &bends_rad, stamp, derived);
+        let scene = scene::measured(body, &bends_rad, shape.valid_jaw_rad(), stamp);
+        derived.push((View::Scene, scene.encode_to_vec()));
     }
 
     fn setpoint(&self, setpoint: &Setpoint, stamp: Timestamp, derived: &mut Vec<Derived>) {
-        let bend_rad = Vector2::from(setpoint.bend_rad);
-        let Some(snake) = self.snake.as_ref().filter(|_| bend_rad.iter().all(|b| b.is_finite())) else { return };
-        tip(snake, View::SetpointCp, "tip_setpoint", bend_rad, stamp, derived);
-        derived.push((View::Scene, scene::wanted(snake, bend_rad, stamp).encode_to_vec()));
+        let Some(body) = &self.body else { return };
+        let Some(bends_rad) = body.wanted(setpoint) else { return };
+        tip(body, View::SetpointCp, "tip_setpoint", &bends_rad, stamp, derived);
+        let scene = scene::wanted(body, &bends_rad, setpoint.jaw_rad(), stamp);
+        derived.push((View::Scene, scene.encode_to_vec()));
     }
 }
 
-fn tip(snake: &Snake, view: View, frame: &str, bend_rad: Vector2<f64>, stamp: Timestamp, derived: &mut Vec<Derived>) {
-    let base_from_tip = snake.base_from_tip(bend_rad);
+fn tip(body: &Body, view: View, frame: &str, bends_rad: &Bends, stamp: Timestamp, derived: &mut Vec<Derived>) {
+    let base_from_tip = body.base_from_tip(bends_rad);
     let (at, turn) = (base_from_tip.translation.vector, base_from_tip.rotation.coords);
     let position = foxglove::Vector3 { x: at.x, y: at.y, z: at.z };
     let rotation = foxglove::Quaternion { x: turn.x, y: turn.y, z: turn.z, w: turn.w };

@@ -6,8 +6,7 @@ mod common;
 
 use common::{chain, fresh_path};
 use core::cell::Cell;
-use krait_model::MachineParameters;
-use krait_record::{About, RecordConfig, RecordingWriter, Views};
+use krait_record::{About, DrawnMachine, RecordConfig, RecordingWriter, Views};
 use krait_schema::Sample;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::collections::BTreeMap;
@@ -43,7 +42,7 @@ const MOST_PER_FILE: i64 = 200 << 20;
 #[test]
 fn a_chunk_leaves_its_entry_in_the_index_and_a_file_ends_before_that_is_much() {
     let about = About::run("memory", &BTreeMap::new(), Vec::new());
-    let views = Views::new(Some(&MachineParameters::default()), 30).expect("the default machine");
+    let views = Views::new(Some(&DrawnMachine::default()), 30).expect("the default machine");
     let path = fresh_path("memory.mcap");
     let mut writer = RecordingWriter::create(&path, 256 * 1024, &about).expect("created").with_views(Some(views));
     let chunk: Vec<Sample> = chain(50, 1_000_000_000).collect();

@@ -7,8 +7,7 @@ mod common;
 mod python;
 
 use common::{chain, fresh_path, plausible};
-use krait_model::MachineParameters;
-use krait_record::{About, Attachment, RecordingWriter, Views};
+use krait_record::{About, Attachment, DrawnMachine, RecordingWriter, Views};
 use krait_schema::{Channel, Sample, View};
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -78,7 +77,7 @@ fn python_decodes_every_message_of_every_channel_to_the_same_values() {
 fn a_careful_reader_finds_no_fault_and_everything_that_the_layout_and_the_views_name() {
     let path = fresh_path("views.mcap");
     let about = About::run("python", &BTreeMap::new(), Vec::new());
-    let views = Views::new(Some(&MachineParameters::default()), 30).expect("the default machine");
+    let views = Views::new(Some(&DrawnMachine::default()), 30).expect("the default machine");
     let mut writer = RecordingWriter::create(&path, 64 * 1024, &about).expect("created").with_views(Some(views));
     let begin_ns = krait_ipc::clock::monotonic_ns();
     for sample in chain(2000, begin_ns).chain([plausible(Channel::Marker, 1, begin_ns)]) {

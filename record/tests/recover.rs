@@ -5,10 +5,9 @@
 mod common;
 
 use common::{TestPath, chain, fresh_path, words_of};
-use krait_model::MachineParameters;
 use krait_record::{
-    About, Attachment, Missing, RecordError, Recorded, Recording, RecordingWriter, RecoverError, Views, recover,
-    samples_between,
+    About, Attachment, DrawnMachine, Missing, RecordError, Recorded, Recording, RecordingWriter, RecoverError, Views,
+    recover, samples_between,
 };
 use krait_schema::Channel;
 use std::collections::BTreeMap;
@@ -21,7 +20,7 @@ fn recorded(name: &str, n_ms: u64) -> TestPath {
     let toml =
         Attachment { name: "krait.toml".to_owned(), media_type: "application/toml".to_owned(), data: vec![b'x'; 99] };
     let about = About::run("recover", &BTreeMap::new(), vec![toml]);
-    let views = Views::new(Some(&MachineParameters::default()), 30).expect("the default machine");
+    let views = Views::new(Some(&DrawnMachine::default()), 30).expect("the default machine");
     let mut writer = RecordingWriter::create(&path, 256 * 1024, &about).expect("created").with_views(Some(views));
     for sample in chain(n_ms, krait_ipc::clock::monotonic_ns()) {
         writer.write(&sample, sample.sample_ns()).expect("written");

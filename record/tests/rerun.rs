@@ -2,6 +2,7 @@
 
 #![allow(
     clippy::expect_used,
+    clippy::panic,
     clippy::print_stdout,
     reason = "a panic is how a test fails; what is skipped is said aloud"
 )]
@@ -11,26 +12,57 @@ mod common;
 mod python;
 
 use common::{chain, fresh_path};
-use krait_model::MachineParameters;
-use krait_record::{About, RecordingWriter, Views};
+use krait_ipc::message::Shape;
+use krait_model::model_file::{Machine, ModelFile};
+use krait_record::{About, DrawnMachine, RecordingWriter, Views};
+use krait_schema::Sample;
 use std::collections::BTreeMap;
 use std::path::Path;
+
+const TWO: &str = include_str!("../../docs/segments/two.toml");
 
 /// Ignored because the viewer's package is a download of some 200 MB; `.ci/run` asks for it.
 #[test]
 #[ignore = "downloads the package of the Rerun viewer; run it with --ignored"]
 fn rerun_imports_transforms_poses_the_log_and_every_field() {
+    let begin_ns = krait_ipc::clock::monotonic_ns();
+    imports("rerun.mcap", &DrawnMachine::default(), chain(1000, begin_ns));
+}
+
+/// Ignored for the same reason.
+#[test]
+#[ignore = "downloads the package of the Rerun viewer; run it with --ignored"]
+fn rerun_imports_as_much_of_segments() {
+    let file = ModelFile::parse(TWO).expect("the shipped model");
+    let Machine::Segments(parameters) = file.machine() else { panic!("segments") };
+    let bends_rad = [0.4, 0.1, -0.2, 0.5];
+    let bent = |sample: Sample| match sample {
+        Sample::Shape(Shape { sequence, sample_ns, available_ns, .. }) => {
+            Sample::Shape(Shape::of_joints(sequence, sample_ns, available_ns, &bends_rad))
+        }
+        Sample::Setpoint(mut setpoint) => {
+            setpoint.joints_rad[..4].copy_from_slice(&bends_rad);
+            (setpoint.n_joints, setpoint.tip_pos_in_base_m) = (4, [0.0, 0.0, 0.05]);
+            Sample::Setpoint(setpoint)
+        }
+        other => other,
+    };
+    let samples = chain(1000, krait_ipc::clock::monotonic_ns()).map(bent);
+    imports("rerun-segments.mcap", &DrawnMachine::Segments(parameters.clone()), samples);
+}
+
+fn imports(name: &str, machine: &DrawnMachine, samples: impl Iterator<Item = Sample>) {
     let target_tmp = Path::new(env!("CARGO_TARGET_TMPDIR"));
     let probe = "from rerun.chunk import RrdReader";
     let python = match python::python_with(target_tmp, "python-rerun-0.41.0", &["rerun-sdk==0.41.0"], probe) {
         Ok(python) => python,
         Err(why) => return println!("SKIPPED: Rerun's importer was not tested, because {why}"),
     };
-    let path = fresh_path("rerun.mcap");
+    let path = fresh_path(name);
     let about = About::run("rerun", &BTreeMap::new(), Vec::new());
-    let views = Views::new(Some(&MachineParameters::default()), 30).expect("the default machine");
+    let views = Views::new(Some(machine), 30).expect("a machine");
     let mut writer = RecordingWriter::create(&path, 64 * 1024, &about).expect("created").with_views(Some(views));
-    for sample in chain(1000, krait_ipc::clock::monotonic_ns()) {
+    for sample in samples {
         writer.write(&sample, sample.sample_ns()).expect("written");
     }
     writer.finish(&BTreeMap::new()).expect("finished");
@@ -45,7 +77,9 @@ fn rerun_imports_transforms_poses_the_log_and_every_field() {
         );
     };
     has("/tf", "Transform3D:translation");
-    has("/snake/measured_cp", "InstancePoses3D:translations");
+    for pose in ["/snake/measured_cp", "/snake/setpoint_cp"] {
+        has(pose, "InstancePoses3D:translations");
+    }
     has("/log", "TextLog");
     for (entity, message) in [
         ("/krait/input", "krait.OperatorInput"),

@@ -101,6 +101,9 @@ pub struct ChangeReport {
     pub at_s: f64,
     /// What it looks like.
     pub looks_like: &'static str,
+    /// The segment that showed it, from 1; none of a snake.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub segment: Option<u32>,
 }
 
 /// One stretch of a recording in which one chain ran.
@@ -111,7 +114,8 @@ pub struct PassLog {
     joints: JointTracking,
     jaw: JointTracking,
     last_update: Option<ModelUpdate>,
-    changes: Vec<(i64, u32)>,
+    /// Exposure, kind, segment.
+    changes: Vec<(i64, u32, u32)>,
     watched: bool,
 }
 
@@ -138,14 +142,15 @@ impl PassLog {
     pub fn update(&mut self, update: &ModelUpdate) {
         self.last_update = Some(*update);
         self.watched |= update.is_watching == 1;
-        if update.changed_ns != 0 && self.changes.last().is_none_or(|(ns, _)| *ns != update.changed_ns) {
-            self.changes.push((update.changed_ns, update.change_kind));
+        if update.changed_ns != 0 && self.changes.last().is_none_or(|(ns, ..)| *ns != update.changed_ns) {
+            self.changes.push((update.changed_ns, update.change_kind, update.changed_segment));
         }
     }
 
     fn change_reports(&self) -> Vec<ChangeReport> {
         let start_ns = self.setpoints.first().map_or(0, |(ns, ..)| *ns);
-        let report = |&(ns, kind): &(i64, u32)| ChangeReport {
+        let report = |&(ns, kind, segment): &(i64, u32, u32)| ChangeReport {
+            segment: Some(segment).filter(|segment| *segment > 0),
             at_s: (ns - start_ns) as f64 * 1e-9,
             looks_like: ChangeKind::from_number(kind)
                 .map_or("of a kind that this program does not know", ChangeKind::sentence),

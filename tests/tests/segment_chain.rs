@@ -4,10 +4,15 @@
 #![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
 
 use core::time::Duration;
+use krait_model::model_file::ModelFile;
+use krait_model::segments::Bends;
 use krait_record::Recording;
 use krait_schema::Sample;
+use krait_schema::generated::foxglove::SceneUpdate;
 use krait_tests::{Ended, TempFolder, instance_name};
+use prost::Message;
 use serde_json::Value;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 const PATIENCE: Duration = Duration::from_secs(240);
@@ -105,7 +110,44 @@ fn two_segments_follow_better_with_every_compensation_down_to_the_camera_s_error
     assert_eq!(exported.code, Some(0), "{exported:?}");
     let header = std::fs::read_to_string(&table).expect("written").lines().next().map(str::to_owned).expect("a header");
     assert!(header.starts_with("time_s,u1_m,u2_m,u3_m,u4_m,u5_m,u6_m,y1_rad,y2_rad,y3_rad,y4_rad"), "{header}");
+    viewers_see_both_segments(&full);
     what_does_not_apply(&folder, &full);
+}
+
+/// Each drawn backbone ends, segment by segment, where the model has the disks for the bends of the same instant.
+fn viewers_see_both_segments(recording: &str) {
+    let file = ModelFile::parse(&std::fs::read_to_string(TWO).expect("shipped")).expect("a model");
+    let chain = file.segment_chain().expect("a chain").expect("segments");
+    let bytes = std::fs::read(recording).expect("a recording");
+    let mut bends: BTreeMap<(&str, u64), Bends> = BTreeMap::new();
+    for recorded in Recording::open(Path::new(recording)).expect("a recording").samples().expect("samples") {
+        let recorded = recorded.expect("readable");
+        let (id, values) = match &recorded.sample {
+            Sample::Shape(shape) => ("snake", shape.valid_joints_rad().unwrap_or(&[])),
+            Sample::Setpoint(setpoint) => ("setpoint", &setpoint.joints_rad[..4]),
+            _ => continue,
+        };
+        bends.insert((id, recorded.log_ns), Bends::from_fn(|k, _| values.get(k).copied().unwrap_or(0.0)));
+    }
+    let (mut n, mut span_ns) = (BTreeMap::from([("snake", 0), ("setpoint", 0)]), [u64::MAX, 0]);
+    for message in mcap::MessageStream::new(&bytes).expect("MCAP").map(|message| message.expect("readable")) {
+        span_ns = [span_ns[0].min(message.log_time), span_ns[1].max(message.log_time)];
+        if message.channel.topic != "/snake/scene" {
+            continue;
+        }
+        let entity = SceneUpdate::decode(&message.data[..]).expect("a scene").entities.remove(0);
+        let (&id, count) = n.iter_mut().find(|(id, _)| **id == entity.id).expect("snake or setpoint");
+        *count += 1;
+        let backbone = &entity.lines[0].points;
+        for segment in 0..2 {
+            let point = &backbone[(backbone.len() - 1) / 2 * (segment + 1)];
+            let disk_m = chain.machine().base_from_disk(&bends[&(id, message.log_time)], segment).translation.vector;
+            let off_m = (disk_m.x - point.x).hypot(disk_m.y - point.y).hypot(disk_m.z - point.z);
+            assert!(off_m < 1e-9, "{id} {}: segment {segment} is {off_m} m off", message.log_time);
+        }
+    }
+    let most = (span_ns[1] - span_ns[0]) as f64 * 1e-9 * 30.0;
+    assert!(n.values().all(|n| (0.5 * most..=most + 2.0).contains(&f64::from(*n))), "{n:?} pictures of {most}");
 }
 
 #[test]
@@ -208,7 +250,7 @@ fn what_does_not_apply(folder: &TempFolder, recording: &str) {
             &["replay", path.as_str(), "--model", TWO][..],
             "tables are for snakes and joints, and the model is of kind segments",
         ),
-        (&["model", "save-learnt", recording, "--out", &kept], "nothing was learnt in it"),
+        (&["model", "save-learnt", recording, "--out", &kept], "its model learns nothing"),
         (&["lab", "compare", "--model", TWO, "--data", recording], "kind segments, which the lab does not measure"),
         (
             &["run", "--model", &snake, "--compensation", "off", "--no-recording", "--seconds", "1"],

@@ -66,7 +66,7 @@ pub fn update_of(chain: &Chain, sequence: u64, values: &[f64]) -> ModelUpdate {
         change_kind: 0,
         is_watching: 0,
         n_learnt: values.len() as u32,
-        reserved: 0,
+        changed_segment: 0,
         learnt,
     }
 }

@@ -39,8 +39,8 @@ pub struct ModelUpdate {
     pub is_watching: u32,
     /// Parameters that are learnt, at most [`MAX_LEARNT`].
     pub n_learnt: u32,
-    /// Padding, zero.
-    pub reserved: u32,
+    /// The segment that showed the newest change, from 1; 0 before the first, and of a snake.
+    pub changed_segment: u32,
     /// The parameters, in the order of the model file; zeros behind the last.
     pub learnt: [LearntValue; MAX_LEARNT],
 }

@@ -3,7 +3,7 @@
 use crate::cli::Common;
 use crate::cli_console::ConsoleArgs;
 use crate::config::Config;
-use crate::in_force::{ModelInForce, lanes_of};
+use crate::in_force::{ModelInForce, drawn_of, lanes_of};
 use crate::{print, recorded, signals, supervisor};
 use anyhow::Context;
 use krait_bridge::{JointMachine, LiveModel, SegmentModel};
@@ -64,13 +64,10 @@ pub fn run(common: &Common, args: &ConsoleArgs) -> anyhow::Result<ExitCode> {
 
 /// What engineers' own viewers are served: the machine is drawn as in a recording.
 fn viewers_of(config: &Config, model: &ModelInForce, origins: &[String]) -> anyhow::Result<FoxgloveSettings> {
-    let machine = match &model.machine {
-        LiveModel::Snake(chain) => Some(chain.machine()),
-        LiveModel::Joints(_) | LiveModel::Segments(_) => None,
-    };
     // Without pictures in recordings, viewers have them as often as by default.
     let rate_hz = if config.record.view_hz == 0 { RecordConfig::default().view_hz } else { config.record.view_hz };
-    let views = Views::new(machine, rate_hz).context("the machine of the model cannot be drawn")?;
+    let views =
+        Views::new(drawn_of(&model.machine).as_ref(), rate_hz).context("the machine of the model cannot be drawn")?;
     Ok(FoxgloveSettings { views, origins: origins.to_vec() })
 }
 

@@ -3,7 +3,7 @@
 use crate::cli::{Common, EngageKind, MasterKind};
 use crate::cli_process::{MasterArgs, ProcessVerb};
 use crate::config::Config;
-use crate::in_force::Compensation;
+use crate::in_force::{Compensation, drawn_of};
 use crate::signals;
 use anyhow::{Context, bail, ensure};
 use krait_bridge::{Feed, LiveModel};
@@ -261,7 +261,7 @@ pub fn with_attachments(config: &Config) -> anyhow::Result<RecordConfig> {
     let toml = |name: &str, data| Attachment { name: name.to_owned(), media_type: "application/toml".to_owned(), data };
     let mut record = config.record.clone();
     let model = config.model()?;
-    record.machine = model.machine.snake().map(|chain| *chain.machine());
+    record.machine = drawn_of(&model.machine);
     record.metadata.insert("git_revision".to_owned(), env!("KRAIT_GIT_REVISION").to_owned());
     // The model has an attachment of its own.
     let settings = Config { model: Some(MODEL_ATTACHMENT.into()), model_text: None, ..config.clone() };

@@ -35,7 +35,7 @@ use slow_noise::Whitener;
 /// Settings of a [`ChangeWatch`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChangeParameters {
-    /// Alarms per hour of motion without any change, at most: 1e-4 to 1000.
+    /// Alarms per hour of motion without any change, at most: 1e-5 to 1000.
     pub false_alarms_per_hour: f64,
     /// Motion from which the innovations' own noise is learnt, s; 2 to 600.
     pub learn_s: f64,
@@ -121,7 +121,7 @@ impl ChangeWatch {
     /// # Errors
     /// [`ParameterError`] naming the first value that is not finite or out of range.
     pub fn new(parameters: ChangeParameters) -> Result<Self, ParameterError> {
-        in_range("false_alarms_per_hour", parameters.false_alarms_per_hour, 1e-4, 1e3, "1/h")?;
+        in_range("false_alarms_per_hour", parameters.false_alarms_per_hour, 1e-5, 1e3, "1/h")?;
         in_range("learn_s", parameters.learn_s, 2.0, 600.0, "s")?;
         Ok(Self { parameters, learning: Learning::new(), watching: None })
     }

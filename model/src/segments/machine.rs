@@ -104,6 +104,11 @@ impl Segments {
         self.of_line[line]
     }
 
+    /// Where a line crosses the disk of its own segment and of each before it, x and y of the disk, m.
+    pub fn line_in_disk_m(&self, line: usize) -> Vector2<f64> {
+        Vector2::new(-self.rows[line].x, self.rows[line].y)
+    }
+
     /// Length of a segment's primary backbone, m.
     pub fn l_m(&self, segment: usize) -> f64 {
         self.l_m[segment]

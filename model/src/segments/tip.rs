@@ -6,7 +6,7 @@
 
 use super::{Bends, MAX_BENDS, MAX_SEGMENTS, Segments};
 use crate::series::Arc;
-use nalgebra::{Isometry3, Matrix3, Matrix3x2, Rotation3, SMatrix, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Matrix3x2, Rotation3, SMatrix, Translation3, UnitQuaternion, Vector2, Vector3};
 
 /// One arc: end, rotation, and how both move with the bend vector.
 struct Segment {
@@ -24,9 +24,17 @@ impl Segments {
 
     /// Pose of a segment's disk (from 0) in the base frame, m.
     pub fn base_from_disk(&self, bends_rad: &Bends, segment: usize) -> Isometry3<f64> {
+        self.base_from_part(bends_rad, segment, 1.0)
+    }
+
+    /// Pose, in the base frame, m, of the cross-section at the part `along` (0 to 1) of a segment's length (from 0). The piece up to
+    /// there is a shorter segment with the same part of the bend: curvature is constant.
+    pub fn base_from_part(&self, bends_rad: &Bends, segment: usize, along: f64) -> Isometry3<f64> {
+        let segment = segment.min(self.n - 1);
         let (mut at_m, mut base_from_here) = (Vector3::zeros(), Matrix3::identity());
-        for j in 0..=segment.min(self.n - 1) {
-            let arc = self.arc(j, bends_rad);
+        for j in 0..=segment {
+            let part = if j == segment { along } else { 1.0 };
+            let arc = Segment::of(self.bend(bends_rad, j) * part, self.l_m[j] * part);
             at_m += base_from_here * arc.end_m;
             base_from_here *= arc.rotation;
         }
@@ -72,7 +80,12 @@ impl Segments {
     }
 
     fn arc(&self, segment: usize, bends_rad: &Bends) -> Segment {
-        let (bend, l_m) = (self.bend(bends_rad, segment), self.l_m[segment]);
+        Segment::of(self.bend(bends_rad, segment), self.l_m[segment])
+    }
+}
+
+impl Segment {
+    fn of(bend: Vector2<f64>, l_m: f64) -> Self {
         let (x, y) = (bend.x, bend.y);
         let arc = Arc::of_square(bend.norm_squared());
         let cross = Vector3::new(y, x, 0.0).cross_matrix();
@@ -86,7 +99,7 @@ impl Segments {
             x * arc.sinc_slope,
             y * arc.sinc_slope,
         );
-        Segment {
+        Self {
             end_m: Vector3::new(x * arc.cosc, -y * arc.cosc, arc.sinc) * l_m,
             rotation: Matrix3::identity() + cross * arc.sinc + square * arc.cosc,
             linear: linear * l_m,

@@ -1,64 +1,97 @@
-//! The snake as lines: primary and secondary backbones as arcs, disks as circles, in the base frame.
+//! The body as lines in the base frame: primary and secondary backbones as arcs, disks as circles, the jaw of a gripper as two
+//! fingers. What is asked for is the primary backbone and the fingers alone.
 
 use super::BASE;
-use core::f64::consts::TAU;
-use krait_model::Snake;
+use super::body::{Body, Section, Strand, on_circle};
+use krait_model::segments::Bends;
 use krait_schema::generated::foxglove::line_primitive::Type;
 use krait_schema::generated::foxglove::{Color, LinePrimitive, Point3, SceneEntity, SceneUpdate};
 use krait_schema::generated::google::protobuf::Timestamp;
-use nalgebra::{Vector2, Vector3};
+use nalgebra::Vector3;
 
-/// Points along a backbone: an arc of 90 degrees in steps of 11, which looks round.
+/// Points along a segment's backbone: an arc of 90 degrees in steps of 11, which looks round.
 const N_ALONG: u32 = 9;
 /// Base disk, two spacer disks, end disk.
 const N_DISKS: u32 = 4;
-/// Corners of a disk: each backbone meets one.
+/// Corners of a disk: each backbone of a snake meets one.
 const N_AROUND: u32 = 12;
-const N_BACKBONES: u32 = 3;
 
-const MEASURED: Color = Color { r: 0.20, g: 0.55, b: 0.95, a: 1.0 };
+/// Lines by the segment at which they end; the primary backbone as the first.
+const MEASURED: [Color; 3] = [
+    Color { r: 0.20, g: 0.55, b: 0.95, a: 1.0 },
+    Color { r: 0.20, g: 0.75, b: 0.55, a: 1.0 },
+    Color { r: 0.70, g: 0.45, b: 0.90, a: 1.0 },
+];
 const DISKS: Color = Color { r: 0.75, g: 0.75, b: 0.80, a: 1.0 };
 const WANTED: Color = Color { r: 0.98, g: 0.65, b: 0.10, a: 0.9 };
 
-/// The snake as the camera saw it.
-pub(super) fn measured(snake: &Snake, bend_rad: Vector2<f64>, stamp: Timestamp) -> SceneUpdate {
-    let mut lines = vec![backbone(snake, bend_rad, Vector3::zeros(), MEASURED, 3.0)];
-    for idx in 0..N_BACKBONES {
-        let offset_m = on_circle(snake.r_m(), idx, N_BACKBONES);
-        lines.push(backbone(snake, bend_rad, offset_m, MEASURED, 2.0));
+/// A finger of the jaw as the page draws it (`console/web/js/snake.js`): its length, its root's distance from the middle and height
+/// above the end disk. A model has the jaw's angle alone; its size, and that it opens in the plane of the tip's x, are made up.
+const FINGER_M: f64 = 5e-3;
+const FINGER_ASIDE_M: f64 = 0.7e-3;
+const FINGER_ABOVE_M: f64 = 0.45e-3;
+
+/// The body as the camera saw it, with the jaw's measured angle where there is one.
+pub(super) fn measured(body: &Body, bends_rad: &Bends, jaw_rad: Option<f64>, stamp: Timestamp) -> SceneUpdate {
+    let sections = along(body, bends_rad, N_ALONG);
+    let mut lines = vec![strand(&sections, &middle(body), MEASURED[0], 3.0)];
+    let own = body.lines();
+    lines.extend(own.iter().map(|line| strand(&sections, line, MEASURED[line.ends.min(2)], 2.0)));
+    for (segment, disks) in along(body, bends_rad, N_DISKS).iter().enumerate() {
+        // As wide as the farthest line that runs in the segment.
+        let passing = own.iter().filter(|line| line.ends >= segment);
+        let radius_m = passing.fold(0.0_f64, |most, line| most.max(line.offset_m.norm()));
+        // A segment stands on the last disk of the one before.
+        for disk in disks.iter().skip(usize::from(segment > 0)) {
+            let corners = (0..N_AROUND).map(|idx| point(disk, on_circle(radius_m, idx, N_AROUND))).collect();
+            lines.push(line(Type::LineLoop, corners, DISKS, 2.0));
+        }
     }
-    for idx in 0..N_DISKS {
-        let along = f64::from(idx) / f64::from(N_DISKS - 1);
-        let corner = |around| point(snake, bend_rad, along, on_circle(snake.r_m(), around, N_AROUND));
-        lines.push(line(Type::LineLoop, (0..N_AROUND).map(corner).collect(), DISKS, 2.0));
-    }
+    lines.extend(fingers(body, bends_rad, jaw_rad, DISKS));
     entity("snake", lines, stamp)
 }
 
-/// The primary backbone as it shall be.
-pub(super) fn wanted(snake: &Snake, bend_rad: Vector2<f64>, stamp: Timestamp) -> SceneUpdate {
-    entity("setpoint", vec![backbone(snake, bend_rad, Vector3::zeros(), WANTED, 3.0)], stamp)
+/// The primary backbone as it shall be, and the jaw.
+pub(super) fn wanted(body: &Body, bends_rad: &Bends, jaw_rad: Option<f64>, stamp: Timestamp) -> SceneUpdate {
+    let mut lines = vec![strand(&along(body, bends_rad, N_ALONG), &middle(body), WANTED, 3.0)];
+    lines.extend(fingers(body, bends_rad, jaw_rad, WANTED));
+    entity("setpoint", lines, stamp)
 }
 
-/// A line through the same place of every disk, `offset_m` from its centre.
-fn backbone(snake: &Snake, bend_rad: Vector2<f64>, offset_m: Vector3<f64>, color: Color, pixels: f64) -> LinePrimitive {
-    let at = |idx: u32| point(snake, bend_rad, f64::from(idx) / f64::from(N_ALONG - 1), offset_m);
-    line(Type::LineStrip, (0..N_ALONG).map(at).collect(), color, pixels)
+/// Of each segment as many cross-sections, from its first to its last.
+fn along(body: &Body, bends_rad: &Bends, n: u32) -> Vec<Vec<Section>> {
+    let of = |segment| (0..n).map(|idx| body.section(bends_rad, segment, f64::from(idx) / f64::from(n - 1))).collect();
+    (0..body.n_segments()).map(of).collect()
 }
 
-/// A point of the cross-section at the part `along` (0 to 1) of the length. The piece up to there is a shorter snake with
-/// the same part of the bend: curvature is constant.
-fn point(snake: &Snake, bend_rad: Vector2<f64>, along: f64, offset_m: Vector3<f64>) -> Point3 {
-    let bend_rad = bend_rad * along;
-    let at_m = snake.tip_pos_in_base_m(bend_rad) * along + snake.base_from_tip_rotation(bend_rad) * offset_m;
+/// The primary backbone.
+fn middle(body: &Body) -> Strand {
+    Strand { ends: body.n_segments() - 1, offset_m: Vector3::zeros() }
+}
+
+fn strand(sections: &[Vec<Section>], own: &Strand, color: Color, pixels: f64) -> LinePrimitive {
+    let passed = sections.iter().take(own.ends + 1).enumerate();
+    // The first place of a segment is the last one of the segment before.
+    let places = passed.flat_map(|(segment, of_segment)| of_segment.iter().skip(usize::from(segment > 0)));
+    line(Type::LineStrip, places.map(|place| point(place, own.offset_m)).collect(), color, pixels)
+}
+
+/// Both fingers of a jaw at the tip; none where its angle is not known.
+fn fingers(body: &Body, bends_rad: &Bends, jaw_rad: Option<f64>, color: Color) -> Vec<LinePrimitive> {
+    let Some(jaw_rad) = jaw_rad.filter(|jaw_rad| jaw_rad.is_finite()) else { return Vec::new() };
+    let tip = body.section(bends_rad, body.n_segments() - 1, 1.0);
+    let (sin, cos) = (0.5 * jaw_rad).sin_cos();
+    let finger = |side: f64| {
+        let at = |m: f64| Vector3::new(side * (FINGER_ASIDE_M + m * sin), 0.0, FINGER_ABOVE_M + m * cos);
+        line(Type::LineStrip, vec![point(&tip, at(0.0)), point(&tip, at(FINGER_M))], color, 4.0)
+    };
+    vec![finger(-1.0), finger(1.0)]
+}
+
+fn point(section: &Section, offset_m: Vector3<f64>) -> Point3 {
+    let at_m = section.at(offset_m);
     Point3 { x: at_m.x, y: at_m.y, z: at_m.z }
 }
-
-fn on_circle(radius_m: f64, idx: u32, n: u32) -> Vector3<f64> {
-    let azimuth_rad = TAU * f64::from(idx) / f64::from(n);
-    Vector3::new(azimuth_rad.cos(), azimuth_rad.sin(), 0.0) * radius_m
-}
-
 fn line(kind: Type, points: Vec<Point3>, color: Color, pixels: f64) -> LinePrimitive {
     LinePrimitive {
         r#type: kind as i32,

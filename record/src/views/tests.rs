@@ -3,14 +3,15 @@
 use super::*;
 use krait_ipc::message::{Health, HopStamps, lines};
 use krait_ipc::{Process, Reason, Reasons};
+use krait_model::{MachineParameters, Snake};
 use krait_schema::generated::foxglove::{FrameTransforms, JointStates, Log, SceneUpdate};
-use nalgebra::Vector3;
+use nalgebra::{Vector2, Vector3};
 
 const MS: i64 = 1_000_000;
 const CLOCK: WallClock = WallClock { offset_ns: 1_700_000_000_000_000_000 };
 
 fn views() -> Views {
-    Views::new(Some(&MachineParameters::default()), 30).expect("the default machine")
+    Views::new(Some(&DrawnMachine::default()), 30).expect("the default machine")
 }
 
 fn shape(sample_ns: i64, bend_rad: [f64; 2]) -> Sample {

@@ -92,7 +92,7 @@ fields! {
     }
     ModelUpdate {
         sequence, sample_ns, shape_sequence, state_sequence, n_states, model_hash, innovation_rms_rad, n_used,
-        n_left_out, n_changes, changed_ns, change_kind, is_watching, n_learnt, reserved, learnt
+        n_left_out, n_changes, changed_ns, change_kind, is_watching, n_learnt, changed_segment, learnt
     }
     LearntValue { value, sd, effect, parameter, state, tied_to }
     ReasonRecord { count, worst, newest, limit }

@@ -293,7 +293,7 @@ impl Mirrored for ModelUpdate {
             change_kind: self.change_kind,
             is_watching: self.is_watching,
             learnt: self.learnt().iter().map(learnt).collect(),
-            reserved: self.reserved,
+            changed_segment: self.changed_segment,
         }
     }
 
@@ -328,7 +328,7 @@ impl Mirrored for ModelUpdate {
             change_kind: mirror.change_kind,
             is_watching: mirror.is_watching,
             n_learnt: values.len() as u32,
-            reserved: mirror.reserved,
+            changed_segment: mirror.changed_segment,
             learnt: padded(&values, LearntValue::default())?,
         })
     }
