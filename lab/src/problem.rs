@@ -107,6 +107,13 @@ impl<'a> Problem<'a> {
         column.chunks(self.data.n_outputs).flat_map(row).collect()
     }
 
+    /// The entries of some rows of columns that are laid out as residuals are.
+    pub(crate) fn part_of(&self, columns: &[Vec<f64>], rows: &[usize]) -> Vec<Vec<f64>> {
+        let width = self.width();
+        let part = |own: &Vec<f64>| rows.iter().flat_map(|row| &own[row * width..][..width]).copied().collect();
+        columns.iter().map(part).collect()
+    }
+
     /// The outputs' entries of a residual or a slope, row after row.
     pub(crate) fn outputs_of(&self, entries: &[f64]) -> Vec<f64> {
         entries.chunks(self.width()).flat_map(|row| row.iter().take(self.data.n_outputs)).copied().collect()

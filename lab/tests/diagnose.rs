@@ -24,8 +24,13 @@ fn term(name: &str, values: &[f64]) -> Term {
 
 /// Loops in planes that turn, with rests; 20 rows a second.
 fn motion() -> Measurements {
+    motion_of(ROWS, 1)
+}
+
+/// The same with so many rows in so many trials.
+fn motion_of(n_rows: usize, n_trials: usize) -> Measurements {
     let mut inputs = Vec::new();
-    for k in 0..ROWS {
+    for k in 0..n_rows {
         let t = k as f64 / 20.0;
         // A rest of three seconds in every twelve.
         let moving = t - 3.0 * (t / 12.0).floor() - (t % 12.0 - 9.0).max(0.0);
@@ -40,12 +45,12 @@ fn motion() -> Measurements {
         source: "made".to_owned(),
         sha256: "5eed".repeat(16),
         quantity: Quantity::Snake,
-        time_s: (0..ROWS).map(|k| k as f64 / 20.0).collect(),
+        time_s: (0..n_rows).map(|k| k as f64 / 20.0).collect(),
         inputs,
         n_inputs: 3,
         outputs: Vec::new(),
         n_outputs: 2,
-        trial: vec![0; ROWS],
+        trial: (0..n_rows).map(|k| (k * n_trials / n_rows) as u32).collect(),
         loads_n: None,
         load_use: LoadUse::UNCALIBRATED,
         stem_angle_rad: None,
@@ -58,8 +63,12 @@ fn motion() -> Measurements {
 
 /// Measurements with hidden effects and white noise.
 fn made(hidden: &[Term], seed: u64) -> Measurements {
-    let mut data = motion();
-    data.outputs = vec![0.0; 2 * ROWS];
+    made_on(motion(), hidden, seed)
+}
+
+/// The same on any motion.
+fn made_on(mut data: Measurements, hidden: &[Term], seed: u64) -> Measurements {
+    data.outputs = vec![0.0; 2 * data.n_rows()];
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut uniform = || f64::from(random.next_u32()) / f64::from(u32::MAX);
     data.outputs = lab().predict(hidden, &data).unwrap();
@@ -157,6 +166,24 @@ fn the_number_of_threads_does_not_change_a_byte_of_the_answer() {
         pool.install(|| diagnosed(&data).to_json().to_string())
     };
     assert_eq!(answer(1), answer(3));
+}
+
+#[test]
+fn of_a_long_recording_in_trials_two_effects_are_found_whatever_the_number_of_threads() {
+    // More rows than effects are tried on, and than are predicted as one stretch.
+    let hidden = [term("twist", &[0.06]), term("backlash", &[7e-5])];
+    let data = made_on(motion_of(40_000, 4), &hidden, 11);
+    let options = DiagnoseOptions { max_effects: 2, ..DiagnoseOptions::default() };
+    let answer = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| diagnose(&lab(), &data, &options).unwrap())
+    };
+    let found = answer(1);
+    assert_eq!(found.to_json().to_string(), answer(3).to_json().to_string());
+    assert_eq!((found.verdict, found.effects.len()), (Verdict::Missing, 2), "{}", found.sentence);
+    assert!(found.effects.iter().any(|effect| effect.class.iter().any(|name| name == "twist")), "{}", found.sentence);
+    let play = found.effects.iter().find(|effect| effect.name == "backlash").map(|effect| &effect.parameters[0]);
+    assert!(play.is_none_or(|play| (play.value - 7e-5).abs() < 4.0 * play.se), "{}", found.sentence);
 }
 
 #[test]

@@ -19,6 +19,9 @@ pub(super) struct Alternatives {
 /// Errors up to this ratio are the same for a user.
 pub(crate) const SAME: f64 = 1.02;
 const RESAMPLES: usize = 500;
+/// On more rows errors may turn out to be the same that differ by up to this ratio, or by this many times what blocks tell.
+const NEAR: f64 = 1.05;
+const NEAR_ERRORS: f64 = 2.0;
 /// One-sided 5 % of Student's t for the usual number of blocks.
 const T_ONE_SIDED: f64 = 1.69;
 
@@ -44,6 +47,18 @@ impl Alternatives {
             }
         }
         class
+    }
+
+    /// The trials that more rows may show to be as good as the best one, itself first.
+    pub fn near(&self) -> Vec<&Trial> {
+        let Some(best) = self.squares.first() else { return Vec::new() };
+        let best_sum: f64 = best.iter().sum();
+        let is_near = |squares: &[f64]| {
+            let (mean, error) = mean_and_error(squares.iter().zip(best).map(|(own, best)| own - best));
+            squares.iter().sum::<f64>() <= NEAR * NEAR * best_sum || mean < NEAR_ERRORS * T_ONE_SIDED * error
+        };
+        let all = self.trials.iter().zip(&self.squares).enumerate();
+        all.filter(|(k, (_, squares))| *k == 0 || is_near(squares)).map(|(_, (trial, _))| trial).collect()
     }
 
     /// Whether a trial's held-out squares are those of the best one, as far as the blocks tell.

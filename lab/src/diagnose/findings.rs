@@ -1,4 +1,5 @@
-//! What the search finds on the working rows: none, one or two effects, and longer lists behind them.
+//! What the search finds on the working rows: none, one or two effects, and longer lists behind them. Of many working rows it tries
+//! effects on a part, and compares what comes close on all of them.
 
 use super::accept::Comparison;
 use super::alternatives::Alternatives;
@@ -8,6 +9,7 @@ use super::search::{Search, Trial, memory};
 use super::sign_flip::SignFlip;
 use crate::LabError;
 use crate::noise::{FloorSource, NoiseFloor};
+use rayon::prelude::*;
 
 /// Effects with more free parameters than this may be two simple ones in disguise.
 const FEW_PARAMETERS: usize = 2;
@@ -41,6 +43,30 @@ impl Findings {
         search.fitted(self.chosen.found.clone(), &self.chosen.fit.effects)
     }
 
+    /// What was chosen, and what the rows that it was tried on hardly tell from it, fitted to more rows and ranked there.
+    fn on_more(mut self, tried: &Search, more: &Search) -> Result<Self, LabError> {
+        let refit = |near: Vec<&Trial>| -> Vec<Trial> {
+            let on_more = |trial: &Trial| more.fitted(trial.found.clone(), &trial.fit.effects).ok();
+            let all = near.into_par_iter().filter_map(on_more);
+            all.filter(|own| own.found.len() < 2 || !more.imitates(own)).collect()
+        };
+        let mut again = refit(self.alternatives.near());
+        if again.is_empty() {
+            again.push(self.chosen_on(more)?);
+        }
+        more.rank(&mut again);
+        // Stand-ins were sought for what was best on fewer rows: another list has its own.
+        let best = again[0].clone();
+        if best.found.len() > 1 && best.found != self.chosen.found {
+            let stand_ins = Alternatives::new(tried.problem, tried.swaps(&best), tried.seed);
+            again.extend(refit(stand_ins.near()));
+            again = more.distinct(again);
+        }
+        self.chosen = again[0].clone();
+        self.alternatives = Alternatives::new(more.problem, again, more.seed);
+        Ok(self)
+    }
+
     /// Exchanges what was chosen; what each candidate is by itself stays.
     pub(super) fn exchange_choice(&mut self, other: &mut Self) {
         core::mem::swap(&mut self.chosen, &mut other.chosen);
@@ -70,11 +96,22 @@ impl Findings {
     }
 }
 
-/// The best list of effects on the working rows.
+/// The best list of effects on the working rows, of those that come close on the rows of `tried`.
 ///
 /// # Errors
 /// [`LabError`] where the model as given makes no chain.
 pub(super) fn run(
+    tried: &Search,
+    work: &Search,
+    floors: &NoiseFloor,
+    are_cells_white: bool,
+    max_effects: usize,
+) -> Result<Findings, LabError> {
+    let found = on_rows(tried, floors, are_cells_white, max_effects)?;
+    if tried.problem.data.n_rows() == work.problem.data.n_rows() { Ok(found) } else { found.on_more(tried, work) }
+}
+
+fn on_rows(
     search: &Search,
     floors: &NoiseFloor,
     are_cells_white: bool,

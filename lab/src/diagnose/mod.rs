@@ -5,6 +5,7 @@
 //! 2. Screening of every candidate to first order, and one p-value for the whole search (`screen`, `sign_flip`).
 //! 3. Singles and pairs refined by whole simulations, ranked by what they leave and by their number of parameters (`search`), and
 //!    longer lists by a beam behind them (`lists`).
+//!    Of many rows all of this is done on a part; what comes close there is fitted to more rows and ranked on them (`findings`).
 //! 4. Acceptance: the sign-flip test, blocked cross-validation, and a contribution that matters (`accept`).
 //! 5. Look-alikes and their probabilities by resampling blocks (`alternatives`); what is left (`structure`); the verdict.
 

@@ -9,7 +9,7 @@ use super::rhythm::{Rhythm, rhythm};
 use super::screen::orthonormal;
 use super::search::{Search, Trial};
 use super::words::{sentence, state};
-use super::working::working_rows;
+use super::working::{tried_rows, working_rows};
 use super::{GroupShare, beside, columns, experiment, force_rest, gate, lists, structure};
 use crate::cells::{Usable, load_cells};
 use crate::fit::{Fit, dot, fit, held_out_block_squares, held_out_output_squares, uncertainty};
@@ -75,9 +75,12 @@ pub fn diagnose(
     }
     let Prepared { problem: full, mut floors, excluded, shortest_block_s, loads } = prepare(machine, data)?;
     let rows = working_rows(data, &excluded);
-    let work = Problem::new(machine, data.select(&rows), &[], shortest_block_s)
-        .with_loads(loads.cells())
-        .with_noise(full.noise);
+    let of_rows = |data: Measurements| {
+        Problem::new(machine, data, &[], shortest_block_s).with_loads(loads.cells()).with_noise(full.noise)
+    };
+    let work = of_rows(data.select(&rows));
+    let few = tried_rows(&work.data).map(|rows| (of_rows(work.data.select(&rows)), rows));
+    let tried = few.as_ref().map_or(&work, |(few, _)| few);
     let candidates = machine.candidates(data);
     let base_variables = free_variables(machine, data, &options.free)?;
     let search = |problem| Search {
@@ -90,7 +93,7 @@ pub fn diagnose(
     let is_white = loads.cells().is_none_or(|cells| cells.is_white);
     let hint = columns::check(&work, floors.differences)?;
     let most = if hint.is_some() { 0 } else { options.max_effects };
-    let mut found = run(&search(&work), &floors, is_white, most)?;
+    let mut found = run(&search(tried), &search(&work), &floors, is_white, most)?;
     // Differences of what a model leaves that is far off hold some of its error too, where rows are few: what the effects leave is
     // nearer to the noise, and shows whether they are enough.
     for _ in 0..MOST_FLOORS {
@@ -99,12 +102,14 @@ pub fn diagnose(
             break;
         }
         floors = nearer;
-        found = run(&search(&work), &floors, is_white, most)?;
+        found = run(&search(tried), &search(&work), &floors, is_white, most)?;
     }
     found.decide(&search(&work), &search(&full));
     let n_outliers = excluded.len();
     let alone = [&search(&full), &search(&work)];
-    let case = Case { full: alone[0], work: alone[1], alone, beside: None, floors, loads, found, n_outliers, hint };
+    let tried = &search(tried);
+    let case =
+        Case { full: alone[0], work: alone[1], alone, tried, beside: None, floors, loads, found, n_outliers, hint };
     let (start, chosen) = (alone[0].start()?, case.found.chosen_on(alone[0])?);
     if !case.leaves_shapes(&start, &chosen)? {
         return case.conclude(&start, chosen)?.sketched(machine, data);
@@ -118,8 +123,11 @@ pub fn diagnose(
         if !shapes.grow(problem, fit, options.seed)? {
             break;
         }
-        let (full, work) = (shaped.beside(&shapes.columns(shaped)?), work.beside(&shapes.columns(&work)?));
-        let mut found = run(&alone[0].on(&work), &case.floors, is_white, most)?;
+        let columns = shapes.columns(&work)?;
+        let few = few.as_ref().map(|(few, rows)| few.beside(&work.part_of(&columns, rows)));
+        let (full, work) = (shaped.beside(&shapes.columns(shaped)?), work.beside(&columns));
+        let tried = few.as_ref().unwrap_or(&work);
+        let mut found = run(&alone[0].on(tried), &alone[0].on(&work), &case.floors, is_white, most)?;
         found.decide(&alone[0].on(&work), &alone[0].on(&full));
         let own = found.chosen_on(&alone[0].on(&full))?;
         last = Some((full, work, found, own));
@@ -132,6 +140,9 @@ pub fn diagnose(
 
 /// The floor is taken anew so many times.
 const MOST_FLOORS: usize = 3;
+
+/// Of more rows than this a list that stands in its order already is not fitted once more.
+const MOST_REFITTED: usize = 30_000;
 
 /// Of more rows than this shapes are made on the working ones alone: their columns would fill the memory.
 const MOST_SHAPED: usize = 30_000;
@@ -152,6 +163,8 @@ struct Case<'a> {
     work: &'a Search<'a>,
     /// On all and on the working rows with nothing beside the effects: what a model file with these effects leaves.
     alone: [&'a Search<'a>; 2],
+    /// On the rows where effects were tried, with nothing beside them.
+    tried: &'a Search<'a>,
     /// Shapes that `full` and `work` have beside the effects.
     beside: Option<&'a Shapes>,
     floors: NoiseFloor,
@@ -336,12 +349,15 @@ impl<'a> Case<'a> {
         Ok(Some(load_cells(rows, cells, &before, &after)))
     }
 
-    /// Puts the effect that brings most first, and gives the fits of the first one, two ... on the working rows.
+    /// Puts the effect that brings most first, and gives the fits of the first one, two ... on the rows of the trials.
     fn order(&self, chosen: &mut Trial) -> Result<Vec<Trial>, LabError> {
         if chosen.found.len() < 2 {
             return Ok(Vec::new());
         }
-        let (order, prefixes) = lists::order(self.alone[1], chosen);
+        let (order, prefixes) = lists::order(self.tried, chosen);
+        if order.is_sorted() && self.full.problem.data.n_rows() > MOST_REFITTED {
+            return Ok(prefixes);
+        }
         let base = self.full.base.len();
         let mut effects = chosen.fit.effects[..base].to_vec();
         effects.extend(order.iter().map(|&i| chosen.fit.effects[base + i].clone()));
@@ -351,7 +367,7 @@ impl<'a> Case<'a> {
     }
 
     fn effects(&self, chosen: &Trial, prefixes: &[Trial], ends: [f64; 2]) -> Result<Vec<FoundEffect>, LabError> {
-        let problem = self.alone[1].problem;
+        let problem = self.tried.problem;
         let (_, scale) = problem.machine.error_unit();
         let mut errors = vec![ends[0]];
         errors.extend(prefixes.iter().map(|own| held_out_rms(problem, &own.fit) * scale));
@@ -456,13 +472,13 @@ impl<'a> Case<'a> {
             let visible = cells().map(|(cell, _)| cell.visible).fold(0.0, f64::max);
             let refined = self.found.singles.iter().find(|trial| trial.found == [k]);
             let squares = match refined {
-                Some(trial) => Some(held_out_block_squares(self.alone[1].problem, &trial.fit, FOLDS).iter().sum()),
+                Some(trial) => Some(held_out_block_squares(self.tried.problem, &trial.fit, FOLDS).iter().sum()),
                 None => cells().map(|(cell, _)| cell.sum_of_squares).reduce(f64::min),
             };
             CandidateAnswer {
                 name: candidate.name,
                 class: candidate.class,
-                heldout_rms: squares.map(|squares: f64| self.work.problem.rms(squares) * scale),
+                heldout_rms: squares.map(|squares: f64| self.tried.problem.rms(squares) * scale),
                 probability: if effects.is_empty() { 0.0 } else { self.found.alternatives.probability(&[k]) },
                 p_value,
                 state: state(candidate, effects, refined.is_some(), visible, p_value),

@@ -14,6 +14,8 @@ const FEW: usize = 3000;
 const PART: usize = 10;
 /// ... and at most so many.
 const MOST: usize = 30_000;
+/// Effects are tried on at most so many of them; three in ten of these are all rows of 200 s at 50 Hz.
+const MOST_TRIED: usize = 6000;
 
 /// The working rows of these measurements without the excluded ones, which are in rising order.
 pub(crate) fn working_rows(data: &Measurements, excluded: &[usize]) -> Vec<usize> {
@@ -41,6 +43,19 @@ pub(crate) fn working_rows(data: &Measurements, excluded: &[usize]) -> Vec<usize
     }
     kept.retain(|row| excluded.binary_search(row).is_err());
     kept
+}
+
+/// The part of the working rows on which effects are tried, as places in these measurements of them: the beginning of each trial;
+/// `None` where they are few enough for all to be taken. What comes close there is compared on all working rows.
+pub(super) fn tried_rows(work: &Measurements) -> Option<Vec<usize>> {
+    let n = work.n_rows();
+    if n <= MOST_TRIED {
+        return None;
+    }
+    let starts: Vec<usize> = (0..n).filter(|row| work.starts_trial(*row)).collect();
+    let ends = starts.iter().skip(1).copied().chain([n]);
+    let part = |(&start, end): (&usize, usize)| start..start + ((end - start) * MOST_TRIED).div_ceil(n);
+    Some(starts.iter().zip(ends).flat_map(part).collect())
 }
 
 /// The rows at which an input turns, in rising order; none where there are more than `most`: readings that tremble turn everywhere.
@@ -105,6 +120,14 @@ mod tests {
         let rows = working_rows(&trials(&[1000, 500]), &[3, 1400]);
         assert_eq!(rows.len(), 1498);
         assert!(!rows.contains(&3) && !rows.contains(&1400));
+    }
+
+    #[test]
+    fn effects_are_tried_on_the_beginning_of_each_trial_of_many_rows() {
+        assert_eq!(tried_rows(&trials(&[4000, 2000])), None, "few are all taken");
+        let rows = tried_rows(&trials(&[10_000, 20_000])).expect("a part");
+        let expected: Vec<usize> = (0..2000).chain(10_000..14_000).collect();
+        assert_eq!(rows, expected);
     }
 
     #[test]

@@ -9,6 +9,11 @@ use krait_model::effects::{EffectKind, FormulaText};
 use krait_model::model_file::{FileEffect, ModelFile, SnakeMachine};
 use krait_model::{Chain, Circumstances, EffectSetting, KnownColumns, Prediction, Snake};
 use nalgebra::{Vector2, Vector3};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Trials of more rows than this together are predicted beside each other.
+const MANY: usize = 30_000;
 
 /// A snake with its model.
 #[derive(Clone, Debug)]
@@ -43,23 +48,32 @@ impl SnakeLab {
         Ok(Chain::new(&geometry::in_list(&self.machine, effects), self.machine.settings, &settings, columns)?)
     }
 
-    /// The chain's forward model over all rows.
-    fn run(&self, effects: &[Term], data: &Measurements, mut each: impl FnMut(&Prediction)) -> Result<(), LabError> {
+    /// The chain's forward model over all rows: what `part` makes of the predictions of stretches of them, in their order.
+    fn run<T: Send>(
+        &self,
+        effects: &[Term],
+        data: &Measurements,
+        part: impl Fn(&mut dyn Iterator<Item = Prediction>, usize) -> T + Sync,
+    ) -> Result<Vec<T>, LabError> {
         let columns = KnownColumns {
             time: true,
             stem_angle: data.stem_angle_rad.is_some(),
             temperature: data.temperature_c.is_some(),
         };
         let chain = self.chain(effects, columns)?;
-        let mut predictor = chain.predictor();
-        for row in 0..data.n_rows() {
-            if row > 0 && data.starts_trial(row) {
-                predictor = chain.predictor();
-            }
-            let reading_m = Vector3::from_column_slice(data.input(row));
-            each(&predictor.step(reading_m, &circumstances(data, row)));
-        }
-        Ok(())
+        let of_rows = |rows: Range<usize>| {
+            let mut predictor = chain.predictor();
+            let n_rows = rows.len();
+            let mut predicted = rows.map(|row| {
+                if data.starts_trial(row) {
+                    predictor = chain.predictor();
+                }
+                let reading_m = Vector3::from_column_slice(data.input(row));
+                predictor.step(reading_m, &circumstances(data, row))
+            });
+            part(&mut predicted, n_rows)
+        };
+        Ok(stretches(data).into_par_iter().map(of_rows).collect())
     }
 }
 
@@ -112,9 +126,12 @@ impl MachineUnderTest for SnakeLab {
     }
 
     fn predict(&self, effects: &[Term], data: &Measurements) -> Result<Vec<f64>, LabError> {
-        let mut outputs = Vec::with_capacity(2 * data.n_rows());
-        self.run(effects, data, |own| outputs.extend_from_slice(own.observed_bend_rad.as_slice()))?;
-        Ok(outputs)
+        let part = |predicted: &mut dyn Iterator<Item = Prediction>, n_rows: usize| {
+            let mut outputs = Vec::with_capacity(2 * n_rows);
+            predicted.for_each(|own| outputs.extend_from_slice(own.observed_bend_rad.as_slice()));
+            outputs
+        };
+        Ok(joined(self.run(effects, data, part)?))
     }
 
     fn predict_with_loads(
@@ -122,14 +139,32 @@ impl MachineUnderTest for SnakeLab {
         effects: &[Term],
         data: &Measurements,
     ) -> Result<(Vec<f64>, Option<Vec<f64>>), LabError> {
-        let n_rows = data.n_rows();
-        let (mut outputs, mut loads_n) = (Vec::with_capacity(2 * n_rows), Vec::with_capacity(3 * n_rows));
-        self.run(effects, data, |own| {
-            outputs.extend_from_slice(own.observed_bend_rad.as_slice());
-            loads_n.extend_from_slice(own.actuator_load_n.as_slice());
-        })?;
-        Ok((outputs, Some(loads_n)))
+        let part = |predicted: &mut dyn Iterator<Item = Prediction>, n_rows: usize| {
+            let (mut outputs, mut loads_n) = (Vec::with_capacity(2 * n_rows), Vec::with_capacity(3 * n_rows));
+            predicted.for_each(|own| {
+                outputs.extend_from_slice(own.observed_bend_rad.as_slice());
+                loads_n.extend_from_slice(own.actuator_load_n.as_slice());
+            });
+            (outputs, loads_n)
+        };
+        let (outputs, loads_n) = self.run(effects, data, part)?.into_iter().unzip();
+        Ok((joined(outputs), Some(joined(loads_n))))
     }
+}
+
+/// Stretches of rows that are predicted beside each other: of many rows each trial, else all of them.
+fn stretches(data: &Measurements) -> Vec<Range<usize>> {
+    let n = data.n_rows();
+    if n <= MANY {
+        return core::iter::once(0..n).collect();
+    }
+    let starts: Vec<usize> = (0..n).filter(|row| data.starts_trial(*row)).collect();
+    let ends = starts.iter().skip(1).copied().chain([n]);
+    starts.iter().copied().zip(ends).map(|(start, end)| start..end).collect()
+}
+
+fn joined(mut parts: Vec<Vec<f64>>) -> Vec<f64> {
+    if parts.len() == 1 { parts.swap_remove(0) } else { parts.concat() }
 }
 
 /// The values of effects that the model file leaves to the fits, or gives with a standard error.
