@@ -16,7 +16,7 @@ pub fn three() -> ServoWire {
     ServoWire::new((1..=3).map(|id| Servo::new(id, f64::from(ZERO) + f64::from(id))).collect())
 }
 
-/// A configuration with patience for a loaded machine: nothing here is about absolute times.
+/// Three actuators, with patience for a loaded machine: nothing here is about absolute times.
 pub fn config(emulator: &Emulator) -> SlaveConfig {
     let actuator = |id| ActuatorConfig { id, zero_count: Some(ZERO), ..ActuatorConfig::default() };
     let drive = DriveConfig {
@@ -25,7 +25,7 @@ pub fn config(emulator: &Emulator) -> SlaveConfig {
         period_ms: 40.0,
         timeout_ms: 35.0,
         wish_ms: 1000.0,
-        actuator: (1..=emulator.wire().servos.len() as u32).map(actuator).collect(),
+        actuator: (1..=3).map(actuator).collect(),
         ..DriveConfig::default()
     };
     SlaveConfig { drive, ..SlaveConfig::default() }
