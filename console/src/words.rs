@@ -191,7 +191,7 @@ impl Shown {
             Self::Homing => ("Homing", "The drives are finding their zero. Keep clear."),
             Self::Relaxing => ("Relaxing", "The lines are relaxed, then power goes off."),
             Self::Paused => ("Paused", "Holding still, power on."),
-            Self::Lost => ("Device lost", "Holding still: the hand controller is lost."),
+            Self::Lost => ("Device lost", "Holding still: the operator\u{2019}s controls are lost."),
             Self::Clutched => ("Clutched", "Your hand is free; the snake holds still."),
             Self::Ready => ("Ready", "Holding still; no operator is present."),
             Self::Holding => ("Holding", "Holding still; the reasons stand below."),

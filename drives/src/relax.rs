@@ -7,7 +7,8 @@ use crate::bus::Seen;
 use krait_ipc::message::Actuators;
 use krait_slave::{DriveError, GivingWay, RelaxLimits};
 
-/// The actuator that may have let go of its line, from 0; `n_together`: who stands behind those that hold each other held none of theirs. One that is silent or whose encoder leapt says nothing of the kind.
+/// The actuator that may have let go of its line, from 0. One that is silent or whose encoder leapt says nothing of the kind, and one
+/// behind the `n_together` that hold each other held none of their lines.
 pub(crate) fn suspect(failure: &DriveError, n_together: usize) -> Option<usize> {
     let suspect = match failure {
         DriveError::Limp { actuator }

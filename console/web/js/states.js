@@ -11,7 +11,7 @@ export const STATES = {
   homing: { word: 'Homing', say: 'The drives are finding their zero. Keep clear.', shape: `<circle cx="48" cy="48" r="40" ${outline} stroke-dasharray="38 25"/><path d="m29 50 19-17 19 17v20H29z" fill="currentColor"/>` },
   relaxing: { word: 'Relaxing', say: 'The lines are relaxed, then power goes off.', shape: `<path d="M8 30c14-22 26 22 40 0s26 22 40 0M8 52h80" ${outline}/><path d="M48 62v26m-14-12 14 14 14-14" ${outline}/>` },
   paused: { word: 'Paused', say: 'Holding still, power on.', shape: `<rect x="8" y="8" width="80" height="80" rx="14" ${outline}/><path d="M37 32v32m22-32v32" ${outline}/>` },
-  lost: { word: 'Device lost', say: 'Holding still: the hand controller is lost.', shape: `<path d="M48 9 90 84H6z" ${outline}/><path d="m38 46 20 22m0-22L38 68" ${outline}/>` },
+  lost: { word: 'Device lost', say: 'Holding still: the operator’s controls are lost.', shape: `<path d="M48 9 90 84H6z" ${outline}/><path d="m38 46 20 22m0-22L38 68" ${outline}/>` },
   clutched: { word: 'Clutched', say: 'Your hand is free; the snake holds still.', shape: `<path d="M37 12a37 37 0 0 0 0 72z" ${outline}/><path d="M59 12a37 37 0 0 1 0 72z" ${outline}/>` },
   ready: { word: 'Ready', say: 'Holding still; no operator is present.', shape: `<circle cx="48" cy="48" r="40" ${outline}/><circle cx="48" cy="48" r="9" fill="currentColor"/>` },
   holding: { word: 'Holding', say: 'Holding still; the reasons stand on the right.', shape: `<path d="M48 7 89 48 48 89 7 48z" ${outline}/><path d="M34 48h28" ${outline}/>` },
