@@ -71,11 +71,13 @@ pub fn fit(
     for _ in 0..max_iterations {
         let Some(next) = improve(problem, &here, &mut damping) else { break };
         let gain = 1.0 - next.sum_of_squares / here.sum_of_squares;
-        here = next;
-        here.slopes = slopes(problem, &here.effects, variables, &here.residual);
+        let before = core::mem::replace(&mut here, next);
         if gain < tolerance {
+            // So short a last step leaves the slopes what they are, and they are most of the work.
+            here.slopes = before.slopes;
             break;
         }
+        here.slopes = slopes(problem, &here.effects, variables, &here.residual);
     }
     Ok(here)
 }
