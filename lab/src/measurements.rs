@@ -5,6 +5,8 @@
 pub enum Quantity {
     /// A snake: encoder positions q~ of three lines in m, push positive; the bend vector in rad.
     Snake,
+    /// Segments in series: encoder positions of all lines in m, push positive; the bend vectors of all segments in rad.
+    Segments,
     /// Joints: commanded and measured positions, in the units that the file names.
     Joints,
     /// Joints with a force: angles in rad, torque in Nm or current in A, all filtered alike.

@@ -24,7 +24,8 @@ pub(super) fn measurements(path: &Path, mut table: Table, expected: Expected, sh
         source: super::source(path),
         sha256,
         quantity: match expected {
-            Expected::Snake | Expected::Segments => Quantity::Snake,
+            Expected::Snake => Quantity::Snake,
+            Expected::Segments(_) => Quantity::Segments,
             Expected::Joints(_) => Quantity::Joints,
             Expected::Force(_) => Quantity::Force,
         },
