@@ -23,7 +23,11 @@ impl SegmentsLab {
         let Machine::Segments(parameters) = file.machine() else { return None };
         let segments = Segments::new(parameters).ok()?;
         let effects = file.effects().iter().map(|effect| term(effect.setting())).collect();
-        Some(Self { parameters: parameters.clone(), segments, effects, open: snake::open_values(file) })
+        let mut open = snake::open_values(file);
+        let is_open = |own: &OpenNumber| open.iter().any(|other| (other.effect, other.parameter) == (own.effect, own.parameter));
+        let learnt: Vec<OpenNumber> = learnt_values(file).filter(|own| !is_open(own)).collect();
+        open.extend(learnt);
+        Some(Self { parameters: parameters.clone(), segments, effects, open })
     }
 
     /// The chain of a list of effects, in the order in which they act.
@@ -99,6 +103,18 @@ impl MachineUnderTest for SegmentsLab {
         }
         Ok(outputs)
     }
+}
+
+/// The values that a model learns while the machine moves: a fit begins from what the file says of them.
+fn learnt_values(file: &ModelFile) -> impl Iterator<Item = OpenNumber> {
+    file.effects().iter().enumerate().flat_map(|(effect, own)| {
+        let setting = own.setting();
+        let open = |(parameter, name): (usize, &str)| {
+            let prior = Some((setting.value(name)?, setting.learn(name)?.sd));
+            Some(OpenNumber { effect, parameter, prior, from: None })
+        };
+        setting.parameter_names().enumerate().filter_map(open).collect::<Vec<_>>()
+    })
 }
 
 /// The effect of a name, of all segments or of one.
