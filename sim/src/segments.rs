@@ -89,7 +89,12 @@ impl SimulatedSegments {
             let m = &segment.machine;
             let axial_n = m.e_pa * PI / 4.0 * (m.d_outer_m.powi(2) - m.d_inner_m.powi(2));
             let bending_n_m2 = m.e_pa * PI / 64.0 * (m.d_outer_m.powi(4) - m.d_inner_m.powi(4));
-            backbones.push(Backbone { length_m: m.l_m, load_scale: effects.load_scale, bending_n_m2, axial_n_per_m: axial_n / m.l_m });
+            backbones.push(Backbone {
+                length_m: m.l_m,
+                load_scale: effects.load_scale,
+                bending_n_m2,
+                axial_n_per_m: axial_n / m.l_m,
+            });
             path_m += m.l_m;
             let gives = |length_m: f64| {
                 let m_per_n = length_m / axial_n;

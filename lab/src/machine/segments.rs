@@ -6,7 +6,9 @@ use crate::{LabError, Measurements, Parameter, Term};
 use krait_model::EffectSetting;
 use krait_model::effects::{EffectKind, SegmentEffect, SegmentLaw};
 use krait_model::model_file::{Machine, ModelFile};
-use krait_model::segments::{Bends, LineValues, MAX_BENDS, SEGMENT_EFFECTS, SegmentChain, Segments, SegmentsParameters};
+use krait_model::segments::{
+    Bends, LineValues, MAX_BENDS, SEGMENT_EFFECTS, SegmentChain, Segments, SegmentsParameters,
+};
 
 /// Segments with their model.
 #[derive(Clone, Debug)]
@@ -24,7 +26,8 @@ impl SegmentsLab {
         let segments = Segments::new(parameters).ok()?;
         let effects = file.effects().iter().map(|effect| term(effect.setting())).collect();
         let mut open = snake::open_values(file);
-        let is_open = |own: &OpenNumber| open.iter().any(|other| (other.effect, other.parameter) == (own.effect, own.parameter));
+        let is_open =
+            |own: &OpenNumber| open.iter().any(|other| (other.effect, other.parameter) == (own.effect, own.parameter));
         let learnt: Vec<OpenNumber> = learnt_values(file).filter(|own| !is_open(own)).collect();
         open.extend(learnt);
         Some(Self { parameters: parameters.clone(), segments, effects, open })
@@ -45,8 +48,7 @@ impl SegmentsLab {
             EffectKind::OfSegment(own) => !is_seen(own.law),
             _ => true,
         };
-        (is_elastic && self.parameters.rigid_lines)
-            .then(|| "needs elastic lines, and the model's are rigid".to_owned())
+        (is_elastic && self.parameters.rigid_lines).then(|| "needs elastic lines, and the model's are rigid".to_owned())
     }
 }
 

@@ -153,6 +153,12 @@ fn measurements(
         temperature_c: None,
         sigma: Some(scaled(columns.sigma, y_scale)),
         extra: Vec::new(),
-        names: crate::Names::default(),
+        names: match quantity {
+            Quantity::Segments => crate::Names {
+                outputs: crate::Names::of_segments((0..n_outputs).map(|_| None)),
+                ..crate::Names::default()
+            },
+            _ => crate::Names::default(),
+        },
     }
 }

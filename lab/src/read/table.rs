@@ -117,7 +117,10 @@ fn names(plan: &Plan, n_inputs: usize, n_outputs: usize, expected: Expected) -> 
     };
     Names {
         inputs: (0..n_inputs).map(input).collect(),
-        outputs: (0..n_outputs).map(|k| output(k).unwrap_or_default()).collect(),
+        outputs: match expected {
+            Expected::Segments(_) => Names::of_segments((0..n_outputs).map(output)),
+            _ => (0..n_outputs).map(|k| output(k).unwrap_or_default()).collect(),
+        },
     }
 }
 

@@ -55,8 +55,9 @@ impl<'a> Rows<'a> {
     pub(super) fn outputs(&self) -> Vec<String> {
         match self.data.quantity {
             Quantity::Snake => ["bend x", "bend y"].map(str::to_owned).to_vec(),
-            Quantity::Segments => (0..self.data.n_outputs).map(of_segment).collect(),
-            Quantity::Joints | Quantity::Force => (0..self.data.n_outputs).map(|k| self.data.names.output(k)).collect(),
+            Quantity::Segments | Quantity::Joints | Quantity::Force => {
+                (0..self.data.n_outputs).map(|k| self.data.names.output(k)).collect()
+            }
         }
     }
 
@@ -176,9 +177,4 @@ impl<'a> Rows<'a> {
     pub(super) fn moves(&self) -> bool {
         largest_range(self.data) > 0.0
     }
-}
-
-/// The name of a component of the segments' bend vectors, by its place.
-fn of_segment(output: usize) -> String {
-    format!("segment {} bend {}", output / 2 + 1, if output % 2 == 0 { "x" } else { "y" })
 }

@@ -63,10 +63,8 @@ static OFFSETS: [ParameterSpec; 2] = [
     parameter("offset_y_rad", "rad", [-0.5, 0.5], 0.0, "tilt of the view in the other axis").fixed(ONE_S),
 ];
 
-const CAMERA_SCALE: Definition = Definition {
-    inverse: SENSOR,
-    ..effect("camera-scale", Hook::Meas, Class::Proportional, "b_m = (1 + relative) b")
-};
+const CAMERA_SCALE: Definition =
+    Definition { inverse: SENSOR, ..effect("camera-scale", Hook::Meas, Class::Proportional, "b_m = (1 + relative) b") };
 const CAMERA_OFFSET: Definition = Definition {
     inverse: SENSOR,
     ..effect("camera-offset", Hook::Meas, Class::FirstHarmonic, "b_m = b + (offset_x, offset_y)")

@@ -3,7 +3,9 @@
 use super::friction::Friction;
 use super::of_segments::OfSegments;
 use super::sharing::LoadSharing;
-use super::{Bends, BendsByBends, LineValues, SegmentCompensator, SegmentPredictor, Segments, SegmentsError, SegmentsParameters};
+use super::{
+    Bends, BendsByBends, LineValues, SegmentCompensator, SegmentPredictor, Segments, SegmentsError, SegmentsParameters,
+};
 use crate::effects::EffectKind;
 use crate::{ChainError, EffectSetting, LearntParameter, MAX_LEARNT};
 
