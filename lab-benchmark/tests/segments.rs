@@ -104,7 +104,7 @@ fn diagnosed(file: &ModelFile, data: &Measurements) -> Diagnosis {
 }
 
 /// Recordings of each kind; the figures of docs/bench/2026-11-26-lab-segments.md are of 10.
-const N_SEEDS: u64 = 10;
+const N_SEEDS: u64 = 2;
 
 /// What is hidden in segment 2: the effect's name, its parameter, and its size small and large.
 const OF_SECOND: [(&str, &str, [f64; 2]); 4] = [

@@ -14,7 +14,7 @@ fn file() -> ModelFile {
 fn of_table(name: &str, header: &str) -> Result<Measurements, String> {
     let path: PathBuf = std::env::temp_dir().join(format!("krait-lab-segments-{}-{name}.csv", std::process::id()));
     let n = header.split(',').count();
-    let row = |k: usize| format!("{}{}", 0.1 * k as f64, ",0.001".repeat(n - 1));
+    let row = |k: usize| format!("{}{}", 0.1 * k as f64, format!(",{}", 1e-5 * k as f64).repeat(n - 1));
     let rows: Vec<String> = (0..30).map(row).collect();
     std::fs::write(&path, format!("{header}\n{}\n", rows.join("\n"))).unwrap();
     let file = file();
@@ -29,8 +29,8 @@ const LINES: &str = "time_s,u1_m,u2_m,u3_m,u4_m,u5_m,u6_m";
 fn an_exported_table_is_read_as_lines_and_bend_vectors() {
     let data = of_table("good", &format!("{LINES},y1_rad,y2_rad,y3_rad,y4_deg,tau1_n")).unwrap();
     assert_eq!((data.quantity, data.n_inputs, data.n_outputs, data.n_rows()), (Quantity::Segments, 6, 4, 30));
-    assert_eq!(data.input(3), [0.001; 6]);
-    assert!((data.output(3)[3] - 0.001_f64.to_radians()).abs() < 1e-15 && data.output(3)[0] == 0.001);
+    assert!(data.input(3).iter().all(|q| (q - 3e-5).abs() < 1e-12));
+    assert!((data.output(3)[3] - 3e-5_f64.to_radians()).abs() < 1e-12 && (data.output(3)[0] - 3e-5).abs() < 1e-12);
     assert_eq!(data.names.output(2), "segment 2 bend x");
     let machine = machine_of(&file()).unwrap();
     assert_eq!((machine.kind(), machine.input_unit()), ("segments", "m"));
