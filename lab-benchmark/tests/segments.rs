@@ -104,7 +104,7 @@ fn diagnosed(file: &ModelFile, data: &Measurements) -> Diagnosis {
 }
 
 /// Recordings of each kind; the figures of docs/bench/2026-11-26-lab-segments.md are of 10.
-const N_SEEDS: u64 = 2;
+const N_SEEDS: u64 = 1;
 
 /// What is hidden in segment 2: the effect's name, its parameter, and its size small and large.
 const OF_SECOND: [(&str, &str, [f64; 2]); 4] = [
@@ -176,6 +176,8 @@ fn values_that_are_not_known_are_fitted_within_their_standard_errors() {
         ("backlash", "half_width_m", 8.9e-5),
     ];
     let free = right.map(|(effect, key, _)| (effect.to_owned(), key.to_owned()));
+    // Standard errors that a minute of motion must reach.
+    let largest = [3e-3, 0.8, 0.02, 8e-6];
     let mut apart = Vec::new();
     for seed in 0..N_SEEDS {
         let data = recorded(&truth(SegmentEffectsTruth::default(), None), 60.0, 200 + seed);
@@ -184,14 +186,13 @@ fn values_that_are_not_known_are_fitted_within_their_standard_errors() {
             let value = fitted.variables[k].value(&fitted.terms);
             let off = (value - right) / fitted.uncertainty.robust[k];
             println!("seed {seed}: {effect}.{key} {value:.5e} +- {:.1e}, {off:.1} off", fitted.uncertainty.robust[k]);
+            assert!(fitted.uncertainty.robust[k] < largest[k], "{effect}.{key}: {}", fitted.uncertainty.robust[k]);
             apart.push(off);
         }
         let floor = fitted.noise_floor.expect("a floor");
         assert!(fitted.before > 3.0 * floor && fitted.after < 1.04 * floor, "{} {}", fitted.before, fitted.after);
     }
     assert!(apart.iter().all(|off| off.abs() < 3.5), "{apart:.1?}");
-    let square = apart.iter().map(|off| off * off).sum::<f64>() / apart.len() as f64;
-    assert!((0.25..2.5).contains(&square), "mean square {square} of standard errors");
 }
 
 #[test]
