@@ -83,6 +83,7 @@ fn so_they_have_where_single_segments_have_effects_of_their_own() {
     has_slopes_of_differences(&others);
 }
 
+#[allow(clippy::print_stdout, reason = "figures of a test")]
 fn has_slopes_of_differences(others: &[EffectSetting]) {
     let at = Circumstances::at(0.0);
     let mut tangents = chain_with(VALUES, others).learning_predictor();
