@@ -263,7 +263,10 @@ fn what_does_not_apply(folder: &TempFolder, recording: &str) {
             "tables are for snakes and joints, and the model is of kind segments",
         ),
         (&["model", "save-learnt", recording, "--out", &kept], "its model learns nothing"),
-        (&["lab", "compare", "--model", &snake, "--data", recording], "2 segments on 6 lines, expected a snake"),
+        (
+            &["lab", "compare", "--model", &snake, "--data", recording],
+            "2 segments on 6 lines, but the model is of a snake",
+        ),
         (
             &["run", "--model", &snake, "--compensation", "off", "--no-recording", "--seconds", "1"],
             "takes effects off a model of kind segments, and this one is of kind snake",
