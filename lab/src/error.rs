@@ -46,12 +46,6 @@ pub enum LabError {
         /// Why, a verb first.
         reason: String,
     },
-    /// A model of segments.
-    #[error(
-        "the model is of kind segments, which the lab does not measure: use it with `krait model check` and `krait model compensate`, or give \
-         a model of kind snake, joints or force"
-    )]
-    Segments,
     /// Model and data are of different machines.
     #[error(
         "{data}: the data are of a machine of kind {found}, the model is of kind {expected}; use a model of that kind"

@@ -5,6 +5,8 @@
 pub enum Quantity {
     /// A snake: encoder positions q~ of three lines in m, push positive; the bend vector in rad.
     Snake,
+    /// Segments in series: encoder positions of all lines in m, push positive; the bend vectors of all segments in rad.
+    Segments,
     /// Joints: commanded and measured positions, in the units that the file names.
     Joints,
     /// Joints with a force: angles in rad, torque in Nm or current in A, all filtered alike.
@@ -86,6 +88,12 @@ pub struct Names {
 }
 
 impl Names {
+    /// Those of segments' bend vectors, component by component, where a file has no names of its own.
+    pub(crate) fn of_segments(outputs: impl Iterator<Item = Option<String>>) -> Vec<String> {
+        let own = |k: usize| format!("segment {} bend {}", k / 2 + 1, if k.is_multiple_of(2) { "x" } else { "y" });
+        outputs.enumerate().map(|(k, name)| name.unwrap_or_else(|| own(k))).collect()
+    }
+
     /// The name of input `k`, from 0: `u1`, or what the file calls it.
     pub fn input(&self, k: usize) -> String {
         self.inputs.get(k).filter(|name| !name.is_empty()).cloned().unwrap_or_else(|| format!("u{}", k + 1))

@@ -175,13 +175,8 @@ fn changes(figures: &Figures) -> String {
             1 => String::new(),
             n => format!(" (and {} more)", n - 1),
         };
-        // The lab does not measure segments.
-        let (of, next) = match first.segment {
-            Some(segment) => {
-                (format!("in segment {segment} "), "`krait compare` lays this recording beside one of before")
-            }
-            None => (String::new(), "record 60 s of motion and run `krait lab diagnose --model MODEL --data FILE`"),
-        };
+        let of = first.segment.map_or(String::new(), |segment| format!("in segment {segment} "));
+        let next = "record 60 s of motion and run `krait lab diagnose --model MODEL --data FILE`";
         text += &format!(
             "  Something changed {of}at t = {:.1} s{more}: {}, and the model no longer explains the camera as it did.\n  \
              Nothing was added to the model; {next}\n",

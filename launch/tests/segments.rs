@@ -159,7 +159,7 @@ fn what_does_not_use_segments_says_so_in_one_sentence_and_what_does() {
     let folder = Folder::new("segment-users");
     let (data, out) = (path(&folder, "data.csv"), path(&folder, "out.toml"));
     fs::write(&data, "time_s,q1_m,q2_m,q3_m,bend_x_rad,bend_y_rad\n0,0,0,0,0,0\n").expect("a table");
-    let no_lab = "the model is of kind segments, which the lab does not measure: use it with `krait model check`";
+    let no_lab = "the columns q1..q3 are those of a snake, but the model is of kind segments";
     for (args, words) in [
         (vec!["experiment", "fig10", "--engage", "--model", TWO], "is for snakes, and the model is of segments"),
         (vec!["lab", "compare", "--model", TWO, "--data", &data], no_lab),

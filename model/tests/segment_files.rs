@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
 
-use krait_model::effects::EffectKind;
+use krait_model::effects::{EffectKind, SegmentEffect};
 use krait_model::model_file::{Machine, ModelFile, assumed, documented_defaults};
 use krait_model::segments::{Bends, SEGMENT_EFFECTS, SegmentParameters, SegmentStatus, SegmentsParameters};
 
@@ -52,6 +52,8 @@ fn what_is_written_reads_back_as_the_same_machine_with_the_same_hash() {
         second("azimuth_deg = [10.1, 99.7, -33.333333]\nr_m = [0.0015, 0.0016, 0.0017]\nl_m = 0.03\ne_pa = 6e10"),
     ];
     texts.extend(SEGMENT_EFFECTS.map(|kind| with_effects(&format!("kind = \"{}\"", kind.name()))));
+    let of_first = SegmentEffect::all().filter(|effect| effect.segment == 0);
+    texts.extend(of_first.map(|effect| with_effects(&format!("kind = \"{}\"", effect.definition().name))));
     for text in texts {
         let file = ModelFile::parse(&text).unwrap();
         for again in [file.to_toml(), file.to_documented_toml()] {
@@ -223,6 +225,16 @@ fn effects_that_segments_cannot_have_or_not_so_are_refused() {
             "line 10: effect backlash: half_width_m shall be learnt with sd = -0.00001, expected a standard deviation above zero",
         ),
         ("kind = \"cone-friction\"\nmu = -1", "line 10: effect cone-friction: mu is -1"),
+        (
+            "kind = \"backlash-3\"\nhalf_width_m = 1e-5",
+            "line 8: effect backlash-3 is of segment 3, and the machine has 2; remove it, or name another segment",
+        ),
+        ("kind = \"backlash-2\"\nhalf_width_m = -1e-5", "line 10: effect backlash-2: half_width_m is -0.00001"),
+        (
+            "kind = \"backlash-2\"\nhalf_width_m = { value = 1e-5, learn = { sd = 1e-5 } }",
+            "line 10: effect backlash-2: half_width_m is of one segment, which cannot be learnt while the machine moves",
+        ),
+        ("kind = \"backlash-4\"", "line 9: `kind` is \"backlash-4\", which is not known; did you mean \"backlash"),
     ] {
         let said = refused(&with_effects(effects));
         assert!(said.starts_with(expected), "{said}");

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a panic is how a test fails")]
 
+use krait_model::effects::{EffectKind, SegmentEffect};
 use krait_model::model_file::{Machine, ModelFile};
 use krait_model::segments::{
     Bends, LineValues, MAX_BENDS, MAX_LINES, SEGMENT_EFFECTS, SegmentChain, SegmentsParameters,
@@ -20,10 +21,28 @@ fn effects(values: [f64; 5]) -> [EffectSetting; 5] {
     })
 }
 
+/// What single segments have beside these.
+fn of_segments() -> Vec<EffectSetting> {
+    let own = [
+        ("stiffness-scale-2", "eta", 1.1),
+        ("static-friction-2", "f_s_n", 1.0),
+        ("cone-friction-1", "mu", 0.05),
+        ("backlash-2", "half_width_m", 4e-5),
+        ("camera-scale-1", "relative", 0.05),
+        ("camera-offset-2", "offset_x_rad", 0.02),
+    ];
+    let effect = |name| EffectSetting::new(EffectKind::OfSegment(SegmentEffect::from_name(name).unwrap()));
+    own.map(|(name, key, value)| effect(name).with(key, value).unwrap()).to_vec()
+}
+
 fn chain(values: [f64; 5]) -> SegmentChain {
+    chain_with(values, &[])
+}
+
+fn chain_with(values: [f64; 5], others: &[EffectSetting]) -> SegmentChain {
     let file = ModelFile::parse(include_str!("../../docs/segments/two.toml")).unwrap();
     let Machine::Segments(machine) = file.machine() else { panic!("segments") };
-    SegmentChain::new(machine, &effects(values)).unwrap()
+    SegmentChain::new(machine, &[&effects(values), others].concat()).unwrap()
 }
 
 /// Positions of the actuators that bend both segments to and fro, the same for every chain.
@@ -38,22 +57,44 @@ fn positions() -> Vec<[f64; MAX_LINES]> {
 }
 
 fn predicted(values: [f64; 5]) -> Vec<Bends> {
-    let mut predictor = chain(values).predictor();
-    positions().iter().map(|q| predictor.step(&LineValues::from(*q))).collect()
+    predicted_with(values, &[])
+}
+
+/// As the camera shows them.
+fn predicted_with(values: [f64; 5], others: &[EffectSetting]) -> Vec<Bends> {
+    let mut predictor = chain_with(values, others).predictor();
+    let seen = |q: &[f64; MAX_LINES]| {
+        predictor.step(&LineValues::from(*q));
+        predictor.observed_rad()
+    };
+    positions().iter().map(seen).collect()
 }
 
 #[test]
 fn predictions_have_the_slopes_of_differences_of_whole_histories() {
+    has_slopes_of_differences(&[]);
+}
+
+#[test]
+fn so_they_have_where_single_segments_have_effects_of_their_own() {
+    let others = of_segments();
+    let (with, without) = (predicted_with(VALUES, &others), predicted(VALUES));
+    assert!(with.iter().zip(&without).any(|(with, without)| (with - without).amax() > 0.02));
+    has_slopes_of_differences(&others);
+}
+
+#[allow(clippy::print_stdout, reason = "figures of a test")]
+fn has_slopes_of_differences(others: &[EffectSetting]) {
     let at = Circumstances::at(0.0);
-    let mut tangents = chain(VALUES).learning_predictor();
+    let mut tangents = chain_with(VALUES, others).learning_predictor();
     let found: Vec<_> = positions().iter().map(|q| tangents.step(q, &at)).collect();
-    assert_eq!(found.iter().map(|own| Bends::from(own.0)).collect::<Vec<_>>(), predicted(VALUES));
+    assert_eq!(found.iter().map(|own| Bends::from(own.0)).collect::<Vec<_>>(), predicted_with(VALUES, others));
     for lane in 0..5 {
         let h = 1e-4 * SDS[lane];
         let [below, above] = [-h, h].map(|h| {
             let mut values = VALUES;
             values[lane] += h;
-            predicted(values)
+            predicted_with(values, others)
         });
         let quotients: Vec<Bends> = above.iter().zip(&below).map(|(a, b)| (a - b) / (2.0 * h) * SDS[lane]).collect();
         let scale = quotients.iter().map(|own| own.amax()).fold(0.0, f64::max);

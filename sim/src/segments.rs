@@ -54,7 +54,9 @@ pub struct SimulatedSegments {
 #[derive(Clone, Copy, Debug)]
 struct Backbone {
     length_m: f64,
-    /// η E I, N m².
+    /// η of all that is bent in this segment.
+    load_scale: f64,
+    /// E I, N m².
     bending_n_m2: f64,
     /// E A / L, N/m.
     axial_n_per_m: f64,
@@ -69,7 +71,7 @@ struct Strung {
     ends_at: usize,
     /// h, m.
     hole_m: [f64; 2],
-    /// η E I, N m².
+    /// E I, N m².
     bending_n_m2: f64,
 }
 
@@ -81,13 +83,18 @@ impl SimulatedSegments {
     pub fn new(truth: &SegmentsTruth) -> Result<Self, SegmentsTruthError> {
         truth.check()?;
         let (mut backbones, mut lines) = (Vec::new(), Vec::new());
-        let effects = &truth.effects;
         let mut path_m = 0.0;
         for (ends_at, segment) in truth.segment.iter().enumerate() {
+            let effects = segment.effects.as_ref().unwrap_or(&truth.effects);
             let m = &segment.machine;
             let axial_n = m.e_pa * PI / 4.0 * (m.d_outer_m.powi(2) - m.d_inner_m.powi(2));
-            let bending_n_m2 = effects.load_scale * m.e_pa * PI / 64.0 * (m.d_outer_m.powi(4) - m.d_inner_m.powi(4));
-            backbones.push(Backbone { length_m: m.l_m, bending_n_m2, axial_n_per_m: axial_n / m.l_m });
+            let bending_n_m2 = m.e_pa * PI / 64.0 * (m.d_outer_m.powi(4) - m.d_inner_m.powi(4));
+            backbones.push(Backbone {
+                length_m: m.l_m,
+                load_scale: effects.load_scale,
+                bending_n_m2,
+                axial_n_per_m: axial_n / m.l_m,
+            });
             path_m += m.l_m;
             let gives = |length_m: f64| {
                 let m_per_n = length_m / axial_n;
@@ -223,7 +230,7 @@ impl SimulatedSegments {
             let mut add = |modulus: f64, length_m: f64, hole_m: [f64; 2]| {
                 // |b|²/2 · modulus / (L + h·b)
                 let inverse = 1.0 / (length_m + hole_m[0] * bend[0] + hole_m[1] * bend[1]);
-                let stiffness = modulus * inverse;
+                let stiffness = backbone.load_scale * modulus * inverse;
                 for k in 0..2 {
                     gradient[at + k] += stiffness * (bend[k] - 0.5 * square * hole_m[k] * inverse);
                     for l in 0..2 {

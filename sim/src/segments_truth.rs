@@ -52,6 +52,9 @@ pub struct SegmentTruth {
     pub azimuths_rad: Vec<f64>,
     /// Distance of each of these lines from the backbone, m, as `machine.r_m`; empty: `machine.r_m` of all.
     pub radii_m: Vec<f64>,
+    /// What makes this segment and its own lines leave the ideal, instead of what makes all.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub effects: Option<SegmentEffectsTruth>,
     /// Dimensions and material of its backbone and of its own lines; `phi_rad` of it is not used.
     pub machine: MachineTruth,
 }
@@ -173,16 +176,18 @@ impl SegmentsTruth {
                 number("radii_m of a segment", own.radii_m.len(), n, n)?;
             }
         }
-        let e = &self.effects;
-        let whole = [
-            ("phi_rad", self.phi_rad, 0.0, 3.2),
-            ("effects.play_m", e.play_m, 0.0, 2e-3),
-            ("effects.load_scale", e.load_scale, 0.2, 5.0),
-            ("effects.mu", e.mu, 0.0, 1.0),
-            ("effects.f_s_n", e.f_s_n, 0.0, 20.0),
-            ("effects.inside", e.inside, 0.0, 1.5),
-        ];
-        let whole = whole.into_iter().chain(self.drive.ranges(2e-2)).chain(self.camera.ranges());
+        let effects = core::iter::once(&self.effects).chain(self.segment.iter().filter_map(|own| own.effects.as_ref()));
+        let effects = effects.flat_map(|e| {
+            [
+                ("effects.play_m", e.play_m, 0.0, 2e-3),
+                ("effects.load_scale", e.load_scale, 0.2, 5.0),
+                ("effects.mu", e.mu, 0.0, 1.0),
+                ("effects.f_s_n", e.f_s_n, 0.0, 20.0),
+                ("effects.inside", e.inside, 0.0, 1.5),
+            ]
+        });
+        let whole = core::iter::once(("phi_rad", self.phi_rad, 0.0, 3.2)).chain(effects);
+        let whole = whole.chain(self.drive.ranges(2e-2)).chain(self.camera.ranges());
         let of_segments = self.segment.iter().flat_map(|segment| {
             let m = &segment.machine;
             let own = [

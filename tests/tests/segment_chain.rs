@@ -111,7 +111,19 @@ fn two_segments_follow_better_with_every_compensation_down_to_the_camera_s_error
     let header = std::fs::read_to_string(&table).expect("written").lines().next().map(str::to_owned).expect("a header");
     assert!(header.starts_with("time_s,u1_m,u2_m,u3_m,u4_m,u5_m,u6_m,y1_rad,y2_rad,y3_rad,y4_rad"), "{header}");
     viewers_see_both_segments(&full);
+    the_lab_measures(&full, &table);
     what_does_not_apply(&folder, &full);
+}
+
+/// A recording and its table hold the same for the lab, and the model that drove them explains both to the camera's noise.
+fn the_lab_measures(recording: &str, table: &str) {
+    let compared = |data: &str| done(&["lab", "compare", "--model", TWO, "--data", data, "--json"]);
+    let [recorded, exported] =
+        [recording, table].map(|data| compared(data)["error_deg"]["rms"].as_f64().expect("an error"));
+    // Over both segments: four components.
+    let floor_deg = 0.3 * 2.0;
+    assert!((recorded / floor_deg - 1.0).abs() < 0.1, "{recorded} deg, expected {floor_deg}");
+    assert!((exported - recorded).abs() < 1e-3 * recorded, "{exported} deg, {recorded} in the recording");
 }
 
 /// Each drawn backbone ends, segment by segment, where the model has the disks for the bends of the same instant.
@@ -247,7 +259,10 @@ fn what_does_not_apply(folder: &TempFolder, recording: &str) {
             "tables are for snakes and joints, and the model is of kind segments",
         ),
         (&["model", "save-learnt", recording, "--out", &kept], "its model learns nothing"),
-        (&["lab", "compare", "--model", TWO, "--data", recording], "kind segments, which the lab does not measure"),
+        (
+            &["lab", "compare", "--model", &snake, "--data", recording],
+            "2 segments on 6 lines, but the model is of a snake",
+        ),
         (
             &["run", "--model", &snake, "--compensation", "off", "--no-recording", "--seconds", "1"],
             "takes effects off a model of kind segments, and this one is of kind snake",

@@ -1,7 +1,7 @@
 //! Rows sorted into bins by what the machine was doing, and the error in each bin.
 
-use super::circumstances::{Dimension, dimensions};
-use super::parts::RowError;
+use super::circumstances::{Dimension, Part, dimensions};
+use super::parts::{RowError, of_snake, pair};
 use crate::Measurements;
 use crate::machine::MachineUnderTest;
 
@@ -46,9 +46,13 @@ pub(super) fn all(
     let (_, scale) = machine.error_unit();
     let mut bins = Vec::new();
     for dimension in dimensions(machine, data, scored) {
-        match dimension.output {
-            None => bins.extend(fill(&dimension, scored, |k, _| of_row(&errors[k]))),
-            Some(output) => bins.extend(fill(&dimension, scored, |_, row| {
+        match dimension.part {
+            Part::Whole => bins.extend(fill(&dimension, scored, |k, _| of_row(&errors[k]))),
+            Part::Segment(segment) => bins.extend(fill(&dimension, scored, |_, row| {
+                let own = &predicted[row * data.n_outputs + 2 * segment..];
+                of_row(&of_snake(pair(&data.output(row)[2 * segment..]), pair(own), scale))
+            })),
+            Part::Output(output) => bins.extend(fill(&dimension, scored, |_, row| {
                 let own = predicted[row * data.n_outputs + output];
                 let error = scale * (data.output(row)[output] - own);
                 [error * error, error, 0.0]
@@ -82,7 +86,7 @@ fn fill(dimension: &Dimension, scored: &[usize], error: impl Fn(usize, usize) ->
         bin: label.clone(),
         rms: (square / n as f64).sqrt(),
         mean: dimension.has_mean.then_some(mean / n as f64),
-        plane_mean: (dimension.has_mean && dimension.output.is_none()).then_some(plane / n as f64),
+        plane_mean: (dimension.has_mean && !matches!(dimension.part, Part::Output(_))).then_some(plane / n as f64),
         n_rows: n,
     };
     filled.map(bin).collect()

@@ -7,14 +7,25 @@ use crate::noise::bounds;
 use crate::{Measurements, Quantity};
 use std::rc::Rc;
 
+/// What of a row's error counts in a bin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Part {
+    /// All of it.
+    Whole,
+    /// One output's.
+    Output(usize),
+    /// One segment's, from 0, along and across its bend.
+    Segment(usize),
+}
+
 /// One way to sort rows into bins.
 pub(super) struct Dimension<'a> {
     pub by: String,
     pub labels: Vec<String>,
     /// The bin of a row, if it belongs to any.
     pub place: Box<dyn Fn(usize) -> Option<usize> + 'a>,
-    /// Only this output's error counts; `None`: the whole error.
-    pub output: Option<usize>,
+    /// What of the error counts.
+    pub part: Part,
     /// Whether the mean of a signed error means anything.
     pub has_mean: bool,
 }
@@ -39,11 +50,13 @@ pub(super) fn dimensions<'a>(
 ) -> Vec<Dimension<'a>> {
     let motions: Rc<[Motion]> = motion::all(data).into();
     let is_snake = data.quantity == Quantity::Snake;
-    let mut found = if is_snake {
-        let unit_free = [bend(data, scored), plane(data), direction(&motions)];
-        unit_free.into_iter().collect()
-    } else {
-        joints(machine, data)
+    let mut found = match data.quantity {
+        Quantity::Snake => {
+            let unit_free = [bend(data, 0, scored), plane(data, 0), direction(&motions)];
+            unit_free.into_iter().collect()
+        }
+        Quantity::Segments => segments(data, scored, &motions),
+        Quantity::Joints | Quantity::Force => joints(machine, data),
     };
     found.push(speed(machine, data, scored, &motions));
     found.push(time(&motions));
@@ -67,12 +80,26 @@ pub(super) fn dimensions<'a>(
 }
 
 fn dimension<'a>(by: &str, labels: Vec<String>, place: impl Fn(usize) -> Option<usize> + 'a) -> Dimension<'a> {
-    Dimension { by: by.to_owned(), labels, place: Box::new(place), output: None, has_mean: false }
+    Dimension { by: by.to_owned(), labels, place: Box::new(place), part: Part::Whole, has_mean: false }
 }
 
-fn bend<'a>(data: &'a Measurements, scored: &[usize]) -> Dimension<'a> {
-    let bend_deg = |row: usize| {
-        let [x, y] = pair(data.output(row));
+/// Each segment's error by its own bend and plane, and the whole error by the direction of motion.
+fn segments<'a>(data: &'a Measurements, scored: &[usize], motions: &Rc<[Motion]>) -> Vec<Dimension<'a>> {
+    let of_one = |segment: usize| {
+        let own = |dimension: Dimension<'a>| Dimension {
+            by: format!("{} of segment {}", dimension.by, segment + 1),
+            part: Part::Segment(segment),
+            has_mean: true,
+            ..dimension
+        };
+        [own(bend(data, segment, scored)), own(plane(data, segment))]
+    };
+    (0..data.n_outputs / 2).flat_map(of_one).chain([direction(motions)]).collect()
+}
+
+fn bend<'a>(data: &'a Measurements, segment: usize, scored: &[usize]) -> Dimension<'a> {
+    let bend_deg = move |row: usize| {
+        let [x, y] = pair(&data.output(row)[2 * segment..]);
         x.hypot(y) / RAD
     };
     let largest = scored.iter().map(|&row| bend_deg(row)).fold(0.0, f64::max);
@@ -81,7 +108,7 @@ fn bend<'a>(data: &'a Measurements, scored: &[usize]) -> Dimension<'a> {
     dimension("bend", labels, move |row| Some((bend_deg(row) / BEND_STEP_DEG) as usize))
 }
 
-fn plane(data: &Measurements) -> Dimension<'_> {
+fn plane(data: &Measurements, segment: usize) -> Dimension<'_> {
     let step = 360.0 / N_SECTORS as f64;
     let label = |k: usize| {
         let middle = k as f64 * step;
@@ -89,7 +116,7 @@ fn plane(data: &Measurements) -> Dimension<'_> {
         format!("{middle:.0} deg")
     };
     dimension("plane", (0..N_SECTORS).map(label).collect(), move |row| {
-        let [x, y] = pair(data.output(row));
+        let [x, y] = pair(&data.output(row)[2 * segment..]);
         let turn = y.atan2(x) / RAD / step;
         (x.hypot(y) >= SECTOR_FROM_BEND_RAD).then(|| turn.round().rem_euclid(N_SECTORS as f64) as usize % N_SECTORS)
     })
@@ -170,7 +197,7 @@ fn joints<'a>(machine: &dyn MachineUnderTest, data: &'a Measurements) -> Vec<Dim
         let labels = ["rising", "falling"].map(str::to_owned).to_vec();
         let direction =
             dimension(&format!("direction of {}", data.names.input(k)), labels, move |row| *rising.get(row)?);
-        found.extend([position, direction].map(|d| Dimension { output: Some(k), has_mean: true, ..d }));
+        found.extend([position, direction].map(|d| Dimension { part: Part::Output(k), has_mean: true, ..d }));
     }
     found
 }

@@ -59,7 +59,7 @@ pub(crate) fn all(data: &Measurements) -> Vec<Motion> {
 fn step(data: &Measurements, from: usize, to: usize) -> (f64, i8) {
     let mean = |values: &[f64]| match data.quantity {
         Quantity::Snake => values.iter().sum::<f64>() / values.len().max(1) as f64,
-        Quantity::Joints | Quantity::Force => 0.0,
+        Quantity::Segments | Quantity::Joints | Quantity::Force => 0.0,
     };
     let (a, b) = (data.input(from), data.input(to));
     let (mean_a, mean_b) = (mean(a), mean(b));

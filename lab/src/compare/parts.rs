@@ -7,9 +7,9 @@ use krait_report::Spread;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct RowError {
     pub length: f64,
-    /// Along the measured bend: positive where the machine bends further than predicted. For joints 0.
+    /// Along the measured bend: positive where the machine bends further than predicted. For joints and segments 0.
     pub bend: f64,
-    /// Across it, towards larger delta. For joints 0.
+    /// Across it, towards larger delta. For joints and segments 0.
     pub plane: f64,
 }
 
@@ -71,7 +71,7 @@ pub(super) fn errors(data: &Measurements, predicted: &[f64], scored: &[usize], s
         let own = &predicted[row * width..(row + 1) * width];
         match data.quantity {
             Quantity::Snake => of_snake(pair(data.output(row)), pair(own), scale),
-            Quantity::Joints | Quantity::Force => {
+            Quantity::Segments | Quantity::Joints | Quantity::Force => {
                 let square: f64 = data.output(row).iter().zip(own).map(|(y, f)| (y - f).powi(2)).sum();
                 RowError { length: scale * square.sqrt(), bend: 0.0, plane: 0.0 }
             }
@@ -80,7 +80,7 @@ pub(super) fn errors(data: &Measurements, predicted: &[f64], scored: &[usize], s
     scored.iter().map(one).collect()
 }
 
-fn of_snake(measured: [f64; 2], own: [f64; 2], scale: f64) -> RowError {
+pub(super) fn of_snake(measured: [f64; 2], own: [f64; 2], scale: f64) -> RowError {
     let error = [scale * (measured[0] - own[0]), scale * (measured[1] - own[1])];
     // A straight snake has no plane: then the predicted one counts.
     let [x, y] = if measured == [0.0; 2] { own } else { measured };

@@ -63,7 +63,7 @@ impl Shapes {
         let rest = of_groups(&outputs, &left, &basis, dictionary(&outputs, &predicted, false), seed);
         let periods = match problem.data.quantity {
             Quantity::Force => Some(slow_wave(&outputs, &left)),
-            Quantity::Snake | Quantity::Joints => rhythm(&outputs, &left).map(|rhythm| {
+            Quantity::Snake | Quantity::Segments | Quantity::Joints => rhythm(&outputs, &left).map(|rhythm| {
                 let (low, high) = bounds(problem.data.time_s.iter().copied());
                 vec![rhythm.hz * (high - low); problem.data.n_outputs]
             }),

@@ -1,6 +1,6 @@
 //! Are a snake's columns what their names say? Lines exchanged or negated, bends in another unit: said before any effect is named.
 
-use crate::{LabError, Measurements, Problem};
+use crate::{LabError, Measurements, Problem, Quantity};
 use rayon::prelude::*;
 
 /// Errors this many times the noise are looked at, ...
@@ -44,7 +44,7 @@ const ARRANGEMENTS: [Arrangement; 13] = [
 /// [`LabError::Chain`] where the model's own effects make no chain.
 pub(super) fn check(problem: &Problem, noise: Option<f64>) -> Result<Option<String>, LabError> {
     let data = &problem.data;
-    if data.n_inputs != 3 || data.n_outputs != 2 {
+    if data.quantity == Quantity::Segments || data.n_inputs != 3 || data.n_outputs != 2 {
         return Ok(None);
     }
     let rms = |own: &Arrangement, inputs: &Measurements| -> Result<f64, LabError> {

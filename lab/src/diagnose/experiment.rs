@@ -2,6 +2,7 @@
 
 use super::Verdict;
 use crate::experiment::Experiment;
+use krait_model::effects::without_segment;
 
 /// The next experiment.
 #[derive(Clone, Debug)]
@@ -136,15 +137,15 @@ pub(crate) fn separate(class: &[String], n_reversals: usize, has_loads: bool) ->
     if class.len() < 2 {
         return None;
     }
-    let home = FAMILIES.iter().find(|(names, _)| names.contains(&class[0].as_str()));
-    let shared =
-        home.filter(|(names, _)| class.iter().any(|other| *other != class[0] && names.contains(&other.as_str())));
+    let holds = |names: &[&str], own: &str| names.contains(&without_segment(own));
+    let home = FAMILIES.iter().find(|(names, _)| holds(names, &class[0]));
+    let shared = home.filter(|(names, _)| class.iter().any(|other| *other != class[0] && holds(names, other)));
     let instruction = |(names, own): &(&[&str], &'static str)| {
         let again = WITH_LOADS.iter().find(|(first, _)| has_loads && names.first() == Some(first));
         again.map_or(*own, |(_, again)| *again)
     };
     let shared = shared.map(instruction);
-    let outside = class.iter().any(|other| home.is_some_and(|(names, _)| !names.contains(&other.as_str())));
+    let outside = class.iter().any(|other| home.is_some_and(|(names, _)| !holds(names, other)));
     let rich = "Go up and down in three planes, rotate the plane both ways at 45 deg, in nested loops and at three speeds, with \
                 holds of 3 s: reversals separate hysteresis from everything that has none";
     let instruction = match shared {

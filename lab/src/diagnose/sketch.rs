@@ -88,6 +88,8 @@ fn sketch(
     let changes: Vec<Vec<f64>> =
         columns.map(|k| column(&with, k).iter().zip(column(&without, k)).map(|(a, b)| a - b).collect()).collect();
     let most = moved.unwrap_or_else(|| widest(changes.iter().map(|own| size(own))));
+    // Segments bend in many planes: what changes is shown beside where that component goes.
+    let along = if data.quantity == crate::Quantity::Segments { most } else { along };
     let position = column(&without, along);
     let Some(change) = changes.get(most) else { return Ok(None) };
     if change.iter().chain(&position).any(|x| !x.is_finite()) || size(change) <= LEAST * range(&position) {

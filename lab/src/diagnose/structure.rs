@@ -49,7 +49,7 @@ pub fn structure(problem: &Problem, residual: &[f64], basis: &[Vec<f64>], predic
 pub(super) fn dictionary(problem: &Problem, predicted: &[f64], with_steady: bool) -> Vec<Group> {
     match problem.data.quantity {
         Quantity::Force => force_rest::groups(&problem.data, with_steady),
-        Quantity::Snake | Quantity::Joints => groups(problem, predicted),
+        Quantity::Snake | Quantity::Segments | Quantity::Joints => groups(problem, predicted),
     }
 }
 
@@ -220,21 +220,32 @@ impl<'a> Frame<'a> {
     }
 
     fn pose(&self, row: usize, f: &mut Vec<f64>) {
+        if self.problem.data.quantity == Quantity::Segments {
+            f.push(1.0);
+            for k in (0..self.width()).step_by(2) {
+                let b = self.output(row, k).hypot(self.output(row, k + 1)) / self.scale;
+                f.extend([b, b * b, b * b * b]);
+            }
+            return;
+        }
         let b = self.size(row);
         f.extend([1.0, b, b * b, b * b * b]);
     }
 
     fn plane(&self, row: usize, f: &mut Vec<f64>) {
-        let (x, y) = (self.output(row, 0), self.output(row, self.width().min(2) - 1));
-        let angle = y.atan2(x);
-        f.extend([
-            angle.cos(),
-            angle.sin(),
-            (2.0 * angle).cos(),
-            (2.0 * angle).sin(),
-            (3.0 * angle).cos(),
-            (3.0 * angle).sin(),
-        ]);
+        let n_bends = if self.problem.data.quantity == Quantity::Segments { self.width() } else { 2 };
+        for k in (0..n_bends).step_by(2) {
+            let (x, y) = (self.output(row, k), self.output(row, k + self.width().min(2) - 1));
+            let angle = y.atan2(x);
+            f.extend([
+                angle.cos(),
+                angle.sin(),
+                (2.0 * angle).cos(),
+                (2.0 * angle).sin(),
+                (3.0 * angle).cos(),
+                (3.0 * angle).sin(),
+            ]);
+        }
     }
 
     fn direction(&self, row: usize, f: &mut Vec<f64>) {

@@ -5,6 +5,7 @@ mod free_joints;
 mod geometry;
 mod joint_candidates;
 mod joints;
+mod segments;
 mod snake;
 mod snake_candidates;
 
@@ -12,6 +13,7 @@ pub use force::ForceLab;
 pub(crate) use free_joints::FreeJoints;
 pub(crate) use geometry::{is_geometry, with_geometry};
 pub use joints::JointsLab;
+pub use segments::SegmentsLab;
 pub use snake::SnakeLab;
 pub(crate) use snake::{acting, nearest};
 
@@ -23,8 +25,7 @@ use krait_model::model_file::{self, ModelFile};
 /// The machine of a model file.
 ///
 /// # Errors
-/// [`LabError::Segments`], which the lab does not measure; [`LabError::OtherMachine`] for a machine whose numbers its own file would
-/// refuse.
+/// [`LabError::OtherMachine`] for a machine whose numbers its own file would refuse.
 pub fn machine_of(file: &ModelFile) -> Result<Box<dyn MachineUnderTest>, LabError> {
     let machine = match file.machine() {
         model_file::Machine::Snake(_) => SnakeLab::new(file).map(|snake| Box::new(snake) as Box<dyn MachineUnderTest>),
@@ -32,7 +33,9 @@ pub fn machine_of(file: &ModelFile) -> Result<Box<dyn MachineUnderTest>, LabErro
             JointsLab::new(file).map(|joints| Box::new(joints) as Box<dyn MachineUnderTest>)
         }
         model_file::Machine::Force(_) => ForceLab::new(file).map(|force| Box::new(force) as Box<dyn MachineUnderTest>),
-        model_file::Machine::Segments(_) => return Err(LabError::Segments),
+        model_file::Machine::Segments(_) => {
+            SegmentsLab::new(file).map(|segments| Box::new(segments) as Box<dyn MachineUnderTest>)
+        }
     };
     let found = "a machine of neither kind";
     machine.ok_or(LabError::OtherMachine { data: "the model".to_owned(), expected: "snake or joints", found })
@@ -44,7 +47,7 @@ pub(crate) fn setting(machine: &model_file::Machine, term: &Term) -> Result<Effe
         model_file::Machine::Snake(_) => snake::setting(term, snake::kind),
         model_file::Machine::Joints(_) => snake::setting(term, joints::kind),
         model_file::Machine::Force(_) => snake::setting(term, force::kind),
-        model_file::Machine::Segments(_) => Err(LabError::Segments),
+        model_file::Machine::Segments(_) => snake::setting(term, segments::kind),
     }
 }
 

@@ -7,7 +7,12 @@ use krait_model::effects::{Definition, EffectKind, Needs};
 
 /// Every effect that may be missing from a snake's model, in the catalogue's order.
 pub(super) fn all(data: &Measurements) -> Vec<Candidate> {
-    EffectKind::ALL.into_iter().filter_map(|kind| search(kind).map(|search| candidate(kind, &search, data))).collect()
+    EffectKind::ALL.into_iter().filter_map(|kind| of_kind(kind, data)).collect()
+}
+
+/// An effect by its kind; `None` for one that no search looks for.
+pub(super) fn of_kind(kind: EffectKind, data: &Measurements) -> Option<Candidate> {
+    search(kind).map(|search| candidate(kind, &search, data))
 }
 
 /// How to look for an effect: values by name, the rest at their defaults.
@@ -62,6 +67,7 @@ fn search(kind: EffectKind) -> Option<Search> {
         EffectKind::Saturation => Search { cells: &[&[("limit_n", 8.0)], &[("limit_n", 15.0)], &[("limit_n", 25.0)]], ..plain(&[("limit_n", 1000.0, 15.0)]) },
         EffectKind::CrossCoupling => plain(&[("k12", 0.0, 0.01), ("k13", 0.0, 0.01), ("k21", 0.0, 0.01), ("k23", 0.0, 0.01), ("k31", 0.0, 0.01), ("k32", 0.0, 0.01)]),
         // A preload bends nothing by itself, and a formula is the user's to write.
+        EffectKind::OfSegment(own) => return search(own.law.of_all()),
         EffectKind::Preload | EffectKind::Formula | EffectKind::Joint(_) | EffectKind::Force(_) => return None,
     })
 }

@@ -21,15 +21,6 @@ pub enum ReadError {
         /// What was given.
         path: PathBuf,
     },
-    /// Measurements for a model of segments.
-    #[error(
-        "{} cannot be compared with a model of kind segments, expected one of kind snake, joints or force; give such a model",
-        path.display()
-    )]
-    Segments {
-        /// The file.
-        path: PathBuf,
-    },
     /// A file of another program that cannot be used as it is.
     #[error("{}: {reason}", path.display())]
     Unusable {

@@ -222,6 +222,16 @@ impl Header<'_> {
                 format!("there are columns for {} joints", commanded.max(measured)),
                 format!("{} joint{}", joints.n, if joints.n == 1 { "" } else { "s" }),
             ),
+            Expected::Segments(_) if commanded == 0 && self.has_base("q1") => {
+                other("the columns q1..q3 are those of a snake".to_owned(), "kind segments".to_owned())
+            }
+            Expected::Segments(_) if commanded > expected.widths().0 || measured > expected.widths().1 => {
+                let (n_lines, n_bends) = expected.widths();
+                other(
+                    format!("there are columns for {commanded} lines and {measured} components of bend vectors"),
+                    format!("{n_lines} lines and {n_bends} components"),
+                )
+            }
             Expected::Force(_) if commanded > 0 && !self.has_base("q1") => other(
                 format!("the columns u1..u{commanded} and y1..y{measured} are those of joints"),
                 "kind force".to_owned(),

@@ -40,6 +40,7 @@ use crate::Measurements;
 use format::{Format, Found};
 use krait_ipc::input;
 use krait_model::model_file::{ForceMachine, Joints, Machine};
+use krait_model::segments::SegmentsParameters;
 use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io::{self, Read, Seek};
@@ -54,15 +55,15 @@ pub enum Expected<'a> {
     Joints(&'a Joints),
     /// Joints with a force: `q1`..`qn`, rad, and `tau1_nm`.. or `i1_a`..
     Force(&'a ForceMachine),
-    /// Segments in series, which the lab does not measure: every file is refused.
-    Segments,
+    /// Segments in series: `u1_m`.. of every line and `y1_rad`.., two for each segment's bend vector.
+    Segments(&'a SegmentsParameters),
 }
 
 impl<'a> From<&'a Machine> for Expected<'a> {
     fn from(machine: &'a Machine) -> Self {
         match machine {
             Machine::Snake(_) => Self::Snake,
-            Machine::Segments(_) => Self::Segments,
+            Machine::Segments(segments) => Self::Segments(segments),
             Machine::Joints(joints) => Self::Joints(joints),
             Machine::Force(force) => Self::Force(force),
         }
@@ -75,7 +76,10 @@ impl Expected<'_> {
             Self::Snake => role::snake(),
             Self::Joints(joints) => role::joints(joints.n, &joints.u_unit, &joints.y_unit),
             Self::Force(force) => role::force(force),
-            Self::Segments => Vec::new(),
+            Self::Segments(_) => {
+                let (n_lines, n_bends) = self.widths();
+                role::segments(n_lines, n_bends)
+            }
         }
     }
 
@@ -85,7 +89,9 @@ impl Expected<'_> {
             Self::Snake => (role::N_LINES, 2),
             Self::Joints(joints) => (joints.n, joints.n),
             Self::Force(force) => (force.n, force.n),
-            Self::Segments => (0, 0),
+            Self::Segments(own) => {
+                (own.segments.iter().map(|segment| segment.lines.len()).sum(), 2 * own.segments.len())
+            }
         }
     }
 }
@@ -99,9 +105,6 @@ impl Expected<'_> {
 /// # Errors
 /// [`ReadError`], one sentence with file, line and column.
 pub fn read(path: &Path, map: &ColumnMap, expected: Expected) -> Result<Measurements, ReadError> {
-    if matches!(expected, Expected::Segments) {
-        return Err(ReadError::Segments { path: path.to_owned() });
-    }
     let failed = |source| ReadError::Io { path: path.to_owned(), source };
     let Found { mut file, format } = Format::of(path)?;
     let (table, hash) = match format {

@@ -6,6 +6,7 @@ use super::unit::{Dimension, Unit};
 use super::{ColumnMap, Expected, ReadError, sha256, source};
 use crate::{LoadUse, Measurements, Quantity};
 use krait_model::model_file::{Joints, Machine, ModelFile};
+use krait_model::segments::SegmentsParameters;
 use krait_record::columns::Columns;
 use krait_record::{CONFIG_ATTACHMENT, MODEL_ATTACHMENT, Missing, Recording, attachment};
 use std::fs::File;
@@ -30,23 +31,35 @@ pub(super) fn read(path: &Path, file: File, map: &ColumnMap, expected: Expected)
     let scale = match expected {
         Expected::Snake => (columns.n_joints == 0).then_some([1.0; 2]),
         Expected::Joints(joints) => (columns.n_joints == joints.n).then(|| joint_scale(&recording, joints)).flatten(),
-        Expected::Force(_) | Expected::Segments => None,
+        Expected::Segments(_) => {
+            let widths = (columns.n_actuators, columns.n_joints);
+            (widths == expected.widths() && driven(&recording).is_some_and(is_of_segments)).then_some([1.0; 2])
+        }
+        Expected::Force(_) => None,
     };
     let Some([u_per_m, y_per_si]) = scale else {
         let (found, expected) = (
-            machine(columns.n_joints, None),
+            match driven(&recording) {
+                Some(Machine::Segments(own)) => segments(&own),
+                _ => machine(columns.n_joints, None),
+            },
             match expected {
                 Expected::Snake => machine(0, None),
                 Expected::Joints(joints) => machine(joints.n, Some(joints)),
                 Expected::Force(_) => "a torque or a current, which no recording of krait holds for joints".to_owned(),
-                Expected::Segments => "segments, which the lab does not measure".to_owned(),
+                Expected::Segments(own) => segments(own),
             },
         );
         return Err(ReadError::OtherMachine { path: path.to_owned(), found, expected });
     };
+    let quantity = match expected {
+        Expected::Snake => Quantity::Snake,
+        Expected::Segments(_) => Quantity::Segments,
+        Expected::Joints(_) | Expected::Force(_) => Quantity::Joints,
+    };
     let data = Measurements {
         load_use: load_use(&recording),
-        ..measurements(path, columns, [u_per_m, y_per_si], sha256(path, file)?)
+        ..measurements(path, columns, quantity, [u_per_m, y_per_si], sha256(path, file)?)
     };
     let place = Place {
         path,
@@ -67,6 +80,23 @@ fn load_use(recording: &Recording) -> LoadUse {
         Some("sim") => LoadUse::Counted { gain_apart: SIMULATED_GAIN_APART },
         _ => LoadUse::Shown,
     }
+}
+
+/// The machine of the model that a recording embeds.
+fn driven(recording: &Recording) -> Option<Machine> {
+    let file = attachment(recording, MODEL_ATTACHMENT).and_then(|text| ModelFile::parse(text).ok())?;
+    Some(file.machine().clone())
+}
+
+fn is_of_segments(machine: Machine) -> bool {
+    matches!(machine, Machine::Segments(_))
+}
+
+/// Segments in words, for a refusal.
+fn segments(own: &SegmentsParameters) -> String {
+    let (n_lines, n_bends) = Expected::Segments(own).widths();
+    let many = |n: usize, what: &str| if n == 1 { format!("{n} {what}") } else { format!("{n} {what}s") };
+    format!("{} on {}", many(n_bends / 2, "segment"), many(n_lines, "line"))
 }
 
 /// A machine in words, for a refusal.
@@ -95,16 +125,22 @@ pub fn joint_scale(recording: &Recording, joints: &Joints) -> Option<[f64; 2]> {
     is_same.then_some([per_m / u.factor, 1.0 / y.factor])
 }
 
-fn measurements(path: &Path, columns: Columns, [u_scale, y_scale]: [f64; 2], sha256: String) -> Measurements {
+fn measurements(
+    path: &Path,
+    columns: Columns,
+    quantity: Quantity,
+    [u_scale, y_scale]: [f64; 2],
+    sha256: String,
+) -> Measurements {
     let scaled = |values: Vec<f64>, scale: f64| -> Vec<f64> {
         if scale == 1.0 { values } else { values.into_iter().map(|value| value * scale).collect() }
     };
-    let (n_inputs, n_outputs, is_snake) = (columns.n_actuators, columns.n_outputs(), columns.n_joints == 0);
-    let loads_n = (is_snake && columns.has_tau()).then(|| columns.tau_n.clone());
+    let (n_inputs, n_outputs) = (columns.n_actuators, columns.n_outputs());
+    let loads_n = (quantity == Quantity::Snake && columns.has_tau()).then(|| columns.tau_n.clone());
     Measurements {
         source: source(path),
         sha256,
-        quantity: if is_snake { Quantity::Snake } else { Quantity::Joints },
+        quantity,
         time_s: columns.time_s,
         inputs: scaled(columns.q_m, u_scale),
         n_inputs,
@@ -117,6 +153,12 @@ fn measurements(path: &Path, columns: Columns, [u_scale, y_scale]: [f64; 2], sha
         temperature_c: None,
         sigma: Some(scaled(columns.sigma, y_scale)),
         extra: Vec::new(),
-        names: crate::Names::default(),
+        names: match quantity {
+            Quantity::Segments => crate::Names {
+                outputs: crate::Names::of_segments((0..n_outputs).map(|_| None)),
+                ..crate::Names::default()
+            },
+            _ => crate::Names::default(),
+        },
     }
 }

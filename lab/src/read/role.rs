@@ -107,6 +107,18 @@ pub(super) fn joints(n: usize, u_unit: &str, y_unit: &str) -> Vec<Wanted> {
     wanted
 }
 
+/// The columns of segments in series: what `krait export` writes of them.
+pub(super) fn segments(n_lines: usize, n_bends: usize) -> Vec<Wanted> {
+    let mut wanted = vec![time(), trial()];
+    let travel = (0.1, "no travel that a line can make in metres");
+    wanted.extend((0..n_lines).map(|i| length(Role::Input(i), format!("u{}", i + 1), travel)));
+    let bend = Some((2.0 * PI, "no angle of a segment in radians: more than a whole turn"));
+    wanted.extend((0..n_bends).map(|i| angle(Role::Output(i), &format!("y{}", i + 1), bend)));
+    wanted.push(angle(Role::Sigma, "sigma_y", Some((PI, "no standard deviation of a bend in radians"))));
+    wanted.push(plain(Role::Weight, "weight"));
+    wanted
+}
+
 /// How the columns of a force begin, and their unit: `tau1_nm`, `i1_a`.
 pub(crate) fn force_names(unit: ForceUnit) -> (&'static str, &'static str) {
     match unit {

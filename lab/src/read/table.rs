@@ -24,7 +24,8 @@ pub(super) fn measurements(path: &Path, mut table: Table, expected: Expected, sh
         source: super::source(path),
         sha256,
         quantity: match expected {
-            Expected::Snake | Expected::Segments => Quantity::Snake,
+            Expected::Snake => Quantity::Snake,
+            Expected::Segments(_) => Quantity::Segments,
             Expected::Joints(_) => Quantity::Joints,
             Expected::Force(_) => Quantity::Force,
         },
@@ -116,7 +117,10 @@ fn names(plan: &Plan, n_inputs: usize, n_outputs: usize, expected: Expected) -> 
     };
     Names {
         inputs: (0..n_inputs).map(input).collect(),
-        outputs: (0..n_outputs).map(|k| output(k).unwrap_or_default()).collect(),
+        outputs: match expected {
+            Expected::Segments(_) => Names::of_segments((0..n_outputs).map(output)),
+            _ => (0..n_outputs).map(|k| output(k).unwrap_or_default()).collect(),
+        },
     }
 }
 

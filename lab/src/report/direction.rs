@@ -2,6 +2,7 @@
 
 use super::picture::{COLOURS, Picture, output_line, plain, short};
 use super::rows::Rows;
+use crate::Quantity;
 use crate::noise::bounds;
 use plotly::Scatter;
 use plotly::common::{ErrorData, ErrorType, Line, LineShape, Mode};
@@ -86,6 +87,9 @@ fn means(rows: &Rows, model: usize, axis: usize, counts: &dyn Fn(usize) -> bool)
 /// One input against its output around the worst seconds.
 pub(super) fn loops(rows: &Rows) -> Picture {
     let title = "Loops";
+    if rows.data.quantity == Quantity::Segments {
+        return Picture::none(title, "No encoder belongs to one component of a bend: every line bends in both.");
+    }
     let found = Rows::thinned(&rows.worst(LOOP_S));
     if found.is_empty() {
         return Picture::none(title, "The model has no error anywhere.");

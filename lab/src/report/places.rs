@@ -2,6 +2,7 @@
 
 use super::picture::{Picture, axis, layout, line, short};
 use super::rows::Rows;
+use crate::Quantity;
 use crate::noise::bounds;
 use plotly::HeatMap;
 use plotly::common::{ColorBar, ColorScale, ColorScalePalette};
@@ -61,11 +62,12 @@ fn joints(rows: &Rows, model: usize, name: &str) -> Picture {
             *place = (place.0 + rows.residual(model, row, k).powi(2), place.1 + 1);
         }
     }
+    let one = if rows.data.quantity == Quantity::Segments { "component" } else { "joint" };
     draw(
         rows,
         &format!(
-            "Error ({name}) by each joint's own position, from the low end of its range (0 %) to the high end (100 %): a \
-             bright cell is a place where this joint fails."
+            "Error ({name}) by each {one}'s own position, from the low end of its range (0 %) to the high end (100 %): a \
+             bright cell is a place where this {one} fails."
         ),
         ("position (% of the range)", "output"),
         (centres(0.0, 100.0), (1..=n).map(|k| k as f64).collect()),

@@ -55,7 +55,9 @@ impl<'a> Rows<'a> {
     pub(super) fn outputs(&self) -> Vec<String> {
         match self.data.quantity {
             Quantity::Snake => ["bend x", "bend y"].map(str::to_owned).to_vec(),
-            Quantity::Joints | Quantity::Force => (0..self.data.n_outputs).map(|k| self.data.names.output(k)).collect(),
+            Quantity::Segments | Quantity::Joints | Quantity::Force => {
+                (0..self.data.n_outputs).map(|k| self.data.names.output(k)).collect()
+            }
         }
     }
 
@@ -63,7 +65,7 @@ impl<'a> Rows<'a> {
     pub(super) fn axes(&self) -> Vec<String> {
         match self.data.quantity {
             Quantity::Snake => ["in-plane", "out-of-plane"].map(str::to_owned).to_vec(),
-            Quantity::Joints | Quantity::Force => self.outputs(),
+            Quantity::Segments | Quantity::Joints | Quantity::Force => self.outputs(),
         }
     }
 

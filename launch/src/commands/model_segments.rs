@@ -64,7 +64,7 @@ fn first_bounds(chain: &SegmentChain, segment: usize) -> (Option<LineBound>, Opt
             let mut bends_rad = Bends::zeros();
             (bends_rad[2 * segment], bends_rad[2 * segment + 1]) =
                 (bend_rad * plane_rad.cos(), bend_rad * plane_rad.sin());
-            let moments_nm = machine.grad_energy_nm(&bends_rad) * chain.eta();
+            let moments_nm = chain.moments_nm(&bends_rad);
             let shared = machine.share_loads(&moments_nm, sharing, &[0; MAX_LINES]);
             let (bend_deg, plane_deg) = (bend_rad.to_degrees(), plane_rad.to_degrees());
             match shared.sharing {

@@ -111,6 +111,7 @@ fn simulation(config: &Config) -> anyhow::Result<Simulation> {
 /// Segments to be simulated with the dimensions that the model has.
 fn segments_of(model: &SegmentsParameters) -> SegmentsOfModel {
     let segment = |own: &SegmentParameters| SegmentTruth {
+        effects: None,
         azimuths_rad: own.lines.iter().map(|line| line.azimuth_rad).collect(),
         radii_m: own.lines.iter().map(|line| line.radius_m).collect(),
         machine: MachineTruth {

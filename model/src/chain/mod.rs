@@ -282,7 +282,7 @@ fn max_bend_rad(model: &ChainModel<f64>, strain_limit: f64) -> f64 {
 /// Every effect is a snake's, none stands there twice that may not, and none beside another law of the same thing.
 fn check_repeats(effects: &[EffectSetting]) -> Result<(), ChainError> {
     for (second, effect) in effects.iter().enumerate() {
-        if matches!(effect.kind(), EffectKind::Joint(_) | EffectKind::Force(_)) {
+        if matches!(effect.kind(), EffectKind::Joint(_) | EffectKind::Force(_) | EffectKind::OfSegment(_)) {
             return Err(ChainError::OtherMachine { name: effect.kind().name(), expected: "snake" });
         }
         // Two formulas of one name could not be told apart in a report.

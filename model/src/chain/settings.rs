@@ -321,6 +321,16 @@ pub enum ChainError {
         /// The machine's kind.
         expected: &'static str,
     },
+    /// An effect of a segment that the machine does not have.
+    #[error("effect {name} is of segment {segment}, and the machine has {n}; remove it, or name another segment")]
+    OfNoSegment {
+        /// The effect.
+        name: &'static str,
+        /// Which, from 1.
+        segment: usize,
+        /// How many there are.
+        n: usize,
+    },
     /// A compensator cannot undo an effect.
     #[error("effect {name} cannot be compensated: {reason}; remove it from the model that the compensator uses")]
     NoInverse {

@@ -12,8 +12,10 @@ pub struct Explanation {
     pub check: &'static str,
 }
 
-/// The words for an effect of this name; none for a user's own formula. Effects of snakes and joints with one name share them.
+/// The words for an effect of this name; none for a user's own formula. Effects of snakes and joints with one name share them, and
+/// those of one segment have the words of all.
 pub fn explanation(name: &str) -> Option<&'static Explanation> {
+    let name = super::of_segment::without_segment(name);
     EXPLANATIONS.iter().find(|(own, _)| *own == name).map(|(_, explanation)| explanation)
 }
 

@@ -1,6 +1,6 @@
 //! The names of all effects, and where each one's definition is.
 
-use super::{Definition, ForceEffect, encoder, extension, formula, friction, geometry, moment, shape};
+use super::{Definition, ForceEffect, SegmentEffect, encoder, extension, formula, friction, geometry, moment, shape};
 use crate::joints::JointEffect;
 
 /// One effect of `docs/physics/effects.md`.
@@ -84,6 +84,8 @@ pub enum EffectKind {
     Joint(JointEffect),
     /// An effect of a machine of kind force.
     Force(ForceEffect),
+    /// An effect of one segment of a machine of kind segments.
+    OfSegment(SegmentEffect),
 }
 
 impl EffectKind {
@@ -170,6 +172,7 @@ impl EffectKind {
             Self::Formula => &formula::FORMULA,
             Self::Joint(effect) => effect.definition(),
             Self::Force(effect) => effect.definition(),
+            Self::OfSegment(effect) => effect.definition(),
         }
     }
 

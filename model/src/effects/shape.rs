@@ -9,7 +9,7 @@ use super::definition::{Class, Definition, Hook, Inverse, Needs, effect, paramet
 use super::prepared::Prepared;
 use super::real::{Real, Scalar};
 
-const SENSOR: Inverse = Inverse::NotNeeded("it is in the camera only, and the snake is where it should be");
+pub(super) const SENSOR: Inverse = Inverse::NotNeeded("it is in the camera only, and the snake is where it should be");
 
 pub(super) static CAMERA_SCALE: Definition = Definition {
     also: &["magnification", "camera-gain", "scale", "gain"],

@@ -3,7 +3,7 @@
 use super::machine::Machine;
 use super::read::Section;
 use super::{FileEffect, ModelFileError, Origin};
-use crate::effects::{EffectKind, ForceEffect, FormulaParameter, FormulaText, Hook};
+use crate::effects::{EffectKind, ForceEffect, FormulaParameter, FormulaText, Hook, SegmentEffect};
 use crate::joints::JointEffect;
 use crate::segments::SEGMENT_EFFECTS;
 use crate::{ChainError, EffectSetting, Learn};
@@ -30,14 +30,18 @@ pub(super) fn effect(section: &Section, machine: &Machine) -> Result<FileEffect,
             }
             (None, None) => Err(kind.unknown("kind", joint_names())),
         },
-        Machine::Segments(_) => match of_snake {
-            Some(effect) if SEGMENT_EFFECTS.contains(&effect) => Ok(effect),
-            Some(other) => {
+        Machine::Segments(_) => match (of_snake, SegmentEffect::from_name(&kind.value)) {
+            (Some(effect), _) if SEGMENT_EFFECTS.contains(&effect) => Ok(effect),
+            (_, Some(effect)) => Ok(EffectKind::OfSegment(effect)),
+            (Some(other), None) => {
                 let (effect, machine) = (other.name(), "segments");
                 let allowed = SEGMENT_EFFECTS.map(EffectKind::name).join(", ");
                 Err(ModelFileError::NotForMachine { line: kind.line, effect, machine, allowed })
             }
-            None => Err(kind.unknown("kind", SEGMENT_EFFECTS.map(EffectKind::name))),
+            (None, None) => {
+                let of_one = SegmentEffect::all().map(|effect| effect.definition().name);
+                Err(kind.unknown("kind", SEGMENT_EFFECTS.map(EffectKind::name).into_iter().chain(of_one)))
+            }
         },
         Machine::Force(_) => {
             let of_force = ForceEffect::from_name(&kind.value).map(EffectKind::Force);

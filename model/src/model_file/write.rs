@@ -3,7 +3,7 @@
 use super::gripper::{self, FileGripper};
 use super::machine::{ForceMachine, Joints, Known, Machine, SNAKE_KEYS, SnakeMachine};
 use super::{FileEffect, HistoryEntry, MODEL_FILE_FORMAT, ModelFile, Origin, write_segments};
-use crate::effects::{Definition, EffectKind, FORMULA_VARIABLES, Inverse};
+use crate::effects::{Definition, EffectKind, FORMULA_VARIABLES, Inverse, SegmentEffect};
 use crate::joints::JointEffect;
 use crate::segments::{SEGMENT_EFFECTS, SegmentParameters, SegmentsParameters};
 use crate::{EffectSetting, Learn};
@@ -62,7 +62,10 @@ pub fn documented_defaults() -> String {
     }
     let names = SEGMENT_EFFECTS.map(EffectKind::name).join(", ");
     out.comment("\nAnother kind of machine, snakes in series on any lines. It can have the effects");
-    out.comment(&format!("{names}, as above and not learnt."));
+    out.comment(&format!("{names}, as above,"));
+    let of_second = SegmentEffect::all().filter(|effect| effect.segment == 1).map(|effect| effect.definition().name);
+    let of_second = of_second.collect::<Vec<_>>().join(", ");
+    out.comment(&format!("and beside them, not learnt, those of one segment: of the second one {of_second}."));
     for line in documented_segments().lines() {
         out.comment(line);
     }

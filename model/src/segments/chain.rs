@@ -1,12 +1,15 @@
 //! A model of segments, checked: the machine with those of the snake's effects that it can have.
 
 use super::friction::Friction;
+use super::of_segments::OfSegments;
 use super::sharing::LoadSharing;
-use super::{LineValues, SegmentCompensator, SegmentPredictor, Segments, SegmentsError, SegmentsParameters};
+use super::{
+    Bends, BendsByBends, LineValues, SegmentCompensator, SegmentPredictor, Segments, SegmentsError, SegmentsParameters,
+};
 use crate::effects::EffectKind;
 use crate::{ChainError, EffectSetting, LearntParameter, MAX_LEARNT};
 
-/// The effects that segments can have.
+/// The effects that segments can have for all of them alike; those of one segment are [`crate::effects::SegmentEffect`]s.
 pub const SEGMENT_EFFECTS: [EffectKind; 5] = [
     EffectKind::StiffnessScale,
     EffectKind::InsideExtension,
@@ -27,6 +30,8 @@ pub struct SegmentChain {
     pub(super) inside: f64,
     pub(super) friction: Friction,
     pub(super) half_width_m: f64,
+    /// What single segments have beside these.
+    pub(super) of_segments: OfSegments,
     learnt: Vec<LearntParameter>,
     /// The effect of each of them; each has one parameter, and all of them can be learnt.
     pub(super) lanes: Vec<EffectKind>,
@@ -45,7 +50,7 @@ impl SegmentChain {
         };
         for (second, effect) in effects.iter().enumerate() {
             let name = effect.kind().name();
-            if !SEGMENT_EFFECTS.contains(&effect.kind()) {
+            if !SEGMENT_EFFECTS.contains(&effect.kind()) && !matches!(effect.kind(), EffectKind::OfSegment(_)) {
                 return Err(ChainError::OtherMachine { name, expected: "segments" });
             }
             if let Some(first) = effects[..second].iter().position(|before| before.kind() == effect.kind()) {
@@ -75,6 +80,7 @@ impl SegmentChain {
                 capstan: capstan(mu, &machine),
             },
             half_width_m: value(EffectKind::Backlash, "half_width_m", 0.0),
+            of_segments: OfSegments::new(effects, &machine)?,
             learnt,
             lanes,
             machine,
@@ -91,9 +97,34 @@ impl SegmentChain {
         &self.sharing
     }
 
-    /// The factor eta on the elastic load.
+    /// The factor eta on the elastic load of all segments.
     pub fn eta(&self) -> f64 {
         self.eta
+    }
+
+    /// Moments that hold these bends, N m: eta grad E, eta that of all segments times each one's own.
+    pub fn moments_nm(&self, bends_rad: &Bends) -> Bends {
+        (self.machine.grad_energy_nm(bends_rad) * self.eta).component_mul(&self.of_segments.eta)
+    }
+
+    /// How these moments change with the bends, N m/rad.
+    pub(super) fn moment_slopes_nm(&self, bends_rad: &Bends) -> BendsByBends {
+        let mut slopes = self.machine.hess_energy_nm(bends_rad) * self.eta;
+        for (mut row, eta) in slopes.row_iter_mut().zip(self.of_segments.eta.iter()) {
+            row *= *eta;
+        }
+        slopes
+    }
+
+    /// Friction of a line.
+    pub(super) fn friction(&self, line: usize) -> Friction {
+        let own = self.of_segments.friction[self.machine.segment_of(line)];
+        Friction { f_s_n: self.friction.f_s_n + own.f_s_n, capstan: self.friction.capstan * own.capstan }
+    }
+
+    /// Half the play of a line, m.
+    pub(super) fn half_width_m(&self, line: usize) -> f64 {
+        self.half_width_m + self.of_segments.half_width_m[self.machine.segment_of(line)]
     }
 
     /// The parameters that are learnt while the machine moves, in the order of the effects.
@@ -133,6 +164,6 @@ impl SegmentChain {
 }
 
 /// g of the cone's two arcs.
-fn capstan(mu: f64, machine: &Segments) -> f64 {
+pub(super) fn capstan(mu: f64, machine: &Segments) -> f64 {
     (2.0 * mu * machine.phi_rad).exp()
 }

@@ -87,8 +87,10 @@ impl SegmentPredictor {
 
     /// The equilibrium for finite positions of the actuators, m; where the lines stand in the cone is still that of before.
     pub(super) fn balance(&mut self, q_tilde_m: &LineValues) {
-        let half_m = self.chain.half_width_m;
-        self.play_m.zip_apply(q_tilde_m, |play, q| *play = play.clamp(q - half_m, q + half_m));
+        for (k, (play_m, q_m)) in self.play_m.iter_mut().zip(q_tilde_m.iter()).enumerate() {
+            let half_m = self.chain.half_width_m(k);
+            *play_m = play_m.clamp(q_m - half_m, q_m + half_m);
+        }
         if self.is_rigid() {
             let bends_rad = self.chain.machine.bends_from_q(&self.play_m);
             self.unknowns.fixed_rows_mut::<MAX_BENDS>(0).copy_from(&bends_rad);
@@ -111,6 +113,11 @@ impl SegmentPredictor {
     /// The bends of the newest step, rad.
     pub fn bends_rad(&self) -> Bends {
         self.unknowns.fixed_rows::<MAX_BENDS>(0).into()
+    }
+
+    /// The bends of the newest step as the camera shows them, rad.
+    pub fn observed_rad(&self) -> Bends {
+        self.chain.of_segments.seen(&self.bends_rad())
     }
 
     /// Loads of the lines at the snake in the newest step, N, push positive.
@@ -148,8 +155,8 @@ impl SegmentPredictor {
         let (chain, machine) = (&self.chain, &self.chain.machine);
         let bends_rad: Bends = at.fixed_rows::<MAX_BENDS>(0).into();
         let (mut rest, mut tangent) = (Unknowns::zeros(), SMatrix::<f64, N, N>::identity());
-        rest.fixed_rows_mut::<MAX_BENDS>(0).copy_from(&(machine.grad_energy_nm(&bends_rad) * chain.eta));
-        let hess = machine.padded(machine.hess_energy_nm(&bends_rad) * chain.eta);
+        rest.fixed_rows_mut::<MAX_BENDS>(0).copy_from(&chain.moments_nm(&bends_rad));
+        let hess = machine.padded(chain.moment_slopes_nm(&bends_rad));
         tangent.fixed_view_mut::<MAX_BENDS, MAX_BENDS>(0, 0).copy_from(&hess);
         for j in 0..machine.n() {
             let stiffness = UNIT_M * UNIT_M / machine.axial_m_per_n[j];
@@ -206,11 +213,12 @@ impl SegmentPredictor {
         };
         let sticks_n = (self.seat_m[k] - end_m) / c_d;
         let squeeze_m = self.play_m[k] - end_m;
-        match chain.friction.load_while_pushed(squeeze_m, c_d, c_c) {
+        let friction = chain.friction(k);
+        match friction.load_while_pushed(squeeze_m, c_d, c_c) {
             Some((pushed_n, slope)) if sticks_n < pushed_n => return slid(pushed_n, slope, 1.0),
             _ => {}
         }
-        match chain.friction.load_while_pushed(-squeeze_m, c_d, c_c) {
+        match friction.load_while_pushed(-squeeze_m, c_d, c_c) {
             Some((mirrored_n, slope)) if sticks_n > -mirrored_n => slid(-mirrored_n, slope, -1.0),
             _ => Loaded { tau_n: sticks_n, slope: c_d, seat_m: self.seat_m[k], side: 0.0, c_d_m_per_n: c_d },
         }

@@ -137,9 +137,8 @@ impl SegmentCompensator {
         }
         let before = core::mem::replace(&mut self.memory.track, plan.track);
         self.turn(&before);
-        let half_width_m = self.chain.half_width_m;
         let (friction, play) = (&self.memory.friction, &self.memory.play);
-        let at = |k: usize| self.memory.track.end_m[k].at(friction[k]) + half_width_m * play[k];
+        let at = |k: usize| self.memory.track.end_m[k].at(friction[k]) + self.chain.half_width_m(k) * play[k];
         let n_lines = self.chain.machine.n_lines();
         let q_tilde_m = LineValues::from_fn(|k, _| if k < n_lines { at(k) } else { 0.0 });
         let last = SegmentCommand {
@@ -191,7 +190,7 @@ impl SegmentCompensator {
     pub fn rates_m_per_s(&self, bends_vel_rad_per_s: &Bends) -> LineValues {
         let (chain, machine) = (&self.chain, &self.chain.machine);
         let SegmentMemory { bends_rad, active, friction, last, .. } = &self.memory;
-        let moments_vel = machine.hess_energy_nm(bends_rad) * bends_vel_rad_per_s * chain.eta;
+        let moments_vel = chain.moment_slopes_nm(bends_rad) * bends_vel_rad_per_s;
         let tau_vel = if active.iter().all(|side| *side == 0) {
             machine.least_loads_n(&moments_vel)
         } else {
@@ -202,7 +201,7 @@ impl SegmentCompensator {
         let mut rates = q_vel + machine.axial_give_m(&tau_vel);
         for k in 0..machine.n_lines() {
             let inside = chain.inside * machine.give_per_n[k] * (tau_vel[k] * inside_m[k] + q_vel[k] * last.tau_n[k]);
-            let (_, slope) = chain.friction.loads(last.tau_n[k]);
+            let (_, slope) = chain.friction(k).loads(last.tau_n[k]);
             let cone = machine.c_c_m_per_n[k] * slope.at(friction[k]);
             rates[k] += inside + tau_vel[k] * (machine.c_d_m_per_n[k] + cone);
         }
@@ -255,7 +254,7 @@ impl SegmentCompensator {
     fn slopes(&self) -> (LinesByBends, LinesByBends) {
         let (chain, machine) = (&self.chain, &self.chain.machine);
         let SegmentMemory { bends_rad, active, friction, last, .. } = &self.memory;
-        let j_tau = machine.load_slopes(active) * machine.hess_energy_nm(bends_rad) * chain.eta;
+        let j_tau = machine.load_slopes(active) * chain.moment_slopes_nm(bends_rad);
         let shift = machine.axial_give_by_bends(&j_tau);
         let inside_m = machine.inside_m(&machine.q_m(bends_rad));
         let (mut seat, mut alpha) = (machine.j() + shift, shift);
@@ -263,7 +262,7 @@ impl SegmentCompensator {
             let per_n = chain.inside * machine.give_per_n[k];
             let inside = j_tau.row(k) * (per_n * inside_m[k]) + machine.j().row(k) * (per_n * last.tau_n[k]);
             let holder = inside + j_tau.row(k) * machine.c_d_m_per_n[k];
-            let (_, slope) = chain.friction.loads(last.tau_n[k]);
+            let (_, slope) = chain.friction(k).loads(last.tau_n[k]);
             let cone = j_tau.row(k) * (machine.c_c_m_per_n[k] * slope.at(friction[k]));
             seat.set_row(k, &(seat.row(k) + holder));
             alpha.set_row(k, &(alpha.row(k) + holder + cone));
@@ -276,7 +275,7 @@ impl SegmentChain {
     /// The lines at some bends, rad.
     fn plan(&self, bends_rad: &Bends, begin: &ActiveSet) -> Plan {
         let machine = &self.machine;
-        let moments_nm = machine.grad_energy_nm(bends_rad) * self.eta;
+        let moments_nm = self.moments_nm(bends_rad);
         let loads = machine.share_loads(&moments_nm, &self.sharing, begin);
         let q_m = machine.q_m(bends_rad);
         let inside_m = machine.inside_m(&q_m);
@@ -285,7 +284,7 @@ impl SegmentChain {
         for k in 0..machine.n_lines() {
             let tau_n = loads.tau_n[k];
             seat_m[k] += tau_n * (self.inside * machine.give_per_n[k] * inside_m[k] + machine.c_d_m_per_n[k]);
-            let (load, _) = self.friction.loads(tau_n);
+            let (load, _) = self.friction(k).loads(tau_n);
             let c_c = machine.c_c_m_per_n[k];
             tau_tilde_n[k] = load;
             end_m[k] = Span { middle: seat_m[k] + c_c * load.middle, half: c_c * load.half };

@@ -63,9 +63,9 @@ impl SegmentTangents {
 
     /// The plays take their slope from the half-width where they are at its end.
     fn note_plays(&mut self, q_tilde_m: &LineValues) {
-        let (wider_m, half_m) = (self.seed(EffectKind::Backlash), self.plain.chain.half_width_m);
+        let wider_m = self.seed(EffectKind::Backlash);
         for k in 0..self.plain.chain.machine.n_lines() {
-            let play_m = self.plain.play_m[k];
+            let (play_m, half_m) = (self.plain.play_m[k], self.plain.chain.half_width_m(k));
             if play_m < q_tilde_m[k] - half_m {
                 self.play_m.set_row(k, &-wider_m);
             } else if play_m > q_tilde_m[k] + half_m {
@@ -83,7 +83,7 @@ impl SegmentTangents {
         if side == 0.0 {
             return ((self.seat_m.row(k) - softer * tau_n) / slope, softer);
         }
-        let (cone_n, capstan) = chain.friction.pushed(side * tau_n);
+        let (cone_n, capstan) = chain.friction(k).pushed(side * tau_n);
         // d g' = +-2 phi g' d mu, + where it enlarges the load.
         let sharper = self.seed(EffectKind::ConeFriction) * (2.0 * machine.phi_rad * cone_n.signum());
         let rubs = sharper * cone_n + self.seed(EffectKind::StaticFriction) * capstan;
@@ -100,7 +100,7 @@ impl SegmentTangents {
         }
         let at = &self.plain.unknowns;
         let mut rest = SMatrix::<f64, N, MAX_LEARNT>::zeros();
-        let grad = machine.grad_energy_nm(&self.plain.bends_rad());
+        let grad = machine.grad_energy_nm(&self.plain.bends_rad()).component_mul(&chain.of_segments.eta);
         rest.fixed_rows_mut::<MAX_BENDS>(0).copy_from(&(grad * self.seed(EffectKind::StiffnessScale)));
         let row = |k: usize| SegmentPredictor::row(machine.j(), machine.segment_of(k), k);
         for k in 0..machine.n_lines() {
@@ -135,13 +135,17 @@ impl SlopedPredictor<MAX_BENDS, MAX_LINES> for SegmentTangents {
     ) -> ([f64; MAX_BENDS], SMatrix<f64, MAX_BENDS, MAX_LEARNT>) {
         let q_tilde_m = LineValues::from(*q_tilde_m);
         if !q_tilde_m.iter().all(|q| q.is_finite()) {
-            return (self.plain.bends_rad().into(), SMatrix::zeros());
+            return (self.plain.observed_rad().into(), SMatrix::zeros());
         }
         self.note_plays(&q_tilde_m);
         self.plain.balance(&q_tilde_m);
         self.note_equilibrium();
         self.plain.settle();
-        (self.plain.bends_rad().into(), self.unknowns.fixed_rows::<MAX_BENDS>(0).into())
+        let mut slopes: SMatrix<f64, MAX_BENDS, MAX_LEARNT> = self.unknowns.fixed_rows::<MAX_BENDS>(0).into();
+        for (mut row, scale) in slopes.row_iter_mut().zip(self.plain.chain.of_segments.seen_scale.iter()) {
+            row *= *scale;
+        }
+        (self.plain.observed_rad().into(), slopes)
     }
 
     /// Also moves everything that is remembered to where it would be, to first order, had the values been these all along.
