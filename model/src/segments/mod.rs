@@ -10,8 +10,9 @@
 //! q~_k = q_k + sum_(j <= m) u_j + eps_k(tau_k),   u_j = (L_j/E A_j) sum_(k passes j) tau_k
 //! ```
 //!
-//! where: eta may be another in each segment, as may friction and play of its lines; u_j is what segment j's primary backbone is stretched by the loads that pass it, which vanishes where they sum to
-//! zero. Rows of unused lines and columns of unused segments are zero everywhere.
+//! where: u_j is what segment j's primary backbone is stretched by the loads that pass it, which vanishes where they sum to
+//! zero. Rows of unused lines and columns of unused segments are zero everywhere. Eta may be another in each segment, as may
+//! friction and play of its lines.
 //!
 //! Source: the paper's Eqs. (1), (9)-(11) and (26) for each segment; for more than one by virtual work on the sum of the energies.
 //! The paper shows two sections and does not say how lines pass: that they keep their azimuth is an assumption.
