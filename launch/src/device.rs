@@ -14,7 +14,9 @@ pub const SERIAL_KEY: &str = "device_serial";
 /// is named as that, and the serial number says that there is none.
 pub fn enter(metadata: &mut BTreeMap<String, String>, config: &MasterConfig, master: MasterKind, input: Option<&Path>) {
     let (device, serial) = match (master, input) {
-        (MasterKind::Hid, _) if config.profile.is_some() => (profiled(config.profile.as_deref(), config.node.as_deref()), "none (it tells none)".to_owned()),
+        (MasterKind::Hid, _) if config.profile.is_some() => {
+            (profiled(config.profile.as_deref(), config.node.as_deref()), "none (it tells none)".to_owned())
+        }
         (MasterKind::Hid, _) => live(krait_master::chosen_device(&config.device)),
         (MasterKind::Browser, _) => ("drive pad of the console's page".to_owned(), "none (drive pad)".to_owned()),
         (MasterKind::Pose, _) => {

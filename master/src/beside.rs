@@ -180,7 +180,8 @@ mod tests {
         hand.check().expect("the cap's button gives way");
         assert_eq!(hand.kept_buttons(), !(1 | 1 << 9));
         let said = hand.sentence();
-        for part in ["the SpaceMouse and beside it \"Pedal\" (button 0, button 9)", "does nothing", "whichever is lost"] {
+        for part in ["the SpaceMouse and beside it \"Pedal\" (button 0, button 9)", "does nothing", "whichever is lost"]
+        {
             assert!(said.contains(part), "{said}");
         }
         let stick = joined(Some(profile("Stick", &["x"], &[1])), &[pedal]);

@@ -1,6 +1,9 @@
 //! The master's settings: one documented struct, checked once at load, so that no step meets a value out of range.
 
-use crate::{AxisMap, BesideConfig, DeviceChoice, Engage, HoldButton, LiveMotion, MAX_DEVICES, MasterError, PoseConfig, Presence, PressButton};
+use crate::{
+    AxisMap, BesideConfig, DeviceChoice, Engage, HoldButton, LiveMotion, MAX_DEVICES, MasterError, PoseConfig,
+    Presence, PressButton,
+};
 use krait_ipc::settings;
 use std::path::PathBuf;
 

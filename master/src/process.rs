@@ -4,7 +4,8 @@ use crate::feedback::Feedback;
 use crate::report_log::ReportLog;
 use crate::ticker::Ticker;
 use crate::{
-    BesideEvent, Engage, MasterConfig, MasterCore, MasterError, PoseRefusal, RawReport, ReportSource, SourceChoice, SourceEvent,
+    BesideEvent, Engage, MasterConfig, MasterCore, MasterError, PoseRefusal, RawReport, ReportSource, SourceChoice,
+    SourceEvent,
 };
 use krait_ipc::message::{DeviceState, Marker, MotionWish, OperatorInput, SlaveState};
 use krait_ipc::{Bus, HealthReporter, Process, ReadOptions, Reader, Reason, Reasons, Writer, clock};

@@ -1,7 +1,7 @@
 //! Plays a recording by its stamps, so that the chain meets the very bytes at the very pace of a device.
 
-use crate::source::sleep_until;
 use crate::recording::StampedReport;
+use crate::source::sleep_until;
 use crate::{BesideEvent, HidRecording, Layout, ReportSource, SourceEvent};
 use std::net::{Ipv4Addr, SocketAddr};
 

@@ -4,8 +4,8 @@
 use crate::given_back_source::GivenBackSource;
 use crate::lights::Lights;
 use crate::{
-    BrowserSource, GuidePlan, GuideSource, HidRecording, HidSource, JoinedSource, Layout, MasterConfig, MasterCore, MasterError,
-    PoseSource, Profile, RawReport, RecordingSource, Script, ScriptSample, ScriptSource,
+    BrowserSource, GuidePlan, GuideSource, HidRecording, HidSource, JoinedSource, Layout, MasterConfig, MasterCore,
+    MasterError, PoseSource, Profile, RawReport, RecordingSource, Script, ScriptSample, ScriptSource,
 };
 use krait_ipc::message::{DriveWish, Marker};
 use krait_ipc::{Bus, clock};

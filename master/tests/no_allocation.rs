@@ -15,7 +15,8 @@ fn no_report_tick_or_event_allocates() {
         MasterCore::with_pad(&MasterConfig { engage: Engage::Once, ..MasterConfig::default() }).expect("default");
     let mut pose =
         MasterCore::with_pose(&MasterConfig { engage: Engage::Once, ..MasterConfig::default() }).expect("default");
-    let mut joined = MasterCore::new(&MasterConfig { engage: Engage::Once, ..MasterConfig::default() }).expect("default");
+    let mut joined =
+        MasterCore::new(&MasterConfig { engage: Engage::Once, ..MasterConfig::default() }).expect("default");
     let (push, rest, press, let_go) = ([1, 200, 0, 0, 0, 0, 0], [1, 0, 0, 0, 0, 0, 0], [3, 1, 0], [3, 0, 0]);
     let sender = std::net::SocketAddr::from(([127, 0, 0, 1], 1));
     let mut n_moving = 0;

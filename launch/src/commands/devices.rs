@@ -54,7 +54,8 @@ pub fn run(common: &Common, args: &DevicesArgs) -> anyhow::Result<ExitCode> {
         "--node says which device --profile is of, or is for --live and --calibrate; add one of them, or leave it out for the list"
     );
     // One's own comes first.
-    let mut own = Vec::from_iter(args.profile.as_deref().map(|path| profile_of(path, args.node.as_deref())).transpose()?);
+    let mut own =
+        Vec::from_iter(args.profile.as_deref().map(|path| profile_of(path, args.node.as_deref())).transpose()?);
     if let Some(path) = &common.config {
         own.extend(JoinedHand::read(&Config::load(Some(path))?.master)?.profiles().cloned());
     }

@@ -33,7 +33,9 @@ impl Both {
 fn report_of(event: SourceEvent) -> Option<(usize, i64, Vec<u8>)> {
     let (device, stamp_ns, report) = match event {
         SourceEvent::HidReport { stamp_ns, report } => (0, stamp_ns, report),
-        SourceEvent::Beside { device, event: BesideEvent::HidReport { stamp_ns, report } } => (device, stamp_ns, report),
+        SourceEvent::Beside { device, event: BesideEvent::HidReport { stamp_ns, report } } => {
+            (device, stamp_ns, report)
+        }
         _ => return None,
     };
     Some((device, stamp_ns, report.as_bytes().to_vec()))
