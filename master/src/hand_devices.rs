@@ -16,7 +16,9 @@ struct OneDevice {
     monitor: DeviceMonitor,
     /// Buttons that were down when the hand was lost: each counts only from its next press.
     held_over: u32,
-    /// Whether it was plugged in again and has not spoken since.
+    /// Whether it has ever told where its axes are.
+    has_axes: bool,
+    /// Whether it has axes, was plugged in again and has not spoken since.
     is_unheard: bool,
     /// Kinds of motion report (translation, rotation, both) that no input has carried yet.
     is_unpublished: [bool; 3],
@@ -31,8 +33,8 @@ impl HandDevices {
     pub(crate) fn new(silence_limit_ns: i64) -> Self {
         let monitor = DeviceMonitor::new(silence_limit_ns);
         let decoder = Decoder::default();
-        let (held_over, is_unheard, is_unpublished) = (0, false, [false; 3]);
-        Self([OneDevice { decoder, monitor, held_over, is_unheard, is_unpublished }; MAX_DEVICES])
+        let (held_over, has_axes, is_unheard, is_unpublished) = (0, false, false, [false; 3]);
+        Self([OneDevice { decoder, monitor, held_over, has_axes, is_unheard, is_unpublished }; MAX_DEVICES])
     }
 
     /// Takes a report of one device in. Says too whether it replaced one of its kind that no input has carried.
@@ -59,6 +61,7 @@ impl HandDevices {
                 return Ok((report, false));
             }
         };
+        one.has_axes = true;
         one.monitor.on_motion(one.decoder.axes() != [0; 6], stamp_ns);
         Ok((report, std::mem::replace(&mut one.is_unpublished[kind_idx], true)))
     }
@@ -78,7 +81,8 @@ impl HandDevices {
         let one = self.one(device);
         one.monitor.on_plugged();
         one.decoder.forget_device();
-        (one.held_over, one.is_unheard) = (0, true);
+        // A hand controller has axes, whether it has told of them or not.
+        (one.held_over, one.is_unheard) = (0, one.has_axes || device == 0);
     }
 
     /// Every device begins anew.
@@ -98,7 +102,7 @@ impl HandDevices {
         told.into_iter().find(|state| states.contains(state)).unwrap_or(DeviceState::Waiting)
     }
 
-    /// Whether every device that was plugged in again has spoken since.
+    /// Whether every device with axes that was plugged in again has spoken since.
     pub(crate) fn are_heard(&self) -> bool {
         self.0.iter().all(|one| !one.is_unheard)
     }

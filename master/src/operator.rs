@@ -13,7 +13,7 @@ pub struct Hand {
     pub buttons: u32,
     /// Whether the device can be trusted.
     pub device: DeviceState,
-    /// Whether all of it has spoken since it was plugged in again: axes of which nothing is known are not at rest.
+    /// Whether whatever has axes has spoken since it was plugged in again: axes of which nothing is known are not at rest.
     pub is_heard: bool,
 }
 

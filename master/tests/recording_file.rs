@@ -72,7 +72,7 @@ fn each_damage_is_named_with_its_line_what_was_expected_and_what_was_found() {
     for (from, to, named) in [
         ("046d:c626", "46d:c626", "line 2: expected `device <vid>:<pid>` in hexadecimal, found \"device 46d:c626\""),
         ("layout split", "layout odd", "line 3: expected `layout split`"),
-        ("note a", "nota", "line 4: expected `note ...` or `reports`"),
+        ("note a", "nota", "line 4: expected `note ...`, `beside <vid>:<pid>` or `reports`"),
         ("0 0100", "1 0100", "line 6: expected 0 as the first stamp, found 1 ns"),
         ("0 0100", "+0 0100", "line 6: expected `stamp_ns hexbytes`"),
         ("8000000 0301", "-5 0301", "line 8: expected `stamp_ns hexbytes`"),

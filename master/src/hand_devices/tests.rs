@@ -86,6 +86,18 @@ fn a_cap_that_is_held_while_it_comes_back_must_have_been_still_whatever_the_peda
 }
 
 #[test]
+fn a_pedal_that_is_back_and_has_not_spoken_keeps_no_cap_from_being_still() {
+    let mut core = moving();
+    core.on_unplugged_of(PEDAL);
+    core.on_plugged_of(PEDAL);
+    says(&mut core, HAND, AT_REST, 4 * MS);
+    core.on_tick(5 * MS);
+    says(&mut core, PEDAL, HidReport::Buttons(1), 6 * MS);
+    says(&mut core, HAND, PUSHED, 6 * MS);
+    assert!(moves(&core.on_tick(7 * MS)), "pressed and pushed at once");
+}
+
+#[test]
 fn a_device_that_has_not_spoken_is_not_lost_and_each_falls_silent_by_its_own_rules() {
     let mut core = core();
     assert_eq!(core.on_tick(0).device(), Some(DeviceState::Waiting));

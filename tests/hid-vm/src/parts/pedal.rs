@@ -17,8 +17,8 @@ use std::time::Duration;
 
 const MOVED_DEG: f64 = 2.0;
 const REPORTS: &str = "/tmp/pedal.krr";
-/// Two ticks and the kernel's own time to say that a device is gone, ns.
-const TOLD_NS: i64 = 20_000_000;
+/// The master's silence limit: a loss that is told sooner was told by the kernel, ns.
+const TOLD_NS: i64 = 100_000_000;
 /// How long the snake may take to brake, ns.
 const BRAKING_NS: i64 = 100_000_000;
 /// Longer than the master's pause between two searches.
@@ -49,8 +49,8 @@ pub fn pedal() -> anyhow::Result<PartVerdict> {
         listed.stdout.lines().any(|line| line.contains("05f3:00ff") && line.contains("Pedal")),
         "Pedal",
     );
-    let chain = VmChain::start_with("pedal", User::Root, 12.0, &["--config", config])?;
-    mouse.wait_until_read()?;
+    let chain = VmChain::start_with("pedal", User::Root, 24.0, &["--config", config])?;
+    mouse.wait_until_read().context("at the start")?;
     let other = VmEnded::of(
         User::Root,
         &["run", "--master", "hid", "--config", config, "--instance", "other", "--no-recording", "--seconds", "1"],
@@ -113,7 +113,7 @@ fn play(mut mouse: SpaceMouse, mut pedal: Pedal) -> anyhow::Result<Instants> {
     mouse.unplug()?;
     sleep(Duration::from_millis(400));
     let mut mouse = SpaceMouse::plug(Model::Compact)?;
-    mouse.wait_until_read()?;
+    mouse.wait_until_read().context("plugged in again")?;
     mouse.release()?;
     mouse.hold(250, 100)?;
     pedal.hold(0b101)?;
