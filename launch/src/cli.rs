@@ -13,6 +13,7 @@ use crate::cli_process::ProcessVerb;
 use crate::cli_replay::{CompareArgs, ReplayArgs};
 use crate::in_force::Compensation;
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use krait_master::BesideConfig;
 use krait_slave::DriveKind;
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -231,6 +232,10 @@ pub struct RunArgs {
     /// The device that --profile is of, as in /dev/input/by-id/...-event-mouse; without it that which the profile names.
     #[arg(long, value_name = "NODE", requires = "profile")]
     pub node: Option<PathBuf>,
+    /// Profile of a device beside that one, such as a pedal, whose buttons and axes join its (docs/hands.md), and its node if the profile does
+    /// not name it; up to three times. Takes the place of [[master.beside]].
+    #[arg(long, value_name = "FILE[=NODE]")]
+    pub beside: Vec<BesideConfig>,
     /// The address of this machine on which poses are awaited, for `--master pose`.
     #[arg(long, value_name = "ADDRESS:PORT")]
     pub listen: Option<SocketAddr>,

@@ -1,7 +1,7 @@
 //! Whose reports a recording rests on: the operator's device and its serial number, for the recording's metadata.
 
 use crate::cli::MasterKind;
-use krait_master::{DeviceInfo, HidRecording, Layout, MasterConfig, Profile, ProfileDevice};
+use krait_master::{BesideConfig, DeviceInfo, HidRecording, Layout, MasterConfig, Profile, ProfileDevice};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -14,7 +14,9 @@ pub const SERIAL_KEY: &str = "device_serial";
 /// is named as that, and the serial number says that there is none.
 pub fn enter(metadata: &mut BTreeMap<String, String>, config: &MasterConfig, master: MasterKind, input: Option<&Path>) {
     let (device, serial) = match (master, input) {
-        (MasterKind::Hid, _) if config.profile.is_some() => (profiled(config), "none (it tells none)".to_owned()),
+        (MasterKind::Hid, _) if config.profile.is_some() => {
+            (profiled(config.profile.as_deref(), config.node.as_deref()), "none (it tells none)".to_owned())
+        }
         (MasterKind::Hid, _) => live(krait_master::chosen_device(&config.device)),
         (MasterKind::Browser, _) => ("drive pad of the console's page".to_owned(), "none (drive pad)".to_owned()),
         (MasterKind::Pose, _) => {
@@ -28,13 +30,19 @@ pub fn enter(metadata: &mut BTreeMap<String, String>, config: &MasterConfig, mas
             (format!("script {name}"), "none (script)".to_owned())
         }
     };
+    let device = if master == MasterKind::Hid { device + &beside(config) } else { device };
     metadata.insert(DEVICE_KEY.to_owned(), device);
     metadata.insert(SERIAL_KEY.to_owned(), serial);
 }
 
-fn profiled(config: &MasterConfig) -> String {
-    let path = config.profile.as_deref();
-    match path.map(|path| Profile::of_device(path, config.node.as_deref())) {
+/// The devices beside it, each with what stands between.
+fn beside(config: &MasterConfig) -> String {
+    let named = |one: &BesideConfig| format!(" with {}", profiled(Some(&one.profile), one.node.as_deref()));
+    config.beside.iter().map(named).collect()
+}
+
+fn profiled(path: Option<&Path>, node: Option<&Path>) -> String {
+    match path.map(|path| Profile::of_device(path, node)) {
         Some(Ok(profile)) => match profile.device {
             ProfileDevice::Id(vendor_id, product_id) => format!("{vendor_id:04x}:{product_id:04x} {}", profile.name),
             ProfileDevice::Path(node) => format!("{} {}", node.display(), profile.name),
@@ -93,6 +101,21 @@ mod tests {
         let (device, serial) = entered(MasterKind::Script, Some(Path::new("flick.csv")));
         assert_eq!((device.as_str(), serial.as_str()), ("script flick.csv", "none (script)"));
         assert_eq!(entered(MasterKind::Browser, None).1, "none (drive pad)");
+    }
+
+    #[test]
+    fn a_pedal_beside_the_hand_is_named_with_it_and_beside_recorded_reports_there_is_none() {
+        let pedal = BesideConfig { profile: "keyboard".into(), node: Some("/dev/input/event9".into()) };
+        let stick = Some("extreme-3d-pro".into());
+        let config = MasterConfig { profile: stick, beside: vec![pedal], ..MasterConfig::default() };
+        for (master, due) in [
+            (MasterKind::Hid, "046d:c215 Logitech Extreme 3D Pro with /dev/input/event9 "),
+            (MasterKind::Replay, "recorded reports of 046d:c626 (the shipped ones)"),
+        ] {
+            let mut metadata = BTreeMap::new();
+            enter(&mut metadata, &config, master, None);
+            assert!(metadata[DEVICE_KEY].starts_with(due), "{}", metadata[DEVICE_KEY]);
+        }
     }
 
     #[test]

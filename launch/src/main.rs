@@ -66,7 +66,7 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
     match cli.verb.unwrap_or_default() {
         Verb::Demo(args) => commands::demo::run(&cli.common, &args),
         Verb::Run(args) => commands::run::run(&cli.common, &args),
-        Verb::Devices(args) => commands::devices::run(&args),
+        Verb::Devices(args) => commands::devices::run(&cli.common, &args),
         Verb::Drives(args) => commands::drives::run(&cli.common, &args),
         Verb::Paper(args) => commands::paper::run(&args),
         Verb::Experiment(verb) => commands::experiment::run(&cli.common, &verb),

@@ -1,6 +1,9 @@
 //! The master's settings: one documented struct, checked once at load, so that no step meets a value out of range.
 
-use crate::{AxisMap, DeviceChoice, Engage, HoldButton, LiveMotion, MasterError, PoseConfig, Presence, PressButton};
+use crate::{
+    AxisMap, BesideConfig, DeviceChoice, Engage, HoldButton, LiveMotion, MAX_DEVICES, MasterError, PoseConfig,
+    Presence, PressButton,
+};
 use krait_ipc::settings;
 use std::path::PathBuf;
 
@@ -49,6 +52,9 @@ settings! {
         /// Node of the kernel's input system that is the profile's device, as in `/dev/input/by-id/...-event-mouse`; none by default:
         /// the one that the profile names.
         node: Option<PathBuf> = None;
+        /// Devices beside that one whose buttons and axes join its, as pedals are (docs/hands.md): `[[master.beside]]` with `profile` and `node` as
+        /// here, at most three; none by default.
+        beside: Vec<BesideConfig> = Vec::new();
         /// Socket of spacenavd, as in "/run/spnav.sock" (docs/hands.md), through which the device is then read; none by default.
         spacenavd: Option<PathBuf> = None;
         /// The hand that a pose sender follows (`--master pose`).
@@ -87,6 +93,9 @@ impl MasterConfig {
                 socket.display(),
                 "no `profile` beside it: the daemon says itself what is what",
             ));
+        }
+        if self.beside.len() >= MAX_DEVICES {
+            return Err(refusal("beside", self.beside.len(), "at most three devices beside the hand controller"));
         }
         self.check_buttons()
     }

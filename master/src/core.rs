@@ -1,10 +1,11 @@
 //! The master without its process: reports and instants in, `OperatorInput` out. Pure, so that a replay gives the same bytes.
 
 use crate::grip::Grip;
+use crate::hand_devices::HandDevices;
 use crate::live_motion::{LiveMotion, Presses};
 use crate::operator::{flags, jaw_flags};
 use crate::pad::{PadLease, PadRefusal};
-use crate::{Decoder, DeviceMonitor, Hand, HidReport, MasterConfig, MasterError, Operator, OperatorMotion, Refusal};
+use crate::{Hand, HidReport, MasterConfig, MasterError, Operator, OperatorMotion, Refusal};
 use crate::{PoseHand, PoseRefusal, ReportCounts, Response, ScriptSample};
 use krait_ipc::message::{DeviceState, DriveWish, HopStamps, MotionWish, OperatorInput};
 use std::net::SocketAddr;
@@ -12,8 +13,7 @@ use std::net::SocketAddr;
 /// Everything that the master knows between two inputs.
 #[derive(Clone, Copy, Debug)]
 pub struct MasterCore {
-    decoder: Decoder,
-    monitor: DeviceMonitor,
+    devices: HandDevices,
     operator: Operator,
     grip: Grip,
     script: Option<ScriptSample>,
@@ -25,8 +25,6 @@ pub struct MasterCore {
     live: LiveMotion,
     sequence: u64,
     n_drained: u64,
-    // Kinds of motion report (translation, rotation, both) that no input has carried yet.
-    is_unpublished: [bool; 3],
 }
 
 impl MasterCore {
@@ -37,8 +35,7 @@ impl MasterCore {
     pub fn new(config: &MasterConfig) -> Result<Self, MasterError> {
         config.check()?;
         Ok(Self {
-            decoder: Decoder::default(),
-            monitor: DeviceMonitor::new(config.silence_limit_ns()),
+            devices: HandDevices::new(config.silence_limit_ns()),
             operator: Operator::new(config),
             grip: Grip::new(config.engage),
             script: None,
@@ -50,7 +47,6 @@ impl MasterCore {
             live: config.begin,
             sequence: 0,
             n_drained: 0,
-            is_unpublished: [false; 3],
         })
     }
 
@@ -122,18 +118,23 @@ impl MasterCore {
     /// # Real-time
     /// No allocation, no blocking.
     pub fn on_report(&mut self, bytes: &[u8], stamp_ns: i64) -> Result<HidReport, Refusal> {
+        self.on_report_of(0, bytes, stamp_ns)
+    }
+
+    /// The same of one of the hand's devices: 0 is the hand controller, 1 to 3 are those beside it; a higher number counts as 3.
+    ///
+    /// # Errors
+    /// As [`MasterCore::on_report`].
+    ///
+    /// # Real-time
+    /// No allocation, no blocking.
+    pub fn on_report_of(&mut self, device: usize, bytes: &[u8], stamp_ns: i64) -> Result<HidReport, Refusal> {
         self.watch(stamp_ns);
-        let report = self.decoder.on_report(bytes)?;
-        match report {
-            HidReport::Translation(_) => self.on_motion(0, stamp_ns),
-            HidReport::Rotation(_) => self.on_motion(1, stamp_ns),
-            HidReport::Motion(_) => self.on_motion(2, stamp_ns),
-            HidReport::Buttons(buttons) => {
-                let pressed = self.operator.on_buttons(buttons);
-                self.live.press(&self.presses, pressed);
-                self.monitor.on_other(stamp_ns);
-            }
-            HidReport::Battery { .. } => self.monitor.on_other(stamp_ns),
+        let (report, is_drained) = self.devices.on_report(device, bytes, stamp_ns)?;
+        self.n_drained += u64::from(is_drained);
+        if let HidReport::Buttons(_) = report {
+            let pressed = self.operator.on_buttons(self.devices.buttons());
+            self.live.press(&self.presses, pressed);
         }
         Ok(report)
     }
@@ -152,13 +153,18 @@ impl MasterCore {
 
     /// The device is gone.
     pub fn on_unplugged(&mut self) {
+        self.on_unplugged_of(0);
+    }
+
+    /// One of the hand's devices is gone, and with it the hand.
+    pub fn on_unplugged_of(&mut self, device: usize) {
         if let Some((lease, _)) = &mut self.pad {
             lease.lose();
         }
         if let Some((hand, _)) = &mut self.pose {
             hand.lose();
         }
-        self.monitor.on_unplugged();
+        self.devices.on_unplugged(device);
         self.lose();
     }
 
@@ -170,12 +176,16 @@ impl MasterCore {
 
     /// A device is there again: nothing is known of its axes and buttons.
     pub fn on_plugged(&mut self) {
-        self.monitor.on_plugged();
+        self.on_plugged_of(0);
+    }
+
+    /// One of the hand's devices is there again. Presence must be given anew, also by those that were there all the time.
+    pub fn on_plugged_of(&mut self, device: usize) {
         if let Some((hand, _)) = &mut self.pose {
             hand.forget();
         }
-        self.decoder.forget_device();
-        self.operator.on_loss();
+        self.devices.on_plugged(device);
+        self.lose();
     }
 
     /// A script says directly what the operator asks for; its limits were checked when it was read.
@@ -194,6 +204,7 @@ impl MasterCore {
     /// The recording or script begins again.
     pub fn on_restarted(&mut self) {
         self.is_ended = false;
+        self.devices.on_restarted();
         self.on_plugged();
     }
 
@@ -203,7 +214,7 @@ impl MasterCore {
     /// No allocation, no blocking.
     pub fn on_tick(&mut self, now_ns: i64) -> OperatorInput {
         self.watch(now_ns);
-        self.is_unpublished = [false; 3];
+        self.devices.on_published();
         self.sequence += 1;
         let device = self.device_state(now_ns);
         let mut motion = self.motion(device, now_ns);
@@ -225,7 +236,7 @@ impl MasterCore {
                 .scaled(motion.tip_angular_vel_in_view_rad_per_s, OperatorInput::ROTATION_LOCKED),
             raw_axes: self.raw_axes(),
             flags: motion.flags | self.live.locks | if self.is_given_back { OperatorInput::GIVEN_BACK } else { 0 },
-            buttons: self.pose.as_ref().map_or(self.decoder.buttons(), |(hand, _)| hand.buttons()),
+            buttons: self.pose.as_ref().map_or(self.devices.buttons(), |(hand, _)| hand.buttons()),
             device_state: device as u32,
             scale_permille: self.live.scale_permille,
             n_reports,
@@ -235,14 +246,8 @@ impl MasterCore {
     }
 
     /// What was decoded and refused so far.
-    pub fn counts(&self) -> &ReportCounts {
-        self.decoder.counts()
-    }
-
-    fn on_motion(&mut self, kind_idx: usize, now_ns: i64) {
-        self.n_drained += u64::from(self.is_unpublished[kind_idx]);
-        self.is_unpublished[kind_idx] = true;
-        self.monitor.on_motion(self.decoder.axes() != [0; 6], now_ns);
+    pub fn counts(&self) -> ReportCounts {
+        self.devices.counts()
     }
 
     /// Notes a loss before anything else happens at this instant, even if the process slept while the device was silent.
@@ -253,23 +258,25 @@ impl MasterCore {
         if let Some((hand, _)) = &mut self.pose {
             hand.watch(now_ns);
         }
-        if self.monitor.state(now_ns) == DeviceState::Lost {
+        if self.is_given_back || self.devices.state(now_ns) == DeviceState::Lost {
             self.lose();
         }
     }
 
     fn lose(&mut self) {
-        self.decoder.forget_buttons();
+        self.devices.lose();
         self.operator.on_loss();
     }
 
     fn device_state(&self, now_ns: i64) -> DeviceState {
         match (&self.pad, &self.pose, self.script) {
             _ if self.is_ended => DeviceState::Ended,
+            // What another device of the hand still says ends nothing.
+            _ if self.is_given_back => DeviceState::Lost,
             (Some((lease, _)), ..) => lease.state(),
             (None, Some((hand, _)), _) => hand.state(),
             (None, None, Some(_)) => DeviceState::Live,
-            (None, None, None) => self.monitor.state(now_ns),
+            (None, None, None) => self.devices.state(now_ns),
         }
     }
 
@@ -277,14 +284,14 @@ impl MasterCore {
         if let Some((hand, _)) = &self.pose {
             return hand.raw_axes();
         }
-        let Some((lease, _)) = &self.pad else { return self.decoder.axes() };
+        let Some((lease, _)) = &self.pad else { return self.devices.axes() };
         // A deflection is at most a thousand thousandths.
         let [x, y] = lease.deflection_permille().unwrap_or_default().map(|permille| permille as i16);
         [x, y, 0, 0, 0, 0]
     }
 
     fn n_reports_and_refused(&self) -> (u64, u64) {
-        let decoded = self.decoder.counts();
+        let decoded = self.devices.counts();
         let of_hand = self.pose.as_ref().map(|(hand, _)| hand.counts());
         let of_pad = self.pad.as_ref().map(|(lease, _)| lease.counts());
         of_hand.or(of_pad).unwrap_or((decoded.n_decoded, decoded.n_refused()))
@@ -314,7 +321,12 @@ impl MasterCore {
                 let flags = flags(sample.is_present, sample.is_clutched) | jaw_flags(jaw > 0, jaw < 0);
                 OperatorMotion { tip_vel_in_view_m_per_s, tip_angular_vel_in_view_rad_per_s, flags }
             }
-            _ => self.operator.step(&Hand { axes: self.decoder.axes(), buttons: self.decoder.buttons(), device }),
+            _ => self.operator.step(&Hand {
+                axes: self.devices.axes(),
+                buttons: self.devices.buttons(),
+                device,
+                is_heard: self.devices.are_heard(),
+            }),
         }
     }
 }

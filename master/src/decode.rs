@@ -31,6 +31,19 @@ pub fn led_report(is_on: bool) -> [u8; 2] {
     [ID_LED, u8::from(is_on)]
 }
 
+/// A report in which only these buttons may be down; every other report as it is.
+pub(crate) fn with_buttons(report: RawReport, kept: u32) -> RawReport {
+    let mut bytes = [0; RawReport::MAX_BYTES];
+    let len = report.as_bytes().len();
+    bytes[..len].copy_from_slice(report.as_bytes());
+    if bytes[0] == ID_BUTTONS {
+        for (byte, kept) in bytes[1..].iter_mut().zip(kept.to_le_bytes()) {
+            *byte &= kept;
+        }
+    }
+    RawReport::clipped(&bytes[..len])
+}
+
 /// How a device puts its six axes into reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Layout {

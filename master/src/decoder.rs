@@ -24,6 +24,18 @@ impl ReportCounts {
     pub fn n_refused(&self) -> u64 {
         self.n_empty + self.n_unknown + self.n_short + self.n_long + self.n_out_of_range
     }
+
+    /// Both together.
+    pub(crate) fn plus(self, other: &Self) -> Self {
+        Self {
+            n_decoded: self.n_decoded + other.n_decoded,
+            n_empty: self.n_empty + other.n_empty,
+            n_unknown: self.n_unknown + other.n_unknown,
+            n_short: self.n_short + other.n_short,
+            n_long: self.n_long + other.n_long,
+            n_out_of_range: self.n_out_of_range + other.n_out_of_range,
+        }
+    }
 }
 
 /// What is known of the device's axes, buttons and battery from its reports so far.
@@ -85,12 +97,7 @@ impl Decoder {
         &self.counts
     }
 
-    /// Forgets pressed buttons: after a loss nobody knows whether they are still held.
-    pub fn forget_buttons(&mut self) {
-        self.buttons = 0;
-    }
-
-    /// Forgets the axes too: another device, or the same one anew, starts at rest.
+    /// Forgets axes and buttons: another device, or the same one anew, starts at rest.
     pub fn forget_device(&mut self) {
         *self = Self { counts: self.counts, ..Self::default() };
     }

@@ -118,6 +118,31 @@ pub enum MasterError {
         /// The profile.
         profile: PathBuf,
     },
+    /// Two devices of one hand say the same.
+    #[error(
+        "{what} of the hand comes from both {first} and {second}: expected one device for each axis and button; leave it out of the profile of one of them (docs/hands.md)"
+    )]
+    Claimed {
+        /// The axis or button.
+        what: String,
+        /// One device.
+        first: String,
+        /// The other.
+        second: String,
+    },
+    /// Two profiles of one hand are of one device.
+    #[error(
+        "the profiles {first} and {second} are of the same device {}: expected a device for each; name the other one's `node` in [master] or [[master.beside]] (`krait devices` lists them)",
+        node.display()
+    )]
+    SameDevice {
+        /// One profile.
+        first: String,
+        /// The other.
+        second: String,
+        /// The device's node.
+        node: PathBuf,
+    },
     /// A keyboard's keys are held down while it shall be taken.
     #[error(
         "hand controller {name} at {path} is not taken while {keys} is held down: whoever hears it now would never hear it let go; let go of all keys and start again"

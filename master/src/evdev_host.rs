@@ -189,6 +189,11 @@ impl HidHost for EvdevHost {
 }
 
 impl EvdevHost {
+    /// The node of the profile's device, as it would be opened now; nothing is opened.
+    pub(crate) fn node(&self) -> Result<PathBuf, MasterError> {
+        Ok(self.chosen(&inputs())?.node)
+    }
+
     fn chosen(&self, devices: &[InputDevice]) -> Result<InputDevice, MasterError> {
         let found = devices.iter().find(|device| device.is_of(&self.profile) && device.has_all_of(&self.profile));
         found.cloned().ok_or_else(|| {

@@ -50,7 +50,7 @@ impl HidSource {
     /// # Errors
     /// [`MasterError::NoDevice`], [`MasterError::Unreadable`], [`MasterError::Hid`] or [`MasterError::Thread`].
     pub fn open(choice: &DeviceChoice) -> Result<Self, MasterError> {
-        Self::open_on(Box::new(SystemHost), choice, SEARCH_PAUSE)
+        Self::open_on(Box::new(SystemHost), choice, SEARCH_PAUSE, None)
     }
 
     /// The same for the device of a profile, in the kernel's input system.
@@ -59,7 +59,7 @@ impl HidSource {
     /// [`MasterError::NoInput`], [`MasterError::Unreadable`], [`MasterError::Input`], [`MasterError::Profile`] or
     /// [`MasterError::Thread`].
     pub fn open_profile(profile: Profile) -> Result<Self, MasterError> {
-        Self::open_on(Box::new(EvdevHost { profile }), &DeviceChoice::Any, SEARCH_PAUSE)
+        Self::open_on(Box::new(EvdevHost { profile }), &DeviceChoice::Any, SEARCH_PAUSE, None)
     }
 
     /// The same for the hand behind spacenavd, which listens at a path.
@@ -67,17 +67,58 @@ impl HidSource {
     /// # Errors
     /// [`MasterError::Spacenavd`] or [`MasterError::Thread`].
     pub fn open_spacenavd(socket: &Path) -> Result<Self, MasterError> {
-        Self::open_on(Box::new(SpacenavHost { socket: socket.to_owned() }), &DeviceChoice::Any, SEARCH_PAUSE)
+        let host = Box::new(SpacenavHost { socket: socket.to_owned() });
+        Self::open_on(host, &DeviceChoice::Any, SEARCH_PAUSE, None)
     }
 
-    fn open_on(mut host: Box<dyn HidHost>, choice: &DeviceChoice, pause: Duration) -> Result<Self, MasterError> {
+    /// The same for any host, one of several whose reader waits for all of them by `wake`.
+    pub(crate) fn open_joined(
+        host: Box<dyn HidHost>,
+        choice: &DeviceChoice,
+        wake: Sender<()>,
+    ) -> Result<Self, MasterError> {
+        Self::open_on(host, choice, SEARCH_PAUSE, Some(wake))
+    }
+
+    /// Whether an event waits.
+    pub(crate) fn has_event(&self) -> bool {
+        let has_missed = self.shared.missed_plug.load(Ordering::Relaxed);
+        self.early.is_some()
+            || !self.events.is_empty()
+            || has_missed
+            || self.shared.n_drained.load(Ordering::Relaxed) > 0
+    }
+
+    /// Events that wait.
+    #[cfg(test)]
+    pub(crate) fn n_events(&self) -> usize {
+        self.events.len()
+    }
+
+    /// Whether the device is not read any more.
+    #[cfg(test)]
+    pub(crate) fn is_over(&self) -> bool {
+        self.thread.as_ref().is_some_and(JoinHandle::is_finished)
+    }
+
+    /// Lets the device go, a moment later and for good; nobody waits for it.
+    pub(crate) fn let_go(&self) {
+        self.shared.stop.store(true, Ordering::Relaxed);
+    }
+
+    pub(crate) fn open_on(
+        mut host: Box<dyn HidHost>,
+        choice: &DeviceChoice,
+        pause: Duration,
+        wake: Option<Sender<()>>,
+    ) -> Result<Self, MasterError> {
         let opened = host.open(choice)?;
         let (sender, events) = bounded(QUEUE);
         let shared = Arc::new(Shared { lights: Lights::default().bits().into(), ..Shared::default() });
         let vid_pid = opened.vid_pid;
         let choice = choice.clone();
         let reader =
-            Reader { events: sender, oldest: events.clone(), shared: Arc::clone(&shared), host, choice, pause };
+            Reader { events: sender, oldest: events.clone(), shared: Arc::clone(&shared), host, choice, pause, wake };
         let thread = std::thread::Builder::new()
             .name("krait-hid".to_owned())
             .spawn(move || reader.run(opened))
@@ -123,7 +164,7 @@ impl ReportSource for HidSource {
 
 impl Drop for HidSource {
     fn drop(&mut self) {
-        self.shared.stop.store(true, Ordering::Relaxed);
+        self.let_go();
         if let Some(Err(_)) = self.thread.take().map(JoinHandle::join) {
             tracing::error!("the thread that reads the hand controller died");
         }
@@ -138,6 +179,8 @@ struct Reader {
     host: Box<dyn HidHost>,
     choice: DeviceChoice,
     pause: Duration,
+    // Wakes whoever waits for several devices at once.
+    wake: Option<Sender<()>>,
 }
 
 impl Reader {
@@ -220,6 +263,10 @@ impl Reader {
                 Ok(_) => self.shared.missed_plug.store(true, Ordering::Relaxed),
                 Err(_) => {}
             }
+        }
+        // One token is enough: whoever is awake looks at everything.
+        if let Some(wake) = &self.wake {
+            let _is_awake = wake.try_send(());
         }
     }
 

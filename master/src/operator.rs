@@ -13,6 +13,8 @@ pub struct Hand {
     pub buttons: u32,
     /// Whether the device can be trusted.
     pub device: DeviceState,
+    /// Whether whatever has axes has spoken since it was plugged in again: axes of which nothing is known are not at rest.
+    pub is_heard: bool,
 }
 
 /// What the operator asks for at one instant.
@@ -97,7 +99,9 @@ impl Operator {
         let is_trusted = matches!(hand.device, DeviceState::Live | DeviceState::AtRest);
         let vel = self.response.tip_vel_in_view_m_per_s(hand.axes);
         let turn = self.response.tip_angular_vel_in_view_rad_per_s(hand.axes);
-        if is_trusted && vel == [0.0; 3] && turn == [0.0; 3] {
+        // A button that is pressed while a device is silent was pressed by somebody who leaves that one alone.
+        let is_known = hand.is_heard || hand.buttons != 0;
+        if is_trusted && is_known && vel == [0.0; 3] && turn == [0.0; 3] {
             self.must_rest_first = false;
         }
         let is_present = is_trusted
@@ -142,7 +146,7 @@ mod tests {
     }
 
     fn is_moving(operator: &mut Operator, axes: [i16; 6], buttons: u32, device: DeviceState) -> bool {
-        let motion = operator.step(&Hand { axes, buttons, device });
+        let motion = operator.step(&Hand { axes, buttons, device, is_heard: true });
         let is_moving = motion.tip_vel_in_view_m_per_s != [0.0; 3];
         assert!(!is_moving || motion.flags == OperatorInput::OPERATOR_PRESENT, "motion needs presence and no clutch");
         is_moving
@@ -163,7 +167,7 @@ mod tests {
     fn the_clutch_stops_the_snake_but_keeps_presence() {
         let mut op = operator(Presence::Toggle(0));
         op.on_buttons(1);
-        let motion = op.step(&Hand { axes: PUSHED, buttons: 2, device: DeviceState::Live });
+        let motion = op.step(&Hand { axes: PUSHED, buttons: 2, device: DeviceState::Live, is_heard: true });
         assert_eq!(motion.tip_vel_in_view_m_per_s, [0.0; 3]);
         assert_eq!(motion.flags, OperatorInput::OPERATOR_PRESENT | OperatorInput::CLUTCH);
     }
@@ -214,7 +218,7 @@ mod tests {
             ..MasterConfig::default()
         });
         let asked = |op: &mut Operator, buttons, device| {
-            let flags = op.step(&Hand { axes: [0; 6], buttons, device }).flags;
+            let flags = op.step(&Hand { axes: [0; 6], buttons, device, is_heard: true }).flags;
             flags & (OperatorInput::JAW_OPENS | OperatorInput::JAW_CLOSES)
         };
         assert_eq!(asked(&mut op, 1 << 4, DeviceState::Live), 0, "nobody is present");

@@ -4,7 +4,8 @@ use crate::feedback::Feedback;
 use crate::report_log::ReportLog;
 use crate::ticker::Ticker;
 use crate::{
-    Engage, MasterConfig, MasterCore, MasterError, PoseRefusal, RawReport, ReportSource, SourceChoice, SourceEvent,
+    BesideEvent, Engage, MasterConfig, MasterCore, MasterError, PoseRefusal, RawReport, ReportSource, SourceChoice,
+    SourceEvent,
 };
 use krait_ipc::message::{DeviceState, Marker, MotionWish, OperatorInput, SlaveState};
 use krait_ipc::{Bus, HealthReporter, Process, ReadOptions, Reader, Reason, Reasons, Writer, clock};
@@ -31,7 +32,7 @@ pub fn run(bus: &Bus, config: &MasterConfig, source: SourceChoice, stop: &Atomic
     let feedback = if matches!(source, SourceChoice::Hid) { Some(Feedback::open(bus, config.rate_hz)?) } else { None };
     let source = source.open(bus, config)?;
     let log = match &config.record_reports {
-        Some(path) => Some(ReportLog::create(path, source.vid_pid().unwrap_or_default(), source.layout())?),
+        Some(path) => Some(ReportLog::create(path, source.as_ref())?),
         None => None,
     };
     let (inputs, health) = (bus.writer()?, HealthReporter::open(bus, Process::Master)?);
@@ -102,7 +103,7 @@ impl Master {
                 self.show(ticker.n_ticks() - n_before)?;
             }
         }
-        let (n_sent, counts) = (self.inputs.n_sent(), *self.core.counts());
+        let (n_sent, counts) = (self.inputs.n_sent(), self.core.counts());
         tracing::info!(n_sent, n_ticks_skipped = ticker.n_skipped(), ?counts, "the master ends");
         for (refusal, n_packets) in self.core.refused_packets().filter(|(_, n_packets)| *n_packets > 0) {
             tracing::warn!(n_packets, "in all: {}", refusal.sentence());
@@ -134,14 +135,12 @@ impl Master {
     fn take_events(&mut self, now_ns: i64) -> Result<(), MasterError> {
         while let Some(event) = self.source.next_event(now_ns) {
             match event {
-                SourceEvent::HidReport { stamp_ns, report } => {
-                    self.record(stamp_ns, report);
-                    // A refusal is counted by the core and travels in every input; there is no more to do about it here.
-                    if self.core.on_report(report.as_bytes(), stamp_ns).is_ok() {
-                        self.device_ns = Some(stamp_ns);
-                        self.mark(stamp_ns)?;
-                    }
-                }
+                SourceEvent::HidReport { stamp_ns, report } => self.take_report(0, stamp_ns, report)?,
+                SourceEvent::Beside { device, event } => match event {
+                    BesideEvent::HidReport { stamp_ns, report } => self.take_report(device, stamp_ns, report)?,
+                    BesideEvent::Unplugged => self.core.on_unplugged_of(device),
+                    BesideEvent::Plugged => self.core.on_plugged_of(device),
+                },
                 SourceEvent::Packet { stamp_ns, sender, packet } => self.take_packet(stamp_ns, sender, packet),
                 SourceEvent::Script(sample) => self.core.on_script(sample),
                 SourceEvent::Mark(mark) => self.marks.send(&Marker { sequence: self.marks.n_sent() + 1, ..mark })?,
@@ -162,11 +161,21 @@ impl Master {
         Ok(())
     }
 
+    fn take_report(&mut self, device: usize, stamp_ns: i64, report: RawReport) -> Result<(), MasterError> {
+        self.record(device, stamp_ns, report);
+        // A refusal is counted by the core and travels in every input; there is no more to do about it here.
+        if self.core.on_report_of(device, report.as_bytes(), stamp_ns).is_ok() {
+            self.device_ns = Some(stamp_ns);
+            self.mark(stamp_ns)?;
+        }
+        Ok(())
+    }
+
     /// Of a sender that is ignored nothing is recorded, so that a recording is one hand's.
     fn take_packet(&mut self, stamp_ns: i64, sender: SocketAddr, packet: RawReport) {
         let taken = self.core.on_packet(packet.as_bytes(), sender, stamp_ns);
         if taken != Err(PoseRefusal::AnotherSender) {
-            self.record(stamp_ns, packet);
+            self.record(0, stamp_ns, packet);
         }
         match taken {
             Ok(()) => self.device_ns = Some(stamp_ns),
@@ -180,9 +189,9 @@ impl Master {
         }
     }
 
-    fn record(&mut self, stamp_ns: i64, report: RawReport) {
+    fn record(&mut self, device: usize, stamp_ns: i64, report: RawReport) {
         if let Some(log) = &self.log {
-            self.has_log_dropped |= !log.push(stamp_ns, report);
+            self.has_log_dropped |= !log.push(device, stamp_ns, report);
         }
     }
 

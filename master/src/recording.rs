@@ -11,6 +11,9 @@
 //! end 2
 //! ```
 //!
+//! Where further devices were beside the hand controller, there is a line `beside <vid>:<pid>` for each of them after `layout`, and a report
+//! of the first of them is `stamp_ns 1:hexbytes`, of the second `stamp_ns 2:hexbytes`, of the third `stamp_ns 3:hexbytes`.
+//!
 //! A report line is `stamp_ns hexbytes`: nanoseconds since the first report, one space, the report's 1 to 80 bytes in
 //! lower-case hexadecimal with its id first. The first stamp is 0, stamps never run backwards. `layout` is `split`,
 //! `combined` or `unknown`, which informs a person, for the decoder tells the layout by each report; or `pose`: the reports
@@ -38,6 +41,8 @@ pub struct RecordingHeader {
     pub product_id: u16,
     /// How the device lays out its reports; `None` when that was not known.
     pub layout: Option<Layout>,
+    /// Vendor and product id of each device beside it, at most three.
+    pub beside: Vec<(u16, u16)>,
     /// What a reader should know, one line each; notes between reports are gathered here too.
     pub notes: Vec<String>,
 }
@@ -53,6 +58,8 @@ pub struct HidRecording {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StampedReport {
     pub(crate) stamp_ns: i64,
+    /// Which of the hand's devices sent it, 0 is the hand controller.
+    pub(crate) device: usize,
     pub(crate) report: RawReport,
 }
 
@@ -82,8 +89,9 @@ impl HidRecording {
         lines.magic()?;
         let (vendor_id, product_id) = lines.device()?;
         let layout = lines.layout()?;
-        let mut recording =
-            Self { header: RecordingHeader { vendor_id, product_id, layout, notes: Vec::new() }, reports: Vec::new() };
+        let (beside, notes) = (Vec::new(), Vec::new());
+        let header = RecordingHeader { vendor_id, product_id, layout, beside, notes };
+        let mut recording = Self { header, reports: Vec::new() };
         recording.read_notes(&mut lines)?;
         recording.read_reports(&mut lines)?;
         Ok(recording)
@@ -109,6 +117,11 @@ impl HidRecording {
         self.reports.iter().map(|r| (r.stamp_ns, r.report.as_bytes()))
     }
 
+    /// The same with which of the hand's devices sent each: 0 is the hand controller.
+    pub fn reports_of_devices(&self) -> impl ExactSizeIterator<Item = (i64, usize, &[u8])> {
+        self.reports.iter().map(|r| (r.stamp_ns, r.device, r.report.as_bytes()))
+    }
+
     /// The part up to a time (s) after the first report.
     pub fn first_s(mut self, duration_s: f64) -> Self {
         self.reports.retain(|r| r.stamp_ns as f64 <= duration_s * 1e9);
@@ -123,8 +136,14 @@ impl HidRecording {
         loop {
             match lines.next()? {
                 b"reports" => return Ok(()),
+                line if line.starts_with(b"beside ") => {
+                    let device = lines.beside(line, self.header.beside.len())?;
+                    self.header.beside.push(device);
+                }
                 line if line.starts_with(b"note ") => self.header.notes.push(note(line)),
-                line => return Err(lines.refuse("`note ...` or `reports`", shown(line), DAMAGED)),
+                line => {
+                    return Err(lines.refuse("`note ...`, `beside <vid>:<pid>` or `reports`", shown(line), DAMAGED));
+                }
             }
         }
     }
@@ -137,7 +156,8 @@ impl HidRecording {
             } else if let Some(count) = line.strip_prefix(b"end ") {
                 return self.finish(lines, count);
             } else {
-                let stamped = lines.report(line, self.reports.last().map(|r| r.stamp_ns))?;
+                let n_beside = self.header.beside.len();
+                let stamped = lines.report(line, self.reports.last().map(|r| r.stamp_ns), n_beside)?;
                 self.reports.push(stamped);
             }
         }

@@ -1,7 +1,7 @@
 //! Takes a report recording apart line by line and says which line is wrong, because the file comes from outside.
 
 use crate::recording::{MAGIC, StampedReport, shown};
-use crate::{Layout, MasterError, RawReport};
+use crate::{Layout, MAX_DEVICES, MasterError, RawReport};
 
 const MAGIC_STEM: &[u8] = b"krait-report-recording ";
 const MAX_LINE_BYTES: usize = 200;
@@ -77,21 +77,46 @@ impl<'a> Lines<'a> {
         }
     }
 
-    pub(crate) fn report(&self, line: &[u8], last_ns: Option<i64>) -> Result<StampedReport, MasterError> {
-        let parsed = std::str::from_utf8(line).ok().and_then(|text| text.split_once(' ')).and_then(|(stamp, hex)| {
+    /// A device beside the hand controller, behind `n_before` others.
+    pub(crate) fn beside(&self, line: &[u8], n_before: usize) -> Result<(u16, u16), MasterError> {
+        if n_before + 1 >= MAX_DEVICES {
+            let expected = format!("at most {} lines `beside`", MAX_DEVICES - 1);
+            return Err(self.refuse(&expected, "one more".to_owned(), DAMAGED));
+        }
+        text_after(line, "beside ")
+            .and_then(parse_vid_pid)
+            .ok_or_else(|| self.refuse("`beside <vid>:<pid>` in hexadecimal", shown(line), DAMAGED))
+    }
+
+    /// A report, of the hand controller or of one of so many devices beside it.
+    pub(crate) fn report(
+        &self,
+        line: &[u8],
+        last_ns: Option<i64>,
+        n_beside: usize,
+    ) -> Result<StampedReport, MasterError> {
+        let parsed = std::str::from_utf8(line).ok().and_then(|text| text.split_once(' ')).and_then(|(stamp, rest)| {
             let is_digits = stamp.bytes().all(|b| b.is_ascii_digit());
-            Some((stamp.parse::<i64>().ok().filter(|_| is_digits)?, unhex(hex)?))
+            let (device, hex) = match rest.split_once(':') {
+                Some((number, hex)) => (beside_number(number)?, hex),
+                None => (0, rest),
+            };
+            Some((stamp.parse::<i64>().ok().filter(|_| is_digits)?, device, unhex(hex)?))
         });
-        let Some((stamp_ns, report)) = parsed else {
+        let Some((stamp_ns, device, report)) = parsed else {
             return Err(self.refuse("`stamp_ns hexbytes`, `note ...` or `end <number>`", shown(line), DAMAGED));
         };
+        if device > n_beside {
+            let expected = format!("a report of a device that a line `beside` names, of which there are {n_beside}");
+            return Err(self.refuse(&expected, format!("one of device {device}"), DAMAGED));
+        }
         match last_ns {
             None if stamp_ns != 0 => Err(self.refuse("0 as the first stamp", format!("{stamp_ns} ns"), DAMAGED)),
             Some(last_ns) if stamp_ns < last_ns => {
                 let expected = format!("a stamp of at least {last_ns} ns, as time never runs backwards");
                 Err(self.refuse(&expected, format!("{stamp_ns} ns"), DAMAGED))
             }
-            _ => Ok(StampedReport { stamp_ns, report }),
+            _ => Ok(StampedReport { stamp_ns, device, report }),
         }
     }
 
@@ -115,6 +140,14 @@ pub(crate) fn parse_vid_pid(text: &str) -> Option<(u16, u16)> {
 
 fn text_after<'a>(line: &'a [u8], prefix: &str) -> Option<&'a str> {
     std::str::from_utf8(line).ok()?.strip_prefix(prefix)
+}
+
+/// The number of a device beside the hand controller, 1 to 9.
+fn beside_number(text: &str) -> Option<usize> {
+    match text.as_bytes() {
+        [digit @ b'1'..=b'9'] => Some(usize::from(digit - b'0')),
+        _ => None,
+    }
 }
 
 /// The text of a note line.

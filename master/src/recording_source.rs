@@ -1,7 +1,8 @@
 //! Plays a recording by its stamps, so that the chain meets the very bytes at the very pace of a device.
 
+use crate::recording::StampedReport;
 use crate::source::sleep_until;
-use crate::{HidRecording, Layout, RawReport, ReportSource, SourceEvent};
+use crate::{BesideEvent, HidRecording, Layout, ReportSource, SourceEvent};
 use std::net::{Ipv4Addr, SocketAddr};
 
 /// Pause between the end of a looping recording and its new beginning, ns: long enough to count as rest.
@@ -29,8 +30,10 @@ impl RecordingSource {
         Some(self.start_ns?.saturating_add(stamped.stamp_ns))
     }
 
-    fn told(&self, stamp_ns: i64, report: RawReport) -> SourceEvent {
+    fn told(&self, stamp_ns: i64, stamped: StampedReport) -> SourceEvent {
+        let (device, report) = (stamped.device, stamped.report);
         match self.recording.header().layout {
+            _ if device > 0 => SourceEvent::Beside { device, event: BesideEvent::HidReport { stamp_ns, report } },
             // A recording holds the packets of the one sender that counted.
             Some(Layout::Pose) => {
                 SourceEvent::Packet { stamp_ns, sender: SocketAddr::from((Ipv4Addr::LOCALHOST, 0)), packet: report }
@@ -69,7 +72,7 @@ impl ReportSource for RecordingSource {
             Some(_) if self.due_ns()? > now_ns => None,
             Some(stamped) => {
                 self.next_idx += 1;
-                Some(self.told(now_ns, stamped.report))
+                Some(self.told(now_ns, stamped))
             }
         }
     }
@@ -80,6 +83,10 @@ impl ReportSource for RecordingSource {
 
     fn layout(&self) -> Option<Layout> {
         self.recording.header().layout
+    }
+
+    fn beside(&self) -> Vec<(u16, u16)> {
+        self.recording.header().beside.clone()
     }
 }
 

@@ -26,6 +26,9 @@ impl<W: Write> HidRecordingWriter<W> {
             None => "unknown",
         };
         writeln!(out, "{MAGIC}\ndevice {:04x}:{:04x}\nlayout {layout}", header.vendor_id, header.product_id)?;
+        for (vendor_id, product_id) in &header.beside {
+            writeln!(out, "beside {vendor_id:04x}:{product_id:04x}")?;
+        }
         let mut writer = Self { out, first_ns: None, last_ns: 0, n_reports: 0 };
         for text in &header.notes {
             writer.note(text)?;
@@ -40,6 +43,14 @@ impl<W: Write> HidRecordingWriter<W> {
     /// # Errors
     /// What the output says.
     pub fn push(&mut self, stamp_ns: i64, bytes: &[u8]) -> io::Result<()> {
+        self.push_of(0, stamp_ns, bytes)
+    }
+
+    /// The same of one of the hand's devices: 0 is the hand controller, 1 the first that the header has beside it.
+    ///
+    /// # Errors
+    /// What the output says.
+    pub fn push_of(&mut self, device: usize, stamp_ns: i64, bytes: &[u8]) -> io::Result<()> {
         if bytes.is_empty() {
             return Ok(());
         }
@@ -47,6 +58,9 @@ impl<W: Write> HidRecordingWriter<W> {
         self.last_ns = stamp_ns.saturating_sub(first_ns).max(self.last_ns);
         self.n_reports += 1;
         write!(self.out, "{} ", self.last_ns)?;
+        if device > 0 {
+            write!(self.out, "{device}:")?;
+        }
         for byte in bytes {
             write!(self.out, "{byte:02x}")?;
         }

@@ -1,7 +1,7 @@
 //! Records raw reports beside the running master: a bounded queue and a thread of its own, so that a slow or full disk never
 //! delays the operator's input.
 
-use crate::{HidRecordingWriter, Layout, MasterError, RawReport, RecordingHeader};
+use crate::{HidRecordingWriter, MasterError, RawReport, RecordingHeader, ReportSource};
 use crossbeam_channel::{Receiver, Sender, TrySendError, bounded};
 use std::fs::File;
 use std::io::{self, BufWriter};
@@ -18,19 +18,20 @@ const QUEUE: usize = 1024;
 #[derive(Debug)]
 pub(crate) struct ReportLog {
     // Both are `Some` until the log is dropped.
-    queue: Option<Sender<(i64, RawReport)>>,
+    queue: Option<Sender<(i64, usize, RawReport)>>,
     thread: Option<JoinHandle<()>>,
     n_dropped: Arc<AtomicU64>,
 }
 
 impl ReportLog {
     /// Creates the file, never over an existing one, and starts the thread.
-    pub(crate) fn create(path: &Path, vid_pid: (u16, u16), layout: Option<Layout>) -> Result<Self, MasterError> {
+    pub(crate) fn create(path: &Path, source: &dyn ReportSource) -> Result<Self, MasterError> {
         let failed = |source| MasterError::File { path: path.to_owned(), doing: "written", source };
-        let (vendor_id, product_id) = vid_pid;
+        let (vendor_id, product_id) = source.vid_pid().unwrap_or_default();
+        let (layout, beside) = (source.layout(), source.beside());
         let notes = vec!["recorded by krait master".to_owned()];
         let file = BufWriter::new(File::options().write(true).create_new(true).mode(0o600).open(path).map_err(failed)?);
-        let header = RecordingHeader { vendor_id, product_id, layout, notes };
+        let header = RecordingHeader { vendor_id, product_id, layout, beside, notes };
         let writer = HidRecordingWriter::new(file, &header).map_err(failed)?;
         let (queue, reports) = bounded(QUEUE);
         let n_dropped = Arc::new(AtomicU64::new(0));
@@ -47,9 +48,9 @@ impl ReportLog {
         Ok(Self { queue: Some(queue), thread: Some(thread), n_dropped })
     }
 
-    /// Takes a report without waiting; returns whether the writer still lives and had room.
-    pub(crate) fn push(&self, stamp_ns: i64, report: RawReport) -> bool {
-        match self.queue.as_ref().map(|queue| queue.try_send((stamp_ns, report))) {
+    /// Takes a report of one of the hand's devices without waiting; returns whether the writer still lives and had room.
+    pub(crate) fn push(&self, device: usize, stamp_ns: i64, report: RawReport) -> bool {
+        match self.queue.as_ref().map(|queue| queue.try_send((stamp_ns, device, report))) {
             Some(Ok(())) => true,
             Some(Err(TrySendError::Full(_) | TrySendError::Disconnected(_))) | None => {
                 self.n_dropped.fetch_add(1, Ordering::Relaxed);
@@ -70,15 +71,15 @@ impl Drop for ReportLog {
 
 fn write_all(
     mut writer: HidRecordingWriter<BufWriter<File>>,
-    reports: &Receiver<(i64, RawReport)>,
+    reports: &Receiver<(i64, usize, RawReport)>,
     n_dropped: &AtomicU64,
 ) -> io::Result<()> {
-    while let Ok((stamp_ns, report)) = reports.recv() {
+    while let Ok((stamp_ns, device, report)) = reports.recv() {
         let n_gone = n_dropped.swap(0, Ordering::Relaxed);
         if n_gone > 0 {
             writer.note(&format!("{n_gone} reports near here were dropped because the disk was too slow"))?;
         }
-        writer.push(stamp_ns, report.as_bytes())?;
+        writer.push_of(device, stamp_ns, report.as_bytes())?;
         if reports.is_empty() {
             writer.flush()?;
         }

@@ -4,8 +4,8 @@
 use crate::given_back_source::GivenBackSource;
 use crate::lights::Lights;
 use crate::{
-    BrowserSource, GuidePlan, GuideSource, HidRecording, HidSource, Layout, MasterConfig, MasterCore, MasterError,
-    PoseSource, Profile, RawReport, RecordingSource, Script, ScriptSample, ScriptSource,
+    BrowserSource, GuidePlan, GuideSource, HidRecording, HidSource, JoinedSource, Layout, MasterConfig, MasterCore,
+    MasterError, PoseSource, Profile, RawReport, RecordingSource, Script, ScriptSample, ScriptSource,
 };
 use krait_ipc::message::{DriveWish, Marker};
 use krait_ipc::{Bus, clock};
@@ -32,6 +32,13 @@ pub enum SourceEvent {
         /// Its bytes.
         packet: RawReport,
     },
+    /// What a device beside the hand controller has to say, 1 for the first of them.
+    Beside {
+        /// Which.
+        device: usize,
+        /// What.
+        event: BesideEvent,
+    },
     /// What a script or a guide asks for at this instant.
     Script(ScriptSample),
     /// What a guide marks at this instant; its number is the process's to give.
@@ -57,6 +64,22 @@ pub enum SourceEvent {
     Ended,
 }
 
+/// What a device beside the hand controller has to say.
+#[derive(Clone, Copy, Debug)]
+pub enum BesideEvent {
+    /// A report, and when it was in hand, CLOCK_MONOTONIC, ns.
+    HidReport {
+        /// When it was in hand.
+        stamp_ns: i64,
+        /// Its bytes.
+        report: RawReport,
+    },
+    /// It is gone, and with it the hand.
+    Unplugged,
+    /// It is there again.
+    Plugged,
+}
+
 /// A source of reports. All instants are CLOCK_MONOTONIC, ns.
 pub trait ReportSource {
     /// Begins to play. A live device needs no beginning and ignores it.
@@ -73,6 +96,11 @@ pub trait ReportSource {
 
     /// Has the device show something on its lights, if it has any; nobody waits for it.
     fn show(&mut self, _lights: Lights) {}
+
+    /// Vendor and product of each device beside it.
+    fn beside(&self) -> Vec<(u16, u16)> {
+        Vec::new()
+    }
 
     /// How those reports are laid out, where it is known.
     fn layout(&self) -> Option<Layout> {
@@ -113,10 +141,11 @@ impl SourceChoice {
     /// Opens the source.
     ///
     /// # Errors
-    /// For a live device as [`HidSource::open`] or, with a profile, [`HidSource::open_profile`], or [`HidSource::open_spacenavd`], for pages as [`BrowserSource::open`], for poses as
+    /// For a live device as [`HidSource::open`] (with others beside it [`MasterError::Claimed`] or [`MasterError::SameDevice`] too) or, with a profile, [`HidSource::open_profile`], or [`HidSource::open_spacenavd`], for pages as [`BrowserSource::open`], for poses as
     /// [`PoseSource::open`]; the others cannot fail any more.
     pub fn open(self, bus: &Bus, config: &MasterConfig) -> Result<Box<dyn ReportSource>, MasterError> {
         Ok(match self {
+            Self::Hid if !config.beside.is_empty() => Box::new(JoinedSource::open(config)?),
             Self::Hid => Box::new(match (&config.profile, &config.spacenavd) {
                 (Some(path), _) => HidSource::open_profile(Profile::of_device(path, config.node.as_deref())?)?,
                 (None, Some(socket)) => HidSource::open_spacenavd(socket)?,

@@ -15,6 +15,9 @@ fn no_report_tick_or_event_allocates() {
         MasterCore::with_pad(&MasterConfig { engage: Engage::Once, ..MasterConfig::default() }).expect("default");
     let mut pose =
         MasterCore::with_pose(&MasterConfig { engage: Engage::Once, ..MasterConfig::default() }).expect("default");
+    let mut joined =
+        MasterCore::new(&MasterConfig { engage: Engage::Once, ..MasterConfig::default() }).expect("default");
+    let (push, rest, press, let_go) = ([1, 200, 0, 0, 0, 0, 0], [1, 0, 0, 0, 0, 0, 0], [3, 1, 0], [3, 0, 0]);
     let sender = std::net::SocketAddr::from(([127, 0, 0, 1], 1));
     let mut n_moving = 0;
     let n = allocations_of(|| {
@@ -55,9 +58,22 @@ fn no_report_tick_or_event_allocates() {
         }
         pose.on_unplugged();
         pose.on_restarted();
+        for round in 0..200_i64 {
+            let (now_ns, lost) = (round * 50_000_000, round as usize % 3);
+            for (step, (device, bytes)) in
+                (1..).zip([(0, &rest[..]), (1, &let_go[..]), (1, &press), (2, &push), (0, &push), (3, &[9])])
+            {
+                std::hint::black_box(joined.on_report_of(device, bytes, now_ns + step).is_ok());
+            }
+            n_moving += u32::from(joined.on_tick(now_ns + 10).tip_vel_in_view_m_per_s != [0.0; 3]);
+            joined.on_unplugged_of(lost);
+            std::hint::black_box(joined.on_tick(now_ns + 11));
+            joined.on_plugged_of(lost);
+            std::hint::black_box(joined.counts());
+        }
         core.on_ended();
         std::hint::black_box(core.on_tick(i64::MAX));
     });
     assert_eq!(n, 0);
-    assert!(n_moving > 1400, "the way through the operator's mapping was taken {n_moving} times");
+    assert!(n_moving > 1600, "the way through the operator's mapping was taken {n_moving} times");
 }

@@ -20,6 +20,7 @@ fn what_is_written_is_read_the_same_with_stamps_from_the_first_report() {
         vendor_id: 0x256f,
         product_id: 0xc652,
         layout: Some(Layout::Combined),
+        beside: Vec::new(),
         notes: vec!["n".into()],
     };
     let mut writer = HidRecordingWriter::new(Vec::new(), &header).expect("header");
@@ -71,7 +72,7 @@ fn each_damage_is_named_with_its_line_what_was_expected_and_what_was_found() {
     for (from, to, named) in [
         ("046d:c626", "46d:c626", "line 2: expected `device <vid>:<pid>` in hexadecimal, found \"device 46d:c626\""),
         ("layout split", "layout odd", "line 3: expected `layout split`"),
-        ("note a", "nota", "line 4: expected `note ...` or `reports`"),
+        ("note a", "nota", "line 4: expected `note ...`, `beside <vid>:<pid>` or `reports`"),
         ("0 0100", "1 0100", "line 6: expected 0 as the first stamp, found 1 ns"),
         ("0 0100", "+0 0100", "line 6: expected `stamp_ns hexbytes`"),
         ("8000000 0301", "-5 0301", "line 8: expected `stamp_ns hexbytes`"),
@@ -103,4 +104,26 @@ fn a_missing_file_and_a_folder_are_refused_by_path() {
 fn an_endless_file_is_refused_before_it_fills_the_memory() {
     let error = HidRecording::load("/dev/zero".as_ref()).expect_err("refused");
     assert!(error.to_string().contains("it is a device, expected a regular file"), "{error}");
+}
+
+#[test]
+fn reports_of_devices_beside_the_hand_controller_say_whose_they_are_and_only_where_the_header_names_them() {
+    let text = "krait-report-recording 1\ndevice 256f:c635\nlayout split\nbeside 05f3:00ff\nbeside 046d:c215\nreports\n0 0301\n8 1:0301\n9 2:0300\nend 3\n";
+    let recording = HidRecording::parse("x.krr", text.as_bytes()).expect("read");
+    assert_eq!(recording.header().beside, [(0x05f3, 0x00ff), (0x046d, 0xc215)]);
+    let devices: Vec<usize> = recording.reports_of_devices().map(|(_, device, _)| device).collect();
+    assert_eq!(devices, [0, 1, 2]);
+    for (from, to, words) in [
+        ("9 2:", "9 3:", "there are 2, found one of device 3"),
+        ("9 2:", "9 0:", "`stamp_ns hexbytes`"),
+        ("9 2:", "9 :", "`stamp_ns hexbytes`"),
+        ("9 2:", "9 12:", "`stamp_ns hexbytes`"),
+        ("beside 05f3:00ff", "beside 05f3", "`beside <vid>:<pid>`"),
+        ("reports\n", "beside 1:1\nreports\n", "`beside <vid>:<pid>`"),
+        ("reports\n", "beside 0001:0001\nbeside 0001:0002\nreports\n", "at most 3 lines `beside`"),
+    ] {
+        assert!(text.contains(from));
+        let error = HidRecording::parse("x.krr", text.replacen(from, to, 1).as_bytes()).expect_err(words).to_string();
+        assert!(error.contains(words) && !error.contains('\n'), "{error}");
+    }
 }

@@ -85,6 +85,21 @@ fn a_profile_that_is_faulty_or_of_no_device_here_is_refused_with_its_place() {
         &["nowhere.toml", "could not be read"],
     );
     assert_says(&refused(&["--profile", &absent]), &["--profile", "--master hid"]);
+    // A pedal beside the hand: one that does not read, one that says what the hand says, one that is not here, and beside no hand.
+    let pedal = folder.file("pedal.toml");
+    fs::write(&pedal, "name = \"Pedal\"\nid = \"fffe:fffc\"\n[[button]]\nof = 0\nfrom = \"BTN_TRIGGER\"\n")
+        .expect("written");
+    let beside = |one: &str, hand: &[&str]| refused(&[hand, &["--master", "hid", "--beside", one]].concat());
+    assert_says(&beside(&faulty, &[]), &["faulty.toml", "axis 1, key of"]);
+    assert_says(&beside(&absent, &[]), &["axis x of the hand", "both the SpaceMouse and \"Stick\"", "leave it out"]);
+    assert_says(
+        &beside("xbox-360", &["--profile", "extreme-3d-pro"]),
+        &["axis x of the hand", "Extreme 3D Pro\" ([master] profile)", "([[master.beside]] number 1)"],
+    );
+    assert_says(&beside(&pedal, &["--profile", &absent]), &["`master`", "fffe:fffd (Stick)", "plug it in"]);
+    assert_says(&beside(&pedal, &[]), &["`master`", "fffe:fffc (Pedal)", "plug it in"]);
+    assert_says(&beside(&format!("{pedal}=/dev/input/nobodys"), &[]), &["/dev/input/nobodys (Pedal)", "plug it in"]);
+    assert_says(&refused(&["--beside", &pedal]), &["--beside", "--master hid"]);
     // No mouse and no keyboard is taken because it is the first one.
     for name in ["mouse", "keyboard"] {
         assert_says(

@@ -3,10 +3,12 @@
 mod calibrate;
 mod live;
 
+use crate::cli::Common;
 use crate::cli_devices::DevicesArgs;
+use crate::config::Config;
 use crate::print;
 use anyhow::Context;
-use krait_master::{DeviceInfo, InputDevice, MasterError, Profile, ProfileDevice, RULES_FILE};
+use krait_master::{DeviceInfo, InputDevice, JoinedHand, MasterError, Profile, ProfileDevice, RULES_FILE};
 use krait_report::Table;
 use serde::Serialize;
 use std::fs::File;
@@ -35,8 +37,8 @@ struct Device {
 }
 
 /// Lists every device that could be a hand, whether krait knows it or a profile is of it, and whether it may be opened.
-/// With `--live` or `--calibrate`: reads one of them.
-pub fn run(args: &DevicesArgs) -> anyhow::Result<ExitCode> {
+/// With `--config` the profiles of its hand and of the devices beside that are looked for too. With `--live` or `--calibrate`: reads one of them.
+pub fn run(common: &Common, args: &DevicesArgs) -> anyhow::Result<ExitCode> {
     if let Some(path) = &args.calibrate {
         return calibrate::run(args, path);
     }
@@ -52,10 +54,14 @@ pub fn run(args: &DevicesArgs) -> anyhow::Result<ExitCode> {
         "--node says which device --profile is of, or is for --live and --calibrate; add one of them, or leave it out for the list"
     );
     // One's own comes first.
-    let own = args.profile.as_deref().map(|path| profile_of(path, args.node.as_deref())).transpose()?;
+    let mut own =
+        Vec::from_iter(args.profile.as_deref().map(|path| profile_of(path, args.node.as_deref())).transpose()?);
+    if let Some(path) = &common.config {
+        own.extend(JoinedHand::read(&Config::load(Some(path))?.master)?.profiles().cloned());
+    }
     let shipped = Profile::shipped()?;
     let mut devices: Vec<Device> = krait_master::list_devices()?.into_iter().map(of_hid).collect();
-    devices.extend(krait_master::list_inputs().into_iter().map(|input| of_input(input, own.as_ref(), &shipped)));
+    devices.extend(krait_master::list_inputs().into_iter().map(|input| of_input(input, &own, &shipped)));
     if let Some(path) = &args.write_udev {
         write_rules(path, &rules(&devices))?;
     }
@@ -104,8 +110,8 @@ fn of_hid(info: DeviceInfo) -> Device {
     }
 }
 
-fn of_input(input: InputDevice, own: Option<&Profile>, shipped: &[(&'static str, Profile)]) -> Device {
-    let mut profiles = own.into_iter().chain(shipped.iter().map(|(_, profile)| profile));
+fn of_input(input: InputDevice, own: &[Profile], shipped: &[(&'static str, Profile)]) -> Device {
+    let mut profiles = own.iter().chain(shipped.iter().map(|(_, profile)| profile));
     let fitting = profiles.find(|profile| input.is_of(profile) && input.has_all_of(profile));
     let unnamed =
         shipped.iter().find(|(_, profile)| profile.device == ProfileDevice::Unnamed && input.has_all_of(profile));
@@ -209,7 +215,7 @@ mod tests {
             stick("/dev/input/event6", &[0, 1, 5], false),
             stick("/dev/input/event7", &[0], false),
         ];
-        let devices: Vec<Device> = nodes.into_iter().map(|node| of_input(node, None, &shipped())).collect();
+        let devices: Vec<Device> = nodes.into_iter().map(|node| of_input(node, &[], &shipped())).collect();
         let names: Vec<Option<&str>> = devices.iter().map(|device| device.known_as.as_deref()).collect();
         assert_eq!(names, [Some("Logitech Extreme 3D Pro"), Some("Logitech Extreme 3D Pro"), None]);
         assert_eq!((devices[0].axes[2].as_str(), devices[0].buttons[0].as_str()), ("ABS_RZ", "BTN_TRIGGER"));
@@ -239,7 +245,7 @@ mod tests {
             name: "Keys".to_owned(),
             ..stick("/dev/input/event4", &[], false)
         };
-        let devices = [mouse.clone(), keyboard.clone()].map(|input| of_input(input, None, &shipped()));
+        let devices = [mouse.clone(), keyboard.clone()].map(|input| of_input(input, &[], &shipped()));
         assert_eq!([0, 1].map(|idx| devices[idx].could_be), [Some("mouse"), Some("keyboard")]);
         assert_eq!(devices[0].axes, ["REL_X", "REL_Y", "REL_WHEEL", "REL_WHEEL_HI_RES"]);
         assert!(rules(&devices).is_empty(), "nobody has named them");
@@ -254,7 +260,7 @@ mod tests {
             "name = \"Mine\"\nid = \"046d:c215\"\nrelease = \"KEY_ESC\"\n[[axis]]\nof = \"x\"\nplus = \"KEY_D\"\nminus = \"KEY_A\"\n",
         );
         let own = own.expect("a profile");
-        let devices = [mouse, keyboard].map(|input| of_input(input, Some(&own), &shipped()));
+        let devices = [mouse, keyboard].map(|input| of_input(input, std::slice::from_ref(&own), &shipped()));
         assert_eq!((devices[0].known_as.as_deref(), devices[1].known_as.as_deref()), (None, Some("Mine")));
         let lines = rules(&devices);
         assert!(lines.len() == 1 && lines[0].contains("ATTRS{name}==\"Keys\""), "{lines:?}");

@@ -10,8 +10,8 @@ use crate::{device, print, signals};
 use anyhow::{bail, ensure};
 use krait_bridge::JointModel;
 use krait_ipc::clock;
-use krait_master::{AXIS_NAMES, Profile};
-use std::path::absolute;
+use krait_master::{AXIS_NAMES, BesideConfig, JoinedHand, Profile};
+use std::path::{Path, PathBuf, absolute};
 use std::process::ExitCode;
 
 /// Runs one chain until it is stopped; a recording, if one was made, is read back and summed up.
@@ -98,6 +98,35 @@ fn name_unused_axes(config: &Config, master: MasterKind) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Enters the devices that the command line names, and says what a person must know before they are taken.
+fn apply_hand(config: &mut Config, args: &RunArgs) -> anyhow::Result<()> {
+    let whole = |profile: &Path| -> std::io::Result<PathBuf> {
+        if Profile::is_shipped(profile) { Ok(profile.to_owned()) } else { absolute(profile) }
+    };
+    if let Some(profile) = &args.profile {
+        config.master.profile = Some(whole(profile)?);
+    }
+    if let Some(node) = &args.node {
+        config.master.node = Some(absolute(node)?);
+    }
+    if !args.beside.is_empty() {
+        let beside = args.beside.iter().map(|one| {
+            Ok(BesideConfig { profile: whole(&one.profile)?, node: one.node.as_deref().map(absolute).transpose()? })
+        });
+        config.master.beside = beside.collect::<std::io::Result<_>>()?;
+    }
+    if args.master == MasterKind::Hid {
+        let hand = JoinedHand::read(&config.master)?;
+        for warning in hand.profiles().filter_map(Profile::warning) {
+            tracing::warn!("{warning}");
+        }
+        if !config.master.beside.is_empty() {
+            tracing::warn!("{}", hand.sentence());
+        }
+    }
+    Ok(())
+}
+
 /// Without a recording there is only what was watched while the chain ran.
 fn without_recording(evidence: &Evidence, args: &RunArgs, clean: bool) -> anyhow::Result<ExitCode> {
     match evidence.budget() {
@@ -142,18 +171,11 @@ fn configure(common: &Common, args: &RunArgs) -> anyhow::Result<Config> {
         args.profile.is_none() || args.master == MasterKind::Hid,
         "--profile is of a hand controller on this machine, and this master reads none; leave it out, or add --master hid"
     );
-    if let Some(profile) = &args.profile {
-        let is_name = Profile::is_shipped(profile);
-        config.master.profile = Some(if is_name { profile.clone() } else { absolute(profile)? });
-    }
-    if let Some(node) = &args.node {
-        config.master.node = Some(absolute(node)?);
-    }
-    if let (MasterKind::Hid, Some(profile)) = (args.master, &config.master.profile)
-        && let Some(warning) = Profile::of_device(profile, config.master.node.as_deref())?.warning()
-    {
-        tracing::warn!("{warning}");
-    }
+    ensure!(
+        args.beside.is_empty() || args.master == MasterKind::Hid,
+        "--beside is of a device beside a hand controller on this machine, and this master reads none; leave it out, or add --master hid"
+    );
+    apply_hand(&mut config, args)?;
     config.master.pose.listen = args.listen.or(config.master.pose.listen);
     if args.master == MasterKind::Pose {
         ensure!(args.input.is_none(), "--input is for recordings and scripts, and a hand has none; leave it out");

@@ -38,6 +38,7 @@ pub fn shipped_recording_text() -> io::Result<Vec<u8>> {
         vendor_id: 0x046d,
         product_id: 0xc626,
         layout: Some(Layout::Split),
+        beside: Vec::new(),
         notes: NOTES.map(str::to_owned).to_vec(),
     };
     let mut device = Device { out: HidRecordingWriter::new(Vec::new(), &header)?, slot: 0, random: Random(SEED) };

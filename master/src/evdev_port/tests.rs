@@ -1,6 +1,7 @@
 //! The bytes that the kernel writes, through a pipe: sticks that move, rest, repeat, vanish and cut their events.
 
 mod mouse_and_keyboard;
+mod pedal;
 
 use super::*;
 use crate::evdev_decoder::AxisInfo;

@@ -6,7 +6,7 @@ use crate::lights::{HandState, LightShow};
 use std::sync::mpsc;
 
 /// What a test's device does at its next read.
-enum Act {
+pub(crate) enum Act {
     HidReport(Vec<u8>),
     Signal,
     Vanish,
@@ -40,7 +40,7 @@ impl HidPort for FakePort {
     }
 }
 
-struct FakeHost {
+pub(crate) struct FakeHost {
     acts: Arc<std::sync::Mutex<mpsc::Receiver<Act>>>,
     light: Arc<AtomicU64>,
     // How many searches fail before the device is there again.
@@ -62,17 +62,23 @@ impl HidHost for FakeHost {
     }
 }
 
-fn device(n_absent: u32) -> (mpsc::Sender<Act>, Arc<AtomicU64>, HidSource) {
+/// A host whose device is absent for so many searches once it was lost; what it shall do, and its light.
+pub(crate) fn host(n_absent: u32) -> (mpsc::Sender<Act>, Arc<AtomicU64>, FakeHost) {
     let (acts, taken) = mpsc::channel();
     let light = Arc::new(AtomicU64::new(0));
     let acts_taken = Arc::new(std::sync::Mutex::new(taken));
     let host = FakeHost { acts: acts_taken, light: Arc::clone(&light), n_absent, n_opened: 0 };
-    let source = HidSource::open_on(Box::new(host), &DeviceChoice::Any, Duration::from_millis(1)).expect("open");
+    (acts, light, host)
+}
+
+fn device(n_absent: u32) -> (mpsc::Sender<Act>, Arc<AtomicU64>, HidSource) {
+    let (acts, light, host) = host(n_absent);
+    let source = HidSource::open_on(Box::new(host), &DeviceChoice::Any, Duration::from_millis(1), None).expect("open");
     (acts, light, source)
 }
 
 /// The next event, waiting as the process loop does.
-pub(crate) fn wait_for_event(source: &mut HidSource) -> SourceEvent {
+pub(crate) fn wait_for_event(source: &mut impl ReportSource) -> SourceEvent {
     for _ in 0..10_000 {
         source.wait_until(clock::monotonic_ns() + 1_000_000);
         if let Some(event) = source.next_event(clock::monotonic_ns()) {

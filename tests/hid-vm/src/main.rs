@@ -7,6 +7,7 @@ mod chain;
 mod codes;
 mod model;
 mod parts;
+mod pedal;
 mod qmp;
 mod repeated;
 mod spacemouse;
@@ -55,6 +56,7 @@ fn run_parts(fault: DeviceFault) -> bool {
             ("malformed", Box::new(parts::malformed)),
             ("lights", Box::new(parts::lights)),
             ("two_hands", Box::new(move || parts::two_hands(fault))),
+            ("pedal", Box::new(parts::pedal)),
             ("two_control", Box::new(parts::two_control)),
         ])
 }

@@ -13,16 +13,38 @@ use std::path::Path;
 /// # Errors
 /// A file cannot be read, or no report had come.
 pub fn judge(verdict: &mut PartVerdict, journal: &Journal, reports: &Path, recording: &Path) -> anyhow::Result<()> {
-    let file = HidRecording::load(reports)?;
-    let reports: Vec<(i64, &[u8])> = file.reports().collect();
-    let n_inputs = journal.inputs.len();
-    let n_equal = n_equal_inputs(journal, &reports)?;
-    verdict.check("inputs_equal", n_inputs > 1000 && n_equal == n_inputs, format!("{n_equal}/{n_inputs}"));
-    let mut spoiled = reports.clone();
-    spoiled.remove(reports.len() / 2);
-    let n_spoiled = n_equal_inputs(journal, &spoiled)?;
-    verdict.check("control_differs", n_spoiled < n_inputs, format!("{n_spoiled}/{n_inputs}"));
+    judge_inputs(verdict, &journal.inputs, &MasterConfig::default(), reports)?;
+    judge_commands(verdict, recording)
+}
 
+/// The first half: inputs of a master of these settings.
+///
+/// # Errors
+/// As [`judge`].
+pub fn judge_inputs(
+    verdict: &mut PartVerdict,
+    inputs: &[OperatorInput],
+    config: &MasterConfig,
+    reports: &Path,
+) -> anyhow::Result<()> {
+    let file = HidRecording::load(reports)?;
+    let reports: Vec<(i64, usize, &[u8])> = file.reports_of_devices().collect();
+    let n_inputs = inputs.len();
+    let n_equal = n_equal_inputs(inputs, config, &reports)?;
+    verdict.check("inputs_equal", n_inputs > 1000 && n_equal == n_inputs, format!("{n_equal}/{n_inputs}"));
+    let n_carried = inputs.last().map_or(0, |input| input.n_reports as usize).min(reports.len());
+    let mut spoiled = reports;
+    spoiled.remove(n_carried / 2);
+    let n_spoiled = n_equal_inputs(inputs, config, &spoiled)?;
+    verdict.check("control_differs", n_spoiled < n_inputs, format!("{n_spoiled}/{n_inputs}"));
+    Ok(())
+}
+
+/// The other half: commands by `krait verify`. The recording is removed.
+///
+/// # Errors
+/// As [`judge`].
+pub fn judge_commands(verdict: &mut PartVerdict, recording: &Path) -> anyhow::Result<()> {
     let verified = VmEnded::of(User::Root, &["verify", &recording.display().to_string(), "--json"])?;
     let figures = verified.json()?;
     let n_commands = figures["commands_identical"].as_u64().unwrap_or(0);
@@ -32,20 +54,24 @@ pub fn judge(verdict: &mut PartVerdict, journal: &Journal, reports: &Path, recor
 }
 
 /// How many inputs come out the same, byte for byte, but for the stamps of when they were sent.
-fn n_equal_inputs(journal: &Journal, reports: &[(i64, &[u8])]) -> anyhow::Result<usize> {
+fn n_equal_inputs(
+    inputs: &[OperatorInput],
+    config: &MasterConfig,
+    reports: &[(i64, usize, &[u8])],
+) -> anyhow::Result<usize> {
     // The file counts from its first report; the input that carries the first says when that was.
-    let first = journal.inputs.iter().find(|input| input.n_reports > 0).context("no report has come")?;
+    let first = inputs.iter().find(|input| input.n_reports > 0).context("no report has come")?;
     let newest = reports.get(first.n_reports as usize - 1).context("the file lacks reports")?;
     let zero_ns = first.stamps.device_ns - newest.0;
-    let mut core = MasterCore::new(&MasterConfig { engage: Engage::Once, ..MasterConfig::default() })?;
+    let mut core = MasterCore::new(&MasterConfig { engage: Engage::Once, ..config.clone() })?;
     let mut left = reports.iter();
     let mut n_equal = 0;
-    for input in &journal.inputs {
+    for input in inputs {
         while core.counts().n_decoded < input.n_reports
-            && let Some((stamp_ns, bytes)) = left.next()
+            && let Some((stamp_ns, device, bytes)) = left.next()
         {
             // A refusal is counted, and the count is part of the input.
-            let _counted = core.on_report(bytes, zero_ns + stamp_ns);
+            let _counted = core.on_report_of(*device, bytes, zero_ns + stamp_ns);
         }
         let again = core.on_tick(input.sample_ns);
         let bare = |input: &OperatorInput| OperatorInput { stamps: HopStamps::default(), ..*input };

@@ -210,7 +210,8 @@ fn the_reports_of_a_mouse_and_a_keyboard_replay_byte_for_byte() {
         let (mut writer, _, mut port) = shipped(name);
         let mut sent = Vec::new();
         let layout = Some(Layout::Combined);
-        let header = RecordingHeader { vendor_id: 0x0627, product_id: 1, layout, notes: Vec::new() };
+        let header =
+            RecordingHeader { vendor_id: 0x0627, product_id: 1, layout, beside: Vec::new(), notes: Vec::new() };
         let mut file = HidRecordingWriter::new(Vec::new(), &header).expect("written");
         for k in 0..200_i64 {
             let press = i32::from(k % 10 < 5);
