@@ -107,6 +107,12 @@ impl SegmentChain {
         (self.machine.grad_energy_nm(bends_rad) * self.eta).component_mul(&self.of_segments.eta)
     }
 
+    /// How fast these moments change while the bends do, N m/s.
+    pub(super) fn moments_vel_nm_per_s(&self, bends_rad: &Bends, bends_vel_rad_per_s: &Bends) -> Bends {
+        let rates = self.machine.grad_energy_vel_nm_per_s(bends_rad, bends_vel_rad_per_s);
+        (rates * self.eta).component_mul(&self.of_segments.eta)
+    }
+
     /// How these moments change with the bends, N m/rad.
     pub(super) fn moment_slopes_nm(&self, bends_rad: &Bends) -> BendsByBends {
         let mut slopes = self.machine.hess_energy_nm(bends_rad) * self.eta;

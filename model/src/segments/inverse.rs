@@ -190,7 +190,7 @@ impl SegmentCompensator {
     pub fn rates_m_per_s(&self, bends_vel_rad_per_s: &Bends) -> LineValues {
         let (chain, machine) = (&self.chain, &self.chain.machine);
         let SegmentMemory { bends_rad, active, friction, last, .. } = &self.memory;
-        let moments_vel = chain.moment_slopes_nm(bends_rad) * bends_vel_rad_per_s;
+        let moments_vel = chain.moments_vel_nm_per_s(bends_rad, bends_vel_rad_per_s);
         let tau_vel = if active.iter().all(|side| *side == 0) {
             machine.least_loads_n(&moments_vel)
         } else {
@@ -298,8 +298,8 @@ impl SegmentChain {
         for segment in 0..self.machine.n {
             let limit_rad = self.machine.max_bend_rad[segment];
             let bend_rad = self.machine.bend(bends_rad, segment);
-            let norm = bend_rad.x.hypot(bend_rad.y).min(f64::MAX);
-            if norm > limit_rad {
+            if bend_rad.norm_squared() > limit_rad * limit_rad {
+                let norm = bend_rad.x.hypot(bend_rad.y).min(f64::MAX);
                 let unit = bend_rad / norm;
                 held_rad.fixed_rows_mut::<2>(2 * segment).copy_from(&(unit * (limit_rad / unit.norm())));
                 status = status.or(Some(SegmentStatus::BeyondStrain { segment, limit_rad }));

@@ -48,6 +48,19 @@ impl Segments {
         hess
     }
 
+    /// How fast d E / d bends changes while the bends do, N m/s: [`Segments::hess_energy_nm`] times their rates, without the matrix.
+    pub fn grad_energy_vel_nm_per_s(&self, bends_rad: &Bends, bends_vel_rad_per_s: &Bends) -> Bends {
+        let mut rates = Bends::zeros();
+        for j in 0..self.n {
+            let (bend, vel) = (self.bend(bends_rad, j), self.bend(bends_vel_rad_per_s, j));
+            let Stiffness { value, slope, curvature } = self.stiffness(j, bend);
+            let mixed = bend * slope.dot(&vel) + slope * bend.dot(&vel);
+            let own = vel * value + mixed + curvature * vel * (0.5 * bend.norm_squared());
+            rates.fixed_rows_mut::<2>(2 * j).copy_from(&own);
+        }
+        rates
+    }
+
     /// Loads of least norm with J^T tau = moments, N, push positive.
     pub fn least_loads_n(&self, moments_nm: &Bends) -> LineValues {
         self.pinv().tr_mul(moments_nm)
