@@ -66,8 +66,8 @@ fn search(kind: EffectKind) -> Option<Search> {
         EffectKind::StemCoupling => Search { shapes: &["azimuth_rad"], cells: &[&[("azimuth_rad", 0.0)], &[("azimuth_rad", 1.57)], &[("azimuth_rad", -1.57)], &[("azimuth_rad", 3.1)]], ..plain(&[("mu", 0.0, 0.1), ("radius_m", 0.0, 5e-4)]) },
         EffectKind::Saturation => Search { cells: &[&[("limit_n", 8.0)], &[("limit_n", 15.0)], &[("limit_n", 25.0)]], ..plain(&[("limit_n", 1000.0, 15.0)]) },
         EffectKind::CrossCoupling => plain(&[("k12", 0.0, 0.01), ("k13", 0.0, 0.01), ("k21", 0.0, 0.01), ("k23", 0.0, 0.01), ("k31", 0.0, 0.01), ("k32", 0.0, 0.01)]),
-        // A preload bends nothing by itself, and a formula is the user's to write.
         EffectKind::OfSegment(own) => return search(own.law.of_all()),
+        // A preload bends nothing by itself, and a formula is the user's to write.
         EffectKind::Preload | EffectKind::Formula | EffectKind::Joint(_) | EffectKind::Force(_) => return None,
     })
 }
