@@ -14,10 +14,13 @@ pub const SERIAL_KEY: &str = "device_serial";
 /// is named as that, and the serial number says that there is none.
 pub fn enter(metadata: &mut BTreeMap<String, String>, config: &MasterConfig, master: MasterKind, input: Option<&Path>) {
     let (device, serial) = match (master, input) {
-        (MasterKind::Hid, _) if config.profile.is_some() => {
-            (profiled(config.profile.as_deref(), config.node.as_deref()), "none (it tells none)".to_owned())
+        (MasterKind::Hid, _) => {
+            let (hand, serial) = match &config.profile {
+                Some(path) => (profiled(path, config.node.as_deref()), "none (it tells none)".to_owned()),
+                None => live(krait_master::chosen_device(&config.device)),
+            };
+            (hand + &beside(config), serial)
         }
-        (MasterKind::Hid, _) => live(krait_master::chosen_device(&config.device)),
         (MasterKind::Browser, _) => ("drive pad of the console's page".to_owned(), "none (drive pad)".to_owned()),
         (MasterKind::Pose, _) => {
             let listen = config.pose.listen.map_or_else(|| "no address".to_owned(), |listen| listen.to_string());
@@ -30,26 +33,25 @@ pub fn enter(metadata: &mut BTreeMap<String, String>, config: &MasterConfig, mas
             (format!("script {name}"), "none (script)".to_owned())
         }
     };
-    let device = if master == MasterKind::Hid { device + &beside(config) } else { device };
     metadata.insert(DEVICE_KEY.to_owned(), device);
     metadata.insert(SERIAL_KEY.to_owned(), serial);
 }
 
 /// The devices beside it, each with what stands between.
 fn beside(config: &MasterConfig) -> String {
-    let named = |one: &BesideConfig| format!(" with {}", profiled(Some(&one.profile), one.node.as_deref()));
+    let named = |one: &BesideConfig| format!(" with {}", profiled(&one.profile, one.node.as_deref()));
     config.beside.iter().map(named).collect()
 }
 
-fn profiled(path: Option<&Path>, node: Option<&Path>) -> String {
-    match path.map(|path| Profile::of_device(path, node)) {
-        Some(Ok(profile)) => match profile.device {
+fn profiled(path: &Path, node: Option<&Path>) -> String {
+    match Profile::of_device(path, node) {
+        Ok(profile) => match profile.device {
             ProfileDevice::Id(vendor_id, product_id) => format!("{vendor_id:04x}:{product_id:04x} {}", profile.name),
             ProfileDevice::Path(node) => format!("{} {}", node.display(), profile.name),
             ProfileDevice::Unnamed => profile.name,
         },
         // The master refuses it with a sentence of its own.
-        Some(Err(_)) | None => "none at the start".to_owned(),
+        Err(_) => "none at the start".to_owned(),
     }
 }
 

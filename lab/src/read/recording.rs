@@ -33,7 +33,8 @@ pub(super) fn read(path: &Path, file: File, map: &ColumnMap, expected: Expected)
         Expected::Joints(joints) => (columns.n_joints == joints.n).then(|| joint_scale(&recording, joints)).flatten(),
         Expected::Segments(_) => {
             let widths = (columns.n_actuators, columns.n_joints);
-            (widths == expected.widths() && driven(&recording).is_some_and(is_of_segments)).then_some([1.0; 2])
+            (widths == expected.widths() && matches!(driven(&recording), Some(Machine::Segments(_))))
+                .then_some([1.0; 2])
         }
         Expected::Force(_) => None,
     };
@@ -88,10 +89,6 @@ fn driven(recording: &Recording) -> Option<Machine> {
     Some(file.machine().clone())
 }
 
-fn is_of_segments(machine: Machine) -> bool {
-    matches!(machine, Machine::Segments(_))
-}
-
 /// Segments in words, for a refusal.
 fn segments(own: &SegmentsParameters) -> String {
     let (n_lines, n_bends) = Expected::Segments(own).widths();
@@ -113,8 +110,7 @@ fn machine(n_joints: usize, joints: Option<&Joints>) -> String {
 pub fn joint_scale(recording: &Recording, joints: &Joints) -> Option<[f64; 2]> {
     let settings = attachment(recording, CONFIG_ATTACHMENT).and_then(|text| text.parse::<toml::Table>().ok());
     let radius_m = settings.and_then(|own| own.get("joints")?.get("capstan_radius_m")?.as_float())?;
-    let driven = attachment(recording, MODEL_ATTACHMENT).and_then(|text| ModelFile::parse(text).ok())?;
-    let Machine::Joints(driven) = driven.machine() else { return None };
+    let Some(Machine::Joints(driven)) = driven(recording) else { return None };
     let (u, y) = (Unit::from_suffix(&joints.u_unit)?, Unit::from_suffix(&joints.y_unit)?);
     let per_m = match u.dimension {
         Dimension::Length => 1.0,
