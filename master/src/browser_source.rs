@@ -44,7 +44,7 @@ impl ReportSource for BrowserSource {
             Err(error) => {
                 tracing::error!(%error, "the drive pad is lost");
                 self.wishes = None;
-                Some(SourceEvent::Unplugged)
+                Some(SourceEvent::Unplugged(0))
             }
         }
     }

@@ -51,12 +51,8 @@ impl HandDevices {
             HidReport::Translation(_) => 0,
             HidReport::Rotation(_) => 1,
             HidReport::Motion(_) => 2,
-            HidReport::Buttons(buttons) => {
-                one.held_over &= buttons;
-                one.monitor.on_other(stamp_ns);
-                return Ok((report, false));
-            }
-            HidReport::Battery { .. } => {
+            HidReport::Buttons(_) | HidReport::Battery { .. } => {
+                one.held_over &= one.decoder.buttons();
                 one.monitor.on_other(stamp_ns);
                 return Ok((report, false));
             }

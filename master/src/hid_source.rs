@@ -15,6 +15,8 @@ use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+/// The device of a source that reads one.
+const HAND: usize = 0;
 /// Events that may wait for the process loop: two seconds of the fastest SpaceMouse.
 const QUEUE: usize = 256;
 /// How long the thread sleeps on a silent device before it looks whether it shall end.
@@ -145,7 +147,7 @@ impl ReportSource for HidSource {
 
     fn next_event(&mut self, _now_ns: i64) -> Option<SourceEvent> {
         if self.shared.missed_plug.swap(false, Ordering::Relaxed) {
-            return Some(SourceEvent::Plugged);
+            return Some(SourceEvent::Plugged(HAND));
         }
         match self.shared.n_drained.swap(0, Ordering::Relaxed) {
             0 => self.early.take().or_else(|| self.events.try_recv().ok()),
@@ -199,13 +201,13 @@ impl Reader {
                 );
                 return;
             }
-            self.push(SourceEvent::Unplugged);
+            self.push(SourceEvent::Unplugged(HAND));
             drop(opened);
             match self.search() {
                 Some(found) => opened = found,
                 None => return,
             }
-            self.push(SourceEvent::Plugged);
+            self.push(SourceEvent::Plugged(HAND));
         }
     }
 
@@ -222,7 +224,7 @@ impl Reader {
                 Ok(0) | Err(ReadFailure::Interrupted) => {}
                 Ok(n_bytes) => {
                     let report = RawReport::clipped(&buffer[..n_bytes.min(RawReport::MAX_BYTES)]);
-                    self.push(SourceEvent::HidReport { stamp_ns: clock::monotonic_ns(), report });
+                    self.push(SourceEvent::HidReport { device: HAND, stamp_ns: clock::monotonic_ns(), report });
                 }
                 Err(ReadFailure::Gone(source_text)) => {
                     tracing::warn!(%source_text, "the hand controller was lost; looking for it");
@@ -230,8 +232,8 @@ impl Reader {
                 }
                 Err(ReadFailure::Dropped) => {
                     tracing::warn!("the kernel has dropped events of the hand controller; presence must be given anew");
-                    self.push(SourceEvent::Unplugged);
-                    self.push(SourceEvent::Plugged);
+                    self.push(SourceEvent::Unplugged(HAND));
+                    self.push(SourceEvent::Plugged(HAND));
                 }
                 Err(ReadFailure::GivenBack) => return true,
             }

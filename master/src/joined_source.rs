@@ -6,9 +6,7 @@ use crate::hid::{HidHost, SystemHost};
 use crate::lights::Lights;
 use crate::source::sleep_until;
 use crate::spacenavd::SpacenavHost;
-use crate::{
-    BesideEvent, DeviceChoice, HidSource, JoinedHand, Layout, MasterConfig, MasterError, ReportSource, SourceEvent,
-};
+use crate::{DeviceChoice, HidSource, JoinedHand, Layout, MasterConfig, MasterError, ReportSource, SourceEvent};
 use crossbeam_channel::{Receiver, RecvTimeoutError, bounded};
 use krait_ipc::clock;
 use std::path::PathBuf;
@@ -104,26 +102,22 @@ impl ReportSource for JoinedSource {
             return None;
         }
         let device = self.next_device(now_ns)?;
-        let event = match self.devices[device].1.take()? {
-            SourceEvent::HidReport { stamp_ns, report } => {
-                let stamp_ns = stamp_ns.max(self.newest_ns);
-                self.newest_ns = stamp_ns;
-                if device == 0 {
-                    return Some(SourceEvent::HidReport { stamp_ns, report: with_buttons(report, self.kept_buttons) });
-                }
-                BesideEvent::HidReport { stamp_ns, report }
+        Some(match self.devices[device].1.take()? {
+            SourceEvent::HidReport { stamp_ns, report, .. } => {
+                self.newest_ns = stamp_ns.max(self.newest_ns);
+                let report = if device == 0 { with_buttons(report, self.kept_buttons) } else { report };
+                SourceEvent::HidReport { device, stamp_ns: self.newest_ns, report }
             }
             // The hand is over, whichever device was given back: the others are not held any longer either.
             SourceEvent::GivenBack => {
                 self.is_given_back = true;
                 self.devices.iter().for_each(|(source, _)| source.let_go());
-                return Some(SourceEvent::GivenBack);
+                SourceEvent::GivenBack
             }
-            SourceEvent::Unplugged if device > 0 => BesideEvent::Unplugged,
-            SourceEvent::Plugged if device > 0 => BesideEvent::Plugged,
-            other => return Some(other),
-        };
-        Some(SourceEvent::Beside { device, event })
+            SourceEvent::Unplugged(_) => SourceEvent::Unplugged(device),
+            SourceEvent::Plugged(_) => SourceEvent::Plugged(device),
+            other => other,
+        })
     }
 
     fn vid_pid(&self) -> Option<(u16, u16)> {

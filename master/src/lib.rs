@@ -118,4 +118,4 @@ pub use recording_writer::HidRecordingWriter;
 pub use response::Response;
 pub use script::{Script, ScriptSample};
 pub use script_source::ScriptSource;
-pub use source::{BesideEvent, ReportSource, SourceChoice, SourceEvent};
+pub use source::{ReportSource, SourceChoice, SourceEvent};

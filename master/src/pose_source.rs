@@ -125,7 +125,7 @@ impl PoseSource {
                 Err(error) => {
                     if !std::mem::replace(&mut self.has_failed, true) {
                         tracing::error!(%error, "the socket for poses failed");
-                        return Some(SourceEvent::Unplugged);
+                        return Some(SourceEvent::Unplugged(0));
                     }
                     return None;
                 }

@@ -4,8 +4,7 @@ use crate::feedback::Feedback;
 use crate::report_log::ReportLog;
 use crate::ticker::Ticker;
 use crate::{
-    BesideEvent, Engage, MasterConfig, MasterCore, MasterError, PoseRefusal, RawReport, ReportSource, SourceChoice,
-    SourceEvent,
+    Engage, MasterConfig, MasterCore, MasterError, PoseRefusal, RawReport, ReportSource, SourceChoice, SourceEvent,
 };
 use krait_ipc::message::{DeviceState, Marker, MotionWish, OperatorInput, SlaveState};
 use krait_ipc::{Bus, HealthReporter, Process, ReadOptions, Reader, Reason, Reasons, Writer, clock};
@@ -135,12 +134,7 @@ impl Master {
     fn take_events(&mut self, now_ns: i64) -> Result<(), MasterError> {
         while let Some(event) = self.source.next_event(now_ns) {
             match event {
-                SourceEvent::HidReport { stamp_ns, report } => self.take_report(0, stamp_ns, report)?,
-                SourceEvent::Beside { device, event } => match event {
-                    BesideEvent::HidReport { stamp_ns, report } => self.take_report(device, stamp_ns, report)?,
-                    BesideEvent::Unplugged => self.core.on_unplugged_of(device),
-                    BesideEvent::Plugged => self.core.on_plugged_of(device),
-                },
+                SourceEvent::HidReport { device, stamp_ns, report } => self.take_report(device, stamp_ns, report)?,
                 SourceEvent::Packet { stamp_ns, sender, packet } => self.take_packet(stamp_ns, sender, packet),
                 SourceEvent::Script(sample) => self.core.on_script(sample),
                 SourceEvent::Mark(mark) => self.marks.send(&Marker { sequence: self.marks.n_sent() + 1, ..mark })?,
@@ -151,8 +145,8 @@ impl Master {
                     }
                 }
                 SourceEvent::Drained(n_reports) => self.core.on_drained(n_reports),
-                SourceEvent::Unplugged => self.core.on_unplugged(),
-                SourceEvent::Plugged => self.core.on_plugged(),
+                SourceEvent::Unplugged(device) => self.core.on_unplugged_of(device),
+                SourceEvent::Plugged(device) => self.core.on_plugged_of(device),
                 SourceEvent::GivenBack => self.core.on_given_back(),
                 SourceEvent::Restarted => self.core.on_restarted(),
                 SourceEvent::Ended => self.core.on_ended(),

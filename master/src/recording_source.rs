@@ -2,7 +2,7 @@
 
 use crate::recording::StampedReport;
 use crate::source::sleep_until;
-use crate::{BesideEvent, HidRecording, Layout, ReportSource, SourceEvent};
+use crate::{HidRecording, Layout, ReportSource, SourceEvent};
 use std::net::{Ipv4Addr, SocketAddr};
 
 /// Pause between the end of a looping recording and its new beginning, ns: long enough to count as rest.
@@ -33,12 +33,11 @@ impl RecordingSource {
     fn told(&self, stamp_ns: i64, stamped: StampedReport) -> SourceEvent {
         let (device, report) = (stamped.device, stamped.report);
         match self.recording.header().layout {
-            _ if device > 0 => SourceEvent::Beside { device, event: BesideEvent::HidReport { stamp_ns, report } },
             // A recording holds the packets of the one sender that counted.
-            Some(Layout::Pose) => {
+            Some(Layout::Pose) if device == 0 => {
                 SourceEvent::Packet { stamp_ns, sender: SocketAddr::from((Ipv4Addr::LOCALHOST, 0)), packet: report }
             }
-            _ => SourceEvent::HidReport { stamp_ns, report },
+            _ => SourceEvent::HidReport { device, stamp_ns, report },
         }
     }
 

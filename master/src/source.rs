@@ -18,6 +18,8 @@ use std::net::SocketAddr;
 pub enum SourceEvent {
     /// A report, and when it was in hand, CLOCK_MONOTONIC, ns.
     HidReport {
+        /// Which of the hand's devices sent it: 0 the hand controller, 1 the first beside it.
+        device: usize,
         /// When it was in hand.
         stamp_ns: i64,
         /// Its bytes.
@@ -32,13 +34,6 @@ pub enum SourceEvent {
         /// Its bytes.
         packet: RawReport,
     },
-    /// What a device beside the hand controller has to say, 1 for the first of them.
-    Beside {
-        /// Which.
-        device: usize,
-        /// What.
-        event: BesideEvent,
-    },
     /// What a script or a guide asks for at this instant.
     Script(ScriptSample),
     /// What a guide marks at this instant; its number is the process's to give.
@@ -52,32 +47,16 @@ pub enum SourceEvent {
     },
     /// Reports were thrown away unread because newer ones pressed on.
     Drained(u64),
-    /// The device is gone.
-    Unplugged,
-    /// A device is there again.
-    Plugged,
+    /// One of the hand's devices is gone: 0 the hand controller, 1 the first beside it.
+    Unplugged(usize),
+    /// One of them is there again.
+    Plugged(usize),
     /// The device's user has given it back by its key: it is taken again only by another start.
     GivenBack,
     /// The recording or script begins again.
     Restarted,
     /// The recording or script is at its end.
     Ended,
-}
-
-/// What a device beside the hand controller has to say.
-#[derive(Clone, Copy, Debug)]
-pub enum BesideEvent {
-    /// A report, and when it was in hand, CLOCK_MONOTONIC, ns.
-    HidReport {
-        /// When it was in hand.
-        stamp_ns: i64,
-        /// Its bytes.
-        report: RawReport,
-    },
-    /// It is gone, and with it the hand.
-    Unplugged,
-    /// It is there again.
-    Plugged,
 }
 
 /// A source of reports. All instants are CLOCK_MONOTONIC, ns.
@@ -141,8 +120,9 @@ impl SourceChoice {
     /// Opens the source.
     ///
     /// # Errors
-    /// For a live device as [`HidSource::open`] (with others beside it [`MasterError::Claimed`] or [`MasterError::SameDevice`] too) or, with a profile, [`HidSource::open_profile`], or [`HidSource::open_spacenavd`], for pages as [`BrowserSource::open`], for poses as
-    /// [`PoseSource::open`]; the others cannot fail any more.
+    /// For a live device as [`HidSource::open`], [`HidSource::open_profile`] or [`HidSource::open_spacenavd`], with others beside it
+    /// as [`JoinedSource::open`]; for pages as [`BrowserSource::open`], for poses as [`PoseSource::open`]; the others cannot fail any
+    /// more.
     pub fn open(self, bus: &Bus, config: &MasterConfig) -> Result<Box<dyn ReportSource>, MasterError> {
         Ok(match self {
             Self::Hid if !config.beside.is_empty() => Box::new(JoinedSource::open(config)?),

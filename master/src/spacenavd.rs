@@ -192,12 +192,12 @@ mod tests {
         let serve = |listener: &UnixListener| -> UnixStream { listener.accept().expect("a client").0 };
         for is_first in [true, false] {
             let mut client = serve(&listener);
-            assert!(is_first || matches!(wait_for_event(&mut source), SourceEvent::Plugged));
+            assert!(is_first || matches!(wait_for_event(&mut source), SourceEvent::Plugged(0)));
             client.write_all(&event([0, 100, 0, 0, 0, 0, 0, 0])).expect("written");
             let SourceEvent::HidReport { report, .. } = wait_for_event(&mut source) else { panic!("a report") };
             assert_eq!(HidReport::decode(report.as_bytes()), Ok(HidReport::Motion([100, 0, 0, 0, 0, 0])));
             drop(client);
-            assert!(matches!(wait_for_event(&mut source), SourceEvent::Unplugged));
+            assert!(matches!(wait_for_event(&mut source), SourceEvent::Unplugged(0)));
         }
         drop(source);
         std::fs::remove_file(path).expect("removed");

@@ -31,13 +31,7 @@ impl Both {
 
 /// Whose an event is, when, and its bytes, if it is a report.
 fn report_of(event: SourceEvent) -> Option<(usize, i64, Vec<u8>)> {
-    let (device, stamp_ns, report) = match event {
-        SourceEvent::HidReport { stamp_ns, report } => (0, stamp_ns, report),
-        SourceEvent::Beside { device, event: BesideEvent::HidReport { stamp_ns, report } } => {
-            (device, stamp_ns, report)
-        }
-        _ => return None,
-    };
+    let SourceEvent::HidReport { device, stamp_ns, report } = event else { return None };
     Some((device, stamp_ns, report.as_bytes().to_vec()))
 }
 
@@ -82,13 +76,11 @@ fn a_button_that_a_pedal_names_is_taken_out_of_the_caps_reports_and_nothing_else
 fn each_is_lost_and_found_by_itself_and_says_whose_loss_it_is() {
     let mut both = both(u32::MAX);
     both.does(1, Act::Vanish);
-    let of_pedal = |event| SourceEvent::Beside { device: 1, event };
-    for due in [of_pedal(BesideEvent::Unplugged), of_pedal(BesideEvent::Plugged)] {
-        assert_eq!(format!("{:?}", wait_for_event(&mut both.source)), format!("{due:?}"));
-    }
+    assert!(matches!(wait_for_event(&mut both.source), SourceEvent::Unplugged(1)));
+    assert!(matches!(wait_for_event(&mut both.source), SourceEvent::Plugged(1)));
     both.does(0, Act::Drop);
-    assert!(matches!(wait_for_event(&mut both.source), SourceEvent::Unplugged));
-    assert!(matches!(wait_for_event(&mut both.source), SourceEvent::Plugged));
+    assert!(matches!(wait_for_event(&mut both.source), SourceEvent::Unplugged(0)));
+    assert!(matches!(wait_for_event(&mut both.source), SourceEvent::Plugged(0)));
     both.says(1, &[3, 1]);
     assert_eq!(report_of(wait_for_event(&mut both.source)).expect("a report").0, 1);
 }

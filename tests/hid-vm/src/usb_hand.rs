@@ -82,8 +82,8 @@ impl UsbHand {
                     }
                     return Some(report);
                 }
-                Some(SourceEvent::Unplugged | SourceEvent::GivenBack) => (self.was_lost, self.motion) = (true, None),
-                Some(SourceEvent::Plugged) => self.was_found = true,
+                Some(SourceEvent::Unplugged(_) | SourceEvent::GivenBack) => (self.was_lost, self.motion) = (true, None),
+                Some(SourceEvent::Plugged(_)) => self.was_found = true,
                 _ => {}
             }
         }

@@ -114,7 +114,7 @@ impl Shown for Cap {
                         tracing::warn!(?refusal, "a report was refused");
                     }
                 }
-                SourceEvent::Unplugged => self.decoder.forget_device(),
+                SourceEvent::Unplugged(_) => self.decoder.forget_device(),
                 _ => {}
             }
         }
