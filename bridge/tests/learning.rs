@@ -28,8 +28,9 @@ const SIGMA_RAD: f64 = 0.3 * PI / 180.0;
 /// The score counts from here on.
 const LEARNT_AFTER_S: f64 = 30.0;
 const SECONDS: f64 = 50.0;
-/// Runs of each model.
-const N_SEEDS: u64 = 40;
+/// Runs of each model; of the test that is run by itself.
+const N_SEEDS: u64 = 12;
+const N_MANY_SEEDS: u64 = 40;
 
 /// What the simulated snake is besides what is hidden. Its lines do not rub: where a line sticks, the simulated one creeps on
 /// the snake's side of the cone and the model's on the actuator's, and this test is of values, not of that difference.
@@ -150,12 +151,22 @@ fn run(chain: &Chain, truth: &Truth, learns: bool) -> Run {
 
 #[test]
 fn four_and_six_parameters_of_other_effects_are_learnt_and_the_error_falls_to_the_cameras_own() {
+    are_learnt(N_SEEDS);
+}
+
+#[test]
+#[ignore = "over many seeds; .ci/run runs it"]
+fn what_is_stated_of_parameters_of_other_effects_holds_over_many_seeds() {
+    are_learnt(N_MANY_SEEDS);
+}
+
+fn are_learnt(n_seeds: u64) {
     let floor_rad = SIGMA_RAD * 2f64.sqrt();
     for (what, text) in [("four", FOUR.to_owned()), ("six", six())] {
         let chain = chain_of(&format!("{KNOWN}{text}"));
         let (mut n_within, mut n_values, mut stated, mut found, mut worst) = (0, 0, 0.0, 0.0, 0.0_f64);
         let mut without = 0.0;
-        for seed in 1..=N_SEEDS {
+        for seed in 1..=n_seeds {
             let mut draw = Draw(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15));
             let hidden: Vec<f64> = chain.learnt().iter().map(|p| p.start + p.learn.sd * draw.normal()).collect();
             let truth = truth(&chain, &hidden, seed);
@@ -177,12 +188,14 @@ fn four_and_six_parameters_of_other_effects_are_learnt_and_the_error_falls_to_th
         let coverage = f64::from(n_within) / f64::from(n_values);
         let ratio = (stated / found).sqrt();
         println!(
-            "{what}: error {worst:.3} of the floor in the worst of {N_SEEDS} runs ({without:.3} without learning), within 2 sd \
+            "{what}: error {worst:.3} of the floor in the worst of {n_seeds} runs ({without:.3} without learning), within 2 sd \
              {:.1} %, stated sd {ratio:.2} of what was found",
             100.0 * coverage
         );
         assert!(worst < 1.1 && without > 1.5, "{what}: {worst} {without}");
-        assert!((0.90..=0.99).contains(&coverage), "{what}: {coverage}");
+        // A dozen runs may all be within.
+        let most = if n_seeds < N_MANY_SEEDS { 1.0 } else { 0.99 };
+        assert!((0.90..=most).contains(&coverage), "{what}: {coverage}");
         assert!(ratio < 1.5, "{what}: {ratio}");
     }
 }

@@ -32,7 +32,9 @@ const TWO: &str = include_str!("../../docs/segments/two.toml");
 const SECONDS: f64 = 40.0;
 /// The score counts from here on.
 const LEARNT_AFTER_S: f64 = 20.0;
-const N_SEEDS: u64 = 40;
+/// Runs; of the test that is run by itself.
+const N_SEEDS: u64 = 12;
+const N_MANY_SEEDS: u64 = 40;
 
 /// What is wrong, with the right value and the prior's standard deviation.
 const WRONG: [(&str, &str, f64, f64); 4] = [
@@ -132,10 +134,20 @@ fn wrong(seed: u64) -> [f64; 4] {
 
 #[test]
 fn stiffness_friction_and_play_of_segments_are_learnt_and_the_error_falls_to_the_cameras_own() {
+    are_learnt(N_SEEDS);
+}
+
+#[test]
+#[ignore = "over many seeds; .ci/run runs it"]
+fn what_is_stated_of_stiffness_friction_and_play_of_segments_holds_over_many_seeds() {
+    are_learnt(N_MANY_SEEDS);
+}
+
+fn are_learnt(n_seeds: u64) {
     let floor_rad = SIGMA_RAD * 2f64.sqrt();
     let known = run(&model(&WRONG.map(|own| own.2), false), 1, false).error_rad / floor_rad;
     let (mut n_within, mut squares_in_sds, mut worst, mut left_alone) = ([0; 4], 0.0, 0.0_f64, 0.0_f64);
-    for seed in 1..=N_SEEDS {
+    for seed in 1..=n_seeds {
         let values = wrong(seed);
         let run = self::run(&model(&values, true), seed, false);
         worst = worst.max(run.error_rad / floor_rad);
@@ -158,14 +170,16 @@ fn stiffness_friction_and_play_of_segments_are_learnt_and_the_error_falls_to_the
         }
     }
     println!(
-        "within 2 sd {n_within:?} of {N_SEEDS}; error {worst:.3} of the floor in the worst run, {known:.3} with the right values, \
+        "within 2 sd {n_within:?} of {n_seeds}; error {worst:.3} of the floor in the worst run, {known:.3} with the right values, \
          {left_alone:.3} without learning"
     );
-    assert!(n_within.iter().all(|n| 100 * n >= 85 * N_SEEDS), "{n_within:?}");
-    let coverage = n_within.iter().sum::<u64>() as f64 / (4 * N_SEEDS) as f64;
-    assert!((0.90..=0.99).contains(&coverage), "{coverage}");
-    let ratio = (f64::from(4 * N_SEEDS as u32) / squares_in_sds).sqrt();
-    println!("stated sd {ratio:.2} of what was found, within 2 sd {:.1} % of {}", 100.0 * coverage, 4 * N_SEEDS);
+    assert!(n_within.iter().all(|n| 100 * n >= 85 * n_seeds), "{n_within:?}");
+    let coverage = n_within.iter().sum::<u64>() as f64 / (4 * n_seeds) as f64;
+    // A dozen runs may all be within.
+    let most = if n_seeds < N_MANY_SEEDS { 1.0 } else { 0.99 };
+    assert!((0.90..=most).contains(&coverage), "{coverage}");
+    let ratio = (f64::from(4 * n_seeds as u32) / squares_in_sds).sqrt();
+    println!("stated sd {ratio:.2} of what was found, within 2 sd {:.1} % of {}", 100.0 * coverage, 4 * n_seeds);
     assert!((0.7..1.5).contains(&ratio), "{ratio}");
     assert!(worst < 1.1 && left_alone > 1.5, "{worst} {left_alone}");
 }

@@ -5,7 +5,7 @@ use krait_lab_benchmark::benchmark::{GridCell, Group, Options, Outcome, Summary,
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-const SECONDS: f64 = 60.0;
+const SECONDS: f64 = 30.0;
 
 fn options() -> Options {
     Options { seed: 3, seconds: SECONDS, with_baselines: true }

@@ -10,13 +10,13 @@ use std::path::Path;
 
 const PATIENCE: Duration = Duration::from_secs(240);
 /// When the play appears, s after the first command.
-const APPEARS_S: f64 = 14.0;
+const APPEARS_S: f64 = 11.0;
 
 /// A snake that is just what the model says, until its lines have play.
 const TRUTH: &str = "[effects]\nplay_m = 0.0\nload_scale = 1.0\nmu = 0.0\nf_s_n = 0.0\n\
-                     [slow]\nchange_play_m = 4e-4\nchange_time_s = 14.0\n";
+                     [slow]\nchange_play_m = 4e-4\nchange_time_s = 11.0\n";
 const MODEL: &str = "format = 1\n[machine]\nkind = \"snake\"\n";
-const CONFIG: &str = "[estimate]\nlearn_s = 6.0\n";
+const CONFIG: &str = "[estimate]\nlearn_s = 5.0\n";
 
 #[test]
 fn a_play_that_appears_while_the_chain_runs_is_seen_told_and_recorded() {
@@ -30,7 +30,7 @@ fn a_play_that_appears_while_the_chain_runs_is_seen_told_and_recorded() {
     let ended = Ended::in_time(&recording, || {
         let instance = instance_name("change");
         let mut arguments =
-            vec!["run", "--engage=again", "--seconds", "24", "--instance", &instance, "--config", &config];
+            vec!["run", "--engage=again", "--seconds", "19", "--instance", &instance, "--config", &config];
         arguments.extend(["--truth", &truth, "--model", &model, "--recording", &recording]);
         Ended::of(&arguments, PATIENCE)
     });

@@ -16,13 +16,15 @@ use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// One demo serves every check: it takes most of a minute.
+/// One demo serves every check. Its passes are shorter than those that a user sees, which `.ci/run` runs.
 #[test]
 fn the_demo_shows_what_compensation_does_and_its_recording_proves_it() {
     let (instance, folder) = (instance_name("demo"), TempFolder::new("demo"));
     let recording = folder.file("demo.mcap");
-    let ended =
-        Ended::of(&["demo", "--json", "--instance", &instance, "--recording", &recording], Duration::from_secs(240));
+    let ended = Ended::of(
+        &["demo", "--json", "--seconds", "14", "--instance", &instance, "--recording", &recording],
+        Duration::from_secs(240),
+    );
     assert_eq!(ended.code, Some(0), "{}\n{}", ended.stderr, ended.stdout);
     let figures = ended.json();
     check_errors(&figures);
@@ -111,7 +113,7 @@ fn check_latency_and_samples(figures: &Value) {
     let samples = &figures["samples"];
     assert_eq!(samples["lost"], 0, "{samples}");
     assert_eq!(samples["sent"], samples["received"], "{samples}");
-    assert!(number(&samples["sent"]) > 45_000.0, "three passes of 17 s at 1 kHz: {samples}");
+    assert!(number(&samples["sent"]) > 38_000.0, "three passes of 14 s at 1 kHz: {samples}");
 }
 
 /// What a replay needs, in the order of the recording.

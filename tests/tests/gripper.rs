@@ -26,7 +26,7 @@ fn run(model: &str, recording: &str, more: &[&str]) -> Value {
     let once = || {
         let instance = instance_name("gripper");
         let mut arguments = vec!["run", "--engage=again", "--json", "--master", "script", "--input", SCRIPT];
-        arguments.extend(["--seconds", "17", "--instance", &instance, "--model", model, "--recording", recording]);
+        arguments.extend(["--seconds", "14", "--instance", &instance, "--model", model, "--recording", recording]);
         arguments.extend(more);
         Ended::of(&arguments, PATIENCE)
     };
@@ -117,7 +117,7 @@ fn jaw_setpoints_rad(recording: &str) -> Vec<(i64, f64)> {
 fn jaw_rad_in_the_third_second(recording: &str) -> f64 {
     let all = jaw_setpoints_rad(recording);
     let from_ns = all.first().expect("setpoints").0 + 3_000_000_000;
-    all.iter().find(|(at_ns, _)| *at_ns > from_ns).expect("17 s").1
+    all.iter().find(|(at_ns, _)| *at_ns > from_ns).expect("14 s").1
 }
 
 fn last_jaw_rad(recording: &str) -> f64 {

@@ -53,8 +53,8 @@ fn a_wrist_follows_better_with_its_model_and_its_recording_verifies() {
         assert_eq!(pass["joints"]["joints"].as_array().map(Vec::len), Some(3), "{pass}");
         pass["joints"]["error"]["rms"].as_f64().unwrap_or_else(|| panic!("no error in {pass}"))
     };
-    let off_deg = rms(&run(&off, &without, "15", &[]));
-    let wrist_deg = rms(&run(WRIST, &with, "15", &[]));
+    let off_deg = rms(&run(&off, &without, "13", &[]));
+    let wrist_deg = rms(&run(WRIST, &with, "13", &[]));
     assert!(wrist_deg < 0.25 * off_deg, "{wrist_deg} deg with the model, {off_deg} deg without");
     let verdict = verified(&with);
     assert!(
@@ -111,7 +111,7 @@ fn a_wrist_with_a_wrong_play_learns_it_and_keeps_it() {
     let wrong =
         text.replace("half_width = 0.05", "half_width = { value = 0.02, learn = { sd = 0.02, memory_s = 600.0 } }");
     std::fs::write(&model, wrong).expect("a file");
-    let figures = run(&model, &recording, "15", &[]);
+    let figures = run(&model, &recording, "13", &[]);
     let learnt = &figures["passes"][0]["learnt"][0];
     assert_eq!(learnt["name"], "backlash.half_width", "{figures}");
     let value = learnt["value"].as_f64().expect("a value");

@@ -134,7 +134,7 @@ fn models_that_show_their_error_and_one_that_has_yet_to_learn_do_not_trip() {
                 "--recording",
                 &path,
                 "--seconds",
-                "10",
+                "6",
                 "--compensation",
                 model,
             ],

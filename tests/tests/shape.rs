@@ -83,7 +83,7 @@ fn a_chain_learns_from_another_programs_camera_and_its_recording_verifies_and_re
         "--compensation",
         "estimated",
         "--seconds",
-        "20",
+        "15",
         "--recording",
         &recording,
     ]);
