@@ -50,7 +50,8 @@ impl HidSource {
     /// for it (by the same choice) until it is there and may be opened again.
     ///
     /// # Errors
-    /// [`MasterError::NoDevice`], [`MasterError::Unreadable`], [`MasterError::Hid`] or [`MasterError::Thread`].
+    /// [`MasterError::NoDevice`], [`MasterError::Unreadable`], [`MasterError::HandInUse`], [`MasterError::Hid`] or
+    /// [`MasterError::Thread`].
     pub fn open(choice: &DeviceChoice) -> Result<Self, MasterError> {
         Self::open_on(Box::new(SystemHost), choice, SEARCH_PAUSE, None)
     }

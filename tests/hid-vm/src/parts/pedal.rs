@@ -55,7 +55,7 @@ pub fn pedal() -> anyhow::Result<PartVerdict> {
         User::Root,
         &["run", "--master", "hid", "--config", config, "--instance", "other", "--no-recording", "--seconds", "1"],
     )?;
-    let is_refused = other.code == Some(2) && other.stderr.contains("cannot be taken");
+    let is_refused = other.code == Some(2) && other.stderr.contains("is read by another krait");
     verdict.check("second_master", is_refused, format!("{:?}", other.code));
     let at = play(mouse, pedal)?;
     let (ended, journal, recording) = chain.end_with_recording()?;
