@@ -1,7 +1,7 @@
 //! The console's pages as a device: sleeps on the channel on which the console says what the driving page's hand does.
 
 use crate::source::sleep_until;
-use crate::{MasterError, ReportSource, SourceEvent};
+use crate::{MasterError, Plug, ReportSource, SourceEvent};
 use core::time::Duration;
 use krait_ipc::message::DriveWish;
 use krait_ipc::{Bus, ReadOptions, Reader, clock};
@@ -37,14 +37,14 @@ impl ReportSource for BrowserSource {
         }
     }
 
-    fn next_event(&mut self, _now_ns: i64) -> Option<SourceEvent> {
+    fn next_event(&mut self, now_ns: i64) -> Option<SourceEvent> {
         match self.wishes.as_mut()?.take() {
             // After the console's own stamp, however lately that was.
             Ok(wish) => wish.map(|wish| SourceEvent::Pad { stamp_ns: clock::monotonic_ns(), wish: *wish }),
             Err(error) => {
                 tracing::error!(%error, "the drive pad is lost");
                 self.wishes = None;
-                Some(SourceEvent::Unplugged(0))
+                Some(SourceEvent::Plug { device: 0, stamp_ns: now_ns, plug: Plug::Out })
             }
         }
     }

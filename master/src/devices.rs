@@ -148,7 +148,7 @@ impl fmt::Display for DeviceInfo {
 pub fn list_devices() -> Result<Vec<DeviceInfo>, MasterError> {
     let mut devices = list_hid()?;
     for device in &mut devices {
-        device.may_open = may_open(&device.path).is_ok();
+        device.may_open = may_open(&device.path);
     }
     Ok(devices)
 }

@@ -224,6 +224,16 @@ pub enum MasterError {
         /// The file for that rule.
         rules_file: &'static str,
     },
+    /// The device is another's.
+    #[error(
+        "hand controller {name} at {path} is read by another krait; end that chain or `krait devices`, or name another device in the setting `device` as \"vid:pid:serial\""
+    )]
+    HandInUse {
+        /// Its name.
+        name: String,
+        /// Its node.
+        path: String,
+    },
     /// Any other failure of the HID system.
     #[error(
         "HID failed while {doing}: {source_text}; check that /sys and /dev are mounted, and plug the device in again"

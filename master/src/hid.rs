@@ -6,7 +6,8 @@ use crate::lights::{LightRole, Lights};
 use crate::{MasterError, RawReport};
 use hidapi::{HidApi, HidDevice, HidError};
 use std::ffi::CString;
-use std::fs::OpenOptions;
+use rustix::fs::{FlockOperation, flock};
+use std::fs::{File, OpenOptions};
 use std::io;
 use std::time::Duration;
 
@@ -88,13 +89,19 @@ fn chosen<'a>(api: &HidApi, choice: &DeviceChoice, devices: &'a [DeviceInfo]) ->
     wanted.ok_or_else(|| no_device(choice, devices))
 }
 
-/// An open node, and whether its light is known to be on or off.
-struct SystemPort(HidDevice, Option<bool>);
+/// An open node.
+struct SystemPort {
+    device: HidDevice,
+    /// Whether its light is known to be on or off.
+    is_lit: Option<bool>,
+    /// The same node, locked while it is open.
+    _alone: File,
+}
 
 impl SystemPort {
     fn set_light(&mut self, is_on: bool) {
-        if self.1.replace(is_on) != Some(is_on)
-            && let Err(error) = self.0.write(&crate::led_report(is_on))
+        if self.is_lit.replace(is_on) != Some(is_on)
+            && let Err(error) = self.device.write(&crate::led_report(is_on))
         {
             tracing::debug!(%error, "the device did not take its light's report");
         }
@@ -104,7 +111,7 @@ impl SystemPort {
 impl HidPort for SystemPort {
     fn read(&mut self, buffer: &mut [u8; RawReport::MAX_BYTES], timeout: Duration) -> Result<usize, ReadFailure> {
         let timeout_ms = i32::try_from(timeout.as_millis()).unwrap_or(i32::MAX);
-        self.0.read_timeout(buffer, timeout_ms).map_err(|error| match error {
+        self.device.read_timeout(buffer, timeout_ms).map_err(|error| match error {
             HidError::IoError { error } if error.kind() == io::ErrorKind::Interrupted => ReadFailure::Interrupted,
             other => ReadFailure::Gone(other.to_string()),
         })
@@ -120,15 +127,24 @@ impl HidPort for SystemPort {
 }
 
 fn open_node(api: &HidApi, choice: &DeviceChoice, node: &DeviceInfo) -> Result<Box<dyn HidPort>, MasterError> {
-    may_open(&node.path).map_err(|source| unreadable(node, source))?;
+    let alone = opened(&node.path).map_err(|source| unreadable(node, source))?;
+    lock(&alone, node)?;
     let path = CString::new(node.path.as_str()).map_err(|e| failed("naming a device", e))?;
-    let port = api.open_path(&path).map_err(|e| failed("opening a device", e))?;
+    let device = api.open_path(&path).map_err(|e| failed("opening a device", e))?;
     // The node may have been given to another device since it was listed; while it is open it keeps its name.
     let (vendor_id, product_id, serial) = identity_of(&node.path)?;
     if !choice.admits(vendor_id, product_id, &serial) {
         return Err(no_device(choice, &list_hid()?));
     }
-    Ok(Box::new(SystemPort(port, None)))
+    Ok(Box::new(SystemPort { device, is_lit: None, _alone: alone }))
+}
+
+/// One hand moves one robot: hidraw itself lets any number of readers hear a device.
+fn lock(node: &File, device: &DeviceInfo) -> Result<(), MasterError> {
+    flock(node, FlockOperation::NonBlockingLockExclusive).map_err(|error| match error {
+        rustix::io::Errno::WOULDBLOCK => MasterError::HandInUse { name: named(device), path: device.path.clone() },
+        other => failed("locking a device", other),
+    })
 }
 
 /// Whether two nodes cannot be told apart by vendor, product and serial number.
@@ -149,9 +165,14 @@ pub(crate) fn list_hid() -> Result<Vec<DeviceInfo>, MasterError> {
     HidApi::new().map(|api| devices_of(&api)).map_err(|e| failed("listing the devices", e))
 }
 
-/// Whether a node may be opened, with the kernel's own answer, which hidapi hides in a text.
-pub(crate) fn may_open(path: &str) -> io::Result<()> {
-    OpenOptions::new().read(true).write(true).open(path).map(drop)
+/// Whether a node may be opened.
+pub(crate) fn may_open(path: &str) -> bool {
+    opened(path).is_ok()
+}
+
+/// An opened node, or the kernel's own answer, which hidapi hides in a text.
+fn opened(path: &str) -> io::Result<File> {
+    OpenOptions::new().read(true).write(true).open(path)
 }
 
 fn devices_of(api: &HidApi) -> Vec<DeviceInfo> {
@@ -210,12 +231,16 @@ fn unreadable(device: &DeviceInfo, source: io::Error) -> MasterError {
         return failed("opening a device", format!("{}: {source}", device.path));
     }
     MasterError::Unreadable {
-        name: format!("{:04x}:{:04x} {:?}", device.vendor_id, device.product_id, device.product),
+        name: named(device),
         path: device.path.clone(),
         source,
         rule: udev_rule(device.vendor_id),
         rules_file: RULES_FILE,
     }
+}
+
+fn named(device: &DeviceInfo) -> String {
+    format!("{:04x}:{:04x} {:?}", device.vendor_id, device.product_id, device.product)
 }
 
 pub(crate) fn udev_rule(vendor_id: u16) -> String {
@@ -264,6 +289,20 @@ mod tests {
         }
         let vanished = unreadable(&device("/dev/hidraw3"), io::Error::from(io::ErrorKind::NotFound)).to_string();
         assert!(vanished.contains("/dev/hidraw3") && !vanished.contains("udevadm"), "{vanished}");
+    }
+
+    #[test]
+    fn a_node_that_another_krait_reads_is_refused_until_that_one_lets_it_go() {
+        let path = std::env::temp_dir().join(format!("krait-hidraw-{}", std::process::id()));
+        std::fs::write(&path, "").expect("written");
+        let [first, second] = [(), ()].map(|()| opened(path.to_str().expect("a name")).expect("opened"));
+        let node = device("/dev/hidraw3");
+        lock(&first, &node).expect("nobody else reads it");
+        let error = lock(&second, &node).expect_err("the first has it").to_string();
+        assert!(error.contains("/dev/hidraw3") && error.contains("is read by another krait"), "{error}");
+        drop(first);
+        lock(&second, &node).expect("it was let go");
+        std::fs::remove_file(path).expect("removed");
     }
 
     #[test]

@@ -2,11 +2,11 @@
 //! which keeps the oldest and drops the newest, never fills.
 
 use crate::evdev_host::EvdevHost;
-use crate::hid::{HidHost, HidPort, OpenPort, ReadFailure, SystemHost};
+use crate::hid::{HidHost, OpenPort, ReadFailure, SystemHost};
 use crate::lights::Lights;
 use crate::source::sleep_until;
 use crate::spacenavd::SpacenavHost;
-use crate::{DeviceChoice, MasterError, Profile, RawReport, ReportSource, SourceEvent};
+use crate::{DeviceChoice, MasterError, Plug, Profile, RawReport, ReportSource, SourceEvent};
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, TrySendError, bounded};
 use krait_ipc::clock;
 use std::path::Path;
@@ -50,7 +50,8 @@ impl HidSource {
     /// for it (by the same choice) until it is there and may be opened again.
     ///
     /// # Errors
-    /// [`MasterError::NoDevice`], [`MasterError::Unreadable`], [`MasterError::Hid`] or [`MasterError::Thread`].
+    /// [`MasterError::NoDevice`], [`MasterError::Unreadable`], [`MasterError::HandInUse`], [`MasterError::Hid`] or
+    /// [`MasterError::Thread`].
     pub fn open(choice: &DeviceChoice) -> Result<Self, MasterError> {
         Self::open_on(Box::new(SystemHost), choice, SEARCH_PAUSE, None)
     }
@@ -145,9 +146,9 @@ impl ReportSource for HidSource {
         }
     }
 
-    fn next_event(&mut self, _now_ns: i64) -> Option<SourceEvent> {
+    fn next_event(&mut self, now_ns: i64) -> Option<SourceEvent> {
         if self.shared.missed_plug.swap(false, Ordering::Relaxed) {
-            return Some(SourceEvent::Plugged(HAND));
+            return Some(SourceEvent::Plug { device: HAND, stamp_ns: now_ns, plug: Plug::In });
         }
         match self.shared.n_drained.swap(0, Ordering::Relaxed) {
             0 => self.early.take().or_else(|| self.events.try_recv().ok()),
@@ -188,7 +189,7 @@ struct Reader {
 impl Reader {
     fn run(mut self, mut opened: OpenPort) {
         loop {
-            let is_given_back = self.read_until_gone(opened.port.as_mut());
+            let is_given_back = self.read_until_gone(&mut opened);
             if self.is_stopped() {
                 opened.port.rest_lights();
                 return;
@@ -201,18 +202,19 @@ impl Reader {
                 );
                 return;
             }
-            self.push(SourceEvent::Unplugged(HAND));
+            self.tell(Plug::Out);
             drop(opened);
             match self.search() {
                 Some(found) => opened = found,
                 None => return,
             }
-            self.push(SourceEvent::Plugged(HAND));
+            self.tell(Plug::In);
         }
     }
 
     /// True if the device's user has given it back.
-    fn read_until_gone(&self, port: &mut dyn HidPort) -> bool {
+    fn read_until_gone(&self, opened: &mut OpenPort) -> bool {
+        let (port, (vendor_id, product_id)) = (opened.port.as_mut(), opened.vid_pid);
         let mut buffer = [0_u8; RawReport::MAX_BYTES];
         let mut shown = None;
         while !self.is_stopped() {
@@ -227,13 +229,14 @@ impl Reader {
                     self.push(SourceEvent::HidReport { device: HAND, stamp_ns: clock::monotonic_ns(), report });
                 }
                 Err(ReadFailure::Gone(source_text)) => {
-                    tracing::warn!(%source_text, "the hand controller was lost; looking for it");
+                    let device = format_args!("{vendor_id:04x}:{product_id:04x}");
+                    tracing::warn!(%device, %source_text, "the hand controller was lost; looking for it");
                     return false;
                 }
                 Err(ReadFailure::Dropped) => {
                     tracing::warn!("the kernel has dropped events of the hand controller; presence must be given anew");
-                    self.push(SourceEvent::Unplugged(HAND));
-                    self.push(SourceEvent::Plugged(HAND));
+                    self.tell(Plug::Out);
+                    self.tell(Plug::In);
                 }
                 Err(ReadFailure::GivenBack) => return true,
             }
@@ -252,6 +255,10 @@ impl Reader {
             std::thread::park_timeout(self.pause);
         }
         None
+    }
+
+    fn tell(&self, plug: Plug) {
+        self.push(SourceEvent::Plug { device: HAND, stamp_ns: clock::monotonic_ns(), plug });
     }
 
     /// Hands an event on without ever waiting for the process loop: where there is no room, the oldest event goes.

@@ -70,7 +70,7 @@ impl JoinedSource {
             }
             let due_ns = match waiting {
                 None => continue,
-                Some(SourceEvent::HidReport { stamp_ns, .. }) => *stamp_ns,
+                Some(SourceEvent::HidReport { stamp_ns, .. } | SourceEvent::Plug { stamp_ns, .. }) => *stamp_ns,
                 Some(_) => i64::MIN,
             };
             if next.is_none_or(|(oldest_ns, _)| due_ns < oldest_ns) {
@@ -114,8 +114,10 @@ impl ReportSource for JoinedSource {
                 self.devices.iter().for_each(|(source, _)| source.let_go());
                 SourceEvent::GivenBack
             }
-            SourceEvent::Unplugged(_) => SourceEvent::Unplugged(device),
-            SourceEvent::Plugged(_) => SourceEvent::Plugged(device),
+            SourceEvent::Plug { stamp_ns, plug, .. } => {
+                self.newest_ns = stamp_ns.max(self.newest_ns);
+                SourceEvent::Plug { device, stamp_ns: self.newest_ns, plug }
+            }
             other => other,
         })
     }

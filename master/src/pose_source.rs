@@ -3,7 +3,7 @@
 
 use crate::source::sleep_until;
 use crate::udp_owner::owner_of;
-use crate::{Layout, MasterError, PoseConfig, RawReport, ReportSource, SourceEvent};
+use crate::{Layout, MasterError, Plug, PoseConfig, RawReport, ReportSource, SourceEvent};
 use krait_ipc::clock;
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::process::geteuid;
@@ -125,7 +125,7 @@ impl PoseSource {
                 Err(error) => {
                     if !std::mem::replace(&mut self.has_failed, true) {
                         tracing::error!(%error, "the socket for poses failed");
-                        return Some(SourceEvent::Unplugged(0));
+                        return Some(SourceEvent::Plug { device: 0, stamp_ns: now_ns, plug: Plug::Out });
                     }
                     return None;
                 }

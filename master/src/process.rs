@@ -4,7 +4,8 @@ use crate::feedback::Feedback;
 use crate::report_log::ReportLog;
 use crate::ticker::Ticker;
 use crate::{
-    Engage, MasterConfig, MasterCore, MasterError, PoseRefusal, RawReport, ReportSource, SourceChoice, SourceEvent,
+    Engage, MasterConfig, MasterCore, MasterError, Plug, PoseRefusal, RawReport, RecordedEvent, ReportSource,
+    SourceChoice, SourceEvent,
 };
 use krait_ipc::message::{DeviceState, Marker, MotionWish, OperatorInput, SlaveState};
 use krait_ipc::{Bus, HealthReporter, Process, ReadOptions, Reader, Reason, Reasons, Writer, clock};
@@ -145,9 +146,17 @@ impl Master {
                     }
                 }
                 SourceEvent::Drained(n_reports) => self.core.on_drained(n_reports),
-                SourceEvent::Unplugged(device) => self.core.on_unplugged_of(device),
-                SourceEvent::Plugged(device) => self.core.on_plugged_of(device),
-                SourceEvent::GivenBack => self.core.on_given_back(),
+                SourceEvent::Plug { device, stamp_ns, plug } => {
+                    self.record(device, stamp_ns, RecordedEvent::Plug(plug));
+                    match plug {
+                        Plug::Out => self.core.on_unplugged_of(device),
+                        Plug::In => self.core.on_plugged_of(device),
+                    }
+                }
+                SourceEvent::GivenBack => {
+                    self.record(0, now_ns, RecordedEvent::Plug(Plug::Out));
+                    self.core.on_given_back();
+                }
                 SourceEvent::Restarted => self.core.on_restarted(),
                 SourceEvent::Ended => self.core.on_ended(),
             }
@@ -156,7 +165,7 @@ impl Master {
     }
 
     fn take_report(&mut self, device: usize, stamp_ns: i64, report: RawReport) -> Result<(), MasterError> {
-        self.record(device, stamp_ns, report);
+        self.record(device, stamp_ns, RecordedEvent::Report(report));
         // A refusal is counted by the core and travels in every input; there is no more to do about it here.
         if self.core.on_report_of(device, report.as_bytes(), stamp_ns).is_ok() {
             self.device_ns = Some(stamp_ns);
@@ -169,7 +178,7 @@ impl Master {
     fn take_packet(&mut self, stamp_ns: i64, sender: SocketAddr, packet: RawReport) {
         let taken = self.core.on_packet(packet.as_bytes(), sender, stamp_ns);
         if taken != Err(PoseRefusal::AnotherSender) {
-            self.record(0, stamp_ns, packet);
+            self.record(0, stamp_ns, RecordedEvent::Report(packet));
         }
         match taken {
             Ok(()) => self.device_ns = Some(stamp_ns),
@@ -183,9 +192,9 @@ impl Master {
         }
     }
 
-    fn record(&mut self, device: usize, stamp_ns: i64, report: RawReport) {
+    fn record(&mut self, device: usize, stamp_ns: i64, event: RecordedEvent) {
         if let Some(log) = &self.log {
-            self.has_log_dropped |= !log.push(device, stamp_ns, report);
+            self.has_log_dropped |= !log.push(device, stamp_ns, event);
         }
     }
 

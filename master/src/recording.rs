@@ -14,14 +14,16 @@
 //! Where further devices were beside the hand controller, there is a line `beside <vid>:<pid>` for each of them after `layout`, and a report
 //! of the first of them is `stamp_ns 1:hexbytes`, of the second `stamp_ns 2:hexbytes`, of the third `stamp_ns 3:hexbytes`.
 //!
-//! A report line is `stamp_ns hexbytes`: nanoseconds since the first report, one space, the report's 1 to 80 bytes in
+//! Where a device was unplugged, there is `unplugged` in the place of the bytes, and `plugged` where it was there again.
+//!
+//! A report line is `stamp_ns hexbytes`: nanoseconds since the first line, one space, the report's 1 to 80 bytes in
 //! lower-case hexadecimal with its id first. The first stamp is 0, stamps never run backwards. `layout` is `split`,
 //! `combined` or `unknown`, which informs a person, for the decoder tells the layout by each report; or `pose`: the reports
 //! are packets of a pose sender. `end` carries the number of reports, so that a truncated file is noticed. Lines end with a
 //! line feed and hold at most 200 bytes; a file holds at most 64 MB and is read into memory at load. Reports are not decoded here: a recording of a faulty device is a good recording.
 
 use crate::recording_lines::{DAMAGED, Lines, note};
-use crate::{Layout, MasterError, RawReport};
+use crate::{Layout, MasterError, Plug, RawReport};
 use krait_ipc::input;
 use std::io;
 use std::path::Path;
@@ -51,16 +53,34 @@ pub struct RecordingHeader {
 #[derive(Clone, Debug)]
 pub struct HidRecording {
     header: RecordingHeader,
-    reports: Vec<StampedReport>,
+    events: Vec<StampedEvent>,
 }
 
-/// A report and when it came, nanoseconds since the first.
+/// What came of a device.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct StampedReport {
+pub enum RecordedEvent {
+    /// It sent this.
+    Report(RawReport),
+    /// It was unplugged or plugged in.
+    Plug(Plug),
+}
+
+/// What came and when, nanoseconds since the first.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct StampedEvent {
     pub(crate) stamp_ns: i64,
-    /// Which of the hand's devices sent it, 0 is the hand controller.
+    /// Of which of the hand's devices, 0 is the hand controller.
     pub(crate) device: usize,
-    pub(crate) report: RawReport,
+    pub(crate) event: RecordedEvent,
+}
+
+impl StampedEvent {
+    fn report(&self) -> Option<(i64, usize, &[u8])> {
+        match &self.event {
+            RecordedEvent::Report(report) => Some((self.stamp_ns, self.device, report.as_bytes())),
+            RecordedEvent::Plug(_) => None,
+        }
+    }
 }
 
 impl HidRecording {
@@ -91,7 +111,7 @@ impl HidRecording {
         let layout = lines.layout()?;
         let (beside, notes) = (Vec::new(), Vec::new());
         let header = RecordingHeader { vendor_id, product_id, layout, beside, notes };
-        let mut recording = Self { header, reports: Vec::new() };
+        let mut recording = Self { header, events: Vec::new() };
         recording.read_notes(&mut lines)?;
         recording.read_reports(&mut lines)?;
         Ok(recording)
@@ -104,32 +124,32 @@ impl HidRecording {
 
     /// Number of reports.
     pub fn n_reports(&self) -> usize {
-        self.reports.len()
+        self.reports().count()
     }
 
-    /// Time from the first report to the last, ns.
+    /// Time from what came first to what came last, ns.
     pub fn duration_ns(&self) -> i64 {
-        self.reports.last().map_or(0, |r| r.stamp_ns)
+        self.events.last().map_or(0, |own| own.stamp_ns)
     }
 
-    /// The reports with their stamps, nanoseconds since the first.
-    pub fn reports(&self) -> impl ExactSizeIterator<Item = (i64, &[u8])> {
-        self.reports.iter().map(|r| (r.stamp_ns, r.report.as_bytes()))
+    /// The reports with their stamps, nanoseconds since what came first.
+    pub fn reports(&self) -> impl Iterator<Item = (i64, &[u8])> {
+        self.events.iter().filter_map(StampedEvent::report).map(|(stamp_ns, _, bytes)| (stamp_ns, bytes))
     }
 
-    /// The same with which of the hand's devices sent each: 0 is the hand controller.
-    pub fn reports_of_devices(&self) -> impl ExactSizeIterator<Item = (i64, usize, &[u8])> {
-        self.reports.iter().map(|r| (r.stamp_ns, r.device, r.report.as_bytes()))
+    /// All that came: stamp, nanoseconds since what came first, and of which of the hand's devices: 0 is the hand controller.
+    pub fn events(&self) -> impl ExactSizeIterator<Item = (i64, usize, RecordedEvent)> {
+        self.events.iter().map(|own| (own.stamp_ns, own.device, own.event))
     }
 
-    /// The part up to a time (s) after the first report.
+    /// The part up to a time (s) after what came first.
     pub fn first_s(mut self, duration_s: f64) -> Self {
-        self.reports.retain(|r| r.stamp_ns as f64 <= duration_s * 1e9);
+        self.events.retain(|own| own.stamp_ns as f64 <= duration_s * 1e9);
         self
     }
 
-    pub(crate) fn stamped(&self, report_idx: usize) -> Option<StampedReport> {
-        self.reports.get(report_idx).copied()
+    pub(crate) fn stamped(&self, event_idx: usize) -> Option<StampedEvent> {
+        self.events.get(event_idx).copied()
     }
 
     fn read_notes(&mut self, lines: &mut Lines<'_>) -> Result<(), MasterError> {
@@ -157,14 +177,14 @@ impl HidRecording {
                 return self.finish(lines, count);
             } else {
                 let n_beside = self.header.beside.len();
-                let stamped = lines.report(line, self.reports.last().map(|r| r.stamp_ns), n_beside)?;
-                self.reports.push(stamped);
+                let stamped = lines.event(line, self.events.last().map(|own| own.stamp_ns), n_beside)?;
+                self.events.push(stamped);
             }
         }
     }
 
     fn finish(&self, lines: &Lines<'_>, count: &[u8]) -> Result<(), MasterError> {
-        let n_reports = self.reports.len();
+        let n_reports = self.n_reports();
         if count != n_reports.to_string().as_bytes() {
             return Err(lines.refuse(
                 &format!("`end {n_reports}`, the number of reports above"),

@@ -1,7 +1,7 @@
 //! Takes a report recording apart line by line and says which line is wrong, because the file comes from outside.
 
-use crate::recording::{MAGIC, StampedReport, shown};
-use crate::{Layout, MAX_DEVICES, MasterError, RawReport};
+use crate::recording::{MAGIC, StampedEvent, shown};
+use crate::{Layout, MAX_DEVICES, MasterError, Plug, RawReport, RecordedEvent};
 
 const MAGIC_STEM: &[u8] = b"krait-report-recording ";
 const MAX_LINE_BYTES: usize = 200;
@@ -88,27 +88,27 @@ impl<'a> Lines<'a> {
             .ok_or_else(|| self.refuse("`beside <vid>:<pid>` in hexadecimal", shown(line), DAMAGED))
     }
 
-    /// A report, of the hand controller or of one of so many devices beside it.
-    pub(crate) fn report(
+    /// What came of the hand controller or of one of so many devices beside it.
+    pub(crate) fn event(
         &self,
         line: &[u8],
         last_ns: Option<i64>,
         n_beside: usize,
-    ) -> Result<StampedReport, MasterError> {
+    ) -> Result<StampedEvent, MasterError> {
         let parsed = std::str::from_utf8(line).ok().and_then(|text| text.split_once(' ')).and_then(|(stamp, rest)| {
             let is_digits = stamp.bytes().all(|b| b.is_ascii_digit());
-            let (device, hex) = match rest.split_once(':') {
-                Some((number, hex)) => (beside_number(number)?, hex),
+            let (device, what) = match rest.split_once(':') {
+                Some((number, what)) => (beside_number(number)?, what),
                 None => (0, rest),
             };
-            Some((stamp.parse::<i64>().ok().filter(|_| is_digits)?, device, unhex(hex)?))
+            Some((stamp.parse::<i64>().ok().filter(|_| is_digits)?, device, event_of(what)?))
         });
-        let Some((stamp_ns, device, report)) = parsed else {
+        let Some((stamp_ns, device, event)) = parsed else {
             return Err(self.refuse("`stamp_ns hexbytes`, `note ...` or `end <number>`", shown(line), DAMAGED));
         };
         if device > n_beside {
-            let expected = format!("a report of a device that a line `beside` names, of which there are {n_beside}");
-            return Err(self.refuse(&expected, format!("one of device {device}"), DAMAGED));
+            let expected = format!("a device that a line `beside` names, of which there are {n_beside}");
+            return Err(self.refuse(&expected, format!("device {device}"), DAMAGED));
         }
         match last_ns {
             None if stamp_ns != 0 => Err(self.refuse("0 as the first stamp", format!("{stamp_ns} ns"), DAMAGED)),
@@ -116,7 +116,7 @@ impl<'a> Lines<'a> {
                 let expected = format!("a stamp of at least {last_ns} ns, as time never runs backwards");
                 Err(self.refuse(&expected, format!("{stamp_ns} ns"), DAMAGED))
             }
-            _ => Ok(StampedReport { stamp_ns, device, report }),
+            _ => Ok(StampedEvent { stamp_ns, device, event }),
         }
     }
 
@@ -129,6 +129,19 @@ impl<'a> Lines<'a> {
             remedy,
         }
     }
+}
+
+/// How a plug is written.
+pub(crate) fn plug_word(plug: Plug) -> &'static str {
+    match plug {
+        Plug::Out => "unplugged",
+        Plug::In => "plugged",
+    }
+}
+
+fn event_of(what: &str) -> Option<RecordedEvent> {
+    let plug = [Plug::Out, Plug::In].into_iter().find(|plug| plug_word(*plug) == what);
+    plug.map(RecordedEvent::Plug).or_else(|| unhex(what).map(RecordedEvent::Report))
 }
 
 /// `046d:c626` to its two numbers.

@@ -1,8 +1,8 @@
 //! Plays a recording by its stamps, so that the chain meets the very bytes at the very pace of a device.
 
-use crate::recording::StampedReport;
+use crate::recording::StampedEvent;
 use crate::source::sleep_until;
-use crate::{HidRecording, Layout, ReportSource, SourceEvent};
+use crate::{HidRecording, Layout, RecordedEvent, ReportSource, SourceEvent};
 use std::net::{Ipv4Addr, SocketAddr};
 
 /// Pause between the end of a looping recording and its new beginning, ns: long enough to count as rest.
@@ -30,8 +30,12 @@ impl RecordingSource {
         Some(self.start_ns?.saturating_add(stamped.stamp_ns))
     }
 
-    fn told(&self, stamp_ns: i64, stamped: StampedReport) -> SourceEvent {
-        let (device, report) = (stamped.device, stamped.report);
+    fn told(&self, stamp_ns: i64, stamped: StampedEvent) -> SourceEvent {
+        let device = stamped.device;
+        let report = match stamped.event {
+            RecordedEvent::Report(report) => report,
+            RecordedEvent::Plug(plug) => return SourceEvent::Plug { device, stamp_ns, plug },
+        };
         match self.recording.header().layout {
             // A recording holds the packets of the one sender that counted.
             Some(Layout::Pose) if device == 0 => {

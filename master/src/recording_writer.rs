@@ -1,7 +1,8 @@
 //! Writes report recordings, so that what a device sent can be played again, byte by byte.
 
 use crate::recording::MAGIC;
-use crate::{Layout, RecordingHeader};
+use crate::recording_lines::plug_word;
+use crate::{Layout, RawReport, RecordedEvent, RecordingHeader};
 use std::io::{self, Write};
 
 /// Writes one recording. Without [`HidRecordingWriter::finish`] the file counts as truncated.
@@ -37,32 +38,35 @@ impl<W: Write> HidRecordingWriter<W> {
         Ok(writer)
     }
 
-    /// Writes a report. `stamp_ns` is on any clock that does not run backwards; the file's stamps begin with 0. A report
-    /// without bytes has nothing to be recorded and is left out.
+    /// Writes a report of the hand controller. `stamp_ns` is on any clock that does not run backwards; the file's stamps begin with 0.
+    /// A report without bytes has nothing to be recorded and is left out.
     ///
     /// # Errors
     /// What the output says.
     pub fn push(&mut self, stamp_ns: i64, bytes: &[u8]) -> io::Result<()> {
-        self.push_of(0, stamp_ns, bytes)
-    }
-
-    /// The same of one of the hand's devices: 0 is the hand controller, 1 the first that the header has beside it.
-    ///
-    /// # Errors
-    /// What the output says.
-    pub fn push_of(&mut self, device: usize, stamp_ns: i64, bytes: &[u8]) -> io::Result<()> {
         if bytes.is_empty() {
             return Ok(());
         }
+        self.push_of(0, stamp_ns, &RecordedEvent::Report(RawReport::clipped(bytes)))
+    }
+
+    /// Writes what came of one of the hand's devices: 0 is the hand controller, 1 the first that the header has beside it.
+    ///
+    /// # Errors
+    /// What the output says.
+    pub fn push_of(&mut self, device: usize, stamp_ns: i64, event: &RecordedEvent) -> io::Result<()> {
         let first_ns = *self.first_ns.get_or_insert(stamp_ns);
         self.last_ns = stamp_ns.saturating_sub(first_ns).max(self.last_ns);
-        self.n_reports += 1;
         write!(self.out, "{} ", self.last_ns)?;
         if device > 0 {
             write!(self.out, "{device}:")?;
         }
-        for byte in bytes {
-            write!(self.out, "{byte:02x}")?;
+        match event {
+            RecordedEvent::Report(report) => {
+                self.n_reports += 1;
+                report.as_bytes().iter().try_for_each(|byte| write!(self.out, "{byte:02x}"))?;
+            }
+            RecordedEvent::Plug(plug) => write!(self.out, "{}", plug_word(*plug))?,
         }
         writeln!(self.out)
     }

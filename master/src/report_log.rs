@@ -1,7 +1,7 @@
 //! Records raw reports beside the running master: a bounded queue and a thread of its own, so that a slow or full disk never
 //! delays the operator's input.
 
-use crate::{HidRecordingWriter, MasterError, RawReport, RecordingHeader, ReportSource};
+use crate::{HidRecordingWriter, MasterError, RecordedEvent, RecordingHeader, ReportSource};
 use crossbeam_channel::{Receiver, Sender, TrySendError, bounded};
 use std::fs::File;
 use std::io::{self, BufWriter};
@@ -18,7 +18,7 @@ const QUEUE: usize = 1024;
 #[derive(Debug)]
 pub(crate) struct ReportLog {
     // Both are `Some` until the log is dropped.
-    queue: Option<Sender<(i64, usize, RawReport)>>,
+    queue: Option<Sender<(i64, usize, RecordedEvent)>>,
     thread: Option<JoinHandle<()>>,
     n_dropped: Arc<AtomicU64>,
 }
@@ -33,11 +33,11 @@ impl ReportLog {
         let file = BufWriter::new(File::options().write(true).create_new(true).mode(0o600).open(path).map_err(failed)?);
         let header = RecordingHeader { vendor_id, product_id, layout, beside, notes };
         let writer = HidRecordingWriter::new(file, &header).map_err(failed)?;
-        let (queue, reports) = bounded(QUEUE);
+        let (queue, events) = bounded(QUEUE);
         let n_dropped = Arc::new(AtomicU64::new(0));
         let (counter, shown_path) = (Arc::clone(&n_dropped), path.to_owned());
         let work = move || {
-            if let Err(error) = write_all(writer, &reports, &counter) {
+            if let Err(error) = write_all(writer, &events, &counter) {
                 tracing::error!(path = %shown_path.display(), %error, "the report recording stopped; free the disk and record again");
             }
         };
@@ -48,9 +48,9 @@ impl ReportLog {
         Ok(Self { queue: Some(queue), thread: Some(thread), n_dropped })
     }
 
-    /// Takes a report of one of the hand's devices without waiting; returns whether the writer still lives and had room.
-    pub(crate) fn push(&self, device: usize, stamp_ns: i64, report: RawReport) -> bool {
-        match self.queue.as_ref().map(|queue| queue.try_send((stamp_ns, device, report))) {
+    /// Takes what came of one of the hand's devices without waiting; returns whether the writer still lives and had room.
+    pub(crate) fn push(&self, device: usize, stamp_ns: i64, event: RecordedEvent) -> bool {
+        match self.queue.as_ref().map(|queue| queue.try_send((stamp_ns, device, event))) {
             Some(Ok(())) => true,
             Some(Err(TrySendError::Full(_) | TrySendError::Disconnected(_))) | None => {
                 self.n_dropped.fetch_add(1, Ordering::Relaxed);
@@ -71,16 +71,16 @@ impl Drop for ReportLog {
 
 fn write_all(
     mut writer: HidRecordingWriter<BufWriter<File>>,
-    reports: &Receiver<(i64, usize, RawReport)>,
+    events: &Receiver<(i64, usize, RecordedEvent)>,
     n_dropped: &AtomicU64,
 ) -> io::Result<()> {
-    while let Ok((stamp_ns, device, report)) = reports.recv() {
+    while let Ok((stamp_ns, device, event)) = events.recv() {
         let n_gone = n_dropped.swap(0, Ordering::Relaxed);
         if n_gone > 0 {
             writer.note(&format!("{n_gone} reports near here were dropped because the disk was too slow"))?;
         }
-        writer.push_of(device, stamp_ns, report.as_bytes())?;
-        if reports.is_empty() {
+        writer.push_of(device, stamp_ns, &event)?;
+        if events.is_empty() {
             writer.flush()?;
         }
     }

@@ -47,16 +47,30 @@ pub enum SourceEvent {
     },
     /// Reports were thrown away unread because newer ones pressed on.
     Drained(u64),
-    /// One of the hand's devices is gone: 0 the hand controller, 1 the first beside it.
-    Unplugged(usize),
-    /// One of them is there again.
-    Plugged(usize),
+    /// One of the hand's devices is gone or there again, and when that was seen, CLOCK_MONOTONIC, ns.
+    Plug {
+        /// Which of the hand's devices: 0 the hand controller, 1 the first beside it.
+        device: usize,
+        /// When it was seen.
+        stamp_ns: i64,
+        /// Gone, or there again.
+        plug: Plug,
+    },
     /// The device's user has given it back by its key: it is taken again only by another start.
     GivenBack,
     /// The recording or script begins again.
     Restarted,
     /// The recording or script is at its end.
     Ended,
+}
+
+/// What becomes of a device's plug.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Plug {
+    /// The device is gone.
+    Out,
+    /// It is there again.
+    In,
 }
 
 /// A source of reports. All instants are CLOCK_MONOTONIC, ns.

@@ -122,7 +122,7 @@ impl<F: Read + AsFd + Send> HidPort for SpacenavPort<F> {
 mod tests {
     use super::*;
     use crate::hid_source::tests::wait_for_event;
-    use crate::{HidSource, SourceEvent};
+    use crate::{HidSource, Plug, SourceEvent};
     use std::io::Write;
     use std::os::unix::net::{UnixListener, UnixStream};
 
@@ -192,12 +192,14 @@ mod tests {
         let serve = |listener: &UnixListener| -> UnixStream { listener.accept().expect("a client").0 };
         for is_first in [true, false] {
             let mut client = serve(&listener);
-            assert!(is_first || matches!(wait_for_event(&mut source), SourceEvent::Plugged(0)));
+            assert!(
+                is_first || matches!(wait_for_event(&mut source), SourceEvent::Plug { device: 0, plug: Plug::In, .. })
+            );
             client.write_all(&event([0, 100, 0, 0, 0, 0, 0, 0])).expect("written");
             let SourceEvent::HidReport { report, .. } = wait_for_event(&mut source) else { panic!("a report") };
             assert_eq!(HidReport::decode(report.as_bytes()), Ok(HidReport::Motion([100, 0, 0, 0, 0, 0])));
             drop(client);
-            assert!(matches!(wait_for_event(&mut source), SourceEvent::Unplugged(0)));
+            assert!(matches!(wait_for_event(&mut source), SourceEvent::Plug { device: 0, plug: Plug::Out, .. }));
         }
         drop(source);
         std::fs::remove_file(path).expect("removed");

@@ -2,7 +2,10 @@
 
 #![allow(clippy::expect_used, clippy::panic, reason = "the helpers of a test fail as the test does")]
 
-use krait_master::{HidRecording, HidRecordingWriter, Layout, MasterError, RecordingHeader};
+use krait_master::{
+    HidRecording, HidRecordingWriter, Layout, MasterError, Plug, RecordingHeader, RecordingSource, ReportSource,
+    SourceEvent,
+};
 
 const GOOD: &str = "krait-report-recording 1\ndevice 046d:c626\nlayout split\nnote a\nreports\n0 01000000000000\nnote b\n8000000 0301\nend 2\n";
 
@@ -111,10 +114,10 @@ fn reports_of_devices_beside_the_hand_controller_say_whose_they_are_and_only_whe
     let text = "krait-report-recording 1\ndevice 256f:c635\nlayout split\nbeside 05f3:00ff\nbeside 046d:c215\nreports\n0 0301\n8 1:0301\n9 2:0300\nend 3\n";
     let recording = HidRecording::parse("x.krr", text.as_bytes()).expect("read");
     assert_eq!(recording.header().beside, [(0x05f3, 0x00ff), (0x046d, 0xc215)]);
-    let devices: Vec<usize> = recording.reports_of_devices().map(|(_, device, _)| device).collect();
+    let devices: Vec<usize> = recording.events().map(|(_, device, _)| device).collect();
     assert_eq!(devices, [0, 1, 2]);
     for (from, to, words) in [
-        ("9 2:", "9 3:", "there are 2, found one of device 3"),
+        ("9 2:", "9 3:", "there are 2, found device 3"),
         ("9 2:", "9 0:", "`stamp_ns hexbytes`"),
         ("9 2:", "9 :", "`stamp_ns hexbytes`"),
         ("9 2:", "9 12:", "`stamp_ns hexbytes`"),
@@ -125,5 +128,32 @@ fn reports_of_devices_beside_the_hand_controller_say_whose_they_are_and_only_whe
         assert!(text.contains(from));
         let error = HidRecording::parse("x.krr", text.replacen(from, to, 1).as_bytes()).expect_err(words).to_string();
         assert!(error.contains(words) && !error.contains('\n'), "{error}");
+    }
+}
+
+#[test]
+fn what_is_unplugged_and_plugged_in_is_played_again_and_is_no_report() {
+    let head = "krait-report-recording 1\ndevice 256f:c635\nlayout split\nbeside 05f3:00ff\nreports\n";
+    let text = head.to_owned() + "0 0301\n8 1:unplugged\n9 unplugged\n11 1:plugged\n12 plugged\n12 0300\nend 2\n";
+    let recording = HidRecording::parse("x.krr", text.as_bytes()).expect("read");
+    assert_eq!((recording.n_reports(), recording.reports().count(), recording.duration_ns()), (2, 2, 12));
+    let mut source = RecordingSource::new(recording.clone(), false);
+    source.start(100);
+    let told: Vec<_> = std::iter::from_fn(|| source.next_event(112))
+        .filter_map(|event| match event {
+            SourceEvent::Plug { device, plug, .. } => Some((device, plug)),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(told, [(1, Plug::Out), (0, Plug::Out), (1, Plug::In), (0, Plug::In)]);
+    let mut writer = HidRecordingWriter::new(Vec::new(), recording.header()).expect("header");
+    for (stamp_ns, device, event) in recording.events() {
+        writer.push_of(device, stamp_ns, &event).expect("written");
+    }
+    assert_eq!(String::from_utf8(writer.finish().expect("end")).expect("text"), text);
+    for (from, to) in [("9 unplugged", "9 unplug"), ("9 unplugged", "9 unplugged "), ("12 plugged", "12 3:plugged")] {
+        assert!(text.contains(from));
+        let error = HidRecording::parse("x.krr", text.replacen(from, to, 1).as_bytes()).expect_err(to).to_string();
+        assert!(error.contains("line ") && !error.contains('\n'), "{error}");
     }
 }

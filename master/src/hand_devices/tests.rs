@@ -2,8 +2,8 @@
 //! gives the same inputs again.
 
 use crate::{
-    Engage, HidRecording, HidRecordingWriter, HidReport, HoldButton, MasterConfig, MasterCore, Presence,
-    RecordingHeader,
+    Engage, HidRecording, HidRecordingWriter, HidReport, HoldButton, MasterConfig, MasterCore, Plug, Presence,
+    RecordedEvent, RecordingHeader,
 };
 use krait_ipc::message::{DeviceState, OperatorInput};
 
@@ -132,42 +132,52 @@ fn axes_and_buttons_of_both_are_one_hands_and_one_does_not_drain_the_other() {
     assert_eq!(core.on_tick(2 * MS).buttons, 1, "the pedal is still down");
 }
 
-/// A minute of both by chance, with stamps, in order.
-fn scene() -> Vec<(i64, usize, HidReport)> {
+/// A minute of both by chance, with stamps, in order; now and then one of them is unplugged, or plugged in.
+fn scene() -> Vec<(i64, usize, RecordedEvent)> {
     let (mut now_ns, mut dice) = (0, 1_u64);
     let mut next = |n: u64| {
         dice = dice.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (dice >> 33) % n
     };
-    let mut scene = Vec::new();
+    let said = |report: HidReport| RecordedEvent::Report(report.encode());
+    let mut scene = vec![(0, PEDAL, said(HidReport::Buttons(1)))];
     for _ in 0..6000 {
         now_ns += (next(20) * next(20)) as i64 * MS / 10;
         let counts = next(300) as i16;
-        scene.push(match next(12) {
-            0 => (now_ns, PEDAL, HidReport::Buttons(next(2) as u32)),
-            1 => (now_ns, PEDAL, HidReport::Motion([0, 0, 0, 0, 0, counts / 100 * 100])),
-            2 => (now_ns, HAND, HidReport::Buttons(next(4) as u32 * 2)),
-            3 | 4 => (now_ns, HAND, AT_REST),
-            _ => (now_ns, HAND, HidReport::Motion([counts, 0, -counts, 0, 0, 0])),
-        });
+        let (device, event) = match next(12) {
+            0 => (PEDAL, said(HidReport::Buttons(next(2) as u32))),
+            1 => (PEDAL, said(HidReport::Motion([0, 0, 0, 0, 0, counts / 100 * 100]))),
+            2 => (HAND, said(HidReport::Buttons(next(4) as u32 * 2))),
+            3 | 4 => (HAND, said(AT_REST)),
+            5 if next(40) == 0 => (next(2) as usize, RecordedEvent::Plug(Plug::Out)),
+            5 if next(10) == 0 => (next(2) as usize, RecordedEvent::Plug(Plug::In)),
+            _ => (HAND, said(HidReport::Motion([counts, 0, -counts, 0, 0, 0]))),
+        };
+        scene.push((now_ns, device, event));
     }
     scene
 }
 
-/// What a core makes of reports, an input each millisecond, without the stamps of hops.
-fn inputs<'a>(reports: impl Iterator<Item = (i64, usize, &'a [u8])>) -> Vec<OperatorInput> {
+/// What a core makes of it, an input each millisecond, without the stamps of hops.
+fn inputs(events: impl Iterator<Item = (i64, usize, RecordedEvent)>) -> Vec<OperatorInput> {
     let (mut core, mut inputs) = (core(), Vec::new());
-    for (stamp_ns, device, bytes) in reports {
+    for (stamp_ns, device, event) in events {
         while inputs.len() as i64 * MS < stamp_ns {
             inputs.push(core.on_tick(inputs.len() as i64 * MS));
         }
-        core.on_report_of(device, bytes, stamp_ns).expect("a report");
+        match event {
+            RecordedEvent::Report(report) => {
+                core.on_report_of(device, report.as_bytes(), stamp_ns).expect("a report");
+            }
+            RecordedEvent::Plug(Plug::Out) => core.on_unplugged_of(device),
+            RecordedEvent::Plug(Plug::In) => core.on_plugged_of(device),
+        }
     }
     inputs
 }
 
 #[test]
-fn a_recording_of_both_gives_the_same_inputs_again_and_without_one_report_of_the_pedal_it_does_not() {
+fn a_recording_of_both_gives_the_same_inputs_again_and_without_one_report_or_one_unplugging_it_does_not() {
     let scene = scene();
     let header = RecordingHeader {
         vendor_id: 0x256f,
@@ -177,20 +187,20 @@ fn a_recording_of_both_gives_the_same_inputs_again_and_without_one_report_of_the
         notes: Vec::new(),
     };
     let mut writer = HidRecordingWriter::new(Vec::new(), &header).expect("header");
-    let raw: Vec<_> = scene.iter().map(|(stamp_ns, device, report)| (*stamp_ns, *device, report.encode())).collect();
-    for (stamp_ns, device, report) in &raw {
-        writer.push_of(*device, *stamp_ns + 77, report.as_bytes()).expect("written");
+    for (stamp_ns, device, event) in &scene {
+        writer.push_of(*device, *stamp_ns + 77, event).expect("written");
     }
     let text = writer.finish().expect("end");
     let recording = HidRecording::parse("both.krr", &text).expect("read");
     assert_eq!(recording.header(), &header);
-    // The file counts from its first report.
-    let zero_ns = raw[0].0;
-    let live = inputs(raw.iter().map(|(stamp_ns, device, report)| (*stamp_ns - zero_ns, *device, report.as_bytes())));
-    assert!(live.iter().filter(|input| moves(input)).count() > 1000);
-    let again = inputs(recording.reports_of_devices());
-    assert!(live == again, "every input, to the bit");
-    let press = raw.iter().position(|(_, device, _)| *device == PEDAL).expect("the pedal speaks");
-    let spoiled = inputs(recording.reports_of_devices().enumerate().filter(|(k, _)| *k != press).map(|(_, r)| r));
-    assert!(live != spoiled);
+    let live = inputs(scene.iter().copied());
+    let n = |is: fn(&OperatorInput) -> bool| live.iter().filter(|input| is(input)).count();
+    assert!(n(moves) > 1000 && n(|input| input.device() == Some(DeviceState::Lost)) > 1000);
+    assert!(live == inputs(recording.events()), "every input, to the bit");
+    let without = |left_out: fn(usize, &RecordedEvent) -> bool| {
+        let place = scene.iter().position(|(_, device, event)| left_out(*device, event)).expect("it is there");
+        inputs(recording.events().enumerate().filter(|(k, _)| *k != place).map(|(_, own)| own))
+    };
+    assert!(live != without(|device, event| device == PEDAL && matches!(event, RecordedEvent::Report(_))));
+    assert!(live != without(|_, event| matches!(event, RecordedEvent::Plug(Plug::Out))));
 }

@@ -108,8 +108,8 @@ fn reports_arrive_in_order_and_signals_are_not_noticed() {
 fn an_unplugged_device_is_told_and_found_again_after_failed_searches() {
     let (acts, _, mut source) = device(5);
     acts.send(Act::Vanish).expect("vanish");
-    assert!(matches!(wait_for_event(&mut source), SourceEvent::Unplugged(0)));
-    assert!(matches!(wait_for_event(&mut source), SourceEvent::Plugged(0)));
+    assert!(matches!(wait_for_event(&mut source), SourceEvent::Plug { device: 0, plug: Plug::Out, .. }));
+    assert!(matches!(wait_for_event(&mut source), SourceEvent::Plug { device: 0, plug: Plug::In, .. }));
     acts.send(Act::HidReport(vec![3, 1])).expect("report");
     assert!(matches!(wait_for_event(&mut source), SourceEvent::HidReport { .. }));
 }
@@ -119,8 +119,8 @@ fn dropped_events_are_a_loss_of_what_was_known_and_the_same_port_goes_on() {
     let (acts, light, mut source) = device(u32::MAX);
     acts.send(Act::Drop).expect("drop");
     acts.send(Act::HidReport(vec![3, 1])).expect("report");
-    assert!(matches!(wait_for_event(&mut source), SourceEvent::Unplugged(0)));
-    assert!(matches!(wait_for_event(&mut source), SourceEvent::Plugged(0)));
+    assert!(matches!(wait_for_event(&mut source), SourceEvent::Plug { device: 0, plug: Plug::Out, .. }));
+    assert!(matches!(wait_for_event(&mut source), SourceEvent::Plug { device: 0, plug: Plug::In, .. }));
     assert!(matches!(wait_for_event(&mut source), SourceEvent::HidReport { .. }), "without a search, which would fail");
     assert_eq!(light.load(Ordering::SeqCst), 1);
 }
@@ -174,7 +174,7 @@ fn the_light_follows_the_chain_without_a_report_and_a_device_that_comes_back_is_
     source.show(show.look(Some(HandState::Limit)));
     assert!(becomes(0));
     acts.send(Act::Vanish).expect("vanish");
-    assert!(matches!(wait_for_event(&mut source), SourceEvent::Unplugged(0)));
-    assert!(matches!(wait_for_event(&mut source), SourceEvent::Plugged(0)));
+    assert!(matches!(wait_for_event(&mut source), SourceEvent::Plug { device: 0, plug: Plug::Out, .. }));
+    assert!(matches!(wait_for_event(&mut source), SourceEvent::Plug { device: 0, plug: Plug::In, .. }));
     assert!(becomes(0), "still at the limit");
 }

@@ -1,6 +1,7 @@
 //! A hand controller and a pedal at once, each with its thread: order, buttons that give way, losses, what is given back, lights.
 
 use super::*;
+use crate::Plug;
 use crate::hid_source::tests::{Act, host, wait_for_event};
 use crate::lights::{HandState, LightShow};
 use std::sync::Arc;
@@ -76,11 +77,11 @@ fn a_button_that_a_pedal_names_is_taken_out_of_the_caps_reports_and_nothing_else
 fn each_is_lost_and_found_by_itself_and_says_whose_loss_it_is() {
     let mut both = both(u32::MAX);
     both.does(1, Act::Vanish);
-    assert!(matches!(wait_for_event(&mut both.source), SourceEvent::Unplugged(1)));
-    assert!(matches!(wait_for_event(&mut both.source), SourceEvent::Plugged(1)));
+    assert!(matches!(wait_for_event(&mut both.source), SourceEvent::Plug { device: 1, plug: Plug::Out, .. }));
+    assert!(matches!(wait_for_event(&mut both.source), SourceEvent::Plug { device: 1, plug: Plug::In, .. }));
     both.does(0, Act::Drop);
-    assert!(matches!(wait_for_event(&mut both.source), SourceEvent::Unplugged(0)));
-    assert!(matches!(wait_for_event(&mut both.source), SourceEvent::Plugged(0)));
+    assert!(matches!(wait_for_event(&mut both.source), SourceEvent::Plug { device: 0, plug: Plug::Out, .. }));
+    assert!(matches!(wait_for_event(&mut both.source), SourceEvent::Plug { device: 0, plug: Plug::In, .. }));
     both.says(1, &[3, 1]);
     assert_eq!(report_of(wait_for_event(&mut both.source)).expect("a report").0, 1);
 }

@@ -5,7 +5,7 @@ use crate::chain::{Journal, User, VmEnded};
 use crate::verdict::PartVerdict;
 use anyhow::Context;
 use krait_ipc::message::{HopStamps, OperatorInput};
-use krait_master::{Engage, HidRecording, MasterConfig, MasterCore};
+use krait_master::{Engage, HidRecording, MasterConfig, MasterCore, Plug, RecordedEvent};
 use std::path::Path;
 
 /// Judges a chain by its own recording and by the file of its reports, with a control: without one report it must not hold.
@@ -28,13 +28,16 @@ pub fn judge_inputs(
     reports: &Path,
 ) -> anyhow::Result<()> {
     let file = HidRecording::load(reports)?;
-    let reports: Vec<(i64, usize, &[u8])> = file.reports_of_devices().collect();
+    let events: Vec<(i64, usize, RecordedEvent)> = file.events().collect();
     let n_inputs = inputs.len();
-    let n_equal = n_equal_inputs(inputs, config, &reports)?;
+    let n_equal = n_equal_inputs(inputs, config, &events)?;
     verdict.check("inputs_equal", n_inputs > 1000 && n_equal == n_inputs, format!("{n_equal}/{n_inputs}"));
-    let n_carried = inputs.last().map_or(0, |input| input.n_reports as usize).min(reports.len());
-    let mut spoiled = reports;
-    spoiled.remove(n_carried / 2);
+    let n_carried = inputs.last().map_or(0, |input| input.n_reports as usize);
+    let is_report = |event: &RecordedEvent| matches!(event, RecordedEvent::Report(_));
+    let reports = events.iter().enumerate().filter(|(_, (.., event))| is_report(event)).map(|(place, _)| place);
+    let middle = reports.take(n_carried / 2 + 1).last().context("the file holds no report")?;
+    let mut spoiled = events;
+    spoiled.remove(middle);
     let n_spoiled = n_equal_inputs(inputs, config, &spoiled)?;
     verdict.check("control_differs", n_spoiled < n_inputs, format!("{n_spoiled}/{n_inputs}"));
     Ok(())
@@ -57,21 +60,29 @@ pub fn judge_commands(verdict: &mut PartVerdict, recording: &Path) -> anyhow::Re
 fn n_equal_inputs(
     inputs: &[OperatorInput],
     config: &MasterConfig,
-    reports: &[(i64, usize, &[u8])],
+    events: &[(i64, usize, RecordedEvent)],
 ) -> anyhow::Result<usize> {
     // The file counts from its first report; the input that carries the first says when that was.
     let first = inputs.iter().find(|input| input.n_reports > 0).context("no report has come")?;
-    let newest = reports.get(first.n_reports as usize - 1).context("the file lacks reports")?;
+    let mut reports = events.iter().filter(|(.., event)| matches!(event, RecordedEvent::Report(_)));
+    let newest = reports.nth(first.n_reports as usize - 1).context("the file lacks reports")?;
     let zero_ns = first.stamps.device_ns - newest.0;
     let mut core = MasterCore::new(&MasterConfig { engage: Engage::Once, ..config.clone() })?;
-    let mut left = reports.iter();
+    let mut left = events.iter().peekable();
     let mut n_equal = 0;
     for input in inputs {
-        while core.counts().n_decoded < input.n_reports
-            && let Some((stamp_ns, device, bytes)) = left.next()
-        {
-            // A refusal is counted, and the count is part of the input.
-            let _counted = core.on_report_of(*device, bytes, zero_ns + stamp_ns);
+        while let Some((stamp_ns, device, event)) = left.peek() {
+            let stamp_ns = zero_ns + stamp_ns;
+            match event {
+                // A refusal is counted, and the count is part of the input.
+                RecordedEvent::Report(report) if core.counts().n_decoded < input.n_reports => {
+                    let _counted = core.on_report_of(*device, report.as_bytes(), stamp_ns);
+                }
+                RecordedEvent::Plug(Plug::Out) if stamp_ns <= input.sample_ns => core.on_unplugged_of(*device),
+                RecordedEvent::Plug(Plug::In) if stamp_ns <= input.sample_ns => core.on_plugged_of(*device),
+                RecordedEvent::Report(_) | RecordedEvent::Plug(_) => break,
+            }
+            left.next();
         }
         let again = core.on_tick(input.sample_ns);
         let bare = |input: &OperatorInput| OperatorInput { stamps: HopStamps::default(), ..*input };

@@ -4,7 +4,7 @@ use crate::qmp::{Act, Qmp};
 use crate::spacemouse::{DeviceFault, wait_for};
 use anyhow::Context;
 use krait_ipc::clock;
-use krait_master::{HidReport, HidSource, InputDevice, Profile, ReportSource, SourceEvent, list_inputs};
+use krait_master::{HidReport, HidSource, InputDevice, Plug, Profile, ReportSource, SourceEvent, list_inputs};
 use std::fs::File;
 use std::io::Read;
 use std::os::unix::fs::OpenOptionsExt;
@@ -82,8 +82,10 @@ impl UsbHand {
                     }
                     return Some(report);
                 }
-                Some(SourceEvent::Unplugged(_) | SourceEvent::GivenBack) => (self.was_lost, self.motion) = (true, None),
-                Some(SourceEvent::Plugged(_)) => self.was_found = true,
+                Some(SourceEvent::Plug { plug: Plug::Out, .. } | SourceEvent::GivenBack) => {
+                    (self.was_lost, self.motion) = (true, None);
+                }
+                Some(SourceEvent::Plug { plug: Plug::In, .. }) => self.was_found = true,
                 _ => {}
             }
         }

@@ -7,8 +7,8 @@ use anyhow::ensure;
 use core::time::Duration;
 use krait_ipc::clock::monotonic_ns;
 use krait_master::{
-    AXIS_LIMIT_COUNTS, AXIS_NAMES, Decoder, DeviceChoice, HidSource, InputWatch, Profile, ProfileAxis, ReportSource,
-    SourceEvent,
+    AXIS_LIMIT_COUNTS, AXIS_NAMES, Decoder, DeviceChoice, HidSource, InputWatch, Plug, Profile, ProfileAxis,
+    ReportSource, SourceEvent,
 };
 use std::io::IsTerminal;
 use std::process::ExitCode;
@@ -114,7 +114,7 @@ impl Shown for Cap {
                         tracing::warn!(?refusal, "a report was refused");
                     }
                 }
-                SourceEvent::Unplugged(_) => self.decoder.forget_device(),
+                SourceEvent::Plug { plug: Plug::Out, .. } => self.decoder.forget_device(),
                 _ => {}
             }
         }
