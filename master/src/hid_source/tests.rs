@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::LightRole;
+use crate::hid::HidPort;
 use crate::lights::{HandState, LightShow};
 use std::sync::mpsc;
 
