@@ -143,12 +143,13 @@ fn play_of_all_lines_and_friction_that_looks_like_it_are_said_to_be_one_class() 
 }
 
 #[test]
-fn what_the_camera_does_to_one_segment_is_named_as_the_camera_s() {
-    for name in ["camera-offset-2", "camera-scale-1"] {
-        let found = diagnosed(&made(&[(name, 2.0)], 400));
+fn what_the_camera_does_to_one_segment_or_to_all_is_named_as_the_camera_s() {
+    for kind in ["camera-offset-2", "camera-scale-1", "delay"] {
+        let made = made(&[(kind, 2.0)], 400);
+        let (found, name) = (diagnosed(&made), truth_of(&made).0);
         let class: Vec<&String> = found.effects.iter().flat_map(|own| &own.class).collect();
         assert_eq!(found.verdict, Verdict::Missing, "{name}: {}", found.sentence);
-        assert!(class.iter().any(|own| *own == name), "{name}: {}", found.sentence);
+        assert!(class.iter().any(|own| own.as_str() == name), "{name}: {}", found.sentence);
     }
 }
 

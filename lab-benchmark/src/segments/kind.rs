@@ -22,7 +22,10 @@ pub struct SegmentKind {
 enum Whose {
     AllOrOne,
     All,
-    One,
+    /// How the camera sees one.
+    Seen,
+    /// How it sees all of them.
+    Picture,
 }
 
 #[derive(Debug)]
@@ -61,11 +64,12 @@ impl Draw {
 impl SegmentKind {
     /// Every kind of so many segments: those of all, then segment after segment, those that no effect of the lab explains last.
     pub fn all(n_segments: usize) -> Vec<Self> {
-        let of = |segment: Option<usize>, unlike: Whose| {
-            LAWS.iter().filter(move |law| law.whose != unlike).map(move |law| Self { law, segment })
+        let of = |segment: Option<usize>, whose: [Whose; 3]| {
+            LAWS.iter().filter(move |law| whose.contains(&law.whose)).map(move |law| Self { law, segment })
         };
-        let each = (0..n_segments).flat_map(|k| of(Some(k), Whose::All));
-        let (known, unknown): (Vec<Self>, Vec<Self>) = of(None, Whose::One).chain(each).partition(Self::is_known);
+        let all = of(None, [Whose::AllOrOne, Whose::All, Whose::Picture]);
+        let each = (0..n_segments).flat_map(|k| of(Some(k), [Whose::AllOrOne, Whose::Seen, Whose::Seen]));
+        let (known, unknown): (Vec<Self>, Vec<Self>) = all.chain(each).partition(Self::is_known);
         known.into_iter().chain(unknown).collect()
     }
 
@@ -99,14 +103,14 @@ impl SegmentKind {
         self.law.right != UNKNOWN
     }
 
-    /// Whether all segments have it: a model that has such an effect already cannot lack it.
+    /// Whether all segments of the machine have it: a model that has such an effect already cannot lack it.
     pub fn is_of_all(&self) -> bool {
-        self.segment.is_none() && self.is_known()
+        self.segment.is_none() && self.is_of_machine()
     }
 
-    /// Whether the plant's truth file tells of it, not the camera alone.
+    /// Whether the machine has it, not its picture alone: only then can a truth file tell of it.
     pub fn is_of_machine(&self) -> bool {
-        self.law.whose != Whose::One && self.is_known()
+        matches!(self.law.whose, Whose::AllOrOne | Whose::All)
     }
 
     /// Whether one law, or two that look alike, are behind both: of two segments, what all have and what one has make the same.
@@ -150,16 +154,19 @@ static LAWS: &[Law] = &[
     Law { name: "inside", about: "lines give inside the segments too", whose: Whose::All, right: &["inside-extension", "stiffness-scale"], typical: 0.5, most: 1.5,
         apply: |p, k, a, _| p.change(k, |own| own.inside = a),
         known: |a, _| vec![("share", a)] },
-    Law { name: "camera-scale", about: "the camera reads too much or too little", whose: Whose::One, right: &["camera-scale"], typical: 0.03, most: 0.2,
+    Law { name: "camera-scale", about: "the camera reads too much or too little", whose: Whose::Seen, right: &["camera-scale"], typical: 0.03, most: 0.2,
         apply: |p, k, a, d| p.see(k, |own| own.scale += d.sign * a),
         known: |a, d| vec![("relative", d.sign * a)] },
-    Law { name: "camera-offset", about: "the camera's view is tilted", whose: Whose::One, right: &["camera-offset"], typical: 0.01, most: 0.4,
+    Law { name: "camera-offset", about: "the camera's view is tilted", whose: Whose::Seen, right: &["camera-offset"], typical: 0.01, most: 0.4,
         apply: |p, k, a, d| p.see(k, |own| own.offset_rad = d.polar(a)),
         known: |a, d| { let [x, y] = d.polar(a); vec![("offset_x_rad", x), ("offset_y_rad", y)] } },
-    Law { name: "x_push", about: "segment 2 is pushed aside where segment 1 bends to one side", whose: Whose::All, right: UNKNOWN, typical: 0.3, most: 5.0,
+    Law { name: "delay", about: "the camera's clock is late", whose: Whose::Picture, right: &["latency"], typical: 0.05, most: 0.9,
+        apply: |p, _, a, _| p.delay_s = a,
+        known: |a, _| vec![("delay_s", a)] },
+    Law { name: "x_push", about: "segment 2 is pushed aside where segment 1 bends to one side", whose: Whose::Picture, right: UNKNOWN, typical: 0.3, most: 5.0,
         apply: |p, _, a, _| p.push_per_rad = a, known: nothing },
-    Law { name: "x_sway", about: "the whole view sways as on a chest that breathes", whose: Whose::All, right: UNKNOWN, typical: 0.01, most: 0.4,
+    Law { name: "x_sway", about: "the whole view sways as on a chest that breathes", whose: Whose::Picture, right: UNKNOWN, typical: 0.01, most: 0.4,
         apply: |p, _, a, d| { p.sway_rad = d.polar(a); p.sway_hz = 0.15 + 0.25 * d.part; }, known: nothing },
-    Law { name: "x_collision", about: "segment 1 is shifted from the middle on", whose: Whose::All, right: UNKNOWN, typical: 0.02, most: 0.4,
+    Law { name: "x_collision", about: "segment 1 is shifted from the middle on", whose: Whose::Picture, right: UNKNOWN, typical: 0.02, most: 0.4,
         apply: |p, _, a, d| { p.shift_rad = d.polar(a); p.shift_from_s = d.seconds * (0.3 + 0.4 * d.part); }, known: nothing },
 ];

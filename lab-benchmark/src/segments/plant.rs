@@ -23,6 +23,8 @@ pub(super) struct Plant {
     /// Segment 1 is moved by this from then on.
     pub shift_rad: [f64; 2],
     pub shift_from_s: f64,
+    /// What is seen is the machine of so long ago.
+    pub delay_s: f64,
 }
 
 /// How the camera sees one segment.
@@ -49,6 +51,7 @@ impl Plant {
             sway_hz: 0.0,
             shift_rad: [0.0; 2],
             shift_from_s: 0.0,
+            delay_s: 0.0,
         }
     }
 
@@ -91,7 +94,7 @@ impl Plant {
         if segments.n_unsolved() > 0 {
             return Err(GenerateError::Unsolved { n: segments.n_unsolved() });
         }
-        Ok(seen)
+        Ok(seen.into_iter().map(|own| late(own, self.delay_s / period_s)).collect())
     }
 
     fn shown_rad(&self, segment: usize, bend_rad: [f64; 2], first_rad: [f64; 2], time_s: f64) -> [f64; 2] {
@@ -104,6 +107,20 @@ impl Plant {
             sight.scale * bend_rad[k] + sight.offset_rad[k] + moved + sway * self.sway_rad[k]
         })
     }
+}
+
+/// The same so many rows later, straight between rows; the first row before it.
+fn late(seen_rad: OfSegment, rows: f64) -> OfSegment {
+    if rows == 0.0 {
+        return seen_rad;
+    }
+    let at = |row: usize| {
+        let then = (row as f64 - rows).max(0.0);
+        let (before, part) = (then as usize, then.fract());
+        let after = (before + 1).min(seen_rad.len() - 1);
+        core::array::from_fn(|k| seen_rad[before][k] * (1.0 - part) + seen_rad[after][k] * part)
+    };
+    (0..seen_rad.len()).map(at).collect()
 }
 
 /// Encoder readings, m, row after row, that bring elastic segments to these bends.
