@@ -73,7 +73,7 @@ fn an_effect_of_the_second_segment_is_named_as_of_the_second_segment_with_its_va
                 let [own] = found.effects.as_slice() else { panic!("{kind} {size}, seed {seed}: {}", found.sentence) };
                 assert!(own.class.iter().any(|other| other == name), "{kind} {size}, seed {seed}: {}", found.sentence);
                 assert!(own.class.iter().all(|other| other.ends_with("-2")), "seed {seed}: {}", found.sentence);
-                hidden.push(truth);
+                hidden.push(format!("{truth:.2e}"));
                 if own.name == name {
                     let value = own.parameters.iter().find(|own| own.name == key).expect("its parameter");
                     n_first += 1;
@@ -81,7 +81,7 @@ fn an_effect_of_the_second_segment_is_named_as_of_the_second_segment_with_its_va
                 }
             }
             println!(
-                "{kind} {size}: {hidden:.3?}, named itself {n_first} of {N_SEEDS}, standard errors off {apart:.1?}"
+                "{kind} {size}: {hidden:?}, named itself {n_first} of {N_SEEDS}, standard errors off {apart:.1?}"
             );
             assert!(apart.iter().all(|apart| apart.abs() < 3.5), "{kind} {size}: {apart:?}");
             // A small friction is a play of the same width: one of the two, whichever fits better by chance.

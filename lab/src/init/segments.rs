@@ -118,7 +118,7 @@ fn in_a_row(columns: &[Column]) -> Option<Vec<usize>> {
         let is_known = column.words.unit.dimension() == Some(Dimension::Angle);
         matches!(column.guess, Guess::Measured(_)) && is_known && column.looked.moves()
     };
-    let of_pairs = |row: &Vec<usize>| row.len() % 2 == 0 && SEGMENTS.contains(&(row.len() / 2));
+    let of_pairs = |row: &Vec<usize>| row.len().is_multiple_of(2) && SEGMENTS.contains(&(row.len() / 2));
     numbered(columns, is_one).into_iter().find(of_pairs)
 }
 
