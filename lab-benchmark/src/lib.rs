@@ -7,6 +7,7 @@ pub mod benchmark;
 pub mod force;
 pub mod generate;
 pub mod joints;
+pub mod segments;
 mod truth;
 
 pub use truth::HiddenTruth;

@@ -54,10 +54,13 @@ impl HiddenTruth {
 }
 
 /// Names of what is hidden joined by `+`, and for each the names that count as right; `none` for nothing.
-pub(crate) fn names<R: AsRef<[&'static str]>>(
-    hidden: impl Iterator<Item = (&'static str, R)>,
-) -> (String, Vec<Vec<String>>) {
-    let owned = |names: R| names.as_ref().iter().map(|&name| name.to_owned()).collect();
-    let (kinds, right): (Vec<&str>, Vec<Vec<String>>) = hidden.map(|(kind, right)| (kind, owned(right))).unzip();
+pub(crate) fn names<N, R>(hidden: impl Iterator<Item = (N, R)>) -> (String, Vec<Vec<String>>)
+where
+    N: Into<String>,
+    R: IntoIterator<Item: Into<String>>,
+{
+    let owned = |names: R| names.into_iter().map(Into::into).collect();
+    let (kinds, right): (Vec<String>, Vec<Vec<String>>) =
+        hidden.map(|(kind, right)| (kind.into(), owned(right))).unzip();
     if kinds.is_empty() { ("none".to_owned(), vec![vec!["none".to_owned()]]) } else { (kinds.join("+"), right) }
 }

@@ -6,6 +6,7 @@ use krait_lab::init::{Proposal, propose};
 use krait_lab::machine::ForceLab;
 use krait_lab::read::{ColumnMap, Mapping, read};
 use krait_lab::{AddOptions, Measurements, Session, Term, add, save};
+use krait_lab_benchmark::segments::{SegmentKind, SegmentsRecipe, segments};
 use krait_model::model_file::ModelFile;
 use proptest::prelude::*;
 use std::fmt::Write;
@@ -90,6 +91,79 @@ fn a_real_jaw_is_recognised_in_any_dialect_and_reads_the_same() {
         assert_eq!(a.inputs[row], b.inputs[row]);
         assert!((a.outputs[row] - b.outputs[row]).abs() < 1e-12, "row {row}");
     }
+}
+
+/// A minute of two segments, as `krait export` writes them, with other names.
+fn segments_named(header: &str) -> String {
+    let hidden = vec![(SegmentKind::from_name("backlash-2", 2).expect("a kind"), 1.0)];
+    let recipe = SegmentsRecipe { hidden, seconds: 60.0, seed: 3, ..SegmentsRecipe::default() };
+    let csv = segments(&recipe).expect("data").csv();
+    let (_, rows) = csv.split_once('\n').expect("a header");
+    format!("{header}\n{rows}")
+}
+
+const SIX_LINES: &str = "time_s,u1_m,u2_m,u3_m,u4_m,u5_m,u6_m";
+
+#[test]
+fn segments_are_recognised_by_their_lines_and_bends_and_read_the_same_under_other_names() {
+    let plain = file("segments", segments_named(&format!("{SIX_LINES},y1_rad,y2_rad,y3_rad,y4_rad")));
+    let found = proposed(&plain);
+    assert_eq!((found.kind, found.rows, roles(&found).len()), ("segments", 1500, 11));
+    assert_eq!(roles(&found)[6..8], [("u6_m", "u6_m"), ("y1_rad", "y1_rad")]);
+    assert!(found.model.contains("[0.0000, 120.0000, 240.0000]"), "{}", found.model);
+    assert!(found.model.contains("[60.0000, 180.0000, 300.0000]"), "{}", found.model);
+    let percent = |own: &String| own.split_whitespace().nth(2).and_then(|word| word.parse().ok()).unwrap_or(0.0);
+    let shares: Vec<f64> = found.pairs.iter().map(percent).collect();
+    assert!(shares.len() == 2 && shares.iter().all(|share| (80.0..100.0).contains(share)), "{:?}", found.pairs);
+    let [caution] = found.cautions.as_slice() else { panic!("{:?}", found.cautions) };
+    assert!(caution.contains("the first 3 lines end at segment 1"), "{caution}");
+    let names =
+        ["stamp (s)", "line 1 [m]", "line 2 [m]", "line 3 [m]", "line 4 [m]", "line 5 [m]", "line 6 [m]"].join(",");
+    for (name, bends) in
+        [("xy", "bend1_x,bend1_y,bend2_x,bend2_y"), ("seg", "Seg1.X (rad),Seg1.Y (rad),Seg2.X (rad),Seg2.Y (rad)")]
+    {
+        let other = file(&format!("segments_{name}"), segments_named(&format!("{names},{bends}")));
+        let again = proposed(&other);
+        assert_eq!(again.kind, "segments", "{name}");
+        let (a, b) = (data(&plain, &found), data(&other, &again));
+        assert_eq!((&a.inputs, &a.outputs), (&b.inputs, &b.outputs), "{name}");
+    }
+}
+
+#[test]
+fn a_model_that_does_not_follow_the_bends_is_said_to_be_wrong() {
+    // Lines of both segments in another order than the proposal's.
+    let mixed = "time_s,u1_m,u6_m,u3_m,u2_m,u5_m,u4_m,y1_rad,y2_rad,y3_rad,y4_rad";
+    let found = proposed(&file("segments_mixed", segments_named(mixed)));
+    assert!(
+        found.cautions.iter().any(|own| own.contains("less than half of the bend of segment")),
+        "{:?}",
+        found.pairs
+    );
+}
+
+#[test]
+fn bends_of_segments_that_the_lab_cannot_read_are_refused_with_what_to_do() {
+    let row = |n: usize| move |t: f64| format!("{t:.2}{}", format!(",{}", 1e-3 * t.sin()).repeat(n));
+    let polar = format!("{SIX_LINES},bend1_rad,plane1_rad,bend2_rad,plane2_rad");
+    refused(
+        "segments_polar",
+        run(&polar, row(10)),
+        &[],
+        &["\"bend1_rad\" and \"plane1_rad\" are a bend and its plane", "cosine"],
+    );
+    let bends = "bend1_x_rad,bend1_y_rad,bend2_x_rad,bend2_y_rad";
+    let none = format!("time_s,{bends}");
+    refused("segments_alone", run(&none, row(4)), &[], &["bends of 2 segments, but no lengths", "--map u1_m=NAME"]);
+    let seven = format!("{SIX_LINES},u7_m,{bends}");
+    refused("segments_seven", run(&seven, row(11)), &[], &["7 lines beside the bends of 2 segments", "by hand"]);
+}
+
+#[test]
+fn as_many_lengths_as_angles_are_joints_with_their_commands() {
+    let row = |t: f64| format!("{t:.2}{}", format!(",{}", 1e-2 * (3.0 * t).sin()).repeat(8));
+    let found = proposed(&file("four_joints", run("time_s,u1_m,u2_m,u3_m,u4_m,y1_rad,y2_rad,y3_rad,y4_rad", row)));
+    assert_eq!((found.kind, found.pairs.len()), ("joints", 4));
 }
 
 #[test]

@@ -36,9 +36,9 @@ pub enum LabVerb {
     /// The error after each effect that was added to a model.
     #[command(after_help = "Example:\n  krait lab history better.toml")]
     History(HistoryArgs),
-    /// Makes data with a hidden effect from the simulated snake, and the answer in a file of its own.
+    /// Makes data with a hidden effect from the simulated snake or segments, and the answer in a file of its own.
     #[command(
-        after_help = "Examples:\n  krait lab generate --kind backlash --size 2 --out data.csv\n  krait lab generate --kind stiffness+creep --size 2,1.5 --trajectory teleop --noise ou:0.5 --out data.csv\n  krait lab generate --seed 4711 --out riddle.csv      the seed picks what is hidden\n  krait lab generate --list\n\nThen: krait lab diagnose --model base.toml --data data.csv"
+        after_help = "Examples:\n  krait lab generate --kind backlash --size 2 --out data.csv\n  krait lab generate --kind stiffness+creep --size 2,1.5 --trajectory teleop --noise ou:0.5 --out data.csv\n  krait lab generate --seed 4711 --out riddle.csv      the seed picks what is hidden\n  krait lab generate --segments 2 --kind backlash-2 --out two.csv\n  krait lab generate --list\n\nThen: krait lab diagnose --model base.toml --data data.csv"
     )]
     Generate(GenerateArgs),
     /// A riddle for learners: data with one hidden effect, four names to choose from, and the answer sealed.
@@ -53,7 +53,7 @@ pub enum LabVerb {
     Check(CheckArgs),
     /// How good is the lab? Diagnoses a grid of generated data and scores the answers; goes on where it was ended.
     #[command(
-        after_help = "Examples:\n  krait lab benchmark --out benchmark\n  krait lab benchmark --rounds 20 --seed 7 --out benchmark-7 --json > figures.json\n  krait lab benchmark --machine joints --groups several,pair --no-baselines --out lists"
+        after_help = "Examples:\n  krait lab benchmark --out benchmark\n  krait lab benchmark --rounds 20 --seed 7 --out benchmark-7 --json > figures.json\n  krait lab benchmark --machine joints --groups several,pair --no-baselines --out lists\n  krait lab benchmark --machine segments --groups none,single,pair --out segments"
     )]
     Benchmark(BenchmarkArgs),
 }

@@ -8,11 +8,14 @@ use std::path::PathBuf;
 /// Options of `krait lab generate`.
 #[derive(Clone, Debug, Args)]
 pub struct GenerateArgs {
+    /// Of so many snakes in series, 2 or 3, instead of one snake.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(2..=3))]
+    pub segments: Option<u8>,
     /// What is hidden: a kind, two joined by `+`, or none; without it the seed picks one. --list shows all.
     #[arg(long, value_name = "NAME[+NAME]")]
     pub kind: Option<String>,
-    /// How large: root mean square of what the effect changes in the picture, in units of the noise's length sqrt(2) sigma;
-    /// one for all, or one for each by commas.
+    /// How large: root mean square of what the effect changes in the picture, in units of the noise's length sqrt(2) sigma,
+    /// of n segments sqrt(2 n) sigma; one for all, or one for each by commas.
     #[arg(long, value_delimiter = ',', default_value = "2", value_name = "X[,X]")]
     pub size: Vec<f64>,
     /// white, ou:T (half white, half with a correlation time of T s), quantised, outliers, heteroscedastic or drift.
@@ -22,7 +25,7 @@ pub struct GenerateArgs {
     #[arg(long, default_value_t = 0.3, value_name = "DEG")]
     pub sigma_deg: f64,
     /// Record the loads at the actuators too (tau1_n to tau3_n), with white noise of this standard deviation, N.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", conflicts_with = "segments")]
     pub load_sigma_n: Option<f64>,
     /// rich, teleop, ramp, triangle, multisine or staircase.
     #[arg(long, default_value = "rich", value_parser = motion)]
@@ -40,7 +43,7 @@ pub struct GenerateArgs {
     #[arg(long)]
     pub seed: Option<u64>,
     /// The plant's dimensions and modulus are off by up to this part, 0 to 0.1.
-    #[arg(long, default_value_t = 0.0, value_name = "PART")]
+    #[arg(long, default_value_t = 0.0, value_name = "PART", conflicts_with = "segments")]
     pub perturb: f64,
     /// Where to write the data (CSV); base.toml and the hashes go beside it.
     #[arg(long, value_name = "FILE", required_unless_present = "list")]
@@ -114,6 +117,8 @@ pub enum BenchmarkMachine {
     Joints,
     /// One simulated joint with its torque.
     Force,
+    /// Two or three simulated snakes in series.
+    Segments,
 }
 
 /// Options of `krait lab benchmark`.
@@ -122,7 +127,7 @@ pub struct BenchmarkArgs {
     /// Where results.jsonl and report.html go; results that are there already are kept and not computed again.
     #[arg(long, value_name = "DIR", default_value = "benchmark")]
     pub out: PathBuf,
-    /// Whose data: the simulated snake's, two simulated joints', or a joint's with its torque.
+    /// Whose data: the simulated snake's, two simulated joints', a joint's with its torque, or those of two and three segments.
     #[arg(long, value_enum, default_value_t = BenchmarkMachine::Snake)]
     pub machine: BenchmarkMachine,
     /// Rounds of the grid, some hundred sets of data each.

@@ -259,3 +259,51 @@ fn simulated_segments_go_where_the_model_says_without_friction_and_with_it_once_
 fn text_of(output: &Output) -> String {
     text(&output.stderr)
 }
+
+#[test]
+fn generated_segments_are_recognised_diagnosed_guessed_and_refused_where_nothing_can_be_made() {
+    let folder = Folder::new("segments-lab");
+    let [data, report, truth] = ["two.csv", "why.html", "truth.toml"].map(|name| path(&folder, name));
+    let generate = ["lab", "generate", "--segments", "2", "--seconds", "60", "--rate", "25", "--seed", "9"];
+    let made = krait(&[&generate[..], &["--kind", "backlash-2", "--truth", &truth, "--out", &data]].concat());
+    assert!(made.status.success(), "{}", text(&made.stderr));
+    let again = krait(&[&generate[..], &["--kind", "stiffness", "--force", "--out", &path(&folder, "b.csv")]].concat());
+    assert!(again.status.success(), "{}", text(&again.stderr));
+    let base = fs::read_to_string(path(&folder, "base.toml")).expect("a model");
+    assert!(!base.contains("[[effect]]"), "an effect of all is hidden in elastic lines: {base}");
+    let refused = krait(&[&generate[..], &["--kind", "cone-2", "--out", &path(&folder, "c.csv")]].concat());
+    assert!(text(&refused.stderr).contains("base.toml"), "another base model is not overwritten: {refused:?}");
+    assert!(fs::read_to_string(&truth).expect("a truth").contains("[segment.effects]"));
+
+    // The proposal of `init` has these lines; with the effects that the machine is known to have it is the model again.
+    let found = json(&krait(&["lab", "init", &data, "--json"]));
+    assert_eq!(found["kind"], "segments", "{found}");
+    let model = path(&folder, "two.model.toml");
+    let known = fs::read_to_string(TWO).expect("a model").split_once("[[effect]]").expect("effects").1.to_owned();
+    let proposed = fs::read_to_string(&model).expect("a proposal");
+    fs::write(&model, format!("{proposed}\n[[effect]]{known}")).expect("a model");
+    let map = path(&folder, "two.map.toml");
+    let args = ["lab", "diagnose", "--model", &model, "--data", &data, "--map-file", &map, "--report", &report];
+    let said = text(&krait(&args).stdout).split_whitespace().collect::<Vec<_>>().join(" ");
+    let words = "Here: of the lines of segment 2 alone, beside what all have.";
+    assert!(said.contains("backlash-2") && said.contains(words), "{said}");
+    assert!(fs::read_to_string(&report).expect("a page").contains(words));
+
+    let check = |guess: &str| krait(&["lab", "check", "--data", &data, "--guess", guess, "--json"]);
+    assert_eq!(json(&check("backlash-2"))["judgement"], "right");
+    assert_eq!(json(&check("backlash-1"))["judgement"], "wrong");
+    for (args, words) in [
+        (&["--kind", "backlash-3"][..], "did you mean backlash-"),
+        (&["--kind", "camera-scale-1", "--truth", "t.toml"], "which is of the picture alone"),
+        (&["--segments", "4"], "4 is not in 2..=3"),
+        (&["--perturb", "0.05"], "cannot be used with"),
+    ] {
+        let out = path(&folder, "refused.csv");
+        let own = if args[0] == "--segments" { &generate[..2] } else { &generate[..] };
+        let refused = krait(&[own, args, &["--out", &out]].concat());
+        assert!(!refused.status.success() && text(&refused.stderr).contains(words), "{args:?}: {refused:?}");
+        assert!(!Path::new(&out).exists(), "{args:?}");
+    }
+    let listed = text(&krait(&["lab", "generate", "--segments", "3", "--list"]).stdout);
+    assert!(listed.contains("backlash-3") && listed.contains("x_push") && !listed.contains("lead-screw"), "{listed}");
+}

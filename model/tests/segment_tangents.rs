@@ -63,11 +63,41 @@ fn predicted(values: [f64; 5]) -> Vec<Bends> {
 /// As the camera shows them.
 fn predicted_with(values: [f64; 5], others: &[EffectSetting]) -> Vec<Bends> {
     let mut predictor = chain_with(values, others).predictor();
-    let seen = |q: &[f64; MAX_LINES]| {
+    let seen = |(k, q): (usize, &[f64; MAX_LINES])| {
         predictor.step(&LineValues::from(*q));
-        predictor.observed_rad()
+        predictor.observed_rad(0.01 * k as f64)
     };
-    positions().iter().map(seen).collect()
+    positions().iter().enumerate().map(seen).collect()
+}
+
+#[test]
+fn a_late_camera_shows_the_bends_of_before_and_its_delay_has_a_slope() {
+    let late = |delay_s: f64| {
+        let own = EffectSetting::new(EffectKind::Latency).with("delay_s", delay_s).unwrap();
+        [own.with_learn("delay_s", Learn { sd: 0.01, memory_s: 1e6 }).unwrap()]
+    };
+    // 50 ms are five steps.
+    let (with, without) = (predicted_with(VALUES, &late(0.05)), predicted(VALUES));
+    assert!(with[5..].iter().zip(&without).all(|(with, without)| (with - without).amax() < 1e-9));
+    assert!(with[5..].iter().zip(&without[5..]).any(|(with, without)| (with - without).amax() > 0.02));
+
+    // Between two samples, so that the delay's slope is one.
+    let mut tangents = chain_with(VALUES, &late(0.053)).learning_predictor();
+    let step = |(k, q)| tangents.step(q, &Circumstances::at(0.01 * k as f64));
+    let found: Vec<_> = positions().iter().enumerate().map(step).collect();
+    let [below, above, at] = [0.052, 0.054, 0.053].map(|delay_s| predicted_with(VALUES, &late(delay_s)));
+    let undelayed = chain(VALUES);
+    let mut eta = undelayed.learning_predictor();
+    let of_eta: Vec<_> =
+        positions().iter().map(|q| eta.step(q, &Circumstances::at(0.0)).1.column(0).into_owned()).collect();
+    for (k, (seen, slopes)) in found.iter().enumerate().skip(10) {
+        assert!((Bends::from(*seen) - at[k]).amax() < 1e-12, "step {k}");
+        let quotient = (above[k] - below[k]) / 0.002 * 0.01;
+        assert!((slopes.column(5) - quotient).amax() < 1e-9, "step {k}: {} {quotient}", slopes.column(5));
+        // The other slopes are late too: 0.7 of five steps ago and 0.3 of six.
+        let then = of_eta[k - 5] * 0.7 + of_eta[k - 6] * 0.3;
+        assert!((slopes.column(0) - then).amax() < 1e-9, "step {k}");
+    }
 }
 
 #[test]

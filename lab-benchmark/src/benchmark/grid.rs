@@ -3,6 +3,7 @@
 use crate::force::{FORCE_KINDS, ForceKind, ForceRecipe, pick_force};
 use crate::generate::{KINDS, Kind, Motion, NoiseKind, Recipe, pick, several};
 use crate::joints::{JOINT_KINDS, JointKind, JointRecipe, pick_joints};
+use crate::segments::{SegmentKind, SegmentsRecipe, pick_segments};
 
 /// What a cell asks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -70,6 +71,8 @@ pub enum Task {
     Joints(JointRecipe),
     /// Of a joint's torque.
     Force(ForceRecipe),
+    /// Of two or three segments in series.
+    Segments(SegmentsRecipe),
 }
 
 impl Task {
@@ -79,6 +82,7 @@ impl Task {
             Self::Snake(recipe) => recipe.seed,
             Self::Joints(recipe) => recipe.seed,
             Self::Force(recipe) => recipe.seed,
+            Self::Segments(recipe) => recipe.seed,
         }
     }
 }
@@ -274,6 +278,48 @@ pub fn force_grid(seed: u64, n_rounds: usize, seconds: f64) -> Vec<GridCell> {
     cells
 }
 
+/// The cells of `n_rounds` rounds of two and three segments. More rounds only add cells.
+pub fn segments_grid(seed: u64, n_rounds: usize, seconds: f64) -> Vec<GridCell> {
+    let mut cells = Vec::new();
+    for round in 0..n_rounds {
+        let mut n = 0;
+        let mut add = |group: Group, n_segments: usize, hidden: Vec<(SegmentKind, f64)>, noise: NoiseKind| {
+            n += 1;
+            let motion = if n % 2 == 0 { Motion::Rich } else { Motion::Teleop };
+            let own_seed = mixed(seed ^ 0x05e6_3e27, round as u64, n);
+            let recipe = SegmentsRecipe {
+                n_segments,
+                hidden,
+                motion,
+                noise,
+                seed: own_seed,
+                seconds,
+                ..SegmentsRecipe::default()
+            };
+            let names: Vec<String> =
+                recipe.hidden.iter().map(|(kind, size)| format!("{}={size}", kind.name())).collect();
+            let (word, hidden) = (group.word(), names.join("+"));
+            let id =
+                format!("segments/{word}/{n_segments}/{hidden}/{}/{}/{own_seed:016x}", motion.name(), noise.name());
+            cells.push(GridCell { id, group, task: Task::Segments(recipe) });
+        };
+        for n_segments in [2, 3] {
+            NOISES.into_iter().for_each(|noise| add(Group::None, n_segments, Vec::new(), noise));
+            for (k, kind) in SegmentKind::all(n_segments).into_iter().enumerate() {
+                let (group, sizes) =
+                    if kind.is_known() { (Group::Single, &SIZES[..]) } else { (Group::Outside, &SIZES[1..]) };
+                let noise = if (k + round) % 3 == 2 { NoiseKind::Coloured(0.5) } else { NoiseKind::White };
+                sizes.iter().for_each(|size| add(group, n_segments, vec![(kind, *size)], noise));
+            }
+            for k in 0..N_PAIRS as u64 / 2 {
+                let kinds = pick_segments(mixed(seed ^ 0x5eed, round as u64, k), n_segments, 2);
+                add(Group::Pair, n_segments, kinds.into_iter().zip([2.5, 1.5]).collect(), NoiseKind::White);
+            }
+        }
+    }
+    cells
+}
+
 /// Spreads three numbers over all seeds (the finaliser of SplitMix64).
 fn mixed(seed: u64, round: u64, k: u64) -> u64 {
     let mut x = seed ^ round.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ k.wrapping_mul(0xd1b5_4a32_d192_ed03);
@@ -286,6 +332,21 @@ fn mixed(seed: u64, round: u64, k: u64) -> u64 {
 mod tests {
     use super::*;
     use std::collections::BTreeSet;
+
+    #[test]
+    fn segments_have_nulls_singles_of_every_kind_and_pairs_of_two_and_of_three() {
+        let (one, two) = (segments_grid(7, 1, 60.0), segments_grid(7, 2, 60.0));
+        assert!(one.iter().zip(&two).all(|(a, b)| a.id == b.id) && two.len() == 2 * one.len());
+        assert_eq!(two.iter().map(|cell| &cell.id).collect::<BTreeSet<_>>().len(), two.len());
+        for n_segments in [2, 3] {
+            let of = |group: Group| {
+                let own = one.iter().filter(move |cell| cell.group == group);
+                own.filter(|cell| matches!(&cell.task, Task::Segments(own) if own.n_segments == n_segments)).count()
+            };
+            let n_known = SegmentKind::all(n_segments).iter().filter(|kind| kind.is_known()).count();
+            assert_eq!([Group::None, Group::Single, Group::Pair].map(of), [8, 3 * n_known, 8]);
+        }
+    }
 
     #[test]
     fn more_rounds_only_add_cells_and_every_cell_has_its_own_name_and_seed() {

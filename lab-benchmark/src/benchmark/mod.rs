@@ -12,7 +12,7 @@ mod pictures;
 mod summary;
 
 pub use baseline::Baselines;
-pub use grid::{GridCell, Group, Task, force_grid, grid, joint_grid};
+pub use grid::{GridCell, Group, Task, force_grid, grid, joint_grid, segments_grid};
 pub use outcome::{Outcome, Said};
 pub use page::page;
 pub use summary::{Rate, Summary};

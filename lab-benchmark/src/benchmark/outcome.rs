@@ -6,9 +6,11 @@ use crate::HiddenTruth;
 use crate::force::force;
 use crate::generate::generate;
 use crate::joints::joints;
+use crate::segments::segments;
 use krait_lab::Measurements;
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, FoundEffect, Verdict, diagnose};
-use krait_lab::machine::MachineUnderTest;
+use krait_lab::machine::{MachineUnderTest, SegmentsLab};
+use krait_model::model_file::ModelFile;
 use serde::{Deserialize, Serialize};
 
 /// One finished cell.
@@ -69,6 +71,7 @@ impl Outcome {
     }
 
     fn fill(&mut self, cell: &GridCell, labs: &Labs, with_baselines: bool) -> Result<(), String> {
+        let of_segments: SegmentsLab;
         let (machine, data, truth): (&dyn MachineUnderTest, _, _) = match &cell.task {
             Task::Snake(recipe) => {
                 let made = generate(recipe).map_err(|e| e.to_string())?;
@@ -85,6 +88,14 @@ impl Outcome {
                 let filtered = |data| labs.force.filtered(data).map_err(|e| e.to_string());
                 let noise_rms = scored_rms(&filtered(noise)?);
                 (&labs.force, filtered(data)?, HiddenTruth { noise_rms, ..truth })
+            }
+            Task::Segments(recipe) => {
+                let made = segments(recipe).map_err(|e| e.to_string())?;
+                let file = ModelFile::parse(&made.model).map_err(|e| e.to_string())?;
+                of_segments = SegmentsLab::new(&file).ok_or("the model is of no segments")?;
+                // All components of all bends.
+                let deviations = (made.measurements.n_outputs as f64).sqrt();
+                (&of_segments, made.measurements, HiddenTruth::of_answer(made.answer, deviations))
             }
         };
         let data = &data;

@@ -1,6 +1,7 @@
 //! The sealed answer of generated data, and the data as CSV.
 
 use super::{Generated, Kind, Recipe};
+use krait_lab::Quantity;
 use krait_sim::Truth;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -14,7 +15,7 @@ pub struct Answer {
     pub kind: String,
     /// For each hidden effect the names of effects that count as right; `none` or `unknown` where no effect does.
     pub right: Vec<Vec<String>>,
-    /// The plant's parameters that differ from its neutral ones, by key of a truth file.
+    /// The plant's parameters that differ from its neutral ones, by key of a truth file; of segments the amplitude of each kind.
     pub params: BTreeMap<String, serde_json::Value>,
     /// Parameters that an effect of the catalogue must come to: effect, then parameter, in the units of a model file.
     pub known: BTreeMap<String, BTreeMap<String, f64>>,
@@ -27,7 +28,7 @@ pub struct Answer {
     /// Standard deviation of the load cells' noise, N, where loads were recorded.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub load_sigma_n: Option<f64>,
-    /// Size of each hidden effect in units of sqrt(2) sigma, as asked for.
+    /// Size of each hidden effect in units of the noise's length, as asked for.
     pub size: Vec<f64>,
     /// Error of the base model, degrees.
     pub base_rms_deg: f64,
@@ -46,7 +47,7 @@ pub struct Answer {
 impl Answer {
     pub(super) fn new(recipe: &Recipe, truth: &Truth, [base, effect, noise]: [f64; 3], rows: usize) -> Self {
         let kinds: Vec<&Kind> = recipe.hidden.iter().map(|&(kind, _)| kind).collect();
-        let (kind, right) = crate::truth::names(kinds.iter().map(|kind| (kind.name, kind.right)));
+        let (kind, right) = crate::truth::names(kinds.iter().map(|kind| (kind.name, kind.right.iter().copied())));
         // With dimensions that are off, no parameter of the catalogue has to come to the plant's.
         let is_exact = recipe.perturbation == 0.0;
         let known = kinds.iter().filter(|kind| is_exact && kind.is_known()).map(|kind| {
@@ -74,12 +75,18 @@ impl Answer {
     }
 }
 
-impl Generated {
+impl<T> Generated<T> {
     /// The data as CSV, in the columns that the lab reads.
     pub fn csv(&self) -> String {
         let data = &self.measurements;
         let loads = data.loads_n.as_deref();
-        let mut text = String::from("time_s,q1_m,q2_m,q3_m,bend_x_rad,bend_y_rad");
+        let mut text = String::from("time_s");
+        if data.quantity == Quantity::Snake {
+            text += ",q1_m,q2_m,q3_m,bend_x_rad,bend_y_rad";
+        } else {
+            (1..=data.n_inputs).for_each(|k| text += &format!(",u{k}_m"));
+            (1..=data.n_outputs).for_each(|k| text += &format!(",y{k}_rad"));
+        }
         text += if loads.is_some() { ",tau1_n,tau2_n,tau3_n\n" } else { "\n" };
         for row in 0..data.n_rows() {
             let time_s = data.time_s.get(row).copied().unwrap_or_default();

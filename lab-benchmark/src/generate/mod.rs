@@ -27,6 +27,7 @@ use krait_lab::{Measurements, Quantity};
 use krait_model::{ChainError, MachineParameters};
 use krait_sim::{EffectsTruth, Truth, TruthError};
 use krait_slave::DriveError;
+pub(crate) use plant::apart_rad;
 pub(crate) use random::{Purpose, Random};
 
 /// Rounds of the search for an amplitude; each comes about ten times nearer.
@@ -83,15 +84,17 @@ impl Recipe {
     }
 }
 
-/// What came out.
+/// What came out, of a snake or of another machine with a truth of its own.
 #[derive(Clone, Debug)]
-pub struct Generated {
+pub struct Generated<T = Truth> {
     /// What the lab may see.
     pub measurements: Measurements,
     /// What it may not.
     pub answer: Answer,
     /// The plant that made it: a truth file for `krait run --truth`.
-    pub truth: Truth,
+    pub truth: T,
+    /// The model file that the lab gets.
+    pub model: String,
 }
 
 /// Why nothing was made.
@@ -119,7 +122,7 @@ pub enum GenerateError {
     #[error(transparent)]
     Chain(#[from] ChainError),
     /// The plant found no equilibrium.
-    #[error("the simulated snake found no equilibrium at {n} steps with this effect; choose a smaller size")]
+    #[error("the simulated machine found no equilibrium at {n} steps with this effect; choose a smaller size")]
     Unsolved {
         /// How often.
         n: u64,
@@ -130,7 +133,7 @@ pub enum GenerateError {
     )]
     TooLarge {
         /// Which.
-        kind: &'static str,
+        kind: String,
         /// The size asked for.
         wanted: f64,
         /// The size reached.
@@ -191,7 +194,7 @@ pub fn generate(recipe: &Recipe) -> Result<Generated, GenerateError> {
     let answer = Answer::new(recipe, &truth, apart.map(|(a, b)| plant::apart_rad(a, b)), n);
     let mut measurements = measurements(recipe, &readings_m, &noisy_rad);
     measurements.loads_n = recipe.load_sigma_n.map(|sigma_n| weighed_n(load_n, sigma_n, recipe.seed));
-    Ok(Generated { measurements, answer, truth })
+    Ok(Generated { measurements, answer, truth, model: base_model() })
 }
 
 /// What load cells with white noise read, N, row after row.
@@ -230,24 +233,25 @@ fn hide(recipe: &Recipe, bare: &Truth, readings_m: &[[f64; 3]], period_s: f64) -
             let seen = plant::seen_rad(&alone, readings_m, period_s, plant::COARSE)?;
             Ok(plant::apart_rad(&seen, &without) / (SQRT_2 * recipe.sigma_rad))
         };
-        kind.hide(&mut truth, amplitude(kind, size, size_of)?, &draw);
+        kind.hide(&mut truth, amplitude(kind.name, (kind.typical, kind.most), size, size_of)?, &draw);
     }
     Ok(truth)
 }
 
-/// The amplitude at which an effect has the wanted size: it is nearly proportional, so a few secants do.
-fn amplitude(
-    kind: &Kind,
+/// The amplitude, at most this one, at which an effect has the wanted size: it is nearly proportional, so a few secants do.
+pub(crate) fn amplitude(
+    kind: &str,
+    (typical, most): (f64, f64),
     wanted: f64,
     size_of: impl Fn(f64) -> Result<f64, GenerateError>,
 ) -> Result<f64, GenerateError> {
-    let mut amplitude = kind.typical;
+    let mut amplitude = typical;
     let mut found = size_of(amplitude)?;
     for _ in 0..ROUNDS {
         if (found / wanted - 1.0).abs() < NEAR {
             return Ok(amplitude);
         }
-        let next = (amplitude * wanted / found.max(1e-12)).min(kind.most);
+        let next = (amplitude * wanted / found.max(1e-12)).min(most);
         if next == amplitude {
             break;
         }
@@ -258,7 +262,7 @@ fn amplitude(
     if (found / wanted - 1.0).abs() < 0.2 {
         return Ok(amplitude);
     }
-    Err(GenerateError::TooLarge { kind: kind.name, wanted, found })
+    Err(GenerateError::TooLarge { kind: kind.to_owned(), wanted, found })
 }
 
 fn check(recipe: &Recipe) -> Result<(), GenerateError> {
@@ -271,7 +275,12 @@ fn check(recipe: &Recipe) -> Result<(), GenerateError> {
     ];
     let load_sigma = recipe.load_sigma_n.map(|found| ("the load cells' noise in N", found, 0.0, 100.0));
     let sizes = recipe.hidden.iter().map(|&(_, size)| ("a size", size, 0.01, 100.0));
-    for (what, found, low, high) in ranges.into_iter().chain(load_sigma).chain(sizes) {
+    check_ranges(ranges.into_iter().chain(load_sigma).chain(sizes))
+}
+
+/// Checks numbers of a recipe: what, found, smallest, largest.
+pub(crate) fn check_ranges(ranges: impl Iterator<Item = (&'static str, f64, f64, f64)>) -> Result<(), GenerateError> {
+    for (what, found, low, high) in ranges {
         // Written so that NaN is out of range.
         if !(low..=high).contains(&found) {
             return Err(GenerateError::OutOfRange { what, low, high, found });

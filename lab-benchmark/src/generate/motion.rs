@@ -41,7 +41,7 @@ impl Motion {
     }
 
     /// The bend vector of `n` samples, rad, beginning straight.
-    pub(super) fn path_rad(self, n: usize, period_s: f64, seed: u64) -> Vec<[f64; 2]> {
+    pub(crate) fn path_rad(self, n: usize, period_s: f64, seed: u64) -> Vec<[f64; 2]> {
         let mut random = Random::new(seed, Purpose::Motion);
         let mut pen = Pen { period_s, n, path: vec![[0.0; 2]], bend: 0.0, delta: 0.0 };
         match self {

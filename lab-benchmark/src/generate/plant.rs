@@ -78,7 +78,7 @@ pub(super) fn measured(
 }
 
 /// Root mean square length of the difference, rad.
-pub(super) fn apart_rad(a: &[[f64; 2]], b: &[[f64; 2]]) -> f64 {
+pub(crate) fn apart_rad(a: &[[f64; 2]], b: &[[f64; 2]]) -> f64 {
     let square: f64 = a.iter().zip(b).map(|(a, b)| (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2)).sum();
     (square / a.len().max(1) as f64).sqrt()
 }

@@ -34,7 +34,7 @@ pub struct SealError {
     pub source: io::Error,
 }
 
-impl Generated {
+impl<T> Generated<T> {
     /// Writes DATA.csv, beside it base.toml and DATA.sha256, and the answer where it is wanted, by default DATA.answer.json.
     ///
     /// # Errors
@@ -47,7 +47,7 @@ impl Generated {
         let (csv, text) = (self.csv(), self.answer.to_json());
         let (data_sha256, answer_sha256) = (hash(&csv), hash(&text));
         let lines = format!("{data_sha256}  {}\n{answer_sha256}  {}\n", name_of(data), name_of(&answer));
-        for (file, text) in [(data, &csv), (&model, &base_model()), (&answer, &text), (&hashes, &lines)] {
+        for (file, text) in [(data, &csv), (&model, &self.model), (&answer, &text), (&hashes, &lines)] {
             fs::write(file, text).map_err(|source| SealError { file: file.to_owned(), source })?;
         }
         Ok(Sealed { data: data.to_owned(), model, answer, hashes, answer_sha256, data_sha256 })

@@ -86,7 +86,8 @@ pub fn joints(recipe: &JointRecipe) -> Option<(Measurements, Answer)> {
         [0, 1].map(|k| if is_measured(row) { gains[k] * seen[k] + offsets[k] } else { f64::NAN })
     };
     let outputs: Vec<f64> = seen.iter().enumerate().flat_map(output).collect();
-    let (kind, right) = crate::truth::names(recipe.hidden.iter().map(|(kind, _)| (kind.name, kind.right)));
+    let (kind, right) =
+        crate::truth::names(recipe.hidden.iter().map(|(kind, _)| (kind.name, kind.right.iter().copied())));
     let deg = 180.0 / core::f64::consts::PI * gains[0].abs();
     let answer = Answer {
         file: String::new(),

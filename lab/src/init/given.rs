@@ -7,7 +7,7 @@ use crate::machine::nearest;
 use crate::read::{At, ColumnMap, ReadError};
 use std::path::Path;
 
-const KNOWN: &str = "time_s, trial, u1.. and y1.. of joints, q1_m..q3_m, bend_x_rad, bend_y_rad, theta_l_rad, delta_rad, tau1_n..tau3_n";
+const KNOWN: &str = "time_s, trial, u1.. and y1.. of joints or segments, q1_m..q3_m, bend_x_rad, bend_y_rad, theta_l_rad, delta_rad, tau1_n..tau3_n";
 
 /// Gives columns the roles that were said; which column is the time, if that was said.
 ///

@@ -5,6 +5,7 @@ mod given;
 mod joints;
 mod name;
 mod role;
+mod segments;
 mod snake;
 mod time;
 mod wrap;
@@ -25,7 +26,7 @@ pub struct Proposal {
     pub is_whole: bool,
     /// Every column of the file, in its order.
     pub columns: Vec<SeenColumn>,
-    /// `joints`, `snake` or `force`.
+    /// `joints`, `snake`, `segments` or `force`.
     pub kind: &'static str,
     /// The machine in a sentence.
     pub machine: String,
@@ -39,7 +40,7 @@ pub struct Proposal {
     pub seconds: f64,
     /// Rows per second, Hz.
     pub rate_hz: f64,
-    /// How each joint's measurement follows its command, a sentence each; none of a snake.
+    /// How each joint's measurement follows its command, each segment's bend its lines, a sentence each; none of a snake.
     pub pairs: Vec<String>,
     /// What was guessed or looks odd, a sentence each.
     pub cautions: Vec<String>,
@@ -136,8 +137,9 @@ pub fn propose(path: &Path, given: &ColumnMap) -> Result<Proposal, InitError> {
     if let Some(own) = columns.get_mut(time.place) {
         own.guess = Guess::Time;
     }
-    let Machine { kind, sentence, columns: own, pairs, mut cautions, model } =
-        match snake_of(&columns).or_else(|| force_of(&columns)) {
+    let several = segments::find(&columns).map_err(refused)?.map(segments_of);
+    let Machine { kind, sentence, columns: own, mut pairs, mut cautions, model } =
+        match several.or_else(|| snake_of(&columns)).or_else(|| force_of(&columns)) {
             Some(machine) => machine,
             None => joints_of(&columns).map_err(refused)?,
         };
@@ -170,6 +172,9 @@ pub fn propose(path: &Path, given: &ColumnMap) -> Result<Proposal, InitError> {
     let map: ColumnMap = assigned.iter().filter_map(mapping).collect();
     let file = ModelFile::parse(&model).map_err(|source| InitError::Model { path: path.to_owned(), source })?;
     let data = read(path, &map, file.machine().into())?;
+    let follows = segments::follow(&file, &data);
+    pairs.extend(follows.pairs);
+    cautions.extend(follows.cautions);
     let scored = |row: &usize| data.is_scored(*row);
     Ok(Proposal {
         columns: columns
@@ -216,6 +221,20 @@ fn is_trial(column: &Column) -> bool {
     let changes = values.windows(2).filter(|pair| pair[0] != pair[1]).count();
     let is_rare = column.looked.n_texts > 0 || changes as f64 <= MOST_CHANGES * values.len() as f64;
     column.guess == Guess::Trial && is_rare
+}
+
+fn segments_of(found: segments::Found) -> Machine {
+    let (n, n_lines) = (found.n_segments, found.n_lines);
+    Machine {
+        kind: "segments",
+        sentence: format!(
+            "segments, {n} in series on {n_lines} lines (lengths, and a bend in two components for each segment)"
+        ),
+        columns: found.columns,
+        pairs: Vec::new(),
+        cautions: found.cautions,
+        model: segments::model(n, n_lines),
+    }
 }
 
 fn snake_of(columns: &[Column]) -> Option<Machine> {
@@ -303,5 +322,5 @@ fn no_pair(columns: &[Column]) -> String {
             still.join(", ")
         );
     }
-    "no snake (three lengths and a bend), no joint (a command beside a measurement) and no force (a motion beside a torque or current) was recognised in the columns; name them, such as --map u1_deg=NAME --map y1_deg=NAME".to_owned()
+    "no snake (three lengths and a bend), no segments (lengths and two or three bends), no joint (a command beside a measurement) and no force (a motion beside a torque or current) was recognised in the columns; name them, such as --map u1_deg=NAME --map y1_deg=NAME".to_owned()
 }

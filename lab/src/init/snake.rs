@@ -19,7 +19,7 @@ pub(super) struct Found {
 pub(super) fn find(columns: &[Column]) -> Option<Found> {
     let mut guesses = Vec::new();
     let shape = shape(columns)?;
-    let lines = lines(columns)?;
+    let lines: [usize; N_LINES] = lines(columns, |n| n == N_LINES)?.try_into().ok()?;
     let mut found = Vec::new();
     for (k, &place) in lines.iter().enumerate() {
         let unit = length(columns, &lines, place, &mut guesses)?;
@@ -40,19 +40,23 @@ pub(super) fn find(columns: &[Column]) -> Option<Found> {
     Some(Found { columns: found, guesses })
 }
 
-/// Three columns of the same words with numbers in a row.
-fn lines(columns: &[Column]) -> Option<[usize; N_LINES]> {
+/// So many lengths of the same words with numbers in a row.
+pub(super) fn lines(columns: &[Column], is_number: impl Fn(usize) -> bool) -> Option<Vec<usize>> {
     let is_position = |column: &Column| matches!(column.guess, Guess::Command(_) | Guess::Measured(_) | Guess::Unclear);
     let is_length = |column: &Column| match column.words.unit.dimension() {
         Some(dimension) => dimension == Dimension::Length,
         None => column.looked.reach().is_some_and(|reach| reach <= 100.0),
     };
-    let families = triples(columns, |column| is_position(column) && is_length(column));
+    let mut families = numbered(columns, |column| is_position(column) && is_length(column));
+    families.retain(|family| is_number(family.len()));
     // Encoders rather than what they shall reach.
-    let is_measured = |family: &[usize; N_LINES]| {
-        columns.get(family[0]).is_some_and(|column| !matches!(column.guess, Guess::Command(_)))
+    let is_measured = |family: &Vec<usize>| {
+        family
+            .first()
+            .and_then(|place| columns.get(*place))
+            .is_some_and(|column| !matches!(column.guess, Guess::Command(_)))
     };
-    families.iter().find(|family| is_measured(family)).or(families.first()).copied()
+    families.iter().find(|family| is_measured(family)).or(families.first()).cloned()
 }
 
 fn loads(columns: &[Column]) -> Option<[usize; N_LINES]> {
@@ -60,25 +64,25 @@ fn loads(columns: &[Column]) -> Option<[usize; N_LINES]> {
         let is_force = column.words.unit.dimension().is_none_or(|dimension| dimension == Dimension::Force);
         is_force && matches!(column.guess, Guess::Other("a load" | "a force"))
     };
-    triples(columns, is_load).first().copied()
+    numbered(columns, is_load).into_iter().find_map(|family| family.try_into().ok())
 }
 
-fn triples(columns: &[Column], is_one: impl Fn(&Column) -> bool) -> Vec<[usize; N_LINES]> {
+/// Columns of the same words with numbers in a row, in that order.
+pub(super) fn numbered(columns: &[Column], is_one: impl Fn(&Column) -> bool) -> Vec<Vec<usize>> {
     let mut families: BTreeMap<Vec<&str>, Vec<(u32, usize)>> = BTreeMap::new();
     for (place, column) in columns.iter().enumerate().filter(|(_, column)| is_one(column)) {
         if let Some((number, words)) = column.words.numbered() {
             families.entry(words).or_default().push((number, place));
         }
     }
-    let triple = |mut members: Vec<(u32, usize)>| {
+    let in_a_row = |mut members: Vec<(u32, usize)>| {
         members.sort_unstable();
-        let in_a_row = members.windows(2).all(|pair| pair[1].0 == pair[0].0 + 1);
-        let places: Vec<usize> = members.iter().map(|(_, place)| *place).collect();
-        <[usize; N_LINES]>::try_from(places).ok().filter(|_| in_a_row)
+        let is_row = members.windows(2).all(|pair| pair[1].0 == pair[0].0 + 1);
+        is_row.then(|| members.into_iter().map(|(_, place)| place).collect::<Vec<_>>())
     };
-    let mut triples: Vec<_> = families.into_values().filter_map(triple).collect();
-    triples.sort_unstable();
-    triples
+    let mut rows: Vec<_> = families.into_values().filter_map(in_a_row).collect();
+    rows.sort_unstable();
+    rows
 }
 
 /// Two angles: a bend in x and y, or the paper's angles under their names.
@@ -103,13 +107,13 @@ fn shape(columns: &[Column]) -> Option<[(&'static str, usize); 2]> {
     Some([("theta_l_rad", place(&["theta", "l"])?), ("delta_rad", place(&["delta"])?)])
 }
 
-/// The unit of a line: its name's, or the one in which three such lengths are those of a snake.
-fn length(columns: &[Column], lines: &[usize], place: usize, guesses: &mut Vec<String>) -> Option<Unit> {
+/// The unit of a line: its name's, or the one in which such lengths are those of a snake.
+pub(super) fn length(columns: &[Column], lines: &[usize], place: usize, guesses: &mut Vec<String>) -> Option<Unit> {
     let reach = || lines.iter().filter_map(|place| columns.get(*place)?.looked.reach()).fold(0.0, f64::max);
     named_or(columns.get(place)?, guesses, || Some((reach(), 0.1, ["m", "mm"])))
 }
 
-fn angle(columns: &[Column], place: usize, guesses: &mut Vec<String>) -> Option<Unit> {
+pub(super) fn angle(columns: &[Column], place: usize, guesses: &mut Vec<String>) -> Option<Unit> {
     let column = columns.get(place)?;
     named_or(column, guesses, || Some((column.looked.reach()?, core::f64::consts::TAU, ["rad", "deg"])))
 }

@@ -44,7 +44,7 @@ impl SegmentsLab {
     fn cannot(&self, kind: EffectKind) -> Option<String> {
         let is_seen = |law| matches!(law, SegmentLaw::Backlash | SegmentLaw::CameraScale | SegmentLaw::CameraOffset);
         let is_elastic = match kind {
-            EffectKind::Backlash => false,
+            EffectKind::Backlash | EffectKind::Latency => false,
             EffectKind::OfSegment(own) => !is_seen(own.law),
             _ => true,
         };
@@ -100,7 +100,7 @@ impl MachineUnderTest for SegmentsLab {
             let mut q_tilde_m = LineValues::zeros();
             q_tilde_m.iter_mut().zip(data.input(row)).for_each(|(own, q)| *own = *q);
             predictor.step(&q_tilde_m);
-            let seen_rad = predictor.observed_rad();
+            let seen_rad = predictor.observed_rad(data.time_s[row]);
             outputs.extend(seen_rad.iter().take(data.n_outputs.min(MAX_BENDS)));
         }
         Ok(outputs)

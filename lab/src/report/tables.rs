@@ -77,7 +77,7 @@ pub(super) fn found(found: &[FoundEffect], unit: &str, is_partial: bool) -> Stri
     let mut text = format!("<h2>{heading}</h2>\n");
     for (effect, own) in found.iter().filter_map(|own| Some((own, explanation(&own.name)?))) {
         text += &format!("<h3>{}: {}</h3>\n", escape(&effect.name), escape(own.title));
-        text += &paragraph(own.what);
+        text += &paragraph(&own.what);
         text += &effect.sketch.as_ref().map_or(String::new(), sketch::svg);
         text += &paragraph(&format!("To check on the machine: {}", own.check));
     }

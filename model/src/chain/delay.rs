@@ -6,21 +6,21 @@ use crate::effects::{Real, Scalar};
 const N_SAMPLES: usize = 128;
 const N_PER_DELAY: f64 = 100.0;
 
-/// Shapes of the last moments.
+/// Shapes of the last moments, of so many numbers each.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct DelayLine<P> {
-    samples: [(f64, [P; 2]); N_SAMPLES],
+pub(crate) struct DelayLine<P, const Y: usize = 2> {
+    samples: [(f64, [P; Y]); N_SAMPLES],
     newest: usize,
     n: usize,
 }
 
-impl<P: Real> DelayLine<P> {
+impl<P: Real, const Y: usize> DelayLine<P, Y> {
     pub(crate) fn new() -> Self {
-        Self { samples: [(0.0, [P::constant(0.0); 2]); N_SAMPLES], newest: 0, n: 0 }
+        Self { samples: [(0.0, [P::constant(0.0); Y]); N_SAMPLES], newest: 0, n: 0 }
     }
 
     /// Takes the shape of now and gives the shape of `delay` ago, linear between samples; before the first one, the first one.
-    pub(crate) fn pass<S: Scalar<P>>(&mut self, time_s: f64, shape: [S; 2], delay: P) -> [S; 2] {
+    pub(crate) fn pass<S: Scalar<P>>(&mut self, time_s: f64, shape: [S; Y], delay: P) -> [S; Y] {
         let then = S::constant(time_s) - S::lift(delay);
         let (mut after_s, mut after) = (time_s, shape);
         for back in 0..self.n {
@@ -31,7 +31,9 @@ impl<P: Real> DelayLine<P> {
                     break;
                 }
                 let part = (then - S::constant(at_s)) * S::constant(1.0 / (after_s - at_s));
-                after = [0, 1].map(|k| sample[k] + (after[k] - sample[k]) * part);
+                for (after, sample) in after.iter_mut().zip(sample) {
+                    *after = sample + (*after - sample) * part;
+                }
                 break;
             }
             (after_s, after) = (at_s, sample);
@@ -41,7 +43,7 @@ impl<P: Real> DelayLine<P> {
     }
 
     /// The newest sample is always kept, and moves until it is far enough from the one before.
-    fn store(&mut self, time_s: f64, shape: [P; 2], delay_s: f64) {
+    fn store(&mut self, time_s: f64, shape: [P; Y], delay_s: f64) {
         let before = (self.newest + N_SAMPLES - 1) % N_SAMPLES;
         let thin = self.n >= 2 && time_s - self.samples[before].0 < delay_s / N_PER_DELAY;
         if !thin {

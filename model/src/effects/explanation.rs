@@ -1,26 +1,33 @@
 //! What each effect is, in words for whoever has the machine before him: a title, two sentences, and what to look at. Page,
 //! report and commands show these texts.
 
+use super::of_segment::{SegmentEffect, without_segment};
+use std::borrow::Cow;
+
 /// An effect in plain words.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Explanation {
     /// What people call it.
     pub title: &'static str,
-    /// What happens, and what it looks like.
-    pub what: &'static str,
+    /// What happens, and what it looks like; of an effect of one segment, which.
+    pub what: Cow<'static, str>,
     /// What to check on the machine.
     pub check: &'static str,
 }
 
 /// The words for an effect of this name; none for a user's own formula. Effects of snakes and joints with one name share them, and
-/// those of one segment have the words of all.
-pub fn explanation(name: &str) -> Option<&'static Explanation> {
-    let name = super::of_segment::without_segment(name);
-    EXPLANATIONS.iter().find(|(own, _)| *own == name).map(|(_, explanation)| explanation)
+/// those of one segment have the words of all and the segment's.
+pub fn explanation(name: &str) -> Option<Explanation> {
+    let of_all = without_segment(name);
+    let (_, words) = EXPLANATIONS.iter().find(|(own, _)| *own == of_all)?;
+    let what = SegmentEffect::from_name(name).map_or(words.what.clone(), |own| {
+        Cow::Owned(format!("{} Here: of {} alone, beside what all have.", words.what, own.acts_on()))
+    });
+    Some(Explanation { what, ..words.clone() })
 }
 
 const fn words(title: &'static str, what: &'static str, check: &'static str) -> Explanation {
-    Explanation { title, what, check }
+    Explanation { title, what: Cow::Borrowed(what), check }
 }
 
 #[rustfmt::skip]
@@ -222,6 +229,16 @@ mod tests {
         assert_eq!(told.len(), names.len(), "one entry each");
         let titles: BTreeSet<&str> = EXPLANATIONS.iter().map(|(_, own)| own.title).collect();
         assert_eq!(titles.len(), names.len(), "no two have one title");
+    }
+
+    #[test]
+    fn an_effect_of_one_segment_says_which() {
+        let words = |name| explanation(name).map(|own| own.what.into_owned()).unwrap_or_default();
+        let here = |of: &str| format!(" Here: of {of} alone, beside what all have.");
+        assert_eq!(words("backlash-2"), words("backlash") + &here("the lines of segment 2"));
+        assert_eq!(words("stiffness-scale-1"), words("stiffness-scale") + &here("segment 1"));
+        assert_eq!(words("camera-offset-3"), words("camera-offset") + &here("segment 3"));
+        assert!(!words("backlash").contains("Here"));
     }
 
     #[test]

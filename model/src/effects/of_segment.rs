@@ -129,6 +129,19 @@ impl SegmentEffect {
         let all = self.law.definitions();
         all.get(self.segment).unwrap_or(&all[0])
     }
+
+    /// What it acts on, in words: `the lines of segment 2`.
+    pub fn acts_on(self) -> String {
+        let number = self.segment + 1;
+        match self.law {
+            SegmentLaw::StiffnessScale | SegmentLaw::CameraScale | SegmentLaw::CameraOffset => {
+                format!("segment {number}")
+            }
+            SegmentLaw::StaticFriction | SegmentLaw::ConeFriction | SegmentLaw::Backlash => {
+                format!("the lines of segment {number}")
+            }
+        }
+    }
 }
 
 /// The name of an effect without the number of its segment: `backlash` of `backlash-2`; every other name as it is.

@@ -10,12 +10,13 @@ use crate::effects::EffectKind;
 use crate::{ChainError, EffectSetting, LearntParameter, MAX_LEARNT};
 
 /// The effects that segments can have for all of them alike; those of one segment are [`crate::effects::SegmentEffect`]s.
-pub const SEGMENT_EFFECTS: [EffectKind; 5] = [
+pub const SEGMENT_EFFECTS: [EffectKind; 6] = [
     EffectKind::StiffnessScale,
     EffectKind::InsideExtension,
     EffectKind::StaticFriction,
     EffectKind::ConeFriction,
     EffectKind::Backlash,
+    EffectKind::Latency,
 ];
 
 /// Segments with their effects.
@@ -30,6 +31,8 @@ pub struct SegmentChain {
     pub(super) inside: f64,
     pub(super) friction: Friction,
     pub(super) half_width_m: f64,
+    /// How late the camera shows the bends, s, where the model says so; no command follows it.
+    pub(super) delay_s: Option<f64>,
     /// What single segments have beside these.
     pub(super) of_segments: OfSegments,
     learnt: Vec<LearntParameter>,
@@ -80,6 +83,7 @@ impl SegmentChain {
                 capstan: capstan(mu, &machine),
             },
             half_width_m: value(EffectKind::Backlash, "half_width_m", 0.0),
+            delay_s: place(EffectKind::Latency).map(|_| value(EffectKind::Latency, "delay_s", 0.0)),
             of_segments: OfSegments::new(effects, &machine)?,
             learnt,
             lanes,
@@ -152,6 +156,7 @@ impl SegmentChain {
                 EffectKind::StaticFriction => self.friction.f_s_n = value,
                 EffectKind::ConeFriction => self.friction.capstan = capstan(value, &self.machine),
                 EffectKind::Backlash => self.half_width_m = value,
+                EffectKind::Latency => self.delay_s = Some(value),
                 // No other effect is one of SEGMENT_EFFECTS.
                 _ => {}
             }

@@ -16,6 +16,7 @@
 //! q~ best. Preload and bounds of the model ask for loads and do not matter here: elastic lines share as their lengths say.
 
 use super::{Bends, LineValues, LinesByBends, MAX_BENDS, MAX_SEGMENTS, SegmentChain};
+use crate::chain::DelayLine;
 use nalgebra::{SMatrix, SVector};
 
 /// Newton's rounds in one step; 3 to 6 are usual.
@@ -41,6 +42,8 @@ pub struct SegmentPredictor {
     pub(super) seat_m: LineValues,
     tau_n: LineValues,
     n_unsolved: u64,
+    /// What the camera has yet to show, where it is late.
+    delay: Option<Box<DelayLine<f64, MAX_BENDS>>>,
 }
 
 /// One line at some unknowns.
@@ -65,6 +68,7 @@ impl SegmentPredictor {
             seat_m: zeros,
             tau_n: zeros,
             n_unsolved: 0,
+            delay: chain.delay_s.map(|_| Box::new(DelayLine::new())),
         }
     }
 
@@ -115,8 +119,17 @@ impl SegmentPredictor {
         self.unknowns.fixed_rows::<MAX_BENDS>(0).into()
     }
 
-    /// The bends of the newest step as the camera shows them, rad.
-    pub fn observed_rad(&self) -> Bends {
+    /// The bends as the camera shows them, rad, once after each step, whose time this is.
+    pub fn observed_rad(&mut self, time_s: f64) -> Bends {
+        let shown_rad = self.shown_rad();
+        match (&mut self.delay, self.chain.delay_s) {
+            (Some(delay), Some(delay_s)) => delay.pass(time_s, shown_rad.into(), delay_s).into(),
+            _ => shown_rad,
+        }
+    }
+
+    /// The bends of the newest step as a camera that is not late would show them, rad.
+    pub(super) fn shown_rad(&self) -> Bends {
         self.chain.of_segments.seen(&self.bends_rad())
     }
 

@@ -1,6 +1,6 @@
 //! Predicted bends with their slopes by the parameters that are learnt, carried along with the memory of every line.
 //!
-//! Problem: for each learnt parameter (eta, share, f_s, mu, half-width) the change of the bends for a change of the parameter that was there
+//! Problem: for each learnt parameter (eta, share, f_s, mu, half-width, the camera's delay) the change of the bends for a change of the parameter that was there
 //! all along. Per prior standard deviation of the parameter, one column each.
 //!
 //! ```text
@@ -19,13 +19,15 @@
 
 use super::forward::{Loaded, N, Unknowns};
 use super::{LineValues, MAX_BENDS, MAX_LINES, SegmentChain, SegmentPredictor};
-use crate::effects::EffectKind;
+use crate::chain::DelayLine;
+use crate::effects::{Dual, EffectKind};
 use crate::vector_learner::SlopedPredictor;
 use crate::{Circumstances, MAX_LEARNT};
 use nalgebra::{RowSVector, SMatrix};
 
 type Row = RowSVector<f64, MAX_LEARNT>;
 type PerLine = SMatrix<f64, MAX_LINES, MAX_LEARNT>;
+type Sloped = ([f64; MAX_BENDS], SMatrix<f64, MAX_BENDS, MAX_LEARNT>);
 
 /// A [`SegmentPredictor`] with slopes by the parameters that are learnt.
 #[derive(Clone, Debug)]
@@ -37,6 +39,8 @@ pub struct SegmentTangents {
     unknowns: SMatrix<f64, N, MAX_LEARNT>,
     play_m: PerLine,
     seat_m: PerLine,
+    /// What the camera has yet to show, where it is late.
+    delay: Option<Box<DelayLine<Dual<MAX_LEARNT>, MAX_BENDS>>>,
 }
 
 impl SegmentTangents {
@@ -48,6 +52,7 @@ impl SegmentTangents {
             unknowns: SMatrix::zeros(),
             play_m: PerLine::zeros(),
             seat_m: PerLine::zeros(),
+            delay: chain.delay_s.map(|_| Box::new(DelayLine::new())),
         }
     }
 
@@ -91,6 +96,19 @@ impl SegmentTangents {
         (pushes * (side / slope), softer)
     }
 
+    /// What the camera shows at this time, with its slopes, where these are those of the newest bends.
+    fn seen(&mut self, slopes: SMatrix<f64, MAX_BENDS, MAX_LEARNT>, time_s: f64) -> Sloped {
+        let shown_rad: [f64; MAX_BENDS] = self.plain.shown_rad().into();
+        let later = self.seed(EffectKind::Latency);
+        let (Some(delay), Some(delay_s)) = (&mut self.delay, self.plain.chain.delay_s) else {
+            return (shown_rad, slopes);
+        };
+        let dual = |value: f64, tangent: &dyn Fn(usize) -> f64| Dual { value, tangent: core::array::from_fn(tangent) };
+        let now = core::array::from_fn(|i| dual(shown_rad[i], &|lane| slopes[(i, lane)]));
+        let seen = delay.pass(time_s, now, dual(delay_s, &|lane| later[lane]));
+        (seen.map(|own| own.value), SMatrix::from_fn(|i, lane| seen[i].tangent[lane]))
+    }
+
     /// The slopes of the newest equilibrium, before the lines that have slid are noted.
     fn note_equilibrium(&mut self) {
         let (chain, machine) = (&self.plain.chain, &self.plain.chain.machine);
@@ -128,14 +146,10 @@ impl SegmentTangents {
 }
 
 impl SlopedPredictor<MAX_BENDS, MAX_LINES> for SegmentTangents {
-    fn step(
-        &mut self,
-        q_tilde_m: &[f64; MAX_LINES],
-        _at: &Circumstances,
-    ) -> ([f64; MAX_BENDS], SMatrix<f64, MAX_BENDS, MAX_LEARNT>) {
+    fn step(&mut self, q_tilde_m: &[f64; MAX_LINES], at: &Circumstances) -> Sloped {
         let q_tilde_m = LineValues::from(*q_tilde_m);
         if !q_tilde_m.iter().all(|q| q.is_finite()) {
-            return (self.plain.observed_rad().into(), SMatrix::zeros());
+            return self.seen(SMatrix::zeros(), at.time_s);
         }
         self.note_plays(&q_tilde_m);
         self.plain.balance(&q_tilde_m);
@@ -145,7 +159,7 @@ impl SlopedPredictor<MAX_BENDS, MAX_LINES> for SegmentTangents {
         for (mut row, scale) in slopes.row_iter_mut().zip(self.plain.chain.of_segments.seen_scale.iter()) {
             row *= *scale;
         }
-        (self.plain.observed_rad().into(), slopes)
+        self.seen(slopes, at.time_s)
     }
 
     /// Also moves everything that is remembered to where it would be, to first order, had the values been these all along.

@@ -4,7 +4,7 @@ use crate::cli_lab_data::{BenchmarkArgs, BenchmarkMachine};
 use crate::print;
 use anyhow::Context;
 use krait_lab_benchmark::benchmark::{
-    Options, Outcome, Rate, Summary, force_grid, grid, joint_grid, page, run as work,
+    Options, Outcome, Rate, Summary, force_grid, grid, joint_grid, page, run as work, segments_grid,
 };
 use krait_report::Table;
 use std::process::ExitCode;
@@ -16,6 +16,7 @@ pub fn run(args: &BenchmarkArgs) -> anyhow::Result<ExitCode> {
         BenchmarkMachine::Snake => grid(args.seed, usize::from(args.rounds), args.seconds),
         BenchmarkMachine::Joints => joint_grid(args.seed, usize::from(args.rounds), args.seconds),
         BenchmarkMachine::Force => force_grid(args.seed, usize::from(args.rounds), args.seconds),
+        BenchmarkMachine::Segments => segments_grid(args.seed, usize::from(args.rounds), args.seconds),
     };
     cells.retain(|cell| args.groups.is_empty() || args.groups.contains(&cell.group));
     let outcomes = work(&options, &cells, &args.out.join("results.jsonl"), progress)?;

@@ -9,7 +9,7 @@ use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, FoundEffect, LoadCell, cap
 use krait_lab::experiment::{Experiment, Separation, experiment};
 use krait_lab::report::diagnosis_page;
 use krait_lab::{Names, Session, drawn_away};
-use krait_model::effects::{SegmentEffect, SegmentLaw, explanation};
+use krait_model::effects::explanation;
 use krait_model::model_file::Machine;
 use krait_report::Table;
 use std::path::Path;
@@ -150,13 +150,7 @@ fn text(args: &DiagnoseArgs, diagnosis: &Diagnosis, session: &Session) -> String
 /// What an effect is, and what to check on the machine.
 fn in_words(name: &str) -> String {
     let Some(own) = explanation(name) else { return String::new() };
-    let of_one = SegmentEffect::from_name(name).map_or(String::new(), |effect| match effect.law {
-        SegmentLaw::StiffnessScale | SegmentLaw::CameraScale | SegmentLaw::CameraOffset => {
-            format!(" Here: of segment {} alone, beside what all have.", effect.segment + 1)
-        }
-        _ => format!(" Here: of the lines of segment {} alone, beside what all have.", effect.segment + 1),
-    });
-    print::paragraph(&format!("{name}: {}. {}{of_one} To check on the machine: {}", own.title, own.what, own.check))
+    print::paragraph(&format!("{name}: {}. {} To check on the machine: {}", own.title, own.what, own.check))
 }
 
 /// The command that adds an effect.

@@ -5,22 +5,29 @@ use crate::commands::overwrite::refuse_existing;
 use crate::print;
 use anyhow::{Context, bail};
 use krait_ipc::{clock, input};
-use krait_lab_benchmark::generate::{Kind, Recipe, Sealed, base_model, generate, pick};
+use krait_lab_benchmark::generate::{Generated, Kind, Recipe, Sealed, base_model, generate, pick};
+use krait_lab_benchmark::segments::{SegmentKind, SegmentsRecipe, pick_segments, segments};
+use serde::Serialize;
 use serde_json::json;
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::ExitCode;
 
 /// Makes and writes the data.
 pub fn run(args: &GenerateArgs) -> anyhow::Result<ExitCode> {
     if args.list {
-        print::out(&list())?;
+        print::out(&list(args.segments))?;
         return Ok(ExitCode::SUCCESS);
     }
     let Some(out) = &args.out else { bail!("--out is missing: name the file to write the data to") };
-    refuse_existing_data(out, [args.answer.as_deref(), args.truth.as_deref()], args.force)?;
     let seed = args.seed.unwrap_or(clock::wall_ns() as u64);
+    if let Some(n) = args.segments {
+        return of_segments(args, out, usize::from(n), seed);
+    }
+    refuse_existing_data(out, [args.answer.as_deref(), args.truth.as_deref()], &base_model(), args.force)?;
+    let picked = || pick(seed, false);
     let recipe = Recipe {
-        hidden: hidden(args, seed)?,
+        hidden: hidden(args, picked, Kind::from_name, &Kind::all().map(|kind| kind.name).collect::<Vec<_>>())?,
         motion: args.trajectory,
         noise: args.noise,
         sigma_rad: args.sigma_deg.to_radians(),
@@ -31,7 +38,39 @@ pub fn run(args: &GenerateArgs) -> anyhow::Result<ExitCode> {
         seed,
         perturbation: args.perturb,
     };
-    let made = generate(&recipe)?;
+    write(args, out, generate(&recipe)?)
+}
+
+/// The same of segments in series.
+fn of_segments(args: &GenerateArgs, out: &Path, n_segments: usize, seed: u64) -> anyhow::Result<ExitCode> {
+    let all = SegmentKind::all(n_segments);
+    let names: Vec<String> = all.iter().map(SegmentKind::name).collect();
+    let picked = || pick_segments(seed, n_segments, 1);
+    let find = |name: &str| SegmentKind::from_name(name, n_segments);
+    let recipe = SegmentsRecipe {
+        n_segments,
+        hidden: hidden(args, picked, find, &names.iter().map(String::as_str).collect::<Vec<_>>())?,
+        motion: args.trajectory,
+        noise: args.noise,
+        sigma_rad: args.sigma_deg.to_radians(),
+        seconds: args.seconds,
+        rate_hz: args.rate,
+        every: usize::from(args.every),
+        seed,
+    };
+    let is_beside = |(kind, _): &&(SegmentKind, f64)| !kind.is_of_machine();
+    if let Some((kind, _)) = recipe.hidden.iter().find(is_beside).filter(|_| args.truth.is_some()) {
+        bail!(
+            "--truth: a truth file of segments cannot say {:?}, which is of the picture alone; leave --truth out",
+            kind.name()
+        );
+    }
+    refuse_existing_data(out, [args.answer.as_deref(), args.truth.as_deref()], &recipe.model(), args.force)?;
+    write(args, out, segments(&recipe)?)
+}
+
+/// Writes data, model, answer and, if wanted, truth.
+fn write<T: Serialize>(args: &GenerateArgs, out: &Path, made: Generated<T>) -> anyhow::Result<ExitCode> {
     let n_rows = made.measurements.n_rows();
     if let Some(truth) = &args.truth {
         let text = toml::to_string(&made.truth).context("the plant has no form in TOML")?;
@@ -53,13 +92,13 @@ pub fn run(args: &GenerateArgs) -> anyhow::Result<ExitCode> {
 ///
 /// # Errors
 /// One sentence that names the file.
-pub fn refuse_existing_data(out: &Path, others: [Option<&Path>; 2], force: bool) -> anyhow::Result<()> {
+pub fn refuse_existing_data(out: &Path, others: [Option<&Path>; 2], model: &str, force: bool) -> anyhow::Result<()> {
     for file in others.into_iter().flatten().chain([out]) {
         refuse_existing(file, force)?;
     }
     // A base model of an earlier set of data is the same; any other is somebody's work.
     let base = out.with_file_name("base.toml");
-    if base.exists() && !input::text(&base, input::CONFIG_BYTES).is_ok_and(|text| text == base_model()) {
+    if base.exists() && !input::text(&base, input::CONFIG_BYTES).is_ok_and(|text| text == model) {
         refuse_existing(&base, force)?;
     }
     Ok(())
@@ -77,34 +116,48 @@ fn text(sealed: &Sealed, n_rows: usize) -> String {
     )
 }
 
-/// What is hidden, with its sizes.
-fn hidden(args: &GenerateArgs, seed: u64) -> anyhow::Result<Vec<(&'static Kind, f64)>> {
-    let kinds = match args.kind.as_deref() {
-        None => pick(seed, false),
-        Some("none") => Vec::new(),
-        Some(names) => names.split('+').map(kind).collect::<anyhow::Result<Vec<_>>>()?,
+/// What is hidden, with its sizes: what is named, or what the seed picks.
+fn hidden<K>(
+    args: &GenerateArgs,
+    picked: impl FnOnce() -> Vec<K>,
+    find: impl Fn(&str) -> Option<K>,
+    names: &[&str],
+) -> anyhow::Result<Vec<(K, f64)>> {
+    let named: Vec<&str> = match args.kind.as_deref() {
+        None | Some("none") => Vec::new(),
+        Some(kinds) => kinds.split('+').collect(),
+    };
+    if named.iter().collect::<BTreeSet<_>>().len() != named.len() {
+        bail!("--kind names a kind twice; name each once");
+    }
+    let found = |name: &&str| {
+        find(name).with_context(|| {
+            let nearest = krait_model::nearest_name(name, names.iter().copied()).unwrap_or_default();
+            format!(
+                "--kind {name:?} is not one of those that can be hidden; did you mean {nearest}? (--list shows all)"
+            )
+        })
+    };
+    let kinds = match args.kind {
+        None => picked(),
+        Some(_) => named.iter().map(found).collect::<anyhow::Result<Vec<_>>>()?,
     };
     let size = |k: usize| if args.size.len() == 1 { args.size.first() } else { args.size.get(k) };
     if args.size.len() > 1 && args.size.len() != kinds.len() {
         bail!("--size has {} values, expected one for all or {}, one for each kind", args.size.len(), kinds.len());
     }
-    let names: std::collections::BTreeSet<&str> = kinds.iter().map(|kind| kind.name).collect();
-    if names.len() != kinds.len() {
-        bail!("--kind names a kind twice; name each once");
-    }
     Ok(kinds.into_iter().enumerate().filter_map(|(k, kind)| Some((kind, *size(k)?))).collect())
 }
 
-fn kind(name: &str) -> anyhow::Result<&'static Kind> {
-    if let Some(kind) = Kind::from_name(name) {
-        return Ok(kind);
-    }
-    let nearest = krait_model::nearest_name(name, Kind::all().map(|kind| kind.name)).unwrap_or_default();
-    bail!("--kind {name:?} is not one of those that can be hidden; did you mean {nearest}? (--list shows all)")
-}
-
-fn list() -> String {
-    let width = Kind::all().map(|kind| kind.name.len()).max().unwrap_or(0);
-    let line = |kind: &Kind| format!("  {:width$}  {} ({})\n", kind.name, kind.about, kind.right.join(", "));
-    format!("What can be hidden, and the effects that count as right:\n{}", Kind::all().map(line).collect::<String>())
+fn list(segments: Option<u8>) -> String {
+    let kinds: Vec<(String, &str, String)> = match segments {
+        None => Kind::all().map(|kind| (kind.name.to_owned(), kind.about, kind.right.join(", "))).collect(),
+        Some(n) => {
+            let all = SegmentKind::all(usize::from(n));
+            all.iter().map(|kind| (kind.name(), kind.about(), kind.right().join(", "))).collect()
+        }
+    };
+    let width = kinds.iter().map(|(name, ..)| name.len()).max().unwrap_or(0);
+    let line = |(name, about, right): &(String, &str, String)| format!("  {name:width$}  {about} ({right})\n");
+    format!("What can be hidden, and the effects that count as right:\n{}", kinds.iter().map(line).collect::<String>())
 }

@@ -5,8 +5,8 @@ use crate::cli_lab_data::{CheckArgs, QuizArgs};
 use crate::print;
 use anyhow::{Context, bail, ensure};
 use krait_ipc::{clock, input};
-use krait_lab_benchmark::generate::{Answer, Judgement, Quiz, Recipe, Sealed, generate, is_unmodified};
-use krait_model::effects::{EffectKind, Explanation, explanation};
+use krait_lab_benchmark::generate::{Answer, Judgement, Quiz, Recipe, Sealed, base_model, generate, is_unmodified};
+use krait_model::effects::{EffectKind, Explanation, SegmentEffect, explanation};
 use serde_json::{Value, json};
 use std::path::Path;
 use std::process::ExitCode;
@@ -16,7 +16,7 @@ const MAX_BYTES: u64 = 64 * 1024 * 1024;
 
 /// Makes the data of a riddle and says how to solve it.
 pub fn ask(args: &QuizArgs) -> anyhow::Result<ExitCode> {
-    refuse_existing_data(&args.out, [args.answer.as_deref(), None], args.force)?;
+    refuse_existing_data(&args.out, [args.answer.as_deref(), None], &base_model(), args.force)?;
     let seed = args.seed.unwrap_or(clock::wall_ns() as u64);
     let riddle = Quiz::new(seed, args.level);
     let recipe = Recipe { hidden: vec![(riddle.kind, riddle.size)], seed, ..Recipe::default() };
@@ -118,15 +118,18 @@ fn opened(data: &Path, answer: Option<&Path>) -> anyhow::Result<Answer> {
 }
 
 fn ensure_known(name: &str) -> anyhow::Result<()> {
-    let mut names = EffectKind::ALL.iter().map(|kind| kind.name()).chain(["none", "unknown"]);
-    if names.any(|known| known == name) {
+    let effects = || {
+        let of_one = SegmentEffect::all().map(|own| own.definition().name);
+        EffectKind::ALL.iter().map(|kind| kind.name()).chain(of_one)
+    };
+    if effects().chain(["none", "unknown"]).any(|known| known == name) {
         return Ok(());
     }
-    let nearest = krait_model::nearest_name(name, EffectKind::ALL.iter().map(|kind| kind.name())).unwrap_or_default();
-    bail!("--guess {name:?} is no effect of a snake; did you mean {nearest}?")
+    let nearest = krait_model::nearest_name(name, effects()).unwrap_or_default();
+    bail!("--guess {name:?} is no effect of a snake or of segments; did you mean {nearest}?")
 }
 
 fn in_words(name: &str) -> String {
-    let said = |own: &Explanation| format!("{name}: {}. {}", own.title, own.what);
+    let said = |own: Explanation| format!("{name}: {}. {}", own.title, own.what);
     print::paragraph(&explanation(name).map_or_else(|| name.to_owned(), said))
 }
