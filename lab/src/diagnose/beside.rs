@@ -17,8 +17,6 @@ use core::f64::consts::TAU;
 /// A shape that takes away less of the rest is not put beside the effects, and no more than so many are.
 const LEAST_SHARE: f64 = 0.1;
 const MOST_SHAPES: usize = 3;
-/// A jump is looked for at the ends of so many equal parts of the record.
-const N_JUMPS: usize = 80;
 /// Dry friction is at least this part of the friction that it and shapes of friction make: every friction that differs has a mean.
 const STEADY: f64 = 0.65;
 const DRY: &str = "coulomb";
@@ -189,15 +187,59 @@ fn jump(problem: &Problem, from_s: f64) -> Vec<Vec<f64>> {
     (0..n).map(|output| problem.laid_out(column(output))).collect()
 }
 
-/// The time of the jump that takes most of a residual, s.
+/// The time of the jump that takes most of a residual, s: of all rows, each the first behind it.
 fn best_jump(problem: &Problem, residual: &[f64]) -> f64 {
-    let (low, high) = bounds(problem.data.time_s.iter().copied());
-    let at = |k: usize| low + (high - low) * k as f64 / N_JUMPS as f64;
-    let offset = jump(problem, f64::NEG_INFINITY);
-    let power = |from_s: f64| -> f64 {
-        let basis = orthonormal(&[offset.clone(), jump(problem, from_s)].concat());
-        basis.iter().map(|own| dot(own, residual).powi(2)).sum()
+    let (data, n) = (&problem.data, problem.data.n_outputs);
+    let mut rows: Vec<usize> = (0..data.n_rows()).collect();
+    rows.sort_by(|a, b| data.time_s[*b].total_cmp(&data.time_s[*a]));
+    // Weights squared, and weights times what is left: of all rows, and of those from one on.
+    let sums = |own: &mut [[f64; 2]], row: usize| {
+        for (k, [squares, product]) in own.iter_mut().enumerate() {
+            let weight = problem.weight[row * n + k];
+            *squares += weight * weight;
+            *product += weight * residual[row * n + k];
+        }
     };
-    let all = (1..N_JUMPS).map(|k| (at(k), power(at(k))));
-    all.fold((low, f64::NEG_INFINITY), |best, own| if own.1 > best.1 { own } else { best }).0
+    let mut all = vec![[0.0; 2]; n];
+    rows.iter().for_each(|row| sums(&mut all, *row));
+    let mut after = vec![[0.0; 2]; n];
+    let (mut best_s, mut most) = (bounds(data.time_s.iter().copied()).0, 0.0);
+    for (place, &row) in rows.iter().enumerate() {
+        sums(&mut after, row);
+        if rows.get(place + 1).is_none_or(|next| data.time_s[*next] == data.time_s[row]) {
+            continue;
+        }
+        let power = |([own, product], [squares, whole]): (&[f64; 2], &[f64; 2])| {
+            let rest = own * (1.0 - own / squares);
+            if rest > 1e-9 * squares { (product - whole * own / squares).powi(2) / rest } else { 0.0 }
+        };
+        let power: f64 = after.iter().zip(&all).map(power).sum();
+        if power > most {
+            (best_s, most) = (data.time_s[row], power);
+        }
+    }
+    best_s
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Measurements;
+    use crate::machine::SnakeLab;
+    use krait_model::model_file::ModelFile;
+
+    #[test]
+    fn a_jump_is_found_to_the_row_whatever_the_offset() {
+        let n = 2000;
+        let time_s: Vec<f64> = (0..n).map(|k| f64::from(k) * 0.02).collect();
+        let at_s = time_s[869];
+        let rest = time_s.iter().flat_map(|t| if *t >= at_s { [0.004, -0.008] } else { [0.001, 0.002] }).collect();
+        let inputs = vec![0.0; 3 * time_s.len()];
+        let data = Measurements::bare(String::new(), Quantity::Snake, time_s, (inputs, 3), (rest, 2));
+        let model = ModelFile::parse("format = 1\n[machine]\nkind = \"snake\"\n").expect("a model");
+        let snake = SnakeLab::new(&model).expect("a snake");
+        let problem = Problem::new(&snake, data, &[], 2.0);
+        let residual = problem.data.outputs.clone();
+        assert_eq!(best_jump(&problem, &residual), at_s);
+    }
 }
