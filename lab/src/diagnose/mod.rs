@@ -8,6 +8,8 @@
 //!    Of many rows all of this is done on a part; what comes close there is fitted to more rows and ranked on them (`findings`).
 //! 4. Acceptance: the sign-flip test, blocked cross-validation, and a contribution that matters (`accept`).
 //! 5. Look-alikes and their probabilities by resampling blocks (`alternatives`); what is left (`structure`); the verdict.
+//! 6. Where something is left, shapes that name no physics are put beside the effects (`beside`; a snake's are chosen together with
+//!    effects, `mixture` and `fine_shapes`), and the search is begun anew; which effects stand there (`stand`).
 
 mod accept;
 mod alternatives;
@@ -17,16 +19,19 @@ mod calibration;
 mod columns;
 mod experiment;
 mod findings;
+mod fine_shapes;
 mod force_rest;
 mod gate;
 mod json;
 mod lists;
+mod mixture;
 mod periodic;
 mod rhythm;
 pub mod screen;
 pub mod search;
 pub mod sign_flip;
 mod sketch;
+mod stand;
 pub mod structure;
 mod verdict;
 mod words;

@@ -2,23 +2,25 @@
 
 use super::accept::FOLDS;
 use super::answer::{CandidateAnswer, Diagnosis, FoundEffect, FoundParameter, LoadCell, Remaining, Verdict};
-use super::beside::{Shapes, Standing};
+use super::beside::Shapes;
 use super::calibration::{calibration, inseparable};
 use super::findings::{Findings, run};
+use super::mixture::Mixed;
 use super::rhythm::{Rhythm, rhythm};
 use super::screen::orthonormal;
 use super::search::{Search, Trial};
+use super::stand::Beside;
 use super::words::{sentence, state};
 use super::working::{tried_rows, working_rows};
-use super::{GroupShare, beside, columns, experiment, force_rest, gate, lists, structure};
+use super::{GroupShare, columns, experiment, force_rest, gate, lists, structure};
 use crate::cells::{Usable, load_cells};
-use crate::fit::{Fit, dot, fit, held_out_block_squares, held_out_output_squares, uncertainty};
+use crate::fit::{Fit, dot, held_out_block_squares, held_out_output_squares, uncertainty};
 use crate::free::free_variables;
 use crate::machine::{Candidate, MachineUnderTest};
 use crate::noise::{FloorSource, NoiseFloor};
 use crate::prepare::{Prepared, prepare};
 use crate::read::scatter_before_filter;
-use crate::{LabError, Measurements, Problem, Quantity};
+use crate::{LabError, Measurements, Problem};
 
 /// How to diagnose.
 #[derive(Clone, Debug, PartialEq)]
@@ -51,10 +53,7 @@ const AT_FLOOR: f64 = 1.04;
 /// A rest of structure below this level is no chance.
 const LEVEL_OF_REST: f64 = 0.02;
 /// White noise cannot make an error of this ratio of the floor, whatever the test of structure sees.
-const BEYOND_DOUBT: f64 = 1.1;
-/// An effect stands where it takes this share of what shapes and the other effects leave, a force's and a snake's.
-const BESIDE: f64 = 0.25;
-const BESIDE_OF_SNAKE: f64 = 0.4;
+pub(super) const BEYOND_DOUBT: f64 = 1.1;
 /// Nor does slow noise that nothing shows at rest make more than this ratio of what changes from row to row: a sensor that wanders by
 /// more is not taken for granted.
 const BEYOND_ROWS: f64 = 2.0;
@@ -111,29 +110,30 @@ pub fn diagnose(
     let case =
         Case { full: alone[0], work: alone[1], alone, tried, beside: None, floors, loads, found, n_outliers, hint };
     let (start, chosen) = (alone[0].start()?, case.found.chosen_on(alone[0])?);
-    if !case.leaves_shapes(&start, &chosen)? {
+    let Some(Mixed { mut shapes, floors, .. }) = case.first_shapes(&start, &chosen)? else {
         return case.conclude(&start, chosen)?.sketched(machine, data);
-    }
-    // What no effect makes is put beside the effects shape by shape, and the search is begun anew beside each.
+    };
+    // What no effect makes is put beside the effects shape by shape, and the search is begun anew beside each; a snake's shapes are
+    // chosen together.
     let shaped = case.shaped();
-    let mut shapes = Shapes::none(&chosen.fit.effects);
     let mut last: Option<(Problem, Problem, Findings, Trial)> = None;
     loop {
         let (problem, fit) = last.as_ref().map_or((shaped, &chosen.fit), |(full, .., own)| (full, &own.fit));
-        if !shapes.grow(problem, fit, options.seed)? {
+        let is_more = if case.is_snake() { last.is_none() } else { shapes.grow(problem, fit, options.seed)? };
+        if !is_more {
             break;
         }
         let columns = shapes.columns(&work)?;
         let few = few.as_ref().map(|(few, rows)| few.beside(&work.part_of(&columns, rows)));
         let (full, work) = (shaped.beside(&shapes.columns(shaped)?), work.beside(&columns));
         let tried = few.as_ref().unwrap_or(&work);
-        let mut found = run(&alone[0].on(tried), &alone[0].on(&work), &case.floors, is_white, most)?;
+        let mut found = run(&alone[0].on(tried), &alone[0].on(&work), &floors, is_white, most)?;
         found.decide(&alone[0].on(&work), &alone[0].on(&full));
         let own = found.chosen_on(&alone[0].on(&full))?;
         last = Some((full, work, found, own));
     }
     let Some((full, work, found, own)) = last else { return case.conclude(&start, chosen)?.sketched(machine, data) };
-    let beside = Beside { full: &alone[0].on(&full), work: &alone[0].on(&work), shapes: &shapes, found };
+    let beside = Beside { full: &alone[0].on(&full), work: &alone[0].on(&work), shapes: (&shapes, &floors), found };
     let (case, chosen) = case.or_beside(chosen, beside, own)?;
     case.conclude(&start, chosen)?.sketched(machine, data)
 }
@@ -144,110 +144,42 @@ const MOST_FLOORS: usize = 3;
 /// Of more rows than this a list that stands in its order already is not fitted once more.
 const MOST_REFITTED: usize = 30_000;
 
-/// Of more rows than this shapes are made on the working ones alone: their columns would fill the memory.
-const MOST_SHAPED: usize = 30_000;
-
-/// Searches on all and on the working rows beside these shapes, and what they found.
-struct Beside<'a> {
-    full: &'a Search<'a>,
-    work: &'a Search<'a>,
-    shapes: &'a Shapes,
-    found: Findings,
-}
-
 /// Everything that a conclusion needs.
-struct Case<'a> {
+pub(super) struct Case<'a> {
     /// On all rows; beside shapes on those of [`Case::shaped`].
-    full: &'a Search<'a>,
+    pub(super) full: &'a Search<'a>,
     /// On the working rows.
-    work: &'a Search<'a>,
+    pub(super) work: &'a Search<'a>,
     /// On all and on the working rows with nothing beside the effects: what a model file with these effects leaves.
-    alone: [&'a Search<'a>; 2],
+    pub(super) alone: [&'a Search<'a>; 2],
     /// On the rows where effects were tried, with nothing beside them.
-    tried: &'a Search<'a>,
-    /// Shapes that `full` and `work` have beside the effects.
-    beside: Option<&'a Shapes>,
-    floors: NoiseFloor,
-    loads: Usable,
-    found: Findings,
-    n_outliers: usize,
+    pub(super) tried: &'a Search<'a>,
+    /// Shapes that `full` and `work` have beside the effects, and the noise that both leave.
+    pub(super) beside: Option<(&'a Shapes, &'a NoiseFloor)>,
+    pub(super) floors: NoiseFloor,
+    pub(super) loads: Usable,
+    pub(super) found: Findings,
+    pub(super) n_outliers: usize,
     /// What is probably wrong with the columns.
-    hint: Option<String>,
+    pub(super) hint: Option<String>,
 }
 
-impl<'a> Case<'a> {
-    /// Whether the chosen effects leave something that no noise makes and that shapes make.
-    fn leaves_shapes(&self, start: &Trial, chosen: &Trial) -> Result<bool, LabError> {
-        let [before, after] = [start, chosen].map(|own| self.error(own));
-        let is_left = self.hint.is_none() && self.remaining(chosen, before, after, self.floor())?.structured;
-        Ok(is_left && self.is_made(&self.beside_shapes(chosen)?))
-    }
-
-    /// Takes what was found beside shapes, where at least as many effects stand there.
-    fn or_beside(mut self, chosen: Trial, beside: Beside<'a>, other: Trial) -> Result<(Self, Trial), LabError> {
-        let n_standing = |case: &Self, chosen: &Trial| -> Result<usize, LabError> {
-            Ok(case.standing(chosen)?.into_iter().filter(|stands| *stands).count())
-        };
-        let before = n_standing(&self, &chosen)?;
-        let mut found = beside.found;
-        self.found.exchange_choice(&mut found);
-        (self.full, self.work, self.beside) = (beside.full, beside.work, Some(beside.shapes));
-        if n_standing(&self, &other)? >= before.max(1) {
-            return Ok((self, other));
-        }
-        self.found.exchange_choice(&mut found);
-        ([self.full, self.work], self.beside) = (self.alone, None);
-        Ok((self, chosen))
-    }
-
-    /// The problem on which shapes are made.
-    fn shaped(&self) -> &'a Problem<'a> {
-        let [full, work] = self.alone.map(|search| search.problem);
-        if full.data.n_rows() <= MOST_SHAPED { full } else { work }
-    }
-
+impl Case<'_> {
     /// Error on blocks that a fit did not see, in the unit of errors; of a fit with nothing beside the effects.
-    fn error(&self, trial: &Trial) -> f64 {
+    pub(super) fn error(&self, trial: &Trial) -> f64 {
         let problem = self.alone[0].problem;
         held_out_rms(problem, &trial.fit) * problem.machine.error_unit().1
     }
 
     /// The floor in the unit of errors.
-    fn floor(&self) -> Option<f64> {
+    pub(super) fn floor(&self) -> Option<f64> {
+        self.floor_of(&self.floors)
+    }
+
+    pub(super) fn floor_of(&self, floors: &NoiseFloor) -> Option<f64> {
         let problem = self.full.problem;
         let whole = (problem.data.n_outputs as f64).sqrt() * problem.machine.error_unit().1;
-        self.floors.sigma().map(|(sigma, _)| sigma * whole)
-    }
-
-    /// What the effects do beside the shapes of the search, or beside those of what they leave.
-    fn beside_shapes(&self, chosen: &Trial) -> Result<Standing, LabError> {
-        let problem = self.shaped();
-        // Here: with nothing taken out of residuals and slopes.
-        let here = fit(problem, &chosen.fit.effects, &chosen.fit.variables, 0, 0.0)?;
-        let mut own = Shapes::none(&chosen.fit.effects);
-        if self.beside.is_none() {
-            while own.grow(problem, &here, self.full.seed)? {}
-        }
-        beside::standing(problem, &here, self.full.base.len(), self.beside.unwrap_or(&own))
-    }
-
-    /// Whether effects and shapes make everything; a force's need not, as its shapes are finer.
-    fn is_made(&self, standing: &Standing) -> bool {
-        let left = standing.left_rms * self.full.problem.machine.error_unit().1;
-        self.is_force() || self.floor().is_some_and(|floor| left <= BEYOND_DOUBT * floor)
-    }
-
-    fn is_force(&self) -> bool {
-        self.full.problem.data.quantity == Quantity::Force
-    }
-
-    /// Which of the effects stand beside what no effect makes.
-    fn standing(&self, chosen: &Trial) -> Result<Vec<bool>, LabError> {
-        let standing = self.beside_shapes(chosen)?;
-        let is_made = self.is_made(&standing);
-        let least = if self.is_force() { BESIDE } else { BESIDE_OF_SNAKE };
-        let stands = |(slot, share): (usize, &f64)| is_made && *share >= least && !self.full.is_imitation(chosen, slot);
-        Ok(standing.shares.iter().enumerate().map(stands).collect())
+        floors.sigma().map(|(sigma, _)| sigma * whole)
     }
 
     fn conclude(self, start: &Trial, mut chosen: Trial) -> Result<Diagnosis, LabError> {
@@ -412,7 +344,13 @@ impl<'a> Case<'a> {
         Ok(own.into_iter().enumerate().map(parameter).collect())
     }
 
-    fn remaining(&self, chosen: &Trial, before: f64, after: f64, floor: Option<f64>) -> Result<Remaining, LabError> {
+    pub(super) fn remaining(
+        &self,
+        chosen: &Trial,
+        before: f64,
+        after: f64,
+        floor: Option<f64>,
+    ) -> Result<Remaining, LabError> {
         // Of the shape alone: what is left of the loads is said beside it.
         let slopes: Vec<Vec<f64>> =
             self.found.chosen.fit.slopes.iter().map(|slope| self.work.problem.outputs_of(slope)).collect();
@@ -447,6 +385,7 @@ impl<'a> Case<'a> {
             || beyond_rows
             || has_slow_rest
             || self.found.is_beaten
+            || self.is_jump()?
             || chosen.found.len() > 1 && self.full.imitates(chosen)
             || !at_floor && (structure.p_value < LEVEL_OF_REST || beyond_doubt || foreseeable);
         if self.is_force() {
