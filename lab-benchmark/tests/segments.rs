@@ -80,9 +80,7 @@ fn an_effect_of_the_second_segment_is_named_as_of_the_second_segment_with_its_va
                     apart.push((value.value - truth) / value.se);
                 }
             }
-            println!(
-                "{kind} {size}: {hidden:?}, named itself {n_first} of {N_SEEDS}, standard errors off {apart:.1?}"
-            );
+            println!("{kind} {size}: {hidden:?}, named itself {n_first} of {N_SEEDS}, standard errors off {apart:.1?}");
             assert!(apart.iter().all(|apart| apart.abs() < 3.5), "{kind} {size}: {apart:?}");
             // A small friction is a play of the same width: one of the two, whichever fits better by chance.
             assert!(n_first == N_SEEDS || size < 1.0 || kind == "static-friction-2", "{kind} {size}: {n_first}");
