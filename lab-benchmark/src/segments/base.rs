@@ -1,7 +1,7 @@
 //! The model that the lab gets of generated segments: elastic lines alone, or with the friction and play that every line has.
 
 use super::SegmentsRecipe;
-use krait_model::MachineParameters;
+use krait_model::{ChainError, MachineParameters};
 use krait_model::model_file::{Machine, ModelFile};
 use krait_model::segments::{LineParameters, SegmentParameters, SegmentsParameters};
 use krait_sim::SegmentEffectsTruth;
@@ -29,7 +29,10 @@ pub(super) fn parameters(n_segments: usize) -> SegmentsParameters {
 
 impl SegmentsRecipe {
     /// The model that the lab gets: what is hidden is all that it lacks.
-    pub fn model(&self) -> String {
+    ///
+    /// # Errors
+    /// [`ChainError`] for a number of segments that no model has.
+    pub fn model(&self) -> Result<String, ChainError> {
         let own = SegmentEffectsTruth::default();
         let effects = [
             ("stiffness-scale", "eta", own.load_scale),
@@ -42,8 +45,7 @@ impl SegmentsRecipe {
             |(kind, key, value): (&str, &str, f64)| format!("\n[[effect]]\nkind = {kind:?}\n{key} = {value:?}\n");
         let known: String = if self.is_ideal() { String::new() } else { effects.into_iter().map(effect).collect() };
         let machine = Machine::Segments(parameters(self.n_segments));
-        let file = ModelFile::new(machine, Vec::new(), Vec::new());
-        file.map_or_else(|_refused| String::new(), |file| file.to_toml()) + &known
+        Ok(ModelFile::new(machine, Vec::new(), Vec::new())?.to_toml() + &known)
     }
 
     /// Whether the machine has elastic lines and nothing else: an effect of all segments is hidden, which the model must lack.

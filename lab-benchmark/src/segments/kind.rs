@@ -64,11 +64,11 @@ impl Draw {
 impl SegmentKind {
     /// Every kind of so many segments: those of all, then segment after segment, those that no effect of the lab explains last.
     pub fn all(n_segments: usize) -> Vec<Self> {
-        let of = |segment: Option<usize>, whose: [Whose; 3]| {
+        let of = |segment: Option<usize>, whose: &'static [Whose]| {
             LAWS.iter().filter(move |law| whose.contains(&law.whose)).map(move |law| Self { law, segment })
         };
-        let all = of(None, [Whose::AllOrOne, Whose::All, Whose::Picture]);
-        let each = (0..n_segments).flat_map(|k| of(Some(k), [Whose::AllOrOne, Whose::Seen, Whose::Seen]));
+        let all = of(None, &[Whose::AllOrOne, Whose::All, Whose::Picture]);
+        let each = (0..n_segments).flat_map(|k| of(Some(k), &[Whose::AllOrOne, Whose::Seen]));
         let (known, unknown): (Vec<Self>, Vec<Self>) = all.chain(each).partition(Self::is_known);
         known.into_iter().chain(unknown).collect()
     }

@@ -126,7 +126,7 @@ pub fn segments(recipe: &SegmentsRecipe) -> Result<Generated<SegmentsTruth>, Gen
         perturbation: 0.0,
     };
     let measurements = measurements(recipe, readings_m, &noisy_rad);
-    Ok(Generated { measurements, answer, truth: plant.truth, model: recipe.model() })
+    Ok(Generated { measurements, answer, truth: plant.truth, model: recipe.model()? })
 }
 
 /// A seed of each segment's own.

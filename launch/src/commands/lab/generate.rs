@@ -65,7 +65,7 @@ fn of_segments(args: &GenerateArgs, out: &Path, n_segments: usize, seed: u64) ->
             kind.name()
         );
     }
-    refuse_existing_data(out, [args.answer.as_deref(), args.truth.as_deref()], &recipe.model(), args.force)?;
+    refuse_existing_data(out, [args.answer.as_deref(), args.truth.as_deref()], &recipe.model()?, args.force)?;
     write(args, out, segments(&recipe)?)
 }
 
