@@ -1,9 +1,9 @@
 //! The model that the lab gets of generated segments: elastic lines alone, or with the friction and play that every line has.
 
 use super::SegmentsRecipe;
-use krait_model::{ChainError, MachineParameters};
 use krait_model::model_file::{Machine, ModelFile};
 use krait_model::segments::{LineParameters, SegmentParameters, SegmentsParameters};
+use krait_model::{ChainError, MachineParameters};
 use krait_sim::SegmentEffectsTruth;
 
 /// Azimuths of the lines that end at a segment (from 0): the three of each lie between those of the others.
