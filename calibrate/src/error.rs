@@ -63,6 +63,9 @@ pub enum CalibrateError {
     /// The robot did not do what it was told.
     #[error("the robot stopped the calibration: {0}")]
     Robot(String),
+    /// The operator stopped at a motion.
+    #[error("it was stopped at a motion; what was read is kept, and the same command goes on from it")]
+    Stopped,
     /// The model refuses a value.
     #[error("the model refuses what was found: {0}; look at the readings")]
     Model(String),

@@ -179,7 +179,17 @@ pub fn run<R: BufRead, W: Write>(
     csv: &Path,
     settings: &FrictionSettings,
 ) -> Result<Friction, CalibrateError> {
+    for (name, sd_g) in [("weight_sd_g", settings.weight_sd_g), ("scale_sd_g", settings.scale_sd_g)] {
+        if !is_sd_g(sd_g) {
+            return Err(CalibrateError::Setting { name, found: sd_g, expected: "more than 0, at most 1000 g" });
+        }
+    }
     let (mut log, mut readings) = ReadingLog::open::<FrictionReading>(csv)?;
+    for (k, reading) in readings.iter().enumerate() {
+        if let Some(reason) = odd(reading) {
+            return Err(CalibrateError::Row { file: csv.display().to_string(), row: k + 2, reason });
+        }
+    }
     dialogue.say(
         "Wire through the unmounted channel, weight at the snake's end, scale at the actuator's. For each weight pull slowly\n\
          towards the actuator and read while it moves (up), then let it go back and read while it moves (down; above 300 g).\n\
@@ -206,6 +216,24 @@ pub fn run<R: BufRead, W: Write>(
     dialogue.say(&found.sentence())?;
     found.fit.check("is the wire moving steadily while you read, and is the scale's error as stated?")?;
     Ok(found)
+}
+
+fn is_sd_g(sd_g: f64) -> bool {
+    sd_g > 0.0 && sd_g <= 1000.0
+}
+
+/// What of a row of a file no reading can be.
+fn odd(reading: &FrictionReading) -> Option<String> {
+    let FrictionReading { weight_g, scale_g, weight_sd_g, scale_sd_g, .. } = *reading;
+    let high = 100.0 * MAX_WEIGHT_G;
+    let checks = [
+        ("weight_g", weight_g, (0.0..=MAX_WEIGHT_G).contains(&weight_g), "0 to 20000"),
+        ("scale_g", scale_g, (-high..=high).contains(&scale_g), "-2000000 to 2000000"),
+        ("weight_sd_g", weight_sd_g, is_sd_g(weight_sd_g), "more than 0, at most 1000"),
+        ("scale_sd_g", scale_sd_g, is_sd_g(scale_sd_g), "more than 0, at most 1000"),
+    ];
+    let (name, found, _, expected) = checks.into_iter().find(|check| !check.2)?;
+    Some(format!("{name} is {found}, expected {expected} g"))
 }
 
 fn ask<R: BufRead, W: Write>(

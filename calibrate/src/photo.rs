@@ -126,7 +126,12 @@ impl Bend {
 /// [`CalibrateError::File`] and [`CalibrateError::Row`].
 pub fn read(path: &Path) -> Result<Vec<Click>, CalibrateError> {
     let text = input::text(path, MOST_BYTES).map_err(|e| file_error(path, "read", &e))?;
-    rows(path, &text)
+    let clicks: Vec<Click> = rows(path, &text)?;
+    if clicks.is_empty() {
+        let reason = "there is no click under the header, expected at least one picture's".to_owned();
+        return Err(CalibrateError::Row { file: path.display().to_string(), row: 2, reason });
+    }
+    Ok(clicks)
 }
 
 /// The bends as a table: image,b_x_rad,b_y_rad,sd_x_rad,sd_y_rad,edge_rad,chord_rad,apart_sd; empty where not seen.

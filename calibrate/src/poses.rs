@@ -234,27 +234,30 @@ fn accept(found: &Poses, readings: &[PoseReading], settings: &PoseSettings) -> R
     Ok(())
 }
 
-/// The dialogue: `go` moves the actuators straight to q~ (m, push positive) and says what the encoders read (m).
-///
-/// # Errors
-/// [`CalibrateError`]; what was read is in the CSV.
-pub fn run<R: BufRead, W: Write>(
+/// Goes through the plan as far as a pose is still to be read, and home.
+fn walk<R: BufRead, W: Write>(
     dialogue: &mut Dialogue<R, W>,
-    csv: &Path,
-    settings: &PoseSettings,
-    mut go: impl FnMut(&mut Dialogue<R, W>, Vector3<f64>) -> Result<Vector3<f64>, CalibrateError>,
-) -> Result<Poses, CalibrateError> {
-    let lines = lines(settings)?;
-    let (mut log, mut readings) = ReadingLog::open::<PoseReading>(csv)?;
-    dialogue.say("krait moves; type the measured bend vector in deg: b_x b_y; s skips the pose, q stops.")?;
-    let at_m = go(dialogue, Vector3::zeros())?;
-    let mut turning = Turning::new(at_m);
-    let (mut enough, mut newest) = (false, [1.0, 0.0]);
-    for (k, place) in plan().into_iter().enumerate() {
-        if enough && !place.check {
+    (log, readings): (&mut ReadingLog, &mut Vec<PoseReading>),
+    (settings, lines): (&PoseSettings, &Lines),
+    go: &mut impl FnMut(&mut Dialogue<R, W>, Vector3<f64>) -> Result<Vector3<f64>, CalibrateError>,
+) -> Result<(), CalibrateError> {
+    let plan = plan();
+    let is_read = |readings: &[PoseReading], k: usize| readings.iter().any(|r| r.pose == k as u32 + 1);
+    let mut progress = Progress::of(readings, settings);
+    let mut turning = None;
+    for (k, place) in plan.iter().enumerate() {
+        let is_wanted = |k: usize| !plan[k].passing && (plan[k].check || !progress.enough) && !is_read(readings, k);
+        if !(k..plan.len()).any(is_wanted) {
+            break;
+        }
+        if progress.enough && !place.check {
             continue;
         }
         let pose = k as u32 + 1;
+        let turning = match &mut turning {
+            Some(turning) => turning,
+            none => none.insert(Turning::new(go(dialogue, Vector3::zeros())?)),
+        };
         let (sin, cos) = place.plane_deg.to_radians().sin_cos();
         let wanted = Vector2::new(cos, sin) * place.bend_deg.to_radians();
         // Through the straight pose first, where the plane changes: a straight line of actuators is then a path in one plane.
@@ -263,7 +266,7 @@ pub fn run<R: BufRead, W: Write>(
         }
         let reached_m = go(dialogue, lines.planned_m(wanted, 1.0))?;
         turning.follow(reached_m);
-        if place.passing || readings.iter().any(|r: &PoseReading| r.pose == pose) {
+        if place.passing || is_read(readings, k) {
             continue;
         }
         let Some(signs) = turning.signs() else {
@@ -300,15 +303,59 @@ pub fn run<R: BufRead, W: Write>(
         };
         log.add(&reading)?;
         readings.push(reading);
-        if let Ok(found) = fitted(&readings, settings, newest) {
+        if let Some(found) = progress.refit(readings, settings) {
             dialogue.say(&format!("  {}", found.sentence()))?;
-            // The first few readings leave the values anywhere; the next fit then starts from the beginning again.
-            let known = found.eta().1 < OPEN[0] && found.half_width_m().1 < OPEN[1];
-            newest = if known { [found.eta().0, found.half_width_m().0] } else { [1.0, 0.0] };
-            enough = enough || found.enough();
         }
     }
-    go(dialogue, Vector3::zeros())?;
+    if turning.is_some() {
+        go(dialogue, Vector3::zeros())?;
+    }
+    Ok(())
+}
+
+/// What the readings so far say.
+struct Progress {
+    /// The values are as precise as wanted: only the poses of the check are still read.
+    enough: bool,
+    /// Where the next fit starts.
+    newest: [f64; 2],
+}
+
+impl Progress {
+    /// Of readings that an earlier run left.
+    fn of(readings: &[PoseReading], settings: &PoseSettings) -> Self {
+        let mut progress = Self { enough: false, newest: [1.0, 0.0] };
+        progress.refit(readings, settings);
+        progress
+    }
+
+    fn refit(&mut self, readings: &[PoseReading], settings: &PoseSettings) -> Option<Poses> {
+        let found = fitted(readings, settings, self.newest).ok()?;
+        // The first few readings leave the values anywhere; the next fit then starts from the beginning again.
+        let known = found.eta().1 < OPEN[0] && found.half_width_m().1 < OPEN[1];
+        self.newest = if known { [found.eta().0, found.half_width_m().0] } else { [1.0, 0.0] };
+        self.enough = self.enough || found.enough();
+        Some(found)
+    }
+}
+
+/// The dialogue: `go` moves the actuators straight to q~ (m, push positive) and says what the encoders read (m).
+///
+/// # Errors
+/// [`CalibrateError`]; what was read is in the CSV.
+pub fn run<R: BufRead, W: Write>(
+    dialogue: &mut Dialogue<R, W>,
+    csv: &Path,
+    settings: &PoseSettings,
+    mut go: impl FnMut(&mut Dialogue<R, W>, Vector3<f64>) -> Result<Vector3<f64>, CalibrateError>,
+) -> Result<Poses, CalibrateError> {
+    let lines = lines(settings)?;
+    let (mut log, mut readings) = ReadingLog::open::<PoseReading>(csv)?;
+    dialogue.say("At each pose type the measured bend vector in deg: b_x b_y; s skips the pose, q stops and fits.")?;
+    match walk(dialogue, (&mut log, &mut readings), (settings, &lines), &mut go) {
+        Ok(()) | Err(CalibrateError::Stopped) => {}
+        Err(error) => return Err(error),
+    }
     let found = poses(&readings, settings)?;
     let fit = &found.fit;
     let check = found.check_rms_rad.map_or(f64::NAN, f64::to_degrees);

@@ -4,8 +4,8 @@
 
 mod common;
 
-use common::{N_SEEDS, Noise, honest};
-use krait_calibrate::photo::{Click, ClickKind, PhotoView, bends};
+use common::{N_SEEDS, Noise, fresh, honest};
+use krait_calibrate::photo::{Click, ClickKind, PhotoView, bends, read};
 use nalgebra::{Rotation3, Vector2, Vector3};
 
 /// Half of the disks' diameter and the backbone's length, mm.
@@ -171,4 +171,12 @@ fn pictures_that_cannot_be_used_say_why() {
     let mut nan = clicks;
     nan[0].u_px = f64::NAN;
     assert!(refused(&nan).contains("NaN"), "{}", refused(&nan));
+}
+
+#[test]
+fn a_table_without_a_click_is_refused() {
+    let csv = fresh("photo-empty");
+    std::fs::write(&csv, "image,view,kind,x_px,y_px,x_mm,y_mm\n").unwrap();
+    let sentence = read(&csv).unwrap_err().to_string();
+    assert!(sentence.contains("no click"), "{sentence}");
 }

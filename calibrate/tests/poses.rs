@@ -110,6 +110,15 @@ fn a_dialogue_that_ended_goes_on_and_ends_the_same() {
 }
 
 #[test]
+fn a_whole_dialogue_taken_up_again_moves_nothing_and_finds_the_same() {
+    let csv = fresh("poses-again");
+    let (found, _) = measured(&Truth::default(), &settings(1.0), 5, &csv, usize::MAX);
+    let mut nobody = Dialogue::new(User::new(|| None), Vec::new());
+    let again = run(&mut nobody, &csv, &settings(1.0), |_, _| panic!("it moved")).unwrap();
+    assert_eq!(again.eta(), found.unwrap().eta());
+}
+
+#[test]
 fn poses_from_one_side_are_not_enough_with_a_coarse_camera() {
     let csv = fresh("poses-few");
     let (found, _) = measured(&Truth::default(), &settings(3.0), 2, &csv, 5);

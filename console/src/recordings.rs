@@ -4,7 +4,7 @@
 //! at a time, and the list remembers what it has read.
 
 use krait_ipc::message::OperatingState;
-use krait_record::{Recording, RecordingReadError};
+use krait_record::{Missing, Recording, RecordingReadError};
 use krait_schema::{Channel, Sample};
 use serde::Serialize;
 use std::collections::HashMap;
@@ -16,6 +16,8 @@ use std::time::{SystemTime, UNIX_EPOCH};
 const RATE_HZ: f64 = 30.0;
 /// Most pictures of one recording: 20 minutes; what is longer has fewer a second.
 const MOST_PICTURES: usize = 36_000;
+/// A recorder writes at least so often, s.
+const WRITTEN_WITHIN_S: u64 = 5;
 /// Most marks that are shown.
 const MOST_MARKS: usize = 200;
 
@@ -36,6 +38,10 @@ pub struct Entry {
     pub n_marks: u64,
     /// What is missing or damaged, or why it cannot be read.
     pub missing: Vec<String>,
+    /// The recorder still writes it: it has no end yet.
+    pub is_being_recorded: bool,
+    #[serde(skip)]
+    breaks_off: bool,
 }
 
 /// A recording as pictures; every column has one value a picture, null where there is none.
@@ -63,6 +69,17 @@ pub struct Film {
     pub marks: Vec<(f64, String)>,
 }
 
+impl Entry {
+    /// As it is at an instant: a file without an end that was written just now is no damaged one.
+    fn seen_at(mut self, now_s: u64) -> Self {
+        if self.breaks_off && now_s.saturating_sub(self.modified_s) <= WRITTEN_WITHIN_S {
+            self.is_being_recorded = true;
+            self.missing.clear();
+        }
+        self
+    }
+}
+
 /// The recordings in a folder.
 #[derive(Debug)]
 pub struct Recordings {
@@ -81,9 +98,10 @@ impl Recordings {
         self.files().into_iter().find(|file| file.0 == name).map(|(name, ..)| self.folder.join(name))
     }
 
-    /// Everything in the folder, newest first. A recording that is still being written is opened at its beginning only.
+    /// Everything in the folder, newest first.
     pub fn list(&self) -> Vec<Entry> {
-        let mut entries: Vec<Entry> = self.files().into_iter().map(|file| self.entry(file)).collect();
+        let now_s = seconds_of(Some(SystemTime::now()));
+        let mut entries: Vec<Entry> = self.files().into_iter().map(|file| self.entry(file).seen_at(now_s)).collect();
         entries.sort_by(|a, b| b.modified_s.cmp(&a.modified_s).then(a.name.cmp(&b.name)));
         entries
     }
@@ -124,6 +142,8 @@ fn read_entry(path: &Path, (name, bytes, modified_s): &(String, u64, u64)) -> En
         compensation: None,
         n_marks: 0,
         missing: Vec::new(),
+        is_being_recorded: false,
+        breaks_off: false,
     };
     match Recording::open(path) {
         Ok(recording) => {
@@ -134,6 +154,8 @@ fn read_entry(path: &Path, (name, bytes, modified_s): &(String, u64, u64)) -> En
             entry.seconds = first.zip(last).map(|(first, last)| last.saturating_sub(first) as f64 * 1e-9);
             entry.compensation = contents.metadata.get("krait").and_then(|about| about.get("compensation")).cloned();
             entry.missing = contents.missing.iter().map(ToString::to_string).collect();
+            let is_end = |what: &Missing| matches!(what, Missing::Cut { .. } | Missing::End { .. });
+            entry.breaks_off = !contents.missing.is_empty() && contents.missing.iter().all(is_end);
             let marks = [Channel::Marker, Channel::DeviceMarker];
             entry.n_marks =
                 marks.iter().filter_map(|channel| contents.channels.get(channel)).map(|of| of.n_messages).sum();
@@ -206,4 +228,28 @@ pub fn film_of(path: &Path) -> Result<Film, RecordingReadError> {
 
 fn name_of(path: &Path) -> String {
     path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_without_an_end_is_being_recorded_while_it_is_written_and_broken_later() {
+        let entry = |breaks_off| Entry {
+            name: "a.mcap".to_owned(),
+            bytes: 1,
+            modified_s: 100,
+            seconds: None,
+            compensation: None,
+            n_marks: 0,
+            missing: vec!["it breaks off".to_owned()],
+            is_being_recorded: false,
+            breaks_off,
+        };
+        let (now, later, whole) = (entry(true).seen_at(102), entry(true).seen_at(200), entry(false).seen_at(102));
+        assert!(now.is_being_recorded && now.missing.is_empty());
+        assert!(!later.is_being_recorded && later.missing.len() == 1);
+        assert!(!whole.is_being_recorded && whole.missing.len() == 1, "damaged otherwise");
+    }
 }

@@ -113,7 +113,8 @@ fn passes(passes: &[&PassReport]) -> Table {
             });
         }
         let peak = pass.peak_bend_deg.unwrap_or_default();
-        cells.extend([peak.commanded, peak.reached].map(|value| format!("{value:.1}")));
+        cells.push(format!("{:.1}", peak.commanded));
+        cells.push(peak.reached.map_or("-".to_owned(), |value| format!("{value:.1}")));
         table.row(cells);
     }
     table

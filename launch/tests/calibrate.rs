@@ -83,3 +83,67 @@ fn nothing_is_written_without_a_yes() {
     assert!(!folder.join("robot.toml").exists() && folder.join("friction.csv").exists());
     std::fs::remove_dir_all(folder).unwrap();
 }
+
+const POSE_MODEL: &str = "format = 1\n[machine]\nkind = \"snake\"\n[[effect]]\nkind = \"static-friction\"\nf_s_n = 1.9\n\
+                          [[effect]]\nkind = \"cone-friction\"\nmu = 0.17\n";
+
+#[test]
+fn effects_that_poses_do_not_compute_are_refused_by_name() {
+    let folder = folder("effect");
+    let text = format!("{POSE_MODEL}[[effect]]\nkind = \"inside-extension\"\n");
+    std::fs::write(folder.join("robot.toml"), text).unwrap();
+    let ended = calibrate(&folder, &["poses", "--csv", "poses.csv", "--model", "robot.toml"], "");
+    let sentence = String::from_utf8(ended.stderr).unwrap();
+    assert_eq!(ended.status.code(), Some(2), "{sentence}");
+    assert!(sentence.contains("inside-extension") && sentence.lines().count() == 1, "{sentence}");
+    assert!(!folder.join("poses.csv").exists());
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn friction_along_the_cone_gets_its_mu() {
+    let folder = folder("along");
+    std::fs::write(folder.join("robot.toml"), POSE_MODEL.replace("cone-friction", "distributed-capstan")).unwrap();
+    let mut typed: String = TABLE_II.iter().map(|(w, scale)| format!("1\n{w}\nup\n{scale}\n")).collect();
+    typed += "1\n\ny\n";
+    let ended = calibrate(&folder, &["friction", "--csv", "friction.csv", "--model", "robot.toml"], &typed);
+    assert_eq!(ended.status.code(), Some(0), "{}", String::from_utf8_lossy(&ended.stderr));
+    let text = std::fs::read_to_string(folder.join("robot.toml")).unwrap();
+    let file = krait_model::model_file::ModelFile::parse(&text).unwrap();
+    let along = file.effects().iter().find(|e| e.setting().kind().name() == "distributed-capstan").unwrap();
+    let mu = along.setting().value("mu").unwrap();
+    assert!((mu - 0.1727).abs() < 1e-4, "{mu}");
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn an_error_that_is_no_number_is_refused_as_an_option_and_as_a_row() {
+    let folder = folder("sd");
+    for sd in ["nan", "-5", "0"] {
+        let option = format!("--scale-sd-g={sd}");
+        let ended = calibrate(&folder, &["friction", "--csv", "f.csv", "--model", "m.toml", &option], "1\n0\n");
+        let sentence = String::from_utf8(ended.stderr).unwrap();
+        assert_eq!(ended.status.code(), Some(2), "{sentence}");
+        assert!(sentence.contains("scale_sd_g") && sentence.lines().count() == 1, "{sentence}");
+        assert!(!folder.join("f.csv").exists());
+    }
+    let rows = "line,weight_g,direction,scale_g,weight_sd_g,scale_sd_g,note\n1,0,up,255,1,25,\n1,100,up,420,1,NaN,\n";
+    std::fs::write(folder.join("f.csv"), rows).unwrap();
+    let ended = calibrate(&folder, &["friction", "--csv", "f.csv", "--model", "m.toml"], "");
+    let sentence = String::from_utf8(ended.stderr).unwrap();
+    assert!(sentence.contains("row 3") && sentence.contains("scale_sd_g"), "{sentence}");
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn a_motion_by_hand_cannot_be_left_out_and_quitting_there_fits_what_was_read() {
+    let folder = folder("motion");
+    std::fs::write(folder.join("robot.toml"), POSE_MODEL).unwrap();
+    let ended = calibrate(&folder, &["poses", "--csv", "poses.csv", "--model", "robot.toml"], "s\n\nq\n");
+    let said = String::from_utf8(ended.stdout).unwrap();
+    let n_motions = said.matches("move the actuators to").count();
+    assert!(said.contains("a motion cannot be left out") && n_motions == 3, "{said}");
+    let sentence = String::from_utf8(ended.stderr).unwrap();
+    assert!(sentence.contains("not determined"), "{sentence}");
+    std::fs::remove_dir_all(folder).unwrap();
+}

@@ -84,7 +84,13 @@ impl InputWatch {
             None => MasterError::File { path: node.to_owned(), doing: "read", source },
         };
         let file = open(node, false).map_err(refused)?;
-        let is_node = file.metadata().map_err(refused)?.file_type().is_char_device();
+        let kind = file.metadata().map_err(refused)?.file_type();
+        let is_node = kind.is_char_device();
+        if kind.is_dir() || is_node && device.is_none() {
+            return Err(refused(std::io::Error::other(
+                "it is no input device; krait devices lists those that are there",
+            )));
+        }
         let mut axes = Vec::new();
         if is_node {
             for &code in device.iter().flat_map(|device| &device.axes) {

@@ -226,7 +226,10 @@ impl Series {
 impl Series {
     fn peak_bend_deg(&self) -> PeakBend {
         let peak = |curve: &[(f64, f64)]| curve.iter().map(|(_, deg)| *deg).fold(0.0, f64::max);
-        PeakBend { commanded: peak(&self.bend_deg), reached: peak(&self.measured_deg) }
+        PeakBend {
+            commanded: peak(&self.bend_deg),
+            reached: (!self.measured_deg.is_empty()).then(|| peak(&self.measured_deg)),
+        }
     }
 }
 

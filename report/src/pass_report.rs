@@ -13,8 +13,8 @@ use serde::Serialize;
 pub struct PeakBend {
     /// Of the setpoint, deg.
     pub commanded: f64,
-    /// Of the measured shape, deg.
-    pub reached: f64,
+    /// Of the measured shape, deg; null where none was measured.
+    pub reached: Option<f64>,
 }
 
 /// What one pass showed.
@@ -167,7 +167,7 @@ impl PassLog {
             tracking: Tracking::of(self.setpoints.iter().copied(), self.shapes.iter().copied()).score(),
             peak_bend_deg: lanes.is_none().then(|| PeakBend {
                 commanded: peak(&mut self.setpoints.iter().map(|(_, bend, _)| *bend)),
-                reached: peak(&mut self.shapes.iter().map(|(_, bend)| *bend)),
+                reached: (!self.shapes.is_empty()).then(|| peak(&mut self.shapes.iter().map(|(_, bend)| *bend))),
             }),
             joints: lanes.and_then(|lanes| self.joints.score(lanes)),
             jaw: self.jaw.score(Lanes::Turning),

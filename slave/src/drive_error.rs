@@ -104,7 +104,7 @@ pub enum DriveError {
     },
     /// An actuator stands too far from the zero that was configured for it.
     #[error(
-        "drive {actuator} stands {found_m:.4} m from its zero, expected at most {limit_m} m either way; bring it back by hand, or set its zero with `krait drives --zero`"
+        "drive {actuator} stands {found_m:.4} m from its zero, expected at most {limit_m} m either way; send `disable`, which takes its power, bring it back by hand and send `enable`, or set its zero with `krait drives --zero`"
     )]
     FarFromZero {
         /// Which, from 1.
@@ -116,7 +116,7 @@ pub enum DriveError {
     },
     /// The bus itself failed.
     #[error(
-        "the bus of the drives failed: {what}; nothing more can be told to them; mend that and start the slave again"
+        "the bus of the drives failed: {what}; nothing more can be told to them; mend that, then end this krait and start it again"
     )]
     Bus {
         /// What happened.

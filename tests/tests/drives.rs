@@ -151,7 +151,9 @@ fn a_dry_run_moves_nothing_and_says_what_it_would_send() {
     let config = configuration(&folder, &emulator, "mode = \"dry\"");
     let recording = folder.file("run.mcap");
     let arguments = ["run", "--engage", "--instance", &instance, "--config", &config, "--recording", &recording];
-    let ended = Ended::of(&[&arguments[..], &["--seconds", "4"]].concat(), PATIENCE);
+    let ended = Ended::of(&[&arguments[..], &["--seconds", "4", "--json"]].concat(), PATIENCE);
+    let peak = &ended.json()["passes"][0]["peak_bend_deg"];
+    assert!(peak["reached"].is_null() && peak["commanded"].is_number(), "nothing measured the bend: {peak}");
     assert!(ended.stderr.contains("dry run: the actuators would be told to go there"), "{}", ended.stderr);
     let wire = emulator.wire();
     assert!(wire.n_requests > 50 && wire.servos.iter().all(|servo| servo.n_goals == 0 && !servo.is_powered()));
@@ -211,8 +213,15 @@ fn servos_are_found_their_zeros_read_and_one_is_moved_by_single_steps_and_never_
     let arguments = ["drives", "--jog", "2", "--config", &config, "--instance", &instance];
     let (mut krait, mut input) = Krait::start_with_input(&arguments);
     assert!(krait.line().contains("Actuator 2 is under power"));
-    for (line, told) in [("\n", "told 0.738 mm"), ("\n", "told 0.838 mm"), ("-\n", "told 0.738 mm")] {
-        input.write_all(line.as_bytes()).expect("written");
+    let steps: [(&[u8], &str); 5] = [
+        (b"\n", "told 0.738 mm"),
+        (b"--\n", "\"--\" moves nothing"),
+        (b"\xff\n", "\"\u{fffd}\" moves nothing"),
+        (b"\n", "told 0.838 mm"),
+        (b"-\n", "told 0.738 mm"),
+    ];
+    for (line, told) in steps {
+        input.write_all(line).expect("written");
         let answer = krait.line();
         assert!(answer.starts_with(told), "{answer}");
     }

@@ -186,6 +186,10 @@ fn a_stick_is_calibrated_into_a_profile_that_shows_its_deflection_and_an_axis_th
     let live = Ended::of(&["devices", "--live", "--node", &told, "--profile", &profile], PATIENCE);
     let last = live.stdout.lines().last().expect("a line");
     assert_eq!(last, "ABS_X   755 = x  +50 %  ABS_RZ   255 = z -100 %  buttons BTN_THUMB", "{}", live.stderr);
+    for no_input in ["/dev/null", "/tmp"] {
+        let refused = Ended::of(&["devices", "--live", "--node", no_input], PATIENCE);
+        assert!(refused.sentence().contains("it is no input device"), "{}{}", refused.stdout, refused.stderr);
+    }
     let run =
         ["run", "--master", "hid", "--profile", &profile, "--no-recording", "--instance", &instance_name("stick")];
     let absent = Ended::of(&run, PATIENCE);

@@ -10,6 +10,8 @@ const page = document.getElementById('lab');
 const STEPS = ['Compare', 'Diagnose', 'Add', 'Run'];
 const parts = {};
 let isBuilt = false, shelf = { models: [], data: [] }, step = 0, results = [], falls = [], effect = null, added = null, isQuiz = false;
+// The bars up to a model that an effect was added to, for the same measurement.
+let grown = null;
 
 let unit = '°';
 const deg = value => `${value.toFixed(2)}${unit}`;
@@ -103,12 +105,14 @@ function askCompare() {
   say(`How far is ${parts.model.value} from ${parts.data.value}?`, 'The model predicts the bend from the encoders; the measurement says what it was.', [], [prime('Compare', compare)]);
 }
 
+const grownBars = () => grown?.model === parts.model.value && grown.data === parts.data.value ? [...grown.falls] : null;
+
 async function compare() {
   const answer = await run({ verb: 'compare', ...files() }, 'Comparing …', draw);
   if (!answer) return;
   const { error, rows, where } = answer, named = answer.unit ?? error.unit ?? 'deg', floor = answer.noise_floor ?? error.noise_floor ?? answer.noise_floor_deg ?? null;
   unit = named === 'deg' ? '°' : ` ${named}`;
-  falls = [{ name: answer.calibration?.some(own => !own.held) ? 'after calibration' : 'model as given', value: error.rms }];
+  falls = grownBars() ?? [{ name: answer.calibration?.some(own => !own.held) ? 'after calibration' : 'model as given', value: error.rms }];
   falls.floor = floor;
   const isNoise = floor !== null && error.rms < 1.1 * floor;
   results[0] = {
@@ -151,7 +155,7 @@ async function diagnose() {
     ], effect ? [prime(`Add ${effect}`, () => { step = 2; draw(); }), reportLink('diagnose')] : [reportLink('diagnose')]),
   };
   results.length = 2;
-  falls = falls.slice(0, 1);
+  falls = grownBars() ?? falls.slice(0, 1);
   falls.floor = answer.noise_floor;
   found.forEach(own => falls.push({ name: `+ ${own.effect}`, value: own.heldout_rms.after, isGuess: true }));
   step = 1;
@@ -181,15 +185,24 @@ function askAdd() {
   say(`Add ${effect}?`, `It is fitted to one part of the data and scored on another. A new model is written; ${parts.model.value} stays as it is.`, [], [prime(`Add ${effect}`, add)]);
 }
 
+// A model's name that none in the folder has.
+function unused(stem) {
+  const isTaken = name => shelf.models.includes(`${name}.toml`);
+  let name = stem;
+  for (let n = 2; isTaken(name); n += 1) name = `${stem}-${n}`;
+  return `${name}.toml`;
+}
+
 async function add() {
-  const base = parts.model.value.replace(/\.toml$/, ''), out = `${base}-${effect}.toml`;
+  const base = parts.model.value.replace(/\.toml$/, ''), out = unused(`${base}-${effect}`);
   const answer = await run({ verb: 'add', ...files(), effect, out }, `Fitting ${effect} …`, draw);
   if (!answer) return;
   added = out;
   const { before, after } = answer.heldout_rms, floor = answer.noise_floor;
-  falls = falls.filter(fall => !fall.isGuess);
+  falls = grownBars() ?? falls.slice(0, 1);
   falls.push({ name: `+ ${effect}`, value: after });
   falls.floor = floor;
+  grown = { model: out, data: parts.data.value, falls: [...falls] };
   const name = effect;
   results[2] = {
     short: `${deg(after)} with ${name}`,
@@ -203,7 +216,7 @@ async function add() {
 }
 
 function again(out) {
-  return second('Diagnose again with it', () => { parts.model.value = out; const [kept, floor] = [falls, falls.floor]; restart(); falls = kept; falls.floor = floor; draw(); });
+  return second('Diagnose again with it', () => { const floor = falls.floor; parts.model.value = out; restart(); falls = grownBars() ?? []; falls.floor = floor; step = 1; draw(); diagnose(); });
 }
 
 function askRun() {
@@ -222,15 +235,15 @@ async function exchange(model) {
 
 function waterfall() {
   if (!falls.length) { parts.fall.replaceChildren(); write(parts.fallSays, 'The bars come with the first comparison.'); return; }
-  const [width, height, low] = [400, 460, 74], top = Math.max(...falls.map(fall => fall.value), falls.floor ?? 0) * 1.22;
-  const y = value => (height - low) * (1 - value / top) + 4, each = (width - 50) / Math.max(3, falls.length);
+  const [width, height, low, left] = [400, 460, 74, 56], top = Math.max(...falls.map(fall => fall.value), falls.floor ?? 0) * 1.22;
+  const y = value => (height - low) * (1 - value / top) + 4, each = (width - left - 6) / Math.max(3, falls.length);
   const ticks = [0.25, 0.5, 1, 2, 5, 10].find(size => top / size < 5) ?? 20;
   let inner = '';
-  for (let value = 0; value < top; value += ticks) inner += `<path class="grid" d="M44 ${y(value)}H${width}"/><text class="tick" x="38" y="${y(value) + 4}" text-anchor="end">${value}${unit}</text>`;
-  if (falls.floor) inner += `<rect class="floor" x="44" y="${y(falls.floor)}" width="${width - 44}" height="${y(0) - y(falls.floor)}"/>`;
+  for (let value = 0; value < top; value += ticks) inner += `<path class="grid" d="M${left} ${y(value)}H${width}"/><text class="tick" x="${left - 6}" y="${y(value) + 4}" text-anchor="end">${value}${unit}</text>`;
+  if (falls.floor) inner += `<rect class="floor" x="${left}" y="${y(falls.floor)}" width="${width - left}" height="${y(0) - y(falls.floor)}"/>`;
   const texts = [];
   falls.forEach((fall, i) => {
-    const x = 50 + each * i, isLast = i === falls.length - 1 && i > 0;
+    const x = left + 6 + each * i, isLast = i === falls.length - 1 && i > 0;
     inner += `<rect class="${fall.isGuess ? 'guess' : isLast ? 'bar last' : 'bar'}" x="${x}" y="${y(fall.value)}" width="${each * 0.8}" height="${Math.max(1, y(0) - y(fall.value))}" rx="3"/><text class="value" x="${x + each * 0.4}" y="${y(fall.value) - 8}" text-anchor="middle">${deg(fall.value)}</text>`;
     texts.push([x + each * 0.4, fall.name]);
   });

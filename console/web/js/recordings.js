@@ -72,7 +72,7 @@ export async function showRecordings() {
     const when = new Date(entry.modified_s * 1000), day = when.toDateString() === today ? 'today' : when.toISOString().slice(0, 10);
     const name = make('button', 'plain', entry.name.replace(/\.mcap$/, ''));
     name.addEventListener('click', () => open(entry.name));
-    const note = entry.missing.length ? make('em', 'odd', entry.missing[0]) : make('em', '', entry.compensation ? `compensation ${entry.compensation}` : '');
+    const note = entry.is_being_recorded ? make('em', '', 'being recorded') : entry.missing.length ? make('em', 'odd', entry.missing[0]) : make('em', '', entry.compensation ? `compensation ${entry.compensation}` : '');
     const row = make('tr', entry.name === chosen ? 'chosen' : '', make('td', '', make('b', '', when.toTimeString().slice(0, 5)), make('em', '', day)), make('td', '', name, note), make('td', 'n', entry.seconds === null ? '–' : clock(entry.seconds)), make('td', 'n', String(entry.n_marks)), make('td', 'n', `${(entry.bytes / 1e6).toFixed(1)} MB`));
     row.dataset.name = entry.name;
     return row;

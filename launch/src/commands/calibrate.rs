@@ -21,6 +21,11 @@ use std::process::ExitCode;
 
 type Terminal = Dialogue<std::io::StdinLock<'static>, Stdout>;
 
+/// The cone's friction by its other law.
+const ALONG_THE_CONE: &str = "distributed-capstan";
+/// What the fits of `poses` and `stem` know of a model; every other effect would be taken for one of these.
+const KNOWN: [&str; 4] = ["stiffness-scale", "static-friction", "cone-friction", "backlash"];
+
 /// Runs one procedure; exit code 1 if its values were not written.
 pub fn run(verb: &CalibrateVerb) -> anyhow::Result<ExitCode> {
     match verb {
@@ -46,7 +51,15 @@ fn friction(args: &FrictionArgs) -> anyhow::Result<ExitCode> {
     };
     let mut dialogue = terminal();
     let found = friction::run(&mut dialogue, &args.files.csv, &settings)?;
-    save(&mut dialogue, &args.files, &found.calibrated())
+    let mut values = found.calibrated();
+    // The loads of a hanging weight are the same whether the friction lies at the cone's end or along it.
+    if file_of(&args.files.model)?.is_some_and(|file| effect_of(&file, ALONG_THE_CONE).is_some()) {
+        values
+            .iter_mut()
+            .filter(|value| value.effect == "cone-friction")
+            .for_each(|value| value.effect = ALONG_THE_CONE);
+    }
+    save(&mut dialogue, &args.files, &values)
 }
 
 fn play(args: &PlayArgs) -> anyhow::Result<ExitCode> {
@@ -119,10 +132,14 @@ fn by_hand<R: BufRead, W: Write>(
     question: &str,
     n: usize,
 ) -> Result<Option<Vec<f64>>, CalibrateError> {
-    match dialogue.numbers(question, (n, n), (-50.0, 50.0))? {
-        Reply::Numbers(read) => Ok(Some(read)),
-        Reply::Empty | Reply::Skip => Ok(None),
-        Reply::Quit => Err(CalibrateError::Robot("it was told to stop; what was read is kept".to_owned())),
+    loop {
+        match dialogue.numbers(question, (n, n), (-50.0, 50.0))? {
+            Reply::Numbers(read) => return Ok(Some(read)),
+            Reply::Empty => return Ok(None),
+            // What is read next rests on where the actuators have been.
+            Reply::Skip => dialogue.say("  a motion cannot be left out; s skips a reading, q stops")?,
+            Reply::Quit => return Err(CalibrateError::Stopped),
+        }
     }
 }
 
@@ -162,9 +179,26 @@ pub(super) fn effect_of<'f>(file: &'f ModelFile, name: &str) -> Option<&'f FileE
     file.effects().iter().find(|effect| effect.setting().kind().name() == name)
 }
 
+/// Refuses a model with effects that `poses` and `stem` do not compute: their values would be wrong, and look right.
+pub(super) fn only_known(file: &ModelFile, model: &Path) -> anyhow::Result<()> {
+    let mut names = file.effects().iter().map(|effect| effect.setting().kind().name());
+    if let Some(name) = names.find(|name| !KNOWN.contains(name)) {
+        anyhow::bail!(
+            "the model file {} has the effect {name}, expected only {}, which is all that this fit computes; give a file without it, or \
+             fit all values together with `krait lab fit`",
+            model.display(),
+            KNOWN.join(", ")
+        );
+    }
+    Ok(())
+}
+
 /// mu and f_s of a model file: they must be known before eta and the play are.
 fn friction_of(model: &Path) -> anyhow::Result<(f64, f64)> {
     let file = file_of(model)?;
+    if let Some(file) = &file {
+        only_known(file, model)?;
+    }
     let value = |effect: &str, parameter: &str| effect_of(file.as_ref()?, effect)?.setting().value(parameter);
     let found = (value("cone-friction", "mu"), value("static-friction", "f_s_n"));
     let (Some(mu), Some(f_s_n)) = found else {

@@ -88,7 +88,7 @@ impl Rows {
         if a.peak_bend_deg.is_some() || b.peak_bend_deg.is_some() {
             row("largest bend commanded, deg".to_owned(), &|side| side.peak_bend_deg.map(|peak| peak.commanded));
             row("largest bend measured, deg".to_owned(), &|side| {
-                side.peak_bend_deg.filter(|_| is_measured(side)).map(|peak| peak.reached)
+                side.peak_bend_deg.filter(|_| is_measured(side)).and_then(|peak| peak.reached)
             });
         }
         if a.jaw.is_some() || b.jaw.is_some() {

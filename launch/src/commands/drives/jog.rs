@@ -42,8 +42,8 @@ pub(super) fn run(common: &Common, actuator: usize, step_mm: f64) -> anyhow::Res
 fn lines() -> Receiver<String> {
     let (sender, receiver) = channel();
     std::thread::spawn(move || {
-        for line in std::io::stdin().lock().lines().map_while(Result::ok) {
-            if sender.send(line).is_err() {
+        for line in std::io::stdin().lock().split(b'\n').map_while(Result::ok) {
+            if sender.send(String::from_utf8_lossy(&line).into_owned()).is_err() {
                 break;
             }
         }
@@ -69,7 +69,14 @@ fn serve(
                     )?;
                     continue;
                 }
-                let way_m = if line.trim() == "-" { -step_m } else { step_m };
+                let way_m = match line.trim() {
+                    "" => step_m,
+                    "-" => -step_m,
+                    other => {
+                        print::out(&format!("{other:?} moves nothing; Enter is a step, - and Enter a step back\n"))?;
+                        continue;
+                    }
+                };
                 let step = motion.step(actuator - 1, way_m, SETTLE_TICKS)?;
                 if let Some(why) = step.refused {
                     print::out(&format!("the step was not made as asked: {why}\n"))?;
