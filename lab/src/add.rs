@@ -9,6 +9,7 @@ use crate::machine::{Candidate, FreeJoints, JointsLab, MachineUnderTest, nearest
 use crate::noise::NoiseFloor;
 use crate::prepare::{Prepared, prepare};
 use crate::{LabError, Measurements, Parameter, Problem, Term};
+use krait_model::model_file::Known;
 
 /// What to add, and how.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,6 +43,34 @@ pub struct Added {
     pub noise_floor: Option<f64>,
     /// Gain and offset that were fitted with it; empty for a machine without such numbers.
     pub calibration: Vec<Calibration>,
+    /// Those of them that were asked for by name, or that the model file leaves free or near a value: they go into the file.
+    pub joint_numbers: Vec<JointNumber>,
+}
+
+/// A gain or an offset as it stands in a model file of joints.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JointNumber {
+    /// Whether it is an offset, not a gain.
+    pub is_offset: bool,
+    /// The joint, from 1.
+    pub joint: usize,
+    /// In the file's unit.
+    pub value: f64,
+    /// Standard error in the same unit.
+    pub se: f64,
+    /// Unit of both.
+    pub unit: String,
+}
+
+impl JointNumber {
+    /// What it is called behind `--free`: `gain1`, `offset2`.
+    pub fn name(&self) -> String {
+        joint_key(self.is_offset, self.joint)
+    }
+}
+
+fn joint_key(is_offset: bool, joint: usize) -> String {
+    format!("{}{joint}", if is_offset { "offset" } else { "gain" })
 }
 
 const FOLDS: usize = 6;
@@ -91,7 +120,8 @@ fn without_machine(machine: &FreeJoints, found: Added, calibration: Vec<Calibrat
     let Added { terms, variables, uncertainty, before, after, noise_floor, .. } = found;
     let Together { terms, variables, uncertainty, calibration } =
         machine.without_machine(Together { terms, variables, uncertainty, calibration });
-    Added { terms, variables, uncertainty, calibration, before, after, noise_floor }
+    let joint_numbers = Vec::new();
+    Added { terms, variables, uncertainty, calibration, before, after, noise_floor, joint_numbers }
 }
 
 /// Fits parameters of the model's own effects: effect's label and parameter's name.
@@ -111,7 +141,9 @@ pub fn refit(
         let variables = told(joints, free_variables(&machine, data, free)?);
         let bench = Bench::new(&machine, data)?;
         let fitted = fit_to_end(&bench.problem, machine.effects(), &variables)?;
-        return Ok(without_machine(&machine, bench.report(fitted), calibration));
+        let mut found = without_machine(&machine, bench.report(fitted), calibration);
+        found.joint_numbers = joint_numbers(joints, &found.calibration, free);
+        return Ok(found);
     }
     let calibrated = machine.as_joints().map(|joints| crate::joint::calibrated(joints, data)).transpose()?;
     let machine = calibrated.as_ref().map_or(machine, |joints| joints as &dyn MachineUnderTest);
@@ -119,6 +151,28 @@ pub fn refit(
     let variables = free_variables(machine, data, free)?;
     let fitted = fit_to_end(&bench.problem, machine.effects(), &variables)?;
     Ok(bench.report(fitted))
+}
+
+/// What of gains and offsets goes into the model file: what it leaves out stays out, unless it was asked for by name.
+fn joint_numbers(joints: &JointsLab, calibration: &[Calibration], free: &[(String, String)]) -> Vec<JointNumber> {
+    let (_, scale) = joints.error_unit();
+    let own = joints.joints();
+    let to_file = |found: &Calibration| {
+        let (joint, is_offset) = (found.joint?, found.name == "offset");
+        let known = if is_offset { &own.offset_known } else { &own.gain_known };
+        let is_open = matches!(known.get(joint - 1)?, Known::Free | Known::Fitted { .. });
+        let is_asked = free.iter().any(|(of, name)| of == "machine" && *name == joint_key(is_offset, joint));
+        let scale = if is_offset { scale } else { 1.0 };
+        let is_wanted = (is_offset || found.name == "gain") && (is_open || is_asked);
+        is_wanted.then(|| JointNumber {
+            is_offset,
+            joint,
+            value: found.value / scale,
+            se: found.se / scale,
+            unit: if is_offset { own.y_unit.clone() } else { found.unit.clone() },
+        })
+    };
+    calibration.iter().filter(|found| found.recording.is_none()).filter_map(to_file).collect()
 }
 
 /// The measurements ready for a fit.
@@ -187,6 +241,7 @@ impl<'a> Bench<'a> {
             terms: fitted.effects,
             variables: fitted.variables,
             calibration: Vec::new(),
+            joint_numbers: Vec::new(),
         }
     }
 }

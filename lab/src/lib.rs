@@ -27,7 +27,7 @@ mod save;
 mod session;
 mod term;
 
-pub use add::{AddOptions, Added, add, refit};
+pub use add::{AddOptions, Added, JointNumber, add, refit};
 pub use calibrated::{disagreements, drawn_away};
 pub use error::LabError;
 pub use measurements::{LoadUse, Measurements, Names, Quantity};

@@ -2,7 +2,7 @@
 
 use crate::machine::{acting, is_geometry, setting, with_geometry};
 use crate::{Added, FittedData, LabError, Measurements};
-use krait_model::model_file::{FileEffect, HeldOutRms, HistoryEntry, Known, Machine, ModelFile, Origin};
+use krait_model::model_file::{FileEffect, HeldOutRms, HistoryEntry, Joints, Known, Machine, ModelFile, Origin};
 
 /// The file with the effects of a fit. `what` names the effect for the history; `date` is the day, YYYY-MM-DD.
 ///
@@ -18,6 +18,7 @@ pub fn save(
     let fitted_here = |se: f64| Known::Fitted { se, from: Some(data.source.clone()), date: Some(date.to_owned()) };
     let machine = match file.machine() {
         Machine::Snake(snake) => Machine::Snake(with_geometry(snake, added, fitted_here)),
+        Machine::Joints(joints) => Machine::Joints(with_numbers(joints.clone(), added, fitted_here)),
         other => other.clone(),
     };
     let order = acting(file.effects().len(), &added.terms);
@@ -66,6 +67,20 @@ pub fn save(
         unit: unit(file.machine()),
     });
     Ok(ModelFile::new(machine, effects, history)?)
+}
+
+/// Joints with the gains and offsets that were fitted for the file.
+fn with_numbers(mut joints: Joints, added: &Added, fitted: impl Fn(f64) -> Known) -> Joints {
+    for own in &added.joint_numbers {
+        let k = own.joint - 1;
+        let known = if own.se.is_finite() && own.se > 0.0 { fitted(own.se) } else { Known::Held };
+        if own.is_offset {
+            (joints.offset[k], joints.offset_known[k]) = (own.value, known);
+        } else {
+            (joints.gain[k][k], joints.gain_known[k]) = (own.value, known);
+        }
+    }
+    joints
 }
 
 /// Parameters whose values were fitted to these very data, by effect's label and parameter's name. With a further effect they take

@@ -50,6 +50,14 @@ pub enum SessionError {
         /// The folder.
         path: PathBuf,
     },
+    /// One recording under two names, or named twice.
+    #[error("data {path}: the same bytes as {first}, expected each recording once, since data do not count twice; leave one out", path = path.display(), first = first.display())]
+    Twice {
+        /// The second.
+        path: PathBuf,
+        /// The first.
+        first: PathBuf,
+    },
     /// Model and measurements do not fit each other.
     #[error(transparent)]
     Lab(#[from] LabError),
@@ -71,9 +79,14 @@ impl Session {
     pub fn open_all(model: &Path, data: &[PathBuf], map: &ColumnMap) -> Result<Self, SessionError> {
         let file = open_model(model)?;
         let machine = machine_of(&file)?;
-        let mut parts = Vec::new();
+        let (mut parts, mut seen) = (Vec::new(), Vec::<(PathBuf, String)>::new());
         for path in files(data)? {
-            parts.push(read(&path, map, file.machine().into())?);
+            let part: Measurements = read(&path, map, file.machine().into())?;
+            if let Some((first, _)) = seen.iter().find(|(_, sha256)| *sha256 == part.sha256) {
+                return Err(SessionError::Twice { path, first: PathBuf::clone(first) });
+            }
+            seen.push((path, part.sha256.clone()));
+            parts.push(part);
         }
         let mut parts = parts.into_iter();
         let first = parts.next().ok_or(SessionError::NoData)?;

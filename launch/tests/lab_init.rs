@@ -1,5 +1,5 @@
 //! `krait lab init` on a real machine's log in another program's dialect: from the file to the first answer by the printed command.
-#![allow(clippy::expect_used, reason = "a panic is how a test fails")]
+#![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -89,4 +89,93 @@ fn nothing_is_overwritten_and_nothing_is_written_for_what_is_refused() {
     let missing = ["lab", "diagnose", "--model", "a.model.toml", "--data", "b.csv", "--map-file", "a.map.toml"];
     let said = sentence(&missing);
     assert!(said.contains("\"Zeit [ms]\"") && said.contains("missing") && said.contains("Zeit [s]"), "{said}");
+}
+
+/// A joint that turns 1.03 times as far as told from an offset on, with the camera ahead by some rows: 40 s at 50 Hz.
+fn joint(unit: &str, offset: f64, n_ahead: usize) -> String {
+    let mut text = format!("time_s,u1_{unit},y1_{unit}\n");
+    let mut seed = 9_u64;
+    let mut noise = || {
+        // A sum of uniform numbers is near enough to normal.
+        let mut uniform = || {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (seed >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+        };
+        (0..12).map(|_| uniform()).sum::<f64>()
+    };
+    let at = |row: usize| {
+        let t = row as f64 * 0.02;
+        20.0 * (0.9 * t).sin() + 9.0 * (2.3 * t + 1.0).sin() + 4.0 * (4.1 * t).sin()
+    };
+    let per_unit = if unit == "rad" { 1_f64.to_radians() } else { 1.0 };
+    for row in 0..2000 {
+        let y = 1.03 * at(row + n_ahead) + offset + 0.05 * noise();
+        text += &format!("{:.2},{:.7},{:.7}\n", row as f64 * 0.02, per_unit * at(row), per_unit * y);
+    }
+    text
+}
+
+fn joint_model(unit: &str, numbers: &str) -> String {
+    format!("format = 1\n[machine]\nkind = \"joints\"\nn = 1\nu_unit = \"{unit}\"\ny_unit = \"{unit}\"\n{numbers}")
+}
+
+#[test]
+fn gain_and_offset_that_are_fitted_by_name_or_left_free_stand_in_the_file_and_the_error_stays_down() {
+    for (unit, per_deg) in [("deg", 1.0), ("rad", 1_f64.to_radians())] {
+        let folder = Folder::new(&format!("numbers-{unit}"));
+        fs::write(folder.0.join("d.csv"), joint(unit, 2.0, 0)).expect("written");
+        let asked = ["--free", "machine.gain1", "--free", "machine.offset1"];
+        for (numbers, more) in
+            [("gain = [-0.9]\noffset = [1.0]\n", &asked[..]), ("gain = \"free\"\noffset = \"free\"\n", &[])]
+        {
+            fs::write(folder.0.join("m.toml"), joint_model(unit, numbers)).expect("written");
+            let words = ["lab", "fit", "--model", "m.toml", "--data", "d.csv", "--out", "o.toml", "--force"];
+            let ended = folder.krait(&[&words[..], more].concat());
+            assert!(ended.status.success(), "{}", String::from_utf8_lossy(&ended.stderr));
+            let told = String::from_utf8(ended.stdout).expect("text");
+            assert!(told.contains("machine.gain1") && told.contains("machine.offset1"), "{told}");
+            let text = fs::read_to_string(folder.0.join("o.toml")).expect("a model");
+            let file = krait_model::model_file::ModelFile::parse(&text).expect("a model");
+            let krait_model::model_file::Machine::Joints(joints) = file.machine() else { panic!("{text}") };
+            let offset_deg = joints.offset[0] / per_deg;
+            assert!((joints.gain[0][0] - 1.03).abs() < 1e-3 && (offset_deg - 2.0).abs() < 0.02, "{text}");
+            let compared = folder.krait(&["lab", "compare", "--model", "o.toml", "--data", "d.csv", "--json"]);
+            let answer: serde_json::Value = serde_json::from_slice(&compared.stdout).expect("JSON");
+            let rms = answer["error"]["rms"].as_f64().expect("an error");
+            assert!(rms < 0.06, "{answer}");
+        }
+        // What a file leaves out stays out where nobody asked for it.
+        fs::write(folder.0.join("m.toml"), joint_model(unit, "")).expect("written");
+        let words = ["lab", "fit", "--model", "m.toml", "--data", "d.csv", "--out", "o.toml", "--force"];
+        let ended = folder.krait(&[&words[..], &asked[..2]].concat());
+        assert!(ended.status.success(), "{}", String::from_utf8_lossy(&ended.stderr));
+        let text = fs::read_to_string(folder.0.join("o.toml")).expect("a model");
+        assert!(text.contains("\ngain") && !text.contains("\noffset"), "{text}");
+    }
+}
+
+#[test]
+fn a_camera_that_runs_ahead_is_calibration_and_nothing_is_missing() {
+    let folder = Folder::new("ahead");
+    fs::write(folder.0.join("d.csv"), joint("deg", 2.0, 6)).expect("written");
+    fs::write(folder.0.join("m.toml"), joint_model("deg", "")).expect("written");
+    let ended = folder.krait(&["lab", "diagnose", "--model", "m.toml", "--data", "d.csv", "--json"]);
+    let answer: serde_json::Value = serde_json::from_slice(&ended.stdout).expect("JSON");
+    assert_eq!((answer["verdict"].as_str(), &answer["effects"]), (Some("none"), &serde_json::json!([])), "{answer}");
+    let delays = answer["calibration"].as_array().expect("numbers").iter().filter(|own| own["name"] == "delay");
+    let delays: Vec<f64> = delays.filter_map(|own| own["value"].as_f64()).collect();
+    assert!(delays.len() == 1 && (delays[0] + 0.12).abs() < 0.005, "{delays:?}");
+}
+
+#[test]
+fn one_recording_does_not_count_twice() {
+    let folder = Folder::new("twice");
+    for name in ["a.csv", "b.csv"] {
+        fs::write(folder.0.join(name), joint("deg", 2.0, 0)).expect("written");
+    }
+    fs::write(folder.0.join("m.toml"), joint_model("deg", "")).expect("written");
+    let ended = folder.krait(&["lab", "compare", "--model", "m.toml", "--data", "a.csv", "--data", "b.csv"]);
+    let sentence = String::from_utf8_lossy(&ended.stderr).into_owned();
+    assert_eq!(ended.status.code(), Some(2), "{sentence}");
+    assert!(sentence.contains("b.csv: the same bytes as a.csv") && sentence.lines().count() == 1, "{sentence}");
 }

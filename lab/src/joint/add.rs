@@ -75,6 +75,7 @@ pub(crate) fn add(machine: &JointsLab, data: &Measurements, options: &AddOptions
         after: after.sqrt() * scale,
         noise_floor: noise.map(|square: f64| square.sqrt() * scale),
         calibration,
+        joint_numbers: Vec::new(),
     }))
 }
 

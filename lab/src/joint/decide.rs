@@ -10,7 +10,7 @@ use super::own;
 use super::refine::{Fit, Loss, as_given, refine};
 use super::search::{Plan, Search, n_effective};
 use super::signal::Signal;
-use super::simulate::Run;
+use super::simulate::{Member, Run};
 use super::solve::{Design, Solution};
 use super::terms::{self, Value, Values};
 use crate::diagnose::screen::orthonormal;
@@ -80,10 +80,13 @@ impl Found {
     /// Its effects as they stand in a chain, which has neither shapes without a name nor measurements that come ahead.
     pub fn in_chain(&self) -> impl Iterator<Item = (Kind, &Vec<Value>)> {
         let members = self.fit.members.iter().zip(&self.values.members);
-        members
-            .filter(|(m, _)| !m.kind.is_shape() && (m.kind != Kind::Latency || m.values[0] >= 0.0))
-            .map(|(m, values)| (m.kind, values))
+        members.filter(|(m, _)| is_in_chain(m)).map(|(m, values)| (m.kind, values))
     }
+}
+
+/// Whether it is an effect: a shape has no name, and measurements that come ahead of the motion are calibration.
+fn is_in_chain(member: &Member) -> bool {
+    !member.kind.is_shape() && (member.kind != Kind::Latency || member.values[0] >= 0.0)
 }
 
 /// One candidate alone.
@@ -250,7 +253,7 @@ impl Case<'_> {
                 .then(|| ((before.mean_square - after.mean_square) / above).clamp(0.0, 1.0))
         });
         let mut explained = share.unwrap_or(1.0 - after.mean_square / before.mean_square);
-        let n_known = fit.members.iter().filter(|m| !m.kind.is_shape()).count();
+        let n_known = fit.members.iter().filter(|m| is_in_chain(m)).count();
         if let Some((kind, part)) = shape {
             structured = true;
             structure.groups.insert(0, GroupShare { name: kind.name(), share: part, p_value: structure.p_value });

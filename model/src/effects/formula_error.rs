@@ -49,7 +49,9 @@ pub enum FormulaError {
         hook: &'static str,
     },
     /// A formula cannot be added at this hook.
-    #[error("formula {formula:?} has hook {hook}, expected one of eps, tau, geo, meas, enc; choose one of these")]
+    #[error(
+        "formula {formula:?} has hook {hook}, which this machine does not have, expected eps, tau, geo, meas or enc of a snake, joint of joints; choose one of these"
+    )]
     Hook {
         /// Its name.
         formula: String,

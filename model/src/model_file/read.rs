@@ -165,10 +165,10 @@ fn number_or_free<'a>(
     let value = table.number("value")?.ok_or_else(|| table.missing("value", "a number"))?;
     let se = table.number("se")?.ok_or_else(|| table.missing("se", "the value's standard error, or a bare number"))?;
     if !value.value.is_finite() {
-        return Err(value.out_of_range("value", -f64::MAX, f64::MAX, "(a finite number)"));
+        return Err(value.out_of_range("value", f64::NEG_INFINITY, f64::INFINITY, "(a finite number)"));
     }
     if !(se.value.is_finite() && se.value > 0.0) {
-        return Err(se.out_of_range("se", f64::MIN_POSITIVE, f64::MAX, "(above zero; a bare number is held)"));
+        return Err(se.out_of_range("se", 0.0, f64::INFINITY, "(above zero; a bare number is held)"));
     }
     let word = |key| Ok(table.text(key)?.map(|text| text.value));
     Ok((value.value, Known::Fitted { se: se.value, from: word("from")?, date: word("date")? }))

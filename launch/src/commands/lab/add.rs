@@ -13,7 +13,7 @@ use krait_lab::{
     AddOptions, Added, Session, Term, add, disagreements, drawn_away, fitted_to, refit as fit_again, save,
 };
 use krait_model::effects::{FormulaParameter, FormulaText, Hook, Inverse};
-use krait_model::model_file::{FileEffect, Machine, ModelFile};
+use krait_model::model_file::{FileEffect, Known, Machine, ModelFile};
 use krait_report::Table;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -45,7 +45,7 @@ pub fn run(args: &AddArgs) -> anyhow::Result<ExitCode> {
 pub fn refit(args: &FitArgs) -> anyhow::Result<ExitCode> {
     refuse_existing(&args.out, args.force)?;
     let session = open(&args.files)?;
-    if args.free.is_empty() && session.machine.open_numbers().is_empty() {
+    if args.free.is_empty() && session.machine.open_numbers().is_empty() && !leaves_joints_open(&session.file) {
         bail!(
             "nothing is free: expected --free EFFECT.PARAMETER, --free machine.KEY, or a number in {} that is \"free\"; \
              name what is to be fitted",
@@ -57,6 +57,13 @@ pub fn refit(args: &FitArgs) -> anyhow::Result<ExitCode> {
     let what = if names.is_empty() { "fit of the machine".to_owned() } else { format!("fit of {}", names.join(", ")) };
     write_page(args.report.as_deref(), &session, &added, &what)?;
     finish(&session, &added, &what, &args.out, args.json)
+}
+
+/// Whether a model of joints leaves a gain or an offset to the fit.
+fn leaves_joints_open(file: &ModelFile) -> bool {
+    let Machine::Joints(joints) = file.machine() else { return false };
+    let mut known = joints.gain_known.iter().chain(&joints.offset_known);
+    known.any(|own| matches!(own, Known::Free | Known::Fitted { .. }))
 }
 
 fn write_page(path: Option<&Path>, session: &Session, added: &Added, what: &str) -> anyhow::Result<()> {
@@ -102,7 +109,9 @@ fn formula(args: &AddArgs) -> anyhow::Result<FormulaText> {
     let (Some(hook), Some(text)) = (&args.hook, &args.formula) else {
         bail!("a formula needs --hook and --formula; see krait lab add --help")
     };
-    let Some(hook) = Hook::from_word(hook) else { bail!("--hook {hook}: expected eps, tau, geo, meas or enc") };
+    let Some(hook) = Hook::from_word(hook) else {
+        bail!("--hook {hook}: expected eps, tau, geo, meas or enc of a snake, joint of joints")
+    };
     let parameter = |(name, value, unit): &(String, f64, String)| FormulaParameter {
         name: name.clone(),
         value: *value,
@@ -175,7 +184,7 @@ fn answer(
 ) -> Value {
     let unit = session.machine.error_unit().0;
     let errors = json!({ "before": added.before, "after": added.after });
-    let params: serde_json::Map<String, Value> = added
+    let mut params: serde_json::Map<String, Value> = added
         .variables
         .iter()
         .zip(keys(added, session))
@@ -189,6 +198,12 @@ fn answer(
             (key, value)
         })
         .collect();
+    for own in &added.joint_numbers {
+        let value = json!({
+            "value": own.value, "se": own.se, "se_if_independent": null, "unit": own.unit, "on_bound": false,
+        });
+        params.insert(format!("machine.{}", own.name()), value);
+    }
     json!({
         "effect": what, "model": out, "params": params,
         "format": 2, "unit": unit,
@@ -211,6 +226,10 @@ fn text(added: &Added, session: &Session, what: &str, out: &Path, not_compensate
             variable.unit.clone(),
             if variable.bound(&added.terms).is_some() { "on its bound".to_owned() } else { String::new() },
         ]);
+    }
+    for own in &added.joint_numbers {
+        let (value, se) = (format!("{:.5e}", own.value), format!("{:.1e}", own.se));
+        table.row(vec![format!("machine.{}", own.name()), value, se, own.unit.clone(), String::new()]);
     }
     let floor = added.noise_floor.map_or(String::new(), |floor| format!(", noise floor {floor:.4} {unit}"));
     let live = match not_compensated {
