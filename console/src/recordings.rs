@@ -3,6 +3,7 @@
 //! A page names a recording by a name from the list, never by a path. Reading happens on a thread of its own, one recording
 //! at a time, and the list remembers what it has read.
 
+use krait_ipc::clock;
 use krait_ipc::message::OperatingState;
 use krait_record::{Missing, Recording, RecordingReadError};
 use krait_schema::{Channel, Sample};
@@ -100,7 +101,7 @@ impl Recordings {
 
     /// Everything in the folder, newest first.
     pub fn list(&self) -> Vec<Entry> {
-        let now_s = seconds_of(Some(SystemTime::now()));
+        let now_s = u64::try_from(clock::wall_ns()).unwrap_or_default() / 1_000_000_000;
         let mut entries: Vec<Entry> = self.files().into_iter().map(|file| self.entry(file).seen_at(now_s)).collect();
         entries.sort_by(|a, b| b.modified_s.cmp(&a.modified_s).then(a.name.cmp(&b.name)));
         entries

@@ -43,7 +43,7 @@ pub struct Added {
     pub noise_floor: Option<f64>,
     /// Gain and offset that were fitted with it; empty for a machine without such numbers.
     pub calibration: Vec<Calibration>,
-    /// Those of them that were asked for by name, or that the model file leaves free or near a value: they go into the file.
+    /// Those of them that were asked for by name, or that the model file calls "free": they go into the file.
     pub joint_numbers: Vec<JointNumber>,
 }
 
@@ -160,7 +160,8 @@ fn joint_numbers(joints: &JointsLab, calibration: &[Calibration], free: &[(Strin
     let to_file = |found: &Calibration| {
         let (joint, is_offset) = (found.joint?, found.name == "offset");
         let known = if is_offset { &own.offset_known } else { &own.gain_known };
-        let is_open = matches!(known.get(joint - 1)?, Known::Free | Known::Fitted { .. });
+        // A value with a standard error may come from these very data, which do not count twice: it stays.
+        let is_open = *known.get(joint - 1)? == Known::Free;
         let is_asked = free.iter().any(|(of, name)| of == "machine" && *name == joint_key(is_offset, joint));
         let scale = if is_offset { scale } else { 1.0 };
         let is_wanted = (is_offset || found.name == "gain") && (is_open || is_asked);

@@ -63,7 +63,7 @@ pub fn refit(args: &FitArgs) -> anyhow::Result<ExitCode> {
 fn leaves_joints_open(file: &ModelFile) -> bool {
     let Machine::Joints(joints) = file.machine() else { return false };
     let mut known = joints.gain_known.iter().chain(&joints.offset_known);
-    known.any(|own| matches!(own, Known::Free | Known::Fitted { .. }))
+    known.any(|own| *own == Known::Free)
 }
 
 fn write_page(path: Option<&Path>, session: &Session, added: &Added, what: &str) -> anyhow::Result<()> {
