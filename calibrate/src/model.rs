@@ -21,7 +21,9 @@ pub struct CalibratedValue {
 /// Where the numbers of the machine itself stand.
 const MACHINE: &str = "machine";
 /// Effects that a calibration can add, in the order of the chain: static friction before the capstan's.
-const ORDER: [&str; 4] = ["stiffness-scale", "static-friction", "cone-friction", "backlash"];
+const ORDER: [&str; 5] = ["stiffness-scale", "static-friction", CONE[0], CONE[1], "backlash"];
+/// The two laws of the cone's friction, of which a model holds one: the loads of a hanging weight are the same in both.
+const CONE: [&str; 2] = ["cone-friction", "distributed-capstan"];
 
 /// The text of a model file with calibrated values in it; every other effect stays as it is.
 ///
@@ -45,7 +47,8 @@ pub fn written(
             machine = Machine::Snake(snake.with(value.parameter, value.value, known));
             continue;
         }
-        let at = match effects.iter().position(|e| e.setting().kind().name() == value.effect) {
+        let is_own = |name: &str| name == value.effect || CONE.contains(&name) && CONE.contains(&value.effect);
+        let at = match effects.iter().position(|e| is_own(e.setting().kind().name())) {
             Some(at) => at,
             None => insert(&mut effects, value.effect)?,
         };

@@ -101,7 +101,7 @@ impl Recordings {
 
     /// Everything in the folder, newest first.
     pub fn list(&self) -> Vec<Entry> {
-        let now_s = u64::try_from(clock::wall_ns()).unwrap_or_default() / 1_000_000_000;
+        let now_s = clock::wall_ns() as u64 / 1_000_000_000;
         let mut entries: Vec<Entry> = self.files().into_iter().map(|file| self.entry(file).seen_at(now_s)).collect();
         entries.sort_by(|a, b| b.modified_s.cmp(&a.modified_s).then(a.name.cmp(&b.name)));
         entries

@@ -5,7 +5,7 @@ use crate::diagnose::search::{Search, Trial};
 use crate::fit::{Fit, Uncertainty, Variable, fit_to_end, held_out_output_squares, uncertainty};
 use crate::free::free_variables;
 use crate::joint::{OF_MACHINE, Start, Together, told};
-use crate::machine::{Candidate, FreeJoints, JointsLab, MachineUnderTest, nearest};
+use crate::machine::{Candidate, FreeJoints, GEOMETRY, JointsLab, MachineUnderTest, joint_number, nearest};
 use crate::noise::NoiseFloor;
 use crate::prepare::{Prepared, prepare};
 use crate::{LabError, Measurements, Parameter, Problem, Term};
@@ -65,12 +65,8 @@ pub struct JointNumber {
 impl JointNumber {
     /// What it is called behind `--free`: `gain1`, `offset2`.
     pub fn name(&self) -> String {
-        joint_key(self.is_offset, self.joint)
+        joint_number(self.is_offset, self.joint)
     }
-}
-
-fn joint_key(is_offset: bool, joint: usize) -> String {
-    format!("{}{joint}", if is_offset { "offset" } else { "gain" })
 }
 
 const FOLDS: usize = 6;
@@ -162,7 +158,7 @@ fn joint_numbers(joints: &JointsLab, calibration: &[Calibration], free: &[(Strin
         let known = if is_offset { &own.offset_known } else { &own.gain_known };
         // A value with a standard error may come from these very data, which do not count twice: it stays.
         let is_open = *known.get(joint - 1)? == Known::Free;
-        let is_asked = free.iter().any(|(of, name)| of == "machine" && *name == joint_key(is_offset, joint));
+        let is_asked = free.iter().any(|(of, name)| of == GEOMETRY && *name == joint_number(is_offset, joint));
         let scale = if is_offset { scale } else { 1.0 };
         let is_wanted = (is_offset || found.name == "gain") && (is_open || is_asked);
         is_wanted.then(|| JointNumber {

@@ -103,15 +103,17 @@ fn effects_that_poses_do_not_compute_are_refused_by_name() {
 #[test]
 fn friction_along_the_cone_gets_its_mu() {
     let folder = folder("along");
-    std::fs::write(folder.join("robot.toml"), POSE_MODEL.replace("cone-friction", "distributed-capstan")).unwrap();
+    let text = "format = 1\n[machine]\nkind = \"snake\"\n[[effect]]\nkind = \"distributed-capstan\"\n";
+    std::fs::write(folder.join("robot.toml"), text).unwrap();
     let mut typed: String = TABLE_II.iter().map(|(w, scale)| format!("1\n{w}\nup\n{scale}\n")).collect();
     typed += "1\n\ny\n";
     let ended = calibrate(&folder, &["friction", "--csv", "friction.csv", "--model", "robot.toml"], &typed);
     assert_eq!(ended.status.code(), Some(0), "{}", String::from_utf8_lossy(&ended.stderr));
     let text = std::fs::read_to_string(folder.join("robot.toml")).unwrap();
     let file = krait_model::model_file::ModelFile::parse(&text).unwrap();
-    let along = file.effects().iter().find(|e| e.setting().kind().name() == "distributed-capstan").unwrap();
-    let mu = along.setting().value("mu").unwrap();
+    let names: Vec<&str> = file.effects().iter().map(|e| e.setting().kind().name()).collect();
+    assert_eq!(names, ["static-friction", "distributed-capstan"], "the order of the chain");
+    let mu = file.effects()[1].setting().value("mu").unwrap();
     assert!((mu - 0.1727).abs() < 1e-4, "{mu}");
     std::fs::remove_dir_all(folder).unwrap();
 }

@@ -65,7 +65,7 @@ pub(super) fn diagnosis(answer: Answer) -> Result<Diagnosis, LabError> {
         for (slot, &kind) in own.order.iter().enumerate() {
             let place = own.fit.members.iter().position(|m| m.kind == kind);
             let Some(place) = place else { continue };
-            if kind == Kind::Latency && own.fit.members[place].values[0] < 0.0 {
+            if own.fit.members[place].is_ahead() {
                 continue;
             }
             let effect = effect(machine, own, slot, place, scale)?;
@@ -283,8 +283,7 @@ fn calibrations(machine: &JointsLab, found: &[Found], options: &DiagnoseOptions)
     let mut all = Vec::new();
     for own in found {
         all.extend(of_machine(machine, own.joint, &own.values, &names));
-        let ahead =
-            own.fit.members.iter().zip(&own.values.members).find(|(m, _)| m.kind == Kind::Latency && m.values[0] < 0.0);
+        let ahead = own.fit.members.iter().zip(&own.values.members).find(|(m, _)| m.is_ahead());
         if let Some((_, values)) = ahead {
             all.extend(values.iter().take(1).map(|value| Calibration {
                 name: "delay".to_owned(),

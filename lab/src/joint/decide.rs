@@ -84,9 +84,9 @@ impl Found {
     }
 }
 
-/// Whether it is an effect: a shape has no name, and measurements that come ahead of the motion are calibration.
+/// Whether it is an effect with a name.
 fn is_in_chain(member: &Member) -> bool {
-    !member.kind.is_shape() && (member.kind != Kind::Latency || member.values[0] >= 0.0)
+    !member.kind.is_shape() && !member.is_ahead()
 }
 
 /// One candidate alone.

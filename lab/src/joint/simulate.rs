@@ -19,6 +19,11 @@ impl Member {
         let starts = if kind.has_start() { vec![start; signal.n_trials] } else { Vec::new() };
         Self { kind, values: values.to_vec(), starts }
     }
+
+    /// Whether it says that the measurements come ahead of the motion, which is calibration and no effect.
+    pub fn is_ahead(&self) -> bool {
+        self.kind == Kind::Latency && self.values[0] < 0.0
+    }
 }
 
 /// What a list makes of a signal.

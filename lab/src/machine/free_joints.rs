@@ -22,6 +22,11 @@ pub(crate) struct FreeJoints<'a> {
 /// Numbers of one joint in one recording: gain and offset.
 const NUMBERS: usize = 2;
 
+/// What a joint's gain or offset is called where it is freed: `gain1`, `offset2`.
+pub(crate) fn joint_number(is_offset: bool, joint: usize) -> String {
+    format!("{}{joint}", if is_offset { "offset" } else { "gain" })
+}
+
 impl<'a> FreeJoints<'a> {
     /// The joints with the gains and offsets that a fit found, which name joint and recording in this order.
     pub fn new(
@@ -114,7 +119,7 @@ impl MachineUnderTest for FreeJoints<'_> {
         }
         let own = |k: usize| {
             let (which, reach) = (k % NUMBERS, 1e3 * self.sizes[k % NUMBERS]);
-            let name = format!("{}{}", ["gain", "offset"][which], k / NUMBERS + 1);
+            let name = joint_number(which == 1, k / NUMBERS + 1);
             Parameter { name, unit: String::new(), low: -reach, high: reach, default: 0.0 }
         };
         Ok((0..term.values.len()).map(own).collect())

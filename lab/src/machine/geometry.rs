@@ -6,7 +6,7 @@ use krait_model::MachineParameters;
 use krait_model::model_file::{GeometryKey, Known, ModelFile, SnakeMachine};
 
 /// The entry's name; `--free machine.r_m` frees a number of it.
-pub(super) const GEOMETRY: &str = "machine";
+pub(crate) const GEOMETRY: &str = "machine";
 
 /// Whether an entry of a list is the geometry.
 pub(crate) fn is_geometry(term: &Term) -> bool {

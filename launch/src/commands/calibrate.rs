@@ -21,8 +21,6 @@ use std::process::ExitCode;
 
 type Terminal = Dialogue<std::io::StdinLock<'static>, Stdout>;
 
-/// The cone's friction by its other law.
-const ALONG_THE_CONE: &str = "distributed-capstan";
 /// What the fits of `poses` and `stem` know of a model; every other effect would be taken for one of these.
 const KNOWN: [&str; 4] = ["stiffness-scale", "static-friction", "cone-friction", "backlash"];
 
@@ -44,22 +42,14 @@ fn terminal() -> Terminal {
 
 fn friction(args: &FrictionArgs) -> anyhow::Result<ExitCode> {
     let settings = friction::FrictionSettings {
-        phi_rad: machine(&args.files.model)?.phi_rad,
+        phi_rad: machine(file_of(&args.files.model)?.as_ref(), &args.files.model)?.phi_rad,
         weight_sd_g: args.weight_sd_g,
         scale_sd_g: args.scale_sd_g,
         free_zero: args.free_zero,
     };
     let mut dialogue = terminal();
     let found = friction::run(&mut dialogue, &args.files.csv, &settings)?;
-    let mut values = found.calibrated();
-    // The loads of a hanging weight are the same whether the friction lies at the cone's end or along it.
-    if file_of(&args.files.model)?.is_some_and(|file| effect_of(&file, ALONG_THE_CONE).is_some()) {
-        values
-            .iter_mut()
-            .filter(|value| value.effect == "cone-friction")
-            .for_each(|value| value.effect = ALONG_THE_CONE);
-    }
-    save(&mut dialogue, &args.files, &values)
+    save(&mut dialogue, &args.files, &found.calibrated())
 }
 
 fn play(args: &PlayArgs) -> anyhow::Result<ExitCode> {
@@ -88,8 +78,12 @@ fn photo(args: &PhotoArgs) -> anyhow::Result<ExitCode> {
 }
 
 fn poses(args: &PosesArgs) -> anyhow::Result<ExitCode> {
-    let (mu, f_s_n) = friction_of(&args.files.model)?;
-    let machine = machine(&args.files.model)?;
+    let file = file_of(&args.files.model)?;
+    if let Some(file) = &file {
+        only_known(file, &args.files.model)?;
+    }
+    let (mu, f_s_n) = friction_of(file.as_ref(), &args.files.model)?;
+    let machine = machine(file.as_ref(), &args.files.model)?;
     let settings = poses::PoseSettings { machine, mu, f_s_n, sd_rad: args.sd_deg.to_radians() };
     let mut dialogue = terminal();
     dialogue.say(&format!("with mu {mu:.4} and f_s {f_s_n:.3} N of {}", args.files.model.display()))?;
@@ -156,8 +150,8 @@ fn file_of(model: &Path) -> anyhow::Result<Option<ModelFile>> {
     Ok(Some(ModelFile::parse(&text).with_context(|| format!("the model file {}", model.display()))?))
 }
 
-fn machine(model: &Path) -> anyhow::Result<MachineParameters> {
-    file_of(model)?.map_or_else(|| Ok(MachineParameters::default()), |file| snake_of(&file, model))
+fn machine(file: Option<&ModelFile>, model: &Path) -> anyhow::Result<MachineParameters> {
+    file.map_or_else(|| Ok(MachineParameters::default()), |file| snake_of(file, model))
 }
 
 /// Dimensions and material of the snake that a model file describes.
@@ -194,12 +188,8 @@ pub(super) fn only_known(file: &ModelFile, model: &Path) -> anyhow::Result<()> {
 }
 
 /// mu and f_s of a model file: they must be known before eta and the play are.
-fn friction_of(model: &Path) -> anyhow::Result<(f64, f64)> {
-    let file = file_of(model)?;
-    if let Some(file) = &file {
-        only_known(file, model)?;
-    }
-    let value = |effect: &str, parameter: &str| effect_of(file.as_ref()?, effect)?.setting().value(parameter);
+fn friction_of(file: Option<&ModelFile>, model: &Path) -> anyhow::Result<(f64, f64)> {
+    let value = |effect: &str, parameter: &str| effect_of(file?, effect)?.setting().value(parameter);
     let found = (value("cone-friction", "mu"), value("static-friction", "f_s_n"));
     let (Some(mu), Some(f_s_n)) = found else {
         anyhow::bail!(

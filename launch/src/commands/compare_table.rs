@@ -87,9 +87,7 @@ impl Rows {
             |name: String, figure: &dyn Fn(&Side) -> Option<f64>| self.numbers(&name, figure(a), figure(b), 2);
         if a.peak_bend_deg.is_some() || b.peak_bend_deg.is_some() {
             row("largest bend commanded, deg".to_owned(), &|side| side.peak_bend_deg.map(|peak| peak.commanded));
-            row("largest bend measured, deg".to_owned(), &|side| {
-                side.peak_bend_deg.filter(|_| is_measured(side)).and_then(|peak| peak.reached)
-            });
+            row("largest bend measured, deg".to_owned(), &|side| side.peak_bend_deg.and_then(|peak| peak.reached));
         }
         if a.jaw.is_some() || b.jaw.is_some() {
             let of = |side: &Side| side.jaw.as_ref()?.joints.first().copied();
