@@ -4,8 +4,8 @@ use crate::diagnose::Calibration;
 use crate::diagnose::search::{Search, Trial};
 use crate::fit::{Fit, Uncertainty, Variable, fit_to_end, held_out_output_squares, uncertainty};
 use crate::free::free_variables;
-use crate::joint::{OF_MACHINE, Start, Together, told};
-use crate::machine::{Candidate, FreeJoints, GEOMETRY, JointsLab, MachineUnderTest, joint_number, nearest};
+use crate::joint::{Ground, OF_MACHINE, Start, Together};
+use crate::machine::{Candidate, FreeJoints, Freed, JointsLab, MachineUnderTest, freed, joint_number, nearest};
 use crate::noise::NoiseFloor;
 use crate::prepare::{Prepared, prepare};
 use crate::{LabError, Measurements, Parameter, Problem, Term};
@@ -77,10 +77,18 @@ const FOLDS: usize = 6;
 /// [`LabError`] for an effect or a parameter that the machine does not have, and where it makes no chain.
 pub fn add(machine: &dyn MachineUnderTest, data: &Measurements, options: &AddOptions) -> Result<Added, LabError> {
     let parameters = machine.parameters(&options.term)?;
+    let freed = machine.as_joints().map(|joints| freed(joints, &options.refit)).transpose()?;
+    let of_joints = freed.as_ref().map(|own| AddOptions { refit: own.others.clone(), ..options.clone() });
+    let options = of_joints.as_ref().unwrap_or(options);
+    let machine = freed.as_ref().map_or(machine, |own| &own.joints as &dyn MachineUnderTest);
     if let Some(joints) = machine.as_joints().filter(|_| !options.from_given && options.free.is_empty())
         && let Some(added) = crate::joint::add(joints, data, options)?
     {
-        return with_own(joints, data, options, added);
+        let mut added = with_own(joints, data, options, added)?;
+        let asked = freed.as_ref().map_or(&[][..], |own| &own.numbers);
+        added.joint_numbers = joint_numbers(joints, &added.calibration, asked);
+        added.joint_numbers.retain(|own| asked.contains(&(own.is_offset, own.joint)));
+        return Ok(added);
     }
     let calibrated = machine.as_joints().map(|joints| crate::joint::calibrated(joints, data)).transpose()?;
     let machine = calibrated.as_ref().map_or(machine, |joints| joints as &dyn MachineUnderTest);
@@ -101,14 +109,16 @@ pub fn add(machine: &dyn MachineUnderTest, data: &Measurements, options: &AddOpt
 /// Fits the new effect of joints again, from what was found with the model's own effects held, together with those of their values
 /// that are free or known with a standard error, and with gains and offsets.
 fn with_own(joints: &JointsLab, data: &Measurements, options: &AddOptions, alone: Added) -> Result<Added, LabError> {
-    let machine = FreeJoints::new(joints, data, &alone.calibration, &options.recordings);
     let start = Start { terms: &alone.terms, variables: &alone.variables };
-    let Some((effects, variables)) = start.with_own(joints, &machine, data, &options.refit)? else {
+    let ground = start.ground(joints, data, &options.refit, &options.recordings)?;
+    if !ground.frees_own() {
         return Ok(alone);
-    };
+    }
+    let Ground { joints, calibration, effects, variables } = ground;
+    let machine = FreeJoints::new(&joints, data, &calibration, &options.recordings);
     let bench = Bench::new(&machine, data)?;
     let found = bench.report(fit_to_end(&bench.problem, &effects, &variables)?);
-    Ok(without_machine(&machine, Added { before: alone.before, ..found }, alone.calibration))
+    Ok(without_machine(&machine, Added { before: alone.before, ..found }, calibration))
 }
 
 /// What was fitted, with gains and offsets as calibration.
@@ -132,13 +142,15 @@ pub fn refit(
     // A gain or an offset that the user frees by name takes the place of the machine's.
     let is_asked = |name: &str| free.iter().any(|(effect, _)| effect == name);
     if let Some(joints) = machine.as_joints().filter(|_| !OF_MACHINE.into_iter().any(is_asked)) {
-        let calibration = crate::joint::calibration(joints, data, &[])?;
-        let machine = FreeJoints::new(joints, data, &calibration, &[]);
-        let variables = told(joints, free_variables(&machine, data, free)?);
+        let Freed { joints: of_file, numbers, others } = &freed(joints, free)?;
+        let (joints, free) = (of_file, others.as_slice());
+        let start = Start { terms: joints.effects(), variables: &[] };
+        let Ground { joints, calibration, effects, variables } = start.ground(joints, data, free, &[])?;
+        let machine = FreeJoints::new(&joints, data, &calibration, &[]);
         let bench = Bench::new(&machine, data)?;
-        let fitted = fit_to_end(&bench.problem, machine.effects(), &variables)?;
+        let fitted = fit_to_end(&bench.problem, &effects, &variables)?;
         let mut found = without_machine(&machine, bench.report(fitted), calibration);
-        found.joint_numbers = joint_numbers(joints, &found.calibration, free);
+        found.joint_numbers = joint_numbers(&joints, &found.calibration, numbers);
         return Ok(found);
     }
     let calibrated = machine.as_joints().map(|joints| crate::joint::calibrated(joints, data)).transpose()?;
@@ -150,7 +162,7 @@ pub fn refit(
 }
 
 /// What of gains and offsets goes into the model file: what it leaves out stays out, unless it was asked for by name.
-fn joint_numbers(joints: &JointsLab, calibration: &[Calibration], free: &[(String, String)]) -> Vec<JointNumber> {
+fn joint_numbers(joints: &JointsLab, calibration: &[Calibration], asked: &[(bool, usize)]) -> Vec<JointNumber> {
     let (_, scale) = joints.error_unit();
     let own = joints.joints();
     let to_file = |found: &Calibration| {
@@ -158,7 +170,7 @@ fn joint_numbers(joints: &JointsLab, calibration: &[Calibration], free: &[(Strin
         let known = if is_offset { &own.offset_known } else { &own.gain_known };
         // A value with a standard error may come from these very data, which do not count twice: it stays.
         let is_open = *known.get(joint - 1)? == Known::Free;
-        let is_asked = free.iter().any(|(of, name)| of == GEOMETRY && *name == joint_number(is_offset, joint));
+        let is_asked = asked.contains(&(is_offset, joint));
         let scale = if is_offset { scale } else { 1.0 };
         let is_wanted = (is_offset || found.name == "gain") && (is_open || is_asked);
         is_wanted.then(|| JointNumber {

@@ -319,6 +319,7 @@ mod tests {
             sigma: None,
             extra: Vec::new(),
             names: Names::default(),
+            n_held_rows: 0,
         }
     }
 

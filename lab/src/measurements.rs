@@ -48,6 +48,8 @@ pub struct Measurements {
     pub extra: Vec<(String, Vec<f64>)>,
     /// What the file calls inputs and outputs.
     pub names: Names,
+    /// Rows that only repeated the frame of a camera slower than the file, and count as not measured.
+    pub n_held_rows: usize,
 }
 
 /// What fits make of the loads at the actuators.
@@ -163,6 +165,7 @@ impl Measurements {
             all.time_s.extend(&part.time_s);
             all.inputs.extend(&part.inputs);
             all.outputs.extend(&part.outputs);
+            all.n_held_rows += part.n_held_rows;
             all.trial.extend(part.trial.iter().map(|trial| trial + n_trials));
             let join = |own: &mut Option<Vec<f64>>, other: Option<Vec<f64>>| match (own.take(), other) {
                 (Some(mut own_values), Some(other)) => {
@@ -215,6 +218,7 @@ impl Measurements {
             sigma: None,
             extra: Vec::new(),
             names: Names::default(),
+            n_held_rows: 0,
         }
     }
 
@@ -246,6 +250,7 @@ impl Measurements {
             sigma: pick_option(&self.sigma, 1),
             extra: self.extra.iter().map(|(name, values)| (name.clone(), pick(values, 1))).collect(),
             names: self.names.clone(),
+            n_held_rows: self.n_held_rows,
         }
     }
 }

@@ -82,6 +82,11 @@ pub fn wrapped(text: &str, width: usize) -> Vec<String> {
     lines
 }
 
+/// A text in lines of 80 columns.
+pub fn lines(text: &str) -> String {
+    wrapped(text, 80).iter().map(|line| format!("{line}\n")).collect()
+}
+
 /// A text as a paragraph of 80 columns that stands two further in.
 pub fn paragraph(text: &str) -> String {
     wrapped(text, 78).iter().map(|line| format!("  {line}\n")).collect()

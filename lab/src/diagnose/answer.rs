@@ -90,6 +90,20 @@ impl Diagnosis {
         self.calibration.iter().any(|own| !own.is_held)
     }
 
+    /// The effects in the order of the chain, not of their size: added in this order they act on one another as they were found.
+    pub fn in_chain_order(&self) -> Vec<&FoundEffect> {
+        let place = |effect: &&FoundEffect| {
+            let is_own = |term: &Term| {
+                let joint = term.values.first().map(|joint| joint.round() as usize);
+                term.name == effect.name && effect.joint.is_none_or(|own| joint == Some(own))
+            };
+            self.terms.iter().rposition(is_own)
+        };
+        let mut effects: Vec<&FoundEffect> = self.effects.iter().collect();
+        effects.sort_by_key(place);
+        effects
+    }
+
     /// What the errors of the candidates are of, where that is another kind than every other error of the answer.
     pub fn candidates_error_is_of(&self) -> Option<&'static str> {
         let with_loads = "the error is of shape and loads together, a load's noise counted as the shape's";

@@ -19,6 +19,13 @@ pub(crate) fn cautions(problem: &Problem, n_outliers: usize, in_blocks: bool) ->
             "angle, its derivatives and force are filtered alike below {cut_off_hz:.2} Hz; rows near a reversal and at rest do not count"
         ));
     }
+    if data.n_held_rows > 0 {
+        said.push(format!(
+            "{} rows only repeat the measurement before them while the machine moves, as a camera slower than the file's rows does: \
+             the first row of each frame counts",
+            data.n_held_rows
+        ));
+    }
     let reversals = reversals(data);
     if reversals < 8 {
         said.push(format!(

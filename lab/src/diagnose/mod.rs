@@ -50,5 +50,5 @@ pub(crate) use structure::structure;
 pub use structure::{GroupShare, Structure};
 pub use verdict::{DiagnoseOptions, diagnose};
 pub use words::capital;
-pub(crate) use words::stand_and_take;
+pub(crate) use words::{named, stand_and_take, sure};
 pub(crate) use working::working_rows;

@@ -16,7 +16,7 @@ use super::{GroupShare, columns, experiment, force_rest, gate, lists, structure}
 use crate::cells::{Usable, load_cells};
 use crate::fit::{Fit, dot, held_out_block_squares, held_out_output_squares, uncertainty};
 use crate::free::free_variables;
-use crate::machine::{Candidate, MachineUnderTest};
+use crate::machine::{Candidate, Freed, MachineUnderTest, freed};
 use crate::noise::{FloorSource, NoiseFloor};
 use crate::prepare::{Prepared, prepare};
 use crate::read::scatter_before_filter;
@@ -70,7 +70,9 @@ pub fn diagnose(
     options: &DiagnoseOptions,
 ) -> Result<Diagnosis, LabError> {
     if let Some(joints) = machine.as_joints() {
-        return crate::joint::diagnose(joints, data, options)?.sketched(machine, data);
+        let Freed { joints, others, .. } = freed(joints, &options.free)?;
+        let options = DiagnoseOptions { free: others, ..options.clone() };
+        return crate::joint::diagnose(&joints, data, &options)?.sketched(machine, data);
     }
     let Prepared { problem: full, mut floors, excluded, shortest_block_s, loads } = prepare(machine, data)?;
     let rows = working_rows(data, &excluded);

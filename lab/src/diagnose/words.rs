@@ -1,6 +1,6 @@
 //! A verdict and a candidate's fate in words.
 
-use super::answer::{FoundEffect, Remaining, Verdict};
+use super::answer::{FoundEffect, FoundParameter, Remaining, Verdict};
 use crate::machine::Candidate;
 
 /// A list that leaves less of what was explainable explains it, if its values can be.
@@ -42,6 +42,56 @@ pub(crate) fn stand_and_take(n_effects: usize) -> &'static str {
     if n_effects == 1 { "stands and takes" } else { "stand and take" }
 }
 
+/// So many effects are named in a headline; the table has all.
+const NAMED: usize = 4;
+
+/// The effects of a headline: each with its place, its size and what it cannot be told from.
+pub(crate) fn named(effects: &[FoundEffect], place: impl Fn(&FoundEffect) -> String) -> String {
+    let one = |effect: &FoundEffect| {
+        let size = effect.parameters.iter().find(|own| own.is_free).map(size);
+        let alike = (effect.class.len() > 1).then(|| format!("or {}", effect.class[1..].join(", ")));
+        let details: Vec<String> = size.into_iter().chain(alike).collect();
+        let details = if details.is_empty() { String::new() } else { format!(" ({})", details.join("; ")) };
+        format!("{}{}{details}", effect.name, place(effect))
+    };
+    let mut names: Vec<String> = effects.iter().take(NAMED).map(one).collect();
+    match effects.len().saturating_sub(NAMED) {
+        0 => {}
+        1 => names.push("a smaller one".to_owned()),
+        n => names.push(format!("{n} smaller ones")),
+    }
+    names.join(" and ")
+}
+
+/// How sure a headline is of the least sure of its effects, each with what it cannot be told from.
+pub(crate) fn sure(effects: &[FoundEffect]) -> String {
+    let least = effects.iter().map(|own| own.probability).fold(1.0, f64::min);
+    let of = if effects.len() == 1 { "of it" } else { "of each" };
+    if least > 0.99 { format!("sure {of}: more than 99 %") } else { format!("sure {of}: {:.0} %", 100.0 * least) }
+}
+
+/// A parameter in the unit that people think in.
+fn size(own: &FoundParameter) -> String {
+    let (value, unit) = match own.unit.as_str() {
+        "rad" => (own.value.to_degrees(), " deg"),
+        "m" => (1e3 * own.value, " mm"),
+        "1" => (own.value, ""),
+        other => (own.value, other),
+    };
+    let space = if unit.is_empty() || unit.starts_with(' ') { "" } else { " " };
+    format!("{} {}{space}{unit}", own.name, three_digits(value))
+}
+
+/// A number with three digits that count.
+fn three_digits(value: f64) -> String {
+    let size = value.abs();
+    if value == 0.0 || !(1e-3..1e4).contains(&size) {
+        return if value == 0.0 { "0".to_owned() } else { format!("{value:.2e}") };
+    }
+    let behind_point = (2.0 - size.log10().floor()).max(0.0) as usize;
+    format!("{value:.behind_point$}")
+}
+
 /// The verdict in one sentence.
 pub(super) fn sentence(
     verdict: Verdict,
@@ -53,24 +103,22 @@ pub(super) fn sentence(
 ) -> String {
     let floor =
         floor.map_or("an unknown noise floor".to_owned(), |floor| format!("a noise floor of {floor:.3} {unit}"));
-    let names = |effect: &FoundEffect| match effect.class.len() {
-        1 => effect.name.clone(),
-        _ => format!("one of {{{}}}", effect.class.join(", ")),
-    };
+    let names = || named(effects, |_| String::new());
     match verdict {
         Verdict::None => {
             format!("nothing is missing: an error of {after:.3} {unit} beside {floor} is the measurement's own")
         }
         Verdict::Partly => format!(
             "partly: {} {} {:.0} % of what there was to explain; {after:.3} {unit} remain beside {floor}{}",
-            effects.iter().map(names).collect::<Vec<_>>().join(" and "),
+            names(),
             stand_and_take(effects.len()),
             100.0 * (1.0 - remaining.unexplained),
             remaining.looks_like.map_or(String::new(), |what| format!(", and the rest depends on {what}"))
-        ),
+        ) + &format!("; {}", sure(effects)),
         Verdict::Missing => format!(
-            "missing: {}; with it the error on data it was not fitted to is {after:.3} {unit}, beside {floor}",
-            effects.iter().map(names).collect::<Vec<_>>().join(" and ")
+            "missing: {}; with it the error on data it was not fitted to is {after:.3} {unit}, beside {floor}; {}",
+            names(),
+            sure(effects)
         ),
         Verdict::Unknown if remaining.looks_like.is_none() && remaining.unexplained <= EXPLAINED => {
             "something is missing that no known effect explains: some imitate it, but only with values at the edge of what is \

@@ -112,6 +112,7 @@ mod tests {
             sigma: None,
             extra: Vec::new(),
             names: crate::Names::default(),
+            n_held_rows: 0,
         }
     }
 

@@ -8,6 +8,7 @@ use super::kind::Kind;
 use super::refine::{Fit, Loss};
 use super::search::Search;
 use super::signal::Signal;
+use super::starts::settled;
 use super::terms::{self, Value, term};
 use crate::add::Added;
 use crate::fit::{Uncertainty, Variable};
@@ -22,6 +23,7 @@ const MOST_ROWS: usize = 10_000;
 /// # Errors
 /// [`LabError`] where the model's own effects make no chain.
 pub(crate) fn add(machine: &JointsLab, data: &Measurements, options: &AddOptions) -> Result<Option<Added>, LabError> {
+    let (machine, _) = &settled(machine, data, &options.recordings)?;
     let wanted = &options.term;
     let (names, first_trials) = names_and_trials(&options.recordings);
     let excluded = excluded(machine, data)?;

@@ -1,5 +1,6 @@
 //! What was found of all joints, in the words of a diagnosis.
 
+use super::columns::Hints;
 use super::decide::Found;
 use super::gate::HeldOut;
 use super::kind::Kind;
@@ -7,7 +8,7 @@ use super::signal::Number;
 use super::terms::{Values, name, term};
 use crate::diagnose::{
     Calibration, CandidateAnswer, DiagnoseOptions, Diagnosis, FoundEffect, FoundParameter, GroupShare, Remaining,
-    Structure, Verdict, cautions, next, separate_joints, stand_and_take,
+    Structure, Verdict, cautions, named, next, separate_joints, stand_and_take, sure,
 };
 use crate::machine::{JointsLab, MachineUnderTest};
 use crate::{LabError, Measurements, Names, Problem, Term};
@@ -23,7 +24,7 @@ pub(super) struct Answer<'a> {
     pub found: Vec<Found>,
     /// Values of the model's own effects that were found with them.
     pub own_values: &'a [Calibration],
-    pub hints: Vec<String>,
+    pub hints: Hints,
     pub n_outliers: usize,
 }
 
@@ -56,6 +57,7 @@ pub(super) fn diagnosis(answer: Answer) -> Result<Diagnosis, LabError> {
     let Answer { machine, data, options, found, own_values, hints, n_outliers } = answer;
     let (unit, scale) = machine.error_unit();
     let length = |of: &dyn Fn(&Found) -> f64| found.iter().map(of).sum::<f64>().sqrt() * scale;
+    let Hints { wrong: hints, odd } = hints;
     let verdict = if hints.is_empty() { together(&found) } else { Verdict::Unknown };
     let stands = |own: &Found| own.stands() && hints.is_empty();
     let mut named: Vec<(f64, FoundEffect, Term)> = Vec::new();
@@ -105,6 +107,7 @@ pub(super) fn diagnosis(answer: Answer) -> Result<Diagnosis, LabError> {
     let next_experiment = next(verdict, separating, remaining.looks_like);
     let problem = Problem::new(machine, data.clone(), &[], f64::INFINITY);
     let mut cautions: Vec<String> = hints.clone();
+    cautions.extend(odd);
     cautions.extend(cautions_of(&problem, n_outliers));
     cautions.extend(found.iter().flat_map(|own| disagreeing(own, options)));
     let mut calibration = calibrations(machine, &found, options);
@@ -385,15 +388,10 @@ fn sentence(said: &Said) -> String {
     let floor =
         said.floor.map_or("an unknown noise floor".to_owned(), |floor| format!("a noise floor of {floor:.3} {unit}"));
     let several = said.found.len() > 1;
-    let one = |effect: &FoundEffect| {
-        let joint =
-            effect.joint.filter(|_| several).map_or(String::new(), |joint| format!(" on {}", said.names.joint(joint)));
-        match effect.class.len() {
-            1 => format!("{}{joint}", effect.name),
-            _ => format!("{}{joint} (or {})", effect.name, effect.class[1..].join(", ")),
-        }
+    let on_joint = |effect: &FoundEffect| {
+        effect.joint.filter(|_| several).map_or(String::new(), |joint| format!(" on {}", said.names.joint(joint)))
     };
-    let names = said.effects.iter().map(one).collect::<Vec<_>>().join(" and ");
+    let names = named(said.effects, on_joint);
     let explained =
         said.share.map_or(String::new(), |share| format!(", {:.0} % of what there was to explain", 100.0 * share));
     match said.verdict {
@@ -403,7 +401,8 @@ fn sentence(said: &Said) -> String {
             )
         }
         Verdict::Missing => format!(
-            "missing: {names}; with it the error on data it was not fitted to falls from {before:.3} to {after:.3} {unit}, beside {floor}"
+            "missing: {names}; with it the error on data it was not fitted to falls from {before:.3} to {after:.3} {unit}, beside {floor}; {}",
+            sure(said.effects)
         ),
         Verdict::Partly => {
             let rest = said.found.iter().filter(|own| own.structured);
@@ -411,9 +410,10 @@ fn sentence(said: &Said) -> String {
             let depends = rest.and_then(|own| own.structure.groups.first().filter(|group| group.share > 0.0));
             format!(
                 "partly: {names} {} the error from {before:.3} to {after:.3} {unit}{explained}; a rest remains beside \
-                 {floor}{}",
+                 {floor}{}; {}",
                 stand_and_take(said.effects.len()),
-                depends.map_or(String::new(), |group| format!(", and it depends on {}", group.name))
+                depends.map_or(String::new(), |group| format!(", and it depends on {}", group.name)),
+                sure(said.effects)
             )
         }
         Verdict::TooShort => {

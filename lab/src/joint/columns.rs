@@ -1,4 +1,4 @@
-//! Are the columns what their names say? Exchanged, negated or in another unit: said before any effect is named.
+//! Are the columns what their names say? Exchanged, in another order, negated or in another unit: said before any effect is named.
 
 use super::signal::Number;
 use crate::machine::{JointsLab, MachineUnderTest};
@@ -23,55 +23,89 @@ struct Line {
     share: f64,
 }
 
-/// What is probably wrong with the columns, a sentence each.
+/// What is odd about the columns, a sentence each.
+#[derive(Debug, Default)]
+pub(super) struct Hints {
+    /// What makes every effect's name worthless until it is mended.
+    pub wrong: Vec<String>,
+    /// What a free gain takes up, and yet nobody may have meant.
+    pub odd: Vec<String>,
+}
+
+/// What is probably wrong with the columns.
 ///
 /// # Errors
 /// [`LabError::Chain`] where the model's own effects make no chain.
-pub(super) fn check(machine: &JointsLab, data: &Measurements) -> Result<Vec<String>, LabError> {
+pub(super) fn check(machine: &JointsLab, data: &Measurements) -> Result<Hints, LabError> {
     let n = data.n_outputs;
     let [passed, added, _] = machine.parts(data)?;
     let x: Vec<f64> = passed.iter().zip(&added).map(|(p, a)| p + a).collect();
     let lines: Vec<Vec<Line>> = (0..n).map(|i| (0..n).map(|k| line(&x, &data.outputs, n, k, i)).collect()).collect();
-    let (unit, scale) = machine.error_unit();
-    let mut said = Vec::new();
+    let mut hints = Hints::default();
+    let follows = |i: usize| {
+        let other = (0..n).max_by(|a, b| lines[i][*a].share.total_cmp(&lines[i][*b].share))?;
+        (lines[i][i].share < DOES_NOT && lines[i][other].share > FOLLOWS).then_some(other)
+    };
+    let order: Vec<Option<usize>> = (0..n).map(follows).collect();
     for i in 0..n {
-        let own = &lines[i][i];
-        let exchanged = (i + 1..n).find(|&k| {
-            let crossed = lines[i][k].share > FOLLOWS && lines[k][i].share > FOLLOWS;
-            crossed && own.share < DOES_NOT && lines[k][k].share < DOES_NOT
-        });
-        if let Some(k) = exchanged {
-            let spread = |share: f64| deviation(&data.outputs, n, i) * scale * (1.0 - share).max(0.0).sqrt();
-            said.push(format!(
-                "{} and {} are probably exchanged: {:.3} {unit} becomes {:.3} {unit}",
+        match order[i] {
+            Some(other) if other > i && order[other] == Some(i) => hints.wrong.push(exchanged(machine, data, &lines, i, other)),
+            Some(other) if order[other] != Some(i) => hints.wrong.push(format!(
+                "{} probably belongs to {}: it follows that command ({:.0} % of it is a straight line of it) and not its own ({:.0} %)",
                 data.names.output(i),
-                data.names.output(k),
-                spread(own.share),
-                spread(lines[i][k].share)
-            ));
-            continue;
-        }
-        if own.share < FOLLOWS {
-            continue;
-        }
-        let Number::Held(held) = machine.gain_known(i) else { continue };
-        let ratio = own.gain / held;
-        let a_unit = UNITS.iter().find(|(factor, _)| (ratio.abs() / factor - 1.0).abs() < NEAR_A_UNIT);
-        if let Some((_, what)) = a_unit {
-            said.push(format!(
-                "{} is probably {what}: its gain is {:.4} where the model holds {held}",
-                data.names.output(i),
-                own.gain
-            ));
-        } else if ratio < -0.3 {
-            said.push(format!(
-                "{} is probably negated: its gain is {:.4} where the model holds {held}; correct the column or leave `gain` out",
-                data.names.output(i),
-                own.gain
-            ));
+                data.names.input(other),
+                100.0 * lines[i][other].share,
+                100.0 * lines[i][i].share
+            )),
+            Some(_) => {}
+            None if lines[i][i].share >= FOLLOWS => gain(machine, data, i, lines[i][i].gain, &mut hints),
+            None => {}
         }
     }
-    Ok(said)
+    Ok(hints)
+}
+
+/// Two columns in each other's place.
+fn exchanged(machine: &JointsLab, data: &Measurements, lines: &[Vec<Line>], i: usize, k: usize) -> String {
+    let (unit, scale) = machine.error_unit();
+    let spread = |share: f64| deviation(&data.outputs, data.n_outputs, i) * scale * (1.0 - share).max(0.0).sqrt();
+    format!(
+        "{} and {} are probably exchanged: {:.3} {unit} becomes {:.3} {unit}",
+        data.names.output(i),
+        data.names.output(k),
+        spread(lines[i][i].share),
+        spread(lines[i][k].share)
+    )
+}
+
+/// What the gain of a column that follows its own command says of its unit and sign.
+fn gain(machine: &JointsLab, data: &Measurements, i: usize, gain: f64, hints: &mut Hints) {
+    let name = data.names.output(i);
+    let of_a_unit = |ratio: f64| UNITS.iter().find(|(factor, _)| (ratio.abs() / factor - 1.0).abs() < NEAR_A_UNIT);
+    match machine.gain_known(i) {
+        Number::Held(0.0) => hints.wrong.push(format!(
+            "{name} follows its command with a gain of {gain:.4}, and the model holds a gain of 0; leave `gain` out or correct it"
+        )),
+        Number::Held(held) => {
+            if let Some((_, what)) = of_a_unit(gain / held) {
+                hints.wrong.push(format!("{name} is probably {what}: its gain is {gain:.4} where the model holds {held}"));
+            } else if gain / held < -0.3 {
+                hints.wrong.push(format!(
+                    "{name} is probably negated: its gain is {gain:.4} where the model holds {held}; correct the column or leave `gain` out"
+                ));
+            }
+        }
+        // A free gain takes up a wrong unit; then every length that the fit finds is in that unit.
+        _ => {
+            let own = machine.joints();
+            if let Some((_, what)) = of_a_unit(gain).filter(|_| own.u_unit == own.y_unit) {
+                hints.odd.push(format!(
+                    "{name} may be {what}: its gain is {gain:.4} although both are in {}; check the unit in the file's header or the mapping",
+                    own.y_unit
+                ));
+            }
+        }
+    }
 }
 
 fn line(x: &[f64], y: &[f64], n: usize, from: usize, to: usize) -> Line {

@@ -12,6 +12,7 @@ use super::search::{Plan, Search, n_effective};
 use super::signal::Signal;
 use super::simulate::{Member, Run};
 use super::solve::{Design, Solution};
+use super::starts::settled;
 use super::terms::{self, Value, Values};
 use crate::diagnose::screen::orthonormal;
 use crate::diagnose::{
@@ -110,6 +111,8 @@ pub(crate) fn diagnose(
     let work = data.select(&rows);
     let left_out: Vec<usize> = (0..rows.len()).filter(|k| excluded.binary_search(&rows[*k]).is_ok()).collect();
     let hints = columns::check(machine, data)?;
+    let (machine, _) = settled(machine, &work, &options.recordings)?;
+    let machine = &machine;
     let search = |machine: &JointsLab| {
         let case = Case { machine, data, work: &work, excluded: &excluded, left_out: &left_out, options };
         (0..data.n_outputs).into_par_iter().map(|joint| case.joint(joint)).collect()
@@ -128,12 +131,13 @@ pub(super) fn excluded(machine: &JointsLab, data: &Measurements) -> Result<Vec<u
     Ok(outliers(&problem, &residual))
 }
 
-/// The machine with gains and offsets fitted to these data, effects as they are.
+/// The machine with gains, offsets and where hysteresis begins fitted to these data, effects as they are.
 ///
 /// # Errors
 /// [`LabError::Chain`] where the model as given cannot be computed.
 pub(crate) fn calibrated(machine: &JointsLab, data: &Measurements) -> Result<JointsLab, LabError> {
-    let solutions = solutions(machine, data, &[0])?;
+    let (machine, _) = settled(machine, data, &[])?;
+    let solutions = solutions(&machine, data, &[0])?;
     let (gains, offsets): (Vec<f64>, Vec<f64>) = solutions.iter().map(|own| (own.gains[0], own.offsets[0])).unzip();
     Ok(machine.calibrated(&gains, &offsets))
 }
@@ -259,6 +263,7 @@ impl Case<'_> {
             structure.groups.insert(0, GroupShare { name: kind.name(), share: part, p_value: structure.p_value });
             explained = beside(last, &fit, &blocks, with_shapes);
         }
+        structured |= floor.is_far_below(after.mean_square.sqrt());
         let mut verdict = match (n_known == 0, structured) {
             (true, false) => Verdict::None,
             (false, false) => Verdict::Missing,

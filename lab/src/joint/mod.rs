@@ -19,9 +19,11 @@ mod search;
 mod signal;
 mod simulate;
 mod solve;
+mod starts;
 mod terms;
 
 pub(crate) use add::add;
-pub(crate) use decide::{calibrated, calibration, diagnose};
-pub(crate) use own::{OF_MACHINE, Start, Together, told};
+pub(crate) use decide::{calibrated, diagnose};
+pub(crate) use own::{Ground, OF_MACHINE, Start, Together, told};
 pub(crate) use signal::Number;
+pub(crate) use starts::Starts;

@@ -4,7 +4,8 @@
 //! fitted first without, then together with what the search names, and the search runs again with them, until it names the same.
 
 use super::add::fitted_variables;
-use super::decide::{Found, calibration};
+use super::decide::Found;
+use super::starts::{has_starts, settled, with_starts};
 use super::terms::{name, term};
 use crate::diagnose::{Calibration, DiagnoseOptions, number_name};
 use crate::fit::{Uncertainty, Variable, fit_to_end, uncertainty};
@@ -45,31 +46,76 @@ pub(crate) struct Start<'a> {
     pub variables: &'a [Variable],
 }
 
-/// Every effect of a fit, and what is free of them.
-type EffectsAndVariables = (Vec<Term>, Vec<Variable>);
+/// What a fit of joints begins from.
+pub(crate) struct Ground {
+    /// The joints, with where the hysteresis of every effect begins.
+    pub joints: JointsLab,
+    /// Gains and offsets that go with it.
+    pub calibration: Vec<Calibration>,
+    /// Every effect, with the machine as one of them.
+    pub effects: Vec<Term>,
+    /// What is free of them.
+    pub variables: Vec<Variable>,
+}
+
+impl Ground {
+    /// Whether something of the model's own effects is free.
+    pub fn frees_own(&self) -> bool {
+        self.variables.iter().any(|own| own.effect < self.joints.effects().len())
+    }
+}
 
 impl Start<'_> {
-    /// Effects and variables of a fit to joints whose machine is one entry of the list; `None` where nothing of the model's own is free.
+    /// What a fit begins from: a first fit of all values together says where hysteresis begins, and this where the values do.
     ///
     /// # Errors
     /// [`LabError::NotInModel`] or [`LabError::UnknownParameter`] for a name in `again` that the model does not have.
-    pub fn with_own(
+    pub fn ground(
         &self,
         joints: &JointsLab,
-        machine: &FreeJoints,
         data: &Measurements,
         again: &[(String, String)],
-    ) -> Result<Option<EffectsAndVariables>, LabError> {
-        let n_own = joints.effects().len();
-        let mut variables = told(joints, free_variables(machine, data, again)?);
-        if variables.iter().all(|own| own.effect >= n_own) {
-            return Ok(None);
+        recordings: &[(String, usize)],
+    ) -> Result<Ground, LabError> {
+        let (joints, calibration) = settled(joints, data, recordings)?;
+        let (effects, variables) = self.free(&joints, self.terms, data, &calibration, again, recordings)?;
+        let ground = Ground { joints, calibration, effects, variables };
+        if !has_starts(self.terms, data.n_inputs) || !ground.frees_own() {
+            return Ok(ground);
         }
+        let Ground { mut joints, mut calibration, effects, variables } = ground;
+        joints = with_starts(&joints, self.terms, data, &calibration, recordings)?;
+        let terms;
+        Together { terms, calibration, .. } = {
+            let machine = FreeJoints::new(&joints, data, &calibration, recordings);
+            let fit = fit_to_end(&prepare(&machine, data)?.problem, &effects, &variables)?;
+            let nothing = Uncertainty { robust: vec![0.0; variables.len()], naive: vec![0.0; variables.len()] };
+            machine.without_machine(Together { terms: fit.effects, variables, uncertainty: nothing, calibration })
+        };
+        let n_own = joints.effects().len();
+        joints = with_starts(&joints, &terms, data, &calibration, recordings)?.with_effects(&terms[..n_own]);
+        let (effects, variables) = self.free(&joints, &terms, data, &calibration, again, recordings)?;
+        Ok(Ground { joints, calibration, effects, variables })
+    }
+
+    /// Every effect with the machine as one of them, and what is free of them.
+    fn free(
+        &self,
+        joints: &JointsLab,
+        terms: &[Term],
+        data: &Measurements,
+        calibration: &[Calibration],
+        again: &[(String, String)],
+        recordings: &[(String, usize)],
+    ) -> Result<(Vec<Term>, Vec<Variable>), LabError> {
+        let n_own = joints.effects().len();
+        let machine = FreeJoints::new(joints, data, calibration, recordings);
+        let mut variables = told(joints, free_variables(&machine, data, again)?);
         let mut effects = machine.effects().to_vec();
-        effects.extend_from_slice(&self.terms[n_own..]);
+        effects.extend_from_slice(&terms[n_own..]);
         // Behind the machine's own entry.
         variables.extend(self.variables.iter().cloned().map(|own| Variable { effect: own.effect + 1, ..own }));
-        Ok(Some((effects, variables)))
+        Ok((effects, variables))
     }
 }
 
@@ -141,8 +187,6 @@ fn beside(
     if joints.open_numbers().is_empty() && options.free.is_empty() {
         return Ok(None);
     }
-    let calibration = calibration(joints, data, &options.recordings)?;
-    let machine = FreeJoints::new(joints, data, &calibration, &options.recordings);
     let (mut terms, mut variables) = (joints.effects().to_vec(), Vec::new());
     for own in found.iter().filter(|own| own.stands()) {
         for (kind, values) in own.in_chain() {
@@ -151,11 +195,18 @@ fn beside(
         }
     }
     let start = Start { terms: &terms, variables: &variables };
-    let Some((effects, variables)) = start.with_own(joints, &machine, data, &options.free)? else { return Ok(None) };
+    let ground = start.ground(joints, data, &options.free, &options.recordings)?;
+    if !ground.frees_own() {
+        return Ok(None);
+    }
+    let Ground { joints, calibration, effects, variables } = ground;
+    let joints = &joints;
+    let machine = FreeJoints::new(joints, data, &calibration, &options.recordings);
     let problem = prepare(&machine, data)?.problem;
     let fit = fit_to_end(&problem, &effects, &variables)?;
     let uncertainty = uncertainty(&problem, &fit);
     let fitted = machine.without_machine(Together { terms: fit.effects, variables, uncertainty, calibration });
+    let joints = &with_starts(joints, &fitted.terms, data, &fitted.calibration, &options.recordings)?;
     let own = fitted.variables.iter().zip(&fitted.uncertainty.robust);
     let own = own.filter(|(variable, _)| variable.effect < joints.effects().len());
     let value = |(variable, se): (&Variable, &f64)| {

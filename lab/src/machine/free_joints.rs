@@ -1,7 +1,7 @@
 //! Joints whose gains and offsets stand in the list of effects too, so that one fit finds them together with the effects' values.
 
-use super::geometry::is_geometry;
-use super::{Candidate, JointsLab, MachineUnderTest, OpenNumber};
+use super::geometry::{GEOMETRY, is_geometry};
+use super::{Candidate, JointsLab, MachineUnderTest, OpenNumber, nearest};
 use crate::diagnose::Calibration;
 use crate::joint::{Number, Together};
 use crate::noise::bounds;
@@ -21,6 +21,51 @@ pub(crate) struct FreeJoints<'a> {
 
 /// Numbers of one joint in one recording: gain and offset.
 const NUMBERS: usize = 2;
+
+/// Gains and offsets that are freed by name, `machine.gain1`, or `machine.gain` for every joint, and the names that are left.
+///
+/// # Errors
+/// [`LabError::UnknownParameter`] for another number of the machine.
+pub(crate) fn freed(joints: &JointsLab, free: &[(String, String)]) -> Result<Freed, LabError> {
+    let n = joints.joints().n;
+    let mut own = Freed { joints: joints.clone(), numbers: Vec::new(), others: Vec::new() };
+    let known: Vec<(String, bool, usize)> = [false, true]
+        .into_iter()
+        .flat_map(|is_offset| (1..=n).map(move |joint| (joint_number(is_offset, joint), is_offset, joint)))
+        .collect();
+    for (effect, name) in free {
+        if effect != GEOMETRY {
+            own.others.push((effect.clone(), name.clone()));
+            continue;
+        }
+        let is_meant = |number: &&(String, bool, usize)| {
+            number.0 == *name || *name == joint_number(number.1, 0).trim_end_matches('0')
+        };
+        let mut meant = known.iter().filter(is_meant).peekable();
+        if meant.peek().is_none() {
+            return Err(LabError::UnknownParameter {
+                effect: GEOMETRY.to_owned(),
+                name: name.clone(),
+                nearest: nearest(name, known.iter().map(|(name, ..)| name.as_str())),
+            });
+        }
+        for (_, is_offset, joint) in meant {
+            own.joints = own.joints.with_free(*is_offset, joint - 1);
+            own.numbers.push((*is_offset, *joint));
+        }
+    }
+    Ok(own)
+}
+
+/// Joints some of whose gains and offsets are freed.
+pub(crate) struct Freed {
+    /// The joints.
+    pub joints: JointsLab,
+    /// Whether it is an offset, and the joint, from 1, of each that was named.
+    pub numbers: Vec<(bool, usize)>,
+    /// Effect's label and parameter's name of what is no number of the machine.
+    pub others: Vec<(String, String)>,
+}
 
 /// What a joint's gain or offset is called where it is freed: `gain1`, `offset2`.
 pub(crate) fn joint_number(is_offset: bool, joint: usize) -> String {
@@ -66,7 +111,7 @@ impl<'a> FreeJoints<'a> {
         };
         let (u, y) = (range(&data.inputs), range(&data.outputs));
         let mut effects = joints.effects().to_vec();
-        effects.push(Term { name: super::geometry::GEOMETRY.to_owned(), values, formula: None });
+        effects.push(Term { name: GEOMETRY.to_owned(), values, formula: None });
         Self { joints, effects, open, first_trials, sizes: [y / u, y] }
     }
 

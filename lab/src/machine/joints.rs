@@ -1,7 +1,7 @@
 //! Joints under the lab: the forward model of `krait_model::joints`, row by row.
 
 use super::{Candidate, MachineUnderTest, OpenNumber, joint_candidates, snake};
-use crate::joint::Number;
+use crate::joint::{Number, Starts};
 use crate::{LabError, Measurements, Parameter, Term};
 use krait_model::KnownColumns;
 use krait_model::effects::EffectKind;
@@ -15,6 +15,8 @@ pub struct JointsLab {
     effects: Vec<Term>,
     /// Values of the effects that the model file gives with a standard error.
     open: Vec<OpenNumber>,
+    /// Where the effects' memory begins, as far as data said.
+    starts: Starts,
 }
 
 impl JointsLab {
@@ -22,7 +24,7 @@ impl JointsLab {
     pub fn new(file: &ModelFile) -> Option<Self> {
         let krait_model::model_file::Machine::Joints(joints) = file.machine() else { return None };
         let effects = file.effects().iter().map(|effect| snake::term(effect.setting())).collect();
-        Some(Self { joints: joints.clone(), effects, open: snake::open_values(file) })
+        Some(Self { joints: joints.clone(), effects, open: snake::open_values(file), starts: Starts::default() })
     }
 
     /// The same with these gains and offsets.
@@ -35,9 +37,27 @@ impl JointsLab {
         own
     }
 
+    /// The same with the gain or the offset of a joint, from 0, left to every fit.
+    pub(super) fn with_free(&self, is_offset: bool, joint: usize) -> Self {
+        let mut own = self.clone();
+        let known = if is_offset { &mut own.joints.offset_known } else { &mut own.joints.gain_known };
+        known[joint] = Known::Free;
+        own
+    }
+
     /// The same with these values of its own effects.
     pub(crate) fn with_effects(&self, effects: &[Term]) -> Self {
         Self { effects: effects.to_vec(), ..self.clone() }
+    }
+
+    /// Where the memory of its effects begins in each trial.
+    pub(crate) fn starts(&self) -> &Starts {
+        &self.starts
+    }
+
+    /// The same, beginning there.
+    pub(crate) fn with_starts(&self, starts: Starts) -> Self {
+        Self { starts, ..self.clone() }
     }
 
     /// The machine of the model file.
@@ -83,8 +103,11 @@ impl JointsLab {
         let mut predictor = chain.predictor();
         let mut y = vec![0.0; self.joints.n];
         for row in 0..data.n_rows() {
-            if row > 0 && data.starts_trial(row) {
+            if data.starts_trial(row) {
                 predictor = chain.predictor();
+                for (effect, joint, start) in self.starts.of_trial(data.trial[row]) {
+                    predictor.begin_at(effect, joint, start);
+                }
             }
             y.copy_from_slice(predictor.step(data.input(row), &snake::circumstances(data, row)));
             each(&predictor, &y);

@@ -10,8 +10,8 @@ mod snake;
 mod snake_candidates;
 
 pub use force::ForceLab;
-pub(crate) use free_joints::{FreeJoints, joint_number};
-pub(crate) use geometry::{GEOMETRY, is_geometry, with_geometry};
+pub(crate) use free_joints::{FreeJoints, Freed, freed, joint_number};
+pub(crate) use geometry::{is_geometry, with_geometry};
 pub use joints::JointsLab;
 pub use segments::SegmentsLab;
 pub use snake::SnakeLab;

@@ -11,6 +11,7 @@ mod force;
 mod format;
 mod grid;
 mod header;
+mod held;
 mod look;
 mod map_file;
 mod matlab;
@@ -122,9 +123,13 @@ pub fn read(path: &Path, map: &ColumnMap, expected: Expected) -> Result<Measurem
         }
     };
     let place = table::place(path, &table);
-    let data = table::measurements(path, table, expected, hash);
+    let mut data = table::measurements(path, table, expected, hash);
     check::enough(&place, &data)?;
-    let Expected::Force(machine) = expected else { return Ok(data) };
+    let Expected::Force(machine) = expected else {
+        held::take_out(&mut data);
+        check::enough(&place, &data)?;
+        return Ok(data);
+    };
     let filtered = force::prepare(&place, data, machine)?;
     check::enough(&place, &filtered)?;
     Ok(filtered)

@@ -156,5 +156,6 @@ fn measurements(
             },
             _ => crate::Names::default(),
         },
+        n_held_rows: 0,
     }
 }

@@ -41,6 +41,7 @@ pub(super) fn measurements(path: &Path, mut table: Table, expected: Expected, sh
         sigma: take(&mut table, Role::Sigma).or_else(|| weight.map(|w| w.iter().map(|w| w.sqrt().recip()).collect())),
         extra: extra(&mut table),
         names: names(&table.plan, n_inputs, n_outputs, expected),
+        n_held_rows: 0,
         trial: table.trial,
     }
 }

@@ -252,6 +252,15 @@ impl JointPredictor {
         &self.y[..n]
     }
 
+    /// Where the hysteresis of an effect, from 0 in the order of the model, begins on a joint, from 0: -1 and 1 are the two ends of its
+    /// plays, 0 their middle, which is where it begins without this. Counts before the first step; another effect has nothing to begin.
+    pub fn begin_at(&mut self, effect: usize, joint: usize, start: f64) {
+        let is_open = self.first_s.is_none() && start.is_finite();
+        if let Some(state) = self.states.get_mut(effect).and_then(|own| own.get_mut(joint)).filter(|_| is_open) {
+            *state = [start.clamp(-1.0, 1.0); N_STATES];
+        }
+    }
+
     /// How often a formula was not finite since the start, and counted as zero.
     pub fn n_formula_faults(&self) -> u64 {
         self.n_formula_faults

@@ -1,7 +1,7 @@
 //! Effects that remember where the joint came from: backlash, Bouc-Wen, Prandtl-Ishlinskii, friction that grows with load.
 
 use super::{JOINT, JointEffect, N_STATES, Now};
-use crate::effects::{Class, Definition, Hook, Inverse, bouc_wen, effect, parameter, play};
+use crate::effects::{Class, Definition, Hook, Inverse, bouc_wen, effect, parameter};
 
 const LENGTH: [f64; 2] = [0.0, 1e6];
 const TRAVEL: [f64; 2] = [1e-9, 1e6];
@@ -130,7 +130,13 @@ pub(super) static GENERALISED_PRANDTL_ISHLINSKII: Definition = Definition {
     )
 };
 
-/// The position behind the hysteresis, and its memory of this step.
+/// A play's place after a step; before the first one, its memory says where it begins, from -1 to 1 of its half-width.
+fn play(state: f64, x: f64, half_width: f64, fresh: bool) -> f64 {
+    super::play(if fresh { x + state * half_width } else { state }, x, half_width)
+}
+
+/// The position behind the hysteresis, and its memory of this step; before the first step the memory says where plays and
+/// Bouc-Wen's z begin, from -1 to 1.
 pub(super) fn change(kind: JointEffect, c: &[f64], x: f64, state: &mut [f64; N_STATES], now: &Now) -> f64 {
     match (kind, c) {
         (JointEffect::Backlash, [half_width, ..]) => {
@@ -138,7 +144,7 @@ pub(super) fn change(kind: JointEffect, c: &[f64], x: f64, state: &mut [f64; N_S
             state[0]
         }
         (JointEffect::BoucWen, [amplitude, travel, gamma, ..]) => {
-            let z = if now.fresh { 0.0 } else { bouc_wen(state[0], x - state[1], *travel, *gamma) };
+            let z = if now.fresh { state[0] } else { bouc_wen(state[0], x - state[1], *travel, *gamma) };
             (state[0], state[1]) = (z, x);
             x - amplitude * z
         }

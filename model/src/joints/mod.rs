@@ -6,7 +6,7 @@
 //! effect that adds (Bouc-Wen, plays with a weight, creep, curves, periodic errors, couplings) is computed from x as the effects
 //! before it pass it on, and its part goes around those behind it, so that amplitudes are linear whatever stands behind them. Each
 //! acts on every joint by itself, or on the one that its parameter `joint` names. Memory starts afresh at the first step: plays
-//! in their middle, everything slow settled.
+//! in their middle or where [`JointPredictor::begin_at`] says, everything slow settled.
 
 mod chain;
 mod effect;

@@ -1,5 +1,6 @@
 //! `krait lab add` and `krait lab fit`: values with standard errors, the error before and after, and the better model file.
 
+use super::next::after_fit;
 use super::page;
 use crate::cli_lab::{AddArgs, FitArgs, LabFiles, dotted, effect_parameter};
 use crate::commands::overwrite::refuse_existing;
@@ -38,14 +39,17 @@ pub fn run(args: &AddArgs) -> anyhow::Result<ExitCode> {
     let options = AddOptions { term, from_given, free: of_new.into_iter().cloned().collect(), refit, recordings };
     let added = add(session.machine.as_ref(), &session.data, &options)?;
     write_page(args.report.as_deref(), &session, &added, &label)?;
-    finish(&session, &added, &label, &args.out, args.json)
+    finish(&args.files, &session, &added, &label, &args.out, args.json)
 }
 
 /// Fits what a model has.
 pub fn refit(args: &FitArgs) -> anyhow::Result<ExitCode> {
     refuse_existing(&args.out, args.force)?;
     let session = open(&args.files)?;
-    if args.free.is_empty() && session.machine.open_numbers().is_empty() && !leaves_joints_open(&session.file) {
+    if args.free.is_empty()
+        && session.machine.open_numbers().is_empty()
+        && !has_joint_number(&session.file, |own| *own == Known::Free)
+    {
         bail!(
             "nothing is free: expected --free EFFECT.PARAMETER, --free machine.KEY, or a number in {} that is \"free\"; \
              name what is to be fitted",
@@ -56,14 +60,13 @@ pub fn refit(args: &FitArgs) -> anyhow::Result<ExitCode> {
     let names = dotted(&args.free);
     let what = if names.is_empty() { "fit of the machine".to_owned() } else { format!("fit of {}", names.join(", ")) };
     write_page(args.report.as_deref(), &session, &added, &what)?;
-    finish(&session, &added, &what, &args.out, args.json)
+    finish(&args.files, &session, &added, &what, &args.out, args.json)
 }
 
-/// Whether a model of joints leaves a gain or an offset to the fit.
-fn leaves_joints_open(file: &ModelFile) -> bool {
+/// Whether a model knows no more than this of a gain or an offset of joints.
+pub(super) fn has_joint_number(file: &ModelFile, is: impl Fn(&Known) -> bool) -> bool {
     let Machine::Joints(joints) = file.machine() else { return false };
-    let mut known = joints.gain_known.iter().chain(&joints.offset_known);
-    known.any(|own| *own == Known::Free)
+    joints.gain_known.iter().chain(&joints.offset_known).any(is)
 }
 
 fn write_page(path: Option<&Path>, session: &Session, added: &Added, what: &str) -> anyhow::Result<()> {
@@ -125,7 +128,14 @@ fn formula(args: &AddArgs) -> anyhow::Result<FormulaText> {
     })
 }
 
-fn finish(session: &Session, added: &Added, what: &str, out: &Path, as_json: bool) -> anyhow::Result<ExitCode> {
+fn finish(
+    files: &LabFiles,
+    session: &Session,
+    added: &Added,
+    what: &str,
+    out: &Path,
+    as_json: bool,
+) -> anyhow::Result<ExitCode> {
     let file = save(&session.file, added, what, &session.data, &today())?;
     std::fs::write(out, file.to_toml())
         .with_context(|| format!("the model file {} could not be written", out.display()))?;
@@ -136,8 +146,9 @@ fn finish(session: &Session, added: &Added, what: &str, out: &Path, as_json: boo
     } else {
         let mut told = text(added, session, what, out, &not_compensated(&file));
         for sentence in &calibrated {
-            told += &format!("{sentence}\n");
+            told += &print::lines(&sentence);
         }
+        told += &after_fit(files, out);
         print::out(&told)?;
     }
     Ok(ExitCode::SUCCESS)
@@ -232,13 +243,20 @@ fn text(added: &Added, session: &Session, what: &str, out: &Path, not_compensate
         table.row(vec![format!("machine.{}", own.name()), value, se, own.unit.clone(), String::new()]);
     }
     let floor = added.noise_floor.map_or(String::new(), |floor| format!(", noise floor {floor:.4} {unit}"));
+    let rose = if added.after < added.before {
+        String::new()
+    } else {
+        print::lines(
+            "The error did not fall: on data that it was not fitted to it explains nothing, so keep the model as it was.",
+        )
+    };
     let live = match not_compensated {
         [] => format!(" (krait run --engage --model {} compensates with it)", out.display()),
         sentences => format!("\n  {}", sentences.join("\n  ")),
     };
     format!(
         "{what}: error {:.4} {unit} before, {:.4} {unit} after on data that it was not fitted to{floor}\n{table}\
-         Written: {}{live}\n",
+         {rose}Written: {}{live}\n",
         added.before,
         added.after,
         out.display(),

@@ -1,8 +1,8 @@
 //! `krait lab diagnose`: which effect is missing, in a table or as JSON.
 
+use super::next::after_diagnosis;
 use super::page;
-use super::shell::{data_words, shell};
-use crate::cli_lab::{DiagnoseArgs, dotted};
+use crate::cli_lab::DiagnoseArgs;
 use crate::print;
 use anyhow::{Context, bail};
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, FoundEffect, LoadCell, capital, diagnose};
@@ -103,15 +103,16 @@ fn expected(motion: &Experiment) -> String {
 
 fn text(args: &DiagnoseArgs, diagnosis: &Diagnosis, session: &Session) -> String {
     let (unit, names) = (session.machine.error_unit().0, &session.data.names);
-    let mut text = format!("{}\n", capital(&diagnosis.sentence));
-    diagnosis.cautions.iter().for_each(|caution| text += &format!("  Caution: {caution}.\n"));
+    let mut text = print::lines(&capital(&diagnosis.sentence));
+    diagnosis.cautions.iter().for_each(|caution| text += &print::paragraph(&format!("Caution: {caution}.")));
     let floor = diagnosis.noise_floor.map_or("unknown".to_owned(), |floor| format!("{floor:.4} {unit}"));
     let is_open = diagnosis.is_calibrated();
     let given = if is_open { "after calibration" } else { "with the model as given" };
-    text += &format!(
-        "\nError, root mean square of its length: {:.4} {unit} {given}, {:.4} {unit} with the effects; noise floor {floor} ({})\n",
+    text.push('\n');
+    text += &print::lines(&format!(
+        "Error, root mean square of its length: {:.4} {unit} {given}, {:.4} {unit} with the effects; noise floor {floor} ({})",
         diagnosis.base_heldout_rms, diagnosis.final_heldout_rms, diagnosis.floor_source
-    );
+    ));
     if is_open {
         text += &format!("  before calibration {:.4} {unit}\n", diagnosis.as_given_rms);
     }
@@ -132,19 +133,24 @@ fn text(args: &DiagnoseArgs, diagnosis: &Diagnosis, session: &Session) -> String
             "\nMissing:\n"
         };
         text += &effects(found, unit, names).to_string();
-        text += &parameters(found, names).to_string();
-        text.push('\n');
-        text += &found.iter().map(|own| in_words(&own.name)).collect::<String>();
-        text += &diagnosis.effects.first().map_or(String::new(), |first| next(args, first));
+        for own in found.iter().filter(|own| own.class.len() > 1) {
+            let others = own.class[1..].join(", ");
+            text += &print::paragraph(&format!("{} cannot be told from {others}.", label(own, names)));
+        }
+        text += &format!("{}\n", parameters(found, names));
+        let mut told: Vec<&str> = found.iter().map(|own| own.name.as_str()).collect();
+        told.sort_unstable();
+        told.dedup();
+        text += &told.into_iter().map(in_words).collect::<String>();
     }
     let of = diagnosis.candidates_error_is_of().map(capital);
     let of = of.map_or(String::new(), |of| print::paragraph(&of));
-    text += &format!("\nCandidates, each added alone ({SHOWN} best)\n{of}{}", candidates(diagnosis, unit));
+    text += &format!("\nCandidates, each added alone ({SHOWN} best)\n{of}{}\n", candidates(diagnosis, unit));
     if let Some(next) = &diagnosis.next_experiment {
-        text += &format!("\nNext experiment: {}\n", next.instruction);
+        text += &print::lines(&format!("Next experiment: {}", next.instruction));
         text += &next.motion.as_ref().map_or(String::new(), expected);
     }
-    text
+    text + &after_diagnosis(args, diagnosis, session)
 }
 
 /// What an effect is, and what to check on the machine.
@@ -153,27 +159,12 @@ fn in_words(name: &str) -> String {
     print::paragraph(&format!("{name}: {}. {} To check on the machine: {}", own.title, own.what, own.check))
 }
 
-/// The command that adds an effect.
-fn next(args: &DiagnoseArgs, effect: &FoundEffect) -> String {
-    let set = effect.joint.map_or(String::new(), |joint| format!(" --set joint={joint}"));
-    let (model, better) = (&args.files.model, args.files.model.with_extension("better.toml"));
-    let files = data_words(&args.files);
-    let names = dotted(&args.free);
-    let free = if names.is_empty() { String::new() } else { format!(" --free {}", names.join(",")) };
-    format!(
-        "Next: krait lab add {}{set}{free} --model {} {files} --out {}\n",
-        effect.name,
-        shell(model),
-        shell(&better)
-    )
-}
-
 /// What every fit found beside the effects.
 fn calibration(diagnosis: &Diagnosis, names: &Names) -> Table {
-    let mut table = Table::new(&["number", "of", "value", "standard error", "unit", ""]);
+    let mut table = Table::new(&["number", "of", "value", "standard error", "unit", "beside the file's"]);
     for own in diagnosis.calibration.iter().filter(|own| !own.is_held) {
         let drawn = own.prior.map_or(String::new(), |(value, se)| {
-            format!("{:+.1} standard errors from the model file's {}", (own.value - value) / se, five_digits(value))
+            format!("{:+.1} se from {}", (own.value - value) / se, five_digits(value))
         });
         table.row(vec![
             own.recording.as_ref().map_or(own.name.clone(), |recording| format!("{} of {recording}", own.name)),
@@ -212,28 +203,26 @@ fn label(effect: &FoundEffect, names: &Names) -> String {
 }
 
 fn effects(found: &[FoundEffect], unit: &str, names: &Names) -> Table {
-    let mut table = Table::new(&["effect", &format!("before ({unit})"), "after", "probability", "cannot be told from"]);
+    let mut table = Table::new(&["effect", &format!("before ({unit})"), "after", "probability"]);
     for effect in found {
         table.row(vec![
             label(effect, names),
             format!("{:.4}", effect.before),
             format!("{:.4}", effect.after),
             format!("{:.2}", effect.probability),
-            effect.class.iter().skip(1).cloned().collect::<Vec<_>>().join(", "),
         ]);
     }
     table
 }
 
 fn parameters(found: &[FoundEffect], names: &Names) -> Table {
-    let mut table = Table::new(&["parameter", "value", "standard error", "(if independent)", "unit", ""]);
+    let mut table = Table::new(&["parameter", "value", "standard error", "unit", ""]);
     for effect in found {
         for own in effect.parameters.iter().filter(|own| own.is_free) {
             table.row(vec![
                 format!("{}.{}", label(effect, names), own.name),
                 format!("{:.5e}", own.value),
                 format!("{:.1e}", own.se),
-                format!("{:.1e}", own.se_naive),
                 own.unit.clone(),
                 if own.on_bound { "on its bound".to_owned() } else { String::new() },
             ]);
@@ -243,14 +232,14 @@ fn parameters(found: &[FoundEffect], names: &Names) -> Table {
 }
 
 fn candidates(diagnosis: &Diagnosis, unit: &str) -> Table {
-    let mut table = Table::new(&["effect", &format!("error ({unit})"), "probability", "p", "state"]);
+    let mut table = Table::new(&["effect", &format!("error ({unit})"), "sure", "p", "state"]);
     for own in diagnosis.candidates.iter().take(SHOWN) {
         table.row(vec![
             own.name.to_owned(),
             own.heldout_rms.map_or("-".to_owned(), |rms| format!("{rms:.4}")),
             format!("{:.2}", own.probability),
             format!("{:.3}", own.p_value),
-            own.state.clone(),
+            own.state.replace("cannot be told from", "like"),
         ]);
     }
     table

@@ -7,6 +7,7 @@ mod diagnose;
 mod generate;
 mod history;
 mod init;
+mod next;
 mod page;
 mod quiz;
 mod shell;

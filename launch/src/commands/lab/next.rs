@@ -1,0 +1,106 @@
+//! The command that comes next, ready to be typed, at the end of every answer of the lab.
+
+use super::add::has_joint_number;
+use super::shell::{data_words, quoted, shell};
+use crate::cli_lab::{DiagnoseArgs, LabFiles, dotted};
+use krait_bridge::LiveModel;
+use krait_lab::Session;
+use krait_lab::diagnose::{Diagnosis, FoundEffect, Verdict};
+use krait_model::model_file::{Known, Machine, ModelFile};
+use std::path::{Path, PathBuf};
+
+/// What comes after a diagnosis.
+pub fn after_diagnosis(args: &DiagnoseArgs, diagnosis: &Diagnosis, session: &Session) -> String {
+    let model = &args.files.model;
+    match diagnosis.verdict {
+        Verdict::Missing | Verdict::Partly if !diagnosis.effects.is_empty() => {
+            additions(args, &diagnosis.in_chain_order())
+        }
+        Verdict::None if has_joint_number(&session.file, |own| matches!(own, Known::Absent | Known::Free)) => {
+            let free = "--free machine.gain --free machine.offset";
+            said("", vec![words("fit", &args.files, model, &format!("{free} --out {}", shell(&better(model, &[]))))])
+        }
+        Verdict::None if LiveModel::of(&session.file).is_ok() => {
+            said("", vec![format!("krait run --engage --model {}", shell(model))])
+        }
+        Verdict::TooShort | Verdict::Unknown if args.experiment.is_none() && has_motions(&session.file) => said(
+            "a motion that would show more: ",
+            vec![words("diagnose", &args.files, model, "--experiment next.csv")],
+        ),
+        Verdict::Missing | Verdict::Partly | Verdict::Unknown if args.report.is_none() => {
+            said("the rest in pictures: ", vec![words("diagnose", &args.files, model, "--report why.html")])
+        }
+        _ => String::new(),
+    }
+}
+
+/// What comes after a fit: whether something is left.
+pub fn after_fit(files: &LabFiles, out: &Path) -> String {
+    said("", vec![words("diagnose", files, out, "")])
+}
+
+/// One command for each effect, each on the model that the one before wrote.
+fn additions(args: &DiagnoseArgs, effects: &[&FoundEffect]) -> String {
+    let free: String = dotted(&args.free).iter().map(|name| format!(" --free {}", quoted(name))).collect();
+    let mut model = args.files.model.clone();
+    let mut written = Vec::new();
+    let mut commands = Vec::new();
+    for effect in effects {
+        let set = effect.joint.map_or(String::new(), |joint| format!(" --set joint={joint}"));
+        let out = better(&model, &written);
+        let verb = format!("add {}{set}{free}", effect.name);
+        commands.push(words(&verb, &args.files, &model, &format!("--out {}", shell(&out))));
+        written.push(out.clone());
+        model = out;
+    }
+    said("", commands)
+}
+
+fn words(verb: &str, files: &LabFiles, model: &Path, rest: &str) -> String {
+    format!("krait lab {verb} --model {} {} {rest}", shell(model), data_words(files)).trim_end().to_owned()
+}
+
+fn said(what: &str, commands: Vec<String>) -> String {
+    let behind: String = commands.iter().skip(1).map(|command| format!("then: {command}\n")).collect();
+    commands.first().map_or(String::new(), |first| format!("Next: {what}{first}\n{behind}"))
+}
+
+/// A name for a better model that no file has yet, and none of those that are written first: `jaw.better.toml`, `jaw.better2.toml`.
+fn better(model: &Path, written: &[PathBuf]) -> PathBuf {
+    let stem = model.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let plain = stem.trim_end_matches(|c: char| c.is_ascii_digit()).strip_suffix(".better");
+    let plain = plain.unwrap_or(&stem);
+    let name = |n: usize| match n {
+        1 => format!("{plain}.better.toml"),
+        n => format!("{plain}.better{n}.toml"),
+    };
+    let taken = |path: &PathBuf| written.contains(path) || path.exists();
+    (1..)
+        .map(|n| model.with_file_name(name(n)))
+        .find(|path| !taken(path))
+        .unwrap_or_else(|| model.with_file_name(name(1)))
+}
+
+/// Whether the lab makes motions for a machine of this kind.
+fn has_motions(file: &ModelFile) -> bool {
+    matches!(file.machine(), Machine::Snake(_) | Machine::Joints(_))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_better_model_never_takes_a_name_that_is_there() {
+        let at = |name: &str| PathBuf::from(format!("/nowhere/{name}"));
+        assert_eq!(better(&at("jaw.model.toml"), &[]), at("jaw.model.better.toml"));
+        assert_eq!(better(&at("jaw.toml"), &[at("jaw.better.toml")]), at("jaw.better2.toml"));
+        assert_eq!(better(&at("jaw.better.toml"), &[at("jaw.better.toml")]), at("jaw.better2.toml"));
+        assert_eq!(better(&at("jaw7.toml"), &[]), at("jaw7.better.toml"));
+        let here = std::env::temp_dir().join(format!("krait-next-{}.better.toml", std::process::id()));
+        std::fs::write(&here, "").unwrap();
+        let model = std::env::temp_dir().join(format!("krait-next-{}.toml", std::process::id()));
+        assert_eq!(better(&model, &[]), here.with_file_name(format!("krait-next-{}.better2.toml", std::process::id())));
+        std::fs::remove_file(here).unwrap();
+    }
+}
