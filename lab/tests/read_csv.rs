@@ -114,6 +114,10 @@ fn a_new_label_begins_a_trial_and_its_time_may_begin_anew() {
 fn an_empty_shape_is_history_without_a_measurement() {
     let data = snake("gap", with_line(4, "0.1,0,0,0,,"), &[]).expect("good");
     assert!(!data.is_scored(2) && data.is_scored(1));
+    for (k, nothing) in ["nan,NaN", "NA,na", "null,NULL"].into_iter().enumerate() {
+        let data = snake(&format!("nothing{k}"), with_line(4, &format!("0.1,0,0,0,{nothing}")), &[]).expect("good");
+        assert!(!data.is_scored(2) && data.is_scored(1), "{nothing}");
+    }
     let weighted = run(&format!("{HEADER},weight"), |t| format!("{},{}", good(t), if t == 0.0 { 0 } else { 4 }));
     let data = snake("weighted", weighted, &[]).expect("good");
     assert!(!data.is_scored(0) && data.is_scored(1));
@@ -142,7 +146,9 @@ fn a_header_that_does_not_fit_is_refused_with_its_column() {
 #[test]
 fn a_row_that_does_not_fit_is_refused_with_line_and_column() {
     refused("cut", with_line(61, "2.95,0.001,0.0"), &["line 61", "3 columns", "6", "cut short"]);
-    refused("nan", with_line(5, "0.15,0,0,0,nan,0"), &["line 5", "bend_x_rad", "\"nan\"", "empty"]);
+    refused("nan", with_line(5, "0.15,0,0,nan,0,0"), &["line 5", "q3_m", "\"nan\"", "every row"]);
+    refused("half_nan", with_line(5, "0.15,0,0,0,nan,0"), &["line 5", "bend_x_rad", "empty"]);
+    refused("none", with_line(5, "0.15,0,0,0,none,0"), &["line 5", "bend_x_rad", "\"none\"", "empty"]);
     refused("inf", with_line(5, "0.15,0,inf,0,0,0"), &["line 5", "q2_m", "\"inf\""]);
     refused("word", with_line(5, "0.15,0,0,0,0,left"), &["line 5", "bend_y_rad", "left"]);
     refused("no_encoder", with_line(5, "0.15,0,,0,0,0"), &["line 5", "q2_m", "every row"]);
@@ -165,7 +171,7 @@ fn a_file_with_too_little_in_it_is_refused() {
     let pose = |t: f64| format!("{t},0.001,0.002,0.003,{},0", 0.01 * t.sin());
     refused("one_pose", run(HEADER, pose), &["lines 2 to 61", "q1_m, q2_m, q3_m", "one single pose", "reversals"]);
     let stuck = |t: f64| format!("{t},{},0,0,0.3,0.1", 1e-3 * t.sin());
-    refused("stuck", run(HEADER, stuck), &["bend_x_rad, bend_y_rad", "never change", "camera"]);
+    refused("stuck", run(HEADER, stuck), &["bend_x_rad, bend_y_rad", "never change", "sensor"]);
     let blind = |t: f64| format!("{t},{},0,0,,", 1e-3 * t.sin());
     refused("blind", run(HEADER, blind), &["bend_x_rad, bend_y_rad", "0 rows"]);
     let both = run(&format!("{HEADER},weight,sigma_bend_rad"), |t| format!("{},1,1", good(t)));

@@ -115,6 +115,81 @@ fn joint(unit: &str, offset: f64, n_ahead: usize) -> String {
     text
 }
 
+/// The same joint with a slow drive (0.2 s) and behind it a play of 1.5 deg each way, which begins at one end.
+fn slow_and_loose() -> String {
+    let exact = joint("deg", 0.0, 0);
+    let mut text = String::new();
+    let (mut slow, mut last, mut loose) = (f64::NAN, 0.0, 0.0);
+    for (row, line) in exact.lines().enumerate() {
+        if row == 0 {
+            text += "time_s,u1_deg,y1_deg\n";
+            continue;
+        }
+        let cells: Vec<f64> = line.split(',').map(|cell| cell.parse().expect("a number")).collect();
+        let (u, noise) = (cells[1], cells[2] - 1.03 * cells[1]);
+        if slow.is_nan() {
+            (slow, last, loose) = (u, u, u + 1.5);
+        }
+        for step in 0..20 {
+            let position = last + (u - last) * (f64::from(step) + 0.5) / 20.0;
+            slow += (position - slow) * 0.02 / 20.0 / 0.2;
+        }
+        last = u;
+        loose = loose.clamp(slow - 1.5, slow + 1.5);
+        text += &format!("{:.2},{u:.7},{:.7}\n", cells[0], 1.03 * loose + 2.0 + noise);
+    }
+    text
+}
+
+/// What a text says behind this word at the beginning of a line.
+fn commands(text: &str, word: &str) -> Vec<Vec<String>> {
+    let lines = text.lines().filter_map(|line| line.strip_prefix(word)?.strip_prefix("krait "));
+    lines.map(|line| line.split(' ').map(str::to_owned).collect()).collect()
+}
+
+#[test]
+fn printed_commands_followed_one_by_one_end_with_nothing_missing() {
+    let folder = Folder::new("next");
+    fs::write(folder.0.join("d.csv"), slow_and_loose()).expect("written");
+    fs::write(folder.0.join("m.toml"), joint_model("deg", "")).expect("written");
+    // A name that is taken is not proposed.
+    fs::write(folder.0.join("m.better.toml"), "mine").expect("written");
+    let run = |words: &[String]| {
+        let words: Vec<&str> = words.iter().map(String::as_str).collect();
+        let ended = folder.krait(&words);
+        assert!(ended.status.success(), "{words:?}: {}", String::from_utf8_lossy(&ended.stderr));
+        String::from_utf8(ended.stdout).expect("text")
+    };
+    let first = ["lab", "diagnose", "--model", "m.toml", "--data", "d.csv"].map(str::to_owned);
+    let said = run(&first);
+    assert!(said.lines().filter(|line| !line.contains("krait ")).all(|line| line.chars().count() <= 80), "{said}");
+    let mut additions = commands(&said, "Next: ");
+    additions.extend(commands(&said, "then: "));
+    assert_eq!(additions.len(), 2, "{said}");
+    let added: Vec<String> = additions.iter().map(|words| run(words)).collect();
+    let last = commands(&added[1], "Next: ");
+    assert!(last.len() == 1 && last[0].contains(&"m.better3.toml".to_owned()), "{}", added[1]);
+    let again = run(&last[0]);
+    assert!(again.starts_with("Nothing is missing"), "{again}");
+    let fit = commands(&again, "Next: ");
+    assert!(run(&fit[0]).contains("machine.gain1"), "{fit:?}");
+    assert_eq!(fs::read_to_string(folder.0.join("m.better.toml")).expect("there"), "mine");
+}
+
+#[test]
+fn an_effect_on_a_joint_that_there_is_not_is_refused() {
+    let folder = Folder::new("seventh");
+    fs::write(folder.0.join("d.csv"), joint("deg", 2.0, 0)).expect("written");
+    fs::write(folder.0.join("m.toml"), joint_model("deg", "")).expect("written");
+    for (set, expected) in [("joint=7", "expected 0 to 1"), ("joint=0.5", "a whole one")] {
+        let words = ["lab", "add", "backlash", "--set", set, "--model", "m.toml", "--data", "d.csv", "--out", "o.toml"];
+        let ended = folder.krait(&words);
+        let said = String::from_utf8_lossy(&ended.stderr);
+        assert!(ended.status.code() == Some(2) && said.contains(set) && said.contains(expected), "{said}");
+        assert!(!folder.0.join("o.toml").exists());
+    }
+}
+
 fn joint_model(unit: &str, numbers: &str) -> String {
     format!("format = 1\n[machine]\nkind = \"joints\"\nn = 1\nu_unit = \"{unit}\"\ny_unit = \"{unit}\"\n{numbers}")
 }

@@ -66,8 +66,11 @@ pub(crate) fn named(effects: &[FoundEffect], place: impl Fn(&FoundEffect) -> Str
 /// How sure a headline is of the least sure of its effects, each with what it cannot be told from.
 pub(crate) fn sure(effects: &[FoundEffect]) -> String {
     let least = effects.iter().map(|own| own.probability).fold(1.0, f64::min);
-    let of = if effects.len() == 1 { "of it" } else { "of each" };
-    if least > 0.99 { format!("sure {of}: more than 99 %") } else { format!("sure {of}: {:.0} %", 100.0 * least) }
+    let (of, or_more) = if effects.len() == 1 { ("of it", "") } else { ("of each", " or more") };
+    match least {
+        p if p > 0.99 => format!("sure {of}: more than 99 %"),
+        p => format!("sure {of}: {:.0} %{or_more}", 100.0 * p),
+    }
 }
 
 /// A parameter in the unit that people think in.

@@ -162,7 +162,13 @@ impl MachineUnderTest for JointsLab {
             return Ok(formula.parameters.iter().map(snake::formula_parameter).collect());
         }
         let own = kind(&term.name)?.definition().parameters.iter().map(snake::own_parameter);
-        Ok(own.map(|parameter| Parameter { unit: self.unit(&parameter.unit), ..parameter }).collect())
+        // The number of a joint, and of the one that acts on it.
+        let most = |parameter: &Parameter| match parameter.name.as_str() {
+            "joint" | "from" => self.joints.n as f64,
+            _ => parameter.high,
+        };
+        let with_unit = |own: Parameter| Parameter { unit: self.unit(&own.unit), high: most(&own), ..own };
+        Ok(own.map(with_unit).collect())
     }
 
     fn open_numbers(&self) -> Vec<OpenNumber> {

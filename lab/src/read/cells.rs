@@ -29,6 +29,14 @@ impl<'a> Cell<'a> {
         }
     }
 
+    /// Whether it says that nothing was measured, in the words of the programs that write tables.
+    fn is_nothing(self) -> bool {
+        match self {
+            Self::Text(text) => [&b"nan"[..], b"na", b"null"].iter().any(|word| text.eq_ignore_ascii_case(word)),
+            own => own == Self::Empty,
+        }
+    }
+
     /// Its words, as a CSV file would have them.
     fn words(self) -> Cow<'a, [u8]> {
         match self {
@@ -103,7 +111,7 @@ impl<'a> Cells<'a> {
             Role::Trial => return Ok(0.0),
             _ => true,
         };
-        if cell == Cell::Empty && may_be_empty {
+        if may_be_empty && cell.is_nothing() {
             return Ok(f64::NAN);
         }
         // Notes beside the measurements need not be numbers, and do not say how numbers are written.

@@ -49,7 +49,7 @@ pub(super) fn enough(place: &Place, data: &Measurements) -> Result<(), ReadError
     }
     if ranges(&data.outputs, data.n_outputs).all(|(low, high)| low == high) {
         let what = format!("{outputs} never change, although the machine moves");
-        return little(what, "measurements that follow the motion", "check the camera");
+        return little(what, "measurements that follow the motion", "check the sensor and its cable");
     }
     Ok(())
 }

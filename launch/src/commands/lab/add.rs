@@ -26,8 +26,6 @@ pub fn run(args: &AddArgs) -> anyhow::Result<ExitCode> {
     let session = open(&args.files)?;
     let term = term(args, session.machine.as_ref())?;
     let label = term.label().to_owned();
-    // Which joint it is on, and which one it feels, is no value to start from.
-    let is_start = |name: &str| name != "joint" && name != "from";
     let from_given = args.set.iter().any(|(name, _)| is_start(name)) || term.formula.is_some();
     // A name with a point is a number of the model's own, which is fitted again.
     let (own, of_new): (Vec<&String>, Vec<&String>) = args.free.iter().partition(|name| name.contains('.'));
@@ -61,6 +59,11 @@ pub fn refit(args: &FitArgs) -> anyhow::Result<ExitCode> {
     let what = if names.is_empty() { "fit of the machine".to_owned() } else { format!("fit of {}", names.join(", ")) };
     write_page(args.report.as_deref(), &session, &added, &what)?;
     finish(&args.files, &session, &added, &what, &args.out, args.json)
+}
+
+/// Which joint an effect is on, and which one it feels, is no value to start from.
+fn is_start(name: &str) -> bool {
+    name != "joint" && name != "from"
 }
 
 /// Whether a model knows no more than this of a gain or an offset of joints.
@@ -102,6 +105,9 @@ fn term(args: &AddArgs, machine: &dyn MachineUnderTest) -> anyhow::Result<Term> 
                 parameters[k].high,
                 parameters[k].unit
             );
+        }
+        if !is_start(name) && value.fract() != 0.0 {
+            bail!("--set {name}={value}: expected the number of a joint, a whole one");
         }
         term.values[k] = *value;
     }

@@ -87,8 +87,11 @@ fn expected(motion: &Experiment) -> String {
         ]);
     }
     text += &format!(
-        "Expected from it (lambda: likelihood ratio against the wrong one; {:.0} and more tells them apart)\n{table}",
-        Separation::ENOUGH
+        "{}{table}",
+        print::lines(&format!(
+            "Expected from it (lambda: likelihood ratio against the wrong one; {:.0} and more tells them apart)",
+            Separation::ENOUGH
+        ))
     );
     let left: Vec<String> = separation.left_alike().iter().map(|(a, b)| format!("{a} from {b}")).collect();
     if !left.is_empty() {
@@ -111,7 +114,9 @@ fn text(args: &DiagnoseArgs, diagnosis: &Diagnosis, session: &Session) -> String
     text.push('\n');
     text += &print::lines(&format!(
         "Error, root mean square of its length: {:.4} {unit} {given}, {:.4} {unit} with the effects; noise floor {floor} ({})",
-        diagnosis.base_heldout_rms, diagnosis.final_heldout_rms, diagnosis.floor_source
+        diagnosis.base_heldout_rms,
+        diagnosis.final_heldout_rms,
+        diagnosis.floor_source.trim_start_matches("unknown: ")
     ));
     if is_open {
         text += &format!("  before calibration {:.4} {unit}\n", diagnosis.as_given_rms);
