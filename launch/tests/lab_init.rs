@@ -1,6 +1,7 @@
 //! `krait lab init` on a real machine's log in another program's dialect: from the file to the first answer by the printed command.
 #![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
 
+use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -174,6 +175,41 @@ fn printed_commands_followed_one_by_one_end_with_nothing_missing() {
     let fit = commands(&again, "Next: ");
     assert!(run(&fit[0]).contains("machine.gain1"), "{fit:?}");
     assert_eq!(fs::read_to_string(folder.0.join("m.better.toml")).expect("there"), "mine");
+}
+
+/// A linkage that turns a fifth further beyond 6 deg is no effect of the library: its formula is proposed, added as printed, and enough.
+#[test]
+fn what_no_effect_makes_is_proposed_as_a_formula_that_can_be_added() {
+    let folder = Folder::new("formula");
+    let straight = joint("deg", 2.0, 0);
+    let kinked = |line: &str| {
+        let cells: Vec<f64> = line.split(',').map(|cell| cell.parse().expect("a number")).collect();
+        format!("{},{},{:.7}\n", cells[0], cells[1], cells[2] + 0.2 * (cells[1] - 6.0).max(0.0))
+    };
+    let rows: String = straight.lines().skip(1).map(kinked).collect();
+    fs::write(folder.0.join("d.csv"), format!("time_s,u1_deg,y1_deg\n{rows}")).expect("written");
+    fs::write(folder.0.join("m.toml"), joint_model("deg", "")).expect("written");
+    let ended = folder.krait(&["lab", "diagnose", "--model", "m.toml", "--data", "d.csv", "--json"]);
+    let found: Value = serde_json::from_slice(&ended.stdout).expect("JSON");
+    assert_eq!(found["verdict"], "unknown", "{}", found["sentence"]);
+    let first = &found["proposals"][0];
+    assert!(first["term"].as_str().is_some_and(|term| term.starts_with("max(u_i - ")), "{first}");
+    assert!(first["share"].as_f64().is_some_and(|share| share > 0.9), "{first}");
+    let ended = folder.krait(&["lab", "diagnose", "--model", "m.toml", "--data", "d.csv"]);
+    let said = String::from_utf8(ended.stdout).expect("text");
+    let next = said.lines().find_map(|line| line.strip_prefix("Next: krait ")).expect("a command");
+    assert!(next.starts_with("lab add formula --name rest --hook joint --formula '"), "{next}");
+    // The formula is the one quoted part with blanks.
+    let parts: Vec<&str> = next.split('\'').collect();
+    let mut words: Vec<&str> = parts[0].split_whitespace().collect();
+    words.push(parts[1]);
+    words.extend(parts[2].split_whitespace());
+    let ended = folder.krait(&words);
+    assert!(ended.status.success(), "{words:?}: {}", String::from_utf8_lossy(&ended.stderr));
+    let ended = folder.krait(&["lab", "compare", "--model", "m.better.toml", "--data", "d.csv", "--json"]);
+    let compared: Value = serde_json::from_slice(&ended.stdout).expect("JSON");
+    let rms = compared["error"]["rms"].as_f64().expect("a number");
+    assert!(rms < 0.1 && found["base_heldout_rms"].as_f64().is_some_and(|before| before > 4.0 * rms), "{rms} deg");
 }
 
 #[test]

@@ -72,6 +72,8 @@ pub struct Diagnosis {
     pub candidates: Vec<CandidateAnswer>,
     /// What the effects leave.
     pub remaining: Remaining,
+    /// Formulas for what remains, of joints: the term that takes most first; empty where nothing remains or no term pays.
+    pub proposals: Vec<Proposal>,
     /// What to do next.
     pub next_experiment: Option<NextExperiment>,
     /// The model's effects and the missing ones, with fitted values.
@@ -109,6 +111,23 @@ impl Diagnosis {
         let with_loads = "the error is of shape and loads together, a load's noise counted as the shape's";
         self.loads.is_some().then_some(with_loads)
     }
+}
+
+/// One term of a formula for what the effects leave of a joint.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Proposal {
+    /// The joint, from 1.
+    pub joint: usize,
+    /// The term without its gain, as a formula writes it.
+    pub term: String,
+    /// Its gain, all proposed terms together.
+    pub gain: f64,
+    /// Standard error of the gain.
+    pub se: f64,
+    /// Unit of the gain.
+    pub unit: String,
+    /// Share of the mean square that is left without it which it takes away, on blocks that it was not fitted to.
+    pub share: f64,
 }
 
 /// A number of the machine that is no effect.

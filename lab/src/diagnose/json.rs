@@ -19,7 +19,7 @@ impl Diagnosis {
             "noise_floor": self.noise_floor,
             "noise_floor_deg": deg(self.noise_floor),
             "noise_floor_source": self.floor_source,
-            "noise_floor_relative_se": self.floor_relative_error,
+            "noise_floor_relative_se": self.noise_floor.map(|_| self.floor_relative_error),
             "as_given_rms": self.as_given_rms,
             "as_given_rms_deg": deg(Some(self.as_given_rms)),
             "base_heldout_rms": self.base_heldout_rms,
@@ -48,6 +48,9 @@ impl Diagnosis {
                     "depends_on": group.name, "share": group.share, "p_value": group.p_value,
                 })).collect::<Vec<_>>(),
             },
+            "proposals": self.proposals.iter().map(|own| json!({
+                "joint": own.joint, "term": own.term, "gain": own.gain, "se": own.se, "unit": own.unit, "share": own.share,
+            })).collect::<Vec<_>>(),
             "next_experiment": self.next_experiment.as_ref().map(|next| json!({
                 "separates": next.separates, "do": next.instruction,
                 "moves": next.motion.as_ref().map(|motion| motion.moves.clone()),

@@ -39,7 +39,9 @@ mod working;
 
 pub(crate) use accept::mean_and_error;
 pub(crate) use alternatives::SAME;
-pub use answer::{Calibration, CandidateAnswer, Diagnosis, FoundEffect, FoundParameter, LoadCell, Remaining, Verdict};
+pub use answer::{
+    Calibration, CandidateAnswer, Diagnosis, FoundEffect, FoundParameter, LoadCell, Proposal, Remaining, Verdict,
+};
 pub(crate) use calibration::number_name;
 pub use experiment::NextExperiment;
 pub(crate) use experiment::{next, separate_joints};

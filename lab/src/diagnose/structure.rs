@@ -95,7 +95,7 @@ fn cell(problem: &Problem, group: &Group, residual: &[f64]) -> Cell {
 }
 
 /// 1 - (error after the columns) / (error before) on folds that the factors did not see.
-pub(super) fn held_out_share(problem: &Problem, blocks: &[(DVector<f64>, DMatrix<f64>)], residual: &[f64]) -> f64 {
+pub(crate) fn held_out_share(problem: &Problem, blocks: &[(DVector<f64>, DMatrix<f64>)], residual: &[f64]) -> f64 {
     const FOLDS: usize = 6;
     let before: f64 = problem.block_sums(|k| residual[k] * residual[k]).iter().sum();
     let (score, gram) = total(blocks);

@@ -259,6 +259,7 @@ impl Case<'_> {
             partial,
             candidates,
             remaining,
+            proposals: Vec::new(),
             next_experiment,
             terms,
             rows: [

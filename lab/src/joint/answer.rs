@@ -144,6 +144,7 @@ pub(super) fn diagnosis(answer: Answer) -> Result<Diagnosis, LabError> {
         partial,
         loads: None,
         remaining,
+        proposals: worst_rest(&found).map_or(Vec::new(), |own| own.proposals.clone()),
         next_experiment,
         terms,
         calibrated: Some(calibrated),
@@ -264,9 +265,14 @@ fn look_alikes(kind: Kind) -> &'static [&'static str] {
     }
 }
 
+/// The joint of which most remains.
+fn worst_rest(found: &[Found]) -> Option<&Found> {
+    let structured = found.iter().filter(|own| own.structured);
+    structured.max_by(|a, b| a.after.mean_square.total_cmp(&b.after.mean_square))
+}
+
 fn remaining(found: &[Found], share: Option<f64>) -> Remaining {
-    let worst =
-        found.iter().filter(|own| own.structured).max_by(|a, b| a.after.mean_square.total_cmp(&b.after.mean_square));
+    let worst = worst_rest(found);
     let shown = worst.or(found.first());
     let structure =
         shown.map_or(Structure { p_value: 1.0, groups: Vec::new(), explained: 0.0 }, |own| own.structure.clone());
@@ -405,9 +411,8 @@ fn sentence(said: &Said) -> String {
             sure(said.effects)
         ),
         Verdict::Partly => {
-            let rest = said.found.iter().filter(|own| own.structured);
-            let rest = rest.max_by(|a, b| a.after.mean_square.total_cmp(&b.after.mean_square));
-            let depends = rest.and_then(|own| own.structure.groups.first().filter(|group| group.share > 0.0));
+            let depends =
+                worst_rest(said.found).and_then(|own| own.structure.groups.first().filter(|group| group.share > 0.0));
             format!(
                 "partly: {names} {} the error from {before:.3} to {after:.3} {unit}{explained}; a rest remains beside \
                  {floor}{}; {}",

@@ -7,6 +7,7 @@ use super::floor::{Floor, floor};
 use super::gate::{Blocks, HeldOut, gate, held_out, in_errors, order};
 use super::kind::Kind;
 use super::own;
+use super::proposals::proposals;
 use super::refine::{Fit, Loss, as_given, refine};
 use super::search::{Plan, Search, n_effective};
 use super::signal::Signal;
@@ -16,7 +17,8 @@ use super::starts::settled;
 use super::terms::{self, Value, Values};
 use crate::diagnose::screen::orthonormal;
 use crate::diagnose::{
-    Calibration, DiagnoseOptions, Diagnosis, GroupShare, SAME, Structure, Verdict, rhythm, structure, working_rows,
+    Calibration, DiagnoseOptions, Diagnosis, GroupShare, Proposal, SAME, Structure, Verdict, rhythm, structure,
+    working_rows,
 };
 use crate::machine::{JointsLab, MachineUnderTest};
 use crate::noise::outliers;
@@ -67,6 +69,7 @@ pub(super) struct Found {
     pub structure: Structure,
     pub structured: bool,
     pub singles: Vec<Single>,
+    pub proposals: Vec<Proposal>,
     pub needed_s: Option<f64>,
     pub as_given: f64,
     pub n_blocks: usize,
@@ -284,6 +287,13 @@ impl Case<'_> {
             after = held_out(signal, &own, loss, &blocks, 3);
             fit = own;
         }
+        // Beside what is asserted, as it will stand in the model.
+        let of_rest = |beside: &Fit| proposals(self.machine, self.data_of(signal), &problem, signal, beside);
+        let proposals = match verdict {
+            Verdict::Partly => of_rest(&last.part(&fit, |kind| !kind.is_shape(), 8)),
+            Verdict::Unknown => of_rest(&base),
+            _ => Vec::new(),
+        };
         let order: Vec<Kind> =
             order(last, &fit).into_iter().map(|(kind, _)| kind).filter(|kind| !kind.is_shape()).collect();
         let steps = steps(last, &fit, &order, &blocks, &before, &after);
@@ -304,6 +314,7 @@ impl Case<'_> {
             floor,
             structure,
             structured,
+            proposals,
             singles,
             needed_s,
             n_blocks: problem.n_blocks,

@@ -14,6 +14,7 @@ mod floor;
 mod gate;
 mod kind;
 mod own;
+mod proposals;
 mod refine;
 mod search;
 mod signal;

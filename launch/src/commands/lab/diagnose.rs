@@ -5,7 +5,7 @@ use super::page;
 use crate::cli_lab::DiagnoseArgs;
 use crate::print;
 use anyhow::{Context, bail};
-use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, FoundEffect, LoadCell, capital, diagnose};
+use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, FoundEffect, LoadCell, Proposal, capital, diagnose};
 use krait_lab::experiment::{Experiment, Separation, experiment};
 use krait_lab::report::diagnosis_page;
 use krait_lab::{Names, Session, drawn_away};
@@ -148,6 +148,9 @@ fn text(args: &DiagnoseArgs, diagnosis: &Diagnosis, session: &Session) -> String
         told.dedup();
         text += &told.into_iter().map(in_words).collect::<String>();
     }
+    if !diagnosis.proposals.is_empty() {
+        text += &format!("\nFormulas for the rest\n{}", proposals(&diagnosis.proposals, names));
+    }
     let of = diagnosis.candidates_error_is_of().map(capital);
     let of = of.map_or(String::new(), |of| print::paragraph(&of));
     text += &format!("\nCandidates, each added alone ({SHOWN} best)\n{of}{}\n", candidates(diagnosis, unit));
@@ -232,6 +235,21 @@ fn parameters(found: &[FoundEffect], names: &Names) -> Table {
                 if own.on_bound { "on its bound".to_owned() } else { String::new() },
             ]);
         }
+    }
+    table
+}
+
+fn proposals(all: &[Proposal], names: &Names) -> Table {
+    let mut table = Table::new(&["term", "of", "gain", "standard error", "unit", "takes of what is left"]);
+    for own in all {
+        table.row(vec![
+            own.term.clone(),
+            names.joint(own.joint),
+            format!("{:.4e}", own.gain),
+            format!("{:.1e}", own.se),
+            own.unit.clone(),
+            format!("{:.0} %", 100.0 * own.share),
+        ]);
     }
     table
 }

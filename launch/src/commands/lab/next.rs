@@ -5,13 +5,16 @@ use super::shell::{data_words, quoted, shell};
 use crate::cli_lab::{DiagnoseArgs, LabFiles, dotted};
 use krait_bridge::LiveModel;
 use krait_lab::Session;
-use krait_lab::diagnose::{Diagnosis, FoundEffect, Verdict};
+use krait_lab::diagnose::{Diagnosis, FoundEffect, Proposal, Verdict};
 use krait_model::model_file::{Known, Machine, ModelFile};
 use std::path::{Path, PathBuf};
 
 /// What comes after a diagnosis.
 pub fn after_diagnosis(args: &DiagnoseArgs, diagnosis: &Diagnosis, session: &Session) -> String {
     let model = &args.files.model;
+    if diagnosis.effects.is_empty() && !diagnosis.proposals.is_empty() {
+        return formula(args, &diagnosis.proposals, session);
+    }
     match diagnosis.verdict {
         Verdict::Missing | Verdict::Partly if !diagnosis.effects.is_empty() => {
             additions(args, &diagnosis.in_chain_order())
@@ -54,6 +57,22 @@ fn additions(args: &DiagnoseArgs, effects: &[&FoundEffect]) -> String {
         model = out;
     }
     said("", commands)
+}
+
+/// The terms for the rest as one formula, whose gains the fit finds again.
+fn formula(args: &DiagnoseArgs, terms: &[Proposal], session: &Session) -> String {
+    let names: Vec<char> = ('a'..='z').take(terms.len()).collect();
+    let sum: Vec<String> = terms.iter().zip(&names).map(|(own, name)| format!("{name} * {}", own.term)).collect();
+    let n_joints = session.data.n_inputs;
+    // A formula stands on every joint: a factor that is 1 on one of them and 0 on the others.
+    let of_joint = terms.first().filter(|_| n_joints > 1);
+    let text = of_joint
+        .map_or(sum.join(" + "), |own| format!("max(1 - abs(joint - {}), 0) * ({})", own.joint, sum.join(" + ")));
+    let params = terms.iter().zip(&names).map(|(own, name)| quoted(&format!("{name}={:.4e}:{}", own.gain, own.unit)));
+    let params: String = params.map(|param| format!(" --param {param}")).collect();
+    let verb = format!("add formula --name rest --hook joint --formula {}{params}", quoted(&text));
+    let model = &args.files.model;
+    said("", vec![words(&verb, &args.files, model, &format!("--out {}", shell(&better(model, &[]))))])
 }
 
 fn words(verb: &str, files: &LabFiles, model: &Path, rest: &str) -> String {
