@@ -320,6 +320,7 @@ mod tests {
             extra: Vec::new(),
             names: Names::default(),
             n_held_rows: 0,
+            clock: None,
         }
     }
 

@@ -50,6 +50,19 @@ pub struct Measurements {
     pub names: Names,
     /// Rows that only repeated the frame of a camera slower than the file, and count as not measured.
     pub n_held_rows: usize,
+    /// The clock of a second log that the measurements come from, against that of the commands.
+    pub clock: Option<Clock>,
+}
+
+/// A second log's clock against the first one's, as the motion that both saw says.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Clock {
+    /// What is to be added to the second log's times in its middle, s.
+    pub shift_s: f64,
+    /// How much faster the first log's clock runs, as a part of one.
+    pub rate: f64,
+    /// Share of what was measured that is a straight line of the commands then.
+    pub share: f64,
 }
 
 /// What fits make of the loads at the actuators.
@@ -219,6 +232,7 @@ impl Measurements {
             extra: Vec::new(),
             names: Names::default(),
             n_held_rows: 0,
+            clock: None,
         }
     }
 
@@ -251,6 +265,7 @@ impl Measurements {
             extra: self.extra.iter().map(|(name, values)| (name.clone(), pick(values, 1))).collect(),
             names: self.names.clone(),
             n_held_rows: self.n_held_rows,
+            clock: self.clock.clone(),
         }
     }
 }

@@ -1,7 +1,7 @@
 //! A model file and measurements of its machine, read and checked together.
 
 use crate::machine::{MachineUnderTest, machine_of};
-use crate::read::{ColumnMap, ReadError, read};
+use crate::read::{ColumnMap, ReadError, read, read_with};
 use crate::{LabError, Measurements};
 use krait_ipc::input;
 use krait_model::model_file::{ModelFile, ModelFileError};
@@ -58,6 +58,14 @@ pub enum SessionError {
         /// The first.
         first: PathBuf,
     },
+    /// A second log beside several recordings.
+    #[error("--with {path}: a second recording {other} is named, expected one that this log is joined to; name one with --data", path = path.display(), other = other.display())]
+    WithSeveral {
+        /// The second log.
+        path: PathBuf,
+        /// The second recording.
+        other: PathBuf,
+    },
     /// Model and measurements do not fit each other.
     #[error(transparent)]
     Lab(#[from] LabError),
@@ -77,11 +85,32 @@ impl Session {
     /// # Errors
     /// [`SessionError`], one sentence.
     pub fn open_all(model: &Path, data: &[PathBuf], map: &ColumnMap) -> Result<Self, SessionError> {
+        Self::open_with(model, data, None, map)
+    }
+
+    /// The same; `with` has what was measured of the one recording, by a clock of its own.
+    ///
+    /// # Errors
+    /// [`SessionError`], one sentence.
+    pub fn open_with(
+        model: &Path,
+        data: &[PathBuf],
+        with: Option<&Path>,
+        map: &ColumnMap,
+    ) -> Result<Self, SessionError> {
         let file = open_model(model)?;
         let machine = machine_of(&file)?;
         let (mut parts, mut seen) = (Vec::new(), Vec::<(PathBuf, String)>::new());
-        for path in files(data)? {
-            let part: Measurements = read(&path, map, file.machine().into())?;
+        let files = files(data)?;
+        if let (Some(with), [_, other, ..]) = (with, files.as_slice()) {
+            return Err(SessionError::WithSeveral { path: with.to_owned(), other: other.clone() });
+        }
+        for path in files {
+            let expected = file.machine().into();
+            let part: Measurements = match with {
+                Some(with) => read_with(&path, with, map, expected)?,
+                None => read(&path, map, expected)?,
+            };
             if let Some((first, _)) = seen.iter().find(|(_, sha256)| *sha256 == part.sha256) {
                 return Err(SessionError::Twice { path, first: PathBuf::clone(first) });
             }

@@ -59,6 +59,7 @@ fn motion_of(n_rows: usize, n_trials: usize) -> Measurements {
         extra: Vec::new(),
         names: krait_lab::Names::default(),
         n_held_rows: 0,
+        clock: None,
     }
 }
 

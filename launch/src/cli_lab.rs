@@ -2,6 +2,7 @@
 
 use crate::cli_lab_data::{BenchmarkArgs, CheckArgs, GenerateArgs, QuizArgs};
 use clap::{Args, Subcommand};
+use krait_lab::Session;
 use krait_lab::read::{ColumnMap, Mapping, ReadError};
 use std::path::PathBuf;
 
@@ -89,6 +90,10 @@ pub struct LabFiles {
     /// Measurements: CSV, Parquet, MATLAB level 5, a ROS 2 bag or a recording of krait (MCAP), or a folder of them; again for each recording of the same machine.
     #[arg(long, required = true, value_name = "FILE")]
     pub data: Vec<PathBuf>,
+    /// A second log with what was measured, by a clock of its own, beside the commands in the one file of --data: both are joined where
+    /// the motion says. Columns are named and mapped as in one file.
+    #[arg(long, value_name = "FILE")]
+    pub with: Option<PathBuf>,
     /// The file's own name and unit for a column of the lab, again for each: bend_x_rad=cam.x:deg.
     #[arg(long = "map", value_name = "COLUMN=NAME[:UNIT]")]
     pub map: Vec<Mapping>,
@@ -98,6 +103,14 @@ pub struct LabFiles {
 }
 
 impl LabFiles {
+    /// Model and measurements, read and checked together.
+    ///
+    /// # Errors
+    /// What the lab refuses, one sentence.
+    pub fn session(&self) -> anyhow::Result<Session> {
+        Ok(Session::open_with(&self.model, &self.data, self.with.as_deref(), &self.column_map()?)?)
+    }
+
     /// The mappings together.
     ///
     /// # Errors

@@ -26,6 +26,16 @@ pub(crate) fn cautions(problem: &Problem, n_outliers: usize, in_blocks: bool) ->
             data.n_held_rows
         ));
     }
+    if let Some(clock) = &data.clock {
+        said.push(format!(
+            "{}: the second log's times are shifted by {:+.4} s and its clock runs {:+.0} ppm beside the first, as the motion says \
+             ({:.1} % a straight line of it); a delay of the camera cannot be told from its clock",
+            data.source,
+            clock.shift_s,
+            -1e6 * clock.rate,
+            100.0 * clock.share
+        ));
+    }
     let reversals = reversals(data);
     if reversals < 8 {
         said.push(format!(

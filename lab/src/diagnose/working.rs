@@ -113,6 +113,7 @@ mod tests {
             extra: Vec::new(),
             names: crate::Names::default(),
             n_held_rows: 0,
+            clock: None,
         }
     }
 

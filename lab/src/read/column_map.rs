@@ -19,6 +19,26 @@ pub struct Mapping {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ColumnMap {
     pub(crate) mappings: Vec<Mapping>,
+    pub(super) part: Part,
+}
+
+/// Which part of the measurements a file has.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Part {
+    /// Commands and measurements.
+    #[default]
+    Whole,
+    /// Commands, and what stands beside them.
+    Commands,
+    /// What was measured of them, by a clock of its own.
+    Seen,
+}
+
+impl ColumnMap {
+    /// The same for a file that has this part.
+    pub(super) fn of_part(&self, part: Part) -> Self {
+        Self { part, ..self.clone() }
+    }
 }
 
 impl Mapping {
@@ -59,7 +79,7 @@ impl fmt::Display for Mapping {
 
 impl FromIterator<Mapping> for ColumnMap {
     fn from_iter<T: IntoIterator<Item = Mapping>>(mappings: T) -> Self {
-        Self { mappings: mappings.into_iter().collect() }
+        Self { mappings: mappings.into_iter().collect(), part: Part::Whole }
     }
 }
 

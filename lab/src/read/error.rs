@@ -250,6 +250,14 @@ pub enum ReadError {
         /// What to do.
         advice: &'static str,
     },
+    /// A second log cannot be joined to the first.
+    #[error("--with {}: {why}", path.display())]
+    With {
+        /// The second log.
+        path: PathBuf,
+        /// What was found and expected, and what to do.
+        why: String,
+    },
     /// Model and data are of different machines.
     #[error("{}: {found}, but the model is of {expected}; use the model that belongs to these data", path.display())]
     OtherMachine {

@@ -1,6 +1,7 @@
 //! From a file's first line to a plan: which of its columns stands for what, and how its values become SI units.
 
 use super::at::At;
+use super::column_map::Part;
 use super::role::{Role, Wanted};
 use super::unit::{Dimension, Unit};
 use super::{ColumnMap, Expected, ReadError};
@@ -69,13 +70,18 @@ pub(super) fn plan(
         Role::ThetaL | Role::Delta => !is_polar,
         _ => false,
     };
-    columns.retain(|column| !unused(column.role));
+    let of_other_file = |role| match map.part {
+        Part::Whole => false,
+        Part::Commands => matches!(role, Role::Output(_) | Role::ThetaL | Role::Delta | Role::Sigma | Role::Weight),
+        Part::Seen => matches!(role, Role::Input(_) | Role::Load(_) | Role::StemAngle | Role::Temperature),
+    };
+    columns.retain(|column| !unused(column.role) && !of_other_file(column.role));
     for one in &wanted {
         let is_needed = match one.role {
             Role::Time | Role::Input(_) => true,
             Role::Output(_) => !is_polar,
             _ => false,
-        };
+        } && !of_other_file(one.role);
         if is_needed && !has(&columns, one.role) {
             return Err(header.missing(one));
         }
@@ -120,17 +126,22 @@ impl Header<'_> {
     }
 
     fn find(&self, wanted: &Wanted, map: &ColumnMap) -> Result<Option<Column>, ReadError> {
-        if let Some((mapping, target_unit)) =
-            map.mappings.iter().find_map(|m| target_unit(wanted, &m.target).map(|unit| (m, unit)))
-        {
-            let field = self.names.iter().position(|name| *name == mapping.source).ok_or_else(|| {
+        let mapped = map.mappings.iter().find_map(|m| target_unit(wanted, &m.target).map(|unit| (m, unit)));
+        let field = |source: &str| self.names.iter().position(|name| name == source);
+        match mapped.map(|(mapping, unit)| (mapping, unit, field(&mapping.source))) {
+            Some((mapping, target_unit, Some(field))) => {
+                let unit = mapping.unit.map_or(target_unit, |unit| unit.suffix.to_owned());
+                let hint = format!("map it with --map {}={}:", mapping.target, mapping.source);
+                let column = self.column(wanted, field, &unit, &hint)?;
+                return Ok(Some(Column { wraps: mapping.wraps, ..column }));
+            }
+            // The other file may have it, and this one a name of the lab's own.
+            Some((mapping, ..)) if map.part == Part::Whole => {
                 let column = mapping.source.clone();
-                ReadError::MapSource { path: self.path.to_owned(), at: self.at, nearest: self.nearest(&column), column }
-            })?;
-            let unit = mapping.unit.map_or(target_unit, |unit| unit.suffix.to_owned());
-            let hint = format!("map it with --map {}={}:", mapping.target, mapping.source);
-            let column = self.column(wanted, field, &unit, &hint)?;
-            return Ok(Some(Column { wraps: mapping.wraps, ..column }));
+                let (path, nearest) = (self.path.to_owned(), self.nearest(&column));
+                return Err(ReadError::MapSource { path, at: self.at, nearest, column });
+            }
+            _ => {}
         }
         let mut found = None;
         let mut unknown = None;
@@ -202,7 +213,7 @@ impl Header<'_> {
 
     /// Whether the names are those of the expected machine, as far as names tell.
     fn same_machine(&self, map: &ColumnMap, expected: Expected) -> Result<(), ReadError> {
-        if !map.mappings.is_empty() {
+        if !map.mappings.is_empty() || map.part != Part::Whole {
             return Ok(());
         }
         let other = |found: String, expected: String| {

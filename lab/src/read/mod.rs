@@ -23,6 +23,7 @@ mod rows;
 mod stamps;
 mod table;
 mod unit;
+mod with;
 mod wrap;
 
 pub use at::At;
@@ -38,6 +39,8 @@ pub(crate) use unit::{Dimension, Unit};
 pub(crate) use wrap::Turns;
 
 use crate::Measurements;
+use check::Place;
+use column_map::Part;
 use format::{Format, Found};
 use krait_ipc::input;
 use krait_model::model_file::{ForceMachine, Joints, Machine};
@@ -106,21 +109,9 @@ impl Expected<'_> {
 /// # Errors
 /// [`ReadError`], one sentence with file, line and column.
 pub fn read(path: &Path, map: &ColumnMap, expected: Expected) -> Result<Measurements, ReadError> {
-    let failed = |source| ReadError::Io { path: path.to_owned(), source };
-    let Found { mut file, format } = Format::of(path)?;
-    let (table, hash) = match format {
-        Format::Krait => return recording::read(path, file, map, expected),
-        Format::Csv => {
-            input::check_size(&file, input::TABLE_BYTES).map_err(failed)?;
-            let mut hashing = Hashing { source: file, hash: Sha256::new() };
-            let table = csv::read(path, &mut hashing, map, expected)?;
-            (table, hex(hashing.hash))
-        }
-        Format::Grid(grid) => {
-            let table = grid(path, file.try_clone().map_err(failed)?)?.read(path, map, expected)?;
-            file.rewind().map_err(failed)?;
-            (table, sha256(path, file)?)
-        }
+    let (table, hash) = match read_table(path, map, expected)? {
+        Content::Table(table, hash) => (table, hash),
+        Content::Whole(data) => return Ok(*data),
     };
     let place = table::place(path, &table);
     let mut data = table::measurements(path, table, expected, hash);
@@ -133,6 +124,54 @@ pub fn read(path: &Path, map: &ColumnMap, expected: Expected) -> Result<Measurem
     let filtered = force::prepare(&place, data, machine)?;
     check::enough(&place, &filtered)?;
     Ok(filtered)
+}
+
+/// Reads the commands of one table and what was measured of them from another, whose clock is its own.
+///
+/// # Errors
+/// [`ReadError`], one sentence: as [`read`], and where the two cannot be joined.
+pub fn read_with(path: &Path, with: &Path, map: &ColumnMap, expected: Expected) -> Result<Measurements, ReadError> {
+    let refusal = |why: &str| ReadError::With { path: with.to_owned(), why: why.to_owned() };
+    if matches!(expected, Expected::Force(_)) {
+        return Err(refusal("angle and force must have one clock, expected one file; leave --with out"));
+    }
+    let part = |path: &Path, part: Part| match read_table(path, &map.of_part(part), expected)? {
+        Content::Table(table, hash) => Ok((table, hash)),
+        Content::Whole(_) => Err(refusal("a recording of krait has one clock, expected two tables; leave --with out")),
+    };
+    let ((commands, hash), (seen, seen_hash)) = (part(path, Part::Commands)?, part(with, Part::Seen)?);
+    let place = Place { inputs: table::place(path, &commands).inputs, ..table::place(with, &seen) };
+    let commands = table::measurements(path, commands, expected, hash);
+    let seen = table::measurements(with, seen, expected, seen_hash);
+    let joined = with::join(commands, seen, with)?;
+    check::enough(&place, &joined)?;
+    Ok(joined)
+}
+
+/// What a file holds.
+enum Content {
+    Table(rows::Table, String),
+    /// A recording of krait is no table.
+    Whole(Box<Measurements>),
+}
+
+fn read_table(path: &Path, map: &ColumnMap, expected: Expected) -> Result<Content, ReadError> {
+    let failed = |source| ReadError::Io { path: path.to_owned(), source };
+    let Found { mut file, format } = Format::of(path)?;
+    match format {
+        Format::Krait => Ok(Content::Whole(Box::new(recording::read(path, file, map, expected)?))),
+        Format::Csv => {
+            input::check_size(&file, input::TABLE_BYTES).map_err(failed)?;
+            let mut hashing = Hashing { source: file, hash: Sha256::new() };
+            let table = csv::read(path, &mut hashing, map, expected)?;
+            Ok(Content::Table(table, hex(hashing.hash)))
+        }
+        Format::Grid(grid) => {
+            let table = grid(path, file.try_clone().map_err(failed)?)?.read(path, map, expected)?;
+            file.rewind().map_err(failed)?;
+            Ok(Content::Table(table, sha256(path, file)?))
+        }
+    }
 }
 
 /// Hash of a whole file.

@@ -157,5 +157,6 @@ fn measurements(
             _ => crate::Names::default(),
         },
         n_held_rows: 0,
+        clock: None,
     }
 }

@@ -15,7 +15,11 @@ use std::path::Path;
 pub(super) fn measurements(path: &Path, mut table: Table, expected: Expected, sha256: String) -> Measurements {
     let (n_inputs, n_outputs) = (table.plan.n_inputs, table.plan.n_outputs);
     let weight = take(&mut table, Role::Weight);
-    let mut outputs = outputs(&mut table, n_outputs);
+    // A file that another one is joined to has a part of the columns.
+    let n_rows = table.trial.len();
+    let has = |role| table.plan.place(role).is_some();
+    let (has_inputs, has_outputs) = (has(Role::Input(0)), has(Role::Output(0)) || has(Role::ThetaL));
+    let mut outputs = if has_outputs { outputs(&mut table, n_outputs) } else { vec![f64::NAN; n_outputs * n_rows] };
     if let Some(weight) = &weight {
         let unscored = weight.iter().enumerate().filter(|(_, w)| **w == 0.0).map(|(row, _)| row);
         unscored.for_each(|row| outputs[row * n_outputs..(row + 1) * n_outputs].fill(f64::NAN));
@@ -30,7 +34,11 @@ pub(super) fn measurements(path: &Path, mut table: Table, expected: Expected, sh
             Expected::Force(_) => Quantity::Force,
         },
         time_s: planned(take(&mut table, Role::Time)),
-        inputs: planned(interleave(&mut table, n_inputs, Role::Input)),
+        inputs: if has_inputs {
+            planned(interleave(&mut table, n_inputs, Role::Input))
+        } else {
+            vec![0.0; n_inputs * n_rows]
+        },
         n_inputs,
         outputs,
         n_outputs,
@@ -42,6 +50,7 @@ pub(super) fn measurements(path: &Path, mut table: Table, expected: Expected, sh
         extra: extra(&mut table),
         names: names(&table.plan, n_inputs, n_outputs, expected),
         n_held_rows: 0,
+        clock: None,
         trial: table.trial,
     }
 }

@@ -8,7 +8,7 @@ use crate::print;
 use anyhow::bail;
 use krait_calibrate::stem::{BEND_SD_RAD, StemRow, StemSettings, stem};
 use krait_calibrate::written;
-use krait_lab::{Measurements, Session};
+use krait_lab::Measurements;
 use krait_model::model_file::ModelFile;
 use std::path::Path;
 use std::process::ExitCode;
@@ -19,7 +19,7 @@ pub fn run(args: &StemArgs) -> anyhow::Result<ExitCode> {
         refuse_existing(out, args.force)?;
     }
     let model = &args.files.model;
-    let session = Session::open_all(model, &args.files.data, &args.files.column_map()?)?;
+    let session = args.files.session()?;
     let machine = snake_of(&session.file, model)?;
     only_known(&session.file, model)?;
     let (mu, mu_se) = mu_of(&session.file, model)?;

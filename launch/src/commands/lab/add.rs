@@ -78,7 +78,7 @@ fn write_page(path: Option<&Path>, session: &Session, added: &Added, what: &str)
 }
 
 fn open(files: &LabFiles) -> anyhow::Result<Session> {
-    Ok(Session::open_all(&files.model, &files.data, &files.column_map()?)?)
+    files.session()
 }
 
 /// The effect with its starting values.

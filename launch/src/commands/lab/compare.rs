@@ -4,9 +4,9 @@ use super::diagnose::five_digits;
 use super::page;
 use crate::cli_lab::LabCompareArgs;
 use crate::print;
+use krait_lab::Names;
 use krait_lab::compare::{Bin, Comparison, compare};
 use krait_lab::report::{comparison_page, residual_curves};
-use krait_lab::{Names, Session};
 use krait_report::Table;
 use serde_json::json;
 use std::process::ExitCode;
@@ -16,7 +16,7 @@ const SHOWN: usize = 15;
 
 /// Compares; that there is an error is no failure.
 pub fn run(args: &LabCompareArgs) -> anyhow::Result<ExitCode> {
-    let session = Session::open_all(&args.files.model, &args.files.data, &args.files.column_map()?)?;
+    let session = args.files.session()?;
     let found = compare(session.machine.as_ref(), &session.data)?;
     if let Some(path) = &args.report {
         page::write(path, |origin| comparison_page(session.machine.as_ref(), &session.data, &found, origin))?;

@@ -20,7 +20,7 @@ const SHOWN: usize = 12;
 
 /// Diagnoses; finding that something is missing is no failure.
 pub fn run(args: &DiagnoseArgs) -> anyhow::Result<ExitCode> {
-    let session = Session::open_all(&args.files.model, &args.files.data, &args.files.column_map()?)?;
+    let session = args.files.session()?;
     let options = DiagnoseOptions {
         seed: args.seed,
         max_effects: usize::from(args.max_effects),

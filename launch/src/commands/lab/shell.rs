@@ -19,7 +19,8 @@ pub fn data_words(files: &LabFiles) -> String {
     let data = files.data.iter().map(|path| format!("--data {}", shell(path)));
     let maps = files.map.iter().map(|map| format!("--map {}", quoted(&map.to_string())));
     let file = files.map_file.iter().map(|path| format!("--map-file {}", shell(path)));
-    data.chain(maps).chain(file).collect::<Vec<_>>().join(" ")
+    let with = files.with.iter().map(|path| format!("--with {}", shell(path)));
+    data.chain(with).chain(maps).chain(file).collect::<Vec<_>>().join(" ")
 }
 
 #[cfg(test)]

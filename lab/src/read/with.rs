@@ -1,0 +1,219 @@
+//! `--with camera.csv`: measurements from a second log, which has a clock of its own, joined to the commands of the first.
+//!
+//! Nothing but the motion is common to both. So the second log's clock, a shift and a rate, is the one with which what it measured is
+//! most nearly a straight line of the commands; where two shifts do nearly as well, as with a motion that repeats, it is refused.
+
+use super::ReadError;
+use crate::Measurements;
+use crate::measurements::Clock;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use std::path::Path;
+
+/// Shifts that are tried, and rows of the second log that are asked: first, and at the end.
+const MOST_SHIFTS: usize = 20_000;
+const SHORTEST_STEP_S: f64 = 0.02;
+const ASKED_FIRST: usize = 400;
+const ASKED: usize = 8000;
+/// Part of the second log that must lie within the first, and rows.
+const OVERLAP: f64 = 0.5;
+const FEWEST_ROWS: usize = 20;
+/// A straight line must explain this much.
+const FOLLOWS: f64 = 0.5;
+/// Places that are looked at closely, and how much less the second best must explain: its rest is larger by this.
+const PLACES: usize = 4;
+const TOLD: f64 = 1.2;
+/// Halvings of a step.
+const HALVINGS: usize = 14;
+
+/// The commands of one log with the measurements of another.
+///
+/// # Errors
+/// [`ReadError::With`] where they cannot be joined.
+pub(super) fn join(commands: Measurements, seen: Measurements, path: &Path) -> Result<Measurements, ReadError> {
+    let refuse = |why: String| Err(ReadError::With { path: path.to_owned(), why });
+    if [&commands, &seen].into_iter().any(|own| own.trial.iter().any(|trial| *trial > 0)) {
+        return refuse(
+            "one of both has several trials, expected one each; give every trial a file of its own".to_owned(),
+        );
+    }
+    let aligned = align(&commands, &seen);
+    let Some((clock, others)) = aligned.filter(|(clock, _)| clock.share >= FOLLOWS) else {
+        let expected = "no shift of its clock makes it follow the commands, expected one with which half of it is a straight line of them";
+        return refuse(format!(
+            "{expected}; check that both are of the same motion and that half of it lies within the other"
+        ));
+    };
+    if let Some(other) = others.first().filter(|other| 1.0 - other.share < TOLD * (1.0 - clock.share)) {
+        return refuse(format!(
+            "its clock may be shifted by {:.3} or by {:.3} s, expected one shift that fits best; the motion repeats, so record one \
+             that does not",
+            clock.shift_s, other.shift_s
+        ));
+    }
+    Ok(merged(&commands, &seen, clock))
+}
+
+/// Times of measured rows with what was measured, and the commands that they are compared with.
+struct Pair<'a> {
+    commands: &'a Measurements,
+    seen: &'a Measurements,
+    rows: Vec<usize>,
+    middle_s: f64,
+}
+
+/// The clock that suits best, and others, the best first; `None` where too little lies within the other.
+fn align(commands: &Measurements, seen: &Measurements) -> Option<(Clock, Vec<Clock>)> {
+    let measured: Vec<usize> = (0..seen.n_rows()).filter(|row| seen.is_scored(*row)).collect();
+    let (first, last) = (*measured.first()?, *measured.last()?);
+    let length_s = seen.time_s[last] - seen.time_s[first];
+    let pair = |most: usize| Pair {
+        commands,
+        seen,
+        rows: measured.iter().copied().step_by(measured.len().div_ceil(most)).collect(),
+        middle_s: 0.5 * (seen.time_s[first] + seen.time_s[last]),
+    };
+    let (begin, end) = (*commands.time_s.first()?, *commands.time_s.last()?);
+    let (from, to) = (begin - seen.time_s[last], end - seen.time_s[first]);
+    let step_s = ((to - from) / MOST_SHIFTS as f64).max(SHORTEST_STEP_S);
+    let n = ((to - from) / step_s) as usize + 1;
+    let coarse = pair(ASKED_FIRST);
+    let shares: Vec<f64> =
+        (0..n).into_par_iter().map(|k| coarse.share(from + step_s * k as f64, 0.0).unwrap_or(0.0)).collect();
+    let is_peak = |k: &usize| {
+        let at = |k: Option<usize>| k.and_then(|k| shares.get(k)).copied().unwrap_or(0.0);
+        shares[*k] > 0.0 && shares[*k] >= at(k.checked_sub(1)) && shares[*k] > at(Some(k + 1))
+    };
+    let mut peaks: Vec<usize> = (0..n).filter(is_peak).collect();
+    peaks.sort_by(|a, b| shares[*b].total_cmp(&shares[*a]));
+    let fine = pair(ASKED);
+    let refined = |k: &usize| fine.refined(from + step_s * *k as f64, step_s, length_s);
+    let mut clocks: Vec<Clock> = peaks.iter().take(PLACES).filter_map(refined).collect();
+    clocks.sort_by(|a, b| b.share.total_cmp(&a.share));
+    let best = clocks.first().cloned()?;
+    // Noise makes several peaks of one.
+    let apart = |other: &Clock| (other.shift_s - best.shift_s).abs() > 4.0 * step_s;
+    let others = clocks.into_iter().filter(apart).collect();
+    Some((best, others))
+}
+
+impl Pair<'_> {
+    /// A measured row's time by the first log's clock.
+    fn time_s(&self, row: usize, shift_s: f64, rate: f64) -> f64 {
+        let own = self.seen.time_s[row];
+        own + shift_s + rate * (own - self.middle_s)
+    }
+
+    /// Share of what was measured that is a straight line of the commands; `None` where too few rows lie within them.
+    fn share(&self, shift_s: f64, rate: f64) -> Option<f64> {
+        let (n, m) = (self.commands.n_inputs + 1, self.seen.n_outputs);
+        let mut gram = DMatrix::zeros(n, n);
+        let mut score = DMatrix::zeros(n, m);
+        let mut squares = DVector::zeros(m);
+        let mut inside = 0;
+        let mut u = DVector::from_element(n, 1.0);
+        for &row in &self.rows {
+            if !commanded(self.commands, self.time_s(row, shift_s, rate), &mut u.as_mut_slice()[1..]) {
+                continue;
+            }
+            inside += 1;
+            let y = DVector::from_column_slice(self.seen.output(row));
+            gram.ger(1.0, &u, &u, 1.0);
+            score.ger(1.0, &u, &y, 1.0);
+            squares += y.component_mul(&y);
+        }
+        if inside < FEWEST_ROWS || (inside as f64) < OVERLAP * self.rows.len() as f64 {
+            return None;
+        }
+        let ridge = 1e-9 * gram.diagonal().max();
+        let solved = (&gram + DMatrix::identity(n, n) * ridge).cholesky()?.solve(&score);
+        let part = |k: usize| {
+            let mean = score[(0, k)] / inside as f64;
+            let whole = squares[k] - mean * mean * inside as f64;
+            let explained = score.column(k).dot(&solved.column(k)) - mean * mean * inside as f64;
+            if whole > 1e-12 * squares[k] { explained / whole } else { 1.0 }
+        };
+        Some((0..m).map(part).sum::<f64>() / m as f64)
+    }
+
+    /// The best clock near a shift: shift and rate in ever smaller steps.
+    fn refined(&self, shift_s: f64, step_s: f64, length_s: f64) -> Option<Clock> {
+        let mut best = Clock { shift_s, rate: 0.0, share: self.share(shift_s, 0.0)? };
+        let mut step_s = step_s;
+        for _ in 0..HALVINGS {
+            let by_rate = 2.0 * step_s / length_s.max(1e-9);
+            loop {
+                let tried = [(step_s, 0.0), (-step_s, 0.0), (0.0, by_rate), (0.0, -by_rate)].map(|(shift, rate)| {
+                    let (shift_s, rate) = (best.shift_s + shift, best.rate + rate);
+                    self.share(shift_s, rate).map(|share| Clock { shift_s, rate, share })
+                });
+                let next = tried.into_iter().flatten().max_by(|a, b| a.share.total_cmp(&b.share));
+                match next.filter(|next| next.share > best.share) {
+                    Some(next) => best = next,
+                    None => break,
+                }
+            }
+            step_s *= 0.5;
+        }
+        // The shift is that in the middle of the second log: where it reads zero may be far from both.
+        Some(best)
+    }
+}
+
+/// The commands at a time, between the rows beside it; whether there are such rows.
+fn commanded(commands: &Measurements, time_s: f64, u: &mut [f64]) -> bool {
+    let after = commands.time_s.partition_point(|own| *own < time_s);
+    let Some(before) = after.checked_sub(1) else { return false };
+    let (Some(late), early) = (commands.time_s.get(after), commands.time_s[before]) else { return false };
+    let part = (time_s - early) / (late - early);
+    for ((u, a), b) in u.iter_mut().zip(commands.input(before)).zip(commands.input(after)) {
+        *u = a + part * (b - a);
+    }
+    true
+}
+
+/// The rows of both in the order of time.
+fn merged(commands: &Measurements, seen: &Measurements, clock: Clock) -> Measurements {
+    let pair = Pair { commands, seen, rows: Vec::new(), middle_s: middle(seen) };
+    // A measured row stands for a command's of the same time.
+    let mut order: Vec<(f64, Option<usize>, usize)> =
+        commands.time_s.iter().enumerate().map(|(row, time_s)| (*time_s, None, row)).collect();
+    let mut u = vec![0.0; commands.n_inputs];
+    for row in (0..seen.n_rows()).filter(|row| seen.is_scored(*row)) {
+        let time_s = pair.time_s(row, clock.shift_s, clock.rate);
+        if commanded(commands, time_s, &mut u) {
+            let before = commands.time_s.partition_point(|own| *own < time_s) - 1;
+            order.push((time_s, Some(row), before));
+        }
+    }
+    order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.is_none().cmp(&b.1.is_none())));
+    order.dedup_by(|later, earlier| later.0 == earlier.0);
+    let rows: Vec<usize> = order.iter().map(|(_, _, row)| *row).collect();
+    // What stands beside the commands keeps its last value.
+    let mut all = commands.select(&rows);
+    all.time_s = order.iter().map(|(time_s, ..)| *time_s).collect();
+    all.outputs = vec![f64::NAN; rows.len() * seen.n_outputs];
+    all.sigma = seen.sigma.as_ref().map(|_| vec![f64::NAN; rows.len()]);
+    for (at, (time_s, row, _)) in order.iter().enumerate() {
+        let Some(row) = *row else { continue };
+        commanded(commands, *time_s, &mut u);
+        all.inputs[at * u.len()..][..u.len()].copy_from_slice(&u);
+        all.outputs[at * seen.n_outputs..][..seen.n_outputs].copy_from_slice(seen.output(row));
+        if let (Some(all), Some(own)) = (&mut all.sigma, &seen.sigma) {
+            all[at] = own[row];
+        }
+    }
+    all.names.outputs.clone_from(&seen.names.outputs);
+    all.source = format!("{} with {}", commands.source, seen.source);
+    all.sha256 = format!("{}, {}", commands.sha256, seen.sha256);
+    all.clock = Some(clock);
+    all
+}
+
+fn middle(seen: &Measurements) -> f64 {
+    let measured: Vec<usize> = (0..seen.n_rows()).filter(|row| seen.is_scored(*row)).collect();
+    match (measured.first(), measured.last()) {
+        (Some(first), Some(last)) => 0.5 * (seen.time_s[*first] + seen.time_s[*last]),
+        _ => 0.0,
+    }
+}
