@@ -30,7 +30,7 @@ mod term;
 pub use add::{AddOptions, Added, JointNumber, add, refit};
 pub use calibrated::{disagreements, drawn_away};
 pub use error::LabError;
-pub use measurements::{Clock, LoadUse, Measurements, Names, Quantity};
+pub use measurements::{LoadUse, Measurements, Names, Quantity, SecondClock};
 pub use problem::{FEWEST_BLOCKS, Problem, scored_time_s};
 pub use same_data::FittedData;
 pub use save::{fitted_to, save};

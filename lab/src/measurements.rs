@@ -51,12 +51,12 @@ pub struct Measurements {
     /// Rows that only repeated the frame of a camera slower than the file, and count as not measured.
     pub n_held_rows: usize,
     /// The clock of a second log that the measurements come from, against that of the commands.
-    pub clock: Option<Clock>,
+    pub clock: Option<SecondClock>,
 }
 
 /// A second log's clock against the first one's, as the motion that both saw says.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Clock {
+pub struct SecondClock {
     /// What is to be added to the second log's times in its middle, s.
     pub shift_s: f64,
     /// How much faster the first log's clock runs, as a part of one.

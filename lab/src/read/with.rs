@@ -5,7 +5,7 @@
 
 use super::ReadError;
 use crate::Measurements;
-use crate::measurements::Clock;
+use crate::measurements::SecondClock;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use std::path::Path;
@@ -63,7 +63,7 @@ struct Pair<'a> {
 }
 
 /// The clock that suits best, and others, the best first; `None` where too little lies within the other.
-fn align(commands: &Measurements, seen: &Measurements) -> Option<(Clock, Vec<Clock>)> {
+fn align(commands: &Measurements, seen: &Measurements) -> Option<(SecondClock, Vec<SecondClock>)> {
     let measured: Vec<usize> = (0..seen.n_rows()).filter(|row| seen.is_scored(*row)).collect();
     let (first, last) = (*measured.first()?, *measured.last()?);
     let length_s = seen.time_s[last] - seen.time_s[first];
@@ -88,11 +88,11 @@ fn align(commands: &Measurements, seen: &Measurements) -> Option<(Clock, Vec<Clo
     peaks.sort_by(|a, b| shares[*b].total_cmp(&shares[*a]));
     let fine = pair(ASKED);
     let refined = |k: &usize| fine.refined(from + step_s * *k as f64, step_s, length_s);
-    let mut clocks: Vec<Clock> = peaks.iter().take(PLACES).filter_map(refined).collect();
+    let mut clocks: Vec<SecondClock> = peaks.iter().take(PLACES).filter_map(refined).collect();
     clocks.sort_by(|a, b| b.share.total_cmp(&a.share));
     let best = clocks.first().cloned()?;
     // Noise makes several peaks of one.
-    let apart = |other: &Clock| (other.shift_s - best.shift_s).abs() > 4.0 * step_s;
+    let apart = |other: &SecondClock| (other.shift_s - best.shift_s).abs() > 4.0 * step_s;
     let others = clocks.into_iter().filter(apart).collect();
     Some((best, others))
 }
@@ -137,15 +137,15 @@ impl Pair<'_> {
     }
 
     /// The best clock near a shift: shift and rate in ever smaller steps.
-    fn refined(&self, shift_s: f64, step_s: f64, length_s: f64) -> Option<Clock> {
-        let mut best = Clock { shift_s, rate: 0.0, share: self.share(shift_s, 0.0)? };
+    fn refined(&self, shift_s: f64, step_s: f64, length_s: f64) -> Option<SecondClock> {
+        let mut best = SecondClock { shift_s, rate: 0.0, share: self.share(shift_s, 0.0)? };
         let mut step_s = step_s;
         for _ in 0..HALVINGS {
             let by_rate = 2.0 * step_s / length_s.max(1e-9);
             loop {
                 let tried = [(step_s, 0.0), (-step_s, 0.0), (0.0, by_rate), (0.0, -by_rate)].map(|(shift, rate)| {
                     let (shift_s, rate) = (best.shift_s + shift, best.rate + rate);
-                    self.share(shift_s, rate).map(|share| Clock { shift_s, rate, share })
+                    self.share(shift_s, rate).map(|share| SecondClock { shift_s, rate, share })
                 });
                 let next = tried.into_iter().flatten().max_by(|a, b| a.share.total_cmp(&b.share));
                 match next.filter(|next| next.share > best.share) {
@@ -173,7 +173,7 @@ fn commanded(commands: &Measurements, time_s: f64, u: &mut [f64]) -> bool {
 }
 
 /// The rows of both in the order of time.
-fn merged(commands: &Measurements, seen: &Measurements, clock: Clock) -> Measurements {
+fn merged(commands: &Measurements, seen: &Measurements, clock: SecondClock) -> Measurements {
     let pair = Pair { commands, seen, rows: Vec::new(), middle_s: middle(seen) };
     // A measured row stands for a command's of the same time.
     let mut order: Vec<(f64, Option<usize>, usize)> =
