@@ -174,7 +174,7 @@ struct Seen {
 
 /// What the pictures of a session gave.
 #[derive(Debug)]
-pub struct Session {
+pub struct PhotoSession {
     /// The bends of all that can be used.
     pub bends: Vec<Bend>,
     /// Why each of the others was left out; its base is in no mean.
@@ -186,7 +186,7 @@ pub struct Session {
 ///
 /// # Errors
 /// [`CalibrateError::Setting`] for the standard deviation; the first picture's [`CalibrateError::NotDetermined`] where none can be used.
-pub fn bends(clicks: &[Click], click_sd_px: f64) -> Result<Session, CalibrateError> {
+pub fn bends(clicks: &[Click], click_sd_px: f64) -> Result<PhotoSession, CalibrateError> {
     if !(click_sd_px > 0.0 && click_sd_px < 100.0) {
         return Err(CalibrateError::Setting {
             name: "click_sd_px",
@@ -220,7 +220,7 @@ pub fn bends(clicks: &[Click], click_sd_px: f64) -> Result<Session, CalibrateErr
     if bends.is_empty() && !left_out.is_empty() {
         return Err(left_out.swap_remove(0));
     }
-    Ok(Session { bends, left_out })
+    Ok(PhotoSession { bends, left_out })
 }
 
 /// Every view of one picture, or why it cannot be used.

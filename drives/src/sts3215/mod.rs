@@ -218,10 +218,16 @@ impl ActuatorBus for Sts3215 {
         let Some(config) = self.config.clone() else { return Ok(()) };
         let still_gone = BusGone { what: PORT_STILL_GONE };
         let path = config.port.as_deref().ok_or(still_gone)?;
-        self.port.reopen(path, config.baud).map_err(|_| still_gone)?;
+        self.port.reopen(path, config.baud).map_err(|error| {
+            tracing::debug!("{error}");
+            still_gone
+        })?;
         let found = identity::of_all(self, &config, path, identity::Ask::BRIEF);
         let fits = found.and_then(|identities| identity::check(&identities, &config));
-        fits.map_err(|_| BusGone { what: OTHER_SERVOS })
+        fits.map_err(|error| {
+            tracing::warn!("{error}");
+            BusGone { what: OTHER_SERVOS }
+        })
     }
 }
 

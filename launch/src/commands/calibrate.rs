@@ -67,7 +67,7 @@ fn photo(args: &PhotoArgs) -> anyhow::Result<ExitCode> {
     if let Some(out) = &args.out {
         refuse_existing(out, args.force)?;
     }
-    let photo::Session { bends, left_out } = photo::bends(&photo::read(&args.clicks)?, args.click_sd_px)?;
+    let photo::PhotoSession { bends, left_out } = photo::bends(&photo::read(&args.clicks)?, args.click_sd_px)?;
     let mut text = String::new();
     for bend in &bends {
         text += &format!("{}\n", bend.sentence());

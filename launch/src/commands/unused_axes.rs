@@ -72,8 +72,8 @@ mod tests {
     use std::path::PathBuf;
 
     fn said(model: Option<&str>, edit: fn(&mut Config)) -> Option<String> {
-        let mut config = Config::default();
-        config.model = model.map(|name| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../docs").join(name));
+        let file = |name| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../docs").join(name);
+        let mut config = Config { model: model.map(file), ..Config::default() };
         edit(&mut config);
         sentence(&config, MasterKind::Hid).expect("a model and a hand")
     }
