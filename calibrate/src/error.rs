@@ -63,6 +63,9 @@ pub enum CalibrateError {
     /// The robot did not do what it was told.
     #[error("the robot stopped the calibration: {0}")]
     Robot(String),
+    /// No picture of a pose has a bend yet.
+    #[error("the poses are read and kept, and nothing is fitted yet: {0}")]
+    Pictures(String),
     /// The operator stopped at a motion.
     #[error("it was stopped at a motion; what was read is kept, and the same command goes on from it")]
     Stopped,

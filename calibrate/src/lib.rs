@@ -19,6 +19,7 @@ mod lines;
 mod log;
 mod model;
 pub mod photo;
+mod pictures;
 pub mod play;
 pub mod poses;
 pub mod stem;

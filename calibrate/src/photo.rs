@@ -25,6 +25,8 @@ const MAX_REPROJECTION_PX: f64 = 0.5;
 const NEAREST_EDGES_PX: f64 = 2.0;
 /// Standard deviations between edge and chord beyond which the curvature is not constant.
 const PLAUSIBLE: f64 = 3.0;
+/// A bend of fewer standard deviations than this has no plane: its delta would be 20 deg off, or anything.
+const HAS_PLANE: f64 = 3.0;
 
 /// From where a picture was taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -96,6 +98,12 @@ impl Bend {
         self.apart_sd.abs() <= PLAUSIBLE
     }
 
+    /// Whether the bend is large enough to have a plane; without one its delta means nothing.
+    pub fn has_plane(&self) -> bool {
+        let size = self.b_x_rad.hypot(self.b_y_rad);
+        size > HAS_PLANE * self.sd_x_rad.max(self.sd_y_rad)
+    }
+
     /// The pose in words.
     pub fn sentence(&self) -> String {
         let deg = f64::to_degrees;
@@ -107,6 +115,16 @@ impl Bend {
         }
         let (x, y) = (self.b_x_rad, self.b_y_rad);
         let b = x.hypot(y);
+        if !self.has_plane() {
+            let sd = self.sd_x_rad.max(self.sd_y_rad);
+            let apart = if self.plausible() { "" } else { "; edge and chord disagree" };
+            return format!(
+                "{}: bend {:.1} +- {:.1} {size} deg, too small to have a plane: delta is not determined{apart}",
+                self.image,
+                deg(b),
+                deg(sd)
+            );
+        }
         let along = (x * self.sd_x_rad).hypot(y * self.sd_y_rad) / b;
         let across = (y * self.sd_x_rad).hypot(x * self.sd_y_rad) / b;
         format!(
@@ -154,11 +172,21 @@ struct Seen {
     end_px: [Vector2<f64>; 2],
 }
 
-/// Bends of every picture; `click_sd_px` is the standard deviation of an edge in each coordinate.
+/// What the pictures of a session gave.
+#[derive(Debug)]
+pub struct PhotoSession {
+    /// The bends of all that can be used.
+    pub bends: Vec<Bend>,
+    /// Why each of the others was left out; its base is in no mean.
+    pub left_out: Vec<CalibrateError>,
+}
+
+/// Bends of every picture that can be used; `click_sd_px` is the standard deviation of an edge in each coordinate. A picture without
+/// enough points, or whose corners do not lie on a plane grid, is left out.
 ///
 /// # Errors
-/// [`CalibrateError::NotDetermined`] for a picture without enough points, or whose corners do not lie on a plane grid.
-pub fn bends(clicks: &[Click], click_sd_px: f64) -> Result<Vec<Bend>, CalibrateError> {
+/// [`CalibrateError::Setting`] for the standard deviation; the first picture's [`CalibrateError::NotDetermined`] where none can be used.
+pub fn bends(clicks: &[Click], click_sd_px: f64) -> Result<PhotoSession, CalibrateError> {
     if !(click_sd_px > 0.0 && click_sd_px < 100.0) {
         return Err(CalibrateError::Setting {
             name: "click_sd_px",
@@ -172,16 +200,39 @@ pub fn bends(clicks: &[Click], click_sd_px: f64) -> Result<Vec<Bend>, CalibrateE
             images.push(&click.image);
         }
     }
-    let mut seen = Vec::new();
+    let (mut seen, mut bends, mut left_out) = (Vec::new(), Vec::new(), Vec::new());
+    images.retain(|image| match views(image, clicks) {
+        Ok(views) => {
+            seen.extend(views);
+            true
+        }
+        Err(error) => {
+            left_out.push(error);
+            false
+        }
+    });
     for image in &images {
-        for view in [PhotoView::Front, PhotoView::Side, PhotoView::Mirror] {
-            let own: Vec<&Click> = clicks.iter().filter(|c| c.image == *image && c.view == view).collect();
-            if !own.is_empty() {
-                seen.push(Seen::new(image, view, &own)?);
-            }
+        match bend(image, &seen, click_sd_px) {
+            Ok(bend) => bends.push(bend),
+            Err(error) => left_out.push(error),
         }
     }
-    images.iter().map(|image| bend(image, &seen, click_sd_px)).collect()
+    if bends.is_empty() && !left_out.is_empty() {
+        return Err(left_out.swap_remove(0));
+    }
+    Ok(PhotoSession { bends, left_out })
+}
+
+/// Every view of one picture, or why it cannot be used.
+fn views(image: &str, clicks: &[Click]) -> Result<Vec<Seen>, CalibrateError> {
+    let mut seen = Vec::new();
+    for view in [PhotoView::Front, PhotoView::Side, PhotoView::Mirror] {
+        let own: Vec<&Click> = clicks.iter().filter(|c| c.image == image && c.view == view).collect();
+        if !own.is_empty() {
+            seen.push(Seen::new(image, view, &own)?);
+        }
+    }
+    Ok(seen)
 }
 
 impl Seen {

@@ -7,6 +7,7 @@
 use crate::fit::{Parameter, fit};
 use crate::lines::{Lines, Turning};
 use crate::log::ReadingLog;
+use crate::pictures::Pictures;
 use crate::{CalibrateError, CalibratedValue, Dialogue, LeastSquares, Reply};
 use krait_model::MachineParameters;
 use nalgebra::{Vector2, Vector3};
@@ -37,7 +38,7 @@ const OPEN: [f64; 2] = [0.1, 60e-6];
 const CHECK_LIMIT: f64 = 2.0;
 
 /// One row of the CSV.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PoseReading {
     /// Place in the plan, from 1.
     pub pose: u32,
@@ -47,7 +48,7 @@ pub struct PoseReading {
     pub plane_deg: f64,
     /// Planned bend, deg.
     pub bend_deg: f64,
-    /// Measured bend vector, rad.
+    /// Measured bend vector, rad; NaN where a picture is yet to show it.
     pub b_x_rad: f64,
     /// Second component, rad.
     pub b_y_rad: f64,
@@ -65,6 +66,23 @@ pub struct PoseReading {
     pub s2: f64,
     /// Line 3.
     pub s3: f64,
+    /// The picture that shows the bend; none: it was typed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub image: Option<String>,
+    /// Standard deviation of each component where the picture states its own, rad; never in the CSV.
+    #[serde(skip)]
+    pub sd_xy_rad: Option<[f64; 2]>,
+}
+
+impl PoseReading {
+    /// Whether its bend is known.
+    fn is_measured(&self) -> bool {
+        self.b_x_rad.is_finite() && self.b_y_rad.is_finite()
+    }
+
+    fn sd_rad(&self) -> [f64; 2] {
+        self.sd_xy_rad.unwrap_or([self.sd_rad; 2])
+    }
 }
 
 /// What is known beforehand.
@@ -87,6 +105,8 @@ pub struct Poses {
     pub fit: LeastSquares,
     /// Error of the predicted bend on the poses of the check, rad rms; `None` before they are measured.
     pub check_rms_rad: Option<f64>,
+    /// The same in standard deviations of the readings.
+    pub check_rms_sd: Option<f64>,
 }
 
 impl Poses {
@@ -162,19 +182,21 @@ fn fitted(readings: &[PoseReading], settings: &PoseSettings, start: [f64; 2]) ->
     ];
     let of = |check: bool, value: &[f64]| {
         let mut all = Vec::new();
-        for r in readings.iter().filter(|r| r.check == check) {
+        for r in readings.iter().filter(|r| r.check == check && r.is_measured()) {
             let b = lines.bend_rad(q(r), &Vector3::new(r.s1, r.s2, r.s3), value[0], value[1])?;
-            all.extend([(r.b_x_rad - b.x) / r.sd_rad, (r.b_y_rad - b.y) / r.sd_rad]);
+            let [sd_x, sd_y] = r.sd_rad();
+            all.extend([((r.b_x_rad - b.x) / sd_x, sd_x), ((r.b_y_rad - b.y) / sd_y, sd_y)]);
         }
         Some(all)
     };
-    let fit = fit(&parameters, |value| of(false, value), |_| missing(readings))?;
+    let residuals = |value: &[f64]| Some(of(false, value)?.into_iter().map(|(in_sd, _)| in_sd).collect());
+    let fit = fit(&parameters, residuals, |_| missing(readings))?;
     let checked = of(true, &fit.value).filter(|all| !all.is_empty());
-    let check_rms_rad = checked.map(|all| {
-        let square: f64 = all.iter().map(|r| r * r).sum();
-        (square / all.len() as f64).sqrt() * settings.sd_rad
-    });
-    Ok(Poses { fit, check_rms_rad })
+    let rms = |of: fn(&(f64, f64)) -> f64| {
+        checked.as_ref().map(|all| (all.iter().map(|one| of(one).powi(2)).sum::<f64>() / all.len() as f64).sqrt())
+    };
+    let (check_rms_rad, check_rms_sd) = (rms(|(in_sd, sd_rad)| in_sd * sd_rad), rms(|(in_sd, _)| *in_sd));
+    Ok(Poses { fit, check_rms_rad, check_rms_sd })
 }
 
 fn lines(settings: &PoseSettings) -> Result<Lines, CalibrateError> {
@@ -192,7 +214,7 @@ fn q(r: &PoseReading) -> Vector3<f64> {
 
 /// Readings that would determine both.
 fn missing(readings: &[PoseReading]) -> String {
-    let fitted = || readings.iter().filter(|r| !r.check);
+    let fitted = || readings.iter().filter(|r| !r.check && r.is_measured());
     let n = fitted().count();
     let ways = |sign: f64| fitted().any(|r| r.s1 == sign);
     if n < 4 {
@@ -205,7 +227,7 @@ fn missing(readings: &[PoseReading]) -> String {
 }
 
 /// Refuses values that are not determined, or that the poses of the check do not bear out.
-fn accept(found: &Poses, readings: &[PoseReading], settings: &PoseSettings) -> Result<(), CalibrateError> {
+fn accept(found: &Poses, readings: &[PoseReading]) -> Result<(), CalibrateError> {
     for (k, (parameter, (value, se))) in
         [("eta", found.eta()), ("half_width_m", found.half_width_m())].into_iter().enumerate()
     {
@@ -215,15 +237,14 @@ fn accept(found: &Poses, readings: &[PoseReading], settings: &PoseSettings) -> R
         }
     }
     found.fit.check("is the camera's error as stated, and do mu and f_s belong to this robot? krait lab diagnose may name an effect")?;
-    let n_checked = readings.iter().filter(|r| r.check).count();
-    let Some(rms_rad) = found.check_rms_rad.filter(|_| n_checked >= 6) else {
+    let n_checked = readings.iter().filter(|r| r.check && r.is_measured()).count();
+    let Some(ratio) = found.check_rms_sd.filter(|_| n_checked >= 6) else {
         let found = format!("{n_checked} poses are kept for the check");
         let missing = "the six poses of the check, in plane 45 deg".to_owned();
         return Err(CalibrateError::NotDetermined { parameter: "the model's error", found, missing });
     };
-    let limit_rad = CHECK_LIMIT * settings.sd_rad;
-    if rms_rad > limit_rad {
-        let (n, ratio) = (2 * n_checked, rms_rad / settings.sd_rad);
+    if ratio > CHECK_LIMIT {
+        let n = 2 * n_checked;
         return Err(CalibrateError::Misfit {
             chi2: ratio * ratio * n as f64,
             dof: n,
@@ -238,7 +259,7 @@ fn accept(found: &Poses, readings: &[PoseReading], settings: &PoseSettings) -> R
 fn walk<R: BufRead, W: Write>(
     dialogue: &mut Dialogue<R, W>,
     (log, readings): (&mut ReadingLog, &mut Vec<PoseReading>),
-    (settings, lines): (&PoseSettings, &Lines),
+    (settings, lines, pictures): (&PoseSettings, &Lines, Option<&Pictures>),
     go: &mut impl FnMut(&mut Dialogue<R, W>, Vector3<f64>) -> Result<Vector3<f64>, CalibrateError>,
 ) -> Result<(), CalibrateError> {
     let plan = plan();
@@ -274,25 +295,25 @@ fn walk<R: BufRead, W: Write>(
                 .say(&format!("  pose {pose} is left out: a line has not gone through its play since it turned"))?;
             continue;
         };
-        let question = format!(
-            "pose {pose}: {:.1} deg, plane {:.0}, from {}{}: b_x b_y deg?",
-            place.bend_deg,
-            place.plane_deg,
-            place.from,
-            if place.check { ", for the check" } else { "" }
-        );
-        let bend = match dialogue.numbers(&question, (2, 2), (-180.0, 180.0))? {
-            Reply::Numbers(bend) => bend,
-            Reply::Skip | Reply::Empty => continue,
-            Reply::Quit => break,
+        let check = if place.check { ", for the check" } else { "" };
+        let (bend_deg, plane_deg) = (place.bend_deg, place.plane_deg);
+        let question = format!("pose {pose}: {bend_deg:.1} deg, plane {plane_deg:.0}, from {}{check}", place.from);
+        let answer = match pictures {
+            Some(_) => picture_of(dialogue, &question, pose, readings)?,
+            None => typed(dialogue, &question)?,
+        };
+        let (bend_deg, image) = match answer {
+            Answer::Measured(bend_deg, image) => (bend_deg, image),
+            Answer::Skip => continue,
+            Answer::Quit => break,
         };
         let reading = PoseReading {
             pose,
             check: place.check,
             plane_deg: place.plane_deg,
             bend_deg: place.bend_deg,
-            b_x_rad: bend[0].to_radians(),
-            b_y_rad: bend[1].to_radians(),
+            b_x_rad: bend_deg[0].to_radians(),
+            b_y_rad: bend_deg[1].to_radians(),
             sd_rad: settings.sd_rad,
             q1_m: reached_m.x,
             q2_m: reached_m.y,
@@ -300,10 +321,14 @@ fn walk<R: BufRead, W: Write>(
             s1: signs.x,
             s2: signs.y,
             s3: signs.z,
+            image,
+            sd_xy_rad: None,
         };
         log.add(&reading)?;
         readings.push(reading);
-        if let Some(found) = progress.refit(readings, settings) {
+        if pictures.is_none()
+            && let Some(found) = progress.refit(readings, settings)
+        {
             dialogue.say(&format!("  {}", found.sentence()))?;
         }
     }
@@ -311,6 +336,44 @@ fn walk<R: BufRead, W: Write>(
         go(dialogue, Vector3::zeros())?;
     }
     Ok(())
+}
+
+/// What a pose was answered with.
+enum Answer {
+    /// A bend, deg, or NaN and the picture that shows it.
+    Measured([f64; 2], Option<String>),
+    Skip,
+    Quit,
+}
+
+fn typed<R: BufRead, W: Write>(dialogue: &mut Dialogue<R, W>, question: &str) -> Result<Answer, CalibrateError> {
+    Ok(match dialogue.numbers(&format!("{question}: b_x b_y deg?"), (2, 2), (-180.0, 180.0))? {
+        Reply::Numbers(bend) => Answer::Measured([bend[0], bend[1]], None),
+        Reply::Skip | Reply::Empty => Answer::Skip,
+        Reply::Quit => Answer::Quit,
+    })
+}
+
+/// The name under which the pose's pictures will be clicked, which no other pose has.
+fn picture_of<R: BufRead, W: Write>(
+    dialogue: &mut Dialogue<R, W>,
+    question: &str,
+    pose: u32,
+    readings: &[PoseReading],
+) -> Result<Answer, CalibrateError> {
+    loop {
+        let answer = dialogue.ask(&format!("{question}: photograph, name of the pictures? [pose-{pose}]"))?;
+        let name = match answer.as_deref() {
+            None | Some("q") => return Ok(Answer::Quit),
+            Some("s") => return Ok(Answer::Skip),
+            Some("") => format!("pose-{pose}"),
+            Some(name) => name.to_owned(),
+        };
+        match readings.iter().find(|r| r.image.as_deref() == Some(name.as_str())) {
+            Some(other) => dialogue.say(&format!("  {name:?} is of pose {} already, give another", other.pose))?,
+            None => return Ok(Answer::Measured([f64::NAN; 2], Some(name))),
+        }
+    }
 }
 
 /// What the readings so far say.
@@ -339,22 +402,45 @@ impl Progress {
     }
 }
 
-/// The dialogue: `go` moves the actuators straight to q~ (m, push positive) and says what the encoders read (m).
+/// The dialogue: `go` moves the actuators straight to q~ (m, push positive) and says what the encoders read (m). With the table of
+/// bends of [`crate::photo`], which need not be there yet, each pose takes the name of its pictures in place of a bend.
 ///
 /// # Errors
 /// [`CalibrateError`]; what was read is in the CSV.
 pub fn run<R: BufRead, W: Write>(
     dialogue: &mut Dialogue<R, W>,
     csv: &Path,
+    bends: Option<&Path>,
     settings: &PoseSettings,
     mut go: impl FnMut(&mut Dialogue<R, W>, Vector3<f64>) -> Result<Vector3<f64>, CalibrateError>,
 ) -> Result<Poses, CalibrateError> {
     let lines = lines(settings)?;
+    let pictures = bends.map(Pictures::read).transpose()?;
     let (mut log, mut readings) = ReadingLog::open::<PoseReading>(csv)?;
-    dialogue.say("At each pose type the measured bend vector in deg: b_x b_y; s skips the pose, q stops and fits.")?;
-    match walk(dialogue, (&mut log, &mut readings), (settings, &lines), &mut go) {
+    if let Some(k) = readings.iter().position(|r| r.image.is_some() != pictures.is_some()) {
+        let reason = if pictures.is_some() {
+            "its bend was typed, and --bends is for poses that name their pictures: leave it out, or begin another --csv"
+        } else {
+            "it names a picture: say with --bends which table has its bend"
+        };
+        return Err(CalibrateError::Row { file: log.name(), row: k + 2, reason: reason.to_owned() });
+    }
+    if let Some(pictures) = &pictures {
+        pictures.give(&mut readings);
+        dialogue.say("At each pose photograph the snake and type the name under which its pictures will be clicked; Enter takes the one in brackets, s skips the pose, q stops and fits.")?;
+    } else {
+        dialogue
+            .say("At each pose type the measured bend vector in deg: b_x b_y; s skips the pose, q stops and fits.")?;
+    }
+    match walk(dialogue, (&mut log, &mut readings), (settings, &lines, pictures.as_ref()), &mut go) {
         Ok(()) | Err(CalibrateError::Stopped) => {}
         Err(error) => return Err(error),
+    }
+    if let Some(said) = pictures.as_ref().and_then(|pictures| pictures.waiting(&readings)) {
+        if !readings.iter().any(PoseReading::is_measured) {
+            return Err(CalibrateError::Pictures(said));
+        }
+        dialogue.say(&said)?;
     }
     let found = poses(&readings, settings)?;
     let fit = &found.fit;
@@ -366,6 +452,6 @@ pub fn run<R: BufRead, W: Write>(
         fit.chi2,
         fit.dof
     ))?;
-    accept(&found, &readings, settings)?;
+    accept(&found, &readings)?;
     Ok(found)
 }

@@ -4,70 +4,10 @@
 
 mod common;
 
+use common::pictures::{Camera, picture};
 use common::{N_SEEDS, Noise, fresh, honest};
 use krait_calibrate::photo::{Click, ClickKind, PhotoView, bends, read};
-use nalgebra::{Rotation3, Vector2, Vector3};
-
-/// Half of the disks' diameter and the backbone's length, mm.
-const RADIUS_MM: f64 = 2.1;
-const LENGTH_MM: f64 = 26.0;
-
-/// A camera 300 mm away with 20 px/mm.
-struct Camera {
-    tilt: Rotation3<f64>,
-    /// The paper is this far behind the snake, mm.
-    behind_mm: f64,
-}
-
-impl Camera {
-    fn new(tilt_deg: f64, behind_mm: f64) -> Self {
-        let tilt = tilt_deg.to_radians();
-        Self { tilt: Rotation3::from_euler_angles(tilt, tilt, 0.0), behind_mm }
-    }
-
-    /// A point (across, along, depth), mm; rows of a picture count downwards.
-    fn see(&self, at: Vector3<f64>) -> Vector2<f64> {
-        let turned = self.tilt * at;
-        Vector2::new(turned.x, -turned.y) * (6000.0 / (300.0 + turned.z)) + Vector2::new(1500.0, 1800.0)
-    }
-}
-
-/// One pose seen from one side: across is x, or y.
-fn picture(image: &str, view: PhotoView, camera: &Camera, b: Vector2<f64>, px: f64, noise: &mut Noise) -> Vec<Click> {
-    let size = b.norm();
-    let direction = if size > 1e-9 { Vector2::new(b.x, -b.y) / size } else { Vector2::zeros() };
-    let radius = if size > 1e-9 { LENGTH_MM / size } else { 0.0 };
-    let out = radius * (1.0 - size.cos());
-    let centre = Vector3::new(direction.x * out, direction.y * out, radius * size.sin());
-    let normal = Vector3::new(direction.x * size.sin(), direction.y * size.sin(), size.cos());
-    let across = |v: Vector3<f64>| if view == PhotoView::Front { v.x } else { v.y };
-    // The outermost points of the end disk in this view: perpendicular to the apparent normal.
-    let seen = Vector2::new(across(normal), normal.z);
-    let apparent = seen / seen.norm();
-    let edge = Vector2::new(apparent.y, -apparent.x) * RADIUS_MM;
-    let end = Vector2::new(across(centre), centre.z);
-    let mut clicks = Vec::new();
-    let mut add = |kind, place: Option<(f64, f64)>, at: Vector3<f64>, px: f64| {
-        let seen = camera.see(at) + Vector2::new(noise.next(), noise.next()) * px;
-        let (x_mm, z_mm) = (place.map(|p| p.0), place.map(|p| p.1));
-        clicks.push(Click { image: image.to_owned(), view, kind, x_mm, z_mm, u_px: seen.x, v_px: seen.y });
-    };
-    for column in 0..8 {
-        for row in 0..8 {
-            let (x, z) = (-15.0 + 5.0 * f64::from(column), -5.0 + 5.0 * f64::from(row));
-            // A mirror shows the paper's own x the other way round.
-            let printed = if view == PhotoView::Mirror { -x } else { x };
-            add(ClickKind::Corner, Some((printed, z)), Vector3::new(x, z, camera.behind_mm), 0.6 * px);
-        }
-    }
-    for at in [Vector2::new(-RADIUS_MM, 0.0), Vector2::new(RADIUS_MM, 0.0)] {
-        add(ClickKind::Base, None, at.push(0.0), px);
-    }
-    for at in [end - edge, end + edge] {
-        add(ClickKind::End, None, at.push(0.0), px);
-    }
-    clicks
-}
+use nalgebra::Vector2;
 
 fn bend(deg: f64, delta_deg: f64) -> Vector2<f64> {
     let (sin, cos) = delta_deg.to_radians().sin_cos();
@@ -83,13 +23,13 @@ fn known_angles_come_out_of_clean_pictures_from_one_side_two_or_a_mirror() {
             let b = bend(deg, delta_deg);
             let mut clicks = picture("a", PhotoView::Front, &camera, b, 0.0, &mut noise);
             clicks.extend(picture("a", side, &camera, b, 0.0, &mut noise));
-            let found = &bends(&clicks, 0.5).unwrap()[0];
+            let found = &bends(&clicks, 0.5).unwrap().bends[0];
             let off = Vector2::new(found.b_x_rad, found.b_y_rad) - b;
             assert!(off.norm().to_degrees() < 1e-6, "{deg} {delta_deg}: {found:?}");
             assert!(found.plausible(), "{found:?}");
         }
     }
-    let one = &bends(&picture("b", PhotoView::Front, &camera, bend(40.0, 0.0), 0.0, &mut noise), 0.5).unwrap()[0];
+    let one = &bends(&picture("b", PhotoView::Front, &camera, bend(40.0, 0.0), 0.0, &mut noise), 0.5).unwrap().bends[0];
     assert!((one.b_x_rad.to_degrees() - 40.0).abs() < 1e-6 && one.b_y_rad.is_nan(), "{one:?}");
     assert!(one.sentence().contains("delta not seen"), "{}", one.sentence());
 }
@@ -109,7 +49,7 @@ fn every_seed_states_its_own_error_over_tilt_and_paper_behind() {
                     clicks.extend(picture(&format!("pose {k}"), view, &camera, b, 0.5, &mut noise));
                 }
             }
-            let found = &bends(&clicks, 0.5).unwrap()[0];
+            let found = &bends(&clicks, 0.5).unwrap().bends[0];
             by_component[0].push((found.b_x_rad.to_degrees(), found.sd_x_rad.to_degrees()));
             by_component[1].push((found.b_y_rad.to_degrees(), found.sd_y_rad.to_degrees()));
         }
@@ -126,7 +66,7 @@ fn the_base_of_a_whole_session_makes_the_chord_better() {
         let clicks: Vec<Click> = (0..n)
             .flat_map(|k| picture(&format!("{k}"), PhotoView::Front, &camera, bend(30.0, 0.0), 0.5, &mut noise))
             .collect();
-        bends(&clicks, 0.5).unwrap()[0].sd_x_rad.to_degrees()
+        bends(&clicks, 0.5).unwrap().bends[0].sd_x_rad.to_degrees()
     };
     let (alone, session) = (sd(1), sd(20));
     assert!((0.6..0.8).contains(&alone) && (0.19..0.27).contains(&session), "{alone} {session}");
@@ -146,7 +86,7 @@ fn curvature_that_is_not_constant_is_said() {
     for (k, at) in [(p, middle + turned), (q, middle - turned)] {
         (clicks[k].u_px, clicks[k].v_px) = (at.x, at.y);
     }
-    let found = &bends(&clicks, 0.1).unwrap()[0];
+    let found = &bends(&clicks, 0.1).unwrap().bends[0];
     assert!(!found.plausible() && found.sentence().contains("not constant"), "{found:?}");
 }
 
@@ -171,6 +111,58 @@ fn pictures_that_cannot_be_used_say_why() {
     let mut nan = clicks;
     nan[0].u_px = f64::NAN;
     assert!(refused(&nan).contains("NaN"), "{}", refused(&nan));
+}
+
+#[test]
+fn one_bad_picture_is_named_and_left_out_and_the_others_are_as_without_it() {
+    let camera = Camera::new(5.0, 3.0);
+    let both = |image: &str, b, noise: &mut Noise| -> Vec<Click> {
+        let views = [PhotoView::Front, PhotoView::Side];
+        views.into_iter().flat_map(|view| picture(image, view, &camera, b, 0.3, noise)).collect()
+    };
+    let mut noise = Noise::new(4);
+    let mut clicks = both("good", bend(30.0, 20.0), &mut noise);
+    clicks.extend(both("too", bend(50.0, -70.0), &mut noise));
+    let alone = bends(&clicks, 0.3).unwrap();
+    assert!(alone.left_out.is_empty());
+    // Its base would draw the mean; its corners are of another paper.
+    let mut bad = both("bad", bend(40.0, 0.0), &mut noise);
+    bad[5].x_mm = Some(12.0);
+    bad.iter_mut().filter(|c| c.kind == ClickKind::Base).step_by(2).for_each(|c| c.v_px += 40.0);
+    clicks.extend(bad);
+    // One whose pictures from the front are missing.
+    clicks.extend(picture("half", PhotoView::Side, &camera, bend(40.0, 0.0), 0.0, &mut noise));
+    let session = bends(&clicks, 0.3).unwrap();
+    let names: Vec<&str> = session.bends.iter().map(|b| b.image.as_str()).collect();
+    assert_eq!(names, ["good", "too"]);
+    let why: Vec<String> = session.left_out.iter().map(ToString::to_string).collect();
+    assert!(why.len() == 2 && why[0].contains("corners of bad miss their grid"), "{why:?}");
+    assert!(why[1].contains("half has no front view"), "{why:?}");
+    // The side view of the half one has a good base, so that it may stand in the mean of that side, and nothing else may.
+    for (with, without) in session.bends.iter().zip(&alone.bends) {
+        let [dx, dy] = [with.b_x_rad - without.b_x_rad, with.b_y_rad - without.b_y_rad];
+        assert!(dx.hypot(dy).to_degrees() < 0.5, "{with:?} {without:?}");
+    }
+}
+
+#[test]
+fn a_bend_near_zero_has_no_delta_and_does_not_look_plausible() {
+    let camera = Camera::new(0.0, 0.0);
+    let mut noise = Noise::new(5);
+    let mut of = |b| {
+        let views = [PhotoView::Front, PhotoView::Side];
+        let clicks: Vec<Click> =
+            views.into_iter().flat_map(|view| picture("a", view, &camera, b, 0.5, &mut noise)).collect();
+        bends(&clicks, 0.5).unwrap().bends.swap_remove(0)
+    };
+    for b in [bend(0.0, 0.0), bend(0.3, 40.0)] {
+        let small = of(b);
+        assert!(!small.has_plane(), "{small:?}");
+        let sentence = small.sentence();
+        assert!(sentence.contains("delta is not determined") && !sentence.contains("plausible"), "{sentence}");
+    }
+    let large = of(bend(20.0, 40.0));
+    assert!(large.has_plane() && large.sentence().ends_with("deg; plausible"), "{}", large.sentence());
 }
 
 #[test]

@@ -45,7 +45,7 @@ fn measured(
     });
     let mut said = Vec::new();
     let mut dialogue = Dialogue::new(user, &mut said);
-    let found = run(&mut dialogue, csv, settings, |_, to_m: Vector3<f64>| {
+    let found = run(&mut dialogue, csv, None, settings, |_, to_m: Vector3<f64>| {
         let mut bench = bench.borrow_mut();
         let robot = |e: krait_slave::DriveError| CalibrateError::Robot(e.to_string());
         bench.snake.write(0, lines(to_m.into())).map_err(robot)?;
@@ -114,7 +114,7 @@ fn a_whole_dialogue_taken_up_again_moves_nothing_and_finds_the_same() {
     let csv = fresh("poses-again");
     let (found, _) = measured(&Truth::default(), &settings(1.0), 5, &csv, usize::MAX);
     let mut nobody = Dialogue::new(User::new(|| None), Vec::new());
-    let again = run(&mut nobody, &csv, &settings(1.0), |_, _| panic!("it moved")).unwrap();
+    let again = run(&mut nobody, &csv, None, &settings(1.0), |_, _| panic!("it moved")).unwrap();
     assert_eq!(again.eta(), found.unwrap().eta());
 }
 

@@ -28,6 +28,15 @@ pub trait ActuatorBus: Send + 'static {
     /// # Errors
     /// As [`ActuatorBus::tell`].
     fn ask(&mut self, seen: &mut Seen) -> Result<(), BusGone>;
+
+    /// After the bus was gone, when power is switched anew and before anything else is told: opens it again, where it can be, and
+    /// looks whether the same actuators are on it. Nothing moves.
+    ///
+    /// # Errors
+    /// [`BusGone`] where it is still gone, or others are there.
+    fn come_back(&mut self) -> Result<(), BusGone> {
+        Ok(())
+    }
 }
 
 /// Where actuators shall go.

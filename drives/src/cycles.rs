@@ -35,8 +35,8 @@ pub(crate) struct Cycles<B> {
     wish: Wish,
     phase: Phase,
     failure: Option<DriveError>,
-    /// Whether the log has yet to hear of it.
-    is_untold: bool,
+    /// Whether the bus was gone when it was last used: it must come back first.
+    is_gone: bool,
     relaxing: Option<Relaxing>,
     /// Whether power was told to come, in this turn.
     has_switched: bool,
@@ -64,7 +64,7 @@ impl<B: ActuatorBus> Cycles<B> {
             wish: Wish { q_m: [f64::NAN; MAX_ACTUATORS], ..Wish::default() },
             phase: Phase::Off,
             failure: None,
-            is_untold: false,
+            is_gone: false,
             relaxing: None,
             has_switched: false,
             goal_m: [0.0; MAX_ACTUATORS],
@@ -88,7 +88,12 @@ impl<B: ActuatorBus> Cycles<B> {
             let is_new_turn = wish.turn != self.wish.turn;
             self.wish = wish;
             if is_new_turn {
+                let back = if self.is_gone { self.bus.come_back() } else { Ok(()) };
                 self.begin_turn();
+                self.is_gone = false;
+                if let Err(gone) = back {
+                    return self.gone(gone, DriveCycle::GONE_TELLING, clock());
+                }
             }
         }
         let told = match self.tell(now_ns) {
@@ -267,7 +272,7 @@ impl<B: ActuatorBus> Cycles<B> {
         if self.failure.is_some() {
             return;
         }
-        (self.failure, self.is_untold) = (Some(failure), true);
+        self.failure = Some(failure);
         if self.phase != Phase::Off {
             let lets_go = self.setup.on_fault == OnFault::PowerOff;
             self.phase = if lets_go { Phase::Off } else { Phase::Stopped };
@@ -278,7 +283,7 @@ impl<B: ActuatorBus> Cycles<B> {
     }
 
     fn gone(&mut self, gone: BusGone, doing: u32, now_ns: i64) {
-        self.told.gone = doing;
+        (self.told.gone, self.is_gone) = (doing, true);
         self.seen.has_answered = [false; MAX_ACTUATORS];
         self.relaxing = None;
         self.fail(DriveError::Bus { what: gone.what }, now_ns);

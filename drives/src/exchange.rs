@@ -211,7 +211,7 @@ fn failure(words: &[u64]) -> Option<DriveError> {
 }
 
 /// Every text that a failure of a bus may carry. Recordings name them by their place: new ones come last.
-pub(crate) const TEXTS: [&str; 21] = [
+pub(crate) const TEXTS: [&str; 23] = [
     "of a kind that is not known",
     crate::texts::PORT_GONE,
     crate::texts::PORT_BLOCKED,
@@ -233,6 +233,8 @@ pub(crate) const TEXTS: [&str; 21] = [
     crate::texts::LEFT,
     crate::texts::COMMUNICATION,
     crate::texts::OF_ITS_OWN,
+    crate::texts::PORT_STILL_GONE,
+    crate::texts::OTHER_SERVOS,
 ];
 
 #[cfg(test)]

@@ -194,4 +194,8 @@ impl ActuatorBus for RecordedBus {
         }
         self.fails(DriveCycle::GONE_ASKING)
     }
+
+    fn come_back(&mut self) -> Result<(), BusGone> {
+        self.fails(DriveCycle::GONE_TELLING)
+    }
 }

@@ -4,6 +4,11 @@
 pub const PORT_GONE: &str = "its port is gone, as when the USB adapter is unplugged";
 /// The port takes nothing.
 pub const PORT_BLOCKED: &str = "its port takes no more bytes";
+/// It was asked for again.
+pub const PORT_STILL_GONE: &str = "its port is still gone; plug the USB adapter in";
+/// Somebody else is there now.
+pub const OTHER_SERVOS: &str =
+    "its port is back, but not with the servos of the configuration, as `krait drives` shows";
 /// The thread has ended.
 pub const THREAD_ENDED: &str = "its thread has ended";
 /// Supply outside its range.

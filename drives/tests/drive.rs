@@ -3,7 +3,7 @@
 
 mod rig;
 
-use krait_drives::emulator::Emulator;
+use krait_drives::emulator::{Emulator, ServoWire};
 use krait_drives::sts3215;
 use krait_ipc::clock::monotonic_ns;
 use krait_slave::{ActuatorState, Drive, DriveError, DriveMode, Switching, lines};
@@ -143,6 +143,58 @@ fn an_adapter_that_is_unplugged_is_a_failure_of_the_bus_and_ends_the_thread_in_o
     }
     let failure = drive.failure().unwrap().to_string();
     assert!(failure.contains("its port is gone"), "{failure}");
+}
+
+#[test]
+fn an_adapter_that_is_plugged_in_again_is_opened_again_when_power_is_switched_and_strangers_on_it_are_not_moved() {
+    let folder = std::env::temp_dir().join(format!("krait-replug-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    // As a lasting name in /dev/serial/by-id is one.
+    let link = folder.join("adapter");
+    let plug = |wire: ServoWire| {
+        let emulator = Emulator::start(wire).unwrap();
+        // There is none before the first.
+        std::fs::remove_file(&link).ok();
+        std::os::unix::fs::symlink(emulator.path(), &link).unwrap();
+        emulator
+    };
+    let emulator = plug(three());
+    let mut config = config(&emulator);
+    config.drive.port = Some(link.clone());
+    let mut rig = Rig { drive: sts3215::open_drive(&config, None).unwrap(), emulator };
+    rig.power_up();
+    drop(rig.emulator);
+    let failure = |drive: &mut krait_drives::BusDrive| {
+        for _ in 0..5000 {
+            std::thread::sleep(Duration::from_millis(1));
+            drive.read(monotonic_ns()).unwrap();
+            if let Some(failure) = drive.failure() {
+                return failure.to_string();
+            }
+        }
+        panic!("nothing has failed")
+    };
+    assert!(failure(&mut rig.drive).contains("its port is gone"));
+    rig.drive.set_power(monotonic_ns(), false).unwrap();
+    let still = failure(&mut rig.drive);
+    assert!(still.contains("its port is still gone; plug the USB adapter in"), "{still}");
+    let mut others = three();
+    others.servos[1].registers[3..5].copy_from_slice(&1284_u16.to_le_bytes());
+    let strangers = plug(others);
+    rig.drive.set_power(monotonic_ns(), false).unwrap();
+    let stranger = failure(&mut rig.drive);
+    assert!(stranger.contains("its port is back, but not with the servos of the configuration"), "{stranger}");
+    assert!(strangers.wire().servos.iter().all(|servo| servo.n_goals == 0 && !servo.is_powered()));
+    drop(strangers);
+    let mut again = Rig { emulator: plug(three()), drive: rig.drive };
+    again.drive.set_power(monotonic_ns(), false).unwrap();
+    again.cycles(3);
+    assert_eq!(again.drive.failure(), None);
+    again.power_up();
+    again.drive.write(monotonic_ns(), lines([0.0; 3])).unwrap();
+    again.cycles(8);
+    assert_eq!((again.goals(), again.drive.failure()), (vec![ZERO; 3], None));
+    std::fs::remove_dir_all(folder).unwrap();
 }
 
 #[test]

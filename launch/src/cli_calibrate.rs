@@ -17,11 +17,14 @@ pub enum CalibrateVerb {
     ///
     /// Columns of the clicks: image,view,kind,x_mm,z_mm,u_px,v_px; view is front, side or mirror, kind is corner (with its
     /// place on the paper), base or end (two edges each).
-    #[command(after_help = "Example:\n  krait calibrate photo clicks.csv --out bends.csv")]
+    /// A picture that cannot be used is named and left out.
+    #[command(
+        after_help = "Example:\n  krait calibrate photo clicks.csv --out bends.csv\n  krait calibrate poses --csv poses.csv --model robot.toml --bends bends.csv"
+    )]
     Photo(PhotoArgs),
     /// eta and the play from guided poses whose bend is measured: a dialogue.
     #[command(
-        after_help = "Examples:\n  krait calibrate poses --csv poses.csv --model robot.toml --sd-deg 0.5\n  krait calibrate poses --csv try.csv --model try.toml --truth stiff.toml"
+        after_help = "Examples:\n  krait calibrate poses --csv poses.csv --model robot.toml --sd-deg 0.5\n  krait calibrate poses --csv poses.csv --model robot.toml --bends bends.csv\n  krait calibrate poses --csv try.csv --model try.toml --truth stiff.toml"
     )]
     Poses(PosesArgs),
     /// The stem's angle phi with eta, play and f_s, from recorded encoders, load cells and bends of both directions.
@@ -80,6 +83,9 @@ pub struct PhotoArgs {
     /// Table of bends; printed only if it is not given.
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
+    /// Overwrite that table if it is already there.
+    #[arg(long, requires = "out")]
+    pub force: bool,
     /// Standard deviation of a clicked edge in each coordinate, px.
     #[arg(long, value_name = "PX", default_value_t = 0.5)]
     pub click_sd_px: f64,
@@ -93,6 +99,10 @@ pub struct PosesArgs {
     /// Standard deviation of each component of a measured bend vector, deg.
     #[arg(long, value_name = "DEG", default_value_t = 1.0)]
     pub sd_deg: f64,
+    /// Table of bends that `krait calibrate photo --out` writes: each pose then takes the name of its pictures, and the bend and its
+    /// standard errors from the table. At the first run there is none yet; the same command again, behind `photo`, fits.
+    #[arg(long, value_name = "FILE", conflicts_with = "sd_deg")]
+    pub bends: Option<PathBuf>,
     /// Practise on the simulated snake of this truth file: it moves, shows its bend, and you type what you see.
     #[arg(long, value_name = "FILE")]
     pub truth: Option<PathBuf>,

@@ -149,3 +149,31 @@ fn a_motion_by_hand_cannot_be_left_out_and_quitting_there_fits_what_was_read() {
     assert!(sentence.contains("not determined"), "{sentence}");
     std::fs::remove_dir_all(folder).unwrap();
 }
+
+#[test]
+fn bends_of_pictures_are_not_overwritten_and_poses_wait_for_them() {
+    let folder = folder("bends");
+    std::fs::write(folder.join("bends.csv"), "mine").unwrap();
+    std::fs::write(folder.join("clicks.csv"), "image,view,kind,x_mm,z_mm,u_px,v_px\n").unwrap();
+    let ended = calibrate(&folder, &["photo", "clicks.csv", "--out", "bends.csv"], "");
+    let sentence = String::from_utf8(ended.stderr).unwrap();
+    assert!(ended.status.code() == Some(2) && sentence.contains("bends.csv is already there"), "{sentence}");
+    let ended = calibrate(&folder, &["photo", "clicks.csv", "--out", "bends.csv", "--force"], "");
+    assert!(String::from_utf8(ended.stderr).unwrap().contains("no click"));
+    assert_eq!(std::fs::read_to_string(folder.join("bends.csv")).unwrap(), "mine");
+
+    std::fs::write(folder.join("robot.toml"), POSE_MODEL).unwrap();
+    let poses = ["poses", "--csv", "poses.csv", "--model", "robot.toml", "--bends", "none.csv"];
+    let both = calibrate(&folder, &[&poses[..], &["--sd-deg", "0.5"]].concat(), "");
+    assert!(String::from_utf8(both.stderr).unwrap().contains("--sd-deg"), "the table states its own");
+    // Two motions to the first pose, its pictures by the name in brackets, one more motion, and the end.
+    let ended = calibrate(&folder, &poses, "\n\n\n\n\nq\n");
+    let (said, sentence) = (String::from_utf8(ended.stdout).unwrap(), String::from_utf8(ended.stderr).unwrap());
+    assert!(said.contains("photograph, name of the pictures? [pose-"), "{said}");
+    assert!(
+        sentence.contains("nothing is fitted yet: the pictures pose-") && sentence.contains("none.csv"),
+        "{sentence}"
+    );
+    assert!(std::fs::read_to_string(folder.join("poses.csv")).unwrap().lines().count() >= 2);
+    std::fs::remove_dir_all(folder).unwrap();
+}

@@ -99,6 +99,22 @@ pub fn input_at(node: &Path) -> Option<InputDevice> {
     inputs().into_iter().find(|device| device.node == node)
 }
 
+/// Refuses what is there and is no input device. A node that is not there yet is looked for by whoever opens it.
+///
+/// # Errors
+/// [`MasterError::File`].
+pub fn refuse_no_input(node: &Path) -> Result<(), MasterError> {
+    if !node.exists() || input_at(node).is_some() {
+        return Ok(());
+    }
+    Err(MasterError::File { path: node.to_owned(), doing: "read", source: no_input() })
+}
+
+/// What is said of a node that is something else.
+pub(crate) fn no_input() -> Error {
+    Error::other("it is no input device; krait devices lists those that are there")
+}
+
 /// Every input device of this machine, by the numbers of their nodes.
 pub fn list_inputs() -> Vec<InputDevice> {
     let mut devices = inputs();

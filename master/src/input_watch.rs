@@ -2,7 +2,7 @@
 
 use crate::axis_scale::PlaceScale;
 use crate::evdev_decoder::{AxisInfo, EV_ABS, EV_KEY, EV_REL, EV_SYN, InputEvent, SYN_DROPPED};
-use crate::evdev_host::{input_at, open, refusal};
+use crate::evdev_host::{input_at, no_input, open, refusal};
 use crate::evdev_ioctl::{InputState, grab};
 use crate::evdev_names::{axis_name, button_name, way_name};
 use crate::hid::ReadFailure;
@@ -87,9 +87,7 @@ impl InputWatch {
         let kind = file.metadata().map_err(refused)?.file_type();
         let is_node = kind.is_char_device();
         if kind.is_dir() || is_node && device.is_none() {
-            return Err(refused(std::io::Error::other(
-                "it is no input device; krait devices lists those that are there",
-            )));
+            return Err(refused(no_input()));
         }
         let mut axes = Vec::new();
         if is_node {

@@ -89,7 +89,7 @@ pub use decoder::{Decoder, ReportCounts};
 pub use device_state::DeviceMonitor;
 pub use devices::{DeviceChoice, DeviceInfo, KNOWN_DEVICES, KnownDevice, list_devices};
 pub use error::MasterError;
-pub use evdev_host::{InputDevice, input_at, list_inputs};
+pub use evdev_host::{InputDevice, input_at, list_inputs, refuse_no_input};
 pub use grip::Engage;
 pub use guide::{Guide, GuideStep};
 pub use guide_plan::{GuideLeg, GuidePlan};

@@ -154,6 +154,33 @@ fn two_and_three_segments() {
     }
 }
 
+/// Wires that go through the snake's lines and bend a short stage behind it go the way of a second segment's lines, and what the
+/// stage is long besides: the bench's unit is two segments in series.
+#[test]
+fn a_wire_unit_behind_the_snake_is_a_short_second_segment() {
+    let rows: Vec<Value> = serde_json::from_str(include_str!("golden/wire_unit.json")).unwrap();
+    assert_eq!(rows.len(), 3);
+    for row in &rows {
+        let stage_mm = row["stage_length_mm"].as_f64().unwrap();
+        // A stage of 4 mm is shorter than any segment may be. Twice as long, both leave each line's way, which is its radius times the
+        // bend, and double the platform's place.
+        let mut snake = segment(&[0.0, 120.0, 240.0].map(f64::to_radians));
+        snake.l_m *= 2.0;
+        let stage = SegmentParameters { l_m: 2e-3 * stage_mm, ..snake.clone() };
+        let parameters = SegmentsParameters { segments: vec![snake, stage], ..Default::default() };
+        let machine = Segments::new(&parameters).unwrap();
+        let pose = |key: &str| (row[key][0].as_f64().unwrap(), row[key][1].as_f64().unwrap());
+        let (snake, stage) = (pose("snake_bend_delta_deg"), pose("stage_bend_delta_deg"));
+        let q = machine.q_m(&bends(&[snake, stage]));
+        agrees(row, "wire_travel_mm", (3..6).map(|k| 1e3 * q[k] + stage_mm), 0.0);
+        // The snake's own lines lie beside the wires. The bench prints six digits of a millimetre where it is analytically nothing.
+        agrees(row, "wire_travel_snake_part_mm", (0..3).map(|k| 1e3 * q[k]), 1.0);
+        let tip = machine.base_from_tip(&bends(&[snake, stage]));
+        agrees(row, "platform_mm", tip.translation.vector.iter().map(|x| 0.5e3 * x), 0.0);
+        agrees(row, "platform_z_axis", (tip.rotation * nalgebra::Vector3::z()).iter().copied(), 1.0);
+    }
+}
+
 /// One segment with the paper's three lines is the single snake.
 #[test]
 fn one_segment_of_three_lines_is_the_snake() {

@@ -58,6 +58,11 @@ impl<D: Drive> SlaveCore<D> {
         self.drive_error
     }
 
+    /// The same in words, which say what became of the others.
+    pub fn failure_sentence(&self) -> Option<String> {
+        self.drive_error.map(|error| error.sentence(self.has_kept_power))
+    }
+
     /// Drives that hold power but are not where they were told to be have lost their way.
     fn check_following(&mut self, now_ns: i64) {
         let powered = matches!(self.machine.state(), OperatingState::Enabled | OperatingState::Paused);

@@ -158,6 +158,7 @@ impl DriveConfig {
         if is_missing {
             return refuse(format!("{sentence}, `krait drives` lists those that are there"));
         }
+        self.check_kind()?;
         if self.timeout_ms >= self.period_ms {
             return refuse(format!(
                 "timeout_ms = {}: expected less than period_ms {}",
@@ -193,6 +194,40 @@ impl DriveConfig {
 }
 
 impl DriveConfig {
+    /// A key that only drives of another kind read would be ignored, and somebody meant something by it.
+    fn check_kind(&self) -> Result<(), ConfigError> {
+        let (usual, plain) = (Self::default(), ActuatorConfig::default());
+        let is_can = self.kind == DriveKind::Cia402;
+        let mut foreign = if is_can {
+            vec![("port".to_owned(), self.port.is_some())]
+        } else {
+            vec![
+                ("interface".to_owned(), self.interface.is_some()),
+                ("heartbeat_ms".to_owned(), self.heartbeat_ms != usual.heartbeat_ms),
+                ("gives_up_ms".to_owned(), self.gives_up_ms != usual.gives_up_ms),
+            ]
+        };
+        for (k, own) in self.actuator.iter().enumerate() {
+            let mut add = |key: &str, is_set: bool| foreign.push((format!("actuator {}: {key}", k + 1), is_set));
+            if is_can {
+                add("newton_metre_per_ampere", own.newton_metre_per_ampere != plain.newton_metre_per_ampere);
+            } else {
+                add("counts_per_turn", own.counts_per_turn != plain.counts_per_turn);
+                add("is_absolute", own.is_absolute);
+                add("vendor", own.vendor.is_some());
+                add("product", own.product.is_some());
+                add("rated_torque_nm", own.rated_torque_nm != plain.rated_torque_nm);
+            }
+        }
+        let Some((key, _)) = foreign.into_iter().find(|(_, is_set)| *is_set) else { return Ok(()) };
+        let (own, other) = if is_can { ("cia402", "sts3215") } else { ("sts3215", "cia402") };
+        Err(ConfigError::Drives {
+            what: format!(
+                "{key} is of drives of kind {other:?}, and these are {own:?}, which would ignore it; delete it, or correct kind"
+            ),
+        })
+    }
+
     /// How many actuators, from the first, hold each other through one machine: all, or all but a gripper's.
     pub fn n_together(&self) -> usize {
         self.actuator.len() - usize::from(self.jaw_m_per_rad().is_some())
@@ -270,6 +305,11 @@ mod tests {
             (format!("{can}{drive}lead_m = 2.0"), "lead_m = 2"),
             (format!("{can}gives_up_ms = 50\n{drive}"), "gives_up_ms = 50"),
             (format!("{can}{drive}").replace("id = 1\n", "id = 127\n"), "id = 127"),
+            (format!("{bus}heartbeat_ms = 50\n{servo}"), "heartbeat_ms is of drives of kind \"cia402\""),
+            (format!("{bus}{servo}vendor = 5"), "actuator 1: vendor is of drives of kind \"cia402\""),
+            (format!("{bus}interface = \"can0\"\n{servo}"), "these are \"sts3215\", which would ignore it"),
+            (format!("{can}port = \"/dev/ttyUSB0\"\n{drive}"), "port is of drives of kind \"sts3215\""),
+            (format!("{can}{drive}newton_metre_per_ampere = 1.0"), "actuator 1: newton_metre_per_ampere is of drives"),
             (format!("{bus}{servo}id = 254").replace("id = 1\n", ""), "id = 254"),
         ] {
             let sentence = sentence(&text);

@@ -116,7 +116,7 @@ pub enum DriveError {
     },
     /// The bus itself failed.
     #[error(
-        "the bus of the drives failed: {what}; nothing more can be told to them; mend that, then end this krait and start it again"
+        "the bus of the drives failed: {what}; nothing more can be told to them; mend that, then send `clear-fault`, and where that does not help end this krait and start it again"
     )]
     Bus {
         /// What happened.
@@ -134,7 +134,24 @@ pub enum DriveError {
     },
 }
 
+/// What is true of the others where a fault takes the power of all (`on_fault = "power_off"`), in place of what is true elsewhere.
+const WITHOUT_POWER: [(&str, &str); 4] = [
+    ("failed; the others hold:", "failed; power was taken from all:"),
+    ("; drives that have power hold;", "; power was taken from all;"),
+    ("does not keep up; the drives hold;", "does not keep up; power was taken from all;"),
+    ("stopped by themselves and hold;", "stopped by themselves and are without power;"),
+];
+
 impl DriveError {
+    /// The failure in words. Where a fault keeps the power these are its own; elsewhere nothing holds, and that is said.
+    pub fn sentence(&self, keeps_power: bool) -> String {
+        let words = self.to_string();
+        if keeps_power {
+            return words;
+        }
+        WITHOUT_POWER.into_iter().fold(words, |words, (holds, without)| words.replace(holds, without))
+    }
+
     /// The actuator that it is about, from 1; `None` where it is about all or none.
     pub fn actuator(&self) -> Option<usize> {
         match *self {
@@ -149,6 +166,29 @@ impl DriveError {
             | Self::Stale { actuator, .. }
             | Self::FarFromZero { actuator, .. } => Some(actuator),
             Self::NotPowered | Self::Failed { .. } | Self::Bus { .. } | Self::Unled { .. } => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn where_a_fault_takes_the_power_no_sentence_says_that_anybody_holds() {
+        for failure in [
+            DriveError::Lost { actuator: 2, silent_ms: 15.0 },
+            DriveError::Tripped { actuator: 2, code: 4, meaning: "that it is too hot" },
+            DriveError::HardwareStop { actuator: 2, code: 0 },
+            DriveError::Limp { actuator: 2 },
+            DriveError::Reset { actuator: 2 },
+            DriveError::Jumped { actuator: 2, by_m: 0.01 },
+            DriveError::Stale { actuator: 2, age_ms: 80.0 },
+            DriveError::Unled { silent_ms: 120.0, limit_ms: 100.0 },
+        ] {
+            assert!(failure.sentence(true).contains("hold") && failure.sentence(true) == failure.to_string());
+            let without = failure.sentence(false);
+            assert!(without.contains("power") && !without.contains("hold"), "{without}");
         }
     }
 }

@@ -4,7 +4,7 @@ use crate::bus_cycles::BusCycles;
 use crate::latency::LatencyWatch;
 use crate::shapes::Shapes;
 use crate::slave_core::GAP_NS;
-use crate::{ConfigError, Drive, SlaveConfig, SlaveCore, Stops};
+use crate::{ConfigError, Drive, SlaveConfig, SlaveCore, Stops, TransitionRefused};
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use krait_ipc::clock::monotonic_ns;
@@ -142,8 +142,10 @@ impl<D: Drive> Process<D> {
                 continue;
             }
             let result = self.core.on_state_command(&command, monotonic_ns());
-            if let Err(refused) = result {
-                tracing::warn!(sender_pid = command.sender_pid, "{refused}");
+            match result {
+                // The report below says it once, with what becomes of the others.
+                Ok(()) | Err(TransitionRefused::Drive(_)) => {}
+                Err(refused) => tracing::warn!(sender_pid = command.sender_pid, "{refused}"),
             }
             drop(command);
             self.report(TICK_NS)?;
@@ -238,8 +240,10 @@ impl TransitionLog {
     fn look<D: Drive>(&mut self, core: &SlaveCore<D>, report: &SlaveState) {
         let state = core.machine.state();
         if self.state.replace(state) != Some(state) {
-            match core.drive_error() {
-                Some(error) if state == OperatingState::Fault => tracing::error!("the slave is in FAULT: {error}"),
+            match core.failure_sentence() {
+                Some(sentence) if state == OperatingState::Fault => {
+                    tracing::error!("the slave is in FAULT: {sentence}");
+                }
                 _ => tracing::info!("the slave is {}", state.name()),
             }
         }

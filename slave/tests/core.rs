@@ -687,6 +687,8 @@ fn a_state_says_that_hardware_took_the_power_until_the_fault_is_cleared_and_neve
             assert!(state.operating() == Some(OperatingState::Fault) && state.is_hardware_stopped(), "{state:?}");
             assert_eq!(state.failed_drive(), Some(3));
             assert_eq!(state.flags & SlaveState::OTHERS_HOLD != 0, holds, "{state:?}");
+            let sentence = bench.core.failure_sentence().unwrap();
+            assert_eq!((sentence.contains("hold"), sentence.contains("power was taken from all")), (holds, !holds));
         }
         bench.core.drive_mut().failure = None;
         bench.core.transition(Transition::ClearFault, bench.now_ns).unwrap();

@@ -49,6 +49,15 @@ fn a_missing_hand_controller_is_named_with_what_was_looked_for() {
 }
 
 #[test]
+fn a_node_that_is_no_input_device_is_named_before_anything_starts() {
+    let node = |profile: &str, path: &str| refused(&["--master", "hid", "--profile", profile, "--node", path]);
+    assert_says(&node("mouse", "/dev/null"), &["/dev/null", "it is no input device; krait devices lists those"]);
+    assert_says(&node("mouse", "/dev"), &["/dev could not be read", "it is no input device"]);
+    // One that is not there is looked for, and what is there is named.
+    assert_says(&node("mouse", "/dev/no-such-node"), &["looked for /dev/no-such-node"]);
+}
+
+#[test]
 fn a_report_recording_that_is_foreign_truncated_or_damaged_is_refused() {
     let folder = TempFolder::new("krr");
     let shipped =

@@ -7,6 +7,8 @@
     reason = "each test uses a part; a panic is how a test fails"
 )]
 
+pub mod pictures;
+
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use std::cell::RefCell;

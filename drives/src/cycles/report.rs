@@ -1,4 +1,4 @@
-//! What a cycle says: to the slave, which reads the newest, to the record, which gets each, and to the log.
+//! What a cycle says: to the slave, which reads the newest and logs a failure, and to the record, which gets each.
 
 use super::Cycles;
 use crate::bus::ActuatorBus;
@@ -13,10 +13,6 @@ impl<B: ActuatorBus> Cycles<B> {
         let report = self.newest_report(now_ns);
         self.exchange.report.put(&report);
         self.hand_over(&report);
-        // The slave hears of it before the log, which may take a while.
-        if let Some(failure) = self.failure.filter(|_| core::mem::take(&mut self.is_untold)) {
-            tracing::error!("{failure}");
-        }
     }
 
     /// To the slave, which publishes it; nobody waits where it does not fetch.

@@ -11,7 +11,7 @@ mod wire;
 
 pub use can::{CanBus, CanDrive, CanDrives, CanFaults, CanWire, serve as serve_can};
 pub use coupling::Coupling;
-pub use servo::{Faults, Servo};
+pub use servo::{Faults, Servo, ToldGoal};
 pub use wire::ServoWire;
 
 use core::time::Duration;

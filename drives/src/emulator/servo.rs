@@ -48,6 +48,17 @@ pub struct Faults {
     pub error: u8,
 }
 
+/// A goal that a servo was told.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ToldGoal {
+    /// When, CLOCK_MONOTONIC, nanoseconds.
+    pub at_ns: i64,
+    /// Where the shaft was then, counts.
+    pub place: f64,
+    /// The goal, counts.
+    pub goal: i32,
+}
+
 /// A servo.
 #[derive(Clone, Debug)]
 pub struct Servo {
@@ -64,6 +75,8 @@ pub struct Servo {
     pub overload: f64,
     /// Number of goals that it was told.
     pub n_goals: u64,
+    /// The newest of them, and the two before.
+    pub told: [ToldGoal; 3],
     stepped_ns: Option<i64>,
 }
 
@@ -86,6 +99,7 @@ impl Servo {
             load: 0.0,
             overload: f64::INFINITY,
             n_goals: 0,
+            told: [ToldGoal::default(); 3],
             stepped_ns: None,
         };
         servo.show();
@@ -120,7 +134,11 @@ impl Servo {
             return;
         }
         self.registers[address..end].copy_from_slice(&data[..end - address]);
-        self.n_goals += u64::from((address..end).contains(&GOAL));
+        if (address..end).contains(&GOAL) {
+            self.n_goals += 1;
+            let newest = ToldGoal { at_ns: self.stepped_ns.unwrap_or(0), place: self.place, goal: self.goal() };
+            self.told = [newest, self.told[0], self.told[1]];
+        }
         if (address..end).contains(&TORQUE) && self.registers[TORQUE] == 1 {
             // Power that is switched on again forgives the overload.
             self.faults.error &= !OVERLOAD;

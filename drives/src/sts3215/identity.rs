@@ -12,8 +12,22 @@ use std::path::Path;
 const IDENTITY_BYTES: usize = 34;
 /// Times that a question is asked before it counts as unanswered.
 pub(crate) const TRIES: u32 = 4;
-/// How long a second answer is waited for: adapters hold bytes for up to 16 ms.
-const LINGER_NS: i64 = 20_000_000;
+/// How a servo is asked who it is.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Ask {
+    tries: u32,
+    /// How long a second answer is waited for: adapters hold bytes for up to 16 ms.
+    linger_ns: i64,
+}
+
+impl Ask {
+    /// Before anything moves nobody is in a hurry.
+    pub(crate) const PATIENT: Self = Self { tries: TRIES, linger_ns: 20_000_000 };
+    /// While the slave waits for a sign of life: 12 servos must not take longer than its patience.
+    pub(crate) const BRIEF: Self = Self { tries: 2, linger_ns: 0 };
+    /// Where most ids are nobody's.
+    pub(crate) const SCAN: Self = Self { tries: 2, ..Self::PATIENT };
+}
 
 /// What a servo says of itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,12 +60,12 @@ enum Said {
 }
 
 /// Asks one servo who it is.
-fn ask(bus: &mut Sts3215, id: u8) -> Result<Said, BusGone> {
+fn ask(bus: &mut Sts3215, id: u8, linger_ns: i64) -> Result<Said, BusGone> {
     bus.bytes.clear();
     put(&mut bus.bytes, id, READ, &[&[0, IDENTITY_BYTES as u8]]);
     let until_ns = monotonic_ns() + bus.timeout_ns;
     if bus.question(until_ns, |received| answers(received, IDENTITY_BYTES).any(|answer| answer.id == id))? {
-        let until_ns = monotonic_ns() + LINGER_NS;
+        let until_ns = monotonic_ns() + linger_ns;
         while monotonic_ns() < until_ns {
             bus.port.receive(&mut bus.received, until_ns)?;
         }
@@ -75,11 +89,16 @@ fn ask(bus: &mut Sts3215, id: u8) -> Result<Said, BusGone> {
 }
 
 /// Who the servos of a configuration are.
-pub(crate) fn of_all(bus: &mut Sts3215, config: &DriveConfig, port: &Path) -> Result<Vec<Identity>, OpenError> {
+pub(crate) fn of_all(
+    bus: &mut Sts3215,
+    config: &DriveConfig,
+    port: &Path,
+    how: Ask,
+) -> Result<Vec<Identity>, OpenError> {
     let ids = bus.ids.clone();
     let mut found = Vec::new();
     for id in &ids {
-        found.push(of_one(bus, *id, TRIES)?);
+        found.push(of_one(bus, *id, how)?);
     }
     if found.iter().all(Option::is_none) {
         let names: Vec<String> = ids.iter().map(u8::to_string).collect();
@@ -94,10 +113,10 @@ pub(crate) fn of_all(bus: &mut Sts3215, config: &DriveConfig, port: &Path) -> Re
 }
 
 /// Noise spoils one answer, and one that is late comes twice; two servos with one id spoil all.
-pub(crate) fn of_one(bus: &mut Sts3215, id: u8, tries: u32) -> Result<Option<Identity>, OpenError> {
+pub(crate) fn of_one(bus: &mut Sts3215, id: u8, how: Ask) -> Result<Option<Identity>, OpenError> {
     let mut spoilt = None;
-    for _ in 0..tries {
-        match ask(bus, id)? {
+    for _ in 0..how.tries {
+        match ask(bus, id, how.linger_ns)? {
             Said::One(identity) => return Ok(Some(identity)),
             Said::Nothing => spoilt = None,
             Said::TooMuch(n) => spoilt = Some(n),

@@ -22,7 +22,7 @@ pub use scan::{BAUDS, FoundServo, scan};
 
 use crate::bus::{ActuatorBus, BusGone, Goals, PerActuator, Seen, Trouble};
 use crate::error::OpenError;
-use crate::texts::{CURRENT, HEAT, SENSOR, SEVERAL, VOLTAGE};
+use crate::texts::{CURRENT, HEAT, OTHER_SERVOS, PORT_STILL_GONE, SENSOR, SEVERAL, VOLTAGE};
 use crate::{BusDrive, BusSetup, Units};
 use core::time::Duration;
 use krait_ipc::Beside;
@@ -65,6 +65,8 @@ pub struct Sts3215 {
     torque_limits: PerActuator<u16>,
     bytes: Vec<u8>,
     received: Vec<u8>,
+    /// What is moved; none: the servos are only read.
+    config: Option<DriveConfig>,
 }
 
 impl Sts3215 {
@@ -80,6 +82,7 @@ impl Sts3215 {
             torque_limits: [0; MAX_ACTUATORS],
             bytes: Vec::with_capacity(512),
             received: Vec::with_capacity(1024),
+            config: None,
         })
     }
 
@@ -95,13 +98,14 @@ impl Sts3215 {
         bus.torque_limits = core::array::from_fn(|k| {
             config.actuator.get(k).map_or(0, |actuator| (actuator.torque_limit * 1000.0).round() as u16)
         });
-        let identities = identity::of_all(&mut bus, config, path)?;
+        let identities = identity::of_all(&mut bus, config, path, identity::Ask::PATIENT)?;
         identity::check(&identities, config)?;
         let mut seen = Seen::default();
         for _ in 0..identity::TRIES {
             bus.ask(&mut seen)?;
             if seen.has_answered.iter().take(bus.ids.len()).all(|answered| *answered) {
                 bus.timeout_ns = (config.timeout_ms * 1e6) as i64;
+                bus.config = Some(config.clone());
                 return Ok((bus, seen));
             }
         }
@@ -208,6 +212,22 @@ impl ActuatorBus for Sts3215 {
         seen.has_answered = [false; MAX_ACTUATORS];
         self.take(seen);
         if enough { Ok(()) } else { self.recover() }
+    }
+
+    fn come_back(&mut self) -> Result<(), BusGone> {
+        let Some(config) = self.config.clone() else { return Ok(()) };
+        let still_gone = BusGone { what: PORT_STILL_GONE };
+        let path = config.port.as_deref().ok_or(still_gone)?;
+        self.port.reopen(path, config.baud).map_err(|error| {
+            tracing::debug!("{error}");
+            still_gone
+        })?;
+        let found = identity::of_all(self, &config, path, identity::Ask::BRIEF);
+        let fits = found.and_then(|identities| identity::check(&identities, &config));
+        fits.map_err(|error| {
+            tracing::warn!("{error}");
+            BusGone { what: OTHER_SERVOS }
+        })
     }
 }
 

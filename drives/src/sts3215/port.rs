@@ -8,7 +8,8 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{FlockOperation, Mode, OFlags, flock, open};
 use rustix::io::{Errno, read, write};
 use rustix::termios::{
-    ControlModes, OptionalActions, QueueSelector, Termios, ioctl_tiocexcl, tcflush, tcgetattr, tcsetattr,
+    ControlModes, OptionalActions, QueueSelector, Termios, ioctl_tiocexcl, ioctl_tiocnxcl, tcflush, tcgetattr,
+    tcsetattr,
 };
 use std::os::fd::OwnedFd;
 use std::os::unix::fs::MetadataExt;
@@ -38,6 +39,14 @@ impl Port {
         ioctl_tiocexcl(&file).map_err(|error| refused(path, error))?;
         tcflush(&file, QueueSelector::IOFlush).map_err(|error| refused(path, error))?;
         Ok(Self { file })
+    }
+
+    /// Opens it anew. The old one is given back first, so that it is not in its own way.
+    pub(crate) fn reopen(&mut self, path: &Path, baud: u32) -> Result<(), OpenError> {
+        // One that is gone refuses both, and is in nobody's way.
+        flock(&self.file, FlockOperation::Unlock).and_then(|()| ioctl_tiocnxcl(&self.file)).ok();
+        *self = Self::open(path, baud)?;
+        Ok(())
     }
 
     /// Throws away what was received.

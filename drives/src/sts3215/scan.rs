@@ -1,7 +1,7 @@
 //! Looks for servos on a port: who answers, at which bit rate. Only questions are sent.
 
 use super::Sts3215;
-use super::identity::{Identity, of_one};
+use super::identity::{Ask, Identity, of_one};
 use super::packet::{ALL, put};
 use crate::bus::BusGone;
 use crate::error::OpenError;
@@ -15,8 +15,6 @@ pub const BAUDS: [u32; 8] = [1_000_000, 500_000, 250_000, 128_000, 115_200, 76_8
 const PING: u8 = 0x01;
 /// How long one answer is waited for: adapters hold bytes for up to 16 ms.
 const ANSWER: Duration = Duration::from_millis(40);
-/// Times that each id is asked.
-const SCAN_TRIES: u32 = 2;
 /// How long all answers to a ping of everybody are waited for.
 const PATIENCE_NS: i64 = 60_000_000;
 
@@ -42,7 +40,7 @@ pub fn scan(path: &Path, bauds: &[u32], last_id: u8) -> Result<Vec<FoundServo>, 
             continue;
         }
         for id in 0..=last_id {
-            if let Some(identity) = of_one(&mut bus, id, SCAN_TRIES)? {
+            if let Some(identity) = of_one(&mut bus, id, Ask::SCAN)? {
                 found.push(FoundServo { baud, identity });
             }
         }

@@ -73,7 +73,7 @@ pub struct Diagnosis {
     /// What the effects leave.
     pub remaining: Remaining,
     /// Formulas for what remains, of joints: the term that takes most first; empty where nothing remains or no term pays.
-    pub proposals: Vec<Proposal>,
+    pub proposals: Vec<FormulaTerm>,
     /// What to do next.
     pub next_experiment: Option<NextExperiment>,
     /// The model's effects and the missing ones, with fitted values.
@@ -115,7 +115,7 @@ impl Diagnosis {
 
 /// One term of a formula for what the effects leave of a joint.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Proposal {
+pub struct FormulaTerm {
     /// The joint, from 1.
     pub joint: usize,
     /// The term without its gain, as a formula writes it.

@@ -40,7 +40,7 @@ mod working;
 pub(crate) use accept::mean_and_error;
 pub(crate) use alternatives::SAME;
 pub use answer::{
-    Calibration, CandidateAnswer, Diagnosis, FoundEffect, FoundParameter, LoadCell, Proposal, Remaining, Verdict,
+    Calibration, CandidateAnswer, Diagnosis, FormulaTerm, FoundEffect, FoundParameter, LoadCell, Remaining, Verdict,
 };
 pub(crate) use calibration::number_name;
 pub use experiment::NextExperiment;

@@ -17,7 +17,7 @@ use super::starts::settled;
 use super::terms::{self, Value, Values};
 use crate::diagnose::screen::orthonormal;
 use crate::diagnose::{
-    Calibration, DiagnoseOptions, Diagnosis, GroupShare, Proposal, SAME, Structure, Verdict, rhythm, structure,
+    Calibration, DiagnoseOptions, Diagnosis, FormulaTerm, GroupShare, SAME, Structure, Verdict, rhythm, structure,
     working_rows,
 };
 use crate::machine::{JointsLab, MachineUnderTest};
@@ -69,7 +69,7 @@ pub(super) struct Found {
     pub structure: Structure,
     pub structured: bool,
     pub singles: Vec<Single>,
-    pub proposals: Vec<Proposal>,
+    pub proposals: Vec<FormulaTerm>,
     pub needed_s: Option<f64>,
     pub as_given: f64,
     pub n_blocks: usize,

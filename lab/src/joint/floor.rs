@@ -21,8 +21,8 @@ pub(super) struct Floor {
     pub is_white: bool,
 }
 
-/// Noise with a memory makes a floor from visits, rests or differences up to a fifth too low, whatever its rows say: of 106 simulated
-/// sets with a complete model none lay further above it.
+/// Noise with a memory makes a floor from visits, rests or differences up to a fifth too low, whatever its rows say: with this four of
+/// 188 simulated sets change their verdict, without it sixteen (docs/bench/2026-11-26-lab-joints.md).
 const UNSEEN: f64 = 0.1;
 
 impl Floor {

@@ -10,7 +10,7 @@ use super::simulate::Run;
 use super::solve::Design;
 use crate::Measurements;
 use crate::Problem;
-use crate::diagnose::Proposal;
+use crate::diagnose::FormulaTerm;
 use crate::diagnose::screen::{block_moments, orthonormal, remove, total};
 use crate::diagnose::structure::held_out_share;
 use crate::fit::{dot, inverse, standard_errors};
@@ -39,7 +39,7 @@ pub(super) fn proposals(
     problem: &Problem,
     signal: &Signal,
     fit: &Fit,
-) -> Vec<Proposal> {
+) -> Vec<FormulaTerm> {
     let entries = dictionary(machine, data, signal);
     let mut residual = fit.solution.residual.clone();
     let design = Design::new(signal, &Run::new(signal, &fit.members));
@@ -87,7 +87,7 @@ pub(super) fn proposals(
     let (score, gram) = total(&block_moments(problem, &columns, &fit.solution.residual));
     let gains = inverse(&gram) * score;
     let (errors, _) = standard_errors(problem, &columns, &residual);
-    let proposal = |(n, (k, share)): (usize, &(usize, f64))| Proposal {
+    let proposal = |(n, (k, share)): (usize, &(usize, f64))| FormulaTerm {
         joint: signal.joint + 1,
         term: entries[*k].text.clone(),
         gain: gains[n],

@@ -4,6 +4,7 @@
 //! puts the simulated snake in its place.
 
 use crate::cli_calibrate::{CalibrateVerb, Files, FrictionArgs, PhotoArgs, PlayArgs, PosesArgs};
+use crate::commands::overwrite::refuse_existing;
 use crate::commands::today;
 use crate::print;
 use anyhow::Context;
@@ -63,10 +64,16 @@ fn play(args: &PlayArgs) -> anyhow::Result<ExitCode> {
 }
 
 fn photo(args: &PhotoArgs) -> anyhow::Result<ExitCode> {
-    let bends = photo::bends(&photo::read(&args.clicks)?, args.click_sd_px)?;
+    if let Some(out) = &args.out {
+        refuse_existing(out, args.force)?;
+    }
+    let photo::PhotoSession { bends, left_out } = photo::bends(&photo::read(&args.clicks)?, args.click_sd_px)?;
     let mut text = String::new();
     for bend in &bends {
         text += &format!("{}\n", bend.sentence());
+    }
+    for why in &left_out {
+        text += &format!("left out: {why}\n");
     }
     if let Some(out) = &args.out {
         let table = photo::table(&bends);
@@ -74,7 +81,11 @@ fn photo(args: &PhotoArgs) -> anyhow::Result<ExitCode> {
         text += &format!("bends: {}\n", out.display());
     }
     print::out(&text)?;
-    Ok(if bends.iter().all(photo::Bend::plausible) { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    Ok(if left_out.is_empty() && bends.iter().all(photo::Bend::plausible) {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::FAILURE
+    })
 }
 
 fn poses(args: &PosesArgs) -> anyhow::Result<ExitCode> {
@@ -85,17 +96,18 @@ fn poses(args: &PosesArgs) -> anyhow::Result<ExitCode> {
     let (mu, f_s_n) = friction_of(file.as_ref(), &args.files.model)?;
     let machine = machine(file.as_ref(), &args.files.model)?;
     let settings = poses::PoseSettings { machine, mu, f_s_n, sd_rad: args.sd_deg.to_radians() };
+    let bends = args.bends.as_deref();
     let mut dialogue = terminal();
     dialogue.say(&format!("with mu {mu:.4} and f_s {f_s_n:.3} N of {}", args.files.model.display()))?;
     let found = match &args.truth {
         Some(file) => {
             let mut snake = SimulatedSnake::new(&Truth::load(file)?);
             snake.set_power(0, true)?;
-            poses::run(&mut dialogue, &args.files.csv, &settings, |dialogue, to_m| {
+            poses::run(&mut dialogue, &args.files.csv, bends, &settings, |dialogue, to_m| {
                 simulated(&mut snake, dialogue, to_m)
             })?
         }
-        None => poses::run(&mut dialogue, &args.files.csv, &settings, |dialogue, to_m| {
+        None => poses::run(&mut dialogue, &args.files.csv, bends, &settings, |dialogue, to_m| {
             let [a, b, c] = (to_m * 1e3).into();
             let question = format!(
                 "move the actuators to {a:.3} {b:.3} {c:.3} mm in one go; the encoders then read mm? [the same]"

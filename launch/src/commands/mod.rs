@@ -35,6 +35,7 @@ pub mod run;
 pub mod shape;
 pub mod state;
 pub mod stop;
+mod unused_axes;
 pub mod verify;
 pub mod watch;
 pub mod yardstick;

@@ -2,6 +2,7 @@
 
 use crate::cli::{Common, EngageKind, MasterKind, RunArgs};
 use crate::commands::process::{refuse_pad_of_real_drives, refuse_poses_of_real_drives};
+use crate::commands::unused_axes;
 use crate::config::Config;
 use crate::evidence::Evidence;
 use crate::progress::Progress;
@@ -10,7 +11,7 @@ use crate::{device, print, signals};
 use anyhow::{bail, ensure};
 use krait_bridge::JointModel;
 use krait_ipc::clock;
-use krait_master::{AXIS_NAMES, BesideConfig, JoinedHand, Profile};
+use krait_master::{BesideConfig, JoinedHand, Profile, ProfileDevice, refuse_no_input};
 use std::path::{Path, PathBuf, absolute};
 use std::process::ExitCode;
 
@@ -32,7 +33,11 @@ pub fn run(common: &Common, args: &RunArgs) -> anyhow::Result<ExitCode> {
         _ => {}
     }
     let config = configure(common, args)?;
-    name_unused_axes(&config, args.master)?;
+    if matches!(args.master, MasterKind::Hid | MasterKind::Pose)
+        && let Some(sentence) = unused_axes::sentence(&config, args.master)?
+    {
+        tracing::warn!("{sentence}");
+    }
     let has_console = args.console || args.viewers.foxglove || args.master == MasterKind::Browser;
     let options = ChainOptions {
         config,
@@ -83,21 +88,6 @@ pub fn run(common: &Common, args: &RunArgs) -> anyhow::Result<ExitCode> {
     Ok(if is_whole && keeps_budget(&evidence, args) { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
-/// A hand has up to six axes and a snake bends in two directions: says which of the hand's move nothing.
-fn name_unused_axes(config: &Config, master: MasterKind) -> anyhow::Result<()> {
-    if matches!(master, MasterKind::Hid | MasterKind::Pose) && config.model()?.machine.snake().is_some() {
-        let used = config.master.axis_map.axes();
-        let n_used = if config.resolve.axial_weight > 0.0 { 3 } else { 2 };
-        let is_unused = |name: &&str| used[..n_used].iter().all(|axis| axis.to_string()[1..] != **name);
-        let unused: Vec<&str> = AXIS_NAMES.into_iter().filter(is_unused).collect();
-        tracing::warn!(
-            "of this hand {} move nothing: a snake of three lines bends in two directions, and cannot turn or stretch",
-            unused.join(", ")
-        );
-    }
-    Ok(())
-}
-
 /// Enters the devices that the command line names, and says what a person must know before they are taken.
 fn apply_hand(config: &mut Config, args: &RunArgs) -> anyhow::Result<()> {
     let whole = |profile: &Path| -> std::io::Result<PathBuf> {
@@ -117,6 +107,12 @@ fn apply_hand(config: &mut Config, args: &RunArgs) -> anyhow::Result<()> {
     }
     if args.master == MasterKind::Hid {
         let hand = JoinedHand::read(&config.master)?;
+        // A node that is no input device is said before anything starts.
+        for profile in hand.profiles() {
+            if let ProfileDevice::Path(node) = &profile.device {
+                refuse_no_input(node)?;
+            }
+        }
         for warning in hand.profiles().filter_map(Profile::warning) {
             tracing::warn!("{warning}");
         }

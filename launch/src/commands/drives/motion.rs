@@ -111,9 +111,8 @@ impl Motion {
         let state = self.stand(settle_ticks)?;
         let mut refused = None;
         if (state.setpoint_q_m[k] - end_m).abs() > 1e-9 {
-            let reasons: Vec<_> = Reasons::from_bits(state.reasons).iter().map(Reason::sentence).collect();
             self.goal_m = state.setpoint_q_m;
-            refused = Some(reasons.join("; "));
+            refused = Some(why(Reasons::from_bits(state.reasons)));
         }
         Ok(Step { state, refused })
     }
@@ -167,5 +166,40 @@ impl Motion {
             return Err(error.into());
         }
         Ok(state)
+    }
+}
+
+/// What keeps a step from being made, the cause before what only follows from it.
+const CAUSES: [Reason; 8] = [
+    Reason::DriveFault,
+    Reason::ForceLimit,
+    Reason::LoadUnknown,
+    Reason::StrokeLimit,
+    Reason::StepLimit,
+    Reason::ChainStalled,
+    Reason::CommandLate,
+    Reason::CommandStale,
+];
+
+/// The one reason that matters, in words.
+fn why(reasons: Reasons) -> String {
+    let cause = CAUSES.into_iter().find(|cause| reasons.contains(*cause)).or_else(|| reasons.iter().next());
+    cause.map_or_else(|| "the limiter does not say why".to_owned(), |cause| cause.sentence().to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_many_reasons_a_step_tells_the_cause() {
+        let at_the_end = Reasons::NONE
+            .with(Reason::ActuatorRateLimit)
+            .with(Reason::ActuatorAccelerationLimit)
+            .with(Reason::StepLimit)
+            .with(Reason::StrokeLimit);
+        assert_eq!(why(at_the_end), Reason::StrokeLimit.sentence());
+        assert_eq!(why(Reasons::NONE.with(Reason::NotEngaged)), Reason::NotEngaged.sentence());
+        assert!(!why(Reasons::NONE).is_empty());
     }
 }

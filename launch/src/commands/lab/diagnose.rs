@@ -5,7 +5,7 @@ use super::page;
 use crate::cli_lab::DiagnoseArgs;
 use crate::print;
 use anyhow::{Context, bail};
-use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, FoundEffect, LoadCell, Proposal, capital, diagnose};
+use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, FormulaTerm, FoundEffect, LoadCell, capital, diagnose};
 use krait_lab::experiment::{Experiment, Separation, experiment};
 use krait_lab::report::diagnosis_page;
 use krait_lab::{Names, Session, drawn_away};
@@ -239,7 +239,7 @@ fn parameters(found: &[FoundEffect], names: &Names) -> Table {
     table
 }
 
-fn proposals(all: &[Proposal], names: &Names) -> Table {
+fn proposals(all: &[FormulaTerm], names: &Names) -> Table {
     let mut table = Table::new(&["term", "of", "gain", "standard error", "unit", "takes of what is left"]);
     for own in all {
         table.row(vec![

@@ -5,7 +5,7 @@ use super::shell::{data_words, quoted, shell};
 use crate::cli_lab::{DiagnoseArgs, LabFiles, dotted};
 use krait_bridge::LiveModel;
 use krait_lab::Session;
-use krait_lab::diagnose::{Diagnosis, FoundEffect, Proposal, Verdict};
+use krait_lab::diagnose::{Diagnosis, FormulaTerm, FoundEffect, Verdict};
 use krait_model::model_file::{Known, Machine, ModelFile};
 use std::path::{Path, PathBuf};
 
@@ -60,7 +60,7 @@ fn additions(args: &DiagnoseArgs, effects: &[&FoundEffect]) -> String {
 }
 
 /// The terms for the rest as one formula, whose gains the fit finds again.
-fn formula(args: &DiagnoseArgs, terms: &[Proposal], session: &Session) -> String {
+fn formula(args: &DiagnoseArgs, terms: &[FormulaTerm], session: &Session) -> String {
     let names: Vec<char> = ('a'..='z').take(terms.len()).collect();
     let sum: Vec<String> = terms.iter().zip(&names).map(|(own, name)| format!("{name} * {}", own.term)).collect();
     let n_joints = session.data.n_inputs;

@@ -1,0 +1,179 @@
+//! What each procedure states as its standard error, against the numbers of an independent bench (`golden/calibrate.json`).
+
+#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
+
+mod common;
+
+use common::Noise;
+use common::pictures::{Camera, picture};
+use krait_calibrate::friction::{Direction, FrictionReading, FrictionSettings, friction};
+use krait_calibrate::photo::{Click, PhotoView, bends};
+use krait_calibrate::poses::{PoseReading, PoseSettings, poses};
+use krait_model::effects::EffectKind;
+use krait_model::{Chain, ChainSettings, Circumstances, EffectSetting, KnownColumns, MachineParameters};
+use nalgebra::{Vector2, Vector3};
+use serde_json::Value;
+
+const GOLDEN: &str = include_str!("golden/calibrate.json");
+
+fn golden(key: &str) -> Value {
+    serde_json::from_str::<Value>(GOLDEN).unwrap()[key].clone()
+}
+
+fn numbers(row: &Value) -> Vec<f64> {
+    row.as_array().unwrap().iter().filter_map(Value::as_f64).collect()
+}
+
+fn near(what: &str, found: f64, expected: f64, part: f64) {
+    assert!((found / expected - 1.0).abs() <= part, "{what}: {found} and {expected}");
+}
+
+#[test]
+fn friction_states_the_standard_errors_of_the_bench() {
+    let rows: Vec<(f64, bool, f64)> = golden("friction_example_csv_g")
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|row| (row[0].as_f64().unwrap(), row[1] == "up", row[2].as_f64().unwrap()))
+        .collect();
+    let cases = golden("friction");
+    for case in cases.as_array().unwrap() {
+        let (data, scale_sd_g) = (case["data"].as_str().unwrap(), case["scale_sd_g"].as_f64().unwrap());
+        let reading = |(weight_g, is_up, scale_g): &(f64, bool, f64)| FrictionReading {
+            line: 1,
+            weight_g: *weight_g,
+            direction: if *is_up { Direction::Up } else { Direction::Down },
+            scale_g: *scale_g,
+            // The bench takes weights for exact.
+            weight_sd_g: 0.0,
+            scale_sd_g,
+            note: String::new(),
+        };
+        let both = !data.starts_with("up only");
+        let readings: Vec<FrictionReading> = rows.iter().filter(|row| both || row.1).map(reading).collect();
+        assert_eq!(Some(readings.len() as u64), case["readings"].as_u64());
+        let settings = FrictionSettings { free_zero: data.contains("zero"), ..FrictionSettings::default() };
+        let found = friction(&readings, &settings).unwrap();
+        let of = |key: &str| case[key].as_f64().unwrap();
+        near(&format!("{data}, {scale_sd_g} g: mu"), found.mu().1, of("se_mu"), 0.01);
+        near(&format!("{data}, {scale_sd_g} g: f_s"), found.f_s_n().1, of("se_f_s_n"), 0.01);
+        near("mu", found.mu().0, 0.1727, 1e-4);
+    }
+}
+
+/// Standard deviation of the bend that so many pictures of one bend state, deg.
+fn stated_deg(n: usize, bend_deg: f64, (behind_mm, tilt_deg): (f64, f64)) -> f64 {
+    let (camera, mut noise) = (Camera::new(tilt_deg, behind_mm), Noise::new(3));
+    let b = Vector2::new(bend_deg.to_radians(), 0.0);
+    let clicks: Vec<Click> =
+        (0..n).flat_map(|k| picture(&format!("{k}"), PhotoView::Front, &camera, b, 0.5, &mut noise)).collect();
+    let found = bends(&clicks, 0.5).unwrap().bends;
+    (found.iter().map(|bend| bend.sd_x_rad.powi(2)).sum::<f64>() / found.len() as f64).sqrt().to_degrees()
+}
+
+#[test]
+fn pictures_state_the_standard_deviations_that_the_bench_simulated() {
+    // The bench's own scatter: 5 %.
+    for row in golden("photograph")["rows"].as_array().unwrap() {
+        let row = numbers(row);
+        near(&format!("one picture, {row:?}"), stated_deg(1, row[0], (row[1], row[2])), row[7], 0.05);
+    }
+    for row in golden("photograph_base_from_20_pictures")["rows"].as_array().unwrap() {
+        let row = numbers(row);
+        near(&format!("twenty pictures, {row:?}"), stated_deg(20, row[0], (3.0, 5.0)), row[5], 0.05);
+    }
+}
+
+#[test]
+fn a_plane_that_is_off_the_view_biases_the_edge_as_the_bench_says() {
+    let camera = Camera::new(0.0, 0.0);
+    for row in golden("one_view_bias")["rows"].as_array().unwrap() {
+        let row = numbers(row);
+        for (k, bend_deg) in [30.0_f64, 60.0, 80.0].into_iter().enumerate() {
+            let (sin, cos) = row[0].to_radians().sin_cos();
+            let b = Vector2::new(cos, sin) * bend_deg.to_radians();
+            let clicks = picture("a", PhotoView::Front, &camera, b, 0.0, &mut Noise::new(1));
+            let bias_deg = bends(&clicks, 0.5).unwrap().bends[0].edge_rad.to_degrees() - bend_deg;
+            // The bench's pictures see the disk's rim from the front, which moves the edge by some thousandths.
+            assert!((bias_deg - row[1 + k]).abs() < 0.005, "{row:?} at {bend_deg}: {bias_deg}");
+        }
+    }
+}
+
+/// Readings without an error, from 30 deg the other way up through these bends, and with `down` on the way back from above.
+fn readings(planes_deg: &[f64], bends_deg: &[f64], down: bool) -> Vec<PoseReading> {
+    let effects = [
+        EffectSetting::new(EffectKind::StiffnessScale).with("eta", 1.22).unwrap(),
+        EffectSetting::new(EffectKind::StaticFriction).with("f_s_n", 1.959).unwrap(),
+        EffectSetting::new(EffectKind::ConeFriction).with("mu", 0.1727).unwrap(),
+        EffectSetting::new(EffectKind::Backlash).with("half_width_m", 0.089e-3).unwrap(),
+    ];
+    let settings = ChainSettings { transition_m: 1e-9, ..ChainSettings::default() };
+    let chain = Chain::new(&MachineParameters::default(), settings, &effects, KnownColumns::default()).unwrap();
+    let mut all = Vec::new();
+    for plane_deg in planes_deg {
+        let (sin, cos) = plane_deg.to_radians().sin_cos();
+        let mut compensator = chain.compensator().unwrap();
+        let mut way: Vec<(f64, f64)> = vec![(-30.0, 0.0)];
+        way.extend(bends_deg.iter().map(|bend| (*bend, 1.0)));
+        if down {
+            way.push((75.0, 0.0));
+            way.extend(bends_deg.iter().rev().map(|bend| (*bend, -1.0)));
+        }
+        let mut at_deg = 0.0;
+        for (to_deg, sense) in way {
+            let mut q_m = Vector3::zeros();
+            for step in 1..=50 {
+                let bend_deg = at_deg + (to_deg - at_deg) * f64::from(step) / 50.0;
+                let b = Vector2::new(cos, sin) * f64::to_radians(bend_deg);
+                q_m = compensator.step(b, &Circumstances::at(0.0)).q_tilde_m;
+            }
+            at_deg = to_deg;
+            if sense == 0.0 {
+                continue;
+            }
+            // q is least where the snake bends towards a line: J = -r (cos, -sin) of its azimuth.
+            let s = [0.0_f64, 120.0, 240.0].map(|own| {
+                let towards = own.to_radians().cos() * cos - own.to_radians().sin() * sin;
+                if towards.abs() < 1e-9 { 1.0 } else { -sense * towards.signum() }
+            });
+            let b = Vector2::new(cos, sin) * f64::to_radians(to_deg);
+            all.push(PoseReading {
+                pose: all.len() as u32 + 1,
+                check: false,
+                plane_deg: *plane_deg,
+                bend_deg: to_deg,
+                b_x_rad: b.x,
+                b_y_rad: b.y,
+                sd_rad: 1_f64.to_radians(),
+                q1_m: q_m.x,
+                q2_m: q_m.y,
+                q3_m: q_m.z,
+                s1: s[0],
+                s2: s[1],
+                s3: s[2],
+                image: None,
+                sd_xy_rad: None,
+            });
+        }
+    }
+    all
+}
+
+#[test]
+fn guided_poses_state_the_standard_errors_of_the_bench() {
+    let ten: Vec<f64> = (0..10).map(|k| 10.0 + 50.0 * f64::from(k) / 9.0).collect();
+    let five: Vec<f64> = (0..5).map(|k| 10.0 + 12.5 * f64::from(k)).collect();
+    let planes: Vec<f64> = (0..6).map(|k| 60.0 * f64::from(k)).collect();
+    let settings =
+        PoseSettings { machine: MachineParameters::default(), mu: 0.1727, f_s_n: 1.959, sd_rad: 1_f64.to_radians() };
+    let table = golden("guided_poses")["rows"].clone();
+    let cases = [readings(&[0.0], &ten, false), readings(&[0.0], &ten, true), readings(&planes, &five, true)];
+    for (row, case) in table.as_array().unwrap().iter().zip(&cases) {
+        let expected = numbers(row);
+        let found = poses(case, &settings).unwrap();
+        assert!((found.eta().0 - 1.22).abs() < 1e-4, "{row}: {:?}", found.eta());
+        near(&format!("{row}: eta"), found.eta().1, expected[0], 0.02);
+        near(&format!("{row}: half-width"), found.half_width_m().1 * 1e3, expected[1], 0.02);
+    }
+}

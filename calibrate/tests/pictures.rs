@@ -1,0 +1,122 @@
+//! From photographs to a model's values without a bend being typed: poses that name their pictures, clicked points of rendered
+//! pictures, their table, and the same command again. The snake is the simulated one, which shares no code with the model.
+
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a panic is how a test fails")]
+
+mod common;
+
+use common::pictures::{Camera, picture};
+use common::{Fresh, Noise, User, fresh, shared};
+use krait_calibrate::photo::{self, ClickKind, PhotoView};
+use krait_calibrate::poses::{PoseSettings, run};
+use krait_calibrate::{CalibrateError, Dialogue};
+use krait_model::MachineParameters;
+use krait_sim::{SimulatedSnake, Truth};
+use krait_slave::{Drive, lines, three};
+use nalgebra::{Vector2, Vector3};
+use std::path::Path;
+
+const CLICK_SD_PX: f64 = 0.5;
+
+fn settings() -> PoseSettings {
+    PoseSettings { machine: MachineParameters::default(), mu: 0.1727, f_s_n: 1.959, sd_rad: 1_f64.to_radians() }
+}
+
+/// What the snake's bend was at each name that was typed.
+type Shown = Vec<(String, [f64; 2])>;
+
+/// The dialogue on the simulated snake; every pose is photographed.
+fn photographed(csv: &Path, table: &Path) -> (String, Shown) {
+    let mut snake = SimulatedSnake::new(&Truth::default());
+    snake.set_power(0, true).unwrap();
+    let bench = shared((snake, Shown::new(), 0_usize));
+    let eyes = bench.clone();
+    let user = User::new(move || {
+        let (snake, shown, n_asked) = &mut *eyes.borrow_mut();
+        *n_asked += 1;
+        // A name that is another pose's is asked for again; Enter takes the one in brackets.
+        if *n_asked == 3 {
+            return Some(shown[0].0.clone());
+        }
+        let name = if shown.len() == 10 { "the eleventh, \"again\"".to_owned() } else { format!("i{}", shown.len()) };
+        shown.push((name.clone(), snake.bend_rad()));
+        Some(name)
+    });
+    let mut said = Vec::new();
+    let mut dialogue = Dialogue::new(user, &mut said);
+    let ended = run(&mut dialogue, csv, Some(table), &settings(), |_, to_m: Vector3<f64>| {
+        let snake = &mut bench.borrow_mut().0;
+        let robot = |e: krait_slave::DriveError| CalibrateError::Robot(e.to_string());
+        snake.write(0, lines(to_m.into())).map_err(robot)?;
+        Ok(three(&snake.read(0).map_err(robot)?.q_tilde_m).into())
+    });
+    let said = String::from_utf8(said).unwrap();
+    assert!(said.contains("\"i0\" is of pose "), "{said}");
+    let shown = bench.borrow().1.clone();
+    (ended.unwrap_err().to_string(), shown)
+}
+
+/// Again, with nothing left to be read: what was found, and what was said.
+fn again(csv: &Path, table: Option<&Path>) -> (Result<krait_calibrate::poses::Poses, CalibrateError>, String) {
+    let mut said = Vec::new();
+    let mut nobody = Dialogue::new(User::new(|| None), &mut said);
+    let found = run(&mut nobody, csv, table, &settings(), |_, _| panic!("it moved"));
+    (found, String::from_utf8(said).unwrap())
+}
+
+#[test]
+fn pictures_lead_to_eta_and_the_play_with_their_own_standard_errors() {
+    let (csv, table): (Fresh, Fresh) = (fresh("pictures"), fresh("pictures-bends"));
+    let (sentence, shown) = photographed(&csv, &table);
+    assert!(sentence.contains("the pictures i0, i1, i2, i3, i4, i5 and ") && sentence.contains(" more are not in "));
+    assert!(sentence.contains("krait calibrate photo CLICKS --out"), "{sentence}");
+
+    let (camera, mut noise) = (Camera::new(5.0, 3.0), Noise::new(11));
+    let mut clicks = Vec::new();
+    for (k, (name, b)) in shown.iter().enumerate() {
+        for view in [PhotoView::Front, PhotoView::Side] {
+            // One is seen from one side only, and of one an edge was forgotten.
+            if k == 4 && view == PhotoView::Side {
+                continue;
+            }
+            clicks.extend(picture(name, view, &camera, Vector2::from(*b), CLICK_SD_PX, &mut noise));
+        }
+    }
+    let edge = clicks.iter().position(|c| c.image == "i7" && c.kind == ClickKind::End).unwrap();
+    clicks.remove(edge);
+    let session = photo::bends(&clicks, CLICK_SD_PX).unwrap();
+    assert_eq!(session.left_out.len(), 1);
+    std::fs::write(&table, photo::table(&session.bends)).unwrap();
+
+    let (found, said) = again(&csv, Some(&table));
+    let found = found.unwrap_or_else(|e| panic!("{e}\n{said}"));
+    assert!(said.contains("the pictures i7 are not in") && said.contains("the pictures i4 were seen from one side"));
+    let ((eta, eta_se), (half_width_m, half_width_se_m)) = (found.eta(), found.half_width_m());
+    assert!((eta - 1.22).abs() < 3.0 * eta_se && eta_se < 0.006, "eta {eta} +- {eta_se}");
+    let off_m = (half_width_m - 0.089e-3).abs();
+    assert!(off_m < 3.0 * half_width_se_m && half_width_se_m < 5e-6, "{half_width_m} +- {half_width_se_m}");
+    // Twice the stated error of a click is twice the standard error of what is found, unless the scatter says more.
+    let wider = photo::bends(&clicks, 4.0 * CLICK_SD_PX).unwrap();
+    std::fs::write(&table, photo::table(&wider.bends)).unwrap();
+    let wide_se = again(&csv, Some(&table)).0.unwrap().eta().1;
+    assert!((wide_se / eta_se - 4.0).abs() < 1.2, "{wide_se} and {eta_se}");
+    // What was photographed cannot be mixed with what was typed.
+    let sentence = again(&csv, None).0.unwrap_err().to_string();
+    assert!(sentence.contains("row 2") && sentence.contains("say with --bends"), "{sentence}");
+}
+
+#[test]
+fn a_table_that_nobody_could_have_measured_is_refused_by_row() {
+    let (csv, table) = (fresh("pictures-bad"), fresh("pictures-bad-bends"));
+    let header = "image,b_x_rad,b_y_rad,sd_x_rad,sd_y_rad\n";
+    for (rows, words) in [
+        ("a,0.1,0.2,0.01,0.01\na,0.1,0.2,0.01,0.01\n", "row 3: the picture \"a\" is there twice"),
+        ("a,inf,0.2,0.01,0.01\n", "row 2: inf is no bend"),
+        ("a,0.1,0.2,0,0.01\n", "row 2: a standard deviation is out of range"),
+        ("a,much,0.2,0.01,0.01\n", "row 2: "),
+    ] {
+        std::fs::write(&table, format!("{header}{rows}")).unwrap();
+        let sentence = again(&csv, Some(&table)).0.unwrap_err().to_string();
+        assert!(sentence.contains(words), "{sentence}");
+    }
+}
