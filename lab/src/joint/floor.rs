@@ -22,7 +22,7 @@ pub(super) struct Floor {
 }
 
 /// Noise with a memory makes a floor from visits, rests or differences up to a fifth too low, whatever its rows say: with this four of
-/// 188 simulated sets change their verdict, without it sixteen (docs/bench/2026-11-26-lab-joints.md).
+/// 188 simulated sets change their verdict, without it fifteen (docs/bench/2026-11-26-lab-joints.md).
 const UNSEEN: f64 = 0.1;
 
 impl Floor {
