@@ -152,7 +152,7 @@ fn finish(
     } else {
         let mut told = text(added, session, what, out, &not_compensated(&file));
         for sentence in &calibrated {
-            told += &print::lines(&sentence);
+            told += &print::lines(sentence);
         }
         told += &after_fit(files, out);
         print::out(&told)?;
