@@ -39,6 +39,7 @@ pub const PAGE: &[Asset] = assets! {
     "/js/exchange.js", "text/javascript; charset=utf-8", "js/exchange.js";
     "/js/recordings.js", "text/javascript; charset=utf-8", "js/recordings.js";
     "/js/lab.js", "text/javascript; charset=utf-8", "js/lab.js";
+    "/js/columns.js", "text/javascript; charset=utf-8", "js/columns.js";
     "/js/quiz.js", "text/javascript; charset=utf-8", "js/quiz.js";
     "/js/verdict.js", "text/javascript; charset=utf-8", "js/verdict.js";
     "/js/work.js", "text/javascript; charset=utf-8", "js/work.js";

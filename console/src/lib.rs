@@ -8,6 +8,7 @@
 
 mod accept;
 mod assets;
+mod columns;
 mod error;
 mod facts;
 mod foxglove;

@@ -1,5 +1,6 @@
 //! Recordings and the lab over HTTP: lists, films, measurements that a page hands over, jobs. Only a page with the token.
 
+use crate::columns;
 use crate::jobs::Jobs;
 use crate::quiz::Riddles;
 use crate::recordings::{Recordings, film_of};
@@ -19,7 +20,7 @@ use tokio::sync::Semaphore;
 /// Bytes of a measurement that a page hands over.
 const MOST_DATA_BYTES: usize = 64 * 1024 * 1024;
 /// Bytes of a request for a job.
-const MOST_ORDER_BYTES: usize = 4096;
+const MOST_ORDER_BYTES: usize = 16 * 1024;
 /// The model that the lab begins with where the folder has none: the machine and nothing else.
 const BASE_MODEL: &str = "base.toml";
 
@@ -53,6 +54,7 @@ impl Library {
 
     fn models(&self) -> Vec<String> {
         let mut models = self.files(".toml");
+        models.retain(|name| !name.ends_with(columns::MAP_ENDING));
         if !models.iter().any(|name| name == BASE_MODEL) {
             models.insert(0, BASE_MODEL.to_owned());
         }
@@ -68,9 +70,16 @@ impl Library {
         }
     }
 
+    /// A measurement of the lab's own folder; one of krait's recordings has columns of known names.
+    fn table(&self, name: &str) -> Result<PathBuf, String> {
+        let is_listed = self.files(".csv").iter().any(|known| known == name);
+        is_listed.then(|| self.folder.join(name)).ok_or_else(|| format!("There is no CSV {name:?} in the list."))
+    }
+
     fn data(&self, name: &str) -> Result<PathBuf, String> {
-        let own = self.files(".csv").iter().any(|known| known == name).then(|| self.folder.join(name));
-        own.or_else(|| self.recordings.path_of(name))
+        self.table(name)
+            .ok()
+            .or_else(|| self.recordings.path_of(name))
             .ok_or_else(|| format!("There is no measurement {name:?} in the list."))
     }
 
@@ -101,6 +110,8 @@ enum Order {
     Diagnose { model: String, data: String },
     /// The chain of this console goes on with a model.
     Exchange { model: String },
+    /// What the columns of a measurement stand for; `map` has what the user says of them.
+    Columns { data: String, map: Vec<String> },
     /// Adds an effect and writes another model.
     Add { model: String, data: String, effect: String, out: String },
     /// Hides an effect; without a seed, one from the clock.
@@ -121,10 +132,13 @@ impl Order {
     fn arguments(&self, library: &Library) -> Result<Vec<String>, String> {
         let text = |path: PathBuf| path.to_string_lossy().into_owned();
         let lab = |verb: &str, model: &str, data: &str| -> Result<Vec<String>, String> {
-            let (model, data) = (text(library.model(model)?), text(library.data(data)?));
+            let (model, data) = (text(library.model(model)?), library.data(data)?);
+            let map = columns::map_of(&data);
+            let data = text(data);
             let report = text(library.folder.join(format!("{verb}.html")));
             let words = ["lab", verb, "--json", "--model", &model, "--data", &data, "--report", &report];
-            Ok(words.map(str::to_owned).to_vec())
+            let map = map.into_iter().flat_map(|map| ["--map-file".to_owned(), text(map)]);
+            Ok(words.map(str::to_owned).into_iter().chain(map).collect())
         };
         let recording = |name: &str| {
             library
@@ -139,6 +153,7 @@ impl Order {
                 arguments.push("--curves".to_owned());
                 Ok(arguments)
             }
+            Self::Columns { data, map } => columns::propose(&library.table(data)?, map),
             Self::Diagnose { model, data } => lab("diagnose", model, data),
             Self::Add { model, data, effect, out } => {
                 let is_effect =
@@ -146,7 +161,7 @@ impl Order {
                 if !is_effect || effect.starts_with('-') || effect.is_empty() {
                     return Err("An effect's name has letters, digits and hyphens only.".to_owned());
                 }
-                if !is_plain_name(out, ".toml") || out == BASE_MODEL {
+                if !is_plain_name(out, ".toml") || out == BASE_MODEL || out.ends_with(columns::MAP_ENDING) {
                     return Err(format!(
                         "{out:?} cannot be the new model's name; take letters and digits, ending in .toml."
                     ));
@@ -182,6 +197,7 @@ pub(crate) fn router(shared: &Arc<Shared>) -> Router<Arc<Shared>> {
         .route("/lab/job", post(start).get(job).layer(DefaultBodyLimit::max(MOST_ORDER_BYTES)))
         .route("/lab/cancel", post(cancel))
         .route("/lab/report/{verb}", get(report))
+        .route("/lab/columns/{name}", post(keep_columns))
         .route("/lab/data/{name}", post(hand_over).layer(DefaultBodyLimit::max(MOST_DATA_BYTES)))
         .layer(from_fn_with_state(Arc::clone(shared), known_only))
 }
@@ -230,6 +246,8 @@ async fn film(State(shared): State<Arc<Shared>>, Path(name): Path<String>) -> Re
 struct Shelf {
     models: Vec<String>,
     data: Vec<String>,
+    /// Measurements whose columns somebody has named.
+    named: Vec<String>,
     folder: String,
 }
 
@@ -240,8 +258,9 @@ async fn lab(State(shared): State<Arc<Shared>>) -> Response {
         return StatusCode::INTERNAL_SERVER_ERROR.into_response();
     };
     let mut data = library.files(".csv");
+    let named = data.iter().filter(|name| columns::map_of(&library.folder.join(name)).is_some()).cloned().collect();
     data.extend(recordings.into_iter().map(|entry| entry.name));
-    json(&Shelf { models: library.models(), data, folder: library.folder.display().to_string() })
+    json(&Shelf { models: library.models(), data, named, folder: library.folder.display().to_string() })
 }
 
 async fn start(State(shared): State<Arc<Shared>>, body: Bytes) -> Response {
@@ -293,6 +312,15 @@ async fn hand_over(State(shared): State<Arc<Shared>>, Path(name): Path<String>, 
     match reading(&shared.library, move || of.library.write(&name, &body)).await {
         Some(Ok(_)) => StatusCode::NO_CONTENT.into_response(),
         Some(Err(why)) => (StatusCode::INSUFFICIENT_STORAGE, why).into_response(),
+        None => StatusCode::INTERNAL_SERVER_ERROR.into_response(),
+    }
+}
+
+async fn keep_columns(State(shared): State<Arc<Shared>>, Path(name): Path<String>) -> Response {
+    let of = Arc::clone(&shared);
+    match reading(&shared.library, move || columns::keep(&of.library.table(&name)?)).await {
+        Some(Ok(kept)) => json(&kept),
+        Some(Err(why)) => (StatusCode::CONFLICT, why).into_response(),
         None => StatusCode::INTERNAL_SERVER_ERROR.into_response(),
     }
 }

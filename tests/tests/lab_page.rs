@@ -52,6 +52,94 @@ fn the_bars_grow_while_effects_are_added_and_no_model_is_overwritten() {
     }
 }
 
+/// A measurement with names of its own, dropped on the page: what nobody can guess is asked, what is wrong is refused with the
+/// lab's own sentence, and what is kept goes on as the same measurement with the lab's names would.
+#[test]
+fn the_columns_of_a_dropped_csv_are_named_in_the_page_and_kept_beside_it() {
+    let Some(browser) = Browser::start() else { return };
+    let (folder, instance) = (TempFolder::new("columns"), instance_name("columns"));
+    let (made, lab) = (folder.file("made.csv"), folder.file("lab"));
+    let generate = ["lab", "generate", "--kind", "backlash", "--size", "3", "--seconds", "40", "--rate", "25"];
+    let ended = Ended::of(&[&generate[..], &["--seed", "5", "--out", &made]].concat(), PATIENCE);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let text = renamed(&std::fs::read_to_string(&made).expect("data"));
+    let mut server = Krait::start(&["console", "--instance", &instance, "--lab", &lab]);
+    let mut page = browser.page(&Console::of(&mut server).address, 1280, 800);
+    page.wait_for("the page", "document.querySelectorAll('#stop').length === 1");
+    page.value("document.querySelector('[data-go=lab]').click()");
+    page.wait_for("the lab", "document.querySelector('#lab .drop') !== null");
+    page.value(&format!(
+        "(files => {{ files.items.add(new File([{}], 'theirs (1).csv')); \
+         document.getElementById('lab').dispatchEvent(new DragEvent('drop', {{ dataTransfer: files, bubbles: true }})); }})(new DataTransfer())",
+        serde_json::json!(text)
+    ));
+    page.wait_for("the question", "document.querySelector('#lab h1').textContent === 'What are these columns?'");
+    keep(&mut page, "columns-asked");
+    let names = "[...document.querySelectorAll('#lab .columns tbody th')].map(th => th.textContent)";
+    assert_eq!(
+        page.value(names),
+        serde_json::json!(["Zeit [ms]", "links [mm]", "rechts [mm]", "unten [mm]", "horizontal", "vertikal", "Datei"])
+    );
+    for (name, is) in [("Zeit [ms]", "time"), ("links [mm]", "q1"), ("rechts [mm]", "q2"), ("unten [mm]", "q3")] {
+        choose(&mut page, &format!("What {name} is"), is);
+    }
+    press(&mut page, "Use these columns");
+    page.wait_for("the lab's sentence", "/theirs--1-.csv: no snake .* was recognised/.test(document.querySelector('#lab .complaint')?.textContent)");
+    assert!(!std::path::Path::new(&format!("{lab}/theirs--1-.map.toml")).exists(), "nothing is kept of what is refused");
+    for (name, is, unit) in [("horizontal", "bend_x", "deg"), ("vertikal", "bend_y", "deg")] {
+        choose(&mut page, &format!("What {name} is"), is);
+        choose(&mut page, &format!("Unit of {name}"), unit);
+    }
+    for theme in ["light", "dark"] {
+        page.value(&format!(
+            "if (document.documentElement.dataset.theme !== '{theme}') document.getElementById('theme').click()"
+        ));
+        keep(&mut page, &format!("columns-{theme}"));
+    }
+    press(&mut page, "Use these columns");
+    press(&mut page, "Compare");
+    page.wait_for("the answer", "document.querySelector('#lab .work .tiles') !== null");
+    keep(&mut page, "columns-compared");
+    let shown = page.value("[...document.querySelectorAll('#lab .work .tiles b')].map(b => b.textContent)");
+    let base = folder.file("base.toml");
+    let own = Ended::of(&["lab", "compare", "--model", &base, "--data", &made, "--json"], PATIENCE).json();
+    let (rms, rows) = (own["error"]["rms"].as_f64().expect("a number"), own["rows"].to_string());
+    assert_eq!((&shown[0], &shown[3]), (&serde_json::json!(format!("{rms:.2}°")), &serde_json::json!(rows)));
+    let shelf = page.value("fetch('/lab').then(answer => answer.json())");
+    assert_eq!(shelf["models"], serde_json::json!(["base.toml", "theirs--1-.model.toml"]));
+    assert_eq!(shelf["named"], serde_json::json!(["theirs--1-.csv"]));
+    assert!(page.complaints.iter().all(|said| said.contains("WebSocket")), "{:?}", page.complaints);
+}
+
+/// The same rows with another program's names and units.
+fn renamed(text: &str) -> String {
+    let mut lines = text.lines();
+    assert_eq!(lines.next(), Some("time_s,q1_m,q2_m,q3_m,bend_x_rad,bend_y_rad"));
+    let mut out = "Zeit [ms];links [mm];rechts [mm];unten [mm];horizontal;vertikal;Datei\n".to_owned();
+    for line in lines {
+        let values: Vec<f64> = line.split(',').map(|cell| cell.parse().expect("a number")).collect();
+        for (k, value) in values.iter().enumerate() {
+            out += &format!("{};", if k < 4 { value * 1000.0 } else { value.to_degrees() });
+        }
+        out += "7\n";
+    }
+    out
+}
+
+/// Chooses by a select's label.
+fn choose(page: &mut BrowserPage, label: &str, value: &str) {
+    let select = format!("document.querySelector('#lab select[aria-label=\"{label}\"]')");
+    page.value(&format!("{select}.value = '{value}'; {select}.dispatchEvent(new Event('change')); 0"));
+}
+
+/// Keeps a picture where somebody wants to look at it.
+fn keep(page: &mut BrowserPage, name: &str) {
+    if let Ok(folder) = std::env::var("KRAIT_SHOTS") {
+        std::fs::create_dir_all(&folder).expect("a folder");
+        std::fs::write(format!("{folder}/{name}.png"), page.picture()).expect("written");
+    }
+}
+
 /// Waits for a button of the step by its words, and presses it.
 fn press(page: &mut BrowserPage, words: &str) {
     let button = format!("[...document.querySelectorAll('#lab .work button')].find(b => b.textContent === '{words}')");

@@ -1,4 +1,5 @@
 // The lab, step by step: compare, diagnose, add. Each step opens with its answer as a sentence; the waterfall grows beside it.
+import { nameColumns } from './columns.js';
 import { ErrorMeter } from './exchange.js';
 import { drawing, make, write } from './format.js';
 import { residualPictures, sketch } from './pictures.js';
@@ -9,7 +10,7 @@ import { prime, reportLink, run, say, second, tile, work } from './work.js';
 const page = document.getElementById('lab');
 const STEPS = ['Compare', 'Diagnose', 'Add', 'Run'];
 const parts = {};
-let isBuilt = false, shelf = { models: [], data: [] }, step = 0, results = [], falls = [], effect = null, added = null, isQuiz = false;
+let isBuilt = false, shelf = { models: [], data: [], named: [] }, step = 0, results = [], falls = [], effect = null, added = null, isQuiz = false;
 // The bars up to a model that an effect was added to, for the same measurement.
 let grown = null;
 
@@ -30,7 +31,8 @@ function build() {
   Object.assign(parts.file, { type: 'file', accept: '.csv', className: 'unseen', id: 'lab-file' });
   const drop = make('label', 'drop', 'Choose or drop a CSV');
   drop.htmlFor = 'lab-file';
-  data.append(parts.file, drop);
+  parts.columns = second('Name its columns', columns);
+  data.append(parts.file, drop, parts.columns);
   const model = make('section', 'card pick', make('h2', '', 'Model'), choice('model', 'Model'));
   parts.steps = make('ol', 'steps');
   parts.quiz = second('Quiz: find the hidden effect', () => { isQuiz = true; draw(); });
@@ -75,6 +77,19 @@ async function hand(file) {
   await fill();
   parts.data.value = name;
   restart();
+  columns();
+}
+
+/// Which column is what: proposed by the lab, agreed to or changed here, and kept beside the file.
+async function columns() {
+  const data = parts.data.value;
+  restart();
+  const model = await nameColumns(data, restart);
+  if (model === null) return;
+  await fill();
+  Object.assign(parts.data, { value: data });
+  Object.assign(parts.model, { value: model });
+  restart();
 }
 
 function restart() {
@@ -85,6 +100,7 @@ function restart() {
 function draw() {
   page.classList.toggle('asks', isQuiz);
   parts.quiz.setAttribute('aria-pressed', String(isQuiz));
+  parts.columns.hidden = !parts.data.value.endsWith('.csv');
   parts.steps.replaceChildren(...STEPS.map((name, i) => {
     const isDone = results[i] !== undefined;
     const number = make('i', '', isDone ? drawing(MARKS.yes.box, MARKS.yes.inner) : String(i + 1));
@@ -101,8 +117,8 @@ function draw() {
 const files = () => ({ model: parts.model.value, data: parts.data.value });
 
 function askCompare() {
-  if (!parts.data.value) { say('Choose a measurement.', 'A recording of krait, or a CSV with time, encoders and the measured bend.'); return; }
-  say(`How far is ${parts.model.value} from ${parts.data.value}?`, 'The model predicts the bend from the encoders; the measurement says what it was.', [], [prime('Compare', compare)]);
+  if (!parts.data.value) { say('Choose a measurement.', 'A recording of krait, or a CSV with time, encoders and the measured bend. What your columns are called does not matter: they are named here.'); return; }
+  say(`How far is ${parts.model.value} from ${parts.data.value}?`, `The model predicts the bend from the encoders; the measurement says what it was.${shelf.named.includes(parts.data.value) ? ' Its columns have the names that were kept beside it.' : ''}`, [], [prime('Compare', compare)]);
 }
 
 const grownBars = () => grown?.model === parts.model.value && grown.data === parts.data.value ? [...grown.falls] : null;

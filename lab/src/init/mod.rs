@@ -100,6 +100,11 @@ struct Column {
 }
 
 impl Column {
+    fn of(looked: Looked) -> Self {
+        let words = Name::of(&looked.name);
+        Self { guess: Guess::of(&words), words, looked, wraps: None }
+    }
+
     fn name(&self) -> &str {
         &self.looked.name
     }
@@ -124,11 +129,7 @@ struct Machine {
 pub fn propose(path: &Path, given: &ColumnMap) -> Result<Proposal, InitError> {
     let Look { at, how, is_whole, notes, columns } = look(path)?;
     let refused = |reason: String| InitError::Columns { path: path.to_owned(), reason };
-    let column = |looked: Looked| {
-        let words = Name::of(&looked.name);
-        Column { guess: Guess::of(&words), words, looked, wraps: None }
-    };
-    let mut columns: Vec<Column> = columns.into_iter().map(column).collect();
+    let mut columns: Vec<Column> = columns.into_iter().map(Column::of).collect();
     let given_time = given::apply(path, at, &mut columns, given)?;
     for own in &mut columns {
         own.wraps = wrap::unwrap(own);
@@ -197,11 +198,25 @@ pub fn propose(path: &Path, given: &ColumnMap) -> Result<Proposal, InitError> {
     })
 }
 
+/// The columns of a file alone, for whoever has to name them because nothing could be proposed.
+///
+/// # Errors
+/// [`ReadError`] for a file that cannot be read.
+pub fn columns(path: &Path) -> Result<Vec<SeenColumn>, ReadError> {
+    let column = |looked: Looked| {
+        let column = Column::of(looked);
+        let is_time = column.guess == Guess::Time;
+        SeenColumn { stands_for: is_time.then(|| "time_s".to_owned()), ..seen(&column, None) }
+    };
+    Ok(look(path)?.columns.into_iter().map(column).collect())
+}
+
 fn seen(column: &Column, assigned: Option<&Assigned>) -> SeenColumn {
     let why = match (&column.guess, assigned) {
         (_, Some((.., why))) => why.clone(),
         (Guess::Other(what), None) => (*what).to_owned(),
         _ if column.looked.n_texts > 0 => "text".to_owned(),
+        (Guess::Time, None) => "named so".to_owned(),
         _ if !column.looked.moves() => "never changes".to_owned(),
         _ => "not recognised".to_owned(),
     };

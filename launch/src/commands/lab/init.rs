@@ -5,7 +5,7 @@ use crate::cli_lab::InitArgs;
 use crate::commands::overwrite::refuse_existing;
 use crate::print;
 use anyhow::Context;
-use krait_lab::init::{Proposal, SeenColumn, propose};
+use krait_lab::init::{InitError, Proposal, SeenColumn, columns, propose};
 use krait_lab::read::ColumnMap;
 use krait_report::Table;
 use serde_json::json;
@@ -27,7 +27,10 @@ pub fn run(args: &InitArgs) -> anyhow::Result<ExitCode> {
         refuse_existing(file, args.force)?;
     }
     let given: ColumnMap = args.map.iter().cloned().collect();
-    let found = propose(&args.data, &given)?;
+    let found = match propose(&args.data, &given) {
+        Ok(found) => found,
+        Err(error) => return refused(args, error),
+    };
     let name = args.data.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     for (file, text) in [(&map, &found.map.to_toml(&name)), (&model, &found.model)] {
         fs::write(file, text)
@@ -47,6 +50,18 @@ pub fn run(args: &InitArgs) -> anyhow::Result<ExitCode> {
         print::out(&format!("Wrote {} and {}\nNext: {next}\n", map.display(), model.display()))?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// With `--json` the columns come with the sentence, so that whoever asked can name them.
+fn refused(args: &InitArgs, error: InitError) -> anyhow::Result<ExitCode> {
+    match columns(&args.data) {
+        Ok(seen) if args.json => {
+            let seen: Vec<_> = seen.iter().map(column).collect();
+            print::json(&json!({ "data": args.data, "refused": error.to_string(), "columns": seen }))?;
+            Ok(ExitCode::FAILURE)
+        }
+        _ => Err(error.into()),
+    }
 }
 
 fn column(seen: &SeenColumn) -> serde_json::Value {
