@@ -108,7 +108,7 @@ mod tests {
         let data = folder.join("run.csv");
         fs::create_dir_all(&folder).expect("a folder");
         assert!(keep(&data).expect_err("nothing there").contains("Nothing was proposed"));
-        let mut kept = |map: &str, model: &str| {
+        let kept = |map: &str, model: &str| {
             let command = propose(&data, &["u1_deg=--Motor:deg".to_owned()]).expect("a command");
             assert_eq!(command.last().map(String::as_str), Some("--map=u1_deg=--Motor:deg"));
             for (path, text) in proposal(&data).expect("places").iter().zip([map, model]) {

@@ -84,8 +84,14 @@ fn the_columns_of_a_dropped_csv_are_named_in_the_page_and_kept_beside_it() {
         choose(&mut page, &format!("What {name} is"), is);
     }
     press(&mut page, "Use these columns");
-    page.wait_for("the lab's sentence", "/theirs--1-.csv: no snake .* was recognised/.test(document.querySelector('#lab .complaint')?.textContent)");
-    assert!(!std::path::Path::new(&format!("{lab}/theirs--1-.map.toml")).exists(), "nothing is kept of what is refused");
+    page.wait_for(
+        "the lab's sentence",
+        "/theirs--1-.csv: no snake .* was recognised/.test(document.querySelector('#lab .complaint')?.textContent)",
+    );
+    assert!(
+        !std::path::Path::new(&format!("{lab}/theirs--1-.map.toml")).exists(),
+        "nothing is kept of what is refused"
+    );
     for (name, is, unit) in [("horizontal", "bend_x", "deg"), ("vertikal", "bend_y", "deg")] {
         choose(&mut page, &format!("What {name} is"), is);
         choose(&mut page, &format!("Unit of {name}"), unit);
