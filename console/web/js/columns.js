@@ -23,7 +23,7 @@ export async function nameColumns(data, back) {
 }
 
 /// `seen` is the lab's newest answer that named a machine, or the first; `before` is what was chosen and refused.
-function ask(data, seen, back, done, complaint = seen.refused ?? '', before = null) {
+function ask(data, seen, back, done, complaint = '', before = null) {
   const rows = seen.columns.map((column, i) => row(column, seen.kind, before?.[i]));
   const titles = make('tr', '', ...['column', 'is', 'unit', 'range', 'why'].map((name, i) => make('th', i === 3 ? 'n' : '', name)));
   const said = make('p', 'complaint', complaint);

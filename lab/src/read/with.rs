@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use std::path::Path;
 
 /// Shifts that are tried, and rows of the second log that are asked: first, and at the end.
-const MOST_SHIFTS: usize = 20_000;
+const MOST_SHIFTS: usize = 100_000;
 const SHORTEST_STEP_S: f64 = 0.02;
 const ASKED_FIRST: usize = 400;
 const ASKED: usize = 8000;
