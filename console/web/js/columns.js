@@ -23,7 +23,7 @@ export async function nameColumns(data, back) {
 }
 
 /// `seen` is the lab's newest answer that named a machine, or the first; `before` is what was chosen and refused.
-function ask(data, seen, back, done, complaint = '', before = null) {
+function ask(data, seen, back, done, complaint = firstWords(seen.refused), before = null) {
   const rows = seen.columns.map((column, i) => row(column, seen.kind, before?.[i]));
   const titles = make('tr', '', ...['column', 'is', 'unit', 'range', 'why'].map((name, i) => make('th', i === 3 ? 'n' : '', name)));
   const said = make('p', 'complaint', complaint);
@@ -54,6 +54,9 @@ function ask(data, seen, back, done, complaint = '', before = null) {
     else said.textContent = await answer.text();
   }
 }
+
+/// What is said before anything is chosen: that no machine was recognised, the title says already.
+const firstWords = refused => refused && !refused.includes('was recognised in the columns') ? refused : '';
 
 /// A column that the lab finds by itself and has no name for that could be said.
 const isUnsaid = is => /^i\d$/.test(is);
