@@ -1,5 +1,6 @@
 //! What a diagnosis says, in the words of its machine-readable answer.
 
+use super::sketch::place;
 use super::{NextExperiment, Sketch, Structure};
 use crate::Term;
 use crate::machine::JointsLab;
@@ -94,16 +95,10 @@ impl Diagnosis {
 
     /// The effects in the order of the chain, not of their size: added in this order they act on one another as they were found.
     pub fn in_chain_order(&self) -> Vec<&FoundEffect> {
-        let place = |effect: &&FoundEffect| {
-            let is_own = |term: &Term| {
-                let joint = term.values.first().map(|joint| joint.round() as usize);
-                term.name == effect.name && effect.joint.is_none_or(|own| joint == Some(own))
-            };
-            self.terms.iter().rposition(is_own)
-        };
-        let mut effects: Vec<&FoundEffect> = self.effects.iter().collect();
-        effects.sort_by_key(place);
-        effects
+        let base = self.terms.len() - self.effects.len().min(self.terms.len());
+        let mut slots: Vec<usize> = (0..self.effects.len()).collect();
+        slots.sort_by_key(|slot| place(&self.effects, *slot, &self.terms, base));
+        slots.into_iter().map(|slot| &self.effects[slot]).collect()
     }
 
     /// What the errors of the candidates are of, where that is another kind than every other error of the answer.

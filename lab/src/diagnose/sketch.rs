@@ -51,13 +51,19 @@ impl Diagnosis {
     }
 }
 
-/// Where the term of an effect stands: several of one name stand in the same order in both lists.
-fn place(found: &[FoundEffect], slot: usize, terms: &[Term], base: usize) -> Option<usize> {
-    let name = &found.get(slot)?.name;
-    let n_before = found[..slot].iter().filter(|own| own.name == *name).count();
-    let own = |(place, term): (usize, &Term)| (place >= base && term.name == *name).then_some(place);
+/// Where the term of an effect stands behind the first `base` terms: that of its name and joint; several of one name and joint stand in
+/// the same order in both lists.
+pub(super) fn place(found: &[FoundEffect], slot: usize, terms: &[Term], base: usize) -> Option<usize> {
+    let effect = found.get(slot)?;
+    let is_alike = |own: &&FoundEffect| own.name == effect.name && own.joint == effect.joint;
+    let n_before = found[..slot].iter().filter(is_alike).count();
+    let own = |(place, term): (usize, &Term)| {
+        let joint = || term.values.first().map(|joint| joint.round() as usize);
+        let is_own = term.name == effect.name && effect.joint.is_none_or(|own| joint() == Some(own));
+        (place >= base && is_own).then_some(place)
+    };
     let places: Vec<usize> = terms.iter().enumerate().filter_map(own).collect();
-    let n_found = found.iter().filter(|own| own.name == *name).count();
+    let n_found = found.iter().filter(is_alike).count();
     if places.len() == n_found { places.get(n_before).copied() } else { None }
 }
 
@@ -144,4 +150,28 @@ fn size(values: &[f64]) -> f64 {
 /// The place of the largest.
 fn widest(sizes: impl Iterator<Item = f64>) -> usize {
     sizes.enumerate().max_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(place, _)| place)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Effects stand by what they bring, terms joint by joint.
+    #[test]
+    fn an_effect_s_term_is_that_of_its_own_joint() {
+        let effect = |joint| FoundEffect {
+            name: "backlash".to_owned(),
+            class: Vec::new(),
+            before: 0.0,
+            after: 0.0,
+            probability: 1.0,
+            parameters: Vec::new(),
+            joint: Some(joint),
+            sketch: None,
+        };
+        let term = |joint| Term { name: "backlash".to_owned(), values: vec![joint, 0.1], formula: None };
+        let (found, terms) = ([effect(3), effect(1)], [term(3.0), term(1.0), term(3.0)]);
+        assert_eq!([place(&found, 0, &terms, 1), place(&found, 1, &terms, 1)], [Some(2), Some(1)]);
+        assert_eq!(place(&[effect(2)], 0, &terms, 1), None);
+    }
 }
