@@ -86,7 +86,7 @@ pub fn add(machine: &dyn MachineUnderTest, data: &Measurements, options: &AddOpt
     {
         let mut added = with_own(joints, data, options, added)?;
         let asked = freed.as_ref().map_or(&[][..], |own| &own.numbers);
-        added.joint_numbers = joint_numbers(joints, &added.calibration, asked);
+        added.joint_numbers = joint_numbers(joints, &added.calibration);
         added.joint_numbers.retain(|own| asked.contains(&(own.is_offset, own.joint)));
         return Ok(added);
     }
@@ -142,15 +142,14 @@ pub fn refit(
     // A gain or an offset that the user frees by name takes the place of the machine's.
     let is_asked = |name: &str| free.iter().any(|(effect, _)| effect == name);
     if let Some(joints) = machine.as_joints().filter(|_| !OF_MACHINE.into_iter().any(is_asked)) {
-        let Freed { joints: of_file, numbers, others } = &freed(joints, free)?;
-        let (joints, free) = (of_file, others.as_slice());
+        let Freed { joints, others, .. } = &freed(joints, free)?;
         let start = Start { terms: joints.effects(), variables: &[] };
-        let Ground { joints, calibration, effects, variables } = start.ground(joints, data, free, &[])?;
+        let Ground { joints, calibration, effects, variables } = start.ground(joints, data, others, &[])?;
         let machine = FreeJoints::new(&joints, data, &calibration, &[]);
         let bench = Bench::new(&machine, data)?;
         let fitted = fit_to_end(&bench.problem, &effects, &variables)?;
         let mut found = without_machine(&machine, bench.report(fitted), calibration);
-        found.joint_numbers = joint_numbers(&joints, &found.calibration, numbers);
+        found.joint_numbers = joint_numbers(&joints, &found.calibration);
         return Ok(found);
     }
     let calibrated = machine.as_joints().map(|joints| crate::joint::calibrated(joints, data)).transpose()?;
@@ -161,8 +160,8 @@ pub fn refit(
     Ok(bench.report(fitted))
 }
 
-/// What of gains and offsets goes into the model file: what it leaves out stays out, unless it was asked for by name.
-fn joint_numbers(joints: &JointsLab, calibration: &[Calibration], asked: &[(bool, usize)]) -> Vec<JointNumber> {
+/// What of gains and offsets goes into the model file: what is free, by the file or by name; what it leaves out stays out.
+fn joint_numbers(joints: &JointsLab, calibration: &[Calibration]) -> Vec<JointNumber> {
     let (_, scale) = joints.error_unit();
     let own = joints.joints();
     let to_file = |found: &Calibration| {
@@ -170,9 +169,8 @@ fn joint_numbers(joints: &JointsLab, calibration: &[Calibration], asked: &[(bool
         let known = if is_offset { &own.offset_known } else { &own.gain_known };
         // A value with a standard error may come from these very data, which do not count twice: it stays.
         let is_open = *known.get(joint - 1)? == Known::Free;
-        let is_asked = asked.contains(&(is_offset, joint));
         let scale = if is_offset { scale } else { 1.0 };
-        let is_wanted = (is_offset || found.name == "gain") && (is_open || is_asked);
+        let is_wanted = (is_offset || found.name == "gain") && is_open;
         is_wanted.then(|| JointNumber {
             is_offset,
             joint,

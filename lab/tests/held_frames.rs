@@ -1,11 +1,14 @@
 //! A camera slower than the file's rows: its frames count once, and what repeats for another reason stays.
 #![allow(clippy::expect_used, reason = "the helpers of a test fail as the test does")]
 
+mod noise;
+
 use krait_lab::Measurements;
 use krait_lab::diagnose::{DiagnoseOptions, Verdict, diagnose};
 use krait_lab::machine::JointsLab;
 use krait_lab::read::{ColumnMap, read};
 use krait_model::model_file::ModelFile;
+use noise::Noise;
 use std::fmt::Write;
 
 const ROWS: usize = 3000;
@@ -30,21 +33,12 @@ fn file(name: &str, mut measured: impl FnMut(usize) -> f64) -> (JointsLab, Measu
     (JointsLab::new(&model).expect("joints"), data)
 }
 
-fn noise(random: &mut u64) -> f64 {
-    let mut sum = -6.0;
-    for _ in 0..12 {
-        *random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        sum += (*random >> 11) as f64 / (1_u64 << 53) as f64;
-    }
-    0.05 * sum
-}
-
 #[test]
 fn held_frames_count_once_and_nothing_is_missing() {
-    let (mut random, mut last) = (1, 0.0);
+    let (mut noise, mut last) = (Noise(1), 0.0);
     let (machine, data) = file("held", |row| {
         if row % 5 == 0 {
-            last = 1.03 * command(row) + 2.0 + noise(&mut random);
+            last = 1.03 * command(row) + 2.0 + 0.05 * noise.normal();
         }
         last
     });
@@ -58,11 +52,11 @@ fn held_frames_count_once_and_nothing_is_missing() {
 /// 60 frames a second in rows of 100 Hz: two in five rows repeat.
 #[test]
 fn a_camera_nearly_as_fast_as_the_rows_is_seen_as_well() {
-    let (mut random, mut last, mut frame) = (1, 0.0, usize::MAX);
+    let (mut noise, mut last, mut frame) = (Noise(1), 0.0, usize::MAX);
     let (_, data) = file("sixty", |row| {
         if row * 3 / 5 != frame {
             frame = row * 3 / 5;
-            last = command(row) + noise(&mut random);
+            last = command(row) + 0.05 * noise.normal();
         }
         last
     });

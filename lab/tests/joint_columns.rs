@@ -1,10 +1,13 @@
 //! Columns of joints that are not what their names say, and gains that a model holds too tightly.
 #![allow(clippy::expect_used, reason = "the helpers of a test fail as the test does")]
 
+mod noise;
+
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, Verdict, diagnose};
 use krait_lab::machine::JointsLab;
 use krait_lab::{AddOptions, LabError, Measurements, Quantity, Term, add, save};
 use krait_model::model_file::ModelFile;
+use noise::Noise;
 
 const N: usize = 3;
 const ROWS: usize = 1500;
@@ -17,17 +20,13 @@ fn model(text: &str) -> (ModelFile, JointsLab) {
 
 /// Three joints that follow their commands with this gain; the measurement of joint k stands in column `column[k]`.
 fn data(gain: f64, column: [usize; N]) -> Measurements {
-    let mut random = 1_u64;
-    let mut noise = || {
-        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        1e-3 * gain * ((random >> 11) as f64 / (1_u64 << 53) as f64 - 0.5)
-    };
+    let mut noise = Noise(1);
     let command = |row: usize, k: usize| (0.02 * row as f64 * [0.9, 1.7, 2.9][k]).sin() * 0.5;
     let inputs = (0..ROWS).flat_map(|row| (0..N).map(move |k| command(row, k))).collect();
     let mut outputs = vec![0.0; N * ROWS];
     for row in 0..ROWS {
         for k in 0..N {
-            outputs[N * row + column[k]] = gain * command(row, k) + 0.05 + noise();
+            outputs[N * row + column[k]] = gain * command(row, k) + 0.05 + 3e-4 * gain * noise.normal();
         }
     }
     let time_s = (0..ROWS).map(|row| 0.02 * row as f64).collect();

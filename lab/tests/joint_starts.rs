@@ -1,11 +1,14 @@
 //! Plays that do not begin in their middle: where they begin is fitted for every trial, wherever the model of joints has hysteresis.
 #![allow(clippy::expect_used, reason = "the helpers of a test fail as the test does")]
 
+mod noise;
+
 use krait_lab::compare::compare;
 use krait_lab::diagnose::{DiagnoseOptions, Verdict, diagnose};
 use krait_lab::machine::JointsLab;
 use krait_lab::{AddOptions, Measurements, Quantity, Term, add, fitted_to, save};
 use krait_model::model_file::ModelFile;
+use noise::Noise;
 
 const NOISE: f64 = 1e-3;
 const DT_S: f64 = 0.02;
@@ -19,15 +22,7 @@ fn model(text: &str) -> (ModelFile, JointsLab) {
 /// Trials of a joint behind a lag (0: none) and a play that begin at these places, -1 to 1, of the play; gain 1.1, offset 0.05 rad.
 fn trials(half_width: f64, lag_s: f64, starts: &[f64]) -> Measurements {
     let n = 1500;
-    let mut random = 1_u64;
-    let mut noise = || {
-        let mut sum = -6.0;
-        for _ in 0..12 {
-            random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            sum += (random >> 11) as f64 / (1_u64 << 53) as f64;
-        }
-        NOISE * sum
-    };
+    let mut noise = Noise(1);
     let wave = |row: usize, hz: f64| (core::f64::consts::TAU * hz * DT_S * row as f64).sin();
     let (mut inputs, mut outputs) = (Vec::new(), Vec::new());
     for start in starts {
@@ -43,7 +38,7 @@ fn trials(half_width: f64, lag_s: f64, starts: &[f64]) -> Measurements {
             }
             p = p.clamp(behind_lag - half_width, behind_lag + half_width);
             inputs.push(u);
-            outputs.push(1.1 * p + 0.05 + noise());
+            outputs.push(1.1 * p + 0.05 + NOISE * noise.normal());
         }
     }
     let rows = n * starts.len();

@@ -1,12 +1,15 @@
 //! A joint whose cable has play, from a file that another program made (`data/joint.py`): read, compared, and explained.
 #![allow(clippy::expect_used, clippy::panic, reason = "the helpers of a test fail as the test does")]
 
+mod noise;
+
 use krait_lab::compare::compare;
 use krait_lab::diagnose::{DiagnoseOptions, diagnose};
 use krait_lab::machine::{JointsLab, MachineUnderTest};
 use krait_lab::read::{ColumnMap, read};
 use krait_lab::{AddOptions, Added, Measurements, Term, add, fitted_to, refit, save};
 use krait_model::model_file::ModelFile;
+use noise::Noise;
 use std::path::Path;
 
 fn machine(text: &str) -> (ModelFile, JointsLab) {
@@ -110,15 +113,7 @@ fn every_candidate_of_joints_is_a_model_that_its_neutral_values_do_not_change() 
 fn played_then_lagged(half_width: f64, time_s: f64) -> Measurements {
     let dt_s = 0.02;
     let at = |row: usize, hz: f64| (core::f64::consts::TAU * hz * dt_s * row as f64).sin();
-    let mut random = 1_u64;
-    let mut noise = || {
-        let mut sum = -6.0;
-        for _ in 0..12 {
-            random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            sum += (random >> 11) as f64 / (1_u64 << 53) as f64;
-        }
-        1e-3 * sum
-    };
+    let mut noise = Noise(1);
     let n = 3000;
     let inputs: Vec<f64> = (0..n).map(|row| 0.5 * at(row, 0.11) + 0.2 * at(row, 0.37)).collect();
     let (mut behind_play, mut behind_lag) = (0.0_f64, 0.0_f64);
@@ -130,7 +125,7 @@ fn played_then_lagged(half_width: f64, time_s: f64) -> Measurements {
             let position = before + (behind_play - before) * (f64::from(step) + 0.5) / 50.0;
             behind_lag += (position - behind_lag) * dt_s / 50.0 / time_s;
         }
-        1.1 * behind_lag + 0.05 + noise()
+        1.1 * behind_lag + 0.05 + 1e-3 * noise.normal()
     });
     let outputs = outputs.collect();
     let time_s = (0..n).map(|row| dt_s * row as f64).collect();

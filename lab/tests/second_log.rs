@@ -1,9 +1,12 @@
 //! Commands in one log, what a camera saw in another, whose clock is its own: joined where the motion says, or refused.
 #![allow(clippy::expect_used, reason = "the helpers of a test fail as the test does")]
 
+mod noise;
+
 use krait_lab::Session;
 use krait_lab::diagnose::{DiagnoseOptions, Verdict, diagnose};
 use krait_lab::read::ColumnMap;
+use noise::Noise;
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -21,20 +24,15 @@ impl Logs {
             writeln!(commands, "{t:.2},{:.5},41", command(t)).expect("a string");
         }
         let mut camera = "stamp,y1_deg\n".to_owned();
-        let (mut p, mut random) = (command(0.0), 1_u64);
+        let (mut p, mut noise) = (command(0.0), Noise(1));
         for step in 0..59_000_u32 {
             let t = 0.001 * f64::from(step);
             p = p.clamp(command(t) - 1.0, command(t) + 1.0);
             if step % 33 != 7 {
                 continue;
             }
-            let mut noise = -6.0;
-            for _ in 0..12 {
-                random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                noise += (random >> 11) as f64 / (1_u64 << 53) as f64;
-            }
             let stamp = 5000.0 + t * (1.0 + 50e-6);
-            writeln!(camera, "{stamp:.6},{:.5}", 1.03 * p + 2.0 + 0.05 * noise).expect("a string");
+            writeln!(camera, "{stamp:.6},{:.5}", 1.03 * p + 2.0 + 0.05 * noise.normal()).expect("a string");
         }
         std::fs::write(folder.join("commands.csv"), commands).expect("written");
         std::fs::write(folder.join("camera.csv"), camera).expect("written");

@@ -8,11 +8,11 @@ use super::gate::{Blocks, HeldOut, gate, held_out, in_errors, order};
 use super::kind::Kind;
 use super::own;
 use super::proposals::proposals;
-use super::refine::{Fit, Loss, as_given, refine};
+use super::refine::{Fit, Loss, as_given, refine, tangents};
 use super::search::{Plan, Search, n_effective};
 use super::signal::Signal;
-use super::simulate::{Member, Run};
-use super::solve::{Design, Solution};
+use super::simulate::Member;
+use super::solve::Solution;
 use super::starts::settled;
 use super::terms::{self, Value, Values};
 use crate::diagnose::screen::orthonormal;
@@ -397,12 +397,8 @@ fn remaining(
     seed: u64,
 ) -> (Structure, bool) {
     let residual = &fit.solution.residual;
-    let design = Design::new(signal, &Run::new(signal, &fit.members));
-    let mut slopes = vec![vec![1.0; residual.len()], design.passed.clone()];
-    slopes.extend(design.columns.iter().cloned());
-    slopes.extend(super::refine::slopes_by_value(signal, fit).into_iter().map(|(_, _, slope)| slope));
     let predicted: Vec<f64> = problem.data.outputs.iter().zip(residual).map(|(y, r)| y - r).collect();
-    let mut structure = structure(problem, residual, &orthonormal(&slopes), &predicted, seed);
+    let mut structure = structure(problem, residual, &orthonormal(&tangents(signal, fit)), &predicted, seed);
     let rhythm = if floor.is_white { None } else { rhythm(problem, residual) };
     if let Some(rhythm) = &rhythm {
         let name = "a rhythm in time that the motion does not have";

@@ -83,17 +83,12 @@ impl Start<'_> {
         if !has_starts(self.terms, data.n_inputs) || !ground.frees_own() {
             return Ok(ground);
         }
-        let Ground { mut joints, mut calibration, effects, variables } = ground;
-        joints = with_starts(&joints, self.terms, data, &calibration, recordings)?;
-        let terms;
-        Together { terms, calibration, .. } = {
-            let machine = FreeJoints::new(&joints, data, &calibration, recordings);
-            let fit = fit_to_end(&prepare(&machine, data)?.problem, &effects, &variables)?;
-            let nothing = Uncertainty { robust: vec![0.0; variables.len()], naive: vec![0.0; variables.len()] };
-            machine.without_machine(Together { terms: fit.effects, variables, uncertainty: nothing, calibration })
-        };
-        let n_own = joints.effects().len();
-        joints = with_starts(&joints, &terms, data, &calibration, recordings)?.with_effects(&terms[..n_own]);
+        let Ground { joints, calibration, effects, variables } = ground;
+        let joints = with_starts(&joints, self.terms, data, &calibration, recordings)?;
+        let machine = FreeJoints::new(&joints, data, &calibration, recordings);
+        let Together { terms, calibration, .. } = fitted(&machine, data, &effects, variables, calibration.clone())?;
+        let joints = with_starts(&joints, &terms, data, &calibration, recordings)?;
+        let joints = joints.with_effects(&terms[..joints.effects().len()]);
         let (effects, variables) = self.free(&joints, &terms, data, &calibration, again, recordings)?;
         Ok(Ground { joints, calibration, effects, variables })
     }
@@ -117,6 +112,20 @@ impl Start<'_> {
         variables.extend(self.variables.iter().cloned().map(|own| Variable { effect: own.effect + 1, ..own }));
         Ok((effects, variables))
     }
+}
+
+/// Everything that is free, fitted together.
+fn fitted(
+    machine: &FreeJoints,
+    data: &Measurements,
+    effects: &[Term],
+    variables: Vec<Variable>,
+    calibration: Vec<Calibration>,
+) -> Result<Together, LabError> {
+    let problem = prepare(machine, data)?.problem;
+    let fit = fit_to_end(&problem, effects, &variables)?;
+    let uncertainty = uncertainty(&problem, &fit);
+    Ok(machine.without_machine(Together { terms: fit.effects, variables, uncertainty, calibration }))
 }
 
 /// Joints with the values of their own effects that suit the data.
@@ -200,13 +209,9 @@ fn beside(
         return Ok(None);
     }
     let Ground { joints, calibration, effects, variables } = ground;
-    let joints = &joints;
-    let machine = FreeJoints::new(joints, data, &calibration, &options.recordings);
-    let problem = prepare(&machine, data)?.problem;
-    let fit = fit_to_end(&problem, &effects, &variables)?;
-    let uncertainty = uncertainty(&problem, &fit);
-    let fitted = machine.without_machine(Together { terms: fit.effects, variables, uncertainty, calibration });
-    let joints = &with_starts(joints, &fitted.terms, data, &fitted.calibration, &options.recordings)?;
+    let machine = FreeJoints::new(&joints, data, &calibration, &options.recordings);
+    let fitted = fitted(&machine, data, &effects, variables, calibration.clone())?;
+    let joints = &with_starts(&joints, &fitted.terms, data, &fitted.calibration, &options.recordings)?;
     let own = fitted.variables.iter().zip(&fitted.uncertainty.robust);
     let own = own.filter(|(variable, _)| variable.effect < joints.effects().len());
     let value = |(variable, se): (&Variable, &f64)| {

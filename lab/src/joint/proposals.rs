@@ -3,11 +3,9 @@
 //! One term after another is chosen that takes most on blocks it was not fitted to, beside gain, offset and everything else that the fit
 //! can do; a term must pay for its number. The gains are those of all chosen terms together.
 
-use super::refine::{Fit, slopes_by_value};
+use super::refine::{Fit, tangents};
 use super::search::n_effective;
 use super::signal::Signal;
-use super::simulate::Run;
-use super::solve::Design;
 use crate::Measurements;
 use crate::Problem;
 use crate::diagnose::FormulaTerm;
@@ -42,48 +40,29 @@ pub(super) fn proposals(
 ) -> Vec<FormulaTerm> {
     let entries = dictionary(machine, data, signal);
     let mut residual = fit.solution.residual.clone();
-    let design = Design::new(signal, &Run::new(signal, &fit.members));
-    let mut slopes = vec![vec![1.0; residual.len()], design.passed.clone()];
-    slopes.extend(design.columns.iter().cloned());
-    slopes.extend(slopes_by_value(signal, fit).into_iter().map(|(_, _, slope)| slope));
-    let basis = orthonormal(&slopes);
+    let basis = orthonormal(&tangents(signal, fit));
     let times = n_effective(fit);
     let mut chosen: Vec<(usize, f64)> = Vec::new();
     let mut taken = basis.clone();
     while chosen.len() < MOST {
         let best = entries.iter().enumerate().filter(|(k, _)| chosen.iter().all(|(own, _)| own != k));
         let best = best.filter_map(|(k, entry)| {
-            let mut column = entry.column.clone();
-            let whole = dot(&column, &column);
-            remove(&taken, &mut column);
+            let column = beside(&taken, entry);
             // What the fit can make itself is no proposal.
-            if dot(&column, &column) < 1e-6 * whole {
-                return None;
-            }
-            Some((
-                k,
-                held_out_share(problem, &block_moments(problem, core::slice::from_ref(&column), &residual), &residual),
-            ))
+            let is_new = dot(&column, &column) >= 1e-6 * dot(&entry.column, &entry.column);
+            let share = || held_out_share(problem, &block_moments(problem, &[column], &residual), &residual);
+            is_new.then(|| (k, share()))
         });
         let Some((k, share)) = best.max_by(|a, b| a.1.total_cmp(&b.1)) else { break };
         if share < LEAST || -times * (1.0 - share).max(1e-12).ln() < PRICE * times.ln() {
             break;
         }
         chosen.push((k, share));
-        taken = orthonormal(
-            &basis.iter().cloned().chain(chosen.iter().map(|(k, _)| entries[*k].column.clone())).collect::<Vec<_>>(),
-        );
-        residual.clone_from(&fit.solution.residual);
-        remove(&taken[basis.len()..], &mut residual);
+        let direction = orthonormal(&[beside(&taken, &entries[k])]);
+        remove(&direction, &mut residual);
+        taken.extend(direction);
     }
-    let columns: Vec<Vec<f64>> = chosen
-        .iter()
-        .map(|(k, _)| {
-            let mut column = entries[*k].column.clone();
-            remove(&basis, &mut column);
-            column
-        })
-        .collect();
+    let columns: Vec<Vec<f64>> = chosen.iter().map(|(k, _)| beside(&basis, &entries[*k])).collect();
     let (score, gram) = total(&block_moments(problem, &columns, &fit.solution.residual));
     let gains = inverse(&gram) * score;
     let (errors, _) = standard_errors(problem, &columns, &residual);
@@ -96,6 +75,13 @@ pub(super) fn proposals(
         share: *share,
     };
     chosen.iter().enumerate().map(proposal).collect()
+}
+
+/// A term's column without what these orthonormal directions make of it.
+fn beside(directions: &[Vec<f64>], entry: &Entry) -> Vec<f64> {
+    let mut column = entry.column.clone();
+    remove(directions, &mut column);
+    column
 }
 
 /// Terms of what a formula of joints can see, and what no effect of the library makes.

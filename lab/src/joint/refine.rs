@@ -258,6 +258,15 @@ pub(super) fn polish(signal: &Signal, fit: Fit, loss: Loss) -> Fit {
     best
 }
 
+/// What a fit can do to the prediction, to first order: offset, gain, amplitudes and nonlinear parameters.
+pub(super) fn tangents(signal: &Signal, fit: &Fit) -> Vec<Vec<f64>> {
+    let Design { passed, columns, .. } = Design::new(signal, &Run::new(signal, &fit.members));
+    let mut slopes = vec![vec![1.0; passed.len()], passed];
+    slopes.extend(columns);
+    slopes.extend(slopes_by_value(signal, fit).into_iter().map(|(_, _, slope)| slope));
+    slopes
+}
+
 /// Slopes of the prediction by each nonlinear parameter in its own unit, for uncertainties.
 pub(super) fn slopes_by_value(signal: &Signal, fit: &Fit) -> Vec<(usize, usize, Vec<f64>)> {
     let run = Run::new(signal, &fit.members);

@@ -115,12 +115,11 @@ pub fn read(path: &Path, map: &ColumnMap, expected: Expected) -> Result<Measurem
     };
     let place = table::place(path, &table);
     let mut data = table::measurements(path, table, expected, hash);
-    check::enough(&place, &data)?;
-    let Expected::Force(machine) = expected else {
+    if !matches!(expected, Expected::Force(_)) {
         held::take_out(&mut data);
-        check::enough(&place, &data)?;
-        return Ok(data);
-    };
+    }
+    check::enough(&place, &data)?;
+    let Expected::Force(machine) = expected else { return Ok(data) };
     let filtered = force::prepare(&place, data, machine)?;
     check::enough(&place, &filtered)?;
     Ok(filtered)

@@ -37,8 +37,8 @@ pub(super) fn join(commands: Measurements, seen: Measurements, path: &Path) -> R
             "one of both has several trials, expected one each; give every trial a file of its own".to_owned(),
         );
     }
-    let aligned = align(&commands, &seen);
-    let Some((clock, others)) = aligned.filter(|(clock, _)| clock.share >= FOLLOWS) else {
+    let pair = Pair::new(&commands, &seen);
+    let Some((clock, others)) = align(&pair).filter(|(clock, _)| clock.share >= FOLLOWS) else {
         let expected = "no shift of its clock makes it follow the commands, expected one with which half of it is a straight line of them";
         return refuse(format!(
             "{expected}; check that both are of the same motion and that half of it lies within the other"
@@ -51,10 +51,10 @@ pub(super) fn join(commands: Measurements, seen: Measurements, path: &Path) -> R
             clock.shift_s, other.shift_s
         ));
     }
-    Ok(merged(&commands, &seen, clock))
+    Ok(merged(&pair, clock))
 }
 
-/// Times of measured rows with what was measured, and the commands that they are compared with.
+/// Both logs, the measured rows that are asked, and the middle of their times.
 struct Pair<'a> {
     commands: &'a Measurements,
     seen: &'a Measurements,
@@ -63,21 +63,15 @@ struct Pair<'a> {
 }
 
 /// The clock that suits best, and others, the best first; `None` where too little lies within the other.
-fn align(commands: &Measurements, seen: &Measurements) -> Option<(SecondClock, Vec<SecondClock>)> {
-    let measured: Vec<usize> = (0..seen.n_rows()).filter(|row| seen.is_scored(*row)).collect();
-    let (first, last) = (*measured.first()?, *measured.last()?);
+fn align(pair: &Pair) -> Option<(SecondClock, Vec<SecondClock>)> {
+    let (commands, seen) = (pair.commands, pair.seen);
+    let (first, last) = (*pair.rows.first()?, *pair.rows.last()?);
     let length_s = seen.time_s[last] - seen.time_s[first];
-    let pair = |most: usize| Pair {
-        commands,
-        seen,
-        rows: measured.iter().copied().step_by(measured.len().div_ceil(most)).collect(),
-        middle_s: 0.5 * (seen.time_s[first] + seen.time_s[last]),
-    };
     let (begin, end) = (*commands.time_s.first()?, *commands.time_s.last()?);
     let (from, to) = (begin - seen.time_s[last], end - seen.time_s[first]);
     let step_s = ((to - from) / MOST_SHIFTS as f64).max(SHORTEST_STEP_S);
     let n = ((to - from) / step_s) as usize + 1;
-    let coarse = pair(ASKED_FIRST);
+    let coarse = pair.thinned(ASKED_FIRST);
     let shares: Vec<f64> =
         (0..n).into_par_iter().map(|k| coarse.share(from + step_s * k as f64, 0.0).unwrap_or(0.0)).collect();
     let is_peak = |k: &usize| {
@@ -86,7 +80,7 @@ fn align(commands: &Measurements, seen: &Measurements) -> Option<(SecondClock, V
     };
     let mut peaks: Vec<usize> = (0..n).filter(is_peak).collect();
     peaks.sort_by(|a, b| shares[*b].total_cmp(&shares[*a]));
-    let fine = pair(ASKED);
+    let fine = pair.thinned(ASKED);
     let refined = |k: &usize| fine.refined(from + step_s * *k as f64, step_s, length_s);
     let mut clocks: Vec<SecondClock> = peaks.iter().take(PLACES).filter_map(refined).collect();
     clocks.sort_by(|a, b| b.share.total_cmp(&a.share));
@@ -97,7 +91,21 @@ fn align(commands: &Measurements, seen: &Measurements) -> Option<(SecondClock, V
     Some((best, others))
 }
 
-impl Pair<'_> {
+impl<'a> Pair<'a> {
+    /// Every measured row; the middle is that between the first and the last of them.
+    fn new(commands: &'a Measurements, seen: &'a Measurements) -> Self {
+        let rows: Vec<usize> = (0..seen.n_rows()).filter(|row| seen.is_scored(*row)).collect();
+        let time_s = |row: Option<&usize>| row.map_or(0.0, |row| seen.time_s[*row]);
+        let middle_s = 0.5 * (time_s(rows.first()) + time_s(rows.last()));
+        Self { commands, seen, rows, middle_s }
+    }
+
+    /// The same with at most so many rows, evenly chosen.
+    fn thinned(&self, most: usize) -> Self {
+        let rows = self.rows.iter().copied().step_by(self.rows.len().div_ceil(most).max(1)).collect();
+        Self { rows, ..*self }
+    }
+
     /// A measured row's time by the first log's clock.
     fn time_s(&self, row: usize, shift_s: f64, rate: f64) -> f64 {
         let own = self.seen.time_s[row];
@@ -113,7 +121,8 @@ impl Pair<'_> {
         let mut inside = 0;
         let mut u = DVector::from_element(n, 1.0);
         for &row in &self.rows {
-            if !commanded(self.commands, self.time_s(row, shift_s, rate), &mut u.as_mut_slice()[1..]) {
+            let time_s = self.time_s(row, shift_s, rate);
+            if commanded(self.commands, time_s, &mut u.as_mut_slice()[1..]).is_none() {
                 continue;
             }
             inside += 1;
@@ -136,7 +145,8 @@ impl Pair<'_> {
         Some((0..m).map(part).sum::<f64>() / m as f64)
     }
 
-    /// The best clock near a shift: shift and rate in ever smaller steps.
+    /// The best clock near a shift: shift and rate in ever smaller steps. The shift is that in the middle of the second log: where
+    /// it reads zero may be far from both.
     fn refined(&self, shift_s: f64, step_s: f64, length_s: f64) -> Option<SecondClock> {
         let mut best = SecondClock { shift_s, rate: 0.0, share: self.share(shift_s, 0.0)? };
         let mut step_s = step_s;
@@ -155,36 +165,32 @@ impl Pair<'_> {
             }
             step_s *= 0.5;
         }
-        // The shift is that in the middle of the second log: where it reads zero may be far from both.
         Some(best)
     }
 }
 
-/// The commands at a time, between the rows beside it; whether there are such rows.
-fn commanded(commands: &Measurements, time_s: f64, u: &mut [f64]) -> bool {
+/// The commands at a time, between the rows beside it, and the row before; `None` where there are no such rows.
+fn commanded(commands: &Measurements, time_s: f64, u: &mut [f64]) -> Option<usize> {
     let after = commands.time_s.partition_point(|own| *own < time_s);
-    let Some(before) = after.checked_sub(1) else { return false };
-    let (Some(late), early) = (commands.time_s.get(after), commands.time_s[before]) else { return false };
+    let before = after.checked_sub(1)?;
+    let (late, early) = (commands.time_s.get(after)?, commands.time_s[before]);
     let part = (time_s - early) / (late - early);
     for ((u, a), b) in u.iter_mut().zip(commands.input(before)).zip(commands.input(after)) {
         *u = a + part * (b - a);
     }
-    true
+    Some(before)
 }
 
 /// The rows of both in the order of time.
-fn merged(commands: &Measurements, seen: &Measurements, clock: SecondClock) -> Measurements {
-    let pair = Pair { commands, seen, rows: Vec::new(), middle_s: middle(seen) };
+fn merged(pair: &Pair, clock: SecondClock) -> Measurements {
+    let (commands, seen) = (pair.commands, pair.seen);
     // A measured row stands for a command's of the same time.
     let mut order: Vec<(f64, Option<usize>, usize)> =
         commands.time_s.iter().enumerate().map(|(row, time_s)| (*time_s, None, row)).collect();
     let mut u = vec![0.0; commands.n_inputs];
-    for row in (0..seen.n_rows()).filter(|row| seen.is_scored(*row)) {
+    for &row in &pair.rows {
         let time_s = pair.time_s(row, clock.shift_s, clock.rate);
-        if commanded(commands, time_s, &mut u) {
-            let before = commands.time_s.partition_point(|own| *own < time_s) - 1;
-            order.push((time_s, Some(row), before));
-        }
+        order.extend(commanded(commands, time_s, &mut u).map(|before| (time_s, Some(row), before)));
     }
     order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.is_none().cmp(&b.1.is_none())));
     order.dedup_by(|later, earlier| later.0 == earlier.0);
@@ -208,12 +214,4 @@ fn merged(commands: &Measurements, seen: &Measurements, clock: SecondClock) -> M
     all.sha256 = format!("{}, {}", commands.sha256, seen.sha256);
     all.clock = Some(clock);
     all
-}
-
-fn middle(seen: &Measurements) -> f64 {
-    let measured: Vec<usize> = (0..seen.n_rows()).filter(|row| seen.is_scored(*row)).collect();
-    match (measured.first(), measured.last()) {
-        (Some(first), Some(last)) => 0.5 * (seen.time_s[*first] + seen.time_s[*last]),
-        _ => 0.0,
-    }
 }
