@@ -247,5 +247,5 @@ fn the_model_with_what_was_added_holds_the_value_and_tracks_better() {
 }
 
 fn term(name: &str, values: Vec<f64>) -> Term {
-    Term { name: name.to_owned(), values, formula: None }
+    Term::new(name, values)
 }

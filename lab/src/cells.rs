@@ -334,7 +334,7 @@ mod tests {
         let effects: Vec<Term> = ["stiffness-scale", "backlash", "static-friction", "cone-friction"]
             .into_iter()
             .zip(TRUTH)
-            .map(|(name, value)| Term { name: name.to_owned(), values: vec![1.05 * value], formula: None })
+            .map(|(name, value)| Term::new(name, vec![1.05 * value]))
             .collect();
         let variables: Vec<Variable> =
             (0..4).map(|k| Variable::new(&lab, &effects, k, 0, 0.1 * TRUTH[k]).unwrap()).collect();

@@ -53,7 +53,10 @@ fn variable(machine: &dyn MachineUnderTest, place: usize, k: usize) -> Result<Va
     let effects = machine.effects();
     let own = machine.parameters(&effects[place])?;
     let value = effects[place].values[k];
-    let size = (0.1 * value).abs().max(SMALLEST_STEP * (own[k].high - own[k].low).min(WIDEST));
+    // What has no bounds and a value is stepped by parts of it.
+    let width = own[k].high - own[k].low;
+    let least = if width.is_finite() || value == 0.0 { width.min(WIDEST) } else { value.abs() };
+    let size = (0.1 * value).abs().max(SMALLEST_STEP * least);
     let mut variable = Variable::new(machine, effects, place, k, size)?;
     variable.anchor = is_geometry(&effects[place]).then(|| (value, (ANCHOR * value).abs().max(size)));
     Ok(variable)

@@ -236,6 +236,25 @@ impl Measurements {
         }
     }
 
+    /// A column beside inputs and outputs by its name, as formulas and model files of joints call it; `None` if there is none.
+    pub fn beside(&self, name: &str) -> Option<&[f64]> {
+        match name {
+            "temperature_c" => self.temperature_c.as_deref(),
+            other => self.extra(other),
+        }
+    }
+
+    /// The middle of such a column's range; `None` for one that stands still or is not there.
+    pub fn middle_of(&self, name: &str) -> Option<f64> {
+        crate::joint::middle(self, name)
+    }
+
+    /// Names of the columns beside inputs and outputs.
+    pub fn names_beside(&self) -> impl Iterator<Item = &str> {
+        let temperature = self.temperature_c.iter().map(|_| "temperature_c");
+        temperature.chain(self.extra.iter().map(|(name, _)| name.as_str()))
+    }
+
     /// Another column by its name; `None` if there is none.
     pub(crate) fn extra(&self, name: &str) -> Option<&[f64]> {
         self.extra.iter().find(|(own, _)| own == name).map(|(_, values)| values.as_slice())

@@ -19,7 +19,7 @@ fn lab() -> SnakeLab {
 }
 
 fn term(name: &str, values: &[f64]) -> Term {
-    Term { name: name.to_owned(), values: values.to_vec(), formula: None }
+    Term::new(name, values.to_vec())
 }
 
 /// Loops in planes that turn, with rests; 20 rows a second.

@@ -459,7 +459,7 @@ fn what_was_added_from_the_same_data_is_fitted_again_beside_what_is_still_missin
     let measured = data(&path, &found);
     let given = ModelFile::parse(&found.model).expect("a model");
     let machine = ForceLab::new(&given).expect("of kind force");
-    let term = Term { name: "gravity".to_owned(), values: vec![0.0; 3], formula: None };
+    let term = Term::new("gravity", vec![0.0; 3]);
     let options = AddOptions { term, from_given: false, free: Vec::new(), refit: Vec::new(), recordings: Vec::new() };
     let added = add(&machine, &measured, &options).expect("a fit");
     let better = save(&given, &added, "gravity", &measured, "2026-11-23").expect("a model");

@@ -77,7 +77,7 @@ fn a_held_gain_is_freed_by_name_and_for_all_joints_at_once() {
     let refused = said(&machine, &data, &["gian2"]).expect_err("no such number").to_string();
     assert!(refused.contains("gian2") && refused.contains("gain2"), "{refused}");
     // A gain that is freed beside a new effect goes into the file with it.
-    let term = Term { name: "backlash".to_owned(), values: vec![1.0, 0.0], formula: None };
+    let term = Term::new("backlash", vec![1.0, 0.0]);
     let refit = vec![("machine".to_owned(), "gain1".to_owned())];
     let options = AddOptions { term, from_given: false, free: Vec::new(), refit, recordings: Vec::new() };
     let added = add(&machine, &data, &options).expect("a fit");

@@ -72,7 +72,7 @@ fn commands_followed_one_by_one_reach_what_the_diagnosis_promised() {
     for effect in promised.in_chain_order() {
         let machine = JointsLab::new(&file).expect("joints");
         let n_values = 1 + effect.parameters.iter().filter(|own| own.is_free).count();
-        let mut term = Term { name: effect.name.clone(), values: vec![0.0; n_values], formula: None };
+        let mut term = Term::new(&effect.name, vec![0.0; n_values]);
         term.values[0] = effect.joint.expect("a joint") as f64;
         let refit = fitted_to(&file, &data);
         let options = AddOptions { term, from_given: false, free: Vec::new(), refit, recordings: Vec::new() };

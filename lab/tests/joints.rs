@@ -43,7 +43,7 @@ fn play_of_a_joint_shows_by_direction() {
 #[test]
 fn the_right_play_leaves_noise_alone() {
     let (machine, data) = wrist();
-    let term = |half_width: f64| Term { name: "backlash".to_owned(), values: vec![0.0, half_width], formula: None };
+    let term = |half_width: f64| Term::new("backlash", vec![0.0, half_width]);
     let rms_deg = |half_width: f64| {
         let predicted = machine.predict(&[term(half_width)], &data).expect("a chain");
         let sum: f64 = predicted.iter().zip(&data.outputs).map(|(f, y)| (f - y).powi(2)).sum();
@@ -74,7 +74,7 @@ fn errors_of_a_joint_in_millimetres_are_never_called_degrees() {
     assert_eq!((&json["unit"], &json["effects"][0]["unit"]), (&"mm".into(), &"mm".into()), "{json}");
     assert!(json["base_heldout_rms"].is_number() && json["base_heldout_rms_deg"].is_null(), "{json}");
     assert_eq!(json["effects"][0]["params"]["half_width"]["unit"], "mm", "{json}");
-    let term = Term { name: "backlash".to_owned(), values: vec![0.0, 0.0], formula: None };
+    let term = Term::new("backlash", vec![0.0, 0.0]);
     let added = add(
         &machine,
         &data,
@@ -99,7 +99,7 @@ fn every_candidate_of_joints_is_a_model_that_its_neutral_values_do_not_change() 
     assert_eq!(candidates.len(), 21);
     for candidate in candidates {
         let predict = |values: &Vec<f64>| {
-            let term = Term { name: candidate.name.to_owned(), values: values.clone(), formula: None };
+            let term = Term::new(candidate.name, values.clone());
             two.predict(&[term], &data).expect("a chain")
         };
         assert_eq!(predict(&candidate.neutral), bare, "{}", candidate.name);
@@ -137,7 +137,7 @@ fn a_second_effect_of_joints_moves_the_first_that_was_fitted_alone_towards_the_t
     let data = played_then_lagged(0.03, 0.15);
     let (file, bare) = machine("n = 1\n");
     let adding = |machine: &JointsLab, name: &str, data: &Measurements, refit| -> Added {
-        let term = Term { name: name.to_owned(), values: vec![0.0; 2], formula: None };
+        let term = Term::new(name, vec![0.0; 2]);
         let options = AddOptions { term, from_given: false, free: Vec::new(), refit, recordings: Vec::new() };
         add(machine, data, &options).expect("a fit")
     };
@@ -189,7 +189,7 @@ fn a_second_effect_of_joints_moves_the_first_that_was_fitted_alone_towards_the_t
 fn a_play_that_was_fitted_alone_gives_way_when_the_lag_beside_it_is_looked_for() {
     let data = played_then_lagged(0.03, 0.15);
     let (file, bare) = machine("n = 1\n");
-    let term = Term { name: "backlash".to_owned(), values: vec![0.0; 2], formula: None };
+    let term = Term::new("backlash", vec![0.0; 2]);
     let options = AddOptions { term, from_given: false, free: Vec::new(), refit: Vec::new(), recordings: Vec::new() };
     let alone = add(&bare, &data, &options).expect("a fit");
     let wrong = alone.terms[0].values[1];

@@ -150,7 +150,7 @@ fn an_effect_added_to_an_uncalibrated_model_leaves_gain_and_offset_free() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data");
     let data = joint(&folder.join("davinci-jaw/00.csv"), 1);
     let (file, machine) = model("n = 1\n");
-    let term = Term { name: "backlash".to_owned(), values: vec![0.0, 0.0], formula: None };
+    let term = Term::new("backlash", vec![0.0, 0.0]);
     let added = add(
         &machine,
         &data,
@@ -188,7 +188,7 @@ fn recordings_of_one_machine_share_its_physics_and_keep_their_own_gain_and_offse
     let gains: Vec<_> = found.calibration.iter().filter(|own| own.name == "gain").collect();
     assert_eq!(gains.len(), 2, "each recording has its own");
     assert_eq!(gains[1].recording.as_deref(), Some("09.csv"));
-    let term = Term { name: "backlash".to_owned(), values: vec![0.0, 0.0], formula: None };
+    let term = Term::new("backlash", vec![0.0, 0.0]);
     let recordings = session.recordings.clone();
     let own = AddOptions { term, from_given: false, free: Vec::new(), refit: Vec::new(), recordings };
     let added = add(session.machine.as_ref(), &session.data, &own).expect("a fit");

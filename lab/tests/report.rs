@@ -152,7 +152,7 @@ fn a_page_of_a_history_takes_no_markup_from_the_file() {
 #[test]
 fn a_page_of_an_added_effect_shows_it_before_and_after() {
     let (machine, data) = (snake(), data());
-    let mut term = Term { name: "backlash".to_owned(), values: Vec::new(), formula: None };
+    let mut term = Term::new("backlash", Vec::new());
     term.values = machine.parameters(&term).expect("known").iter().map(|own| own.default).collect();
     let added = add(
         &machine,
@@ -191,7 +191,7 @@ fn pages_of_joints_show_each_output_and_no_bend() {
     let (machine, data) = joints("pages");
     let found = diagnose(&machine, &data, &DiagnoseOptions::default()).expect("a diagnosis");
     let compared = compare(&machine, &data).expect("a comparison");
-    let mut term = Term { name: "backlash".to_owned(), values: Vec::new(), formula: None };
+    let mut term = Term::new("backlash", Vec::new());
     term.values = machine.parameters(&term).expect("known").iter().map(|own| own.default).collect();
     let added = add(
         &machine,
@@ -218,7 +218,7 @@ fn pages_of_joints_show_each_output_and_no_bend() {
 #[test]
 fn the_bars_of_an_added_effect_have_whiskers() {
     let (machine, data) = joints("whiskers");
-    let mut term = Term { name: "backlash".to_owned(), values: Vec::new(), formula: None };
+    let mut term = Term::new("backlash", Vec::new());
     term.values = machine.parameters(&term).expect("known").iter().map(|own| own.default).collect();
     let added = add(
         &machine,

@@ -28,7 +28,7 @@ pub enum LabVerb {
     #[command(
         after_help = "Examples:\n  krait lab add backlash --model base.toml --data run.csv --out better.toml\n  krait lab add creep --free a1,t1_s,a2 --set t2_s=90 --model base.toml --data run.csv --out better.toml\n  krait lab add formula --name shelf --hook eps --formula \"a * tanh(bend / b) * cos(delta - d0)\" --param a=0:m --param b=0.2:rad --param d0=0:rad --model base.toml --data run.csv --out better.toml\n\nA formula may use +, -, *, /, ^, parentheses, sin, cos, tan, exp, ln, sqrt, abs, tanh, and the variables that `krait model show --defaults` lists for each hook; it can do nothing but arithmetic."
     )]
-    Add(AddArgs),
+    Add(Box<AddArgs>),
     /// Fits parameters of the effects that a model already has.
     #[command(
         after_help = "Example:\n  krait lab fit --free stiffness-scale.eta --model better.toml --data run.csv --out best.toml\n  krait lab fit --free machine.r_m --model base.toml --data run.csv --out calibrated.toml"
@@ -187,6 +187,12 @@ pub struct AddArgs {
     /// A parameter's value where the fit starts, and where it stays unless it is free: NAME=VALUE, again for each.
     #[arg(long, value_name = "NAME=VALUE", value_parser = name_value)]
     pub set: Vec<(String, f64)>,
+    /// Of joints: a number of the effect depends on a column of the data: PARAMETER=COLUMN, such as half_width=sheath_deg.
+    #[arg(long, value_name = "PARAMETER=COLUMN", value_parser = name_text)]
+    pub by: Option<(String, String)>,
+    /// Of joints: a name in the formula stands for a column of the data: NAME=COLUMN, again for each.
+    #[arg(long, value_name = "NAME=COLUMN", value_parser = name_text)]
+    pub column: Vec<(String, String)>,
     /// A formula's name.
     #[arg(long, default_value = "formula")]
     pub name: String,
@@ -260,6 +266,12 @@ fn name_value(text: &str) -> Result<(String, f64), String> {
     let (name, value) = text.split_once('=').ok_or_else(wrong)?;
     let value: f64 = value.parse().map_err(|_e| wrong())?;
     if value.is_finite() { Ok((name.to_owned(), value)) } else { Err(wrong()) }
+}
+
+fn name_text(text: &str) -> Result<(String, String), String> {
+    let both = text.split_once('=').filter(|(name, column)| !name.is_empty() && !column.is_empty());
+    let (name, column) = both.ok_or_else(|| format!("{text:?} is not NAME=COLUMN, such as half_width=sheath_deg"))?;
+    Ok((name.to_owned(), column.to_owned()))
 }
 
 fn formula_parameter(text: &str) -> Result<(String, f64, String), String> {

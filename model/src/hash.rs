@@ -43,6 +43,11 @@ impl Content {
             self.word(effect.kind().name());
             if let Some(formula) = effect.formula_text() {
                 [&formula.name, formula.hook.word(), &formula.text].into_iter().for_each(|word| self.word(word));
+                formula.columns.iter().flat_map(|own| [&own.name, &own.column]).for_each(|word| self.word(word));
+            }
+            if let Some(own) = effect.varying() {
+                ["by", own.parameter, &own.column].into_iter().for_each(|word| self.word(word));
+                self.number(own.at);
             }
             for ((name, value), learn) in effect.parameter_names().zip(effect.values()).zip(effect.learns()) {
                 self.word(name);

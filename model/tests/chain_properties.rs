@@ -357,7 +357,7 @@ proptest! {
             let mut compensator = chain.compensator().ok();
             let mut predictor = chain.predictor();
             for &[x, y, z, time_s, stem_angle_rad, temperature_c] in &steps {
-                let at = Circumstances { time_s, stem_angle_rad, temperature_c };
+                let at = Circumstances { stem_angle_rad, temperature_c, ..Circumstances::at(time_s) };
                 if let Some(compensator) = &mut compensator {
                     let c = compensator.step(Vector2::new(x, y), &at);
                     let all = c.q_tilde_m.iter().chain(c.eps_m.iter()).chain(c.tau_n.iter()).chain(c.alpha_m_per_rad.iter());

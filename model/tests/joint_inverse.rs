@@ -12,7 +12,7 @@ use krait_model::model_file::ModelFile;
 use krait_model::{ChainError, Circumstances, KnownColumns};
 use proptest::prelude::*;
 
-const COLUMNS: KnownColumns = KnownColumns { time: true, stem_angle: false, temperature: true };
+const COLUMNS: KnownColumns = KnownColumns { time: true, stem_angle: false, temperature: true, named: false };
 const STEP_S: f64 = 1e-3;
 
 fn chain(machine: &str, effects: &str) -> JointChain {

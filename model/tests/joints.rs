@@ -5,7 +5,7 @@ use krait_model::joints::JointEffect;
 use krait_model::model_file::ModelFile;
 use krait_model::{Circumstances, KnownColumns};
 
-const COLUMNS: KnownColumns = KnownColumns { time: true, stem_angle: false, temperature: true };
+const COLUMNS: KnownColumns = KnownColumns { time: true, stem_angle: false, temperature: true, named: false };
 
 /// Positions of joint 1 for commands of it, a second apart; joint 2 stays at 2.
 fn run(effects: &str, u: &[f64]) -> Vec<f64> {

@@ -210,6 +210,50 @@ fn a_file_may_need_a_column_and_whoever_runs_it_without_is_told() {
 }
 
 #[test]
+fn a_number_of_a_joint_may_depend_on_a_column_and_a_formula_may_read_one() {
+    let joints = "format = 1\n[machine]\nkind = \"joints\"\nn = 1\n[[effect]]\n";
+    let play = format!(
+        "{joints}kind = \"backlash\"\njoint = 1\nhalf_width = 0.3\nby = {{ parameter = \"half_width\", column = \"sheath\", at = 10.0 }}\nslope = 0.02\n"
+    );
+    let formula = "[[effect]]\nkind = \"formula\"\nname = \"stretch\"\nhook = \"joint\"\nformula = \"k * load\"\nparams = { k = 0.5 }\ncolumns = { load = \"tau\" }\n";
+    let file = ModelFile::parse(&format!("{play}{formula}")).unwrap();
+    let again = ModelFile::parse(&file.to_toml()).unwrap();
+    assert_eq!((again.hash(), again.to_toml()), (file.hash(), file.to_toml()));
+    let other = ModelFile::parse(&format!("{}{formula}", play.replace("sheath", "other"))).unwrap();
+    assert_ne!(other.hash(), file.hash());
+    let refused = file.joint_chain(KnownColumns::default()).unwrap_err().to_string();
+    assert_eq!(refused, "effect backlash needs the column sheath, which is not given; provide it or remove the effect");
+
+    let chain = file.joint_chain(KnownColumns { named: true, ..KnownColumns::default() }).unwrap().unwrap();
+    assert_eq!(chain.columns(), ["sheath", "tau"]);
+    let mut predictor = chain.predictor();
+    let mut y = |u: f64, sheath: f64, tau: f64| {
+        let columns = [sheath, tau, f64::NAN, f64::NAN];
+        predictor.step(&[u], &krait_model::Circumstances { columns, ..krait_model::Circumstances::at(0.0) })[0]
+    };
+    // Half-widths 0.3, 0.5, 0.5 (a gap is the row before) and none, never below it.
+    assert_eq!([y(0.0, 10.0, 0.0), y(1.0, 20.0, 0.0)], [0.0, 0.5]);
+    assert_eq!([y(2.0, f64::NAN, 4.0), y(2.0, -1e9, f64::NAN)], [3.5, 4.0]);
+
+    for (from, to, wanted) in [
+        ("parameter = \"half_width\"", "parameter = \"joint\"", "it has no such number"),
+        ("column = \"sheath\"", "column = \" \"", "a column has a name"),
+        ("slope = 0.02", "slopes = 0.02", "slopes"),
+    ] {
+        let refused = ModelFile::parse(&play.replace(from, to)).unwrap_err().to_string();
+        assert!(refused.contains(wanted), "{refused}");
+    }
+    let snake =
+        with_effect("kind = \"formula\"\nname = \"f\"\nhook = \"eps\"\nformula = \"a\"\ncolumns = { a = \"b\" }");
+    assert!(refused_formula(&snake).contains("only formulas of joints can read"), "{}", refused_formula(&snake));
+}
+
+/// What a file with a wrong formula is refused with.
+fn refused_formula(text: &str) -> String {
+    ModelFile::parse(text).map_or_else(|refused| refused.to_string(), |_| String::new())
+}
+
+#[test]
 fn a_bend_beyond_the_strain_of_the_material_is_limited_and_said() {
     let text = "format = 1\n[machine]\nkind = \"snake\"\nstrain_limit = 0.01\n";
     let chain = ModelFile::parse(text).unwrap().chain(KnownColumns::default()).unwrap().unwrap();

@@ -88,7 +88,7 @@ fn criterion(sum_of_squares: f64, p: usize, n: f64) -> f64 {
 }
 
 fn oracle(machine: &dyn MachineUnderTest, data: &Measurements, name: &str) -> Result<f64, LabError> {
-    let mut term = Term { name: name.to_owned(), values: Vec::new(), formula: None };
+    let mut term = Term::new(name, Vec::new());
     term.values = machine.parameters(&term)?.iter().map(|parameter| parameter.default).collect();
     Ok(add(
         machine,

@@ -1,6 +1,7 @@
 //! What a diagnosis says, in the words of its machine-readable answer.
 
 use super::sketch::place;
+use super::variation::ParameterVariation;
 use super::{NextExperiment, Sketch, Structure};
 use crate::Term;
 use crate::machine::JointsLab;
@@ -75,6 +76,8 @@ pub struct Diagnosis {
     pub remaining: Remaining,
     /// Formulas for what remains, of joints: the term that takes most first; empty where nothing remains or no term pays.
     pub proposals: Vec<FormulaTerm>,
+    /// Numbers of effects that depend on a column or differ in a recording; of joints.
+    pub variations: Vec<ParameterVariation>,
     /// What to do next.
     pub next_experiment: Option<NextExperiment>,
     /// The model's effects and the missing ones, with fitted values.
@@ -115,6 +118,8 @@ pub struct FormulaTerm {
     pub joint: usize,
     /// The term without its gain, as a formula writes it.
     pub term: String,
+    /// The column that a name in it stands for: the name and the column's own.
+    pub column: Option<(String, String)>,
     /// Its gain, all proposed terms together.
     pub gain: f64,
     /// Standard error of the gain.

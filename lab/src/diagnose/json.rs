@@ -1,5 +1,6 @@
 //! The machine-readable answer of a diagnosis: its names and nesting are a contract with other programs.
 
+use super::variation::ParameterVariation;
 use super::{Calibration, Diagnosis, FoundEffect, LoadCell};
 use crate::experiment::{Experiment, Separation};
 use krait_model::effects::explanation;
@@ -50,7 +51,9 @@ impl Diagnosis {
             },
             "proposals": self.proposals.iter().map(|own| json!({
                 "joint": own.joint, "term": own.term, "gain": own.gain, "se": own.se, "unit": own.unit, "share": own.share,
+                "column": own.column.as_ref().map(|(name, column)| json!({ "name": name, "column": column })),
             })).collect::<Vec<_>>(),
+            "variations": self.variations.iter().map(ParameterVariation::to_json).collect::<Vec<_>>(),
             "next_experiment": self.next_experiment.as_ref().map(|next| json!({
                 "separates": next.separates, "do": next.instruction,
                 "moves": next.motion.as_ref().map(|motion| motion.moves.clone()),

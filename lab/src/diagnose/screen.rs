@@ -60,7 +60,7 @@ fn cell(
         let mut values = c.starts[start].clone();
         c.amplitudes.iter().filter(|other| **other != amplitude).for_each(|&other| values[other] = c.neutral[other]);
         let mut effects = fit.effects.clone();
-        effects.push(Term { name: c.name.to_owned(), values, formula: None });
+        effects.push(Term::new(c.name, values));
         let there = problem.residual(&effects).ok()?;
         columns.push(fit.residual.iter().zip(&there).map(|(a, b)| a - b).collect::<Vec<f64>>());
     }

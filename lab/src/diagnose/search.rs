@@ -204,7 +204,7 @@ impl<'a> Search<'a> {
                     values[k] = candidate.neutral[k] + factor * (values[k] - candidate.neutral[k]);
                 }
             }
-            effects.push(Term { name: candidate.name.to_owned(), values, formula: None });
+            effects.push(Term::new(candidate.name, values));
             found.push(cell.candidate);
         }
         (found, effects)

@@ -169,7 +169,7 @@ mod tests {
             joint: Some(joint),
             sketch: None,
         };
-        let term = |joint| Term { name: "backlash".to_owned(), values: vec![joint, 0.1], formula: None };
+        let term = |joint| Term::new("backlash", vec![joint, 0.1]);
         let (found, terms) = ([effect(3), effect(1)], [term(3.0), term(1.0), term(3.0)]);
         assert_eq!([place(&found, 0, &terms, 1), place(&found, 1, &terms, 1)], [Some(2), Some(1)]);
         assert_eq!(place(&[effect(2)], 0, &terms, 1), None);

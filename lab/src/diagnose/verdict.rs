@@ -260,6 +260,7 @@ impl Case<'_> {
             candidates,
             remaining,
             proposals: Vec::new(),
+            variations: Vec::new(),
             next_experiment,
             terms,
             rows: [

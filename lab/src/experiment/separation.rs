@@ -215,7 +215,7 @@ fn of_joint(
 ) -> Result<Vec<Candidate>, LabError> {
     let Some(joint) = joint else { return Ok(candidates) };
     let alone = |mut own: Candidate| {
-        let term = Term { name: own.name.to_owned(), values: own.neutral.clone(), formula: None };
+        let term = Term::new(own.name, own.neutral.clone());
         let parameters = machine.parameters(&term)?;
         // The answer's own search fits the widths of several plays, which screening holds.
         let is_width = |k: &usize| parameters[*k].name.starts_with("half_width") && !own.free.contains(k);

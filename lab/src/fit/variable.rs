@@ -107,7 +107,8 @@ impl Variable {
             return None;
         }
         let value = self.value(effects);
-        [self.low, self.high].into_iter().find(|bound| (value - bound).abs() <= 1e-9 * bound.abs().max(1e-12))
+        let ends = [self.low, self.high].into_iter().filter(|bound| bound.is_finite());
+        ends.into_iter().find(|bound| (value - bound).abs() <= 1e-9 * bound.abs().max(1e-12))
     }
 }
 

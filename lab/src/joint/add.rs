@@ -1,13 +1,15 @@
 //! Adding an effect to joints, fitted together with gain and offset; the model's own effects are held here, and `crate::add` fits theirs again.
 
 use super::answer;
+use super::beside::settle;
 use super::decide::{candidates, excluded, fast_noise, names_and_trials, problem};
 use super::floor::floor;
 use super::gate::{Blocks, held_out};
 use super::kind::Kind;
-use super::refine::{Fit, Loss};
+use super::refine::{Fit, Loss, refine};
 use super::search::Search;
 use super::signal::Signal;
+use super::simulate::Varies;
 use super::starts::settled;
 use super::terms::{self, Value, term};
 use crate::add::Added;
@@ -46,6 +48,7 @@ pub(crate) fn add(machine: &JointsLab, data: &Measurements, options: &AddOptions
             .filter(|_| is_in_scope)
             .filter_map(|kind| search.extend(search.base(), *kind))
             .map(|fit| search.deepen(&fit))
+            .map(|fit| with_column(&search, fit, wanted))
             .min_by(|a, b| a.square().total_cmp(&b.square()));
         is_known |= fitted.is_some();
         let fit = fitted.unwrap_or_else(|| search.base().clone());
@@ -79,6 +82,15 @@ pub(crate) fn add(machine: &JointsLab, data: &Measurements, options: &AddOptions
         calibration,
         joint_numbers: Vec::new(),
     }))
+}
+
+/// The fit with a number that depends on the column that was asked for.
+fn with_column(search: &Search, fit: Fit, wanted: &Term) -> Fit {
+    let Some(varying) = &wanted.varying else { return fit };
+    let Some(column) = search.signal.columns.iter().position(|own| own.name == varying.column) else { return fit };
+    let mut members = fit.members.clone();
+    members.iter_mut().for_each(|own| own.varies = Some(Varies { column, slope: 0.0 }));
+    settle(search, refine(search.signal, &members, search.loss, 15, 1e-6, true))
 }
 
 fn is_wanted(kind: Kind, wanted: &Term) -> bool {

@@ -7,8 +7,8 @@ use super::kind::Kind;
 use super::signal::Number;
 use super::terms::{Values, name, term};
 use crate::diagnose::{
-    Calibration, CandidateAnswer, DiagnoseOptions, Diagnosis, FoundEffect, FoundParameter, GroupShare, Remaining,
-    Structure, Verdict, cautions, named, next, separate_joints, stand_and_take, sure,
+    Calibration, CandidateAnswer, DependsOn, DiagnoseOptions, Diagnosis, FoundEffect, FoundParameter, GroupShare,
+    ParameterVariation, Remaining, Structure, Verdict, cautions, named, next, separate_joints, stand_and_take, sure,
 };
 use crate::machine::{JointsLab, MachineUnderTest};
 use crate::{LabError, Measurements, Names, Problem, Term};
@@ -145,6 +145,7 @@ pub(super) fn diagnosis(answer: Answer) -> Result<Diagnosis, LabError> {
         loads: None,
         remaining,
         proposals: worst_rest(&found).map_or(Vec::new(), |own| own.proposals.clone()),
+        variations: variations(machine, &found, options)?,
         next_experiment,
         terms,
         calibrated: Some(calibrated),
@@ -156,6 +157,43 @@ pub(super) fn diagnosis(answer: Answer) -> Result<Diagnosis, LabError> {
         ],
         seed: options.seed,
     })
+}
+
+/// Numbers that depend on a column or differ in a recording, of effects that stand.
+fn variations(
+    machine: &JointsLab,
+    found: &[Found],
+    options: &DiagnoseOptions,
+) -> Result<Vec<ParameterVariation>, LabError> {
+    let (_, scale) = machine.error_unit();
+    let mut all = Vec::new();
+    for own in found.iter().filter(|own| own.stands()) {
+        for variation in &own.variations {
+            let effect = variation.kind.name();
+            let parameters = machine.parameters(&Term::new(effect, Vec::new()))?;
+            let parameter = parameters.into_iter().find(|parameter| parameter.name == variation.parameter);
+            let recording = variation.recording.and_then(|k| Some(options.recordings.get(k)?.0.clone()));
+            let on = match (&variation.column, recording) {
+                (Some(name), _) => {
+                    let ((slope, slope_se), name, range) = (variation.slope, name.clone(), variation.at);
+                    DependsOn::Column { name, range, slope, slope_se }
+                }
+                (None, Some(recording)) => DependsOn::Recording(recording),
+                (None, None) => continue,
+            };
+            all.push(ParameterVariation {
+                effect: effect.to_owned(),
+                joint: own.joint + 1,
+                parameter: variation.parameter,
+                unit: parameter.map_or_else(|| "1".to_owned(), |parameter| parameter.unit),
+                on,
+                values: variation.values,
+                errors: variation.mean_squares.map(|square| square.sqrt() * scale),
+                is_in_answer: variation.is_in_list,
+            });
+        }
+    }
+    Ok(all)
 }
 
 fn cautions_of(problem: &Problem, n_outliers: usize) -> Vec<String> {

@@ -1,6 +1,7 @@
 //! The diagnosis of joints: each one by itself, then all together.
 
 use super::answer::{self, Answer};
+use super::beside::{Variation, varied, with_common_columns};
 use super::columns;
 use super::first::first;
 use super::floor::{Floor, floor};
@@ -70,6 +71,7 @@ pub(super) struct Found {
     pub structured: bool,
     pub singles: Vec<Single>,
     pub proposals: Vec<FormulaTerm>,
+    pub variations: Vec<Variation>,
     pub needed_s: Option<f64>,
     pub as_given: f64,
     pub n_blocks: usize,
@@ -89,7 +91,7 @@ impl Found {
 }
 
 /// Whether it is an effect with a name.
-fn is_in_chain(member: &Member) -> bool {
+pub(super) fn is_in_chain(member: &Member) -> bool {
     !member.kind.is_shape() && !member.is_ahead()
 }
 
@@ -192,7 +194,15 @@ struct Case<'a> {
 impl Case<'_> {
     fn joint(&self, joint: usize) -> Result<Found, LabError> {
         let recordings = self.options.first_trials();
-        let signal = Signal::new(self.machine, self.work, joint, self.left_out, MOST_SEARCHED, &recordings)?;
+        let mut signal = Signal::new(self.machine, self.work, joint, self.left_out, MOST_SEARCHED, &recordings)?;
+        // The last steps on all rows.
+        let is_long = self.data.n_rows() > LONG;
+        let all = if is_long { None } else { Some(self.data) };
+        let judged = match all {
+            Some(data) => Signal::new(self.machine, data, joint, self.excluded, MOST_JUDGED, &recordings)?,
+            None => signal.clone(),
+        };
+        let judged = with_common_columns(&mut signal, judged);
         let weight = vec![1.0; signal.rows.len()];
         let noise = fast_noise(&signal);
         let loss = Loss { weight: &weight, noise };
@@ -202,13 +212,6 @@ impl Case<'_> {
         }
         let mut search = Search::new(&signal, loss, candidates);
         let best = search.run(Plan { width: WIDTH, depth: self.options.max_effects });
-        // The last steps on all rows.
-        let is_long = self.data.n_rows() > LONG;
-        let all = if is_long { None } else { Some(self.data) };
-        let judged = match all {
-            Some(data) => Signal::new(self.machine, data, joint, self.excluded, MOST_JUDGED, &recordings)?,
-            None => signal.clone(),
-        };
         let weight = vec![1.0; judged.rows.len()];
         let loss = Loss { weight: &weight, noise };
         let mut last = Search::new(&judged, loss, search.candidates.clone());
@@ -242,6 +245,7 @@ impl Case<'_> {
             hypotheses = Some(fit);
             (fit, after) = (base.clone(), before.clone());
         }
+        let (mut fit, mut after, variations) = varied(last, fit, after, (self.machine, self.data_of(signal)));
         let floor = floor(signal, &problem, &fit, after.mean_square.min(before.mean_square).sqrt());
         let shape = strongest_shape(last, &fit, &blocks, &after);
         let with_shapes = after.mean_square;
@@ -273,6 +277,17 @@ impl Case<'_> {
             (false, true) if explained >= if shape.is_some() { BESIDE } else { PARTLY } => Verdict::Partly,
             _ => Verdict::Unknown,
         };
+        // Beside what is asserted, as it will stand in the model.
+        let of_rest = |beside: &Fit| proposals(self.machine, self.data_of(signal), &problem, signal, beside);
+        if matches!(verdict, Verdict::None | Verdict::Missing) && !signal.columns.is_empty() {
+            let of_column = of_rest(&fit).into_iter().find(|own| own.column.is_some());
+            if let Some(own) = of_column {
+                structured = true;
+                verdict = if n_known == 0 { Verdict::Unknown } else { Verdict::Partly };
+                let (name, p_value) = ("a column that was recorded beside the motion", structure.p_value);
+                structure.groups.insert(0, GroupShare { name, share: own.share, p_value });
+            }
+        }
         let seconds = scored_time_s(self.data);
         let mut needed_s = None;
         if times < FEWEST_TIMES && verdict != Verdict::Missing {
@@ -287,8 +302,6 @@ impl Case<'_> {
             after = held_out(signal, &own, loss, &blocks, 3);
             fit = own;
         }
-        // Beside what is asserted, as it will stand in the model.
-        let of_rest = |beside: &Fit| proposals(self.machine, self.data_of(signal), &problem, signal, beside);
         let proposals = match verdict {
             Verdict::Partly => of_rest(&last.part(&fit, |kind| !kind.is_shape(), 8)),
             Verdict::Unknown => of_rest(&base),
@@ -315,6 +328,7 @@ impl Case<'_> {
             structure,
             structured,
             proposals,
+            variations,
             singles,
             needed_s,
             n_blocks: problem.n_blocks,

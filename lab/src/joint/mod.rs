@@ -7,6 +7,7 @@
 
 mod add;
 mod answer;
+mod beside;
 mod columns;
 mod decide;
 mod first;
@@ -24,6 +25,7 @@ mod starts;
 mod terms;
 
 pub(crate) use add::add;
+pub(crate) use beside::{middle, varying_number_of};
 pub(crate) use decide::{calibrated, diagnose};
 pub(crate) use own::{Ground, OF_MACHINE, Start, Together, told};
 pub(crate) use signal::Number;

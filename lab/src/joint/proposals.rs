@@ -13,6 +13,7 @@ use crate::diagnose::screen::{block_moments, orthonormal, remove, total};
 use crate::diagnose::structure::held_out_share;
 use crate::fit::{dot, inverse, standard_errors};
 use crate::machine::JointsLab;
+use krait_model::effects::is_free_word;
 
 /// Terms at most.
 const MOST: usize = 3;
@@ -26,6 +27,8 @@ const PLACES: usize = 9;
 /// One term: how it is written, the unit of its gain, and its value in every row of the loss.
 struct Entry {
     text: String,
+    /// The name in it that stands for a column, and the column.
+    beside: Option<(String, String)>,
     unit: String,
     column: Vec<f64>,
 }
@@ -69,12 +72,21 @@ pub(super) fn proposals(
     let proposal = |(n, (k, share)): (usize, &(usize, f64))| FormulaTerm {
         joint: signal.joint + 1,
         term: entries[*k].text.clone(),
+        column: entries[*k].beside.clone(),
         gain: gains[n],
         se: errors[n],
         unit: entries[*k].unit.clone(),
         share: *share,
     };
     chosen.iter().enumerate().map(proposal).collect()
+}
+
+/// A column's name as a formula can write it.
+fn identifier(name: &str) -> String {
+    let plain: String =
+        name.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' }).collect();
+    let plain = plain.split('_').filter(|part| !part.is_empty()).collect::<Vec<_>>().join("_");
+    if is_free_word(&plain) { plain } else { format!("column_{plain}") }
 }
 
 /// A term's column without what these orthonormal directions make of it.
@@ -100,6 +112,7 @@ fn dictionary(machine: &JointsLab, data: &Measurements, signal: &Signal) -> Vec<
     }
     let entry = |text: &str, unit: String, value: &dyn Fn(usize) -> f64| Entry {
         text: text.to_owned(),
+        beside: None,
         unit,
         column: signal.rows.iter().map(|&row| value(row)).collect(),
     };
@@ -116,6 +129,21 @@ fn dictionary(machine: &JointsLab, data: &Measurements, signal: &Signal) -> Vec<
     if u_unit == "rad" {
         all.push(entry("sin(u_i)", y_unit.clone(), &|row| command[row].sin()));
         all.push(entry("cos(u_i)", y_unit.clone(), &|row| command[row].cos()));
+    }
+    for column in signal.columns.iter().filter(|own| own.name != "temperature_c") {
+        let name = identifier(&column.name);
+        let value = |row: usize| column.middle + column.half * column.values[row];
+        let of = |text: String, unit: String, value: &dyn Fn(usize) -> f64| Entry {
+            beside: Some((name.clone(), column.name.clone())),
+            ..entry(&text, unit, value)
+        };
+        all.extend([
+            of(name.clone(), format!("{y_unit} per {}", column.name), &value),
+            of(format!("{name} * u_i"), format!("{} per {}", per(u_unit), column.name), &|row| {
+                value(row) * command[row]
+            }),
+            of(format!("motion_i * {name}"), format!("{y_unit} per {}", column.name), &|row| motion[row] * value(row)),
+        ]);
     }
     if let Some(temperature_c) = data.temperature_c.as_ref().filter(|own| own.len() == signal.n()) {
         all.push(entry("temperature_c", format!("{y_unit}/K"), &|row| temperature_c[row]));

@@ -2,7 +2,7 @@
 
 use super::kind::Kind;
 use super::signal::Signal;
-use super::simulate::{Member, Run};
+use super::simulate::{Member, Run, Varies};
 use super::solve::{Design, Solution, evaluate, solve, weighted_normal};
 use nalgebra::DVector;
 
@@ -29,12 +29,16 @@ enum Coordinate {
     Value(usize, usize),
     /// Member and trial.
     Start(usize, usize),
+    /// Member: how a number of it depends on a column.
+    Slope(usize),
 }
 
 /// How far a difference quotient reaches, and the longest step.
 const REACH: f64 = 3e-3;
 const LONGEST: f64 = 0.7;
 const TRIES: usize = 5;
+/// A number changes at most by this part of itself over half the range of a column.
+pub(super) const STEEPEST: f64 = 0.9;
 
 impl Fit {
     /// Effects without their values, which name a list.
@@ -51,7 +55,8 @@ impl Fit {
     pub fn n_parameters(&self) -> f64 {
         let of = |m: &Member| {
             let starts = if m.starts.is_empty() { 0.0 } else { 0.5 + 0.25 * (m.starts.len() as f64 - 1.0).min(6.0) };
-            m.values.len() as f64 + m.kind.n_linear() as f64 + starts
+            let slopes = f64::from(u8::from(m.varies.is_some()));
+            m.values.len() as f64 + m.kind.n_linear() as f64 + starts + slopes
         };
         self.members.iter().map(of).sum()
     }
@@ -96,6 +101,7 @@ fn coordinates(signal: &Signal, members: &[Member], with_starts: bool) -> Vec<Co
     let mut all = Vec::new();
     for (i, member) in members.iter().enumerate() {
         all.extend((0..member.values.len()).map(|k| Coordinate::Value(i, k)));
+        all.extend(member.varies.map(|_| Coordinate::Slope(i)));
         if with_starts && !member.starts.is_empty() && signal.n_trials <= MOST_STARTS {
             all.extend((0..member.starts.len()).map(|trial| Coordinate::Start(i, trial)));
         }
@@ -179,6 +185,13 @@ fn changes(
                 there[i].values[k] = range.value(here + reach);
                 all.push(quotient(&there, i, reach));
             }
+            Coordinate::Slope(i) => {
+                let mut there = members.to_vec();
+                let here = members[i].varies.map_or(0.0, |own| own.slope);
+                let reach = if here > 0.0 { -REACH } else { REACH };
+                there[i] = sloped(&members[i], reach);
+                all.push(quotient(&there, i, reach));
+            }
             Coordinate::Start(i, trial) => {
                 // One simulation moves the starts of all trials: each acts on its own rows alone.
                 if of_starts.as_ref().is_none_or(|(own, _)| *own != i) {
@@ -222,9 +235,16 @@ fn moved(signal: &Signal, members: &[Member], coordinates: &[Coordinate], step: 
             Coordinate::Start(i, trial) => {
                 there[i].starts[trial] = (members[i].starts[trial] + step).clamp(-1.0, 1.0);
             }
+            Coordinate::Slope(i) => there[i] = sloped(&members[i], *step),
         }
     }
     there
+}
+
+/// A member whose number depends more on its column, so far that it keeps its sign.
+fn sloped(member: &Member, step: f64) -> Member {
+    let slope = |own: Varies| Varies { slope: (own.slope + step).clamp(-STEEPEST, STEEPEST), ..own };
+    Member { varies: member.varies.map(slope), ..member.clone() }
 }
 
 /// A compass search, which corners of the loss do not stop.
@@ -274,7 +294,12 @@ pub(super) fn slopes_by_value(signal: &Signal, fit: &Fit) -> Vec<(usize, usize, 
     let coordinates: Vec<Coordinate> = coordinates(signal, &fit.members, false);
     let changes = changes(signal, &fit.members, &run, &design, &fit.solution, &coordinates);
     let per_unit = |(coordinate, mut change): (&Coordinate, Vec<f64>)| {
-        let Coordinate::Value(i, k) = *coordinate else { return (0, 0, change) };
+        let (i, k) = match *coordinate {
+            Coordinate::Value(i, k) => (i, k),
+            // Behind the values.
+            Coordinate::Slope(i) => return (i, fit.members[i].values.len(), change),
+            Coordinate::Start(i, _) => return (i, usize::MAX, change),
+        };
         let (range, value) = (fit.members[i].kind.ranges(signal)[k], fit.members[i].values[k]);
         let here = range.coordinate(value);
         let unit = (range.value(here + 1e-4) - range.value(here - 1e-4)) / 2e-4;

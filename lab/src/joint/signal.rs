@@ -49,10 +49,21 @@ pub(super) struct Signal {
     pub own_waves: Vec<Wave>,
     /// A speed that is rarely exceeded.
     pub fast: f64,
+    /// Columns beside commands and measurements that may act on the joint.
+    pub columns: Vec<Column>,
     /// What the model knows of gain and offset.
     pub gain: Number,
     /// The same for the offset.
     pub offset: Number,
+}
+
+/// A column beside commands and measurements, in halves of its range from its middle.
+#[derive(Clone, Debug)]
+pub(super) struct Column {
+    pub name: String,
+    pub values: Arc<Vec<f64>>,
+    pub middle: f64,
+    pub half: f64,
 }
 
 /// A frequency that makes much of a command.
@@ -151,6 +162,7 @@ impl Signal {
             low,
             typical_step_s: at(&steps, 0.5).unwrap_or(1.0),
             fast: at(&speeds, 0.995).filter(|speed| *speed > 0.0).unwrap_or(1.0),
+            columns: super::beside::columns(data, joint),
             gain: machine.gain_known(joint),
             offset: machine.offset_known(joint),
             inputs,

@@ -12,12 +12,27 @@ pub(super) struct Member {
     pub kind: Kind,
     pub values: Vec<f64>,
     pub starts: Vec<f64>,
+    /// How one of its numbers depends on a column.
+    pub varies: Option<Varies>,
+}
+
+/// A number of a member that is its value times 1 + slope z, where z runs from -1 to 1 over the range of a column.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Varies {
+    /// Place of the column.
+    pub column: usize,
+    pub slope: f64,
 }
 
 impl Member {
     pub fn new(signal: &Signal, kind: Kind, values: &[f64], start: f64) -> Self {
         let starts = if kind.has_start() { vec![start; signal.n_trials] } else { Vec::new() };
-        Self { kind, values: values.to_vec(), starts }
+        Self { kind, values: values.to_vec(), starts, varies: None }
+    }
+
+    /// What the number that depends on a column is multiplied by in a row.
+    fn factor(&self, s: &Signal, row: usize) -> f64 {
+        self.varies.map_or(1.0, |own| 1.0 + own.slope * s.columns[own.column].values[row])
     }
 
     /// Whether it says that the measurements come ahead of the motion, which is calibration and no effect.
@@ -85,6 +100,10 @@ fn pass(s: &Signal, member: &Member, x: &[f64]) -> Vec<f64> {
     let values = &member.values;
     match member.kind {
         Kind::Latency => delayed(s, x, values[0]),
+        Kind::Lag if member.varies.is_some() => with_row(s, x, |last, k| {
+            let (time_s, dt) = (values[0] * member.factor(s, k), s.step_s[k]);
+            lag_step(last, x[k - 1], x[k], time_s, dt, (-dt / time_s).exp())
+        }),
         Kind::Lag => lagged(s, x, values[0]),
         Kind::RateLimit => with_memory(s, x, |last, x, dt| last + (x - last).clamp(-values[0] * dt, values[0] * dt)),
         Kind::SecondOrder => {
@@ -103,15 +122,36 @@ fn pass(s: &Signal, member: &Member, x: &[f64]) -> Vec<f64> {
                 })
                 .collect()
         }
-        Kind::Backlash => played(s, x, values[0], &member.starts),
-        Kind::DeadZone => x.iter().map(|x| x - (x - values[1]).clamp(-values[0], values[0])).collect(),
-        Kind::Saturation => x.iter().map(|x| x.clamp(-values[0], values[0])).collect(),
+        Kind::Backlash => played(s, x, |k| values[0] * member.factor(s, k), &member.starts),
+        Kind::DeadZone | Kind::Saturation => {
+            let here = |(k, x): (usize, &f64)| {
+                let limit = values[0] * member.factor(s, k);
+                if member.kind == Kind::DeadZone {
+                    x - (x - values[1]).clamp(-limit, limit)
+                } else {
+                    x.clamp(-limit, limit)
+                }
+            };
+            x.iter().enumerate().map(here).collect()
+        }
         _ => x.to_vec(),
     }
 }
 
 /// The columns of an effect that adds, rows of the loss.
 pub(super) fn columns(s: &Signal, member: &Member, x: &[f64]) -> Vec<Vec<f64>> {
+    let mut all = steady_columns(s, member, x);
+    if member.varies.is_some() {
+        let scale = |column: &mut Vec<f64>| {
+            column.iter_mut().zip(&s.rows).for_each(|(value, &row)| *value *= member.factor(s, row));
+        };
+        all.iter_mut().for_each(scale);
+    }
+    all
+}
+
+/// The same with amplitudes that depend on nothing.
+fn steady_columns(s: &Signal, member: &Member, x: &[f64]) -> Vec<Vec<f64>> {
     let values = &member.values;
     let on_rows = |of: &dyn Fn(usize) -> f64| -> Vec<f64> { s.rows.iter().map(|&row| of(row)).collect() };
     let own = &s.inputs[s.joint];
@@ -135,7 +175,7 @@ pub(super) fn columns(s: &Signal, member: &Member, x: &[f64]) -> Vec<Vec<f64>> {
             vec![on_rows(&|row| -all[row])]
         }
         Kind::Plays => {
-            let [wide, narrow] = [1.0, 1.0 / 3.0].map(|part| played(s, x, part * values[0], &member.starts));
+            let [wide, narrow] = [1.0, 1.0 / 3.0].map(|part| played(s, x, |_| part * values[0], &member.starts));
             vec![on_rows(&|row| wide[row] - x[row]), on_rows(&|row| narrow[row] - x[row])]
         }
         Kind::LoadFriction => {
@@ -172,18 +212,23 @@ pub(super) fn columns(s: &Signal, member: &Member, x: &[f64]) -> Vec<Vec<f64>> {
         Kind::OtherSquare(k) => vec![on_rows(&|row| s.inputs[k][row].powi(2))],
         Kind::OtherPlay(k) => {
             let other = &s.inputs[k];
-            let p = played(s, other, values[0], &vec![0.0; s.n_trials]);
+            let p = played(s, other, |_| values[0], &vec![0.0; s.n_trials]);
             vec![on_rows(&|row| p[row] - other[row])]
         }
         _ => Vec::new(),
     }
 }
 
-fn with_memory(s: &Signal, x: &[f64], mut step: impl FnMut(f64, f64, f64) -> f64) -> Vec<f64> {
+fn with_memory(s: &Signal, x: &[f64], step: impl Fn(f64, f64, f64) -> f64) -> Vec<f64> {
+    with_row(s, x, |last, k| step(last, x[k], s.step_s[k]))
+}
+
+/// The same where a step needs the row's number.
+fn with_row(s: &Signal, x: &[f64], step: impl Fn(f64, usize) -> f64) -> Vec<f64> {
     let mut last = 0.0;
     (0..x.len())
         .map(|k| {
-            last = if s.fresh[k] { x[k] } else { step(last, x[k], s.step_s[k]) };
+            last = if s.fresh[k] { x[k] } else { step(last, k) };
             last
         })
         .collect()
@@ -211,10 +256,11 @@ fn lagged(s: &Signal, x: &[f64], time_s: f64) -> Vec<f64> {
         .collect()
 }
 
-fn played(s: &Signal, x: &[f64], half_width: f64, starts: &[f64]) -> Vec<f64> {
+fn played(s: &Signal, x: &[f64], half_width: impl Fn(usize) -> f64, starts: &[f64]) -> Vec<f64> {
     let mut p = 0.0;
     (0..x.len())
         .map(|k| {
+            let half_width = half_width(k);
             if s.fresh[k] {
                 p = x[k] + starts[s.trial[k]] * half_width;
             }

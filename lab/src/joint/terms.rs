@@ -1,5 +1,6 @@
 //! From a fit to the effects of a model file, with standard errors: amplitudes of columns become parameters.
 
+use super::beside::varying_number;
 use super::kind::Kind;
 use super::refine::{Fit, slopes_by_value};
 use super::signal::Signal;
@@ -8,6 +9,7 @@ use super::solve::Design;
 use crate::fit::standard_errors;
 use crate::{Problem, Term};
 use core::f64::consts::PI;
+use krait_model::effects::{SLOPE, Varying};
 use krait_model::joints::JointEffect;
 
 /// A parameter of a found effect.
@@ -17,6 +19,8 @@ pub(super) struct Value {
     pub value: f64,
     pub se: f64,
     pub se_naive: f64,
+    /// Of a slope: what depends on which column, and where the column must stand for the other values.
+    pub by: Option<Varying>,
 }
 
 /// Gain and offset with their standard errors, and the parameters of each member in order.
@@ -57,8 +61,10 @@ pub(super) fn values(signal: &Signal, fit: &Fit, problem: &Problem) -> Values {
     let mut at = 0;
     for (i, member) in fit.members.iter().enumerate() {
         let own = amplitudes(fit, at, member.kind.n_linear());
-        members
-            .push(of_member(signal, member, own, gain, &|k| errors.of_value(i, k), &|k| errors.of_amplitude(at + k)));
+        let mut values =
+            of_member(signal, member, own, gain, &|k| errors.of_value(i, k), &|k| errors.of_amplitude(at + k));
+        values.extend(slope(signal, member, &values, errors.of_value(i, member.values.len())));
+        members.push(values);
         at += member.kind.n_linear();
     }
     let own = |values: &[f64], from: usize, shift: f64| {
@@ -131,6 +137,17 @@ impl Errors {
     }
 }
 
+/// How a number of a member depends on its column, in the units of both; `se` is of the relative slope.
+fn slope(signal: &Signal, member: &Member, values: &[Value], (se, se_naive): (f64, f64)) -> Option<Value> {
+    let varies = member.varies?;
+    let column = &signal.columns[varies.column];
+    let own = values.iter().find(|own| Some(own.name) == varying_number(member.kind))?;
+    let unit = own.value / column.half;
+    let by = Varying { parameter: own.name, column: column.name.clone(), at: column.middle };
+    let (se, se_naive) = (se * unit.abs(), se_naive * unit.abs());
+    Some(Value { name: SLOPE, value: varies.slope * unit, se, se_naive, by: Some(by) })
+}
+
 fn of_member(
     signal: &Signal,
     member: &Member,
@@ -143,14 +160,14 @@ fn of_member(
     let middle = signal.low + half;
     let shape = |name, k: usize, factor: f64| {
         let (se, se_naive) = of_value(k);
-        Value { name, value: member.values[k] * factor, se: se * factor, se_naive: se_naive * factor }
+        Value { name, value: member.values[k] * factor, se: se * factor, se_naive: se_naive * factor, by: None }
     };
     // An amplitude a of the output as a parameter a * factor.
     let amplitude = |name, k: usize, factor: f64| {
         let (se, se_naive) = of_amplitude(k);
-        Value { name, value: own[k] * factor, se: se * factor.abs(), se_naive: se_naive * factor.abs() }
+        Value { name, value: own[k] * factor, se: se * factor.abs(), se_naive: se_naive * factor.abs(), by: None }
     };
-    let fixed = |name, value| Value { name, value, se: 0.0, se_naive: 0.0 };
+    let fixed = |name, value| Value { name, value, se: 0.0, se_naive: 0.0, by: None };
     match member.kind {
         Kind::Latency => vec![shape("delay_s", 0, 1.0)],
         Kind::Lag => vec![shape("time_s", 0, 1.0)],
@@ -176,7 +193,13 @@ fn of_member(
                 let per = (half / (3.0 * own[1])).abs();
                 vec![
                     amplitude("cubic", 1, 1.0 / (gain * half.powi(3))),
-                    Value { name: "centre", value: middle + centre * half, se: se * per, se_naive: se_naive * per },
+                    Value {
+                        name: "centre",
+                        value: middle + centre * half,
+                        se: se * per,
+                        se_naive: se_naive * per,
+                        by: None,
+                    },
                 ]
             } else {
                 vec![amplitude("quadratic", 0, 1.0 / (gain * half * half)), fixed("centre", middle)]
@@ -199,9 +222,10 @@ fn of_member(
                     value: size / gain.abs(),
                     se: se / gain.abs(),
                     se_naive: se_naive / gain.abs(),
+                    by: None,
                 },
                 shape("period", 0, 1.0),
-                Value { name: "phase_rad", value: phase, se: se / size, se_naive: se_naive / size },
+                Value { name: "phase_rad", value: phase, se: se / size, se_naive: se_naive / size, by: None },
             ]
         }
         Kind::Coupling(from) => vec![fixed("from", from as f64 + 1.0), amplitude("k", 0, 1.0 / gain)],
@@ -227,5 +251,10 @@ pub(super) fn term(name: &str, joint: usize, values: &[Value]) -> Term {
         let own = values.iter().find(|own| own.name == parameter.name).map_or(parameter.default, |own| own.value);
         own.clamp(parameter.low, parameter.high)
     };
-    Term { name: name.to_owned(), values: parameters.iter().map(value).collect(), formula: None }
+    let mut term = Term::new(name, parameters.iter().map(value).collect());
+    if let Some(slope) = values.iter().find(|own| own.by.is_some()) {
+        term.values.push(slope.value);
+        term.varying.clone_from(&slope.by);
+    }
+    term
 }

@@ -111,7 +111,7 @@ impl<'a> FreeJoints<'a> {
         };
         let (u, y) = (range(&data.inputs), range(&data.outputs));
         let mut effects = joints.effects().to_vec();
-        effects.push(Term { name: GEOMETRY.to_owned(), values, formula: None });
+        effects.push(Term::new(GEOMETRY, values));
         Self { joints, effects, open, first_trials, sizes: [y / u, y] }
     }
 

@@ -16,7 +16,7 @@ pub(crate) fn is_geometry(term: &Term) -> bool {
 /// The geometry of a machine as an entry.
 pub(super) fn term(machine: &SnakeMachine) -> Term {
     let values = SnakeMachine::geometry().filter_map(|key| machine.value(key.name)).collect();
-    Term { name: GEOMETRY.to_owned(), values, formula: None }
+    Term::new(GEOMETRY, values)
 }
 
 /// Its numbers.

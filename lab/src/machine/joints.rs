@@ -4,7 +4,7 @@ use super::{Candidate, MachineUnderTest, OpenNumber, joint_candidates, snake};
 use crate::joint::{Number, Starts};
 use crate::{LabError, Measurements, Parameter, Term};
 use krait_model::KnownColumns;
-use krait_model::effects::EffectKind;
+use krait_model::effects::{EffectKind, SLOPE};
 use krait_model::joints::{JointChain, JointEffect, JointPredictor};
 use krait_model::model_file::{Joints, Known, ModelFile};
 
@@ -98,8 +98,16 @@ impl JointsLab {
         mut each: impl FnMut(&JointPredictor, &[f64]),
     ) -> Result<(), LabError> {
         let settings = effects.iter().map(|term| snake::setting(term, kind)).collect::<Result<Vec<_>, _>>()?;
-        let columns = KnownColumns { time: true, stem_angle: false, temperature: data.temperature_c.is_some() };
+        for setting in &settings {
+            if let Some(missing) = setting.columns().find(|column| data.beside(column).is_none()) {
+                let (name, column) = (setting.label().to_owned(), missing.to_owned());
+                return Err(krait_model::ChainError::MissingColumn { name, column }.into());
+            }
+        }
+        let temperature = data.temperature_c.is_some();
+        let columns = KnownColumns { time: true, stem_angle: false, temperature, named: true };
         let chain = JointChain::new(&self.joints, &settings, columns)?;
+        let beside: Vec<&[f64]> = chain.columns().iter().filter_map(|column| data.beside(column)).collect();
         let mut predictor = chain.predictor();
         let mut y = vec![0.0; self.joints.n];
         for row in 0..data.n_rows() {
@@ -109,10 +117,17 @@ impl JointsLab {
                     predictor.begin_at(effect, joint, start);
                 }
             }
-            y.copy_from_slice(predictor.step(data.input(row), &snake::circumstances(data, row)));
+            let mut at = snake::circumstances(data, row);
+            at.columns.iter_mut().zip(&beside).for_each(|(own, column)| *own = column[row]);
+            y.copy_from_slice(predictor.step(data.input(row), &at));
             each(&predictor, &y);
         }
         Ok(())
+    }
+
+    /// The number of an effect, by its name in model files, that may depend on a column.
+    pub fn varying_number(&self, effect: &str) -> Option<&'static str> {
+        crate::joint::varying_number_of(effect)
     }
 
     /// Units of the definitions are those of u and y; a model file says which these are.
@@ -168,7 +183,14 @@ impl MachineUnderTest for JointsLab {
             _ => parameter.high,
         };
         let with_unit = |own: Parameter| Parameter { unit: self.unit(&own.unit), high: most(&own), ..own };
-        Ok(own.map(with_unit).collect())
+        let mut all: Vec<Parameter> = own.map(with_unit).collect();
+        if let Some(varying) = &term.varying {
+            let unit = all.iter().find(|own| own.name == varying.parameter).map_or("1", |own| own.unit.as_str());
+            let unit = format!("{unit} per {}", varying.column);
+            let (low, high) = (f64::NEG_INFINITY, f64::INFINITY);
+            all.push(Parameter { name: SLOPE.to_owned(), unit, low, high, default: 0.0 });
+        }
+        Ok(all)
     }
 
     fn open_numbers(&self) -> Vec<OpenNumber> {

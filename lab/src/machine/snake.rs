@@ -59,6 +59,7 @@ impl SnakeLab {
             time: true,
             stem_angle: data.stem_angle_rad.is_some(),
             temperature: data.temperature_c.is_some(),
+            named: false,
         };
         let chain = self.chain(effects, columns)?;
         let of_rows = |rows: Range<usize>| {
@@ -206,9 +207,9 @@ pub(crate) fn acting(n_own: usize, effects: &[Term]) -> Vec<usize> {
 pub(super) fn circumstances(data: &Measurements, row: usize) -> Circumstances {
     let column = |values: &Option<Vec<f64>>| values.as_ref().map_or(f64::NAN, |values| values[row]);
     Circumstances {
-        time_s: data.time_s[row],
         stem_angle_rad: column(&data.stem_angle_rad),
         temperature_c: column(&data.temperature_c),
+        ..Circumstances::at(data.time_s[row])
     }
 }
 
@@ -230,10 +231,13 @@ pub(crate) fn setting(
     term: &Term,
     kind: impl Fn(&str) -> Result<EffectKind, LabError>,
 ) -> Result<EffectSetting, LabError> {
-    let bare = match &term.formula {
+    let mut bare = match &term.formula {
         Some(formula) => EffectSetting::formula(FormulaText::clone(formula)),
         None => EffectSetting::new(kind(&term.name)?),
     };
+    if let Some(own) = &term.varying {
+        bare = bare.with_column(own.parameter, &own.column, own.at)?;
+    }
     let names: Vec<String> = bare.parameter_names().map(str::to_owned).collect();
     let with = |setting: EffectSetting, (name, &value): (&String, &f64)| setting.with(name, value);
     Ok(names.iter().zip(&term.values).try_fold(bare, with)?)
@@ -246,6 +250,7 @@ pub(crate) fn term(setting: &EffectSetting) -> Term {
         name: setting.kind().name().to_owned(),
         values: setting.parameter_names().map(value).collect(),
         formula: setting.formula_text().cloned(),
+        varying: setting.varying().cloned(),
     }
 }
 

@@ -177,7 +177,7 @@ struct Parameter {
 }
 
 fn described(config: &Config, path: &Path, text: &str, model: &ModelFile) -> Result<Described, ModelFileError> {
-    let every_column = KnownColumns { time: true, stem_angle: true, temperature: true };
+    let every_column = KnownColumns { time: true, stem_angle: true, temperature: true, named: true };
     // The file was checked as a whole when it was read; should it fail here, it is the whole file that fails.
     let whole = |source: ChainError| ModelFileError::Chain { line: 1, source };
     let chain = model.chain(every_column).map_err(whole)?;

@@ -1,5 +1,6 @@
 //! What a step is told besides its input, and what it says about itself.
 
+use crate::effects::MAX_COLUMNS;
 use crate::effects::prepared::Now;
 
 /// Columns beside the encoders or the setpoint.
@@ -11,12 +12,14 @@ pub struct Circumstances {
     pub stem_angle_rad: f64,
     /// Temperature, degrees Celsius, limited to -100 to 400; NaN where it is not measured.
     pub temperature_c: f64,
+    /// Columns with names of their own, in the order of [`crate::joints::JointChain::columns`]; NaN where they are not measured.
+    pub columns: [f64; MAX_COLUMNS],
 }
 
 impl Circumstances {
     /// A time, s, and nothing else.
     pub fn at(time_s: f64) -> Self {
-        Self { time_s, stem_angle_rad: f64::NAN, temperature_c: f64::NAN }
+        Self { time_s, stem_angle_rad: f64::NAN, temperature_c: f64::NAN, columns: [f64::NAN; MAX_COLUMNS] }
     }
 }
 

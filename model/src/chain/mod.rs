@@ -317,7 +317,7 @@ fn check_columns(effects: &[EffectSetting], formulas: &[Formula], columns: Known
             (formula.is_some_and(Formula::uses_temperature), columns.temperature, "temperature_c"),
         ];
         if let Some((_, _, column)) = wanted.into_iter().find(|&(needed, given, _)| needed && !given) {
-            return Err(ChainError::MissingColumn { name: effect.label().to_owned(), column });
+            return Err(ChainError::MissingColumn { name: effect.label().to_owned(), column: column.to_owned() });
         }
     }
     Ok(())

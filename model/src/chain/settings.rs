@@ -1,7 +1,8 @@
 //! What a chain is made of, checked: effects with parameter values, settings, columns; and what can be wrong with it.
 
 use super::learn::{Learn, refused};
-use crate::effects::{EffectKind, FormulaError, FormulaText, Hook, Inverse, MAX_PARAMETERS};
+use crate::effects::{EffectKind, FormulaError, FormulaText, Hook, Inverse, MAX_PARAMETERS, SLOPE, Varying};
+use crate::joints::JointEffect;
 use crate::segments::SegmentsError;
 use crate::{ParameterError, nearest_name};
 
@@ -12,6 +13,7 @@ pub struct EffectSetting {
     values: [f64; MAX_PARAMETERS],
     learn: [Option<Learn>; MAX_PARAMETERS],
     formula: Option<FormulaText>,
+    varying: Option<Varying>,
 }
 
 impl EffectSetting {
@@ -21,7 +23,7 @@ impl EffectSetting {
         for (value, parameter) in values.iter_mut().zip(kind.definition().parameters) {
             *value = parameter.default;
         }
-        Self { kind, values, learn: [None; MAX_PARAMETERS], formula: None }
+        Self { kind, values, learn: [None; MAX_PARAMETERS], formula: None, varying: None }
     }
 
     /// The user's own effect.
@@ -30,7 +32,47 @@ impl EffectSetting {
         for (value, parameter) in values.iter_mut().zip(&formula.parameters) {
             *value = parameter.value;
         }
-        Self { kind: EffectKind::Formula, values, learn: [None; MAX_PARAMETERS], formula: Some(formula) }
+        let learn = [None; MAX_PARAMETERS];
+        Self { kind: EffectKind::Formula, values, learn, formula: Some(formula), varying: None }
+    }
+
+    /// The same effect of joints with one parameter that depends on a column, by the parameter `slope`, 0 until it is set.
+    ///
+    /// # Errors
+    /// [`ChainError::Varying`] for an effect or a parameter that cannot depend on a column.
+    pub fn with_column(mut self, parameter: &str, column: &str, at: f64) -> Result<Self, ChainError> {
+        let refuse = |reason| ChainError::Varying {
+            effect: self.kind.name(),
+            key: parameter.into(),
+            column: column.into(),
+            reason,
+        };
+        let is_of_joints = matches!(self.kind, EffectKind::Joint(kind) if kind != JointEffect::Latency);
+        if !is_of_joints {
+            return Err(refuse("only parameters of effects of joints, but for latency, depend on columns"));
+        }
+        let specs = self.kind.definition().parameters;
+        let spec = specs.iter().find(|own| own.name == parameter && !["joint", "from"].contains(&own.name));
+        let Some(spec) = spec else { return Err(refuse("it has no such number")) };
+        if specs.len() >= MAX_PARAMETERS {
+            return Err(refuse("it has too many numbers already"));
+        }
+        if column.trim().is_empty() || !at.is_finite() {
+            return Err(refuse("a column has a name, and `at` is a finite number"));
+        }
+        self.varying = Some(Varying { parameter: spec.name, column: column.to_owned(), at });
+        Ok(self)
+    }
+
+    /// The parameter that depends on a column, if one does.
+    pub fn varying(&self) -> Option<&Varying> {
+        self.varying.as_ref()
+    }
+
+    /// Names of the columns that it needs.
+    pub fn columns(&self) -> impl Iterator<Item = &str> {
+        let own = self.varying.iter().map(|own| own.column.as_str());
+        own.chain(self.formula.iter().flat_map(|formula| formula.columns.iter().map(|own| own.column.as_str())))
     }
 
     /// The same effect with another value of one parameter.
@@ -65,7 +107,8 @@ impl EffectSetting {
     pub fn with_learn(mut self, name: &str, learn: Learn) -> Result<Self, ChainError> {
         let index = self.index(name).ok_or_else(|| self.unknown(name))?;
         let spec = self.kind.definition().parameters.get(index);
-        if let Some(reason) = spec.and_then(|spec| spec.not_learnt) {
+        let by_column = self.varying.is_some().then_some("part of what depends on a column");
+        if let Some(reason) = spec.and_then(|spec| spec.not_learnt).or(by_column) {
             let (effect, key) = (self.label().to_owned(), name.to_owned());
             return Err(ChainError::NotLearnt { effect, key, reason });
         }
@@ -121,7 +164,8 @@ impl EffectSetting {
     /// Names of its parameters, in order.
     pub fn parameter_names(&self) -> impl Iterator<Item = &str> {
         let own = self.formula.iter().flat_map(|formula| formula.parameters.iter().map(|p| p.name.as_str()));
-        self.kind.definition().parameters.iter().map(|p| p.name).chain(own)
+        let slope = self.varying.iter().map(|_| SLOPE);
+        self.kind.definition().parameters.iter().map(|p| p.name).chain(own).chain(slope)
     }
 
     /// Whether a compensator can undo it. A formula at hook meas counts as the sensor's.
@@ -183,11 +227,13 @@ pub struct KnownColumns {
     pub stem_angle: bool,
     /// Temperature.
     pub temperature: bool,
+    /// Columns with names of their own, as many as a model names.
+    pub named: bool,
 }
 
 impl Default for KnownColumns {
     fn default() -> Self {
-        Self { time: true, stem_angle: false, temperature: false }
+        Self { time: true, stem_angle: false, temperature: false, named: false }
     }
 }
 
@@ -311,7 +357,27 @@ pub enum ChainError {
         /// The effect or the formula.
         name: String,
         /// The column.
-        column: &'static str,
+        column: String,
+    },
+    /// More columns than a model can name.
+    #[error("the effects name {found} different columns, expected at most {limit}; remove some")]
+    TooManyColumns {
+        /// How many.
+        found: usize,
+        /// How many are possible.
+        limit: usize,
+    },
+    /// A parameter that cannot depend on a column.
+    #[error("effect {effect}: {key} cannot depend on the column {column:?}: {reason}; remove its `by`")]
+    Varying {
+        /// The effect.
+        effect: &'static str,
+        /// The parameter.
+        key: Box<str>,
+        /// The column.
+        column: Box<str>,
+        /// Why not.
+        reason: &'static str,
     },
     /// An effect of another kind of machine.
     #[error("effect {name} makes no sense for a machine of kind {expected}; remove it")]

@@ -7,9 +7,10 @@
 use super::definition::{Class, Definition, Hook, effect};
 use super::formula_error::FormulaError;
 use super::formula_operators::{Expression, FORMULA_FUNCTIONS};
-use super::formula_variables::{ALL_HOOKS, FORMULA_VARIABLES, JOINT, STEM_ANGLE, TEMPERATURE, TIME, Values};
+use super::formula_variables::{ALL_HOOKS, COLUMNS, FORMULA_VARIABLES, JOINT, STEM_ANGLE, TEMPERATURE, TIME, Values};
 use super::prepared::MAX_PARAMETERS;
 use super::real::{Dual, Real, Scalar};
+use super::varying::FormulaColumn;
 use exmex::prelude::*;
 
 pub(super) static FORMULA: Definition = Definition {
@@ -36,6 +37,8 @@ pub struct FormulaText {
     pub text: String,
     /// Its parameters.
     pub parameters: Vec<FormulaParameter>,
+    /// Names that stand for columns; of joints alone.
+    pub columns: Vec<FormulaColumn>,
 }
 
 /// One parameter of a formula.
@@ -54,6 +57,8 @@ pub struct FormulaParameter {
 enum Meaning {
     Variable(usize),
     Parameter(usize),
+    /// By its place in the formula's own list.
+    Column(usize),
 }
 
 /// Names that vary where a chain is inverted: a load, or the two components of a bend.
@@ -67,17 +72,23 @@ pub(crate) struct Formula {
     few: Expression<FEW_NAMES>,
     all: Expression<MAX_FORMULA_NAMES>,
     names: Vec<Meaning>,
+    /// Place of each of its columns among those of the model.
+    places: Vec<usize>,
 }
 
 impl Formula {
     /// Parses and checks a snake's: known names only, not too long, finite over the machine's workspace.
     pub(crate) fn new(formula: &FormulaText) -> Result<Self, FormulaError> {
-        Self::at(formula, ALL_HOOKS)
+        match formula.columns.first() {
+            Some(own) => Err(FormulaError::Column { formula: formula.name.clone(), name: own.name.clone() }),
+            None => Self::at(formula, ALL_HOOKS),
+        }
     }
 
-    /// The same for joints.
-    pub(crate) fn for_joints(formula: &FormulaText) -> Result<Self, FormulaError> {
-        Self::at(formula, JOINT)
+    /// The same for joints; `place` says where a column stands among those of the model.
+    pub(crate) fn for_joints(formula: &FormulaText, place: impl Fn(&str) -> usize) -> Result<Self, FormulaError> {
+        let places = formula.columns.iter().map(|own| place(&own.column)).collect();
+        Ok(Self { places, ..Self::at(formula, JOINT)? })
     }
 
     fn at(formula: &FormulaText, hooks: &[Hook]) -> Result<Self, FormulaError> {
@@ -96,8 +107,11 @@ impl Formula {
                 limit: MAX_PARAMETERS,
             });
         }
-        if let Some(bad) = formula.parameters.iter().find(|p| !is_free_word(&p.name)) {
-            return Err(FormulaError::ParameterName { formula: name(), name: bad.name.clone() });
+        let own_names =
+            || formula.parameters.iter().map(|p| &p.name).chain(formula.columns.iter().map(|own| &own.name));
+        let is_twice = |name: &String| own_names().filter(|own| *own == name).count() > 1;
+        if let Some(bad) = own_names().find(|name| !is_free_word(name) || is_twice(name)) {
+            return Err(FormulaError::ParameterName { formula: name(), name: bad.clone() });
         }
         if let Some(word) = words(&formula.text).find(|word| is_name(word) && !is_known(formula, word)) {
             return Err(FormulaError::unknown_name(formula, word));
@@ -117,7 +131,8 @@ impl Formula {
     fn parsed(formula: &FormulaText) -> Result<Self, FormulaError> {
         let all = parse::<MAX_FORMULA_NAMES>(formula)?;
         let names = all.var_names().iter().map(|word| meaning(formula, word)).collect::<Result<_, _>>()?;
-        Ok(Self { hook: formula.hook, plain: parse(formula)?, few: parse(formula)?, all, names })
+        let places = vec![0; formula.columns.len()];
+        Ok(Self { hook: formula.hook, plain: parse(formula)?, few: parse(formula)?, all, names, places })
     }
 
     pub(crate) fn uses_time(&self) -> bool {
@@ -150,6 +165,7 @@ impl Formula {
             *own = match *name {
                 Meaning::Variable(k) => values[k],
                 Meaning::Parameter(k) => parameter(k),
+                Meaning::Column(k) => values[COLUMNS + self.places[k]],
             };
         }
         all
@@ -187,6 +203,10 @@ impl Formula {
                         y,
                         sign,
                         1.0,
+                        q,
+                        sign,
+                        bend,
+                        x,
                     ];
                     let mut own = self.own(&values, |k| parameters[k]).map(Dual::<MAX_FORMULA_NAMES>::constant);
                     own.iter_mut().enumerate().for_each(|(k, own)| *own = Dual::seed(own.value, k));
@@ -237,6 +257,9 @@ fn meaning(formula: &FormulaText, word: &str) -> Result<Meaning, FormulaError> {
     if let Some(k) = formula.parameters.iter().position(|p| p.name == word) {
         return Ok(Meaning::Parameter(k));
     }
+    if let Some(k) = formula.columns.iter().position(|own| own.name == word) {
+        return Ok(Meaning::Column(k));
+    }
     match FORMULA_VARIABLES.iter().position(|v| v.name == word) {
         Some(k) if FORMULA_VARIABLES[k].hooks.contains(&formula.hook) => Ok(Meaning::Variable(k)),
         Some(_) => {
@@ -261,6 +284,7 @@ fn is_known(formula: &FormulaText, word: &str) -> bool {
         || FORMULA_FUNCTIONS.contains(&word)
         || FORMULA_VARIABLES.iter().any(|v| v.name == word)
         || formula.parameters.iter().any(|p| p.name == word)
+        || formula.columns.iter().any(|own| own.name == word)
 }
 
 /// What the library would read in another way than its writer may have meant, or should not be given.
@@ -294,7 +318,8 @@ fn operand_end(text: &[char], mut k: usize) -> usize {
     k
 }
 
-fn is_free_word(name: &str) -> bool {
+/// Whether a parameter or a column of a formula may be called so.
+pub fn is_free_word(name: &str) -> bool {
     let word = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
     let starts = name.starts_with(|c: char| c.is_ascii_alphabetic());
     word && starts
@@ -312,12 +337,12 @@ mod tests {
 
     fn formula(text: &str) -> FormulaText {
         let parameters = vec![FormulaParameter { name: "a".to_owned(), value: 0.7, unit: "1".to_owned() }];
-        FormulaText { name: "f".to_owned(), hook: Hook::Eps, text: text.to_owned(), parameters }
+        FormulaText { name: "f".to_owned(), hook: Hook::Eps, text: text.to_owned(), parameters, columns: Vec::new() }
     }
 
     /// Value and tangents by (bend_x, a) at bend_x 0.5 and a 0.7.
     fn at_half(text: &str) -> Dual<2> {
-        let mut values = [Dual::constant(0.2); FORMULA_VARIABLES.len()];
+        let mut values: Values<Dual<2>> = [Dual::constant(0.2); _];
         values[2] = Dual::seed(0.5, 0);
         // Not a formula of the chain: the square root below has no slope at the straight pose.
         Formula::parsed(&formula(text)).unwrap().evaluate(&values, &[Dual::seed(0.7, 1)]).unwrap()

@@ -88,6 +88,14 @@ pub enum FormulaError {
         /// How many are possible.
         limit: usize,
     },
+    /// A column in a formula of another machine than joints.
+    #[error("formula {formula:?}: {name} stands for a column, which only formulas of joints can read; leave it out")]
+    Column {
+        /// Its name.
+        formula: String,
+        /// The name that stands for the column.
+        name: String,
+    },
     /// The value, or its slope, is not finite somewhere in the workspace.
     #[error(
         "formula {formula:?} = {text:?} or its slope is not finite at bend {bend_rad} rad, delta {delta_rad} rad; keep it finite everywhere"
@@ -110,7 +118,8 @@ impl FormulaError {
             .iter()
             .map(|v| v.name)
             .chain(FORMULA_FUNCTIONS)
-            .chain(formula.parameters.iter().map(|p| p.name.as_str()));
+            .chain(formula.parameters.iter().map(|p| p.name.as_str()))
+            .chain(formula.columns.iter().map(|own| own.name.as_str()));
         let nearest = nearest_name(word, known).unwrap_or_default();
         Self::UnknownName { formula: formula.name.clone(), name: word.to_owned(), nearest: nearest.to_owned() }
     }

@@ -4,6 +4,7 @@ use super::Hook;
 use super::operators::play;
 use super::prepared::{Now, Prepared};
 use super::real::{Real, Scalar};
+use super::varying::MAX_COLUMNS;
 use crate::Circumstances;
 
 /// Travel of q over which the variable `direction` turns, m.
@@ -59,8 +60,12 @@ pub(super) const TIME: usize = 13;
 pub(super) const STEM_ANGLE: usize = 14;
 pub(super) const TEMPERATURE: usize = 15;
 
-/// The variables' values.
-pub(crate) type Values<S> = [S; FORMULA_VARIABLES.len()];
+/// Where the columns with names of their own begin among the values.
+pub(super) const COLUMNS: usize = FORMULA_VARIABLES.len();
+const N_VALUES: usize = COLUMNS + MAX_COLUMNS;
+
+/// The variables' values, and behind them those of the columns.
+pub(crate) type Values<S> = [S; N_VALUES];
 
 /// The variables at a line, from shape, displacements and loads; `direction` keeps its memory in the effect's state.
 pub(crate) fn line_values<P: Real, S: Scalar<P>>(
@@ -87,7 +92,7 @@ pub(crate) fn line_values<P: Real, S: Scalar<P>>(
 
 /// The variables that a shape has.
 pub(crate) fn shape_values<S: Real>(b: [S; 2], now: &Now) -> Values<S> {
-    let mut values = [S::constant(0.0); FORMULA_VARIABLES.len()];
+    let mut values = [S::constant(0.0); N_VALUES];
     let square = b[0] * b[0] + b[1] * b[1];
     values[0] = square.sqrt();
     values[1] = plane(b, square.value());
@@ -99,10 +104,18 @@ pub(crate) fn shape_values<S: Real>(b: [S; 2], now: &Now) -> Values<S> {
 }
 
 /// The variables at a joint.
-pub(crate) fn joint_values(u: f64, y: f64, motion: f64, joint: usize, at: &Circumstances) -> Values<f64> {
-    let mut values = [0.0; FORMULA_VARIABLES.len()];
+pub(crate) fn joint_values(
+    u: f64,
+    y: f64,
+    motion: f64,
+    joint: usize,
+    at: &Circumstances,
+    columns: &[f64; MAX_COLUMNS],
+) -> Values<f64> {
+    let mut values = [0.0; N_VALUES];
     (values[TIME], values[TEMPERATURE]) = (at.time_s, at.temperature_c);
-    values[TEMPERATURE + 1..].copy_from_slice(&[u, y, motion, joint as f64 + 1.0]);
+    values[TEMPERATURE + 1..COLUMNS].copy_from_slice(&[u, y, motion, joint as f64 + 1.0]);
+    values[COLUMNS..].copy_from_slice(columns);
     values
 }
 

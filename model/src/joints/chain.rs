@@ -4,7 +4,8 @@ use super::{JointEffect, MAX_JOINTS, N_STATES, Now, hysteresis, position, rate};
 use crate::chain::DelayLine;
 use crate::effects::formula::Formula;
 use crate::effects::formula_variables::joint_values;
-use crate::effects::{Definition, EffectKind, Hook, MAX_PARAMETERS};
+use crate::effects::varying::VaryingStep;
+use crate::effects::{Definition, EffectKind, Hook, MAX_COLUMNS, MAX_PARAMETERS};
 use crate::model_file::Joints;
 use crate::{ChainError, Circumstances, EffectSetting, KnownColumns, LearntParameter};
 
@@ -14,6 +15,7 @@ pub struct JointChain {
     joints: Joints,
     stages: Vec<Stage>,
     learnt: Vec<LearntParameter>,
+    columns: Vec<String>,
 }
 
 /// One effect, ready to run.
@@ -24,6 +26,7 @@ struct Stage {
     joint: Option<usize>,
     /// Parameters behind `joint`.
     c: [f64; MAX_PARAMETERS],
+    varying: Option<VaryingStep>,
 }
 
 #[derive(Clone, Debug)]
@@ -45,6 +48,8 @@ pub struct JointPredictor {
     y: [f64; MAX_JOINTS],
     /// Sign of each command's last change.
     motion: [f64; MAX_JOINTS],
+    /// The columns, each as it was last measured; NaN before.
+    columns: [f64; MAX_COLUMNS],
     parts: JointParts,
     n_formula_faults: u64,
 }
@@ -73,13 +78,19 @@ impl JointChain {
         if effects.len() > MAX_EFFECTS {
             return Err(ChainError::TooMany { found: effects.len(), limit: MAX_EFFECTS });
         }
-        let stages = effects.iter().map(|effect| stage(effect, joints.n, columns)).collect::<Result<_, _>>()?;
-        Ok(Self { joints: joints.clone(), stages, learnt: crate::chain::learnt(effects)? })
+        let names = column_names(effects, columns)?;
+        let stages = effects.iter().map(|effect| stage(effect, joints.n, columns, &names)).collect::<Result<_, _>>()?;
+        Ok(Self { joints: joints.clone(), stages, learnt: crate::chain::learnt(effects)?, columns: names })
     }
 
     /// The parameters that are learnt while the joints move, in the order of the effects.
     pub fn learnt(&self) -> &[LearntParameter] {
         &self.learnt
+    }
+
+    /// The columns with names of their own that the effects need, in the order of [`Circumstances::columns`].
+    pub fn columns(&self) -> &[String] {
+        &self.columns
     }
 
     /// A predictor whose memory is fresh.
@@ -94,6 +105,7 @@ impl JointChain {
             u: [0.0; MAX_JOINTS],
             y: [0.0; MAX_JOINTS],
             motion: [0.0; MAX_JOINTS],
+            columns: [f64::NAN; MAX_COLUMNS],
             parts: JointParts::default(),
             n_formula_faults: 0,
             chain: self.clone(),
@@ -165,15 +177,36 @@ impl JointPredictor {
         self.states.copy_from_slice(&other.states);
         (self.first_s, self.last_s) = (other.first_s, other.last_s);
         (self.u, self.y, self.motion, self.parts) = (other.u, other.y, other.motion, other.parts);
+        self.columns = other.columns;
         self.n_formula_faults = other.n_formula_faults;
     }
 }
 
-fn stage(effect: &EffectSetting, n: usize, columns: KnownColumns) -> Result<Stage, ChainError> {
+/// The columns that the effects name, each once.
+fn column_names(effects: &[EffectSetting], columns: KnownColumns) -> Result<Vec<String>, ChainError> {
+    let mut names: Vec<String> = Vec::new();
+    for effect in effects {
+        for column in effect.columns() {
+            if !columns.named {
+                return Err(ChainError::MissingColumn { name: effect.label().to_owned(), column: column.to_owned() });
+            }
+            if !names.iter().any(|own| own == column) {
+                names.push(column.to_owned());
+            }
+        }
+    }
+    if names.len() > MAX_COLUMNS {
+        return Err(ChainError::TooManyColumns { found: names.len(), limit: MAX_COLUMNS });
+    }
+    Ok(names)
+}
+
+fn stage(effect: &EffectSetting, n: usize, columns: KnownColumns, names: &[String]) -> Result<Stage, ChainError> {
+    let place = |column: &str| names.iter().position(|own| own == column).unwrap_or(0);
     let values = effect.values();
     let kind = match effect.kind() {
         EffectKind::Joint(kind) => kind,
-        EffectKind::Formula => return formula(effect, columns),
+        EffectKind::Formula => return formula(effect, columns, place),
         other => return Err(ChainError::OtherMachine { name: other.name(), expected: "joints" }),
     };
     let joint = values[0].round();
@@ -183,25 +216,37 @@ fn stage(effect: &EffectSetting, n: usize, columns: KnownColumns) -> Result<Stag
     }
     let mut c = [0.0; MAX_PARAMETERS];
     c.iter_mut().zip(&values[1..]).for_each(|(own, value)| *own = *value);
-    Ok(Stage { what: What::Effect(kind), joint: (joint as usize).checked_sub(1), c })
+    let parameters = kind.definition().parameters;
+    let varying = effect.varying().and_then(|own| VaryingStep::new(parameters, own, place(&own.column)));
+    Ok(Stage { what: What::Effect(kind), joint: (joint as usize).checked_sub(1), c, varying })
 }
 
-fn formula(effect: &EffectSetting, columns: KnownColumns) -> Result<Stage, ChainError> {
+fn formula(effect: &EffectSetting, columns: KnownColumns, place: impl Fn(&str) -> usize) -> Result<Stage, ChainError> {
     let Some(text) = effect.formula_text() else {
         return Err(ChainError::OtherMachine { name: "formula", expected: "joints" });
     };
-    let formula = Formula::for_joints(text)?;
-    let missing = |column| ChainError::MissingColumn { name: text.name.clone(), column };
+    let formula = Formula::for_joints(text, place)?;
+    let missing = |column: &str| ChainError::MissingColumn { name: text.name.clone(), column: column.to_owned() };
     if formula.uses_temperature() && !columns.temperature {
         return Err(missing("temperature_c"));
     }
     if formula.uses_time() && !columns.time {
         return Err(missing("time_s"));
     }
-    Ok(Stage { what: What::Formula(Box::new(formula)), joint: None, c: *effect.values() })
+    Ok(Stage { what: What::Formula(Box::new(formula)), joint: None, c: *effect.values(), varying: None })
 }
 
 impl Stage {
+    /// Parameters behind `joint`, as the columns have them now.
+    fn now(&self, columns: &[f64; MAX_COLUMNS]) -> [f64; MAX_PARAMETERS] {
+        let mut c = self.c;
+        if let Some(own) = &self.varying {
+            let (parameter, slope) = (own.parameter - 1, own.slope - 1);
+            c[parameter] = own.value(c[parameter], c[slope], columns);
+        }
+        c
+    }
+
     /// Whether it changes what the sensors show, not what the transmission does.
     fn is_behind(&self) -> bool {
         match &self.what {
@@ -235,6 +280,9 @@ impl JointPredictor {
                 (u - *last).signum()
             };
             *last = *u;
+        }
+        for (last, column) in self.columns.iter_mut().zip(at.columns).filter(|(_, column)| column.is_finite()) {
+            *last = column;
         }
         let mut passed = self.u;
         let added = self.run(false, &mut passed, at, &now);
@@ -283,16 +331,18 @@ impl JointPredictor {
                 continue;
             }
             let before = *z;
+            let c = stage.now(&self.columns);
             for joint in (0..n).filter(|joint| stage.joint.is_none_or(|own| own == *joint)) {
                 let changed = match (&stage.what, own_delays.as_mut().and_then(|delays| delays.get_mut(joint))) {
                     (What::Effect(_), Some(delay)) => delay.pass(now.elapsed_s, [before[joint], 0.0], stage.c[0])[0],
                     (What::Effect(kind), None) => {
-                        let x = position::change(*kind, &stage.c, before[joint], &before, joint);
-                        let x = hysteresis::change(*kind, &stage.c, x, &mut states[joint], now);
-                        rate::change(*kind, &stage.c, x, &mut states[joint], now)
+                        let x = position::change(*kind, &c, before[joint], &before, joint);
+                        let x = hysteresis::change(*kind, &c, x, &mut states[joint], now);
+                        rate::change(*kind, &c, x, &mut states[joint], now)
                     }
                     (What::Formula(formula), _) => {
-                        let values = joint_values(self.u[joint], before[joint], self.motion[joint], joint, at);
+                        let values =
+                            joint_values(self.u[joint], before[joint], self.motion[joint], joint, at, &self.columns);
                         before[joint]
                             + formula.evaluate(&values, &stage.c).unwrap_or_else(|| {
                                 self.n_formula_faults += 1;

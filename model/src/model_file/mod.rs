@@ -259,4 +259,4 @@ impl ModelFile {
 }
 
 /// A file may need any column; whoever uses it says which ones there are.
-const EVERY_COLUMN: KnownColumns = KnownColumns { time: true, stem_angle: true, temperature: true };
+const EVERY_COLUMN: KnownColumns = KnownColumns { time: true, stem_angle: true, temperature: true, named: true };

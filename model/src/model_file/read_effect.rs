@@ -3,7 +3,9 @@
 use super::machine::Machine;
 use super::read::Section;
 use super::{FileEffect, ModelFileError, Origin};
-use crate::effects::{EffectKind, ForceEffect, FormulaParameter, FormulaText, Hook, SegmentEffect};
+use crate::effects::{
+    EffectKind, ForceEffect, FormulaColumn, FormulaParameter, FormulaText, Hook, SLOPE, SegmentEffect,
+};
 use crate::joints::JointEffect;
 use crate::segments::SEGMENT_EFFECTS;
 use crate::{ChainError, EffectSetting, Learn};
@@ -65,10 +67,15 @@ fn joint_names() -> impl Iterator<Item = &'static str> {
 
 fn named(section: &Section, kind: EffectKind, may_be_free: bool) -> Result<FileEffect, ModelFileError> {
     let parameters = kind.definition().parameters;
+    let mut setting = EffectSetting::new(kind);
+    let by_column = with_column(section, &mut setting)?;
     let mut known = vec!["kind"];
     known.extend(parameters.iter().map(|p| p.name));
+    if matches!(kind, EffectKind::Joint(_)) {
+        known.push("by");
+        known.extend(by_column.then_some(SLOPE));
+    }
     section.only(&known)?;
-    let mut setting = EffectSetting::new(kind);
     let (mut origins, mut free) = (Vec::new(), Vec::new());
     for parameter in parameters {
         if let Some(given) = section.get(parameter.name).filter(|given| given.get_ref().as_str() == Some("free")) {
@@ -86,13 +93,33 @@ fn named(section: &Section, kind: EffectKind, may_be_free: bool) -> Result<FileE
         }
         origins.extend(given.origin);
     }
+    if by_column && let Some(given) = value(section, SLOPE, None)? {
+        setting = setting.with(SLOPE, given.value).map_err(|source| chain(section, SLOPE, source))?;
+        if let Some(learn) = given.learn {
+            setting = setting.with_learn(SLOPE, learn).map_err(|source| chain(section, SLOPE, source))?;
+        }
+        origins.extend(given.origin);
+    }
     let effect = with_origins(section, setting, origins)?;
     free.into_iter()
         .try_fold(effect, |effect, name| effect.with_free(name).map_err(|source| chain(section, name, source)))
 }
 
+/// Reads `by`: the parameter that depends on a column, and where the column must stand for the parameter's value. Whether there is one.
+fn with_column(section: &Section, setting: &mut EffectSetting) -> Result<bool, ModelFileError> {
+    let Some(with) = section.section("by")? else { return Ok(false) };
+    with.only(&["parameter", "column", "at"])?;
+    let text = |key, expected| with.text(key)?.ok_or_else(|| with.missing(key, expected));
+    let parameter = text("parameter", "the name of one of the effect's numbers")?.value;
+    let column = text("column", "the name of a column of the data")?.value;
+    let at = with.number("at")?.map_or(0.0, |at| at.value);
+    let own = setting.clone().with_column(&parameter, &column, at);
+    *setting = own.map_err(|source| chain(section, "by", source))?;
+    Ok(true)
+}
+
 fn formula(section: &Section, hooks: &[&str]) -> Result<FileEffect, ModelFileError> {
-    section.only(&["kind", "name", "hook", "formula", "params"])?;
+    section.only(&["kind", "name", "hook", "formula", "params", "columns"])?;
     let text = |key: &'static str, expected| section.text(key)?.ok_or_else(|| section.missing(key, expected));
     let name = text("name", "a name for the formula")?.value;
     let hook = text("hook", "eps, tau, geo, meas or enc, or joint for joints")?;
@@ -114,7 +141,14 @@ fn formula(section: &Section, hooks: &[&str]) -> Result<FileEffect, ModelFileErr
             learns.extend(learn.map(|learn| (key.to_owned(), learn)));
         }
     }
-    let mut setting = EffectSetting::formula(FormulaText { name, hook, text: expression, parameters });
+    let mut columns = Vec::new();
+    if let Some(own) = section.section("columns")? {
+        for key in own.keys() {
+            let column = own.text(key)?.ok_or_else(|| own.missing("columns", "the name of a column"))?.value;
+            columns.push(FormulaColumn { name: key.to_owned(), column });
+        }
+    }
+    let mut setting = EffectSetting::formula(FormulaText { name, hook, text: expression, parameters, columns });
     for (key, learn) in learns {
         setting = setting.with_learn(&key, learn).map_err(|source| chain(section, "params", source))?;
     }

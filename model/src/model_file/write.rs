@@ -3,7 +3,7 @@
 use super::gripper::{self, FileGripper};
 use super::machine::{ForceMachine, Joints, Known, Machine, SNAKE_KEYS, SnakeMachine};
 use super::{FileEffect, HistoryEntry, MODEL_FILE_FORMAT, ModelFile, Origin, write_segments};
-use crate::effects::{Definition, EffectKind, FORMULA_VARIABLES, Inverse, SegmentEffect};
+use crate::effects::{Definition, EffectKind, FORMULA_VARIABLES, Inverse, SLOPE, SegmentEffect, Varying};
 use crate::joints::JointEffect;
 use crate::segments::{SEGMENT_EFFECTS, SegmentParameters, SegmentsParameters};
 use crate::{EffectSetting, Learn};
@@ -194,6 +194,14 @@ impl Out {
                 })
                 .collect();
             self.line(&format!("params = {{ {} }}", parameters.join(", ")), "");
+            if !formula.columns.is_empty() {
+                let columns: Vec<String> =
+                    formula.columns.iter().map(|own| format!("{} = {}", own.name, text(&own.column))).collect();
+                self.line(
+                    &format!("columns = {{ {} }}", columns.join(", ")),
+                    "names that stand for columns of the data",
+                );
+            }
             return;
         }
         for parameter in definition.parameters {
@@ -212,6 +220,17 @@ impl Out {
                 parameter.source
             );
             self.line(&format!("{} = {shown}", parameter.name), &doc);
+        }
+        if let Some(Varying { parameter, column, at }) = setting.varying() {
+            let (column, at) = (text(column), number(*at));
+            self.line(
+                &format!("by = {{ parameter = \"{parameter}\", column = {column}, at = {at} }}"),
+                "the parameter is its value + slope (column - at)",
+            );
+            let slope = setting.value(SLOPE).unwrap_or_default();
+            let shown =
+                effect.origin(SLOPE).map_or_else(|| number(slope), |origin| table(slope, None, None, Some(origin)));
+            self.line(&format!("{SLOPE} = {shown}"), "the parameter's unit for one of the column's");
         }
     }
 

@@ -8,7 +8,7 @@ use krait_model::{Chain, ChainSettings, Circumstances, EffectSetting, KnownColum
 use nalgebra::Vector2;
 use std::f64::consts::PI;
 
-pub const ALL_COLUMNS: KnownColumns = KnownColumns { time: true, stem_angle: true, temperature: true };
+pub const ALL_COLUMNS: KnownColumns = KnownColumns { time: true, stem_angle: true, temperature: true, named: false };
 
 pub fn chain(effects: &[EffectSetting], settings: ChainSettings) -> Chain {
     Chain::new(&MachineParameters::default(), settings, effects, ALL_COLUMNS).unwrap()
@@ -25,6 +25,7 @@ pub fn formula(hook: Hook, text: &str, a: f64) -> EffectSetting {
         hook,
         text: text.to_owned(),
         parameters: vec![FormulaParameter { name: "a".to_owned(), value: a, unit: "m".to_owned() }],
+        columns: Vec::new(),
     })
 }
 
@@ -87,5 +88,5 @@ pub fn bend_at(t_s: f64) -> Vector2<f64> {
 /// Time at 100 Hz, a stem that bends and a temperature that rises.
 pub fn circumstances(k: usize) -> Circumstances {
     let t = k as f64 * 0.01;
-    Circumstances { time_s: t, stem_angle_rad: 0.3 * (0.2 * t).sin(), temperature_c: 20.0 + 0.2 * t }
+    Circumstances { stem_angle_rad: 0.3 * (0.2 * t).sin(), temperature_c: 20.0 + 0.2 * t, ..Circumstances::at(t) }
 }

@@ -11,9 +11,9 @@ use krait_bridge::LiveModel;
 use krait_lab::machine::MachineUnderTest;
 use krait_lab::report::added_page;
 use krait_lab::{
-    AddOptions, Added, Session, Term, add, disagreements, drawn_away, fitted_to, refit as fit_again, save,
+    AddOptions, Added, Measurements, Session, Term, add, disagreements, drawn_away, fitted_to, refit as fit_again, save,
 };
-use krait_model::effects::{FormulaParameter, FormulaText, Hook, Inverse};
+use krait_model::effects::{FormulaColumn, FormulaParameter, FormulaText, Hook, Inverse, Varying};
 use krait_model::model_file::{FileEffect, Known, Machine, ModelFile};
 use krait_report::Table;
 use serde_json::{Value, json};
@@ -24,7 +24,7 @@ use std::process::ExitCode;
 pub fn run(args: &AddArgs) -> anyhow::Result<ExitCode> {
     refuse_existing(&args.out, args.force)?;
     let session = open(&args.files)?;
-    let term = term(args, session.machine.as_ref())?;
+    let term = term(args, session.machine.as_ref(), &session.data)?;
     let label = term.label().to_owned();
     let from_given = args.set.iter().any(|(name, _)| is_start(name)) || term.formula.is_some();
     // A name with a point is a number of the model's own, which is fitted again.
@@ -82,15 +82,18 @@ fn open(files: &LabFiles) -> anyhow::Result<Session> {
 }
 
 /// The effect with its starting values.
-fn term(args: &AddArgs, machine: &dyn MachineUnderTest) -> anyhow::Result<Term> {
+fn term(args: &AddArgs, machine: &dyn MachineUnderTest, data: &Measurements) -> anyhow::Result<Term> {
     let formula = if args.effect == "formula" { Some(formula(args)?) } else { None };
-    if formula.is_none() && (args.formula.is_some() || args.hook.is_some() || !args.param.is_empty()) {
+    let for_formulas =
+        args.formula.is_some() || args.hook.is_some() || !args.param.is_empty() || !args.column.is_empty();
+    if formula.is_none() && for_formulas {
         bail!(
-            "--formula, --hook and --param belong to the effect formula, and {} was asked for; leave them out",
+            "--formula, --hook, --param and --column belong to the effect formula, and {} was asked for; leave them out",
             args.effect
         );
     }
-    let mut term = Term { name: args.effect.clone(), values: Vec::new(), formula };
+    let varying = args.by.as_ref().map(|by| varying(by, args, machine, data)).transpose()?;
+    let mut term = Term { name: args.effect.clone(), values: Vec::new(), formula, varying };
     let parameters = machine.parameters(&term)?;
     term.values = parameters.iter().map(|own| own.default).collect();
     for (name, value) in &args.set {
@@ -114,6 +117,31 @@ fn term(args: &AddArgs, machine: &dyn MachineUnderTest) -> anyhow::Result<Term> 
     Ok(term)
 }
 
+/// The number that depends on a column, and the middle of the column, where it has its value.
+fn varying(
+    (parameter, column): &(String, String),
+    args: &AddArgs,
+    machine: &dyn MachineUnderTest,
+    data: &Measurements,
+) -> anyhow::Result<Varying> {
+    let own = || machine.as_joints().and_then(|joints| joints.varying_number(&args.effect));
+    let Some(own) = own() else {
+        bail!("--by {parameter}={column}: no number of {} can depend on a column; leave --by out", args.effect)
+    };
+    if own != parameter {
+        bail!("--by {parameter}={column}: of {} only {own} can depend on a column; name it", args.effect);
+    }
+    let Some(at) = data.middle_of(column) else {
+        let names: Vec<&str> = data.names_beside().collect();
+        bail!(
+            "--by {parameter}={column}: expected a column of {} that changes and does not repeat the measurement; it has {}",
+            data.source,
+            if names.is_empty() { "none beside the motion".to_owned() } else { names.join(", ") }
+        )
+    };
+    Ok(Varying { parameter: own, column: column.clone(), at })
+}
+
 fn formula(args: &AddArgs) -> anyhow::Result<FormulaText> {
     let (Some(hook), Some(text)) = (&args.hook, &args.formula) else {
         bail!("a formula needs --hook and --formula; see krait lab add --help")
@@ -131,6 +159,11 @@ fn formula(args: &AddArgs) -> anyhow::Result<FormulaText> {
         hook,
         text: text.clone(),
         parameters: args.param.iter().map(parameter).collect(),
+        columns: args
+            .column
+            .iter()
+            .map(|(name, column)| FormulaColumn { name: name.clone(), column: column.clone() })
+            .collect(),
     })
 }
 

@@ -5,7 +5,7 @@ use super::shell::{data_words, quoted, shell};
 use crate::cli_lab::{DiagnoseArgs, LabFiles, dotted};
 use krait_bridge::LiveModel;
 use krait_lab::Session;
-use krait_lab::diagnose::{Diagnosis, FormulaTerm, FoundEffect, Verdict};
+use krait_lab::diagnose::{DependsOn, Diagnosis, FormulaTerm, FoundEffect, ParameterVariation, Verdict};
 use krait_model::model_file::{Known, Machine, ModelFile};
 use std::path::{Path, PathBuf};
 
@@ -17,7 +17,7 @@ pub fn after_diagnosis(args: &DiagnoseArgs, diagnosis: &Diagnosis, session: &Ses
     }
     match diagnosis.verdict {
         Verdict::Missing | Verdict::Partly if !diagnosis.effects.is_empty() => {
-            additions(args, &diagnosis.in_chain_order())
+            additions(args, &diagnosis.in_chain_order(), &diagnosis.variations)
         }
         Verdict::None if has_joint_number(&session.file, |own| matches!(own, Known::Absent | Known::Free)) => {
             let free = "--free machine.gain --free machine.offset";
@@ -43,7 +43,7 @@ pub fn after_fit(files: &LabFiles, out: &Path) -> String {
 }
 
 /// One command for each effect, each on the model that the one before wrote.
-fn additions(args: &DiagnoseArgs, effects: &[&FoundEffect]) -> String {
+fn additions(args: &DiagnoseArgs, effects: &[&FoundEffect], variations: &[ParameterVariation]) -> String {
     let free: String = dotted(&args.free).iter().map(|name| format!(" --free {}", quoted(name))).collect();
     let mut model = args.files.model.clone();
     let mut written = Vec::new();
@@ -51,12 +51,24 @@ fn additions(args: &DiagnoseArgs, effects: &[&FoundEffect]) -> String {
     for effect in effects {
         let set = effect.joint.map_or(String::new(), |joint| format!(" --set joint={joint}"));
         let out = better(&model, &written);
-        let verb = format!("add {}{set}{free}", effect.name);
+        let by = by(variations, effect);
+        let verb = format!("add {}{set}{by}{free}", effect.name);
         commands.push(words(&verb, &args.files, &model, &format!("--out {}", shell(&out))));
         written.push(out.clone());
         model = out;
     }
     said("", commands)
+}
+
+/// How the command names the column that a number of an effect depends on.
+fn by(variations: &[ParameterVariation], effect: &FoundEffect) -> String {
+    let is_of =
+        |own: &&ParameterVariation| own.is_in_answer && own.effect == effect.name && Some(own.joint) == effect.joint;
+    let words = |own: &ParameterVariation| match &own.on {
+        DependsOn::Column { name, .. } => Some(format!(" --by {}", quoted(&format!("{}={name}", own.parameter)))),
+        DependsOn::Recording(_) => None,
+    };
+    variations.iter().find(is_of).and_then(words).unwrap_or_default()
 }
 
 /// The terms for the rest as one formula, whose gains the fit finds again.
@@ -70,7 +82,14 @@ fn formula(args: &DiagnoseArgs, terms: &[FormulaTerm], session: &Session) -> Str
         .map_or(sum.join(" + "), |own| format!("max(1 - abs(joint - {}), 0) * ({})", own.joint, sum.join(" + ")));
     let params = terms.iter().zip(&names).map(|(own, name)| quoted(&format!("{name}={:.4e}:{}", own.gain, own.unit)));
     let params: String = params.map(|param| format!(" --param {param}")).collect();
-    let verb = format!("add formula --name rest --hook joint --formula {}{params}", quoted(&text));
+    let mut columns: Vec<String> = Vec::new();
+    for (name, column) in terms.iter().filter_map(|own| own.column.as_ref()) {
+        let words = format!(" --column {}", quoted(&format!("{name}={column}")));
+        if !columns.contains(&words) {
+            columns.push(words);
+        }
+    }
+    let verb = format!("add formula --name rest --hook joint --formula {}{params}{}", quoted(&text), columns.concat());
     let model = &args.files.model;
     said("", vec![words(&verb, &args.files, model, &format!("--out {}", shell(&better(model, &[]))))])
 }

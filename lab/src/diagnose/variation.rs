@@ -1,0 +1,80 @@
+//! A number of an effect that is not one number: it depends on a column beside the motion, or is another one in a recording.
+
+use super::words::digits;
+use serde_json::{Value, json};
+
+/// A number of an effect that depends on a column, or differs in one recording.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ParameterVariation {
+    /// The effect's name.
+    pub effect: String,
+    /// The joint, from 1.
+    pub joint: usize,
+    /// The number's name in model files.
+    pub parameter: &'static str,
+    /// Its unit.
+    pub unit: String,
+    /// What it depends on.
+    pub on: DependsOn,
+    /// Its values at the two ends: of the column's range, or in the other recordings and in this one.
+    pub values: [f64; 2],
+    /// Error of the joint on data that it was not fitted to, without and with the dependence, in the machine's unit for errors.
+    pub errors: [f64; 2],
+    /// Whether the answer's effects have it; else it stands beside them.
+    pub is_in_answer: bool,
+}
+
+/// What a number depends on.
+#[derive(Clone, Debug, PartialEq)]
+pub enum DependsOn {
+    /// A column beside the motion.
+    Column {
+        /// Its name.
+        name: String,
+        /// Its lowest and highest value.
+        range: [f64; 2],
+        /// The number's change for one of the column.
+        slope: f64,
+        /// Standard error of the slope.
+        slope_se: f64,
+    },
+    /// One of several recordings.
+    Recording(String),
+}
+
+impl ParameterVariation {
+    /// One sentence for people; `joint` is what the file calls the joint.
+    pub fn sentence(&self, joint: &str, error_unit: &str) -> String {
+        let Self { effect, parameter, unit, values: [first, last], errors: [without, with], .. } = self;
+        let (scale, unit) = if unit == "rad" { (180.0 / core::f64::consts::PI, "deg") } else { (1.0, unit.as_str()) };
+        let [first, last] = [first, last].map(|value| digits(scale * value));
+        let falls = format!("with that the error falls from {without:.3} to {with:.3} {error_unit}");
+        match &self.on {
+            DependsOn::Column { name, range: [low, high], .. } => {
+                let [low, high] = [low, high].map(|value| digits(*value));
+                format!(
+                    "on {joint} {parameter} of {effect} depends on the column {name}: {first} {unit} at {low}, {last} at {high}; {falls}"
+                )
+            }
+            DependsOn::Recording(name) => format!(
+                "on {joint} {parameter} of {effect} is another one in {name}: {last} {unit} there, {first} in the rest; {falls}. A \
+                 column that says what differed would tell why (--by in krait lab add --help)"
+            ),
+        }
+    }
+
+    /// As JSON.
+    pub(super) fn to_json(&self) -> Value {
+        let (column, recording, slope) = match &self.on {
+            DependsOn::Column { name, range, slope, slope_se } => {
+                (Some(json!({ "name": name, "range": range })), None, Some(json!({ "value": slope, "se": slope_se })))
+            }
+            DependsOn::Recording(name) => (None, Some(name), None),
+        };
+        json!({
+            "effect": self.effect, "joint": self.joint, "parameter": self.parameter, "unit": self.unit, "column": column,
+            "recording": recording, "slope": slope, "values": self.values, "heldout_rms": self.errors,
+            "in_effects": self.is_in_answer,
+        })
+    }
+}
