@@ -39,7 +39,7 @@ fn with_the_answer_s_parameters_the_model_s_loads_are_the_plant_s() {
         let (effect, known) = made.answer.known.first_key_value().unwrap();
         let definition = EffectKind::from_name(effect).unwrap().definition();
         let values = definition.parameters.iter().map(|p| known.get(p.name).copied().unwrap_or(p.default)).collect();
-        let term = Term::new(&effect, values);
+        let term = Term::new(effect, values);
         let measured = made.measurements.loads_n.as_ref().unwrap();
         let left = |effects: &[Term]| {
             let (_, predicted) = lab().predict_with_loads(effects, &made.measurements).unwrap();
