@@ -57,7 +57,7 @@ fn with_the_answer_s_parameters_the_model_explains_what_the_plant_made() {
         let Some((effect, known)) = made.answer.known.first_key_value() else { continue };
         let definition = EffectKind::from_name(effect).unwrap().definition();
         let values = definition.parameters.iter().map(|p| known.get(p.name).copied().unwrap_or(p.default)).collect();
-        let term = krait_lab::Term::new(&effect, values);
+        let term = krait_lab::Term::new(effect, values);
         let predicted = lab.predict(&[term], &made.measurements).unwrap();
         let square: f64 = predicted.iter().zip(&made.measurements.outputs).map(|(p, y)| (p - y).powi(2)).sum();
         let left_deg = (square / made.measurements.n_rows() as f64).sqrt().to_degrees();
