@@ -216,13 +216,9 @@ async fn serve_stop(listener: TcpListener, port: u16, routes: Router) {
 }
 
 fn router(shared: Arc<Shared>) -> Router {
-    let mut router = Router::new().route("/token", post(exchange_token)).route("/live", get(live::upgrade));
-    router = router.layer(DefaultBodyLimit::max(MOST_BODY_BYTES)).merge(library::router(&shared));
-    for asset in assets::PAGE {
-        let answer = || async { ([(header::CONTENT_TYPE, asset.media_type)], asset.body) };
-        router = router.route(asset.path, get(answer));
-    }
-    router.layer(from_fn_with_state(Arc::clone(&shared), guard)).with_state(shared)
+    let router = Router::new().route("/token", post(exchange_token)).route("/live", get(live::upgrade));
+    let router = router.layer(DefaultBodyLimit::max(MOST_BODY_BYTES)).merge(library::router(&shared));
+    assets::added_to(router).layer(from_fn_with_state(Arc::clone(&shared), guard)).with_state(shared)
 }
 
 /// Every request names this host, whatever changes something names this origin, and every answer has its headers.
