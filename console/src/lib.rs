@@ -9,6 +9,7 @@
 mod accept;
 mod assets;
 mod columns;
+mod doctor;
 mod error;
 mod facts;
 mod foxglove;
@@ -37,6 +38,7 @@ pub use facts::{Facts, HopBudget, JointFacts, LineFacts, SegmentFacts};
 pub use foxglove::FoxgloveSettings;
 pub use glance::{bend_deg, glance, number, plane_deg};
 pub use observer::Observer;
+pub use recordings::LearntOf;
 pub use server::{Address, ServerSettings, run};
 pub use tracking::LiveTracking;
 pub use words::fault_sentence;

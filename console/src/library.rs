@@ -1,6 +1,7 @@
 //! Recordings and the lab over HTTP: lists, films, measurements that a page hands over, jobs. Only a page with the token.
 
 use crate::columns;
+use crate::doctor;
 use crate::jobs::Jobs;
 use crate::quiz::Riddles;
 use crate::recordings::{Recordings, film_of};
@@ -24,6 +25,10 @@ const MOST_ORDER_BYTES: usize = 16 * 1024;
 /// The model that the lab begins with where the folder has none: the machine and nothing else.
 const BASE_MODEL: &str = "base.toml";
 
+/// The folder of the pictures of two recordings, in the lab's folder, and the names that these have.
+const COMPARED: &str = "compared";
+const COMPARED_PICTURES: [&str; 4] = ["tracking.svg", "bend.svg", "measured.svg", "latency.svg"];
+
 /// What recordings and lab work with.
 pub struct Library {
     recordings: Arc<Recordings>,
@@ -34,14 +39,22 @@ pub struct Library {
     jobs: Jobs,
     // Reading a recording takes a core for a moment: one at a time.
     reader: Semaphore,
+    program: PathBuf,
+    doctors: Semaphore,
 }
 
 impl Library {
-    /// Recordings of a folder; measurements and models in another, which is made when it is needed first.
-    pub fn new(recordings: PathBuf, folder: PathBuf, base_model: String, program: PathBuf, instance: String) -> Self {
-        let (recordings, riddles) = (Arc::new(Recordings::new(recordings)), Riddles::new(folder.clone()));
-        let (jobs, reader) = (Jobs::new(program), Semaphore::new(1));
-        Self { recordings, folder, riddles, base_model, instance, jobs, reader }
+    /// Recordings, and the folder of measurements and models, which is made when it is needed first.
+    pub fn new(
+        recordings: Recordings,
+        folder: PathBuf,
+        base_model: String,
+        program: PathBuf,
+        instance: String,
+    ) -> Self {
+        let (recordings, riddles) = (Arc::new(recordings), Riddles::new(folder.clone()));
+        let (jobs, reader, doctors) = (Jobs::new(program.clone()), Semaphore::new(1), Semaphore::new(1));
+        Self { recordings, folder, riddles, base_model, instance, jobs, reader, program, doctors }
     }
 
     fn files(&self, ending: &str) -> Vec<String> {
@@ -124,8 +137,8 @@ enum Order {
     Solve { riddle: String },
     /// Whether a recording can be repeated byte for byte.
     Verify { data: String },
-    /// Two recordings side by side.
-    CompareRecordings { a: String, b: String },
+    /// Two recordings side by side, a chain of each, counted from 1.
+    CompareRecordings { a: String, b: String, pass_a: u32, pass_b: u32 },
 }
 
 impl Order {
@@ -181,8 +194,11 @@ impl Order {
             Self::Guess { riddle, guess } => library.riddles.check(riddle, guess.as_deref()),
             Self::Solve { riddle } => library.riddles.solve(riddle),
             Self::Verify { data } => Ok(vec!["verify".to_owned(), recording(data)?, "--json".to_owned()]),
-            Self::CompareRecordings { a, b } => {
-                Ok(vec!["compare".to_owned(), recording(a)?, recording(b)?, "--json".to_owned()])
+            Self::CompareRecordings { a, b, pass_a, pass_b } => {
+                let (a, b, out) = (recording(a)?, recording(b)?, text(library.folder.join(COMPARED)));
+                let (pass_a, pass_b) = (pass_a.to_string(), pass_b.to_string());
+                let words = ["compare", &a, &b, "--pass-a", &pass_a, "--pass-b", &pass_b, "--out", &out, "--json"];
+                Ok(words.map(str::to_owned).to_vec())
             }
         }
     }
@@ -195,6 +211,8 @@ pub(crate) fn router(shared: &Arc<Shared>) -> Router<Arc<Shared>> {
         .route("/recordings/{name}", get(film))
         .route("/lab", get(lab))
         .route("/lab/job", post(start).get(job).layer(DefaultBodyLimit::max(MOST_ORDER_BYTES)))
+        .route("/lab/compared/{name}", get(compared))
+        .route("/doctor", get(doctor))
         .route("/lab/cancel", post(cancel))
         .route("/lab/report/{verb}", get(report))
         .route("/lab/columns/{name}", post(keep_columns))
@@ -300,6 +318,35 @@ async fn report(State(shared): State<Arc<Shared>>, Path(verb): Path<String>) -> 
             (headers, page).into_response()
         }
         None => StatusCode::NOT_FOUND.into_response(),
+    }
+}
+
+/// A picture of the comparison of two recordings: a document that may do nothing.
+async fn compared(State(shared): State<Arc<Shared>>, Path(name): Path<String>) -> Response {
+    if !COMPARED_PICTURES.contains(&name.as_str()) {
+        return StatusCode::NOT_FOUND.into_response();
+    }
+    let path = shared.library.folder.join(COMPARED).join(name);
+    match reading(&shared.library, move || std::fs::read(path).ok()).await.flatten() {
+        Some(picture) => {
+            let policy = "sandbox; default-src 'none'; style-src 'unsafe-inline'";
+            let headers = [(header::CONTENT_TYPE, "image/svg+xml"), (header::CONTENT_SECURITY_POLICY, policy)];
+            (headers, picture).into_response()
+        }
+        None => StatusCode::NOT_FOUND.into_response(),
+    }
+}
+
+/// What this machine lacks for a punctual chain. No job: the lab's place stays free.
+async fn doctor(State(shared): State<Arc<Shared>>) -> Response {
+    let Ok(_turn) = shared.library.doctors.acquire().await else {
+        return StatusCode::INTERNAL_SERVER_ERROR.into_response();
+    };
+    let program = shared.library.program.clone();
+    match tokio::task::spawn_blocking(move || doctor::findings(&program)).await {
+        Ok(Ok(findings)) => json(&findings),
+        Ok(Err(why)) => (StatusCode::SERVICE_UNAVAILABLE, why).into_response(),
+        Err(_) => StatusCode::INTERNAL_SERVER_ERROR.into_response(),
     }
 }
 

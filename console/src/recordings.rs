@@ -4,8 +4,8 @@
 //! at a time, and the list remembers what it has read.
 
 use krait_ipc::clock;
-use krait_ipc::message::OperatingState;
-use krait_record::{Missing, Recording, RecordingReadError};
+use krait_ipc::message::{ModelUpdate, OperatingState};
+use krait_record::{Contents, Missing, Recording, RecordingReadError, samples_between};
 use krait_schema::{Channel, Sample};
 use serde::Serialize;
 use std::collections::HashMap;
@@ -22,6 +22,9 @@ const WRITTEN_WITHIN_S: u64 = 5;
 /// Most marks that are shown.
 const MOST_MARKS: usize = 200;
 
+/// Names what an update of a recording says, a sentence for each learnt parameter.
+pub type LearntOf = fn(&Recording, &ModelUpdate) -> Vec<String>;
+
 /// One recording of the list.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Entry {
@@ -37,6 +40,10 @@ pub struct Entry {
     pub compensation: Option<String>,
     /// Marks in it.
     pub n_marks: u64,
+    /// Samples that the recorder lost or dropped; null where it has not said so, because the file has no end.
+    pub n_lost: Option<u64>,
+    /// What was learnt until the end, a sentence for each parameter.
+    pub learnt: Vec<String>,
     /// What is missing or damaged, or why it cannot be read.
     pub missing: Vec<String>,
     /// The recorder still writes it: it has no end yet.
@@ -85,13 +92,14 @@ impl Entry {
 #[derive(Debug)]
 pub struct Recordings {
     folder: PathBuf,
+    learnt_of: LearntOf,
     known: Mutex<HashMap<(String, u64, u64), Entry>>,
 }
 
 impl Recordings {
     /// Of a folder, which may not be there yet.
-    pub fn new(folder: PathBuf) -> Self {
-        Self { folder, known: Mutex::default() }
+    pub fn new(folder: PathBuf, learnt_of: LearntOf) -> Self {
+        Self { folder, learnt_of, known: Mutex::default() }
     }
 
     /// The path of a recording that is in the list; nothing for any other name.
@@ -123,7 +131,7 @@ impl Recordings {
         if let Some(entry) = known.get(&file) {
             return entry.clone();
         }
-        let entry = read_entry(&self.folder.join(&file.0), &file);
+        let entry = read_entry(&self.folder.join(&file.0), &file, self.learnt_of);
         known.retain(|(name, ..), _| *name != file.0);
         known.insert(file, entry.clone());
         entry
@@ -134,7 +142,7 @@ fn seconds_of(time: Option<SystemTime>) -> u64 {
     time.and_then(|time| time.duration_since(UNIX_EPOCH).ok()).map_or(0, |since| since.as_secs())
 }
 
-fn read_entry(path: &Path, (name, bytes, modified_s): &(String, u64, u64)) -> Entry {
+fn read_entry(path: &Path, (name, bytes, modified_s): &(String, u64, u64), learnt_of: LearntOf) -> Entry {
     let mut entry = Entry {
         name: name.clone(),
         bytes: *bytes,
@@ -142,6 +150,8 @@ fn read_entry(path: &Path, (name, bytes, modified_s): &(String, u64, u64)) -> En
         seconds: None,
         compensation: None,
         n_marks: 0,
+        n_lost: None,
+        learnt: Vec::new(),
         missing: Vec::new(),
         is_being_recorded: false,
         breaks_off: false,
@@ -160,10 +170,32 @@ fn read_entry(path: &Path, (name, bytes, modified_s): &(String, u64, u64)) -> En
             let marks = [Channel::Marker, Channel::DeviceMarker];
             entry.n_marks =
                 marks.iter().filter_map(|channel| contents.channels.get(channel)).map(|of| of.n_messages).sum();
+            entry.n_lost = lost_in(contents);
+            entry.learnt = newest_update(path, contents).map_or_else(Vec::new, |update| learnt_of(&recording, &update));
         }
         Err(error) => entry.missing = vec![error.to_string()],
     }
     entry
+}
+
+/// What the recorder counted at its end.
+fn lost_in(contents: &Contents) -> Option<u64> {
+    contents.metadata.get("krait.end")?;
+    contents.missing.iter().try_fold(0_u64, |n, what| match what {
+        Missing::Messages { n_dropped, n_lost } => Some(n.saturating_add(*n_dropped).saturating_add(*n_lost)),
+        Missing::Count { .. } => None,
+        _ => Some(n),
+    })
+}
+
+/// The newest model update, by the file's index: a chunk is read for it, not the file. Without an index nobody knows.
+fn newest_update(path: &Path, contents: &Contents) -> Option<ModelUpdate> {
+    let last_ns = contents.channels.get(&Channel::ModelUpdate).filter(|_| contents.is_indexed)?.last_log_ns;
+    let samples = samples_between(path, last_ns..last_ns.saturating_add(1)).ok()?;
+    samples.into_iter().rev().find_map(|recorded| match recorded.sample {
+        Sample::ModelUpdate(update) => Some(update),
+        _ => None,
+    })
 }
 
 /// A recording as pictures.
@@ -244,6 +276,8 @@ mod tests {
             seconds: None,
             compensation: None,
             n_marks: 0,
+            n_lost: None,
+            learnt: Vec::new(),
             missing: vec!["it breaks off".to_owned()],
             is_being_recorded: false,
             breaks_off,

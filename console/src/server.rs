@@ -5,6 +5,7 @@ use crate::foxglove::{self, FoxgloveSettings, Viewers};
 use crate::guard::{Token, WebOrigin, cookie, page_headers};
 use crate::library::{self, Library};
 use crate::pad::{self, PadDesk};
+use crate::recordings::{LearntOf, Recordings};
 use crate::stop::{self, StopShared};
 use crate::watch::{Slots, Watch};
 use crate::wishes::{self, Desk};
@@ -39,6 +40,8 @@ pub struct ServerSettings {
     pub stop_port: u16,
     /// Folder of the recordings.
     pub recordings: PathBuf,
+    /// Names what a recording's newest model update says.
+    pub learnt_of: LearntOf,
     /// Folder of the lab's measurements and models; made when it is needed first.
     pub lab: PathBuf,
     /// The model that the lab begins with.
@@ -134,7 +137,7 @@ pub fn run(
         desk,
         pad: Arc::clone(&pad),
         library: Library::new(
-            settings.recordings,
+            Recordings::new(settings.recordings, settings.learnt_of),
             settings.lab,
             settings.base_model,
             settings.program,

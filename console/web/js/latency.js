@@ -1,4 +1,5 @@
 // Latency: where a sample's time goes, beside what it may take; the processes; the last minute.
+import { machineFindings } from './doctor.js';
 import { drawing, make, micros, thousands, write } from './format.js';
 import { MARKS } from './states.js';
 import { on } from './link.js';
@@ -50,10 +51,10 @@ function build() {
   const columns = ['process', 'pid', 'CPU', 'memory', 'lost', 'refused', 'restarts', ''];
   const titleRow = make('tr', '', ...columns.map((name, i) => make('th', i === 0 || i === 7 ? '' : name === 'pid' ? 'n pid' : 'n', name)));
   lossDetail = make('em');
-  const processes = make('section', 'card procs', make('h2', '', 'Processes ', lossDetail), make('table', '', make('thead', '', titleRow), procs));
+  const processes = make('section', 'card procs', make('h2', '', 'Processes ', lossDetail), make('table', '', make('thead', '', titleRow), procs), machineFindings);
   // Where it is longer than its place, the arrow keys scroll it.
   processes.tabIndex = 0;
-  processes.setAttribute('aria-label', 'Processes');
+  processes.setAttribute('aria-label', 'Processes, and this machine');
   history = make('div', 'history-picture');
   const past = make('section', 'card history', make('h2', '', 'Hand to drive, last 60 s ', make('em', '', 'median, p99 and worst of each second')));
   history = past;

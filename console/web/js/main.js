@@ -5,6 +5,7 @@ import { startCommands } from './commands.js';
 import './operate.js';
 import { startPad } from './pad.js';
 import './latency.js';
+import { showLatency } from './doctor.js';
 import { showLab } from './lab.js';
 import { showRecordings } from './recordings.js';
 
@@ -21,6 +22,7 @@ async function enter() {
 }
 
 on('reload', () => location.reload());
+onVisit('latency', showLatency);
 onVisit('lab', showLab);
 onVisit('recordings', showRecordings);
 start();

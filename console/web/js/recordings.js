@@ -1,5 +1,6 @@
 // Recordings: the list, and a player that shows each as pictures in the same view, framed as not live.
-import { clock, drawing, instant, make, write } from './format.js';
+import { CompareView } from './compare.js';
+import { clock, drawing, instant, make, thousands, write } from './format.js';
 import { go, turnWithPointer } from './shell.js';
 import { JointBars, farthest } from './joints.js';
 import { degrees } from './snake.js';
@@ -17,11 +18,14 @@ let wanted = null, film = null, errors = [], at = 0, isPlaying = false, speed = 
 function build() {
   isBuilt = true;
   parts.rows = make('tbody');
-  const titles = make('tr', '', ...['when', 'recording', 'length', 'marks', 'size'].map((name, i) => make('th', i > 1 ? 'n' : '', name)));
+  const titles = make('tr', '', ...['when', 'recording', 'length', 'marks', 'lost', 'size'].map((name, i) => make('th', i > 1 ? 'n' : '', name)));
   parts.compare = make('button', 'second', 'Verify');
   parts.use = make('button', 'second', 'Use in Lab');
   parts.folder = make('em');
-  const list = make('section', 'card list', make('h2', '', 'Recordings ', parts.folder), make('div', 'rows', make('table', '', make('thead', '', titles), parts.rows)), make('div', 'acts', parts.use, parts.compare));
+  parts.other = document.createElement('select');
+  parts.other.setAttribute('aria-label', 'The other recording');
+  parts.pair = make('button', 'second', 'Compare');
+  const list = make('section', 'card list', make('h2', '', 'Recordings ', parts.folder), make('div', 'rows', make('table', '', make('thead', '', titles), parts.rows)), make('div', 'acts', parts.use, parts.compare, make('span', 'pair', parts.other, parts.pair)));
   parts.verdict = make('p', 'verdict-says');
   parts.verdict.setAttribute('role', 'status');
   list.append(parts.verdict);
@@ -49,7 +53,9 @@ function build() {
   parts.marks = make('div', 'marks');
   parts.head = make('div', 'head');
   const player = make('section', 'card player', controls, make('div', 'scrub', parts.curve, parts.marks, parts.head, parts.scrub));
-  page.replaceChildren(list, make('div', 'viewer', stage, player));
+  parts.viewer = make('div', 'viewer', stage, player);
+  parts.compared = new CompareView(() => compared(false));
+  page.replaceChildren(list, parts.viewer, parts.compared.element);
   parts.canvas.tabIndex = 0;
   parts.canvas.setAttribute('aria-label', 'The recorded snake in three dimensions. Arrow keys turn the view.');
   lend('replay', parts.canvas);
@@ -59,8 +65,17 @@ function build() {
   parts.scrub.addEventListener('input', () => { at = Number(parts.scrub.value); show(); });
   parts.use.addEventListener('click', () => { if (chosen) { useInLab(chosen); go('lab'); } });
   parts.compare.addEventListener('click', verify);
+  parts.pair.addEventListener('click', () => {
+    if (!chosen) { tell({ say: 'Choose a recording first, then the other one beside “Compare”.' }); return; }
+    parts.verdict.replaceChildren();
+    compared(true);
+    parts.compared.show(chosen, parts.other.value);
+  });
   requestAnimationFrame(tick);
 }
+
+/// A learnt value as the command writes it, its numbers without exponents.
+const readable = sentence => sentence.replace(/-?[\d.]+e-?\d+/g, number => String(Number(Number(number).toPrecision(4)))).replace(' +- ', ' ± ');
 
 export async function showRecordings() {
   if (!isBuilt) build();
@@ -73,10 +88,12 @@ export async function showRecordings() {
     const name = make('button', 'plain', entry.name.replace(/\.mcap$/, ''));
     name.addEventListener('click', () => open(entry.name));
     const note = entry.is_being_recorded ? make('em', '', 'being recorded') : entry.missing.length ? make('em', 'odd', entry.missing[0]) : make('em', '', entry.compensation ? `compensation ${entry.compensation}` : '');
-    const row = make('tr', entry.name === chosen ? 'chosen' : '', make('td', '', make('b', '', when.toTimeString().slice(0, 5)), make('em', '', day)), make('td', '', name, note), make('td', 'n', entry.seconds === null ? '–' : clock(entry.seconds)), make('td', 'n', String(entry.n_marks)), make('td', 'n', `${(entry.bytes / 1e6).toFixed(1)} MB`));
+    const row = make('tr', entry.name === chosen ? 'chosen' : '', make('td', '', make('b', '', when.toTimeString().slice(0, 5)), make('em', '', day)), make('td', '', name, note, ...entry.learnt.map(own => make('em', 'learnt', readable(own)))), make('td', 'n', entry.seconds === null ? '–' : clock(entry.seconds)), make('td', 'n', String(entry.n_marks)), make('td', entry.n_lost ? 'n odd' : 'n', entry.n_lost === null ? '–' : thousands(entry.n_lost)), make('td', 'n', `${(entry.bytes / 1e6).toFixed(1)} MB`));
     row.dataset.name = entry.name;
     return row;
   }));
+  const other = parts.other.value;
+  parts.other.replaceChildren(...entries.map(({ name }) => new Option(`with ${name.replace(/\.mcap$/, '')}`, name, false, name === other)));
   if (!entries.length) write(parts.verdict, 'No recording is in this folder yet; krait run makes one.');
   if (wanted) { const name = wanted; wanted = null; await open(name); }
 }
@@ -90,7 +107,14 @@ on('hello', ({ hello }) => {
   go('recordings');
 });
 
+/// The comparison stands in the place of the player.
+function compared(isShown) {
+  parts.viewer.hidden = isShown;
+  parts.compared.element.hidden = !isShown;
+}
+
 async function open(name) {
+  compared(false);
   chosen = name;
   isPlaying = false;
   for (const row of parts.rows.children) row.classList.toggle('chosen', row.dataset.name === name);

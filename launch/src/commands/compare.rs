@@ -1,7 +1,8 @@
 //! `krait compare A B`: two recordings side by side, as a table and as pictures.
 
 use crate::cli_replay::CompareArgs;
-use crate::commands::compare_table::{COLUMNS, error_of, table, unit_of};
+use crate::commands::compare_table::{COLUMNS, FigureRow, error_of, figures, table, unit_of};
+use crate::commands::compare_verdict::{CommonTime, verdict};
 use crate::in_force::lanes_of;
 use crate::print::{self, wrapped};
 use crate::recorded;
@@ -19,9 +20,6 @@ use std::process::ExitCode;
 /// Points of a curve at most: more than a picture has pixels, and the largest of those that share one is kept.
 const N_POINTS: usize = 1500;
 
-/// Tracking errors and lengths that differ by less than this part are alike.
-const ALIKE: f64 = 0.05;
-
 /// The comparison, in the shape of `--json`.
 #[derive(Serialize)]
 struct Comparison {
@@ -29,6 +27,14 @@ struct Comparison {
     b: Named,
     /// How far the two are apart at the same time since the first motion.
     apart: Apart,
+    /// Both tracking errors over the time that both have.
+    common: CommonTime,
+    /// Which follows better, a sentence.
+    verdict: String,
+    /// How far the two are apart, a sentence.
+    apart_says: String,
+    /// What the table shows, as it is written there.
+    figures: Vec<FigureRow>,
     /// The pictures that were written.
     pictures: Vec<PathBuf>,
 }
@@ -37,6 +43,8 @@ struct Comparison {
 struct Named {
     recording: PathBuf,
     pass: usize,
+    /// How many chains ran in it.
+    n_passes: usize,
     /// Who recorded it, with what and on which device.
     about: BTreeMap<&'static str, String>,
     /// What the recording lacks, a sentence each; empty for one that is whole.
@@ -53,7 +61,11 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<ExitCode> {
         Some(folder) => write_pictures(folder, &a, &b)?,
         None => Vec::new(),
     };
-    let comparison = Comparison { a, b, apart, pictures };
+    let common = CommonTime::of(&a.side, &b.side);
+    let verdict = verdict(&a.side, &b.side, &common);
+    let apart_says = apart_sentence(&apart, unit_of(&a.side));
+    let figures = figures(&a.side, &b.side);
+    let comparison = Comparison { a, b, apart, common, verdict, apart_says, figures, pictures };
     if args.json {
         print::json(&comparison)?;
     } else {
@@ -72,7 +84,14 @@ fn named(path: &Path, number: u64) -> anyhow::Result<Named> {
     let lanes = lanes_of_pass(&parts[0], pass).with_context(|| format!("recording {}", path.display()))?;
     let side = Side::of(pass, lanes).with_context(|| format!("recording {}", path.display()))?;
     let missing = parts.iter().flat_map(|part| &part.contents().missing).map(ToString::to_string).collect();
-    Ok(Named { recording: path.to_owned(), pass: idx + 1, about: recorded::about(&parts[0]), missing, side })
+    Ok(Named {
+        recording: path.to_owned(),
+        pass: idx + 1,
+        n_passes: passes.len(),
+        about: recorded::about(&parts[0]),
+        missing,
+        side,
+    })
 }
 
 /// What the pass is of, where it is of no snake.
@@ -84,7 +103,7 @@ fn lanes_of_pass(recording: &Recording, pass: &Pass) -> anyhow::Result<Option<La
 }
 
 fn text(comparison: &Comparison) -> String {
-    let Comparison { a, b, apart, pictures } = comparison;
+    let Comparison { a, b, verdict, apart_says, figures, pictures, .. } = comparison;
     let mut text = String::new();
     for (letter, side) in [("A", a), ("B", b)] {
         text += &format!("{letter}: {} (pass {})\n", side.recording.display(), side.pass);
@@ -97,12 +116,12 @@ fn text(comparison: &Comparison) -> String {
             }
         }
     }
-    text += &table(&a.side, &b.side).to_string();
+    text += &table(figures).to_string();
     if [a, b].iter().any(|side| error_of(&side.side).is_none()) {
         text += &format!("  {TOO_SHORT} after the first motion\n");
     }
-    text += &paragraph(&verdict(&a.side, &b.side));
-    text += &paragraph(&apart_sentence(apart, unit_of(&a.side)));
+    text += &paragraph(&format!("Verdict: {verdict}"));
+    text += &paragraph(apart_says);
     text += "Marks, s since the first motion\n";
     for (letter, side) in [("A", &a.side), ("B", &b.side)] {
         text += &marks(letter, &side.marks);
@@ -140,28 +159,6 @@ fn marks(letter: &str, marks: &[Mark]) -> String {
         format!("{begin}{}\n", lines.join(&format!("\n{:1$}", "", begin.len())))
     };
     if marks.is_empty() { format!("  {letter} none\n") } else { marks.iter().map(mark).collect() }
-}
-
-/// Which follows better, in one sentence; lengths that differ are said, because errors of other motions do not compare.
-fn verdict(a: &Side, b: &Side) -> String {
-    let unit = unit_of(a);
-    if unit != unit_of(b) || a.joints.is_some() != b.joints.is_some() {
-        return "Verdict: none; the two are of different machines.".to_owned();
-    }
-    let sentence = match (error_of(a), error_of(b)) {
-        (Some(a), Some(b)) if (a.rms - b.rms).abs() <= ALIKE * a.rms.max(b.rms) => {
-            format!("Verdict: both follow alike, within {:.0} %", 100.0 * ALIKE)
-        }
-        (Some(a), Some(b)) if b.rms < a.rms => {
-            format!("Verdict: B follows better, {:.3} {unit} rms where A has {:.3}", b.rms, a.rms)
-        }
-        (Some(a), Some(b)) => format!("Verdict: A follows better, {:.3} {unit} rms where B has {:.3}", a.rms, b.rms),
-        _ => return "Verdict: none; a tracking error takes more than 10 s of motion on both sides.".to_owned(),
-    };
-    if (a.length_s - b.length_s).abs() > ALIKE * a.length_s.max(b.length_s) {
-        return format!("{sentence}; but their lengths differ, so the motion may be another.");
-    }
-    format!("{sentence}.")
 }
 
 fn write_pictures(folder: &Path, a: &Named, b: &Named) -> anyhow::Result<Vec<PathBuf>> {

@@ -2,6 +2,7 @@
 
 use crate::print::wrapped;
 use krait_report::{Side, Spread, Table};
+use serde::Serialize;
 use std::collections::BTreeSet;
 
 /// Columns of a terminal of the usual size; only paths may pass them.
@@ -20,8 +21,17 @@ pub(super) fn unit_of(side: &Side) -> &'static str {
     side.joints.as_ref().map_or("deg", |joints| joints.unit)
 }
 
+/// A row of the table: a name, both sides, and the one less the other, as they are written.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct FigureRow {
+    name: String,
+    a: String,
+    b: String,
+    difference: String,
+}
+
 /// Figures of both sides and what B has more.
-pub(super) fn table(a: &Side, b: &Side) -> Table {
+pub(super) fn figures(a: &Side, b: &Side) -> Vec<FigureRow> {
     let mut rows = Rows::default();
     rows.numbers("length, s", Some(a.length_s), Some(b.length_s), 2);
     let channels: BTreeSet<_> = a.samples.keys().chain(b.samples.keys()).collect();
@@ -58,7 +68,7 @@ pub(super) fn table(a: &Side, b: &Side) -> Table {
         let of = |side: &Side| Some(side.reasons.get(*reason).copied().unwrap_or(0) as f64);
         rows.numbers(reason, of(a), of(b), 0);
     }
-    rows.table()
+    rows.0
 }
 
 /// Whether a camera saw anything: what was not measured is no bend of zero.
@@ -66,9 +76,9 @@ fn is_measured(side: &Side) -> bool {
     side.samples.get("shape").is_some_and(|n| *n > 0)
 }
 
-/// Rows of a table whose last column is the difference: a name, both sides, and the one less the other.
+/// The rows as they come together.
 #[derive(Default)]
-struct Rows(Vec<(String, [String; 3])>);
+struct Rows(Vec<FigureRow>);
 
 impl Rows {
     fn numbers(&mut self, name: &str, a: Option<f64>, b: Option<f64>, digits: usize) {
@@ -78,7 +88,7 @@ impl Rows {
     fn with(&mut self, name: &str, a: Option<f64>, b: Option<f64>, digits: usize, missing: &str) {
         let cell = |value: Option<f64>| value.map_or(missing.to_owned(), |value| format!("{value:.digits$}"));
         let difference = a.zip(b).map_or("-".to_owned(), |(a, b)| format!("{:+.digits$}", b - a));
-        self.0.push((name.to_owned(), [cell(a), cell(b), difference]));
+        self.0.push(FigureRow { name: name.to_owned(), a: cell(a), b: cell(b), difference });
     }
 
     /// Largest bends commanded and measured: of a snake, or of each joint in its own unit.
@@ -113,26 +123,27 @@ impl Rows {
             });
         }
     }
+}
 
-    /// The table, no wider than [`COLUMNS`]: a name that is too long goes on in further lines and is never cut, because two
-    /// that begin alike may mean different things.
-    fn table(self) -> Table {
-        let header = ["A", "B", "B - A"];
-        let width = |column: usize| {
-            let cells = self.0.iter().map(|(_, cells)| cells[column].chars().count());
-            cells.max().unwrap_or(0).max(header[column].len())
-        };
-        // Two columns before each of the four cells.
-        let left = COLUMNS.saturating_sub(8 + (0..3).map(width).sum::<usize>()).max(NARROWEST);
-        let mut table = Table::new(&["", header[0], header[1], header[2]]);
-        for (name, [a, b, difference]) in self.0 {
-            let mut cells = Some([a, b, difference]);
-            for line in wrapped(&name, left) {
-                table.row([line].into_iter().chain(cells.take().unwrap_or_default()).collect());
-            }
+/// The table, no wider than [`COLUMNS`]: a name that is too long goes on in further lines and is never cut, because two that
+/// begin alike may mean different things.
+pub(super) fn table(rows: &[FigureRow]) -> Table {
+    let header = ["A", "B", "B - A"];
+    let cells = |row: &FigureRow| [row.a.clone(), row.b.clone(), row.difference.clone()];
+    let width = |column: usize| {
+        let widths = rows.iter().map(|row| cells(row)[column].chars().count());
+        widths.max().unwrap_or(0).max(header[column].len())
+    };
+    // Two columns before each of the four cells.
+    let left = COLUMNS.saturating_sub(8 + (0..3).map(width).sum::<usize>()).max(NARROWEST);
+    let mut table = Table::new(&["", header[0], header[1], header[2]]);
+    for row in rows {
+        let mut own = Some(cells(row));
+        for line in wrapped(&row.name, left) {
+            table.row([line].into_iter().chain(own.take().unwrap_or_default()).collect());
         }
-        table
     }
+    table
 }
 
 #[cfg(test)]
@@ -147,7 +158,7 @@ mod tests {
             rows.numbers(reason.sentence(), Some(1_234_567.0), Some(7_654_321.0), 0);
         }
         rows.with("tracking error max, deg", None, None, 3, SHORT);
-        let text = rows.table().to_string();
+        let text = table(&rows.0).to_string();
         assert!(text.lines().all(|line| line.chars().count() <= COLUMNS), "{text}");
         let words = |text: &str| text.split_whitespace().map(str::to_owned).collect::<Vec<_>>().join(" ");
         let numbers = ["1234567", "7654321", "+6419754"];

@@ -9,13 +9,14 @@ use anyhow::Context;
 use krait_bridge::{JointMachine, LiveModel, SegmentModel};
 use krait_console::{Facts, FoxgloveSettings, HopBudget, JointFacts, LineFacts, SegmentFacts, ServerSettings};
 use krait_ipc::Bus;
-use krait_ipc::message::n_of_snake;
+use krait_ipc::message::{ModelUpdate, n_of_snake};
 use krait_master::Presence;
-use krait_model::Chain;
 use krait_model::gripper::Gripper;
+use krait_model::model_file::ModelFile;
 use krait_model::segments::{LineParameters, SegmentParameters};
+use krait_model::{Chain, ModelHash};
 use krait_record::{RecordConfig, Recording, Views};
-use krait_report::Lanes;
+use krait_report::{Lanes, LearntReport};
 use krait_slave::DriveKind;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -53,6 +54,7 @@ pub fn run(common: &Common, args: &ConsoleArgs) -> anyhow::Result<ExitCode> {
         port: args.port,
         stop_port: args.stop_port,
         recordings: args.recording.as_deref().map_or_else(|| args.recordings.clone(), folder_of),
+        learnt_of,
         lab: args.lab.clone(),
         base_model: BASE_MODEL.to_owned(),
         program: supervisor::own_program()?,
@@ -83,6 +85,16 @@ fn of_recording(common: &Common, path: &Path) -> anyhow::Result<(Bus, Facts)> {
     let config = recorded::config_of(&recording, &bus.instance().folder()).with_context(named)?;
     let facts = facts_of(bus.instance().as_str(), &config, &config.model()?).with_context(named)?;
     Ok((bus, Facts { opens: Some(name.to_owned()), recording: None, ..facts }))
+}
+
+/// What was learnt until a recording's end, named by the model that it embeds.
+fn learnt_of(recording: &Recording, update: &ModelUpdate) -> Vec<String> {
+    let named = || -> anyhow::Result<Vec<String>> {
+        let file = ModelFile::parse(&recorded::model_text(recording, ModelHash(update.model_hash))?)?;
+        let model = LiveModel::of(&file)?;
+        Ok(LearntReport::of(update, model.learnt()).iter().map(LearntReport::sentence).collect())
+    };
+    named().unwrap_or_else(|error| vec![format!("what was learnt has no name: {error:#}")])
 }
 
 /// The folder of a file; the one we are in, for a bare name.

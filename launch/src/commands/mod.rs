@@ -6,6 +6,7 @@ pub mod calibrate;
 mod calibrate_stem;
 pub mod compare;
 mod compare_table;
+mod compare_verdict;
 pub mod config;
 pub mod console;
 pub mod demo;

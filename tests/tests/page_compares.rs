@@ -1,0 +1,228 @@
+//! Two recordings beside each other on the page, as `krait compare` has them, and what the doctor finds on this machine.
+//! Skipped aloud where there is no Chromium.
+
+#![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
+
+use core::time::Duration;
+use krait_record::{About, Recording, RecordingWriter};
+use krait_schema::Sample;
+use krait_tests::{Browser, BrowserPage, Console, Ended, Krait, TempFolder, instance_name};
+use rustix::process::Signal;
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+const PATIENCE: Duration = Duration::from_secs(240);
+const SIZES: [(u32, u32); 3] = [(1920, 1080), (1280, 800), (1024, 768)];
+
+#[test]
+fn two_recordings_are_compared_as_the_command_compares_them() {
+    let Some(browser) = Browser::start() else { return };
+    let (instance, folder) = (instance_name("pair"), TempFolder::new("pair"));
+    let table = folder.file("hand.csv");
+    std::fs::write(&table, sixteen_seconds()).expect("written");
+    let sides = ["naive", "off"].map(|compensation| {
+        let path = folder.file(&format!("{compensation}.mcap"));
+        let own = instance_name(compensation);
+        let words = ["replay", "--instance", &own, &table, "--speed", "max", "--compensation", compensation];
+        let ended = Ended::of(&[&words[..], &["--recording", &path]].concat(), PATIENCE);
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        path
+    });
+    let own = Ended::of(&["compare", "--json", &sides[0], &sides[1]], PATIENCE).json();
+    let verdict = own["verdict"].as_str().expect("a verdict");
+    assert!(verdict.starts_with("A follows better"), "{verdict}");
+    let text = Ended::of(&["compare", &sides[0], &sides[1]], PATIENCE).stdout;
+    let words = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(words(&text).contains(&words(&format!("Verdict: {verdict}"))), "{text}");
+
+    let (recordings, lab) = (folder.path().display().to_string(), folder.file("lab"));
+    let mut krait = Krait::start(&["console", "--instance", &instance, "--recordings", &recordings, "--lab", &lab]);
+    let mut page = browser.page(&Console::of(&mut krait).address, 1280, 800);
+    page.wait_for("the page is there", "location.hash === '' && document.querySelectorAll('#stop').length === 1");
+    page.value("document.querySelector('[data-go=recordings]').click()");
+    page.wait_for("the list", "document.querySelectorAll('#recordings tbody tr').length === 2");
+    press(&mut page, "Compare");
+    page.wait_for(
+        "nothing is chosen",
+        "document.querySelector('.verdict-says').textContent.includes('Choose a recording')",
+    );
+    page.value("document.querySelector('#recordings tr[data-name=\"naive.mcap\"] button').click()");
+    page.wait_for("it is chosen", "document.querySelector('#recordings tr.chosen')?.dataset.name === 'naive.mcap'");
+    page.value(
+        "document.querySelector('#recordings select[aria-label=\"The other recording\"]').value = 'off.mcap'; 0",
+    );
+    press(&mut page, "Compare");
+    let upper = verdict[..1].to_uppercase() + &verdict[1..];
+    let is_told = format!("document.querySelector('#recordings .compared h1')?.textContent === {}", json!(upper));
+    page.wait_for("the verdict of the command", &is_told);
+    let rows = "[...document.querySelectorAll('#recordings .figures tbody tr')].map(row => [...row.children].map(cell => cell.textContent))";
+    let figures = own["figures"].as_array().expect("figures");
+    let expected: Vec<Value> =
+        figures.iter().map(|row| json!([row["name"], row["a"], row["b"], row["difference"]])).collect();
+    assert!(expected.iter().any(|row| row[0] == "tracking error rms, deg" && row[1] != "too short"), "{expected:?}");
+    assert_eq!(page.value(rows), json!(expected));
+    page.wait_for(
+        "the pictures are drawn",
+        "(all => all.length >= 3 && all.every(picture => picture.complete && picture.naturalWidth > 300))([...document.querySelectorAll('#recordings .shots img')])",
+    );
+    let policy = "fetch(document.querySelector('#recordings .shots img').src).then(answer => answer.headers.get('content-security-policy'))";
+    assert!(page.value(policy).as_str().expect("a policy").starts_with("sandbox; default-src 'none'"));
+    for (width, height) in SIZES {
+        page.resize(width, height);
+        for theme in ["light", "dark"] {
+            in_theme(&mut page, theme);
+            keep(&mut page, &format!("compared-{theme}-{width}"));
+            page.wait_for(
+                &format!("it fits into {width} x {height}"),
+                "document.documentElement.scrollWidth <= innerWidth && (own => own.scrollWidth <= own.clientWidth)(document.querySelector('.compared'))",
+            );
+        }
+    }
+    press(&mut page, "Back to the pictures");
+    page.wait_for(
+        "the player is back",
+        "document.querySelector('.compared').hidden && !document.querySelector('.viewer').hidden",
+    );
+    krait.signal(Signal::TERM);
+    krait.end(PATIENCE);
+    assert!(page.complaints.iter().all(|said| said.contains("WebSocket")), "{:?}", page.complaints);
+}
+
+/// The list has what each recording's chain had learnt, as `krait model save-learnt` says it, and what its recorder lost.
+#[test]
+fn the_list_says_what_was_learnt_and_what_was_lost() {
+    let Some(browser) = Browser::start() else { return };
+    let (instance, folder) = (instance_name("learnt"), TempFolder::new("learnt"));
+    let shipped = format!("{}/recordings/flick.mcap", env!("CARGO_MANIFEST_DIR"));
+    std::fs::copy(&shipped, folder.file("whole.mcap")).expect("copied");
+    let recording = Recording::open(Path::new(&shipped)).expect("readable");
+    let about = About::run("lossy", &BTreeMap::new(), recording.contents().attachments.clone());
+    let mut writer = RecordingWriter::create(Path::new(&folder.file("lossy.mcap")), 1 << 18, &about).expect("created");
+    for recorded in recording.samples().expect("samples").map(|recorded| recorded.expect("readable")) {
+        if !matches!(recorded.sample, Sample::ModelUpdate(_)) {
+            writer.write(&recorded.sample, recorded.sample.sample_ns()).expect("written");
+        }
+    }
+    let end = [("n_dropped", "1200"), ("n_lost", "34")].map(|(key, n)| (key.to_owned(), n.to_owned()));
+    writer.finish(&BTreeMap::from(end)).expect("finished");
+    let (saved, lab) = (folder.file("saved.toml"), folder.file("lab"));
+    let own = Ended::of(&["model", "save-learnt", &shipped, "--out", &saved, "--json"], PATIENCE).json();
+    let own = own["learnt"].as_array().expect("learnt").clone();
+    assert!(own.len() == 2, "{own:?}");
+
+    let recordings = folder.path().display().to_string();
+    let mut krait = Krait::start(&["console", "--instance", &instance, "--recordings", &recordings, "--lab", &lab]);
+    let mut page = browser.page(&Console::of(&mut krait).address, 1280, 800);
+    page.wait_for("the page is there", "location.hash === '' && document.querySelectorAll('#stop').length === 1");
+    page.value("document.querySelector('[data-go=recordings]').click()");
+    page.wait_for("the list", "document.querySelectorAll('#recordings tbody tr').length === 2");
+    let mut of = |name: &str, what: &str| {
+        page.value(&format!(
+            "[...document.querySelectorAll('#recordings tr[data-name=\"{name}.mcap\"] {what}')].map(own => own.textContent)"
+        ))
+    };
+    let learnt = of("whole", ".learnt");
+    for (k, parameter) in own.iter().enumerate() {
+        let said = learnt[k].as_str().expect("a sentence");
+        let name = parameter["name"].as_str().expect("a name");
+        let value = said.strip_prefix(name).and_then(|rest| rest.split_whitespace().next()).expect("a value");
+        let (value, exact) = (value.parse::<f64>().expect("a number"), parameter["value"].as_f64().expect("a number"));
+        assert!((value / exact - 1.0).abs() < 1e-3 && said.contains(" \u{b1} "), "{said}: {parameter}");
+    }
+    assert_eq!(of("lossy", ".learnt"), json!([]));
+    assert_eq!((&of("whole", "td")[4], &of("lossy", "td")[4]), (&json!("0"), &json!("1\u{202f}234")));
+    keep(&mut page, "learnt");
+    krait.signal(Signal::TERM);
+    krait.end(PATIENCE);
+    assert!(page.complaints.iter().all(|said| said.contains("WebSocket")), "{:?}", page.complaints);
+}
+
+/// The doctor is asked beside a job of the lab, not in its place; what the page says is what the command finds.
+#[test]
+fn latency_shows_what_the_doctor_finds_worst_first_and_asks_again() {
+    let Some(browser) = Browser::start() else { return };
+    let (instance, folder) = (instance_name("doctor"), TempFolder::new("doctor"));
+    let lab = folder.file("lab");
+    let mut own: Vec<Value> = Ended::of(&["doctor", "--seconds", "0", "--json"], PATIENCE).json()["findings"]
+        .as_array()
+        .expect("findings")
+        .clone();
+    let grade = |finding: &Value| ["bad", "advice", "good"].iter().position(|grade| finding["verdict"] == *grade);
+    own.sort_by_key(grade);
+    let mut krait = Krait::start(&["console", "--instance", &instance, "--lab", &lab]);
+    let console = Console::of(&mut krait);
+    let refused = console.request("GET", "/doctor", &[], "");
+    assert_eq!(refused.status, 403, "{refused:?}");
+    let mut page = browser.page(&console.address, 1280, 800);
+    page.wait_for("the page is there", "location.hash === '' && document.querySelectorAll('#stop').length === 1");
+    let (origin, cookie) = (console.origin(), console.cookie());
+    let quiz = r#"{"verb":"quiz","level":"hard","seed":7}"#;
+    let begun = console.request("POST", "/lab/job", &[("Origin", &origin), ("Cookie", &cookie)], quiz);
+    assert_eq!(begun.status, 200, "{begun:?}");
+    page.value("document.querySelector('[data-go=latency]').click()");
+    let n_rows = format!("document.querySelectorAll('.findings li').length === {}", own.len());
+    page.wait_for("every finding", &n_rows);
+    let said = page.value("[...document.querySelectorAll('.findings li')].map(row => row.textContent)");
+    let marks = page.value("[...document.querySelectorAll('.findings li')].map(row => row.className)");
+    for (k, finding) in own.iter().enumerate() {
+        let row = said[k].as_str().expect("a sentence");
+        for part in [&finding["name"], &finding["meaning"], &finding["mend"]] {
+            assert!(
+                part.as_str()
+                    .is_none_or(|part| row.to_lowercase().contains(&part.trim_end_matches('.').to_lowercase())),
+                "{row}: {finding}"
+            );
+        }
+        let mark = ["fault", "warn", "ok"][grade(finding).expect("a grade")];
+        assert_eq!(marks[k], mark, "{row}: {finding}");
+    }
+    let job = console.request("GET", "/lab/job", &[("Cookie", &cookie)], "");
+    assert!(job.body.contains("krait lab quiz"), "the lab's place was left alone: {job:?}");
+    page.value("document.querySelector('.findings').replaceChildren()");
+    page.value("document.querySelector('.doctor button').click()");
+    page.wait_for("every finding again", &n_rows);
+    for (width, height) in SIZES {
+        page.resize(width, height);
+        for theme in ["light", "dark"] {
+            in_theme(&mut page, theme);
+            page.value("new Promise(done => setTimeout(done, 700))");
+            keep(&mut page, &format!("doctor-{theme}-{width}"));
+        }
+    }
+    krait.signal(Signal::TERM);
+    krait.end(PATIENCE);
+    assert!(page.complaints.iter().all(|said| said.contains("WebSocket")), "{:?}", page.complaints);
+}
+
+/// A motion with reversals and turns of the plane, longer than a score needs.
+fn sixteen_seconds() -> String {
+    let mut text = String::from("time_s,bend_x_deg,bend_y_deg\n");
+    for k in 0..=160_u16 {
+        let t = f64::from(k) / 10.0;
+        let bend = 30.0 * (t / 2.0).min((16.0 - t) / 2.0).min(1.0) * (1.3 * t).sin();
+        let (sin, cos) = (0.2 * t).sin_cos();
+        text += &format!("{t:.1},{:.4},{:.4}\n", bend * cos, bend * sin);
+    }
+    text
+}
+
+fn press(page: &mut BrowserPage, words: &str) {
+    page.value(&format!(
+        "[...document.querySelectorAll('#recordings button')].find(button => button.textContent === '{words}').click()"
+    ));
+}
+
+fn in_theme(page: &mut BrowserPage, theme: &str) {
+    page.value(&format!(
+        "if (document.documentElement.dataset.theme !== '{theme}') document.getElementById('theme').click(); 0"
+    ));
+}
+
+/// Keeps a picture where somebody wants to look at it.
+fn keep(page: &mut BrowserPage, name: &str) {
+    if let Ok(folder) = std::env::var("KRAIT_SHOTS") {
+        std::fs::create_dir_all(&folder).expect("a folder");
+        std::fs::write(format!("{folder}/{name}.png"), page.picture()).expect("written");
+    }
+}
