@@ -1,14 +1,14 @@
 //! What `krait doctor` finds on this machine, without its measurement, for the page: a niced child that ends at once.
 
 use core::time::Duration;
+use krait_ipc::clock;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
-use std::time::Instant;
 
 /// It looks at some files of the kernel; on a busy machine that takes its time.
-const PATIENCE: Duration = Duration::from_secs(20);
+const PATIENCE_S: i64 = 20;
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 
 /// What the page shows of an answer.
@@ -51,15 +51,15 @@ pub(crate) fn findings(program: &Path) -> Result<Findings, String> {
 
 /// What it printed. Its answer is far smaller than what a pipe holds, so it never waits for a reader.
 fn ended(mut child: Child) -> Result<Vec<u8>, String> {
-    let until = Instant::now() + PATIENCE;
+    let until_ns = clock::monotonic_ns().saturating_add(PATIENCE_S * 1_000_000_000);
     loop {
         match child.try_wait() {
             Ok(Some(_)) => break,
-            Ok(None) if Instant::now() < until => sleep(LOOK_EVERY),
+            Ok(None) if clock::monotonic_ns() < until_ns => sleep(LOOK_EVERY),
             _ => {
                 let _ended_is_fine = child.kill();
                 let _reaped = child.wait();
-                return Err(format!("krait doctor has not ended within {} s; ask again.", PATIENCE.as_secs()));
+                return Err(format!("krait doctor has not ended within {PATIENCE_S} s; ask again."));
             }
         }
     }

@@ -144,8 +144,8 @@ fn finish(stdout: ChildStdout, listener: Option<JoinHandle<()>>, slot: &Mutex<Op
     }
     let answer = read.ok().and_then(|_| serde_json::from_slice(&text).ok());
     if let Some(job) = lock(slot).as_mut().filter(|job| job.report.id == id && job.report.stage == JobStage::Running) {
-        // Exit code 1 is an answer too: work that was done and found a failure.
-        let has_answer = answer.is_some() && ended.is_ok_and(|status| matches!(status.code(), Some(0 | 1)));
+        // Exit code 1 is an answer too: work that was done and found a failure; and 2 with an answer, which has the refusal.
+        let has_answer = answer.is_some() && ended.is_ok_and(|status| matches!(status.code(), Some(0..=2)));
         job.report.stage = if has_answer { JobStage::Done } else { JobStage::Failed };
         job.report.answer = answer;
     }

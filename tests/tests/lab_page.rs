@@ -117,6 +117,20 @@ fn the_columns_of_a_dropped_csv_are_named_in_the_page_and_kept_beside_it() {
     assert!(page.complaints.iter().all(|said| said.contains("WebSocket")), "{:?}", page.complaints);
 }
 
+/// What no machine is recognised in is refused with the exit code of every refusal, its columns beside the sentence.
+#[test]
+fn a_table_without_a_machine_is_refused_with_its_columns() {
+    let folder = TempFolder::new("refused");
+    let data = folder.file("weather.csv");
+    let rows: String = (0..200).map(|k| format!("{k},{},{}\n", k % 7, k % 11)).collect();
+    std::fs::write(&data, format!("day,rain,wind\n{rows}")).expect("written");
+    let ended = Ended::of(&["lab", "init", &data, "--json"], PATIENCE);
+    let answer = ended.json();
+    assert!(answer["refused"].as_str().is_some_and(|why| why.contains("weather.csv")), "{answer}");
+    assert_eq!(answer["columns"].as_array().map(Vec::len), Some(3), "{answer}");
+    assert_eq!(ended.code, Some(2), "{answer}");
+}
+
 /// The same rows with another program's names and units.
 fn renamed(text: &str) -> String {
     let mut lines = text.lines();

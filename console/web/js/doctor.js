@@ -12,7 +12,7 @@ const whole = text => text.charAt(0).toUpperCase() + text.slice(1) + (/[.!?]$/.t
 
 function sentence({ name, verdict, found, meaning, mend }) {
   const [mark, word] = LEVELS[verdict];
-  return row(mark, make('b', '', word), `${name}: ${whole(found)} ${whole(meaning)}`, ...(mend ? [' To mend it: ', make('code', '', mend)] : []));
+  return row(mark, make('b', '', word), `${name}: ${whole(found)} ${whole(meaning)}`, ...(mend ? [` To mend it: ${whole(mend).replace(/`/g, '')}`] : []));
 }
 
 /// Asks, and again whenever somebody wants it.

@@ -75,7 +75,7 @@ function build() {
 }
 
 /// A learnt value as the command writes it, its numbers without exponents.
-const readable = sentence => sentence.replace(/-?[\d.]+e-?\d+/g, number => String(Number(Number(number).toPrecision(4)))).replace(' +- ', ' ± ');
+const readable = sentence => sentence.replace(/-?[\d.]+e-?\d+/g, text => { const number = Number(text); return number && Math.abs(number) < 1e-3 ? number.toExponential(3).replace(/\.?0+e/, 'e') : String(Number(number.toPrecision(4))); }).replace(' +- ', ' ± ');
 
 export async function showRecordings() {
   if (!isBuilt) build();

@@ -1,6 +1,7 @@
 //! `krait lab init`: what a file of measurements holds, and a mapping and a model to begin with.
 
 use super::shell::shell;
+use crate::COULD_NOT_RUN;
 use crate::cli_lab::InitArgs;
 use crate::commands::overwrite::refuse_existing;
 use crate::print;
@@ -58,7 +59,7 @@ fn refused(args: &InitArgs, error: InitError) -> anyhow::Result<ExitCode> {
         Ok(seen) if args.json => {
             let seen: Vec<_> = seen.iter().map(column).collect();
             print::json(&json!({ "data": args.data, "refused": error.to_string(), "columns": seen }))?;
-            Ok(ExitCode::FAILURE)
+            Ok(ExitCode::from(COULD_NOT_RUN))
         }
         _ => Err(error.into()),
     }
