@@ -17,7 +17,7 @@ const LEVEL_OF_NEXT: f64 = 0.01;
 /// model as given left would hide small effects behind a large one ...
 const SMALLEST_SHARE: f64 = 0.05;
 /// ... and this much of the floor's own variance.
-const SMALLEST_OF_FLOOR: f64 = 0.03;
+pub(super) const SMALLEST_OF_FLOOR: f64 = 0.03;
 
 /// Errors on left-out blocks of two trials, and what noise there is.
 pub(super) struct Comparison<'a> {

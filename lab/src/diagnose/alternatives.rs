@@ -96,6 +96,16 @@ impl Alternatives {
         self.class(slot).iter().filter(|candidate| simple(candidate)).count()
     }
 
+    /// The best trial that is no worse, as far as the blocks tell, and has such a candidate in a place of the best one.
+    pub fn no_worse_with(&self, slot: usize, is_wanted: impl Fn(usize) -> bool) -> Option<usize> {
+        let best = self.trials.first()?;
+        let is_such = |place: &usize| {
+            let other = stand_in(&best.found, &self.trials[*place].found, slot);
+            other.is_some_and(&is_wanted) && self.is_no_worse(&self.squares[*place])
+        };
+        (1..self.trials.len()).find(is_such)
+    }
+
     /// Makes the trial of this place the best one; the others stay in their order.
     pub fn prefer(&mut self, place: usize) {
         let Some(trials) = self.trials.get_mut(..=place) else { return };

@@ -17,6 +17,13 @@ const USUAL: [&str; 4] = ["stiffness-scale", "cone-friction", "static-friction",
 /// Of what the beam's best list leaves above the floor, the usual list must take away this part to be taken in its place.
 const MUST_TAKE: f64 = 0.9;
 
+/// A list is lengthened and its members are exchanged in turns, so many times at most.
+const MOST_ROUNDS: usize = 3;
+/// Members are exchanged so many times in a row at most ...
+const MOST_EXCHANGES: usize = 4;
+/// ... while that takes away this share of what the list leaves.
+const LEAST_GAIN: f64 = 1e-3;
+
 /// The longest list that deserves its length, with the lists that it was chosen from; `None` where nothing does.
 pub(super) fn longer(
     search: &Search,
@@ -25,6 +32,48 @@ pub(super) fn longer(
     shorter: &[Trial],
     max_effects: usize,
 ) -> Option<(Trial, Alternatives)> {
+    let mut best = chosen.clone();
+    let mut rivals = shorter.to_vec();
+    for round in 0..MOST_ROUNDS {
+        let (mut longest, mut from) = beam(search, comparison, &best, &rivals, max_effects);
+        // One effect of wide reach (a friction that depends on the bend) can imitate three narrow ones better than any of them alone:
+        // then the beam never passes the list that leaves nothing.
+        if round == 0
+            && max_effects >= USUAL.len()
+            && comparison.leaves_something(&longest)
+            && let Some(usual) = usual(search)
+            && comparison.takes(&longest, &usual, MUST_TAKE)
+        {
+            (longest, from) = (usual.clone(), vec![usual]);
+        }
+        if longest.found.len() <= best.found.len() {
+            break;
+        }
+        // A list with other members, or in another minimum, may leave room for one more.
+        let before = longest.fit.sum_of_squares;
+        (best, rivals) = exchanged(search, longest, from);
+        if best.fit.sum_of_squares > (1.0 - LEAST_GAIN) * before {
+            break;
+        }
+    }
+    if best.found.len() <= chosen.found.len() {
+        return None;
+    }
+    let pruned = prune(search, comparison, best);
+    let Some((best, stand_ins)) = narrower(search, comparison, &pruned, max_effects) else {
+        return Some(with_rivals(search, pruned, rivals));
+    };
+    Some(with_rivals(search, best, stand_ins))
+}
+
+/// The longest list behind these that deserves its length, with the lists of its length.
+fn beam(
+    search: &Search,
+    comparison: &Comparison,
+    chosen: &Trial,
+    shorter: &[Trial],
+    max_effects: usize,
+) -> (Trial, Vec<Trial>) {
     let mut beam: Vec<Trial> = core::iter::once(chosen).chain(shorter.iter().take(WIDTH)).cloned().collect();
     let mut best = chosen.clone();
     let mut rivals = Vec::new();
@@ -48,27 +97,23 @@ pub(super) fn longer(
         next.truncate(WIDTH);
         beam = next;
     }
-    // One effect of wide reach (a friction that depends on the bend) can imitate three narrow ones better than any of them alone:
-    // then the beam never passes the list that leaves nothing.
-    if max_effects >= USUAL.len()
-        && comparison.leaves_something(&best)
-        && let Some(usual) = usual(search)
-        && comparison.takes(&best, &usual, MUST_TAKE)
-    {
-        (best, rivals) = (usual.clone(), vec![usual]);
+    (best, rivals)
+}
+
+/// A list whose members are exchanged one by one, or begun anew, until that brings nothing more; with the lists of its length.
+fn exchanged(search: &Search, mut best: Trial, mut rivals: Vec<Trial>) -> (Trial, Vec<Trial>) {
+    for _ in 0..MOST_EXCHANGES {
+        rivals.extend(search.swaps(&best));
+        rivals = search.distinct(rivals);
+        rivals.retain(|own| own.found.len() == best.found.len() && !search.imitates(own));
+        let Some(first) = rivals.first().cloned() else { break };
+        let is_better = first.fit.sum_of_squares < (1.0 - LEAST_GAIN) * best.fit.sum_of_squares;
+        best = first;
+        if !is_better {
+            break;
+        }
     }
-    if best.found.len() <= chosen.found.len() {
-        return None;
-    }
-    rivals.extend(search.swaps(&best));
-    let mut rivals = search.distinct(rivals);
-    rivals.retain(|own| own.found.len() == best.found.len() && !search.imitates(own));
-    best = rivals.first().cloned().unwrap_or(best);
-    let pruned = prune(search, comparison, best);
-    let Some((best, stand_ins)) = narrower(search, comparison, &pruned, max_effects) else {
-        return Some(with_rivals(search, pruned, rivals));
-    };
-    Some(with_rivals(search, best, stand_ins))
+    (best, rivals)
 }
 
 /// A list with the lists of its length that it was chosen from; with stand-ins for each member where there are none.

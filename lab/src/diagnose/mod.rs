@@ -25,6 +25,7 @@ mod gate;
 mod json;
 mod lists;
 mod mixture;
+mod omitted;
 mod periodic;
 mod rhythm;
 pub mod screen;

@@ -4,7 +4,7 @@
 use super::periodic;
 use super::screen::{Cell, screen};
 use super::sign_flip::{SignFlip, sign_flip};
-use crate::fit::{Fit, Variable, dot, fit};
+use crate::fit::{Fit, Variable, dot, fit, fit_to_end};
 use crate::machine::Candidate;
 use crate::noise::autocorrelation_time;
 use crate::{LabError, Problem, Term};
@@ -109,17 +109,21 @@ impl<'a> Search<'a> {
         self.refine(periodic::without_hopeless(&cells).map(|cell| self.with(start, &[cell])).collect())
     }
 
-    /// The best stand-ins for each effect of a trial, with the trial itself; best first.
+    /// The best stand-ins for each effect of a trial, and each effect itself from the start that looks best beside the others, with the
+    /// trial as it is; best first, each list once. An effect that was found before the others may stand in a minimum of its own:
+    /// friction that holds a line altogether is a scale.
     pub fn swaps(&self, trial: &Trial) -> Vec<Trial> {
         let mut jobs = vec![(trial.found.clone(), trial.fit.effects.clone())];
         for slot in 0..trial.found.len() {
             let Ok(rest) = self.without(trial, slot) else { continue };
             let cells = screen(self.problem, &rest.fit, self.candidates);
             let best = self.varied(self.best_cells(&cells));
-            let others = best.into_iter().filter(|cell| cell.candidate != trial.found[slot]);
-            jobs.extend(others.take(N_SECONDS).map(|cell| self.with(&rest, &[cell])));
+            let (own, others): (Vec<&Cell>, Vec<&Cell>) =
+                best.into_iter().partition(|cell| cell.candidate == trial.found[slot]);
+            let next = own.into_iter().chain(others.into_iter().take(N_SECONDS));
+            jobs.extend(next.map(|cell| self.with(&rest, &[cell])));
         }
-        self.refine(jobs)
+        self.distinct(self.refine(jobs))
     }
 
     /// A trial with one or, where `n_most` allows it, two narrower effects in place of one of wide reach, which have fewer free
@@ -244,17 +248,31 @@ impl<'a> Search<'a> {
     /// # Errors
     /// [`LabError::Chain`] where they make no chain.
     pub fn fitted(&self, found: Vec<usize>, effects: &[Term]) -> Result<Trial, LabError> {
+        let (effects, variables) = self.start_of(&found, effects)?;
+        Ok(Trial { found, fit: fit(self.problem, &effects, &variables, ITERATIONS, TOLERANCE)? })
+    }
+
+    /// The same to the end: for values that are told, not for a search.
+    ///
+    /// # Errors
+    /// As [`Search::fitted`].
+    pub(super) fn fitted_to_end(&self, found: Vec<usize>, effects: &[Term]) -> Result<Trial, LabError> {
+        let (effects, variables) = self.start_of(&found, effects)?;
+        Ok(Trial { found, fit: fit_to_end(self.problem, &effects, &variables)? })
+    }
+
+    /// Effects moved onto their bounds where they lie outside, and what is free of them.
+    fn start_of(&self, found: &[usize], effects: &[Term]) -> Result<(Vec<Term>, Vec<Variable>), LabError> {
         let mut effects = effects.to_vec();
         let mut variables = self.base_variables.to_vec();
         for (n, &k) in found.iter().enumerate() {
             variables.extend(self.variables(&effects, self.base.len() + n, k)?);
         }
-        // A start outside a bound is moved onto it.
         for variable in &variables {
             let value = variable.value(&effects);
             variable.set(&mut effects, value);
         }
-        Ok(Trial { found, fit: fit(self.problem, &effects, &variables, ITERATIONS, TOLERANCE)? })
+        Ok((effects, variables))
     }
 
     fn variables(&self, effects: &[Term], place: usize, candidate: usize) -> Result<Vec<Variable>, LabError> {

@@ -12,9 +12,9 @@ use super::search::{Search, Trial};
 use super::stand::Beside;
 use super::words::{sentence, state};
 use super::working::{tried_rows, working_rows};
-use super::{GroupShare, columns, experiment, force_rest, gate, lists, structure};
+use super::{GroupShare, columns, experiment, force_rest, gate, lists, omitted, structure};
 use crate::cells::{Usable, load_cells};
-use crate::fit::{Fit, dot, held_out_block_squares, held_out_output_squares, uncertainty};
+use crate::fit::{Fit, Uncertainty, dot, held_out_block_squares, held_out_output_squares, uncertainty};
 use crate::free::free_variables;
 use crate::machine::{Candidate, Freed, MachineUnderTest, freed};
 use crate::noise::{FloorSource, NoiseFloor};
@@ -146,6 +146,14 @@ const MOST_FLOORS: usize = 3;
 /// Of more rows than this a list that stands in its order already is not fitted once more.
 const MOST_REFITTED: usize = 30_000;
 
+/// How well the variables of a fit are known.
+struct Known {
+    /// Given the names.
+    errors: Uncertainty,
+    /// By how much a scale that is not named may have moved each.
+    moved: Vec<f64>,
+}
+
 /// Everything that a conclusion needs.
 pub(super) struct Case<'a> {
     /// On all rows; beside shapes on those of [`Case::shaped`].
@@ -224,6 +232,7 @@ impl Case<'_> {
         cautions.extend(loads.iter().flatten().filter_map(LoadCell::caution));
         let n_own = search.base_variables.len();
         cautions.extend(inseparable(&chosen.fit, n_own));
+        cautions.extend(self.hidden_scale(&chosen)?);
         cautions.extend(self.hint.clone());
         let mut terms = chosen.fit.effects.clone();
         let (effects, partial) = if verdict == Verdict::Unknown {
@@ -285,20 +294,24 @@ impl Case<'_> {
         Ok(Some(load_cells(rows, cells, &before, &after)))
     }
 
-    /// Puts the effect that brings most first, and gives the fits of the first one, two ... on the rows of the trials.
+    /// Puts the effect that brings most first, and gives the fits of the first one, two ... on the rows of the trials; the list is fitted
+    /// to the end, because its values are told.
     fn order(&self, chosen: &mut Trial) -> Result<Vec<Trial>, LabError> {
-        if chosen.found.len() < 2 {
-            return Ok(Vec::new());
-        }
-        let (order, prefixes) = lists::order(self.tried, chosen);
-        if order.is_sorted() && self.full.problem.data.n_rows() > MOST_REFITTED {
+        let (order, prefixes) = match chosen.found.len() {
+            0 => return Ok(Vec::new()),
+            1 => (vec![0], Vec::new()),
+            _ => lists::order(self.tried, chosen),
+        };
+        let is_long = self.full.problem.data.n_rows() > MOST_REFITTED;
+        if order.is_sorted() && is_long {
             return Ok(prefixes);
         }
         let base = self.full.base.len();
         let mut effects = chosen.fit.effects[..base].to_vec();
         effects.extend(order.iter().map(|&i| chosen.fit.effects[base + i].clone()));
         let found = order.iter().map(|&i| chosen.found[i]).collect();
-        *chosen = self.full.fitted(found, &effects)?;
+        *chosen =
+            if is_long { self.full.fitted(found, &effects)? } else { self.full.fitted_to_end(found, &effects)? };
         Ok(prefixes)
     }
 
@@ -308,17 +321,17 @@ impl Case<'_> {
         let mut errors = vec![ends[0]];
         errors.extend(prefixes.iter().map(|own| held_out_rms(problem, &own.fit) * scale));
         errors.push(ends[1]);
+        let known = Known { errors: uncertainty(self.full.problem, &chosen.fit), moved: self.moved_by_scale(chosen)? };
         (0..chosen.found.len())
             .map(|slot| {
-                let place = self.found.chosen.found.iter().position(|k| *k == chosen.found[slot]).unwrap_or(slot);
-                let class = self.found.alternatives.class(place);
+                let class = self.found.alternatives.class(self.place_of(chosen, slot));
                 Ok(FoundEffect {
                     name: self.full.candidates[chosen.found[slot]].name.to_owned(),
                     probability: self.found.alternatives.probability(&class),
                     class: class.into_iter().map(|k| self.full.candidates[k].name.to_owned()).collect(),
                     before: errors[slot],
                     after: errors[slot + 1],
-                    parameters: self.parameters(chosen, slot)?,
+                    parameters: self.parameters(chosen, slot, &known)?,
                     joint: None,
                     sketch: None,
                 })
@@ -326,9 +339,38 @@ impl Case<'_> {
             .collect()
     }
 
-    fn parameters(&self, chosen: &Trial, slot: usize) -> Result<Vec<FoundParameter>, LabError> {
+    /// By how much a scale that no effect of a snake's list is or looks like may have moved each variable.
+    fn moved_by_scale(&self, chosen: &Trial) -> Result<Vec<f64>, LabError> {
+        let is_scale = |k: &usize| omitted::is_scale(&self.full.candidates[*k]);
+        let stands_for_one =
+            |slot: usize| self.found.alternatives.class(self.place_of(chosen, slot)).iter().any(is_scale);
+        if !self.is_snake() || (0..chosen.found.len()).any(stands_for_one) {
+            return Ok(vec![0.0; chosen.fit.variables.len()]);
+        }
+        omitted::moved_by_scale(self.full, chosen)
+    }
+
+    /// A sentence on the effects of whose standard errors such a scale makes the most.
+    fn hidden_scale(&self, chosen: &Trial) -> Result<Option<String>, LabError> {
+        let moved = self.moved_by_scale(chosen)?;
+        let robust = uncertainty(self.full.problem, &chosen.fit).robust;
+        let place = |slot: usize| self.full.base.len() + slot;
+        let is_most = |slot: &usize| {
+            let own = chosen.fit.variables.iter().zip(moved.iter().zip(&robust));
+            own.filter(|(own, _)| own.effect == place(*slot)).any(|(_, (moved, robust))| moved > robust)
+        };
+        let names: Vec<&str> =
+            (0..chosen.found.len()).filter(is_most).map(|slot| self.full.candidates[chosen.found[slot]].name).collect();
+        Ok(omitted::caution(&names))
+    }
+
+    /// Where the effect in a place of a list stands in the list as it was found.
+    fn place_of(&self, chosen: &Trial, slot: usize) -> usize {
+        self.found.chosen.found.iter().position(|k| *k == chosen.found[slot]).unwrap_or(slot)
+    }
+
+    fn parameters(&self, chosen: &Trial, slot: usize, known: &Known) -> Result<Vec<FoundParameter>, LabError> {
         let place = self.full.base.len() + slot;
-        let known = uncertainty(self.full.problem, &chosen.fit);
         let term = &chosen.fit.effects[place];
         let own = self.full.problem.machine.parameters(term)?;
         let parameter = |(k, parameter): (usize, crate::Parameter)| {
@@ -338,9 +380,10 @@ impl Case<'_> {
                 unit: parameter.unit,
                 value: term.values[k],
                 se: free.map_or(0.0, |n| {
-                    known.robust[n].hypot(0.5 * self.found.alternatives.spread(&chosen.found, slot, k))
+                    let spread = 0.5 * self.found.alternatives.spread(&chosen.found, slot, k);
+                    known.errors.robust[n].hypot(spread).hypot(known.moved[n])
                 }),
-                se_naive: free.map_or(0.0, |n| known.naive[n]),
+                se_naive: free.map_or(0.0, |n| known.errors.naive[n]),
                 is_free: free.is_some(),
                 on_bound: free.is_some_and(|n| chosen.fit.variables[n].bound(&chosen.fit.effects).is_some()),
             }
