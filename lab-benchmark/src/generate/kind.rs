@@ -128,7 +128,8 @@ pub const KINDS: &[Kind] = &[
         known: |t| vec![("half_width_m", 0.5 * t.effects.play_m)] },
     Kind { name: "static-friction", about: "the wire rubs in the cone, loaded or not", right: &["static-friction", "backlash", "bouc-wen", "prandtl-ishlinskii"], typical: 2.0, most: 20.0, most_size: 8.0,
         apply: |t, a, _| t.effects.f_s_n = a,
-        known: |t| vec![("f_s_n", t.effects.f_s_n)] },
+        // Beside friction at the disks the plant's lines hold there, along the whole holder: the catalogue's cone is shorter.
+        known: |t| if t.lines.disk_mu > 0.0 { Vec::new() } else { vec![("f_s_n", t.effects.f_s_n)] } },
     Kind { name: "rubbing", about: "many sliders along the line (Iwan)", right: &["bouc-wen", "prandtl-ishlinskii", "backlash", "static-friction"], typical: 1.0, most: 50.0, most_size: 8.0,
         apply: |t, a, d| { t.lines.rub_n = a; t.lines.rub_travel_m = d.between_log(0, 5e-5, 3e-4); }, known: nothing },
     Kind { name: "stribeck", about: "sliders whose force falls with speed", right: &["stribeck-friction", "static-friction", "backlash", "bouc-wen", "prandtl-ishlinskii"], typical: 1.0, most: 50.0, most_size: 8.0,

@@ -18,6 +18,9 @@ const LEVEL_OF_NEXT: f64 = 0.01;
 const SMALLEST_SHARE: f64 = 0.05;
 /// ... and this much of the floor's own variance.
 pub(super) const SMALLEST_OF_FLOOR: f64 = 0.03;
+/// Of lists of so many each free number more must take away this much: one number imitates the imperfection of other laws less than three.
+pub(super) const FEWEST_OF_LIST: usize = 3;
+const SMALLEST_FOR_A_NUMBER: f64 = 0.01;
 
 /// Errors on left-out blocks of two trials, and what noise there is.
 pub(super) struct Comparison<'a> {
@@ -32,7 +35,8 @@ impl Comparison<'_> {
     /// Whether a trial leaves anything to explain.
     pub fn leaves_something(&self, trial: &Trial) -> bool {
         let rms = self.problem.rms(trial.fit.sum_of_squares);
-        self.floor.is_none_or(|floor| rms > NOTHING_LEFT * floor)
+        let most = if trial.found.len() + 1 < FEWEST_OF_LIST { NOTHING_LEFT } else { NOTHING_LEFT_OF_LIST };
+        self.floor.is_none_or(|floor| rms > most * floor)
     }
 
     /// Whether another list takes away this part of what a list leaves above the floor; never where the floor is unknown.
@@ -61,13 +65,25 @@ impl Comparison<'_> {
         // Where the floor is not known, all that is left may be explainable.
         let floor = self.floor.unwrap_or(0.0).powi(2);
         let explainable = (left - floor).max(0.0);
-        let matters = first || (share >= SMALLEST_SHARE * explainable && share >= SMALLEST_OF_FLOOR * floor);
+        let matters = first || (share >= SMALLEST_SHARE * explainable && share >= smallest(without, with) * floor);
         gain > errors * error && matters
+    }
+}
+
+/// The share of the floor's variance that a list's next effect must take away at least.
+fn smallest(without: &Trial, with: &Trial) -> f64 {
+    let more = with.fit.variables.len().saturating_sub(without.fit.variables.len()).max(1) as f64;
+    if with.found.len() < FEWEST_OF_LIST {
+        SMALLEST_OF_FLOOR
+    } else {
+        SMALLEST_OF_FLOOR.min(SMALLEST_FOR_A_NUMBER * more)
     }
 }
 
 /// Errors up to this ratio of the floor leave nothing for a further effect.
 const NOTHING_LEFT: f64 = 1.02;
+/// The same for a list's next one.
+const NOTHING_LEFT_OF_LIST: f64 = 1.005;
 
 /// Mean of block differences and its standard error.
 pub(crate) fn mean_and_error(differences: impl Iterator<Item = f64>) -> (f64, f64) {

@@ -18,6 +18,8 @@ pub(super) struct Alternatives {
 
 /// Errors up to this ratio are the same for a user.
 pub(crate) const SAME: f64 = 1.02;
+/// Squares up to this ratio are told apart by no law: a third of what the smallest further effect takes away.
+const IMPERFECT: f64 = 1.01;
 const RESAMPLES: usize = 500;
 /// On more rows errors may turn out to be the same that differ by up to this ratio, or by this many times what blocks tell.
 const NEAR: f64 = 1.05;
@@ -96,12 +98,16 @@ impl Alternatives {
         self.class(slot).iter().filter(|candidate| simple(candidate)).count()
     }
 
-    /// The best trial that is no worse, as far as the blocks tell, and has such a candidate in a place of the best one.
+    /// The best trial that is no worse, as far as the blocks tell or by so little that it may be the imperfection of a law, and has such a
+    /// candidate in a place of the best one.
     pub fn no_worse_with(&self, slot: usize, is_wanted: impl Fn(usize) -> bool) -> Option<usize> {
         let best = self.trials.first()?;
         let is_such = |place: &usize| {
             let other = stand_in(&best.found, &self.trials[*place].found, slot);
-            other.is_some_and(&is_wanted) && self.is_no_worse(&self.squares[*place])
+            let squares = &self.squares[*place];
+            let sum = |own: &[f64]| own.iter().sum::<f64>();
+            let is_near = sum(squares) <= IMPERFECT * sum(&self.squares[0]);
+            other.is_some_and(&is_wanted) && (is_near || self.is_no_worse(squares))
         };
         (1..self.trials.len()).find(is_such)
     }

@@ -1,7 +1,7 @@
 //! What the search finds on the working rows: none, one or two effects, and longer lists behind them. Of many working rows it tries
 //! effects on a part, and compares what comes close on all of them.
 
-use super::accept::Comparison;
+use super::accept::{Comparison, FEWEST_OF_LIST};
 use super::alternatives::Alternatives;
 use super::lists;
 use super::omitted::is_scale;
@@ -31,8 +31,6 @@ pub(super) struct Findings {
 /// A force along the tip's axis is there only where something pushes; a stiffness, a radius and a camera that are not quite those of the
 /// data sheet every snake has. Beside a softening the one hardly differs from the others.
 const NEEDS_A_PUSH: &str = "axial-tip-force";
-/// One effect, or two, leave it to the data alone.
-const FEWEST_IN_LIST: usize = 3;
 
 /// The best trials are compared on all rows where there are up to this many times as many.
 const MORE_ROWS: usize = 4;
@@ -87,7 +85,7 @@ impl Findings {
         self.decide_with(work, full);
         let found = &self.chosen.found;
         let is_pushed = |k: &usize| work.candidates[*k].name == NEEDS_A_PUSH;
-        let Some(slot) = found.iter().position(is_pushed).filter(|_| found.len() >= FEWEST_IN_LIST) else { return };
+        let Some(slot) = found.iter().position(is_pushed).filter(|_| found.len() >= FEWEST_OF_LIST) else { return };
         let is_scale = |k: usize| is_scale(&work.candidates[k]);
         if let Some(place) = self.alternatives.no_worse_with(slot, is_scale) {
             self.choose(place);

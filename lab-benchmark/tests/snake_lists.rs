@@ -1,0 +1,55 @@
+//! What a snake's list hides is told: a scale in the values of encoders, and an effect that a fit has put into another minimum.
+#![allow(clippy::unwrap_used, clippy::panic)] // Helpers of tests fail as tests do.
+
+use krait_lab::diagnose::search::{Search, Trial};
+use krait_lab::diagnose::{DiagnoseOptions, diagnose};
+use krait_lab::machine::{MachineUnderTest, SnakeLab};
+use krait_lab::{Problem, Term};
+use krait_lab_benchmark::generate::{Generated, Kind, Motion, Recipe, base_model, generate};
+use krait_model::model_file::ModelFile;
+
+fn snake() -> SnakeLab {
+    SnakeLab::new(&ModelFile::parse(&base_model()).unwrap()).unwrap()
+}
+
+fn made(kinds: &[(&str, f64)], seed: u64) -> Generated {
+    let hidden = kinds.iter().map(|(name, size)| (Kind::from_name(name).unwrap(), *size)).collect();
+    generate(&Recipe { hidden, motion: Motion::Rich, seconds: 60.0, seed, ..Recipe::default() }).unwrap()
+}
+
+/// Encoders and a camera that reads too much: the encoders alone explain both, and their values are those of both.
+#[test]
+fn errors_of_encoder_scales_have_room_for_a_scale_of_the_picture() {
+    let made = made(&[("encoder-scale", 2.0), ("camera-scale", 1.5)], 5);
+    let found = diagnose(&snake(), &made.measurements, &DiagnoseOptions::default()).unwrap();
+    let names: Vec<&str> = found.effects.iter().map(|own| own.name.as_str()).collect();
+    assert_eq!(names, ["encoder-scale"], "the case that this test is about: {}", found.sentence);
+    let truth = &made.answer.known["encoder-scale"];
+    for own in found.effects[0].parameters.iter().filter(|own| own.is_free) {
+        let off = own.value - truth[&own.name];
+        assert!(off.abs() > 4.0 * own.se_naive, "{}: the camera's scale is in it: {off}", own.name);
+        assert!(off.abs() < 2.0 * own.se, "{} is off by {off}, and its error is {}", own.name, own.se);
+    }
+    let said = found.cautions.iter().find(|own| own.contains("scale of the picture")).unwrap();
+    assert!(said.contains("encoder-scale"), "{said}");
+}
+
+/// From one period of a screw no downhill way leads to another: beside other effects it is looked for anew.
+#[test]
+fn a_screw_s_period_in_another_minimum_is_begun_anew_beside_the_other_effects() {
+    let made = made(&[("lead-screw", 1.2), ("camera-offset", 2.0)], 6);
+    let (snake, known) = (snake(), made.answer.known["lead-screw-error"]["pitch_m"]);
+    let candidates = snake.candidates(&made.measurements);
+    let problem = Problem::new(&snake, made.measurements, &[], 4.0);
+    let search = Search { problem: &problem, candidates: &candidates, base: &[], base_variables: &[], seed: 1 };
+    let place = |name: &str| candidates.iter().position(|own| own.name == name).unwrap();
+    let found = ["lead-screw-error", "camera-offset"].map(place);
+    let term = |name: &str, values: &[f64]| Term { name: name.to_owned(), values: values.to_vec(), formula: None };
+    let start = [term("lead-screw-error", &[1e-5, 1.5 * known, 0.0, 0.0, 0.0]), term("camera-offset", &[0.0, 0.0])];
+    let stuck = search.fitted(found.to_vec(), &start).unwrap();
+    let pitch = |own: &Trial| own.fit.effects.iter().find(|term| term.name == "lead-screw-error").unwrap().values[1];
+    assert!(pitch(&stuck) > 1.2 * known, "the case that this test is about: {} m", pitch(&stuck));
+    let swaps = search.swaps(&stuck);
+    let anew = swaps.iter().find(|own| found.iter().all(|k| own.found.contains(k))).unwrap();
+    assert!((pitch(anew) / known - 1.0).abs() < 0.02, "{} m, true {known} m", pitch(anew));
+}
