@@ -221,8 +221,8 @@ pub struct FoundParameter {
     pub unit: String,
     /// Value.
     pub value: f64,
-    /// Robust standard error, with half of how far the value moves where a look-alike stands in for another effect of a pair;
-    /// zero for one that was not free.
+    /// Robust standard error, with half of how far the value moves where a look-alike stands in for another effect of the list, and of
+    /// a snake with what a scale of the picture that no effect names may hide in it; zero for one that was not free.
     pub se: f64,
     /// Standard error as if residuals were independent.
     pub se_naive: f64,
