@@ -35,7 +35,7 @@ pub(super) fn moved_by_scale(search: &Search, chosen: &Trial) -> Result<Vec<f64>
         return Ok(vec![0.0; n]);
     }
     let mut effects = fit.effects.clone();
-    effects.push(Term { name: scale.name.to_owned(), values: scale.starts[0].clone(), formula: None });
+    effects.push(Term::new(scale.name, scale.starts[0].clone()));
     let there = problem.residual(&effects)?;
     let column: Vec<f64> = there.iter().zip(&fit.residual).map(|(a, b)| a - b).collect();
     let (pull, _) = fit.pulls(problem);
