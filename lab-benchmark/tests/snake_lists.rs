@@ -44,7 +44,7 @@ fn a_screw_s_period_in_another_minimum_is_begun_anew_beside_the_other_effects() 
     let search = Search { problem: &problem, candidates: &candidates, base: &[], base_variables: &[], seed: 1 };
     let place = |name: &str| candidates.iter().position(|own| own.name == name).unwrap();
     let found = ["lead-screw-error", "camera-offset"].map(place);
-    let term = |name: &str, values: &[f64]| Term { name: name.to_owned(), values: values.to_vec(), formula: None };
+    let term = |name: &str, values: &[f64]| Term::new(name, values.to_vec());
     let start = [term("lead-screw-error", &[1e-5, 1.5 * known, 0.0, 0.0, 0.0]), term("camera-offset", &[0.0, 0.0])];
     let stuck = search.fitted(found.to_vec(), &start).unwrap();
     let pitch = |own: &Trial| own.fit.effects.iter().find(|term| term.name == "lead-screw-error").unwrap().values[1];
