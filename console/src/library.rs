@@ -113,6 +113,9 @@ fn is_plain_name(name: &str, ending: &str) -> bool {
         && name.chars().all(allowed)
 }
 
+/// Longest PARAMETER=COLUMN of an order, bytes.
+const MOST_OF_BY: usize = 200;
+
 /// What a page orders.
 #[derive(Debug, Deserialize)]
 #[serde(tag = "verb", rename_all = "kebab-case", deny_unknown_fields)]
@@ -125,8 +128,8 @@ enum Order {
     Exchange { model: String },
     /// What the columns of a measurement stand for; `map` has what the user says of them.
     Columns { data: String, map: Vec<String> },
-    /// Adds an effect and writes another model.
-    Add { model: String, data: String, effect: String, out: String },
+    /// Adds an effect and writes another model; of joints on one of them, and with a number that depends on a column: PARAMETER=COLUMN.
+    Add { model: String, data: String, effect: String, joint: Option<u32>, by: Option<String>, out: String },
     /// Hides an effect; without a seed, one from the clock.
     Quiz { level: String, seed: Option<u64> },
     /// What the model leaves of a riddle.
@@ -168,7 +171,7 @@ impl Order {
             }
             Self::Columns { data, map } => columns::propose(&library.table(data)?, map),
             Self::Diagnose { model, data } => lab("diagnose", model, data),
-            Self::Add { model, data, effect, out } => {
+            Self::Add { model, data, effect, joint, by, out } => {
                 let is_effect =
                     effect.len() <= 60 && effect.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_');
                 if !is_effect || effect.starts_with('-') || effect.is_empty() {
@@ -181,6 +184,13 @@ impl Order {
                 }
                 let mut arguments = lab("add", model, data)?;
                 arguments.insert(2, effect.clone());
+                arguments.extend(joint.map(|joint| format!("--set=joint={joint}")));
+                if let Some(by) = by {
+                    if by.len() > MOST_OF_BY || by.chars().any(char::is_control) {
+                        return Err("A column's name is one line of at most 200 bytes.".to_owned());
+                    }
+                    arguments.push(format!("--by={by}"));
+                }
                 arguments.extend(["--out".to_owned(), text(library.folder.join(out))]);
                 Ok(arguments)
             }

@@ -117,6 +117,58 @@ fn the_columns_of_a_dropped_csv_are_named_in_the_page_and_kept_beside_it() {
     assert!(page.complaints.iter().all(|said| said.contains("WebSocket")), "{:?}", page.complaints);
 }
 
+/// An effect of one joint is added to that joint alone, with the column that its width depends on; what is said beside it stands there.
+#[test]
+fn an_effect_of_one_joint_is_added_to_it_with_the_column_that_it_depends_on() {
+    let Some(browser) = Browser::start() else { return };
+    let (folder, instance) = (TempFolder::new("beside"), instance_name("beside"));
+    let joints = "format = 1\n[machine]\nkind = \"joints\"\nn = 2\nu_unit = \"deg\"\ny_unit = \"deg\"\n";
+    std::fs::write(folder.file("wrist.toml"), joints).expect("written");
+    std::fs::write(folder.file("wrist.csv"), wrist()).expect("written");
+    let mut server = Krait::start(&["console", "--instance", &instance, "--lab", &folder.path().display().to_string()]);
+    let mut page = browser.page(&Console::of(&mut server).address, 1280, 800);
+    page.wait_for("the page", "document.querySelectorAll('#stop').length === 1");
+    page.value("document.querySelector('[data-go=lab]').click()");
+    for file in ["wrist.toml", "wrist.csv"] {
+        let select = format!(
+            "[...document.querySelectorAll('#lab select')].find(s => [...s.options].some(o => o.value === '{file}'))"
+        );
+        page.wait_for(file, &format!("{select} !== undefined"));
+        page.value(&format!("{select}.value = '{file}'; {select}.dispatchEvent(new Event('change')); 0"));
+    }
+    press(&mut page, "Compare");
+    press(&mut page, "Diagnose");
+    page.wait_for("the answer", "document.querySelector('#lab .work .aside') !== null");
+    keep(&mut page, "beside");
+    let beside = page.text("#lab .work .aside");
+    assert!(beside.contains("half_width of backlash depends on the column sheath_deg"), "{beside}");
+    let title = page.text("#lab .work .effect h3");
+    assert!(title.starts_with("backlash") && title.ends_with("(joint 2)"), "{title}");
+    press(&mut page, "Add backlash");
+    press(&mut page, "Add backlash");
+    press(&mut page, "Diagnose again with it");
+    let written = std::fs::read_to_string(folder.file("wrist-backlash.toml")).expect("a model");
+    for line in ["joint = 2.0", "by = { parameter = \"half_width\", column = \"sheath_deg\""] {
+        assert_eq!(written.matches(line).count(), 1, "{written}");
+    }
+}
+
+/// Two joints that follow their commands, the second with a play that grows with the angle of its sheath; made noise, not random.
+fn wrist() -> String {
+    let mut text = "time_s,u1_deg,u2_deg,y1_deg,y2_deg,sheath_deg\n".to_owned();
+    let mut p = 0.0_f64;
+    for k in 0..3000 {
+        let t = f64::from(k) / 50.0;
+        let (u1, u2) = (15.0 * (0.9 * t).sin(), 20.0 * (0.7 * t).sin() + 9.0 * (1.9 * t + 0.4).sin());
+        let sheath = 45.0 + 45.0 * (0.11 * t + 1.0).sin();
+        let play = 0.4 + 0.01 * sheath;
+        p = p.clamp(u2 - play, u2 + play);
+        let noise = |n: f64| 0.1 * ((f64::from(k) * n).sin() * 43_758.545_3).fract();
+        text += &format!("{t},{u1},{u2},{},{},{sheath}\n", 1.1 * u1 + noise(12.9898), 0.9 * p + 2.0 + noise(78.233));
+    }
+    text
+}
+
 /// What no machine is recognised in is refused with the exit code of every refusal, its columns beside the sentence.
 #[test]
 fn a_table_without_a_machine_is_refused_with_its_columns() {

@@ -10,7 +10,7 @@ import { prime, reportLink, run, say, second, tile, work } from './work.js';
 const page = document.getElementById('lab');
 const STEPS = ['Compare', 'Diagnose', 'Add', 'Run'];
 const parts = {};
-let isBuilt = false, shelf = { models: [], data: [], named: [] }, step = 0, results = [], falls = [], effect = null, added = null, isQuiz = false;
+let isBuilt = false, shelf = { models: [], data: [], named: [] }, step = 0, results = [], falls = [], effect = null, where = {}, added = null, isQuiz = false;
 // The bars up to a model that an effect was added to, for the same measurement.
 let grown = null;
 
@@ -93,7 +93,7 @@ async function columns() {
 }
 
 function restart() {
-  [step, results, falls, effect, added, isQuiz] = [0, [], [], null, null, false];
+  [step, results, falls, effect, where, added, isQuiz] = [0, [], [], null, {}, null, false];
   draw();
 }
 
@@ -161,12 +161,14 @@ async function diagnose() {
   if (!answer) return;
   const found = answer.effects.length ? answer.effects : answer.partial, n = found.length;
   effect = found[0]?.effect ?? null;
+  where = found.length ? placeOf(found[0], answer.variations) : {};
   const count = n === 1 ? 'One effect is missing' : `${n} effects are missing`;
   const title = { none: 'Nothing is missing.', missing: `${count}.`, partly: `${count}, and something besides.`, unknown: 'Nothing known explains it.', 'too-short': 'These data are too short to say.' }[answer.verdict] ?? answer.verdict;
   results[1] = {
     short: n ? found.map(own => own.effect).join(', ') : title,
     draw: () => say(title, `${answer.sentence[0].toUpperCase()}${answer.sentence.slice(1)}.`, [
-      make('div', 'effects', ...found.map(effectCard)),
+      ...[...(answer.variations ?? []).map(own => own.sentence), ...(answer.cautions ?? []).map(own => `Caution: ${own}`)].map(text => make('p', 'aside', `${text[0].toUpperCase()}${text.slice(1)}.`)),
+      make('div', 'effects', ...found.map(own => effectCard(own, placeOf(own, answer.variations)))),
       ...(answer.next_experiment ? [make('p', 'next-experiment', make('b', '', 'Next experiment: '), answer.next_experiment.do)] : []),
     ], effect ? [prime(`Add ${effect}`, () => { step = 2; draw(); }), reportLink('diagnose')] : [reportLink('diagnose')]),
   };
@@ -178,18 +180,24 @@ async function diagnose() {
   draw();
 }
 
-function effectCard(own) {
+// The joint that has an effect, and the column that one of its numbers depends on.
+function placeOf({ effect: name, joint }, variations) {
+  const own = (variations ?? []).find(one => one.in_effects && one.column && one.effect === name && one.joint === joint);
+  return { joint: joint ?? null, by: own ? `${own.parameter}=${own.column.name}` : null };
+}
+
+function effectCard(own, place) {
   const values = Object.entries(own.params).filter(([, value]) => value.free !== false).map(([name, value]) => make('tr', '', make('th', '', name), make('td', 'n', `${value.value.toPrecision(3)} ${value.unit}`), make('td', 'n', `± ${value.se.toPrecision(1)}`)));
   const others = own.class.filter(name => name !== own.effect);
   const words = own.explanation ? [make('p', '', own.explanation.what), make('p', '', make('b', '', 'To check on the machine: '), own.explanation.check)] : [];
   if (own.sketch) words.splice(1, 0, sketch(own.sketch));
-  const card = make('div', 'effect', make('h3', '', own.explanation ? `${own.effect}: ${own.explanation.title}` : own.effect), ...words, make('p', '', `The error falls from ${deg(own.heldout_rms.before)} to ${deg(own.heldout_rms.after)}; it came out best in ${(100 * own.probability).toFixed(0)} of 100 resamplings.`), make('table', '', make('tbody', '', ...values)));
+  const card = make('div', 'effect', make('h3', '', (own.explanation ? `${own.effect}: ${own.explanation.title}` : own.effect) + (own.joint ? ` (joint ${own.joint})` : '')), ...words, make('p', '', `The error falls from ${deg(own.heldout_rms.before)} to ${deg(own.heldout_rms.after)}; it came out best in ${(100 * own.probability).toFixed(0)} of 100 resamplings.`), make('table', '', make('tbody', '', ...values)));
   if (others.length) {
     const group = make('fieldset', '', make('legend', '', `These data cannot tell it from ${others.length} other${others.length > 1 ? 's' : ''}`));
     for (const name of [own.effect, ...others]) {
       const radio = document.createElement('input');
-      Object.assign(radio, { type: 'radio', name: `class-${own.effect}`, value: name, checked: name === own.effect });
-      radio.addEventListener('change', () => { effect = name; work.querySelector('.prime').textContent = `Add ${name}`; });
+      Object.assign(radio, { type: 'radio', name: `class-${own.effect}-${own.joint ?? ''}`, value: name, checked: name === own.effect });
+      radio.addEventListener('change', () => { [effect, where] = [name, name === own.effect ? place : { ...place, by: null }]; work.querySelector('.prime').textContent = `Add ${name}`; });
       group.append(make('label', '', radio, name));
     }
     card.append(group);
@@ -211,7 +219,7 @@ function unused(stem) {
 
 async function add() {
   const base = parts.model.value.replace(/\.toml$/, ''), out = unused(`${base}-${effect}`);
-  const answer = await run({ verb: 'add', ...files(), effect, out }, `Fitting ${effect} …`, draw);
+  const answer = await run({ verb: 'add', ...files(), effect, ...where, out }, `Fitting ${effect} …`, draw);
   if (!answer) return;
   added = out;
   const { before, after } = answer.heldout_rms, floor = answer.noise_floor;

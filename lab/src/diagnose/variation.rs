@@ -22,6 +22,8 @@ pub struct ParameterVariation {
     pub errors: [f64; 2],
     /// Whether the answer's effects have it; else it stands beside them.
     pub is_in_answer: bool,
+    /// What it says, one sentence for people.
+    pub sentence: String,
 }
 
 /// What a number depends on.
@@ -43,8 +45,12 @@ pub enum DependsOn {
 }
 
 impl ParameterVariation {
-    /// One sentence for people; `joint` is what the file calls the joint.
-    pub fn sentence(&self, joint: &str, error_unit: &str) -> String {
+    /// The same with its sentence; `joint` is what the file calls the joint.
+    pub(crate) fn told(self, joint: &str, error_unit: &str) -> Self {
+        Self { sentence: self.say(joint, error_unit), ..self }
+    }
+
+    fn say(&self, joint: &str, error_unit: &str) -> String {
         let Self { effect, parameter, unit, values: [first, last], errors: [without, with], .. } = self;
         let (scale, unit) = if unit == "rad" { (180.0 / core::f64::consts::PI, "deg") } else { (1.0, unit.as_str()) };
         let [first, last] = [first, last].map(|value| digits(scale * value));
@@ -74,7 +80,7 @@ impl ParameterVariation {
         json!({
             "effect": self.effect, "joint": self.joint, "parameter": self.parameter, "unit": self.unit, "column": column,
             "recording": recording, "slope": slope, "values": self.values, "heldout_rms": self.errors,
-            "in_effects": self.is_in_answer,
+            "in_effects": self.is_in_answer, "sentence": self.sentence,
         })
     }
 }

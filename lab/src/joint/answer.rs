@@ -145,7 +145,7 @@ pub(super) fn diagnosis(answer: Answer) -> Result<Diagnosis, LabError> {
         loads: None,
         remaining,
         proposals: worst_rest(&found).map_or(Vec::new(), |own| own.proposals.clone()),
-        variations: variations(machine, &found, options)?,
+        variations: variations(machine, &found, options, &data.names)?,
         next_experiment,
         terms,
         calibrated: Some(calibrated),
@@ -164,8 +164,9 @@ fn variations(
     machine: &JointsLab,
     found: &[Found],
     options: &DiagnoseOptions,
+    names: &Names,
 ) -> Result<Vec<ParameterVariation>, LabError> {
-    let (_, scale) = machine.error_unit();
+    let (error_unit, scale) = machine.error_unit();
     let mut all = Vec::new();
     for own in found.iter().filter(|own| own.stands()) {
         for variation in &own.variations {
@@ -181,7 +182,7 @@ fn variations(
                 (None, Some(recording)) => DependsOn::Recording(recording),
                 (None, None) => continue,
             };
-            all.push(ParameterVariation {
+            let variation = ParameterVariation {
                 effect: effect.to_owned(),
                 joint: own.joint + 1,
                 parameter: variation.parameter,
@@ -190,7 +191,9 @@ fn variations(
                 values: variation.values,
                 errors: variation.mean_squares.map(|square| square.sqrt() * scale),
                 is_in_answer: variation.is_in_list,
-            });
+                sentence: String::new(),
+            };
+            all.push(variation.told(&names.joint(own.joint + 1), error_unit));
         }
     }
     Ok(all)

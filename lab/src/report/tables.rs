@@ -27,6 +27,9 @@ pub(super) fn summary(diagnosis: &Diagnosis, unit: &str) -> String {
         );
         text += &paragraph(&sure);
     }
+    for own in &diagnosis.variations {
+        text += &paragraph(&format!("{}.", capital(&own.sentence)));
+    }
     for caution in &diagnosis.cautions {
         text += &format!("<p class=\"caution\">Caution: {}</p>\n", escape(&capital(caution)));
     }

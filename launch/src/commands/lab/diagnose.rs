@@ -149,7 +149,7 @@ fn text(args: &DiagnoseArgs, diagnosis: &Diagnosis, session: &Session) -> String
         text += &told.into_iter().map(in_words).collect::<String>();
     }
     for own in &diagnosis.variations {
-        text += &print::paragraph(&capital(&own.sentence(&names.joint(own.joint), unit)));
+        text += &print::paragraph(&capital(&own.sentence));
     }
     if !diagnosis.proposals.is_empty() {
         text += &format!("\nFormulas for the rest\n{}", proposals(&diagnosis.proposals, names));
