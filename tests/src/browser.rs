@@ -187,4 +187,19 @@ impl BrowserPage {
         let answer = self.call("Page.captureScreenshot", &json!({ "format": "png" }));
         STANDARD.decode(answer["data"].as_str().expect("a picture")).expect("base64")
     }
+
+    /// Keeps a picture where somebody wants to look at it: in the folder KRAIT_SHOTS.
+    pub fn keep(&mut self, name: &str) {
+        if let Ok(folder) = std::env::var("KRAIT_SHOTS") {
+            std::fs::create_dir_all(&folder).expect("a folder");
+            std::fs::write(format!("{folder}/{name}.png"), self.picture()).expect("written");
+        }
+    }
+
+    /// Turns the page to a theme, dark or light.
+    pub fn in_theme(&mut self, theme: &str) {
+        self.value(&format!(
+            "if (document.documentElement.dataset.theme !== '{theme}') document.getElementById('theme').click(); 0"
+        ));
+    }
 }

@@ -39,7 +39,7 @@ fn a_person_sees_the_robot_stops_it_from_a_page_that_hangs_and_goes_on() {
             for tab in ["operate", "latency", "lab", "recordings"] {
                 page.value(&format!("document.querySelector('[data-go={tab}]').click()"));
                 page.value("new Promise(done => setTimeout(done, 700))");
-                keep(&mut page, &format!("{tab}-{theme}-{width}"));
+                page.keep(&format!("{tab}-{theme}-{width}"));
                 page.wait_for(
                     &format!("{tab} fits into {width} x {height}"),
                     "document.documentElement.scrollWidth <= innerWidth && document.documentElement.scrollHeight <= innerHeight",
@@ -61,7 +61,7 @@ fn a_person_sees_the_robot_stops_it_from_a_page_that_hangs_and_goes_on() {
         "while it hangs"
     );
     page.wait_for("the page says so", "document.documentElement.dataset.shown === 'paused'");
-    keep(&mut page, "paused");
+    page.keep("paused");
 
     // By key, although the stop has the keyboard: the commands, acknowledged by the drives' own state.
     page.wait_for(
@@ -80,7 +80,7 @@ fn a_person_sees_the_robot_stops_it_from_a_page_that_hangs_and_goes_on() {
     krait.signal(Signal::TERM);
     page.wait_for("a picture that is not live is not shown", "!document.getElementById('blank').hidden");
     page.wait_for("since when", "document.getElementById('blank-title').textContent.startsWith('No picture since')");
-    keep(&mut page, "stale");
+    page.keep("stale");
     krait.end(PATIENCE);
     let complaints: Vec<_> =
         page.complaints.iter().filter(|said| !said.contains("ERR_CONNECTION") && !said.contains("WebSocket")).collect();
@@ -130,7 +130,7 @@ fn the_machines_emergency_stop_is_a_state_of_its_own_and_a_fault_names_its_drive
         for (width, height) in SIZES {
             page.resize(width, height);
             page.value("new Promise(done => setTimeout(done, 300))");
-            keep(&mut page, &format!("{shown}-{width}"));
+            page.keep(&format!("{shown}-{width}"));
             for id in ["word", "sentence"] {
                 let fits = format!(
                     "(() => {{ const e = document.getElementById('{id}'); return e.scrollWidth <= e.clientWidth; }})()"
@@ -177,7 +177,7 @@ fn lines_that_are_relaxed_before_power_goes_are_shown_and_only_the_stop_is_left(
     page.wait_for("the word", "document.getElementById('word').textContent === 'Relaxing'");
     page.wait_for("why", "document.body.innerText.includes('The lines are being relaxed.')");
     page.wait_for("the answer", "document.body.innerText.includes('Relaxing, then power goes off.')");
-    keep(&mut page, "relaxing");
+    page.keep("relaxing");
     assert_eq!(
         page.value("document.querySelectorAll('.command[aria-disabled=false]').length"),
         json!(0),
@@ -202,14 +202,6 @@ fn assert_contrast(page: &mut BrowserPage, theme: &str) {
     );
     for row in ratios.as_array().expect("rows") {
         assert!(row[2].as_f64().expect("a ratio") >= row[1].as_f64().expect("a limit"), "{theme}: {row}");
-    }
-}
-
-/// Keeps a picture where somebody wants to look at it.
-fn keep(page: &mut BrowserPage, name: &str) {
-    if let Ok(folder) = std::env::var("KRAIT_SHOTS") {
-        std::fs::create_dir_all(&folder).expect("a folder");
-        std::fs::write(format!("{folder}/{name}.png"), page.picture()).expect("written");
     }
 }
 
@@ -281,7 +273,7 @@ fn bars_of(kind: &str, [model, script]: [&str; 2], [n_bars, n_lines]: [usize; 2]
     for (width, height) in SIZES {
         page.resize(width, height);
         page.value("new Promise(done => setTimeout(done, 500))");
-        keep(&mut page, &format!("{kind}-{width}"));
+        page.keep(&format!("{kind}-{width}"));
         let fits = format!(
             "[...document.querySelectorAll('#joints .joint')].every(joint => joint.getBoundingClientRect().bottom <= document.querySelector('{below}').getBoundingClientRect().top)"
         );
@@ -298,7 +290,7 @@ fn bars_of(kind: &str, [model, script]: [&str; 2], [n_bars, n_lines]: [usize; 2]
         let lines = format!("{}.every(n => n > 100)", painted(".not-live canvas"));
         page.wait_for("the recorded segments are drawn", &lines);
     }
-    keep(&mut page, &format!("{kind}-recorded"));
+    page.keep(&format!("{kind}-recorded"));
     krait.signal(Signal::TERM);
     krait.end(PATIENCE);
     assert!(page.complaints.iter().all(|said| said.contains("WebSocket")), "{:?}", page.complaints);
@@ -363,7 +355,7 @@ fn a_learner_finds_a_hidden_effect_by_keyboard_alone_and_is_told_nothing_before_
             if page.value("document.documentElement.dataset.theme") != json!(theme) {
                 page.key("t", 84);
             }
-            keep(&mut page, &format!("quiz-{theme}-{width}"));
+            page.keep(&format!("quiz-{theme}-{width}"));
             page.wait_for(
                 &format!("the quiz fits into {width} x {height}"),
                 "document.documentElement.scrollWidth <= innerWidth && (work => work.scrollWidth <= work.clientWidth)(document.querySelector('#lab .work'))",
@@ -389,7 +381,7 @@ fn a_learner_finds_a_hidden_effect_by_keyboard_alone_and_is_told_nothing_before_
     page.wait_for("right", &right);
     page.wait_for("and why", "document.querySelectorAll('#lab .effect p').length === 2");
     assert_eq!(is_told(&mut page), json!(true));
-    keep(&mut page, "quiz-told");
+    page.keep("quiz-told");
     krait.signal(Signal::TERM);
     krait.end(PATIENCE);
     assert!(page.complaints.iter().all(|said| said.contains("WebSocket")), "{:?}", page.complaints);

@@ -63,7 +63,7 @@ fn a_person_drives_from_the_page_and_the_picture_the_dial_and_the_pad_agree() {
     for direction in DIRECTIONS {
         hand.drive(direction, &format!("by gamepad {direction:?}"), Hand::gamepad);
     }
-    keep(&mut page, "drive");
+    page.keep("drive");
 
     // A page that hangs with the pad held: the motion stops, and begins anew only after the hand was off the pad.
     let place = centre(&mut page);
@@ -179,7 +179,7 @@ fn a_jaw_moves_while_its_button_is_held_and_the_picture_shows_how_far_it_is_open
                 "if (document.documentElement.dataset.theme !== '{theme}') document.getElementById('theme').click()"
             ));
             jaw.page.value("new Promise(done => setTimeout(done, 500))");
-            keep(jaw.page, &format!("jaw-{theme}-{width}"));
+            jaw.page.keep(&format!("jaw-{theme}-{width}"));
             let bars = "document.querySelector('#bars .bar:last-child').getBoundingClientRect().bottom <= document.querySelector('.lines').getBoundingClientRect().bottom";
             jaw.page.wait_for(&format!("all bars fit into {width} x {height}"), bars);
             let fits = "['#pad', '.strip'].map(name => document.querySelector(name).getBoundingClientRect()).every((r, _, [pad, strip]) => pad.bottom <= strip.top && pad.top >= document.getElementById('stage').getBoundingClientRect().top)";
@@ -314,7 +314,7 @@ fn the_recorded_jaw_is_drawn(browser: &Browser, recording: &str, instance: &str)
     assert!(opened[0].as_f64() > Some(0.2) && opened[1].as_f64() > Some(0.2) && opened[2] == true, "{opened}");
     page.value("(() => { const scrub = document.querySelector('.scrub input'); scrub.value = Math.floor(scrub.max / 4); scrub.dispatchEvent(new Event('input')); })()");
     page.value("new Promise(done => setTimeout(done, 500))");
-    keep(&mut page, "jaw-recorded");
+    page.keep("jaw-recorded");
     krait.signal(Signal::TERM);
     krait.end(PATIENCE);
 }
@@ -481,13 +481,5 @@ impl Hand<'_> {
 
     fn gamepad(&mut self, [x, y]: [f64; 2], is_down: bool) {
         plug_in(self.page, [0.8 * x, 0.8 * y], is_down, None);
-    }
-}
-
-/// Keeps a picture where somebody wants to look at it.
-fn keep(page: &mut BrowserPage, name: &str) {
-    if let Ok(folder) = std::env::var("KRAIT_SHOTS") {
-        std::fs::create_dir_all(&folder).expect("a folder");
-        std::fs::write(format!("{folder}/{name}.png"), page.picture()).expect("written");
     }
 }

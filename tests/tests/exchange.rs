@@ -102,10 +102,7 @@ fn by_one_click(page: &mut BrowserPage) {
     );
     // The second recording, too, shall have seconds in which nothing is eased in.
     std::thread::sleep(Duration::from_secs(5));
-    if let Ok(folder) = std::env::var("KRAIT_SHOTS") {
-        std::fs::create_dir_all(&folder).expect("a folder");
-        std::fs::write(format!("{folder}/exchange.png"), page.picture()).expect("written");
-    }
+    page.keep("exchange");
     assert!(page.complaints.is_empty(), "{:?}", page.complaints);
 }
 

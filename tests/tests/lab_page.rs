@@ -74,7 +74,7 @@ fn the_columns_of_a_dropped_csv_are_named_in_the_page_and_kept_beside_it() {
         serde_json::json!(text)
     ));
     page.wait_for("the question", "document.querySelector('#lab h1').textContent === 'What are these columns?'");
-    keep(&mut page, "columns-asked");
+    page.keep("columns-asked");
     let names = "[...document.querySelectorAll('#lab .columns tbody th')].map(th => th.textContent)";
     assert_eq!(
         page.value(names),
@@ -100,12 +100,12 @@ fn the_columns_of_a_dropped_csv_are_named_in_the_page_and_kept_beside_it() {
         page.value(&format!(
             "if (document.documentElement.dataset.theme !== '{theme}') document.getElementById('theme').click()"
         ));
-        keep(&mut page, &format!("columns-{theme}"));
+        page.keep(&format!("columns-{theme}"));
     }
     press(&mut page, "Use these columns");
     press(&mut page, "Compare");
     page.wait_for("the answer", "document.querySelector('#lab .work .tiles') !== null");
-    keep(&mut page, "columns-compared");
+    page.keep("columns-compared");
     let shown = page.value("[...document.querySelectorAll('#lab .work .tiles b')].map(b => b.textContent)");
     let base = folder.file("base.toml");
     let own = Ended::of(&["lab", "compare", "--model", &base, "--data", &made, "--json"], PATIENCE).json();
@@ -139,7 +139,7 @@ fn an_effect_of_one_joint_is_added_to_it_with_the_column_that_it_depends_on() {
     press(&mut page, "Compare");
     press(&mut page, "Diagnose");
     page.wait_for("the answer", "document.querySelector('#lab .work .aside') !== null");
-    keep(&mut page, "beside");
+    page.keep("beside");
     let beside = page.text("#lab .work .aside");
     assert!(beside.contains("half_width of backlash depends on the column sheath_deg"), "{beside}");
     let title = page.text("#lab .work .effect h3");
@@ -202,14 +202,6 @@ fn renamed(text: &str) -> String {
 fn choose(page: &mut BrowserPage, label: &str, value: &str) {
     let select = format!("document.querySelector('#lab select[aria-label=\"{label}\"]')");
     page.value(&format!("{select}.value = '{value}'; {select}.dispatchEvent(new Event('change')); 0"));
-}
-
-/// Keeps a picture where somebody wants to look at it.
-fn keep(page: &mut BrowserPage, name: &str) {
-    if let Ok(folder) = std::env::var("KRAIT_SHOTS") {
-        std::fs::create_dir_all(&folder).expect("a folder");
-        std::fs::write(format!("{folder}/{name}.png"), page.picture()).expect("written");
-    }
 }
 
 /// Waits for a button of the step by its words, and presses it.

@@ -71,8 +71,8 @@ fn two_recordings_are_compared_as_the_command_compares_them() {
     for (width, height) in SIZES {
         page.resize(width, height);
         for theme in ["light", "dark"] {
-            in_theme(&mut page, theme);
-            keep(&mut page, &format!("compared-{theme}-{width}"));
+            page.in_theme(theme);
+            page.keep(&format!("compared-{theme}-{width}"));
             page.wait_for(
                 &format!("it fits into {width} x {height}"),
                 "document.documentElement.scrollWidth <= innerWidth && (own => own.scrollWidth <= own.clientWidth)(document.querySelector('.compared'))",
@@ -134,7 +134,7 @@ fn the_list_says_what_was_learnt_and_what_was_lost() {
     assert_eq!((&of("whole", "td")[4], &of("lossy", "td")[4]), (&json!("0"), &json!("1\u{202f}234")));
     for (width, height) in SIZES {
         page.resize(width, height);
-        keep(&mut page, &format!("learnt-{width}"));
+        page.keep(&format!("learnt-{width}"));
         page.wait_for(
             &format!("the list fits at {width}"),
             "(rows => rows.scrollWidth <= rows.clientWidth)(document.querySelector('#recordings .rows'))",
@@ -193,9 +193,9 @@ fn latency_shows_what_the_doctor_finds_worst_first_and_asks_again() {
     for (width, height) in SIZES {
         page.resize(width, height);
         for theme in ["light", "dark"] {
-            in_theme(&mut page, theme);
+            page.in_theme(theme);
             page.value("new Promise(done => setTimeout(done, 700))");
-            keep(&mut page, &format!("doctor-{theme}-{width}"));
+            page.keep(&format!("doctor-{theme}-{width}"));
         }
     }
     krait.signal(Signal::TERM);
@@ -219,18 +219,4 @@ fn press(page: &mut BrowserPage, words: &str) {
     page.value(&format!(
         "[...document.querySelectorAll('#recordings button')].find(button => button.textContent === '{words}').click()"
     ));
-}
-
-fn in_theme(page: &mut BrowserPage, theme: &str) {
-    page.value(&format!(
-        "if (document.documentElement.dataset.theme !== '{theme}') document.getElementById('theme').click(); 0"
-    ));
-}
-
-/// Keeps a picture where somebody wants to look at it.
-fn keep(page: &mut BrowserPage, name: &str) {
-    if let Ok(folder) = std::env::var("KRAIT_SHOTS") {
-        std::fs::create_dir_all(&folder).expect("a folder");
-        std::fs::write(format!("{folder}/{name}.png"), page.picture()).expect("written");
-    }
 }

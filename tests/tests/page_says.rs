@@ -59,12 +59,12 @@ fn three_reasons_are_read_whole_at_every_size_and_more_are_counted() {
         for (width, height) in SIZES {
             page.resize(width, height);
             for theme in ["dark", "light"] {
-                in_theme(&mut page, theme);
+                page.in_theme(theme);
                 page.wait_for(&format!("all three at {width}: {says:?}"), &are_shown);
                 page.value("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))");
                 assert_eq!(page.value(CUT), json!(""), "{width} x {height}, {theme}: {says:?}");
                 assert_eq!(page.text("#why-more"), "", "{width} x {height}, {theme}: {says:?}");
-                keep(&mut page, &format!("reasons-{theme}-{width}"));
+                page.keep(&format!("reasons-{theme}-{width}"));
             }
         }
     }
@@ -75,7 +75,7 @@ fn three_reasons_are_read_whole_at_every_size_and_more_are_counted() {
         "document.querySelectorAll('#reasons li').length + Number(/^and ([0-9]+) more$/.exec(document.getElementById('why-more').textContent)?.[1]) === 9",
     );
     assert_eq!(page.value(CUT), json!(""), "nine reasons");
-    keep(&mut page, "reasons-nine");
+    page.keep("reasons-nine");
     drop(sender);
     krait.signal(Signal::TERM);
     krait.end(PATIENCE);
@@ -144,7 +144,7 @@ fn verify_on_the_page_tells_the_same_from_another_from_what_nobody_knows() {
         assert_eq!(page.value("document.querySelector('.verdict-says i').className"), json!(mark), "{name}: {said}");
         let is_cut = "(says => says.scrollHeight > says.clientHeight || says.scrollWidth > says.clientWidth)(document.querySelector('.verdict-says'))";
         assert_eq!(page.value(is_cut), json!(false), "{name}: {said}");
-        keep(&mut page, &format!("verdict-{name}"));
+        page.keep(&format!("verdict-{name}"));
     }
     // What is no answer of a verification is never taken for one.
     let strange = "import('/js/verdict.js').then(({ verdictOf }) => [{}, null, { identical: true }, { setpoints_identical: 9 },
@@ -161,18 +161,4 @@ fn press_verify(page: &mut BrowserPage) {
     page.value(
         "[...document.querySelectorAll('#recordings button')].find(button => button.textContent === 'Verify').click()",
     );
-}
-
-fn in_theme(page: &mut BrowserPage, theme: &str) {
-    page.value(&format!(
-        "if (document.documentElement.dataset.theme !== '{theme}') document.getElementById('theme').click(); 0"
-    ));
-}
-
-/// Keeps a picture where somebody wants to look at it.
-fn keep(page: &mut BrowserPage, name: &str) {
-    if let Ok(folder) = std::env::var("KRAIT_SHOTS") {
-        std::fs::create_dir_all(&folder).expect("a folder");
-        std::fs::write(format!("{folder}/{name}.png"), page.picture()).expect("written");
-    }
 }

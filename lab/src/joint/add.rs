@@ -37,6 +37,7 @@ pub(crate) fn add(machine: &JointsLab, data: &Measurements, options: &AddOptions
     let mut is_known = false;
     for joint in 0..data.n_outputs {
         let signal = Signal::new(machine, data, joint, &excluded, MOST_ROWS, &first_trials)?;
+        let signal = if wanted.varying.is_some() { signal.with_columns(data) } else { signal };
         let weight = vec![1.0; signal.rows.len()];
         let loss = Loss { weight: &weight, noise: fast_noise(&signal) };
         let own = candidates(&signal).into_iter().filter(|kind| is_wanted(*kind, wanted)).collect();

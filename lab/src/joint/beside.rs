@@ -176,7 +176,7 @@ pub(super) fn varied(
         }
         all.push(found);
     }
-    if signal.n_recordings > 1 {
+    if (2..=MOST_COLUMNS).contains(&signal.n_recordings) {
         let by_recording = Signal { columns: indicators(signal), ..signal.clone() };
         let steady = fit.members.iter().all(|own| own.varies.is_none());
         let other = Search::new(&by_recording, search.loss, search.candidates.clone());
@@ -233,7 +233,7 @@ fn starts(search: &Search, fit: &Fit) -> Vec<(Fit, usize)> {
         let others =
             search.candidates.iter().copied().filter(|kind| same_class(kind) && varying_number(*kind).is_some());
         let rest = search.part(fit, |kind| kind != member.kind, 6);
-        for kind in others.filter(|kind| *kind != Kind::Latency) {
+        for kind in others {
             let Some(other) = search.extend(&rest, kind) else { continue };
             let place = other.members.iter().position(|own| own.kind == kind);
             all.extend(place.map(|place| (other, place)));

@@ -194,12 +194,15 @@ struct Case<'a> {
 impl Case<'_> {
     fn joint(&self, joint: usize) -> Result<Found, LabError> {
         let recordings = self.options.first_trials();
-        let mut signal = Signal::new(self.machine, self.work, joint, self.left_out, MOST_SEARCHED, &recordings)?;
+        let signal = Signal::new(self.machine, self.work, joint, self.left_out, MOST_SEARCHED, &recordings)?;
+        let mut signal = signal.with_columns(self.work);
         // The last steps on all rows.
         let is_long = self.data.n_rows() > LONG;
         let all = if is_long { None } else { Some(self.data) };
         let judged = match all {
-            Some(data) => Signal::new(self.machine, data, joint, self.excluded, MOST_JUDGED, &recordings)?,
+            Some(data) => {
+                Signal::new(self.machine, data, joint, self.excluded, MOST_JUDGED, &recordings)?.with_columns(data)
+            }
             None => signal.clone(),
         };
         let judged = with_common_columns(&mut signal, judged);

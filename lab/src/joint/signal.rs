@@ -49,7 +49,7 @@ pub(super) struct Signal {
     pub own_waves: Vec<Wave>,
     /// A speed that is rarely exceeded.
     pub fast: f64,
-    /// Columns beside commands and measurements that may act on the joint.
+    /// Columns beside commands and measurements that may act on the joint; none where nobody asked ([`Signal::with_columns`]).
     pub columns: Vec<Column>,
     /// What the model knows of gain and offset.
     pub gain: Number,
@@ -162,11 +162,16 @@ impl Signal {
             low,
             typical_step_s: at(&steps, 0.5).unwrap_or(1.0),
             fast: at(&speeds, 0.995).filter(|speed| *speed > 0.0).unwrap_or(1.0),
-            columns: super::beside::columns(data, joint),
+            columns: Vec::new(),
             gain: machine.gain_known(joint),
             offset: machine.offset_known(joint),
             inputs,
         })
+    }
+
+    /// The same with the columns beside the motion, which take their time on long records.
+    pub fn with_columns(self, data: &Measurements) -> Self {
+        Self { columns: super::beside::columns(data, self.joint), ..self }
     }
 
     /// Whether the joint was told to move and did: else nothing can be said of it.
