@@ -1,10 +1,11 @@
 //! What `krait doctor` finds on this machine, without its measurement, for the page: a niced child that ends at once.
 
+use crate::jobs::niced;
 use core::time::Duration;
 use krait_ipc::clock;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Stdio};
 use std::thread::sleep;
 
 /// It looks at some files of the kernel; on a busy machine that takes its time.
@@ -40,10 +41,9 @@ enum Grade {
 /// # Errors
 /// One sentence: it did not start, took too long, or gave no answer.
 pub(crate) fn findings(program: &Path) -> Result<Findings, String> {
-    let mut command = Command::new("nice");
-    command.args(["-n", "15"]).arg(program).args(["doctor", "--seconds", "0", "--json"]);
-    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::null());
-    let child = command.spawn().map_err(|error| format!("krait doctor cannot be started: {error}; ask again."))?;
+    let mut command = niced(program);
+    let child = command.args(["doctor", "--seconds", "0", "--json"]).stderr(Stdio::null()).spawn();
+    let child = child.map_err(|error| format!("krait doctor cannot be started: {error}; ask again."))?;
     let ended = ended(child)?;
     worst_first(&ended)
         .map_err(|error| format!("krait doctor gave no answer that can be read: {error}; try it in a terminal."))

@@ -5,7 +5,7 @@
 
 use serde::Serialize;
 use std::io::{BufRead, BufReader, Read};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStderr, ChildStdout, Command, Stdio};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
@@ -70,10 +70,11 @@ impl Jobs {
         if current.as_ref().is_some_and(|job| job.report.stage == JobStage::Running) {
             return Err("Another job is at work; cancel it, or wait for it.".to_owned());
         }
-        let mut command = Command::new("nice");
-        command.args(["-n", "15"]).arg(&self.program).args(arguments);
-        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        let mut child = command.spawn().map_err(|error| format!("The job cannot be started: {error}."))?;
+        let mut child = niced(&self.program)
+            .args(arguments)
+            .stderr(Stdio::piped())
+            .spawn()
+            .map_err(|error| format!("The job cannot be started: {error}."))?;
         let (stdout, stderr) = (child.stdout.take(), child.stderr.take());
         let id = current.as_ref().map_or(0, |job| job.report.id) + 1;
         let command = format!("krait {}", arguments.join(" "));
@@ -112,6 +113,13 @@ impl Drop for Jobs {
     fn drop(&mut self) {
         self.cancel();
     }
+}
+
+/// A program that yields to every other, without input, whose output is read.
+pub(crate) fn niced(program: &Path) -> Command {
+    let mut command = Command::new("nice");
+    command.args(["-n", "15"]).arg(program).stdin(Stdio::null()).stdout(Stdio::piped());
+    command
 }
 
 fn lock<T>(slot: &Mutex<T>) -> MutexGuard<'_, T> {

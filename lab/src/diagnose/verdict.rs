@@ -206,7 +206,8 @@ impl Case<'_> {
         let sigma = self.floors.sigma();
         let floor = self.floor();
         let remaining = self.remaining(&chosen, before, after, floor)?;
-        let effects = self.effects(&chosen, &prefixes, [before, after])?;
+        let known = self.known(&chosen)?;
+        let effects = self.effects(&chosen, &prefixes, [before, after], &known)?;
         let doubtful: Vec<bool> = if remaining.structured {
             self.standing(&chosen)?.into_iter().map(|stands| !stands).collect()
         } else {
@@ -232,7 +233,7 @@ impl Case<'_> {
         cautions.extend(loads.iter().flatten().filter_map(LoadCell::caution));
         let n_own = search.base_variables.len();
         cautions.extend(inseparable(&chosen.fit, n_own));
-        cautions.extend(self.hidden_scale(&chosen)?);
+        cautions.extend(self.hidden_scale(&chosen, &known));
         cautions.extend(self.hint.clone());
         let mut terms = chosen.fit.effects.clone();
         let (effects, partial) = if verdict == Verdict::Unknown {
@@ -315,13 +316,23 @@ impl Case<'_> {
         Ok(prefixes)
     }
 
-    fn effects(&self, chosen: &Trial, prefixes: &[Trial], ends: [f64; 2]) -> Result<Vec<FoundEffect>, LabError> {
+    /// How well the variables of a fit are known.
+    fn known(&self, chosen: &Trial) -> Result<Known, LabError> {
+        Ok(Known { errors: uncertainty(self.full.problem, &chosen.fit), moved: self.moved_by_scale(chosen)? })
+    }
+
+    fn effects(
+        &self,
+        chosen: &Trial,
+        prefixes: &[Trial],
+        ends: [f64; 2],
+        known: &Known,
+    ) -> Result<Vec<FoundEffect>, LabError> {
         let problem = self.tried.problem;
         let (_, scale) = problem.machine.error_unit();
         let mut errors = vec![ends[0]];
         errors.extend(prefixes.iter().map(|own| held_out_rms(problem, &own.fit) * scale));
         errors.push(ends[1]);
-        let known = Known { errors: uncertainty(self.full.problem, &chosen.fit), moved: self.moved_by_scale(chosen)? };
         (0..chosen.found.len())
             .map(|slot| {
                 let class = self.found.alternatives.class(self.place_of(chosen, slot));
@@ -331,7 +342,7 @@ impl Case<'_> {
                     class: class.into_iter().map(|k| self.full.candidates[k].name.to_owned()).collect(),
                     before: errors[slot],
                     after: errors[slot + 1],
-                    parameters: self.parameters(chosen, slot, &known)?,
+                    parameters: self.parameters(chosen, slot, known)?,
                     joint: None,
                     sketch: None,
                 })
@@ -351,17 +362,15 @@ impl Case<'_> {
     }
 
     /// A sentence on the effects of whose standard errors such a scale makes the most.
-    fn hidden_scale(&self, chosen: &Trial) -> Result<Option<String>, LabError> {
-        let moved = self.moved_by_scale(chosen)?;
-        let robust = uncertainty(self.full.problem, &chosen.fit).robust;
+    fn hidden_scale(&self, chosen: &Trial, known: &Known) -> Option<String> {
         let place = |slot: usize| self.full.base.len() + slot;
         let is_most = |slot: &usize| {
-            let own = chosen.fit.variables.iter().zip(moved.iter().zip(&robust));
+            let own = chosen.fit.variables.iter().zip(known.moved.iter().zip(&known.errors.robust));
             own.filter(|(own, _)| own.effect == place(*slot)).any(|(_, (moved, robust))| moved > robust)
         };
         let names: Vec<&str> =
             (0..chosen.found.len()).filter(is_most).map(|slot| self.full.candidates[chosen.found[slot]].name).collect();
-        Ok(omitted::caution(&names))
+        omitted::caution(&names)
     }
 
     /// Where the effect in a place of a list stands in the list as it was found.

@@ -108,38 +108,25 @@ pub(super) fn with_common_columns(some: &mut Signal, mut all: Signal) -> Signal 
     all
 }
 
-/// The number of an effect that may depend on a column: what its value or its amplitude is called in model files.
-pub(super) fn varying_number(kind: Kind) -> Option<&'static str> {
-    match kind {
-        Kind::Backlash | Kind::DeadZone => Some("half_width"),
-        Kind::Saturation => Some("limit"),
-        Kind::Lag => Some("time_s"),
-        Kind::BoucWen | Kind::Periodic => Some("amplitude"),
-        Kind::LoadFriction => Some("share"),
-        Kind::Creep => Some("a1"),
-        Kind::Quadratic => Some("quadratic"),
-        Kind::Cubic => Some("cubic"),
-        Kind::Coupling(_) => Some("k"),
+/// The number of an effect, by its name, that may depend on a column: what its value or its amplitude is called in model files.
+pub(crate) fn varying_number_of(effect: &str) -> Option<&'static str> {
+    match effect {
+        "backlash" | "dead-zone" => Some("half_width"),
+        "saturation" => Some("limit"),
+        "first-order-lag" => Some("time_s"),
+        "bouc-wen" | "periodic-error" => Some("amplitude"),
+        "load-friction" => Some("share"),
+        "creep" => Some("a1"),
+        "quadratic" => Some("quadratic"),
+        "cubic" => Some("cubic"),
+        "cross-coupling" => Some("k"),
         _ => None,
     }
 }
 
-/// The same by the effect's name.
-pub(crate) fn varying_number_of(effect: &str) -> Option<&'static str> {
-    const KINDS: [Kind; 11] = [
-        Kind::Backlash,
-        Kind::DeadZone,
-        Kind::Saturation,
-        Kind::Lag,
-        Kind::BoucWen,
-        Kind::Periodic,
-        Kind::LoadFriction,
-        Kind::Creep,
-        Kind::Quadratic,
-        Kind::Cubic,
-        Kind::Coupling(0),
-    ];
-    KINDS.into_iter().find(|kind| kind.name() == effect).and_then(varying_number)
+/// The same of a kind; a curve of two terms has no one number.
+pub(super) fn varying_number(kind: Kind) -> Option<&'static str> {
+    if kind == Kind::Curve { None } else { varying_number_of(kind.name()) }
 }
 
 /// The middle of a column, where a number that depends on it has its value; `None` for a column that stands still or is not there.
