@@ -53,11 +53,11 @@ impl ParameterVariation {
     fn say(&self, joint: &str, error_unit: &str) -> String {
         let Self { effect, parameter, unit, values: [first, last], errors: [without, with], .. } = self;
         let (scale, unit) = if unit == "rad" { (180.0 / core::f64::consts::PI, "deg") } else { (1.0, unit.as_str()) };
-        let [first, last] = [first, last].map(|value| digits(scale * value));
+        let [first, last] = ends([scale * first, scale * last]);
         let falls = format!("with that the error falls from {without:.3} to {with:.3} {error_unit}");
         match &self.on {
             DependsOn::Column { name, range: [low, high], .. } => {
-                let [low, high] = [low, high].map(|value| digits(*value));
+                let [low, high] = ends([*low, *high]);
                 format!(
                     "on {joint} {parameter} of {effect} depends on the column {name}: {first} {unit} at {low}, {last} at {high}; {falls}"
                 )
@@ -82,5 +82,23 @@ impl ParameterVariation {
             "recording": recording, "slope": slope, "values": self.values, "heldout_rms": self.errors,
             "in_effects": self.is_in_answer, "sentence": self.sentence,
         })
+    }
+}
+
+/// The two ends of a range, each in as many digits as their distance deserves.
+fn ends([first, last]: [f64; 2]) -> [String; 2] {
+    let unit = 10_f64.powf((last - first).abs().max(f64::MIN_POSITIVE).log10().floor() - 3.0);
+    [first, last].map(|value| digits((value / unit).round() * unit))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::ends;
+
+    #[test]
+    fn ends_have_the_digits_of_their_distance() {
+        assert_eq!(ends([2.201e-5, 89.999_98]), ["0", "90"]);
+        assert_eq!(ends([0.399_64, 1.300_4]), ["0.3996", "1.3"]);
+        assert_eq!(ends([-0.001_234_56, 0.002]), ["-0.001235", "0.002"]);
     }
 }
