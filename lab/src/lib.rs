@@ -7,6 +7,7 @@
 mod add;
 mod calibrated;
 mod cells;
+mod clock;
 pub mod compare;
 pub mod diagnose;
 mod error;
@@ -29,6 +30,7 @@ mod term;
 
 pub use add::{AddOptions, Added, JointNumber, add, refit};
 pub use calibrated::{disagreements, drawn_away};
+pub use clock::ClockOffset;
 pub use error::LabError;
 pub use measurements::{LoadUse, Measurements, Names, Quantity, SecondClock};
 pub use problem::{FEWEST_BLOCKS, Problem, scored_time_s};

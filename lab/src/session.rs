@@ -1,8 +1,9 @@
 //! A model file and measurements of its machine, read and checked together.
 
+use crate::diagnose::first_trials;
 use crate::machine::{MachineUnderTest, machine_of};
 use crate::read::{ColumnMap, ReadError, read, read_with};
-use crate::{LabError, Measurements};
+use crate::{ClockOffset, LabError, Measurements, Quantity};
 use krait_ipc::input;
 use krait_model::model_file::{ModelFile, ModelFileError};
 use std::path::{Path, PathBuf};
@@ -66,6 +67,21 @@ pub enum SessionError {
         /// The second recording.
         other: PathBuf,
     },
+    /// Clocks for another number of recordings.
+    #[error(
+        "--clock: {n_clocks} are given for {n_recordings} recordings, expected one for all or one for each in their order; leave some out or name the others"
+    )]
+    Clocks {
+        /// Those given.
+        n_clocks: usize,
+        /// The recordings.
+        n_recordings: usize,
+    },
+    /// A force has no clock of its own.
+    #[error(
+        "--clock: the model is of kind force, whose angle and force are filtered alike and must have one clock; leave it out"
+    )]
+    OneClock,
     /// Model and measurements do not fit each other.
     #[error(transparent)]
     Lab(#[from] LabError),
@@ -123,6 +139,25 @@ impl Session {
         // Refused now, before anything is computed: an effect of the model may need a column that is not there.
         machine.predict(machine.effects(), &data.select(&[0]))?;
         Ok(Self { file, machine, data, recordings })
+    }
+
+    /// The same with the measurements of each recording where these clocks have them: none, one for all, or one for each.
+    ///
+    /// # Errors
+    /// [`SessionError::Clocks`] for another number of clocks, [`SessionError::OneClock`] for a force.
+    pub fn by_clocks(self, clocks: &[ClockOffset]) -> Result<Self, SessionError> {
+        let n_recordings = self.recordings.len().max(1);
+        let all = match clocks {
+            [] => return Ok(self),
+            [one] => vec![*one; n_recordings],
+            several if several.len() == n_recordings => several.to_vec(),
+            several => return Err(SessionError::Clocks { n_clocks: several.len(), n_recordings }),
+        };
+        if self.data.quantity == Quantity::Force {
+            return Err(SessionError::OneClock);
+        }
+        let data = self.data.by_clocks(&all, &first_trials(&self.recordings));
+        Ok(Self { data, ..self })
     }
 }
 

@@ -2,8 +2,8 @@
 
 use crate::cli_lab_data::{BenchmarkArgs, CheckArgs, GenerateArgs, QuizArgs};
 use clap::{Args, Subcommand};
-use krait_lab::Session;
 use krait_lab::read::{ColumnMap, Mapping, ReadError};
+use krait_lab::{ClockOffset, Session};
 use std::path::PathBuf;
 
 /// The lab's subcommands.
@@ -94,6 +94,10 @@ pub struct LabFiles {
     /// the motion says. Columns are named and mapped as in one file.
     #[arg(long, value_name = "FILE")]
     pub with: Option<PathBuf>,
+    /// How far the measurements come ahead of the encoders, s, as a diagnosis of a snake finds it, and after a comma by how many parts per
+    /// million their clock is apart; once, or again for each recording.
+    #[arg(long, value_name = "SECONDS[,PPM]", allow_hyphen_values = true)]
+    pub clock: Vec<ClockOffset>,
     /// The file's own name and unit for a column of the lab, again for each: bend_x_rad=cam.x:deg.
     #[arg(long = "map", value_name = "COLUMN=NAME[:UNIT]")]
     pub map: Vec<Mapping>,
@@ -108,7 +112,8 @@ impl LabFiles {
     /// # Errors
     /// What the lab refuses, one sentence.
     pub fn session(&self) -> anyhow::Result<Session> {
-        Ok(Session::open_with(&self.model, &self.data, self.with.as_deref(), &self.column_map()?)?)
+        let session = Session::open_with(&self.model, &self.data, self.with.as_deref(), &self.column_map()?)?;
+        Ok(session.by_clocks(&self.clock)?)
     }
 
     /// The mappings together.

@@ -4,6 +4,7 @@ use super::sketch::place;
 use super::variation::ParameterVariation;
 use super::{NextExperiment, Sketch, Structure};
 use crate::Term;
+use crate::clock::ClockOffset;
 use crate::machine::JointsLab;
 use crate::noise::NoiseFloor;
 
@@ -66,6 +67,8 @@ pub struct Diagnosis {
     pub calibration: Vec<Calibration>,
     /// The load cells, line by line, where loads were recorded and count.
     pub loads: Option<Vec<LoadCell>>,
+    /// The clock of each recording's measurements that was found beside the effects; empty where it is the commands'.
+    pub clocks: Vec<ClockOffset>,
     /// The missing effects, the one that brings most first; empty unless the verdict says missing or partly.
     pub effects: Vec<FoundEffect>,
     /// Hypotheses: effects that help, but do not explain; where the verdict is unknown or too short.

@@ -11,12 +11,14 @@
 //!    (`omitted`); what is left (`structure`); the verdict.
 //! 6. Where something is left, shapes that name no physics are put beside the effects (`beside`; a snake's are chosen together with
 //!    effects, `mixture` and `fine_shapes`), and the search is begun anew; which effects stand there (`stand`).
+//! 7. Where what is left follows the speed of the motion, the camera's clock is moved and all is begun anew (`clock`).
 
 mod accept;
 mod alternatives;
 mod answer;
 mod beside;
 mod calibration;
+mod clock;
 mod columns;
 mod experiment;
 mod findings;
@@ -37,6 +39,7 @@ mod stand;
 pub mod structure;
 mod variation;
 mod verdict;
+mod whole;
 mod words;
 mod working;
 
@@ -54,7 +57,8 @@ pub use sketch::Sketch;
 pub(crate) use structure::structure;
 pub use structure::{GroupShare, Structure};
 pub use variation::{DependsOn, ParameterVariation};
-pub use verdict::{DiagnoseOptions, diagnose};
+pub(crate) use whole::first_trials;
+pub use whole::{DiagnoseOptions, diagnose};
 pub use words::capital;
 pub(crate) use words::{named, stand_and_take, sure};
 pub(crate) use working::working_rows;

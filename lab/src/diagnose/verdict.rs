@@ -10,43 +10,18 @@ use super::rhythm::{Rhythm, rhythm};
 use super::screen::orthonormal;
 use super::search::{Search, Trial};
 use super::stand::Beside;
+use super::whole::DiagnoseOptions;
 use super::words::{sentence, state};
 use super::working::{tried_rows, working_rows};
 use super::{GroupShare, columns, experiment, force_rest, gate, lists, omitted, structure};
 use crate::cells::{Usable, load_cells};
 use crate::fit::{Fit, Uncertainty, dot, held_out_block_squares, held_out_output_squares, uncertainty};
 use crate::free::free_variables;
-use crate::machine::{Candidate, Freed, MachineUnderTest, freed};
+use crate::machine::{Candidate, MachineUnderTest};
 use crate::noise::{FloorSource, NoiseFloor};
 use crate::prepare::{Prepared, prepare};
 use crate::read::scatter_before_filter;
 use crate::{LabError, Measurements, Problem};
-
-/// How to diagnose.
-#[derive(Clone, Debug, PartialEq)]
-pub struct DiagnoseOptions {
-    /// Seed of all random numbers; the same seed gives the same bytes, whatever the number of threads.
-    pub seed: u64,
-    /// At most so many effects of a joint, or of a snake, are sought together, 1 to 5.
-    pub max_effects: usize,
-    /// Where several recordings are diagnosed together: name and first trial of each.
-    pub recordings: Vec<(String, usize)>,
-    /// Parameters of the model's own effects that are free: effect's name and parameter's name.
-    pub free: Vec<(String, String)>,
-}
-
-impl Default for DiagnoseOptions {
-    fn default() -> Self {
-        Self { seed: 1, max_effects: 5, recordings: Vec::new(), free: Vec::new() }
-    }
-}
-
-impl DiagnoseOptions {
-    /// First trial of each recording.
-    pub(crate) fn first_trials(&self) -> Vec<usize> {
-        if self.recordings.is_empty() { vec![0] } else { self.recordings.iter().map(|(_, first)| *first).collect() }
-    }
-}
 
 /// Final error up to this ratio of the floor is the floor.
 const AT_FLOOR: f64 = 1.04;
@@ -60,20 +35,16 @@ const BEYOND_ROWS: f64 = 2.0;
 /// A slow wave that is more than this share of a force's rest is a rest.
 const SLOW_REST: f64 = 0.6;
 
-/// Says which effect is missing from a machine's model, or none, or that it cannot be said.
+/// Says which effect is missing from a snake, from segments or from a joint's force, or none, or that it cannot be said; by the one
+/// clock that the data have.
 ///
 /// # Errors
 /// [`LabError`] where the model as given cannot be computed, or a free parameter does not exist.
-pub fn diagnose(
+pub(super) fn by_one_clock(
     machine: &dyn MachineUnderTest,
     data: &Measurements,
     options: &DiagnoseOptions,
 ) -> Result<Diagnosis, LabError> {
-    if let Some(joints) = machine.as_joints() {
-        let Freed { joints, others, .. } = freed(joints, &options.free)?;
-        let options = DiagnoseOptions { free: others, ..options.clone() };
-        return crate::joint::diagnose(&joints, data, &options)?.sketched(machine, data);
-    }
     let Prepared { problem: full, mut floors, excluded, shortest_block_s, loads } = prepare(machine, data)?;
     let rows = working_rows(data, &excluded);
     let of_rows = |data: Measurements| {
@@ -255,6 +226,7 @@ impl Case<'_> {
             verdict,
             cautions,
             loads,
+            clocks: Vec::new(),
             unit: unit.to_owned(),
             floor_relative_error: 0.0,
             as_given_rms: problem.rms_of_outputs(dot(&as_given, &as_given)) * scale,

@@ -143,6 +143,7 @@ pub(super) fn diagnosis(answer: Answer) -> Result<Diagnosis, LabError> {
         effects,
         partial,
         loads: None,
+        clocks: Vec::new(),
         remaining,
         proposals: worst_rest(&found).map_or(Vec::new(), |own| own.proposals.clone()),
         variations: variations(machine, &found, options, &data.names)?,

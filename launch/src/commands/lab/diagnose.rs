@@ -8,7 +8,7 @@ use anyhow::{Context, bail};
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, FormulaTerm, FoundEffect, LoadCell, capital, diagnose};
 use krait_lab::experiment::{Experiment, Separation, experiment};
 use krait_lab::report::diagnosis_page;
-use krait_lab::{Names, Session, drawn_away};
+use krait_lab::{ClockOffset, Names, Session, drawn_away};
 use krait_model::effects::explanation;
 use krait_model::model_file::Machine;
 use krait_report::Table;
@@ -20,7 +20,7 @@ const SHOWN: usize = 12;
 
 /// Diagnoses; finding that something is missing is no failure.
 pub fn run(args: &DiagnoseArgs) -> anyhow::Result<ExitCode> {
-    let session = args.files.session()?;
+    let mut session = args.files.session()?;
     let options = DiagnoseOptions {
         seed: args.seed,
         max_effects: usize::from(args.max_effects),
@@ -29,6 +29,13 @@ pub fn run(args: &DiagnoseArgs) -> anyhow::Result<ExitCode> {
     };
     let mut diagnosis = diagnose(session.machine.as_ref(), &session.data, &options)?;
     diagnosis.cautions.extend(drawn_away(&session.file, &diagnosis.calibration));
+    // Pictures and the commands that come next are of the measurements where their clock was found to have them.
+    let mut args = args.clone();
+    if !diagnosis.clocks.is_empty() {
+        session = session.by_clocks(&diagnosis.clocks)?;
+        args.files.clock = together(&args.files.clock, &diagnosis.clocks);
+    }
+    let args = &args;
     if let Some(path) = &args.experiment {
         write_experiment(path, &session, &mut diagnosis)?;
     }
@@ -41,6 +48,12 @@ pub fn run(args: &DiagnoseArgs) -> anyhow::Result<ExitCode> {
         print::out(&text(args, &diagnosis, &session))?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// The clocks of the options with those that were found beside them.
+fn together(said: &[ClockOffset], found: &[ClockOffset]) -> Vec<ClockOffset> {
+    let said = |k: usize| said.get(k).or(said.first()).copied().unwrap_or_default();
+    found.iter().enumerate().map(|(k, own)| said(k).and(*own)).collect()
 }
 
 /// Writes the motion, and tells the diagnosis what playing it would decide.

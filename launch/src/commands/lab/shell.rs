@@ -20,7 +20,8 @@ pub fn data_words(files: &LabFiles) -> String {
     let maps = files.map.iter().map(|map| format!("--map {}", quoted(&map.to_string())));
     let file = files.map_file.iter().map(|path| format!("--map-file {}", shell(path)));
     let with = files.with.iter().map(|path| format!("--with {}", shell(path)));
-    data.chain(with).chain(maps).chain(file).collect::<Vec<_>>().join(" ")
+    let clock = files.clock.iter().map(|own| format!("--clock {}", own.words()));
+    data.chain(with).chain(clock).chain(maps).chain(file).collect::<Vec<_>>().join(" ")
 }
 
 #[cfg(test)]

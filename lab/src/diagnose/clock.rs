@@ -1,0 +1,317 @@
+//! The camera's clock: where what the effects leave follows the speed of the motion as if the measurements came ahead of it, or ever
+//! earlier or later, the clock is what is wrong and no effect. It is found with the effects, and reported as calibration.
+//!
+//! A measurement of shift a shows f(t + a): to first order it leaves a df/dt. Measurements that come late are no matter of this: the
+//! effect `latency` has them.
+
+use super::answer::{Calibration, Diagnosis};
+use super::whole::DiagnoseOptions;
+use super::working::working_rows;
+use crate::clock::ClockOffset;
+use crate::fit::{Fit, Variable, dot, fit, fit_to_end, inverse, normal_equations, standard_errors};
+use crate::free::free_variables;
+use crate::machine::MachineUnderTest;
+use crate::prepare::{Prepared, prepare};
+use crate::{LabError, Measurements, Problem};
+use nalgebra::DVector;
+
+/// A shift or a rate counts from so many standard errors on ...
+const ERRORS: f64 = 4.0;
+/// ... and from this share on that it takes away of what the effects leave.
+const LEAST_SHARE: f64 = 0.02;
+/// Steps towards a clock, each with the effects fitted again, and searches.
+const MOST_STEPS: usize = 4;
+const MOST_SEARCHES: usize = 4;
+/// A step of less than this many standard errors is the last.
+const SMALL_STEP: f64 = 0.3;
+/// Speeds are differences over at least this time: encoders have noise.
+const SPEED_OVER_S: f64 = 0.04;
+
+/// What the clocks of the recordings are, each with its standard errors; of two numbers for each recording, shift and rate.
+struct Clocks {
+    values: Vec<ClockOffset>,
+    errors: Vec<[f64; 2]>,
+    /// Which of the numbers are other than zero.
+    is_free: Vec<[bool; 2]>,
+}
+
+/// A diagnosis by one clock for all, and where what it leaves shows another one, by that.
+///
+/// # Errors
+/// [`LabError`] where the model as given cannot be computed.
+pub(super) fn by_own_clock(
+    machine: &dyn MachineUnderTest,
+    data: &Measurements,
+    options: &DiagnoseOptions,
+    by_one_clock: impl Fn(&Measurements) -> Result<Diagnosis, LabError>,
+) -> Result<Diagnosis, LabError> {
+    let firsts = options.first_trials();
+    let mut last = by_one_clock(data)?;
+    let as_given_rms = last.as_given_rms;
+    let (mut best, mut clocks) = (last.clone(), None);
+    let mut values = vec![ClockOffset::default(); firsts.len()];
+    for _ in 0..MOST_SEARCHES {
+        // Effects that imitate a clock draw it to where they suit best: those of the next search do not.
+        let Some(found) = settled(machine, data, options, &last, &values)? else { break };
+        last = by_one_clock(&data.by_clocks(&found.values, &firsts))?;
+        values.clone_from(&found.values);
+        if badness(&last) < badness(&best) {
+            (best, clocks) = (last.clone(), Some(found));
+        }
+    }
+    let Some(clocks) = clocks else { return Ok(best) };
+    let names: Vec<Option<String>> = match options.recordings.len() {
+        0 => vec![None],
+        _ => options.recordings.iter().map(|(name, _)| Some(name.clone())).collect(),
+    };
+    best.calibration.extend(clocks.calibration(&names));
+    best.cautions.push(clocks.sentence(&names));
+    best.clocks = clocks.values;
+    best.as_given_rms = as_given_rms;
+    Ok(best)
+}
+
+/// Mean square that a diagnosis leaves, with a price for each effect.
+fn badness(own: &Diagnosis) -> f64 {
+    let n_effects = own.effects.len() + own.partial.len();
+    own.final_heldout_rms.powi(2) * (1.0 + LEAST_SHARE).powf(n_effects as f64)
+}
+
+/// The clocks that go with the effects of a diagnosis by these clocks; `None` where they are what they were.
+fn settled(
+    machine: &dyn MachineUnderTest,
+    data: &Measurements,
+    options: &DiagnoseOptions,
+    diagnosis: &Diagnosis,
+    before: &[ClockOffset],
+) -> Result<Option<Clocks>, LabError> {
+    let firsts = options.first_trials();
+    let was_none = before.iter().all(ClockOffset::is_none);
+    let mut values = before.to_vec();
+    let mut errors = vec![[0.0; 2]; firsts.len()];
+    let mut is_free: Vec<[bool; 2]> = before.iter().map(|own| [own.shift_s != 0.0, own.rate != 0.0]).collect();
+    let mut terms = diagnosis.terms.clone();
+    let mut has_moved = false;
+    for n in 0..MOST_STEPS {
+        let moved = data.by_clocks(&values, &firsts);
+        let Prepared { problem, excluded, .. } = prepare(machine, &moved)?;
+        let rows = working_rows(&moved, &excluded);
+        let problem = if rows.len() < moved.n_rows() {
+            Problem::new(machine, moved.select(&rows), &[], SHORTEST_BLOCK_S)
+        } else {
+            problem
+        };
+        let variables = variables(machine, &problem, options, diagnosis)?;
+        let fitted = if n == 0 && was_none {
+            fit(&problem, &terms, &variables, 0, 0.0)?
+        } else {
+            fit_to_end(&problem, &terms, &variables)?
+        };
+        terms = fitted.effects.clone();
+        let step = Step::new(&problem, &fitted, &firsts)?;
+        if n == 0 {
+            let told = step.told();
+            is_free.iter_mut().zip(&told).for_each(|(own, told)| (0..2).for_each(|k| own[k] |= told[k]));
+            if is_free.iter().all(|own| !own[0] && !own[1]) {
+                return Ok(None);
+            }
+        }
+        let (steps, own_errors) = step.of(&is_free, &problem);
+        errors = own_errors;
+        let mut largest = 0.0_f64;
+        for ((own, [shift_s, rate]), [shift_error, rate_error]) in values.iter_mut().zip(&steps).zip(&errors) {
+            let most = |value: f64, most: f64| value.clamp(-most, most);
+            *own = ClockOffset {
+                shift_s: most(own.shift_s + shift_s, ClockOffset::MOST_S).max(0.0),
+                rate: most(own.rate + rate, ClockOffset::MOST_RATE),
+            };
+            let size = |step: f64, error: f64| if error > 0.0 { step.abs() / error } else { 0.0 };
+            largest = largest.max(size(*shift_s, *shift_error)).max(size(*rate, *rate_error));
+        }
+        has_moved |= largest >= SMALL_STEP;
+        if largest < SMALL_STEP {
+            break;
+        }
+    }
+    let is_none = values.iter().all(ClockOffset::is_none);
+    Ok((has_moved && !is_none).then_some(Clocks { values, errors, is_free }))
+}
+
+/// Blocks of the working rows, s.
+const SHORTEST_BLOCK_S: f64 = 4.0;
+
+/// What the diagnosis had free: of the model's own, and of the effects that it found.
+fn variables(
+    machine: &dyn MachineUnderTest,
+    problem: &Problem,
+    options: &DiagnoseOptions,
+    diagnosis: &Diagnosis,
+) -> Result<Vec<Variable>, LabError> {
+    let mut all = free_variables(machine, &problem.data, &options.free)?;
+    let found = if diagnosis.effects.is_empty() { &diagnosis.partial } else { &diagnosis.effects };
+    let base = machine.effects().len();
+    for (slot, effect) in found.iter().enumerate() {
+        for (k, own) in effect.parameters.iter().enumerate().filter(|(_, own)| own.is_free && !own.on_bound) {
+            let size = own.value.abs().max(own.se);
+            all.push(Variable::new(machine, &diagnosis.terms, base + slot, k, size)?);
+        }
+    }
+    Ok(all)
+}
+
+/// What a fit leaves of the measurements beside the speed of what it predicts.
+struct Step {
+    /// Speed, and speed times the time from the recording's middle, of each recording, laid out as residuals are.
+    columns: Vec<Vec<f64>>,
+    /// Speed of one size along the motion: what is lost of the way and not of time.
+    directions: Vec<Vec<f64>>,
+    slopes: Vec<Vec<f64>>,
+    residual: Vec<f64>,
+    /// Standard errors of shift and rate of each recording, all free.
+    errors: Vec<[f64; 2]>,
+}
+
+impl Step {
+    fn new(problem: &Problem, fitted: &Fit, firsts: &[usize]) -> Result<Self, LabError> {
+        let data = &problem.data;
+        let predicted = problem.machine.predict(&fitted.effects, data)?;
+        let speed = speeds(data, &predicted);
+        let n = data.n_outputs;
+        let trials = data.trial.last().map_or(0, |last| *last as usize + 1);
+        let (mut columns, mut directions) = (Vec::new(), Vec::new());
+        for (k, &first) in firsts.iter().enumerate() {
+            let own = first..firsts.get(k + 1).copied().unwrap_or(trials);
+            let middle_s = data.middle_s(own.clone());
+            let of_rows = |value: &dyn Fn(usize, f64) -> f64| {
+                let entry = |(k, v): (usize, &f64)| {
+                    let row = k / n;
+                    if own.contains(&(data.trial[row] as usize)) { value(row, *v) } else { 0.0 }
+                };
+                problem.laid_out(speed.iter().enumerate().map(entry).collect())
+            };
+            columns.push(of_rows(&|_, v| -v));
+            columns.push(of_rows(&|row, v| -v * (data.time_s[row] - middle_s)));
+            let length = |row: usize| speed[row * n..][..n].iter().map(|v| v * v).sum::<f64>().sqrt();
+            directions.push(of_rows(&|row, v| if length(row) > 0.0 { -v / length(row) } else { 0.0 }));
+        }
+        let slopes = fitted.slopes.clone();
+        let residual = fitted.residual.clone();
+        let mut own = Self { columns, directions, slopes, residual, errors: Vec::new() };
+        let all: Vec<&Vec<f64>> = own.columns.iter().collect();
+        let robust = own.errors_of(problem, &all);
+        own.errors = (0..firsts.len()).map(|k| [robust[2 * k], robust[2 * k + 1]]).collect();
+        Ok(own)
+    }
+
+    /// The step that some columns ask for beside the slopes, and how much of the squares it takes away.
+    fn solved(&self, columns: &[&Vec<f64>]) -> (DVector<f64>, f64) {
+        let all: Vec<Vec<f64>> = columns.iter().copied().chain(&self.slopes).cloned().collect();
+        let (gram, gradient) = normal_equations(&all, &self.residual);
+        let step = -inverse(&gram) * &gradient;
+        let gain = -step.dot(&gradient);
+        (step.rows(0, columns.len()).into_owned(), gain)
+    }
+
+    /// Standard errors of the numbers of these columns, beside the slopes, with what the step that they ask for leaves: what a clock makes is
+    /// no noise.
+    fn errors_of(&self, problem: &Problem, columns: &[&Vec<f64>]) -> Vec<f64> {
+        let all: Vec<Vec<f64>> = columns.iter().copied().chain(&self.slopes).cloned().collect();
+        let (gram, gradient) = normal_equations(&all, &self.residual);
+        let step = -inverse(&gram) * gradient;
+        let mut left = self.residual.clone();
+        for (column, step) in all.iter().zip(step.iter()) {
+            left.iter_mut().zip(column).for_each(|(left, own)| *left += step * own);
+        }
+        standard_errors(problem, &all, &left).0
+    }
+
+    /// Which numbers are beyond doubt: measurements that come ahead, and clocks of another rate.
+    fn told(&self) -> Vec<[bool; 2]> {
+        let (_, without) = self.solved(&[]);
+        let left = dot(&self.residual, &self.residual) - without;
+        let told = |k: usize| {
+            let (shift, rate) = (&self.columns[2 * k], &self.columns[2 * k + 1]);
+            let (step, both) = self.solved(&[shift, rate]);
+            let [shift_error, rate_error] = self.errors[k];
+            let alone = |column: &Vec<f64>| self.solved(&[column]).1;
+            let (by_shift, by_rate) = (alone(shift), alone(rate));
+            let pays = |gain: f64| gain > LEAST_SHARE * left;
+            // What holds a part of the way in both directions is play of the model, and not its clock.
+            let is_time = by_shift > alone(&self.directions[k]);
+            let is_ahead = step[0] > ERRORS * shift_error && pays(both - by_rate) && is_time;
+            [is_ahead, step[1].abs() > ERRORS * rate_error && pays(both - by_shift)]
+        };
+        (0..self.errors.len()).map(told).collect()
+    }
+
+    /// Steps and standard errors of the numbers that are free; zero for the others.
+    fn of(&self, is_free: &[[bool; 2]], problem: &Problem) -> (Vec<[f64; 2]>, Vec<[f64; 2]>) {
+        let places: Vec<usize> = (0..self.columns.len()).filter(|k| is_free[k / 2][k % 2]).collect();
+        let columns: Vec<&Vec<f64>> = places.iter().map(|k| &self.columns[*k]).collect();
+        let (step, _) = self.solved(&columns);
+        let robust = self.errors_of(problem, &columns);
+        let mut steps = vec![[0.0; 2]; is_free.len()];
+        let mut errors = steps.clone();
+        for (n, place) in places.into_iter().enumerate() {
+            steps[place / 2][place % 2] = step[n];
+            errors[place / 2][place % 2] = robust[n];
+        }
+        (steps, errors)
+    }
+}
+
+/// Speed of every predicted output, from the rows before and behind it that are far enough apart.
+fn speeds(data: &Measurements, predicted: &[f64]) -> Vec<f64> {
+    let (n, n_rows) = (data.n_outputs, data.n_rows());
+    let mut speeds = vec![0.0; predicted.len()];
+    for row in 0..n_rows {
+        let is_near = |other: &usize| data.trial[*other] == data.trial[row];
+        let is_far = |other: &usize| 2.0 * (data.time_s[*other] - data.time_s[row]).abs() >= SPEED_OVER_S;
+        let first = (0..row).rev().take_while(is_near).find(is_far).unwrap_or(row);
+        let last = (row + 1..n_rows).take_while(is_near).find(is_far).unwrap_or(row);
+        let seconds = data.time_s[last] - data.time_s[first];
+        if seconds > 0.0 {
+            for k in 0..n {
+                speeds[row * n + k] = (predicted[last * n + k] - predicted[first * n + k]) / seconds;
+            }
+        }
+    }
+    speeds
+}
+
+impl Clocks {
+    /// Shift and rate as numbers of the calibration: a delay below zero where the measurements come ahead.
+    fn calibration(&self, names: &[Option<String>]) -> Vec<Calibration> {
+        let mut all = Vec::new();
+        for ((own, error), (free, name)) in self.values.iter().zip(&self.errors).zip(self.is_free.iter().zip(names)) {
+            let numbers =
+                [("delay", -own.shift_s, error[0], "s"), ("clock-rate", 1e6 * own.rate, 1e6 * error[1], "ppm")];
+            for ((name_of_number, value, se, unit), _) in numbers.into_iter().zip(free).filter(|(_, free)| **free) {
+                all.push(Calibration {
+                    name: name_of_number.to_owned(),
+                    joint: None,
+                    recording: name.clone(),
+                    value,
+                    se,
+                    unit: unit.to_owned(),
+                    prior: None,
+                    is_held: false,
+                });
+            }
+        }
+        all
+    }
+
+    /// What is said of them, in words.
+    fn sentence(&self, names: &[Option<String>]) -> String {
+        let own = |((clock, free), name): ((&ClockOffset, &[bool; 2]), &Option<String>)| {
+            let of = name.as_ref().map_or("the measurements".to_owned(), |name| format!("the measurements of {name}"));
+            let shift = free[0].then(|| format!("come {:.1} ms ahead of the motion", 1e3 * clock.shift_s));
+            let rate = free[1].then(|| format!("have a clock {:.0} ppm apart", 1e6 * clock.rate));
+            let words: Vec<String> = shift.into_iter().chain(rate).collect();
+            (!words.is_empty()).then(|| format!("{of} {}", words.join(" and ")))
+        };
+        let all: Vec<String> = self.values.iter().zip(&self.is_free).zip(names).filter_map(own).collect();
+        format!("{}: that is calibration and no effect; --clock says it to the other commands", all.join("; "))
+    }
+}

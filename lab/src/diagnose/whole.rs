@@ -1,0 +1,60 @@
+//! The diagnosis as a whole: of joints in their own way; of every other machine by the clock that the data have, and by another one
+//! where what is left says so.
+
+use super::answer::Diagnosis;
+use super::clock::by_own_clock;
+use super::verdict::by_one_clock;
+use crate::machine::{Freed, MachineUnderTest, freed};
+use crate::{LabError, Measurements, Quantity};
+
+/// How to diagnose.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DiagnoseOptions {
+    /// Seed of all random numbers; the same seed gives the same bytes, whatever the number of threads.
+    pub seed: u64,
+    /// At most so many effects of a joint, or of a snake, are sought together, 1 to 5.
+    pub max_effects: usize,
+    /// Where several recordings are diagnosed together: name and first trial of each.
+    pub recordings: Vec<(String, usize)>,
+    /// Parameters of the model's own effects that are free: effect's name and parameter's name.
+    pub free: Vec<(String, String)>,
+}
+
+impl Default for DiagnoseOptions {
+    fn default() -> Self {
+        Self { seed: 1, max_effects: 5, recordings: Vec::new(), free: Vec::new() }
+    }
+}
+
+impl DiagnoseOptions {
+    /// First trial of each recording.
+    pub(crate) fn first_trials(&self) -> Vec<usize> {
+        first_trials(&self.recordings)
+    }
+}
+
+/// First trial of each of these recordings; of one recording nothing is said.
+pub(crate) fn first_trials(recordings: &[(String, usize)]) -> Vec<usize> {
+    if recordings.is_empty() { vec![0] } else { recordings.iter().map(|(_, first)| *first).collect() }
+}
+
+/// Says which effect is missing from a machine's model, or none, or that it cannot be said.
+///
+/// # Errors
+/// [`LabError`] where the model as given cannot be computed, or a free parameter does not exist.
+pub fn diagnose(
+    machine: &dyn MachineUnderTest,
+    data: &Measurements,
+    options: &DiagnoseOptions,
+) -> Result<Diagnosis, LabError> {
+    if let Some(joints) = machine.as_joints() {
+        let Freed { joints, others, .. } = freed(joints, &options.free)?;
+        let options = DiagnoseOptions { free: others, ..options.clone() };
+        return crate::joint::diagnose(&joints, data, &options)?.sketched(machine, data);
+    }
+    // Angle and force are filtered alike and have one clock.
+    if data.quantity == Quantity::Force {
+        return by_one_clock(machine, data, options);
+    }
+    by_own_clock(machine, data, options, |data| by_one_clock(machine, data, options))
+}

@@ -1,0 +1,68 @@
+//! A camera that comes ahead of the encoders: the diagnosis says so, and the commands that it prints reach what it promises.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a panic is how a test fails")]
+
+use serde_json::Value;
+use std::path::PathBuf;
+use std::process::{Command, Output};
+
+fn krait(words: &str) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_krait")).args(words.split_whitespace()).output().unwrap()
+}
+
+fn error_deg(words: &str) -> f64 {
+    let output = krait(words);
+    let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
+    answer["error_deg"]["rms"].as_f64().unwrap_or_else(|| panic!("{words}: {answer}"))
+}
+
+/// Rows of a table with the measurements that it has so many rows later.
+fn with_measurements_of_later(text: &str, n_rows: usize) -> String {
+    let (header, rows) = text.split_once('\n').unwrap();
+    let of_bend: Vec<bool> = header.split(',').map(|name| name.starts_with("bend_")).collect();
+    assert_eq!(of_bend.iter().filter(|own| **own).count(), 2, "{header}");
+    let rows: Vec<Vec<&str>> = rows.lines().map(|line| line.split(',').collect()).collect();
+    let later = rows[n_rows..].iter().zip(&rows).map(|(later, row)| {
+        let cell = |k: usize| if of_bend[k] { later[k] } else { row[k] };
+        (0..row.len()).map(cell).collect::<Vec<_>>().join(",")
+    });
+    [header.to_owned()].into_iter().chain(later).map(|line| line + "\n").collect()
+}
+
+#[test]
+fn commands_after_a_camera_ahead_reach_what_the_diagnosis_promised() {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("clock-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let path = |name: &str| folder.join(name).display().to_string();
+    let (data, model) = (path("data.csv"), path("base.toml"));
+    let made = krait(&format!("lab generate --kind softening --size 3 --seconds 80 --seed 31 --out {data}"));
+    assert!(made.status.success(), "{made:?}");
+    let text = std::fs::read_to_string(&data).unwrap();
+    std::fs::write(&data, with_measurements_of_later(&text, 3)).unwrap();
+
+    let files = format!("--model {model} --data {data}");
+    let answer: Value = serde_json::from_slice(&krait(&format!("lab diagnose {files} --json")).stdout).unwrap();
+    let (shift_s, promised) =
+        (answer["clocks"][0]["shift_s"].as_f64().unwrap(), answer["final_heldout_rms_deg"].as_f64().unwrap());
+    assert!((shift_s - 0.06).abs() < 0.006, "three rows of 20 ms: {shift_s}");
+
+    let said = String::from_utf8(krait(&format!("lab diagnose {files}")).stdout).unwrap();
+    assert!(said.contains("ahead of the motion"), "{said}");
+    let next = said.lines().find_map(|line| line.strip_prefix("Next: krait ")).unwrap();
+    assert!(next.starts_with("lab add ") && next.contains(&format!("--clock {shift_s:.4}")), "{next}");
+    let added = krait(next);
+    assert!(added.status.success(), "{}", String::from_utf8_lossy(&added.stderr));
+    let better = next.rsplit(' ').next().unwrap();
+    let clock = format!("--clock {shift_s}");
+    let left = error_deg(&format!("lab compare --model {better} --data {data} {clock} --json"));
+    assert!(left < 1.02 * promised, "{left} deg, promised {promised}");
+    let without = error_deg(&format!("lab compare --model {better} --data {data} --json"));
+    assert!(without > 1.3 * left, "{without} deg by the wrong clock, {left} by the right one");
+
+    for (clock, why) in
+        [("--clock soon", "expected seconds"), ("--clock 0.1 --clock 0.2", "2 are given for 1 recordings")]
+    {
+        let refused = krait(&format!("lab compare {files} {clock}"));
+        assert_eq!(refused.status.code(), Some(2), "{clock}");
+        assert!(String::from_utf8_lossy(&refused.stderr).contains(why), "{refused:?}");
+    }
+}
