@@ -27,6 +27,7 @@ mod same_data;
 mod save;
 mod session;
 mod term;
+mod trees;
 
 pub use add::{AddOptions, Added, JointNumber, add, refit};
 pub use calibrated::{disagreements, drawn_away};

@@ -61,6 +61,9 @@ pub struct Diagnosis {
     pub base_heldout_rms: f64,
     /// Error with the effects of the verdict, on blocks that the fit did not see.
     pub final_heldout_rms: f64,
+    /// Error that a fit without a model leaves on blocks that it did not see, a hint and no bound; `None` where nothing remains, or of few
+    /// rows.
+    pub model_free_rms: Option<f64>,
     /// Share of what there was to explain that the effects explain, 0 to 1; `None` without effects or a known floor.
     pub explained_share: Option<f64>,
     /// What every fit found beside the effects: gains, offsets, delays.

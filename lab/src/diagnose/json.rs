@@ -28,6 +28,8 @@ impl Diagnosis {
             "final_heldout_rms": self.final_heldout_rms,
             "final_heldout_rms_deg": deg(Some(self.final_heldout_rms)),
             "explained_share": self.explained_share,
+            "model_free_rms": self.model_free_rms,
+            "model_free_rms_deg": deg(self.model_free_rms),
             "calibration": self.calibration.iter().map(Calibration::to_json).collect::<Vec<_>>(),
             "clocks": self.clocks.iter().map(|own| json!({ "shift_s": own.shift_s, "rate_ppm": 1e6 * own.rate })).collect::<Vec<_>>(),
             "effects": self.effects.iter().map(|own| effect(own, &self.unit)).collect::<Vec<_>>(),

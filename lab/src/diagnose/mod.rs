@@ -12,6 +12,7 @@
 //! 6. Where something is left, shapes that name no physics are put beside the effects (`beside`; a snake's are chosen together with
 //!    effects, `mixture` and `fine_shapes`), and the search is begun anew; which effects stand there (`stand`).
 //! 7. Where what is left follows the speed of the motion, the camera's clock is moved and all is begun anew (`clock`).
+//! 8. Where something remains, what a fit without any law would leave is a hint at how much can be explained (`model_free`).
 
 mod accept;
 mod alternatives;
@@ -28,6 +29,7 @@ mod gate;
 mod json;
 mod lists;
 mod mixture;
+mod model_free;
 mod omitted;
 mod periodic;
 mod rhythm;

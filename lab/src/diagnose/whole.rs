@@ -1,8 +1,9 @@
 //! The diagnosis as a whole: of joints in their own way; of every other machine by the clock that the data have, and by another one
 //! where what is left says so.
 
-use super::answer::Diagnosis;
+use super::answer::{Diagnosis, Verdict};
 use super::clock::by_own_clock;
+use super::model_free::model_free_rms;
 use super::verdict::by_one_clock;
 use crate::machine::{Freed, MachineUnderTest, freed};
 use crate::{LabError, Measurements, Quantity};
@@ -47,14 +48,20 @@ pub fn diagnose(
     data: &Measurements,
     options: &DiagnoseOptions,
 ) -> Result<Diagnosis, LabError> {
-    if let Some(joints) = machine.as_joints() {
-        let Freed { joints, others, .. } = freed(joints, &options.free)?;
-        let options = DiagnoseOptions { free: others, ..options.clone() };
-        return crate::joint::diagnose(&joints, data, &options)?.sketched(machine, data);
-    }
-    // Angle and force are filtered alike and have one clock.
-    if data.quantity == Quantity::Force {
-        return by_one_clock(machine, data, options);
-    }
-    by_own_clock(machine, data, options, |data| by_one_clock(machine, data, options))
+    let diagnosis = match machine.as_joints() {
+        Some(joints) => {
+            let Freed { joints, others, .. } = freed(joints, &options.free)?;
+            let options = DiagnoseOptions { free: others, ..options.clone() };
+            crate::joint::diagnose(&joints, data, &options)?.sketched(machine, data)?
+        }
+        // Angle and force are filtered alike and have one clock.
+        None if data.quantity == Quantity::Force => by_one_clock(machine, data, options)?,
+        None => by_own_clock(machine, data, options, |data| by_one_clock(machine, data, options))?,
+    };
+    let remains = matches!(diagnosis.verdict, Verdict::Partly | Verdict::Unknown) || diagnosis.noise_floor.is_none();
+    let model_free_rms = match remains {
+        true => model_free_rms(machine, &data.by_clocks(&diagnosis.clocks, &options.first_trials()), &diagnosis)?,
+        false => None,
+    };
+    Ok(Diagnosis { model_free_rms, ..diagnosis })
 }

@@ -144,6 +144,7 @@ pub(super) fn diagnosis(answer: Answer) -> Result<Diagnosis, LabError> {
         partial,
         loads: None,
         clocks: Vec::new(),
+        model_free_rms: None,
         remaining,
         proposals: worst_rest(&found).map_or(Vec::new(), |own| own.proposals.clone()),
         variations: variations(machine, &found, options, &data.names)?,

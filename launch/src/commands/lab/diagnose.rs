@@ -137,6 +137,12 @@ fn text(args: &DiagnoseArgs, diagnosis: &Diagnosis, session: &Session) -> String
     if let Some(share) = diagnosis.explained_share.filter(|_| is_open) {
         text += &format!("  the effects explain {:.0} % of what there was to explain\n", 100.0 * share);
     }
+    if let Some(rms) = diagnosis.model_free_rms {
+        text += &print::lines(&format!(
+            "  a fit without a model (trees on position, speed, earlier way and time) leaves {rms:.4} {unit}: a hint at how much can be \
+             explained, no bound"
+        ));
+    }
     if is_open {
         text += &format!("\nCalibration\n{}", calibration(diagnosis, names));
     }
