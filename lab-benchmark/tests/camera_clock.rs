@@ -67,13 +67,22 @@ fn a_camera_ahead_of_the_encoders_is_calibration_and_nothing_is_missing() {
 
 #[test]
 fn effects_beside_a_camera_that_is_ahead_are_named_as_without() {
-    for (kinds, seed) in [([("backlash", 2.0), ("stiffness", 2.0)], 22), ([("cone", 2.0), ("camera-offset", 1.5)], 23)]
-    {
-        let found = diagnosed(&by_clock(&kinds, seed, ClockOffset { shift_s: 0.06, rate: 0.0 }));
-        assert_eq!((found.verdict, names(&found).len()), (Verdict::Missing, 2), "{kinds:?}: {:?}", names(&found));
-        assert!(kinds.iter().all(|(kind, _)| is_named(&found, kind)), "{kinds:?}: {:?}", names(&found));
-        assert_near(number(&found, "delay"), -0.06);
-    }
+    let kinds = [("backlash", 2.0), ("stiffness", 2.0)];
+    let found = diagnosed(&by_clock(&kinds, 22, ClockOffset { shift_s: 0.06, rate: 0.0 }));
+    assert_eq!((found.verdict, names(&found).len()), (Verdict::Missing, 2), "{:?}", names(&found));
+    assert!(kinds.iter().all(|(kind, _)| is_named(&found, kind)), "{:?}", names(&found));
+    assert_near(number(&found, "delay"), -0.06);
+}
+
+/// Effects that imitate the clock give way to the effect that is there, search by search.
+#[test]
+#[ignore = "a minute of searches; .ci/run runs it beside the tests of many seeds"]
+fn a_friction_beside_a_camera_that_is_ahead_is_found_though_others_imitate_it() {
+    let kinds = [("cone", 2.0), ("camera-offset", 1.5)];
+    let found = diagnosed(&by_clock(&kinds, 23, ClockOffset { shift_s: 0.06, rate: 0.0 }));
+    assert_eq!((found.verdict, names(&found).len()), (Verdict::Missing, 2), "{:?}", names(&found));
+    assert!(kinds.iter().all(|(kind, _)| is_named(&found, kind)), "{:?}", names(&found));
+    assert_near(number(&found, "delay"), -0.06);
 }
 
 #[test]

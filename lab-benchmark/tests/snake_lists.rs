@@ -53,3 +53,23 @@ fn a_screw_s_period_in_another_minimum_is_begun_anew_beside_the_other_effects() 
     let anew = swaps.iter().find(|own| found.iter().all(|k| own.found.contains(k))).unwrap();
     assert!((pitch(anew) / known - 1.0).abs() < 0.02, "{} m, true {known} m", pitch(anew));
 }
+
+/// Beside two effects that leave much, the signs of a third say little: what brings the error from three times the floor to the floor stands.
+#[test]
+fn a_list_whose_first_effect_passes_no_test_stands_where_it_takes_nearly_all() {
+    let hidden = [("encoder-scale", 2.5), ("lead-screw", 1.2), ("curvature", 2.0)]
+        .map(|(name, size)| (Kind::from_name(name).unwrap(), size))
+        .to_vec();
+    let recipe =
+        Recipe { hidden, motion: Motion::Rich, seconds: 100.0, seed: 5_605_018_270_729_989_291, ..Recipe::default() };
+    let made = generate(&recipe).unwrap();
+    let options = DiagnoseOptions { max_effects: 3, ..DiagnoseOptions::default() };
+    let found = diagnose(&snake(), &made.measurements, &options).unwrap();
+    let least_p = found.candidates.iter().map(|own| own.p_value).fold(1.0, f64::min);
+    assert!(least_p > 0.01, "the case that this test is about: {least_p}");
+    let names: Vec<&str> = found.effects.iter().map(|own| own.name.as_str()).collect();
+    let mut sorted = names.clone();
+    sorted.sort_unstable();
+    assert_eq!(sorted, ["encoder-scale", "lead-screw-error", "non-constant-curvature"], "{}", found.sentence);
+    assert!(found.final_heldout_rms < 0.4 * found.base_heldout_rms, "{}", found.sentence);
+}

@@ -39,6 +39,18 @@ impl Comparison<'_> {
         self.floor.is_none_or(|floor| rms > most * floor)
     }
 
+    /// Whether a first effect takes away half of a mean square far above a known floor, beyond chance from block to block. Where others
+    /// beside it leave much, no test of signs sees it: what is found behind it must then take away nearly everything.
+    pub fn takes_half(&self, start: &Trial, first: &Trial) -> bool {
+        let is_far = self.floor.is_some_and(|floor| self.problem.rms(start.fit.sum_of_squares) > FAR_ABOVE * floor);
+        if !is_far {
+            return false;
+        }
+        let [before, after] = [start, first].map(|own| held_out_block_squares(self.problem, &own.fit, FOLDS));
+        let (gain, error) = mean_and_error(before.iter().zip(&after).map(|(b, a)| b - a));
+        gain > ERRORS_IN_SLOW_NOISE * error && after.iter().sum::<f64>() <= 0.5 * before.iter().sum::<f64>()
+    }
+
     /// Whether another list takes away this part of what a list leaves above the floor; never where the floor is unknown.
     pub fn takes(&self, list: &Trial, other: &Trial, part: f64) -> bool {
         let Some(floor) = self.floor else { return false };
@@ -84,6 +96,9 @@ fn smallest(without: &Trial, with: &Trial) -> f64 {
 const NOTHING_LEFT: f64 = 1.02;
 /// The same for a list's next one.
 const NOTHING_LEFT_OF_LIST: f64 = 1.005;
+
+/// Beyond this ratio noise that is slower than the data tell cannot be what is left.
+const FAR_ABOVE: f64 = 1.5;
 
 /// Mean of block differences and its standard error.
 pub(crate) fn mean_and_error(differences: impl Iterator<Item = f64>) -> (f64, f64) {
