@@ -1,8 +1,8 @@
 //! The master's settings: one documented struct, checked once at load, so that no step meets a value out of range.
 
 use crate::{
-    AxisMap, BesideConfig, DeviceChoice, Engage, HoldButton, LiveMotion, MAX_DEVICES, MasterError, PoseConfig,
-    Presence, PressButton,
+    AxisMap, BesideConfig, DeviceChoice, Engage, HoldButton, LineLoadLimits, LiveMotion, MAX_DEVICES, MasterError,
+    PoseConfig, Presence, PressButton,
 };
 use krait_ipc::settings;
 use std::path::PathBuf;
@@ -69,6 +69,9 @@ settings! {
         /// Live scale and locks to begin with. Given by the program, not by this table.
         #[serde(skip)]
         begin: LiveMotion = LiveMotion::default();
+        /// Largest loads of a line, against which the hand is told of them. Given by the program from `[slave.limits]`, not by this table.
+        #[serde(skip)]
+        load_limits: LineLoadLimits = LineLoadLimits::default();
     }
 }
 

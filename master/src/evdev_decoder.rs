@@ -25,6 +25,7 @@ pub(crate) const EV_KEY: u16 = 1;
 pub(crate) const EV_REL: u16 = 2;
 pub(crate) const EV_ABS: u16 = 3;
 pub(crate) const EV_LED: u16 = 0x11;
+pub(crate) const EV_FF: u16 = 0x15;
 pub(crate) const SYN_REPORT: u16 = 0;
 pub(crate) const SYN_DROPPED: u16 = 3;
 /// Values of a key: let go, pressed. 2 is a key that repeats: it is still down, and nothing new.

@@ -1,11 +1,11 @@
 //! Finds and opens the device of a profile among the kernel's input devices, and says in plain words what stands in the way.
 
 use crate::evdev_decoder::EvdevDecoder;
-use crate::evdev_ioctl::{InputState, KeysDown, grab};
-use crate::evdev_names::{axis_name, button_name, way_name};
+use crate::evdev_ioctl::{FF_RUMBLE, InputState, KeysDown, grab};
+use crate::evdev_names::{axis_name, button_name, light_name, way_name};
 use crate::evdev_port::EvdevPort;
 use crate::hid::{HidHost, OpenPort, RULES_FILE};
-use crate::{AxisFrom, DeviceChoice, MasterError, Profile, ProfileAxis, ProfileDevice};
+use crate::{AxisFrom, DeviceChoice, LightRole, MasterError, Profile, ProfileAxis, ProfileDevice};
 use krait_ipc::clock;
 use rustix::fs::OFlags;
 use std::fs::{File, read_to_string};
@@ -42,6 +42,10 @@ pub struct InputDevice {
     pub ways: Vec<u16>,
     /// Numbers of its buttons and keys.
     pub buttons: Vec<u16>,
+    /// Numbers of its lights.
+    pub lights: Vec<u16>,
+    /// Whether it has motors that rumble.
+    pub rumbles: bool,
     /// Whether this process may open it for reading.
     pub may_open: bool,
 }
@@ -66,6 +70,28 @@ impl InputDevice {
     /// Its buttons and keys, as a profile names them.
     pub fn button_names(&self) -> Vec<String> {
         self.buttons.iter().map(|code| button_name(*code)).collect()
+    }
+
+    /// Its lights, as a profile names them.
+    pub fn light_names(&self) -> Vec<String> {
+        self.lights.iter().map(|code| light_name(*code)).collect()
+    }
+
+    /// What a profile wants of it to be told by, and it does not have: the key, and what it has instead. A light for engaged, limit or fault
+    /// may be missing, since built-in profiles name them for every keyboard.
+    fn cannot_tell(&self, profile: &Profile) -> Option<(&'static str, &'static str, String)> {
+        let listed = |names: Vec<String>| if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+        let mut missing = profile.lights.iter().filter(|(_, code)| !self.lights.contains(code));
+        let light = missing.find_map(|(role, _)| match role {
+            LightRole::Load => Some("lights.load"),
+            LightRole::Compensation => Some("lights.compensation"),
+            LightRole::All | LightRole::Engaged | LightRole::Limit | LightRole::Fault => None,
+        });
+        if let Some(key) = light {
+            return Some((key, "a light that this device has", listed(self.light_names())));
+        }
+        let lacks_motors = !profile.rumble.is_empty() && !self.rumbles;
+        lacks_motors.then(|| ("rumble", "a device with motors that rumble", "none".to_owned()))
     }
 
     /// Whether a profile is of this device.
@@ -129,10 +155,10 @@ fn inputs() -> Vec<InputDevice> {
     listed(Path::new(SYS), Path::new("/dev/input"))
 }
 
-/// Opens a node to read it, and to write too where a light shall be switched.
-pub(crate) fn open(node: &Path, has_light: bool) -> std::io::Result<File> {
+/// Opens a node to read it, and to write too where a light or a motor shall be switched.
+pub(crate) fn open(node: &Path, is_told: bool) -> std::io::Result<File> {
     let flags = (OFlags::NONBLOCK | OFlags::CLOEXEC).bits().cast_signed();
-    File::options().read(true).write(has_light).custom_flags(flags).open(node)
+    File::options().read(true).write(is_told).custom_flags(flags).open(node)
 }
 
 fn listed(sys: &Path, dev: &Path) -> Vec<InputDevice> {
@@ -159,6 +185,8 @@ fn described(folder: &Path, node: PathBuf) -> Option<InputDevice> {
         axes: bits(&text("capabilities/abs").unwrap_or_default()),
         ways: bits(&text("capabilities/rel").unwrap_or_default()),
         buttons: bits(&text("capabilities/key").unwrap_or_default()),
+        lights: bits(&text("capabilities/led").unwrap_or_default()),
+        rumbles: bits(&text("capabilities/ff").unwrap_or_default()).contains(&FF_RUMBLE),
         may_open: false,
         node,
     })
@@ -183,8 +211,13 @@ pub(crate) struct EvdevHost {
 impl HidHost for EvdevHost {
     fn open(&mut self, _choice: &DeviceChoice) -> Result<OpenPort, MasterError> {
         let device = self.chosen(&inputs())?;
+        if let Some((key, expected, found)) = device.cannot_tell(&self.profile) {
+            let (file, place) = (self.profile.name.clone(), format!("key {key}, device {}", device.node.display()));
+            return Err(MasterError::Profile { file, place, expected: expected.to_owned(), found });
+        }
         let refused = |source: Error| refusal(&device, source);
-        let file = open(&device.node, !self.profile.lights.is_empty()).map_err(refused)?;
+        let is_told = !(self.profile.lights.is_empty() && self.profile.rumble.is_empty());
+        let file = open(&device.node, is_told).map_err(refused)?;
         // While it is open its node keeps its name: is it still the same device?
         let again = inputs().into_iter().find(|now| now.node == device.node);
         if again.is_none_or(|now| (now.vendor_id, now.product_id) != (device.vendor_id, device.product_id)) {
@@ -200,7 +233,7 @@ impl HidHost for EvdevHost {
             found,
         })?;
         let vid_pid = (device.vendor_id, device.product_id);
-        Ok(OpenPort { port: Box::new(EvdevPort::new(file, decoder, &self.profile.lights)), vid_pid })
+        Ok(OpenPort { port: Box::new(EvdevPort::new(file, decoder, &self.profile)), vid_pid })
     }
 }
 
@@ -312,6 +345,27 @@ mod tests {
         let other = host(&text.replace("c215", "c216")).chosen(&devices).expect_err("no such device").to_string();
         assert!(other.contains("046d:c216 (Stick)") && !other.contains("with every"), "{other}");
         assert!(host(text).chosen(&[]).expect_err("nothing").to_string().contains("are none"));
+    }
+
+    #[test]
+    fn what_a_profile_wants_to_be_told_by_is_refused_where_the_device_has_none() {
+        let [plain, _] = described_inputs("tells").try_into().expect("two");
+        let (lights, rumbles) = (vec![0, 1], true);
+        let gamepad = InputDevice { lights, rumbles, ..plain.clone() };
+        let asked = |device: &InputDevice, head: &str| {
+            let text =
+                format!("name = \"Stick\"\nid = \"046d:c215\"\n{head}\n[[axis]]\nof = \"x\"\nfrom = \"ABS_X\"\n");
+            device.cannot_tell(&Profile::parse("stick.toml", &text).expect("a profile"))
+        };
+        let load = "lights = { load = \"LED_CAPSL\" }";
+        let lit = |found: &str| Some(("lights.load", "a light that this device has", found.to_owned()));
+        assert_eq!(asked(&plain, load), lit("none"));
+        assert_eq!(asked(&gamepad, load), None);
+        assert_eq!(asked(&gamepad, "lights = { load = \"LED_MUTE\" }"), lit("LED_NUML, LED_CAPSL"));
+        assert_eq!(asked(&plain, "lights = { limit = \"LED_CAPSL\" }"), None, "it stays dark");
+        assert_eq!(asked(&plain, "rumble = { limit = 1.0 }").expect("no motors").0, "rumble");
+        assert_eq!(asked(&gamepad, "rumble = { limit = 1.0 }"), None);
+        assert_eq!(bits("107030000 0"), [80, 81, 88, 89, 90, 96], "as an Xbox pad says it");
     }
 
     #[test]

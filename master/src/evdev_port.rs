@@ -9,8 +9,9 @@ use crate::evdev_ioctl::InputState;
 use crate::hid::{HidPort, ReadFailure};
 use crate::lights::{LightRole, Lights};
 use crate::piece_reader::PieceReader;
+use crate::rumble::Rumble;
 use crate::way_window::WINDOW_US;
-use crate::{HidReport, RawReport};
+use crate::{HidReport, Profile, RawReport};
 use std::io::Read;
 use std::os::fd::AsFd;
 use std::time::Duration;
@@ -25,17 +26,19 @@ pub(crate) struct EvdevPort<F> {
     ready: [Option<HidReport>; 2],
     /// Lights, and how each was before the device was taken.
     lights: Vec<(LightRole, u16, bool)>,
+    rumble: Rumble,
 }
 
 impl<F: Read + AsFd + InputState + Send> EvdevPort<F> {
-    /// A port on an open node that does not block.
-    pub(crate) fn new(file: F, mut decoder: EvdevDecoder, lights: &[(LightRole, u16)]) -> Self {
+    /// A port on an open node that does not block; of the profile only what it shows counts.
+    pub(crate) fn new(file: F, mut decoder: EvdevDecoder, profile: &Profile) -> Self {
+        let lights = &profile.lights;
         let ready = [decoder.on_silence(), None];
         // Of a device that does not say it, they go out at the end.
         let lit = if lights.is_empty() { None } else { file.lit().ok() };
         let lights = lights.iter().map(|(role, code)| (*role, *code, lit.is_some_and(|lit| lit >> code & 1 == 1)));
         let lights = lights.collect();
-        Self { reader: PieceReader::new(file), decoder, ready, lights }
+        Self { reader: PieceReader::new(file), decoder, ready, lights, rumble: Rumble::new(&profile.rumble) }
     }
 
     /// Switches each light; the kernel troubles the device only where that changes something.
@@ -96,10 +99,12 @@ impl<F: Read + AsFd + InputState + Send> HidPort for EvdevPort<F> {
 
     fn show(&mut self, lights: Lights) {
         self.switch(|role, _| lights.is_lit(role));
+        self.rumble.show(self.reader.file(), lights);
     }
 
     fn rest_lights(&mut self) {
         self.switch(|_, was_on| was_on);
+        self.rumble.rest(self.reader.file());
     }
 }
 

@@ -37,10 +37,10 @@ pub(crate) trait HidPort: Send {
     /// Waits for a report and returns its length; 0 when the time is up.
     fn read(&mut self, buffer: &mut [u8; RawReport::MAX_BYTES], timeout: Duration) -> Result<usize, ReadFailure>;
 
-    /// Switches the lights. A device without one stays dark; that is no failure.
+    /// Switches the lights and the motors. A device without one stays dark and still; that is no failure.
     fn show(&mut self, lights: Lights);
 
-    /// Leaves the lights as they were before the device was taken.
+    /// Leaves the lights as they were before the device was taken, and the motors still.
     fn rest_lights(&mut self);
 }
 

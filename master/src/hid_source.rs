@@ -11,7 +11,7 @@ use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, TrySendError, bounde
 use krait_ipc::clock;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU16, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -42,7 +42,7 @@ struct Shared {
     // An unplugging or plugging in went with the oldest events.
     missed_plug: AtomicBool,
     /// [`Lights::bits`] that the device shall show.
-    lights: AtomicU8,
+    lights: AtomicU16,
 }
 
 impl HidSource {

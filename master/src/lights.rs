@@ -1,6 +1,7 @@
-//! What the hand's lights tell of the chain: a light that stands for everything blinks codes, a light for one thing is on while it is so.
-//! Pure: time is counted in the master's ticks.
+//! What the hand's lights and its rumble tell of the chain: a light that stands for everything blinks codes, a light for one thing is on
+//! while it is so or counts quarters of it, a rumble does the same by pulses. Pure: time is counted in the master's ticks.
 
+use crate::meter::{FULL, Meter};
 use krait_ipc::message::{OperatingState, SlaveState};
 use krait_ipc::{Reason, Reasons};
 
@@ -35,7 +36,24 @@ impl HandState {
     }
 }
 
-/// What one light of a device is for.
+/// What a look at the chain has seen.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct HandSeen {
+    pub(crate) state: HandState,
+    /// The largest line load as a part of its limit.
+    pub(crate) load_ratio: f64,
+    /// How much of the lines' way is compensation, 0..=1.
+    pub(crate) compensation_share: f64,
+}
+
+impl From<HandState> for HandSeen {
+    /// Without load and compensation.
+    fn from(state: HandState) -> Self {
+        Self { state, ..Self::default() }
+    }
+}
+
+/// What one light of a device, or its rumble, is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LightRole {
     /// Everything, by codes.
@@ -46,53 +64,107 @@ pub enum LightRole {
     Limit,
     /// A fault.
     Fault,
+    /// The largest line load: a flash for each quarter of its limit.
+    Load,
+    /// How much of the lines' way is compensation: a flash for each quarter.
+    Compensation,
 }
 
 impl LightRole {
     /// Every one, in the order of its bit.
-    pub(crate) const EACH: [Self; 4] = [Self::All, Self::Engaged, Self::Limit, Self::Fault];
+    pub(crate) const EACH: [Self; 6] =
+        [Self::All, Self::Engaged, Self::Limit, Self::Fault, Self::Load, Self::Compensation];
 
     /// When it is on: a bit for each slot of a code, the lowest first.
-    fn code(self, state: HandState) -> u16 {
+    fn code(self, state: HandState, quarters: Quarters) -> u16 {
         const ON: u16 = u16::MAX;
         const OFF: u16 = 0;
         const WINK: u16 = 0b1;
+        const ONE_GAP: u16 = !0b1;
         const TWO_GAPS: u16 = !0b101;
         const FAST: u16 = 0b0101_0101_0101_0101;
         match (self, state) {
             (Self::All | Self::Engaged, HandState::Taken) => WINK,
+            (Self::All, HandState::Engaged) if quarters.load >= NEAR => ONE_GAP,
             (Self::All, HandState::Engaged) | (Self::Engaged, HandState::Engaged | HandState::Limit) => ON,
             (Self::All, HandState::Limit) => TWO_GAPS,
             (Self::Limit, HandState::Limit) => ON,
             (Self::All | Self::Fault, HandState::Fault) => FAST,
+            (Self::Load | Self::Compensation, HandState::Fault) => OFF,
+            (Self::Load, _) if quarters.load == FULL => ON,
+            (Self::Load, _) => flashes(quarters.load),
+            (Self::Compensation, _) if quarters.compensation == FULL => ON,
+            (Self::Compensation, _) => flashes(quarters.compensation),
             _ => OFF,
+        }
+    }
+
+    /// The same for a rumble, which tells load and compensation only while the snake follows: nobody else has the device in hand.
+    /// Limit and fault are told once, when they begin.
+    fn pulses(self, state: HandState, quarters: Quarters) -> u16 {
+        match (self, state) {
+            (Self::Load, HandState::Engaged | HandState::Limit) => flashes(quarters.load),
+            (Self::Compensation, HandState::Engaged | HandState::Limit) => flashes(quarters.compensation),
+            _ => 0,
         }
     }
 }
 
-/// Which lights are on at an instant.
+/// What the meters tell, 0..=4 each.
+#[derive(Clone, Copy, Debug, Default)]
+struct Quarters {
+    load: u8,
+    compensation: u8,
+}
+
+/// Quarters of its limit from which on a light for everything tells of the load.
+const NEAR: u8 = 3;
+
+/// So many flashes of a slot, with a slot between them.
+fn flashes(n: u8) -> u16 {
+    0b0101_0101 & ((1 << (2 * u16::from(n.min(FULL)))) - 1)
+}
+
+/// Which lights are on at an instant, and what rumbles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Lights(u8);
+pub struct Lights(u16);
+
+/// Where the bits of what rumbles begin.
+const RUMBLE: u16 = 8;
 
 impl Lights {
     /// As they are in one slot of the codes.
-    fn in_slot(state: HandState, slot: u32) -> Self {
-        let is_on = |role: LightRole| role.code(state) >> (slot % SLOTS) & 1 == 1;
-        Self(LightRole::EACH.into_iter().filter(|role| is_on(*role)).fold(0, |bits, role| bits | 1 << role as u8))
+    fn in_slot(state: HandState, quarters: Quarters, slot: u32) -> Self {
+        let is_on = |code: u16| code >> (slot % SLOTS) & 1;
+        let bits = |role: LightRole| {
+            let bit = role as u16;
+            is_on(role.code(state, quarters)) << bit | is_on(role.pulses(state, quarters)) << (RUMBLE + bit)
+        };
+        Self(LightRole::EACH.into_iter().fold(0, |all, role| all | bits(role)))
+    }
+
+    /// The same, and something rumbles besides.
+    fn with_rumble(self, role: Option<LightRole>) -> Self {
+        Self(role.map_or(self.0, |role| self.0 | 1 << (RUMBLE + role as u16)))
+    }
+
+    /// Whether something rumbles.
+    pub(crate) fn rumbles(self, role: LightRole) -> bool {
+        self.0 >> (RUMBLE + role as u16) & 1 == 1
     }
 
     /// Whether the light for something is on.
     pub(crate) fn is_lit(self, role: LightRole) -> bool {
-        self.0 >> role as u8 & 1 == 1
+        self.0 >> role as u16 & 1 == 1
     }
 
     /// As a number, to be handed to another thread.
-    pub(crate) fn bits(self) -> u8 {
+    pub(crate) fn bits(self) -> u16 {
         self.0
     }
 
     /// From such a number.
-    pub(crate) fn from_bits(bits: u8) -> Self {
+    pub(crate) fn from_bits(bits: u16) -> Self {
         Self(bits)
     }
 }
@@ -100,7 +172,7 @@ impl Lights {
 impl Default for Lights {
     /// As a device is that has just been taken.
     fn default() -> Self {
-        Self::in_slot(HandState::Taken, 0)
+        Self::in_slot(HandState::Taken, Quarters::default(), 0)
     }
 }
 
@@ -111,6 +183,11 @@ const SLOTS_PER_S: u32 = 8;
 const LOOKS_PER_SLOT: u32 = 4;
 /// Looks without a word of drives that have spoken, after which they are silent: a quarter of a second.
 const SILENT_LOOKS: u32 = 2 * LOOKS_PER_SLOT;
+/// Looks that a limit and a fault rumble when they begin, and the least between two beginnings of limits: one that is met and left in turn
+/// shall not shake the hand.
+const LIMIT_LOOKS: u32 = 2 * LOOKS_PER_SLOT;
+const FAULT_LOOKS: u32 = 4 * LOOKS_PER_SLOT;
+const LIMIT_PAUSE_LOOKS: u32 = SLOTS_PER_S * LOOKS_PER_SLOT;
 
 /// Counts ticks, looks and slots.
 #[derive(Clone, Copy, Debug)]
@@ -121,13 +198,29 @@ pub(crate) struct LightShow {
     state: HandState,
     /// Looks since the drives have said something; none before their first word.
     n_silent: Option<u32>,
+    load: Meter,
+    compensation: Meter,
+    /// What rumbles because it has begun, and for how many looks more.
+    pulse: Option<(LightRole, u32)>,
+    /// Looks since a limit has last rumbled.
+    n_since_limit: u32,
 }
 
 impl LightShow {
     /// A show for a master of so many ticks a second.
     pub(crate) fn new(rate_hz: u32) -> Self {
         let ticks_per_look = u64::from(rate_hz / (SLOTS_PER_S * LOOKS_PER_SLOT)).max(1);
-        Self { ticks_per_look, n_ticks: 0, n_looks: 0, state: HandState::Taken, n_silent: None }
+        Self {
+            ticks_per_look,
+            n_ticks: 0,
+            n_looks: 0,
+            state: HandState::Taken,
+            n_silent: None,
+            load: Meter::default(),
+            compensation: Meter::default(),
+            pulse: None,
+            n_since_limit: LIMIT_PAUSE_LOOKS,
+        }
     }
 
     /// Counts ticks; true when it is time to look.
@@ -141,19 +234,40 @@ impl LightShow {
     }
 
     /// What the lights show after a look; `seen` is what the drives have said since the one before.
-    pub(crate) fn look(&mut self, seen: Option<HandState>) -> Lights {
+    pub(crate) fn look(&mut self, seen: Option<HandSeen>) -> Lights {
         self.n_silent = match seen {
             Some(_) => Some(0),
             None => self.n_silent.map(|n_looks| n_looks.saturating_add(1)),
         };
         let is_silent = self.n_silent.is_some_and(|n_looks| n_looks >= SILENT_LOOKS);
-        let state = if is_silent { HandState::Fault } else { seen.unwrap_or(self.state) };
-        if state == self.state {
-            self.n_looks = (self.n_looks + 1) % (SLOTS * LOOKS_PER_SLOT);
-        } else {
-            (self.state, self.n_looks) = (state, 0);
+        let state = if is_silent { HandState::Fault } else { seen.map_or(self.state, |seen| seen.state) };
+        let seen = seen.unwrap_or_default();
+        // Both are asked: each has a peak to keep.
+        let is_more = self.load.note(seen.load_ratio) | self.compensation.note(seen.compensation_share);
+        let has_changed = state != self.state;
+        self.n_looks = if has_changed || is_more { 0 } else { (self.n_looks + 1) % (SLOTS * LOOKS_PER_SLOT) };
+        if self.n_looks == 0 {
+            self.load.latch();
+            self.compensation.latch();
         }
-        Lights::in_slot(state, self.n_looks / LOOKS_PER_SLOT)
+        self.state = state;
+        let pulse = self.pulse(has_changed);
+        let quarters = Quarters { load: self.load.told(), compensation: self.compensation.told() };
+        Lights::in_slot(state, quarters, self.n_looks / LOOKS_PER_SLOT).with_rumble(pulse)
+    }
+
+    /// What rumbles because it has begun.
+    fn pulse(&mut self, has_changed: bool) -> Option<LightRole> {
+        self.n_since_limit = self.n_since_limit.saturating_add(1);
+        self.pulse = match self.state {
+            HandState::Fault if has_changed => Some((LightRole::Fault, FAULT_LOOKS)),
+            HandState::Limit if has_changed && self.n_since_limit > LIMIT_PAUSE_LOOKS => {
+                self.n_since_limit = 0;
+                Some((LightRole::Limit, LIMIT_LOOKS))
+            }
+            _ => self.pulse.map(|(role, n_looks)| (role, n_looks - 1)).filter(|(_, n_looks)| *n_looks > 0),
+        };
+        self.pulse.map(|(role, _)| role)
     }
 }
 
@@ -165,8 +279,9 @@ mod tests {
     fn code(role: LightRole, state: HandState) -> String {
         let mut show = LightShow::new(1000);
         let other = if state == HandState::Fault { HandState::Taken } else { HandState::Fault };
-        show.look(Some(other));
-        let looks: Vec<bool> = (0..SLOTS * LOOKS_PER_SLOT).map(|_| show.look(Some(state)).is_lit(role)).collect();
+        show.look(Some(other.into()));
+        let looks: Vec<bool> =
+            (0..SLOTS * LOOKS_PER_SLOT).map(|_| show.look(Some(state.into())).is_lit(role)).collect();
         let slots = looks.chunks(LOOKS_PER_SLOT as usize).map(|slot| {
             assert!(slot.iter().all(|is_on| *is_on == slot[0]));
             if slot[0] { '#' } else { '.' }
@@ -208,12 +323,12 @@ mod tests {
             show.look(None);
         }
         assert_eq!(show.state, HandState::Taken);
-        show.look(Some(HandState::Engaged));
+        show.look(Some(HandState::Engaged.into()));
         for _ in 1..SILENT_LOOKS {
             assert!(show.look(None).is_lit(LightRole::Engaged));
         }
         assert!(show.look(None).is_lit(LightRole::Fault));
-        assert!(show.look(Some(HandState::Engaged)).is_lit(LightRole::Engaged));
+        assert!(show.look(Some(HandState::Engaged.into())).is_lit(LightRole::Engaged));
     }
 
     #[test]
@@ -233,5 +348,73 @@ mod tests {
         let let_go = drives(OperatingState::Enabled, SlaveState::IS_HOMED);
         assert_eq!(HandState::of(&let_go, at(Reason::BendLimit)), HandState::Taken);
         assert_eq!(HandState::of(&drives(OperatingState::Fault, 0), 0), HandState::Fault);
+    }
+
+    /// What a whole code of a light and of a rumble is with so much load and compensation.
+    fn metered(role: LightRole, state: HandState, load_ratio: f64, compensation_share: f64) -> [String; 2] {
+        let mut show = LightShow::new(1000);
+        let seen = HandSeen { state, load_ratio, compensation_share };
+        let all: Vec<Lights> = (0..SLOTS * LOOKS_PER_SLOT).map(|_| show.look(Some(seen))).collect();
+        let slots = |is_on: fn(Lights, LightRole) -> bool| {
+            let slots = all.chunks(LOOKS_PER_SLOT as usize).map(|slot| if is_on(slot[0], role) { '#' } else { '.' });
+            slots.collect()
+        };
+        [slots(Lights::is_lit), slots(Lights::rumbles)]
+    }
+
+    #[test]
+    fn load_and_compensation_are_counted_in_quarters_by_flashes_and_pulses() {
+        let none = "................";
+        let counted = ["................", "#...............", "#.#.............", "#.#.#..........."];
+        for (quarters, code) in counted.into_iter().enumerate() {
+            let ratio = 0.25 * quarters as f64 + 0.1;
+            assert_eq!(metered(LightRole::Load, HandState::Engaged, ratio, 0.0), [code, code]);
+            assert_eq!(metered(LightRole::Compensation, HandState::Engaged, 0.0, ratio), [code, code]);
+            assert_eq!(metered(LightRole::Load, HandState::Engaged, 0.0, ratio), [none, none], "each its own");
+            assert_eq!(metered(LightRole::Load, HandState::Taken, ratio, 0.0), [code, none], "nobody has it in hand");
+            assert_eq!(metered(LightRole::Load, HandState::Fault, ratio, 0.0), [none, none]);
+        }
+        assert_eq!(metered(LightRole::Load, HandState::Limit, 1.0, 0.0), ["################", "#.#.#.#........."]);
+    }
+
+    #[test]
+    fn one_light_tells_a_load_from_three_quarters_of_its_limit_on() {
+        let all = |ratio| metered(LightRole::All, HandState::Engaged, ratio, 0.9)[0].clone();
+        assert_eq!((all(0.7).as_str(), all(0.8).as_str()), ("################", ".###############"));
+    }
+
+    #[test]
+    fn a_peak_of_one_look_is_told_by_a_whole_code_that_begins_at_once() {
+        let mut show = LightShow::new(1000);
+        let seen = |load_ratio| Some(HandSeen { state: HandState::Engaged, load_ratio, compensation_share: 0.0 });
+        for _ in 0..30 {
+            show.look(seen(0.1));
+        }
+        let flashes = |show: &mut LightShow, first| {
+            let lit: Vec<bool> = (0..SLOTS * LOOKS_PER_SLOT)
+                .map(|look| show.look(seen(if look == 0 { first } else { 0.1 })).is_lit(LightRole::Load))
+                .collect();
+            lit.chunks(LOOKS_PER_SLOT as usize).filter(|slot| slot[0]).count()
+        };
+        assert_eq!(flashes(&mut show, 0.6), 2);
+        assert_eq!(flashes(&mut show, 0.1), 0);
+    }
+
+    #[test]
+    fn a_limit_and_a_fault_rumble_once_when_they_begin_and_a_limit_not_twice_a_second() {
+        let mut show = LightShow::new(1000);
+        let mut looks = |state: HandState, role, n: u32| {
+            (0..n).filter(|_| show.look(Some(state.into())).rumbles(role)).count() as u32
+        };
+        assert_eq!(looks(HandState::Engaged, LightRole::Limit, 40), 0);
+        assert_eq!(looks(HandState::Limit, LightRole::Limit, 200), LIMIT_LOOKS);
+        assert_eq!(looks(HandState::Fault, LightRole::Fault, 200), FAULT_LOOKS);
+        let in_turn: u32 = (0..32)
+            .map(|idx| {
+                let state = if idx % 2 == 0 { HandState::Engaged } else { HandState::Limit };
+                looks(state, LightRole::Limit, 2)
+            })
+            .sum();
+        assert!((1..=2 * LIMIT_LOOKS).contains(&in_turn), "{in_turn} looks of 64");
     }
 }

@@ -29,7 +29,11 @@ pub fn run(bus: &Bus, config: &MasterConfig, source: SourceChoice, stop: &Atomic
     let waits_for_slave = config.start_when_ready && source.has_beginning();
     let slave = if waits_for_slave { Some(bus.reader(ReadOptions::glancing())?) } else { None };
     let engaged = if config.engage == Engage::Again { Some(bus.reader(ReadOptions::glancing())?) } else { None };
-    let feedback = if matches!(source, SourceChoice::Hid) { Some(Feedback::open(bus, config.rate_hz)?) } else { None };
+    let feedback = if matches!(source, SourceChoice::Hid) {
+        Some(Feedback::open(bus, config.rate_hz, config.load_limits)?)
+    } else {
+        None
+    };
     let source = source.open(bus, config)?;
     let log = match &config.record_reports {
         Some(path) => Some(ReportLog::create(path, source.as_ref())?),

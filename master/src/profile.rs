@@ -23,8 +23,9 @@
 //! and the noise, and rest is the middle. An axis may also come from a way or from two keys ([`AxisFrom`]).
 
 use crate::evdev_host::FIRST_BUTTON;
-use crate::evdev_names::{button_code, button_name, light_code};
+use crate::evdev_names::{button_code, button_name};
 use crate::profile_axis::{ReadAxis, Wrong, wrong};
+use crate::profile_signs::{ReadLights, ReadRumble};
 use crate::recording::read_bounded;
 use crate::recording_lines::parse_vid_pid;
 use crate::{AxisFrom, LightRole, MasterError, ProfileAxis};
@@ -49,8 +50,10 @@ pub struct Profile {
     pub buttons: Vec<ProfileButton>,
     /// The key, by the kernel's number, that ends the motion and gives the device back to the rest of the machine.
     pub release: Option<u16>,
-    /// What lights, by the kernel's numbers, are for while krait has the device; one that the device does not have stays dark.
+    /// What lights, by the kernel's numbers, are for while krait has the device.
     pub lights: Vec<(LightRole, u16)>,
+    /// What it rumbles for, and how strongly, as a part of the most that it can.
+    pub rumble: Vec<(LightRole, f64)>,
 }
 
 /// Which device a profile is of. A keyboard is one only if somebody names it.
@@ -157,10 +160,11 @@ impl Profile {
                 return Err(refuse("the head".to_owned(), "either id or path of the device", found.to_owned()));
             }
         };
-        let lights = read.lights();
-        let lights = lights.map_err(|(key, expected, found)| refuse(format!("key {key}"), expected, found))?;
-        let mut profile =
-            Self { name: read.name, device, axes: Vec::new(), buttons: Vec::new(), release: None, lights };
+        let of_key = |(key, expected, found): Wrong| refuse(format!("key {key}"), expected, found);
+        let lights = read.lights.checked(&read.light).map_err(of_key)?;
+        let rumble = read.rumble.as_ref().map_or(Ok(Vec::new()), ReadRumble::checked).map_err(of_key)?;
+        let (name, axes, buttons) = (read.name, Vec::new(), Vec::new());
+        let mut profile = Self { name, device, axes, buttons, release: None, lights, rumble };
         for (idx, axis) in read.axis.iter().enumerate() {
             let checked = axis.checked(&profile.axes);
             let checked = checked
@@ -177,7 +181,7 @@ impl Profile {
             return Err(refuse("the file".to_owned(), "at least one [[axis]] or [[button]]", "none".to_owned()));
         }
         let release = profile.release(read.release.as_deref());
-        profile.release = release.map_err(|(key, expected, found)| refuse(format!("key {key}"), expected, found))?;
+        profile.release = release.map_err(of_key)?;
         Ok(profile)
     }
 
@@ -253,41 +257,11 @@ struct Read {
     light: Option<String>,
     #[serde(default)]
     lights: ReadLights,
+    rumble: Option<ReadRumble>,
     #[serde(default)]
     axis: Vec<ReadAxis>,
     #[serde(default)]
     button: Vec<ReadButton>,
-}
-
-impl Read {
-    fn lights(&self) -> Result<Vec<(LightRole, u16)>, Wrong> {
-        let ReadLights { engaged, limit, fault } = &self.lights;
-        let named = [
-            ("light", LightRole::All, &self.light),
-            ("lights.engaged", LightRole::Engaged, engaged),
-            ("lights.limit", LightRole::Limit, limit),
-            ("lights.fault", LightRole::Fault, fault),
-        ];
-        let mut lights: Vec<(LightRole, u16)> = Vec::new();
-        for (key, role, name) in named {
-            let Some(name) = name else { continue };
-            let code = light_code(name);
-            let code = code.ok_or_else(|| wrong(key, "a light of the kernel as in \"LED_SCROLLL\"", name))?;
-            if lights.iter().any(|(_, other)| *other == code) {
-                return Err(wrong(key, "each light of the device at most once", name));
-            }
-            lights.push((role, code));
-        }
-        Ok(lights)
-    }
-}
-
-#[derive(Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct ReadLights {
-    engaged: Option<String>,
-    limit: Option<String>,
-    fault: Option<String>,
 }
 
 #[derive(Deserialize)]
@@ -434,6 +408,16 @@ mod tests {
                 "key lights.fault: expected each light",
             ),
             ("release", "lights = { taken = \"LED_MUTE\" }\nrelease", "line 3"),
+            (
+                "release",
+                "lights = { load = \"LED_MUTE\", compensation = \"LED_MUTE\" }\nrelease",
+                "key lights.compensation: expected each light",
+            ),
+            ("release", "rumble = { limit = 0.0 }\nrelease", "key rumble.limit: expected 0.05 to 1 of the strongest"),
+            ("release", "rumble = { fault = nan }\nrelease", "key rumble.fault: expected 0.05 to 1 of the strongest"),
+            ("release", "rumble = { load = 1.2 }\nrelease", "key rumble.load: expected 0.05 to 1 of the strongest"),
+            ("release", "rumble = { engaged = 0.5 }\nrelease", "line 3"),
+            ("release", "rumble = {}\nrelease", "key rumble: expected at least one of limit, fault, load"),
             ("\"KEY_ESC\"", "\"ESCAPE\"", "key release: expected a key of the kernel"),
         ] {
             refused(KEYS, from, to, words);

@@ -1,7 +1,8 @@
 //! Writes a profile as the text that a person reads and corrects, and makes one for a device that has none.
 
-use crate::evdev_names::{axis_name, button_name, light_name};
-use crate::{AXIS_NAMES, AxisFrom, AxisPlace, InputDevice, LightRole, Profile, ProfileAxis, ProfileDevice};
+use crate::evdev_names::{axis_name, button_name};
+use crate::profile_signs::text_of;
+use crate::{AXIS_NAMES, AxisFrom, AxisPlace, InputDevice, Profile, ProfileAxis, ProfileDevice};
 use std::path::Path;
 
 impl Profile {
@@ -17,7 +18,15 @@ impl Profile {
             Some(device) => (device.name.clone(), ProfileDevice::Id(device.vendor_id, device.product_id)),
             None => (node.display().to_string(), ProfileDevice::Path(node.to_owned())),
         };
-        Self { name, device: whose, axes: axes.collect(), buttons: Vec::new(), release: None, lights: Vec::new() }
+        Self {
+            name,
+            device: whose,
+            axes: axes.collect(),
+            buttons: Vec::new(),
+            release: None,
+            lights: Vec::new(),
+            rumble: Vec::new(),
+        }
     }
 
     /// The profile as the text that [`Profile::parse`] reads.
@@ -32,26 +41,7 @@ impl Profile {
         if let Some(key) = self.release {
             text += &format!("release = \"{}\"\n", button_name(key));
         }
-        let of_one: Vec<String> = self
-            .lights
-            .iter()
-            .filter_map(|(role, code)| {
-                let name = light_name(*code);
-                let key = match role {
-                    LightRole::All => {
-                        text += &format!("light = \"{name}\"\n");
-                        return None;
-                    }
-                    LightRole::Engaged => "engaged",
-                    LightRole::Limit => "limit",
-                    LightRole::Fault => "fault",
-                };
-                Some(format!("{key} = \"{name}\""))
-            })
-            .collect();
-        if !of_one.is_empty() {
-            text += &format!("lights = {{ {} }}\n", of_one.join(", "));
-        }
+        text += &text_of(&self.lights, &self.rumble);
         for axis in &self.axes {
             text += &format!("\n[[axis]]\nof = \"{}\"\n", AXIS_NAMES[axis.axis_idx]);
             text += &match axis.from {
@@ -91,6 +81,7 @@ impl AxisPlace {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::LightRole;
 
     #[test]
     fn every_built_in_profile_is_written_as_it_is_read() {
@@ -99,7 +90,8 @@ mod tests {
             profile.name = "a \"stick\"\n\\ of mine".to_owned();
             profile.device = ProfileDevice::Path("/dev/input/by-id/my \"own\"".into());
             profile.axes[0].is_negated = true;
-            profile.lights = vec![(LightRole::All, 7), (LightRole::Limit, 1)];
+            profile.lights = vec![(LightRole::All, 7), (LightRole::Limit, 1), (LightRole::Compensation, 8)];
+            profile.rumble = vec![(LightRole::Fault, 1.0), (LightRole::Load, 0.25)];
             assert_eq!(Profile::parse(name, &profile.to_text()).expect("readable"), profile);
         }
     }

@@ -29,9 +29,12 @@ struct Device {
     /// The built-in profile that would fit a mouse or keyboard, which is a hand only where it is named with `--node`.
     could_be: Option<&'static str>,
     may_open: bool,
-    /// Axes and buttons of an input node, as a profile names them.
+    /// Axes, buttons and lights of an input node, as a profile names them.
     axes: Vec<String>,
     buttons: Vec<String>,
+    lights: Vec<String>,
+    /// Whether it has motors that rumble.
+    rumbles: bool,
     /// The line for udev that lets the user of this seat open it.
     udev_rule: String,
 }
@@ -107,6 +110,8 @@ fn of_hid(info: DeviceInfo) -> Device {
         may_open: info.may_open,
         axes: Vec::new(),
         buttons: Vec::new(),
+        lights: Vec::new(),
+        rumbles: false,
     }
 }
 
@@ -121,6 +126,8 @@ fn of_input(input: InputDevice, own: &[Profile], shipped: &[(&'static str, Profi
         udev_rule: input.udev_rule(),
         axes: input.axis_names(),
         buttons: input.button_names(),
+        lights: input.light_names(),
+        rumbles: input.rumbles,
         path: input.node.display().to_string(),
         vendor_id: input.vendor_id,
         product_id: input.product_id,
@@ -200,6 +207,8 @@ mod tests {
             axes: axes.to_vec(),
             ways: Vec::new(),
             buttons: vec![0x120, 0x121, 0x122],
+            lights: vec![8],
+            rumbles: true,
             may_open,
         }
     }
@@ -219,6 +228,7 @@ mod tests {
         let names: Vec<Option<&str>> = devices.iter().map(|device| device.known_as.as_deref()).collect();
         assert_eq!(names, [Some("Logitech Extreme 3D Pro"), Some("Logitech Extreme 3D Pro"), None]);
         assert_eq!((devices[0].axes[2].as_str(), devices[0].buttons[0].as_str()), ("ABS_RZ", "BTN_TRIGGER"));
+        assert_eq!((devices[0].lights[0].as_str(), devices[0].rumbles), ("LED_MISC", true));
         let said = advice(&devices);
         assert!(said.contains("/dev/input/event5 needs") && !said.contains("event7"), "{said}");
         let path = std::env::temp_dir().join(format!("krait-rules-{}", std::process::id()));

@@ -9,11 +9,11 @@ use anyhow::{Context, bail, ensure};
 use krait_bridge::{Feed, LiveModel};
 use krait_drives::open_drive;
 use krait_ipc::{Beside, Bus, Process, clock, input};
-use krait_master::{Engage, GuidePlan, HidRecording, LiveMotion, MasterConfig, Script, SourceChoice};
+use krait_master::{Engage, GuidePlan, HidRecording, LineLoadLimits, LiveMotion, MasterConfig, Script, SourceChoice};
 use krait_model::segments::{SegmentParameters, SegmentsParameters};
 use krait_record::{Attachment, CONFIG_ATTACHMENT, MODEL_ATTACHMENT, RecordConfig};
 use krait_sim::{MachineTruth, SegmentTruth, SegmentsOfModel, Simulation};
-use krait_slave::{DriveKind, SlaveConfig};
+use krait_slave::{DriveKind, Limits, SlaveConfig};
 use rustix::process::{Resource, getrlimit};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -252,7 +252,9 @@ fn run_master(bus: &Bus, config: &Config, args: &MasterArgs, stop: &AtomicBool) 
     };
     ensure!(args.locks & !LiveMotion::LOCKS == 0, "--locks is {}: expected bits of {}", args.locks, LiveMotion::LOCKS);
     let begin = LiveMotion { scale_permille: args.scale_permille, locks: args.locks };
-    let config = MasterConfig { record_reports, engage, begin, ..config.master.clone() };
+    let Limits { push_n, pull_n, .. } = config.slave.limits;
+    let load_limits = LineLoadLimits { push_n, pull_n };
+    let config = MasterConfig { record_reports, engage, begin, load_limits, ..config.master.clone() };
     Ok(krait_master::run(bus, &config, source, stop)?)
 }
 

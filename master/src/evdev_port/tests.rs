@@ -5,7 +5,7 @@ mod pedal;
 
 use super::*;
 use crate::evdev_decoder::AxisInfo;
-use crate::evdev_ioctl::{KeysDown, Lit};
+use crate::evdev_ioctl::{KeysDown, Lit, Motors};
 use crate::{Engage, HidReport, MasterConfig, MasterCore, Presence, Profile};
 use std::io::{PipeReader, PipeWriter, Write, pipe};
 use std::os::fd::BorrowedFd;
@@ -20,6 +20,14 @@ struct Node {
     pipe: PipeReader,
     now: Now,
     lights: Arc<Mutex<Vec<(u16, bool)>>>,
+    effects: Arc<Mutex<Vec<Told>>>,
+}
+
+/// What its motors were told.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Told {
+    Put(Option<i16>, Motors),
+    Play(i16, bool),
 }
 
 impl Read for Node {
@@ -51,6 +59,17 @@ impl InputState for Node {
         self.lights.lock().expect("lights").push((code, is_on));
         Ok(())
     }
+
+    fn put_rumble(&self, id: Option<i16>, motors: Motors, length_ms: u16) -> std::io::Result<i16> {
+        assert!((500..=1000).contains(&length_ms), "longer than every pulse, and not for long");
+        self.effects.lock().expect("effects").push(Told::Put(id, motors));
+        Ok(5)
+    }
+
+    fn play(&self, id: i16, is_on: bool) -> std::io::Result<()> {
+        self.effects.lock().expect("effects").push(Told::Play(id, is_on));
+        Ok(())
+    }
 }
 
 type Now = Arc<Mutex<(i32, Vec<u16>)>>;
@@ -58,9 +77,9 @@ type Now = Arc<Mutex<(i32, Vec<u16>)>>;
 fn opened(profile: &Profile) -> (PipeWriter, Now, EvdevPort<Node>) {
     let (pipe, writer) = pipe().expect("a pipe");
     let now = Arc::new(Mutex::new((511, Vec::new())));
-    let node = Node { pipe, now: Arc::clone(&now), lights: Arc::default() };
+    let node = Node { pipe, now: Arc::clone(&now), lights: Arc::default(), effects: Arc::default() };
     let decoder = EvdevDecoder::new(profile, &node).expect("a decoder");
-    (writer, now, EvdevPort::new(node, decoder, &profile.lights))
+    (writer, now, EvdevPort::new(node, decoder, profile))
 }
 
 fn stick() -> (PipeWriter, EvdevPort<Node>) {
@@ -189,4 +208,31 @@ fn the_same_events_move_the_tip_through_the_same_core_as_every_hand_and_a_loss_s
     assert!(first[150].operator_present() && first[150].tip_vel_in_view_m_per_s[0] > 0.0);
     let lost = first.last().expect("the last");
     assert_eq!((lost.operator_present(), lost.tip_vel_in_view_m_per_s), (false, [0.0; 3]));
+}
+
+#[test]
+fn a_rumble_is_as_strong_as_the_profile_says_ends_with_its_pulse_and_rests_with_the_port() {
+    use crate::lights::{HandSeen, HandState, LightShow};
+    let text = STICK.replacen("[[axis]]", "rumble = { limit = 0.5, load = 0.2 }\n[[axis]]", 1);
+    let (_writer, _, mut port) = opened(&Profile::parse("stick.toml", &text).expect("a profile"));
+    let mut show = LightShow::new(1000);
+    let mut told = |state, load_ratio, n_looks| {
+        for _ in 0..n_looks {
+            port.show(show.look(Some(HandSeen { state, load_ratio, compensation_share: 0.9 })));
+        }
+        port.rest_lights();
+        std::mem::take(&mut *port.reader.file().effects.lock().expect("effects"))
+    };
+    let [both, strong] = [(0.5, 0.5), (0.2, 0.0)].map(|(strong, weak): (f64, f64)| Motors {
+        strong: (strong * 65535.0).round() as u16,
+        weak: (weak * 65535.0).round() as u16,
+    });
+    assert_eq!(told(HandState::Engaged, 0.1, 100), [], "nothing to tell, and compensation is not asked for");
+    assert_eq!(told(HandState::Fault, 0.1, 100), [], "nor is a fault");
+    let on = |id, motors| [Told::Put(id, motors), Told::Play(5, true)];
+    assert_eq!(told(HandState::Limit, 0.1, 60), [&on(None, both)[..], &[Told::Play(5, false)]].concat());
+    let pulse = [&on(Some(5), strong)[..], &[Told::Play(5, false)]].concat();
+    assert_eq!(told(HandState::Engaged, 0.6, 60), [&pulse[..], &pulse].concat(), "two quarters");
+    // The device is let go in the middle of a pulse.
+    assert_eq!(told(HandState::Engaged, 0.9, 1).last(), Some(&Told::Play(5, false)));
 }

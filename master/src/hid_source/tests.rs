@@ -168,11 +168,11 @@ fn the_light_follows_the_chain_without_a_report_and_a_device_that_comes_back_is_
         })
     };
     assert!(becomes(1), "taken");
-    source.show(show.look(Some(HandState::Limit)));
+    source.show(show.look(Some(HandState::Limit.into())));
     assert!(becomes(0), "the first gap of a limit");
-    source.show(show.look(Some(HandState::Engaged)));
+    source.show(show.look(Some(HandState::Engaged.into())));
     assert!(becomes(1));
-    source.show(show.look(Some(HandState::Limit)));
+    source.show(show.look(Some(HandState::Limit.into())));
     assert!(becomes(0));
     acts.send(Act::Vanish).expect("vanish");
     assert!(matches!(wait_for_event(&mut source), SourceEvent::Plug { device: 0, plug: Plug::Out, .. }));

@@ -114,8 +114,8 @@ fn the_lights_of_both_follow_the_chain() {
             both.lights.iter().all(|light| light.load(Ordering::SeqCst) == is_on)
         })
     };
-    both.source.show(show.look(Some(HandState::Limit)));
+    both.source.show(show.look(Some(HandState::Limit.into())));
     assert!(becomes(0), "the first gap of a limit");
-    both.source.show(show.look(Some(HandState::Engaged)));
+    both.source.show(show.look(Some(HandState::Engaged.into())));
     assert!(becomes(1));
 }

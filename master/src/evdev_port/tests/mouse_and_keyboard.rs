@@ -158,9 +158,9 @@ fn keys_are_asked_for_after_dropped_events_and_at_the_beginning_and_a_held_butto
     // Another port on the same keys begins with them.
     let profile = Profile::load(Path::new("keyboard")).expect("built in");
     let (reader, _writer) = pipe().expect("a pipe");
-    let node = Node { pipe: reader, now, lights: Arc::default() };
+    let node = Node { pipe: reader, now, lights: Arc::default(), effects: Arc::default() };
     let decoder = EvdevDecoder::new(&profile, &node).expect("a decoder");
-    assert_eq!(read(&mut EvdevPort::new(node, decoder, &[])), Some(x(-175)));
+    assert_eq!(read(&mut EvdevPort::new(node, decoder, &Profile { lights: Vec::new(), ..profile })), Some(x(-175)));
 }
 
 #[test]
@@ -188,7 +188,7 @@ fn the_lights_of_the_profile_are_the_ports_and_are_left_as_they_were() {
         let (_writer, _, mut port) = opened(profile);
         let mut show = LightShow::new(1000);
         for state in STATES {
-            port.show(show.look(Some(state)));
+            port.show(show.look(Some(state.into())));
         }
         port.rest_lights();
         let all = port.reader.file().lights.lock().expect("lights").clone();

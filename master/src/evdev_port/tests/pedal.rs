@@ -71,7 +71,7 @@ fn a_pedal_is_presence_and_clutch_and_one_that_is_down_when_it_comes_back_counts
 fn pedal_of(profile: &Profile) -> (PipeWriter, EvdevPort<Node>) {
     let (pipe, writer) = pipe().expect("a pipe");
     let now = Arc::new(Mutex::new((0, vec![TRIGGER])));
-    let node = Node { pipe, now, lights: Arc::default() };
+    let node = Node { pipe, now, lights: Arc::default(), effects: Arc::default() };
     let decoder = EvdevDecoder::new(profile, &node).expect("a decoder");
-    (writer, EvdevPort::new(node, decoder, &[]))
+    (writer, EvdevPort::new(node, decoder, &Profile { lights: Vec::new(), ..profile.clone() }))
 }
