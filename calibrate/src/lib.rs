@@ -28,4 +28,5 @@ mod stem_rows;
 pub use dialogue::{Dialogue, Reply};
 pub use error::CalibrateError;
 pub use fit::LeastSquares;
+pub use lines::ConeFriction;
 pub use model::{CalibratedValue, written};

@@ -1,27 +1,65 @@
-//! The bend that encoders and parameters predict: Eq. (18) with the signs of motion, for any friction of the cone.
+//! The bend that encoders and parameters predict: Eq. (18) with the signs of motion, for friction of the cone that is lumped at its end or
+//! spread along it, and with or without extension of the lines inside the snake.
 
 use krait_model::{MachineParameters, Snake};
 use nalgebra::{Matrix2, Matrix3x2, Vector2, Vector3};
+
+/// What friction makes of the load within the cone.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum ConeFriction {
+    /// All of it acts at the cone's end: Eq. (16), the effect `cone-friction`.
+    #[default]
+    Lumped,
+    /// It grows along the cone's two bends, in which lies this share of the cone's length: the effect `distributed-capstan`.
+    Distributed {
+        /// 2 R phi/L_c.
+        arc_share: f64,
+    },
+}
+
+impl ConeFriction {
+    /// Mean load along the cone over that at the snake, where each bend multiplies it by e^u.
+    fn slope(self, u: f64) -> f64 {
+        let bend = u.exp();
+        match self {
+            Self::Lumped => bend * bend,
+            Self::Distributed { arc_share } => {
+                let mean = if u.abs() < 1e-9 { 1.0 } else { u.exp_m1() / u };
+                arc_share * 0.5 * mean * (1.0 + bend) + (1.0 - arc_share) * bend
+            }
+        }
+    }
+}
 
 /// A snake with its friction.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Lines {
     snake: Snake,
-    /// e^(2 mu phi).
-    capstan: f64,
+    /// Mean load along the cone over that at the snake, while the line moves against its load and with it.
+    slopes: [f64; 2],
     f_s_n: f64,
+    /// L and E A of a line inside the snake, m and N, and the share of its load that it carries there.
+    inside: (f64, f64, f64),
 }
 
 impl Lines {
     /// `None` for a machine that the model refuses.
-    pub fn new(machine: &MachineParameters, mu: f64, f_s_n: f64) -> Option<Self> {
-        let capstan = (2.0 * mu * machine.phi_rad).exp();
-        Some(Self { snake: Snake::new(machine).ok()?, capstan, f_s_n })
+    pub fn new(
+        machine: &MachineParameters,
+        mu: f64,
+        f_s_n: f64,
+        cone: ConeFriction,
+        inside_share: f64,
+    ) -> Option<Self> {
+        let slopes = [1.0, -1.0].map(|way| cone.slope(way * mu * machine.phi_rad));
+        let snake = Snake::new(machine).ok()?;
+        let ea_n = snake.k_d_n_per_m() * machine.l_d_m;
+        Some(Self { snake, slopes, f_s_n, inside: (machine.l_m, ea_n, inside_share) })
     }
 
     /// Actuator positions for a bend (rad) with eta, without any sign of motion: the plan of a path.
     pub fn planned_m(&self, bend_rad: Vector2<f64>, eta: f64) -> Vector3<f64> {
-        self.snake.q(bend_rad) + self.snake.tau_n(bend_rad) * (eta * self.compliance(self.capstan))
+        self.snake.q(bend_rad) + self.snake.tau_n(bend_rad) * (eta * self.compliance(self.slopes[0]))
     }
 
     /// Bend, rad, at actuator positions with eta and half-width (m) and known signs; `None` where there is none below pi.
@@ -62,13 +100,21 @@ impl Lines {
         half_width_m: f64,
     ) -> (Vector3<f64>, Matrix3x2<f64>) {
         let tau_n = self.snake.tau_n(b) * eta;
+        let (q_m, j_q_bend) = (self.snake.q(b), self.snake.j_q_bend());
+        let (l_m, ea_n, share) = self.inside;
         let mut alpha = self.snake.j_tau_bend_n(b) * eta;
         let eps_m = Vector3::from_fn(|i, _| {
             let s = signs[i];
             let through = tau_n[i] + s * self.f_s_n;
-            let slope = if s * through >= 0.0 { self.capstan } else { 1.0 / self.capstan };
-            alpha.row_mut(i).scale_mut(self.compliance(slope));
-            tau_n[i] / self.snake.k_d_n_per_m() + slope * through / self.snake.k_c_n_per_m() + s * half_width_m
+            let slope = self.slopes[usize::from(s * through < 0.0)];
+            // eps_inside = share tau (L + q)/(E A)
+            let per_load = share * (l_m + q_m[i]) / ea_n;
+            let row = alpha.row(i) * (self.compliance(slope) + per_load) + j_q_bend.row(i) * (share * tau_n[i] / ea_n);
+            alpha.set_row(i, &row);
+            tau_n[i] / self.snake.k_d_n_per_m()
+                + slope * through / self.snake.k_c_n_per_m()
+                + per_load * tau_n[i]
+                + s * half_width_m
         });
         (eps_m, alpha)
     }

@@ -433,3 +433,6 @@ fn combined(image: &str, at: &DVector<f64>, covariance: &DMatrix<f64>, two_views
         apart_sd,
     })
 }
+
+#[cfg(test)]
+mod tests;

@@ -5,7 +5,7 @@
 //! measured, because a measured bend on both sides pulls eta down. Six poses that the fit never sees check it.
 
 use crate::fit::{Parameter, fit};
-use crate::lines::{Lines, Turning};
+use crate::lines::{ConeFriction, Lines, Turning};
 use crate::log::ReadingLog;
 use crate::pictures::Pictures;
 use crate::{CalibrateError, CalibratedValue, Dialogue, LeastSquares, Reply};
@@ -86,7 +86,7 @@ impl PoseReading {
 }
 
 /// What is known beforehand.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PoseSettings {
     /// Dimensions and material.
     pub machine: MachineParameters,
@@ -94,8 +94,37 @@ pub struct PoseSettings {
     pub mu: f64,
     /// Friction f_s, N.
     pub f_s_n: f64,
+    /// Where in the cone the friction acts.
+    pub cone: ConeFriction,
+    /// Share of its load that a line carries inside the snake, so that it extends there: the effect `inside-extension`; 0: none.
+    pub inside_share: f64,
     /// Standard deviation of each component of a measured bend vector, rad.
     pub sd_rad: f64,
+}
+
+/// Where the robot shall go.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PoseGoal {
+    /// The planned bend vector, rad.
+    pub bend_rad: Vector2<f64>,
+    /// Actuator positions for it with eta 1, m, push positive.
+    pub q_tilde_m: Vector3<f64>,
+}
+
+/// Where it is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PoseReached {
+    /// Encoders, m.
+    pub q_m: Vector3<f64>,
+    /// The bend vector, rad, where whoever moved it has measured that too: nothing is asked then.
+    pub bend_rad: Option<[f64; 2]>,
+}
+
+impl From<Vector3<f64>> for PoseReached {
+    /// Of a robot that only its encoders are known of.
+    fn from(q_m: Vector3<f64>) -> Self {
+        Self { q_m, bend_rad: None }
+    }
 }
 
 /// eta (1) and half-width (m) with their covariance.
@@ -204,7 +233,7 @@ fn lines(settings: &PoseSettings) -> Result<Lines, CalibrateError> {
         let (name, expected) = ("the standard deviation of a bend", "1e-6 to 0.2 rad");
         return Err(CalibrateError::Setting { name, found: settings.sd_rad, expected });
     }
-    Lines::new(&settings.machine, settings.mu, settings.f_s_n)
+    Lines::new(&settings.machine, settings.mu, settings.f_s_n, settings.cone, settings.inside_share)
         .ok_or_else(|| CalibrateError::Model("its machine is out of range".to_owned()))
 }
 
@@ -260,9 +289,11 @@ fn walk<R: BufRead, W: Write>(
     dialogue: &mut Dialogue<R, W>,
     (log, readings): (&mut ReadingLog, &mut Vec<PoseReading>),
     (settings, lines, pictures): (&PoseSettings, &Lines, Option<&Pictures>),
-    go: &mut impl FnMut(&mut Dialogue<R, W>, Vector3<f64>) -> Result<Vector3<f64>, CalibrateError>,
+    go: &mut impl FnMut(&mut Dialogue<R, W>, PoseGoal) -> Result<PoseReached, CalibrateError>,
 ) -> Result<(), CalibrateError> {
     let plan = plan();
+    let goal = |bend_rad: Vector2<f64>| PoseGoal { bend_rad, q_tilde_m: lines.planned_m(bend_rad, 1.0) };
+    let straight = PoseGoal { bend_rad: Vector2::zeros(), q_tilde_m: Vector3::zeros() };
     let is_read = |readings: &[PoseReading], k: usize| readings.iter().any(|r| r.pose == k as u32 + 1);
     let mut progress = Progress::of(readings, settings);
     let mut turning = None;
@@ -277,15 +308,16 @@ fn walk<R: BufRead, W: Write>(
         let pose = k as u32 + 1;
         let turning = match &mut turning {
             Some(turning) => turning,
-            none => none.insert(Turning::new(go(dialogue, Vector3::zeros())?)),
+            none => none.insert(Turning::new(go(dialogue, straight)?.q_m)),
         };
         let (sin, cos) = place.plane_deg.to_radians().sin_cos();
         let wanted = Vector2::new(cos, sin) * place.bend_deg.to_radians();
         // Through the straight pose first, where the plane changes: a straight line of actuators is then a path in one plane.
         if place.passing && place.bend_deg < 0.0 {
-            turning.follow(go(dialogue, Vector3::zeros())?);
+            turning.follow(go(dialogue, straight)?.q_m);
         }
-        let reached_m = go(dialogue, lines.planned_m(wanted, 1.0))?;
+        let reached = go(dialogue, goal(wanted))?;
+        let reached_m = reached.q_m;
         turning.follow(reached_m);
         if place.passing || is_read(readings, k) {
             continue;
@@ -298,9 +330,14 @@ fn walk<R: BufRead, W: Write>(
         let check = if place.check { ", for the check" } else { "" };
         let (bend_deg, plane_deg) = (place.bend_deg, place.plane_deg);
         let question = format!("pose {pose}: {bend_deg:.1} deg, plane {plane_deg:.0}, from {}{check}", place.from);
-        let answer = match pictures {
-            Some(_) => picture_of(dialogue, &question, pose, readings)?,
-            None => typed(dialogue, &question)?,
+        let answer = match (pictures, reached.bend_rad) {
+            (Some(_), _) => picture_of(dialogue, &question, pose, readings)?,
+            (None, Some(bend_rad)) => {
+                let [x, y] = bend_rad.map(f64::to_degrees);
+                dialogue.say(&format!("{question}: {x:.3} {y:.3} deg measured"))?;
+                Answer::Measured([x, y], None)
+            }
+            (None, None) => typed(dialogue, &question)?,
         };
         let (bend_deg, image) = match answer {
             Answer::Measured(bend_deg, image) => (bend_deg, image),
@@ -333,7 +370,7 @@ fn walk<R: BufRead, W: Write>(
         }
     }
     if turning.is_some() {
-        go(dialogue, Vector3::zeros())?;
+        go(dialogue, straight)?;
     }
     Ok(())
 }
@@ -402,7 +439,7 @@ impl Progress {
     }
 }
 
-/// The dialogue: `go` moves the actuators straight to q~ (m, push positive) and says what the encoders read (m). With the table of
+/// The dialogue: `go` moves the robot straight to a goal and says what the encoders read there, with the bend where it knows that too. With the table of
 /// bends of [`crate::photo`], which need not be there yet, each pose takes the name of its pictures in place of a bend.
 ///
 /// # Errors
@@ -412,7 +449,7 @@ pub fn run<R: BufRead, W: Write>(
     csv: &Path,
     bends: Option<&Path>,
     settings: &PoseSettings,
-    mut go: impl FnMut(&mut Dialogue<R, W>, Vector3<f64>) -> Result<Vector3<f64>, CalibrateError>,
+    mut go: impl FnMut(&mut Dialogue<R, W>, PoseGoal) -> Result<PoseReached, CalibrateError>,
 ) -> Result<Poses, CalibrateError> {
     let lines = lines(settings)?;
     let pictures = bends.map(Pictures::read).transpose()?;

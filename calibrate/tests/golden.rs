@@ -165,8 +165,13 @@ fn guided_poses_state_the_standard_errors_of_the_bench() {
     let ten: Vec<f64> = (0..10).map(|k| 10.0 + 50.0 * f64::from(k) / 9.0).collect();
     let five: Vec<f64> = (0..5).map(|k| 10.0 + 12.5 * f64::from(k)).collect();
     let planes: Vec<f64> = (0..6).map(|k| 60.0 * f64::from(k)).collect();
-    let settings =
-        PoseSettings { machine: MachineParameters::default(), mu: 0.1727, f_s_n: 1.959, sd_rad: 1_f64.to_radians() };
+    let settings = PoseSettings {
+        machine: MachineParameters::default(),
+        mu: 0.1727,
+        f_s_n: 1.959,
+        sd_rad: 1_f64.to_radians(),
+        ..PoseSettings::default()
+    };
     let table = golden("guided_poses")["rows"].clone();
     let cases = [readings(&[0.0], &ten, false), readings(&[0.0], &ten, true), readings(&planes, &five, true)];
     for (row, case) in table.as_array().unwrap().iter().zip(&cases) {
@@ -175,5 +180,41 @@ fn guided_poses_state_the_standard_errors_of_the_bench() {
         assert!((found.eta().0 - 1.22).abs() < 1e-4, "{row}: {:?}", found.eta());
         near(&format!("{row}: eta"), found.eta().1, expected[0], 0.02);
         near(&format!("{row}: half-width"), found.half_width_m().1 * 1e3, expected[1], 0.02);
+    }
+}
+
+/// Ten bends up and down in one plane without an error, and what a wrong assumption makes of eta and of the half-width, mm.
+fn with_wrong(settings: &PoseSettings, zero_1_m: f64) -> [f64; 2] {
+    let ten: Vec<f64> = (0..10).map(|k| 10.0 + 50.0 * f64::from(k) / 9.0).collect();
+    let mut rows = readings(&[0.0], &ten, true);
+    rows.iter_mut().for_each(|row| row.q1_m += zero_1_m);
+    let found = poses(&rows, settings).unwrap();
+    [found.eta().0 - 1.22, (found.half_width_m().0 - 0.089e-3) * 1e3]
+}
+
+#[test]
+fn a_wrong_assumption_moves_eta_and_play_as_the_bench_says() {
+    let right = PoseSettings {
+        machine: MachineParameters::default(),
+        mu: 0.1727,
+        f_s_n: 1.959,
+        sd_rad: 1_f64.to_radians(),
+        ..PoseSettings::default()
+    };
+    let r_m = right.machine.r_m * 1.01;
+    let cases = [
+        ("mu_plus_0p009", PoseSettings { mu: 0.1817, ..right }, 0.0),
+        ("f_s_plus_0p13", PoseSettings { f_s_n: 2.089, ..right }, 0.0),
+        ("r_plus_1_percent", PoseSettings { machine: MachineParameters { r_m, ..right.machine }, ..right }, 0.0),
+        ("zero_line1_0p05mm", right, 0.05e-3),
+    ];
+    let bench = golden("sensitivity_of_eta_and_half_width_mm");
+    assert_eq!(bench.as_object().unwrap().len(), cases.len());
+    for (key, settings, zero_1_m) in cases {
+        let (found, expected) = (with_wrong(&settings, zero_1_m), numbers(&bench[key]));
+        // The bench weights the readings of every bend alike, this fit by what a bend says: eta differs by a hundredth of its error.
+        for ((found, expected), apart) in found.iter().zip(&expected).zip([1e-4, 2e-5]) {
+            assert!((found - expected).abs() <= 0.1 * expected.abs() + apart, "{key}: {found} and {expected}");
+        }
     }
 }

@@ -8,7 +8,7 @@ mod common;
 use common::pictures::{Camera, picture};
 use common::{Fresh, Noise, User, fresh, shared};
 use krait_calibrate::photo::{self, ClickKind, PhotoView};
-use krait_calibrate::poses::{PoseSettings, run};
+use krait_calibrate::poses::{PoseGoal, PoseSettings, run};
 use krait_calibrate::{CalibrateError, Dialogue};
 use krait_model::MachineParameters;
 use krait_sim::{SimulatedSnake, Truth};
@@ -19,7 +19,13 @@ use std::path::Path;
 const CLICK_SD_PX: f64 = 0.5;
 
 fn settings() -> PoseSettings {
-    PoseSettings { machine: MachineParameters::default(), mu: 0.1727, f_s_n: 1.959, sd_rad: 1_f64.to_radians() }
+    PoseSettings {
+        machine: MachineParameters::default(),
+        mu: 0.1727,
+        f_s_n: 1.959,
+        sd_rad: 1_f64.to_radians(),
+        ..PoseSettings::default()
+    }
 }
 
 /// What the snake's bend was at each name that was typed.
@@ -44,11 +50,11 @@ fn photographed(csv: &Path, table: &Path) -> (String, Shown) {
     });
     let mut said = Vec::new();
     let mut dialogue = Dialogue::new(user, &mut said);
-    let ended = run(&mut dialogue, csv, Some(table), &settings(), |_, to_m: Vector3<f64>| {
+    let ended = run(&mut dialogue, csv, Some(table), &settings(), |_, goal: PoseGoal| {
         let snake = &mut bench.borrow_mut().0;
         let robot = |e: krait_slave::DriveError| CalibrateError::Robot(e.to_string());
-        snake.write(0, lines(to_m.into())).map_err(robot)?;
-        Ok(three(&snake.read(0).map_err(robot)?.q_tilde_m).into())
+        snake.write(0, lines(goal.q_tilde_m.into())).map_err(robot)?;
+        Ok(Vector3::from(three(&snake.read(0).map_err(robot)?.q_tilde_m)).into())
     });
     let said = String::from_utf8(said).unwrap();
     assert!(said.contains("\"i0\" is of pose "), "{said}");

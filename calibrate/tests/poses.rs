@@ -5,8 +5,8 @@
 mod common;
 
 use common::{N_SEEDS, Noise, User, fresh, honest, shared};
-use krait_calibrate::poses::{PoseSettings, Poses, run};
-use krait_calibrate::{CalibrateError, Dialogue, written};
+use krait_calibrate::poses::{PoseGoal, PoseSettings, Poses, run};
+use krait_calibrate::{CalibrateError, ConeFriction, Dialogue, written};
 use krait_model::MachineParameters;
 use krait_sim::{SimulatedSnake, Truth};
 use krait_slave::{Drive, lines, three};
@@ -45,17 +45,23 @@ fn measured(
     });
     let mut said = Vec::new();
     let mut dialogue = Dialogue::new(user, &mut said);
-    let found = run(&mut dialogue, csv, None, settings, |_, to_m: Vector3<f64>| {
+    let found = run(&mut dialogue, csv, None, settings, |_, goal: PoseGoal| {
         let mut bench = bench.borrow_mut();
         let robot = |e: krait_slave::DriveError| CalibrateError::Robot(e.to_string());
-        bench.snake.write(0, lines(to_m.into())).map_err(robot)?;
-        Ok(three(&bench.snake.read(0).map_err(robot)?.q_tilde_m).into())
+        bench.snake.write(0, lines(goal.q_tilde_m.into())).map_err(robot)?;
+        Ok(Vector3::from(three(&bench.snake.read(0).map_err(robot)?.q_tilde_m)).into())
     });
     (found, String::from_utf8(said).unwrap())
 }
 
 fn settings(sd_deg: f64) -> PoseSettings {
-    PoseSettings { machine: MachineParameters::default(), mu: 0.1727, f_s_n: 1.959, sd_rad: sd_deg.to_radians() }
+    PoseSettings {
+        machine: MachineParameters::default(),
+        mu: 0.1727,
+        f_s_n: 1.959,
+        sd_rad: sd_deg.to_radians(),
+        ..PoseSettings::default()
+    }
 }
 
 #[test]
@@ -92,6 +98,29 @@ fn without_noise_the_snakes_own_values_come_out() {
     let (found, said) = measured(&truth, &exact, 1, &csv, usize::MAX);
     let found = found.unwrap_or_else(|e| panic!("{e}\n{said}"));
     assert!((found.eta().0 - 1.22).abs() < 1e-3 && (found.half_width_m().0 - 0.089e-3).abs() < 1e-6, "{found:?}");
+}
+
+#[test]
+fn friction_along_the_cone_and_lines_that_extend_inside_the_snake_belong_to_the_fit_of_a_model_that_has_them() {
+    let mut truth = Truth::default();
+    truth.drive.encoder_resolution_m = 0.0;
+    (truth.lines.inside, truth.lines.cone_radius_m) = (0.9, 0.02);
+    let arc_share = 2.0 * truth.lines.cone_radius_m * truth.machine.phi_rad / truth.machine.l_c_m;
+    let exact = PoseSettings { sd_rad: 1e-3_f64.to_radians(), ..settings(1.0) };
+    let known = PoseSettings { cone: ConeFriction::Distributed { arc_share }, inside_share: 0.9, ..exact };
+    let csv = fresh("poses-spread");
+    let (found, said) = measured(&truth, &known, 1, &csv, usize::MAX);
+    let found = found.unwrap_or_else(|e| panic!("{e}\n{said}"));
+    assert!((found.eta().0 - 1.22).abs() < 1e-3 && (found.half_width_m().0 - 0.089e-3).abs() < 1e-6, "{found:?}");
+    // The same readings without either: they are taken for eta and play, and the fit does not bear it out.
+    for lacking in
+        [PoseSettings { cone: ConeFriction::Lumped, ..known }, PoseSettings { inside_share: 0.0, ..known }, exact]
+    {
+        let csv = fresh("poses-lacking");
+        let (found, _) = measured(&truth, &lacking, 1, &csv, usize::MAX);
+        let sentence = found.unwrap_err().to_string();
+        assert!(sentence.contains("chi2"), "{sentence}");
+    }
 }
 
 #[test]

@@ -1,6 +1,8 @@
 //! The command line of `krait calibrate`.
 
+use crate::cli_guide::GuideArgs;
 use crate::cli_lab::LabFiles;
+use crate::cli_machine::MachineArgs;
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
 
@@ -24,7 +26,7 @@ pub enum CalibrateVerb {
     Photo(PhotoArgs),
     /// eta and the play from guided poses whose bend is measured: a dialogue.
     #[command(
-        after_help = "Examples:\n  krait calibrate poses --csv poses.csv --model robot.toml --sd-deg 0.5\n  krait calibrate poses --csv poses.csv --model robot.toml --bends bends.csv\n  krait calibrate poses --csv try.csv --model try.toml --truth stiff.toml"
+        after_help = "Examples:\n  krait calibrate poses --csv poses.csv --model robot.toml --sd-deg 0.5\n  krait calibrate poses --csv poses.csv --model robot.toml --bends bends.csv\n  krait calibrate poses --csv try.csv --model try.toml --truth stiff.toml\n  krait calibrate poses --csv poses.csv --model robot.toml --chain --config robot-chain.toml --shape external"
     )]
     Poses(PosesArgs),
     /// The stem's angle phi with eta, play and f_s, from recorded encoders, load cells and bends of both directions.
@@ -103,9 +105,24 @@ pub struct PosesArgs {
     /// standard errors from the table. At the first run there is none yet; the same command again, behind `photo`, fits.
     #[arg(long, value_name = "FILE", conflicts_with = "sd_deg")]
     pub bends: Option<PathBuf>,
-    /// Practise on the simulated snake of this truth file: it moves, shows its bend, and you type what you see.
-    #[arg(long, value_name = "FILE")]
-    pub truth: Option<PathBuf>,
+    /// Have the machine of the configuration (`--config`; simulated drives without one) moved from pose to pose by a chain of krait's own
+    /// processes, instead of by you; the bend is then read from the chain's shape channel. It asks first. With `--truth` alone, without
+    /// this, you practise on a simulated snake: it moves, shows its bend, and you type what you see.
+    #[arg(long)]
+    pub chain: bool,
+    /// Type the bends of a chain that moves the machine.
+    #[arg(long, requires = "chain")]
+    pub typed: bool,
+    /// Move without asking. Real drives are asked about always.
+    #[arg(long, requires = "chain")]
+    pub engage: bool,
+    /// Record the chain into this file; it is not recorded without.
+    #[arg(long, value_name = "FILE", requires = "chain")]
+    pub recording: Option<PathBuf>,
+    #[command(flatten)]
+    pub guide: GuideArgs,
+    #[command(flatten)]
+    pub machine: MachineArgs,
 }
 
 /// Options of `krait calibrate stem`.

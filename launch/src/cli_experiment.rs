@@ -1,5 +1,6 @@
 //! The command line of `krait experiment`.
 
+use crate::cli_guide::GuideArgs;
 use crate::cli_machine::MachineArgs;
 use crate::in_force::Compensation;
 use clap::{Args, Subcommand, ValueEnum};
@@ -103,21 +104,9 @@ pub struct ExperimentArgs {
     /// How often a model that learns is led through three planes to learn from, before the first pose.
     #[arg(long, value_name = "N", default_value_t = 2)]
     pub learning_rounds: u32,
-    /// How fast the snake bends between poses, deg/s, at small bends.
-    #[arg(long, value_name = "DEG", default_value_t = 30.0)]
-    pub speed_deg_per_s: f64,
-    /// For so long the actuators must rest before a pose is measured, s.
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.3)]
-    pub settle_s: f64,
-    /// So long each pose is measured, s.
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.5)]
-    pub measure_s: f64,
-    /// Actuators that stay within so much count as at rest, micrometres.
-    #[arg(long, value_name = "UM", default_value_t = 5.0)]
-    pub rest_um: f64,
-    /// How long a pose may take beyond its way, to arrive and to come to rest, s.
-    #[arg(long, value_name = "SECONDS", default_value_t = 15.0)]
-    pub patience_s: f64,
+    /// How it is led.
+    #[command(flatten)]
+    pub guide: GuideArgs,
     #[command(flatten)]
     pub machine: MachineArgs,
     /// Where to write the recording; by default recordings/DATE-experiment.mcap.

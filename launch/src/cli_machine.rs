@@ -5,7 +5,7 @@ use crate::config::Config;
 use anyhow::ensure;
 use clap::Args;
 use krait_slave::{DriveKind, ShapeSource};
-use std::path::{PathBuf, absolute};
+use std::path::{Path, PathBuf, absolute};
 
 /// Which machine, and who measures it.
 #[derive(Clone, Debug, Args)]
@@ -22,6 +22,16 @@ pub struct MachineArgs {
 }
 
 impl MachineArgs {
+    /// The truth that is named, if any.
+    pub fn truth(&self) -> Option<&Path> {
+        self.truth.as_deref()
+    }
+
+    /// Whether drives or whoever measures are named, which takes a chain.
+    pub fn names_a_chain(&self) -> bool {
+        self.slave.is_some() || self.shape.is_some()
+    }
+
     /// Puts them in place of what the configuration says. Returns whether the drives are real.
     ///
     /// # Errors

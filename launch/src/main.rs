@@ -10,6 +10,7 @@ mod cli_console;
 mod cli_devices;
 mod cli_drives;
 mod cli_experiment;
+mod cli_guide;
 mod cli_lab;
 mod cli_lab_data;
 mod cli_machine;
@@ -24,6 +25,7 @@ mod evidence;
 mod experiment;
 mod fault;
 mod in_force;
+mod led_chain;
 mod log;
 mod old_settings;
 mod print;
@@ -77,7 +79,7 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Verb::Mark(args) => commands::mark::run(&cli.common, &args),
         Verb::Recover(args) => commands::recover::run(&args),
         Verb::Export(args) => commands::export::run(&args),
-        Verb::Calibrate(verb) => commands::calibrate::run(&verb),
+        Verb::Calibrate(verb) => commands::calibrate::run(&cli.common, &verb),
         Verb::Lab(verb) => commands::lab::run(&verb),
         Verb::Compare(args) => commands::compare::run(&args),
         Verb::Replay(args) => commands::replay::run(&cli.common, &args),

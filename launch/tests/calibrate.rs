@@ -90,13 +90,25 @@ const POSE_MODEL: &str = "format = 1\n[machine]\nkind = \"snake\"\n[[effect]]\nk
 #[test]
 fn effects_that_poses_do_not_compute_are_refused_by_name() {
     let folder = folder("effect");
-    let text = format!("{POSE_MODEL}[[effect]]\nkind = \"inside-extension\"\n");
+    let text = format!("{POSE_MODEL}[[effect]]\nkind = \"actuator-compliance\"\n");
     std::fs::write(folder.join("robot.toml"), text).unwrap();
     let ended = calibrate(&folder, &["poses", "--csv", "poses.csv", "--model", "robot.toml"], "");
     let sentence = String::from_utf8(ended.stderr).unwrap();
     assert_eq!(ended.status.code(), Some(2), "{sentence}");
-    assert!(sentence.contains("inside-extension") && sentence.lines().count() == 1, "{sentence}");
+    assert!(sentence.contains("actuator-compliance") && sentence.lines().count() == 1, "{sentence}");
     assert!(!folder.join("poses.csv").exists());
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn poses_take_friction_along_the_cone_and_extension_inside_from_the_model() {
+    let folder = folder("spread");
+    let text = "format = 1\n[machine]\nkind = \"snake\"\n[[effect]]\nkind = \"static-friction\"\nf_s_n = 1.9\n[[effect]]\nkind = \"distributed-capstan\"\nmu = 0.16\n[[effect]]\nkind = \"inside-extension\"\n";
+    std::fs::write(folder.join("robot.toml"), text).unwrap();
+    let ended = calibrate(&folder, &["poses", "--csv", "poses.csv", "--model", "robot.toml"], "q\n");
+    let said = String::from_utf8(ended.stdout).unwrap();
+    let sentence = "with mu 0.1600 along the cone, f_s 1.900 N and extension inside the snake (share 1) of robot.toml";
+    assert!(said.contains(sentence), "{said}");
     std::fs::remove_dir_all(folder).unwrap();
 }
 

@@ -4,6 +4,7 @@
 //! It closes the loop over the setpoint, never over what was measured: what is wanted is where the setpoint goes, and the
 //! error of the machine is left to be seen. Everything between the hand and the drives is as for any hand.
 
+use crate::guide_order::GuideOrder;
 use crate::guide_plan::{GuideLeg, GuidePlan};
 use crate::script::ScriptSample;
 use krait_ipc::message::{Phase, Setpoint, SlaveState, three};
@@ -48,12 +49,16 @@ pub struct Guide {
     reference_m: Option<[f64; 3]>,
     speed_m_per_s: f64,
     doing: Doing,
+    /// The newest order that was taken.
+    ordered: u32,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Doing {
     /// Waiting for an operator who is not yet present.
     Waiting,
+    /// Holding where it is until it is told where to go next.
+    Awaiting,
     /// Under way on a leg, and until when that may take, ns.
     Moving { until_ns: i64 },
     /// At a stop: since when the actuators are where they are, and until when they may take to come to rest, ns.
@@ -75,6 +80,22 @@ impl Guide {
             reference_m: None,
             speed_m_per_s: 0.0,
             doing: Doing::Waiting,
+            ordered: 0,
+        }
+    }
+
+    /// Takes an order, where the plan awaits any.
+    pub fn order(&mut self, order: GuideOrder) {
+        if !self.plan.awaits_orders {
+            return;
+        }
+        match order {
+            GuideOrder::Go { number, tip_pos_in_base_m } if number > self.ordered => {
+                self.ordered = number;
+                self.plan.leg.push(GuideLeg { pose: number, tip_pos_in_base_m: vec![tip_pos_in_base_m] });
+            }
+            GuideOrder::Go { .. } => {}
+            GuideOrder::End => self.plan.awaits_orders = false,
         }
     }
 
@@ -122,7 +143,14 @@ impl Guide {
     }
 
     fn go_on(&mut self, now_ns: i64, tip_m: [f64; 3], state: &SlaveState, step_s: f64) -> GuideStep {
+        if self.doing == Doing::Awaiting && self.leg_idx < self.plan.leg.len() {
+            self.set_out(now_ns);
+        }
         let Some(leg) = self.plan.leg.get(self.leg_idx) else {
+            if self.plan.awaits_orders {
+                self.doing = Doing::Awaiting;
+                return GuideStep { sample: Some(sample([0.0; 3], true)), mark: None };
+            }
             self.doing = Doing::Over;
             return GuideStep { sample: Some(sample([0.0; 3], true)), mark: Some(ExperimentMark::Ends) };
         };

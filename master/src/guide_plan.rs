@@ -24,7 +24,11 @@ pub struct GuidePlan {
     pub measure_s: f64,
     /// So long is waited for anything, s: for the operator's engagement, for arrival beyond a leg's own time, for rest.
     pub patience_s: f64,
+    /// Whether more legs come while it runs ([`crate::GuideOrder`]); without, it ends after its last.
+    #[serde(default)]
+    pub awaits_orders: bool,
     /// The legs.
+    #[serde(default)]
     pub leg: Vec<GuideLeg>,
 }
 
@@ -97,12 +101,16 @@ mod tests {
             settle_s: 0.2,
             measure_s: 0.4,
             patience_s: 10.0,
+            awaits_orders: false,
             leg: vec![GuideLeg { pose: 1, tip_pos_in_base_m: vec![[0.0, 0.0, 0.026]] }],
         };
         let text = toml::to_string(&plan).expect("TOML");
         assert_eq!(toml::from_str::<GuidePlan>(&text).expect("a plan"), plan);
         assert_eq!(plan.check(), Ok(()));
         let far = GuideLeg { pose: 1, tip_pos_in_base_m: vec![[f64::NAN, 0.0, 0.026]] };
+        let empty = GuidePlan { awaits_orders: true, leg: Vec::new(), ..plan.clone() };
+        let text = toml::to_string(&empty).expect("TOML");
+        assert_eq!(toml::from_str::<GuidePlan>(&text).expect("a plan that awaits its legs"), empty);
         for refused in [
             GuidePlan { speed_m_per_s: f64::NAN, ..plan.clone() },
             GuidePlan { measure_s: 0.0, ..plan.clone() },

@@ -1,6 +1,7 @@
 //! The guide of an experiment as a source: looks at setpoint and state at every tick and says what its guide asks for.
 
 use crate::guide::Guide;
+use crate::guide_order::GuideOrder;
 use crate::guide_plan::GuidePlan;
 use crate::source::sleep_until;
 use crate::{MasterError, ReportSource, SourceEvent};
@@ -12,6 +13,8 @@ pub struct GuideSource {
     guide: Guide,
     setpoints: Reader<Setpoint>,
     states: Reader<SlaveState>,
+    /// Present if the plan awaits orders.
+    orders: Option<Reader<Marker>>,
     setpoint: Option<Setpoint>,
     state: Option<SlaveState>,
     is_begun: bool,
@@ -27,8 +30,11 @@ impl GuideSource {
     /// # Errors
     /// [`MasterError::Ipc`] where a channel cannot be read.
     pub fn open(bus: &Bus, plan: GuidePlan) -> Result<Self, MasterError> {
+        let awaited = plan.awaits_orders;
+        let orders = awaited.then(|| bus.reader_on(Marker::GUIDE_CHANNEL, ReadOptions::observing())).transpose()?;
         Ok(Self {
             guide: Guide::new(plan),
+            orders,
             setpoints: bus.reader(ReadOptions::glancing())?,
             states: bus.reader(ReadOptions::glancing())?,
             setpoint: None,
@@ -65,6 +71,9 @@ impl ReportSource for GuideSource {
         self.told_ns = Some(now_ns);
         newest(&mut self.setpoints, &mut self.setpoint);
         newest(&mut self.states, &mut self.state);
+        while let Some(order) = self.orders.as_mut().and_then(next_order) {
+            order.into_iter().for_each(|order| self.guide.order(order));
+        }
         let step = self.guide.step(now_ns, self.setpoint.as_ref(), self.state.as_ref());
         self.mark = step.mark.and_then(|mark| marker(&mark, now_ns));
         self.is_over = step.sample.is_none();
@@ -82,6 +91,17 @@ fn newest<M: Message>(reader: &mut Reader<M>, known: &mut Option<M>) {
         Ok(Some(message)) => *known = Some(*message),
         Ok(None) => {}
         Err(error) => tracing::error!(%error, "the guide cannot read a channel"),
+    }
+}
+
+/// The next message of orders, if there is one: an order, or none in what is no order.
+fn next_order(orders: &mut Reader<Marker>) -> Option<Option<GuideOrder>> {
+    match orders.take() {
+        Ok(mark) => mark.map(|mark| mark.text().and_then(GuideOrder::parse)),
+        Err(error) => {
+            tracing::error!(%error, "the guide cannot hear its orders");
+            None
+        }
     }
 }
 

@@ -4,7 +4,7 @@ use crate::world::wait_until;
 use core::time::Duration;
 use rustix::process::{Pid, Signal, kill_process};
 use std::ffi::OsStr;
-use std::io::Read;
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::OnceLock;
@@ -122,6 +122,15 @@ impl Ended {
     /// Runs `krait` with arguments to its end.
     pub fn of(arguments: &[impl AsRef<OsStr>], patience: Duration) -> Self {
         Krait::start(arguments).end(patience)
+    }
+
+    /// The same with a standard input that holds a text and then ends.
+    pub fn fed(arguments: &[impl AsRef<OsStr>], text: &str, patience: Duration) -> Self {
+        let (krait, mut input) = Krait::start_with_input(arguments);
+        // Whoever has ended by then reads nothing.
+        let _it_may_have_ended = input.write_all(text.as_bytes());
+        drop(input);
+        krait.end(patience)
     }
 
     /// The same below a shell that has set a limit, as in `ulimit -n 200`.

@@ -49,6 +49,8 @@ pub enum MarkerTextError {
 impl Marker {
     /// The channel on which the master publishes marks of a button.
     pub const DEVICE_CHANNEL: &'static str = "marker/device";
+    /// The channel on which the guide of a calibration is told where to go next.
+    pub const GUIDE_CHANNEL: &'static str = "marker/guide";
     /// The channel on which the recorder repeats what it has taken.
     pub const RECORDED_CHANNEL: &'static str = "marker/recorded";
 

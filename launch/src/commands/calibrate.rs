@@ -3,12 +3,16 @@
 //! A robot that krait does not drive is moved by hand: the dialogue says where to, and takes what its encoders read. `--truth`
 //! puts the simulated snake in its place.
 
+use crate::cli::Common;
 use crate::cli_calibrate::{CalibrateVerb, Files, FrictionArgs, PhotoArgs, PlayArgs, PosesArgs};
 use crate::commands::overwrite::refuse_existing;
-use crate::commands::today;
+use crate::commands::{calibrate_chain, today};
 use crate::print;
 use anyhow::Context;
-use krait_calibrate::{CalibrateError, CalibratedValue, Dialogue, Reply, friction, photo, play, poses, written};
+use krait_calibrate::poses::{PoseGoal, PoseReached};
+use krait_calibrate::{
+    CalibrateError, CalibratedValue, ConeFriction, Dialogue, Reply, friction, photo, play, poses, written,
+};
 use krait_ipc::input;
 use krait_ipc::message::{lines, three};
 use krait_model::MachineParameters;
@@ -20,18 +24,23 @@ use std::io::{BufRead, Stdin, Stdout, Write, stdin, stdout};
 use std::path::Path;
 use std::process::ExitCode;
 
-type Terminal = Dialogue<std::io::StdinLock<'static>, Stdout>;
+/// The user at the terminal.
+pub(super) type Terminal = Dialogue<std::io::StdinLock<'static>, Stdout>;
 
 /// What the fits of `poses` and `stem` know of a model; every other effect would be taken for one of these.
-const KNOWN: [&str; 4] = ["stiffness-scale", "static-friction", "cone-friction", "backlash"];
+pub(super) const KNOWN: [&str; 4] = ["stiffness-scale", "static-friction", "cone-friction", "backlash"];
+/// The same of the fit of `poses` only.
+const KNOWN_TO_POSES: [&str; 6] = [KNOWN[0], KNOWN[1], KNOWN[2], KNOWN[3], DISTRIBUTED, INSIDE];
+const DISTRIBUTED: &str = "distributed-capstan";
+const INSIDE: &str = "inside-extension";
 
 /// Runs one procedure; exit code 1 if its values were not written.
-pub fn run(verb: &CalibrateVerb) -> anyhow::Result<ExitCode> {
+pub fn run(common: &Common, verb: &CalibrateVerb) -> anyhow::Result<ExitCode> {
     match verb {
         CalibrateVerb::Friction(args) => friction(args),
         CalibrateVerb::Play(args) => play(args),
         CalibrateVerb::Photo(args) => photo(args),
-        CalibrateVerb::Poses(args) => poses(args),
+        CalibrateVerb::Poses(args) => poses(common, args),
         CalibrateVerb::Stem(args) => super::calibrate_stem::run(args),
     }
 }
@@ -88,34 +97,66 @@ fn photo(args: &PhotoArgs) -> anyhow::Result<ExitCode> {
     })
 }
 
-fn poses(args: &PosesArgs) -> anyhow::Result<ExitCode> {
+fn poses(common: &Common, args: &PosesArgs) -> anyhow::Result<ExitCode> {
     let file = file_of(&args.files.model)?;
     if let Some(file) = &file {
-        only_known(file, &args.files.model)?;
+        only_known(file, &args.files.model, &KNOWN_TO_POSES)?;
     }
     let (mu, f_s_n) = friction_of(file.as_ref(), &args.files.model)?;
     let machine = machine(file.as_ref(), &args.files.model)?;
-    let settings = poses::PoseSettings { machine, mu, f_s_n, sd_rad: args.sd_deg.to_radians() };
+    let settings = poses::PoseSettings {
+        machine,
+        mu,
+        f_s_n,
+        cone: value_of(file.as_ref(), DISTRIBUTED, "arc_share")
+            .map_or(ConeFriction::Lumped, |arc_share| ConeFriction::Distributed { arc_share }),
+        inside_share: value_of(file.as_ref(), INSIDE, "share").unwrap_or(0.0),
+        sd_rad: args.sd_deg.to_radians(),
+    };
     let bends = args.bends.as_deref();
     let mut dialogue = terminal();
-    dialogue.say(&format!("with mu {mu:.4} and f_s {f_s_n:.3} N of {}", args.files.model.display()))?;
-    let found = match &args.truth {
+    dialogue.say(&with(&settings, &args.files.model))?;
+    anyhow::ensure!(
+        args.chain || !args.machine.names_a_chain(),
+        "--slave and --shape are for a chain that moves the machine; add --chain, or leave them out"
+    );
+    let found = match args.machine.truth() {
+        _ if args.chain => calibrate_chain::poses(common, args, &settings, &mut dialogue)?,
         Some(file) => {
             let mut snake = SimulatedSnake::new(&Truth::load(file)?);
             snake.set_power(0, true)?;
-            poses::run(&mut dialogue, &args.files.csv, bends, &settings, |dialogue, to_m| {
-                simulated(&mut snake, dialogue, to_m)
+            poses::run(&mut dialogue, &args.files.csv, bends, &settings, |dialogue, goal| {
+                simulated(&mut snake, dialogue, goal.q_tilde_m).map(PoseReached::from)
             })?
         }
-        None => poses::run(&mut dialogue, &args.files.csv, bends, &settings, |dialogue, to_m| {
-            let [a, b, c] = (to_m * 1e3).into();
-            let question = format!(
-                "move the actuators to {a:.3} {b:.3} {c:.3} mm in one go; the encoders then read mm? [the same]"
-            );
-            Ok(by_hand(dialogue, &question, 3)?.map_or(to_m, |read| Vector3::new(read[0], read[1], read[2]) * 1e-3))
-        })?,
+        None => poses::run(
+            &mut dialogue,
+            &args.files.csv,
+            bends,
+            &settings,
+            |dialogue, PoseGoal { q_tilde_m: to_m, .. }| {
+                let [a, b, c] = (to_m * 1e3).into();
+                let question = format!(
+                    "move the actuators to {a:.3} {b:.3} {c:.3} mm in one go; the encoders then read mm? [the same]"
+                );
+                let read = by_hand(dialogue, &question, 3)?;
+                Ok(read.map_or(to_m, |read| Vector3::new(read[0], read[1], read[2]) * 1e-3).into())
+            },
+        )?,
     };
     save(&mut dialogue, &args.files, &found.calibrated())
+}
+
+/// What is taken from the model file.
+fn with(settings: &poses::PoseSettings, model: &Path) -> String {
+    let along = if settings.cone == ConeFriction::Lumped { "" } else { " along the cone" };
+    let inside = match settings.inside_share {
+        0.0 => String::new(),
+        share => format!(" and extension inside the snake (share {share})"),
+    };
+    let and = if inside.is_empty() { " and" } else { "," };
+    let poses::PoseSettings { mu, f_s_n, .. } = settings;
+    format!("with mu {mu:.4}{along}{and} f_s {f_s_n:.3} N{inside} of {}", model.display())
 }
 
 /// Moves the simulated snake and shows its bend.
@@ -186,23 +227,29 @@ pub(super) fn effect_of<'f>(file: &'f ModelFile, name: &str) -> Option<&'f FileE
 }
 
 /// Refuses a model with effects that `poses` and `stem` do not compute: their values would be wrong, and look right.
-pub(super) fn only_known(file: &ModelFile, model: &Path) -> anyhow::Result<()> {
+pub(super) fn only_known(file: &ModelFile, model: &Path, known: &[&str]) -> anyhow::Result<()> {
     let mut names = file.effects().iter().map(|effect| effect.setting().kind().name());
-    if let Some(name) = names.find(|name| !KNOWN.contains(name)) {
+    if let Some(name) = names.find(|name| !known.contains(name)) {
         anyhow::bail!(
             "the model file {} has the effect {name}, expected only {}, which is all that this fit computes; give a file without it, or \
              fit all values together with `krait lab fit`",
             model.display(),
-            KNOWN.join(", ")
+            known.join(", ")
         );
     }
     Ok(())
 }
 
+/// A parameter of an effect of a model file.
+fn value_of(file: Option<&ModelFile>, effect: &str, parameter: &str) -> Option<f64> {
+    effect_of(file?, effect)?.setting().value(parameter)
+}
+
 /// mu and f_s of a model file: they must be known before eta and the play are.
 fn friction_of(file: Option<&ModelFile>, model: &Path) -> anyhow::Result<(f64, f64)> {
-    let value = |effect: &str, parameter: &str| effect_of(file?, effect)?.setting().value(parameter);
-    let found = (value("cone-friction", "mu"), value("static-friction", "f_s_n"));
+    let value = |effect: &str, parameter: &str| value_of(file, effect, parameter);
+    let mu = value("cone-friction", "mu").or_else(|| value(DISTRIBUTED, "mu"));
+    let found = (mu, value("static-friction", "f_s_n"));
     let (Some(mu), Some(f_s_n)) = found else {
         anyhow::bail!(
             "the model file {} has no friction (effects static-friction, cone-friction), expected both; run `krait calibrate friction` first",

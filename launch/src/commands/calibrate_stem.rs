@@ -1,6 +1,6 @@
 //! `krait calibrate stem`: the stem's angle from a recording with load cells, as the lab reads recordings.
 
-use super::calibrate::{effect_of, only_known, replaced, snake_of};
+use super::calibrate::{KNOWN, effect_of, only_known, replaced, snake_of};
 use super::overwrite::refuse_existing;
 use super::today;
 use crate::cli_calibrate::StemArgs;
@@ -21,7 +21,7 @@ pub fn run(args: &StemArgs) -> anyhow::Result<ExitCode> {
     let model = &args.files.model;
     let session = args.files.session()?;
     let machine = snake_of(&session.file, model)?;
-    only_known(&session.file, model)?;
+    only_known(&session.file, model, &KNOWN)?;
     let (mu, mu_se) = mu_of(&session.file, model)?;
     let settings = StemSettings {
         machine,

@@ -115,33 +115,13 @@ fn make_room(config: &mut Config, largest_deg: f64, may_widen: bool) -> anyhow::
 
 /// The ways of the protocol as places of the tip.
 fn plan(config: &Config, args: &ExperimentArgs, protocol: &Protocol, learns: bool) -> anyhow::Result<GuidePlan> {
-    ensure!(
-        (1.0..=100.0).contains(&args.speed_deg_per_s),
-        "--speed-deg-per-s {}: expected 1 to 100",
-        args.speed_deg_per_s
-    );
-    for (option, value, most) in [
-        ("--settle-s", args.settle_s, 60.0),
-        ("--measure-s", args.measure_s, 600.0),
-        ("--patience-s", args.patience_s, 600.0),
-        ("--rest-um", args.rest_um, 1000.0),
-    ] {
-        ensure!((0.05..=most).contains(&value), "{option} {value}: expected 0.05 to {most}");
-    }
     let machine = *config.model()?.snake("krait experiment")?.machine();
     let snake = Snake::new(&machine)?;
     let leg = |leg: &krait_paper::experiment::Leg| GuideLeg {
         pose: leg.pose,
         tip_pos_in_base_m: leg.bends_rad.iter().map(|bend| snake.tip_pos_in_base_m(*bend).into()).collect(),
     };
-    Ok(GuidePlan {
-        view_roll_rad: config.resolve.view_roll_rad,
-        // At small bends the tip moves by half of the length for one radian.
-        speed_m_per_s: args.speed_deg_per_s.to_radians() * 0.5 * machine.l_m,
-        rest_m: args.rest_um * 1e-6,
-        settle_s: args.settle_s,
-        measure_s: args.measure_s,
-        patience_s: args.patience_s,
-        leg: protocol.legs(learns).iter().map(leg).collect(),
-    })
+    let mut plan = args.guide.plan(machine.l_m, config.resolve.view_roll_rad)?;
+    plan.leg = protocol.legs(learns).iter().map(leg).collect();
+    Ok(plan)
 }

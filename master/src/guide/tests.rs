@@ -14,6 +14,7 @@ fn plan() -> GuidePlan {
         settle_s: 0.05,
         measure_s: 0.1,
         patience_s: 1.0,
+        awaits_orders: false,
         leg: vec![leg(1, 0.004), leg(0, -0.002), leg(2, 0.001), leg(0, 0.0)],
     }
 }
@@ -131,4 +132,39 @@ fn a_short_loss_of_hold_costs_a_measurement_nothing_but_time() {
     let kinds = |found: &[(i64, f64, ExperimentMark)]| found.iter().map(|(.., m)| m.clone()).collect::<Vec<_>>();
     assert_eq!(kinds(&found), kinds(&whole));
     assert!(found[1].0 > whole[1].0, "{found:?}, {whole:?}");
+}
+
+#[test]
+fn a_guide_that_awaits_orders_goes_where_it_is_told_one_after_the_other_and_ends_when_it_is_told() {
+    let mut guide = Guide::new(GuidePlan { awaits_orders: true, leg: Vec::new(), ..plan() });
+    let go = |number, x| GuideOrder::Go { number, tip_pos_in_base_m: [x, 0.0, 0.026] };
+    // When each is told, ms; a number that was had before is not gone to again, nor is anything without an order.
+    let orders = [(300, go(1, 0.003)), (1500, go(1, 0.009)), (4000, go(2, -0.001)), (7000, GuideOrder::End)];
+    let (mut tip, mut marks) = ([0.0, 0.0, 0.026], Vec::new());
+    for ms in 1..9000 {
+        let now_ns = ms * MS;
+        orders.iter().filter(|(at, _)| *at == ms).for_each(|(_, order)| guide.order(*order));
+        let step = guide.step(now_ns, Some(&setpoint(now_ns, tip)), Some(&state(now_ns, tip[0])));
+        marks.extend(step.mark.map(|mark| (ms, tip[0], mark)));
+        let Some(asked) = step.sample else { break };
+        let (sin, cos) = 0.3_f64.sin_cos();
+        let [x, y, z] = asked.tip_vel_in_view_m_per_s;
+        assert!(length([x, y, z]) < 1e-12 || !(150..300).contains(&ms), "it moves unasked at {ms} ms");
+        let in_base = [cos * x - sin * y, sin * x + cos * y, z];
+        tip = core::array::from_fn(|k| tip[k] + in_base[k] * 1e-3);
+    }
+    let at_rest = |pose| ExperimentMark::AtRest { pose, for_ns: 100 * MS };
+    let kinds: Vec<&ExperimentMark> = marks.iter().map(|(.., mark)| mark).collect();
+    assert_eq!(kinds, [&ExperimentMark::Begins, &at_rest(1), &at_rest(2), &ExperimentMark::Ends]);
+    for (found, wanted) in marks[1..].iter().zip([0.003, -0.001, -0.001]) {
+        assert!((found.1 - wanted).abs() <= ARRIVED_M, "{found:?}");
+    }
+    assert!(marks[1].0 > 300 && marks[2].0 > 4000 && marks[3].0 == 7000, "{marks:?}");
+}
+
+#[test]
+fn a_plan_of_an_experiment_hears_no_orders() {
+    let mut guide = Guide::new(plan());
+    guide.order(GuideOrder::Go { number: 9, tip_pos_in_base_m: [0.2, 0.0, 0.0] });
+    assert_eq!(guide.plan, plan());
 }
