@@ -5,6 +5,7 @@
 
 mod chain;
 mod codes;
+mod gamepad;
 mod model;
 mod parts;
 mod pedal;
@@ -55,6 +56,7 @@ fn run_parts(fault: DeviceFault) -> bool {
             ("unreadable", Box::new(parts::unreadable)),
             ("malformed", Box::new(parts::malformed)),
             ("lights", Box::new(parts::lights)),
+            ("rumble", Box::new(parts::rumble)),
             ("two_hands", Box::new(move || parts::two_hands(fault))),
             ("pedal", Box::new(parts::pedal)),
             ("two_control", Box::new(parts::two_control)),

@@ -1,7 +1,7 @@
 //! A virtual foot pedal: three buttons through the kernel's input system, and nothing else.
 
 use crate::spacemouse::wait_for;
-use crate::uhid::{HidIdentity, Told, Uhid};
+use crate::uhid::{HidBus, HidIdentity, Told, Uhid};
 use krait_master::{InputDevice, list_inputs};
 use std::thread::JoinHandle;
 
@@ -33,6 +33,7 @@ impl Pedal {
             name: NAME,
             serial: "PEDAL-1",
             place: "krait-vm/pedal",
+            bus: HidBus::Usb,
             vendor_id: VENDOR_ID,
             product_id: PRODUCT_ID,
         };

@@ -1,7 +1,7 @@
 //! A virtual SpaceMouse in the kernel, and a hand that moves its cap.
 
 use crate::model::{Model, SERIAL, VENDOR_ID};
-use crate::uhid::{HidIdentity, Told, Uhid};
+use crate::uhid::{HidBus, HidIdentity, Told, Uhid};
 use anyhow::{Context, bail};
 use krait_ipc::clock;
 use krait_master::{HidRecording, HidReport, led_report};
@@ -66,6 +66,7 @@ impl SpaceMouse {
             name: model.name(),
             serial: SERIAL,
             place: &place,
+            bus: HidBus::Usb,
             vendor_id: VENDOR_ID,
             product_id: model.product_id(),
         };

@@ -12,7 +12,16 @@ const EVENT_BYTES: usize = 4380;
 const DESCRIPTOR_AT: usize = 280;
 /// Longest report that this module sends, bytes.
 const MAX_REPORT_BYTES: usize = 64;
-const BUS_USB: u16 = 3;
+
+/// How a device is connected, by the kernel's numbers.
+#[derive(Clone, Copy, Debug)]
+#[repr(u16)]
+pub enum HidBus {
+    /// By a cable.
+    Usb = 3,
+    /// By radio.
+    Bluetooth = 5,
+}
 
 const DESTROY: u32 = 1;
 const STOP: u32 = 3;
@@ -29,6 +38,8 @@ pub struct HidIdentity<'a> {
     pub serial: &'a str,
     /// Where it is plugged in, under 64 bytes.
     pub place: &'a str,
+    /// How it is connected.
+    pub bus: HidBus,
     /// USB vendor id.
     pub vendor_id: u16,
     /// USB product id.
@@ -68,7 +79,7 @@ impl Uhid {
         put(132, identity.place.as_bytes());
         put(196, identity.serial.as_bytes());
         put(260, &(descriptor.len() as u16).to_le_bytes());
-        put(262, &BUS_USB.to_le_bytes());
+        put(262, &(identity.bus as u16).to_le_bytes());
         put(264, &u32::from(identity.vendor_id).to_le_bytes());
         put(268, &u32::from(identity.product_id).to_le_bytes());
         put(DESCRIPTOR_AT, descriptor);

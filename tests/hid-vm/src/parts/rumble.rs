@@ -1,0 +1,94 @@
+//! A gamepad's motors tell of limit, load and fault through the kernel's force feedback, as strongly as the profile says, and stop with the
+//! master even where that is killed. A device without motors is refused.
+
+use super::lights::FAST_HAND;
+use crate::chain::{User, VmChain, VmEnded, signal};
+use crate::gamepad::{Gamepad, node};
+use crate::pedal::{PROFILE, Pedal};
+use crate::verdict::PartVerdict;
+use anyhow::Context;
+use krait_ipc::clock;
+use std::thread::sleep;
+use std::time::Duration;
+
+const RUMBLE: &str = "rumble = { limit = 0.5, fault = 1.0, load = 0.25 }\n";
+const PAD: &str =
+    "[[axis]]\nof = \"x\"\nfrom = \"ABS_X\"\nrest = 128\nnoise = 3\n[[button]]\nof = 0\nfrom = \"BTN_SOUTH\"\n";
+/// What the motors are told for each, hundredths: limit and fault turn both, load the strong one.
+const LIMIT: [u8; 2] = [50, 50];
+const FAULT: [u8; 2] = [100, 100];
+const LOAD: [u8; 2] = [25, 0];
+const STILL: [u8; 2] = [0, 0];
+/// A limit's pulse is a quarter of a second, a fault's half of one; looks, the reading thread and the machine add to it, ns.
+const LIMIT_NS: core::ops::Range<i64> = 150_000_000..450_000_000;
+/// How soon the motors stop after the master was killed: the kernel does it, long before the fault's pulse would end, ns.
+const KILLED_NS: i64 = 200_000_000;
+
+/// Each in turn.
+pub fn rumble() -> anyhow::Result<PartVerdict> {
+    let mut verdict = PartVerdict::default();
+    refused(&mut verdict)?;
+    let profile = "/tmp/gamepad.toml";
+    let text = format!("name = \"Gamepad\"\nid = \"045e:02fd\"\n{RUMBLE}{PAD}");
+    std::fs::write(profile, text).context(profile)?;
+    std::fs::write(FAST_HAND.0, FAST_HAND.1).context(FAST_HAND.0)?;
+    let mut pad = Gamepad::plug()?;
+    let rumbles = node().is_some_and(|input| input.rumbles);
+    verdict.check("listed", rumbles, rumbles);
+    let arguments = ["--config", FAST_HAND.0, "--profile", profile];
+    let chain = VmChain::start_with("rumble", User::Root, 14.0, &arguments)?;
+    pad.hold(0x80, 0)?;
+    sleep(Duration::from_millis(300));
+    verdict.check("still_at_rest", pad.told().is_empty(), pad.told().len());
+    for buttons in [1, 0] {
+        pad.hold(0x80, buttons)?;
+        sleep(Duration::from_millis(30));
+    }
+    let begun_ns = clock::monotonic_ns();
+    pad.hold(0xff, 0)?;
+    let limit_ns = pad.wait_until(begun_ns, LIMIT)?;
+    // Two codes at the limit.
+    sleep(Duration::from_millis(4200));
+    let at_limit = pad.told();
+    let is_of = |motors: [u8; 2]| at_limit.iter().filter(|(_, told)| *told == motors).count();
+    let over = at_limit.iter().find(|(at_ns, told)| *at_ns > limit_ns && *told != LIMIT);
+    let lasted_ns = over.map_or(i64::MAX, |(at_ns, _)| at_ns - limit_ns);
+    verdict.check("limit_ms", LIMIT_NS.contains(&lasted_ns), lasted_ns / 1_000_000);
+    verdict.check("n_load", (2..=8).contains(&is_of(LOAD)), is_of(LOAD));
+    let n_other = at_limit.iter().filter(|(_, told)| ![LIMIT, LOAD, STILL].contains(told)).count();
+    verdict.check("other", n_other == 0, format!("{n_other} of {}", at_limit.len()));
+    pad.hold(0x80, 0)?;
+    // The drives fall silent; while that is told, the master is killed.
+    let silent_ns = clock::monotonic_ns();
+    signal("slave", "STOP")?;
+    pad.wait_until(silent_ns, FAULT)?;
+    let killed_ns = clock::monotonic_ns();
+    signal("master", "KILL")?;
+    let stopped = pad.wait_until(killed_ns, STILL);
+    signal("slave", "CONT")?;
+    let stopped_ns = stopped? - killed_ns;
+    verdict.check("killed_ms", stopped_ns < KILLED_NS, stopped_ns / 1_000_000);
+    let (ended, _) = chain.end()?;
+    verdict.check("ended", ended.code.is_some(), format!("{:?}", ended.code));
+    let last = pad.told().last().map(|(_, motors)| *motors);
+    verdict.check("still_at_end", last == Some(STILL), format!("{last:?}"));
+    if !verdict.passed() {
+        let told: Vec<String> =
+            pad.told().iter().map(|(at, [a, b])| format!("{}:{a},{b}", (at - begun_ns) / 1_000_000)).collect();
+        verdict.check("told", false, format!("{told:?} {:?}", ended.stderr));
+    }
+    Ok(verdict)
+}
+
+/// A pedal cannot rumble.
+fn refused(verdict: &mut PartVerdict) -> anyhow::Result<()> {
+    let _pedal = Pedal::plug()?;
+    let profile = "/tmp/pedal-rumble.toml";
+    std::fs::write(profile, format!("{RUMBLE}{PROFILE}")).context(profile)?;
+    let arguments = ["run", "--master", "hid", "--profile", profile, "--instance", "no-motors", "--no-recording"];
+    let ended = VmEnded::of(User::Root, &arguments)?;
+    let says = "expected a device with motors that rumble, found none";
+    let is_refused = ended.code.is_some_and(|code| code != 0) && ended.stderr.contains(says);
+    verdict.check("refused", is_refused, format!("{:?}{}", ended.code, if is_refused { "" } else { &ended.stderr }));
+    Ok(())
+}
