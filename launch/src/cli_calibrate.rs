@@ -13,7 +13,9 @@ pub enum CalibrateVerb {
     #[command(after_help = "Example:\n  krait calibrate friction --csv friction.csv --model robot.toml")]
     Friction(FrictionArgs),
     /// Play by a dial indicator on the actuators' outputs, lines unloaded: a dialogue.
-    #[command(after_help = "Example:\n  krait calibrate play --csv play.csv --model robot.toml --dial-sd-um 10")]
+    #[command(
+        after_help = "Examples:\n  krait calibrate play --csv play.csv --model robot.toml --dial-sd-um 10\n  krait calibrate play --csv play.csv --model robot.toml --drives --config robot-chain.toml"
+    )]
     Play(PlayArgs),
     /// Bends from clicked points of photographs before graph paper: a table in, a table out.
     ///
@@ -74,6 +76,10 @@ pub struct PlayArgs {
     /// Standard deviation of the dial, um.
     #[arg(long, value_name = "UM", default_value_t = 10.0)]
     pub dial_sd_um: f64,
+    /// Have the drives of the configuration (`--config`) moved by this command, actuator by actuator, through the slave's own limiter and
+    /// watchdog, instead of by you. It asks first; every line must be off the snake.
+    #[arg(long)]
+    pub drives: bool,
 }
 
 /// Options of `krait calibrate photo`.

@@ -401,3 +401,36 @@ fn can_drives_that_cannot_be_had_are_refused_in_one_sentence() {
         assert!(sentence.contains(words), "{arguments:?}: {sentence}");
     }
 }
+
+#[test]
+fn the_play_of_an_actuator_is_found_while_krait_moves_it_and_nothing_moves_without_a_yes() {
+    let (instance, folder, emulator) = (instance_name("play"), TempFolder::new("play"), emulator());
+    let config = configuration(&folder, &emulator, "");
+    let (csv, model) = (folder.file("play.csv"), folder.file("robot.toml"));
+    let words = ["calibrate", "play", "--csv", &csv, "--model", &model, "--drives", "--dial-sd-um", "15"];
+    let words = [&words[..], &["--config", &config, "--instance", &instance]].concat();
+    let ended = Ended::fed(&words, "no\n", PATIENCE);
+    assert!(ended.sentence().contains("nothing was moved"), "{}", ended.stderr);
+    assert!(emulator.wire().servos.iter().all(|servo| servo.n_goals == 0 && !servo.is_powered()));
+    // Four turns of actuator 1 with the dial behind a play of 0.18 mm, then the end.
+    let mut typed = "yes\n".to_owned();
+    for turn in 1..=4 {
+        let direction = if turn % 2 == 0 { 1.0 } else { -1.0 };
+        for travel_mm in [0.0, 0.3, 0.4, 0.5] {
+            typed += &format!("{:.3}\n", direction * f64::max(travel_mm - 0.18, 0.0));
+        }
+    }
+    let ended = Ended::fed(&words, &(typed + "q\ny\n"), PATIENCE);
+    assert_eq!(ended.code, Some(0), "{}\n{}", ended.stdout, ended.stderr);
+    let readings = std::fs::read_to_string(&csv).expect("readings");
+    assert_eq!(readings.lines().count(), 1 + 16, "{readings}");
+    let text = std::fs::read_to_string(&model).expect("written");
+    let file = krait_model::model_file::ModelFile::parse(&text).expect("a model");
+    let half_width_m = file.effects()[0].setting().value("half_width_m").expect("found");
+    // A count of the servo is 12 um.
+    assert!((half_width_m - 0.09e-3).abs() < 8e-6, "{half_width_m}");
+    let wire = emulator.wire().clone();
+    let stayed = wire.servos[1..].iter().all(|servo| (servo.place - ZERO).abs() < 2.0);
+    assert!((wire.servos[0].place - ZERO).abs() > 2.0 && stayed, "one actuator, and no other: {:?}", wire.servos);
+    assert!(wire.servos.iter().all(|servo| !servo.is_powered()), "the power is taken away at the end");
+}

@@ -5,6 +5,7 @@
 
 use crate::cli::Common;
 use crate::cli_calibrate::{CalibrateVerb, Files, FrictionArgs, PhotoArgs, PlayArgs, PosesArgs};
+use crate::commands::drives::LedDrives;
 use crate::commands::overwrite::refuse_existing;
 use crate::commands::{calibrate_chain, today};
 use crate::print;
@@ -34,11 +35,14 @@ const KNOWN_TO_POSES: [&str; 6] = [KNOWN[0], KNOWN[1], KNOWN[2], KNOWN[3], DISTR
 const DISTRIBUTED: &str = "distributed-capstan";
 const INSIDE: &str = "inside-extension";
 
+/// Real drives are asked about always.
+const PLAY_CONSENT: &str = "This homes the REAL drives of the configuration and moves one actuator after the other by up to 2 mm from zero; every line must be off the snake. Type yes to go on, anything else to leave it:";
+
 /// Runs one procedure; exit code 1 if its values were not written.
 pub fn run(common: &Common, verb: &CalibrateVerb) -> anyhow::Result<ExitCode> {
     match verb {
         CalibrateVerb::Friction(args) => friction(args),
-        CalibrateVerb::Play(args) => play(args),
+        CalibrateVerb::Play(args) => play(common, args),
         CalibrateVerb::Photo(args) => photo(args),
         CalibrateVerb::Poses(args) => poses(common, args),
         CalibrateVerb::Stem(args) => super::calibrate_stem::run(args),
@@ -62,13 +66,24 @@ fn friction(args: &FrictionArgs) -> anyhow::Result<ExitCode> {
     save(&mut dialogue, &args.files, &found.calibrated())
 }
 
-fn play(args: &PlayArgs) -> anyhow::Result<ExitCode> {
+fn play(common: &Common, args: &PlayArgs) -> anyhow::Result<ExitCode> {
     let mut dialogue = terminal();
-    let found = play::run(&mut dialogue, &args.files.csv, args.dial_sd_um * 1e-6, |dialogue, line, to_m| {
-        let question =
-            format!("move actuator {line} to {:.3} mm; its encoder then reads mm? [{:.3}]", to_m * 1e3, to_m * 1e3);
-        Ok(by_hand(dialogue, &question, 1)?.map_or(to_m, |read| read[0] * 1e-3))
-    })?;
+    let dial_sd_m = args.dial_sd_um * 1e-6;
+    let found = if args.drives {
+        if dialogue.ask(PLAY_CONSENT)?.as_deref() != Some("yes") {
+            anyhow::bail!("nothing was moved, because a calibration moves drives only when it is told to; answer yes");
+        }
+        let drives = LedDrives::start(common)?;
+        play::run(&mut dialogue, &args.files.csv, dial_sd_m, |_, line, to_m| {
+            drives.go(line, to_m).map_err(|error| CalibrateError::Robot(format!("{error:#}")))
+        })?
+    } else {
+        play::run(&mut dialogue, &args.files.csv, dial_sd_m, |dialogue, line, to_m| {
+            let question =
+                format!("move actuator {line} to {:.3} mm; its encoder then reads mm? [{:.3}]", to_m * 1e3, to_m * 1e3);
+            Ok(by_hand(dialogue, &question, 1)?.map_or(to_m, |read| read[0] * 1e-3))
+        })?
+    };
     save(&mut dialogue, &args.files, &found.calibrated())
 }
 

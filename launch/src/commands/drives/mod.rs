@@ -6,10 +6,13 @@ mod emulate;
 mod find;
 mod find_can;
 mod jog;
+mod led;
 mod loads;
 mod motion;
 mod signs;
 mod zero;
+
+pub(super) use led::LedDrives;
 
 use crate::cli::Common;
 use crate::cli_drives::DrivesArgs;

@@ -1,5 +1,5 @@
 //! Small steps of single actuators through the slave's own limiter, gate and watchdog, in an instance without a chain: what
-//! `--jog` and `--calibrate` share.
+//! `--jog`, `--calibrate` and `krait calibrate play --drives` share.
 
 use anyhow::{Context, bail};
 use core::time::Duration;
@@ -81,6 +81,11 @@ impl Motion {
         }
         self.take_hold(&state)?;
         Ok(true)
+    }
+
+    /// Where the `k`-th is to be, m from zero.
+    pub(super) fn goal_m(&self, k: usize) -> f64 {
+        self.goal_m[k]
     }
 
     /// Stands where it is; to be called every [`TICK`].
