@@ -21,6 +21,7 @@ mod model;
 pub mod photo;
 mod pictures;
 pub mod play;
+mod pose_plan;
 pub mod poses;
 pub mod stem;
 mod stem_rows;

@@ -51,13 +51,21 @@ impl Pictures {
         Ok(Self { name, bends })
     }
 
-    /// Gives each reading that names a picture what the picture showed.
-    pub(crate) fn give(&self, readings: &mut [PoseReading]) {
+    /// Gives each reading that names a picture what the picture showed; of the front only where that is enough.
+    pub(crate) fn give(&self, readings: &mut [PoseReading], front_only: bool) {
         for reading in readings {
             let own = self.bends.iter().find(|bend| Some(&bend.image) == reading.image.as_ref());
-            let Some([Some(b_x), Some(b_y), Some(sd_x), Some(sd_y)]) = own.map(PictureBend::numbers) else { continue };
-            (reading.b_x_rad, reading.b_y_rad) = (b_x, b_y);
-            reading.sd_xy_rad = Some([sd_x, sd_y]);
+            match own.map(PictureBend::numbers) {
+                Some([Some(b_x), _, Some(sd_x), _]) if front_only => {
+                    (reading.b_x_rad, reading.b_y_rad) = (b_x, f64::NAN);
+                    reading.sd_xy_rad = Some([sd_x, f64::NAN]);
+                }
+                Some([Some(b_x), Some(b_y), Some(sd_x), Some(sd_y)]) => {
+                    (reading.b_x_rad, reading.b_y_rad) = (b_x, b_y);
+                    reading.sd_xy_rad = Some([sd_x, sd_y]);
+                }
+                _ => {}
+            }
         }
     }
 
@@ -78,7 +86,7 @@ impl Pictures {
         }
         if !from_one_side.is_empty() {
             said.push(format!(
-                "{} were seen from one side only and are left out: a pose needs the front and the side, or a mirror",
+                "{} were seen from one side only and are left out: a pose needs the front and the side, or a mirror (or --front from the first pose on)",
                 named(&from_one_side)
             ));
         }

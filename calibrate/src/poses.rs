@@ -8,6 +8,7 @@ use crate::fit::{Parameter, fit};
 use crate::lines::{ConeFriction, Lines, Turning};
 use crate::log::ReadingLog;
 use crate::pictures::Pictures;
+use crate::pose_plan::plan;
 use crate::{CalibrateError, CalibratedValue, Dialogue, LeastSquares, Reply};
 use krait_model::MachineParameters;
 use nalgebra::{Vector2, Vector3};
@@ -15,19 +16,6 @@ use serde::{Deserialize, Serialize};
 use std::io::{BufRead, Write};
 use std::path::Path;
 
-/// Planes of the fit, deg: they balance an error of one line's zero.
-const PLANES_DEG: [f64; 6] = [0.0, 60.0, 120.0, 180.0, 240.0, 300.0];
-/// Bends in each plane, deg.
-const BENDS_DEG: [f64; 5] = [10.0, 22.5, 35.0, 47.5, 60.0];
-/// The plane of the check, deg, and its bends.
-const CHECK_PLANE_DEG: f64 = 45.0;
-const CHECK_DEG: [f64; 3] = [20.0, 40.0, 50.0];
-/// Bend the other way before each plane, deg.
-const BEFORE_DEG: f64 = 30.0;
-/// Bend beyond the largest before the way back, deg: lines 2 and 3 move half as far as line 1, and all have to turn.
-const BEYOND_DEG: f64 = 16.0;
-/// The same in the plane of the check, in which line 2 moves a quarter as far.
-const CHECK_BEYOND_DEG: f64 = 26.0;
 /// Degrees of freedom before which it does not end: a whole plane up and down, so that the check asks for no extrapolation.
 const LEAST_DOF: usize = 18;
 /// Standard errors at which the dialogue ends: eta, 1, and half-width, m.
@@ -50,7 +38,7 @@ pub struct PoseReading {
     pub bend_deg: f64,
     /// Measured bend vector, rad; NaN where a picture is yet to show it.
     pub b_x_rad: f64,
-    /// Second component, rad.
+    /// Second component, rad; NaN where it was seen from the front only.
     pub b_y_rad: f64,
     /// Standard deviation of each component, rad.
     pub sd_rad: f64,
@@ -75,9 +63,14 @@ pub struct PoseReading {
 }
 
 impl PoseReading {
-    /// Whether its bend is known.
+    /// Whether its bend is known, or what the front shows of it.
     fn is_measured(&self) -> bool {
-        self.b_x_rad.is_finite() && self.b_y_rad.is_finite()
+        self.b_x_rad.is_finite()
+    }
+
+    /// Components that are known.
+    fn n_components(&self) -> usize {
+        [self.b_x_rad, self.b_y_rad].into_iter().filter(|b| b.is_finite()).count()
     }
 
     fn sd_rad(&self) -> [f64; 2] {
@@ -100,6 +93,8 @@ pub struct PoseSettings {
     pub inside_share: f64,
     /// Standard deviation of each component of a measured bend vector, rad.
     pub sd_rad: f64,
+    /// Whether the bend is seen from the front only, so that just planes 0 and 180 deg are gone through and the component in them counts.
+    pub front_only: bool,
 }
 
 /// Where the robot shall go.
@@ -165,36 +160,6 @@ impl Poses {
     }
 }
 
-/// One place of the plan.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Place {
-    plane_deg: f64,
-    bend_deg: f64,
-    /// Nothing is measured here.
-    passing: bool,
-    check: bool,
-    from: &'static str,
-}
-
-fn plan() -> Vec<Place> {
-    let mut places = Vec::new();
-    for plane_deg in PLANES_DEG {
-        plane(&mut places, plane_deg, &BENDS_DEG, false);
-    }
-    plane(&mut places, CHECK_PLANE_DEG, &CHECK_DEG, true);
-    places
-}
-
-fn plane(places: &mut Vec<Place>, plane_deg: f64, bends_deg: &[f64], check: bool) {
-    let place = |bend_deg, passing, from| Place { plane_deg, bend_deg, passing, check, from };
-    places.push(place(-BEFORE_DEG, true, ""));
-    places.extend(bends_deg.iter().map(|b| place(*b, false, "below")));
-    let top = bends_deg.iter().fold(0.0_f64, |m, b| m.max(*b));
-    let beyond_deg = if check { CHECK_BEYOND_DEG } else { BEYOND_DEG };
-    places.push(place(top + beyond_deg, true, ""));
-    places.extend(bends_deg.iter().rev().map(|b| place(*b, false, "above")));
-}
-
 /// Fits eta and half-width to the readings that are not for the check, and checks with the others.
 ///
 /// # Errors
@@ -205,20 +170,32 @@ pub fn poses(readings: &[PoseReading], settings: &PoseSettings) -> Result<Poses,
 
 fn fitted(readings: &[PoseReading], settings: &PoseSettings, start: [f64; 2]) -> Result<Poses, CalibrateError> {
     let lines = lines(settings)?;
-    let parameters = [
+    let mut parameters = vec![
         Parameter { name: "eta", start: start[0], scale: 0.1 },
         Parameter { name: "half_width_m", start: start[1], scale: 1e-5 },
     ];
+    let zero_sd_rad = zero_sd_rad(readings);
+    if zero_sd_rad.is_some() {
+        parameters.extend(["zero of b_x", "zero of b_y"].map(|name| Parameter { name, start: 0.0, scale: 1e-3 }));
+    }
+    let zero = |value: &[f64], k: usize| value.get(2 + k).copied().unwrap_or(0.0);
     let of = |check: bool, value: &[f64]| {
         let mut all = Vec::new();
         for r in readings.iter().filter(|r| r.check == check && r.is_measured()) {
             let b = lines.bend_rad(q(r), &Vector3::new(r.s1, r.s2, r.s3), value[0], value[1])?;
             let [sd_x, sd_y] = r.sd_rad();
-            all.extend([((r.b_x_rad - b.x) / sd_x, sd_x), ((r.b_y_rad - b.y) / sd_y, sd_y)]);
+            all.push(((r.b_x_rad - zero(value, 0) - b.x) / sd_x, sd_x));
+            if r.b_y_rad.is_finite() {
+                all.push(((r.b_y_rad - zero(value, 1) - b.y) / sd_y, sd_y));
+            }
         }
         Some(all)
     };
-    let residuals = |value: &[f64]| Some(of(false, value)?.into_iter().map(|(in_sd, _)| in_sd).collect());
+    let residuals = |value: &[f64]| {
+        let own = of(false, value)?.into_iter().map(|(in_sd, _)| in_sd);
+        let prior = zero_sd_rad.into_iter().flat_map(|sd| [zero(value, 0) / sd, zero(value, 1) / sd]);
+        Some(own.chain(prior).collect())
+    };
     let fit = fit(&parameters, residuals, |_| missing(readings))?;
     let checked = of(true, &fit.value).filter(|all| !all.is_empty());
     let rms = |of: fn(&(f64, f64)) -> f64| {
@@ -226,6 +203,13 @@ fn fitted(readings: &[PoseReading], settings: &PoseSettings, start: [f64; 2]) ->
     };
     let (check_rms_rad, check_rms_sd) = (rms(|(in_sd, sd_rad)| in_sd * sd_rad), rms(|(in_sd, _)| *in_sd));
     Ok(Poses { fit, check_rms_rad, check_rms_sd })
+}
+
+/// What the pictures of a session have in common, rad: the base that all of their bends begin at has one error, of about a picture's own
+/// standard deviation. It is unknown in the fit, within that; nothing for bends that were typed.
+fn zero_sd_rad(readings: &[PoseReading]) -> Option<f64> {
+    let own: Vec<f64> = readings.iter().filter_map(|r| r.sd_xy_rad).map(|[sd_x, _]| sd_x).collect();
+    (!own.is_empty()).then(|| own.iter().sum::<f64>() / own.len() as f64)
 }
 
 fn lines(settings: &PoseSettings) -> Result<Lines, CalibrateError> {
@@ -266,14 +250,15 @@ fn accept(found: &Poses, readings: &[PoseReading]) -> Result<(), CalibrateError>
         }
     }
     found.fit.check("is the camera's error as stated, and do mu and f_s belong to this robot? krait lab diagnose may name an effect")?;
-    let n_checked = readings.iter().filter(|r| r.check && r.is_measured()).count();
+    let checked = || readings.iter().filter(|r| r.check && r.is_measured());
+    let n_checked = checked().count();
     let Some(ratio) = found.check_rms_sd.filter(|_| n_checked >= 6) else {
         let found = format!("{n_checked} poses are kept for the check");
-        let missing = "the six poses of the check, in plane 45 deg".to_owned();
+        let missing = "the six poses of the check".to_owned();
         return Err(CalibrateError::NotDetermined { parameter: "the model's error", found, missing });
     };
     if ratio > CHECK_LIMIT {
-        let n = 2 * n_checked;
+        let n: usize = checked().map(PoseReading::n_components).sum();
         return Err(CalibrateError::Misfit {
             chi2: ratio * ratio * n as f64,
             dof: n,
@@ -291,7 +276,7 @@ fn walk<R: BufRead, W: Write>(
     (settings, lines, pictures): (&PoseSettings, &Lines, Option<&Pictures>),
     go: &mut impl FnMut(&mut Dialogue<R, W>, PoseGoal) -> Result<PoseReached, CalibrateError>,
 ) -> Result<(), CalibrateError> {
-    let plan = plan();
+    let plan = plan(settings.front_only);
     let goal = |bend_rad: Vector2<f64>| PoseGoal { bend_rad, q_tilde_m: lines.planned_m(bend_rad, 1.0) };
     let straight = PoseGoal { bend_rad: Vector2::zeros(), q_tilde_m: Vector3::zeros() };
     let is_read = |readings: &[PoseReading], k: usize| readings.iter().any(|r| r.pose == k as u32 + 1);
@@ -337,7 +322,7 @@ fn walk<R: BufRead, W: Write>(
                 dialogue.say(&format!("{question}: {x:.3} {y:.3} deg measured"))?;
                 Answer::Measured([x, y], None)
             }
-            (None, None) => typed(dialogue, &question)?,
+            (None, None) => typed(dialogue, &question, settings.front_only)?,
         };
         let (bend_deg, image) = match answer {
             Answer::Measured(bend_deg, image) => (bend_deg, image),
@@ -383,9 +368,14 @@ enum Answer {
     Quit,
 }
 
-fn typed<R: BufRead, W: Write>(dialogue: &mut Dialogue<R, W>, question: &str) -> Result<Answer, CalibrateError> {
-    Ok(match dialogue.numbers(&format!("{question}: b_x b_y deg?"), (2, 2), (-180.0, 180.0))? {
-        Reply::Numbers(bend) => Answer::Measured([bend[0], bend[1]], None),
+fn typed<R: BufRead, W: Write>(
+    dialogue: &mut Dialogue<R, W>,
+    question: &str,
+    front_only: bool,
+) -> Result<Answer, CalibrateError> {
+    let (words, n) = if front_only { ("b_x", 1) } else { ("b_x b_y", 2) };
+    Ok(match dialogue.numbers(&format!("{question}: {words} deg?"), (n, n), (-180.0, 180.0))? {
+        Reply::Numbers(bend) => Answer::Measured([bend[0], bend.get(1).copied().unwrap_or(f64::NAN)], None),
         Reply::Skip | Reply::Empty => Answer::Skip,
         Reply::Quit => Answer::Quit,
     })
@@ -462,8 +452,17 @@ pub fn run<R: BufRead, W: Write>(
         };
         return Err(CalibrateError::Row { file: log.name(), row: k + 2, reason: reason.to_owned() });
     }
+    let plan = plan(settings.front_only);
+    let is_of_it = |r: &PoseReading| {
+        let place = plan.get((r.pose as usize).wrapping_sub(1));
+        place.is_some_and(|p| (p.plane_deg, p.bend_deg, p.check) == (r.plane_deg, r.bend_deg, r.check))
+    };
+    if let Some(k) = readings.iter().position(|r| !is_of_it(r)) {
+        let reason = "its pose is of another plan: go on with --front as it was begun, or begin another --csv";
+        return Err(CalibrateError::Row { file: log.name(), row: k + 2, reason: reason.to_owned() });
+    }
     if let Some(pictures) = &pictures {
-        pictures.give(&mut readings);
+        pictures.give(&mut readings, settings.front_only);
         dialogue.say("At each pose photograph the snake and type the name under which its pictures will be clicked; Enter takes the one in brackets, s skips the pose, q stops and fits.")?;
     } else {
         dialogue

@@ -32,7 +32,7 @@ fn settings() -> PoseSettings {
 type Shown = Vec<(String, [f64; 2])>;
 
 /// The dialogue on the simulated snake; every pose is photographed.
-fn photographed(csv: &Path, table: &Path) -> (String, Shown) {
+fn photographed(csv: &Path, table: &Path, settings: &PoseSettings) -> (String, Shown) {
     let mut snake = SimulatedSnake::new(&Truth::default());
     snake.set_power(0, true).unwrap();
     let bench = shared((snake, Shown::new(), 0_usize));
@@ -50,7 +50,7 @@ fn photographed(csv: &Path, table: &Path) -> (String, Shown) {
     });
     let mut said = Vec::new();
     let mut dialogue = Dialogue::new(user, &mut said);
-    let ended = run(&mut dialogue, csv, Some(table), &settings(), |_, goal: PoseGoal| {
+    let ended = run(&mut dialogue, csv, Some(table), settings, |_, goal: PoseGoal| {
         let snake = &mut bench.borrow_mut().0;
         let robot = |e: krait_slave::DriveError| CalibrateError::Robot(e.to_string());
         snake.write(0, lines(goal.q_tilde_m.into())).map_err(robot)?;
@@ -64,16 +64,24 @@ fn photographed(csv: &Path, table: &Path) -> (String, Shown) {
 
 /// Again, with nothing left to be read: what was found, and what was said.
 fn again(csv: &Path, table: Option<&Path>) -> (Result<krait_calibrate::poses::Poses, CalibrateError>, String) {
+    fitted(csv, table, &settings())
+}
+
+fn fitted(
+    csv: &Path,
+    table: Option<&Path>,
+    settings: &PoseSettings,
+) -> (Result<krait_calibrate::poses::Poses, CalibrateError>, String) {
     let mut said = Vec::new();
     let mut nobody = Dialogue::new(User::new(|| None), &mut said);
-    let found = run(&mut nobody, csv, table, &settings(), |_, _| panic!("it moved"));
+    let found = run(&mut nobody, csv, table, settings, |_, _| panic!("it moved"));
     (found, String::from_utf8(said).unwrap())
 }
 
 #[test]
 fn pictures_lead_to_eta_and_the_play_with_their_own_standard_errors() {
     let (csv, table): (Fresh, Fresh) = (fresh("pictures"), fresh("pictures-bends"));
-    let (sentence, shown) = photographed(&csv, &table);
+    let (sentence, shown) = photographed(&csv, &table, &settings());
     assert!(sentence.contains("the pictures i0, i1, i2, i3, i4, i5 and ") && sentence.contains(" more are not in "));
     assert!(sentence.contains("krait calibrate photo CLICKS --out"), "{sentence}");
 
@@ -109,6 +117,33 @@ fn pictures_lead_to_eta_and_the_play_with_their_own_standard_errors() {
     // What was photographed cannot be mixed with what was typed.
     let sentence = again(&csv, None).0.unwrap_err().to_string();
     assert!(sentence.contains("row 2") && sentence.contains("say with --bends"), "{sentence}");
+}
+
+#[test]
+fn pictures_from_the_front_are_enough_in_the_planes_that_they_show() {
+    let (csv, table): (Fresh, Fresh) = (fresh("front"), fresh("front-bends"));
+    let front = PoseSettings { front_only: true, ..settings() };
+    let (_, shown) = photographed(&csv, &table, &front);
+    assert_eq!(shown.len(), 2 * 10 + 6, "two planes and the check");
+    let across_rad = shown.iter().map(|(_, b)| b[1].abs()).fold(0.0, f64::max);
+    assert!(across_rad < 0.02, "it stays in the picture's plane: {across_rad}");
+    let (camera, mut noise) = (Camera::new(5.0, 3.0), Noise::new(12));
+    let of = |(name, b): &(String, [f64; 2])| {
+        picture(name, PhotoView::Front, &camera, Vector2::from(*b), CLICK_SD_PX, &mut noise)
+    };
+    let clicks: Vec<_> = shown.iter().flat_map(of).collect();
+    let session = photo::bends(&clicks, CLICK_SD_PX).unwrap();
+    std::fs::write(&table, photo::table(&session.bends)).unwrap();
+    let (found, said) = fitted(&csv, Some(&table), &front);
+    let found = found.unwrap_or_else(|e| panic!("{e}\n{said}"));
+    let ((eta, eta_se), (half_width_m, half_width_se_m)) = (found.eta(), found.half_width_m());
+    assert!((eta - 1.22).abs() < 3.0 * eta_se && eta_se < 0.01, "eta {eta} +- {eta_se}");
+    let off_m = (half_width_m - 0.089e-3).abs();
+    assert!(off_m < 3.0 * half_width_se_m && half_width_se_m < 8e-6, "{half_width_m} +- {half_width_se_m}");
+    assert_eq!(found.fit.dof, 2 * 10 - 2, "one component each");
+    // Without --front these poses are of another plan.
+    let sentence = again(&csv, Some(&table)).0.unwrap_err().to_string();
+    assert!(sentence.contains("another plan") && sentence.contains("--front"), "{sentence}");
 }
 
 #[test]

@@ -111,6 +111,10 @@ pub struct PosesArgs {
     /// standard errors from the table. At the first run there is none yet; the same command again, behind `photo`, fits.
     #[arg(long, value_name = "FILE", conflicts_with = "sd_deg")]
     pub bends: Option<PathBuf>,
+    /// See the bend from the front only: planes 0 and 180 deg are gone through, and of each bend the component in them is taken (`b_x`). The
+    /// check is in the same plane then.
+    #[arg(long)]
+    pub front: bool,
     /// Have the machine of the configuration (`--config`; simulated drives without one) moved from pose to pose by a chain of krait's own
     /// processes, instead of by you; the bend is then read from the chain's shape channel. It asks first. With `--truth` alone, without
     /// this, you practise on a simulated snake: it moves, shows its bend, and you type what you see.

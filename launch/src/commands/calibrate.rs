@@ -127,6 +127,7 @@ fn poses(common: &Common, args: &PosesArgs) -> anyhow::Result<ExitCode> {
             .map_or(ConeFriction::Lumped, |arc_share| ConeFriction::Distributed { arc_share }),
         inside_share: value_of(file.as_ref(), INSIDE, "share").unwrap_or(0.0),
         sd_rad: args.sd_deg.to_radians(),
+        front_only: args.front,
     };
     let bends = args.bends.as_deref();
     let mut dialogue = terminal();
