@@ -103,6 +103,16 @@ impl Library {
     }
 }
 
+impl Library {
+    /// Where a new model goes; never over the model to begin with or a mapping.
+    fn new_model(&self, name: &str) -> Result<PathBuf, String> {
+        if !is_plain_name(name, ".toml") || name == BASE_MODEL || name.ends_with(columns::MAP_ENDING) {
+            return Err(format!("{name:?} cannot be the new model's name; take letters and digits, ending in .toml."));
+        }
+        Ok(self.folder.join(name))
+    }
+}
+
 /// A name that a page may give to a file: no folder, nothing hidden, nothing that a shell or a page would read otherwise.
 fn is_plain_name(name: &str, ending: &str) -> bool {
     let allowed = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '-' | '_');
@@ -116,12 +126,31 @@ fn is_plain_name(name: &str, ending: &str) -> bool {
 /// Longest PARAMETER=COLUMN of an order, bytes.
 const MOST_OF_BY: usize = 200;
 
+/// Most recordings with a clock of their own, and the longest text of one, bytes.
+const MOST_CLOCKS: usize = 16;
+const MOST_OF_CLOCK: usize = 40;
+
+/// The option for each clock; the lab itself judges the numbers.
+fn clocks(all: &[String]) -> Result<Vec<String>, String> {
+    let is_numbers =
+        |own: &String| own.len() <= MOST_OF_CLOCK && own.chars().all(|c| c.is_ascii_digit() || "+-.,e".contains(c));
+    if all.len() > MOST_CLOCKS || !all.iter().all(is_numbers) {
+        return Err(format!("At most {MOST_CLOCKS} clocks can be given, each as seconds and parts per million."));
+    }
+    Ok(all.iter().map(|own| format!("--clock={own}")).collect())
+}
+
 /// What a page orders.
 #[derive(Debug, Deserialize)]
 #[serde(tag = "verb", rename_all = "kebab-case", deny_unknown_fields)]
 enum Order {
-    /// How far model and measurement are apart.
-    Compare { model: String, data: String },
+    /// How far model and measurement are apart, by the clocks of the measurements that a diagnosis found.
+    Compare {
+        model: String,
+        data: String,
+        #[serde(default)]
+        clock: Vec<String>,
+    },
     /// Which effect is missing.
     Diagnose { model: String, data: String },
     /// The chain of this console goes on with a model.
@@ -129,7 +158,24 @@ enum Order {
     /// What the columns of a measurement stand for; `map` has what the user says of them.
     Columns { data: String, map: Vec<String> },
     /// Adds an effect and writes another model; of joints on one of them, and with a number that depends on a column: PARAMETER=COLUMN.
-    Add { model: String, data: String, effect: String, joint: Option<u32>, by: Option<String>, out: String },
+    Add {
+        model: String,
+        data: String,
+        effect: String,
+        joint: Option<u32>,
+        by: Option<String>,
+        out: String,
+        #[serde(default)]
+        clock: Vec<String>,
+    },
+    /// Fits what a model has again and writes another one.
+    Fit {
+        model: String,
+        data: String,
+        out: String,
+        #[serde(default)]
+        clock: Vec<String>,
+    },
     /// Hides an effect; without a seed, one from the clock.
     Quiz { level: String, seed: Option<u64> },
     /// What the model leaves of a riddle.
@@ -164,24 +210,21 @@ impl Order {
                 .ok_or_else(|| format!("There is no recording {name:?} in the list."))
         };
         match self {
-            Self::Compare { model, data } => {
+            Self::Compare { model, data, clock } => {
                 let mut arguments = lab("compare", model, data)?;
                 arguments.push("--curves".to_owned());
+                arguments.extend(clocks(clock)?);
                 Ok(arguments)
             }
             Self::Columns { data, map } => columns::propose(&library.table(data)?, map),
             Self::Diagnose { model, data } => lab("diagnose", model, data),
-            Self::Add { model, data, effect, joint, by, out } => {
+            Self::Add { model, data, effect, joint, by, out, clock } => {
                 let is_effect =
                     effect.len() <= 60 && effect.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_');
                 if !is_effect || effect.starts_with('-') || effect.is_empty() {
                     return Err("An effect's name has letters, digits and hyphens only.".to_owned());
                 }
-                if !is_plain_name(out, ".toml") || out == BASE_MODEL || out.ends_with(columns::MAP_ENDING) {
-                    return Err(format!(
-                        "{out:?} cannot be the new model's name; take letters and digits, ending in .toml."
-                    ));
-                }
+                let out = library.new_model(out)?;
                 let mut arguments = lab("add", model, data)?;
                 arguments.insert(2, effect.clone());
                 arguments.extend(joint.map(|joint| format!("--set=joint={joint}")));
@@ -191,7 +234,15 @@ impl Order {
                     }
                     arguments.push(format!("--by={by}"));
                 }
-                arguments.extend(["--out".to_owned(), text(library.folder.join(out))]);
+                arguments.extend(clocks(clock)?);
+                arguments.extend(["--out".to_owned(), text(out)]);
+                Ok(arguments)
+            }
+            Self::Fit { model, data, out, clock } => {
+                let out = library.new_model(out)?;
+                let mut arguments = lab("fit", model, data)?;
+                arguments.extend(clocks(clock)?);
+                arguments.extend(["--out".to_owned(), text(out)]);
                 Ok(arguments)
             }
             Self::Exchange { model } => {
@@ -315,7 +366,7 @@ async fn cancel(State(shared): State<Arc<Shared>>) -> Response {
 
 /// The page that a job has written: a sandboxed document, whose script can reach nothing of the console.
 async fn report(State(shared): State<Arc<Shared>>, Path(verb): Path<String>) -> Response {
-    if !["compare", "diagnose", "add", "look", "solve"].contains(&verb.as_str()) {
+    if !["compare", "diagnose", "add", "fit", "look", "solve"].contains(&verb.as_str()) {
         return StatusCode::NOT_FOUND.into_response();
     }
     let path = shared.library.folder.join(format!("{verb}.html"));

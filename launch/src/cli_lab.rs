@@ -230,7 +230,8 @@ pub struct FitArgs {
     /// Overwrite files that are already there.
     #[arg(long)]
     pub force: bool,
-    /// What is fitted: EFFECT.PARAMETER or machine.KEY, again for each; with them what the model file leaves "free".
+    /// What is fitted: EFFECT.PARAMETER or machine.KEY, again for each; with them what the model file leaves "free". Without any, what was
+    /// fitted to these data before.
     #[arg(long, value_name = "EFFECT.PARAMETER", value_parser = effect_parameter)]
     pub free: Vec<(String, String)>,
     /// Write a page with pictures (HTML, one file, works without a network).

@@ -33,6 +33,13 @@ fn the_bars_grow_while_effects_are_added_and_no_model_is_overwritten() {
     press(&mut page, &second);
     press(&mut page, &second);
     bars(&mut page, 3, 0);
+    press(&mut page, "Fit all values again");
+    bars(&mut page, 4, 0);
+    let shown = bar_values(&mut page);
+    assert!(shown[3] <= 1.02 * shown[2], "a fit of all values leaves no more: {shown:?}");
+    let table = page.value("document.querySelectorAll('#lab .work .values tr').length").as_u64();
+    assert!(table >= Some(2), "the values of both effects: {table:?}");
+    page.keep("fitted");
     // The same again from the beginning: the model that is there stays, and the bars are those of the base.
     page.value(
         "(select => { select.value = 'base.toml'; select.dispatchEvent(new Event('change')); })(\
@@ -146,6 +153,12 @@ fn an_effect_of_one_joint_is_added_to_it_with_the_column_that_it_depends_on() {
     assert!(title.starts_with("backlash") && title.ends_with("(joint 2)"), "{title}");
     press(&mut page, "Add backlash");
     press(&mut page, "Add backlash");
+    bars(&mut page, 2, 0);
+    let shown = bar_values(&mut page);
+    let (model, data) = (folder.file("wrist-backlash.toml"), folder.file("wrist.csv"));
+    let own = Ended::of(&["lab", "compare", "--model", &model, "--data", &data, "--json"], PATIENCE).json();
+    let left = own["error"]["rms"].as_f64().expect("a number");
+    assert!((shown[1] / left - 1.0).abs() < 0.1, "the bar is of both joints, as the comparison is: {shown:?}, {left}");
     press(&mut page, "Diagnose again with it");
     let written = std::fs::read_to_string(folder.file("wrist-backlash.toml")).expect("a model");
     for line in ["joint = 2.0", "by = { parameter = \"half_width\", column = \"sheath_deg\""] {
@@ -209,6 +222,13 @@ fn press(page: &mut BrowserPage, words: &str) {
     let button = format!("[...document.querySelectorAll('#lab .work button')].find(b => b.textContent === '{words}')");
     page.wait_for(words, &format!("{button} !== undefined"));
     page.value(&format!("{button}.click()"));
+}
+
+/// The numbers above the bars.
+fn bar_values(page: &mut BrowserPage) -> Vec<f64> {
+    let texts =
+        page.value("[...document.querySelectorAll('#lab .fall text.value')].map(t => parseFloat(t.textContent))");
+    texts.as_array().expect("numbers").iter().map(|own| own.as_f64().expect("a number")).collect()
 }
 
 /// Waits for so many bars of what is in the model, and guesses.

@@ -115,6 +115,9 @@ function draw() {
 }
 
 const files = () => ({ model: parts.model.value, data: parts.data.value });
+// The same with the clocks that a diagnosis of these measurements found.
+const clocked = () => ({ ...files(), clock: clocks.of === parts.data.value ? clocks.words : [] });
+let clocks = { of: null, words: [] };
 
 function askCompare() {
   if (!parts.data.value) { say('Choose a measurement.', 'A recording of krait, or a CSV with time, encoders and the measured bend. What your columns are called does not matter: they are named here.'); return; }
@@ -124,7 +127,7 @@ function askCompare() {
 const grownBars = () => grown?.model === parts.model.value && grown.data === parts.data.value ? [...grown.falls] : null;
 
 async function compare() {
-  const answer = await run({ verb: 'compare', ...files() }, 'Comparing …', draw);
+  const answer = await run({ verb: 'compare', ...clocked() }, 'Comparing …', draw);
   if (!answer) return;
   const { error, rows, where } = answer, named = answer.unit ?? error.unit ?? 'deg', floor = answer.noise_floor ?? error.noise_floor ?? answer.noise_floor_deg ?? null;
   unit = named === 'deg' ? '°' : ` ${named}`;
@@ -136,7 +139,7 @@ async function compare() {
     draw: () => say(isNoise ? 'The model explains the measurement.' : `The model is off by ${error.rms.toFixed(2)}${unit}.`, floor === null ? `In ${rows} rows.` : `The measurement’s own noise is ${floor.toFixed(2)}${unit}: ${isNoise ? 'nothing explainable is left' : `${(error.rms / floor).toFixed(1)} times as much`}.`, [
       make('div', 'tiles', tile('rms', `${error.rms.toFixed(2)}${unit}`), tile('95 of 100 within', `${error.p95.toFixed(2)}${unit}`), tile('largest', `${error.max.toFixed(2)}${unit}`), tile('rows', String(rows))),
       make('h2', '', 'What the model leaves ', make('em', '', 'measured minus predicted')), residualPictures(answer.curves, floor),
-      make('h2', '', 'Where it is worst ', make('em', '', 'rms by circumstance')), whereBars(where, floor)], [prime('Diagnose', () => { step = 1; draw(); diagnose(); }), reportLink('compare')]),
+      make('h2', '', 'Where it is worst ', make('em', '', 'rms by circumstance')), whereBars(where, floor)], [prime('Diagnose', () => { step = 1; draw(); diagnose(); }), second('Fit its values', fit), reportLink('compare')]),
   };
   results.length = 1;
   step = 0;
@@ -160,6 +163,7 @@ async function diagnose() {
   const answer = await run({ verb: 'diagnose', ...files() }, 'Trying every effect …', draw);
   if (!answer) return;
   const found = answer.effects.length ? answer.effects : answer.partial, n = found.length;
+  clocks = { of: parts.data.value, words: (answer.clocks ?? []).map(own => `${own.shift_s.toFixed(4)},${own.rate_ppm.toFixed(1)}`) };
   effect = found[0]?.effect ?? null;
   where = found.length ? placeOf(found[0], answer.variations) : {};
   const count = n === 1 ? 'One effect is missing' : `${n} effects are missing`;
@@ -175,9 +179,18 @@ async function diagnose() {
   results.length = 2;
   falls = grownBars() ?? falls.slice(0, 1);
   falls.floor = answer.noise_floor;
-  found.forEach(own => falls.push({ name: `+ ${own.effect}`, value: own.heldout_rms.after, isGuess: true }));
+  let all = answer.base_heldout_rms;
+  for (const own of found) {
+    all = own.joint === null ? own.heldout_rms.after : fallen(all, own.heldout_rms);
+    falls.push({ name: `+ ${own.effect}`, value: all, isGuess: true });
+  }
   step = 1;
   draw();
+}
+
+// Every bar is the error of all joints together: of one joint's effect it falls by what that joint's mean square falls.
+function fallen(all, { before, after }) {
+  return Math.sqrt(Math.max(0, all ** 2 - before ** 2 + after ** 2));
 }
 
 // The joint that has an effect, and the column that one of its numbers depends on.
@@ -219,7 +232,7 @@ function unused(stem) {
 
 async function add() {
   const base = parts.model.value.replace(/\.toml$/, ''), out = unused(`${base}-${effect}`);
-  const answer = await run({ verb: 'add', ...files(), effect, ...where, out }, `Fitting ${effect} …`, draw);
+  const answer = await run({ verb: 'add', ...clocked(), effect, ...where, out }, `Fitting ${effect} …`, draw);
   if (!answer) return;
   added = out;
   const { before, after } = answer.heldout_rms, floor = answer.noise_floor;
@@ -231,7 +244,33 @@ async function add() {
   results[2] = {
     short: `${deg(after)} with ${name}`,
     draw: () => say(`With ${name} the error is ${deg(after)}. It was ${deg(before)}.`, floor !== null && after < 1.05 * floor ? 'That is the measurement’s own noise: nothing explainable is left.' : 'Something is left; diagnose again with the new model.', [
-      make('table', 'values', make('tbody', '', ...Object.entries(answer.params).map(([key, value]) => make('tr', '', make('th', '', key), make('td', 'n', `${value.value.toPrecision(4)} ${value.unit}`), make('td', 'n', `± ${value.se.toPrecision(2)}`), make('td', '', value.on_bound ? 'on its bound' : '')))))], [prime('Run with it', () => { step = 3; draw(); }), again(out), reportLink('add')]),
+      valuesOf(answer)], [prime('Run with it', () => { step = 3; draw(); }), again(out), second('Fit all values again', () => { parts.model.value = out; fit(); }), reportLink('add')]),
+  };
+  results.length = 3;
+  step = 2;
+  await fill();
+  draw();
+}
+
+function valuesOf(answer) {
+  return make('table', 'values', make('tbody', '', ...Object.entries(answer.params).map(([key, value]) => make('tr', '', make('th', '', key), make('td', 'n', `${value.value.toPrecision(4)} ${value.unit}`), make('td', 'n', `± ${value.se.toPrecision(2)}`), make('td', '', value.on_bound ? 'on its bound' : '')))));
+}
+
+// Everything that was fitted before, and what the model file leaves free, once more and together.
+async function fit() {
+  const base = parts.model.value.replace(/\.toml$/, ''), out = unused(`${base}-fit`), isGrown = grownBars();
+  const answer = await run({ verb: 'fit', ...clocked(), out }, 'Fitting all values …', draw);
+  if (!answer) return;
+  added = out;
+  const { before, after } = answer.heldout_rms, floor = answer.noise_floor;
+  falls = isGrown ?? falls.slice(0, 1);
+  falls.push({ name: 'fitted again', value: after });
+  falls.floor = floor;
+  grown = { model: out, data: parts.data.value, falls: [...falls] };
+  const ending = floor !== null && after < 1.05 * floor ? 'That is the measurement’s own noise.' : 'Something is left; diagnose again with it.';
+  results[2] = {
+    short: `${deg(after)}, fitted again`,
+    draw: () => say(`Fitted together, the values leave ${deg(after)}. It was ${deg(before)}.`, ending, [valuesOf(answer)], [prime('Run with it', () => { step = 3; draw(); }), again(out), reportLink('fit')]),
   };
   results.length = 3;
   step = 2;

@@ -40,22 +40,37 @@ pub fn run(args: &AddArgs) -> anyhow::Result<ExitCode> {
     finish(&args.files, &session, &added, &label, &args.out, args.json)
 }
 
+/// A fit whose error on data that it did not see is this much larger than that of the values before is none.
+const WORSE: f64 = 1.02;
+
 /// Fits what a model has.
 pub fn refit(args: &FitArgs) -> anyhow::Result<ExitCode> {
     refuse_existing(&args.out, args.force)?;
     let session = open(&args.files)?;
-    if args.free.is_empty()
+    // Without names: what was fitted to these data once, and what the file leaves open, which a fit has anyway.
+    let free = if args.free.is_empty() { fitted_to(&session.file, &session.data) } else { args.free.clone() };
+    if free.is_empty()
         && session.machine.open_numbers().is_empty()
         && !has_joint_number(&session.file, |own| *own == Known::Free)
     {
         bail!(
-            "nothing is free: expected --free EFFECT.PARAMETER, --free machine.KEY, or a number in {} that is \"free\"; \
-             name what is to be fitted",
+            "nothing is free: expected --free EFFECT.PARAMETER, --free machine.KEY, or a number in {} that is \"free\" or has a \
+             standard error; name what is to be fitted",
             args.files.model.display()
         );
     }
-    let added = fit_again(session.machine.as_ref(), &session.data, &args.free)?;
-    let names = dotted(&args.free);
+    let added = fit_again(session.machine.as_ref(), &session.data, &free)?;
+    if added.after > WORSE * added.before {
+        let unit = session.machine.error_unit().0;
+        bail!(
+            "the values of {} leave {:.4} {unit}, and fitted ones {:.4} {unit} on blocks that they were not fitted to: expected a smaller error, \
+             so nothing was written; record longer, or free fewer values",
+            args.files.model.display(),
+            added.before,
+            added.after
+        );
+    }
+    let names = dotted(&free);
     let what = if names.is_empty() { "fit of the machine".to_owned() } else { format!("fit of {}", names.join(", ")) };
     write_page(args.report.as_deref(), &session, &added, &what)?;
     finish(&args.files, &session, &added, &what, &args.out, args.json)
