@@ -51,6 +51,27 @@ fn rerun_imports_as_much_of_segments() {
     imports("rerun-segments.mcap", &DrawnMachine::Segments(parameters.clone()), samples);
 }
 
+/// Ignored for the same reason.
+#[test]
+#[ignore = "downloads the package of the Rerun viewer; run it with --ignored"]
+fn the_blueprint_draws_the_body_of_each_picture() {
+    let target_tmp = Path::new(env!("CARGO_TARGET_TMPDIR"));
+    let packages = ["rerun-sdk==0.41.0", "mcap==1.6.0", "mcap-protobuf-support==0.6.0"];
+    let probe = "import mcap_protobuf.decoder; from rerun.chunk import RrdReader";
+    let python = match python::python_with(target_tmp, "python-rerun-0.41.0-mcap", &packages, probe) {
+        Ok(python) => python,
+        Err(why) => return println!("SKIPPED: the blueprint for Rerun was not tested, because {why}"),
+    };
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let (script, recording) = (root.join("docs/rerun/blueprint.py"), root.join("tests/recordings/flick.mcap"));
+    let out = fresh_path("flick.rrd");
+    let found = python::answer(&python, &script, &[&recording, &out]);
+    // Eight lines of a snake: four backbones and what holds them; one of what was asked for.
+    assert_eq!(found["strips"], serde_json::json!({"snake": 8, "setpoint": 1}));
+    assert_eq!(found["messages"]["/snake/scene"], 52, "{found}");
+    assert!(std::fs::metadata(&out).is_ok_and(|file| file.len() > 50_000), "bodies and curves are in the file");
+}
+
 fn imports(name: &str, machine: &DrawnMachine, samples: impl Iterator<Item = Sample>) {
     let target_tmp = Path::new(env!("CARGO_TARGET_TMPDIR"));
     let probe = "from rerun.chunk import RrdReader";
