@@ -1,6 +1,7 @@
 //! What can keep a console from working, each in one sentence.
 
 use krait_ipc::IpcError;
+use std::io::ErrorKind;
 
 /// The console cannot go on.
 #[derive(Debug, thiserror::Error)]
@@ -9,7 +10,7 @@ pub enum ConsoleError {
     #[error(transparent)]
     Ipc(#[from] IpcError),
     /// The listening socket.
-    #[error("the console cannot listen on 127.0.0.1:{port}: {source}; choose another port with --port, or 0 for any")]
+    #[error("{}", cannot_listen(*.port, .source))]
     Listen {
         /// The port that was asked for.
         port: u16,
@@ -30,8 +31,36 @@ pub enum ConsoleError {
     Histogram(hdrhistogram::CreationError),
 }
 
+/// What, where, found and what to do; the kernel's words only where these are not known.
+fn cannot_listen(port: u16, source: &std::io::Error) -> String {
+    let at = format!("the console cannot listen on 127.0.0.1:{port}");
+    let other = "choose another with --port or --stop-port, or 0 for any that is free";
+    match source.kind() {
+        ErrorKind::AddrInUse => {
+            format!("{at}: expected a free port, found another program on it; end that, or {other}")
+        }
+        ErrorKind::PermissionDenied => {
+            format!("{at}: expected a port that a user may take, found one of the system's (below 1024); {other}")
+        }
+        _ => format!("{at}: expected a free port, found: {source}; {other}"),
+    }
+}
+
 impl From<hdrhistogram::CreationError> for ConsoleError {
     fn from(error: hdrhistogram::CreationError) -> Self {
         Self::Histogram(error)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_port_that_is_taken_is_told_without_the_kernels_numbers() {
+        for kind in [98, 13] {
+            let told = ConsoleError::Listen { port: 80, source: std::io::Error::from_raw_os_error(kind) }.to_string();
+            assert!(told.contains("127.0.0.1:80") && told.contains("expected") && !told.contains("os error"), "{told}");
+        }
     }
 }

@@ -99,7 +99,7 @@ def main(source, out):
             print(f"{source}: it breaks off; what lies before is drawn", file=sys.stderr)
     if not seen["strips"]:
         sys.exit(
-            f"{source}: expected bodies in /snake/scene, found none; joints have none, and [record] view_hz = 0 leaves them out"
+            f"{source}: expected bodies in /snake/scene, found none; joints have none, and [record] view_hz = 0 leaves them out; so does a file that breaks off in its first chunk"
         )
     print(json.dumps(seen))
 

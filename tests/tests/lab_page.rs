@@ -95,6 +95,12 @@ fn the_columns_of_a_dropped_csv_are_named_in_the_page_and_kept_beside_it() {
         "the lab's sentence",
         "/theirs--1-.csv: no snake .* was recognised/.test(document.querySelector('#lab .complaint')?.textContent)",
     );
+    let complaint = "document.querySelector('#lab .complaint')";
+    assert!(page.text("#lab .complaint").starts_with("theirs--1-.csv"), "the name without its folders");
+    assert_eq!(
+        page.value(&format!("{complaint}.querySelector('.file').title")),
+        serde_json::json!(format!("{lab}/theirs--1-.csv"))
+    );
     assert!(
         !std::path::Path::new(&format!("{lab}/theirs--1-.map.toml")).exists(),
         "nothing is kept of what is refused"

@@ -1,6 +1,6 @@
 // Which column of a measurement is what: the lab's proposal as a table, which somebody changes or agrees to.
 import { make } from './format.js';
-import { prime, run, say, second, work } from './work.js';
+import { named, prime, run, say, second, work } from './work.js';
 
 const numbered = (base, n, words) => Array.from({ length: n }, (_, i) => [`${base}${i + 1}`, words(i + 1)]);
 // The lab's columns without their units, in words.
@@ -26,7 +26,7 @@ export async function nameColumns(data, back) {
 function ask(data, seen, back, done, complaint = firstWords(seen.refused), before = null) {
   const rows = seen.columns.map((column, i) => row(column, seen.kind, before?.[i]));
   const titles = make('tr', '', ...['column', 'is', 'unit', 'range', 'why'].map((name, i) => make('th', i === 3 ? 'n' : '', name)));
-  const said = make('p', 'complaint', complaint);
+  const said = make('p', 'complaint', ...named(complaint));
   said.setAttribute('role', 'alert');
   const notes = [...(seen.pairs ?? []), ...(seen.cautions ?? []).map(caution => `Caution: ${caution}`)];
   const table = make('table', 'columns', make('thead', '', titles), make('tbody', '', ...rows.map(({ element }) => element)));
@@ -51,7 +51,7 @@ function ask(data, seen, back, done, complaint = firstWords(seen.refused), befor
   async function keep() {
     const answer = await fetch(`/lab/columns/${encodeURIComponent(data)}`, { method: 'POST' });
     if (answer.ok) done((await answer.json()).model);
-    else said.textContent = await answer.text();
+    else said.replaceChildren(...named(await answer.text()));
   }
 }
 

@@ -4,11 +4,21 @@ import { make, write } from './format.js';
 export const work = make('section', 'card work');
 let isBusy = false;
 
+/// A sentence whose files have their names only; where each lies is its title.
+export function named(text) {
+  return String(text ?? '').split(/((?:\/[^\s"'`:,;()]+)+\/[^\s"'`:,;()/]+)/).map((part, i) => {
+    if (i % 2 === 0) return part;
+    const name = make('span', 'file', part.split('/').at(-1));
+    name.title = part;
+    return name;
+  });
+}
+
 /// A sentence, what stands under it, and buttons. Whoever works by keyboard goes on from the sentence.
 export function say(title, detail, content = [], buttons = []) {
   const isHere = work.contains(document.activeElement), head = make('h1', '', title);
   head.tabIndex = -1;
-  work.replaceChildren(make('div', 'ask', head, make('p', '', detail)), ...content, make('div', 'acts', ...buttons));
+  work.replaceChildren(make('div', 'ask', head, make('p', '', ...named(detail))), ...content, make('div', 'acts', ...buttons));
   if (isHere) head.focus();
 }
 
