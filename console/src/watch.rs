@@ -92,8 +92,8 @@ impl Watch {
     fn slow(&mut self, now_ns: i64, pages: &PageCounts) -> Slow {
         let members = self.observer.members();
         let recording_s = self.observer.recording_s(&members, now_ns);
-        let usages = self.processes.look(members, now_ns);
         let newest = self.observer.newest();
+        let usages = self.processes.look(members, now_ns, newest.command.map(|command| command.model_hash));
         let changed = |health: &Health| Reasons::from_bits(health.reasons_now).contains(Reason::ModelChanged);
         Slow {
             k: "slow",
