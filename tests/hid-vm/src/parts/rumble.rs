@@ -21,6 +21,8 @@ const LOAD: [u8; 2] = [25, 0];
 const STILL: [u8; 2] = [0, 0];
 /// A limit's pulse is a quarter of a second, a fault's half of one; looks, the reading thread and the machine add to it, ns.
 const LIMIT_NS: core::ops::Range<i64> = 150_000_000..450_000_000;
+/// A pulse of the load is an eighth of a second, ns.
+const LOAD_NS: i64 = 240_000_000;
 /// How soon the motors stop after the master was killed: the kernel does it, long before the fault's pulse would end, ns.
 const KILLED_NS: i64 = 200_000_000;
 
@@ -55,6 +57,10 @@ pub fn rumble() -> anyhow::Result<PartVerdict> {
     let lasted_ns = over.map_or(i64::MAX, |(at_ns, _)| at_ns - limit_ns);
     verdict.check("limit_ms", LIMIT_NS.contains(&lasted_ns), lasted_ns / 1_000_000);
     verdict.check("n_load", (2..=8).contains(&is_of(LOAD)), is_of(LOAD));
+    // Each pulse ends before the next one would begin, which is a quarter of a second after it.
+    let lasted = at_limit.windows(2).filter(|two| two[0].1 == LOAD).map(|two| two[1].0 - two[0].0);
+    let longest_ns = lasted.max().unwrap_or(i64::MAX);
+    verdict.check("load_ms", longest_ns < LOAD_NS, longest_ns / 1_000_000);
     let n_other = at_limit.iter().filter(|(_, told)| ![LIMIT, LOAD, STILL].contains(told)).count();
     verdict.check("other", n_other == 0, format!("{n_other} of {}", at_limit.len()));
     pad.hold(0x80, 0)?;
