@@ -37,6 +37,9 @@ pub trait ActuatorBus: Send + 'static {
     fn come_back(&mut self) -> Result<(), BusGone> {
         Ok(())
     }
+
+    /// Power is switched anew on a bus that was not gone: who was silent is looked for again. Nothing moves, nothing is waited for.
+    fn look_again(&mut self) {}
 }
 
 /// Where actuators shall go.
@@ -53,6 +56,8 @@ pub struct Goals {
 pub struct Seen {
     /// Whether each answered the newest question.
     pub has_answered: PerActuator<bool>,
+    /// Whether each is being identified and configured, so that no answer is expected of it.
+    pub is_busy: PerActuator<bool>,
     /// When each was measured last, CLOCK_MONOTONIC, nanoseconds.
     pub sampled_ns: PerActuator<i64>,
     /// Encoder counts.

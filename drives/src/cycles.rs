@@ -88,7 +88,12 @@ impl<B: ActuatorBus> Cycles<B> {
             let is_new_turn = wish.turn != self.wish.turn;
             self.wish = wish;
             if is_new_turn {
-                let back = if self.is_gone { self.bus.come_back() } else { Ok(()) };
+                let mut back = Ok(());
+                if self.is_gone {
+                    back = self.bus.come_back();
+                } else {
+                    self.bus.look_again();
+                }
                 self.begin_turn();
                 self.is_gone = false;
                 if let Err(gone) = back {

@@ -211,7 +211,7 @@ fn failure(words: &[u64]) -> Option<DriveError> {
 }
 
 /// Every text that a failure of a bus may carry. Recordings name them by their place: new ones come last.
-pub(crate) const TEXTS: [&str; 23] = [
+pub(crate) const TEXTS: [&str; 26] = [
     "of a kind that is not known",
     crate::texts::PORT_GONE,
     crate::texts::PORT_BLOCKED,
@@ -235,6 +235,9 @@ pub(crate) const TEXTS: [&str; 23] = [
     crate::texts::OF_ITS_OWN,
     crate::texts::PORT_STILL_GONE,
     crate::texts::OTHER_SERVOS,
+    crate::texts::CAN_STILL_GONE,
+    crate::texts::CAN_IN_USE,
+    crate::texts::OTHER_DRIVES,
 ];
 
 #[cfg(test)]

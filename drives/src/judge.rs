@@ -95,6 +95,11 @@ impl Judge {
                 _ => {}
             }
         }
+        // Who is being configured answers nothing yet; how long that may take is the bus's business.
+        if seen.is_busy[k] && !is_driven {
+            self.n_missing[k] = 0;
+            return None;
+        }
         // An answer that knows another goal than the one just sent is an answer to an earlier question.
         let in_step = seen.has_answered[k] && told.is_none_or(|told| told[k] == seen.goal_counts[k]);
         if !in_step {

@@ -29,6 +29,13 @@ pub const CAN_GONE: &str = "its CAN interface is gone, as when the adapter is un
 pub const CAN_DOWN: &str = "its CAN interface is down, as after `ip link set down`; `sudo ip link set can0 up type can bitrate 1000000` with its name";
 /// The controller has left the bus.
 pub const BUS_OFF: &str = "its CAN interface is bus-off after too many errors on the wire; check bit rate, termination and cable, then set the interface down and up";
+/// It was asked for again.
+pub const CAN_STILL_GONE: &str = "its CAN interface is still gone; plug the adapter in and set the interface up";
+/// Somebody else has taken it meanwhile.
+pub const CAN_IN_USE: &str = "its CAN interface is back, but in use by another program; end that";
+/// Somebody else is there now.
+pub const OTHER_DRIVES: &str =
+    "a drive on it is not the one of the configuration, or refuses what it must do; `krait drives` shows who is there";
 /// Nobody takes frames.
 pub const CAN_BLOCKED: &str = "its CAN interface takes no more frames, as when no drive is left that acknowledges them";
 /// Somebody else is master.

@@ -7,7 +7,8 @@
 //! heartbeats explain and judge nothing. A drive that has left Operation Enabled gets quick stops until power is switched
 //! anew. Each drive listens for this program's heartbeat and stops by itself without it.
 //!
-//! Failure: a drive that says it has started anew is configured again, without power, and its count is another.
+//! Failure: a drive that says it has started anew is configured again, without power, and its count is another. After the
+//! interface was gone, or where a drive has been silent, that is done when power is switched anew, as at the beginning.
 //!
 //! Source: CiA 301 and CiA 402-2, -3.
 
@@ -34,7 +35,7 @@ pub use wire::Wire;
 pub(crate) use frame::{FROM_DRIVE, HEARTBEAT, MASTER, OPERATIONAL, PRE_OPERATIONAL, SDO_FROM, SDO_TO, SYNC, TO_DRIVE};
 
 use crate::bus::{ActuatorBus, BusGone, Goals, Seen};
-use crate::texts::SECOND_MASTER;
+use crate::texts::{OTHER_DRIVES, SECOND_MASTER};
 use frame::{Heard, beat, hear, tell};
 use krait_ipc::message::MAX_ACTUATORS;
 use node::{Node, Order};
@@ -133,10 +134,31 @@ impl<W: Wire> Cia402<W> {
         Ok(())
     }
 
+    /// One exchange with all drives.
+    fn exchange(&mut self) -> Result<(), BusGone> {
+        self.drain()?;
+        let now_ns = self.wire.now_ns();
+        self.notice_own_absence(now_ns);
+        self.nodes.iter_mut().for_each(|node| node.n_answers = 0);
+        self.send_all(now_ns)?;
+        self.collect(now_ns.saturating_add(self.timeout_ns))
+    }
+
+    /// Names a drive that turned out to be another one, once.
+    fn name_stranger(&mut self) -> Result<(), BusGone> {
+        for (k, node) in self.nodes.iter_mut().enumerate() {
+            if let Some(refusal) = node.take_stranger() {
+                tracing::warn!("{}", open::refused(k + 1, node.id, refusal));
+                return Err(BusGone { what: OTHER_DRIVES });
+            }
+        }
+        Ok(())
+    }
+
     fn fill(&self, seen: &mut Seen) {
         seen.has_answered = [false; MAX_ACTUATORS];
         for (k, node) in self.nodes.iter().enumerate() {
-            seen.n_boots[k] = node.n_boots;
+            (seen.n_boots[k], seen.is_busy[k]) = (node.n_boots, node.is_busy());
             if !node.has_answered() {
                 // One that has started anew has no power, whatever it said before.
                 seen.is_powered[k] &= node.is_configured();
@@ -179,12 +201,11 @@ impl<W: Wire> ActuatorBus for Cia402<W> {
     }
 
     fn ask(&mut self, seen: &mut Seen) -> Result<(), BusGone> {
-        self.drain()?;
-        let now_ns = self.wire.now_ns();
-        self.notice_own_absence(now_ns);
-        self.nodes.iter_mut().for_each(|node| node.n_answers = 0);
-        self.send_all(now_ns)?;
-        self.collect(now_ns.saturating_add(self.timeout_ns))?;
+        if let Err(gone) = self.exchange() {
+            // An interface that is up again by itself must not let them go on.
+            self.nodes.iter_mut().for_each(Node::leave_out);
+            return Err(gone);
+        }
         self.told = core::mem::replace(&mut self.order, Order::Ask);
         for node in &mut self.nodes {
             node.end_cycle(self.told, self.lost_cycles);
@@ -194,7 +215,23 @@ impl<W: Wire> ActuatorBus for Cia402<W> {
         // Named once: the drives are told to stop meanwhile.
         match self.other_master.take() {
             Some(_) => Err(BusGone { what: SECOND_MASTER }),
-            None => Ok(()),
+            None => self.name_stranger(),
+        }
+    }
+
+    /// All are identified and configured from the beginning, cycle by cycle; who was told to follow is told nothing until then.
+    fn come_back(&mut self) -> Result<(), BusGone> {
+        self.wire.come_back()?;
+        (self.order, self.told, self.other_master) = (Order::Ask, Order::Ask, None);
+        self.nodes.iter_mut().for_each(Node::begin_over);
+        Ok(())
+    }
+
+    fn look_again(&mut self) {
+        for node in &mut self.nodes {
+            if node.is_lost(self.lost_cycles) {
+                node.begin_over();
+            }
         }
     }
 }

@@ -73,6 +73,8 @@ pub(crate) struct Node {
     emergency: u16,
     /// It has said under power that its power stage has voltage; not every drive says so.
     has_had_voltage: bool,
+    /// It is another one than configured, or refuses what it must do; not yet named.
+    is_stranger: bool,
 }
 
 impl Node {
@@ -97,6 +99,7 @@ impl Node {
             n_boots: 0,
             emergency: 0,
             has_had_voltage: false,
+            is_stranger: false,
         }
     }
 
@@ -109,6 +112,28 @@ impl Node {
         if self.refusal.take().is_some() {
             (self.step, self.asked_ns, self.n_asked) = (0, None, 0);
         }
+    }
+
+    /// It is identified and configured from the beginning, and nothing of what it said before holds.
+    pub(crate) fn begin_over(&mut self) {
+        (self.step, self.asked_ns, self.n_asked, self.refusal) = (0, None, 0, None);
+        (self.status, self.is_out, self.is_stranger) = (0, true, false);
+        (self.n_missing, self.n_stray) = (0, 0);
+    }
+
+    /// Whether it has said nothing for so many cycles, or could not be configured.
+    pub(crate) fn is_lost(&self, lost_cycles: u32) -> bool {
+        self.refusal.is_some() || self.n_missing >= lost_cycles
+    }
+
+    /// Whether it is being identified and configured.
+    pub(crate) fn is_busy(&self) -> bool {
+        !self.is_configured() && self.refusal.is_none()
+    }
+
+    /// Why it is no drive of the configuration, once.
+    pub(crate) fn take_stranger(&mut self) -> Option<Refusal> {
+        if core::mem::take(&mut self.is_stranger) { self.refusal } else { None }
     }
 
     /// What has to be sent next to configure it.
@@ -171,7 +196,7 @@ impl Node {
         let Some(reply) = reply(data, place) else { return self.n_stray = self.n_stray.saturating_add(1) };
         match (step, reply) {
             (Some(Step::Expect { mask, value: expected, .. }), Reply::Value(found)) if found & mask != expected => {
-                self.refusal = Some(Refusal::Differs { place, found: found & mask, expected });
+                self.refuse(Refusal::Differs { place, found: found & mask, expected });
             }
             (Some(Step::RatedTorque { .. }), Reply::Value(milli)) if self.rated_torque_nm == 0.0 => {
                 self.rated_torque_nm = f64::from(milli) * 1e-3;
@@ -182,9 +207,13 @@ impl Node {
                 Some(Step::Expect { need: Need::May, .. } | Step::Write { need: Need::May, .. }),
                 Reply::Aborted(code),
             ) if is_missing(code) => self.done(),
-            (_, Reply::Aborted(code)) => self.refusal = Some(Refusal::Aborted { place, code }),
+            (_, Reply::Aborted(code)) => self.refuse(Refusal::Aborted { place, code }),
             _ => self.done(),
         }
+    }
+
+    fn refuse(&mut self, refusal: Refusal) {
+        (self.refusal, self.is_stranger) = (Some(refusal), true);
     }
 
     /// Power is switched anew: what failed before is forgiven.
@@ -212,10 +241,11 @@ impl Node {
 
     /// Ends a cycle: one that is silent for long or has left Operation Enabled is never let on by itself.
     pub(crate) fn end_cycle(&mut self, order: Order, lost_cycles: u32) {
+        let is_silent = self.n_answers == 0 && self.is_configured();
+        self.n_missing = if is_silent { self.n_missing.saturating_add(1) } else { 0 };
         if order != Order::Follow {
             return;
         }
-        self.n_missing = if self.n_answers == 0 { self.n_missing.saturating_add(1) } else { 0 };
         self.is_out |= self.n_missing >= lost_cycles || (self.n_answers > 0 && !is_enabled(self.status));
     }
 

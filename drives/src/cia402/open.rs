@@ -176,7 +176,7 @@ impl<W: Wire> Cia402<W> {
     }
 }
 
-fn refused(actuator: usize, id: u8, refusal: Refusal) -> OpenError {
+pub(super) fn refused(actuator: usize, id: u8, refusal: Refusal) -> OpenError {
     match refusal {
         Refusal::Silent => OpenError::NoAnswer { actuator, id },
         Refusal::Differs { place: DEVICE_TYPE, found, .. } => OpenError::NoDrive { actuator, id, profile: found },

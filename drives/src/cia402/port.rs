@@ -4,7 +4,7 @@ use super::frame::Frame;
 use super::wire::Wire;
 use crate::bus::BusGone;
 use crate::error::OpenError;
-use crate::texts::{BUS_OFF, CAN_BLOCKED, CAN_DOWN, CAN_GONE};
+use crate::texts::{BUS_OFF, CAN_BLOCKED, CAN_DOWN, CAN_GONE, CAN_IN_USE, CAN_STILL_GONE};
 use krait_ipc::clock::monotonic_ns;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{FlockOperation, Mode, OFlags, flock, open};
@@ -28,6 +28,14 @@ const WRITE_PATIENCE_NS: i64 = 20_000_000;
 /// An open CAN interface.
 #[derive(Debug)]
 pub struct CanPort {
+    interface: String,
+    /// None while it is gone, so that nothing is sent on an interface that others may have taken meanwhile.
+    held: Option<Held>,
+}
+
+/// What is held of an interface.
+#[derive(Debug)]
+struct Held {
     socket: CanSocket,
     /// Held while the port is open, so that no two programs are master here.
     _lock: OwnedFd,
@@ -39,10 +47,11 @@ impl CanPort {
     /// # Errors
     /// [`OpenError`] where it cannot be had.
     pub fn open(interface: &str) -> Result<Self, OpenError> {
-        let place = place(interface)?;
-        let lock = lock(&place, interface)?;
-        let socket = socket(interface)?;
-        Ok(Self { socket, _lock: lock })
+        Ok(Self { interface: interface.to_owned(), held: Some(hold(interface)?) })
+    }
+
+    fn socket(&self) -> Result<&CanSocket, BusGone> {
+        self.held.as_ref().map(|held| &held.socket).ok_or(BusGone { what: CAN_STILL_GONE })
     }
 }
 
@@ -76,6 +85,22 @@ impl CanListener {
     pub fn send(&self, frame: &Frame) -> Result<(), BusGone> {
         send(&self.socket, frame)
     }
+}
+
+fn hold(interface: &str) -> Result<Held, OpenError> {
+    let lock = lock(&place(interface)?, interface)?;
+    Ok(Held { socket: socket(interface)?, _lock: lock })
+}
+
+/// Why an interface that was gone cannot be had again.
+fn still_gone(error: &OpenError) -> BusGone {
+    let what = match error {
+        OpenError::InterfaceDown { .. } => CAN_DOWN,
+        OpenError::InterfaceBusOff { .. } => BUS_OFF,
+        OpenError::InterfaceInUse { .. } => CAN_IN_USE,
+        _ => CAN_STILL_GONE,
+    };
+    BusGone { what }
 }
 
 /// A socket on an interface that is fit for use, without a lock: for who is no master, as emulated drives.
@@ -213,11 +238,22 @@ fn gone(error: Option<Errno>) -> BusGone {
 
 impl Wire for CanPort {
     fn send(&mut self, frame: &Frame) -> Result<(), BusGone> {
-        send(&self.socket, frame)
+        send(self.socket()?, frame)
     }
 
     fn receive(&mut self, until_ns: i64) -> Result<Option<Frame>, BusGone> {
-        receive(&self.socket, until_ns)
+        receive(self.socket()?, until_ns)
+    }
+
+    fn come_back(&mut self) -> Result<(), BusGone> {
+        // The old lock is given back first, so that it is not in its own way.
+        self.held = None;
+        let held = hold(&self.interface).map_err(|error| {
+            tracing::warn!("{error}");
+            still_gone(&error)
+        })?;
+        self.held = Some(held);
+        Ok(())
     }
 
     fn now_ns(&self) -> i64 {

@@ -2,6 +2,7 @@
 
 mod faults;
 mod opening;
+mod returning;
 
 use super::*;
 use crate::BusSetup;

@@ -17,6 +17,14 @@ pub trait Wire: Send + 'static {
     /// As [`Wire::send`].
     fn receive(&mut self, until_ns: i64) -> Result<Option<Frame>, BusGone>;
 
+    /// Opens it again after it was gone.
+    ///
+    /// # Errors
+    /// [`BusGone`] where it is still gone.
+    fn come_back(&mut self) -> Result<(), BusGone> {
+        Ok(())
+    }
+
     /// The instant, ns.
     fn now_ns(&self) -> i64;
 }

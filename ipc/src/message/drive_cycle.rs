@@ -118,6 +118,8 @@ impl ActuatorCycle {
     pub const POWERED: u32 = 2;
     /// Flag: it says that nothing holds its line.
     pub const LET_GO: u32 = 4;
+    /// Flag: it is being identified and configured, so that no answer is expected of it.
+    pub const BUSY: u32 = 8;
 
     /// Whether a flag is set.
     pub fn has(&self, flag: u32) -> bool {

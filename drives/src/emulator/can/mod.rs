@@ -32,6 +32,8 @@ pub struct CanDrives {
     pub n_frames: u64,
     /// What every send and receive fails with, as of an interface that is down.
     pub gone: Option<BusGone>,
+    /// How often its interface was opened again.
+    pub n_reopened: u32,
 }
 
 /// An emulated bus, to look at it or to break it; all copies are the same one.
@@ -176,6 +178,16 @@ impl Wire for CanWire {
             }
             self.pass(next_ns);
         }
+    }
+
+    fn come_back(&mut self) -> Result<(), BusGone> {
+        let mut drives = self.bus.lock();
+        if let Some(gone) = drives.gone {
+            return Err(gone);
+        }
+        drives.n_reopened += 1;
+        drives.to_master.clear();
+        Ok(())
     }
 
     fn now_ns(&self) -> i64 {
