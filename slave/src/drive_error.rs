@@ -1,15 +1,16 @@
 //! Why drives refuse or fail: one sentence each, with what to do.
 
+use core::fmt;
+
+/// How a failure that was mended is left.
+const AGAIN: &str = "then send `clear-fault` and `enable`";
+
 /// Why a drive refused.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DriveError {
     /// Motion was asked for while the power was off.
-    #[error("the drives were told to move while their power is off; send `enable` first")]
     NotPowered,
     /// A position was NaN or infinite.
-    #[error(
-        "actuator {actuator} was told to go to {found_m} m, expected a finite position; the command was not executed"
-    )]
     NotFinite {
         /// Which, from 1.
         actuator: usize,
@@ -17,9 +18,6 @@ pub enum DriveError {
         found_m: f64,
     },
     /// A position was beyond the hard stops.
-    #[error(
-        "actuator {actuator} was told to go to {found_m} m, expected at most {limit_m} m either way; the command was not executed"
-    )]
     OutOfTravel {
         /// Which, from 1.
         actuator: usize,
@@ -29,15 +27,11 @@ pub enum DriveError {
         limit_m: f64,
     },
     /// The hardware failed in a way of its own.
-    #[error("the drives failed: {what}; mend that, then send `enable`")]
     Failed {
         /// The hardware's own words.
         what: &'static str,
     },
     /// An actuator does not answer any more.
-    #[error(
-        "Drive {actuator} failed; the others hold: it has not answered for {silent_ms:.1} ms; check its cable and power, then send `clear-fault` and `enable`"
-    )]
     Lost {
         /// Which, from 1.
         actuator: usize,
@@ -45,9 +39,6 @@ pub enum DriveError {
         silent_ms: f64,
     },
     /// An actuator reports a failure.
-    #[error(
-        "Drive {actuator} failed; the others hold: it reports {meaning} (code {code}); mend that, then send `clear-fault` and `enable`"
-    )]
     Tripped {
         /// Which, from 1.
         actuator: usize,
@@ -57,9 +48,6 @@ pub enum DriveError {
         meaning: &'static str,
     },
     /// Hardware has switched an actuator off, not this program.
-    #[error(
-        "Drive {actuator} was switched off by hardware (code {code}), as by an emergency stop, a safe-torque-off or an enable input; drives that have power hold; release it, then send `clear-fault` and `enable`"
-    )]
     HardwareStop {
         /// Which, from 1.
         actuator: usize,
@@ -67,25 +55,16 @@ pub enum DriveError {
         code: u32,
     },
     /// An actuator has let go by itself.
-    #[error(
-        "Drive {actuator} failed; the others hold: it was overloaded and has let go of its line; take the load off, then send `clear-fault` and `enable`"
-    )]
     Limp {
         /// Which, from 1.
         actuator: usize,
     },
     /// An actuator started anew.
-    #[error(
-        "Drive {actuator} failed; the others hold: it lost its power for a moment and started anew; check its supply, then send `clear-fault` and `enable`"
-    )]
     Reset {
         /// Which, from 1.
         actuator: usize,
     },
     /// An encoder leapt.
-    #[error(
-        "Drive {actuator} failed; the others hold: its encoder leapt by {by_m} m in one cycle; check its zero with `krait drives`, then send `clear-fault` and `enable`"
-    )]
     Jumped {
         /// Which, from 1.
         actuator: usize,
@@ -93,9 +72,6 @@ pub enum DriveError {
         by_m: f64,
     },
     /// A reading is too old to go by.
-    #[error(
-        "the newest reading of drive {actuator} is {age_ms:.1} ms old, so its bus does not keep up; the drives hold; see `krait doctor`, then send `clear-fault` and `enable`"
-    )]
     Stale {
         /// Which, from 1.
         actuator: usize,
@@ -103,9 +79,6 @@ pub enum DriveError {
         age_ms: f64,
     },
     /// An actuator stands too far from the zero that was configured for it.
-    #[error(
-        "drive {actuator} stands {found_m:.4} m from its zero, expected at most {limit_m} m either way; send `disable`, which takes its power, bring it back by hand and send `enable`, or set its zero with `krait drives --zero`"
-    )]
     FarFromZero {
         /// Which, from 1.
         actuator: usize,
@@ -115,17 +88,11 @@ pub enum DriveError {
         limit_m: f64,
     },
     /// The bus itself failed.
-    #[error(
-        "the bus of the drives failed: {what}; nothing more can be told to them; mend that, then send `clear-fault`, and where that does not help end this krait and start it again"
-    )]
     Bus {
         /// What happened.
         what: &'static str,
     },
     /// Nobody told the bus for too long.
-    #[error(
-        "the slave was silent for {silent_ms:.1} ms, expected at most {limit_ms} ms, so the drives stopped by themselves and hold; see `krait doctor`, then send `clear-fault` and `enable`"
-    )]
     Unled {
         /// How long, ms.
         silent_ms: f64,
@@ -134,22 +101,94 @@ pub enum DriveError {
     },
 }
 
-/// What is true of the others where a fault takes the power of all (`on_fault = "power_off"`), in place of what is true elsewhere.
-const WITHOUT_POWER: [(&str, &str); 4] = [
-    ("failed; the others hold:", "failed; power was taken from all:"),
-    ("; drives that have power hold;", "; power was taken from all;"),
-    ("does not keep up; the drives hold;", "does not keep up; power was taken from all;"),
-    ("stopped by themselves and hold;", "stopped by themselves and are without power;"),
-];
+/// A failure in words, which say what became of the power.
+struct Said {
+    error: DriveError,
+    keeps_power: bool,
+}
+
+impl fmt::Display for Said {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let either = |kept: &'static str, taken: &'static str| if self.keeps_power { kept } else { taken };
+        let others = either("the others hold", "power was taken from all");
+        match self.error {
+            DriveError::NotPowered => {
+                f.write_str("the drives were told to move while their power is off; send `enable` first")
+            }
+            DriveError::NotFinite { actuator, found_m } => write!(
+                f,
+                "actuator {actuator} was told to go to {found_m} m, expected a finite position; the command was not executed"
+            ),
+            DriveError::OutOfTravel { actuator, found_m, limit_m } => write!(
+                f,
+                "actuator {actuator} was told to go to {found_m} m, expected at most {limit_m} m either way; the command was not executed"
+            ),
+            DriveError::Failed { what } => write!(f, "the drives failed: {what}; mend that, then send `enable`"),
+            DriveError::Lost { actuator, silent_ms } => write!(
+                f,
+                "Drive {actuator} failed; {others}: it has not answered for {silent_ms:.1} ms; check its cable and power, {AGAIN}"
+            ),
+            DriveError::Tripped { actuator, code, meaning } => {
+                write!(f, "Drive {actuator} failed; {others}: it reports {meaning} (code {code}); mend that, {AGAIN}")
+            }
+            DriveError::HardwareStop { actuator, code } => {
+                let powered = either("drives that have power hold", "power was taken from all");
+                write!(
+                    f,
+                    "Drive {actuator} was switched off by hardware (code {code}), as by an emergency stop, a safe-torque-off or an enable input; {powered}; release it, {AGAIN}"
+                )
+            }
+            DriveError::Limp { actuator } => write!(
+                f,
+                "Drive {actuator} failed; {others}: it was overloaded and has let go of its line; take the load off, {AGAIN}"
+            ),
+            DriveError::Reset { actuator } => write!(
+                f,
+                "Drive {actuator} failed; {others}: it lost its power for a moment and started anew; check its supply, {AGAIN}"
+            ),
+            DriveError::Jumped { actuator, by_m } => write!(
+                f,
+                "Drive {actuator} failed; {others}: its encoder leapt by {by_m} m in one cycle; check its zero with `krait drives`, {AGAIN}"
+            ),
+            DriveError::Stale { actuator, age_ms } => {
+                let drives = either("the drives hold", "power was taken from all");
+                write!(
+                    f,
+                    "the newest reading of drive {actuator} is {age_ms:.1} ms old, so its bus does not keep up; {drives}; see `krait doctor`, {AGAIN}"
+                )
+            }
+            DriveError::FarFromZero { actuator, found_m, limit_m } => write!(
+                f,
+                "drive {actuator} stands {found_m:.4} m from its zero, expected at most {limit_m} m either way; send `disable`, which takes its power, bring it back by hand and send `enable`, or set its zero with `krait drives --zero`"
+            ),
+            DriveError::Bus { what } => write!(
+                f,
+                "the bus of the drives failed: {what}; nothing more can be told to them; mend that, then send `clear-fault`, and where that does not help end this krait and start it again"
+            ),
+            DriveError::Unled { silent_ms, limit_ms } => {
+                let rest = either("hold", "are without power");
+                write!(
+                    f,
+                    "the slave was silent for {silent_ms:.1} ms, expected at most {limit_ms} ms, so the drives stopped by themselves and {rest}; see `krait doctor`, {AGAIN}"
+                )
+            }
+        }
+    }
+}
+
+/// As where a fault keeps the power.
+impl fmt::Display for DriveError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        Said { error: *self, keeps_power: true }.fmt(f)
+    }
+}
+
+impl std::error::Error for DriveError {}
 
 impl DriveError {
-    /// The failure in words. Where a fault keeps the power these are its own; elsewhere nothing holds, and that is said.
+    /// The failure in words. Where a fault takes the power of all (`on_fault = "power_off"`), nobody holds, and that is said.
     pub fn sentence(&self, keeps_power: bool) -> String {
-        let words = self.to_string();
-        if keeps_power {
-            return words;
-        }
-        WITHOUT_POWER.into_iter().fold(words, |words, (holds, without)| words.replace(holds, without))
+        Said { error: *self, keeps_power }.to_string()
     }
 
     /// The actuator that it is about, from 1; `None` where it is about all or none.
@@ -189,6 +228,16 @@ mod tests {
             assert!(failure.sentence(true).contains("hold") && failure.sentence(true) == failure.to_string());
             let without = failure.sentence(false);
             assert!(without.contains("power") && !without.contains("hold"), "{without}");
+        }
+    }
+
+    /// Words of the hardware are its own, whatever they are.
+    #[test]
+    fn what_became_of_the_power_changes_no_other_words() {
+        let meaning = "that its brakes failed; the others hold: see its manual; the drives hold; drives that have power hold; end";
+        for keeps_power in [true, false] {
+            let sentence = DriveError::Tripped { actuator: 2, code: 4, meaning }.sentence(keeps_power);
+            assert!(sentence.contains(meaning), "{sentence}");
         }
     }
 }
