@@ -281,9 +281,11 @@ impl<B: ActuatorBus> Cycles<B> {
         if self.phase != Phase::Off {
             let lets_go = self.setup.on_fault == OnFault::PowerOff;
             self.phase = if lets_go { Phase::Off } else { Phase::Stopped };
-            let BusSetup { n_together, relax, on_fault, .. } = self.setup;
+            let BusSetup { n_together, antagonists, relax, on_fault, .. } = self.setup;
             let limp = suspect(&failure, n_together).filter(|_| on_fault == OnFault::Relax);
-            self.relaxing = limp.map(|limp| Relaxing::new(relax, (limp, n_together), now_ns));
+            // One that is alone in its group has nobody who could give way.
+            let limp = limp.filter(|limp| antagonists[*limp].contains(&true));
+            self.relaxing = limp.map(|limp| Relaxing::new(relax, (limp, antagonists[limp]), now_ns));
         }
     }
 

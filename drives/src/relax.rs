@@ -3,7 +3,7 @@
 //! Problem: lines that hold each other bend the snake to where one that is limp leaves it, and stay loaded against its structure.
 //! Failure: whatever is not known (an answer, a load) keeps all where they are; what has ended does not begin again.
 
-use crate::bus::Seen;
+use crate::bus::{PerActuator, Seen};
 use krait_ipc::message::Actuators;
 use krait_slave::{DriveError, GivingWay, RelaxLimits};
 
@@ -25,16 +25,22 @@ pub(crate) fn suspect(failure: &DriveError, n_together: usize) -> Option<usize> 
 pub(crate) struct Relaxing {
     way: GivingWay,
     limp: usize,
-    n_together: usize,
+    /// Who holds against it; the others stay.
+    antagonists: PerActuator<bool>,
 }
 
 impl Relaxing {
-    pub(crate) fn new(limits: RelaxLimits, (limp, n_together): (usize, usize), now_ns: i64) -> Self {
-        Self { way: GivingWay::new(limits, now_ns), limp, n_together }
+    pub(crate) fn new(limits: RelaxLimits, (limp, antagonists): (usize, PerActuator<bool>), now_ns: i64) -> Self {
+        Self { way: GivingWay::new(limits, now_ns), limp, antagonists }
     }
 
     pub(crate) fn has_begun(&self) -> bool {
         self.way.has_begun()
+    }
+
+    /// Whether an actuator, from 0, gives way.
+    pub(crate) fn moves(&self, k: usize) -> bool {
+        self.has_begun() && self.antagonists[k]
     }
 
     /// Where the others go in this period, m, from where all stand; none: it has ended for good.
@@ -54,8 +60,8 @@ impl Relaxing {
             let holds = seen.has_answered[self.limp] && self.has_begun() && !seen.has_let_go[self.limp];
             return (!holds).then_some(goal_m);
         }
-        // A gripper's wire stays: what its jaw holds it goes on holding.
-        let loads_n = core::array::from_fn(|k| if k < self.n_together && k != self.limp { tau_n[k] } else { 0.0 });
+        // Other joints and segments stay, and a gripper's wire: what its jaw holds it goes on holding.
+        let loads_n = core::array::from_fn(|k| if self.antagonists[k] { tau_n[k] } else { 0.0 });
         self.way.step(goal_m, loads_n, (now_ns, period_ns))
     }
 }

@@ -1,6 +1,7 @@
 //! What a bus drive needs to know besides its hardware, from the configuration.
 
 use crate::OpenError;
+use crate::bus::PerActuator;
 use crate::units::Units;
 use krait_slave::{DriveMode, DriveTraits, OnFault, RelaxLimits, SlaveConfig};
 
@@ -20,6 +21,8 @@ pub struct BusSetup {
     pub(crate) mode: DriveMode,
     pub(crate) on_fault: OnFault,
     pub(crate) relax: RelaxLimits,
+    /// Of each actuator, who holds against it and gives way where it has let go.
+    pub(crate) antagonists: PerActuator<PerActuator<bool>>,
     /// How many, from the first, hold each other; one behind them is a gripper's.
     pub(crate) n_together: usize,
     pub(crate) jaw_m_per_rad: Option<f64>,
@@ -60,6 +63,7 @@ impl BusSetup {
             mode: drive.mode,
             on_fault: drive.on_fault,
             relax: RelaxLimits::of_fault(config),
+            antagonists: core::array::from_fn(|k| drive.antagonists(k)),
             n_together: drive.n_together(),
             jaw_m_per_rad: drive.jaw_m_per_rad(),
         })

@@ -126,6 +126,9 @@ settings! {
         efficiency: f64 = 1.0, 0.01..=1.0;
         /// Turns of the encoder for one of the spool or screw.
         gear: f64 = 1.0, 0.01..=1000.0;
+        /// Number of the lines or cables that hold each other: those of a segment, or of a joint. Where one of them has let go, only
+        /// those of its own group give way. Without the key all are antagonists; a gripper's wire is nobody's.
+        group: u32 = 1, 1..=12;
         /// Where its line is the wire of a gripper: m of wire for one radian of the jaw, as the model's `wire_m_per_rad`. Only the
         /// last actuator, behind the snake's lines: no line loads it, and it has a gate and a load limit of its own.
         jaw_m_per_rad: Option<f64> = None;
@@ -233,6 +236,13 @@ impl DriveConfig {
         self.actuator.len() - usize::from(self.jaw_m_per_rad().is_some())
     }
 
+    /// Who holds against an actuator, from 0, and would give way where it has let go: the others of its group.
+    pub fn antagonists(&self, of: usize) -> [bool; MAX_ACTUATORS] {
+        let n = self.n_together();
+        let group = |k: usize| self.actuator.get(k).filter(|_| k < n).map(|actuator| actuator.group);
+        core::array::from_fn(|k| k != of && group(k).is_some() && group(k) == group(of))
+    }
+
     /// The wire of a gripper for one radian of its jaw, m, where the last actuator is that of a gripper.
     pub fn jaw_m_per_rad(&self) -> Option<f64> {
         self.actuator.last().and_then(|actuator| actuator.jaw_m_per_rad)
@@ -243,6 +253,13 @@ impl ActuatorConfig {
     /// A gripper's wire comes behind lines; this is the `actuator`-th of `n`, from 1.
     fn check_jaw(&self, actuator: usize, n: usize) -> Result<(), ConfigError> {
         let Some(jaw_m_per_rad) = self.jaw_m_per_rad else { return Ok(()) };
+        if self.group != Self::default().group {
+            let what = format!(
+                "actuator {actuator}: group = {}, and it moves a gripper's jaw, whose wire no line holds against; delete the key",
+                self.group
+            );
+            return Err(ConfigError::Drives { what });
+        }
         let what = if actuator < n || n == 1 {
             format!(
                 "jaw_m_per_rad: expected at the last of several, behind the snake's lines, found at {actuator} of {n}"
@@ -295,6 +312,8 @@ mod tests {
             (format!("{bus}{servo}sign = 0"), "sign = 0"),
             (format!("{bus}{servo}{servo}"), "actuators 1 and 2 both have id 1"),
             (format!("{bus}{servo}travel_m = 1.0"), "travel_m = 1"),
+            (format!("{bus}{servo}group = 0"), "group = 0"),
+            (format!("{bus}{servo}jaw_m_per_rad = 0.002\ngroup = 2"), "actuator 1: group = 2"),
             (
                 format!("{bus}{servo}jaw_m_per_rad = 0.002"),
                 "at the last of several, behind the snake's lines, found at 1 of 1",
@@ -315,5 +334,28 @@ mod tests {
             let sentence = sentence(&text);
             assert!(sentence.contains("[slave.drive") && sentence.contains(words), "{sentence}");
         }
+    }
+
+    #[test]
+    fn antagonists_are_the_others_of_a_group_all_where_none_is_named_and_never_a_jaw() {
+        let of = |groups: &[u32], has_jaw: bool, k: usize| -> Vec<usize> {
+            let last = groups.len() - 1;
+            let actuator = |(k, group): (usize, &u32)| ActuatorConfig {
+                group: *group,
+                jaw_m_per_rad: (has_jaw && k == last).then_some(0.002),
+                ..ActuatorConfig::default()
+            };
+            let actuator = groups.iter().enumerate().map(actuator).collect();
+            let antagonists = DriveConfig { actuator, ..DriveConfig::default() }.antagonists(k);
+            (0..12).filter(|k| antagonists[*k]).collect()
+        };
+        assert_eq!(of(&[1, 1, 1], false, 1), [0, 2]);
+        assert_eq!(of(&[1, 1, 1, 2, 2, 2], false, 1), [0, 2]);
+        assert_eq!(of(&[1, 1, 1, 2, 2, 2], false, 3), [4, 5]);
+        // Two cables of each joint, in any order.
+        assert_eq!(of(&[4, 9, 9, 4], false, 0), [3]);
+        assert_eq!(of(&[1, 2], false, 1), [0; 0], "one that is alone has nobody");
+        assert_eq!((of(&[1, 1, 1, 1], true, 0), of(&[1, 1, 1, 1], true, 3)), (vec![1, 2], vec![]));
+        assert_eq!(of(&[1; 12], false, 11).len(), 11);
     }
 }

@@ -43,8 +43,7 @@ impl<B: ActuatorBus> Cycles<B> {
         report.tau_n[k] = units.load_n(&self.seen, k);
         report.sampled_ns[k] = self.seen.sampled_ns[k];
         let state = self.judge.state(k, &self.seen, self.judged_phase());
-        let relaxes =
-            state == ActuatorState::QuickStopped && self.relaxing.is_some_and(|relaxing| relaxing.has_begun());
+        let relaxes = state == ActuatorState::QuickStopped && self.relaxing.is_some_and(|relaxing| relaxing.moves(k));
         report.state[k] = if relaxes { ActuatorState::Relaxing } else { state };
     }
 }

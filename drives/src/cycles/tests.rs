@@ -49,7 +49,7 @@ impl ActuatorBus for Ideal {
             return Err(BusGone { what: crate::texts::PORT_GONE });
         }
         seen.has_answered = truth.is_silent.map(|silent| !silent);
-        for k in (0..3).filter(|k| !truth.is_silent[*k]) {
+        for k in (0..MAX_ACTUATORS).filter(|k| !truth.is_silent[*k]) {
             (seen.counts[k], seen.goal_counts[k]) = (truth.counts[k], truth.counts[k]);
             (seen.is_powered[k], seen.current_a[k]) = (truth.is_on, truth.current_a[k]);
             seen.has_let_go[k] = truth.is_limp[k];
@@ -82,8 +82,11 @@ impl Bench {
 
     fn with(drive: DriveConfig) -> Self {
         // A newton is an ampere.
-        let actuator = |id| ActuatorConfig {
-            id,
+        let groups = drive.actuator.iter().map(|actuator| actuator.group).collect();
+        let groups: Vec<u32> = if drive.actuator.is_empty() { vec![1; 3] } else { groups };
+        let actuator = |(k, group): (usize, &u32)| ActuatorConfig {
+            id: k as u32 + 1,
+            group: *group,
             zero_count: Some(500_000),
             spool_radius_m: 0.01,
             newton_metre_per_ampere: 0.01,
@@ -92,7 +95,7 @@ impl Bench {
         let drive = DriveConfig {
             speed_counts_per_s: 20_000.0,
             wish_ms: 50.0,
-            actuator: [1, 2, 3].map(actuator).to_vec(),
+            actuator: groups.iter().enumerate().map(actuator).collect(),
             ..drive
         };
         let config = SlaveConfig { drive, ..SlaveConfig::default() };
@@ -334,4 +337,35 @@ fn who_gives_way_to_a_limp_line_stays_within_its_way_its_speed_and_its_time() {
     bench.go(40);
     let late_m = bench.cycles.goal_m;
     assert!((0..3).all(|k| (late_m[k] - stopped_m[k]).abs() < 1e-5), "{late_m:?} from {stopped_m:?}");
+}
+
+/// Six lines in motion by the first three, and one lets go: who went on for more than braking takes, and who was said to relax.
+#[test]
+fn of_two_groups_only_the_antagonists_of_a_limp_line_give_way_and_the_other_group_holds() {
+    for (groups, limp, expected) in [
+        ([1, 1, 1, 2, 2, 2], 1, vec![0, 2]),
+        ([1, 1, 1, 2, 2, 2], 4, vec![3, 5]),
+        ([1, 2, 1, 2, 1, 2], 0, vec![2, 4]),
+        ([1; 6], 1, vec![0, 2, 3, 4, 5]),
+        ([1, 1, 1, 2, 3, 3], 3, vec![]),
+    ] {
+        let actuator = groups.map(|group| ActuatorConfig { group, ..ActuatorConfig::default() }).to_vec();
+        let (on_fault, relax_m, relax_ms) = (OnFault::Relax, 0.8e-3, 10_000.0);
+        let mut bench = Bench::with(DriveConfig { on_fault, relax_m, relax_ms, actuator, ..DriveConfig::default() });
+        bench.truth.lock().unwrap().current_a = [-5.0; 12];
+        bench.go(20);
+        bench.truth.lock().unwrap().is_limp[limp] = true;
+        bench.go(1);
+        assert_eq!(bench.report().failure, Some(DriveError::Limp { actuator: limp + 1 }));
+        let failed_m = bench.cycles.goal_m;
+        let mut relaxing = [false; 6];
+        for _ in 0..160 {
+            let state = bench.step().state;
+            (0..6).for_each(|k| relaxing[k] |= state[k] == ActuatorState::Relaxing);
+        }
+        // Braking from 20 mm/s at 1 m/s2 takes 0.2 mm.
+        let went = |k: &usize| (bench.cycles.goal_m[*k] - failed_m[*k]).abs() > 0.5e-3;
+        assert_eq!((0..6).filter(went).collect::<Vec<_>>(), expected, "{groups:?}: {limp} is limp");
+        assert_eq!((0..6).filter(|k| relaxing[*k]).collect::<Vec<_>>(), expected, "{groups:?}: {limp} is limp");
+    }
 }
