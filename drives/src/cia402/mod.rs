@@ -64,6 +64,8 @@ pub struct Cia402<W> {
     cycled_ns: i64,
     /// What somebody else did that only a master does.
     other_master: Option<&'static str>,
+    /// The wire has failed and was not opened since: drives may have stopped by themselves or lost their power unheard.
+    is_wire_gone: bool,
 }
 
 impl<W: Wire> Cia402<W> {
@@ -204,6 +206,7 @@ impl<W: Wire> ActuatorBus for Cia402<W> {
         if let Err(gone) = self.exchange() {
             // An interface that is up again by itself must not let them go on.
             self.nodes.iter_mut().for_each(Node::leave_out);
+            self.is_wire_gone = true;
             return Err(gone);
         }
         self.told = core::mem::replace(&mut self.order, Order::Ask);
@@ -219,9 +222,15 @@ impl<W: Wire> ActuatorBus for Cia402<W> {
         }
     }
 
-    /// All are identified and configured from the beginning, cycle by cycle; who was told to follow is told nothing until then.
+    /// All are identified and configured from the beginning, cycle by cycle. Where only another master or a stranger was named, the
+    /// drives are there, and their power must go at once where somebody asks for that.
     fn come_back(&mut self) -> Result<(), BusGone> {
+        if !self.is_wire_gone {
+            self.look_again();
+            return Ok(());
+        }
         self.wire.come_back()?;
+        self.is_wire_gone = false;
         (self.order, self.told, self.other_master) = (Order::Ask, Order::Ask, None);
         self.nodes.iter_mut().for_each(Node::begin_over);
         Ok(())

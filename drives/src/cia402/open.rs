@@ -113,6 +113,7 @@ impl<W: Wire> Cia402<W> {
             beat_due_ns: i64::MIN,
             gives_up_ns: i64::from(drive.gives_up_ms) * 1_000_000,
             other_master: None,
+            is_wire_gone: false,
         })
     }
 

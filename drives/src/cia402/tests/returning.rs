@@ -57,7 +57,8 @@ fn an_interface_that_is_still_down_is_said_at_each_try_and_touched_at_none() {
     for _ in 0..2 {
         assert_eq!(clear(&mut bench, 5), Some(DriveError::Bus { what: crate::texts::CAN_DOWN }));
     }
-    assert_eq!((bench.bus.lock().n_frames, bench.bus.lock().n_reopened), (n_frames, 0));
+    let drives = bench.bus.lock();
+    assert_eq!((drives.n_frames, drives.n_reopened), (n_frames, 0));
 }
 
 #[test]
@@ -103,4 +104,15 @@ fn a_drive_that_stays_silent_is_lost_again_and_keeps_nobody_s_power() {
     let n = (0..400).find(|_| bench.step().failure.is_some());
     assert!(matches!(bench.report().failure, Some(DriveError::Lost { actuator: 2, .. })), "{n:?}");
     assert!(n.is_some_and(|n| n < 170), "{n:?}");
+}
+
+#[test]
+fn after_another_master_was_named_the_power_of_all_goes_as_soon_as_somebody_asks() {
+    let mut bench = Bench::powered();
+    bench.go(20);
+    bench.bus.lock().inject(Frame::new(0x080, &[]));
+    bench.go(20);
+    assert_eq!(bench.report().failure, Some(DriveError::Bus { what: crate::texts::SECOND_MASTER }));
+    assert_eq!(clear(&mut bench, 3), None);
+    assert_eq!((bench.states(), bench.bus.lock().n_reopened), ([State::SwitchOnDisabled; 3], 0));
 }
