@@ -101,9 +101,7 @@ impl Library {
         let written = std::fs::create_dir_all(&self.folder).and_then(|()| std::fs::write(&path, bytes));
         written.map(|()| path).map_err(|error| format!("{} could not be written: {error}.", self.folder.display()))
     }
-}
 
-impl Library {
     /// Where a new model goes; never over the model to begin with or a mapping.
     fn new_model(&self, name: &str) -> Result<PathBuf, String> {
         if !is_plain_name(name, ".toml") || name == BASE_MODEL || name.ends_with(columns::MAP_ENDING) {

@@ -203,21 +203,25 @@ impl Step {
         Ok(own)
     }
 
-    /// The step that some columns ask for beside the slopes, and how much of the squares it takes away.
-    fn solved(&self, columns: &[&Vec<f64>]) -> (DVector<f64>, f64) {
+    /// These columns and the slopes, the step that they ask for together, and how much of the squares it takes away.
+    fn together(&self, columns: &[&Vec<f64>]) -> (Vec<Vec<f64>>, DVector<f64>, f64) {
         let all: Vec<Vec<f64>> = columns.iter().copied().chain(&self.slopes).cloned().collect();
         let (gram, gradient) = normal_equations(&all, &self.residual);
         let step = -inverse(&gram) * &gradient;
         let gain = -step.dot(&gradient);
+        (all, step, gain)
+    }
+
+    /// The step that some columns ask for beside the slopes, and how much of the squares it takes away.
+    fn solved(&self, columns: &[&Vec<f64>]) -> (DVector<f64>, f64) {
+        let (_, step, gain) = self.together(columns);
         (step.rows(0, columns.len()).into_owned(), gain)
     }
 
     /// Standard errors of the numbers of these columns, beside the slopes, with what the step that they ask for leaves: what a clock makes is
     /// no noise.
     fn errors_of(&self, problem: &Problem, columns: &[&Vec<f64>]) -> Vec<f64> {
-        let all: Vec<Vec<f64>> = columns.iter().copied().chain(&self.slopes).cloned().collect();
-        let (gram, gradient) = normal_equations(&all, &self.residual);
-        let step = -inverse(&gram) * gradient;
+        let (all, step, _) = self.together(columns);
         let mut left = self.residual.clone();
         for (column, step) in all.iter().zip(step.iter()) {
             left.iter_mut().zip(column).for_each(|(left, own)| *left += step * own);
