@@ -77,6 +77,22 @@ impl Findings {
         Ok(self)
     }
 
+    /// With another list in place of the chosen one where it is clearly better as a whole. Noise with a memory makes such lists good too
+    /// easily.
+    fn or_at_once(self, search: &Search, comparison: &Comparison, max_effects: usize) -> Self {
+        if !comparison.is_white || max_effects < 2 || self.chosen.found.is_empty() {
+            return self;
+        }
+        match lists::or_at_once(search, comparison, &self.chosen, max_effects) {
+            Some((chosen, alternatives))
+                if (0..chosen.found.len()).all(|slot| alternatives.n_as_simple(slot) <= MOST_LOOK_ALIKES) =>
+            {
+                Self { chosen, alternatives, is_beaten: false, ..self }
+            }
+            _ => self,
+        }
+    }
+
     /// Exchanges what was chosen; what each candidate is by itself stays.
     pub(super) fn exchange_choice(&mut self, other: &mut Self) {
         core::mem::swap(&mut self.chosen, &mut other.chosen);
@@ -135,7 +151,24 @@ pub(super) fn run(
     max_effects: usize,
 ) -> Result<Findings, LabError> {
     let found = on_rows(tried, floors, are_cells_white, max_effects)?;
-    if tried.problem.data.n_rows() == work.problem.data.n_rows() { Ok(found) } else { found.on_more(tried, work) }
+    if tried.problem.data.n_rows() == work.problem.data.n_rows() {
+        return Ok(found);
+    }
+    let found = found.on_more(tried, work)?;
+    // What a part of the rows did not need, all of them may.
+    let comparison = comparison_of(work, floors, are_cells_white);
+    if !comparison.leaves_something(&found.chosen) {
+        return Ok(found);
+    }
+    Ok(found.or_at_once(work, &comparison, max_effects))
+}
+
+fn comparison_of<'a>(search: &Search<'a>, floors: &NoiseFloor, are_cells_white: bool) -> Comparison<'a> {
+    Comparison {
+        problem: search.problem,
+        floor: floors.sigma().map(|(sigma, _)| sigma * (search.problem.data.n_outputs as f64).sqrt()),
+        is_white: are_cells_white && matches!(floors.sigma(), Some((_, FloorSource::White))),
+    }
 }
 
 fn on_rows(
@@ -145,11 +178,7 @@ fn on_rows(
     max_effects: usize,
 ) -> Result<Findings, LabError> {
     let start = search.start()?;
-    let comparison = Comparison {
-        problem: search.problem,
-        floor: floors.sigma().map(|(sigma, _)| sigma * (search.problem.data.n_outputs as f64).sqrt()),
-        is_white: are_cells_white && matches!(floors.sigma(), Some((_, FloorSource::White))),
-    };
+    let comparison = comparison_of(search, floors, are_cells_white);
     let mut found = one_or_two(search, &comparison, &start, max_effects);
     if (1..max_effects).contains(&found.chosen.found.len()) {
         let shorter = &found.alternatives.trials;
@@ -160,6 +189,7 @@ fn on_rows(
             }
         }
     }
+    found = found.or_at_once(search, &comparison, max_effects);
     if found.is_on_trial && !comparison.takes(&start, &found.chosen, NEARLY_ALL) {
         let alternatives = Alternatives::new(search.problem, vec![start.clone()], search.seed);
         found = Findings { chosen: start, alternatives, is_beaten: false, ..found };

@@ -1,7 +1,9 @@
-//! Lists of more than two effects of a snake or of a force: a beam behind the best shorter ones, then swapped and pruned.
+//! Lists of more than two effects of a snake or of a force: a beam behind the best shorter ones, then swapped and pruned, and at last
+//! weighed against other lists as a whole.
 
 use super::accept::Comparison;
 use super::alternatives::Alternatives;
+use super::at_once;
 use super::search::{Search, Trial};
 use crate::Term;
 use rayon::prelude::*;
@@ -64,6 +66,41 @@ pub(super) fn longer(
         return Some(with_rivals(search, pruned, rivals));
     };
     Some(with_rivals(search, best, stand_ins))
+}
+
+/// A longer list that does not pay on left-out blocks must need so many free numbers less for each name more.
+const NUMBERS_FOR_A_NAME: usize = 3;
+/// Lists are weighed as a whole so many times in a row at most.
+const MOST_AT_ONCE: usize = 3;
+
+/// A list that is clearly better than the one that was found step by step, with the lists that it was chosen from; `None` where there is
+/// none.
+pub(super) fn or_at_once(
+    search: &Search,
+    comparison: &Comparison,
+    chosen: &Trial,
+    max_effects: usize,
+) -> Option<(Trial, Alternatives)> {
+    let mut best = chosen.clone();
+    for _ in 0..MOST_AT_ONCE {
+        let others = at_once::lists(search, &best, max_effects);
+        let is_better = |own: &Trial| {
+            !search.imitates(own) && search.is_clearly_better(own, &best) && is_worth(comparison, &best, own)
+        };
+        let Some(better) = others.into_iter().find(is_better) else { break };
+        best = exchanged(search, better, Vec::new()).0;
+    }
+    if best.found == chosen.found {
+        return None;
+    }
+    Some(with_rivals(search, prune(search, comparison, best), Vec::new()))
+}
+
+/// Whether a list deserves its length beside another one.
+fn is_worth(comparison: &Comparison, list: &Trial, other: &Trial) -> bool {
+    let more = other.found.len().saturating_sub(list.found.len());
+    let n_free = |own: &Trial| own.fit.variables.len();
+    more == 0 || n_free(other) + NUMBERS_FOR_A_NAME * more <= n_free(list) || comparison.deserves(list, other, 0.0)
 }
 
 /// The longest list behind these that deserves its length, with the lists of its length.
@@ -180,8 +217,8 @@ fn prune(search: &Search, comparison: &Comparison, mut trial: Trial) -> Trial {
 }
 
 /// The places of a list's members in the order of what each takes away, averaged over all orders (Shapley), and the fits of the
-/// first one, two ... of them.
-pub(super) fn order(search: &Search, trial: &Trial) -> (Vec<usize>, Vec<Trial>) {
+/// first one, two ... of them: in this order, and in the order in which they stand.
+pub(super) fn order(search: &Search, trial: &Trial) -> (Vec<usize>, [Vec<Trial>; 2]) {
     let k = trial.found.len();
     let part = |subset: usize| {
         let base = search.base.len();
@@ -205,7 +242,10 @@ pub(super) fn order(search: &Search, trial: &Trial) -> (Vec<usize>, Vec<Trial>) 
     let shares: Vec<f64> = (0..k).map(share).collect();
     let mut order: Vec<usize> = (0..k).collect();
     order.sort_by(|&a, &b| shares[b].total_cmp(&shares[a]));
-    let prefix = |n: usize| order[..n].iter().map(|i| 1 << i).sum::<usize>();
-    let prefixes = (1..k).filter_map(|n| parts[prefix(n)].clone()).collect();
-    (order, prefixes)
+    let prefixes = |order: &[usize]| {
+        let prefix = |n: usize| order[..n].iter().map(|i| 1 << i).sum::<usize>();
+        (1..k).filter_map(|n| parts[prefix(n)].clone()).collect()
+    };
+    let both = [prefixes(&order), prefixes(&(0..k).collect::<Vec<_>>())];
+    (order, both)
 }

@@ -4,7 +4,8 @@
 //!    Columns that another order or unit explains far better are said instead of any effect (`columns`).
 //! 2. Screening of every candidate to first order, and one p-value for the whole search (`screen`, `sign_flip`).
 //! 3. Singles and pairs refined by whole simulations, ranked by what they leave and by their number of parameters (`search`), and
-//!    longer lists by a beam behind them (`lists`), their members exchanged or begun anew until that brings nothing.
+//!    longer lists by a beam behind them (`lists`), their members exchanged or begun anew until that brings nothing; then other lists
+//!    as a whole, to first order (`at_once`).
 //!    Of many rows all of this is done on a part; what comes close there is fitted to more rows and ranked on them (`findings`).
 //! 4. Acceptance: the sign-flip test, blocked cross-validation, and a contribution that matters (`accept`).
 //! 5. Look-alikes and their probabilities by resampling blocks (`alternatives`); what a scale that is not named may hide in values
@@ -17,6 +18,7 @@
 mod accept;
 mod alternatives;
 mod answer;
+mod at_once;
 mod beside;
 mod calibration;
 mod clock;

@@ -10,6 +10,7 @@ use crate::Problem;
 use crate::fit::Fit;
 use crate::machine::{Candidate, Periodic};
 use core::f64::consts::TAU;
+use nalgebra::DVector;
 use rayon::prelude::*;
 
 /// Cells that keep their columns, and may be refined: the best periods.
@@ -58,10 +59,10 @@ fn columns(problem: &Problem, responses: &[Vec<f64>], period: f64) -> Vec<Vec<f6
 }
 
 /// Amplitude and phases from the factors on sines and cosines, in the amplitude's unit that the values have.
-pub(super) fn start(periodic: &Periodic, cell: &Cell, values: &mut [f64]) {
+pub(super) fn start(periodic: &Periodic, factors: &DVector<f64>, values: &mut [f64]) {
     let mut square = 0.0;
     for (k, &phase) in periodic.phases.iter().enumerate() {
-        let [sine, cosine] = [cell.factors[2 * k], cell.factors[2 * k + 1]];
+        let [sine, cosine] = [factors[2 * k], factors[2 * k + 1]];
         values[phase] = cosine.atan2(sine);
         square += (sine * sine + cosine * cosine) / periodic.phases.len() as f64;
     }

@@ -29,6 +29,16 @@ pub struct Cell {
 
 /// All cells of the candidates that `fit` does not hold yet.
 pub fn screen(problem: &Problem, fit: &Fit, candidates: &[Candidate]) -> Vec<Cell> {
+    // What is known beside the data can hardly move, and hides no effect.
+    cells(problem, fit, candidates, &orthonormal(&fit.free_slopes()))
+}
+
+/// The same with all that their columns do: beside which other columns they stand is still open.
+pub(super) fn screen_beside(problem: &Problem, fit: &Fit, candidates: &[Candidate]) -> Vec<Cell> {
+    cells(problem, fit, candidates, &[])
+}
+
+fn cells(problem: &Problem, fit: &Fit, candidates: &[Candidate], basis: &[Vec<f64>]) -> Vec<Cell> {
     let known = |c: &Candidate| fit.effects.iter().any(|term| term.name == c.name);
     let jobs: Vec<(usize, usize)> = candidates
         .iter()
@@ -36,14 +46,12 @@ pub fn screen(problem: &Problem, fit: &Fit, candidates: &[Candidate]) -> Vec<Cel
         .filter(|(_, c)| c.cannot.is_none() && c.periodic.is_none() && !known(c))
         .flat_map(|(k, c)| (0..c.starts.len()).map(move |start| (k, start)))
         .collect();
-    // What is known beside the data can hardly move, and hides no effect.
-    let basis = orthonormal(&fit.free_slopes());
     let mut cells: Vec<Cell> = jobs
         .into_par_iter()
-        .filter_map(|(candidate, start)| cell(problem, fit, &basis, &candidates[candidate], candidate, start))
+        .filter_map(|(candidate, start)| cell(problem, fit, basis, &candidates[candidate], candidate, start))
         .collect();
     let periodic = candidates.iter().enumerate().filter(|(_, c)| c.periodic.is_some() && !known(c));
-    cells.extend(periodic.flat_map(|(k, c)| super::periodic::cells(problem, fit, &basis, c, k)));
+    cells.extend(periodic.flat_map(|(k, c)| super::periodic::cells(problem, fit, basis, c, k)));
     cells
 }
 

@@ -9,6 +9,7 @@ use crate::machine::Candidate;
 use crate::noise::autocorrelation_time;
 use crate::{LabError, Problem, Term};
 use krait_model::effects::Class;
+use nalgebra::DVector;
 use rayon::prelude::*;
 
 /// A list of missing effects with its fit.
@@ -48,6 +49,8 @@ const N_SECONDS: usize = 5;
 const N_PAIRS: usize = 5;
 /// An effect with so many free numbers can imitate others, two at once among them.
 const WIDE: usize = 3;
+/// In units of -2 ln likelihood: a list that was not looked for step by step must be better by this.
+const CLEARLY: f64 = 10.0;
 const ITERATIONS: u32 = 10;
 /// A smaller relative gain ends a fit: differences between candidates that matter are larger.
 const TOLERANCE: f64 = 1e-4;
@@ -198,24 +201,29 @@ impl<'a> Search<'a> {
         let mut found = from.found.clone();
         let mut effects = from.fit.effects.clone();
         for cell in cells {
-            let candidate = &self.candidates[cell.candidate];
-            let mut values = candidate.starts[cell.start].clone();
-            if let Some(periodic) = &candidate.periodic {
-                periodic::start(periodic, cell, &mut values);
-            } else {
-                for (&k, factor) in candidate.amplitudes.iter().zip(cell.factors.iter()) {
-                    let factor = if candidate.one_sided { factor.clamp(0.1, 10.0) } else { factor.clamp(-30.0, 30.0) };
-                    values[k] = candidate.neutral[k] + factor * (values[k] - candidate.neutral[k]);
-                }
-            }
-            effects.push(Term::new(candidate.name, values));
+            effects.push(self.term(cell, &cell.factors));
             found.push(cell.candidate);
         }
         (found, effects)
     }
 
+    /// The effect of a cell at the values that factors on its columns stand for.
+    pub(super) fn term(&self, cell: &Cell, factors: &DVector<f64>) -> Term {
+        let candidate = &self.candidates[cell.candidate];
+        let mut values = candidate.starts[cell.start].clone();
+        if let Some(periodic) = &candidate.periodic {
+            periodic::start(periodic, factors, &mut values);
+        } else {
+            for (&k, factor) in candidate.amplitudes.iter().zip(factors.iter()) {
+                let factor = if candidate.one_sided { factor.clamp(0.1, 10.0) } else { factor.clamp(-30.0, 30.0) };
+                values[k] = candidate.neutral[k] + factor * (values[k] - candidate.neutral[k]);
+            }
+        }
+        Term::new(candidate.name, values)
+    }
+
     /// Fits lists of effects; those that make no chain are left out.
-    fn refine(&self, jobs: Vec<(Vec<usize>, Vec<Term>)>) -> Vec<Trial> {
+    pub(super) fn refine(&self, jobs: Vec<(Vec<usize>, Vec<Term>)>) -> Vec<Trial> {
         let mut trials: Vec<Trial> =
             jobs.into_par_iter().filter_map(|(found, effects)| self.fitted(found, &effects).ok()).collect();
         self.rank(&mut trials);
@@ -292,6 +300,13 @@ impl<'a> Search<'a> {
     /// noise with a memory (`time` rows long) leaves few.
     pub fn badness(&self, trial: &Trial, time: f64) -> f64 {
         trial.fit.sum_of_squares.ln() + trial.fit.variables.len() as f64 * price(self.problem, time)
+    }
+
+    /// Whether a trial is better than another one by more than chance lets a list of other members be, its free numbers paid for.
+    pub(super) fn is_clearly_better(&self, trial: &Trial, than: &Trial) -> bool {
+        let time = memory(self.problem, &[trial.clone(), than.clone()]);
+        let n = self.problem.n_scored as f64 / time;
+        (self.badness(than, time) - self.badness(trial, time)) * n > CLEARLY
     }
 
     /// The best cell of each candidate, best first.
