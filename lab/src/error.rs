@@ -46,6 +46,14 @@ pub enum LabError {
         /// Why, a verb first.
         reason: String,
     },
+    /// No part of such data can be locked.
+    #[error(
+        "a locked error is of one recording of a snake, of segments or of joints, and the data are {what}; leave --locked out"
+    )]
+    NotLocked {
+        /// What the data are.
+        what: &'static str,
+    },
     /// Model and data are of different machines.
     #[error(
         "{data}: the data are of a machine of kind {found}, the model is of kind {expected}; use a model of that kind"

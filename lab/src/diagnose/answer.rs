@@ -2,7 +2,7 @@
 
 use super::sketch::place;
 use super::variation::ParameterVariation;
-use super::{NextExperiment, Sketch, Structure};
+use super::{LockedError, NextExperiment, Sketch, Structure};
 use crate::Term;
 use crate::clock::ClockOffset;
 use crate::machine::JointsLab;
@@ -64,6 +64,8 @@ pub struct Diagnosis {
     /// Error that a fit without a model leaves on blocks that it did not see, a hint and no bound; `None` where nothing remains, or of few
     /// rows.
     pub model_free_rms: Option<f64>,
+    /// The error on a part that no choice has seen; `None` where it was not asked for, or the data are too short.
+    pub locked: Option<LockedError>,
     /// Share of what there was to explain that the effects explain, 0 to 1; `None` without effects or a known floor.
     pub explained_share: Option<f64>,
     /// What every fit found beside the effects: gains, offsets, delays.

@@ -1,7 +1,7 @@
 //! The machine-readable answer of a diagnosis: its names and nesting are a contract with other programs.
 
 use super::variation::ParameterVariation;
-use super::{Calibration, Diagnosis, FoundEffect, LoadCell};
+use super::{Calibration, Diagnosis, FoundEffect, LoadCell, LockedError};
 use crate::experiment::{Experiment, Separation};
 use krait_model::effects::explanation;
 use serde_json::{Map, Value, json};
@@ -27,6 +27,8 @@ impl Diagnosis {
             "base_heldout_rms_deg": deg(Some(self.base_heldout_rms)),
             "final_heldout_rms": self.final_heldout_rms,
             "final_heldout_rms_deg": deg(Some(self.final_heldout_rms)),
+            "final_error_is": "used in selection",
+            "locked": self.locked.as_ref().map(|own| own.to_json(&self.unit)),
             "explained_share": self.explained_share,
             "model_free_rms": self.model_free_rms,
             "model_free_rms_deg": deg(self.model_free_rms),
@@ -73,6 +75,22 @@ impl Diagnosis {
             keys.insert("loads".to_owned(), loads.iter().map(LoadCell::to_json).collect());
         }
         all
+    }
+}
+
+impl LockedError {
+    fn to_json(&self, unit: &str) -> Value {
+        let deg = |value: f64| (unit == "deg").then_some(value);
+        json!({
+            "part": if self.is_trial { "last trial" } else { "last fifth" },
+            "rows": self.n_rows,
+            "rms": self.rms,
+            "rms_deg": deg(self.rms),
+            "base_rms": self.base_rms,
+            "base_rms_deg": deg(self.base_rms),
+            "verdict": self.verdict.word(),
+            "effects": self.effects,
+        })
     }
 }
 

@@ -13,7 +13,8 @@
 //! 6. Where something is left, shapes that name no physics are put beside the effects (`beside`; a snake's are chosen together with
 //!    effects, `mixture` and `fine_shapes`), and the search is begun anew; which effects stand there (`stand`).
 //! 7. Where what is left follows the speed of the motion, the camera's clock is moved and all is begun anew (`clock`).
-//! 8. Where something remains, what a fit without any law would leave is a hint at how much can be explained (`model_free`).
+//! 8. Where it is asked for, all of it once more without a last part, which the model that comes out predicts (`locked`).
+//! 9. Where something remains, what a fit without any law would leave is a hint at how much can be explained (`model_free`).
 
 mod accept;
 mod alternatives;
@@ -30,6 +31,7 @@ mod force_rest;
 mod gate;
 mod json;
 mod lists;
+mod locked;
 mod mixture;
 mod model_free;
 mod omitted;
@@ -56,6 +58,7 @@ pub(crate) use calibration::number_name;
 pub use experiment::NextExperiment;
 pub(crate) use experiment::{next, separate_joints};
 pub(crate) use gate::{cautions, turns};
+pub use locked::LockedError;
 pub(crate) use rhythm::rhythm;
 pub use sketch::Sketch;
 pub(crate) use structure::structure;

@@ -231,6 +231,7 @@ impl Case<'_> {
             loads,
             clocks: Vec::new(),
             model_free_rms: None,
+            locked: None,
             unit: unit.to_owned(),
             floor_relative_error: 0.0,
             as_given_rms: problem.rms_of_outputs(dot(&as_given, &as_given)) * scale,

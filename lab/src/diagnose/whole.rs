@@ -3,6 +3,7 @@
 
 use super::answer::{Diagnosis, Verdict};
 use super::clock::by_own_clock;
+use super::locked;
 use super::model_free::model_free_rms;
 use super::verdict::by_one_clock;
 use crate::machine::{Freed, MachineUnderTest, freed};
@@ -19,11 +20,13 @@ pub struct DiagnoseOptions {
     pub recordings: Vec<(String, usize)>,
     /// Parameters of the model's own effects that are free: effect's name and parameter's name.
     pub free: Vec<(String, String)>,
+    /// Whether all is done once more without a last part of the data, whose error then is that of a model which has not seen it.
+    pub is_locked: bool,
 }
 
 impl Default for DiagnoseOptions {
     fn default() -> Self {
-        Self { seed: 1, max_effects: 5, recordings: Vec::new(), free: Vec::new() }
+        Self { seed: 1, max_effects: 5, recordings: Vec::new(), free: Vec::new(), is_locked: false }
     }
 }
 
@@ -42,13 +45,32 @@ pub(crate) fn first_trials(recordings: &[(String, usize)]) -> Vec<usize> {
 /// Says which effect is missing from a machine's model, or none, or that it cannot be said.
 ///
 /// # Errors
-/// [`LabError`] where the model as given cannot be computed, or a free parameter does not exist.
+/// [`LabError`] where the model as given cannot be computed, a free parameter does not exist, or no part of such data can be locked.
 pub fn diagnose(
     machine: &dyn MachineUnderTest,
     data: &Measurements,
     options: &DiagnoseOptions,
 ) -> Result<Diagnosis, LabError> {
-    let diagnosis = match machine.as_joints() {
+    if options.is_locked {
+        locked::check(data, options)?;
+    }
+    let diagnosis = open_diagnosis(machine, data, options)?;
+    let remains = matches!(diagnosis.verdict, Verdict::Partly | Verdict::Unknown) || diagnosis.noise_floor.is_none();
+    let model_free_rms = match remains {
+        true => model_free_rms(machine, &data.by_clocks(&diagnosis.clocks, &options.first_trials()), &diagnosis)?,
+        false => None,
+    };
+    let locked = options.is_locked.then(|| locked::error(machine, data, options, &diagnosis)).transpose()?.flatten();
+    Ok(Diagnosis { model_free_rms, locked, ..diagnosis })
+}
+
+/// The diagnosis without what is asked beside it.
+pub(super) fn open_diagnosis(
+    machine: &dyn MachineUnderTest,
+    data: &Measurements,
+    options: &DiagnoseOptions,
+) -> Result<Diagnosis, LabError> {
+    Ok(match machine.as_joints() {
         Some(joints) => {
             let Freed { joints, others, .. } = freed(joints, &options.free)?;
             let options = DiagnoseOptions { free: others, ..options.clone() };
@@ -57,11 +79,5 @@ pub fn diagnose(
         // Angle and force are filtered alike and have one clock.
         None if data.quantity == Quantity::Force => by_one_clock(machine, data, options)?,
         None => by_own_clock(machine, data, options, |data| by_one_clock(machine, data, options))?,
-    };
-    let remains = matches!(diagnosis.verdict, Verdict::Partly | Verdict::Unknown) || diagnosis.noise_floor.is_none();
-    let model_free_rms = match remains {
-        true => model_free_rms(machine, &data.by_clocks(&diagnosis.clocks, &options.first_trials()), &diagnosis)?,
-        false => None,
-    };
-    Ok(Diagnosis { model_free_rms, ..diagnosis })
+    })
 }

@@ -145,6 +145,7 @@ pub(super) fn diagnosis(answer: Answer) -> Result<Diagnosis, LabError> {
         loads: None,
         clocks: Vec::new(),
         model_free_rms: None,
+        locked: None,
         remaining,
         proposals: worst_rest(&found).map_or(Vec::new(), |own| own.proposals.clone()),
         variations: variations(machine, &found, options, &data.names)?,

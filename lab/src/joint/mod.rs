@@ -29,4 +29,4 @@ pub(crate) use beside::{middle, varying_number_of};
 pub(crate) use decide::{calibrated, diagnose};
 pub(crate) use own::{Ground, OF_MACHINE, Start, Together, told};
 pub(crate) use signal::Number;
-pub(crate) use starts::Starts;
+pub(crate) use starts::{Starts, has_starts, with_starts};

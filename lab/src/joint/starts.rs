@@ -117,7 +117,7 @@ pub(crate) fn settled(
 }
 
 /// Whether a list has hysteresis that may begin anywhere.
-pub(super) fn has_starts(terms: &[Term], n_joints: usize) -> bool {
+pub(crate) fn has_starts(terms: &[Term], n_joints: usize) -> bool {
     slots(terms, n_joints).iter().any(|own| !own.is_empty())
 }
 

@@ -26,6 +26,7 @@ pub fn run(args: &DiagnoseArgs) -> anyhow::Result<ExitCode> {
         max_effects: usize::from(args.max_effects),
         free: args.free.clone(),
         recordings: session.recordings.clone(),
+        is_locked: args.locked,
     };
     let mut diagnosis = diagnose(session.machine.as_ref(), &session.data, &options)?;
     diagnosis.cautions.extend(drawn_away(&session.file, &diagnosis.calibration));
@@ -131,6 +132,7 @@ fn text(args: &DiagnoseArgs, diagnosis: &Diagnosis, session: &Session) -> String
         diagnosis.final_heldout_rms,
         diagnosis.floor_source.trim_start_matches("unknown: ")
     ));
+    text += &print::lines(&locked(args, diagnosis, unit));
     if is_open {
         text += &format!("  before calibration {:.4} {unit}\n", diagnosis.as_given_rms);
     }
@@ -181,6 +183,26 @@ fn text(args: &DiagnoseArgs, diagnosis: &Diagnosis, session: &Session) -> String
         text += &next.motion.as_ref().map_or(String::new(), expected);
     }
     text + &after_diagnosis(args, diagnosis, session)
+}
+
+/// The error on what no choice has seen, or what the other errors are worth.
+fn locked(args: &DiagnoseArgs, diagnosis: &Diagnosis, unit: &str) -> String {
+    let Some(own) = &diagnosis.locked else {
+        return match args.locked {
+            true => "  used in selection: the data are too short for a part that no choice sees".to_owned(),
+            false => "  used in selection: effects were chosen with the same rows; --locked keeps a last part from every choice".to_owned(),
+        };
+    };
+    let (part, effects) = (if own.is_trial { "last trial" } else { "last fifth" }, own.effects.join(", "));
+    let with = if effects.is_empty() { "no further effect".to_owned() } else { effects };
+    format!(
+        "  locked: on {} rows of the {part}, which no choice has seen, {:.4} {unit}, without the effects {:.4} {unit}; the diagnosis of the \
+         rest says {} ({with})",
+        own.n_rows,
+        own.rms,
+        own.base_rms,
+        own.verdict.word()
+    )
 }
 
 /// What an effect is, and what to check on the machine.
