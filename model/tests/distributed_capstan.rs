@@ -95,6 +95,24 @@ fn the_mean_load_and_the_width_of_the_loop_are_the_bench_s() {
     near(width(distributed) * give * load_n * 1e3, &golden["stick_travel_closed_form_mm"]);
 }
 
+/// Table II gives the same line where f_s does not act at the snake's end but grows along the arcs, f' = mu F a radian: both give tau~ =
+/// g (tau + f_s). krait has f_s at the end; these are the bench's numbers for the other place, by the mean loads of this model.
+#[test]
+fn static_friction_along_the_arcs_gives_what_the_bench_says_by_the_same_mean_loads() {
+    let (golden, g, f_s_n, mu) = (golden(), snake().capstan(), 1.959, 0.1727);
+    let along_n = g * f_s_n / (g - 1.0);
+    near(along_n, &golden["F_n"]);
+    near(mu * along_n, &golden["f_per_rad_n"]);
+    let give = snake().axial_stiffness_n().recip() * MachineParameters::default().l_c_m;
+    for row in golden["table"].as_array().unwrap() {
+        let (load_n, direction) = (number(&row["tau_n"]), number(&row["direction"]));
+        let side = load_n.signum();
+        let held_n = load_n.abs() + along_n;
+        let mean_m = cone_m(&loaded(distributed(), held_n, 0.0, side * direction), held_n);
+        near(side * (mean_m - along_n * give) * 1e3, &row["extension_f_s_along_the_arcs_mm"]);
+    }
+}
+
 /// Everything known but where the cone's friction is.
 fn machine(cone: EffectSetting) -> Chain {
     let effects = [

@@ -108,6 +108,12 @@ fn a_common_load_needs_the_length_inside_the_snake_more() {
     assert!((more * ea / machine.l_m - 1.0).abs() < 1e-9, "{more}");
     let golden_mm = golden()["L_over_EA_mm_per_N"].as_f64().unwrap();
     assert!((more * 1e3 / golden_mm - 1.0).abs() < TOLERANCE, "{more} {golden_mm}");
+    // C is what a line gives outside it while it is pushed: K_d, and K_c with the capstan's factor.
+    let snake = Snake::new(&machine).unwrap();
+    let c_mm = 1e3 * snake.loading_compliance_m_per_n();
+    let golden = golden();
+    agrees("C_mm_per_N", &[c_mm], &golden["C_mm_per_N"]);
+    agrees("part_of_C", &[more * 1e3 / c_mm], &golden["part_of_C"]);
     // Lines that are taken for rigid give nothing anywhere.
     let rigid = MachineParameters { rigid_lines: true, ..machine };
     let chain = Chain::new(&rigid, settings(), &[inside], chains::ALL_COLUMNS).unwrap();

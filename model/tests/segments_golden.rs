@@ -175,6 +175,10 @@ fn a_wire_unit_behind_the_snake_is_a_short_second_segment() {
         agrees(row, "wire_travel_mm", (3..6).map(|k| 1e3 * q[k] + stage_mm), 0.0);
         // The snake's own lines lie beside the wires. The bench prints six digits of a millimetre where it is analytically nothing.
         agrees(row, "wire_travel_snake_part_mm", (0..3).map(|k| 1e3 * q[k]), 1.0);
+        // A wire in the middle is as long as three around it on average, whatever bends.
+        let middle_mm =
+            1e3 * MachineParameters::default().l_m + stage_mm + (3..6).map(|k| 1e3 * q[k]).sum::<f64>() / 3.0;
+        agrees(row, "gripper_wire_path_mm", [middle_mm], 0.0);
         let tip = machine.base_from_tip(&bends(&[snake, stage]));
         agrees(row, "platform_mm", tip.translation.vector.iter().map(|x| 0.5e3 * x), 0.0);
         agrees(row, "platform_z_axis", (tip.rotation * nalgebra::Vector3::z()).iter().copied(), 1.0);

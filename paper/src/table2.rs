@@ -74,6 +74,10 @@ pub struct Eq14 {
     pub df_s_n_subtracted: f64,
     /// dmu of each row, added, 1.
     pub dmu_of_rows: [f64; 10],
+    /// dmu of each row, subtracted as printed, 1.
+    pub dmu_of_rows_subtracted: [f64; 10],
+    /// dmu at the mean weights of the table, added, 1.
+    pub dmu_of_mean_weights: f64,
     /// The load at the actuator for which 25 g alone give the printed dmu, g.
     pub tau_tilde_for_printed_dmu_g: f64,
 }
@@ -187,12 +191,19 @@ fn fit_of_logarithms(phi_rad: f64, start: &ConeFrictionFit) -> Option<(f64, f64)
 fn eq_14(fit: &ConeFrictionFit, phi_rad: f64) -> Eq14 {
     let (big_g, small_g) = (PRINTED.weight_error_g, PRINTED.small_weight_error_g);
     let (added_g, subtracted_g) = (big_g / fit.slope + small_g, big_g / fit.slope - small_g);
+    let dmu = |(tau, tau_tilde): (f64, f64), sign: f64| {
+        (big_g / tau_tilde + sign * small_g / (fit.f_s + tau)) / (2.0 * phi_rad)
+    };
+    let n = PAIRS_G.len() as f64;
+    let mean_g = PAIRS_G.iter().fold((0.0, 0.0), |sum, pair| (sum.0 + pair.0 / n, sum.1 + pair.1 / n));
     Eq14 {
         df_s_n_with_g_10: added_g * 1e-3 * G_OF_THE_PAPER,
         df_s_n_subtracted_with_g_10: subtracted_g * 1e-3 * G_OF_THE_PAPER,
         df_s_n: newtons(added_g),
         df_s_n_subtracted: newtons(subtracted_g),
-        dmu_of_rows: PAIRS_G.map(|(tau, tau_tilde)| (big_g / tau_tilde + small_g / (fit.f_s + tau)) / (2.0 * phi_rad)),
+        dmu_of_rows: PAIRS_G.map(|pair| dmu(pair, 1.0)),
+        dmu_of_rows_subtracted: PAIRS_G.map(|pair| dmu(pair, -1.0)),
+        dmu_of_mean_weights: dmu(mean_g, 1.0),
         tau_tilde_for_printed_dmu_g: big_g / (PRINTED.dmu * 2.0 * phi_rad),
     }
 }

@@ -74,12 +74,15 @@ pub fn error_of_mu(table: &Table2) -> PaperError {
     PaperError {
         place: "Table II, Eq. (14), dmu",
         printed: "dmu = 0.0135",
-        correct: "Eq. (14) depends on the row and gives the printed value for none; the fit's standard error is smaller",
+        correct: "Eq. (14) depends on the row and gives the printed value for none, added or subtracted; the fit's standard error is smaller",
         numbers: vec![
             number("dmu of the first row, 0 g", rows[0], ""),
             number("dmu at 1150 g", rows[6], ""),
             number("dmu at 1500 g", rows[7], ""),
             number("dmu of the last row, 1800 g", rows[9], ""),
+            number("dmu at 1150 g, errors subtracted as printed", table.eq_14.dmu_of_rows_subtracted[6], ""),
+            number("dmu at 1500 g, errors subtracted as printed", table.eq_14.dmu_of_rows_subtracted[7], ""),
+            number("dmu at the mean weights", table.eq_14.dmu_of_mean_weights, ""),
             number("load at which 25 g alone give 0.0135", table.eq_14.tau_tilde_for_printed_dmu_g, "g"),
             number("standard error of the fit, from its residuals", table.se.mu, ""),
         ],
