@@ -18,14 +18,23 @@ pub enum ConeFriction {
 }
 
 impl ConeFriction {
-    /// Mean load along the cone over that at the snake, where each bend multiplies it by e^u.
-    fn slope(self, u: f64) -> f64 {
+    /// Mean load along the cone over that at the snake, where each bend multiplies it by e^u, and its slope by u.
+    pub(crate) fn mean_and_slope(self, u: f64) -> (f64, f64) {
         let bend = u.exp();
         match self {
-            Self::Lumped => bend * bend,
+            Self::Lumped => (bend * bend, 2.0 * bend * bend),
             Self::Distributed { arc_share } => {
-                let mean = if u.abs() < 1e-9 { 1.0 } else { u.exp_m1() / u };
-                arc_share * 0.5 * mean * (1.0 + bend) + (1.0 - arc_share) * bend
+                // Mean of e^(u x) over 0 <= x <= 1, and its slope, which both are differences of nearly equal numbers near zero.
+                let (mean, slope) = if u.abs() < 1e-3 {
+                    (1.0 + u / 2.0 + u * u / 6.0, 0.5 + u / 3.0 + u * u / 8.0)
+                } else {
+                    (u.exp_m1() / u, (bend - u.exp_m1() / u) / u)
+                };
+                let straight = 1.0 - arc_share;
+                (
+                    arc_share * 0.5 * mean * (1.0 + bend) + straight * bend,
+                    arc_share * 0.5 * (slope * (1.0 + bend) + mean * bend) + straight * bend,
+                )
             }
         }
     }
@@ -37,6 +46,8 @@ pub(crate) struct Lines {
     snake: Snake,
     /// Mean load along the cone over that at the snake, while the line moves against its load and with it.
     slopes: [f64; 2],
+    /// Load at the actuator over that at the snake while the line moves against it.
+    capstan: f64,
     f_s_n: f64,
     /// L and E A of a line inside the snake, m and N, and the share of its load that it carries there.
     inside: (f64, f64, f64),
@@ -51,10 +62,40 @@ impl Lines {
         cone: ConeFriction,
         inside_share: f64,
     ) -> Option<Self> {
-        let slopes = [1.0, -1.0].map(|way| cone.slope(way * mu * machine.phi_rad));
+        let slopes = [1.0, -1.0].map(|way| cone.mean_and_slope(way * mu * machine.phi_rad).0);
         let snake = Snake::new(machine).ok()?;
         let ea_n = snake.k_d_n_per_m() * machine.l_d_m;
-        Some(Self { snake, slopes, f_s_n, inside: (machine.l_m, ea_n, inside_share) })
+        Some(Self {
+            snake,
+            slopes,
+            capstan: (2.0 * mu * machine.phi_rad).exp(),
+            f_s_n,
+            inside: (machine.l_m, ea_n, inside_share),
+        })
+    }
+
+    /// How the lines move where the snake bends further in a direction, m for one radian.
+    pub fn motion(&self, towards: Vector2<f64>) -> Vector3<f64> {
+        self.snake.j_q_bend() * towards
+    }
+
+    /// Actuator positions, m, at which the snake stands at a bend, rad, with eta, half-width (m) and known signs.
+    pub fn encoders_m(
+        &self,
+        bend_rad: Vector2<f64>,
+        signs: &Vector3<f64>,
+        eta: f64,
+        half_width_m: f64,
+    ) -> Vector3<f64> {
+        self.snake.q(bend_rad) + self.extension(bend_rad, signs, eta, half_width_m).0
+    }
+
+    /// Loads at the actuators there, N.
+    pub fn actuator_loads_n(&self, bend_rad: Vector2<f64>, signs: &Vector3<f64>, eta: f64) -> Vector3<f64> {
+        (self.snake.tau_n(bend_rad) * eta).zip_map(signs, |tau_n, s| {
+            let through_n = tau_n + s * self.f_s_n;
+            through_n * if s * through_n < 0.0 { 1.0 / self.capstan } else { self.capstan }
+        })
     }
 
     /// Actuator positions for a bend (rad) with eta, without any sign of motion: the plan of a path.

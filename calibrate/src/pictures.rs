@@ -51,7 +51,7 @@ impl Pictures {
         Ok(Self { name, bends })
     }
 
-    /// Gives each reading that names a picture what the picture showed; of the front only where that is enough.
+    /// Gives each reading that names a picture what the picture showed; of one side only where that is enough.
     pub(crate) fn give(&self, readings: &mut [PoseReading], front_only: bool) {
         for reading in readings {
             let own = self.bends.iter().find(|bend| Some(&bend.image) == reading.image.as_ref());

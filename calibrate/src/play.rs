@@ -41,6 +41,21 @@ pub struct PlayReading {
     pub dial_sd_m: f64,
 }
 
+/// What is known beforehand.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlaySettings {
+    /// Standard deviation of the dial, m.
+    pub dial_sd_m: f64,
+    /// Lines of the robot, each with an actuator.
+    pub n_lines: u32,
+}
+
+impl Default for PlaySettings {
+    fn default() -> Self {
+        Self { dial_sd_m: 10e-6, n_lines: 3 }
+    }
+}
+
 /// Half-width of one line.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LinePlay {
@@ -168,9 +183,10 @@ fn missing(line: u32) -> String {
 pub fn run<R: BufRead, W: Write>(
     dialogue: &mut Dialogue<R, W>,
     csv: &Path,
-    dial_sd_m: f64,
+    settings: &PlaySettings,
     mut go: impl FnMut(&mut Dialogue<R, W>, u32, f64) -> Result<f64, CalibrateError>,
 ) -> Result<Play, CalibrateError> {
+    let PlaySettings { dial_sd_m, n_lines } = *settings;
     if !(dial_sd_m > 0.0 && dial_sd_m < 1e-3) {
         return Err(CalibrateError::Setting {
             name: "dial_sd_m",
@@ -181,7 +197,7 @@ pub fn run<R: BufRead, W: Write>(
     let (mut log, mut readings) = ReadingLog::open::<PlayReading>(csv)?;
     dialogue
         .say("Dial on the actuator's output, line unloaded. Type what the dial reads in mm, s to skip, q to stop.")?;
-    'all: for line in 1..=3 {
+    'all: for line in 1..=n_lines {
         for turn in 1..=TURNS {
             // A turn that was cut short is not taken up again: the line has moved since.
             if readings.iter().any(|r: &PlayReading| r.line == line && r.turn == turn) {

@@ -8,13 +8,15 @@ use crate::fit::{Parameter, fit};
 use crate::lines::{ConeFriction, Lines, Turning};
 use crate::log::ReadingLog;
 use crate::pictures::Pictures;
-use crate::pose_plan::plan;
-use crate::{CalibrateError, CalibratedValue, Dialogue, LeastSquares, Reply};
+use crate::pose_answers::{Answer, picture_of, typed};
+use crate::{CalibrateError, CalibratedValue, Dialogue, LeastSquares, pose_price};
 use krait_model::MachineParameters;
 use nalgebra::{Vector2, Vector3};
-use serde::{Deserialize, Serialize};
 use std::io::{BufRead, Write};
 use std::path::Path;
+
+pub use crate::pose_plan::PosePlan;
+pub use crate::pose_reading::PoseReading;
 
 /// Degrees of freedom before which it does not end: a whole plane up and down, so that the check asks for no extrapolation.
 const LEAST_DOF: usize = 18;
@@ -24,59 +26,6 @@ const ENOUGH: [f64; 2] = [0.01, 6e-6];
 const OPEN: [f64; 2] = [0.1, 60e-6];
 /// Part of the reading's standard deviation that the poses of the check may be off by, rms.
 const CHECK_LIMIT: f64 = 2.0;
-
-/// One row of the CSV.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct PoseReading {
-    /// Place in the plan, from 1.
-    pub pose: u32,
-    /// Whether it is kept for the check.
-    pub check: bool,
-    /// Planned plane, deg.
-    pub plane_deg: f64,
-    /// Planned bend, deg.
-    pub bend_deg: f64,
-    /// Measured bend vector, rad; NaN where a picture is yet to show it.
-    pub b_x_rad: f64,
-    /// Second component, rad; NaN where it was seen from the front only.
-    pub b_y_rad: f64,
-    /// Standard deviation of each component, rad.
-    pub sd_rad: f64,
-    /// Encoders, m, push positive.
-    pub q1_m: f64,
-    /// Line 2.
-    pub q2_m: f64,
-    /// Line 3.
-    pub q3_m: f64,
-    /// Direction in which line 1 moved last, 1 or -1.
-    pub s1: f64,
-    /// Line 2.
-    pub s2: f64,
-    /// Line 3.
-    pub s3: f64,
-    /// The picture that shows the bend; none: it was typed.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub image: Option<String>,
-    /// Standard deviation of each component where the picture states its own, rad; never in the CSV.
-    #[serde(skip)]
-    pub sd_xy_rad: Option<[f64; 2]>,
-}
-
-impl PoseReading {
-    /// Whether its bend is known, or what the front shows of it.
-    fn is_measured(&self) -> bool {
-        self.b_x_rad.is_finite()
-    }
-
-    /// Components that are known.
-    fn n_components(&self) -> usize {
-        [self.b_x_rad, self.b_y_rad].into_iter().filter(|b| b.is_finite()).count()
-    }
-
-    fn sd_rad(&self) -> [f64; 2] {
-        self.sd_xy_rad.unwrap_or([self.sd_rad; 2])
-    }
-}
 
 /// What is known beforehand.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -93,8 +42,8 @@ pub struct PoseSettings {
     pub inside_share: f64,
     /// Standard deviation of each component of a measured bend vector, rad.
     pub sd_rad: f64,
-    /// Whether the bend is seen from the front only, so that just planes 0 and 180 deg are gone through and the component in them counts.
-    pub front_only: bool,
+    /// Planes and how far; with planes of one camera only the component of each bend in the picture counts.
+    pub plan: PosePlan,
 }
 
 /// Where the robot shall go.
@@ -104,6 +53,8 @@ pub struct PoseGoal {
     pub bend_rad: Vector2<f64>,
     /// Actuator positions for it with eta 1, m, push positive.
     pub q_tilde_m: Vector3<f64>,
+    /// The plane of a picture that shows it from one side, deg, 0 to less than 180; none for the straight pose.
+    pub picture_deg: Option<f64>,
 }
 
 /// Where it is.
@@ -182,12 +133,10 @@ fn fitted(readings: &[PoseReading], settings: &PoseSettings, start: [f64; 2]) ->
     let of = |check: bool, value: &[f64]| {
         let mut all = Vec::new();
         for r in readings.iter().filter(|r| r.check == check && r.is_measured()) {
-            let b = lines.bend_rad(q(r), &Vector3::new(r.s1, r.s2, r.s3), value[0], value[1])?;
-            let [sd_x, sd_y] = r.sd_rad();
-            all.push(((r.b_x_rad - zero(value, 0) - b.x) / sd_x, sd_x));
-            if r.b_y_rad.is_finite() {
-                all.push(((r.b_y_rad - zero(value, 1) - b.y) / sd_y, sd_y));
-            }
+            let b = lines.bend_rad(r.q_m(), &r.signs(), value[0], value[1])?;
+            // The pictures' zero is of the picture: of b_x where one side is all that is seen.
+            let errors = r.errors_rad(b).into_iter().enumerate();
+            all.extend(errors.map(|(k, (error, sd))| ((error - zero(value, k)) / sd, sd)));
         }
         Some(all)
     };
@@ -221,8 +170,39 @@ fn lines(settings: &PoseSettings) -> Result<Lines, CalibrateError> {
         .ok_or_else(|| CalibrateError::Model("its machine is out of range".to_owned()))
 }
 
-fn q(r: &PoseReading) -> Vector3<f64> {
-    Vector3::new(r.q1_m, r.q2_m, r.q3_m)
+/// What a plan that is not the full one costs, in words: the standard errors to expect of it beside those of the full one.
+///
+/// # Errors
+/// [`CalibrateError::Setting`], [`CalibrateError::Model`].
+pub fn price(settings: &PoseSettings) -> Result<Option<String>, CalibrateError> {
+    Ok(pose_price::sentence(&settings.plan, &lines(settings)?, settings.sd_rad))
+}
+
+/// The largest bend, whole degrees, in every plane of the full plan that needs no more than this travel of an actuator, m, and this load
+/// at it, N, for a snake of this eta; at most `most_deg`.
+///
+/// # Errors
+/// [`CalibrateError::Setting`], [`CalibrateError::Model`].
+pub fn largest_deg_within(
+    settings: &PoseSettings,
+    eta: f64,
+    (most_deg, travel_m, load_n): (f64, f64, f64),
+) -> Result<f64, CalibrateError> {
+    let lines = lines(settings)?;
+    let fits = |bend_deg: f64| {
+        (0..24).all(|k| {
+            let (sin, cos) = (f64::from(k) * 15.0).to_radians().sin_cos();
+            let towards = Vector2::new(cos, sin);
+            let (bend_rad, signs) = (towards * bend_deg.to_radians(), lines.motion(towards).map(f64::signum));
+            lines.encoders_m(bend_rad, &signs, eta, 0.0).amax() <= travel_m
+                && lines.actuator_loads_n(bend_rad, &signs, eta).amax() <= load_n
+        })
+    };
+    let mut bend_deg = most_deg.floor();
+    while bend_deg > 0.0 && !fits(bend_deg) {
+        bend_deg -= 1.0;
+    }
+    Ok(bend_deg)
 }
 
 /// Readings that would determine both.
@@ -276,12 +256,18 @@ fn walk<R: BufRead, W: Write>(
     (settings, lines, pictures): (&PoseSettings, &Lines, Option<&Pictures>),
     go: &mut impl FnMut(&mut Dialogue<R, W>, PoseGoal) -> Result<PoseReached, CalibrateError>,
 ) -> Result<(), CalibrateError> {
-    let plan = plan(settings.front_only);
-    let goal = |bend_rad: Vector2<f64>| PoseGoal { bend_rad, q_tilde_m: lines.planned_m(bend_rad, 1.0) };
-    let straight = PoseGoal { bend_rad: Vector2::zeros(), q_tilde_m: Vector3::zeros() };
+    let plan = settings.plan.places();
+    let is_front = !settings.plan.front_deg().is_empty();
+    let goal = |bend_rad: Vector2<f64>, picture_deg: f64| PoseGoal {
+        bend_rad,
+        q_tilde_m: lines.planned_m(bend_rad, 1.0),
+        picture_deg: Some(picture_deg),
+    };
+    let straight = PoseGoal { bend_rad: Vector2::zeros(), q_tilde_m: Vector3::zeros(), picture_deg: None };
     let is_read = |readings: &[PoseReading], k: usize| readings.iter().any(|r| r.pose == k as u32 + 1);
     let mut progress = Progress::of(readings, settings);
     let mut turning = None;
+    let mut shown_deg = None;
     for (k, place) in plan.iter().enumerate() {
         let is_wanted = |k: usize| !plan[k].passing && (plan[k].check || !progress.enough) && !is_read(readings, k);
         if !(k..plan.len()).any(is_wanted) {
@@ -301,7 +287,7 @@ fn walk<R: BufRead, W: Write>(
         if place.passing && place.bend_deg < 0.0 {
             turning.follow(go(dialogue, straight)?.q_m);
         }
-        let reached = go(dialogue, goal(wanted))?;
+        let reached = go(dialogue, goal(wanted, place.picture_deg()))?;
         let reached_m = reached.q_m;
         turning.follow(reached_m);
         if place.passing || is_read(readings, k) {
@@ -312,6 +298,13 @@ fn walk<R: BufRead, W: Write>(
                 .say(&format!("  pose {pose} is left out: a line has not gone through its play since it turned"))?;
             continue;
         };
+        let picture_deg = is_front.then(|| place.picture_deg());
+        if let Some(plane_deg) = picture_deg.filter(|_| shown_deg != picture_deg && reached.bend_rad.is_none()) {
+            dialogue.say(&format!(
+                "turn the robot about its axis, or the camera, until the picture shows the plane {plane_deg:.0} deg"
+            ))?;
+            shown_deg = picture_deg;
+        }
         let check = if place.check { ", for the check" } else { "" };
         let (bend_deg, plane_deg) = (place.bend_deg, place.plane_deg);
         let question = format!("pose {pose}: {bend_deg:.1} deg, plane {plane_deg:.0}, from {}{check}", place.from);
@@ -322,7 +315,7 @@ fn walk<R: BufRead, W: Write>(
                 dialogue.say(&format!("{question}: {x:.3} {y:.3} deg measured"))?;
                 Answer::Measured([x, y], None)
             }
-            (None, None) => typed(dialogue, &question, settings.front_only)?,
+            (None, None) => typed(dialogue, &question, picture_deg)?,
         };
         let (bend_deg, image) = match answer {
             Answer::Measured(bend_deg, image) => (bend_deg, image),
@@ -358,49 +351,6 @@ fn walk<R: BufRead, W: Write>(
         go(dialogue, straight)?;
     }
     Ok(())
-}
-
-/// What a pose was answered with.
-enum Answer {
-    /// A bend, deg, or NaN and the picture that shows it.
-    Measured([f64; 2], Option<String>),
-    Skip,
-    Quit,
-}
-
-fn typed<R: BufRead, W: Write>(
-    dialogue: &mut Dialogue<R, W>,
-    question: &str,
-    front_only: bool,
-) -> Result<Answer, CalibrateError> {
-    let (words, n) = if front_only { ("b_x", 1) } else { ("b_x b_y", 2) };
-    Ok(match dialogue.numbers(&format!("{question}: {words} deg?"), (n, n), (-180.0, 180.0))? {
-        Reply::Numbers(bend) => Answer::Measured([bend[0], bend.get(1).copied().unwrap_or(f64::NAN)], None),
-        Reply::Skip | Reply::Empty => Answer::Skip,
-        Reply::Quit => Answer::Quit,
-    })
-}
-
-/// The name under which the pose's pictures will be clicked, which no other pose has.
-fn picture_of<R: BufRead, W: Write>(
-    dialogue: &mut Dialogue<R, W>,
-    question: &str,
-    pose: u32,
-    readings: &[PoseReading],
-) -> Result<Answer, CalibrateError> {
-    loop {
-        let answer = dialogue.ask(&format!("{question}: photograph, name of the pictures? [pose-{pose}]"))?;
-        let name = match answer.as_deref() {
-            None | Some("q") => return Ok(Answer::Quit),
-            Some("s") => return Ok(Answer::Skip),
-            Some("") => format!("pose-{pose}"),
-            Some(name) => name.to_owned(),
-        };
-        match readings.iter().find(|r| r.image.as_deref() == Some(name.as_str())) {
-            Some(other) => dialogue.say(&format!("  {name:?} is of pose {} already, give another", other.pose))?,
-            None => return Ok(Answer::Measured([f64::NAN; 2], Some(name))),
-        }
-    }
 }
 
 /// What the readings so far say.
@@ -452,17 +402,18 @@ pub fn run<R: BufRead, W: Write>(
         };
         return Err(CalibrateError::Row { file: log.name(), row: k + 2, reason: reason.to_owned() });
     }
-    let plan = plan(settings.front_only);
+    let plan = settings.plan.places();
     let is_of_it = |r: &PoseReading| {
         let place = plan.get((r.pose as usize).wrapping_sub(1));
         place.is_some_and(|p| (p.plane_deg, p.bend_deg, p.check) == (r.plane_deg, r.bend_deg, r.check))
     };
     if let Some(k) = readings.iter().position(|r| !is_of_it(r)) {
-        let reason = "its pose is of another plan: go on with --front as it was begun, or begin another --csv";
+        let reason =
+            "its pose is of another plan: go on with --front and --largest-deg as it was begun, or begin another --csv";
         return Err(CalibrateError::Row { file: log.name(), row: k + 2, reason: reason.to_owned() });
     }
     if let Some(pictures) = &pictures {
-        pictures.give(&mut readings, settings.front_only);
+        pictures.give(&mut readings, !settings.plan.front_deg().is_empty());
         dialogue.say("At each pose photograph the snake and type the name under which its pictures will be clicked; Enter takes the one in brackets, s skips the pose, q stops and fits.")?;
     } else {
         dialogue

@@ -6,7 +6,7 @@
 use crate::fit::undetermined;
 use crate::lines::Turning;
 use crate::stem_rows::Rows;
-use crate::{CalibrateError, CalibratedValue, LeastSquares};
+use crate::{CalibrateError, CalibratedValue, ConeFriction, LeastSquares};
 use core::ops::RangeInclusive;
 use krait_model::MachineParameters;
 use nalgebra::{DMatrix, Matrix4, Vector2, Vector3, Vector4};
@@ -54,6 +54,10 @@ pub struct StemSettings {
     pub mu: f64,
     /// Its standard error, 1; 0 if none is stated.
     pub mu_se: f64,
+    /// Where in the cone the friction acts.
+    pub cone: ConeFriction,
+    /// Share of its load that a line carries inside the snake, so that it extends there: the effect `inside-extension`; 0: none.
+    pub inside_share: f64,
     /// Standard deviation of a load cell, N.
     pub cell_sd_n: f64,
     /// Standard deviation of a component of the measured bend where a row has none, rad.
@@ -319,7 +323,7 @@ fn law(settings: &StemSettings) -> Result<Rows, CalibrateError> {
             return Err(CalibrateError::Setting { name, found, expected });
         }
     }
-    Rows::new(&settings.machine, settings.mu)
+    Rows::new(&settings.machine, settings.mu, settings.cone, settings.inside_share)
         .ok_or_else(|| CalibrateError::Model("its machine is out of range".to_owned()))
 }
 

@@ -5,6 +5,7 @@
 mod common;
 
 use common::{N_SEEDS, Noise, honest};
+use krait_calibrate::ConeFriction;
 use krait_calibrate::stem::{StemRow, StemSettings, stem};
 use krait_model::MachineParameters;
 use krait_sim::{SimulatedSnake, Truth};
@@ -18,6 +19,8 @@ fn settings() -> StemSettings {
         machine: MachineParameters { phi_rad: 30_f64.to_radians(), ..MachineParameters::default() },
         mu: 0.1727,
         mu_se: 0.0,
+        cone: ConeFriction::Lumped,
+        inside_share: 0.0,
         cell_sd_n: 0.1,
         bend_sd_rad: 1_f64.to_radians(),
         encoder_sd_m: 5e-6,
@@ -26,7 +29,10 @@ fn settings() -> StemSettings {
 
 /// 40 deg the other way, ten bends there, beyond, the same ten back; measured at the ten, without noise.
 fn path(way_back: bool) -> Vec<StemRow> {
-    let mut truth = Truth::default();
+    path_of(Truth::default(), way_back)
+}
+
+fn path_of(mut truth: Truth, way_back: bool) -> Vec<StemRow> {
     truth.drive.encoder_resolution_m = 0.0;
     let mut snake = SimulatedSnake::new(&truth);
     snake.set_power(0, true).unwrap();
@@ -88,12 +94,53 @@ fn every_seed_states_its_own_error_and_it_is_the_predicted_one() {
     }
 }
 
+/// With friction along the cone and lines that extend inside the snake, in the snake and in the fit.
+#[test]
+fn every_seed_states_its_own_error_also_with_the_further_effects() {
+    let mut truth = Truth::default();
+    (truth.lines.inside, truth.lines.cone_radius_m) = (0.9, 0.02);
+    let arc_share = 2.0 * truth.lines.cone_radius_m * truth.machine.phi_rad / truth.machine.l_c_m;
+    let settings = StemSettings { cone: ConeFriction::Distributed { arc_share }, inside_share: 0.9, ..settings() };
+    let clean = path_of(truth, true);
+    let mut all: [Vec<(f64, f64)>; 4] = Default::default();
+    for seed in 0..N_SEEDS {
+        let found = stem(&noisy(&clean, seed, &settings), &settings).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
+        let values = [found.eta(), found.half_width_m(), found.f_s_n(), found.phi_rad()];
+        all.iter_mut().zip(values).for_each(|(all, value)| all.push(value));
+    }
+    let truths = [1.22, 0.089e-3, 1.959, 41_f64.to_radians()];
+    for (k, name) in ["eta", "half-width", "f_s", "phi"].into_iter().enumerate() {
+        honest(&format!("{name}, further effects"), &all[k], truths[k]);
+    }
+}
+
 #[test]
 fn without_noise_the_snakes_own_values_come_out() {
     let found = stem(&path(true), &settings()).unwrap();
     let off = [found.eta().0 - 1.22, found.f_s_n().0 - 1.959, found.phi_rad().0.to_degrees() - 41.0];
     assert!(off.iter().all(|off| off.abs() < 2e-3), "{off:?}");
     assert!((found.half_width_m().0 - 0.089e-3).abs() < 1e-6, "{found:?}");
+}
+
+#[test]
+fn friction_along_the_cone_and_lines_that_extend_inside_the_snake_belong_to_the_fit_of_a_model_that_has_them() {
+    let mut truth = Truth::default();
+    (truth.lines.inside, truth.lines.cone_radius_m) = (0.9, 0.02);
+    let arc_share = 2.0 * truth.lines.cone_radius_m * truth.machine.phi_rad / truth.machine.l_c_m;
+    let rows = path_of(truth, true);
+    let exact = StemSettings { cell_sd_n: 2e-3, bend_sd_rad: 2e-4, encoder_sd_m: 2e-7, ..settings() };
+    let known = StemSettings { cone: ConeFriction::Distributed { arc_share }, inside_share: 0.9, ..exact };
+    let found = stem(&rows, &known).unwrap();
+    let off = [found.eta().0 - 1.22, found.f_s_n().0 - 1.959, found.phi_rad().0.to_degrees() - 41.0];
+    assert!(off.iter().all(|off| off.abs() < 5e-3), "{off:?}");
+    assert!((found.half_width_m().0 - 0.089e-3).abs() < 1e-6, "{found:?}");
+    // The same rows without either: taken for the four values, and the fit does not bear it out.
+    for lacking in
+        [StemSettings { cone: ConeFriction::Lumped, ..known }, StemSettings { inside_share: 0.0, ..known }, exact]
+    {
+        let sentence = stem(&rows, &lacking).unwrap_err().to_string();
+        assert!(sentence.contains("chi2") || sentence.contains("does not settle"), "{sentence}");
+    }
 }
 
 #[test]

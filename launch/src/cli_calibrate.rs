@@ -28,7 +28,7 @@ pub enum CalibrateVerb {
     Photo(PhotoArgs),
     /// eta and the play from guided poses whose bend is measured: a dialogue.
     #[command(
-        after_help = "Examples:\n  krait calibrate poses --csv poses.csv --model robot.toml --sd-deg 0.5\n  krait calibrate poses --csv poses.csv --model robot.toml --bends bends.csv\n  krait calibrate poses --csv try.csv --model try.toml --truth stiff.toml\n  krait calibrate poses --csv poses.csv --model robot.toml --chain --config robot-chain.toml --shape external"
+        after_help = "Examples:\n  krait calibrate poses --csv poses.csv --model robot.toml --sd-deg 0.5\n  krait calibrate poses --csv poses.csv --model robot.toml --bends bends.csv\n  krait calibrate poses --csv poses.csv --model robot.toml --front 0,60,120 --largest-deg 60\n  krait calibrate poses --csv try.csv --model try.toml --truth stiff.toml\n  krait calibrate poses --csv poses.csv --model robot.toml --chain --config robot-chain.toml --shape external"
     )]
     Poses(PosesArgs),
     /// The stem's angle phi with eta, play and f_s, from recorded encoders, load cells and bends of both directions.
@@ -111,10 +111,15 @@ pub struct PosesArgs {
     /// standard errors from the table. At the first run there is none yet; the same command again, behind `photo`, fits.
     #[arg(long, value_name = "FILE", conflicts_with = "sd_deg")]
     pub bends: Option<PathBuf>,
-    /// See the bend from the front only: planes 0 and 180 deg are gone through, and of each bend the component in them is taken (`b_x`). The
-    /// check is in the same plane then.
-    #[arg(long)]
-    pub front: bool,
+    /// One camera sees the bend from one side: in each of these planes (0 to less than 180 deg, one that every line moves in; 0 if none is
+    /// given) and the one across from it the same bends are gone through, with the robot or the camera turned so that the picture shows the
+    /// plane, and of each bend its component in the picture is taken. The check is in the first plane.
+    #[arg(long, value_name = "DEG,...", num_args = 0..=1, value_delimiter = ',', default_missing_value = "0")]
+    pub front: Option<Vec<f64>>,
+    /// The largest bend of the plan, deg, 76 at most: beyond the largest that is measured, so that every line turns. By default 76, and with
+    /// --chain what the chain's limits allow.
+    #[arg(long, value_name = "DEG")]
+    pub largest_deg: Option<f64>,
     /// Have the machine of the configuration (`--config`; simulated drives without one) moved from pose to pose by a chain of krait's own
     /// processes, instead of by you; the bend is then read from the chain's shape channel. It asks first. With `--truth` alone, without
     /// this, you practise on a simulated snake: it moves, shows its bend, and you type what you see.
@@ -133,6 +138,13 @@ pub struct PosesArgs {
     pub guide: GuideArgs,
     #[command(flatten)]
     pub machine: MachineArgs,
+}
+
+impl PosesArgs {
+    /// Planes of pictures from one side, deg; none if both components of a bend are seen.
+    pub fn front_deg(&self) -> &[f64] {
+        self.front.as_deref().unwrap_or_default()
+    }
 }
 
 /// Options of `krait calibrate stem`.

@@ -189,3 +189,108 @@ fn bends_of_pictures_are_not_overwritten_and_poses_wait_for_them() {
     assert!(std::fs::read_to_string(folder.join("poses.csv")).unwrap().lines().count() >= 2);
     std::fs::remove_dir_all(folder).unwrap();
 }
+
+const TWO: &str = include_str!("../../docs/segments/two.toml");
+
+/// The value and the readings that it came from.
+fn calibrated(file: &krait_model::model_file::ModelFile, kind: &str, parameter: &str) -> (f64, Option<String>) {
+    let effect = file.effects().iter().find(|e| e.setting().kind().name() == kind).unwrap();
+    (effect.setting().value(parameter).unwrap(), effect.origin(parameter).and_then(|own| own.from.clone()))
+}
+
+/// Answers for the dialogue of play: Enter at every motion, and what a dial shows of an output that follows its encoder with this play.
+fn dial_answers(n_lines: usize, play_mm: f64) -> String {
+    let mut typed = String::new();
+    let mut output_mm = vec![0.0; n_lines];
+    for output_mm in &mut output_mm {
+        for turn in 1..=10 {
+            let direction = if turn % 2 == 0 { 1.0 } else { -1.0 };
+            let place_mm = f64::from(turn % 3) - 1.0;
+            let mut go = |to_mm: f64| {
+                let (low, high) = (to_mm - 0.5 * play_mm, to_mm + 0.5 * play_mm);
+                *output_mm = f64::clamp(*output_mm, low, high);
+                *output_mm
+            };
+            go(place_mm + direction);
+            go(place_mm);
+            typed += "\n\n";
+            for travel_mm in [0.0, 0.3, 0.4, 0.5] {
+                typed += &format!("\n{:.6}\n", go(place_mm + direction * travel_mm));
+            }
+        }
+    }
+    typed
+}
+
+#[test]
+fn lines_of_segments_get_their_friction_and_play_and_what_one_snake_alone_has_is_refused() {
+    let folder = folder("segments");
+    std::fs::write(folder.join("two.toml"), TWO).unwrap();
+    let mut typed: String = TABLE_II.iter().map(|(w, scale)| format!("5\n{w}\nup\n{scale}\n")).collect();
+    typed += "1\n\ny\n";
+    let ended = calibrate(&folder, &["friction", "--csv", "friction.csv", "--model", "two.toml"], &typed);
+    assert_eq!(ended.status.code(), Some(0), "{}", String::from_utf8_lossy(&ended.stderr));
+    let ended =
+        calibrate(&folder, &["play", "--csv", "play.csv", "--model", "two.toml"], &(dial_answers(6, 0.16) + "y\n"));
+    let said = String::from_utf8_lossy(&ended.stdout).into_owned();
+    assert_eq!(ended.status.code(), Some(0), "{said}\n{}", String::from_utf8_lossy(&ended.stderr));
+    assert!(said.contains("line 6: half-width 0.0800"), "{said}");
+    let text = std::fs::read_to_string(folder.join("two.toml")).unwrap();
+    let file = krait_model::model_file::ModelFile::parse(&text).unwrap();
+    let (mu, from) = calibrated(&file, "cone-friction", "mu");
+    assert!((mu - 0.1727).abs() < 1e-4 && from.as_deref() == Some("friction.csv"), "{mu} {from:?}");
+    let (half_width_m, from) = calibrated(&file, "backlash", "half_width_m");
+    assert!((half_width_m - 0.08e-3).abs() < 1e-8 && from.as_deref() == Some("play.csv"), "{half_width_m} {from:?}");
+
+    let refused = |arguments: &[&str]| {
+        let ended = calibrate(&folder, arguments, "");
+        let sentence = String::from_utf8(ended.stderr).unwrap();
+        assert!(ended.status.code() == Some(2) && sentence.lines().count() == 1, "{sentence}");
+        sentence
+    };
+    let sentence = refused(&["poses", "--csv", "poses.csv", "--model", "two.toml"]);
+    assert!(sentence.contains("of segments") && sentence.contains("krait lab fit"), "{sentence}");
+    std::fs::write(folder.join("own.toml"), format!("{TWO}\n[[effect]]\nkind = \"backlash-2\"\n")).unwrap();
+    let sentence = refused(&["play", "--csv", "own.csv", "--model", "own.toml"]);
+    assert!(sentence.contains("backlash-2") && sentence.contains("no one value"), "{sentence}");
+    let joints = "format = 1\n[machine]\nkind = \"joints\"\nn = 1\n";
+    std::fs::write(folder.join("joints.toml"), joints).unwrap();
+    let sentence = refused(&["friction", "--csv", "own.csv", "--model", "joints.toml"]);
+    assert!(sentence.contains("kind joints") && !folder.join("own.csv").exists(), "{sentence}");
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn poses_of_one_camera_say_their_planes_what_the_picture_shows_and_their_price() {
+    let folder = folder("front");
+    std::fs::write(folder.join("robot.toml"), POSE_MODEL).unwrap();
+    std::fs::write(folder.join("truth.toml"), "").unwrap();
+    let poses = ["poses", "--csv", "poses.csv", "--model", "robot.toml", "--truth", "truth.toml"];
+    let with = |words: &[&str], typed: &str| {
+        let ended = calibrate(&folder, &[&poses[..], words].concat(), typed);
+        (String::from_utf8(ended.stdout).unwrap(), String::from_utf8(ended.stderr).unwrap())
+    };
+    let (said, _) = with(&["--front", "60,0,120", "--largest-deg", "60"], "17.2\nq\n");
+    for words in [
+        "the plan has 60 poses and 6 for the check, bends up to 60 deg, seen from one side in the planes 60, 0, 120 deg",
+        "times the standard errors of the full plan",
+        "the picture shows the plane 60 deg",
+        "bend towards 60 deg in the picture deg?",
+        " deg towards 60 deg)",
+    ] {
+        assert!(said.contains(words), "{words}: {said}");
+    }
+    let table = std::fs::read_to_string(folder.join("poses.csv")).unwrap();
+    let row: Vec<&str> = table.lines().nth(1).unwrap().split(',').collect();
+    assert_eq!((row[2], row[5]), ("60.0", "NaN"), "{table}");
+    let bend_rad: f64 = row[4].parse().unwrap();
+    assert!((bend_rad.to_degrees() - 17.2).abs() < 1e-9, "{table}");
+    // What was begun goes on with the same planes and the same largest bend only.
+    let (_, sentence) = with(&["--front"], "");
+    assert!(sentence.contains("another plan") && sentence.contains("--largest-deg"), "{sentence}");
+    let (_, sentence) = with(&["--front", "90"], "");
+    assert!(sentence.contains("where one line does not move") && sentence.lines().count() == 1, "{sentence}");
+    let (_, sentence) = with(&["--largest-deg", "30"], "");
+    assert!(sentence.contains("--largest-deg") && sentence.contains("46 to 76 deg"), "{sentence}");
+    std::fs::remove_dir_all(folder).unwrap();
+}

@@ -94,7 +94,23 @@ fn nothing_moves_without_consent_nor_where_the_chain_may_not_bend_so_far() {
     assert!(sentence.contains("nothing was moved") || sentence.contains("the chain's limit"), "{sentence}");
     let narrow = folder.file("narrow.toml");
     std::fs::write(&narrow, "[resolve]\nmax_bend_rad = 1.0\n").expect("written");
-    let ended = calibrate("poses-narrow", &folder, &["--engage", "--config", &narrow], "");
-    assert!(ended.sentence().contains("max_bend_rad") && ended.sentence().contains("53.3 deg"), "{}", ended.stderr);
+    // The plan keeps within the limit and says its price; one that was asked for is refused.
+    let ended = calibrate("poses-narrow", &folder, &["--config", &narrow], "no\n");
+    assert!(ended.sentence().contains("nothing was moved"), "{}", ended.stderr);
+    for words in ["limits allow bends up to 53 deg", "max_bend_rad", "53.3 deg", "of up to 53 deg"] {
+        assert!(ended.stdout.contains(words), "{words}: {}", ended.stdout);
+    }
+    assert!(ended.stdout.contains("times the standard errors of the full plan"), "{}", ended.stdout);
+    let ended = calibrate("poses-narrow", &folder, &["--engage", "--config", &narrow, "--largest-deg", "60"], "");
+    assert!(ended.sentence().contains("give 53 or less"), "{}", ended.stderr);
+    // Lines that may carry little bend little, whatever the bends may be.
+    let weak = folder.file("weak.toml");
+    std::fs::write(&weak, "[slave.limits]\npull_n = 30.0\npush_n = 30.0\n").expect("written");
+    let ended = calibrate("poses-weak", &folder, &["--config", &weak], "no\n");
+    assert!(
+        ended.stdout.contains("a line may carry 30 N") && ended.sentence().contains("nothing was moved"),
+        "{}",
+        ended.stdout
+    );
     assert!(!Path::new(&folder.file("poses.csv")).exists(), "nothing was read");
 }

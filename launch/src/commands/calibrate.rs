@@ -5,6 +5,7 @@
 
 use crate::cli::Common;
 use crate::cli_calibrate::{CalibrateVerb, Files, FrictionArgs, PhotoArgs, PlayArgs, PosesArgs};
+use crate::commands::calibrate_lines::LinesAlone;
 use crate::commands::drives::LedDrives;
 use crate::commands::overwrite::refuse_existing;
 use crate::commands::{calibrate_chain, today};
@@ -29,10 +30,8 @@ use std::process::ExitCode;
 pub(super) type Terminal = Dialogue<std::io::StdinLock<'static>, Stdout>;
 
 /// What the fits of `poses` and `stem` know of a model; every other effect would be taken for one of these.
-pub(super) const KNOWN: [&str; 4] = ["stiffness-scale", "static-friction", "cone-friction", "backlash"];
-/// The same of the fit of `poses` only.
-const KNOWN_TO_POSES: [&str; 6] = [KNOWN[0], KNOWN[1], KNOWN[2], KNOWN[3], DISTRIBUTED, INSIDE];
-const DISTRIBUTED: &str = "distributed-capstan";
+const KNOWN: [&str; 6] = ["stiffness-scale", "static-friction", "cone-friction", "backlash", DISTRIBUTED, INSIDE];
+pub(super) const DISTRIBUTED: &str = "distributed-capstan";
 const INSIDE: &str = "inside-extension";
 
 /// Real drives are asked about always.
@@ -55,8 +54,9 @@ fn terminal() -> Terminal {
 }
 
 fn friction(args: &FrictionArgs) -> anyhow::Result<ExitCode> {
+    let model = &args.files.model;
     let settings = friction::FrictionSettings {
-        phi_rad: machine(file_of(&args.files.model)?.as_ref(), &args.files.model)?.phi_rad,
+        phi_rad: LinesAlone::of(file_of(model)?.as_ref(), model, &["static-friction", "cone-friction"])?.phi_rad,
         weight_sd_g: args.weight_sd_g,
         scale_sd_g: args.scale_sd_g,
         free_zero: args.free_zero,
@@ -67,18 +67,20 @@ fn friction(args: &FrictionArgs) -> anyhow::Result<ExitCode> {
 }
 
 fn play(common: &Common, args: &PlayArgs) -> anyhow::Result<ExitCode> {
+    let model = &args.files.model;
+    let n_lines = LinesAlone::of(file_of(model)?.as_ref(), model, &["backlash"])?.n_lines;
+    let settings = play::PlaySettings { dial_sd_m: args.dial_sd_um * 1e-6, n_lines };
     let mut dialogue = terminal();
-    let dial_sd_m = args.dial_sd_um * 1e-6;
     let found = if args.drives {
         if dialogue.ask(PLAY_CONSENT)?.as_deref() != Some("yes") {
             anyhow::bail!("nothing was moved, because a calibration moves drives only when it is told to; answer yes");
         }
         let drives = LedDrives::start(common)?;
-        play::run(&mut dialogue, &args.files.csv, dial_sd_m, |_, line, to_m| {
+        play::run(&mut dialogue, &args.files.csv, &settings, |_, line, to_m| {
             drives.go(line, to_m).map_err(|error| CalibrateError::Robot(format!("{error:#}")))
         })?
     } else {
-        play::run(&mut dialogue, &args.files.csv, dial_sd_m, |dialogue, line, to_m| {
+        play::run(&mut dialogue, &args.files.csv, &settings, |dialogue, line, to_m| {
             let question =
                 format!("move actuator {line} to {:.3} mm; its encoder then reads mm? [{:.3}]", to_m * 1e3, to_m * 1e3);
             Ok(by_hand(dialogue, &question, 1)?.map_or(to_m, |read| read[0] * 1e-3))
@@ -115,7 +117,7 @@ fn photo(args: &PhotoArgs) -> anyhow::Result<ExitCode> {
 fn poses(common: &Common, args: &PosesArgs) -> anyhow::Result<ExitCode> {
     let file = file_of(&args.files.model)?;
     if let Some(file) = &file {
-        only_known(file, &args.files.model, &KNOWN_TO_POSES)?;
+        only_known(file, &args.files.model)?;
     }
     let (mu, f_s_n) = friction_of(file.as_ref(), &args.files.model)?;
     let machine = machine(file.as_ref(), &args.files.model)?;
@@ -123,12 +125,12 @@ fn poses(common: &Common, args: &PosesArgs) -> anyhow::Result<ExitCode> {
         machine,
         mu,
         f_s_n,
-        cone: value_of(file.as_ref(), DISTRIBUTED, "arc_share")
-            .map_or(ConeFriction::Lumped, |arc_share| ConeFriction::Distributed { arc_share }),
-        inside_share: value_of(file.as_ref(), INSIDE, "share").unwrap_or(0.0),
+        cone: cone_of(file.as_ref()),
+        inside_share: inside_share_of(file.as_ref()),
         sd_rad: args.sd_deg.to_radians(),
-        front_only: args.front,
+        plan: poses::PosePlan::new(args.front_deg(), args.largest_deg.unwrap_or(poses::PosePlan::FULL_DEG))?,
     };
+    let eta = value_of(file.as_ref(), KNOWN[0], "eta").unwrap_or(1.0);
     let bends = args.bends.as_deref();
     let mut dialogue = terminal();
     dialogue.say(&with(&settings, &args.files.model))?;
@@ -136,13 +138,16 @@ fn poses(common: &Common, args: &PosesArgs) -> anyhow::Result<ExitCode> {
         args.chain || !args.machine.names_a_chain(),
         "--slave and --shape are for a chain that moves the machine; add --chain, or leave them out"
     );
+    if let Some(said) = poses::price(&settings)?.filter(|_| !args.chain) {
+        dialogue.say(&said)?;
+    }
     let found = match args.machine.truth() {
-        _ if args.chain => calibrate_chain::poses(common, args, &settings, &mut dialogue)?,
+        _ if args.chain => calibrate_chain::poses(common, args, settings, eta, &mut dialogue)?,
         Some(file) => {
             let mut snake = SimulatedSnake::new(&Truth::load(file)?);
             snake.set_power(0, true)?;
             poses::run(&mut dialogue, &args.files.csv, bends, &settings, |dialogue, goal| {
-                simulated(&mut snake, dialogue, goal.q_tilde_m).map(PoseReached::from)
+                simulated(&mut snake, dialogue, &goal, args.front.is_some()).map(PoseReached::from)
             })?
         }
         None => poses::run(
@@ -175,17 +180,25 @@ fn with(settings: &poses::PoseSettings, model: &Path) -> String {
     format!("with mu {mu:.4}{along}{and} f_s {f_s_n:.3} N{inside} of {}", model.display())
 }
 
-/// Moves the simulated snake and shows its bend.
+/// Moves the simulated snake and shows its bend, and what a picture of the plane that it bends in shows of it.
 fn simulated(
     snake: &mut SimulatedSnake,
     dialogue: &mut Terminal,
-    to_m: Vector3<f64>,
+    goal: &PoseGoal,
+    is_front: bool,
 ) -> Result<Vector3<f64>, CalibrateError> {
     let robot = |e: DriveError| CalibrateError::Robot(e.to_string());
-    snake.write(0, lines(to_m.into())).map_err(robot)?;
+    snake.write(0, lines(goal.q_tilde_m.into())).map_err(robot)?;
     let q_tilde_m = three(&snake.read(0).map_err(robot)?.q_tilde_m).into();
     let [x, y] = snake.bend_rad().map(f64::to_degrees);
-    dialogue.say(&format!("  (the simulated snake stands at {x:.3} {y:.3} deg)"))?;
+    let picture = match goal.picture_deg {
+        Some(plane_deg) if is_front => {
+            let (sin, cos) = plane_deg.to_radians().sin_cos();
+            format!(", {:.3} deg towards {plane_deg:.0} deg", x * cos + y * sin)
+        }
+        _ => String::new(),
+    };
+    dialogue.say(&format!("  (the simulated snake stands at {x:.3} {y:.3} deg{picture})"))?;
     Ok(q_tilde_m)
 }
 
@@ -227,6 +240,11 @@ fn machine(file: Option<&ModelFile>, model: &Path) -> anyhow::Result<MachinePara
 pub(super) fn snake_of(file: &ModelFile, model: &Path) -> anyhow::Result<MachineParameters> {
     match file.machine() {
         Machine::Snake(snake) => Ok(snake.parameters),
+        Machine::Segments(_) => anyhow::bail!(
+            "the model file {} is of segments, which bend each other's lines, expected one snake, which is all that this fit computes; \
+             `krait calibrate friction` and `play` know segments, and `krait lab fit` finds the rest from a recording",
+            model.display()
+        ),
         other => {
             anyhow::bail!(
                 "the model file {} is of kind {}, expected a snake; give another",
@@ -243,14 +261,14 @@ pub(super) fn effect_of<'f>(file: &'f ModelFile, name: &str) -> Option<&'f FileE
 }
 
 /// Refuses a model with effects that `poses` and `stem` do not compute: their values would be wrong, and look right.
-pub(super) fn only_known(file: &ModelFile, model: &Path, known: &[&str]) -> anyhow::Result<()> {
+pub(super) fn only_known(file: &ModelFile, model: &Path) -> anyhow::Result<()> {
     let mut names = file.effects().iter().map(|effect| effect.setting().kind().name());
-    if let Some(name) = names.find(|name| !known.contains(name)) {
+    if let Some(name) = names.find(|name| !KNOWN.contains(name)) {
         anyhow::bail!(
             "the model file {} has the effect {name}, expected only {}, which is all that this fit computes; give a file without it, or \
              fit all values together with `krait lab fit`",
             model.display(),
-            known.join(", ")
+            KNOWN.join(", ")
         );
     }
     Ok(())
@@ -259,6 +277,17 @@ pub(super) fn only_known(file: &ModelFile, model: &Path, known: &[&str]) -> anyh
 /// A parameter of an effect of a model file.
 fn value_of(file: Option<&ModelFile>, effect: &str, parameter: &str) -> Option<f64> {
     effect_of(file?, effect)?.setting().value(parameter)
+}
+
+/// Where a model has the friction of its cone.
+pub(super) fn cone_of(file: Option<&ModelFile>) -> ConeFriction {
+    value_of(file, DISTRIBUTED, "arc_share")
+        .map_or(ConeFriction::Lumped, |arc_share| ConeFriction::Distributed { arc_share })
+}
+
+/// What share of its load a line carries inside the snake.
+pub(super) fn inside_share_of(file: Option<&ModelFile>) -> f64 {
+    value_of(file, INSIDE, "share").unwrap_or(0.0)
 }
 
 /// mu and f_s of a model file: they must be known before eta and the play are.

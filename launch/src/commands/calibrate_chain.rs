@@ -6,15 +6,12 @@ use crate::cli_calibrate::PosesArgs;
 use crate::config::Config;
 use crate::led_chain::LedChain;
 use crate::signals;
-use anyhow::{bail, ensure};
+use anyhow::{Context, bail, ensure};
 use krait_calibrate::CalibrateError;
-use krait_calibrate::poses::{self, PoseGoal, PoseReached, PoseSettings, Poses};
+use krait_calibrate::poses::{self, PoseGoal, PosePlan, PoseReached, PoseSettings, Poses};
 use krait_model::Snake;
 use nalgebra::Vector2;
 use std::path::absolute;
-
-/// Largest bend of the plan, deg: beyond the largest that is measured, before the way back.
-const LARGEST_DEG: f64 = 76.0;
 
 /// Asks, starts the chain on the model file, goes through the plan and ends the chain; the fit is that of every robot.
 ///
@@ -23,7 +20,8 @@ const LARGEST_DEG: f64 = 76.0;
 pub fn poses(
     common: &Common,
     args: &PosesArgs,
-    settings: &PoseSettings,
+    mut settings: PoseSettings,
+    eta: f64,
     dialogue: &mut Terminal,
 ) -> anyhow::Result<Poses> {
     let mut config = Config::load(common.config.as_deref())?;
@@ -31,16 +29,22 @@ pub fn poses(
     config.model = Some(absolute(&args.files.model)?);
     config.record.path = args.recording.as_deref().map(absolute).transpose()?;
     config.record.metadata.insert("run".to_owned(), "calibrate poses".to_owned());
-    refuse_small(&mut config, common.config.is_none() && !is_real)?;
+    widen(&mut config, common.config.is_none() && !is_real, settings.plan.largest_deg());
     config.check()?;
+    if let Some(said) = keep_within(&config, &mut settings, args, eta)? {
+        dialogue.say(&said)?;
+    }
+    if let Some(said) = poses::price(&settings)? {
+        dialogue.say(&said)?;
+    }
     let snake = Snake::new(&settings.machine)?;
     let mut plan = args.guide.plan(settings.machine.l_m, config.resolve.view_roll_rad)?;
     plan.awaits_orders = true;
-    ask(dialogue, is_real, args.engage)?;
+    ask(dialogue, is_real, args.engage, &settings.plan)?;
     let stop = signals::stop_flag()?;
     // Started at the first motion: a calibration that is taken up again only to be fitted moves nothing.
     let mut chain: Option<LedChain> = None;
-    let found = poses::run(dialogue, &args.files.csv, args.bends.as_deref(), settings, |_, goal: PoseGoal| {
+    let found = poses::run(dialogue, &args.files.csv, args.bends.as_deref(), &settings, |_, goal: PoseGoal| {
         let robot = |error: anyhow::Error| CalibrateError::Robot(format!("{error:#}"));
         let chain = match &mut chain {
             Some(chain) => chain,
@@ -74,30 +78,55 @@ fn reached(
     Ok(PoseReached { q_m: read.q_m.into(), bend_rad: read.bend_rad.filter(|_| !is_asked) })
 }
 
-/// The chain must bend as far as the plan does; a simulated one without a configuration is given the room.
-fn refuse_small(config: &mut Config, may_widen: bool) -> anyhow::Result<()> {
+/// A simulated chain without a configuration is given the room that the plan needs.
+fn widen(config: &mut Config, may: bool, largest_deg: f64) {
     let resolve = &mut config.resolve;
-    let free_deg = (resolve.max_bend_rad - resolve.bend_margin_rad).to_degrees();
-    if free_deg >= LARGEST_DEG {
-        return Ok(());
+    if may && (resolve.max_bend_rad - resolve.bend_margin_rad).to_degrees() < largest_deg {
+        resolve.bend_margin_rad = 1e-3;
+        resolve.max_bend_rad = resolve.max_bend_rad.max(largest_deg.to_radians() + 2e-3);
     }
-    ensure!(
-        may_widen,
-        "the poses bend up to {LARGEST_DEG:.0} deg, and the chain's limit ([resolve] max_bend_rad less bend_margin_rad) is {free_deg:.1} deg; raise the limit in the configuration, or move the robot without --chain"
+}
+
+/// No pose beyond what the chain may bend, and what its actuators may travel and its lines bear with the model's stiffness: the plan becomes
+/// as large as that, which is said; a plan that was asked for by `--largest-deg` is refused.
+fn keep_within(
+    config: &Config,
+    settings: &mut PoseSettings,
+    args: &PosesArgs,
+    eta: f64,
+) -> anyhow::Result<Option<String>> {
+    let (resolve, limits) = (&config.resolve, &config.slave.limits);
+    let free_deg = (resolve.max_bend_rad - resolve.bend_margin_rad).to_degrees();
+    let travel_m = config.compensate.max_stroke_m.min(limits.stroke_m);
+    let load_n = limits.pull_n.min(limits.push_n);
+    let wanted_deg = settings.plan.largest_deg();
+    let found_deg = poses::largest_deg_within(settings, eta, (wanted_deg.min(free_deg), travel_m, load_n))?;
+    if free_deg >= wanted_deg && found_deg >= wanted_deg.floor() {
+        return Ok(None);
+    }
+    let chain = format!(
+        "the chain's limits allow bends up to {found_deg:.0} deg ([resolve] max_bend_rad less bend_margin_rad is {free_deg:.1} deg, the stroke \
+         is {:.2} mm, a line may carry {load_n:.0} N)",
+        travel_m * 1e3
     );
-    resolve.bend_margin_rad = 1e-3;
-    resolve.max_bend_rad = resolve.max_bend_rad.max(LARGEST_DEG.to_radians() + 2e-3);
-    Ok(())
+    ensure!(
+        args.largest_deg.is_none(),
+        "{chain}, and --largest-deg is {wanted_deg}; give {found_deg:.0} or less, or raise the limits in the configuration"
+    );
+    settings.plan = PosePlan::new(args.front_deg(), found_deg).with_context(|| chain.clone())?;
+    Ok(Some(chain))
 }
 
 /// Nothing moves by itself: `--engage` answers for simulated drives, real ones are asked about always.
-fn ask(dialogue: &mut Terminal, is_real: bool, engage: bool) -> anyhow::Result<()> {
+fn ask(dialogue: &mut Terminal, is_real: bool, engage: bool, plan: &PosePlan) -> anyhow::Result<()> {
     if engage && !is_real {
         return Ok(());
     }
     let drives = if is_real { "REAL drives" } else { "the simulated snake" };
     let question = format!(
-        "This homes and moves {drives} through up to 66 poses of up to {LARGEST_DEG:.0} deg. Type yes to go on, anything else to leave it:"
+        "This homes and moves {drives} through up to {} poses of up to {:.0} deg. Type yes to go on, anything else to leave it:",
+        plan.n_poses(),
+        plan.largest_deg()
     );
     if dialogue.ask(&question)?.as_deref() == Some("yes") {
         return Ok(());

@@ -1,6 +1,6 @@
 //! `krait calibrate stem`: the stem's angle from a recording with load cells, as the lab reads recordings.
 
-use super::calibrate::{KNOWN, effect_of, only_known, replaced, snake_of};
+use super::calibrate::{DISTRIBUTED, cone_of, effect_of, inside_share_of, only_known, replaced, snake_of};
 use super::overwrite::refuse_existing;
 use super::today;
 use crate::cli_calibrate::StemArgs;
@@ -21,12 +21,14 @@ pub fn run(args: &StemArgs) -> anyhow::Result<ExitCode> {
     let model = &args.files.model;
     let session = args.files.session()?;
     let machine = snake_of(&session.file, model)?;
-    only_known(&session.file, model, &KNOWN)?;
+    only_known(&session.file, model)?;
     let (mu, mu_se) = mu_of(&session.file, model)?;
     let settings = StemSettings {
         machine,
         mu,
         mu_se,
+        cone: cone_of(Some(&session.file)),
+        inside_share: inside_share_of(Some(&session.file)),
         cell_sd_n: args.cell_sd_n,
         bend_sd_rad: args.bend_sd_deg.to_radians(),
         encoder_sd_m: args.encoder_sd_um * 1e-6,
@@ -44,11 +46,10 @@ pub fn run(args: &StemArgs) -> anyhow::Result<ExitCode> {
 
 /// mu of the cone with its standard error, 0 where the file states none.
 fn mu_of(file: &ModelFile, model: &Path) -> anyhow::Result<(f64, f64)> {
-    let Some((cone, mu)) =
-        effect_of(file, "cone-friction").and_then(|effect| Some((effect, effect.setting().value("mu")?)))
-    else {
+    let cone = effect_of(file, "cone-friction").or_else(|| effect_of(file, DISTRIBUTED));
+    let Some((cone, mu)) = cone.and_then(|effect| Some((effect, effect.setting().value("mu")?))) else {
         bail!(
-            "the model file {} has no friction in the cone (effect cone-friction), expected its mu, since only 2 mu phi acts; run \
+            "the model file {} has no friction in the cone (effect cone-friction or distributed-capstan), expected its mu, since only 2 mu phi acts; run \
              `krait calibrate friction` first",
             model.display()
         )

@@ -4,6 +4,7 @@ pub mod bench;
 mod bench_growth;
 pub mod calibrate;
 mod calibrate_chain;
+mod calibrate_lines;
 mod calibrate_stem;
 pub mod compare;
 mod compare_table;
