@@ -74,6 +74,10 @@ pub struct QuizArgs {
     /// easy, medium or hard: the hidden effect is four times the noise, twice, or as large.
     #[arg(long, default_value = "easy", value_parser = difficulty)]
     pub level: Difficulty,
+    /// On simulated segments in series instead of the snake: 2 (also if no number is given) or 3; the effect may be of all or of one,
+    /// and where it cannot be as large as the level says it is as large as it can be.
+    #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "2", value_parser = clap::value_parser!(u8).range(2..=3))]
+    pub segments: Option<u8>,
     /// The riddle of this number; without it, one from the clock.
     #[arg(long)]
     pub seed: Option<u64>,

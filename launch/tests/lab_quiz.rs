@@ -60,3 +60,51 @@ fn a_riddle_is_asked_guessed_and_told_and_a_changed_one_is_refused() {
     assert!(String::from_utf8_lossy(&refused.stderr).contains("was changed"), "{refused:?}");
     std::fs::remove_dir_all(&folder).unwrap();
 }
+
+#[test]
+fn a_riddle_on_segments_is_asked_looked_at_and_guessed() {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("quiz-segments-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let file = |name: &str| folder.join(name).to_str().unwrap().to_owned();
+    let data = file("riddle.csv");
+    let asked = krait(&["lab", "quiz", "--segments", "--seed", "5", "--out", &data, "--json"]);
+    assert_eq!(asked.status.code(), Some(0), "{}", String::from_utf8_lossy(&asked.stderr));
+    let riddle = json(&asked);
+    let choices: Vec<String> = serde_json::from_value(riddle["choices"].clone()).unwrap();
+    assert_eq!(choices.len(), 4);
+    assert!(riddle["explanations"].as_array().unwrap().iter().all(|own| own["what"].is_string()), "each in words");
+    let model = riddle["model"].as_str().unwrap();
+    let text = std::fs::read_to_string(model).unwrap();
+    assert!(text.contains("kind = \"segments\"") && text.matches("[[machine.segment]]").count() == 2, "{text}");
+    let looked = krait(&["lab", "compare", "--model", model, "--data", &data]);
+    assert_eq!(looked.status.code(), Some(0), "{}", String::from_utf8_lossy(&looked.stderr));
+
+    let guessed = |name: &str| krait(&["lab", "check", "--data", &data, "--guess", name, "--json"]);
+    let right: Vec<&String> = choices.iter().filter(|name| guessed(name).status.code() == Some(0)).collect();
+    assert_eq!(right.len(), 1, "one of {choices:?}");
+    assert_eq!(json(&guessed(right[0]))["judgement"], "right");
+    let wrong = choices.iter().find(|name| *name != right[0]).unwrap();
+    assert!(json(&guessed(wrong))["hidden"].is_null(), "a wrong guess tells nothing");
+    let told = krait(&["lab", "check", "--data", &data, "--give-up"]);
+    assert!(told.status.code() == Some(0) && String::from_utf8_lossy(&told.stdout).contains(right[0].as_str()));
+
+    let four = krait(&["lab", "quiz", "--segments", "4", "--out", &file("four.csv")]);
+    assert_eq!(four.status.code(), Some(2), "{four:?}");
+    let asked = krait(&[
+        "lab",
+        "quiz",
+        "--segments",
+        "3",
+        "--level",
+        "hard",
+        "--seed",
+        "7",
+        "--out",
+        &file("three.csv"),
+        "--force",
+    ]);
+    assert_eq!(asked.status.code(), Some(0), "{}", String::from_utf8_lossy(&asked.stderr));
+    let said = String::from_utf8_lossy(&asked.stdout);
+    assert!(said.contains("the robot of segments in") && said.contains("krait lab check"), "{said}");
+    std::fs::remove_dir_all(&folder).unwrap();
+}

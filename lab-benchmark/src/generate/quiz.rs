@@ -31,7 +31,7 @@ impl Difficulty {
     }
 
     /// Size of the hidden effect, in units of the noise's length.
-    fn size(self) -> f64 {
+    pub(crate) fn size(self) -> f64 {
         match self {
             Self::Easy => 4.0,
             Self::Medium => 2.0,

@@ -7,8 +7,10 @@
 mod base;
 mod kind;
 mod plant;
+mod quiz;
 
 pub use kind::SegmentKind;
+pub use quiz::SegmentsQuiz;
 
 use crate::generate::{Answer, GenerateError, Generated, Motion, NoiseKind, Purpose, Random, amplitude, check_ranges};
 use kind::Draw;

@@ -6,6 +6,7 @@ use crate::print;
 use anyhow::{Context, bail, ensure};
 use krait_ipc::{clock, input};
 use krait_lab_benchmark::generate::{Answer, Judgement, Quiz, Recipe, Sealed, base_model, generate, is_unmodified};
+use krait_lab_benchmark::segments::SegmentsQuiz;
 use krait_model::effects::{EffectKind, Explanation, SegmentEffect, explanation};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -16,26 +17,38 @@ const MAX_BYTES: u64 = 64 * 1024 * 1024;
 
 /// Makes the data of a riddle and says how to solve it.
 pub fn ask(args: &QuizArgs) -> anyhow::Result<ExitCode> {
-    refuse_existing_data(&args.out, [args.answer.as_deref(), None], &base_model(), args.force)?;
     let seed = args.seed.unwrap_or(clock::wall_ns() as u64);
-    let riddle = Quiz::new(seed, args.level);
-    let recipe = Recipe { hidden: vec![(riddle.kind, riddle.size)], seed, ..Recipe::default() };
-    let sealed = generate(&recipe)?.seal(&args.out, args.answer.as_deref())?;
+    let may_write = |model: &str| refuse_existing_data(&args.out, [args.answer.as_deref(), None], model, args.force);
+    let (machine, choices, sealed) = match args.segments {
+        None => {
+            may_write(&base_model())?;
+            let riddle = Quiz::new(seed, args.level);
+            let recipe = Recipe { hidden: vec![(riddle.kind, riddle.size)], seed, ..Recipe::default() };
+            let choices: Vec<String> = riddle.choices.iter().copied().map(str::to_owned).collect();
+            ("snake", choices, generate(&recipe)?.seal(&args.out, args.answer.as_deref())?)
+        }
+        Some(n) => {
+            let riddle = SegmentsQuiz::new(seed, usize::from(n), args.level);
+            may_write(&riddle.recipe().model()?)?;
+            let sealed = riddle.generate()?.seal(&args.out, args.answer.as_deref())?;
+            ("robot of segments", riddle.choices, sealed)
+        }
+    };
     if args.json {
         print::json(&json!({
             "data": sealed.data, "model": sealed.model, "answer": sealed.answer, "hashes": sealed.hashes,
-            "choices": riddle.choices, "explanations": riddle.choices.iter().map(|name| explanation(name)).collect::<Vec<_>>(),
+            "choices": choices, "explanations": choices.iter().map(|name| explanation(name)).collect::<Vec<_>>(),
         }))?;
     } else {
-        print::out(&question(&riddle, &sealed))?;
+        print::out(&question(machine, &choices, &sealed))?;
     }
     Ok(ExitCode::SUCCESS)
 }
 
-fn question(riddle: &Quiz, sealed: &Sealed) -> String {
+fn question(machine: &str, choices: &[String], sealed: &Sealed) -> String {
     let (model, data) = (sealed.model.display(), sealed.data.display());
-    let mut text = format!("The model in {model} lacks one effect, which the snake in {data} has. Which one?\n\n");
-    for name in &riddle.choices {
+    let mut text = format!("The model in {model} lacks one effect, which the {machine} in {data} has. Which one?\n\n");
+    for name in choices {
         text += &in_words(name);
     }
     text + &format!(
