@@ -1,6 +1,6 @@
 //! A headless Chromium and the handful of its DevTools calls that the tests need; no driver between.
 
-use crate::{TempFolder, wait_until};
+use crate::{CuttableWay, TempFolder, wait_until};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use core::time::Duration;
@@ -13,7 +13,7 @@ use tungstenite::{Message, WebSocket};
 /// Names under which distributions install it.
 const PROGRAMS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
 /// A page on a busy machine takes its time.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_secs(240);
 
 /// A browser that runs.
 pub struct Browser {
@@ -25,18 +25,28 @@ pub struct Browser {
 impl Browser {
     /// Starts a browser; `None`, said aloud, where there is none.
     pub fn start() -> Option<Self> {
-        Self::start_at(0)
+        Self::started(0, &[])
     }
 
     /// The same with a nice value, which every process of the browser has then.
-    #[allow(clippy::print_stderr, reason = "what is skipped is said aloud")]
     pub fn start_at(nice: u8) -> Option<Self> {
+        Self::started(nice, &[])
+    }
+
+    /// The same with a way of its own to a port of 127.0.0.1, whose address stays what it is.
+    pub fn start_by_way_of(relay: &CuttableWay) -> Option<Self> {
+        let (port, way) = (relay.target(), relay.port());
+        Self::started(0, &[format!("--host-resolver-rules=MAP 127.0.0.1:{port} 127.0.0.1:{way}")])
+    }
+
+    #[allow(clippy::print_stderr, reason = "what is skipped is said aloud")]
+    fn started(nice: u8, options: &[String]) -> Option<Self> {
         let profile = TempFolder::new("chromium");
         for program in PROGRAMS {
             let mut command = Command::new("nice");
             command.arg("-n").arg(nice.to_string()).arg(program);
             command.args(["--headless=new", "--disable-gpu", "--no-sandbox", "--remote-debugging-port=0"]);
-            command.args(["--no-first-run", "--hide-scrollbars", "--disable-extensions"]);
+            command.args(["--no-first-run", "--hide-scrollbars", "--disable-extensions"]).args(options);
             command.arg(format!("--user-data-dir={}", profile.path().display())).arg("about:blank");
             let Ok(mut child) = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn() else { continue };
             let mut lines = BufReader::new(child.stderr.take().expect("piped")).lines();
@@ -61,13 +71,15 @@ impl Browser {
         let stream = TcpStream::connect(address).expect("the browser listens");
         stream.set_read_timeout(Some(PATIENCE)).expect("a timeout");
         let (socket, _) = tungstenite::client(self.debugger.as_str(), stream).expect("DevTools");
-        let mut page = BrowserPage { socket, session: None, n_calls: 0, complaints: Vec::new() };
+        let mut page = BrowserPage { socket, session: None, n_calls: 0, complaints: Vec::new(), inner: Vec::new() };
         let target = page.call("Target.createTarget", &json!({ "url": "about:blank" }));
         let attached = page.call("Target.attachToTarget", &json!({ "targetId": target["targetId"], "flatten": true }));
         page.session = attached["sessionId"].as_str().map(str::to_owned);
         for domain in ["Page.enable", "Runtime.enable", "Log.enable"] {
             page.call(domain, &json!({}));
         }
+        let attach = json!({ "autoAttach": true, "waitForDebuggerOnStart": false, "flatten": true });
+        page.call("Target.setAutoAttach", &attach);
         page.resize(width, height);
         page.call("Page.navigate", &json!({ "url": url }));
         page
@@ -88,28 +100,90 @@ pub struct BrowserPage {
     n_calls: u64,
     /// What the page's scripts and the browser itself complained of.
     pub complaints: Vec<String>,
+    /// Documents of other origins and workers within the page: kind and first address, and session.
+    inner: Vec<(String, String)>,
 }
 
 impl BrowserPage {
     /// One DevTools call.
     pub fn call(&mut self, method: &str, params: &Value) -> Value {
-        self.n_calls += 1;
-        let mut message = json!({ "id": self.n_calls, "method": method, "params": params });
-        if let Some(session) = &self.session {
-            message["sessionId"] = json!(session);
-        }
-        self.socket.send(Message::text(message.to_string())).expect("the browser lives");
+        self.call_in(self.session.clone(), method, params)
+    }
+
+    fn call_in(&mut self, session: Option<String>, method: &str, params: &Value) -> Value {
+        self.send(session, method, params);
         loop {
-            let answer: Value = match self.socket.read().expect("the browser answers") {
-                Message::Text(text) => serde_json::from_str(&text).expect("JSON"),
-                _ => continue,
-            };
-            if matches!(answer["method"].as_str(), Some("Runtime.exceptionThrown" | "Log.entryAdded")) {
-                self.complaints.push(answer["params"].to_string());
-            }
+            let answer = self.heard().expect("the browser answers");
             if answer["id"] == self.n_calls {
                 assert!(answer["error"].is_null(), "{method}: {}", answer["error"]);
                 return answer["result"].clone();
+            }
+        }
+    }
+
+    fn send(&mut self, session: Option<String>, method: &str, params: &Value) {
+        self.n_calls += 1;
+        let mut message = json!({ "id": self.n_calls, "method": method, "params": params });
+        if let Some(session) = session {
+            message["sessionId"] = json!(session);
+        }
+        self.socket.send(Message::text(message.to_string())).expect("the browser lives");
+    }
+
+    /// The next message of the browser.
+    fn heard(&mut self) -> Result<Value, tungstenite::Error> {
+        loop {
+            let Message::Text(text) = self.socket.read()? else { continue };
+            let said: Value = serde_json::from_str(&text).expect("JSON");
+            match said["method"].as_str() {
+                Some("Runtime.exceptionThrown" | "Log.entryAdded") => self.complaints.push(said["params"].to_string()),
+                Some("Target.attachedToTarget") => {
+                    let text = |value: &Value| value.as_str().expect("text").to_owned();
+                    let (info, session) = (&said["params"]["targetInfo"], &said["params"]["sessionId"]);
+                    self.inner.push((format!("{} {}", text(&info["type"]), text(&info["url"])), text(session)));
+                }
+                _ => {}
+            }
+            return Ok(said);
+        }
+    }
+
+    /// The session of what is within the page, by a part of its kind and first address: `iframe` is a document of another origin, which
+    /// has no address at first; waited for.
+    pub fn inner(&mut self, part: &str) -> String {
+        let mut found = None;
+        let done = wait_until(PATIENCE, || {
+            // Any answer brings with it what the browser has said before.
+            self.value("0");
+            found = self.inner.iter().rev().find(|(url, _)| url.contains(part)).map(|(_, session)| session.clone());
+            found.is_some()
+        });
+        assert!(done, "nothing of {part} within the page: {:?}", self.inner);
+        found.expect("found")
+    }
+
+    /// The value of a script in such a session, awaited.
+    pub fn value_in(&mut self, session: &str, script: &str) -> Value {
+        let params = json!({ "expression": script, "awaitPromise": true, "returnByValue": true });
+        let result = self.call_in(Some(session.to_owned()), "Runtime.evaluate", &params);
+        assert!(result["exceptionDetails"].is_null(), "{script}: {}", result["exceptionDetails"]);
+        result["result"]["value"].clone()
+    }
+
+    /// Begins a script in such a session and waits for nothing.
+    pub fn begin_in(&mut self, session: &str, script: &str) {
+        self.send(Some(session.to_owned()), "Runtime.evaluate", &json!({ "expression": script }));
+    }
+
+    /// Whether the page's main thread answers within a time. A page of which it does not is not to be asked again.
+    pub fn answers_within(&mut self, patience: Duration) -> bool {
+        self.socket.get_ref().set_read_timeout(Some(patience)).expect("a timeout");
+        self.send(self.session.clone(), "Runtime.evaluate", &json!({ "expression": "0" }));
+        loop {
+            match self.heard() {
+                Ok(said) if said["id"] == self.n_calls => return true,
+                Ok(_) => {}
+                Err(_) => return false,
             }
         }
     }

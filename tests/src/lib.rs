@@ -5,17 +5,18 @@
 #![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
 
 mod browser;
-mod fault_sender;
+mod chain_sender;
 mod http;
 mod motion;
 mod pad;
 mod program;
+mod relay;
 mod rewrite;
 mod riddle;
 mod world;
 
 pub use browser::{Browser, BrowserPage};
-pub use fault_sender::FaultSender;
+pub use chain_sender::{ChainScene, ChainSender};
 pub use http::{Console, HttpAnswer, Live, next_of_kind};
 pub use motion::{
     allowed_m, assert_no_jump, assert_starts_at_setpoint, commands_in, is_moving, kill_until_back, samples_in,
@@ -23,6 +24,7 @@ pub use motion::{
 };
 pub use pad::{PadPage, pad_losses};
 pub use program::{Ended, Krait, krait_program};
+pub use relay::{CuttableWay, WayCut};
 pub use rewrite::rewrite;
 pub use riddle::{Riddle, hand, krait_json};
 pub use world::{TempFolder, held_terminal, instance_name, pid_of, processes_of, real_drives, wait_until};

@@ -8,7 +8,7 @@ use core::time::Duration;
 use krait_ipc::Reason;
 use krait_ipc::message::SlaveState;
 use krait_tests::{
-    Browser, BrowserPage, Console, Ended, FaultSender, Krait, TempFolder, instance_name, next_of_kind, wait_for,
+    Browser, BrowserPage, ChainSender, Console, Ended, Krait, TempFolder, instance_name, next_of_kind, wait_for,
     wait_until,
 };
 use rustix::process::Signal;
@@ -98,7 +98,7 @@ fn the_machines_emergency_stop_is_a_state_of_its_own_and_a_fault_names_its_drive
     let stop = console.at_stop("GET", &console.stop_path(), &[]);
     assert!(stop.status == 200 && stop.body.contains("no emergency stop"), "{stop:?}");
     // The slave's own message, as a slave with real drives sends it.
-    let sender = FaultSender::start(&instance);
+    let sender = ChainSender::start(&instance);
     let mut page = browser.page(&console.address, 1280, 800);
     let second = SlaveState::failed_drive_flags(2);
     let mut shapes = Vec::new();
@@ -118,7 +118,7 @@ fn the_machines_emergency_stop_is_a_state_of_its_own_and_a_fault_names_its_drive
             "The machine’s own stop cut the drives’ power.",
         ),
     ] {
-        sender.say(own, &[Reason::DriveFault]);
+        sender.say_fault(own, &[Reason::DriveFault]);
         page.wait_for(
             sentence,
             &format!(

@@ -8,7 +8,7 @@ use krait_ipc::Reason;
 use krait_ipc::message::SlaveState;
 use krait_schema::Sample;
 use krait_tests::{
-    Browser, BrowserPage, Console, FaultSender, Krait, TempFolder, instance_name, next_of_kind, rewrite,
+    Browser, BrowserPage, ChainSender, Console, Krait, TempFolder, instance_name, next_of_kind, rewrite,
 };
 use rustix::process::Signal;
 use serde_json::json;
@@ -45,11 +45,11 @@ fn three_reasons_are_read_whole_at_every_size_and_more_are_counted() {
     };
     let mut reasons = Reason::ALL.to_vec();
     reasons.sort_by_key(|reason| core::cmp::Reverse(of(reason).chars().count()));
-    let sender = FaultSender::start(&instance);
+    let sender = ChainSender::start(&instance);
     let mut page = browser.page(&console.address, 1280, 800);
     page.wait_for("a fault", "document.documentElement.dataset.shown === 'fault'");
     for three in reasons[..12].chunks(3) {
-        sender.say(SlaveState::failed_drive_flags(2), three);
+        sender.say_fault(SlaveState::failed_drive_flags(2), three);
         let mut says: Vec<String> = three.iter().map(of).collect();
         says.sort();
         let are_shown = format!(
@@ -69,7 +69,7 @@ fn three_reasons_are_read_whole_at_every_size_and_more_are_counted() {
         }
     }
     page.resize(1024, 768);
-    sender.say(SlaveState::failed_drive_flags(2), &reasons[..9]);
+    sender.say_fault(SlaveState::failed_drive_flags(2), &reasons[..9]);
     page.wait_for(
         "what there is no room for is counted",
         "document.querySelectorAll('#reasons li').length + Number(/^and ([0-9]+) more$/.exec(document.getElementById('why-more').textContent)?.[1]) === 9",

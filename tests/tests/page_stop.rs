@@ -1,0 +1,97 @@
+//! The stop in its own frame works by mouse and by key while the page around it is cut off or hangs. What the slave says of itself
+//! decides, and no time does. Skipped aloud where there is no Chromium.
+
+#![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
+
+use core::time::Duration;
+use krait_ipc::message::OperatingState;
+use krait_tests::{
+    Browser, BrowserPage, Console, CuttableWay, Ended, Krait, WayCut, instance_name, is_moving, wait_for, wait_until,
+};
+use rustix::process::Signal;
+
+const PATIENCE: Duration = Duration::from_secs(240);
+/// A page that hangs has not answered after this long, and never will.
+const HANGS_FOR: Duration = Duration::from_secs(1);
+
+/// Begins a loop without an end on the page's main thread, and asks for an address first that the way to the console can see.
+const HANG: &str = "setTimeout(() => {
+    const ask = new XMLHttpRequest();
+    ask.open('GET', '/hangs', false);
+    try { ask.send(); } finally { for (;;); }
+}, 0); 0";
+
+/// How the operator stops.
+#[derive(Debug)]
+enum Stops {
+    Mouse,
+    Escape,
+    Enter,
+}
+
+#[test]
+fn the_stop_works_while_the_live_connection_is_silent() {
+    stops_while(Some(WayCut::Silent));
+}
+
+#[test]
+fn the_stop_works_while_the_live_connection_is_closed() {
+    stops_while(Some(WayCut::Closed));
+}
+
+#[test]
+fn the_stop_works_while_the_page_is_in_an_endless_loop() {
+    stops_while(None);
+}
+
+/// A chain that moves, a page with a way of its own to its console, and that way cut; without a cut the page hangs.
+fn stops_while(cut: Option<WayCut>) {
+    let instance = instance_name("page-stop");
+    let mut krait = Krait::start(&["run", "--engage=again", "--instance", &instance, "--console", "--no-recording"]);
+    let console = Console::of(&mut krait);
+    let relay = CuttableWay::to(console.port);
+    let Some(browser) = Browser::start_by_way_of(&relay) else { return };
+    let mut page = browser.page(&console.address, 1280, 800);
+    page.wait_for("the snake follows", "document.documentElement.dataset.shown === 'following'");
+    assert!(relay.was_asked("GET /live"), "the page came by its own way");
+    let place = place_of_stop(&mut page);
+    let stop = page.inner("iframe");
+    let loaded = format!("document.readyState === 'complete' && location.pathname === '{}'", console.stop_path());
+    let is_loaded = wait_until(PATIENCE, || page.value_in(&stop, &loaded) == true);
+    assert!(is_loaded, "the stop's own document");
+    // Keys go to the stop from here on: a page that hangs could not hand them on.
+    page.value("document.getElementById('stop').focus(); 0");
+    page.value_in(&stop, "document.getElementById('stop').focus(); 0");
+    match cut {
+        Some(how) => {
+            relay.cut(how);
+            page.wait_for("the page is cut off", "document.documentElement.dataset.shown === 'stale'");
+        }
+        None => {
+            page.value(HANG);
+            assert!(wait_until(PATIENCE, || relay.was_asked("GET /hangs")), "the page begins to hang");
+        }
+    }
+    for way in [Stops::Mouse, Stops::Escape, Stops::Enter] {
+        let n_before = wait_for(&instance, "moving", is_moving).n_stops;
+        match way {
+            Stops::Mouse => page.press(place[0], place[1]),
+            Stops::Escape => page.key("Escape", 27),
+            Stops::Enter => [true, false].into_iter().for_each(|is_down| page.key_half(is_down, "Enter", 13)),
+        }
+        wait_for(&instance, &format!("stopped by {way:?} with {cut:?}"), |state| {
+            state.n_stops > n_before && state.operating() == Some(OperatingState::Paused)
+        });
+        let resumed = Ended::of(&["state", "resume", "--instance", &instance], PATIENCE);
+        assert_eq!(resumed.code, Some(0), "{}", resumed.stderr);
+    }
+    assert_eq!(page.answers_within(HANGS_FOR), cut.is_some(), "a page that is cut off lives, one in a loop hangs");
+    krait.signal(Signal::TERM);
+    krait.end(PATIENCE);
+}
+
+/// The middle of the stop's frame.
+fn place_of_stop(page: &mut BrowserPage) -> [f64; 2] {
+    let place = page.value("(frame => [frame.x + frame.width / 2, frame.y + frame.height / 2])(document.getElementById('stop').getBoundingClientRect())");
+    [0, 1].map(|at| place[at].as_f64().expect("a place"))
+}
