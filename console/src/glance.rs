@@ -1,20 +1,21 @@
 //! The page's glance as lines for a terminal of 80 columns: state, error, plane, lines, latency, losses, recording, marks, and
 //! what holds the motion back, worst first.
 
+use crate::fitted::{GlanceLine, GlanceWeight};
 use crate::observer::Observer;
 use crate::words::{Level, Shown, fault_sentence};
 use krait_ipc::Reason;
 use krait_ipc::message::{OperatorInput, Shape, SlaveState};
 
-/// Columns of a terminal of the usual size; a line that is as long would wrap on some.
-const COLUMNS: usize = 79;
 /// Below this bend there is no plane to speak of, degrees.
 const PLANE_FROM_DEG: f64 = 2.0;
 /// Reasons that are shown at most.
 const MOST_REASONS: usize = 6;
 
-/// What a chain does at this instant, as lines of at most 79 characters.
-pub fn glance(observer: &mut Observer, now_ns: i64) -> Vec<String> {
+/// What a chain does at this instant, line by line.
+pub fn glance(observer: &mut Observer, now_ns: i64) -> Vec<GlanceLine> {
+    let of = |weight| move |text| GlanceLine::new(weight, text);
+    let (error, rest) = (of(GlanceWeight::Error), of(GlanceWeight::Rest));
     let shown = observer.shown(now_ns);
     let failed = observer
         .newest()
@@ -23,32 +24,33 @@ pub fn glance(observer: &mut Observer, now_ns: i64) -> Vec<String> {
         .map(fault_sentence);
     let sentence = failed.unwrap_or_else(|| shown.sentence().to_owned());
     let word = shown.word().to_uppercase() + " ";
-    let mut lines = vec![format!("{word:<12}{sentence}")];
+    let mut lines = vec![GlanceLine::new(GlanceWeight::State, format!("{word:<12}{sentence}"))];
     let recording_s = observer.recording_s(&observer.members(), now_ns);
     let newest = observer.newest();
     let off_deg = observer.tracking().rms(now_ns).map(f64::to_degrees);
-    lines.push(operator_line(newest.input.as_ref()));
+    lines.push(rest(operator_line(newest.input.as_ref())));
     if let Some(setpoint) =
         newest.setpoint.filter(|setpoint| newest.fresh_state(now_ns).is_some() && setpoint.n_joints == 0)
     {
-        lines.push(bend_line(setpoint.bend_rad, newest.fresh_shape(now_ns), off_deg));
-        lines.extend(setpoint.jaw_rad().map(|jaw_rad| jaw_line(jaw_rad, newest.fresh_shape(now_ns))));
+        lines.push(error(bend_line(setpoint.bend_rad, newest.fresh_shape(now_ns), off_deg)));
+        lines.extend(setpoint.jaw_rad().map(|jaw_rad| rest(jaw_line(jaw_rad, newest.fresh_shape(now_ns)))));
     }
     if let Some(state) = newest.fresh_state(now_ns) {
         let n_segments = newest.setpoint.map_or(0, |setpoint| setpoint.n_segments());
-        lines.extend(match n_segments {
+        let of_each = match n_segments {
             0 => joint_lines(state, newest.fresh_shape(now_ns)),
             n => segment_lines(n, state, newest.fresh_shape(now_ns)),
-        });
-        lines.extend(actuator_lines(state));
+        };
+        lines.extend(of_each.into_iter().map(error));
+        lines.extend(actuator_lines(state).into_iter().map(rest));
     }
-    lines.push(latency_line(observer));
-    lines.push(format!("recording   {}", recording_words(recording_s, observer.marks())));
+    lines.push(rest(latency_line(observer)));
+    lines.push(rest(format!("recording   {}", recording_words(recording_s, observer.marks()))));
     if let Some(command) = observer.newest().command {
-        lines.push(format!("model       {:016x}", command.model_hash));
+        lines.push(rest(format!("model       {:016x}", command.model_hash)));
     }
     lines.extend(reason_lines(observer, now_ns));
-    lines.into_iter().map(|line| line.chars().take(COLUMNS).collect()).collect()
+    lines
 }
 
 /// A value with so many digits behind the point; a dash where there is none.
@@ -159,7 +161,7 @@ fn recording_words(recording_s: Option<f64>, marks: Option<(u64, &str)>) -> Stri
     recorder + &marks.unwrap_or_default()
 }
 
-fn reason_lines(observer: &Observer, now_ns: i64) -> Vec<String> {
+fn reason_lines(observer: &Observer, now_ns: i64) -> Vec<GlanceLine> {
     let mut reasons: Vec<Reason> = observer.reasons(now_ns).iter().collect();
     let newest = observer.newest();
     reasons.sort_by_key(|reason| newest.words_of(*reason, now_ns).level);
@@ -173,14 +175,22 @@ fn reason_lines(observer: &Observer, now_ns: i64) -> Vec<String> {
         };
         format!("{level:<12}{} {}", words.say, words.todo).trim_end().to_owned()
     };
+    let further = |text, n_reasons| GlanceLine { weight: GlanceWeight::FurtherReason, text, n_reasons };
     let n_more = reasons.len().saturating_sub(MOST_REASONS);
-    let more = (n_more > 0).then(|| format!("            and {n_more} more: `krait state` has them all"));
-    reasons.iter().take(MOST_REASONS).map(line).chain(more).collect()
+    let more =
+        (n_more > 0).then(|| further(format!("            and {n_more} more: `krait state` has them all"), n_more));
+    let mut lines: Vec<_> =
+        reasons.iter().take(MOST_REASONS).map(|reason| further(line(reason), 1)).chain(more).collect();
+    if let Some(worst) = lines.first_mut() {
+        worst.weight = GlanceWeight::Reason;
+    }
+    lines
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fitted::fitted;
     use krait_ipc::Bus;
 
     #[test]
@@ -188,10 +198,10 @@ mod tests {
         let bus = Bus::open(&format!("glance-{}", std::process::id()), "glance").expect("joined");
         let mut observer = Observer::open(bus).expect("an observer");
         observer.look(f64::INFINITY).expect("looked");
-        let lines = glance(&mut observer, krait_ipc::clock::monotonic_ns());
+        let lines = fitted(glance(&mut observer, krait_ipc::clock::monotonic_ns()), [usize::MAX; 2]);
         assert!(lines[0].starts_with("NO PICTURE"), "{lines:?}");
         assert!(lines.iter().any(|line| line == "latency     p50 -, p99 -, worst - us; 0 late, 0 lost"), "{lines:?}");
-        assert!(lines.iter().all(|line| line.chars().count() <= COLUMNS), "{lines:?}");
+        assert!(lines.iter().all(|line| line.chars().count() < 80), "{lines:?}");
     }
 
     #[test]

@@ -12,6 +12,7 @@ mod columns;
 mod doctor;
 mod error;
 mod facts;
+mod fitted;
 mod foxglove;
 mod glance;
 mod guard;
@@ -35,6 +36,7 @@ mod words;
 
 pub use error::ConsoleError;
 pub use facts::{Facts, HopBudget, JointFacts, LineFacts, SegmentFacts};
+pub use fitted::{GlanceLine, GlanceWeight, fitted};
 pub use foxglove::FoxgloveSettings;
 pub use glance::{bend_deg, glance, number, plane_deg};
 pub use observer::Observer;

@@ -1,7 +1,7 @@
 //! A terminal that hands over each key at once and shows one picture after the other; as it was before, however that ends.
 
 use anyhow::Context;
-use rustix::termios::{InputModes, LocalModes, OptionalActions, Termios, tcgetattr, tcsetattr};
+use rustix::termios::{InputModes, LocalModes, OptionalActions, Termios, tcgetattr, tcgetwinsize, tcsetattr};
 use std::io::{IsTerminal, Write, stdin, stdout};
 
 /// The other screen, without a cursor.
@@ -33,18 +33,19 @@ impl Terminal {
         Ok(Some(terminal))
     }
 
-    /// Shows lines from the top; what was there before goes.
+    /// Rows and columns as they are now; a terminal that does not say has as many as one likes.
+    pub fn size(&self) -> [usize; 2] {
+        let Ok(size) = tcgetwinsize(stdout()) else { return [usize::MAX; 2] };
+        [size.ws_row, size.ws_col].map(|own| if own == 0 { usize::MAX } else { usize::from(own) })
+    }
+
+    /// Shows lines from the top; what was there before goes. No line may be as long as a row, and there may be as many as rows: the last
+    /// one has no end of line, which would scroll.
     ///
     /// # Errors
     /// A terminal that has gone.
     pub fn show(&self, lines: &[String]) -> std::io::Result<()> {
-        let mut text = String::from("\x1b[H");
-        for line in lines {
-            text += line;
-            text += "\x1b[K\r\n";
-        }
-        text += "\x1b[J";
-        write(&text)
+        write(&format!("\x1b[H{}\x1b[K\x1b[J", lines.join("\x1b[K\r\n")))
     }
 }
 

@@ -4,16 +4,18 @@
 #![allow(clippy::expect_used, reason = "a panic is how a test fails")]
 
 use core::time::Duration;
-use krait_ipc::message::{OperatingState, SlaveState};
+use krait_ipc::Reason;
+use krait_ipc::message::{DeviceState, OperatingState, OperatorInput, Phase, SlaveState};
 use krait_record::Recording;
 use krait_schema::Sample;
 use krait_tests::{
-    Ended, Krait, TempFolder, instance_name, is_moving, krait_program, processes_of, wait_for, wait_for_motion,
-    wait_until,
+    ChainScene, ChainSender, Ended, Krait, TempFolder, instance_name, is_moving, krait_program, processes_of, wait_for,
+    wait_for_motion, wait_until,
 };
 use rustix::fs::{CWD, Mode, mkfifoat};
 use rustix::process::Signal;
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use rustix::termios::{Winsize, tcsetwinsize};
 use std::fs::File;
 use std::io::{Read, Write};
 use std::path::Path;
@@ -31,10 +33,16 @@ struct Watched {
 
 impl Watched {
     fn start(instance: &str) -> Self {
+        Self::sized(instance, 0, 0)
+    }
+
+    /// In a terminal of so many rows and columns; of 0 it does not say how many it has.
+    fn sized(instance: &str, ws_row: u16, ws_col: u16) -> Self {
         let ours =
             openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).expect("a terminal can be had");
         grantpt(&ours).expect("granted");
         unlockpt(&ours).expect("unlocked");
+        tcsetwinsize(&ours, Winsize { ws_row, ws_col, ws_xpixel: 0, ws_ypixel: 0 }).expect("a size");
         let path = ptsname(&ours, Vec::new()).expect("it has a name").into_string().expect("plain");
         let theirs = || File::options().read(true).write(true).open(&path).expect("opened");
         let mut command = Command::new(krait_program());
@@ -59,6 +67,13 @@ impl Watched {
 
     fn shows(&self, text: &str) {
         assert!(wait_until(PATIENCE, || self.screen().contains(text)), "never {text:?} in:\n{}", self.screen());
+    }
+
+    /// The pictures so far, each as its lines.
+    fn pictures(&self) -> Vec<Vec<String>> {
+        let screen = self.screen();
+        let whole = screen.split("\x1b[H").skip(1).filter_map(|picture| picture.split_once("\x1b[J"));
+        whole.map(|(picture, _)| picture.split("\r\n").map(|line| line.replace("\x1b[K", "")).collect()).collect()
     }
 
     fn press(&mut self, keys: &str) {
@@ -114,6 +129,48 @@ fn the_glance_says_what_the_chain_does_and_its_keys_mark_pause_and_stop_it() {
         _ => None,
     });
     assert_eq!(marks.collect::<Vec<_>>(), ["vessel touched"]);
+}
+
+/// Fewer rows than the glance has lines, and fewer columns: what matters stays, reasons that there is no room for are counted, and the
+/// terminal has no line to scroll for. One that grows shows all again.
+#[test]
+fn a_low_terminal_shows_state_reason_and_error_and_never_scrolls() {
+    let instance = instance_name("low");
+    let sender = ChainSender::start(&instance);
+    let reasons = [Reason::DriveFault, Reason::FollowingError, Reason::LoadUnknown, Reason::SamplesLost];
+    let flags = SlaveState::failed_drive_flags(2) | SlaveState::OTHERS_HOLD;
+    let scene = ChainScene::of(OperatingState::Fault, flags, &reasons);
+    sender.say(scene.driven(OperatorInput::OPERATOR_PRESENT, DeviceState::Live, Phase::Holding));
+    for (rows, columns) in [(3, 60), (5, 80), (1, 40)] {
+        let mut watched = Watched::sized(&instance, rows, columns);
+        let first = |lines: &Vec<String>| lines.first().is_some_and(|line| line.starts_with("FAULT       Drive 2"));
+        let all_there = |lines: &Vec<String>| {
+            let begins = |text: &str| lines.iter().any(|line| line.starts_with(text));
+            first(lines) && (rows < 3 || begins("bend        ") && begins("FAULT       The drives"))
+        };
+        assert!(
+            wait_until(PATIENCE, || watched.pictures().iter().any(all_there)),
+            "{rows} rows: {:?}",
+            watched.pictures().last()
+        );
+        let counted = watched.pictures().into_iter().rfind(all_there).expect("seen").concat();
+        let said = match rows {
+            1 => "(4 reasons)",
+            3 => "(and 3 more)",
+            _ => "(and 1 more)",
+        };
+        assert!(counted.contains(said), "{rows} rows: {counted}");
+        for lines in watched.pictures() {
+            assert!(lines.len() <= usize::from(rows), "{rows} rows: {lines:?}");
+            assert!(lines.iter().all(|line| line.chars().count() < usize::from(columns)), "{columns}: {lines:?}");
+        }
+        let grown = Winsize { ws_row: 40, ws_col: 100, ws_xpixel: 0, ws_ypixel: 0 };
+        tcsetwinsize(&watched.keyboard, grown).expect("a size");
+        watched.shows("q: end the watch");
+        watched.shows(&format!("krait watch: {instance}"));
+        watched.press("q");
+        assert!(wait_until(PATIENCE, || watched.child.try_wait().expect("watched").is_some()), "it ends");
+    }
 }
 
 #[test]

@@ -13,7 +13,7 @@ use crate::terminal::Terminal;
 use crate::{commands, print, signals};
 use core::time::Duration;
 use keys::{KeyOrder, Keys};
-use krait_console::{Observer, glance};
+use krait_console::{GlanceLine, GlanceWeight, Observer, fitted, glance};
 use krait_ipc::message::Transition;
 use krait_ipc::{Bus, StopSwitch, clock};
 use std::io::Read;
@@ -55,15 +55,18 @@ pub fn run(common: &Common, args: &WatchArgs) -> anyhow::Result<ExitCode> {
         due_ns = now_ns + period_ns;
         let mut lines = glance(&mut observer, now_ns);
         let Some(terminal) = &terminal else {
-            print::out(&format!("{}\n\n", lines.join("\n")))?;
+            print::out(&format!("{}\n\n", fitted(lines, [usize::MAX; 2]).join("\n")))?;
             if args.once {
                 break;
             }
             continue;
         };
-        lines.insert(0, format!("krait watch: {}", common.instance));
-        lines.extend([String::new(), locked(&said).line(now_ns).unwrap_or_else(|| HELP.to_owned())]);
-        if terminal.show(&lines).is_err() {
+        let told = locked(&said).line(now_ns);
+        let weight = if told.is_some() { GlanceWeight::Keys } else { GlanceWeight::Frame };
+        lines.insert(0, GlanceLine::new(GlanceWeight::Frame, format!("krait watch: {}", common.instance)));
+        lines.push(GlanceLine::new(GlanceWeight::Frame, String::new()));
+        lines.push(GlanceLine::new(weight, told.unwrap_or_else(|| HELP.to_owned())));
+        if terminal.show(&fitted(lines, terminal.size())).is_err() {
             break;
         }
     }
