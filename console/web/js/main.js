@@ -1,5 +1,5 @@
 // The beginning: the token from the address becomes a cookie and leaves the address bar; then the pages are set up.
-import { lend, on, post } from './link.js';
+import { connect, lend, on } from './link.js';
 import { onVisit, start } from './shell.js';
 import { startCommands } from './commands.js';
 import './operate.js';
@@ -31,4 +31,4 @@ startPad();
 lend('scene', document.getElementById('scene'));
 lend('strip', document.getElementById('strip'));
 await enter();
-post('connect');
+connect();

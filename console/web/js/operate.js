@@ -50,16 +50,18 @@ on('frame', ({ frame, age, glass }) => {
   live(age > OLD_MS ? 'old' : '', age > OLD_MS ? `${(age / 1000).toFixed(1)} s old` : 'Live', glass === null || age > OLD_MS ? '' : `${glass.toFixed(0)} ms`);
 });
 
-on('stale', ({ hasConnection }) => {
-  const now = performance.now();
+on('stale', ({ hasConnection, silentFrom }) => {
+  const now = performance.now(), from = silentFrom ?? now - 500;
   const isNew = staleSince === null;
-  staleSince ??= { at: new Date(Date.now() - 500), from: now - 500, isFirst: !shown };
+  staleSince ??= { at: new Date(Date.now() - (now - from)), from, isFirst: !shown };
   show('stale');
   if (!isNew && now < textDue) return;
   textDue = now + TEXT_EVERY_MS;
   const seconds = ((now - staleSince.from) / 1000).toFixed(1);
   write($('blank-title'), staleSince.isFirst ? 'No picture yet' : `No picture since ${staleSince.at.toTimeString().slice(0, 8)}`);
-  write($('blank-text'), hasConnection
+  write($('blank-text'), silentFrom !== undefined
+    ? `The part of this page that paints has been silent for ${seconds} s. What the robot does now is not known here: look at the robot. If this stays, load the page anew.`
+    : hasConnection
     ? `The drives have not reported for ${seconds} s. What the robot does now is not known here: look at the robot.`
     : `Nothing has arrived for ${seconds} s. What the robot does now is not known here: look at the robot. Connecting again …`);
   for (const id of ['bend-now', 'plane-now', 'off-now']) write($(id), '–');
@@ -71,7 +73,7 @@ on('stale', ({ hasConnection }) => {
   write($('need-scale').querySelector('dd span'), '–');
   list([{ level: 'info', say: 'Not known.', todo: 'What was shown is too old.' }], 'stale');
   write($('sentence'), STATES.stale.say);
-  live('gone', hasConnection ? 'No state' : 'No connection', '');
+  live('gone', silentFrom !== undefined ? 'No painter' : hasConnection ? 'No state' : 'No connection', '');
 });
 
 on('slow', ({ message }) => {

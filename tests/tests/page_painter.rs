@@ -1,0 +1,74 @@
+//! The worker that paints hangs or dies: what it painted is covered by the page, which says since when; and comes back with the worker.
+//! Skipped aloud where there is no Chromium.
+
+#![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
+
+use core::time::Duration;
+use krait_tests::{Browser, BrowserPage, Console, Krait, TempFolder, instance_name};
+use rustix::process::Signal;
+
+const PATIENCE: Duration = Duration::from_secs(240);
+
+/// A loop that ends only once the lab has a measurement of this name.
+const HANG: &str = "for (;;) {
+    const ask = new XMLHttpRequest();
+    ask.open('GET', '/lab', false);
+    ask.send();
+    if (ask.responseText.includes('goes-on.csv')) break;
+}";
+
+#[test]
+fn a_painter_that_hangs_or_dies_leaves_no_old_picture_and_the_page_says_since_when() {
+    let Some(browser) = Browser::start() else { return };
+    let (instance, folder) = (instance_name("painter"), TempFolder::new("painter"));
+    let lab = folder.file("lab");
+    std::fs::create_dir(&lab).expect("a folder");
+    let krait = Krait::start(&["run", "--engage=again", "--instance", &instance, "--no-recording"]);
+    let mut server = Krait::start(&["console", "--instance", &instance, "--lab", &lab]);
+    let mut page = browser.page(&Console::of(&mut server).address, 1280, 800);
+    page.wait_for("the snake follows", "document.documentElement.dataset.shown === 'following'");
+    let painter = page.inner("/js/worker.js");
+
+    page.begin_in(&painter, HANG);
+    is_blank(&mut page);
+    page.keep("painter-hangs");
+    std::fs::write(format!("{lab}/goes-on.csv"), "time_s\n0\n").expect("written");
+    page.wait_for("it paints again", "document.documentElement.dataset.shown !== 'stale'");
+    page.wait_for("nothing covers its picture", "document.getElementById('blank').hidden");
+
+    page.begin_in(&painter, "self.close()");
+    is_blank(&mut page);
+    let first = seconds(&mut page);
+    page.wait_for(
+        "the time goes on",
+        &format!("Number(/ ([0-9.]+) s/.exec(document.getElementById('blank-text').textContent)[1]) > {first}"),
+    );
+    server.signal(Signal::TERM);
+    server.end(PATIENCE);
+    krait.signal(Signal::INT);
+    krait.end(PATIENCE);
+}
+
+/// The page says that there is no picture, since when, and why; and covers the one that was painted.
+fn is_blank(page: &mut BrowserPage) {
+    page.wait_for("the state is unknown", "document.documentElement.dataset.shown === 'stale'");
+    page.wait_for(
+        "since when",
+        "/^No picture since [0-9:]{8}$/.test(document.getElementById('blank-title').textContent)",
+    );
+    page.wait_for(
+        "why",
+        "document.getElementById('blank-text').textContent.startsWith('The part of this page that paints has been silent for ')",
+    );
+    page.wait_for("the banner says so", "document.getElementById('word').textContent === 'No picture'");
+    page.wait_for("figures are gone", "document.getElementById('bend-now').textContent === '–'");
+    let covers = "(scene => [[0.02, 0.5], [0.5, 0.5], [0.5, 0.9], [0.98, 0.02]].every(([x, y]) =>
+        document.getElementById('blank').contains(document.elementFromPoint(scene.x + x * scene.width, scene.y + y * scene.height))))(document.getElementById('scene').getBoundingClientRect())";
+    page.wait_for("the old picture is covered", covers);
+}
+
+/// How long the page says that the painter has been silent, s.
+fn seconds(page: &mut BrowserPage) -> f64 {
+    let said = page.text("#blank-text");
+    said.split(' ').find_map(|word| word.parse().ok()).unwrap_or_else(|| panic!("a number of seconds in {said}"))
+}
