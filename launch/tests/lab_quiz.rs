@@ -47,6 +47,8 @@ fn a_riddle_is_asked_guessed_and_told_and_a_changed_one_is_refused() {
         said["judgement"] == "wrong" && said["hidden"].is_null() && said["effect_rms_deg"].is_null(),
         "a wrong guess tells nothing: {said}"
     );
+    assert_eq!(said["guessed"][0]["worth"], "wrong", "{said}");
+    assert!(said["guessed"][0]["is_near"].is_boolean() && said["n_unnamed"] == 1 && said["n_hidden"] == 1, "{said}");
     let told = krait(&["lab", "check", "--data", data, "--give-up"]);
     assert!(told.status.code() == Some(0) && String::from_utf8_lossy(&told.stdout).contains(right[0].as_str()));
     let nonsense = guessed("backlsh");
@@ -106,5 +108,42 @@ fn a_riddle_on_segments_is_asked_looked_at_and_guessed() {
     assert_eq!(asked.status.code(), Some(0), "{}", String::from_utf8_lossy(&asked.stderr));
     let said = String::from_utf8_lossy(&asked.stdout);
     assert!(said.contains("the robot of segments in") && said.contains("krait lab check"), "{said}");
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+/// A guess may be another word for an effect, or its title; of several names each is weighed.
+#[test]
+fn a_guess_in_peoples_own_words_is_understood_and_told_how_far_it_was_right() {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("words-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let data = folder.join("two.csv");
+    let data = data.to_str().unwrap();
+    let hidden = ["--kind", "backlash+camera-offset", "--size", "3,3", "--seconds", "30"];
+    let made = krait(&[&["lab", "generate", "--seed", "3", "--out", data], &hidden[..]].concat());
+    assert_eq!(made.status.code(), Some(0), "{}", String::from_utf8_lossy(&made.stderr));
+    let guessed = |guess: &str| krait(&["lab", "check", "--data", data, "--guess", guess, "--json"]);
+    for right in ["play + the camera's zero is off", "Camera_Offset+Slack", "backlash+camera-offset"] {
+        let said = guessed(right);
+        assert!(said.status.code() == Some(0) && json(&said)["judgement"] == "right", "{right}: {said:?}");
+    }
+    let alike = json(&guessed("Coulomb friction+camera-offset"));
+    assert_eq!(alike["judgement"], "look-alike", "{alike}");
+    assert_eq!(alike["guessed"][0]["effect"], "static-friction", "{alike}");
+    let half = guessed("play+camera scale");
+    let told = json(&half);
+    assert_eq!((half.status.code(), &told["judgement"], &told["hidden"]), (Some(1), &"wrong".into(), &Value::Null));
+    assert_eq!((&told["guessed"][0]["worth"], &told["guessed"][1]["worth"]), (&"right".into(), &"wrong".into()));
+    assert_eq!((&told["n_hidden"], &told["n_unnamed"]), (&2.into(), &1.into()), "{told}");
+    let said = krait(&["lab", "check", "--data", data, "--guess", "play+camera scale"]);
+    let said = String::from_utf8_lossy(&said.stdout).split_whitespace().collect::<Vec<_>>().join(" ");
+    for words in [
+        "No, it is not backlash (play) and camera-scale (camera scale).",
+        "2 effects are hidden, of which the guess names 1. right: backlash (play). wrong: camera-scale",
+        "camera-scale acts on what the camera sees, and so does something that is hidden.",
+    ] {
+        assert!(said.contains(words), "{words}: {said}");
+    }
+    let nonsense = guessed("play+backlsh");
+    assert!(String::from_utf8_lossy(&nonsense.stderr).contains("did you mean backlash?"), "{nonsense:?}");
     std::fs::remove_dir_all(&folder).unwrap();
 }

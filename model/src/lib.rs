@@ -58,7 +58,7 @@ pub use hash::ModelHash;
 pub use kinematics::Psi;
 pub use learner::{Learner, LearnerParameters, Sight};
 pub use loads::{LineLoads, LoadBounds, LoadRequest, LoadStatus};
-pub use nearest::nearest_name;
+pub use nearest::{meant_name, nearest_name};
 pub use parameters::{MachineParameters, ParameterError};
 pub use recursion::{Learning, Learnt};
 pub use snake::Snake;

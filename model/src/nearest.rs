@@ -1,6 +1,6 @@
 //! The known name that somebody most likely meant: by what people call an effect, and else by its spelling.
 
-use crate::effects::{Definition, EffectKind, ForceEffect};
+use crate::effects::{Definition, EffectKind, ForceEffect, explanation};
 use crate::joints::JointEffect;
 
 /// Every effect of every machine.
@@ -20,6 +20,29 @@ fn meant(word: &str, names: &[&str]) -> Option<&'static str> {
         .map(|(_, name)| name)
 }
 
+/// The one of `names` that `given` says: its own name, another word for it, or its title; in any case, and with spaces for hyphens. `None`
+/// for what is only spelt alike.
+///
+/// ```
+/// use krait_model::meant_name;
+/// assert_eq!(meant_name("Coulomb friction", ["viscous-friction", "static-friction"]), Some("static-friction"));
+/// assert_eq!(meant_name("smooth hysteresis", ["creep", "bouc-wen"]), Some("bouc-wen"));
+/// assert_eq!(meant_name("backlsh", ["creep", "backlash"]), None);
+/// ```
+pub fn meant_name<'a>(given: &str, names: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let names: Vec<&str> = names.into_iter().collect();
+    let word = as_word(given);
+    let own = names.iter().find(|name| **name == word);
+    let titled = || names.iter().find(|name| explanation(name).is_some_and(|own| as_word(own.title) == word));
+    let also = || meant(&word, &names).and_then(|meant| names.iter().find(|name| **name == meant));
+    own.or_else(titled).or_else(also).copied()
+}
+
+/// As names and other words for them are written.
+fn as_word(given: &str) -> String {
+    given.trim().to_lowercase().replace([' ', '_'], "-").replace('\u{2019}', "'")
+}
+
 /// The one of `names` that `given` is another word for, or else the one that looks most like it (Jaro-Winkler); `None` where
 /// there are none. Other words for an effect stand beside its definition.
 ///
@@ -30,7 +53,7 @@ fn meant(word: &str, names: &[&str]) -> Option<&'static str> {
 /// ```
 pub fn nearest_name<'a>(given: &str, names: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let names: Vec<&str> = names.into_iter().collect();
-    let word = given.trim().to_lowercase().replace([' ', '_'], "-");
+    let word = as_word(given);
     let known = meant(&word, &names).and_then(|meant| names.iter().find(|name| **name == meant));
     let alike = |name: &str| strsim::jaro_winkler(given, name);
     known.or_else(|| names.iter().max_by(|a, b| alike(a).total_cmp(&alike(b)))).copied()

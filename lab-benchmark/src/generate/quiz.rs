@@ -84,19 +84,29 @@ pub enum Judgement {
 impl Answer {
     /// Judges the names that somebody guesses; each hidden effect must be named once, in any order.
     pub fn judge(&self, guess: &[&str]) -> Judgement {
+        let (each, n_left) = self.weigh(guess);
+        if n_left > 0 || each.contains(&Judgement::Wrong) {
+            return Judgement::Wrong;
+        }
+        if each.contains(&Judgement::LookAlike) { Judgement::LookAlike } else { Judgement::Right }
+    }
+
+    /// What each name of a guess is worth, and how many hidden effects none of them names.
+    pub fn weigh(&self, guess: &[&str]) -> (Vec<Judgement>, usize) {
         let mut left: Vec<&Vec<String>> = self.right.iter().collect();
-        let mut is_exact = true;
-        for name in guess {
-            let Some(place) = left.iter().position(|right| right.iter().any(|own| own == name)) else {
-                return Judgement::Wrong;
-            };
-            is_exact &= left.remove(place).first().is_some_and(|first| first == name);
+        let mut each = vec![Judgement::Wrong; guess.len()];
+        // What is named exactly is not left to a name that only looks like it.
+        for worth in [Judgement::Right, Judgement::LookAlike] {
+            for (name, own) in guess.iter().zip(&mut each).filter(|(_, own)| **own == Judgement::Wrong) {
+                let n_names = if worth == Judgement::Right { 1 } else { usize::MAX };
+                let place = left.iter().position(|right| right.iter().take(n_names).any(|known| known == name));
+                if let Some(place) = place {
+                    left.remove(place);
+                    *own = worth;
+                }
+            }
         }
-        match (left.is_empty(), is_exact) {
-            (false, _) => Judgement::Wrong,
-            (true, true) => Judgement::Right,
-            (true, false) => Judgement::LookAlike,
-        }
+        (each, left.len())
     }
 }
 
@@ -132,5 +142,9 @@ mod tests {
         let two = Answer { right: vec![vec!["creep".to_owned()], answer.right[0].clone()], ..answer };
         assert_eq!(two.judge(&["backlash", "creep"]), Judgement::Right);
         assert_eq!(two.judge(&["creep"]), Judgement::Wrong);
+        let (right, alike, wrong) = (Judgement::Right, Judgement::LookAlike, Judgement::Wrong);
+        assert_eq!(two.weigh(&["creep", "twist"]), (vec![right, wrong], 1));
+        assert_eq!(two.weigh(&["static-friction", "creep"]), (vec![alike, right], 0));
+        assert_eq!(two.weigh(&["static-friction", "backlash"]), (vec![wrong, right], 1), "the exact name counts");
     }
 }
