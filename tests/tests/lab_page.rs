@@ -22,13 +22,13 @@ fn the_bars_grow_while_effects_are_added_and_no_model_is_overwritten() {
     press(&mut page, "Compare");
     press(&mut page, "Diagnose");
     bars(&mut page, 1, 2);
-    let first = page.text("#lab .work .prime");
+    let first = page.text("#lab .work .alone");
     press(&mut page, &first);
     press(&mut page, &first);
     bars(&mut page, 2, 0);
     press(&mut page, "Diagnose again with it");
     bars(&mut page, 2, 1);
-    let second = page.text("#lab .work .prime");
+    let second = page.text("#lab .work .alone");
     assert!(second.starts_with("Add ") && second != first, "{second}");
     press(&mut page, &second);
     press(&mut page, &second);
@@ -57,6 +57,70 @@ fn the_bars_grow_while_effects_are_added_and_no_model_is_overwritten() {
     for name in [format!("base-{effect}.toml"), format!("base-{effect}-2.toml")] {
         assert!(models.as_array().is_some_and(|all| all.iter().any(|own| *own == name.as_str())), "{name}: {models}");
     }
+}
+
+/// Two effects and something that the lab has no name for: what was found is added at once, in the order of the chain, and fitted together;
+/// the rail shows the file that was written, and the page what is explained and what a fit without a model leaves.
+#[test]
+fn one_button_adds_all_that_was_found_and_the_rail_shows_what_was_written() {
+    let Some(browser) = Browser::start() else { return };
+    let (folder, instance) = (TempFolder::new("add-all"), instance_name("add-all"));
+    let data = folder.file("data.csv");
+    let hidden = ["--kind", "backlash+plane-offset+x_product", "--size", "6,6,2", "--seconds", "40", "--rate", "15"];
+    let made = Ended::of(&[&["lab", "generate", "--seed", "5", "--out", &data], &hidden[..]].concat(), PATIENCE);
+    assert_eq!(made.code, Some(0), "{}", made.stderr);
+    let mut server = Krait::start(&["console", "--instance", &instance, "--lab", &folder.path().display().to_string()]);
+    let mut page = browser.page(&Console::of(&mut server).address, 1280, 800);
+    page.wait_for("the page", "document.querySelectorAll('#stop').length === 1");
+    page.value("document.querySelector('[data-go=lab]').click()");
+    press(&mut page, "Compare");
+    press(&mut page, "Diagnose");
+    bars(&mut page, 1, 2);
+    let answer = page.value("fetch('/lab/job').then(job => job.json())")["answer"].clone();
+    let (share, free) = (answer["explained_share"].as_f64(), answer["model_free_rms"].as_f64());
+    let (share, free) = share.zip(free).unwrap_or_else(|| panic!("both figures in {answer}"));
+    let tiles =
+        page.value("[...document.querySelectorAll('#lab .work .explained > div')].map(tile => tile.textContent)");
+    for tile in [
+        format!("explained{:.0} %of what there is", 100.0 * share),
+        format!("a fit without a model{free:.2}°leaves this"),
+    ] {
+        assert!(
+            tiles.as_array().expect("tiles").iter().any(|own| own.as_str().is_some_and(|own| own.starts_with(&tile))),
+            "{tile}: {tiles}"
+        );
+    }
+    page.keep("found-all");
+    press(&mut page, "Add both and fit them together");
+    bars(&mut page, 3, 0);
+    page.wait_for(
+        "it is told",
+        "/^With .* and .*, fitted together, the error is /.test(document.querySelector('#lab h1').textContent)",
+    );
+    page.keep("added-all");
+    let effects: Vec<&str> = answer["chain_order"]
+        .as_array()
+        .expect("an order")
+        .iter()
+        .filter_map(|place| answer["effects"][place.as_u64()? as usize]["effect"].as_str())
+        .collect();
+    let model = page.value("document.querySelector('#lab select[aria-label=Model]').value");
+    let name = format!("base-{}.toml", effects.join("-"));
+    assert_eq!(model, serde_json::json!(name), "the rail shows what was written");
+    assert!(page.text("#lab .steps li:nth-child(3)").contains(&name), "and so does its step");
+    let written = std::fs::read_to_string(folder.file(&name)).expect("the model that the rail shows");
+    let places: Vec<_> =
+        effects.iter().map(|own| written.find(&format!("kind = \"{own}\"")).expect("each effect")).collect();
+    assert!(places.len() == 2 && places[0] < places[1], "in the order of the chain: {written}");
+    let values = page.value("[...document.querySelectorAll('#lab .work .values th')].map(th => th.textContent)");
+    let of_first = format!("{}.", effects[0]);
+    let is_of_first = |own: &serde_json::Value| own.as_str().is_some_and(|own| own.starts_with(&of_first));
+    assert!(values.as_array().is_some_and(|all| all.iter().any(is_of_first)), "both were fitted: {values}");
+    let path = folder.file(&name);
+    let own = Ended::of(&["lab", "compare", "--model", &path, "--data", &data, "--json"], PATIENCE).json();
+    let (left, shown) = (own["error"]["rms"].as_f64().expect("a number"), bar_values(&mut page));
+    assert!((shown[2] / left - 1.0).abs() < 0.1, "the last bar is of that model: {shown:?}, {left}");
+    assert!(page.complaints.iter().all(|said| said.contains("WebSocket")), "{:?}", page.complaints);
 }
 
 /// A measurement with names of its own, dropped on the page: what nobody can guess is asked, what is wrong is refused with the

@@ -1,16 +1,22 @@
 // The lab, step by step: compare, diagnose, add. Each step opens with its answer as a sentence; the waterfall grows beside it.
+import { effectCard, explainedTiles, valuesOf, whereBars } from './answers.js';
 import { nameColumns } from './columns.js';
 import { ErrorMeter } from './exchange.js';
 import { drawing, make, write } from './format.js';
-import { residualPictures, sketch } from './pictures.js';
+import { residualPictures } from './pictures.js';
 import { showQuiz } from './quiz.js';
 import { MARKS } from './states.js';
+import { waterfall } from './waterfall.js';
 import { prime, reportLink, run, say, second, tile, work } from './work.js';
 
 const page = document.getElementById('lab');
 const STEPS = ['Compare', 'Diagnose', 'Add', 'Run'];
 const parts = {};
-let isBuilt = false, shelf = { models: [], data: [], named: [] }, step = 0, results = [], falls = [], effect = null, where = {}, added = null, isQuiz = false;
+let isBuilt = false, shelf = { models: [], data: [], named: [] }, step = 0, results = [], falls = [], isQuiz = false;
+// The model that the first two steps are of, and the one that was written since; the rail shows the newest.
+let base = '', added = null;
+// What a diagnosis found, each as it can be added; which of them is added alone, and all of them in the order of the chain.
+let places = [], found = [], one = 0, order = [];
 // The bars up to a model that an effect was added to, for the same measurement.
 let grown = null;
 
@@ -33,7 +39,8 @@ function build() {
   drop.htmlFor = 'lab-file';
   parts.columns = second('Name its columns', columns);
   data.append(parts.file, drop, parts.columns);
-  const model = make('section', 'card pick', make('h2', '', 'Model'), choice('model', 'Model'));
+  parts.before = make('p', 'before');
+  const model = make('section', 'card pick', make('h2', '', 'Model'), choice('model', 'Model'), parts.before);
   parts.steps = make('ol', 'steps');
   parts.quiz = second('Quiz: find the hidden effect', () => { isQuiz = true; draw(); });
   parts.fall = make('div', 'fall-picture');
@@ -54,6 +61,7 @@ export async function showLab() {
   const isFirst = !isBuilt;
   if (isFirst) { build(); restart(); }
   await fill();
+  if (!added) base = parts.model.value;
   if (isFirst && !isQuiz) draw();
   if (wanted && shelf.data.includes(wanted)) { parts.data.value = wanted; wanted = null; restart(); }
 }
@@ -93,7 +101,7 @@ async function columns() {
 }
 
 function restart() {
-  [step, results, falls, effect, where, added, isQuiz] = [0, [], [], null, {}, null, false];
+  [step, results, falls, places, found, one, order, base, added, isQuiz] = [0, [], [], [], [], 0, [], parts.model.value, null, false];
   draw();
 }
 
@@ -111,20 +119,26 @@ function draw() {
     return make('li', i === step && !isQuiz ? 'current' : isDone ? 'done' : '', button);
   }));
   (isQuiz ? showQuiz : results[step]?.draw ?? [askCompare, askDiagnose, askAdd, askRun][step])();
-  waterfall();
+  drawBars();
 }
 
-const files = () => ({ model: parts.model.value, data: parts.data.value });
+/// The bars, and what the rail's model comes from.
+function drawBars() {
+  write(parts.before, added ? `written from ${base}, which steps 1 and 2 are of` : '');
+  waterfall(parts.fall, parts.fallSays, falls, unit);
+}
+
+const files = (model = base) => ({ model, data: parts.data.value });
 // The same with the clocks that a diagnosis of these measurements found.
-const clocked = () => ({ ...files(), clock: clocks.of === parts.data.value ? clocks.words : [] });
+const clocked = model => ({ ...files(model), clock: clocks.of === parts.data.value ? clocks.words : [] });
 let clocks = { of: null, words: [] };
 
 function askCompare() {
   if (!parts.data.value) { say('Choose a measurement.', 'A recording of krait, or a CSV with time, encoders and the measured bend. What your columns are called does not matter: they are named here.'); return; }
-  say(`How far is ${parts.model.value} from ${parts.data.value}?`, `The model predicts the bend from the encoders; the measurement says what it was.${shelf.named.includes(parts.data.value) ? ' Its columns have the names that were kept beside it.' : ''}`, [], [prime('Compare', compare)]);
+  say(`How far is ${base} from ${parts.data.value}?`, `The model predicts the bend from the encoders; the measurement says what it was.${shelf.named.includes(parts.data.value) ? ' Its columns have the names that were kept beside it.' : ''}`, [], [prime('Compare', compare)]);
 }
 
-const grownBars = () => grown?.model === parts.model.value && grown.data === parts.data.value ? [...grown.falls] : null;
+const grownBars = (model = base) => grown?.model === model && grown.data === parts.data.value ? [...grown.falls] : null;
 
 async function compare() {
   const answer = await run({ verb: 'compare', ...clocked() }, 'Comparing …', draw);
@@ -139,20 +153,11 @@ async function compare() {
     draw: () => say(isNoise ? 'The model explains the measurement.' : `The model is off by ${error.rms.toFixed(2)}${unit}.`, floor === null ? `In ${rows} rows.` : `The measurement’s own noise is ${floor.toFixed(2)}${unit}: ${isNoise ? 'nothing explainable is left' : `${(error.rms / floor).toFixed(1)} times as much`}.`, [
       make('div', 'tiles', tile('rms', `${error.rms.toFixed(2)}${unit}`), tile('95 of 100 within', `${error.p95.toFixed(2)}${unit}`), tile('largest', `${error.max.toFixed(2)}${unit}`), tile('rows', String(rows))),
       make('h2', '', 'What the model leaves ', make('em', '', 'measured minus predicted')), residualPictures(answer.curves, floor),
-      make('h2', '', 'Where it is worst ', make('em', '', 'rms by circumstance')), whereBars(where, floor)], [prime('Diagnose', () => { step = 1; draw(); diagnose(); }), second('Fit its values', fit), reportLink('compare')]),
+      make('h2', '', 'Where it is worst ', make('em', '', 'rms by circumstance')), whereBars(where, floor)], [prime('Diagnose', () => { step = 1; draw(); diagnose(); }), second('Fit its values', () => fit(base)), reportLink('compare')]),
   };
   results.length = 1;
   step = 0;
   draw();
-}
-
-function whereBars(where, floor) {
-  const worst = where.slice(0, 9), top = Math.max(...worst.map(bin => bin.rms), floor ?? 0);
-  return make('div', 'where', ...worst.map(bin => {
-    const fill = make('i');
-    fill.style.width = `${100 * bin.rms / top}%`;
-    return make('div', '', make('span', '', `${bin.by} ${bin.bin}`), make('div', 'track', fill), make('b', 'num', bin.rms.toFixed(2)));
-  }));
 }
 
 function askDiagnose() {
@@ -162,30 +167,45 @@ function askDiagnose() {
 async function diagnose() {
   const answer = await run({ verb: 'diagnose', ...files() }, 'Trying every effect …', draw);
   if (!answer) return;
-  const found = answer.effects.length ? answer.effects : answer.partial, n = found.length;
+  const shown = answer.effects.length ? answer.effects : answer.partial, n = shown.length;
   clocks = { of: parts.data.value, words: (answer.clocks ?? []).map(own => `${own.shift_s.toFixed(4)},${own.rate_ppm.toFixed(1)}`) };
-  effect = found[0]?.effect ?? null;
-  where = found.length ? placeOf(found[0], answer.variations) : {};
+  places = shown.map(own => ({ effect: own.effect, ...placeOf(own, answer.variations) }));
+  [found, one, order] = [[...places], 0, answer.chain_order ?? []];
   const count = n === 1 ? 'One effect is missing' : `${n} effects are missing`;
   const title = { none: 'Nothing is missing.', missing: `${count}.`, partly: `${count}, and something besides.`, unknown: 'Nothing known explains it.', 'too-short': 'These data are too short to say.' }[answer.verdict] ?? answer.verdict;
   results[1] = {
-    short: n ? found.map(own => own.effect).join(', ') : title,
+    short: n ? shown.map(own => own.effect).join(', ') : title,
     draw: () => say(title, `${answer.sentence[0].toUpperCase()}${answer.sentence.slice(1)}.`, [
+      explainedTiles(answer, deg),
       ...[...(answer.variations ?? []).map(own => own.sentence), ...(answer.cautions ?? []).map(own => `Caution: ${own}`)].map(text => make('p', 'aside', `${text[0].toUpperCase()}${text.slice(1)}.`)),
-      make('div', 'effects', ...found.map(own => effectCard(own, placeOf(own, answer.variations)))),
+      make('div', 'effects', ...shown.map((own, i) => effectCard(own, found[i].effect, name => chooseAlike(i, name), deg))),
       ...(answer.next_experiment ? [make('p', 'next-experiment', make('b', '', 'Next experiment: '), answer.next_experiment.do)] : []),
-    ], effect ? [prime(`Add ${effect}`, () => { step = 2; draw(); }), reportLink('diagnose')] : [reportLink('diagnose')]),
+    ], [...additions(), reportLink('diagnose')]),
   };
   results.length = 2;
   falls = grownBars() ?? falls.slice(0, 1);
   falls.floor = answer.noise_floor;
   let all = answer.base_heldout_rms;
-  for (const own of found) {
+  for (const own of shown) {
     all = own.joint === null ? own.heldout_rms.after : fallen(all, own.heldout_rms);
     falls.push({ name: `+ ${own.effect}`, value: all, isGuess: true });
   }
   step = 1;
   draw();
+}
+
+/// One of those that look alike instead of the one that was named; a number that depends on a column is of that one alone.
+function chooseAlike(i, name) {
+  [found[i], one] = [name === places[i].effect ? places[i] : { ...places[i], effect: name, by: null }, i];
+  write(work.querySelector('.alone'), `Add ${name}`);
+}
+
+/// One button for all that was found, and one for the largest alone.
+function additions() {
+  if (!found.length) return [];
+  const alone = button => { button.classList.add('alone'); return button; }, ask = () => { step = 2; draw(); };
+  if (order.length < 2) return [alone(prime(`Add ${found[one].effect}`, ask))];
+  return [prime(`Add ${order.length === 2 ? 'both' : `all ${order.length}`} and fit them together`, addAll), alone(second(`Add ${found[one].effect}`, ask))];
 }
 
 // Every bar is the error of all joints together: of one joint's effect it falls by what that joint's mean square falls.
@@ -199,83 +219,80 @@ function placeOf({ effect: name, joint }, variations) {
   return { joint: joint ?? null, by: own ? `${own.parameter}=${own.column.name}` : null };
 }
 
-function effectCard(own, place) {
-  const values = Object.entries(own.params).filter(([, value]) => value.free !== false).map(([name, value]) => make('tr', '', make('th', '', name), make('td', 'n', `${value.value.toPrecision(3)} ${value.unit}`), make('td', 'n', `± ${value.se.toPrecision(1)}`)));
-  const others = own.class.filter(name => name !== own.effect);
-  const words = own.explanation ? [make('p', '', own.explanation.what), make('p', '', make('b', '', 'To check on the machine: '), own.explanation.check)] : [];
-  if (own.sketch) words.splice(1, 0, sketch(own.sketch));
-  const card = make('div', 'effect', make('h3', '', (own.explanation ? `${own.effect}: ${own.explanation.title}` : own.effect) + (own.joint ? ` (joint ${own.joint})` : '')), ...words, make('p', '', `The error falls from ${deg(own.heldout_rms.before)} to ${deg(own.heldout_rms.after)}; it came out best in ${(100 * own.probability).toFixed(0)} of 100 resamplings.`), make('table', '', make('tbody', '', ...values)));
-  if (others.length) {
-    const group = make('fieldset', '', make('legend', '', `These data cannot tell it from ${others.length} other${others.length > 1 ? 's' : ''}`));
-    for (const name of [own.effect, ...others]) {
-      const radio = document.createElement('input');
-      Object.assign(radio, { type: 'radio', name: `class-${own.effect}-${own.joint ?? ''}`, value: name, checked: name === own.effect });
-      radio.addEventListener('change', () => { [effect, where] = [name, name === own.effect ? place : { ...place, by: null }]; work.querySelector('.prime').textContent = `Add ${name}`; });
-      group.append(make('label', '', radio, name));
-    }
-    card.append(group);
-  }
-  return card;
-}
-
 function askAdd() {
-  say(`Add ${effect}?`, `It is fitted to one part of the data and scored on another. A new model is written; ${parts.model.value} stays as it is.`, [], [prime(`Add ${effect}`, add)]);
+  if (!found.length) { say('There is nothing to add.', 'The diagnosis names no effect.'); return; }
+  const { effect } = found[one];
+  say(`Add ${effect}?`, `It is fitted to one part of the data and scored on another. A new model is written; ${base} stays as it is.`, [], [prime(`Add ${effect}`, add)]);
 }
 
 // A model's name that none in the folder has.
 function unused(stem) {
-  const isTaken = name => shelf.models.includes(`${name}.toml`);
-  let name = stem;
-  for (let n = 2; isTaken(name); n += 1) name = `${stem}-${n}`;
+  const isTaken = name => shelf.models.includes(`${name}.toml`), short = stem.slice(0, 66);
+  let name = short;
+  for (let n = 2; isTaken(name); n += 1) name = `${short}-${n}`;
   return `${name}.toml`;
 }
 
-async function add() {
-  const base = parts.model.value.replace(/\.toml$/, ''), out = unused(`${base}-${effect}`);
-  const answer = await run({ verb: 'add', ...clocked(), effect, ...where, out }, `Fitting ${effect} …`, draw);
-  if (!answer) return;
-  added = out;
-  const { before, after } = answer.heldout_rms, floor = answer.noise_floor;
-  falls = grownBars() ?? falls.slice(0, 1);
-  falls.push({ name: `+ ${effect}`, value: after });
-  falls.floor = floor;
-  grown = { model: out, data: parts.data.value, falls: [...falls] };
-  const name = effect;
+const stemOf = model => model.replace(/\.toml$/, '');
+
+/// What a command has written stands in the rail from here on, with a bar of its own.
+async function take(answer, bars, name) {
+  added = answer.model.split('/').at(-1);
+  falls = [...bars, { name, value: answer.heldout_rms.after }];
+  falls.floor = answer.noise_floor;
+  grown = { model: added, data: parts.data.value, falls: [...falls] };
+  await fill();
+  parts.model.value = added;
+  drawBars();
+}
+
+/// The third step's answer, and what can come after it.
+function settle(short, title, answer, ending, verb, more = []) {
+  const model = added;
   results[2] = {
-    short: `${deg(after)} with ${name}`,
-    draw: () => say(`With ${name} the error is ${deg(after)}. It was ${deg(before)}.`, floor !== null && after < 1.05 * floor ? 'That is the measurement’s own noise: nothing explainable is left.' : 'Something is left; diagnose again with the new model.', [
-      valuesOf(answer)], [prime('Run with it', () => { step = 3; draw(); }), again(out), second('Fit all values again', () => { parts.model.value = out; fit(); }), reportLink('add')]),
+    short: `${model}: ${short}`,
+    draw: () => say(title, ending, [valuesOf(answer)], [prime('Run with it', () => { step = 3; draw(); }), again(model), ...more, reportLink(verb)]),
   };
   results.length = 3;
   step = 2;
-  await fill();
   draw();
 }
 
-function valuesOf(answer) {
-  return make('table', 'values', make('tbody', '', ...Object.entries(answer.params).map(([key, value]) => make('tr', '', make('th', '', key), make('td', 'n', `${value.value.toPrecision(4)} ${value.unit}`), make('td', 'n', `± ${value.se.toPrecision(2)}`), make('td', '', value.on_bound ? 'on its bound' : '')))));
+const isAtNoise = ({ heldout_rms: { after }, noise_floor: floor }) => floor !== null && after < 1.05 * floor;
+
+async function add() {
+  const own = found[one], bars = grownBars() ?? falls.slice(0, 1), from = base;
+  const answer = await run({ verb: 'add', ...clocked(from), ...own, out: unused(`${stemOf(from)}-${own.effect}`) }, `Fitting ${own.effect} …`, draw);
+  if (!answer) return;
+  await take(answer, bars, `+ ${own.effect}`);
+  const { before, after } = answer.heldout_rms, model = added;
+  settle(deg(after), `With ${own.effect} the error is ${deg(after)}. It was ${deg(before)}.`, answer, isAtNoise(answer) ? 'That is the measurement’s own noise: nothing explainable is left.' : 'Something is left; diagnose again with the new model.', 'add', [second('Fit all values again', () => fit(model))]);
+}
+
+/// Everything that was found, one on the model of the other in the order of the chain: each time all values that these data gave are fitted
+/// again together. What is written until something fails stays.
+async function addAll() {
+  const all = order.map(i => found[i]);
+  let before = null, answer = null, model = base, bars = grownBars() ?? falls.slice(0, 1);
+  for (const [k, own] of all.entries()) {
+    answer = await run({ verb: 'add', ...clocked(model), ...own, out: unused(`${stemOf(model)}-${own.effect}`) }, `Fitting ${own.effect}, ${k + 1} of ${all.length} …`, draw);
+    if (!answer) return;
+    await take(answer, bars, `+ ${own.effect}`);
+    before ??= answer.heldout_rms.before;
+    [model, bars] = [added, [...falls]];
+  }
+  const names = all.map(own => own.effect).join(' and '), { after } = answer.heldout_rms;
+  settle(`${deg(after)}, fitted together`, `With ${names}, fitted together, the error is ${deg(after)}. It was ${deg(before)}.`, answer, isAtNoise(answer) ? 'That is the measurement’s own noise: nothing explainable is left.' : 'Something is left; diagnose again with the new model.', 'add');
 }
 
 // Everything that was fitted before, and what the model file leaves free, once more and together.
-async function fit() {
-  const base = parts.model.value.replace(/\.toml$/, ''), out = unused(`${base}-fit`), isGrown = grownBars();
-  const answer = await run({ verb: 'fit', ...clocked(), out }, 'Fitting all values …', draw);
+async function fit(model) {
+  const bars = grownBars(model) ?? falls.slice(0, 1);
+  const answer = await run({ verb: 'fit', ...clocked(model), out: unused(`${stemOf(model)}-fit`) }, 'Fitting all values …', draw);
   if (!answer) return;
-  added = out;
-  const { before, after } = answer.heldout_rms, floor = answer.noise_floor;
-  falls = isGrown ?? falls.slice(0, 1);
-  falls.push({ name: 'fitted again', value: after });
-  falls.floor = floor;
-  grown = { model: out, data: parts.data.value, falls: [...falls] };
-  const ending = floor !== null && after < 1.05 * floor ? 'That is the measurement’s own noise.' : 'Something is left; diagnose again with it.';
-  results[2] = {
-    short: `${deg(after)}, fitted again`,
-    draw: () => say(`Fitted together, the values leave ${deg(after)}. It was ${deg(before)}.`, ending, [valuesOf(answer)], [prime('Run with it', () => { step = 3; draw(); }), again(out), reportLink('fit')]),
-  };
-  results.length = 3;
-  step = 2;
-  await fill();
-  draw();
+  await take(answer, bars, 'fitted again');
+  const { before, after } = answer.heldout_rms;
+  settle(`${deg(after)}, fitted again`, `Fitted together, the values leave ${deg(after)}. It was ${deg(before)}.`, answer, isAtNoise(answer) ? 'That is the measurement’s own noise.' : 'Something is left; diagnose again with it.', 'fit');
 }
 
 function again(out) {
@@ -283,7 +300,7 @@ function again(out) {
 }
 
 function askRun() {
-  const model = added ?? parts.model.value;
+  const model = parts.model.value;
   say(`Run the chain with ${model}?`, 'The stages that rest on the model begin anew with it, and so does the recording. The machine holds still until the operator takes hold anew.', [make('pre', '', `krait model exchange ${shelf.folder}/${model}`)], [prime('Run with it', () => exchange(model))]);
 }
 
@@ -294,36 +311,4 @@ async function exchange(model) {
   results[3] = { short: 'it runs', draw: () => say(`The chain runs with ${model}.`, 'Take hold anew; the bars show the tracking error of the last ten seconds of following.', [meter.element]) };
   step = 3;
   draw();
-}
-
-function waterfall() {
-  if (!falls.length) { parts.fall.replaceChildren(); write(parts.fallSays, 'The bars come with the first comparison.'); return; }
-  const [width, height, low, left] = [400, 460, 74, 56], top = Math.max(...falls.map(fall => fall.value), falls.floor ?? 0) * 1.22;
-  const y = value => (height - low) * (1 - value / top) + 4, each = (width - left - 6) / Math.max(3, falls.length);
-  const ticks = [0.25, 0.5, 1, 2, 5, 10].find(size => top / size < 5) ?? 20;
-  let inner = '';
-  for (let value = 0; value < top; value += ticks) inner += `<path class="grid" d="M${left} ${y(value)}H${width}"/><text class="tick" x="${left - 6}" y="${y(value) + 4}" text-anchor="end">${value}${unit}</text>`;
-  if (falls.floor) inner += `<rect class="floor" x="${left}" y="${y(falls.floor)}" width="${width - left}" height="${y(0) - y(falls.floor)}"/>`;
-  const texts = [];
-  falls.forEach((fall, i) => {
-    const x = left + 6 + each * i, isLast = i === falls.length - 1 && i > 0;
-    inner += `<rect class="${fall.isGuess ? 'guess' : isLast ? 'bar last' : 'bar'}" x="${x}" y="${y(fall.value)}" width="${each * 0.8}" height="${Math.max(1, y(0) - y(fall.value))}" rx="3"/><text class="value" x="${x + each * 0.4}" y="${y(fall.value) - 8}" text-anchor="middle">${deg(fall.value)}</text>`;
-    texts.push([x + each * 0.4, fall.name]);
-  });
-  const picture = drawing(`0 0 ${width} ${height}`, inner);
-  for (const [x, name] of texts) {
-    const words = name.length > 12 ? name.split(/(?<=[ -])/).reduce((lines, word) => { (lines.at(-1) + word).length > 13 ? lines.push(word) : lines[lines.length - 1] += word; return lines; }, ['']) : [name];
-    words.forEach((word, i) => {
-      const text = document.createElementNS('http://www.w3.org/2000/svg', 'text');
-      text.setAttribute('class', 'name');
-      text.setAttribute('x', x);
-      text.setAttribute('y', height - low + 24 + 16 * i);
-      text.setAttribute('text-anchor', 'middle');
-      text.textContent = word;
-      picture.append(text);
-    });
-  }
-  parts.fall.replaceChildren(picture);
-  const last = falls.at(-1);
-  write(parts.fallSays, falls.some(fall => fall.isGuess) ? 'Dashed: what it would bring, tried on data that it was not fitted to.' : falls.floor && last.value < 1.05 * falls.floor ? 'The last bar meets the noise (grey): nothing explainable is left.' : falls.floor ? 'Grey: the measurement’s own noise.' : '');
 }

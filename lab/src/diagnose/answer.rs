@@ -106,10 +106,15 @@ impl Diagnosis {
 
     /// The effects in the order of the chain, not of their size: added in this order they act on one another as they were found.
     pub fn in_chain_order(&self) -> Vec<&FoundEffect> {
+        self.chain_order().into_iter().map(|slot| &self.effects[slot]).collect()
+    }
+
+    /// Places in `effects` in the order of the chain.
+    pub fn chain_order(&self) -> Vec<usize> {
         let base = self.terms.len() - self.effects.len().min(self.terms.len());
         let mut slots: Vec<usize> = (0..self.effects.len()).collect();
         slots.sort_by_key(|slot| place(&self.effects, *slot, &self.terms, base));
-        slots.into_iter().map(|slot| &self.effects[slot]).collect()
+        slots
     }
 
     /// What the errors of the candidates are of, where that is another kind than every other error of the answer.

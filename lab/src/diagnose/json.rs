@@ -35,6 +35,7 @@ impl Diagnosis {
             "calibration": self.calibration.iter().map(Calibration::to_json).collect::<Vec<_>>(),
             "clocks": self.clocks.iter().map(|own| json!({ "shift_s": own.shift_s, "rate_ppm": 1e6 * own.rate })).collect::<Vec<_>>(),
             "effects": self.effects.iter().map(|own| effect(own, &self.unit)).collect::<Vec<_>>(),
+            "chain_order": self.chain_order(),
             "partial": self.partial.iter().map(|own| effect(own, &self.unit)).collect::<Vec<_>>(),
             "candidates": self.candidates.iter().map(|candidate| json!({
                 "effect": candidate.name,
