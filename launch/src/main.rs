@@ -1,5 +1,6 @@
 //! The `krait` command: one binary, one file per subcommand; each process of the chain is a subcommand too.
 
+mod antagonists;
 mod authority;
 mod budget;
 mod chain_round;

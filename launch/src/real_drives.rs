@@ -1,5 +1,7 @@
-//! Real drives must be those of the model's machine: as many, and the last a gripper's where the model has one.
+//! Real drives must be those of the model's machine: as many, the last a gripper's where the model has one, and groups of lines that
+//! can hold each other.
 
+use crate::antagonists;
 use anyhow::{Context, bail, ensure};
 use krait_bridge::LiveModel;
 use krait_ipc::message::N_LINES;
@@ -26,6 +28,7 @@ pub fn check(drive: &DriveConfig, machine: &LiveModel) -> anyhow::Result<()> {
             "[slave.drive] describes {found} actuators, and the machine of the model has {expected}{what}; describe as many, or name its model"
         );
     }
+    antagonists::check(drive, machine)?;
     match (gripper, drive.jaw_m_per_rad()) {
         (Some(gripper), jaw_m_per_rad) => check_jaw(gripper, jaw_m_per_rad, drive),
         (None, Some(_)) => bail!(

@@ -126,8 +126,8 @@ settings! {
         efficiency: f64 = 1.0, 0.01..=1.0;
         /// Turns of the encoder for one of the spool or screw.
         gear: f64 = 1.0, 0.01..=1000.0;
-        /// Number of the lines or cables that hold each other: those of a segment, or of a joint. Where one of them has let go, only
-        /// those of its own group give way. Without the key all are antagonists; a gripper's wire is nobody's.
+        /// Number of the lines that hold each other: those of a segment. Where one of them has let go, only those of its own group give
+        /// way, and before `disable` a limit stops its own group only. Without the key all are one; a gripper's wire is nobody's.
         group: u32 = 1, 1..=12;
         /// Where its line is the wire of a gripper: m of wire for one radian of the jaw, as the model's `wire_m_per_rad`. Only the
         /// last actuator, behind the snake's lines: no line loads it, and it has a gate and a load limit of its own.
@@ -238,9 +238,19 @@ impl DriveConfig {
 
     /// Who holds against an actuator, from 0, and would give way where it has let go: the others of its group.
     pub fn antagonists(&self, of: usize) -> [bool; MAX_ACTUATORS] {
-        let n = self.n_together();
-        let group = |k: usize| self.actuator.get(k).filter(|_| k < n).map(|actuator| actuator.group);
-        core::array::from_fn(|k| k != of && group(k).is_some() && group(k) == group(of))
+        let (n, groups) = (self.n_together(), self.groups());
+        core::array::from_fn(|k| k != of && k < n && of < n && groups[k] == groups[of])
+    }
+
+    /// Of each actuator the number of its group of antagonists; all are one where none is described.
+    pub fn groups(&self) -> [u32; MAX_ACTUATORS] {
+        let usual = ActuatorConfig::default().group;
+        core::array::from_fn(|k| self.actuator.get(k).map_or(usual, |actuator| actuator.group))
+    }
+
+    /// Whether somebody has said which actuators hold each other.
+    pub fn names_groups(&self) -> bool {
+        self.groups() != Self::default().groups()
     }
 
     /// The wire of a gripper for one radian of its jaw, m, where the last actuator is that of a gripper.

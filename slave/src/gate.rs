@@ -163,8 +163,18 @@ impl Gate {
 
     /// A write again, but only a part of its way: what stands in the way is harder than acceleration.
     pub fn part_of(&self, write: &Write, part: f64) -> Write {
-        let q_m = core::array::from_fn(|i| self.q_m[i] + (write.q_m[i] - self.q_m[i]) * part);
-        Write { q_m, velocity_m_per_s: write.velocity_m_per_s.map(|v| v * part), ..*write }
+        self.parts_of(write, &[part; MAX_ACTUATORS])
+    }
+
+    /// The same with a part of its own for each actuator.
+    pub fn parts_of(&self, write: &Write, parts: &Actuators) -> Write {
+        let q_m = core::array::from_fn(|i| self.q_m[i] + (write.q_m[i] - self.q_m[i]) * parts[i]);
+        Write { q_m, velocity_m_per_s: core::array::from_fn(|i| write.velocity_m_per_s[i] * parts[i]), ..*write }
+    }
+
+    /// One actuator stands here; the others' motion goes on.
+    pub(crate) fn stand_at(&mut self, k: usize, q_m: f64) {
+        (self.q_m[k], self.velocity_m_per_s[k], self.acceleration_m_per_s2[k]) = (q_m, 0.0, 0.0);
     }
 
     /// The drives have been written.

@@ -125,6 +125,13 @@ impl Gates {
         self.writes(together, own)
     }
 
+    /// As [`Gate::parts_of`].
+    pub(crate) fn parts_of(&self, writes: &Writes, parts: &Actuators) -> Writes {
+        let together = writes.together.map(|write| self.together.parts_of(&write, parts));
+        let own = self.alone.zip(writes.alone).map(|(alone, write)| alone.gate.parts_of(&write, parts));
+        self.writes(together, own)
+    }
+
     /// How far the drives' setpoint is from a target that it was brought towards by these parts of the way, m; infinite where a limit
     /// stood in the way.
     pub(crate) fn lags_m(&self, target_m: Actuators, [part, alone_part]: Parts) -> Parts {

@@ -78,6 +78,12 @@ impl GivingWay {
         self.begun.is_some()
     }
 
+    /// An actuator was not allowed its step and stands here: its giving way goes on from there, so that it never catches up with what
+    /// it was not allowed, and keeps no other back by that.
+    pub fn go_on_from(&mut self, k: usize, q_m: f64) {
+        self.gate.stand_at(k, q_m);
+    }
+
     /// When nothing gives way any more, ns.
     pub fn until_ns(&self) -> i64 {
         self.until_ns

@@ -7,7 +7,7 @@
 use crate::Findings;
 use crate::gate::largest;
 use crate::gates::Parts;
-use krait_ipc::message::{Actuators, Command, JAW, MAX_JOINTS, Phase, n_actuators};
+use krait_ipc::message::{Actuators, Command, JAW, MAX_ACTUATORS, MAX_JOINTS, Phase, n_actuators};
 use krait_ipc::setting::{SettingError, check};
 use krait_ipc::{Reason, Reasons, settings};
 
@@ -111,6 +111,8 @@ pub struct Limiter {
     n_actuators: usize,
     /// The actuators before this one hold each other; one behind them stands alone.
     n_together: usize,
+    /// Of each actuator the number of its group of antagonists.
+    groups: [u32; MAX_ACTUATORS],
     last_sequence: u64,
     last_sample_ns: i64,
 }
@@ -118,7 +120,13 @@ pub struct Limiter {
 impl Limiter {
     /// A limiter before so many actuators, of which the first ones hold each other, that has seen no command yet.
     pub fn new(limits: Limits, n_actuators: usize, n_together: usize) -> Self {
-        Self { limits, n_actuators, n_together, last_sequence: 0, last_sample_ns: i64::MIN }
+        let groups = [0; MAX_ACTUATORS];
+        Self { limits, n_actuators, n_together, groups, last_sequence: 0, last_sample_ns: i64::MIN }
+    }
+
+    /// The same where only actuators of one number hold each other.
+    pub(crate) fn with_groups(self, groups: [u32; MAX_ACTUATORS]) -> Self {
+        Self { groups, ..self }
     }
 
     /// The limits.
@@ -192,10 +200,22 @@ impl Limiter {
 
     /// The parts of a way that stroke and loads allow, 0 to 1.
     pub(crate) fn confine(&self, situation: &Situation, to_m: &Actuators, findings: &mut Findings) -> Parts {
+        let parts = self.allowed_parts(situation, to_m, findings);
+        core::array::from_fn(|side| smallest(&parts, |k| self.side(k) == side))
+    }
+
+    /// The same of each actuator: the smallest of its group. A group that a limit stops keeps no other from going on.
+    pub(crate) fn confine_groups(&self, situation: &Situation, to_m: &Actuators, findings: &mut Findings) -> Actuators {
+        let parts = self.allowed_parts(situation, to_m, findings);
+        core::array::from_fn(|k| smallest(&parts, |j| self.side(j) == self.side(k) && self.groups[j] == self.groups[k]))
+    }
+
+    /// The part of its own way that stroke and load allow each actuator.
+    fn allowed_parts(&self, situation: &Situation, to_m: &Actuators, findings: &mut Findings) -> Actuators {
         let change_m: Actuators = core::array::from_fn(|i| to_m[i] - situation.setpoint_q_m[i]);
-        let of_stroke = self.stroke_scale(&situation.setpoint_q_m, &change_m, findings);
-        let of_load = self.load_scale(&situation.tau_n, &change_m, findings);
-        core::array::from_fn(|group| of_stroke[group].min(of_load[group]))
+        let of_stroke = self.stroke_parts(&situation.setpoint_q_m, &change_m, findings);
+        let of_load = self.load_parts(&situation.tau_n, &change_m, findings);
+        core::array::from_fn(|k| of_stroke[k].min(of_load[k]))
     }
 
     fn is_in_time(&self, command: &Command, now_ns: i64, findings: &mut Findings) -> bool {
@@ -220,41 +240,45 @@ impl Limiter {
     }
 
     /// 1 for the actuator that stands alone, 0 for those that hold each other.
-    fn group(&self, actuator: usize) -> usize {
+    fn side(&self, actuator: usize) -> usize {
         usize::from(actuator >= self.n_together)
     }
 
-    fn stroke_scale(&self, from_m: &Actuators, change_m: &Actuators, findings: &mut Findings) -> Parts {
+    fn stroke_parts(&self, from_m: &Actuators, change_m: &Actuators, findings: &mut Findings) -> Actuators {
         let limit_m = self.limits.stroke_m;
-        let mut scales: Parts = [1.0; 2];
-        for (actuator, (from, change)) in from_m.iter().zip(change_m).enumerate() {
+        core::array::from_fn(|k| {
+            let (from, change) = (from_m[k], change_m[k]);
             let target = from + change;
             // Only outward motion is limited: the way back in is always free.
-            if target.abs() > limit_m && target.abs() > from.abs() {
-                findings.note(Reason::StrokeLimit, target.abs(), limit_m);
-                let room = limit_m.copysign(target) - from;
-                let scale = &mut scales[self.group(actuator)];
-                *scale = scale.min((room / change).clamp(0.0, 1.0));
+            let is_beyond = target.abs() > limit_m && target.abs() > from.abs();
+            if !is_beyond {
+                return 1.0;
             }
-        }
-        scales
+            findings.note(Reason::StrokeLimit, target.abs(), limit_m);
+            ((limit_m.copysign(target) - from) / change).clamp(0.0, 1.0)
+        })
     }
 
-    fn load_scale(&self, tau_n: &Actuators, change_m: &Actuators, findings: &mut Findings) -> Parts {
-        let mut scales = [1.0; 2];
-        for (actuator, (tau, change)) in tau_n.iter().zip(change_m).enumerate() {
-            let limit_n = match (self.group(actuator), *tau > 0.0) {
+    fn load_parts(&self, tau_n: &Actuators, change_m: &Actuators, findings: &mut Findings) -> Actuators {
+        core::array::from_fn(|k| {
+            let tau = tau_n[k];
+            let limit_n = match (self.side(k), tau > 0.0) {
                 (0, true) => self.limits.push_n,
                 (0, false) => self.limits.pull_n,
                 _ => self.limits.jaw_n,
             };
-            if tau.abs() > limit_n && tau * change > 0.0 {
+            let is_too_much = tau.abs() > limit_n && tau * change_m[k] > 0.0;
+            if is_too_much {
                 findings.note(Reason::ForceLimit, tau.abs(), limit_n);
-                scales[self.group(actuator)] = 0.0;
             }
-        }
-        scales
+            f64::from(u8::from(!is_too_much))
+        })
     }
+}
+
+/// The smallest part of those actuators.
+fn smallest(parts: &Actuators, is_one: impl Fn(usize) -> bool) -> f64 {
+    parts.iter().enumerate().filter(|(k, _)| is_one(*k)).fold(1.0, |least, (_, part)| least.min(*part))
 }
 
 /// What a command is for: a bend, and the jaw of a gripper, or positions of joints.

@@ -6,7 +6,8 @@
 //!
 //! | what comes in between | what becomes of it |
 //! |---|---|
-//! | every load is below `relax_n`, or way or loads allow nothing more | brake, power goes |
+//! | a limit stops a line | its group stays, the others go on |
+//! | every load is below `relax_n`, or way, limits or loads allow nothing more | brake, power goes |
 //! | a load or the state of a drive is not known | brake, power goes; from the start: power goes at once |
 //! | a stop, a pause | brake, power goes |
 //! | `disable` again | nothing changes, the time runs on |
@@ -115,14 +116,21 @@ impl<D: Drive> SlaveCore<D> {
         }
     }
 
-    /// Through the gate and the limiter like everything else; where these allow nothing it is over.
+    /// Through the gate and the limiter like everything else. Lines of a group hold each other, so where a limit stops one of them its
+    /// group stays; the other groups go on. Where these allow nothing it is over.
     fn give_way(&mut self, goal_m: Actuators, now_ns: i64) {
         let (situation, mut findings) = (self.situation(now_ns), Findings::default());
         let whole = self.gate.toward(goal_m, [0.0; MAX_ACTUATORS], now_ns, &mut findings);
-        let parts = self.limiter.confine(&situation, &whole.q_m, &mut findings);
-        self.write(&self.gate.part_of(&whole, parts), now_ns);
-        if parts[0] == 0.0 {
+        let parts = self.limiter.confine_groups(&situation, &whole.q_m, &mut findings);
+        self.write(&self.gate.parts_of(&whole, &parts), now_ns);
+        let from_m = situation.setpoint_q_m;
+        if (0..MAX_ACTUATORS).all(|k| goal_m[k] == from_m[k] || parts[k] == 0.0) {
             self.stop_relaxing();
+        }
+        let q_m = self.gate.q_m();
+        let Some(letting_go) = &mut self.letting_go else { return };
+        for k in (0..MAX_ACTUATORS).filter(|k| parts[*k] < 1.0) {
+            letting_go.way.go_on_from(k, q_m[k]);
         }
     }
 }

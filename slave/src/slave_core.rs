@@ -109,7 +109,8 @@ impl<D: Drive> SlaveCore<D> {
     pub fn new(drive: D, config: &SlaveConfig) -> Self {
         let unread = core::array::from_fn(|k| if k < drive.n_actuators() { f64::NAN } else { 0.0 });
         Self {
-            limiter: Limiter::new(config.limits.clone(), drive.n_actuators(), drive.traits().n_together),
+            limiter: Limiter::new(config.limits.clone(), drive.n_actuators(), drive.traits().n_together)
+                .with_groups(config.drive.groups()),
             machine: OperatingMachine::default(),
             watchdog: Watchdog::new(config.watchdog_ms),
             gate: Gates::new(GateLimits::of(config), drive.traits().alone()),

@@ -2,6 +2,9 @@
 //! between.
 #![allow(clippy::unwrap_used, clippy::panic)] // Helpers of tests fail as tests do.
 
+#[path = "relaxing/groups.rs"]
+mod groups;
+
 use krait_ipc::message::{Command, OperatingState, Phase, SlaveState, StateCommand, Transition};
 use krait_ipc::{Reason, Reasons};
 use krait_sim::{SimulatedSnake, Truth};

@@ -6,6 +6,8 @@
 mod cycles;
 #[path = "drives/gripper.rs"]
 mod gripper;
+#[path = "drives/groups.rs"]
+mod groups;
 
 use core::time::Duration;
 use krait_drives::emulator::{Emulator, Servo, ServoWire};

@@ -57,6 +57,9 @@ pub(super) fn run(common: &Common, args: &DrivesArgs) -> anyhow::Result<ExitCode
     let text = Config::text(path)?;
     let config = Config::read(&text, path)?;
     real(&config)?;
+    if config.slave.drive.names_groups() {
+        config.check_drives()?;
+    }
     ensure!(
         config.slave.drive.mode == DriveMode::Live,
         "[slave.drive] mode = \"dry\": nothing would move; set it to \"live\" for a calibration"
