@@ -22,7 +22,8 @@ pub struct DrivesArgs {
     #[arg(long, conflicts_with_all = ["zero", "jog", "emulate"])]
     pub watch: bool,
     /// Print the count of each configured actuator, as its zero_count where lines or joints are now. Drives on CAN whose
-    /// encoders forget get their zero_count there (CiA 402, method 37): under power for a moment, without motion.
+    /// encoders forget get their zero_count there (CiA 402, method 37): under power for a moment, without motion. Servos with `homing`
+    /// go to their mechanical stop first, after a yes that is typed.
     #[arg(long, conflicts_with_all = ["jog", "emulate"])]
     pub zero: bool,
     /// Move one configured actuator, numbered from 1: each line on standard input is one step, `-` goes back.

@@ -1,6 +1,6 @@
 //! Which drives the slave has: the table `[slave.drive]` and its actuators.
 
-use crate::{ConfigError, OnFault};
+use crate::{ConfigError, HomingConfig, OnFault};
 use krait_ipc::message::MAX_ACTUATORS;
 use krait_ipc::settings;
 use serde::{Deserialize, Serialize};
@@ -138,6 +138,9 @@ settings! {
         torque_limit: f64 = 0.5, 0.01..=1.0;
         /// Torque per current, N m/A; then loads are estimated from the current, with tens of percent of error. 0: not measured.
         newton_metre_per_ampere: f64 = 0.0, 0.0..=100.0;
+        /// "sts3215": how `krait drives --zero` finds its zero: { method = "stop_by_load", direction = "push" or "pull", load_n,
+        /// rate_m_per_s, travel_limit_m, back_off_m }. Without it zero is where it stands.
+        homing: Option<HomingConfig> = None;
     }
 }
 
@@ -183,6 +186,7 @@ impl DriveConfig {
             if self.kind == DriveKind::Cia402 {
                 actuator.check_can(k + 1)?;
             }
+            actuator.homing.map_or(Ok(()), |homing| homing.check())?;
             if let Some(first) = self.actuator[..k].iter().position(|other| other.id == actuator.id) {
                 let id = actuator.id;
                 return refuse(format!("actuators {} and {} both have id {id}; give each its own", first + 1, k + 1));
@@ -214,6 +218,7 @@ impl DriveConfig {
             let mut add = |key: &str, is_set: bool| foreign.push((format!("actuator {}: {key}", k + 1), is_set));
             if is_can {
                 add("newton_metre_per_ampere", own.newton_metre_per_ampere != plain.newton_metre_per_ampere);
+                add("homing", own.homing.is_some());
             } else {
                 add("counts_per_turn", own.counts_per_turn != plain.counts_per_turn);
                 add("is_absolute", own.is_absolute);

@@ -8,6 +8,8 @@ mod cycles;
 mod gripper;
 #[path = "drives/groups.rs"]
 mod groups;
+#[path = "drives/homing.rs"]
+mod homing;
 
 use core::time::Duration;
 use krait_drives::emulator::{Emulator, Servo, ServoWire};

@@ -18,6 +18,8 @@ const HEAT: usize = 63;
 const CURRENT: usize = 69;
 /// Largest speed, counts/s: 60 degrees in 0.222 s at 7.4 V.
 const MOST_COUNTS_PER_S: f64 = 3075.0;
+/// At a stop it presses with this part of its largest for each count that its goal lies behind.
+const PRESSED_PER_COUNT: f64 = 0.02;
 /// Bit of the error byte: overload.
 const OVERLOAD: u8 = 1 << 5;
 
@@ -73,10 +75,14 @@ pub struct Servo {
     pub load: f64,
     /// Load beyond which it lets go.
     pub overload: f64,
+    /// Mechanical stops: the shaft goes no further down and up than these, counts, and presses against them.
+    pub stops: [f64; 2],
     /// Number of goals that it was told.
     pub n_goals: u64,
     /// The newest of them, and the two before.
     pub told: [ToldGoal; 3],
+    /// What it presses with against a stop, as `load`.
+    pressed: f64,
     stepped_ns: Option<i64>,
 }
 
@@ -98,8 +104,10 @@ impl Servo {
             place,
             load: 0.0,
             overload: f64::INFINITY,
+            stops: [f64::NEG_INFINITY, f64::INFINITY],
             n_goals: 0,
             told: [ToldGoal::default(); 3],
+            pressed: 0.0,
             stepped_ns: None,
         };
         servo.show();
@@ -150,17 +158,24 @@ impl Servo {
         let before_ns = self.stepped_ns.unwrap_or(now_ns);
         let elapsed_s = now_ns.saturating_sub(before_ns).max(0) as f64 * 1e-9;
         self.stepped_ns = Some(before_ns.max(now_ns));
-        if self.is_powered() && self.load.abs() > self.overload {
+        if self.is_powered() && (self.load + self.pressed).abs() > self.overload {
             self.registers[TORQUE] = 0;
             self.faults.error |= OVERLOAD;
         }
+        self.pressed = 0.0;
         if self.is_powered() {
             let wanted = f64::from(self.word(SPEED));
             let speed = if wanted > 0.0 { wanted.min(MOST_COUNTS_PER_S) } else { MOST_COUNTS_PER_S };
             // In one turn the goal is the nearest place with that count.
             let turns = (self.place / f64::from(COUNTS_PER_TURN)).floor() * f64::from(COUNTS_PER_TURN);
             let way = f64::from(self.goal()) + turns - self.place;
-            self.place += way.clamp(-speed * elapsed_s, speed * elapsed_s);
+            let [low, high] = self.stops;
+            self.place = (self.place + way.clamp(-speed * elapsed_s, speed * elapsed_s)).clamp(low, high);
+            if self.place <= low || self.place >= high {
+                let most = f64::from(self.word(LIMIT)) * 1e-3;
+                let left = f64::from(self.goal()) + turns - self.place;
+                self.pressed = (left * PRESSED_PER_COUNT).clamp(-most, most);
+            }
         }
         self.show();
     }
@@ -177,8 +192,9 @@ impl Servo {
         } else {
             self.place.round().rem_euclid(f64::from(COUNTS_PER_TURN)) as u16
         };
-        let load = (self.load.abs() * 1000.0).min(1000.0) as u16 | if self.load < 0.0 { 1 << 10 } else { 0 };
-        let current = (self.load.abs() * 400.0) as u16;
+        let whole = self.load + self.pressed;
+        let load = (whole.abs() * 1000.0).min(1000.0) as u16 | if whole < 0.0 { 1 << 10 } else { 0 };
+        let current = (whole.abs() * 400.0) as u16;
         for (address, value) in [(POSITION, position), (LOAD, load), (CURRENT, current)] {
             self.registers[address..address + 2].copy_from_slice(&value.to_le_bytes());
         }

@@ -5,11 +5,13 @@ mod directions;
 mod emulate;
 mod find;
 mod find_can;
+mod homing;
 mod jog;
 mod led;
 mod loads;
 mod motion;
 mod signs;
+mod stop;
 mod zero;
 
 pub(super) use led::LedDrives;

@@ -93,6 +93,17 @@ impl Motion {
         self.command(Phase::Following, Reasons::NONE)
     }
 
+    /// A little way of the `k`-th, counted from 0, at once; to be called every [`TICK`].
+    pub(super) fn creep(&mut self, k: usize, way_m: f64) -> anyhow::Result<SlaveState> {
+        self.goal_m[k] += way_m;
+        self.keep()
+    }
+
+    /// When the `k`-th was last measured, ns.
+    pub(super) fn sampled_ns(&self, k: usize) -> i64 {
+        self.core.reading().sampled_ns[k]
+    }
+
     /// Stands for so many ticks.
     pub(super) fn stand(&mut self, n_ticks: u32) -> anyhow::Result<SlaveState> {
         let mut state = self.keep()?;

@@ -1,8 +1,9 @@
-//! The counts of the configured actuators where they stand now, as zeros for the configuration. Nothing moves.
+//! The counts of the configured actuators where they stand now, as zeros for the configuration. Nothing moves, but actuators that look for
+//! their stop ([`super::homing`]).
 //!
 //! An incremental encoder on CAN has no such count: it is told that what the configuration says is where it stands.
 
-use super::{alone, described};
+use super::{alone, described, homing};
 use crate::cli::Common;
 use crate::{print, signals};
 use krait_drives::cia402::{CanPort, Cia402, home_here};
@@ -25,15 +26,23 @@ pub(super) fn run(common: &Common, json: bool) -> anyhow::Result<ExitCode> {
     let stop = signals::stop_flag()?;
     let _bus = alone(common, &stop)?;
     let config = described(common)?;
+    let has_stops = homing::is_wanted(&config);
+    if has_stops {
+        homing::consent(&config)?;
+    }
     let seen = match config.drive.kind {
         DriveKind::Cia402 if config.drive.actuator.iter().any(|actuator| !actuator.is_absolute) => {
             return tell_drives(&config, json);
         }
         _ => counts(config.clone())?,
     };
+    let mut counts = seen.counts[..config.drive.actuator.len()].to_vec();
+    if has_stops {
+        counts = homing::zeros(&config, &counts, &stop)?;
+    }
     let mut zeros = Vec::new();
     for (k, actuator) in config.drive.actuator.iter().enumerate() {
-        let zero_count = seen.counts[k];
+        let zero_count = counts[k];
         let actuator = ActuatorConfig { zero_count: Some(zero_count), ..actuator.clone() };
         match config.drive.kind {
             DriveKind::Cia402 => Units::endless(&actuator, k + 1)?,
@@ -45,8 +54,10 @@ pub(super) fn run(common: &Common, json: bool) -> anyhow::Result<ExitCode> {
         print::json(&zeros)?;
         return Ok(ExitCode::SUCCESS);
     }
-    let mut text =
-        String::from("Where the actuators stand now; if that is zero, put each line into its actuator's table:\n");
+    let mut text = String::from(match has_stops {
+        true => "Actuators with a stop stand where their zero is now. Put each line into its actuator's table:\n",
+        false => "Where the actuators stand now; if that is zero, put each line into its actuator's table:\n",
+    });
     for Zero { actuator, id, zero_count } in &zeros {
         text += &format!("zero_count = {zero_count}  # actuator {actuator}, id {id}\n");
     }
