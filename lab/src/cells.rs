@@ -3,6 +3,12 @@
 //! measured_i = gain_i predicted_i + offset_(i, trial) + noise_i. Nobody calibrates cells for the lab: gain and offset are solved for
 //! inside every evaluation (variable projection), so that no candidate is fitted against another's calibration, and are
 //! reported. Each cell's noise is its own. A row counts where the shape was measured too.
+//!
+//! What real drives estimate from their motors is no cell: measured_i = g predicted_i + offset_(i, trial) + noise_i with one g for all
+//! lines, and g = 1 with the stated standard deviation. g is taken out of the likelihood: what is left is weighted by
+//! (1 + s^2 p p^T)^(-1/2) for the predicted loads p, so that the sum of squares is the least over g with the prior's share.
+//! Where friction in a gear differs by direction no gain tells it; the noise of such loads is therefore never taken for
+//! less than that part of their own size.
 
 use crate::diagnose::LoadCell;
 use crate::machine::MachineUnderTest;
@@ -83,7 +89,11 @@ impl Usable {
             }
             let floor = noise_of(machine, data, &rows, line, &predicted_n, shortest_block_s);
             let Some((sigma_n, source)) = floor.sigma() else { return no("their noise cannot be told") };
-            cells.sigma_n[line] = sigma_n.max(LINEARITY * fit.range_n);
+            let least_n = match data.load_use {
+                LoadUse::Estimated { gain_sd } => gain_sd * fit.size_n,
+                LoadUse::Counted { .. } | LoadUse::Shown => 0.0,
+            };
+            cells.sigma_n[line] = sigma_n.max(LINEARITY * fit.range_n).max(least_n);
             cells.is_white &= source == FloorSource::White;
         }
         Ok(Self::Cells(cells))
@@ -120,9 +130,17 @@ pub(crate) struct LoadRows {
     measured_n: [Vec<f64>; N],
     /// Weight of each cell.
     weight: [f64; N],
-    /// Least and largest gain of a cell.
-    gains: [f64; 2],
+    gain: Gain,
     n_all_rows: usize,
+}
+
+/// What is known of the gains.
+#[derive(Clone, Copy, Debug)]
+enum Gain {
+    /// Each cell has its own, between these.
+    Own([f64; 2]),
+    /// All have one, which is 1 but for a normal error of so much; in units of a residual the prior counts as so many squares.
+    Common { prior: f64 },
 }
 
 /// What a fit of one cell found.
@@ -138,6 +156,8 @@ pub(crate) struct CellFit {
     pub shared: f64,
     /// From the least reading to the largest, N.
     pub range_n: f64,
+    /// Root mean square of the reading about its trials' means, N.
+    pub size_n: f64,
 }
 
 /// What the cells of a problem were found to read, where loads of two models are predicted.
@@ -156,7 +176,11 @@ impl LoadRows {
 
     /// The rows with all three loads among those that are scored; `None` where they are few.
     pub(crate) fn new(data: &Measurements, cells: &Cells, is_scored: impl Fn(usize) -> bool) -> Option<Self> {
-        let LoadUse::Counted { gain_apart } = data.load_use else { return None };
+        let gain = match data.load_use {
+            LoadUse::Shown => return None,
+            LoadUse::Counted { gain_apart } => Gain::Own([1.0 - gain_apart, 1.0 + gain_apart]),
+            LoadUse::Estimated { gain_sd } => Gain::Common { prior: (cells.sigma_output / gain_sd).powi(2) },
+        };
         let loads_n = data.loads_n.as_deref()?;
         let is_whole = |row: &usize| {
             is_scored(*row) && loads_n.get(row * N..(row + 1) * N).is_some_and(|own| own.iter().all(|x| x.is_finite()))
@@ -169,14 +193,7 @@ impl LoadRows {
         let trials = (0..rows.len()).filter(begins).chain([rows.len()]).collect();
         let measured_n = core::array::from_fn(|line| rows.iter().map(|row| loads_n[row * N + line]).collect());
         let weight = cells.sigma_n.map(|sigma_n| cells.sigma_output / sigma_n);
-        Some(Self {
-            rows,
-            trials,
-            measured_n,
-            weight,
-            gains: [1.0 - gain_apart, 1.0 + gain_apart],
-            n_all_rows: data.n_rows(),
-        })
+        Some(Self { rows, trials, measured_n, weight, gain, n_all_rows: data.n_rows() })
     }
 
     /// Loads that count.
@@ -187,9 +204,11 @@ impl LoadRows {
     /// Weighted residuals of all rows, row after row of three, zero where no load counts, for predicted loads of all rows, N.
     pub(crate) fn residual(&self, predicted_n: &[f64]) -> Vec<f64> {
         let mut all = vec![0.0; N * self.n_all_rows];
-        for line in 0..N {
-            for (row, left) in self.rows.iter().zip(self.left_n(line, predicted_n)) {
-                all[row * N + line] = left * self.weight[line];
+        let parts = self.parts(predicted_n);
+        for (line, part) in parts.into_iter().enumerate() {
+            let (measured, predicted) = self.centred(line, predicted_n);
+            for (row, (y, f)) in self.rows.iter().zip(measured.iter().zip(&predicted)) {
+                all[row * N + line] = (y - part * f) * self.weight[line];
             }
         }
         all
@@ -197,12 +216,53 @@ impl LoadRows {
 
     /// What gain and offset leave of a cell, N.
     fn left_n(&self, line: usize, predicted_n: &[f64]) -> Vec<f64> {
-        let (gain, measured, predicted) = self.solve(line, predicted_n);
+        let (gain, (measured, predicted)) = (self.gain(line, predicted_n), self.centred(line, predicted_n));
         measured.iter().zip(&predicted).map(|(y, f)| y - gain * f).collect()
     }
 
-    /// Gain, and readings and predictions without the mean of their trial, N.
-    fn solve(&self, line: usize, predicted_n: &[f64]) -> (f64, Vec<f64>, Vec<f64>) {
+    /// Of each line, how many times the prediction a residual takes off: the gain, or for a common gain what leaves the squares that
+    /// gain and prior leave together.
+    fn parts(&self, predicted_n: &[f64]) -> [f64; N] {
+        let Gain::Common { prior } = self.gain else {
+            return core::array::from_fn(|line| self.gain(line, predicted_n));
+        };
+        let [of_both, of_predicted] = self.products(predicted_n);
+        // d = measured - predicted; d - part p has the squares of d less (d p)^2 / (p p + prior).
+        let left = (prior / (of_predicted + prior)).sqrt();
+        let part = if of_predicted > 0.0 { (of_both - of_predicted) / of_predicted * (1.0 - left) } else { 0.0 };
+        [1.0 + part; N]
+    }
+
+    /// Weighted products of measured with predicted and of predicted with predicted loads, of all lines.
+    fn products(&self, predicted_n: &[f64]) -> [f64; 2] {
+        let mut sums = [0.0; 2];
+        for line in 0..N {
+            let (measured, predicted) = self.centred(line, predicted_n);
+            let squared = self.weight[line] * self.weight[line];
+            sums[0] += squared * product(&measured, &predicted);
+            sums[1] += squared * product(&predicted, &predicted);
+        }
+        sums
+    }
+
+    /// The gain that fits a line best.
+    fn gain(&self, line: usize, predicted_n: &[f64]) -> f64 {
+        match self.gain {
+            Gain::Own([least, largest]) => {
+                let (measured, predicted) = self.centred(line, predicted_n);
+                let square = product(&predicted, &predicted);
+                let gain = if square > 0.0 { product(&predicted, &measured) / square } else { 1.0 };
+                gain.clamp(least, largest)
+            }
+            Gain::Common { prior } => {
+                let [of_both, of_predicted] = self.products(predicted_n);
+                (of_both + prior) / (of_predicted + prior)
+            }
+        }
+    }
+
+    /// Readings and predictions without the mean of their trial, N.
+    fn centred(&self, line: usize, predicted_n: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let mut measured = self.measured_n[line].clone();
         let mut predicted: Vec<f64> = self.rows.iter().map(|row| predicted_n[row * N + line]).collect();
         for own in self.trials.windows(2) {
@@ -212,16 +272,12 @@ impl LoadRows {
                 trial.iter_mut().for_each(|x| *x -= mean);
             }
         }
-        let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-        let square = product(&predicted, &predicted);
-        let gain = if square > 0.0 { product(&predicted, &measured) / square } else { 1.0 };
-        let gain = gain.clamp(self.gains[0], self.gains[1]);
-        (gain, measured, predicted)
+        (measured, predicted)
     }
 
     /// One cell's fit.
     pub(crate) fn cell(&self, line: usize, predicted_n: &[f64]) -> CellFit {
-        let (gain, measured, predicted) = self.solve(line, predicted_n);
+        let (gain, (measured, predicted)) = (self.gain(line, predicted_n), self.centred(line, predicted_n));
         let square = |values: &mut dyn Iterator<Item = f64>| values.map(|x| x * x).sum::<f64>();
         let whole = square(&mut measured.iter().copied());
         let left = square(&mut measured.iter().zip(&predicted).map(|(y, f)| y - gain * f));
@@ -237,125 +293,15 @@ impl LoadRows {
             left_n: (left / self.rows.len() as f64).sqrt(),
             shared: if whole > 0.0 { 1.0 - left / whole } else { 0.0 },
             range_n: high - low,
+            size_n: (whole / self.rows.len() as f64).sqrt(),
         }
     }
+}
+
+fn product(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
-mod tests {
-    use super::*;
-    use crate::fit::{Variable, fit};
-    use crate::machine::SnakeLab;
-    use crate::{Names, Quantity, Term};
-    use core::f64::consts::{PI, TAU};
-    use krait_model::model_file::ModelFile;
-    use rand_chacha::ChaCha8Rng;
-    use rand_chacha::rand_core::{Rng, SeedableRng};
-
-    /// Load scale, play's half-width (m), f_s (N), friction of the cone.
-    const TRUTH: [f64; 4] = [1.22, 0.089e-3, 1.959, 0.1727];
-    /// Rows at each pose, so that twenty poses are rows enough; each has so much more noise.
-    const AT_A_POSE: usize = 5;
-
-    /// Encoders (m) and loads at the actuators (N) at a bend, all lines sliding, from the equations.
-    fn bench(bend_rad: f64, way: f64) -> ([f64; 3], [f64; 3]) {
-        let [eta, h, f_s, mu] = TRUTH;
-        let ea = 54e9 * PI / 4.0 * (0.66e-3_f64.powi(2) - 0.5e-3_f64.powi(2));
-        let ei = 54e9 * PI / 64.0 * (0.66e-3_f64.powi(4) - 0.5e-3_f64.powi(4));
-        let (l, r) = (26e-3, 1.684e-3);
-        let j = [-r, 0.5 * r, 0.5 * r];
-        let sum: f64 = 1.0 / l + j.iter().map(|j| 1.0 / (l + j * bend_rad)).sum::<f64>();
-        let slope: f64 = j.iter().map(|j| -j / (l + j * bend_rad).powi(2)).sum();
-        let moment = ei * (bend_rad * sum + 0.5 * bend_rad * bend_rad * slope);
-        let across: f64 = j.iter().map(|j| j * j).sum();
-        let loads = j.map(|j| {
-            let (t, s) = (eta * moment * j / across, way * j.signum());
-            let slid = t + s * f_s;
-            slid * (2.0 * mu * 41_f64.to_radians() * if s * slid > 0.0 { 1.0 } else { -1.0 }).exp()
-        });
-        let reading = core::array::from_fn(|i| {
-            j[i] * bend_rad + eta * moment * j[i] / across * 0.48 / ea + loads[i] * 0.058 / ea + way * j[i].signum() * h
-        });
-        (reading, loads)
-    }
-
-    fn normal(random: &mut ChaCha8Rng) -> f64 {
-        let mut uniform = || (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
-        (-2.0 * (1.0 - uniform()).ln()).sqrt() * (TAU * uniform()).cos()
-    }
-
-    /// Up to 62 degrees and back, measured at ten bends from 10 to 60 degrees each way.
-    fn measured(seed: u64, sigma: [f64; 2]) -> Measurements {
-        let mut random = ChaCha8Rng::seed_from_u64(seed);
-        let poses: Vec<f64> = (0..10).map(|k| 10.0 + 50.0 * f64::from(k) / 9.0).collect();
-        let mut up: Vec<(f64, bool)> = (1..=124).map(|k| (0.5 * f64::from(k), false)).collect();
-        up.extend(poses.iter().flat_map(|pose| [(*pose, true); AT_A_POSE]));
-        up.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let path = up.iter().map(|own| (*own, 1.0)).chain(up.iter().rev().map(|own| (*own, -1.0)));
-        let (mut inputs, mut outputs, mut loads) = (Vec::new(), Vec::new(), Vec::new());
-        for ((bend_deg, is_measured), way) in path {
-            let (reading, own) = bench(bend_deg.to_radians(), way);
-            inputs.extend(reading);
-            let seen = [bend_deg.to_radians(), 0.0].map(|b| b + sigma[0] * normal(&mut random));
-            outputs.extend(if is_measured { seen } else { [f64::NAN; 2] });
-            loads.extend(own.map(|n| n + sigma[1] * normal(&mut random)));
-        }
-        let n = outputs.len() / 2;
-        Measurements {
-            source: String::new(),
-            sha256: String::new(),
-            quantity: Quantity::Snake,
-            time_s: (0..n).map(|k| 0.1 * k as f64).collect(),
-            inputs,
-            n_inputs: 3,
-            outputs,
-            n_outputs: 2,
-            trial: vec![0; n],
-            loads_n: Some(loads),
-            load_use: LoadUse::UNCALIBRATED,
-            stem_angle_rad: None,
-            temperature_c: None,
-            sigma: None,
-            extra: Vec::new(),
-            names: Names::default(),
-            n_held_rows: 0,
-            clock: None,
-        }
-    }
-
-    /// Camera 1 degree, cells 0.1 N, twenty poses: what the rows of the likelihood predict, with gains and offsets of the cells free.
-    #[test]
-    fn fits_scatter_as_the_rows_of_the_likelihood_predict() {
-        const PREDICTED: [f64; 4] = [0.0140, 0.00702e-3, 0.0729, 0.4564 / 41.0 * 0.1727];
-        const SEEDS: u64 = 60;
-        let file = ModelFile::parse("format = 1\n\n[machine]\nkind = \"snake\"\n").unwrap();
-        let lab = SnakeLab::new(&file).unwrap();
-        let effects: Vec<Term> = ["stiffness-scale", "backlash", "static-friction", "cone-friction"]
-            .into_iter()
-            .zip(TRUTH)
-            .map(|(name, value)| Term::new(name, vec![1.05 * value]))
-            .collect();
-        let variables: Vec<Variable> =
-            (0..4).map(|k| Variable::new(&lab, &effects, k, 0, 0.1 * TRUTH[k]).unwrap()).collect();
-        let sigma = [1_f64.to_radians(), 0.1].map(|sigma| sigma * (AT_A_POSE as f64).sqrt());
-        let cells = Cells { sigma_n: [sigma[1]; 3], sigma_output: sigma[0], is_white: true };
-        let mut sums = [[0.0; 2]; 4];
-        for seed in 0..SEEDS {
-            let problem = Problem::new(&lab, measured(seed, sigma), &[], 1.0).with_loads(Some(&cells));
-            assert_eq!((problem.width(), problem.n_scored), (5, 5 * 20 * AT_A_POSE));
-            let found = fit(&problem, &effects, &variables, 30, 1e-9).unwrap();
-            for ((sums, term), truth) in sums.iter_mut().zip(&found.effects).zip(TRUTH) {
-                let off = term.values[0] - truth;
-                *sums = [sums[0] + off, sums[1] + off * off];
-            }
-        }
-        for ((sums, predicted), term) in sums.iter().zip(PREDICTED).zip(&effects) {
-            let n = SEEDS as f64;
-            let (mean, sd) = (sums[0] / n, (sums[1] / n - (sums[0] / n).powi(2)).sqrt());
-            println!("{}: sd {sd:.3e}, predicted {predicted:.3e}, mean error {mean:.3e}", term.name);
-            // Sixty fits know their scatter to 9 %.
-            assert!((sd / predicted - 1.0).abs() < 0.25 && mean.abs() < 3.0 * predicted / n.sqrt(), "{}", term.name);
-        }
-    }
-}
+#[allow(clippy::unwrap_used, clippy::panic, reason = "a panic is how a test fails")]
+mod tests;

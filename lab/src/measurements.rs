@@ -76,6 +76,11 @@ pub enum LoadUse {
         /// Largest distance of a cell's gain from one.
         gain_apart: f64,
     },
+    /// They count as what drives estimate from a motor's current or torque: all by one common gain, which is one give or take this.
+    Estimated {
+        /// Standard deviation of the common gain, as the recorded configuration states it.
+        gain_sd: f64,
+    },
 }
 
 impl LoadUse {
@@ -87,6 +92,9 @@ impl LoadUse {
         match (self, other) {
             (Self::Counted { gain_apart }, Self::Counted { gain_apart: other }) => {
                 Self::Counted { gain_apart: gain_apart.max(other) }
+            }
+            (Self::Estimated { gain_sd }, Self::Estimated { gain_sd: other }) => {
+                Self::Estimated { gain_sd: gain_sd.max(other) }
             }
             _ => Self::Shown,
         }

@@ -4,10 +4,10 @@
 use krait_ipc::message::{HopStamps, Shape, SlaveState};
 use krait_lab::init::{Proposal, propose};
 use krait_lab::read::{ColumnMap, Expected, Mapping, read};
-use krait_lab::{Measurements, Quantity};
+use krait_lab::{LoadUse, Measurements, Quantity};
 use krait_model::model_file::ModelFile;
 use krait_record::columns::{Columns, write_csv, write_parquet};
-use krait_record::{About, RecordingWriter};
+use krait_record::{About, Attachment, CONFIG_ATTACHMENT, RecordingWriter};
 use krait_schema::Sample;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -41,11 +41,21 @@ fn shape(k: i64) -> Sample {
 
 /// A recording of 4 s at 1 kHz with 50 shapes a second; the drives lose their zero for a moment after 2 s.
 fn recording(name: &str) -> PathBuf {
+    recording_of(name, None)
+}
+
+/// The same with the configuration of its chain.
+fn recording_of(name: &str, config: Option<&str>) -> PathBuf {
     let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}.mcap"));
     if path.exists() {
         std::fs::remove_file(&path).expect("the test folder can be written");
     }
-    let about = About::run("test", &BTreeMap::new(), Vec::new());
+    let attached = config.map(|text| Attachment {
+        name: CONFIG_ATTACHMENT.to_owned(),
+        media_type: "application/toml".to_owned(),
+        data: text.as_bytes().to_vec(),
+    });
+    let about = About::run("test", &BTreeMap::new(), attached.into_iter().collect());
     let mut writer = RecordingWriter::create(&path, 1 << 16, &about).expect("a new file");
     for k in 0..4000 {
         let flags = if (2000..2010).contains(&k) { 0 } else { SlaveState::IS_HOMED };
@@ -89,6 +99,24 @@ fn a_recording_and_its_export_are_the_same_measurements() {
     let file = std::fs::File::create(&parquet).expect("the test folder can be written");
     write_parquet(&Columns::read(&path).expect("good"), None, file).expect("written");
     assert_eq!(numbers(&snake(&parquet)), numbers(&exported));
+}
+
+#[test]
+fn loads_of_a_recording_count_as_its_configuration_states_them() {
+    let stated = LoadUse::Estimated { gain_sd: 0.3 };
+    for (k, (config, expected)) in [
+        ("[slave.drive]\nkind = \"sts3215\"\nload_gain_sd = 0.3\n", stated),
+        ("[slave.drive]\nkind = \"cia402\"\nload_gain_sd = 0.3\n", stated),
+        ("[slave.drive]\nkind = \"sts3215\"\n", LoadUse::Shown),
+        ("[slave.drive]\nkind = \"sim\"\nload_gain_sd = 0.3\n", LoadUse::Counted { gain_apart: 0.005 }),
+        ("[slave.drive]\nload_gain_sd = 0.3\n", LoadUse::Shown),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        assert_eq!(snake(&recording_of(&format!("loads-{k}"), Some(config))).load_use, expected, "{config}");
+    }
+    assert_eq!(snake(&recording("loads-none")).load_use, LoadUse::Shown);
 }
 
 #[test]

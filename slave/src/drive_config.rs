@@ -93,6 +93,9 @@ settings! {
         /// "cia402": without this program's heartbeat for so long the drives stop by themselves, ms; at least 3 of `heartbeat_ms`.
         /// 100 ms: longer than a hiccup of the machine, and at 30 mm/s with a held target no motion at all.
         gives_up_ms: u32 = 100, 10..=2000;
+        /// How far the loads of all actuators may be off by one common factor, as a standard deviation, part of it: 0.3 for servos whose
+        /// gears nobody has measured. It is recorded; without it the lab shows their loads and concludes nothing from them.
+        load_gain_sd: Option<f64> = None;
         /// The actuators, in the order of the lines or joints; each is a table `[[slave.drive.actuator]]`.
         actuator: Vec<ActuatorConfig> = Vec::new();
     }
@@ -196,7 +199,7 @@ impl DriveConfig {
             let (gives_up, heartbeat) = (self.gives_up_ms, self.heartbeat_ms);
             return refuse(format!("gives_up_ms = {gives_up}: expected at least 3 times heartbeat_ms {heartbeat}"));
         }
-        Ok(())
+        self.check_load_gain()
     }
 }
 

@@ -26,6 +26,7 @@ mod homing_config;
 mod jaw;
 mod latency;
 mod limiter;
+mod load_uncertainty;
 mod operating_state;
 mod power;
 mod process;

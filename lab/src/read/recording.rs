@@ -73,13 +73,16 @@ pub(super) fn read(path: &Path, file: File, map: &ColumnMap, expected: Expected)
     Ok(data)
 }
 
-/// Loads count where the drives were simulated; a real drive's are made of a motor's current, and nobody knows how well.
+/// Loads count where the drives were simulated. A real drive's are made of a motor's current or torque, and count where the
+/// configuration states how well their gain is known.
 fn load_use(recording: &Recording) -> LoadUse {
     let settings = attachment(recording, CONFIG_ATTACHMENT).and_then(|text| text.parse::<toml::Table>().ok());
     let drive = settings.as_ref().and_then(|own| own.get("slave")?.get("drive")?.get("kind")?.as_str());
+    let stated = || settings.as_ref().and_then(|own| own.get("slave")?.get("drive")?.get("load_gain_sd")?.as_float());
     match drive {
         Some("sim") => LoadUse::Counted { gain_apart: SIMULATED_GAIN_APART },
-        _ => LoadUse::Shown,
+        Some(_) => stated().map_or(LoadUse::Shown, |gain_sd| LoadUse::Estimated { gain_sd }),
+        None => LoadUse::Shown,
     }
 }
 
