@@ -9,20 +9,20 @@ use krait_drives::cia402::{State, state};
 use rustix::process::{Pid, Signal, kill_process};
 use std::process::{Command, Output, Stdio};
 
-const CONFIG: &str = "/tmp/can.toml";
+pub const CONFIG: &str = "/tmp/can.toml";
 const TURNED: &str = "/tmp/turned.toml";
-const ZERO: i32 = 1_000_000;
+pub const ZERO: i32 = 1_000_000;
 /// Largest step of a target in a cycle of 2 ms at the configured 20 mm/s, counts, and one for what arrives late by a tick.
 const MOST_COUNTS: i32 = 600;
 
 /// A program of time sharing, as a user starts it.
-fn krait(arguments: &[&str]) -> Command {
+pub fn krait(arguments: &[&str]) -> Command {
     let mut command = Command::new("/bin/chrt");
     command.args(["-o", "0", "/bin/krait"]).args(arguments).stdin(Stdio::null());
     command
 }
 
-fn done(arguments: &[&str]) -> anyhow::Result<String> {
+pub fn done(arguments: &[&str]) -> anyhow::Result<String> {
     let Output { status, stdout, stderr } = krait(arguments).output().context("krait")?;
     let (stdout, stderr) = (String::from_utf8_lossy(&stdout), String::from_utf8_lossy(&stderr));
     ensure!(status.success(), "krait {}: {stdout} {stderr}", arguments.join(" "));
@@ -30,7 +30,7 @@ fn done(arguments: &[&str]) -> anyhow::Result<String> {
 }
 
 /// Three drives whose encoders forget, with room for a virtual machine's hiccups.
-fn configure() -> anyhow::Result<()> {
+pub fn configure() -> anyhow::Result<()> {
     let mut text = format!(
         "[slave.limits]\nrate_m_per_s = 0.02\nfollowing_error_m = 0.002\npull_n = inf\npush_n = inf\n[slave.drive]\nkind = \"cia402\"\n\
          interface = \"{INTERFACE}\"\nperiod_ms = 2.0\ntimeout_ms = 1.8\nspeed_counts_per_s = 600000.0\n"
@@ -44,7 +44,7 @@ fn configure() -> anyhow::Result<()> {
 }
 
 /// Waits for something on the bus.
-fn until(monitor: &mut Monitor, ms: u32, is_met: impl Fn(&Monitor) -> bool) -> anyhow::Result<bool> {
+pub fn until(monitor: &mut Monitor, ms: u32, is_met: impl Fn(&Monitor) -> bool) -> anyhow::Result<bool> {
     for _ in 0..ms {
         std::thread::sleep(Duration::from_millis(1));
         monitor.drain()?;

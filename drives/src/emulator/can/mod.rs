@@ -18,6 +18,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// How often drives look at the time, ns.
 const TICK_NS: i64 = 1_000_000;
+/// How often they look whether an interface that was down is up again, ns.
+const LOOK_NS: i64 = 20_000_000;
 
 /// What a bus holds: its drives, and frames on their way to the master.
 #[derive(Debug, Default)]
@@ -198,18 +200,22 @@ impl Wire for CanWire {
     }
 }
 
-/// Lets emulated drives live on an interface of this machine until `ends`; each says that it has started.
+/// Lets emulated drives live on an interface of this machine until `ends`; each says that it has started. While the interface is down
+/// they live on unheard, as drives do whose cable was pulled.
 ///
 /// # Errors
 /// [`OpenError`] where the interface cannot be used, or goes away.
 pub fn serve(interface: &str, bus: &CanBus, ends: &AtomicBool) -> Result<(), OpenError> {
-    let socket = socket(interface)?;
+    let mut line = Some(socket(interface)?);
     let mut out = Vec::new();
     bus.lock().drives.iter_mut().for_each(|drive| drive.power_loss(&mut out));
-    let mut due_ns = monotonic_ns();
+    let (mut due_ns, mut look_ns) = (monotonic_ns(), 0);
     while !ends.load(Ordering::Relaxed) {
-        if let Some(frame) = receive(&socket, due_ns)? {
-            bus.lock().take(&frame, monotonic_ns(), &mut out);
+        match line.as_ref().map(|line| receive(line, due_ns)) {
+            Some(Ok(Some(frame))) => bus.lock().take(&frame, monotonic_ns(), &mut out),
+            Some(Ok(None)) => {}
+            Some(Err(_)) => line = None,
+            None => std::thread::sleep(Duration::from_nanos((due_ns - monotonic_ns()).max(0).unsigned_abs())),
         }
         let now_ns = monotonic_ns();
         if now_ns >= due_ns {
@@ -218,8 +224,20 @@ pub fn serve(interface: &str, bus: &CanBus, ends: &AtomicBool) -> Result<(), Ope
             drives.step(now_ns, &mut out);
             out.extend(drives.to_master.drain(..));
         }
+        if line.is_none() && now_ns >= look_ns {
+            look_ns = now_ns + LOOK_NS;
+            line = match socket(interface) {
+                Ok(line) => Some(line),
+                Err(OpenError::InterfaceDown { .. }) => None,
+                Err(error) => return Err(error),
+            };
+        }
         for frame in out.drain(..) {
-            send(&socket, &frame)?;
+            // What nobody hears is lost.
+            let is_gone = line.as_ref().is_some_and(|line| send(line, &frame).is_err());
+            if is_gone {
+                line = None;
+            }
         }
     }
     Ok(())
