@@ -206,7 +206,7 @@ pub fn thread(n: usize) -> anyhow::Result<PartVerdict> {
     verdict.check("failure", failure == "none", failure);
     let (Some(first), Some(last)) = (chain.cycles.first(), chain.cycles.last()) else { bail!("no cycles") };
     let n_cycles = chain.cycles.len() as u64;
-    verdict.check("lost", last.cycle - first.cycle + 1 == n_cycles && last.n_left_out == 0, n_cycles);
+    verdict.check("cycles_none_lost", last.cycle - first.cycle + 1 == n_cycles && last.n_left_out == 0, n_cycles);
     let n_missing = chain.cycles.iter().filter(|cycle| !is_whole(cycle)).count();
     verdict.check("unanswered", n_missing == 0, n_missing);
     let hertz = (n_cycles - 1) as f64 * 1e9 / (last.sample_ns - first.sample_ns) as f64;
