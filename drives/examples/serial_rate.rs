@@ -1,17 +1,16 @@
 //! How steadily an emulated bus of three servos is told and asked: cycles, unanswered questions, own time of a cycle.
-//! `cargo run --release -p krait-drives --example serial_rate -- SECONDS`
+//! `cargo run --release -p krait-drives --example serial_rate -- SECONDS [xl330]`
 #![allow(clippy::print_stdout, reason = "what an example finds is told on standard output")]
 
 use krait_drives::emulator::{Emulator, Servo, ServoWire};
-use krait_drives::sts3215::Sts3215;
-use krait_drives::{ActuatorBus, Goals, Seen};
+use krait_drives::{ActuatorBus, Goals, ServoBus, ServoMake};
 use krait_ipc::clock::monotonic_ns;
+use krait_slave::{ActuatorConfig, DriveConfig, DriveKind};
 use rustix::time::{ClockId, clock_gettime};
 use std::error::Error;
 use std::time::Duration;
 
 const PERIOD_NS: i64 = 5_000_000;
-const TIMEOUT: Duration = Duration::from_millis(4);
 
 fn own_ns() -> i64 {
     let time = clock_gettime(ClockId::ThreadCPUTime);
@@ -20,11 +19,19 @@ fn own_ns() -> i64 {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let seconds: i64 = std::env::args().nth(1).map_or(Ok(6), |text| text.parse())?;
-    let mut wire = ServoWire::new((1..=3).map(|id| Servo::new(id, 2048.0)).collect());
+    let (make, kind) = match std::env::args().nth(2).as_deref() {
+        None => (ServoMake::Sts3215, DriveKind::Sts3215),
+        Some("xl330") => (ServoMake::Xl330, DriveKind::Xl330),
+        Some(other) => return Err(format!("{other}: expected xl330, or nothing for sts3215").into()),
+    };
+    let mut wire = ServoWire::new((1..=3).map(|id| Servo::of(make, id, 2048.0)).collect());
     wire.usb_latency = Duration::from_millis(1);
     let emulator = Emulator::start(wire)?;
-    let mut bus = Sts3215::to_read(emulator.path(), 1_000_000, vec![1, 2, 3], TIMEOUT)?;
-    let (mut seen, mut goals) = (Seen::default(), Goals { counts: [2048; 12], counts_per_s: [1000.0; 12] });
+    let actuator = (1..=3).map(|id| ActuatorConfig { id, ..ActuatorConfig::default() }).collect();
+    let port = Some(emulator.path().to_owned());
+    // Its answers are waited for 4 ms.
+    let (mut bus, mut seen) = ServoBus::open(&DriveConfig { kind, port, actuator, ..DriveConfig::default() })?;
+    let mut goals = Goals { counts: [2048; 12], counts_per_s: [1000.0; 12] };
     bus.switch(true, &goals)?;
     bus.ask(&mut seen)?;
     let (n, mut n_unanswered, mut n_overrun) = (seconds * 1_000_000_000 / PERIOD_NS, 0, 0);

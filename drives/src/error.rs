@@ -85,7 +85,8 @@ pub enum OpenError {
     },
     /// Another kind of device.
     #[error(
-        "actuator {actuator} (id {id}) is a stranger: its model number is {found}, expected {expected} (STS3215); it is not moved, correct the id"
+        "actuator {actuator} (id {id}) is a stranger: its model number is {found}, expected {}; it is not moved, correct the id",
+        models(expected)
     )]
     Stranger {
         /// Which, from 1.
@@ -94,8 +95,8 @@ pub enum OpenError {
         id: u8,
         /// What it says.
         found: u16,
-        /// What a known one says.
-        expected: u16,
+        /// What known ones say, and their names.
+        expected: &'static [(u16, &'static str)],
     },
     /// A register has a value with which the servo would not do what it is told.
     #[error(
@@ -114,6 +115,16 @@ pub enum OpenError {
         found: i32,
         /// What it should be.
         expected: String,
+    },
+    /// Indirect registers that stay as they are.
+    #[error(
+        "actuator {actuator} (id {id}) keeps other indirect addresses (registers 168 to 199) than it is told; another program has set them, or its firmware is old: take its power away for a moment, or update it with the maker's tool"
+    )]
+    NoPointers {
+        /// Which, from 1.
+        actuator: usize,
+        /// Its number on the bus.
+        id: u8,
     },
     /// The configuration has no zero.
     #[error(
@@ -359,4 +370,9 @@ pub enum OpenError {
     /// No thread.
     #[error("the kernel gives no thread for the bus of the drives: {0}")]
     Thread(io::Error),
+}
+
+/// Known model numbers with their names, as a sentence has them.
+fn models(known: &[(u16, &str)]) -> String {
+    known.iter().map(|(model, name)| format!("{model} ({name})")).collect::<Vec<_>>().join(" or ")
 }

@@ -211,7 +211,7 @@ fn failure(words: &[u64]) -> Option<DriveError> {
 }
 
 /// Every text that a failure of a bus may carry. Recordings name them by their place: new ones come last.
-pub(crate) const TEXTS: [&str; 26] = [
+pub(crate) const TEXTS: [&str; 28] = [
     "of a kind that is not known",
     crate::texts::PORT_GONE,
     crate::texts::PORT_BLOCKED,
@@ -238,6 +238,8 @@ pub(crate) const TEXTS: [&str; 26] = [
     crate::texts::CAN_STILL_GONE,
     crate::texts::CAN_IN_USE,
     crate::texts::OTHER_DRIVES,
+    crate::texts::ELECTRICAL,
+    crate::texts::OVERLOAD,
 ];
 
 #[cfg(test)]

@@ -1,7 +1,6 @@
 //! krait-drives: actuators that people own, behind the slave's seam.
 //!
-//! Purpose: [`BusDrive`] is a drive over any [`ActuatorBus`]: it has the units, the age of readings, the judgement of each
-//! actuator, and the stop that needs no slave. [`sts3215`] and [`cia402`] are such buses; [`emulator`] has both without hardware.
+//! Purpose: [`BusDrive`] is a drive over any [`ActuatorBus`]: it has the units, the age of readings, the judgement of XX
 //!
 //! Frames and units: see `docs/NOTATION.md`. SI; q~ is push positive; counts are an encoder's own.
 #![forbid(unsafe_code)]
@@ -20,10 +19,12 @@ mod recorded;
 mod relax;
 mod repeated;
 mod ring;
+mod serial;
 mod setup;
-pub mod sts3215;
+mod sts3215;
 mod texts;
 mod units;
+mod xl330;
 
 pub use bus::{ActuatorBus, BusGone, Goals, PerActuator, Seen, Trouble};
 pub use bus_drive::BusDrive;
@@ -31,6 +32,7 @@ pub use error::OpenError;
 pub use newest::{AsWords, Newest};
 pub use recorded::RecordedDrive;
 pub use repeated::{CycleDifference, Repeated};
+pub use serial::{FoundServo, Identity, ServoBus, ServoMake, ports, scan};
 pub use setup::BusSetup;
 pub use units::Units;
 
@@ -44,7 +46,7 @@ use krait_slave::{DriveKind, SlaveConfig};
 pub fn open_drive(config: &SlaveConfig, beside: Option<Beside>) -> Result<BusDrive, OpenError> {
     match config.drive.kind {
         DriveKind::Sim => Err(OpenError::NoBus),
-        DriveKind::Sts3215 => sts3215::open_drive(config, beside),
+        DriveKind::Sts3215 | DriveKind::Xl330 => serial::open_drive(config, beside),
         DriveKind::Cia402 => cia402::open_drive(config, beside),
     }
 }
@@ -56,7 +58,7 @@ pub fn open_drive(config: &SlaveConfig, beside: Option<Beside>) -> Result<BusDri
 pub fn setup_of(config: &SlaveConfig) -> Result<BusSetup, OpenError> {
     match config.drive.kind {
         DriveKind::Sim => Err(OpenError::NoBus),
-        DriveKind::Sts3215 => sts3215::setup(config),
+        DriveKind::Sts3215 | DriveKind::Xl330 => serial::setup(config),
         DriveKind::Cia402 => cia402::setup(config),
     }
 }

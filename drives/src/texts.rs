@@ -52,3 +52,7 @@ pub const LEFT: &str = "that it has left Operation Enabled by itself";
 pub const COMMUNICATION: &str = "a failure of its communication";
 /// Any other.
 pub const OF_ITS_OWN: &str = "a failure of its own; see the code in its manual";
+/// In the servo's circuit.
+pub const ELECTRICAL: &str = "an electrical shock in its circuit, or too weak a supply";
+/// It goes on all the same.
+pub const OVERLOAD: &str = "an overload";

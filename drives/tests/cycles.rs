@@ -4,7 +4,7 @@
 mod rig;
 
 use krait_drives::emulator::Emulator;
-use krait_drives::{RecordedDrive, Repeated, setup_of, sts3215};
+use krait_drives::{RecordedDrive, Repeated, ServoMake, open_drive, setup_of};
 use krait_ipc::clock::monotonic_ns;
 use krait_ipc::message::{ActuatorCycle, Command, DriveCycle, Phase, Transition};
 use krait_ipc::{Reason, Reasons};
@@ -24,12 +24,12 @@ struct Run {
     setpoints: Vec<[f64; 12]>,
 }
 
-fn run() -> Run {
-    let emulator = Emulator::start(three()).unwrap();
-    let mut config = config(&emulator);
+fn run(make: ServoMake) -> Run {
+    let emulator = Emulator::start(three(make)).unwrap();
+    let mut config = config(make, &emulator);
     (config.limits.following_error_m, config.limits.pull_n, config.limits.push_n) =
         (5e-3, f64::INFINITY, f64::INFINITY);
-    let drive = sts3215::open_drive(&config, None).unwrap();
+    let drive = open_drive(&config, None).unwrap();
     let mut core = SlaveCore::new(drive, &config);
     let enabled_ns = monotonic_ns();
     core.transition(Transition::Enable, enabled_ns).unwrap();
@@ -91,48 +91,54 @@ fn again(run: &Run, cycles: &[DriveCycle], config: &SlaveConfig) -> (Repeated, V
 
 #[test]
 fn the_cycles_are_complete_name_the_failure_and_repeat_the_run() {
-    let run = run();
-    let numbers: Vec<u64> = run.cycles.iter().map(|cycle| cycle.cycle).collect();
-    assert_eq!(numbers, (0..run.cycles.len() as u64).collect::<Vec<_>>(), "the opening and each cycle once");
-    assert!(run.cycles.len() > 40 && run.cycles.iter().all(|cycle| cycle.n_left_out == 0 && cycle.n_actuators == 3));
-    // Instants: a cycle begins, is measured, and is over before the next begins.
-    for pair in run.cycles[1..].windows(2) {
-        assert!(pair[0].sample_ns < pair[0].answered_ns && pair[0].answered_ns <= pair[1].sample_ns);
-        let sampled_ns = pair[0].actuators[0].sampled_ns;
-        assert!((pair[0].sample_ns..=pair[0].answered_ns).contains(&sampled_ns));
+    for make in ServoMake::ALL {
+        println!("{make:?}");
+        let run = run(make);
+        let numbers: Vec<u64> = run.cycles.iter().map(|cycle| cycle.cycle).collect();
+        assert_eq!(numbers, (0..run.cycles.len() as u64).collect::<Vec<_>>(), "the opening and each cycle once");
+        assert!(
+            run.cycles.len() > 40 && run.cycles.iter().all(|cycle| cycle.n_left_out == 0 && cycle.n_actuators == 3)
+        );
+        // Instants: a cycle begins, is measured, and is over before the next begins.
+        for pair in run.cycles[1..].windows(2) {
+            assert!(pair[0].sample_ns < pair[0].answered_ns && pair[0].answered_ns <= pair[1].sample_ns);
+            let sampled_ns = pair[0].actuators[0].sampled_ns;
+            assert!((pair[0].sample_ns..=pair[0].answered_ns).contains(&sampled_ns));
+        }
+        let silent = |cycle: &DriveCycle| !cycle.actuators[1].has(ActuatorCycle::ANSWERED);
+        let first = run.cycles[1..].iter().position(silent).unwrap() + 1;
+        let failed = run.cycles.iter().position(|cycle| cycle.failure != 0).unwrap();
+        assert_eq!((run.cycles[failed].failure, run.cycles[failed].failure_actuator), (1, 2), "silent, the second");
+        assert!(failed >= first + 2 && run.cycles[failed].actuators[1].state == 6);
+        assert!(run.cycles[failed..].iter().all(|cycle| cycle.failure == 1), "a failure stays");
+        let followed = run.cycles.iter().filter(|cycle| cycle.phase == 2 && cycle.has(DriveCycle::TOLD)).count();
+        assert!(followed > 10, "{followed}");
+
+        let (repeated, setpoints) = again(&run, &run.cycles, &run.config);
+        assert!(repeated.is_identical(), "{repeated:?}");
+        // The last ones may have found the newest wish of all, after which no step comes.
+        assert!(repeated.n_cycles + 2 >= run.cycles.len() as u64 - 1, "{repeated:?}");
+        assert_eq!(setpoints, run.setpoints);
+
+        // Other settings are other wishes, and that is counted; so is a cycle that is not there.
+        let mut slower = run.config.clone();
+        slower.limits.rate_m_per_s = 5e-4;
+        let (other, _) = again(&run, &run.cycles, &slower);
+        assert!(other.n_wishes_differ > 10 && other.n_goals_differ > 0, "{other:?}");
+        assert!(other.first.is_some_and(|first| first.field.contains("wish_q_m")));
+        let mut gap = run.cycles.clone();
+        gap.remove(20);
+        assert_eq!(again(&run, &gap, &run.config).0.n_missing, 1);
     }
-    let silent = |cycle: &DriveCycle| !cycle.actuators[1].has(ActuatorCycle::ANSWERED);
-    let first = run.cycles[1..].iter().position(silent).unwrap() + 1;
-    let failed = run.cycles.iter().position(|cycle| cycle.failure != 0).unwrap();
-    assert_eq!((run.cycles[failed].failure, run.cycles[failed].failure_actuator), (1, 2), "silent, the second");
-    assert!(failed >= first + 2 && run.cycles[failed].actuators[1].state == 6);
-    assert!(run.cycles[failed..].iter().all(|cycle| cycle.failure == 1), "a failure stays");
-    let followed = run.cycles.iter().filter(|cycle| cycle.phase == 2 && cycle.has(DriveCycle::TOLD)).count();
-    assert!(followed > 10, "{followed}");
-
-    let (repeated, setpoints) = again(&run, &run.cycles, &run.config);
-    assert!(repeated.is_identical(), "{repeated:?}");
-    // The last ones may have found the newest wish of all, after which no step comes.
-    assert!(repeated.n_cycles + 2 >= run.cycles.len() as u64 - 1, "{repeated:?}");
-    assert_eq!(setpoints, run.setpoints);
-
-    // Other settings are other wishes, and that is counted; so is a cycle that is not there.
-    let mut slower = run.config.clone();
-    slower.limits.rate_m_per_s = 5e-4;
-    let (other, _) = again(&run, &run.cycles, &slower);
-    assert!(other.n_wishes_differ > 10 && other.n_goals_differ > 0, "{other:?}");
-    assert!(other.first.is_some_and(|first| first.field.contains("wish_q_m")));
-    let mut gap = run.cycles.clone();
-    gap.remove(20);
-    assert_eq!(again(&run, &gap, &run.config).0.n_missing, 1);
 }
 
 #[test]
 fn a_slave_that_fetches_nothing_holds_up_nobody_and_what_is_left_out_is_counted() {
-    let emulator = Emulator::start(three()).unwrap();
-    let mut config = config(&emulator);
+    let make = ServoMake::Sts3215;
+    let emulator = Emulator::start(three(make)).unwrap();
+    let mut config = config(make, &emulator);
     (config.drive.period_ms, config.drive.timeout_ms) = (5.0, 4.5);
-    let mut drive = sts3215::open_drive(&config, None).unwrap();
+    let mut drive = open_drive(&config, None).unwrap();
     std::thread::sleep(Duration::from_millis(1800));
     // While these are fetched there is room for the next.
     let waiting: Vec<DriveCycle> = core::iter::from_fn(|| drive.next_cycle()).take(256).collect();

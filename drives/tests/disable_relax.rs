@@ -7,7 +7,7 @@ mod rig;
 
 use core::time::Duration;
 use krait_drives::emulator::{CanBus, Coupling, Emulator, Servo};
-use krait_drives::{BusDrive, cia402, sts3215};
+use krait_drives::{BusDrive, ServoMake, cia402, open_drive};
 use krait_ipc::clock::monotonic_ns;
 use krait_ipc::message::{Command, OperatingState, Phase, SlaveState, StateCommand, Transition};
 use krait_ipc::{Reason, Reasons};
@@ -56,18 +56,17 @@ impl Behind {
     }
 }
 
-fn servos(change: impl Fn(&mut SlaveConfig)) -> (SlaveConfig, BusDrive, Behind) {
+fn servos(make: ServoMake, change: impl Fn(&mut SlaveConfig)) -> (SlaveConfig, BusDrive, Behind) {
     const PER_M: f64 = 4096.0 / (core::f64::consts::TAU * 0.008);
-    let mut wire = rig::three();
+    let mut wire = rig::three(make);
     wire.coupling = Some(snake(f64::from(rig::ZERO), PER_M));
     let emulator = Emulator::start(wire).unwrap();
-    let mut config = rig::config(&emulator);
+    let mut config = rig::config(make, &emulator);
     for actuator in &mut config.drive.actuator {
-        // So that loads are what the coupling gives, within a step of the current.
-        actuator.newton_metre_per_ampere = LARGEST_N * 0.008 / (400.0 * 6.5e-3);
+        actuator.newton_metre_per_ampere = rig::newton_metre_per_ampere(make, LARGEST_N);
     }
     prepare(&mut config, change);
-    let drive = sts3215::open_drive(&config, None).unwrap();
+    let drive = open_drive(&config, None).unwrap();
     assert!(emulator.wire().servos.iter().all(|servo: &Servo| !servo.is_powered()));
     (config, drive, Behind::Servos(emulator))
 }
@@ -188,7 +187,11 @@ impl Bench {
 /// A drive of one of the back-ends, with a configuration that was changed.
 type Open = fn(&dyn Fn(&mut SlaveConfig)) -> (SlaveConfig, BusDrive, Behind);
 
-const BACK_ENDS: [(&str, Open); 2] = [("sts3215", |change| servos(change)), ("cia402", |change| can(change))];
+const BACK_ENDS: [(&str, Open); 3] = [
+    ("sts3215", |change| servos(ServoMake::Sts3215, change)),
+    ("xl330", |change| servos(ServoMake::Xl330, change)),
+    ("cia402", |change| can(change)),
+];
 
 #[test]
 fn loaded_lines_are_relaxed_through_the_bus_before_power_goes() {

@@ -6,6 +6,7 @@ mod allocations;
 mod rig;
 
 use allocations::allocations_of;
+use krait_drives::ServoMake;
 use krait_ipc::clock::monotonic_ns;
 use krait_ipc::message::{Command, Phase, Transition};
 use krait_ipc::{Reason, Reasons};
@@ -15,7 +16,7 @@ use std::time::Duration;
 
 #[test]
 fn commands_ticks_and_reports_of_a_slave_on_servos_allocate_nothing_also_when_one_fails() {
-    let Rig { emulator, drive } = Rig::new();
+    let Rig { emulator, drive } = Rig::new(ServoMake::Sts3215);
     let mut config = SlaveConfig::default();
     (config.limits.following_error_m, config.limits.pull_n, config.limits.push_n) =
         (5e-3, f64::INFINITY, f64::INFINITY);

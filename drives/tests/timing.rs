@@ -6,8 +6,7 @@
 mod rig;
 
 use krait_drives::emulator::Emulator;
-use krait_drives::sts3215::{Sts3215, open_drive};
-use krait_drives::{ActuatorBus, Goals, Seen};
+use krait_drives::{ActuatorBus, Goals, Seen, ServoBus, ServoMake, open_drive};
 use krait_ipc::clock::monotonic_ns;
 use krait_ipc::message::{ActuatorCycle, DriveCycle};
 use krait_slave::{Drive, SlaveConfig, lines};
@@ -31,13 +30,13 @@ const ANSWER_BYTES: usize = 3 * (6 + 31);
 static ALONE: Mutex<()> = Mutex::new(());
 
 fn slow_adapter() -> Emulator {
-    let mut wire = three();
+    let mut wire = three(ServoMake::Sts3215);
     wire.usb_latency = Duration::from_millis(1);
     Emulator::start(wire).unwrap()
 }
 
 fn in_time(emulator: &Emulator) -> SlaveConfig {
-    let mut config = config(emulator);
+    let mut config = config(ServoMake::Sts3215, emulator);
     (config.drive.period_ms, config.drive.timeout_ms, config.drive.lost_cycles) = (PERIOD_MS, TIMEOUT_MS, 20);
     config
 }
@@ -98,7 +97,7 @@ impl Raw {
 fn a_cycle_takes_few_times_the_work_of_its_raw_packets() {
     let _alone = ALONE.lock();
     let (own, other) = (slow_adapter(), slow_adapter());
-    let (mut bus, mut seen): (Sts3215, Seen) = Sts3215::open(&in_time(&own).drive).unwrap();
+    let (mut bus, mut seen): (ServoBus, Seen) = ServoBus::open(&in_time(&own).drive).unwrap();
     let raw = Raw::open(other.path());
     let goals = Goals { counts: [2048; 12], counts_per_s: [100.0; 12] };
     let mut own_ns = Vec::new();

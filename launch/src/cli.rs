@@ -333,6 +333,8 @@ pub enum SlaveKind {
     Sim,
     /// The Feetech STS3215 servos that the configuration describes (docs/drives.md).
     Sts3215,
+    /// The ROBOTIS Dynamixel XL330 servos that the configuration describes (docs/drives.md).
+    Xl330,
     /// The CANopen drives of the profile CiA 402 that the configuration describes (docs/drives.md).
     Cia402,
 }
@@ -343,6 +345,7 @@ impl SlaveKind {
         match self {
             Self::Sim => DriveKind::Sim,
             Self::Sts3215 => DriveKind::Sts3215,
+            Self::Xl330 => DriveKind::Xl330,
             Self::Cia402 => DriveKind::Cia402,
         }
     }

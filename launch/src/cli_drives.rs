@@ -1,6 +1,7 @@
 //! The command line of `krait drives`.
 
-use clap::Args;
+use clap::{Args, ValueEnum};
+use krait_drives::ServoMake;
 use std::path::PathBuf;
 
 /// Options of `krait drives`.
@@ -45,7 +46,29 @@ pub struct DrivesArgs {
     /// Plug in an emulated bus of so many servos, or drives with --interface, to try krait without hardware; until Ctrl-C.
     #[arg(long, value_name = "SERVOS", value_parser = clap::value_parser!(u8).range(1..=12))]
     pub emulate: Option<u8>,
+    /// Which servos are emulated.
+    #[arg(long, value_name = "MAKE", value_enum, default_value_t = EmulatedServo::Sts3215, requires = "emulate", conflicts_with = "interface")]
+    pub servo: EmulatedServo,
     /// Print what was found as JSON on standard output.
     #[arg(long, conflicts_with_all = ["watch", "jog", "emulate"])]
     pub json: bool,
+}
+
+/// Servos that can be emulated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum EmulatedServo {
+    /// Feetech STS3215.
+    Sts3215,
+    /// ROBOTIS Dynamixel XL330-M288.
+    Xl330,
+}
+
+impl EmulatedServo {
+    /// The same as the drives say it.
+    pub fn make(self) -> ServoMake {
+        match self {
+            Self::Sts3215 => ServoMake::Sts3215,
+            Self::Xl330 => ServoMake::Xl330,
+        }
+    }
 }

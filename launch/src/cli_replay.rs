@@ -71,6 +71,8 @@ pub enum ReplaySlave {
     Sim,
     /// The Feetech STS3215 servos that the configuration describes (docs/drives.md).
     Sts3215,
+    /// The ROBOTIS Dynamixel XL330 servos that the configuration describes (docs/drives.md).
+    Xl330,
     /// The CANopen drives of the profile CiA 402 that the configuration describes (docs/drives.md).
     Cia402,
     /// What real drives answered when they were recorded (docs/drives.md).

@@ -202,7 +202,9 @@ impl Config {
     pub fn check_drives(&self) -> anyhow::Result<()> {
         match self.slave.drive.kind {
             DriveKind::Sim => Ok(()),
-            DriveKind::Sts3215 | DriveKind::Cia402 => real_drives::check(&self.slave.drive, &self.model()?.machine),
+            DriveKind::Sts3215 | DriveKind::Xl330 | DriveKind::Cia402 => {
+                real_drives::check(&self.slave.drive, &self.model()?.machine)
+            }
         }
     }
 

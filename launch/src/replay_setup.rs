@@ -241,6 +241,7 @@ fn with_options(args: &ReplayArgs, mut config: Config) -> anyhow::Result<Config>
     match args.slave {
         ReplaySlave::Sim => config.slave.drive = DriveConfig::default(),
         ReplaySlave::Sts3215 => check_real(args, &config, DriveKind::Sts3215)?,
+        ReplaySlave::Xl330 => check_real(args, &config, DriveKind::Xl330)?,
         ReplaySlave::Cia402 => check_real(args, &config, DriveKind::Cia402)?,
         ReplaySlave::Recorded => {
             bail!("--slave recorded takes a recording (.mcap), and {} is none", args.file.display())
@@ -263,7 +264,7 @@ fn with_options(args: &ReplayArgs, mut config: Config) -> anyhow::Result<Config>
 fn check_real(args: &ReplayArgs, config: &Config, kind: DriveKind) -> anyhow::Result<()> {
     ensure!(
         args.real_time && config.slave.drive.kind == kind,
-        "--slave sts3215 or cia402 moves real drives: it takes --real-time, and --replace slave with a --config that describes them"
+        "--slave sts3215, xl330 or cia402 moves real drives: it takes --real-time, and --replace slave with a --config that describes them"
     );
     Ok(())
 }

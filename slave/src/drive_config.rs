@@ -15,6 +15,8 @@ pub enum DriveKind {
     Sim,
     /// Feetech STS3215 servos on a serial bus.
     Sts3215,
+    /// ROBOTIS Dynamixel XL330 servos on a serial bus.
+    Xl330,
     /// CANopen drives of the profile CiA 402 on a CAN interface.
     Cia402,
 }
@@ -45,8 +47,8 @@ settings! {
     /// The drives.
     #[derive(Clone, Debug, PartialEq)]
     pub struct DriveConfig in "slave.drive" {
-        /// "sim": simulated; "sts3215": Feetech servos on a serial bus; "cia402": CANopen drives on a CAN interface. What follows is
-        /// for a real bus, but for `on_disable`, `relax_n` and `disable_relax_...`.
+        /// "sim": simulated; "sts3215": Feetech servos on a serial bus; "xl330": Dynamixel servos on one; "cia402": CANopen drives on a
+        /// CAN interface. What follows is for a real bus, but for `on_disable`, `relax_n` and `disable_relax_...`.
         kind: DriveKind = DriveKind::Sim;
         /// "live": they move; "dry": the bus is opened and read, power stays off, and the log says what would be sent.
         mode: DriveMode = DriveMode::Live;
@@ -54,7 +56,7 @@ settings! {
         port: Option<PathBuf> = None;
         /// "cia402": the CAN interface, as `ip link` names it.
         interface: Option<String> = None;
-        /// Bit rate of the bus, bits/s. 1 000 000: the servos' own default, and what CAN has at most. A CAN interface gets its own
+        /// Bit rate of the bus, bits/s. 1 000 000: the default of STS3215 (XL330: 57 600), and what CAN has at most. A CAN interface gets its own
         /// from `ip link`; this one says what a cycle takes.
         baud: u32 = 1_000_000, 9_600..=1_000_000;
         /// Period of the bus, ms: every actuator is told and asked once. 5 ms: three servos need 2.6 ms at 1 Mbaud and 1 ms in
@@ -90,8 +92,8 @@ settings! {
         speed_counts_per_s: f64 = 3000.0, 50.0..=1e8;
         /// "cia402": how often drives and this program tell each other that they live, ms.
         heartbeat_ms: u32 = 20, 1..=200;
-        /// "cia402": without this program's heartbeat for so long the drives stop by themselves, ms; at least 3 of `heartbeat_ms`.
-        /// 100 ms: longer than a hiccup of the machine, and at 30 mm/s with a held target no motion at all.
+        /// "cia402" and "xl330": without this program's heartbeat, or any word of it, for so long the drives stop by themselves, ms; at
+        /// least 3 of `heartbeat_ms`, or of `period_ms`. An XL330 counts in steps of 20 ms. 100 ms: longer than a hiccup of the machine, and at 30 mm/s with a held target no motion at all.
         gives_up_ms: u32 = 100, 10..=2000;
         /// How far the loads of all actuators may be off by one common factor, as a standard deviation, part of it: 0.3 for servos whose
         /// gears nobody has measured. It is recorded; without it the lab shows their loads and concludes nothing from them.
@@ -195,9 +197,14 @@ impl DriveConfig {
                 return refuse(format!("actuators {} and {} both have id {id}; give each its own", first + 1, k + 1));
             }
         }
-        if self.kind == DriveKind::Cia402 && self.gives_up_ms < 3 * self.heartbeat_ms {
-            let (gives_up, heartbeat) = (self.gives_up_ms, self.heartbeat_ms);
-            return refuse(format!("gives_up_ms = {gives_up}: expected at least 3 times heartbeat_ms {heartbeat}"));
+        let beat = match self.kind {
+            DriveKind::Cia402 => ("heartbeat_ms", f64::from(self.heartbeat_ms)),
+            DriveKind::Xl330 => ("period_ms", self.period_ms),
+            DriveKind::Sim | DriveKind::Sts3215 => return Ok(()),
+        };
+        if f64::from(self.gives_up_ms) < 3.0 * beat.1 {
+            let (gives_up, (key, beat_ms)) = (self.gives_up_ms, beat);
+            return refuse(format!("gives_up_ms = {gives_up}: expected at least 3 times {key} {beat_ms}"));
         }
         self.check_load_gain()
     }
@@ -207,31 +214,37 @@ impl DriveConfig {
     /// A key that only drives of another kind read would be ignored, and somebody meant something by it.
     fn check_kind(&self) -> Result<(), ConfigError> {
         let (usual, plain) = (Self::default(), ActuatorConfig::default());
-        let is_can = self.kind == DriveKind::Cia402;
-        let mut foreign = if is_can {
-            vec![("port".to_owned(), self.port.is_some())]
-        } else {
-            vec![
-                ("interface".to_owned(), self.interface.is_some()),
-                ("heartbeat_ms".to_owned(), self.heartbeat_ms != usual.heartbeat_ms),
-                ("gives_up_ms".to_owned(), self.gives_up_ms != usual.gives_up_ms),
-            ]
+        let (serial, can) = (&["sts3215", "xl330"][..], &["cia402"][..]);
+        let own = match self.kind {
+            DriveKind::Sim => return Ok(()),
+            DriveKind::Sts3215 => "sts3215",
+            DriveKind::Xl330 => "xl330",
+            DriveKind::Cia402 => "cia402",
         };
-        for (k, own) in self.actuator.iter().enumerate() {
-            let mut add = |key: &str, is_set: bool| foreign.push((format!("actuator {}: {key}", k + 1), is_set));
-            if is_can {
-                add("newton_metre_per_ampere", own.newton_metre_per_ampere != plain.newton_metre_per_ampere);
-                add("homing", own.homing.is_some());
-            } else {
-                add("counts_per_turn", own.counts_per_turn != plain.counts_per_turn);
-                add("is_absolute", own.is_absolute);
-                add("vendor", own.vendor.is_some());
-                add("product", own.product.is_some());
-                add("rated_torque_nm", own.rated_torque_nm != plain.rated_torque_nm);
+        // Keys that somebody set, with the kinds that read them.
+        let mut set = Vec::new();
+        let mut add = |key: &str, is_set: bool, kinds: &[&'static str]| {
+            if is_set && !kinds.contains(&own) {
+                set.push((key.to_owned(), kinds[0]));
             }
+        };
+        add("port", self.port.is_some(), serial);
+        add("interface", self.interface.is_some(), can);
+        add("heartbeat_ms", self.heartbeat_ms != usual.heartbeat_ms, can);
+        add("gives_up_ms", self.gives_up_ms != usual.gives_up_ms, &["cia402", "xl330"]);
+        for (k, actuator) in self.actuator.iter().enumerate() {
+            let mut add = |key: &str, is_set, kinds| add(&format!("actuator {}: {key}", k + 1), is_set, kinds);
+            let newton_metre_per_ampere = actuator.newton_metre_per_ampere != plain.newton_metre_per_ampere;
+            add("newton_metre_per_ampere", newton_metre_per_ampere, serial);
+            // Tried on this make only.
+            add("homing", actuator.homing.is_some(), &["sts3215"]);
+            add("counts_per_turn", actuator.counts_per_turn != plain.counts_per_turn, can);
+            add("is_absolute", actuator.is_absolute, can);
+            add("vendor", actuator.vendor.is_some(), can);
+            add("product", actuator.product.is_some(), can);
+            add("rated_torque_nm", actuator.rated_torque_nm != plain.rated_torque_nm, can);
         }
-        let Some((key, _)) = foreign.into_iter().find(|(_, is_set)| *is_set) else { return Ok(()) };
-        let (own, other) = if is_can { ("cia402", "sts3215") } else { ("sts3215", "cia402") };
+        let Some((key, other)) = set.into_iter().next() else { return Ok(()) };
         Err(ConfigError::Drives {
             what: format!(
                 "{key} is of drives of kind {other:?}, and these are {own:?}, which would ignore it; delete it, or correct kind"
@@ -320,6 +333,7 @@ mod tests {
     fn what_does_not_fit_is_refused_in_one_sentence_with_its_table() {
         DriveConfig::default().check().unwrap();
         let bus = "kind = \"sts3215\"\nport = \"/dev/ttyUSB0\"\n";
+        let dxl = bus.replace("sts3215", "xl330");
         let servo = "[[actuator]]\nid = 1\n";
         let can = "kind = \"cia402\"\ninterface = \"can0\"\n";
         let drive = "[[actuator]]\nid = 1\nvendor = 0x555\nproduct = 1\n";
@@ -343,6 +357,15 @@ mod tests {
             (format!("{can}gives_up_ms = 50\n{drive}"), "gives_up_ms = 50"),
             (format!("{can}{drive}").replace("id = 1\n", "id = 127\n"), "id = 127"),
             (format!("{bus}heartbeat_ms = 50\n{servo}"), "heartbeat_ms is of drives of kind \"cia402\""),
+            (format!("{bus}gives_up_ms = 50\n{servo}"), "gives_up_ms is of drives of kind \"cia402\""),
+            (
+                format!("{dxl}gives_up_ms = 50\nperiod_ms = 20.0\n{servo}"),
+                "gives_up_ms = 50: expected at least 3 times period_ms 20",
+            ),
+            (
+                format!("{dxl}heartbeat_ms = 50\n{servo}"),
+                "heartbeat_ms is of drives of kind \"cia402\", and these are \"xl330\"",
+            ),
             (format!("{bus}{servo}vendor = 5"), "actuator 1: vendor is of drives of kind \"cia402\""),
             (format!("{bus}interface = \"can0\"\n{servo}"), "these are \"sts3215\", which would ignore it"),
             (format!("{can}port = \"/dev/ttyUSB0\"\n{drive}"), "port is of drives of kind \"sts3215\""),

@@ -1,4 +1,4 @@
-//! An emulated bus of STS3215 servos behind a pseudo-terminal: to try krait without hardware, and with every fault that we know.
+//! An emulated bus of STS3215 or XL330 servos behind a pseudo-terminal: to try krait without hardware, and with every fault that we know.
 //! [`CanBus`] is one of CiA 402 drives.
 //!
 //! Bytes take their time on the wire, servos theirs to answer and to move, the USB adapter its own. The host's bit rate is read
@@ -6,6 +6,8 @@
 
 mod can;
 mod coupling;
+mod dynamixel;
+mod registers;
 mod servo;
 mod wire;
 

@@ -1,27 +1,16 @@
 //! One emulated servo: its registers, the motion behind them, and what is wrong with it.
 
-use crate::sts3215::packet::signed;
-use crate::sts3215::{COUNTS_PER_TURN, MODEL};
+use super::dynamixel;
+use super::registers::{Register, Registers};
+use crate::serial::ServoMake;
 use core::time::Duration;
 
 /// Registers of a servo.
-const N_REGISTERS: usize = 256;
-// Registers by the maker's names.
-const TORQUE: usize = 40;
-const GOAL: usize = 42;
-const SPEED: usize = 46;
-const LIMIT: usize = 48;
-const POSITION: usize = 56;
-const LOAD: usize = 60;
-const SUPPLY: usize = 62;
-const HEAT: usize = 63;
-const CURRENT: usize = 69;
-/// Largest speed, counts/s: 60 degrees in 0.222 s at 7.4 V.
-const MOST_COUNTS_PER_S: f64 = 3075.0;
+pub(super) const N_REGISTERS: usize = 256;
+/// Bit of the error: overload.
+pub(super) const OVERLOAD: u8 = 1 << 5;
 /// At a stop it presses with this part of its largest for each count that its goal lies behind.
 const PRESSED_PER_COUNT: f64 = 0.02;
-/// Bit of the error byte: overload.
-const OVERLOAD: u8 = 1 << 5;
 
 /// What is wrong with a servo; by default nothing. A number counts the replies that are still spoilt.
 #[derive(Clone, Copy, Debug, Default)]
@@ -46,7 +35,8 @@ pub struct Faults {
     pub is_deaf: bool,
     /// Its encoder reads what it read.
     pub is_stuck: bool,
-    /// Error byte of every reply: bit 0 supply, 1 encoder, 2 heat, 3 current, 5 overload.
+    /// Error of an STS3215 in every reply, bit 0 supply, 1 encoder, 2 heat, 3 current, 5 overload; hardware error of an XL330, bit 0
+    /// supply, 2 heat, 3 encoder, 4 electrical shock, 5 overload.
     pub error: u8,
 }
 
@@ -82,24 +72,23 @@ pub struct Servo {
     /// The newest of them, and the two before.
     pub told: [ToldGoal; 3],
     /// What it presses with against a stop, as `load`.
-    pressed: f64,
-    stepped_ns: Option<i64>,
+    pub(super) pressed: f64,
+    pub(super) make: ServoMake,
+    pub(super) stepped_ns: Option<i64>,
+    /// When it was last told anything, ns.
+    pub(super) heard_ns: i64,
 }
 
 impl Servo {
-    /// A sound servo at a place, as it comes from the maker but for its id.
+    /// A sound STS3215 at a place, as it comes from the maker but for its id.
     pub fn new(id: u8, place: f64) -> Self {
-        let mut registers = [0; N_REGISTERS];
-        registers[0..2].copy_from_slice(&[3, 10]);
-        registers[3..5].copy_from_slice(&MODEL.to_le_bytes());
-        registers[5] = id;
-        registers[8] = 1;
-        registers[11..13].copy_from_slice(&4095_u16.to_le_bytes());
-        registers[16..18].copy_from_slice(&1000_u16.to_le_bytes());
-        registers[LIMIT..LIMIT + 2].copy_from_slice(&1000_u16.to_le_bytes());
-        (registers[SUPPLY], registers[HEAT]) = (74, 31);
+        Self::of(ServoMake::Sts3215, id, place)
+    }
+
+    /// A sound servo of a make at a place, as it comes from the maker but for its id; an XL330 answers without delay.
+    pub fn of(make: ServoMake, id: u8, place: f64) -> Self {
         let mut servo = Self {
-            registers,
+            registers: [0; N_REGISTERS],
             faults: Faults::default(),
             place,
             load: 0.0,
@@ -108,99 +97,197 @@ impl Servo {
             n_goals: 0,
             told: [ToldGoal::default(); 3],
             pressed: 0.0,
+            make,
             stepped_ns: None,
+            heard_ns: 0,
         };
+        servo.fill_in(id);
         servo.show();
         servo
     }
 
     /// Its number on the bus.
     pub fn id(&self) -> u8 {
-        self.registers[5]
+        self.registers[self.table().id]
+    }
+
+    /// Makes a stranger of it.
+    pub fn set_model(&mut self, model: u16) {
+        let at = self.table().model;
+        self.registers[at..at + 2].copy_from_slice(&model.to_le_bytes());
     }
 
     /// The goal that it holds, counts.
     pub fn goal(&self) -> i32 {
-        signed(self.word(GOAL), 15)
+        self.get(self.table().goal)
     }
 
     /// Whether it is under power.
     pub fn is_powered(&self) -> bool {
-        self.registers[TORQUE] == 1
+        self.registers[self.table().torque] == 1
     }
 
     /// Its supply goes and comes back: no power, no goal, and the turns are forgotten, which one turn never shows.
     pub fn brown_out(&mut self) {
-        self.registers[TORQUE..POSITION].fill(0);
-        let most = [self.registers[16], self.registers[17]];
-        self.registers[LIMIT..LIMIT + 2].copy_from_slice(&most);
+        match self.make {
+            ServoMake::Sts3215 => {
+                self.registers[40..56].fill(0);
+                let most = [self.registers[16], self.registers[17]];
+                self.registers[48..50].copy_from_slice(&most);
+            }
+            ServoMake::Xl330 => {
+                dynamixel::start_anew(self);
+                self.show();
+            }
+        }
     }
 
-    pub(crate) fn write(&mut self, address: usize, data: &[u8]) {
+    /// The registers that a host reads at an address.
+    pub(super) fn read(&self, address: usize, n: usize) -> Vec<u8> {
+        let end = (address + n).min(N_REGISTERS);
+        (address.min(end)..end).map(|at| self.registers[self.behind(at)]).collect()
+    }
+
+    /// Writes what a host wants written, where that may be.
+    pub(super) fn write(&mut self, address: usize, data: &[u8]) {
         let end = (address + data.len()).min(N_REGISTERS);
-        if address >= end {
+        if address >= end || (self.make == ServoMake::Xl330 && !dynamixel::may_write(self, address, data)) {
             return;
         }
-        self.registers[address..end].copy_from_slice(&data[..end - address]);
-        if (address..end).contains(&GOAL) {
+        for (at, byte) in (address..end).zip(data) {
+            self.registers[self.behind(at)] = *byte;
+        }
+        let Registers { goal, torque, .. } = *self.table();
+        if (address..end).contains(&goal.at) {
             self.n_goals += 1;
             let newest = ToldGoal { at_ns: self.stepped_ns.unwrap_or(0), place: self.place, goal: self.goal() };
             self.told = [newest, self.told[0], self.told[1]];
         }
-        if (address..end).contains(&TORQUE) && self.registers[TORQUE] == 1 {
+        if (address..end).contains(&torque) && self.is_powered() && self.make == ServoMake::Sts3215 {
             // Power that is switched on again forgives the overload.
             self.faults.error &= !OVERLOAD;
         }
     }
 
+    /// Something was said on the wire.
+    pub(super) fn hear(&mut self, now_ns: i64) {
+        self.heard_ns = now_ns;
+    }
+
     /// Lets time pass up to an instant.
-    pub(crate) fn step(&mut self, now_ns: i64) {
+    pub(super) fn step(&mut self, now_ns: i64) {
         let before_ns = self.stepped_ns.unwrap_or(now_ns);
-        let elapsed_s = now_ns.saturating_sub(before_ns).max(0) as f64 * 1e-9;
         self.stepped_ns = Some(before_ns.max(now_ns));
-        if self.is_powered() && (self.load + self.pressed).abs() > self.overload {
-            self.registers[TORQUE] = 0;
+        if self.is_powered() && self.whole_load().abs() > self.overload {
+            self.registers[self.table().torque] = 0;
             self.faults.error |= OVERLOAD;
         }
-        self.pressed = 0.0;
-        if self.is_powered() {
-            let wanted = f64::from(self.word(SPEED));
-            let speed = if wanted > 0.0 { wanted.min(MOST_COUNTS_PER_S) } else { MOST_COUNTS_PER_S };
-            // In one turn the goal is the nearest place with that count.
-            let turns = (self.place / f64::from(COUNTS_PER_TURN)).floor() * f64::from(COUNTS_PER_TURN);
-            let way = f64::from(self.goal()) + turns - self.place;
-            let [low, high] = self.stops;
-            self.place = (self.place + way.clamp(-speed * elapsed_s, speed * elapsed_s)).clamp(low, high);
-            if self.place <= low || self.place >= high {
-                let most = f64::from(self.word(LIMIT)) * 1e-3;
-                let left = f64::from(self.goal()) + turns - self.place;
-                self.pressed = (left * PRESSED_PER_COUNT).clamp(-most, most);
-            }
+        // A watchdog that ran out between two requests stopped the motor then.
+        let gives_up_ns = dynamixel::gives_up_ns(self).unwrap_or(i64::MAX);
+        self.run((gives_up_ns.min(now_ns) - before_ns).max(0) as f64 * 1e-9);
+        if now_ns > gives_up_ns {
+            dynamixel::give_up(self);
+        }
+        if self.make == ServoMake::Xl330 {
+            dynamixel::shut_down(self);
         }
         self.show();
     }
 
+    /// Runs towards its goal for a time.
+    fn run(&mut self, elapsed_s: f64) {
+        self.pressed = 0.0;
+        if !self.is_powered() {
+            return;
+        }
+        let Registers { speed, speed_step, most_counts_per_s, .. } = *self.table();
+        let wanted = f64::from(self.get(speed)) * speed_step;
+        let speed = if wanted > 0.0 { wanted.min(most_counts_per_s) } else { most_counts_per_s };
+        // In one turn the goal is the nearest place with that count.
+        let counts_per_turn = f64::from(ServoMake::COUNTS_PER_TURN);
+        let turns = (self.place / counts_per_turn).floor() * counts_per_turn;
+        let way = f64::from(self.goal()) + turns - self.place;
+        let [low, high] = self.stops;
+        self.place = (self.place + way.clamp(-speed * elapsed_s, speed * elapsed_s)).clamp(low, high);
+        if self.place <= low || self.place >= high {
+            let most = self.most_load();
+            let left = f64::from(self.goal()) + turns - self.place;
+            self.pressed = (left * PRESSED_PER_COUNT).clamp(-most, most);
+        }
+    }
+
+    /// What it carries and what it presses with.
+    pub(super) fn whole_load(&self) -> f64 {
+        self.load + self.pressed
+    }
+
+    /// The part of its largest torque that it may use.
+    fn most_load(&self) -> f64 {
+        match self.make {
+            ServoMake::Sts3215 => f64::from(self.get(Register { at: 48, n: 2 })) * 1e-3,
+            ServoMake::Xl330 => dynamixel::most_load(self),
+        }
+    }
+
     /// The line pulls at it from now on.
-    pub(crate) fn carry(&mut self, load: f64) {
+    pub(super) fn carry(&mut self, load: f64) {
         self.load = load;
         self.show();
     }
 
     fn show(&mut self) {
         let position = if self.faults.is_stuck {
-            self.word(POSITION)
+            self.get(self.table().position)
         } else {
-            self.place.round().rem_euclid(f64::from(COUNTS_PER_TURN)) as u16
+            self.place.round().rem_euclid(f64::from(ServoMake::COUNTS_PER_TURN)) as i32
         };
-        let whole = self.load + self.pressed;
-        let load = (whole.abs() * 1000.0).min(1000.0) as u16 | if whole < 0.0 { 1 << 10 } else { 0 };
-        let current = (whole.abs() * 400.0) as u16;
-        for (address, value) in [(POSITION, position), (LOAD, load), (CURRENT, current)] {
-            self.registers[address..address + 2].copy_from_slice(&value.to_le_bytes());
+        self.set(self.table().position, position);
+        match self.make {
+            ServoMake::Sts3215 => {
+                let whole = self.whole_load();
+                let load = (whole.abs() * 1000.0).min(1000.0) as i32 | if whole < 0.0 { 1 << 10 } else { 0 };
+                self.set(Register { at: 60, n: 2 }, load);
+                self.set(Register { at: 69, n: 2 }, (whole.abs() * 400.0) as i32);
+            }
+            ServoMake::Xl330 => dynamixel::show(self),
         }
     }
 
-    fn word(&self, address: usize) -> u16 {
-        u16::from_le_bytes([self.registers[address], self.registers[address + 1]])
+    pub(super) fn table(&self) -> &'static Registers {
+        Registers::of(self.make)
+    }
+
+    /// Where a register really is.
+    fn behind(&self, at: usize) -> usize {
+        match self.make {
+            ServoMake::Sts3215 => at,
+            ServoMake::Xl330 => dynamixel::behind(self, at),
+        }
+    }
+
+    /// A number in its registers, without a sign.
+    pub(super) fn get(&self, Register { at, n }: Register) -> i32 {
+        let bytes = &self.registers[at..at + n];
+        bytes.iter().rev().fold(0, |number: i32, byte| number << 8 | i32::from(*byte))
+    }
+
+    pub(super) fn set(&mut self, Register { at, n }: Register, number: i32) {
+        self.registers[at..at + n].copy_from_slice(&number.to_le_bytes()[..n]);
+    }
+
+    fn fill_in(&mut self, id: u8) {
+        match self.make {
+            ServoMake::Sts3215 => {
+                self.registers[0..2].copy_from_slice(&[3, 10]);
+                self.registers[8] = 1;
+                self.registers[11..13].copy_from_slice(&4095_u16.to_le_bytes());
+                self.registers[16..18].copy_from_slice(&1000_u16.to_le_bytes());
+                self.registers[48..50].copy_from_slice(&1000_u16.to_le_bytes());
+                (self.registers[62], self.registers[63]) = (74, 31);
+            }
+            ServoMake::Xl330 => dynamixel::fill_in(self),
+        }
+        self.set_model(self.make.models()[0].0);
+        self.registers[self.table().id] = id;
     }
 }

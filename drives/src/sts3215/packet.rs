@@ -3,16 +3,8 @@
 //! where: length counts what follows it; the checksum is the inverted sum of everything between header and itself. Nothing is
 //! escaped, so a header may stand inside of a packet, and an answer may lie anywhere in what was received.
 
-/// Id that all servos listen to and none answers.
-pub(crate) const ALL: u8 = 0xFE;
-/// Asks one for registers.
-pub(crate) const READ: u8 = 0x02;
-/// Sets registers of one.
-pub(crate) const WRITE: u8 = 0x03;
-/// Asks many for the same registers.
-pub(crate) const SYNC_READ: u8 = 0x82;
-/// Sets the same registers of many.
-pub(crate) const SYNC_WRITE: u8 = 0x83;
+use crate::serial::{ALL, Answer};
+
 /// Bytes of a packet besides its parameters.
 pub(crate) const FRAME: usize = 6;
 
@@ -32,36 +24,25 @@ pub(crate) fn checksum(body: &[u8]) -> u8 {
     !body.iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte))
 }
 
-/// An answer.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Answer<'a> {
-    pub id: u8,
-    pub error: u8,
-    pub data: &'a [u8],
-}
-
-/// Every whole answer with so many bytes of data that lies somewhere in what was received. What is broken hides no other.
+/// The next whole answer with so many bytes of data, from a place on, which is then behind it.
 ///
 /// A question that the adapter hands back is no answer, because no question has as many parameters as its answer has data.
-pub(crate) fn answers(received: &[u8], n_data: usize) -> impl Iterator<Item = Answer<'_>> {
-    let mut at = 0;
-    core::iter::from_fn(move || {
-        while at + FRAME + n_data <= received.len() {
-            let packet = &received[at..at + FRAME + n_data];
-            if let Some(answer) = answer(packet, n_data) {
-                at += packet.len();
-                return Some(answer);
-            }
-            at += 1;
+pub(crate) fn next_answer<'a>(received: &'a [u8], at: &mut usize, n_data: usize) -> Option<Answer<'a>> {
+    while *at + FRAME + n_data <= received.len() {
+        let packet = &received[*at..*at + FRAME + n_data];
+        if let Some(answer) = answer(packet, n_data) {
+            *at += packet.len();
+            return Some(answer);
         }
-        None
-    })
+        *at += 1;
+    }
+    None
 }
 
 fn answer(packet: &[u8], n_data: usize) -> Option<Answer<'_>> {
     let (body, sum) = (packet.get(2..packet.len() - 1)?, packet.last()?);
     let is_whole = packet.starts_with(&[0xFF, 0xFF]) && usize::from(body[1]) == n_data + 2 && checksum(body) == *sum;
-    (is_whole && body[0] < ALL).then(|| Answer { id: body[0], error: body[2], data: &body[3..] })
+    (is_whole && body[0] < ALL).then(|| Answer { id: body[0], error: body[2], data: body[3..].into() })
 }
 
 /// A number with its sign in a bit of its own, as these servos write them.
@@ -70,14 +51,14 @@ pub(crate) fn signed(raw: u16, sign_bit: u16) -> i32 {
     if raw >> sign_bit & 1 == 1 { -magnitude } else { magnitude }
 }
 
-/// Two registers as a number, the low byte first.
-pub(crate) fn word(data: &[u8], at: usize) -> u16 {
-    u16::from_le_bytes([data[at], data[at + 1]])
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::serial::{Protocol, READ, WRITE, word};
+
+    fn answers(received: &[u8], n_data: usize) -> impl Iterator<Item = Answer<'_>> {
+        Protocol::One.answers(received, n_data)
+    }
 
     fn answer_of(id: u8, data: &[u8]) -> Vec<u8> {
         let mut bytes = Vec::new();
@@ -96,8 +77,8 @@ mod tests {
         assert_eq!(bytes, [0xFF, 0xFF, 0x01, 0x09, 0x03, 0x2A, 0x00, 0x08, 0x00, 0x00, 0xE8, 0x03, 0xD5]);
         let received = [0xFF, 0xFF, 0x01, 0x04, 0x00, 0x18, 0x05, 0xDD];
         let found: Vec<Answer> = answers(&received, 2).collect();
-        assert_eq!(found, [Answer { id: 1, error: 0, data: &[0x18, 0x05] }]);
-        assert_eq!(word(found[0].data, 0), 1304);
+        assert_eq!(found, [Answer { id: 1, error: 0, data: [0x18, 0x05][..].into() }]);
+        assert_eq!(word(&found[0].data, 0), 1304);
     }
 
     #[test]

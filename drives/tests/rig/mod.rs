@@ -1,9 +1,9 @@
-//! What the tests of this crate share: three emulated servos and the configuration that goes with them.
+//! What the tests of this crate share: three emulated servos of either make and the configuration that goes with them.
 #![allow(dead_code, reason = "each test file uses a part")]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests fail as tests do")]
 
 use krait_drives::emulator::{Emulator, Servo, ServoWire};
-use krait_drives::{BusDrive, sts3215};
+use krait_drives::{BusDrive, ServoMake, open_drive};
 use krait_ipc::clock::monotonic_ns;
 use krait_slave::{ActuatorConfig, Drive, DriveConfig, DriveKind, DriveReading, Homing, SlaveConfig, Switching, lines};
 use std::time::Duration;
@@ -12,15 +12,22 @@ use std::time::Duration;
 pub const ZERO: i32 = 2048;
 
 /// Three sound servos near their zero.
-pub fn three() -> ServoWire {
-    ServoWire::new((1..=3).map(|id| Servo::new(id, f64::from(ZERO) + f64::from(id))).collect())
+pub fn three(make: ServoMake) -> ServoWire {
+    ServoWire::new((1..=3).map(|id| Servo::of(make, id, f64::from(ZERO) + f64::from(id))).collect())
 }
 
 /// Three actuators, with patience for a loaded machine: nothing here is about absolute times.
-pub fn config(emulator: &Emulator) -> SlaveConfig {
+pub fn config(make: ServoMake, emulator: &Emulator) -> SlaveConfig {
     let actuator = |id| ActuatorConfig { id, zero_count: Some(ZERO), ..ActuatorConfig::default() };
     let drive = DriveConfig {
-        kind: DriveKind::Sts3215,
+        kind: match make {
+            ServoMake::Sts3215 => DriveKind::Sts3215,
+            ServoMake::Xl330 => DriveKind::Xl330,
+        },
+        gives_up_ms: match make {
+            ServoMake::Sts3215 => DriveConfig::default().gives_up_ms,
+            ServoMake::Xl330 => 2000,
+        },
         port: Some(emulator.path().to_owned()),
         period_ms: 40.0,
         timeout_ms: 35.0,
@@ -31,6 +38,16 @@ pub fn config(emulator: &Emulator) -> SlaveConfig {
     SlaveConfig { drive, ..SlaveConfig::default() }
 }
 
+/// Torque per current with which loads are what a coupling gives, within a step of the current, where its largest is so many newtons
+/// on the default spool.
+pub fn newton_metre_per_ampere(make: ServoMake, largest_n: f64) -> f64 {
+    let largest_a = match make {
+        ServoMake::Sts3215 => 400.0 * 6.5e-3,
+        ServoMake::Xl330 => 1.47,
+    };
+    largest_n * 0.008 / largest_a
+}
+
 /// A drive under power and homed, and the bus behind it.
 pub struct Rig {
     pub emulator: Emulator,
@@ -38,14 +55,14 @@ pub struct Rig {
 }
 
 impl Rig {
-    pub fn new() -> Self {
-        let emulator = Emulator::start(three()).unwrap();
-        let drive = sts3215::open_drive(&config(&emulator), None).unwrap();
+    pub fn new(make: ServoMake) -> Self {
+        let emulator = Emulator::start(three(make)).unwrap();
+        let drive = open_drive(&config(make, &emulator), None).unwrap();
         Self { emulator, drive }
     }
 
-    pub fn powered() -> Self {
-        let mut rig = Self::new();
+    pub fn powered(make: ServoMake) -> Self {
+        let mut rig = Self::new(make);
         rig.power_up();
         rig
     }

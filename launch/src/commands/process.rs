@@ -68,7 +68,7 @@ fn run_named(common: &Common, process: &ProcessVerb) -> anyhow::Result<()> {
                 let slave = SlaveConfig { latency_limits, ..config.slave.clone() };
                 match slave.drive.kind {
                     DriveKind::Sim => krait_sim::run(&bus, &slave, simulation(&config)?, &stop)?,
-                    DriveKind::Sts3215 | DriveKind::Cia402 => {
+                    DriveKind::Sts3215 | DriveKind::Xl330 | DriveKind::Cia402 => {
                         config.check_drives()?;
                         let drive = open_drive(&slave, Some(beside))?;
                         krait_slave::run_with_drive(&bus, &slave, drive, &stop)?;
@@ -189,7 +189,7 @@ fn is_cued(process: &ProcessVerb) -> bool {
 pub fn refuse_pad_of_real_drives(drive: DriveKind) -> anyhow::Result<()> {
     match drive {
         DriveKind::Sim => Ok(()),
-        DriveKind::Sts3215 | DriveKind::Cia402 => bail!(
+        DriveKind::Sts3215 | DriveKind::Xl330 | DriveKind::Cia402 => bail!(
             "--master browser drives simulated drives only, and [slave.drive] names real ones; \
              drive them with --master hid, or try the page with --slave sim"
         ),
@@ -206,11 +206,11 @@ pub fn refuse_poses_of_real_drives(config: &Config) -> anyhow::Result<()> {
         "--master pose needs the address on which poses are awaited: name it with --listen, as in --listen 127.0.0.1:5005, or with `listen` in [master.pose]"
     );
     match config.slave.drive.kind {
-        DriveKind::Sts3215 | DriveKind::Cia402 if !config.master.pose.real_drives => bail!(
+        DriveKind::Sts3215 | DriveKind::Xl330 | DriveKind::Cia402 if !config.master.pose.real_drives => bail!(
             "--master pose moves real drives only where [master.pose] says `real_drives = true`: its packets carry no \
              authentication, so whatever program of yours reaches the port can move the robot (docs/pose.md); or try it with --slave sim"
         ),
-        DriveKind::Sim | DriveKind::Sts3215 | DriveKind::Cia402 => Ok(()),
+        DriveKind::Sim | DriveKind::Sts3215 | DriveKind::Xl330 | DriveKind::Cia402 => Ok(()),
     }
 }
 

@@ -126,7 +126,7 @@ fn repeated(args: &ReplayArgs, slave: &SlaveConfig) -> anyhow::Result<SlaveRun> 
     // A recording of simulated drives has no cycles, and that is the sentence; its settings have no bus either.
     let setup = match slave.drive.kind {
         DriveKind::Sim => return Err(krait_replay::ReplayError::NoCycles.into()),
-        DriveKind::Sts3215 | DriveKind::Cia402 => setup_of(slave)?,
+        DriveKind::Sts3215 | DriveKind::Xl330 | DriveKind::Cia402 => setup_of(slave)?,
     };
     // What failed then is no news of drives that are here.
     let silence = tracing::subscriber::NoSubscriber::new();

@@ -4,8 +4,7 @@ use super::{Reader, file_in};
 use core::time::Duration;
 use krait_drives::cia402::{CanReading, Cia402, Frame, Wire, scan};
 use krait_drives::emulator::{CanBus, CanDrive, CanWire};
-use krait_drives::sts3215::Sts3215;
-use krait_drives::{ActuatorBus, BusGone, Goals, Seen};
+use krait_drives::{ActuatorBus, BusGone, Goals, Seen, ServoBus, ServoMake};
 use krait_master::GuidePlan;
 use krait_slave::{ActuatorConfig, DriveConfig, DriveKind, SlaveConfig};
 use krait_tests::{Console, Krait, TempFolder, instance_name, krait_program};
@@ -80,7 +79,8 @@ fn servo_bus() -> Reader<'static> {
             let _gone_at_the_end = rustix::io::write(&host, &bytes[..bytes.len().min(1024)]);
         }
     });
-    let bus = Sts3215::to_read(&path, 1_000_000, vec![1, 2, 3], Duration::from_millis(2)).expect("a port");
+    let bus = ServoBus::to_read(ServoMake::Sts3215, &path, 1_000_000, vec![1, 2, 3], Duration::from_millis(2))
+        .expect("a port");
     let (bus, seen) = (RefCell::new(bus), RefCell::new(Seen::default()));
     let status: Vec<u8> =
         (1..=3).flat_map(|id| packet(id, &[1, 0, 0, 8, 0, 0, 0, 0, 232, 3, 0, 8, 0, 8, 0, 0])).collect();

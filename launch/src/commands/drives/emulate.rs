@@ -2,9 +2,8 @@
 
 use crate::{print, signals};
 use core::time::Duration;
-use krait_drives::Units;
 use krait_drives::emulator::{CanBus, CanDrive, Coupling, Emulator, Servo, ServoWire, serve_can};
-use krait_drives::sts3215::COUNTS_PER_TURN;
+use krait_drives::{ServoMake, Units};
 use krait_sim::{CableSnake, Truth};
 use krait_slave::ActuatorConfig;
 use std::process::ExitCode;
@@ -15,26 +14,29 @@ const LOOK_EVERY: Duration = Duration::from_millis(50);
 const USB_LATENCY: Duration = Duration::from_millis(1);
 /// Where the emulated servos begin, straight and under tension, counts.
 const ZERO_COUNT: f64 = 2048.0;
-/// Largest torque of an STS3215 at 7.4 V, N m.
-const STALL_NM: f64 = 1.91;
 /// Lead of the emulated CAN drives' screws, m.
 const CAN_LEAD_M: f64 = 0.002;
 
 /// Plugs in so many servos, prints their configuration on standard output, and runs until Ctrl-C.
-pub(super) fn run(n: u8) -> anyhow::Result<ExitCode> {
+pub(super) fn run(n: u8, make: ServoMake) -> anyhow::Result<ExitCode> {
     let stop = signals::stop_flag()?;
-    let mut wire = ServoWire::new((1..=n).map(|id| Servo::new(id, ZERO_COUNT)).collect());
+    // Largest torque, N m: of an STS3215 at 7.4 V, of an XL330-M288 at 5 V.
+    let (kind, stall_nm) = match make {
+        ServoMake::Sts3215 => ("sts3215", 1.91),
+        ServoMake::Xl330 => ("xl330", 0.52),
+    };
+    let mut wire = ServoWire::new((1..=n).map(|id| Servo::of(make, id, ZERO_COUNT)).collect());
     wire.usb_latency = USB_LATENCY;
     let spool = ActuatorConfig::default();
-    let counts_per_m = Units::new(&spool, 1, COUNTS_PER_TURN)?.magnitude_counts(1.0);
-    wire.coupling = Some(snakes(n, ZERO_COUNT, counts_per_m, STALL_NM / spool.spool_radius_m));
+    let counts_per_m = Units::new(&spool, 1, ServoMake::COUNTS_PER_TURN)?.magnitude_counts(1.0);
+    wire.coupling = Some(snakes(n, ZERO_COUNT, counts_per_m, stall_nm / spool.spool_radius_m));
     let emulator = Emulator::start(wire)?;
     let port = emulator.path().display();
     let mut text = format!(
         "# {n} emulated servos at {port}, until Ctrl-C; three each bend a simulated snake, and feel it. Save these lines as servos.toml, then in another terminal:\n\
          #   krait run --engage --config servos.toml\n\
          [slave.limits]\nrate_m_per_s = 0.02\nfollowing_error_m = 0.001\npull_n = inf\npush_n = inf\n\n\
-         [slave.drive]\nkind = \"sts3215\"\nport = \"{port}\"\n"
+         [slave.drive]\nkind = \"{kind}\"\nport = \"{port}\"\n"
     );
     for id in 1..=n {
         text += &format!("\n[[slave.drive.actuator]]\nid = {id}\nzero_count = 2048\n");

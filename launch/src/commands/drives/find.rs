@@ -8,8 +8,7 @@ use crate::config::Config;
 use crate::{print, signals};
 use core::time::Duration;
 use krait_drives::cia402::interfaces;
-use krait_drives::sts3215::{BAUDS, FoundServo, Sts3215, ports, scan};
-use krait_drives::{ActuatorBus, OpenError, Seen, Trouble};
+use krait_drives::{ActuatorBus, FoundServo, OpenError, Seen, ServoBus, Trouble, ports, scan};
 use krait_ipc::message::MAX_ACTUATORS;
 use krait_report::Table;
 use krait_slave::DriveKind;
@@ -29,6 +28,8 @@ struct Servo {
     baud: u32,
     id: u8,
     model: u16,
+    /// Of one that krait knows how to move.
+    name: Option<&'static str>,
     firmware: String,
     is_known: bool,
     reading: Option<Reading>,
@@ -92,9 +93,7 @@ pub(super) fn run(common: &Common, args: &DrivesArgs) -> anyhow::Result<ExitCode
         )?;
         return Ok(ExitCode::SUCCESS);
     }
-    let one = args.baud.map(|baud| vec![baud]);
-    let bauds = one.as_deref().unwrap_or(&BAUDS);
-    let found = asked(&places.ports, places.is_named, |port| scan(port, bauds, args.last_id))?;
+    let found = asked(&places.ports, places.is_named, |port| scan(port, args.baud, args.last_id))?;
     let found_can = find_can::find(&places.interfaces, args, places.is_named)?;
     loop {
         let (servos, nodes) = (read(&found)?, find_can::read(&found_can)?);
@@ -141,12 +140,12 @@ pub(super) fn asked<P, T>(
 /// Reads all servos; each port is open only while it is read.
 fn read(found: &[(&PathBuf, FoundServo)]) -> anyhow::Result<Vec<Servo>> {
     let mut servos = Vec::new();
-    for group in found.chunk_by(|(a, b), (c, d)| (a, b.baud) == (c, d.baud)) {
+    for group in found.chunk_by(|(a, b), (c, d)| (a, b.baud, b.identity.make) == (c, d.baud, d.identity.make)) {
         for part in group.chunks(MAX_ACTUATORS) {
-            let (port, FoundServo { baud, .. }) = part[0];
+            let (port, FoundServo { baud, identity }) = &part[0];
             let ids = part.iter().map(|(_, servo)| servo.identity.id).collect();
             let mut seen = Seen::default();
-            Sts3215::to_read(port, baud, ids, TIMEOUT)?.ask(&mut seen)?;
+            ServoBus::to_read(identity.make, port, *baud, ids, TIMEOUT)?.ask(&mut seen)?;
             servos.extend(part.iter().enumerate().map(|(k, (port, servo))| described(port, servo, k, &seen)));
         }
     }
@@ -172,7 +171,8 @@ fn described(port: &Path, FoundServo { baud, identity }: &FoundServo, k: usize, 
         baud: *baud,
         id: identity.id,
         model: identity.model,
-        firmware: format!("{}.{}", identity.firmware[0], identity.firmware[1]),
+        name: identity.name(),
+        firmware: identity.firmware.clone(),
         is_known: identity.is_known(),
         // A stranger's registers mean something else.
         reading: (seen.has_answered[k] && identity.is_known()).then_some(reading),
@@ -184,11 +184,8 @@ fn table(servos: &[Servo]) -> Table {
         ["port", "baud", "id", "servo", "firmware", "counts", "power", "current A", "deg C", "supply V", "says"];
     let mut table = Table::new(&heads);
     for servo in servos {
-        let kind = if servo.is_known {
-            "STS3215".to_owned()
-        } else {
-            format!("stranger (model {}), never moved", servo.model)
-        };
+        let stranger = || format!("stranger (model {}), never moved", servo.model);
+        let kind = servo.name.map_or_else(stranger, str::to_owned);
         let mut row =
             vec![servo.port.clone(), servo.baud.to_string(), servo.id.to_string(), kind, servo.firmware.clone()];
         match &servo.reading {

@@ -4,8 +4,7 @@
 use super::motion::{Motion, TICK};
 use super::stop::{Pressed, StopWatch};
 use anyhow::{Context, bail, ensure};
-use krait_drives::sts3215::COUNTS_PER_TURN;
-use krait_drives::{Units, open_drive};
+use krait_drives::{ServoMake, Units, open_drive};
 use krait_ipc::message::SlaveState;
 use krait_slave::{ActuatorConfig, Drive, DriveMode, HomingConfig, SlaveConfig};
 use std::io::{BufRead, Read, Write, stderr, stdin};
@@ -85,7 +84,7 @@ pub(super) fn zeros(config: &SlaveConfig, counts: &[i32], stop: &AtomicBool) -> 
     ended?;
     let mut zeros = counts.to_vec();
     for (k, way_m) in found {
-        zeros[k] = Units::new(&search.drive.actuator[k], k + 1, COUNTS_PER_TURN)?.counts(way_m);
+        zeros[k] = Units::new(&search.drive.actuator[k], k + 1, ServoMake::COUNTS_PER_TURN)?.counts(way_m);
     }
     Ok(zeros)
 }

@@ -1,8 +1,7 @@
 //! In which unit each actuator's load is known, and the least change of it that says something.
 
-use krait_drives::Units;
-use krait_drives::sts3215::{COUNTS_PER_TURN, CURRENT_STEP_A};
-use krait_slave::{DriveKind, SlaveConfig};
+use krait_drives::{ServoMake, Units};
+use krait_slave::SlaveConfig;
 
 /// A change by fewer steps of a measured load is none.
 const STEPS: f64 = 3.0;
@@ -33,20 +32,22 @@ impl LoadUnit {
 pub(super) fn measured(config: &SlaveConfig) -> anyhow::Result<(SlaveConfig, Vec<LoadUnit>)> {
     let (mut config, mut units) = (config.clone(), Vec::new());
     for (k, actuator) in config.drive.actuator.iter_mut().enumerate() {
-        units.push(if config.drive.kind == DriveKind::Cia402 {
+        let Some(make) = ServoMake::of(config.drive.kind) else {
             // A drive that says its rated torque itself is judged by its noise alone.
             let newtons = Units::endless(actuator, k + 1)?.newton_per_newton_metre.abs();
-            LoadUnit { name: "N", least: STEPS * TORQUE_STEP * actuator.rated_torque_nm * newtons }
-        } else {
-            let is_known = actuator.newton_metre_per_ampere > 0.0;
-            if !is_known {
-                actuator.newton_metre_per_ampere = 1.0;
-                let newtons = Units::new(actuator, k + 1, COUNTS_PER_TURN)?.newton_per_ampere.abs();
-                actuator.newton_metre_per_ampere = 1.0 / newtons;
-            }
-            let newtons = Units::new(actuator, k + 1, COUNTS_PER_TURN)?.newton_per_ampere.abs();
-            LoadUnit { name: if is_known { "N" } else { "A" }, least: STEPS * CURRENT_STEP_A * newtons }
-        });
+            units.push(LoadUnit { name: "N", least: STEPS * TORQUE_STEP * actuator.rated_torque_nm * newtons });
+            continue;
+        };
+        let newton_per_ampere = |actuator: &_| {
+            Units::new(actuator, k + 1, ServoMake::COUNTS_PER_TURN).map(|units| units.newton_per_ampere.abs())
+        };
+        let is_known = actuator.newton_metre_per_ampere > 0.0;
+        if !is_known {
+            actuator.newton_metre_per_ampere = 1.0;
+            actuator.newton_metre_per_ampere = 1.0 / newton_per_ampere(actuator)?;
+        }
+        let least = STEPS * make.current_step_a() * newton_per_ampere(actuator)?;
+        units.push(LoadUnit { name: if is_known { "N" } else { "A" }, least });
     }
     Ok((config, units))
 }
@@ -54,7 +55,7 @@ pub(super) fn measured(config: &SlaveConfig) -> anyhow::Result<(SlaveConfig, Vec
 #[cfg(test)]
 mod tests {
     use super::*;
-    use krait_slave::ActuatorConfig;
+    use krait_slave::{ActuatorConfig, DriveKind};
 
     #[test]
     fn loads_without_a_torque_per_current_are_currents_and_with_one_newtons() {
@@ -67,8 +68,9 @@ mod tests {
         };
         config.drive.actuator = vec![servo(0.0), servo(0.7)];
         let (known, units) = measured(&config).unwrap();
-        let per_ampere =
-            |k: usize| Units::new(&known.drive.actuator[k], k + 1, COUNTS_PER_TURN).unwrap().newton_per_ampere;
+        let per_ampere = |k: usize| {
+            Units::new(&known.drive.actuator[k], k + 1, ServoMake::COUNTS_PER_TURN).unwrap().newton_per_ampere
+        };
         assert!((per_ampere(0) - 1.0).abs() < 1e-12 && units[0].name == "A");
         assert!((units[0].least - 3.0 * 6.5e-3).abs() < 1e-12);
         // 0.7 N m/A times 2 on 8 mm are 175 N/A.

@@ -34,7 +34,7 @@ pub fn run(common: &Common, args: &DrivesArgs) -> anyhow::Result<ExitCode> {
     match (args.emulate, args.jog) {
         (Some(n), _) => match &args.interface {
             Some(interface) => emulate::run_can(n, interface),
-            None => emulate::run(n),
+            None => emulate::run(n, args.servo.make()),
         },
         (None, Some(actuator)) => jog::run(common, actuator, args.step_mm),
         (None, None) if args.calibrate => calibrate::run(common, args),

@@ -7,8 +7,7 @@ use super::{alone, described, homing};
 use crate::cli::Common;
 use crate::{print, signals};
 use krait_drives::cia402::{CanPort, Cia402, home_here};
-use krait_drives::sts3215::{COUNTS_PER_TURN, Sts3215};
-use krait_drives::{OpenError, Seen, Units};
+use krait_drives::{OpenError, Seen, ServoBus, ServoMake, Units};
 use krait_slave::{ActuatorConfig, DriveKind, SlaveConfig};
 use serde::Serialize;
 use std::process::ExitCode;
@@ -46,7 +45,7 @@ pub(super) fn run(common: &Common, json: bool) -> anyhow::Result<ExitCode> {
         let actuator = ActuatorConfig { zero_count: Some(zero_count), ..actuator.clone() };
         match config.drive.kind {
             DriveKind::Cia402 => Units::endless(&actuator, k + 1)?,
-            _ => Units::new(&actuator, k + 1, COUNTS_PER_TURN)?,
+            _ => Units::new(&actuator, k + 1, ServoMake::COUNTS_PER_TURN)?,
         };
         zeros.push(Zero { actuator: k + 1, id: actuator.id, zero_count });
     }
@@ -71,7 +70,7 @@ fn counts(mut config: SlaveConfig) -> Result<Seen, OpenError> {
     config.drive.actuator.iter_mut().for_each(|actuator| actuator.zero_count = None);
     match (config.drive.kind, &config.drive.interface) {
         (DriveKind::Cia402, Some(interface)) => Ok(Cia402::open(&config, CanPort::open(interface)?)?.1),
-        _ => Ok(Sts3215::open(&config.drive)?.1),
+        _ => Ok(ServoBus::open(&config.drive)?.1),
     }
 }
 
