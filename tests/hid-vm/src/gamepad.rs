@@ -1,8 +1,9 @@
 //! A virtual gamepad with two motors: to the kernel's own driver (hid-microsoft, ff-memless) a pad of an Xbox One on Bluetooth, whose output
-//! reports say how strongly each motor turns.
+//! reports say how strongly each motor turns. It may also be told that a pad of an Xbox 360 is one of these.
 
 use crate::spacemouse::wait_for;
 use crate::uhid::{HidBus, HidIdentity, Told, Uhid};
+use anyhow::Context;
 use krait_ipc::clock;
 use krait_master::{InputDevice, list_inputs};
 use std::sync::{Arc, Mutex};
@@ -11,21 +12,45 @@ use std::thread::JoinHandle;
 /// What it says it is.
 const NAME: &str = "Krait VM Gamepad";
 const VENDOR_ID: u16 = 0x045e;
-const PRODUCT_ID: u16 = 0x02fd;
 /// A stick of two axes of a byte, and eight buttons.
 const DESCRIPTOR: [u8; 36] = [
     0x05, 0x01, 0x09, 0x05, 0xa1, 0x01, 0x09, 0x30, 0x09, 0x31, 0x15, 0x00, 0x26, 0xff, 0x00, 0x75, 0x08, 0x95, 0x02,
     0x81, 0x02, 0x05, 0x09, 0x19, 0x01, 0x29, 0x08, 0x25, 0x01, 0x75, 0x01, 0x95, 0x08, 0x81, 0x02, 0xc0,
 ];
+/// The same with two sticks whose axes have 16 bits, as a pad of an Xbox 360 has.
+const DESCRIPTOR_360: [u8; 43] = [
+    0x05, 0x01, 0x09, 0x05, 0xa1, 0x01, 0x09, 0x30, 0x09, 0x31, 0x09, 0x33, 0x09, 0x34, 0x16, 0x00, 0x80, 0x26, 0xff,
+    0x7f, 0x75, 0x10, 0x95, 0x04, 0x81, 0x02, 0x05, 0x09, 0x19, 0x01, 0x29, 0x08, 0x15, 0x00, 0x25, 0x01, 0x75, 0x01,
+    0x95, 0x08, 0x81, 0x02, 0xc0,
+];
+/// Where the driver is told of another device, and what: on Bluetooth, vendor, product, with the motors of a pad (bit 7).
+const NEW_ID: (&str, &str) = ("/sys/bus/hid/drivers/microsoft/new_id", "0005 045e 028e 80");
 /// Its report of the motors: id, which of them, those of the triggers (2), the strong one and the weak one in hundredths, durations (3).
 const MOTORS: (u8, usize) = (3, 9);
 
 /// A time, CLOCK_MONOTONIC, ns, and how strongly the strong and the weak motor turn from then on, hundredths.
 pub type Turning = (i64, [u8; 2]);
 
+/// Which gamepad it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PadKind {
+    XboxOne,
+    Xbox360,
+}
+
+impl PadKind {
+    fn product_id(self) -> u16 {
+        match self {
+            Self::XboxOne => 0x02fd,
+            Self::Xbox360 => 0x028e,
+        }
+    }
+}
+
 /// The gamepad, plugged in until it is dropped.
 pub struct Gamepad {
     uhid: Uhid,
+    kind: PadKind,
     told: Arc<Mutex<Vec<Turning>>>,
     listener: Option<JoinHandle<()>>,
 }
@@ -35,21 +60,28 @@ impl Gamepad {
     ///
     /// # Errors
     /// The kernel makes no device or no node.
-    pub fn plug() -> anyhow::Result<Self> {
+    pub fn plug(kind: PadKind) -> anyhow::Result<Self> {
+        let descriptor: &[u8] = match kind {
+            PadKind::XboxOne => &DESCRIPTOR,
+            PadKind::Xbox360 => {
+                std::fs::write(NEW_ID.0, NEW_ID.1).context(NEW_ID.0)?;
+                &DESCRIPTOR_360
+            }
+        };
         let identity = HidIdentity {
             name: NAME,
             serial: "PAD-1",
             place: "krait-vm/gamepad",
             bus: HidBus::Bluetooth,
             vendor_id: VENDOR_ID,
-            product_id: PRODUCT_ID,
+            product_id: kind.product_id(),
         };
-        let uhid = Uhid::create(identity, &DESCRIPTOR)?;
+        let uhid = Uhid::create(identity, descriptor)?;
         let told = Arc::new(Mutex::new(Vec::new()));
         let (mut heard, noted) = (uhid.handle()?, Arc::clone(&told));
         let listener = std::thread::Builder::new().name("gamepad".to_owned());
         let listener = listener.spawn(move || listen(&mut heard, &noted))?;
-        let pad = Self { uhid, told, listener: Some(listener) };
+        let pad = Self { uhid, kind, told, listener: Some(listener) };
         wait_for("the node of the gamepad", || node().is_some_and(|input| input.may_open))?;
         Ok(pad)
     }
@@ -59,7 +91,13 @@ impl Gamepad {
     /// # Errors
     /// The device is gone.
     pub fn hold(&mut self, x: u8, buttons: u8) -> anyhow::Result<()> {
-        self.uhid.input(&[x, 0x80, buttons])
+        match self.kind {
+            PadKind::XboxOne => self.uhid.input(&[x, 0x80, buttons]),
+            PadKind::Xbox360 => {
+                let [low, high] = ((i16::from(x) - 0x80) << 8).to_le_bytes();
+                self.uhid.input(&[low, high, 0, 0, 0, 0, 0, 0, buttons])
+            }
+        }
     }
 
     /// What the motors were told.

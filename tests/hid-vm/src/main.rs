@@ -57,6 +57,7 @@ fn run_parts(fault: DeviceFault) -> bool {
             ("malformed", Box::new(parts::malformed)),
             ("lights", Box::new(parts::lights)),
             ("rumble", Box::new(parts::rumble)),
+            ("shipped_rumble", Box::new(parts::shipped_rumble)),
             ("two_hands", Box::new(move || parts::two_hands(fault))),
             ("pedal", Box::new(parts::pedal)),
             ("two_control", Box::new(parts::two_control)),

@@ -24,7 +24,7 @@ pub use lights::lights;
 pub use malformed::malformed;
 pub use pedal::pedal;
 pub use receiver::receiver;
-pub use rumble::rumble;
+pub use rumble::{rumble, shipped_rumble};
 pub use spacenavd::{is_there as has_spacenavd, spacenavd};
 pub use two_hands::{control as two_control, two_hands};
 pub use unplug::unplug;

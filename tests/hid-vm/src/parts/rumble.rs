@@ -3,7 +3,7 @@
 
 use super::lights::FAST_HAND;
 use crate::chain::{User, VmChain, VmEnded, signal};
-use crate::gamepad::{Gamepad, node};
+use crate::gamepad::{Gamepad, PadKind, node};
 use crate::pedal::{PROFILE, Pedal};
 use crate::verdict::PartVerdict;
 use anyhow::Context;
@@ -34,7 +34,7 @@ pub fn rumble() -> anyhow::Result<PartVerdict> {
     let text = format!("name = \"Gamepad\"\nid = \"045e:02fd\"\n{RUMBLE}{PAD}");
     std::fs::write(profile, text).context(profile)?;
     std::fs::write(FAST_HAND.0, FAST_HAND.1).context(FAST_HAND.0)?;
-    let mut pad = Gamepad::plug()?;
+    let mut pad = Gamepad::plug(PadKind::XboxOne)?;
     let rumbles = node().is_some_and(|input| input.rumbles);
     verdict.check("listed", rumbles, rumbles);
     let arguments = ["--config", FAST_HAND.0, "--profile", profile];
@@ -83,6 +83,41 @@ pub fn rumble() -> anyhow::Result<PartVerdict> {
             pad.told().iter().map(|(at, [a, b])| format!("{}:{a},{b}", (at - begun_ns) / 1_000_000)).collect();
         verdict.check("told", false, format!("{told:?} {:?}", ended.stderr));
     }
+    Ok(verdict)
+}
+
+/// What the profile `xbox-360`, which krait ships, tells the motors at a limit and for the load.
+const SHIPPED_LIMIT: [u8; 2] = [60, 60];
+const SHIPPED_LOAD: [u8; 2] = [30, 0];
+
+/// A pad of an Xbox 360 goes by the profile that krait ships for it, and its motors turn.
+pub fn shipped_rumble() -> anyhow::Result<PartVerdict> {
+    let mut verdict = PartVerdict::default();
+    std::fs::write(FAST_HAND.0, FAST_HAND.1).context(FAST_HAND.0)?;
+    let mut pad = Gamepad::plug(PadKind::Xbox360)?;
+    let rumbles = node().is_some_and(|input| input.rumbles);
+    verdict.check("listed", rumbles, rumbles);
+    let arguments = ["--config", FAST_HAND.0, "--profile", "xbox-360"];
+    let chain = VmChain::start_with("xbox-360", User::Root, 10.0, &arguments)?;
+    pad.hold(0x80, 0)?;
+    sleep(Duration::from_millis(300));
+    verdict.check("still_at_rest", pad.told().is_empty(), pad.told().len());
+    for buttons in [1, 0] {
+        pad.hold(0x80, buttons)?;
+        sleep(Duration::from_millis(30));
+    }
+    let begun_ns = clock::monotonic_ns();
+    pad.hold(0xff, 0)?;
+    let limit_ns = pad.wait_until(begun_ns, SHIPPED_LIMIT)?;
+    verdict.check("limit_after_ms", limit_ns >= begun_ns, (limit_ns - begun_ns) / 1_000_000);
+    pad.wait_until(limit_ns, SHIPPED_LOAD)?;
+    let n_other = pad.told().iter().filter(|(_, told)| ![SHIPPED_LIMIT, SHIPPED_LOAD, STILL].contains(told)).count();
+    verdict.check("other", n_other == 0, n_other);
+    pad.hold(0x80, 0)?;
+    let (ended, _) = chain.end()?;
+    verdict.check("ended", ended.code.is_some(), format!("{:?}", ended.code));
+    let last = pad.told().last().map(|(_, motors)| *motors);
+    verdict.check("still_at_end", last == Some(STILL), format!("{last:?}"));
     Ok(verdict)
 }
 
