@@ -55,6 +55,29 @@ fn servos_that_are_told_nothing_stop_by_themselves_and_take_no_goal_until_power_
 }
 
 #[test]
+fn nobody_gets_power_before_one_that_started_anew_is_read_again() {
+    let emulator = Emulator::start(three(ServoMake::Xl330)).unwrap();
+    let mut drive = config(ServoMake::Xl330, &emulator).drive;
+    drive.timeout_ms = 300.0;
+    let (mut bus, mut seen): (ServoBus, Seen) = ServoBus::open(&drive).unwrap();
+    {
+        let mut wire = emulator.wire();
+        wire.servos[1].brown_out();
+        // Somebody has turned it meanwhile; what was read before is old.
+        wire.servos[1].place = 2300.0;
+    }
+    bus.ask(&mut seen).unwrap();
+    assert!(seen.has_answered[1] && !seen.is_powered[1] && seen.has_let_go[1]);
+    let n_powered = || emulator.wire().servos.iter().filter(|servo: &&Servo| servo.is_powered()).count();
+    bus.switch(true, &goals(seen.counts[1])).unwrap();
+    bus.ask(&mut seen).unwrap();
+    assert_eq!((n_powered(), seen.counts[1]), (0, 2300));
+    bus.switch(true, &goals(seen.counts[1])).unwrap();
+    bus.ask(&mut seen).unwrap();
+    assert_eq!((n_powered(), seen.goal_counts[1]), (3, 2300));
+}
+
+#[test]
 fn an_overload_is_forgiven_by_power_that_is_switched_anew_which_reboots_the_servo() {
     let mut rig = Rig::powered(ServoMake::Xl330);
     {

@@ -1,4 +1,4 @@
-//! A chain on real drives, which are emulated servos behind a pseudo-terminal: it follows, and what ends it ends defined.
+//! A chain on real drives, which are emulated servos of either make behind a pseudo-terminal: it follows, and what ends it ends defined.
 
 #![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
 
@@ -12,6 +12,7 @@ mod groups;
 mod homing;
 
 use core::time::Duration;
+use krait_drives::ServoMake;
 use krait_drives::emulator::{Emulator, Servo, ServoWire};
 use krait_ipc::message::OperatingState;
 use krait_record::Recording;
@@ -28,29 +29,37 @@ const PERIOD_NS: i64 = 20_000_000;
 /// Its rate of 10 mm/s, on a spool of 8 mm.
 const RATE_COUNTS_PER_S: f64 = 0.01 * 4096.0 / (core::f64::consts::TAU * 0.008);
 
-fn emulator() -> Emulator {
-    Emulator::start(ServoWire::new((1..=3).map(|id| Servo::new(id, ZERO)).collect())).expect("a pseudo-terminal")
+fn emulator(make: ServoMake) -> Emulator {
+    Emulator::start(ServoWire::new((1..=3).map(|id| Servo::of(make, id, ZERO)).collect())).expect("a pseudo-terminal")
+}
+
+/// What a configuration says of its servos. A machine under load may hold a chain up for longer than an XL330's own watchdog would wait.
+fn kind(make: ServoMake) -> &'static str {
+    match make {
+        ServoMake::Sts3215 => "kind = \"sts3215\"",
+        ServoMake::Xl330 => "kind = \"xl330\"\ngives_up_ms = 2000",
+    }
 }
 
 /// A configuration for three emulated servos.
-fn configuration(folder: &TempFolder, emulator: &Emulator, more: &str) -> String {
-    configuration_of(folder, emulator, 3, "", more, "")
+fn configuration(make: ServoMake, folder: &TempFolder, emulator: &Emulator, more: &str) -> String {
+    configuration_of(make, folder, emulator, 3, ["", more, ""])
 }
 
 /// The same for `n`, with patience for a machine under load: more limits, more of the drives, and more of the last actuator.
 fn configuration_of(
+    make: ServoMake,
     folder: &TempFolder,
     emulator: &Emulator,
     n: u8,
-    limits: &str,
-    more: &str,
-    of_last: &str,
+    [limits, more, of_last]: [&str; 3],
 ) -> String {
     let actuators: String =
         (1..=n).map(|id| format!("[[slave.drive.actuator]]\nid = {id}\nzero_count = 2048\n")).collect();
     let text = format!(
         "[slave.limits]\nrate_m_per_s = 0.01\nfollowing_error_m = 0.003\npull_n = inf\npush_n = inf\n{limits}\
-         [slave.drive]\nkind = \"sts3215\"\nport = \"{}\"\nperiod_ms = 20.0\ntimeout_ms = 18.0\nlost_cycles = 8\nwish_ms = 900.0\n{more}\n{actuators}{of_last}",
+         [slave.drive]\n{}\nport = \"{}\"\nperiod_ms = 20.0\ntimeout_ms = 18.0\nlost_cycles = 8\nwish_ms = 900.0\n{more}\n{actuators}{of_last}",
+        kind(make),
         emulator.path().display()
     );
     let path = folder.file("krait.toml");
@@ -86,9 +95,18 @@ fn states_in(recording: &str) -> Vec<(u32, [f64; 3], [f64; 3])> {
 
 #[test]
 fn the_chain_follows_on_servos_and_one_that_is_unplugged_stops_the_others_where_they_hold() {
-    let (instance, folder, emulator) = (instance_name("servos"), TempFolder::new("servos"), emulator());
+    follows_and_holds(ServoMake::Sts3215);
+}
+
+#[test]
+fn the_chain_follows_on_xl330_servos_and_one_that_is_unplugged_stops_the_others_where_they_hold() {
+    follows_and_holds(ServoMake::Xl330);
+}
+
+fn follows_and_holds(make: ServoMake) {
+    let (instance, folder, emulator) = (instance_name("servos"), TempFolder::new("servos"), emulator(make));
     let recording = folder.file("run.mcap");
-    let config = configuration(&folder, &emulator, "");
+    let config = configuration(make, &folder, &emulator, "");
     let krait = in_motion(&instance, &config, &recording, &emulator);
     assert!(wait_until(PATIENCE, || farthest(&emulator) > 60.0), "it follows");
     let goals = || emulator.wire().servos.iter().map(|servo| servo.n_goals).sum::<u64>();
@@ -126,13 +144,22 @@ fn the_chain_follows_on_servos_and_one_that_is_unplugged_stops_the_others_where_
     // Encoders come back from the servos: they have moved, and end near where they were told to be.
     let moved = before.iter().filter(|(_, told, read)| told[0].abs() > 5e-4 && (told[0] - read[0]).abs() < 1e-3);
     assert!(moved.count() > 100, "encoders follow the setpoint");
-    cycles::are_whole_and_repeat_the_slave(&recording, &folder, &config);
+    cycles::are_whole_and_repeat_the_slave(make, &recording, &folder, &config);
 }
 
 #[test]
 fn a_slave_that_is_killed_in_motion_leaves_the_servos_at_their_last_goal() {
-    let (instance, folder, emulator) = (instance_name("killed"), TempFolder::new("killed"), emulator());
-    let krait = in_motion(&instance, &configuration(&folder, &emulator, ""), &folder.file("run.mcap"), &emulator);
+    killed_in_motion(ServoMake::Sts3215);
+}
+
+#[test]
+fn a_slave_that_is_killed_in_motion_leaves_the_xl330_servos_at_their_last_goal() {
+    killed_in_motion(ServoMake::Xl330);
+}
+
+fn killed_in_motion(make: ServoMake) {
+    let (instance, folder, emulator) = (instance_name("killed"), TempFolder::new("killed"), emulator(make));
+    let krait = in_motion(&instance, &configuration(make, &folder, &emulator, ""), &folder.file("run.mcap"), &emulator);
     let slave = || pid_of(&instance, "slave");
     let pid = Pid::from_raw(slave().expect("a slave").cast_signed()).expect("a process id");
     // The supervisor is stopped first, so that no second slave touches the bus.
@@ -172,8 +199,9 @@ fn a_slave_that_is_killed_in_motion_leaves_the_servos_at_their_last_goal() {
 
 #[test]
 fn a_dry_run_moves_nothing_and_says_what_it_would_send() {
-    let (instance, folder, emulator) = (instance_name("dry"), TempFolder::new("dry"), emulator());
-    let config = configuration(&folder, &emulator, "mode = \"dry\"");
+    let make = ServoMake::Sts3215;
+    let (instance, folder, emulator) = (instance_name("dry"), TempFolder::new("dry"), emulator(make));
+    let config = configuration(make, &folder, &emulator, "mode = \"dry\"");
     let recording = folder.file("run.mcap");
     let arguments = ["run", "--engage", "--instance", &instance, "--config", &config, "--recording", &recording];
     let ended = Ended::of(&[&arguments[..], &["--seconds", "4", "--json"]].concat(), PATIENCE);
@@ -186,9 +214,10 @@ fn a_dry_run_moves_nothing_and_says_what_it_would_send() {
 
 #[test]
 fn drives_that_do_not_fit_are_refused_in_one_sentence_before_the_chain_runs() {
-    let (instance, folder, emulator) = (instance_name("refused"), TempFolder::new("refused"), emulator());
-    emulator.wire().servos[2].registers[3..5].copy_from_slice(&1284_u16.to_le_bytes());
-    let config = configuration(&folder, &emulator, "");
+    let make = ServoMake::Sts3215;
+    let (instance, folder, emulator) = (instance_name("refused"), TempFolder::new("refused"), emulator(make));
+    emulator.wire().servos[2].set_model(1284);
+    let config = configuration(make, &folder, &emulator, "");
     let run = |more: &[&str]| {
         let arguments = ["run", "--engage", "--no-recording", "--instance", &instance, "--config", &config];
         Ended::of(&[&arguments[..], more].concat(), PATIENCE)
@@ -219,10 +248,19 @@ fn refused_beside_a_chain(config: &str, instance: &str) {
 
 #[test]
 fn servos_are_found_their_zeros_read_and_one_is_moved_by_single_steps_and_never_a_stranger() {
-    let (instance, folder, emulator) = (instance_name("steps"), TempFolder::new("steps"), emulator());
-    let config = configuration(&folder, &emulator, "");
-    let mut stranger = Servo::new(9, 100.0);
-    stranger.registers[3..5].copy_from_slice(&1284_u16.to_le_bytes());
+    found_and_stepped(ServoMake::Sts3215);
+}
+
+#[test]
+fn xl330_servos_are_found_their_zeros_read_and_one_is_moved_by_single_steps_and_never_a_stranger() {
+    found_and_stepped(ServoMake::Xl330);
+}
+
+fn found_and_stepped(make: ServoMake) {
+    let (instance, folder, emulator) = (instance_name("steps"), TempFolder::new("steps"), emulator(make));
+    let config = configuration(make, &folder, &emulator, "");
+    let mut stranger = Servo::of(make, 9, 100.0);
+    stranger.set_model(1284);
     emulator.wire().servos.push(stranger);
     let port = emulator.path().display().to_string();
     let found = Ended::of(&["drives", "--port", &port, "--last-id", "9", "--json"], PATIENCE).json();
@@ -277,17 +315,28 @@ fn calibrated(folder: &TempFolder, config: &str, instance: &str, more: &[&str]) 
 
 #[test]
 fn directions_are_found_against_the_tension_of_the_simulated_snake_and_only_a_wrong_sign_is_changed() {
+    calibrated_against_tension(ServoMake::Sts3215);
+}
+
+#[test]
+fn directions_are_found_against_the_tension_of_the_simulated_snake_and_only_a_wrong_sign_is_changed_by_xl330_servos() {
+    calibrated_against_tension(ServoMake::Xl330);
+}
+
+fn calibrated_against_tension(make: ServoMake) {
     let (instance, folder) = (instance_name("calibrate"), TempFolder::new("calibrate"));
-    let mut emulated = Krait::start(&["drives", "--emulate", "3"]);
+    let servo = if make == ServoMake::Xl330 { "xl330" } else { "sts3215" };
+    let mut emulated = Krait::start(&["drives", "--emulate", "3", "--servo", servo]);
     let lines: Vec<String> =
         core::iter::repeat_with(|| emulated.line()).take(40).take_while(|line| line.trim() != "id = 3").collect();
     let port = lines.iter().find(|line| line.starts_with("port")).expect("a port");
     // The second one is wound as the others are, and its configuration says that it is not.
     let text = format!(
         "[slave]\nwatchdog_ms = 1000.0 # mine\n[slave.limits]\nrate_m_per_s = 0.02\nfollowing_error_m = 0.003\npull_n = inf\n\
-         push_n = inf\n[slave.drive]\nkind = \"sts3215\"\n{port}\nperiod_ms = 8.0\ntimeout_ms = 7.0\nlost_cycles = 20\n\
+         push_n = inf\n[slave.drive]\n{}\n{port}\nperiod_ms = 8.0\ntimeout_ms = 7.0\nlost_cycles = 20\n\
          wish_ms = 900.0\n[[slave.drive.actuator]]\nid = 1 # left\nzero_count = 2048\n[[slave.drive.actuator]]\nid = 2\n\
-         zero_count = 2048\nsign = -1 # as wound\n[[slave.drive.actuator]]\nid = 3\nzero_count = 2048\n"
+         zero_count = 2048\nsign = -1 # as wound\n[[slave.drive.actuator]]\nid = 3\nzero_count = 2048\n",
+        kind(make)
     );
     let config = folder.file("krait.toml");
     std::fs::write(&config, &text).expect("written");
@@ -316,11 +365,12 @@ fn directions_are_found_against_the_tension_of_the_simulated_snake_and_only_a_wr
 
 #[test]
 fn a_calibration_that_gets_no_answer_writes_nothing_and_never_moves_a_stranger() {
-    let (instance, folder, emulator) = (instance_name("deaf"), TempFolder::new("deaf"), emulator());
-    let mut stranger = Servo::new(9, 100.0);
-    stranger.registers[3..5].copy_from_slice(&1284_u16.to_le_bytes());
+    let make = ServoMake::Sts3215;
+    let (instance, folder, emulator) = (instance_name("deaf"), TempFolder::new("deaf"), emulator(make));
+    let mut stranger = Servo::of(make, 9, 100.0);
+    stranger.set_model(1284);
     emulator.wire().servos.push(stranger);
-    let config = configuration(&folder, &emulator, "");
+    let config = configuration(make, &folder, &emulator, "");
     let text = std::fs::read_to_string(&config).expect("written");
     std::fs::write(
         &config,
@@ -408,8 +458,9 @@ fn can_drives_that_cannot_be_had_are_refused_in_one_sentence() {
 
 #[test]
 fn the_play_of_an_actuator_is_found_while_krait_moves_it_and_nothing_moves_without_a_yes() {
-    let (instance, folder, emulator) = (instance_name("play"), TempFolder::new("play"), emulator());
-    let config = configuration(&folder, &emulator, "");
+    let make = ServoMake::Sts3215;
+    let (instance, folder, emulator) = (instance_name("play"), TempFolder::new("play"), emulator(make));
+    let config = configuration(make, &folder, &emulator, "");
     let (csv, model) = (folder.file("play.csv"), folder.file("robot.toml"));
     let words = ["calibrate", "play", "--csv", &csv, "--model", &model, "--drives", "--dial-sd-um", "15"];
     let words = [&words[..], &["--config", &config, "--instance", &instance]].concat();

@@ -1,6 +1,7 @@
 //! The cycles of a bus in a recording: whole, with the failure, and enough to run the slave again; also where the file holds nonsense.
 
 use super::PATIENCE;
+use krait_drives::ServoMake;
 use krait_record::{About, Recording, RecordingWriter};
 use krait_schema::{Channel, Sample};
 use krait_slave::{ActuatorConfig, DriveConfig, DriveKind, SlaveConfig};
@@ -9,7 +10,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Every cycle of the bus is in the recording, the failure too, and the slave wants the same of it when it is run again.
-pub fn are_whole_and_repeat_the_slave(path: &str, folder: &TempFolder, config: &str) {
+pub fn are_whole_and_repeat_the_slave(make: ServoMake, path: &str, folder: &TempFolder, config: &str) {
     let recording = Recording::open(Path::new(path)).expect("readable");
     let cycles: Vec<_> = recording
         .samples()
@@ -48,11 +49,11 @@ pub fn are_whole_and_repeat_the_slave(path: &str, folder: &TempFolder, config: &
     let simulated = concat!(env!("CARGO_MANIFEST_DIR"), "/recordings/flick.mcap");
     let refused = Ended::of(&["replay", simulated, "--slave", "recorded"], PATIENCE);
     assert!(refused.sentence().contains("holds no cycles of a bus"), "{}", refused.stderr);
-    whatever_a_recording_holds_is_survived(path, folder);
+    whatever_a_recording_holds_is_survived(make, path, folder);
 }
 
 /// Numbers that no slave writes, put into the recorded messages one at a time: the run is refused, or repeated with differences.
-fn whatever_a_recording_holds_is_survived(path: &str, folder: &TempFolder) {
+fn whatever_a_recording_holds_is_survived(make: ServoMake, path: &str, folder: &TempFolder) {
     let kept = |sample: &Sample| {
         matches!(sample.channel(), Channel::Command | Channel::State | Channel::StateCommand | Channel::DriveCycle)
     };
@@ -63,7 +64,7 @@ fn whatever_a_recording_holds_is_survived(path: &str, folder: &TempFolder) {
     // As configured above.
     let actuator = |id| ActuatorConfig { id, zero_count: Some(2048), ..ActuatorConfig::default() };
     let drive = DriveConfig {
-        kind: DriveKind::Sts3215,
+        kind: if make == ServoMake::Xl330 { DriveKind::Xl330 } else { DriveKind::Sts3215 },
         period_ms: 20.0,
         timeout_ms: 18.0,
         lost_cycles: 8,

@@ -2,6 +2,7 @@
 
 use super::{PATIENCE, ZERO};
 use core::time::Duration;
+use krait_drives::ServoMake;
 use krait_drives::emulator::{Emulator, Servo, ServoWire};
 use krait_ipc::message::{GRIPPER_WIRE, JAW, SlaveState};
 use krait_record::Recording;
@@ -28,7 +29,7 @@ fn emulator() -> Emulator {
 
 /// `jaw`: what the last of four actuators says of itself.
 fn configuration(folder: &TempFolder, emulator: &Emulator, jaw: &str) -> String {
-    super::configuration_of(folder, emulator, 4, "jaw_n = inf\n", "", jaw)
+    super::configuration_of(ServoMake::Sts3215, folder, emulator, 4, ["jaw_n = inf\n", "", jaw])
 }
 
 fn states(recording: &str) -> Vec<SlaveState> {

@@ -43,7 +43,8 @@ pub(super) fn readers(folder: &TempFolder) -> Vec<Reader<'_>> {
             n_inputs: 20,
             read: Box::new(read_configuration),
         },
-        servo_bus(),
+        servo_bus("servo", ServoMake::Sts3215, sts3215_answers()),
+        servo_bus("dynamixel", ServoMake::Xl330, xl330_answers()),
         Reader {
             name: "can",
             seeds: vec![conversation(), Vec::new()],
@@ -67,7 +68,7 @@ fn read_configuration(bytes: &[u8]) {
 }
 
 /// A serial port at whose other end every question is answered with the input.
-fn servo_bus() -> Reader<'static> {
+fn servo_bus(name: &'static str, make: ServoMake, seeds: Vec<Vec<u8>>) -> Reader<'static> {
     let (host, path) = terminal();
     let answer = Arc::new(Mutex::new(Vec::new()));
     let theirs = Arc::clone(&answer);
@@ -79,14 +80,11 @@ fn servo_bus() -> Reader<'static> {
             let _gone_at_the_end = rustix::io::write(&host, &bytes[..bytes.len().min(1024)]);
         }
     });
-    let bus = ServoBus::to_read(ServoMake::Sts3215, &path, 1_000_000, vec![1, 2, 3], Duration::from_millis(2))
-        .expect("a port");
+    let bus = ServoBus::to_read(make, &path, 1_000_000, vec![1, 2, 3], Duration::from_millis(2)).expect("a port");
     let (bus, seen) = (RefCell::new(bus), RefCell::new(Seen::default()));
-    let status: Vec<u8> =
-        (1..=3).flat_map(|id| packet(id, &[1, 0, 0, 8, 0, 0, 0, 0, 232, 3, 0, 8, 0, 8, 0, 0])).collect();
     Reader {
-        name: "servo",
-        seeds: vec![status, packet(2, &[]), vec![0xFF; 40]],
+        name,
+        seeds,
         n_inputs: 100,
         read: Box::new(move |bytes| {
             bytes.clone_into(&mut answer.lock().unwrap_or_else(PoisonError::into_inner));
@@ -107,6 +105,28 @@ fn terminal() -> (OwnedFd, PathBuf) {
     tcsetattr(&host, OptionalActions::Now, &settings).expect("raw");
     let name = ptsname(&host, Vec::new()).expect("a name");
     (host, PathBuf::from(name.to_string_lossy().into_owned()))
+}
+
+fn sts3215_answers() -> Vec<Vec<u8>> {
+    let status = (1..=3).flat_map(|id| packet(id, &[1, 0, 0, 8, 0, 0, 0, 0, 232, 3, 0, 8, 0, 8, 0, 0])).collect();
+    vec![status, packet(2, &[]), vec![0xFF; 40]]
+}
+
+/// Answers of one register, and of the 31 from the goal on.
+fn xl330_answers() -> Vec<Vec<u8>> {
+    let status = |id| [packet_2(id, &[1]), packet_2(id, &[0, 8, 0, 0].repeat(8)[..31])].concat();
+    vec![(1..=3).flat_map(status).collect(), packet_2(2, &[0xFF, 0xFF, 0xFD]), [0xFF, 0xFF, 0xFD, 0].repeat(10)]
+}
+
+/// An answer of protocol 2 without an error.
+fn packet_2(id: u8, data: &[u8]) -> Vec<u8> {
+    let length = (data.len() as u16 + 4).to_le_bytes();
+    let mut bytes = [&[0xFF, 0xFF, 0xFD, 0, id], &length[..], &[0x55, 0], data].concat();
+    let crc = bytes.iter().fold(0_u16, |sum, byte| {
+        (0..8).fold(sum ^ u16::from(*byte) << 8, |sum, _| if sum & 0x8000 == 0 { sum << 1 } else { sum << 1 ^ 0x8005 })
+    });
+    bytes.extend(crc.to_le_bytes());
+    bytes
 }
 
 /// A servo's answer of 31 registers, of which the first are given.
