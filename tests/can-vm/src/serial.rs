@@ -5,8 +5,7 @@ use crate::verdict::PartVerdict;
 use anyhow::{Context, bail, ensure};
 use core::time::Duration;
 use krait_drives::emulator::{Emulator, Servo, ServoWire};
-use krait_drives::sts3215::{Sts3215, open_drive};
-use krait_drives::{ActuatorBus, Goals, Seen};
+use krait_drives::{ActuatorBus, Goals, Seen, ServoBus, open_drive};
 use krait_ipc::clock::monotonic_ns;
 use krait_ipc::message::{ActuatorCycle, DriveCycle};
 use krait_slave::{ActuatorConfig, Drive, DriveConfig, DriveKind, SlaveConfig, Switching, lines};
@@ -114,7 +113,7 @@ fn three(values: [f64; 3]) -> String {
 /// So many cycles of the bus's own code by a bare timer: what a cycle takes, and what it works.
 pub fn rate(n: usize) -> anyhow::Result<PartVerdict> {
     let servos = Servos::start()?;
-    let (mut bus, mut seen): (Sts3215, Seen) = Sts3215::open(&servos.config().drive)?;
+    let (mut bus, mut seen): (ServoBus, Seen) = ServoBus::open(&servos.config().drive)?;
     let mut goals = Goals { counts: [ZERO; 12], counts_per_s: [1000.0; 12] };
     bus.switch(true, &goals)?;
     bus.ask(&mut seen)?;

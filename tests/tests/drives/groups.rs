@@ -6,8 +6,9 @@ use super::*;
 #[test]
 fn lines_of_a_group_that_cannot_hold_each_other_are_refused_before_anything_is_opened() {
     let (instance, folder) = (instance_name("groups"), TempFolder::new("groups"));
-    let emulator = emulator();
-    let config = configuration_of(&folder, &emulator, 3, "", "", "group = 2\n");
+    let make = ServoMake::Sts3215;
+    let emulator = emulator(make);
+    let config = configuration_of(make, &folder, &emulator, 3, ["", "", "group = 2\n"]);
     let out = folder.file("out.toml");
     for words in [&["run", "--engage"][..], &["drives", "--calibrate", "--out", &out]] {
         let ended = Ended::of(&[words, &["--config", &config, "--instance", &instance]].concat(), PATIENCE);
