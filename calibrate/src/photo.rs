@@ -84,6 +84,10 @@ pub struct Bend {
     pub sd_x_rad: f64,
     /// Second one, rad.
     pub sd_y_rad: f64,
+    /// The part of the first that the base makes, rad: all bends of a session begin at it and share that error.
+    pub base_sd_x_rad: f64,
+    /// Of the second, rad.
+    pub base_sd_y_rad: f64,
     /// Size of the bend by the edge alone, rad.
     pub edge_rad: f64,
     /// Size of the bend by the chord alone, rad.
@@ -152,11 +156,23 @@ pub fn read(path: &Path) -> Result<Vec<Click>, CalibrateError> {
     Ok(clicks)
 }
 
-/// The bends as a table: image,b_x_rad,b_y_rad,sd_x_rad,sd_y_rad,edge_rad,chord_rad,apart_sd; empty where not seen.
+/// The bends as a table, a column for each of their numbers; empty where not seen.
 pub fn table(bends: &[Bend]) -> String {
-    let mut text = String::from("image,b_x_rad,b_y_rad,sd_x_rad,sd_y_rad,edge_rad,chord_rad,apart_sd\n");
+    let mut text = String::from(
+        "image,b_x_rad,b_y_rad,sd_x_rad,sd_y_rad,base_sd_x_rad,base_sd_y_rad,edge_rad,chord_rad,apart_sd\n",
+    );
     for b in bends {
-        let numbers = [b.b_x_rad, b.b_y_rad, b.sd_x_rad, b.sd_y_rad, b.edge_rad, b.chord_rad, b.apart_sd];
+        let numbers = [
+            b.b_x_rad,
+            b.b_y_rad,
+            b.sd_x_rad,
+            b.sd_y_rad,
+            b.base_sd_x_rad,
+            b.base_sd_y_rad,
+            b.edge_rad,
+            b.chord_rad,
+            b.apart_sd,
+        ];
         let cells = numbers.map(|v| if v.is_finite() { format!("{v:.8}") } else { String::new() });
         text += &format!("\"{}\",{}\n", b.image.replace('"', "\"\""), cells.join(","));
     }
@@ -369,7 +385,7 @@ fn bend(image: &str, all: &[Seen], click_sd_px: f64) -> Result<Bend, CalibrateEr
         return Err(beyond());
     }
     let n_views = 1 + usize::from(side.is_some());
-    let mut covariance = DMatrix::zeros(4, 4);
+    let (mut covariance, mut of_base) = (DMatrix::zeros(4, 4), DMatrix::zeros(4, 4));
     for view in 0..n_views {
         let seen = if view == 0 { Some(front) } else { side };
         let n_pictures = seen.map_or(1, |s| all.iter().filter(|o| o.view == s.view).count());
@@ -377,10 +393,14 @@ fn bend(image: &str, all: &[Seen], click_sd_px: f64) -> Result<Bend, CalibrateEr
             let slope = (compute(Some((view, k)), 0.05) - compute(Some((view, k)), -0.05)) / 0.1;
             // Each picture's base edges move the mean alike.
             let times = if k < 4 { n_pictures as f64 } else { 1.0 };
-            covariance += &slope * slope.transpose() * (click_sd_px.powi(2) * times);
+            let part = &slope * slope.transpose() * (click_sd_px.powi(2) * times);
+            if k < 4 {
+                of_base += &part;
+            }
+            covariance += part;
         }
     }
-    combined(image, &at, &covariance, side.is_some()).ok_or_else(beyond)
+    combined(image, &at, [&covariance, &of_base], side.is_some()).ok_or_else(beyond)
 }
 
 /// Edges of the base, mm: the mean over every picture from the same side.
@@ -396,31 +416,42 @@ fn mean_base(seen: &Seen, all: &[Seen], moved: Option<usize>, by_px: f64) -> [Ve
     sum.map(|s| s / same.len() as f64)
 }
 
-/// The best of edge and chord with their joint covariance.
-fn combined(image: &str, at: &DVector<f64>, covariance: &DMatrix<f64>, two_views: bool) -> Option<Bend> {
+/// The best of edge and chord with their joint covariance, and that which the base makes of it.
+fn combined(
+    image: &str,
+    at: &DVector<f64>,
+    [covariance, of_base]: [&DMatrix<f64>; 2],
+    two_views: bool,
+) -> Option<Bend> {
     let size = |k: usize| if two_views { at[k].hypot(at[k + 1]) } else { at[k] };
     let (edge_rad, chord_rad) = (size(0), size(2));
     if !at.iter().all(|v| v.is_finite()) {
         return None;
     }
-    let (value, sd, apart_sd) = if two_views {
+    let (value, sd, base_sd, apart_sd) = if two_views {
         let joint = Matrix4::from_fn(|i, k| covariance[(i, k)]);
         let inverse = joint.try_inverse()?;
         let stack = Matrix4x2::new(1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0);
         let own: Matrix2<f64> = (stack.transpose() * inverse * stack).try_inverse()?;
-        let value: Vector2<f64> = own * stack.transpose() * inverse * at.fixed_rows::<4>(0);
+        let weights = own * stack.transpose() * inverse;
+        let value: Vector2<f64> = weights * at.fixed_rows::<4>(0);
         let sd = own.diagonal().map(f64::sqrt);
+        let shared = weights * Matrix4::from_fn(|i, k| of_base[(i, k)]) * weights.transpose();
         // Along the bend, where a curvature that is not constant shows.
         let along = value.try_normalize(1e-9).unwrap_or_else(Vector2::x);
         let d = nalgebra::Vector4::new(along.x, along.y, -along.x, -along.y);
-        (value, sd, d.dot(&at.fixed_rows::<4>(0)) / d.dot(&(joint * d)).sqrt())
+        let apart_sd = d.dot(&at.fixed_rows::<4>(0)) / d.dot(&(joint * d)).sqrt();
+        (value, sd, shared.diagonal().map(f64::sqrt), apart_sd)
     } else {
         let (e, c, both) = (covariance[(0, 0)], covariance[(2, 2)], covariance[(0, 2)]);
         let difference = e + c - 2.0 * both;
         let weight = (c - both) / difference;
         let value = Vector2::new(weight * at[0] + (1.0 - weight) * at[2], f64::NAN);
         let sd = Vector2::new(((e * c - both * both) / difference).sqrt(), f64::NAN);
-        (value, sd, (at[0] - at[2]) / difference.sqrt())
+        let [one, other] = [weight, 1.0 - weight];
+        let shared =
+            one * one * of_base[(0, 0)] + 2.0 * one * other * of_base[(0, 2)] + other * other * of_base[(2, 2)];
+        (value, sd, Vector2::new(shared.sqrt(), f64::NAN), (at[0] - at[2]) / difference.sqrt())
     };
     Some(Bend {
         image: image.to_owned(),
@@ -428,6 +459,8 @@ fn combined(image: &str, at: &DVector<f64>, covariance: &DMatrix<f64>, two_views
         b_y_rad: value.y,
         sd_x_rad: sd.x,
         sd_y_rad: sd.y,
+        base_sd_x_rad: base_sd.x,
+        base_sd_y_rad: base_sd.y,
         edge_rad,
         chord_rad,
         apart_sd,

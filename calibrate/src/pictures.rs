@@ -18,6 +18,11 @@ struct PictureBend {
     b_y_rad: Option<f64>,
     sd_x_rad: Option<f64>,
     sd_y_rad: Option<f64>,
+    /// The part of both that all pictures of a session share; an older table does not have it.
+    #[serde(default)]
+    base_sd_x_rad: Option<f64>,
+    #[serde(default)]
+    base_sd_y_rad: Option<f64>,
 }
 
 /// The bends of a table, and its name.
@@ -43,6 +48,8 @@ impl Pictures {
                 format!("{bad} is no bend and no standard deviation")
             } else if [bend.sd_x_rad, bend.sd_y_rad].into_iter().flatten().any(|sd| !(sd > 1e-6 && sd < 0.2)) {
                 "a standard deviation is out of range, expected 1e-6 to 0.2 rad".to_owned()
+            } else if bend.parts().into_iter().flatten().any(|[own, base]| !(own > 0.0 && base >= 0.0)) {
+                "the base's part of a standard deviation is out of range, expected 0 to less than that".to_owned()
             } else {
                 continue;
             };
@@ -55,14 +62,18 @@ impl Pictures {
     pub(crate) fn give(&self, readings: &mut [PoseReading], front_only: bool) {
         for reading in readings {
             let own = self.bends.iter().find(|bend| Some(&bend.image) == reading.image.as_ref());
-            match own.map(PictureBend::numbers) {
-                Some([Some(b_x), _, Some(sd_x), _]) if front_only => {
+            let Some(own) = own else { continue };
+            let [x, y] = own.parts();
+            match (own.b_x_rad, own.b_y_rad, x, y) {
+                (Some(b_x), _, Some([sd_x, base_x]), _) if front_only => {
                     (reading.b_x_rad, reading.b_y_rad) = (b_x, f64::NAN);
                     reading.sd_xy_rad = Some([sd_x, f64::NAN]);
+                    reading.base_sd_xy_rad = Some([base_x, f64::NAN]);
                 }
-                Some([Some(b_x), Some(b_y), Some(sd_x), Some(sd_y)]) => {
+                (Some(b_x), Some(b_y), Some([sd_x, base_x]), Some([sd_y, base_y])) => {
                     (reading.b_x_rad, reading.b_y_rad) = (b_x, b_y);
                     reading.sd_xy_rad = Some([sd_x, sd_y]);
+                    reading.base_sd_xy_rad = Some([base_x, base_y]);
                 }
                 _ => {}
             }
@@ -95,8 +106,19 @@ impl Pictures {
 }
 
 impl PictureBend {
-    fn numbers(&self) -> [Option<f64>; 4] {
-        [self.b_x_rad, self.b_y_rad, self.sd_x_rad, self.sd_y_rad]
+    fn numbers(&self) -> [Option<f64>; 6] {
+        let Self { b_x_rad, b_y_rad, sd_x_rad, sd_y_rad, base_sd_x_rad, base_sd_y_rad, .. } = *self;
+        [b_x_rad, b_y_rad, sd_x_rad, sd_y_rad, base_sd_x_rad, base_sd_y_rad]
+    }
+
+    /// Of each component's standard deviation what is the picture's own, and what the base makes. Where a table does not say, both may be
+    /// all of it.
+    fn parts(&self) -> [Option<[f64; 2]>; 2] {
+        let of = |sd: Option<f64>, base: Option<f64>| {
+            let sd = sd?;
+            Some(base.map_or([sd, sd], |base| [(sd * sd - base * base).max(0.0).sqrt(), base]))
+        };
+        [of(self.sd_x_rad, self.base_sd_x_rad), of(self.sd_y_rad, self.base_sd_y_rad)]
     }
 }
 

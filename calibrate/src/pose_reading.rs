@@ -37,9 +37,12 @@ pub struct PoseReading {
     /// The picture that shows the bend; none: it was typed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub image: Option<String>,
-    /// Standard deviation of each component where the picture states its own, rad; never in the CSV.
+    /// Standard deviation of each component where the picture states its own, rad, without what all pictures share; never in the CSV.
     #[serde(skip)]
     pub sd_xy_rad: Option<[f64; 2]>,
+    /// What the base that all pictures share makes of each component, rad; never in the CSV.
+    #[serde(skip)]
+    pub base_sd_xy_rad: Option<[f64; 2]>,
 }
 
 impl PoseReading {

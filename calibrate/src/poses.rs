@@ -142,7 +142,7 @@ fn fitted(readings: &[PoseReading], settings: &PoseSettings, start: [f64; 2]) ->
     };
     let residuals = |value: &[f64]| {
         let own = of(false, value)?.into_iter().map(|(in_sd, _)| in_sd);
-        let prior = zero_sd_rad.into_iter().flat_map(|sd| [zero(value, 0) / sd, zero(value, 1) / sd]);
+        let prior = zero_sd_rad.into_iter().flat_map(|sd| [zero(value, 0) / sd[0], zero(value, 1) / sd[1]]);
         Some(own.chain(prior).collect())
     };
     let fit = fit(&parameters, residuals, |_| missing(readings))?;
@@ -154,11 +154,16 @@ fn fitted(readings: &[PoseReading], settings: &PoseSettings, start: [f64; 2]) ->
     Ok(Poses { fit, check_rms_rad, check_rms_sd })
 }
 
-/// What the pictures of a session have in common, rad: the base that all of their bends begin at has one error, of about a picture's own
-/// standard deviation. It is unknown in the fit, within that; nothing for bends that were typed.
-fn zero_sd_rad(readings: &[PoseReading]) -> Option<f64> {
-    let own: Vec<f64> = readings.iter().filter_map(|r| r.sd_xy_rad).map(|[sd_x, _]| sd_x).collect();
-    (!own.is_empty()).then(|| own.iter().sum::<f64>() / own.len() as f64)
+/// What the pictures of a session have in common, rad, for each component: the base that all of their bends begin at has one error. It is
+/// unknown in the fit, within this; nothing for bends that were typed.
+fn zero_sd_rad(readings: &[PoseReading]) -> Option<[f64; 2]> {
+    let own: Vec<[f64; 2]> = readings.iter().filter_map(|r| r.base_sd_xy_rad).collect();
+    let mean = |k: usize| {
+        let seen: Vec<f64> = own.iter().map(|sd| sd[k]).filter(|sd| sd.is_finite()).collect();
+        // Of one side's pictures the second component is not seen, and its zero moves nothing.
+        if seen.is_empty() { 1e-3 } else { (seen.iter().sum::<f64>() / seen.len() as f64).max(1e-9) }
+    };
+    (!own.is_empty()).then(|| [mean(0), mean(1)])
 }
 
 fn lines(settings: &PoseSettings) -> Result<Lines, CalibrateError> {
@@ -338,6 +343,7 @@ fn walk<R: BufRead, W: Write>(
             s3: signs.z,
             image,
             sd_xy_rad: None,
+            base_sd_xy_rad: None,
         };
         log.add(&reading)?;
         readings.push(reading);

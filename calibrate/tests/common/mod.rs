@@ -98,12 +98,6 @@ pub fn fresh(name: &str) -> Fresh {
 /// Values with their standard errors over seeds, against the truth: of 100, at least 90 within two standard errors and a
 /// spread of 0.75 to 1.25 of the mean stated error; of fewer, what so few can tell.
 pub fn honest(name: &str, found: &[(f64, f64)], truth: f64) {
-    let (n, ratio) = (found.len(), not_narrow(name, found, truth));
-    assert!(ratio >= if n >= 100 { 0.75 } else { 0.6 }, "{name}: spread {ratio} of the stated");
-}
-
-/// The same where the stated error is known to be wide; the spread in parts of it.
-pub fn not_narrow(name: &str, found: &[(f64, f64)], truth: f64) -> f64 {
     let n = found.len() as f64;
     let within = found.iter().filter(|(value, se)| (value - truth).abs() <= 2.0 * se).count();
     let mean = found.iter().map(|f| f.0).sum::<f64>() / n;
@@ -115,6 +109,5 @@ pub fn not_narrow(name: &str, found: &[(f64, f64)], truth: f64) -> f64 {
     );
     let (part, apart) = if n >= 100.0 { (0.9, 0.25) } else { (0.8, 0.4) };
     assert!(within as f64 >= part * n, "{name}: {within} of {n} within two standard errors");
-    assert!(spread / stated <= 1.0 + apart, "{name}: spread {spread:e}, stated {stated:e}");
-    spread / stated
+    assert!((spread / stated - 1.0).abs() <= apart, "{name}: spread {spread:e}, stated {stated:e}");
 }
