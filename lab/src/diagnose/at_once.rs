@@ -68,7 +68,7 @@ fn starts(
             continue;
         }
         seen.push(set);
-        let Some(factors) = products.factors(list, cells, own) else { continue };
+        let Some(factors) = products.factors(cells, own) else { continue };
         let mut effects = list.fit.effects[..search.base.len()].to_vec();
         effects.extend(slots(list, own.kept).map(|slot| list.fit.effects[search.base.len() + slot].clone()));
         effects.extend(own.added.iter().zip(&factors).map(|(&k, factors)| search.term(&cells[k], factors)));
@@ -230,8 +230,8 @@ impl Products {
         }
         let score = scores.rows(start, n) - coordinates.transpose() * along;
         let factors = inverse(&gram) * &score;
-        let is_wrong = factors.iter().any(|f| !f.is_finite() || f.abs() > MOST_TIMES);
-        (!is_wrong && !(is_one_sided && factors[0] <= 0.0)).then(|| score.dot(&factors))
+        let is_possible = factors.iter().all(|f| f.abs() <= MOST_TIMES) && (!is_one_sided || factors[0] > 0.0);
+        is_possible.then(|| score.dot(&factors))
     }
 
     /// What a list leaves to first order.
@@ -244,8 +244,7 @@ impl Products {
     }
 
     /// Factors on the columns of each added cell, all columns of the list free.
-    fn factors(&self, list: &Trial, cells: &[Cell], own: &Sketch) -> Option<Vec<DVector<f64>>> {
-        debug_assert!(own.kept < 1 << list.found.len(), "a part of the list");
+    fn factors(&self, cells: &[Cell], own: &Sketch) -> Option<Vec<DVector<f64>>> {
         let (scores, _) = self.parts[own.kept].as_ref()?;
         let columns = self.of_sketch(own);
         let score = DVector::from_fn(columns.len(), |k, _| scores[columns[k]]);
