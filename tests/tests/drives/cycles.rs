@@ -67,7 +67,7 @@ fn whatever_a_recording_holds_is_survived(make: ServoMake, path: &str, folder: &
         kind: if make == ServoMake::Xl330 { DriveKind::Xl330 } else { DriveKind::Sts3215 },
         period_ms: 20.0,
         timeout_ms: 18.0,
-        lost_cycles: 8,
+        lost_cycles: 20,
         wish_ms: 900.0,
         actuator: (1..=3).map(actuator).collect(),
         ..DriveConfig::default()

@@ -20,7 +20,7 @@ fn with_stop(coupling: Option<Coupling>) -> Emulator {
 fn configured(folder: &TempFolder, emulator: &Emulator, more: &str) -> String {
     let mut text = format!(
         "[slave]\nwatchdog_ms = 1000.0\n[slave.limits]\nrate_m_per_s = 0.01\nfollowing_error_m = 0.003\npull_n = 60.0\npush_n = 60.0\n\
-         [slave.drive]\nkind = \"sts3215\"\nport = \"{}\"\nperiod_ms = 20.0\ntimeout_ms = 18.0\nlost_cycles = 8\nwish_ms = 900.0\n",
+         [slave.drive]\nkind = \"sts3215\"\nport = \"{}\"\nperiod_ms = 20.0\ntimeout_ms = 18.0\nlost_cycles = 20\nwish_ms = 900.0\n",
         emulator.path().display()
     );
     for id in 1..=3 {
