@@ -227,6 +227,7 @@ fn readings(planes_deg: &[f64], bends_deg: &[f64], down: bool) -> Vec<PoseReadin
                 s3: s[2],
                 image: None,
                 sd_xy_rad: None,
+                base_sd_xy_rad: None,
             });
         }
     }
