@@ -157,7 +157,6 @@ fn ended(groups: [u32; 2 * N], second_m: f64) -> ([f64; 2], [f64; 2]) {
     let (from_m, to_m, loads_n) = pair.relaxed();
     let way_m: Actuators = core::array::from_fn(|k| to_m[k] - from_m[k]);
     let found = ([0, 1].map(|snake| most(&way_m, snake)), [0, 1].map(|snake| most(&loads_n, snake)));
-    println!("{groups:?}, second bent by {second_m}: ways {:?} m, loads {:?} N", found.0, found.1);
     assert!(to_m.iter().all(|q_m| q_m.abs() <= STROKE_M + 1e-12), "{to_m:?}");
     for pair in pair.states.windows(2) {
         let step_m = (0..2 * N).map(|k| (pair[1].setpoint_q_m[k] - pair[0].setpoint_q_m[k]).abs()).fold(0.0, f64::max);
