@@ -198,12 +198,12 @@ impl DriveConfig {
             }
         }
         let beat = match self.kind {
-            DriveKind::Cia402 => ("heartbeat_ms", f64::from(self.heartbeat_ms)),
-            DriveKind::Xl330 => ("period_ms", self.period_ms),
-            DriveKind::Sim | DriveKind::Sts3215 => return Ok(()),
+            DriveKind::Cia402 => Some(("heartbeat_ms", f64::from(self.heartbeat_ms))),
+            DriveKind::Xl330 => Some(("period_ms", self.period_ms)),
+            DriveKind::Sim | DriveKind::Sts3215 => None,
         };
-        if f64::from(self.gives_up_ms) < 3.0 * beat.1 {
-            let (gives_up, (key, beat_ms)) = (self.gives_up_ms, beat);
+        if let Some((key, beat_ms)) = beat.filter(|(_, beat_ms)| f64::from(self.gives_up_ms) < 3.0 * beat_ms) {
+            let gives_up = self.gives_up_ms;
             return refuse(format!("gives_up_ms = {gives_up}: expected at least 3 times {key} {beat_ms}"));
         }
         self.check_load_gain()
