@@ -85,7 +85,8 @@ fn stops_while(cut: Option<WayCut>) {
         let resumed = Ended::of(&["state", "resume", "--instance", &instance], PATIENCE);
         assert_eq!(resumed.code, Some(0), "{}", resumed.stderr);
     }
-    assert_eq!(page.answers_within(HANGS_FOR), cut.is_some(), "a page that is cut off lives, one in a loop hangs");
+    let patience = if cut.is_some() { PATIENCE } else { HANGS_FOR };
+    assert_eq!(page.answers_within(patience), cut.is_some(), "a page that is cut off lives, one in a loop hangs");
     krait.signal(Signal::TERM);
     krait.end(PATIENCE);
 }

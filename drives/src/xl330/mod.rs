@@ -114,6 +114,7 @@ impl Servos for Xl330 {
         self.reboot(line)?;
         let enough = line.ask_all(STATUS)?;
         let now_ns = monotonic_ns();
+        let mut is_unwatched = [false; MAX_ACTUATORS];
         for (k, answer) in line.answers(STATUS.n) {
             let status = Status::of(&answer);
             (seen.has_answered[k], seen.sampled_ns[k]) = (true, now_ns);
@@ -124,6 +125,7 @@ impl Servos for Xl330 {
             } else {
                 take(k, &status, seen);
                 self.is_shut_down[k] = status.hardware_error != 0 && !status.is_powered;
+                is_unwatched[k] = status.is_powered && status.watchdog == 0;
             }
         }
         for k in 0..line.ids.len() {
@@ -138,6 +140,11 @@ impl Servos for Xl330 {
         if self.is_blank.contains(&true) {
             let is_blank = self.is_blank;
             line.set_of(|k| is_blank[k], INDIRECT_ADDRESS, |_| pointers())?;
+        }
+        // Nobody acknowledges what all are told: where that word was spoilt it is said again, and the torque's limit before it.
+        if is_unwatched.contains(&true) {
+            line.set_of(|k| is_unwatched[k], GOAL_PWM, |k| self.pwm[k].to_le_bytes())?;
+            line.set_of(|k| is_unwatched[k], BUS_WATCHDOG, |_| [self.watchdog])?;
         }
         Ok(())
     }
