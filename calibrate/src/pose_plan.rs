@@ -1,6 +1,7 @@
 //! Where guided poses go: planes, bends from below and from above, and the poses of the check.
 
 use crate::CalibrateError;
+use nalgebra::Vector2;
 
 /// Planes of the fit, deg: they balance an error of one line's zero.
 const PLANES_DEG: [f64; 6] = [0.0, 60.0, 120.0, 180.0, 240.0, 300.0];
@@ -154,6 +155,12 @@ impl Place {
     pub(crate) fn picture_deg(&self) -> f64 {
         picture_deg(self.plane_deg)
     }
+}
+
+/// The direction of a plane, of length 1.
+pub(crate) fn direction(plane_deg: f64) -> Vector2<f64> {
+    let (sin, cos) = plane_deg.to_radians().sin_cos();
+    Vector2::new(cos, sin)
 }
 
 /// The plane of the picture in which a plane lies, deg.

@@ -1,7 +1,7 @@
 //! What a plan of guided poses is worth before a pose is read: the standard errors to expect of it, beside those of the full plan.
 
 use crate::lines::Lines;
-use crate::pose_plan::{Place, PosePlan};
+use crate::pose_plan::{Place, PosePlan, direction};
 use crate::pose_reading::in_picture;
 use nalgebra::{Matrix2, Vector2, Vector3};
 
@@ -34,8 +34,7 @@ pub(crate) fn expected(plan: &PosePlan, lines: &Lines, sd_rad: f64) -> Option<Ex
 
 /// How the predicted bend vector, rad, moves with eta, 1, and with the half-width, m, at a place of a plan.
 fn slopes(place: &Place, lines: &Lines) -> Option<[Vector2<f64>; 2]> {
-    let (sin, cos) = place.plane_deg.to_radians().sin_cos();
-    let towards = Vector2::new(cos, sin);
+    let towards = direction(place.plane_deg);
     let bend_rad = towards * place.bend_deg.to_radians();
     let way = if place.from == "below" { 1.0 } else { -1.0 };
     let signs: Vector3<f64> = lines.motion(towards).map(|moved| way * moved.signum());

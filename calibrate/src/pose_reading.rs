@@ -1,6 +1,6 @@
 //! One row of the table of guided poses.
 
-use crate::pose_plan::picture_deg;
+use crate::pose_plan::{direction, picture_deg};
 use nalgebra::{Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -80,6 +80,5 @@ impl PoseReading {
 
 /// Where bends in a plane show as positive in a picture of it: the direction of the picture's plane.
 pub(crate) fn in_picture(plane_deg: f64) -> Vector2<f64> {
-    let (sin, cos) = picture_deg(plane_deg).to_radians().sin_cos();
-    Vector2::new(cos, sin)
+    direction(picture_deg(plane_deg))
 }

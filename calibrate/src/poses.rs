@@ -9,6 +9,7 @@ use crate::lines::{ConeFriction, Lines, Turning};
 use crate::log::ReadingLog;
 use crate::pictures::Pictures;
 use crate::pose_answers::{Answer, picture_of, typed};
+use crate::pose_plan::direction;
 use crate::{CalibrateError, CalibratedValue, Dialogue, LeastSquares, pose_price};
 use krait_model::MachineParameters;
 use nalgebra::{Vector2, Vector3};
@@ -196,8 +197,7 @@ pub fn largest_deg_within(
     let lines = lines(settings)?;
     let fits = |bend_deg: f64| {
         (0..24).all(|k| {
-            let (sin, cos) = (f64::from(k) * 15.0).to_radians().sin_cos();
-            let towards = Vector2::new(cos, sin);
+            let towards = direction(f64::from(k) * 15.0);
             let (bend_rad, signs) = (towards * bend_deg.to_radians(), lines.motion(towards).map(f64::signum));
             lines.encoders_m(bend_rad, &signs, eta, 0.0).amax() <= travel_m
                 && lines.actuator_loads_n(bend_rad, &signs, eta).amax() <= load_n
@@ -286,8 +286,7 @@ fn walk<R: BufRead, W: Write>(
             Some(turning) => turning,
             none => none.insert(Turning::new(go(dialogue, straight)?.q_m)),
         };
-        let (sin, cos) = place.plane_deg.to_radians().sin_cos();
-        let wanted = Vector2::new(cos, sin) * place.bend_deg.to_radians();
+        let wanted = direction(place.plane_deg) * place.bend_deg.to_radians();
         // Through the straight pose first, where the plane changes: a straight line of actuators is then a path in one plane.
         if place.passing && place.bend_deg < 0.0 {
             turning.follow(go(dialogue, straight)?.q_m);

@@ -143,6 +143,9 @@ enum Gain {
     Common { prior: f64 },
 }
 
+/// Of each line what was read and what is predicted, without the mean of the trial, N.
+type Centred = [(Vec<f64>, Vec<f64>); N];
+
 /// What a fit of one cell found.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct CellFit {
@@ -204,10 +207,9 @@ impl LoadRows {
     /// Weighted residuals of all rows, row after row of three, zero where no load counts, for predicted loads of all rows, N.
     pub(crate) fn residual(&self, predicted_n: &[f64]) -> Vec<f64> {
         let mut all = vec![0.0; N * self.n_all_rows];
-        let parts = self.parts(predicted_n);
-        for (line, part) in parts.into_iter().enumerate() {
-            let (measured, predicted) = self.centred(line, predicted_n);
-            for (row, (y, f)) in self.rows.iter().zip(measured.iter().zip(&predicted)) {
+        let lines = self.centred(predicted_n);
+        for (line, (part, (measured, predicted))) in self.parts(&lines).into_iter().zip(&lines).enumerate() {
+            for (row, (y, f)) in self.rows.iter().zip(measured.iter().zip(predicted)) {
                 all[row * N + line] = (y - part * f) * self.weight[line];
             }
         }
@@ -216,17 +218,18 @@ impl LoadRows {
 
     /// What gain and offset leave of a cell, N.
     fn left_n(&self, line: usize, predicted_n: &[f64]) -> Vec<f64> {
-        let (gain, (measured, predicted)) = (self.gain(line, predicted_n), self.centred(line, predicted_n));
-        measured.iter().zip(&predicted).map(|(y, f)| y - gain * f).collect()
+        let lines = self.centred(predicted_n);
+        let (gain, (measured, predicted)) = (self.gain(line, &lines), &lines[line]);
+        measured.iter().zip(predicted).map(|(y, f)| y - gain * f).collect()
     }
 
     /// Of each line, how many times the prediction a residual takes off: the gain, or for a common gain what leaves the squares that
     /// gain and prior leave together.
-    fn parts(&self, predicted_n: &[f64]) -> [f64; N] {
+    fn parts(&self, lines: &Centred) -> [f64; N] {
         let Gain::Common { prior } = self.gain else {
-            return core::array::from_fn(|line| self.gain(line, predicted_n));
+            return core::array::from_fn(|line| self.gain(line, lines));
         };
-        let [of_both, of_predicted] = self.products(predicted_n);
+        let [of_both, of_predicted] = self.products(lines);
         // d = measured - predicted; d - part p has the squares of d less (d p)^2 / (p p + prior).
         let left = (prior / (of_predicted + prior)).sqrt();
         let part = if of_predicted > 0.0 { (of_both - of_predicted) / of_predicted * (1.0 - left) } else { 0.0 };
@@ -234,53 +237,55 @@ impl LoadRows {
     }
 
     /// Weighted products of measured with predicted and of predicted with predicted loads, of all lines.
-    fn products(&self, predicted_n: &[f64]) -> [f64; 2] {
+    fn products(&self, lines: &Centred) -> [f64; 2] {
         let mut sums = [0.0; 2];
-        for line in 0..N {
-            let (measured, predicted) = self.centred(line, predicted_n);
-            let squared = self.weight[line] * self.weight[line];
-            sums[0] += squared * product(&measured, &predicted);
-            sums[1] += squared * product(&predicted, &predicted);
+        for ((measured, predicted), weight) in lines.iter().zip(self.weight) {
+            let squared = weight * weight;
+            sums[0] += squared * product(measured, predicted);
+            sums[1] += squared * product(predicted, predicted);
         }
         sums
     }
 
     /// The gain that fits a line best.
-    fn gain(&self, line: usize, predicted_n: &[f64]) -> f64 {
+    fn gain(&self, line: usize, lines: &Centred) -> f64 {
         match self.gain {
             Gain::Own([least, largest]) => {
-                let (measured, predicted) = self.centred(line, predicted_n);
-                let square = product(&predicted, &predicted);
-                let gain = if square > 0.0 { product(&predicted, &measured) / square } else { 1.0 };
+                let (measured, predicted) = &lines[line];
+                let square = product(predicted, predicted);
+                let gain = if square > 0.0 { product(predicted, measured) / square } else { 1.0 };
                 gain.clamp(least, largest)
             }
             Gain::Common { prior } => {
-                let [of_both, of_predicted] = self.products(predicted_n);
+                let [of_both, of_predicted] = self.products(lines);
                 (of_both + prior) / (of_predicted + prior)
             }
         }
     }
 
-    /// Readings and predictions without the mean of their trial, N.
-    fn centred(&self, line: usize, predicted_n: &[f64]) -> (Vec<f64>, Vec<f64>) {
-        let mut measured = self.measured_n[line].clone();
-        let mut predicted: Vec<f64> = self.rows.iter().map(|row| predicted_n[row * N + line]).collect();
-        for own in self.trials.windows(2) {
-            for values in [&mut measured, &mut predicted] {
+    /// Readings and predictions of each line without the mean of their trial, N.
+    fn centred(&self, predicted_n: &[f64]) -> Centred {
+        let centred = |mut values: Vec<f64>| {
+            for own in self.trials.windows(2) {
                 let trial = &mut values[own[0]..own[1]];
                 let mean = trial.iter().sum::<f64>() / trial.len() as f64;
                 trial.iter_mut().for_each(|x| *x -= mean);
             }
-        }
-        (measured, predicted)
+            values
+        };
+        core::array::from_fn(|line| {
+            let predicted = self.rows.iter().map(|row| predicted_n[row * N + line]).collect();
+            (centred(self.measured_n[line].clone()), centred(predicted))
+        })
     }
 
     /// One cell's fit.
     pub(crate) fn cell(&self, line: usize, predicted_n: &[f64]) -> CellFit {
-        let (gain, (measured, predicted)) = (self.gain(line, predicted_n), self.centred(line, predicted_n));
+        let lines = self.centred(predicted_n);
+        let (gain, (measured, predicted)) = (self.gain(line, &lines), &lines[line]);
         let square = |values: &mut dyn Iterator<Item = f64>| values.map(|x| x * x).sum::<f64>();
         let whole = square(&mut measured.iter().copied());
-        let left = square(&mut measured.iter().zip(&predicted).map(|(y, f)| y - gain * f));
+        let left = square(&mut measured.iter().zip(predicted).map(|(y, f)| y - gain * f));
         let all = &self.measured_n[line];
         let offset = |own: &[usize]| {
             let sum: f64 = (own[0]..own[1]).map(|k| all[k] - gain * predicted_n[self.rows[k] * N + line]).sum();

@@ -14,6 +14,7 @@ use anyhow::bail;
 use krait_bridge::LiveModel;
 use krait_model::Snake;
 use krait_slave::DriveConfig;
+use nalgebra::DVector;
 
 /// Pulls may leave this part of their sum.
 const SLACK: f64 = 0.02;
@@ -35,7 +36,7 @@ pub(crate) fn check(drive: &DriveConfig, machine: &LiveModel) -> anyhow::Result<
         if members[0] != k || members.len() < 2 {
             continue;
         }
-        let pulls: Vec<Vec<f64>> = members.iter().filter_map(|j| rows.get(*j)).map(|row| unit(row)).collect();
+        let pulls: Vec<DVector<f64>> = members.iter().filter_map(|j| rows.get(*j)).map(unit).collect();
         if let Some(at) = unheld(&pulls) {
             let names: Vec<String> = members.iter().map(|j| (j + 1).to_string()).collect();
             bail!(
@@ -52,50 +53,47 @@ pub(crate) fn check(drive: &DriveConfig, machine: &LiveModel) -> anyhow::Result<
 }
 
 /// Of each actuator, how it moves with each bend.
-fn rows(machine: &LiveModel) -> anyhow::Result<Vec<Vec<f64>>> {
+fn rows(machine: &LiveModel) -> anyhow::Result<Vec<DVector<f64>>> {
     Ok(match machine {
         LiveModel::Snake(chain) => {
-            Snake::new(chain.machine())?.j_q_bend().row_iter().map(|row| row.iter().copied().collect()).collect()
+            let j_q_bend = Snake::new(chain.machine())?.j_q_bend();
+            j_q_bend.row_iter().map(|row| DVector::from_iterator(row.len(), row.iter().copied())).collect()
         }
         LiveModel::Segments(segments) => {
             let machine = segments.chain().machine();
-            let row = |k: usize| machine.j().row(k).iter().take(machine.n_bends()).copied().collect();
+            let n_bends = machine.n_bends();
+            let row = |k: usize| DVector::from_iterator(n_bends, machine.j().row(k).iter().take(n_bends).copied());
             (0..machine.n_lines()).map(row).collect()
         }
         // One actuator moves one joint, both ways.
         LiveModel::Joints(joints) => {
-            (0..joints.n()).map(|k| (0..joints.n()).map(|j| f64::from(u8::from(j == k))).collect()).collect()
+            (0..joints.n()).map(|k| DVector::from_fn(joints.n(), |j, _| f64::from(u8::from(j == k)))).collect()
         }
     })
 }
 
 /// A direction of length 1; one that moves nothing stays.
-fn unit(row: &[f64]) -> Vec<f64> {
-    let length = dot(row, row).sqrt();
-    row.iter().map(|x| if length > 0.0 { x / length } else { *x }).collect()
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(x, y)| x * y).sum()
+fn unit(row: &DVector<f64>) -> DVector<f64> {
+    row.try_normalize(0.0).unwrap_or_else(|| row.clone())
 }
 
 /// Which of these pulls of length 1 the others cannot hold, if there is one: the one that points most where the sum is left.
-fn unheld(pulls: &[Vec<f64>]) -> Option<usize> {
+fn unheld(pulls: &[DVector<f64>]) -> Option<usize> {
     let n = pulls.first()?.len();
     let mut lambda = vec![1.0; pulls.len()];
-    let mut left: Vec<f64> = (0..n).map(|i| pulls.iter().map(|pull| pull[i]).sum()).collect();
+    let mut left = pulls.iter().fold(DVector::zeros(n), |sum, pull| sum + pull);
     for _ in 0..SWEEPS {
         for (own, pull) in lambda.iter_mut().zip(pulls) {
-            let change = (*own - dot(pull, &left)).max(1.0) - *own;
+            let change = (*own - pull.dot(&left)).max(1.0) - *own;
             *own += change;
-            left.iter_mut().zip(pull).for_each(|(left, x)| *left += change * x);
+            left.axpy(change, pull, 1.0);
         }
     }
     let allowed = SLACK * lambda.iter().sum::<f64>();
-    if dot(&left, &left).sqrt() <= allowed {
+    if left.norm() <= allowed {
         return None;
     }
-    (0..pulls.len()).max_by(|a, b| dot(&pulls[*a], &left).total_cmp(&dot(&pulls[*b], &left)))
+    (0..pulls.len()).max_by(|a, b| pulls[*a].dot(&left).total_cmp(&pulls[*b].dot(&left)))
 }
 
 #[cfg(test)]
@@ -104,8 +102,8 @@ mod tests {
     use krait_model::model_file::{ModelFile, built_in};
     use krait_slave::ActuatorConfig;
 
-    fn at(degrees: &[f64]) -> Vec<Vec<f64>> {
-        degrees.iter().map(|d| vec![d.to_radians().cos(), d.to_radians().sin()]).collect()
+    fn at(degrees: &[f64]) -> Vec<DVector<f64>> {
+        degrees.iter().map(|d| DVector::from_vec(vec![d.to_radians().cos(), d.to_radians().sin()])).collect()
     }
 
     #[test]

@@ -7,13 +7,20 @@ use krait_tests::{Browser, BrowserPage, Console, Ended, Krait, TempFolder, insta
 
 const PATIENCE: Duration = Duration::from_secs(240);
 
-#[test]
-fn the_bars_grow_while_effects_are_added_and_no_model_is_overwritten() {
-    let Some(browser) = Browser::start() else { return };
-    let (folder, instance) = (TempFolder::new("lab-page"), instance_name("lab-page"));
+/// The lab's page with what a diagnosis has found.
+struct Diagnosed {
+    folder: TempFolder,
+    data: String,
+    /// The page is served as long as this lives.
+    server: Krait,
+    page: BrowserPage,
+}
+
+/// Makes data in which this is hidden, and has them compared and diagnosed in the page.
+fn diagnosed(browser: &Browser, name: &str, hidden: &[&str]) -> Diagnosed {
+    let (folder, instance) = (TempFolder::new(name), instance_name(name));
     let data = folder.file("data.csv");
-    let hidden = ["--kind", "backlash+plane-offset", "--size", "2.5,2.5", "--seconds", "60", "--rate", "25"];
-    let made = Ended::of(&[&["lab", "generate", "--seed", "5", "--out", &data], &hidden[..]].concat(), PATIENCE);
+    let made = Ended::of(&[&["lab", "generate", "--seed", "5", "--out", &data], hidden].concat(), PATIENCE);
     assert_eq!(made.code, Some(0), "{}", made.stderr);
     let mut server = Krait::start(&["console", "--instance", &instance, "--lab", &folder.path().display().to_string()]);
     let mut page = browser.page(&Console::of(&mut server).address, 1280, 800);
@@ -22,6 +29,14 @@ fn the_bars_grow_while_effects_are_added_and_no_model_is_overwritten() {
     press(&mut page, "Compare");
     press(&mut page, "Diagnose");
     bars(&mut page, 1, 2);
+    Diagnosed { folder, data, server, page }
+}
+
+#[test]
+fn the_bars_grow_while_effects_are_added_and_no_model_is_overwritten() {
+    let Some(browser) = Browser::start() else { return };
+    let hidden = ["--kind", "backlash+plane-offset", "--size", "2.5,2.5", "--seconds", "60", "--rate", "25"];
+    let Diagnosed { folder: _folder, server: _server, mut page, .. } = diagnosed(&browser, "lab-page", &hidden);
     let first = page.text("#lab .work .alone");
     press(&mut page, &first);
     press(&mut page, &first);
@@ -64,18 +79,8 @@ fn the_bars_grow_while_effects_are_added_and_no_model_is_overwritten() {
 #[test]
 fn one_button_adds_all_that_was_found_and_the_rail_shows_what_was_written() {
     let Some(browser) = Browser::start() else { return };
-    let (folder, instance) = (TempFolder::new("add-all"), instance_name("add-all"));
-    let data = folder.file("data.csv");
     let hidden = ["--kind", "backlash+plane-offset+x_product", "--size", "6,6,2", "--seconds", "40", "--rate", "15"];
-    let made = Ended::of(&[&["lab", "generate", "--seed", "5", "--out", &data], &hidden[..]].concat(), PATIENCE);
-    assert_eq!(made.code, Some(0), "{}", made.stderr);
-    let mut server = Krait::start(&["console", "--instance", &instance, "--lab", &folder.path().display().to_string()]);
-    let mut page = browser.page(&Console::of(&mut server).address, 1280, 800);
-    page.wait_for("the page", "document.querySelectorAll('#stop').length === 1");
-    page.value("document.querySelector('[data-go=lab]').click()");
-    press(&mut page, "Compare");
-    press(&mut page, "Diagnose");
-    bars(&mut page, 1, 2);
+    let Diagnosed { folder, data, server: _server, mut page } = diagnosed(&browser, "add-all", &hidden);
     let answer = page.value("fetch('/lab/job').then(job => job.json())")["answer"].clone();
     let (share, free) = (answer["explained_share"].as_f64(), answer["model_free_rms"].as_f64());
     let (share, free) = share.zip(free).unwrap_or_else(|| panic!("both figures in {answer}"));

@@ -3,8 +3,9 @@
 use super::line::{Line, Said};
 use super::protocol::{Block, word};
 use super::{OPEN_TRIES, ServoMake};
+use crate::Units;
 use crate::error::OpenError;
-use krait_slave::DriveConfig;
+use krait_slave::{ActuatorConfig, DriveConfig};
 use std::path::Path;
 
 /// How a servo is asked who it is.
@@ -118,6 +119,33 @@ pub(crate) fn settings(line: &mut Line, block: Block, how: Ask) -> Result<Vec<Ve
     let ids = &line.ids;
     let all = found.into_iter().enumerate();
     all.map(|(k, data)| data.ok_or(OpenError::NoAnswer { actuator: k + 1, id: ids[k] })).collect()
+}
+
+/// An end of the range in which a servo itself lets goals be.
+pub(crate) struct RangeEnd {
+    pub register: u8,
+    pub name: &'static str,
+    pub counts: i32,
+}
+
+/// Refuses a servo whose range is less than its travel. Without a zero nothing moves, so nothing can pass it.
+pub(crate) fn check_range(
+    place: (usize, u8),
+    actuator: &ActuatorConfig,
+    [low, high]: [RangeEnd; 2],
+) -> Result<(), OpenError> {
+    let Some(zero) = actuator.zero_count else { return Ok(()) };
+    let stroke = Units::new(actuator, place.0 + 1, ServoMake::COUNTS_PER_TURN)?.magnitude_counts(actuator.travel_m);
+    let (lowest, highest) = (f64::from(zero) - stroke, f64::from(zero) + stroke);
+    if f64::from(low.counts) > lowest {
+        let expected = format!("at most {lowest:.0}, the end of the travel");
+        return refused(place, low.register, low.name, low.counts, &expected);
+    }
+    if f64::from(high.counts) < highest {
+        let expected = format!("at least {highest:.0}, the end of the travel");
+        return refused(place, high.register, high.name, high.counts, &expected);
+    }
+    Ok(())
 }
 
 /// The refusal of a servo whose register has a value with which it would not do what it is told.

@@ -16,7 +16,7 @@ mod protocol;
 mod scan;
 
 pub use identity::Identity;
-pub(crate) use identity::{Ask, refused, settings};
+pub(crate) use identity::{Ask, RangeEnd, check_range, refused, settings};
 pub(crate) use line::{Line, exchange_ns};
 pub use port::ports;
 pub(crate) use protocol::{ALL, Answer, Block, PING, Protocol, READ, SYNC_READ, SYNC_WRITE, WRITE, word};

@@ -6,8 +6,8 @@ use super::table::{
 };
 use super::{STATUS, VELOCITY_STEP_COUNTS_PER_S};
 use crate::error::OpenError;
-use crate::serial::{Ask, Block, Line, Protocol, ServoMake, exchange_ns, refused, settings, word};
-use krait_slave::{ActuatorConfig, DriveConfig};
+use crate::serial::{Ask, Block, Line, Protocol, RangeEnd, check_range, exchange_ns, refused, settings, word};
+use krait_slave::DriveConfig;
 
 /// Unit of the return delay, ns.
 const DELAY_UNIT_NS: i64 = 2_000;
@@ -51,7 +51,8 @@ pub(super) fn check(line: &mut Line, who: &[Vec<u8>], config: &DriveConfig, how:
             let expected = format!("at least {needed:.0}, which is speed_counts_per_s");
             return refused(place, VELOCITY_LIMIT, "velocity limit", velocity, &expected);
         }
-        check_range(place, actuator, at(MIN_POSITION), at(MAX_POSITION))?;
+        let end = |register, name| RangeEnd { register, name, counts: at(register) };
+        check_range(place, actuator, [end(MIN_POSITION, "smallest position"), end(MAX_POSITION, "largest position")])?;
         all.push(Own { pwm_limit: word(&pwm[k], 0), velocity_limit: velocity.cast_unsigned() });
     }
     Ok(all)
@@ -81,21 +82,4 @@ fn most_delay(config: &DriveConfig) -> i64 {
     let n = config.actuator.len();
     let room_ns = (config.timeout_ms * 1e6) as i64 - exchange_ns(Protocol::Two, n, (0, STATUS.n), config.baud);
     room_ns.max(0) / (n as i64 * DELAY_UNIT_NS)
-}
-
-/// Without a zero nothing moves, so nothing can pass the limits.
-fn check_range(place: (usize, u8), actuator: &ActuatorConfig, low: i32, high: i32) -> Result<(), OpenError> {
-    let Some(zero) = actuator.zero_count else { return Ok(()) };
-    let units = crate::Units::new(actuator, place.0 + 1, ServoMake::COUNTS_PER_TURN)?;
-    let stroke = units.magnitude_counts(actuator.travel_m);
-    let (lowest, highest) = (f64::from(zero) - stroke, f64::from(zero) + stroke);
-    if f64::from(low) > lowest {
-        let expected = format!("at most {lowest:.0}, the end of the travel");
-        return refused(place, MIN_POSITION, "smallest position", low, &expected);
-    }
-    if f64::from(high) < highest {
-        let expected = format!("at least {highest:.0}, the end of the travel");
-        return refused(place, MAX_POSITION, "largest position", high, &expected);
-    }
-    Ok(())
 }

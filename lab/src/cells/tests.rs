@@ -3,7 +3,7 @@
 use super::*;
 use crate::fit::{Variable, fit};
 use crate::machine::SnakeLab;
-use crate::{Names, Quantity, Term};
+use crate::{Quantity, Term};
 use core::f64::consts::{PI, TAU};
 use krait_model::model_file::ModelFile;
 use rand_chacha::ChaCha8Rng;
@@ -57,27 +57,9 @@ fn measured(seed: u64, sigma: [f64; 2], everywhere: bool) -> Measurements {
         outputs.extend(if is_measured || everywhere { seen } else { [f64::NAN; 2] });
         loads.extend(own.map(|n| n + sigma[1] * normal(&mut random)));
     }
-    let n = outputs.len() / 2;
-    Measurements {
-        source: String::new(),
-        sha256: String::new(),
-        quantity: Quantity::Snake,
-        time_s: (0..n).map(|k| 0.1 * k as f64).collect(),
-        inputs,
-        n_inputs: 3,
-        outputs,
-        n_outputs: 2,
-        trial: vec![0; n],
-        loads_n: Some(loads),
-        load_use: LoadUse::UNCALIBRATED,
-        stem_angle_rad: None,
-        temperature_c: None,
-        sigma: None,
-        extra: Vec::new(),
-        names: Names::default(),
-        n_held_rows: 0,
-        clock: None,
-    }
+    let time_s = (0..outputs.len() / 2).map(|k| 0.1 * k as f64).collect();
+    let bare = Measurements::bare(String::new(), Quantity::Snake, time_s, (inputs, 3), (outputs, 2));
+    Measurements { loads_n: Some(loads), ..bare }
 }
 
 /// Camera 1 degree, cells 0.1 N, twenty poses: what the rows of the likelihood predict, with gains and offsets of the cells free.

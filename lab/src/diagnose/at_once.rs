@@ -6,7 +6,7 @@
 //! with s the scores of the columns on what is left and G their Gram matrix, a list takes away s' G^-1 s.
 
 use super::screen::{Cell, screen_beside};
-use super::search::{Search, Trial, memory, price};
+use super::search::{Search, Trial, keep_first, memory, price};
 use crate::Term;
 use crate::fit::{dot, inverse};
 use nalgebra::{DMatrix, DVector};
@@ -28,6 +28,8 @@ struct Sketch {
     kept: usize,
     /// Places of the cells that are added.
     added: Vec<usize>,
+    /// Candidates of the members that are kept and added.
+    found: Vec<usize>,
     /// ln RSS with the price of the free numbers.
     badness: f64,
 }
@@ -55,39 +57,30 @@ fn starts(
     mut sketches: Vec<Sketch>,
 ) -> Vec<(Vec<usize>, Vec<Term>)> {
     sketches.sort_by(|a, b| a.badness.total_cmp(&b.badness));
-    let members = |own: &Sketch| -> Vec<usize> {
-        let kept = slots(list, own.kept).map(|slot| list.found[slot]);
-        kept.chain(own.added.iter().map(|&k| cells[k].candidate)).collect()
+    keep_first(&mut sketches, |own| &own.found);
+    let start = |own: Sketch| {
+        let (factors, _) = products.solved(&own)?;
+        let mut effects = part(search, list, own.kept);
+        let mut first = products.of_part(own.kept).len();
+        for &k in &own.added {
+            let n = cells[k].columns.len();
+            effects.push(search.term(&cells[k], &factors.rows(first, n).into_owned()));
+            first += n;
+        }
+        Some((own.found, effects))
     };
-    let mut seen: Vec<Vec<usize>> = vec![sorted(list.found.clone())];
-    let mut jobs = Vec::new();
-    for own in &sketches {
-        let found = members(own);
-        let set = sorted(found.clone());
-        if seen.contains(&set) {
-            continue;
-        }
-        seen.push(set);
-        let Some(factors) = products.factors(cells, own) else { continue };
-        let mut effects = list.fit.effects[..search.base.len()].to_vec();
-        effects.extend(slots(list, own.kept).map(|slot| list.fit.effects[search.base.len() + slot].clone()));
-        effects.extend(own.added.iter().zip(&factors).map(|(&k, factors)| search.term(&cells[k], factors)));
-        jobs.push((found, effects));
-        if jobs.len() == N_REFINED {
-            break;
-        }
-    }
-    jobs
+    sketches.into_iter().filter_map(start).take(N_REFINED).collect()
+}
+
+/// The model's own effects and the members that are kept.
+fn part(search: &Search, list: &Trial, kept: usize) -> Vec<Term> {
+    let (own, members) = list.fit.effects.split_at(search.base.len());
+    own.iter().chain(slots(list, kept).map(|slot| &members[slot])).cloned().collect()
 }
 
 /// Places of the members that a sketch keeps.
 fn slots(list: &Trial, kept: usize) -> impl Iterator<Item = usize> {
     (0..list.found.len()).filter(move |slot| kept >> slot & 1 == 1)
-}
-
-fn sorted(mut found: Vec<usize>) -> Vec<usize> {
-    found.sort_unstable();
-    found
 }
 
 /// Products of all columns with each other and with what each part of the list leaves.
@@ -117,13 +110,11 @@ impl Products {
         let rows: Vec<Vec<f64>> =
             (0..n).into_par_iter().map(|i| (0..=i).map(|j| dot(columns[i], columns[j])).collect()).collect();
         let gram = DMatrix::from_fn(n, n, |i, j| rows[i.max(j)][i.min(j)]);
-        let part = |kept: usize| {
-            let mut effects = list.fit.effects[..n_base].to_vec();
-            effects.extend(slots(list, kept).map(|slot| list.fit.effects[n_base + slot].clone()));
-            let left = search.problem.residual(&effects).ok()?;
+        let scored = |kept: usize| {
+            let left = search.problem.residual(&part(search, list, kept)).ok()?;
             Some((DVector::from_fn(n, |k, _| dot(columns[k], &left)), dot(&left, &left)))
         };
-        let parts = (0..1_usize << list.found.len()).into_par_iter().map(part).collect();
+        let parts = (0..1_usize << list.found.len()).into_par_iter().map(scored).collect();
         Self { member, first, gram, parts }
     }
 
@@ -153,32 +144,27 @@ impl Products {
         n_most: usize,
         price: f64,
     ) -> Vec<Sketch> {
-        let n_kept = kept.count_ones() as usize;
+        let found: Vec<usize> = slots(list, kept).map(|slot| list.found[slot]).collect();
+        let n_kept = found.len();
         let mut all = Vec::new();
-        let mut beam = vec![Sketch { kept, added: Vec::new(), badness: 0.0 }];
+        let alone = Sketch { kept, added: Vec::new(), found, badness: 0.0 };
+        let mut beam = vec![alone.clone()];
         for _ in n_kept..n_most {
             let mut next: Vec<Sketch> =
                 beam.iter().flat_map(|own| self.next(search, cells, own, price).unwrap_or_default()).collect();
             next.sort_by(|a, b| a.badness.total_cmp(&b.badness));
-            let mut seen: Vec<Vec<usize>> = Vec::new();
-            next.retain(|own| {
-                let set = sorted(own.added.iter().map(|&k| cells[k].candidate).collect());
-                let is_new = seen.len() < WIDTH && !seen.contains(&set);
-                if is_new {
-                    seen.push(set);
-                }
-                is_new
-            });
+            keep_first(&mut next, |own| &own.found);
+            next.truncate(WIDTH);
             all.extend(next.iter().cloned());
             beam = next;
         }
         // A part alone is a shorter list.
-        if kept != 0 && n_kept < list.found.len() {
-            let n_free = self.of_part(kept).len();
-            if let Some(left) = self.left(&Sketch { kept, added: Vec::new(), badness: 0.0 }) {
-                let badness = left.max(f64::MIN_POSITIVE).ln() + n_free as f64 * price;
-                all.push(Sketch { kept, added: Vec::new(), badness });
-            }
+        if kept != 0
+            && n_kept < list.found.len()
+            && let Some((factors, left)) = self.solved(&alone)
+        {
+            let badness = left.max(f64::MIN_POSITIVE).ln() + factors.len() as f64 * price;
+            all.push(Sketch { badness, ..alone });
         }
         all
     }
@@ -202,12 +188,13 @@ impl Products {
             }
         };
         let left = left - along.norm_squared();
-        let is_new = |k: &usize| own.added.iter().all(|&other| cells[other].candidate != cells[*k].candidate);
+        let is_new = |k: &usize| !own.found.contains(&cells[*k].candidate);
         let longer = |k: usize| {
             let gain = self.gain(scores, &made, &along, k, cells[k].one_sided)?;
             let badness = (left - gain).max(f64::MIN_POSITIVE).ln() + (n_own + n_of(k)) as f64 * price;
             let added = own.added.iter().copied().chain([k]).collect();
-            Some(Sketch { kept: own.kept, added, badness })
+            let found = own.found.iter().copied().chain([cells[k].candidate]).collect();
+            Some(Sketch { kept: own.kept, added, found, badness })
         };
         Some((0..cells.len()).filter(is_new).filter_map(longer).collect())
     }
@@ -234,28 +221,14 @@ impl Products {
         is_possible.then(|| score.dot(&factors))
     }
 
-    /// What a list leaves to first order.
-    fn left(&self, own: &Sketch) -> Option<f64> {
+    /// Factors on the columns of a list, all of them free, and what it leaves to first order.
+    fn solved(&self, own: &Sketch) -> Option<(DVector<f64>, f64)> {
         let (scores, left) = self.parts[own.kept].as_ref()?;
         let columns = self.of_sketch(own);
-        let score = DVector::from_fn(columns.len(), |k, _| scores[columns[k]]);
-        let gram = self.gram.select_rows(&columns).select_columns(&columns);
-        Some(left - score.dot(&(inverse(&gram) * &score)))
-    }
-
-    /// Factors on the columns of each added cell, all columns of the list free.
-    fn factors(&self, cells: &[Cell], own: &Sketch) -> Option<Vec<DVector<f64>>> {
-        let (scores, _) = self.parts[own.kept].as_ref()?;
-        let columns = self.of_sketch(own);
-        let score = DVector::from_fn(columns.len(), |k, _| scores[columns[k]]);
-        let factors = inverse(&self.gram.select_rows(&columns).select_columns(&columns)) * score;
-        let mut start = self.of_part(own.kept).len();
-        let of_cell = |&k: &usize| {
-            let n = cells[k].columns.len();
-            start += n;
-            factors.rows(start - n, n).into_owned()
-        };
-        Some(own.added.iter().map(of_cell).collect())
+        let score = scores.select_rows(&columns);
+        let factors = inverse(&self.gram.select_rows(&columns).select_columns(&columns)) * &score;
+        let left = left - score.dot(&factors);
+        Some((factors, left))
     }
 }
 

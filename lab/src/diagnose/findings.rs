@@ -83,13 +83,15 @@ impl Findings {
         if !comparison.is_white || max_effects < 2 || self.chosen.found.is_empty() {
             return self;
         }
-        match lists::or_at_once(search, comparison, &self.chosen, max_effects) {
-            Some((chosen, alternatives))
-                if (0..chosen.found.len()).all(|slot| alternatives.n_as_simple(slot) <= MOST_LOOK_ALIKES) =>
-            {
-                Self { chosen, alternatives, is_beaten: false, ..self }
-            }
-            _ => self,
+        let other = lists::or_at_once(search, comparison, &self.chosen, max_effects);
+        self.or(other)
+    }
+
+    /// With another list in place of the chosen one, if there is one.
+    fn or(self, other: Option<(Trial, Alternatives)>) -> Self {
+        match other.filter(|(list, alternatives)| has_few_look_alikes(list, alternatives)) {
+            Some((chosen, alternatives)) => Self { chosen, alternatives, is_beaten: false, ..self },
+            None => self,
         }
     }
 
@@ -181,13 +183,8 @@ fn on_rows(
     let comparison = comparison_of(search, floors, are_cells_white);
     let mut found = one_or_two(search, &comparison, &start, max_effects);
     if (1..max_effects).contains(&found.chosen.found.len()) {
-        let shorter = &found.alternatives.trials;
-        if let Some((chosen, alternatives)) = lists::longer(search, &comparison, &found.chosen, shorter, max_effects) {
-            // An effect that almost anything could stand in for is the imperfection of another one's equation.
-            if (0..chosen.found.len()).all(|slot| alternatives.n_as_simple(slot) <= MOST_LOOK_ALIKES) {
-                found = Findings { chosen, alternatives, is_beaten: false, ..found };
-            }
-        }
+        let longer = lists::longer(search, &comparison, &found.chosen, &found.alternatives.trials, max_effects);
+        found = found.or(longer);
     }
     found = found.or_at_once(search, &comparison, max_effects);
     if found.is_on_trial && !comparison.takes(&start, &found.chosen, NEARLY_ALL) {
@@ -195,6 +192,11 @@ fn on_rows(
         found = Findings { chosen: start, alternatives, is_beaten: false, ..found };
     }
     Ok(found)
+}
+
+/// An effect that almost anything could stand in for is the imperfection of another one's equation.
+fn has_few_look_alikes(list: &Trial, alternatives: &Alternatives) -> bool {
+    (0..list.found.len()).all(|slot| alternatives.n_as_simple(slot) <= MOST_LOOK_ALIKES)
 }
 
 /// None, one or two effects.
@@ -235,8 +237,7 @@ fn one_or_two(search: &Search, comparison: &Comparison, start: &Trial, max_effec
             let deserves = |pair: &&Trial| comparison.deserves(single, pair, p_value) || simpler(pair);
             if let Some(pair) = pairs.first().filter(deserves).cloned() {
                 let alternatives = Alternatives::new(search.problem, pairs, search.seed);
-                // A second effect that almost anything could stand in for is the imperfection of the first one's equation.
-                if (0..pair.found.len()).all(|slot| alternatives.n_as_simple(slot) <= MOST_LOOK_ALIKES) {
+                if has_few_look_alikes(&pair, &alternatives) {
                     let better = |own: &Trial| search.badness(&pair, time) - search.badness(own, time);
                     let is_beaten = imitations.iter().any(|own| better(own) * n > CLOSE_CONTEST);
                     return Findings { chosen: pair, cells, test, singles, alternatives, is_beaten, is_on_trial };

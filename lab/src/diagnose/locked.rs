@@ -37,6 +37,13 @@ pub struct LockedError {
     pub effects: Vec<String>,
 }
 
+impl LockedError {
+    /// What was locked.
+    pub fn part(&self) -> &'static str {
+        if self.is_trial { "last trial" } else { "last fifth" }
+    }
+}
+
 /// Refuses data of which no part can be locked, before anything is fitted.
 ///
 /// # Errors
@@ -74,11 +81,7 @@ pub(super) fn error(
         .map(|joints| begun(joints, &all, first, &open))
         .transpose()?;
     let from = if began.is_some() { first + (all.n_rows() - first) / START_PARTS } else { first };
-    let own: &dyn MachineUnderTest = match (&began, joints) {
-        (Some(joints), _) => joints,
-        (None, Some(joints)) => joints,
-        (None, None) => machine,
-    };
+    let own = began.as_ref().or(joints).map_or(machine, |joints| joints as &dyn MachineUnderTest);
     let problem = prepare(own, &all)?.problem;
     let n_base = own.effects().len().min(open.terms.len());
     let n_outputs = all.n_outputs;

@@ -327,7 +327,7 @@ impl<'a> Search<'a> {
 }
 
 /// Keeps the first of those that hold the same candidates in whatever order.
-fn keep_first<T>(all: &mut Vec<T>, found: impl Fn(&T) -> &Vec<usize>) {
+pub(super) fn keep_first<T>(all: &mut Vec<T>, found: impl Fn(&T) -> &Vec<usize>) {
     let mut seen: Vec<Vec<usize>> = Vec::new();
     all.retain(|own| {
         let mut sorted = found(own).clone();

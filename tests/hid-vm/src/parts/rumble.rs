@@ -39,15 +39,7 @@ pub fn rumble() -> anyhow::Result<PartVerdict> {
     verdict.check("listed", rumbles, rumbles);
     let arguments = ["--config", FAST_HAND.0, "--profile", profile];
     let chain = VmChain::start_with("rumble", User::Root, 14.0, &arguments)?;
-    pad.hold(0x80, 0)?;
-    sleep(Duration::from_millis(300));
-    verdict.check("still_at_rest", pad.told().is_empty(), pad.told().len());
-    for buttons in [1, 0] {
-        pad.hold(0x80, buttons)?;
-        sleep(Duration::from_millis(30));
-    }
-    let begun_ns = clock::monotonic_ns();
-    pad.hold(0xff, 0)?;
+    let begun_ns = pushed(&mut pad, &mut verdict)?;
     let limit_ns = pad.wait_until(begun_ns, LIMIT)?;
     // Two codes at the limit.
     sleep(Duration::from_millis(4200));
@@ -74,10 +66,7 @@ pub fn rumble() -> anyhow::Result<PartVerdict> {
     signal("slave", "CONT")?;
     let stopped_ns = stopped? - killed_ns;
     verdict.check("killed_ms", stopped_ns < KILLED_NS, stopped_ns / 1_000_000);
-    let (ended, _) = chain.end()?;
-    verdict.check("ended", ended.code.is_some(), format!("{:?}", ended.code));
-    let last = pad.told().last().map(|(_, motors)| *motors);
-    verdict.check("still_at_end", last == Some(STILL), format!("{last:?}"));
+    let ended = still_at_end(chain, &pad, &mut verdict)?;
     if !verdict.passed() {
         let told: Vec<String> =
             pad.told().iter().map(|(at, [a, b])| format!("{}:{a},{b}", (at - begun_ns) / 1_000_000)).collect();
@@ -99,6 +88,19 @@ pub fn shipped_rumble() -> anyhow::Result<PartVerdict> {
     verdict.check("listed", rumbles, rumbles);
     let arguments = ["--config", FAST_HAND.0, "--profile", "xbox-360"];
     let chain = VmChain::start_with("xbox-360", User::Root, 10.0, &arguments)?;
+    let begun_ns = pushed(&mut pad, &mut verdict)?;
+    let limit_ns = pad.wait_until(begun_ns, SHIPPED_LIMIT)?;
+    verdict.check("limit_after_ms", limit_ns >= begun_ns, (limit_ns - begun_ns) / 1_000_000);
+    pad.wait_until(limit_ns, SHIPPED_LOAD)?;
+    let n_other = pad.told().iter().filter(|(_, told)| ![SHIPPED_LIMIT, SHIPPED_LOAD, STILL].contains(told)).count();
+    verdict.check("other", n_other == 0, n_other);
+    pad.hold(0x80, 0)?;
+    still_at_end(chain, &pad, &mut verdict)?;
+    Ok(verdict)
+}
+
+/// At rest nothing is told; then a hand with its operator present pushes to the end. When that was, ns.
+fn pushed(pad: &mut Gamepad, verdict: &mut PartVerdict) -> anyhow::Result<i64> {
     pad.hold(0x80, 0)?;
     sleep(Duration::from_millis(300));
     verdict.check("still_at_rest", pad.told().is_empty(), pad.told().len());
@@ -108,17 +110,16 @@ pub fn shipped_rumble() -> anyhow::Result<PartVerdict> {
     }
     let begun_ns = clock::monotonic_ns();
     pad.hold(0xff, 0)?;
-    let limit_ns = pad.wait_until(begun_ns, SHIPPED_LIMIT)?;
-    verdict.check("limit_after_ms", limit_ns >= begun_ns, (limit_ns - begun_ns) / 1_000_000);
-    pad.wait_until(limit_ns, SHIPPED_LOAD)?;
-    let n_other = pad.told().iter().filter(|(_, told)| ![SHIPPED_LIMIT, SHIPPED_LOAD, STILL].contains(told)).count();
-    verdict.check("other", n_other == 0, n_other);
-    pad.hold(0x80, 0)?;
+    Ok(begun_ns)
+}
+
+/// The chain ends, and the motors are still.
+fn still_at_end(chain: VmChain, pad: &Gamepad, verdict: &mut PartVerdict) -> anyhow::Result<VmEnded> {
     let (ended, _) = chain.end()?;
     verdict.check("ended", ended.code.is_some(), format!("{:?}", ended.code));
     let last = pad.told().last().map(|(_, motors)| *motors);
     verdict.check("still_at_end", last == Some(STILL), format!("{last:?}"));
-    Ok(verdict)
+    Ok(ended)
 }
 
 /// A pedal cannot rumble.
