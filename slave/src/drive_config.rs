@@ -236,8 +236,7 @@ impl DriveConfig {
             let mut add = |key: &str, is_set, kinds| add(&format!("actuator {}: {key}", k + 1), is_set, kinds);
             let newton_metre_per_ampere = actuator.newton_metre_per_ampere != plain.newton_metre_per_ampere;
             add("newton_metre_per_ampere", newton_metre_per_ampere, serial);
-            // Tried on this make only.
-            add("homing", actuator.homing.is_some(), &["sts3215"]);
+            add("homing", actuator.homing.is_some(), serial);
             add("counts_per_turn", actuator.counts_per_turn != plain.counts_per_turn, can);
             add("is_absolute", actuator.is_absolute, can);
             add("vendor", actuator.vendor.is_some(), can);

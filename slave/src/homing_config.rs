@@ -8,6 +8,8 @@ use serde::{Deserialize, Serialize};
 const TABLE: &str = "slave.drive.actuator.homing";
 /// The search is never faster than this, m/s.
 const MOST_M_PER_S: f64 = 2e-3;
+/// Nor than this part of what the limiter allows.
+const RATE_PART: f64 = 0.5;
 
 /// Ways to find a zero.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -65,7 +67,7 @@ impl HomingConfig {
         Ok(())
     }
 
-    /// Whether the limits of the machine let the load of the `actuator`-th, from 1, come about.
+    /// Whether the machine has room for the search of the `actuator`-th, from 1: its load, its speed and its way.
     ///
     /// # Errors
     /// [`ConfigError::Drives`].
@@ -74,14 +76,29 @@ impl HomingConfig {
             HomingDirection::Push => ("push_n", limits.push_n),
             HomingDirection::Pull => ("pull_n", limits.pull_n),
         };
-        if self.load_n < limit_n {
-            return Ok(());
+        let refused = |what: String| Err(ConfigError::Drives { what: format!("actuator {actuator}: homing.{what}") });
+        if self.load_n >= limit_n {
+            return refused(format!(
+                "load_n = {}: expected less than limits.{key} = {limit_n}, beyond which nothing presses; lower it",
+                self.load_n
+            ));
         }
-        let what = format!(
-            "actuator {actuator}: homing.load_n = {}: expected less than limits.{key} = {limit_n}, beyond which nothing presses; lower it",
-            self.load_n
-        );
-        Err(ConfigError::Drives { what })
+        // The limiter must never slow it down: an encoder that stands for that reason would look like one at a stop.
+        let most_m_per_s = RATE_PART * limits.rate_m_per_s;
+        if self.rate_m_per_s > most_m_per_s {
+            return refused(format!(
+                "rate_m_per_s = {}: expected at most {most_m_per_s}, half of limits.rate_m_per_s; lower it",
+                self.rate_m_per_s
+            ));
+        }
+        let most_m = 2.0 * limits.stroke_m;
+        if self.travel_limit_m > most_m {
+            return refused(format!(
+                "travel_limit_m = {}: expected at most {most_m}, from one end of limits.stroke_m to the other; lower it",
+                self.travel_limit_m
+            ));
+        }
+        Ok(())
     }
 }
 
@@ -95,7 +112,7 @@ mod tests {
 
     fn checked(bus: &str, homing: &str) -> Result<DriveConfig, String> {
         let text = format!("{bus}[[actuator]]\nid = 1\nvendor = 1\nproduct = 1\n{homing}\n");
-        let text = if bus.contains("sts3215") { text.replace("vendor = 1\nproduct = 1\n", "") } else { text };
+        let text = if bus.contains("port") { text.replace("vendor = 1\nproduct = 1\n", "") } else { text };
         let config: DriveConfig = toml::from_str(&text).map_err(|error| error.to_string())?;
         config.check().map_err(|error| error.to_string())?;
         Ok(config)
@@ -104,9 +121,10 @@ mod tests {
     #[test]
     fn a_search_for_a_stop_is_whole_in_range_and_for_serial_servos() {
         let serial = "kind = \"sts3215\"\nport = \"/dev/ttyUSB0\"\n";
-        let config = checked(serial, STOP).unwrap();
-        let homing = config.actuator[0].homing.unwrap();
-        assert_eq!((homing.direction.sign(), homing.load_n), (-1.0, 8.0));
+        for kind in [serial, "kind = \"xl330\"\nport = \"/dev/ttyUSB0\"\n"] {
+            let homing = checked(kind, STOP).unwrap().actuator[0].homing.unwrap();
+            assert_eq!((homing.direction.sign(), homing.load_n), (-1.0, 8.0));
+        }
         for (homing, words) in [
             (STOP.replace("load_n = 8.0", "load_n = 0.0"), "load_n = 0"),
             (STOP.replace("0.0005", "0.01"), "rate_m_per_s = 0.01"),
@@ -124,11 +142,17 @@ mod tests {
     }
 
     #[test]
-    fn a_load_that_the_limits_do_not_let_come_about_is_refused() {
+    fn a_search_that_the_machine_has_no_room_for_is_refused() {
         let homing =
             checked("kind = \"sts3215\"\nport = \"/dev/ttyUSB0\"\n", STOP).unwrap().actuator[0].homing.unwrap();
         assert_eq!(homing.fits(&Limits { push_n: 1.0, ..Limits::default() }, 2), Ok(()));
-        let sentence = homing.fits(&Limits { pull_n: 8.0, ..Limits::default() }, 2).unwrap_err().to_string();
-        assert!(sentence.contains("actuator 2: homing.load_n = 8: expected less than limits.pull_n = 8"), "{sentence}");
+        for (limits, words) in [
+            (Limits { pull_n: 8.0, ..Limits::default() }, "load_n = 8: expected less than limits.pull_n = 8"),
+            (Limits { rate_m_per_s: 0.9e-3, ..Limits::default() }, "rate_m_per_s = 0.0005: expected at most 0.00045"),
+            (Limits { stroke_m: 1.9e-3, ..Limits::default() }, "travel_limit_m = 0.004: expected at most 0.0038"),
+        ] {
+            let sentence = homing.fits(&limits, 2).unwrap_err().to_string();
+            assert!(sentence.contains(&format!("actuator 2: homing.{words}")), "{sentence}");
+        }
     }
 }

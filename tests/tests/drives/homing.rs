@@ -9,18 +9,19 @@ const STOP: f64 = 2248.0;
 const BACK: f64 = 1e-3 * 4096.0 / (core::f64::consts::TAU * 0.008);
 
 /// Three servos, the first with a stop.
-fn with_stop(coupling: Option<Coupling>) -> Emulator {
-    let mut wire = ServoWire::new((1..=3).map(|id| Servo::new(id, ZERO)).collect());
+fn with_stop(make: ServoMake, coupling: Option<Coupling>) -> Emulator {
+    let mut wire = ServoWire::new((1..=3).map(|id| Servo::of(make, id, ZERO)).collect());
     wire.servos[0].stops = [1000.0, STOP];
     wire.coupling = coupling;
     Emulator::start(wire).expect("a pseudo-terminal")
 }
 
 /// A configuration in which the first actuator looks for it. Loads are known to 0.65 N.
-fn configured(folder: &TempFolder, emulator: &Emulator, more: &str) -> String {
+fn configured(make: ServoMake, folder: &TempFolder, emulator: &Emulator, more: &str) -> String {
     let mut text = format!(
         "[slave]\nwatchdog_ms = 1000.0\n[slave.limits]\nrate_m_per_s = 0.01\nfollowing_error_m = 0.003\npull_n = 60.0\npush_n = 60.0\n\
-         [slave.drive]\nkind = \"sts3215\"\nport = \"{}\"\nperiod_ms = 20.0\ntimeout_ms = 18.0\nlost_cycles = 20\nwish_ms = 900.0\n",
+         [slave.drive]\n{}\nport = \"{}\"\nperiod_ms = 20.0\ntimeout_ms = 18.0\nlost_cycles = 20\nwish_ms = 900.0\n",
+        kind(make),
         emulator.path().display()
     );
     for id in 1..=3 {
@@ -38,12 +39,12 @@ fn configured(folder: &TempFolder, emulator: &Emulator, more: &str) -> String {
 }
 
 /// What `--zero` comes to after an answer.
-fn zero(name: &str, folder: &TempFolder, emulator: &Emulator, way: &str, answer: &[u8]) -> Ended {
-    let config = configured(folder, emulator, way);
+fn zero(name: &str, config: &str, answer: &[u8]) -> Ended {
     let instance = instance_name(name);
     let (krait, mut input) =
-        Krait::start_with_input(&["drives", "--zero", "--config", &config, "--instance", &instance]);
-    input.write_all(answer).expect("written");
+        Krait::start_with_input(&["drives", "--zero", "--config", config, "--instance", &instance]);
+    // Who is refused before any question reads no answer.
+    let _is_read = input.write_all(answer);
     krait.end(PATIENCE)
 }
 
@@ -56,8 +57,14 @@ fn check_rest(emulator: &Emulator) {
 
 #[test]
 fn a_stop_is_found_by_its_load_and_zero_is_a_stated_way_back_from_it() {
-    let (folder, emulator) = (TempFolder::new("stop"), with_stop(None));
-    let ended = zero("stop", &folder, &emulator, "0.0045", b"yes\n");
+    for make in [ServoMake::Sts3215, ServoMake::Xl330] {
+        check_found(make);
+    }
+}
+
+fn check_found(make: ServoMake) {
+    let (folder, emulator) = (TempFolder::new("stop"), with_stop(make, None));
+    let ended = zero("stop", &configured(make, &folder, &emulator, "0.0045"), b"yes\n");
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     assert!(
         ended.stderr.contains("actuator 1: Push at 2 mm/s, at most 4.5 mm, until 8 N; then 1 mm back"),
@@ -75,10 +82,27 @@ fn a_stop_is_found_by_its_load_and_zero_is_a_stated_way_back_from_it() {
 
 #[test]
 fn without_a_typed_yes_nothing_moves() {
-    let (folder, emulator) = (TempFolder::new("stop-no"), with_stop(None));
+    let (folder, emulator) = (TempFolder::new("stop-no"), with_stop(ServoMake::Sts3215, None));
+    let config = configured(ServoMake::Sts3215, &folder, &emulator, "0.0045");
     for answer in [&b"y\n"[..], b"\n", b"yes please\n"] {
-        let ended = zero("stop-no", &folder, &emulator, "0.0045", answer);
+        let ended = zero("stop-no", &config, answer);
         assert!(ended.code == Some(2) && ended.sentence().contains("nothing was moved"), "{}", ended.stderr);
+    }
+    // What cannot come to anything is not asked for.
+    let text = std::fs::read_to_string(&config).expect("written above");
+    for (own, other, words) in [
+        ("[slave.drive]\n", "[slave.drive]\nmode = \"dry\"\n", "mode = \"dry\": nothing would move"),
+        (
+            "rate_m_per_s = 0.01\n",
+            "rate_m_per_s = 0.003\n",
+            "actuator 1: homing.rate_m_per_s = 0.002: expected at most 0.0015",
+        ),
+        ("id = 3\nnewton_metre_per_ampere = 0.8\n", "id = 3\n", "actuator 3 (id 3): its load is not measured"),
+    ] {
+        std::fs::write(&config, text.replace(own, other)).expect("written");
+        let ended = zero("stop-no", &config, b"yes\n");
+        assert!(ended.code == Some(2) && ended.sentence().contains(words), "{}", ended.stderr);
+        assert!(!ended.stderr.contains("Type yes"), "{}", ended.stderr);
     }
     let wire = emulator.wire().clone();
     assert!(wire.servos.iter().all(|servo| servo.n_goals == 0 && !servo.is_powered()), "{:?}", wire.servos);
@@ -87,8 +111,8 @@ fn without_a_typed_yes_nothing_moves() {
 #[test]
 fn no_stop_within_the_limit_of_the_way_is_said_and_a_load_that_is_gone_against_is_none() {
     let ended = |coupling: Option<Coupling>| {
-        let (folder, emulator) = (TempFolder::new("stop-far"), with_stop(coupling));
-        let ended = zero("stop-far", &folder, &emulator, "0.0018", b"yes\n");
+        let (folder, emulator) = (TempFolder::new("stop-far"), with_stop(ServoMake::Sts3215, coupling));
+        let ended = zero("stop-far", &configured(ServoMake::Sts3215, &folder, &emulator, "0.0018"), b"yes\n");
         check_rest(&emulator);
         // 146.7 counts from where it began.
         assert!((100.0..147.5).contains(&(emulator.wire().servos[0].place - ZERO)), "{:?}", emulator.wire().servos[0]);
@@ -110,8 +134,8 @@ fn no_stop_within_the_limit_of_the_way_is_said_and_a_load_that_is_gone_against_i
 fn a_line_of_another_that_is_loaded_ends_the_search_by_name() {
     // The third one's line is pulled as the first one goes: 2.6 N a count from 60 counts on.
     let coupling = Coupling::new(|places: &[f64]| vec![0.0, 0.0, -0.01 * (places[0] - ZERO - 60.0).max(0.0)]);
-    let (folder, emulator) = (TempFolder::new("stop-other"), with_stop(Some(coupling)));
-    let ended = zero("stop-other", &folder, &emulator, "0.0045", b"yes\n");
+    let (folder, emulator) = (TempFolder::new("stop-other"), with_stop(ServoMake::Sts3215, Some(coupling)));
+    let ended = zero("stop-other", &configured(ServoMake::Sts3215, &folder, &emulator, "0.0045"), b"yes\n");
     let sentence = ended.sentence();
     assert!(ended.code == Some(2) && sentence.contains("the line of actuator 3 (id 3) carries -"), "{}", ended.stderr);
     let went = emulator.wire().servos[0].place - ZERO;
@@ -121,8 +145,8 @@ fn a_line_of_another_that_is_loaded_ends_the_search_by_name() {
 
 #[test]
 fn a_servo_that_is_not_read_any_more_ends_the_search_by_name() {
-    let (folder, emulator) = (TempFolder::new("stop-lost"), with_stop(None));
-    let config = configured(&folder, &emulator, "0.0045");
+    let (folder, emulator) = (TempFolder::new("stop-lost"), with_stop(ServoMake::Sts3215, None));
+    let config = configured(ServoMake::Sts3215, &folder, &emulator, "0.0045");
     let instance = instance_name("stop-lost");
     let (krait, mut input) =
         Krait::start_with_input(&["drives", "--zero", "--config", &config, "--instance", &instance]);

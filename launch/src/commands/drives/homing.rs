@@ -26,6 +26,31 @@ pub(super) fn is_wanted(config: &SlaveConfig) -> bool {
     config.drive.actuator.iter().any(|actuator| actuator.homing.is_some())
 }
 
+/// Whether the configuration lets a search come to something.
+///
+/// # Errors
+/// One sentence that names the actuator.
+pub(super) fn check(config: &SlaveConfig) -> anyhow::Result<()> {
+    ensure!(
+        config.drive.mode == DriveMode::Live,
+        "[slave.drive] mode = \"dry\": nothing would move; set it to \"live\" for a search for stops"
+    );
+    for (k, homing) in searches(config) {
+        homing.fits(&config.limits, k + 1)?;
+    }
+    // While one looks for its stop the loads of all others say whether lines hold each other.
+    for (k, actuator) in config.drive.actuator.iter().enumerate() {
+        ensure!(
+            actuator.newton_metre_per_ampere > 0.0,
+            "[slave.drive] actuator {} (id {}): its load is not measured, and a search for stops looks at the loads of all; give \
+             newton_metre_per_ampere",
+            k + 1,
+            actuator.id
+        );
+    }
+    Ok(())
+}
+
 /// Asks whether actuators may move.
 ///
 /// # Errors
@@ -61,27 +86,20 @@ fn searches(config: &SlaveConfig) -> impl Iterator<Item = (usize, HomingConfig)>
 
 /// The counts at which all actuators have their zero: where those without a stop stand, `counts`, and where the searches end.
 pub(super) fn zeros(config: &SlaveConfig, counts: &[i32], stop: &AtomicBool) -> anyhow::Result<Vec<i32>> {
-    ensure!(
-        config.drive.mode == DriveMode::Live,
-        "[slave.drive] mode = \"dry\": nothing would move; set it to \"live\" for a search for stops"
-    );
     let search = around(config, counts);
-    for (k, homing) in searches(config) {
-        homing.fits(&config.limits, k + 1)?;
-    }
     let drive = open_drive(&search, None)?;
     let traits = drive.traits();
-    ensure!(
-        traits.measures_load,
-        "[slave.drive]: a stop is known by its load, and these drives measure none; give newton_metre_per_ampere"
-    );
     // The stroke is each actuator's own, which its travel bounds.
     traits.check(&krait_slave::Limits { stroke_m: HELD_TRAVEL_M, ..search.limits.clone() })?;
     let mut hand = Hand { motion: Motion::begin(drive, &search)?, config: &search, stop };
     let found = hand.all();
-    let ended = hand.motion.end();
-    let found = found?;
-    ended?;
+    let found = match (found, hand.motion.end()) {
+        (found, Ok(())) => found?,
+        (Ok(_), Err(ending)) => return Err(ending.context("stops were found, and the power could not be taken away")),
+        (Err(error), Err(ending)) => {
+            return Err(error.context(format!("the power could not be taken away either ({ending:#})")));
+        }
+    };
     let mut zeros = counts.to_vec();
     for (k, way_m) in found {
         zeros[k] = Units::new(&search.drive.actuator[k], k + 1, ServoMake::COUNTS_PER_TURN)?.counts(way_m);

@@ -27,6 +27,7 @@ pub(super) fn run(common: &Common, json: bool) -> anyhow::Result<ExitCode> {
     let config = described(common)?;
     let has_stops = homing::is_wanted(&config);
     if has_stops {
+        homing::check(&config)?;
         homing::consent(&config)?;
     }
     let seen = match config.drive.kind {
