@@ -55,6 +55,37 @@ fn servos_that_are_told_nothing_stop_by_themselves_and_take_no_goal_until_power_
 }
 
 #[test]
+fn a_servo_that_has_lost_its_limit_of_torque_or_its_watchdog_is_told_again() {
+    const WATCHDOG: usize = 98;
+    const GOAL_PWM: usize = 100;
+    let emulator = Emulator::start(three(ServoMake::Xl330)).unwrap();
+    let mut drive = config(ServoMake::Xl330, &emulator).drive;
+    drive.gives_up_ms = 2000;
+    drive.actuator.iter_mut().for_each(|actuator| actuator.torque_limit = 0.5);
+    let (mut bus, mut seen): (ServoBus, Seen) = ServoBus::open(&drive).unwrap();
+    bus.switch(true, &goals(2060)).unwrap();
+    bus.ask(&mut seen).unwrap();
+    let bounds = |emulator: &Emulator| -> Vec<[u8; 3]> {
+        let wire = emulator.wire();
+        let of = |servo: &Servo| [GOAL_PWM, GOAL_PWM + 1, WATCHDOG].map(|at| servo.registers[at]);
+        wire.servos.iter().map(of).collect()
+    };
+    // Half of 885 steps, and 2 s in steps of 20 ms.
+    let told = vec![[443u16.to_le_bytes()[0], 443u16.to_le_bytes()[1], 100]; 3];
+    assert_eq!(bounds(&emulator), told);
+    // As if the word had been spoilt on its way.
+    for (of, at, lost) in [(1, GOAL_PWM, 0xFF), (2, WATCHDOG, 0)] {
+        emulator.wire().servos[of].registers[at] = lost;
+        assert_ne!(bounds(&emulator), told);
+        // Once it is seen, once it is told.
+        for _ in 0..2 {
+            bus.ask(&mut seen).unwrap();
+        }
+        assert_eq!((bounds(&emulator), seen.is_powered[of]), (told.clone(), true), "{at}");
+    }
+}
+
+#[test]
 fn nobody_gets_power_before_one_that_started_anew_is_read_again() {
     let emulator = Emulator::start(three(ServoMake::Xl330)).unwrap();
     let mut drive = config(ServoMake::Xl330, &emulator).drive;

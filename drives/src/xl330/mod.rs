@@ -114,7 +114,7 @@ impl Servos for Xl330 {
         self.reboot(line)?;
         let enough = line.ask_all(STATUS)?;
         let now_ns = monotonic_ns();
-        let mut is_unwatched = [false; MAX_ACTUATORS];
+        let mut is_unbounded = [false; MAX_ACTUATORS];
         for (k, answer) in line.answers(STATUS.n) {
             let status = Status::of(&answer);
             (seen.has_answered[k], seen.sampled_ns[k]) = (true, now_ns);
@@ -125,7 +125,7 @@ impl Servos for Xl330 {
             } else {
                 take(k, &status, seen);
                 self.is_shut_down[k] = status.hardware_error != 0 && !status.is_powered;
-                is_unwatched[k] = status.is_powered && status.watchdog == 0;
+                is_unbounded[k] = status.is_powered && (status.watchdog == 0 || status.goal_pwm != self.pwm[k]);
             }
         }
         for k in 0..line.ids.len() {
@@ -141,10 +141,10 @@ impl Servos for Xl330 {
             let is_blank = self.is_blank;
             line.set_of(|k| is_blank[k], INDIRECT_ADDRESS, |_| pointers())?;
         }
-        // Nobody acknowledges what all are told: where that word was spoilt it is said again, and the torque's limit before it.
-        if is_unwatched.contains(&true) {
-            line.set_of(|k| is_unwatched[k], GOAL_PWM, |k| self.pwm[k].to_le_bytes())?;
-            line.set_of(|k| is_unwatched[k], BUS_WATCHDOG, |_| [self.watchdog])?;
+        // Nobody acknowledges what all are told: where the torque's limit or the watchdog was spoilt, both are said again.
+        if is_unbounded.contains(&true) {
+            line.set_of(|k| is_unbounded[k], GOAL_PWM, |k| self.pwm[k].to_le_bytes())?;
+            line.set_of(|k| is_unbounded[k], BUS_WATCHDOG, |_| [self.watchdog])?;
         }
         Ok(())
     }

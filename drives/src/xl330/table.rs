@@ -55,8 +55,10 @@ const READ: [u8; N_READ] = [
     PRESENT_VOLTAGE,
     PRESENT_VOLTAGE + 1,
     PRESENT_TEMPERATURE,
+    GOAL_PWM,
+    GOAL_PWM + 1,
 ];
-const N_READ: usize = 16;
+const N_READ: usize = 18;
 /// The same as one block.
 pub(crate) const STATUS: Block = Block { address: INDIRECT_DATA, n: N_READ };
 /// Where its registers are named, and how.
@@ -87,6 +89,8 @@ pub(crate) struct Status {
     /// Tenths of a volt; 0: these are not the registers that were asked for.
     pub voltage: u16,
     pub temperature_celsius: u8,
+    /// Largest duty that it is told, in its steps.
+    pub goal_pwm: u16,
 }
 
 impl Status {
@@ -102,6 +106,7 @@ impl Status {
             position: int(data, 9),
             voltage: word(data, 13),
             temperature_celsius: data[15],
+            goal_pwm: word(data, 16),
         }
     }
 
