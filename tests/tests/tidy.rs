@@ -90,6 +90,33 @@ fn no_file_is_longer_than_a_head_can_hold() {
 }
 
 #[test]
+fn no_test_is_written_where_none_would_be_run() {
+    let metadata = metadata();
+    let mut n_silent = 0;
+    for target in
+        metadata["packages"].as_array().expect("packages").iter().flat_map(|package| {
+            package["targets"].as_array().into_iter().flatten().filter(|_| package["source"].is_null())
+        })
+    {
+        let silent = |key: &str| target[key] == false && (target["kind"][0] == "lib" || target["kind"][0] == "bin");
+        let source = Path::new(target["src_path"].as_str().expect("a path")).parent().expect("a folder").to_owned();
+        let holds = |what: &str| {
+            let files =
+                rust_files().into_iter().filter(|path| path.canonicalize().is_ok_and(|path| path.starts_with(&source)));
+            files.filter(|path| fs::read_to_string(path).expect("readable").contains(what)).collect::<Vec<_>>()
+        };
+        for (key, what) in [("doctest", "//! ```"), ("doctest", "/// ```"), ("test", "#[test]")] {
+            if silent(key) && (key != "doctest" || target["kind"][0] == "lib") {
+                n_silent += 1;
+                let found = holds(what);
+                assert!(found.is_empty(), "{key} is off in Cargo.toml, and `{what}` stands in {found:?}");
+            }
+        }
+    }
+    assert!(n_silent > 20, "only {n_silent} switches found: has the form of the metadata changed?");
+}
+
+#[test]
 fn no_public_type_shares_its_name_with_another() {
     let mut places: BTreeMap<String, Vec<PathBuf>> = BTreeMap::new();
     for path in rust_files().into_iter().filter(|path| path.iter().any(|part| part == "src")) {

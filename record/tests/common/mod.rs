@@ -9,6 +9,7 @@ use krait_ipc::message::{
 use krait_schema::{Channel, ChannelCounts, RecorderStatus, Sample};
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// A value as 64-bit words, so that two messages can be compared bit for bit, NaN and -0.0 included.
 pub trait Words: Sized {
@@ -260,29 +261,22 @@ pub fn chain(n_ms: u64, begin_ns: i64) -> impl Iterator<Item = Sample> {
     })
 }
 
-/// A path of its own for each test, with nothing there; what the test puts there is removed with it.
+/// A path in a folder of its own, with nothing there; the folder is removed with it.
 #[derive(Debug)]
 pub struct TestPath(PathBuf);
 
 pub fn fresh_path(name: &str) -> TestPath {
-    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("record-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).expect("folder for tests");
-    let path = TestPath(folder.join(name));
-    path.clear();
-    path
-}
-
-impl TestPath {
-    /// What is not there, or not empty yet, stays: the last test to end removes the folder.
-    fn clear(&self) {
-        std::fs::remove_file(&self.0).ok();
-    }
+    static N_FOLDERS: AtomicU64 = AtomicU64::new(0);
+    let own = format!("record-{}-{}", std::process::id(), N_FOLDERS.fetch_add(1, Ordering::Relaxed));
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(own);
+    std::fs::remove_dir_all(&folder).ok();
+    std::fs::create_dir_all(&folder).expect("folder for a test");
+    TestPath(folder.join(name))
 }
 
 impl Drop for TestPath {
     fn drop(&mut self) {
-        self.clear();
-        self.0.parent().map(std::fs::remove_dir);
+        self.0.parent().map(std::fs::remove_dir_all);
     }
 }
 

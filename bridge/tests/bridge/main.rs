@@ -1,0 +1,16 @@
+//! Tests of the cores of the bridge, one module a subject. They are one program: to build one for each file took minutes.
+
+mod allocation;
+#[path = "../../../tests/support/allocations.rs"]
+mod allocations;
+mod common;
+mod compensate;
+mod gripper;
+mod joints;
+mod learning;
+mod let_go;
+mod resolve;
+mod segment_cores;
+mod segment_learning;
+mod segment_watch;
+mod warm_up;

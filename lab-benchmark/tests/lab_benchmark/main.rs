@@ -1,0 +1,13 @@
+//! Tests of the generator and the benchmark, and what the lab answers on their data, one module a subject. They are one program: to build one for each file took minutes.
+
+mod benchmark;
+mod beside;
+mod camera_clock;
+mod force;
+mod generate;
+mod joints;
+mod loads;
+mod locked;
+mod segments;
+mod segments_quiz;
+mod snake_lists;

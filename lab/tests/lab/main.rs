@@ -1,0 +1,19 @@
+//! Tests of the lab, one module a subject. They are one program: to build one for each file took minutes.
+
+mod compare;
+mod diagnose;
+mod experiment;
+mod held_frames;
+mod init;
+mod joint_beside;
+mod joint_columns;
+mod joint_starts;
+mod joints;
+mod model_free;
+mod noise;
+mod read_csv;
+mod read_recording;
+mod real;
+mod report;
+mod second_log;
+mod segments;

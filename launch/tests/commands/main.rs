@@ -1,0 +1,11 @@
+//! Tests of the commands that need no chain, one module a subject. They are one program: to build one for each file took minutes.
+
+mod calibrate;
+mod lab_clock;
+mod lab_init;
+mod lab_quiz;
+mod lab_tutorial;
+mod model;
+mod page;
+mod paper;
+mod segments;
