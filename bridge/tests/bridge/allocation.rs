@@ -1,7 +1,5 @@
 //! No control step allocates: counted by the allocator itself, with every reason, update and refusal on the way.
 
-#![allow(clippy::expect_used, reason = "a panic is how a test fails")]
-
 use crate::allocations::allocations_of;
 use crate::common::{T0_NS, TICK_NS, chain, chain_of, compensate, input, ready_state, resolve};
 use krait_bridge::{CompensateConfig, CompensateCore, EstimateConfig, EstimateCore, ResolveConfig};

@@ -1,7 +1,5 @@
 //! `compensate`: what the actuators are told, that it never jumps, and that the model changes smoothly.
 
-#![allow(clippy::expect_used, reason = "a panic is how a test fails")]
-
 use crate::common::{TICK_NS, chain, compensate, ready_state, setpoint, setpoint_of, update_of, waiting_state};
 use krait_bridge::{CompensateConfig, CompensateCore};
 use krait_ipc::message::{Command, LearntValue, ModelUpdate, Phase, Setpoint};

@@ -1,8 +1,6 @@
 //! A gripper through the cores of `resolve` and `compensate`: it follows the hand within its range, is compensated, allocates nothing,
 //! and changes no bit of what the snake's lines are told.
 
-#![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
-
 use crate::allocations::allocations_of;
 use crate::common::{T0_NS, TICK_NS, chain_of, input, ready_state};
 use krait_bridge::{CompensateConfig, CompensateCore, GripperConfig, ResolveConfig, ResolveCore};

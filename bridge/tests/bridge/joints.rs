@@ -1,5 +1,4 @@
 //! Joints through the cores of `resolve` and `compensate`, on simulated joints that share no physics with the model.
-#![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
 
 use crate::allocations::allocations_of;
 use krait_bridge::{

@@ -1,7 +1,5 @@
 //! Letting go and taking hold again: the lines go on from where they stand, as if nobody had let go.
 
-#![allow(clippy::expect_used, reason = "a panic is how a test fails")]
-
 use crate::common::{chain, input, ready_state};
 use krait_bridge::{CompensateConfig, CompensateCore, ResolveConfig, ResolveCore};
 use krait_ipc::message::{Command, OperatorInput, Phase, Setpoint, SlaveState};

@@ -1,7 +1,5 @@
 //! `resolve`: what moves the setpoint, what holds it, and that it never jumps.
 
-#![allow(clippy::expect_used, reason = "a panic is how a test fails")]
-
 use crate::common::{T0_NS, TICK_NS, input, length, ready_state, resolve, waiting_state};
 use krait_bridge::{ResolveConfig, ResolveCore};
 use krait_ipc::message::{DeviceState, OperatingState, OperatorInput, Phase, Setpoint, SlaveState};

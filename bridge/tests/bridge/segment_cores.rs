@@ -1,5 +1,4 @@
 //! Segments through the cores of `resolve` and `compensate`, on simulated segments that share no physics with the model.
-#![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
 
 use crate::allocations::allocations_of;
 use crate::common::{T0_NS, TICK_NS, compensate, input, ready_state, resolve};

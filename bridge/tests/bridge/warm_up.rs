@@ -1,7 +1,5 @@
 //! A warm-up step ahead of a sample changes nothing that a stage sends.
 
-#![allow(clippy::expect_used, reason = "a panic is how a test fails")]
-
 use crate::common::{chain, chain_of, input, ready_state, resolve, setpoint_of, update_of};
 use krait_bridge::{CompensateConfig, CompensateCore, ResolveConfig};
 use krait_ipc::message::{OperatorInput, Setpoint};

@@ -1,7 +1,5 @@
 //! Friction by hanging weights, through the dialogue, on a simulated wire; and the paper's Table II as a self-test.
 
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
 use crate::common::{N_SEEDS, Noise, User, fresh, honest};
 use krait_calibrate::friction::{Direction, FrictionReading, FrictionSettings, friction, run};
 use krait_calibrate::{CalibrateError, Dialogue};

@@ -1,7 +1,5 @@
 //! What each procedure states as its standard error, against the numbers of an independent bench (`golden/calibrate.json`).
 
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
 use crate::common::Noise;
 use crate::common::pictures::{Camera, picture};
 use krait_calibrate::friction::{Direction, FrictionReading, FrictionSettings, friction};

@@ -1,7 +1,5 @@
 //! Bends from clicked points of pictures that were rendered with a camera of their own: noise, tilt, paper behind, two views.
 
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
 use crate::common::pictures::{Camera, picture};
 use crate::common::{N_SEEDS, Noise, fresh, honest};
 use krait_calibrate::photo::{Click, ClickKind, PhotoView, bends, read};

@@ -1,8 +1,6 @@
 //! From photographs to a model's values without a bend being typed: poses that name their pictures, clicked points of rendered
 //! pictures, their table, and the same command again. The snake is the simulated one, which shares no code with the model.
 
-#![allow(clippy::unwrap_used, clippy::panic, reason = "a panic is how a test fails")]
-
 use crate::common::pictures::{Camera, picture};
 use crate::common::{Fresh, N_SEEDS, Noise, User, fresh, honest, shared};
 use krait_calibrate::photo::{self, ClickKind, PhotoView};

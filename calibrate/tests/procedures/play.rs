@@ -1,7 +1,5 @@
 //! Play by a dial indicator, through the dialogue, on a simulated actuator with play behind its encoder.
 
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
 use crate::common::{N_SEEDS, Noise, User, fresh, honest, shared};
 use krait_calibrate::play::{Play, PlaySettings, run};
 use krait_calibrate::{CalibrateError, Dialogue};

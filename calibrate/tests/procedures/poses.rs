@@ -1,7 +1,5 @@
 //! eta and play from guided poses, through the dialogue, on the simulated snake, whose plant shares no code with the model.
 
-#![allow(clippy::unwrap_used, clippy::panic, reason = "a panic is how a test fails")]
-
 use crate::common::{N_SEEDS, Noise, User, fresh, honest, shared};
 use krait_calibrate::poses::{PoseGoal, PosePlan, PoseSettings, Poses, price, run};
 use krait_calibrate::{CalibrateError, ConeFriction, Dialogue, written};

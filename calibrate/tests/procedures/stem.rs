@@ -1,7 +1,5 @@
 //! The stem's angle from loads and shapes of the simulated snake, whose plant shares no code with the model.
 
-#![allow(clippy::unwrap_used, clippy::panic, reason = "a panic is how a test fails")]
-
 use crate::common::{N_SEEDS, Noise, honest};
 use krait_calibrate::ConeFriction;
 use krait_calibrate::stem::{StemRow, StemSettings, stem};

@@ -1,5 +1,4 @@
 //! CAN drives through the bus's own thread: power, motion, loads, a failure, the end.
-#![allow(clippy::unwrap_used, clippy::panic)] // Helpers of tests fail as tests do.
 
 use crate::can_rig::{PER_M, ZERO, config, three};
 use krait_drives::cia402::{State, open_drive_on};

@@ -1,5 +1,4 @@
 //! A cycle on CAN must not touch the heap once the bus is open, whatever the drives do: a counting allocator watches it.
-#![allow(clippy::unwrap_used, clippy::panic)] // Helpers of tests fail as tests do.
 
 use crate::allocations::allocations_of;
 use crate::can_rig::{ZERO, config, three};

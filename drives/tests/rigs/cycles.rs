@@ -1,5 +1,4 @@
 //! Every cycle of the bus reaches the slave, and drives made of the record repeat a slave's run, also where one fails.
-#![allow(clippy::unwrap_used, clippy::panic)] // Helpers of tests fail as tests do.
 
 use crate::rig::{config, three};
 use krait_drives::emulator::Emulator;

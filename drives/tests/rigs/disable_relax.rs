@@ -1,6 +1,5 @@
 //! A disable of loaded lines on the real back-ends: the slave's own core gives way through the bus's thread before power goes. Emulated
 //! servos and emulated CAN drives bend a simulated snake on cables and feel it.
-#![allow(clippy::unwrap_used, clippy::panic)] // Helpers of tests fail as tests do.
 
 use core::time::Duration;
 use krait_drives::emulator::{CanBus, Coupling, Emulator, Servo};

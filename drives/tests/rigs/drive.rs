@@ -1,5 +1,4 @@
 //! The drive on an emulated bus: units there and back, and how each failure of one actuator ends for all.
-#![allow(clippy::unwrap_used, clippy::panic)] // Helpers of tests fail as tests do.
 
 use crate::rig::{Rig, ZERO, config, three};
 use krait_drives::emulator::{Emulator, ServoWire};

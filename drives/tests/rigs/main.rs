@@ -1,5 +1,7 @@
 //! Tests of the drives on emulated buses, one module a subject. They are one program: to build one for each file took minutes; `timing` is alone, because a neighbour would disturb it.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
+
 #[path = "../../../tests/support/allocations.rs"]
 mod allocations;
 mod can_drive;

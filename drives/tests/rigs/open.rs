@@ -1,5 +1,4 @@
 //! What is wrong with port, servos or configuration is refused before anything moves, in one sentence with what to do.
-#![allow(clippy::unwrap_used, clippy::panic)] // Helpers of tests fail as tests do.
 
 use crate::rig::{ZERO, config, three};
 use krait_drives::emulator::{Emulator, Servo, ServoWire};

@@ -1,5 +1,4 @@
 //! One of three emulated servos lets go of its line; the others bend a simulated snake on cables and feel it.
-#![allow(clippy::unwrap_used, clippy::panic)] // Helpers of tests fail as tests do.
 
 use crate::rig::{Rig, ZERO, config, newton_metre_per_ampere, three};
 use krait_drives::emulator::{Coupling, Emulator, Servo, ServoWire};

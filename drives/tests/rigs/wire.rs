@@ -1,5 +1,4 @@
 //! Every fault of the serial line, on servos of both makes, one of three at a time: the others are read in the same cycle, and the next is whole.
-#![allow(clippy::unwrap_used, clippy::panic)] // Helpers of tests fail as tests do.
 
 use crate::rig::{config, three};
 use krait_drives::emulator::{Emulator, Faults, Servo};

@@ -1,5 +1,4 @@
 //! What only XL330 servos do: their own bus watchdog, registers that are forgotten, errors that stay until they are rebooted.
-#![allow(clippy::unwrap_used, clippy::panic)] // Helpers of tests fail as tests do.
 
 use crate::rig::{Rig, ZERO, config, three};
 use krait_drives::emulator::{Emulator, Servo};

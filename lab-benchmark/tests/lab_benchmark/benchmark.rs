@@ -1,5 +1,4 @@
 //! A benchmark that is ended goes on where it was, and what it says is counted from what it wrote.
-#![allow(clippy::unwrap_used, clippy::panic)] // Helpers of tests fail as tests do.
 
 use krait_lab_benchmark::benchmark::{GridCell, Group, Options, Outcome, Summary, grid, page, run};
 use std::path::PathBuf;

@@ -1,5 +1,4 @@
 //! A known effect of a snake is named beside one that no effect of the library makes, and a rest is said to remain.
-#![allow(clippy::unwrap_used, clippy::panic)] // Helpers of tests fail as tests do.
 
 use krait_lab::diagnose::{DiagnoseOptions, Verdict, diagnose};
 use krait_lab::machine::SnakeLab;

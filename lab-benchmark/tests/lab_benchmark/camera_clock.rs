@@ -1,5 +1,4 @@
 //! A camera whose clock is not the encoders': the clock is reported as calibration, and the effects are named as if both were one.
-#![allow(clippy::unwrap_used, clippy::panic)] // Helpers of tests fail as tests do.
 
 use krait_lab::diagnose::{Calibration, DiagnoseOptions, Diagnosis, Verdict, diagnose};
 use krait_lab::machine::SnakeLab;

@@ -1,5 +1,4 @@
 //! A joint's torque with hidden parts from a plant of its own: known ones are named beside ones that no effect of the lab makes.
-#![allow(clippy::expect_used, reason = "the helpers of a test fail as the test does")]
 
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, Verdict, diagnose};
 use krait_lab::machine::ForceLab;

@@ -1,5 +1,4 @@
 //! Data with a hidden effect: sizes as asked for, answers that name effects of the catalogue, files that prove themselves.
-#![allow(clippy::unwrap_used, clippy::panic)] // Helpers of tests fail as tests do.
 
 use krait_lab::machine::{MachineUnderTest, SnakeLab};
 use krait_lab_benchmark::generate::{

@@ -1,5 +1,4 @@
 //! Loads at the actuators: the simulated snake's against the model's, and what they tell the lab.
-#![allow(clippy::unwrap_used, clippy::panic, reason = "a panic is how a test fails")]
 
 use krait_lab::Term;
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, Verdict, diagnose};

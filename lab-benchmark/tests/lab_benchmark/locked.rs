@@ -1,5 +1,4 @@
 //! The error on a part that no choice has seen: it is that of a model which has not seen the part, and says so where there is none.
-#![allow(clippy::unwrap_used, reason = "the helpers of a test fail as the test does")]
 
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, Verdict, diagnose};
 use krait_lab::machine::{ForceLab, JointsLab, MachineUnderTest, SnakeLab};

@@ -1,5 +1,4 @@
 //! Two segments of the simulation with something hidden, which the lab has to find: values, the segment, and nothing where nothing is.
-#![allow(clippy::expect_used, clippy::panic, reason = "the helpers of a test fail as the test does")]
 
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, Verdict, diagnose};
 use krait_lab::machine::{MachineUnderTest, SegmentsLab};

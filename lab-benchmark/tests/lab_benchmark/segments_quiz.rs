@@ -1,5 +1,4 @@
 //! Riddles on segments: four names of which one is right, none that the model has already, and data that can be made of every one.
-#![allow(clippy::expect_used, reason = "the helpers of a test fail as the test does")]
 
 use krait_lab_benchmark::generate::Difficulty;
 use krait_lab_benchmark::segments::{SegmentKind, SegmentsQuiz};

@@ -1,5 +1,4 @@
 //! What a snake's list hides is told: a scale in the values of encoders, and an effect that a fit has put into another minimum.
-#![allow(clippy::unwrap_used, clippy::panic)] // Helpers of tests fail as tests do.
 
 use krait_lab::diagnose::search::{Search, Trial};
 use krait_lab::diagnose::{DiagnoseOptions, diagnose};

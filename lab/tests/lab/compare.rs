@@ -1,5 +1,4 @@
 //! Comparison of a snake's model with measurements whose difference is known.
-#![allow(clippy::expect_used, clippy::panic, reason = "the helpers of a test fail as the test does")]
 
 use krait_lab::compare::{Comparison, compare};
 use krait_lab::machine::{MachineUnderTest, SnakeLab};

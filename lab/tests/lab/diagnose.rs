@@ -1,7 +1,5 @@
 //! A diagnosis on small sets made here: what is hidden is found, nothing is found in noise, and the bytes are always the same.
 
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, Sketch, Verdict, diagnose};
 use krait_lab::machine::{MachineUnderTest, SnakeLab};
 use krait_lab::{AddOptions, Added, LoadUse, Measurements, Quantity, Term, add, fitted_to, save};

@@ -1,5 +1,4 @@
 //! The next experiment of a joint: the motion that is proposed leaves fewer laws alike than two cycles did.
-#![allow(clippy::expect_used, clippy::panic, reason = "the helpers of a test fail as the test does")]
 
 use krait_lab::Measurements;
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, diagnose};

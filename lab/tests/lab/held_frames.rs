@@ -1,5 +1,4 @@
 //! A camera slower than the file's rows: its frames count once, and what repeats for another reason stays.
-#![allow(clippy::expect_used, reason = "the helpers of a test fail as the test does")]
 
 use crate::noise::Noise;
 use krait_lab::Measurements;

@@ -1,5 +1,4 @@
 //! `krait lab init` on the files that people have: real logs in other dialects, and every file that is refused, with its sentence.
-#![allow(clippy::expect_used, clippy::panic, reason = "the helpers of a test fail as the test does")]
 
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, Verdict, diagnose};
 use krait_lab::init::{Proposal, propose};

@@ -1,5 +1,4 @@
 //! Columns beside the motion of joints: a play that grows with one, a position that follows one, a recording that differs.
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
 
 use krait_lab::diagnose::{DependsOn, DiagnoseOptions, Diagnosis, Verdict, diagnose};
 use krait_lab::machine::{JointsLab, machine_of};

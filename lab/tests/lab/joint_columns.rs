@@ -1,5 +1,4 @@
 //! Columns of joints that are not what their names say, and gains that a model holds too tightly.
-#![allow(clippy::expect_used, reason = "the helpers of a test fail as the test does")]
 
 use crate::noise::Noise;
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, Verdict, diagnose};

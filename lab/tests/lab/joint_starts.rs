@@ -1,5 +1,4 @@
 //! Plays that do not begin in their middle: where they begin is fitted for every trial, wherever the model of joints has hysteresis.
-#![allow(clippy::expect_used, reason = "the helpers of a test fail as the test does")]
 
 use crate::noise::Noise;
 use krait_lab::compare::compare;

@@ -1,5 +1,4 @@
 //! A joint whose cable has play, from a file that another program made (`data/joint.py`): read, compared, and explained.
-#![allow(clippy::expect_used, clippy::panic, reason = "the helpers of a test fail as the test does")]
 
 use crate::noise::Noise;
 use krait_lab::compare::compare;

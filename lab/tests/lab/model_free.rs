@@ -1,5 +1,4 @@
 //! What a fit without a model leaves is told where something remains, and says how much can be explained.
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
 
 use crate::noise::Noise;
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, Verdict, diagnose};

@@ -1,5 +1,4 @@
 //! Measurements from CSV files: what is accepted in which unit, and every kind of file that is refused, with its sentence.
-#![allow(clippy::expect_used, clippy::panic, reason = "the helpers of a test fail as the test does")]
 
 use krait_lab::Measurements;
 use krait_lab::read::{ColumnMap, Expected, Mapping, ReadError, read};

@@ -1,5 +1,4 @@
 //! Measurements from recordings: krait's own are the same as their export; tables and bags of other programs the same as CSV.
-#![allow(clippy::expect_used, clippy::panic, reason = "the helpers of a test fail as the test does")]
 
 use krait_ipc::message::{HopStamps, Shape, SlaveState};
 use krait_lab::init::{Proposal, propose};

@@ -1,5 +1,4 @@
 //! Pages of the lab: whole, alone, the same bytes each time, and safe against names from outside.
-#![allow(clippy::expect_used, clippy::panic, reason = "the helpers of a test fail as the test does")]
 
 use krait_lab::compare::compare;
 use krait_lab::diagnose::{DiagnoseOptions, diagnose};

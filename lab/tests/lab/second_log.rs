@@ -1,5 +1,4 @@
 //! Commands in one log, what a camera saw in another, whose clock is its own: joined where the motion says, or refused.
-#![allow(clippy::expect_used, reason = "the helpers of a test fail as the test does")]
 
 use crate::noise::Noise;
 use krait_lab::Session;

@@ -1,5 +1,4 @@
 //! Measurements of segments in series: what `krait export` writes is read, and a table that is not of them is refused in one sentence.
-#![allow(clippy::unwrap_used, clippy::panic, reason = "a panic is how a test fails")]
 
 use krait_lab::machine::machine_of;
 use krait_lab::read::{ColumnMap, Expected, read};

@@ -1,7 +1,5 @@
 //! `krait calibrate`: the paper's Table II typed into the dialogue gives a model file, and what is missing is said.
 
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};

@@ -1,5 +1,4 @@
 //! A camera that comes ahead of the encoders: the diagnosis says so, and the commands that it prints reach what it promises.
-#![allow(clippy::unwrap_used, clippy::panic, reason = "a panic is how a test fails")]
 
 use serde_json::Value;
 use std::path::PathBuf;

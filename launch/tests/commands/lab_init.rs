@@ -1,5 +1,4 @@
 //! `krait lab init` on a real machine's log in another program's dialect: from the file to the first answer by the printed command.
-#![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
 
 use serde_json::Value;
 use std::fs;

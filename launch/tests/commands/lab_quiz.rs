@@ -1,7 +1,5 @@
 //! `krait lab quiz` and `krait lab check`: a riddle is asked, guessed wrong, given up and guessed right; a changed file is refused.
 
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
 use serde_json::Value;
 use std::path::PathBuf;
 use std::process::{Command, Output};

@@ -1,5 +1,4 @@
 //! The tutorials of the model lab: their commands print what their texts say.
-#![allow(clippy::expect_used, reason = "a panic is how a test fails")]
 
 use crate::page::{Folder, follow};
 use std::fs;

@@ -1,7 +1,5 @@
 //! `krait model`: what it prints and how it ends, for good files and bad ones.
 
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
 use std::path::PathBuf;
 use std::process::{Command, Output};
 

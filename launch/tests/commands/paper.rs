@@ -1,7 +1,5 @@
 //! `krait paper`: its figures come out, its pictures and page can be read by any browser, and it fails when the claim does.
 
-#![allow(clippy::unwrap_used, clippy::panic, reason = "a panic is how a test fails")]
-
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

@@ -1,5 +1,4 @@
 //! Models of kind segments from outside: the page's commands, commands that bend segments as wanted, and every refusal.
-#![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
 
 use crate::page::{Folder, follow};
 use krait_model::model_file::ModelFile;

@@ -1,7 +1,5 @@
 //! Recordings: written and read the same, and every broken file refused in one sentence that names file, line and remedy.
 
-#![allow(clippy::expect_used, clippy::panic, reason = "the helpers of a test fail as the test does")]
-
 use krait_master::{
     HidRecording, HidRecordingWriter, Layout, MasterError, Plug, RecordingHeader, RecordingSource, ReportSource,
     SourceEvent,

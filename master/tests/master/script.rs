@@ -1,7 +1,5 @@
 //! Scripts: interpolated as documented, and every wrong field refused by line and column.
 
-#![allow(clippy::expect_used, clippy::panic, reason = "the helpers of a test fail as the test does")]
-
 use krait_master::Script;
 
 const HEAD: &str = "time_s,tip_vx_m_per_s,tip_vy_m_per_s,tip_vz_m_per_s,operator_present,clutch\n";

@@ -1,7 +1,5 @@
 //! Loads at the actuators, where load cells are: against numbers of an independent bench, and through play and stick.
 
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
 use crate::chains::{bends, chain, circumstances, effect};
 use krait_model::effects::EffectKind;
 use krait_model::{

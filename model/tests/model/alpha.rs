@@ -3,8 +3,6 @@
 //! The only formulas on the dual side are q_i and the energy. Their derivatives, the minimum-norm loads and the extension
 //! follow numerically: J_q and grad E from the inner dual number, d eps from the outer one. No algebra is shared.
 
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
 use crate::dual::{Dual, Number};
 use core::f64::consts::{FRAC_PI_2, PI};
 use krait_model::oracle::{F_S_N, MU};

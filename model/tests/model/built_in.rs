@@ -1,7 +1,5 @@
 //! The model files that are built in say what the paper's equations do, and values that are set in place are those of a new chain.
 
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
 use crate::allocations::allocations_of;
 use crate::chains::{bends, chain, circumstances, strong};
 use krait_model::effects::{EffectKind, Inverse};

@@ -1,7 +1,5 @@
 //! No step of a chain allocates, formulas included: counted by the allocator itself.
 
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
 use crate::allocations::allocations_of;
 use crate::chains::{bends, chain, circumstances, formula, strong};
 use krait_model::ChainSettings;

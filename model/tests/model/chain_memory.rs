@@ -1,7 +1,5 @@
 //! A step that is taken back leaves no trace, whatever the effects remember.
 
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
 use crate::chains::{bends, chain, circumstances, strong};
 use krait_model::ChainSettings;
 use krait_model::effects::{EffectKind, Inverse};

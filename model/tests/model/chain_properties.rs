@@ -1,7 +1,5 @@
 //! What must hold for every chain: symmetry, continuity, passivity of friction, finite results, and agreement with the compensator.
 
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
 use crate::chains::{bends, chain, circumstances, effect, formula, strong};
 use core::f64::consts::PI;
 use krait_model::effects::{Class, EffectKind, Hook, Inverse};

@@ -1,7 +1,5 @@
 //! Inverse, then forward, gives the setpoint back: through reversals and plane rotations, for every effect and for chains of four.
 
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
 use crate::chains::{bends, chain, circumstances, strong};
 use krait_model::effects::{EffectKind, Inverse};
 use krait_model::{Chain, ChainSettings, ChainStatus, EffectSetting};

@@ -1,7 +1,5 @@
 //! Derivatives with respect to parameters, carried along a history, against central differences of whole histories.
 
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
 use crate::chains::{bends, chain, circumstances, strong};
 use krait_model::effects::EffectKind;
 use krait_model::{Chain, ChainSettings, Circumstances, EffectSetting};

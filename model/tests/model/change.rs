@@ -1,7 +1,5 @@
 //! How often the watch for changes is wrong, counted on many hours of motion without a change, and how soon it is right.
 
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
 use crate::common::Noise;
 use core::f64::consts::TAU;
 use krait_model::{Change, ChangeKind, ChangeParameters, ChangeWatch, Innovation};

@@ -1,7 +1,5 @@
 //! Compensation against a plant of its own formulation: what each mode reaches, and that nothing but the sequence counts.
 
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
 use crate::common::{Errors, Plant, Truth, operator_bend};
 use krait_model::oracle::{CompensationMode, Compensator, CompensatorParameters};
 use krait_model::{MachineParameters, Snake};

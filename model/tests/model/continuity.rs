@@ -1,7 +1,5 @@
 //! Walks through the straight pose: nothing in bend-vector form jumps, whatever the direction and however small the step.
 
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
 use core::f64::consts::PI;
 use krait_model::{LoadBounds, LoadRequest, MachineParameters, Snake};
 use nalgebra::{Matrix2x3, Vector2, Vector3};

@@ -1,7 +1,5 @@
 //! Friction spread along the cone against numbers of an independent bench (`golden/lines.json`), each within 1e-5 of its size.
 
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
 use crate::chains::{chain, effect};
 use krait_model::effects::EffectKind;
 use krait_model::{

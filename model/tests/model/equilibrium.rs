@@ -1,7 +1,5 @@
 //! The forward model inverts the inverse one: all planes, all bends, through the straight pose.
 
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
 use krait_model::oracle::EquilibriumStatus;
 use krait_model::{MachineParameters, Snake};
 use nalgebra::{Vector2, Vector3};

@@ -1,7 +1,5 @@
 //! Estimation in closed loop with the compensator, on a plant of its own formulation, with a noisy camera.
 
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
 use crate::common::{Errors, Noise, Plant, Truth, operator_bend};
 use krait_model::oracle::{
     Compensator, CompensatorParameters, Estimate, EstimateOutcome, Estimator, EstimatorParameters, LeftOutReason,

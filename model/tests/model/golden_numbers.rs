@@ -1,7 +1,5 @@
 //! Every quantity of the golden file agrees: 1e-12 where no derivative is involved, 1e-9 elsewhere, relative to its scale.
 
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
 use Alike::{Columns, Rows};
 use krait_model::oracle::{ConeFrictionFit, Extension, F_S_N, MU, fit_cone_friction};
 use krait_model::{MachineParameters, Psi, Snake};

@@ -1,7 +1,5 @@
 //! A gripper in a snake's model file: what is read is what was written, its own hash, its inverse, and refusals with line and key.
 
-#![allow(clippy::unwrap_used, clippy::panic, reason = "a panic is how a test fails")]
-
 use krait_model::joints::JointInverseSettings;
 use krait_model::model_file::{Machine, ModelFile, built_in, documented_defaults};
 use krait_model::{Circumstances, KnownColumns};

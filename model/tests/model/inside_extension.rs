@@ -1,7 +1,5 @@
 //! Extension of the lines inside the snake against numbers of an independent bench (`golden/lines.json`), each within 1e-5 of its scale.
 
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
 use crate::chains::{chain, effect};
 use krait_model::effects::EffectKind;
 use krait_model::{Chain, ChainCommand, ChainSettings, Circumstances, EffectSetting, MachineParameters, Snake};

@@ -1,5 +1,4 @@
 //! The inverse of joints: what it commands makes the forward model take the wanted positions, for every effect that can be undone.
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
 
 use crate::allocations::allocations_of;
 use core::f64::consts::TAU;

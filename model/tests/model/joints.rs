@@ -1,5 +1,4 @@
 //! Joints: every effect does nothing at its neutral value, and is a known closed form on a small input.
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
 
 use krait_model::joints::JointEffect;
 use krait_model::model_file::ModelFile;

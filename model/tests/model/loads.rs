@@ -1,7 +1,5 @@
 //! The general redundancy resolution against brute force, and one test for each way it can end.
 
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
 use core::f64::consts::PI;
 use krait_model::{LineLoads, LoadBounds, LoadRequest, LoadStatus, MachineParameters, Snake};
 use nalgebra::{Matrix2, Vector2, Vector3, Vector6};

@@ -1,5 +1,7 @@
 //! Tests of the model, one module a subject. They are one program: to build one for each file took minutes; `instruction_count` is alone, because it runs itself under a counter.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
+
 mod actuator_loads;
 #[path = "../../../tests/support/allocations.rs"]
 mod allocations;

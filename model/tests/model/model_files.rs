@@ -1,7 +1,5 @@
 //! Model files: what is read is what was written, and every kind of bad input is refused with line and key.
 
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
 use krait_model::effects::EffectKind;
 use krait_model::joints::JointEffect;
 use krait_model::model_file::{FileEffect, Known, Machine, ModelFile, Origin, assumed, documented_defaults};

@@ -1,7 +1,5 @@
 //! A chain may be right in every number and still be nonsense as a whole: such a one is refused, and every usual one is not.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
-
 use crate::chains::{chain, formula, strong};
 use krait_model::effects::{EffectKind, Hook, Inverse};
 use krait_model::joints::JointImplausible;

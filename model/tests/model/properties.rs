@@ -1,7 +1,5 @@
 //! Symmetries, derivatives against central differences, and smoothness through the straight pose.
 
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
 use core::f64::consts::{FRAC_PI_2, PI};
 use krait_model::oracle::{Extension, F_S_N};
 use krait_model::{MachineParameters, Psi, Snake};

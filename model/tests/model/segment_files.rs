@@ -1,7 +1,5 @@
 //! Model files of kind segments: what is read is what was written, and every kind of bad input is refused with line and key.
 
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
 use krait_model::effects::{EffectKind, SegmentEffect};
 use krait_model::model_file::{Machine, ModelFile, assumed, documented_defaults};
 use krait_model::segments::{Bends, SEGMENT_EFFECTS, SegmentParameters, SegmentStatus, SegmentsParameters};

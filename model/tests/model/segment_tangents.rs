@@ -1,7 +1,5 @@
 //! Slopes of predicted bends by the learnt parameters, carried along a history, against central differences of whole histories.
 
-#![allow(clippy::unwrap_used, clippy::panic, reason = "a panic is how a test fails")]
-
 use krait_model::effects::{EffectKind, SegmentEffect};
 use krait_model::model_file::{Machine, ModelFile};
 use krait_model::segments::{

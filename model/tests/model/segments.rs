@@ -1,7 +1,5 @@
 //! Segments over their whole ranges: derivatives against differences, sharing against oracles, the inverse against the forward model.
 
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
 use crate::allocations::allocations_of;
 use krait_model::EffectSetting;
 use krait_model::effects::EffectKind;

@@ -1,7 +1,5 @@
 //! Any lines at any angles, and two or three segments: every golden number of the bench within 1e-5 of its scale.
 
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
 use krait_model::effects::EffectKind;
 use krait_model::segments::{
     Bends, LineValues, LinesByBends, LoadSharing, MAX_LINES, SegmentChain, SegmentParameters, Segments,

@@ -1,7 +1,5 @@
 //! The recorder on a real bus: what is published is what is in the file, and what is not is counted.
 
-#![allow(clippy::expect_used, reason = "a panic is how a test fails")]
-
 use crate::common::{chain, fresh_path, plausible, words_of};
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;

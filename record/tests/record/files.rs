@@ -1,7 +1,5 @@
 //! Files in every state: whole, cut at any byte, damaged at any byte, of somebody else, on a full disk.
 
-#![allow(clippy::expect_used, reason = "a panic is how a test fails")]
-
 use crate::common::{chain, fresh_path, plausible, words_of};
 use krait_ipc::message::{Message, Shape};
 use krait_record::{

@@ -1,7 +1,5 @@
 //! What is left of a broken recording becomes a whole one, and a stretch of time is found without reading the rest.
 
-#![allow(clippy::expect_used, reason = "a panic is how a test fails")]
-
 use crate::common::{TestPath, chain, fresh_path, words_of};
 use krait_record::{
     About, Attachment, DrawnMachine, Missing, RecordError, Recorded, Recording, RecordingWriter, RecoverError, Views,

@@ -1,8 +1,6 @@
 //! What viewers draw of segments in series and of a jaw, read back from the file by the public crate: places, counts, and that krait's
 //! own messages keep their bytes.
 
-#![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
-
 use crate::common::{chain, fresh_path, plausible};
 use core::f64::consts::FRAC_PI_2;
 use krait_ipc::message::{JAW, N_WITH_GRIPPER, Setpoint, Shape};

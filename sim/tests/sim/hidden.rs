@@ -1,5 +1,4 @@
 //! Each effect that a truth file can hide: it shows where it should, and is gone at its neutral value.
-#![allow(clippy::unwrap_used, clippy::panic)] // Helpers of tests fail as tests do.
 
 use core::f64::consts::PI;
 use krait_sim::{BendingTruth, EffectsTruth, EncodersTruth, LinesTruth, SightTruth, SimulatedSnake, SlowTruth, Truth};

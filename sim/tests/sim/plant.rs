@@ -1,5 +1,4 @@
 //! The simulated snake against formulas written out here, against symmetry, and against what friction and play must do.
-#![allow(clippy::unwrap_used, clippy::panic)] // Helpers of tests fail as tests do.
 
 use core::f64::consts::PI;
 use krait_sim::{EffectsTruth, LinesTruth, SimulatedSnake, Truth};

@@ -1,5 +1,4 @@
 //! Simulated segments against the simulated snake, against energies written out here, and against what lines that pass must do.
-#![allow(clippy::unwrap_used, clippy::panic)] // Helpers of tests fail as tests do.
 
 use core::f64::consts::PI;
 use krait_ipc::message::lines;

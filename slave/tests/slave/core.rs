@@ -1,5 +1,4 @@
 //! The slave without its process: what it executes, refuses, shortens, and how it stops by itself.
-#![allow(clippy::unwrap_used, clippy::panic)] // Helpers of tests fail as tests do.
 
 mod limits;
 mod power;

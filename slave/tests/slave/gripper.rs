@@ -1,5 +1,4 @@
 //! The wire of a gripper beside a snake's lines: its limits hold no line, no line's limits hold it, and what the jaw holds is let be.
-#![allow(clippy::unwrap_used, clippy::panic)] // Helpers of tests fail as tests do.
 
 use crate::allocations::allocations_of;
 use krait_ipc::message::{

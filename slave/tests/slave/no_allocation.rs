@@ -1,5 +1,4 @@
 //! The control steps of the slave and of the simulated snake must not touch the heap: a counting allocator watches them.
-#![allow(clippy::unwrap_used, clippy::panic)] // Helpers of tests fail as tests do.
 
 use crate::allocations::allocations_of;
 use krait_ipc::message::{Command, HopStamps, Phase, Transition};

@@ -1,6 +1,5 @@
 //! Power off where lines are loaded: how far, how fast and how long the drives of a simulated snake give way first, and what comes in
 //! between.
-#![allow(clippy::unwrap_used, clippy::panic)] // Helpers of tests fail as tests do.
 
 mod groups;
 

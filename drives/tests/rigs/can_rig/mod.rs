@@ -1,6 +1,5 @@
 //! What the tests on emulated CAN drives share: three of them and the configuration that goes with them.
 #![allow(dead_code, reason = "each test file uses a part")]
-#![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests fail as tests do")]
 
 use krait_drives::emulator::{CanBus, CanDrive};
 use krait_slave::{ActuatorConfig, DriveConfig, DriveKind, SlaveConfig};

@@ -1,7 +1,6 @@
 //! Chains, motions and effects with visible parameters that several tests share.
 
 #![allow(dead_code, reason = "each test file uses its own part")]
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
 
 use krait_model::effects::{EffectKind, FormulaParameter, FormulaText, Hook};
 use krait_model::{Chain, ChainSettings, Circumstances, EffectSetting, KnownColumns, MachineParameters};

@@ -1,6 +1,5 @@
 //! A quasi-static snake with play, stretch and cone friction, and a motion like an operator's: shares no physics with the crate.
 
-#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
 #![allow(dead_code, reason = "each test file uses its own part")]
 
 use nalgebra::{Matrix3, Vector2, Vector3};
