@@ -64,7 +64,7 @@ pub enum LabVerb {
 pub struct InitArgs {
     /// Measurements: CSV, Parquet, a MATLAB file of level 5, or a ROS 2 bag (MCAP).
     pub data: PathBuf,
-    /// What a column is, where its name does not tell or tells wrongly, again for each: y1_deg=Jaw.
+    /// What a column is, where its name does not tell or tells wrongly, again for each: y1_deg=Jaw; none=NAME takes a column out.
     #[arg(long = "map", value_name = "COLUMN=NAME[:UNIT]")]
     pub map: Vec<Mapping>,
     /// Where to write the mapping; by default beside the data as NAME.map.toml.

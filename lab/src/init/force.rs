@@ -1,9 +1,10 @@
 //! Motion beside a torque or a current, without any command: joints with a force.
 
 use super::Column;
+use super::given::TAKEN_OUT;
 use super::name::NamedUnit;
 use super::role::Guess;
-use crate::read::{Dimension, Unit, force_names};
+use crate::read::{Dimension, NONE, Unit, force_names};
 use krait_model::model_file::ForceUnit;
 
 /// Joints that a machine of kind force can have.
@@ -72,18 +73,48 @@ pub(super) fn find(columns: &[Column]) -> Option<Found> {
     Some(found)
 }
 
+/// How a machine of kind force can be had of columns in which a command moves; `None` where they make none.
+pub(super) fn hint(columns: &[Column]) -> Option<String> {
+    let mut left = columns.to_vec();
+    let mut out = Vec::new();
+    for column in &mut left {
+        if matches!(column.guess, Guess::Command(_)) && column.looked.moves() && !is_force(column) {
+            out.push(format!("--map {}", quoted(&format!("{NONE}={}", column.name()))));
+            column.guess = Guess::Other("a command");
+        }
+    }
+    let found = find(&left)?;
+    let (base, suffix) = force_names(found.unit);
+    let is_one = |target: &str| target.starts_with(base) && target.ends_with(suffix);
+    let places = found.columns.iter().filter(|(target, ..)| is_one(target)).map(|(_, place, ..)| *place);
+    let names: Vec<String> = places.filter_map(|place| Some(format!("{:?}", columns.get(place)?.name()))).collect();
+    let what = if found.unit == ForceUnit::Ampere { "current" } else { "torque" };
+    Some(format!(
+        "{} may be explained by the motion: what the {what} is made of, say {} and a machine of kind force is proposed",
+        names.join(", "),
+        out.join(" ")
+    ))
+}
+
+fn quoted(text: &str) -> String {
+    let is_plain = text.chars().all(|c| c.is_alphanumeric() || "=_.-/".contains(c));
+    if is_plain { text.to_owned() } else { format!("'{}'", text.replace('\'', "'\\''")) }
+}
+
 fn is_force(column: &Column) -> bool {
     is_of(column, &TORQUE, &["nm"]) || is_of(column, &CURRENT, &["a"])
 }
 
-/// Whether a name holds one of these words, and no unit but this one.
+/// Whether a name has one of these units, or no unit and one of these words.
 fn is_of(column: &Column, words: &[&str], units: &[&str]) -> bool {
-    let unit = match &column.words.unit {
-        NamedUnit::None => true,
+    if column.guess == Guess::Other(TAKEN_OUT) {
+        return false;
+    }
+    match &column.words.unit {
+        NamedUnit::None => words.iter().any(|word| column.words.has(word)),
         NamedUnit::Other(text) => units.contains(&text.to_lowercase().as_str()),
         NamedUnit::Known(_) | NamedUnit::Counts(_) => false,
-    };
-    unit && words.iter().any(|word| column.words.has(word))
+    }
 }
 
 fn is_angle(column: &Column) -> bool {

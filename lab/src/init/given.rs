@@ -7,7 +7,9 @@ use crate::machine::nearest;
 use crate::read::{At, ColumnMap, ReadError};
 use std::path::Path;
 
-const KNOWN: &str = "time_s, trial, u1.. and y1.. of joints or segments, q1_m..q3_m, bend_x_rad, bend_y_rad, theta_l_rad, delta_rad, tau1_n..tau3_n";
+/// Why a column is not used that the user has taken out.
+pub(super) const TAKEN_OUT: &str = "taken out: --map";
+const KNOWN: &str = "time_s, trial, u1.. and y1.. of joints or segments, q1_m..q3_m, bend_x_rad, bend_y_rad, theta_l_rad, delta_rad, tau1_n..tau3_n, and none to take a column out";
 
 /// Gives columns the roles that were said; which column is the time, if that was said.
 ///
@@ -25,6 +27,10 @@ pub(super) fn apply(path: &Path, at: At, columns: &mut [Column], map: &ColumnMap
             column: mapping.source.clone(),
             nearest: nearest(&mapping.source, names()),
         })?;
+        if mapping.takes_out() {
+            columns.iter_mut().skip(place).take(1).for_each(|column| column.guess = Guess::Other(TAKEN_OUT));
+            continue;
+        }
         let mut words = Name::of(&mapping.target);
         let guess = guess(&words).ok_or_else(|| ReadError::MapTarget {
             target: mapping.target.clone(),
@@ -48,7 +54,9 @@ pub(super) fn apply(path: &Path, at: At, columns: &mut [Column], map: &ColumnMap
     // Whoever names joints names all of them.
     let others = columns.iter_mut().enumerate().filter(|(place, _)| has_joints && !said.contains(place));
     for (_, column) in others.filter(|(_, column)| !matches!(column.guess, Guess::Time | Guess::Trial)) {
-        column.guess = Guess::Other("not in --map");
+        if column.guess != Guess::Other(TAKEN_OUT) {
+            column.guess = Guess::Other("not in --map");
+        }
     }
     Ok(time)
 }

@@ -161,6 +161,9 @@ pub fn propose(path: &Path, given: &ColumnMap) -> Result<Proposal, InitError> {
             column.name()
         ));
     }
+    if kind == "joints" {
+        cautions.extend(force::hint(&columns));
+    }
     cautions.extend(notes);
     let mut assigned = vec![("time_s".to_owned(), time.place, Some(time.unit), time.why)];
     let trial = columns.iter().position(is_trial);
@@ -170,7 +173,8 @@ pub fn propose(path: &Path, given: &ColumnMap) -> Result<Proposal, InitError> {
         let column = columns.get(*place)?;
         Some(Mapping::new(target.clone(), column.name(), *unit, column.wraps))
     };
-    let map: ColumnMap = assigned.iter().filter_map(mapping).collect();
+    let out = given.mappings.iter().filter(|own| own.takes_out()).cloned();
+    let map: ColumnMap = assigned.iter().filter_map(mapping).chain(out).collect();
     let file = ModelFile::parse(&model).map_err(|source| InitError::Model { path: path.to_owned(), source })?;
     let data = read(path, &map, file.machine().into())?;
     let follows = segments::follow(&file, &data);
@@ -218,7 +222,9 @@ fn seen(column: &Column, assigned: Option<&Assigned>) -> SeenColumn {
         _ if column.looked.n_texts > 0 => "text".to_owned(),
         (Guess::Time, None) => "named so".to_owned(),
         _ if !column.looked.moves() => "never changes".to_owned(),
-        _ => "not recognised".to_owned(),
+        (Guess::Command(_), None) => "a spare command".to_owned(),
+        (Guess::Measured(_), None) => "a spare position".to_owned(),
+        _ => "unknown name".to_owned(),
     };
     let unit = assigned.and_then(|(_, _, unit, _)| unit.map(|unit| unit.suffix));
     SeenColumn {

@@ -101,7 +101,7 @@ impl Guess {
             return Self::Other(what);
         }
         match &name.unit {
-            NamedUnit::Other(_) => return Self::Other("no position"),
+            NamedUnit::Other(unit) => return Self::Other(quantity(unit)),
             NamedUnit::Known(unit) => match unit.dimension {
                 Dimension::Time => return Self::Time,
                 Dimension::Force => return Self::Other("a force"),
@@ -128,6 +128,19 @@ impl Guess {
     }
 }
 
+/// What a unit measures that is none of a position.
+fn quantity(unit: &str) -> &'static str {
+    match unit.to_lowercase().as_str() {
+        "a" | "ma" | "ampere" | "amps" => "a current",
+        "nm" | "nmm" | "mnm" | "n m" | "n*m" | "n.m" => "a torque",
+        "v" | "mv" => "a voltage",
+        "w" | "mw" => "a power",
+        "hz" | "rpm" => "a speed",
+        speed if speed.ends_with("/s") => "a speed",
+        _ => "no position",
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -143,6 +156,17 @@ mod tests {
         }
         for name in ["load1", "jaw_torque_nm", "goal_velocity", "motor_temperature", "motor (A)", "frame_index"] {
             assert!(matches!(guess(name), Guess::Other(_)), "{name}: {:?}", guess(name));
+        }
+        for (name, what) in [
+            ("motor (A)", "a current"),
+            ("m1 [mA]", "a current"),
+            ("Jaw [Nm]", "a torque"),
+            ("effort_1", "a load"),
+            ("current_2", "a current"),
+            ("joint [rad/s]", "a speed"),
+            ("bus [bar]", "no position"),
+        ] {
+            assert_eq!(guess(name), Guess::Other(what), "{name}");
         }
         assert_eq!(guess("Time [ms]"), Guess::Time);
         assert_eq!(guess("timestamp"), Guess::Time);

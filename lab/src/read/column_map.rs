@@ -5,6 +5,9 @@ use super::unit::Unit;
 use std::fmt;
 use std::str::FromStr;
 
+/// The target of a mapping that takes a column out.
+pub(crate) const NONE: &str = "none";
+
 /// One mapping: a column of the lab, the file's name for it, and the unit that the file has it in.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mapping {
@@ -42,6 +45,11 @@ impl ColumnMap {
 }
 
 impl Mapping {
+    /// Whether the file's column is taken out: `none=NAME`.
+    pub(crate) fn takes_out(&self) -> bool {
+        self.target == NONE
+    }
+
     /// A column of the lab, the file's name for it, and its unit where the file has another than the target names.
     pub(crate) fn new(target: String, source: &str, unit: Option<Unit>, wraps: Option<f64>) -> Self {
         Self { target, source: source.to_owned(), unit, wraps }
@@ -63,7 +71,7 @@ impl FromStr for Mapping {
             }
             None => (source, None),
         };
-        if target.is_empty() || source.is_empty() {
+        if target.is_empty() || source.is_empty() || target == NONE && unit.is_some() {
             return Err(syntax());
         }
         Ok(Self { target: target.to_owned(), source: source.to_owned(), unit, wraps: None })
@@ -98,7 +106,7 @@ mod tests {
 
     #[test]
     fn what_is_no_mapping_is_refused_with_the_form_expected() {
-        for text in ["", "q1_m", "=x", "q1_m=", "q1_m=a:furlong"] {
+        for text in ["", "none=a:mm", "q1_m", "=x", "q1_m=", "q1_m=a:furlong"] {
             let error = text.parse::<Mapping>().expect_err(text).to_string();
             assert!(error.contains("--map"), "{error}");
         }

@@ -1,7 +1,7 @@
 //! From a file's first line to a plan: which of its columns stands for what, and how its values become SI units.
 
 use super::at::At;
-use super::column_map::Part;
+use super::column_map::{Mapping, Part};
 use super::role::{Role, Wanted};
 use super::unit::{Dimension, Unit};
 use super::{ColumnMap, Expected, ReadError};
@@ -55,6 +55,8 @@ pub(super) fn plan(
 ) -> Result<Plan, ReadError> {
     let header = Header { path, at, names };
     header.no_name_twice()?;
+    let names = &header.left_in(map)?;
+    let header = Header { path, at, names };
     let wanted = expected.wanted();
     targets_exist(map, &wanted)?;
     header.same_machine(map, expected)?;
@@ -114,6 +116,25 @@ impl Header<'_> {
         Ok(())
     }
 
+    /// The names, empty where a column is taken out.
+    fn left_in(&self, map: &ColumnMap) -> Result<Vec<String>, ReadError> {
+        let mut left = self.names.to_vec();
+        for mapping in map.mappings.iter().filter(|mapping| mapping.takes_out()) {
+            match left.iter_mut().find(|name| **name == mapping.source) {
+                Some(name) => name.clear(),
+                None if map.part == Part::Whole => return Err(self.no_source(mapping)),
+                None => {}
+            }
+        }
+        Ok(left)
+    }
+
+    /// A column of the file that a mapping names and that is not there.
+    fn no_source(&self, mapping: &Mapping) -> ReadError {
+        let column = mapping.source.clone();
+        ReadError::MapSource { path: self.path.to_owned(), at: self.at, nearest: self.nearest(&column), column }
+    }
+
     fn duplicate(&self, quantity: String, first: usize, second: usize) -> ReadError {
         let place = |k: usize| format!("{} ({:?})", k + 1, self.names.get(k).map_or("", String::as_str));
         ReadError::DuplicateColumn {
@@ -136,11 +157,7 @@ impl Header<'_> {
                 return Ok(Some(Column { wraps: mapping.wraps, ..column }));
             }
             // The other file may have it, and this one a name of the lab's own.
-            Some((mapping, ..)) if map.part == Part::Whole => {
-                let column = mapping.source.clone();
-                let (path, nearest) = (self.path.to_owned(), self.nearest(&column));
-                return Err(ReadError::MapSource { path, at: self.at, nearest, column });
-            }
+            Some((mapping, ..)) if map.part == Part::Whole => return Err(self.no_source(mapping)),
             _ => {}
         }
         let mut found = None;
@@ -265,7 +282,7 @@ fn targets_exist(map: &ColumnMap, wanted: &[Wanted]) -> Result<(), ReadError> {
         Err(ReadError::MapTarget { target: target.to_owned(), reason: reason.to_owned(), known: known() })
     };
     let mut seen: Vec<Role> = Vec::new();
-    for mapping in &map.mappings {
+    for mapping in map.mappings.iter().filter(|mapping| !mapping.takes_out()) {
         let Some(one) = wanted.iter().find(|one| target_unit(one, &mapping.target).is_some()) else {
             return wrong(&mapping.target, "the lab has no such column");
         };

@@ -1,5 +1,6 @@
 //! A file that says which column of a log stands for which of the lab's, so that it need not be said with every command.
 
+use super::column_map::NONE;
 use super::unit::Unit;
 use super::{ColumnMap, Mapping, ReadError};
 use krait_ipc::input;
@@ -14,6 +15,9 @@ const FORMAT: u32 = 1;
 #[serde(deny_unknown_fields)]
 struct MapFile {
     format: u32,
+    /// Columns that are taken out.
+    #[serde(default)]
+    none: Vec<String>,
     columns: BTreeMap<String, Entry>,
 }
 
@@ -54,14 +58,24 @@ impl ColumnMap {
             }
             Ok(Mapping { unit: unit.transpose()?, target, source: entry.column, wraps: entry.wraps })
         };
-        file.columns.into_iter().map(mapping).collect()
+        if file.columns.contains_key(NONE) {
+            return Err(wrong(None, "none is no column of the lab; write none = [\"NAME\"] above [columns]".to_owned()));
+        }
+        let out = file.none.into_iter().map(|source| Ok(Mapping::new(NONE.to_owned(), &source, None, None)));
+        file.columns.into_iter().map(mapping).chain(out).collect()
     }
 
     /// The text of a mapping file; `about` says of which data.
     pub fn to_toml(&self, about: &str) -> String {
         let mut text = format!("# Which column of {} stands for which of the lab's.\n", one_line(about));
-        let _to_text = write!(text, "format = {FORMAT}\n\n[columns]\n");
-        for Mapping { target, source, unit, wraps } in &self.mappings {
+        let _to_text = writeln!(text, "format = {FORMAT}");
+        let (out, used): (Vec<_>, Vec<_>) = self.mappings.iter().partition(|own| own.takes_out());
+        if !out.is_empty() {
+            let names = out.iter().map(|own| toml::Value::String(own.source.clone()).to_string()).collect::<Vec<_>>();
+            let _to_text = writeln!(text, "none = [{}]", names.join(", "));
+        }
+        text += "\n[columns]\n";
+        for Mapping { target, source, unit, wraps } in used {
             let unit = unit.map_or(String::new(), |unit| format!(", unit = \"{}\"", unit.suffix));
             let wraps = wraps.map_or(String::new(), |turn| format!(", wraps = {turn:?}"));
             // A value of TOML writes its own quotes.
@@ -71,10 +85,14 @@ impl ColumnMap {
         text
     }
 
-    /// The same with others in place of its own for the same columns.
+    /// The same with others in place of its own for the same columns of the lab, or of the file where they are taken out.
     #[must_use]
     pub fn overridden(mut self, others: Self) -> Self {
-        self.mappings.retain(|own| others.mappings.iter().all(|other| other.target != own.target));
+        let is_same = |own: &Mapping, other: &Mapping| {
+            let takes_out = own.takes_out() || other.takes_out();
+            if takes_out { own.source == other.source } else { own.target == other.target }
+        };
+        self.mappings.retain(|own| !others.mappings.iter().any(|other| is_same(own, other)));
         self.mappings.extend(others.mappings);
         self
     }

@@ -83,7 +83,7 @@ fn text(found: &Proposal, name: &str) -> String {
         let (least, largest) = seen.range.unzip();
         table.row(vec![
             cut(&seen.name, NAME),
-            seen.stands_for.clone().unwrap_or_else(|| "-".to_owned()),
+            seen.stands_for.clone().unwrap_or_else(|| "not used".to_owned()),
             cut(&seen.unit, UNIT),
             least.map_or(String::new(), number),
             largest.map_or(String::new(), number),
