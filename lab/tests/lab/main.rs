@@ -7,6 +7,7 @@ mod diagnose;
 mod experiment;
 mod held_frames;
 mod init;
+mod init_columns;
 mod joint_beside;
 mod joint_columns;
 mod joint_starts;

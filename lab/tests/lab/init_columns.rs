@@ -1,5 +1,4 @@
 //! Columns that `krait lab init` does not use, and how one is taken out.
-#![allow(clippy::expect_used, clippy::panic, reason = "the helpers of a test fail as the test does")]
 
 use krait_lab::Measurements;
 use krait_lab::init::{Proposal, propose};
