@@ -6,7 +6,7 @@
 use crate::ConsoleError;
 use core::time::Duration;
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, TrySendError, bounded};
-use krait_ipc::message::{OperatingState, RequestOutcome, StateAnswer, StateRequest, Transition};
+use krait_ipc::message::{OperatingState, RequestOutcome, SlaveState, StateAnswer, StateRequest, Transition};
 use krait_ipc::{Bus, IpcError, ReadOptions, Reader, StopSwitch, Writer, clock};
 use serde::{Deserialize, Serialize};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -25,6 +25,8 @@ const STOP_PATIENCE: Duration = Duration::from_millis(200);
 const LOOK_EVERY: Duration = Duration::from_millis(2);
 /// Power was asked off where lines are loaded.
 const RELAXES: &str = "Relaxing, then power goes off.";
+/// A search for a stop asks somebody who stands beside the machine; a page does not.
+const HOMED_IN_PLACE: &str = "Homing moves nothing here: the drives know their place and check it. Stops are looked for by krait drives --zero, with no chain running.";
 
 /// What an operator can wish for, besides a stop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
@@ -265,6 +267,7 @@ fn outcome_of(wish: Wish, said: &StateAnswer) -> WishOutcome {
             Wish::Disable => "Disabled \u{2013} confirmed by the drives.",
             Wish::Pause => "Paused \u{2013} confirmed by the drives.",
             Wish::Resume => "Resumed \u{2013} confirmed by the drives.",
+            Wish::Home if said.flags & SlaveState::HOMES_IN_PLACE != 0 => HOMED_IN_PLACE,
             Wish::Home => "Homing \u{2013} the drives have begun.",
             Wish::ClearFault => "The fault is cleared; power is off.",
         }),
@@ -278,6 +281,17 @@ fn outcome_of(wish: Wish, said: &StateAnswer) -> WishOutcome {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn homing_of_drives_that_know_their_place_is_told_to_move_nothing() {
+        let said = |flags: u32| {
+            let (outcome, operating_state) = (RequestOutcome::Done as u32, OperatingState::Enabled as u32);
+            let answer = StateAnswer { sequence: 1, sample_ns: 1, sender_pid: 1, outcome, operating_state, flags };
+            outcome_of(Wish::Home, &answer).say
+        };
+        assert!(said(SlaveState::IS_BUSY).ends_with("the drives have begun."));
+        assert_eq!(said(SlaveState::IS_BUSY | SlaveState::HOMES_IN_PLACE), HOMED_IN_PLACE);
+    }
 
     #[test]
     fn a_pause_of_lines_that_are_relaxed_is_told_that_power_goes() {

@@ -16,7 +16,7 @@ pub trait ActuatorBus: Send + 'static {
     /// [`BusGone`] when the bus itself cannot be used any more.
     fn tell(&mut self, goals: &Goals) -> Result<(), BusGone>;
 
-    /// Switches the power of all actuators; [`Seen::is_powered`] says when it has come. Under power they stay at `goals`.
+    /// Switches the power of all actuators; [`Seen::is_powered`] and not [`Seen::is_unguarded`] say when it has come. Under power they stay at `goals`.
     ///
     /// # Errors
     /// As [`ActuatorBus::tell`].
@@ -66,6 +66,8 @@ pub struct Seen {
     pub goal_counts: PerActuator<i32>,
     /// Whether each is under power.
     pub is_powered: PerActuator<bool>,
+    /// Whether each says, in its newest answer, that a limit or a watchdog of its own is not as it was told: nothing may begin to move.
+    pub is_unguarded: PerActuator<bool>,
     /// Whether each says, in its newest answer, that nothing holds its line: its motor has no torque.
     pub has_let_go: PerActuator<bool>,
     /// What each complains of.

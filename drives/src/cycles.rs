@@ -171,8 +171,8 @@ impl<B: ActuatorBus> Cycles<B> {
             }
             Phase::Switching => {
                 // Also who is under power already is told: somebody else may have switched it, without limits.
-                let Seen { is_powered, has_answered, .. } = &self.seen;
-                let powered = (0..self.setup.n()).all(|k| is_powered[k] && has_answered[k]);
+                let Seen { is_powered, is_unguarded, has_answered, .. } = &self.seen;
+                let powered = (0..self.setup.n()).all(|k| is_powered[k] && !is_unguarded[k] && has_answered[k]);
                 if powered && self.has_switched {
                     self.phase = Phase::On;
                     return self.follow(now_ns).map(Some);

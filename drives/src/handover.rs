@@ -71,7 +71,8 @@ pub(crate) fn record(begun_ns: i64, n: usize, wish: &Wish, told: &Told, seen: &S
             flags: flag(seen.has_answered[k], ActuatorCycle::ANSWERED)
                 | flag(seen.is_powered[k], ActuatorCycle::POWERED)
                 | flag(seen.has_let_go[k], ActuatorCycle::LET_GO)
-                | flag(seen.is_busy[k], ActuatorCycle::BUSY),
+                | flag(seen.is_busy[k], ActuatorCycle::BUSY)
+                | flag(seen.is_unguarded[k], ActuatorCycle::UNGUARDED),
             state: report.state[k] as u32,
             trouble,
             trouble_code,
@@ -90,6 +91,7 @@ pub(crate) fn seen_in(cycle: &DriveCycle) -> Seen {
         seen.is_powered[k] = own.has(ActuatorCycle::POWERED);
         seen.has_let_go[k] = own.has(ActuatorCycle::LET_GO);
         seen.is_busy[k] = own.has(ActuatorCycle::BUSY);
+        seen.is_unguarded[k] = own.has(ActuatorCycle::UNGUARDED);
         seen.sampled_ns[k] = own.sampled_ns;
         (seen.counts[k], seen.goal_counts[k], seen.n_boots[k]) = (own.counts, own.goal_counts, own.n_boots);
         (seen.current_a[k], seen.torque_nm[k]) = (own.current_a, own.torque_nm);
@@ -212,6 +214,7 @@ mod tests {
         for k in 0..3 {
             seen.has_answered[k] = k != 1;
             (seen.is_powered[k], seen.has_let_go[k], seen.is_busy[k]) = (k != 2, k == 2, k == 1);
+            seen.is_unguarded[k] = k == 0;
             (seen.sampled_ns[k], seen.counts[k], seen.goal_counts[k]) = (-7 - k as i64, -40 - k as i32, i32::MIN);
             (seen.n_boots[k], seen.current_a[k], seen.torque_nm[k]) = (k as u32, -0.5, 0.25);
             (seen.temperature_celsius[k], seen.supply_v[k]) = (31.0, 7.4);

@@ -125,7 +125,9 @@ impl Judge {
             (Trouble::Tripped { .. }, _) => ActuatorState::Faulted,
             (Trouble::HardwareStop { .. }, _) if !seen.is_powered[k] => ActuatorState::Off,
             (Trouble::HardwareStop { .. }, _) => ActuatorState::QuickStopped,
-            (Trouble::None, Phase::Switching) if !seen.is_powered[k] => ActuatorState::Switching,
+            (Trouble::None, Phase::Switching) if !seen.is_powered[k] || seen.is_unguarded[k] => {
+                ActuatorState::Switching
+            }
             (Trouble::None, _) if !seen.is_powered[k] => ActuatorState::Off,
             (Trouble::None, Phase::Stopped) => ActuatorState::QuickStopped,
             (Trouble::None, _) => ActuatorState::On,

@@ -85,6 +85,8 @@ impl BusSetup {
             rate_m_per_s: per_actuator(&|units| units.magnitude_m(self.speed_counts_per_s)),
             // A wish waits for the next cycle, the way takes one, and what was read then is shown until the one after.
             delay_ns: 2 * self.period_ns + self.exchange_ns,
+            // A search in a chain would move a machine that nobody stands beside: a slave that is started again homes too.
+            homes_in_place: true,
             measures_load: self.units.iter().all(|units| units.measures_load()),
             on_fault: self.on_fault,
         }

@@ -1,4 +1,4 @@
-//! Load cells at the actuators as outputs of a snake: their noise, their gain and offset, and what they say in one likelihood.
+//! Load cells at the actuators of a snake or of segments as outputs: their noise, gain and offset, and what they say in one likelihood.
 //!
 //! measured_i = gain_i predicted_i + offset_(i, trial) + noise_i. Nobody calibrates cells for the lab: gain and offset are solved for
 //! inside every evaluation (variable projection), so that no candidate is fitted against another's calibration, and are
@@ -13,22 +13,23 @@
 use crate::diagnose::LoadCell;
 use crate::machine::MachineUnderTest;
 use crate::noise::{FloorSource, NoiseFloor, bounds};
-use crate::{LabError, LoadUse, Measurements, Problem};
+use crate::{LabError, LoadUse, Measurements, Problem, Quantity};
 
-/// Lines, and cells.
-const N: usize = 3;
 /// No cell is trusted to less than this part of its range: an ordinary one is not more linear.
 const LINEARITY: f64 = 1e-3;
-/// Cells that share less of their variance with the model's loads than this measure something else.
+/// Cells that share less of their variance with the model's load of their line than this may measure something else.
 const FEWEST_SHARED: f64 = 0.5;
+/// Friction that the model of segments lacks can be most of a small load: with this much, and no more in common with the load of any
+/// other line, a cell is its line's nevertheless.
+const LEAST_SHARED: f64 = 0.2;
 /// Cells need as many rows as this.
 const FEWEST_ROWS: usize = 100;
 
 /// What is known of the cells' noise.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Cells {
-    /// Standard deviation of each cell, N.
-    pub sigma_n: [f64; N],
+    /// Standard deviation of each cell, N; one for each line.
+    pub sigma_n: Vec<f64>,
     /// Of one output of the machine, in its unit.
     sigma_output: f64,
     /// Whether the noise of all of them is white, as far as the data tell.
@@ -66,20 +67,23 @@ impl Usable {
         if data.counted_loads_n().is_none() {
             return Ok(Self::Absent);
         }
-        let (_, Some(predicted_n)) = machine.predict_with_loads(machine.effects(), data)? else {
-            return Ok(Self::Absent);
-        };
         let no = |why: &str| Ok(Self::No(format!("the loads are not used: {why}")));
+        let (_, Some(predicted_n)) = machine.predict_with_loads(machine.effects(), data)? else {
+            return no("the model's lines are rigid, and it has no loads for them; give it elastic lines");
+        };
         let Some(sigma_output) = sigma_output else { return no("the shape's own noise is not known") };
         let is_scored = |row: usize| problem.weight[row * data.n_outputs] > 0.0;
-        let plain = Cells { sigma_n: [sigma_output; N], sigma_output, is_white: true };
+        let plain = Cells { sigma_n: vec![sigma_output; data.n_inputs], sigma_output, is_white: true };
         let Some(rows) = LoadRows::new(data, &plain, is_scored) else {
             return no("they are filled in fewer than a hundred of the rows with a shape");
         };
         let mut cells = plain;
-        for line in 0..N {
+        for line in 0..rows.width() {
             let fit = rows.cell(line, &predicted_n);
-            if fit.shared < FEWEST_SHARED {
+            let may_lack_friction = data.quantity == Quantity::Segments
+                && fit.shared >= LEAST_SHARED
+                && rows.is_nearest_to_own(line, &predicted_n);
+            if fit.shared < FEWEST_SHARED && !may_lack_friction {
                 let shared = 100.0 * fit.shared;
                 return no(&format!(
                     "tau{}_n has {shared:.0} % of its variance in common with the load that the model expects there, and loads of \
@@ -127,9 +131,9 @@ pub(crate) struct LoadRows {
     /// Place in `rows` at which each trial begins, and their number at the end.
     trials: Vec<usize>,
     /// Measured loads of these rows, N, cell by cell.
-    measured_n: [Vec<f64>; N],
+    measured_n: Vec<Vec<f64>>,
     /// Weight of each cell.
-    weight: [f64; N],
+    weight: Vec<f64>,
     gain: Gain,
     n_all_rows: usize,
 }
@@ -144,7 +148,7 @@ enum Gain {
 }
 
 /// Of each line what was read and what is predicted, without the mean of the trial, N.
-type Centred = [(Vec<f64>, Vec<f64>); N];
+type Centred = Vec<(Vec<f64>, Vec<f64>)>;
 
 /// What a fit of one cell found.
 #[derive(Clone, Debug, PartialEq)]
@@ -174,19 +178,21 @@ pub(crate) fn load_cells(rows: &LoadRows, cells: &Cells, before: &[f64], after: 
 }
 
 impl LoadRows {
-    /// Entries in each row of a residual.
-    pub(crate) const WIDTH: usize = N;
+    /// Entries in each row of a residual: one for each line.
+    pub(crate) fn width(&self) -> usize {
+        self.measured_n.len()
+    }
 
-    /// The rows with all three loads among those that are scored; `None` where they are few.
+    /// The rows with the loads of all lines among those that are scored; `None` where they are few.
     pub(crate) fn new(data: &Measurements, cells: &Cells, is_scored: impl Fn(usize) -> bool) -> Option<Self> {
         let gain = match data.load_use {
             LoadUse::Shown => return None,
             LoadUse::Counted { gain_apart } => Gain::Own([1.0 - gain_apart, 1.0 + gain_apart]),
             LoadUse::Estimated { gain_sd } => Gain::Common { prior: (cells.sigma_output / gain_sd).powi(2) },
         };
-        let loads_n = data.loads_n.as_deref()?;
+        let (loads_n, n) = (data.loads_n.as_deref()?, data.n_inputs);
         let is_whole = |row: &usize| {
-            is_scored(*row) && loads_n.get(row * N..(row + 1) * N).is_some_and(|own| own.iter().all(|x| x.is_finite()))
+            is_scored(*row) && loads_n.get(row * n..(row + 1) * n).is_some_and(|own| own.iter().all(|x| x.is_finite()))
         };
         let rows: Vec<usize> = (0..data.n_rows()).filter(is_whole).collect();
         if rows.len() < FEWEST_ROWS {
@@ -194,23 +200,24 @@ impl LoadRows {
         }
         let begins = |k: &usize| *k == 0 || data.trial[rows[*k]] != data.trial[rows[*k - 1]];
         let trials = (0..rows.len()).filter(begins).chain([rows.len()]).collect();
-        let measured_n = core::array::from_fn(|line| rows.iter().map(|row| loads_n[row * N + line]).collect());
-        let weight = cells.sigma_n.map(|sigma_n| cells.sigma_output / sigma_n);
+        let measured_n = (0..n).map(|line| rows.iter().map(|row| loads_n[row * n + line]).collect()).collect();
+        let weight = cells.sigma_n.iter().map(|sigma_n| cells.sigma_output / sigma_n).collect();
         Some(Self { rows, trials, measured_n, weight, gain, n_all_rows: data.n_rows() })
     }
 
     /// Loads that count.
     pub(crate) fn n_scored(&self) -> usize {
-        N * self.rows.len()
+        self.width() * self.rows.len()
     }
 
-    /// Weighted residuals of all rows, row after row of three, zero where no load counts, for predicted loads of all rows, N.
+    /// Weighted residuals of all rows, row after row of all lines, zero where no load counts, for predicted loads of all rows, N.
     pub(crate) fn residual(&self, predicted_n: &[f64]) -> Vec<f64> {
-        let mut all = vec![0.0; N * self.n_all_rows];
+        let n = self.width();
+        let mut all = vec![0.0; n * self.n_all_rows];
         let lines = self.centred(predicted_n);
         for (line, (part, (measured, predicted))) in self.parts(&lines).into_iter().zip(&lines).enumerate() {
             for (row, (y, f)) in self.rows.iter().zip(measured.iter().zip(predicted)) {
-                all[row * N + line] = (y - part * f) * self.weight[line];
+                all[row * n + line] = (y - part * f) * self.weight[line];
             }
         }
         all
@@ -225,21 +232,21 @@ impl LoadRows {
 
     /// Of each line, how many times the prediction a residual takes off: the gain, or for a common gain what leaves the squares that
     /// gain and prior leave together.
-    fn parts(&self, lines: &Centred) -> [f64; N] {
+    fn parts(&self, lines: &Centred) -> Vec<f64> {
         let Gain::Common { prior } = self.gain else {
-            return core::array::from_fn(|line| self.gain(line, lines));
+            return (0..lines.len()).map(|line| self.gain(line, lines)).collect();
         };
         let [of_both, of_predicted] = self.products(lines);
         // d = measured - predicted; d - part p has the squares of d less (d p)^2 / (p p + prior).
         let left = (prior / (of_predicted + prior)).sqrt();
         let part = if of_predicted > 0.0 { (of_both - of_predicted) / of_predicted * (1.0 - left) } else { 0.0 };
-        [1.0 + part; N]
+        vec![1.0 + part; lines.len()]
     }
 
     /// Weighted products of measured with predicted and of predicted with predicted loads, of all lines.
     fn products(&self, lines: &Centred) -> [f64; 2] {
         let mut sums = [0.0; 2];
-        for ((measured, predicted), weight) in lines.iter().zip(self.weight) {
+        for ((measured, predicted), weight) in lines.iter().zip(&self.weight) {
             let squared = weight * weight;
             sums[0] += squared * product(measured, predicted);
             sums[1] += squared * product(predicted, predicted);
@@ -273,10 +280,23 @@ impl LoadRows {
             }
             values
         };
-        core::array::from_fn(|line| {
-            let predicted = self.rows.iter().map(|row| predicted_n[row * N + line]).collect();
-            (centred(self.measured_n[line].clone()), centred(predicted))
-        })
+        let n = self.width();
+        let of_line = |(line, measured): (usize, &Vec<f64>)| {
+            let predicted = self.rows.iter().map(|row| predicted_n[row * n + line]).collect();
+            (centred(measured.clone()), centred(predicted))
+        };
+        self.measured_n.iter().enumerate().map(of_line).collect()
+    }
+
+    /// Whether no load of another line has more in common with what is read than that of the cell's own.
+    fn is_nearest_to_own(&self, line: usize, predicted_n: &[f64]) -> bool {
+        let lines = self.centred(predicted_n);
+        let shared = |(_, predicted): &(Vec<f64>, Vec<f64>)| {
+            let square = product(predicted, predicted);
+            if square > 0.0 { product(&lines[line].0, predicted).powi(2) / square } else { 0.0 }
+        };
+        let own = shared(&lines[line]);
+        lines.iter().all(|other| shared(other) <= own)
     }
 
     /// One cell's fit.
@@ -286,9 +306,9 @@ impl LoadRows {
         let square = |values: &mut dyn Iterator<Item = f64>| values.map(|x| x * x).sum::<f64>();
         let whole = square(&mut measured.iter().copied());
         let left = square(&mut measured.iter().zip(predicted).map(|(y, f)| y - gain * f));
-        let all = &self.measured_n[line];
+        let (all, n) = (&self.measured_n[line], self.width());
         let offset = |own: &[usize]| {
-            let sum: f64 = (own[0]..own[1]).map(|k| all[k] - gain * predicted_n[self.rows[k] * N + line]).sum();
+            let sum: f64 = (own[0]..own[1]).map(|k| all[k] - gain * predicted_n[self.rows[k] * n + line]).sum();
             sum / (own[1] - own[0]) as f64
         };
         let (low, high) = bounds(all.iter().copied());

@@ -34,7 +34,7 @@ pub struct Measurements {
     pub n_outputs: usize,
     /// Number of each row's trial, from 0, never falling; a new one starts the machine afresh.
     pub trial: Vec<u32>,
-    /// Loads at the actuators, N, push positive, row after row of 3.
+    /// Loads at the actuators, N, push positive, row after row of one for each input.
     pub loads_n: Option<Vec<f64>>,
     /// What fits make of them.
     pub load_use: LoadUse,
@@ -142,7 +142,7 @@ impl Measurements {
         self.time_s.len()
     }
 
-    /// Loads at the actuators that fits count, N, row after row of 3.
+    /// Loads at the actuators that fits count, N, row after row of one for each input.
     pub fn counted_loads_n(&self) -> Option<&[f64]> {
         self.loads_n.as_deref().filter(|_| self.load_use != LoadUse::Shown)
     }
@@ -284,7 +284,7 @@ impl Measurements {
             outputs: pick(&self.outputs, self.n_outputs),
             n_outputs: self.n_outputs,
             trial: rows.iter().filter_map(|&row| self.trial.get(row).copied()).collect(),
-            loads_n: pick_option(&self.loads_n, 3),
+            loads_n: pick_option(&self.loads_n, self.n_inputs),
             load_use: self.load_use,
             stem_angle_rad: pick_option(&self.stem_angle_rad, 1),
             temperature_c: pick_option(&self.temperature_c, 1),

@@ -89,7 +89,7 @@ impl<'a> Problem<'a> {
 
     /// Entries of a residual in each row: the outputs, and the loads where they are scored.
     pub fn width(&self) -> usize {
-        self.data.n_outputs + if self.loads.is_some() { LoadRows::WIDTH } else { 0 }
+        self.data.n_outputs + self.loads.as_ref().map_or(0, LoadRows::width)
     }
 
     /// Outputs with a weight, loads left out.
@@ -100,10 +100,9 @@ impl<'a> Problem<'a> {
     /// A value of every output in the units of a residual, and laid out as one: the loads' entries are zero.
     pub(crate) fn laid_out(&self, mut column: Vec<f64>) -> Vec<f64> {
         column.iter_mut().zip(&self.weight).for_each(|(x, w)| *x *= w);
-        if self.loads.is_none() {
-            return column;
-        }
-        let row = |outputs: &[f64]| outputs.iter().copied().chain([0.0; LoadRows::WIDTH]).collect::<Vec<_>>();
+        let Some(loads) = &self.loads else { return column };
+        let zeros = || core::iter::repeat_n(0.0, loads.width());
+        let row = |outputs: &[f64]| outputs.iter().copied().chain(zeros()).collect::<Vec<_>>();
         column.chunks(self.data.n_outputs).flat_map(row).collect()
     }
 
@@ -135,7 +134,7 @@ impl<'a> Problem<'a> {
                 let (predicted, loads_n) = self.predicted_with_loads(effects, inputs)?;
                 let left = loads.residual(&loads_n);
                 let rows = self.weigh(&predicted);
-                let rows = rows.chunks(self.data.n_outputs).zip(left.chunks(LoadRows::WIDTH));
+                let rows = rows.chunks(self.data.n_outputs).zip(left.chunks(loads.width()));
                 rows.flat_map(|(outputs, loads)| outputs.iter().chain(loads)).copied().collect()
             }
         };

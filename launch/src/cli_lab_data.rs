@@ -24,8 +24,8 @@ pub struct GenerateArgs {
     /// Standard deviation of each component of the bend vector, degrees.
     #[arg(long, default_value_t = 0.3, value_name = "DEG")]
     pub sigma_deg: f64,
-    /// Record the loads at the actuators too (tau1_n to tau3_n), with white noise of this standard deviation, N.
-    #[arg(long, value_name = "N", conflicts_with = "segments")]
+    /// Record the loads at the actuators too (tau1_n and so on, one for each line), with white noise of this standard deviation, N.
+    #[arg(long, value_name = "N")]
     pub load_sigma_n: Option<f64>,
     /// rich, teleop, ramp, triangle, multisine or staircase.
     #[arg(long, default_value = "rich", value_parser = motion)]

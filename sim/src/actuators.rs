@@ -33,6 +33,7 @@ impl SimulatedActuators {
             rate_m_per_s: core::array::from_fn(|k| if k < n_actuators { f64::INFINITY } else { 0.0 }),
             delay_ns: 0,
             measures_load: true,
+            homes_in_place: false,
             on_fault: OnFault::PowerOff,
         }
     }

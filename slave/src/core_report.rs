@@ -92,6 +92,9 @@ impl<D: Drive> SlaveCore<D> {
         if self.is_state_command_refused {
             flags |= SlaveState::COMMAND_REFUSED;
         }
+        if self.drive.traits().homes_in_place {
+            flags |= SlaveState::HOMES_IN_PLACE;
+        }
         if let Some(error) = self.drive_error.filter(|_| self.machine.state() == OperatingState::Fault) {
             flags |= self.failure_flags(&error);
         }

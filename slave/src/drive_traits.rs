@@ -24,6 +24,8 @@ pub struct DriveTraits {
     pub delay_ns: i64,
     /// Whether loads are measured.
     pub measures_load: bool,
+    /// Whether `home` moves nothing: the encoders know their place, and have only to stand within their travel of zero.
+    pub homes_in_place: bool,
     /// What a fault does to the power.
     pub on_fault: OnFault,
 }
@@ -96,6 +98,7 @@ mod tests {
         rate_m_per_s: [0.04; MAX_ACTUATORS],
         delay_ns: 9_000_000,
         measures_load: true,
+        homes_in_place: true,
         on_fault: OnFault::Hold,
     };
 

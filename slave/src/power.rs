@@ -6,7 +6,7 @@ use krait_ipc::message::{OperatingState, Transition};
 
 /// Drives that are not under power after so long have failed, ns.
 const SWITCHING_NS: i64 = 5_000_000_000;
-const NO_POWER: &str = "they were not under power after 5 s, as while an emergency stop is pressed";
+const NO_POWER: &str = "after 5 s they were not all under power with the limits that they were told, as while an emergency stop is pressed";
 
 impl<D: Drive> SlaveCore<D> {
     /// Whether power has been asked for and has not come yet.

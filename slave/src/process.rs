@@ -249,7 +249,15 @@ impl TransitionLog {
         }
         let homed = core.machine.is_homed();
         if core::mem::replace(&mut self.homed, homed) != homed {
-            tracing::info!("the drives {}", if homed { "found their zero" } else { "forgot their zero" });
+            let in_place = report.flags & SlaveState::HOMES_IN_PLACE != 0;
+            tracing::info!(
+                "the drives {}",
+                match (homed, in_place) {
+                    (true, true) => "stand within their travel of zero; nothing was moved, and no stop was looked for",
+                    (true, false) => "found their zero",
+                    (false, _) => "forgot their zero",
+                }
+            );
         }
         if core::mem::replace(&mut self.letting_go, core.is_letting_go()) != core.is_letting_go() {
             let largest_n = core.largest_load_n();

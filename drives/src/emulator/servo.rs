@@ -33,6 +33,8 @@ pub struct Faults {
     pub late: Duration,
     /// It does not hear goals: `SYNC WRITE` is lost on its way.
     pub is_deaf: bool,
+    /// It does not take what it is told for this register, as where the word is spoilt on its way.
+    pub refuses: Option<u8>,
     /// Its encoder reads what it read.
     pub is_stuck: bool,
     /// Error of an STS3215 in every reply, bit 0 supply, 1 encoder, 2 heat, 3 current, 5 overload; hardware error of an XL330, bit 0
@@ -151,7 +153,9 @@ impl Servo {
     /// Writes what a host wants written, where that may be.
     pub(super) fn write(&mut self, address: usize, data: &[u8]) {
         let end = (address + data.len()).min(N_REGISTERS);
-        if address >= end || (self.make == ServoMake::Xl330 && !dynamixel::may_write(self, address, data)) {
+        let is_refused = self.faults.refuses.is_some_and(|at| (address..end).contains(&usize::from(at)));
+        if is_refused || address >= end || (self.make == ServoMake::Xl330 && !dynamixel::may_write(self, address, data))
+        {
             return;
         }
         for (at, byte) in (address..end).zip(data) {

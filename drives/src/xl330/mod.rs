@@ -6,6 +6,9 @@
 //! nowhere is that of a servo that started anew; they are set again, and nothing has power before they are read. A servo that is told
 //! nothing for `gives_up_ms` stops by its own bus watchdog, under power, and takes no goals until power is switched anew.
 //!
+//! Nobody acknowledges what all are told, so each answer has the limit of the torque and the watchdog: until both are as they were
+//! told, a servo counts as unguarded, and nothing begins to move.
+//!
 //! Failure: a hardware error takes its power until it is rebooted, which power that is switched anew does.
 //!
 //! Source: ROBOTIS e-Manual, XL330-M288 and XL330-M077; with a homing offset the bus watchdog moves the motor
@@ -114,7 +117,6 @@ impl Servos for Xl330 {
         self.reboot(line)?;
         let enough = line.ask_all(STATUS)?;
         let now_ns = monotonic_ns();
-        let mut is_unbounded = [false; MAX_ACTUATORS];
         for (k, answer) in line.answers(STATUS.n) {
             let status = Status::of(&answer);
             (seen.has_answered[k], seen.sampled_ns[k]) = (true, now_ns);
@@ -122,10 +124,12 @@ impl Servos for Xl330 {
             self.is_blank[k] = status.voltage == 0;
             if self.is_blank[k] {
                 (seen.is_powered[k], seen.has_let_go[k], seen.trouble[k]) = (false, true, Trouble::None);
+                seen.is_unguarded[k] = false;
             } else {
                 take(k, &status, seen);
                 self.is_shut_down[k] = status.hardware_error != 0 && !status.is_powered;
-                is_unbounded[k] = status.is_powered && (status.watchdog == 0 || status.goal_pwm != self.pwm[k]);
+                let watches = [self.watchdog, HAS_GIVEN_UP].contains(&status.watchdog);
+                seen.is_unguarded[k] = status.is_powered && !(watches && status.goal_pwm == self.pwm[k]);
             }
         }
         for k in 0..line.ids.len() {
@@ -142,9 +146,10 @@ impl Servos for Xl330 {
             line.set_of(|k| is_blank[k], INDIRECT_ADDRESS, |_| pointers())?;
         }
         // Nobody acknowledges what all are told: where the torque's limit or the watchdog was spoilt, both are said again.
-        if is_unbounded.contains(&true) {
-            line.set_of(|k| is_unbounded[k], GOAL_PWM, |k| self.pwm[k].to_le_bytes())?;
-            line.set_of(|k| is_unbounded[k], BUS_WATCHDOG, |_| [self.watchdog])?;
+        let is_to_be_told: PerActuator<bool> = core::array::from_fn(|k| seen.has_answered[k] && seen.is_unguarded[k]);
+        if is_to_be_told.contains(&true) {
+            line.set_of(|k| is_to_be_told[k], GOAL_PWM, |k| self.pwm[k].to_le_bytes())?;
+            line.set_of(|k| is_to_be_told[k], BUS_WATCHDOG, |_| [self.watchdog])?;
         }
         Ok(())
     }

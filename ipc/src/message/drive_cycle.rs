@@ -120,6 +120,8 @@ impl ActuatorCycle {
     pub const LET_GO: u32 = 4;
     /// Flag: it is being identified and configured, so that no answer is expected of it.
     pub const BUSY: u32 = 8;
+    /// Flag: it says that a limit or a watchdog of its own is not as it was told.
+    pub const UNGUARDED: u32 = 16;
 
     /// Whether a flag is set.
     pub fn has(&self, flag: u32) -> bool {

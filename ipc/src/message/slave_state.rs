@@ -72,6 +72,8 @@ impl SlaveState {
     pub const OTHERS_HOLD: u32 = 64;
     /// Flag: the actuator that stands alone, a gripper's wire, was written as the newest command has it.
     pub const JAW_FOLLOWING: u32 = 128;
+    /// Flag: `home` moves nothing, because the drives know their place.
+    pub const HOMES_IN_PLACE: u32 = 1 << 12;
     /// Place of the failed drive's number among the flags.
     const FAILED_DRIVE_SHIFT: u32 = 8;
     const FAILED_DRIVE_MASK: u32 = 0xF;

@@ -87,11 +87,13 @@ impl<T> Generated<T> {
             (1..=data.n_inputs).for_each(|k| text += &format!(",u{k}_m"));
             (1..=data.n_outputs).for_each(|k| text += &format!(",y{k}_rad"));
         }
-        text += if loads.is_some() { ",tau1_n,tau2_n,tau3_n\n" } else { "\n" };
+        let n = data.n_inputs;
+        (1..=n).filter(|_| loads.is_some()).for_each(|k| text += &format!(",tau{k}_n"));
+        text.push('\n');
         for row in 0..data.n_rows() {
             let time_s = data.time_s.get(row).copied().unwrap_or_default();
             text += &((time_s * 1e9).round() / 1e9).to_string();
-            let loads = loads.and_then(|loads| loads.get(row * 3..row * 3 + 3)).unwrap_or_default();
+            let loads = loads.and_then(|loads| loads.get(row * n..(row + 1) * n)).unwrap_or_default();
             for value in data.input(row).iter().chain(data.output(row)).chain(loads) {
                 text.push(',');
                 // A row that the camera did not see stays empty.

@@ -193,14 +193,15 @@ pub fn generate(recipe: &Recipe) -> Result<Generated, GenerateError> {
     let apart = [(&noisy_rad, &base_rad), (&clean_rad, &base_rad), (&noisy_rad, &clean_rad)];
     let answer = Answer::new(recipe, &truth, apart.map(|(a, b)| plant::apart_rad(a, b)), n);
     let mut measurements = measurements(recipe, &readings_m, &noisy_rad);
-    measurements.loads_n = recipe.load_sigma_n.map(|sigma_n| weighed_n(load_n, sigma_n, recipe.seed));
+    measurements.loads_n =
+        recipe.load_sigma_n.map(|sigma_n| weighed_n(load_n.into_iter().flatten(), sigma_n, recipe.seed));
     Ok(Generated { measurements, answer, truth, model: base_model() })
 }
 
 /// What load cells with white noise read, N, row after row.
-fn weighed_n(load_n: Vec<[f64; 3]>, sigma_n: f64, seed: u64) -> Vec<f64> {
+pub(crate) fn weighed_n(load_n: impl IntoIterator<Item = f64>, sigma_n: f64, seed: u64) -> Vec<f64> {
     let mut random = Random::new(seed, Purpose::Loads);
-    load_n.into_iter().flatten().map(|load_n| load_n + sigma_n * random.normal()).collect()
+    load_n.into_iter().map(|load_n| load_n + sigma_n * random.normal()).collect()
 }
 
 /// Keys of the machine that [`Recipe::perturbation`] makes wrong.

@@ -12,11 +12,13 @@ mod quiz;
 pub use kind::SegmentKind;
 pub use quiz::SegmentsQuiz;
 
-use crate::generate::{Answer, GenerateError, Generated, Motion, NoiseKind, Purpose, Random, amplitude, check_ranges};
+use crate::generate::{
+    Answer, GenerateError, Generated, Motion, NoiseKind, Purpose, Random, amplitude, check_ranges, weighed_n,
+};
 use kind::Draw;
 use krait_lab::{Measurements, Quantity};
 use krait_sim::SegmentsTruth;
-use plant::{OfSegment, Plant, all_apart_rad, planned_m};
+use plant::{Measured, OfSegment, Plant, all_apart_rad, planned_m};
 use std::collections::BTreeMap;
 
 /// What to make.
@@ -32,6 +34,8 @@ pub struct SegmentsRecipe {
     pub noise: NoiseKind,
     /// Its standard deviation in each component, rad.
     pub sigma_rad: f64,
+    /// Load cells at the actuators with white noise of this standard deviation, N; `None`: no loads are recorded.
+    pub load_sigma_n: Option<f64>,
     /// Length, s.
     pub seconds: f64,
     /// Rows per second, Hz.
@@ -50,6 +54,7 @@ impl Default for SegmentsRecipe {
             motion: Motion::Teleop,
             noise: NoiseKind::White,
             sigma_rad: 0.3 * core::f64::consts::PI / 180.0,
+            load_sigma_n: None,
             seconds: 200.0,
             rate_hz: 25.0,
             every: 1,
@@ -73,7 +78,9 @@ pub fn segments(recipe: &SegmentsRecipe) -> Result<Generated<SegmentsTruth>, Gen
         ("the rate in Hz", recipe.rate_hz, 5.0, 1000.0),
         ("the rows", recipe.seconds * recipe.rate_hz, 10.0, 1e7),
     ];
-    check_ranges(ranges.into_iter().chain(recipe.hidden.iter().map(|&(_, size)| ("a size", size, 0.01, 100.0))))?;
+    let load_sigma = recipe.load_sigma_n.map(|found| ("the load cells' noise in N", found, 0.0, 100.0));
+    let sizes = recipe.hidden.iter().map(|&(_, size)| ("a size", size, 0.01, 100.0));
+    check_ranges(ranges.into_iter().chain(load_sigma).chain(sizes))?;
     let period_s = 1.0 / recipe.rate_hz;
     let n = (recipe.seconds * recipe.rate_hz).round() as usize;
     let path = |k: usize| -> OfSegment {
@@ -102,7 +109,7 @@ pub fn segments(recipe: &SegmentsRecipe) -> Result<Generated<SegmentsTruth>, Gen
             known.insert(first, kind.known(found, &draw).into_iter().map(|(key, v)| (key.to_owned(), v)).collect());
         }
     }
-    let clean_rad = plant.seen_rad(&readings_m, period_s)?;
+    let Measured { seen_rad: clean_rad, load_n } = plant.measured(&readings_m, period_s)?;
     let mut noisy_rad = clean_rad.clone();
     for (k, seen) in noisy_rad.iter_mut().enumerate() {
         recipe.noise.add_to(seen, recipe.sigma_rad, period_s, seed_of(recipe.seed, k));
@@ -118,7 +125,7 @@ pub fn segments(recipe: &SegmentsRecipe) -> Result<Generated<SegmentsTruth>, Gen
         traj: recipe.motion.name().to_owned(),
         noise: recipe.noise.name(),
         sigma_deg: recipe.sigma_rad.to_degrees(),
-        load_sigma_n: None,
+        load_sigma_n: recipe.load_sigma_n,
         size: recipe.hidden.iter().map(|&(_, size)| size).collect(),
         base_rms_deg: apart_deg(&noisy_rad, &base_rad),
         effect_rms_deg: apart_deg(&clean_rad, &base_rad),
@@ -127,7 +134,8 @@ pub fn segments(recipe: &SegmentsRecipe) -> Result<Generated<SegmentsTruth>, Gen
         seed: recipe.seed,
         perturbation: 0.0,
     };
-    let measurements = measurements(recipe, readings_m, &noisy_rad);
+    let mut measurements = measurements(recipe, readings_m, &noisy_rad);
+    measurements.loads_n = recipe.load_sigma_n.map(|sigma_n| weighed_n(load_n, sigma_n, recipe.seed));
     Ok(Generated { measurements, answer, truth: plant.truth, model: recipe.model()? })
 }
 

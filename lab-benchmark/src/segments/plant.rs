@@ -27,6 +27,14 @@ pub(super) struct Plant {
     pub delay_s: f64,
 }
 
+/// What camera and load cells without noise measure.
+pub(super) struct Measured {
+    /// Of each segment, one after the other.
+    pub seen_rad: Vec<OfSegment>,
+    /// Loads at the actuators, N, push positive, row after row of all lines.
+    pub load_n: Vec<f64>,
+}
+
 /// How the camera sees one segment.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sight {
@@ -78,13 +86,20 @@ impl Plant {
 
     /// What is seen of each segment, one after the other.
     pub(super) fn seen_rad(&self, readings_m: &[f64], period_s: f64) -> Result<Vec<OfSegment>, GenerateError> {
+        Ok(self.measured(readings_m, period_s)?.seen_rad)
+    }
+
+    /// What is seen, and the loads at the actuators.
+    pub(super) fn measured(&self, readings_m: &[f64], period_s: f64) -> Result<Measured, GenerateError> {
         let refused =
             |source| GenerateError::Truth(TruthError::Segments { file: "the hidden effect".to_owned(), source });
         let mut segments = SimulatedSegments::new(&self.truth).map_err(refused)?;
         let n_lines = segments.n_lines();
         let mut seen = vec![OfSegment::with_capacity(readings_m.len() / n_lines); segments.n_segments()];
+        let mut load_n = Vec::with_capacity(readings_m.len());
         for (row, q_m) in readings_m.chunks_exact(n_lines).enumerate() {
             segments.move_to(q_m);
+            load_n.extend(segments.actuator_loads_n());
             let time_s = row as f64 * period_s;
             let first = segments.bend_rad(0);
             for (k, seen) in seen.iter_mut().enumerate() {
@@ -94,7 +109,7 @@ impl Plant {
         if segments.n_unsolved() > 0 {
             return Err(GenerateError::Unsolved { n: segments.n_unsolved() });
         }
-        Ok(seen.into_iter().map(|own| late(own, self.delay_s / period_s)).collect())
+        Ok(Measured { seen_rad: seen.into_iter().map(|own| late(own, self.delay_s / period_s)).collect(), load_n })
     }
 
     fn shown_rad(&self, segment: usize, bend_rad: [f64; 2], first_rad: [f64; 2], time_s: f64) -> [f64; 2] {

@@ -10,6 +10,7 @@ mod generate;
 mod joints;
 mod loads;
 mod locked;
+mod segment_loads;
 mod segments;
 mod segments_quiz;
 mod snake_lists;

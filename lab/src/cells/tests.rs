@@ -13,6 +13,8 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 const TRUTH: [f64; 4] = [1.22, 0.089e-3, 1.959, 0.1727];
 /// Rows at each pose, so that twenty poses are rows enough; each has so much more noise.
 const AT_A_POSE: usize = 5;
+/// Lines of a snake.
+const N: usize = 3;
 
 /// Encoders (m) and loads at the actuators (N) at a bend, all lines sliding, from the equations.
 fn bench(bend_rad: f64, way: f64) -> ([f64; 3], [f64; 3]) {
@@ -77,7 +79,7 @@ fn fits_scatter_as_the_rows_of_the_likelihood_predict() {
     let variables: Vec<Variable> =
         (0..4).map(|k| Variable::new(&lab, &effects, k, 0, 0.1 * TRUTH[k]).unwrap()).collect();
     let sigma = [1_f64.to_radians(), 0.1].map(|sigma| sigma * (AT_A_POSE as f64).sqrt());
-    let cells = Cells { sigma_n: [sigma[1]; 3], sigma_output: sigma[0], is_white: true };
+    let cells = Cells { sigma_n: vec![sigma[1]; N], sigma_output: sigma[0], is_white: true };
     let mut sums = [[0.0; 2]; 4];
     for seed in 0..SEEDS {
         let problem = Problem::new(&lab, measured(seed, sigma, false), &[], 1.0).with_loads(Some(&cells));
@@ -103,7 +105,7 @@ fn estimated(reads: f64, gain_sd: f64) -> (Measurements, Cells) {
     let mut data = measured(7, [sigma, sigma_n], true);
     data.load_use = LoadUse::Estimated { gain_sd };
     data.loads_n = data.loads_n.map(|loads| loads.iter().map(|n| reads * n).collect());
-    (data, Cells { sigma_n: [sigma_n; N], sigma_output: sigma, is_white: true })
+    (data, Cells { sigma_n: vec![sigma_n; N], sigma_output: sigma, is_white: true })
 }
 
 fn with_true_effects() -> (SnakeLab, Vec<Term>) {

@@ -62,8 +62,9 @@ pub(super) fn dimensions<'a>(
     found.push(time(&motions));
     found.push(rest(&motions));
     if let Some(loads) = &data.loads_n {
-        let largest = |row: usize| {
-            loads.get(3 * row..3 * row + 3).map_or(f64::NAN, |l| l.iter().fold(0.0, |a, b| b.abs().max(a)))
+        let n = data.n_inputs;
+        let largest = move |row: usize| {
+            loads.get(n * row..n * (row + 1)).map_or(f64::NAN, |l| l.iter().fold(0.0, |a, b| b.abs().max(a)))
         };
         found.push(quarters("load", "N", scored, largest));
     }

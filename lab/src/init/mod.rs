@@ -246,10 +246,12 @@ fn is_trial(column: &Column) -> bool {
 
 fn segments_of(found: segments::Found) -> Machine {
     let (n, n_lines) = (found.n_segments, found.n_lines);
+    let has_loads = found.columns.iter().any(|(target, ..)| target.starts_with("tau"));
+    let loads = if has_loads { ", a load for each line" } else { "" };
     Machine {
         kind: "segments",
         sentence: format!(
-            "segments, {n} in series on {n_lines} lines (lengths, and a bend in two components for each segment)"
+            "segments, {n} in series on {n_lines} lines (lengths, a bend in two components for each segment{loads})"
         ),
         columns: found.columns,
         pairs: Vec::new(),

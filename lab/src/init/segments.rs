@@ -2,7 +2,7 @@
 
 use super::joints::Checked;
 use super::role::Guess;
-use super::snake::{angle, length, lines, numbered};
+use super::snake::{angle, length, lines, loads, numbered};
 use super::{Assigned, Column};
 use crate::Measurements;
 use crate::machine::{MachineUnderTest, SegmentsLab};
@@ -69,6 +69,8 @@ pub(super) fn find(columns: &[Column]) -> Result<Option<Found>, String> {
         let (segment, axis) = (k / 2 + 1, if k % 2 == 0 { "x" } else { "y" });
         assigned.push((format!("y{}_rad", k + 1), place, unit, format!("bend {segment} in {axis}")));
     }
+    let loads = loads(columns, n_lines, &format!("of {n_lines} loads"));
+    assigned.extend(loads.into_iter().map(|(target, place, unit, why)| (target, place, Some(unit), why)));
     cautions.push(format!(
         "where each line ends, its angle and every dimension are not in the data: the model has the first {} lines end at segment 1 and so on, \
          evenly spaced, with the paper's dimensions; put in your machine's before you trust a diagnosis",

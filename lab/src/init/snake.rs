@@ -29,14 +29,7 @@ pub(super) fn find(columns: &[Column]) -> Option<Found> {
         let unit = angle(columns, place, &mut guesses)?;
         found.push((target.to_owned(), place, unit, "of a bend".to_owned()));
     }
-    if let Some(loads) = loads(columns) {
-        let newton = Unit::from_suffix("n")?;
-        for (k, &place) in loads.iter().enumerate() {
-            let own = columns.get(place).map(|column| &column.words.unit);
-            let unit = if let Some(NamedUnit::Known(unit)) = own { *unit } else { newton };
-            found.push((format!("tau{}_n", k + 1), place, unit, "of three loads".to_owned()));
-        }
-    }
+    found.extend(loads(columns, N_LINES, "of three loads"));
     Some(Found { columns: found, guesses })
 }
 
@@ -59,12 +52,21 @@ pub(super) fn lines(columns: &[Column], is_number: impl Fn(usize) -> bool) -> Op
     families.iter().find(|family| is_measured(family)).or(families.first()).cloned()
 }
 
-fn loads(columns: &[Column]) -> Option<[usize; N_LINES]> {
+/// Loads of so many lines, each with its unit, newtons where the name has none; nothing unless there are loads of all lines.
+pub(super) fn loads(columns: &[Column], n_lines: usize, why: &str) -> Vec<(String, usize, Unit, String)> {
     let is_load = |column: &Column| {
         let is_force = column.words.unit.dimension().is_none_or(|dimension| dimension == Dimension::Force);
         is_force && matches!(column.guess, Guess::Other("a load" | "a force"))
     };
-    numbered(columns, is_load).into_iter().find_map(|family| family.try_into().ok())
+    let family = numbered(columns, is_load).into_iter().find(|family| family.len() == n_lines).unwrap_or_default();
+    let named = |(k, place): (usize, usize)| {
+        let unit = match columns.get(place).map(|column| &column.words.unit) {
+            Some(NamedUnit::Known(unit)) => *unit,
+            _ => Unit::from_suffix("n")?,
+        };
+        Some((format!("tau{}_n", k + 1), place, unit, why.to_owned()))
+    };
+    family.into_iter().enumerate().filter_map(named).collect()
 }
 
 /// Columns of the same words with numbers in a row, in that order.

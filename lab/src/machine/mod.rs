@@ -158,7 +158,8 @@ pub trait MachineUnderTest: Sync {
     /// [`LabError::Chain`] where the effects make no chain.
     fn predict(&self, effects: &[Term], data: &Measurements) -> Result<Vec<f64>, LabError>;
 
-    /// The same, and the loads at the actuators, N, push positive, row after row of 3; no loads for a machine without lines.
+    /// The same, and the loads at the actuators, N, push positive, row after row of one for each line; no loads for a machine
+    /// without lines, or with rigid ones.
     ///
     /// # Errors
     /// As [`MachineUnderTest::predict`].

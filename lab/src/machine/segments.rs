@@ -7,7 +7,7 @@ use krait_model::EffectSetting;
 use krait_model::effects::{EffectKind, SegmentEffect, SegmentLaw};
 use krait_model::model_file::{Machine, ModelFile};
 use krait_model::segments::{
-    Bends, LineValues, MAX_BENDS, SEGMENT_EFFECTS, SegmentChain, Segments, SegmentsParameters,
+    Bends, LineValues, SEGMENT_EFFECTS, SegmentChain, SegmentPredictor, Segments, SegmentsParameters,
 };
 
 /// Segments with their model.
@@ -38,6 +38,27 @@ impl SegmentsLab {
         let order = acting(self.effects.len(), effects).into_iter().map(|k| &effects[k]);
         let settings: Vec<EffectSetting> = order.map(|own| snake::setting(own, kind)).collect::<Result<_, _>>()?;
         Ok(SegmentChain::new(&self.parameters, &settings)?)
+    }
+
+    /// The forward model over all rows, which `take` sees after each of them with its time, s.
+    fn run(
+        &self,
+        effects: &[Term],
+        data: &Measurements,
+        mut take: impl FnMut(&mut SegmentPredictor, f64),
+    ) -> Result<(), LabError> {
+        let chain = self.chain(effects)?;
+        let mut predictor = chain.predictor();
+        for row in 0..data.n_rows() {
+            if data.starts_trial(row) {
+                predictor = chain.predictor();
+            }
+            let mut q_tilde_m = LineValues::zeros();
+            q_tilde_m.iter_mut().zip(data.input(row)).for_each(|(own, q)| *own = *q);
+            predictor.step(&q_tilde_m);
+            take(&mut predictor, data.time_s[row]);
+        }
+        Ok(())
     }
 
     /// Why no data can show an effect on this machine.
@@ -90,20 +111,26 @@ impl MachineUnderTest for SegmentsLab {
     }
 
     fn predict(&self, effects: &[Term], data: &Measurements) -> Result<Vec<f64>, LabError> {
-        let chain = self.chain(effects)?;
-        let mut predictor = chain.predictor();
         let mut outputs = Vec::with_capacity(data.outputs.len());
-        for row in 0..data.n_rows() {
-            if data.starts_trial(row) {
-                predictor = chain.predictor();
-            }
-            let mut q_tilde_m = LineValues::zeros();
-            q_tilde_m.iter_mut().zip(data.input(row)).for_each(|(own, q)| *own = *q);
-            predictor.step(&q_tilde_m);
-            let seen_rad = predictor.observed_rad(data.time_s[row]);
-            outputs.extend(seen_rad.iter().take(data.n_outputs.min(MAX_BENDS)));
-        }
+        self.run(effects, data, |now, time_s| outputs.extend(now.observed_rad(time_s).iter().take(data.n_outputs)))?;
         Ok(outputs)
+    }
+
+    fn predict_with_loads(
+        &self,
+        effects: &[Term],
+        data: &Measurements,
+    ) -> Result<(Vec<f64>, Option<Vec<f64>>), LabError> {
+        if self.parameters.rigid_lines {
+            return Ok((self.predict(effects, data)?, None));
+        }
+        let (mut outputs, mut loads_n) =
+            (Vec::with_capacity(data.outputs.len()), Vec::with_capacity(data.inputs.len()));
+        self.run(effects, data, |now, time_s| {
+            outputs.extend(now.observed_rad(time_s).iter().take(data.n_outputs));
+            loads_n.extend(now.actuator_load_n().into_iter().flat_map(|all| all.iter().take(data.n_inputs)));
+        })?;
+        Ok((outputs, Some(loads_n)))
     }
 }
 

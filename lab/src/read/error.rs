@@ -102,6 +102,21 @@ pub enum ReadError {
         /// Place and name of the other.
         second: String,
     },
+    /// Loads of more or fewer lines than the machine has.
+    #[error(
+        "{}{at}: there are loads of {found} line{}, expected those of all {n_lines} lines, tau1_n to tau{n_lines}_n, or none; add or remove columns, or rename those that are no loads of lines",
+        path.display(), if *found == 1 { "" } else { "s" }
+    )]
+    Loads {
+        /// The file.
+        path: PathBuf,
+        /// Where the names stand.
+        at: At,
+        /// Lines with a load.
+        found: usize,
+        /// Lines of the machine.
+        n_lines: usize,
+    },
     /// A `--map` that is none.
     #[error("--map {found:?} is no mapping, expected LAB_COLUMN=FILE_COLUMN or LAB_COLUMN=FILE_COLUMN:UNIT")]
     MapSyntax {

@@ -89,6 +89,7 @@ pub(super) fn plan(
         }
     }
     header.one_uncertainty(&columns)?;
+    header.loads_of_all_lines(&columns, &wanted, map)?;
     for (field, name) in names.iter().enumerate() {
         if !name.is_empty() && !columns.iter().any(|column| column.field == field) {
             let name = name.clone();
@@ -226,6 +227,19 @@ impl Header<'_> {
             (Some(sigma), Some(weight)) => Err(self.duplicate("the uncertainty of a row".to_owned(), sigma, weight)),
             _ => Ok(()),
         }
+    }
+
+    /// Loads are there of every line or of none: which line they were of could not be told otherwise.
+    fn loads_of_all_lines(&self, columns: &[Column], wanted: &[Wanted], map: &ColumnMap) -> Result<(), ReadError> {
+        let n_lines = wanted.iter().filter(|one| matches!(one.role, Role::Load(_))).count();
+        let found: Vec<&str> =
+            columns.iter().filter(|own| matches!(own.role, Role::Load(_))).map(|own| own.name.as_str()).collect();
+        let has_more = n_lines > 0 && map.mappings.is_empty() && self.has_base(&format!("tau{}", n_lines + 1));
+        if found.is_empty() || (found.len() == n_lines && !has_more) {
+            return Ok(());
+        }
+        let beyond = (n_lines + 1..=99).take_while(|k| has_more && self.has_base(&format!("tau{k}"))).count();
+        Err(ReadError::Loads { path: self.path.to_owned(), at: self.at, found: found.len() + beyond, n_lines })
     }
 
     /// Whether the names are those of the expected machine, as far as names tell.

@@ -59,7 +59,10 @@ impl ColumnMap {
             Ok(Mapping { unit: unit.transpose()?, target, source: entry.column, wraps: entry.wraps })
         };
         if file.columns.contains_key(NONE) {
-            return Err(wrong(None, "none is no column of the lab; write none = [\"NAME\"] above [columns]".to_owned()));
+            return Err(wrong(
+                None,
+                "none is no column of the lab; write none = [\"NAME\"] above [columns]".to_owned(),
+            ));
         }
         let out = file.none.into_iter().map(|source| Ok(Mapping::new(NONE.to_owned(), &source, None, None)));
         file.columns.into_iter().map(mapping).chain(out).collect()

@@ -28,8 +28,8 @@ mod with;
 mod wrap;
 
 pub use at::At;
-pub use column_map::{ColumnMap, Mapping};
 pub(crate) use column_map::NONE;
+pub use column_map::{ColumnMap, Mapping};
 pub use error::ReadError;
 pub(crate) use force::{CUT_OFF_HZ, column, filter_s, filtered, scatter_before_filter};
 pub(crate) use header::in_brackets;

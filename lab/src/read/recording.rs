@@ -135,7 +135,7 @@ fn measurements(
         if scale == 1.0 { values } else { values.into_iter().map(|value| value * scale).collect() }
     };
     let (n_inputs, n_outputs) = (columns.n_actuators, columns.n_outputs());
-    let loads_n = (quantity == Quantity::Snake && columns.has_tau()).then(|| columns.tau_n.clone());
+    let loads_n = (quantity != Quantity::Joints && columns.has_tau()).then(|| columns.tau_n.clone());
     Measurements {
         source: source(path),
         sha256,

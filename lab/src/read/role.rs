@@ -68,17 +68,7 @@ pub(super) fn snake() -> Vec<Wanted> {
     wanted.push(angle(Role::ThetaL, "theta_l", bend));
     // Azimuths may be unwrapped over a few turns.
     wanted.push(angle(Role::Delta, "delta", Some((10.0 * PI, "no azimuth in radians: more than five turns"))));
-    for i in 0..N_LINES {
-        let limit = Some((1e4, "no load that a line can bear in newtons"));
-        let dimension = Some(Dimension::Force);
-        wanted.push(Wanted {
-            role: Role::Load(i),
-            base: format!("tau{}", i + 1),
-            dimension,
-            unit: "n".to_owned(),
-            limit,
-        });
-    }
+    wanted.extend((0..N_LINES).map(load));
     wanted.extend(circumstances());
     wanted.push(angle(Role::Sigma, "sigma_bend", Some((PI, "no standard deviation of a bend in radians"))));
     wanted
@@ -114,6 +104,7 @@ pub(super) fn segments(n_lines: usize, n_bends: usize) -> Vec<Wanted> {
     wanted.extend((0..n_lines).map(|i| length(Role::Input(i), format!("u{}", i + 1), travel)));
     let bend = Some((2.0 * PI, "no angle of a segment in radians: more than a whole turn"));
     wanted.extend((0..n_bends).map(|i| angle(Role::Output(i), &format!("y{}", i + 1), bend)));
+    wanted.extend((0..n_lines).map(load));
     wanted.push(angle(Role::Sigma, "sigma_y", Some((PI, "no standard deviation of a bend in radians"))));
     wanted.push(plain(Role::Weight, "weight"));
     wanted
@@ -142,6 +133,17 @@ pub(super) fn force(machine: &ForceMachine) -> Vec<Wanted> {
         limit: None,
     }));
     wanted
+}
+
+/// The load at the actuator of line `i`, from 0.
+fn load(i: usize) -> Wanted {
+    Wanted {
+        role: Role::Load(i),
+        base: format!("tau{}", i + 1),
+        dimension: Some(Dimension::Force),
+        unit: "n".to_owned(),
+        limit: Some((1e4, "no load that a line can bear in newtons")),
+    }
 }
 
 fn time() -> Wanted {

@@ -42,7 +42,7 @@ pub(super) fn measurements(path: &Path, mut table: Table, expected: Expected, sh
         n_inputs,
         outputs,
         n_outputs,
-        loads_n: interleave(&mut table, super::role::N_LINES, Role::Load),
+        loads_n: interleave(&mut table, n_inputs, Role::Load),
         load_use: LoadUse::UNCALIBRATED,
         stem_angle_rad: take(&mut table, Role::StemAngle),
         temperature_c: take(&mut table, Role::Temperature),

@@ -130,6 +130,21 @@ fn segments_are_recognised_by_their_lines_and_bends_and_read_the_same_under_othe
 }
 
 #[test]
+fn loads_of_all_lines_of_segments_are_recognised() {
+    let recipe = SegmentsRecipe { load_sigma_n: Some(0.1), seconds: 60.0, seed: 3, ..SegmentsRecipe::default() };
+    let csv = segments(&recipe).expect("data").csv();
+    let found = proposed(&file("segments_loads", csv.clone()));
+    let loads: Vec<String> = (1..=6).map(|k| format!("tau{k}_n")).collect();
+    assert_eq!(roles(&found)[11..].iter().map(|(_, is)| *is).collect::<Vec<_>>(), loads, "{}", found.machine);
+    assert!(found.machine.contains("a load for each line"), "{}", found.machine);
+    let (_, rows) = csv.split_once('\n').expect("a header");
+    let header = format!("{SIX_LINES},y1_rad,y2_rad,y3_rad,y4_rad,load1,load2,load3,load4,load5,load6");
+    let other = file("segments_load_names", format!("{header}\n{rows}"));
+    let again = proposed(&other);
+    assert!(data(&other, &again).loads_n.is_some_and(|loads| loads.len() == 6 * 1500), "{:?}", roles(&again));
+}
+
+#[test]
 fn a_model_that_does_not_follow_the_bends_is_said_to_be_wrong() {
     // Lines of both segments in another order than the proposal's.
     let mixed = "time_s,u1_m,u6_m,u3_m,u2_m,u5_m,u4_m,y1_rad,y2_rad,y3_rad,y4_rad";

@@ -34,7 +34,13 @@ fn data(path: &Path, found: &Proposal) -> Measurements {
 fn with_a_current(name: &str) -> PathBuf {
     let row = |t: f64| {
         let (u, noise) = (30.0 * t.sin(), (37.0 * t).sin());
-        format!("{t:.2},{u:.4},{:.4},{:.4},{:.1},x,{:.3},7", u + 0.3 * (5.0 * t).sin(), t.cos() + 0.01 * noise, 90.0 * noise, t * t)
+        format!(
+            "{t:.2},{u:.4},{:.4},{:.4},{:.1},x,{:.3},7",
+            u + 0.3 * (5.0 * t).sin(),
+            t.cos() + 0.01 * noise,
+            90.0 * noise,
+            t * t
+        )
     };
     file(name, "t_s,cmd_deg,angle_deg,motor [A],brake [mA],note,foo,k", row)
 }
@@ -61,7 +67,8 @@ fn a_column_that_is_taken_out_is_not_proposed_and_not_read() {
     let path = with_a_current("taken_out");
     let found = proposed(&path, &["none=cmd_deg", "none=foo"]);
     assert_eq!(found.kind, "force", "the hint's own words make a machine of it");
-    let is = |name: &str| found.columns.iter().find(|seen| seen.name == name).and_then(|seen| seen.stands_for.as_deref());
+    let is =
+        |name: &str| found.columns.iter().find(|seen| seen.name == name).and_then(|seen| seen.stands_for.as_deref());
     assert_eq!([is("motor [A]"), is("angle_deg"), is("cmd_deg")], [Some("i1_a"), Some("q1_rad"), None]);
     let read = data(&path, &found);
     assert!(read.names_beside().all(|name| name != "foo" && name != "cmd_deg"), "the mapping file says it too");

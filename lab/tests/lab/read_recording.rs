@@ -6,7 +6,7 @@ use krait_lab::read::{ColumnMap, Expected, Mapping, read};
 use krait_lab::{LoadUse, Measurements, Quantity};
 use krait_model::model_file::ModelFile;
 use krait_record::columns::{Columns, write_csv, write_parquet};
-use krait_record::{About, Attachment, CONFIG_ATTACHMENT, RecordingWriter};
+use krait_record::{About, Attachment, CONFIG_ATTACHMENT, MODEL_ATTACHMENT, RecordingWriter};
 use krait_schema::Sample;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -116,6 +116,42 @@ fn loads_of_a_recording_count_as_its_configuration_states_them() {
         assert_eq!(snake(&recording_of(&format!("loads-{k}"), Some(config))).load_use, expected, "{config}");
     }
     assert_eq!(snake(&recording("loads-none")).load_use, LoadUse::Shown);
+}
+
+#[test]
+fn a_recording_of_segments_has_the_loads_of_all_its_lines() {
+    let model = include_str!("../../../docs/segments/two.toml");
+    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("segment-loads.mcap");
+    let attachments = [(MODEL_ATTACHMENT, model), (CONFIG_ATTACHMENT, "[slave.drive]\nkind = \"sim\"\n")];
+    let attached = attachments.map(|(name, text)| Attachment {
+        name: name.to_owned(),
+        media_type: "application/toml".to_owned(),
+        data: text.as_bytes().to_vec(),
+    });
+    let _was_there = std::fs::remove_file(&path);
+    let about = About::run("test", &BTreeMap::new(), attached.into_iter().collect());
+    let mut writer = RecordingWriter::create(&path, 1 << 16, &about).expect("a new file");
+    let load_n = |k: i64, line: usize| k as f64 + 0.1 * line as f64;
+    for k in 0..2500 {
+        let Sample::State(own) = state(k, SlaveState::IS_HOMED) else { panic!("a state") };
+        let mut measured_tau_n = [0.0; 12];
+        measured_tau_n[..6].iter_mut().enumerate().for_each(|(line, own)| *own = load_n(k, line));
+        let of_segments = SlaveState { n_actuators: 6, n_joints: 4, measured_tau_n, ..own };
+        writer.write(&Sample::State(of_segments), k * MS).expect("writes");
+        if k % 20 == 0 {
+            let seen = Shape::of_joints(k as u64 + 1, k * MS, k * MS, &[1e-4 * k as f64, 0.0, 0.01, 0.0]);
+            writer.write(&Sample::Shape(seen), k * MS).expect("writes");
+        }
+    }
+    writer.finish(&BTreeMap::from([("ended".to_owned(), "in order".to_owned())])).expect("writes");
+    let model = ModelFile::parse(model).expect("a model");
+    let data = read(&path, &ColumnMap::default(), model.machine().into()).unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!((data.n_inputs, data.load_use), (6, LoadUse::Counted { gain_apart: 0.005 }));
+    let loads_n = data.counted_loads_n().expect("loads");
+    assert_eq!(loads_n.len(), 6 * data.n_rows());
+    for (row, own) in loads_n.chunks_exact(6).enumerate() {
+        assert!(own.iter().enumerate().all(|(line, n)| *n == load_n(row as i64, line)), "row {row}: {own:?}");
+    }
 }
 
 #[test]

@@ -17,6 +17,9 @@ use std::process::ExitCode;
 
 /// Its name among the members of an instance.
 pub const NAME: &str = "state";
+/// What `home` came to, where the drives know their place.
+const HOMED_IN_PLACE: &str = "`home` moved nothing: these drives know their place, and each stands within its travel of zero. A chain that runs \
+     looks for no mechanical stop; end it and use `krait drives --zero` for that.";
 /// The supervisor looks every 20 ms, and gives the slave a second.
 const PATIENCE_NS: i64 = 5_000_000_000;
 /// Homing takes seconds: the largest travel at the slowest speed, and some.
@@ -37,14 +40,17 @@ pub fn run(common: &Common, args: &StateArgs) -> anyhow::Result<ExitCode> {
     let bus = Bus::open(&common.instance, NAME)?;
     commands::refuse_without(&bus, "slave", "state")?;
     let mut view = View::open(&bus)?;
+    let mut moved_nothing = false;
     if let Some(ask) = args.ask {
-        view.ask(&bus, transition_of(ask))?;
+        let answer = view.ask(&bus, transition_of(ask))?;
+        moved_nothing = matches!(ask, Ask::Home) && answer.flags & SlaveState::HOMES_IN_PLACE != 0;
     }
     if args.scale.is_some() || args.lock.is_some() || args.unlock.is_some() {
         motion_wish::ask(&bus, args)?;
     }
     let command = newest::<Command>(&mut bus.reader(ReadOptions::observing())?, GLANCE_NS)?;
     let mut shown = view.show(command.as_ref())?;
+    shown.note = (moved_nothing && shown.is_homed).then_some(HOMED_IN_PLACE);
     if let Some(input) = newest::<OperatorInput>(&mut bus.reader(ReadOptions::observing())?, GLANCE_NS)? {
         let is_locked = |flag| Some(input.flags & flag != 0);
         shown.scale = Some(f64::from(input.scale_permille) / 1000.0);
@@ -61,7 +67,7 @@ pub fn run(common: &Common, args: &StateArgs) -> anyhow::Result<ExitCode> {
 
 /// Asks for another state and waits until it is there.
 pub fn ask(bus: &Bus, transition: Transition) -> anyhow::Result<()> {
-    View::open(bus)?.ask(bus, transition)
+    View::open(bus)?.ask(bus, transition).map(|_answer| ())
 }
 
 /// The newest message of a channel that is published a thousand times a second, if one comes within the patience.
@@ -117,6 +123,8 @@ struct Shown {
     scale: Option<f64>,
     is_translation_locked: Option<bool>,
     is_rotation_locked: Option<bool>,
+    /// What `home` came to, where it moved nothing; none but after it.
+    note: Option<&'static str>,
     /// What the drives say of their failure; none but in FAULT.
     failure: Option<String>,
     /// Why nothing moves, or why motion is limited.
@@ -148,7 +156,7 @@ impl View {
     }
 
     /// Asks the supervisor and waits for its answer; after `home`, for the end of the search.
-    fn ask(&mut self, bus: &Bus, transition: Transition) -> anyhow::Result<()> {
+    fn ask(&mut self, bus: &Bus, transition: Transition) -> anyhow::Result<StateAnswer> {
         commands::refuse_without(bus, "launch", "state")?;
         let request = StateRequest::new(1, clock::monotonic_ns(), transition);
         let deadline_ns = request.sample_ns + PATIENCE_NS;
@@ -162,10 +170,11 @@ impl View {
             Some(RequestOutcome::Refused) | None => bail!("{}", refusal(transition, &answer)?),
         }
         match transition {
-            Transition::Home | Transition::Enable => self.wait_for_homing(),
-            Transition::Disable => self.wait_for_power_off(),
-            _ => Ok(()),
+            Transition::Home | Transition::Enable => self.wait_for_homing()?,
+            Transition::Disable => self.wait_for_power_off()?,
+            _ => {}
         }
+        Ok(answer)
     }
 
     fn answer_to(&mut self, request: &StateRequest, deadline_ns: i64) -> anyhow::Result<StateAnswer> {
@@ -246,6 +255,7 @@ impl View {
             scale: None,
             is_translation_locked: None,
             is_rotation_locked: None,
+            note: None,
             failure: (state.operating() == Some(OperatingState::Fault)).then(|| fault_sentence(&state)),
             reasons: reasons.iter().map(held).collect(),
         })
@@ -271,6 +281,9 @@ impl Shown {
             if is_locked == Some(true) {
                 text += &format!("  No {what} is taken from the hand: it is locked.\n");
             }
+        }
+        if let Some(note) = self.note {
+            text += &format!("  {note}\n");
         }
         if let Some(failure) = &self.failure {
             text += &format!("  {failure}\n");

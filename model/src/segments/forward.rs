@@ -41,6 +41,7 @@ pub struct SegmentPredictor {
     /// Where each line stands in the cone, m.
     pub(super) seat_m: LineValues,
     tau_n: LineValues,
+    actuator_load_n: LineValues,
     n_unsolved: u64,
     /// What the camera has yet to show, where it is late.
     delay: Option<Box<DelayLine<f64, MAX_BENDS>>>,
@@ -67,6 +68,7 @@ impl SegmentPredictor {
             play_m: zeros,
             seat_m: zeros,
             tau_n: zeros,
+            actuator_load_n: zeros,
             n_unsolved: 0,
             delay: chain.delay_s.map(|_| Box::new(DelayLine::new())),
         }
@@ -111,6 +113,8 @@ impl SegmentPredictor {
         for k in 0..self.chain.machine.n_lines() {
             let Loaded { tau_n, seat_m, .. } = self.loaded(&self.unknowns, k);
             (self.tau_n[k], self.seat_m[k]) = (tau_n, seat_m);
+            // What gives in the cone carries the actuator's load, whether the line slides there or sticks.
+            self.actuator_load_n[k] = (self.play_m[k] - seat_m) / self.chain.machine.c_c_m_per_n[k];
         }
     }
 
@@ -136,6 +140,12 @@ impl SegmentPredictor {
     /// Loads of the lines at the snake in the newest step, N, push positive.
     pub fn tau_n(&self) -> &LineValues {
         &self.tau_n
+    }
+
+    /// Loads of the lines at their actuators, where load cells are, N, push positive: those at the snake and all friction between;
+    /// `None` where the lines are taken for rigid, which have no loads.
+    pub fn actuator_load_n(&self) -> Option<&LineValues> {
+        (!self.is_rigid()).then_some(&self.actuator_load_n)
     }
 
     /// Steps whose equilibrium was not found.

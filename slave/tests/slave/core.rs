@@ -67,6 +67,7 @@ impl Drive for Mock {
             rate_m_per_s: [f64::INFINITY; 12],
             delay_ns: 0,
             measures_load: true,
+            homes_in_place: false,
             on_fault: if self.holds { OnFault::Hold } else { OnFault::PowerOff },
         }
     }

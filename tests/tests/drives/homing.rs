@@ -62,6 +62,29 @@ fn a_stop_is_found_by_its_load_and_zero_is_a_stated_way_back_from_it() {
     }
 }
 
+/// Nobody may stand beside a chain that homes: one that is started again does so by itself.
+#[test]
+fn home_of_a_running_chain_moves_nothing_toward_a_stop_and_says_so() {
+    let (folder, emulator) = (TempFolder::new("home"), with_stop(ServoMake::Sts3215, None));
+    let config = configured(ServoMake::Sts3215, &folder, &emulator, "0.0045");
+    let text = std::fs::read_to_string(&config).expect("written above");
+    let text = text.replace("travel_m = 0.005\n", "travel_m = 0.006\nzero_count = 2048\n");
+    std::fs::write(&config, text).expect("written");
+    let instance = instance_name("home");
+    let krait = Krait::start(&["run", "--instance", &instance, "--config", &config, "--no-recording"]);
+    let state = |more: &[&str]| Ended::of(&[&["state", "--instance", &instance], more].concat(), PATIENCE);
+    let is_homed = || state(&[]).stdout.starts_with("ENABLED, homed");
+    assert!(wait_until(PATIENCE, is_homed), "{:?}", state(&[]));
+    let homed = state(&["home"]);
+    assert!(homed.code == Some(0) && homed.stdout.starts_with("ENABLED, homed"), "{homed:?}");
+    assert!(homed.stdout.contains("`home` moved nothing") && homed.stdout.contains("krait drives --zero"), "{homed:?}");
+    assert!(!state(&[]).stdout.contains("moved nothing"), "said of `home` alone");
+    let wire = emulator.wire().clone();
+    assert!(wire.servos.iter().all(|servo| (servo.place - ZERO).abs() < 1.0), "{:?}", wire.servos);
+    krait.signal(Signal::INT);
+    assert_eq!(krait.end(PATIENCE).code, Some(0));
+}
+
 fn check_found(make: ServoMake) {
     let (folder, emulator) = (TempFolder::new("stop"), with_stop(make, None));
     let ended = zero("stop", &configured(make, &folder, &emulator, "0.0045"), b"yes\n");

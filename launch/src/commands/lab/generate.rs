@@ -53,6 +53,7 @@ fn of_segments(args: &GenerateArgs, out: &Path, n_segments: usize, seed: u64) ->
         motion: args.trajectory,
         noise: args.noise,
         sigma_rad: args.sigma_deg.to_radians(),
+        load_sigma_n: args.load_sigma_n,
         seconds: args.seconds,
         rate_hz: args.rate,
         every: usize::from(args.every),
