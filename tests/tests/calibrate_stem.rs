@@ -97,6 +97,7 @@ fn what_the_recording_or_the_model_leaves_open_is_said_and_nothing_is_written() 
     let (data, model, out) = (folder.file("slow.csv"), folder.file("robot.toml"), folder.file("out.toml"));
     let table = path();
     let without = |column: &str| table.replacen(column, "other", 1);
+    let no_cells = table.replacen("tau1_n", "a", 1).replacen("tau2_n", "b", 1).replacen("tau3_n", "c", 1);
     let weighted = table
         .lines()
         .enumerate()
@@ -106,7 +107,8 @@ fn what_the_recording_or_the_model_leaves_open_is_said_and_nothing_is_written() 
     let at_rest = (0..20).fold(format!("{header}\n"), |text, k| text + &format!("{k},{place}\n"));
     let joints = "format = 1\n[machine]\nkind = \"joints\"\nn = 1\n";
     let cases = [
-        (without("tau2_n"), MODEL, "load cells"),
+        (without("tau2_n"), MODEL, "loads of 2 lines, expected those of all 3"),
+        (no_cells, MODEL, "load cells"),
         (weighted, MODEL, "leave it out"),
         (table.clone(), "format = 1\n[machine]\nkind = \"snake\"\n", "krait calibrate friction"),
         (
