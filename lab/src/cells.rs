@@ -119,7 +119,8 @@ fn noise_of(
     for (&row, &left) in rows.rows.iter().zip(&left) {
         (outputs[row], residual[row]) = (left, left);
     }
-    let own = Measurements { outputs, n_outputs: 1, loads_n: None, sigma: None, ..data.clone() };
+    let (loads_n, sigma, tip_frames) = (None, None, Vec::new());
+    let own = Measurements { outputs, n_outputs: 1, loads_n, sigma, tip_frames, ..data.clone() };
     NoiseFloor::new(&Problem::new(machine, own, &[], shortest_block_s), &residual)
 }
 

@@ -87,7 +87,13 @@ impl Measurements {
         let mut parts = parts.into_iter().map(|own| Self { trial: vec![0; own.n_rows()], ..own });
         let Some(first) = parts.next() else { return self.clone() };
         let (all, _) = Self::joined(first, parts);
-        Self { source: self.source.clone(), sha256: self.sha256.clone(), n_held_rows: self.n_held_rows, ..all }
+        Self {
+            source: self.source.clone(),
+            sha256: self.sha256.clone(),
+            n_held_rows: self.n_held_rows,
+            tip_frames: self.tip_frames.clone(),
+            ..all
+        }
     }
 
     /// The middle of the time of some trials: half of the way from the first to the last of their times.

@@ -54,6 +54,14 @@ pub enum LabError {
         /// What the data are.
         what: &'static str,
     },
+    /// Positions of a tip that make no bends.
+    #[error("{data}: the tip's positions: {why}")]
+    Tip {
+        /// The data's file.
+        data: String,
+        /// What was found and expected, and what to do.
+        why: String,
+    },
     /// Model and data are of different machines.
     #[error(
         "{data}: the data are of a machine of kind {found}, the model is of kind {expected}; use a model of that kind"

@@ -27,6 +27,7 @@ mod same_data;
 mod save;
 mod session;
 mod term;
+mod tip;
 mod trees;
 
 pub use add::{AddOptions, Added, JointNumber, add, refit};
@@ -39,3 +40,4 @@ pub use same_data::FittedData;
 pub use save::{fitted_to, save};
 pub use session::{Session, SessionError, open_model};
 pub use term::{Parameter, Term};
+pub use tip::TipFrame;

@@ -1,5 +1,7 @@
 //! Measurements in memory: inputs, outputs and circumstances, row by row, in SI units and radians.
 
+use crate::tip::TipFrame;
+
 /// What inputs and outputs are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
@@ -28,7 +30,8 @@ pub struct Measurements {
     pub inputs: Vec<f64>,
     /// Columns of `inputs`.
     pub n_inputs: usize,
-    /// Outputs of each row (2 for a snake: bend vector, rad), row after row; NaN where nothing was measured.
+    /// Outputs of each row (2 for a snake: bend vector, rad), row after row; NaN where nothing was measured. A reader leaves the
+    /// tip's three coordinates here, m, where a table has them instead of a snake's shape; [`crate::Session`] makes bends of them.
     pub outputs: Vec<f64>,
     /// Columns of `outputs`.
     pub n_outputs: usize,
@@ -50,6 +53,8 @@ pub struct Measurements {
     pub names: Names,
     /// Rows that only repeated the frame of a camera slower than the file, and count as not measured.
     pub n_held_rows: usize,
+    /// Where each recording's tracker stands, of bends that are made of tip positions.
+    pub tip_frames: Vec<TipFrame>,
     /// The clock of a second log that the measurements come from, against that of the commands.
     pub clock: Option<SecondClock>,
 }
@@ -187,6 +192,8 @@ impl Measurements {
             all.inputs.extend(&part.inputs);
             all.outputs.extend(&part.outputs);
             all.n_held_rows += part.n_held_rows;
+            let frames = part.tip_frames.into_iter();
+            all.tip_frames.extend(frames.map(|own| TipFrame { first_trial: own.first_trial + n_trials, ..own }));
             all.trial.extend(part.trial.iter().map(|trial| trial + n_trials));
             let join = |own: &mut Option<Vec<f64>>, other: Option<Vec<f64>>| match (own.take(), other) {
                 (Some(mut own_values), Some(other)) => {
@@ -240,6 +247,7 @@ impl Measurements {
             extra: Vec::new(),
             names: Names::default(),
             n_held_rows: 0,
+            tip_frames: Vec::new(),
             clock: None,
         }
     }
@@ -292,6 +300,7 @@ impl Measurements {
             extra: self.extra.iter().map(|(name, values)| (name.clone(), pick(values, 1))).collect(),
             names: self.names.clone(),
             n_held_rows: self.n_held_rows,
+            tip_frames: self.tip_frames.clone(),
             clock: self.clock.clone(),
         }
     }

@@ -131,7 +131,7 @@ impl Session {
                 return Err(SessionError::Twice { path, first: PathBuf::clone(first) });
             }
             seen.push((path, part.sha256.clone()));
-            parts.push(part);
+            parts.push(machine.bends_of_tip(part)?);
         }
         let mut parts = parts.into_iter();
         let first = parts.next().ok_or(SessionError::NoData)?;

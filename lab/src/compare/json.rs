@@ -1,6 +1,7 @@
 //! The machine-readable answer of a comparison: its names and nesting are a contract with other programs.
 
 use super::{Bin, Comparison};
+use crate::TipFrame;
 use crate::diagnose::LoadCell;
 use serde_json::{Value, json};
 
@@ -50,6 +51,9 @@ impl Comparison {
             "data": self.source,
             "data_sha256": self.sha256,
         });
+        if let (false, Value::Object(keys)) = (self.tip_frames.is_empty(), &mut all) {
+            keys.insert("tip_frames".to_owned(), self.tip_frames.iter().map(TipFrame::to_json).collect());
+        }
         if let (Some(loads), Value::Object(keys)) = (&self.loads, &mut all) {
             let cell = |own: &LoadCell| {
                 json!({

@@ -20,7 +20,7 @@ use crate::diagnose::{LoadCell, number_name};
 use crate::machine::{JointsLab, MachineUnderTest, OpenNumber};
 use crate::noise::NoiseFloor;
 use crate::prepare::{Prepared, prepare};
-use crate::{LabError, Measurements, Problem};
+use crate::{LabError, Measurements, Problem, TipFrame};
 use krait_model::model_file::Known;
 use krait_report::Spread;
 use serde::Serialize;
@@ -50,6 +50,8 @@ pub struct Comparison {
     pub output_rms: Vec<f64>,
     /// Distance between the measured and the predicted position, root mean square, m; `None` where outputs are no positions.
     pub position_rms_m: Option<f64>,
+    /// Where each recording's tracker stands, of bends that are made of tip positions.
+    pub tip_frames: Vec<TipFrame>,
     /// What three lines share and no shape shows; `None` for joints.
     pub common_mode: Option<CommonMode>,
     /// The load cells beside the model's loads; `None` where none were recorded, or none that follow the model's.
@@ -189,6 +191,7 @@ pub fn compare_prediction(machine: &dyn MachineUnderTest, data: &Measurements, p
         parts: parts::Parts::of(data, predicted, &scored, &errors, scale),
         output_rms: parts::output_rms(data, predicted, &scored, scale),
         position_rms_m,
+        tip_frames: data.tip_frames.clone(),
         common_mode: CommonMode::of(data),
         loads: None,
         noise_floor: sigma.map(|(sigma, _)| scale * sigma * (data.n_outputs as f64).sqrt()),

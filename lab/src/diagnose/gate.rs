@@ -1,7 +1,7 @@
 //! What the data themselves cannot show, said before anything is fitted.
 
 use crate::read::CUT_OFF_HZ;
-use crate::{FEWEST_BLOCKS, Measurements, Problem, scored_time_s};
+use crate::{FEWEST_BLOCKS, Measurements, Problem, TipFrame, scored_time_s};
 
 /// Sentences about what these data lack; `in_blocks`: also that the problem has few blocks.
 pub(crate) fn cautions(problem: &Problem, n_outliers: usize, in_blocks: bool) -> Vec<String> {
@@ -26,6 +26,7 @@ pub(crate) fn cautions(problem: &Problem, n_outliers: usize, in_blocks: bool) ->
             data.n_held_rows
         ));
     }
+    said.extend(data.tip_frames.iter().map(TipFrame::sentence));
     if let Some(clock) = &data.clock {
         said.push(format!(
             "{}: the second log's times are shifted by {:+.4} s and its clock runs {:+.0} ppm beside the first, as the motion says \

@@ -114,6 +114,7 @@ mod tests {
             names: crate::Names::default(),
             n_held_rows: 0,
             clock: None,
+            tip_frames: Vec::new(),
         }
     }
 

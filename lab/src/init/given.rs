@@ -9,7 +9,7 @@ use std::path::Path;
 
 /// Why a column is not used that the user has taken out.
 pub(super) const TAKEN_OUT: &str = "taken out: --map";
-const KNOWN: &str = "time_s, trial, u1.. and y1.. of joints or segments, q1_m..q3_m, bend_x_rad, bend_y_rad, theta_l_rad, delta_rad, tau1_n..tau3_n, and none to take a column out";
+const KNOWN: &str = "time_s, trial, u1.. and y1.. of joints or segments, q1_m..q3_m, bend_x_rad, bend_y_rad, theta_l_rad, delta_rad, tip_x_m..tip_z_m, tau1_n..tau3_n, and none to take a column out";
 
 /// Gives columns the roles that were said; which column is the time, if that was said.
 ///
@@ -69,6 +69,7 @@ fn guess(target: &Name) -> Option<Guess> {
         ["trial"] => Guess::Trial,
         ["u", _] | ["u", _, _] => Guess::Command(by()),
         ["y", _] | ["y", _, _] | ["q", _] | ["bend", "x" | "y"] | ["theta", "l"] | ["delta"] => Guess::Measured(by()),
+        ["tip", "x" | "y" | "z"] => Guess::Measured(by()),
         ["tau", _] => Guess::Other("a load"),
         _ => return None,
     })

@@ -10,10 +10,13 @@ mod snake;
 mod time;
 mod wrap;
 
+use crate::machine::machine_of;
 use crate::read::{ColumnMap, Look, Looked, Mapping, ReadError, Unit, look, read};
+use crate::{LabError, TipFrame};
 use krait_model::model_file::{ModelFile, ModelFileError};
 use name::{Name, NamedUnit};
 use role::Guess;
+use snake::TIP;
 use std::path::{Path, PathBuf};
 
 /// Changes of a label, relative to the rows, from which on it is no trial's.
@@ -71,6 +74,9 @@ pub enum InitError {
     /// The file is refused.
     #[error(transparent)]
     Data(#[from] ReadError),
+    /// The measurements are none of the machine that was recognised.
+    #[error(transparent)]
+    Lab(#[from] LabError),
     /// Its columns make no machine.
     #[error("{}: {reason}", path.display())]
     Columns {
@@ -177,6 +183,8 @@ pub fn propose(path: &Path, given: &ColumnMap) -> Result<Proposal, InitError> {
     let map: ColumnMap = assigned.iter().filter_map(mapping).chain(out).collect();
     let file = ModelFile::parse(&model).map_err(|source| InitError::Model { path: path.to_owned(), source })?;
     let data = read(path, &map, file.machine().into())?;
+    let data = machine_of(&file)?.bends_of_tip(data)?;
+    cautions.extend(data.tip_frames.iter().map(TipFrame::sentence));
     let follows = segments::follow(&file, &data);
     pairs.extend(follows.pairs);
     cautions.extend(follows.cautions);
@@ -264,9 +272,14 @@ fn snake_of(columns: &[Column]) -> Option<Machine> {
     let snake::Found { columns: found, guesses } = snake::find(columns)?;
     let has_loads = found.iter().any(|(target, ..)| target.starts_with("tau"));
     let loads = if has_loads { ", three loads" } else { "" };
+    let shape = if found.iter().any(|(target, ..)| target == TIP[0]) {
+        "a tip's position in a frame of its own"
+    } else {
+        "a bend in two components"
+    };
     Some(Machine {
         kind: "snake",
-        sentence: format!("snake (three lengths, a bend in two components{loads})"),
+        sentence: format!("snake (three lengths, {shape}{loads})"),
         columns: found.into_iter().map(|(target, place, unit, why)| (target, place, Some(unit), why)).collect(),
         pairs: Vec::new(),
         cautions: guesses,
@@ -345,5 +358,5 @@ fn no_pair(columns: &[Column]) -> String {
             still.join(", ")
         );
     }
-    "no snake (three lengths and a bend), no segments (lengths and two or three bends), no joint (a command beside a measurement) and no force (a motion beside a torque or current) was recognised in the columns; name them, such as --map u1_deg=NAME --map y1_deg=NAME".to_owned()
+    "no snake (three lengths and a bend or a tip's position), no segments (lengths and two or three bends), no joint (a command beside a measurement) and no force (a motion beside a torque or current) was recognised in the columns; name them, such as --map u1_deg=NAME --map y1_deg=NAME".to_owned()
 }

@@ -6,6 +6,9 @@ use super::role::Guess;
 use crate::read::{Dimension, N_LINES, Unit};
 use std::collections::BTreeMap;
 
+/// The lab's names of a tip's position.
+pub(super) const TIP: [&str; 3] = ["tip_x_m", "tip_y_m", "tip_z_m"];
+
 /// Columns of a snake, each with its unit.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Found {
@@ -18,16 +21,25 @@ pub(super) struct Found {
 /// Finds them by name, unit and range; `None` if the file is of no snake.
 pub(super) fn find(columns: &[Column]) -> Option<Found> {
     let mut guesses = Vec::new();
-    let shape = shape(columns)?;
     let lines: [usize; N_LINES] = lines(columns, |n| n == N_LINES)?.try_into().ok()?;
+    let shape = shape(columns);
+    let tip = if shape.is_none() { tip(columns, &lines) } else { None };
+    if shape.is_none() && tip.is_none() {
+        return None;
+    }
     let mut found = Vec::new();
     for (k, &place) in lines.iter().enumerate() {
         let unit = length(columns, &lines, place, &mut guesses)?;
         found.push((format!("q{}_m", k + 1), place, unit, "of three lengths".to_owned()));
     }
-    for (target, place) in shape {
+    for (target, place) in shape.into_iter().flatten() {
         let unit = angle(columns, place, &mut guesses)?;
         found.push((target.to_owned(), place, unit, "of a bend".to_owned()));
+    }
+    let tip = tip.unwrap_or_default();
+    for (target, place) in TIP.into_iter().zip(&tip) {
+        let unit = length(columns, &tip, *place, &mut guesses)?;
+        found.push((target.to_owned(), *place, unit, "of a position".to_owned()));
     }
     found.extend(loads(columns, N_LINES, "of three loads"));
     Some(Found { columns: found, guesses })
@@ -107,6 +119,28 @@ fn shape(columns: &[Column]) -> Option<[(&'static str, usize); 2]> {
     }
     let place = |words: &[&str]| angles().find(|(_, column)| column.words.words == words).map(|(place, _)| place);
     Some([("theta_l_rad", place(&["theta", "l"])?), ("delta_rad", place(&["delta"])?)])
+}
+
+/// Three lengths of the same words but for x, y and z: a position, where no angle says the shape.
+fn tip(columns: &[Column], lines: &[usize]) -> Option<Vec<usize>> {
+    let is_length = |(place, column): &(usize, &Column)| {
+        let dimension = column.words.unit.dimension();
+        dimension.is_none_or(|own| own == Dimension::Length)
+            && !lines.contains(place)
+            && !matches!(column.guess, Guess::Command(_) | Guess::Other(_) | Guess::Time)
+            && column.looked.moves()
+    };
+    let lengths = || columns.iter().enumerate().filter(is_length);
+    let without = |column: &Column, axis: &str| -> Option<Vec<String>> {
+        let words = &column.words.words;
+        words.iter().any(|own| own == axis).then(|| words.iter().filter(|own| *own != axis).cloned().collect())
+    };
+    lengths().find_map(|(x, column)| {
+        let stem = without(column, "x")?;
+        let other =
+            |axis| lengths().find(|(_, own)| without(own, axis).as_ref() == Some(&stem)).map(|(place, _)| place);
+        Some(vec![x, other("y")?, other("z")?])
+    })
 }
 
 /// The unit of a line: its name's, or the one in which such lengths are those of a snake.

@@ -120,6 +120,14 @@ pub trait MachineUnderTest: Sync {
         None
     }
 
+    /// Measurements as fits want them: a snake's bends, where a table has its tip's positions instead.
+    ///
+    /// # Errors
+    /// [`LabError::Tip`] where the positions make no bends, [`LabError::Chain`] where the model as given cannot be computed.
+    fn bends_of_tip(&self, data: Measurements) -> Result<Measurements, LabError> {
+        Ok(data)
+    }
+
     /// This machine, if it is one of joints.
     fn as_joints(&self) -> Option<&JointsLab> {
         None

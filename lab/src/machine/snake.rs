@@ -4,6 +4,7 @@ use super::{Candidate, MachineUnderTest, OpenNumber, geometry, snake_candidates}
 use crate::fit::fit_to_end;
 use crate::free::free_variables;
 use crate::prepare::prepare;
+use crate::tip::{N_POS, align, with_bends};
 use crate::{FittedData, LabError, Measurements, Parameter, Term};
 use krait_model::effects::{EffectKind, FormulaText};
 use krait_model::model_file::{FileEffect, ModelFile, SnakeMachine};
@@ -88,6 +89,14 @@ impl MachineUnderTest for SnakeLab {
         Some(self.snake.tip_pos_in_base_m(Vector2::new(x, y)).into())
     }
 
+    fn bends_of_tip(&self, data: Measurements) -> Result<Measurements, LabError> {
+        if data.n_outputs != N_POS {
+            return Ok(data);
+        }
+        let predicted_rad = self.predict(&self.effects, &data)?;
+        with_bends(&self.snake, &predicted_rad, data)
+    }
+
     fn effects(&self) -> &[Term] {
         &self.effects
     }
@@ -132,7 +141,9 @@ impl MachineUnderTest for SnakeLab {
             predicted.for_each(|own| outputs.extend_from_slice(own.observed_bend_rad.as_slice()));
             outputs
         };
-        Ok(joined(self.run(effects, data, part)?))
+        let mut outputs = joined(self.run(effects, data, part)?);
+        align(&self.snake, &mut outputs, data);
+        Ok(outputs)
     }
 
     fn predict_with_loads(
@@ -149,7 +160,9 @@ impl MachineUnderTest for SnakeLab {
             (outputs, loads_n)
         };
         let (outputs, loads_n) = self.run(effects, data, part)?.into_iter().unzip();
-        Ok((joined(outputs), Some(joined(loads_n))))
+        let mut outputs = joined(outputs);
+        align(&self.snake, &mut outputs, data);
+        Ok((outputs, Some(joined(loads_n))))
     }
 }
 

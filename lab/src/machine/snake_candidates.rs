@@ -1,8 +1,8 @@
 //! Where to look for each effect of a snake: what is free in a fit, and the grid that screening tries.
 
 use super::{Candidate, Periodic};
-use crate::Measurements;
 use crate::noise::largest_range;
+use crate::{Measurements, tip};
 use krait_model::effects::{Definition, EffectKind, Needs};
 
 /// Every effect that may be missing from a snake's model, in the catalogue's order.
@@ -115,7 +115,7 @@ fn candidate(kind: EffectKind, search: &Search, data: &Measurements) -> Candidat
         name: definition.name,
         one_sided: amplitudes.len() == 1 && amplitudes.iter().all(|&k| on_bound(k)),
         class: definition.class.label(),
-        cannot: cannot(definition, data),
+        cannot: cannot(definition, data).or_else(|| tip::cannot(kind, data)),
         starts,
         highest: None,
         periodic,

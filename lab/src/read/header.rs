@@ -6,6 +6,7 @@ use super::role::{Role, Wanted};
 use super::unit::{Dimension, Unit};
 use super::{ColumnMap, Expected, ReadError};
 use crate::machine::nearest;
+use crate::tip::N_POS;
 use std::path::Path;
 
 /// A column of the file that is read.
@@ -67,21 +68,28 @@ pub(super) fn plan(
     let has = |columns: &[Column], role| columns.iter().any(|c| c.role == role);
     let is_polar =
         has(&columns, Role::ThetaL) && has(&columns, Role::Delta) && !(0..2).all(|k| has(&columns, Role::Output(k)));
+    let has_bends = is_polar || (0..2).any(|k| has(&columns, Role::Output(k)));
+    // A position is looked at where no shape is there: it says less of it, in a frame of its own.
+    let is_tip = !has_bends && (0..N_POS).any(|k| has(&columns, Role::TipPos(k)));
     let unused = |role| match role {
-        Role::Output(_) => is_polar,
+        Role::Output(_) => is_polar || is_tip,
         Role::ThetaL | Role::Delta => !is_polar,
+        Role::TipPos(_) => !is_tip,
         _ => false,
     };
     let of_other_file = |role| match map.part {
         Part::Whole => false,
-        Part::Commands => matches!(role, Role::Output(_) | Role::ThetaL | Role::Delta | Role::Sigma | Role::Weight),
+        Part::Commands => {
+            matches!(role, Role::Output(_) | Role::ThetaL | Role::Delta | Role::TipPos(_) | Role::Sigma | Role::Weight)
+        }
         Part::Seen => matches!(role, Role::Input(_) | Role::Load(_) | Role::StemAngle | Role::Temperature),
     };
     columns.retain(|column| !unused(column.role) && !of_other_file(column.role));
     for one in &wanted {
         let is_needed = match one.role {
             Role::Time | Role::Input(_) => true,
-            Role::Output(_) => !is_polar,
+            Role::Output(_) => !is_polar && !is_tip,
+            Role::TipPos(_) => is_tip,
             _ => false,
         } && !of_other_file(one.role);
         if is_needed && !has(&columns, one.role) {
@@ -97,7 +105,8 @@ pub(super) fn plan(
         }
     }
     columns.sort_by_key(|column| column.field);
-    let (n_inputs, n_outputs) = expected.widths();
+    let (n_inputs, n_bends) = expected.widths();
+    let n_outputs = if is_tip { N_POS } else { n_bends };
     Ok(Plan { columns, n_inputs, n_outputs })
 }
 

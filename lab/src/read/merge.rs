@@ -36,6 +36,7 @@ pub(crate) fn merged(
     // What stands beside the commands keeps its last value.
     let mut all = commands.select(&rows);
     all.time_s = order.iter().map(|(time_s, ..)| *time_s).collect();
+    all.n_outputs = seen.n_outputs;
     all.outputs = vec![f64::NAN; rows.len() * seen.n_outputs];
     all.sigma = seen.sigma.as_ref().map(|_| vec![f64::NAN; rows.len()]);
     for (at, (time_s, row, _)) in order.iter().enumerate() {

@@ -161,5 +161,6 @@ fn measurements(
         },
         n_held_rows: 0,
         clock: None,
+        tip_frames: Vec::new(),
     }
 }

@@ -13,6 +13,8 @@ pub(super) enum Role {
     Output(usize),
     ThetaL,
     Delta,
+    /// A component of the tip's position, in a frame of the tracker's own.
+    TipPos(usize),
     Load(usize),
     StemAngle,
     Temperature,
@@ -68,6 +70,8 @@ pub(super) fn snake() -> Vec<Wanted> {
     wanted.push(angle(Role::ThetaL, "theta_l", bend));
     // Azimuths may be unwrapped over a few turns.
     wanted.push(angle(Role::Delta, "delta", Some((10.0 * PI, "no azimuth in radians: more than five turns"))));
+    let tip = |(k, axis)| length(Role::TipPos(k), format!("tip_{axis}"), (10.0, "no position of a tip in metres"));
+    wanted.extend(["x", "y", "z"].into_iter().enumerate().map(tip));
     wanted.extend((0..N_LINES).map(load));
     wanted.extend(circumstances());
     wanted.push(angle(Role::Sigma, "sigma_bend", Some((PI, "no standard deviation of a bend in radians"))));

@@ -35,7 +35,7 @@ pub(super) struct Rows<'a> {
 
 impl<'a> Rows<'a> {
     pub(super) fn new(path: &'a Path, plan: Plan, numbers: Numbers) -> Self {
-        let is_shape = |c: &Column| matches!(c.role, Role::Output(_) | Role::ThetaL | Role::Delta);
+        let is_shape = |c: &Column| matches!(c.role, Role::Output(_) | Role::ThetaL | Role::Delta | Role::TipPos(_));
         Self {
             path,
             columns: vec![Vec::new(); plan.columns.len()],
@@ -100,7 +100,7 @@ impl<'a> Rows<'a> {
     /// A snake's shape is there or not; joints are measured each by itself.
     fn whole_shape(&self, at: At) -> Result<(), ReadError> {
         let last = |place: &usize| self.columns.get(*place).and_then(|c| c.last()).is_some_and(|v| v.is_finite());
-        let is_snake = self.plan.n_inputs != self.plan.n_outputs;
+        let is_snake = self.plan.n_inputs != self.plan.n_outputs || self.plan.place(Role::TipPos(0)).is_some();
         let n_there = self.shape.iter().filter(|place| last(place)).count();
         if !is_snake || n_there == 0 || n_there == self.shape.len() {
             return Ok(());

@@ -18,7 +18,8 @@ pub(super) fn measurements(path: &Path, mut table: Table, expected: Expected, sh
     // A file that another one is joined to has a part of the columns.
     let n_rows = table.trial.len();
     let has = |role| table.plan.place(role).is_some();
-    let (has_inputs, has_outputs) = (has(Role::Input(0)), has(Role::Output(0)) || has(Role::ThetaL));
+    let (has_inputs, has_outputs) =
+        (has(Role::Input(0)), has(Role::Output(0)) || has(Role::ThetaL) || has(Role::TipPos(0)));
     let mut outputs = if has_outputs { outputs(&mut table, n_outputs) } else { vec![f64::NAN; n_outputs * n_rows] };
     if let Some(weight) = &weight {
         let unscored = weight.iter().enumerate().filter(|(_, w)| **w == 0.0).map(|(row, _)| row);
@@ -51,6 +52,7 @@ pub(super) fn measurements(path: &Path, mut table: Table, expected: Expected, sh
         names: names(&table.plan, n_inputs, n_outputs, expected),
         n_held_rows: 0,
         clock: None,
+        tip_frames: Vec::new(),
         trial: table.trial,
     }
 }
@@ -67,7 +69,7 @@ pub(super) fn place<'a>(path: &'a Path, table: &Table) -> Place<'a> {
         },
         time: table.plan.names(|role| role == Role::Time),
         inputs: names(|role| matches!(role, Role::Input(_))),
-        outputs: names(|role| matches!(role, Role::Output(_) | Role::ThetaL | Role::Delta)),
+        outputs: names(|role| matches!(role, Role::Output(_) | Role::ThetaL | Role::Delta | Role::TipPos(_))),
     }
 }
 
@@ -94,6 +96,9 @@ fn interleave(table: &mut Table, n: usize, role: impl Fn(usize) -> Role) -> Opti
 
 fn outputs(table: &mut Table, n_outputs: usize) -> Vec<f64> {
     if let Some(rows) = interleave(table, n_outputs, Role::Output) {
+        return rows;
+    }
+    if let Some(rows) = interleave(table, n_outputs, Role::TipPos) {
         return rows;
     }
     let theta_l_rad = planned(take(table, Role::ThetaL));

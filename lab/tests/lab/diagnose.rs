@@ -58,6 +58,7 @@ fn motion_of(n_rows: usize, n_trials: usize) -> Measurements {
         names: krait_lab::Names::default(),
         n_held_rows: 0,
         clock: None,
+        tip_frames: Vec::new(),
     }
 }
 

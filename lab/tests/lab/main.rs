@@ -20,3 +20,4 @@ mod real;
 mod report;
 mod second_log;
 mod segments;
+mod tip;

@@ -56,6 +56,9 @@ fn text(found: &Comparison, names: &Names) -> String {
     if let Some(position_m) = found.position_rms_m {
         text += &format!("Position of the tip: {:.3} mm rms\n", 1e3 * position_m);
     }
+    for frame in &found.tip_frames {
+        text += &print::paragraph(&format!("Tip: {}.", frame.sentence()));
+    }
     text += &format!("{}\n\nParts of the error\n{}", found.worst, parts(found, names));
     if let Some(common) = &found.common_mode {
         text += &format!(
