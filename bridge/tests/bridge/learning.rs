@@ -153,7 +153,7 @@ fn four_and_six_parameters_of_other_effects_are_learnt_and_the_error_falls_to_th
 }
 
 #[test]
-#[ignore = "over many seeds; .ci/run runs it"]
+#[ignore = "over many seeds; .ci/long runs it"]
 fn what_is_stated_of_parameters_of_other_effects_holds_over_many_seeds() {
     are_learnt(N_MANY_SEEDS);
 }

@@ -132,7 +132,7 @@ fn stiffness_friction_and_play_of_segments_are_learnt_and_the_error_falls_to_the
 }
 
 #[test]
-#[ignore = "over many seeds; .ci/run runs it"]
+#[ignore = "over many seeds; .ci/long runs it"]
 fn what_is_stated_of_stiffness_friction_and_play_of_segments_holds_over_many_seeds() {
     are_learnt(N_MANY_SEEDS);
 }

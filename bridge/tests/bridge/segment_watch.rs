@@ -135,7 +135,7 @@ fn nor_do_machines_whose_model_is_still_learnt() {
 }
 
 #[test]
-#[ignore = "over many seeds; .ci/run runs it"]
+#[ignore = "over many seeds; .ci/long runs it"]
 fn nor_do_many_of_either() {
     false_alarms("the right model", TWO, 24);
     false_alarms("a model that is learnt", LEARN, 24);
@@ -170,7 +170,7 @@ fn machines_that_change_are_seen_to() {
 }
 
 #[test]
-#[ignore = "over many seeds; .ci/run runs it"]
+#[ignore = "over many seeds; .ci/long runs it"]
 fn and_so_are_many() {
     are_seen_to_change(8);
     are_told_of_their_segment(8);

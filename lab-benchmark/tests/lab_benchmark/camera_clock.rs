@@ -75,7 +75,7 @@ fn effects_beside_a_camera_that_is_ahead_are_named_as_without() {
 
 /// Effects that imitate the clock give way to the effect that is there, search by search.
 #[test]
-#[ignore = "a minute of searches; .ci/run runs it beside the tests of many seeds"]
+#[ignore = "a minute of searches; .ci/long runs it beside the tests of many seeds"]
 fn a_friction_beside_a_camera_that_is_ahead_is_found_though_others_imitate_it() {
     let kinds = [("cone", 2.0), ("camera-offset", 1.5)];
     let found = diagnosed(&by_clock(&kinds, 23, ClockOffset { shift_s: 0.06, rate: 0.0 }));
