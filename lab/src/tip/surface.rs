@@ -69,7 +69,9 @@ impl Surface<'_> {
             let (end_m, j) = (self.snake.tip_pos_in_base_m(at), self.snake.j_x_bend(at));
             let along = Vector2::new(j[(0, 0)] + self.beyond_m * cos, j[(2, 0)] - self.beyond_m * sin);
             apart_m = Vector2::new(r_m - end_m.x - self.beyond_m * sin, z_m - end_m.z - self.beyond_m * cos);
-            normal = Vector2::new(-along.y, along.x).normalize();
+            // A marker half a segment before the end disk does not move near the straight pose.
+            let Some(across) = Vector2::new(-along.y, along.x).try_normalize(1e-12) else { break };
+            normal = across;
             let step = apart_m.dot(&along) / along.norm_squared();
             bend += step;
             if step.abs() < SMALL_RAD {

@@ -85,9 +85,9 @@ fn file(name: &str, text: &str) -> PathBuf {
     path
 }
 
-fn opened(name: &str, text: &str) -> Result<Session, SessionError> {
+fn opened(name: &str, text: &str) -> Result<Session, Box<SessionError>> {
     let model = file(&format!("{name}.toml"), MODEL);
-    Session::open(&model, &file(&format!("{name}.csv"), text), &ColumnMap::default())
+    Session::open(&model, &file(&format!("{name}.csv"), text), &ColumnMap::default()).map_err(Box::new)
 }
 
 #[test]
