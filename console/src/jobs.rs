@@ -72,6 +72,7 @@ impl Jobs {
         }
         let mut child = niced(&self.program)
             .args(arguments)
+            .env(crate::STAGES, "1")
             .stderr(Stdio::piped())
             .spawn()
             .map_err(|error| format!("The job cannot be started: {error}."))?;

@@ -149,3 +149,86 @@ fn quantiles(histogram: &Histogram<u64>) -> (f64, f64, f64) {
     let at = |q: f64| histogram.value_at_quantile(q) as f64 * 1e-3;
     (at(0.5), at(0.99), histogram.max() as f64 * 1e-3)
 }
+
+#[cfg(test)]
+#[allow(clippy::expect_used, reason = "a panic is how a test fails")]
+mod tests {
+    use super::*;
+
+    /// The state behind a command whose hops took so long.
+    fn state(command_sequence: u64, hops_us: [i64; N_HOPS]) -> SlaveState {
+        let device_ns = 1_000_000_000;
+        let after = |n: usize| device_ns + 1000 * hops_us[..n].iter().sum::<i64>();
+        let stamps = HopStamps {
+            device_ns,
+            input_sent_ns: after(1),
+            setpoint_sent_ns: after(2),
+            command_sent_ns: after(3),
+            drive_written_ns: after(4),
+            ..HopStamps::default()
+        };
+        SlaveState { command_sequence, stamps, ..SlaveState::default() }
+    }
+
+    fn is_near(value_us: f64, expected_us: f64) -> bool {
+        // The histograms keep three digits.
+        (value_us / expected_us - 1.0).abs() < 2e-3
+    }
+
+    #[test]
+    fn each_command_counts_once_and_every_hop_by_itself() {
+        let mut latency = LiveLatency::new().expect("histograms");
+        for n in 1..=100 {
+            // The slave reports one command in many states.
+            for _ in 0..3 {
+                latency.state(&state(n, [1, 10, 100, 1000]), 2000.0);
+            }
+        }
+        latency.state(&state(101, [1, 10, 100, 5000]), 2000.0);
+        let report = latency.report();
+        assert_eq!((report.n, report.n_late), (101, 1), "one of them is late");
+        let expected_us = [1.0, 10.0, 100.0, 1000.0, 1111.0];
+        for (idx, (stretch, expected_us)) in report.stretches.iter().zip(expected_us).enumerate() {
+            assert!(is_near(stretch.p50_us, expected_us), "{idx}: {stretch:?}");
+            assert_eq!(stretch.bins.iter().sum::<u64>(), 101);
+        }
+        // Ten bars a decade: those of one, ten, a hundred and a thousand microseconds begin there.
+        for (idx, bin) in [(0, 0), (1, 10), (2, 20)] {
+            assert_eq!(report.stretches[idx].bins[bin], 101, "hop {idx}");
+        }
+        assert_eq!((report.stretches[3].bins[30], report.stretches[3].bins[36]), (100, 1));
+        assert!(is_near(report.stretches[4].worst_us, 5111.0), "{:?}", report.stretches[4]);
+    }
+
+    #[test]
+    fn a_second_has_its_own_figures_and_one_without_a_sample_has_none() {
+        let mut latency = LiveLatency::new().expect("histograms");
+        latency.state(&state(1, [10, 10, 10, 10]), 2000.0);
+        latency.end_second();
+        latency.end_second();
+        latency.state(&state(2, [20, 20, 20, 20]), 2000.0);
+        latency.end_second();
+        let seconds = latency.report().seconds;
+        let medians: Vec<Option<bool>> = seconds
+            .iter()
+            .zip([40.0, 0.0, 80.0])
+            .map(|(second, expected_us)| second.map(|second| is_near(second.p50_us, expected_us)))
+            .collect();
+        assert_eq!(medians, [Some(true), None, Some(true)], "{seconds:?}");
+        (0..2 * N_SECONDS).for_each(|_| latency.end_second());
+        assert_eq!(latency.report().seconds, vec![None; N_SECONDS], "the oldest make room");
+    }
+
+    #[test]
+    fn what_was_not_driven_counts_nowhere_and_a_clock_that_runs_backwards_is_the_shortest() {
+        let mut latency = LiveLatency::new().expect("histograms");
+        let SlaveState { stamps, .. } = state(1, [10; N_HOPS]);
+        for stamps in [HopStamps { drive_written_ns: 0, ..stamps }, HopStamps { device_ns: 0, ..stamps }] {
+            latency.state(&SlaveState { command_sequence: 1, stamps, ..SlaveState::default() }, 2000.0);
+        }
+        assert_eq!(latency.report().n, 0);
+        latency.state(&state(2, [10, -5, 10, 10]), 2000.0);
+        let report = latency.report();
+        assert_eq!((report.n, report.stretches[1].bins[0]), (1, 1), "{report:?}");
+    }
+}

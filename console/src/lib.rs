@@ -50,6 +50,9 @@ use std::sync::atomic::{AtomicU64, AtomicUsize};
 /// The console's name among the members of an instance; it is no part of a chain, and a chain may start beside it.
 pub const NAME: &str = "console";
 
+/// Environment variable of the lab's jobs that the console starts: somebody waits for them and reads what they are at.
+pub const STAGES: &str = "KRAIT_STAGES";
+
 /// Pages that are open, and frames that slow ones skipped.
 #[derive(Debug, Default)]
 pub(crate) struct PageCounts {

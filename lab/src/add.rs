@@ -8,6 +8,7 @@ use crate::joint::{Ground, OF_MACHINE, Start, Together};
 use crate::machine::{Candidate, FreeJoints, Freed, JointsLab, MachineUnderTest, freed, joint_number, nearest};
 use crate::noise::NoiseFloor;
 use crate::prepare::{Prepared, prepare};
+use crate::stage::stage;
 use crate::{LabError, Measurements, Parameter, Problem, Term};
 use krait_model::model_file::Known;
 
@@ -99,6 +100,7 @@ pub fn add(machine: &dyn MachineUnderTest, data: &Measurements, options: &AddOpt
     }
     let free = places(&options.term, &parameters, &options.free, known.as_ref())?;
     let again = free_variables(machine, data, &options.refit)?;
+    stage("Fitting the effect");
     let fitted = match known.filter(|_| !options.from_given && options.free.is_empty()) {
         Some(candidate) => bench.on_grid(&candidate, &again)?,
         None => bench.near_values(&options.term, &parameters, &free, again)?,
@@ -139,6 +141,7 @@ pub fn refit(
     data: &Measurements,
     free: &[(String, String)],
 ) -> Result<Added, LabError> {
+    stage("Fitting the values");
     // A gain or an offset that the user frees by name takes the place of the machine's.
     let is_asked = |name: &str| free.iter().any(|(effect, _)| effect == name);
     if let Some(joints) = machine.as_joints().filter(|_| !OF_MACHINE.into_iter().any(is_asked)) {
@@ -239,6 +242,7 @@ impl<'a> Bench<'a> {
     fn report(&self, fitted: Fit) -> Added {
         let (_, scale) = self.machine.error_unit();
         let width = self.problem.data.n_outputs as f64;
+        stage("On data that it was not fitted to");
         let held_out: f64 = held_out_output_squares(&self.problem, &fitted, FOLDS).iter().sum();
         Added {
             uncertainty: uncertainty(&self.problem, &fitted),

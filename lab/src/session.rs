@@ -3,6 +3,7 @@
 use crate::diagnose::first_trials;
 use crate::machine::{MachineUnderTest, machine_of};
 use crate::read::{ColumnMap, ReadError, read, read_with};
+use crate::stage::stage;
 use crate::{ClockOffset, LabError, Measurements, Quantity};
 use krait_ipc::input;
 use krait_model::model_file::{ModelFile, ModelFileError};
@@ -116,6 +117,7 @@ impl Session {
     ) -> Result<Self, SessionError> {
         let file = open_model(model)?;
         let machine = machine_of(&file)?;
+        stage("Reading the measurements");
         let (mut parts, mut seen) = (Vec::new(), Vec::<(PathBuf, String)>::new());
         let files = files(data)?;
         if let (Some(with), [_, other, ..]) = (with, files.as_slice()) {

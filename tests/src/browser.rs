@@ -1,19 +1,29 @@
 //! A headless Chromium and the handful of its DevTools calls that the tests need; no driver between.
 
-use crate::{CuttableWay, TempFolder, wait_until};
+use crate::{CuttableWay, TempFolder, say_aloud, wait_until};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use core::time::Duration;
+use rustix::process::{Pid, Signal, geteuid, kill_process_group};
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader};
 use std::net::TcpStream;
 use std::process::{Child, Command, Stdio};
+use std::sync::Once;
 use tungstenite::{Message, WebSocket};
 
 /// Names under which distributions install it.
 const PROGRAMS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
 /// A page on a busy machine takes its time.
 const PATIENCE: Duration = Duration::from_secs(240);
+/// The kernel shares a processor out between sessions first, and within each by nice values. An operator's browser has another session
+/// than the chain, so a test's has one of its own, which is also one group of processes to be ended.
+const OWN_SESSION: [&str; 1] = ["setsid"];
+/// Chromium as root gives the threads that paint nice -8; an operator is an ordinary user. This is "nobody", whom every Linux has. A browser
+/// whose test was killed follows it.
+const NOBODY: u32 = 65534;
+const AS_NOBODY: [&str; 6] =
+    ["setsid", "setpriv", "--reuid=65534", "--regid=65534", "--clear-groups", "--pdeathsig=KILL"];
 
 /// A browser that runs.
 pub struct Browser {
@@ -39,30 +49,49 @@ impl Browser {
         Self::started(0, &[format!("--host-resolver-rules=MAP 127.0.0.1:{port} 127.0.0.1:{way}")])
     }
 
-    #[allow(clippy::print_stderr, reason = "what is skipped is said aloud")]
     fn started(nice: u8, options: &[String]) -> Option<Self> {
-        let profile = TempFolder::new("chromium");
-        for program in PROGRAMS {
-            let mut command = Command::new("nice");
-            command.arg("-n").arg(nice.to_string()).arg(program);
-            command.args(["--headless=new", "--disable-gpu", "--no-sandbox", "--remote-debugging-port=0"]);
-            command.args(["--no-first-run", "--hide-scrollbars", "--disable-extensions"]).args(options);
-            command.arg(format!("--user-data-dir={}", profile.path().display())).arg("about:blank");
-            let Ok(mut child) = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn() else { continue };
-            let mut lines = BufReader::new(child.stderr.take().expect("piped")).lines();
-            let said = lines.find_map(|line| Some(line.ok()?.split_once("listening on ")?.1.to_owned()));
-            // It goes on talking; nobody listening would make it stop.
-            std::thread::spawn(move || lines.for_each(drop));
-            match said {
-                Some(debugger) => return Some(Self { child, debugger, _profile: profile }),
-                None => {
-                    let _ended_is_fine = child.kill();
-                    let _reaped = child.wait();
+        let (own, as_nobody) = (OWN_SESSION.as_slice(), AS_NOBODY.as_slice());
+        let ways = if geteuid().is_root() { [as_nobody, &[]] } else { [own, &[]] };
+        for way in ways {
+            let started = PROGRAMS.iter().find_map(|program| Self::started_as(way, program, nice, options));
+            if started.is_some() {
+                static SAID: Once = Once::new();
+                if way.is_empty() {
+                    SAID.call_once(|| say_aloud("NOT AS AN OPERATOR'S: the browser starts neither in a session of its own nor as an ordinary user here, and costs a chain more"));
                 }
+                return started;
             }
         }
-        eprintln!("SKIPPED ALOUD: no Chromium that starts on this machine (Debian: apt-get install chromium)");
+        say_aloud("SKIPPED ALOUD: no Chromium that starts on this machine (Debian: apt-get install chromium)");
         None
+    }
+
+    /// A browser behind the words of a way to start it, each of which becomes the next one and keeps its process id.
+    fn started_as(way: &[&str], program: &str, nice: u8, options: &[String]) -> Option<Self> {
+        let profile = TempFolder::new("chromium");
+        let nice = nice.to_string();
+        let words: Vec<&str> = way.iter().copied().chain(["nice", "-n", &nice, program]).collect();
+        let mut command = Command::new(words[0]);
+        command.args(&words[1..]);
+        if way.contains(&"setpriv") {
+            std::os::unix::fs::chown(profile.path(), Some(NOBODY), Some(NOBODY)).ok()?;
+            // What root's session says of folders is not for nobody.
+            command.env_remove("XDG_RUNTIME_DIR").env_remove("XDG_CONFIG_HOME").env_remove("XDG_CACHE_HOME");
+            command.env("HOME", profile.path()).current_dir(profile.path());
+        }
+        command.args(["--headless=new", "--disable-gpu", "--no-sandbox", "--remote-debugging-port=0"]);
+        command.args(["--no-first-run", "--hide-scrollbars", "--disable-extensions"]).args(options);
+        command.arg(format!("--user-data-dir={}", profile.path().display())).arg("about:blank");
+        let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().ok()?;
+        let mut lines = BufReader::new(child.stderr.take().expect("piped")).lines();
+        let said = lines.find_map(|line| Some(line.ok()?.split_once("listening on ")?.1.to_owned()));
+        // It goes on talking; nobody listening would make it stop.
+        std::thread::spawn(move || lines.for_each(drop));
+        let Some(debugger) = said else {
+            end(&mut child);
+            return None;
+        };
+        Some(Self { child, debugger, _profile: profile })
     }
 
     /// Opens a page of a size.
@@ -88,9 +117,17 @@ impl Browser {
 
 impl Drop for Browser {
     fn drop(&mut self) {
-        let _ended_is_fine = self.child.kill();
-        let _reaped = self.child.wait();
+        end(&mut self.child);
     }
+}
+
+/// Ends a browser with all of its processes: they are one group where it has a session of its own, and follow the first one otherwise.
+fn end(browser: &mut Child) {
+    if let Some(group) = Pid::from_raw(browser.id().cast_signed()) {
+        let _without_a_group_is_fine = kill_process_group(group, Signal::KILL);
+    }
+    let _ended_is_fine = browser.kill();
+    let _reaped = browser.wait();
 }
 
 /// One page of a browser.
@@ -267,6 +304,18 @@ impl BrowserPage {
         if let Ok(folder) = std::env::var("KRAIT_SHOTS") {
             std::fs::create_dir_all(&folder).expect("a folder");
             std::fs::write(format!("{folder}/{name}.png"), self.picture()).expect("written");
+        }
+    }
+
+    /// The same in both themes.
+    pub fn keep_in_themes(&mut self, name: &str) {
+        if std::env::var_os("KRAIT_SHOTS").is_none() {
+            return;
+        }
+        for theme in ["light", "dark"] {
+            self.in_theme(theme);
+            self.value("new Promise(done => setTimeout(done, 300))");
+            self.keep(&format!("{name}-{theme}"));
         }
     }
 

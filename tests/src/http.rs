@@ -152,6 +152,14 @@ impl Console {
         self.live(Some(&self.origin()), Some(&self.cookie())).expect("the page's own connection")
     }
 
+    /// Connects `n` times to the page's port and says nothing; the first `n_kept` connections are held.
+    pub fn filled(&self, n: usize, n_kept: usize) -> Vec<TcpStream> {
+        let connect = || TcpStream::connect(("127.0.0.1", self.port)).expect("it listens");
+        let kept = (0..n_kept).map(|_| connect()).collect();
+        (n_kept..n).for_each(|_| drop(connect()));
+        kept
+    }
+
     /// Opens `n` connections that hang: a fifth are pages that never read, the others say half of a request or nothing.
     pub fn stalled(&self, n: usize) -> (Vec<Live>, Vec<TcpStream>) {
         let n_pages = n / 5;

@@ -27,4 +27,4 @@ pub use program::{Ended, Krait, krait_program};
 pub use relay::{CuttableWay, WayCut};
 pub use rewrite::rewrite;
 pub use riddle::{Riddle, hand, krait_json};
-pub use world::{TempFolder, held_terminal, instance_name, pid_of, processes_of, real_drives, wait_until};
+pub use world::{TempFolder, held_terminal, instance_name, pid_of, processes_of, real_drives, say_aloud, wait_until};

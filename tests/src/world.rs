@@ -78,6 +78,12 @@ pub fn processes_of(instance: &str) -> Vec<(String, u32)> {
     found
 }
 
+/// Says what whoever runs the tests has to see. A test's output is kept back while it holds; this is not, because it does not go by the
+/// macros that print.
+pub fn say_aloud(text: &str) {
+    let _nobody_to_hear_is_fine = writeln!(std::io::stderr(), "{text}");
+}
+
 /// The process id of a process of an instance, if it runs.
 pub fn pid_of(instance: &str, process: &str) -> Option<u32> {
     processes_of(instance).into_iter().find(|(name, _)| name == process).map(|(_, pid)| pid)

@@ -164,9 +164,14 @@ fn a_stop_needs_its_own_token_and_origin_and_nothing_else_and_the_drives_confirm
     assert!(document.body.contains("method=\"post\""), "a plain form");
     let mut page = console.page();
     assert!(wait_until(PATIENCE, || next_of_kind(&mut page, "frame")["state"]["operating"] == "ENABLED"));
+    // A thousand connections to the page's port, of which it keeps a quarter: it has no place left, and the stop has its own.
+    let full = console.filled(1000, 300);
+    assert_eq!(console.request("GET", "/", &[], "").status, 0, "the page's port is full");
     let stopped = console.at_stop("POST", &path, &[("Origin", &origin)]);
     assert!(stopped.status == 200 && stopped.body.contains("the drives confirmed it"), "{stopped:?}");
     assert!(wait_until(PATIENCE, || next_of_kind(&mut page, "frame")["state"]["operating"] == "PAUSED"));
+    drop(full);
+    assert!(wait_until(PATIENCE, || console.request("GET", "/", &[], "").status == 200), "its places are given back");
 
     let session = hello(&console)["session"].as_str().expect("a session").to_owned();
     let mut id = 0;

@@ -3,11 +3,14 @@
 //! axe-core comes from the npm registry while the test runs; without it, or without a Chromium, this is skipped aloud. Its rules
 //! take minutes on a machine without a graphics processor, so `.ci/run` asks for it by name.
 
-#![allow(clippy::expect_used, clippy::panic, clippy::print_stdout, reason = "a panic is how a test fails")]
+#![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
 
 use core::time::Duration;
+use krait_ipc::Reason;
+use krait_ipc::message::SlaveState;
 use krait_tests::{
-    Browser, BrowserPage, Console, Ended, Krait, TempFolder, instance_name, wait_for_motion, wait_until,
+    Browser, BrowserPage, ChainSender, Console, Ended, Krait, TempFolder, instance_name, say_aloud, wait_for_motion,
+    wait_until,
 };
 use rustix::process::Signal;
 use serde_json::{Value, json};
@@ -33,23 +36,30 @@ fn axe() -> Option<String> {
     script.contains("axe").then_some(script)
 }
 
-/// Serious and critical findings: rule, and the first elements that break it.
-fn findings(page: &mut BrowserPage) -> Vec<Value> {
-    let script = "axe.run(document, { iframes: false, resultTypes: ['violations'] }).then(result => result.violations
-        .filter(({ impact }) => ['serious', 'critical'].includes(impact))
-        .map(({ id, help, nodes }) => [id, help, nodes.slice(0, 4).map(node => node.html.slice(0, 160))]))";
-    page.value(script).as_array().expect("a list").clone()
+/// The whole document, for axe-core.
+const ALL: &str = "document";
+/// What shows a state.
+const OF_STATE: &str = "{ include: [['.banner'], ['.side'], ['.foot']] }";
+
+/// Serious and critical findings within a part of the page: rule, and the first elements that break it.
+fn findings(page: &mut BrowserPage, part: &str) -> Vec<Value> {
+    let script = format!(
+        "axe.run({part}, {{ iframes: false, resultTypes: ['violations'] }}).then(result => result.violations
+        .filter(({{ impact }}) => ['serious', 'critical'].includes(impact))
+        .map(({{ id, help, nodes }}) => [id, help, nodes.slice(0, 4).map(node => node.html.slice(0, 160))]))"
+    );
+    page.value(&script).as_array().expect("a list").clone()
 }
 
 /// The same in the dark and in the light theme, each with where it was found.
-fn findings_in_both_themes(page: &mut BrowserPage, place: &str) -> Vec<String> {
+fn findings_in_both_themes(page: &mut BrowserPage, part: &str, place: &str) -> Vec<String> {
     let mut broken = Vec::new();
     for theme in ["dark", "light"] {
         if page.value("document.documentElement.dataset.theme") != json!(theme) {
             page.key("t", 84);
         }
         page.value("new Promise(done => setTimeout(done, 700))");
-        broken.extend(findings(page).into_iter().map(|found| format!("{place}, {theme}: {found}")));
+        broken.extend(findings(page, part).into_iter().map(|found| format!("{place}, {theme}: {found}")));
     }
     broken
 }
@@ -73,19 +83,93 @@ const QUIZ: [(&str, &str, &str); 3] = [
     ),
 ];
 
+/// A recording that is opened, and one that is compared with another: what to do, what comes then, how to see that it is there, and where.
+const RECORDED: [(&str, &str, &str, &str); 2] = [
+    (
+        "document.querySelector('#recordings tr[data-name=\"one.mcap\"] button').click()",
+        "the player",
+        "document.querySelector('#recordings .ribbon')?.textContent === 'Recording one – not live'",
+        "'.viewer'",
+    ),
+    (
+        "document.querySelector('#recordings select[aria-label=\"The other recording\"]').value = 'two.mcap'; [...document.querySelectorAll('#recordings button')].find(button => button.textContent === 'Compare').click()",
+        "the comparison",
+        "document.querySelectorAll('#recordings .figures tbody tr').length > 3",
+        "'.compared'",
+    ),
+];
+
+/// The drive pad of a page of its own.
+fn findings_of_the_pad(browser: &Browser, axe: &str) -> Vec<String> {
+    let instance = instance_name("access-pad");
+    let mut krait = Krait::start(&["run", "--master", "browser", "--no-recording", "--instance", &instance]);
+    let mut page = browser.page(&Console::of(&mut krait).address, 1280, 800);
+    page.wait_for(
+        "the pad",
+        "document.getElementById('pad')?.hidden === false && document.documentElement.dataset.shown === 'ready'",
+    );
+    page.value(axe);
+    let found = findings_in_both_themes(&mut page, "'#pad'", "the drive pad");
+    krait.signal(Signal::TERM);
+    krait.end(PATIENCE);
+    found
+}
+
+/// A fault and the machine's own emergency stop, as a slave with real drives says them.
+fn findings_of_failures(browser: &Browser, axe: &str) -> Vec<String> {
+    let instance = instance_name("access-fault");
+    let mut krait = Krait::start(&["console", "--instance", &instance]);
+    let console = Console::of(&mut krait);
+    let sender = ChainSender::start(&instance);
+    let mut page = browser.page(&console.address, 1280, 800);
+    page.wait_for("a state", "document.documentElement.dataset.shown === 'fault'");
+    page.value(axe);
+    let second = SlaveState::failed_drive_flags(2);
+    let mut found = Vec::new();
+    for (shown, flags) in [("fault", second), ("emergency", second | SlaveState::HARDWARE_STOP)] {
+        sender.say_fault(flags, &[Reason::DriveFault]);
+        page.wait_for(shown, &format!("document.documentElement.dataset.shown === '{shown}'"));
+        found.extend(findings_in_both_themes(&mut page, OF_STATE, shown));
+    }
+    drop(sender);
+    krait.signal(Signal::TERM);
+    krait.end(PATIENCE);
+    found
+}
+
+/// Every control of the room in front can be reached by Tab; of the choices of one question the one that is chosen.
+fn assert_reached_by_tab(page: &mut BrowserPage, room: &str) {
+    let visible = "[...document.querySelectorAll('button, select, input, a[href], [tabindex=\"0\"]')].filter(e => !e.disabled && e.checkVisibility() && e.offsetParent !== null && e.tabIndex >= 0 && (e.type !== 'radio' || e.checked))";
+    let n = page.value(&format!("{visible}.length")).as_u64().expect("a number");
+    assert!(n > 5, "{room}: {n} controls");
+    page.value("document.activeElement.blur(); window.reached = new Set(); document.addEventListener('focusin', event => { window.reached.add(event.target); }); 0");
+    for _ in 0..2 * n + 10 {
+        page.key("Tab", 9);
+    }
+    let missed =
+        page.value(&format!("{visible}.filter(e => !window.reached.has(e)).map(e => e.outerHTML.slice(0, 120))"));
+    assert_eq!(missed, json!([]), "{room}: not reached by Tab");
+}
+
 #[test]
 #[ignore = "fetches axe-core and takes minutes; .ci/run runs it"]
 fn no_room_of_the_page_breaks_a_serious_rule_and_the_keyboard_alone_suffices() {
     let Some(browser) = Browser::start() else { return };
     let Some(axe) = axe() else {
-        println!("SKIPPED ALOUD: {AXE} cannot be had with npm on this machine");
+        say_aloud(&format!("SKIPPED ALOUD: {AXE} cannot be had with npm on this machine"));
         return;
     };
     let (instance, folder) = (instance_name("access"), TempFolder::new("access"));
     let recording = folder.file("run.mcap");
     let lab = folder.file("lab");
     let krait = Krait::start(&["run", "--engage=again", "--instance", &instance, "--recording", &recording]);
-    let mut server = Krait::start(&["console", "--instance", &instance, "--lab", &lab]);
+    let recordings = folder.file("recordings");
+    std::fs::create_dir(&recordings).expect("a folder");
+    for name in ["one.mcap", "two.mcap"] {
+        let shipped = concat!(env!("CARGO_MANIFEST_DIR"), "/recordings/flick.mcap");
+        std::fs::copy(shipped, Path::new(&recordings).join(name)).expect("copied");
+    }
+    let mut server = Krait::start(&["console", "--instance", &instance, "--lab", &lab, "--recordings", &recordings]);
     let console = Console::of(&mut server);
     wait_for_motion(&instance, &recording);
     let mut page = browser.page(&console.address, 1280, 800);
@@ -95,33 +179,33 @@ fn no_room_of_the_page_breaks_a_serious_rule_and_the_keyboard_alone_suffices() {
     for (key, tab) in [("1", "operate"), ("2", "latency"), ("4", "recordings"), ("3", "lab")] {
         page.key(key, u32::from(key.as_bytes()[0]));
         page.wait_for("the key opens the room", &format!("document.documentElement.dataset.tab === '{tab}'"));
-        broken.extend(findings_in_both_themes(&mut page, tab));
+        broken.extend(findings_in_both_themes(&mut page, ALL, tab));
     }
     for (act, what, is_there) in QUIZ {
         page.value(&format!("{act}; 0"));
         page.wait_for(what, is_there);
-        broken.extend(findings_in_both_themes(&mut page, what));
+        broken.extend(findings_in_both_themes(&mut page, ALL, what));
     }
+    page.key("4", u32::from(b'4'));
+    for (act, what, is_there, part) in RECORDED {
+        page.value(&format!("{act}; 0"));
+        page.wait_for(what, is_there);
+        broken.extend(findings_in_both_themes(&mut page, part, what));
+    }
+    broken.extend(findings_of_the_pad(&browser, &axe));
+    broken.extend(findings_of_failures(&browser, &axe));
     assert!(broken.is_empty(), "{broken:#?}");
-    page.key("1", u32::from(b'1'));
-
-    // Every button of the room in front can be reached by Tab, and shows that it has the focus.
-    let visible = "[...document.querySelectorAll('button, select, input, a[href]')].filter(e => !e.disabled && e.offsetParent !== null && e.tabIndex >= 0)";
-    let n = page.value(&format!("{visible}.length")).as_u64().expect("a number");
-    assert!(n > 5, "{n} controls");
-    page.value("document.activeElement.blur(); window.reached = new Set(); document.addEventListener('focusin', event => { window.reached.add(event.target); }); 0");
-    for _ in 0..3 * n {
-        page.key("Tab", 9);
+    for (key, tab) in [("1", "operate"), ("2", "latency"), ("4", "recordings"), ("3", "lab")] {
+        page.key(key, u32::from(key.as_bytes()[0]));
+        page.wait_for("the key opens the room", &format!("document.documentElement.dataset.tab === '{tab}'"));
+        assert_reached_by_tab(&mut page, tab);
     }
-    let missed =
-        page.value(&format!("{visible}.filter(e => !window.reached.has(e)).map(e => e.outerHTML.slice(0, 120))"));
-    assert_eq!(missed, json!([]), "not reached by Tab");
 
     // The stop is a document of its own.
     let mut stop = browser.page(&console.stop, 600, 400);
     stop.wait_for("the stop is there", "document.querySelector('button') !== null");
     stop.value(&axe);
-    let found = findings(&mut stop);
+    let found = findings(&mut stop, ALL);
     assert!(found.is_empty(), "the stop: {found:#?}");
     stop.value("document.querySelector('button').focus(); 0");
     stop.key_half(true, "Enter", 13);

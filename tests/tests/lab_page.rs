@@ -26,6 +26,8 @@ fn diagnosed(browser: &Browser, name: &str, hidden: &[&str]) -> Diagnosed {
     let mut page = browser.page(&Console::of(&mut server).address, 1280, 800);
     page.wait_for("the page", "document.querySelectorAll('#stop').length === 1");
     page.value("document.querySelector('[data-go=lab]').click()");
+    // What a job says while it is at work, line by line.
+    page.value("window.stages = new Set(); new MutationObserver(() => { const said = document.querySelector('#lab .job-says')?.textContent; if (said) stages.add(said.replace(/^[0-9]+ s +/, '')); }).observe(document.getElementById('lab'), { subtree: true, childList: true, characterData: true }); 0");
     press(&mut page, "Compare");
     press(&mut page, "Diagnose");
     bars(&mut page, 1, 2);
@@ -81,6 +83,9 @@ fn one_button_adds_all_that_was_found_and_the_rail_shows_what_was_written() {
     let Some(browser) = Browser::start() else { return };
     let hidden = ["--kind", "backlash+plane-offset+x_product", "--size", "6,6,2", "--seconds", "40", "--rate", "15"];
     let Diagnosed { folder, data, server: _server, mut page } = diagnosed(&browser, "add-all", &hidden);
+    let stages = page.value("[...stages].filter(said => said)");
+    let is_stage = |own: &serde_json::Value| own.as_str().is_some_and(|said| said.starts_with("Effects "));
+    assert!(stages.as_array().is_some_and(|all| all.len() > 1 && all.iter().any(is_stage)), "its stages: {stages}");
     let answer = page.value("fetch('/lab/job').then(job => job.json())")["answer"].clone();
     let (share, free) = (answer["explained_share"].as_f64(), answer["model_free_rms"].as_f64());
     let (share, free) = share.zip(free).unwrap_or_else(|| panic!("both figures in {answer}"));
@@ -144,11 +149,7 @@ fn the_columns_of_a_dropped_csv_are_named_in_the_page_and_kept_beside_it() {
     page.wait_for("the page", "document.querySelectorAll('#stop').length === 1");
     page.value("document.querySelector('[data-go=lab]').click()");
     page.wait_for("the lab", "document.querySelector('#lab .drop') !== null");
-    page.value(&format!(
-        "(files => {{ files.items.add(new File([{}], 'theirs (1).csv')); \
-         document.getElementById('lab').dispatchEvent(new DragEvent('drop', {{ dataTransfer: files, bubbles: true }})); }})(new DataTransfer())",
-        serde_json::json!(text)
-    ));
+    drop_file(&mut page, "theirs (1).csv", &text);
     page.wait_for("the question", "document.querySelector('#lab h1').textContent === 'What are these columns?'");
     page.keep("columns-asked");
     let names = "[...document.querySelectorAll('#lab .columns tbody th')].map(th => th.textContent)";
@@ -208,7 +209,8 @@ fn an_effect_of_one_joint_is_added_to_it_with_the_column_that_it_depends_on() {
     std::fs::write(folder.file("wrist.toml"), joints).expect("written");
     std::fs::write(folder.file("wrist.csv"), wrist()).expect("written");
     let mut server = Krait::start(&["console", "--instance", &instance, "--lab", &folder.path().display().to_string()]);
-    let mut page = browser.page(&Console::of(&mut server).address, 1280, 800);
+    let console = Console::of(&mut server);
+    let mut page = browser.page(&console.address, 1280, 800);
     page.wait_for("the page", "document.querySelectorAll('#stop').length === 1");
     page.value("document.querySelector('[data-go=lab]').click()");
     for file in ["wrist.toml", "wrist.csv"] {
@@ -239,6 +241,53 @@ fn an_effect_of_one_joint_is_added_to_it_with_the_column_that_it_depends_on() {
     for line in ["joint = 2.0", "by = { parameter = \"half_width\", column = \"sheath_deg\""] {
         assert_eq!(written.matches(line).count(), 1, "{written}");
     }
+    page.wait_for("its answer", "document.querySelector('#lab h1').textContent === 'Nothing is missing.'");
+    an_open_set_is_taken_to_the_last_bar(&mut page, &folder);
+    the_report_opens_as_a_sandboxed_document_and_draws(&browser, &console, "add");
+}
+
+/// A jaw of a da Vinci instrument, measured by others: dropped, named, compared, diagnosed, and what is missing added. What the page says is
+/// what the commands say.
+fn an_open_set_is_taken_to_the_last_bar(page: &mut BrowserPage, folder: &TempFolder) {
+    let shipped = concat!(env!("CARGO_MANIFEST_DIR"), "/../lab/tests/data/davinci-jaw/00.csv");
+    drop_file(page, "jaw.csv", &std::fs::read_to_string(shipped).expect("shipped"));
+    page.wait_for("the proposal", "document.querySelector('#lab h1').textContent === 'Is this what the columns are?'");
+    press(page, "Use these columns");
+    press(page, "Compare");
+    page.wait_for("the answer", "document.querySelector('#lab .work .tiles') !== null");
+    let [model, data, map, out] =
+        ["jaw.model.toml", "jaw.csv", "jaw.map.toml", "by-command.toml"].map(|name| folder.file(name));
+    let lab = |words: &[&str]| {
+        let files = ["--model", &model, "--data", &data, "--map-file", &map, "--json"];
+        Ended::of(&[&["lab"][..], words, &files].concat(), PATIENCE).json()
+    };
+    let compared = lab(&["compare"]);
+    let (rms, rows) = (compared["error"]["rms"].as_f64().expect("a number"), compared["rows"].to_string());
+    let shown = page.value("[...document.querySelectorAll('#lab .work .tiles b')].map(b => b.textContent)");
+    assert_eq!((&shown[0], &shown[3]), (&serde_json::json!(format!("{rms:.2}°")), &serde_json::json!(rows)));
+    press(page, "Diagnose");
+    page.wait_for("what is missing", "document.querySelector('#lab .work .alone') !== null");
+    let add = page.text("#lab .work .alone");
+    let job = page.value("fetch('/lab/job').then(job => job.json())");
+    let (effect, joint) = (add.trim_start_matches("Add "), job["answer"]["effects"][0]["joint"].to_string());
+    press(page, &add);
+    press(page, &add);
+    bars(page, 2, 0);
+    page.keep("open-set");
+    let added = lab(&["add", effect, "--set", &format!("joint={joint}"), "--out", &out]);
+    let texts = page.value("[...document.querySelectorAll('#lab .fall text.value')].map(text => text.textContent)");
+    let after = added["heldout_rms"]["after"].as_f64().expect("a number");
+    assert_eq!(texts, serde_json::json!([format!("{rms:.2}°"), format!("{after:.2}°")]), "both bars");
+}
+
+/// The pictures that a job has written open under a policy that lets them reach nothing of the console, and are drawn all the same.
+fn the_report_opens_as_a_sandboxed_document_and_draws(browser: &Browser, console: &Console, verb: &str) {
+    let mut report = browser.page(&format!("{}/lab/report/{verb}", console.origin()), 1280, 800);
+    report.wait_for("a picture is drawn", "document.querySelector('.js-plotly-plot .main-svg .trace path') !== null");
+    assert_eq!(report.value("window.origin"), serde_json::json!("null"), "an origin of its own");
+    let reached = report.value("fetch('/lab/job').then(() => 'reached', () => 'refused')");
+    assert_eq!(reached, serde_json::json!("refused"), "it reaches nothing of the console");
+    report.keep("report");
 }
 
 /// Two joints that follow their commands, the second with a play that grows with the angle of its sheath; made noise, not random.
@@ -284,6 +333,16 @@ fn renamed(text: &str) -> String {
         out += "7\n";
     }
     out
+}
+
+/// Drops a file on the lab.
+fn drop_file(page: &mut BrowserPage, name: &str, text: &str) {
+    page.value(&format!(
+        "(files => {{ files.items.add(new File([{}], {})); \
+         document.getElementById('lab').dispatchEvent(new DragEvent('drop', {{ dataTransfer: files, bubbles: true }})); }})(new DataTransfer())",
+        serde_json::json!(text),
+        serde_json::json!(name)
+    ));
 }
 
 /// Chooses by a select's label.

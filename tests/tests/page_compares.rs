@@ -84,6 +84,7 @@ fn two_recordings_are_compared_as_the_command_compares_them() {
         "the player is back",
         "document.querySelector('.compared').hidden && !document.querySelector('.viewer').hidden",
     );
+    a_recording_is_used_in_the_lab(&mut page, &sides[0], &folder.file("lab/base.toml"));
     krait.signal(Signal::TERM);
     krait.end(PATIENCE);
     assert!(page.complaints.iter().all(|said| said.contains("WebSocket")), "{:?}", page.complaints);
@@ -143,6 +144,27 @@ fn the_list_says_what_was_learnt_and_what_was_lost() {
     krait.signal(Signal::TERM);
     krait.end(PATIENCE);
     assert!(page.complaints.iter().all(|said| said.contains("WebSocket")), "{:?}", page.complaints);
+}
+
+/// The recording that is chosen becomes the lab's measurement; its comparison with the model to begin with is the command's.
+fn a_recording_is_used_in_the_lab(page: &mut BrowserPage, recording: &str, base: &str) {
+    press(page, "Use in Lab");
+    page.wait_for(
+        "the lab has it",
+        "document.querySelector('#lab select[aria-label=Measurement]')?.value === 'naive.mcap'",
+    );
+    let compare =
+        "[...document.querySelectorAll('#lab .work button')].find(button => button.textContent === 'Compare')";
+    page.wait_for(
+        "it asks",
+        &format!("{compare} !== undefined && document.querySelector('#lab h1').textContent.includes('naive.mcap')"),
+    );
+    page.value(&format!("{compare}.click()"));
+    page.wait_for("the answer", "document.querySelector('#lab .work .tiles') !== null");
+    let shown = page.value("[...document.querySelectorAll('#lab .work .tiles b')].map(b => b.textContent)");
+    let own = Ended::of(&["lab", "compare", "--model", base, "--data", recording, "--json"], PATIENCE).json();
+    let (rms, rows) = (own["error"]["rms"].as_f64().expect("a number"), own["rows"].to_string());
+    assert_eq!((&shown[0], &shown[3]), (&json!(format!("{rms:.2}°")), &json!(rows)));
 }
 
 /// The doctor is asked beside a job of the lab, not in its place; what the page says is what the command finds.

@@ -1,11 +1,13 @@
-//! Doctor's findings on the page, while a chain moves and a job of the lab is at work: neither ends, and the job gives its answer.
+//! Doctor's findings on the page, while a chain moves and a job of the lab is at work: neither ends, and the job gives its answer. Beside
+//! them the numbers of Latency; and a job yields to every other process, ends where it is cancelled, and makes room for the next.
 //! Skipped aloud where there is no Chromium.
 
 #![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
 
 use core::time::Duration;
 use krait_tests::{
-    Browser, Console, Ended, Krait, TempFolder, instance_name, is_moving, processes_of, wait_for, wait_until,
+    Browser, BrowserPage, Console, Ended, Krait, TempFolder, instance_name, is_moving, processes_of, wait_for,
+    wait_until,
 };
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::json;
@@ -21,6 +23,35 @@ fn job_on(file: &str) -> Option<Pid> {
         let words: Vec<&[u8]> = line.split(|byte| *byte == 0).collect();
         (words.contains(&b"diagnose".as_slice()) && words.contains(&file.as_bytes())).then(|| Pid::from_raw(pid))?
     })
+}
+
+/// The nice value of a process.
+fn nice_of(process: Pid) -> i32 {
+    let stat = std::fs::read_to_string(format!("/proc/{}/stat", process.as_raw_nonzero())).expect("it lives");
+    let fields = stat.rsplit_once(')').expect("a name").1;
+    fields.split_whitespace().nth(16).and_then(|nice| nice.parse().ok()).expect("a nice value")
+}
+
+/// The tiles of Latency, its hops and its processes have numbers while a chain runs.
+fn latency_shows_numbers(page: &mut BrowserPage) {
+    let of = |what: &str, form: &str, n: usize| {
+        format!(
+            "(all => all.length === {n} && all.every(own => {form}.test(own.textContent)))([...document.querySelectorAll('#latency {what}')])"
+        )
+    };
+    // Median, p99, late, lost, robot to this picture, pages open.
+    page.wait_for("the tiles", &of(".tiles b", "/^[0-9\u{202f}.]+( µs| ms)?$/", 6));
+    // Each hop and the whole way: median, p99 and worst, each with its budget.
+    let n_hops = krait_ipc::message::N_HOPS + 1;
+    page.wait_for("the hops", &of(".hops td.n b", "/^[0-9.]+ (µs|ms|s)$/", 3 * n_hops));
+    page.wait_for("their budgets", &of(".hops td.n em", "/^[0-9.]+ (µs|ms|s)$/", 3 * n_hops));
+    page.wait_for("their histograms", &of(".histogram path.bins[d^=M]", "/^$/", n_hops));
+    page.wait_for("the last minute", &of(".history path.p50[d^=M]", "/^$/", 1));
+    let rows = "[...document.querySelectorAll('#latency .procs tbody tr:not(:has(.why-so))')].map(row => [...row.children].map(cell => cell.textContent))";
+    let is_whole = format!(
+        "(rows => rows.length >= 8 && rows.every(row => /^[0-9]+$/.test(row[1]) && / %$/.test(row[2]) && / MB$/.test(row[3])))({rows})"
+    );
+    page.wait_for("the processes", &is_whole);
 }
 
 #[test]
@@ -54,6 +85,8 @@ fn doctors_findings_are_shown_beside_a_job_and_a_chain_that_go_on() {
         "the job's process"
     );
     let process = process.expect("found");
+    let own = rustix::process::getpid();
+    assert_eq!(nice_of(process), (nice_of(own) + 15).min(19), "the robot's processes come first");
     // Stopped, so that it is at work for as long as the test looks, however fast the machine is.
     kill_process(process, Signal::STOP).expect("stopped");
 
@@ -61,6 +94,7 @@ fn doctors_findings_are_shown_beside_a_job_and_a_chain_that_go_on() {
     let found = "document.querySelectorAll('#latency .findings li').length > 2 && document.querySelector('#latency .findings').getAttribute('aria-busy') === 'false'";
     page.wait_for("doctor's findings", found);
     page.keep("doctor-beside-a-job");
+    latency_shows_numbers(&mut page);
     page.value("document.querySelector('#latency .findings').replaceChildren(); document.querySelector('#latency .doctor .second').click(); 0");
     page.wait_for("and once more", found);
     let beside = page.value("fetch('/lab/job').then(job => job.json())");
@@ -79,8 +113,27 @@ fn doctors_findings_are_shown_beside_a_job_and_a_chain_that_go_on() {
     assert!(ended && done["id"] == job["id"] && done["stage"] == "done", "{done}");
     let class = done["answer"]["effects"][0]["class"].as_array().expect("an effect and what looks like it");
     assert!(class.contains(&json!("backlash")), "{}", done["answer"]["sentence"]);
+
+    // Cancelled, its process is gone, and the next one begins.
+    let begun = |page: &mut BrowserPage| {
+        let job = page.value(&start);
+        assert_eq!(job["stage"], "running", "{job}");
+        let is_there =
+            wait_until(PATIENCE, || job_on(&data).is_some_and(|own| kill_process(own, Signal::STOP).is_ok()));
+        assert!(is_there, "the job's process");
+        job["id"].clone()
+    };
+    let cancelled = begun(&mut page);
+    page.value("fetch('/lab/cancel', { method: 'POST' }).then(() => 0)");
+    assert!(wait_until(PATIENCE, || job_on(&data).is_none()), "its process is gone");
+    let job = page.value(script);
+    assert_eq!((&job["id"], &job["stage"]), (&cancelled, &json!("cancelled")), "{job}");
+    let next = begun(&mut page);
+    assert!(next.as_u64() > cancelled.as_u64(), "{next} behind {cancelled}");
+
     server.signal(Signal::TERM);
     server.end(PATIENCE);
+    assert!(wait_until(PATIENCE, || job_on(&data).is_none()), "no job outlives its console");
     krait.signal(Signal::INT);
     let ended = krait.end(PATIENCE);
     assert!(ended.stdout.contains(" 0 lost"), "{ended:?}");

@@ -43,6 +43,12 @@ fn three_reasons_are_read_whole_at_every_size_and_more_are_counted() {
             hello["reasons"].as_array().expect("reasons").iter().find(|named| named["name"] == format!("{reason:?}"));
         named.and_then(|named| named["say"].as_str()).expect("a sentence").to_owned()
     };
+    let level = |reason: &Reason| {
+        let named =
+            hello["reasons"].as_array().expect("reasons").iter().find(|named| named["name"] == format!("{reason:?}"));
+        let level = named.and_then(|named| named["level"].as_str()).expect("a level");
+        ["fault", "warn", "hold", "info"].iter().position(|own| *own == level).expect("a level that is known")
+    };
     let mut reasons = Reason::ALL.to_vec();
     reasons.sort_by_key(|reason| core::cmp::Reverse(of(reason).chars().count()));
     let sender = ChainSender::start(&instance);
@@ -50,10 +56,12 @@ fn three_reasons_are_read_whole_at_every_size_and_more_are_counted() {
     page.wait_for("a fault", "document.documentElement.dataset.shown === 'fault'");
     for three in reasons[..12].chunks(3) {
         sender.say_fault(SlaveState::failed_drive_flags(2), three);
-        let mut says: Vec<String> = three.iter().map(of).collect();
-        says.sort();
+        // Worst first: what failed, what needs attention, what holds still because it shall, what is good to know. One level by number.
+        let mut worst_first = three.to_vec();
+        worst_first.sort_by_key(|reason| (level(reason), *reason as u32));
+        let says: Vec<String> = worst_first.iter().map(of).collect();
         let are_shown = format!(
-            "JSON.stringify([...document.querySelectorAll('#reasons span')].map(span => span.textContent).sort()) === JSON.stringify({})",
+            "JSON.stringify([...document.querySelectorAll('#reasons span')].map(span => span.textContent)) === JSON.stringify({})",
             json!(says)
         );
         for (width, height) in SIZES {

@@ -1,5 +1,5 @@
-//! The stop in its own frame works by mouse and by key while the page around it is cut off or hangs. What the slave says of itself
-//! decides, and no time does. Skipped aloud where there is no Chromium.
+//! The stop in its own frame works by mouse and by key while the page around it is cut off or hangs, by finger while it is cut off, and
+//! its form without any script. What the slave says of itself decides, and no time does. Skipped aloud where there is no Chromium.
 
 #![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
 
@@ -9,6 +9,7 @@ use krait_tests::{
     Browser, BrowserPage, Console, CuttableWay, Ended, Krait, WayCut, instance_name, is_moving, wait_for, wait_until,
 };
 use rustix::process::Signal;
+use serde_json::json;
 
 const PATIENCE: Duration = Duration::from_secs(240);
 /// A page that hangs has not answered after this long, and never will.
@@ -25,6 +26,7 @@ const HANG: &str = "setTimeout(() => {
 #[derive(Debug)]
 enum Stops {
     Mouse,
+    Finger,
     Escape,
     Enter,
 }
@@ -52,6 +54,7 @@ fn stops_while(cut: Option<WayCut>) {
     let relay = CuttableWay::to(console.port);
     let Some(browser) = Browser::start_by_way_of(&relay) else { return };
     let mut page = browser.page(&console.address, 1280, 800);
+    page.call("Emulation.setTouchEmulationEnabled", &json!({ "enabled": true, "maxTouchPoints": 1 }));
     page.wait_for("the snake follows", "document.documentElement.dataset.shown === 'following'");
     assert!(relay.was_asked("GET /live"), "the page came by its own way");
     let place = place_of_stop(&mut page);
@@ -72,10 +75,17 @@ fn stops_while(cut: Option<WayCut>) {
             assert!(wait_until(PATIENCE, || relay.was_asked("GET /hangs")), "the page begins to hang");
         }
     }
-    for way in [Stops::Mouse, Stops::Escape, Stops::Enter] {
+    let mut ways = vec![Stops::Mouse, Stops::Escape, Stops::Enter];
+    // The browser's debugger hands a finger on only once the page has answered: on one that hangs none can be tried.
+    ways.extend(cut.map(|_| Stops::Finger));
+    for way in ways {
         let n_before = wait_for(&instance, "moving", is_moving).n_stops;
         match way {
             Stops::Mouse => page.press(place[0], place[1]),
+            Stops::Finger => {
+                page.touch("touchStart", &[place]);
+                page.touch("touchEnd", &[]);
+            }
             Stops::Escape => page.key("Escape", 27),
             Stops::Enter => [true, false].into_iter().for_each(|is_down| page.key_half(is_down, "Enter", 13)),
         }
@@ -87,8 +97,30 @@ fn stops_while(cut: Option<WayCut>) {
     }
     let patience = if cut.is_some() { PATIENCE } else { HANGS_FOR };
     assert_eq!(page.answers_within(patience), cut.is_some(), "a page that is cut off lives, one in a loop hangs");
+    if cut == Some(WayCut::Closed) {
+        stops_without_script(&browser, &console, &instance);
+    }
     krait.signal(Signal::TERM);
     krait.end(PATIENCE);
+}
+
+/// The stop's own document in a browser that runs no script: its form is sent, and the document that comes back says what became of it.
+fn stops_without_script(browser: &Browser, console: &Console, instance: &str) {
+    let mut page = browser.page("about:blank", 600, 400);
+    page.call("Emulation.setScriptExecutionDisabled", &json!({ "value": true }));
+    page.call("Page.navigate", &json!({ "url": console.stop }));
+    page.wait_for("the stop", "document.getElementById('stop') !== null && document.readyState === 'complete'");
+    // Of the document that is there before; that of the answer is another one.
+    page.value("document.documentElement.id = 'before'; 0");
+    let n_before = wait_for(instance, "moving", is_moving).n_stops;
+    page.press(300.0, 200.0);
+    wait_for(instance, "stopped by the form alone", |state| {
+        state.n_stops > n_before && state.operating() == Some(OperatingState::Paused)
+    });
+    page.wait_for(
+        "it says so",
+        "document.documentElement.id === '' && document.getElementById('say').textContent.includes('the drives confirmed it')",
+    );
 }
 
 /// The middle of the stop's frame.

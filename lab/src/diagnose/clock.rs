@@ -12,6 +12,7 @@ use crate::fit::{Fit, Variable, dot, fit, fit_to_end, inverse, normal_equations,
 use crate::free::free_variables;
 use crate::machine::MachineUnderTest;
 use crate::prepare::{Prepared, prepare};
+use crate::stage::stage;
 use crate::{LabError, Measurements, Problem};
 use nalgebra::DVector;
 
@@ -51,6 +52,7 @@ pub(super) fn by_own_clock(
     let (mut best, mut clocks) = (last.clone(), None);
     let mut values = vec![ClockOffset::default(); firsts.len()];
     for _ in 0..MOST_SEARCHES {
+        stage("The camera's clock");
         // Effects that imitate a clock draw it to where they suit best: those of the next search do not.
         let Some(found) = settled(machine, data, options, &last, &values)? else { break };
         last = by_one_clock(&data.by_clocks(&found.values, &firsts))?;

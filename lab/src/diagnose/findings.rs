@@ -10,6 +10,7 @@ use super::search::{Search, Trial, memory};
 use super::sign_flip::SignFlip;
 use crate::LabError;
 use crate::noise::{FloorSource, NoiseFloor};
+use crate::stage::stage;
 use rayon::prelude::*;
 
 /// Effects with more free parameters than this may be two simple ones in disguise.
@@ -183,6 +184,7 @@ fn on_rows(
     let comparison = comparison_of(search, floors, are_cells_white);
     let mut found = one_or_two(search, &comparison, &start, max_effects);
     if (1..max_effects).contains(&found.chosen.found.len()) {
+        stage("Effects in longer lists");
         let longer = lists::longer(search, &comparison, &found.chosen, &found.alternatives.trials, max_effects);
         found = found.or(longer);
     }
@@ -201,6 +203,7 @@ fn has_few_look_alikes(list: &Trial, alternatives: &Alternatives) -> bool {
 
 /// None, one or two effects.
 fn one_or_two(search: &Search, comparison: &Comparison, start: &Trial, max_effects: usize) -> Findings {
+    stage("Effects, each alone");
     let (cells, test) = search.look(start);
     let singles = search.singles(start, &cells);
     let best = singles.first().filter(|_| max_effects > 0);
@@ -219,6 +222,7 @@ fn one_or_two(search: &Search, comparison: &Comparison, start: &Trial, max_effec
         let looks: Vec<(Vec<Cell>, SignFlip)> = firsts.iter().map(|first| search.look(first)).collect();
         let p_value = looks.first().map_or(1.0, |(_, test)| test.p_value);
         if many || p_value < 0.05 {
+            stage("Effects in pairs");
             let second_cells: Vec<Vec<Cell>> = looks.into_iter().map(|(cells, _)| cells).collect();
             let mut pairs = search.pairs(start, &cells, &firsts, &second_cells);
             if let Some(best) = pairs.first().cloned() {

@@ -9,6 +9,7 @@ use crate::joint::{has_starts, with_starts};
 use crate::machine::{JointsLab, MachineUnderTest};
 use crate::noise::autocorrelation_time;
 use crate::prepare::prepare;
+use crate::stage::stage;
 use crate::{LabError, Measurements, Quantity};
 
 /// Of one trial so many correlation times are needed, of which the last part is locked.
@@ -67,6 +68,7 @@ pub(super) fn error(
     known: &Diagnosis,
 ) -> Result<Option<LockedError>, LabError> {
     let Some(first) = first_locked(machine, data, known)? else { return Ok(None) };
+    stage("All once more without a last part");
     let is_trial = data.starts_trial(first);
     let open = open_diagnosis(machine, &data.select(&(0..first).collect::<Vec<_>>()), options)?;
     // What was found beside the effects, the clock and the calibration, is the open part's as well.

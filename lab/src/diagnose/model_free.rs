@@ -8,6 +8,7 @@ use super::accept::FOLDS;
 use super::answer::Diagnosis;
 use crate::machine::MachineUnderTest;
 use crate::prepare::prepare;
+use crate::stage::stage;
 use crate::trees::{Binned, predicted};
 use crate::{LabError, Measurements, Problem};
 use nalgebra::{DMatrix, DVector};
@@ -33,6 +34,7 @@ pub(super) fn model_free_rms(
     data: &Measurements,
     diagnosis: &Diagnosis,
 ) -> Result<Option<f64>, LabError> {
+    stage("What a fit without a model leaves");
     let calibrated = diagnosis.calibrated.as_ref().map(|joints| joints as &dyn MachineUnderTest);
     let problem = prepare(calibrated.unwrap_or(machine), data)?.problem;
     let left = problem.outputs_of(&problem.residual(problem.machine.effects())?);

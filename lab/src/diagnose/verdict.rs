@@ -21,6 +21,7 @@ use crate::machine::{Candidate, MachineUnderTest};
 use crate::noise::{FloorSource, NoiseFloor};
 use crate::prepare::{Prepared, prepare};
 use crate::read::scatter_before_filter;
+use crate::stage::stage;
 use crate::{LabError, Measurements, Problem, Term};
 
 /// Final error up to this ratio of the floor is the floor.
@@ -45,6 +46,7 @@ pub(super) fn by_one_clock(
     data: &Measurements,
     options: &DiagnoseOptions,
 ) -> Result<Diagnosis, LabError> {
+    stage("The measurement's own noise");
     let Prepared { problem: full, mut floors, excluded, shortest_block_s, loads } = prepare(machine, data)?;
     let rows = working_rows(data, &excluded);
     let of_rows = |data: Measurements| {
@@ -76,6 +78,7 @@ pub(super) fn by_one_clock(
         floors = nearer;
         found = run(&search(tried), &search(&work), &floors, is_white, most)?;
     }
+    stage("The best lists on all rows");
     found.decide(&search(&work), &search(&full));
     let n_outliers = excluded.len();
     let alone = [&search(&full), &search(&work)];
@@ -96,6 +99,7 @@ pub(super) fn by_one_clock(
         if !is_more {
             break;
         }
+        stage("Effects beside what none of them makes");
         let columns = shapes.columns(&work)?;
         let few = few.as_ref().map(|(few, rows)| few.beside(&work.part_of(&columns, rows)));
         let (full, work) = (shaped.beside(&shapes.columns(shaped)?), work.beside(&columns));
@@ -167,6 +171,7 @@ impl Case<'_> {
     }
 
     fn conclude(self, start: &Trial, mut chosen: Trial) -> Result<Diagnosis, LabError> {
+        stage("How sure each effect is");
         let search = self.alone[0];
         let problem = search.problem;
         let (unit, scale) = problem.machine.error_unit();

@@ -15,6 +15,7 @@ use super::terms::{self, Value, term};
 use crate::add::Added;
 use crate::fit::{Uncertainty, Variable};
 use crate::machine::{JointsLab, MachineUnderTest};
+use crate::stage::stage;
 use crate::{AddOptions, LabError, Measurements, Term};
 
 /// Rows of the loss.
@@ -35,6 +36,7 @@ pub(crate) fn add(machine: &JointsLab, data: &Measurements, options: &AddOptions
     let (mut before, mut after, mut noise) = (0.0, 0.0, Some(0.0));
     let mut calibration = Vec::new();
     let mut is_known = false;
+    stage("Fitting the effect");
     for joint in 0..data.n_outputs {
         let signal = Signal::new(machine, data, joint, &excluded, MOST_ROWS, &first_trials)?;
         let signal = if wanted.varying.is_some() { signal.with_columns(data) } else { signal };

@@ -23,6 +23,7 @@ use crate::diagnose::{
 };
 use crate::machine::{JointsLab, MachineUnderTest};
 use crate::noise::outliers;
+use crate::stage::stage;
 use crate::{LabError, Measurements, Problem, scored_time_s};
 use rayon::prelude::*;
 
@@ -193,6 +194,7 @@ struct Case<'a> {
 
 impl Case<'_> {
     fn joint(&self, joint: usize) -> Result<Found, LabError> {
+        stage(&format!("Effects of joint {}", joint + 1));
         let recordings = self.options.first_trials();
         let signal = Signal::new(self.machine, self.work, joint, self.left_out, MOST_SEARCHED, &recordings)?;
         let mut signal = signal.with_columns(self.work);
@@ -225,6 +227,7 @@ impl Case<'_> {
         last.pool.extend(parts);
         let best = refine(&judged, &best.members, loss, 8, 1e-6, true);
         last.n_effective = n_effective(&best);
+        stage("How sure each effect is");
         Ok(self.judge(&search, &last, best))
     }
 

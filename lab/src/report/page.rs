@@ -3,6 +3,7 @@
 use super::html::{escape, table};
 use super::{PageOrigin, Picture};
 use crate::Measurements;
+use crate::stage::stage;
 use plotly::Plot;
 
 /// A page that grows section by section.
@@ -36,6 +37,7 @@ impl Page {
 
     /// A page with these rows at its foot.
     pub fn with_foot(title: &str, rows: &[Vec<String>]) -> Self {
+        stage("Drawing the pictures");
         let title = escape(title);
         let text = format!(
             "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>{title}</title>\n\

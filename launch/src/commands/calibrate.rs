@@ -91,7 +91,7 @@ fn play(common: &Common, args: &PlayArgs) -> anyhow::Result<ExitCode> {
 
 fn photo(args: &PhotoArgs) -> anyhow::Result<ExitCode> {
     if let Some(out) = &args.out {
-        refuse_existing(out, args.force)?;
+        refuse_existing(out, "csv", args.force)?;
     }
     let photo::PhotoSession { bends, left_out } = photo::bends(&photo::read(&args.clicks)?, args.click_sd_px)?;
     let mut text = String::new();

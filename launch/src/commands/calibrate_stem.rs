@@ -16,7 +16,7 @@ use std::process::ExitCode;
 /// Fits, prints, and writes the file that is asked for.
 pub fn run(args: &StemArgs) -> anyhow::Result<ExitCode> {
     if let Some(out) = &args.out {
-        refuse_existing(out, args.force)?;
+        refuse_existing(out, "toml", args.force)?;
     }
     let model = &args.files.model;
     let session = args.files.session()?;

@@ -1,6 +1,7 @@
 //! `krait export FILE`: a recording's measurements as a table that the model lab, and any other program, reads.
 
 use crate::cli::{ExportArgs, ExportFormat};
+use crate::commands::overwrite::refuse_other_ending;
 use crate::print;
 use anyhow::{Context, bail};
 use krait_lab::read::joint_scale;
@@ -28,7 +29,11 @@ struct Exported {
 
 /// Writes the table; exit code 1 if the recording lacks something.
 pub fn run(args: &ExportArgs) -> anyhow::Result<ExitCode> {
-    refuse_other_ending(args.format, &args.out)?;
+    let (own, option) = match args.format {
+        ExportFormat::Csv => ("csv", " (--format parquet writes .parquet)"),
+        ExportFormat::Parquet => ("parquet", " (--format csv writes .csv)"),
+    };
+    refuse_other_ending(&args.out, own, option)?;
     let parts = Recording::open_parts(&args.recording)?;
     let columns = Columns::of_parts(&parts)?;
     if columns.n_rows() == 0 {
@@ -69,23 +74,6 @@ fn jaw_of(columns: Columns, recording: &Path) -> anyhow::Result<Columns> {
         );
     }
     Ok(jaw)
-}
-
-/// A file whose name promises another format would be opened by a program that cannot read it.
-fn refuse_other_ending(format: ExportFormat, path: &Path) -> anyhow::Result<()> {
-    let (own, option) = match format {
-        ExportFormat::Csv => ("csv", "--format parquet writes .parquet"),
-        ExportFormat::Parquet => ("parquet", "--format csv writes .csv"),
-    };
-    let others = ["csv", "parquet", "xlsx", "xls", "ods", "json", "mat", "hdf5", "h5", "mcap"];
-    let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default();
-    if ending != own && others.contains(&ending.as_str()) {
-        bail!(
-            "{} ends in .{ending}, and what would be written is .{own}; name a .{own} file ({option})",
-            path.display()
-        );
-    }
-    Ok(())
 }
 
 impl Exported {

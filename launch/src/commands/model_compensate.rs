@@ -40,7 +40,7 @@ struct Compensated {
 
 /// Writes the commands; exit code 1 where some setpoint cannot be reached.
 pub fn run(args: &CompensateArgs) -> anyhow::Result<ExitCode> {
-    refuse_existing(&args.out, args.force)?;
+    refuse_existing(&args.out, "csv", args.force)?;
     let file = ModelFile::parse(&text_of(&args.model)?).with_context(|| args.model.display().to_string())?;
     let mut inverse = Inverse::of(&file).with_context(|| args.model.display().to_string())?;
     let text = input::text(&args.setpoints, MAX_BYTES).with_context(|| args.setpoints.display().to_string())?;

@@ -36,7 +36,7 @@ struct Saved {
 
 /// Writes the model file of the recording's last chain with the values that it ended with.
 pub fn run(args: &SaveLearntArgs) -> anyhow::Result<ExitCode> {
-    refuse_existing(&args.out, args.force)?;
+    refuse_existing(&args.out, "toml", args.force)?;
     let of_recording = || format!("recording {}", args.recording.display());
     let parts = Recording::open_parts(&args.recording)?;
     let Some(first) = parts.first() else { bail!("{}: it holds nothing", of_recording()) };

@@ -1,6 +1,7 @@
 //! `krait recover FILE`: a whole file of what a killed recorder or a damaged disk has left, and what was saved.
 
 use crate::cli::RecoverArgs;
+use crate::commands::overwrite::refuse_other_ending;
 use crate::print;
 use krait_record::{Recording, recover, utc_text};
 use serde::Serialize;
@@ -24,6 +25,7 @@ struct Saved {
 
 /// Writes the new file and tells what is in it.
 pub fn run(args: &RecoverArgs) -> anyhow::Result<ExitCode> {
+    args.out.as_deref().map_or(Ok(()), |out| refuse_other_ending(out, "mcap", ""))?;
     let is_whole = Recording::open(&args.recording)?.contents().missing.is_empty();
     if is_whole && args.out.is_none() {
         return whole(args);

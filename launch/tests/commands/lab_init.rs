@@ -91,6 +91,32 @@ fn nothing_is_overwritten_and_nothing_is_written_for_what_is_refused() {
     assert!(said.contains("\"Zeit [ms]\"") && said.contains("missing") && said.contains("Zeit [s]"), "{said}");
 }
 
+/// A program that opens what it takes for its own format could not read it; whatever is written, it is refused before any work.
+#[test]
+fn no_command_writes_under_a_name_that_promises_another_format() {
+    let folder = Folder::new("ending");
+    let files = ["--model", "none.toml", "--data", "none.csv"];
+    for (words, own) in [
+        (&[&["lab", "add", "backlash"][..], &files].concat()[..], "toml"),
+        (&[&["lab", "fit"][..], &files].concat(), "toml"),
+        (&["lab", "generate", "--kind", "backlash"], "csv"),
+        (&["lab", "quiz"], "csv"),
+        (&["model", "save-learnt", "none.mcap"], "toml"),
+        (&["model", "compensate", "none.toml", "--in", "none.csv"], "csv"),
+        (&["recover", "none.mcap"], "mcap"),
+        (&["calibrate", "photo", "none.csv"], "csv"),
+        (&[&["calibrate", "stem"][..], &files].concat(), "toml"),
+        (&["export", "none.mcap"], "csv"),
+    ] {
+        let ended = folder.krait(&[words, &["--out", "x.xlsx"][..]].concat());
+        let said = String::from_utf8(ended.stderr).expect("text");
+        assert_eq!(ended.status.code(), Some(2), "{words:?}: {said}");
+        let expected = format!("x.xlsx ends in .xlsx, and what would be written is .{own}; name a .{own} file");
+        assert!(said.contains(&expected) && said.trim_end().lines().count() == 1, "{words:?}: {said}");
+    }
+    assert!(!folder.0.join("x.xlsx").exists());
+}
+
 /// A joint that turns 1.03 times as far as told from an offset on, with the camera ahead by some rows: 40 s at 50 Hz.
 fn joint(unit: &str, offset: f64, n_ahead: usize) -> String {
     let mut text = format!("time_s,u1_{unit},y1_{unit}\n");

@@ -23,7 +23,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(20);
 
 /// Writes the profile, or says why there is none.
 pub(super) fn run(args: &DevicesArgs, path: &Path) -> anyhow::Result<ExitCode> {
-    refuse_existing(path, args.force)?;
+    refuse_existing(path, "toml", args.force)?;
     let seconds = args.seconds.unwrap_or(SECONDS);
     ensure!(
         (LEAST_S..=MOST_S).contains(&seconds),
@@ -92,7 +92,7 @@ pub(super) fn run(args: &DevicesArgs, path: &Path) -> anyhow::Result<ExitCode> {
     }
     let profile = calibration.finish()?;
     // Somebody may have made it meanwhile.
-    refuse_existing(path, args.force)?;
+    refuse_existing(path, "toml", args.force)?;
     let text = format!(
         "# Calibrated by `krait devices --calibrate` in {seconds} s at {}.\n{}",
         node.display(),

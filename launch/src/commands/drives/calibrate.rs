@@ -51,7 +51,7 @@ struct Calibration {
 pub(super) fn run(common: &Common, args: &DrivesArgs) -> anyhow::Result<ExitCode> {
     let path = common.config.as_deref().context("which actuators? name their configuration with --config")?;
     if let Some(out) = &args.out {
-        refuse_existing(out, args.force)?;
+        refuse_existing(out, "toml", args.force)?;
     }
     let stop = signals::stop_flag()?;
     let text = Config::text(path)?;
@@ -93,7 +93,7 @@ pub(super) fn run(common: &Common, args: &DrivesArgs) -> anyhow::Result<ExitCode
     if let Some(out) = &args.out {
         let text = with_signs(&text, &signs)?;
         // Somebody may have made it meanwhile.
-        refuse_existing(out, args.force)?;
+        refuse_existing(out, "toml", args.force)?;
         std::fs::write(out, text)
             .with_context(|| format!("{} could not be written; name a file in a folder of yours", out.display()))?;
     }

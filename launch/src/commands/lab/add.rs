@@ -1,7 +1,7 @@
 //! `krait lab add` and `krait lab fit`: values with standard errors, the error before and after, and the better model file.
 
 use super::next::after_fit;
-use super::page;
+use super::{page, stages};
 use crate::cli_lab::{AddArgs, FitArgs, LabFiles, dotted, effect_parameter};
 use crate::commands::overwrite::refuse_existing;
 use crate::commands::today;
@@ -22,7 +22,8 @@ use std::process::ExitCode;
 
 /// Adds an effect.
 pub fn run(args: &AddArgs) -> anyhow::Result<ExitCode> {
-    refuse_existing(&args.out, args.force)?;
+    refuse_existing(&args.out, "toml", args.force)?;
+    stages::tell();
     let session = open(&args.files)?;
     let term = term(args, session.machine.as_ref(), &session.data)?;
     let label = term.label().to_owned();
@@ -45,7 +46,8 @@ const WORSE: f64 = 1.02;
 
 /// Fits what a model has.
 pub fn refit(args: &FitArgs) -> anyhow::Result<ExitCode> {
-    refuse_existing(&args.out, args.force)?;
+    refuse_existing(&args.out, "toml", args.force)?;
+    stages::tell();
     let session = open(&args.files)?;
     // Without names: what was fitted to these data once, and what the file leaves open, which a fit has anyway.
     let free = if args.free.is_empty() { fitted_to(&session.file, &session.data) } else { args.free.clone() };

@@ -1,7 +1,7 @@
 //! `krait lab diagnose`: which effect is missing, in a table or as JSON.
 
 use super::next::after_diagnosis;
-use super::page;
+use super::{page, stages};
 use crate::cli_lab::DiagnoseArgs;
 use crate::print;
 use anyhow::{Context, bail};
@@ -20,6 +20,7 @@ const SHOWN: usize = 12;
 
 /// Diagnoses; finding that something is missing is no failure.
 pub fn run(args: &DiagnoseArgs) -> anyhow::Result<ExitCode> {
+    stages::tell();
     let mut session = args.files.session()?;
     let options = DiagnoseOptions {
         seed: args.seed,

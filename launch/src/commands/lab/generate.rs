@@ -89,18 +89,18 @@ fn write<T: Serialize>(args: &GenerateArgs, out: &Path, made: Generated<T>) -> a
     Ok(ExitCode::SUCCESS)
 }
 
-/// Refuses to go on where generated data would overwrite something.
+/// Refuses to go on where generated data would overwrite something; the other files are the answer and the truth.
 ///
 /// # Errors
 /// One sentence that names the file.
 pub fn refuse_existing_data(out: &Path, others: [Option<&Path>; 2], model: &str, force: bool) -> anyhow::Result<()> {
-    for file in others.into_iter().flatten().chain([out]) {
-        refuse_existing(file, force)?;
+    for (file, own) in others.into_iter().zip(["json", "toml"]).chain([(Some(out), "csv")]) {
+        file.map_or(Ok(()), |file| refuse_existing(file, own, force))?;
     }
     // A base model of an earlier set of data is the same; any other is somebody's work.
     let base = out.with_file_name("base.toml");
     if base.exists() && !input::text(&base, input::CONFIG_BYTES).is_ok_and(|text| text == model) {
-        refuse_existing(&base, force)?;
+        refuse_existing(&base, "toml", force)?;
     }
     Ok(())
 }

@@ -25,7 +25,7 @@ pub fn run(args: &InitArgs) -> anyhow::Result<ExitCode> {
         |given: &Option<PathBuf>, ending: &str| given.clone().unwrap_or_else(|| args.data.with_extension(ending));
     let (map, model) = (beside(&args.map_out, "map.toml"), beside(&args.model_out, "model.toml"));
     for file in [&map, &model] {
-        refuse_existing(file, args.force)?;
+        refuse_existing(file, "toml", args.force)?;
     }
     let given: ColumnMap = args.map.iter().cloned().collect();
     let found = match propose(&args.data, &given) {

@@ -11,6 +11,7 @@ mod next;
 mod page;
 mod quiz;
 mod shell;
+mod stages;
 
 use crate::cli_lab::LabVerb;
 use std::process::ExitCode;
