@@ -78,9 +78,9 @@ pub struct Seen {
     pub torque_nm: PerActuator<f64>,
     /// How often each has said that it started anew.
     pub n_boots: PerActuator<u32>,
-    /// Temperature, degrees Celsius.
+    /// Temperature, degrees Celsius; NaN: not told.
     pub temperature_celsius: PerActuator<f64>,
-    /// Supply, V.
+    /// Supply, V; NaN: not told.
     pub supply_v: PerActuator<f64>,
 }
 

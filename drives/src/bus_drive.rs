@@ -96,7 +96,9 @@ impl BusDrive {
         self.send(stamp_ns);
     }
 
-    /// Takes the newest report, and notices when there has been none for too long.
+    /// Takes the newest report, and notices when there has been none for too long. How old the reading of one actuator may be in a report
+    /// that is new is bounded by the judge: one that is driven and silent for `lost_cycles` periods is lost. So no age is judged here but the
+    /// report's, which is the thread's and no actuator's.
     fn look(&mut self, stamp_ns: i64) {
         if let Some(report) = self.exchange.report.get::<Report>() {
             self.report = report;
@@ -108,7 +110,7 @@ impl BusDrive {
         let age_ns = stamp_ns.saturating_sub(self.report.stamp_ns);
         if age_ns > self.setup.wish_ns.max(self.setup.period_ns * i64::from(self.setup.lost_cycles)) {
             let is_over = self.thread.as_ref().is_some_and(JoinHandle::is_finished);
-            let late = DriveError::Stale { actuator: 1, age_ms: age_ns as f64 * 1e-6 };
+            let late = DriveError::Stale { age_ms: age_ns as f64 * 1e-6 };
             self.failure = self.failure.or(Some(if is_over { DriveError::Bus { what: THREAD_ENDED } } else { late }));
         }
     }
@@ -263,5 +265,27 @@ impl Dry {
             }
             self.counts = counts;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::Units;
+    use krait_slave::{ActuatorConfig, DriveConfig, SlaveConfig};
+
+    #[test]
+    fn a_bus_that_says_nothing_for_too_long_is_named_and_no_drive_is() {
+        let actuator = ActuatorConfig { id: 1, zero_count: Some(2048), ..ActuatorConfig::default() };
+        let units = vec![Units::new(&actuator, 1, 4096).unwrap()];
+        let drive = DriveConfig { wish_ms: 100.0, actuator: vec![actuator], ..DriveConfig::default() };
+        let setup = BusSetup::new(&SlaveConfig { drive, ..SlaveConfig::default() }, units, 2048, 1_000_000).unwrap();
+        let mut drive = BusDrive::without_thread(setup, &Seen::default(), 0);
+        drive.read(100_000_000).unwrap();
+        assert_eq!(drive.failure(), None);
+        drive.read(101_000_000).unwrap();
+        let failure = drive.failure().unwrap();
+        assert_eq!((failure, failure.actuator()), (DriveError::Stale { age_ms: 101.0 }, None));
+        assert!(failure.to_string().starts_with("the newest readings of the drives are 101.0 ms old"), "{failure}");
     }
 }

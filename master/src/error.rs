@@ -110,9 +110,9 @@ pub enum MasterError {
         /// What stands there.
         found: String,
     },
-    /// A profile of any mouse or keyboard, and nobody has said which one.
+    /// A profile of any mouse, keyboard or pedal, and nobody has said which one.
     #[error(
-        "profile {}: expected the node of the device that shall be taken, found none; no mouse or keyboard is taken unasked: name yours with --node or `[master] node` (`krait devices` lists them)", profile.display()
+        "profile {}: expected the node of the device that shall be taken, found none; no mouse, keyboard or pedal is taken unasked: name yours with --node or `[master] node` (`krait devices` lists them)", profile.display()
     )]
     NoNode {
         /// The profile.

@@ -63,7 +63,7 @@ pub enum ProfileDevice {
     Id(u16, u16),
     /// The one behind this node, as in `/dev/input/by-id/...-event-joystick`.
     Path(PathBuf),
-    /// None: a built-in profile of a mouse or keyboard, of which the user must say which. No device is ever chosen for it.
+    /// None: a built-in profile of a mouse, keyboard or pedal, of which the user must say which. No device is ever chosen for it.
     Unnamed,
 }
 
@@ -77,11 +77,12 @@ pub struct ProfileButton {
 }
 
 /// The profiles that are built in, by their names.
-const SHIPPED: [(&str, &str); 4] = [
+const SHIPPED: [(&str, &str); 5] = [
     ("extreme-3d-pro", include_str!("../profiles/extreme-3d-pro.toml")),
     ("xbox-360", include_str!("../profiles/xbox-360.toml")),
     ("mouse", include_str!("../profiles/mouse.toml")),
     ("keyboard", include_str!("../profiles/keyboard.toml")),
+    ("pedal", include_str!("../profiles/pedal.toml")),
 ];
 
 impl Profile {
@@ -327,6 +328,9 @@ mod tests {
             let said = profile.warning().expect("it says what it takes");
             assert!(said.contains("/dev/input/by-id/mine"), "{said}");
         }
+        assert!(Profile::of_device(Path::new("pedal"), None).is_err());
+        let pedal = Profile::of_device(Path::new("pedal"), Some(Path::new("/dev/input/by-id/foot"))).expect("named");
+        assert_eq!(pedal.warning(), None, "it does nothing else anyway");
         assert!(Profile::of_device(Path::new("xbox-360"), None).is_ok());
         let own = "name = \"My mouse\"\n[[axis]]\nof = \"x\"\nfrom = \"REL_X\"\nfull_counts_per_s = 900\n";
         assert!(Profile::parse("own.toml", own).is_err(), "one's own names its device");
@@ -338,8 +342,12 @@ mod tests {
         assert_eq!(shipped.len(), SHIPPED.len());
         for (name, profile) in shipped {
             assert_eq!(Profile::load(Path::new(name)).expect("by its name"), profile);
-            assert!(profile.axes.len() >= 3 && profile.buttons.len() == 3, "presence, clutch and mark");
-            assert_eq!(profile.device == ProfileDevice::Unnamed, ["mouse", "keyboard"].contains(&name));
+            assert_eq!(
+                (profile.axes.len() >= 3, profile.buttons.len()),
+                (name != "pedal", 3),
+                "presence, clutch and mark"
+            );
+            assert_eq!(profile.device == ProfileDevice::Unnamed, ["mouse", "keyboard", "pedal"].contains(&name));
         }
     }
 

@@ -89,7 +89,7 @@ mod tests {
             assert_eq!(Profile::parse(name, &profile.to_text()).expect("readable"), profile, "{name}");
             profile.name = "a \"stick\"\n\\ of mine".to_owned();
             profile.device = ProfileDevice::Path("/dev/input/by-id/my \"own\"".into());
-            profile.axes[0].is_negated = true;
+            profile.axes.iter_mut().take(1).for_each(|axis| axis.is_negated = true);
             profile.lights = vec![(LightRole::All, 7), (LightRole::Limit, 1), (LightRole::Compensation, 8)];
             profile.rumble = vec![(LightRole::Fault, 1.0), (LightRole::Load, 0.25)];
             assert_eq!(Profile::parse(name, &profile.to_text()).expect("readable"), profile);

@@ -71,11 +71,9 @@ pub enum DriveError {
         /// How far, m.
         by_m: f64,
     },
-    /// A reading is too old to go by.
+    /// The bus has told nothing for too long. Which actuator is silent while it tells, the bus itself judges ([`DriveError::Lost`]).
     Stale {
-        /// Which, from 1.
-        actuator: usize,
-        /// How old, ms.
+        /// How old its newest word is, ms.
         age_ms: f64,
     },
     /// An actuator stands too far from the zero that was configured for it.
@@ -150,11 +148,11 @@ impl fmt::Display for Said {
                 f,
                 "Drive {actuator} failed; {others}: its encoder leapt by {by_m} m in one cycle; check its zero with `krait drives`, {AGAIN}"
             ),
-            DriveError::Stale { actuator, age_ms } => {
+            DriveError::Stale { age_ms } => {
                 let drives = either("the drives hold", "power was taken from all");
                 write!(
                     f,
-                    "the newest reading of drive {actuator} is {age_ms:.1} ms old, so its bus does not keep up; {drives}; see `krait doctor`, {AGAIN}"
+                    "the newest readings of the drives are {age_ms:.1} ms old, so the thread of their bus does not keep up; {drives}; see `krait doctor`, {AGAIN}"
                 )
             }
             DriveError::FarFromZero { actuator, found_m, limit_m } => write!(
@@ -202,9 +200,8 @@ impl DriveError {
             | Self::Limp { actuator }
             | Self::Reset { actuator }
             | Self::Jumped { actuator, .. }
-            | Self::Stale { actuator, .. }
             | Self::FarFromZero { actuator, .. } => Some(actuator),
-            Self::NotPowered | Self::Failed { .. } | Self::Bus { .. } | Self::Unled { .. } => None,
+            Self::NotPowered | Self::Failed { .. } | Self::Stale { .. } | Self::Bus { .. } | Self::Unled { .. } => None,
         }
     }
 }
@@ -222,7 +219,7 @@ mod tests {
             DriveError::Limp { actuator: 2 },
             DriveError::Reset { actuator: 2 },
             DriveError::Jumped { actuator: 2, by_m: 0.01 },
-            DriveError::Stale { actuator: 2, age_ms: 80.0 },
+            DriveError::Stale { age_ms: 80.0 },
             DriveError::Unled { silent_ms: 120.0, limit_ms: 100.0 },
         ] {
             assert!(failure.sentence(true).contains("hold") && failure.sentence(true) == failure.to_string());

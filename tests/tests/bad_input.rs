@@ -109,11 +109,11 @@ fn a_profile_that_is_faulty_or_of_no_device_here_is_refused_with_its_place() {
     assert_says(&beside(&pedal, &[]), &["`master`", "fffe:fffc (Pedal)", "plug it in"]);
     assert_says(&beside(&format!("{pedal}=/dev/input/nobodys"), &[]), &["/dev/input/nobodys (Pedal)", "plug it in"]);
     assert_says(&refused(&["--beside", &pedal]), &["--beside", "--master hid"]);
-    // No mouse and no keyboard is taken because it is the first one.
-    for name in ["mouse", "keyboard"] {
+    // No mouse, no keyboard and no pedal is taken because it is the first one.
+    for name in ["mouse", "keyboard", "pedal"] {
         assert_says(
             &refused(&[&hid[..], &[name]].concat()),
-            &[name, "--node", "no mouse or keyboard is taken unasked"],
+            &[name, "--node", "no mouse, keyboard or pedal is taken unasked"],
         );
         assert_says(
             &refused(&[&hid[..], &[name, "--node", "/dev/input/by-id/nobodys"]].concat()),

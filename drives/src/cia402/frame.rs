@@ -72,8 +72,8 @@ pub(crate) enum Heard {
 pub(crate) enum Said {
     /// It has started anew.
     BootUp,
-    /// It lives.
-    Heartbeat,
+    /// It lives, in this state of the network's management.
+    Heartbeat(u8),
     /// Why it has failed: an error code of CiA 402; 0: no more.
     Emergency(u16),
     /// Status word, position in counts, torque in parts of a thousand of the rated one.
@@ -92,7 +92,10 @@ pub(crate) fn hear(frame: &Frame) -> Heard {
         (SDO_TO, _) if node != 0 => Heard::Master("questions for objects (SDO)"),
         (HEARTBEAT, [_]) if node == MASTER => Heard::Master("the heartbeat of node 127"),
         (_, _) if node == 0 => Heard::Other,
-        (HEARTBEAT, [state]) => Heard::Node(node, if state & 0x7F == 0 { Said::BootUp } else { Said::Heartbeat }),
+        (HEARTBEAT, [state]) => {
+            let state = state & 0x7F;
+            Heard::Node(node, if state == 0 { Said::BootUp } else { Said::Heartbeat(state) })
+        }
         (SYNC, [low, high, ..]) => Heard::Node(node, Said::Emergency(u16::from_le_bytes([*low, *high]))),
         (FROM_DRIVE, [s0, s1, p0, p1, p2, p3, t0, t1]) => {
             let status = u16::from_le_bytes([*s0, *s1]);
@@ -132,7 +135,7 @@ mod tests {
     #[test]
     fn frames_say_what_the_predefined_connection_set_says_and_any_bytes_are_heard_without_harm() {
         assert_eq!(hear(&Frame::new(0x705, &[0])), Heard::Node(5, Said::BootUp));
-        assert_eq!(hear(&Frame::new(0x705, &[0x85])), Heard::Node(5, Said::Heartbeat));
+        assert_eq!(hear(&Frame::new(0x705, &[0x85])), Heard::Node(5, Said::Heartbeat(5)));
         assert_eq!(hear(&Frame::new(0x083, &[0x10, 0x23, 3, 0, 0, 0, 0, 0])), Heard::Node(3, Said::Emergency(0x2310)));
         let cyclic = Frame::new(0x181, &[0x37, 0x02, 0xFF, 0xFF, 0xFF, 0xFF, 0xF6, 0xFF]);
         assert_eq!(hear(&cyclic), Heard::Node(1, Said::Cyclic { status: 0x0237, counts: -1, torque: -10 }));

@@ -157,8 +157,23 @@ impl<W: Wire> Cia402<W> {
         Ok(())
     }
 
+    /// Says of a drive that is lost, once, that it lives all the same: that is another thing than a cable.
+    fn tell_lives(&mut self) {
+        let after_ns = self.timeout_ns.saturating_mul(i64::from(self.lost_cycles));
+        for (k, node) in self.nodes.iter_mut().enumerate() {
+            if let Some(state) = node.take_life(self.lost_cycles, after_ns) {
+                let (actuator, id) = (k + 1, node.id);
+                tracing::warn!(
+                    "drive {actuator} (id {id}) does not answer, but its heartbeat still comes: it lives and takes no part in cycles (state {state}); `clear-fault` configures it anew"
+                );
+            }
+        }
+    }
+
     fn fill(&self, seen: &mut Seen) {
         seen.has_answered = [false; MAX_ACTUATORS];
+        // The profile has no object for the one, and the other is in no cyclic frame.
+        (seen.temperature_celsius, seen.supply_v) = ([f64::NAN; MAX_ACTUATORS], [f64::NAN; MAX_ACTUATORS]);
         for (k, node) in self.nodes.iter().enumerate() {
             (seen.n_boots[k], seen.is_busy[k]) = (node.n_boots, node.is_busy());
             if !node.has_answered() {
@@ -213,6 +228,7 @@ impl<W: Wire> ActuatorBus for Cia402<W> {
         for node in &mut self.nodes {
             node.end_cycle(self.told, self.lost_cycles);
         }
+        self.tell_lives();
         self.fill(seen);
         self.n_tried = self.n_tried.saturating_add(1);
         // Named once: the drives are told to stop meanwhile.

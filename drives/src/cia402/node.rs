@@ -1,6 +1,6 @@
 //! One drive on the bus: its configuration step by step, and what it said last.
 
-use super::frame::{Frame, Said, manage};
+use super::frame::{Frame, OPERATIONAL, PRE_OPERATIONAL, Said, manage};
 use super::sdo::{Place, Reply, download, is_missing, reply, upload};
 use super::states::{
     DISABLE_VOLTAGE, ENABLE, QUICK_STOP, State, has_torque, has_voltage, is_behind, is_enabled, is_failed, state,
@@ -62,6 +62,10 @@ pub(crate) struct Node {
     pub counts: i32,
     pub torque: i16,
     pub sampled_ns: i64,
+    /// When its newest heartbeat came, and the state of the network's management in it.
+    beat: Option<(i64, u8)>,
+    /// Whether it was said that it lives though it is lost.
+    is_life_told: bool,
     /// Cyclic answers since the newest SYNC.
     pub n_answers: u32,
     n_missing: u32,
@@ -92,6 +96,8 @@ impl Node {
             counts: 0,
             torque: 0,
             sampled_ns: 0,
+            beat: None,
+            is_life_told: false,
             n_answers: 0,
             n_missing: 0,
             is_out: false,
@@ -124,6 +130,24 @@ impl Node {
     /// Whether it has said nothing for so many cycles, or could not be configured.
     pub(crate) fn is_lost(&self, lost_cycles: u32) -> bool {
         self.refusal.is_some() || self.n_missing >= lost_cycles
+    }
+
+    /// What it says of itself, where it counts as lost and a heartbeat came so long after its newest answer.
+    pub(crate) fn life(&self, lost_cycles: u32, after_ns: i64) -> Option<&'static str> {
+        let (heard_ns, state) = self.beat.filter(|_| self.n_missing >= lost_cycles)?;
+        (heard_ns.saturating_sub(self.sampled_ns) > after_ns).then_some(match state {
+            PRE_OPERATIONAL => "pre-operational",
+            OPERATIONAL => "operational",
+            4 => "stopped",
+            _ => "of a kind that CANopen does not have",
+        })
+    }
+
+    /// The same, once while it is lost.
+    pub(crate) fn take_life(&mut self, lost_cycles: u32, after_ns: i64) -> Option<&'static str> {
+        let life = self.life(lost_cycles, after_ns).filter(|_| !self.is_life_told);
+        self.is_life_told = self.n_missing > 0 && (self.is_life_told || life.is_some());
+        life
     }
 
     /// Whether it is being identified and configured.
@@ -173,7 +197,7 @@ impl Node {
                 (self.step, self.asked_ns, self.n_asked, self.refusal) = (0, None, 0, None);
                 (self.status, self.is_out) = (0, true);
             }
-            Said::Heartbeat => {}
+            Said::Heartbeat(state) => self.beat = Some((now_ns, state)),
             Said::Emergency(code) => self.emergency = if code == 0 { self.emergency } else { code },
             Said::Cyclic { status, counts, torque } => {
                 self.n_answers = self.n_answers.saturating_add(1);

@@ -89,7 +89,10 @@ impl CanListener {
 
 fn hold(interface: &str) -> Result<Held, OpenError> {
     let lock = lock(&place(interface)?, interface)?;
-    Ok(Held { socket: socket(interface)?, _lock: lock })
+    let socket = socket(interface)?;
+    let refused = |source| OpenError::Can { interface: interface.to_owned(), source };
+    socket.set_error_filter(CAN_ERR_BUSOFF).map_err(refused)?;
+    Ok(Held { socket, _lock: lock })
 }
 
 /// Why an interface that was gone cannot be had again.
@@ -103,7 +106,8 @@ fn still_gone(error: &OpenError) -> BusGone {
     BusGone { what }
 }
 
-/// A socket on an interface that is fit for use, without a lock: for who is no master, as emulated drives.
+/// A socket on an interface that is fit for use, without a lock and without word of this machine's controller: for who is no master, as
+/// emulated drives, which have controllers of their own.
 pub(crate) fn socket(interface: &str) -> Result<CanSocket, OpenError> {
     check(&place(interface)?, interface)?;
     let refused = |error: io::Error| match Errno::from_io_error(&error) {
@@ -112,7 +116,6 @@ pub(crate) fn socket(interface: &str) -> Result<CanSocket, OpenError> {
     };
     let socket = CanSocket::open(interface).map_err(refused)?;
     socket.set_nonblocking(true).map_err(refused)?;
-    socket.set_error_filter(CAN_ERR_BUSOFF).map_err(refused)?;
     Ok(socket)
 }
 

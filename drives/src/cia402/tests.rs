@@ -3,6 +3,7 @@
 mod faults;
 mod opening;
 mod returning;
+mod twelve;
 
 use super::*;
 use crate::BusSetup;
@@ -15,14 +16,18 @@ use krait_slave::{ActuatorConfig, ActuatorState, DriveConfig, DriveKind, SlaveCo
 use std::sync::Arc;
 
 const MS: i64 = 1_000_000;
-const PERIOD_NS: i64 = 2 * MS;
 const ZERO: i32 = 100_000;
 /// Counts of a metre: 4096 a turn, 2 mm lead.
 const PER_M: f64 = 2_048_000.0;
 
 /// Three drives near their zero and the configuration that goes with them.
 pub(super) fn three() -> (CanBus, SlaveConfig) {
-    let bus = CanBus::new((1..=3).map(|id| CanDrive::new(id, f64::from(ZERO) + f64::from(id))).collect());
+    several(3)
+}
+
+/// The same for so many; more than three need cycles of twice the length.
+fn several(n: u8) -> (CanBus, SlaveConfig) {
+    let bus = CanBus::new((1..=n).map(|id| CanDrive::new(id, f64::from(ZERO) + f64::from(id))).collect());
     let actuator = |id| ActuatorConfig {
         id,
         zero_count: Some(ZERO),
@@ -35,12 +40,12 @@ pub(super) fn three() -> (CanBus, SlaveConfig) {
     let drive = DriveConfig {
         kind: DriveKind::Cia402,
         interface: Some("vcan0".to_owned()),
-        period_ms: 2.0,
+        period_ms: if n > 3 { 4.0 } else { 2.0 },
         timeout_ms: 1.5,
         heartbeat_ms: 10,
         gives_up_ms: 50,
         speed_counts_per_s: 200_000.0,
-        actuator: (1..=3).map(actuator).collect(),
+        actuator: (1..=u32::from(n)).map(actuator).collect(),
         ..DriveConfig::default()
     };
     (bus, SlaveConfig { drive, ..SlaveConfig::default() })
@@ -52,21 +57,27 @@ struct Bench {
     exchange: Arc<Exchange>,
     clock: Arc<AtomicI64>,
     wish: Wish,
-    /// Targets that drives hold, after each cycle.
+    period_ns: i64,
+    /// Targets that the first three hold, after each cycle.
     targets: Vec<[i32; 3]>,
 }
 
 impl Bench {
     /// Opened, without power.
     fn new() -> Self {
-        let (bus, config) = three();
+        Self::of(3)
+    }
+
+    fn of(n: u8) -> Self {
+        let (bus, config) = several(n);
+        let period_ns = (config.drive.period_ms * 1e6) as i64;
         let (wire, clock) = bus.own_time();
         let setup: BusSetup = open::setup(&config).unwrap_or_else(|error| panic!("{error}"));
         let (can, seen) = Cia402::open(&config, wire).unwrap_or_else(|error| panic!("{error}"));
         let exchange = Arc::new(Exchange::new(&Wish::default(), &Report::blank()));
         let cycles = Cycles::new(can, setup, Arc::clone(&exchange), seen, clock.load(Ordering::Relaxed));
         let wish = Wish { q_m: [f64::NAN; 12], ..Wish::default() };
-        Self { bus, cycles, exchange, clock, wish, targets: Vec::new() }
+        Self { bus, cycles, exchange, clock, wish, period_ns, targets: Vec::new() }
     }
 
     fn powered() -> Self {
@@ -94,7 +105,7 @@ impl Bench {
 
     /// A cycle with a sign of life of the slave.
     fn step(&mut self) -> Report {
-        let due_ns = (self.now_ns() / PERIOD_NS + 1) * PERIOD_NS;
+        let due_ns = (self.now_ns() / self.period_ns + 1) * self.period_ns;
         self.clock.store(due_ns, Ordering::Relaxed);
         self.wish.stamp_ns = due_ns;
         self.exchange.wish.put(&self.wish);

@@ -10,6 +10,7 @@ mod can_rig;
 mod cycles;
 mod disable_relax;
 mod drive;
+mod ends;
 mod no_allocation;
 mod open;
 mod relax;

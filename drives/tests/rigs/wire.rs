@@ -1,8 +1,9 @@
 //! Every fault of the serial line, on servos of both makes, one of three at a time: the others are read in the same cycle, and the next is whole.
 
-use crate::rig::{config, three};
-use krait_drives::emulator::{Emulator, Faults, Servo};
+use crate::rig::{ZERO, config, three};
+use krait_drives::emulator::{Emulator, Faults, Servo, ServoWire};
 use krait_drives::{ActuatorBus, Goals, Seen, ServoBus, ServoMake, Trouble};
+use krait_slave::ActuatorConfig;
 use std::time::Duration;
 
 /// A bus and its emulator.
@@ -163,5 +164,48 @@ fn a_cycle_is_two_packets_whatever_the_number_of_servos() {
             bus.ask(&mut seen).unwrap();
         }
         assert_eq!(emulator.wire().n_requests - before, 20);
+    }
+}
+
+#[test]
+fn twelve_servos_are_told_and_read_in_two_packets_and_one_that_is_spoilt_or_unplugged_hides_no_other() {
+    const N: usize = 12;
+    for make in ServoMake::ALL {
+        println!("{make:?}");
+        let servos = (1..=N as u8).map(|id| Servo::of(make, id, f64::from(ZERO) + f64::from(id))).collect();
+        let emulator = Emulator::start(ServoWire::new(servos)).unwrap();
+        let mut drive = config(make, &emulator).drive;
+        drive.timeout_ms = 300.0;
+        let actuator = |id| ActuatorConfig { id, zero_count: Some(ZERO), ..ActuatorConfig::default() };
+        drive.actuator = (1..=N as u32).map(actuator).collect();
+        let (mut bus, mut seen) = ServoBus::open(&drive).unwrap();
+        assert_eq!(seen.counts, core::array::from_fn(|k| ZERO + 1 + k as i32));
+        let mut goals = Goals { counts: core::array::from_fn(|k| 2100 + k as i32), counts_per_s: [1000.0; N] };
+        bus.switch(true, &goals).unwrap();
+        bus.ask(&mut seen).unwrap();
+        assert_eq!((seen.goal_counts, seen.is_powered), (goals.counts, [true; N]));
+        let before = emulator.wire().n_requests;
+        for _ in 0..5 {
+            goals.counts = goals.counts.map(|counts| counts + 1);
+            bus.tell(&goals).unwrap();
+            bus.ask(&mut seen).unwrap();
+            assert_eq!((seen.goal_counts, seen.has_answered), (goals.counts, [true; N]));
+        }
+        assert_eq!(emulator.wire().n_requests - before, 10);
+        for k in [0, 5, N - 1] {
+            let others: [bool; N] = core::array::from_fn(|other| other != k);
+            for faults in [
+                Faults { is_silent: true, ..Faults::default() },
+                Faults { bad_checksum: 1, ..Faults::default() },
+                Faults { cut_short: 1, ..Faults::default() },
+            ] {
+                emulator.wire().servos[k].faults = faults;
+                bus.ask(&mut seen).unwrap();
+                assert_eq!(seen.has_answered, others, "{faults:?}");
+                emulator.wire().servos[k].faults = Faults::default();
+                bus.ask(&mut seen).unwrap();
+                assert_eq!(seen.has_answered, [true; N], "{faults:?}");
+            }
+        }
     }
 }

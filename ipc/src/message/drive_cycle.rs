@@ -56,9 +56,9 @@ pub struct ActuatorCycle {
     pub current_a: f64,
     /// Torque of the motor, in the direction in which it drives the encoder, N m; NaN: not measured.
     pub torque_nm: f64,
-    /// Temperature, degrees Celsius.
+    /// Temperature, degrees Celsius; NaN: not told.
     pub temperature_celsius: f64,
-    /// Supply, V.
+    /// Supply, V; NaN: not told.
     pub supply_v: f64,
     /// The goal that it was told, encoder counts.
     pub told_counts: i32,

@@ -26,7 +26,7 @@ struct Device {
     serial: String,
     /// The name of the hand controller if krait knows its reports or a profile is of it.
     known_as: Option<String>,
-    /// The built-in profile that would fit a mouse or keyboard, which is a hand only where it is named with `--node`.
+    /// The built-in profile that would fit a mouse, keyboard or pedal, which is a hand only where it is named.
     could_be: Option<&'static str>,
     may_open: bool,
     /// Axes, buttons and lights of an input node, as a profile names them.
@@ -118,8 +118,9 @@ fn of_hid(info: DeviceInfo) -> Device {
 fn of_input(input: InputDevice, own: &[Profile], shipped: &[(&'static str, Profile)]) -> Device {
     let mut profiles = own.iter().chain(shipped.iter().map(|(_, profile)| profile));
     let fitting = profiles.find(|profile| input.is_of(profile) && input.has_all_of(profile));
-    let unnamed =
-        shipped.iter().find(|(_, profile)| profile.device == ProfileDevice::Unnamed && input.has_all_of(profile));
+    // A stick has the buttons of a pedal too.
+    let could_be = |profile: &Profile| input.has_all_of(profile) && (input.axes.is_empty() || !profile.axes.is_empty());
+    let unnamed = shipped.iter().find(|(_, profile)| profile.device == ProfileDevice::Unnamed && could_be(profile));
     Device {
         known_as: fitting.map(|profile| profile.name.clone()),
         could_be: unnamed.map(|(name, _)| *name).filter(|_| fitting.is_none()),
@@ -164,7 +165,14 @@ fn write_rules(path: &Path, lines: &[&str]) -> anyhow::Result<()> {
 fn advice(devices: &[Device]) -> String {
     let missing = devices.iter().filter(|device| device.known_as.is_some() && !device.may_open);
     let mut said: String = missing.map(|device| format!("\n{} needs this line in {RULES_FILE}, then `sudo udevadm control --reload && sudo udevadm trigger`:\n  {}\n", device.path, device.udev_rule)).collect();
-    if let Some((device, name)) = devices.iter().find_map(|device| Some((device, device.could_be?))) {
+    let could_be = |device: &Device, is_pedal: bool| device.could_be.filter(|name| (*name == "pedal") == is_pedal);
+    if let Some(device) = devices.iter().find(|device| could_be(device, true).is_some()) {
+        said += &format!(
+            "\nA pedal is part of a hand only where you name it: `krait run --master hid --beside pedal={}`.\n",
+            device.path
+        );
+    }
+    if let Some((device, name)) = devices.iter().find_map(|device| Some((device, could_be(device, false)?))) {
         said += &format!(
             "\nA mouse or keyboard is a hand only where you name it, and then it does nothing else: `krait run --master hid --profile {name} --node {}`.\n",
             device.path
@@ -265,6 +273,12 @@ mod tests {
             "{said}"
         );
         assert!(table(&devices).to_string().contains("with --profile keyboard"));
+        let pedal = InputDevice { name: "Foot".to_owned(), ..stick("/dev/input/event9", &[], true) };
+        let unknown = InputDevice { vendor_id: 1, ..stick("/dev/input/event10", &[0, 1], true) };
+        let devices = [pedal, unknown].map(|input| of_input(input, &[], &shipped()));
+        assert_eq!([0, 1].map(|idx| devices[idx].could_be), [Some("pedal"), None], "a stick is no pedal");
+        let said = advice(&devices);
+        assert!(said.contains("--beside pedal=/dev/input/event9`") && !said.contains("mouse"), "{said}");
         let own = Profile::parse(
             "own.toml",
             "name = \"Mine\"\nid = \"046d:c215\"\nrelease = \"KEY_ESC\"\n[[axis]]\nof = \"x\"\nplus = \"KEY_D\"\nminus = \"KEY_A\"\n",

@@ -11,6 +11,7 @@ mod refusals;
 mod returning;
 mod serial;
 mod stops;
+mod threads;
 #[path = "../../vm/verdict.rs"]
 mod verdict;
 mod world;
@@ -57,10 +58,11 @@ fn judge(n_cycles: usize, only: &str) -> bool {
             println!("CAN-VM {} SKIPPED these drives are not in this machine", kind.name());
             continue;
         }
-        let parts: [Part; 8] = [
+        let parts: [Part; 9] = [
             ("csp_10ms", Box::new(move || follow::csp(kind, 10.0, n_cycles / 10))),
             ("csp_1ms", Box::new(move || follow::csp(kind, 1.0, n_cycles))),
-            ("csp_2ms", Box::new(move || follow::csp(kind, 2.0, n_cycles / 2))),
+            ("csp_2ms", Box::new(move || follow::csp(kind, 2.0, n_cycles))),
+            ("thread", Box::new(move || threads::can(kind, n_cycles / 3))),
             ("frozen", Box::new(move || stops::frozen(kind))),
             ("power_loss", Box::new(move || stops::power_loss(kind))),
             ("master_killed", Box::new(move || stops::master_killed(kind))),

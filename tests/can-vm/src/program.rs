@@ -11,6 +11,7 @@ use std::process::{Command, Output, Stdio};
 
 pub const CONFIG: &str = "/tmp/can.toml";
 const TURNED: &str = "/tmp/turned.toml";
+const RECORDING: &str = "/tmp/program.mcap";
 pub const ZERO: i32 = 1_000_000;
 /// Largest step of a target in a cycle of 2 ms at the configured 20 mm/s, counts, and one for what arrives late by a tick.
 const MOST_COUNTS: i32 = 600;
@@ -67,6 +68,30 @@ fn slave() -> anyhow::Result<Pid> {
     anyhow::bail!("the chain has no slave")
 }
 
+/// The slave of the recording is run again on drives that answer what they answered then.
+fn judge_again(verdict: &mut PartVerdict) -> anyhow::Result<()> {
+    let Output { stdout, stderr, .. } =
+        krait(&["replay", RECORDING, "--slave", "recorded", "--json"]).output().context("krait")?;
+    let (said, why) = (String::from_utf8_lossy(&stdout), String::from_utf8_lossy(&stderr));
+    let number = |key: &str| -> anyhow::Result<u64> {
+        let (_, behind) =
+            said.split_once(&format!("\"{key}\": ")).with_context(|| format!("no {key}: {said} {why}"))?;
+        let digits: String = behind.chars().take_while(char::is_ascii_digit).collect();
+        digits.parse().with_context(|| format!("{key} is no number: {said}"))
+    };
+    let n_cycles = number("cycles")?;
+    verdict.check("recorded_cycles", n_cycles > 500, n_cycles);
+    let n_missing = number("cycles_missing")?;
+    verdict.check("cycles_missing", n_missing == 0, n_missing);
+    // An instant that no state tells, or an answer at the very moment of a look, may come out otherwise for a cycle.
+    let few = 2 + n_cycles / 100;
+    for key in ["wishes_differ", "goals_differ", "judged_otherwise"] {
+        let n = number(key)?;
+        verdict.check(key, n <= few, n);
+    }
+    std::fs::remove_file(RECORDING).context(RECORDING)
+}
+
 /// All that a user does with it.
 pub fn all() -> anyhow::Result<PartVerdict> {
     configure()?;
@@ -81,7 +106,7 @@ pub fn all() -> anyhow::Result<PartVerdict> {
     verdict.check("zeroed", zero.contains("read their zero_count") && n == 3, n);
 
     let mut monitor = Monitor::new()?;
-    let mut chain = krait(&["run", "--engage", "--no-recording", "--config", CONFIG])
+    let mut chain = krait(&["run", "--engage", "--recording", RECORDING, "--config", CONFIG])
         .stdout(Stdio::null())
         .stderr(std::fs::File::create("/tmp/chain.log")?)
         .spawn()?;
@@ -104,12 +129,19 @@ pub fn all() -> anyhow::Result<PartVerdict> {
     let is_still = monitor.counts == at;
     verdict.check("slave_killed_and_nothing_moves_again", is_still, format!("{:?}", state(monitor.status[0])));
     kill(&chain, Signal::INT)?;
-    let ended = chain.wait()?;
-    monitor.drain()?;
+    // What nobody takes is lost, and the newest is what counts.
+    let ended = loop {
+        std::thread::sleep(Duration::from_millis(1));
+        monitor.drain()?;
+        if let Some(ended) = chain.try_wait()? {
+            break ended;
+        }
+    };
     let said = std::fs::read_to_string("/tmp/chain.log").unwrap_or_default();
     verdict.check("chain_ends", ended.code().is_some(), format!("code_{:?}", ended.code()));
     let status = done(&["drives", "--config", CONFIG, "--last-id", "5", "--json"])?;
     let n_off = status.matches("switch on disabled").count();
+    judge_again(&mut verdict)?;
     verdict.check("off_at_the_end", n_off == 3 && state(monitor.status[0]) != State::OperationEnabled, n_off);
     if !verdict.passed() {
         crate::tell(&said);

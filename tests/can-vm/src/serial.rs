@@ -1,14 +1,15 @@
 //! The serial bus by the machine's counted instructions: emulated servos at 1 Mbaud behind an adapter that holds bytes for 1 ms, on a
 //! pseudo-terminal of this kernel. What a busy host takes from a processor is no lateness here.
 
+use crate::threads::{LATE_US, SPEED_M_PER_S, ThreadChain, WORK_US, is_whole, quantiles_us, three};
 use crate::verdict::PartVerdict;
-use anyhow::{Context, bail, ensure};
+use anyhow::{Context, ensure};
 use core::time::Duration;
 use krait_drives::emulator::{Emulator, Servo, ServoWire};
 use krait_drives::{ActuatorBus, Goals, Seen, ServoBus, open_drive};
 use krait_ipc::clock::monotonic_ns;
 use krait_ipc::message::{ActuatorCycle, DriveCycle};
-use krait_slave::{ActuatorConfig, Drive, DriveConfig, DriveKind, SlaveConfig, Switching, lines};
+use krait_slave::{ActuatorConfig, Drive, DriveConfig, DriveKind, SlaveConfig};
 use rustix::time::{ClockId, clock_gettime};
 use std::io::{BufRead, BufReader, Write};
 use std::path::PathBuf;
@@ -18,12 +19,6 @@ const ZERO: i32 = 2048;
 const N: usize = 3;
 /// 200 Hz.
 const PERIOD_NS: i64 = 5_000_000;
-/// Lateness that 999 of 1000 cycles must keep, us.
-const LATE_US: f64 = 50.0;
-/// Own work of a cycle, us.
-const WORK_US: f64 = 100.0;
-/// Speed of the motion in which a servo is lost, m/s.
-const SPEED_M_PER_S: f64 = 0.01;
 /// Counts of a metre: a spool of 8 mm.
 const COUNTS_PER_M: f64 = 4096.0 / (core::f64::consts::TAU * 0.008);
 /// Cycles until a lost servo is known: three answers that are missing, and the one during which it happens.
@@ -99,17 +94,6 @@ fn worked_ns() -> i64 {
     now.tv_sec * 1_000_000_000 + now.tv_nsec
 }
 
-/// Median, p99.9 and largest, us.
-fn quantiles_us(mut values_ns: Vec<i64>) -> [f64; 3] {
-    values_ns.sort_unstable();
-    let at = |part: f64| values_ns.get(((values_ns.len().max(1) - 1) as f64 * part) as usize).copied();
-    [0.5, 0.999, 1.0].map(|part| at(part).map_or(f64::NAN, |value| value as f64 * 1e-3))
-}
-
-fn three(values: [f64; 3]) -> String {
-    format!("{:.1}/{:.1}/{:.1}", values[0], values[1], values[2])
-}
-
 /// So many cycles of the bus's own code by a bare timer: what a cycle takes, and what it works.
 pub fn rate(n: usize) -> anyhow::Result<PartVerdict> {
     let servos = Servos::start()?;
@@ -145,86 +129,16 @@ pub fn rate(n: usize) -> anyhow::Result<PartVerdict> {
     Ok(verdict)
 }
 
-/// A slave in small before the bus's own thread, with every cycle that it hands over.
-struct SerialChain {
-    drive: krait_drives::BusDrive,
-    cycles: Vec<DriveCycle>,
-    q_m: f64,
-}
-
-impl SerialChain {
-    fn powered(servos: &Servos) -> anyhow::Result<Self> {
-        let mut chain = Self { drive: open_drive(&servos.config(), None)?, cycles: Vec::new(), q_m: 0.0 };
-        chain.power_up()?;
-        Ok(chain)
-    }
-
-    fn power_up(&mut self) -> anyhow::Result<()> {
-        for _ in 0..3000 {
-            std::thread::sleep(Duration::from_millis(1));
-            if self.drive.set_power(monotonic_ns(), true)? == Switching::Done {
-                self.q_m = self.drive.read(monotonic_ns())?.q_tilde_m[0];
-                return Ok(());
-            }
-        }
-        bail!("no power after 3 s")
-    }
-
-    /// So many ticks of motion that turns round every half second; once something has failed the wishes go on and are refused.
-    fn go(&mut self, n: usize) -> anyhow::Result<()> {
-        for k in 0..n {
-            std::thread::sleep(Duration::from_millis(1));
-            let way = if (k / 500) % 2 == 0 { SPEED_M_PER_S } else { -SPEED_M_PER_S };
-            self.q_m = (self.q_m + way * 1e-3).clamp(-5e-3, 5e-3);
-            let written = self.drive.write(monotonic_ns(), lines([self.q_m, -0.5 * self.q_m, -0.5 * self.q_m]));
-            self.drive.read(monotonic_ns())?;
-            self.cycles.extend(core::iter::from_fn(|| self.drive.next_cycle()));
-            if let Err(error) = written
-                && self.drive.failure().is_none()
-            {
-                return Err(error.into());
-            }
-        }
-        Ok(())
-    }
-}
-
-fn is_whole(cycle: &DriveCycle) -> bool {
-    cycle.actuators().iter().all(|own| own.has(ActuatorCycle::ANSWERED))
-}
-
 /// The bus's own thread beside a slave's ticks: cycles are held and handed over one by one.
 pub fn thread(n: usize) -> anyhow::Result<PartVerdict> {
     let servos = Servos::start()?;
-    let mut chain = SerialChain::powered(&servos)?;
-    chain.go(50)?;
-    chain.cycles.clear();
-    chain.go(5 * n)?;
-    let mut verdict = PartVerdict::default();
-    let failure = chain.drive.failure().map_or("none".to_owned(), |failure| failure.to_string().replace(' ', "_"));
-    verdict.check("failure", failure == "none", failure);
-    let (Some(first), Some(last)) = (chain.cycles.first(), chain.cycles.last()) else { bail!("no cycles") };
-    let n_cycles = chain.cycles.len() as u64;
-    verdict.check("cycles_none_lost", last.cycle - first.cycle + 1 == n_cycles && last.n_left_out == 0, n_cycles);
-    let n_missing = chain.cycles.iter().filter(|cycle| !is_whole(cycle)).count();
-    verdict.check("unanswered", n_missing == 0, n_missing);
-    let hertz = (n_cycles - 1) as f64 * 1e9 / (last.sample_ns - first.sample_ns) as f64;
-    verdict.check("hertz", (199.9..200.1).contains(&hertz), format!("{hertz:.3}"));
-    let late = |cycle: &DriveCycle| {
-        let due_ns = first.sample_ns + (cycle.cycle - first.cycle) as i64 * PERIOD_NS;
-        (cycle.sample_ns - due_ns).abs()
-    };
-    let late = quantiles_us(chain.cycles.iter().map(late).collect());
-    verdict.check("late_p50_p999_max_us", late[1] < LATE_US, three(late));
-    let took = quantiles_us(chain.cycles.iter().map(|cycle| cycle.answered_ns - cycle.sample_ns).collect());
-    verdict.check("took_p50_p999_max_us", took[2] < PERIOD_NS as f64 * 1e-3, three(took));
-    Ok(verdict)
+    ThreadChain::powered(open_drive(&servos.config(), None)?)?.judge(n, PERIOD_NS, WORK_US)
 }
 
 /// One servo is unplugged in motion: the others brake as the recorded goals show, stay under power, and nothing resumes.
 pub fn unplugged() -> anyhow::Result<PartVerdict> {
     let mut servos = Servos::start()?;
-    let mut chain = SerialChain::powered(&servos)?;
+    let mut chain = ThreadChain::powered(open_drive(&servos.config(), None)?)?;
     chain.go(200)?;
     chain.cycles.clear();
     servos.say("unplug")?;

@@ -2,7 +2,7 @@
 
 use crate::spacemouse::wait_for;
 use anyhow::{Context, ensure};
-use krait_ipc::message::{Health, OperatorInput, Setpoint, SlaveState};
+use krait_ipc::message::{Command as LineCommand, Health, OperatorInput, Setpoint, SlaveState};
 use krait_ipc::{Process, Reasons};
 use krait_record::Recording;
 use krait_schema::Sample;
@@ -143,6 +143,8 @@ pub struct Journal {
     pub inputs: Vec<OperatorInput>,
     /// Where the snake should be.
     pub setpoints: Vec<Setpoint>,
+    /// What the actuators were told.
+    pub commands: Vec<LineCommand>,
     /// What the drives did.
     pub states: Vec<SlaveState>,
     /// How the master fared at its end.
@@ -156,6 +158,7 @@ impl Journal {
             match recorded?.sample {
                 Sample::Input(input) => journal.inputs.push(input),
                 Sample::Setpoint(setpoint) => journal.setpoints.push(setpoint),
+                Sample::Command(command) => journal.commands.push(command),
                 Sample::State(state) => journal.states.push(state),
                 Sample::Health(Process::Master, health) => journal.master = Some(health),
                 _ => {}

@@ -6,6 +6,7 @@ use crate::uhid::{HidBus, HidIdentity, Told, Uhid};
 use anyhow::Context;
 use krait_ipc::clock;
 use krait_master::{InputDevice, list_inputs};
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 
@@ -39,7 +40,8 @@ pub enum PadKind {
 }
 
 impl PadKind {
-    fn product_id(self) -> u16 {
+    /// USB product id.
+    pub fn product_id(self) -> u16 {
         match self {
             Self::XboxOne => 0x02fd,
             Self::Xbox360 => 0x028e,
@@ -119,6 +121,16 @@ impl Gamepad {
 /// Its node.
 pub fn node() -> Option<InputDevice> {
     list_inputs().into_iter().find(|input| input.name == NAME)
+}
+
+/// The node that the kernel's older joystick driver (joydev) makes of it.
+pub fn js_node() -> Option<PathBuf> {
+    let entries = std::fs::read_dir("/sys/class/input").ok()?.flatten();
+    let is_pad =
+        |folder: &Path| std::fs::read_to_string(folder.join("device/name")).is_ok_and(|name| name.trim() == NAME);
+    let mut names =
+        entries.filter(|entry| is_pad(&entry.path())).filter_map(|entry| entry.file_name().into_string().ok());
+    names.find(|name| name.starts_with("js")).map(|name| Path::new("/dev/input").join(name))
 }
 
 /// Ends when the device does.

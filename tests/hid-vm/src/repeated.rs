@@ -56,17 +56,25 @@ pub fn judge_commands(verdict: &mut PartVerdict, recording: &Path) -> anyhow::Re
     std::fs::remove_file(recording).context("removing a recording")
 }
 
+/// The instant from which a file counts, CLOCK_MONOTONIC, ns: it begins with its first report, and the input that carries the first says when
+/// that was.
+///
+/// # Errors
+/// No report had come.
+pub fn zero_ns(inputs: &[OperatorInput], events: &[(i64, usize, RecordedEvent)]) -> anyhow::Result<i64> {
+    let first = inputs.iter().find(|input| input.n_reports > 0).context("no report has come")?;
+    let mut reports = events.iter().filter(|(.., event)| matches!(event, RecordedEvent::Report(_)));
+    let newest = reports.nth(first.n_reports as usize - 1).context("the file lacks reports")?;
+    Ok(first.stamps.device_ns - newest.0)
+}
+
 /// How many inputs come out the same, byte for byte, but for the stamps of when they were sent.
 fn n_equal_inputs(
     inputs: &[OperatorInput],
     config: &MasterConfig,
     events: &[(i64, usize, RecordedEvent)],
 ) -> anyhow::Result<usize> {
-    // The file counts from its first report; the input that carries the first says when that was.
-    let first = inputs.iter().find(|input| input.n_reports > 0).context("no report has come")?;
-    let mut reports = events.iter().filter(|(.., event)| matches!(event, RecordedEvent::Report(_)));
-    let newest = reports.nth(first.n_reports as usize - 1).context("the file lacks reports")?;
-    let zero_ns = first.stamps.device_ns - newest.0;
+    let zero_ns = zero_ns(inputs, events)?;
     let mut core = MasterCore::new(&MasterConfig { engage: Engage::Once, ..config.clone() })?;
     let mut left = events.iter().peekable();
     let mut n_equal = 0;

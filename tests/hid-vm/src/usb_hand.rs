@@ -151,8 +151,16 @@ impl Stranger {
     /// # Errors
     /// The node cannot be opened.
     pub fn at(device: &InputDevice) -> anyhow::Result<Self> {
-        let file = File::options().read(true).custom_flags(libc::O_NONBLOCK).open(&device.node);
-        Ok(Self(file.with_context(|| device.node.display().to_string())?))
+        Self::at_node(&device.node)
+    }
+
+    /// The same at any node.
+    ///
+    /// # Errors
+    /// As [`Stranger::at`].
+    pub fn at_node(node: &Path) -> anyhow::Result<Self> {
+        let file = File::options().read(true).custom_flags(libc::O_NONBLOCK).open(node);
+        Ok(Self(file.with_context(|| node.display().to_string())?))
     }
 
     /// Bytes that came since, up to some kilobytes.

@@ -77,6 +77,28 @@ fn one_that_froze_is_told_to_stop_before_it_can_run_after_stale_targets() {
 }
 
 #[test]
+fn one_that_is_lost_and_whose_heartbeat_still_comes_is_said_to_live_with_its_state_and_no_other_is() {
+    type Break = fn(&mut CanDrive, &mut Vec<Frame>);
+    // A tool of somebody else has taken it out of the cycles; it froze; it has no power.
+    let taken_out: Break = |drive, out| drive.take(&frame::manage(2, frame::Nmt::PreOperational), 0, out);
+    let stopped: [(Break, Option<&str>); 3] = [
+        (taken_out, Some("pre-operational")),
+        (|drive, _| drive.faults.is_frozen = true, None),
+        (|drive, _| drive.faults.is_dead = true, None),
+    ];
+    for (act, state) in stopped {
+        let mut bench = broken(act);
+        let (n, failure) = until_failure(&mut bench);
+        assert!(n == 3 && matches!(failure, DriveError::Lost { actuator: 2, .. }), "{n}: {failure}");
+        // Two of its heartbeats of 10 ms; one that had come before its last answers is no sign of life.
+        bench.go(10);
+        let nodes = &mut bench.cycles.bus_mut().nodes;
+        assert_eq!([0, 1, 2].map(|k: usize| nodes[k].life(3, 5 * MS)), [None, state, None]);
+        assert_eq!(nodes[1].take_life(3, 5 * MS), None, "it was said already");
+    }
+}
+
+#[test]
 fn more_than_one_answer_in_a_cycle_is_not_in_step() {
     let mut bench = broken(|drive, _| drive.faults.answers_twice = true);
     let (n, failure) = until_failure(&mut bench);

@@ -3,7 +3,7 @@
 
 use crate::chain::{Journal, User, VmChain, VmEnded};
 use crate::model::Model;
-use crate::pedal::{PROFILE, Pedal};
+use crate::pedal::{PRODUCT_ID, PROFILE, Pedal};
 use crate::repeated;
 use crate::spacemouse::SpaceMouse;
 use crate::verdict::PartVerdict;
@@ -49,6 +49,14 @@ pub fn pedal() -> anyhow::Result<PartVerdict> {
         listed.stdout.lines().any(|line| line.contains("05f3:00ff") && line.contains("Pedal")),
         "Pedal",
     );
+    let found = VmEnded::of(User::Root, &["devices", "--json"])?.json()?;
+    let found = found.as_array().context("no list of devices")?;
+    let is_node = |device: &&serde_json::Value| {
+        device["product_id"] == PRODUCT_ID
+            && device["path"].as_str().is_some_and(|path| path.starts_with("/dev/input/"))
+    };
+    let could_be = found.iter().find(is_node).map(|device| &device["could_be"]);
+    verdict.check("could_be", could_be.is_some_and(|name| *name == "pedal"), "pedal");
     let chain = VmChain::start_with("pedal", User::Root, 24.0, &["--config", config])?;
     mouse.wait_until_read().context("at the start")?;
     let other = VmEnded::of(

@@ -3,8 +3,9 @@
 
 use super::lights::FAST_HAND;
 use crate::chain::{User, VmChain, VmEnded, signal};
-use crate::gamepad::{Gamepad, PadKind, node};
+use crate::gamepad::{Gamepad, PadKind, js_node, node};
 use crate::pedal::{PROFILE, Pedal};
+use crate::usb_hand::Stranger;
 use crate::verdict::PartVerdict;
 use anyhow::Context;
 use krait_ipc::clock;
@@ -79,13 +80,15 @@ pub fn rumble() -> anyhow::Result<PartVerdict> {
 const SHIPPED_LIMIT: [u8; 2] = [60, 60];
 const SHIPPED_LOAD: [u8; 2] = [30, 0];
 
-/// A pad of an Xbox 360 goes by the profile that krait ships for it, and its motors turn.
+/// A pad of an Xbox 360 goes by the profile that krait ships for it, and its motors turn. Its other node, joydev's, is no second hand, and
+/// whoever reads that hears nothing while krait has the pad.
 pub fn shipped_rumble() -> anyhow::Result<PartVerdict> {
     let mut verdict = PartVerdict::default();
     std::fs::write(FAST_HAND.0, FAST_HAND.1).context(FAST_HAND.0)?;
     let mut pad = Gamepad::plug(PadKind::Xbox360)?;
     let rumbles = node().is_some_and(|input| input.rumbles);
     verdict.check("listed", rumbles, rumbles);
+    let mut stranger = beside_joydev(&mut verdict)?;
     let arguments = ["--config", FAST_HAND.0, "--profile", "xbox-360"];
     let chain = VmChain::start_with("xbox-360", User::Root, 10.0, &arguments)?;
     let begun_ns = pushed(&mut pad, &mut verdict)?;
@@ -95,8 +98,30 @@ pub fn shipped_rumble() -> anyhow::Result<PartVerdict> {
     let n_other = pad.told().iter().filter(|(_, told)| ![SHIPPED_LIMIT, SHIPPED_LOAD, STILL].contains(told)).count();
     verdict.check("other", n_other == 0, n_other);
     pad.hold(0x80, 0)?;
+    let n_stolen = stranger.heard();
+    verdict.check("js_hears", n_stolen == 0, n_stolen);
     still_at_end(chain, &pad, &mut verdict)?;
+    pad.hold(0xff, 0)?;
+    let n_given_back = stranger.heard();
+    verdict.check("js_given_back", n_given_back > 0, n_given_back);
     Ok(verdict)
+}
+
+/// A stranger at joydev's node of the pad, which has heard how the pad was when it came, and nothing since.
+fn beside_joydev(verdict: &mut PartVerdict) -> anyhow::Result<Stranger> {
+    let js = js_node().context("joydev has made no node of the pad")?;
+    verdict.check("js_node", js.exists(), js.display());
+    let listed = VmEnded::of(User::Root, &["devices", "--json"])?.json()?;
+    let listed = listed.as_array().context("no list of devices")?;
+    let of_pad = |device: &&serde_json::Value| device["product_id"] == PadKind::Xbox360.product_id();
+    let paths: Vec<&str> = listed.iter().filter(of_pad).filter_map(|device| device["path"].as_str()).collect();
+    let hands = paths.iter().filter(|path| path.starts_with("/dev/input/")).count();
+    let has_js = paths.iter().any(|path| path.contains("/js"));
+    verdict.check("js_is_no_hand", hands == 1 && !has_js, paths.join(","));
+    let mut stranger = Stranger::at_node(&js)?;
+    let n_begun = stranger.heard();
+    verdict.check("js_begins", n_begun > 0, n_begun);
+    Ok(stranger)
 }
 
 /// At rest nothing is told; then a hand with its operator present pushes to the end. When that was, ns.

@@ -2,16 +2,23 @@
 
 use crate::chain::{Journal, User, VmChain, VmEnded};
 use crate::model::Model;
+use crate::repeated::zero_ns;
 use crate::spacemouse::SpaceMouse;
 use crate::verdict::PartVerdict;
 use anyhow::Context;
-use krait_ipc::message::DeviceState;
+use krait_ipc::message::{Command, DeviceState, Phase};
 use krait_ipc::{Reason, Reasons, clock};
+use krait_master::{HidRecording, Plug, RecordedEvent};
+use std::path::Path;
 use std::thread::sleep;
 use std::time::Duration;
 
 /// The master's silence limit: a loss that is told sooner was told by the kernel, not by silence, ns.
 const SILENCE_LIMIT_NS: i64 = 100_000_000;
+/// Two ticks of the master, ns: from the loss to the input that ends the motion. Its one processor looks for the device meanwhile.
+const STOP_NS: i64 = 2_000_000;
+/// What two more processes may take for the command of that input in a machine that needs 4 ns for an instruction, ns.
+const CHAIN_NS: i64 = 1_000_000;
 /// How long the snake may take to brake after the loss, ns.
 const BRAKING_NS: i64 = 100_000_000;
 /// A chain that goes on leaves no larger gap between two setpoints, ns: half of what its readers call stale.
@@ -19,6 +26,8 @@ const LARGEST_GAP_NS: i64 = 25_000_000;
 const MOVED_DEG: f64 = 5.0;
 /// How long the new node stays closed to the user: longer than the master's pause between two searches.
 const UDEV_DELAY: Duration = Duration::from_millis(600);
+const CONFIG: &str = "/tmp/unplug.toml";
+const REPORTS: &str = "/tmp/unplug.krr";
 
 /// When things happened to the device, CLOCK_MONOTONIC, ns.
 struct Instants {
@@ -35,12 +44,14 @@ struct Instants {
 pub fn unplug() -> anyhow::Result<PartVerdict> {
     let mouse = SpaceMouse::plug(Model::Compact)?;
     mouse.permit(0o666)?;
-    let chain = VmChain::start("unplug", User::Nobody, 5.5)?;
+    std::fs::write(CONFIG, format!("[master]\nrecord_reports = \"{REPORTS}\"\n")).context(CONFIG)?;
+    let chain = VmChain::start_with("unplug", User::Nobody, 5.5, &["--config", CONFIG])?;
     mouse.wait_until_read()?;
     let (instants, mouse) = play(mouse)?;
     let (ended, journal) = chain.end()?;
     mouse.unplug()?;
     let mut verdict = PartVerdict::default();
+    judge_stop(&mut verdict, &journal)?;
     judge_loss(&mut verdict, &ended, &journal, &instants)?;
     judge_return(&mut verdict, &ended, &journal, &instants)?;
     Ok(verdict)
@@ -68,6 +79,33 @@ fn play(mut mouse: SpaceMouse) -> anyhow::Result<(Instants, SpaceMouse)> {
     mouse.release()?;
     let released = clock::monotonic_ns();
     Ok((Instants { held, unplugged, plugged, pressed, released, n_lit_too_early }, mouse))
+}
+
+/// From the loss, as the thread that reads the device stamps it, to the command that goes no further.
+fn judge_stop(verdict: &mut PartVerdict, journal: &Journal) -> anyhow::Result<()> {
+    let events: Vec<(i64, usize, RecordedEvent)> = HidRecording::load(Path::new(REPORTS))?.events().collect();
+    let is_out = |event: &RecordedEvent| matches!(event, RecordedEvent::Plug(Plug::Out));
+    let (out_ns, ..) = events.iter().find(|(.., event)| is_out(event)).context("the file knows of no loss")?;
+    let out_ns = zero_ns(&journal.inputs, &events)? + out_ns;
+    let input = journal.inputs.iter().find(|i| i.sample_ns >= out_ns && i.device() == Some(DeviceState::Lost));
+    let input = input.context("the loss is in no input")?;
+    let input_ns = input.sample_ns - out_ns;
+    let is_stop = |command: &Command| Reasons::from_bits(command.reasons).contains(Reason::DeviceLost);
+    let mut commands = journal.commands.iter().skip_while(|command| command.sample_ns < out_ns);
+    let stop = commands.find(|command| is_stop(command)).context("no command tells of the loss")?;
+    let stop_ns = stop.stamps.command_sent_ns - out_ns;
+    verdict.check("input_virtual_us", (0..=STOP_NS).contains(&input_ns), input_ns / 1000);
+    let is_of_it = stop.input_sequence == input.sequence;
+    let is_in_time = is_of_it && (0..=STOP_NS + CHAIN_NS).contains(&stop_ns);
+    verdict.check("stop_command_virtual_us", is_in_time, stop_ns / 1000);
+    // The cap was held to one side, so that all motion went outwards.
+    let bend_rad = |command: &Command| command.bend_rad[0].hypot(command.bend_rad[1]);
+    let before = journal.commands.iter().rfind(|command| command.sequence < stop.sequence);
+    let was_moving = before.is_some_and(|command| command.phase == Phase::Following as u32);
+    let goes_on_rad = bend_rad(stop) - before.map_or(f64::NAN, bend_rad);
+    let holds = was_moving && stop.phase == Phase::Holding as u32 && goes_on_rad <= 0.0;
+    verdict.check("stop_goes_on_deg", holds, goes_on_rad.to_degrees());
+    Ok(())
 }
 
 fn judge_loss(verdict: &mut PartVerdict, ended: &VmEnded, journal: &Journal, at: &Instants) -> anyhow::Result<()> {

@@ -12,9 +12,9 @@ use std::time::Duration;
 
 pub const KEYBOARD: (&str, &str) = ("usb-kbd", "USB Keyboard");
 /// Vendor and product of every USB device of QEMU's.
-const QEMU_ID: (u16, u16) = (0x0627, 1);
-/// How often the keyboard is pulled out while a key is down.
-const N_PLUGS: u32 = 20;
+pub const QEMU_ID: (u16, u16) = (0x0627, 1);
+/// How often a device is pulled out while a key or button is down.
+pub const N_PLUGS: u32 = 20;
 /// Longer than the kernel waits before a key repeats (0.25 s), and than some repetitions.
 const HELD: Duration = Duration::from_millis(800);
 /// While a key is held nothing may be taken for so long.

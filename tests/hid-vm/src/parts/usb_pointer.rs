@@ -1,12 +1,13 @@
 //! QEMU's USB mouse and USB tablet, by the built-in profile and by one of the user's own.
 
+use super::usb_keyboard::{N_PLUGS, QEMU_ID};
 use crate::chain::{User, VmEnded};
 use crate::qmp::{Act, Qmp};
 use crate::spacemouse::DeviceFault;
-use crate::usb_hand::{Scene, Stranger, UsbHand, due, plugged, profile_for, unplugged};
+use crate::usb_hand::{PATIENCE_NS, Scene, Stranger, UsbHand, due, plugged, profile_for, unplugged};
 use crate::verdict::PartVerdict;
 use anyhow::Context;
-use krait_master::{AXIS_LIMIT_COUNTS, HidReport, Profile};
+use krait_master::{AXIS_LIMIT_COUNTS, HidReport, Profile, ProfileDevice};
 use std::thread::sleep;
 use std::time::Duration;
 
@@ -68,9 +69,48 @@ pub fn mouse(qmp: &mut Qmp, fault: DeviceFault) -> anyhow::Result<PartVerdict> {
     Ok(verdict)
 }
 
+/// Pulled out while a button is down the mouse is lost, plugged in again it is found and taken alone, again and again.
+pub fn replug(qmp: &mut Qmp) -> anyhow::Result<PartVerdict> {
+    let mut verdict = PartVerdict::default();
+    let mut device = plugged(qmp, MOUSE.0, MOUSE.1)?;
+    let mut profile = profile_for("mouse", &device)?;
+    profile.device = ProfileDevice::Id(QEMU_ID.0, QEMU_ID.1);
+    let mut hand = UsbHand::take(profile)?;
+    let (mut n_lost, mut n_found, mut n_heard, mut n_stolen) = (0, 0, 0, 0);
+    for k in 0..N_PLUGS {
+        let mut stranger = Stranger::at(&device)?;
+        (hand.was_lost, hand.was_found) = (false, false);
+        let moved = 5 + k as i32;
+        qmp.act(&[Act::Move("x", moved)])?;
+        let due = [HidReport::Motion([counts(moved), 0, 0, 0, 0, 0]), REST, HidReport::Buttons(1)];
+        let mut heard: Vec<HidReport> = due[..2].iter().filter_map(|_| hand.next(PATIENCE_NS)).collect();
+        qmp.act(&[Act::Button("left", true)])?;
+        heard.extend(hand.next(PATIENCE_NS));
+        n_heard += u32::from(heard == due);
+        n_stolen += stranger.heard();
+        unplugged(qmp, MOUSE.0, MOUSE.1)?;
+        hand.wait_for("the loss of the mouse", |hand| hand.was_lost)?;
+        n_lost += u32::from(hand.was_lost);
+        qmp.act(&[Act::Button("left", false)])?;
+        device = plugged(qmp, MOUSE.0, MOUSE.1)?;
+        hand.wait_for("the return of the mouse", |hand| hand.was_found)?;
+        n_found += u32::from(hand.was_found);
+    }
+    verdict.check("in_order", n_heard == N_PLUGS, format!("{n_heard}/{N_PLUGS}"));
+    verdict.check("lost", n_lost == N_PLUGS, format!("{n_lost}/{N_PLUGS}"));
+    verdict.check("found", n_found == N_PLUGS, format!("{n_found}/{N_PLUGS}"));
+    verdict.check("exclusive", n_stolen == 0, n_stolen);
+    drop(hand);
+    unplugged(qmp, MOUSE.0, MOUSE.1)?;
+    Ok(verdict)
+}
+
+/// What the built-in profile makes of a move in one window.
+fn counts(moved: i32) -> i16 {
+    (f64::from(moved) / (FULL_COUNTS_PER_S * WINDOW_S) * LIMIT).round().clamp(-LIMIT, LIMIT) as i16
+}
+
 pub fn mouse_scene() -> Scene {
-    let counts =
-        |moved: i32| (f64::from(moved) / (FULL_COUNTS_PER_S * WINDOW_S) * LIMIT).round().clamp(-LIMIT, LIMIT) as i16;
     let mut scene: Scene = (1..=N_MOVES)
         .map(|k| {
             // Every step another, some of them beyond the full speed.
