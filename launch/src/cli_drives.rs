@@ -49,8 +49,8 @@ pub struct DrivesArgs {
     /// Which servos are emulated.
     #[arg(long, value_name = "MAKE", value_enum, default_value_t = EmulatedServo::Sts3215, requires = "emulate", conflicts_with = "interface")]
     pub servo: EmulatedServo,
-    /// Print what was found as JSON on standard output.
-    #[arg(long, conflicts_with_all = ["watch", "jog", "emulate"])]
+    /// Print what was found as JSON on standard output; with --watch one document after the other.
+    #[arg(long, conflicts_with_all = ["jog", "emulate"])]
     pub json: bool,
 }
 

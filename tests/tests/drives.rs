@@ -10,6 +10,10 @@ mod gripper;
 mod groups;
 #[path = "drives/homing.rs"]
 mod homing;
+#[path = "drives/machines.rs"]
+mod machines;
+#[path = "drives/watch.rs"]
+mod watch;
 
 use core::time::Duration;
 use krait_drives::ServoMake;
@@ -268,7 +272,7 @@ fn found_and_stepped(make: ServoMake) {
     assert_eq!(ids, [1, 2, 3, 9]);
     assert_eq!((&found[0]["reading"]["counts"], &found[0]["reading"]["is_powered"]), (&2048.into(), &false.into()));
     assert!(found[3]["is_known"] == false && found[3]["reading"].is_null(), "{found}");
-    emulator.wire().servos[1].place = 2100.0;
+    watch::second_moves_to(2100, &emulator);
     let zero = Ended::of(&["drives", "--zero", "--config", &config, "--instance", &instance], PATIENCE);
     assert!(zero.stdout.contains("zero_count = 2100  # actuator 2, id 2"), "{} {}", zero.stdout, zero.stderr);
     assert!(emulator.wire().servos.iter().all(|servo| servo.n_goals == 0 && !servo.is_powered()), "nothing has moved");
