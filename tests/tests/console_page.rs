@@ -293,15 +293,25 @@ fn segments_are_drawn_with_two_bars_each_and_their_numbers_live_and_from_a_recor
     bars_of("segments", ["two.toml", "tip.csv"], [4, 6]);
 }
 
-/// How many points of a canvas have the colour of each of the three kinds of lines, nearly.
-fn painted(canvas: &str) -> String {
+/// The points of a canvas as it is shown, four bytes each.
+fn points(canvas: &str) -> String {
     format!(
-        "(() => {{
-            const own = document.querySelector('{canvas}'), copy = document.createElement('canvas');
+        "(own => {{
+            const copy = document.createElement('canvas');
             [copy.width, copy.height] = [own.clientWidth, own.clientHeight];
             const g = copy.getContext('2d');
             g.drawImage(own, 0, 0, copy.width, copy.height);
-            const {{ data }} = g.getImageData(0, 0, copy.width, copy.height), style = getComputedStyle(document.documentElement);
+            return g.getImageData(0, 0, copy.width, copy.height).data;
+        }})(document.querySelector('{canvas}'))"
+    )
+}
+
+/// How many points of a canvas have the colour of each of the three kinds of lines, nearly.
+fn painted(canvas: &str) -> String {
+    let points = points(canvas);
+    format!(
+        "(() => {{
+            const data = {points}, style = getComputedStyle(document.documentElement);
             return [1, 2, 3].map(line => {{
                 const hex = style.getPropertyValue('--line-' + line).trim(), rgb = [1, 3, 5].map(i => parseInt(hex.slice(i, i + 2), 16));
                 let n = 0;
@@ -380,13 +390,10 @@ fn bars_of(kind: &str, [model, script]: [&str; 2], [n_bars, n_lines]: [usize; 2]
 
 /// How many points of a canvas look clearly other than when this was asked last.
 fn changed(canvas: &str) -> String {
+    let points = points(canvas);
     format!(
         "(() => {{
-            const own = document.querySelector('{canvas}'), copy = document.createElement('canvas');
-            [copy.width, copy.height] = [own.clientWidth, own.clientHeight];
-            const g = copy.getContext('2d');
-            g.drawImage(own, 0, 0, copy.width, copy.height);
-            const {{ data }} = g.getImageData(0, 0, copy.width, copy.height), before = window.before ?? data;
+            const data = {points}, before = window.before ?? data;
             window.before = data;
             let n = 0;
             for (let at = 0; at < data.length; at += 4) n += [0, 1, 2, 3].some(i => Math.abs(data[at + i] - before[at + i]) > 40);

@@ -22,24 +22,22 @@ pub(super) struct Found {
 pub(super) fn find(columns: &[Column]) -> Option<Found> {
     let mut guesses = Vec::new();
     let lines: [usize; N_LINES] = lines(columns, |n| n == N_LINES)?.try_into().ok()?;
-    let shape = shape(columns);
-    let tip = if shape.is_none() { tip(columns, &lines) } else { None };
-    if shape.is_none() && tip.is_none() {
-        return None;
-    }
     let mut found = Vec::new();
     for (k, &place) in lines.iter().enumerate() {
         let unit = length(columns, &lines, place, &mut guesses)?;
         found.push((format!("q{}_m", k + 1), place, unit, "of three lengths".to_owned()));
     }
-    for (target, place) in shape.into_iter().flatten() {
-        let unit = angle(columns, place, &mut guesses)?;
-        found.push((target.to_owned(), place, unit, "of a bend".to_owned()));
-    }
-    let tip = tip.unwrap_or_default();
-    for (target, place) in TIP.into_iter().zip(&tip) {
-        let unit = length(columns, &tip, *place, &mut guesses)?;
-        found.push((target.to_owned(), *place, unit, "of a position".to_owned()));
+    if let Some(shape) = shape(columns) {
+        for (target, place) in shape {
+            let unit = angle(columns, place, &mut guesses)?;
+            found.push((target.to_owned(), place, unit, "of a bend".to_owned()));
+        }
+    } else {
+        let tip = tip(columns, &lines)?;
+        for (target, &place) in TIP.into_iter().zip(&tip) {
+            let unit = length(columns, &tip, place, &mut guesses)?;
+            found.push((target.to_owned(), place, unit, "of a position".to_owned()));
+        }
     }
     found.extend(loads(columns, N_LINES, "of three loads"));
     Some(Found { columns: found, guesses })
@@ -99,6 +97,12 @@ pub(super) fn numbered(columns: &[Column], is_one: impl Fn(&Column) -> bool) -> 
     rows
 }
 
+/// A name's words without that of an axis; `None` where it is of no such axis.
+fn without<'a>(column: &'a Column, axis: &str) -> Option<Vec<&'a str>> {
+    let words = || column.words.words.iter().map(String::as_str);
+    words().any(|word| word == axis).then(|| words().filter(|word| *word != axis).collect())
+}
+
 /// Two angles: a bend in x and y, or the paper's angles under their names.
 fn shape(columns: &[Column]) -> Option<[(&'static str, usize); 2]> {
     let is_angle = |column: &Column| match column.words.unit.dimension() {
@@ -106,10 +110,6 @@ fn shape(columns: &[Column]) -> Option<[(&'static str, usize); 2]> {
         None => column.words.has("bend") || column.words.has("delta") || column.words.has("theta"),
     };
     let angles = || columns.iter().enumerate().filter(|(_, column)| is_angle(column));
-    let without = |column: &Column, axis: &str| -> Option<Vec<String>> {
-        let words = column.words.words.clone();
-        words.iter().any(|word| word == axis).then(|| words.into_iter().filter(|word| word != axis).collect())
-    };
     for (x, column) in angles() {
         let Some(stem) = without(column, "x") else { continue };
         let y = angles().find(|(_, other)| without(other, "y").is_some_and(|own| own == stem));
@@ -131,10 +131,6 @@ fn tip(columns: &[Column], lines: &[usize]) -> Option<Vec<usize>> {
             && column.looked.moves()
     };
     let lengths = || columns.iter().enumerate().filter(is_length);
-    let without = |column: &Column, axis: &str| -> Option<Vec<String>> {
-        let words = &column.words.words;
-        words.iter().any(|own| own == axis).then(|| words.iter().filter(|own| *own != axis).cloned().collect())
-    };
     lengths().find_map(|(x, column)| {
         let stem = without(column, "x")?;
         let other =

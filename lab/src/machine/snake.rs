@@ -77,6 +77,13 @@ impl SnakeLab {
         };
         Ok(stretches(data).into_par_iter().map(of_rows).collect())
     }
+
+    /// The predicted bends of all rows, nearest to the measured ones in what a tracker of these data leaves open.
+    fn seen(&self, parts: Vec<Vec<f64>>, data: &Measurements) -> Vec<f64> {
+        let mut outputs = joined(parts);
+        align(&self.snake, &mut outputs, data);
+        outputs
+    }
 }
 
 impl MachineUnderTest for SnakeLab {
@@ -141,9 +148,7 @@ impl MachineUnderTest for SnakeLab {
             predicted.for_each(|own| outputs.extend_from_slice(own.observed_bend_rad.as_slice()));
             outputs
         };
-        let mut outputs = joined(self.run(effects, data, part)?);
-        align(&self.snake, &mut outputs, data);
-        Ok(outputs)
+        Ok(self.seen(self.run(effects, data, part)?, data))
     }
 
     fn predict_with_loads(
@@ -160,9 +165,7 @@ impl MachineUnderTest for SnakeLab {
             (outputs, loads_n)
         };
         let (outputs, loads_n) = self.run(effects, data, part)?.into_iter().unzip();
-        let mut outputs = joined(outputs);
-        align(&self.snake, &mut outputs, data);
-        Ok((outputs, Some(joined(loads_n))))
+        Ok((self.seen(outputs, data), Some(joined(loads_n))))
     }
 }
 

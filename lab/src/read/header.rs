@@ -77,11 +77,9 @@ pub(super) fn plan(
         Role::TipPos(_) => !is_tip,
         _ => false,
     };
-    let of_other_file = |role| match map.part {
+    let of_other_file = |role: Role| match map.part {
         Part::Whole => false,
-        Part::Commands => {
-            matches!(role, Role::Output(_) | Role::ThetaL | Role::Delta | Role::TipPos(_) | Role::Sigma | Role::Weight)
-        }
+        Part::Commands => role.is_of_shape() || matches!(role, Role::Sigma | Role::Weight),
         Part::Seen => matches!(role, Role::Input(_) | Role::Load(_) | Role::StemAngle | Role::Temperature),
     };
     columns.retain(|column| !unused(column.role) && !of_other_file(column.role));

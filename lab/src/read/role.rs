@@ -23,6 +23,13 @@ pub(super) enum Role {
     Extra,
 }
 
+impl Role {
+    /// Whether it is a part of what was measured of the shape.
+    pub(super) fn is_of_shape(self) -> bool {
+        matches!(self, Self::Output(_) | Self::ThetaL | Self::Delta | Self::TipPos(_))
+    }
+}
+
 /// A column of the lab before it is found in a file.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Wanted {

@@ -4,7 +4,7 @@ use super::ReadError;
 use super::at::At;
 use super::cells::{Cell, Cells};
 use super::dialect::Numbers;
-use super::header::{Column, Plan};
+use super::header::Plan;
 use super::role::Role;
 use std::path::Path;
 
@@ -35,7 +35,6 @@ pub(super) struct Rows<'a> {
 
 impl<'a> Rows<'a> {
     pub(super) fn new(path: &'a Path, plan: Plan, numbers: Numbers) -> Self {
-        let is_shape = |c: &Column| matches!(c.role, Role::Output(_) | Role::ThetaL | Role::Delta | Role::TipPos(_));
         Self {
             path,
             columns: vec![Vec::new(); plan.columns.len()],
@@ -43,7 +42,7 @@ impl<'a> Rows<'a> {
             label: Vec::new(),
             label_field: plan.columns.iter().find(|c| c.role == Role::Trial).map(|c| c.field),
             time: plan.place(Role::Time).unwrap_or_else(|| unreachable!("a heading without a time is refused")),
-            shape: plan.columns.iter().enumerate().filter(|(_, c)| is_shape(c)).map(|(k, _)| k).collect(),
+            shape: plan.columns.iter().enumerate().filter(|(_, c)| c.role.is_of_shape()).map(|(k, _)| k).collect(),
             last: At::Names,
             cells: Cells::new(path, numbers, &plan),
             plan,

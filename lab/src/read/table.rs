@@ -69,7 +69,7 @@ pub(super) fn place<'a>(path: &'a Path, table: &Table) -> Place<'a> {
         },
         time: table.plan.names(|role| role == Role::Time),
         inputs: names(|role| matches!(role, Role::Input(_))),
-        outputs: names(|role| matches!(role, Role::Output(_) | Role::ThetaL | Role::Delta | Role::TipPos(_))),
+        outputs: names(Role::is_of_shape),
     }
 }
 

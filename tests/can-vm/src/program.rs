@@ -7,6 +7,7 @@ use anyhow::{Context, ensure};
 use core::time::Duration;
 use krait_drives::cia402::{State, state};
 use rustix::process::{Pid, Signal, kill_process};
+use serde_json::Value;
 use std::process::{Command, Output, Stdio};
 
 pub const CONFIG: &str = "/tmp/can.toml";
@@ -72,13 +73,8 @@ fn slave() -> anyhow::Result<Pid> {
 fn judge_again(verdict: &mut PartVerdict) -> anyhow::Result<()> {
     let Output { stdout, stderr, .. } =
         krait(&["replay", RECORDING, "--slave", "recorded", "--json"]).output().context("krait")?;
-    let (said, why) = (String::from_utf8_lossy(&stdout), String::from_utf8_lossy(&stderr));
-    let number = |key: &str| -> anyhow::Result<u64> {
-        let (_, behind) =
-            said.split_once(&format!("\"{key}\": ")).with_context(|| format!("no {key}: {said} {why}"))?;
-        let digits: String = behind.chars().take_while(char::is_ascii_digit).collect();
-        digits.parse().with_context(|| format!("{key} is no number: {said}"))
-    };
+    let said: Value = serde_json::from_slice(&stdout).with_context(|| String::from_utf8_lossy(&stderr).into_owned())?;
+    let number = |key: &str| said[key].as_u64().with_context(|| format!("no {key}: {said}"));
     let n_cycles = number("cycles")?;
     verdict.check("recorded_cycles", n_cycles > 500, n_cycles);
     let n_missing = number("cycles_missing")?;

@@ -56,6 +56,9 @@ pub struct UsbHand {
     pub was_lost: bool,
     /// Whether it was found again.
     pub was_found: bool,
+    /// How often it was lost, and found again, of those times that it was pulled out and put back.
+    pub n_lost: u32,
+    pub n_found: u32,
 }
 
 impl UsbHand {
@@ -65,7 +68,7 @@ impl UsbHand {
     /// krait cannot.
     pub fn take(profile: Profile) -> anyhow::Result<Self> {
         let source = HidSource::open_profile(profile)?;
-        Ok(Self { source, motion: None, was_lost: false, was_found: false })
+        Ok(Self { source, motion: None, was_lost: false, was_found: false, n_lost: 0, n_found: 0 })
     }
 
     /// The next report that says something new; none when the time is up, ns.
@@ -113,6 +116,22 @@ impl UsbHand {
             self.next(10_000_000);
             done(self)
         })
+    }
+
+    /// Pulls the device out while something of it is held, lets that go, and plugs it in again: what it is then.
+    ///
+    /// # Errors
+    /// QEMU refuses, or krait does not notice one of both.
+    pub fn replug(&mut self, qmp: &mut Qmp, (driver, name): (&str, &str), let_go: Act) -> anyhow::Result<InputDevice> {
+        (self.was_lost, self.was_found) = (false, false);
+        unplugged(qmp, driver, name)?;
+        self.wait_for("the loss of the device", |hand| hand.was_lost)?;
+        self.n_lost += u32::from(self.was_lost);
+        qmp.act(&[let_go])?;
+        let device = plugged(qmp, driver, name)?;
+        self.wait_for("the return of the device", |hand| hand.was_found)?;
+        self.n_found += u32::from(self.was_found);
+        Ok(device)
     }
 
     /// Plays a scene: each act, and what krait must make of it before the next. Gives what it made of all of them, and what came

@@ -128,24 +128,17 @@ pub fn replug(qmp: &mut Qmp) -> anyhow::Result<PartVerdict> {
     let mut profile = profile_for("keyboard", &device)?;
     profile.device = ProfileDevice::Id(QEMU_ID.0, QEMU_ID.1);
     let mut hand = UsbHand::take(profile)?;
-    let (mut n_lost, mut n_found, mut n_moved, mut n_stolen) = (0, 0, 0, 0);
+    let (mut n_moved, mut n_stolen) = (0, 0);
     for _ in 0..N_PLUGS {
         let mut stranger = Stranger::at(&device)?;
-        (hand.was_lost, hand.was_found) = (false, false);
         qmp.act(&key("right", true))?;
         n_moved += u32::from(hand.next(2_000_000_000) == Some(HidReport::Motion([175, 0, 0, 0, 0, 0])));
         n_stolen += stranger.heard();
-        unplugged(qmp, KEYBOARD.0, KEYBOARD.1)?;
-        hand.wait_for("the loss of the keyboard", |hand| hand.was_lost)?;
-        n_lost += u32::from(hand.was_lost);
-        qmp.act(&key("right", false))?;
-        device = plugged(qmp, KEYBOARD.0, KEYBOARD.1)?;
-        hand.wait_for("the return of the keyboard", |hand| hand.was_found)?;
-        n_found += u32::from(hand.was_found);
+        device = hand.replug(qmp, KEYBOARD, Act::Key("right", false))?;
     }
     verdict.check("moved", n_moved == N_PLUGS, format!("{n_moved}/{N_PLUGS}"));
-    verdict.check("lost", n_lost == N_PLUGS, format!("{n_lost}/{N_PLUGS}"));
-    verdict.check("found", n_found == N_PLUGS, format!("{n_found}/{N_PLUGS}"));
+    verdict.check("lost", hand.n_lost == N_PLUGS, format!("{}/{N_PLUGS}", hand.n_lost));
+    verdict.check("found", hand.n_found == N_PLUGS, format!("{}/{N_PLUGS}", hand.n_found));
     verdict.check("exclusive", n_stolen == 0, n_stolen);
     drop(hand);
     unplugged(qmp, KEYBOARD.0, KEYBOARD.1)?;

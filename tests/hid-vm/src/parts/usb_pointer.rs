@@ -76,10 +76,9 @@ pub fn replug(qmp: &mut Qmp) -> anyhow::Result<PartVerdict> {
     let mut profile = profile_for("mouse", &device)?;
     profile.device = ProfileDevice::Id(QEMU_ID.0, QEMU_ID.1);
     let mut hand = UsbHand::take(profile)?;
-    let (mut n_lost, mut n_found, mut n_heard, mut n_stolen) = (0, 0, 0, 0);
+    let (mut n_heard, mut n_stolen) = (0, 0);
     for k in 0..N_PLUGS {
         let mut stranger = Stranger::at(&device)?;
-        (hand.was_lost, hand.was_found) = (false, false);
         let moved = 5 + k as i32;
         qmp.act(&[Act::Move("x", moved)])?;
         let due = [HidReport::Motion([counts(moved), 0, 0, 0, 0, 0]), REST, HidReport::Buttons(1)];
@@ -88,17 +87,11 @@ pub fn replug(qmp: &mut Qmp) -> anyhow::Result<PartVerdict> {
         heard.extend(hand.next(PATIENCE_NS));
         n_heard += u32::from(heard == due);
         n_stolen += stranger.heard();
-        unplugged(qmp, MOUSE.0, MOUSE.1)?;
-        hand.wait_for("the loss of the mouse", |hand| hand.was_lost)?;
-        n_lost += u32::from(hand.was_lost);
-        qmp.act(&[Act::Button("left", false)])?;
-        device = plugged(qmp, MOUSE.0, MOUSE.1)?;
-        hand.wait_for("the return of the mouse", |hand| hand.was_found)?;
-        n_found += u32::from(hand.was_found);
+        device = hand.replug(qmp, MOUSE, Act::Button("left", false))?;
     }
     verdict.check("in_order", n_heard == N_PLUGS, format!("{n_heard}/{N_PLUGS}"));
-    verdict.check("lost", n_lost == N_PLUGS, format!("{n_lost}/{N_PLUGS}"));
-    verdict.check("found", n_found == N_PLUGS, format!("{n_found}/{N_PLUGS}"));
+    verdict.check("lost", hand.n_lost == N_PLUGS, format!("{}/{N_PLUGS}", hand.n_lost));
+    verdict.check("found", hand.n_found == N_PLUGS, format!("{}/{N_PLUGS}", hand.n_found));
     verdict.check("exclusive", n_stolen == 0, n_stolen);
     drop(hand);
     unplugged(qmp, MOUSE.0, MOUSE.1)?;
