@@ -79,6 +79,11 @@ fn a_person_sees_the_robot_stops_it_from_a_page_that_hangs_and_goes_on() {
     );
     page.key("p", 80);
     page.wait_for("paused by key", "document.getElementById('ack-title').textContent.startsWith('Paused')");
+    // The page's own keys too.
+    for (key, room) in [("4", "recordings"), ("1", "operate")] {
+        page.key(key, u32::from(key.as_bytes()[0]));
+        page.wait_for(room, &format!("document.documentElement.dataset.tab === '{room}'"));
+    }
 
     // Power off and on again, by button and by key; the operator, who is seen anew each time, is followed again.
     for by_key in [false, true] {

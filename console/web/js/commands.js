@@ -2,6 +2,7 @@
 import { drawing, write } from './format.js';
 import { MARKS, STATES } from './states.js';
 import { on, post } from './link.js';
+import { pressByKey as pressPageKey } from './shell.js';
 
 const $ = id => document.getElementById(id);
 const WORDS = {
@@ -123,7 +124,9 @@ export function startCommands() {
     pressByKey(event.key);
   }, true);
   addEventListener('message', event => {
-    if (stopUrl && event.origin === new URL(stopUrl).origin && typeof event.data?.key === 'string') pressByKey(event.data.key);
+    if (!stopUrl || event.origin !== new URL(stopUrl).origin || typeof event.data?.key !== 'string') return;
+    pressByKey(event.data.key);
+    pressPageKey(event.data.key);
   });
   tell('info', 'No command sent yet', 'Commands are confirmed here by the drives’ own state.');
 }

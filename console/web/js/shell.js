@@ -75,6 +75,13 @@ export function turnWithPointer(canvas, name) {
 const views = [...document.querySelectorAll('[data-view]')];
 const pressed = chosen => views.forEach(view => view.setAttribute('aria-pressed', String(view === chosen)));
 
+/// The keys of the page itself: its rooms, its theme, its sounds. Those of the commands are in `commands.js`.
+export function pressByKey(key) {
+  if (names[Number(key) - 1]) go(names[Number(key) - 1]);
+  else if (key.toLowerCase() === 't') $('theme').click();
+  else if (key.toLowerCase() === 's') toggleSound();
+}
+
 export function start() {
   for (const tab of tabs) tab.addEventListener('click', () => go(tab.dataset.go));
   document.querySelector('.tabs').addEventListener('keydown', event => {
@@ -89,10 +96,7 @@ export function start() {
   $('sound').addEventListener('click', toggleSound);
   addEventListener('keydown', event => {
     if (event.target.matches('input, select, textarea') || event.ctrlKey || event.metaKey || event.altKey || event.repeat) return;
-    const key = event.key.toLowerCase();
-    if (names[Number(key) - 1]) go(names[Number(key) - 1]);
-    else if (key === 't') $('theme').click();
-    else if (key === 's') toggleSound();
+    pressByKey(event.key);
   });
   document.addEventListener('visibilitychange', () => post('shown', { isShown: root.dataset.tab === 'operate' && !document.hidden }));
   turnWithPointer($('scene'), 'scene');
