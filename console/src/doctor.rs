@@ -1,6 +1,6 @@
-//! What `krait doctor` finds on this machine, without its measurement, for the page: a niced child that ends at once.
+//! What `krait doctor` finds on this machine, without its measurement, for the page: a child that gives way and ends at once.
 
-use crate::jobs::niced;
+use crate::jobs::giving_way;
 use core::time::Duration;
 use krait_ipc::clock;
 use serde::{Deserialize, Serialize};
@@ -41,7 +41,7 @@ enum Grade {
 /// # Errors
 /// One sentence: it did not start, took too long, or gave no answer.
 pub(crate) fn findings(program: &Path) -> Result<Findings, String> {
-    let mut command = niced(program);
+    let mut command = giving_way(program);
     let child = command.args(["doctor", "--seconds", "0", "--json"]).stderr(Stdio::null()).spawn();
     let child = child.map_err(|error| format!("krait doctor cannot be started: {error}; ask again."))?;
     let ended = ended(child)?;

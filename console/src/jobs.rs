@@ -70,7 +70,7 @@ impl Jobs {
         if current.as_ref().is_some_and(|job| job.report.stage == JobStage::Running) {
             return Err("Another job is at work; cancel it, or wait for it.".to_owned());
         }
-        let mut child = niced(&self.program)
+        let mut child = giving_way(&self.program)
             .args(arguments)
             .env(crate::STAGES, "1")
             .stderr(Stdio::piped())
@@ -116,10 +116,10 @@ impl Drop for Jobs {
     }
 }
 
-/// A program that yields to every other, without input, whose output is read.
-pub(crate) fn niced(program: &Path) -> Command {
-    let mut command = Command::new("nice");
-    command.args(["-n", "15"]).arg(program).stdin(Stdio::null()).stdout(Stdio::piped());
+/// krait itself, giving way to every other process, without input, whose output is read.
+pub(crate) fn giving_way(program: &Path) -> Command {
+    let mut command = Command::new(program);
+    command.env(crate::GIVES_WAY, "1").stdin(Stdio::null()).stdout(Stdio::piped());
     command
 }
 

@@ -52,6 +52,8 @@ pub const NAME: &str = "console";
 
 /// Environment variable of the lab's jobs that the console starts: somebody waits for them and reads what they are at.
 pub const STAGES: &str = "KRAIT_STAGES";
+/// Environment variable of what the console starts: it gives way to the chain and to the operator's browser.
+pub const GIVES_WAY: &str = "KRAIT_GIVES_WAY";
 
 /// Pages that are open, and frames that slow ones skipped.
 #[derive(Debug, Default)]

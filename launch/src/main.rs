@@ -25,6 +25,7 @@ mod doctor;
 mod evidence;
 mod experiment;
 mod fault;
+mod giving_way;
 mod in_force;
 mod led_chain;
 mod log;
@@ -51,6 +52,7 @@ use std::process::ExitCode;
 const COULD_NOT_RUN: u8 = 2;
 
 fn main() -> ExitCode {
+    giving_way::if_asked();
     let cli = Cli::parse();
     let _until_the_end = log::start();
     let done = signals::survive_full_files().and_then(|()| run(cli));
