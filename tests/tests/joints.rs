@@ -104,6 +104,7 @@ fn in_the_lab(folder: &TempFolder, model: &str, recording: &str) {
 }
 
 #[test]
+#[ignore = "a chain for half a minute; .ci/run runs it"]
 fn a_wrist_with_a_wrong_play_learns_it_and_keeps_it() {
     let folder = TempFolder::new("learning");
     let (model, recording, kept) = (folder.file("wrong.toml"), folder.file("learning.mcap"), folder.file("kept.toml"));
@@ -160,6 +161,7 @@ fn a_wrist_follows_a_trajectory_through_its_rows_and_can_be_sent_it_again() {
 }
 
 #[test]
+#[ignore = "a chain for half a minute; .ci/run runs it"]
 fn eight_sliding_joints_are_driven_in_mm_and_verify() {
     let folder = TempFolder::new("slides");
     let file = |name: &str, text: String| {
@@ -208,6 +210,7 @@ fn compared(a: &str, b: &str) -> Value {
 }
 
 #[test]
+#[ignore = "a chain for half a minute; .ci/run runs it"]
 fn joints_take_a_better_model_while_they_run() {
     let folder = TempFolder::new("exchanged");
     let (off, recording, second) = (folder.file("off.toml"), folder.file("run.mcap"), folder.file("run-model2.mcap"));

@@ -164,6 +164,7 @@ fn tracks_better_by_the_predicted_factor(hidden: &[(&str, &str)]) {
 }
 
 #[test]
+#[ignore = "a chain for half a minute; .ci/run runs it"]
 fn the_chain_tracks_better_by_the_predicted_factor_for_hidden_effects_of_each_sort() {
     tracks_better_by_the_predicted_factor(&[("twist", "4"), ("encoder-zero", "3"), ("backlash", "3"), ("cone", "3")]);
 }

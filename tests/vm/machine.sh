@@ -124,7 +124,8 @@ boot() {
     qemu+=(-L "$usr/share/qemu" -L "$usr/share/seabios")
   fi
   # One processor whose clock counts instructions: a busy host makes it slower, not later.
-  timeout "$5" "${qemu[@]}" -accel tcg -icount "$4" -M pc -cpu max -m 512 -nodefaults -no-user-config \
+  # In this process group, so that whoever ends the rig ends the machine.
+  timeout --foreground "$5" "${qemu[@]}" -accel tcg -icount "$4" -M pc -cpu max -m 512 -nodefaults -no-user-config \
     -display none -serial stdio -no-reboot -kernel "$(find "$1/kernel/boot" -name 'vmlinuz-*' | head -n 1)" -initrd "$2.cpio" \
     -append "console=ttyS0 panic=-1 quiet $6" "${@:7}" </dev/null 2>&1 | tr -d '\r' >"$3"
 }
