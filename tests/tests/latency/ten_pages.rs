@@ -283,7 +283,15 @@ fn print_chain(recording: &str, stretches: &Stretches) -> BTreeMap<&'static str,
     let stops = stretches.iter().filter(|(way, ..)| *way == "stop");
     let stops: Vec<f64> = stops.map(|(_, from_ns, _)| first_held(*from_ns).expect("it was held")).collect();
     let at = |q| quantile(&stops, q);
-    println!("stop, press to first held state: p50 {:.1} ms, p99 {:.1} ms, {} presses", at(0.5), at(0.99), stops.len());
+    let mut slowest: Vec<(f64, usize)> = stops.iter().enumerate().map(|(i, ms)| (*ms, i + 1)).collect();
+    slowest.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let told = slowest[..5].iter().map(|(ms, n)| format!("{ms:.1} (press {n})")).collect::<Vec<_>>().join(", ");
+    println!(
+        "stop, press to first held state: p50 {:.1} ms, p99 {:.1} ms, {} presses, slowest {told}",
+        at(0.5),
+        at(0.99),
+        stops.len()
+    );
     medians
 }
 
