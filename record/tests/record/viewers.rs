@@ -6,7 +6,7 @@ use core::f64::consts::FRAC_PI_2;
 use krait_ipc::message::{JAW, N_WITH_GRIPPER, Setpoint, Shape};
 use krait_model::model_file::{Machine, ModelFile};
 use krait_model::segments::{Bends, SegmentParameters, Segments, SegmentsParameters};
-use krait_record::{About, DrawnMachine, RecordingWriter, Views};
+use krait_record::{About, DrawnMachine, RecordingWriter, Views, WallClock};
 use krait_schema::generated::foxglove::{
     FrameTransforms, JointStates, LinePrimitive, Point3, PoseInFrame, SceneEntity, SceneUpdate,
 };
@@ -47,7 +47,9 @@ fn three() -> SegmentsParameters {
 /// The samples written with a machine to be drawn and read again, by topic.
 fn recorded(name: &str, machine: Option<&DrawnMachine>, samples: &[Sample]) -> Read {
     let path = fresh_path(name);
-    let about = About::run("viewers", &BTreeMap::new(), Vec::new());
+    // One wall clock for all recordings: measured twice, it differs by nanoseconds.
+    let clock = WallClock { offset_ns: 1_700_000_000_000_000_000 };
+    let about = About { clock, ..About::run("viewers", &BTreeMap::new(), Vec::new()) };
     let views = machine.map(|machine| Views::new(Some(machine), 30).expect("a machine"));
     let mut writer = RecordingWriter::create(&path, 64 * 1024, &about).expect("created").with_views(views);
     for sample in samples {
