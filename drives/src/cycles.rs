@@ -4,7 +4,8 @@
 //! antagonists may fail while the others hold its share of the load.
 //!
 //! Intuition: each cycle sends the newest wish as it is; nothing is invented between two wishes, because it would pass the
-//! slave's limiter. Whatever fails, all brake to rest by one common factor from where they are, and stay there under power.
+//! slave's limiter. The bus and the slave keep times of their own, so that a cycle may find the way of two ticks, or of a whole
+//! pause: what is more than the slave's rate allows in a period waits for the next cycles. Whatever fails, all brake to rest by one common factor from where they are, and stay there under power.
 //! Only power that is switched anew ends that. Where one says that it has let go, the others may give way ([`crate::relax`]).
 //!
 //! Failure: without a sign of life of the slave for `wish_ms` the same happens. Time is an argument.
@@ -23,6 +24,8 @@ use std::sync::Arc;
 
 /// Slowest speed that a goal is sent with, counts/s: enough to close the last counts.
 const SLOWEST_COUNTS_PER_S: f64 = 50.0;
+/// A motion at exactly the rate is within it, whatever its sums round to.
+const ROUNDING: f64 = 1.0 + 1e-9;
 
 /// A bus at work.
 #[derive(Debug)]
@@ -43,6 +46,8 @@ pub(crate) struct Cycles<B> {
     /// Where the actuators were told to be, m, and how fast that moves, m/s.
     goal_m: Actuators,
     velocity_m_per_s: Actuators,
+    /// Cycles since the wish last moved.
+    n_unmoved: u32,
     /// When the newest cycle began, ns, its number, and what the bus was told in it.
     begun_ns: i64,
     n_cycles: u64,
@@ -69,6 +74,7 @@ impl<B: ActuatorBus> Cycles<B> {
             has_switched: false,
             goal_m: [0.0; MAX_ACTUATORS],
             velocity_m_per_s: [0.0; MAX_ACTUATORS],
+            n_unmoved: 0,
             begun_ns: now_ns,
             n_cycles: 0,
             told: Told::default(),
@@ -147,7 +153,7 @@ impl<B: ActuatorBus> Cycles<B> {
     }
 
     fn rest_where_seen(&mut self) {
-        self.velocity_m_per_s = [0.0; MAX_ACTUATORS];
+        (self.velocity_m_per_s, self.n_unmoved) = ([0.0; MAX_ACTUATORS], 0);
         for (goal_m, (units, counts)) in self.goal_m.iter_mut().zip(self.setup.units.iter().zip(self.seen.counts)) {
             *goal_m = units.metres(counts);
         }
@@ -187,7 +193,7 @@ impl<B: ActuatorBus> Cycles<B> {
             }
             Phase::On | Phase::Stopped if self.is_dry() => {
                 if self.phase == Phase::On && self.wish.is_somewhere() {
-                    self.goal_m = self.wish.q_m;
+                    self.approach_wish();
                 }
                 Ok(None)
             }
@@ -205,24 +211,53 @@ impl<B: ActuatorBus> Cycles<B> {
         if self.wish.is_stopped {
             self.phase = Phase::Stopped;
         }
-        let period_s = self.setup.period_ns as f64 * 1e-9;
         if self.phase == Phase::Stopped {
             let is_still = self.velocity_m_per_s.iter().all(|v| *v == 0.0);
-            if is_still { self.relax(now_ns) } else { self.brake(period_s) }
+            if is_still { self.relax(now_ns) } else { self.brake() }
         } else if self.wish.is_somewhere() {
-            for k in 0..self.setup.n() {
-                self.velocity_m_per_s[k] = (self.wish.q_m[k] - self.goal_m[k]) / period_s;
-            }
-            self.goal_m = self.wish.q_m;
+            self.approach_wish();
         }
         let goals = self.goals();
         self.bus.tell(&goals)?;
         Ok(goals)
     }
 
+    /// To the wish, as far as the slave's rate allows in a period, by one common factor. How fast that is, braking begins from.
+    fn approach_wish(&mut self) {
+        let (n, period_s) = (self.setup.n(), self.period_s());
+        let way_m: Actuators = core::array::from_fn(|k| if k < n { self.wish.q_m[k] - self.goal_m[k] } else { 0.0 });
+        let longest_m = largest(way_m);
+        if longest_m == 0.0 {
+            // Between two wishes of a motion, one cycle may find none; two in a row are a rest.
+            self.n_unmoved = self.n_unmoved.saturating_add(1);
+            if self.n_unmoved > 1 {
+                self.velocity_m_per_s = [0.0; MAX_ACTUATORS];
+            }
+            return;
+        }
+        let most_m = self.setup.rate_m_per_s * period_s;
+        if longest_m <= most_m * ROUNDING {
+            self.goal_m = self.wish.q_m;
+        } else {
+            for k in 0..n {
+                self.goal_m[k] += way_m[k] * (most_m / longest_m);
+            }
+        }
+        let took_s = if self.n_unmoved == 1 { 2.0 * period_s } else { period_s };
+        let fastest_m_per_s = longest_m / took_s;
+        let part = (self.setup.rate_m_per_s / fastest_m_per_s).min(1.0);
+        self.velocity_m_per_s = way_m.map(|way| way / took_s * part);
+        self.n_unmoved = 0;
+    }
+
+    fn period_s(&self) -> f64 {
+        self.setup.period_ns as f64 * 1e-9
+    }
+
     /// All slower by one common factor, so that the direction of the motion stays.
-    fn brake(&mut self, period_s: f64) {
-        let fastest = self.velocity_m_per_s.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+    fn brake(&mut self) {
+        let period_s = self.period_s();
+        let fastest = largest(self.velocity_m_per_s);
         let lost_m_per_s = self.setup.deceleration_m_per_s2 * period_s;
         let part = if fastest > lost_m_per_s { 1.0 - lost_m_per_s / fastest } else { 0.0 };
         for k in 0..self.setup.n() {
@@ -311,6 +346,10 @@ impl<B: ActuatorBus> Cycles<B> {
         (self.is_dry() && self.phase == Phase::On)
             .then(|| self.setup.units.iter().zip(self.goal_m).map(|(units, goal_m)| units.counts(goal_m)).collect())
     }
+}
+
+fn largest(values: Actuators) -> f64 {
+    values.iter().fold(0.0, |largest, value| largest.max(value.abs()))
 }
 
 #[cfg(test)]

@@ -171,9 +171,10 @@ fn power_comes_in_six_cycles_and_moves_nothing_and_goes_in_three() {
 #[test]
 fn targets_are_reached_one_sync_later_in_counts_and_metres_and_loads_come_from_the_torque() {
     let mut bench = Bench::powered();
-    bench.wish.q_m = lines([1e-4, -0.5e-4, -0.5e-4]);
+    // Within the rate: 25 mm/s for a period of 2 ms.
+    bench.wish.q_m = lines([0.5e-4, -0.25e-4, -0.25e-4]);
     bench.steps(2);
-    let expected = [1e-4, -0.5e-4, -0.5e-4].map(|q_m: f64| ZERO + (q_m * PER_M).round() as i32);
+    let expected = [0.5e-4, -0.25e-4, -0.25e-4].map(|q_m: f64| ZERO + (q_m * PER_M).round() as i32);
     assert_eq!(bench.targets.last(), Some(&expected));
     for (k, expected) in expected.into_iter().enumerate() {
         assert_eq!(bench.places()[k].round() as i32, expected);

@@ -9,6 +9,8 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use std::sync::Mutex;
 
+mod jitter;
+
 const MS: i64 = 1_000_000;
 
 /// Actuators that are where they were told to be, unless they are silent.
